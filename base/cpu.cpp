@@ -45,9 +45,9 @@ bool isa_supported(Isa isa) {
 }
 
 Isa best_isa() {
-  const char* wish = std::getenv("LENTICULE_ISA");
-  if (wish == nullptr || *wish == '\0') return best_of_machine();
-  return std::min(named_isa(wish), best_of_machine());
+  const char* requested = std::getenv("LENTICULE_ISA");
+  if (requested == nullptr || *requested == '\0') return best_of_machine();
+  return std::min(named_isa(requested), best_of_machine());
 }
 
 const char* isa_name(Isa isa) {

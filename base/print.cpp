@@ -19,7 +19,7 @@
 namespace lenticule {
 namespace {
 
-constexpr int kPatienceMilliseconds = 250;
+constexpr int kTimeoutMilliseconds = 250;
 
 std::atomic<uint64_t> g_dropped{0};
 std::atomic<bool> g_stuck{false};  ///< true after standard error was not writable
@@ -30,7 +30,7 @@ bool wait_for_standard_error() noexcept {
   pollfd error{STDERR_FILENO, POLLOUT, 0};
   int ready = 0;
   do {
-    ready = poll(&error, 1, g_stuck ? 0 : kPatienceMilliseconds);
+    ready = poll(&error, 1, g_stuck ? 0 : kTimeoutMilliseconds);
   } while (ready < 0 && errno == EINTR);
   g_stuck = ready == 0;
   return ready != 0;

@@ -26,7 +26,7 @@ using namespace std::chrono_literals;
 using std::chrono::milliseconds;
 using Clock = std::chrono::steady_clock;
 
-constexpr auto kKillPatience = 5s;
+constexpr auto kKillTimeout = 5s;
 constexpr milliseconds kLook = 50ms;  ///< pause between two looks at the limit
 constexpr size_t kMostOutput = size_t{4} << 20;
 
@@ -96,9 +96,9 @@ int milliseconds_until(Clock::time_point deadline, milliseconds most) {
   return static_cast<int>(std::clamp(left, 0ms, most).count());
 }
 
-bool is_readable(int fd, milliseconds patience) {
+bool is_readable(int fd, milliseconds timeout) {
   pollfd stream{.fd = fd, .events = POLLIN, .revents = 0};
-  return poll(&stream, 1, static_cast<int>(patience.count())) > 0;
+  return poll(&stream, 1, static_cast<int>(timeout.count())) > 0;
 }
 
 /// Reads the available output; returns false at its end.
@@ -163,7 +163,7 @@ std::optional<ProcessEnd> Subprocess::wait_until(Clock::time_point deadline) noe
 ProcessEnd Subprocess::end() noexcept {
   if (const auto ended = wait_until(Clock::time_point::min())) return *ended;
   kill();
-  const auto ended = wait_until(Clock::now() + kKillPatience);
+  const auto ended = wait_until(Clock::now() + kKillTimeout);
   pid_ = -1;
   return ended.value_or(ProcessEnd{.signal = SIGKILL});
 }

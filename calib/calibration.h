@@ -53,7 +53,7 @@ struct Viewpoint {
   /// Error of the phase at this viewpoint if predicted from the other viewpoints alone: the largest
   /// mean over a cell of a 12 x 7 grid, in which noise averages out. NaN with fewer than three
   /// viewpoints.
-  double foretold_lenses = std::numeric_limits<double>::quiet_NaN();
+  double predicted_lenses = std::numeric_limits<double>::quiet_NaN();
 };
 
 /// CameraModel holds the camera optics that the fit determined.

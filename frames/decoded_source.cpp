@@ -57,7 +57,7 @@ bool DecodedSource::is_ready(uint64_t ticket) const {
   return slot.state == SlotState::Ready && (resident_ || slot.ticket == ticket);
 }
 
-PullStatus DecodedSource::pull(LentFrame& out) {
+PullStatus DecodedSource::pull(AcquiredFrame& out) {
   const std::lock_guard lock(mutex_);
   if (next_pull_ == round_end_) return PullStatus::End;
   Slot& slot = slot_of(next_pull_);
@@ -66,7 +66,7 @@ PullStatus DecodedSource::pull(LentFrame& out) {
     return PullStatus::Failed;
   }
   if (!is_ready(next_pull_)) return PullStatus::NotYet;
-  if (!resident_) slot.state = SlotState::Lent;
+  if (!resident_) slot.state = SlotState::Acquired;
   out = {.frame = slot.frame.view(), .number = frame_of(next_pull_), .token = next_pull_};
   ++next_pull_;
   return PullStatus::Ready;
@@ -77,13 +77,13 @@ void DecodedSource::release(uint64_t token) {
   {
     const std::lock_guard lock(mutex_);
     Slot& slot = slot_of(token);
-    LENTICULE_CHECK(slot.state == SlotState::Lent && slot.ticket == token);
+    LENTICULE_CHECK(slot.state == SlotState::Acquired && slot.ticket == token);
     slot.state = SlotState::Free;
   }
   slot_freed_.notify_one();
 }
 
-int DecodedSource::max_lent() const {
+int DecodedSource::max_acquired() const {
   return resident_ ? std::numeric_limits<int>::max() : static_cast<int>(slots_.size()) - 1;
 }
 

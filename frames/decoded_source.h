@@ -65,9 +65,9 @@ class DecodedSource : public FrameSource {
   [[nodiscard]] std::optional<uint64_t> frame_count() const final {
     return rounds_.last - rounds_.first;
   }
-  [[nodiscard]] PullStatus pull(LentFrame& out) final;
+  [[nodiscard]] PullStatus pull(AcquiredFrame& out) final;
   void release(uint64_t token) final;
-  [[nodiscard]] int max_lent() const final;
+  [[nodiscard]] int max_acquired() const final;
   /// Includes the first frames of the next round, which pull() returns only after rewind().
   [[nodiscard]] uint64_t ready_count() const final;
   [[nodiscard]] bool saturated() const final;
@@ -83,7 +83,7 @@ class DecodedSource : public FrameSource {
   [[nodiscard]] const FrameDecoding& decoding() const { return *decoding_; }
 
  private:
-  enum class SlotState { Free, Decoding, Ready, Lent, Failed };
+  enum class SlotState { Free, Decoding, Ready, Acquired, Failed };
 
   /// Slot holds one frame. Tickets count frames through all rounds; ticket t uses slot t mod slots.
   struct Slot {

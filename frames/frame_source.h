@@ -20,8 +20,8 @@ enum class PullStatus {
   Failed,  ///< the source has failed permanently; see failure()
 };
 
-/// LentFrame is a frame acquired from a source. `bytes` stay unchanged until release(token).
-struct LentFrame {
+/// AcquiredFrame is a frame acquired from a source. `bytes` stay unchanged until release(token).
+struct AcquiredFrame {
   FrameView frame;
   uint64_t number = 0;  ///< position in the sequence, 0-based
   uint64_t token = 0;
@@ -55,10 +55,10 @@ class FrameSource {
   /// Returns the number of frames, if known.
   [[nodiscard]] virtual std::optional<uint64_t> frame_count() const = 0;
 
-  /// Acquires the next frame in order. At most `max_lent()` frames may be acquired at a time.
-  [[nodiscard]] virtual PullStatus pull(LentFrame& out) = 0;
+  /// Acquires the next frame in order. At most `max_acquired()` frames may be acquired at a time.
+  [[nodiscard]] virtual PullStatus pull(AcquiredFrame& out) = 0;
   virtual void release(uint64_t token) = 0;
-  [[nodiscard]] virtual int max_lent() const = 0;
+  [[nodiscard]] virtual int max_acquired() const = 0;
 
   /// Returns the number of frames that pull() would return at once (an estimate for statistics and
   /// priming).
@@ -89,7 +89,7 @@ class FrameSource {
 
   /// Returns true if no frame is ready and none is due (paused, or between items): the displayed
   /// frame may stay, and this is not an underrun.
-  [[nodiscard]] virtual bool nothing_owed() const { return false; }
+  [[nodiscard]] virtual bool nothing_due() const { return false; }
   /// Returns a generation number, which pull() or service() increments when playback jumps. Frames
   /// pulled under an older number need not be shown any more.
   [[nodiscard]] virtual uint64_t cut() const { return 0; }

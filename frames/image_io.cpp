@@ -81,7 +81,7 @@ class FrameSink final : public PictureSink {
   void accept(const PictureInfo& info) override {
     if (use_ == PictureUse::Woven) refuse_tags_of_woven(file_, info);
     info_ = info;
-    const FrameGeometry found = turned_geometry(info.geometry, info.orientation);
+    const FrameGeometry found = oriented_geometry(info.geometry, info.orientation);
     if (expected_ && found != *expected_)
       throw Error(ErrorKind::Input,
                   fmt::format("{}: {} x {} pixels where {} x {} are expected", file_.string(),
@@ -95,7 +95,7 @@ class FrameSink final : public PictureSink {
   }
   void finish() {
     if (!turns()) return;
-    const FrameGeometry upright = turned_geometry(info_.geometry, info_.orientation);
+    const FrameGeometry upright = oriented_geometry(info_.geometry, info_.orientation);
     if (frame_.geometry() != upright) frame_ = WovenFrame(upright);
     turn_upright(stored_.bytes(), info_.geometry, info_.orientation, frame_.bytes());
   }
@@ -147,10 +147,10 @@ PictureInfo probe_picture(const std::filesystem::path& file, PictureUse use) {
 
 FrameGeometry probe_image(const std::filesystem::path& file) {
   const PictureInfo info = probe_picture(file, PictureUse::Views);
-  return turned_geometry(info.geometry, info.orientation);
+  return oriented_geometry(info.geometry, info.orientation);
 }
 
-FrameGeometry turned_geometry(const FrameGeometry& stored, Orientation orientation) {
+FrameGeometry oriented_geometry(const FrameGeometry& stored, Orientation orientation) {
   FrameGeometry turned = stored;
   if (orientation >= Orientation::Transposed) std::swap(turned.width, turned.height);
   return turned;
@@ -162,7 +162,7 @@ double upright_pixel_aspect(const PictureInfo& info) {
 
 void turn_upright(std::span<const uint8_t> stored, const FrameGeometry& geometry,
                   Orientation orientation, std::span<uint8_t> upright) {
-  const FrameGeometry to = turned_geometry(geometry, orientation);
+  const FrameGeometry to = oriented_geometry(geometry, orientation);
   const bool swaps = orientation >= Orientation::Transposed;
   // True if stored columns (rows) are counted from the far end.
   const bool from_right =

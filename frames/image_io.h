@@ -74,7 +74,7 @@ void read_woven_into(const std::filesystem::path& file, WovenFrame& frame);
 [[nodiscard]] FrameGeometry probe_image(const std::filesystem::path& file);
 
 /// Returns the size of a picture once it is upright.
-[[nodiscard]] FrameGeometry turned_geometry(const FrameGeometry& stored, Orientation orientation);
+[[nodiscard]] FrameGeometry oriented_geometry(const FrameGeometry& stored, Orientation orientation);
 /// Returns the pixel aspect of a picture once it is upright.
 [[nodiscard]] double upright_pixel_aspect(const PictureInfo& info);
 /// Rotates packed RGB pixels upright. `upright` has as many bytes as `stored` and does not overlap

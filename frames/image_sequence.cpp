@@ -22,7 +22,7 @@ class ImageSequence::Files final : public FrameDecoding {
   [[nodiscard]] double pixel_aspect() const { return upright_pixel_aspect(first_); }
 
   [[nodiscard]] DecodedRounds rounds() const override {
-    const FrameGeometry geometry = turned_geometry(first_.geometry, first_.orientation);
+    const FrameGeometry geometry = oriented_geometry(first_.geometry, first_.orientation);
     const uint64_t fit = options_.pool_bytes / geometry.frame_bytes();
     const auto most = static_cast<uint64_t>(std::max(options_.pool_frames, 2));
     return {.geometry = geometry,
@@ -34,7 +34,7 @@ class ImageSequence::Files final : public FrameDecoding {
   }
 
   std::string decode(int /*thread*/, uint64_t frame, uint64_t /*next*/, WovenFrame& to) override {
-    read_woven_into(files_[frame], turned_geometry(first_.geometry, first_.orientation), to,
+    read_woven_into(files_[frame], oriented_geometry(first_.geometry, first_.orientation), to,
                     options_.use);
     return {};
   }

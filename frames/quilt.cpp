@@ -166,7 +166,7 @@ ViewSet read_views(const std::vector<std::filesystem::path>& files, const std::s
                    std::optional<double> aspect, uint64_t most_bytes) {
   LENTICULE_CHECK(!files.empty());
   const PictureInfo first = probe_picture(files.front(), PictureUse::Views);
-  const FrameGeometry geometry = turned_geometry(first.geometry, first.orientation);
+  const FrameGeometry geometry = oriented_geometry(first.geometry, first.orientation);
   if (files.size() > static_cast<size_t>(kMaxViews) ||
       geometry.frame_bytes() > most_bytes / files.size())
     throw Error(

@@ -163,13 +163,13 @@ void check_frame(const Panel& panel, const RgbView& woven) {
                   woven.stride_bytes >= 3 * static_cast<size_t>(woven.width));
 }
 
-int output_side(int wished, int panel_side) {
-  if (wished < 0 || wished > kMaxPanelPixels) {
+int output_side(int requested, int panel_side) {
+  if (requested < 0 || requested > kMaxPanelPixels) {
     throw Error(ErrorKind::Usage,
-                fmt::format("eye picture: size {} pixels is out of range", wished),
+                fmt::format("eye picture: size {} pixels is out of range", requested),
                 fmt::format("use 1 to {}, or 0 for half the panel", kMaxPanelPixels));
   }
-  return wished > 0 ? wished : (panel_side + 1) / 2;
+  return requested > 0 ? requested : (panel_side + 1) / 2;
 }
 
 }  // namespace

@@ -136,9 +136,9 @@ double largest_difference(const std::array<double, kBlock>& a,
 /// than the tolerance from the values after kMaxSteps, at every trial point.
 template <class Evaluate>
 int steps_needed(const Evaluate& evaluate, double tolerance) {
-  const auto settled = evaluate(kMaxSteps);
+  const auto converged = evaluate(kMaxSteps);
   for (int steps = 1; steps < kMaxSteps; ++steps) {
-    if (largest_difference(evaluate(steps), settled) <= tolerance) return steps;
+    if (largest_difference(evaluate(steps), converged) <= tolerance) return steps;
   }
   return kMaxSteps;
 }

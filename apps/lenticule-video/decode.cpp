@@ -32,8 +32,8 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 using nlohmann::json;
 
-constexpr auto kPatience = 10s;     ///< timeout for the player to listen
-constexpr auto kSlotPatience = 1s;  ///< interval at which the player's presence is checked
+constexpr auto kTimeout = 10s;     ///< timeout for the player to listen
+constexpr auto kSlotTimeout = 1s;  ///< interval at which the player's presence is checked
 constexpr auto kReportInterval = 500ms;
 constexpr uint64_t kMemoryBytes = uint64_t{1} << 30;
 constexpr uint64_t kPicturesAtATime = 48;  ///< roughly reference frames times threads
@@ -70,7 +70,7 @@ class Feed {
         ring_(ring),
         clip_(clip),
         stream_tags_(tags_of(*clip.stream().codecpar)) {
-    check_layout(judge_pixels(stream_tags_));
+    check_layout(evaluate_pixels(stream_tags_));
     first_time_ = AV_NOPTS_VALUE;
   }
 
@@ -141,7 +141,7 @@ void Feed::check_layout(const PixelVerdict& verdict) const {
 
 bool Feed::fits_ring() {
   const frames::FrameGeometry stored{.width = clip_.frame().width, .height = clip_.frame().height};
-  if (frames::turned_geometry(stored, orientation()) == ring_.geometry()) return true;
+  if (frames::oriented_geometry(stored, orientation()) == ring_.geometry()) return true;
   ++wrong_size_;
   return false;
 }
@@ -198,7 +198,7 @@ void Feed::start_over() {
 void Feed::prepare_converter() {
   const PixelTags tags = tags_of(clip_.frame(), stream_tags_);
   if (converter_ && converter_tags_ == tags) return;
-  const PixelVerdict verdict = judge_pixels(tags);
+  const PixelVerdict verdict = evaluate_pixels(tags);
   check_layout(verdict);
   converter_.emplace(*verdict.layout, clip_.frame().width, clip_.frame().height);
   converter_tags_ = tags;
@@ -209,8 +209,7 @@ bool Feed::show(bool begins_clip) {
   const uint64_t number = frames::ring_number(request_.position + published_, begins_clip);
   std::span<uint8_t> slot;
   frames::RingStatus status = frames::RingStatus::TimedOut;
-  while (status == frames::RingStatus::TimedOut)
-    status = ring_.acquire(number, kSlotPatience, slot);
+  while (status == frames::RingStatus::TimedOut) status = ring_.acquire(number, kSlotTimeout, slot);
   if (status == frames::RingStatus::Gone) return false;
   convert_into(slot);
   if (ring_.publish() == frames::RingStatus::Gone) return false;
@@ -276,7 +275,7 @@ int run_decode(const DecodeRequest& request) {
                                                    .rig_fingerprint = request.rig_fingerprint,
                                                    .rate = std::nullopt,
                                                    .frame_count = std::nullopt},
-                                                  kPatience);
+                                                  kTimeout);
   confine(memory_for(ring->geometry()), request.parent);
   const int fd = input.get();
   ClipReader clip(fd, request.file, request.stream, bounded_threads(request.threads));

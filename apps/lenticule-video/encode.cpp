@@ -188,7 +188,7 @@ void Encoder::fill(std::span<const uint8_t> pixels) {
     av_image_copy(out.data, out.linesize, from.data(), lines.data(), input_, out.width, out.height);
     return;
   }
-  const PixelLayout to = *judge_pixels({.format = codec_->pix_fmt}).layout;
+  const PixelLayout to = *evaluate_pixels({.format = codec_->pix_fmt}).layout;
   for (int row = 0; row < out.height; ++row) {
     const uint8_t* in =
         pixels.data() + static_cast<size_t>(row) * static_cast<size_t>(out.width) * 3;

@@ -100,7 +100,7 @@ AVRational rate_of(const AVStream& stream) {
 
 json describe(AVFormatContext& format, AVStream& stream) {
   const AVCodecParameters& p = *stream.codecpar;
-  const PixelVerdict verdict = judge_pixels(tags_of(p));
+  const PixelVerdict verdict = evaluate_pixels(tags_of(p));
   const AVRational aspect = av_guess_sample_aspect_ratio(&format, &stream, nullptr);
   return {{"index", stream.index},
           {"codec", avcodec_get_name(p.codec_id)},

@@ -170,7 +170,7 @@ PixelTags tags_of(const AVFrame& frame, const PixelTags& stream) {
           .height = frame.height};
 }
 
-PixelVerdict judge_pixels(const PixelTags& tags) {
+PixelVerdict evaluate_pixels(const PixelTags& tags) {
   PixelVerdict verdict;
   verdict.sampling = "unknown";
   const AVPixFmtDescriptor* const pixels = av_pix_fmt_desc_get(tags.format);

@@ -33,6 +33,6 @@ struct PixelVerdict {
   bool exact = false;  ///< each subpixel's code arrives as stored: 8-bit RGB or full-range grey
 };
 
-[[nodiscard]] PixelVerdict judge_pixels(const PixelTags& tags);
+[[nodiscard]] PixelVerdict evaluate_pixels(const PixelTags& tags);
 
 }  // namespace lenticule::video

@@ -128,8 +128,8 @@ const std::vector<CameraControls::Rule>& CameraControls::rules() {
   return rules;
 }
 
-CameraControls::CameraControls(V4l2Device& device, const ControlWishes& wishes)
-    : device_(device), wishes_(wishes) {}
+CameraControls::CameraControls(V4l2Device& device, const ControlRequests& requests)
+    : device_(device), requests_(requests) {}
 
 std::optional<ControlInfo> CameraControls::query(uint32_t id_and_flags) {
   v4l2_query_ext_ctrl asked{};
@@ -203,13 +203,13 @@ std::optional<int64_t> CameraControls::wanted_value(const Rule& rule, const Cont
     case Rule::Aim::Everything:
       return control.maximum;
     case Rule::Aim::Exposure:
-      return whole_refreshes(control, wishes_.refresh_hz, wishes_.exposure_periods);
+      return whole_refreshes(control, requests_.refresh_hz, requests_.exposure_periods);
     case Rule::Aim::Gain:
-      return wishes_.gain;
+      return requests_.gain;
     case Rule::Aim::Kelvin:
-      return wishes_.white_balance_kelvin;
+      return requests_.white_balance_kelvin;
     case Rule::Aim::Focus:
-      return wishes_.focus;
+      return requests_.focus;
     case Rule::Aim::Keep:
       break;
   }
@@ -239,7 +239,7 @@ int CameraControls::set(const Rule& rule, const ControlInfo& control, int64_t wa
     return error == ENODEV ? ENODEV : 0;
   }
   locked_.push_back({.id = rule.id, .name = control.name, .value = got});
-  judge(rule, control, wanted, got);
+  evaluate(rule, control, wanted, got);
   return 0;
 }
 
@@ -255,26 +255,28 @@ int CameraControls::keep(const Rule& rule, const ControlInfo& control) {
   return error == ENODEV ? ENODEV : 0;
 }
 
-void CameraControls::judge(const Rule& rule, const ControlInfo& control, int64_t wanted,
-                           int64_t got) {
+void CameraControls::evaluate(const Rule& rule, const ControlInfo& control, int64_t wanted,
+                              int64_t got) {
   if (rule.aim == Rule::Aim::Exposure) {
-    judge_exposure(got);
+    evaluate_exposure(got);
   } else if (got != wanted) {
     unlocked_.push_back(
         fmt::format("{}: set to {}, but the camera has {}", control.name, wanted, got));
   }
 }
 
-void CameraControls::judge_exposure(int64_t got) {
+void CameraControls::evaluate_exposure(int64_t got) {
   exposure_ = std::chrono::microseconds{100 * got};
-  const double refreshes = static_cast<double>(got) / kExposureUnitsPerSecond * wishes_.refresh_hz;
+  const double refreshes =
+      static_cast<double>(got) / kExposureUnitsPerSecond * requests_.refresh_hz;
   // The control's unit alone gives an error of half of 100 us.
-  const double allowed = kPartOfRefreshAllowed + 0.5 / kExposureUnitsPerSecond * wishes_.refresh_hz;
+  const double allowed =
+      kPartOfRefreshAllowed + 0.5 / kExposureUnitsPerSecond * requests_.refresh_hz;
   if (refreshes > 0.5 && std::abs(refreshes - std::round(refreshes)) <= allowed) return;
   unlocked_.push_back(
       fmt::format("exposures of {:.1f} ms are not whole refreshes of {:.2f} ms: bands may move "
                   "through the pictures",
-                  static_cast<double>(got) / 10.0, 1000.0 / wishes_.refresh_hz));
+                  static_cast<double>(got) / 10.0, 1000.0 / requests_.refresh_hz));
 }
 
 void CameraControls::say_what_is_missing(const std::vector<ControlInfo>& controls) {

@@ -12,7 +12,7 @@
 
 namespace lenticule::calib {
 
-struct ControlWishes {
+struct ControlRequests {
   double refresh_hz = 60.0;  ///< refresh rate of the display
   int exposure_periods =
       2;  ///< refreshes per exposure: every row is then exposed for whole refreshes
@@ -44,7 +44,7 @@ struct ControlInfo {
 /// Lifetime: the device must outlive this object.
 class CameraControls {
  public:
-  CameraControls(V4l2Device& device, const ControlWishes& wishes);
+  CameraControls(V4l2Device& device, const ControlRequests& requests);
 
   /// Switches automatic controls off first, since they make the others inactive, then sets values,
   /// then reads all values back. Call it again after the stream has started, because some cameras
@@ -76,12 +76,12 @@ class CameraControls {
   [[nodiscard]] int set(const Rule& rule, const ControlInfo& control, int64_t wanted);
   [[nodiscard]] int keep(const Rule& rule, const ControlInfo& control);
   [[nodiscard]] std::optional<int64_t> wanted_value(const Rule& rule, const ControlInfo& control);
-  void judge(const Rule& rule, const ControlInfo& control, int64_t wanted, int64_t got);
-  void judge_exposure(int64_t got);
+  void evaluate(const Rule& rule, const ControlInfo& control, int64_t wanted, int64_t got);
+  void evaluate_exposure(int64_t got);
   void say_what_is_missing(const std::vector<ControlInfo>& controls);
 
   V4l2Device& device_;
-  ControlWishes wishes_;
+  ControlRequests requests_;
   std::vector<Locked> locked_;
   std::vector<std::string> unlocked_;
   std::optional<Nanoseconds> exposure_;

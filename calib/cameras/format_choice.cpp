@@ -19,8 +19,9 @@ constexpr uint32_t kMostFormats = 256;
 constexpr uint32_t kMostSizes = 256;
 constexpr FrameSize kUsualSize{.width = 1920, .height = 1080};
 
-FrameSize wanted_size(const FormatWish& wish) {
-  return wish.width > 0 && wish.height > 0 ? FrameSize{wish.width, wish.height} : kUsualSize;
+FrameSize wanted_size(const FormatRequest& request) {
+  return request.width > 0 && request.height > 0 ? FrameSize{request.width, request.height}
+                                                 : kUsualSize;
 }
 
 double pixels(const FrameSize& size) {
@@ -87,12 +88,13 @@ struct Candidate {
 };
 
 /// Returns the candidates in the order in which they are tried.
-std::vector<Candidate> candidates(V4l2Device& device, const FormatWish& wish) {
+std::vector<Candidate> candidates(V4l2Device& device, const FormatRequest& request) {
   const std::vector<FormatOffer> offers = offered_formats(device);
-  const FrameSize wanted = wanted_size(wish);
+  const FrameSize wanted = wanted_size(request);
   std::vector<Candidate> found;
   for (const PixelLayout& layout : supported_layouts()) {
-    if (!wish.pixel_format.empty() && fourcc_name(layout.fourcc) != wish.pixel_format) continue;
+    if (!request.pixel_format.empty() && fourcc_name(layout.fourcc) != request.pixel_format)
+      continue;
     for (const FormatOffer& offer : offers) {
       if (offer.fourcc != layout.fourcc) continue;
       const FrameSize size = nearest_size(device, offer, wanted);
@@ -106,15 +108,15 @@ std::vector<Candidate> candidates(V4l2Device& device, const FormatWish& wish) {
 }
 
 [[noreturn]] void refuse_offer(V4l2Device& device, const std::string& path,
-                               const FormatWish& wish) {
+                               const FormatRequest& request) {
   std::string names;
   for (const FormatOffer& offer : offered_formats(device))
     names += (names.empty() ? "" : ", ") + fourcc_name(offer.fourcc);
   if (names.empty()) names = "nothing";
   const std::string wanted =
-      wish.pixel_format.empty() ? "no known pixel format" : "no " + wish.pixel_format;
+      request.pixel_format.empty() ? "no known pixel format" : "no " + request.pixel_format;
   throw Error(ErrorKind::Device, fmt::format("{}: {} among {}", path, wanted, names),
-              wish.pixel_format.empty() ? "use another camera" : "use one of those");
+              request.pixel_format.empty() ? "use another camera" : "use one of those");
 }
 
 /// Sets inputs for HDMI and similar to the size of the arriving signal, which they adopt only on
@@ -189,15 +191,15 @@ std::vector<FormatOffer> offered_formats(V4l2Device& device) {
 }
 
 AgreedFormat agree_on_format(V4l2Device& device, V4l2System& system, const std::string& path,
-                             const FormatWish& wish) {
+                             const FormatRequest& request) {
   follow_signal(device, system, path);
-  for (const Candidate& candidate : candidates(device, wish)) {
+  for (const Candidate& candidate : candidates(device, request)) {
     const std::optional<RawFormat> raw = try_candidate(device, system, path, candidate);
-    if (!raw || (!wish.pixel_format.empty() && fourcc_name(raw->fourcc) != wish.pixel_format))
+    if (!raw || (!request.pixel_format.empty() && fourcc_name(raw->fourcc) != request.pixel_format))
       continue;
-    return {.raw = *raw, .frames_per_second = agree_on_rate(device, wish.frames_per_second)};
+    return {.raw = *raw, .frames_per_second = agree_on_rate(device, request.frames_per_second)};
   }
-  refuse_offer(device, path, wish);
+  refuse_offer(device, path, request);
 }
 
 }  // namespace lenticule::calib

@@ -10,7 +10,7 @@
 
 namespace lenticule::calib {
 
-struct FormatWish {
+struct FormatRequest {
   int width = 0;  ///< 0: as near to 1920x1080 as available
   int height = 0;
   double frames_per_second = 30.0;
@@ -44,6 +44,6 @@ struct FormatOffer {
 /// are set to the arriving signal. Throws Error(Device): no usable format, no signal, interlaced,
 /// in use.
 [[nodiscard]] AgreedFormat agree_on_format(V4l2Device& device, V4l2System& system,
-                                           const std::string& path, const FormatWish& wish);
+                                           const std::string& path, const FormatRequest& request);
 
 }  // namespace lenticule::calib

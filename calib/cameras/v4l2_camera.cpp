@@ -102,11 +102,11 @@ V4l2Camera::V4l2Camera(const V4l2Options& options, V4l2System& system, V4l2Node 
                                                .pixel_format = options.pixel_format});
   unpacker_ = std::make_unique<PixelUnpacker>(agreed.raw, node_.path);
   controls_ = std::make_unique<CameraControls>(
-      *device_, ControlWishes{.refresh_hz = options.refresh_hz,
-                              .exposure_periods = options.exposure_periods,
-                              .gain = options.gain,
-                              .white_balance_kelvin = options.white_balance_kelvin,
-                              .focus = options.focus});
+      *device_, ControlRequests{.refresh_hz = options.refresh_hz,
+                                .exposure_periods = options.exposure_periods,
+                                .gain = options.gain,
+                                .white_balance_kelvin = options.white_balance_kelvin,
+                                .focus = options.focus});
   lock_controls(system);
   stream_ = std::make_unique<CaptureStream>(*device_, system, node_.path);
   stream_->start(system, node_.path);

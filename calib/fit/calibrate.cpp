@@ -22,7 +22,7 @@ constexpr double kMostDriftLenses = 0.05;   ///< drift between first and repeate
 constexpr double kNotableDriftLenses = 0.003;  ///< more than the noise of any usable camera
 constexpr double kMostMovePx = 0.25;           ///< movement of the marks, from picture to picture
 constexpr double kLeastWhite = 0.1;            ///< light of the white panel, relative to full scale
-constexpr double kMostBeliefSigmas = 4.0;      ///< deviation from prior knowledge
+constexpr double kMaxPriorSigmas = 4.0;        ///< deviation from prior knowledge
 constexpr double kMostCorrelation = 0.98;      ///< correlation of pitch and gap
 constexpr double kLeastColourContrast =
     0.85;  ///< contrast of red and blue fringes relative to green
@@ -62,13 +62,13 @@ class Calibrator {
     if (fit()) {
       put_rig();
       measure_colours();
-      judge_layout();
+      evaluate_layout();
       describe_viewpoints();
       describe_parameters();
       leave_one_out();
       predict();
       warn_of_near_eyes();
-      judge();
+      evaluate();
     }
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - begin;
     result_.seconds_computing = elapsed.count();
@@ -110,19 +110,19 @@ class Calibrator {
   bool choose_gap();
   void put_rig();
   void measure_colours();
-  void judge_layout();
+  void evaluate_layout();
   [[nodiscard]] Estimate channel_offset(int channel) const;
   void describe_viewpoints();
   void describe_parameters();
   void leave_one_out();
   void predict();
   void warn_of_near_eyes();
-  void judge_aberration();
-  void judge_moves(const ViewpointMeasurement& measured);
-  void judge_light(const ViewpointMeasurement& measured);
-  void judge_beliefs();
-  void judge();
-  void judge_viewpoint(const Viewpoint& viewpoint, const ViewpointMeasurement& measured);
+  void evaluate_aberration();
+  void evaluate_moves(const ViewpointMeasurement& measured);
+  void evaluate_light(const ViewpointMeasurement& measured);
+  void evaluate_priors();
+  void evaluate();
+  void evaluate_viewpoint(const Viewpoint& viewpoint, const ViewpointMeasurement& measured);
 
   const std::vector<ViewpointMeasurement>& measured_;
   const optics::Panel& panel_;
@@ -224,7 +224,7 @@ Estimate Calibrator::channel_offset(int channel) const {
 
 /// Detects layouts in which a colour's position varies from pixel to pixel: its fringes blur, and
 /// no offset helps.
-void Calibrator::judge_layout() {
+void Calibrator::evaluate_layout() {
   for (const ViewpointMeasurement& m : measured_) {
     const auto& contrast = m.channel_contrast;
     const double least = std::min(contrast[0], contrast[2]);
@@ -263,8 +263,8 @@ struct CellGrid {
   int columns, rows;
   double least_blocks;  ///< a cell with fewer blocks has no value
 };
-constexpr CellGrid kPictureCells{48, 27, 1.0};  ///< cells of the report
-constexpr CellGrid kJudgedCells{12, 7, 4.0};    ///< large enough that noise averages out
+constexpr CellGrid kPictureCells{48, 27, 1.0};   ///< cells of the report
+constexpr CellGrid kEvaluatedCells{12, 7, 4.0};  ///< large enough that noise averages out
 
 /// Returns means over cells of the panel; NaN for cells with too few blocks.
 PanelField field_of(const View& view, const PoseValues& pose, const CameraValues& camera,
@@ -300,16 +300,16 @@ double tilt_degrees(const PoseValues& pose) {
 }
 
 void Calibrator::describe_viewpoints() {
-  const Prediction foretold = prediction();
+  const Prediction predicted = prediction();
   for (size_t v = 0; v < views_.size(); ++v) {
     const ViewpointMeasurement& m = measured_[v];
     const PoseValues& pose = fit_->values.poses[v];
     Viewpoint out;
     out.name = m.name;
     out.eye_mm = {pose[kPupil], pose[kPupil + 1], pose[kPupil + 2]};
-    out.eye_sigma_mm = foretold.eye_sigma(v);
+    out.eye_sigma_mm = predicted.eye_sigma(v);
     out.tilt_degrees = tilt_degrees(pose);
-    const EffectiveLine line = foretold.effective_line(out.eye_mm);
+    const EffectiveLine line = predicted.effective_line(out.eye_mm);
     out.effective_pitch_subpx = line.pitch_subpx;
     out.slant = line.slant;
     out.effective_offset_lenses = line.offset_lenses;
@@ -368,11 +368,11 @@ void Calibrator::leave_one_out() {
     const PoseValues& pose = fit_->values.poses[out];
     const PanelField missed =
         field_of(views_[out], pose, values.camera,
-                 rests_of(views_[out], pose, values, grid_, panel_), panel_, kJudgedCells);
+                 rests_of(views_[out], pose, values, grid_, panel_), panel_, kEvaluatedCells);
     double worst = 0.0;
     for (const double lenses : missed.values)
       if (std::isfinite(lenses)) worst = std::max(worst, std::abs(lenses));
-    result_.viewpoints[out].foretold_lenses = worst;
+    result_.viewpoints[out].predicted_lenses = worst;
   }
 }
 
@@ -410,9 +410,10 @@ void Calibrator::warn_of_near_eyes() {
                     options_.zone_half_width_mm, nearest_known));
 }
 
-void Calibrator::judge_viewpoint(const Viewpoint& viewpoint, const ViewpointMeasurement& measured) {
-  judge_light(measured);
-  judge_moves(measured);
+void Calibrator::evaluate_viewpoint(const Viewpoint& viewpoint,
+                                    const ViewpointMeasurement& measured) {
+  evaluate_light(measured);
+  evaluate_moves(measured);
   if (viewpoint.rms_lenses > kMostRmsLenses)
     refuse(fmt::format("{}: the phase residual is {:.3f} lens rms: no lens sheet explains it",
                        viewpoint.name, viewpoint.rms_lenses));
@@ -434,7 +435,7 @@ void Calibrator::judge_viewpoint(const Viewpoint& viewpoint, const ViewpointMeas
 /// Checks the aberration. The fit separates aberration and sheet by the form of the aberration,
 /// which is that of lenses on the viewer's side. Another sign or size means another form, and then
 /// neither value is right.
-void Calibrator::judge_aberration() {
+void Calibrator::evaluate_aberration() {
   const double found = fit_->values.sheet[kAberration];
   const double variance = fit_->covariance(kAberration, kAberration);
   const double room = 3.0 * std::sqrt(std::max(0.0, variance));
@@ -447,7 +448,7 @@ void Calibrator::judge_aberration() {
 
 /// Detects that the camera or the panel was moved: the patterns before and after then belong to two
 /// viewpoints. Single readings vary with the light around the marks, but medians of many do not.
-void Calibrator::judge_moves(const ViewpointMeasurement& measured) {
+void Calibrator::evaluate_moves(const ViewpointMeasurement& measured) {
   const std::vector<Vec2>& moves = measured.mark_moves;
   constexpr size_t kFewest = 4;
   const auto middle = [&](size_t begin, size_t end) {
@@ -484,28 +485,28 @@ void Calibrator::judge_moves(const ViewpointMeasurement& measured) {
 }
 
 /// Refuses results that contradict prior knowledge.
-void Calibrator::judge_beliefs() {
-  const auto judge_one = [&](const char* what, const char* unit,
-                             const std::optional<Estimate>& known, const Estimate& found) {
+void Calibrator::evaluate_priors() {
+  const auto evaluate_one = [&](const char* what, const char* unit,
+                                const std::optional<Estimate>& known, const Estimate& found) {
     if (!known) return;
     const double sigma = std::hypot(known->sigma, found.sigma);
-    if (std::abs(found.value - known->value) <= kMostBeliefSigmas * sigma) return;
+    if (std::abs(found.value - known->value) <= kMaxPriorSigmas * sigma) return;
     refuse(fmt::format("the {} is {:.0f} {} according to the pictures, not {:.0f} {}", what,
                        found.value, unit, known->value, unit));
   };
   const Viewpoint& first = result_.viewpoints.front();
-  judge_one("first viewpoint's distance", "mm", options_.distance_mm,
-            {first.eye_mm.z, first.eye_sigma_mm.z});
+  evaluate_one("first viewpoint's distance", "mm", options_.distance_mm,
+               {first.eye_mm.z, first.eye_sigma_mm.z});
   // The relative errors of focal length and distance are equal.
   const double part = first.eye_sigma_mm.z / first.eye_mm.z;
-  judge_one("camera's focal length", "px", options_.focal_px,
-            {result_.camera.focal_px, part * result_.camera.focal_px});
+  evaluate_one("camera's focal length", "px", options_.focal_px,
+               {result_.camera.focal_px, part * result_.camera.focal_px});
 }
 
 /// Refuses dark pictures. If a white panel is hardly lighter than the camera's noise and code
 /// steps, the dark parts of waves are clipped, and they are decoded to wrong positions without
 /// visible jumps.
-void Calibrator::judge_light(const ViewpointMeasurement& measured) {
+void Calibrator::evaluate_light(const ViewpointMeasurement& measured) {
   if (measured.white_light == 0.0 || measured.white_light >= kLeastWhite) return;
   refuse(
       fmt::format("{}: the white panel gives {:.1f} % of the camera's full scale, {:.0f} % are "
@@ -513,9 +514,10 @@ void Calibrator::judge_light(const ViewpointMeasurement& measured) {
                   measured.name, 100.0 * measured.white_light, 100.0 * kLeastWhite));
 }
 
-void Calibrator::judge() {
-  for (size_t v = 0; v < views_.size(); ++v) judge_viewpoint(result_.viewpoints[v], measured_[v]);
-  judge_beliefs();
+void Calibrator::evaluate() {
+  for (size_t v = 0; v < views_.size(); ++v)
+    evaluate_viewpoint(result_.viewpoints[v], measured_[v]);
+  evaluate_priors();
   if (fit_->geometry_rms_px > kMostGeometryPart * panel_.width_px)
     refuse(
         fmt::format("the panel points deviate from a flat panel by {:.1f} pixels: check whether "
@@ -525,11 +527,11 @@ void Calibrator::judge() {
     refuse("the link or the panel alters single subpixels (see the link check)");
   if (result_.link.channels_swapped)
     refuse("the panel's subpixels are ordered BGR: set layout = \"bgr\" in the rig and start over");
-  judge_aberration();
+  evaluate_aberration();
   for (const Viewpoint& viewpoint : result_.viewpoints)
-    if (viewpoint.foretold_lenses > options_.most_held_out_lenses)
+    if (viewpoint.predicted_lenses > options_.most_held_out_lenses)
       refuse(fmt::format("{}: the other viewpoints predict its phase only to {:.3f} lens",
-                         viewpoint.name, viewpoint.foretold_lenses));
+                         viewpoint.name, viewpoint.predicted_lenses));
   if (!several()) {
     only_effective(
         "one viewpoint cannot separate the lens pitch from the gap: valid for this eye only");

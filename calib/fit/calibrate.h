@@ -18,7 +18,7 @@ struct CalibrateOptions {
   int map_rows = 14;
   /// Limits of the verdict, in lenses over the whole panel for every eye of the viewing zone.
   double most_drift_lenses = 0.02;     ///< predicted, two standard errors
-  double most_held_out_lenses = 0.03;  ///< Viewpoint::foretold_lenses
+  double most_held_out_lenses = 0.03;  ///< Viewpoint::predicted_lenses
   /// Half width of the viewing zone of the prediction: eyes at the viewpoints' mean distance and at
   /// distances a quarter nearer and farther.
   double zone_half_width_mm = 250.0;

@@ -90,9 +90,9 @@ class Bundle {
       if (options_.free_poses) add_geometry(v);
       add_phases(v);
     }
-    if (options_.free_poses) add_camera_beliefs(*problem_, views_.front(), values.camera.data());
+    if (options_.free_poses) add_camera_priors(*problem_, views_.front(), values.camera.data());
     add_map_terms();
-    add_sheet_beliefs();
+    add_sheet_priors();
   }
 
   void add_geometry(size_t v) {
@@ -170,7 +170,7 @@ class Bundle {
   }
 
   /// Holds gap and shape, or adds weak priors for them.
-  void add_sheet_beliefs() {
+  void add_sheet_priors() {
     double* const sheet = fit_.values.sheet.data();
     if (!options_.free_gap) {
       problem_->SetManifold(
@@ -182,8 +182,8 @@ class Bundle {
     weight(1, kShape) = 1.0 / start_.shape_tolerance;
     weight(2, kAberration) = 1.0 / kAberrationSigma;
     weight(3, kSag) = 1.0 / kSagSigma;
-    const Eigen::Map<const Eigen::Matrix<double, kSheetCount, 1>> believed(start_.values.data());
-    problem_->AddResidualBlock(new ceres::NormalPrior(weight, believed), nullptr, sheet);
+    const Eigen::Map<const Eigen::Matrix<double, kSheetCount, 1>> prior(start_.values.data());
+    problem_->AddResidualBlock(new ceres::NormalPrior(weight, prior), nullptr, sheet);
     problem_->SetParameterLowerBound(sheet, kGap, 0.02 * start_.values[kGap]);
     problem_->SetParameterLowerBound(sheet, kShape, 0.0);
     problem_->SetParameterUpperBound(sheet, kShape, 1.0);

@@ -89,7 +89,7 @@ class PoseBundle {
                                  new ceres::HuberLoss(kHuberPx), camera, fit_.poses[v].data(),
                                  sheet_.data());
     }
-    add_camera_beliefs(problem, views_.front(), camera);
+    add_camera_priors(problem, views_.front(), camera);
     problem.SetParameterBlockConstant(sheet_.data());
     ceres::Solver::Options options;
     options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;

@@ -119,20 +119,20 @@ class LinearCost final : public ceres::CostFunction {
   std::vector<double> weights_;
 };
 
-/// CameraBelief is (value - expected) / sigma for each camera parameter.
-class CameraBelief {
+/// CameraPrior is (value - expected) / sigma for each camera parameter.
+class CameraPrior {
  public:
-  CameraBelief(const CameraValues& believed, const CameraValues& sigma)
-      : believed_(believed), sigma_(sigma) {}
+  CameraPrior(const CameraValues& prior, const CameraValues& sigma)
+      : prior_(prior), sigma_(sigma) {}
   template <class T>
   bool operator()(const T* camera, T* out) const {
     for (int k = 0; k < kCameraCount; ++k)
-      out[k] = (camera[k] - believed_[static_cast<size_t>(k)]) / sigma_[static_cast<size_t>(k)];
+      out[k] = (camera[k] - prior_[static_cast<size_t>(k)]) / sigma_[static_cast<size_t>(k)];
     return true;
   }
 
  private:
-  CameraValues believed_;
+  CameraValues prior_;
   CameraValues sigma_;
 };
 
@@ -152,14 +152,13 @@ ceres::CostFunction* linear_cost(const std::vector<double>& weights, double sigm
   return new LinearCost(weights, sigma);
 }
 
-void add_camera_beliefs(ceres::Problem& problem, const View& view, double* camera) {
+void add_camera_priors(ceres::Problem& problem, const View& view, double* camera) {
   const double width = view.picture_width;
-  const CameraValues believed = {0.9 * width, 0.5 * width, 0.5 * view.picture_height, 0.0, 0.0};
+  const CameraValues prior = {0.9 * width, 0.5 * width, 0.5 * view.picture_height, 0.0, 0.0};
   const CameraValues sigma = {0.5 * width, 0.05 * width, 0.05 * width, 0.2, 0.2};
-  problem.AddResidualBlock(
-      new ceres::AutoDiffCostFunction<CameraBelief, kCameraCount, kCameraCount>(
-          new CameraBelief(believed, sigma)),
-      nullptr, camera);
+  problem.AddResidualBlock(new ceres::AutoDiffCostFunction<CameraPrior, kCameraCount, kCameraCount>(
+                               new CameraPrior(prior, sigma)),
+                           nullptr, camera);
 }
 
 }  // namespace lenticule::calib

@@ -24,6 +24,6 @@ namespace lenticule::calib {
 [[nodiscard]] ceres::CostFunction* linear_cost(const std::vector<double>& weights, double sigma);
 
 /// Adds weak priors that hold for any camera: focal length, centre, little distortion.
-void add_camera_beliefs(ceres::Problem& problem, const View& view, double* camera);
+void add_camera_priors(ceres::Problem& problem, const View& view, double* camera);
 
 }  // namespace lenticule::calib

@@ -149,8 +149,8 @@ std::optional<FringeBlock> block_of(const BlockSums& sums, uint32_t block, doubl
   along[3] = -fitted[4] / amplitude;
   along[4] = fitted[3] / amplitude;
   const double variance = along.dot(solver.solve(along));
-  constexpr double kLeastTold = 0.2;
-  if (!(variance > 0.0) || 2.0 / (variance * sums.count) < kLeastTold) return std::nullopt;
+  constexpr double kLeastInformation = 0.2;
+  if (!(variance > 0.0) || 2.0 / (variance * sums.count) < kLeastInformation) return std::nullopt;
   FringeBlock out;
   out.block = block;
   out.detuning = detuning;

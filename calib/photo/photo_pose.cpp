@@ -143,44 +143,45 @@ Similarity fit_similarity(const std::vector<Corner>& corners) {
   return {factor, mean_picture - factor * mean_panel};
 }
 
-struct Beliefs {
+struct PosePriors {
   Estimate log_focal;
   Estimate distance_mm;
   double axis_sigma = kAxisSigma;  ///< standard deviation of its position, in longer sides
 };
 
-Beliefs beliefs_of(const PhotoPriors& priors, const SinglePhotoChart& chart, int longer_side) {
+PosePriors pose_priors_of(const PhotoPriors& priors, const SinglePhotoChart& chart,
+                          int longer_side) {
   const double line = chart.start.viewing.distance.value;
   const double distance = std::isfinite(line) ? line : 700.0;
-  Beliefs beliefs{{std::log(0.85 * longer_side), std::log(1.5)}, {distance, 0.1 * distance}};
+  PosePriors pose_priors{{std::log(0.85 * longer_side), std::log(1.5)}, {distance, 0.1 * distance}};
   if (priors.focal_px)
-    beliefs.log_focal = {std::log(priors.focal_px->value),
-                         priors.focal_px->sigma / priors.focal_px->value};
-  if (priors.distance_mm) beliefs.distance_mm = *priors.distance_mm;
-  return beliefs;
+    pose_priors.log_focal = {std::log(priors.focal_px->value),
+                             priors.focal_px->sigma / priors.focal_px->value};
+  if (priors.distance_mm) pose_priors.distance_mm = *priors.distance_mm;
+  return pose_priors;
 }
 
 /// Returns weaker priors, in which every value without confirmation may be a tenth off. Distance
 /// and focal length confirm each other if both are known.
-Beliefs doubted(Beliefs beliefs, const PhotoPriors& priors) {
+PosePriors doubted(PosePriors pose_priors, const PhotoPriors& priors) {
   constexpr double kDoubt = 0.1;
-  beliefs.axis_sigma = kDoubt;
-  if (priors.focal_px && priors.distance_mm) return beliefs;
-  beliefs.log_focal.sigma = std::max(beliefs.log_focal.sigma, kDoubt);
-  beliefs.distance_mm.sigma =
-      std::max(beliefs.distance_mm.sigma, kDoubt * beliefs.distance_mm.value);
-  return beliefs;
+  pose_priors.axis_sigma = kDoubt;
+  if (priors.focal_px && priors.distance_mm) return pose_priors;
+  pose_priors.log_focal.sigma = std::max(pose_priors.log_focal.sigma, kDoubt);
+  pose_priors.distance_mm.sigma =
+      std::max(pose_priors.distance_mm.sigma, kDoubt * pose_priors.distance_mm.value);
+  return pose_priors;
 }
 
-Unknowns first_guess(const Similarity& similarity, const Beliefs& beliefs, Vec2 middle_px) {
+Unknowns first_guess(const Similarity& similarity, const PosePriors& pose_priors, Vec2 middle_px) {
   Unknowns guess;
   // The initial eye is straight ahead of the panel point in the middle of the picture, rotated like
   // the picture.
   const std::complex<double> at =
       (std::complex(middle_px.x, -middle_px.y) - similarity.shift) / similarity.factor;
-  guess.eye = {at.real(), at.imag(), beliefs.distance_mm.value};
+  guess.eye = {at.real(), at.imag(), pose_priors.distance_mm.value};
   guess.rotation = {0.0, 0.0, -std::arg(similarity.factor)};
-  guess.lens = {std::log(std::abs(similarity.factor) * beliefs.distance_mm.value)};
+  guess.lens = {std::log(std::abs(similarity.factor) * pose_priors.distance_mm.value)};
   return guess;
 }
 
@@ -196,23 +197,23 @@ void add_corners(ceres::Problem& problem, Unknowns& unknowns, const std::vector<
         unknowns.eye.data());
 }
 
-void add_priors(ceres::Problem& problem, Unknowns& unknowns, const Beliefs& beliefs) {
+void add_priors(ceres::Problem& problem, Unknowns& unknowns, const PosePriors& pose_priors) {
   using OnLens = ceres::AutoDiffCostFunction<Prior, 1, 5>;
   using OnEye = ceres::AutoDiffCostFunction<Prior, 1, 3>;
   constexpr double kDistortionSigma = 0.1, kLargerSigma = 0.1;
   problem.AddResidualBlock(
-      new OnLens(new Prior{0, beliefs.log_focal.value, beliefs.log_focal.sigma}), nullptr,
+      new OnLens(new Prior{0, pose_priors.log_focal.value, pose_priors.log_focal.sigma}), nullptr,
       unknowns.lens.data());
   problem.AddResidualBlock(new OnLens(new Prior{1, 0.0, kDistortionSigma}), nullptr,
                            unknowns.lens.data());
   problem.AddResidualBlock(new OnLens(new Prior{2, 0.0, kLargerSigma}), nullptr,
                            unknowns.lens.data());
   for (const int axis : {3, 4})
-    problem.AddResidualBlock(new OnLens(new Prior{axis, 0.0, beliefs.axis_sigma}), nullptr,
+    problem.AddResidualBlock(new OnLens(new Prior{axis, 0.0, pose_priors.axis_sigma}), nullptr,
                              unknowns.lens.data());
   problem.AddResidualBlock(
-      new OnEye(new Prior{2, beliefs.distance_mm.value, beliefs.distance_mm.sigma}), nullptr,
-      unknowns.eye.data());
+      new OnEye(new Prior{2, pose_priors.distance_mm.value, pose_priors.distance_mm.sigma}),
+      nullptr, unknowns.eye.data());
 }
 
 bool solve(ceres::Problem& problem) {
@@ -306,14 +307,14 @@ std::optional<PhotoPose> find_pose(const std::vector<TagSighting>& tags,
   LENTICULE_CHECK(tags.size() >= 4);
   const std::vector<Corner> corners = corners_of(tags, chart);
   const Vec2 middle_px{0.5 * width, 0.5 * height};
-  const Beliefs beliefs = beliefs_of(priors, chart, std::max(width, height));
+  const PosePriors pose_priors = pose_priors_of(priors, chart, std::max(width, height));
   const Similarity similarity = fit_similarity(corners);
   const double pixels_per_mm = std::abs(similarity.factor);
   if (!(pixels_per_mm > 1e-6)) return std::nullopt;
-  Unknowns unknowns = first_guess(similarity, beliefs, middle_px);
+  Unknowns unknowns = first_guess(similarity, pose_priors, middle_px);
   ceres::Problem problem;
   add_corners(problem, unknowns, corners, chart.start.sheet, middle_px, pixels_per_mm);
-  add_priors(problem, unknowns, beliefs);
+  add_priors(problem, unknowns, pose_priors);
   if (!solve(problem)) return std::nullopt;
   PhotoPose pose = pose_of(unknowns, middle_px);
   if (!is_finite(pose.eye_mm) || !(pose.eye_mm.z > chart.start.sheet.gap.value))
@@ -322,11 +323,11 @@ std::optional<PhotoPose> find_pose(const std::vector<TagSighting>& tags,
   pose.eye_sigma_mm = {std::sqrt(eye[0]), std::sqrt(eye[4]), std::sqrt(eye[8])};
   ceres::Problem loose;
   add_corners(loose, unknowns, corners, chart.start.sheet, middle_px, pixels_per_mm);
-  add_priors(loose, unknowns, doubted(beliefs, priors));
+  add_priors(loose, unknowns, doubted(pose_priors, priors));
   pose.doubted_eye = eye_covariance(loose, unknowns);
-  pose.belief_pull =
-      std::hypot((unknowns.lens[0] - beliefs.log_focal.value) / beliefs.log_focal.sigma,
-                 (unknowns.eye[2] - beliefs.distance_mm.value) / beliefs.distance_mm.sigma);
+  pose.prior_pull =
+      std::hypot((unknowns.lens[0] - pose_priors.log_focal.value) / pose_priors.log_focal.sigma,
+                 (unknowns.eye[2] - pose_priors.distance_mm.value) / pose_priors.distance_mm.sigma);
   pose.axis_pull = std::hypot(unknowns.lens[3], unknowns.lens[4]) / kAxisSigma;
   measure_corners(pose, corners, chart.start, pixels_per_mm);
   return pose;

@@ -34,7 +34,7 @@ struct PhotoPose {
   /// a distance or a focal length without other confirmation may be a tenth off.
   std::array<double, 9> doubted_eye{};
   /// Distance of the priors from the fit, in their joint standard errors.
-  double belief_pull = 0.0;
+  double prior_pull = 0.0;
   double axis_pull = 0.0;     ///< the same for the prior of the axis
   double tags_larger = 0.0;   ///< relative enlargement of the tags by blur
   double tilt_degrees = 0.0;  ///< angle between the axis and the panel's normal

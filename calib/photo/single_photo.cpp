@@ -112,7 +112,7 @@ Refusal contradiction(const Work& work, const SinglePhotoChart& chart, const Pho
         "picture: it was cropped; give the whole photograph",
         off.x, off.y);
   }
-  if (!priors.focal_px || !priors.distance_mm || work.pose->belief_pull <= kMostPull)
+  if (!priors.focal_px || !priors.distance_mm || work.pose->prior_pull <= kMostPull)
     return std::nullopt;
   const auto found_without = [&](auto forget) {
     PhotoPriors fewer = scaled(priors, work.averaged);
@@ -170,7 +170,7 @@ Refusal find_camera(Work& work, const SinglePhotoChart& chart, const PhotoPriors
 
 /// Refuses scaled pictures. Scaling smears squares of one pixel to less light than they have. It
 /// also scales the fringes, so that the fitted pitch would belong to another size.
-Refusal judge_scale(Work& work, const SinglePhotoChart& chart) {
+Refusal evaluate_scale(Work& work, const SinglePhotoChart& chart) {
   constexpr double kLeastSquares = 0.8;
   work.squares = light_of_squares(work.picture, *work.pose, chart);
   if (!work.squares || *work.squares >= kLeastSquares) return std::nullopt;
@@ -478,7 +478,7 @@ void try_farther(Work& work, const SinglePhotoChart& chart, const PhotoPriors& p
 
 Refusal measure(Work& work, const SinglePhotoChart& chart, const PhotoPriors& priors) {
   if (Refusal refusal = find_camera(work, chart, priors)) return refusal;
-  if (Refusal refusal = judge_scale(work, chart)) return refusal;
+  if (Refusal refusal = evaluate_scale(work, chart)) return refusal;
   if (Refusal refusal = find_fringes(work, chart)) return refusal;
   if (Refusal refusal = fit_phases(work, chart)) return refusal;
   if (const auto problem = optics::find_problem(work.rig))

@@ -12,7 +12,7 @@
 
 #include "calib/report/field_picture.h"
 #include "calib/report/plain_text.h"
-#include "calib/report/report_words.h"
+#include "calib/report/report_text.h"
 #include "calib/report/sensitivity.h"
 
 namespace lenticule::calib {
@@ -285,15 +285,15 @@ void add_local_map(Page& page, const Calibration& c) {
 void add_held_out(Page& page, const Calibration& c) {
   page.heading("Check at a place that the fit did not use");
   const ResidualSummary held_out = residual_summary(c, true);
-  double foretold = 0.0;
+  double predicted = 0.0;
   for (const Viewpoint& v : c.viewpoints)
-    if (std::isfinite(v.foretold_lenses)) foretold = std::max(foretold, v.foretold_lenses);
-  if (foretold > 0.0)
+    if (std::isfinite(v.predicted_lenses)) predicted = std::max(predicted, v.predicted_lenses);
+  if (predicted > 0.0)
     page.add(
         "<p>Each place was left out once and predicted by the others: to {} lenses at worst; {} "
         "are allowed.</p>",
-        number(foretold, 4).html, kWantedForetoldLenses);
-  if (held_out.viewpoints == 0 && foretold > 0.0) return;
+        number(predicted, 4).html, kWantedPredictedLenses);
+  if (held_out.viewpoints == 0 && predicted > 0.0) return;
   if (held_out.viewpoints == 0) {
     page.add(
         "<p>No place was kept aside. The residuals above were measured with the pictures of the "

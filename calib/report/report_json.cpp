@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/text.h"
-#include "calib/report/report_words.h"
+#include "calib/report/report_text.h"
 
 namespace lenticule::calib {
 namespace {
@@ -62,7 +62,7 @@ json viewpoint(const Viewpoint& v) {
           {"max_lenses", number(v.max_lenses)},
           {"reprojection_rms_px", number(v.reprojection_rms_px)},
           {"held_out", v.held_out},
-          {"foretold_lenses", number(v.foretold_lenses)},
+          {"foretold_lenses", number(v.predicted_lenses)},
           {"residual_lenses", field(v.residual)}};
 }
 

@@ -21,7 +21,7 @@
 #include "base/file.h"
 #include "base/numbers.h"
 #include "base/text.h"
-#include "calib/report/report_words.h"
+#include "calib/report/report_text.h"
 #include "optics/rig_file.h"
 
 namespace lenticule::calib {

@@ -97,7 +97,7 @@ class SheetShape {
 
 /// TrueView describes how an eye sees a panel point in the middle of the light of a lens.
 struct TrueView {
-  double phase = 0.0;  ///< SimulatedBench::truth_phase
+  double phase = 0.0;  ///< SimulatedBench::ground_truth_phase
   Vec3 aim;  ///< the point in the straight direction of the eye, on the level of the apices
 };
 /// Returns nothing if no light passes.

@@ -91,7 +91,7 @@ class SimulatedBench::Impl final : public frames::FrameSink, public Camera {
   void set_thermal_stretch(double relative);
   void unplug_after(int pictures) { pictures_left_ = std::max(0, pictures); }
   void set_threads(int threads) { threads_ = std::clamp(threads, 1, 64); }
-  [[nodiscard]] const SimulatedCamera& camera_truth() const { return camera_; }
+  [[nodiscard]] const SimulatedCamera& ground_truth_camera() const { return camera_; }
   [[nodiscard]] const SheetShape& shape() const { return shape_; }
   [[nodiscard]] const optics::Panel& panel() const { return panel_; }
 
@@ -388,21 +388,21 @@ void SimulatedBench::unplug_after(int pictures) {
 void SimulatedBench::set_threads(int threads) {
   impl_->set_threads(threads);
 }
-const SimulatedCamera& SimulatedBench::camera_truth() const {
-  return impl_->camera_truth();
+const SimulatedCamera& SimulatedBench::ground_truth_camera() const {
+  return impl_->ground_truth_camera();
 }
 
-double SimulatedBench::truth_phase(double x_px, double y_px, int channel, Vec3 eye,
-                                   LightMiddle middle) const {
+double SimulatedBench::ground_truth_phase(double x_px, double y_px, int channel, Vec3 eye,
+                                          LightMiddle middle) const {
   const optics::Panel& panel = impl_->panel();
   const Vec2 point{panel.x_mm(x_px), panel.y_mm(y_px)};
   const std::optional<TrueView> view = true_view(impl_->shape(), point, channel, eye, middle);
   return view ? view->phase : std::numeric_limits<double>::quiet_NaN();
 }
 
-std::optional<Vec2> SimulatedBench::truth_in_picture(double x_px, double y_px) const {
+std::optional<Vec2> SimulatedBench::ground_truth_in_picture(double x_px, double y_px) const {
   const optics::Panel& panel = impl_->panel();
-  const SimulatedCamera& camera = impl_->camera_truth();
+  const SimulatedCamera& camera = impl_->ground_truth_camera();
   const Vec2 point{panel.x_mm(x_px), panel.y_mm(y_px)};
   const std::optional<TrueView> view =
       true_view(impl_->shape(), point, 1, camera.position_mm, LightMiddle::Centroid);

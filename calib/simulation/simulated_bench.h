@@ -53,20 +53,20 @@ class SimulatedBench {
   void set_threads(int threads);
 
   /// Returns the camera's true position and properties.
-  [[nodiscard]] const SimulatedCamera& camera_truth() const;
+  [[nodiscard]] const SimulatedCamera& ground_truth_camera() const;
 
   /// Returns the ground truth of Phi: the lens coordinate of the apex line whose lens shows panel
   /// point (x_px, y_px) to `eye` (panel frame, mm) in the middle of its light. The middle is the
   /// mean, over the lens and weighted by the size of each part as seen by the eye, of the landing
   /// points of the rays from the eye on the plane of the pixels. Includes deformation, bow, bend
   /// and thermal stretch. Uses `channel`'s refractive index. NaN if no light passes.
-  [[nodiscard]] double truth_phase(double x_px, double y_px, int channel, Vec3 eye,
-                                   LightMiddle middle = LightMiddle::Centroid) const;
+  [[nodiscard]] double ground_truth_phase(double x_px, double y_px, int channel, Vec3 eye,
+                                          LightMiddle middle = LightMiddle::Centroid) const;
 
   /// Returns the picture point at which the undisturbed camera sees a panel point through the
   /// lenses in green light; picture coordinates (simulated_camera.h). Returns nothing if no light
   /// passes.
-  [[nodiscard]] std::optional<Vec2> truth_in_picture(double x_px, double y_px) const;
+  [[nodiscard]] std::optional<Vec2> ground_truth_in_picture(double x_px, double y_px) const;
 
  private:
   class Impl;

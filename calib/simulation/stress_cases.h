@@ -67,9 +67,9 @@ struct StressOutcome {
   double seconds = 0.0;
 };
 
-/// Runs one case. `go_on` is called before each pattern; if it returns false, the case fails with
-/// "interrupted".
+/// Runs one case. `may_continue` is called before each pattern; if it returns false, the case fails
+/// with "interrupted".
 [[nodiscard]] StressOutcome run_stress_case(const StressCase& one, StressSize size,
-                                            const std::function<bool()>& go_on);
+                                            const std::function<bool()>& may_continue);
 
 }  // namespace lenticule::calib

@@ -77,7 +77,7 @@ class PhaseGrid {
 };
 
 double true_phase(const SimulatedBench& bench, double x_px, double y_px, const Vec3& eye) {
-  return bench.truth_phase(x_px, y_px, 1, eye, LightMiddle::Centroid);
+  return bench.ground_truth_phase(x_px, y_px, 1, eye, LightMiddle::Centroid);
 }
 
 /// Return green's phase for one eye: on the bench, and of a rig.
@@ -117,31 +117,33 @@ double parallax(const Phase& phase, const Vec3& eye) {
 double gap_error(const optics::OpticalModel& model, const SimulatedBench& bench, const Vec3& eye) {
   const optics::Panel& panel = model.rig().panel;
   const double x = panel.width_px / 2.0, y = panel.height_px / 2.0;
-  const double truth = parallax([&](const Vec3& e) { return true_phase(bench, x, y, e); }, eye);
+  const double ground_truth =
+      parallax([&](const Vec3& e) { return true_phase(bench, x, y, e); }, eye);
   const double found = parallax(
       [&](const Vec3& e) {
         return model.phase(x, y, 1, {e.x, e.y, e.z});
       },
       eye);
-  return found / truth - 1.0;
+  return found / ground_truth - 1.0;
 }
 
-double map_error(const PhaseGrid& found, const PhaseGrid& truth) {
-  const Line a = found.line(), b = truth.line();
+double map_error(const PhaseGrid& found, const PhaseGrid& ground_truth) {
+  const Line a = found.line(), b = ground_truth.line();
   double square = 0.0;
-  for (int y = 0; y < truth.size().rows; ++y)
-    for (int x = 0; x < truth.size().columns; ++x) {
-      const double line = (a.constant - b.constant) + (a.across - b.across) * truth.across(x) +
-                          (a.down - b.down) * truth.down(y);
-      const double off = found.at(x, y) - truth.at(x, y) - line;
+  for (int y = 0; y < ground_truth.size().rows; ++y)
+    for (int x = 0; x < ground_truth.size().columns; ++x) {
+      const double line = (a.constant - b.constant) +
+                          (a.across - b.across) * ground_truth.across(x) +
+                          (a.down - b.down) * ground_truth.down(y);
+      const double off = found.at(x, y) - ground_truth.at(x, y) - line;
       square += off * off;
     }
-  return std::sqrt(square / static_cast<double>(truth.values().size()));
+  return std::sqrt(square / static_cast<double>(ground_truth.values().size()));
 }
 
 /// Returns the error of a phase without whole lenses.
-double phase_off(double found, double truth) {
-  const double off = found - truth;
+double phase_off(double found, double ground_truth) {
+  const double off = found - ground_truth;
   return off - std::round(off);
 }
 
@@ -150,10 +152,10 @@ void keep_larger(double value, double& most) {
   if (!(value <= most) && !std::isnan(most)) most = value;
 }
 
-double worst_off(const PhaseGrid& found, const PhaseGrid& truth) {
+double worst_off(const PhaseGrid& found, const PhaseGrid& ground_truth) {
   double worst = 0.0;
-  for (size_t n = 0; n < truth.values().size(); ++n)
-    keep_larger(std::abs(phase_off(found.values()[n], truth.values()[n])), worst);
+  for (size_t n = 0; n < ground_truth.values().size(); ++n)
+    keep_larger(std::abs(phase_off(found.values()[n], ground_truth.values()[n])), worst);
   return worst;
 }
 
@@ -175,10 +177,11 @@ void add_effective(const Calibration& calibration, const SimulatedBench& bench, 
   const optics::OpticalModel model(calibration.rig);
   for (size_t v = 0; v < calibration.viewpoints.size(); ++v) {
     const Vec3& place = trial.viewpoints[v].position_mm;
-    const Line truth = true_phases(bench, trial.panel, place, kLine).line();
+    const Line ground_truth = true_phases(bench, trial.panel, place, kLine).line();
     const Line found = found_phases(model, calibration.viewpoints[v].eye_mm, kLine).line();
-    errors.effective_pitch.push_back(truth.across / found.across - 1.0);
-    errors.effective_slant.push_back(slant_of(found, trial.panel) - slant_of(truth, trial.panel));
+    errors.effective_pitch.push_back(ground_truth.across / found.across - 1.0);
+    errors.effective_slant.push_back(slant_of(found, trial.panel) -
+                                     slant_of(ground_truth, trial.panel));
   }
 }
 
@@ -221,10 +224,10 @@ TrialErrors errors_of(const optics::Rig& found, const SimulatedBench& bench, con
   double square = 0.0;
   size_t count = 0;
   for (const Vec3& eye : zone_eyes(trial)) {
-    const PhaseGrid truth = true_phases(bench, trial.panel, eye);
+    const PhaseGrid ground_truth = true_phases(bench, trial.panel, eye);
     const PhaseGrid said = found_phases(model, eye);
-    for (size_t n = 0; n < truth.values().size(); ++n) {
-      const double off = phase_off(said.values()[n], truth.values()[n]);
+    for (size_t n = 0; n < ground_truth.values().size(); ++n) {
+      const double off = phase_off(said.values()[n], ground_truth.values()[n]);
       keep_larger(std::abs(off), errors.worst_lenses);
       square += off * off;
       ++count;
@@ -240,7 +243,7 @@ TrialErrors errors_of(const optics::Rig& found, const SimulatedBench& bench, con
   return errors;
 }
 
-void judge_trial(const Trial& trial, const SimulatedBench& bench, TrialResult& result) {
+void evaluate_trial(const Trial& trial, const SimulatedBench& bench, TrialResult& result) {
   if (result.calibration.viewpoints.empty()) return;
   result.errors = errors_of(result.calibration.rig, bench, trial);
   result.errors.flat_lenses = flat_errors(result.calibration, bench, trial);
@@ -257,7 +260,7 @@ TrialResult run_trial(const Trial& trial) {
     SimulatedBench bench(trial.panel, trial.sheet, trial.link, trial.camera, trial.seed);
     measure_all(trial, bench, result);
     result.calibration = calibrate(result.measurements, trial.start, trial.options);
-    judge_trial(trial, bench, result);
+    evaluate_trial(trial, bench, result);
   } catch (const Error& error) {
     result.failure = error.what();
   }
@@ -279,13 +282,13 @@ namespace {
 /// Returns the rig that a user would start with: nominal numbers.
 optics::Rig nominal_rig(const Trial& trial, double pitch_factor, double slant_error,
                         double gap_factor) {
-  const ChiefRay truth = chief_ray(trial.sheet, 1);
+  const ChiefRay ground_truth = chief_ray(trial.sheet, 1);
   optics::Rig rig;
   rig.name = "start";
   rig.panel = trial.panel;
   rig.sheet.pitch = Subpixels(trial.sheet.pitch_subpx * pitch_factor);
   rig.sheet.slant = trial.sheet.slant + slant_error;
-  rig.sheet.gap = Millimetres(truth.gap_mm * gap_factor);
+  rig.sheet.gap = Millimetres(ground_truth.gap_mm * gap_factor);
   rig.sheet.refraction_shape = 0.45;
   rig.viewing.distance = Millimetres(700.0);
   return rig;

@@ -76,7 +76,7 @@ struct TrialResult {
                                     const Trial& trial);
 
 /// Fills in the errors of result.calibration, which was made on that bench.
-void judge_trial(const Trial& trial, const SimulatedBench& bench, TrialResult& result);
+void evaluate_trial(const Trial& trial, const SimulatedBench& bench, TrialResult& result);
 
 /// Runs the trial. Errors are returned in `failure`, never thrown.
 [[nodiscard]] TrialResult run_trial(const Trial& trial);

@@ -11,7 +11,7 @@
 
 namespace lenticule::display {
 
-enum class BufferState { Free, Acquired, Pending, OnGlass };
+enum class BufferState { Free, Acquired, Pending, Displayed };
 
 /// A buffer that is being recorded is not free, even in state Free. Thread safety: the filling
 /// thread acquires it; the presenter thread makes all other transitions.

@@ -179,10 +179,10 @@ class VirtualDisplay final : public Display {
   /// Completes the pending flip: its buffer is displayed, the previous one is free.
   void land_flip() noexcept {
     VirtualBuffer* const buffer = pending_->buffer;
-    buffer->set_state(BufferState::OnGlass);
+    buffer->set_state(BufferState::Displayed);
     record({.sequence = pending_->sequence, .id = pending_->id}, buffer);
-    if (on_glass_ != nullptr) on_glass_->set_state(BufferState::Free);
-    on_glass_ = buffer;
+    if (displayed_ != nullptr) displayed_->set_state(BufferState::Free);
+    displayed_ = buffer;
     pending_.reset();
   }
 
@@ -227,7 +227,7 @@ class VirtualDisplay final : public Display {
   std::vector<std::unique_ptr<VirtualBuffer>> buffers_;
 
   // Presenter thread only.
-  VirtualBuffer* on_glass_ = nullptr;
+  VirtualBuffer* displayed_ = nullptr;
   std::optional<Flip> pending_;
   std::optional<Tick> tick_;
   std::optional<DisplayEvent> repeat_;

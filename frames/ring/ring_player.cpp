@@ -19,7 +19,7 @@
 #include "frames/ring/listen_socket.h"
 #include "frames/ring/ring_memory.h"
 #include "frames/ring/ring_protocol.h"
-#include "frames/ring/slot_ledger.h"
+#include "frames/ring/slot_table.h"
 #include "optics/trim.h"
 
 namespace lenticule::frames {
@@ -49,8 +49,8 @@ std::optional<ucred> credentials(const UniqueFd& socket) {
   return peer;
 }
 
-/// Tenant is the connected renderer.
-struct Tenant {
+/// Connection is the connection to the renderer.
+struct Connection {
   UniqueFd socket;
   UniqueFd published;  ///< eventfd; only armed edge-triggered and never read, because the peer can
                        ///< make reads of a shared description block
@@ -84,10 +84,10 @@ class Player final : public RingPlayer {
   explicit Player(const RingOptions& options)
       : options_(options),
         memory_(checked_layout(options), options.prefault),
-        ledger_(memory_.table(), options.keep_for_loop ? LoopKeeping::On : LoopKeeping::Off),
+        slot_table_(memory_.table(), options.keep_for_loop ? LoopKeeping::On : LoopKeeping::Off),
         listener_(options.socket),
         events_(::epoll_create1(EPOLL_CLOEXEC)) {
-    memory_.header().epoch.store(ledger_.epoch(), std::memory_order_relaxed);
+    memory_.header().epoch.store(slot_table_.epoch(), std::memory_order_relaxed);
     if (!events_ || !watch(listener_.fd(), EPOLLIN))
       throw Error(ErrorKind::Failed,
                   std::string("ring: cannot wait for renderers: ") + std::strerror(errno));
@@ -98,12 +98,12 @@ class Player final : public RingPlayer {
   [[nodiscard]] FrameGeometry geometry() const override { return memory_.layout().geometry; }
   [[nodiscard]] std::optional<Rate> rate() const override { return hello_.rate; }
   [[nodiscard]] std::optional<uint64_t> frame_count() const override { return hello_.frame_count; }
-  [[nodiscard]] PullStatus pull(LentFrame& out) override;
+  [[nodiscard]] PullStatus pull(AcquiredFrame& out) override;
   void release(uint64_t token) override;
-  [[nodiscard]] int max_lent() const override { return ledger_.max_lent(); }
-  [[nodiscard]] uint64_t ready_count() const override { return ledger_.ready_count(); }
-  [[nodiscard]] bool saturated() const override { return ledger_.saturated(); }
-  [[nodiscard]] bool rewind() override { return ledger_.rewind(); }
+  [[nodiscard]] int max_acquired() const override { return slot_table_.max_acquired(); }
+  [[nodiscard]] uint64_t ready_count() const override { return slot_table_.ready_count(); }
+  [[nodiscard]] bool saturated() const override { return slot_table_.saturated(); }
+  [[nodiscard]] bool rewind() override { return slot_table_.rewind(); }
   [[nodiscard]] int wake_fd() const override { return events_.get(); }
   void service() override;
   [[nodiscard]] std::string failure() const override { return {}; }
@@ -120,23 +120,23 @@ class Player final : public RingPlayer {
                                                         const Packet& packet,
                                                         RendererHello& hello) const;
   [[nodiscard]] bool is_rig_welcome(const RendererHello& hello) const;
-  void tell_other_trim(const RendererHello& hello) const;
+  void report_other_trim(const RendererHello& hello) const;
   [[nodiscard]] std::optional<Refusal> let_in(UniqueFd& socket, RendererHello hello);
-  void serve_tenant();
+  void serve_connection();
   [[nodiscard]] Standing obey(const Packet& packet);
   void send_away_if_misbehaved();
-  void end_tenancy(Standing why);
+  void end_connection(Standing why);
   void recover_departed();
-  void say_freed() const noexcept;
+  void send_freed() const noexcept;
 
   const RingOptions options_;
   const optics::RigIdentity rig_ = optics::parse_identity(options_.rig_fingerprint);
   RingMemory memory_;
-  SlotLedger ledger_;
+  SlotTable slot_table_;
   ListenSocket listener_;
   UniqueFd events_;
   std::vector<UniqueFd> handshakes_;  ///< connections that have sent no message yet; oldest first
-  std::optional<Tenant> tenant_;
+  std::optional<Connection> connection_;
   std::vector<Departed> departed_;
   RendererHello hello_{.name = {}, .rig_fingerprint = {}, .rate = {}, .frame_count = {}};
   uint64_t renderers_ = 0;
@@ -153,9 +153,9 @@ bool Player::watch(int fd, uint32_t events) const noexcept {
 
 // --- frames ------------------------------------------------------------------------------------
 
-PullStatus Player::pull(LentFrame& out) {
-  SlotLedger::Frame frame;
-  const PullStatus status = ledger_.pull(frame);
+PullStatus Player::pull(AcquiredFrame& out) {
+  SlotTable::Frame frame;
+  const PullStatus status = slot_table_.pull(frame);
   send_away_if_misbehaved();
   if (status == PullStatus::Ready)
     out = {.frame = memory_.frame(frame.slot),
@@ -166,14 +166,14 @@ PullStatus Player::pull(LentFrame& out) {
 
 void Player::release(uint64_t token) {
   LENTICULE_CHECK(token < static_cast<uint64_t>(options_.slots));
-  if (ledger_.release(static_cast<int>(token))) say_freed();
+  if (slot_table_.release(static_cast<int>(token))) send_freed();
   send_away_if_misbehaved();
 }
 
 /// Reports a free slot over the socket and not over an eventfd, which the renderer could make us
 /// block on. If the queue is full of wake-ups, the renderer wakes anyway.
-void Player::say_freed() const noexcept {
-  if (tenant_) (void)send_message(tenant_->socket.get(), make_wake(MessageKind::Freed));
+void Player::send_freed() const noexcept {
+  if (connection_) (void)send_message(connection_->socket.get(), make_wake(MessageKind::Freed));
 }
 
 // --- housekeeping ------------------------------------------------------------------------------
@@ -183,10 +183,10 @@ void Player::say_freed() const noexcept {
 void Player::service() {
   clear_wake();
   recover_departed();
-  serve_tenant();
+  serve_connection();
   welcome();
   answer_handshakes();
-  ledger_.take_published();
+  slot_table_.take_published();
   send_away_if_misbehaved();
 }
 
@@ -198,8 +198,8 @@ void Player::clear_wake() const noexcept {
 void Player::recover_departed() {
   std::erase_if(departed_, [this](const Departed& renderer) {
     if (!is_dead(renderer.process)) return false;
-    ledger_.recover(renderer.epoch);
-    say_freed();
+    slot_table_.recover(renderer.epoch);
+    send_freed();
     return true;
   });
 }
@@ -250,7 +250,7 @@ bool Player::is_rig_welcome(const RendererHello& hello) const {
          optics::RigMatch::Other;
 }
 
-void Player::tell_other_trim(const RendererHello& hello) const {
+void Player::report_other_trim(const RendererHello& hello) const {
   const optics::RigIdentity theirs = optics::parse_identity(hello.rig_fingerprint);
   if (options_.on_other_trim && optics::match(theirs, rig_) == optics::RigMatch::Trimmed)
     options_.on_other_trim(
@@ -278,10 +278,10 @@ std::optional<Refusal> Player::reason_to_refuse(const UniqueFd& socket, const Pa
         RefuseReason::OtherRig,
         "the player's rig is " + rig_.fingerprint + ", the renderer's is " +
             (hello.rig_fingerprint.empty() ? std::string("not stated") : hello.rig_fingerprint)};
-  if (tenant_) return Refusal{RefuseReason::Busy, "busy: '" + hello_.name + "' is connected"};
-  if (options_.slots - ledger_.shut() < kMinUsableSlots)
+  if (connection_) return Refusal{RefuseReason::Busy, "busy: '" + hello_.name + "' is connected"};
+  if (options_.slots - slot_table_.shut() < kMinUsableSlots)
     return Refusal{RefuseReason::Busy, "busy: renderers that are disconnected but still run hold " +
-                                           std::to_string(ledger_.shut()) + " of " +
+                                           std::to_string(slot_table_.shut()) + " of " +
                                            std::to_string(options_.slots) + " slots"};
   return std::nullopt;
 }
@@ -291,38 +291,38 @@ std::optional<Refusal> Player::let_in(UniqueFd& socket, RendererHello hello) {
   // The previous renderer could still write there after it was disconnected; this must not affect
   // the next renderer.
   memory_.restore_header();
-  ledger_.renew_offers();
-  Tenant tenant;
-  if (peer) tenant.process = open_pidfd(peer->pid);
-  tenant.published = UniqueFd(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
-  if (!tenant.process || !tenant.published || !watch(tenant.process.get(), EPOLLIN) ||
-      !watch(tenant.published.get(), EPOLLIN | EPOLLET))
+  slot_table_.renew_offers();
+  Connection connection;
+  if (peer) connection.process = open_pidfd(peer->pid);
+  connection.published = UniqueFd(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
+  if (!connection.process || !connection.published || !watch(connection.process.get(), EPOLLIN) ||
+      !watch(connection.published.get(), EPOLLIN | EPOLLET))
     return Refusal{RefuseReason::Forbidden,
                    std::string("the player cannot watch the process: ") + std::strerror(errno)};
-  const std::array<int, 2> fds = {memory_.fd(), tenant.published.get()};
-  const AcceptMessage accept = make_accept(memory_.layout().memory_bytes, ledger_.epoch());
+  const std::array<int, 2> fds = {memory_.fd(), connection.published.get()};
+  const AcceptMessage accept = make_accept(memory_.layout().memory_bytes, slot_table_.epoch());
   if (send_message(socket.get(), accept, fds) != Transfer::Done)
     return Refusal{RefuseReason::Busy, "busy: the answer could not be sent"};
-  tenant.socket = std::move(socket);
-  tenant_ = std::move(tenant);
+  connection.socket = std::move(socket);
+  connection_ = std::move(connection);
   hello_ = std::move(hello);
-  tell_other_trim(hello_);
+  report_other_trim(hello_);
   ++renderers_;
-  ledger_.begin_tenancy(hello_.frame_count);
+  slot_table_.begin_connection(hello_.frame_count);
   return std::nullopt;
 }
 
-void Player::serve_tenant() {
-  if (!tenant_) return;
+void Player::serve_connection() {
+  if (!connection_) return;
   // Checked before the messages are read: all messages of a process that is dead now are in the
   // queue.
-  const bool dead = is_dead(tenant_->process);
+  const bool dead = is_dead(connection_->process);
   for (int i = 0; i < kMaxMessages; ++i) {
     Packet packet;
-    const Transfer transfer = receive_packet(tenant_->socket.get(), packet, PassedFds::Ignore);
+    const Transfer transfer = receive_packet(connection_->socket.get(), packet, PassedFds::Ignore);
     if (transfer == Transfer::WouldBlock && !dead) return;
     const Standing standing = transfer == Transfer::Done ? obey(packet) : Standing::Lost;
-    if (standing != Standing::Connected) return end_tenancy(standing);
+    if (standing != Standing::Connected) return end_connection(standing);
   }
 }
 
@@ -330,44 +330,44 @@ Standing Player::obey(const Packet& packet) {
   MessagePrefix prefix;
   uint64_t published = 0;
   if (read_prefix(packet.bytes(), prefix) == nullptr && prefix.kind == MessageKind::Wanted) {
-    ledger_.slot_wanted();
-    say_freed();  // a slot may have become free before the request arrived; the renderer looks
-                  // again
-    return ledger_.misbehaved() ? Standing::Lost : Standing::Connected;
+    slot_table_.slot_wanted();
+    send_freed();  // a slot may have become free before the request arrived; the renderer looks
+                   // again
+    return slot_table_.misbehaved() ? Standing::Lost : Standing::Connected;
   }
   if (read_goodbye(packet.bytes(), published) != nullptr) return Standing::Lost;
-  ledger_.finish_sequence(published);
+  slot_table_.finish_sequence(published);
   return Standing::SaidGoodbye;
 }
 
 void Player::send_away_if_misbehaved() {
-  if (ledger_.misbehaved()) end_tenancy(Standing::Lost);
+  if (slot_table_.misbehaved()) end_connection(Standing::Lost);
 }
 
-void Player::end_tenancy(Standing why) {
+void Player::end_connection(Standing why) {
   if (why == Standing::Lost) ++deaths_;
   // The order matters: once the process is known to be dead, its last write to the table is final.
-  const bool dead = is_dead(tenant_->process);
-  const Epoch epoch = ledger_.epoch();
-  const int shut = ledger_.end_tenancy(dead ? TenantFate::Dead : TenantFate::MayLive);
-  if (shut > 0) departed_.push_back({.epoch = epoch, .process = std::move(tenant_->process)});
-  tenant_.reset();
-  memory_.header().epoch.store(ledger_.epoch(), std::memory_order_relaxed);
+  const bool dead = is_dead(connection_->process);
+  const Epoch epoch = slot_table_.epoch();
+  const int shut = slot_table_.end_connection(dead ? RendererFate::Dead : RendererFate::MayLive);
+  if (shut > 0) departed_.push_back({.epoch = epoch, .process = std::move(connection_->process)});
+  connection_.reset();
+  memory_.header().epoch.store(slot_table_.epoch(), std::memory_order_relaxed);
 }
 
 RingStatistics Player::statistics() const {
   return {.renderers = renderers_,
           .renderers_refused = refused_,
           .renderer_deaths = deaths_,
-          .frames_accepted = ledger_.accepted(),
-          .slots_recovered = ledger_.recovered(),
-          .violations = ledger_.violations(),
+          .frames_accepted = slot_table_.accepted(),
+          .slots_recovered = slot_table_.recovered(),
+          .violations = slot_table_.violations(),
           .slots = options_.slots,
-          .slots_shut = ledger_.shut(),
-          .renderer_connected = tenant_.has_value(),
+          .slots_shut = slot_table_.shut(),
+          .renderer_connected = connection_.has_value(),
           .renderer_name = hello_.name,
           .heartbeat = memory_.header().heartbeat.load(std::memory_order_relaxed),
-          .loop_obstacle = ledger_.loop_obstacle()};
+          .loop_obstacle = slot_table_.loop_obstacle()};
 }
 
 }  // namespace

@@ -30,7 +30,7 @@ constexpr milliseconds kShortestPause{1};
 constexpr milliseconds kLongestPause{20};
 /// Longest single wait for a wake-up; the table is checked after each wait.
 constexpr milliseconds kMaxNap{100};
-constexpr milliseconds kGoodbyePatience{1000};
+constexpr milliseconds kGoodbyeTimeout{1000};
 
 /// Returns a time that stays representable for timeouts such as milliseconds::max().
 Clock::time_point deadline_after(milliseconds timeout) {
@@ -275,7 +275,7 @@ void Renderer::abandon() {
 
 void Renderer::finish() {
   abandon();
-  const Clock::time_point deadline = deadline_after(kGoodbyePatience);
+  const Clock::time_point deadline = deadline_after(kGoodbyeTimeout);
   while (!gone_ && send_message(socket_.get(), make_goodbye(published_)) == Transfer::WouldBlock) {
     if (Clock::now() >= deadline) break;
     wait_for(socket_.get(), POLLOUT, time_left(deadline));

@@ -8,12 +8,12 @@
 
 #include "base/error.h"
 #include "frames/sequence/little_endian.h"
-#include "frames/sequence/tap_kernel.h"
+#include "frames/sequence/predictor_kernel.h"
 
 namespace lenticule::frames {
 namespace {
 
-constexpr size_t kTapHeaderBytes = 4;
+constexpr size_t kPredictorHeaderBytes = 4;
 constexpr size_t kStreamHeaderBytes = 4;
 constexpr size_t kMaskBytes = 4;
 /// Shorter matches cost the decoder more than they save here: docs/formats.md has the figures.
@@ -50,7 +50,7 @@ size_t blocks_of(size_t band_bytes) {
 }  // namespace
 
 struct BandEncoder::State {
-  State(size_t max_band_bytes, const TapKernel& functions)
+  State(size_t max_band_bytes, const PredictorKernel& functions)
       : kernel(functions),
         compressor(make_compressor()),
         modes(blocks_of(max_band_bytes)),
@@ -73,7 +73,7 @@ struct BandEncoder::State {
     payload.insert(payload.end(), stored.begin(), stored.end());
   }
 
-  const TapKernel& kernel;
+  const PredictorKernel& kernel;
   Compressor compressor;
   std::vector<uint8_t> modes;
   std::vector<uint8_t> masks;
@@ -83,28 +83,29 @@ struct BandEncoder::State {
 };
 
 BandEncoder::BandEncoder(size_t max_band_bytes, Isa isa)
-    : state_(std::make_unique<State>(max_band_bytes, LENTICULE_SELECT_KERNEL(isa, kTapKernel))) {}
+    : state_(std::make_unique<State>(max_band_bytes,
+                                     LENTICULE_SELECT_KERNEL(isa, kPredictorKernel))) {}
 BandEncoder::~BandEncoder() = default;
 BandEncoder::BandEncoder(BandEncoder&&) noexcept = default;
 BandEncoder& BandEncoder::operator=(BandEncoder&&) noexcept = default;
 
-BandCodec BandEncoder::encode(std::span<const uint8_t> band, const TapTable& taps,
+BandCodec BandEncoder::encode(std::span<const uint8_t> band, const PredictorTable& predictors,
                               std::vector<uint8_t>& payload) {
-  const bool tapped = encode_as(BandCodec::Taps, band, taps, payload);
-  if (tapped && payload.size() < band.size() / 2) return BandCodec::Taps;
+  const bool predicted = encode_as(BandCodec::Predicted, band, predictors, payload);
+  if (predicted && payload.size() < band.size() / 2) return BandCodec::Predicted;
   // Unpredictable data may still repeat itself.
-  const bool zstd = encode_as(BandCodec::Zstd, band, taps, state_->plain);
-  if (zstd && (!tapped || state_->plain.size() < payload.size())) {
+  const bool zstd = encode_as(BandCodec::Zstd, band, predictors, state_->plain);
+  if (zstd && (!predicted || state_->plain.size() < payload.size())) {
     std::swap(payload, state_->plain);
     return BandCodec::Zstd;
   }
-  if (tapped) return BandCodec::Taps;
+  if (predicted) return BandCodec::Predicted;
   payload.assign(band.begin(), band.end());
   return BandCodec::Raw;
 }
 
-bool BandEncoder::encode_as(BandCodec codec, std::span<const uint8_t> band, const TapTable& taps,
-                            std::vector<uint8_t>& payload) {
+bool BandEncoder::encode_as(BandCodec codec, std::span<const uint8_t> band,
+                            const PredictorTable& predictors, std::vector<uint8_t>& payload) {
   State& s = *state_;
   LENTICULE_CHECK(blocks_of(band.size()) <= s.modes.size());
   payload.clear();
@@ -115,10 +116,12 @@ bool BandEncoder::encode_as(BandCodec codec, std::span<const uint8_t> band, cons
     if (size == 0) return false;
     payload.assign(s.packed.begin(), s.packed.begin() + static_cast<ptrdiff_t>(size));
   } else {
-    TapOutput out{.modes = s.modes.data(), .masks = s.masks.data(), .values = s.values.data()};
-    s.kernel.encode_blocks(taps, band.data(), band.size(), out);
-    append_u32(payload, static_cast<uint32_t>(taps.count));
-    for (int tap = 1; tap <= taps.count; ++tap) append_u32(payload, taps.distance[tap]);
+    PredictorOutput out{
+        .modes = s.modes.data(), .masks = s.masks.data(), .values = s.values.data()};
+    s.kernel.encode_blocks(predictors, band.data(), band.size(), out);
+    append_u32(payload, static_cast<uint32_t>(predictors.count));
+    for (int predictor = 1; predictor <= predictors.count; ++predictor)
+      append_u32(payload, predictors.distance[predictor]);
     s.append_stream({s.modes.data(), blocks_of(band.size())}, payload);
     s.append_stream({s.masks.data(), out.mask_bytes}, payload);
     s.append_stream({s.values.data(), out.value_bytes}, payload);
@@ -127,7 +130,7 @@ bool BandEncoder::encode_as(BandCodec codec, std::span<const uint8_t> band, cons
 }
 
 struct BandDecoder::State {
-  State(size_t max_band_bytes, const TapKernel& functions)
+  State(size_t max_band_bytes, const PredictorKernel& functions)
       : kernel(functions),
         decompressor(make_decompressor()),
         modes(blocks_of(max_band_bytes)),
@@ -154,32 +157,34 @@ struct BandDecoder::State {
     return true;
   }
 
-  [[nodiscard]] bool take_taps(std::span<const uint8_t>& payload, TapTable& taps) noexcept {
-    if (payload.size() < kTapHeaderBytes) return false;
+  [[nodiscard]] bool take_predictors(std::span<const uint8_t>& payload,
+                                     PredictorTable& predictors) noexcept {
+    if (payload.size() < kPredictorHeaderBytes) return false;
     const uint32_t count = load_u32(payload.data());
-    payload = payload.subspan(kTapHeaderBytes);
-    if (count > kMaxTaps || payload.size() < count * sizeof(uint32_t)) return false;
-    taps.count = static_cast<int>(count);
-    for (uint32_t tap = 1; tap <= count; ++tap) {
-      taps.distance[tap] = load_u32(payload.data() + (tap - 1) * sizeof(uint32_t));
-      if (taps.distance[tap] < kBlockBytes) return false;
+    payload = payload.subspan(kPredictorHeaderBytes);
+    if (count > kMaxPredictors || payload.size() < count * sizeof(uint32_t)) return false;
+    predictors.count = static_cast<int>(count);
+    for (uint32_t predictor = 1; predictor <= count; ++predictor) {
+      predictors.distance[predictor] =
+          load_u32(payload.data() + (predictor - 1) * sizeof(uint32_t));
+      if (predictors.distance[predictor] < kBlockBytes) return false;
     }
     payload = payload.subspan(count * sizeof(uint32_t));
     return true;
   }
 
-  [[nodiscard]] bool decode_taps(std::span<const uint8_t> payload,
-                                 std::span<uint8_t> band) noexcept {
-    TapTable taps;
+  [[nodiscard]] bool decode_predicted(std::span<const uint8_t> payload,
+                                      std::span<uint8_t> band) noexcept {
+    PredictorTable predictors;
     const std::span<uint8_t> mode_bytes(modes.data(), blocks_of(band.size()));
-    if (!take_taps(payload, taps) || !take_stream(payload, mode_bytes)) return false;
+    if (!take_predictors(payload, predictors) || !take_stream(payload, mode_bytes)) return false;
     const size_t masked = kernel.count_residuals(mode_bytes.data(), mode_bytes.size());
     const std::span<uint8_t> mask_bytes(masks.data(), masked * kMaskBytes);
     if (!take_stream(payload, mask_bytes)) return false;
     const size_t value_count = kernel.count_bits(mask_bytes.data(), mask_bytes.size());
     if (value_count > band.size()) return false;
     if (!take_stream(payload, {values.data(), value_count}) || !payload.empty()) return false;
-    return kernel.decode_blocks(taps,
+    return kernel.decode_blocks(predictors,
                                 {.modes = modes.data(),
                                  .masks = masks.data(),
                                  .values = values.data(),
@@ -187,7 +192,7 @@ struct BandDecoder::State {
                                 band.data(), band.size());
   }
 
-  const TapKernel& kernel;
+  const PredictorKernel& kernel;
   Decompressor decompressor;
   std::vector<uint8_t> modes;
   std::vector<uint8_t> masks;
@@ -195,7 +200,8 @@ struct BandDecoder::State {
 };
 
 BandDecoder::BandDecoder(size_t max_band_bytes, Isa isa)
-    : state_(std::make_unique<State>(max_band_bytes, LENTICULE_SELECT_KERNEL(isa, kTapKernel))) {}
+    : state_(std::make_unique<State>(max_band_bytes,
+                                     LENTICULE_SELECT_KERNEL(isa, kPredictorKernel))) {}
 BandDecoder::~BandDecoder() = default;
 BandDecoder::BandDecoder(BandDecoder&&) noexcept = default;
 BandDecoder& BandDecoder::operator=(BandDecoder&&) noexcept = default;
@@ -210,8 +216,8 @@ bool BandDecoder::decode(BandCodec codec, std::span<const uint8_t> payload,
       return true;
     case BandCodec::Zstd:
       return state_->decompress(payload, band);
-    case BandCodec::Taps:
-      return state_->decode_taps(payload, band);
+    case BandCodec::Predicted:
+      return state_->decode_predicted(payload, band);
   }
   return false;
 }

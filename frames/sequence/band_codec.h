@@ -10,14 +10,14 @@
 #include <vector>
 
 #include "base/cpu.h"
-#include "frames/sequence/tap_kernel.h"
+#include "frames/sequence/predictor_kernel.h"
 
 namespace lenticule::frames {
 
 enum class BandCodec : uint8_t {
-  Raw = 0,   ///< uncompressed bytes
-  Zstd = 1,  ///< one zstd frame
-  Taps = 2,  ///< blocks predicted from earlier bytes of the band, three zstd streams
+  Raw = 0,        ///< uncompressed bytes
+  Zstd = 1,       ///< one zstd frame
+  Predicted = 2,  ///< blocks predicted from earlier bytes of the band, three zstd streams
 };
 inline constexpr uint8_t kBandCodecs = 3;
 
@@ -31,11 +31,11 @@ class BandEncoder {
   BandEncoder& operator=(BandEncoder&&) noexcept;
 
   /// Encodes with the codec that gives the smallest payload, and returns it. Replaces `payload`.
-  BandCodec encode(std::span<const uint8_t> band, const TapTable& taps,
+  BandCodec encode(std::span<const uint8_t> band, const PredictorTable& predictors,
                    std::vector<uint8_t>& payload);
   /// Encodes with the given codec. Returns false if the payload would be larger than the band.
-  [[nodiscard]] bool encode_as(BandCodec codec, std::span<const uint8_t> band, const TapTable& taps,
-                               std::vector<uint8_t>& payload);
+  [[nodiscard]] bool encode_as(BandCodec codec, std::span<const uint8_t> band,
+                               const PredictorTable& predictors, std::vector<uint8_t>& payload);
 
  private:
   struct State;

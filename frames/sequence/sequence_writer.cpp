@@ -16,7 +16,7 @@
 #include "frames/sequence/file_bytes.h"
 #include "frames/sequence/frame_decoder.h"
 #include "frames/sequence/little_endian.h"
-#include "frames/sequence/tap_choice.h"
+#include "frames/sequence/predictor_choice.h"
 
 namespace lenticule::frames {
 namespace {
@@ -28,7 +28,7 @@ constexpr std::chrono::seconds kSyncInterval{1};
 /// A power cut may damage the last frames, but not older ones.
 constexpr uint64_t kFramesToCheck = 64;
 /// Content changes slowly, and choosing predictors takes about as long as compressing a frame.
-constexpr uint64_t kTapInterval = 32;
+constexpr uint64_t kPredictorInterval = 32;
 
 FileHeader make_header(const SequenceInfo& info, const std::string& metadata) {
   FileHeader header;
@@ -86,7 +86,7 @@ SequenceWriter::SequenceWriter(fs::path file, const SequenceInfo& info,
   const bool has_part = fs::exists(part_, ignored);
   const bool has_file = fs::exists(file_, ignored);
   if (options.resume && (has_part || has_file)) {
-    go_on(has_part ? part_ : file_, info);
+    continue_file(has_part ? part_ : file_, info);
   } else {
     if (has_part) open_and_lock(part_);  // no other process is writing the file
     begin(info);
@@ -128,7 +128,7 @@ void SequenceWriter::begin(const SequenceInfo& info) {
   open_and_lock(part_);
 }
 
-void SequenceWriter::go_on(const fs::path& there, const SequenceInfo& info) {
+void SequenceWriter::continue_file(const fs::path& there, const SequenceInfo& info) {
   open_and_lock(there);
   layout_ = read_sequence_layout(fd_.get(), there.string());
   if (const char* other = difference(layout_.info, info))
@@ -154,8 +154,8 @@ void SequenceWriter::recall() {
   WovenFrame frame(layout_.header.geometry);
   std::vector<BandEntry> entries(bands_.size());
   std::vector<uint8_t> table(layout_.header.table_bytes());
-  in_step_ = decoder.decode(last - last % kTapInterval, frame.bytes());
-  if (in_step_) taps_ = choose_taps(frame.view(), layout_.header.band_rows);
+  in_step_ = decoder.decode(last - last % kPredictorInterval, frame.bytes());
+  if (in_step_) predictors_ = choose_predictors(frame.view(), layout_.header.band_rows);
   in_step_ = in_step_ && decoder.decode(last, frame.bytes()) &&
              read_band_table(fd_.get(), layout_, last, entries, table);
   if (!in_step_)
@@ -172,7 +172,8 @@ void SequenceWriter::encode_band(const FrameView& frame, int index, int worker) 
   const std::span<const uint8_t> pixels = frame.bytes.subspan(offset, bytes);
   band.repeated = !previous_.empty() && std::memcmp(pixels.data(), &previous_[offset], bytes) == 0;
   if (band.repeated) return;
-  band.entry.codec = encoders_[static_cast<size_t>(worker)].encode(pixels, taps_, band.payload);
+  band.entry.codec =
+      encoders_[static_cast<size_t>(worker)].encode(pixels, predictors_, band.payload);
   band.entry.bytes = static_cast<uint32_t>(band.payload.size());
   band.entry.checksum = checksum_of(band.payload);
 }
@@ -207,7 +208,8 @@ void SequenceWriter::append(const FrameView& frame) {
     throw Error(ErrorKind::Failed, fmt::format("{}: full: {} frames are the limit", part_.string(),
                                                kMaxSequenceFrames));
   if (!in_step_) recall();
-  if (frame_count() % kTapInterval == 0) taps_ = choose_taps(frame, layout_.header.band_rows);
+  if (frame_count() % kPredictorInterval == 0)
+    predictors_ = choose_predictors(frame, layout_.header.band_rows);
   workers_.run(layout_.header.bands(),
                [&](int band, int worker) { encode_band(frame, band, worker); });
   lay_out_record();

@@ -54,7 +54,7 @@ class SequenceWriter {
   };
 
   void begin(const SequenceInfo& info);
-  void go_on(const std::filesystem::path& there, const SequenceInfo& info);
+  void continue_file(const std::filesystem::path& there, const SequenceInfo& info);
   void open_and_lock(const std::filesystem::path& there);
   void encode_band(const FrameView& frame, int band, int worker);
   void recall();
@@ -68,11 +68,12 @@ class SequenceWriter {
   SequenceLayout layout_;
   BandWorkers workers_;
   std::vector<BandEncoder> encoders_;
-  TapTable taps_;
+  PredictorTable predictors_;
   std::vector<Band> bands_;
   std::vector<uint8_t> previous_;  ///< pixels of the last appended frame, empty at first
   std::vector<uint8_t> record_;
-  bool in_step_ = false;  ///< taps_, bands_ and previous_ belong to the last frame in the file
+  bool in_step_ =
+      false;  ///< predictors_, bands_ and previous_ belong to the last frame in the file
   std::chrono::steady_clock::time_point last_sync_;
   bool finished_ = false;
 };

@@ -53,16 +53,16 @@ PullStatus ViewInput::fail(std::string why) {
 PullStatus ViewInput::pull_all() {
   bool waits = false, some_ended = false, some_here = false;
   for (Stream& stream : streams_) {
-    if (!stream.lent && !stream.ended) {
-      LentFrame lent;
-      const PullStatus status = stream.source->pull(lent);
+    if (!stream.acquired && !stream.ended) {
+      AcquiredFrame acquired;
+      const PullStatus status = stream.source->pull(acquired);
       if (status == PullStatus::Failed) return fail(stream.source->failure());
-      if (status == PullStatus::Ready) stream.lent = lent;
+      if (status == PullStatus::Ready) stream.acquired = acquired;
       stream.ended = status == PullStatus::End;
       waits = waits || status == PullStatus::NotYet;
     }
     some_ended = some_ended || stream.ended;
-    some_here = some_here || stream.lent.has_value();
+    some_here = some_here || stream.acquired.has_value();
   }
   if (waits) return PullStatus::NotYet;
   if (some_ended && some_here) return fail(name_ + ": one part ends before another");
@@ -73,7 +73,7 @@ PullStatus ViewInput::next() {
   if (!failure_.empty()) return PullStatus::Failed;
   if (still_) return std::exchange(still_given_, true) ? PullStatus::End : PullStatus::Ready;
   const PullStatus status = pull_all();
-  if (status == PullStatus::Ready) number_ = streams_.front().lent->number;
+  if (status == PullStatus::Ready) number_ = streams_.front().acquired->number;
   return status;
 }
 
@@ -81,7 +81,7 @@ const ViewSet& ViewInput::views() {
   if (!views_) {
     std::vector<FrameView> pictures;
     pictures.reserve(streams_.size());
-    for (const Stream& stream : streams_) pictures.push_back(stream.lent->frame);
+    for (const Stream& stream : streams_) pictures.push_back(stream.acquired->frame);
     views_ = arrangement_->arrange(pictures);
   }
   return *views_;
@@ -91,8 +91,8 @@ void ViewInput::release() {
   if (still_) return;
   views_.reset();
   for (Stream& stream : streams_)
-    if (const auto lent = std::exchange(stream.lent, std::nullopt))
-      stream.source->release(lent->token);
+    if (const auto acquired = std::exchange(stream.acquired, std::nullopt))
+      stream.source->release(acquired->token);
 }
 
 bool ViewInput::rewind() {
@@ -110,7 +110,7 @@ bool ViewInput::rewind() {
 void ViewInput::wait(std::chrono::milliseconds longest) {
   std::vector<pollfd> wakes;
   for (const Stream& stream : streams_)
-    if (!stream.lent && !stream.ended && stream.source->wake_fd() >= 0)
+    if (!stream.acquired && !stream.ended && stream.source->wake_fd() >= 0)
       wakes.push_back({.fd = stream.source->wake_fd(), .events = POLLIN, .revents = 0});
   (void)poll(wakes.data(), wakes.size(), static_cast<int>(longest.count()));
   for (Stream& stream : streams_) stream.source->service();

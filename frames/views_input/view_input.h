@@ -57,7 +57,7 @@ class ViewInput {
  private:
   struct Stream {
     std::unique_ptr<FrameSource> source;
-    std::optional<LentFrame> lent = std::nullopt;
+    std::optional<AcquiredFrame> acquired = std::nullopt;
     bool ended = false;
   };
   [[nodiscard]] PullStatus pull_all();

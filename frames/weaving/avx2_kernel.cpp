@@ -10,7 +10,7 @@ namespace {
 
 /// RunTerms holds the values that are constant for all records of a set.
 struct RunTerms {
-  explicit RunTerms(const Terms& terms, const TurnedRows& rows, const Set& set,
+  explicit RunTerms(const Terms& terms, const TransposedRows& rows, const Set& set,
                     const Target& target);
 
   __m256i view_most, weight_mask;
@@ -23,7 +23,8 @@ struct RunTerms {
 };
 
 /// Subpixels of a stripe are adjacent; subpixels of a single colour are a stride apart.
-RunTerms::RunTerms(const Terms& terms, const TurnedRows& rows, const Set& set, const Target& target)
+RunTerms::RunTerms(const Terms& terms, const TransposedRows& rows, const Set& set,
+                   const Target& target)
     : view_most(_mm256_set1_epi32(terms.view_most)),
       weight_mask(_mm256_set1_epi32(terms.weight_mask)),
       column_bytes(3 * rows.lanes * 4) {
@@ -280,7 +281,7 @@ void turn_light_avx2(const Terms& terms, const Pictures& pictures, int row, size
   }
 }
 
-void mix_set_avx2(const Terms& terms, const TurnedRows& rows, const Set& set, const Quad* quads,
+void mix_set_avx2(const Terms& terms, const TransposedRows& rows, const Set& set, const Quad* quads,
                   const Target& target) noexcept {
   const RunTerms run(terms, rows, set, target);
   if (set.stride == 1) {

@@ -63,8 +63,8 @@ __m256i column_weights(int weight) {
 }
 
 /// Mixes one row of a record.
-void mix_run(const Terms& terms, const TurnedRows& rows, const Set& set, const Quad& quad, int r,
-             uint16_t* light) {
+void mix_run(const Terms& terms, const TransposedRows& rows, const Set& set, const Quad& quad,
+             int r, uint16_t* light) {
   const int step = terms.view_step + quad.view_step;
   const int count = (quad.counts >> (4 * r)) & 15;
   const size_t entry = 2 * rows.lanes;
@@ -82,7 +82,7 @@ void mix_run(const Terms& terms, const TurnedRows& rows, const Set& set, const Q
 
 }  // namespace
 
-void mix_spot_set_avx2(const Terms& terms, const TurnedRows& rows, const Set& set,
+void mix_spot_set_avx2(const Terms& terms, const TransposedRows& rows, const Set& set,
                        const Quad* quads, const Target& target) noexcept {
   for (uint32_t q = set.quads_begin; q < set.quads_end; ++q)
     for (int r = 0; r < kRows; ++r)

@@ -40,14 +40,14 @@ bool can_permute() {
 
 /// Transposing costs time for every pixel of the views, mixing for every subpixel: if views have
 /// far more pixels than the panel, reading single pixels is faster.
-constexpr size_t kMostTurned = 64;
+constexpr size_t kMaxTransposed = 64;
 bool worth_turning(const WeavePlan& plan) {
   const ViewShape& shape = plan.shape();
   const auto pixels = [](int width, int height) {
     return static_cast<size_t>(width) * static_cast<size_t>(height);
   };
   return pixels(shape.width, shape.height) * static_cast<size_t>(shape.count) <=
-         kMostTurned * pixels(plan.geometry().width, plan.geometry().height);
+         kMaxTransposed * pixels(plan.geometry().width, plan.geometry().height);
 }
 
 /// Returns the weight relative to the nearest view's, which therefore never vanishes.
@@ -65,7 +65,7 @@ const char* to_string(WeaveKernel kernel) {
   switch (kernel) {
     case WeaveKernel::Plain:
       return "plain";
-    case WeaveKernel::Turned:
+    case WeaveKernel::Transposed:
       return "turned";
     case WeaveKernel::Avx2:
       return "avx2";
@@ -87,11 +87,11 @@ WeaveKernel best_kernel(const WeavePlan& plan, Isa isa) {
   if (!worth_turning(plan)) return WeaveKernel::Plain;
   if (isa == Isa::Avx512 && kernel_suits(WeaveKernel::Permute, plan)) return WeaveKernel::Permute;
   if (isa != Isa::Baseline && kernel_suits(WeaveKernel::Avx2, plan)) return WeaveKernel::Avx2;
-  return WeaveKernel::Turned;
+  return WeaveKernel::Transposed;
 }
 
 BlockWeaver::BlockWeaver(std::shared_ptr<const WeavePlan> plan, WeaveKernel kernel)
-    : plan_(std::move(plan)), kernel_(kernel), turned_(nullptr, std::free) {
+    : plan_(std::move(plan)), kernel_(kernel), transposed_(nullptr, std::free) {
   if (!kernel_suits(kernel, *plan_))
     throw Error(ErrorKind::Usage,
                 fmt::format("weaving kernel {}: not supported by this machine or this plan",
@@ -123,11 +123,11 @@ void BlockWeaver::prepare_turning() {
   // Up to seven neighbours after the last view are read, but have no weight.
   const size_t bytes = kernel_ == WeaveKernel::Permute ? (columns + 1) * 3 * kViewLanes
                                                        : (columns * 3 * lanes_ + 8) * 4;
-  turned_bytes_ = (bytes + kAlignment - 1) / kAlignment * kAlignment;
-  turned_.reset(
-      static_cast<uint8_t*>(std::aligned_alloc(kAlignment, turned_bytes_ * slots_.size())));
-  if (!turned_) throw Error(ErrorKind::Failed, "weaving: out of memory");
-  std::memset(turned_.get(), 0, turned_bytes_ * slots_.size());
+  transposed_bytes_ = (bytes + kAlignment - 1) / kAlignment * kAlignment;
+  transposed_.reset(
+      static_cast<uint8_t*>(std::aligned_alloc(kAlignment, transposed_bytes_ * slots_.size())));
+  if (!transposed_) throw Error(ErrorKind::Failed, "weaving: out of memory");
+  std::memset(transposed_.get(), 0, transposed_bytes_ * slots_.size());
 }
 
 void BlockWeaver::prepare_spot() {
@@ -168,28 +168,29 @@ void BlockWeaver::look_at(const ViewSet& views) noexcept {
   std::fill(slots_.begin(), slots_.end(), -1);
 }
 
-void BlockWeaver::turn(int row, uint8_t* turned) const noexcept {
-  auto* const light = reinterpret_cast<uint16_t*>(turned);
+void BlockWeaver::transpose(int row, uint8_t* transposed) const noexcept {
+  auto* const light = reinterpret_cast<uint16_t*>(transposed);
 #if defined(__x86_64__)
-  if (kernel_ == WeaveKernel::Permute) return weave_kernel::turn_row(pictures_, row, turned);
+  if (kernel_ == WeaveKernel::Permute)
+    return weave_kernel::transpose_row(pictures_, row, transposed);
   if (kernel_ == WeaveKernel::Avx2)
     return weave_kernel::turn_light_avx2(terms_, pictures_, row, lanes_, light);
 #endif
   weave_kernel::turn_light_plainly(terms_, pictures_, row, lanes_, light);
 }
 
-const uint8_t* BlockWeaver::turned_row(int row) noexcept {
+const uint8_t* BlockWeaver::transposed_row(int row) noexcept {
   const size_t slot = static_cast<size_t>(row) % slots_.size();
-  uint8_t* const turned = turned_.get() + slot * turned_bytes_;
-  if (std::exchange(slots_[slot], row) != row) turn(row, turned);
-  return turned;
+  uint8_t* const transposed = transposed_.get() + slot * transposed_bytes_;
+  if (std::exchange(slots_[slot], row) != row) transpose(row, transposed);
+  return transposed;
 }
 
-weave_kernel::TurnedRows BlockWeaver::turned_rows(const Set& set) noexcept {
-  weave_kernel::TurnedRows rows{.upper = {}, .lower = {}, .lanes = lanes_};
+weave_kernel::TransposedRows BlockWeaver::transposed_rows(const Set& set) noexcept {
+  weave_kernel::TransposedRows rows{.upper = {}, .lower = {}, .lanes = lanes_};
   for (int r = 0; r < kRows; ++r) {
-    rows.upper[r] = turned_row(set.row[r]);
-    rows.lower[r] = turned_row(std::min(set.row[r] + 1, pictures_.height - 1));
+    rows.upper[r] = transposed_row(set.row[r]);
+    rows.lower[r] = transposed_row(std::min(set.row[r] + 1, pictures_.height - 1));
   }
   return rows;
 }
@@ -203,7 +204,7 @@ void BlockWeaver::mix_set(const Set& set, const weave_kernel::Quad* quads,
                           const weave_kernel::Target& target) noexcept {
   if (kernel_ == WeaveKernel::Plain)
     return weave_kernel::mix_set_plainly(terms_, pictures_, set, quads, target);
-  const weave_kernel::TurnedRows rows = turned_rows(set);
+  const weave_kernel::TransposedRows rows = transposed_rows(set);
 #if defined(__x86_64__)
   if (kernel_ == WeaveKernel::Permute)
     return weave_kernel::mix_set_by_permuting(terms_, rows, set, quads, target);
@@ -212,7 +213,7 @@ void BlockWeaver::mix_set(const Set& set, const weave_kernel::Quad* quads,
   if (kernel_ == WeaveKernel::Avx2)
     return weave_kernel::mix_set_avx2(terms_, rows, set, quads, target);
 #endif
-  weave_kernel::mix_set_turned(terms_, rows, set, quads, target);
+  weave_kernel::mix_set_transposed(terms_, rows, set, quads, target);
 }
 
 void BlockWeaver::blacken(const WeavePlan::Block& block) noexcept {

@@ -21,13 +21,13 @@ namespace lenticule::frames {
 
 /// WeaveKernel selects the inner loop; all kernels write the same bytes.
 enum class WeaveKernel {
-  Plain,    ///< any processor and plan, pixel by pixel
-  Turned,   ///< any processor and plan: picture rows are first transposed, views side by side in
-            ///< linear light
-  Avx2,     ///< the same with AVX2
-  Permute,  ///< AVX-512 with byte permutes (VBMI): stripes, up to 64 views, not for Gauss
+  Plain,       ///< any processor and plan, pixel by pixel
+  Transposed,  ///< any processor and plan: picture rows are first transposed, views side by side in
+               ///< linear light
+  Avx2,        ///< the same with AVX2
+  Permute,     ///< AVX-512 with byte permutes (VBMI): stripes, up to 64 views, not for Gauss
 };
-inline constexpr WeaveKernel kWeaveKernels[] = {WeaveKernel::Plain, WeaveKernel::Turned,
+inline constexpr WeaveKernel kWeaveKernels[] = {WeaveKernel::Plain, WeaveKernel::Transposed,
                                                 WeaveKernel::Avx2, WeaveKernel::Permute};
 [[nodiscard]] const char* to_string(WeaveKernel kernel);
 /// Returns true if this machine and plan can use the kernel.
@@ -49,7 +49,7 @@ class BlockWeaver {
   void weave(const ViewSet& views, int begin, int end, WovenFrame& frame) noexcept;
 
  private:
-  using Turned = std::unique_ptr<uint8_t[], void (*)(void*)>;
+  using Transposed = std::unique_ptr<uint8_t[], void (*)(void*)>;
 
   void prepare_spot();
   void look_at(const ViewSet& views) noexcept;
@@ -60,9 +60,9 @@ class BlockWeaver {
   void blacken(const WeavePlan::Block& block) noexcept;
   void encode_row(const uint16_t* light, uint8_t* codes) const noexcept;
   void prepare_turning();
-  void turn(int row, uint8_t* turned) const noexcept;
-  [[nodiscard]] const uint8_t* turned_row(int row) noexcept;
-  [[nodiscard]] weave_kernel::TurnedRows turned_rows(const weave_kernel::Set& set) noexcept;
+  void transpose(int row, uint8_t* transposed) const noexcept;
+  [[nodiscard]] const uint8_t* transposed_row(int row) noexcept;
+  [[nodiscard]] weave_kernel::TransposedRows transposed_rows(const weave_kernel::Set& set) noexcept;
 
   std::shared_ptr<const WeavePlan> plan_;
   WeaveKernel kernel_;
@@ -72,8 +72,8 @@ class BlockWeaver {
   std::vector<uint16_t> light_;
   size_t light_stride_ = 0;
   /// Transposed picture rows, with the views side by side: row r in slot r mod slots.
-  Turned turned_;
-  size_t turned_bytes_ = 0;
+  Transposed transposed_;
+  size_t transposed_bytes_ = 0;
   size_t lanes_ = 0;
   std::vector<int> slots_;
   std::vector<uint16_t> spot_;  ///< weights, for Gauss

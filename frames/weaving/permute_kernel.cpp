@@ -129,7 +129,7 @@ struct RowPattern {
   bool simple;                           ///< true if the rows have this pattern
 };
 
-RowPattern pattern_of(const TurnedRows& rows) {
+RowPattern pattern_of(const TransposedRows& rows) {
   int same = 1;
   while (same < kRows && rows.upper[same] == rows.upper[0]) ++same;
   bool simple = same == kRows || rows.upper[same] == rows.lower[0];
@@ -154,7 +154,7 @@ Codes choose_simply(const RowPattern& rows, const Choice& choice, size_t pixel) 
 }
 
 /// Chooses codes row by row; rows that use the same pixels are handled together.
-Codes choose_by_rows(const TurnedRows& rows, const Quad& quad, const Choice& choice) {
+Codes choose_by_rows(const TransposedRows& rows, const Quad& quad, const Choice& choice) {
   const __m512i none = _mm512_setzero_si512();
   Codes codes{none, none, none, none};
   for (int begin = 0; begin < kRows;) {
@@ -245,7 +245,7 @@ void place_batch(const Terms& terms, const Quad* quads, uint32_t count, Batch& b
   }
 }
 
-void choose_batch(const Terms& terms, const TurnedRows& rows, const Quad* quads, uint32_t count,
+void choose_batch(const Terms& terms, const TransposedRows& rows, const Quad* quads, uint32_t count,
                   Batch& batch) {
   const RowPattern pattern = pattern_of(rows);
   for (uint32_t n = 0; n < count; ++n) {
@@ -317,39 +317,40 @@ __m512i sixteen_of(const uint8_t* const* views, size_t at) {
 
 /// Transposes as many bytes of the row as fit into groups of sixteen, and returns their number.
 template <int kParts>
-size_t turn_sixteens(const Pictures& pictures, size_t begin, size_t bytes, uint8_t* turned) {
+size_t transpose_sixteens(const Pictures& pictures, size_t begin, size_t bytes,
+                          uint8_t* transposed) {
   size_t at = 0;
   for (; at + 16 <= bytes; at += 16) {
     if (at % 64 == 0) fetch_ahead(pictures, begin + at + kAhead);
     __m512i rows[16];
     for (int n = 0; n < 16; ++n) rows[n] = sixteen_of<kParts>(pictures.first + n, begin + at);
     transpose_16(rows);
-    for (size_t n = 0; n < 16; ++n) _mm512_store_si512(turned + (at + n) * kViewLanes, rows[n]);
+    for (size_t n = 0; n < 16; ++n) _mm512_store_si512(transposed + (at + n) * kViewLanes, rows[n]);
   }
   return at;
 }
 
-size_t turn_most(const Pictures& pictures, size_t begin, size_t bytes, uint8_t* turned) {
-  if (pictures.views <= 16) return turn_sixteens<1>(pictures, begin, bytes, turned);
-  if (pictures.views <= 32) return turn_sixteens<2>(pictures, begin, bytes, turned);
-  if (pictures.views <= 48) return turn_sixteens<3>(pictures, begin, bytes, turned);
-  return turn_sixteens<4>(pictures, begin, bytes, turned);
+size_t transpose_most(const Pictures& pictures, size_t begin, size_t bytes, uint8_t* transposed) {
+  if (pictures.views <= 16) return transpose_sixteens<1>(pictures, begin, bytes, transposed);
+  if (pictures.views <= 32) return transpose_sixteens<2>(pictures, begin, bytes, transposed);
+  if (pictures.views <= 48) return transpose_sixteens<3>(pictures, begin, bytes, transposed);
+  return transpose_sixteens<4>(pictures, begin, bytes, transposed);
 }
 
 }  // namespace
 
-void turn_row(const Pictures& pictures, int row, uint8_t* turned) noexcept {
+void transpose_row(const Pictures& pictures, int row, uint8_t* transposed) noexcept {
   const size_t begin = static_cast<size_t>(row) * pictures.stride;
   const size_t bytes = 3 * static_cast<size_t>(pictures.width);
-  for (size_t at = turn_most(pictures, begin, bytes, turned); at < bytes; ++at)
+  for (size_t at = transpose_most(pictures, begin, bytes, transposed); at < bytes; ++at)
     for (int view = 0; view < pictures.views; ++view)
-      turned[at * kViewLanes + static_cast<size_t>(view)] = pictures.first[view][begin + at];
+      transposed[at * kViewLanes + static_cast<size_t>(view)] = pictures.first[view][begin + at];
   for (size_t c = 0; c < 3; ++c)
-    _mm512_store_si512(turned + (bytes + c) * kViewLanes,
-                       _mm512_load_si512(turned + (bytes - 3 + c) * kViewLanes));
+    _mm512_store_si512(transposed + (bytes + c) * kViewLanes,
+                       _mm512_load_si512(transposed + (bytes - 3 + c) * kViewLanes));
 }
 
-void mix_set_by_permuting(const Terms& terms, const TurnedRows& rows, const Set& set,
+void mix_set_by_permuting(const Terms& terms, const TransposedRows& rows, const Set& set,
                           const Quad* quads, const Target& target) noexcept {
   const LightTable table = light_table(terms.light);
   const __m512i row_weight = per_row(set.row_share);

@@ -92,9 +92,9 @@ void mix_set_plainly(const Terms& terms, const Pictures& pictures, const Set& se
 void encode_plainly(const Terms& terms, const uint16_t* light, size_t count,
                     uint8_t* codes) noexcept;
 
-/// TurnedRows holds the transposed picture rows of a set, with the views side by side, as one of
-/// the turn_...() functions wrote them; aligned to 64.
-struct TurnedRows {
+/// TransposedRows holds the transposed picture rows of a set, with the views side by side, as one
+/// of the turn_...() functions wrote them; aligned to 64.
+struct TransposedRows {
   const void* upper[kRows];
   const void* lower[kRows];
   size_t lanes;  ///< unused by the permute kernel, which has kViewLanes
@@ -107,23 +107,23 @@ inline constexpr size_t kLaneStep = 16;
 /// pointers to views as lanes.
 void turn_light_plainly(const Terms& terms, const Pictures& pictures, int row, size_t lanes,
                         uint16_t* light) noexcept;
-void mix_set_turned(const Terms& terms, const TurnedRows& rows, const Set& set, const Quad* quads,
-                    const Target& target) noexcept;
+void mix_set_transposed(const Terms& terms, const TransposedRows& rows, const Set& set,
+                        const Quad* quads, const Target& target) noexcept;
 
 /// Do the same with AVX2. mix_set_avx2() mixes sets without a spot, mix_spot_set_avx2() sets with a
 /// spot.
 void turn_light_avx2(const Terms& terms, const Pictures& pictures, int row, size_t lanes,
                      uint16_t* light) noexcept;
-void mix_set_avx2(const Terms& terms, const TurnedRows& rows, const Set& set, const Quad* quads,
+void mix_set_avx2(const Terms& terms, const TransposedRows& rows, const Set& set, const Quad* quads,
                   const Target& target) noexcept;
-void mix_spot_set_avx2(const Terms& terms, const TurnedRows& rows, const Set& set,
+void mix_spot_set_avx2(const Terms& terms, const TransposedRows& rows, const Set& set,
                        const Quad* quads, const Target& target) noexcept;
 
-/// Do the same by permuting bytes, for at most kViewLanes views and sets of stride 1. turn_row()
-/// puts the codes of a picture row's views side by side: width + 1 pixels, the last one twice,
-/// three colours each, kViewLanes views each.
-void turn_row(const Pictures& pictures, int row, uint8_t* turned) noexcept;
-void mix_set_by_permuting(const Terms& terms, const TurnedRows& rows, const Set& set,
+/// Do the same by permuting bytes, for at most kViewLanes views and sets of stride 1.
+/// transpose_row() puts the codes of a picture row's views side by side: width + 1 pixels, the last
+/// one twice, three colours each, kViewLanes views each.
+void transpose_row(const Pictures& pictures, int row, uint8_t* transposed) noexcept;
+void mix_set_by_permuting(const Terms& terms, const TransposedRows& rows, const Set& set,
                           const Quad* quads, const Target& target) noexcept;
 void encode_by_permuting(const Terms& terms, const uint16_t* light, size_t count,
                          uint8_t* codes) noexcept;

@@ -39,10 +39,10 @@ int left_ms(Clock::time_point deadline) {
 
 }  // namespace
 
-ControlClient::ControlClient(const std::string& socket, std::chrono::milliseconds patience)
-    : socket_(socket), patience_(patience) {
+ControlClient::ControlClient(const std::string& socket, std::chrono::milliseconds timeout)
+    : socket_(socket), timeout_(timeout) {
   const frames::UnixAddress address = frames::unix_address(socket);
-  const auto deadline = Clock::now() + patience;
+  const auto deadline = Clock::now() + timeout;
   do {
     fd_ = UniqueFd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
     if (fd_ && ::connect(fd_.get(), address.get(), address.bytes) == 0) return;
@@ -55,7 +55,7 @@ ControlClient::ControlClient(const std::string& socket, std::chrono::millisecond
 
 void ControlClient::send(const ordered_json& request) {
   const std::string line = json_text(request) + "\n";
-  const auto deadline = Clock::now() + patience_;
+  const auto deadline = Clock::now() + timeout_;
   for (size_t sent = 0; sent < line.size();) {
     const ssize_t more = ::send(fd_.get(), line.data() + sent, line.size() - sent, MSG_NOSIGNAL);
     if (more > 0) sent += static_cast<size_t>(more);
@@ -79,9 +79,8 @@ std::optional<ordered_json> ControlClient::take_line() {
   return line;
 }
 
-std::optional<ordered_json> ControlClient::receive(std::chrono::milliseconds patience,
-                                                   int stop_fd) {
-  const auto deadline = Clock::now() + patience;
+std::optional<ordered_json> ControlClient::receive(std::chrono::milliseconds timeout, int stop_fd) {
+  const auto deadline = Clock::now() + timeout;
   while (true) {
     if (auto line = take_line()) return line;
     std::array<pollfd, 2> entries{{{.fd = fd_.get(), .events = POLLIN, .revents = 0},

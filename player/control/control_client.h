@@ -14,22 +14,22 @@ namespace lenticule::player {
 /// Thread safety: one thread.
 class ControlClient {
  public:
-  /// Throws Error(Device) if no player accepts the connection within `patience` (the timeout).
-  ControlClient(const std::string& socket, std::chrono::milliseconds patience);
+  /// Throws Error(Device) if no player accepts the connection within `timeout`.
+  ControlClient(const std::string& socket, std::chrono::milliseconds timeout);
 
   /// Throws Error(Device) if the player closed the connection.
   void send(const nlohmann::ordered_json& request);
   /// Returns the next line; none if no line arrived in time or `stop_fd` is readable. Throws
   /// Error(Device) if the player closed the connection and Error(Failed) if the line is not a JSON
   /// object.
-  [[nodiscard]] std::optional<nlohmann::ordered_json> receive(std::chrono::milliseconds patience,
+  [[nodiscard]] std::optional<nlohmann::ordered_json> receive(std::chrono::milliseconds timeout,
                                                               int stop_fd = -1);
 
  private:
   [[nodiscard]] std::optional<nlohmann::ordered_json> take_line();
 
   std::string socket_;
-  std::chrono::milliseconds patience_;
+  std::chrono::milliseconds timeout_;
   UniqueFd fd_;
   std::string in_;
 };

@@ -29,7 +29,7 @@ constexpr int kTickMs = 500;
 
 /// Sends the error and closes the connection. Best effort: the error is lost if the socket cannot
 /// take it at once.
-void tell_and_close(const UniqueFd& fd, const Error& error) {
+void report_and_close(const UniqueFd& fd, const Error& error) {
   const std::string line = error_line(nullptr, error);
   (void)::send(fd.get(), line.data(), line.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
 }
@@ -146,12 +146,13 @@ void ControlServer::admit(UniqueFd fd) {
   const ControlRights rights = peer ? rights_of(*peer, policy_) : ControlRights::None;
   if (rights == ControlRights::None) {
     refused_.fetch_add(1);
-    return tell_and_close(fd, {ErrorKind::Device, "control: the player belongs to another user",
-                               "connect as its user, as root, or as a member of --control-group"});
+    return report_and_close(fd,
+                            {ErrorKind::Device, "control: the player belongs to another user",
+                             "connect as its user, as root, or as a member of --control-group"});
   }
   if (clients_.size() >= options_.limits.clients && !make_room(rights)) {
     refused_.fetch_add(1);
-    return tell_and_close(
+    return report_and_close(
         fd, {ErrorKind::Device,
              fmt::format("control: {} clients are connected and busy", options_.limits.clients),
              "close one of them, or try again when one is idle"});
@@ -186,7 +187,7 @@ bool ControlServer::make_room(ControlRights newcomer) {
   const bool idle = !is_busy(**victim) && (*victim)->asked_at <= idle_since;
   if (!idle && !always) return false;
   displaced_.fetch_add(1);
-  tell_and_close(
+  report_and_close(
       (*victim)->fd,
       {ErrorKind::Device, "control: disconnected, because another client needed the connection",
        "connect again for the next request"});

@@ -63,12 +63,12 @@ void PlayControls::steer(PlaylistSource* source) {
   source_ = source;
 }
 
-void PlayControls::tell_statistics(const ordered_json& statistics) {
+void PlayControls::report_statistics(const ordered_json& statistics) {
   const std::lock_guard lock(mutex_);
   statistics_ = statistics;
 }
 
-void PlayControls::tell_state(const std::string& state) {
+void PlayControls::report_state(const std::string& state) {
   const std::lock_guard lock(mutex_);
   state_ = state;
 }
@@ -124,18 +124,18 @@ ordered_json PlayControls::trim_json(const optics::Trim& trim) const {
 /// Returns the frame displayed at this moment and the item being read; around a change the two
 /// differ for a few frames.
 ordered_json PlayControls::status() const {
-  const GlassPlace glass = playback_.on_glass();
+  const DisplayedPlace displayed = playback_.displayed();
   const std::lock_guard lock(mutex_);
   const bool playing = state_ == "playing";
   ordered_json json = {{"state", playing && playback_.paused() ? "paused" : state_},
-                       {"frames_shown", glass.frames},
+                       {"frames_shown", displayed.frames},
                        {"log_lines_dropped", dropped_log_lines()}};
   json["on_glass"] = nullptr;
   if (source_ != nullptr) {
-    const auto play = static_cast<uint32_t>(glass.item);
+    const auto play = static_cast<uint32_t>(displayed.item);
     const PlaylistStatus status = source_->status();
-    if (glass.frames > 0) {
-      json["on_glass"] = {{"source", source_->source_of(play)}, {"frame", glass.number}};
+    if (displayed.frames > 0) {
+      json["on_glass"] = {{"source", source_->source_of(play)}, {"frame", displayed.number}};
       const auto item = source_->place_of(play);
       json["on_glass"]["item"] = item ? ordered_json(*item) : ordered_json(nullptr);
     }
@@ -144,7 +144,7 @@ ordered_json PlayControls::status() const {
     json["rounds_done"] = status.rounds_done;
     json["opening"] = status.opening;
     json["items_skipped"] = status.skipped;
-    json["last_trouble"] = status.last_trouble;
+    json["last_trouble"] = status.last_problem;
     json.update(to_json(status.damage));
   }
   if (options_.trim) json["trim"] = trim_json(options_.trim->trim());
@@ -232,16 +232,16 @@ void PlayControls::snapshot(const ControlRequest& request, const Answer& answer)
 }
 
 ordered_json PlayControls::take_snapshot(const ControlRequest& request) {
-  frames::WovenFrame glass(options_.panel);
-  const GlassPlace place = playback_.on_glass();
-  if (!playback_.copy_shown(glass))
+  frames::WovenFrame displayed(options_.panel);
+  const DisplayedPlace place = playback_.displayed();
+  if (!playback_.copy_shown(displayed))
     throw Error(ErrorKind::Failed, "snapshot: the displayed frame is not in memory",
                 "if the source keeps few frames, play with more --slots");
-  if (request.eye_mm) glass = seen_by(options_.trim->rig(), glass, *request.eye_mm);
-  frames::write_woven(glass.view(), request.file);
+  if (request.eye_mm) displayed = seen_by(options_.trim->rig(), displayed, *request.eye_mm);
+  frames::write_woven(displayed.view(), request.file);
   return {{"file", request.file},
-          {"width", glass.width()},
-          {"height", glass.height()},
+          {"width", displayed.width()},
+          {"height", displayed.height()},
           {"frame", place.number}};
 }
 

@@ -52,8 +52,8 @@ class PlayControls final : public ControlTarget {
   /// must stay valid until the next call.
   void steer(PlaylistSource* source);
   /// Stores the newest statistics, and a one-word state of the player, for later requests.
-  void tell_statistics(const nlohmann::ordered_json& statistics);
-  void tell_state(const std::string& state);
+  void report_statistics(const nlohmann::ordered_json& statistics);
+  void report_state(const std::string& state);
 
  private:
   using Answer = std::function<void(ControlAnswer)>;

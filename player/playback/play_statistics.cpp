@@ -38,7 +38,7 @@ ordered_json pace_json(const PaceCounts& pace) {
 
 }  // namespace
 
-void LiveGlassPlace::publish(const GlassPlace& place) noexcept {
+void LiveDisplayedPlace::publish(const DisplayedPlace& place) noexcept {
   const auto values = std::bit_cast<std::array<uint64_t, kFields>>(place);
   const uint64_t version = version_.load(std::memory_order_relaxed);
   version_.store(version + 1, std::memory_order_seq_cst);
@@ -46,14 +46,14 @@ void LiveGlassPlace::publish(const GlassPlace& place) noexcept {
   version_.store(version + 2, std::memory_order_seq_cst);
 }
 
-GlassPlace LiveGlassPlace::read() const noexcept {
+DisplayedPlace LiveDisplayedPlace::read() const noexcept {
   std::array<uint64_t, kFields> values{};
   uint64_t before = 0;
   do {
     before = version_.load(std::memory_order_seq_cst);
     for (size_t k = 0; k < kFields; ++k) values[k] = fields_[k].load(std::memory_order_seq_cst);
   } while (before % 2 != 0 || before != version_.load(std::memory_order_seq_cst));
-  return std::bit_cast<GlassPlace>(values);
+  return std::bit_cast<DisplayedPlace>(values);
 }
 
 void LivePaceCounts::publish(const PaceCounts& counts) noexcept {
@@ -67,7 +67,7 @@ PaceCounts LivePaceCounts::read() const noexcept {
   return std::bit_cast<PaceCounts>(values);
 }
 
-void FillerStatistics::sample_ready(uint64_t ready) noexcept {
+void FrameCopierStatistics::sample_ready(uint64_t ready) noexcept {
   ready_min.set(ready_samples.get() == 0 ? ready : std::min(ready_min.get(), ready));
   ready_sum.add(ready);
   ready_samples.add();
@@ -105,7 +105,7 @@ nlohmann::ordered_json to_json(const PlayReport& report) {
                        {"first_frame_ms", report.first_frame_ms}};
   json.update(pace_json(report.pace));
   for (const auto& [name, field] : kPresenterCounters<uint64_t>) json[name] = report.*field;
-  for (const auto& [name, field] : kFillerCounters<uint64_t>) json[name] = report.*field;
+  for (const auto& [name, field] : kFrameCopierCounters<uint64_t>) json[name] = report.*field;
   json.update({{"ring_fill", {{"min", report.ready_min}, {"avg", report.ready_avg}}},
                {"submit_to_flip_us", latency_json(report.submit_to_flip)},
                {"wake_latency_us", latency_json(report.wake)},

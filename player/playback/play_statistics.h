@@ -42,22 +42,22 @@ class LivePaceCounts {
 };
 
 /// Identifies the displayed frame.
-struct GlassPlace {
+struct DisplayedPlace {
   uint64_t frames = 0;  ///< frames shown so far; 0 = none yet
   uint64_t index = 0;   ///< index in the playback
   uint64_t item = 0;    ///< item number that the source gives
   uint64_t number = 0;  ///< frame number within the item
 };
 
-/// LiveGlassPlace publishes a GlassPlace that any thread can read consistently (a seqlock); its one
-/// writer never waits.
-class LiveGlassPlace {
+/// LiveDisplayedPlace publishes a DisplayedPlace that any thread can read consistently (a seqlock);
+/// its one writer never waits.
+class LiveDisplayedPlace {
  public:
-  void publish(const GlassPlace& place) noexcept;
-  [[nodiscard]] GlassPlace read() const noexcept;
+  void publish(const DisplayedPlace& place) noexcept;
+  [[nodiscard]] DisplayedPlace read() const noexcept;
 
  private:
-  static constexpr size_t kFields = sizeof(GlassPlace) / sizeof(uint64_t);
+  static constexpr size_t kFields = sizeof(DisplayedPlace) / sizeof(uint64_t);
   std::atomic<uint64_t> version_{0};  ///< odd during a write
   std::array<std::atomic<uint64_t>, kFields> fields_{};
 };
@@ -94,24 +94,25 @@ static_assert(std::size(kPresenterCounters<uint64_t>) * sizeof(uint64_t) ==
               "each field has a line");
 
 template <class Value>
-struct FillerCounts {
+struct FrameCopierCounts {
   Value loops{};     ///< times the sequence was complete
   Value filled{};    ///< frames copied into scan-out memory
   Value released{};  ///< frames returned uncopied because they would have been too late
 };
 template <class Value>
-inline constexpr std::pair<const char*, Value FillerCounts<Value>::*> kFillerCounters[] = {
-    {"loops", &FillerCounts<Value>::loops},
-    {"frames_copied", &FillerCounts<Value>::filled},
-    {"frames_released", &FillerCounts<Value>::released},
+inline constexpr std::pair<const char*, Value FrameCopierCounts<Value>::*> kFrameCopierCounters[] =
+    {
+        {"loops", &FrameCopierCounts<Value>::loops},
+        {"frames_copied", &FrameCopierCounts<Value>::filled},
+        {"frames_released", &FrameCopierCounts<Value>::released},
 };
-static_assert(std::size(kFillerCounters<uint64_t>) * sizeof(uint64_t) ==
-                  sizeof(FillerCounts<uint64_t>),
+static_assert(std::size(kFrameCopierCounters<uint64_t>) * sizeof(uint64_t) ==
+                  sizeof(FrameCopierCounts<uint64_t>),
               "each field has a line");
 
 struct PresenterStatistics : PresenterCounts<Counter> {
   LivePaceCounts pace;
-  LiveGlassPlace glass;
+  LiveDisplayedPlace displayed;
   Counter real_time;      ///< 1 if the presenter has a real-time priority
   Counter first_flip_ns;  ///< std::chrono::steady_clock
   Counter content_numerator;
@@ -124,7 +125,7 @@ struct PresenterStatistics : PresenterCounts<Counter> {
   LatencyHistogram wake;  ///< time from the vblank until the presenter runs
 };
 
-struct FillerStatistics : FillerCounts<Counter> {
+struct FrameCopierStatistics : FrameCopierCounts<Counter> {
   Counter ready_sum;
   Counter ready_samples;
   Counter ready_min;
@@ -135,7 +136,7 @@ struct FillerStatistics : FillerCounts<Counter> {
 
 struct LiveStatistics {
   PresenterStatistics presenter;
-  FillerStatistics filler;
+  FrameCopierStatistics frame_copier;
 };
 
 /// Memory of this process in bytes; zeros where /proc is missing.
@@ -148,7 +149,7 @@ struct ResidentMemory {
 [[nodiscard]] ResidentMemory read_resident_memory();
 
 /// The figures at one moment.
-struct PlayReport : PresenterCounts<uint64_t>, FillerCounts<uint64_t> {
+struct PlayReport : PresenterCounts<uint64_t>, FrameCopierCounts<uint64_t> {
   std::string source;
   std::string display;
   frames::FrameGeometry geometry;

@@ -34,14 +34,14 @@ class Threads {
   Threads(display::Display& display, frames::FrameSource& source, LiveStatistics& statistics,
           const PlaybackOptions& options)
       : statistics_(statistics),
-        own_filler_(options.filling == Filling::OwnThread),
+        own_copier_thread_(options.filling == Filling::OwnThread),
         real_time_(options.real_time_priority),
-        filler_(source, display, statistics.filler,
-                {.loops = options.loops,
-                 .prime = options.prime,
-                 .keep_newest = options.reconnect != nullptr,
-                 .keep_shown = options.control != nullptr}),
-        presenter_(display, filler_, statistics.presenter,
+        frame_copier_(source, display, statistics.frame_copier,
+                      {.loops = options.loops,
+                       .prime = options.prime,
+                       .keep_newest = options.reconnect != nullptr,
+                       .keep_shown = options.control != nullptr}),
+        presenter_(display, frame_copier_, statistics.presenter,
                    {.content = options.content,
                     .late = options.late,
                     .vblanks = options.vblanks,
@@ -49,7 +49,7 @@ class Threads {
                     .stall_timeout = options.stall_timeout,
                     .filling = options.filling}),
         control_(options.control) {
-    if (control_ != nullptr) control_->attach(presenter_, filler_, statistics_.presenter);
+    if (control_ != nullptr) control_->attach(presenter_, frame_copier_, statistics_.presenter);
   }
   ~Threads() {
     end();
@@ -63,7 +63,7 @@ class Threads {
   void request_stop() noexcept { presenter_.request_stop(); }
 
   void start() {
-    if (own_filler_) filler_thread_ = std::thread([this] { filler_.run(); });
+    if (own_copier_thread_) copier_thread_ = std::thread([this] { frame_copier_.run(); });
     presenter_thread_ = std::thread([this] {
       if (real_time_ && take_real_time_priority()) statistics_.presenter.real_time.set(1);
       outcome_ = presenter_.run();
@@ -72,11 +72,11 @@ class Threads {
   }
 
   /// Forgets the lost display's buffers. Call it after end(), before the display is opened again.
-  void forget_buffers() noexcept { filler_.forget_buffers(); }
+  void forget_buffers() noexcept { frame_copier_.forget_buffers(); }
   /// Starts the threads again after forget_buffers(), once the display is back.
   void start_again() {
     over_.drain();
-    presenter_.resume(filler_.begin_again());
+    presenter_.resume(frame_copier_.begin_again());
     start();
   }
 
@@ -84,26 +84,27 @@ class Threads {
   void end() noexcept {
     presenter_.request_stop();
     if (presenter_thread_.joinable()) presenter_thread_.join();
-    filler_.request_stop();
-    if (filler_thread_.joinable()) filler_thread_.join();
+    frame_copier_.request_stop();
+    if (copier_thread_.joinable()) copier_thread_.join();
   }
-  void close_books() noexcept { presenter_.close_books(); }
+  void finish_statistics() noexcept { presenter_.finish_statistics(); }
   [[nodiscard]] PlayOutcome outcome() const noexcept { return outcome_; }
   [[nodiscard]] auto time_left() const noexcept { return presenter_.time_left(); }
   [[nodiscard]] std::string failure() const {
-    return filler_.state() == Filler::State::Failed ? filler_.failure() : std::string();
+    return frame_copier_.state() == FrameCopier::State::Failed ? frame_copier_.failure()
+                                                               : std::string();
   }
 
  private:
   LiveStatistics& statistics_;
-  const bool own_filler_;
+  const bool own_copier_thread_;
   const bool real_time_;
-  Filler filler_;
+  FrameCopier frame_copier_;
   Presenter presenter_;
   PlaybackControl* const control_;
   WakeFd over_;
   PlayOutcome outcome_ = PlayOutcome::Stopped;
-  std::thread filler_thread_;
+  std::thread copier_thread_;
   std::thread presenter_thread_;
 };
 
@@ -136,15 +137,16 @@ void add_counters(const LiveStatistics& live, PlayReport& report) {
   report.submit_to_flip = presenter.submit_to_flip.summary();
   report.wake = presenter.wake.summary();
 
-  const FillerStatistics& filler = live.filler;
-  for (size_t k = 0; k < std::size(kFillerCounters<Counter>); ++k)
-    report.*kFillerCounters<uint64_t>[k].second =
-        (filler.*kFillerCounters<Counter>[k].second).get();
-  report.ready_min = filler.ready_min.get();
-  const uint64_t samples = filler.ready_samples.get();
+  const FrameCopierStatistics& frame_copier = live.frame_copier;
+  for (size_t k = 0; k < std::size(kFrameCopierCounters<Counter>); ++k)
+    report.*kFrameCopierCounters<uint64_t>[k].second =
+        (frame_copier.*kFrameCopierCounters<Counter>[k].second).get();
+  report.ready_min = frame_copier.ready_min.get();
+  const uint64_t samples = frame_copier.ready_samples.get();
   if (samples > 0)
-    report.ready_avg = static_cast<double>(filler.ready_sum.get()) / static_cast<double>(samples);
-  report.copy = filler.copy.summary();
+    report.ready_avg =
+        static_cast<double>(frame_copier.ready_sum.get()) / static_cast<double>(samples);
+  report.copy = frame_copier.copy.summary();
 }
 
 class Reporter {
@@ -236,11 +238,11 @@ void check_sizes(const display::Display& display, const frames::FrameSource& sou
 
 }  // namespace
 
-void PlaybackControl::attach(Presenter& presenter, Filler& filler,
+void PlaybackControl::attach(Presenter& presenter, FrameCopier& frame_copier,
                              const PresenterStatistics& statistics) {
   const std::lock_guard lock(mutex_);
   presenter_ = &presenter;
-  filler_ = &filler;
+  frame_copier_ = &frame_copier;
   statistics_ = &statistics;
   presenter.set_paused(paused_);
 }
@@ -248,7 +250,7 @@ void PlaybackControl::attach(Presenter& presenter, Filler& filler,
 void PlaybackControl::detach() {
   const std::lock_guard lock(mutex_);
   presenter_ = nullptr;
-  filler_ = nullptr;
+  frame_copier_ = nullptr;
   statistics_ = nullptr;
 }
 
@@ -263,15 +265,15 @@ bool PlaybackControl::paused() const {
   return paused_;
 }
 
-GlassPlace PlaybackControl::on_glass() const {
+DisplayedPlace PlaybackControl::displayed() const {
   const std::lock_guard lock(mutex_);
-  return statistics_ != nullptr ? statistics_->glass.read() : GlassPlace{};
+  return statistics_ != nullptr ? statistics_->displayed.read() : DisplayedPlace{};
 }
 
 bool PlaybackControl::copy_shown(frames::WovenFrame& into) {
   const std::lock_guard lock(mutex_);
-  if (filler_ == nullptr || statistics_->glass.read().frames == 0) return false;
-  return filler_->copy_shown(into, milliseconds(1000));
+  if (frame_copier_ == nullptr || statistics_->displayed.read().frames == 0) return false;
+  return frame_copier_->copy_shown(into, milliseconds(1000));
 }
 
 const char* outcome_name(PlayOutcome outcome) {
@@ -297,7 +299,7 @@ PlayResult play(display::Display& display, frames::FrameSource& source,
   Reporter reporter(display, options, statistics);
   Threads threads(display, source, statistics, options);
   const PlayOutcome outcome = play_to_the_end(threads, reporter, display, source, options);
-  threads.close_books();
+  threads.finish_statistics();
   return {.outcome = outcome,
           .failure = threads.failure(),
           .report = reporter.now(outcome_name(outcome))};

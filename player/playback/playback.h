@@ -32,7 +32,7 @@ enum class ReconnectResult {
   TimeOver,     ///< LostDisplay::time_left is over: the outcome is Finished
 };
 
-class Filler;
+class FrameCopier;
 
 /// PlaybackControl lets other threads control a playback. While no playback is attached, pausing is
 /// remembered and everything else reports that nothing is displayed. Lifetime: must outlive the
@@ -42,20 +42,21 @@ class PlaybackControl {
   /// Thread safety: any thread.
   void pause(bool paused);
   [[nodiscard]] bool paused() const;
-  [[nodiscard]] GlassPlace on_glass() const;
+  [[nodiscard]] DisplayedPlace displayed() const;
   /// Copies the displayed frame, which must have the size of `into`; returns false if that is not
   /// possible. Waits at most a second.
   [[nodiscard]] bool copy_shown(frames::WovenFrame& into);
 
   /// Called by play(): attaches the running playback, and detaches it before play() returns.
-  void attach(Presenter& presenter, Filler& filler, const PresenterStatistics& statistics);
+  void attach(Presenter& presenter, FrameCopier& frame_copier,
+              const PresenterStatistics& statistics);
   void detach();
 
  private:
   mutable std::mutex mutex_;
   bool paused_ = false;
   Presenter* presenter_ = nullptr;
-  Filler* filler_ = nullptr;
+  FrameCopier* frame_copier_ = nullptr;
   const PresenterStatistics* statistics_ = nullptr;
 };
 

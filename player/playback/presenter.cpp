@@ -16,7 +16,7 @@ using std::chrono::milliseconds;
 /// Longest wait before the stop request is checked again.
 constexpr Nanoseconds kLongestWait = milliseconds(100);
 /// Real time that a working source is waited for in simulated time.
-constexpr milliseconds kSourcePatience{10'000};
+constexpr milliseconds kSourceTimeout{10'000};
 /// A submission less than this before its vblank counts as late.
 constexpr Nanoseconds kSubmitMargin = std::chrono::microseconds(1500);
 /// The display is considered lost after this many consecutive flips without an event, or refusals.
@@ -29,16 +29,16 @@ Nanoseconds period_of(frames::Rate refresh) {
 
 }  // namespace
 
-Presenter::Presenter(display::Display& display, Filler& filler, PresenterStatistics& statistics,
-                     const PresenterOptions& options)
+Presenter::Presenter(display::Display& display, FrameCopier& frame_copier,
+                     PresenterStatistics& statistics, const PresenterOptions& options)
     : display_(display),
-      filler_(filler),
+      frame_copier_(frame_copier),
       statistics_(statistics),
       options_(options),
       period_(period_of(display.mode().refresh)),
       pacer_(display.mode().refresh, display.mode().refresh, options.late),
       wanted_rate_(display.mode().refresh) {
-  filler_.wake_at_cuts(wake_);
+  frame_copier_.wake_at_cuts(wake_);
 }
 
 void Presenter::set_paused(bool paused) noexcept {
@@ -64,13 +64,13 @@ void Presenter::play_on() noexcept {
   while (!over()) {
     act();
     if (over()) break;
-    handle(display_.wait_event(awaited_by() + event_patience(), wake_.fd()));
+    handle(display_.wait_event(awaited_by() + event_timeout(), wake_.fd()));
     publish();
   }
   land_pending_flip();
 }
 
-void Presenter::close_books() noexcept {
+void Presenter::finish_statistics() noexcept {
   pacer_.finish(end_vblank_.value_or(last_sequence_ + 1));
   publish();
 }
@@ -86,7 +86,7 @@ void Presenter::resume(uint64_t frame) noexcept {
   shows_one_more_ = true;
   events_lost_in_a_row_ = refused_in_a_row_ = 0;
   period_ = period_of(display_.mode().refresh);
-  count_begins_anew_ = true;
+  restart_count_ = true;
   statistics_.display_returns.add();
   const uint64_t expected = pacer_.frame();
   if (frame < expected)
@@ -106,14 +106,14 @@ void Presenter::prime() noexcept {
   Nanoseconds begin = display_.now();
   std::optional<Nanoseconds> first_frame;
   while (!over()) {
-    if (options_.filling == Filling::InPresenter) filler_.pump(kSourcePatience);
-    filler_.wake_at_next_change(wake_);
+    if (options_.filling == Filling::InPresenter) frame_copier_.pump(kSourceTimeout);
+    frame_copier_.wake_at_next_change(wake_);
     const Nanoseconds now = display_.now();
-    const bool over_already = filler_.state() != Filler::State::Running;
-    if (filler_.idle()) begin = now;
-    if (filler_.peek() != nullptr) {
+    const bool over_already = frame_copier_.state() != FrameCopier::State::Running;
+    if (frame_copier_.idle()) begin = now;
+    if (frame_copier_.peek() != nullptr) {
       if (!first_frame) first_frame = now;
-      if (filler_.primed() || now >= *first_frame + options_.prime_timeout) return;
+      if (frame_copier_.primed() || now >= *first_frame + options_.prime_timeout) return;
     } else if (over_already) {
       outcome_ = PlayOutcome::SourceFailed;
     } else if (options_.stall_timeout && now >= begin + *options_.stall_timeout) {
@@ -129,7 +129,7 @@ void Presenter::prime() noexcept {
 frames::Rate Presenter::content_wanted() const noexcept {
   const frames::Rate refresh = display_.mode().refresh;
   if (options_.content) return *options_.content;
-  return filler_.peek() != nullptr ? filler_.peek()->rate.value_or(refresh) : refresh;
+  return frame_copier_.peek() != nullptr ? frame_copier_.peek()->rate.value_or(refresh) : refresh;
 }
 
 void Presenter::choose_rate() noexcept {
@@ -147,7 +147,7 @@ void Presenter::state_rate() noexcept {
 
 /// Decides what the next vblank shows, unless that is decided already.
 void Presenter::act() noexcept {
-  if (options_.filling == Filling::InPresenter) filler_.pump(kSourcePatience);
+  if (options_.filling == Filling::InPresenter) frame_copier_.pump(kSourceTimeout);
   if (pending_) return;
   follow_cut();
   const uint64_t target = next_reachable_vblank();
@@ -162,7 +162,7 @@ void Presenter::act() noexcept {
     follow_rate();
     switch (pacer_.decide(target, head_is_ready())) {
       case PaceDecision::Submit:
-        return submit(*filler_.peek(), target);
+        return submit(*frame_copier_.peek(), target);
       case PaceDecision::Later:
         return request_vblank(pacer_.due() - 2);
       case PaceDecision::Starved:
@@ -174,27 +174,27 @@ void Presenter::act() noexcept {
 }
 
 bool Presenter::head_is_ready() const noexcept {
-  const FilledFrame* const head = filler_.peek();
+  const FilledFrame* const head = frame_copier_.peek();
   if (head == nullptr || head->index != pacer_.frame()) return false;
-  return !rebuffering_ || filler_.primed();
+  return !rebuffering_ || frame_copier_.primed();
 }
 
 void Presenter::discard_before(uint64_t index) noexcept {
-  filler_.skip_before(index);
-  const FilledFrame* head = filler_.peek();
-  for (; head != nullptr && head->index < index; head = filler_.peek()) discard_head();
+  frame_copier_.skip_before(index);
+  const FilledFrame* head = frame_copier_.peek();
+  for (; head != nullptr && head->index < index; head = frame_copier_.peek()) discard_head();
 }
 
 void Presenter::discard_head() noexcept {
-  display_.discard(filler_.peek()->buffer);
-  filler_.pop();
-  filler_.buffer_freed();
+  display_.discard(frame_copier_.peek()->buffer);
+  frame_copier_.pop();
+  frame_copier_.buffer_freed();
 }
 
 /// Handles a discontinuity of the source: discards frames filled before it and starts a new
 /// schedule with the first frame after it. Until then the displayed frame stays.
 void Presenter::follow_cut() noexcept {
-  const uint64_t cut = filler_.cut();
+  const uint64_t cut = frame_copier_.cut();
   if (cut != cut_) {
     cut_ = cut;
     after_cut_ = shows_one_more_ = true;
@@ -202,8 +202,8 @@ void Presenter::follow_cut() noexcept {
     starved_since_.reset();
     pacer_.begin_epoch();
   }
-  const FilledFrame* head = filler_.peek();
-  for (; head != nullptr && head->cut < cut_; head = filler_.peek()) {
+  const FilledFrame* head = frame_copier_.peek();
+  for (; head != nullptr && head->cut < cut_; head = frame_copier_.peek()) {
     discard_head();
     statistics_.frames_cut.add();
   }
@@ -216,7 +216,7 @@ void Presenter::follow_cut() noexcept {
 
 /// Follows the rate of the next frame: items of a list may have rates of their own.
 void Presenter::follow_rate() noexcept {
-  const FilledFrame* const head = filler_.peek();
+  const FilledFrame* const head = frame_copier_.peek();
   if (options_.content || head == nullptr || head->index != pacer_.frame()) return;
   const frames::Rate rate = head->rate.value_or(display_.mode().refresh);
   if (rate == wanted_rate_) return;
@@ -250,7 +250,7 @@ void Presenter::submit(const FilledFrame& frame, uint64_t target) noexcept {
       outcome_ = PlayOutcome::DisplayLost;
       return;
   }
-  filler_.pop();
+  frame_copier_.pop();
   pacer_.submitted(target);
   pending_ = {
       .target = target, .id = id, .submitted = now, .number = head.number, .item = head.item};
@@ -267,15 +267,15 @@ void Presenter::submit(const FilledFrame& frame, uint64_t target) noexcept {
 
 /// Handles a frame that is due and not ready: the displayed frame stays.
 void Presenter::starve(uint64_t target) noexcept {
-  const Filler::State state = filler_.state();
-  if (state != Filler::State::Running && filler_.peek() == nullptr) {
+  const FrameCopier::State state = frame_copier_.state();
+  if (state != FrameCopier::State::Running && frame_copier_.peek() == nullptr) {
     pacer_.end_of_sequence();
     const uint64_t end = std::max(pacer_.due(), target);
-    return end_at_vblank(
-        end, state == Filler::State::Ended ? PlayOutcome::Finished : PlayOutcome::SourceFailed);
+    return end_at_vblank(end, state == FrameCopier::State::Ended ? PlayOutcome::Finished
+                                                                 : PlayOutcome::SourceFailed);
   }
   const Nanoseconds now = display_.now();
-  if (filler_.idle()) {
+  if (frame_copier_.idle()) {
     starved_since_.reset();
     pacer_.begin_epoch();
   } else if (!starved_since_) {
@@ -286,9 +286,9 @@ void Presenter::starve(uint64_t target) noexcept {
     outcome_ = PlayOutcome::SourceStalled;
     return;
   }
-  if (filler_.between_sequences()) pacer_.begin_epoch();
+  if (frame_copier_.between_sequences()) pacer_.begin_epoch();
   rebuffering_ = options_.late == LatePolicy::Hold;
-  filler_.wake_at_next_change(wake_);
+  frame_copier_.wake_at_next_change(wake_);
   if (head_is_ready()) wake_.signal();
   request_vblank(last_sequence_);
 }
@@ -311,7 +311,7 @@ void Presenter::request_vblank(uint64_t sequence) noexcept {
     tick_expected_ = last_vblank_ + static_cast<int64_t>(periods) * period_;
   }
   const auto theirs = static_cast<int64_t>(sequence - count_ahead_);
-  const bool known = !count_begins_anew_ && theirs > 0;
+  const bool known = !restart_count_ && theirs > 0;
   tick_requested_ = display_.request_vblank(known ? static_cast<uint64_t>(theirs) : 0);
   if (!tick_requested_) outcome_ = PlayOutcome::DisplayLost;
 }
@@ -319,7 +319,7 @@ void Presenter::request_vblank(uint64_t sequence) noexcept {
 /// Converts the display's vblank number to this playback's. The first event after the display came
 /// back gives the new offset; the elapsed time gives this playback's number.
 DisplayEvent Presenter::in_our_count(DisplayEvent event) noexcept {
-  if (std::exchange(count_begins_anew_, false) && last_vblank_ > Nanoseconds{0}) {
+  if (std::exchange(restart_count_, false) && last_vblank_ > Nanoseconds{0}) {
     const int64_t away = std::max<int64_t>(1, (event.time - last_vblank_) / period_);
     count_ahead_ = last_sequence_ + static_cast<uint64_t>(away) - event.sequence;
   }
@@ -356,14 +356,14 @@ void Presenter::handle_flip(const DisplayEvent& event) noexcept {
   statistics_.submit_to_flip.record(event.time - pending_->submitted);
   observe_vblank(event);
   pacer_.flipped(event.sequence);
-  filler_.shown(pending_->id);
-  statistics_.glass.publish({.frames = pacer_.counts().shown,
-                             .index = pending_->id,
-                             .item = pending_->item,
-                             .number = pending_->number});
+  frame_copier_.shown(pending_->id);
+  statistics_.displayed.publish({.frames = pacer_.counts().shown,
+                                 .index = pending_->id,
+                                 .item = pending_->item,
+                                 .number = pending_->number});
   pending_.reset();
   events_lost_in_a_row_ = 0;
-  filler_.buffer_freed();
+  frame_copier_.buffer_freed();
 }
 
 void Presenter::observe_vblank(const DisplayEvent& event) noexcept {
@@ -380,13 +380,13 @@ void Presenter::observe_vblank(const DisplayEvent& event) noexcept {
 void Presenter::handle_timeout() noexcept {
   wake_.drain();
   const Nanoseconds now = display_.now();
-  if (pending_ && now >= pending_->submitted + event_patience()) {
+  if (pending_ && now >= pending_->submitted + event_timeout()) {
     statistics_.flip_timeouts.add();
     if (++events_lost_in_a_row_ >= kMaxEventsLost) outcome_ = PlayOutcome::DisplayLost;
     pacer_.flipped(pending_->target);
     pending_.reset();
-    filler_.buffer_freed();
-  } else if (!pending_ && tick_requested_ && now >= tick_expected_ + event_patience()) {
+    frame_copier_.buffer_freed();
+  } else if (!pending_ && tick_requested_ && now >= tick_expected_ + event_timeout()) {
     statistics_.vblank_timeouts.add();
     tick_requested_ = false;
   }
@@ -396,7 +396,7 @@ void Presenter::handle_timeout() noexcept {
 /// not answer.
 void Presenter::land_pending_flip() noexcept {
   while (pending_ && outcome_ != PlayOutcome::DisplayLost)
-    handle(display_.wait_event(pending_->submitted + event_patience(), -1));
+    handle(display_.wait_event(pending_->submitted + event_timeout(), -1));
 }
 
 uint64_t Presenter::next_reachable_vblank() const noexcept {
@@ -418,7 +418,7 @@ Nanoseconds Presenter::awaited_by() const noexcept {
   return tick_requested_ ? std::max(tick_expected_, now) : now;
 }
 
-Nanoseconds Presenter::event_patience() const noexcept {
+Nanoseconds Presenter::event_timeout() const noexcept {
   return std::max<Nanoseconds>(5 * period_, milliseconds(250));
 }
 

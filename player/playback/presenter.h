@@ -11,14 +11,14 @@
 
 #include "base/wake_fd.h"
 #include "display/display.h"
-#include "player/playback/filler.h"
+#include "player/playback/frame_copier.h"
 #include "player/playback/pacing.h"
 #include "player/playback/play_statistics.h"
 
 namespace lenticule::player {
 
 enum class Filling {
-  OwnThread,    ///< another thread executes Filler::run()
+  OwnThread,    ///< another thread executes FrameCopier::run()
   InPresenter,  ///< the presenter fills between vblanks: for simulated time, which stands still
                 ///< meanwhile
 };
@@ -47,7 +47,7 @@ struct PresenterOptions {
 /// Thread safety: the presenter's thread, except where noted.
 class Presenter {
  public:
-  Presenter(display::Display& display, Filler& filler, PresenterStatistics& statistics,
+  Presenter(display::Display& display, FrameCopier& frame_copier, PresenterStatistics& statistics,
             const PresenterOptions& options);
 
   /// Runs the playback. Returns DisplayLost as soon as the display reports that state.
@@ -58,7 +58,7 @@ class Presenter {
   /// Returns the time until the requested vblanks are over; none = no end.
   [[nodiscard]] std::optional<display::Nanoseconds> time_left() const noexcept;
   /// Counts the last frame's vblanks. Call it once after the last run().
-  void close_books() noexcept;
+  void finish_statistics() noexcept;
   /// Any thread: completes the pending flip and ends run().
   void request_stop() noexcept;
   /// Any thread: keeps the displayed frame, except that one frame is shown after every
@@ -100,14 +100,14 @@ class Presenter {
   [[nodiscard]] display::DisplayEvent in_our_count(display::DisplayEvent event) noexcept;
   [[nodiscard]] uint64_t next_reachable_vblank() const noexcept;
   [[nodiscard]] display::Nanoseconds awaited_by() const noexcept;
-  [[nodiscard]] display::Nanoseconds event_patience() const noexcept;
+  [[nodiscard]] display::Nanoseconds event_timeout() const noexcept;
   [[nodiscard]] bool over() const noexcept {
     return outcome_.has_value() || stopping_.load(std::memory_order_acquire);
   }
   void publish() noexcept;
 
   display::Display& display_;
-  Filler& filler_;
+  FrameCopier& frame_copier_;
   PresenterStatistics& statistics_;
   const PresenterOptions options_;
   display::Nanoseconds period_;
@@ -132,7 +132,7 @@ class Presenter {
   /// This playback's vblank number less the display's, whose count starts again when the display
   /// comes back.
   uint64_t count_ahead_ = 0;
-  bool count_begins_anew_ = false;
+  bool restart_count_ = false;
   int events_lost_in_a_row_ = 0;
   int refused_in_a_row_ = 0;
 

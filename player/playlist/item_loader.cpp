@@ -33,7 +33,7 @@ ItemLoader::~ItemLoader() {
   work_there_.notify_all();
   thread_.join();
   const Error ending(ErrorKind::Failed, "load: the player is ending");
-  if (wish_ && wish_->done) wish_->done(&ending);
+  if (request_ && request_->done) request_->done(&ending);
 }
 
 std::unique_ptr<OpenItem> ItemLoader::open_item(const PlaylistItem& item, uint64_t frame) const {
@@ -95,8 +95,8 @@ void ItemLoader::work() {
   while (!stopping_) {
     if (!trash_.empty()) {
       empty_trash(lock);
-    } else if (wish_ && !wish_->opened) {
-      open_wish(lock);
+    } else if (request_ && !request_->opened) {
+      open_requested(lock);
     } else if (next_wanted_ && !next_ && !list_over_ && SteadyClock::now() >= retry_at_) {
       open_next(lock);
     } else if (is_time_to_look()) {
@@ -120,11 +120,11 @@ void ItemLoader::empty_trash(Lock& lock) {
 
 /// Opens the target of a jump. At most two items are open beside the displayed
 /// one, so the item that was to be next is closed.
-void ItemLoader::open_wish(Lock& lock) {
-  wish_->opened = true;
-  const uint64_t serial = wish_->serial;
-  const PlaylistPlace place = wish_->place;
-  const uint64_t frame = wish_->frame;
+void ItemLoader::open_requested(Lock& lock) {
+  request_->opened = true;
+  const uint64_t serial = request_->serial;
+  const PlaylistPlace place = request_->place;
+  const uint64_t frame = request_->frame;
   std::unique_ptr<OpenItem> gone = std::move(next_);
   const bool next_was_wanted = next_wanted_ || gone;
   next_wanted_ = false;
@@ -142,16 +142,16 @@ void ItemLoader::open_wish(Lock& lock) {
     error.emplace(ErrorKind::Failed, item.source.text + ": " + thrown.what());
   }
   lock.lock();
-  if (!wish_ || wish_->serial != serial) return locked_discard(open);
+  if (!request_ || request_->serial != serial) return locked_discard(open);
   if (open) {
     open->list = place.list;
     open->index = place.index;
     open->rounds_done = place.rounds_done;
-    wish_->item = std::move(open);
+    request_->item = std::move(open);
     return wake_.signal();
   }
-  const JumpDone done = std::move(wish_->done);
-  wish_.reset();
+  const JumpDone done = std::move(request_->done);
+  request_.reset();
   next_wanted_ = next_was_wanted;
   lock.unlock();
   done(&*error);
@@ -161,7 +161,7 @@ void ItemLoader::open_wish(Lock& lock) {
 
 void ItemLoader::open_next(Lock& lock) {
   const auto list = cursor_.list();
-  const uint64_t serial = wish_serial_;
+  const uint64_t serial = request_serial_;
   const NextItem pick = cursor_.next(options_.local_time());
   const bool standby = pick.kind == NextItem::Kind::Standby;
   nothing_for_now_ = pick.kind == NextItem::Kind::None;
@@ -180,7 +180,7 @@ void ItemLoader::open_next(Lock& lock) {
     why = error.what();
   }
   lock.lock();
-  if (serial != wish_serial_ || list != cursor_.list()) return locked_discard(open);
+  if (serial != request_serial_ || list != cursor_.list()) return locked_discard(open);
   if (open) return locked_offer(std::move(open), pick);
   if (!standby) cursor_.choose(pick.index, pick.rounds_done);
   if (broken_in_a_row_ + 1 >= list->items.size() || standby)
@@ -250,7 +250,7 @@ void ItemLoader::locked_take_list(Playlist list) {
 /// Opens the item again if its files were replaced. Not needed when the next
 /// item is already being opened.
 void ItemLoader::look_at_item(Lock& lock) {
-  if (!options_.look_at || followed_.number == 0 || next_ || next_wanted_ || wish_ || outdated_)
+  if (!options_.look_at || followed_.number == 0 || next_ || next_wanted_ || request_ || outdated_)
     return;
   const uint32_t number = followed_.number;
   const PlaylistItem item = followed_.item;
@@ -309,9 +309,9 @@ bool ItemLoader::next_is_there() const {
 
 ItemLoader::Prospect ItemLoader::prospect() {
   const std::lock_guard lock(mutex_);
-  ended_ = list_over_ && !wish_ && !next_ && !held_;
+  ended_ = list_over_ && !request_ && !next_ && !held_;
   if (ended_) return Prospect::Ended;
-  const bool idle = held_ || nothing_for_now_ || broken_in_a_row_ > 0 || wish_;
+  const bool idle = held_ || nothing_for_now_ || broken_in_a_row_ > 0 || request_;
   return idle ? Prospect::Idle : Prospect::Soon;
 }
 
@@ -372,20 +372,20 @@ std::unique_ptr<OpenItem> ItemLoader::take_replacement(uint32_t number) {
 // --- jumps ---
 
 void ItemLoader::jump(const Jump& jump, const JumpDone& done) {
-  std::optional<Wish> replaced;
+  std::optional<JumpRequest> replaced;
   std::optional<Error> error;
   try {
     const std::lock_guard lock(mutex_);
     if (ended_)
       throw Error(ErrorKind::Failed, "control: playback is about to end", "pause it earlier");
-    replaced = std::exchange(wish_, Wish{.place = cursor_.target_of(jump),
-                                         .frame = jump.frame,
-                                         .serial = wish_serial_ + 1,
-                                         .opened = false,
-                                         .item = nullptr,
-                                         .done = done,
-                                         .since = SteadyClock::now()});
-    ++wish_serial_;
+    replaced = std::exchange(request_, JumpRequest{.place = cursor_.target_of(jump),
+                                                   .frame = jump.frame,
+                                                   .serial = request_serial_ + 1,
+                                                   .opened = false,
+                                                   .item = nullptr,
+                                                   .done = done,
+                                                   .since = SteadyClock::now()});
+    ++request_serial_;
     if (replaced) locked_discard(replaced->item);
   } catch (const Error& thrown) {
     error = thrown;
@@ -398,28 +398,29 @@ void ItemLoader::jump(const Jump& jump, const JumpDone& done) {
 
 std::optional<ItemLoader::Arrival> ItemLoader::take_arrival() {
   const std::lock_guard lock(mutex_);
-  if (!wish_ || !wish_->item) return std::nullopt;
-  return Arrival{.item = std::move(wish_->item), .serial = wish_->serial, .since = wish_->since};
+  if (!request_ || !request_->item) return std::nullopt;
+  return Arrival{
+      .item = std::move(request_->item), .serial = request_->serial, .since = request_->since};
 }
 
 void ItemLoader::put_back(Arrival arrival) {
   {
     const std::lock_guard lock(mutex_);
-    if (wish_ && wish_->serial == arrival.serial) wish_->item = std::move(arrival.item);
+    if (request_ && request_->serial == arrival.serial) request_->item = std::move(arrival.item);
   }
   if (arrival.item) close(std::move(arrival.item));
 }
 
 JumpDone ItemLoader::accept(uint64_t serial) {
   const std::lock_guard lock(mutex_);
-  if (!wish_ || wish_->serial != serial) return nullptr;
-  JumpDone done = std::move(wish_->done);
-  cursor_.jump(wish_->place);
+  if (!request_ || request_->serial != serial) return nullptr;
+  JumpDone done = std::move(request_->done);
+  cursor_.jump(request_->place);
   list_over_ = nothing_for_now_ = false;
-  ++wish_serial_;  // discards the item being opened for the old place
+  ++request_serial_;  // discards the item being opened for the old place
   locked_discard(next_);
   next_wanted_ = false;
-  wish_.reset();
+  request_.reset();
   return done;
 }
 
@@ -429,9 +430,9 @@ void ItemLoader::fail(Arrival arrival, const std::string& why) {
   JumpDone done;
   {
     const std::lock_guard lock(mutex_);
-    if (!wish_ || wish_->serial != arrival.serial) return;
-    done = std::move(wish_->done);
-    wish_.reset();
+    if (!request_ || request_->serial != arrival.serial) return;
+    done = std::move(request_->done);
+    request_.reset();
     next_wanted_ = true;
     work_there_.notify_all();
   }
@@ -461,7 +462,7 @@ void ItemLoader::look_again() {
 
 bool ItemLoader::is_jumping() const {
   const std::lock_guard lock(mutex_);
-  return wish_.has_value();
+  return request_.has_value();
 }
 
 }  // namespace lenticule::player

@@ -116,7 +116,7 @@ class ItemLoader {
   using Lock = std::unique_lock<std::mutex>;
 
   /// A requested jump.
-  struct Wish {
+  struct JumpRequest {
     PlaylistPlace place;
     uint64_t frame = 0;
     uint64_t serial = 0;
@@ -139,7 +139,7 @@ class ItemLoader {
   // read files.
   void work();
   void empty_trash(Lock& lock);
-  void open_wish(Lock& lock);
+  void open_requested(Lock& lock);
   void open_next(Lock& lock);
   [[nodiscard]] bool is_time_to_look() const;
   void look_at_list(Lock& lock, bool at_once);
@@ -162,8 +162,9 @@ class ItemLoader {
   PlaylistCursor cursor_;
   std::unique_ptr<OpenItem> next_;
   bool next_wanted_ = false;
-  std::optional<Wish> wish_;
-  uint64_t wish_serial_ = 0;  ///< changes when an item that is being opened is not wanted any more
+  std::optional<JumpRequest> request_;
+  uint64_t request_serial_ =
+      0;  ///< changes when an item that is being opened is not wanted any more
   std::unique_ptr<OpenItem> replacement_;  ///< replaces the item of followed_ at its loop point
   std::vector<std::unique_ptr<OpenItem>> trash_;  ///< items to close
   Followed followed_;

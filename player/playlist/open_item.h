@@ -31,7 +31,7 @@ struct OpenItem {
   uint64_t pulled = 0;
   uint64_t pulled_this_round = 0;
   uint64_t loops_done = 0;
-  uint64_t lent = 0;
+  uint64_t acquired = 0;
   frames::FrameDamage damage{};  ///< the part that is already reported
   bool skips_to_first = false;
   bool waits_for_renderer = false;  ///< a ring between two sequences

@@ -11,7 +11,7 @@
 
 #include "base/file_mark.h"
 #include "frames/rational.h"
-#include "player/playback/filler.h"
+#include "player/playback/frame_copier.h"
 #include "player/sources/frame_range.h"
 #include "player/sources/source_spec.h"
 

@@ -38,32 +38,32 @@ void PlaylistReporter::started(const OpenItem& item) {
     const std::lock_guard lock(mutex_);
     ++status_.started;
   }
-  tell(Kind::ItemStarted, item.item.source.text, {});
+  report(Kind::ItemStarted, item.item.source.text, {});
 }
 
-void PlaylistReporter::seam(const std::string& source) {
+void PlaylistReporter::loop_point(const std::string& source) {
   {
     const std::lock_guard lock(mutex_);
-    ++status_.seams;
+    ++status_.loop_points;
   }
-  tell(Kind::Seam, source, {});
+  report(Kind::LoopPoint, source, {});
 }
 
 void PlaylistReporter::skipped(const std::string& source, const std::string& why) {
   {
     const std::lock_guard lock(mutex_);
     ++status_.skipped;
-    status_.last_trouble = why;
+    status_.last_problem = why;
   }
-  tell(Kind::ItemSkipped, source, why);
+  report(Kind::ItemSkipped, source, why);
 }
 
 void PlaylistReporter::replaced(const std::string& source) {
-  tell(Kind::Replaced, source, {});
+  report(Kind::Replaced, source, {});
 }
 
 void PlaylistReporter::kept(const std::string& source, const std::string& why) {
-  tell(Kind::Kept, source, why);
+  report(Kind::Kept, source, why);
 }
 
 void PlaylistReporter::count_damage(OpenItem& item) {
@@ -81,8 +81,8 @@ void PlaylistReporter::count_damage(OpenItem& item) {
     status_.damaged_items[source] += more;
 }
 
-void PlaylistReporter::tell_damage(const OpenItem& item) {
-  if (item.damage.any()) tell(Kind::ItemDamaged, item.item.source.text, damage_text(item.damage));
+void PlaylistReporter::report_damage(const OpenItem& item) {
+  if (item.damage.any()) report(Kind::ItemDamaged, item.item.source.text, damage_text(item.damage));
 }
 
 void PlaylistReporter::take_list(size_t items, std::optional<size_t> playing) {
@@ -115,7 +115,8 @@ std::optional<size_t> PlaylistReporter::place_of(uint32_t number) const {
   return std::nullopt;
 }
 
-void PlaylistReporter::tell(Kind kind, const std::string& source, const std::string& detail) const {
+void PlaylistReporter::report(Kind kind, const std::string& source,
+                              const std::string& detail) const {
   if (on_event_) on_event_({kind, source, detail});
 }
 

@@ -19,7 +19,7 @@ struct PlaylistEvent {
   enum class Kind {
     ItemStarted,  ///< its first frame was taken; the panel shows it a few frames
                   ///< later
-    Seam,         ///< loop point: the item begins again without a gap
+    LoopPoint,    ///< loop point: the item begins again without a gap
     ItemSkipped,  ///< the item cannot be played, or not any further
     Replaced,     ///< the list, or the item's file, was replaced and is played from
                   ///< now on
@@ -41,9 +41,9 @@ struct PlaylistStatus {
   std::optional<uint64_t> frames{};  ///< frames in one round of the item, if known
   uint64_t rounds_done = 0;
   uint64_t started = 0;
-  uint64_t seams = 0;
+  uint64_t loop_points = 0;
   uint64_t skipped = 0;
-  std::string last_trouble{};
+  std::string last_problem{};
   frames::FrameDamage damage{};  ///< total over all items so far
   /// The damaged items, by source.
   std::map<std::string, frames::FrameDamage> damaged_items{};
@@ -62,7 +62,7 @@ class PlaylistReporter {
   /// Reports that frames are taken from the item from now on.
   void begin(const OpenItem& item);
   void started(const OpenItem& item);
-  void seam(const std::string& source);
+  void loop_point(const std::string& source);
   void skipped(const std::string& source, const std::string& why);
   /// Reports a list or an item that was replaced, or whose replacement cannot
   /// be used.
@@ -71,7 +71,7 @@ class PlaylistReporter {
   /// Adds the damage that the item's source found since the last call.
   void count_damage(OpenItem& item);
   /// Reports the whole damage of an item that ends.
-  void tell_damage(const OpenItem& item);
+  void report_damage(const OpenItem& item);
   /// Reports the size of a new list, and the place of the playing item in it.
   void take_list(size_t items, std::optional<size_t> playing);
 
@@ -89,7 +89,7 @@ class PlaylistReporter {
     std::string source;
     std::optional<size_t> index;
   };
-  void tell(PlaylistEvent::Kind kind, const std::string& source, const std::string& detail) const;
+  void report(PlaylistEvent::Kind kind, const std::string& source, const std::string& detail) const;
 
   const OnEvent on_event_;
   mutable std::mutex mutex_;  ///< guards the members below; no other lock is taken under it

@@ -12,7 +12,7 @@
 namespace lenticule::player {
 namespace {
 
-using frames::LentFrame;
+using frames::AcquiredFrame;
 using frames::PullStatus;
 using SteadyClock = std::chrono::steady_clock;
 
@@ -23,7 +23,7 @@ constexpr int kStepsPerPull = 64;
 constexpr double kAheadSeconds = 10.0;
 constexpr frames::Rate kStillRate{4, 1};
 constexpr auto kLongestJump = std::chrono::seconds(30);
-constexpr size_t kMostLent = 64;
+constexpr size_t kMaxAcquired = 64;
 
 void check(bool done) {
   if (done) return;
@@ -49,7 +49,7 @@ PlaylistSource::PlaylistSource(std::shared_ptr<const Playlist> list,
                .read_list = options.read_list},
               reporter_, wake_) {
   check(static_cast<bool>(poll_));
-  lent_.reserve(kMostLent);
+  acquired_.reserve(kMaxAcquired);
   epoll_event event{.events = EPOLLIN, .data = {.fd = wake_.fd()}};
   check(epoll_ctl(poll_.get(), EPOLL_CTL_ADD, wake_.fd(), &event) == 0);
 }
@@ -62,7 +62,7 @@ PlaylistStatus PlaylistSource::status() const {
 
 // Frames
 
-PullStatus PlaylistSource::pull(LentFrame& out) {
+PullStatus PlaylistSource::pull(AcquiredFrame& out) {
   if (at_end_) return PullStatus::End;
   try_arrival();
   if (in_hand_) {
@@ -81,7 +81,7 @@ PullStatus PlaylistSource::pull(LentFrame& out) {
 
 /// Pulls from the current item. Returns End if the item was left or if more of
 /// it can be pulled.
-PullStatus PlaylistSource::pull_current(LentFrame& out) {
+PullStatus PlaylistSource::pull_current(AcquiredFrame& out) {
   OpenItem& item = *current_;
   if (is_over(item)) {
     leave_current();
@@ -120,7 +120,7 @@ PullStatus PlaylistSource::pull_current(LentFrame& out) {
 
 /// Pulls the item's next frame, skipping frames before its first one. A frame
 /// of another size is a failure.
-PullStatus PlaylistSource::pull_from(OpenItem& item, LentFrame& out) {
+PullStatus PlaylistSource::pull_from(OpenItem& item, AcquiredFrame& out) {
   frames::FrameSource& source = *item.opened.source;
   for (int step = 0; step < kStepsPerPull; ++step) {
     const PullStatus status = source.pull(out);
@@ -149,13 +149,13 @@ PullStatus PlaylistSource::nothing_yet() {
   return PullStatus::NotYet;
 }
 
-void PlaylistSource::hand_out(OpenItem& item, LentFrame& out) {
+void PlaylistSource::hand_out(OpenItem& item, AcquiredFrame& out) {
   idle_ = false;
   item.waits_for_renderer = false;
   item.waiting_since = SteadyClock::now();
   rate_ = rate_of(item);
-  lent_.push_back({.token = next_token_, .inner = out.token, .item = &item});
-  ++item.lent;
+  acquired_.push_back({.token = next_token_, .inner = out.token, .item = &item});
+  ++item.acquired;
   ++item.pulled_this_round;
   out.token = next_token_++;
   out.item = item.number;
@@ -166,13 +166,13 @@ void PlaylistSource::hand_out(OpenItem& item, LentFrame& out) {
 }
 
 void PlaylistSource::release(uint64_t token) {
-  const auto lent =
-      std::find_if(lent_.begin(), lent_.end(), [&](const Lent& one) { return one.token == token; });
-  LENTICULE_CHECK(lent != lent_.end());
-  OpenItem* const item = lent->item;
-  item->opened.source->release(lent->inner);
-  lent_.erase(lent);
-  if (--item->lent > 0 || item == current_.get()) return;
+  const auto acquired = std::find_if(acquired_.begin(), acquired_.end(),
+                                     [&](const Acquired& one) { return one.token == token; });
+  LENTICULE_CHECK(acquired != acquired_.end());
+  OpenItem* const item = acquired->item;
+  item->opened.source->release(acquired->inner);
+  acquired_.erase(acquired);
+  if (--item->acquired > 0 || item == current_.get()) return;
   const auto retired = std::find_if(retired_.begin(), retired_.end(),
                                     [&](const auto& one) { return one.get() == item; });
   if (retired == retired_.end()) return;
@@ -180,8 +180,10 @@ void PlaylistSource::release(uint64_t token) {
   retired_.erase(retired);
 }
 
-int PlaylistSource::max_lent() const {
-  return current_ ? std::min(current_->opened.source->max_lent(), static_cast<int>(kMostLent)) : 2;
+int PlaylistSource::max_acquired() const {
+  return current_
+             ? std::min(current_->opened.source->max_acquired(), static_cast<int>(kMaxAcquired))
+             : 2;
 }
 
 uint64_t PlaylistSource::ready_count() const {
@@ -237,7 +239,7 @@ bool PlaylistSource::goes_round(OpenItem& item) {
   if (!more || loader_.is_outdated()) return false;
   if (takes_replacement(item)) return true;
   if (item.opened.source->rewind()) {
-    if (!item.is_still()) reporter_.seam(item.item.source.text);
+    if (!item.is_still()) reporter_.loop_point(item.item.source.text);
   } else if (item.opened.loop_obstacle && (limited || loops == kForever)) {
     item.waits_for_renderer = true;
   } else {
@@ -304,9 +306,9 @@ void PlaylistSource::leave_current() {
   // An item of which no frame was shown is reported as left out.
   if (current_->pulled > 0) {
     reporter_.count_damage(*current_);
-    reporter_.tell_damage(*current_);
+    reporter_.report_damage(*current_);
   }
-  if (current_->lent > 0)
+  if (current_->acquired > 0)
     retired_.push_back(std::move(current_));
   else
     loader_.close(std::move(current_));
@@ -336,7 +338,7 @@ void PlaylistSource::try_arrival() {
   if (!arrival) return;
   frames::FrameSource& source = *arrival->item->opened.source;
   source.service();
-  LentFrame first;
+  AcquiredFrame first;
   switch (pull_from(*arrival->item, first)) {
     case PullStatus::Ready:
       return arrive(std::move(*arrival), first);
@@ -353,7 +355,7 @@ void PlaylistSource::try_arrival() {
   loader_.fail(std::move(*arrival), why.empty() ? "frame size has changed" : why);
 }
 
-void PlaylistSource::arrive(ItemLoader::Arrival arrival, LentFrame first) {
+void PlaylistSource::arrive(ItemLoader::Arrival arrival, AcquiredFrame first) {
   const JumpDone done = loader_.accept(arrival.serial);
   if (!done) {
     arrival.item->opened.source->release(first.token);

@@ -80,31 +80,31 @@ class PlaylistSource final : public frames::FrameSource {
   [[nodiscard]] frames::FrameGeometry geometry() const override { return panel_; }
   [[nodiscard]] std::optional<frames::Rate> rate() const override { return rate_; }
   [[nodiscard]] std::optional<uint64_t> frame_count() const override { return std::nullopt; }
-  [[nodiscard]] frames::PullStatus pull(frames::LentFrame& out) override;
+  [[nodiscard]] frames::PullStatus pull(frames::AcquiredFrame& out) override;
   void release(uint64_t token) override;
-  [[nodiscard]] int max_lent() const override;
+  [[nodiscard]] int max_acquired() const override;
   [[nodiscard]] uint64_t ready_count() const override;
   [[nodiscard]] bool saturated() const override;
   [[nodiscard]] bool rewind() override { return false; }
   [[nodiscard]] int wake_fd() const override { return poll_.get(); }
   void service() override;
   [[nodiscard]] std::string failure() const override { return {}; }
-  [[nodiscard]] bool nothing_owed() const override { return idle_; }
+  [[nodiscard]] bool nothing_due() const override { return idle_; }
   [[nodiscard]] uint64_t cut() const override { return cut_; }
   [[nodiscard]] frames::FrameDamage damage() const override { return reporter_.damage(); }
 
  private:
-  struct Lent {
+  struct Acquired {
     uint64_t token = 0;
     uint64_t inner = 0;  ///< token of the item's source
     OpenItem* item = nullptr;
   };
 
   // Frames.
-  [[nodiscard]] frames::PullStatus pull_current(frames::LentFrame& out);
-  [[nodiscard]] frames::PullStatus pull_from(OpenItem& item, frames::LentFrame& out);
+  [[nodiscard]] frames::PullStatus pull_current(frames::AcquiredFrame& out);
+  [[nodiscard]] frames::PullStatus pull_from(OpenItem& item, frames::AcquiredFrame& out);
   [[nodiscard]] frames::PullStatus nothing_yet();
-  void hand_out(OpenItem& item, frames::LentFrame& out);
+  void hand_out(OpenItem& item, frames::AcquiredFrame& out);
 
   // Changes of items.
   [[nodiscard]] bool enters_next();
@@ -120,7 +120,7 @@ class PlaylistSource final : public frames::FrameSource {
 
   // Jumps.
   void try_arrival();
-  void arrive(ItemLoader::Arrival arrival, frames::LentFrame first);
+  void arrive(ItemLoader::Arrival arrival, frames::AcquiredFrame first);
 
   const frames::FrameGeometry panel_;
   const std::optional<frames::Rate> fixed_rate_;
@@ -131,8 +131,8 @@ class PlaylistSource final : public frames::FrameSource {
 
   std::unique_ptr<OpenItem> current_;
   std::vector<std::unique_ptr<OpenItem>> retired_;  ///< items with frames that are still borrowed
-  std::vector<Lent> lent_;
-  std::optional<frames::LentFrame> in_hand_;  ///< first frame after a jump
+  std::vector<Acquired> acquired_;
+  std::optional<frames::AcquiredFrame> in_hand_;  ///< first frame after a jump
   std::optional<frames::Rate> rate_;
   uint64_t next_token_ = 1;
   uint32_t next_number_ = 1;

@@ -67,9 +67,9 @@ PaceFigures measure_source(frames::FrameSource& source, frames::Rate needed,
   uint64_t frames = 0;
   uint64_t ahead = 0;
   uint64_t pulled = 0;
-  frames::LentFrame lent;
+  frames::AcquiredFrame acquired;
   while (SteadyClock::now() < deadline) {
-    const frames::PullStatus status = source.pull(lent);
+    const frames::PullStatus status = source.pull(acquired);
     if (status == frames::PullStatus::End) break;
     if (status == frames::PullStatus::Failed)
       throw Error(ErrorKind::Input, source.failure(),
@@ -78,7 +78,7 @@ PaceFigures measure_source(frames::FrameSource& source, frames::Rate needed,
       wait_for(source);
       continue;
     }
-    source.release(lent.token);
+    source.release(acquired.token);
     ++pulled;
     if (!begin) {
       begin = SteadyClock::now();

@@ -17,13 +17,13 @@ bool is_named_by(const OutputRequest& request, const PanelInfo& panel) {
   return request.identity.empty() || (panel.identity && matches(request.identity, *panel.identity));
 }
 
-struct Trouble {
+struct PanelProblem {
   const char* headline;
   std::string remedy;
 };
 
-Trouble trouble_with(const OutputRequest& request, const PanelSearch& search,
-                     const PanelInfo& panel) {
+PanelProblem problem_with(const OutputRequest& request, const PanelSearch& search,
+                          const PanelInfo& panel) {
   if (!panel.identity && !request.identity.empty())
     return {"UNKNOWN PANEL",
             fmt::format("Its EDID is {}: switch it off and on, or replace the cable. {}",
@@ -69,8 +69,8 @@ std::string describe_found(const PanelInfo& panel) {
 
 CardText wrong_panel_card(const OutputRequest& request, const PanelSearch& search,
                           const PanelInfo& shown_on, const std::string& rig) {
-  const Trouble trouble = trouble_with(request, search, shown_on);
-  CardText card{.headline = trouble.headline,
+  const PanelProblem problem = problem_with(request, search, shown_on);
+  CardText card{.headline = problem.headline,
                 .rows = {{"expected", describe_expected(request.panel, request.identity)},
                          {"found", describe_found(shown_on)}}};
   // A rig may identify a panel by its EDID's checksum alone.
@@ -79,11 +79,11 @@ CardText wrong_panel_card(const OutputRequest& request, const PanelSearch& searc
   for (const PanelInfo& other : search.present)
     if (other.connector != shown_on.connector) card.rows.push_back({"", describe_found(other)});
   card.rows.push_back({"rig", rig});
-  card.rows.push_back({"do", trouble.remedy});
+  card.rows.push_back({"do", problem.remedy});
   return card;
 }
 
-CardText trouble_card(const std::string& what, const Error& error) {
+CardText error_card(const std::string& what, const Error& error) {
   CardText card{.headline = "CANNOT PLAY", .rows = {{"what", what}, {"why", error.what()}}};
   if (!error.hint().empty()) card.rows.push_back({"do", error.hint()});
   card.rows.push_back({"", "The player tries again automatically."});

@@ -24,7 +24,7 @@ namespace lenticule::player {
                                                  const std::string& rig);
 
 /// Returns the card that is shown while `what` cannot be played and is tried again.
-[[nodiscard]] display::CardText trouble_card(const std::string& what, const Error& error);
+[[nodiscard]] display::CardText error_card(const std::string& what, const Error& error);
 
 /// Returns the card of `lenticule play card`.
 [[nodiscard]] display::CardText rig_card(const optics::Rig& rig, const std::string& file);

@@ -11,7 +11,7 @@ namespace {
 
 using display::Nanoseconds;
 
-constexpr Nanoseconds kPatience = std::chrono::seconds(5);
+constexpr Nanoseconds kTimeout = std::chrono::seconds(5);
 /// Longest time between two checks for hotplug events.
 constexpr Nanoseconds kNap = std::chrono::milliseconds(500);
 
@@ -33,7 +33,7 @@ bool PanelCard::show(const display::PanelInfo& panel, const display::CardText& t
     if (!shows_on(panel, geometry, mode->refresh)) open(panel, geometry, mode->refresh);
     frames::WovenFrame frame = draw_test_card(geometry, text);
     if (frame == frame_) return true;
-    if (sink_->show(frame.view(), kPatience) != frames::ShowResult::Shown) {
+    if (sink_->show(frame.view(), kTimeout) != frames::ShowResult::Shown) {
       close();
       return false;
     }

@@ -66,7 +66,7 @@ nlohmann::json to_json(const display::ExactnessReport& report) {
                     {"effect", row.effect},
                     {"remedy", row.remedy}});
   return {{"exact", display::verdict_name(report.verdict)},
-          {"proved", report.proved},
+          {"proved", report.verified},
           {"reasons", report.reasons},
           {"unseen", report.unseen},
           {"remarks", report.remarks},

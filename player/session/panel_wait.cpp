@@ -92,7 +92,7 @@ ReconnectResult PanelWait::reconnect(display::KmsDisplay& display, const LostDis
   if (was_sound) lost_since_ = now();
   const Nanoseconds out_of_time = later(now(), lost.time_left);
   const Nanoseconds give_up = std::min(later(lost_since_, options_.after_loss), out_of_time);
-  if (options_.let_go) options_.let_go();
+  if (options_.release_stored) options_.release_stored();
   try {
     if (!was_sound) (void)rest(kRound);
     if (now() >= give_up)
@@ -130,10 +130,10 @@ void PanelWait::try_until(Nanoseconds give_up, const Attempt& attempt,
     if (!search.found && !search.may_come && give_up != kForEver) throw Error(*refusal_);
     if (now() >= card_from) show_card(search);
     if (meanwhile) meanwhile();
-    if (options_.tell)
-      options_.tell({.reason = *refusal_,
-                     .panel_missing = !search.found,
-                     .card_shown = card_.display() != nullptr});
+    if (options_.report)
+      options_.report({.reason = *refusal_,
+                       .panel_missing = !search.found,
+                       .card_shown = card_.display() != nullptr});
     if (rest(std::min(kRound, give_up - now()))) rounds_to_look = 0;
   }
 }
@@ -145,7 +145,7 @@ bool PanelWait::succeeds(const Attempt& attempt) {
     return true;
   } catch (const Error& error) {
     refusal_ = error;
-    if (options_.let_go) options_.let_go();
+    if (options_.release_stored) options_.release_stored();
     // The panel is connected and the driver alters pixel values; waiting would not help.
     if (error.kind() == ErrorKind::Quality) throw;
     return false;

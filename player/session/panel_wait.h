@@ -36,10 +36,10 @@ struct PanelWaitOptions {
   /// Readable = stop waiting; -1 = never.
   int cancel_fd = -1;
   /// Called after every attempt, about once a second; may be null.
-  std::function<void(const PanelWaiting&)> tell = nullptr;
+  std::function<void(const PanelWaiting&)> report = nullptr;
   /// Called before the card is reopened: must release every copy of its descriptor (systemd's fd
   /// store), since a holder would stay DRM master.
-  std::function<void()> let_go = nullptr;
+  std::function<void()> release_stored = nullptr;
 };
 
 /// Thread safety: one thread, which does not use a display returned by open() while waiting.

@@ -34,7 +34,7 @@ void PlayOutputs::write_statistics(const ordered_json& statistics) {
   if (statistics_) statistics_->write(json_text(statistics, 2) + "\n");
 }
 
-void PlayOutputs::describe_trouble(ordered_json& statistics) const {
+void PlayOutputs::describe_problems(ordered_json& statistics) const {
   statistics["write_trouble"] = ordered_json::array();
   for (const File& file : files())
     if (file.state.failures > 0)
@@ -42,7 +42,7 @@ void PlayOutputs::describe_trouble(ordered_json& statistics) const {
           {{"object", file.name}, {"cause", file.state.reason}, {"failures", file.state.failures}});
 }
 
-std::string PlayOutputs::tell_trouble() {
+std::string PlayOutputs::report_problems() {
   std::string all;
   for (const File& file : files()) {
     const std::string& reason = file.state.reason;
@@ -86,9 +86,9 @@ ordered_json PlayOutputs::finish_recording() {
 }
 
 void PlayOutputs::finish_statistics() {
-  constexpr auto kLastPatience = std::chrono::seconds(10);
+  constexpr auto kFinishTimeout = std::chrono::seconds(10);
   if (!statistics_) return;
-  const std::string why = statistics_->finish(kLastPatience);
+  const std::string why = statistics_->finish(kFinishTimeout);
   if (!why.empty() && !incomplete_) incomplete_.emplace(ErrorKind::Failed, why);
 }
 

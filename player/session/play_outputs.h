@@ -26,10 +26,10 @@ class PlayOutputs {
   void open_recording();
   void write_statistics(const nlohmann::ordered_json& statistics);
   /// Adds the key `write_trouble`.
-  void describe_trouble(nlohmann::ordered_json& statistics) const;
+  void describe_problems(nlohmann::ordered_json& statistics) const;
   /// Reports each file once when writing begins to fail, and once when it works again. Returns all
   /// present reasons in one line; empty if all files can be written.
-  [[nodiscard]] std::string tell_trouble();
+  [[nodiscard]] std::string report_problems();
   /// Writes without waiting for the pause after a failure.
   void try_at_once();
   /// Saves the trim again if that failed.

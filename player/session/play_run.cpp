@@ -13,8 +13,8 @@
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 #include "player/session/card_texts.h"
-#include "player/session/kept_output.h"
 #include "player/session/panel_json.h"
+#include "player/session/stored_output.h"
 #include "player/sources/still_source.h"
 
 namespace lenticule::player {
@@ -75,13 +75,13 @@ PlayRun::PlayRun(const PlayFlags& flags, PlayPlan plan, const ServiceManager& ma
 
 /// Detaches the control socket's commands from the source before the source is destroyed.
 PlayRun::~PlayRun() {
-  if (steered_) steered_->let_go();
+  if (steered_) steered_->detach_source();
 }
 
 ExitCode PlayRun::run() {
   steered_.emplace(flags_, plan_, trim_advice(plan_.source));
   if (safe_.card_first)
-    trouble_ = crash_loop(safe_);
+    source_error_ = crash_loop(safe_);
   else
     open_the_source();
   outputs_.open_recording();
@@ -95,8 +95,8 @@ ExitCode PlayRun::run() {
   if (flags_.trim) trim_keys_.emplace(plan_.trim, trim_advice(plan_.source));
   PlayResult result;
   do {
-    result = trouble_ ? play_card() : play_source();
-  } while (goes_on_after(result));
+    result = source_error_ ? play_card() : play_source();
+  } while (continues_after(result));
   return conclude(result);
 }
 
@@ -104,14 +104,14 @@ ExitCode PlayRun::run() {
 
 /// Opens the display, taking over the output that a previous player left.
 void PlayRun::open_display() {
-  std::vector<KeptDescriptor> kept = take_kept_descriptors();
+  std::vector<StoredDescriptor> kept = take_stored_descriptors();
   kept_ = !kept.empty();
-  plan_.display.kms.previous = kept_output(std::move(kept));
+  plan_.display.kms.previous = stored_output(std::move(kept));
   manager_.status("opening " + plan_.display.spec);
   const bool is_panel = display::is_kms_spec(plan_.display.spec);
   // No other process can become the card's DRM master while the service manager holds the card
   // open.
-  if (!is_panel || !plan_.display.kms.previous) let_go();
+  if (!is_panel || !plan_.display.kms.previous) release_stored();
   if (is_panel)
     open_panel();
   else
@@ -131,26 +131,26 @@ void PlayRun::open_panel() {
                        .after_loss = plan_.panel_after_loss,
                        .rig = flags_.rig,
                        .cancel_fd = interrupt_fd(),
-                       .tell = [this](const PanelWaiting& waiting) { tell_waiting(waiting); },
-                       .let_go = [this] { let_go(); }});
+                       .report = [this](const PanelWaiting& waiting) { report_waiting(waiting); },
+                       .release_stored = [this] { release_stored(); }});
   std::unique_ptr<display::KmsDisplay> opened = panel_->open([this] {
     if (opened_.source) opened_.source->service();
   });
   kms_ = opened.get();
   display_ = std::move(opened);
-  told_.clear();
+  reported_.clear();
 }
 
-void PlayRun::let_go() {
+void PlayRun::release_stored() {
   if (std::exchange(kept_, false)) forget_output(manager_);
 }
 
 /// Pings the watchdog only while no usable panel is connected. A connected panel that cannot be
 /// opened is an error, so the watchdog is left to restart the service.
-void PlayRun::tell_waiting(const PanelWaiting& waiting) {
+void PlayRun::report_waiting(const PanelWaiting& waiting) {
   const std::string why = waiting.reason.what();
-  steered_->tell_state("waiting for the panel");
-  if (std::exchange(told_, why) != why) say("waiting for the panel: {}\n", why);
+  steered_->report_state("waiting for the panel");
+  if (std::exchange(reported_, why) != why) say("waiting for the panel: {}\n", why);
   manager_.status(fmt::format("waiting for the panel{}: {}",
                               waiting.card_shown ? ", test card shown" : "", why));
   if (waiting.panel_missing) manager_.ping();
@@ -165,15 +165,15 @@ void PlayRun::tell_waiting(const PanelWaiting& waiting) {
 ReconnectResult PlayRun::reconnect(const LostDisplay& lost) {
   lost_ = lost.report;
   say("{}: lost\n", lost.report.display);
-  steered_->tell_state("display lost");
+  steered_->report_state("display lost");
   const ReconnectResult result = panel_->reconnect(*kms_, lost);
-  told_.clear();
+  reported_.clear();
   if (result != ReconnectResult::Reconnected) return result;
   kept_ = manager_.present();
-  service_->keep_again();
-  steered_->tell_state("playing");
-  told_exactness_ = kms_->exactness().summary();
-  say("{}: back, {}\n", kms_->mode().name, told_exactness_);
+  service_->store_again();
+  steered_->report_state("playing");
+  reported_exactness_ = kms_->exactness().summary();
+  say("{}: back, {}\n", kms_->mode().name, reported_exactness_);
   return result;
 }
 
@@ -184,10 +184,10 @@ ReconnectResult PlayRun::reconnect(const LostDisplay& lost) {
 void PlayRun::open_the_source() {
   try {
     steered_->open(opened_);
-    trouble_.reset();
+    source_error_.reset();
   } catch (const Error& error) {
     if (!safe_.on || error.kind() == ErrorKind::Usage) throw;
-    trouble_ = error;
+    source_error_ = error;
   }
 }
 
@@ -214,11 +214,11 @@ PlayResult PlayRun::play_source() {
 }
 
 PlayResult PlayRun::play_card() {
-  say("{}\n", trouble_->what());
-  steered_->tell_state("test card");
-  service_->set_trouble(trouble_->what());
+  say("{}\n", source_error_->what());
+  steered_->report_state("test card");
+  service_->set_problem(source_error_->what());
   StillSource card(
-      draw_test_card(display_->mode().geometry, trouble_card(flags_.source, *trouble_)));
+      draw_test_card(display_->mode().geometry, error_card(flags_.source, *source_error_)));
   PlaybackOptions options = plan_.playback;
   options.loops = kForever;
   options.prime = 1;
@@ -235,7 +235,7 @@ PlayResult PlayRun::play_on_display(frames::FrameSource& source, PlaybackOptions
     steered_->report(report);
     write_stats(statistics_json(report));
     service_->report(report);
-    tell_exactness();
+    report_exactness();
     progress.update(report.pace.shown, progress_note(report));
   };
   if (panel_) options.reconnect = [this](const LostDisplay& lost) { return reconnect(lost); };
@@ -248,18 +248,18 @@ PlayResult PlayRun::play_on_display(frames::FrameSource& source, PlaybackOptions
 
 /// Returns true if playback continues. In safe mode the source is tried again after its test card,
 /// and a source that failed is replaced by a card.
-bool PlayRun::goes_on_after(const PlayResult& result) {
+bool PlayRun::continues_after(const PlayResult& result) {
   const bool ended_by_others =
       result.outcome == PlayOutcome::Stopped || result.outcome == PlayOutcome::DisplayLost;
   if (!safe_.on || ended_by_others || interrupted()) return false;
   if (time_is_over()) return false;
-  if (trouble_) {
+  if (source_error_) {
     open_the_source();
-    if (!trouble_) service_->set_trouble({});
+    if (!source_error_) service_->set_problem({});
     return true;
   }
   if (result.outcome == PlayOutcome::Finished) return false;
-  trouble_ = source_trouble(result);
+  source_error_ = source_error(result);
   return true;
 }
 
@@ -270,8 +270,8 @@ void PlayRun::look_after_files() {
   if (take_reload_request()) reload();
   outputs_.save_trim_again();
   follow_rig();
-  std::string warning = outputs_.tell_trouble();
-  if (!rig_trouble_.empty()) warning += warning.empty() ? rig_trouble_ : ", " + rig_trouble_;
+  std::string warning = outputs_.report_problems();
+  if (!rig_problem_.empty()) warning += warning.empty() ? rig_problem_ : ", " + rig_problem_;
   if (service_) service_->set_warning(warning);
 }
 
@@ -281,7 +281,7 @@ void PlayRun::follow_rig() {
   const uint64_t version = rig.version();
   if (std::exchange(rig_version_, version) != version && plan_.trim) plan_.trim->follow_files();
   const std::string complaint = rig.complaint();
-  if (std::exchange(rig_trouble_, complaint) == complaint) return;
+  if (std::exchange(rig_problem_, complaint) == complaint) return;
   if (complaint.empty())
     say("{}: can be used again\n", flags_.rig);
   else
@@ -310,14 +310,14 @@ nlohmann::ordered_json PlayRun::statistics_json(const PlayReport& report) const 
     json["rig_warnings"] = warnings;
   if (safe_.on) {
     json["safe_start"] = {{"failed_starts", safe_.failures}, {"trouble", nullptr}};
-    if (trouble_) json["safe_start"]["trouble"] = trouble_->what();
+    if (source_error_) json["safe_start"]["trouble"] = source_error_->what();
   }
   return json;
 }
 
 void PlayRun::write_stats(nlohmann::ordered_json statistics) {
-  outputs_.describe_trouble(statistics);
-  statistics["rig_trouble"] = rig_trouble_;
+  outputs_.describe_problems(statistics);
+  statistics["rig_trouble"] = rig_problem_;
   steered_->complete(statistics);
   outputs_.write_statistics(statistics);
 }
@@ -331,20 +331,20 @@ PlayReport PlayRun::nothing_yet(const char* outcome) const {
 }
 
 /// Reports the exactness when it has changed.
-void PlayRun::tell_exactness() {
+void PlayRun::report_exactness() {
   if (kms_ == nullptr) return;
   const std::string exactness = kms_->exactness().summary();
-  if (std::exchange(told_exactness_, exactness) != exactness)
+  if (std::exchange(reported_exactness_, exactness) != exactness)
     say("{}: now {}\n", display_->mode().name, exactness);
 }
 
 /// Prints the start message once, for people and the journal.
 void PlayRun::announce() {
-  if (kms_ != nullptr) told_exactness_ = kms_->exactness().summary();
+  if (kms_ != nullptr) reported_exactness_ = kms_->exactness().summary();
   if (kms_ != nullptr)
-    say("{}: {}, {}\n", display_->mode().name, told_exactness_,
+    say("{}: {}, {}\n", display_->mode().name, reported_exactness_,
         kms_->took_over() ? "taken over without a modeset" : "started by a modeset");
-  if (!trouble_ && !opened_.stall_hint.empty())
+  if (!source_error_ && !opened_.stall_hint.empty())
     say("playing {} on {}: waiting for a renderer\n", flags_.source, display_->mode().name);
 }
 
@@ -378,38 +378,38 @@ ExitCode PlayRun::conclude(const PlayResult& result) {
 ExitCode PlayRun::exit_code_after(const PlayResult& result) const {
   switch (result.outcome) {
     case PlayOutcome::Finished:
-      if (trouble_) throw Error(*trouble_);
-      if (const std::string why = steered_->failure(); !why.empty()) throw list_trouble(why);
+      if (source_error_) throw Error(*source_error_);
+      if (const std::string why = steered_->failure(); !why.empty()) throw list_error(why);
       if (outputs_.incomplete()) throw Error(*outputs_.incomplete());
       return kOk;
     case PlayOutcome::Stopped:
       return interrupt_exit_code();
     case PlayOutcome::SourceFailed:
     case PlayOutcome::SourceStalled:
-      throw source_trouble(result);
+      throw source_error(result);
     case PlayOutcome::DisplayLost:
       throw lost_display();
   }
   return kFailed;
 }
 
-Error PlayRun::list_trouble(const std::string& why) const {
+Error PlayRun::list_error(const std::string& why) const {
   const bool names_its_object = why.find(": ") != std::string::npos;
   return {ErrorKind::Input, names_its_object ? why : fmt::format("{}: {}", flags_.source, why)};
 }
 
-Error PlayRun::source_trouble(const PlayResult& result) const {
-  const auto trouble = [&](ErrorKind kind, const std::string& what, const std::string& hint) {
+Error PlayRun::source_error(const PlayResult& result) const {
+  const auto make_error = [&](ErrorKind kind, const std::string& what, const std::string& hint) {
     return Error(kind, fmt::format("{}: {}", flags_.source, what), hint);
   };
   if (result.outcome == PlayOutcome::SourceStalled)
-    return trouble(ErrorKind::Failed, fmt::format("no frame arrived for {} s", flags_.wait),
-                   opened_.stall_hint);
-  if (const std::string why = steered_->failure(); !why.empty()) return list_trouble(why);
+    return make_error(ErrorKind::Failed, fmt::format("no frame arrived for {} s", flags_.wait),
+                      opened_.stall_hint);
+  if (const std::string why = steered_->failure(); !why.empty()) return list_error(why);
   const bool empty = result.report.filled == 0;
   const bool cannot_loop = opened_.loop_obstacle && !empty;
-  return trouble(cannot_loop ? ErrorKind::Failed : ErrorKind::Input, result.failure,
-                 cannot_loop ? opened_.loop_obstacle() : "");
+  return make_error(cannot_loop ? ErrorKind::Failed : ErrorKind::Input, result.failure,
+                    cannot_loop ? opened_.loop_obstacle() : "");
 }
 
 Error PlayRun::lost_display() const {

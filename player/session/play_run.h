@@ -52,15 +52,15 @@ class PlayRun {
   void open_display();
   void open_panel();
   [[nodiscard]] ReconnectResult reconnect(const LostDisplay& lost);
-  void tell_waiting(const PanelWaiting& waiting);
-  void let_go();
+  void report_waiting(const PanelWaiting& waiting);
+  void release_stored();
 
   // Playback.
   void open_the_source();
   [[nodiscard]] PlayResult play_source();
   [[nodiscard]] PlayResult play_card();
   [[nodiscard]] PlayResult play_on_display(frames::FrameSource& source, PlaybackOptions options);
-  [[nodiscard]] bool goes_on_after(const PlayResult& result);
+  [[nodiscard]] bool continues_after(const PlayResult& result);
   [[nodiscard]] std::optional<uint64_t> vblanks_left() const;
   [[nodiscard]] bool time_is_over() const;
 
@@ -70,7 +70,7 @@ class PlayRun {
   void reload();
 
   // Reports.
-  void tell_exactness();
+  void report_exactness();
   void announce();
   void write_stats(nlohmann::ordered_json statistics);
   [[nodiscard]] nlohmann::ordered_json statistics_json(const PlayReport& report) const;
@@ -79,8 +79,8 @@ class PlayRun {
   // End of the run.
   [[nodiscard]] ExitCode conclude(const PlayResult& result);
   [[nodiscard]] ExitCode exit_code_after(const PlayResult& result) const;
-  [[nodiscard]] Error list_trouble(const std::string& why) const;
-  [[nodiscard]] Error source_trouble(const PlayResult& result) const;
+  [[nodiscard]] Error list_error(const std::string& why) const;
+  [[nodiscard]] Error source_error(const PlayResult& result) const;
   [[nodiscard]] Error lost_display() const;
 
   const PlayFlags& flags_;
@@ -90,8 +90,8 @@ class PlayRun {
 
   PlayOutputs outputs_;
   std::optional<SteeredPlay> steered_;
-  OpenedSource opened_;             ///< destroyed before steered_, which controls it
-  std::optional<Error> trouble_;    ///< safe mode: why the source is not played
+  OpenedSource opened_;                ///< destroyed before steered_, which controls it
+  std::optional<Error> source_error_;  ///< safe mode: why the source is not played
   display::Nanoseconds card_time_;  ///< display time of the card before the source is tried again
   std::optional<PanelWait> panel_;
   std::unique_ptr<display::Display> display_;
@@ -100,11 +100,11 @@ class PlayRun {
   std::optional<display::Nanoseconds> end_;  ///< end of the requested time, display clock
   bool kept_ = false;  ///< the service manager holds a copy of the card's descriptor
   std::optional<TrimKeys> trim_keys_;
-  std::string rig_trouble_;
+  std::string rig_problem_;
   uint64_t rig_version_ = 1;
-  std::string told_exactness_;
-  std::string told_;  ///< the reported reason for waiting; each is reported once
-  PlayReport lost_;   ///< the report while waiting for a panel
+  std::string reported_exactness_;
+  std::string reported_;  ///< the reported reason for waiting; each is reported once
+  PlayReport lost_;       ///< the report while waiting for a panel
 };
 
 }  // namespace lenticule::player

@@ -5,19 +5,19 @@
 
 #include <optional>
 
-#include "player/session/kept_output.h"
+#include "player/session/stored_output.h"
 
 namespace lenticule::player {
 
-Pulse pulse_of(const PlayReport& report, const display::KmsStatistics* kms) {
-  Pulse pulse{.flips = report.pace.shown,
-              .vblanks = report.wake.count,
-              .failures = report.flip_timeouts + report.busy};
-  if (kms == nullptr) return pulse;
-  pulse.flips = kms->flips;
-  pulse.failures += kms->busy + kms->refused + kms->flip_timeouts;
-  pulse.panel_away = kms->panel != display::PanelState::Showing;
-  return pulse;
+ProgressSample progress_sample(const PlayReport& report, const display::KmsStatistics* kms) {
+  ProgressSample sample{.flips = report.pace.shown,
+                        .vblanks = report.wake.count,
+                        .failures = report.flip_timeouts + report.busy};
+  if (kms == nullptr) return sample;
+  sample.flips = kms->flips;
+  sample.failures += kms->busy + kms->refused + kms->flip_timeouts;
+  sample.panel_away = kms->panel != display::PanelState::Showing;
+  return sample;
 }
 
 std::string status_text(const PlayReport& report, const display::KmsStatistics* kms,
@@ -31,12 +31,12 @@ std::string status_text(const PlayReport& report, const display::KmsStatistics* 
 }
 
 PlayService::PlayService(const ServiceManager& manager, const display::KmsDisplay* display)
-    : manager_(manager), display_(display), last_beat_(std::chrono::steady_clock::now()) {
-  keep_again();
+    : manager_(manager), display_(display), last_ping_(std::chrono::steady_clock::now()) {
+  store_again();
 }
 
-void PlayService::keep_again() {
-  if (display_ != nullptr) keep_output(manager_, *display_);
+void PlayService::store_again() {
+  if (display_ != nullptr) store_output(manager_, *display_);
 }
 
 void PlayService::report(const PlayReport& report) {
@@ -49,7 +49,7 @@ void PlayService::report(const PlayReport& report) {
   }
   const display::KmsStatistics* const statistics = kms ? &*kms : nullptr;
   std::string text = status_text(report, statistics, exactness ? &*exactness : nullptr);
-  if (!trouble_.empty()) text = "test card shown: " + trouble_ + "; " + text;
+  if (!problem_.empty()) text = "test card shown: " + problem_ + "; " + text;
   if (!warning_.empty()) text += "; " + warning_;
   if (!ready_ && report.first_frame_ms > 0) {
     ready_ = true;
@@ -62,9 +62,9 @@ void PlayService::report(const PlayReport& report) {
   // Often enough for the watchdog, and rarely enough that a failing display is noticed between two
   // pings.
   const auto now = std::chrono::steady_clock::now();
-  if (now - last_beat_ < *manager_.watchdog() * 2 / 5) return;
-  last_beat_ = now;
-  if (heartbeat_.beats(pulse_of(report, statistics))) manager_.ping();
+  if (now - last_ping_ < *manager_.watchdog() * 2 / 5) return;
+  last_ping_ = now;
+  if (watchdog_.should_ping(progress_sample(report, statistics))) manager_.ping();
 }
 
 }  // namespace lenticule::player

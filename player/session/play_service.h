@@ -9,12 +9,13 @@
 
 #include "display/kms/scanout/kms_display.h"
 #include "player/playback/play_statistics.h"
-#include "player/session/heartbeat.h"
 #include "player/session/service_manager.h"
+#include "player/session/watchdog.h"
 
 namespace lenticule::player {
 
-[[nodiscard]] Pulse pulse_of(const PlayReport& report, const display::KmsStatistics* kms);
+[[nodiscard]] ProgressSample progress_sample(const PlayReport& report,
+                                             const display::KmsStatistics* kms);
 
 /// Returns "EXACT yes; 600 frames shown, 0 underruns, 0 missed vblanks, panel showing; DP-1 on
 /// ...".
@@ -31,20 +32,20 @@ class PlayService {
   /// Call about once a second while playing.
   void report(const PlayReport& report);
   /// Stores the output again after the display came back.
-  void keep_again();
+  void store_again();
   /// Sets an error that replaces normal playback, for the status line; empty = none.
-  void set_trouble(const std::string& trouble) { trouble_ = trouble; }
+  void set_problem(const std::string& problem) { problem_ = problem; }
   /// Sets a warning that does not affect the picture, for the end of the status line; empty = none.
   void set_warning(const std::string& warning) { warning_ = warning; }
 
  private:
   const ServiceManager& manager_;
   const display::KmsDisplay* display_;
-  Heartbeat heartbeat_;
+  Watchdog watchdog_;
   bool ready_ = false;
-  std::string trouble_;
+  std::string problem_;
   std::string warning_;
-  std::chrono::steady_clock::time_point last_beat_;
+  std::chrono::steady_clock::time_point last_ping_;
 };
 
 }  // namespace lenticule::player

@@ -18,25 +18,25 @@ ServiceManager::ServiceManager() {
     watchdog_ = std::chrono::microseconds(microseconds);
 }
 
-void ServiceManager::tell(const std::string& text) const noexcept {
+void ServiceManager::notify(const std::string& text) const noexcept {
   if (present_) (void)sd_notify(0, text.c_str());
 }
 
 // A message consists of lines KEY=value. Escaping keeps a text from adding a line.
 void ServiceManager::status(const std::string& text) const noexcept {
-  tell("STATUS=" + escaped(text));
+  notify("STATUS=" + escaped(text));
 }
 
 void ServiceManager::ready(const std::string& text) const noexcept {
-  tell("READY=1\nSTATUS=" + escaped(text));
+  notify("READY=1\nSTATUS=" + escaped(text));
 }
 
 void ServiceManager::stopping(const std::string& text) const noexcept {
-  tell("STOPPING=1\nSTATUS=" + escaped(text));
+  notify("STOPPING=1\nSTATUS=" + escaped(text));
 }
 
 void ServiceManager::ping() const noexcept {
-  tell("WATCHDOG=1");
+  notify("WATCHDOG=1");
 }
 
 void ServiceManager::keep(const std::string& name, int fd) const noexcept {
@@ -46,13 +46,13 @@ void ServiceManager::keep(const std::string& name, int fd) const noexcept {
 }
 
 void ServiceManager::forget(const std::string& name) const noexcept {
-  tell(fmt::format("FDSTOREREMOVE=1\nFDNAME={}", name));
+  notify(fmt::format("FDSTOREREMOVE=1\nFDNAME={}", name));
 }
 
-std::vector<KeptDescriptor> take_kept_descriptors() {
+std::vector<StoredDescriptor> take_stored_descriptors() {
   char** names = nullptr;
   const int count = sd_listen_fds_with_names(1, &names);
-  std::vector<KeptDescriptor> kept;
+  std::vector<StoredDescriptor> kept;
   for (int i = 0; i < count; ++i) {
     kept.push_back({names[i], UniqueFd(SD_LISTEN_FDS_START + i)});
     std::free(names[i]);

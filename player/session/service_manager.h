@@ -13,7 +13,7 @@
 namespace lenticule::player {
 
 /// A descriptor that the previous process stored.
-struct KeptDescriptor {
+struct StoredDescriptor {
   std::string name;
   UniqueFd fd;
 };
@@ -42,7 +42,7 @@ class ServiceManager {
   void forget(const std::string& name) const noexcept;
 
  private:
-  void tell(const std::string& text) const noexcept;
+  void notify(const std::string& text) const noexcept;
 
   bool present_ = false;
   std::optional<std::chrono::microseconds> watchdog_;
@@ -50,6 +50,6 @@ class ServiceManager {
 
 /// Takes the descriptors that the manager passed to this process. Works once, because it clears
 /// them from the environment.
-[[nodiscard]] std::vector<KeptDescriptor> take_kept_descriptors();
+[[nodiscard]] std::vector<StoredDescriptor> take_stored_descriptors();
 
 }  // namespace lenticule::player

@@ -14,7 +14,7 @@ namespace lenticule::player {
 namespace {
 
 /// Timeout for a disk that hangs while the player ends.
-constexpr std::chrono::seconds kLastPatience{2};
+constexpr std::chrono::seconds kFinishTimeout{2};
 /// Interval at which the end of a pause is checked.
 constexpr std::chrono::milliseconds kLook{100};
 
@@ -74,7 +74,7 @@ StatisticsFile::StatisticsFile(const std::filesystem::path& file)
 }
 
 StatisticsFile::~StatisticsFile() {
-  (void)finish(kLastPatience);
+  (void)finish(kFinishTimeout);
 }
 
 void StatisticsFile::write(std::string text) {
@@ -85,11 +85,11 @@ void StatisticsFile::write(std::string text) {
   shared_->changed.notify_all();
 }
 
-std::string StatisticsFile::finish(std::chrono::milliseconds patience) {
+std::string StatisticsFile::finish(std::chrono::milliseconds timeout) {
   std::unique_lock lock(shared_->mutex);
   shared_->ending = true;
   shared_->changed.notify_all();
-  const bool over = shared_->changed.wait_for(lock, patience, [this] { return shared_->over; });
+  const bool over = shared_->changed.wait_for(lock, timeout, [this] { return shared_->over; });
   if (!over) return shared_->file.string() + ": cannot write: the disk does not respond";
   return shared_->writes.state().reason;
 }

@@ -24,9 +24,9 @@ class StatisticsFile {
 
   /// Returns at once. Replaces a text that is not written yet.
   void write(std::string text);
-  /// Waits at most `patience` until the newest text was tried, without waiting for the pause after
+  /// Waits at most `timeout` until the newest text was tried, without waiting for the pause after
   /// a failure. Returns an empty string if the text is in the file, else the reason.
-  [[nodiscard]] std::string finish(std::chrono::milliseconds patience);
+  [[nodiscard]] std::string finish(std::chrono::milliseconds timeout);
   [[nodiscard]] WriteState state() const;
   void try_at_once();
 

@@ -79,16 +79,16 @@ void SteeredPlay::listen() {
 }
 
 SteeredPlay::~SteeredPlay() {
-  let_go();
+  detach_source();
 }
 
-void SteeredPlay::let_go() {
+void SteeredPlay::detach_source() {
   if (controls_) controls_->steer(nullptr);
   source_ = nullptr;
 }
 
 void SteeredPlay::open(OpenedSource& opened) {
-  let_go();
+  detach_source();
   if (!is_list_ && !controls_ && !is_followed(plan_)) {
     opened = open_source(plan_.source);
     return;
@@ -117,11 +117,11 @@ void SteeredPlay::prepare(PlaybackOptions& options, frames::Rate refresh) {
   source_->set_display_rate(refresh);
   options.loops = 1;  // the list counts the loops itself
   if (controls_) options.control = &controls_->playback();
-  tell_state("playing");
+  report_state("playing");
 }
 
-void SteeredPlay::tell_state(const std::string& state) {
-  if (controls_) controls_->tell_state(state);
+void SteeredPlay::report_state(const std::string& state) {
+  if (controls_) controls_->report_state(state);
   if (std::exchange(state_, state) != state) publish({{"event", "state"}, {"state", state}});
 }
 
@@ -134,7 +134,7 @@ void SteeredPlay::on_item(const PlaylistEvent& event) {
   switch (event.kind) {
     case PlaylistEvent::Kind::ItemStarted:
       return publish({{"event", "item_started"}, {"source", event.source}});
-    case PlaylistEvent::Kind::Seam:
+    case PlaylistEvent::Kind::LoopPoint:
       return publish({{"event", "seam"}, {"source", event.source}});
     case PlaylistEvent::Kind::ItemDamaged:
       publish({{"event", "damaged_item"}, {"source", event.source}, {"cause", event.detail}});
@@ -156,8 +156,9 @@ void SteeredPlay::complain(const std::string& how, const PlaylistEvent& event) {
   const std::string complaint = named ? event.detail : event.source + ": " + event.detail;
   // The number of damaged frames may differ from round to round, the item is reported once.
   const bool damaged = event.kind == PlaylistEvent::Kind::ItemDamaged;
-  const std::lock_guard lock(told_mutex_);
-  if (told_.size() < kMaxComplaints && told_.insert(damaged ? event.source : complaint).second)
+  const std::lock_guard lock(reported_mutex_);
+  if (reported_.size() < kMaxComplaints &&
+      reported_.insert(damaged ? event.source : complaint).second)
     say("{}: {}\n", how, complaint);
 }
 
@@ -200,9 +201,9 @@ void SteeredPlay::complete(ordered_json& statistics) {
                               {"items", status.items},
                               {"rounds_done", status.rounds_done},
                               {"items_started", status.started},
-                              {"seams", status.seams},
+                              {"seams", status.loop_points},
                               {"items_skipped", status.skipped},
-                              {"last_trouble", status.last_trouble},
+                              {"last_trouble", status.last_problem},
                               {"damaged_items", ordered_json::array()}};
     for (const auto& [source, damage] : status.damaged_items) {
       ordered_json item = {{"source", source}};
@@ -217,7 +218,7 @@ void SteeredPlay::complete(ordered_json& statistics) {
                              {"dropped", counts.dropped},
                              {"displaced", counts.displaced}};
   }
-  if (controls_) controls_->tell_statistics(statistics);
+  if (controls_) controls_->report_statistics(statistics);
 }
 
 std::string SteeredPlay::failure() const {
@@ -226,7 +227,7 @@ std::string SteeredPlay::failure() const {
   const bool nothing_played = status.started == 0;
   const bool only_one_broke = !is_list_ && status.started <= 1 && status.skipped > 0;
   if (!nothing_played && !only_one_broke) return {};
-  return status.last_trouble.empty() ? "none of its items could be played" : status.last_trouble;
+  return status.last_problem.empty() ? "none of its items could be played" : status.last_problem;
 }
 
 }  // namespace lenticule::player

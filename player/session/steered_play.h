@@ -32,13 +32,13 @@ class SteeredPlay {
   /// closed.
   void open(OpenedSource& opened);
   /// Detaches from the source; call it before the source is destroyed.
-  void let_go();
+  void detach_source();
   /// Sets the playback options that lists and control need.
   void prepare(PlaybackOptions& options, frames::Rate refresh);
   /// Checks the list's and the item's files now.
   void look_again();
   /// Sets the state, one word; publishes an event if it changed.
-  void tell_state(const std::string& state);
+  void report_state(const std::string& state);
   /// Call about once a second: updates the statistics, warns, and publishes events.
   void report(const PlayReport& report);
   void complete(nlohmann::ordered_json& statistics);
@@ -65,8 +65,8 @@ class SteeredPlay {
   PlayReport before_;
   uint64_t trim_version_ = 0;
   std::string state_;
-  std::mutex told_mutex_;
-  std::set<std::string> told_;  ///< complaints already printed; each is printed once
+  std::mutex reported_mutex_;
+  std::set<std::string> reported_;  ///< complaints already printed; each is printed once
 };
 
 }  // namespace lenticule::player

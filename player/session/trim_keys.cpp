@@ -38,12 +38,12 @@ void TrimKeys::listen() noexcept {
     std::array<pollfd, 2> ready{{{.fd = keys_->fd(), .events = POLLIN, .revents = 0},
                                  {.fd = wake_.fd(), .events = POLLIN, .revents = 0}}};
     (void)poll(ready.data(), ready.size(), static_cast<int>(kEscapePause.count()));
-    for (const KeyPress& press : keys_->take()) tell(trim_->press(press));
+    for (const KeyPress& press : keys_->take()) report(trim_->press(press));
   }
 }
 
 /// Prints a sentence on a line of its own, over a progress line.
-void TrimKeys::tell(const std::string& sentence) {
+void TrimKeys::report(const std::string& sentence) {
   if (sentence.empty()) return;
   say("\r\x1b[K{}\n", sentence);
   if (!advice_.empty()) say("{}\n", std::exchange(advice_, {}));

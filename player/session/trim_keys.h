@@ -25,7 +25,7 @@ class TrimKeys {
 
  private:
   void listen() noexcept;
-  void tell(const std::string& sentence);
+  void report(const std::string& sentence);
 
   std::shared_ptr<LiveTrim> trim_;
   std::string advice_;

@@ -41,8 +41,8 @@ namespace wire = frames::confined;
 constexpr size_t kMostIdle = 8;
 constexpr milliseconds kLook{200};
 /// Timeout for the start: loading some hundred libraries on a busy machine may take long.
-constexpr milliseconds kStartPatience{180'000};
-constexpr milliseconds kInterruptedPatience{2000};
+constexpr milliseconds kStartTimeout{180'000};
+constexpr milliseconds kInterruptedTimeout{2000};
 constexpr double kMostPixelAspect = 100.0;
 constexpr int64_t kMegapixel = 1'000'000;
 
@@ -209,12 +209,12 @@ class Decoder {
                       file.string(), std::chrono::duration<double>(processor_limit_).count()),
           "convert it to PNG or uncompressed TIFF");
     const auto silence = SteadyTime::now() - silent_since_;
-    const milliseconds longest = ready_ ? limits_.silence : kStartPatience;
+    const milliseconds longest = ready_ ? limits_.silence : kStartTimeout;
     if (silence > longest)
       throw Error(ErrorKind::Input,
                   fmt::format("{}: its decoder did not respond for {} s", file.string(),
                               std::chrono::duration_cast<seconds>(longest).count()));
-    if (interrupted() && silence > kInterruptedPatience)
+    if (interrupted() && silence > kInterruptedTimeout)
       throw Error(ErrorKind::Failed, fmt::format("{}: interrupted", file.string()));
   }
 

@@ -22,7 +22,7 @@ namespace {
 namespace fs = std::filesystem;
 using frames::FrameSource;
 using frames::ViewInput;
-using Kind = ContentMeaning::Kind;
+using Kind = ContentFormat::Kind;
 using Sources = std::vector<std::unique_ptr<FrameSource>>;
 
 /// Limits of views per source: each film has a thread and pictures, each video a process.
@@ -30,7 +30,7 @@ constexpr size_t kMostFilms = 128;
 constexpr size_t kMostVideos = 16;
 /// Limit for playback: 2 GiB, the size of 86 views of 3840x2160.
 constexpr uint64_t kMostPlayedViewBytes = uint64_t{2} << 30;
-constexpr auto kPatience = std::chrono::minutes(1);
+constexpr auto kTimeout = std::chrono::minutes(1);
 constexpr std::chrono::milliseconds kLook{100};
 
 /// Expands "view%02d/%05d.png": returns the second pattern in each folder of the first.
@@ -75,18 +75,18 @@ std::optional<double> aspect_of(const std::optional<double>& stated, const Frame
 }
 
 std::unique_ptr<ViewInput> open_still_views(const ContentRequest& request,
-                                            const ContentMeaning& meaning,
+                                            const ContentFormat& detected,
                                             const std::vector<std::string>& names) {
   if (request.how.frames)
     throw Error(ErrorKind::Usage, "--frames: not allowed for a single picture",
                 "use --frames with films, such as 'views:view%02d/%05d.png'");
   std::vector<fs::path> files(names.begin(), names.end());
-  if (meaning.rightmost_first) std::reverse(files.begin(), files.end());
+  if (detected.rightmost_first) std::reverse(files.begin(), files.end());
   return std::make_unique<ViewInput>(frames::read_views(files, request.source.without_prefix(),
-                                                        meaning.aspect, most_view_bytes(request)));
+                                                        detected.aspect, most_view_bytes(request)));
 }
 
-std::unique_ptr<ViewInput> open_films(const ContentRequest& request, const ContentMeaning& meaning,
+std::unique_ptr<ViewInput> open_films(const ContentRequest& request, const ContentFormat& detected,
                                       const std::vector<std::string>& names) {
   const bool videos = std::any_of(names.begin(), names.end(), is_video);
   const size_t most = videos ? kMostVideos : kMostFilms;
@@ -105,20 +105,20 @@ std::unique_ptr<ViewInput> open_films(const ContentRequest& request, const Conte
                   fmt::format("{}: its size differs from that of {}", name, names[0]),
                   "all views must have the same size");
   }
-  auto arrangement =
-      frames::arrange_pictures(films.front()->geometry(), static_cast<int>(names.size()),
-                               aspect_of(meaning.aspect, *films.front()), meaning.rightmost_first);
+  auto arrangement = frames::arrange_pictures(
+      films.front()->geometry(), static_cast<int>(names.size()),
+      aspect_of(detected.aspect, *films.front()), detected.rightmost_first);
   return std::make_unique<ViewInput>(std::move(films), std::move(arrangement), request.source.text);
 }
 
 std::unique_ptr<ViewInput> open_view_files(const ContentRequest& request,
-                                           const ContentMeaning& meaning) {
+                                           const ContentFormat& detected) {
   const std::vector<std::string> names = names_of_views(request.source);
   require_count(request, names.size());
   const bool films = std::any_of(names.begin(), names.end(), [](const std::string& name) {
     return is_video(name) || frames::FilePattern::looks_like_pattern(name);
   });
-  return films ? open_films(request, meaning, names) : open_still_views(request, meaning, names);
+  return films ? open_films(request, detected, names) : open_still_views(request, detected, names);
 }
 
 std::unique_ptr<ViewInput> input_of(Sources sources,
@@ -138,28 +138,28 @@ void refuse_float_depth(const std::string& file) {
 }
 
 std::unique_ptr<ViewInput> open_with_own_depth(const ContentRequest& request,
-                                               const ContentMeaning& meaning) {
+                                               const ContentFormat& detected) {
   refuse_float_depth(request.source.content.depth);
   Sources sources;
   sources.push_back(open_pictures(request.source.text, request.how));
   sources.push_back(open_pictures(request.source.content.depth, request.how));
-  frames::DepthOptions options = meaning.depth_options;
+  frames::DepthOptions options = detected.depth_options;
   options.threads = request.drawing_threads;
   options.most_bytes = most_view_bytes(request);
   auto arrangement = frames::arrange_depth(sources.front()->geometry(),
-                                           aspect_of(meaning.aspect, *sources.front()), options);
+                                           aspect_of(detected.aspect, *sources.front()), options);
   return input_of(std::move(sources), std::move(arrangement), request);
 }
 
-optics::Rig rig_of_woven(const ContentRequest& request, const ContentMeaning& meaning) {
+optics::Rig rig_of_woven(const ContentRequest& request, const ContentFormat& detected) {
   const ContentFlags& flags = request.source.content;
   if (flags.from_rig.empty()) {
-    if (meaning.rig_toml.empty())
+    if (detected.rig_toml.empty())
       throw Error(
           ErrorKind::Input,
           fmt::format("{}: does not contain the rig that it was woven for", request.source.text),
           "use --from-rig RIG.toml");
-    return optics::parse_rig(meaning.rig_toml, request.source.text + ": its rig");
+    return optics::parse_rig(detected.rig_toml, request.source.text + ": its rig");
   }
   auto [rig, identity] = optics::load_rig_and_identity(flags.from_rig);
   if (request.source.kind != SourceKind::Sequence) return rig;
@@ -178,8 +178,8 @@ optics::Rig rig_of_woven(const ContentRequest& request, const ContentMeaning& me
 }
 
 std::unique_ptr<ViewInput> open_other_rig(const ContentRequest& request,
-                                          const ContentMeaning& meaning) {
-  const optics::OpticalModel model(rig_of_woven(request, meaning));
+                                          const ContentFormat& detected) {
+  const optics::OpticalModel model(rig_of_woven(request, detected));
   const int wanted = request.source.content.views;
   PictureRequest how = request.how;
   how.before_weaving = false;  // subsampled chroma mixes pixels of different views
@@ -192,59 +192,59 @@ std::unique_ptr<ViewInput> open_other_rig(const ContentRequest& request,
 }
 
 std::unique_ptr<frames::ViewArrangement> arrangement_of(const ContentRequest& request,
-                                                        const ContentMeaning& meaning,
+                                                        const ContentFormat& detected,
                                                         const FrameSource& source) {
   const std::string& name = request.source.text;
   const frames::FrameGeometry picture = source.geometry();
   const double pixel_aspect = source.pixel_aspect();
-  if (meaning.kind == Kind::Quilt) {
-    frames::QuiltLayout layout = meaning.layout;
+  if (detected.kind == Kind::Quilt) {
+    frames::QuiltLayout layout = detected.layout;
     if (!layout.aspect)
       layout.aspect = frames::stated_aspect(
           {.width = picture.width / layout.columns, .height = picture.height / layout.rows},
           pixel_aspect);
-    return frames::arrange_quilt(picture, layout, meaning.rightmost_first, name);
+    return frames::arrange_quilt(picture, layout, detected.rightmost_first, name);
   }
-  if (meaning.kind == Kind::Stereo) {
-    frames::StereoTiles tiles = frames::tiles_of(meaning.stereo, picture);
-    const bool beside = meaning.stereo.beside && !meaning.stereo.half;
-    const bool above = !meaning.stereo.beside && !meaning.stereo.half;
+  if (detected.kind == Kind::Stereo) {
+    frames::StereoTiles tiles = frames::tiles_of(detected.stereo, picture);
+    const bool beside = detected.stereo.beside && !detected.stereo.half;
+    const bool above = !detected.stereo.beside && !detected.stereo.half;
     const frames::FrameGeometry eye{.width = picture.width / (beside ? 2 : 1),
                                     .height = picture.height / (above ? 2 : 1)};
     if (const auto stated = frames::stated_aspect(eye, pixel_aspect)) tiles.layout.aspect = stated;
-    if (meaning.aspect) tiles.layout.aspect = meaning.aspect;
+    if (detected.aspect) tiles.layout.aspect = detected.aspect;
     return frames::arrange_quilt(picture, tiles.layout,
-                                 tiles.rightmost_first != meaning.rightmost_first, name);
+                                 tiles.rightmost_first != detected.rightmost_first, name);
   }
-  LENTICULE_CHECK(meaning.kind == Kind::DepthInside);
-  frames::DepthOptions options = meaning.depth_options;
+  LENTICULE_CHECK(detected.kind == Kind::DepthInside);
+  frames::DepthOptions options = detected.depth_options;
   options.threads = request.drawing_threads;
   options.most_bytes = most_view_bytes(request);
   const bool beside =
-      meaning.depth == frames::DepthPlace::Left || meaning.depth == frames::DepthPlace::Right;
+      detected.depth == frames::DepthPlace::Left || detected.depth == frames::DepthPlace::Right;
   const frames::FrameGeometry colours{.width = picture.width / (beside ? 2 : 1),
                                       .height = picture.height / (beside ? 1 : 2)};
   const auto aspect =
-      meaning.aspect ? meaning.aspect : frames::stated_aspect(colours, pixel_aspect);
-  return frames::arrange_depth_in(picture, meaning.depth, aspect, options, name);
+      detected.aspect ? detected.aspect : frames::stated_aspect(colours, pixel_aspect);
+  return frames::arrange_depth_in(picture, detected.depth, aspect, options, name);
 }
 
 }  // namespace
 
 std::unique_ptr<ViewInput> open_views(const ContentRequest& request,
-                                      const ContentMeaning& meaning) {
-  LENTICULE_CHECK(meaning.kind != Kind::Woven);
-  if (meaning.kind == Kind::ViewFiles) return open_view_files(request, meaning);
-  if (meaning.kind == Kind::OwnDepth) return open_with_own_depth(request, meaning);
-  if (meaning.kind == Kind::OtherRig) return open_other_rig(request, meaning);
+                                      const ContentFormat& detected) {
+  LENTICULE_CHECK(detected.kind != Kind::Woven);
+  if (detected.kind == Kind::ViewFiles) return open_view_files(request, detected);
+  if (detected.kind == Kind::OwnDepth) return open_with_own_depth(request, detected);
+  if (detected.kind == Kind::OtherRig) return open_other_rig(request, detected);
   Sources sources;
   sources.push_back(open_pictures(request.source.text, request.how));
-  auto arrangement = arrangement_of(request, meaning, *sources.front());
+  auto arrangement = arrangement_of(request, detected, *sources.front());
   return input_of(std::move(sources), std::move(arrangement), request);
 }
 
 void await_first(ViewInput& input, const std::string& name) {
-  const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  const auto deadline = std::chrono::steady_clock::now() + kTimeout;
   while (std::chrono::steady_clock::now() < deadline && !interrupted()) {
     switch (input.next()) {
       case frames::PullStatus::Ready:
@@ -262,7 +262,7 @@ void await_first(ViewInput& input, const std::string& name) {
 
 frames::FrameDamage await_damage(ViewInput& input) {
   input.release();
-  const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  const auto deadline = std::chrono::steady_clock::now() + kTimeout;
   while (std::chrono::steady_clock::now() < deadline && !interrupted()) {
     const frames::PullStatus status = input.next();
     if (status == frames::PullStatus::Ready) input.release();

@@ -6,7 +6,7 @@
 #include <memory>
 
 #include "frames/views_input/view_input.h"
-#include "player/sources/content_meaning.h"
+#include "player/sources/content_format.h"
 #include "player/sources/picture_sources.h"
 
 namespace lenticule::player {
@@ -17,10 +17,10 @@ struct ContentRequest {
   int drawing_threads = 1;  ///< threads that make views from depth
 };
 
-/// Opens the source. `meaning` is that of the source, and not Woven. Throws Error(Usage) and
+/// Opens the source. `detected` is that of the source, and not Woven. Throws Error(Usage) and
 /// Error(Input) for inputs that are missing, broken, of different sizes or lengths, or too large.
 [[nodiscard]] std::unique_ptr<frames::ViewInput> open_views(const ContentRequest& request,
-                                                            const ContentMeaning& meaning);
+                                                            const ContentFormat& detected);
 
 /// Waits at most a minute for the first set of views. Throws Error(Input) with the input's error,
 /// Error(Failed) if none came or the input has no frame.

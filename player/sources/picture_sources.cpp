@@ -54,7 +54,7 @@ std::unique_ptr<frames::FrameSource> open_files(const std::string& text,
   if (request.plays) options.pool_bytes = kMostBytesAhead;
   const std::string name = files.front().string();
   options.accept = [&](const frames::PictureInfo& info) {
-    const auto size = frames::turned_geometry(info.geometry, info.orientation);
+    const auto size = frames::oriented_geometry(info.geometry, info.orientation);
     check_size(name, size, request, kMostPlayedPixels);
   };
   return std::make_unique<frames::ImageSequence>(std::move(files), options);

@@ -130,13 +130,13 @@ OpenedSource open_sequence(const SourceRequest& request) {
   return opened;
 }
 
-MeaningRequest meaning_request(const SourceRequest& request) {
+FormatQuery meaning_request(const SourceRequest& request) {
   return {.source = request.spec, .rig_fingerprint = present_rig(request).fingerprint};
 }
 
 /// Opens a source that is woven here. Quilts are large: only a few are kept ahead, beside the
 /// requested number of woven frames.
-OpenedSource open_woven_here(const SourceRequest& request, const ContentMeaning& meaning) {
+OpenedSource open_woven_here(const SourceRequest& request, const ContentFormat& detected) {
   constexpr int kPicturesAhead = 4;
   ContentRequest content{.source = request.spec,
                          .how = picture_request(request),
@@ -145,13 +145,13 @@ OpenedSource open_woven_here(const SourceRequest& request, const ContentMeaning&
   content.how.before_weaving = true;
   OpenedSource opened;
   opened.source = std::make_unique<WeavingSource>(
-      open_views(content, meaning),
+      open_views(content, detected),
       WeavingSourceOptions{.rig_file = request.rig_file,
                            .rig = request.rig,
                            .name = request.spec.text,
-                           .loom = {.weave = weave_options(request.weaving),
-                                    .crosstalk = request.weaving.crosstalk,
-                                    .threads = decoding_threads()},
+                           .pipeline = {.weave = weave_options(request.weaving),
+                                        .crosstalk = request.weaving.crosstalk,
+                                        .threads = decoding_threads()},
                            .pool_frames = std::max(request.slots, 3),
                            .plays_again = request.plays_again});
   return opened;
@@ -180,7 +180,7 @@ OpenedSource open_views_of_rig(const SourceRequest& request) {
 
 bool is_woven_here(const SourceRequest& request) {
   try {
-    return meaning_of(meaning_request(request)).kind != ContentMeaning::Kind::Woven;
+    return detect_content_format(meaning_request(request)).kind != ContentFormat::Kind::Woven;
   } catch (const Error&) {
     return false;  // opening the source reports the error
   }
@@ -190,8 +190,8 @@ OpenedSource open_source(const SourceRequest& request) {
   if (request.spec.kind == SourceKind::Card) return open_card(request);
   if (request.spec.kind == SourceKind::RigViews) return open_views_of_rig(request);
   if (request.spec.kind == SourceKind::Ring) return open_ring(request);
-  const ContentMeaning meaning = meaning_of(meaning_request(request));
-  if (meaning.kind != ContentMeaning::Kind::Woven) return open_woven_here(request, meaning);
+  const ContentFormat detected = detect_content_format(meaning_request(request));
+  if (detected.kind != ContentFormat::Kind::Woven) return open_woven_here(request, detected);
   if (request.spec.kind == SourceKind::Sequence) return open_sequence(request);
   return open_woven_pictures(request);
 }

@@ -23,7 +23,7 @@ enum class SourceKind {
 };
 
 /// Only the name decides the kind. Whether the pictures of a file are woven frames or views is
-/// decided by meaning_of(), which also reads flags, sidecars and containers.
+/// decided by detect_content_format(), which also reads flags, sidecars and containers.
 struct SourceSpec {
   SourceKind kind = SourceKind::Pictures;
   std::string text = {};      ///< the name as it was given

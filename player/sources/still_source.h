@@ -17,13 +17,13 @@ class StillSource final : public frames::FrameSource {
   [[nodiscard]] frames::FrameGeometry geometry() const override { return frame_.geometry(); }
   [[nodiscard]] std::optional<frames::Rate> rate() const override { return frames::Rate{1, 1}; }
   [[nodiscard]] std::optional<uint64_t> frame_count() const override { return 1; }
-  [[nodiscard]] frames::PullStatus pull(frames::LentFrame& out) override {
+  [[nodiscard]] frames::PullStatus pull(frames::AcquiredFrame& out) override {
     if (std::exchange(pulled_, true)) return frames::PullStatus::End;
     out = {.frame = frame_.view(), .number = 0, .token = 0};
     return frames::PullStatus::Ready;
   }
   void release(uint64_t token) override { (void)token; }
-  [[nodiscard]] int max_lent() const override { return 1'000'000; }
+  [[nodiscard]] int max_acquired() const override { return 1'000'000; }
   [[nodiscard]] uint64_t ready_count() const override { return pulled_ ? 0 : 1; }
   [[nodiscard]] bool saturated() const override { return true; }
   [[nodiscard]] bool rewind() override { return std::exchange(pulled_, false); }

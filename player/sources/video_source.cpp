@@ -30,7 +30,7 @@ constexpr int kLeastSlots = 4;  ///< a ring's minimum of three, and one held ove
 constexpr size_t kMostRestarts = 3;
 constexpr auto kRestartWindow = 60s;
 /// Timeout for the start: loading some hundred libraries on a busy machine may take long.
-constexpr std::chrono::milliseconds kStartPatience = 60s;
+constexpr std::chrono::milliseconds kStartTimeout = 60s;
 
 const VideoStream& choose_stream(const std::vector<VideoStream>& streams,
                                  const VideoRequest& request) {
@@ -43,7 +43,7 @@ const VideoStream& choose_stream(const std::vector<VideoStream>& streams,
 }
 
 frames::FrameGeometry upright_geometry(const VideoStream& stream) {
-  return frames::turned_geometry(stream.geometry, *stream.orientation);
+  return frames::oriented_geometry(stream.geometry, *stream.orientation);
 }
 
 /// Refuses tags that would require changing the pixels of woven frames.
@@ -123,9 +123,9 @@ class Source final : public VideoSource {
   }
   [[nodiscard]] std::optional<frames::Rate> rate() const override { return stream_.rate; }
   [[nodiscard]] std::optional<uint64_t> frame_count() const override { return frames_in_loop_; }
-  [[nodiscard]] PullStatus pull(frames::LentFrame& out) override;
+  [[nodiscard]] PullStatus pull(frames::AcquiredFrame& out) override;
   void release(uint64_t token) override;
-  [[nodiscard]] int max_lent() const override { return ring_->max_lent() - 1; }
+  [[nodiscard]] int max_acquired() const override { return ring_->max_acquired() - 1; }
   [[nodiscard]] uint64_t ready_count() const override {
     return ring_->ready_count() + (held_ ? 1 : 0);
   }
@@ -138,7 +138,7 @@ class Source final : public VideoSource {
 
  private:
   [[nodiscard]] bool watch(int fd) const;
-  [[nodiscard]] PullStatus take(const frames::LentFrame& lent, frames::LentFrame& out);
+  [[nodiscard]] PullStatus take(const frames::AcquiredFrame& acquired, frames::AcquiredFrame& out);
   void begin_child();
   void supervise();
   void bury();
@@ -159,10 +159,10 @@ class Source final : public VideoSource {
   bool complete_ = false;  ///< the present decoder has sent all frames
   bool at_end_ = false;    ///< End was returned and rewind() not called
   /// First frame of the next loop, held over the loop point.
-  std::optional<frames::LentFrame> held_;
+  std::optional<frames::AcquiredFrame> held_;
   std::optional<uint64_t> frames_in_loop_;
   uint64_t position_ = 0;  ///< frames taken from the ring, in all loops
-  uint64_t lent_ = 0;
+  uint64_t acquired_ = 0;
 
   uint64_t child_loop_ = 0;  ///< loop in which the present child was started
   bool burying_ = false;     ///< the child is dead, but the ring may not have noticed yet
@@ -190,7 +190,7 @@ bool Source::watch(int fd) const {
 
 // --- frames ------------------------------------------------------------------------------------
 
-PullStatus Source::pull(frames::LentFrame& out) {
+PullStatus Source::pull(frames::AcquiredFrame& out) {
   if (out_of_order_) return PullStatus::Failed;
   if (at_end_) return PullStatus::End;
   if (held_) {
@@ -198,11 +198,11 @@ PullStatus Source::pull(frames::LentFrame& out) {
     out.number = next_++;
     return PullStatus::Ready;
   }
-  frames::LentFrame lent;
-  switch (ring_->pull(lent)) {
+  frames::AcquiredFrame acquired;
+  switch (ring_->pull(acquired)) {
     case PullStatus::Ready:
-      ++lent_;
-      return take(lent, out);
+      ++acquired_;
+      return take(acquired, out);
     case PullStatus::End:
       // A decoder that was replaced after its last frame leaves an empty sequence.
       if (request_.plays_again || next_ == 0) break;
@@ -219,23 +219,23 @@ PullStatus Source::pull(frames::LentFrame& out) {
   return failure_.empty() ? PullStatus::NotYet : PullStatus::Failed;
 }
 
-PullStatus Source::take(const frames::LentFrame& lent, frames::LentFrame& out) {
-  const uint64_t position = frames::position_of(lent.number);
-  const bool begins = frames::begins_clip(lent.number);
+PullStatus Source::take(const frames::AcquiredFrame& acquired, frames::AcquiredFrame& out) {
+  const uint64_t position = frames::position_of(acquired.number);
+  const bool begins = frames::begins_clip(acquired.number);
   if (position == position_ && begins && next_ > 0) {
     ++position_;
-    held_ = lent;
+    held_ = acquired;
     at_end_ = true;
     frames_in_loop_ = next_;
     return PullStatus::End;
   }
   if (position == position_ && begins == (next_ == 0)) {
     ++position_;
-    out = lent;
+    out = acquired;
     out.number = next_++;
     return PullStatus::Ready;
   }
-  release(lent.token);
+  release(acquired.token);
   out_of_order_ = true;
   failure_ = fmt::format("{}: the decoder sent frame {} instead of {}", request_.file.string(),
                          position, position_);
@@ -244,7 +244,7 @@ PullStatus Source::take(const frames::LentFrame& lent, frames::LentFrame& out) {
 }
 
 void Source::release(uint64_t token) {
-  --lent_;
+  --acquired_;
   ring_->release(token);
 }
 
@@ -337,13 +337,13 @@ void Source::watch_for_hang() {
   if (!child_.present() || killed_) return;
   const Clock::time_point now = Clock::now();
   const uint64_t signs = position_ + ring_->ready_count() + child_.events();
-  const bool looked_away = now - std::exchange(last_look_, now) > request_.patience / 2;
-  const bool full = ring_->ready_count() + lent_ >= slots_;
+  const bool looked_away = now - std::exchange(last_look_, now) > request_.timeout / 2;
+  const bool full = ring_->ready_count() + acquired_ >= slots_;
   if (signs != signs_) child_showed_life_ = true;
   if (std::exchange(signs_, signs) != signs || looked_away || full) last_sign_ = now;
-  const auto patience =
-      child_showed_life_ ? request_.patience : std::max(request_.patience, kStartPatience);
-  if (now - last_sign_ < patience) return;
+  const auto timeout =
+      child_showed_life_ ? request_.timeout : std::max(request_.timeout, kStartTimeout);
+  if (now - last_sign_ < timeout) return;
   killed_ = true;
   ++counts_.hangs;
   child_.kill();

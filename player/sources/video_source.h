@@ -33,7 +33,7 @@ struct VideoRequest {
   uint64_t most_bytes = std::numeric_limits<uint64_t>::max();
   std::filesystem::path program = {};  ///< lenticule-video; empty = search for it
   /// Timeout without progress after which a decoder that has a free slot is killed.
-  std::chrono::milliseconds patience{5000};
+  std::chrono::milliseconds timeout{5000};
 };
 
 struct VideoStatistics {

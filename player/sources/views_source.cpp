@@ -17,11 +17,11 @@ void ViewsSource::weave() {
       frames::draw_chart({.pattern = frames::ChartPattern::NumberedViews, .rig = trim_->rig()}));
 }
 
-frames::PullStatus ViewsSource::pull(frames::LentFrame& out) {
+frames::PullStatus ViewsSource::pull(frames::AcquiredFrame& out) {
   if (pulled_) return frames::PullStatus::End;
   if (version_ != trim_->version()) weave();
   pulled_ = true;
-  lent_[next_token_] = newest_;
+  acquired_[next_token_] = newest_;
   out = {.frame = newest_->view(), .number = 0, .token = next_token_++};
   return frames::PullStatus::Ready;
 }

@@ -19,9 +19,9 @@ class ViewsSource final : public frames::FrameSource {
   [[nodiscard]] frames::FrameGeometry geometry() const override { return newest_->geometry(); }
   [[nodiscard]] std::optional<frames::Rate> rate() const override { return frames::Rate{4, 1}; }
   [[nodiscard]] std::optional<uint64_t> frame_count() const override { return 1; }
-  [[nodiscard]] frames::PullStatus pull(frames::LentFrame& out) override;
-  void release(uint64_t token) override { lent_.erase(token); }
-  [[nodiscard]] int max_lent() const override { return 1'000'000; }
+  [[nodiscard]] frames::PullStatus pull(frames::AcquiredFrame& out) override;
+  void release(uint64_t token) override { acquired_.erase(token); }
+  [[nodiscard]] int max_acquired() const override { return 1'000'000; }
   [[nodiscard]] uint64_t ready_count() const override { return pulled_ ? 0 : 1; }
   [[nodiscard]] bool saturated() const override { return true; }
   [[nodiscard]] bool rewind() override;
@@ -36,7 +36,7 @@ class ViewsSource final : public frames::FrameSource {
   uint64_t version_ = 0;
   std::shared_ptr<const frames::WovenFrame> newest_;
   /// Keeps frames acquired before a change alive and unchanged.
-  std::map<uint64_t, std::shared_ptr<const frames::WovenFrame>> lent_;
+  std::map<uint64_t, std::shared_ptr<const frames::WovenFrame>> acquired_;
   uint64_t next_token_ = 0;
   bool pulled_ = false;
 };

@@ -53,7 +53,7 @@ void WeavingSource::start() {
   rig_version_ = rig_->version();
   const optics::Rig rig = rig_->rig();
   geometry_ = {.width = rig.panel.width_px, .height = rig.panel.height_px};
-  loom_ = loom_for(rig);
+  pipeline_ = pipeline_for(rig);
   plans_ = 1;
   slots_.resize(static_cast<size_t>(std::max(options_.pool_frames, kFewestSlots)));
   for (Slot& slot : slots_) slot.frame = frames::WovenFrame(geometry_);
@@ -62,13 +62,13 @@ void WeavingSource::start() {
 void WeavingSource::weave_first_still() {
   await_first(*input_, options_.name);
   Slot& first = slots_.front();
-  loom_->weave(input_->views(), first.frame);
+  pipeline_->weave(input_->views(), first.frame);
   first.state = SlotState::Ready;
   round_ends_ = {1};
 }
 
-std::shared_ptr<Loom> WeavingSource::loom_for(const optics::Rig& rig) const {
-  return std::make_shared<Loom>(rig, input_->shape(), options_.loom);
+std::shared_ptr<WeavingPipeline> WeavingSource::pipeline_for(const optics::Rig& rig) const {
+  return std::make_shared<WeavingPipeline>(rig, input_->shape(), options_.pipeline);
 }
 
 // --- watcher --------------------------------------------------------------------------------
@@ -93,10 +93,10 @@ void WeavingSource::look_at_rig() {
   const uint64_t version = rig_->version();
   if (version == rig_version_) return;
   rig_version_ = version;
-  std::shared_ptr<Loom> loom = loom_for(rig_->rig());
+  std::shared_ptr<WeavingPipeline> pipeline = pipeline_for(rig_->rig());
   {
     const std::lock_guard lock(mutex_);
-    loom_.swap(loom);
+    pipeline_.swap(pipeline);
     ++plans_;
   }
   changed_.notify_all();
@@ -104,9 +104,9 @@ void WeavingSource::look_at_rig() {
 
 // --- worker ---------------------------------------------------------------------------------
 
-std::shared_ptr<Loom> WeavingSource::newest_loom() {
+std::shared_ptr<WeavingPipeline> WeavingSource::newest_pipeline() {
   const std::lock_guard lock(mutex_);
-  return loom_;
+  return pipeline_;
 }
 
 void WeavingSource::wait_a_moment() {
@@ -115,7 +115,7 @@ void WeavingSource::wait_a_moment() {
 }
 
 void WeavingSource::work() noexcept {
-  std::shared_ptr<Loom> used = newest_loom();
+  std::shared_ptr<WeavingPipeline> used = newest_pipeline();
   while (true) {
     {
       const std::lock_guard lock(mutex_);
@@ -154,8 +154,8 @@ void WeavingSource::give_back(Slot& slot) {
 }
 
 /// Returns false if there is nothing to do.
-bool WeavingSource::weave_still(std::shared_ptr<Loom>& used) {
-  const std::shared_ptr<Loom> newest = newest_loom();
+bool WeavingSource::weave_still(std::shared_ptr<WeavingPipeline>& used) {
+  const std::shared_ptr<WeavingPipeline> newest = newest_pipeline();
   if (newest == used) return false;
   Slot* const slot = free_slot();
   if (slot == nullptr) return false;
@@ -170,7 +170,7 @@ void WeavingSource::publish_still(Slot& slot) {
   const std::lock_guard lock(mutex_);
   for (Slot& other : slots_)
     if (other.state == SlotState::Ready)
-      other.state = other.lent > 0 ? SlotState::Stale : SlotState::Free;
+      other.state = other.acquired > 0 ? SlotState::Stale : SlotState::Free;
   slot.state = SlotState::Ready;
 }
 
@@ -200,7 +200,7 @@ bool WeavingSource::weave_next() {
   PullStatus status = PullStatus::Failed;
   try {
     status = input_->next();
-    if (status == PullStatus::Ready) newest_loom()->weave(input_->views(), slot->frame);
+    if (status == PullStatus::Ready) newest_pipeline()->weave(input_->views(), slot->frame);
   } catch (...) {
     give_back(*slot);
     throw;
@@ -243,14 +243,14 @@ WeavingSource::Slot* WeavingSource::ready_slot(uint64_t ticket) {
   return nullptr;
 }
 
-PullStatus WeavingSource::pull(frames::LentFrame& out) {
+PullStatus WeavingSource::pull(frames::AcquiredFrame& out) {
   const std::lock_guard lock(mutex_);
   if (!round_ends_.empty() && next_pull_ == round_ends_.front() && failure_.empty())
     return PullStatus::End;
   Slot* const slot = ready_slot(next_pull_);
   if (slot == nullptr) return failure_.empty() ? PullStatus::NotYet : PullStatus::Failed;
-  if (!still_) slot->state = SlotState::Lent;
-  ++slot->lent;
+  if (!still_) slot->state = SlotState::Acquired;
+  ++slot->acquired;
   out = {.frame = slot->frame.view(),
          .number = slot->number,
          .token = static_cast<uint64_t>(slot - slots_.data())};
@@ -261,16 +261,16 @@ PullStatus WeavingSource::pull(frames::LentFrame& out) {
 void WeavingSource::release(uint64_t token) {
   {
     const std::lock_guard lock(mutex_);
-    LENTICULE_CHECK(token < slots_.size() && slots_[token].lent > 0);
+    LENTICULE_CHECK(token < slots_.size() && slots_[token].acquired > 0);
     Slot& slot = slots_[token];
-    if (--slot.lent == 0 && slot.state != SlotState::Ready) slot.state = SlotState::Free;
+    if (--slot.acquired == 0 && slot.state != SlotState::Ready) slot.state = SlotState::Free;
   }
   changed_.notify_all();
 }
 
 /// Returns how many frames may be borrowed. The worker keeps one slot of a sequence; all frames of
 /// a still share a slot.
-int WeavingSource::max_lent() const {
+int WeavingSource::max_acquired() const {
   return still_ ? 1'000'000 : static_cast<int>(slots_.size()) - 1;
 }
 

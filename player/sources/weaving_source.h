@@ -18,7 +18,7 @@
 #include "frames/frame_source.h"
 #include "frames/views_input/view_input.h"
 #include "player/sources/followed_rig.h"
-#include "player/sources/loom.h"
+#include "player/sources/weaving_pipeline.h"
 
 namespace lenticule::player {
 
@@ -26,7 +26,7 @@ struct WeavingSourceOptions {
   std::string rig_file = {};
   std::shared_ptr<FollowedRig> rig = nullptr;  ///< null = the rig of the file
   std::string name = {};                       ///< name in messages
-  LoomOptions loom = {};
+  WeavingPipelineOptions pipeline = {};
   int pool_frames = 8;                              ///< woven frames kept ready, at least 3
   std::optional<frames::Rate> rate = std::nullopt;  ///< replaces the input's rate
   /// Weaves on into the next round, so that rewind() is immediate.
@@ -49,9 +49,9 @@ class WeavingSource final : public frames::FrameSource {
   /// Returns the rate; a still is pulled four times a second.
   [[nodiscard]] std::optional<frames::Rate> rate() const override { return rate_; }
   [[nodiscard]] std::optional<uint64_t> frame_count() const override;
-  [[nodiscard]] frames::PullStatus pull(frames::LentFrame& out) override;
+  [[nodiscard]] frames::PullStatus pull(frames::AcquiredFrame& out) override;
   void release(uint64_t token) override;
-  [[nodiscard]] int max_lent() const override;
+  [[nodiscard]] int max_acquired() const override;
   [[nodiscard]] uint64_t ready_count() const override;
   [[nodiscard]] bool saturated() const override;
   [[nodiscard]] bool rewind() override;
@@ -66,22 +66,22 @@ class WeavingSource final : public frames::FrameSource {
  private:
   /// A ticket counts frames through all rounds. A still has one frame, which is woven into another
   /// slot when its plan changes.
-  enum class SlotState { Free, Weaving, Ready, Lent, Stale };
+  enum class SlotState { Free, Weaving, Ready, Acquired, Stale };
   struct Slot {
     SlotState state = SlotState::Free;
     uint64_t ticket = 0;
     uint64_t number = 0;
-    int lent = 0;
+    int acquired = 0;
     frames::WovenFrame frame;
   };
   void start();
   void weave_first_still();
-  [[nodiscard]] std::shared_ptr<Loom> loom_for(const optics::Rig& rig) const;
+  [[nodiscard]] std::shared_ptr<WeavingPipeline> pipeline_for(const optics::Rig& rig) const;
   void watch() noexcept;
   void look_at_rig();
   void work() noexcept;
-  [[nodiscard]] std::shared_ptr<Loom> newest_loom();
-  bool weave_still(std::shared_ptr<Loom>& used);
+  [[nodiscard]] std::shared_ptr<WeavingPipeline> newest_pipeline();
+  bool weave_still(std::shared_ptr<WeavingPipeline>& used);
   bool weave_next();
   void finish_round();
   [[nodiscard]] Slot* free_slot();
@@ -106,7 +106,7 @@ class WeavingSource final : public frames::FrameSource {
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::vector<Slot> slots_;
-  std::shared_ptr<Loom> loom_;
+  std::shared_ptr<WeavingPipeline> pipeline_;
   std::optional<uint64_t> count_;    ///< frames in a round, if known
   uint64_t next_weave_ = 0;          ///< ticket
   uint64_t next_pull_ = 0;           ///< ticket

@@ -13,7 +13,7 @@ namespace {
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 /// Fraction of the distance to a light within which an occluder counts as the lamp itself.
-constexpr double kLampClearance = 1.0 / (1 << 18);
+constexpr double kLightClearance = 1.0 / (1 << 18);
 
 /// Fills lane i. Returns false, and loads a harmless ray, if Embree must not get this one.
 bool load_lane(RTCRay16& rays, size_t i, Vec3 origin, Vec3 direction, float far) {
@@ -91,7 +91,7 @@ uint64_t add_unshadowed(RTCScene scene, std::span<const ShadowRay> rays, std::sp
   for (size_t begin = 0; begin < rays.size(); begin += kPacket) {
     const auto lanes = rays.subspan(begin, std::min(kPacket, rays.size() - begin));
     for (size_t i = 0; i < lanes.size(); ++i) {
-      const auto far = static_cast<float>(lanes[i].distance * (1.0 - kLampClearance));
+      const auto far = static_cast<float>(lanes[i].distance * (1.0 - kLightClearance));
       const bool accepted = load_lane(packet, i, lanes[i].origin, lanes[i].direction, far);
       valid[i] = accepted ? -1 : 0;
       if (!accepted) ++refused;

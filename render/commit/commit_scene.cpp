@@ -11,7 +11,7 @@
 #include "render/accel/user_geometry.h"
 #include "render/commit/idle_lights.h"
 #include "render/culling/primitive_tree.h"
-#include "render/culling/shaft_proofs.h"
+#include "render/culling/shaft_cache.h"
 #include "render/scene/lighting.h"
 #include "render/scene/scene.h"
 #include "render/scene/scene_fingerprint.h"
@@ -390,7 +390,7 @@ class Committer {
       });
     if (primitives() > kMostProvable) return;
     scene_.tree = std::make_unique<const PrimitiveTree>(scene_);
-    scene_.proofs = std::make_unique<ShaftProofs>(scene_, *scene_.tree);
+    scene_.shaft_cache = std::make_unique<ShaftCache>(scene_, *scene_.tree);
   }
 
   [[nodiscard]] size_t primitives() const {

@@ -11,11 +11,11 @@
 namespace lenticule::render {
 namespace {
 
-double upper(const Interval& at_glass, const Interval& slope, double z) {
-  return at_glass.high + std::max(slope.low * z, slope.high * z);
+double upper(const Interval& at_panel, const Interval& slope, double z) {
+  return at_panel.high + std::max(slope.low * z, slope.high * z);
 }
-double lower(const Interval& at_glass, const Interval& slope, double z) {
-  return at_glass.low + std::min(slope.low * z, slope.high * z);
+double lower(const Interval& at_panel, const Interval& slope, double z) {
+  return at_panel.low + std::min(slope.low * z, slope.high * z);
 }
 
 double largest(Vec3 v) {
@@ -30,9 +30,9 @@ double sum_of_sizes(const Beam& beam, double coordinates) {
 
 /// Returns true if the range `shape` at depths z lies outside the beam, along one axis of the
 /// panel.
-bool beside(const Interval& at_glass, const Interval& slope, Interval shape, Interval z) {
-  return shape.low > std::max(upper(at_glass, slope, z.low), upper(at_glass, slope, z.high)) ||
-         shape.high < std::min(lower(at_glass, slope, z.low), lower(at_glass, slope, z.high));
+bool beside(const Interval& at_panel, const Interval& slope, Interval shape, Interval z) {
+  return shape.low > std::max(upper(at_panel, slope, z.low), upper(at_panel, slope, z.high)) ||
+         shape.high < std::min(lower(at_panel, slope, z.low), lower(at_panel, slope, z.high));
 }
 
 template <class Holds>

@@ -87,7 +87,7 @@ void DepthHistogram::add(double depth, double z_mm) {
     return;
   }
   const double off = std::abs(depth);
-  if (off * views_ <= 1.0) ++at_glass_;
+  if (off * views_ <= 1.0) ++at_panel_;
   ++(off <= 1.0 ? within_ : depth > 0.0 ? in_front_ : behind_);
   nearest_mm_ = std::max(nearest_mm_, z_mm);
   farthest_mm_ = std::min(farthest_mm_, z_mm);
@@ -98,7 +98,7 @@ void DepthHistogram::add(double depth, double z_mm) {
 
 DepthHistogram& DepthHistogram::operator+=(const DepthHistogram& other) {
   nothing_ += other.nothing_;
-  at_glass_ += other.at_glass_;
+  at_panel_ += other.at_panel_;
   within_ += other.within_;
   in_front_ += other.in_front_;
   behind_ += other.behind_;

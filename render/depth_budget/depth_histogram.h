@@ -30,7 +30,7 @@ class DepthHistogram {
 
   [[nodiscard]] uint64_t subpixels() const;
   [[nodiscard]] uint64_t nothing() const { return nothing_; }
-  [[nodiscard]] uint64_t at_glass() const { return at_glass_; }  ///< part of within()
+  [[nodiscard]] uint64_t at_panel() const { return at_panel_; }  ///< part of within()
   [[nodiscard]] uint64_t within() const { return within_; }      ///< up to one depth of field away
   [[nodiscard]] uint64_t in_front() const { return in_front_; }  ///< more than one depth of field
   [[nodiscard]] uint64_t behind() const { return behind_; }      ///< more than one depth of field
@@ -45,7 +45,7 @@ class DepthHistogram {
 
  private:
   double views_;
-  uint64_t nothing_ = 0, at_glass_ = 0, within_ = 0, in_front_ = 0, behind_ = 0;
+  uint64_t nothing_ = 0, at_panel_ = 0, within_ = 0, in_front_ = 0, behind_ = 0;
   double nearest_mm_ = -std::numeric_limits<double>::infinity();
   double farthest_mm_ = std::numeric_limits<double>::infinity();
   std::vector<uint64_t> bins_;

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "render/depth_budget/prefilter.h"
-#include "render/rays/glass_rays.h"
+#include "render/rays/panel_rays.h"
 #include "render/rays/primary_rays.h"
 
 namespace lenticule::render {
@@ -148,7 +148,7 @@ void DepthPrefilter::Worker::load(const Tile& tile, std::span<const Listed> subp
     if (!takes_part && number >= s.rays) continue;
     channel_[r] = s.subpixel % kColours;
     seeds_[r] = sampling::subpixel_seed(tile.row_begin + s.row, s.subpixel, number);
-    set_glass_ray(scene_, start_mm_, (*s.places)[static_cast<size_t>(number)].displaced(s.middle),
+    set_panel_ray(scene_, start_mm_, (*s.places)[static_cast<size_t>(number)].displaced(s.middle),
                   packet_[0], r);
   }
 }

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // CellCulling finds the rays of a packet that need not be traced: it asks the shaft tests
-// (render/culling/shaft_proofs.h) for the surface cells that the packet met.
+// (render/culling/shaft_cache.h) for the surface cells that the packet met.
 #pragma once
 
 #include <cstdint>
 #include <vector>
 
-#include "render/culling/shaft_proofs.h"
+#include "render/culling/shaft_cache.h"
 #include "render/options/render_options.h"
 #include "render/scene/scene.h"
 #include "render/shading/shading_kernel.h"
@@ -23,7 +23,7 @@ class CellCulling {
   /// Cells holds the surface cells that a packet met, and which kinds of queries are worthwhile.
   struct Cells {
     bool point_lights = false;
-    bool lamps = false;  ///< area lights
+    bool area_lights = false;
     bool around = false;
     bool mirrored = false;
     // Valid if any of the above is true:
@@ -43,7 +43,7 @@ class CellCulling {
   /// Returns the lanes of `wanted` from which a point light is known to be visible or hidden.
   KnownLanes point_light(const Scene& scene, const Cells& cells, size_t light, uint32_t wanted);
   /// The same for the whole of an area light.
-  KnownLanes lamp(const Cells& cells, size_t light, uint32_t wanted);
+  KnownLanes area_light(const Cells& cells, size_t light, uint32_t wanted);
   /// Returns the lanes around which there is certainly no geometry.
   uint32_t open_around(const Cells& cells);
   /// Returns the lanes of `wanted` whose mirrored rays certainly meet nothing.
@@ -67,7 +67,7 @@ class CellCulling {
     uint32_t next_pause_ = 64;
   };
   /// LightAnswers caches the results of a cell per thread, so that repeated queries cost almost
-  /// nothing: two bits for each of the first lights, a ShaftProof, or zero if not queried.
+  /// nothing: two bits for each of the first lights, a ShaftResult, or zero if not queried.
   struct LightAnswers {
     uint64_t cell = ~uint64_t{0};
     uint32_t lights = 0;
@@ -79,21 +79,22 @@ class CellCulling {
     bool empty = false;
   };
 
-  KnownLanes known_lanes(ShaftProofs& proofs, const Cells& cells, size_t light, uint32_t wanted);
-  ShaftProof light_proof(ShaftProofs& proofs, const Cells& cells, int group, size_t light);
-  bool open(ShaftProofs& proofs, const Cells& cells, int group, uint64_t target);
+  KnownLanes known_lanes(ShaftCache& shaft_cache, const Cells& cells, size_t light,
+                         uint32_t wanted);
+  ShaftResult light_result(ShaftCache& shaft_cache, const Cells& cells, int group, size_t light);
+  bool open(ShaftCache& shaft_cache, const Cells& cells, int group, uint64_t target);
 
   const shading_kernel::Kernel& kernel_;
   bool enabled_;
-  bool samples_lamps_;
+  bool samples_area_lights_;
   bool looks_around_;
   SoftSizes sizes_;
-  ShaftProofs* soft_proofs_ = nullptr;  ///< the scene's cache for the sizes of sampled lights
+  ShaftCache* soft_cache_ = nullptr;  ///< the scene's cache for the sizes of sampled lights
   static constexpr unsigned kAnswersLog2 = 10;
   std::vector<LightAnswers> light_answers_;
   std::vector<OpenAnswer> open_answers_;
   Payoff point_payoff_;
-  Payoff lamp_payoff_;
+  Payoff area_light_payoff_;
   Payoff around_payoff_;
   Payoff mirrored_payoff_;
 };

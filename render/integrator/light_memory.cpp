@@ -125,13 +125,13 @@ void LightMemory::note_shadows(Bounce bounce, size_t light, const float* brings,
   }
 }
 
-KnownShare LightMemory::known_lamp(Bounce bounce, size_t light, bool integrated,
-                                   KnownLanes& lanes) {
+KnownShare LightMemory::known_area_light(Bounce bounce, size_t light, bool integrated,
+                                         KnownLanes& lanes) {
   KnownShare shares;
   if (known_ != nullptr && bounce.is_first && light < KnownLight::kLights) {
     lanes.lit |= known_->lit[light];
     lanes.blocked |= known_->hidden[light];
-    if (light < LightNotes::kLamps) shares = known_->seen[light];
+    if (light < LightNotes::kAreaLights) shares = known_->seen[light];
     shares.set(known_->lit[light], 1.0F);
     shares.set(known_->hidden[light], 0.0F);
   }
@@ -140,7 +140,7 @@ KnownShare LightMemory::known_lamp(Bounce bounce, size_t light, bool integrated,
 }
 
 /// Notes a penumbra only as "partly lit": the light values themselves distinguish penumbrae.
-void LightMemory::keep_lamp(Bounce bounce, size_t light, const LampSeen& seen) {
+void LightMemory::keep_area_light(Bounce bounce, size_t light, const AreaLightSeen& seen) {
   const auto number = static_cast<uint32_t>(light);
   remember_share(bounce.path, number, seen.share);
   if (groups_ == nullptr) return;
@@ -155,7 +155,8 @@ void LightMemory::keep_lamp(Bounce bounce, size_t light, const LampSeen& seen) {
     notes_.lit[r] |= (seen.all >> r & 1) << light;
     notes_.hidden[r] |= (seen.none >> r & 1) << light;
   }
-  if (bounce.is_first && light < LightNotes::kLamps) note_shares(seen.share, notes_.seen[light]);
+  if (bounce.is_first && light < LightNotes::kAreaLights)
+    note_shares(seen.share, notes_.seen[light]);
 }
 
 const float* LightMemory::end_first_surfaces(const shading_kernel::Kernel& kernel,

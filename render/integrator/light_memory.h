@@ -66,9 +66,9 @@ class LightMemory {
 
   /// Adds what is known of an area light to `lanes`, and returns its known shares. Recorded shares
   /// are used only if area lights are integrated.
-  [[nodiscard]] KnownShare known_lamp(Bounce bounce, size_t light, bool integrated,
-                                      KnownLanes& lanes);
-  void keep_lamp(Bounce bounce, size_t light, const LampSeen& seen);
+  [[nodiscard]] KnownShare known_area_light(Bounce bounce, size_t light, bool integrated,
+                                            KnownLanes& lanes);
+  void keep_area_light(Bounce bounce, size_t light, const AreaLightSeen& seen);
 
   /// Separates the light of the first surfaces, which `light` holds, from that of their secondary
   /// rays. Adds known light of secondary rays, and returns the weights of the lanes of which it is

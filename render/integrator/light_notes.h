@@ -15,7 +15,7 @@ namespace lenticule::render {
 /// LightNotes are the path records of the lanes of a packet.
 struct LightNotes {
   /// Number of area lights whose visible shares are recorded.
-  static constexpr size_t kLamps = 8;
+  static constexpr size_t kAreaLights = 8;
   static constexpr float kNoShare = -1.0F;
 
   /// Path ids: hashes of the surfaces met and of the lights hidden from them, as far as those can
@@ -35,7 +35,7 @@ struct LightNotes {
   alignas(64) float around[kPacket];
   /// Visible shares of the first area lights, per lane; kNoShare if the light cannot shine on the
   /// lane's surface anyway.
-  alignas(64) float seen[kLamps][kPacket];
+  alignas(64) float seen[kAreaLights][kPacket];
 };
 
 /// KnownLight holds the results for sixteen rays that need not be traced again.
@@ -45,8 +45,8 @@ struct KnownLight {
   uint32_t hidden[kLights];              ///< and for each lane from which the light is hidden
   uint32_t secondary_lanes;  ///< lanes whose mirrored and refracted rays contribute `secondary`
   alignas(64) float secondary[kPacket];
-  KnownShare around;                    ///< see LightNotes
-  KnownShare seen[LightNotes::kLamps];  ///< see LightNotes; used if area lights are integrated
+  KnownShare around;                         ///< see LightNotes
+  KnownShare seen[LightNotes::kAreaLights];  ///< see LightNotes; used if area lights are integrated
 
   /// Sets `lit` and `hidden` from a bit mask of lights per lane, as in LightNotes.
   void set_lights(std::span<const uint32_t, kPacket> shining,

@@ -224,7 +224,7 @@ void PacketTracer::set_colours(const Colours& colours) {
   std::copy_n(colours.channel.data(), kPacket, lanes_.channel);
   std::copy_n(colours.backdrop.data(), kPacket, lanes_.backdrop);
   std::fill_n(lanes_.light, kPacket, 0.0F);
-  std::fill_n(lanes_.leeway, kPacket, tolerated_);
+  std::fill_n(lanes_.tolerance_left, kPacket, tolerated_);
 }
 
 namespace {
@@ -305,7 +305,7 @@ void PacketTracer::leave_out_weak(const Scene& scene, NewRays& rays, size_t dept
 void PacketTracer::leave_out_little(const NewRays& rays, int* valid) {
   if (!(tolerated_ > 0.0F)) return;
   const uint32_t left_out =
-      kernel_.leave_out(tolerated_, rays.weight, valid, lanes_.leeway, lanes_.light);
+      kernel_.leave_out(tolerated_, rays.weight, valid, lanes_.tolerance_left, lanes_.light);
   counts_.rays_of_too_little += static_cast<uint64_t>(std::popcount(left_out));
 }
 
@@ -348,11 +348,11 @@ void PacketTracer::add_lights(const Scene& scene, const float* weight, size_t de
     const uint32_t unknown = lane_bits(rays.valid);
     const uint32_t wanted = lit | unknown;
     counts_.shadow_rays += static_cast<uint64_t>(std::popcount(wanted));
-    const KnownLanes proved = culling_.point_light(scene, generation.cells, light, unknown);
-    take_lanes(proved.lit | proved.blocked, rays.valid);
-    counts_.shadow_rays_proved += static_cast<uint64_t>(std::popcount(proved.lit));
-    counts_.shadow_rays_blocked += static_cast<uint64_t>(std::popcount(proved.blocked));
-    lit |= proved.lit;
+    const KnownLanes culled = culling_.point_light(scene, generation.cells, light, unknown);
+    take_lanes(culled.lit | culled.blocked, rays.valid);
+    counts_.shadow_rays_culled += static_cast<uint64_t>(std::popcount(culled.lit));
+    counts_.shadow_rays_blocked += static_cast<uint64_t>(std::popcount(culled.blocked));
+    lit |= culled.lit;
     const uint32_t reached = lit | trace_shadows(scene, light, coherence, depth);
     kernel_.add_light(reached, rays.weight, lanes_.light);
     if (memory_ != nullptr) memory_->note_shadows(bounce, light, rays.weight, wanted, reached);
@@ -368,15 +368,16 @@ void PacketTracer::add_soft_light(const Scene& scene, size_t light, const float*
   NewRays to_middle;
   to_middle.packet = &lanes_.shadow.org_x[0];
   to_middle.valid = lanes_.shadow_valid;
-  if (generation.cells.lamps &&
+  if (generation.cells.area_lights &&
       kernel_.shadow_rays(scene.shading->lights()[light], generation.surfaces, weight, to_middle))
-    known = culling_.lamp(generation.cells, light, lane_bits(to_middle.valid));
+    known = culling_.area_light(generation.cells, light, lane_bits(to_middle.valid));
   const KnownShare shares =
-      memory_ != nullptr ? memory_->known_lamp(bounce, light, soft_.integrates_lamps(), known)
-                         : KnownShare{};
-  const LampSeen seen =
-      soft_.add_lamp(soft_packet(scene, depth), light, known, shares, weight, lanes_.light, clock_);
-  if (memory_ != nullptr) memory_->keep_lamp(bounce, light, seen);
+      memory_ != nullptr
+          ? memory_->known_area_light(bounce, light, soft_.integrates_area_lights(), known)
+          : KnownShare{};
+  const AreaLightSeen seen = soft_.add_area_light(soft_packet(scene, depth), light, known, shares,
+                                                  weight, lanes_.light, clock_);
+  if (memory_ != nullptr) memory_->keep_area_light(bounce, light, seen);
 }
 
 uint32_t PacketTracer::trace_shadows(const Scene& scene, size_t light, Coherence coherence,
@@ -409,7 +410,7 @@ void PacketTracer::follow_mirror(const Scene& scene, const float* weight, size_t
   leave_out_little(rays, valid);
   const uint32_t open = culling_.open_mirrored(scene, generation.cells, rays, lane_bits(valid));
   take_lanes(open, valid);
-  counts_.secondary_rays_proved += static_cast<uint64_t>(std::popcount(open));
+  counts_.secondary_rays_culled += static_cast<uint64_t>(std::popcount(open));
   counts_.secondary_rays += static_cast<uint64_t>(std::popcount(open));
   add_backdrop(scene, generation.mirrored, rays.weight, open);
   follow(scene, rays, generation.mirrored, coherence, depth, Turn::Mirrored);

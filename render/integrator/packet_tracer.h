@@ -59,8 +59,8 @@ class PacketTracer {
   /// Multiplies the number of rays for sampled light (RenderOptions::soft), for callers that trace
   /// few points and derive many subpixels from each. At least 1; the default is 1.
   void multiply_samples(int factor) { soft_.multiply_samples(factor); }
-  /// See SoftShader::integrate_lamps(); the default is off.
-  void integrate_lamps(bool integrate) { soft_.integrate_lamps(integrate); }
+  /// See SoftShader::integrate_area_lights(); the default is off.
+  void integrate_area_lights(bool integrate) { soft_.integrate_area_lights(integrate); }
 
   /// Sets the allowed error per lane (for light sources no brighter than 1). Rays that can
   /// contribute less are not traced; half of their maximum contribution is added instead. 0, the
@@ -86,8 +86,8 @@ class PacketTracer {
     alignas(64) int32_t channel[kPacket];
     alignas(64) float backdrop[kPacket];  ///< flat backdrop light
     alignas(64) float light[kPacket];
-    alignas(64) float leeway[kPacket];  ///< remaining allowed error
-    uint32_t seed[kPacket] = {};        ///< used if light is sampled
+    alignas(64) float tolerance_left[kPacket];  ///< remaining allowed error
+    uint32_t seed[kPacket] = {};                ///< used if light is sampled
     RTCRay16 shadow;
     alignas(64) int shadow_valid[kPacket];
   };

@@ -20,7 +20,7 @@ constexpr int kMostLayers = 256;
 /// Rays of which a smaller share reaches the viewer end.
 constexpr double kLeastWeight = 1e-4;
 /// Fraction of the distance to a light within which an occluder counts as the lamp itself.
-constexpr double kLampClearance = 1.0 / (1 << 18);
+constexpr double kLightClearance = 1.0 / (1 << 18);
 constexpr Vec3 kOne{1, 1, 1};
 
 double largest(Vec3 v) {
@@ -251,7 +251,7 @@ Vec3 PbrTracer::shadow_ray(const View& view, size_t light, size_t lane, FrameCou
   shadow_.dir_x[lane] = direction.x;
   shadow_.dir_y[lane] = direction.y;
   shadow_.dir_z[lane] = direction.z;
-  shadow_.tfar[lane] = static_cast<float>(at.distance * (1.0 - kLampClearance));
+  shadow_.tfar[lane] = static_cast<float>(at.distance * (1.0 - kLightClearance));
   return brings;
 }
 

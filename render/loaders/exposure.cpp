@@ -14,10 +14,10 @@ constexpr double kMiddleIrradiance = 1.3;
 
 /// Returns the scene's lights as placed at time 0.
 std::vector<Light> placed_lights(const SceneDescription& scene) {
-  SceneDescription lamps;
-  lamps.nodes = scene.nodes;
-  lamps.lights = scene.lights;
-  return at_time(lamps, 0.0).lights;
+  SceneDescription lights_only;
+  lights_only.nodes = scene.nodes;
+  lights_only.lights = scene.lights;
+  return at_time(lights_only, 0.0).lights;
 }
 
 double irradiance(const Light& light, Vec3 middle, double nearest) {

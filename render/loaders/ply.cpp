@@ -542,8 +542,8 @@ class PlyReader {
   SceneDescription scene(const std::filesystem::path& folder) {
     SceneDescription scene;
     scene.source = source_;
-    const auto note = [&](size_t count, const char* things) {
-      if (count > 0) scene.notes.push_back(fmt::format("{} {}", count, things));
+    const auto note = [&](size_t count, const char* items) {
+      if (count > 0) scene.notes.push_back(fmt::format("{} {}", count, items));
     };
     if (mesh_.triangles.empty()) {
       note(mesh_.positions.size(), "points without faces left out");

@@ -49,7 +49,7 @@ FrameCounts FullTiles::Worker::counts() const {
   if (prefilter_) counts += prefilter_->counts();
   counts.invalid_rays += refused_;
   counts.primary_rays += background_.filled();
-  counts.primary_rays_proved += background_.filled();
+  counts.primary_rays_culled += background_.filled();
   return counts;
 }
 

@@ -12,18 +12,18 @@ namespace lenticule::render {
 struct FrameCounts {
   uint64_t subpixels = 0;
   uint64_t primary_rays = 0;
-  uint64_t primary_rays_proved = 0;  ///< part of primary_rays, culled: they meet nothing
+  uint64_t primary_rays_culled = 0;  ///< part of primary_rays, culled: they meet nothing
   uint64_t lights_left_out = 0;      ///< lights that cannot contribute to any surface of the scene
   uint64_t shadow_rays = 0;
-  uint64_t shadow_rays_proved = 0;   ///< part of shadow_rays, culled: unoccluded
+  uint64_t shadow_rays_culled = 0;   ///< part of shadow_rays, culled: unoccluded
   uint64_t shadow_rays_blocked = 0;  ///< part of shadow_rays, culled: occluded
   uint64_t secondary_rays = 0;
-  uint64_t secondary_rays_proved = 0;    ///< part of secondary_rays, culled: no hit
+  uint64_t secondary_rays_culled = 0;    ///< part of secondary_rays, culled: no hit
   uint64_t secondary_rays_too_weak = 0;  ///< not traced, and not counted in secondary_rays: the
                                          ///< light cannot change a code value
   uint64_t rays_of_too_little = 0;       ///< not traced, see PacketTracer::tolerate()
   uint64_t ambient_rays = 0;             ///< rays that sample occlusion and the environment
-  uint64_t ambient_rays_proved = 0;      ///< part of ambient_rays, culled: no geometry near
+  uint64_t ambient_rays_culled = 0;      ///< part of ambient_rays, culled: no geometry near
   uint64_t invalid_rays = 0;             ///< non-finite rays, which are not passed to Embree
   uint64_t suspected_holes = 0;  ///< primary rays that continued past the hits of their neighbours
   uint64_t filled_holes = 0;     ///< part of suspected_holes that had slipped between triangles
@@ -33,7 +33,7 @@ struct FrameCounts {
   uint64_t interpolated_subpixels = 0;  ///< mean of two neighbours, or interpolated between samples
   uint64_t copied_subpixels = 0;        ///< copied from a frame that had not changed
   uint64_t missing_subpixels = 0;      ///< left empty by re-projection, then traced or interpolated
-  uint64_t mended_subpixels = 0;       ///< retraced because an audit failed
+  uint64_t retraced_subpixels = 0;     ///< retraced because an audit failed
   uint64_t audited_subpixels = 0;      ///< sampled at random and traced for the audit
   uint64_t audited_beyond = 0;         ///< part of audited_subpixels: error above tolerance
   uint64_t prefiltered_subpixels = 0;  ///< averaged over their footprint, except in mode Exhaustive
@@ -54,17 +54,17 @@ struct FrameCounter {
 inline constexpr FrameCounter kFrameCounters[] = {
     {"subpixels", &FrameCounts::subpixels},
     {"primary_rays", &FrameCounts::primary_rays},
-    {"primary_rays_proved", &FrameCounts::primary_rays_proved},
+    {"primary_rays_proved", &FrameCounts::primary_rays_culled},
     {"lights_left_out", &FrameCounts::lights_left_out, FrameCounter::Total::Largest},
     {"shadow_rays", &FrameCounts::shadow_rays},
-    {"shadow_rays_proved", &FrameCounts::shadow_rays_proved},
+    {"shadow_rays_proved", &FrameCounts::shadow_rays_culled},
     {"shadow_rays_blocked", &FrameCounts::shadow_rays_blocked},
     {"secondary_rays", &FrameCounts::secondary_rays},
-    {"secondary_rays_proved", &FrameCounts::secondary_rays_proved},
+    {"secondary_rays_proved", &FrameCounts::secondary_rays_culled},
     {"secondary_rays_too_weak", &FrameCounts::secondary_rays_too_weak},
     {"rays_of_too_little", &FrameCounts::rays_of_too_little},
     {"ambient_rays", &FrameCounts::ambient_rays},
-    {"ambient_rays_proved", &FrameCounts::ambient_rays_proved},
+    {"ambient_rays_proved", &FrameCounts::ambient_rays_culled},
     {"invalid_rays", &FrameCounts::invalid_rays},
     {"suspected_holes", &FrameCounts::suspected_holes},
     {"filled_holes", &FrameCounts::filled_holes},
@@ -73,7 +73,7 @@ inline constexpr FrameCounter kFrameCounters[] = {
     {"interpolated_subpixels", &FrameCounts::interpolated_subpixels},
     {"copied_subpixels", &FrameCounts::copied_subpixels},
     {"missing_subpixels", &FrameCounts::missing_subpixels},
-    {"mended_subpixels", &FrameCounts::mended_subpixels},
+    {"mended_subpixels", &FrameCounts::retraced_subpixels},
     {"audited_subpixels", &FrameCounts::audited_subpixels},
     {"audited_beyond", &FrameCounts::audited_beyond},
     {"prefiltered_subpixels", &FrameCounts::prefiltered_subpixels},

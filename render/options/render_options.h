@@ -30,7 +30,7 @@ struct RenderOptions {
   Isa isa = best_isa();  ///< instruction set of our own kernels; the bytes do not depend on it
   /// Rays that a conservative test culls as meeting nothing are not traced
   /// (render/culling/shaft.h); the bytes are the same.
-  bool use_shaft_proofs = true;
+  bool use_shaft_culling = true;
   /// Mirrored rays that cannot change the code value of their subpixel, no matter which surface
   /// they hit, are not traced; the bytes are the same. Only with one sample per subpixel.
   bool skip_weak_rays = true;

@@ -11,7 +11,7 @@ namespace lenticule::render {
 namespace {
 
 constexpr int kMostSamples = 4096;
-constexpr double kLargestLamp = 1e6;
+constexpr double kLargestLight = 1e6;
 constexpr double kLargestSun = 60.0;
 
 void check_count(const char* what, int count) {
@@ -32,7 +32,7 @@ void validate(const SoftLight& soft) {
   check_count("soft shadow samples", soft.shadow_samples);
   check_count("occlusion samples", soft.occlusion_samples);
   check_count("environment samples", soft.environment_samples);
-  check_size("light size", soft.lamp_radius_mm, kLargestLamp, "mm");
+  check_size("light size", soft.light_radius_mm, kLargestLight, "mm");
   check_size("sun size", soft.sun_radius_degrees, kLargestSun, "degrees");
   if (!(soft.occlusion_distance_mm > 0.0))
     throw Error(ErrorKind::Usage,

@@ -11,7 +11,7 @@ struct SoftLight {
   /// Rays toward each area light; 0 = hard shadows.
   int shadow_samples = 0;
   /// Radius of point and spot lights, in millimetres on the panel; 0 = hard shadows.
-  double lamp_radius_mm = 20.0;
+  double light_radius_mm = 20.0;
   /// Angular radius of directional lights, as seen from the scene, in degrees; 0 = hard shadows.
   double sun_radius_degrees = 1.5;
   /// Rays that sample the occlusion of the flat ambient light, which reaches a point only along

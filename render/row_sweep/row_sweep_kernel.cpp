@@ -438,9 +438,9 @@ inline void conic_z(const Conic& q, double start, const Doubles& x, const Double
   // Both terms have the same sign, so nothing cancels.
   const Doubles sum = -(b + (b < 0.0 ? -half : half));
   const Doubles t0 = sum / a, t1 = c / sum;
-  const Doubles s_glass = q.s0 + q.s1 * v;
+  const Doubles s_panel = q.s0 + q.s1 * v;
   const Doubles s_step = q.s2 + q.s3 * tan;
-  const Doubles s_0 = s_glass + t0 * s_step, s_1 = s_glass + t1 * s_step;
+  const Doubles s_0 = s_panel + t0 * s_step, s_1 = s_panel + t1 * s_step;
   const Doubles z0 = t0 + q.zc, z1 = t1 + q.zc;
   const Doubles none = Doubles{} - __builtin_inf();
   const Longs real = square >= 0.0;

@@ -2,7 +2,7 @@
 // Inner loops of the row sweep, compiled once per instruction set. Plain data only: this header
 // must not bring shared inline functions into a file that is compiled for AVX-512.
 //
-// All rays of one plane are x = x_glass + tan z, in millimetres of the panel frame, with z toward
+// All rays of one plane are x = x_panel + tan z, in millimetres of the panel frame, with z toward
 // the viewer. A cell is one ray. Cells are ordered [place under the lens][lens], so that neighbours
 // in memory are nearly parallel rays through neighbouring lenses.
 #pragma once
@@ -46,12 +46,12 @@ struct Cells {
   int stride;
 };
 
-/// Bounds of place n: x_glass = x_step k + [x_low, x_high], tan = tan_step k + [tan_low, tan_high]
+/// Bounds of place n: x_panel = x_step k + [x_low, x_high], tan = tan_step k + [tan_low, tan_high]
 /// for all lenses k. Arrays are padded to kLanes.
 struct Spread {
   float x_step;
   float tan_step;
-  float x_far;    ///< largest magnitude of x_glass
+  float x_far;    ///< largest magnitude of x_panel
   float tan_far;  ///< largest magnitude of tan
   float* x_low;
   float* x_high;
@@ -72,7 +72,7 @@ struct Segment {
   float x0, z0, x1, z1;
 };
 
-/// Conic is the cut of a sphere, cone or cylinder. With v = x_glass + tan zc - xc and z = zc + t, a
+/// Conic is the cut of a sphere, cone or cylinder. With v = x_panel + tan zc - xc and z = zc + t, a
 /// ray meets it where a t^2 + 2 b t + c = 0,
 ///   a = a0 + tan (a1 + tan a2), b = b0 + b1 tan + v (b2 + b3 tan), c = c0 + v (c1 + v c2),
 /// and 0 <= s0 + s1 v + t (s2 + s3 tan) <= height.

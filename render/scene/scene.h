@@ -70,10 +70,10 @@ struct GeometryEntry {
 class PbrScene;
 class PrimitiveTree;
 class ShadingTables;
-class ShaftProofs;
+class ShaftCache;
 
 /// Scene holds a scene committed to Embree. Thread safety: shared by all threads; immutable while
-/// frames are rendered, except `proofs`.
+/// frames are rendered, except `shaft_cache`.
 struct Scene {
   /// Commits a description without nodes (see at_time()). `threads` is the number of threads that
   /// build the acceleration structures, 0 = all cores; the picture does not depend on it. Throws
@@ -113,7 +113,7 @@ struct Scene {
   /// Set if any material is metallic-roughness. Then all are: others are converted.
   std::unique_ptr<const PbrScene> pbr;
   std::unique_ptr<const PrimitiveTree> tree;  ///< null if too large
-  std::unique_ptr<ShaftProofs> proofs;  ///< filled while frames are rendered; null if too large
+  std::unique_ptr<ShaftCache> shaft_cache;  ///< filled while frames are rendered; null if too large
 
   /// Returns null for a triangle that is not wide.
   [[nodiscard]] const WideTriangle* wide_triangle(const MeshShape& mesh, uint32_t triangle) const {

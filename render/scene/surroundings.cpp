@@ -81,8 +81,8 @@ Backdrop make_backdrop(const SceneDescription& description, const Stage& stage,
   Backdrop backdrop;
   backdrop.colour = surroundings.background.value_or(description.background);
   backdrop.up = world_up(stage);
-  const Vec3 into_glass = -stage.world_from_panel.column_z;
-  backdrop.ahead = normalized(into_glass - backdrop.up * dot(into_glass, backdrop.up));
+  const Vec3 into_panel = -stage.world_from_panel.column_z;
+  backdrop.ahead = normalized(into_panel - backdrop.up * dot(into_panel, backdrop.up));
   if (backdrop.ahead == Vec3{})
     backdrop.ahead = normalized(cross(backdrop.up, stage.world_from_panel.column_x));
   backdrop.sky = surroundings.sky;

@@ -17,7 +17,7 @@ using packet_kernel::Field;
 /// docs/rendering.md.
 constexpr float kSpawnOffset = 1.0F / (1 << 19);
 /// Fraction of the distance to a light within which an occluder counts as the lamp itself.
-constexpr float kLampClearance = 1.0F / (1 << 18);
+constexpr float kLightClearance = 1.0F / (1 << 18);
 /// Embree aborts the process on some numbers beyond this limit.
 constexpr float kEmbreeLimit = 1e18F;
 constexpr uint32_t kNoGeometry = ~0U;
@@ -608,7 +608,7 @@ inline bool rays_toward(const Arrival& at, const Surfaces& s, const float* weigh
     out.refused = 0;
     return false;
   }
-  return write_rays(vector_at(s.start), at.toward, at.distance * (1.0F - kLampClearance), wanted,
+  return write_rays(vector_at(s.start), at.toward, at.distance * (1.0F - kLightClearance), wanted,
                     out);
 }
 
@@ -616,14 +616,14 @@ bool shadow_rays(const Light& light, const Surfaces& s, const float* weight, New
   return rays_toward(arrival(light, way_to(light, s), s), s, weight, out);
 }
 
-bool lamp_rays(const Light& light, float radius, const Sample& sample, const Surfaces& s,
-               const float* weight, NewRays& out) {
+bool area_light_rays(const Light& light, float radius, const Sample& sample, const Surfaces& s,
+                     const float* weight, NewRays& out) {
   return rays_toward(arrival_from(light, Disc(way_to(light, s), radius), on_disc(sample), s), s,
                      weight, out);
 }
 
-LampLanes whole_lamp(const Light& light, float radius, const Surfaces& s, const float* weight,
-                     float* brings) {
+AreaLightLanes whole_area_light(const Light& light, float radius, const Surfaces& s,
+                                const float* weight, float* brings) {
   const Disc disc(way_to(light, s), radius);
   Floats sum{};
   Masks all = Masks::of(-1), some{};
@@ -677,15 +677,16 @@ void add_light(uint32_t lanes, const float* brings, float* light) {
   floats_at(light) = floats_at(light) + select(lanes_of(lanes), floats_at(brings), Floats{});
 }
 
-uint32_t leave_out(float most, const float* brings, int32_t* valid, float* leeway, float* light) {
+uint32_t leave_out(float most, const float* brings, int32_t* valid, float* tolerance_left,
+                   float* light) {
   const Floats half = 0.5F * floats_at(brings);
   const Floats off = absolute(half);
   const Masks little =
-      masks_at(valid) & (off <= floats_at(leeway)) & (2.0F * off <= Floats::of(most));
+      masks_at(valid) & (off <= floats_at(tolerance_left)) & (2.0F * off <= Floats::of(most));
   const uint32_t lanes = bits(little);
   if (lanes == 0) return 0;
   masks_at(valid) = masks_at(valid) & ~little;
-  floats_at(leeway) = floats_at(leeway) - select(little, off, Floats{});
+  floats_at(tolerance_left) = floats_at(tolerance_left) - select(little, off, Floats{});
   floats_at(light) = floats_at(light) + select(little, half, Floats{});
   return lanes;
 }
@@ -698,8 +699,8 @@ const shading_kernel::Kernel kShadingKernel{.find_surfaces = find_surfaces,
                                             .add_own_light = add_own_light,
                                             .add_own_light_under = add_own_light_under,
                                             .shadow_rays = shadow_rays,
-                                            .lamp_rays = lamp_rays,
-                                            .whole_lamp = whole_lamp,
+                                            .area_light_rays = area_light_rays,
+                                            .whole_area_light = whole_area_light,
                                             .ambient_rays = ambient_rays,
                                             .mirrored_rays = mirrored_rays,
                                             .add_light = add_light,

@@ -143,7 +143,7 @@ struct CellGroups {
 
 /// Bit masks of the lanes on which the whole area light would shine, and of those on which a part
 /// of it would.
-struct LampLanes {
+struct AreaLightLanes {
   uint32_t whole;
   uint32_t partly;
 };
@@ -164,12 +164,12 @@ struct Kernel {
   bool (*shadow_rays)(const Light&, const Surfaces&, const float* weight, NewRays&);
   /// Makes rays toward a point of a disc around the light that faces the surface. `radius` is in
   /// scene units; for a directional light it is the tangent of the angular radius.
-  bool (*lamp_rays)(const Light&, float radius, const Sample&, const Surfaces&, const float* weight,
-                    NewRays&);
+  bool (*area_light_rays)(const Light&, float radius, const Sample&, const Surfaces&,
+                          const float* weight, NewRays&);
   /// Integrates the light of the whole unoccluded disc by quadrature; 0 in lanes without a surface.
-  /// `radius` as for lamp_rays.
-  LampLanes (*whole_lamp)(const Light&, float radius, const Surfaces&, const float* weight,
-                          float* brings);
+  /// `radius` as for area_light_rays.
+  AreaLightLanes (*whole_area_light)(const Light&, float radius, const Surfaces&,
+                                     const float* weight, float* brings);
   /// Makes ambient rays of length `far` from diffuse surfaces into the hemisphere, with a density
   /// proportional to the cosine to the shading normal. Their weight is 1. Returns false if there
   /// are none.
@@ -179,9 +179,9 @@ struct Kernel {
   /// Adds `brings` to the light of the given lanes.
   void (*add_light)(uint32_t lanes, const float* brings, float* light);
   /// Disables rays that contribute at most `most`, if half of the contribution is within the lane's
-  /// remaining allowed error `leeway`, and adds this half instead. Returns a bit mask of these
-  /// lanes.
-  uint32_t (*leave_out)(float most, const float* brings, int32_t* valid, float* leeway,
+  /// remaining allowed error `tolerance_left`, and adds this half instead. Returns a bit mask of
+  /// these lanes.
+  uint32_t (*leave_out)(float most, const float* brings, int32_t* valid, float* tolerance_left,
                         float* light);
 };
 

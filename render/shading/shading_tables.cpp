@@ -152,7 +152,7 @@ float most_arriving(const std::vector<SceneLight>& lights) {
 /// Returns true if no light can be negative. Environment pictures and textures may contain negative
 /// numbers, and arbitrarily large ones.
 bool no_light_is_negative(const Scene& scene) {
-  const auto positive = [](const auto& thing) { return smallest(thing.colour) >= 0.0F; };
+  const auto positive = [](const auto& object) { return smallest(object.colour) >= 0.0F; };
   const auto only_adds = [&](const Material& m) {
     return m.texture < 0 && positive(m) && smallest(m.emission) >= 0.0F && m.diffuse >= 0.0 &&
            m.specular >= 0.0 && m.transmittance >= 0.0;

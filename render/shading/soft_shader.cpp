@@ -34,12 +34,12 @@ SoftShader::SoftShader(const SoftLight& options, Isa isa)
   init_packets({&rays_, 1});
 }
 
-float SoftShader::radius(const shading_kernel::Light& lamp) const {
+float SoftShader::radius(const shading_kernel::Light& area_light) const {
   if (options_.shadow_samples == 0) return 0.0F;
   // A scene unit is a millimetre on the panel.
-  return lamp.kind == shading_kernel::Light::kDirectional
+  return area_light.kind == shading_kernel::Light::kDirectional
              ? sun_tangent_
-             : static_cast<float>(options_.lamp_radius_mm);
+             : static_cast<float>(options_.light_radius_mm);
 }
 
 bool SoftShader::looks_around() const {
@@ -48,8 +48,8 @@ bool SoftShader::looks_around() const {
 
 SoftSizes SoftShader::sizes() const {
   SoftSizes sizes;
-  if (samples_lamps())
-    sizes = {.lamp_radius = options_.lamp_radius_mm, .sun_tangent = double{sun_tangent_}};
+  if (samples_area_lights())
+    sizes = {.light_radius = options_.light_radius_mm, .sun_tangent = double{sun_tangent_}};
   if (looks_around()) sizes.around = options_.occlusion_distance_mm;
   return sizes;
 }
@@ -94,38 +94,40 @@ void KnownShare::set(uint32_t of_lanes, float value) {
 void KnownShare::set(uint32_t of_lanes, std::span<const float, kPacket> values) {
   lanes |= of_lanes;
   for (size_t r = 0; r < kPacket; ++r) {
-    const bool is_told = (of_lanes & kLaneBit[r]) != 0;
-    share[r] = is_told ? values[r] : share[r];
-    apart[r] = is_told ? 0.0F : apart[r];
+    const bool is_known = (of_lanes & kLaneBit[r]) != 0;
+    share[r] = is_known ? values[r] : share[r];
+    apart[r] = is_known ? 0.0F : apart[r];
   }
 }
 
-LampSeen SoftShader::add_lamp(const SoftPacket& packet, size_t lamp, KnownLanes proved,
-                              const KnownShare& shares, const float* weight, float* light,
-                              WorkClock& clock) {
-  if (integrates_) return integrate_lamp(packet, lamp, proved, shares, weight, light, clock);
-  const LampSamples all{.count = static_cast<uint32_t>(options_.shadow_samples * factor_),
-                        .weight = weight,
-                        .added = kAllLanes};
-  return sample_lamp(packet, lamp, all, proved, light, clock);
+AreaLightSeen SoftShader::add_area_light(const SoftPacket& packet, size_t area_light,
+                                         KnownLanes culled, const KnownShare& shares,
+                                         const float* weight, float* light, WorkClock& clock) {
+  if (integrates_)
+    return integrate_area_light(packet, area_light, culled, shares, weight, light, clock);
+  const AreaLightSamples all{.count = static_cast<uint32_t>(options_.shadow_samples * factor_),
+                             .weight = weight,
+                             .added = kAllLanes};
+  return sample_area_light(packet, area_light, all, culled, light, clock);
 }
 
 /// Integrates an area light. If the whole lamp would shine on a point, the result is the integral
 /// times the visible share. A culling result gives the same share as traced rays, so that no byte
 /// depends on which shafts happen to be culled. If a part of the lamp is below the horizon, the
 /// unknown light is the sum of the samples.
-LampSeen SoftShader::integrate_lamp(const SoftPacket& packet, size_t lamp, KnownLanes proved,
-                                    const KnownShare& shares, const float* weight, float* light,
-                                    WorkClock& clock) {
-  const shading_kernel::Light& shape = packet.scene.shading->lights()[lamp];
+AreaLightSeen SoftShader::integrate_area_light(const SoftPacket& packet, size_t area_light,
+                                               KnownLanes culled, const KnownShare& shares,
+                                               const float* weight, float* light,
+                                               WorkClock& clock) {
+  const shading_kernel::Light& shape = packet.scene.shading->lights()[area_light];
   alignas(64) std::array<float, kPacket> brings, of_sampled;
-  const shading_kernel::LampLanes shines =
-      kernel_.whole_lamp(shape, radius(shape), packet.surfaces, weight, brings.data());
-  const uint32_t settled = agreeing(shares, brings.data(), packet.noticed);
-  const uint32_t partly = shines.partly & ~settled;
-  const uint32_t wanted = partly | (shines.whole & ~settled);
-  const uint32_t sampled = partly | (wanted & ~(proved.lit | proved.blocked));
-  LampSeen seen;
+  const shading_kernel::AreaLightLanes shines =
+      kernel_.whole_area_light(shape, radius(shape), packet.surfaces, weight, brings.data());
+  const uint32_t resolved = agreeing(shares, brings.data(), packet.noticed);
+  const uint32_t partly = shines.partly & ~resolved;
+  const uint32_t wanted = partly | (shines.whole & ~resolved);
+  const uint32_t sampled = partly | (wanted & ~(culled.lit | culled.blocked));
+  AreaLightSeen seen;
   if (sampled != 0) {
     float most = 0.0F;
     for (size_t r = 0; r < kPacket; ++r) {
@@ -133,15 +135,15 @@ LampSeen SoftShader::integrate_lamp(const SoftPacket& packet, size_t lamp, Known
       most = std::max(most, (wanted & kLaneBit[r]) != 0 ? brings[r] : 0.0F);
     }
     const uint32_t enough = samples_for(most, packet.noticed, options_.shadow_samples);
-    const LampSamples some{.count = std::max(enough, uint32_t{kFewSamples}),
-                           .weight = of_sampled.data(),
-                           .added = partly};
-    seen = sample_lamp(packet, lamp, some, proved, light, clock);
+    const AreaLightSamples some{.count = std::max(enough, uint32_t{kFewSamples}),
+                                .weight = of_sampled.data(),
+                                .added = partly};
+    seen = sample_area_light(packet, area_light, some, culled, light, clock);
   }
-  seen.share.set(settled, shares.share);
-  const uint32_t of_proofs = wanted & ~sampled;
-  seen.share.set(proved.lit & of_proofs, 1.0F);
-  seen.share.set(proved.blocked & of_proofs, 0.0F);
+  seen.share.set(resolved, shares.share);
+  const uint32_t of_culling = wanted & ~sampled;
+  seen.share.set(culled.lit & of_culling, 1.0F);
+  seen.share.set(culled.blocked & of_culling, 0.0F);
   seen.share.lanes &= shines.whole | shines.partly;
   add_shares(seen, seen.share.lanes & ~partly, brings.data(), light);
   const uint32_t unsampled = seen.share.lanes & ~sampled;
@@ -160,7 +162,8 @@ uint32_t SoftShader::agreeing(const KnownShare& shares, const float* brings, flo
 
 /// Adds the shares of the given lanes; also finds the lanes in which all or none of the light is
 /// visible.
-void SoftShader::add_shares(LampSeen& seen, uint32_t lanes, const float* brings, float* light) {
+void SoftShader::add_shares(AreaLightSeen& seen, uint32_t lanes, const float* brings,
+                            float* light) {
   for (size_t r = 0; r < kPacket; ++r) {
     const uint32_t bit = lanes & kLaneBit[r];
     const float share = seen.share.share[r];
@@ -176,28 +179,29 @@ void SoftShader::count_known(KnownLanes known) {
            static_cast<uint64_t>(std::popcount(lanes));
   };
   counts_.shadow_rays += rays(known.lit | known.blocked);
-  counts_.shadow_rays_proved += rays(known.lit);
+  counts_.shadow_rays_culled += rays(known.lit);
   counts_.shadow_rays_blocked += rays(known.blocked);
 }
 
-LampSeen SoftShader::sample_lamp(const SoftPacket& packet, size_t lamp, const LampSamples& asked,
-                                 KnownLanes known, float* light, WorkClock& clock) {
-  const shading_kernel::Light& shape = packet.scene.shading->lights()[lamp];
+AreaLightSeen SoftShader::sample_area_light(const SoftPacket& packet, size_t area_light,
+                                            const AreaLightSamples& asked, KnownLanes known,
+                                            float* light, WorkClock& clock) {
+  const shading_kernel::Light& shape = packet.scene.shading->lights()[area_light];
   alignas(64) std::array<float, kPacket> part;
   alignas(64) std::array<float, kPacket> arriving{}, arrived{};
   for (size_t r = 0; r < kPacket; ++r) part[r] = asked.weight[r] / static_cast<float>(asked.count);
   const sampling::SampleSet set =
-      sampling::sample_set(packet.seeds, packet.path, sampling::use_of_light(lamp));
+      sampling::sample_set(packet.seeds, packet.path, sampling::use_of_light(area_light));
   shading_kernel::NewRays rays = into_rays();
   uint32_t ever_wanted = 0, ever_seen = 0, ever_hidden = 0;
   for (uint32_t i = 0; i < asked.count; ++i) {
-    const bool any = kernel_.lamp_rays(shape, radius(shape), sampling::sample_of(set, i),
-                                       packet.surfaces, part.data(), rays);
+    const bool any = kernel_.area_light_rays(shape, radius(shape), sampling::sample_of(set, i),
+                                             packet.surfaces, part.data(), rays);
     counts_.invalid_rays += static_cast<uint64_t>(rays.refused);
     if (!any) continue;
     const uint32_t wanted = lane_bits(rays_.valid);
     const Coherence coherence = coherence_of(rays_.valid, rays_.rays.ray);
-    const uint32_t seen = settle(known) | unblocked(packet.scene, coherence, clock);
+    const uint32_t seen = resolve(known) | unblocked(packet.scene, coherence, clock);
     ever_wanted |= wanted;
     ever_seen |= seen;
     ever_hidden |= wanted & ~seen;
@@ -210,19 +214,19 @@ LampSeen SoftShader::sample_lamp(const SoftPacket& packet, size_t lamp, const La
   }
   for (size_t r = 0; r < kPacket; ++r)
     if (arriving[r] != 0.0F) arrived[r] /= arriving[r];
-  LampSeen seen{.all = ever_wanted & ~ever_hidden, .none = ever_wanted & ~ever_seen};
+  AreaLightSeen seen{.all = ever_wanted & ~ever_hidden, .none = ever_wanted & ~ever_seen};
   seen.share.set(ever_wanted, arrived);
   return seen;
 }
 
 /// Disables rays to an area light whose visibility is known; returns the lanes whose rays reach the
 /// light.
-uint32_t SoftShader::settle(KnownLanes known) {
+uint32_t SoftShader::resolve(KnownLanes known) {
   const uint32_t wanted = lane_bits(rays_.valid);
   const uint32_t lit = known.lit & wanted;
   const uint32_t blocked = known.blocked & wanted;
   counts_.shadow_rays += static_cast<uint64_t>(std::popcount(wanted));
-  counts_.shadow_rays_proved += static_cast<uint64_t>(std::popcount(lit));
+  counts_.shadow_rays_culled += static_cast<uint64_t>(std::popcount(lit));
   counts_.shadow_rays_blocked += static_cast<uint64_t>(std::popcount(blocked));
   take_lanes(lit | blocked, rays_.valid);
   return lit;
@@ -258,7 +262,7 @@ SoftShader::Around SoftShader::look_around(const SoftPacket& packet, uint32_t sa
     // All samples need the same lanes, so one that has nothing to trace stands for all.
     const uint32_t of_known = known == wanted ? samples : 1;
     counts_.ambient_rays += uint64_t{of_known} * static_cast<uint64_t>(std::popcount(wanted));
-    counts_.ambient_rays_proved += uint64_t{of_known} * static_cast<uint64_t>(std::popcount(known));
+    counts_.ambient_rays_culled += uint64_t{of_known} * static_cast<uint64_t>(std::popcount(known));
     take_lanes(known, rays_.valid);
     const uint32_t traced = unblocked(packet.scene, Coherence::Incoherent, clock);
     for (size_t r = 0; r < kPacket; ++r)
@@ -273,16 +277,16 @@ void SoftShader::find_ambient(const SoftPacket& packet, uint32_t open, const Kno
                               const float* weight, const float* backdrop, float* ambient,
                               WorkClock& clock) {
   const bool is_share = shares(packet.scene);
-  const uint32_t settled = is_share ? known.lanes : 0;
+  const uint32_t resolved = is_share ? known.lanes : 0;
   const float* const flat_ambient = packet.scene.shading->tables().ambient;
   const float brightest =
       lit_by_surroundings() ? 1.0F : *std::max_element(flat_ambient, flat_ambient + 3);
   const uint32_t samples = samples_for(brightest * *std::max_element(weight, weight + kPacket),
                                        packet.noticed, ambient_samples());
-  const Around around = look_around(packet, samples, open | settled, clock);
+  const Around around = look_around(packet, samples, open | resolved, clock);
   share_.lanes = around.lanes;
   for (size_t r = 0; r < kPacket; ++r) {
-    share_.share[r] = (settled >> r & 1) != 0
+    share_.share[r] = (resolved >> r & 1) != 0
                           ? known.share[r]
                           : static_cast<float>(around.open[r]) / static_cast<float>(samples);
     const auto channel = static_cast<size_t>(packet.surfaces.channel[r]);

@@ -9,7 +9,7 @@
 
 #include "base/cpu.h"
 #include "render/accel/ray_stream.h"
-#include "render/culling/shaft_proofs.h"
+#include "render/culling/shaft_cache.h"
 #include "render/options/frame_counts.h"
 #include "render/options/soft_light.h"
 #include "render/options/work_clock.h"
@@ -51,7 +51,7 @@ struct KnownShare {
 
 /// Visibility of an area light: the visible share of its light in the lanes on which it would
 /// shine, and bit masks of the lanes in which all or none of it is visible.
-struct LampSeen {
+struct AreaLightSeen {
   uint32_t all = 0;
   uint32_t none = 0;
   KnownShare share{};
@@ -67,12 +67,14 @@ class SoftShader {
   void multiply_samples(int factor) { factor_ = factor; }
   /// Selects integration instead of sampling for area lights with a known visible share, which is
   /// cheaper and has less noise.
-  void integrate_lamps(bool integrate) { integrates_ = integrate; }
-  [[nodiscard]] bool integrates_lamps() const { return integrates_; }
+  void integrate_area_lights(bool integrate) { integrates_ = integrate; }
+  [[nodiscard]] bool integrates_area_lights() const { return integrates_; }
 
   /// Returns true if the area light is sampled; other lights have hard shadows.
-  [[nodiscard]] bool samples(const shading_kernel::Light& lamp) const { return radius(lamp) > 0; }
-  [[nodiscard]] bool samples_lamps() const { return options_.shadow_samples > 0; }
+  [[nodiscard]] bool samples(const shading_kernel::Light& area_light) const {
+    return radius(area_light) > 0;
+  }
+  [[nodiscard]] bool samples_area_lights() const { return options_.shadow_samples > 0; }
   /// Returns true if it is useful to know that no geometry is near a surface.
   [[nodiscard]] bool looks_around() const;
   /// Returns true if ambient light is sampled; otherwise it is flat.
@@ -84,12 +86,13 @@ class SoftShader {
   /// Adds to light[r] the light of an area light that lane r reflects, multiplied by weight[r].
   /// Arrays have sixteen elements and are aligned to 64 bytes. `shares` is used if area lights are
   /// integrated.
-  LampSeen add_lamp(const SoftPacket& packet, size_t lamp, KnownLanes proved,
-                    const KnownShare& shares, const float* weight, float* light, WorkClock& clock);
+  AreaLightSeen add_area_light(const SoftPacket& packet, size_t area_light, KnownLanes culled,
+                               const KnownShare& shares, const float* weight, float* light,
+                               WorkClock& clock);
   /// Computes the ambient light of each lane in its channel. `backdrop` is the light of rays that
-  /// meet nothing, if the backdrop is flat. Arrays as for add_lamp(). Rays of the lanes in the bit
-  /// mask `open` are known to meet nothing. `known` is used if shares() is true. `weight` is the
-  /// factor with which the caller uses the result.
+  /// meet nothing, if the backdrop is flat. Arrays as for add_area_light(). Rays of the lanes in
+  /// the bit mask `open` are known to meet nothing. `known` is used if shares() is true. `weight`
+  /// is the factor with which the caller uses the result.
   void find_ambient(const SoftPacket& packet, uint32_t open, const KnownShare& known,
                     const float* weight, const float* backdrop, float* ambient, WorkClock& clock);
   /// Returns true if ambient light is a share of a light that is the same in all directions.
@@ -104,7 +107,7 @@ class SoftShader {
 
  private:
   /// Returns the radius in scene units, or as a tangent; 0 if the light is not sampled.
-  [[nodiscard]] float radius(const shading_kernel::Light& lamp) const;
+  [[nodiscard]] float radius(const shading_kernel::Light& area_light) const;
   /// Returns the number of ambient samples; at most one of the two options is nonzero.
   [[nodiscard]] int ambient_samples() const {
     return options_.occlusion_samples + options_.environment_samples;
@@ -115,21 +118,22 @@ class SoftShader {
   shading_kernel::NewRays into_rays();
   /// Traces the valid lanes of rays_; returns a bit mask of the lanes that met nothing.
   uint32_t unblocked(const Scene& scene, Coherence coherence, WorkClock& clock);
-  uint32_t settle(KnownLanes known);
-  LampSeen integrate_lamp(const SoftPacket& packet, size_t lamp, KnownLanes proved,
-                          const KnownShare& shares, const float* weight, float* light,
-                          WorkClock& clock);
+  uint32_t resolve(KnownLanes known);
+  AreaLightSeen integrate_area_light(const SoftPacket& packet, size_t area_light, KnownLanes culled,
+                                     const KnownShare& shares, const float* weight, float* light,
+                                     WorkClock& clock);
   static uint32_t agreeing(const KnownShare& shares, const float* brings, float noticed);
   /// `brings`: light of the entire area light per lane.
-  static void add_shares(LampSeen& seen, uint32_t lanes, const float* brings, float* light);
+  static void add_shares(AreaLightSeen& seen, uint32_t lanes, const float* brings, float* light);
   void count_known(KnownLanes known);
-  struct LampSamples {
+  struct AreaLightSamples {
     uint32_t count;
     const float* weight;  ///< per lane; 0 = no light needed
     uint32_t added;       ///< bit mask of lanes whose light is added
   };
-  LampSeen sample_lamp(const SoftPacket& packet, size_t lamp, const LampSamples& asked,
-                       KnownLanes known, float* light, WorkClock& clock);
+  AreaLightSeen sample_area_light(const SoftPacket& packet, size_t area_light,
+                                  const AreaLightSamples& asked, KnownLanes known, float* light,
+                                  WorkClock& clock);
   /// Results of the ambient rays of each lane.
   struct Around {
     uint32_t lanes = 0;                    ///< bit mask of the lanes that were sampled or known

@@ -34,16 +34,16 @@ TEST_F(BenchTest, ErrorMeasuresEveryMethodInBothScenarios) {
   ASSERT_EQ(result.exit_code, 0) << result.err;
   const auto json = nlohmann::json::parse(result.out);
   ASSERT_EQ(json.at("courses").size(), 2U);
-  for (const auto& course : json["courses"]) {
-    EXPECT_EQ(course.at("scene"), "teapot");
-    ASSERT_EQ(course.at("methods").size(), 4U);
-    EXPECT_EQ(course["methods"][0].at("name"), "full");
-    const auto& interpolate = course["methods"][1];
+  for (const auto& scenario : json["courses"]) {
+    EXPECT_EQ(scenario.at("scene"), "teapot");
+    ASSERT_EQ(scenario.at("methods").size(), 4U);
+    EXPECT_EQ(scenario["methods"][0].at("name"), "full");
+    const auto& interpolate = scenario["methods"][1];
     EXPECT_GT(interpolate.at("psnr_mean_db").get<double>(), 10.0);
     EXPECT_GT(interpolate.at("flip_mean").get<double>(), 0.0);
     EXPECT_LT(interpolate.at("ssim_mean").get<double>(), 1.0);
-    EXPECT_EQ(course["methods"][3].at("missing"), true);
-    for (const auto& picture : course.at("pictures"))
+    EXPECT_EQ(scenario["methods"][3].at("missing"), true);
+    for (const auto& picture : scenario.at("pictures"))
       EXPECT_GT(std::filesystem::file_size(picture.at("file").get<std::string>()), 500U);
   }
   EXPECT_EQ(json["courses"][0].at("course"), "still");

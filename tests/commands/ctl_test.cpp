@@ -71,7 +71,7 @@ class Ctl : public CommandTest {
     words.insert(words.end(), more.begin(), more.end());
     player_ = std::make_unique<BackgroundProcess>(program(words));
     ASSERT_TRUE(comes_true([this] {
-      return std::filesystem::exists(path("c.sock")) && on_glass().contains("frame");
+      return std::filesystem::exists(path("c.sock")) && displayed().contains("frame");
     }));
   }
   [[nodiscard]] ProcessResult ctl(std::vector<std::string> words) const {
@@ -84,11 +84,11 @@ class Ctl : public CommandTest {
     EXPECT_EQ(result.exit_code, 0) << words.front() << ": " << result.err;
     return result.exit_code == 0 ? json::parse(result.out) : json::object();
   }
-  [[nodiscard]] json on_glass() const {
+  [[nodiscard]] json displayed() const {
     const ProcessResult result = ctl({"status"});
     if (result.exit_code != 0) return json::object();
-    const json glass = json::parse(result.out).value("on_glass", json());
-    return glass.is_object() ? glass : json::object();
+    const json place = json::parse(result.out).value("on_glass", json());
+    return place.is_object() ? place : json::object();
   }
   template <typename Condition>
   [[nodiscard]] static bool comes_true(Condition condition) {
@@ -101,12 +101,12 @@ class Ctl : public CommandTest {
     return true;
   }
   [[nodiscard]] bool shows(int film, uint64_t frame) const {
-    const json glass = on_glass();
-    return glass.value("frame", uint64_t{9999}) == frame &&
-           glass.value("source", "") == film_pattern(film);
+    const json place = displayed();
+    return place.value("frame", uint64_t{9999}) == frame &&
+           place.value("source", "") == film_pattern(film);
   }
   /// Returns the pixel value of a snapshot and expects equal pixels.
-  [[nodiscard]] int level_on_glass() const {
+  [[nodiscard]] int displayed_level() const {
     (void)answer({"snapshot", path("snap.png")});
     const frames::WovenFrame snap = frames::read_woven(path("snap.png"));
     for (const uint8_t byte : snap.bytes()) EXPECT_EQ(byte, snap.bytes()[0]);
@@ -157,13 +157,13 @@ TEST_F(Ctl, SeekAndNextLandOnTheExactFrame) {
   pause_still();
   ASSERT_EQ(answer({"seek", "--frame", "17"})["frame"], 17);
   ASSERT_TRUE(comes_true([&] { return shows(0, 17); }));
-  EXPECT_EQ(level_on_glass(), level(0, 17));
+  EXPECT_EQ(displayed_level(), level(0, 17));
   EXPECT_EQ(answer({"next"})["item"], 1);
   ASSERT_TRUE(comes_true([&] { return shows(1, 0); }));
-  EXPECT_EQ(level_on_glass(), level(1, 0));
+  EXPECT_EQ(displayed_level(), level(1, 0));
   EXPECT_EQ(answer({"seek", "--item", "0", "--frame", "19"})["item"], 0);
   ASSERT_TRUE(comes_true([&] { return shows(0, 19); }));
-  EXPECT_EQ(level_on_glass(), level(0, 19));
+  EXPECT_EQ(displayed_level(), level(0, 19));
   EXPECT_EQ(ctl({"seek", "--frame", "20"}).exit_code, 2);
   EXPECT_EQ(ctl({"seek", "--item", "2"}).exit_code, 2);
   EXPECT_TRUE(shows(0, 19));
@@ -182,9 +182,9 @@ TEST_F(Ctl, AFailedLoadLeavesTheOldSourcePlaying) {
   }
   const uint64_t before = frames_shown();
   EXPECT_TRUE(comes_true([&] { return frames_shown() > before; }));
-  EXPECT_EQ(on_glass()["source"], film_pattern(0));
+  EXPECT_EQ(displayed()["source"], film_pattern(0));
   EXPECT_EQ(answer({"load", film_pattern(1), "--frame", "5"})["source"], film_pattern(1));
-  EXPECT_TRUE(comes_true([&] { return on_glass()["source"] == film_pattern(1); }));
+  EXPECT_TRUE(comes_true([&] { return displayed()["source"] == film_pattern(1); }));
 }
 
 TEST_F(Ctl, ATrimChangesFramesWovenByThePlayer) {

@@ -100,10 +100,10 @@ TEST_F(DepthCommand, BenchMeasuresEveryPrefilter) {
       run({"bench", "depth", "tree:3", "--rig", source_file("scenes/rigs/tiny.toml"), "--frames",
            "2", "--truth", "33", "--json", "--pictures", path("worst")});
   ASSERT_EQ(result.exit_code, 0) << result.err;
-  const auto course = nlohmann::json::parse(result.out).at("courses").at(0);
-  EXPECT_GT(course.at("share_beyond"), 0.1);
-  ASSERT_GE(course.at("ways").size(), 6U);
-  for (const auto& way : course["ways"]) {
+  const auto scenario = nlohmann::json::parse(result.out).at("courses").at(0);
+  EXPECT_GT(scenario.at("share_beyond"), 0.1);
+  ASSERT_GE(scenario.at("ways").size(), 6U);
+  for (const auto& way : scenario["ways"]) {
     ASSERT_EQ(way.at("frames").size(), 2U);
     for (const char* figure : {"mse", "seen_mse", "flip_mean", "flicker_views", "cpu_s"})
       EXPECT_GE(way["frames"][1].at(figure).get<double>(), 0.0) << figure;

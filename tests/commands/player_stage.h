@@ -18,7 +18,7 @@
 namespace lenticule::test {
 
 /// A timeout beyond the slowest machine's needs; a test that reaches it has failed.
-inline constexpr std::chrono::seconds kPlayerPatience{60};
+inline constexpr std::chrono::seconds kPlayerTimeout{60};
 
 class PlayerTest : public CommandTest {
  protected:
@@ -81,7 +81,7 @@ class PlayerTest : public CommandTest {
     return status().value("frames_shown", uint64_t{0});
   }
   [[nodiscard]] static bool comes_true(const std::function<bool()>& condition) {
-    const auto deadline = std::chrono::steady_clock::now() + kPlayerPatience;
+    const auto deadline = std::chrono::steady_clock::now() + kPlayerTimeout;
     while (!condition()) {
       if (std::chrono::steady_clock::now() > deadline) return false;
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
@@ -89,7 +89,7 @@ class PlayerTest : public CommandTest {
     return true;
   }
   /// Returns true once `frames` more frames are displayed.
-  [[nodiscard]] bool film_goes_on(uint64_t frames = 30) const {
+  [[nodiscard]] bool film_continues(uint64_t frames = 30) const {
     const uint64_t before = frames_shown();
     return comes_true([&] { return frames_shown() >= before + frames; });
   }
@@ -98,7 +98,7 @@ class PlayerTest : public CommandTest {
   }
   /// Returns the value of every pixel of the displayed frame; -1 if the pixels differ or no frame
   /// is available.
-  [[nodiscard]] int level_on_glass() const {
+  [[nodiscard]] int displayed_level() const {
     if (ctl({"snapshot", path("snap.png")}).exit_code != 0) return -1;
     const frames::WovenFrame snap = frames::read_woven(path("snap.png"));
     for (const uint8_t byte : snap.bytes())
@@ -107,7 +107,7 @@ class PlayerTest : public CommandTest {
   }
   ProcessResult quit() {
     EXPECT_EQ(ctl({"quit"}).exit_code, 0);
-    return player_->wait(kPlayerPatience);
+    return player_->wait(kPlayerTimeout);
   }
 
   std::string socket_;

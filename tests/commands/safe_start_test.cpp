@@ -85,9 +85,9 @@ TEST_F(SafeStart, ACrashLoopShowsATestCardWithTheReason) {
     EXPECT_EQ(played.exit_code, 4) << played.err;
     EXPECT_EQ(played.err.find("in safe mode"), std::string::npos);
   }
-  const ProcessResult careful =
+  const ProcessResult in_safe_mode =
       run_process(play({"--duration", "1", "--record", "png:" + path("shown")}));
-  EXPECT_NE(careful.err.find("5 starts failed"), std::string::npos) << careful.err;
+  EXPECT_NE(in_safe_mode.err.find("5 starts failed"), std::string::npos) << in_safe_mode.err;
   EXPECT_TRUE(is_card("shown/00000000.png"));
   EXPECT_EQ(stats().at("safe_start").at("failed_starts"), 5);
 }

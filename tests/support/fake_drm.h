@@ -153,7 +153,7 @@ class FakeCard {
   void set_edid(uint32_t connector, const std::vector<uint8_t>& bytes);
   [[nodiscard]] uint32_t primary_of(uint32_t crtc) { return primary_planes.at(crtc); }
   /// Returns the pixels that this CRTC scans out; empty if the CRTC is off or shows nothing.
-  [[nodiscard]] std::vector<uint32_t> glass(uint32_t crtc);
+  [[nodiscard]] std::vector<uint32_t> displayed(uint32_t crtc);
   /// Makes the CRTC show another program's picture in the connector's first mode.
   void show_console(uint32_t connector, uint32_t crtc);
 

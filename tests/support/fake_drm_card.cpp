@@ -240,7 +240,7 @@ void FakeCard::show_console(uint32_t connector, uint32_t crtc) {
   plane.find("CRTC_H")->value = mode.vdisplay;
 }
 
-std::vector<uint32_t> FakeCard::glass(uint32_t crtc) {
+std::vector<uint32_t> FakeCard::displayed(uint32_t crtc) {
   FakeObject& plane = objects.at(primary_of(crtc));
   const auto framebuffer = framebuffers.find(static_cast<uint32_t>(plane.value("FB_ID")));
   if (framebuffer == framebuffers.end() || value(crtc, "ACTIVE") == 0) return {};

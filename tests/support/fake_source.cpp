@@ -32,20 +32,20 @@ bool FakeSource::next_is_ready() const {
   return !script_.ready_at || script_.clock->now() >= script_.ready_at(pulled_);
 }
 
-PullStatus FakeSource::pull(frames::LentFrame& out) {
+PullStatus FakeSource::pull(frames::AcquiredFrame& out) {
   if (script_.fails_after && pulled_ >= *script_.fails_after) return PullStatus::Failed;
   if (position_ == script_.frames) return PullStatus::End;
   if (!next_is_ready()) return PullStatus::NotYet;
   out = {.frame = pixels_[position_].view(), .number = position_, .token = pulled_};
   ++position_;
   ++pulled_;
-  ++lent_;
+  ++acquired_;
   return PullStatus::Ready;
 }
 
 void FakeSource::release(uint64_t token) {
   (void)token;
-  --lent_;
+  --acquired_;
 }
 
 bool FakeSource::rewind() {
@@ -67,7 +67,7 @@ void RememberingRecorder::record(const display::ShownFrame& shown,
   shown_.push_back({shown.sequence, shown.id, checksum_of(frame.view())});
 }
 
-std::vector<Glass> RememberingRecorder::shown() const {
+std::vector<DisplayedFrame> RememberingRecorder::shown() const {
   const std::lock_guard lock(mutex_);
   return shown_;
 }

@@ -41,9 +41,9 @@ class FakeSource final : public frames::FrameSource {
   [[nodiscard]] frames::FrameGeometry geometry() const override { return script_.geometry; }
   [[nodiscard]] std::optional<frames::Rate> rate() const override { return script_.rate; }
   [[nodiscard]] std::optional<uint64_t> frame_count() const override { return script_.frames; }
-  [[nodiscard]] frames::PullStatus pull(frames::LentFrame& out) override;
+  [[nodiscard]] frames::PullStatus pull(frames::AcquiredFrame& out) override;
   void release(uint64_t token) override;
-  [[nodiscard]] int max_lent() const override { return 2; }
+  [[nodiscard]] int max_acquired() const override { return 2; }
   [[nodiscard]] uint64_t ready_count() const override { return next_is_ready() ? 1 : 0; }
   [[nodiscard]] bool saturated() const override { return true; }
   [[nodiscard]] bool rewind() override;
@@ -51,7 +51,7 @@ class FakeSource final : public frames::FrameSource {
   void service() override {}
   [[nodiscard]] std::string failure() const override { return "the fake source broke"; }
 
-  [[nodiscard]] uint64_t lent() const { return lent_; }
+  [[nodiscard]] uint64_t acquired() const { return acquired_; }
 
  private:
   [[nodiscard]] bool next_is_ready() const;
@@ -60,14 +60,14 @@ class FakeSource final : public frames::FrameSource {
   std::vector<frames::WovenFrame> pixels_;
   uint64_t position_ = 0;
   uint64_t pulled_ = 0;
-  uint64_t lent_ = 0;
+  uint64_t acquired_ = 0;
 };
 
-struct Glass {
+struct DisplayedFrame {
   uint64_t sequence = 0;
   uint64_t id = 0;
   uint64_t checksum = 0;
-  friend bool operator==(const Glass&, const Glass&) = default;
+  friend bool operator==(const DisplayedFrame&, const DisplayedFrame&) = default;
 };
 
 /// Remembers displayed frames. Thread safety: any thread may call.
@@ -76,11 +76,11 @@ class RememberingRecorder final : public display::ScanoutRecorder {
   void record(const display::ShownFrame& shown,
               const display::ScanoutView& scanout) noexcept override;
   void finish() override {}
-  [[nodiscard]] std::vector<Glass> shown() const;
+  [[nodiscard]] std::vector<DisplayedFrame> shown() const;
 
  private:
   mutable std::mutex mutex_;
-  std::vector<Glass> shown_;
+  std::vector<DisplayedFrame> shown_;
 };
 
 }  // namespace lenticule::test

@@ -237,7 +237,7 @@ class Tracer {
     const Place place{point, facing, smooth, line.way, tint, at, path};
     Vec3 light = material.emission + ambient(place) * at.colour * material.diffuse;
     for (size_t k = 0; k < scene_.lights.size(); ++k)
-      light += from_lamp(scene_.lights[k], static_cast<uint32_t>(1 + k), place);
+      light += from_area_light(scene_.lights[k], static_cast<uint32_t>(1 + k), place);
     if (depth == max_depth_) return light;
 
     Vec3 mirror_weight = tint * material.specular;
@@ -279,39 +279,40 @@ class Tracer {
   }
 
   /// Returns the mean of as many point lights as there are samples.
-  Vec3 from_lamp(const Light& lamp, uint32_t use, const Place& place) const {
-    const bool sun = lamp.kind == Light::Kind::Directional;
+  Vec3 from_area_light(const Light& area_light, uint32_t use, const Place& place) const {
+    const bool sun = area_light.kind == Light::Kind::Directional;
     const double size = sun ? std::tan(soft_.sun_radius_degrees * std::numbers::pi / 180.0)
-                            : soft_.lamp_radius_mm * subpixel_.world_per_mm;
-    const Vec3 middle = sun ? -normalized(lamp.direction) : lamp.position - place.point;
+                            : soft_.light_radius_mm * subpixel_.world_per_mm;
+    const Vec3 middle = sun ? -normalized(area_light.direction) : area_light.position - place.point;
     const int count = size > 0.0 ? soft_.shadow_samples : 0;
-    if (count == 0) return from_point(lamp, middle, place);
+    if (count == 0) return from_point(area_light, middle, place);
     Vec3 sum{};
     for (int k = 0; k < count; ++k) {
       const Vec3 on_disc = reference_on_disc(
           reference_point(subpixel_.seed, place.path, use, static_cast<uint32_t>(k)));
       const Vec3 aside = subpixel_.axes.in_world(
           reference_turned(on_disc, subpixel_.axes.in_panel(normalized(middle))));
-      sum += from_point(lamp, middle + aside * size, place);
+      sum += from_point(area_light, middle + aside * size, place);
     }
     return sum / count;
   }
 
-  Vec3 from_point(const Light& lamp, Vec3 whole_way, const Place& place) const {
-    const bool sun = lamp.kind == Light::Kind::Directional;
+  Vec3 from_point(const Light& area_light, Vec3 whole_way, const Place& place) const {
+    const bool sun = area_light.kind == Light::Kind::Directional;
     const Vec3 way = normalized(whole_way);
     const double distance = sun ? kFar : length(whole_way);
     if (dot(way, place.smooth) <= 0.0 || dot(way, place.facing) <= 0.0) return {};
     if (meet_all(scene_, {place.point, way}, least_step_, place.at.primitive).t < distance)
       return {};
-    Vec3 arriving = lamp.colour;
-    if (lamp.kind == Light::Kind::Spot) {
-      const double cosine = dot(-way, normalized(lamp.direction));
-      const double s = std::min(
-          1.0, std::max(0.0, (cosine - lamp.cos_outer) / (lamp.cos_inner - lamp.cos_outer)));
+    Vec3 arriving = area_light.colour;
+    if (area_light.kind == Light::Kind::Spot) {
+      const double cosine = dot(-way, normalized(area_light.direction));
+      const double s =
+          std::min(1.0, std::max(0.0, (cosine - area_light.cos_outer) /
+                                          (area_light.cos_inner - area_light.cos_outer)));
       arriving = arriving * (s * s);
     }
-    if (lamp.falls_off) arriving = arriving / (distance * distance);
+    if (area_light.falls_off) arriving = arriving / (distance * distance);
     const Material& material = *place.at.material;
     const Vec3 bounced = place.smooth * (2 * dot(way, place.smooth)) - way;
     const double highlight =
@@ -356,15 +357,15 @@ double reference_light(const SceneDescription& scene, const render::Stage& stage
                        const ReferenceLine& line, double start_mm, int channel,
                        const ReferenceOptions& options, uint32_t seed) {
   const Affine& world_from_panel = stage.world_from_panel;
-  const Vec3 into_glass = world_from_panel.vector({-line.tan_x, -line.tan_y, -1.0});
+  const Vec3 into_panel = world_from_panel.vector({-line.tan_x, -line.tan_y, -1.0});
   const Axes axes{normalized(world_from_panel.column_x), normalized(world_from_panel.column_y),
                   normalized(world_from_panel.column_z)};
   const Tracer tracer(
       scene, options,
       {.axes = axes, .world_per_mm = length(world_from_panel.column_x), .seed = seed});
-  const Vec3 on_glass = world_from_panel.point({line.x_mm, line.y_mm, 0.0});
-  const Vec3 colour = tracer.trace({on_glass, normalized(into_glass)},
-                                   -start_mm * length(into_glass), 0, {}, kReferencePath);
+  const Vec3 on_panel = world_from_panel.point({line.x_mm, line.y_mm, 0.0});
+  const Vec3 colour = tracer.trace({on_panel, normalized(into_panel)},
+                                   -start_mm * length(into_panel), 0, {}, kReferencePath);
   return channel == 0 ? colour.x : channel == 1 ? colour.y : colour.z;
 }
 

@@ -15,7 +15,7 @@
 namespace lenticule::test {
 namespace {
 
-constexpr auto kPatience = std::chrono::seconds(20);
+constexpr auto kTimeout = std::chrono::seconds(20);
 constexpr int kNapMilliseconds = 5;
 constexpr int kAnswerMilliseconds = 20000;
 
@@ -58,7 +58,7 @@ frames::RingOptions small_ring(const std::filesystem::path& socket) {
 }
 
 bool service_until(frames::RingPlayer& player, const std::function<bool()>& done) {
-  const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  const auto deadline = std::chrono::steady_clock::now() + kTimeout;
   for (;;) {
     player.service();
     if (done()) return true;
@@ -88,7 +88,7 @@ std::unique_ptr<frames::RingRenderer> connect_to(frames::RingPlayer& player,
 std::vector<std::optional<uint64_t>> pull_all(frames::RingPlayer& player) {
   std::vector<std::optional<uint64_t>> ids;
   player.service();
-  frames::LentFrame frame;
+  frames::AcquiredFrame frame;
   while (player.pull(frame) == frames::PullStatus::Ready) {
     ids.push_back(stamped_id(frame.frame.bytes));
     player.release(frame.token);

@@ -17,8 +17,8 @@ using render::Texture;
 using render::TriangleMesh;
 
 // Odd numbers on purpose: no object is aligned with the lattice of subpixels.
-constexpr Vec3 kLampLeft{-7.13, 8.29, 9.41};
-constexpr Vec3 kLampRight{6.37, 5.71, 7.93};
+constexpr Vec3 kLightLeft{-7.13, 8.29, 9.41};
+constexpr Vec3 kLightRight{6.37, 5.71, 7.93};
 
 Material matte(Vec3 colour) {
   return Material{.name = "matte", .colour = colour};
@@ -75,7 +75,7 @@ NamedScene spheres_and_shadows() {
                    {.centre = {1.17, 0.19, -0.77}, .radius = 1.43, .material = 2},
                    {.centre = {0.41, -0.87, 1.53}, .radius = 0.51, .material = 1}};
   scene.meshes = {rectangle_mesh({-5.03, -1.41, 5.07}, {10.11, 0.07, 0.0}, {0.0, 0.05, -10.3}, 0)};
-  scene.lights = {point_light(kLampLeft, 0.45), point_light(kLampRight, 0.4)};
+  scene.lights = {point_light(kLightLeft, 0.45), point_light(kLightRight, 0.4)};
   return {"spheres", scene};
 }
 
@@ -104,12 +104,12 @@ NamedScene cones_and_cylinders() {
   pointed.material = 2;
   scene.cones = {tilted, tube, pointed};
   scene.meshes = {rectangle_mesh({-4.07, -2.03, -2.21}, {8.21, 0.0, 0.11}, {0.03, 4.17, 0.0}, 0)};
-  scene.lights = {point_light(kLampLeft, 0.5), point_light(kLampRight, 0.35)};
+  scene.lights = {point_light(kLightLeft, 0.5), point_light(kLightRight, 0.35)};
   return {"cones", scene};
 }
 
 /// Returns meshes in linear light: smooth normals, a texture, a sun, a spot, emission.
-NamedScene meshes_and_lamps() {
+NamedScene meshes_and_lights() {
   SceneDescription scene = named("meshes");
   scene.materials = {matte({0.9, 0.9, 0.85}), plastic({0.6, 0.2, 0.7}), matte({1, 1, 1}),
                      matte({0.2, 0.2, 0.2})};
@@ -148,7 +148,7 @@ NamedScene mirrors() {
                    {.centre = {1.43, -0.51, 1.11}, .radius = 0.67, .material = 2}};
   scene.meshes = {rectangle_mesh({-4.01, -1.57, 4.03}, {8.07, 0.0, 0.0}, {0.0, 0.17, -8.11}, 0),
                   ball_mesh({1.21, 0.97, -0.73}, 0.83, 5, 1)};
-  scene.lights = {point_light(kLampLeft, 0.6), point_light(kLampRight, 0.3)};
+  scene.lights = {point_light(kLightLeft, 0.6), point_light(kLightRight, 0.3)};
   return {"mirrors", scene};
 }
 
@@ -164,7 +164,7 @@ NamedScene glasses() {
                    {.centre = {-1.27, 0.31, 0.51}, .radius = 0.43, .inward = true, .material = 1},
                    {.centre = {0.17, -1.03, -0.87}, .radius = 0.59, .material = 3}};
   scene.meshes = {wall, box_mesh({0.57, -1.11, -0.37}, {1.83, 0.87, 0.79}, 2)};
-  scene.lights = {point_light(kLampLeft, 0.7), point_light(kLampRight, 0.5)};
+  scene.lights = {point_light(kLightLeft, 0.7), point_light(kLightRight, 0.5)};
   return {"glass", scene};
 }
 
@@ -179,7 +179,7 @@ optics::SubpixelLayout layout_named(const std::string& name) {
 }  // namespace
 
 std::vector<NamedScene> tiny_scenes() {
-  return {spheres_and_shadows(), cones_and_cylinders(), meshes_and_lamps(), mirrors(), glasses()};
+  return {spheres_and_shadows(), cones_and_cylinders(), meshes_and_lights(), mirrors(), glasses()};
 }
 
 TriangleMesh rectangle_mesh(Vec3 corner, Vec3 a, Vec3 b, int material) {

@@ -145,7 +145,7 @@ std::vector<OracleHit> oracle_hits(const render::Scene& scene, const OracleRay& 
   return oracle.take();
 }
 
-Judgement judge(const std::vector<OracleHit>& hits, const SeenSurface& seen) {
+Evaluation evaluate(const std::vector<OracleHit>& hits, const SeenSurface& seen) {
   const OracleHit* nearest = nullptr;
   const OracleHit* named = nullptr;
   double certain_z = -kInfinity;
@@ -155,13 +155,13 @@ Judgement judge(const std::vector<OracleHit>& hits, const SeenSurface& seen) {
     if (hit.geometry == seen.geometry && hit.primitive == seen.primitive) named = &hit;
   }
   if (seen.nothing) {
-    if (!nearest) return Judgement::Right;
-    return certain_z > -kInfinity ? Judgement::Wrong : Judgement::Close;
+    if (!nearest) return Evaluation::Right;
+    return certain_z > -kInfinity ? Evaluation::Wrong : Evaluation::Close;
   }
   if (!named || seen.z_mm < named->z_low_mm || seen.z_mm > named->z_high_mm)
-    return Judgement::Wrong;
-  if (named == nearest) return Judgement::Right;
-  return named->z_high_mm >= certain_z ? Judgement::Close : Judgement::Wrong;
+    return Evaluation::Wrong;
+  if (named == nearest) return Evaluation::Right;
+  return named->z_high_mm >= certain_z ? Evaluation::Close : Evaluation::Wrong;
 }
 
 }  // namespace lenticule::testing

@@ -44,12 +44,12 @@ struct SeenSurface {
   uint32_t primitive = 0;
   double z_mm = 0.0;
 };
-enum class Judgement {
+enum class Evaluation {
   Right,
   Close,  ///< another surface, but the ray passes its edge, or both are at one depth, within
           ///< tolerance
   Wrong,
 };
-[[nodiscard]] Judgement judge(const std::vector<OracleHit>& hits, const SeenSurface& seen);
+[[nodiscard]] Evaluation evaluate(const std::vector<OracleHit>& hits, const SeenSurface& seen);
 
 }  // namespace lenticule::testing

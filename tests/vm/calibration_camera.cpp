@@ -224,8 +224,8 @@ double true_effective_pitch(const SimulatedBench& bench, const Trial& trial, con
   for (int n = 0; n < columns * rows; ++n) {
     const double across = 2.0 * (n % columns) / (columns - 1) - 1.0;  // -1 to 1
     const double down = 2.0 * (n / columns) / (rows - 1) - 1.0;
-    slope += across * bench.truth_phase(0.5 * trial.panel.width_px * (1.0 + across),
-                                        0.5 * trial.panel.height_px * (1.0 + down), 1, eye);
+    slope += across * bench.ground_truth_phase(0.5 * trial.panel.width_px * (1.0 + across),
+                                               0.5 * trial.panel.height_px * (1.0 + down), 1, eye);
     squares += across * across;
   }
   return 1.5 * trial.panel.width_px * squares / slope;
@@ -241,7 +241,7 @@ double worst_lenses_at(const optics::OpticalModel& model, const Vec3& found_eye,
   for (int n = 0; n < 17 * 9; ++n) {
     const double x = panel.width_px * (n % 17) / 16.0, y = panel.height_px * (n / 17) / 8.0;
     const double off = model.phase(x, y, 1, {found_eye.x, found_eye.y, found_eye.z}) -
-                       bench.truth_phase(x, y, 1, true_eye, calib::LightMiddle::Centroid);
+                       bench.ground_truth_phase(x, y, 1, true_eye, calib::LightMiddle::Centroid);
     worst = std::max(worst, std::abs(off - std::round(off)));
   }
   return worst;
@@ -262,7 +262,7 @@ void print_errors(const calib::TrialErrors& errors) {
       errors.map_rms_lenses);
 }
 
-int judge(const std::string& file, const Vec3& found_eye) {
+int evaluate(const std::string& file, const Vec3& found_eye) {
   const Trial trial = the_trial();
   const SimulatedBench bench = bench_of(trial);
   const optics::Rig rig = optics::load_rig(file);
@@ -299,7 +299,7 @@ int run(const std::vector<std::string>& words) {
     return 0;
   }
   if (words.size() == 5 && words[0] == "judge")
-    return judge(words[1], {std::stod(words[2]), std::stod(words[3]), std::stod(words[4])});
+    return evaluate(words[1], {std::stod(words[2]), std::stod(words[3]), std::stod(words[4])});
   if (words.size() == 1 && words[0] == "rehearse") return rehearse();
   std::fprintf(stderr, "vm_calibration_camera start|look|judge|rehearse ...\n");
   return 2;

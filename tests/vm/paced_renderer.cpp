@@ -20,7 +20,7 @@ namespace lenticule::vm {
 namespace {
 
 constexpr std::chrono::milliseconds kLookAgain{4};
-constexpr std::chrono::seconds kPatience{120};
+constexpr std::chrono::seconds kTimeout{120};
 
 struct Order {
   std::string socket, fingerprint, base, allowed;
@@ -44,8 +44,8 @@ class Connection {
 
   uint8_t* acquire(uint64_t number) {
     uint8_t* pixels = nullptr;
-    const int patience_ms = static_cast<int>(std::chrono::milliseconds(kPatience).count());
-    check(lenticule_ring_acquire(ring_, number, patience_ms, &pixels));
+    const int timeout_ms = static_cast<int>(std::chrono::milliseconds(kTimeout).count());
+    check(lenticule_ring_acquire(ring_, number, timeout_ms, &pixels));
     return pixels;
   }
   void publish() { check(lenticule_ring_publish(ring_)); }
@@ -78,7 +78,7 @@ uint64_t allowed_now(const std::string& path) {
 
 void wait_until_allowed(const Order& order, uint64_t frames) {
   if (order.allowed.empty()) return;
-  const auto give_up = std::chrono::steady_clock::now() + kPatience;
+  const auto give_up = std::chrono::steady_clock::now() + kTimeout;
   while (allowed_now(order.allowed) < frames) {
     if (std::chrono::steady_clock::now() > give_up)
       throw std::runtime_error("frame " + std::to_string(frames) + " was not allowed in time");

@@ -100,7 +100,7 @@ class CrcLog:
     def __init__(self, vm):
         self._vm = vm
         self._ended = []
-        self.go_on()
+        self.continue_log()
 
     def composed(self):
         return self._ended + vkms.parse_crcs(self._capture.stdout if self._capture else "")
@@ -119,7 +119,7 @@ class CrcLog:
         self._capture.kill()
         self._ended, self._capture = self.composed(), None
 
-    def go_on(self):
+    def continue_log(self):
         self._capture = vkms.start_crc_capture(self._vm)
 
 
@@ -143,7 +143,7 @@ def check_every_crc(vm, width, height, count, writeback_every):
         if number % writeback_every == 0:
             log.pause()
             frames.assert_shown_in(vkms.writeback(vm, player.pid, writeback), number)
-            log.go_on()
+            log.continue_log()
     log.pause()
     composed = changes([frame.crc for frame in log.composed()])
     assert len(set(expected)) == count

@@ -69,7 +69,7 @@ json json_of(uint64_t seed, const Trial& trial, const TrialResult& result) {
               {"shown_seconds", result.shown_seconds},
               {"wall_seconds", result.wall_seconds}};
   for (const calib::Viewpoint& v : found.viewpoints)
-    if (std::isfinite(v.foretold_lenses)) out["foretold_lenses"].push_back(v.foretold_lenses);
+    if (std::isfinite(v.predicted_lenses)) out["foretold_lenses"].push_back(v.predicted_lenses);
   for (const calib::Parameter& p : found.parameters) out["sigma"][p.name] = p.estimate.sigma;
   return out;
 }

@@ -151,7 +151,9 @@ std::string write_plain_nff(const render::SceneDescription& scene) {
   out.add(scenes::Background{scene.background});
   for (const render::Light& light : scene.lights) out.add(scenes::PointLight{light.position});
   for (size_t i = 0; i < scene.materials.size(); ++i) {
-    const auto wears = [i](const auto& thing) { return static_cast<size_t>(thing.material) == i; };
+    const auto wears = [i](const auto& object) {
+      return static_cast<size_t>(object.material) == i;
+    };
     out.add(fill_of(scene, scene.materials[i]));
     for (const auto& mesh : scene.meshes)
       if (wears(mesh)) write_mesh(out, mesh);

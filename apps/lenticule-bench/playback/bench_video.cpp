@@ -31,7 +31,7 @@ constexpr int kPool = 8;
 /// More than the pool: with fewer, no frame would be decoded again.
 constexpr int kLeastFrames = 10;
 constexpr uint64_t kWarmUp = 12;  ///< more than any pool holds when the measurement begins
-constexpr auto kPatience = 120s;  ///< timeout for one frame
+constexpr auto kTimeout = 120s;   ///< timeout for one frame
 
 struct VideoFlags {
   std::string rig;
@@ -113,14 +113,14 @@ Way store_pngs(const VideoFlags& flags, frames::FrameGeometry geometry,
 }
 
 void pull_frames(frames::FrameSource& source, uint64_t count) {
-  Clock::time_point deadline = Clock::now() + kPatience;
+  Clock::time_point deadline = Clock::now() + kTimeout;
   for (uint64_t done = 0; done < count && !interrupted();) {
-    frames::LentFrame lent;
-    switch (source.pull(lent)) {
+    frames::AcquiredFrame acquired;
+    switch (source.pull(acquired)) {
       case frames::PullStatus::Ready:
-        source.release(lent.token);
+        source.release(acquired.token);
         ++done;
-        deadline = Clock::now() + kPatience;
+        deadline = Clock::now() + kTimeout;
         continue;
       case frames::PullStatus::End:
         if (source.rewind()) continue;

@@ -120,7 +120,7 @@ void time_kernel(const frames::ViewSet& views, std::shared_ptr<const frames::Wea
 constexpr int kSlowRuns = 3;
 int runs_of(const Case& what, frames::WeaveKernel kernel, int runs) {
   const bool slow = what.filter == ViewFilter::Gauss || kernel == frames::WeaveKernel::Plain ||
-                    kernel == frames::WeaveKernel::Turned;
+                    kernel == frames::WeaveKernel::Transposed;
   return slow ? std::min(runs, kSlowRuns) : runs;
 }
 

@@ -9,8 +9,8 @@
 
 #include "base/error.h"
 #include "frames/sequence/band_codec.h"
+#include "frames/sequence/predictor_choice.h"
 #include "frames/sequence/sequence_format.h"
-#include "frames/sequence/tap_choice.h"
 
 namespace lenticule::frames {
 namespace {
@@ -52,7 +52,8 @@ struct CodecTrial::State {
     const size_t row = header.geometry.row_bytes();
     if (kind == TrialKind::Copy) stored.bytes.assign(band.begin(), band.end());
     if (kind == TrialKind::Zstd) compress(band, stored.bytes);
-    if (kind == TrialKind::Container) stored.codec = encoder->encode(band, taps, stored.bytes);
+    if (kind == TrialKind::Container)
+      stored.codec = encoder->encode(band, predictors, stored.bytes);
     if (kind != TrialKind::RowAbove) return;
     std::memcpy(rest.data(), band.data(), row);
     for (size_t at = row; at < band.size(); at += row)
@@ -90,7 +91,7 @@ struct CodecTrial::State {
   ZSTD_CCtx* compressor = ZSTD_createCCtx();
   ZSTD_DCtx* decompressor = ZSTD_createDCtx();
   FileHeader header;
-  TapTable taps;
+  PredictorTable predictors;
   std::vector<StoredBand> bands;
   std::vector<uint8_t> rest;
   std::optional<BandEncoder> encoder;
@@ -108,7 +109,7 @@ CodecTrial& CodecTrial::operator=(CodecTrial&&) noexcept = default;
 size_t CodecTrial::encode(const FrameView& frame) {
   State& s = *state_;
   s.prepare(frame.geometry);
-  if (s.kind == TrialKind::Container) s.taps = choose_taps(frame, s.header.band_rows);
+  if (s.kind == TrialKind::Container) s.predictors = choose_predictors(frame, s.header.band_rows);
   size_t bytes = 0;
   for (int band = 0; band < s.header.bands(); ++band) {
     StoredBand& stored = s.bands[static_cast<size_t>(band)];

@@ -32,7 +32,7 @@ struct DepthBenchFlags {
   double budget = 4.0;
   int frames = 2;
   int step = 1;
-  int truth = 65;
+  int ground_truth = 65;
   int threads = 0;
   std::string pictures;
   bool quick = false;
@@ -79,9 +79,9 @@ double mse_where(const frames::WovenFrame& a, const frames::WovenFrame& b,
   return difference.mse();
 }
 
-class DepthCourse {
+class DepthScenario {
  public:
-  DepthCourse(const DepthBenchFlags& flags, const optics::Rig& rig, const std::string& scene)
+  DepthScenario(const DepthBenchFlags& flags, const optics::Rig& rig, const std::string& scene)
       : flags_(flags),
         name_(scene),
         model_(rig),
@@ -89,7 +89,7 @@ class DepthCourse {
         eyes_(model_, workers_),
         scenes_(bench_scene_name(scene), frames::Rate{}),
         stages_(scenes_.at(scenes_.reference_frame()), model_, {.depth_budget = flags.budget}),
-        truth_(geometry()),
+        ground_truth_(geometry()),
         beyond_(geometry()),
         frame_(geometry()),
         contenders_(contenders()) {}
@@ -110,7 +110,7 @@ class DepthCourse {
     return {{"scene", name_},
             {"rig", model_.rig().name},
             {"depth_budget", flags_.budget},
-            {"truth_rays", flags_.truth},
+            {"truth_rays", flags_.ground_truth},
             {"share_beyond", share_beyond_},
             {"ways", std::move(ways)}};
   }
@@ -142,9 +142,10 @@ class DepthCourse {
         scenes_.at(scenes_.reference_frame() +
                    static_cast<uint64_t>(number) * static_cast<uint64_t>(flags_.step));
     double cpu_s = 0.0;
-    render(description, contender("", 1, render::Prefilter::Exhaustive, flags_.truth).options,
-           truth_, cpu_s);
-    eyes_.set_reference(truth_.view());
+    render(description,
+           contender("", 1, render::Prefilter::Exhaustive, flags_.ground_truth).options,
+           ground_truth_, cpu_s);
+    eyes_.set_reference(ground_truth_.view());
     {
       const render::Scene scene(description, stages_.at(description), {}, flags_.threads);
       const render::DepthHistogram depth =
@@ -176,15 +177,15 @@ class DepthCourse {
          {"rays_per_subpixel", static_cast<double>(statistics.primary_rays) / subpixels},
          {"rays_left_out_per_subpixel",
           static_cast<double>(statistics.prefilter_rays_left_out) / subpixels},
-         {"mse", frames::compare_pictures(truth_.view(), frame_.view()).total.mse()},
-         {"mse_beyond", mse_where(truth_, frame_, beyond_, true)},
-         {"mse_within", mse_where(truth_, frame_, beyond_, false)},
+         {"mse", frames::compare_pictures(ground_truth_.view(), frame_.view()).total.mse()},
+         {"mse_beyond", mse_where(ground_truth_, frame_, beyond_, true)},
+         {"mse_within", mse_where(ground_truth_, frame_, beyond_, false)},
          {"seen_mse", seen_mse},
          {"flip_mean", flip},
          {"flicker_frames", flicker},
          {"flicker_views", flicker_of_views()}});
     if (!flags_.pictures.empty())
-      one.worst.add(number, truth_.view(), frame_.view(), eyes_.reference(), eyes_.test());
+      one.worst.add(number, ground_truth_.view(), frame_.view(), eyes_.reference(), eyes_.test());
   }
 
   /// Returns the mean change of an eye's error when the eye moves by one view.
@@ -194,7 +195,7 @@ class DepthCourse {
     double sum = 0.0;
     for (int view = 0; view < views; ++view)
       sum += meter
-                 .add(frames::decode_view(truth_.view(), model_, view, views).view(),
+                 .add(frames::decode_view(ground_truth_.view(), model_, view, views).view(),
                       frames::decode_view(frame_.view(), model_, view, views).view())
                  .mean;
     return sum / std::max(views - 1, 1);
@@ -207,22 +208,22 @@ class DepthCourse {
   ErrorEyes eyes_;
   SceneSequence scenes_;
   StageSequence stages_;
-  frames::WovenFrame truth_, beyond_, frame_;
+  frames::WovenFrame ground_truth_, beyond_, frame_;
   double share_beyond_ = 0.0;
   std::vector<Contender> contenders_;
 };
 
 /// Prints the means of the frames' figures, separately for subpixels beyond and within the depth of
 /// field.
-void print_course(const nlohmann::json& course) {
+void print_scenario(const nlohmann::json& scenario) {
   print_out("{}, {}, {:g} depths of field: {:.0f} % outside one; ground truth: {} rays\n",
-            course["scene"].get<std::string>(), course["rig"].get<std::string>(),
-            course["depth_budget"].get<double>(), 100.0 * course["share_beyond"].get<double>(),
-            course["truth_rays"].get<int>());
+            scenario["scene"].get<std::string>(), scenario["rig"].get<std::string>(),
+            scenario["depth_budget"].get<double>(), 100.0 * scenario["share_beyond"].get<double>(),
+            scenario["truth_rays"].get<int>());
   print_out("  {:<11} {:>7} {:>6} {:>6} {:>8} {:>7} {:>7} {:>7} {:>7} {:>8} {:>8}\n", "", "cpu s",
             "times", "rays", "left out", "PSNR", "beyond", "seen", "FLIP", "frames", "views");
   double first_cpu_s = 0.0;
-  for (const auto& way : course["ways"]) {
+  for (const auto& way : scenario["ways"]) {
     const auto& frames = way["frames"];
     if (frames.empty()) continue;
     const auto mean = [&](const char* key, size_t from = 0) {
@@ -259,7 +260,7 @@ Run declare_bench_depth(CLI::App& app) {
   app.add_option("--step", flags->step, "step from one of these frames to the next")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
-  app.add_option("--truth", flags->truth, "rays per subpixel of the ground truth")
+  app.add_option("--truth", flags->ground_truth, "rays per subpixel of the ground truth")
       ->check(CLI::Range(3, 1024))
       ->capture_default_str();
   app.add_option("--threads", flags->threads, "0 means all cores")
@@ -276,18 +277,18 @@ Run declare_bench_depth(CLI::App& app) {
       flags->scenes.resize(1);
       rig = coarser_rig(rig, std::max(1, rig.panel.width_px / 240));
     }
-    nlohmann::json courses = nlohmann::json::array();
+    nlohmann::json scenarios = nlohmann::json::array();
     Progress progress("depth", "frames",
                       flags->scenes.size() * static_cast<uint64_t>(flags->frames));
     uint64_t frames_done = 0;
     for (const std::string& scene : flags->scenes) {
       if (interrupted()) break;
-      courses.push_back(
-          DepthCourse(*flags, rig, scene).run([&] { progress.update(++frames_done); }));
-      if (!flags->json) print_course(courses.back());
+      scenarios.push_back(
+          DepthScenario(*flags, rig, scene).run([&] { progress.update(++frames_done); }));
+      if (!flags->json) print_scenario(scenarios.back());
     }
     progress.finish();
-    if (flags->json) print_json({{"machine", machine_json()}, {"courses", courses}});
+    if (flags->json) print_json({{"machine", machine_json()}, {"courses", scenarios}});
     return interrupt_exit_code();
   };
 }

@@ -23,7 +23,7 @@ struct ErrorFlags {
   std::vector<std::string> rigs;
   std::vector<std::string> methods = {"full", "lens-view", "interpolate", "temporal", "adaptive"};
   std::vector<double> errors = {0.0, 0.5, 1.0, 2.0, 4.0, 8.0};
-  std::vector<std::string> courses = {"still", "moving"};
+  std::vector<std::string> scenarios = {"still", "moving"};
   int frames = 6;
   int runs = 1;
   int threads = 0;
@@ -88,48 +88,48 @@ class ErrorRun {
     for (const optics::Rig& rig : rigs_)
       for (const auto& scene : scenes_) measure(rig, *scene, done);
     progress.finish();
-    if (courses_.empty()) return interrupt_exit_code();
-    if (!flags_.svg.empty()) plot_errors(courses_, flags_.svg);
+    if (scenarios_.empty()) return interrupt_exit_code();
+    if (!flags_.svg.empty()) plot_errors(scenarios_, flags_.svg);
     if (flags_.json)
       print_json({{"machine", machine_json()},
                   {"runs", flags_.runs},
                   {"soft_shadows", flags_.soft.shadow_samples},
                   {"occlusion", flags_.soft.occlusion_samples},
                   {"environment_light", flags_.soft.environment_samples},
-                  {"bound", bound_of_all(courses_)},
-                  {"courses", courses_}});
+                  {"bound", bound_of_all(scenarios_)},
+                  {"courses", scenarios_}});
     else
-      print_bound_of_all(courses_);
+      print_bound_of_all(scenarios_);
     return interrupt_exit_code();
   }
 
  private:
-  [[nodiscard]] std::vector<ErrorCourse> courses_of(const ErrorScene& scene) const {
-    std::vector<ErrorCourse> courses;
-    for (const std::string& course : flags_.courses)
-      if (course == "still")
-        courses.push_back(ErrorCourse::Still);
+  [[nodiscard]] std::vector<ErrorScenario> scenarios_of(const ErrorScene& scene) const {
+    std::vector<ErrorScenario> scenarios;
+    for (const std::string& scenario : flags_.scenarios)
+      if (scenario == "still")
+        scenarios.push_back(ErrorScenario::Still);
       else if (!scene.still())
-        courses.push_back(ErrorCourse::Moving);
-    return courses;
+        scenarios.push_back(ErrorScenario::Moving);
+    return scenarios;
   }
 
   [[nodiscard]] uint64_t frames_to_render() const {
     const auto racing = std::ranges::count_if(entrants_, &ErrorEntrant::exists);
     int64_t frames = 0;
     for (const auto& scene : scenes_)
-      for (const ErrorCourse course : courses_of(*scene))
-        frames += course == ErrorCourse::Still ? 2 : flags_.frames;
+      for (const ErrorScenario scenario : scenarios_of(*scene))
+        frames += scenario == ErrorScenario::Still ? 2 : flags_.frames;
     return static_cast<uint64_t>(frames * racing) * rigs_.size();
   }
 
   void measure(const optics::Rig& rig, const ErrorScene& scene, const std::function<void()>& done) {
     const nlohmann::json tachyon = beside_tachyon(flags_, rig, scene);
-    for (const ErrorCourse course : courses_of(scene)) {
+    for (const ErrorScenario scenario : scenarios_of(scene)) {
       if (interrupted()) return;
       nlohmann::json measured = measure_error({.rig = rig,
                                                .entrants = entrants_,
-                                               .course = course,
+                                               .scenario = scenario,
                                                .frames = flags_.frames,
                                                .threads = flags_.threads,
                                                .depth = flags_.depth,
@@ -140,12 +140,12 @@ class ErrorRun {
       if (measured.is_null()) return;
       summarize_errors(measured, tachyon);
       if (!flags_.json) {
-        if (courses_.empty())
+        if (scenarios_.empty())
           print_out("machine   {}\ntimes     medians of {} interleaved run(s)\n\n", machine_text(),
                     flags_.runs);
-        print_error_course(measured);
+        print_error_scenario(measured);
       }
-      courses_.push_back(std::move(measured));
+      scenarios_.push_back(std::move(measured));
     }
   }
 
@@ -154,7 +154,7 @@ class ErrorRun {
   std::vector<ErrorEntrant> entrants_;
   std::vector<std::unique_ptr<ErrorScene>> scenes_;
   uint64_t frames_done_ = 0;
-  nlohmann::json courses_ = nlohmann::json::array();
+  nlohmann::json scenarios_ = nlohmann::json::array();
 };
 
 void declare_what(CLI::App& app, ErrorFlags& flags) {
@@ -172,7 +172,7 @@ void declare_what(CLI::App& app, ErrorFlags& flags) {
       ->allow_extra_args(false)
       ->delimiter(',')
       ->capture_default_str();
-  app.add_option("--course", flags.courses,
+  app.add_option("--course", flags.scenarios,
                  "still: one frame twice; moving: consecutive frames of the animation")
       ->allow_extra_args(false)
       ->delimiter(',')

@@ -54,12 +54,12 @@ class ErrorScene {
 
 /// Benchmark scenarios. Still: the same frame twice, of the same committed scene. Moving:
 /// consecutive frames, the scene committed again for each.
-enum class ErrorCourse { Still, Moving };
+enum class ErrorScenario { Still, Moving };
 
 struct ErrorSetup {
   optics::Rig rig;
   std::vector<ErrorEntrant> entrants;  ///< the first is the reference
-  ErrorCourse course = ErrorCourse::Moving;
+  ErrorScenario scenario = ErrorScenario::Moving;
   int frames = 6;  ///< number of frames in the Moving scenario
   int threads = 0;
   int depth = 5;
@@ -104,17 +104,17 @@ class BoundTally {
 /// "share_over_32", "ssim_mean", "ssim_worst", "flip_mean", "flip_p99_worst", "flicker_mean",
 /// "flicker_largest", "bound" (BoundTally's figures). `tachyon` is stored as "tachyon": null, or
 /// the result of measure_peers(); its "ours_over_theirs" is full's rate over Tachyon's.
-void summarize_errors(nlohmann::json& course, const nlohmann::json& tachyon);
+void summarize_errors(nlohmann::json& scenario, const nlohmann::json& tachyon);
 
 /// Returns BoundTally's figures over all frames of all methods and scenarios.
-[[nodiscard]] nlohmann::json bound_of_all(const nlohmann::json& courses);
+[[nodiscard]] nlohmann::json bound_of_all(const nlohmann::json& scenarios);
 
-void print_error_course(const nlohmann::json& course);
+void print_error_scenario(const nlohmann::json& scenario);
 /// Prints nothing if no method reported a bound.
-void print_bound_of_all(const nlohmann::json& courses);
+void print_bound_of_all(const nlohmann::json& scenarios);
 
 /// Plots time as a share of full's against PSNR, with a mark for each method, scene, rig and
 /// scenario.
-void plot_errors(const nlohmann::json& courses, const std::string& file);
+void plot_errors(const nlohmann::json& scenarios, const std::string& file);
 
 }  // namespace lenticule::player

@@ -40,9 +40,9 @@ struct Contestant {
   nlohmann::json frames = nlohmann::json::array();
 };
 
-class CourseRun {
+class ScenarioRun {
  public:
-  CourseRun(const ErrorSetup& setup, const ErrorScene& scene, std::function<void()> done)
+  ScenarioRun(const ErrorSetup& setup, const ErrorScene& scene, std::function<void()> done)
       : setup_(setup),
         scene_(scene),
         done_(std::move(done)),
@@ -59,7 +59,7 @@ class CourseRun {
 
   /// Returns false if interrupted.
   [[nodiscard]] bool run() {
-    const bool moving = setup_.course == ErrorCourse::Moving;
+    const bool moving = setup_.scenario == ErrorScenario::Moving;
     const int frames = moving ? setup_.frames : 2;
     for (int n = 0; n < frames && !interrupted(); ++n) {
       if (moving || n == 0) set_scene(scene_.after(static_cast<uint64_t>(n)));
@@ -86,7 +86,7 @@ class CourseRun {
     }
     return {{"scene", scene_.name()},
             {"rig", setup_.rig.name},
-            {"course", course_name()},
+            {"course", scenario_name()},
             {"subpixels", geometry().frame_bytes()},
             {"copy_s", std::ranges::min(copy_s_)},
             {"pictures", std::move(pictures)},
@@ -97,12 +97,12 @@ class CourseRun {
   [[nodiscard]] frames::FrameGeometry geometry() const {
     return {setup_.rig.panel.width_px, setup_.rig.panel.height_px, frames::PixelFormat::Rgb8};
   }
-  [[nodiscard]] const char* course_name() const {
-    return setup_.course == ErrorCourse::Still ? "still" : "moving";
+  [[nodiscard]] const char* scenario_name() const {
+    return setup_.scenario == ErrorScenario::Still ? "still" : "moving";
   }
   [[nodiscard]] std::string stem_of(const ErrorEntrant& entrant) const {
     return fmt::format("{}-{}x{}-{}-{}", scene_.name(), geometry().width, geometry().height,
-                       course_name(), entrant.name);
+                       scenario_name(), entrant.name);
   }
 
   void add_contestant(const ErrorEntrant& entrant) {
@@ -238,9 +238,9 @@ class CourseRun {
 
 nlohmann::json measure_error(const ErrorSetup& setup, const ErrorScene& scene,
                              const std::function<void()>& done) {
-  CourseRun course(setup, scene, done);
-  if (!course.run()) return {};
-  return course.result();
+  ScenarioRun scenario(setup, scene, done);
+  if (!scenario.run()) return {};
+  return scenario.result();
 }
 
 }  // namespace lenticule::player

@@ -135,26 +135,26 @@ json BoundTally::figures() const {
           {"mean_bound", bounds_ / frames_}};
 }
 
-json bound_of_all(const json& courses) {
+json bound_of_all(const json& scenarios) {
   BoundTally tally;
-  for (const json& course : courses)
-    for (const json& method : course["methods"])
+  for (const json& scenario : scenarios)
+    for (const json& method : scenario["methods"])
       if (method.contains("frames")) add_bounds(method["frames"], tally);
   return tally.figures();
 }
 
-void summarize_errors(json& course, const json& tachyon) {
-  const json reference_frames = course["methods"][0]["frames"];
-  course["tachyon"] = tachyon;
-  for (json& method : course["methods"]) {
+void summarize_errors(json& scenario, const json& tachyon) {
+  const json reference_frames = scenario["methods"][0]["frames"];
+  scenario["tachyon"] = tachyon;
+  for (json& method : scenario["methods"]) {
     if (method["missing"].get<bool>()) continue;
-    add_times(method, reference_frames, course["copy_s"].get<double>());
+    add_times(method, reference_frames, scenario["copy_s"].get<double>());
     // Both ratios come from interleaved runs, so their quotient does not depend on other load.
     method["over_tachyon"] = nullptr;
     if (tachyon.contains("ours_over_theirs") && !method["of_full"].is_null())
       method["over_tachyon"] =
           ratio(tachyon["ours_over_theirs"].get<double>(), method["of_full"].get<double>());
-    if (&method == &course["methods"][0]) continue;
+    if (&method == &scenario["methods"][0]) continue;
     add_errors(method);
     add_seen(method);
   }

@@ -94,23 +94,23 @@ std::string tachyon_text(const json& tachyon) {
 
 }  // namespace
 
-void print_error_course(const json& course) {
+void print_error_scenario(const json& scenario) {
   print_out("{}, {}, {}: {:.2f} M subpixels, copying them takes {:.2f} ms{}\n",
-            course["scene"].get<std::string>(), course["rig"].get<std::string>(),
-            course["course"].get<std::string>(), course["subpixels"].get<double>() / 1e6,
-            1e3 * course["copy_s"].get<double>(), tachyon_text(course["tachyon"]));
-  print_times(course["methods"]);
-  print_errors(course["methods"]);
-  print_missing(course["methods"]);
-  for (const json& picture : course["pictures"])
+            scenario["scene"].get<std::string>(), scenario["rig"].get<std::string>(),
+            scenario["course"].get<std::string>(), scenario["subpixels"].get<double>() / 1e6,
+            1e3 * scenario["copy_s"].get<double>(), tachyon_text(scenario["tachyon"]));
+  print_times(scenario["methods"]);
+  print_errors(scenario["methods"]);
+  print_missing(scenario["methods"]);
+  for (const json& picture : scenario["pictures"])
     print_out("  {}: frame {}, pixel {}, {}, MSE {:.1f}\n", picture["file"].get<std::string>(),
               picture["frame"].get<int>(), picture["x"].get<int>(), picture["y"].get<int>(),
               picture["mse"].get<double>());
   print_out("\n");
 }
 
-void print_bound_of_all(const json& courses) {
-  const json all = bound_of_all(courses);
+void print_bound_of_all(const json& scenarios) {
+  const json all = bound_of_all(scenarios);
   if (all.is_null()) return;
   print_out("the true share beyond E was within the reported bound in {:.1f} % of {} frames",
             all["within_percent"].get<double>(), all["frames"].get<int>());
@@ -118,21 +118,21 @@ void print_bound_of_all(const json& courses) {
   print_out("{}\n", excess > 0.0 ? fmt::format(", at most {:.4f} % above it", 100.0 * excess) : "");
 }
 
-void plot_errors(const json& courses, const std::string& file) {
+void plot_errors(const json& scenarios, const std::string& file) {
   Plot plot{.title = "Time against error, each scene, rig and course",
             .x = {.label = "time, as a share of full's", .scale = AxisScale::Log},
             .y = {.label = fmt::format("mean PSNR, dB ({:.0f}: equal, or more)", kEqualDb)},
             .series = {}};
-  for (const json& course : courses)
-    for (const json& m : course["methods"]) {
+  for (const json& scenario : scenarios)
+    for (const json& m : scenario["methods"]) {
       if (!m.contains("psnr_mean_db") || m["of_full"].is_null()) continue;
       const json& psnr = m["psnr_mean_db"];
       const double decibels = psnr.is_null() ? kEqualDb : std::min(kEqualDb, psnr.get<double>());
       PlotSeries& series = series_of(plot, m["name"]);
       series.points.push_back({m["of_full"].get<double>(), decibels});
-      series.names.push_back(fmt::format("{}, {}, {}", course["scene"].get<std::string>(),
-                                         course["rig"].get<std::string>(),
-                                         course["course"].get<std::string>()));
+      series.names.push_back(fmt::format("{}, {}, {}", scenario["scene"].get<std::string>(),
+                                         scenario["rig"].get<std::string>(),
+                                         scenario["course"].get<std::string>()));
     }
   write_svg(plot, file);
 }

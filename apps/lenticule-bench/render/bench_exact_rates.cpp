@@ -52,7 +52,7 @@ const std::vector<ExactVariant>& exact_variants() {
   static const std::vector<ExactVariant> table = {
       {"whole frame", [](render::RenderOptions&) {}},
       {"no proofs, all rays traced",
-       [](render::RenderOptions& options) { options.use_shaft_proofs = false; }},
+       [](render::RenderOptions& options) { options.use_shaft_culling = false; }},
       {"weak rays traced, too",
        [](render::RenderOptions& options) { options.skip_weak_rays = false; }},
       {"background traced, too",
@@ -84,9 +84,9 @@ nlohmann::json measure_rates(const ExactFlags& flags, const std::string& scene) 
           {"primary_rays", whole.primary_rays},
           {"shadow_rays", whole.shadow_rays},
           {"secondary_rays", whole.secondary_rays},
-          {"shadow_rays_proved", whole.shadow_rays_proved},
+          {"shadow_rays_proved", whole.shadow_rays_culled},
           {"shadow_rays_blocked", whole.shadow_rays_blocked},
-          {"secondary_rays_proved", whole.secondary_rays_proved},
+          {"secondary_rays_proved", whole.secondary_rays_culled},
           {"shares", shares(times.back().statistics)},
           {"rows", rows(bench.subpixels(), times)}};
 }

@@ -33,9 +33,9 @@ class RandomScene {
     scene_.textures = {stripes()};
     for (int n = 0; n < 5; ++n) add_material();
     add_floor();
-    const int things = 3 + static_cast<int>(number(0.0, chance(0.3) ? 120.0 : 12.0));
-    for (int n = 0; n < things; ++n) add_thing(things > 20 ? 0.2 : 1.0);
-    for (int n = 0; n < 1 + static_cast<int>(number(0.0, 3.0)); ++n) add_lamp();
+    const int objects = 3 + static_cast<int>(number(0.0, chance(0.3) ? 120.0 : 12.0));
+    for (int n = 0; n < objects; ++n) add_object(objects > 20 ? 0.2 : 1.0);
+    for (int n = 0; n < 1 + static_cast<int>(number(0.0, 3.0)); ++n) add_light();
     return std::move(scene_);
   }
   optics::Rig rig() {
@@ -93,7 +93,7 @@ class RandomScene {
     }
     scene_.meshes.push_back(floor);
   }
-  void add_thing(double largest) {
+  void add_object(double largest) {
     const Vec3 at = place();
     const double size = largest * number(0.05, 0.9);
     switch (static_cast<int>(number(0.0, 3.999))) {
@@ -117,15 +117,15 @@ class RandomScene {
         scene_.meshes.back().material = material();
     }
   }
-  void add_lamp() {
-    render::Light lamp;
+  void add_light() {
+    render::Light light;
     if (chance(0.4)) {
-      lamp.kind = render::Light::Kind::Directional;
-      lamp.direction = normalized(Vec3{number(-1, 1), number(-1, -0.2), number(-1, 0.2)});
+      light.kind = render::Light::Kind::Directional;
+      light.direction = normalized(Vec3{number(-1, 1), number(-1, -0.2), number(-1, 0.2)});
     }
-    lamp.position = {number(-8, 8), number(1, 9), number(1, 10)};
-    lamp.colour = colour() * 0.6;
-    scene_.lights.push_back(lamp);
+    light.position = {number(-8, 8), number(1, 9), number(1, 10)};
+    light.colour = colour() * 0.6;
+    scene_.lights.push_back(light);
   }
 
   std::mt19937_64 random_;
@@ -135,8 +135,8 @@ class RandomScene {
 /// Sums over frames.
 struct Audits {
   uint64_t frames = 0;
-  uint64_t broken = 0;  ///< bounds below the true share
-  uint64_t mended = 0;  ///< frames with bands that were traced again
+  uint64_t broken = 0;    ///< bounds below the true share
+  uint64_t retraced = 0;  ///< frames with bands that were traced again
   double true_share = 0.0;
   double bound = 0.0;
   // Sampled subpixels in which the audit found an error above the limit, and the expected number of
@@ -151,7 +151,7 @@ struct Audits {
 Audits& Audits::operator+=(const Audits& other) {
   frames += other.frames;
   broken += other.broken;
-  mended += other.mended;
+  retraced += other.retraced;
   true_share += other.true_share;
   bound += other.bound;
   found += other.found;
@@ -178,17 +178,17 @@ Audits audit_of(uint64_t seed) {
   const render::RenderStatistics& said = adaptive.statistics;
   const double share = off.share_over(kError);
   // Sampled subpixels are delivered as traced, so the bound is checked on the other subpixels.
-  const auto drawn = static_cast<double>(said.audited_subpixels);
+  const auto sampled = static_cast<double>(said.audited_subpixels);
   const double of_rest = static_cast<double>(off.count_over(kError)) /
-                         (static_cast<double>(off.samples()) - 2.0 * drawn);
+                         (static_cast<double>(off.samples()) - 2.0 * sampled);
   return {.frames = 1,
           .broken = share > said.beyond_bound ? 1U : 0U,
-          .mended = said.mended_subpixels > 0 ? 1U : 0U,
+          .retraced = said.retraced_subpixels > 0 ? 1U : 0U,
           .true_share = share,
           .bound = said.beyond_bound,
           .found = static_cast<double>(said.audited_beyond),
-          .expected = of_rest * drawn,
-          .variance = of_rest * (1.0 - of_rest) * drawn};
+          .expected = of_rest * sampled,
+          .variance = of_rest * (1.0 - of_rest) * sampled};
 }
 
 }  // namespace
@@ -214,7 +214,7 @@ StabilityRow stability_audit(const StabilitySize& size) {
           .note = fmt::format("over {} codes: {:.2f} % on average, bounds {:.2f} %; {} found of "
                               "{:.0f} expected; {} frames retraced",
                               kError, 100.0 * sum.true_share / frames, 100.0 * sum.bound / frames,
-                              sum.found, sum.expected, sum.mended)};
+                              sum.found, sum.expected, sum.retraced)};
 }
 
 }  // namespace lenticule::player

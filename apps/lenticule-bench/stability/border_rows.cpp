@@ -132,12 +132,12 @@ StabilityRow stability_borders(const StabilitySize& size) {
       static thread_local std::vector<optics::RowRays> rays;
       rays.resize(kernels.size());
       for (size_t n = 0; n < kernels.size(); ++n) kernels[n].evaluate(j, 0, kWidth, rays[n]);
-      owners.row(j, [&](int s, const Owner& truth) {
-        borders += truth.on_border ? 1 : 0;
+      owners.row(j, [&](int s, const Owner& ground_truth) {
+        borders += ground_truth.on_border ? 1 : 0;
         const auto check = [&](int64_t lens, double place) {
           const double number = optics::view_number(place, sheet.views);
-          tally.check(lens == truth.lens && place >= -0.5 && place < 0.5 &&
-                      frames::nearest_view(number, sheet.views) == truth.view);
+          tally.check(lens == ground_truth.lens && place >= -0.5 && place < 0.5 &&
+                      frames::nearest_view(number, sheet.views) == ground_truth.view);
         };
         const auto at = static_cast<size_t>(s);
         for (const optics::RowRays& row : rays) check(row.lens[at], row.place[at]);

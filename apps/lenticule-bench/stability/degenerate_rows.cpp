@@ -63,9 +63,9 @@ void refuse_values(double bad, NamedFailures& failures) {
   expect("index of refraction", [&](auto& s) { s.materials[0].refraction_index = bad; });
   expect("ambient light", [&](auto& s) { s.ambient = Vec3{0, bad, 0}; });
   expect("lamp", [&](auto& s) {
-    render::Light lamp;
-    lamp.position = {0, 0, bad};
-    s.lights = {lamp};
+    render::Light light;
+    light.position = {0, 0, bad};
+    s.lights = {light};
   });
 }
 

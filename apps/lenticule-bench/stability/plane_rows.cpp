@@ -101,7 +101,7 @@ StabilityRow stability_grazing(const StabilitySize& size) {
           .unit = "mm"};
 }
 
-StabilityRow stability_eye_on_glass(const StabilitySize& size) {
+StabilityRow stability_eye_on_panel(const StabilitySize& size) {
   const optics::Rig rig = small_rig();
   const optics::OpticalModel model(rig);
   SharedTally shared;
@@ -113,12 +113,12 @@ StabilityRow stability_eye_on_glass(const StabilitySize& size) {
       const int i = static_cast<int>(random() % 160), j = static_cast<int>(random() % 96);
       const optics::Eye eye{40.0 * unit(random), 24.0 * unit(random),
                             std::pow(10.0, -1.5 + 4.5 * unit(random))};
-      const Real truth = oracle_phase(rig, i, j, 1, {eye.x, eye.y, eye.z_mm});
+      const Real ground_truth = oracle_phase(rig, i, j, 1, {eye.x, eye.y, eye.z_mm});
       std::vector<double> row;
       optics::RowPhaseEvaluator(model, eye).evaluate(j, i, i + 1, row);
       for (const double phase : {model.phase(i + 0.5, j + 0.5, 1, eye), row[1]}) {
         tally.check(std::isfinite(phase));
-        tally.error(static_cast<double>(std::fabs(Real(phase) - truth)));
+        tally.error(static_cast<double>(std::fabs(Real(phase) - ground_truth)));
       }
     }
     shared.add(tally);

@@ -73,13 +73,15 @@ constexpr const char* kApproximate[] = {"lens-view", "interpolate", "temporal", 
 
 /// Returns true if full has the colour near a subpixel, where a point may be reused from: a lens or
 /// two along the row and a row up or down.
-bool shown_around(const frames::WovenFrame& truth, int j, int s, uint8_t code) {
+bool shown_around(const frames::WovenFrame& ground_truth, int j, int s, uint8_t code) {
   constexpr int kPixels = 6;
-  const int width = 3 * truth.geometry().width;
-  for (int row = std::max(j - 1, 0); row <= std::min(j + 1, truth.geometry().height - 1); ++row)
+  const int width = 3 * ground_truth.geometry().width;
+  for (int row = std::max(j - 1, 0); row <= std::min(j + 1, ground_truth.geometry().height - 1);
+       ++row)
     for (int k = -kPixels; k <= kPixels; ++k) {
       const int at = s + 3 * k;
-      if (at >= 0 && at < width && std::abs(int{truth.row(row)[at]} - int{code}) <= 1) return true;
+      if (at >= 0 && at < width && std::abs(int{ground_truth.row(row)[at]} - int{code}) <= 1)
+        return true;
     }
   return false;
 }
@@ -117,37 +119,39 @@ class CrossingRun {
   void frame(Vec3 place) {
     const render::Stage stage = plain_stage(-place);
     const render::Scene scene(crossing_.scene, stage, {}, size_.threads);
-    const SmallFrame truth = next_frame(*full_, scene, stage, rig_);
-    judge_exact(place, truth.frame, next_frame(*exact_, scene, stage, rig_).frame);
+    const SmallFrame ground_truth = next_frame(*full_, scene, stage, rig_);
+    evaluate_exact(place, ground_truth.frame, next_frame(*exact_, scene, stage, rig_).frame);
     for (Approximation& one : approximate_) {
       const SmallFrame made = next_frame(*one.method, scene, stage, rig_);
-      if (!interrupted()) judge(truth.frame, made.frame, one);
+      if (!interrupted()) evaluate(ground_truth.frame, made.frame, one);
     }
   }
 
   /// Compares a frame of exact visibility with full's. A differing subpixel must equal the oracle's
   /// for a ray moved by the row sweep's tolerance.
-  void judge_exact(Vec3 place, const frames::WovenFrame& truth, const frames::WovenFrame& made) {
+  void evaluate_exact(Vec3 place, const frames::WovenFrame& ground_truth,
+                      const frames::WovenFrame& made) {
     const render::SceneDescription moved_scene = moved(crossing_.scene, 1.0, place);
     // Tolerance in mm, relative to the largest coordinate, which is the eye's.
     constexpr double kHair = 4e-7 * 400.0;
     for (int j = 0; j < rig_.panel.height_px; ++j)
       for (int s = 0; s < 3 * rig_.panel.width_px; ++s) {
         const uint8_t code = made.row(j)[s];
-        const bool same = std::abs(int{code} - int{truth.row(j)[s]}) <= 1;
+        const bool same = std::abs(int{code} - int{ground_truth.row(j)[s]}) <= 1;
         if (!same) ++exact_other_;
         exact_tally_.check(same || ask_oracle(moved_scene, rig_, {s / 3, j, s % 3, code}, kHair) !=
                                        OracleVerdict::Different);
       }
   }
 
-  void judge(const frames::WovenFrame& truth, const frames::WovenFrame& made, Approximation& one) {
-    const frames::Difference off = frames::compare_pictures(truth.view(), made.view()).total;
+  void evaluate(const frames::WovenFrame& ground_truth, const frames::WovenFrame& made,
+                Approximation& one) {
+    const frames::Difference off = frames::compare_pictures(ground_truth.view(), made.view()).total;
     one.difference.add(off);
     one.worst_rms = std::max(one.worst_rms, off.rmse());
     for (int j = 0; j < rig_.panel.height_px; ++j)
       for (int s = 0; s < 3 * rig_.panel.width_px; ++s)
-        if (!shown_around(truth, j, s, made.row(j)[s])) ++one.strange;
+        if (!shown_around(ground_truth, j, s, made.row(j)[s])) ++one.strange;
   }
 
   Crossing crossing_;

@@ -130,11 +130,11 @@ class LongRun {
   void render(uint64_t number) {
     const render::Stage stage = stage_of(number);
     const render::Scene scene(description_, stage, {}, 1);
-    const SmallFrame truth = next_frame(*full_, scene, stage, model_.rig());
+    const SmallFrame ground_truth = next_frame(*full_, scene, stage, model_.rig());
     for (Racer& racer : racers_) {
       const SmallFrame made = next_frame(*racer.method, scene, stage, model_.rig());
       racer.window_errors.back() +=
-          frames::compare_pictures(truth.frame.view(), made.frame.view()).total.mse();
+          frames::compare_pictures(ground_truth.frame.view(), made.frame.view()).total.mse();
       racer.copied_subpixels += made.statistics.copied_subpixels;
       if (number % asked_every_ == 0)
         checks_.check(fmt::format("{} frame {}", racer.name, number),

@@ -65,9 +65,9 @@ render::SceneDescription scene_of(const Outline& outline) {
       grid_mesh(outline.point - outline.along * kFarOff, outline.along * (2 * kFarOff),
                 outline.inward * kFarOff, 1)};
   scene.meshes[1].material = 1;
-  render::Light lamp;
-  lamp.position = {-57.0, 83.0, 310.0};
-  scene.lights = {lamp};
+  render::Light light;
+  light.position = {-57.0, 83.0, 310.0};
+  scene.lights = {light};
   return scene;
 }
 
@@ -114,11 +114,12 @@ Tally compare(const optics::OpticalModel& model, const Outline& outline, const P
   const optics::Panel& panel = model.rig().panel;
   for (int j = 0; j < panel.height_px; ++j)
     for (int s = 0; s < 3 * panel.width_px; ++s) {
-      const uint8_t made = pictures.adaptive.frame.row(j)[s], truth = pictures.full.frame.row(j)[s];
+      const uint8_t made = pictures.adaptive.frame.row(j)[s],
+                    ground_truth = pictures.full.frame.row(j)[s];
       const Seen what = seen(made);
       tally.check(what == Seen::Wall || what == Seen::Pane);
-      if (what == seen(truth)) {
-        if (std::abs(int{made} - int{truth}) > kError) ++off;
+      if (what == seen(ground_truth)) {
+        if (std::abs(int{made} - int{ground_truth}) > kError) ++off;
         continue;
       }
       ++beyond.on_outline;

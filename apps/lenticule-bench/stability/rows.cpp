@@ -29,7 +29,7 @@ StabilityRow stability_shadow_cylinder(const StabilitySize& size);
 StabilityRow stability_shadow_far(const StabilitySize& size);
 StabilityRow stability_coplanar(const StabilitySize& size);
 StabilityRow stability_grazing(const StabilitySize& size);
-StabilityRow stability_eye_on_glass(const StabilitySize& size);
+StabilityRow stability_eye_on_panel(const StabilitySize& size);
 StabilityRow stability_through_eye(const StabilitySize& size);
 StabilityRow stability_total_reflection(const StabilitySize& size);
 StabilityRow stability_nested_glass(const StabilitySize& size);
@@ -59,7 +59,7 @@ const std::vector<StabilityCase>& stability_cases() {
       {"shadow-far", stability_shadow_far},
       {"coplanar", stability_coplanar},
       {"grazing", stability_grazing},
-      {"eye-on-glass", stability_eye_on_glass},
+      {"eye-on-glass", stability_eye_on_panel},
       {"through-eye", stability_through_eye},
       {"total-reflection", stability_total_reflection},
       {"nested-glass", stability_nested_glass},
@@ -78,13 +78,13 @@ void for_each_part(const StabilitySize& size, uint64_t count,
   const unsigned threads = size.threads > 0 ? static_cast<unsigned>(size.threads) : cores;
   std::atomic<uint64_t> next{0};
   std::mutex mutex;
-  std::exception_ptr trouble;
+  std::exception_ptr first_error;
   const auto run = [&] {
     try {
       for (uint64_t k = next++; k < count && !interrupted(); k = next++) work(k);
     } catch (...) {
       const std::lock_guard lock(mutex);
-      if (!trouble) trouble = std::current_exception();
+      if (!first_error) first_error = std::current_exception();
       next = count;
     }
   };
@@ -92,7 +92,7 @@ void for_each_part(const StabilitySize& size, uint64_t count,
   for (unsigned k = 1; k < threads; ++k) others.emplace_back(run);
   run();
   others.clear();
-  if (trouble) std::rethrow_exception(trouble);
+  if (first_error) std::rethrow_exception(first_error);
 }
 
 }  // namespace lenticule::player

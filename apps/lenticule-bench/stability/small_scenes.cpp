@@ -137,14 +137,14 @@ SceneDescription mixed_scene() {
                   .apex = {2.13, 1.37, -0.83},
                   .apex_radius = 0.21,
                   .material = 0}};
-  render::Light lamp;
-  lamp.position = {-7.13, 8.29, 9.41};
-  lamp.colour = {0.6, 0.55, 0.5};
+  render::Light near_light;
+  near_light.position = {-7.13, 8.29, 9.41};
+  near_light.colour = {0.6, 0.55, 0.5};
   render::Light sun;
   sun.kind = render::Light::Kind::Directional;
   sun.direction = normalized(Vec3{-0.53, -0.71, -0.43});
   sun.colour = {0.3, 0.35, 0.4};
-  scene.lights = {lamp, sun};
+  scene.lights = {near_light, sun};
   return scene;
 }
 

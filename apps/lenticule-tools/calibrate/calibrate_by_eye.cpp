@@ -142,7 +142,7 @@ class ByEyeRun {
 
   ExitCode run() {
     check_folder_of(flags_.output);
-    tell_step();
+    report_step();
     show();
     while (procedure_.status() == Procedure::Status::Running && !interrupted()) {
       const std::vector<KeyPress> presses = keys_->take();
@@ -170,12 +170,12 @@ class ByEyeRun {
     const calib::Step before = procedure_.step();
     for (const KeyPress& one : presses) procedure_.press(one);
     if (procedure_.status() != Procedure::Status::Running) return;
-    if (procedure_.step() != before) tell_step();
+    if (procedure_.step() != before) report_step();
     show();
   }
 
   void show() {
-    tell_numbers();
+    report_numbers();
     const frames::WovenFrame frame = frames::draw_chart(procedure_.chart());
     switch (sink_.show(frame.view(), kShowTimeout)) {
       case frames::ShowResult::Shown:
@@ -198,7 +198,7 @@ class ByEyeRun {
             "nothing was saved; connect it and start again"};
   }
 
-  void tell_step() const {
+  void report_step() const {
     const calib::Guide guide = procedure_.guide();
     if (keys_->is_person()) say("\n\n");
     say("{}\n  {}\n", guide.title, guide.task);
@@ -207,7 +207,7 @@ class ByEyeRun {
   }
 
   /// Prints the numbers: for people one line that is overwritten, for logs a line each.
-  void tell_numbers() const {
+  void report_numbers() const {
     const std::string note = procedure_.note().empty() ? "" : " (" + procedure_.note() + ")";
     if (keys_->is_person())
       say("\r\x1b[K{}{}", procedure_.numbers(), note);

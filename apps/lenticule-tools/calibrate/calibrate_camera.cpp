@@ -117,7 +117,7 @@ class CameraRun {
       if (!flags_.no_prompts) wait_for_person(place, v);
       if (interrupted()) return interrupt_exit_code();
       measured.push_back(measure(place, v));
-      tell(measured.back());
+      report(measured.back());
     }
     const calib::RecordDetails details{.when = std::chrono::system_clock::now(),
                                        .method = "camera",
@@ -199,7 +199,7 @@ class CameraRun {
                 "another program may be changing the camera; close that program and start over");
   }
 
-  static void tell(const calib::ViewpointMeasurement& m) {
+  static void report(const calib::ViewpointMeasurement& m) {
     say("  effective pitch {:.6f} subpixels, slant {:.6f}, contrast {:.0f} %, {:.0f} % of "
         "the panel, {} pictures late, {} unsettled, {} damaged\n",
         m.line.pitch_subpx(), m.line.slant(), 100.0 * m.contrast, 100.0 * m.covered, m.counts.late,

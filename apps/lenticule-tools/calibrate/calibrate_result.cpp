@@ -8,7 +8,7 @@
 #include "base/print.h"
 #include "calib/report/report_html.h"
 #include "calib/report/report_json.h"
-#include "calib/report/report_words.h"
+#include "calib/report/report_text.h"
 #include "optics/rig_file.h"
 #include "optics/trim.h"
 

@@ -51,7 +51,7 @@ calib::Trial trial_of(const SimulateFlags& flags) {
   return trial;
 }
 
-void print_truth(const calib::Trial& trial, const calib::TrialResult& result) {
+void print_ground_truth(const calib::Trial& trial, const calib::TrialResult& result) {
   print_out("\nground truth: pitch {:.6f} subpixels, slant {:.6f}, offset {:.4f}\n",
             trial.sheet.pitch_subpx, trial.sheet.slant, trial.sheet.offset_lenses);
   print_out(
@@ -91,7 +91,7 @@ ExitCode run_simulate(const SimulateFlags& flags) {
   details.camera.width = flags.camera_width;
   details.camera.pixel_format = "simulated";
   const ExitCode code = conclude_calibration(result.calibration, details, flags.result);
-  if (!flags.result.json) print_truth(trial, result);
+  if (!flags.result.json) print_ground_truth(trial, result);
   return code;
 }
 

@@ -10,7 +10,7 @@ void declare_soft_light_flags(CLI::App& app, render::SoftLight& soft) {
   CLI::Option* shadows =
       app.add_option("--soft-shadows", soft.shadow_samples, "rays to each area light")
           ->group(kGroup);
-  app.add_option("--light-size", soft.lamp_radius_mm,
+  app.add_option("--light-size", soft.light_radius_mm,
                  "radius of lights with a position, mm in the panel plane; 0 = hard shadows")
       ->group(kGroup)
       ->needs(shadows)

@@ -28,7 +28,7 @@
 namespace lenticule::player {
 namespace {
 
-using Kind = ContentMeaning::Kind;
+using Kind = ContentFormat::Kind;
 
 /// Length of an input that does not state it.
 constexpr uint64_t kManyFrames = uint64_t{1} << 24;
@@ -57,15 +57,15 @@ class ConvertPlan {
   explicit ConvertPlan(const ConvertFlags& flags) : flags_(flags) {
     if (!flags.rig.empty()) rig = optics::load_rig_and_identity(flags.rig);
     const bool views_wanted = flags.as == "quilt" || is_view_files(flags.output);
-    meaning = meaning_of(what(views_wanted));
-    const bool has_views = meaning.kind != Kind::Woven;
+    detected = detect_content_format(what(views_wanted));
+    const bool has_views = detected.kind != Kind::Woven;
     result =
         views_wanted || (has_views && flags.as.empty() && !rig) ? Result::Quilt : Result::Woven;
     refuse_what_makes_no_sense(has_views);
   }
 
-  [[nodiscard]] MeaningRequest what(bool views_wanted) const {
-    MeaningRequest request{.source = parse_source(flags_.input, flags_.content)};
+  [[nodiscard]] FormatQuery what(bool views_wanted) const {
+    FormatQuery request{.source = parse_source(flags_.input, flags_.content)};
     // Woven frames of any rig are separated if views are wanted.
     if (views_wanted) request.source.content.reweave = true;
     if (rig && !views_wanted) request.rig_fingerprint = rig->identity.fingerprint;
@@ -73,7 +73,7 @@ class ConvertPlan {
   }
 
   std::optional<optics::TrimmedRig> rig;
-  ContentMeaning meaning;
+  ContentFormat detected;
   Result result = Result::Woven;
 
  private:
@@ -134,18 +134,18 @@ class ConvertRun {
             .pool_frames = 2 * all_threads(),
             .decoder_threads = all_threads(),
             .plays_again = false,
-            .before_weaving = plan_.meaning.kind != Kind::Woven};
+            .before_weaving = plan_.detected.kind != Kind::Woven};
   }
 
   [[nodiscard]] std::unique_ptr<ConvertInput> open_input() {
     const bool container = kind_of_file(flags_.input) == SourceKind::Sequence;
-    if (plan_.meaning.kind == Kind::Woven)
+    if (plan_.detected.kind == Kind::Woven)
       return container ? open_container_input(flags_.input) : open_woven_input(flags_.input, how());
     if (container) refuse_damaged();
     ContentRequest request{.source = plan_.what(plan_.result == Result::Quilt).source,
                            .how = how(),
                            .drawing_threads = all_threads()};
-    std::unique_ptr<frames::ViewInput> views = open_views(request, plan_.meaning);
+    std::unique_ptr<frames::ViewInput> views = open_views(request, plan_.detected);
     shape_ = views->shape();
     return make_view_input(std::move(views), frames_of_views(), flags_.input);
   }
@@ -153,14 +153,15 @@ class ConvertRun {
   [[nodiscard]] FramesOfViews frames_of_views() {
     if (plan_.result == Result::Quilt) {
       layout_ = layout_of_quilt();
-      return {
-          .loom = nullptr, .geometry = frames::quilt_geometry(shape_, layout_), .layout = layout_};
+      return {.pipeline = nullptr,
+              .geometry = frames::quilt_geometry(shape_, layout_),
+              .layout = layout_};
     }
     const optics::Rig& rig = plan_.rig.value().rig;
-    const LoomOptions options{.weave = weave_options(flags_.weaving),
-                              .crosstalk = flags_.weaving.crosstalk,
-                              .threads = all_threads()};
-    return {.loom = std::make_unique<Loom>(rig, shape_, options),
+    const WeavingPipelineOptions options{.weave = weave_options(flags_.weaving),
+                                         .crosstalk = flags_.weaving.crosstalk,
+                                         .threads = all_threads()};
+    return {.pipeline = std::make_unique<WeavingPipeline>(rig, shape_, options),
             .geometry = {.width = rig.panel.width_px, .height = rig.panel.height_px},
             .layout = {}};
   }
@@ -173,7 +174,7 @@ class ConvertRun {
       layout.columns = grid.columns;
       layout.rows = grid.rows;
     };
-    if (plan_.meaning.kind == Kind::Quilt) take_grid(plan_.meaning.layout);
+    if (plan_.detected.kind == Kind::Quilt) take_grid(plan_.detected.layout);
     if (const auto named = frames::quilt_layout_of_name(flags_.output)) take_grid(*named);
     return layout;
   }

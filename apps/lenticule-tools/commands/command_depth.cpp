@@ -102,7 +102,7 @@ nlohmann::json report_json(const DepthFlags& flags, const optics::OpticalModel& 
           {"nearest_mm", h.nearest_mm()},
           {"farthest_mm", h.farthest_mm()},
           {"share_within", share(h.within())},
-          {"share_at_glass", share(h.at_glass())},
+          {"share_at_glass", share(h.at_panel())},
           {"share_in_front", share(h.in_front())},
           {"share_behind", share(h.behind())},
           {"share_nothing", share(h.nothing())},

@@ -305,8 +305,8 @@ class RenderRun {
         "than {:g} code values; in no frame more than {:.2g} % of all (99 % confidence)\n",
         shaded_percent, s.audited_subpixels, s.audited_beyond, flags_.options.tolerated_error,
         100.0 * s.beyond_bound);
-    if (s.mended_subpixels > 0)
-      say("{} subpixels in regions with too many errors were traced again\n", s.mended_subpixels);
+    if (s.retraced_subpixels > 0)
+      say("{} subpixels in regions with too many errors were traced again\n", s.retraced_subpixels);
   }
 
   const RenderFlags& flags_;

@@ -55,15 +55,16 @@ ContentRequest content_request(const WeaveFlags& flags) {
 /// Loads the only set of views, or the requested one.
 std::unique_ptr<frames::ViewInput> load_views(const WeaveFlags& flags, const optics::Rig& rig) {
   const ContentRequest request = content_request(flags);
-  const ContentMeaning meaning = meaning_of({.source = request.source,
-                                             .patterns_are_views = true,
-                                             .rig_fingerprint = optics::fingerprint(rig)});
-  if (meaning.kind == ContentMeaning::Kind::Woven)
+  const ContentFormat detected =
+      detect_content_format({.source = request.source,
+                             .patterns_are_views = true,
+                             .rig_fingerprint = optics::fingerprint(rig)});
+  if (detected.kind == ContentFormat::Kind::Woven)
     throw Error(ErrorKind::Usage,
                 fmt::format("{}: the layout of the views is unknown", flags.input),
                 "name the file *_qs8x6a0.75.png, use --grid 8x6, --stereo, --depth or --from-rig, "
                 "or give a pattern of views");
-  std::unique_ptr<frames::ViewInput> input = open_views(request, meaning);
+  std::unique_ptr<frames::ViewInput> input = open_views(request, detected);
   if (input->frame_count() != uint64_t{1} && !request.how.frames)
     throw Error(ErrorKind::Usage, fmt::format("{}: more than one frame", flags.input),
                 "choose one with --frame N, or use lenticule convert");

@@ -17,7 +17,7 @@ namespace {
 using frames::PullStatus;
 
 constexpr std::chrono::milliseconds kLook{100};
-constexpr std::chrono::minutes kPatience{2};
+constexpr std::chrono::minutes kTimeout{2};
 
 class ContainerInput final : public ConvertInput {
  public:
@@ -53,8 +53,8 @@ class ViewFrames final : public ConvertInput {
   }
   ReadResult read(uint64_t number, frames::WovenFrame& frame) override {
     if (!advance_to(number)) return ReadResult::End;
-    if (frames_.loom)
-      frames_.loom->weave(views_->views(), frame);
+    if (frames_.pipeline)
+      frames_.pipeline->weave(views_->views(), frame);
     else
       frames::draw_quilt(views_->views(), frames_.layout, frame);
     views_->release();
@@ -66,7 +66,7 @@ class ViewFrames final : public ConvertInput {
  private:
   /// Skips frames up to the requested one; returns false at the end.
   bool advance_to(uint64_t number) {
-    auto deadline = std::chrono::steady_clock::now() + kPatience;
+    auto deadline = std::chrono::steady_clock::now() + kTimeout;
     while (std::chrono::steady_clock::now() < deadline) {
       const PullStatus status = views_->next();
       if (status == PullStatus::End) return false;
@@ -78,7 +78,7 @@ class ViewFrames final : public ConvertInput {
       }
       if (views_->number() >= number) return true;
       views_->release();
-      deadline = std::chrono::steady_clock::now() + kPatience;
+      deadline = std::chrono::steady_clock::now() + kTimeout;
     }
     throw Error(ErrorKind::Failed, fmt::format("{}: no picture arrived", name_));
   }
@@ -102,8 +102,8 @@ std::unique_ptr<ConvertInput> open_woven_input(const std::string& text, const Pi
   auto arrangement = frames::arrange_pictures(geometry, 1, std::nullopt, false);
   auto views =
       std::make_unique<frames::ViewInput>(std::move(sources), std::move(arrangement), text);
-  return make_view_input(std::move(views), {.loom = nullptr, .geometry = geometry, .layout = {}},
-                         text);
+  return make_view_input(std::move(views),
+                         {.pipeline = nullptr, .geometry = geometry, .layout = {}}, text);
 }
 
 std::unique_ptr<ConvertInput> make_view_input(std::unique_ptr<frames::ViewInput> views,

@@ -12,7 +12,7 @@
 #include "frames/sequence/sequence_info.h"
 #include "frames/views_input/view_input.h"
 #include "player/sources/content_open.h"
-#include "player/sources/loom.h"
+#include "player/sources/weaving_pipeline.h"
 
 namespace lenticule::player {
 
@@ -43,7 +43,7 @@ class ConvertInput {
 
 /// The conversion of views to frames: weaving for a rig, or tiles of a quilt.
 struct FramesOfViews {
-  std::unique_ptr<Loom> loom;  ///< null for quilts
+  std::unique_ptr<WeavingPipeline> pipeline;  ///< null for quilts
   frames::FrameGeometry geometry;
   frames::QuiltLayout layout;  ///< used for a quilt
 };

@@ -83,7 +83,7 @@ class RingOutput final : public FrameOutput {
   explicit RingOutput(const OutputRequest& request)
       : socket_(parse_source(request.target).without_prefix()),
         geometry_(request.geometry),
-        patience_(request.ring_timeout_seconds) {
+        timeout_(request.ring_timeout_seconds) {
     if (socket_.empty())
       throw Error(ErrorKind::Usage, "-o ring: the socket is missing",
                   "for example -o ring:/run/x.sock");
@@ -122,7 +122,7 @@ class RingOutput final : public FrameOutput {
  private:
   /// Waits for a player in slices, so that a signal ends the wait; ring_ is empty then.
   void connect() {
-    const auto deadline = Clock::now() + std::chrono::duration_cast<Clock::duration>(patience_);
+    const auto deadline = Clock::now() + std::chrono::duration_cast<Clock::duration>(timeout_);
     while (!interrupted()) {
       const bool last = Clock::now() + kWaitSlice >= deadline;
       try {
@@ -141,7 +141,7 @@ class RingOutput final : public FrameOutput {
 
   fs::path socket_;
   frames::FrameGeometry geometry_;
-  std::chrono::duration<double> patience_;
+  std::chrono::duration<double> timeout_;
   frames::RendererHello hello_;
   std::unique_ptr<frames::RingRenderer> ring_;
 };

@@ -32,7 +32,7 @@ namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-constexpr auto kPatience = 60s;
+constexpr auto kTimeout = 60s;
 constexpr auto kLook = 50ms;  ///< pause between two looks at the encoder's messages
 constexpr size_t kMostWords = 4096;
 
@@ -114,7 +114,7 @@ void VideoWriter::Encoder::hear() {
 }
 
 void VideoWriter::Encoder::write(std::span<const uint8_t> bytes) {
-  const Clock::time_point deadline = Clock::now() + kPatience;
+  const Clock::time_point deadline = Clock::now() + kTimeout;
   while (!bytes.empty()) {
     const ssize_t n = ::send(input_.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
     if (n > 0) {
@@ -142,7 +142,7 @@ std::optional<ProcessEnd> VideoWriter::Encoder::wait_until(Clock::time_point dea
 
 void VideoWriter::Encoder::finish() {
   input_.reset();
-  const auto ended = wait_until(Clock::now() + kPatience);
+  const auto ended = wait_until(Clock::now() + kTimeout);
   if (!ended || ended->exit_code != 0) give_up();
   file_.replace_target();
 }

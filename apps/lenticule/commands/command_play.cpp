@@ -16,7 +16,7 @@
 #include "player/session/play_plan.h"
 #include "player/session/play_run.h"
 #include "player/session/preflight.h"
-#include "player/session/rig_trouble.h"
+#include "player/session/rig_error.h"
 #include "player/session/service_manager.h"
 #include "player/session/start_history.h"
 #include "player/sources/confined_pictures.h"

@@ -71,7 +71,7 @@ void add_unseen(ExactnessReport& report, std::string what, std::string remedy) {
   add_remedy(report, std::move(remedy));
 }
 
-void judge_row(ExactnessReport& report, const AuditRow& row) {
+void evaluate_row(ExactnessReport& report, const AuditRow& row) {
   const std::string fact =
       fmt::format("{} '{}' is {}: {}", row.object, row.property, row.now, row.effect);
   if (!row.alters_pixels) {
@@ -82,10 +82,10 @@ void judge_row(ExactnessReport& report, const AuditRow& row) {
   switch (row.outcome) {
     case AuditOutcome::Neutral:
     case AuditOutcome::Forced:
-      return report.proved.push_back(
+      return report.verified.push_back(
           fmt::format("{} '{}' is {}", row.object, row.property, row.now));
     case AuditOutcome::Planned:
-      return report.proved.push_back(
+      return report.verified.push_back(
           fmt::format("{} '{}' would be set to {}", row.object, row.property, row.wanted));
     case AuditOutcome::Refused:
     case AuditOutcome::ReadOnly:
@@ -95,7 +95,7 @@ void judge_row(ExactnessReport& report, const AuditRow& row) {
   }
 }
 
-void judge_driver(ExactnessReport& report, const LinkInfo& link) {
+void evaluate_driver(ExactnessReport& report, const LinkInfo& link) {
   const DriverPath* const path = find_driver_path(link.driver);
   if (path == nullptr) {
     if (link.connector_type == DRM_MODE_CONNECTOR_SPI)
@@ -109,13 +109,13 @@ void judge_driver(ExactnessReport& report, const LinkInfo& link) {
   }
   const std::string fact = fmt::format("driver {}: {}", link.driver, path->fact);
   if (path->kind == PathKind::Alters) return add_wrong(report, fact, kOtherOutput);
-  report.proved.push_back(fact);
+  report.verified.push_back(fact);
 }
 
-void judge_placement(ExactnessReport& report, const LinkInfo& link) {
+void evaluate_placement(ExactnessReport& report, const LinkInfo& link) {
   if (!link.one_to_one) return;
   if (*link.one_to_one)
-    report.proved.emplace_back("the plane shows the frame pixel for pixel");
+    report.verified.emplace_back("the plane shows the frame pixel for pixel");
   else
     add_wrong(report, "the plane does not show the frame pixel for pixel", "");
 }
@@ -131,16 +131,16 @@ bool has_link_row(const ExactnessReport& report, std::string_view property) {
   });
 }
 
-void judge_encoding(ExactnessReport& report, const LinkInfo& link) {
+void evaluate_encoding(ExactnessReport& report, const LinkInfo& link) {
   if (any_row(report, names_encoding)) {
-    report.proved.emplace_back("the driver is set to send RGB");
+    report.verified.emplace_back("the driver is set to send RGB");
     return;
   }
   if (link.only_as_420)
     return add_wrong(report, "the panel accepts this mode as YCbCr 4:2:0 only",
                      "use a lower refresh rate, or use DisplayPort");
   if (link.edid_known && !link.offers_ycbcr) {
-    report.proved.emplace_back("the panel accepts RGB only");
+    report.verified.emplace_back("the panel accepts RGB only");
     return;
   }
   add_unseen(report,
@@ -150,10 +150,10 @@ void judge_encoding(ExactnessReport& report, const LinkInfo& link) {
              "use DisplayPort, or an EDID that offers RGB only (drm.edid_firmware=)");
 }
 
-void judge_range(ExactnessReport& report, const LinkInfo& link) {
+void evaluate_range(ExactnessReport& report, const LinkInfo& link) {
   if (!is_hdmi(link.connector_type)) return;
   if (any_row(report, forces_full_range)) {
-    report.proved.emplace_back("the driver is set to send the full range of values");
+    report.verified.emplace_back("the driver is set to send the full range of values");
     return;
   }
   add_unseen(report, "the driver cannot be set to send the full range of values",
@@ -161,7 +161,7 @@ void judge_range(ExactnessReport& report, const LinkInfo& link) {
              "one");
 }
 
-void judge_depth(ExactnessReport& report, const LinkInfo& link) {
+void evaluate_depth(ExactnessReport& report, const LinkInfo& link) {
   if (link.bits_per_colour && *link.bits_per_colour < 8)
     add_wrong(report,
               fmt::format("the panel accepts {} bits per colour: low bits are cut off or dithered",
@@ -176,17 +176,17 @@ void judge_depth(ExactnessReport& report, const LinkInfo& link) {
     add_unseen(report, "whether the link compresses the picture (DSC) cannot be read back", kLook);
 }
 
-void judge_link(ExactnessReport& report, const LinkInfo& link) {
+void evaluate_link(ExactnessReport& report, const LinkInfo& link) {
   if (!has_link(link.connector_type)) {
-    report.proved.emplace_back("a virtual output has no link");
+    report.verified.emplace_back("a virtual output has no link");
     return;
   }
   if (is_analogue(link.connector_type))
     add_wrong(report, "the link is analogue: the panel digitises the values again",
               "use a digital connector");
-  judge_encoding(report, link);
-  judge_range(report, link);
-  judge_depth(report, link);
+  evaluate_encoding(report, link);
+  evaluate_range(report, link);
+  evaluate_depth(report, link);
   if (link.other_native_size)
     add_unseen(report, "the EDID states another native size: a bridge or an adapter may scale",
                "connect the panel without an adapter, or load an EDID with the size that is sent "
@@ -329,10 +329,10 @@ ExactnessReport ExactnessAudit::report(const LinkInfo& link, const std::optional
   for (const Item& item : items_) report.rows.push_back(row_of(item, now));
   for (const Leftover& leftover : leftovers_) report.rows.push_back(row_of(leftover, now));
   report.rows.insert(report.rows.end(), further.begin(), further.end());
-  for (const AuditRow& row : report.rows) judge_row(report, row);
-  judge_driver(report, link);
-  judge_placement(report, link);
-  judge_link(report, link);
+  for (const AuditRow& row : report.rows) evaluate_row(report, row);
+  evaluate_driver(report, link);
+  evaluate_placement(report, link);
+  evaluate_link(report, link);
   report.conclude();
   return report;
 }

@@ -40,7 +40,7 @@ struct AuditRow {
 
 struct ExactnessReport {
   Verdict verdict = Verdict::Unknown;
-  std::vector<std::string> proved{};    ///< steps that were checked and leave subpixels unchanged
+  std::vector<std::string> verified{};  ///< steps that were checked and leave subpixels unchanged
   std::vector<std::string> reasons{};   ///< steps that change them
   std::vector<std::string> unseen{};    ///< steps that could not be checked
   std::vector<std::string> remarks{};   ///< facts that affect timing and not pixels

@@ -126,7 +126,7 @@ void AtomicKmsDisplay::open() {
 void AtomicKmsDisplay::start() {
   active_ = open_output(options_);
   options_.previous.reset();
-  active_.front->set_state(ScanoutState::OnGlass);
+  active_.front->set_state(ScanoutState::Displayed);
   try {
     require_exact(options_, *active_.output);
   } catch (...) {

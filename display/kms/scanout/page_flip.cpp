@@ -47,10 +47,10 @@ void PendingFlip::queue(KmsBuffer* buffer, uint64_t id) noexcept {
   due_ = Nanoseconds{0};
 }
 
-void PendingFlip::arm(uint64_t serial, Nanoseconds patience_ends) noexcept {
+void PendingFlip::arm(uint64_t serial, Nanoseconds timeout_end) noexcept {
   phase_ = Phase::Armed;
   serial_ = serial;
-  due_ = patience_ends;
+  due_ = timeout_end;
   refusals_ = 0;
 }
 
@@ -166,7 +166,7 @@ bool PageFlipHandler::request_vblank(uint64_t sequence) noexcept {
 void PageFlipHandler::try_flip() noexcept {
   const uint64_t serial = next_serial_++;
   const int error = active_.output->flip(flip_.buffer()->framebuffer(), serial);
-  if (error == 0) return flip_.arm(serial, now() + flip_patience(vblanks_.period()));
+  if (error == 0) return flip_.arm(serial, now() + flip_timeout(vblanks_.period()));
   const CommitFailure failure = note_failure(error);
   if (failure == CommitFailure::Busy) flip_.put_off(now() + vblanks_.period());
   if (failure == CommitFailure::Wrong) flip_.stick(now());
@@ -186,7 +186,7 @@ DisplayEvent PageFlipHandler::deliver_flip() noexcept {
   const PendingFlip::Landed flip = flip_.deliver();
   if (active_.front != nullptr) active_.front->set_state(ScanoutState::Free);
   active_.front = flip.buffer;
-  active_.front->set_state(ScanoutState::OnGlass);
+  active_.front->set_state(ScanoutState::Displayed);
   counters_.flips.add();
   return {.kind = EventKind::Flip,
           .id = flip.id,
@@ -222,7 +222,7 @@ CommitFailure PageFlipHandler::note_failure(int error) noexcept {
 /// again after growing pauses.
 void PageFlipHandler::recover() noexcept {
   const bool modeset = needs_modeset_ || ++recovery_attempts_ > kBlockingCommitsBeforeModeset;
-  const int error = modeset ? set_mode() : active_.output->show(wanted_on_glass());
+  const int error = modeset ? set_mode() : active_.output->show(wanted_on_panel());
   if (error == 0) return recovered();
   const CommitFailure failure = note_failure(error);
   if (failure == CommitFailure::Wrong) panel_check_due_ = true;
@@ -240,7 +240,7 @@ void PageFlipHandler::recovered() noexcept {
 
 int PageFlipHandler::set_mode() noexcept {
   counters_.modesets.add();
-  const int error = active_.output->set_mode(wanted_on_glass());
+  const int error = active_.output->set_mode(wanted_on_panel());
   if (error != 0) return error;
   needs_modeset_ = false;
   vblanks_.rebase();

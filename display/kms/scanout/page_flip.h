@@ -53,7 +53,7 @@ class PendingFlip {
   /// Back to None: the flip was not accepted after all.
   void withdraw() noexcept { *this = PendingFlip{}; }
   /// Queued -> Armed; the event will carry `serial`.
-  void arm(uint64_t serial, Nanoseconds patience_ends) noexcept;
+  void arm(uint64_t serial, Nanoseconds timeout_end) noexcept;
   /// Tries again at `until` because the kernel was busy; changes to Stuck after too many refusals.
   void put_off(Nanoseconds until) noexcept;
   /// Queued, Armed or Stuck -> Stuck; no effect in other phases.
@@ -140,7 +140,7 @@ class PageFlipHandler final : private DrmEventHandler {
   [[nodiscard]] bool only_modeset_pending() const noexcept {
     return needs_modeset_ && !flip_.under_way();
   }
-  [[nodiscard]] uint32_t wanted_on_glass() const noexcept {
+  [[nodiscard]] uint32_t wanted_on_panel() const noexcept {
     return (flip_.buffer() != nullptr ? flip_.buffer() : active_.front)->framebuffer();
   }
 

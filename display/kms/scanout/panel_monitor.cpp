@@ -22,8 +22,8 @@ ConnectorProber::Running running_by(const Clock& clock) {
 
 }  // namespace
 
-PanelState judge_panel(const ConnectorInfo* connector, const OutputRequest& request,
-                       const drmModeModeInfo& mode) {
+PanelState evaluate_panel(const ConnectorInfo* connector, const OutputRequest& request,
+                          const drmModeModeInfo& mode) {
   if (connector == nullptr || !connector->connected) return PanelState::Disconnected;
   if (!is_expected(*connector, request))
     return connector->edid.problem == EdidProblem::None ? PanelState::WrongPanel
@@ -84,7 +84,7 @@ PanelMonitor::Action PanelMonitor::handle_events(bool event_waiting) noexcept {
 /// panel that is only switched off and on then needs no modeset.
 PanelMonitor::Action PanelMonitor::on_event(const HotplugEvent& event) {
   const ConnectorInfo* const connector = event.connector ? &*event.connector : nullptr;
-  const PanelState state = judge_panel(connector, request_, output_.pipe().mode);
+  const PanelState state = evaluate_panel(connector, request_, output_.pipe().mode);
   const PanelState before = counters_.panel.exchange(state, std::memory_order_relaxed);
   switch (state) {
     case PanelState::Disconnected:

@@ -14,8 +14,8 @@
 namespace lenticule::display {
 
 /// Returns the state of a panel for frames in `mode`. `connector` null = the connector is gone.
-[[nodiscard]] PanelState judge_panel(const ConnectorInfo* connector, const OutputRequest& request,
-                                     const drmModeModeInfo& mode);
+[[nodiscard]] PanelState evaluate_panel(const ConnectorInfo* connector,
+                                        const OutputRequest& request, const drmModeModeInfo& mode);
 
 /// Audits the output repeatedly while monitoring. Thread safety: one thread.
 class PanelMonitor {

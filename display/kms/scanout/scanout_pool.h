@@ -13,7 +13,7 @@
 
 namespace lenticule::display {
 
-enum class ScanoutState { Free, Acquired, Pending, OnGlass };
+enum class ScanoutState { Free, Acquired, Pending, Displayed };
 
 /// ScanoutMapping owns a memory mapping and unmaps it.
 class ScanoutMapping {

@@ -12,7 +12,7 @@ constexpr Nanoseconds kMostInFuture = std::chrono::milliseconds(50);
 constexpr Nanoseconds kMostInPast = std::chrono::seconds(1);
 
 constexpr int kSameSequencesBeforeSoftware = 2;
-constexpr Nanoseconds kTickPatience = std::chrono::milliseconds(200);
+constexpr Nanoseconds kTickTimeout = std::chrono::milliseconds(200);
 
 }  // namespace
 
@@ -84,7 +84,7 @@ Vblank VblankCounter::first_from(Nanoseconds time) const {
 
 // --- VblankClock ----------------------------------------------------------------------------
 
-Nanoseconds flip_patience(Nanoseconds period) noexcept {
+Nanoseconds flip_timeout(Nanoseconds period) noexcept {
   return std::max<Nanoseconds>(4 * period, std::chrono::milliseconds(200));
 }
 
@@ -116,7 +116,7 @@ VblankClock::Landing VblankClock::place(const DrmEvent& flip) noexcept {
   if (is_hardware())
     return place_at(
         counter_.observe_low_bits(static_cast<uint32_t>(flip.sequence), flip.time, now));
-  const bool plausible = flip.time > now - flip_patience(period()) && flip.time <= now;
+  const bool plausible = flip.time > now - flip_timeout(period()) && flip.time <= now;
   return place_at(counter_.first_from(plausible ? flip.time : now));
 }
 
@@ -153,7 +153,7 @@ void VblankClock::request(uint64_t sequence, uint64_t serial, bool may_ask_drive
   if (!is_hardware() || !may_ask_driver) return;
   if (output_.queue_sequence(counter_.driver_sequence(target), serial) != 0) return;
   tick_.phase = Tick::Phase::Awaited;
-  tick_.due = std::max(tick_.due, now) + kTickPatience;
+  tick_.due = std::max(tick_.due, now) + kTickTimeout;
 }
 
 bool VblankClock::observe(const DrmEvent& tick) noexcept {

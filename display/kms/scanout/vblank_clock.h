@@ -69,7 +69,7 @@ class VblankCounter {
 
 /// Returns the timeout of a flip, less than the 250 ms after which a player assumes that a flip
 /// completed.
-[[nodiscard]] Nanoseconds flip_patience(Nanoseconds period) noexcept;
+[[nodiscard]] Nanoseconds flip_timeout(Nanoseconds period) noexcept;
 
 /// Thread safety: one thread. Lifetime: all arguments of the constructor must outlive the object.
 class VblankClock {

@@ -75,9 +75,9 @@ std::string JsonAt::text() const {
   return value_->get<std::string>();
 }
 
-size_t JsonAt::index(size_t count, const char* things) const {
+size_t JsonAt::index(size_t count, const char* items) const {
   const uint64_t value = whole();
-  if (value >= count) fail(fmt::format("{} of {} {}", value, count, things));
+  if (value >= count) fail(fmt::format("{} of {} {}", value, count, items));
   return static_cast<size_t>(value);
 }
 
@@ -107,10 +107,10 @@ bool JsonAt::flag(const char* key, bool otherwise) const {
   return member->value_->get<bool>();
 }
 
-std::optional<size_t> JsonAt::find_index(const char* key, size_t count, const char* things) const {
+std::optional<size_t> JsonAt::find_index(const char* key, size_t count, const char* items) const {
   const auto member = find(key);
   if (!member) return std::nullopt;
-  return member->index(count, things);
+  return member->index(count, items);
 }
 
 std::optional<std::vector<double>> JsonAt::numbers(const char* key, size_t count) const {

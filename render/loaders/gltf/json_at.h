@@ -39,8 +39,8 @@ class JsonAt {
   [[nodiscard]] double number() const;
   [[nodiscard]] uint64_t whole() const;
   [[nodiscard]] std::string text() const;
-  /// Returns this whole number if it is less than `count`, the number of `things`.
-  [[nodiscard]] size_t index(size_t count, const char* things) const;
+  /// Returns this whole number if it is less than `count`, the number of `items`.
+  [[nodiscard]] size_t index(size_t count, const char* items) const;
 
   [[nodiscard]] double number(const char* key, double otherwise) const;
   /// Returns a number limited to [low, high].
@@ -50,7 +50,7 @@ class JsonAt {
   [[nodiscard]] std::string text(const char* key, const std::string& otherwise) const;
   [[nodiscard]] bool flag(const char* key, bool otherwise) const;
   [[nodiscard]] std::optional<size_t> find_index(const char* key, size_t count,
-                                                 const char* things) const;
+                                                 const char* items) const;
   /// Returns an array of exactly `count` numbers, or nothing if it is absent.
   [[nodiscard]] std::optional<std::vector<double>> numbers(const char* key, size_t count) const;
   [[nodiscard]] Vec3 vector(const char* key, Vec3 otherwise) const;

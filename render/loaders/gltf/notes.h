@@ -15,19 +15,19 @@ namespace lenticule::render::gltf {
 
 class Notes {
  public:
-  /// `things` follows the number in the note: "primitives of points or lines left out".
-  void count(const std::string& things, size_t number = 1) {
+  /// `items` follows the number in the note: "primitives of points or lines left out".
+  void count(const std::string& items, size_t number = 1) {
     if (number == 0) return;
-    const auto known = std::ranges::find(counts_, things, &Count::first);
+    const auto known = std::ranges::find(counts_, items, &Count::first);
     if (known != counts_.end())
       known->second += number;
     else
-      counts_.emplace_back(things, number);
+      counts_.emplace_back(items, number);
   }
 
   void write(SceneDescription& scene) const {
-    for (const auto& [things, number] : counts_)
-      scene.notes.push_back(fmt::format("{} {}", number, things));
+    for (const auto& [items, number] : counts_)
+      scene.notes.push_back(fmt::format("{} {}", number, items));
   }
 
  private:

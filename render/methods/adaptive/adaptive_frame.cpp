@@ -6,7 +6,7 @@
 #include <cstdlib>
 #include <cstring>
 
-#include "render/rays/glass_rays.h"
+#include "render/rays/panel_rays.h"
 #include "render/rays/primary_rays.h"
 #include "render/scene/texture.h"
 
@@ -49,18 +49,18 @@ AdaptiveWorker::AdaptiveWorker(AdaptiveFrame& frame)
       colours_(frame.plan.options, frame.plan.tiles),
       sweep_(frame.sweep),
       uncertain_(frame.plan.planes, frame.plan.tiles),
-      drawn_(frame.plan.full.packets(), frame.plan.tiles, frame.plan.centre),
-      settler_(frame.samples, frame.grid, frame.plan.agreement, frame.scene.colour_managed,
-               frame.plan.options.soft),
+      sampled_(frame.plan.full.packets(), frame.plan.tiles, frame.plan.centre),
+      resolver_(frame.samples, frame.grid, frame.plan.agreement, frame.scene.colour_managed,
+                frame.plan.options.soft),
       packet_(1),
       keys_(frame.grid.row_samples()),
       found_row_(frame.plan.planes.row_subpixels()) {
   init_packets(packet_);
-  colours_.tracer().integrate_lamps(true);
-  judge_exactly(false);
+  colours_.tracer().integrate_area_lights(true);
+  evaluate_exactly(false);
 }
 
-void AdaptiveWorker::judge_exactly(bool exactly) {
+void AdaptiveWorker::evaluate_exactly(bool exactly) {
   PacketTracer& tracer = colours_.tracer();
   tracer.multiply_samples(exactly ? kFinerAudit : 1);
   tracer.tolerate(exactly ? 0.0F : frame_.plan.agreement.noticed(frame_.scene.colour_managed));
@@ -74,8 +74,9 @@ void AdaptiveWorker::set_sample(int picture, size_t lane) {
                                       .secondary_way = found_.notes.secondary_way[lane],
                                       .around = found_.notes.around[lane]}};
   if (frame_.plan.options.soft.shadow_samples > 0)
-    for (size_t lamp = 0; lamp < sample.light.seen.size(); ++lamp)
-      sample.light.seen[lamp] = KeySamples::Light::parts_of_lamp(found_.notes.seen[lamp][lane]);
+    for (size_t area_light = 0; area_light < sample.light.seen.size(); ++area_light)
+      sample.light.seen[area_light] =
+          KeySamples::Light::parts_of_area_light(found_.notes.seen[area_light][lane]);
   for (size_t c = 0; c < 3; ++c) {
     sample.value[c] = frame_.encoder.parts(found_.light[c][lane]);
     sample.light.secondary[c] = found_.secondary[c][lane];
@@ -92,7 +93,7 @@ void AdaptiveWorker::trace_samples(int picture) {
     packet_[0].valid[lane] = lane < listed_ ? -1 : 0;
     if (colours_.tracer().needs_seeds())
       seeds[lane] = sampling::subpixel_seed(place.row, place.column, 1 + picture);
-    set_glass_ray(frame_.scene, frame_.start_mm, frame_.grid.ray(place.row, picture, place.column),
+    set_panel_ray(frame_.scene, frame_.start_mm, frame_.grid.ray(place.row, picture, place.column),
                   packet_[0], lane);
   }
   colours_.tracer().set_seeds(seeds);
@@ -108,7 +109,7 @@ void AdaptiveWorker::list_sample(int picture, SamplePlace place) {
   if (listed_ == kPacket) trace_samples(picture);
 }
 
-void AdaptiveWorker::list_unless_kept(int picture, SamplePlace place) {
+void AdaptiveWorker::list_if_changed(int picture, SamplePlace place) {
   if (!frame_.kept.at(frame_.grid.panel_row(place.row, picture),
                       frame_.grid.ray(place.row, picture, place.column).x_mm))
     list_sample(picture, place);
@@ -118,7 +119,7 @@ void AdaptiveWorker::take_coarse_samples(int first_row, int picture) {
   constexpr int kStep = KeySamples::kCoarse;
   for (int column = 0; column < frame_.grid.columns(); column += kBlock * kStep)
     for (int n = 0; n < kBlock * kBlock; ++n)
-      list_unless_kept(picture, {first_row + n / kBlock * kStep, column + n % kBlock * kStep});
+      list_if_changed(picture, {first_row + n / kBlock * kStep, column + n % kBlock * kStep});
   trace_samples(picture);
 }
 
@@ -134,32 +135,32 @@ void AdaptiveWorker::take_other_samples(int first_row, int picture) {
       if (may_fill && frame_.samples.fill(row, picture, column, frame_.plan.agreement)) continue;
       for (const SamplePlace& place : {SamplePlace{row, column + 1}, SamplePlace{row + 1, column},
                                        SamplePlace{row + 1, column + 1}})
-        were_filled ? list_sample(picture, place) : list_unless_kept(picture, place);
+        were_filled ? list_sample(picture, place) : list_if_changed(picture, place);
     }
   trace_samples(picture);
 }
 
 void AdaptiveWorker::render_band(int first_row) {
   uncertain_.clear();
-  drawn_.clear();
+  sampled_.clear();
   const int end = std::min(first_row + kBand, frame_.plan.planes.rows());
-  const bool is_kept = is_whole_band_kept(first_row);
+  const bool is_unchanged = is_whole_band_unchanged(first_row);
   for (int row = first_row; row < end; ++row)
-    is_kept ? copy_row(first_row, row) : render_row(first_row, row);
+    is_unchanged ? copy_row(first_row, row) : render_row(first_row, row);
   uncertain_.shade(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
   write_uncertain(first_row);
-  audit_band(first_row, is_kept ? (*frame_.kept.bands)[static_cast<size_t>(first_row / kBand)]
-                                : AdaptiveFrame::Band{});
+  audit_band(first_row, is_unchanged ? (*frame_.kept.bands)[static_cast<size_t>(first_row / kBand)]
+                                     : AdaptiveFrame::Band{});
 }
 
 /// Returns true if the band can be copied: no content that its subpixels see and no sample that
 /// they are interpolated from has changed. Retraced bands are not copied, since rendering again
 /// would give other bytes.
-bool AdaptiveWorker::is_whole_band_kept(int first_row) const {
+bool AdaptiveWorker::is_whole_band_unchanged(int first_row) const {
   const int band = first_row / kBand;
   const AdaptiveFrame::Kept& kept = frame_.kept;
   if (kept.parts == nullptr || !kept.parts->whole_band(band)) return false;
-  if ((*kept.bands)[static_cast<size_t>(band)].mended) return false;
+  if ((*kept.bands)[static_cast<size_t>(band)].retraced) return false;
   const KeyGrid::Between first = frame_.grid.between(first_row);
   const KeyGrid::Between last =
       frame_.grid.between(std::min(first_row + kBand, frame_.plan.planes.rows()) - 1);
@@ -169,13 +170,13 @@ bool AdaptiveWorker::is_whole_band_kept(int first_row) const {
 
 /// Returns true if a single subpixel can be copied. Subpixels selected by the audit cannot, since
 /// the previous frame holds their exact code instead of the interpolated one.
-bool AdaptiveWorker::is_kept(int row, size_t at, const KeyGrid::Between& between) const {
+bool AdaptiveWorker::is_unchanged(int row, size_t at, const KeyGrid::Between& between) const {
   if (!frame_.kept.at(row, double{x_mm_[at]})) return false;
-  if ((*frame_.kept.bands)[static_cast<size_t>(row / kBand)].mended) return false;
+  if ((*frame_.kept.bands)[static_cast<size_t>(row / kBand)].retraced) return false;
   const auto n = static_cast<uint32_t>(at);
-  const DrawnPair drawn = drawn_of(static_cast<uint32_t>(row), n / kDrawnOneIn);
-  if (n == drawn.mending || n == drawn.judging) return false;
-  return settler_.is_as_before(between, found_row_.places(at));
+  const SampledPair sampled = sampled_pair(static_cast<uint32_t>(row), n / kSampledOneIn);
+  if (n == sampled.retracing || n == sampled.evaluation) return false;
+  return resolver_.is_as_before(between, found_row_.places(at));
 }
 
 void AdaptiveWorker::render_row(int first_row, int row) {
@@ -188,7 +189,7 @@ void AdaptiveWorker::render_row(int first_row, int row) {
     group_of_cut_.push_back(frame_.groups.of(cut.geometry, cut.primitive));
   group_of_cut_.push_back(SurfaceGroups::kNothing);  // read, but not used, in lanes without a cut
   look_up(between);
-  add_drawn(first_row, row);
+  add_sampled(first_row, row);
   sort_row(first_row, row, between);
   std::copy_n(found_row_.codes.data(), frame_.plan.planes.row_subpixels(), frame_.out.row(row));
 }
@@ -197,7 +198,7 @@ void AdaptiveWorker::copy_row(int first_row, int row) {
   const size_t count = frame_.plan.planes.row_subpixels();
   std::copy_n(frame_.kept.frame->row(row), count, frame_.out.row(row));
   counts_.copied_subpixels += count;
-  add_drawn(first_row, row);
+  add_sampled(first_row, row);
 }
 
 /// Finds the cells around a row. The rows of even and of odd views change at different panel rows.
@@ -244,10 +245,10 @@ lookup_kernel::Found AdaptiveWorker::FoundRow::arrays() {
           .part = {part[0].data(), part[1].data()}};
 }
 
-std::array<LightSettler::Place, 2> AdaptiveWorker::FoundRow::places(size_t at) const {
+std::array<LightResolver::Place, 2> AdaptiveWorker::FoundRow::places(size_t at) const {
   const auto odd = static_cast<size_t>(left[at] & 1);
-  return {LightSettler::Place{cell[0][at], part[0][at], 1.0F - of_right[at], odd},
-          LightSettler::Place{cell[1][at], part[1][at], of_right[at], 1 - odd}};
+  return {LightResolver::Place{cell[0][at], part[0][at], 1.0F - of_right[at], odd},
+          LightResolver::Place{cell[1][at], part[1][at], of_right[at], 1 - odd}};
 }
 
 void AdaptiveWorker::look_up(const KeyGrid::Between& between) {
@@ -277,18 +278,18 @@ uint8_t AdaptiveWorker::backdrop_code(int row, size_t at) const {
       static_cast<float>(backdrop_light(backdrop, normalized(way), static_cast<int>(at % 3))));
 }
 
-void AdaptiveWorker::add_drawn(int first_row, int row) {
+void AdaptiveWorker::add_sampled(int first_row, int row) {
   const auto count = static_cast<uint32_t>(frame_.plan.planes.row_subpixels());
   const auto add = [&](uint32_t at, Draw draw) {
     if (at < count)
-      drawn_.add({.at = static_cast<int32_t>(at),
-                  .row = static_cast<uint16_t>(row - first_row),
-                  .draw = draw});
+      sampled_.add({.at = static_cast<int32_t>(at),
+                    .row = static_cast<uint16_t>(row - first_row),
+                    .draw = draw});
   };
-  for (uint32_t stretch = 0; stretch * kDrawnOneIn < count; ++stretch) {
-    const DrawnPair drawn = drawn_of(static_cast<uint32_t>(row), stretch);
-    add(drawn.mending, Draw::Mending);
-    add(drawn.judging, Draw::Judging);
+  for (uint32_t stretch = 0; stretch * kSampledOneIn < count; ++stretch) {
+    const SampledPair sampled = sampled_pair(static_cast<uint32_t>(row), stretch);
+    add(sampled.retracing, Draw::Retracing);
+    add(sampled.evaluation, Draw::Evaluation);
   }
 }
 
@@ -306,11 +307,11 @@ void AdaptiveWorker::add_uncertain(int first_row, int row, size_t at,
   added.geometry = cut.geometry;
   added.primitive = cut.primitive;
   added.group = group;
-  settler_.settle({.rows = between,
-                   .places = found_row_.places(at),
-                   .group = group,
-                   .channel = static_cast<int>(at % 3)},
-                  added.settled, uncertain_.lamps());
+  resolver_.resolve({.rows = between,
+                     .places = found_row_.places(at),
+                     .group = group,
+                     .channel = static_cast<int>(at % 3)},
+                    added.resolved, uncertain_.area_lights());
 }
 
 /// Writes the colours of subpixels that see nothing, and lists the unresolved ones.
@@ -335,7 +336,7 @@ void AdaptiveWorker::sort_row(int first_row, int row, const KeyGrid::Between& be
       if (found_row_.states[at] == lookup_kernel::kNothing)
         found_row_.codes[at] = backdrop_code(row, at);
       if (found_row_.states[at] != lookup_kernel::kUnknown) continue;
-      if (may_keep && is_kept(row, at, between)) {
+      if (may_keep && is_unchanged(row, at, between)) {
         found_row_.codes[at] = frame_.kept.frame->row(row)[at];
         ++copied;
         continue;
@@ -357,29 +358,29 @@ void AdaptiveWorker::write_uncertain(int first_row) {
 /// Audits a band. `known` holds the results of a copied band, in which all audited subpixels are
 /// already exact.
 void AdaptiveWorker::audit_band(int first_row, const AdaptiveFrame::Band& known) {
-  judge_exactly(true);
-  drawn_.trace(frame_.scene, first_row, colours_.tracer());
-  judge_exactly(false);
-  AuditCounts mending, judging;
-  for (const DrawnSubpixels::Subpixel& s : drawn_.subpixels()) {
+  evaluate_exactly(true);
+  sampled_.trace(frame_.scene, first_row, colours_.tracer());
+  evaluate_exactly(false);
+  AuditCounts retracing, evaluation;
+  for (const SampledSubpixels::Subpixel& s : sampled_.subpixels()) {
     uint8_t& code = frame_.out.row(first_row + s.row)[s.at];
     const uint8_t exact = frame_.encoder.code(s.light);
     const uint64_t beyond = is_beyond(code, exact) ? 1 : 0;
-    (s.draw == Draw::Mending ? mending : judging) += {.drawn = 1, .beyond = beyond};
+    (s.draw == Draw::Retracing ? retracing : evaluation) += {.sampled = 1, .beyond = beyond};
     code = exact;
   }
   AdaptiveFrame::Band& band = frame_.bands[static_cast<size_t>(first_row / kBand)];
-  mending.beyond = std::min(mending.drawn, mending.beyond + known.mending.beyond);
-  judging.beyond = std::min(judging.drawn, judging.beyond + known.judging.beyond);
-  band = {.mending = mending, .judging = judging};
-  if (needs_mending(mending, kMostBeyond) && frame_.plan.options.soft.any())
-    mending.beyond -= std::min(mending.beyond, count_noise(first_row));
-  if (needs_mending(mending, kMostBeyond)) {
-    mend_band(first_row);
-    judging.beyond = 0;
-    band.mended = true;
+  retracing.beyond = std::min(retracing.sampled, retracing.beyond + known.retracing.beyond);
+  evaluation.beyond = std::min(evaluation.sampled, evaluation.beyond + known.evaluation.beyond);
+  band = {.retracing = retracing, .evaluation = evaluation};
+  if (needs_retracing(retracing, kMostBeyond) && frame_.plan.options.soft.any())
+    retracing.beyond -= std::min(retracing.beyond, count_noise(first_row));
+  if (needs_retracing(retracing, kMostBeyond)) {
+    retrace_band(first_row);
+    evaluation.beyond = 0;
+    band.retraced = true;
   }
-  audit_ += judging;
+  audit_ += evaluation;
 }
 
 bool AdaptiveWorker::is_beyond(uint8_t code, uint8_t exact) const {
@@ -390,27 +391,27 @@ bool AdaptiveWorker::is_beyond(uint8_t code, uint8_t exact) const {
 /// due to sampling noise alone. The audited subpixels are exact in the frame.
 uint64_t AdaptiveWorker::count_noise(int first_row) {
   colours_.tracer().tolerate(0.0F);
-  colours_.tracer().integrate_lamps(false);
-  drawn_.trace(frame_.scene, first_row, colours_.tracer());
-  colours_.tracer().integrate_lamps(true);
-  judge_exactly(false);
+  colours_.tracer().integrate_area_lights(false);
+  sampled_.trace(frame_.scene, first_row, colours_.tracer());
+  colours_.tracer().integrate_area_lights(true);
+  evaluate_exactly(false);
   uint64_t beyond = 0;
-  for (const DrawnSubpixels::Subpixel& s : drawn_.subpixels())
-    if (s.draw == Draw::Mending &&
+  for (const SampledSubpixels::Subpixel& s : sampled_.subpixels())
+    if (s.draw == Draw::Retracing &&
         is_beyond(frame_.encoder.code(s.light), frame_.out.row(first_row + s.row)[s.at]))
       ++beyond;
   return beyond;
 }
 
 /// Renders the band with method full's exact bytes.
-void AdaptiveWorker::mend_band(int first_row) {
+void AdaptiveWorker::retrace_band(int first_row) {
   if (!full_)
     full_ = std::make_unique<FullTiles::Worker>(frame_.plan.full, frame_.scene, frame_.beams);
   const TilePlan& plan = frame_.plan.tiles;
   const int first_tile = first_row / kBand * plan.per_band();
   for (int n = 0; n < plan.per_band(); ++n) full_->render(plan.tile(first_tile + n), frame_.out);
   const int rows = std::min(kBand, frame_.plan.planes.rows() - first_row);
-  counts_.mended_subpixels += frame_.plan.planes.row_subpixels() * static_cast<size_t>(rows);
+  counts_.retraced_subpixels += frame_.plan.planes.row_subpixels() * static_cast<size_t>(rows);
 }
 
 FrameCounts AdaptiveWorker::counts() {

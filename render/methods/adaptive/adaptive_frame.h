@@ -11,11 +11,11 @@
 #include "frames/frame.h"
 #include "render/methods/adaptive/audit.h"
 #include "render/methods/adaptive/colour_tracer.h"
-#include "render/methods/adaptive/drawn_subpixels.h"
-#include "render/methods/adaptive/kept_parts.h"
 #include "render/methods/adaptive/key_samples.h"
-#include "render/methods/adaptive/light_settler.h"
+#include "render/methods/adaptive/light_resolver.h"
+#include "render/methods/adaptive/sampled_subpixels.h"
 #include "render/methods/adaptive/uncertain_subpixels.h"
+#include "render/methods/adaptive/unchanged_regions.h"
 #include "render/methods/full_tiles.h"
 #include "render/row_sweep/row_sweep.h"
 #include "render/scene/surface_groups.h"
@@ -58,14 +58,14 @@ struct AdaptiveFrame {
 
   /// Audit results of a band of rows.
   struct Band {
-    AuditCounts mending, judging;
-    bool mended = false;
+    AuditCounts retracing, evaluation;
+    bool retraced = false;
   };
   std::vector<Band> bands;
 
   /// Unchanged regions, which reuse the samples in `memory` from the previous frame.
   struct Kept {
-    const KeptParts* parts = nullptr;  ///< null: no unchanged regions
+    const UnchangedRegions* parts = nullptr;  ///< null: no unchanged regions
     const frames::WovenFrame* frame = nullptr;
     const std::vector<Band>* bands = nullptr;
 
@@ -107,22 +107,22 @@ class AdaptiveWorker {
 
  private:
   /// Selects exact tracing for the audit; otherwise weak rays are skipped.
-  void judge_exactly(bool exactly);
+  void evaluate_exactly(bool exactly);
   struct SamplePlace {
     int row, column;
   };
   void list_sample(int picture, SamplePlace place);
-  void list_unless_kept(int picture, SamplePlace place);
+  void list_if_changed(int picture, SamplePlace place);
   void trace_samples(int picture);
   void set_sample(int picture, size_t lane);
   void render_row(int first_row, int row);
   void copy_row(int first_row, int row);
-  [[nodiscard]] bool is_whole_band_kept(int first_row) const;
-  [[nodiscard]] bool is_kept(int row, size_t at, const KeyGrid::Between& between) const;
+  [[nodiscard]] bool is_whole_band_unchanged(int first_row) const;
+  [[nodiscard]] bool is_unchanged(int row, size_t at, const KeyGrid::Between& between) const;
   void arrange_rays();
   void look_up(const KeyGrid::Between& between);
   void find_cells(const KeyGrid::Between& between);
-  void add_drawn(int first_row, int row);
+  void add_sampled(int first_row, int row);
   void add_uncertain(int first_row, int row, size_t at, const KeyGrid::Between& between);
   void sort_row(int first_row, int row, const KeyGrid::Between& between);
   [[nodiscard]] uint8_t backdrop_code(int row, size_t at) const;
@@ -130,7 +130,7 @@ class AdaptiveWorker {
   void audit_band(int first_row, const AdaptiveFrame::Band& known);
   [[nodiscard]] bool is_beyond(uint8_t code, uint8_t exact) const;
   uint64_t count_noise(int first_row);
-  void mend_band(int first_row);
+  void retrace_band(int first_row);
 
   AdaptiveFrame& frame_;
   ColourTracer colours_;
@@ -141,9 +141,9 @@ class AdaptiveWorker {
   const float* tan_x_ = nullptr;
   std::vector<float> arranged_x_, arranged_tan_;
   UncertainSubpixels uncertain_;
-  DrawnSubpixels drawn_;
+  SampledSubpixels sampled_;
   std::unique_ptr<FullTiles::Worker> full_;  ///< created when a band is retraced
-  LightSettler settler_;
+  LightResolver resolver_;
   std::vector<RayPacket> packet_;  ///< a single packet
   std::array<SamplePlace, kPacket> sample_places_{};
   size_t listed_ = 0;  ///< elements of sample_places_ in use
@@ -158,7 +158,7 @@ class AdaptiveWorker {
 
     explicit FoundRow(size_t subpixels);
     [[nodiscard]] lookup_kernel::Found arrays();
-    [[nodiscard]] std::array<LightSettler::Place, 2> places(size_t at) const;
+    [[nodiscard]] std::array<LightResolver::Place, 2> places(size_t at) const;
   };
   FoundRow found_row_;
   FrameCounts counts_;  ///< origin of the colours of the subpixels

@@ -23,18 +23,18 @@ double cumulative_binomial(uint64_t successes, uint64_t tries, double p) {
 
 double bound_of_share(const AuditCounts& counts) {
   constexpr double kDoubt = 0.01;
-  if (counts.drawn == 0 || counts.beyond >= counts.drawn) return 1.0;
+  if (counts.sampled == 0 || counts.beyond >= counts.sampled) return 1.0;
   double low = 0.0, high = 1.0;
   for (int step = 0; step < 50; ++step) {
     const double middle = 0.5 * (low + high);
-    (cumulative_binomial(counts.beyond, counts.drawn, middle) > kDoubt ? low : high) = middle;
+    (cumulative_binomial(counts.beyond, counts.sampled, middle) > kDoubt ? low : high) = middle;
   }
   return high;
 }
 
-bool needs_mending(const AuditCounts& band, double most) {
+bool needs_retracing(const AuditCounts& band, double most) {
   // Three standard deviations above the count that such a share would give by chance.
-  const double expected = most * static_cast<double>(band.drawn);
+  const double expected = most * static_cast<double>(band.sampled);
   return static_cast<double>(band.beyond) > expected + 3.0 * std::sqrt(expected) + 1.0;
 }
 

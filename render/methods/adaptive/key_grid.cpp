@@ -33,7 +33,7 @@ RayReach reach_of(const RowPlanes& planes) {
     for (size_t n = 0; n < rays.end; ++n) {
       const double x = rays.x_mm[n], tan = rays.tan_x[n];
       if (!std::isfinite(x) || !std::isfinite(tan)) continue;
-      reach.glass_mm.extend(x);
+      reach.panel_mm.extend(x);
       reach.eyes.extend(distance > 0.0 ? x + tan * distance : tan);
     }
   }
@@ -60,11 +60,11 @@ KeyGrid::KeyGrid(const RowPlanes& planes, const Stage& stage, const RayReach& re
   // Rounded up to whole steps, so that sample positions stay the same when the nearest object moves
   // slightly.
   const double aside = x_step_ * std::ceil(std::min(furthest_move(planes, stage, eye_step_),
-                                                    reach.glass_mm.width() / 4) /
+                                                    reach.panel_mm.width() / 4) /
                                            x_step_);
-  x_first_ = reach.glass_mm.low - aside - x_step_;
+  x_first_ = reach.panel_mm.low - aside - x_step_;
   const int columns =
-      static_cast<int>(std::ceil((reach.glass_mm.width() + 2.0 * aside) / x_step_)) + 3;
+      static_cast<int>(std::ceil((reach.panel_mm.width() + 2.0 * aside) / x_step_)) + 3;
   constexpr int kPadding = 16;
   rows_ = (planes.rows() - 1 + row_step_ / 2) / row_step_ + 2;
   height_px_ = planes.height_in_row(0);

@@ -4,13 +4,13 @@
 // few pixels.
 //
 // All rays of a row lie in one plane with the viewing line. So a point stays in its row in every
-// cache view and moves only along the row: an eye at e sees (x, z) at x_glass = (x - e z / Z) / (1
+// cache view and moves only along the row: an eye at e sees (x, z) at x_panel = (x - e z / Z) / (1
 // - z / Z); if rays are parallel with tangent e, at x - e z.
 #pragma once
 
 #include "base/interval.h"
 #include "render/methods/adaptive/key_lookup_kernel.h"
-#include "render/rays/glass_rays.h"
+#include "render/rays/panel_rays.h"
 #include "render/row_sweep/row_planes.h"
 #include "render/scene/stage.h"
 
@@ -26,7 +26,7 @@ struct KeySpacing {
 
 /// Ranges of a rig's rays on the panel and on the viewing line.
 struct RayReach {
-  Interval glass_mm;
+  Interval panel_mm;
   Interval eyes;  ///< mm; tangents for parallel rays
 };
 [[nodiscard]] RayReach reach_of(const RowPlanes& planes);

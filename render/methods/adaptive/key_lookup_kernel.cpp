@@ -52,10 +52,10 @@ struct Place {
   Masks inside;
 };
 
-inline Place place_in(const Grid& grid, const Masks& picture, const Floats& x_glass) {
+inline Place place_in(const Grid& grid, const Masks& picture, const Floats& x_panel) {
   const Masks odd = (picture & 1) == 1;
   const Floats shifted = select(odd, Floats::of(0.5F), Floats{});
-  const Floats column = (x_glass - grid.x_first) * grid.columns_per_mm + shifted;
+  const Floats column = (x_panel - grid.x_first) * grid.columns_per_mm + shifted;
   const Masks inside = (column >= 0.0F) & (column < static_cast<float>(grid.columns - 1));
   const Masks whole = select(inside, to_integers(select(inside, column, Floats{})), Masks{});
   return {odd, picture * grid.stride + whole, column - to_floats(whole), inside};

@@ -56,15 +56,15 @@ class KeySamples {
     uint32_t secondary_way = 0;
     std::array<float, 3> secondary{};
     float around = 0.0F;
-    /// Visible shares of area lights, in units of 1 / kWholeLamp; kNotShining for
+    /// Visible shares of area lights, in units of 1 / kWholeAreaLight; kNotShining for
     /// LightNotes::kNoShare.
-    std::array<uint8_t, LightNotes::kLamps> seen{};
+    std::array<uint8_t, LightNotes::kAreaLights> seen{};
 
-    static constexpr int kWholeLamp = 240;
+    static constexpr int kWholeAreaLight = 240;
     static constexpr uint8_t kNotShining = 255;
     friend bool operator==(const Light&, const Light&) = default;
-    [[nodiscard]] static uint8_t parts_of_lamp(float share) {
-      return share < 0.0F ? kNotShining : static_cast<uint8_t>(share * kWholeLamp + 0.5F);
+    [[nodiscard]] static uint8_t parts_of_area_light(float share) {
+      return share < 0.0F ? kNotShining : static_cast<uint8_t>(share * kWholeAreaLight + 0.5F);
     }
   };
   struct Sample {

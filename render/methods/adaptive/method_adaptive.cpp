@@ -35,13 +35,13 @@ bool one_plane_a_row(const RowPlanes& planes) {
   return true;
 }
 
-/// Returns true if Embree accepts every ray of the rig as glass_rays.h makes it. The components are
+/// Returns true if Embree accepts every ray of the rig as panel_rays.h makes it. The components are
 /// linear in position and direction, so the outermost rays suffice.
 bool rays_fit(const Scene& scene, const RowPlanes& planes, const RayReach& reach) {
   const double start_mm =
       primary_start_mm(scene.near_mm, planes.model().rig().viewing.distance.value);
   for (const double y_px : {0.0, static_cast<double>(planes.rows())})
-    for (const double x : {reach.glass_mm.low, reach.glass_mm.high})
+    for (const double x : {reach.panel_mm.low, reach.panel_mm.high})
       for (const double eye : {reach.eyes.low, reach.eyes.high}) {
         const RowPlane plane = planes.plane_at(y_px);
         const double tan = planes.inverse_z() > 0.0 ? (eye - x) * planes.inverse_z() : eye;
@@ -55,8 +55,8 @@ bool rays_fit(const Scene& scene, const RowPlanes& planes, const RayReach& reach
 
 /// Disables culling queries unless light is sampled: a query costs as much as tracing many rays,
 /// and there are few samples; with soft light each sample has many rays.
-RenderOptions with_few_proofs(RenderOptions options) {
-  options.use_shaft_proofs = options.use_shaft_proofs && options.soft.any();
+RenderOptions with_little_culling(RenderOptions options) {
+  options.use_shaft_culling = options.use_shaft_culling && options.soft.any();
   return options;
 }
 
@@ -69,7 +69,7 @@ bool is_shiny(const Scene& scene) {
 class AdaptiveMethod final : public Method {
  public:
   AdaptiveMethod(const optics::OpticalModel& model, const RenderOptions& options)
-      : options_(with_few_proofs(options)),
+      : options_(with_little_culling(options)),
         full_options_(options),
         planes_(model, options.isa),
         reach_(reach_of(planes_)),
@@ -105,11 +105,11 @@ class AdaptiveMethod final : public Method {
     AdaptiveFrame frame(plan_, grid, scene, samples_, out);
     const Before before = std::exchange(before_, {});
     Before now;
-    std::optional<KeptParts> kept;
+    std::optional<UnchangedRegions> kept;
     if (options_.copy_unchanged) {
-      now = {SceneThings(scene), grid, frame.groups, {}};
+      now = {SceneObjects(scene), grid, frame.groups, {}};
       if (before.grid && before.grid->is_same(grid) && *before.groups == frame.groups)
-        kept.emplace(planes_, grid.eyes(), scene, options_.soft, before.things, now.things);
+        kept.emplace(planes_, grid.eyes(), scene, options_.soft, before.objects, now.objects);
       if (kept && kept->any()) frame.keep({&*kept, &last_.frame(), &before.bands});
     }
     Workers workers([&] { return AdaptiveWorker(frame); });
@@ -195,14 +195,14 @@ class AdaptiveMethod final : public Method {
   /// four fifths of the trial bands are rejected, method full is faster for the whole frame. A
   /// single band is not enough evidence.
   bool trial_pays(Workers& workers) const {
-    uint64_t rendered = 0, mended = 0;
+    uint64_t rendered = 0, retraced = 0;
     for (AdaptiveWorker& worker : workers) {
       const FrameCounts counts = worker.counts();
       rendered += counts.interpolated_subpixels + counts.traced_subpixels + counts.copied_subpixels;
-      mended += counts.mended_subpixels;
+      retraced += counts.retraced_subpixels;
     }
     const uint64_t band = static_cast<uint64_t>(AdaptiveWorker::kBand) * planes_.row_subpixels();
-    return rendered <= band || 5 * mended <= 4 * rendered;
+    return rendered <= band || 5 * retraced <= 4 * rendered;
   }
 
   static RenderStatistics statistics_of(Workers& workers, uint64_t subpixels) {
@@ -213,7 +213,7 @@ class AdaptiveMethod final : public Method {
       audit += worker.audit();
     }
     statistics.subpixels = subpixels;
-    statistics.audited_subpixels = audit.drawn;
+    statistics.audited_subpixels = audit.sampled;
     statistics.audited_beyond = audit.beyond;
     statistics.beyond_bound = bound_of_share(audit);
     return statistics;
@@ -229,7 +229,7 @@ class AdaptiveMethod final : public Method {
   LastFrame last_;
   /// The input of the samples and of the last frame.
   struct Before {
-    SceneThings things;
+    SceneObjects objects;
     std::optional<KeyGrid> grid;
     std::optional<SurfaceGroups> groups;
     std::vector<AdaptiveFrame::Band> bands;

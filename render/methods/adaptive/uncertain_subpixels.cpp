@@ -5,7 +5,7 @@
 #include <bit>
 #include <cstdlib>
 
-#include "render/rays/glass_rays.h"
+#include "render/rays/panel_rays.h"
 #include "render/scene/surface_groups.h"
 
 namespace lenticule::render {
@@ -17,10 +17,10 @@ constexpr size_t kTogether = 16;
 /// Kinds of subpixels. Packets hold one kind if possible: a lane with secondary rays costs almost
 /// as much as sixteen, and transparent surfaces are traced lane by lane.
 constexpr size_t kWays = 3;
-constexpr size_t kKinds = kWays * (SettledLight::kNoSamples + 1);
+constexpr size_t kKinds = kWays * (ResolvedLight::kNoSamples + 1);
 size_t kind_of(const UncertainSubpixels::Subpixel& s) {
-  const size_t sampled = kWays * s.settled.wanted;
-  if (s.settled.secondary_known) return sampled;
+  const size_t sampled = kWays * s.resolved.wanted;
+  if (s.resolved.secondary_known) return sampled;
   return sampled + (SurfaceGroups::lets_light_through(s.group) ? 2 : 1);
 }
 
@@ -62,7 +62,7 @@ void UncertainSubpixels::load(const Scene& scene, double start_mm, size_t first)
     packet_[0].valid[r] = first + r < subpixels_.size() ? -1 : 0;
     channel_[r] = s.at % 3;
     const RowPlane& plane = plane_of_row_[s.row];
-    set_glass_ray(scene, start_mm,
+    set_panel_ray(scene, start_mm,
                   {.x_mm = double{s.x_mm},
                    .y_mm = plane.lens_y_mm,
                    .tan_x = double{s.tan_x},
@@ -110,19 +110,19 @@ void UncertainSubpixels::load_surfaces(const Scene& scene, double start_mm, size
     packet_[0].rays.hit.geomID[r] = s.geometry;
     packet_[0].rays.hit.primID[r] = s.primitive;
     if (const WideTriangle* wide = wide_triangle_of(scene, s)) set_distance(*wide, packet_[0], r);
-    lit[r] = s.settled.lit;
-    hidden[r] = s.settled.hidden;
-    if (s.settled.secondary_known) known_.secondary_lanes |= 1U << r;
-    known_.secondary[r] = s.settled.secondary;
-    if (s.settled.around_known) known_.around.lanes |= 1U << r;
-    known_.around.share[r] = s.settled.around;
-    for (uint32_t left = s.settled.lamps_known; left != 0; left &= left - 1) {
-      const auto lamp = static_cast<size_t>(std::countr_zero(left));
-      known_.seen[lamp].lanes |= 1U << r;
-      constexpr float kPart = 1.0F / SettledLamps::kWholeLamp;
-      const SettledLamps& lamps = lamps_[s.settled.lamps];
-      known_.seen[lamp].share[r] = kPart * static_cast<float>(lamps.seen[lamp]);
-      known_.seen[lamp].apart[r] = kPart * static_cast<float>(lamps.apart[lamp]);
+    lit[r] = s.resolved.lit;
+    hidden[r] = s.resolved.hidden;
+    if (s.resolved.secondary_known) known_.secondary_lanes |= 1U << r;
+    known_.secondary[r] = s.resolved.secondary;
+    if (s.resolved.around_known) known_.around.lanes |= 1U << r;
+    known_.around.share[r] = s.resolved.around;
+    for (uint32_t left = s.resolved.area_lights_known; left != 0; left &= left - 1) {
+      const auto area_light = static_cast<size_t>(std::countr_zero(left));
+      known_.seen[area_light].lanes |= 1U << r;
+      constexpr float kPart = 1.0F / ResolvedAreaLights::kWholeAreaLight;
+      const ResolvedAreaLights& area_lights = area_lights_[s.resolved.area_lights];
+      known_.seen[area_light].share[r] = kPart * static_cast<float>(area_lights.seen[area_light]);
+      known_.seen[area_light].apart[r] = kPart * static_cast<float>(area_lights.apart[area_light]);
     }
   }
   known_.set_lights(lit, hidden);

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "render/integrator/noting_tracer.h"
-#include "render/methods/adaptive/light_settler.h"
+#include "render/methods/adaptive/light_resolver.h"
 #include "render/rays/tile.h"
 #include "render/row_sweep/row_planes.h"
 
@@ -25,7 +25,7 @@ class UncertainSubpixels {
     // Valid only if the surface is known:
     float z_mm = 0.0F;
     uint32_t geometry = 0, primitive = 0, group = 0;
-    SettledLight settled{};
+    ResolvedLight resolved{};
   };
 
   /// Lifetime: `planes` and `plan` must outlive the object.
@@ -33,13 +33,13 @@ class UncertainSubpixels {
 
   void clear() {
     subpixels_.clear();
-    lamps_.clear();
+    area_lights_.clear();
   }
   void add(const Subpixel& subpixel) { subpixels_.push_back(subpixel); }
   /// Adds a subpixel to be filled in place, since a copy would stall on recent writes.
   [[nodiscard]] Subpixel& add() { return subpixels_.emplace_back(); }
-  /// Returns the list that SettledLight::lamps indexes.
-  [[nodiscard]] std::vector<SettledLamps>& lamps() { return lamps_; }
+  /// Returns the list that ResolvedLight::area_lights indexes.
+  [[nodiscard]] std::vector<ResolvedAreaLights>& area_lights() { return area_lights_; }
 
   /// Shades all subpixels on their known surfaces, and traces the light that is not resolved. Rows
   /// are counted from `first_row`. Afterwards the subpixels have a different order. The calling
@@ -58,7 +58,7 @@ class UncertainSubpixels {
   const TilePlan& plan_;
   std::array<RowPlane, TilePlan::kRows> plane_of_row_{};  ///< plane of each row of the band
   std::vector<Subpixel> subpixels_, ordered_;
-  std::vector<SettledLamps> lamps_;
+  std::vector<ResolvedAreaLights> area_lights_;
   std::vector<uint32_t> first_of_column_;
   std::vector<RayPacket> packet_;  ///< a single packet
   alignas(64) std::array<int32_t, kPacket> channel_{};

@@ -68,8 +68,8 @@ class ReuseMethod final : public Method {
   void set_frame(uint64_t number) override { number_ = number; }
 
   uint64_t first_needed(uint64_t number) const override {
-    const bool goes_on = last_ && last_->number + 1 == number;
-    return !over_time() || goes_on ? number : number - number % key_frames();
+    const bool continues = last_ && last_->number + 1 == number;
+    return !over_time() || continues ? number : number - number % key_frames();
   }
 
   RenderStatistics render(const Scene& scene, const Stage& stage,

@@ -242,7 +242,7 @@ void MicroImageSweep::trace(int column, const Lanes& lanes) {
     ray.dir_x[q] = from.dir_x[r];
     ray.dir_y[q] = from.dir_y[r];
     ray.dir_z[q] = from.dir_z[r];
-    queue_.rays.glass_x[q] = c.glass_x[r];
+    queue_.rays.panel_x[q] = c.panel_x[r];
     queue_.rays.tan[q] = c.tan[r];
     queue_.column[q] = column;
     queue_.lane[q] = r;

@@ -77,12 +77,12 @@ void PointHistory::project(const Tile& tile, std::span<const Column> columns) {
     for (int c = 0; c < tile.columns; ++c) {
       const Column& column = columns[static_cast<size_t>(c)];
       if (column.flag[lane] != reprojection::kOutside)
-        project_point(tile.row_begin + lane, plan_.subpixel(tile, c, lane), column.glass_x[lane],
+        project_point(tile.row_begin + lane, plan_.subpixel(tile, c, lane), column.panel_x[lane],
                       column.tan[lane]);
     }
 }
 
-void PointHistory::project_point(int row, int subpixel, float glass_x, float tan) {
+void PointHistory::project_point(int row, int subpixel, float panel_x, float tan) {
   const size_t source = index(row, subpixel);
   Point& point = last_[source];
   if (!(point.z == point.z)) return;
@@ -93,9 +93,9 @@ void PointHistory::project_point(int row, int subpixel, float glass_x, float tan
   const double lens_y = plane.lens_y + at * plane.lens_y_step;
   const double tan_y = plane.tan_y + at * plane.tan_y_step;
   const Vec3 moved =
-      next_from_last_.point({double{glass_x} + double{tan} * z + point.across / kSteps * reach(z),
+      next_from_last_.point({double{panel_x} + double{tan} * z + point.across / kSteps * reach(z),
                              lens_y + tan_y * z, z});
-  const Place to = place(moved, double{glass_x}, double{tan}, channel);
+  const Place to = place(moved, double{panel_x}, double{tan}, channel);
   point.z = kNoPoint;
   if (to.row < 0) return;
   point.z = static_cast<float>(moved.z);
@@ -109,7 +109,7 @@ void PointHistory::project_point(int row, int subpixel, float glass_x, float tan
   }
 }
 
-PointHistory::Place PointHistory::place(const Vec3& point, double glass_x, double tan,
+PointHistory::Place PointHistory::place(const Vec3& point, double panel_x, double tan,
                                         int channel) const {
   const optics::Rig& rig = model_.rig();
   const double distance = rig.viewing.distance.value;
@@ -124,9 +124,9 @@ PointHistory::Place PointHistory::place(const Vec3& point, double glass_x, doubl
   // in lenses and in slots: near the panel this is the same direction, far from it the same lens.
   const double pitch = model_.pitch_mm();
   const double slot = point.z * slot_tan_;
-  const double off = (point.x - glass_x - point.z * tan) / (pitch * pitch + slot * slot);
+  const double off = (point.x - panel_x - point.z * tan) / (pitch * pitch + slot * slot);
   const double tan_x = tan + off * slot * slot_tan_;
-  const double near_x = glass_x + off * pitch * pitch;
+  const double near_x = panel_x + off * pitch * pitch;
   const LensNumbers::Line lens = lenses_.line_at(row, channel, near_x);
   const double number = std::round(lens.offset + lens.per_mm * near_x);
   const double lens_x = (number - lens.offset) / lens.per_mm;
@@ -208,7 +208,7 @@ void PointHistory::take(const Tile& tile, float agreement, std::span<Column> col
       column.flag[lane] = reprojection::kProjected;
       column.z[lane] = point.z;
       column.x[lane] =
-          column.glass_x[lane] + column.tan[lane] * point.z + static_cast<float>(across);
+          column.panel_x[lane] + column.tan[lane] * point.z + static_cast<float>(across);
       column.down[lane] = static_cast<float>(point.down / kSteps);
       column.code[lane] = static_cast<float>(point.code);
       column.surface[lane] = point.surface == 255 ? reprojection::kSky : point.surface;
@@ -223,7 +223,7 @@ void PointHistory::keep(const Tile& tile, std::span<const Column> columns) {
       const Column& column = columns[static_cast<size_t>(c)];
       const float z = column.z[lane];
       const double beside = double{column.x[lane]} -
-                            (double{column.glass_x[lane]} + double{column.tan[lane]} * double{z});
+                            (double{column.panel_x[lane]} + double{column.tan[lane]} * double{z});
       Point& point = next_[index(tile.row_begin + lane, subpixel)];
       point = {.z = kNoPoint};
       if (!(z == z) || column.surface[lane] < reprojection::kSky) continue;

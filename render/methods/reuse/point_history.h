@@ -68,8 +68,8 @@ class PointHistory {
     return static_cast<size_t>(row) * static_cast<size_t>(plan_.row_subpixels()) +
            static_cast<size_t>(subpixel);
   }
-  void project_point(int row, int subpixel, float glass_x, float tan);
-  [[nodiscard]] Place place(const Vec3& point, double glass_x, double tan, int channel) const;
+  void project_point(int row, int subpixel, float panel_x, float tan);
+  [[nodiscard]] Place place(const Vec3& point, double panel_x, double tan, int channel) const;
   /// Returns the largest distance of a point from its ray, in millimetres.
   [[nodiscard]] double reach(double z) const;
   /// Returns the depth of the point that arrived at a subpixel; -infinity for none, NaN outside the

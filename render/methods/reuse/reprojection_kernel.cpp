@@ -59,10 +59,10 @@ void place(const PanelMap& map, const LensMap& lenses, const float* packet, Colu
   combine(map.x, packet, packet_kernel::kDirectionX, step_x);
   combine(map.z, packet, packet_kernel::kDirectionX, step_z);
   const Floats tan = step_x / step_z;
-  const Floats glass_x = x - z * tan;
+  const Floats panel_x = x - z * tan;
   floats(column.tan) = tan;
-  floats(column.glass_x) = glass_x;
-  const Floats lens = floats(lenses.offset) + floats(lenses.per_mm) * glass_x;
+  floats(column.panel_x) = panel_x;
+  const Floats lens = floats(lenses.offset) + floats(lenses.per_mm) * panel_x;
   ints(column.lens) = __builtin_convertvector((lens + kShift) - kShift, Ints);
   ints(column.missing) = Ints{};
   ints(column.chord) = Ints{};
@@ -83,7 +83,7 @@ void take_hits(const PanelMap& map, const float* packet, const int32_t* lanes, C
   const Floats hit = start + step * floats(packet + packet_kernel::kTFar * kLanes);
   const Floats z = met ? hit : Floats{} + reprojection::kSkyZ;
   choose(ints(lanes), z, floats(column.z));
-  choose(ints(lanes), floats(column.glass_x) + floats(column.tan) * z, floats(column.x));
+  choose(ints(lanes), floats(column.panel_x) + floats(column.tan) * z, floats(column.x));
 }
 
 void join(const Column& left, const Rules& rules, Column& column) {
@@ -104,7 +104,7 @@ void join(const Column& left, const Rules& rules, Column& column) {
 inline void widen(const Column& source, const Ints& under, Found& found) {
   const Ints there = under & (floats(source.z) == floats(source.z));
   const Floats& tan = floats(source.tan);
-  choose(there, floats(source.glass_x), floats(found.lens_x));
+  choose(there, floats(source.panel_x), floats(found.lens_x));
   choose(there & (floats(source.z) > floats(found.nearest_z)), floats(source.z),
          floats(found.nearest_z));
   choose(there & (tan < floats(found.low_tan)), tan, floats(found.low_tan));
@@ -129,7 +129,7 @@ inline void could_see(const Found& lens, const Found& found, Ints& which) {
 void on_chords(const Column* columns, int first, int end, const int32_t* wanted,
                const Column& target, const Rules& rules, Found& found) {
   const Ints& lens = ints(wanted);
-  const Floats glass_x = floats(target.glass_x);
+  const Floats panel_x = floats(target.panel_x);
   const Floats tan = floats(target.tan);
   Floats best = Floats{} - kFarthest;
   Floats code{}, last_off{}, last_z{}, last_code{};
@@ -139,7 +139,7 @@ void on_chords(const Column* columns, int first, int end, const int32_t* wanted,
     const Column& source = columns[c];
     widen(source, ints(source.lens) == lens, found);
     const Floats& z = floats(source.z);
-    const Floats off = floats(source.x) - (glass_x + tan * z);
+    const Floats off = floats(source.x) - (panel_x + tan * z);
     const Ints crosses =
         ((last_off <= 0.0F) & (off >= 0.0F)) | ((last_off >= 0.0F) & (off <= 0.0F));
     const Floats part = last_off / (last_off - off);
@@ -159,7 +159,7 @@ void on_chords(const Column* columns, int first, int end, const int32_t* wanted,
   }
   ints(found.known) = known;
   floats(found.z) = best;
-  floats(found.x) = glass_x + tan * best;
+  floats(found.x) = panel_x + tan * best;
   floats(found.code) = code;
   ints(found.surface) = surface;
 }
@@ -167,7 +167,7 @@ void on_chords(const Column* columns, int first, int end, const int32_t* wanted,
 void nearest(const Column* columns, int first, int end, const int32_t* wanted, const Column& target,
              const Rules& rules, Found& found) {
   const Ints& lens = ints(wanted);
-  const Floats glass_x = floats(target.glass_x);
+  const Floats panel_x = floats(target.panel_x);
   const Floats tan = floats(target.tan);
   Floats best_z = Floats{} - kFarthest, before = best_z, best_off = Floats{} + kFarthest;
   Floats code{}, x{}, last_off{}, last_z{};
@@ -176,7 +176,7 @@ void nearest(const Column* columns, int first, int end, const int32_t* wanted, c
   for (int c = first; c < end; c += kChannels) {
     const Column& source = columns[c];
     const Floats& z = floats(source.z);
-    const Floats off = floats(source.x) - (glass_x + tan * z);
+    const Floats off = floats(source.x) - (panel_x + tan * z);
     const Ints under = ints(source.lens) == lens;
     widen(source, under, found);
     Floats slot, distance;

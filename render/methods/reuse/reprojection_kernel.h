@@ -3,7 +3,7 @@
 // again through another. Compiled once per instruction set. Plain data only: this header must not
 // bring shared inline functions into a file that is compiled for AVX-512.
 //
-// All rays of one row and channel lie in one plane. In this plane a ray is x = glass_x + tan z, in
+// All rays of one row and channel lie in one plane. In this plane a ray is x = panel_x + tan z, in
 // millimetres of the panel frame, with z toward the viewer.
 #pragma once
 
@@ -31,7 +31,7 @@ inline constexpr int32_t kSky = -1;  ///< surface number of the backdrop
 
 /// Column holds the points and code values of one column of a tile: sixteen subpixels.
 struct alignas(64) Column {
-  float glass_x[kLanes];  ///< x of the subpixel's ray on the panel
+  float panel_x[kLanes];  ///< x of the subpixel's ray on the panel
   float tan[kLanes];
   int32_t lens[kLanes];
   int32_t flag[kLanes];     ///< Flag
@@ -67,7 +67,7 @@ struct PanelMap {
   float z[3];
 };
 
-/// The lens number is the integer nearest to offset + per_mm * glass_x.
+/// The lens number is the integer nearest to offset + per_mm * panel_x.
 struct alignas(64) LensMap {
   float offset[kLanes];
   float per_mm[kLanes];

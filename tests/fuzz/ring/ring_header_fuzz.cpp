@@ -9,7 +9,7 @@
 #include "base/error.h"
 #include "frames/ring/ring_layout.h"
 #include "frames/ring/ring_protocol.h"
-#include "frames/ring/slot_ledger.h"
+#include "frames/ring/slot_table.h"
 
 namespace lenticule::frames {
 namespace {
@@ -49,23 +49,23 @@ void read_memory_header(std::span<const uint8_t> bytes) {
 
 /// Applies actions of twelve bytes each: kind, slot, and the value written there. The slot table
 /// must stay consistent for any bytes.
-void keep_books(std::span<const uint8_t> bytes) {
+void run_slot_table(std::span<const uint8_t> bytes) {
   constexpr int kSlots = 4;
   std::vector<SlotEntry> table(kSlots);
-  SlotLedger ledger(table, bytes.size() % 2 == 0 ? LoopKeeping::Off : LoopKeeping::On);
-  std::vector<int> lent;
-  bool tenanted = false;
+  SlotTable slot_table(table, bytes.size() % 2 == 0 ? LoopKeeping::Off : LoopKeeping::On);
+  std::vector<int> acquired;
+  bool connected = false;
   for (; bytes.size() >= 12; bytes = bytes.subspan(12)) {
     SlotEntry& entry = table[bytes[1] % kSlots];
     uint64_t value = 0;
     std::memcpy(&value, bytes.data() + 4, sizeof value);
-    SlotLedger::Frame frame;
+    SlotTable::Frame frame;
     switch (bytes[0] % 9) {
       case 0:
         entry.word = static_cast<uint32_t>(value);
         break;
       case 1:
-        entry.word = slot_word(static_cast<SlotState>(value % 5), ledger.epoch());
+        entry.word = slot_word(static_cast<SlotState>(value % 5), slot_table.epoch());
         break;
       case 2:
         entry.order = value;
@@ -74,31 +74,32 @@ void keep_books(std::span<const uint8_t> bytes) {
         entry.frame_number = value;
         break;
       case 4:
-        if (ledger.pull(frame) == PullStatus::Ready) lent.push_back(frame.slot);
+        if (slot_table.pull(frame) == PullStatus::Ready) acquired.push_back(frame.slot);
         break;
       case 5:
-        if (lent.empty()) break;
-        (void)ledger.release(lent.back());
-        lent.pop_back();
+        if (acquired.empty()) break;
+        (void)slot_table.release(acquired.back());
+        acquired.pop_back();
         break;
       case 6:
-        if (!tenanted) ledger.begin_tenancy(value);
-        tenanted = true;
+        if (!connected) slot_table.begin_connection(value);
+        connected = true;
         break;
       case 7:
-        if (!tenanted) break;
-        if (value % 3 == 0) ledger.finish_sequence(value / 3);
-        if (value % 3 == 1) ledger.slot_wanted();
-        (void)ledger.end_tenancy(value % 2 == 0 ? TenantFate::Dead : TenantFate::MayLive);
-        tenanted = false;
+        if (!connected) break;
+        if (value % 3 == 0) slot_table.finish_sequence(value / 3);
+        if (value % 3 == 1) slot_table.slot_wanted();
+        (void)slot_table.end_connection(value % 2 == 0 ? RendererFate::Dead
+                                                       : RendererFate::MayLive);
+        connected = false;
         break;
       default:
-        (void)ledger.rewind();
-        ledger.recover(static_cast<Epoch>(value));
+        (void)slot_table.rewind();
+        slot_table.recover(static_cast<Epoch>(value));
     }
-    LENTICULE_CHECK(ledger.lent() == static_cast<int>(lent.size()));
-    LENTICULE_CHECK(ledger.lent() <= ledger.max_lent());
-    LENTICULE_CHECK(ledger.ready_count() <= kSlots && ledger.shut() >= 0);
+    LENTICULE_CHECK(slot_table.acquired() == static_cast<int>(acquired.size()));
+    LENTICULE_CHECK(slot_table.acquired() <= slot_table.max_acquired());
+    LENTICULE_CHECK(slot_table.ready_count() <= kSlots && slot_table.shut() >= 0);
   }
 }
 
@@ -116,7 +117,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
       lenticule::frames::read_memory_header(bytes);
       break;
     default:
-      lenticule::frames::keep_books(bytes);
+      lenticule::frames::run_slot_table(bytes);
   }
   return 0;
 }

@@ -26,7 +26,7 @@ void store_u64(uint64_t value, uint8_t* to) {
 
 /// Corrects the checksums of one frame's bands, table and header; returns the offset of the next
 /// frame.
-size_t mend_frame(std::vector<uint8_t>& file, size_t at, size_t bands) {
+size_t repair_frame(std::vector<uint8_t>& file, size_t at, size_t bands) {
   const size_t table = at + kFrameHeaderBytes;
   const size_t payload = table + bands * kBandEntryBytes;
   if (payload > file.size()) return file.size();
@@ -42,7 +42,7 @@ size_t mend_frame(std::vector<uint8_t>& file, size_t at, size_t bands) {
   return payload + std::min<uint64_t>(load_u64(&file[at + 16]), file.size() - payload);
 }
 
-void mend(std::vector<uint8_t>& file) {
+void repair(std::vector<uint8_t>& file) {
   if (file.size() < kFileHeaderBytes) return;
   const uint64_t metadata = load_u64(&file[32]);
   if (metadata > file.size() - kFileHeaderBytes) return;
@@ -51,7 +51,7 @@ void mend(std::vector<uint8_t>& file) {
   FileHeader header;
   if (parse_file_header(file, header) != HeaderFlaw::None) return;
   for (size_t at = header.data_begin(); at + kFrameHeaderBytes <= file.size();)
-    at = mend_frame(file, at, static_cast<size_t>(header.bands()));
+    at = repair_frame(file, at, static_cast<size_t>(header.bands()));
 }
 
 void decode_some(int fd, const SequenceLayout& layout) {
@@ -105,7 +105,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   if (data[0] % 4 == 0) read_file(bytes);
   if (data[0] % 4 == 1) {
     std::vector<uint8_t> file(bytes.begin(), bytes.end());
-    mend(file);
+    repair(file);
     read_file(file);
   }
   if (data[0] % 4 == 2) read_payload(bytes);

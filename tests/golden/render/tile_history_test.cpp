@@ -83,7 +83,7 @@ std::vector<frames::WovenFrame> frames_of(const char* name, const optics::Optica
 TEST_P(EveryMethod, HasTheSameBytesForAnyThreadsOrderAndCulling) {
   const optics::OpticalModel model(tiny_rig());
   const auto expected =
-      frames_of(GetParam(), model, {.threads = 1, .use_shaft_proofs = false, .cancelled = {}});
+      frames_of(GetParam(), model, {.threads = 1, .use_shaft_culling = false, .cancelled = {}});
   for (const int threads : {1, 2, 4})
     for (const bool backwards : {false, true})
       EXPECT_TRUE(frames_of(GetParam(), model,

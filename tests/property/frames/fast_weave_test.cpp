@@ -43,7 +43,7 @@ class Compared {
 
   /// Queries the processor directly instead of using the code under test.
   void expect_all_kernels_of_this_machine() const {
-    const int plans = count_of(WeaveKernel::Turned);
+    const int plans = count_of(WeaveKernel::Transposed);
     EXPECT_GT(plans, 0);
 #if defined(__x86_64__)
     if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("bmi2")) {
@@ -173,7 +173,7 @@ TEST(FastWeave, UsesTheBestRequestedKernel) {
     return WeavePlan(model, {.count = 5, .width = width, .height = 9, .aspect = 1.0},
                      {.filter = filter});
   };
-  EXPECT_EQ(best_kernel(plan(40, ViewFilter::Linear), Isa::Baseline), WeaveKernel::Turned);
+  EXPECT_EQ(best_kernel(plan(40, ViewFilter::Linear), Isa::Baseline), WeaveKernel::Transposed);
   EXPECT_EQ(best_kernel(plan(4000, ViewFilter::Linear), Isa::Avx512), WeaveKernel::Plain)
       << "views of far more pixels than the panel's";
   if (!isa_supported(Isa::Avx2)) return;

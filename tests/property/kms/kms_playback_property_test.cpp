@@ -29,14 +29,14 @@ drmModeModeInfo exact_sixty() {
 }
 
 /// Checks every flip as the card accepts it, and stores none.
-class FlipJudge {
+class FlipChecker {
  public:
-  FlipJudge() {
+  FlipChecker() {
     for (uint64_t k = 0; k < kFramesPerLoop; ++k)
       rows_.at(k) = words_of(test::numbered_frame(kPanel, k));
   }
 
-  void judge(uint64_t sequence, const FakeBuffer& buffer) {
+  void check(uint64_t sequence, const FakeBuffer& buffer) {
     if (flips_ == 0) first_ = sequence;
     const bool in_time = sequence - first_ == flips_ * 12 / 5;
     const auto& row = rows_.at(flips_ % kFramesPerLoop);
@@ -74,9 +74,9 @@ TEST_F(KmsPlayback, AMillionVblanksWithJitterHaveNoGapAndConstantMemory) {
       (uint64_t{1} << 32) - kVblanks / 2 - static_cast<uint64_t>(machine.now() / card.period);
   std::mt19937 random(42);
   card.event_delay = [&] { return Nanoseconds(random() % 15'000'000); };
-  FlipJudge judge;
+  FlipChecker checker;
   card.on_flip = [&](uint64_t sequence, const FakeBuffer& buffer) {
-    judge.judge(sequence, buffer);
+    checker.check(sequence, buffer);
   };
   open();
   ASSERT_EQ(show->mode().refresh, frames::make_rate(60, 1));
@@ -93,11 +93,11 @@ TEST_F(KmsPlayback, AMillionVblanksWithJitterHaveNoGapAndConstantMemory) {
   EXPECT_EQ(pace.vblanks, kVblanks);
   EXPECT_EQ(pace.shown, kFlips);
   EXPECT_EQ(pace.missed + pace.repeated_underrun + pace.dropped + pace.held, 0U);
-  EXPECT_EQ(judge.flips(), kFlips);
-  EXPECT_EQ(judge.wrong(), 0U);
-  EXPECT_LT(judge.first(), uint64_t{1} << 32);
-  EXPECT_GT(judge.first() + kVblanks, uint64_t{1} << 32) << "the counter wrapped meanwhile";
-  EXPECT_LE(judge.growth(), 4096) << "bytes";
+  EXPECT_EQ(checker.flips(), kFlips);
+  EXPECT_EQ(checker.wrong(), 0U);
+  EXPECT_LT(checker.first(), uint64_t{1} << 32);
+  EXPECT_GT(checker.first() + kVblanks, uint64_t{1} << 32) << "the counter wrapped meanwhile";
+  EXPECT_LE(checker.growth(), 4096) << "bytes";
   const display::KmsStatistics kms = show->statistics();
   EXPECT_EQ(kms.flips, kFlips);
   EXPECT_EQ(kms.flip_timeouts, 0U);

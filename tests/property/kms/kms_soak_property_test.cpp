@@ -35,7 +35,7 @@ class KmsSoak : public KmsStage {
     card.foreign_master = true;
     machine.at(machine.now() + time, [this] { card.foreign_master = false; });
   }
-  void submit_patiently(unsigned seed) {
+  void submit_with_retries(unsigned seed) {
     for (int i = 0; i < 1000; ++i) {
       const SubmitStatus status = submit(seed);
       if (status == SubmitStatus::Accepted) return;
@@ -52,13 +52,13 @@ TEST_F(KmsSoak, EveryFrameIsReportedOnceInOrderDespiteFaults) {
   uint64_t last = 0;
   for (unsigned seed = 1; seed <= 20'000; ++seed) {
     disturb(random);
-    submit_patiently(seed);
+    submit_with_retries(seed);
     const DisplayEvent event = wait(seconds(60));
     ASSERT_EQ(event.kind, EventKind::Flip) << seed;
     ASSERT_EQ(event.id, seed);
     ASSERT_GT(event.sequence, last);
     last = event.sequence;
-    ASSERT_EQ(card.glass(crtc), words_of(make_frame(seed))) << seed;
+    ASSERT_EQ(card.displayed(crtc), words_of(make_frame(seed))) << seed;
     ASSERT_EQ(card.buffers.size(), 3U);
   }
   EXPECT_EQ(show->statistics().flips, 20'000U);

@@ -16,16 +16,16 @@ constexpr Nanoseconds kPeriod{16'666'667};
 
 TEST(VblankCounterLaw, CountsOfHonestDriversAreKeptExactly) {
   std::mt19937_64 random(4);
-  uint64_t truth = random() % 1000 + 0xfff00000;
+  uint64_t counted = random() % 1000 + 0xfff00000;
   Nanoseconds time = std::chrono::seconds(5);
-  VblankCounter counter(VblankCounter::Source::Hardware, {60, 1}, {truth, time});
+  VblankCounter counter(VblankCounter::Source::Hardware, {60, 1}, {counted, time});
   for (int i = 0; i < 1'000'000; ++i) {
     const uint64_t step = random() % 100 == 0 ? random() % 1'000'000 : 1 + random() % 3;
-    truth += step;
+    counted += step;
     time += static_cast<int64_t>(step) * kPeriod;
     const Nanoseconds heard = time + Nanoseconds(random() % 3'000'000);
-    const Vblank vblank = counter.observe_low_bits(static_cast<uint32_t>(truth), time, heard);
-    ASSERT_EQ(vblank.sequence, truth);
+    const Vblank vblank = counter.observe_low_bits(static_cast<uint32_t>(counted), time, heard);
+    ASSERT_EQ(vblank.sequence, counted);
     ASSERT_EQ(vblank.time, time);
   }
 }

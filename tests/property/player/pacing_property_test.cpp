@@ -14,7 +14,7 @@ namespace {
 
 using frames::Rate;
 
-struct Trouble {
+struct Faults {
   double late_frame = 0.0;   ///< probability that a frame is not ready when it is due
   double missed_flip = 0.0;  ///< probability that a flip completes late
   uint64_t longest = 5;      ///< vblanks
@@ -26,7 +26,7 @@ struct Flip {
 };
 
 /// The events that really happened, counted without the pacer.
-struct Books {
+struct ExpectedCounts {
   std::vector<Flip> flips;
   uint64_t starved_vblanks = 0;
   uint64_t missed_vblanks = 0;
@@ -35,13 +35,13 @@ struct Books {
 
 class Model {
  public:
-  Model(Pacer& pacer, Trouble trouble, uint64_t seed)
-      : pacer_(pacer), trouble_(trouble), random_(seed) {}
+  Model(Pacer& pacer, Faults faults, uint64_t seed)
+      : pacer_(pacer), faults_(faults), random_(seed) {}
 
   /// Plays until frame `last` is shown, starting at vblank `vblank`.
-  Books play(uint64_t last, uint64_t vblank) {
+  ExpectedCounts play(uint64_t last, uint64_t vblank) {
     while (pacer_.frame() <= last) vblank = step(vblank);
-    return books_;
+    return expected_;
   }
 
  private:
@@ -54,11 +54,11 @@ class Model {
         case PaceDecision::Later:
           return pacer_.due() - 1;
         case PaceDecision::Starved:
-          ++books_.starved_vblanks;
+          ++expected_.starved_vblanks;
           --delay_left_;
           return now + 1;
         case PaceDecision::Skip:
-          books_.longest_drop = std::max(books_.longest_drop, ++drops);
+          expected_.longest_drop = std::max(expected_.longest_drop, ++drops);
           break;
         case PaceDecision::Submit:
           return flip(frame, now + 1);
@@ -67,25 +67,25 @@ class Model {
   }
 
   uint64_t flip(uint64_t frame, uint64_t target) {
-    const uint64_t delay = books_.flips.empty() ? 0 : some_delay(trouble_.missed_flip);
+    const uint64_t delay = expected_.flips.empty() ? 0 : some_delay(faults_.missed_flip);
     pacer_.submitted(target);
     pacer_.flipped(target + delay);
-    books_.missed_vblanks += delay;
-    books_.flips.push_back({frame, target + delay});
-    delay_left_ = some_delay(trouble_.late_frame);
+    expected_.missed_vblanks += delay;
+    expected_.flips.push_back({frame, target + delay});
+    delay_left_ = some_delay(faults_.late_frame);
     return target + delay;
   }
 
   uint64_t some_delay(double probability) {
     if (std::uniform_real_distribution<>(0.0, 1.0)(random_) >= probability) return 0;
-    return std::uniform_int_distribution<uint64_t>(1, trouble_.longest)(random_);
+    return std::uniform_int_distribution<uint64_t>(1, faults_.longest)(random_);
   }
 
   Pacer& pacer_;
-  Trouble trouble_;
+  Faults faults_;
   std::mt19937_64 random_;
   uint64_t delay_left_ = 0;
-  Books books_;
+  ExpectedCounts expected_;
 };
 
 struct Case {
@@ -102,22 +102,24 @@ TEST_P(PacingProperty, CountsAddUpDespiteFaults) {
   for (uint64_t seed = kSeed; seed < kSeed + 20; ++seed) {
     Pacer pacer(GetParam().content, kRefresh, GetParam().policy);
     Model model(pacer, {.late_frame = 0.05, .missed_flip = 0.05, .longest = 30}, seed);
-    const Books books = model.play(5000, seed * 1000);
+    const ExpectedCounts expected = model.play(5000, seed * 1000);
     const PaceCounts& counts = pacer.counts();
 
-    for (size_t i = 1; i < books.flips.size(); ++i) {
-      ASSERT_GT(books.flips[i].vblank, books.flips[i - 1].vblank) << "two flips at one vblank";
-      ASSERT_GT(books.flips[i].frame, books.flips[i - 1].frame) << "a frame twice or backwards";
+    for (size_t i = 1; i < expected.flips.size(); ++i) {
+      ASSERT_GT(expected.flips[i].vblank, expected.flips[i - 1].vblank)
+          << "two flips at one vblank";
+      ASSERT_GT(expected.flips[i].frame, expected.flips[i - 1].frame)
+          << "a frame twice or backwards";
     }
-    EXPECT_EQ(counts.shown, books.flips.size());
-    EXPECT_EQ(counts.vblanks, books.flips.back().vblank - books.flips.front().vblank + 1);
+    EXPECT_EQ(counts.shown, expected.flips.size());
+    EXPECT_EQ(counts.vblanks, expected.flips.back().vblank - expected.flips.front().vblank + 1);
     EXPECT_EQ(counts.vblanks, counts.shown + counts.repeated_planned + counts.repeated_underrun +
                                   counts.missed + counts.held);
     EXPECT_EQ(pacer.frame(), counts.shown + counts.dropped + counts.skipped_planned);
-    EXPECT_EQ(counts.repeated_underrun, books.starved_vblanks);
-    EXPECT_EQ(counts.missed, books.missed_vblanks);
+    EXPECT_EQ(counts.repeated_underrun, expected.starved_vblanks);
+    EXPECT_EQ(counts.missed, expected.missed_vblanks);
     EXPECT_EQ(counts.held, 0u);
-    EXPECT_LE(books.longest_drop, kMaxConsecutiveDrops);
+    EXPECT_LE(expected.longest_drop, kMaxConsecutiveDrops);
     const bool may_drop = GetParam().policy == LatePolicy::Drop;
     EXPECT_TRUE(may_drop || counts.dropped == 0);
   }
@@ -127,9 +129,9 @@ TEST_P(PacingProperty, WithoutFaultsEveryFrameIsAtItsIdealVblank) {
   Pacer pacer(GetParam().content, kRefresh, GetParam().policy);
   const Rate content = pacer.content_rate();
   Model model(pacer, {}, kSeed);
-  const Books books = model.play(100'000, uint64_t{400} * 24 * 3600 * 60);
-  const uint64_t first = books.flips.front().vblank;
-  for (const Flip& flip : books.flips) {
+  const ExpectedCounts expected = model.play(100'000, uint64_t{400} * 24 * 3600 * 60);
+  const uint64_t first = expected.flips.front().vblank;
+  for (const Flip& flip : expected.flips) {
     const uint64_t ideal = flip.frame * 60 * static_cast<uint64_t>(content.denominator) /
                            static_cast<uint64_t>(content.numerator);
     ASSERT_EQ(flip.vblank - first, ideal) << "frame " << flip.frame;
@@ -146,8 +148,8 @@ TEST_P(PacingProperty, DropReturnsToTheFirstScheduleAfterShortFaults) {
     (void)Model(pacer, {.late_frame = 0.02, .missed_flip = 0.02, .longest = 2}, seed).play(2000, 7);
     Model calm(pacer, {}, seed);
     const uint64_t first = pacer.first_vblank();
-    const Books books = calm.play(2200, pacer.due() - 1);
-    const Flip& last = books.flips.back();
+    const ExpectedCounts expected = calm.play(2200, pacer.due() - 1);
+    const Flip& last = expected.flips.back();
     EXPECT_EQ(last.vblank - first, last.frame * 60 * static_cast<uint64_t>(content.denominator) /
                                        static_cast<uint64_t>(content.numerator));
     EXPECT_EQ(pacer.counts().slipped, 0u);

@@ -17,9 +17,9 @@ constexpr uint64_t kVblanks = 20'000;
 constexpr uint64_t kFramesPerLoop = 7;
 
 /// Checks every shown frame as it comes, and stores none.
-class SeamChecker final : public display::ScanoutRecorder {
+class LoopPointChecker final : public display::ScanoutRecorder {
  public:
-  SeamChecker() {
+  LoopPointChecker() {
     for (uint64_t k = 0; k < kFramesPerLoop; ++k) {
       const frames::WovenFrame frame = test::numbered_frame(kTiny, k);
       first_pixels_[k] = uint32_t{frame.bytes()[0]} << 16 | uint32_t{frame.bytes()[1]} << 8 |
@@ -46,7 +46,7 @@ class SeamChecker final : public display::ScanoutRecorder {
 };
 
 TEST(PlaybackSoak, JitterMakesNoGapAtTheLoopPoint) {
-  const auto checker = std::make_shared<SeamChecker>();
+  const auto checker = std::make_shared<LoopPointChecker>();
   // Started 400 days ago, with events up to 0.9 of a period late.
   const auto clock = std::make_shared<display::SimulatedClock>(std::chrono::hours(400 * 24));
   const auto display = display::open_virtual_display(

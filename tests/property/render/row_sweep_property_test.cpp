@@ -16,7 +16,7 @@
 namespace lenticule::render {
 namespace {
 
-using testing::Judgement;
+using testing::Evaluation;
 
 struct Counts {
   uint64_t subpixels = 0, seen = 0, different = 0, wrong = 0;
@@ -53,15 +53,15 @@ class Rows {
           (nothing || (hit.geometry == seen.geometry && hit.primitive == seen.primitive)))
         continue;
       ++counts.different;
-      judge_ray(j, static_cast<int>(s), seen, counts);
+      evaluate_ray(j, static_cast<int>(s), seen, counts);
     }
   }
 
  private:
-  void judge_ray(int j, int s, const testing::SeenSurface& seen, Counts& counts) {
+  void evaluate_ray(int j, int s, const testing::SeenSurface& seen, Counts& counts) {
     const auto hits =
         testing::oracle_hits(scene_, testing::oracle_ray(model_, s / 3, j, s % 3), start_mm_);
-    if (judge(hits, seen) != Judgement::Wrong) return;
+    if (evaluate(hits, seen) != Evaluation::Wrong) return;
     if (++counts.wrong < 10)
       ADD_FAILURE() << "row " << j << " subpixel " << s << " sees "
                     << (seen.nothing ? "nothing" : "a wrong surface") << " at " << seen.z_mm;

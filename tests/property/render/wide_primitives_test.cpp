@@ -46,7 +46,7 @@ struct Materials {
 
 /// Returns two balls, one of them of triangles, and a rod that stand on y = -1 before an area
 /// light, in a dome that hides the ends of grounds.
-SceneDescription things(const Materials& of) {
+SceneDescription objects(const Materials& of) {
   SceneDescription scene;
   scene.background = {0.1, 0.2, 0.4};
   scene.colour_managed = false;
@@ -93,10 +93,11 @@ TEST(WidePrimitives, AGroundOfAnySizeGivesTheSamePicture) {
   const optics::Rig rig = rig_of(96, 64);
   for (const Materials& kind : kKinds)
     for (const double turn : {0.0, 12.5}) {
-      const frames::WovenFrame first = rendered(on_square(things(kind), 1e2), rig, stage_of(turn));
+      const frames::WovenFrame first = rendered(on_square(objects(kind), 1e2), rig, stage_of(turn));
       for (const double half_size : {1e3, 1e4, 1e5, 1e6, 1e7})
         EXPECT_LE(
-            most_apart(first, rendered(on_square(things(kind), half_size), rig, stage_of(turn))), 1)
+            most_apart(first, rendered(on_square(objects(kind), half_size), rig, stage_of(turn))),
+            1)
             << half_size << ", turned by " << turn << ", specular " << kind.ground_specular;
     }
 }
@@ -104,7 +105,7 @@ TEST(WidePrimitives, AGroundOfAnySizeGivesTheSamePicture) {
 TEST(WidePrimitives, AHugeWallIsMirroredCorrectly) {
   const optics::Rig rig = rig_of(96, 64);
   const auto between_walls = [](double half_size) {
-    SceneDescription scene = on_square(things(kKinds[1]), half_size);
+    SceneDescription scene = on_square(objects(kKinds[1]), half_size);
     scene.meshes.push_back(testing::rectangle_mesh({-half_size, -half_size, -4 - 0.01 * half_size},
                                                    {2.0 * half_size, 0, 0.02 * half_size},
                                                    {0, 2.0 * half_size, 0}, 1));
@@ -117,7 +118,7 @@ TEST(WidePrimitives, AHugeWallIsMirroredCorrectly) {
 
 TEST(WidePrimitives, EveryInstructionSetGivesTheSameBytes) {
   const optics::Rig rig = rig_of(96, 64);
-  SceneDescription scene = on_square(things(kKinds[2]), 1e6);
+  SceneDescription scene = on_square(objects(kKinds[2]), 1e6);
   scene.spheres.push_back({.centre = {0, 5e5, -5e5}, .radius = 7.0710e5, .material = 0});
   scene.cones.push_back({.base = {-1e5, 2e4, -9e4},
                          .base_radius = 9e4,
@@ -135,7 +136,7 @@ TEST(WidePrimitives, EveryInstructionSetGivesTheSameBytes) {
 TEST(WidePrimitives, AdaptiveFramesAreAsCloseOnAGroundOfAnySize) {
   const optics::Rig rig = make_rig({.width = 400, .height = 240, .pixel_mm = 0.9});
   const auto beyond = [&](double half_size) {
-    const SceneDescription scene = on_square(things(kKinds[0]), half_size);
+    const SceneDescription scene = on_square(objects(kKinds[0]), half_size);
     const frames::WovenFrame full = rendered(scene, rig);
     const frames::WovenFrame adaptive = rendered(scene, rig, stage_of(), {}, "adaptive");
     size_t off = 0;
@@ -185,7 +186,7 @@ int expect_as_the_oracle_says(const SceneDescription& scene, const std::string& 
 
 TEST(WidePrimitives, LargeShapesAgreeWithTheReference) {
   for (const Materials& kind : kKinds) {
-    const SceneDescription on_it = things(kind);
+    const SceneDescription on_it = objects(kind);
     for (const double size : {1e2, 1e4, 1e6}) {
       const std::string of_size = " of " + std::to_string(size);
       expect_as_the_oracle_says(on_square(on_it, size), "square" + of_size);

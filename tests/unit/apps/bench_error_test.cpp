@@ -79,7 +79,7 @@ nlohmann::json frame_of(double wall, double mse, double flicker) {
   return frame;
 }
 
-nlohmann::json small_course() {
+nlohmann::json small_scenario() {
   const auto method = [](const char* name, bool missing, std::vector<nlohmann::json> frames) {
     nlohmann::json one = {
         {"name", name}, {"method", name}, {"tolerated_error", nullptr}, {"missing", missing}};
@@ -99,9 +99,9 @@ nlohmann::json small_course() {
 }
 
 TEST(ErrorSummary, AddsUpTimes) {
-  nlohmann::json course = small_course();
-  summarize_errors(course, {{"ours_over_theirs", 1.5}});
-  const nlohmann::json& m = course["methods"][1];
+  nlohmann::json scenario = small_scenario();
+  summarize_errors(scenario, {{"ours_over_theirs", 1.5}});
+  const nlohmann::json& m = scenario["methods"][1];
   EXPECT_DOUBLE_EQ(m["seconds_per_frame"], 2.0);
   EXPECT_DOUBLE_EQ(m["first_s"], 4.0);
   EXPECT_DOUBLE_EQ(m["later_s"], 1.0);
@@ -112,16 +112,16 @@ TEST(ErrorSummary, AddsUpTimes) {
   EXPECT_DOUBLE_EQ(m["rays_per_subpixel"], 3.0);
   EXPECT_DOUBLE_EQ(m["over_copy"], 4.0);
   EXPECT_DOUBLE_EQ(m["over_tachyon"], 2.0) << "full has 1.5 times its rate, this takes 3/4 of it";
-  EXPECT_DOUBLE_EQ(course["methods"][0]["over_tachyon"], 1.5);
-  EXPECT_DOUBLE_EQ(course["methods"][0]["saved"], 0.0);
-  EXPECT_FALSE(course["methods"][0].contains("psnr_mean_db"));
-  EXPECT_FALSE(course["methods"][2].contains("seconds_per_frame"));
+  EXPECT_DOUBLE_EQ(scenario["methods"][0]["over_tachyon"], 1.5);
+  EXPECT_DOUBLE_EQ(scenario["methods"][0]["saved"], 0.0);
+  EXPECT_FALSE(scenario["methods"][0].contains("psnr_mean_db"));
+  EXPECT_FALSE(scenario["methods"][2].contains("seconds_per_frame"));
 }
 
 TEST(ErrorSummary, AddsUpErrorsAndLeavesEqualFramesOutOfTheMeanPsnr) {
-  nlohmann::json course = small_course();
-  summarize_errors(course, {});
-  const nlohmann::json& m = course["methods"][1];
+  nlohmann::json scenario = small_scenario();
+  summarize_errors(scenario, {});
+  const nlohmann::json& m = scenario["methods"][1];
   const double of_one = 20.0 * std::log10(255.0);
   EXPECT_NEAR(m["psnr_mean_db"], of_one - 10.0 * std::log10(2.0), 1e-9);
   EXPECT_NEAR(m["psnr_worst_db"], of_one - 10.0 * std::log10(4.0), 1e-9);
@@ -138,7 +138,7 @@ TEST(ErrorSummary, AddsUpErrorsAndLeavesEqualFramesOutOfTheMeanPsnr) {
   EXPECT_NEAR(m["bound"]["within_percent"], 200.0 / 3, 1e-9);
   EXPECT_TRUE(m["over_tachyon"].is_null());
 
-  const nlohmann::json all = bound_of_all({course, course});
+  const nlohmann::json all = bound_of_all({scenario, scenario});
   EXPECT_EQ(all["frames"], 6);
   EXPECT_NEAR(all["within_percent"], 200.0 / 3, 1e-9);
   EXPECT_NEAR(all["largest_excess"], 0.02, 1e-12) << "0.04 beyond, 0.02 said";
@@ -146,10 +146,10 @@ TEST(ErrorSummary, AddsUpErrorsAndLeavesEqualFramesOutOfTheMeanPsnr) {
 }
 
 TEST(ErrorSummary, HasNoPsnrForEqualFrames) {
-  nlohmann::json course = small_course();
-  course["methods"][1]["frames"] = {frame_of(1, 0, 0)};
-  summarize_errors(course, {});
-  const nlohmann::json& m = course["methods"][1];
+  nlohmann::json scenario = small_scenario();
+  scenario["methods"][1]["frames"] = {frame_of(1, 0, 0)};
+  summarize_errors(scenario, {});
+  const nlohmann::json& m = scenario["methods"][1];
   EXPECT_TRUE(m["psnr_mean_db"].is_null());
   EXPECT_TRUE(m["worst_view_psnr_db"].is_null());
   EXPECT_TRUE(m["later_s"].is_null());
@@ -173,26 +173,26 @@ TEST(SeenPixels, PerDegreeFollowFromTheViewingDistance) {
 
 // ---- measured on the smallest rig
 
-nlohmann::json measured(const std::string& scene, ErrorCourse course, int runs) {
+nlohmann::json measured(const std::string& scene, ErrorScenario scenario, int runs) {
   const ErrorSetup setup = {
       .rig = sample_rig("tiny.toml"),
       .entrants = error_entrants({"lens-view", "full", "temporal", "none-such"}, {},
                                  render::method_names()),
-      .course = course,
+      .scenario = scenario,
       .frames = 3,
       .threads = 1,
       .runs = runs};
   int done = 0;
   nlohmann::json result = measure_error(setup, ErrorScene(scene), [&] { ++done; });
-  EXPECT_EQ(done, course == ErrorCourse::Still ? 2 * 3 : 3 * 3);
+  EXPECT_EQ(done, scenario == ErrorScenario::Still ? 2 * 3 : 3 * 3);
   return result;
 }
 
-TEST(ErrorCourses, FiguresAgreeWithFramesMeasuredOneByOne) {
-  const nlohmann::json course = measured("tree:3", ErrorCourse::Moving, 2);
-  ASSERT_EQ(course["methods"].size(), 4U);
-  EXPECT_TRUE(course["methods"][3]["missing"].get<bool>());
-  ASSERT_EQ(course["methods"][1]["frames"].size(), 3U);
+TEST(ErrorScenarios, FiguresAgreeWithFramesMeasuredOneByOne) {
+  const nlohmann::json scenario = measured("tree:3", ErrorScenario::Moving, 2);
+  ASSERT_EQ(scenario["methods"].size(), 4U);
+  EXPECT_TRUE(scenario["methods"][3]["missing"].get<bool>());
+  ASSERT_EQ(scenario["methods"][1]["frames"].size(), 3U);
 
   const optics::OpticalModel model(sample_rig("tiny.toml"));
   const ErrorScene scene("tree:3");
@@ -208,7 +208,7 @@ TEST(ErrorCourses, FiguresAgreeWithFramesMeasuredOneByOne) {
     (void)render::make_method("full", model, options)->render(committed, stage, full);
     (void)render::make_method("lens-view", model, options)->render(committed, stage, test);
     const auto off = frames::compare_pictures(full.view(), test.view()).total;
-    const nlohmann::json& figures = course["methods"][1]["frames"][n];
+    const nlohmann::json& figures = scenario["methods"][1]["frames"][n];
     EXPECT_DOUBLE_EQ(figures["mse"], off.mse());
     EXPECT_EQ(figures["max"], off.max());
     EXPECT_DOUBLE_EQ(figures["share_over_8"], off.share_over(8));
@@ -220,13 +220,13 @@ TEST(ErrorCourses, FiguresAgreeWithFramesMeasuredOneByOne) {
   }
 }
 
-TEST(ErrorCourses, AStillFrameIsRenderedTwiceByEachMethod) {
-  const nlohmann::json course = measured("gltf:teapot:1", ErrorCourse::Still, 1);
-  const nlohmann::json& temporal = course["methods"][2]["frames"];
+TEST(ErrorScenarios, AStillFrameIsRenderedTwiceByEachMethod) {
+  const nlohmann::json scenario = measured("gltf:teapot:1", ErrorScenario::Still, 1);
+  const nlohmann::json& temporal = scenario["methods"][2]["frames"];
   ASSERT_EQ(temporal.size(), 2U);
   EXPECT_EQ(temporal[0]["traced"], temporal[0]["subpixels"]);
   EXPECT_LT(temporal[1]["traced"], temporal[0]["traced"]) << "it remembers the first";
-  const nlohmann::json& lens_view = course["methods"][1]["frames"];
+  const nlohmann::json& lens_view = scenario["methods"][1]["frames"];
   EXPECT_EQ(lens_view[0]["mse"], lens_view[1]["mse"]) << "it remembers nothing";
   EXPECT_EQ(lens_view[1]["eyes"][1]["flicker_largest"], 0);
 }

@@ -60,8 +60,8 @@ void expect_same(const render::Camera& a, const render::Camera& b) {
 }
 
 /// Compares all of `text` with the first things of `whole`; textured meshes come after those.
-template <class Thing>
-void expect_begins_with(const std::vector<Thing>& whole, const std::vector<Thing>& text,
+template <class Object>
+void expect_begins_with(const std::vector<Object>& whole, const std::vector<Object>& text,
                         size_t others) {
   ASSERT_EQ(whole.size(), text.size() + others);
   for (size_t k = 0; k < text.size(); ++k) expect_same(whole[k], text[k]);

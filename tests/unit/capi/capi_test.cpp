@@ -56,13 +56,13 @@ TEST_F(CApi, PushesFrames) {
     ASSERT_EQ(lenticule_ring_acquire(ring_, k, 0, &pixels), LENTICULE_OK);
     test::stamp_frame({pixels, lenticule_ring_frame_bytes(ring_)}, k + 3);
     ASSERT_EQ(lenticule_ring_publish(ring_), LENTICULE_OK);
-    LentFrame frame;
+    AcquiredFrame frame;
     ASSERT_EQ(player_->pull(frame), PullStatus::Ready);
     EXPECT_EQ(test::stamped_id(frame.frame.bytes), k + 3);
     player_->release(frame.token);
   }
   EXPECT_EQ(lenticule_ring_finish(ring_), LENTICULE_OK);
-  LentFrame frame;
+  AcquiredFrame frame;
   player_->service();
   EXPECT_EQ(player_->pull(frame), PullStatus::End);
 }
@@ -180,7 +180,7 @@ TEST_F(CApi, TheDocumentedExampleRuns) {
   }
   uint64_t shown = 0;
   const bool ended = service_until(*player_, [&] {
-    LentFrame frame;
+    AcquiredFrame frame;
     PullStatus status = PullStatus::NotYet;
     while ((status = player_->pull(frame)) == PullStatus::Ready) {
       EXPECT_EQ(frame.number, shown);

@@ -67,10 +67,10 @@ TEST_F(VirtualDisplayTest, ShowsEverySubpixelUnchanged) {
   const auto shown = recorder->shown();
   ASSERT_EQ(shown.size(), 8u);
   for (uint64_t id = 0; id < 8; ++id)
-    EXPECT_EQ(shown[id],
-              (test::Glass{.sequence = id + 1,
-                           .id = id,
-                           .checksum = test::checksum_of(numbered_frame(kSmall, id).view())}));
+    EXPECT_EQ(shown[id], (test::DisplayedFrame{
+                             .sequence = id + 1,
+                             .id = id,
+                             .checksum = test::checksum_of(numbered_frame(kSmall, id).view())}));
 }
 
 TEST_F(VirtualDisplayTest, HoldsOneFlipAtATime) {
@@ -247,8 +247,8 @@ TEST(VirtualDisplayInRealTime, RecordsOnItsOwnThreadWithoutTearing) {
   display.reset();
   const auto shown = recorder->shown();
   EXPECT_EQ(shown.size() + recorder->skipped(), kFrames);
-  for (const test::Glass& glass : shown)
-    EXPECT_EQ(glass.checksum, test::checksum_of(numbered_frame(kSmall, glass.id).view()));
+  for (const test::DisplayedFrame& displayed : shown)
+    EXPECT_EQ(displayed.checksum, test::checksum_of(numbered_frame(kSmall, displayed.id).view()));
 }
 
 }  // namespace

@@ -41,7 +41,7 @@ void wait_for_wake(ImageSequence& sequence) {
 }
 
 /// Waits for a frame or for the end of the sequence, as a player does.
-PullStatus pull_waiting(ImageSequence& sequence, LentFrame& out) {
+PullStatus pull_waiting(ImageSequence& sequence, AcquiredFrame& out) {
   PullStatus status = sequence.pull(out);
   while (status == PullStatus::NotYet && !::testing::Test::HasFatalFailure()) {
     wait_for_wake(sequence);
@@ -54,9 +54,9 @@ void wait_until_saturated(ImageSequence& sequence) {
   while (!sequence.saturated() && !::testing::Test::HasFatalFailure()) wait_for_wake(sequence);
 }
 
-bool holds_its_number(const LentFrame& lent) {
-  return std::all_of(lent.frame.bytes.begin(), lent.frame.bytes.end(),
-                     [&](uint8_t byte) { return byte == lent.number; });
+bool holds_its_number(const AcquiredFrame& acquired) {
+  return std::all_of(acquired.frame.bytes.begin(), acquired.frame.bytes.end(),
+                     [&](uint8_t byte) { return byte == acquired.number; });
 }
 
 struct PoolCase {
@@ -71,10 +71,10 @@ TEST_P(SequencePool, PlaysManyLoopsInOrderWhileFramesAreHeld) {
   const ScratchFolder folder;
   write_numbered(folder, files);
   ImageSequence sequence(files_in(folder), {.pool_frames = pool, .decoder_threads = threads});
-  const size_t held_at_most = std::min<size_t>(3, static_cast<size_t>(sequence.max_lent()));
+  const size_t held_at_most = std::min<size_t>(3, static_cast<size_t>(sequence.max_acquired()));
   ASSERT_GE(held_at_most, 1u);
 
-  std::deque<LentFrame> held;
+  std::deque<AcquiredFrame> held;
   for (int round = 0; round < 20; ++round) {
     for (int n = 0; n < files; ++n) {
       if (held.size() == held_at_most) {
@@ -82,13 +82,13 @@ TEST_P(SequencePool, PlaysManyLoopsInOrderWhileFramesAreHeld) {
         sequence.release(held.front().token);
         held.pop_front();
       }
-      LentFrame lent;
-      ASSERT_EQ(pull_waiting(sequence, lent), PullStatus::Ready);
-      ASSERT_EQ(lent.number, static_cast<uint64_t>(n));
-      ASSERT_TRUE(holds_its_number(lent));
-      held.push_back(lent);
+      AcquiredFrame acquired;
+      ASSERT_EQ(pull_waiting(sequence, acquired), PullStatus::Ready);
+      ASSERT_EQ(acquired.number, static_cast<uint64_t>(n));
+      ASSERT_TRUE(holds_its_number(acquired));
+      held.push_back(acquired);
     }
-    LentFrame none;
+    AcquiredFrame none;
     ASSERT_EQ(sequence.pull(none), PullStatus::End);
     ASSERT_EQ(sequence.pull(none), PullStatus::End) << "the end lasts until rewind";
     ASSERT_TRUE(sequence.rewind());
@@ -113,18 +113,18 @@ TEST(ImageSequence, TheNextLoopIsReadyBeforeTheEnd) {
   const ScratchFolder folder;
   write_numbered(folder, 6);
   ImageSequence sequence(files_in(folder), {.pool_frames = 4});
-  LentFrame lent;
+  AcquiredFrame acquired;
   for (int n = 0; n < 6; ++n) {
-    ASSERT_EQ(pull_waiting(sequence, lent), PullStatus::Ready);
-    sequence.release(lent.token);
+    ASSERT_EQ(pull_waiting(sequence, acquired), PullStatus::Ready);
+    sequence.release(acquired.token);
   }
   wait_until_saturated(sequence);
   EXPECT_EQ(sequence.ready_count(), 4u);
-  ASSERT_EQ(sequence.pull(lent), PullStatus::End);
+  ASSERT_EQ(sequence.pull(acquired), PullStatus::End);
   ASSERT_TRUE(sequence.rewind());
   // Pulling does not wait: the loop point is no slower than any other frame.
-  ASSERT_EQ(sequence.pull(lent), PullStatus::Ready);
-  EXPECT_EQ(lent.number, 0u);
+  ASSERT_EQ(sequence.pull(acquired), PullStatus::Ready);
+  EXPECT_EQ(acquired.number, 0u);
 }
 
 TEST(ImageSequence, DecodesNoFurtherThanItsPool) {
@@ -133,11 +133,11 @@ TEST(ImageSequence, DecodesNoFurtherThanItsPool) {
   ImageSequence sequence(files_in(folder), {.pool_frames = 3, .decoder_threads = 2});
   wait_until_saturated(sequence);
   EXPECT_EQ(sequence.ready_count(), 3u);
-  LentFrame lent;
-  ASSERT_EQ(sequence.pull(lent), PullStatus::Ready);
+  AcquiredFrame acquired;
+  ASSERT_EQ(sequence.pull(acquired), PullStatus::Ready);
   EXPECT_TRUE(sequence.saturated()) << "a lent frame is still in the pool";
   EXPECT_EQ(sequence.ready_count(), 2u);
-  sequence.release(lent.token);
+  sequence.release(acquired.token);
   wait_until_saturated(sequence);
   EXPECT_EQ(sequence.ready_count(), 3u);
 }
@@ -149,12 +149,12 @@ TEST(ImageSequence, IsReadOnceIfItFitsIntoThePool) {
   ImageSequence sequence(files, {.pool_frames = 3});
   wait_until_saturated(sequence);
   for (const auto& file : files) std::filesystem::remove(file);
-  LentFrame lent;
+  AcquiredFrame acquired;
   for (int n = 0; n < 30; ++n) {
-    ASSERT_EQ(sequence.pull(lent), PullStatus::Ready);
-    EXPECT_TRUE(holds_its_number(lent));
+    ASSERT_EQ(sequence.pull(acquired), PullStatus::Ready);
+    EXPECT_TRUE(holds_its_number(acquired));
     if (n % 3 == 2) {
-      ASSERT_EQ(sequence.pull(lent), PullStatus::End);
+      ASSERT_EQ(sequence.pull(acquired), PullStatus::End);
       ASSERT_TRUE(sequence.rewind());
     }
   }
@@ -165,11 +165,11 @@ TEST(ImageSequence, RewindsOnlyAtTheStartOrEnd) {
   write_numbered(folder, 2);
   ImageSequence sequence(files_in(folder));
   EXPECT_TRUE(sequence.rewind()) << "at the start it is there already";
-  LentFrame lent;
-  ASSERT_EQ(pull_waiting(sequence, lent), PullStatus::Ready);
+  AcquiredFrame acquired;
+  ASSERT_EQ(pull_waiting(sequence, acquired), PullStatus::Ready);
   EXPECT_FALSE(sequence.rewind());
-  ASSERT_EQ(pull_waiting(sequence, lent), PullStatus::Ready);
-  EXPECT_EQ(lent.number, 1u);
+  ASSERT_EQ(pull_waiting(sequence, acquired), PullStatus::Ready);
+  EXPECT_EQ(acquired.number, 1u);
 }
 
 TEST(ImageSequence, AnUnreadableFrameFailsWhenItIsDue) {
@@ -179,15 +179,15 @@ TEST(ImageSequence, AnUnreadableFrameFailsWhenItIsDue) {
   bytes.resize(bytes.size() / 2);
   test::write_bytes(folder / "003.png", bytes);
   ImageSequence sequence(files_in(folder), {.pool_frames = 4, .decoder_threads = 3});
-  LentFrame lent;
+  AcquiredFrame acquired;
   for (int n = 0; n < 3; ++n) {
-    ASSERT_EQ(pull_waiting(sequence, lent), PullStatus::Ready);
-    EXPECT_EQ(lent.number, static_cast<uint64_t>(n));
+    ASSERT_EQ(pull_waiting(sequence, acquired), PullStatus::Ready);
+    EXPECT_EQ(acquired.number, static_cast<uint64_t>(n));
     EXPECT_EQ(sequence.failure(), "");
-    sequence.release(lent.token);
+    sequence.release(acquired.token);
   }
-  EXPECT_EQ(pull_waiting(sequence, lent), PullStatus::Failed);
-  EXPECT_EQ(pull_waiting(sequence, lent), PullStatus::Failed);
+  EXPECT_EQ(pull_waiting(sequence, acquired), PullStatus::Failed);
+  EXPECT_EQ(pull_waiting(sequence, acquired), PullStatus::Failed);
   EXPECT_THAT(sequence.failure(), HasSubstr("003.png: truncated"));
 }
 
@@ -196,10 +196,10 @@ TEST(ImageSequence, AFrameOfAnotherSizeFails) {
   write_numbered(folder, 2);
   write_woven(WovenFrame({.width = 4, .height = 8}).view(), folder / "002.png");
   ImageSequence sequence(files_in(folder));
-  LentFrame lent;
-  ASSERT_EQ(pull_waiting(sequence, lent), PullStatus::Ready);
-  ASSERT_EQ(pull_waiting(sequence, lent), PullStatus::Ready);
-  EXPECT_EQ(pull_waiting(sequence, lent), PullStatus::Failed);
+  AcquiredFrame acquired;
+  ASSERT_EQ(pull_waiting(sequence, acquired), PullStatus::Ready);
+  ASSERT_EQ(pull_waiting(sequence, acquired), PullStatus::Ready);
+  EXPECT_EQ(pull_waiting(sequence, acquired), PullStatus::Failed);
   EXPECT_THAT(sequence.failure(), HasSubstr("002.png: 4 x 8 pixels where 8 x 4 are expected"));
 }
 
@@ -218,9 +218,9 @@ TEST(ImageSequence, CanBeDestroyedAtAnyTime) {
   write_numbered(folder, 4);
   for (int n = 0; n < 20; ++n) {
     ImageSequence sequence(files_in(folder), {.pool_frames = 2, .decoder_threads = 3});
-    LentFrame lent;
+    AcquiredFrame acquired;
     if (n % 2 == 1) {
-      ASSERT_EQ(pull_waiting(sequence, lent), PullStatus::Ready);
+      ASSERT_EQ(pull_waiting(sequence, acquired), PullStatus::Ready);
     }
   }
 }

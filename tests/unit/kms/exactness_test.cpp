@@ -52,7 +52,7 @@ class Exactness : public KmsStage {
            ":pipe A]:\n\t" + text + "\n";
   }
   /// Adds the debug files in which an i915 run by root reports its complete pipeline.
-  void tell_all_in_debugfs() {
+  void report_all_in_debugfs() {
     machine.kernel_files[debugfs("i915_display_info")] =
         crtc_section("pipe src=24x6+0+0, dither=no, bpp=24");
     machine.kernel_files[debugfs("eDP-1/i915_dsc_fec_support")] =
@@ -267,9 +267,9 @@ TEST_F(Exactness, AnalogueLinkIsNotExact) {
 TEST_F(Exactness, ExactVerdictListsItsEvidence) {
   open();
   const auto report = show->exactness();
-  EXPECT_THAT(report.proved, Contains(HasSubstr("driver virtio_gpu")));
-  EXPECT_THAT(report.proved, Contains(HasSubstr("pixel for pixel")));
-  EXPECT_THAT(report.proved, Contains(HasSubstr("'GAMMA_LUT' is none")));
+  EXPECT_THAT(report.verified, Contains(HasSubstr("driver virtio_gpu")));
+  EXPECT_THAT(report.verified, Contains(HasSubstr("pixel for pixel")));
+  EXPECT_THAT(report.verified, Contains(HasSubstr("'GAMMA_LUT' is none")));
   EXPECT_TRUE(report.reasons.empty());
   EXPECT_TRUE(report.unseen.empty());
 }
@@ -283,14 +283,14 @@ TEST_F(Exactness, RealLinkIsExactOnlyIfTheDriverReportsEverything) {
   EXPECT_THAT(show->exactness().unseen, Contains(HasSubstr("DSC")));
   EXPECT_THAT(show->exactness().unseen, Contains(HasSubstr("dithering")));
   show.reset();
-  tell_all_in_debugfs();
+  report_all_in_debugfs();
   open();
   EXPECT_EQ(show->exactness().summary(), "EXACT yes");
 }
 
 TEST_F(Exactness, CompressedLinkIsNotExact) {
   become_edp_of_i915();
-  tell_all_in_debugfs();
+  report_all_in_debugfs();
   machine.kernel_files[debugfs("eDP-1/i915_dsc_fec_support")] = "DSC_Enabled: yes\n";
   expect_refused("'DSC' is yes");
   machine.kernel_files.clear();
@@ -301,7 +301,7 @@ TEST_F(Exactness, CompressedLinkIsNotExact) {
 
 TEST_F(Exactness, DitheredOrShallowLinkIsNotExact) {
   become_edp_of_i915();
-  tell_all_in_debugfs();
+  report_all_in_debugfs();
   machine.kernel_files[debugfs("i915_display_info")] = crtc_section("dither=yes, bpp=18");
   expect_refused("dither");
 }
@@ -325,7 +325,7 @@ TEST_F(Exactness, PowerSavingThatFollowsThePictureIsNotExact) {
 
 TEST_F(Exactness, SelfRefreshIsReportedAndStaysExact) {
   become_edp_of_i915();
-  tell_all_in_debugfs();
+  report_all_in_debugfs();
   machine.kernel_files[debugfs("eDP-1/i915_psr_status")] =
       "Sink support: yes\nPSR mode: PSR1 enabled\n";
   machine.kernel_files[debugfs("i915_drrs_status")] = crtc_section("DRRS Enabled: yes");
@@ -342,8 +342,8 @@ TEST_F(Exactness, RockchipSendsRgbOfFullRange) {
   open();
   EXPECT_EQ(card.value(connector->id, "hdmi_output_format"), 0U);
   EXPECT_EQ(card.value(connector->id, "hdmi_quant_range"), 2U);
-  EXPECT_THAT(show->exactness().proved, Contains(HasSubstr("send RGB")));
-  EXPECT_THAT(show->exactness().proved, Contains(HasSubstr("full range")));
+  EXPECT_THAT(show->exactness().verified, Contains(HasSubstr("send RGB")));
+  EXPECT_THAT(show->exactness().verified, Contains(HasSubstr("full range")));
 }
 
 TEST_F(Exactness, TelevisionPropertiesWithAKnownCentreAreCentred) {

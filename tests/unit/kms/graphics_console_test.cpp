@@ -178,13 +178,13 @@ class DisplayConsole : public KmsStage {
 
 TEST_F(DisplayConsole, IsInGraphicsModeWhileFramesAreShownAndDrawsAgainAfterwards) {
   card.show_console(connector->id, crtc);
-  const auto before = card.glass(crtc);
+  const auto before = card.displayed(crtc);
   open();
   EXPECT_EQ(machine.terminal->mode, KD_GRAPHICS);
   flip(1);
   machine.terminal->on_set = [&](int) {
     EXPECT_EQ(card.master_fd, -1);
-    EXPECT_EQ(card.glass(crtc), before);
+    EXPECT_EQ(card.displayed(crtc), before);
   };
   show.reset();
   EXPECT_EQ(machine.terminal->mode, KD_TEXT);
@@ -225,7 +225,7 @@ TEST_F(DisplayConsole, IsOptional) {
   machine.terminal->open_error = ENXIO;
   open();
   flip(1);
-  expect_on_glass(1);
+  expect_displayed(1);
 }
 
 }  // namespace lenticule::testing

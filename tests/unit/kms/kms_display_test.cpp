@@ -18,7 +18,7 @@ class KmsDisplay : public KmsStage {
       EXPECT_EQ(event.sequence, last + 1);
       last = event.sequence;
     }
-    expect_on_glass(49);
+    expect_displayed(49);
   }
 };
 
@@ -26,7 +26,7 @@ TEST_F(KmsDisplay, ShowsEverySubpixelUnchanged) {
   open();
   for (unsigned seed = 1; seed <= 20; ++seed) {
     flip(seed);
-    expect_on_glass(seed);
+    expect_displayed(seed);
   }
   EXPECT_EQ(show->statistics().flips, 20U);
   EXPECT_EQ(show->statistics().stray_events, 0U);
@@ -34,7 +34,7 @@ TEST_F(KmsDisplay, ShowsEverySubpixelUnchanged) {
 
 TEST_F(KmsDisplay, FirstPictureIsBlackNotOldMemory) {
   open();
-  EXPECT_EQ(card.glass(crtc), std::vector<uint32_t>(size_t{kWidth} * kHeight, 0));
+  EXPECT_EQ(card.displayed(crtc), std::vector<uint32_t>(size_t{kWidth} * kHeight, 0));
 }
 
 TEST_F(KmsDisplay, ReportsThePanelsExactRefresh) {
@@ -118,7 +118,7 @@ TEST_F(KmsDisplay, NeverHandsOutTheDisplayedBuffer) {
   third->fill(make_frame(3).view());
   show->discard(third);
   EXPECT_EQ(wait().kind, EventKind::Flip);
-  expect_on_glass(2);
+  expect_displayed(2);
 }
 
 TEST_F(KmsDisplay, EndsAWaitWhenWokenOrLate) {
@@ -140,7 +140,7 @@ TEST_F(KmsDisplay, TakesOverARunningModeWithoutAModeset) {
   EXPECT_TRUE(show->took_over());
   EXPECT_EQ(card.modesets, 0);
   flip(1);
-  expect_on_glass(1);
+  expect_displayed(1);
 }
 
 TEST_F(KmsDisplay, TestsBeforeItSetsAMode) {
@@ -159,11 +159,11 @@ TEST_F(KmsDisplay, ClearsOverlaysFromItsCrtc) {
 
 TEST_F(KmsDisplay, RestoresThePreviousPictureAtTheEnd) {
   card.show_console(connector->id, crtc);
-  const auto before = card.glass(crtc);
+  const auto before = card.displayed(crtc);
   open();
   flip(1);
   show.reset();
-  EXPECT_EQ(card.glass(crtc), before);
+  EXPECT_EQ(card.displayed(crtc), before);
   EXPECT_EQ(card.rmfb_on_screen, 0) << "a framebuffer was removed while it was shown";
 }
 

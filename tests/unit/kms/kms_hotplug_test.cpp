@@ -33,7 +33,7 @@ class KmsHotplug : public KmsStage {
     EXPECT_EQ(show->statistics().panel, PanelState::Showing);
     EXPECT_EQ(show->statistics().modesets, 1U);
     flip(3);
-    expect_on_glass(3);
+    expect_displayed(3);
   }
   const std::vector<uint8_t> own_edid = EdidMaker{.serial_text = "ONE"}.bytes();
 };
@@ -44,9 +44,9 @@ TEST_F(KmsHotplug, PanelSwitchedOffAndOnGetsAModeset) {
   replug(own_edid);
   EXPECT_EQ(show->statistics().panel, PanelState::Showing);
   EXPECT_EQ(show->statistics().modesets, 1U);
-  expect_on_glass(1);
+  expect_displayed(1);
   flip(2);
-  expect_on_glass(2);
+  expect_displayed(2);
 }
 
 TEST_F(KmsHotplug, FlipsContinueWhileThePanelIsDisconnected) {
@@ -72,7 +72,7 @@ TEST_F(KmsHotplug, StormOf100EventsCausesFewProbes) {
   EXPECT_LE(card.full_probes - probes, 6);
   EXPECT_EQ(show->statistics().panel, PanelState::Showing);
   flip(2);
-  expect_on_glass(2);
+  expect_displayed(2);
 }
 
 TEST_F(KmsHotplug, ChangeWithoutEventIsFoundByPolling) {
@@ -90,7 +90,7 @@ TEST_F(KmsHotplug, ChangedSerialIsAnotherPanelAndIsSwitchedOff) {
   replug(EdidMaker{.serial_text = "TWO"}.bytes());
   EXPECT_EQ(show->statistics().panel, PanelState::WrongPanel);
   EXPECT_EQ(wait().kind, EventKind::Lost);
-  EXPECT_TRUE(card.glass(crtc).empty()) << "3-D for another panel must not stay on this one";
+  EXPECT_TRUE(card.displayed(crtc).empty()) << "3-D for another panel must not stay on this one";
   EXPECT_THROW(show->reconnect(), Error);
 }
 
@@ -121,7 +121,7 @@ TEST_F(KmsHotplug, ShrunkModeListKeepsTheMode) {
   idle(seconds(3));
   EXPECT_EQ(show->statistics().panel, PanelState::Showing);
   flip(3);
-  expect_on_glass(3);
+  expect_displayed(3);
 }
 
 TEST_F(KmsHotplug, EmptyModeListKeepsTheMode) {
@@ -136,7 +136,7 @@ TEST_F(KmsHotplug, EmptyModeListKeepsTheMode) {
   idle(seconds(3));
   EXPECT_EQ(show->statistics().panel, PanelState::Showing);
   flip(3);
-  expect_on_glass(3);
+  expect_displayed(3);
 }
 
 TEST_F(KmsHotplug, PanelThatNowPrefersAnotherSizeKeepsTheMode) {
@@ -152,7 +152,7 @@ TEST_F(KmsHotplug, PanelThatNowPrefersAnotherSizeKeepsTheMode) {
   idle(seconds(3));
   EXPECT_EQ(show->statistics().panel, PanelState::Showing);
   flip(2);
-  expect_on_glass(2);
+  expect_displayed(2);
 }
 
 TEST_F(KmsHotplug, BadLinkIsTrainedAgain) {
@@ -163,7 +163,7 @@ TEST_F(KmsHotplug, BadLinkIsTrainedAgain) {
   idle(seconds(1));
   EXPECT_EQ(card.value(connector->id, "link-status"), 0U);
   EXPECT_EQ(show->statistics().links_bad, 1U);
-  expect_on_glass(1);
+  expect_displayed(1);
 }
 
 TEST_F(KmsHotplug, ModesetThatIsRefusedBetweenFramesIsTriedAgain) {
@@ -177,7 +177,7 @@ TEST_F(KmsHotplug, ModesetThatIsRefusedBetweenFramesIsTriedAgain) {
     EXPECT_EQ(card.value(connector->id, "link-status"), 0U) << "no frame had to come for that";
     EXPECT_EQ(show->statistics().recoveries, 1U);
     flip(2);
-    expect_on_glass(2);
+    expect_displayed(2);
     show.reset();
   }
 }
@@ -193,7 +193,7 @@ TEST_F(KmsHotplug, FrameBetweenTwoAttemptsIsShownByTheModeset) {
   EXPECT_EQ(card.value(connector->id, "link-status"), 1U) << "a flip alone reaches no dead link";
   EXPECT_EQ(wait(seconds(2)).id, 2U);
   EXPECT_EQ(card.value(connector->id, "link-status"), 0U);
-  expect_on_glass(2);
+  expect_displayed(2);
 }
 
 TEST_F(KmsHotplug, ConnectorThatVanishesIsDisconnected) {
@@ -215,7 +215,7 @@ TEST_F(KmsHotplug, AnyPanelOfTheRightSizeServesARigWithoutIdentity) {
   replug(EdidMaker{.serial_text = "TWO"}.bytes());
   EXPECT_EQ(show->statistics().panel, PanelState::Showing);
   flip(2);
-  expect_on_glass(2);
+  expect_displayed(2);
 }
 
 }  // namespace lenticule::testing

@@ -74,7 +74,7 @@ TEST_F(KmsOpen, AFreshStartSetsTheModeAlthoughItRuns) {
   EXPECT_FALSE(show->took_over());
   EXPECT_EQ(card.modesets, 1);
   flip(1);
-  expect_on_glass(1);
+  expect_displayed(1);
 }
 
 TEST_F(KmsOpen, PanelNamedByEdidIsFound) {
@@ -157,10 +157,10 @@ TEST_F(KmsOpen, NoSpaceAtTheTestIsAnErrorNotASmallerMode) {
 
 TEST_F(KmsOpen, FailureAfterTheModesetRestoresThePreviousPicture) {
   card.show_console(connector->id, crtc);
-  const auto before = card.glass(crtc);
+  const auto before = card.displayed(crtc);
   machine.no_hotplug_monitor = true;
   EXPECT_EQ(failure().kind(), ErrorKind::Failed);
-  EXPECT_EQ(card.glass(crtc), before);
+  EXPECT_EQ(card.displayed(crtc), before);
   EXPECT_EQ(card.rmfb_on_screen, 0);
   EXPECT_EQ(card.master_fd, -1);
   machine.no_hotplug_monitor = false;
@@ -211,7 +211,7 @@ TEST_F(KmsOpen, OutputWithoutAnEdidShowsAnySizeThatItLists) {
   options.output.identity = {};
   open();
   flip(1);
-  expect_on_glass(1);
+  expect_displayed(1);
 }
 
 TEST_F(KmsOpen, OneTileOfAPanelIsRefused) {
@@ -283,7 +283,7 @@ TEST_F(KmsOpen, LittleMemoryMeansFewerBuffers) {
   open();
   flip(1);
   flip(2);
-  expect_on_glass(2);
+  expect_displayed(2);
 }
 
 TEST_F(KmsOpen, ConnectorVanishingBetweenTwoCallsIsAnError) {

@@ -73,14 +73,16 @@ class KmsStage : public ::testing::Test {
     return show->wait_event(machine.now() + time, -1);
   }
   /// Submits and waits for the flip.
-  DisplayEvent flip(unsigned seed, Nanoseconds patience = seconds(5)) {
+  DisplayEvent flip(unsigned seed, Nanoseconds timeout = seconds(5)) {
     EXPECT_EQ(submit(seed), SubmitStatus::Accepted);
-    const DisplayEvent event = wait(patience);
+    const DisplayEvent event = wait(timeout);
     EXPECT_EQ(event.kind, EventKind::Flip);
     EXPECT_EQ(event.id, seed);
     return event;
   }
-  void expect_on_glass(unsigned seed) { EXPECT_EQ(card.glass(crtc), words_of(make_frame(seed))); }
+  void expect_displayed(unsigned seed) {
+    EXPECT_EQ(card.displayed(crtc), words_of(make_frame(seed)));
+  }
   /// Advances time without submitting frames.
   void idle(Nanoseconds time) {
     const Nanoseconds until = machine.now() + time;

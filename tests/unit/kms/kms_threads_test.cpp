@@ -45,7 +45,7 @@ TEST_F(KmsThreads, FramesAreFilledOnAnotherThreadThanThePresenters) {
   constexpr unsigned kFrames = 300;
   open();
   std::atomic<display::ScanoutBuffer*> handed{nullptr};
-  std::thread filler([&] {
+  std::thread frame_copier([&] {
     for (unsigned seed = 1; seed <= kFrames; ++seed) {
       display::ScanoutBuffer* buffer = nullptr;
       while ((buffer = show->acquire()) == nullptr) std::this_thread::yield();
@@ -61,9 +61,9 @@ TEST_F(KmsThreads, FramesAreFilledOnAnotherThreadThanThePresenters) {
     EXPECT_EQ(show->submit(buffer, seed), SubmitStatus::Accepted);
     EXPECT_EQ(wait().id, seed);
     EXPECT_EQ(show->statistics().flips, seed);
-    if (seed % 100 == 0) expect_on_glass(seed);
+    if (seed % 100 == 0) expect_displayed(seed);
   }
-  filler.join();
+  frame_copier.join();
 }
 
 }  // namespace lenticule::testing

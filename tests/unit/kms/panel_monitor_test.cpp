@@ -8,17 +8,17 @@
 namespace lenticule::testing {
 
 using display::ConnectorInfo;
-using display::judge_panel;
+using display::evaluate_panel;
 using display::OutputRequest;
 using display::PanelState;
 
-class PanelJudgement : public ::testing::Test {
+class PanelEvaluation : public ::testing::Test {
  protected:
   static ConnectorInfo panel_with(const std::vector<uint8_t>& edid) {
     return {.connected = true, .modes = {make_mode(64, 32, 60)}, .edid = display::read_edid(edid)};
   }
   [[nodiscard]] PanelState state_of(const ConnectorInfo& panel) const {
-    return judge_panel(&panel, request, make_mode(64, 32, 60));
+    return evaluate_panel(&panel, request, make_mode(64, 32, 60));
   }
 
   OutputRequest request{
@@ -27,18 +27,18 @@ class PanelJudgement : public ::testing::Test {
   const std::vector<uint8_t> own = EdidMaker{.serial_text = "ONE"}.bytes();
 };
 
-TEST_F(PanelJudgement, AcceptsTheRequestedPanel) {
+TEST_F(PanelEvaluation, AcceptsTheRequestedPanel) {
   EXPECT_EQ(state_of(panel_with(own)), PanelState::Showing);
 }
 
-TEST_F(PanelJudgement, ReportsAMissingPanelAsDisconnected) {
-  EXPECT_EQ(judge_panel(nullptr, request, make_mode(64, 32, 60)), PanelState::Disconnected);
+TEST_F(PanelEvaluation, ReportsAMissingPanelAsDisconnected) {
+  EXPECT_EQ(evaluate_panel(nullptr, request, make_mode(64, 32, 60)), PanelState::Disconnected);
   ConnectorInfo panel = panel_with(own);
   panel.connected = false;
   EXPECT_EQ(state_of(panel), PanelState::Disconnected);
 }
 
-TEST_F(PanelJudgement, ReportsWrongAndUnreadablePanelsUnlessIdentityIsIgnored) {
+TEST_F(PanelEvaluation, ReportsWrongAndUnreadablePanelsUnlessIdentityIsIgnored) {
   EXPECT_EQ(state_of(panel_with(EdidMaker{.serial_text = "TWO"}.bytes())), PanelState::WrongPanel);
   EXPECT_EQ(state_of(panel_with({})), PanelState::Unreadable);
   request.policy = display::IdentityPolicy::Ignore;
@@ -46,7 +46,7 @@ TEST_F(PanelJudgement, ReportsWrongAndUnreadablePanelsUnlessIdentityIsIgnored) {
   EXPECT_EQ(state_of(panel_with({})), PanelState::Showing);
 }
 
-TEST_F(PanelJudgement, ReportsAModeThatIsGoneOrWouldBeScaled) {
+TEST_F(PanelEvaluation, ReportsAModeThatIsGoneOrWouldBeScaled) {
   ConnectorInfo panel = panel_with(own);
   panel.modes = {make_mode(64, 32, 50)};
   EXPECT_EQ(state_of(panel), PanelState::ModeMissing);

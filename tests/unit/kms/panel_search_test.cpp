@@ -82,7 +82,7 @@ TEST_F(PanelSearchTest, ProbesAnActiveDisplaysCardThroughThatDisplay) {
   card.set_edid(connector->id, EdidMaker{.serial_text = "TWO"}.bytes());
   EXPECT_FALSE(search().found);
   flip(2);
-  expect_on_glass(2);
+  expect_displayed(2);
 }
 
 TEST_F(PanelSearchTest, NoCardIsRefused) {

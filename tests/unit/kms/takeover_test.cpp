@@ -33,16 +33,16 @@ class Takeover : public KmsStage {
 
 TEST_F(Takeover, LastFrameStaysAndTheNextPlayerNeedsNoModeset) {
   options.previous = die_after(1);
-  expect_on_glass(1);
+  expect_displayed(1);
   open();
-  expect_on_glass(1);
+  expect_displayed(1);
   EXPECT_TRUE(show->took_over());
   EXPECT_EQ(card.modesets, 0);
   EXPECT_EQ(card.buffers.size(), 3U);
   flip(2);
-  expect_on_glass(2);
+  expect_displayed(2);
   flip(3);
-  expect_on_glass(3);
+  expect_displayed(3);
   EXPECT_EQ(card.modesets, 0);
 }
 
@@ -84,7 +84,7 @@ TEST_F(Takeover, OutdatedStateIsNotUsed) {
     spoiled(options.previous->state);
     open();
     flip(2);
-    expect_on_glass(2);
+    expect_displayed(2);
     show.reset();
     while (!card.ends.empty()) card.closed(card.ends.begin()->first);
     card.buffers.clear();
@@ -99,9 +99,9 @@ TEST_F(Takeover, AFreshStartUsesTheCardButNotTheOldBuffers) {
   EXPECT_FALSE(show->took_over());
   EXPECT_EQ(card.modesets, 1);
   EXPECT_EQ(card.buffers.size(), 3U);
-  EXPECT_EQ(card.glass(crtc), std::vector<uint32_t>(size_t{kWidth} * kHeight, 0));
+  EXPECT_EQ(card.displayed(crtc), std::vector<uint32_t>(size_t{kWidth} * kHeight, 0));
   flip(2);
-  expect_on_glass(2);
+  expect_displayed(2);
 }
 
 TEST_F(Takeover, DescriptorThatIsNotACardIsNotUsed) {
@@ -109,7 +109,7 @@ TEST_F(Takeover, DescriptorThatIsNotACardIsNotUsed) {
   options.previous->card = UniqueFd(::open("/dev/null", O_RDWR | O_CLOEXEC));
   open();
   flip(1);
-  expect_on_glass(1);
+  expect_displayed(1);
 }
 
 TEST_F(Takeover, StateSurvivesSerialization) {

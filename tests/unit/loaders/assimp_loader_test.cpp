@@ -164,14 +164,14 @@ TEST_F(TurningBox, LightsKeepTheirPlaceAndAreExposed) {
   ASSERT_THAT(scene_.lights, SizeIs(2));
   const Light& sun =
       scene_.lights[0].kind == Light::Kind::Directional ? scene_.lights[0] : scene_.lights[1];
-  const Light& lamp =
+  const Light& light =
       scene_.lights[0].kind == Light::Kind::Point ? scene_.lights[0] : scene_.lights[1];
   // Downward by 50 degrees, then 35 degrees to the right.
   EXPECT_NEAR(sun.direction.y, -std::sin(50.0 * std::numbers::pi / 180.0), 1e-5);
   EXPECT_GT(sun.direction.x, 0.1);
   EXPECT_FALSE(sun.falls_off);
-  expect_near(lamp.position, {4, 5, 5}, 1e-5);
-  EXPECT_TRUE(lamp.falls_off);
+  expect_near(light.position, {4, 5, 5}, 1e-5);
+  EXPECT_TRUE(light.falls_off);
   EXPECT_GT(sun.colour.x, 0.1);
   EXPECT_LT(sun.colour.x, 1.4);
 }

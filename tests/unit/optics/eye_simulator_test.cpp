@@ -44,9 +44,9 @@ TEST(EyePicture, IsHalfThePanelsSizeByDefault) {
   const RgbPicture half = simulate_eye(model, frame.view(), {0, 0, kInfinity});
   EXPECT_EQ(half.width, 256);
   EXPECT_EQ(half.height, 48);
-  const RgbPicture told =
+  const RgbPicture sized =
       simulate_eye(model, frame.view(), {0, 0, kInfinity}, {.width = 7, .height = 5});
-  EXPECT_EQ(told.pixels.size(), 7u * 5u * 3u);
+  EXPECT_EQ(sized.pixels.size(), 7u * 5u * 3u);
 }
 
 TEST(EyePicture, ShowsEachCornerOfTheFrameInItsCorner) {

@@ -107,13 +107,13 @@ TEST(RowPhases, AgreeWithTheModel) {
 }
 
 /// Sets LENTICULE_ISA and restores the old value at the end.
-class IsaWish {
+class ForcedIsa {
  public:
-  explicit IsaWish(const char* wish) {
+  explicit ForcedIsa(const char* forced) {
     if (const char* old = std::getenv("LENTICULE_ISA")) old_ = old;
-    ::setenv("LENTICULE_ISA", wish, 1);
+    ::setenv("LENTICULE_ISA", forced, 1);
   }
-  ~IsaWish() {
+  ~ForcedIsa() {
     old_.empty() ? ::unsetenv("LENTICULE_ISA") : ::setenv("LENTICULE_ISA", old_.c_str(), 1);
   }
 
@@ -148,17 +148,17 @@ TEST(RowPhases, AgreeWithTheModelCloseToTheSheet) {
 }
 
 TEST(BestIsa, CanBeLimited) {
-  const IsaWish wish("baseline");
+  const ForcedIsa forced("baseline");
   EXPECT_EQ(best_isa(), Isa::Baseline);
 }
 
 TEST(BestIsa, NeverExceedsTheMachine) {
-  const IsaWish wish("avx512");
+  const ForcedIsa forced("avx512");
   EXPECT_TRUE(isa_supported(best_isa()));
 }
 
 TEST(BestIsa, RefusesUnknownNames) {
-  const IsaWish wish("avx1024");
+  const ForcedIsa forced("avx1024");
   EXPECT_THROW((void)best_isa(), Error);
 }
 

@@ -49,10 +49,10 @@ TEST_F(ConfinedPicturesTest, OneDecoderReadsPictureAfterPicture) {
 }
 
 TEST_F(ConfinedPicturesTest, StartingADecoderIsNotPartOfAPicturesTime) {
-  const ConfinedPictures impatient(LENTICULE_VIDEO_PROGRAM,
-                                   {.processor_time = std::chrono::milliseconds(1)});
+  const ConfinedPictures with_short_limit(LENTICULE_VIDEO_PROGRAM,
+                                          {.processor_time = std::chrono::milliseconds(1)});
   Rows rows;
-  impatient.read(file("good.png"), rows);
+  with_short_limit.read(file("good.png"), rows);
   EXPECT_EQ(rows.frame, clip_frame(1));
 }
 

@@ -7,10 +7,10 @@
 #include <cmath>
 #include <numeric>
 
-#include "glass_stage.h"
-#include "player/session/heartbeat.h"
+#include "panel_fixture.h"
 #include "player/session/panel_wait.h"
 #include "player/session/play_service.h"
+#include "player/session/watchdog.h"
 
 namespace lenticule::player {
 namespace {
@@ -24,7 +24,7 @@ using testing::EdidMaker;
 using ::testing::HasSubstr;
 using testing::make_mode;
 
-class FieldFailures : public testing::GlassStage {
+class FieldFailures : public testing::PanelFixture {
  protected:
   /// Plays `frames` frames and expects each of them displayed, once and in order.
   void expect_all_shown(uint64_t frames = 20) {
@@ -35,7 +35,7 @@ class FieldFailures : public testing::GlassStage {
     std::iota(all.begin(), all.end(), uint64_t{0});
     EXPECT_EQ(ids(), all);
   }
-  [[nodiscard]] std::unique_ptr<display::KmsDisplay> open_patiently() const {
+  [[nodiscard]] std::unique_ptr<display::KmsDisplay> open_with_retries() const {
     PanelWaitOptions waiting;
     waiting.kms = options;
     return PanelWait(waiting).open();
@@ -71,7 +71,7 @@ TEST_F(FieldFailures, ReadsTheEdidAgainUntilItIsComplete) {
     card.set_edid(connector->id, asleep);
     machine.at(machine.now() + milliseconds(1500),
                [this] { card.set_edid(connector->id, EdidMaker{.serial_text = "ONE"}.bytes()); });
-    show = open_patiently();
+    show = open_with_retries();
     shown.clear();
     expect_all_shown();
     show.reset();
@@ -195,18 +195,18 @@ TEST_F(FieldFailures, LoopsWithoutAGapAndShowsTheLastFrameInFull) {
   script.frames = 5;
   playing.loops = 200;
   playing.content = frames::Rate{30, 1};
-  uint64_t seams = 0;
+  uint64_t loop_points = 0;
   Nanoseconds last{0};
   on_shown = [&](uint64_t id) {
     const Nanoseconds now = machine.now();
     if (id > 0) {
       EXPECT_EQ((now - last + card.period / 2) / card.period, 2) << "frame " << id;
     }
-    seams += id % 5 == 0 ? 1 : 0;
+    loop_points += id % 5 == 0 ? 1 : 0;
     last = now;
   };
   const PlayResult result = play_script();
-  EXPECT_EQ(seams, 200u);
+  EXPECT_EQ(loop_points, 200u);
   EXPECT_EQ(result.report.pace.shown, 1000u);
   EXPECT_EQ(result.report.pace.vblanks, 2000u) << "the last frame has its time, too";
 }
@@ -216,27 +216,27 @@ TEST_F(FieldFailures, KeepsTheLastFrameWhenTheRendererFreezes) {
   script.ready_at = [](uint64_t n) { return n < 6 ? seconds(0) : hours(100'000); };
   playing.stall_timeout = seconds(30);
   EXPECT_EQ(play_script().outcome, PlayOutcome::SourceStalled);
-  EXPECT_EQ(card.glass(crtc), testing::words_of(test::numbered_frame(testing::kPanel, 5)))
+  EXPECT_EQ(card.displayed(crtc), testing::words_of(test::numbered_frame(testing::kPanel, 5)))
       << "the last whole frame stays";
 }
 
 TEST_F(FieldFailures, StopsWatchdogPingsWhenNoFrameIsShown) {
   open();
-  Heartbeat heartbeat;
+  Watchdog watchdog;
   PlayReport report;
-  const auto beats = [&] {
+  const auto should_ping = [&] {
     const display::KmsStatistics now = show->statistics();
-    return heartbeat.beats(pulse_of(report, &now));
+    return watchdog.should_ping(progress_sample(report, &now));
   };
   flip(1);
-  EXPECT_TRUE(beats());
-  EXPECT_FALSE(beats()) << "nothing was shown, and the display was not even asked";
+  EXPECT_TRUE(should_ping());
+  EXPECT_FALSE(should_ping()) << "nothing was shown, and the display was not even asked";
   card.flip_faults = {{.error = EBUSY, .until = machine.now() + hours(1)}};
   card.commit_faults = card.flip_faults;
   EXPECT_EQ(submit(2), testing::SubmitStatus::Accepted);
   EXPECT_EQ(wait(seconds(20)).kind, testing::EventKind::Timeout);
   report.wake.count += 100;  // the thread runs, but displays no picture
-  EXPECT_FALSE(beats());
+  EXPECT_FALSE(should_ping());
 }
 
 TEST_F(FieldFailures, ShowsEverySubpixelUnchanged) {
@@ -250,7 +250,7 @@ TEST_F(FieldFailures, ShowsEverySubpixelUnchanged) {
   buffer->fill(frame.view());
   ASSERT_EQ(show->submit(buffer, 1), testing::SubmitStatus::Accepted);
   ASSERT_EQ(wait().kind, testing::EventKind::Flip);
-  EXPECT_EQ(card.glass(crtc), testing::words_of(frame));
+  EXPECT_EQ(card.displayed(crtc), testing::words_of(frame));
 }
 
 TEST_F(FieldFailures, RefusesAFilmWovenForAnotherPanel) {

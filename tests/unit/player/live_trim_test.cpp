@@ -155,7 +155,7 @@ TEST_F(LiveTrimTest, NewViewsFollowTheTrimWhileAcquiredFramesStay) {
   const auto same = [](const frames::FrameView& a, const frames::WovenFrame& b) {
     return std::equal(a.bytes.begin(), a.bytes.end(), b.bytes().begin(), b.bytes().end());
   };
-  frames::LentFrame first, second;
+  frames::AcquiredFrame first, second;
   ASSERT_EQ(source.pull(first), frames::PullStatus::Ready);
   EXPECT_EQ(source.pull(second), frames::PullStatus::End);
   EXPECT_TRUE(same(first.frame, woven_for(rig_)));

@@ -5,7 +5,7 @@
 #include <cerrno>
 #include <optional>
 
-#include "glass_stage.h"
+#include "panel_fixture.h"
 
 namespace lenticule::player {
 namespace {
@@ -14,7 +14,7 @@ using display::Nanoseconds;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-class LostDisplayTest : public testing::GlassStage {
+class LostDisplayTest : public testing::PanelFixture {
  protected:
   LostDisplayTest() {
     playing.reconnect = [this](const LostDisplay& lost) { return replug(lost); };

@@ -30,13 +30,13 @@ class PanelWaitTest : public testing::KmsStage {
 
   PanelWait make() {
     waiting.kms = options;
-    waiting.tell = [this](const PanelWaiting& now) {
+    waiting.report = [this](const PanelWaiting& now) {
       ++rounds;
       panel_missing = now.panel_missing;
       card_shown = now.card_shown;
       reason = now.reason.what();
     };
-    waiting.let_go = [this] { ++let_go; };
+    waiting.release_stored = [this] { ++release_stored; };
     return PanelWait(waiting);
   }
 
@@ -75,8 +75,8 @@ class PanelWaitTest : public testing::KmsStage {
   void at(Nanoseconds after, std::function<void()> what) {
     machine.at(machine.now() + after, std::move(what));
   }
-  void look_at_glass(Nanoseconds after) {
-    at(after, [this] { glass.push_back(card.glass(crtc)); });
+  void record_displayed(Nanoseconds after) {
+    at(after, [this] { displayed.push_back(card.displayed(crtc)); });
   }
 
   /// Returns the pixels of the test card that the connected panel should show now.
@@ -93,14 +93,14 @@ class PanelWaitTest : public testing::KmsStage {
   bool panel_missing = false;
   bool card_shown = false;
   std::string reason;
-  int let_go = 0;
-  std::vector<std::vector<uint32_t>> glass;
+  int release_stored = 0;
+  std::vector<std::vector<uint32_t>> displayed;
 };
 
 TEST_F(PanelWaitTest, OpensAPresentPanelAtOnce) {
   show = make().open();
   flip(1);
-  expect_on_glass(1);
+  expect_displayed(1);
   EXPECT_EQ(rounds, 0);
 }
 
@@ -126,7 +126,7 @@ TEST_F(PanelWaitTest, WaitsForAPanelThatIsOffAtStart) {
   EXPECT_FALSE(card_shown) << "there was nothing to show it on";
   EXPECT_TRUE(panel_missing);
   flip(1);
-  expect_on_glass(1);
+  expect_displayed(1);
 }
 
 TEST_F(PanelWaitTest, WaitsForAGraphicsCardThatAppearsLate) {
@@ -172,7 +172,7 @@ TEST_F(PanelWaitTest, RetriesAGraphicsCardInUseUntilItIsFree) {
   at(seconds(5), [this] { card.foreign_master = false; });
   show = make().open();
   EXPECT_FALSE(panel_missing) << "the panel was there all the time";
-  EXPECT_GE(let_go, 5);
+  EXPECT_GE(release_stored, 5);
   flip(1);
 }
 
@@ -186,17 +186,17 @@ TEST_F(PanelWaitTest, AnInterruptionEndsTheWaiting) {
 
 TEST_F(PanelWaitTest, AWrongPanelShowsATestCardInItsOwnModeUntilTheRightOneComes) {
   plug_other();
-  look_at_glass(seconds(1));
-  look_at_glass(seconds(6));
+  record_displayed(seconds(1));
+  record_displayed(seconds(6));
   const auto expected = expected_card(kOther);
   at(seconds(20), [this] { unplug_panel(); });
   at(seconds(25), [this] { plug_own(); });
   show = make().open();
-  ASSERT_EQ(glass.size(), 2u);
-  EXPECT_TRUE(glass[0].empty()) << "a panel that wakes up gets its time";
-  EXPECT_EQ(glass[1], expected);
+  ASSERT_EQ(displayed.size(), 2u);
+  EXPECT_TRUE(displayed[0].empty()) << "a panel that wakes up gets its time";
+  EXPECT_EQ(displayed[1], expected);
   flip(1);
-  expect_on_glass(1);
+  expect_displayed(1);
   EXPECT_EQ(card.rmfb_on_screen, 0);
   EXPECT_EQ(card.buffers.size(), 3u) << "the card's buffers are gone";
 }
@@ -205,15 +205,15 @@ TEST_F(PanelWaitTest, TheTestCardFollowsPluggedPanels) {
   plug_other();
   at(seconds(10), [this] { unplug_panel(); });
   at(seconds(12), [this] { plug_other("THIRD", {321, 201}); });
-  look_at_glass(seconds(11) + milliseconds(900));
-  look_at_glass(seconds(19));
+  record_displayed(seconds(11) + milliseconds(900));
+  record_displayed(seconds(19));
   std::vector<uint32_t> expected;
   at(seconds(18), [&] { expected = expected_card({321, 201}); });
   at(seconds(20), [this] { plug_own(); });
   show = make().open();
-  ASSERT_EQ(glass.size(), 2u);
-  EXPECT_TRUE(glass[0].empty());
-  EXPECT_EQ(glass[1], expected);
+  ASSERT_EQ(displayed.size(), 2u);
+  EXPECT_TRUE(displayed[0].empty());
+  EXPECT_EQ(displayed[1], expected);
 }
 
 TEST_F(PanelWaitTest, TheTestCardIsRedrawnForAnotherPanelOfTheSameSize) {
@@ -221,10 +221,10 @@ TEST_F(PanelWaitTest, TheTestCardIsRedrawnForAnotherPanelOfTheSameSize) {
   std::vector<uint32_t> expected;
   at(seconds(10), [this] { plug_other("THIRD"); });
   at(seconds(12), [&] { expected = expected_card(kOther); });
-  look_at_glass(seconds(15));
+  record_displayed(seconds(15));
   at(seconds(20), [this] { plug_own(); });
   show = make().open();
-  EXPECT_EQ(glass.at(0), expected);
+  EXPECT_EQ(displayed.at(0), expected);
 }
 
 TEST_F(PanelWaitTest, TheTestCardGetsAModesetForAPanelWithOtherTimings) {
@@ -237,11 +237,11 @@ TEST_F(PanelWaitTest, TheTestCardGetsAModesetForAPanelWithOtherTimings) {
   int modesets = 0;
   at(seconds(9), [&] { modesets = card.modesets; });
   at(seconds(12), [&] { expected = expected_card(kOther); });
-  look_at_glass(seconds(15));
+  record_displayed(seconds(15));
   at(seconds(16), [&] { modesets = card.modesets - modesets; });
   at(seconds(20), [this] { plug_own(); });
   show = make().open();
-  EXPECT_EQ(glass.at(0), expected);
+  EXPECT_EQ(displayed.at(0), expected);
   EXPECT_GE(modesets, 1);
 }
 
@@ -260,11 +260,11 @@ TEST_F(PanelWaitTest, AStaticTestCardProbesThePanelRarely) {
 TEST_F(PanelWaitTest, APanelWithoutTheRigsModeShowsThatOnATestCard) {
   connector->modes = {testing::make_mode(kOther.width, kOther.height, 60)};
   options.output.identity = {};
-  look_at_glass(seconds(6));
+  record_displayed(seconds(6));
   at(seconds(10), [this] { plug_own(); });
   const auto expected = expected_card(kOther);
   show = make().open();
-  EXPECT_EQ(glass.at(0), expected);
+  EXPECT_EQ(displayed.at(0), expected);
   flip(1);
 }
 
@@ -294,7 +294,7 @@ TEST_F(PanelWaitTest, AServiceReleasesDescriptorsThatWouldStayMaster) {
   connector->connected = false;
   at(seconds(3), [this] { connector->connected = true; });
   show = make().open();
-  EXPECT_GE(let_go, 1);
+  EXPECT_GE(release_stored, 1);
 }
 
 class PanelReturn : public PanelWaitTest {
@@ -319,7 +319,7 @@ TEST_F(PanelReturn, AGraphicsCardThatReturnsIsUsedAgain) {
   EXPECT_EQ(lose_and_reconnect(wait), ReconnectResult::Reconnected);
   EXPECT_GE(rounds, 39);
   flip(2);
-  expect_on_glass(2);
+  expect_displayed(2);
 }
 
 TEST_F(PanelReturn, AnotherPanelShowsATestCardAndTheRightOneContinues) {
@@ -333,14 +333,14 @@ TEST_F(PanelReturn, AnotherPanelShowsATestCardAndTheRightOneContinues) {
   EXPECT_EQ(wait.refusal(), std::nullopt);
   ASSERT_EQ(this->wait().kind, testing::EventKind::Lost);
   const auto expected = expected_card(kOther);
-  look_at_glass(seconds(5));
+  record_displayed(seconds(5));
   at(seconds(10), [this] { unplug_panel(); });
   at(seconds(12), [this] { plug_own(); });
   EXPECT_EQ(lose_and_reconnect(wait), ReconnectResult::Reconnected);
-  EXPECT_EQ(glass.at(0), expected) << "never 3-D that was made for another panel";
+  EXPECT_EQ(displayed.at(0), expected) << "never 3-D that was made for another panel";
   EXPECT_TRUE(card_shown || rounds > 0);
   flip(2);
-  expect_on_glass(2);
+  expect_displayed(2);
 }
 
 TEST_F(PanelReturn, IsGivenUpAfterItsTimeout) {

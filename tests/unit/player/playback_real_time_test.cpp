@@ -34,7 +34,7 @@ TEST(PlaybackInRealTime, ShowsEveryFrameOfEveryLoopWholeAndInOrder) {
   EXPECT_EQ(result.outcome, PlayOutcome::Finished);
   EXPECT_EQ(result.report.pace.shown, 10 * kFrames);
   EXPECT_EQ(result.report.pace.dropped, 0u);
-  EXPECT_EQ(source.lent(), 0u);
+  EXPECT_EQ(source.acquired(), 0u);
   const auto shown = recorder->shown();
   EXPECT_EQ(shown.size() + recorder->skipped(), 10 * kFrames);
   for (size_t i = 0; i < shown.size(); ++i) {
@@ -49,15 +49,15 @@ TEST(PlaybackInRealTime, StopsOnRequest) {
   const auto display = fast_display(nullptr);
   test::FakeSource source({.geometry = kSmall, .frames = kFrames});
   WakeFd stop;
-  std::thread teller([&stop] {
+  std::thread stopper([&stop] {
     std::this_thread::sleep_for(milliseconds(50));
     stop.signal();
   });
   const PlayResult result =
       play(*display, source, {.loops = kForever, .stop_fd = stop.fd(), .source_name = "fake"});
-  teller.join();
+  stopper.join();
   EXPECT_EQ(result.outcome, PlayOutcome::Stopped);
-  EXPECT_EQ(source.lent(), 0u);
+  EXPECT_EQ(source.acquired(), 0u);
 }
 
 TEST(PlaybackInRealTime, StopsWhileItWaitsForTheFirstFrame) {

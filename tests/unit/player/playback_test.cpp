@@ -18,9 +18,9 @@ namespace {
 using display::EventFate;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
+using test::DisplayedFrame;
 using test::FakeSource;
 using test::FakeSourceScript;
-using test::Glass;
 
 constexpr frames::FrameGeometry kSmall{.width = 16, .height = 8};
 
@@ -41,7 +41,7 @@ class Playback : public testing::Test {
                                                         .faults = faults,
                                                         .recorder = recorder});
     PlayResult result = play(*display, source, options);
-    EXPECT_EQ(source.lent(), 0u) << "frames were not given back";
+    EXPECT_EQ(source.acquired(), 0u) << "frames were not given back";
     const PaceCounts& pace = result.report.pace;
     EXPECT_EQ(pace.vblanks, pace.shown + pace.repeated_planned + pace.repeated_underrun +
                                 pace.missed + pace.held);
@@ -57,12 +57,12 @@ class Playback : public testing::Test {
 
   [[nodiscard]] std::vector<uint64_t> shown_ids() const {
     std::vector<uint64_t> ids;
-    for (const Glass& glass : recorder->shown()) ids.push_back(glass.id);
+    for (const DisplayedFrame& displayed : recorder->shown()) ids.push_back(displayed.id);
     return ids;
   }
   [[nodiscard]] std::vector<uint64_t> shown_vblanks() const {
     std::vector<uint64_t> vblanks;
-    for (const Glass& glass : recorder->shown()) vblanks.push_back(glass.sequence);
+    for (const DisplayedFrame& displayed : recorder->shown()) vblanks.push_back(displayed.sequence);
     return vblanks;
   }
 };
@@ -77,8 +77,9 @@ TEST_F(Playback, ShowsEveryFrameUnchangedAndInOrder) {
   const PlayResult result = play_script();
   EXPECT_EQ(result.outcome, PlayOutcome::Finished);
   EXPECT_EQ(shown_ids(), count_to(10));
-  for (const Glass& glass : recorder->shown())
-    EXPECT_EQ(glass.checksum, test::checksum_of(test::numbered_frame(kSmall, glass.id).view()));
+  for (const DisplayedFrame& displayed : recorder->shown())
+    EXPECT_EQ(displayed.checksum,
+              test::checksum_of(test::numbered_frame(kSmall, displayed.id).view()));
 }
 
 TEST_F(Playback, ShowsFilmInItsCadenceAndTheLastFrameInFull) {
@@ -105,13 +106,13 @@ TEST_F(Playback, LoopsWithoutAGapTenThousandTimes) {
   EXPECT_EQ(result.report.loops, 10'000u);
   EXPECT_EQ(result.report.pace.underruns, 0u);
   EXPECT_EQ(result.report.pace.missed, 0u);
-  const std::vector<Glass> shown = recorder->shown();
+  const std::vector<DisplayedFrame> shown = recorder->shown();
   ASSERT_EQ(shown.size(), 30'000u);
   const uint64_t checksums[3] = {test::checksum_of(test::numbered_frame(kSmall, 0).view()),
                                  test::checksum_of(test::numbered_frame(kSmall, 1).view()),
                                  test::checksum_of(test::numbered_frame(kSmall, 2).view())};
   for (uint64_t k = 0; k < shown.size(); ++k)
-    ASSERT_EQ(shown[k], (Glass{1 + k * 5 / 2, k, checksums[k % 3]}));
+    ASSERT_EQ(shown[k], (DisplayedFrame{1 + k * 5 / 2, k, checksums[k % 3]}));
 }
 
 TEST_F(Playback, SlipShowsEveryFrameAfterAnUnderrun) {
@@ -132,7 +133,8 @@ TEST_F(Playback, DropReturnsToTheScheduleAfterAnUnderrun) {
   EXPECT_EQ(result.report.pace.dropped, 4u);
   EXPECT_EQ(result.report.pace.shown, 16u);
   EXPECT_EQ(result.report.pace.vblanks, 20u);
-  for (const Glass& glass : recorder->shown()) EXPECT_EQ(glass.sequence, glass.id + 1);
+  for (const DisplayedFrame& displayed : recorder->shown())
+    EXPECT_EQ(displayed.sequence, displayed.id + 1);
 }
 
 TEST_F(Playback, HoldWaitsUntilTheSourceIsPrimedAgain) {
@@ -247,9 +249,9 @@ TEST_F(Playback, StartsWithAvailableFramesIfPrimingTakesTooLong) {
     frames::FrameGeometry geometry() const override { return inner_.geometry(); }
     std::optional<frames::Rate> rate() const override { return inner_.rate(); }
     std::optional<uint64_t> frame_count() const override { return inner_.frame_count(); }
-    frames::PullStatus pull(frames::LentFrame& out) override { return inner_.pull(out); }
+    frames::PullStatus pull(frames::AcquiredFrame& out) override { return inner_.pull(out); }
     void release(uint64_t token) override { inner_.release(token); }
-    int max_lent() const override { return inner_.max_lent(); }
+    int max_acquired() const override { return inner_.max_acquired(); }
     uint64_t ready_count() const override { return 0; }
     bool saturated() const override { return false; }
     bool rewind() override { return inner_.rewind(); }

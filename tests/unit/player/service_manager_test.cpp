@@ -20,14 +20,14 @@
 #include <vector>
 
 #include "display/kms/scanout/takeover_state.h"
-#include "player/session/heartbeat.h"
-#include "player/session/kept_output.h"
 #include "player/session/play_service.h"
+#include "player/session/stored_output.h"
+#include "player/session/watchdog.h"
 
 namespace lenticule::player {
 namespace {
 
-constexpr int kPatienceMs = 5000;
+constexpr int kTimeoutMs = 5000;
 
 struct Message {
   std::string text;
@@ -62,7 +62,7 @@ class ListeningManager {
 
   Message next() {
     pollfd entry{.fd = socket_.get(), .events = POLLIN, .revents = 0};
-    if (poll(&entry, 1, kPatienceMs) <= 0) return {.text = "nothing came", .fd = {}};
+    if (poll(&entry, 1, kTimeoutMs) <= 0) return {.text = "nothing came", .fd = {}};
     std::array<char, 4096> text{};
     alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(int))> control{};
     iovec part{.iov_base = text.data(), .iov_len = text.size()};
@@ -149,7 +149,7 @@ TEST(ServiceManager, ReplacesAStoredDescriptorOfTheSameName) {
   EXPECT_TRUE(same_file(kept.fd.get(), file.get()));
 }
 
-TEST(KeptDescriptors, AreReturnedOnceWithTheirNames) {
+TEST(StoredDescriptors, AreReturnedOnceWithTheirNames) {
   const UniqueFd file = memory_file({7});
   const pid_t child = fork();
   if (child == 0) {  // systemd passes descriptors from number 3 on
@@ -158,19 +158,19 @@ TEST(KeptDescriptors, AreReturnedOnceWithTheirNames) {
     setenv("LISTEN_PID", std::to_string(getpid()).c_str(), 1);
     setenv("LISTEN_FDS", "2", 1);
     setenv("LISTEN_FDNAMES", "card:state", 1);
-    const auto kept = take_kept_descriptors();
+    const auto kept = take_stored_descriptors();
     const bool right = kept.size() == 2 && kept[0].name == "card" && kept[1].name == "state" &&
                        kept[0].fd.get() == 3 && kept[1].fd.get() == 4 &&
                        (fcntl(3, F_GETFD) & FD_CLOEXEC) != 0;
-    _exit(placed && right && take_kept_descriptors().empty() ? 0 : 1);
+    _exit(placed && right && take_stored_descriptors().empty() ? 0 : 1);
   }
   int status = -1;
   ASSERT_EQ(waitpid(child, &status, 0), child);
   EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
 }
 
-TEST(KeptDescriptors, AreNoneWithoutAService) {
-  EXPECT_TRUE(take_kept_descriptors().empty());
+TEST(StoredDescriptors, AreNoneWithoutAService) {
+  EXPECT_TRUE(take_stored_descriptors().empty());
 }
 
 display::TakeoverState plausible_state() {
@@ -188,67 +188,68 @@ display::TakeoverState plausible_state() {
   return state;
 }
 
-std::vector<KeptDescriptor> kept(const std::vector<uint8_t>& state) {
-  std::vector<KeptDescriptor> descriptors;
+std::vector<StoredDescriptor> kept(const std::vector<uint8_t>& state) {
+  std::vector<StoredDescriptor> descriptors;
   descriptors.push_back({"lenticule-card", memory_file({0})});
   descriptors.push_back({"lenticule-output", memory_file(state)});
   descriptors.push_back({"stored by somebody", memory_file({0})});
   return descriptors;
 }
 
-TEST(KeptOutput, IsTheStoredState) {
+TEST(StoredOutput, IsTheStoredState) {
   const display::TakeoverState state = plausible_state();
   const auto bytes = display::bytes_of(state);
-  const auto output = kept_output(kept({bytes.begin(), bytes.end()}));
+  const auto output = stored_output(kept({bytes.begin(), bytes.end()}));
   ASSERT_NE(output, nullptr);
   EXPECT_EQ(output->state, state);
   EXPECT_TRUE(output->card);
 }
 
-TEST(KeptOutput, IsEmptyIfAnythingIsInconsistent) {
-  EXPECT_EQ(kept_output({}), nullptr);
-  EXPECT_EQ(kept_output(kept({})), nullptr);
+TEST(StoredOutput, IsEmptyIfAnythingIsInconsistent) {
+  EXPECT_EQ(stored_output({}), nullptr);
+  EXPECT_EQ(stored_output(kept({})), nullptr);
   const display::TakeoverState state = plausible_state();
   const auto bytes = display::bytes_of(state);
   std::vector<uint8_t> changed(bytes.begin(), bytes.end());
   changed.pop_back();
-  EXPECT_EQ(kept_output(kept(changed)), nullptr) << "too short";
+  EXPECT_EQ(stored_output(kept(changed)), nullptr) << "too short";
   changed.assign(bytes.begin(), bytes.end());
   changed.push_back(0);
-  EXPECT_EQ(kept_output(kept(changed)), nullptr) << "too long";
+  EXPECT_EQ(stored_output(kept(changed)), nullptr) << "too long";
   changed.assign(bytes.begin(), bytes.end());
   changed.front() ^= 1;
-  EXPECT_EQ(kept_output(kept(changed)), nullptr) << "not a state";
+  EXPECT_EQ(stored_output(kept(changed)), nullptr) << "not a state";
 }
 
-TEST(Heartbeat, BeatsWhileFramesAreDisplayed) {
-  Heartbeat heartbeat;
-  EXPECT_TRUE(heartbeat.beats({.flips = 10, .vblanks = 10}));
-  EXPECT_TRUE(heartbeat.beats({.flips = 20, .vblanks = 20, .failures = 3}));
+TEST(Watchdog, PingsWhileFramesAreDisplayed) {
+  Watchdog watchdog;
+  EXPECT_TRUE(watchdog.should_ping({.flips = 10, .vblanks = 10}));
+  EXPECT_TRUE(watchdog.should_ping({.flips = 20, .vblanks = 20, .failures = 3}));
 }
 
-TEST(Heartbeat, BeatsWhileNoFrameIsDue) {
-  Heartbeat heartbeat;
-  EXPECT_TRUE(heartbeat.beats({.flips = 10, .vblanks = 10}));
-  EXPECT_TRUE(heartbeat.beats({.flips = 10, .vblanks = 300}));
+TEST(Watchdog, PingsWhileNoFrameIsDue) {
+  Watchdog watchdog;
+  EXPECT_TRUE(watchdog.should_ping({.flips = 10, .vblanks = 10}));
+  EXPECT_TRUE(watchdog.should_ping({.flips = 10, .vblanks = 300}));
 }
 
-TEST(Heartbeat, StopsWithTheDisplaysClock) {
-  Heartbeat heartbeat;
-  EXPECT_TRUE(heartbeat.beats({.flips = 10, .vblanks = 10}));
-  EXPECT_FALSE(heartbeat.beats({.flips = 10, .vblanks = 10}));
+TEST(Watchdog, StopsWithTheDisplaysClock) {
+  Watchdog watchdog;
+  EXPECT_TRUE(watchdog.should_ping({.flips = 10, .vblanks = 10}));
+  EXPECT_FALSE(watchdog.should_ping({.flips = 10, .vblanks = 10}));
 }
 
-TEST(Heartbeat, StopsWhenEveryFlipFails) {
-  Heartbeat heartbeat;
-  EXPECT_TRUE(heartbeat.beats({.flips = 10, .vblanks = 10}));
-  EXPECT_FALSE(heartbeat.beats({.flips = 10, .vblanks = 300, .failures = 4}));
+TEST(Watchdog, StopsWhenEveryFlipFails) {
+  Watchdog watchdog;
+  EXPECT_TRUE(watchdog.should_ping({.flips = 10, .vblanks = 10}));
+  EXPECT_FALSE(watchdog.should_ping({.flips = 10, .vblanks = 300, .failures = 4}));
 }
 
-TEST(Heartbeat, BeatsWhileThePanelIsAway) {
-  Heartbeat heartbeat;
-  EXPECT_TRUE(heartbeat.beats({.flips = 10, .vblanks = 10}));
-  EXPECT_TRUE(heartbeat.beats({.flips = 10, .vblanks = 10, .failures = 4, .panel_away = true}));
+TEST(Watchdog, PingsWhileThePanelIsAway) {
+  Watchdog watchdog;
+  EXPECT_TRUE(watchdog.should_ping({.flips = 10, .vblanks = 10}));
+  EXPECT_TRUE(
+      watchdog.should_ping({.flips = 10, .vblanks = 10, .failures = 4, .panel_away = true}));
 }
 
 TEST(PlayService, IsReadyWithTheFirstPicture) {
@@ -276,13 +277,13 @@ TEST(PlayService, StatusNamesVerdictAndPanel) {
   EXPECT_NE(text.find("panel disconnected"), std::string::npos) << text;
 }
 
-TEST(PlayService, CountsTheCardsFailuresForTheHeartbeat) {
+TEST(PlayService, CountsTheCardsFailuresForTheWatchdog) {
   PlayReport report;
   report.pace.shown = 5;
   const display::KmsStatistics kms{.flips = 4, .busy = 1, .refused = 2, .flip_timeouts = 3};
-  EXPECT_EQ(pulse_of(report, nullptr).flips, 5U);
-  EXPECT_EQ(pulse_of(report, &kms).flips, 4U);
-  EXPECT_EQ(pulse_of(report, &kms).failures, 6U);
+  EXPECT_EQ(progress_sample(report, nullptr).flips, 5U);
+  EXPECT_EQ(progress_sample(report, &kms).flips, 4U);
+  EXPECT_EQ(progress_sample(report, &kms).failures, 6U);
 }
 
 }  // namespace

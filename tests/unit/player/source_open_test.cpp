@@ -54,19 +54,19 @@ TEST_F(SourceOpen, BeginsAtALaterFrameAndLoopsFromTheFirst) {
     const OpenedSource opened = open_source(
         {.spec = parse_source(pattern()), .panel = kSmall, .slots = slots, .first_frame = 3});
     std::vector<uint64_t> numbers;
-    frames::LentFrame lent;
+    frames::AcquiredFrame acquired;
     for (int rounds = 0; rounds < 2;) {
-      const frames::PullStatus status = opened.source->pull(lent);
+      const frames::PullStatus status = opened.source->pull(acquired);
       ASSERT_NE(status, frames::PullStatus::Failed);
       if (status == frames::PullStatus::End) {
         ++rounds;
         ASSERT_TRUE(opened.source->rewind());
       }
       if (status != frames::PullStatus::Ready) continue;
-      numbers.push_back(lent.number);
-      EXPECT_EQ(test::checksum_of(lent.frame),
-                test::checksum_of(test::numbered_frame(kSmall, 3 + lent.number).view()));
-      opened.source->release(lent.token);
+      numbers.push_back(acquired.number);
+      EXPECT_EQ(test::checksum_of(acquired.frame),
+                test::checksum_of(test::numbered_frame(kSmall, 3 + acquired.number).view()));
+      opened.source->release(acquired.token);
     }
     EXPECT_THAT(numbers, testing::ElementsAre(3, 4, 0, 1, 2, 3, 4)) << slots << " slots";
   }
@@ -85,11 +85,11 @@ TEST_F(SourceOpen, OpensATestCardOfThePanelsSizeThatNeverEnds) {
   const frames::WovenFrame expected =
       display::draw_test_card({64, 48}, {.headline = "HI", .rows = {}});
   for (int loop = 0; loop < 3; ++loop) {
-    frames::LentFrame lent;
-    ASSERT_EQ(source.pull(lent), frames::PullStatus::Ready);
-    EXPECT_TRUE(std::equal(lent.frame.bytes.begin(), lent.frame.bytes.end(),
+    frames::AcquiredFrame acquired;
+    ASSERT_EQ(source.pull(acquired), frames::PullStatus::Ready);
+    EXPECT_TRUE(std::equal(acquired.frame.bytes.begin(), acquired.frame.bytes.end(),
                            expected.bytes().begin(), expected.bytes().end()));
-    EXPECT_EQ(source.pull(lent), frames::PullStatus::End);
+    EXPECT_EQ(source.pull(acquired), frames::PullStatus::End);
     EXPECT_TRUE(source.rewind());
     EXPECT_FALSE(source.rewind()) << "at the start";
   }

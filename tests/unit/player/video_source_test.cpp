@@ -62,10 +62,10 @@ TEST_F(VideoPlays, ARangeOfFrames) {
   wanted.frames = FrameRange{3, 7};
   const auto source = open_video(wanted);
   for (uint64_t k = 0; k < 4; ++k) {
-    frames::LentFrame lent;
-    ASSERT_EQ(pull(*source, lent), PullStatus::Ready);
-    EXPECT_TRUE(std::ranges::equal(lent.frame.bytes, clip_frame(k + 3).bytes()));
-    source->release(lent.token);
+    frames::AcquiredFrame acquired;
+    ASSERT_EQ(pull(*source, acquired), PullStatus::Ready);
+    EXPECT_TRUE(std::ranges::equal(acquired.frame.bytes, clip_frame(k + 3).bytes()));
+    source->release(acquired.token);
   }
   expect_status(*source, PullStatus::End);
 }
@@ -96,7 +96,7 @@ TEST_F(VideoPlays, ContinuesAfterADecoderWasKilledOrStopped) {
   const auto clip = write_clip("clip.mkv", 40);
   for (const int signal : {SIGKILL, SIGSTOP, SIGSEGV}) {
     VideoRequest wanted = request(clip);
-    if (signal == SIGSTOP) wanted.patience = 1000ms;
+    if (signal == SIGSTOP) wanted.timeout = 1000ms;
     const auto source = open_video(wanted);
     for (uint64_t k = 0; k < 40; ++k) {
       if (k == 5 || k == 21) strike(*source, signal);
@@ -132,13 +132,13 @@ TEST_F(VideoPlays, GivesUpAfterTheFourthDeathWithinAMinute) {
   VideoRequest wanted = request(write_clip("clip.mkv", 3));
   wanted.plays_again = true;
   const auto source = open_video(wanted);
-  frames::LentFrame lent;
+  frames::AcquiredFrame acquired;
   PullStatus status = PullStatus::NotYet;
   for (int frame = 0; frame < 100000 && status != PullStatus::Failed; ++frame) {
     if (source->statistics().decoder > 0 && frame % 4 == 0)
       ::kill(static_cast<pid_t>(source->statistics().decoder), SIGKILL);
-    status = pull(*source, lent);
-    if (status == PullStatus::Ready) source->release(lent.token);
+    status = pull(*source, acquired);
+    if (status == PullStatus::Ready) source->release(acquired.token);
     if (status == PullStatus::End) {
       ASSERT_TRUE(source->rewind());
     }
@@ -193,9 +193,9 @@ TEST_F(VideoPlays, DamagedFilesEndOrFailAndNeverHang) {
       const auto source = open_video(request(file("damaged.mkv")));
       PullStatus status = PullStatus::Ready;
       for (int frame = 0; frame < 1000 && status == PullStatus::Ready; ++frame) {
-        frames::LentFrame lent;
-        status = pull(*source, lent);
-        if (status == PullStatus::Ready) source->release(lent.token);
+        frames::AcquiredFrame acquired;
+        status = pull(*source, acquired);
+        if (status == PullStatus::Ready) source->release(acquired.token);
       }
       EXPECT_TRUE(status == PullStatus::End || status == PullStatus::Failed) << "place " << place;
     } catch (const Error& error) {
@@ -220,12 +220,12 @@ TEST_F(VideoPlays, ADamagedFrameIsLeftOutAndCounted) {
                static_cast<std::streamsize>(bytes.size()));
     const auto source = open_video(request(file("damaged.mkv")));
     uint64_t next = 0, shown = 0;
-    frames::LentFrame lent;
-    for (; pull(*source, lent) == PullStatus::Ready; ++shown) {
-      while (next < kFrames && !std::ranges::equal(lent.frame.bytes, clip_frame(next).bytes()))
+    frames::AcquiredFrame acquired;
+    for (; pull(*source, acquired) == PullStatus::Ready; ++shown) {
+      while (next < kFrames && !std::ranges::equal(acquired.frame.bytes, clip_frame(next).bytes()))
         ++next;
       EXPECT_LT(next++, kFrames) << "frame " << shown << " is none of the clip, place " << place;
-      source->release(lent.token);
+      source->release(acquired.token);
     }
     const frames::FrameDamage damage = source->damage();
     EXPECT_EQ(damage.damaged + damage.missing, kFrames - shown) << "place " << place;
@@ -265,11 +265,11 @@ class VideoResumes : public VideoPlays {
                                            "--position", "100", "--known-frame", "20",
                                            "--known-time=" + time, clip.string()});
     for (uint64_t k = from; k < 40; ++k) {
-      frames::LentFrame lent;
-      ASSERT_EQ(pull(*ring, lent), PullStatus::Ready);
-      EXPECT_EQ(frames::position_of(lent.number), 100 + k - from);
-      EXPECT_TRUE(std::ranges::equal(lent.frame.bytes, clip_frame(k).bytes())) << k;
-      ring->release(lent.token);
+      frames::AcquiredFrame acquired;
+      ASSERT_EQ(pull(*ring, acquired), PullStatus::Ready);
+      EXPECT_EQ(frames::position_of(acquired.number), 100 + k - from);
+      EXPECT_TRUE(std::ranges::equal(acquired.frame.bytes, clip_frame(k).bytes())) << k;
+      ring->release(acquired.token);
     }
     expect_status(*ring, PullStatus::End);
   }
@@ -296,12 +296,12 @@ class FakeVideo : public VideoPlays {
   }
 
   static PullStatus pull_number(VideoSource& source, uint64_t number) {
-    frames::LentFrame lent;
-    const PullStatus status = pull(source, lent);
+    frames::AcquiredFrame acquired;
+    const PullStatus status = pull(source, acquired);
     if (status != PullStatus::Ready) return status;
-    EXPECT_EQ(lent.number, number);
-    EXPECT_EQ(lent.frame.bytes[0], number & 0xff);
-    source.release(lent.token);
+    EXPECT_EQ(acquired.number, number);
+    EXPECT_EQ(acquired.frame.bytes[0], number & 0xff);
+    source.release(acquired.token);
     return status;
   }
 };

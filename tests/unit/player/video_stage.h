@@ -86,7 +86,7 @@ class VideoTest : public testing::Test {
 
   /// Returns the next status other than NotYet; NotYet after the deadline.
   [[nodiscard]] static frames::PullStatus pull(frames::FrameSource& source,
-                                               frames::LentFrame& out) {
+                                               frames::AcquiredFrame& out) {
     const auto deadline = std::chrono::steady_clock::now() + kVideoDeadline;
     frames::PullStatus status = source.pull(out);
     while (status == frames::PullStatus::NotYet && std::chrono::steady_clock::now() < deadline) {
@@ -99,24 +99,24 @@ class VideoTest : public testing::Test {
   }
 
   static void expect_frame(frames::FrameSource& source, uint64_t k) {
-    frames::LentFrame lent;
-    ASSERT_EQ(pull(source, lent), frames::PullStatus::Ready) << k << ": " << source.failure();
-    EXPECT_EQ(lent.number, k);
-    EXPECT_TRUE(std::ranges::equal(lent.frame.bytes, clip_frame(k).bytes())) << "frame " << k;
-    source.release(lent.token);
+    frames::AcquiredFrame acquired;
+    ASSERT_EQ(pull(source, acquired), frames::PullStatus::Ready) << k << ": " << source.failure();
+    EXPECT_EQ(acquired.number, k);
+    EXPECT_TRUE(std::ranges::equal(acquired.frame.bytes, clip_frame(k).bytes())) << "frame " << k;
+    source.release(acquired.token);
   }
 
   static void expect_status(frames::FrameSource& source, frames::PullStatus status) {
-    frames::LentFrame lent;
-    EXPECT_EQ(pull(source, lent), status) << source.failure();
+    frames::AcquiredFrame acquired;
+    EXPECT_EQ(pull(source, acquired), status) << source.failure();
   }
 
   /// Returns the first frame of a clip.
   [[nodiscard]] static std::vector<uint8_t> first_frame(const player::VideoRequest& wanted) {
     const auto source = player::open_video(wanted);
-    frames::LentFrame lent;
-    EXPECT_EQ(pull(*source, lent), frames::PullStatus::Ready) << source->failure();
-    return {lent.frame.bytes.begin(), lent.frame.bytes.end()};
+    frames::AcquiredFrame acquired;
+    EXPECT_EQ(pull(*source, acquired), frames::PullStatus::Ready) << source->failure();
+    return {acquired.frame.bytes.begin(), acquired.frame.bytes.end()};
   }
 };
 

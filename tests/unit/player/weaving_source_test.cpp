@@ -25,7 +25,7 @@ namespace lenticule::player {
 namespace {
 
 namespace fs = std::filesystem;
-using frames::LentFrame;
+using frames::AcquiredFrame;
 using frames::PullStatus;
 using frames::WovenFrame;
 
@@ -81,7 +81,7 @@ class WeavingSourceTest : public testing::Test {
 };
 
 /// Pulls with a limit: a source that never answers fails the test.
-PullStatus pull_soon(WeavingSource& source, LentFrame& out) {
+PullStatus pull_soon(WeavingSource& source, AcquiredFrame& out) {
   for (int n = 0; n < 2000; ++n) {
     const PullStatus status = source.pull(out);
     if (status != PullStatus::NotYet) return status;
@@ -99,19 +99,19 @@ bool soon(const std::function<bool()>& true_at_last) {
   return false;
 }
 
-WovenFrame copy_of(const LentFrame& lent) {
-  WovenFrame frame(lent.frame.geometry);
-  std::copy(lent.frame.bytes.begin(), lent.frame.bytes.end(), frame.bytes().begin());
+WovenFrame copy_of(const AcquiredFrame& acquired) {
+  WovenFrame frame(acquired.frame.geometry);
+  std::copy(acquired.frame.bytes.begin(), acquired.frame.bytes.end(), frame.bytes().begin());
   return frame;
 }
 
 /// Returns the still frame and expects the source to end after it.
 WovenFrame look(WeavingSource& source) {
-  LentFrame lent;
-  EXPECT_EQ(pull_soon(source, lent), PullStatus::Ready);
-  const WovenFrame frame = copy_of(lent);
-  source.release(lent.token);
-  EXPECT_EQ(source.pull(lent), PullStatus::End);
+  AcquiredFrame acquired;
+  EXPECT_EQ(pull_soon(source, acquired), PullStatus::Ready);
+  const WovenFrame frame = copy_of(acquired);
+  source.release(acquired.token);
+  EXPECT_EQ(source.pull(acquired), PullStatus::End);
   EXPECT_TRUE(source.rewind());
   return frame;
 }
@@ -121,13 +121,13 @@ TEST_F(WeavingSourceTest, PlaysASequenceInOrderInEveryLoop) {
   EXPECT_EQ(source.frame_count(), 5U);
   for (int loop = 0; loop < 3; ++loop) {
     for (uint32_t n = 0; n < 5; ++n) {
-      LentFrame lent;
-      ASSERT_EQ(pull_soon(source, lent), PullStatus::Ready);
-      EXPECT_EQ(lent.number, n);
-      EXPECT_EQ(copy_of(lent), expected(noise_quilt(n))) << "loop " << loop << " frame " << n;
-      source.release(lent.token);
+      AcquiredFrame acquired;
+      ASSERT_EQ(pull_soon(source, acquired), PullStatus::Ready);
+      EXPECT_EQ(acquired.number, n);
+      EXPECT_EQ(copy_of(acquired), expected(noise_quilt(n))) << "loop " << loop << " frame " << n;
+      source.release(acquired.token);
     }
-    LentFrame none;
+    AcquiredFrame none;
     EXPECT_EQ(pull_soon(source, none), PullStatus::End);
     ASSERT_TRUE(source.rewind());
   }
@@ -138,13 +138,13 @@ TEST_F(WeavingSourceTest, WithoutLoopingEachRoundNeedsARewind) {
   once.plays_again = false;
   WeavingSource source(quilts(write_quilts(2)), once);
   for (int round = 0; round < 3; ++round) {
-    LentFrame lent;
+    AcquiredFrame acquired;
     for (uint32_t n = 0; n < 2; ++n) {
-      ASSERT_EQ(pull_soon(source, lent), PullStatus::Ready);
-      EXPECT_EQ(copy_of(lent), expected(noise_quilt(n)));
-      source.release(lent.token);
+      ASSERT_EQ(pull_soon(source, acquired), PullStatus::Ready);
+      EXPECT_EQ(copy_of(acquired), expected(noise_quilt(n)));
+      source.release(acquired.token);
     }
-    EXPECT_EQ(pull_soon(source, lent), PullStatus::End);
+    EXPECT_EQ(pull_soon(source, acquired), PullStatus::End);
     EXPECT_TRUE(soon([&] { return source.saturated(); }));
     EXPECT_EQ(source.ready_count(), 0U);
     ASSERT_TRUE(source.rewind());
@@ -154,7 +154,7 @@ TEST_F(WeavingSourceTest, WithoutLoopingEachRoundNeedsARewind) {
 TEST_F(WeavingSourceTest, CompensatesCrosstalkOnRequest) {
   const WovenFrame quilt = noise_quilt(7);
   WeavingSourceOptions undone = options();
-  undone.loom.crosstalk = "12";
+  undone.pipeline.crosstalk = "12";
   WeavingSource source(still(quilt), undone);
   const frames::ViewSet views(quilt, kLayout);
   EXPECT_EQ(look(source),
@@ -168,7 +168,7 @@ TEST_F(WeavingSourceTest, WeavesAStillAgainWhenItsTrimChanges) {
   const WovenFrame before = expected(quilt);
   EXPECT_EQ(look(source), before);
 
-  LentFrame held;
+  AcquiredFrame held;
   ASSERT_EQ(source.pull(held), PullStatus::Ready);
   ASSERT_EQ(source.pull(held), PullStatus::End);
   ASSERT_TRUE(source.rewind());
@@ -196,19 +196,19 @@ TEST_F(WeavingSourceTest, LosesNoFrameWhileATrimChanges) {
   uint64_t shown = 0;
   bool changed = false;
   for (int n = 0; n < 4000 && !(changed && shown % 5 == 0); ++n) {
-    LentFrame lent;
-    const PullStatus status = pull_soon(source, lent);
+    AcquiredFrame acquired;
+    const PullStatus status = pull_soon(source, acquired);
     if (status == PullStatus::End) {
       ASSERT_TRUE(source.rewind());
       continue;
     }
     ASSERT_EQ(status, PullStatus::Ready);
-    ASSERT_EQ(lent.number, shown++ % 5);
-    if (lent.number == 0 && copy_of(lent) != before) {
-      EXPECT_EQ(copy_of(lent), expected(noise_quilt(0))) << "neither the old nor the new rig's";
+    ASSERT_EQ(acquired.number, shown++ % 5);
+    if (acquired.number == 0 && copy_of(acquired) != before) {
+      EXPECT_EQ(copy_of(acquired), expected(noise_quilt(0))) << "neither the old nor the new rig's";
       changed = true;
     }
-    source.release(lent.token);
+    source.release(acquired.token);
     if (shown == 3) optics::save_trim({Lenses(0.3), 0.0}, rig_file_);
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
@@ -219,12 +219,12 @@ TEST_F(WeavingSourceTest, ABrokenQuiltFailsWhenItsTurnComes) {
   const std::vector<fs::path> files = write_quilts(4);
   std::ofstream(files[2]) << "no picture";
   WeavingSource source(quilts(files), options());
-  LentFrame lent;
+  AcquiredFrame acquired;
   for (int n = 0; n < 2; ++n) {
-    ASSERT_EQ(pull_soon(source, lent), PullStatus::Ready);
-    source.release(lent.token);
+    ASSERT_EQ(pull_soon(source, acquired), PullStatus::Ready);
+    source.release(acquired.token);
   }
-  EXPECT_EQ(pull_soon(source, lent), PullStatus::Failed);
+  EXPECT_EQ(pull_soon(source, acquired), PullStatus::Failed);
   EXPECT_NE(source.failure().find("_02.png"), std::string::npos) << source.failure();
 }
 
@@ -234,10 +234,10 @@ TEST_F(WeavingSourceTest, IsOpenedForAQuiltsName) {
   const auto opened = open_source({.spec = parse_source(files[1].string()),
                                    .panel = {rig.panel.width_px, rig.panel.height_px},
                                    .rig_file = rig_file_.string()});
-  LentFrame lent;
-  ASSERT_EQ(opened.source->pull(lent), PullStatus::Ready);
-  EXPECT_EQ(copy_of(lent), expected(noise_quilt(1)));
-  opened.source->release(lent.token);
+  AcquiredFrame acquired;
+  ASSERT_EQ(opened.source->pull(acquired), PullStatus::Ready);
+  EXPECT_EQ(copy_of(acquired), expected(noise_quilt(1)));
+  opened.source->release(acquired.token);
   EXPECT_TRUE(is_woven_here({.spec = parse_source("views:a/%02d.png")}));
   EXPECT_FALSE(is_woven_here({.spec = parse_source("ring:/tmp/x_qs8x6a0.75")}));
   EXPECT_FALSE(is_woven_here({.spec = parse_source("out/%05d.png")}));

@@ -81,13 +81,13 @@ TEST(MethodFull, GivesTheSameBytesWithEveryInstructionSet) {
 TEST(MethodFull, GivesTheSameBytesWithoutSkippingEmptyShafts) {
   const optics::Rig rig = make_rig({.width = 300, .height = 140, .pixel_mm = 0.25});
   const optics::OpticalModel model(rig);
-  uint64_t proved_shadow = 0, proved_secondary = 0;
+  uint64_t culled_shadow = 0, culled_secondary = 0;
   for (const testing::NamedScene& named : testing::tiny_scenes()) {
     const Stage stage = make_tiny_stage();
     const Scene scene(named.scene, stage, {});
     frames::WovenFrame skipped = blank(rig), traced = blank(rig);
     const auto render = [&](bool skip, frames::WovenFrame& frame) {
-      return make_method("full", model, {.use_shaft_proofs = skip, .cancelled = {}})
+      return make_method("full", model, {.use_shaft_culling = skip, .cancelled = {}})
           ->render(scene, stage, frame);
     };
     const RenderStatistics with = render(true, skipped);
@@ -95,12 +95,12 @@ TEST(MethodFull, GivesTheSameBytesWithoutSkippingEmptyShafts) {
     EXPECT_EQ(skipped, traced) << named.name;
     EXPECT_EQ(with.shadow_rays, without.shadow_rays);
     EXPECT_EQ(with.secondary_rays, without.secondary_rays);
-    EXPECT_EQ(without.shadow_rays_proved + without.secondary_rays_proved, 0U);
-    proved_shadow += with.shadow_rays_proved;
-    proved_secondary += with.secondary_rays_proved;
+    EXPECT_EQ(without.shadow_rays_culled + without.secondary_rays_culled, 0U);
+    culled_shadow += with.shadow_rays_culled;
+    culled_secondary += with.secondary_rays_culled;
   }
-  EXPECT_GT(proved_shadow, 10000U);
-  EXPECT_GT(proved_secondary, 1000U);
+  EXPECT_GT(culled_shadow, 10000U);
+  EXPECT_GT(culled_secondary, 1000U);
 }
 
 /// Rays that cannot change a code value are skipped, and nothing else changes.

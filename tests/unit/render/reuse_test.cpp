@@ -104,7 +104,7 @@ Agreement compare_with_oracle(const SceneDescription& description, const optics:
         const optics::SubpixelRay ray = model.ray(i, tile.row_begin + lane, channel);
         const Column& column = columns[static_cast<size_t>(c)];
         EXPECT_EQ(column.lens[lane], ray.lens);
-        EXPECT_NEAR(column.glass_x[lane], ray.lens_x_mm, 1e-3);
+        EXPECT_NEAR(column.panel_x[lane], ray.lens_x_mm, 1e-3);
         EXPECT_NEAR(column.tan[lane], ray.tan_x, 1e-5);
         const testing::FoundPoint expected = testing::oracle_on_chords(
             model, tile.row_begin + lane, channel, points, i, static_cast<long>(ray.lens) - 1, {});

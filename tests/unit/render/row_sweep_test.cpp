@@ -22,7 +22,7 @@
 namespace lenticule::render {
 namespace {
 
-using testing::Judgement;
+using testing::Evaluation;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
@@ -77,12 +77,12 @@ void count_row(const optics::OpticalModel& model, const Scene& scene, int j, con
     const auto hits =
         testing::oracle_hits(scene, testing::oracle_ray(model, s / 3, j, s % 3), start);
     const testing::SeenSurface seen = surface_of(row, static_cast<size_t>(s));
-    const Judgement judgement = judge(hits, seen);
-    counts.right += judgement == Judgement::Right ? 1 : 0;
-    counts.close += judgement == Judgement::Close ? 1 : 0;
-    counts.wrong += judgement == Judgement::Wrong ? 1 : 0;
+    const Evaluation evaluation = evaluate(hits, seen);
+    counts.right += evaluation == Evaluation::Right ? 1 : 0;
+    counts.close += evaluation == Evaluation::Close ? 1 : 0;
+    counts.wrong += evaluation == Evaluation::Wrong ? 1 : 0;
     counts.seen += seen.nothing ? 0 : 1;
-    if (judgement == Judgement::Wrong)
+    if (evaluation == Evaluation::Wrong)
       ADD_FAILURE() << "row " << j << " subpixel " << s << ": sees "
                     << (seen.nothing ? "nothing" : std::to_string(seen.geometry)) << " "
                     << seen.primitive << " at z " << seen.z_mm << " of " << hits.size()
@@ -364,7 +364,7 @@ TEST(RowSweep, ARowAloneEqualsTheRowOfTheFrame) {
 }
 
 /// Returns small scattered objects for a panel several tiles wide.
-SceneDescription strewn_things(std::mt19937_64& random) {
+SceneDescription strewn_objects(std::mt19937_64& random) {
   std::uniform_real_distribution<double> any(-1.0, 1.0);
   SceneDescription scene;
   scene.source = "test";
@@ -439,9 +439,9 @@ TEST(RowSweep, SkipsRaysFarFromEveryObject) {
     const Interval eyes = reach.eyes.widened(5.0);
     LeftOut left_out;
     for (int round = 0; round < 12; ++round) {
-      SceneDescription things = strewn_things(random);
-      if (round == 0) things.meshes.clear(), things.spheres.clear();
-      const Scene scene(things, testing::make_tiny_stage({.mm_per_unit = 1.0}), {}, 1);
+      SceneDescription objects = strewn_objects(random);
+      if (round == 0) objects.meshes.clear(), objects.spheres.clear();
+      const Scene scene(objects, testing::make_tiny_stage({.mm_per_unit = 1.0}), {}, 1);
       const RowSweep sweep(planes, scene);
       RowSweep::Worker whole(sweep), partly(sweep);
       for (int row = 70; row < 90; ++row)

@@ -103,11 +103,11 @@ class SampleRays : public ::testing::TestWithParam<Isa> {
   }
 
   /// Places a sun in that direction, or an area light at that place.
-  static void place(shading_kernel::Light& lamp, bool sun, Vec3 middle) {
-    lamp.kind = sun ? shading_kernel::Light::kDirectional : shading_kernel::Light::kPoint;
+  static void place(shading_kernel::Light& area_light, bool sun, Vec3 middle) {
+    area_light.kind = sun ? shading_kernel::Light::kDirectional : shading_kernel::Light::kPoint;
     for (int k = 0; k < 3; ++k) {
-      lamp.position[k] = static_cast<float>(component(middle, k));
-      lamp.direction[k] = -lamp.position[k];
+      area_light.position[k] = static_cast<float>(component(middle, k));
+      area_light.direction[k] = -area_light.position[k];
     }
   }
 
@@ -165,19 +165,19 @@ TEST_P(SampleRays, ToAreaLightsAgreeWithTheReference) {
   std::mt19937_64 random(5);
   const sampling::SampleSet set =
       sampling::sample_set(seeds_, sampling::kFirstPath, sampling::use_of_light(2));
-  shading_kernel::Light lamp{};
-  lamp.colour[0] = 1.0F;
+  shading_kernel::Light area_light{};
+  area_light.colour[0] = 1.0F;
   int rays = 0;
   for (uint32_t i = 0; i < 500; ++i) {
     face_anywhere(random);
     const bool sun = i % 2 == 1;
     const Vec3 middle = any_direction(random) * (sun ? 1.0 : 90.0);
     const double radius = sun ? 0.3 : 25.0;
-    place(lamp, sun, middle);
+    place(area_light, sun, middle);
     Made made;
     clear(made);
-    kernel_.lamp_rays(lamp, static_cast<float>(radius), sampling::sample_of(set, i), surfaces_,
-                      weight_, made.rays);
+    kernel_.area_light_rays(area_light, static_cast<float>(radius), sampling::sample_of(set, i),
+                            surfaces_, weight_, made.rays);
     for (size_t r = 0; r < kPacket; ++r) {
       const Vec3 aside =
           testing::reference_turned(testing::reference_on_disc(point(r, 3, i)), normalized(middle));
@@ -232,8 +232,8 @@ OverDisc over_disc(const Reflection& reflection, Vec3 middle, double radius) {
 
 TEST_P(SampleRays, WholeAreaLightsEqualTheIntegralOverTheirDisc) {
   std::mt19937_64 random(8);
-  shading_kernel::Light lamp{};
-  lamp.colour[0] = 1.0F;
+  shading_kernel::Light area_light{};
+  area_light.colour[0] = 1.0F;
   alignas(64) std::array<float, kPacket> brings;
   int whole = 0, partly = 0, none = 0;
   for (int round = 0; round < 8; ++round) {
@@ -241,7 +241,7 @@ TEST_P(SampleRays, WholeAreaLightsEqualTheIntegralOverTheirDisc) {
     const bool sun = round % 2 == 1;
     const Vec3 middle = any_direction(random) * (sun ? 1.0 : 90.0);
     const double radius = sun ? 0.2 : 18.0;
-    place(lamp, sun, middle);
+    place(area_light, sun, middle);
     std::array<Reflection, kPacket> reflections;
     for (size_t r = 0; r < kPacket; ++r) {
       reflections[r] = {geometric_[r], smooth_[r], any_direction(random), r % 2 == 0 ? 0.5 : 0.0,
@@ -251,8 +251,8 @@ TEST_P(SampleRays, WholeAreaLightsEqualTheIntegralOverTheirDisc) {
       set(surfaces_.view, r, reflections[r].view);
     }
     surfaces_.active[3] = 0;
-    const shading_kernel::LampLanes lanes =
-        kernel_.whole_lamp(lamp, static_cast<float>(radius), surfaces_, weight_, brings.data());
+    const shading_kernel::AreaLightLanes lanes = kernel_.whole_area_light(
+        area_light, static_cast<float>(radius), surfaces_, weight_, brings.data());
     EXPECT_EQ(lanes.whole & lanes.partly, 0U);
     for (size_t r = 0; r < kPacket; ++r) {
       const bool is_whole = (lanes.whole >> r & 1) != 0, is_partly = (lanes.partly >> r & 1) != 0;
@@ -286,9 +286,9 @@ TEST_P(SampleRays, WholeAreaLightsEqualTheIntegralOverTheirDisc) {
 TEST_P(SampleRays, HaveTheSameBitsAsTheBaseline) {
   std::mt19937_64 random(9);
   const shading_kernel::Kernel& plain = shading_kernel_for(Isa::Baseline);
-  shading_kernel::Light lamp{};
-  lamp.position[1] = 50.0F;
-  lamp.colour[0] = 1.0F;
+  shading_kernel::Light area_light{};
+  area_light.position[1] = 50.0F;
+  area_light.colour[0] = 1.0F;
   for (uint32_t i = 0; i < 300; ++i) {
     face_anywhere(random);
     const sampling::SampleSet set = sampling::sample_set(seeds_, i, i);
@@ -300,8 +300,8 @@ TEST_P(SampleRays, HaveTheSameBitsAsTheBaseline) {
       clear(toward[k]);
       const shading_kernel::Kernel& kernel = k == 0 ? plain : kernel_;
       kernel.ambient_rays(7.0F, sample, surfaces_, around[k].rays);
-      kernel.lamp_rays(lamp, 20.0F, sample, surfaces_, weight_, toward[k].rays);
-      kernel.whole_lamp(lamp, 20.0F, surfaces_, weight_, brings[k].data());
+      kernel.area_light_rays(area_light, 20.0F, sample, surfaces_, weight_, toward[k].rays);
+      kernel.whole_area_light(area_light, 20.0F, surfaces_, weight_, brings[k].data());
       for (Made* made : {&around[k], &toward[k]}) {
         made->rays.packet = nullptr;
         made->rays.valid = nullptr;

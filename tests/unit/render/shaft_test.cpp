@@ -10,7 +10,7 @@
 #include "render/accel/embree_packets.h"
 #include "render/accel/ray_stream.h"
 #include "render/culling/octahedron.h"
-#include "render/culling/shaft_proofs.h"
+#include "render/culling/shaft_cache.h"
 #include "render/shading/shading_tables.h"
 #include "tests/support/tiny_scenes.h"
 
@@ -137,10 +137,10 @@ class ShaftSoundness : public ::testing::TestWithParam<testing::NamedScene> {
  protected:
   ShaftSoundness() : scene_(GetParam().scene, testing::make_tiny_stage(), {}, 1) {}
 
-  [[nodiscard]] ShaftProof proof(const SurfaceCell& cell, uint64_t target,
-                                 SoftSizes sizes = {}) const {
-    return scene_.proofs->with_sizes(sizes).proof(
-        cell, scene_.proofs->number(cell.geometry, cell.primitive, place_of(cell)), target);
+  [[nodiscard]] ShaftResult result(const SurfaceCell& cell, uint64_t target,
+                                   SoftSizes sizes = {}) const {
+    return scene_.shaft_cache->with_sizes(sizes).result(
+        cell, scene_.shaft_cache->number(cell.geometry, cell.primitive, place_of(cell)), target);
   }
   [[nodiscard]] bool blocked(Vec3f origin, Vec3f direction, float far) const {
     RayPacket packet;
@@ -159,8 +159,8 @@ TEST_P(ShaftSoundness, HoldsForEveryRay) {
   std::mt19937_64 random(5);
   std::uniform_real_distribution<double> any(-1.0, 1.0);
   const auto unit_vector = [&] { return normalized(Vec3{any(random), any(random), any(random)}); };
-  int proved_lit = 0, proved_dark = 0, proved_open = 0, asked = 0;
-  int lamps_lit = 0, lamps_dark = 0, proved_around = 0;
+  int found_lit = 0, found_dark = 0, found_open = 0, asked = 0;
+  int area_lights_lit = 0, area_lights_dark = 0, found_around = 0;
   for (int round = 0; round < 2000; ++round) {
     std::vector<PathRay> rays(kPacket);
     for (PathRay& ray : rays) {
@@ -184,39 +184,39 @@ TEST_P(ShaftSoundness, HoldsForEveryRay) {
       EXPECT_LE(length(start - patch.centre), patch.radius);
       ++asked;
       for (size_t light = 0; light < scene_.lights.size(); ++light) {
-        const SceneLight& lamp = scene_.lights[light];
-        if (lamp.kind == Light::Kind::Directional) continue;
-        const Vec3f way = Vec3f(lamp.position) - start;
+        const SceneLight& area_light = scene_.lights[light];
+        if (area_light.kind == Light::Kind::Directional) continue;
+        const Vec3f way = Vec3f(area_light.position) - start;
         if (dot(way, normal) <= 0) continue;
-        const ShaftProof known = proof(cell, ShaftProofs::light_target(light));
-        if (known == ShaftProof::None) continue;
-        ++(known == ShaftProof::Empty ? proved_lit : proved_dark);
-        EXPECT_EQ(blocked(start, normalized(way), length(way)), known == ShaftProof::Blocked);
+        const ShaftResult known = result(cell, ShaftCache::light_target(light));
+        if (known == ShaftResult::None) continue;
+        ++(known == ShaftResult::Empty ? found_lit : found_dark);
+        EXPECT_EQ(blocked(start, normalized(way), length(way)), known == ShaftResult::Blocked);
       }
       // A random point of an area light.
       for (size_t light = 0; light < scene_.lights.size(); ++light) {
-        const SceneLight& lamp = scene_.lights[light];
-        const SoftSizes sizes{.lamp_radius = round % 2 == 0 ? 3.0 : 14.0,
+        const SceneLight& area_light = scene_.lights[light];
+        const SoftSizes sizes{.light_radius = round % 2 == 0 ? 3.0 : 14.0,
                               .sun_tangent = 0.05,
                               .around = round % 2 == 0 ? 4.0 : 9.0};
-        const bool sun = lamp.kind == Light::Kind::Directional;
-        const Vec3 middle = sun ? -lamp.direction : lamp.position;
-        const Vec3 aside = unit_vector() * (sun ? sizes.sun_tangent : sizes.lamp_radius);
+        const bool sun = area_light.kind == Light::Kind::Directional;
+        const Vec3 middle = sun ? -area_light.direction : area_light.position;
+        const Vec3 aside = unit_vector() * (sun ? sizes.sun_tangent : sizes.light_radius);
         const Vec3f way = sun ? Vec3f(middle + aside) : Vec3f(middle + aside) - start;
         if (dot(way, normal) <= 0 || (sun && std::abs(dot(aside, middle)) > 0.01)) continue;
-        const ShaftProof known = proof(cell, ShaftProofs::light_target(light), sizes);
-        if (known == ShaftProof::None) continue;
-        ++(known == ShaftProof::Empty ? lamps_lit : lamps_dark);
+        const ShaftResult known = result(cell, ShaftCache::light_target(light), sizes);
+        if (known == ShaftResult::None) continue;
+        ++(known == ShaftResult::Empty ? area_lights_lit : area_lights_dark);
         EXPECT_EQ(blocked(start, normalized(way),
                           sun ? std::numeric_limits<float>::infinity() : length(way)),
-                  known == ShaftProof::Blocked);
+                  known == ShaftResult::Blocked);
       }
       // A random direction of the hemisphere, as low as directions may be.
       Vec3 low = unit_vector();
       low = normalized(low - Vec3(normal) * (dot(low, Vec3(normal)) - 1e-7));
       const SoftSizes around{.around = round % 2 == 0 ? 4.0 : 9.0};
-      if (proof(cell, ShaftProofs::kAround, around) == ShaftProof::Empty) {
-        ++proved_around;
+      if (result(cell, ShaftCache::kAround, around) == ShaftResult::Empty) {
+        ++found_around;
         EXPECT_FALSE(blocked(start, Vec3f(low), static_cast<float>(around.around)));
         const Vec3 steep = unit_vector();
         EXPECT_FALSE(blocked(start, Vec3f(dot(steep, Vec3(normal)) < 0.0 ? -steep : steep),
@@ -235,23 +235,23 @@ TEST_P(ShaftSoundness, HoldsForEveryRay) {
       const auto bin = [](float at) {
         return std::min(kDirectionBins - 1, static_cast<int>((at + 1.0F) * 0.5F * kDirectionBins));
       };
-      const ShaftProof known = proof(cell, ShaftProofs::direction_target(bin(x), bin(y)));
-      ASSERT_NE(known, ShaftProof::Blocked);
-      if (known == ShaftProof::None) continue;
-      ++proved_open;
+      const ShaftResult known = result(cell, ShaftCache::direction_target(bin(x), bin(y)));
+      ASSERT_NE(known, ShaftResult::Blocked);
+      if (known == ShaftResult::None) continue;
+      ++found_open;
       EXPECT_FALSE(blocked(start, direction, std::numeric_limits<float>::infinity()));
     }
     ASSERT_FALSE(HasFailure()) << "round " << round;
   }
   EXPECT_GT(asked, 1000);
-  EXPECT_GT(proved_open, asked / 20);
-  EXPECT_GT(lamps_lit, asked / 50);
-  EXPECT_GT(proved_around, asked / 50);
+  EXPECT_GT(found_open, asked / 20);
+  EXPECT_GT(area_lights_lit, asked / 50);
+  EXPECT_GT(found_around, asked / 50);
   std::printf(
       "%s: %d places, %d proved lit, %d in shadow, %d open; of lamps %d and %d; %d with nothing "
       "around\n",
-      GetParam().name.c_str(), asked, proved_lit, proved_dark, proved_open, lamps_lit, lamps_dark,
-      proved_around);
+      GetParam().name.c_str(), asked, found_lit, found_dark, found_open, area_lights_lit,
+      area_lights_dark, found_around);
 }
 
 INSTANTIATE_TEST_SUITE_P(TinyScenes, ShaftSoundness, ::testing::ValuesIn(testing::tiny_scenes()),

@@ -51,12 +51,12 @@ RenderOptions with(const SoftLight& soft) {
 /// Returns all options, in two sets because occlusion and environment exclude each other.
 std::vector<SoftLight> kinds() {
   return {{.shadow_samples = 5,
-           .lamp_radius_mm = 13.0,
+           .light_radius_mm = 13.0,
            .sun_radius_degrees = 4.0,
            .occlusion_samples = 7,
            .occlusion_distance_mm = 11.0},
           {.shadow_samples = 8,
-           .lamp_radius_mm = 25.0,
+           .light_radius_mm = 25.0,
            .sun_radius_degrees = 2.0,
            .environment_samples = 6}};
 }
@@ -102,15 +102,15 @@ SceneDescription wall_and_ball() {
   scene.materials = {Material{}};
   scene.meshes = {testing::rectangle_mesh({-40, -40, -1}, {80, 0, 0}, {0, 80, 0}, 0)};
   scene.spheres = {{.centre = {0.1, 0.2, 0.4}, .radius = 1.0}};
-  Light lamp;
-  lamp.position = {1.5, 2.5, 9.0};
-  lamp.colour = {0.6, 0.6, 0.6};
-  scene.lights = {lamp};
+  Light area_light;
+  area_light.position = {1.5, 2.5, 9.0};
+  area_light.colour = {0.6, 0.6, 0.6};
+  scene.lights = {area_light};
   return scene;
 }
 
 SoftLight only_shadows(int samples) {
-  return {.shadow_samples = samples, .lamp_radius_mm = 25.0};
+  return {.shadow_samples = samples, .light_radius_mm = 25.0};
 }
 SoftLight only_occlusion(int samples) {
   return {.occlusion_samples = samples, .occlusion_distance_mm = 30.0};
@@ -124,8 +124,8 @@ TEST_P(SoftLightOfTinyScenes, WithoutSizeOrSamplesHasTheBytesOfHardLight) {
   const optics::Rig rig = make_rig({.width = 100, .height = 60, .pixel_mm = 0.6});
   const frames::WovenFrame hard = picture(GetParam().scene, rig, make_tiny_stage(), {}).frame;
   for (const SoftLight& soft :
-       {SoftLight{.shadow_samples = 16, .lamp_radius_mm = 0.0, .sun_radius_degrees = 0.0},
-        SoftLight{.lamp_radius_mm = 50.0, .sun_radius_degrees = 9.0}})
+       {SoftLight{.shadow_samples = 16, .light_radius_mm = 0.0, .sun_radius_degrees = 0.0},
+        SoftLight{.light_radius_mm = 50.0, .sun_radius_degrees = 9.0}})
     EXPECT_EQ(hard, picture(GetParam().scene, rig, make_tiny_stage(), with(soft)).frame);
 }
 
@@ -153,32 +153,32 @@ TEST_P(SoftLightOfTinyScenes, HasTheSameBytesWithoutCulling) {
   const optics::Rig rig = make_rig({.width = 300, .height = 80, .pixel_mm = 0.25});
   for (const double size : {2.0, 15.0}) {
     RenderOptions options = with({.shadow_samples = 4,
-                                  .lamp_radius_mm = size,
+                                  .light_radius_mm = size,
                                   .sun_radius_degrees = 0.2 * size,
                                   .occlusion_samples = 4,
                                   .occlusion_distance_mm = size});
-    const Picture proved = picture(GetParam().scene, rig, make_tiny_stage(), options);
-    options.use_shaft_proofs = false;
+    const Picture culled = picture(GetParam().scene, rig, make_tiny_stage(), options);
+    options.use_shaft_culling = false;
     const Picture traced = picture(GetParam().scene, rig, make_tiny_stage(), options);
-    EXPECT_EQ(proved.frame, traced.frame);
-    const RenderStatistics& with_proofs = proved.statistics;
-    EXPECT_EQ(with_proofs.shadow_rays, traced.statistics.shadow_rays);
-    EXPECT_EQ(with_proofs.ambient_rays, traced.statistics.ambient_rays);
-    EXPECT_EQ(traced.statistics.shadow_rays_proved + traced.statistics.shadow_rays_blocked +
-                  traced.statistics.ambient_rays_proved,
+    EXPECT_EQ(culled.frame, traced.frame);
+    const RenderStatistics& with_culling = culled.statistics;
+    EXPECT_EQ(with_culling.shadow_rays, traced.statistics.shadow_rays);
+    EXPECT_EQ(with_culling.ambient_rays, traced.statistics.ambient_rays);
+    EXPECT_EQ(traced.statistics.shadow_rays_culled + traced.statistics.shadow_rays_blocked +
+                  traced.statistics.ambient_rays_culled,
               0U);
     if (size < 10.0) {
-      EXPECT_GT(with_proofs.shadow_rays_proved, with_proofs.shadow_rays / 30);
-      EXPECT_GT(with_proofs.ambient_rays_proved, with_proofs.ambient_rays / 10);
+      EXPECT_GT(with_culling.shadow_rays_culled, with_culling.shadow_rays / 30);
+      EXPECT_GT(with_culling.ambient_rays_culled, with_culling.ambient_rays / 10);
     }
     const auto percent = [](uint64_t part, uint64_t all) {
       return 100.0 * static_cast<double>(part) / static_cast<double>(all);
     };
     std::printf("%s, %.0f mm: %.0f %% lit, %.0f %% blocked, %.0f %% with nothing around\n",
                 GetParam().name.c_str(), size,
-                percent(with_proofs.shadow_rays_proved, with_proofs.shadow_rays),
-                percent(with_proofs.shadow_rays_blocked, with_proofs.shadow_rays),
-                percent(with_proofs.ambient_rays_proved, with_proofs.ambient_rays));
+                percent(with_culling.shadow_rays_culled, with_culling.shadow_rays),
+                percent(with_culling.shadow_rays_blocked, with_culling.shadow_rays),
+                percent(with_culling.ambient_rays_culled, with_culling.ambient_rays));
   }
 }
 
@@ -213,11 +213,11 @@ TEST(SoftShadows, StayBetweenNoLightAndFullLight) {
   const frames::WovenFrame least = codes(unlit, {});
   for (const double radius : {1.0, 30.0, 500.0}) {
     const frames::WovenFrame some =
-        codes(wall_and_ball(), {.shadow_samples = 8, .lamp_radius_mm = radius});
+        codes(wall_and_ball(), {.shadow_samples = 8, .light_radius_mm = radius});
     for (size_t k = 0; k < some.bytes().size(); ++k) ASSERT_GE(some.bytes()[k], least.bytes()[k]);
   }
   SceneDescription halved = wall_and_ball();
-  for (Light& lamp : halved.lights) lamp.colour = lamp.colour * 0.5;
+  for (Light& area_light : halved.lights) area_light.colour = area_light.colour * 0.5;
   const frames::WovenFrame dim = codes(halved, only_shadows(8));
   for (const uint8_t code : dim.bytes()) ASSERT_LE(code, 179);
 }
@@ -535,8 +535,8 @@ TEST(SoftLight, RefusesInvalidOptions) {
   for (const SoftLight& bad :
        {SoftLight{.shadow_samples = -1}, SoftLight{.shadow_samples = 1'000'000},
         SoftLight{.occlusion_samples = -1}, SoftLight{.environment_samples = 5000},
-        SoftLight{.lamp_radius_mm = -1.0}, SoftLight{.lamp_radius_mm = nan},
-        SoftLight{.lamp_radius_mm = inf}, SoftLight{.sun_radius_degrees = 90.0},
+        SoftLight{.light_radius_mm = -1.0}, SoftLight{.light_radius_mm = nan},
+        SoftLight{.light_radius_mm = inf}, SoftLight{.sun_radius_degrees = 90.0},
         SoftLight{.sun_radius_degrees = nan}, SoftLight{.occlusion_distance_mm = 0.0},
         SoftLight{.occlusion_distance_mm = nan},
         SoftLight{.occlusion_samples = 1, .environment_samples = 1}}) {

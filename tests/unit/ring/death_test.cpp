@@ -92,34 +92,34 @@ class Screen {
 
   void refresh() {
     player_.service();
-    LentFrame next;
+    AcquiredFrame next;
     while (player_.pull(next) == PullStatus::Ready) {
       const auto id = stamped_id(next.frame.bytes);
       if (!id) ++torn_;
-      if (id && on_glass_ && id_ && *id <= *id_) ++out_of_order_;
+      if (id && displayed_ && id_ && *id <= *id_) ++out_of_order_;
       clear();
-      on_glass_ = next;
+      displayed_ = next;
       id_ = id;
       ++shown_;
     }
-    if (on_glass_ && stamped_id(on_glass_->frame.bytes) != id_) ++torn_;
+    if (displayed_ && stamped_id(displayed_->frame.bytes) != id_) ++torn_;
   }
 
   [[nodiscard]] uint64_t shown() const { return shown_; }
   [[nodiscard]] uint64_t torn() const { return torn_; }
   [[nodiscard]] uint64_t out_of_order() const { return out_of_order_; }
   [[nodiscard]] bool holds_whole_frame() const {
-    return on_glass_ && stamped_id(on_glass_->frame.bytes) == id_ && id_;
+    return displayed_ && stamped_id(displayed_->frame.bytes) == id_ && id_;
   }
 
  private:
   void clear() {
-    if (on_glass_) player_.release(on_glass_->token);
-    on_glass_.reset();
+    if (displayed_) player_.release(displayed_->token);
+    displayed_.reset();
   }
 
   RingPlayer& player_;
-  std::optional<LentFrame> on_glass_;
+  std::optional<AcquiredFrame> displayed_;
   std::optional<uint64_t> id_;
   uint64_t shown_ = 0;
   uint64_t torn_ = 0;
@@ -220,8 +220,8 @@ TEST(RingDeath, ARendererSurvivesKilledPlayers) {
     const Fate fate(round, random);
     const uint64_t enough = (*report).shown + fate.frames;
     std::thread killer([&] {
-      const auto patience = std::chrono::steady_clock::now() + std::chrono::seconds(20);
-      while ((*report).shown < enough && std::chrono::steady_clock::now() < patience)
+      const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+      while ((*report).shown < enough && std::chrono::steady_clock::now() < deadline)
         std::this_thread::sleep_for(microseconds(50));
       std::this_thread::sleep_for(fate.then);
       player.send(SIGKILL);

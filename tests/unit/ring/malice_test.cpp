@@ -62,7 +62,7 @@ TEST_F(RingMalice, HolesInTheMemoryDamageOnlyTheRenderersOwnFrames) {
   ASSERT_EQ(::fallocate(renderer->memory_fd(), FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE, 0,
                         static_cast<off_t>(bytes)),
             0);
-  LentFrame frame;
+  AcquiredFrame frame;
   ASSERT_EQ(player_->pull(frame), PullStatus::Ready);
   EXPECT_EQ(test::stamped_id(frame.frame.bytes), 0u) << "zeros, and no SIGBUS";
   player_->release(frame.token);
@@ -171,7 +171,7 @@ TEST_F(RingMalice, AFloodOfMessagesDoesNotDelayThePlayer) {
     player_->service();  // bounded, or the test times out
   }
   EXPECT_TRUE(connected()) << "impolite, but nothing wrong";
-  LentFrame frame;
+  AcquiredFrame frame;
   EXPECT_EQ(player_->pull(frame), PullStatus::NotYet);
 }
 
@@ -250,11 +250,11 @@ TEST_F(RingMalice, SurvivesRandomWritesIntoTheSharedTable) {
     if (child == 0) scribble(folder_.socket(), round);
     const uint64_t renderers = player_->statistics().renderers;
     // The player holds a frame and polls slowly in half of the runs.
-    LentFrame kept;
+    AcquiredFrame kept;
     bool keeps = false;
     EXPECT_TRUE(test::service_until(*player_,
                                     [&] {
-                                      LentFrame frame;
+                                      AcquiredFrame frame;
                                       while (player_->pull(frame) == PullStatus::Ready) {
                                         if (keeps || round % 2 == 0) {
                                           player_->release(frame.token);

@@ -36,7 +36,7 @@ class RingLoop : public testing::Test {
   /// Pulls and releases until End; returns the ids in order.
   std::vector<uint64_t> play_through() {
     std::vector<uint64_t> ids;
-    LentFrame frame;
+    AcquiredFrame frame;
     while (player_->pull(frame) == PullStatus::Ready) {
       ids.push_back(stamped_id(frame.frame.bytes).value_or(~uint64_t{0}));
       player_->release(frame.token);
@@ -54,7 +54,7 @@ TEST_F(RingLoop, ReplaysAFittingSequenceAfterItsRendererLeft) {
   deliver(3);
   for (int turn = 0; turn < 5; ++turn) {
     EXPECT_EQ(play_through(), (Ids{0, 1, 2}));
-    LentFrame frame;
+    AcquiredFrame frame;
     EXPECT_EQ(player_->pull(frame), PullStatus::End);
     ASSERT_TRUE(player_->rewind());
   }
@@ -70,7 +70,7 @@ TEST_F(RingLoop, ReplaysASequenceThatFillsTheRingExactly) {
 
 TEST_F(RingLoop, RewindsWhileTheLastFramesAreStillAcquired) {
   deliver(2);
-  LentFrame first, second, again;
+  AcquiredFrame first, second, again;
   ASSERT_EQ(player_->pull(first), PullStatus::Ready);
   ASSERT_EQ(player_->pull(second), PullStatus::Ready);
   ASSERT_EQ(player_->pull(again), PullStatus::End);
@@ -87,7 +87,7 @@ TEST_F(RingLoop, RewindsWhileTheLastFramesAreStillAcquired) {
 TEST_F(RingLoop, DoesNotRewindBeforeTheEnd) {
   deliver(2);
   EXPECT_FALSE(player_->rewind());
-  LentFrame frame;
+  AcquiredFrame frame;
   ASSERT_EQ(player_->pull(frame), PullStatus::Ready);
   EXPECT_FALSE(player_->rewind());
 }
@@ -101,7 +101,7 @@ TEST_F(RingLoop, RecyclesOnceTheRendererAsksForMoreSlotsThanThereAre) {
   });
   Ids ids;
   const bool ended = test::service_until(*player_, [&] {
-    LentFrame frame;
+    AcquiredFrame frame;
     PullStatus status = PullStatus::NotYet;
     while ((status = player_->pull(frame)) == PullStatus::Ready) {
       ids.push_back(stamped_id(frame.frame.bytes).value_or(~uint64_t{0}));
@@ -131,16 +131,16 @@ TEST_F(RingLoop, RecyclesFromTheStartWhenTheStatedCountDoesNotFit) {
 TEST_F(RingLoop, ANewRendererReplacesTheKeptSequence) {
   deliver(4);
   EXPECT_EQ(play_through(), (Ids{0, 1, 2, 3}));
-  LentFrame on_glass;
+  AcquiredFrame displayed;
   ASSERT_TRUE(player_->rewind());
-  ASSERT_EQ(player_->pull(on_glass), PullStatus::Ready);
+  ASSERT_EQ(player_->pull(displayed), PullStatus::Ready);
   const auto renderer = connect();
   EXPECT_EQ(play_through(), (Ids{1, 2, 3})) << "the turn that has begun is played to its end";
   EXPECT_FALSE(player_->rewind());
   for (uint64_t k = 0; k < 3; ++k) ASSERT_EQ(push_frame(*renderer, k, 50 + k), RingStatus::Ok);
   renderer->finish();
-  EXPECT_EQ(stamped_id(on_glass.frame.bytes), 0u);
-  player_->release(on_glass.token);
+  EXPECT_EQ(stamped_id(displayed.frame.bytes), 0u);
+  player_->release(displayed.token);
   player_->service();
   EXPECT_EQ(play_through(), (Ids{50, 51, 52}));
   EXPECT_TRUE(player_->rewind());

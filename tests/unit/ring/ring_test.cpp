@@ -28,7 +28,7 @@ class Ring : public testing::Test {
     return connect_to(*player_, folder_.socket(), hello);
   }
   /// Services the player first, as its loop does.
-  PullStatus pull(LentFrame& frame) {
+  PullStatus pull(AcquiredFrame& frame) {
     player_->service();
     return player_->pull(frame);
   }
@@ -59,7 +59,7 @@ TEST_F(Ring, HandsFramesOverInTheOrderOfPublishing) {
   const auto renderer = connect();
   for (uint64_t k = 0; k < 100; ++k) {
     ASSERT_EQ(push_frame(*renderer, 2 * k, 1000 + k), RingStatus::Ok);
-    LentFrame frame;
+    AcquiredFrame frame;
     ASSERT_EQ(pull(frame), PullStatus::Ready);
     EXPECT_EQ(frame.number, 2 * k);
     EXPECT_EQ(stamped_id(frame.frame.bytes), 1000 + k);
@@ -71,7 +71,7 @@ TEST_F(Ring, HandsFramesOverInTheOrderOfPublishing) {
 
 TEST_F(Ring, ReturnsNotYetBeforeTheFirstFrame) {
   open();
-  LentFrame frame;
+  AcquiredFrame frame;
   EXPECT_EQ(pull(frame), PullStatus::NotYet);
   const auto renderer = connect();
   EXPECT_EQ(pull(frame), PullStatus::NotYet);
@@ -82,7 +82,7 @@ TEST_F(Ring, DoesNotShowAFrameThatIsBeingWritten) {
   const auto renderer = connect();
   std::span<uint8_t> pixels;
   ASSERT_EQ(renderer->acquire(0, milliseconds(0), pixels), RingStatus::Ok);
-  LentFrame frame;
+  AcquiredFrame frame;
   EXPECT_EQ(pull(frame), PullStatus::NotYet);
 }
 
@@ -95,7 +95,7 @@ TEST_F(Ring, GivesAnAbandonedSlotToTheNextFrame) {
     renderer->abandon();
   }
   EXPECT_EQ(push_frame(*renderer, 0, 5), RingStatus::Ok);
-  LentFrame frame;
+  AcquiredFrame frame;
   ASSERT_EQ(pull(frame), PullStatus::Ready);
   EXPECT_EQ(frame.number, 0u);
 }
@@ -116,7 +116,7 @@ TEST_F(Ring, WakesARendererThatWaitsForASlot) {
   for (uint64_t k = 0; k < 4; ++k) ASSERT_EQ(push_frame(*renderer, k, k), RingStatus::Ok);
   RingStatus status = RingStatus::TimedOut;
   std::thread waiting([&] { status = push_frame(*renderer, 4, 4, std::chrono::seconds(20)); });
-  LentFrame frame;
+  AcquiredFrame frame;
   ASSERT_EQ(pull(frame), PullStatus::Ready);
   player_->release(frame.token);
   waiting.join();
@@ -139,9 +139,9 @@ TEST_F(Ring, HandsOutOneFrameLessThanItHasSlots) {
   open();
   const auto renderer = connect();
   for (uint64_t k = 0; k < 4; ++k) ASSERT_EQ(push_frame(*renderer, k, k), RingStatus::Ok);
-  LentFrame frame;
-  for (int i = 0; i < player_->max_lent(); ++i) ASSERT_EQ(pull(frame), PullStatus::Ready);
-  EXPECT_EQ(player_->max_lent(), 3);
+  AcquiredFrame frame;
+  for (int i = 0; i < player_->max_acquired(); ++i) ASSERT_EQ(pull(frame), PullStatus::Ready);
+  EXPECT_EQ(player_->max_acquired(), 3);
   EXPECT_EQ(pull(frame), PullStatus::NotYet);
 }
 
@@ -149,15 +149,15 @@ TEST_F(Ring, KeepsAnAcquiredFrameWhileOthersComeAndGo) {
   open();
   const auto renderer = connect();
   ASSERT_EQ(push_frame(*renderer, 0, 42), RingStatus::Ok);
-  LentFrame on_glass;
-  ASSERT_EQ(pull(on_glass), PullStatus::Ready);
+  AcquiredFrame displayed;
+  ASSERT_EQ(pull(displayed), PullStatus::Ready);
   for (uint64_t k = 1; k < 50; ++k) {
     ASSERT_EQ(push_frame(*renderer, k, k + 1000), RingStatus::Ok);
-    LentFrame frame;
+    AcquiredFrame frame;
     ASSERT_EQ(pull(frame), PullStatus::Ready);
     player_->release(frame.token);
   }
-  EXPECT_EQ(stamped_id(on_glass.frame.bytes), 42u);
+  EXPECT_EQ(stamped_id(displayed.frame.bytes), 42u);
 }
 
 TEST_F(Ring, EndsAfterTheFinMessageOnceAllFramesArePulled) {
@@ -166,7 +166,7 @@ TEST_F(Ring, EndsAfterTheFinMessageOnceAllFramesArePulled) {
   ASSERT_EQ(push_frame(*renderer, 0, 0), RingStatus::Ok);
   ASSERT_EQ(push_frame(*renderer, 1, 1), RingStatus::Ok);
   renderer->finish();
-  LentFrame frame;
+  AcquiredFrame frame;
   ASSERT_EQ(pull(frame), PullStatus::Ready);
   player_->release(frame.token);
   ASSERT_EQ(pull(frame), PullStatus::Ready);
@@ -182,7 +182,7 @@ TEST_F(Ring, FinishGivesUpAHalfWrittenFrame) {
   std::span<uint8_t> pixels;
   ASSERT_EQ(renderer->acquire(0, milliseconds(0), pixels), RingStatus::Ok);
   renderer->finish();
-  LentFrame frame;
+  AcquiredFrame frame;
   EXPECT_EQ(pull(frame), PullStatus::End);
   EXPECT_EQ(player_->statistics().violations, 0u);
   EXPECT_EQ(renderer->acquire(1, milliseconds(0), pixels), RingStatus::Gone);
@@ -193,7 +193,7 @@ TEST_F(Ring, WaitsForTheNextRendererWhenOneLeavesWithoutGoodbye) {
   auto renderer = connect();
   ASSERT_EQ(push_frame(*renderer, 0, 7), RingStatus::Ok);
   renderer.reset();
-  LentFrame frame;
+  AcquiredFrame frame;
   ASSERT_EQ(pull(frame), PullStatus::Ready) << "what was published stays playable";
   EXPECT_EQ(stamped_id(frame.frame.bytes), 7u);
   EXPECT_EQ(pull(frame), PullStatus::NotYet);
@@ -207,7 +207,7 @@ TEST_F(Ring, WaitsForTheNextRendererWhenOneLeavesWithoutGoodbye) {
 
 TEST_F(Ring, BeginsANewSequenceWithTheRendererAfterGoodbye) {
   open();
-  LentFrame frame;
+  AcquiredFrame frame;
   connect()->finish();
   EXPECT_EQ(pull(frame), PullStatus::End);
   const auto renderer = connect();
@@ -223,7 +223,7 @@ TEST_F(Ring, ReportsEndOnceBetweenSequencesThatFollowClosely) {
   first->finish();
   const auto second = connect();
   ASSERT_EQ(push_frame(*second, 0, 2), RingStatus::Ok);
-  LentFrame frame;
+  AcquiredFrame frame;
   ASSERT_EQ(pull(frame), PullStatus::Ready);
   EXPECT_EQ(pull(frame), PullStatus::End);
   ASSERT_EQ(pull(frame), PullStatus::Ready);
@@ -300,17 +300,17 @@ TEST_F(Ring, RefusesFramesForAnotherRig) {
 TEST_F(Ring, AcceptsFramesForAnotherTrimOfItsRigAndReportsIt) {
   RingOptions options = small_ring(folder_.socket());
   options.rig_fingerprint = "0123456789abcdef trims fedcba9876543210 0.01 0";
-  std::vector<std::string> told;
-  options.on_other_trim = [&](const std::string& difference) { told.push_back(difference); };
+  std::vector<std::string> reported;
+  options.on_other_trim = [&](const std::string& difference) { reported.push_back(difference); };
   open(options);
   for (const char* same : {"0123456789abcdef", "0123456789abcdef trims fedcba9876543210 0.01 0"})
     (void)connect({.name = "x", .rig_fingerprint = same, .rate = {}, .frame_count = {}});
-  EXPECT_TRUE(told.empty());
+  EXPECT_TRUE(reported.empty());
   for (const char* trimmed : {"fedcba9876543210", "beef trims fedcba9876543210 0.03 0"})
     (void)connect({.name = "x", .rig_fingerprint = trimmed, .rate = {}, .frame_count = {}});
-  ASSERT_EQ(told.size(), 2u);
-  EXPECT_NE(told[0].find("+0.01 lens"), std::string::npos) << told[0];
-  EXPECT_NE(told[1].find("-0.02 lens"), std::string::npos) << told[1];
+  ASSERT_EQ(reported.size(), 2u);
+  EXPECT_NE(reported[0].find("+0.01 lens"), std::string::npos) << reported[0];
+  EXPECT_NE(reported[1].find("-0.02 lens"), std::string::npos) << reported[1];
   for (const char* other : {"beef", "fedcba9876543210 trims beef 0.01 0"})
     EXPECT_THROW(
         (void)connect({.name = "x", .rig_fingerprint = other, .rate = {}, .frame_count = {}}),
@@ -361,7 +361,7 @@ TEST_F(Ring, LargeFramesAreAlignedAndComplete) {
   const auto renderer = connect();
   for (uint64_t k = 0; k < 6; ++k) {
     ASSERT_EQ(push_frame(*renderer, k, 0xabcd0000 + k), RingStatus::Ok);
-    LentFrame frame;
+    AcquiredFrame frame;
     ASSERT_EQ(pull(frame), PullStatus::Ready);
     EXPECT_EQ(stamped_id(frame.frame.bytes), 0xabcd0000 + k);
     EXPECT_EQ(frame.frame.bytes.size(), size_t{1280} * 800 * 3);
@@ -380,16 +380,16 @@ TEST_F(Ring, TwoThreadsPassFramesWithoutTearing) {
     renderer->finish();
   });
   uint64_t next = 0;
-  LentFrame on_glass;
+  AcquiredFrame displayed;
   const bool ended = service_until(*player_, [&] {
-    LentFrame frame;
+    AcquiredFrame frame;
     PullStatus status = PullStatus::NotYet;
     while ((status = player_->pull(frame)) == PullStatus::Ready) {
       EXPECT_EQ(frame.number, next);
       EXPECT_EQ(stamped_id(frame.frame.bytes), next);
-      if (next++ > 0) player_->release(on_glass.token);
-      on_glass = frame;
-      EXPECT_EQ(stamped_id(on_glass.frame.bytes), next - 1);
+      if (next++ > 0) player_->release(displayed.token);
+      displayed = frame;
+      EXPECT_EQ(stamped_id(displayed.frame.bytes), next - 1);
     }
     return status == PullStatus::End;
   });

@@ -10,7 +10,7 @@
 #include <tuple>
 
 #include "band_oracle.h"
-#include "frames/sequence/tap_choice.h"
+#include "frames/sequence/predictor_choice.h"
 #include "small_sequences.h"
 #include "tests/support/instruction_sets.h"
 
@@ -19,27 +19,27 @@ namespace {
 
 using test::Content;
 using test::make_frame;
-using test::oracle_decode_taps;
+using test::oracle_decode_predicted;
 
 constexpr Content kContents[] = {Content::Noise, Content::Flat, Content::Ramp, Content::Lenses};
 constexpr FrameGeometry kSizes[] = {{1, 1},  {2, 1},  {10, 1},  {11, 3},
                                     {32, 8}, {33, 9}, {97, 31}, {320, 16}};
 
-std::vector<TapTable> tap_sets(const WovenFrame& frame) {
-  TapTable up;
+std::vector<PredictorTable> predictor_sets(const WovenFrame& frame) {
+  PredictorTable up;
   up.count = 1;
   up.distance[1] = std::max<uint32_t>(static_cast<uint32_t>(frame.geometry().row_bytes()), 32);
-  return {TapTable{}, up, choose_taps(frame.view(), frame.height())};
+  return {PredictorTable{}, up, choose_predictors(frame.view(), frame.height())};
 }
 
 /// Encodes with each instruction set and expects equal bytes.
-bool encode_everywhere(BandCodec codec, std::span<const uint8_t> band, const TapTable& taps,
-                       std::vector<uint8_t>& payload) {
+bool encode_everywhere(BandCodec codec, std::span<const uint8_t> band,
+                       const PredictorTable& predictors, std::vector<uint8_t>& payload) {
   bool encoded = false;
   bool first = true;
   for (const Isa isa : test::every_instruction_set()) {
     std::vector<uint8_t> bytes;
-    encoded = BandEncoder(band.size(), isa).encode_as(codec, band, taps, bytes);
+    encoded = BandEncoder(band.size(), isa).encode_as(codec, band, predictors, bytes);
     if (!first) {
       EXPECT_EQ(bytes, payload) << isa_name(isa);
     }
@@ -50,17 +50,17 @@ bool encode_everywhere(BandCodec codec, std::span<const uint8_t> band, const Tap
 }
 
 TEST(BandCodec, RoundTripsWithEveryCodecPredictorSetAndInstructionSet) {
-  int tapped = 0;
+  int predicted = 0;
   for (const auto& geometry : kSizes) {
     for (const Content content : kContents) {
       const WovenFrame frame = make_frame(geometry, content, 3);
-      for (const TapTable& taps : tap_sets(frame)) {
-        for (const BandCodec codec : {BandCodec::Raw, BandCodec::Zstd, BandCodec::Taps}) {
+      for (const PredictorTable& predictors : predictor_sets(frame)) {
+        for (const BandCodec codec : {BandCodec::Raw, BandCodec::Zstd, BandCodec::Predicted}) {
           std::vector<uint8_t> payload;
-          if (!encode_everywhere(codec, frame.bytes(), taps, payload)) continue;
-          if (codec == BandCodec::Taps) {
-            ++tapped;
-            ASSERT_EQ(oracle_decode_taps(payload, frame.bytes().size()),
+          if (!encode_everywhere(codec, frame.bytes(), predictors, payload)) continue;
+          if (codec == BandCodec::Predicted) {
+            ++predicted;
+            ASSERT_EQ(oracle_decode_predicted(payload, frame.bytes().size()),
                       std::vector<uint8_t>(frame.bytes().begin(), frame.bytes().end()));
           }
           for (const Isa isa : test::every_instruction_set()) {
@@ -72,7 +72,7 @@ TEST(BandCodec, RoundTripsWithEveryCodecPredictorSetAndInstructionSet) {
       }
     }
   }
-  EXPECT_GE(tapped, 30);
+  EXPECT_GE(predicted, 30);
 }
 
 TEST(BandCodec, EncodedBandsAreNeverLargerThanTheBand) {
@@ -82,7 +82,7 @@ TEST(BandCodec, EncodedBandsAreNeverLargerThanTheBand) {
       BandEncoder encoder(frame.bytes().size());
       std::vector<uint8_t> payload;
       const BandCodec codec =
-          encoder.encode(frame.bytes(), choose_taps(frame.view(), geometry.height), payload);
+          encoder.encode(frame.bytes(), choose_predictors(frame.view(), geometry.height), payload);
       EXPECT_LE(payload.size(), frame.bytes().size());
       std::vector<uint8_t> band(frame.bytes().size());
       ASSERT_TRUE(BandDecoder(band.size()).decode(codec, payload, band));
@@ -93,16 +93,16 @@ TEST(BandCodec, EncodedBandsAreNeverLargerThanTheBand) {
 
 TEST(BandCodec, FindsThePeriodOfALensSheet) {
   const WovenFrame frame = make_frame({960, 60}, Content::Lenses, 0);
-  const TapTable taps = choose_taps(frame.view(), 60);
-  EXPECT_GE(taps.count, 2);
+  const PredictorTable predictors = choose_predictors(frame.view(), 60);
+  EXPECT_GE(predictors.count, 2);
   BandEncoder encoder(frame.bytes().size());
   std::vector<uint8_t> payload;
-  ASSERT_TRUE(encoder.encode_as(BandCodec::Taps, frame.bytes(), taps, payload));
+  ASSERT_TRUE(encoder.encode_as(BandCodec::Predicted, frame.bytes(), predictors, payload));
   std::vector<uint8_t> above;
-  TapTable up;
+  PredictorTable up;
   up.count = 1;
   up.distance[1] = 960 * 3;
-  ASSERT_TRUE(encoder.encode_as(BandCodec::Taps, frame.bytes(), up, above));
+  ASSERT_TRUE(encoder.encode_as(BandCodec::Predicted, frame.bytes(), up, above));
   EXPECT_LT(payload.size(), above.size() * 9 / 10);
 }
 
@@ -111,9 +111,10 @@ TEST(BandDecoder, RefusesEveryShortenedPayload) {
   BandEncoder encoder(frame.bytes().size());
   BandDecoder decoder(frame.bytes().size());
   std::vector<uint8_t> band(frame.bytes().size());
-  for (const BandCodec codec : {BandCodec::Zstd, BandCodec::Taps}) {
+  for (const BandCodec codec : {BandCodec::Zstd, BandCodec::Predicted}) {
     std::vector<uint8_t> payload;
-    ASSERT_TRUE(encoder.encode_as(codec, frame.bytes(), choose_taps(frame.view(), 31), payload));
+    ASSERT_TRUE(
+        encoder.encode_as(codec, frame.bytes(), choose_predictors(frame.view(), 31), payload));
     for (size_t bytes = 0; bytes < payload.size(); ++bytes)
       ASSERT_FALSE(decoder.decode(codec, std::span(payload).first(bytes), band)) << bytes;
     payload.push_back(0);
@@ -122,14 +123,14 @@ TEST(BandDecoder, RefusesEveryShortenedPayload) {
 }
 
 /// Returns a payload of one stored block, for tests that damage it.
-std::vector<uint8_t> one_block(uint32_t taps, uint32_t distance, uint8_t mode, uint32_t mask,
+std::vector<uint8_t> one_block(uint32_t predictors, uint32_t distance, uint8_t mode, uint32_t mask,
                                size_t values) {
   std::vector<uint8_t> payload;
   const auto number = [&](uint32_t n) {
     for (int i = 0; i < 4; ++i) payload.push_back(static_cast<uint8_t>(n >> 8 * i));
   };
-  number(taps);
-  for (uint32_t t = 0; t < taps; ++t) number(distance);
+  number(predictors);
+  for (uint32_t t = 0; t < predictors; ++t) number(distance);
   number(1);
   payload.push_back(mode);
   number(mode >= 16 ? 4 : 0);
@@ -143,7 +144,7 @@ TEST(BandDecoder, RefusesInvalidPayloads) {
   BandDecoder decoder(32);
   std::vector<uint8_t> band(32);
   const auto decodes = [&](const std::vector<uint8_t>& payload, size_t bytes = 32) {
-    return decoder.decode(BandCodec::Taps, payload, std::span(band).first(bytes));
+    return decoder.decode(BandCodec::Predicted, payload, std::span(band).first(bytes));
   };
   EXPECT_TRUE(decodes(one_block(0, 0, 16, 3, 2)));
   EXPECT_EQ(band[1], 7);
@@ -167,8 +168,8 @@ TEST(BandDecoder, SurvivesAnyBytes) {
   const WovenFrame frame = make_frame({97, 31}, Content::Ramp, 0);
   BandEncoder encoder(frame.bytes().size());
   std::vector<uint8_t> payload;
-  ASSERT_TRUE(
-      encoder.encode_as(BandCodec::Taps, frame.bytes(), choose_taps(frame.view(), 31), payload));
+  ASSERT_TRUE(encoder.encode_as(BandCodec::Predicted, frame.bytes(),
+                                choose_predictors(frame.view(), 31), payload));
   std::mt19937 random(7);
   std::vector<uint8_t> band(frame.bytes().size());
   int refused = 0;
@@ -178,7 +179,7 @@ TEST(BandDecoder, SurvivesAnyBytes) {
       std::vector<uint8_t> spoilt = payload;
       for (int n = 0; n <= i % 3; ++n)
         spoilt[random() % spoilt.size()] = static_cast<uint8_t>(random());
-      refused += decoder.decode(BandCodec::Taps, spoilt, band) ? 0 : 1;
+      refused += decoder.decode(BandCodec::Predicted, spoilt, band) ? 0 : 1;
     }
   }
   EXPECT_GT(refused, 1000);

@@ -25,7 +25,7 @@ std::vector<uint8_t> take_stream(std::span<const uint8_t>& from, size_t bytes) {
 
 }  // namespace
 
-std::vector<uint8_t> oracle_decode_taps(std::span<const uint8_t> payload, size_t band_bytes) {
+std::vector<uint8_t> oracle_decode_predicted(std::span<const uint8_t> payload, size_t band_bytes) {
   std::vector<uint32_t> distances(1, 0);
   for (uint32_t count = take_number(payload); count > 0; --count)
     distances.push_back(take_number(payload));

@@ -9,6 +9,6 @@
 namespace lenticule::test {
 
 /// Decodes a payload; fails the running test if the payload breaks the format.
-std::vector<uint8_t> oracle_decode_taps(std::span<const uint8_t> payload, size_t band_bytes);
+std::vector<uint8_t> oracle_decode_predicted(std::span<const uint8_t> payload, size_t band_bytes);
 
 }  // namespace lenticule::test

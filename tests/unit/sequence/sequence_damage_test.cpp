@@ -42,12 +42,13 @@ int number_of(const FrameView& shown) {
 Played play(const std::filesystem::path& file) {
   SequenceSource source(file, {.pool_frames = 8});
   Played played;
-  LentFrame lent;
-  PullStatus status = source.pull(lent);
-  for (; status != PullStatus::End && status != PullStatus::Failed; status = source.pull(lent)) {
+  AcquiredFrame acquired;
+  PullStatus status = source.pull(acquired);
+  for (; status != PullStatus::End && status != PullStatus::Failed;
+       status = source.pull(acquired)) {
     if (status == PullStatus::Ready) {
-      played.numbers.push_back(number_of(lent.frame));
-      source.release(lent.token);
+      played.numbers.push_back(number_of(acquired.frame));
+      source.release(acquired.token);
       continue;
     }
     pollfd wake{.fd = source.wake_fd(), .events = POLLIN, .revents = 0};
@@ -134,13 +135,13 @@ TEST(SequenceDamage, AFileWithoutAReadableFrameFails) {
   for (size_t i = begin; i < end; ++i) bytes[i] = 0;
   test::write_bytes(folder / "a.lts", bytes);
   SequenceSource source(folder / "a.lts", {.pool_frames = 2});
-  LentFrame lent;
-  PullStatus status = source.pull(lent);
+  AcquiredFrame acquired;
+  PullStatus status = source.pull(acquired);
   while (status == PullStatus::NotYet) {
     pollfd wake{.fd = source.wake_fd(), .events = POLLIN, .revents = 0};
     ASSERT_EQ(::poll(&wake, 1, 10000), 1);
     source.service();
-    status = source.pull(lent);
+    status = source.pull(acquired);
   }
   EXPECT_EQ(status, PullStatus::Failed);
   EXPECT_THAT(source.failure(), ::testing::HasSubstr("frame 0"));

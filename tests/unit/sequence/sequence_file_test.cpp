@@ -108,18 +108,18 @@ TEST(SequenceFile, ResumesAfterTheLastFrame) {
 TEST(SequenceFile, RefusesToResumeAnotherSequence) {
   const ScratchFolder folder;
   write_sequence(folder / "a.lts", kSmall, Content::Ramp, 1);
-  const auto go_on = [&](const SequenceInfo& info) {
+  const auto continue_with = [&](const SequenceInfo& info) {
     return error_of(
         [&] { SequenceWriter(folder / "a.lts", info, {.resume = true, .threads = 1}); });
   };
   SequenceInfo other = info_of(kSmall);
   other.rig_fingerprint = "fedcba9876543210";
-  EXPECT_THAT(go_on(other).what(), HasSubstr("another rig"));
+  EXPECT_THAT(continue_with(other).what(), HasSubstr("another rig"));
   other = info_of(kSmall);
   other.rate = make_rate(25, 1);
-  EXPECT_THAT(go_on(other).what(), HasSubstr("another frame rate"));
-  EXPECT_THAT(go_on(info_of({40, 21})).what(), HasSubstr("another frame size"));
-  EXPECT_EQ(go_on(info_of({40, 21})).kind(), ErrorKind::Input);
+  EXPECT_THAT(continue_with(other).what(), HasSubstr("another frame rate"));
+  EXPECT_THAT(continue_with(info_of({40, 21})).what(), HasSubstr("another frame size"));
+  EXPECT_EQ(continue_with(info_of({40, 21})).kind(), ErrorKind::Input);
   EXPECT_EQ(SequenceReader(folder / "a.lts").frame_count(), 1u) << "refused, but not left alone";
 }
 

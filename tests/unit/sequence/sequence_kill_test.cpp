@@ -149,8 +149,8 @@ TEST(SequenceKill, TruncatedAnywhereKeepsEveryCompleteFrame) {
   SequenceWriter writer(file, info_of(kGeometry), {.resume = true, .threads = 1});
   for (auto n = static_cast<int>(writer.frame_count()); n < kFrames; ++n) {
     writer.append(make_frame(kGeometry, Content::Noise, n).view());
-    const char told = 1;
-    if (::write(pipe, &told, 1) != 1) _exit(2);
+    const char reported = 1;
+    if (::write(pipe, &reported, 1) != 1) _exit(2);
   }
   writer.finish();
   _exit(0);
@@ -166,17 +166,18 @@ TEST(SequenceKill, KilledWritersLoseOnlyTheUnfinishedFrame) {
     if (child == 0) write_until_killed(folder / "a.lts", pipe[1]);
     ASSERT_GT(child, 0);
     ::close(pipe[1]);
-    uint64_t told = 0;
+    uint64_t reported = 0;
     char byte = 0;
     const auto enough = 1 + random() % (kFrames - 1);
-    while (told < enough && ::read(pipe[0], &byte, 1) == 1) ++told;
+    while (reported < enough && ::read(pipe[0], &byte, 1) == 1) ++reported;
     ::usleep(static_cast<useconds_t>(random() % 600));
     ::kill(child, SIGKILL);
     ASSERT_EQ(::waitpid(child, nullptr, 0), child);
     ::close(pipe[0]);
-    EXPECT_EQ(told, enough);
-    if (std::filesystem::exists(folder / "a.lts.part")) expect_frames(folder / "a.lts.part", told);
-    resume_to_the_end(folder / "a.lts", told);
+    EXPECT_EQ(reported, enough);
+    if (std::filesystem::exists(folder / "a.lts.part"))
+      expect_frames(folder / "a.lts.part", reported);
+    resume_to_the_end(folder / "a.lts", reported);
   }
 }
 

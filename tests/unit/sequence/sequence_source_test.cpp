@@ -28,7 +28,7 @@ using ::testing::HasSubstr;
 
 constexpr FrameGeometry kGeometry{8, 4};
 
-PullStatus pull_waiting(SequenceSource& source, LentFrame& out) {
+PullStatus pull_waiting(SequenceSource& source, AcquiredFrame& out) {
   PullStatus status = source.pull(out);
   while (status == PullStatus::NotYet) {
     pollfd wake{.fd = source.wake_fd(), .events = POLLIN, .revents = 0};
@@ -45,13 +45,13 @@ PullStatus pull_waiting(SequenceSource& source, LentFrame& out) {
 /// Returns the numbers of one loop's frames, each checked against the pixels.
 std::vector<uint64_t> play_round(SequenceSource& source) {
   std::vector<uint64_t> numbers;
-  LentFrame lent;
-  while (pull_waiting(source, lent) == PullStatus::Ready) {
-    const auto flat = static_cast<uint8_t>(10 * lent.number + 3);
-    EXPECT_TRUE(std::all_of(lent.frame.bytes.begin(), lent.frame.bytes.end(),
+  AcquiredFrame acquired;
+  while (pull_waiting(source, acquired) == PullStatus::Ready) {
+    const auto flat = static_cast<uint8_t>(10 * acquired.number + 3);
+    EXPECT_TRUE(std::all_of(acquired.frame.bytes.begin(), acquired.frame.bytes.end(),
                             [&](uint8_t byte) { return byte == flat; }));
-    numbers.push_back(lent.number);
-    source.release(lent.token);
+    numbers.push_back(acquired.number);
+    source.release(acquired.token);
   }
   return numbers;
 }
@@ -61,9 +61,9 @@ struct PoolCase {
   int pool;
   int threads;
 };
-class SequenceSeams : public ::testing::TestWithParam<PoolCase> {};
+class SequenceLoops : public ::testing::TestWithParam<PoolCase> {};
 
-TEST_P(SequenceSeams, TenThousandLoopsAreTheExactSequence) {
+TEST_P(SequenceLoops, TenThousandLoopsAreTheExactSequence) {
   const auto [frames, pool, threads] = GetParam();
   const ScratchFolder folder;
   test::write_sequence(folder / "a.lts", kGeometry, Content::Flat, frames);
@@ -77,7 +77,7 @@ TEST_P(SequenceSeams, TenThousandLoopsAreTheExactSequence) {
   EXPECT_EQ(source.damaged_frames(), 0u);
 }
 
-INSTANTIATE_TEST_SUITE_P(Pools, SequenceSeams,
+INSTANTIATE_TEST_SUITE_P(Pools, SequenceLoops,
                          ::testing::Values(PoolCase{3, 2, 1}, PoolCase{5, 3, 2}, PoolCase{3, 8, 2},
                                            PoolCase{1, 2, 1}));
 
@@ -85,17 +85,17 @@ TEST(SequenceSource, KeepsAcquiredFramesWhileItDecodesFurther) {
   const ScratchFolder folder;
   test::write_sequence(folder / "a.lts", kGeometry, Content::Flat, 20);
   SequenceSource source(folder / "a.lts", {.pool_frames = 5, .decoder_threads = 3});
-  std::deque<LentFrame> held;
-  LentFrame lent;
+  std::deque<AcquiredFrame> held;
+  AcquiredFrame acquired;
   for (int n = 0; n < 60; ++n) {
-    if (pull_waiting(source, lent) == PullStatus::End) {
+    if (pull_waiting(source, acquired) == PullStatus::End) {
       ASSERT_TRUE(source.rewind());
-      ASSERT_EQ(pull_waiting(source, lent), PullStatus::Ready);
+      ASSERT_EQ(pull_waiting(source, acquired), PullStatus::Ready);
     }
-    held.push_back(lent);
-    for (const LentFrame& frame : held)
+    held.push_back(acquired);
+    for (const AcquiredFrame& frame : held)
       ASSERT_EQ(frame.frame.bytes[7], static_cast<uint8_t>(10 * frame.number + 3));
-    if (held.size() < static_cast<size_t>(source.max_lent())) continue;
+    if (held.size() < static_cast<size_t>(source.max_acquired())) continue;
     source.release(held.front().token);
     held.pop_front();
   }
@@ -139,10 +139,10 @@ TEST(SequenceSource, RewindsOnlyAtTheStartOrEnd) {
   test::write_sequence(folder / "a.lts", kGeometry, Content::Flat, 3);
   SequenceSource source(folder / "a.lts", {.pool_frames = 2});
   EXPECT_TRUE(source.rewind());
-  LentFrame lent;
-  ASSERT_EQ(pull_waiting(source, lent), PullStatus::Ready);
+  AcquiredFrame acquired;
+  ASSERT_EQ(pull_waiting(source, acquired), PullStatus::Ready);
   EXPECT_FALSE(source.rewind());
-  source.release(lent.token);
+  source.release(acquired.token);
 }
 
 TEST(SequenceSource, ContinuesWithTheRemainingFramesIfTheFileIsTruncated) {
@@ -151,11 +151,11 @@ TEST(SequenceSource, ContinuesWithTheRemainingFramesIfTheFileIsTruncated) {
   const SequenceReader layout(folder / "a.lts");
   SequenceSource source(folder / "a.lts", {.pool_frames = 2});
   ASSERT_EQ(::truncate((folder / "a.lts").c_str(), static_cast<off_t>(layout.file_bytes() / 2)), 0);
-  LentFrame lent;
+  AcquiredFrame acquired;
   int shown = 0;
-  while (pull_waiting(source, lent) == PullStatus::Ready) {
+  while (pull_waiting(source, acquired) == PullStatus::Ready) {
     ++shown;
-    source.release(lent.token);
+    source.release(acquired.token);
   }
   EXPECT_EQ(shown, 40);
   EXPECT_GT(source.damaged_frames(), 10u);
@@ -218,8 +218,8 @@ TEST(SequenceSource, CanBeDestroyedAtAnyTime) {
   for (int i = 0; i < 30; ++i) {
     SequenceSource source(folder / "a.lts", {.pool_frames = 3, .decoder_threads = 4});
     if (i % 3 == 0) continue;
-    LentFrame lent;
-    EXPECT_EQ(pull_waiting(source, lent), PullStatus::Ready);
+    AcquiredFrame acquired;
+    EXPECT_EQ(pull_waiting(source, acquired), PullStatus::Ready);
   }
 }
 

@@ -59,13 +59,13 @@ class ByEye : public testing::TestWithParam<Case> {};
 
 TEST_P(ByEye, FindsTheSheet) {
   const Case& c = GetParam();
-  const optics::Rig truth = true_rig(c);
+  const optics::Rig ground_truth = true_rig(c);
   Procedure procedure(wrong_rig(c), c.distance_mm);
-  ScriptedObserver observer(truth, procedure);
+  ScriptedObserver observer(ground_truth, procedure);
   observer.find_sheet();
   ASSERT_EQ(procedure.step(), Step::Check);
 
-  const SheetValues wanted = sheet_values(truth, c.distance_mm);
+  const SheetValues wanted = sheet_values(ground_truth, c.distance_mm);
   const SheetValues found = sheet_values(procedure.rig(), c.distance_mm);
   EXPECT_NEAR(found.effective_pitch_subpx / wanted.effective_pitch_subpx, 1.0, 3e-5);
   EXPECT_NEAR(degrees(found.slant), degrees(wanted.slant), 0.01);

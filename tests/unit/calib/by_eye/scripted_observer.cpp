@@ -72,15 +72,15 @@ double Glimpse::redness(double x0, double x1, double y0, double y1) const {
   return r + g > 0.0 ? (r - g) / (r + g) : 0.0;
 }
 
-ScriptedObserver::ScriptedObserver(const optics::Rig& truth, Procedure& procedure)
-    : truth_(truth),
+ScriptedObserver::ScriptedObserver(const optics::Rig& ground_truth, Procedure& procedure)
+    : ground_truth_(ground_truth),
       procedure_(procedure),
-      frame_({.width = truth.panel.width_px, .height = truth.panel.height_px}) {}
+      frame_({.width = ground_truth.panel.width_px, .height = ground_truth.panel.height_px}) {}
 
 /// Draws only the rows that are used.
 Glimpse ScriptedObserver::look(double x_mm, int columns, int rows) {
   ++glimpses_;
-  const optics::Rig& rig = truth_.rig();
+  const optics::Rig& rig = ground_truth_.rig();
   const frames::ChartPainter painter(procedure_.chart());
   const int height = rig.panel.height_px;
   const double distance = procedure_.eye_distance_mm();
@@ -93,7 +93,7 @@ Glimpse ScriptedObserver::look(double x_mm, int columns, int rows) {
     painter.paint_rows(std::max(0, j - reach), std::min(height, j + reach + 1), frame_);
   }
   const optics::RgbPicture seen =
-      optics::simulate_eye(truth_,
+      optics::simulate_eye(ground_truth_,
                            {.pixels = frame_.bytes().data(),
                             .width = frame_.width(),
                             .height = height,

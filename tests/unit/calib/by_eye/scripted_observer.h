@@ -35,7 +35,7 @@ struct Stripes {
 
 class ScriptedObserver {
  public:
-  ScriptedObserver(const optics::Rig& truth, Procedure& procedure);
+  ScriptedObserver(const optics::Rig& ground_truth, Procedure& procedure);
 
   /// Runs all steps from Prepare to the end of Check.
   void find_sheet();
@@ -63,7 +63,7 @@ class ScriptedObserver {
   /// Presses keys for `presses` strides, in tenths of the normal stride.
   void press_often(double presses, Key more, Key less);
 
-  optics::OpticalModel truth_;
+  optics::OpticalModel ground_truth_;
   Procedure& procedure_;
   frames::WovenFrame frame_;
   int glimpses_ = 0;

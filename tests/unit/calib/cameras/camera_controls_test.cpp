@@ -54,7 +54,7 @@ class Locking : public testing::Test {
     stage_.camera.on_set = release_manual_ones;
     device_ = stage_.system.open("/dev/video0").device;
   }
-  CameraControls with(const ControlWishes& wishes) { return {*device_, wishes}; }
+  CameraControls with(const ControlRequests& requests) { return {*device_, requests}; }
   [[nodiscard]] long place(const std::string& entry) const {
     const auto& log = stage_.camera.log;
     const auto found = std::find(log.begin(), log.end(), entry);

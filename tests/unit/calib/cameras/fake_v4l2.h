@@ -65,7 +65,7 @@ class FakeCamera {
   bool map_fails = false;
   uint32_t most_buffers = 32;
   v4l2_fract interval{1, 30};
-  bool tells_rate = true;
+  bool reports_rate = true;
   /// errno of QUERY_DV_TIMINGS: ENOTTY for a camera.
   int signal_error = ENOTTY;
   /// Frames that are ready, in order; with `endless` more are made when they run out.

@@ -117,7 +117,7 @@ int FakeCamera::set_format(v4l2_format& format, bool really) {
 
 int FakeCamera::set_rate(v4l2_streamparm& parameters) {
   log.emplace_back("S_PARM");
-  parameters.parm.capture.capability = tells_rate ? V4L2_CAP_TIMEPERFRAME : 0;
+  parameters.parm.capture.capability = reports_rate ? V4L2_CAP_TIMEPERFRAME : 0;
   parameters.parm.capture.timeperframe = interval;
   return 0;
 }

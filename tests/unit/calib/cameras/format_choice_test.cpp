@@ -19,12 +19,12 @@ constexpr FrameSize kFullHd{1920, 1080};
 
 class Choosing : public testing::Test {
  protected:
-  AgreedFormat agreed(const FormatWish& wish = {}) {
+  AgreedFormat agreed(const FormatRequest& request = {}) {
     const std::unique_ptr<V4l2Device> device = stage_.system.open("/dev/video0").device;
-    return agree_on_format(*device, stage_.system, "/dev/video0", wish);
+    return agree_on_format(*device, stage_.system, "/dev/video0", request);
   }
-  Error refusal(const FormatWish& wish = {}) {
-    return test::error_of([&] { (void)agreed(wish); });
+  Error refusal(const FormatRequest& request = {}) {
+    return test::error_of([&] { (void)agreed(request); });
   }
   test::OneCamera stage_;
   test::FakeCamera& camera_ = stage_.camera;
@@ -107,7 +107,7 @@ TEST_F(Choosing, ReportsTheActualFrameRate) {
   EXPECT_NEAR(agreed().frames_per_second, 14.985, 1e-3);
   camera_.interval = {0, 30};
   EXPECT_EQ(agreed().frames_per_second, 0.0);
-  camera_.tells_rate = false;
+  camera_.reports_rate = false;
   EXPECT_EQ(agreed().frames_per_second, 0.0);
   camera_.errors[VIDIOC_S_PARM] = {ENOTTY};
   EXPECT_EQ(agreed().frames_per_second, 0.0);

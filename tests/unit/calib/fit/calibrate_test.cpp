@@ -30,7 +30,7 @@ TEST(Calibrate, ThreeViewpointsFindTheSheetForEveryEye) {
   EXPECT_LT(result.errors.worst_lenses, 0.02);
   EXPECT_FALSE(result.calibration.warnings.empty());
   for (const Viewpoint& viewpoint : result.calibration.viewpoints)
-    EXPECT_LT(viewpoint.foretold_lenses, 0.05) << viewpoint.name;
+    EXPECT_LT(viewpoint.predicted_lenses, 0.05) << viewpoint.name;
   EXPECT_LT(std::abs(result.errors.gap), 0.01);
   EXPECT_LT(result.errors.map_rms_lenses, 0.005);
   EXPECT_LT(std::abs(result.errors.slant), 2e-5);

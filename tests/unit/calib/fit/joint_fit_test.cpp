@@ -19,16 +19,17 @@ class FitStage {
     panel_.width_px = 3840;
     panel_.height_px = 2160;
     panel_.pixel_width = panel_.pixel_height = Millimetres(0.1557);
-    truth_ = {1.5 * 3840 / 7.70123, 1.5 * 0.2521 * 2160 / 7.70123, 0.31, 2.19, 0.46, 0.02, 0.03};
+    ground_truth_ = {
+        1.5 * 3840 / 7.70123, 1.5 * 0.2521 * 2160 / 7.70123, 0.31, 2.19, 0.46, 0.02, 0.03};
     const std::array<Vec3, 3> eyes = {Vec3{10, 20, 700}, Vec3{-240, 0, 690}, Vec3{265, 30, 720}};
     for (const Vec3& eye : eyes) add_view(eye, phase_noise);
   }
 
   [[nodiscard]] const std::vector<View>& views() const { return views_; }
   [[nodiscard]] const optics::Panel& panel() const { return panel_; }
-  [[nodiscard]] const SheetParameters& truth() const { return truth_; }
+  [[nodiscard]] const SheetParameters& ground_truth() const { return ground_truth_; }
   [[nodiscard]] SheetStart start(double gap_factor) const {
-    SheetStart start{.values = truth_};
+    SheetStart start{.values = ground_truth_};
     start.values[kGap] *= gap_factor;
     start.values[kShape] = 0.5;
     start.values[kAberration] = start.values[kSag] = 0.0;
@@ -61,16 +62,16 @@ class FitStage {
     for (double v = 20.0; v < 1080.0; v += 40.0)
       for (double u = 20.0; u < 1920.0; u += 40.0) {
         const auto lens = lens_plane_point(camera.data(), pose.data(), u, v);
-        const auto wide = wide_pattern_point(pose.data(), truth_.data(), panel_, lens);
-        const auto q = fringe_point(pose.data(), truth_.data(), panel_, lens);
+        const auto wide = wide_pattern_point(pose.data(), ground_truth_.data(), panel_, lens);
+        const auto q = fringe_point(pose.data(), ground_truth_.data(), panel_, lens);
         const Vec2 at{panel_.x_px(wide.x), panel_.y_px(wide.y)};
         if (at.x < 0 || at.y < 0 || at.x > 3840 || at.y > 2160) continue;
         view.geometry.push_back(
             {.camera_px = {u, v},
              .panel_px = {at.x + 0.1 * normal(random_), at.y + 0.1 * normal(random_)},
              .sigma_px = 0.1});
-        const double turns =
-            fringe_turns(view.fringe, panel_, q) - lens_coordinate(truth_.data(), panel_, lens);
+        const double turns = fringe_turns(view.fringe, panel_, q) -
+                             lens_coordinate(ground_truth_.data(), panel_, lens);
         view.phases.push_back(
             {.camera_px = {u, v}, .turns = turns + phase_noise * normal(random_), .sigma = 0.004});
       }
@@ -79,7 +80,7 @@ class FitStage {
 
   std::mt19937 random_;
   optics::Panel panel_;
-  SheetParameters truth_{};
+  SheetParameters ground_truth_{};
   std::vector<View> views_;
 };
 
@@ -98,7 +99,7 @@ std::optional<JointFit> fitted(const FitStage& stage, double gap_factor) {
 
 TEST(PoseFit, FindsTheCamera) {
   const FitStage stage(1);
-  const std::optional<PoseFit> fit = fit_poses(stage.views(), stage.truth(), stage.panel());
+  const std::optional<PoseFit> fit = fit_poses(stage.views(), stage.ground_truth(), stage.panel());
   ASSERT_TRUE(fit);
   EXPECT_NEAR(fit->camera[kFocal], 1400.0, 1.0);
   EXPECT_NEAR(fit->camera[kCentreX], 965.0, 1.0);
@@ -116,7 +117,7 @@ TEST(GapSearch, FindsTheRightWholeLensesFromAFarStart) {
     ASSERT_TRUE(poses);
     const std::vector<GapCandidate> gaps = search_gaps(stage.views(), *poses, start, stage.panel());
     ASSERT_FALSE(gaps.empty());
-    EXPECT_NEAR(gaps.front().gap_mm, stage.truth()[kGap], 0.03) << "start " << factor;
+    EXPECT_NEAR(gaps.front().gap_mm, stage.ground_truth()[kGap], 0.03) << "start " << factor;
     if (gaps.size() > 1) {
       EXPECT_GT(gaps[1].chi_squared - gaps[0].chi_squared, 60.0);
     }
@@ -130,9 +131,9 @@ TEST(JointFit, IsWithinItsOwnStandardErrors) {
   for (int k = 0; k < kSheetCount; ++k) {
     const double sigma = std::sqrt(fit->covariance(k, k));
     EXPECT_GT(sigma, 0.0);
-    EXPECT_LT(
-        std::abs(fit->values.sheet[static_cast<size_t>(k)] - stage.truth()[static_cast<size_t>(k)]),
-        4.5 * sigma)
+    EXPECT_LT(std::abs(fit->values.sheet[static_cast<size_t>(k)] -
+                       stage.ground_truth()[static_cast<size_t>(k)]),
+              4.5 * sigma)
         << k;
   }
   EXPECT_NEAR(fit->phase_rms, 0.004, 0.001);
@@ -149,7 +150,7 @@ TEST(JointFit, StandardErrorsAgreeWithTheScatter) {
     const std::optional<JointFit> fit = fitted(stage, 0.95);
     ASSERT_TRUE(fit);
     for (size_t k = 0; k < kSheetCount; ++k) {
-      const double off = fit->values.sheet[k] - stage.truth()[k];
+      const double off = fit->values.sheet[k] - stage.ground_truth()[k];
       squares[k] += off * off;
       sums[k] += off;
       variances[k] += fit->covariance(static_cast<int>(k), static_cast<int>(k));

@@ -25,7 +25,8 @@ optics::Panel panel_4k() {
 /// A camera of 480 x 270 pixels that sees the panel upright, 8 panel pixels per camera pixel.
 class FringeStage {
  public:
-  explicit FringeStage(const LinearPhase& truth, double bend = 0.0) : truth_(truth), bend_(bend) {
+  explicit FringeStage(const LinearPhase& ground_truth, double bend = 0.0)
+      : ground_truth_(ground_truth), bend_(bend) {
     for (int y = 0; y < kHeight; ++y)
       for (int x = 0; x < kWidth; ++x) {
         pixels_.push_back(static_cast<uint32_t>(y * kWidth + x));
@@ -40,7 +41,7 @@ class FringeStage {
 
   [[nodiscard]] double phase_at(Vec2 p) const {
     const double u = p.x / 3840.0 - 0.5, v = p.y / 2160.0 - 0.5;
-    return truth_.at(p, panel_) + bend_ * std::cos(7.0 * u) * std::cos(5.0 * v + 1.0);
+    return ground_truth_.at(p, panel_) + bend_ * std::cos(7.0 * u) * std::cos(5.0 * v + 1.0);
   }
 
   void show(const Fringe& fringe, double noise) {
@@ -68,7 +69,7 @@ class FringeStage {
 
  private:
   optics::Panel panel_ = panel_4k();
-  LinearPhase truth_;
+  LinearPhase ground_truth_;
   double bend_;
   Fringe fringe_;
   std::vector<uint32_t> pixels_;
@@ -82,8 +83,8 @@ LinearPhase phase_of(double pitch, double slant, double constant) {
 }
 
 TEST(FringePhase, RefinesAStartThatIsTenPercentOff) {
-  const LinearPhase truth = phase_of(7.70123, 0.2521, 0.3);
-  FringeStage stage(truth, 0.1);
+  const LinearPhase ground_truth = phase_of(7.70123, 0.2521, 0.3);
+  FringeStage stage(ground_truth, 0.1);
   for (const double off : {0.92, 1.09}) {
     const Fringe fringe{.pitch_subpx = 7.70123 * off, .slant = 0.24, .phase = 0.0};
     stage.show(fringe, 0.3);
@@ -103,10 +104,10 @@ TEST(FringePhase, RefinesAStartThatIsTenPercentOff) {
 }
 
 TEST(FringePhase, BlocksGiveThePhaseWithRealisticErrors) {
-  const LinearPhase truth = phase_of(7.70123, 0.2521, 0.3);
-  FringeStage stage(truth, 0.1);
+  const LinearPhase ground_truth = phase_of(7.70123, 0.2521, 0.3);
+  FringeStage stage(ground_truth, 0.1);
   stage.show({.pitch_subpx = 7.72, .slant = 0.2521, .phase = 0.0}, 0.4);
-  const BlockGrid grid = stage.blocks(truth);
+  const BlockGrid grid = stage.blocks(ground_truth);
   double squares = 0.0;
   int count = 0;
   for (const PhaseBlock& block : grid.blocks) {
@@ -121,10 +122,10 @@ TEST(FringePhase, BlocksGiveThePhaseWithRealisticErrors) {
 
 TEST(FringePhase, WholeLensesContinueFromBlockToBlock) {
   // Seven fringes off the model: phases of more than a lens must not jump.
-  const LinearPhase truth = phase_of(7.70123, 0.2521, 0.0);
-  FringeStage stage(truth);
+  const LinearPhase ground_truth = phase_of(7.70123, 0.2521, 0.0);
+  FringeStage stage(ground_truth);
   stage.show({.pitch_subpx = 7.70123, .slant = 0.2521, .phase = 0.0}, 0.1);
-  LinearPhase model = truth;
+  LinearPhase model = ground_truth;
   model.per_px_x += 7.0 / 3840.0;
   const BlockGrid grid = stage.blocks(model);
   const double first = grid.blocks[0].phase - stage.phase_at(grid.blocks[0].panel_px);

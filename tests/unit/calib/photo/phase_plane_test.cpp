@@ -36,20 +36,20 @@ std::vector<FringeBlock> blocks_of(const LensPlane& error, double shift, double 
 }
 
 TEST(PhasePlane, SeparatesPitchFromPositionErrors) {
-  const LensPlane truth{0.07, -0.11, 0.05};
-  const PlaneCorrection found = fit_plane(blocks_of(truth, 0.1, 0.0, 1));
-  EXPECT_NEAR(found.add.at, truth.at, 1e-5);
-  EXPECT_NEAR(found.add.across, truth.across, 1e-5);
-  EXPECT_NEAR(found.add.down, truth.down, 1e-5);
+  const LensPlane ground_truth{0.07, -0.11, 0.05};
+  const PlaneCorrection found = fit_plane(blocks_of(ground_truth, 0.1, 0.0, 1));
+  EXPECT_NEAR(found.add.at, ground_truth.at, 1e-5);
+  EXPECT_NEAR(found.add.across, ground_truth.across, 1e-5);
+  EXPECT_NEAR(found.add.down, ground_truth.down, 1e-5);
   EXPECT_EQ(found.used, 384);
 }
 
 TEST(PhasePlane, ToleratesOneOutlierInTenBlocks) {
-  const LensPlane truth{0.02, 0.03, -0.04};
-  std::vector<FringeBlock> blocks = blocks_of(truth, 0.01, 0.002, 2);
+  const LensPlane ground_truth{0.02, 0.03, -0.04};
+  std::vector<FringeBlock> blocks = blocks_of(ground_truth, 0.01, 0.002, 2);
   for (size_t i = 0; i < blocks.size(); i += 10) blocks[i].phase = 0.4;
   const PlaneCorrection found = fit_plane(blocks);
-  EXPECT_NEAR(found.add.across, truth.across, 0.004);
+  EXPECT_NEAR(found.add.across, ground_truth.across, 0.004);
   EXPECT_LE(found.used, 346);
   EXPECT_GT(found.used, 320);
   EXPECT_NEAR(found.rms_lenses, 0.002, 0.0004);
@@ -69,10 +69,10 @@ TEST(PhasePlane, ItsStandardErrorsAgreeWithTheScatter) {
 }
 
 TEST(PhasePlane, SearchesUpToOneAndAHalfFringes) {
-  const LensPlane truth{0.3, 1.33, -1.21};
-  const LensPlane found = search_plane(blocks_of(truth, 0.02, 0.01, 3));
-  EXPECT_NEAR(found.across, truth.across, 0.08);
-  EXPECT_NEAR(found.down, truth.down, 0.08);
+  const LensPlane ground_truth{0.3, 1.33, -1.21};
+  const LensPlane found = search_plane(blocks_of(ground_truth, 0.02, 0.01, 3));
+  EXPECT_NEAR(found.across, ground_truth.across, 0.08);
+  EXPECT_NEAR(found.down, ground_truth.down, 0.08);
 }
 
 TEST(PhasePlane, RefusesTooFewBlocks) {

@@ -13,9 +13,9 @@ namespace lenticule::test {
 namespace {
 
 /// Returns the light of a row of subpixels around a place, weighted by the lens spot.
-class Glass {
+class LitPanel {
  public:
-  Glass(const optics::Rig& rig, const frames::WovenFrame& shown)
+  LitPanel(const optics::Rig& rig, const frames::WovenFrame& shown)
       : rig_(rig),
         shown_(shown),
         sigma_subpx_(rig.sheet.spot_sigma.value * rig.sheet.pitch.value) {}
@@ -58,8 +58,8 @@ Vec3 direction_of(const PhotoStage& stage, double column, double row) {
 
 /// Returns the light of a ray: finds the lens that the ray meets, then the place that the eye sees
 /// under that lens.
-double light_along(const PhotoStage& stage, const optics::OpticalModel& model, const Glass& glass,
-                   Vec3 direction) {
+double light_along(const PhotoStage& stage, const optics::OpticalModel& model,
+                   const LitPanel& panel_light, Vec3 direction) {
   const Vec3 at = stage.eye_mm + direction * (-stage.eye_mm.z / direction.z);
   const optics::Panel& panel = stage.rig.panel;
   const double x_px = panel.x_px(at.x), y_px = panel.y_px(at.y);
@@ -70,16 +70,16 @@ double light_along(const PhotoStage& stage, const optics::OpticalModel& model, c
   const Vec2 apex{panel.x_mm(apex_px), at.y};
   const Vec2 seen =
       apex - model.refraction_shift_mm(apex, {stage.eye_mm.x, stage.eye_mm.y, stage.eye_mm.z});
-  return glass.light({panel.x_px(seen.x), panel.y_px(seen.y)});
+  return panel_light.light({panel.x_px(seen.x), panel.y_px(seen.y)});
 }
 
-float pixel_light(const PhotoStage& stage, const optics::OpticalModel& model, const Glass& glass,
-                  int i, int j) {
+float pixel_light(const PhotoStage& stage, const optics::OpticalModel& model,
+                  const LitPanel& panel_light, int i, int j) {
   double sum = 0.0;
   const int side = stage.rays_per_side;
   for (int k = 0; k < side * side; ++k)
     sum +=
-        light_along(stage, model, glass,
+        light_along(stage, model, panel_light,
                     direction_of(stage, i + (k % side + 0.5) / side, j + (k / side + 0.5) / side));
   return static_cast<float>(stage.ambient + stage.gain * sum / (side * side));
 }
@@ -136,14 +136,14 @@ optics::Rig desk_rig() {
 
 calib::CameraPicture photograph(const PhotoStage& stage, const frames::WovenFrame& shown) {
   const optics::OpticalModel model(stage.rig);
-  const Glass glass(stage.rig, shown);
+  const LitPanel panel_light(stage.rig, shown);
   calib::CameraPicture picture;
   picture.width = stage.width;
   picture.height = stage.height;
   picture.channels = 1;
   for (int j = 0; j < stage.height; ++j)
     for (int i = 0; i < stage.width; ++i)
-      picture.light.push_back(pixel_light(stage, model, glass, i, j));
+      picture.light.push_back(pixel_light(stage, model, panel_light, i, j));
   if (stage.blur_px > 0) blur(picture, stage.blur_px);
   expose(stage, picture);
   return picture;

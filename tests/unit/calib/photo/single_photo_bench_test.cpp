@@ -57,7 +57,7 @@ Calibration calibrate(SimulatedBench& bench, const optics::Rig& start) {
   for (int settle = 0; settle < 4; ++settle)
     EXPECT_EQ(bench.camera().grab(picture, kLong), GrabStatus::Ready);
   PhotoPriors tape;
-  tape.distance_mm = Estimate{bench.camera_truth().position_mm.z, 3.0};
+  tape.distance_mm = Estimate{bench.ground_truth_camera().position_mm.z, 3.0};
   return fit_single_photo(picture, chart, tape);
 }
 
@@ -71,7 +71,7 @@ double worst_phase(const Calibration& found, const SimulatedBench& bench) {
     for (int c = 0; c < 16; ++c) {
       const double x = 240.0 * (c + 0.5), y = 216.0 * (r + 0.5);
       const double off = model.phase(x, y, 1, {eye.x, eye.y, eye.z}) -
-                         bench.truth_phase(x, y, 1, bench.camera_truth().position_mm);
+                         bench.ground_truth_phase(x, y, 1, bench.ground_truth_camera().position_mm);
       worst = std::max(worst, std::abs(off - std::round(off)));
     }
   }

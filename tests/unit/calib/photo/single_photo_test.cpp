@@ -57,13 +57,14 @@ double without_lenses(double phase) {
 
 /// Returns the largest phase error over the panel, for the fitted eye against the ground truth.
 double worst_phase(const Calibration& found, const PhotoStage& stage) {
-  const optics::OpticalModel truth(stage.rig), model(found.rig);
+  const optics::OpticalModel ground_truth(stage.rig), model(found.rig);
   const Vec3 e = stage.eye_mm, f = found.viewpoints[0].eye_mm;
   double worst = 0.0;
   for (int y = 0; y <= 2160; y += 216)
     for (int x = 0; x <= 3840; x += 240)
-      worst = std::max(worst, std::abs(without_lenses(model.phase(x, y, 1, {f.x, f.y, f.z}) -
-                                                      truth.phase(x, y, 1, {e.x, e.y, e.z}))));
+      worst =
+          std::max(worst, std::abs(without_lenses(model.phase(x, y, 1, {f.x, f.y, f.z}) -
+                                                  ground_truth.phase(x, y, 1, {e.x, e.y, e.z}))));
   return worst;
 }
 
@@ -86,9 +87,9 @@ TEST(SinglePhoto, FindsPitchSlantAndOffset) {
   EXPECT_NEAR(v.eye_mm.x, s.eye_mm.x, 2.0);
   EXPECT_NEAR(v.eye_mm.y, s.eye_mm.y, 2.0);
   EXPECT_NEAR(v.eye_mm.z, s.eye_mm.z, 5.0);
-  const optics::OpticalModel truth(s.rig);
+  const optics::OpticalModel ground_truth(s.rig);
   EXPECT_NEAR(without_lenses(v.effective_offset_lenses.value -
-                             truth.phase(1920.0, 1080.0, 1, {20.0, -15.0, 700.0})),
+                             ground_truth.phase(1920.0, 1080.0, 1, {20.0, -15.0, 700.0})),
               0.0, 0.005);
   EXPECT_GT(v.contrast, 0.5);
   EXPECT_EQ(v.residual.values.size(), static_cast<size_t>(v.residual.columns * v.residual.rows));
@@ -167,22 +168,22 @@ TEST(SinglePhoto, RefusesWithAReason) {
 
 /// Returns the largest phase error over the panel for an eye at the camera's true place.
 double worst_placed(const Calibration& found, const PhotoStage& stage) {
-  const optics::OpticalModel truth(stage.rig), model(found.rig);
+  const optics::OpticalModel ground_truth(stage.rig), model(found.rig);
   const Vec3 e = stage.eye_mm;
   double worst = 0.0;
   for (int y = 0; y <= 2160; y += 216)
     for (int x = 0; x <= 3840; x += 240)
       worst = std::max(worst, std::abs(model.phase(x, y, 1, {e.x, e.y, e.z}) -
-                                       truth.phase(x, y, 1, {e.x, e.y, e.z})));
+                                       ground_truth.phase(x, y, 1, {e.x, e.y, e.z})));
   return worst;
 }
 
 /// Returns worst_placed without whole lenses of the offset, which are invisible.
 double placed_error(Calibration found, const PhotoStage& stage) {
-  const optics::OpticalModel truth(stage.rig), model(found.rig);
+  const optics::OpticalModel ground_truth(stage.rig), model(found.rig);
   const Vec3 e = stage.eye_mm;
-  const double middle =
-      model.phase(1920, 1080, 1, {e.x, e.y, e.z}) - truth.phase(1920, 1080, 1, {e.x, e.y, e.z});
+  const double middle = model.phase(1920, 1080, 1, {e.x, e.y, e.z}) -
+                        ground_truth.phase(1920, 1080, 1, {e.x, e.y, e.z});
   found.rig.sheet.offset.value -= std::round(middle);
   return worst_placed(found, stage);
 }

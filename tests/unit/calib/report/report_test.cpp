@@ -8,7 +8,7 @@
 #include "calib/report/field_picture.h"
 #include "calib/report/report_html.h"
 #include "calib/report/report_json.h"
-#include "calib/report/report_words.h"
+#include "calib/report/report_text.h"
 #include "calib/report/sensitivity.h"
 #include "sample_calibration.h"
 
@@ -162,7 +162,7 @@ TEST(ReportHtml, ReportsUnknownValuesAsUnknown) {
   EXPECT_THAT(html, Not(HasSubstr("are correlated")));
 }
 
-TEST(ReportWords, EachVerdictNamesARemedy) {
+TEST(ReportText, EachVerdictNamesARemedy) {
   Calibration c = sample_calibration();
   EXPECT_THAT(advice(c).front(), HasSubstr("Use the rig"));
   c.verdict = Verdict::Effective;
@@ -173,7 +173,7 @@ TEST(ReportWords, EachVerdictNamesARemedy) {
   EXPECT_THAT(report_html(c, sample_details()), HasSubstr("verdict refused"));
 }
 
-TEST(ReportWords, ErrorsDetermineTheDigits) {
+TEST(ReportText, ErrorsDetermineTheDigits) {
   EXPECT_EQ(with_error({7.70123012, 1.25e-6}), "7.7012301 \u00b1 0.0000013");
   EXPECT_EQ(with_error({2.2, 0.0}), "2.2");
   EXPECT_EQ(with_error({2.2, kNan}), "2.2");

@@ -122,7 +122,7 @@ double red_comb_light(SimulatedBench& bench, const optics::Panel& believed, Vec3
   for (int j = 60; j < 120; ++j) {
     for (int i = 100; i < 220; ++i) {
       const Vec2 at = believed.subpixel_centre_px(i, j, 0);
-      const double phase = bench.truth_phase(at.x, at.y, 0, eye);
+      const double phase = bench.ground_truth_phase(at.x, at.y, 0, eye);
       if (std::abs(phase - std::round(phase)) < 0.1) frame.row(j)[i * 3] = 255;
     }
   }

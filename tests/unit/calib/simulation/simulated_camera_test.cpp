@@ -370,7 +370,7 @@ TEST(SimulatedCamera, MovesToTheRequestedPlace) {
   // The panel looks half as wide at twice the distance: the outer area is dark now.
   EXPECT_GT(statistics(before, 0, 0.18, 0.45, 0.24, 0.55).mean, 0.6);
   EXPECT_EQ(statistics(after, 0, 0.18, 0.45, 0.24, 0.55).mean, 0.0);
-  EXPECT_EQ(bench.camera_truth().position_mm.z, 800.0);
+  EXPECT_EQ(bench.ground_truth_camera().position_mm.z, 800.0);
   EXPECT_THROW(bench.move_camera({0, 0, -5}, {0, 0, -10}, 0.0), Error);
 }
 

@@ -65,15 +65,15 @@ double phase_error(const optics::Panel& panel, const SimulatedSheet& sheet,
   int places = 0;
   for (double y = 40; y < panel.height_px; y += 93) {
     for (double x = 40; x < panel.width_px; x += 93) {
-      const std::optional<Vec2> at = bench.truth_in_picture(x, y);
+      const std::optional<Vec2> at = bench.ground_truth_in_picture(x, y);
       if (!at) return 1.0;
       const double decoded =
           std::arg(mean_around(seen, camera.width, *at, kHalfWindow)) / (2.0 * std::numbers::pi);
       const double s =
           3.0 * ((x - panel.width_px / 2.0) + sheet.slant * (y - panel.height_px / 2.0));
-      const double truth =
-          bench.truth_phase(x, y, channel, camera.position_mm, LightMiddle::FringePhase);
-      const double expected = s / pitch - truth;
+      const double ground_truth =
+          bench.ground_truth_phase(x, y, channel, camera.position_mm, LightMiddle::FringePhase);
+      const double expected = s / pitch - ground_truth;
       const double error = wrapped(decoded - expected);
       squares += error * error;
       ++places;
@@ -127,8 +127,8 @@ TEST(TracedPicture, ShowsEachColourThroughItsOwnIndex) {
   camera.bayer = true;
   EXPECT_LT(phase_error(panel, sheet, camera, 2), kMostError);
   const SimulatedBench bench(panel, sheet, {}, camera, 5);
-  const double red = bench.truth_phase(600, 180, 0, camera.position_mm);
-  EXPECT_GT(std::abs(red - bench.truth_phase(600, 180, 2, camera.position_mm)), 0.03);
+  const double red = bench.ground_truth_phase(600, 180, 0, camera.position_mm);
+  EXPECT_GT(std::abs(red - bench.ground_truth_phase(600, 180, 2, camera.position_mm)), 0.03);
 }
 
 /// Returns a frame that lights, in the middle of the panel, the subpixels whose true phase is
@@ -140,7 +140,7 @@ frames::WovenFrame comb_frame(const SimulatedBench& bench, const optics::Panel& 
     for (int i = panel.width_px * 3 / 10; i < panel.width_px * 7 / 10; ++i) {
       for (int channel = 0; channel < 3; ++channel) {
         const Vec2 at = panel.subpixel_centre_px(i, j, channel);
-        const double phase = bench.truth_phase(at.x, at.y, channel, eye);
+        const double phase = bench.ground_truth_phase(at.x, at.y, channel, eye);
         const bool lit = std::abs(wrapped(phase - middle)) < reach;
         frame.row(j)[i * 3 + channel] = lit ? 255 : 0;
       }
@@ -204,7 +204,7 @@ TEST(TracedPicture, ShowsThePanelAtItsProjection) {
         weight += light;
       }
     }
-    const std::optional<Vec2> expected = bench.truth_in_picture(middle.x, middle.y);
+    const std::optional<Vec2> expected = bench.ground_truth_in_picture(middle.x, middle.y);
     ASSERT_TRUE(expected);
     EXPECT_NEAR(sum.x / weight, expected->x, 0.3);
     EXPECT_NEAR(sum.y / weight, expected->y, 0.3);

@@ -22,7 +22,7 @@ using nlohmann::json;
 using nlohmann::ordered_json;
 using std::chrono::seconds;
 
-constexpr auto kPatience = seconds(30);
+constexpr auto kTimeout = seconds(30);
 
 class FakePlayer final : public ControlTarget {
  public:
@@ -83,14 +83,14 @@ class ControlSocket : public testing::Test {
     options.socket = socket;
     server = std::make_unique<ControlServer>(std::move(options), player);
   }
-  [[nodiscard]] ControlClient client() const { return {socket, kPatience}; }
+  [[nodiscard]] ControlClient client() const { return {socket, kTimeout}; }
   /// Returns a raw connection that need not follow the protocol.
   [[nodiscard]] UniqueFd raw() const {
     const frames::UnixAddress address = frames::unix_address(socket);
     UniqueFd fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
     EXPECT_EQ(::connect(fd.get(), address.get(), address.bytes), 0) << std::strerror(errno);
-    const timeval patience{.tv_sec = 30, .tv_usec = 0};
-    (void)::setsockopt(fd.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+    const timeval timeout{.tv_sec = 30, .tv_usec = 0};
+    (void)::setsockopt(fd.get(), SOL_SOCKET, SO_RCVTIMEO, &timeout, sizeof timeout);
     return fd;
   }
   static void say(const UniqueFd& fd, const std::string& text) {
@@ -107,13 +107,13 @@ class ControlSocket : public testing::Test {
   }
   static json ask(ControlClient& client, const ordered_json& request) {
     client.send(request);
-    const auto answer = client.receive(kPatience);
+    const auto answer = client.receive(kTimeout);
     EXPECT_TRUE(answer);
     return answer ? json(*answer) : json();
   }
   template <typename Condition>
-  [[nodiscard]] static bool within_patience(Condition condition) {
-    const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  [[nodiscard]] static bool within_timeout(Condition condition) {
+    const auto deadline = std::chrono::steady_clock::now() + kTimeout;
     while (!condition())
       if (std::chrono::steady_clock::now() > deadline)
         return false;
@@ -212,12 +212,12 @@ TEST_F(ControlSocket, AThousandClientsAreServedOrTurnedAway) {
     say(fd, "{\"do\":\"status\"}\n");
     if (all.size() < 100) all.push_back(std::move(fd));
   }
-  ASSERT_TRUE(within_patience([&] {
+  ASSERT_TRUE(within_timeout([&] {
     const ControlCounts counts = server->counts();
     return counts.accepted + counts.refused == 1000;
   }));
   all.clear();
-  ASSERT_TRUE(within_patience([&] {
+  ASSERT_TRUE(within_timeout([&] {
     try {
       ControlClient after = client();
       return ask(after, {{"do", "status"}})["ok"] == true;
@@ -253,9 +253,9 @@ TEST_F(ControlSocket, TheLongestIdleClientIsReplacedByANewOne) {
   EXPECT_EQ(ask(fifth, {{"do", "status"}})["ok"], true);
   EXPECT_EQ(ask(all[0], {{"do", "stats"}})["ok"], true) << "it had asked after the second";
   EXPECT_EQ(ask(all[2], {{"do", "stats"}})["ok"], true);
-  const auto told = all[1].receive(kPatience);
-  ASSERT_TRUE(told);
-  EXPECT_EQ((*told)["error"]["cause"],
+  const auto rejection = all[1].receive(kTimeout);
+  ASSERT_TRUE(rejection);
+  EXPECT_EQ((*rejection)["error"]["cause"],
             "disconnected, because another client needed the connection");
   EXPECT_EQ(server->counts().displaced, 1u);
 }
@@ -280,7 +280,7 @@ TEST_F(ControlSocket, WithOnlyBusyClientsAGroupMemberIsRefusedAndTheOwnerIsNot) 
   for (int k = 0; k < 4; ++k) {
     all.push_back(client());
     all.back().send({{"do", "load"}, {"source", "a"}});
-    ASSERT_TRUE(within_patience([&] { return player.waiting() == static_cast<size_t>(k) + 1; }));
+    ASSERT_TRUE(within_timeout([&] { return player.waiting() == static_cast<size_t>(k) + 1; }));
   }
   EXPECT_THAT(hear_all(raw()), testing::HasSubstr("connected and busy"));
   EXPECT_EQ(server->counts().refused, 1u);
@@ -314,7 +314,7 @@ TEST_F(ControlSocket, AClientThatNeverReadsIsDroppedWithoutDelayingOthers) {
   const std::string large(16'000, 'e');
   for (int k = 0; k < 2000 && server->counts().dropped == 0; ++k) {
     server->publish({{"event", "noise"}, {"text", large}, {"n", k}});
-    const auto heard = listener.receive(kPatience);
+    const auto heard = listener.receive(kTimeout);
     ASSERT_TRUE(heard);
     ASSERT_EQ((*heard)["n"], k) << "who reads misses nothing";
   }
@@ -328,7 +328,7 @@ TEST_F(ControlSocket, RequestsOfAClientThatNeverReadsAreReadUpToALimit) {
   ASSERT_EQ(::fcntl(deaf.get(), F_SETFL, O_NONBLOCK), 0);
   const std::string request = "{\"do\":\"status\"}\n";
   uint64_t sent = 0;
-  ASSERT_TRUE(within_patience([&] {
+  ASSERT_TRUE(within_timeout([&] {
     const ssize_t more = ::send(deaf.get(), request.data(), request.size(), MSG_NOSIGNAL);
     sent += more > 0 ? 1 : 0;
     return more < 0 && errno == EAGAIN;
@@ -343,14 +343,14 @@ TEST_F(ControlSocket, LateAnswersArriveUnlessTheirClientIsGone) {
   {
     ControlClient gone = client();
     gone.send({{"id", 1}, {"do", "load"}, {"source", "a"}});
-    ASSERT_TRUE(within_patience([&] { return player.waiting() == 1; }));
+    ASSERT_TRUE(within_timeout([&] { return player.waiting() == 1; }));
   }
   ControlClient stays = client();
   stays.send({{"id", 2}, {"do", "load"}, {"source", "b"}});
-  ASSERT_TRUE(within_patience([&] { return player.waiting() == 2; }));
+  ASSERT_TRUE(within_timeout([&] { return player.waiting() == 2; }));
   EXPECT_EQ(ask(stays, {{"id", 3}, {"do", "status"}})["id"], 3) << "others are not held up";
   player.answer_all();
-  const auto late = stays.receive(kPatience);
+  const auto late = stays.receive(kTimeout);
   ASSERT_TRUE(late);
   EXPECT_EQ((*late)["id"], 2);
 }
@@ -359,10 +359,10 @@ TEST_F(ControlSocket, AnswersAfterTheServersEndAreDropped) {
   serve();
   ControlClient one = client();
   one.send({{"do", "load"}, {"source", "a"}});
-  ASSERT_TRUE(within_patience([&] { return player.waiting() == 1; }));
+  ASSERT_TRUE(within_timeout([&] { return player.waiting() == 1; }));
   server.reset();
   player.answer_all();
-  EXPECT_THROW((void)one.receive(kPatience), Error);
+  EXPECT_THROW((void)one.receive(kTimeout), Error);
 }
 
 TEST_F(ControlSocket, SurplusEventsAreCountedInsteadOfSent) {
@@ -372,7 +372,7 @@ TEST_F(ControlSocket, SurplusEventsAreCountedInsteadOfSent) {
   for (int k = 0; k < 200; ++k) server->publish({{"event", "seam"}, {"n", k}});
   uint64_t left_out = 0;
   uint64_t heard = 0;
-  ASSERT_TRUE(within_patience([&] {
+  ASSERT_TRUE(within_timeout([&] {
     server->publish({{"event", "last"}});
     while (const auto event = listener.receive(std::chrono::milliseconds(20))) {
       left_out += event->value("left_out", uint64_t{0});

@@ -57,7 +57,7 @@ TEST(SourcePace, IgnoresTheFirstSecond) {
 TEST(SourcePace, ReadsASourceToItsEndOrItsError) {
   test::FakeSource good({.frames = 50});
   EXPECT_GT(measure_source(good, {1, 60}, seconds(20)).seen_fps, 0.0);
-  EXPECT_EQ(good.lent(), 0u);
+  EXPECT_EQ(good.acquired(), 0u);
   test::FakeSource broken({.frames = 50, .fails_after = 3});
   EXPECT_THROW((void)measure_source(broken, {1, 60}, seconds(20)), Error);
   test::FakeSource empty({.frames = 0});

@@ -28,7 +28,7 @@ class OffsetSource final : public frames::FrameSource {
   [[nodiscard]] frames::FrameGeometry geometry() const override { return script_.geometry; }
   [[nodiscard]] std::optional<frames::Rate> rate() const override { return script_.rate; }
   [[nodiscard]] std::optional<uint64_t> frame_count() const override { return script_.frames; }
-  [[nodiscard]] frames::PullStatus pull(frames::LentFrame& out) override {
+  [[nodiscard]] frames::PullStatus pull(frames::AcquiredFrame& out) override {
     if (script_.fails_after && pulled_ >= *script_.fails_after) return frames::PullStatus::Failed;
     if (position_ == script_.frames) return frames::PullStatus::End;
     out = {.frame = pixels_[position_].view(), .number = position_, .token = pulled_++};
@@ -36,7 +36,7 @@ class OffsetSource final : public frames::FrameSource {
     return frames::PullStatus::Ready;
   }
   void release(uint64_t token) override { (void)token; }
-  [[nodiscard]] int max_lent() const override { return 100; }
+  [[nodiscard]] int max_acquired() const override { return 100; }
   [[nodiscard]] uint64_t ready_count() const override { return script_.frames - position_; }
   [[nodiscard]] bool saturated() const override { return true; }
   [[nodiscard]] bool rewind() override {

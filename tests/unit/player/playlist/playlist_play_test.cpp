@@ -11,8 +11,8 @@
 namespace lenticule::player {
 namespace {
 
+using test::DisplayedFrame;
 using test::FakeItem;
-using test::Glass;
 using test::kItemSize;
 using test::list_of;
 
@@ -60,7 +60,8 @@ class PlaylistPlay : public testing::Test {
     std::map<uint64_t, uint64_t> number_of;
     for (uint64_t n = 0; n < up_to; ++n) number_of[checksum(n)] = n;
     std::vector<uint64_t> numbers;
-    for (const Glass& glass : recorder->shown()) numbers.push_back(number_of.at(glass.checksum));
+    for (const DisplayedFrame& displayed : recorder->shown())
+      numbers.push_back(number_of.at(displayed.checksum));
     return numbers;
   }
 };
@@ -76,10 +77,10 @@ TEST_F(PlaylistPlay, RepeatsAndLosesNoFrameAtTenThousandLoopPoints) {
   EXPECT_EQ(result.report.pace.held, 0u);
   const std::array<uint64_t, 5> sums = {checksum(0), checksum(1), checksum(2), checksum(10),
                                         checksum(11)};
-  const std::vector<Glass> shown = recorder->shown();
+  const std::vector<DisplayedFrame> shown = recorder->shown();
   ASSERT_EQ(shown.size(), 5 * kRounds);
   for (uint64_t k = 0; k < shown.size(); ++k)
-    ASSERT_EQ(shown[k], (Glass{1 + k, k, sums.at(k % 5)})) << "vblank " << k;
+    ASSERT_EQ(shown[k], (DisplayedFrame{1 + k, k, sums.at(k % 5)})) << "vblank " << k;
   EXPECT_EQ(status.started, 2 * kRounds);
 }
 
@@ -89,7 +90,8 @@ TEST_F(PlaylistPlay, EveryItemHasItsOwnRate) {
   put("slow", 20, 2, frames::Rate{10, 1});   // 13, 19
   play_list(list_of({"film", "video", "slow"}));
   std::vector<uint64_t> vblanks;
-  for (const Glass& glass : recorder->shown()) vblanks.push_back(glass.sequence - 1);
+  for (const DisplayedFrame& displayed : recorder->shown())
+    vblanks.push_back(displayed.sequence - 1);
   EXPECT_THAT(vblanks, testing::ElementsAre(0, 2, 5, 7, 10, 11, 12, 13, 19));
   EXPECT_THAT(shown_numbers(32), testing::ElementsAre(0, 1, 2, 3, 10, 11, 12, 20, 21));
 }

@@ -19,7 +19,7 @@ using std::chrono::milliseconds;
 using test::kItemSize;
 using test::list_of;
 
-constexpr auto kPatience = std::chrono::seconds(30);
+constexpr auto kTimeout = std::chrono::seconds(30);
 
 class PlaylistSteer : public testing::Test {
  protected:
@@ -53,8 +53,8 @@ class PlaylistSteer : public testing::Test {
                                 pace.missed + pace.held);
   }
   template <typename Condition>
-  [[nodiscard]] static bool within_patience(Condition condition) {
-    const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  [[nodiscard]] static bool within_timeout(Condition condition) {
+    const auto deadline = std::chrono::steady_clock::now() + kTimeout;
     while (!condition())
       if (std::chrono::steady_clock::now() > deadline)
         return false;
@@ -63,12 +63,12 @@ class PlaylistSteer : public testing::Test {
     return true;
   }
   [[nodiscard]] bool plays(const std::string& name, uint64_t number) const {
-    const GlassPlace place = control.on_glass();
+    const DisplayedPlace place = control.displayed();
     return source->source_of(static_cast<uint32_t>(place.item)) == name && place.number == number;
   }
   [[nodiscard]] bool is_moving() const {
-    const uint64_t before = control.on_glass().frames;
-    return within_patience([&] { return control.on_glass().frames > before; });
+    const uint64_t before = control.displayed().frames;
+    return within_timeout([&] { return control.displayed().frames > before; });
   }
   /// Returns an empty text, or the reason why the old place stays.
   [[nodiscard]] std::string jump(Jump where) const {
@@ -76,16 +76,16 @@ class PlaylistSteer : public testing::Test {
     source->jump(std::move(where),
                  [&](const Error* error) { promise.set_value(error ? error->what() : ""); });
     auto done = promise.get_future();
-    return done.wait_for(kPatience) == std::future_status::ready ? done.get() : "no answer";
+    return done.wait_for(kTimeout) == std::future_status::ready ? done.get() : "no answer";
   }
   void pause_still() {
     control.pause(true);
     // A pending flip completes within a few polls.
     uint64_t frames = 0;
     do {
-      frames = control.on_glass().frames;
+      frames = control.displayed().frames;
       std::this_thread::sleep_for(milliseconds(60));
-    } while (control.on_glass().frames != frames);
+    } while (control.displayed().frames != frames);
   }
   [[nodiscard]] std::shared_ptr<const Playlist> other(const std::string& name) const {
     return std::make_shared<const Playlist>(playlist_of(parse_source(name), kForever));
@@ -97,13 +97,13 @@ TEST_F(PlaylistSteer, APauseHoldsThePictureAndPlayingContinuesWithTheNextFrame) 
   start(playlist_of(parse_source("a"), kForever));
   ASSERT_TRUE(is_moving());
   pause_still();
-  const GlassPlace paused = control.on_glass();
+  const DisplayedPlace paused = control.displayed();
   std::this_thread::sleep_for(milliseconds(100));
-  EXPECT_EQ(control.on_glass().frames, paused.frames);
+  EXPECT_EQ(control.displayed().frames, paused.frames);
   const size_t before = recorder->shown().size();
   control.pause(false);
   ASSERT_TRUE(is_moving());
-  ASSERT_TRUE(within_patience([&] { return recorder->shown().size() > before + 2; }));
+  ASSERT_TRUE(within_timeout([&] { return recorder->shown().size() > before + 2; }));
   const auto shown = recorder->shown();
   for (size_t k = 1; k < shown.size(); ++k) EXPECT_EQ(shown[k].id, shown[k - 1].id + 1);
 }
@@ -115,7 +115,7 @@ TEST_F(PlaylistSteer, ASeekWhilePausedShowsExactlyThatFrame) {
   pause_still();
   for (const uint64_t frame : {500u, 7u, 0u, 999u}) {
     ASSERT_EQ(jump({.frame = frame}), "");
-    ASSERT_TRUE(within_patience([&] { return plays("a", frame); })) << frame;
+    ASSERT_TRUE(within_timeout([&] { return plays("a", frame); })) << frame;
     std::this_thread::sleep_for(milliseconds(20));
     EXPECT_TRUE(plays("a", frame)) << "one frame, and no more";
     frames::WovenFrame copy(kItemSize);
@@ -130,10 +130,10 @@ TEST_F(PlaylistSteer, AJumpDiscardsFramesFilledBefore) {
   shelf.put("slow", {0, {.geometry = kItemSize, .frames = 100, .rate = frames::Rate{1, 2}}});
   shelf.put("b", {500, {.geometry = kItemSize, .frames = 50}});
   start(playlist_of(parse_source("slow"), kForever));
-  ASSERT_TRUE(within_patience([&] { return plays("slow", 0); }));
+  ASSERT_TRUE(within_timeout([&] { return plays("slow", 0); }));
   ASSERT_EQ(jump({.list = other("b")}), "");
-  ASSERT_TRUE(within_patience([&] { return control.on_glass().frames > 1; }));
-  ASSERT_TRUE(within_patience([&] { return recorder->shown().size() > 1; }));
+  ASSERT_TRUE(within_timeout([&] { return control.displayed().frames > 1; }));
+  ASSERT_TRUE(within_timeout([&] { return recorder->shown().size() > 1; }));
   EXPECT_EQ(recorder->shown()[1].checksum,
             test::checksum_of(test::numbered_frame(kItemSize, 500).view()))
       << "the slow one's frames 1 and 2 were in the scan-out buffers";
@@ -179,8 +179,8 @@ TEST_F(PlaylistSteer, TheLastOfManyJumpsCounts) {
   constexpr int kJumps = 200;
   for (uint64_t frame = 0; frame < kJumps; ++frame)
     source->jump({.frame = frame}, [&](const Error*) { ++answers; });
-  ASSERT_TRUE(within_patience([&] { return answers.load() == kJumps; }));
-  EXPECT_TRUE(within_patience([&] { return plays("a", kJumps - 1); }));
+  ASSERT_TRUE(within_timeout([&] { return answers.load() == kJumps; }));
+  EXPECT_TRUE(within_timeout([&] { return plays("a", kJumps - 1); }));
 }
 
 TEST_F(PlaylistSteer, TheNumberOfLoopsCanBeReduced) {

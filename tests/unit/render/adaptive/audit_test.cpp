@@ -11,14 +11,15 @@ namespace {
 
 TEST(Audit, BoundsAShareByTheBinomialDistribution) {
   EXPECT_EQ(bound_of_share({}), 1.0);
-  EXPECT_EQ(bound_of_share({.drawn = 5, .beyond = 5}), 1.0);
+  EXPECT_EQ(bound_of_share({.sampled = 5, .beyond = 5}), 1.0);
   // None of n exceeds the tolerance: (1 - p)^n = 0.01.
-  EXPECT_NEAR(bound_of_share({.drawn = 459, .beyond = 0}), 1.0 - std::pow(0.01, 1.0 / 459.0), 1e-9);
+  EXPECT_NEAR(bound_of_share({.sampled = 459, .beyond = 0}), 1.0 - std::pow(0.01, 1.0 / 459.0),
+              1e-9);
   // One of two: 1 - p^2 = 0.01.
-  EXPECT_NEAR(bound_of_share({.drawn = 2, .beyond = 1}), std::sqrt(0.99), 1e-9);
+  EXPECT_NEAR(bound_of_share({.sampled = 2, .beyond = 1}), std::sqrt(0.99), 1e-9);
   // Many samples: the normal approximation.
   const double normal = 0.02 + 2.326 * std::sqrt(0.02 * 0.98 / 50000.0);
-  EXPECT_NEAR(bound_of_share({.drawn = 50000, .beyond = 1000}), normal, 1e-4);
+  EXPECT_NEAR(bound_of_share({.sampled = 50000, .beyond = 1000}), normal, 1e-4);
 }
 
 TEST(Audit, TheBoundHoldsWithTheStatedProbability) {
@@ -27,45 +28,45 @@ TEST(Audit, TheBoundHoldsWithTheStatedProbability) {
     std::binomial_distribution<uint64_t> beyond(700, share);
     int held = 0;
     for (int n = 0; n < 1000; ++n)
-      held += bound_of_share({.drawn = 700, .beyond = beyond(random)}) >= share ? 1 : 0;
+      held += bound_of_share({.sampled = 700, .beyond = beyond(random)}) >= share ? 1 : 0;
     EXPECT_GE(held, 980) << share;
   }
 }
 
 TEST(Audit, RetracesBadBandsAndToleratesChance) {
-  EXPECT_FALSE(needs_mending({.drawn = 360, .beyond = 0}, 0.03));
-  EXPECT_FALSE(needs_mending({.drawn = 360, .beyond = 15}, 0.03));
-  EXPECT_TRUE(needs_mending({.drawn = 360, .beyond = 40}, 0.03));
-  EXPECT_FALSE(needs_mending({}, 0.03));
+  EXPECT_FALSE(needs_retracing({.sampled = 360, .beyond = 0}, 0.03));
+  EXPECT_FALSE(needs_retracing({.sampled = 360, .beyond = 15}, 0.03));
+  EXPECT_TRUE(needs_retracing({.sampled = 360, .beyond = 40}, 0.03));
+  EXPECT_FALSE(needs_retracing({}, 0.03));
 }
 
 TEST(Audit, SamplesUniformly) {
   constexpr uint32_t kRows = 64, kColumns = 11520;
-  uint64_t mending = 0, judging = 0, odd_rows = 0;
+  uint64_t retracing = 0, evaluation = 0, odd_rows = 0;
   std::array<uint64_t, 3> channels{};
   std::array<uint64_t, 4> quarters{};
   for (uint32_t row = 0; row < kRows; ++row)
-    for (uint32_t stretch = 0; stretch * kDrawnOneIn < kColumns; ++stretch) {
-      const DrawnPair drawn = drawn_of(row, stretch);
-      ASSERT_NE(drawn.mending, drawn.judging);
-      for (const uint32_t at : {drawn.mending, drawn.judging}) {
-        ASSERT_EQ(at / kDrawnOneIn, stretch);
+    for (uint32_t stretch = 0; stretch * kSampledOneIn < kColumns; ++stretch) {
+      const SampledPair sampled = sampled_pair(row, stretch);
+      ASSERT_NE(sampled.retracing, sampled.evaluation);
+      for (const uint32_t at : {sampled.retracing, sampled.evaluation}) {
+        ASSERT_EQ(at / kSampledOneIn, stretch);
         if (at >= kColumns) continue;
-        ++(at == drawn.mending ? mending : judging);
+        ++(at == sampled.retracing ? retracing : evaluation);
         odd_rows += row % 2;
         ++channels[at % 3];
-        ++quarters[at % kDrawnOneIn / (kDrawnOneIn / 4)];
+        ++quarters[at % kSampledOneIn / (kSampledOneIn / 4)];
       }
     }
-  const double expected = double{kRows} * kColumns / kDrawnOneIn;
+  const double expected = double{kRows} * kColumns / kSampledOneIn;
   const double deviation = 5.0 * std::sqrt(expected);
-  EXPECT_NEAR(static_cast<double>(mending), expected, deviation);
-  EXPECT_NEAR(static_cast<double>(judging), expected, deviation);
+  EXPECT_NEAR(static_cast<double>(retracing), expected, deviation);
+  EXPECT_NEAR(static_cast<double>(evaluation), expected, deviation);
   EXPECT_NEAR(static_cast<double>(odd_rows), expected, deviation);
-  for (const uint64_t drawn : channels)
-    EXPECT_NEAR(static_cast<double>(drawn), 2.0 * expected / 3.0, deviation);
-  for (const uint64_t drawn : quarters)
-    EXPECT_NEAR(static_cast<double>(drawn), 2.0 * expected / 4.0, deviation);
+  for (const uint64_t sampled : channels)
+    EXPECT_NEAR(static_cast<double>(sampled), 2.0 * expected / 3.0, deviation);
+  for (const uint64_t sampled : quarters)
+    EXPECT_NEAR(static_cast<double>(sampled), 2.0 * expected / 4.0, deviation);
 }
 
 }  // namespace

@@ -95,9 +95,9 @@ Audited audited(const frames::WovenFrame& full, const frames::WovenFrame& adapti
   Audited sum;
   const auto width = static_cast<uint32_t>(3 * full.width());
   for (int row = 0; row < full.height(); ++row)
-    for (uint32_t stretch = 0; stretch * kDrawnOneIn < width; ++stretch) {
-      const DrawnPair drawn = drawn_of(static_cast<uint32_t>(row), stretch);
-      for (const uint32_t at : {drawn.mending, drawn.judging}) {
+    for (uint32_t stretch = 0; stretch * kSampledOneIn < width; ++stretch) {
+      const SampledPair sampled = sampled_pair(static_cast<uint32_t>(row), stretch);
+      for (const uint32_t at : {sampled.retracing, sampled.evaluation}) {
         if (at >= width) continue;
         ++sum.count;
         sum.different += full.row(row)[at] != adaptive.row(row)[at] ? 1 : 0;
@@ -106,7 +106,7 @@ Audited audited(const frames::WovenFrame& full, const frames::WovenFrame& adapti
   return sum;
 }
 
-constexpr double kNeverMended =
+constexpr double kNeverRetraced =
     40.0;  ///< code values; an error limit so large that no band is retraced
 
 optics::Rig rig_of(double slant = 1.0 / 3.0) {
@@ -119,7 +119,7 @@ TEST(AuditedSubpixels, EqualFullForRepeatedlyMirroredThinObjects) {
       const SceneDescription scene = jacks(transmittance);
       RenderOptions options{.threads = 2, .max_depth = depth, .cancelled = {}};
       const Rendered full = rendered("full", scene, rig_of(), options);
-      options.tolerated_error = kNeverMended;
+      options.tolerated_error = kNeverRetraced;
       const Rendered adaptive = rendered("adaptive", scene, rig_of(), options);
       const Audited all = audited(full.frame, adaptive.frame);
       EXPECT_GT(all.count, 1000U);
@@ -134,7 +134,7 @@ TEST(AuditedSubpixels, EqualFullForEveryInstructionSetAndNumberOfThreads) {
   const SceneDescription scene = jacks();
   RenderOptions options{.threads = 1, .max_depth = 6, .cancelled = {}};
   const Rendered full = rendered("full", scene, rig_of(), options);
-  options.tolerated_error = kNeverMended;
+  options.tolerated_error = kNeverRetraced;
   for (const Isa isa : test::every_instruction_set())
     for (const int threads : {1, 3}) {
       options.isa = isa;
@@ -161,7 +161,7 @@ TEST(AuditedSubpixels, EqualFullOnEveryKindOfRig) {
   for (const optics::Rig& rig : rigs) {
     RenderOptions options{.threads = 2, .max_depth = 5, .cancelled = {}};
     const Rendered full = rendered("full", scene, rig, options);
-    options.tolerated_error = kNeverMended;
+    options.tolerated_error = kNeverRetraced;
     const Audited all = audited(full.frame, rendered("adaptive", scene, rig, options).frame);
     EXPECT_GT(all.count, 200U);
     EXPECT_EQ(all.different, 0U) << rig.panel.width_px << " x " << rig.panel.height_px << ", slant "

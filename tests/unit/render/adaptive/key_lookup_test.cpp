@@ -110,10 +110,10 @@ struct InPicture {
   bool close_call = false;
 };
 
-InPicture in_picture(const Case& c, int picture, double x_glass, int channel) {
+InPicture in_picture(const Case& c, int picture, double x_panel, int channel) {
   const int odd = picture % 2;
   const double column =
-      (x_glass - double{c.grid.x_first}) * double{c.grid.columns_per_mm} + 0.5 * odd;
+      (x_panel - double{c.grid.x_first}) * double{c.grid.columns_per_mm} + 0.5 * odd;
   const double off = std::abs(column - std::round(column));
   InPicture found{.column = -1.0, .close_call = off < 1e-3};
   if (!(column >= 0.0) || !(column < c.grid.columns - 1)) return found;
@@ -143,12 +143,12 @@ Expected oracle(const Case& c, int n) {
   const double number = (eye - double{c.grid.eye_first}) / double{c.grid.eye_step};
   const int left = std::clamp(static_cast<int>(std::max(number, 0.0)), 0, c.grid.pictures - 2);
   const double part = number - left;
-  const auto glass = [&](int picture) {
+  const auto x_at = [&](int picture) {
     const double e = double{c.grid.eye_first} + picture * double{c.grid.eye_step};
     return parallel ? x - e * z : (x - e * z / 700.0) / (1.0 - z / 700.0);
   };
-  const InPicture a = in_picture(c, left, glass(left), n % 3);
-  const InPicture b = in_picture(c, left + 1, glass(left + 1), n % 3);
+  const InPicture a = in_picture(c, left, x_at(left), n % 3);
+  const InPicture b = in_picture(c, left + 1, x_at(left + 1), n % 3);
   const uint32_t group = c.groups[static_cast<size_t>(c.cuts[s])];
   const double apart = std::abs(a.value - b.value);
   Expected found{.close_call = a.close_call || b.close_call ||

@@ -147,7 +147,7 @@ TEST_P(KnownLight, StaysWithinTheToleratedError) {
 class KnownSoftLight : public KnownLight {
  protected:
   static constexpr SoftLight kSoft{.shadow_samples = 16,
-                                   .lamp_radius_mm = 8.0,
+                                   .light_radius_mm = 8.0,
                                    .occlusion_samples = 16,
                                    .occlusion_distance_mm = 20.0};
   /// tolerance in codes; samples of an area light partly below the horizon are summed, not
@@ -155,7 +155,7 @@ class KnownSoftLight : public KnownLight {
   static constexpr double kNear = 4.0 / 255.0;
 
   KnownSoftLight() : KnownLight(kSoft) {
-    tracer_.integrate_lamps(true);
+    tracer_.integrate_area_lights(true);
     std::array<uint32_t, kPacket> seeds;
     for (size_t r = 0; r < kPacket; ++r)
       seeds[r] = sampling::subpixel_seed(3, static_cast<int>(r), 0);
@@ -163,8 +163,8 @@ class KnownSoftLight : public KnownLight {
   }
   [[nodiscard]] uint64_t traced() const {
     const FrameCounts counts = tracer_.counts();
-    return counts.shadow_rays - counts.shadow_rays_proved - counts.shadow_rays_blocked +
-           counts.ambient_rays - counts.ambient_rays_proved;
+    return counts.shadow_rays - counts.shadow_rays_culled - counts.shadow_rays_blocked +
+           counts.ambient_rays - counts.ambient_rays_culled;
   }
   void compare() {
     for (size_t r = 0; r < kPacket; ++r) {
@@ -207,16 +207,16 @@ TEST_P(KnownSoftLight, SharesOfTheNotesReplaceRays) {
     for (size_t r = 0; r < kPacket; ++r) {
       known.secondary_lanes |= 1U << r;
       known.secondary[r] = notes.secondary[r];
-      const auto tell = [&](KnownShare& share, float value) {
+      const auto set_known = [&](KnownShare& share, float value) {
         if (value == LightNotes::kNoShare) return;
         ASSERT_GE(value, 0.0F);
         ASSERT_LE(value, 1.0F);
         share.lanes |= 1U << r;
         share.share[r] = value;
       };
-      tell(known.around, notes.around[r]);
-      for (size_t lamp = 0; lamp < scene_.shading->lights().size(); ++lamp)
-        tell(known.seen[lamp], notes.seen[lamp][r]);
+      set_known(known.around, notes.around[r]);
+      for (size_t area_light = 0; area_light < scene_.shading->lights().size(); ++area_light)
+        set_known(known.seen[area_light], notes.seen[area_light][r]);
     }
     RayPacket again = packet_;
     const uint64_t before = traced();
@@ -231,22 +231,22 @@ TEST_P(KnownSoftLight, SharesOfTheNotesReplaceRays) {
 TEST_P(KnownSoftLight, IntegralsAreAtLeastAsAccurateAsSums) {
   std::mt19937_64 random(11);
   double of_sums = 0.0, of_integrals = 0.0;
-  alignas(64) std::array<float, kPacket> truth{};
+  alignas(64) std::array<float, kPacket> ground_truth{};
   const auto light = [&](bool integrate, int factor) {
     RayPacket packet = packet_;
-    tracer_.integrate_lamps(integrate);
+    tracer_.integrate_area_lights(integrate);
     tracer_.multiply_samples(factor);
     tracer_.trace_lanes(scene_, plan_, channel_, packet, light_);
     return light_;
   };
   for (int round = 0; round < 60; ++round) {
     aim(random);
-    truth = light(false, 64);
+    ground_truth = light(false, 64);
     const auto sums = light(false, 1), integrals = light(true, 1);
     for (size_t r = 0; r < kPacket; ++r) {
       if (packet_.valid[r] == 0) continue;
-      of_sums += std::pow(double{sums[r]} - double{truth[r]}, 2.0);
-      of_integrals += std::pow(double{integrals[r]} - double{truth[r]}, 2.0);
+      of_sums += std::pow(double{sums[r]} - double{ground_truth[r]}, 2.0);
+      of_integrals += std::pow(double{integrals[r]} - double{ground_truth[r]}, 2.0);
     }
   }
   EXPECT_LE(of_integrals, 1.02 * of_sums);

@@ -126,13 +126,13 @@ TEST(MethodAdaptive, CullingDoesNotChangeTheBytesOfSoftLight) {
     named.scene.background = {1.0, 1.0, 1.0};
     for (Material& material : named.scene.materials) material.specular = 0.0035;
     const SoftLight around{.occlusion_samples = 4, .occlusion_distance_mm = 10.0};
-    SoftLight of_lamps = around;
-    of_lamps.shadow_samples = 16;
-    of_lamps.lamp_radius_mm = 6.0;
-    for (const SoftLight& soft : {around, of_lamps}) {
+    SoftLight of_area_lights = around;
+    of_area_lights.shadow_samples = 16;
+    of_area_lights.light_radius_mm = 6.0;
+    for (const SoftLight& soft : {around, of_area_lights}) {
       const RenderOptions with{.threads = 1, .soft = soft, .cancelled = {}};
       RenderOptions without = with, otherwise = with;
-      without.use_shaft_proofs = false;
+      without.use_shaft_culling = false;
       otherwise.threads = 3;
       otherwise.tiles_backwards = true;
       const Rendered one = rendered("adaptive", named.scene, wide_rig(), with);
@@ -230,7 +230,7 @@ TEST(MethodAdaptive, RetracesDetailMissedBySamples) {
   const Difference off = compare(full, adaptive);
   EXPECT_LE(off.beyond, s.beyond_bound);
   EXPECT_LT(off.beyond, 0.08);
-  ASSERT_EQ(s.mended_subpixels, s.subpixels);
+  ASSERT_EQ(s.retraced_subpixels, s.subpixels);
   EXPECT_EQ(full, adaptive) << "what is mended is as full renders it";
 }
 
@@ -240,14 +240,14 @@ TEST(MethodAdaptive, FallsBackToFullIfMostBandsWouldBeRetraced) {
   EXPECT_EQ(full, adaptive);
   EXPECT_TRUE(s.completed);
   EXPECT_EQ(s.traced_subpixels, s.subpixels);
-  EXPECT_EQ(s.mended_subpixels, 0U);
+  EXPECT_EQ(s.retraced_subpixels, 0U);
 }
 
 /// Soft light is a noisy sum of samples: the ground truth is full with many samples.
 TEST(MethodAdaptive, SoftLightIsAsAccurateAsFulls) {
   const auto with = [](int samples) {
     return RenderOptions{.soft = {.shadow_samples = samples,
-                                  .lamp_radius_mm = 8.0,
+                                  .light_radius_mm = 8.0,
                                   .occlusion_samples = samples,
                                   .occlusion_distance_mm = 20.0},
                          .cancelled = {}};
@@ -256,11 +256,11 @@ TEST(MethodAdaptive, SoftLightIsAsAccurateAsFulls) {
   std::vector<testing::NamedScene> scenes = testing::tiny_scenes();
   scenes.resize(3);
   for (const testing::NamedScene& named : scenes) {
-    const frames::WovenFrame truth = rendered("full", named.scene, rig, with(128)).frame;
+    const frames::WovenFrame ground_truth = rendered("full", named.scene, rig, with(128)).frame;
     const Rendered full = rendered("full", named.scene, rig, with(16));
     const Rendered adaptive = rendered("adaptive", named.scene, rig, with(16));
-    const double full_psnr = compare(truth, full.frame).psnr;
-    const Difference off = compare(truth, adaptive.frame);
+    const double full_psnr = compare(ground_truth, full.frame).psnr;
+    const Difference off = compare(ground_truth, adaptive.frame);
     EXPECT_GT(off.psnr, std::min(full_psnr, 44.0) - 1.0) << named.name;
     EXPECT_LE(off.beyond, adaptive.statistics.beyond_bound + 0.01) << named.name;
     EXPECT_EQ(adaptive.frame, rendered("adaptive", named.scene, rig, with(16)).frame);
@@ -274,13 +274,13 @@ TEST(MethodAdaptive, LightsSurfacesOfASinglePrimaryColourSoftly) {
     for (Material& material : scene.materials) material.colour = colour;
     scene.ambient = {0.5, 0.5, 0.5};
     const RenderOptions options{.soft = {.shadow_samples = 16,
-                                         .lamp_radius_mm = 8.0,
+                                         .light_radius_mm = 8.0,
                                          .occlusion_samples = 16,
                                          .occlusion_distance_mm = 20.0},
                                 .cancelled = {}};
     const frames::WovenFrame full = rendered("full", scene, wide_rig(), options).frame;
     const Rendered adaptive = rendered("adaptive", scene, wide_rig(), options);
-    EXPECT_EQ(adaptive.statistics.mended_subpixels, 0U);
+    EXPECT_EQ(adaptive.statistics.retraced_subpixels, 0U);
     EXPECT_GT(compare(full, adaptive.frame).psnr, 42.0);
   }
 }

@@ -31,7 +31,7 @@ TEST(DepthHistogram, CountsEachSubpixelOnce) {
   h.add(-50.0, -400.0);
   h.add(-kInfinity, -kInfinity);
   EXPECT_EQ(h.subpixels(), 8U);
-  EXPECT_EQ(h.at_glass(), 2U);
+  EXPECT_EQ(h.at_panel(), 2U);
   EXPECT_EQ(h.within(), 4U);
   EXPECT_EQ(h.in_front(), 1U);
   EXPECT_EQ(h.behind(), 2U);
@@ -78,7 +78,7 @@ TEST(MeasureDepth, AgreesWithTheReference) {
         return std::abs(static_cast<double>(a) - static_cast<double>(b)) <= 1.0;
       };
       EXPECT_TRUE(close(h.within(), expected.within())) << named.name;
-      EXPECT_TRUE(close(h.at_glass(), expected.at_glass())) << named.name;
+      EXPECT_TRUE(close(h.at_panel(), expected.at_panel())) << named.name;
       EXPECT_TRUE(close(h.in_front(), expected.in_front())) << named.name;
       EXPECT_TRUE(close(h.behind(), expected.behind())) << named.name;
       EXPECT_TRUE(close(h.nothing(), expected.nothing())) << named.name;
@@ -98,7 +98,7 @@ TEST(MeasureDepth, PicturesAgreeWithTheCounts) {
   frames::WovenFrame picture({24, 12, frames::PixelFormat::Rgb8});
   frames::WovenFrame beyond({24, 12, frames::PixelFormat::Rgb8});
   const DepthHistogram h = measure_depth(model, scene, 1, {.map = &picture, .beyond = &beyond});
-  EXPECT_GT(h.at_glass(), 0U);
+  EXPECT_GT(h.at_panel(), 0U);
   EXPECT_GT(h.behind(), 0U);
   EXPECT_EQ(static_cast<uint64_t>(std::ranges::count(beyond.bytes(), 255)),
             h.behind() + h.nothing());
@@ -108,7 +108,7 @@ TEST(MeasureDepth, PicturesAgreeWithTheCounts) {
     white += p[0] == 255 && p[1] == 255 && p[2] == 255 ? 1 : 0;
     blue += p[0] == 0 && p[2] > 150 ? 1 : 0;
   }
-  EXPECT_NEAR(static_cast<double>(3 * white), static_cast<double>(h.at_glass()), 40.0);
+  EXPECT_NEAR(static_cast<double>(3 * white), static_cast<double>(h.at_panel()), 40.0);
   EXPECT_NEAR(static_cast<double>(3 * blue), static_cast<double>(h.behind()), 40.0);
 }
 

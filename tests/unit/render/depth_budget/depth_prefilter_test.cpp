@@ -172,7 +172,7 @@ TEST(DepthPrefilter, GivesTheSameBytesForAnyThreadsTilesAndInstructionSet) {
       options.threads = kThreads;
       options.tiles_backwards = true;
       EXPECT_EQ(one.frame, rendered(named.scene, deep_stage(), model, options).frame);
-      options.use_shaft_proofs = false;
+      options.use_shaft_culling = false;
       options.skip_background = false;
       EXPECT_EQ(one.frame, rendered(named.scene, deep_stage(), model, options).frame);
       for (const Isa isa : test::every_instruction_set()) {

@@ -1,0 +1,276 @@
+// SPDX-License-Identifier: Apache-2.0
+// Predicts blocks of 32 bytes from earlier data of the same band, and codes their residuals.
+#include "frames/sequence/predictor_kernel.h"
+
+#if defined(__AVX2__)
+#include <immintrin.h>
+#endif
+
+namespace lenticule::frames::LENTICULE_ISA_NAMESPACE {
+namespace {
+
+constexpr int kNonZeroCost = 4;  // a bit of the mask becomes likely, and a value is stored
+constexpr int kLargeCost = 1;    // cost beyond +-3: such values are rarer for the entropy coder
+constexpr uint8_t kPredictorMask = 15;
+constexpr int kNoCost = 1 << 20;
+
+const uint8_t kZeros[kBlockBytes] = {};
+
+#if defined(__AVX2__)
+
+/// SpreadTable maps a byte of a mask to the positions of its values: shuffle control for eight
+/// bytes.
+struct SpreadTable {
+  alignas(8) uint8_t control[256][8];
+};
+
+constexpr SpreadTable make_spread_table() {
+  SpreadTable table{};
+  for (int mask = 0; mask < 256; ++mask) {
+    uint8_t next = 0;
+    for (int bit = 0; bit < 8; ++bit) {
+      const bool set = (mask >> bit & 1) != 0;
+      table.control[mask][bit] = set ? next : uint8_t{0x80};
+      if (set) ++next;
+    }
+  }
+  return table;
+}
+
+constexpr SpreadTable kSpread = make_spread_table();
+
+struct Block {
+  __m256i bytes;
+};
+
+Block load(const uint8_t* from) noexcept {
+  return {_mm256_loadu_si256(reinterpret_cast<const __m256i*>(from))};
+}
+
+void store(Block block, uint8_t* to) noexcept {
+  _mm256_storeu_si256(reinterpret_cast<__m256i*>(to), block.bytes);
+}
+
+__m128i spread_eight(uint32_t mask, const uint8_t*& values) noexcept {
+  const __m128i packed = _mm_loadl_epi64(reinterpret_cast<const __m128i*>(values));
+  const __m128i control =
+      _mm_loadl_epi64(reinterpret_cast<const __m128i*>(kSpread.control[mask & 255]));
+  values += __builtin_popcount(mask & 255);
+  return _mm_shuffle_epi8(packed, control);
+}
+
+/// Adds the next values to the bytes whose bit is set in the mask.
+Block add_values(Block block, uint32_t mask, const uint8_t* values) noexcept {
+  const __m128i a = spread_eight(mask, values);
+  const __m128i b = spread_eight(mask >> 8, values);
+  const __m128i c = spread_eight(mask >> 16, values);
+  const __m128i d = spread_eight(mask >> 24, values);
+  const __m256i all = _mm256_set_m128i(_mm_unpacklo_epi64(c, d), _mm_unpacklo_epi64(a, b));
+  return {_mm256_add_epi8(block.bytes, all)};
+}
+
+struct Difference {
+  uint32_t non_zero;
+  uint32_t large;
+};
+
+Difference difference(Block block, Block from) noexcept {
+  const __m256i rest = _mm256_sub_epi8(block.bytes, from.bytes);
+  const __m256i zero = _mm256_setzero_si256();
+  const __m256i moved = _mm256_add_epi8(rest, _mm256_set1_epi8(3));
+  const __m256i beyond = _mm256_subs_epu8(moved, _mm256_set1_epi8(6));
+  return {~static_cast<uint32_t>(_mm256_movemask_epi8(_mm256_cmpeq_epi8(rest, zero))),
+          ~static_cast<uint32_t>(_mm256_movemask_epi8(_mm256_cmpeq_epi8(beyond, zero)))};
+}
+
+#else
+
+struct Block {
+  uint8_t bytes[kBlockBytes];
+};
+
+Block load(const uint8_t* from) noexcept {
+  Block block;
+  __builtin_memcpy(block.bytes, from, kBlockBytes);
+  return block;
+}
+
+void store(const Block& block, uint8_t* to) noexcept {
+  __builtin_memcpy(to, block.bytes, kBlockBytes);
+}
+
+Block add_values(Block block, uint32_t mask, const uint8_t* values) noexcept {
+  for (; mask != 0; mask &= mask - 1) {
+    uint8_t& byte = block.bytes[__builtin_ctz(mask)];
+    byte = static_cast<uint8_t>(byte + *values++);
+  }
+  return block;
+}
+
+struct Difference {
+  uint32_t non_zero;
+  uint32_t large;
+};
+
+Difference difference(const Block& block, const Block& from) noexcept {
+  Difference result{0, 0};
+  for (size_t i = 0; i < kBlockBytes; ++i) {
+    const auto rest = static_cast<uint8_t>(block.bytes[i] - from.bytes[i]);
+    result.non_zero |= static_cast<uint32_t>(rest != 0) << i;
+    result.large |= static_cast<uint32_t>(static_cast<uint8_t>(rest + 3) > 6) << i;
+  }
+  return result;
+}
+
+#endif
+
+int cost_of(Difference d, uint32_t counted) noexcept {
+  return kNonZeroCost * __builtin_popcount(d.non_zero & counted) +
+         kLargeCost * __builtin_popcount(d.large & counted);
+}
+
+uint32_t load_mask(const uint8_t* from) noexcept {
+  return static_cast<uint32_t>(from[0]) | static_cast<uint32_t>(from[1]) << 8 |
+         static_cast<uint32_t>(from[2]) << 16 | static_cast<uint32_t>(from[3]) << 24;
+}
+
+void store_mask(uint32_t mask, uint8_t* to) noexcept {
+  for (int i = 0; i < 4; ++i) to[i] = static_cast<uint8_t>(mask >> 8 * i);
+}
+
+/// Returns the mask bits of a block of which only `bytes` bytes exist.
+uint32_t bits_of(size_t bytes) noexcept {
+  return bytes >= kBlockBytes ? ~uint32_t{0} : (uint32_t{1} << bytes) - 1;
+}
+
+struct Choice {
+  int predictor = 0;
+  int cost = kNoCost;
+  uint32_t non_zero = 0;
+};
+
+Choice choose_predictor(const PredictorTable& predictors, const uint8_t* band, size_t start,
+                        const Block& block, uint32_t counted) noexcept {
+  Choice best;
+  for (int predictor = 1; predictor <= predictors.count + 1; ++predictor) {
+    const int index = predictor > predictors.count
+                          ? 0
+                          : predictor;  // "zero" comes last, because it is seldom the cheapest
+    const size_t distance = predictors.distance[index];
+    if (distance > start) continue;
+    const Difference d = difference(block, load(index == 0 ? kZeros : band + start - distance));
+    const int cost = cost_of(d, counted);
+    if (cost < best.cost) best = {index, cost, d.non_zero & counted};
+    if (best.cost == 0) break;
+  }
+  return best;
+}
+
+void write_block(const Choice& choice, const uint8_t* block, const uint8_t* from,
+                 PredictorOutput& out) noexcept {
+  *out.modes++ = static_cast<uint8_t>(choice.predictor | (choice.non_zero != 0 ? kHasResidual : 0));
+  if (choice.non_zero == 0) return;
+  store_mask(choice.non_zero, out.masks + out.mask_bytes);
+  out.mask_bytes += 4;
+  for (uint32_t mask = choice.non_zero; mask != 0; mask &= mask - 1) {
+    const int i = __builtin_ctz(mask);
+    out.values[out.value_bytes++] = static_cast<uint8_t>(block[i] - from[i]);
+  }
+}
+
+constexpr size_t kRunBlocks = 8;
+
+/// Returns true for eight consecutive blocks that are copies from the same distance: most of a
+/// static picture.
+bool is_run(const uint8_t* modes, uint8_t mode) noexcept {
+  uint64_t eight = 0;
+  __builtin_memcpy(&eight, modes, sizeof eight);
+  return eight == mode * uint64_t{0x0101010101010101};
+}
+
+void copy_run(const uint8_t* from, uint8_t* to) noexcept {
+  for (size_t i = 0; i < kRunBlocks * kBlockBytes; i += kBlockBytes) store(load(from + i), to + i);
+}
+
+bool decode_blocks(const PredictorTable& predictors, const PredictorStreams& in, uint8_t* out,
+                   size_t bytes) noexcept {
+  const uint8_t* masks = in.masks;
+  const uint8_t* values = in.values;
+  const uint8_t* const values_end = in.values + in.value_count;
+  for (size_t start = 0; start < bytes; start += kBlockBytes) {
+    const uint8_t mode = in.modes[start / kBlockBytes];
+    const int predictor = mode & kPredictorMask;
+    const size_t distance = predictors.distance[predictor];
+    if ((mode & ~(kPredictorMask | kHasResidual)) != 0 || predictor > predictors.count ||
+        distance > start)
+      return false;
+    const size_t left = bytes - start;
+    if (mode == predictor && predictor != 0 && left >= kRunBlocks * kBlockBytes &&
+        is_run(in.modes + start / kBlockBytes, mode)) {
+      copy_run(out + start - distance, out + start);
+      start += (kRunBlocks - 1) * kBlockBytes;
+      continue;
+    }
+    Block block = load(predictor == 0 ? kZeros : out + start - distance);
+    if ((mode & kHasResidual) != 0) {
+      const uint32_t mask = load_mask(masks);
+      masks += 4;
+      const int count = __builtin_popcount(mask);
+      if (count > values_end - values || (mask & ~bits_of(left)) != 0) return false;
+      block = add_values(block, mask, values);
+      values += count;
+    }
+    if (left >= kBlockBytes) {
+      store(block, out + start);
+    } else {
+      uint8_t whole[kBlockBytes];
+      store(block, whole);
+      __builtin_memcpy(out + start, whole, left);
+    }
+  }
+  return values == values_end;
+}
+
+void encode_blocks(const PredictorTable& predictors, const uint8_t* band, size_t bytes,
+                   PredictorOutput& out) noexcept {
+  for (size_t start = 0; start < bytes; start += kBlockBytes) {
+    const size_t left = bytes - start;
+    uint8_t partial[kBlockBytes] = {};
+    const uint8_t* block = band + start;
+    if (left < kBlockBytes) {
+      __builtin_memcpy(partial, block, left);
+      block = partial;
+    }
+    const Choice choice = choose_predictor(predictors, band, start, load(block), bits_of(left));
+    const uint8_t* from =
+        choice.predictor == 0 ? kZeros : band + start - predictors.distance[choice.predictor];
+    write_block(choice, block, from, out);
+  }
+}
+
+int predictor_cost(const uint8_t* block, const uint8_t* from) noexcept {
+  return cost_of(difference(load(block), load(from)), ~uint32_t{0});
+}
+
+size_t count_residuals(const uint8_t* modes, size_t count) noexcept {
+  size_t residuals = 0;
+  for (size_t i = 0; i < count; ++i) residuals += (modes[i] & kHasResidual) != 0 ? 1 : 0;
+  return residuals;
+}
+
+size_t count_bits(const uint8_t* masks, size_t bytes) noexcept {
+  size_t bits = 0;
+  for (size_t i = 0; i + 4 <= bytes; i += 4)
+    bits += static_cast<size_t>(__builtin_popcount(load_mask(masks + i)));
+  return bits;
+}
+
+}  // namespace
+
+const PredictorKernel kPredictorKernel{.decode_blocks = decode_blocks,
+                                       .encode_blocks = encode_blocks,
+                                       .predictor_cost = predictor_cost,
+                                       .count_residuals = count_residuals,
+                                       .count_bits = count_bits};
+
+}  // namespace lenticule::frames::LENTICULE_ISA_NAMESPACE

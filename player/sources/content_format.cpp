@@ -1,0 +1,236 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/sources/content_format.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <filesystem>
+
+#include "base/error.h"
+#include "frames/image_io.h"
+#include "frames/sequence/sequence_reader.h"
+#include "frames/views_input/jps_tag.h"
+#include "frames/views_input/quilt_sidecar.h"
+#include "player/sources/video_program.h"
+
+namespace lenticule::player {
+namespace {
+
+using Kind = ContentFormat::Kind;
+
+constexpr double kSameAspect = 0.005;
+
+/// Returns the sidecar; for a pattern, the one of its first picture.
+std::optional<frames::QuiltSidecar> find_sidecar(const std::string& text) {
+  if (!frames::FilePattern::looks_like_pattern(text)) return frames::read_sidecar_of(text);
+  const frames::FilePattern pattern(text);
+  const std::vector<uint64_t> numbers = pattern.existing();
+  if (numbers.empty()) return std::nullopt;
+  return frames::read_sidecar_of(pattern.path(numbers.front()));
+}
+
+void refuse_other_flags(const ContentFlags& flags) {
+  const int kinds = (flags.grid.empty() ? 0 : 1) + (flags.stereo.empty() ? 0 : 1) +
+                    (flags.depth.empty() ? 0 : 1) + (flags.from_rig.empty() ? 0 : 1);
+  if (kinds > 1)
+    throw Error(ErrorKind::Usage, "--grid, --stereo, --depth and --from-rig exclude each other",
+                "use one of them");
+}
+
+void require_agreement(const std::string& text, const frames::QuiltSidecar& sidecar,
+                       const frames::QuiltLayout& named, const ContentFlags& flags) {
+  const std::string file = frames::sidecar_of(text).filename().string();
+  if (flags.grid.empty() && (sidecar.columns != named.columns || sidecar.rows != named.rows))
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: its name says {} x {} tiles, {} {} x {}", text, named.columns,
+                            named.rows, file, *sidecar.columns, *sidecar.rows),
+                "rename one of them, or use --grid");
+  const bool aspects_differ = sidecar.aspect && named.aspect &&
+                              std::abs(*sidecar.aspect / *named.aspect - 1.0) > kSameAspect;
+  if (!flags.aspect && aspects_differ)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: its name says an aspect of {}, {} {}", text, *named.aspect, file,
+                            *sidecar.aspect),
+                "rename one of them, or use --aspect");
+}
+
+/// Combines the name, the sidecar and the flags; later ones override earlier ones.
+ContentFormat quilt(const SourceSpec& source, const std::optional<frames::QuiltSidecar>& sidecar) {
+  const ContentFlags& flags = source.content;
+  const auto named = frames::quilt_layout_of_name(source.text);
+  ContentFormat detected{.kind = Kind::Quilt};
+  frames::QuiltLayout& layout = detected.layout;
+  if (named) layout = *named;
+  if (sidecar && sidecar->columns) {
+    if (named) require_agreement(source.text, *sidecar, *named, flags);
+    layout.columns = *sidecar->columns;
+    layout.rows = *sidecar->rows;
+    layout.views = sidecar->views.value_or(0);
+    if (sidecar->aspect) layout.aspect = sidecar->aspect;
+    detected.rightmost_first = sidecar->inverted;
+  }
+  if (!flags.grid.empty()) {
+    read_grid(flags.grid, layout);
+    layout.views = 0;
+  }
+  if (flags.views != 0) layout.views = flags.views;
+  if (flags.aspect) layout.aspect = flags.aspect;
+  frames::check_quilt_layout(layout, source.text);
+  return detected;
+}
+
+ContentFormat with_depth(const ContentFlags& flags,
+                         const std::optional<frames::QuiltSidecar>& sidecar) {
+  ContentFormat detected{.kind = Kind::DepthInside};
+  frames::DepthOptions& options = detected.depth_options;
+  if (sidecar && sidecar->depth) {
+    detected.depth = *sidecar->depth;
+    detected.aspect = sidecar->aspect;
+    options.black_is_near = sidecar->black_is_near;
+    options.back *= sidecar->depthiness;
+    options.front *= sidecar->depthiness;
+  }
+  if (const auto place = frames::parse_depth_place(flags.depth))
+    detected.depth = *place;
+  else if (!flags.depth.empty())
+    detected.kind = Kind::OwnDepth;
+  if (!flags.depth_range.empty()) read_depth_range(flags.depth_range, options);
+  options.black_is_near = options.black_is_near != flags.invert_depth;
+  if (flags.views != 0) options.views = flags.views;
+  return detected;
+}
+
+ContentFormat stereo(const frames::StereoLayout& layout, const ContentFlags& flags) {
+  if (flags.views != 0 && flags.views != 2)
+    throw Error(ErrorKind::Usage, fmt::format("--views {}: stereo has two views", flags.views));
+  return {.kind = Kind::Stereo, .stereo = layout};
+}
+
+/// Returns the stereo layout of a tag in the file: in JPEG stereo pictures and in videos.
+std::optional<ContentFormat> tagged_stereo(const SourceSpec& source) {
+  const std::string& text = source.text;
+  const ContentFlags& flags = source.content;
+  if (!flags.stereo.empty()) return std::nullopt;
+  if (frames::is_jps_name(text)) {
+    const frames::JpsTag tag = frames::read_jps_tag(text);
+    ContentFormat detected = stereo(tag.stereo, flags);
+    detected.rightmost_first = tag.right_first;
+    return detected;
+  }
+  if (source.kind != SourceKind::Video) return std::nullopt;
+  const std::optional<VideoStereo> tag = probe_video(text).front().stereo;
+  if (!tag) return std::nullopt;
+  const bool beside = tag->layout == "side by side";
+  if (!beside && tag->layout != "top and bottom")
+    throw Error(
+        ErrorKind::Input,
+        fmt::format(
+            "{}: its stereo tag says '{}'; only side by side and top and bottom are supported",
+            text, tag->layout),
+        "use --stereo none to play it unchanged");
+  // The shape of the pixels shows whether each eye is squeezed.
+  ContentFormat detected = stereo({.beside = beside, .half = false}, flags);
+  detected.rightmost_first = tag->right_first;
+  return detected;
+}
+
+void refuse_multi_picture(const std::string& text) {
+  const std::string extension = std::filesystem::path(text).extension().string();
+  if (extension == ".mpo" || extension == ".MPO")
+    throw Error(
+        ErrorKind::Input,
+        fmt::format("{}: a file of several pictures, of which only the first can be read", text),
+        "separate them, for example with exiftool, and play 'views:left.jpg|right.jpg'");
+}
+
+ContentFormat other_rig(const ContentFlags& flags) {
+  if (!flags.grid.empty() || flags.aspect || flags.invert)
+    throw Error(ErrorKind::Usage, "--from-rig: the input is a woven frame, not a quilt",
+                "leave out --grid, --aspect and --invert");
+  return {.kind = Kind::OtherRig};
+}
+
+ContentFormat container(const FormatQuery& request) {
+  const frames::SequenceReader reader(request.source.text);
+  const frames::SequenceInfo& info = reader.info();
+  if (info.kind == frames::SequenceKind::Views) {
+    LENTICULE_CHECK(info.views.has_value());
+    ContentFormat detected{.kind = Kind::Quilt};
+    detected.layout = {.columns = info.views->columns,
+                       .rows = info.views->rows,
+                       .views = info.views->count,
+                       .aspect = request.source.content.aspect};
+    if (info.views->aspect > 0.0 && !detected.layout.aspect)
+      detected.layout.aspect = info.views->aspect;
+    detected.rightmost_first = info.views->rightmost_first;
+    return detected;
+  }
+  const bool other =
+      !info.rig_fingerprint.empty() && info.rig_fingerprint != request.rig_fingerprint;
+  if (!request.source.content.reweave || !other) return {};
+  ContentFormat detected = other_rig(request.source.content);
+  detected.rig_toml = info.rig_toml;
+  return detected;
+}
+
+/// Returns the format of a source without prefix, container or --from-rig.
+ContentFormat picture(const SourceSpec& source, bool patterns_are_views) {
+  const std::string& text = source.text;
+  const ContentFlags& flags = source.content;
+  refuse_multi_picture(text);
+  if (!flags.depth.empty() && !frames::parse_depth_place(flags.depth))
+    return with_depth(flags, std::nullopt);
+  const bool stereo_flag = !flags.stereo.empty() && flags.stereo != "none";
+  if (stereo_flag) return stereo(frames::parse_stereo(flags.stereo), flags);
+  const auto sidecar = find_sidecar(text);
+  if (!flags.depth.empty() || (flags.grid.empty() && sidecar && sidecar->depth))
+    return with_depth(flags, sidecar);
+  const bool says_grid = !flags.grid.empty() || (sidecar && sidecar->columns);
+  if (says_grid || frames::quilt_layout_of_name(text)) return quilt(source, sidecar);
+  const auto named = frames::stereo_of_name(text);
+  if (named && flags.stereo.empty()) return stereo(*named, flags);
+  if (auto tagged = tagged_stereo(source)) return *tagged;
+  if (frames::is_rgbd_name(text)) return with_depth(flags, std::nullopt);
+  const bool is_set = patterns_are_views && frames::FilePattern::looks_like_pattern(text);
+  return {.kind = is_set ? Kind::ViewFiles : Kind::Woven};
+}
+
+ContentFormat kind_of(const FormatQuery& request) {
+  const SourceSpec& source = request.source;
+  if (source.kind == SourceKind::ViewFiles) return {.kind = Kind::ViewFiles};
+  if (!source.has_pictures()) return {};
+  if (!source.content.from_rig.empty()) return other_rig(source.content);
+  if (source.kind == SourceKind::Sequence) return container(request);
+  return picture(source, request.patterns_are_views);
+}
+
+/// Refuses flags that would have no effect, since the user expects one.
+void refuse_idle_flags(const SourceSpec& source, Kind kind) {
+  const ContentFlags& flags = source.content;
+  const bool has_depth = kind == Kind::OwnDepth || kind == Kind::DepthInside;
+  if (!has_depth && (!flags.depth_range.empty() || flags.invert_depth))
+    throw Error(ErrorKind::Usage, fmt::format("--depth-range: {} has no depth", source.text),
+                "name the depth with --depth");
+  const bool about_views = flags.views != 0 || flags.aspect || flags.invert;
+  if (kind == Kind::Woven && about_views && source.has_pictures())
+    throw Error(
+        ErrorKind::Usage,
+        fmt::format("{}: --views, --aspect and --invert do not apply to woven frames", source.text),
+        "if it contains views, describe them with --grid, --stereo, --depth or 'views:'");
+}
+
+}  // namespace
+
+ContentFormat detect_content_format(const FormatQuery& request) {
+  const ContentFlags& flags = request.source.content;
+  refuse_other_flags(flags);
+  ContentFormat detected = kind_of(request);
+  if (detected.kind == Kind::ViewFiles && !flags.grid.empty())
+    throw Error(ErrorKind::Usage, "--grid: the input is a pattern of views, not a quilt");
+  refuse_idle_flags(request.source, detected.kind);
+  if (flags.aspect) detected.aspect = flags.aspect;
+  if (flags.invert) detected.rightmost_first = !detected.rightmost_first;
+  return detected;
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// ContentFormat is the detected format of a source, from flags, sidecar and name, before a picture
+// is decoded.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "frames/quilt.h"
+#include "frames/views_input/content_name.h"
+#include "player/sources/source_spec.h"
+
+namespace lenticule::player {
+
+struct ContentFormat {
+  enum class Kind {
+    Woven,      ///< pixels of a panel, shown unchanged
+    Quilt,      ///< also a container of views
+    ViewFiles,  ///< one file per view
+    Stereo,
+    OwnDepth,     ///< depth in separate files
+    DepthInside,  ///< depth in a half of the picture
+    OtherRig,     ///< woven for another rig, to be separated into views
+  };
+  Kind kind = Kind::Woven;
+  frames::QuiltLayout layout = {};  ///< layout of a quilt
+  frames::StereoLayout stereo = {};
+  frames::DepthPlace depth = frames::DepthPlace::Right;
+  frames::DepthOptions depth_options = {};
+  std::optional<double> aspect = std::nullopt;
+  bool rightmost_first = false;
+  std::string rig_toml = {};  ///< rig of a container that was woven for another rig
+};
+
+struct FormatQuery {
+  SourceSpec source = {};
+  /// True for `weave`, where 'view%02d.png' means views; all other commands take it for woven
+  /// frames.
+  bool patterns_are_views = false;
+  /// Fingerprint of the rig that woven frames must match; empty = any.
+  std::string rig_fingerprint = {};
+};
+
+/// Detects the format. Throws Error(Usage) for flags that contradict each other or the kind,
+/// Error(Input) for a sidecar or container that cannot be read and for a sidecar that contradicts
+/// the name.
+[[nodiscard]] ContentFormat detect_content_format(const FormatQuery& request);
+
+}  // namespace lenticule::player

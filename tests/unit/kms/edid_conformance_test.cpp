@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: Apache-2.0
+// Compares our EDID reader with Debian's edid-decode on a few thousand random EDIDs and on every
+// file of the folders named below or in LENTICULE_EDIDS.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <optional>
+#include <regex>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "display/kms/device/edid.h"
+#include "display/kms/device/television_modes.h"
+#include "tests/support/process.h"
+#include "tests/support/random_edids.h"
+
+namespace lenticule::testing {
+namespace {
+
+namespace fs = std::filesystem;
+using display::PixelSize;
+
+constexpr const char* kEdidDecode = "/usr/bin/edid-decode";
+constexpr uint64_t kFew = 200;
+constexpr uint64_t kThousands = 3000;
+
+std::vector<std::string> lines_of(const std::string& text) {
+  std::vector<std::string> lines;
+  std::istringstream stream(text);
+  for (std::string line; std::getline(stream, line);) lines.push_back(line);
+  return lines;
+}
+
+std::optional<std::smatch> find_line(const std::vector<std::string>& lines, const char* pattern) {
+  const std::regex expression(pattern);
+  std::smatch match;
+  for (const std::string& line : lines)
+    if (std::regex_search(line, match, expression)) return match;
+  return std::nullopt;
+}
+
+/// The part of edid-decode's output that our reader covers.
+struct Evaluation {
+  std::string manufacturer;
+  uint32_t product = 0;
+  uint32_t serial_number = 0;
+  std::optional<int> bits_per_colour;
+  bool offers_ycbcr = false;
+  std::vector<uint8_t> only_as_420;
+  std::optional<PixelSize> base_native, displayid_native, displayid_preferred;
+};
+
+std::optional<uint32_t> number_after(const std::vector<std::string>& lines, const char* pattern) {
+  const auto match = find_line(lines, pattern);
+  if (!match) return std::nullopt;
+  return static_cast<uint32_t>(std::stoul((*match)[1].str()));
+}
+
+/// Returns the first progressive size of the indented lines after the headline.
+std::optional<PixelSize> size_below(const std::vector<std::string>& lines, const char* headline) {
+  const std::regex size("^  .*?(\\d+)x(\\d+)(i?)\\s");
+  auto at = std::find_if(lines.begin(), lines.end(), [&](const std::string& line) {
+    return std::regex_search(line, std::regex(headline));
+  });
+  if (at == lines.end()) return std::nullopt;
+  std::smatch match;
+  for (++at; at != lines.end() && at->starts_with("  "); ++at)
+    if (std::regex_search(*at, match, size) && match[3].str().empty())
+      return PixelSize{std::stoi(match[1].str()), std::stoi(match[2].str())};
+  return std::nullopt;
+}
+
+std::vector<uint8_t> vics_of_420_blocks(const std::vector<std::string>& lines) {
+  std::vector<uint8_t> vics;
+  const std::regex vic("^    VIC +(\\d+):");
+  std::smatch match;
+  bool inside = false;
+  for (const std::string& line : lines) {
+    if (!line.starts_with("    ")) inside = line == "  YCbCr 4:2:0 Video Data Block:";
+    if (inside && std::regex_search(line, match, vic))
+      vics.push_back(static_cast<uint8_t>(std::stoi(match[1].str())));
+  }
+  return vics;
+}
+
+std::optional<PixelSize> native_of_displayid(const std::vector<std::string>& lines) {
+  const std::regex native("Display native pixel format: (\\d+)x(\\d+)");
+  std::smatch match;
+  for (const std::string& line : lines)
+    if (std::regex_search(line, match, native) && match[1].str() != "0" && match[2].str() != "0")
+      return PixelSize{std::stoi(match[1].str()), std::stoi(match[2].str())};
+  return std::nullopt;
+}
+
+Evaluation evaluate(const fs::path& file) {
+  const auto result = test::run_process({kEdidDecode, "--skip-hex-dump", "-n", "-p", file.string()},
+                                        {.timeout = std::chrono::seconds(60)});
+  const std::vector<std::string> lines = lines_of(result.out);
+  Evaluation said;
+  if (const auto maker = find_line(lines, "^    Manufacturer: (...)$"))
+    said.manufacturer = (*maker)[1].str();
+  said.product = number_after(lines, "^    Model: (\\d+)").value_or(0);
+  said.serial_number = number_after(lines, "^    Serial Number: (\\d+)").value_or(0);
+  if (const auto bits = number_after(lines, "^    Bits per primary color channel: (\\d+)"))
+    said.bits_per_colour = static_cast<int>(*bits);
+  said.offers_ycbcr =
+      find_line(lines,
+                "Supported color formats: .*YCrCb|^  Supports YCbCr 4:[24]|^  YCbCr 4:2:0 "
+                "|Supported bpc for YCbCr 4|\\(aspect .*YCbCr 4:2:0")
+          .has_value();
+  said.only_as_420 = vics_of_420_blocks(lines);
+  said.base_native = size_below(lines, "^Preferred Video Timings? if only Block 0 is parsed");
+  said.displayid_native = native_of_displayid(lines);
+  said.displayid_preferred =
+      size_below(lines, "^Preferred Video Timings? if Block 0 and DisplayID Blocks are parsed");
+  return said;
+}
+
+class EdidConformance : public ::testing::Test {
+ protected:
+  EdidConformance()
+      : file_(fs::temp_directory_path() / ("lenticule-edid-" + std::to_string(getpid()))) {}
+  ~EdidConformance() override { fs::remove(file_); }
+  void SetUp() override {
+    const auto version = test::run_process({kEdidDecode, "--version"});
+    ASSERT_EQ(version.exit_code, 0) << "scripts/packages test installs edid-decode";
+  }
+
+  void compare(const std::vector<uint8_t>& bytes, const std::string& name) {
+    std::ofstream(file_, std::ios::binary)
+        .write(reinterpret_cast<const char*>(bytes.data()),
+               static_cast<std::streamsize>(bytes.size()));
+    const Evaluation said = evaluate(file_);
+    const display::EdidReading read = display::read_edid(bytes);
+    ASSERT_TRUE(read.identity) << name << ": " << display::edid_problem_name(read.problem);
+    EXPECT_EQ(read.identity->manufacturer, said.manufacturer) << name;
+    EXPECT_EQ(read.identity->product, said.product) << name;
+    EXPECT_EQ(read.identity->serial_number, said.serial_number) << name;
+    EXPECT_EQ(read.bits_per_colour, said.bits_per_colour) << name;
+    EXPECT_EQ(read.offers_ycbcr, said.offers_ycbcr) << name;
+    EXPECT_EQ(read.only_as_420, said.only_as_420) << name;
+    expect_same(read.base_native, said.base_native, name + ", first timing");
+    expect_same(read.displayid_native, said.displayid_native, name + ", DisplayID's native");
+    expect_same(read.displayid_preferred, said.displayid_preferred, name + ", DisplayID preferred");
+    ++compared_;
+  }
+
+  static void expect_same(std::optional<PixelSize> read, std::optional<PixelSize> said,
+                          const std::string& name) {
+    const auto text = [](std::optional<PixelSize> size) {
+      return size ? std::to_string(size->width) + "x" + std::to_string(size->height) : "none";
+    };
+    EXPECT_EQ(text(read), text(said)) << name;
+  }
+
+  void compare_folder(const fs::path& folder) {
+    std::error_code error;
+    for (const auto& entry : fs::recursive_directory_iterator(folder, error)) {
+      if (!entry.is_regular_file()) continue;
+      std::ifstream stream(entry.path(), std::ios::binary);
+      const std::vector<uint8_t> bytes{std::istreambuf_iterator<char>(stream), {}};
+      // The folders hold other files and damaged EDIDs, which our reader rejects.
+      if (display::read_edid(bytes).problem != display::EdidProblem::None) continue;
+      compare(bytes, entry.path().string());
+    }
+  }
+
+  void compare_random(uint64_t first, uint64_t last) {
+    for (uint64_t number = first; number < last && !HasFailure(); ++number)
+      compare(random_edid(number), "random EDID " + std::to_string(number));
+    EXPECT_EQ(compared_, static_cast<int>(last - first));
+  }
+
+  fs::path file_;
+  int compared_ = 0;
+};
+
+}  // namespace
+
+TEST_F(EdidConformance, AgreesWithEdidDecodeOnRandomEdids) {
+  compare_random(0, kFew);
+}
+
+// Each EDID takes a process of edid-decode, so this case is slow.
+TEST_F(EdidConformance, AgreesWithEdidDecodeOnThousandsOfRandomEdids) {
+  compare_random(kFew, kThousands);
+}
+
+TEST_F(EdidConformance, AgreesWithEdidDecodeOnInstalledEdids) {
+  compare_folder(LENTICULE_SOURCE_DIR "/tests/fuzz/corpus/edid");
+  compare_folder("/usr/libexec/installed-tests/colord");
+  compare_folder("/usr/lib/firmware/edid");
+  if (const char* folder = std::getenv("LENTICULE_EDIDS")) compare_folder(folder);
+  RecordProperty("edids", compared_);
+  EXPECT_GT(compared_, 0);
+}
+
+TEST_F(EdidConformance, AgreesWithEdidDecodeOnTelevisionModes) {
+  for (const display::TelevisionMode& mode : display::television_modes()) {
+    const auto result = test::run_process({kEdidDecode, "--vic", std::to_string(mode.vic)});
+    const std::vector<std::string> lines = lines_of(result.out);
+    const auto match = find_line(lines, "(\\d+)x(\\d+) +([\\d.]+) Hz.* ([\\d.]+) MHz");
+    ASSERT_TRUE(match) << int{mode.vic} << ": " << result.out;
+    EXPECT_EQ(std::stoi((*match)[1].str()), mode.width) << int{mode.vic};
+    EXPECT_EQ(std::stoi((*match)[2].str()), mode.height) << int{mode.vic};
+    EXPECT_NEAR(std::stod((*match)[3].str()), mode.hertz, 1e-3) << int{mode.vic};
+    EXPECT_NEAR(std::stod((*match)[4].str()) * 10, mode.clock_mhz_x10, 1e-3) << int{mode.vic};
+  }
+}
+
+}  // namespace lenticule::testing
