@@ -179,7 +179,7 @@ void Player::send_freed() const noexcept {
 // --- housekeeping ------------------------------------------------------------------------------
 
 /// Examines everything in every call: a handful of system calls that never wait, and no state that
-/// could miss an event. The tenant comes first, so that new connections see its end.
+/// could miss an event. The renderer comes first, so that new connections see its end.
 void Player::service() {
   clear_wake();
   recover_departed();

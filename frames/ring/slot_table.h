@@ -38,7 +38,7 @@ class SlotTable {
 
   /// Offers every slot of `table`.
   ///
-  /// Lifetime: `table` must outlive the ledger.
+  /// Lifetime: `table` must outlive this object.
   SlotTable(std::span<SlotEntry> table, LoopKeeping keeping);
 
   // The functions below follow the connections of renderers.

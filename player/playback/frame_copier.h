@@ -68,7 +68,7 @@ class FrameCopier {
 
   FrameCopier(frames::FrameSource& source, display::Display& display,
               FrameCopierStatistics& statistics, FrameCopierOptions options);
-  /// Returns every buffer to the display. No thread may run the filler any more.
+  /// Returns every buffer to the display. No thread may run the frame copier any more.
   ~FrameCopier();
   FrameCopier(const FrameCopier&) = delete;
   FrameCopier& operator=(const FrameCopier&) = delete;
@@ -80,7 +80,7 @@ class FrameCopier {
   /// again until it makes progress.
   void pump(std::chrono::milliseconds timeout) noexcept;
   void request_stop() noexcept;
-  /// Forgets the buffers of a lost display. No thread may run the filler meanwhile.
+  /// Forgets the buffers of a lost display. No thread may run the frame copier meanwhile.
   void forget_buffers() noexcept;
   /// Fills the newest frame again after forget_buffers(), once the display is back, and returns its
   /// index; without such a frame, returns the index of the next one. run() may be called again
@@ -119,8 +119,8 @@ class FrameCopier {
   /// Any thread: returns the discontinuity number; frames with a smaller one need not be shown.
   [[nodiscard]] uint64_t cut() const noexcept { return cut_.load(); }
   /// Copies the displayed frame into `into`, which must have its size. Returns false if the frame
-  /// was not kept or the filler is not running; waits at most `timeout`. Thread safety: any thread
-  /// except the filling thread and the presenter's.
+  /// was not kept or the frame copier is not running; waits at most `timeout`. Thread safety: any
+  /// thread except the filling thread and the presenter's.
   [[nodiscard]] bool copy_shown(frames::WovenFrame& into, std::chrono::milliseconds timeout);
   /// Returns the reason for the failure; valid only if state() is Failed.
   [[nodiscard]] const std::string& failure() const noexcept { return failure_; }

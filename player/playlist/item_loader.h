@@ -39,9 +39,9 @@ struct ItemLoaderOptions {
   ListReader read_list = nullptr;  ///< null: a replaced list is not detected
 };
 
-/// Thread safety: each function says on which thread it runs. The filler is the
+/// Thread safety: each function says on which thread it runs. The frame copier is the
 /// thread that takes frames; items are handed over, so that only one thread at
-/// a time uses an OpenItem. `wake` is signalled when the filler may find
+/// a time uses an OpenItem. `wake` is signalled when the frame copier may find
 /// something new.
 class ItemLoader {
  public:
@@ -55,10 +55,10 @@ class ItemLoader {
 
   /// Opens the only item of a list on the calling thread, or begins to look for
   /// the first item that can be played. Throws as ItemOpener does. Called
-  /// before the filler begins.
+  /// before the frame copier begins.
   void open_first();
 
-  // The next item. Thread safety: the filler.
+  // The next item. Thread safety: the frame copier.
   struct Offer {
     std::unique_ptr<OpenItem> item;  ///< null: none is ready
     bool primes = false;             ///< it is open, and waits until its pool is full
@@ -72,10 +72,10 @@ class ItemLoader {
             ///< items, a jump
     Soon,   ///< an item is being opened
   };
-  /// Returns the prospect of a filler without an item.
+  /// Returns the prospect of a frame copier without an item.
   [[nodiscard]] Prospect prospect();
 
-  // The playing item. Thread safety: the filler.
+  // The playing item. Thread safety: the frame copier.
   void begin(const OpenItem& item);
   void leave();
   void note_first_frame();
@@ -90,7 +90,7 @@ class ItemLoader {
   /// replaced.
   [[nodiscard]] std::unique_ptr<OpenItem> take_replacement(uint32_t number);
 
-  // The target of a jump. Thread safety: the filler.
+  // The target of a jump. Thread safety: the frame copier.
   struct Arrival {
     std::unique_ptr<OpenItem> item;
     uint64_t serial = 0;
@@ -121,7 +121,7 @@ class ItemLoader {
     uint64_t frame = 0;
     uint64_t serial = 0;
     bool opened = false;
-    std::unique_ptr<OpenItem> item;  ///< null until it is open, and while the filler tries it
+    std::unique_ptr<OpenItem> item;  ///< null until it is open, and while the frame copier tries it
     JumpDone done;
     SteadyTime since{};
   };
@@ -171,7 +171,7 @@ class ItemLoader {
   bool outdated_ = false;   ///< the new list no longer contains the playing item unchanged
   bool list_over_ = false;  ///< the last round is over
   bool held_ = false;
-  bool ended_ = false;            ///< the filler was told that the list is over
+  bool ended_ = false;            ///< the frame copier was told that the list is over
   bool nothing_for_now_ = false;  ///< no item is scheduled now
   size_t broken_in_a_row_ = 0;
   SteadyTime retry_at_{};

@@ -14,7 +14,7 @@
 
 namespace lenticule::player {
 
-/// Thread safety: one thread at a time. The loader opens the item, the filler
+/// Thread safety: one thread at a time. The loader opens the item, the frame copier
 /// plays it and gives it back to the loader to be closed.
 struct OpenItem {
   // Set by the loader.
@@ -26,7 +26,7 @@ struct OpenItem {
   std::vector<FileMark> files;  ///< state of the files before the item was opened
   OpenedSource opened;
 
-  // Changed by the filler.
+  // Changed by the frame copier.
   uint32_t number = 0;  ///< running number over all items that were started
   uint64_t pulled = 0;
   uint64_t pulled_this_round = 0;

@@ -24,7 +24,7 @@ struct PlaylistSourceOptions {
   /// The rate at which all items are played, overriding their own.
   std::optional<frames::Rate> rate = std::nullopt;
   std::function<LocalTime()> local_time = local_time_now;
-  /// Called on the filler or the loader thread; must not call back into the
+  /// Called on the frame copier or the loader thread; must not call back into the
   /// source.
   PlaylistReporter::OnEvent on_event = nullptr;
   /// These two detect replaced files within two or three seconds: a list takes
@@ -38,9 +38,9 @@ struct PlaylistSourceOptions {
 /// The source never fails: if no item can be played, it reports that no frame
 /// is due.
 ///
-/// Thread safety: FrameSource's functions run on one thread, the filler;
+/// Thread safety: FrameSource's functions run on one thread, the frame copier;
 /// damage() and the functions of the second group run on any. The members
-/// belong to the filler, except loader_ and reporter_, which have locks of
+/// belong to the frame copier, except loader_ and reporter_, which have locks of
 /// their own.
 class PlaylistSource final : public frames::FrameSource {
  public:

@@ -12,7 +12,7 @@ namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-/// Fraction of the distance to a light within which an occluder counts as the lamp itself.
+/// Fraction of the distance to a light within which an occluder counts as the light itself.
 constexpr double kLightClearance = 1.0 / (1 << 18);
 
 /// Fills lane i. Returns false, and loads a harmless ray, if Embree must not get this one.

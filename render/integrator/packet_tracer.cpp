@@ -359,7 +359,7 @@ void PacketTracer::add_lights(const Scene& scene, const float* weight, size_t de
   }
 }
 
-/// Tests the lamp's centre against the surface; the lamp's rim may lie on the other side.
+/// Tests the light's centre against the surface; the light's rim may lie on the other side.
 void PacketTracer::add_soft_light(const Scene& scene, size_t light, const float* weight,
                                   size_t depth) {
   const Generation& generation = generations_[depth];

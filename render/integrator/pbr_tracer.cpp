@@ -19,7 +19,7 @@ namespace {
 constexpr int kMostLayers = 256;
 /// Rays of which a smaller share reaches the viewer end.
 constexpr double kLeastWeight = 1e-4;
-/// Fraction of the distance to a light within which an occluder counts as the lamp itself.
+/// Fraction of the distance to a light within which an occluder counts as the light itself.
 constexpr double kLightClearance = 1.0 / (1 << 18);
 constexpr Vec3 kOne{1, 1, 1};
 

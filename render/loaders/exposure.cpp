@@ -23,7 +23,7 @@ std::vector<Light> placed_lights(const SceneDescription& scene) {
 double irradiance(const Light& light, Vec3 middle, double nearest) {
   const double strength = std::max({light.colour.x, light.colour.y, light.colour.z});
   if (!light.falls_off) return strength;
-  // A lamp inside the scene must not count as infinitely near to the centre.
+  // A light inside the scene must not count as infinitely near to the centre.
   const double distance = std::max(length(light.position - middle), nearest);
   return distance > 0.0 ? strength / (distance * distance) : 0.0;
 }

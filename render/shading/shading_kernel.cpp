@@ -16,7 +16,7 @@ using packet_kernel::Field;
 /// primitive, or the reach of a wide one); covers roundings of single precision, see
 /// docs/rendering.md.
 constexpr float kSpawnOffset = 1.0F / (1 << 19);
-/// Fraction of the distance to a light within which an occluder counts as the lamp itself.
+/// Fraction of the distance to a light within which an occluder counts as the light itself.
 constexpr float kLightClearance = 1.0F / (1 << 18);
 /// Embree aborts the process on some numbers beyond this limit.
 constexpr float kEmbreeLimit = 1e18F;

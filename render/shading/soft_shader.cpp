@@ -111,9 +111,9 @@ AreaLightSeen SoftShader::add_area_light(const SoftPacket& packet, size_t area_l
   return sample_area_light(packet, area_light, all, culled, light, clock);
 }
 
-/// Integrates an area light. If the whole lamp would shine on a point, the result is the integral
+/// Integrates an area light. If the whole light would shine on a point, the result is the integral
 /// times the visible share. A culling result gives the same share as traced rays, so that no byte
-/// depends on which shafts happen to be culled. If a part of the lamp is below the horizon, the
+/// depends on which shafts happen to be culled. If a part of the light is below the horizon, the
 /// unknown light is the sum of the samples.
 AreaLightSeen SoftShader::integrate_area_light(const SoftPacket& packet, size_t area_light,
                                                KnownLanes culled, const KnownShare& shares,
