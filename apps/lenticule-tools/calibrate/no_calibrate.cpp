@@ -8,7 +8,7 @@
 
 namespace lenticule::player {
 
-Run declare_calibrate(CLI::App& app) {
+Run declare_no_calibrate(CLI::App& app) {
   app.prefix_command();
   return []() -> ExitCode {
     throw Error(ErrorKind::Failed, "calibrate: this build has no calibration",
