@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Takes the place of the calibration in a build without it (LENTICULE_CALIBRATE=OFF), such as the
+// The command calibrate of a build without the calibration (LENTICULE_CALIBRATE=OFF), such as the
 // demo's.
 #include <CLI/CLI.hpp>
 
@@ -8,11 +8,11 @@
 
 namespace lenticule::player {
 
-Run declare_calibrate(CLI::App& app) {
+Run declare_no_calibrate(CLI::App& app) {
   app.prefix_command();
   return []() -> ExitCode {
     throw Error(ErrorKind::Failed, "calibrate: this build has no calibration",
-                "build with: cmake --preset release && cmake --build --preset release");
+                "scripts/packages && cmake --preset release && cmake --build --preset release");
   };
 }
 
