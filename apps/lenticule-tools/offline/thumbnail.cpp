@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The panel of a FlatView has one lens per pixel, with the same phase for its three channels, and
-// its pitch is such that each lens sends its pixel to one eye in the middle: seen from the eye at
-// distance Z, a sheet with the gap g has the effective pitch P (1 + g/Z), which is made three
-// subpixels. So all rays pass through that eye, as in a pinhole camera.
+// The panel of a FlatView has one lens per pixel, displaced for each channel to lie in front of its
+// subpixel, and its pitch is such that each lens sends its pixel to one eye in the middle: seen from
+// the eye at distance Z, a sheet with the gap g has the effective pitch P (1 + g/Z), which is made
+// three subpixels. So all rays pass through that eye, as in a pinhole camera.
 #include "apps/lenticule-tools/offline/thumbnail.h"
 
 #include <algorithm>
@@ -32,10 +32,11 @@ optics::OpticalModel model_seen_from(double distance_mm) {
   rig.panel.width_px = kPictureWidth * kFiner;
   rig.panel.height_px = kPictureHeight * kFiner;
   rig.panel.pixel_width = rig.panel.pixel_height = Millimetres(kPixelMm);
-  rig.sheet.pitch = Subpixels(3.0 / (1.0 + kGapMm / distance_mm));
+  const double narrower = 1.0 / (1.0 + kGapMm / distance_mm);
+  rig.sheet.pitch = Subpixels(3.0 * narrower);
   rig.sheet.offset = Lenses(0.5);  // the panel's centre lies between two pixels
   rig.sheet.gap = Millimetres(kGapMm);
-  rig.sheet.channel_offset = {Subpixels(1.0), Subpixels(0.0), Subpixels(-1.0)};
+  rig.sheet.channel_offset = {Subpixels(narrower), Subpixels(0.0), Subpixels(-narrower)};
   rig.viewing.distance = Millimetres(distance_mm);
   return optics::OpticalModel(rig);
 }

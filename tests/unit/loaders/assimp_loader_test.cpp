@@ -125,7 +125,7 @@ TEST_F(TurningBox, ReadsItsExternalAndItsEmbeddedTexture) {
   };
   EXPECT_EQ(texture_of("crate")->width, 128);
   EXPECT_EQ(texture_of("tiles")->width, 32);
-  EXPECT_EQ(texture_of("crate")->rgba.size(), 128U * 128U * 4U);
+  EXPECT_EQ(texture_of("crate")->codes.size(), 128U * 128U * 4U);
 }
 
 // The crate's picture has a white arrow to its top-right corner: the top is v = 0.
@@ -269,7 +269,7 @@ TEST(EmptyScenes, SayWhyThereIsNothingToSee) {
   EXPECT_THAT(refusal("cloud.ply",
                       "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\n"
                       "property float y\nproperty float z\nend_header\n0 0 0\n1 0 0\n0 1 0\n"),
-              HasSubstr("nothing to see in this scene: points and lines left out"));
+              HasSubstr("nothing to see in this scene: 3 points without faces left out"));
   EXPECT_THAT(refusal("flat.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nv 3 0 0\nf 1 2 3\nf 2 3 4\n"),
               HasSubstr("nothing to see in this scene: 2 triangles without an area dropped"));
 }
