@@ -14,6 +14,7 @@
 #include "base/file.h"
 #include "frames/image_format.h"
 #include "frames/picture_codec.h"
+#include "frames/srgb.h"
 
 namespace lenticule::frames {
 namespace {
@@ -186,14 +187,27 @@ void turn_upright(std::span<const uint8_t> stored, const FrameGeometry& geometry
   }
 }
 
-FloatImage read_texture(const std::filesystem::path& file, TextureContent content) {
+TextureImage read_texture(const std::filesystem::path& file, TextureContent content) {
   return picture_codec().decode_texture(read_whole_file(file, kMaxFileBytes), file.string(),
                                         content);
 }
 
-FloatImage read_texture(std::span<const uint8_t> encoded, const std::string& name,
-                        TextureContent content) {
+TextureImage read_texture(std::span<const uint8_t> encoded, const std::string& name,
+                          TextureContent content) {
   return picture_codec().decode_texture(encoded, name, content);
+}
+
+FloatImage floats_of(TextureImage image, TextureContent content) {
+  FloatImage out{image.width, image.height, std::move(image.rgba)};
+  if (image.codes.empty()) return out;
+  const bool is_colour = content == TextureContent::Colour;
+  out.rgba.resize(image.codes.size());
+  for (size_t n = 0; n < image.codes.size(); ++n) {
+    const uint8_t code = image.codes[n];
+    out.rgba[n] = is_colour && n % 4 != 3 ? static_cast<float>(linear_of_codes()[code])
+                                          : static_cast<float>(code) / 255.0F;
+  }
+  return out;
 }
 
 void check_writable_format(const std::filesystem::path& file) {

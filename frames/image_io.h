@@ -26,6 +26,16 @@ struct FloatImage {
   std::vector<float> rgba;
 };
 
+/// TextureImage is a texture as its file stores it, with four channels, rows from the top: `codes`
+/// where that has 8 bits (colours sRGB-encoded), floats as in FloatImage otherwise. The other
+/// vector is empty.
+struct TextureImage {
+  int width = 0;
+  int height = 0;
+  std::vector<float> rgba;
+  std::vector<uint8_t> codes;
+};
+
 /// Orientation is the EXIF orientation: the transform that makes the stored picture upright.
 enum class Orientation : uint8_t {
   Upright = 1,
@@ -96,11 +106,14 @@ void check_writable_format(const std::filesystem::path& file);
 enum class TextureContent { Colour, Data };
 
 /// Reads a texture. Float files hold linear light or data as they are.
-[[nodiscard]] FloatImage read_texture(const std::filesystem::path& file,
-                                      TextureContent content = TextureContent::Colour);
+[[nodiscard]] TextureImage read_texture(const std::filesystem::path& file,
+                                        TextureContent content = TextureContent::Colour);
 /// Reads a texture from bytes in memory, as glTF embeds them; `name` is for messages.
-[[nodiscard]] FloatImage read_texture(std::span<const uint8_t> encoded, const std::string& name,
-                                      TextureContent content = TextureContent::Colour);
+[[nodiscard]] TextureImage read_texture(std::span<const uint8_t> encoded, const std::string& name,
+                                        TextureContent content = TextureContent::Colour);
+/// Returns the texture's values: linear light of colours, fractions of data, alpha as it is.
+[[nodiscard]] FloatImage floats_of(TextureImage image,
+                                   TextureContent content = TextureContent::Colour);
 
 /// FilePattern is a pattern such as "dir/%05d.png" with exactly one %d or %0Nd, in the file's name
 /// and not in a folder's. Throws Error(Usage) otherwise.

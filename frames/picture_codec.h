@@ -41,9 +41,9 @@ class PictureCodec {
                                           const std::string& name) const = 0;
   virtual void decode_codes(std::span<const uint8_t> bytes, const std::string& name,
                             PictureSink& sink) const = 0;
-  [[nodiscard]] virtual FloatImage decode_texture(std::span<const uint8_t> bytes,
-                                                  const std::string& name,
-                                                  TextureContent content) const = 0;
+  [[nodiscard]] virtual TextureImage decode_texture(std::span<const uint8_t> bytes,
+                                                    const std::string& name,
+                                                    TextureContent content) const = 0;
   [[nodiscard]] virtual std::vector<uint8_t> encode(const FrameView& frame, ImageFormat format,
                                                     const std::string& name) const = 0;
 };

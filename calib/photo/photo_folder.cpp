@@ -95,7 +95,7 @@ bool stands_before(std::string_view a, std::string_view b) {
 }
 
 CameraPicture read_photograph(const std::filesystem::path& file) {
-  const frames::FloatImage image = frames::read_texture(file);
+  const frames::FloatImage image = frames::floats_of(frames::read_texture(file));
   CameraPicture picture;
   picture.width = image.width;
   picture.height = image.height;

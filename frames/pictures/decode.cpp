@@ -270,9 +270,6 @@ void codes_from_band(const Band& band, int width, uint8_t* out) {
   }
 }
 
-float fraction(uint8_t v) {
-  return float(v) / 255.0f;
-}
 float fraction(uint16_t v) {
   return float(v) / 65535.0f;
 }
@@ -288,15 +285,8 @@ void texels_from_band(const Band& band, int width, int alpha, TextureContent con
     };
   };
   switch (band.sample) {
-    case Sample::U8: {
-      const auto share = [](uint8_t v) { return fraction(v); };
-      if (content == TextureContent::Data)
-        return convert_band<uint8_t>(band, width, out, 4, with(share, share));
-      const auto light = [&table = linear_of_codes()](uint8_t v) {
-        return static_cast<float>(table[v]);
-      };
-      return convert_band<uint8_t>(band, width, out, 4, with(light, share));
-    }
+    case Sample::U8:
+      break;  // texel_codes_from_band()
     case Sample::U16: {
       const auto share = [](uint16_t v) { return fraction(v); };
       if (content == TextureContent::Data)
@@ -311,6 +301,16 @@ void texels_from_band(const Band& band, int width, int alpha, TextureContent con
       return convert_band<float>(band, width, out, 4, with(same, same));
     }
   }
+}
+
+void texel_codes_from_band(const Band& band, int width, int alpha, uint8_t* out) {
+  const int r = band.colour_channel(0), g = band.colour_channel(1), b = band.colour_channel(2);
+  convert_band<uint8_t>(band, width, out, 4, [=](const uint8_t* in, uint8_t* rgba) {
+    rgba[0] = in[r];
+    rgba[1] = in[g];
+    rgba[2] = in[b];
+    rgba[3] = alpha >= 0 ? in[alpha] : uint8_t{255};
+  });
 }
 
 }  // namespace
@@ -333,13 +333,19 @@ void decode_codes(std::span<const uint8_t> bytes, const std::string& name, Pictu
   });
 }
 
-FloatImage decode_texture(std::span<const uint8_t> bytes, const std::string& name,
-                          TextureContent content) {
+TextureImage decode_texture(std::span<const uint8_t> bytes, const std::string& name,
+                            TextureContent content) {
   PictureReader reader(bytes, name, kMaxTexturePixels);
-  FloatImage image{reader.width(), reader.height(), {}};
+  TextureImage image{reader.width(), reader.height(), {}, {}};
   const size_t row = static_cast<size_t>(image.width) * 4;
+  const size_t size = row * static_cast<size_t>(image.height);
   reader.read([&](const Band& band) {
-    if (image.rgba.empty()) image.rgba.resize(row * static_cast<size_t>(image.height));
+    if (band.sample == Sample::U8) {
+      image.codes.resize(size);
+      return texel_codes_from_band(band, image.width, reader.alpha_channel(),
+                                   image.codes.data() + row * static_cast<size_t>(band.y));
+    }
+    image.rgba.resize(size);
     texels_from_band(band, image.width, reader.alpha_channel(), content,
                      image.rgba.data() + row * static_cast<size_t>(band.y));
   });

@@ -8,7 +8,7 @@ namespace lenticule::frames::pictures {
 
 [[nodiscard]] PictureInfo probe(std::span<const uint8_t> bytes, const std::string& name);
 void decode_codes(std::span<const uint8_t> bytes, const std::string& name, PictureSink& sink);
-[[nodiscard]] FloatImage decode_texture(std::span<const uint8_t> bytes, const std::string& name,
-                                        TextureContent content);
+[[nodiscard]] TextureImage decode_texture(std::span<const uint8_t> bytes, const std::string& name,
+                                          TextureContent content);
 
 }  // namespace lenticule::frames::pictures

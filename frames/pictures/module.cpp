@@ -17,8 +17,8 @@ class OiioCodec final : public PictureCodec {
                     PictureSink& sink) const override {
     pictures::decode_codes(bytes, name, sink);
   }
-  FloatImage decode_texture(std::span<const uint8_t> bytes, const std::string& name,
-                            TextureContent content) const override {
+  TextureImage decode_texture(std::span<const uint8_t> bytes, const std::string& name,
+                              TextureContent content) const override {
     return pictures::decode_texture(bytes, name, content);
   }
   std::vector<uint8_t> encode(const FrameView& frame, ImageFormat format,

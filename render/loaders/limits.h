@@ -20,8 +20,8 @@ inline constexpr size_t kMaxLights = 1024;
 inline constexpr size_t kMaxNodes = size_t{1} << 20;
 inline constexpr size_t kMaxMaterials = size_t{1} << 16;
 inline constexpr size_t kMaxKeys = size_t{1} << 24;
-/// Total of all textures, at 16 bytes per texel.
-inline constexpr size_t kMaxTexels = size_t{1} << 27;
+/// Total of all textures, at 4 bytes per texel of 8-bit pictures and 16 of others.
+inline constexpr size_t kMaxTextureBytes = size_t{1} << 31;
 /// Ear clipping takes time quadratic in the number of concave corners in the worst case.
 inline constexpr int kMaxPolygonVertices = 10000;
 

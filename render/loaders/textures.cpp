@@ -12,11 +12,12 @@
 namespace lenticule::render {
 namespace {
 
-std::shared_ptr<Texture> texture_of(frames::FloatImage image, const TextureSource& source) {
+std::shared_ptr<Texture> texture_of(frames::TextureImage image, const TextureSource& source) {
   auto texture = std::make_shared<Texture>();
   texture->width = image.width;
   texture->height = image.height;
   texture->rgba = std::move(image.rgba);
+  texture->codes = std::move(image.codes);
   texture->repeat_u = source.wrap_u != TextureWrap::Clamp;
   texture->repeat_v = source.wrap_v != TextureWrap::Clamp;
   texture->mirror_u = source.wrap_u == TextureWrap::Mirror;
@@ -32,10 +33,11 @@ int Textures::add(const TextureSource& source, const Decode& decode) {
   const auto [known, added] = known_.try_emplace(source, -1);
   if (!added) return known->second;
   try {
-    frames::FloatImage image = decode();
-    texels_ += image.rgba.size() / 4;
-    if (texels_ > kMaxTexels)
-      throw Error(ErrorKind::Input, fmt::format("textures of more than {} texels", kMaxTexels));
+    frames::TextureImage image = decode();
+    bytes_ += image.codes.size() + sizeof(float) * image.rgba.size();
+    if (bytes_ > kMaxTextureBytes)
+      throw Error(ErrorKind::Input,
+                  fmt::format("textures of more than {} MiB in memory", kMaxTextureBytes >> 20));
     known->second = static_cast<int>(scene_.textures.size());
     scene_.textures.push_back(texture_of(std::move(image), source));
   } catch (const Error& error) {

@@ -25,7 +25,7 @@ struct TextureSource {
 
 class Textures {
  public:
-  using Decode = std::function<frames::FloatImage()>;
+  using Decode = std::function<frames::TextureImage()>;
 
   /// Lifetime: must not outlive the scene.
   explicit Textures(SceneDescription& scene) : scene_(scene) {}
@@ -38,7 +38,7 @@ class Textures {
  private:
   SceneDescription& scene_;
   std::map<TextureSource, int> known_;
-  size_t texels_ = 0;
+  size_t bytes_ = 0;
 };
 
 }  // namespace lenticule::render

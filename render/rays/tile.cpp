@@ -16,9 +16,11 @@ BeamSize beam_of(const optics::Rig& rig) {
   const double subpixel_mm =
       subpixels_are_side_by_side(rig.panel.layout) ? pixel_mm / 3.0 : pixel_mm;
   const double gap_mm = rig.sheet.gap.value;
+  // A lens no wider than a pixel shows a single view; there is no neighbouring one.
+  const bool has_views = gap_mm > 0.0 && rig.sheet.pitch.value > 3.0;
   return {.lens_mm = rig.sheet.pitch.value * pixel_mm / 3.0,
           .row_mm = rig.panel.pixel_height.value,
-          .subpixels_per_gap = gap_mm > 0.0 ? subpixel_mm / gap_mm : 0.0,
+          .subpixels_per_gap = has_views ? subpixel_mm / gap_mm : 0.0,
           .inverse_distance = 1.0 / rig.viewing.distance.value};
 }
 

@@ -40,7 +40,7 @@ double environment_light(const Backdrop& backdrop, Vec3 direction, int channel) 
 }
 
 std::shared_ptr<const Texture> load_environment(const std::string& file, bool colour_managed) {
-  frames::FloatImage image = frames::read_texture(file);
+  frames::FloatImage image = frames::floats_of(frames::read_texture(file));
   auto texture = std::make_shared<Texture>();
   texture->name = file;
   texture->width = image.width;

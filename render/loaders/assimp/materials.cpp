@@ -11,7 +11,6 @@
 
 #include "base/error.h"
 #include "frames/image_io.h"
-#include "frames/srgb.h"
 #include "render/loaders/assimp/parts.h"
 #include "render/loaders/file_names.h"
 #include "render/loaders/limits.h"
@@ -158,14 +157,14 @@ class MaterialTextures {
                                               : TextureWrap::Clamp;
   }
 
-  frames::FloatImage read(const std::string& name, frames::TextureContent content) {
+  frames::TextureImage read(const std::string& name, frames::TextureContent content) {
     if (const aiTexture* embedded = from_.GetEmbeddedTexture(name.c_str()))
       return read_embedded(*embedded, name, content);
     return frames::read_texture(named_file(folder_, name), content);
   }
 
-  frames::FloatImage read_embedded(const aiTexture& embedded, const std::string& name,
-                                   frames::TextureContent content) {
+  frames::TextureImage read_embedded(const aiTexture& embedded, const std::string& name,
+                                     frames::TextureContent content) {
     const std::string label = fmt::format("{}: embedded texture {}", source_, name);
     if (embedded.pcData == nullptr) throw Error(ErrorKind::Input, label + ": empty");
     if (embedded.mHeight == 0)
@@ -173,31 +172,28 @@ class MaterialTextures {
           std::span(reinterpret_cast<const uint8_t*>(embedded.pcData), embedded.mWidth), label,
           content);
     const size_t texels = static_cast<size_t>(embedded.mWidth) * embedded.mHeight;
-    if (texels > kMaxTexels) throw Error(ErrorKind::Input, label + ": too large");
-    frames::FloatImage image{
-        static_cast<int>(embedded.mWidth), static_cast<int>(embedded.mHeight), {}};
-    const auto& linear = frames::linear_of_codes();
-    const bool colour = content == frames::TextureContent::Colour;
-    image.rgba.reserve(texels * 4);
-    for (const aiTexel& t : std::span(embedded.pcData, texels)) {
-      for (const uint8_t code : {t.r, t.g, t.b})
-        image.rgba.push_back(static_cast<float>(colour ? linear[code] : code / 255.0));
-      image.rgba.push_back(static_cast<float>(t.a) / 255.0F);
-    }
+    if (texels > kMaxTextureBytes / 4) throw Error(ErrorKind::Input, label + ": too large");
+    frames::TextureImage image{
+        static_cast<int>(embedded.mWidth), static_cast<int>(embedded.mHeight), {}, {}};
+    image.codes.reserve(texels * 4);
+    for (const aiTexel& t : std::span(embedded.pcData, texels))
+      image.codes.insert(image.codes.end(), {t.r, t.g, t.b, t.a});
     return image;
   }
 
   /// Returns the larger size of both pictures; a missing one counts as white.
-  frames::FloatImage combined(const std::string& rough, const std::string& metal) {
+  frames::TextureImage combined(const std::string& rough, const std::string& metal) {
     const auto picture = [&](const std::string& name) {
       return name.empty() ? frames::FloatImage{1, 1, {1, 1, 1, 1}}
-                          : read(name, frames::TextureContent::Data);
+                          : frames::floats_of(read(name, frames::TextureContent::Data),
+                                              frames::TextureContent::Data);
     };
     const frames::FloatImage roughness = picture(rough);
     const frames::FloatImage metalness = picture(metal);
-    frames::FloatImage both{std::max(roughness.width, metalness.width),
-                            std::max(roughness.height, metalness.height),
-                            {}};
+    frames::TextureImage both{std::max(roughness.width, metalness.width),
+                              std::max(roughness.height, metalness.height),
+                              {},
+                              {}};
     const auto grey = [&](const frames::FloatImage& image, int x, int y) {
       const auto column = static_cast<int64_t>(x) * image.width / both.width;
       const auto row = static_cast<int64_t>(y) * image.height / both.height;

@@ -53,7 +53,7 @@ std::array<double, 6> uv_map_of(const JsonAt& transform) {
   return {c * scale[0], s * scale[1], offset[0], -s * scale[0], c * scale[1], offset[1]};
 }
 
-frames::FloatImage decode_picture(Bytes bytes, const std::string& label, TextureContent content) {
+frames::TextureImage decode_picture(Bytes bytes, const std::string& label, TextureContent content) {
   using namespace std::string_view_literals;
   constexpr std::string_view kKtx2 = "\xABKTX 20\xBB"sv;
   if (bytes.size() >= kKtx2.size() &&

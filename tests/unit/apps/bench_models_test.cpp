@@ -145,7 +145,7 @@ TEST(Studio, IsWrittenAsTheRenderersFormulaSays) {
   const auto file = folder.path() / "studio.hdr";
   constexpr int kWidth = 64;
   write_studio(file, kWidth, kWidth / 2);
-  const frames::FloatImage image = frames::read_texture(file);
+  const frames::FloatImage image = frames::floats_of(frames::read_texture(file));
   ASSERT_EQ(image.width, kWidth);
   ASSERT_EQ(image.height, kWidth / 2);
   const auto light = [&](int i, int j) {

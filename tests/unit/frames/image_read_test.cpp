@@ -254,9 +254,13 @@ TEST_F(ImageRead, ReadsIntoAFrameOfTheSameSizeOnly) {
 }
 
 TEST_F(ImageRead, TextureIsLinearLightWithSeparateAlpha) {
-  const FloatImage image = read_texture(
+  const TextureImage stored = read_texture(
       PngMaker(1, 2, 8, PngColour::Rgba).rows({0, 255, 128, 0, 51, 0, 0, 0, 0, 255}).finish(),
       "embedded");
+  EXPECT_THAT(stored.codes, ElementsAre(255, 128, 0, 51, 0, 0, 0, 255));
+  EXPECT_TRUE(stored.rgba.empty());
+  EXPECT_NEAR(floats_of(stored, TextureContent::Data).rgba[1], 128.0 / 255.0, 1e-7);
+  const FloatImage image = floats_of(stored);
   ASSERT_EQ(image.width, 1);
   ASSERT_EQ(image.height, 2);
   EXPECT_FLOAT_EQ(image.rgba[0], 1.0f);
@@ -267,7 +271,7 @@ TEST_F(ImageRead, TextureIsLinearLightWithSeparateAlpha) {
 }
 
 TEST_F(ImageRead, TextureKeeps16Bits) {
-  const FloatImage image =
+  const TextureImage image =
       read_texture(PngMaker(1, 1, 16, PngColour::Grey).rows({0, 0x80, 0x01}).finish(), "embedded");
   EXPECT_NEAR(image.rgba[0], linear_from_srgb(0x8001 / 65535.0), 1e-7);
   EXPECT_EQ(image.rgba[3], 1.0f);

@@ -50,5 +50,17 @@ TEST(TilePlan, ColumnsStayUnderTheirLens) {
   }
 }
 
+TEST(BeamSize, GrowsWithTheDistanceBetweenViewsWhereALensHasMoreThanOne) {
+  optics::Rig rig = make_rig({.width = 40, .height = 30, .slant = 0.0});
+  rig.sheet.pitch = Subpixels(12.0);
+  const double subpixel_mm = rig.panel.pixel_width.value / 3.0;
+  const double far = 1e4 * rig.sheet.gap.value;
+  EXPECT_NEAR(TilePlan(rig).beam().across_mm(-far), subpixel_mm * 1e4, 1e-6 * far);
+  // A lens over one pixel has a single view: textures are as fine as the pixels.
+  rig.sheet.pitch = Subpixels(2.9);
+  rig.viewing.distance = Millimetres(1e9);
+  EXPECT_NEAR(TilePlan(rig).beam().across_mm(-far), 2.9 * subpixel_mm, 1e-4 * subpixel_mm);
+}
+
 }  // namespace
 }  // namespace lenticule::render
