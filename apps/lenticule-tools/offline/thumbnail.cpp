@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The panel of a FlatView has one lens per pixel, displaced for each channel to lie in front of its
-// subpixel, and its pitch is such that each lens sends its pixel to one eye in the middle: seen from
-// the eye at distance Z, a sheet with the gap g has the effective pitch P (1 + g/Z), which is made
-// three subpixels. So all rays pass through that eye, as in a pinhole camera.
+// subpixel, and its pitch is such that each lens sends its pixel to one eye in the middle: seen
+// from the eye at distance Z, a sheet with the gap g has the effective pitch P (1 + g/Z), which is
+// made three subpixels. So all rays pass through that eye, as in a pinhole camera.
 #include "apps/lenticule-tools/offline/thumbnail.h"
 
 #include <algorithm>
