@@ -2,8 +2,11 @@
 #include "render/loaders/textures.h"
 
 #include <fmt/format.h>
+#include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <mutex>
+#include <utility>
 
 #include "base/error.h"
 #include "render/loaders/limits.h"
@@ -27,14 +30,39 @@ std::shared_ptr<Texture> texture_of(frames::TextureImage image, const TextureSou
   return texture;
 }
 
+size_t bytes_of(const frames::TextureImage& image) {
+  return image.codes.size() + sizeof(float) * image.rgba.size();
+}
+
 }  // namespace
+
+void Textures::decode_all(const Textures& list) {
+  std::mutex mutex;
+  size_t bytes = 0;
+  tbb::parallel_for(size_t{0}, list.list_.size(), [&](size_t n) {
+    const Wanted& wanted = list.list_[n];
+    try {
+      frames::TextureImage image = wanted.decode();
+      const std::lock_guard lock(mutex);
+      bytes += bytes_of(image);
+      if (bytes <= kMaxTextureBytes) decoded_.emplace(wanted.source, std::move(image));
+    } catch (const Error&) {
+      // add() decodes it again and notes the error, in the order of the materials.
+    }
+  });
+}
 
 int Textures::add(const TextureSource& source, const Decode& decode) {
   const auto [known, added] = known_.try_emplace(source, -1);
   if (!added) return known->second;
+  if (mode_ == Mode::List) {
+    list_.push_back({source, decode});
+    return known->second = static_cast<int>(list_.size()) - 1;
+  }
   try {
-    frames::TextureImage image = decode();
-    bytes_ += image.codes.size() + sizeof(float) * image.rgba.size();
+    const auto decoded = decoded_.extract(source);
+    frames::TextureImage image = decoded ? std::move(decoded.mapped()) : decode();
+    bytes_ += bytes_of(image);
     if (bytes_ > kMaxTextureBytes)
       throw Error(ErrorKind::Input,
                   fmt::format("textures of more than {} MiB in memory", kMaxTextureBytes >> 20));

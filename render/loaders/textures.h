@@ -6,6 +6,7 @@
 #include <functional>
 #include <map>
 #include <string>
+#include <vector>
 
 #include "frames/image_io.h"
 #include "render/scene/scene_description.h"
@@ -27,8 +28,16 @@ class Textures {
  public:
   using Decode = std::function<frames::TextureImage()>;
 
+  /// List only takes down what add() is asked for, for decode_all().
+  enum class Mode { Load, List };
+
   /// Lifetime: must not outlive the scene.
-  explicit Textures(SceneDescription& scene) : scene_(scene) {}
+  explicit Textures(SceneDescription& scene, Mode mode = Mode::Load) : scene_(scene), mode_(mode) {}
+
+  /// Decodes the textures of a list on all cores, so that add() finds them decoded. Leaves those to
+  /// add() that are damaged or beyond the limit of memory. Calls the list's functions on any
+  /// thread.
+  void decode_all(const Textures& list);
 
   /// Returns the index of the texture. Calls `decode` for one that the scene has not yet; if that
   /// throws an Error, the scene gets a note and the result is -1, since a missing picture should
@@ -36,7 +45,15 @@ class Textures {
   int add(const TextureSource& source, const Decode& decode);
 
  private:
+  struct Wanted {
+    TextureSource source;
+    Decode decode;
+  };
+
   SceneDescription& scene_;
+  Mode mode_;
+  std::vector<Wanted> list_;
+  std::map<TextureSource, frames::TextureImage> decoded_;
   std::map<TextureSource, int> known_;
   size_t bytes_ = 0;
 };

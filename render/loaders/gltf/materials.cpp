@@ -90,11 +90,25 @@ void approximate(const PbrMaterial& from, Material& to) {
 
 }  // namespace
 
+Materials::Materials(Document& document, SceneDescription& scene, Notes& notes, Textures::Mode mode)
+    : document_(document), scene_(scene), notes_(notes), textures_(scene, mode) {}
+
+/// Reads the materials twice: first to learn which pictures they use, so that those are decoded
+/// side by side.
 Materials::Materials(Document& document, SceneDescription& scene, Notes& notes)
-    : document_(document), scene_(scene), notes_(notes), textures_(scene) {
-  const std::vector<JsonAt>& materials = document.list("materials");
+    : Materials(document, scene, notes, Textures::Mode::Load) {
+  SceneDescription unused_scene;
+  Notes unused_notes;
+  Materials first(document, unused_scene, unused_notes, Textures::Mode::List);
+  first.add_all();
+  textures_.decode_all(first.textures_);
+  add_all();
+}
+
+void Materials::add_all() {
+  const std::vector<JsonAt>& materials = document_.list("materials");
   if (materials.size() > kMaxMaterials)
-    document.root().at("materials").fail(fmt::format("more than {} materials", kMaxMaterials));
+    document_.root().at("materials").fail(fmt::format("more than {} materials", kMaxMaterials));
   for (const JsonAt& material : materials) add(material);
 }
 
@@ -169,12 +183,13 @@ int Materials::picture(const JsonAt& texture, TextureContent content) {
   const std::vector<JsonAt>& views = document_.list("bufferViews");
   if (const auto view = image.find_index("bufferView", views.size(), "buffer views")) {
     const Bytes bytes = document_.view(*view).bytes;
-    return textures_.add(source, [&] { return decode_picture(bytes, label, content); });
+    return textures_.add(source, [=] { return decode_picture(bytes, label, content); });
   }
   const JsonAt uri = image.at("uri");
   if (!is_data_uri(uri.text())) source.name = uri.text();
-  return textures_.add(source,
-                       [&] { return decode_picture(document_.read_uri(uri), label, content); });
+  return textures_.add(source, [&document = document_, uri, label, content] {
+    return decode_picture(document.read_uri(uri), label, content);
+  });
 }
 
 TextureUse Materials::texture(const JsonAt& owner, const char* key, TextureContent content,

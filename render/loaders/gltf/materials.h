@@ -26,6 +26,11 @@ class Materials {
  public:
   /// Imports all materials. Lifetime: must not outlive document, scene and notes.
   Materials(Document& document, SceneDescription& scene, Notes& notes);
+  Materials(const Materials&) = delete;
+  Materials& operator=(const Materials&) = delete;
+  Materials(Materials&&) = delete;
+  Materials& operator=(Materials&&) = delete;
+  ~Materials() = default;
 
   /// Returns the index in the scene's materials of materials[index], or of the default material.
   [[nodiscard]] int index(std::optional<size_t> index);
@@ -37,6 +42,9 @@ class Materials {
   [[nodiscard]] int magnified(int material, double scale);
 
  private:
+  Materials(Document& document, SceneDescription& scene, Notes& notes, Textures::Mode mode);
+
+  void add_all();
   void add(const std::optional<JsonAt>& material);
   [[nodiscard]] TextureUse texture(const JsonAt& owner, const char* key,
                                    frames::TextureContent content, MaterialInput& input);
