@@ -20,7 +20,7 @@ bool keep_codes(Texture& texture, bool is_colour) {
     if (again != value) return false;
   }
   texture.codes = std::move(codes);
-  texture.rgba = {};
+  texture.rgba = std::vector<float>();  // {} would keep the memory
   return true;
 }
 

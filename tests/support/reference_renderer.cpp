@@ -7,6 +7,7 @@
 #include <numbers>
 #include <optional>
 
+#include "frames/srgb.h"
 #include "tests/support/reference_sampling.h"
 
 namespace lenticule::testing {
@@ -59,7 +60,13 @@ Vec3 texel(const Texture& texture, long x, long y) {
   };
   const long column = place(x, texture.width, texture.repeat_u, texture.mirror_u);
   const long row = place(y, texture.height, texture.repeat_v, texture.mirror_v);
-  const float* rgba = &texture.rgba[static_cast<size_t>(row * texture.width + column) * 4];
+  const size_t texel = static_cast<size_t>(row * texture.width + column) * 4;
+  if (!texture.codes.empty()) {
+    const auto& linear = frames::linear_of_codes();
+    const uint8_t* code = &texture.codes[texel];
+    return {linear[code[0]], linear[code[1]], linear[code[2]]};
+  }
+  const float* rgba = &texture.rgba[texel];
   return {rgba[0], rgba[1], rgba[2]};
 }
 

@@ -13,6 +13,7 @@
 #include "base/error.h"
 #include "render/loaders/load_scene.h"
 #include "render/scene/stage.h"
+#include "tests/support/texels.h"
 
 namespace lenticule::player {
 namespace {
@@ -66,8 +67,9 @@ TEST(GltfWriter, KeepsNormalsAndTexels) {
   scene.materials[static_cast<size_t>(scene.meshes[0].material)].texture = 0;
   const render::SceneDescription again = read_back(write_gltf(scene));
   ASSERT_EQ(again.textures.size(), 1U);
-  EXPECT_NEAR(again.textures[0]->rgba[0], 1.0F, 1e-6F);
-  EXPECT_NEAR(again.textures[0]->rgba[1], 0.2159F, 1e-3F) << "linear light of code 128";
+  const std::vector<float> texels = testing::texels_of(*again.textures[0]);
+  EXPECT_NEAR(texels[0], 1.0F, 1e-6F);
+  EXPECT_NEAR(texels[1], 0.2159F, 1e-3F) << "linear light of code 128";
   const auto smooth = std::count_if(again.meshes.begin(), again.meshes.end(),
                                     [](const auto& mesh) { return !mesh.normals.empty(); });
   EXPECT_GE(smooth, 1);

@@ -13,6 +13,7 @@
 
 #include "render/loaders/load_scene.h"
 #include "render/scene/stage.h"
+#include "tests/support/texels.h"
 #include "tests/unit/loaders/error_of.h"
 
 namespace lenticule::render {
@@ -141,8 +142,9 @@ TEST_F(TurningBox, TextureCoordinatesStartAtTheTop) {
     EXPECT_EQ(crate.uvs[i][1], crate.positions[i].y > 0 ? 0.0F : 1.0F);
   }
   EXPECT_EQ(front_corners, 4U);
+  const std::vector<float> texels = testing::texels_of(picture);
   const auto red = [&](int x, int y) {
-    return picture.rgba[static_cast<size_t>(4 * (y * picture.width + x))];
+    return texels[static_cast<size_t>(4 * (y * picture.width + x))];
   };
   EXPECT_GT(red(90, 36), 0.8F) << "the arrow's head, upper right";
   EXPECT_LT(red(36, 36), 0.8F);

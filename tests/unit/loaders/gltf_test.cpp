@@ -9,6 +9,7 @@
 
 #include "render/loaders/gltf_loader.h"
 #include "tests/support/gltf_model.h"
+#include "tests/support/texels.h"
 
 namespace lenticule::render {
 namespace {
@@ -576,12 +577,14 @@ const std::vector<Feature> kMaterials{
        EXPECT_EQ(p.normal_texture.texture, p.occlusion_texture.texture);
        EXPECT_EQ(p.normal_scale, 0.5);
        EXPECT_EQ(p.occlusion_strength, 0.25);
-       const auto grey = [&](const TextureUse& use) {
-         return s.textures[static_cast<size_t>(use.texture)]->rgba[12];
+       const auto grey = [&](const TextureUse& use, frames::TextureContent content) {
+         return testing::texels_of(*s.textures[static_cast<size_t>(use.texture)], content)[12];
        };
-       EXPECT_NEAR(grey(p.base_colour_texture), 0.5029, 1e-4) << "decoded from sRGB";
-       EXPECT_NEAR(grey(p.normal_texture), 188.0 / 255.0, 1e-6) << "as it is";
-       EXPECT_NEAR(s.textures[0]->rgba[11], 128.0 / 255.0, 1e-6) << "alpha";
+       EXPECT_NEAR(grey(p.base_colour_texture, frames::TextureContent::Colour), 0.5029, 1e-4)
+           << "decoded from sRGB";
+       EXPECT_NEAR(grey(p.normal_texture, frames::TextureContent::Data), 188.0 / 255.0, 1e-6)
+           << "as it is";
+       EXPECT_NEAR(testing::texels_of(*s.textures[0])[11], 128.0 / 255.0, 1e-6) << "alpha";
      }},
     {"TheTextureOfTheSecondCoordinates",
      [](GltfModel& m) {
@@ -645,7 +648,7 @@ const std::vector<Feature> kMaterials{
      [](const SceneDescription& s) {
        ASSERT_THAT(s.textures, SizeIs(1)) << ::testing::PrintToString(s.notes);
        EXPECT_EQ(s.textures[0]->width, 2);
-       EXPECT_NEAR(s.textures[0]->rgba[11], 128.0 / 255.0, 1e-6);
+       EXPECT_NEAR(testing::texels_of(*s.textures[0])[11], 128.0 / 255.0, 1e-6);
      }},
     {"Ktx2TexturesWithoutASubstituteAreNoted",
      [](GltfModel& m) {

@@ -12,6 +12,7 @@
 #include "render/loaders/file_names.h"
 #include "render/loaders/load_scene.h"
 #include "tests/support/gltf_model.h"
+#include "tests/support/texels.h"
 #include "tests/unit/loaders/error_of.h"
 
 namespace lenticule::render {
@@ -93,10 +94,11 @@ TEST_F(ModelFiles, MtlStatesMetallicRoughness) {
   ASSERT_GE(material.pbr->normal_texture.texture, 0);
   ASSERT_GE(material.pbr->emission_texture.texture, 0);
   ASSERT_GE(material.pbr->metallic_roughness_texture.texture, 0);
-  const Texture& rough =
-      *scene.textures[static_cast<size_t>(material.pbr->metallic_roughness_texture.texture)];
-  EXPECT_NEAR(rough.rgba[13], 188.0 / 255.0, 1e-6) << "roughness in green, as data";
-  EXPECT_EQ(rough.rgba[14], 1.0F) << "no texture of metalness";
+  const std::vector<float> rough = testing::texels_of(
+      *scene.textures[static_cast<size_t>(material.pbr->metallic_roughness_texture.texture)],
+      frames::TextureContent::Data);
+  EXPECT_NEAR(rough.at(13), 188.0 / 255.0, 1e-6) << "roughness in green, as data";
+  EXPECT_EQ(rough.at(14), 1.0F) << "no texture of metalness";
   EXPECT_THAT(scene.meshes[0].tangents, SizeIs(3)) << "for the normal texture";
 }
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 
 #include "tests/support/tiny_scenes.h"
 
@@ -58,8 +59,8 @@ TEST(BeamSize, GrowsWithTheDistanceBetweenViewsWhereALensHasMoreThanOne) {
   EXPECT_NEAR(TilePlan(rig).beam().across_mm(-far), subpixel_mm * 1e4, 1e-6 * far);
   // A lens over one pixel has a single view: textures are as fine as the pixels.
   rig.sheet.pitch = Subpixels(2.9);
-  rig.viewing.distance = Millimetres(1e9);
-  EXPECT_NEAR(TilePlan(rig).beam().across_mm(-far), 2.9 * subpixel_mm, 1e-4 * subpixel_mm);
+  rig.viewing.distance = Millimetres(std::numeric_limits<double>::infinity());
+  EXPECT_NEAR(TilePlan(rig).beam().across_mm(-far), 2.9 * subpixel_mm, 1e-9);
 }
 
 }  // namespace
