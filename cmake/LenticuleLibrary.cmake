@@ -41,9 +41,26 @@ function(lenticule_command_line library flags)
   # A command line is not performance critical; -O1 saves a fifth of the build time.
   target_compile_options(${library} PRIVATE $<$<CONFIG:Release>:-O1>)
   target_compile_options(${flags} PRIVATE $<$<CONFIG:Release>:-O1>)
-  # These headers take most of the compile time of the sources that include them.
-  target_precompile_headers(${library} PRIVATE <fmt/format.h> <nlohmann/json.hpp>)
-  target_precompile_headers(${flags} PRIVATE <CLI/CLI.hpp> <fmt/format.h> <nlohmann/json.hpp>)
+  lenticule_heavy_headers(${library})
+  lenticule_heavy_headers(${flags})
+endfunction()
+
+# lenticule_heavy_headers(NAME): gives a target that is compiled with -O1 the headers that take most of the
+# compile time of the sources that include them, precompiled once for all such targets.
+function(lenticule_heavy_headers name)
+  if(NOT TARGET lenticule_heavy_headers)
+    set(source ${PROJECT_BINARY_DIR}/heavy_headers.cpp)
+    if(NOT EXISTS ${source})
+      file(WRITE ${source} "// Carries the precompiled headers.\n")
+    endif()
+    add_library(lenticule_heavy_headers OBJECT ${source})
+    target_link_libraries(lenticule_heavy_headers PRIVATE
+      lenticule_options CLI11::CLI11 fmt::fmt nlohmann_json::nlohmann_json)
+    target_compile_options(lenticule_heavy_headers PRIVATE $<$<CONFIG:Release>:-O1>)
+    target_precompile_headers(lenticule_heavy_headers PRIVATE
+      <CLI/CLI.hpp> <fmt/format.h> <nlohmann/json.hpp>)
+  endif()
+  target_precompile_headers(${name} REUSE_FROM lenticule_heavy_headers)
 endfunction()
 
 # lenticule_test_options(NAME): sets how much a test program is optimised: less than the libraries,
