@@ -41,19 +41,46 @@ function(lenticule_command_line library flags)
   # A command line is not performance critical; -O1 saves a fifth of the build time.
   target_compile_options(${library} PRIVATE $<$<CONFIG:Release>:-O1>)
   target_compile_options(${flags} PRIVATE $<$<CONFIG:Release>:-O1>)
-  # These headers take most of the compile time of the sources that include them.
-  target_precompile_headers(${library} PRIVATE <fmt/format.h> <nlohmann/json.hpp>)
-  target_precompile_headers(${flags} PRIVATE <CLI/CLI.hpp> <fmt/format.h> <nlohmann/json.hpp>)
+  lenticule_heavy_headers(${library})
+  lenticule_heavy_headers(${flags})
 endfunction()
 
-# GoogleTest's headers take most of the time of compiling a test, so they are precompiled once for all
-# test programs. Tests are optimised less than the libraries, because compiling them takes longer than
-# running their own code.
-function(lenticule_test_headers name)
+# lenticule_heavy_headers(NAME): gives a target that is compiled with -O1 the headers that take most of the
+# compile time of the sources that include them, precompiled once for all such targets.
+function(lenticule_heavy_headers name)
+  if(NOT TARGET lenticule_heavy_headers)
+    set(source ${PROJECT_BINARY_DIR}/heavy_headers.cpp)
+    if(NOT EXISTS ${source})
+      file(WRITE ${source} "// Carries the precompiled headers.\n")
+    endif()
+    add_library(lenticule_heavy_headers OBJECT ${source})
+    target_link_libraries(lenticule_heavy_headers PRIVATE
+      lenticule_options CLI11::CLI11 fmt::fmt nlohmann_json::nlohmann_json)
+    target_compile_options(lenticule_heavy_headers PRIVATE $<$<CONFIG:Release>:-O1>)
+    target_precompile_headers(lenticule_heavy_headers PRIVATE
+      <CLI/CLI.hpp> <fmt/format.h> <nlohmann/json.hpp>)
+  endif()
+  target_precompile_headers(${name} REUSE_FROM lenticule_heavy_headers)
+endfunction()
+
+# lenticule_test_options(NAME): sets how much a test program is optimised: less than the libraries,
+# because compiling a test takes longer than running its own code.
+function(lenticule_test_options name)
+  if(LENTICULE_CLANG_TESTS)
+    set_target_properties(${name} PROPERTIES LENTICULE_UNOPTIMISED ON)
+    target_compile_options(${name} PRIVATE $<$<CONFIG:Release>:-O0>)
+    return()
+  endif()
   # Three warnings of gcc are false at -O1: it inlines only one of an allocation and its release, and
   # misestimates the length of short strings.
   target_compile_options(${name} PRIVATE $<$<CONFIG:Release>:-O1>
     $<$<CXX_COMPILER_ID:GNU>:-Wno-mismatched-new-delete;-Wno-array-bounds;-Wno-stringop-overflow>)
+endfunction()
+
+# GoogleTest's headers take most of the time of compiling a test, so they are precompiled once for all
+# test programs.
+function(lenticule_test_headers name)
+  lenticule_test_options(${name})
   if(NOT TARGET lenticule_test_headers)
     set(source ${PROJECT_BINARY_DIR}/test_headers.cpp)
     if(NOT EXISTS ${source})
@@ -61,7 +88,8 @@ function(lenticule_test_headers name)
     endif()
     add_library(lenticule_test_headers OBJECT ${source})
     target_link_libraries(lenticule_test_headers PRIVATE lenticule_options GTest::gmock)
-    target_compile_options(lenticule_test_headers PRIVATE $<$<CONFIG:Release>:-O1> -fPIE)
+    lenticule_test_options(lenticule_test_headers)
+    target_compile_options(lenticule_test_headers PRIVATE -fPIE)
     target_compile_definitions(lenticule_test_headers PRIVATE
       LENTICULE_SOURCE_DIR="${PROJECT_SOURCE_DIR}" LENTICULE_BINARY_DIR="${PROJECT_BINARY_DIR}")
     target_precompile_headers(lenticule_test_headers PRIVATE <gmock/gmock.h> <gtest/gtest.h>)

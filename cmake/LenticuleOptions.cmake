@@ -58,10 +58,10 @@ if(NOT LENTICULE_SANITIZE AND NOT LENTICULE_BUILD_FUZZ)
   elseif(CMAKE_SYSTEM_PROCESSOR MATCHES "aarch64|arm64")
     set(branches -mbranch-protection=standard)
   endif()
-  # Fortified calls require optimisation.
+  # Fortified calls require optimisation; only test programs can have the property.
   target_compile_options(lenticule_options INTERFACE
     -fstack-protector-strong -fstack-clash-protection ${branches} -Werror=format-security
-    $<$<NOT:$<CONFIG:Debug>>:-U_FORTIFY_SOURCE;-D_FORTIFY_SOURCE=2>)
+    $<$<NOT:$<OR:$<CONFIG:Debug>,$<BOOL:$<TARGET_PROPERTY:LENTICULE_UNOPTIMISED>>>>:-U_FORTIFY_SOURCE;-D_FORTIFY_SOURCE=2>)
   target_link_options(lenticule_options INTERFACE LINKER:-z,relro LINKER:-z,now)
 endif()
 # Makes failed checks name files relative to the source tree, without the build machine's folders.

@@ -147,7 +147,7 @@ TEST(ErrorSummary, AddsUpErrorsAndLeavesEqualFramesOutOfTheMeanPsnr) {
 
 TEST(ErrorSummary, HasNoPsnrForEqualFrames) {
   nlohmann::json scenario = small_scenario();
-  scenario["methods"][1]["frames"] = {frame_of(1, 0, 0)};
+  scenario["methods"][1]["frames"] = nlohmann::json::array({frame_of(1, 0, 0)});
   summarize_errors(scenario, {});
   const nlohmann::json& m = scenario["methods"][1];
   EXPECT_TRUE(m["psnr_mean_db"].is_null());

@@ -62,7 +62,7 @@ TEST(GltfWriter, ConvertsTheUpAxis) {
 TEST(GltfWriter, KeepsNormalsAndTexels) {
   render::SceneDescription scene = built_in("teapot", 2);
   scene.textures.push_back(std::make_shared<const render::Texture>(
-      render::Texture{.width = 2, .height = 1, .rgba = {1, 0.5, 0, 1, 0, 0.2, 0.8, 1}}));
+      render::Texture{.width = 2, .height = 1, .rgba = {1, 0.5F, 0, 1, 0, 0.2F, 0.8F, 1}}));
   scene.meshes[0].uvs.assign(scene.meshes[0].positions.size(), {0.25F, 0.5F});
   scene.materials[static_cast<size_t>(scene.meshes[0].material)].texture = 0;
   const render::SceneDescription again = read_back(write_gltf(scene));
