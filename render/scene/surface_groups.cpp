@@ -95,8 +95,10 @@ Joined join_triangles(const MeshShape& mesh) {
 
 uint32_t group_number(const Scene& scene, int material, uint32_t count) {
   const Material& m = scene.materials[static_cast<size_t>(material)];
-  const bool glass = m.transmittance > 0.0;
-  const bool view = m.specular > 0.0 || glass;
+  const bool glass =
+      m.pbr ? m.pbr->transmission > 0.0 || m.pbr->alpha_mode != PbrMaterial::AlphaMode::Opaque
+            : m.transmittance > 0.0;
+  const bool view = m.pbr ? !m.pbr->unlit || glass : m.specular > 0.0 || glass;
   return (count + 1) << 2 | (glass ? 2U : 0U) | (view ? 1U : 0U);
 }
 

@@ -16,6 +16,7 @@
 #include "base/error.h"
 #include "render/accel/denormals.h"
 #include "render/culling/last_frame.h"
+#include "render/integrator/pbr_tracer.h"
 #include "render/methods/adaptive/adaptive_frame.h"
 #include "render/methods/method_full.h"
 #include "render/rays/primary_rays.h"
@@ -61,9 +62,10 @@ RenderOptions with_little_culling(RenderOptions options) {
 }
 
 bool is_shiny(const Scene& scene) {
-  return std::any_of(scene.materials.begin(), scene.materials.end(), [](const Material& material) {
-    return material.specular > 0.0 || material.transmittance > 0.0;
-  });
+  return scene.pbr != nullptr ||
+         std::any_of(scene.materials.begin(), scene.materials.end(), [](const Material& material) {
+           return material.specular > 0.0 || material.transmittance > 0.0;
+         });
 }
 
 class AdaptiveMethod final : public Method {
@@ -92,8 +94,7 @@ class AdaptiveMethod final : public Method {
     const optics::Panel& panel = planes_.model().rig().panel;
     LENTICULE_CHECK(geometry.width == panel.width_px && geometry.height == panel.height_px &&
                     geometry.format == frames::PixelFormat::Rgb8);
-    // Highlights and normal maps change with the view, so nothing is interpolated between views.
-    if (scene.pbr != nullptr) return full().render(scene, stage, out);
+    require_supported(scene, options_);
     if (options_.copy_unchanged && last_.shows(scene)) return last_.copy_to(out);
     if (!rays_fit(scene, planes_, reach_)) {
       before_ = {};
@@ -106,7 +107,7 @@ class AdaptiveMethod final : public Method {
     const Before before = std::exchange(before_, {});
     Before now;
     std::optional<UnchangedRegions> kept;
-    if (options_.copy_unchanged) {
+    if (options_.copy_unchanged && scene.pbr == nullptr) {
       now = {SceneObjects(scene), grid, frame.groups, {}};
       if (before.grid && before.grid->is_same(grid) && *before.groups == frame.groups)
         kept.emplace(planes_, grid.eyes(), scene, options_.soft, before.objects, now.objects);
@@ -127,7 +128,8 @@ class AdaptiveMethod final : public Method {
     if (options_.copy_unchanged && statistics.completed) {
       last_.keep(scene, out);
       now.bands = std::move(frame.bands);
-      if (pays) before_ = std::move(now);  // else the last frame has other samples
+      if (pays && scene.pbr == nullptr)
+        before_ = std::move(now);  // else the last frame has other samples
     }
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     statistics.seconds = elapsed.count();
