@@ -5,6 +5,7 @@
 #include <array>
 #include <bit>
 #include <numeric>
+#include <utility>
 
 namespace lenticule::render {
 namespace {
@@ -12,6 +13,11 @@ namespace {
 /// Cosine between the normals of two faces above which they count as coplanar (a thousandth of a
 /// degree).
 constexpr double kSamePlane = 1.0 - 1.5e-10;
+/// Cosine between shading normals that count as equal on metallic-roughness surfaces (a fifth of a
+/// degree): exporters split vertices and round their normals apart.
+constexpr double kSameNormal = 1.0 - 6e-6;
+/// Most triangles at one edge that are compared with each other there.
+constexpr size_t kMostAtEdge = 8;
 
 /// Joined is a union-find structure of triangles.
 class Joined {
@@ -31,19 +37,20 @@ class Joined {
 
 using VertexBits = std::array<uint32_t, 6>;
 
-VertexBits bits_of(const MeshShape& mesh, size_t vertex) {
+VertexBits bits_of(const MeshShape& mesh, size_t vertex, bool with_normal) {
   const auto bits = [](float v) { return std::bit_cast<uint32_t>(v + 0.0F); };  // -0 becomes +0
   const Vec3f& p = mesh.positions[vertex];
-  if (mesh.normals.empty()) return {bits(p.x), bits(p.y), bits(p.z), 0, 0, 0};
+  if (mesh.normals.empty() || !with_normal) return {bits(p.x), bits(p.y), bits(p.z), 0, 0, 0};
   const Vec3f& n = mesh.normals[vertex];
   return {bits(p.x), bits(p.y), bits(p.z), bits(n.x), bits(n.y), bits(n.z)};
 }
 
 /// Gives equal vertices one number, since files often repeat vertices.
-std::vector<uint32_t> welded(const MeshShape& mesh) {
+std::vector<uint32_t> welded(const MeshShape& mesh, bool with_normals) {
   const size_t count = mesh.positions.size() - 1;
   std::vector<std::pair<VertexBits, uint32_t>> vertices(count);
-  for (size_t n = 0; n < count; ++n) vertices[n] = {bits_of(mesh, n), static_cast<uint32_t>(n)};
+  for (size_t n = 0; n < count; ++n)
+    vertices[n] = {bits_of(mesh, n, with_normals), static_cast<uint32_t>(n)};
   std::sort(vertices.begin(), vertices.end());
   std::vector<uint32_t> number(count);
   for (size_t n = 0; n < count; ++n) {
@@ -61,27 +68,50 @@ Vec3 face_normal(const MeshShape& mesh, uint32_t triangle) {
 }
 
 struct Edge {
-  uint64_t ends = 0;
+  uint64_t ends = 0;  ///< numbers of the vertices, the lower one in the upper half
   uint32_t triangle = 0;
+  uint32_t low = 0, high = 0;  ///< the vertices themselves, in this order
   friend bool operator<(const Edge& a, const Edge& b) { return a.ends < b.ends; }
 };
 
-std::vector<Edge> edges_of(const MeshShape& mesh) {
-  const std::vector<uint32_t> number = welded(mesh);
+std::vector<Edge> edges_of(const MeshShape& mesh, bool with_normals) {
+  const std::vector<uint32_t> number = welded(mesh, with_normals);
   std::vector<Edge> edges;
   edges.reserve(3 * mesh.triangles.size());
   for (uint32_t t = 0; t < mesh.triangles.size(); ++t)
     for (size_t n = 0; n < 3; ++n) {
-      const uint64_t a = number[mesh.triangles[t][n]], b = number[mesh.triangles[t][(n + 1) % 3]];
-      edges.push_back({std::min(a, b) << 32 | std::max(a, b), t});
+      uint32_t low = mesh.triangles[t][n], high = mesh.triangles[t][(n + 1) % 3];
+      if (number[low] > number[high]) std::swap(low, high);
+      edges.push_back({uint64_t{number[low]} << 32 | number[high], t, low, high});
     }
   std::sort(edges.begin(), edges.end());
   return edges;
 }
 
+bool same_normals(const MeshShape& mesh, const Edge& a, const Edge& b) {
+  const auto same = [&](uint32_t m, uint32_t n) {
+    const Vec3 first(mesh.normals[m]), second(mesh.normals[n]);
+    return dot(first, second) >= kSameNormal * length(first) * length(second);
+  };
+  return same(a.low, b.low) && same(a.high, b.high);
+}
+
+/// Joins the triangles of a mesh of a metallic-roughness material. More than two may share an edge,
+/// as where both sides of a sheet are modelled.
+Joined join_pbr_triangles(const MeshShape& mesh) {
+  Joined joined(mesh.triangles.size());
+  const std::vector<Edge> edges = edges_of(mesh, false);
+  for (size_t n = 1; n < edges.size(); ++n) {
+    const size_t first = n < kMostAtEdge ? 0 : n - kMostAtEdge;
+    for (size_t m = n; m-- > first && edges[m].ends == edges[n].ends;)
+      if (same_normals(mesh, edges[m], edges[n])) joined.join(edges[m].triangle, edges[n].triangle);
+  }
+  return joined;
+}
+
 Joined join_triangles(const MeshShape& mesh) {
   Joined joined(mesh.triangles.size());
-  const std::vector<Edge> edges = edges_of(mesh);
+  const std::vector<Edge> edges = edges_of(mesh, true);
   for (size_t n = 1; n < edges.size(); ++n) {
     const Edge &a = edges[n - 1], &b = edges[n];
     if (a.ends != b.ends) continue;
@@ -120,7 +150,8 @@ void SurfaceGroups::add(const Scene& scene, int material) {
 }
 
 void SurfaceGroups::add_mesh(const Scene& scene, const MeshShape& mesh) {
-  Joined joined = join_triangles(mesh);
+  const bool is_pbr = scene.materials[static_cast<size_t>(mesh.material)].pbr != nullptr;
+  Joined joined = is_pbr && !mesh.normals.empty() ? join_pbr_triangles(mesh) : join_triangles(mesh);
   for (uint32_t t = 0; t < mesh.triangles.size(); ++t)
     groups_.push_back(group_number(scene, mesh.material, count_ + joined.root(t)));
   count_ += static_cast<uint32_t>(mesh.triangles.size());
