@@ -30,6 +30,9 @@ uint32_t mixed(uint32_t path, uint32_t what) {
   return key ^ key >> 13;
 }
 
+/// Added to the number of a light that is partly visible.
+constexpr uint32_t kPartly = 0x1000;
+
 void note_shares(const KnownShare& shares, float* notes) {
   for (size_t r = 0; r < kPacket; ++r)
     notes[r] = (shares.lanes & kLaneBit[r]) != 0 ? shares.share[r] : LightNotes::kNoShare;
@@ -76,6 +79,12 @@ void LightMemory::note_surfaces(Bounce bounce, const RayPacket& packet,
     if (surfaces.active[r] == 0 || (!bounce.is_first && weight[r] < noticed_)) continue;
     way[r] += mixed(bounce.path, groups_->of(packet.rays.hit.geomID[r], packet.rays.hit.primID[r]));
   }
+}
+
+void LightMemory::note_surface(Bounce bounce, size_t lane, uint32_t geometry, uint32_t primitive,
+                               uint32_t how) {
+  if (groups_ == nullptr) return;
+  way_of(bounce)[lane] += mixed(mixed(bounce.path, how), groups_->of(geometry, primitive));
 }
 
 KnownShare LightMemory::known_around(Bounce bounce) {
@@ -125,6 +134,13 @@ void LightMemory::note_shadows(Bounce bounce, size_t light, const float* brings,
   }
 }
 
+void LightMemory::note_partly(Bounce bounce, size_t light, uint32_t lanes) {
+  if (groups_ == nullptr) return;
+  for (uint32_t left = lanes; left != 0; left &= left - 1)
+    way_of(bounce)[std::countr_zero(left)] +=
+        mixed(~bounce.path, static_cast<uint32_t>(light) + kPartly);
+}
+
 KnownShare LightMemory::known_area_light(Bounce bounce, size_t light, bool integrated,
                                          KnownLanes& lanes) {
   KnownShare shares;
@@ -145,7 +161,6 @@ void LightMemory::keep_area_light(Bounce bounce, size_t light, const AreaLightSe
   remember_share(bounce.path, number, seen.share);
   if (groups_ == nullptr) return;
   uint32_t* way = way_of(bounce);
-  constexpr uint32_t kPartly = 0x1000;
   for (uint32_t r = 0; r < kPacket; ++r) {
     const uint32_t bit = 1U << r;
     if ((seen.none & bit) != 0) way[r] += mixed(~bounce.path, number);

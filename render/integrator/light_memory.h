@@ -4,6 +4,7 @@
 // while it traces for a NotingTracer, and has none in all other methods.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -48,6 +49,10 @@ class LightMemory {
   void note_surfaces(Bounce bounce, const RayPacket& packet,
                      const shading_kernel::Surfaces& surfaces, const float* weight);
 
+  /// Notes the surface that a lane met; `how` tells the ways of meeting it apart.
+  void note_surface(Bounce bounce, size_t lane, uint32_t geometry, uint32_t primitive,
+                    uint32_t how);
+
   /// Returns the lanes whose unoccluded share of the hemisphere is known.
   [[nodiscard]] KnownShare known_around(Bounce bounce);
   /// Notes the share of the hemisphere; `serves_all_colours` if the other colours have the same.
@@ -63,6 +68,8 @@ class LightMemory {
   /// noticeably matter; `brings` is the light of each lane if unoccluded.
   void note_shadows(Bounce bounce, size_t light, const float* brings, uint32_t wanted,
                     uint32_t reached);
+  /// Notes lanes that a part of a light reaches.
+  void note_partly(Bounce bounce, size_t light, uint32_t lanes);
 
   /// Adds what is known of an area light to `lanes`, and returns its known shares. Recorded shares
   /// are used only if area lights are integrated.
@@ -75,6 +82,8 @@ class LightMemory {
   /// not known.
   const float* end_first_surfaces(const shading_kernel::Kernel& kernel, const float* weight,
                                   float* light);
+  /// Ends a packet whose secondary rays are not noted: `light` is all light of the first surfaces.
+  void end_only_surfaces(const float* light) { std::copy_n(light, kPacket, notes_.secondary); }
   /// Sets the hits of a packet, and returns true, if the same rays were traced before.
   [[nodiscard]] bool recall_hits(uint32_t path, RayPacket& packet);
   void remember_hits(uint32_t path, const RayPacket& packet);

@@ -34,15 +34,16 @@ class NotingTracer : public PacketTracer {
   /// exact; `known` saves rays. Afterwards notes().secondary is valid, all other notes are not.
   /// `again` states that the packet is that of the last trace_noting() in another colour, so that
   /// its rays have the same hits.
-  void trace_known(const Scene& scene, std::span<const int32_t, kPacket> channel,
-                   const KnownLight& known, const RayPacket& packet,
-                   std::span<float, kPacket> light, bool again = false) {
+  void trace_known(const Scene& scene, const TilePlan& plan,
+                   std::span<const int32_t, kPacket> channel, const KnownLight& known,
+                   const RayPacket& packet, std::span<float, kPacket> light, bool again = false) {
     memory_.begin_known(known, again);
     use(&memory_);
-    shade_lanes(scene, channel, packet, light);
+    shade_lanes(scene, plan, channel, packet, light);
     use(nullptr);
     memory_.end(light.data());
   }
+  using PacketTracer::pbr_light;
 
  private:
   LightMemory memory_;

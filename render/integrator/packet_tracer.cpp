@@ -184,12 +184,15 @@ void PacketTracer::trace_lanes(const Scene& scene, const TilePlan& plan,
   std::copy_n(lanes_.light, kPacket, light.data());
 }
 
-void PacketTracer::shade_lanes(const Scene& scene, std::span<const int32_t, kPacket> channel,
-                               const RayPacket& packet, std::span<float, kPacket> light) {
-  LENTICULE_CHECK(scene.pbr == nullptr);
+void PacketTracer::shade_lanes(const Scene& scene, const TilePlan& plan,
+                               std::span<const int32_t, kPacket> channel, const RayPacket& packet,
+                               std::span<float, kPacket> light) {
   clock_.turn_to(Work::Shade);
   set_colours(colours_of(scene, channel));
-  shade(scene, packet, kWhole.data(), 0);
+  if (scene.pbr != nullptr)
+    shade_pbr(scene, plan, packet, kWhole.data());
+  else
+    shade(scene, packet, kWhole.data(), 0);
   std::copy_n(lanes_.light, kPacket, light.data());
 }
 
@@ -215,9 +218,19 @@ void PacketTracer::shade_pbr(const Scene& scene, const TilePlan& plan, const Ray
   add_backdrop(scene, packet, weight, valid & ~met);
   std::array<float, kPacket> light{};
   pbr_->shade(scene, plan.beam(), std::span<const int32_t, kPacket>(lanes_.channel), packet, light,
-              counts_, clock_);
+              memory_, counts_, clock_);
   for (size_t r = 0; r < kPacket; ++r)
     if ((valid & met & kLaneBit[r]) != 0) lanes_.light[r] += weight[r] * light[r];
+  if (memory_ != nullptr) memory_->end_only_surfaces(lanes_.light);
+}
+
+std::array<float, kPacket> PacketTracer::pbr_light(const RayPacket& packet, int channel) const {
+  std::array<float, kPacket> light;
+  std::copy_n(lanes_.light, kPacket, light.begin());
+  for (size_t r = 0; r < kPacket; ++r)
+    if (packet.valid[r] != 0 && packet.rays.hit.geomID[r] != RTC_INVALID_GEOMETRY_ID)
+      light[r] = static_cast<float>(component(pbr_->light_of(r), channel));
+  return light;
 }
 
 void PacketTracer::set_colours(const Colours& colours) {

@@ -3,6 +3,7 @@
 // shadow, mirrored and refracted rays. Method adaptive uses it through NotingTracer.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -75,8 +76,12 @@ class PacketTracer {
   /// Sets the memory that the following packets use; null for none.
   void use(LightMemory* memory) { memory_ = memory; }
   /// Shades like trace_lanes() a packet that already holds the hits of its rays.
-  void shade_lanes(const Scene& scene, std::span<const int32_t, kPacket> channel,
-                   const RayPacket& packet, std::span<float, kPacket> light);
+  void shade_lanes(const Scene& scene, const TilePlan& plan,
+                   std::span<const int32_t, kPacket> channel, const RayPacket& packet,
+                   std::span<float, kPacket> light);
+  /// Returns the light, in any channel, of the last packet, whose scene has metallic-roughness
+  /// materials. Lanes that met nothing have the light of their own channel.
+  [[nodiscard]] std::array<float, kPacket> pbr_light(const RayPacket& packet, int channel) const;
 
  private:
   /// Generation holds the state of one bounce while the next bounce is traced.

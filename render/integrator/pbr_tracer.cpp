@@ -69,7 +69,9 @@ PbrTracer::PbrTracer(int max_depth) : most_bends_(max_depth) {
 
 void PbrTracer::shade(const Scene& scene, const BeamSize& beam,
                       std::span<const int32_t, kPacket> channel, const RayPacket& packet,
-                      std::span<float, kPacket> light, FrameCounts& counts, WorkClock& clock) {
+                      std::span<float, kPacket> light, LightMemory* memory, FrameCounts& counts,
+                      WorkClock& clock) {
+  memory_ = memory;
   const View view{scene, *scene.pbr, beam, scene.scene_from_panel.inverse()};
   uint32_t lanes = 0;
   for (size_t r = 0; r < kPacket; ++r) {
@@ -82,7 +84,7 @@ void PbrTracer::shade(const Scene& scene, const BeamSize& beam,
   }
   const uint32_t all = lanes;
   const RayPacket* met = &packet;
-  for (int layer = 0; lanes != 0; ++layer) {
+  for (layer_ = 0; lanes != 0; ++layer_) {
     uint32_t going = 0;
     for (Lit& lit : lit_) lit.shader.reset();
     for (uint32_t left = lanes; left != 0; left &= left - 1) {
@@ -95,7 +97,7 @@ void PbrTracer::shade(const Scene& scene, const BeamSize& beam,
         paths_[r].light += lit_[r].weight * tone_mapped(view.pbr.tone_map(), lit_[r].light);
     lanes = going;
     if (lanes == 0) break;
-    if (layer == kMostLayers) {
+    if (layer_ == kMostLayers) {
       for (uint32_t left = lanes; left != 0; left &= left - 1)
         leave(view, paths_[static_cast<size_t>(std::countr_zero(left))]);
       break;
@@ -107,6 +109,7 @@ void PbrTracer::shade(const Scene& scene, const BeamSize& beam,
     const auto r = static_cast<size_t>(std::countr_zero(left));
     light[r] = static_cast<float>(component(paths_[r].light, channel[r]));
   }
+  memory_ = nullptr;
 }
 
 void PbrTracer::leave(const View& view, Path& path) {
@@ -143,20 +146,22 @@ bool PbrTracer::meet(const View& view, const RayPacket& packet, size_t lane) {
                            {.geometry = packet.rays.hit.geomID[lane],
                             .primitive = packet.rays.hit.primID[lane],
                             .distance = static_cast<float>(double{ray.tfar[lane]} * stretch)});
+  lit.geometry = packet.rays.hit.geomID[lane];
+  lit.primitive = packet.rays.hit.primID[lane];
   const Surface& surface = lit.surface;
   const PbrMaterial& material = *surface.material->pbr;
   if (path.medium != nullptr)
     path.weight = path.weight * attenuation(*path.medium, length(surface.point - path.origin) /
                                                               view.scene.units_per_world);
-  if (!surface.outer_side && is_volume(material)) {
-    if (path.medium != nullptr) return exit(view, surface, path);
-    if (!material.double_sided) return pass(surface, path);
-  } else if (!surface.outer_side && !material.double_sided) {
+  if (!surface.outer_side && is_volume(material) && path.medium != nullptr) return exit(view, lane);
+  if (!surface.outer_side && !material.double_sided) {
+    note(lane, Met::Unseen);
     return pass(surface, path);
   }
   const PbrSurface shaded =
       view.pbr.surface(surface, path.direction, view.footprint(surface.point));
   const double alpha = shaded.point.alpha;
+  note(lane, alpha == 0.0 ? Met::Unseen : surface.outer_side ? Met::Front : Met::Back);
   if (alpha == 0.0) return pass(surface, path);
   lit.weight = path.weight * alpha;
   if (material.unlit) {
@@ -173,6 +178,12 @@ bool PbrTracer::meet(const View& view, const RayPacket& packet, size_t lane) {
   // A ray cannot go both straight on and bent: partly transparent surfaces do not refract.
   const bool bends = shaded.thickness > 0.0 && alpha == 1.0 && surface.outer_side;
   return bends ? enter(view, surface, shaded, path) : pass(surface, path);
+}
+
+void PbrTracer::note(size_t lane, Met met) {
+  if (memory_ == nullptr) return;
+  const Lit& lit = lit_[lane];
+  memory_->note_surface(bounce(), lane, lit.geometry, lit.primitive, static_cast<uint32_t>(met));
 }
 
 bool PbrTracer::pass(const Surface& surface, Path& path) {
@@ -218,11 +229,18 @@ bool PbrTracer::enter(const View& view, const Surface& surface, const PbrSurface
 
 /// All light leaves a volume, or none where it is mirrored totally: as in viewers, what the inner
 /// side mirrors is left out.
-bool PbrTracer::exit(const View& view, const Surface& surface, Path& path) const {
+bool PbrTracer::exit(const View& view, size_t lane) {
+  const Surface& surface = lit_[lane].surface;
+  Path& path = paths_[lane];
   const auto out =
       through(surface, surface.shading_normal, path.direction, std::max(path.medium->ior, 1e-3));
+  note(lane, out ? Met::Left : Met::Mirrored);
   if (out) path.medium = nullptr;
   return bend(view, surface, out, path);
+}
+
+LightMemory::Bounce PbrTracer::bounce() const {
+  return {.path = static_cast<uint32_t>(layer_) + 1, .is_first = layer_ == 0};
 }
 
 Vec3 PbrTracer::shadow_ray(const View& view, size_t light, size_t lane, FrameCounts& counts) {
@@ -319,10 +337,35 @@ void PbrTracer::add_lights(const View& view, FrameCounts& counts, WorkClock& clo
     std::array<Vec3, kPacket> brings{};
     for (size_t r = 0; r < kPacket; ++r) brings[r] = shadow_ray(view, light, r, counts);
     arriving_.fill({});
+    const uint32_t wanted = lane_bits(shadow_valid_);
+    const uint32_t known =
+        memory_ != nullptr ? memory_->take_known(bounce(), light, shadow_valid_) : 0;
     trace_shadows(view, counts, clock);
-    for (size_t r = 0; r < kPacket; ++r)
-      if (shadow_valid_[r] != 0) lit_[r].light += brings[r] * arriving_[r];
+    for (uint32_t left = known; left != 0; left &= left - 1)
+      arriving_[static_cast<size_t>(std::countr_zero(left))] = kOne;
+    for (uint32_t left = wanted; left != 0; left &= left - 1) {
+      const auto r = static_cast<size_t>(std::countr_zero(left));
+      lit_[r].light += brings[r] * arriving_[r];
+    }
+    if (memory_ != nullptr) note_shadows(light, wanted, brings);
   }
+}
+
+/// Notes which lanes the light reaches. Where a part of it arrives, the light values themselves
+/// tell how much.
+void PbrTracer::note_shadows(size_t light, uint32_t wanted, std::span<const Vec3, kPacket> brings) {
+  std::array<float, kPacket> most{};
+  uint32_t all = 0, none = 0;
+  for (uint32_t left = wanted; left != 0; left &= left - 1) {
+    const auto r = static_cast<size_t>(std::countr_zero(left));
+    const Vec3 weight = lit_[r].weight;
+    most[r] = static_cast<float>(
+        largest({weight.x * brings[r].x, weight.y * brings[r].y, weight.z * brings[r].z}));
+    if (arriving_[r] == kOne) all |= kLaneBit[r];
+    if (arriving_[r] == Vec3{}) none |= kLaneBit[r];
+  }
+  memory_->note_shadows(bounce(), light, most.data(), all | none, all);
+  memory_->note_partly(bounce(), light, wanted & ~(all | none));
 }
 
 void require_supported(const Scene& scene, const RenderOptions& options) {

@@ -109,6 +109,8 @@ class ErrorRun {
     for (const std::string& scenario : flags_.scenarios)
       if (scenario == "still")
         scenarios.push_back(ErrorScenario::Still);
+      else if (scenario == "turning")
+        scenarios.push_back(ErrorScenario::Turning);
       else if (!scene.still())
         scenarios.push_back(ErrorScenario::Moving);
     return scenarios;
@@ -173,12 +175,13 @@ void declare_what(CLI::App& app, ErrorFlags& flags) {
       ->delimiter(',')
       ->capture_default_str();
   app.add_option("--course", flags.scenarios,
-                 "still: one frame twice; moving: consecutive frames of the animation")
+                 "still: one frame twice; moving: consecutive frames of the animation; turning: "
+                 "frames of one turn of the scene")
       ->allow_extra_args(false)
       ->delimiter(',')
-      ->check(CLI::IsMember({"still", "moving"}))
+      ->check(CLI::IsMember({"still", "moving", "turning"}))
       ->capture_default_str();
-  app.add_option("--frames", flags.frames, "number of frames of a moving course")
+  app.add_option("--frames", flags.frames, "number of frames of a moving or turning course")
       ->check(CLI::Range(1, 10000))
       ->capture_default_str();
 }

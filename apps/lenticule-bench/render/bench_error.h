@@ -53,14 +53,16 @@ class ErrorScene {
 };
 
 /// Benchmark scenarios. Still: the same frame twice, of the same committed scene. Moving:
-/// consecutive frames, the scene committed again for each.
-enum class ErrorScenario { Still, Moving };
+/// consecutive frames, the scene committed again for each. Turning: the same, while the scene turns
+/// once about its vertical.
+enum class ErrorScenario { Still, Moving, Turning };
+[[nodiscard]] const char* name_of(ErrorScenario scenario);
 
 struct ErrorSetup {
   optics::Rig rig;
   std::vector<ErrorEntrant> entrants;  ///< the first is the reference
   ErrorScenario scenario = ErrorScenario::Moving;
-  int frames = 6;  ///< number of frames in the Moving scenario
+  int frames = 6;  ///< number of frames in the Moving and Turning scenarios
   int threads = 0;
   int depth = 5;
   render::SoftLight soft{};

@@ -50,7 +50,7 @@ class ScenarioRun {
         workers_(setup.threads),
         views_(model_, frames::native_view_count(setup.rig), workers_),
         eyes_(model_, workers_),
-        stages_(scene.after(0), model_, {}),
+        stages_(scene.after(0), model_, {}, setup.scenario == ErrorScenario::Turning ? 360.0 : 0.0),
         reference_(geometry()),
         frame_(geometry()) {
     for (const ErrorEntrant& entrant : setup.entrants)
@@ -59,10 +59,11 @@ class ScenarioRun {
 
   /// Returns false if interrupted.
   [[nodiscard]] bool run() {
-    const bool moving = setup_.scenario == ErrorScenario::Moving;
+    const bool moving = setup_.scenario != ErrorScenario::Still;
     const int frames = moving ? setup_.frames : 2;
     for (int n = 0; n < frames && !interrupted(); ++n) {
-      if (moving || n == 0) set_scene(scene_.after(static_cast<uint64_t>(n)));
+      if (moving || n == 0)
+        set_scene(scene_.after(static_cast<uint64_t>(n)), static_cast<double>(n) / frames);
       frame(n);
     }
     return !interrupted();
@@ -86,7 +87,7 @@ class ScenarioRun {
     }
     return {{"scene", scene_.name()},
             {"rig", setup_.rig.name},
-            {"course", scenario_name()},
+            {"course", name_of(setup_.scenario)},
             {"subpixels", geometry().frame_bytes()},
             {"copy_s", std::ranges::min(copy_s_)},
             {"pictures", std::move(pictures)},
@@ -97,12 +98,9 @@ class ScenarioRun {
   [[nodiscard]] frames::FrameGeometry geometry() const {
     return {setup_.rig.panel.width_px, setup_.rig.panel.height_px, frames::PixelFormat::Rgb8};
   }
-  [[nodiscard]] const char* scenario_name() const {
-    return setup_.scenario == ErrorScenario::Still ? "still" : "moving";
-  }
   [[nodiscard]] std::string stem_of(const ErrorEntrant& entrant) const {
     return fmt::format("{}-{}x{}-{}-{}", scene_.name(), geometry().width, geometry().height,
-                       scenario_name(), entrant.name);
+                       name_of(setup_.scenario), entrant.name);
   }
 
   void add_contestant(const ErrorEntrant& entrant) {
@@ -122,9 +120,9 @@ class ScenarioRun {
     return *std::ranges::find(contestants_, &entrant, &Contestant::entrant);
   }
 
-  void set_scene(render::SceneDescription description) {
+  void set_scene(render::SceneDescription description, double progress) {
     description_ = std::move(description);
-    stage_ = stages_.at(description_);
+    stage_ = stages_.at(description_, progress);
     for (Contestant& one : contestants_)
       for (Racer& racer : one.racers) racer.scene.reset();
   }

@@ -39,6 +39,12 @@ render::SceneDescription read_as_gltf(const render::SceneDescription& scene,
 
 }  // namespace
 
+const char* name_of(ErrorScenario scenario) {
+  return scenario == ErrorScenario::Still    ? "still"
+         : scenario == ErrorScenario::Moving ? "moving"
+                                             : "turning";
+}
+
 std::vector<ErrorEntrant> error_entrants(const std::vector<std::string>& methods,
                                          const std::vector<double>& errors,
                                          const std::vector<std::string>& known) {

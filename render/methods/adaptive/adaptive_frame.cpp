@@ -140,7 +140,8 @@ void AdaptiveWorker::take_other_samples(int first_row, int picture) {
   trace_samples(picture);
 }
 
-void AdaptiveWorker::render_band(int first_row) {
+void AdaptiveWorker::render_band(int first_row, bool on_trial) {
+  seen_ = 0;
   uncertain_.clear();
   sampled_.clear();
   const int end = std::min(first_row + kBand, frame_.plan.planes.rows());
@@ -149,8 +150,10 @@ void AdaptiveWorker::render_band(int first_row) {
     is_unchanged ? copy_row(first_row, row) : render_row(first_row, row);
   uncertain_.shade(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
   write_uncertain(first_row);
-  audit_band(first_row, is_unchanged ? (*frame_.kept.bands)[static_cast<size_t>(first_row / kBand)]
-                                     : AdaptiveFrame::Band{});
+  audit_band(first_row,
+             is_unchanged ? (*frame_.kept.bands)[static_cast<size_t>(first_row / kBand)]
+                          : AdaptiveFrame::Band{},
+             on_trial);
 }
 
 /// Returns true if the band can be copied: no content that its subpixels see and no sample that
@@ -321,7 +324,7 @@ void AdaptiveWorker::sort_row(int first_row, int row, const KeyGrid::Between& be
   const bool flat = frame_.scene.backdrop.flat();
   const bool may_keep = frame_.kept.parts != nullptr;
   const size_t count = frame_.plan.planes.row_subpixels();
-  uint64_t unknown = 0, copied = 0;
+  uint64_t unknown = 0, copied = 0, nothing = 0;
   for (size_t first = 0; first < count; first += sizeof(uint64_t)) {
     uint64_t eight;  // states; the array is slightly longer than the row
     std::memcpy(&eight, found_row_.states.data() + first, sizeof eight);
@@ -329,12 +332,15 @@ void AdaptiveWorker::sort_row(int first_row, int row, const KeyGrid::Between& be
     if (flat && eight == kAllNothing) {
       std::memcpy(found_row_.codes.data() + first,
                   frame_.backdrop.data() + first % frame_.backdrop.size(), sizeof eight);
+      nothing += std::min(sizeof eight, count - first);
       continue;
     }
     const size_t end = std::min(first + sizeof eight, count);
     for (size_t at = first; at < end; ++at) {
-      if (found_row_.states[at] == lookup_kernel::kNothing)
+      if (found_row_.states[at] == lookup_kernel::kNothing) {
         found_row_.codes[at] = backdrop_code(row, at);
+        ++nothing;
+      }
       if (found_row_.states[at] != lookup_kernel::kUnknown) continue;
       if (may_keep && is_unchanged(row, at, between)) {
         found_row_.codes[at] = frame_.kept.frame->row(row)[at];
@@ -348,6 +354,7 @@ void AdaptiveWorker::sort_row(int first_row, int row, const KeyGrid::Between& be
   counts_.traced_subpixels += unknown;
   counts_.copied_subpixels += copied;
   counts_.interpolated_subpixels += count - unknown - copied;
+  seen_ += count - nothing;
 }
 
 void AdaptiveWorker::write_uncertain(int first_row) {
@@ -357,7 +364,7 @@ void AdaptiveWorker::write_uncertain(int first_row) {
 
 /// Audits a band. `known` holds the results of a copied band, in which all audited subpixels are
 /// already exact.
-void AdaptiveWorker::audit_band(int first_row, const AdaptiveFrame::Band& known) {
+void AdaptiveWorker::audit_band(int first_row, const AdaptiveFrame::Band& known, bool on_trial) {
   evaluate_exactly(true);
   sampled_.trace(frame_.scene, first_row, colours_.tracer());
   evaluate_exactly(false);
@@ -372,11 +379,14 @@ void AdaptiveWorker::audit_band(int first_row, const AdaptiveFrame::Band& known)
   AdaptiveFrame::Band& band = frame_.bands[static_cast<size_t>(first_row / kBand)];
   retracing.beyond = std::min(retracing.sampled, retracing.beyond + known.retracing.beyond);
   evaluation.beyond = std::min(evaluation.sampled, evaluation.beyond + known.evaluation.beyond);
-  band = {.retracing = retracing, .evaluation = evaluation};
+  band = {.retracing = retracing,
+          .evaluation = evaluation,
+          .seen = static_cast<uint32_t>(seen_),
+          .shaded = static_cast<uint32_t>(uncertain_.subpixels().size())};
   if (needs_retracing(retracing, kMostBeyond) && frame_.plan.options.soft.any())
     retracing.beyond -= std::min(retracing.beyond, count_noise(first_row));
   if (needs_retracing(retracing, kMostBeyond)) {
-    retrace_band(first_row);
+    if (!on_trial) retrace_band(first_row);
     evaluation.beyond = 0;
     band.retraced = true;
   }
@@ -403,7 +413,6 @@ uint64_t AdaptiveWorker::count_noise(int first_row) {
   return beyond;
 }
 
-/// Renders the band with method full's exact bytes.
 void AdaptiveWorker::retrace_band(int first_row) {
   if (!full_)
     full_ = std::make_unique<FullTiles::Worker>(frame_.plan.full, frame_.scene, frame_.beams);

@@ -60,6 +60,8 @@ struct AdaptiveFrame {
   struct Band {
     AuditCounts retracing, evaluation;
     bool retraced = false;
+    uint32_t seen = 0;    ///< subpixels that see a surface
+    uint32_t shaded = 0;  ///< subpixels that were shaded individually
   };
   std::vector<Band> bands;
 
@@ -97,8 +99,11 @@ class AdaptiveWorker {
   void take_coarse_samples(int first_row, int picture);
   /// Takes the other samples, after the coarse ones of these rows and of the rows below.
   void take_other_samples(int first_row, int picture);
-  /// Renders kBand rows of the panel.
-  void render_band(int first_row);
+  /// Renders kBand rows of the panel. A band that the audit rejects is rendered as method full does
+  /// it, unless `on_trial`: then it is marked only, for retrace_band().
+  void render_band(int first_row, bool on_trial);
+  /// Renders the band with method full's exact bytes.
+  void retrace_band(int first_row);
 
   /// Returns the counters of the bands rendered so far.
   [[nodiscard]] FrameCounts counts();
@@ -127,10 +132,9 @@ class AdaptiveWorker {
   void sort_row(int first_row, int row, const KeyGrid::Between& between);
   [[nodiscard]] uint8_t backdrop_code(int row, size_t at) const;
   void write_uncertain(int first_row);
-  void audit_band(int first_row, const AdaptiveFrame::Band& known);
+  void audit_band(int first_row, const AdaptiveFrame::Band& known, bool on_trial);
   [[nodiscard]] bool is_beyond(uint8_t code, uint8_t exact) const;
   uint64_t count_noise(int first_row);
-  void retrace_band(int first_row);
 
   AdaptiveFrame& frame_;
   ColourTracer colours_;
@@ -161,6 +165,7 @@ class AdaptiveWorker {
     [[nodiscard]] std::array<LightResolver::Place, 2> places(size_t at) const;
   };
   FoundRow found_row_;
+  uint64_t seen_ = 0;   ///< subpixels of the band that see a surface
   FrameCounts counts_;  ///< origin of the colours of the subpixels
   AuditCounts audit_;
 };

@@ -30,8 +30,13 @@ void ColourTracer::trace(const Scene& scene, const SurfaceGroups& groups, float 
   std::copy_n(out.notes.secondary, kPacket, out.secondary[kFirst]);
   const KnownLight known = lights_of(out.notes);
   for (const int c : kOthers) {
+    if (scene.pbr != nullptr) {  // traced in all channels at once
+      std::ranges::copy(tracer_.pbr_light(packet, c), out.light[c]);
+      std::copy_n(out.secondary[kFirst], kPacket, out.secondary[c]);
+      continue;
+    }
     channel.fill(c);
-    tracer_.trace_known(scene, channel, known, packet, light(c), true);
+    tracer_.trace_known(scene, plan_, channel, known, packet, light(c), true);
     std::copy_n(tracer_.notes().secondary, kPacket, out.secondary[c]);
   }
   for (size_t r = 0; r < kPacket; ++r) {

@@ -16,6 +16,7 @@
 #include "base/error.h"
 #include "render/accel/denormals.h"
 #include "render/culling/last_frame.h"
+#include "render/integrator/pbr_tracer.h"
 #include "render/methods/adaptive/adaptive_frame.h"
 #include "render/methods/method_full.h"
 #include "render/rays/primary_rays.h"
@@ -61,9 +62,10 @@ RenderOptions with_little_culling(RenderOptions options) {
 }
 
 bool is_shiny(const Scene& scene) {
-  return std::any_of(scene.materials.begin(), scene.materials.end(), [](const Material& material) {
-    return material.specular > 0.0 || material.transmittance > 0.0;
-  });
+  return scene.pbr != nullptr ||
+         std::any_of(scene.materials.begin(), scene.materials.end(), [](const Material& material) {
+           return material.specular > 0.0 || material.transmittance > 0.0;
+         });
 }
 
 class AdaptiveMethod final : public Method {
@@ -92,8 +94,7 @@ class AdaptiveMethod final : public Method {
     const optics::Panel& panel = planes_.model().rig().panel;
     LENTICULE_CHECK(geometry.width == panel.width_px && geometry.height == panel.height_px &&
                     geometry.format == frames::PixelFormat::Rgb8);
-    // Highlights and normal maps change with the view, so nothing is interpolated between views.
-    if (scene.pbr != nullptr) return full().render(scene, stage, out);
+    require_supported(scene, options_);
     if (options_.copy_unchanged && last_.shows(scene)) return last_.copy_to(out);
     if (!rays_fit(scene, planes_, reach_)) {
       before_ = {};
@@ -106,7 +107,7 @@ class AdaptiveMethod final : public Method {
     const Before before = std::exchange(before_, {});
     Before now;
     std::optional<UnchangedRegions> kept;
-    if (options_.copy_unchanged) {
+    if (options_.copy_unchanged && scene.pbr == nullptr) {
       now = {SceneObjects(scene), grid, frame.groups, {}};
       if (before.grid && before.grid->is_same(grid) && *before.groups == frame.groups)
         kept.emplace(planes_, grid.eyes(), scene, options_.soft, before.objects, now.objects);
@@ -115,11 +116,12 @@ class AdaptiveMethod final : public Method {
     Workers workers([&] { return AdaptiveWorker(frame); });
     bool pays = true;
     arena_.execute([&] {
-      take_samples(frame, workers);
-      mark_bends(frame);
-      render_bands(workers, Bands::OnTrial);
-      pays = trial_pays(workers);
-      if (pays) render_bands(workers, Bands::Others);
+      take_samples(frame, workers, Bands::OnTrial);
+      render_bands(frame, workers, Bands::OnTrial);
+      pays = trial_pays(frame);
+      if (!pays) return;
+      take_samples(frame, workers, Bands::Others);
+      render_bands(frame, workers, Bands::Others);
     });
     RenderStatistics statistics =
         pays ? statistics_of(workers, out.bytes().size()) : full().render(scene, stage, out);
@@ -127,7 +129,8 @@ class AdaptiveMethod final : public Method {
     if (options_.copy_unchanged && statistics.completed) {
       last_.keep(scene, out);
       now.bands = std::move(frame.bands);
-      if (pays) before_ = std::move(now);  // else the last frame has other samples
+      if (pays && scene.pbr == nullptr)
+        before_ = std::move(now);  // else the last frame has other samples
     }
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     statistics.seconds = elapsed.count();
@@ -160,49 +163,110 @@ class AdaptiveMethod final : public Method {
     });
   }
 
-  void take_samples(AdaptiveFrame& frame, Workers& workers) {
-    constexpr int kRows = AdaptiveWorker::kSampleRows;
-    const int pictures = frame.grid.pictures();
-    const int blocks = (frame.grid.rows() + kRows - 1) / kRows * pictures;
-    in_parallel(blocks, [&](int n) {
-      workers.local().take_coarse_samples(n / pictures * kRows, n % pictures);
-    });
-    in_parallel(blocks, [&](int n) {
-      workers.local().take_other_samples(n / pictures * kRows, n % pictures);
-    });
-  }
+  static constexpr int kBand = AdaptiveWorker::kBand;
+  static constexpr int kSampleRows = AdaptiveWorker::kSampleRows;
 
-  void mark_bends(AdaptiveFrame& frame) {
-    in_parallel(frame.grid.rows(),
-                [&](int row) { frame.samples.mark_bends(row, plan_.agreement); });
-  }
-
-  /// Trial bands, spread over the frame, decide if the other bands are rendered this way.
+  /// Trial bands, spread over the frame, decide if the other bands are rendered this way. Samples
+  /// of metallic-roughness materials are expensive, so fewer bands are tried.
   enum class Bands { OnTrial, Others };
-  static bool is_on_trial(int band) {
-    constexpr int kOneIn = 16;
-    return band % kOneIn == kOneIn / 2;
+  static bool is_on_trial(const AdaptiveFrame& frame, int band) {
+    const int one_in = frame.scene.pbr != nullptr ? 32 : 16;
+    return band % one_in == one_in / 2;
   }
 
-  void render_bands(Workers& workers, Bands which) {
-    constexpr int kBand = AdaptiveWorker::kBand;
-    in_parallel((planes_.rows() + kBand - 1) / kBand, [&](int band) {
-      if (is_on_trial(band) == (which == Bands::OnTrial)) workers.local().render_band(band * kBand);
+  /// The last blocks of kSampleRows rows of samples that were taken, by block.
+  struct Taken {
+    std::vector<uint8_t> coarse, others, bends;
+  };
+
+  /// Marks the samples that the trial bands need: the rows around them with their neighbours, for
+  /// the bends, and the coarse ones of the blocks beside these, see KeySamples::fill().
+  [[nodiscard]] Taken needed_on_trial(const AdaptiveFrame& frame) const {
+    const int rows = frame.grid.rows(), blocks = (rows + kSampleRows - 1) / kSampleRows;
+    Taken needed{.coarse = std::vector<uint8_t>(static_cast<size_t>(blocks)),
+                 .others = std::vector<uint8_t>(static_cast<size_t>(blocks)),
+                 .bends = std::vector<uint8_t>(static_cast<size_t>(rows))};
+    const auto mark = [](std::vector<uint8_t>& marks, int first, int last) {
+      for (int n = std::max(first, 0); n <= last && n < static_cast<int>(marks.size()); ++n)
+        marks[static_cast<size_t>(n)] = 1;
+    };
+    for (size_t band = 0; band < frame.bands.size(); ++band) {
+      if (!is_on_trial(frame, static_cast<int>(band))) continue;
+      const int first_row = static_cast<int>(band) * kBand;
+      const KeyGrid::Between first = frame.grid.between(first_row);
+      const KeyGrid::Between last =
+          frame.grid.between(std::min(first_row + kBand, planes_.rows()) - 1);
+      const int above = std::min(first.above[0], first.above[1]);
+      const int below = std::max(last.above[0], last.above[1]) + 1;
+      mark(needed.bends, above, below);
+      const int block = std::max(above - 1, 0) / kSampleRows;
+      const int last_block = (below + 1) / kSampleRows;
+      mark(needed.others, block, last_block);
+      mark(needed.coarse, block - 1, last_block + 1);
+    }
+    return needed;
+  }
+
+  /// Takes the samples that bands need. The samples of other scenes are cheap, and all taken first.
+  void take_samples(AdaptiveFrame& frame, Workers& workers, Bands which) {
+    const bool all_first = frame.scene.pbr == nullptr;
+    if (all_first && which == Bands::Others) return;
+    const Taken on_trial = all_first ? Taken{} : needed_on_trial(frame);
+    const auto is_due = [&](const std::vector<uint8_t>& of_trial, int n) {
+      return all_first || (of_trial[static_cast<size_t>(n)] != 0) == (which == Bands::OnTrial);
+    };
+    const int pictures = frame.grid.pictures();
+    const int blocks = (frame.grid.rows() + kSampleRows - 1) / kSampleRows * pictures;
+    in_parallel(blocks, [&](int n) {
+      if (is_due(on_trial.coarse, n / pictures))
+        workers.local().take_coarse_samples(n / pictures * kSampleRows, n % pictures);
+    });
+    in_parallel(blocks, [&](int n) {
+      if (is_due(on_trial.others, n / pictures))
+        workers.local().take_other_samples(n / pictures * kSampleRows, n % pictures);
+    });
+    in_parallel(frame.grid.rows(), [&](int row) {
+      if (is_due(on_trial.bends, row)) frame.samples.mark_bends(row, plan_.agreement);
+    });
+  }
+
+  /// Renders the bands on trial; or the others, and again those on trial that the audit rejected.
+  void render_bands(AdaptiveFrame& frame, Workers& workers, Bands which) {
+    in_parallel(static_cast<int>(frame.bands.size()), [&](int band) {
+      const bool on_trial = is_on_trial(frame, band);
+      if (on_trial == (which == Bands::OnTrial))
+        workers.local().render_band(band * kBand, on_trial);
+      else if (on_trial && frame.bands[static_cast<size_t>(band)].retraced)
+        workers.local().retrace_band(band * kBand);
     });
   }
 
   /// Returns true if the method is faster than method full. Rejected bands are traced twice; if
   /// four fifths of the trial bands are rejected, method full is faster for the whole frame. A
   /// single band is not enough evidence.
-  bool trial_pays(Workers& workers) const {
-    uint64_t rendered = 0, retraced = 0;
-    for (AdaptiveWorker& worker : workers) {
-      const FrameCounts counts = worker.counts();
-      rendered += counts.interpolated_subpixels + counts.traced_subpixels + counts.copied_subpixels;
-      retraced += counts.retraced_subpixels;
+  [[nodiscard]] bool trial_pays(const AdaptiveFrame& frame) const {
+    uint64_t rendered = 0, retraced = 0, seen = 0, shaded = 0, traced = 0;
+    for (size_t n = 0; n < frame.bands.size(); ++n) {
+      if (!is_on_trial(frame, static_cast<int>(n))) continue;
+      const AdaptiveFrame::Band& band = frame.bands[n];
+      const int rows = std::min(kBand, planes_.rows() - static_cast<int>(n) * kBand);
+      const uint64_t subpixels = planes_.row_subpixels() * static_cast<uint64_t>(rows);
+      rendered += subpixels;
+      retraced += band.retraced ? subpixels : 0;
+      seen += band.seen;
+      shaded += band.shaded;
+      traced += band.retraced ? band.seen : 0;
     }
-    const uint64_t band = static_cast<uint64_t>(AdaptiveWorker::kBand) * planes_.row_subpixels();
-    return rendered <= band || 5 * retraced <= 4 * rendered;
+    if (frame.scene.pbr != nullptr) return shading_pays(seen, shaded, traced);
+    return rendered <= static_cast<uint64_t>(kBand) * planes_.row_subpixels() ||
+           5 * retraced <= 4 * rendered;
+  }
+
+  /// The same for metallic-roughness materials, where most time is spent on shading: for subpixels
+  /// that see a surface, those that are shaded individually, and those that method full traces
+  /// again. Shading costs method full about a tenth more, with the rays that find the surface.
+  static bool shading_pays(uint64_t seen, uint64_t shaded, uint64_t traced) {
+    return 18 * shaded + 20 * traced <= 19 * seen;
   }
 
   static RenderStatistics statistics_of(Workers& workers, uint64_t subpixels) {

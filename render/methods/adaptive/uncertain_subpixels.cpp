@@ -139,7 +139,7 @@ void UncertainSubpixels::shade(const Scene& scene, double start_mm, int first_ro
       tracer.set_seeds(seeds_);
     }
     load_surfaces(scene, start_mm, first);
-    tracer.trace_known(scene, channel_, known_, packet_[0], light_);
+    tracer.trace_known(scene, plan_, channel_, known_, packet_[0], light_);
     const size_t count = std::min(kPacket, subpixels_.size() - first);
     for (size_t r = 0; r < count; ++r) subpixels_[first + r].light = light_[r];
   }

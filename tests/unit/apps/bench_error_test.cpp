@@ -188,8 +188,8 @@ nlohmann::json measured(const std::string& scene, ErrorScenario scenario, int ru
   return result;
 }
 
-TEST(ErrorScenarios, FiguresAgreeWithFramesMeasuredOneByOne) {
-  const nlohmann::json scenario = measured("tree:3", ErrorScenario::Moving, 2);
+void expect_figures_of_single_frames(ErrorScenario which, double turned_by_degrees) {
+  const nlohmann::json scenario = measured("tree:3", which, 2);
   ASSERT_EQ(scenario["methods"].size(), 4U);
   EXPECT_TRUE(scenario["methods"][3]["missing"].get<bool>());
   ASSERT_EQ(scenario["methods"][1]["frames"].size(), 3U);
@@ -198,12 +198,12 @@ TEST(ErrorScenarios, FiguresAgreeWithFramesMeasuredOneByOne) {
   const ErrorScene scene("tree:3");
   render::RenderOptions options;
   options.threads = 1;
-  const StageSequence stages(scene.after(0), model, {});
+  const StageSequence stages(scene.after(0), model, {}, turned_by_degrees);
   frames::WovenFrame full({.width = 48, .height = 32});
   frames::WovenFrame test = full;
   for (size_t n = 0; n < 3; ++n) {
     const render::SceneDescription description = scene.after(n);
-    const render::Stage stage = stages.at(description);
+    const render::Stage stage = stages.at(description, static_cast<double>(n) / 3.0);
     const render::Scene committed(description, stage, {}, 1);
     (void)render::make_method("full", model, options)->render(committed, stage, full);
     (void)render::make_method("lens-view", model, options)->render(committed, stage, test);
@@ -218,6 +218,14 @@ TEST(ErrorScenarios, FiguresAgreeWithFramesMeasuredOneByOne) {
     EXPECT_EQ(figures["eyes"].size(), 3U);
     EXPECT_EQ(figures["subpixels"], 48 * 32 * 3);
   }
+}
+
+TEST(ErrorScenarios, FiguresAgreeWithFramesMeasuredOneByOne) {
+  expect_figures_of_single_frames(ErrorScenario::Moving, 0.0);
+}
+
+TEST(ErrorScenarios, ATurningSceneTurnsOnceOverItsFrames) {
+  expect_figures_of_single_frames(ErrorScenario::Turning, 360.0);
 }
 
 TEST(ErrorScenarios, AStillFrameIsRenderedTwiceByEachMethod) {

@@ -74,7 +74,7 @@ TEST_P(KnownLight, UsingNotesChangesNoByte) {
     tracer_.trace_noting(scene_, plan_, channel_, groups_, 0.0F, packet_, light_);
     const LightNotes notes = tracer_.notes();
     render::KnownLight known{};
-    tracer_.trace_known(scene_, channel_, known, packet_, known_light_);
+    tracer_.trace_known(scene_, plan_, channel_, known, packet_, known_light_);
     known.set_lights(notes.lit, notes.hidden);
     for (size_t r = 0; r < kPacket; ++r) {
       if (packet_.valid[r] == 0) continue;
@@ -83,7 +83,7 @@ TEST_P(KnownLight, UsingNotesChangesNoByte) {
       known.secondary[r] = notes.secondary[r];
     }
     const uint64_t before = tracer_.counts().secondary_rays;
-    tracer_.trace_known(scene_, channel_, known, packet_, known_light_);
+    tracer_.trace_known(scene_, plan_, channel_, known, packet_, known_light_);
     EXPECT_EQ(tracer_.counts().secondary_rays, before);
     for (size_t r = 0; r < kPacket; ++r) {
       if (packet_.valid[r] == 0) continue;
@@ -105,9 +105,9 @@ TEST_P(KnownLight, ServesTheOtherColours) {
       channel_.fill(colour);
       const render::KnownLight nothing{};
       RayPacket first = packet_, second = packet_;
-      tracer_.trace_known(scene_, channel_, nothing, first, known_light_, true);
+      tracer_.trace_known(scene_, plan_, channel_, nothing, first, known_light_, true);
       const auto secondary = std::to_array(tracer_.notes().secondary);
-      tracer_.trace_known(scene_, channel_, nothing, second, light_);
+      tracer_.trace_known(scene_, plan_, channel_, nothing, second, light_);
       ASSERT_EQ(light_, known_light_) << "colour " << colour;
       ASSERT_EQ(secondary, std::to_array(tracer_.notes().secondary));
     }
@@ -187,9 +187,9 @@ TEST_P(KnownSoftLight, OtherColoursNeedNoRaysToAreaLightsAndEnvironment) {
     const render::KnownLight nothing{};
     RayPacket first = packet_, second = packet_;
     const uint64_t before = traced();
-    tracer_.trace_known(scene_, channel_, nothing, first, known_light_, true);
+    tracer_.trace_known(scene_, plan_, channel_, nothing, first, known_light_, true);
     const uint64_t between = traced();
-    tracer_.trace_known(scene_, channel_, nothing, second, light_);
+    tracer_.trace_known(scene_, plan_, channel_, nothing, second, light_);
     EXPECT_LE(10 * (between - before), traced() - between);
     compare();
   }
@@ -220,7 +220,7 @@ TEST_P(KnownSoftLight, SharesOfTheNotesReplaceRays) {
     }
     RayPacket again = packet_;
     const uint64_t before = traced();
-    tracer_.trace_known(scene_, channel_, known, again, known_light_);
+    tracer_.trace_known(scene_, plan_, channel_, known, again, known_light_);
     EXPECT_EQ(traced(), before);
     compare();
   }

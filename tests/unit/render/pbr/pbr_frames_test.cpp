@@ -399,9 +399,10 @@ TEST(PbrFrames, CullingTheBackgroundChangesNothing) {
               rendered(scene, around, "full", {.skip_background = false, .cancelled = {}}));
 }
 
-TEST(PbrFrames, OfMethodAdaptiveAreThoseOfMethodFull) {
+TEST(PbrFrames, OfMethodAdaptiveWithoutErrorAreThoseOfMethodFull) {
   const SceneDescription scene = rich_scene();
-  EXPECT_EQ(rendered(scene), rendered(scene, {}, "adaptive"));
+  EXPECT_EQ(rendered(scene),
+            rendered(scene, {}, "adaptive", {.tolerated_error = 0.0, .cancelled = {}}));
 }
 
 TEST(PbrFrames, AreRenderedByEveryMethod) {
