@@ -148,8 +148,9 @@ class Committer {
   void add_materials() {
     scene_.materials = description_.materials;
     if (scene_.materials.empty()) scene_.materials.emplace_back();
-    is_pbr_ =
-        std::ranges::any_of(scene_.materials, [](const Material& m) { return m.pbr != nullptr; });
+    const auto has_pbr = [](const Material& m) { return m.pbr != nullptr; };
+    is_pbr_ = (description_.lit_by_studio && is_unlit()) ||
+              std::ranges::any_of(scene_.materials, has_pbr);
     for (Material& m : scene_.materials) {
       const std::string object = fmt::format("material '{}'", m.name);
       if (m.pbr) {
@@ -206,10 +207,10 @@ class Committer {
     if (m.ior < 0.0) refuse(object, fmt::format("has a refraction index of {}", m.ior));
   }
 
-  /// Returns true if nothing in the file lights its metallic-roughness materials.
-  [[nodiscard]] bool has_studio() const {
-    return is_pbr_ && description_.lights.empty() && !description_.ambient;
+  [[nodiscard]] bool is_unlit() const {
+    return description_.lights.empty() && !description_.ambient;
   }
+  [[nodiscard]] bool has_studio() const { return is_pbr_ && is_unlit(); }
 
   void set_pbr_backdrop(const Surroundings& surroundings) {
     Backdrop& backdrop = scene_.backdrop;

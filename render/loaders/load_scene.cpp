@@ -67,6 +67,8 @@ SceneDescription load_scene(const std::filesystem::path& file, const LoadOptions
   const std::string extension = extension_of(file);
   SceneDescription scene = load(file, extension);
   set_up_axis(scene, extension, options.up);
+  // NFF states what other renderers of that format show.
+  scene.lit_by_studio = extension != ".nff";
   return scene;
 }
 

@@ -14,7 +14,8 @@ struct LoadOptions {
   std::optional<UpAxis> up{};  ///< the file's axis that points up; default: as the format has it
 };
 
-/// Loads a file in any supported format, chosen by its extension; y is up in the result. Throws
+/// Loads a file in any supported format, chosen by its extension; y is up in the result,
+/// and the studio lights it where the file has no lights, except in NFF. Throws
 /// Error(Input) with the file, the line or JSON path if the format has one, and the reason.
 /// Non-finite vertices are errors. Zero-area triangles are dropped and noted; zero or non-finite
 /// normals are recomputed and noted.
