@@ -50,8 +50,8 @@ class PbrTracer {
   struct Lit {
     Surface surface{};
     uint32_t geometry = 0, primitive = 0;  ///< Embree's numbers
-    std::optional<PbrShader> shader{};  ///< empty if the surface is not lit
-    Vec3 light{};                       ///< before the tone map
+    std::optional<PbrShader> shader{};     ///< empty if the surface is not lit
+    Vec3 light{};                          ///< before the tone map
     Vec3 weight{};
   };
   struct View;

@@ -218,37 +218,5 @@ TEST(AdaptiveMaterials, DoNotDependOnEarlierFrames) {
   }
 }
 
-/// Returns a wall whose colours change by a few codes from subpixel to subpixel, which samples some
-/// pixels apart miss.
-SceneDescription noisy_wall() {
-  SceneDescription scene;
-  PbrMaterial paper;
-  paper.unlit = true;
-  paper.base_colour_texture.texture = 0;
-  auto noise = std::make_shared<Texture>();
-  noise->width = 512;
-  noise->height = 1024;
-  std::mt19937_64 engine(3);
-  for (int n = 0; n < 4 * noise->width * noise->height; ++n)
-    noise->rgba.push_back(std::uniform_real_distribution<float>(0.4F, 0.6F)(engine));
-  scene.textures = {noise};
-  scene.materials.push_back({.name = "paper", .pbr = std::make_shared<PbrMaterial>(paper)});
-  TriangleMesh sheet = testing::rectangle_mesh({-5, -9, 0}, {10, 0, 0}, {0, 18, 0}, 0);
-  sheet.uvs = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
-  scene.meshes = {sheet};
-  return scene;
-}
-
-TEST(AdaptiveMaterials, FullRendersFramesWhoseTrialBandsWouldBeRenderedTwice) {
-  const Place place{.of = make_rig({.width = 160, .height = 800, .pixel_mm = 0.2})};
-  const SceneDescription scene = noisy_wall();
-  const Place::Rendered full = place.render("full", scene, {});
-  const Place::Rendered adaptive =
-      place.render("adaptive", scene, {.tolerated_error = 1.0, .cancelled = {}});
-  EXPECT_EQ(full.frame, adaptive.frame);
-  EXPECT_EQ(adaptive.statistics.traced_subpixels, adaptive.statistics.subpixels);
-  EXPECT_EQ(adaptive.statistics.audited_subpixels, 0U);
-}
-
 }  // namespace
 }  // namespace lenticule::render
