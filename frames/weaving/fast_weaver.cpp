@@ -110,7 +110,7 @@ BlockWeaver::BlockWeaver(std::shared_ptr<const WeavePlan> plan, WeaveKernel kern
   if (plan_->options().filter == ViewFilter::Gauss) prepare_spot();
   lanes_ =
       static_cast<size_t>(shape.count + static_cast<int>(kLaneStep) - 1) / kLaneStep * kLaneStep;
-  first_pixels_.resize(std::max(lanes_, static_cast<size_t>(kViewLanes)));
+  first_pixels_.resize(lanes_);
   // Runs are written eight at a time, and whole registers are read.
   light_stride_ = static_cast<size_t>(plan_->geometry().width) * 3 + 64;
   light_.resize(light_stride_ * kRows);
@@ -121,8 +121,8 @@ void BlockWeaver::prepare_turning() {
   const auto columns = static_cast<size_t>(plan_->shape().width);
   slots_.resize(static_cast<size_t>(plan_->rows_of_block()));
   // Up to seven neighbours after the last view are read, but have no weight.
-  const size_t bytes = kernel_ == WeaveKernel::Permute ? (columns + 1) * 3 * kViewLanes
-                                                       : (columns * 3 * lanes_ + 8) * 4;
+  const size_t bytes =
+      kernel_ == WeaveKernel::Permute ? (columns + 1) * lanes_ * 4 : (columns * 3 * lanes_ + 8) * 4;
   transposed_bytes_ = (bytes + kAlignment - 1) / kAlignment * kAlignment;
   transposed_.reset(
       static_cast<uint8_t*>(std::aligned_alloc(kAlignment, transposed_bytes_ * slots_.size())));
@@ -172,7 +172,7 @@ void BlockWeaver::transpose(int row, uint8_t* transposed) const noexcept {
   auto* const light = reinterpret_cast<uint16_t*>(transposed);
 #if defined(__x86_64__)
   if (kernel_ == WeaveKernel::Permute)
-    return weave_kernel::transpose_row(pictures_, row, transposed);
+    return weave_kernel::transpose_row(terms_, pictures_, row, lanes_, transposed);
   if (kernel_ == WeaveKernel::Avx2)
     return weave_kernel::turn_light_avx2(terms_, pictures_, row, lanes_, light);
 #endif

@@ -4,7 +4,10 @@
 // of a lens in four rows. Only intrinsics and plain data are used here, because this file is
 // compiled for processors that not every machine has.
 //
-// Lanes of a register: four rows of sixteen, in each the eight subpixels' views a, then a + 1.
+// A pixel's codes fill one to four registers: four bytes for each view, in the order of the places'
+// colours, the fourth unused. Lanes of all other registers: four rows of sixteen bytes, in each the
+// eight subpixels of a run twice. With a filter that mixes views they are views a, then a + 1; with
+// the nearest view they are the left column, then the right one.
 #include <immintrin.h>
 
 #if defined(__GNUC__) && !defined(__clang__)
@@ -18,7 +21,9 @@
 namespace lenticule::frames::weave_kernel {
 namespace {
 
-constexpr int kPixelBytes = 3 * kViewLanes;
+constexpr size_t kRegisterBytes = 64;
+constexpr int kViewsPerRegister = 16;
+constexpr uint64_t kSecondEight = 0xff00ff00ff00ff00;
 
 /// LightTable maps 256 codes to light: low and high bytes, in four registers each.
 struct LightTable {
@@ -39,33 +44,31 @@ LightTable light_table(const uint16_t* light) {
   return table;
 }
 
-/// ColourLanes holds the lanes with the first, second and third of three places' colours.
-struct ColourLanes {
-  uint64_t of[3];
-};
-
-/// ColourTable is indexed by the colours that the rows' runs begin with, encoded as Quad::colours.
+/// ColourTable is indexed by the colours that the rows' runs begin with, encoded as Quad::colours:
+/// the colour of each lane, 0 to 2.
 struct ColourTable {
-  ColourLanes lanes[256];
+  alignas(64) uint8_t lanes[256][kRegisterBytes];
 };
 
 constexpr ColourTable colour_table() {
   ColourTable table{};
   for (int colours = 0; colours < 256; ++colours)
     for (int r = 0; r < kRows; ++r)
-      for (int n = 0; n < kRun; ++n)
-        table.lanes[colours].of[((colours >> (2 * r) & 3) + n) % 3] |= uint64_t{0x101}
-                                                                       << (16 * r + n);
+      for (int n = 0; n < kRun; ++n) {
+        const auto colour = static_cast<uint8_t>(((colours >> (2 * r) & 3) + n) % 3);
+        table.lanes[colours][16 * r + n] = table.lanes[colours][16 * r + kRun + n] = colour;
+      }
   return table;
 }
 constexpr ColourTable kColours = colour_table();
 
 /// Views holds the view numbers of a record as words, a row per 128 bits, eight subpixels each.
 struct Views {
-  __m512i index;   ///< bytes: a, then a + 1
+  __m512i index;   ///< bytes: the lane among a pixel's codes
   __m512i weight;  ///< words
 };
 
+template <bool kMixesViews>
 Views views_of(const Terms& terms, const Quad& quad) {
   const __m512i by_row = _mm512_set_epi32(3, 3, 3, 3, 2, 2, 2, 2, 1, 1, 1, 1, 0, 0, 0, 0);
   const __m512i along = _mm512_set_epi32(3, 2, 1, 0, 3, 2, 1, 0, 3, 2, 1, 0, 3, 2, 1, 0);
@@ -78,49 +81,81 @@ Views views_of(const Terms& terms, const Quad& quad) {
   left = _mm512_min_epi32(_mm512_max_epi32(left, none), most);
   right = _mm512_min_epi32(_mm512_max_epi32(right, none), most);
 
-  const __m512i mask = _mm512_set1_epi32(terms.weight_mask);
+  // The number of a view's first lane: four times the view.
+  const __m512i whole = _mm512_set1_epi32(~3);
+  const __m512i a =
+      _mm512_packs_epi32(_mm512_and_si512(_mm512_srli_epi32(left, kViewBits - 2), whole),
+                         _mm512_and_si512(_mm512_srli_epi32(right, kViewBits - 2), whole));
+  const __m512i colour = _mm512_load_si512(kColours.lanes[quad.colours]);
+  if (!kMixesViews) return {_mm512_add_epi8(_mm512_packus_epi16(a, a), colour), none};
+  const __m512i b = _mm512_add_epi16(a, _mm512_set1_epi16(4));
+  const __m512i mask = _mm512_set1_epi32(0x7fff);
   const auto weight = [&](__m512i view) {
     return _mm512_and_si512(_mm512_srli_epi32(view, kViewBits - kWeightBits), mask);
   };
-  const __m512i a =
-      _mm512_packs_epi32(_mm512_srli_epi32(left, kViewBits), _mm512_srli_epi32(right, kViewBits));
-  const __m512i b = _mm512_add_epi16(a, _mm512_set1_epi16(1));
-  return {_mm512_packus_epi16(a, b), _mm512_packs_epi32(weight(left), weight(right))};
+  return {_mm512_add_epi8(_mm512_packus_epi16(a, b), colour),
+          _mm512_packs_epi32(weight(left), weight(right))};
 }
 
-/// Choice selects a record's lanes among the 3 x 64 codes of a pixel: two colours at once, then the
-/// third.
-struct Choice {
-  __m512i index;
-  __mmask64 blue;
-};
-
-Choice choice_of(const Quad& quad, bool blue_first, __m512i index) {
-  const ColourLanes& lanes = kColours.lanes[quad.colours];
-  const __m512i second = _mm512_set1_epi8(kViewLanes);
-  return {_mm512_mask_add_epi8(index, lanes.of[1], index, second), lanes.of[blue_first ? 0 : 2]};
+/// Returns the codes of a pixel at the lanes of `index`.
+template <int kParts>
+__m512i choose(__m512i index, const uint8_t* pixel) {
+  const auto part = [&](int n) { return _mm512_load_si512(pixel + n * kRegisterBytes); };
+  if (kParts == 1) return _mm512_permutexvar_epi8(index, part(0));
+  const __m512i two = _mm512_permutex2var_epi8(part(0), index, part(1));
+  if (kParts == 2) return two;
+  const __mmask64 beyond = _mm512_movepi8_mask(index);
+  if (kParts == 3) return _mm512_mask_permutexvar_epi8(two, beyond, index, part(2));
+  return _mm512_mask_blend_epi8(beyond, two, _mm512_permutex2var_epi8(part(2), index, part(3)));
 }
 
-__m512i choose(const Choice& choice, const uint8_t* pixel) {
-  const __m512i two = _mm512_permutex2var_epi8(_mm512_load_si512(pixel), choice.index,
-                                               _mm512_load_si512(pixel + kViewLanes));
-  return _mm512_mask_permutexvar_epi8(two, choice.blue, choice.index,
-                                      _mm512_load_si512(pixel + 2 * kViewLanes));
+/// Returns the codes of a record that does not mix views: the left column, then the right one.
+template <int kParts>
+__m512i choose_columns(__m512i index, const uint8_t* pixel) {
+  const uint8_t* const next = pixel + kParts * kRegisterBytes;
+  if (kParts == 1) {
+    const __m512i second = _mm512_maskz_set1_epi8(kSecondEight, 64);
+    return _mm512_permutex2var_epi8(_mm512_load_si512(pixel), _mm512_or_si512(index, second),
+                                    _mm512_load_si512(next));
+  }
+  return _mm512_mask_blend_epi8(kSecondEight, choose<kParts>(index, pixel),
+                                choose<kParts>(index, next));
 }
 
-/// Codes holds the codes of a record's four pixels.
-struct Codes {
-  __m512i upper_left, upper_right, lower_left, lower_right;
-};
-
-/// Pair holds two neighbouring columns in one picture row.
-struct Pair {
+/// Codes holds what a picture row contributes to a record: the two columns of both views, or, if
+/// views are not mixed, both columns in one register.
+template <bool kMixesViews>
+struct Codes;
+template <>
+struct Codes<true> {
   __m512i left, right;
 };
+template <>
+struct Codes<false> {
+  __m512i both;
+};
 
-Pair choose_pair(const Choice& choice, const uint8_t* pixel) {
-  return {choose(choice, pixel), choose(choice, pixel + kPixelBytes)};
+template <int kParts, bool kMixesViews>
+Codes<kMixesViews> choose_codes(__m512i index, const uint8_t* pixel) {
+  if constexpr (kMixesViews)
+    return {choose<kParts>(index, pixel), choose<kParts>(index, pixel + kParts * kRegisterBytes)};
+  else
+    return {choose_columns<kParts>(index, pixel)};
 }
+
+Codes<true> blend(__mmask64 lanes, const Codes<true>& a, const Codes<true>& b) {
+  return {_mm512_mask_blend_epi8(lanes, a.left, b.left),
+          _mm512_mask_blend_epi8(lanes, a.right, b.right)};
+}
+Codes<false> blend(__mmask64 lanes, const Codes<false>& a, const Codes<false>& b) {
+  return {_mm512_mask_blend_epi8(lanes, a.both, b.both)};
+}
+
+/// RowCodes holds the codes of a record's two picture rows.
+template <bool kMixesViews>
+struct RowCodes {
+  Codes<kMixesViews> upper, lower;
+};
 
 /// RowPattern describes the picture rows that the four rows of a set use.
 struct RowPattern {
@@ -142,34 +177,30 @@ RowPattern pattern_of(const TransposedRows& rows) {
 }
 
 /// Chooses codes when all rows use the same columns.
-Codes choose_simply(const RowPattern& rows, const Choice& choice, size_t pixel) {
-  const Pair top = choose_pair(choice, rows.top + pixel);
-  const Pair middle = choose_pair(choice, rows.middle + pixel);
-  if (rows.last == 0) return {top.left, top.right, middle.left, middle.right};
-  const Pair bottom = choose_pair(choice, rows.bottom + pixel);
-  return {_mm512_mask_blend_epi8(rows.last, top.left, middle.left),
-          _mm512_mask_blend_epi8(rows.last, top.right, middle.right),
-          _mm512_mask_blend_epi8(rows.last, middle.left, bottom.left),
-          _mm512_mask_blend_epi8(rows.last, middle.right, bottom.right)};
+template <int kParts, bool kMixesViews>
+RowCodes<kMixesViews> choose_simply(const RowPattern& rows, __m512i index, size_t pixel) {
+  const auto top = choose_codes<kParts, kMixesViews>(index, rows.top + pixel);
+  const auto middle = choose_codes<kParts, kMixesViews>(index, rows.middle + pixel);
+  if (rows.last == 0) return {top, middle};
+  const auto bottom = choose_codes<kParts, kMixesViews>(index, rows.bottom + pixel);
+  return {blend(rows.last, top, middle), blend(rows.last, middle, bottom)};
 }
 
 /// Chooses codes row by row; rows that use the same pixels are handled together.
-Codes choose_by_rows(const TransposedRows& rows, const Quad& quad, const Choice& choice) {
-  const __m512i none = _mm512_setzero_si512();
-  Codes codes{none, none, none, none};
+template <int kParts, bool kMixesViews>
+RowCodes<kMixesViews> choose_by_rows(const TransposedRows& rows, const Quad& quad, __m512i index) {
+  RowCodes<kMixesViews> codes{};
   for (int begin = 0; begin < kRows;) {
     int end = begin + 1;
     while (end < kRows && quad.column[end] == quad.column[begin] &&
            rows.upper[end] == rows.upper[begin])
       ++end;
     const __mmask64 lanes = (~uint64_t{0} >> (64 - 16 * (end - begin))) << (16 * begin);
-    const size_t pixel = static_cast<size_t>(quad.column[begin]) * kPixelBytes;
-    const Pair upper = choose_pair(choice, static_cast<const uint8_t*>(rows.upper[begin]) + pixel);
-    const Pair lower = choose_pair(choice, static_cast<const uint8_t*>(rows.lower[begin]) + pixel);
-    codes.upper_left = _mm512_mask_mov_epi8(codes.upper_left, lanes, upper.left);
-    codes.upper_right = _mm512_mask_mov_epi8(codes.upper_right, lanes, upper.right);
-    codes.lower_left = _mm512_mask_mov_epi8(codes.lower_left, lanes, lower.left);
-    codes.lower_right = _mm512_mask_mov_epi8(codes.lower_right, lanes, lower.right);
+    const size_t pixel = quad.column[begin] * (kParts * kRegisterBytes);
+    const auto* const upper = static_cast<const uint8_t*>(rows.upper[begin]) + pixel;
+    const auto* const lower = static_cast<const uint8_t*>(rows.lower[begin]) + pixel;
+    codes.upper = blend(lanes, codes.upper, choose_codes<kParts, kMixesViews>(index, upper));
+    codes.lower = blend(lanes, codes.lower, choose_codes<kParts, kMixesViews>(index, lower));
     begin = end;
   }
   return codes;
@@ -185,7 +216,7 @@ __m512i mix(__m512i a, __m512i b, __m512i weight) {
   return _mm512_add_epi16(a, _mm512_mulhrs_epi16(_mm512_sub_epi16(b, a), weight));
 }
 
-/// Light holds one pixel's light in both views.
+/// Light holds the light of a register of codes: the first eight of each sixteen, and the others.
 struct Light {
   __m512i a, b;
 };
@@ -221,13 +252,31 @@ __m512i column_weights(const Quad& quad) {
   return _mm512_add_epi16(per_row(quad.share), bend);
 }
 
+/// Returns the light of a record.
+__m512i mix_record(const LightTable& table, const RowCodes<true>& codes, __m512i row_weight,
+                   __m512i column_weight, __m512i view_weight) {
+  const Light left =
+      mix(light_of(table, codes.upper.left), light_of(table, codes.lower.left), row_weight);
+  const Light right =
+      mix(light_of(table, codes.upper.right), light_of(table, codes.lower.right), row_weight);
+  const Light both_views = mix(left, right, column_weight);
+  return mix(both_views.a, both_views.b, view_weight);
+}
+__m512i mix_record(const LightTable& table, const RowCodes<false>& codes, __m512i row_weight,
+                   __m512i column_weight, __m512i /*view_weight*/) {
+  const Light columns =
+      mix(light_of(table, codes.upper.both), light_of(table, codes.lower.both), row_weight);
+  return mix(columns.a, columns.b, column_weight);
+}
+
 /// Records pass each step in batches: the steps of one record depend on each other, the steps of
 /// several records do not, and a processor looks about a hundred instructions ahead.
 constexpr uint32_t kBatch = 8;
+template <bool kMixesViews>
 struct Batch {
   Views views[kBatch];
   __m512i column_weight[kBatch];
-  Codes codes[kBatch];
+  RowCodes<kMixesViews> codes[kBatch];
   __m512i light[kBatch];
 };
 
@@ -238,33 +287,16 @@ void fetch_quads(const Quad* quads, uint32_t begin, uint32_t end) {
     _mm_prefetch(reinterpret_cast<const char*>(quads + q), _MM_HINT_T0);
 }
 
-void place_batch(const Terms& terms, const Quad* quads, uint32_t count, Batch& batch) {
-  for (uint32_t n = 0; n < count; ++n) {
-    batch.views[n] = views_of(terms, quads[n]);
-    batch.column_weight[n] = column_weights(quads[n]);
-  }
-}
-
-void choose_batch(const Terms& terms, const TransposedRows& rows, const Quad* quads, uint32_t count,
-                  Batch& batch) {
+template <int kParts, bool kMixesViews>
+void choose_batch(const TransposedRows& rows, const Quad* quads, uint32_t count,
+                  Batch<kMixesViews>& batch) {
   const RowPattern pattern = pattern_of(rows);
   for (uint32_t n = 0; n < count; ++n) {
-    const Choice choice = choice_of(quads[n], terms.blue_first, batch.views[n].index);
+    const __m512i index = batch.views[n].index;
     batch.codes[n] = pattern.simple && has_one_column(quads[n])
-                         ? choose_simply(pattern, choice, quads[n].column[0] * size_t{kPixelBytes})
-                         : choose_by_rows(rows, quads[n], choice);
-  }
-}
-
-void mix_batch(const LightTable& table, __m512i row_weight, uint32_t count, Batch& batch) {
-  for (uint32_t n = 0; n < count; ++n) {
-    const Codes& codes = batch.codes[n];
-    const Light left =
-        mix(light_of(table, codes.upper_left), light_of(table, codes.lower_left), row_weight);
-    const Light right =
-        mix(light_of(table, codes.upper_right), light_of(table, codes.lower_right), row_weight);
-    const Light both_views = mix(left, right, batch.column_weight[n]);
-    batch.light[n] = mix(both_views.a, both_views.b, batch.views[n].weight);
+                         ? choose_simply<kParts, kMixesViews>(
+                               pattern, index, quads[n].column[0] * (kParts * kRegisterBytes))
+                         : choose_by_rows<kParts, kMixesViews>(rows, quads[n], index);
   }
 }
 
@@ -280,88 +312,132 @@ void store_rows(__m512i light, const Set& set, const Quad& quad, const Target& t
   _mm_storeu_si128(row(3), _mm512_extracti32x4_epi32(light, 3));
 }
 
-/// Transposes sixteen by sixteen in each of the four parts of a register, by interleaving the bytes
-/// of halves four times.
+/// Transposes sixteen by sixteen double words.
 void transpose_16(__m512i (&rows)[16]) {
-  for (int round = 0; round < 4; ++round) {
-    __m512i next[16];
-    for (int n = 0; n < 8; ++n) {
-      next[2 * n] = _mm512_unpacklo_epi8(rows[n], rows[n + 8]);
-      next[2 * n + 1] = _mm512_unpackhi_epi8(rows[n], rows[n + 8]);
+  __m512i pairs[16];
+  for (int n = 0; n < 16; n += 2) {
+    pairs[n] = _mm512_unpacklo_epi32(rows[n], rows[n + 1]);
+    pairs[n + 1] = _mm512_unpackhi_epi32(rows[n], rows[n + 1]);
+  }
+  // Register 4 q + c: in its part p, the four rows from 4 q on at column 4 p + c.
+  __m512i fours[16];
+  for (int q = 0; q < 16; q += 4)
+    for (int c = 0; c < 2; ++c) {
+      fours[q + 2 * c] = _mm512_unpacklo_epi64(pairs[q + c], pairs[q + 2 + c]);
+      fours[q + 2 * c + 1] = _mm512_unpackhi_epi64(pairs[q + c], pairs[q + 2 + c]);
     }
-    for (int n = 0; n < 16; ++n) rows[n] = next[n];
+  for (int c = 0; c < 4; ++c) {
+    const __m512i low_even = _mm512_shuffle_i32x4(fours[c], fours[4 + c], 0x88);
+    const __m512i low_odd = _mm512_shuffle_i32x4(fours[c], fours[4 + c], 0xdd);
+    const __m512i high_even = _mm512_shuffle_i32x4(fours[8 + c], fours[12 + c], 0x88);
+    const __m512i high_odd = _mm512_shuffle_i32x4(fours[8 + c], fours[12 + c], 0xdd);
+    rows[c] = _mm512_shuffle_i32x4(low_even, high_even, 0x88);
+    rows[4 + c] = _mm512_shuffle_i32x4(low_odd, high_odd, 0x88);
+    rows[8 + c] = _mm512_shuffle_i32x4(low_even, high_even, 0xdd);
+    rows[12 + c] = _mm512_shuffle_i32x4(low_odd, high_odd, 0xdd);
   }
 }
 
-__m128i sixteen_bytes(const uint8_t* from) {
-  return _mm_loadu_si128(reinterpret_cast<const __m128i*>(from));
-}
-
+constexpr int kTile = 16;  ///< pixels that are transposed at once
+constexpr size_t kTileBytes = 3 * kTile;
 /// The hardware prefetcher does not follow so many rows at once, so they are prefetched explicitly.
 constexpr size_t kAhead = 256;
-void fetch_ahead(const Pictures& pictures, size_t at) {
-  for (int view = 0; view < pictures.views; ++view)
-    _mm_prefetch(reinterpret_cast<const char*>(pictures.first[view] + at), _MM_HINT_T0);
-}
 
-/// Loads sixteen bytes of each view, one view per part of a register. Parts without views stay
-/// empty.
-template <int kParts>
-__m512i sixteen_of(const uint8_t* const* views, size_t at) {
-  __m512i bytes = _mm512_zextsi128_si512(sixteen_bytes(views[0] + at));
-  if (kParts > 1) bytes = _mm512_inserti32x4(bytes, sixteen_bytes(views[16] + at), 1);
-  if (kParts > 2) bytes = _mm512_inserti32x4(bytes, sixteen_bytes(views[32] + at), 2);
-  if (kParts > 3) bytes = _mm512_inserti32x4(bytes, sixteen_bytes(views[48] + at), 3);
-  return bytes;
-}
-
-/// Transposes as many bytes of the row as fit into groups of sixteen, and returns their number.
-template <int kParts>
-size_t transpose_sixteens(const Pictures& pictures, size_t begin, size_t bytes,
-                          uint8_t* transposed) {
-  size_t at = 0;
-  for (; at + 16 <= bytes; at += 16) {
-    if (at % 64 == 0) fetch_ahead(pictures, begin + at + kAhead);
-    __m512i rows[16];
-    for (int n = 0; n < 16; ++n) rows[n] = sixteen_of<kParts>(pictures.first + n, begin + at);
-    transpose_16(rows);
-    for (size_t n = 0; n < 16; ++n) _mm512_store_si512(transposed + (at + n) * kViewLanes, rows[n]);
+/// Returns the bytes of three in each four of sixteen pixels, in the order of the places' colours.
+__m512i colour_order(bool blue_first) {
+  alignas(64) uint8_t from[kRegisterBytes];
+  for (int byte = 0; byte < 64; ++byte) {
+    const int colour = byte % 4 < 3 ? byte % 4 : 2;
+    from[byte] = static_cast<uint8_t>(byte / 4 * 3 + (blue_first ? 2 - colour : colour));
   }
-  return at;
+  return _mm512_load_si512(from);
 }
 
-size_t transpose_most(const Pictures& pictures, size_t begin, size_t bytes, uint8_t* transposed) {
-  if (pictures.views <= 16) return transpose_sixteens<1>(pictures, begin, bytes, transposed);
-  if (pictures.views <= 32) return transpose_sixteens<2>(pictures, begin, bytes, transposed);
-  if (pictures.views <= 48) return transpose_sixteens<3>(pictures, begin, bytes, transposed);
-  return transpose_sixteens<4>(pictures, begin, bytes, transposed);
+/// Transposes sixteen pixels of at most sixteen views, which begin `at` bytes into the views.
+void transpose_tile(const uint8_t* const* views, int count, size_t at, __m512i order, size_t stride,
+                    uint8_t* transposed) {
+  __m512i rows[kViewsPerRegister];
+  for (int n = 0; n < kViewsPerRegister; ++n) {
+    if (n >= count) {
+      rows[n] = _mm512_setzero_si512();
+      continue;
+    }
+    _mm_prefetch(reinterpret_cast<const char*>(views[n] + at + kAhead), _MM_HINT_T0);
+    rows[n] = _mm512_permutexvar_epi8(
+        order, _mm512_maskz_loadu_epi8((uint64_t{1} << kTileBytes) - 1, views[n] + at));
+  }
+  transpose_16(rows);
+  for (size_t n = 0; n < kTile; ++n) _mm512_store_si512(transposed + n * stride, rows[n]);
+}
+
+/// Transposes the pixels of a row that fill no tile.
+void transpose_rest(const Pictures& pictures, bool blue_first, size_t begin, int column,
+                    size_t stride, uint8_t* transposed) {
+  for (; column < pictures.width; ++column)
+    for (int view = 0; view < pictures.views; ++view)
+      for (int c = 0; c < 3; ++c)
+        transposed[static_cast<size_t>(column) * stride + static_cast<size_t>(4 * view + c)] =
+            pictures
+                .first[view][begin + static_cast<size_t>(3 * column + (blue_first ? 2 - c : c))];
+}
+
+template <int kParts, bool kMixesViews>
+void mix_set(const Terms& terms, const TransposedRows& rows, const Set& set, const Quad* quads,
+             const Target& target) {
+  const LightTable table = light_table(terms.light);
+  const __m512i row_weight = per_row(set.row_share);
+  Batch<kMixesViews> batch;
+  for (uint32_t q = set.quads_begin; q < set.quads_end; q += kBatch) {
+    const uint32_t count = set.quads_end - q < kBatch ? set.quads_end - q : kBatch;
+    fetch_quads(quads, q + kQuadsAhead, set.quads_end);
+    for (uint32_t n = 0; n < count; ++n) {
+      batch.views[n] = views_of<kMixesViews>(terms, quads[q + n]);
+      batch.column_weight[n] = column_weights(quads[q + n]);
+    }
+    choose_batch<kParts>(rows, quads + q, count, batch);
+    for (uint32_t n = 0; n < count; ++n)
+      batch.light[n] = mix_record(table, batch.codes[n], row_weight, batch.column_weight[n],
+                                  batch.views[n].weight);
+    for (uint32_t n = 0; n < count; ++n) store_rows(batch.light[n], set, quads[q + n], target);
+  }
 }
 
 }  // namespace
 
-void transpose_row(const Pictures& pictures, int row, uint8_t* transposed) noexcept {
+void transpose_row(const Terms& terms, const Pictures& pictures, int row, size_t lanes,
+                   uint8_t* transposed) noexcept {
   const size_t begin = static_cast<size_t>(row) * pictures.stride;
-  const size_t bytes = 3 * static_cast<size_t>(pictures.width);
-  for (size_t at = transpose_most(pictures, begin, bytes, transposed); at < bytes; ++at)
-    for (int view = 0; view < pictures.views; ++view)
-      transposed[at * kViewLanes + static_cast<size_t>(view)] = pictures.first[view][begin + at];
-  for (size_t c = 0; c < 3; ++c)
-    _mm512_store_si512(transposed + (bytes + c) * kViewLanes,
-                       _mm512_load_si512(transposed + (bytes - 3 + c) * kViewLanes));
+  const size_t stride = 4 * lanes;
+  const __m512i order = colour_order(terms.blue_first);
+  int column = 0;
+  for (; column + kTile <= pictures.width; column += kTile)
+    for (int view = 0; view < pictures.views; view += kViewsPerRegister)
+      transpose_tile(
+          pictures.first + view, pictures.views - view, begin + 3 * static_cast<size_t>(column),
+          order, stride,
+          transposed + static_cast<size_t>(column) * stride + 4 * static_cast<size_t>(view));
+  transpose_rest(pictures, terms.blue_first, begin, column, stride, transposed);
+  uint8_t* const end = transposed + static_cast<size_t>(pictures.width) * stride;
+  for (size_t at = 0; at < stride; at += kRegisterBytes)
+    _mm512_store_si512(end + at, _mm512_load_si512(end - stride + at));
 }
 
 void mix_set_by_permuting(const Terms& terms, const TransposedRows& rows, const Set& set,
                           const Quad* quads, const Target& target) noexcept {
-  const LightTable table = light_table(terms.light);
-  const __m512i row_weight = per_row(set.row_share);
-  Batch batch;
-  for (uint32_t q = set.quads_begin; q < set.quads_end; q += kBatch) {
-    const uint32_t count = set.quads_end - q < kBatch ? set.quads_end - q : kBatch;
-    fetch_quads(quads, q + kQuadsAhead, set.quads_end);
-    place_batch(terms, quads + q, count, batch);
-    choose_batch(terms, rows, quads + q, count, batch);
-    mix_batch(table, row_weight, count, batch);
-    for (uint32_t n = 0; n < count; ++n) store_rows(batch.light[n], set, quads[q + n], target);
+  const bool mixes = terms.weight_mask != 0;
+  switch (rows.lanes / kViewsPerRegister) {
+    case 1:
+      return mixes ? mix_set<1, true>(terms, rows, set, quads, target)
+                   : mix_set<1, false>(terms, rows, set, quads, target);
+    case 2:
+      return mixes ? mix_set<2, true>(terms, rows, set, quads, target)
+                   : mix_set<2, false>(terms, rows, set, quads, target);
+    case 3:
+      return mixes ? mix_set<3, true>(terms, rows, set, quads, target)
+                   : mix_set<3, false>(terms, rows, set, quads, target);
+    default:
+      return mixes ? mix_set<4, true>(terms, rows, set, quads, target)
+                   : mix_set<4, false>(terms, rows, set, quads, target);
   }
 }
 

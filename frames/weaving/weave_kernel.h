@@ -16,7 +16,7 @@ namespace lenticule::frames::weave_kernel {
 
 inline constexpr int kRows = 4;        ///< panel rows of a block
 inline constexpr int kRun = 8;         ///< largest number of subpixels in a run
-inline constexpr int kViewLanes = 64;  ///< views of one pixel and colour, side by side
+inline constexpr int kViewLanes = 64;  ///< most views of the permute kernel
 inline constexpr int kViewBits = 20;   ///< fraction bits of a view number
 inline constexpr int kWeightBits = 15;
 inline constexpr int kSlopeBits = 3;  ///< additional bits for the change of a column along a run
@@ -72,7 +72,7 @@ struct Terms {
 };
 
 /// Pictures locates the views: pixel (column, row) of view k is at first[k] + row * stride + 3
-/// column. There are at least kViewLanes pointers; the pointers after the last view repeat it.
+/// column. There are as many pointers as lanes; the pointers after the last view repeat it.
 struct Pictures {
   const uint8_t* const* first;
   size_t stride;
@@ -97,7 +97,7 @@ void encode_plainly(const Terms& terms, const uint16_t* light, size_t count,
 struct TransposedRows {
   const void* upper[kRows];
   const void* lower[kRows];
-  size_t lanes;  ///< unused by the permute kernel, which has kViewLanes
+  size_t lanes;
 };
 
 /// The lanes of an entry are a multiple of kLaneStep; the lanes after the last view repeat it.
@@ -121,8 +121,10 @@ void mix_spot_set_avx2(const Terms& terms, const TransposedRows& rows, const Set
 
 /// Do the same by permuting bytes, for at most kViewLanes views and sets of stride 1.
 /// transpose_row() puts the codes of a picture row's views side by side: width + 1 pixels, the last
-/// one twice, three colours each, kViewLanes views each.
-void transpose_row(const Pictures& pictures, int row, uint8_t* transposed) noexcept;
+/// one twice, of `lanes` views, each of three codes in the order of the places' colours and a byte
+/// without meaning. Lanes after the last view hold anything.
+void transpose_row(const Terms& terms, const Pictures& pictures, int row, size_t lanes,
+                   uint8_t* transposed) noexcept;
 void mix_set_by_permuting(const Terms& terms, const TransposedRows& rows, const Set& set,
                           const Quad* quads, const Target& target) noexcept;
 void encode_by_permuting(const Terms& terms, const uint16_t* light, size_t count,

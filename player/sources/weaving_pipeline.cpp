@@ -8,7 +8,7 @@ namespace lenticule::player {
 WeavingPipeline::WeavingPipeline(const optics::Rig& rig, const frames::ViewShape& shape,
                                  const WeavingPipelineOptions& options)
     : weaver_(std::make_shared<const frames::WeavePlan>(optics::OpticalModel(rig), shape,
-                                                        options.weave),
+                                                        options.weave, options.threads),
               options.threads),
       crosstalk_(crosstalk_of(options.crosstalk, rig, shape.count)) {}
 

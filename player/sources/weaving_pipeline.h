@@ -22,8 +22,8 @@ struct WeavingPipelineOptions {
 /// Thread safety: one caller at a time.
 class WeavingPipeline {
  public:
-  /// Makes the plan, which takes most of a second for a 4K panel. Throws Error(Usage) for more
-  /// views than a plan can hold and for an invalid crosstalk.
+  /// Makes the plan, which takes a fraction of a second for a 4K panel. Throws Error(Usage) for
+  /// more views than a plan can hold and for an invalid crosstalk.
   WeavingPipeline(const optics::Rig& rig, const frames::ViewShape& shape,
                   const WeavingPipelineOptions& options);
 

@@ -143,6 +143,53 @@ TEST(FastWeave, GivesTheReferencesBytesForOnePixelViews) {
       }
 }
 
+/// Returns all bytes that weaving reads from a plan.
+std::vector<uint8_t> bytes_of(const WeavePlan& plan) {
+  std::vector<uint8_t> bytes;
+  const auto append = [&](const auto& value) {
+    const auto* const from = reinterpret_cast<const uint8_t*>(&value);
+    bytes.insert(bytes.end(), from, from + sizeof value);
+  };
+  for (int index = 0; index < plan.block_count(); ++index) {
+    const WeavePlan::Block block = plan.block(index);
+    for (const WeavePlan::Bar& bar : block.bars) append(bar);
+    for (const weave_kernel::Set& set : block.sets) {
+      append(set.first);
+      append(set.row);
+      append(set.row_share);
+      for (uint32_t quad = set.quads_begin; quad < set.quads_end; ++quad) append(block.quads[quad]);
+    }
+  }
+  return bytes;
+}
+
+TEST(FastWeave, PlansTheSameWithEveryInstructionSetAndNumberOfThreads) {
+  int compared = 0;
+  for (const double pitch : {3.3, 7.71, 24.04})
+    for (const SubpixelLayout& layout : {SubpixelLayout::rgb(), SubpixelLayout::bgr(),
+                                         SubpixelLayout::vrgb(), test::two_over_one()})
+      for (const ViewFilter filter : {ViewFilter::Nearest, ViewFilter::Linear, ViewFilter::Gauss})
+        for (const PictureFit fit : {PictureFit::Contain, PictureFit::Cover}) {
+          const optics::Rig rig = weave_rig(70, 230, pitch, 0.2513, 300.0, layout);
+          const optics::OpticalModel model(rig);
+          const ViewShape shape{.count = 43, .width = 31, .height = 17, .aspect = 1.2};
+          const WeaveOptions options{.filter = filter, .fit = fit};
+          const std::vector<uint8_t> plain =
+              bytes_of(WeavePlan(model, shape, options, 1, Isa::Baseline));
+          ASSERT_FALSE(plain.empty());
+          EXPECT_EQ(bytes_of(WeavePlan(model, shape, options, 3, Isa::Baseline)), plain);
+          for (const Isa isa : {Isa::Avx2, Isa::Avx512}) {
+            if (!isa_supported(isa)) continue;
+            EXPECT_EQ(bytes_of(WeavePlan(model, shape, options, 1, isa)), plain)
+                << isa_name(isa) << " " << layout.name() << " " << to_string(filter);
+            ++compared;
+          }
+        }
+  if (isa_supported(Isa::Avx2)) {
+    EXPECT_GT(compared, 0);
+  }
+}
+
 TEST(FastWeave, KeepsEveryUniformPicture) {
   const optics::OpticalModel model(weave_rig(200, 30, 7.71, 0.2513, 600.0));
   for (int code = 0; code < 256; ++code) {
