@@ -14,14 +14,14 @@ struct ChunkReport {
   std::string plan;  ///< identity of the plan
   uint64_t chunk = 0;
   uint64_t begin = 0, end = 0;                        ///< frames
-  std::string digest;                                 ///< of the chunk's file
+  std::string digest{};                               ///< of the chunk's file
   uint64_t bytes = 0;                                 ///< of the chunk's file
   std::vector<uint64_t> first_bands{}, last_bands{};  ///< see frames::FilmPart
-  std::string node;
-  std::string isa;  ///< instruction set that rendered
+  std::string node{};
+  std::string isa{};  ///< instruction set that rendered
   int threads = 0;
   double seconds = 0.0;         ///< whole process
-  double render_seconds = 0.0;  ///< frames of the chunk
+  double render_seconds = 0.0;  ///< frames of the chunk, with their scenes
   double extra_seconds = 0.0;   ///< frames that others render, too
   double started = 0.0;         ///< seconds since 1970 by the node's clock, for people only
   friend bool operator==(const ChunkReport&, const ChunkReport&) = default;
@@ -33,7 +33,7 @@ struct ChunkReport {
 
 /// ChunkProgress is written now and then by a process that renders a chunk.
 struct ChunkProgress {
-  std::string node;
+  std::string node{};
   uint64_t chunk = 0;
   uint64_t done = 0, count = 0;  ///< frames
   double seconds = 0.0;
@@ -43,10 +43,10 @@ struct ChunkProgress {
 
 /// ChunkFailure is written when a process gives up a chunk.
 struct ChunkFailure {
-  std::string node;
+  std::string node{};
   uint64_t chunk = 0;
   std::string error;
-  std::string hint;
+  std::string hint{};
 };
 [[nodiscard]] std::string chunk_failure_to_json(const ChunkFailure& failure);
 [[nodiscard]] ChunkFailure parse_chunk_failure(std::string_view json, const std::string& source);

@@ -15,9 +15,9 @@
 namespace lenticule::farm {
 
 struct SlurmOptions {
-  std::string partition;
-  std::string time;                 ///< as sbatch takes it; empty: from the timed frames
-  std::string memory;               ///< as sbatch takes it; empty: from the timed frames
+  std::string partition{};
+  std::string time{};               ///< as sbatch takes it; empty: from the timed frames
+  std::string memory{};             ///< as sbatch takes it; empty: from the timed frames
   int cpus = 0;                     ///< per chunk; 0: as many as the timed frames had
   int array_limit = 0;              ///< chunks at the same time; 0: no limit
   std::vector<std::string> more{};  ///< further arguments of sbatch

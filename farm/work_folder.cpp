@@ -122,9 +122,9 @@ fs::path WorkFolder::predictors_file(uint64_t frame) const {
 }
 
 std::optional<ChunkReport> WorkFolder::read_report(const fs::path& file, uint64_t chunk) const {
-  const auto text = files_.read(file);
-  if (!text) return std::nullopt;
   try {
+    const auto text = files_.read(file);
+    if (!text) return std::nullopt;
     ChunkReport report = parse_chunk_report(*text, file.string());
     const Chunk expected = plan_.chunk(chunk);
     const bool plain = report.digest.find_first_not_of("0123456789abcdef") == std::string::npos;

@@ -113,6 +113,7 @@ class ChunkRun {
   ExitCode run() {
     if (folder_.done(chunk_.number)) {
       say("chunk {}: already done\n", chunk_.number);
+      remove_leftovers();
       return kOk;
     }
     try {
@@ -162,6 +163,7 @@ class ChunkRun {
   bool render_to(FilmRenderer& renderer, const fs::path& attempt, const fs::path& file,
                  Heartbeat& heartbeat) {
     frames::WovenFrame frame(renderer.geometry());
+    last_frame_seconds_ = seconds_since(begin_);
     const auto part = place_in_film(renderer, attempt, frame);
     if (!part) return false;
     frames::SequenceInfo info = folder_.plan().film;
@@ -181,10 +183,14 @@ class ChunkRun {
     return true;
   }
 
+  /// Renders a frame, and adds the time since the last frame to that of the chunk's own frames, or
+  /// to that of frames which other chunks render, too.
   bool render_frame(FilmRenderer& renderer, uint64_t number, frames::WovenFrame& frame) {
-    const bool own = number >= chunk_.begin;
-    const auto count = [&](const render::RenderStatistics& frame_statistics, bool again) {
-      (own && !again ? report_.render_seconds : report_.extra_seconds) += frame_statistics.seconds;
+    const auto count = [&](const render::RenderStatistics&, bool again) {
+      const double now = seconds_since(begin_);
+      const bool own = number >= chunk_.begin && !again;
+      (own ? report_.render_seconds : report_.extra_seconds) += now - last_frame_seconds_;
+      last_frame_seconds_ = now;
     };
     return renderer.render(number, frame, interrupted, count);
   }
@@ -245,6 +251,7 @@ class ChunkRun {
   farm::Chunk chunk_;
   farm::ChunkReport report_;
   Clock::time_point begin_ = Clock::now();
+  double last_frame_seconds_ = 0.0;
 };
 
 }  // namespace
