@@ -22,7 +22,9 @@ using nlohmann::json;
 constexpr int kFormat = 1;
 constexpr uint64_t kMostFrameNumber = 1'000'000'000;
 /// A chunk of this length loses little if its node fails, and is no burden for a scheduler.
-constexpr double kChunkSeconds = 600.0;
+constexpr double kChunkSeconds = 120.0;
+/// Largest number of chunks that is chosen: each costs a scheduler and a file system some work.
+constexpr uint64_t kManyChunks = 10'000;
 /// Largest part of a chunk's time that is spent on other things than its frames.
 constexpr double kMostOverhead = 0.05;
 
@@ -89,8 +91,8 @@ void parse_inputs(const JsonFields& fields, Plan& plan) {
     fields.fail("chunk_inputs", "not one for each chunk");
 }
 
-/// Returns true if frames in chunks of this length begin in so few places within the predictors'
-/// interval that the key frames rendered twice are within kMostOverhead.
+/// Returns the part of the work that is rendering key frames of other chunks: chunks that begin
+/// within an interval render the interval's first frame, too.
 double key_frame_overhead(uint64_t chunk_frames, uint64_t interval) {
   const auto chunk = static_cast<double>(chunk_frames);
   const auto aligned =
@@ -151,7 +153,8 @@ uint64_t choose_chunk_frames(const FrameTiming& timing, uint64_t film_frames,
   const uint64_t interval =
       std::lcm(frames::kPredictorInterval, std::max<uint64_t>(1, method_interval));
   const double frame = std::max(timing.frame_seconds, 1e-6);
-  const auto wanted = static_cast<uint64_t>(std::ceil(kChunkSeconds / frame));
+  const auto wanted = std::max(static_cast<uint64_t>(std::ceil(kChunkSeconds / frame)),
+                               (film_frames + kManyChunks - 1) / kManyChunks);
   for (uint64_t frames = std::min(wanted, film_frames); frames < film_frames; ++frames) {
     // Whole intervals cost nothing, so a longer chunk is rounded to them.
     if (frames > interval) frames = (frames + interval - 1) / interval * interval;

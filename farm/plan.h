@@ -60,7 +60,8 @@ inline constexpr uint64_t kMostChunks = 1'000'000;
 [[nodiscard]] Plan parse_plan(std::string_view json, const std::string& source);
 
 /// Returns the number of frames in a chunk for which starting and rendering a key frame twice (see
-/// frames::SequencePart) cost at most a twentieth of the chunk, and a chunk takes some minutes.
+/// frames::SequencePart) cost at most a twentieth of the chunk, and a chunk takes two minutes or
+/// more.
 [[nodiscard]] uint64_t choose_chunk_frames(const FrameTiming& timing, uint64_t film_frames,
                                            uint64_t method_interval);
 

@@ -94,6 +94,10 @@ class Simulation {
     return metadata_.serve(now, 0.5 * farm_.metadata_per_chunk / farm_.metadata_per_second);
   }
 
+  void publish(uint64_t interval, double time) {
+    tables_[interval] = std::min(tables_[interval], time);
+  }
+
   /// Returns the time of the chunk's frames, and of a frame that chooses predictors if no other
   /// chunk has published them.
   double render_time(double now, uint64_t chunk) {
@@ -105,8 +109,12 @@ class Simulation {
     if (begin % frames::kPredictorInterval != 0 && tables_[interval] > now) {
       extra = frame;
       repeated_ += frame;
-      tables_[interval] = std::min(tables_[interval], now + extra);
+      publish(interval, now + extra);
     }
+    const uint64_t next = (begin + frames::kPredictorInterval - 1) / frames::kPredictorInterval;
+    for (uint64_t own = next; own * frames::kPredictorInterval < begin + frames_of(chunk); ++own)
+      publish(own, now + extra +
+                       frame * static_cast<double>(own * frames::kPredictorInterval + 1 - begin));
     return extra + frame * static_cast<double>(frames_of(chunk));
   }
 

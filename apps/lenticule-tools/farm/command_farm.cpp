@@ -85,7 +85,7 @@ void declare_plan(CLI::App& app, const std::shared_ptr<FarmFlags>& flags, Action
   const std::vector<const CLI::Option*> render_options =
       parsed.get_options([](const CLI::Option*) { return true; });
   sub->add_option("--chunk", plan.chunk,
-                  "frames in a chunk; auto measures how many make a chunk of some minutes")
+                  "frames in a chunk; auto measures how many make a chunk of two minutes or more")
       ->capture_default_str()
       ->type_name("N|auto");
   sub->add_option("--timed-frames", plan.timed_frames,

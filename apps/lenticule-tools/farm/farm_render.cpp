@@ -175,6 +175,7 @@ class ChunkRun {
       writer.append(frame.view());
       if (number == chunk_.begin) report_.first_bands = frames::band_digests(frame.view());
       if (number + 1 == chunk_.end) report_.last_bands = frames::band_digests(frame.view());
+      publish_own_predictors(number, attempt, frame);
       heartbeat.frame_done();
       progress.update(number - chunk_.begin + 1);
     }
@@ -208,10 +209,24 @@ class ChunkRun {
       return part;
     }
     if (!render_frame(renderer, folder_.plan().begin + key, frame)) return std::nullopt;
-    part.predictors =
-        frames::choose_predictors(frame.view(), frames::choose_band_rows(frame.geometry()));
+    part.predictors = predictors_of(frame);
     folder_.publish_predictors(key, part.predictors, attempt);
     return part;
+  }
+
+  static frames::PredictorTable predictors_of(const frames::WovenFrame& frame) {
+    return frames::choose_predictors(frame.view(), frames::choose_band_rows(frame.geometry()));
+  }
+
+  /// Publishes the predictors that a frame of this chunk chooses, if later chunks need them.
+  void publish_own_predictors(uint64_t number, const fs::path& attempt,
+                              const frames::WovenFrame& frame) const {
+    const uint64_t index = number - folder_.plan().begin;
+    const uint64_t end = chunk_.end - folder_.plan().begin;
+    if (index % frames::kPredictorInterval != 0 || chunk_.end == folder_.plan().end ||
+        end - index >= frames::kPredictorInterval)
+      return;
+    folder_.publish_predictors(index, predictors_of(frame), attempt);
   }
 
   /// Removes the attempts of this chunk that were killed, or are superfluous now, and the record of

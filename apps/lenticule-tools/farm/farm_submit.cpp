@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <set>
+#include <utility>
 
 #include "apps/lenticule-tools/farm/farm_actions.h"
 #include "base/error.h"
@@ -144,14 +145,18 @@ class SubmitRun {
                                farm::slurm_array_script(folder_, flags_.options, program_, list),
                                farm::slurm_array_arguments(folder_, flags_.options, chunks.size()));
     jobs_.push_back({.id = id, .chunks = chunks});
+    if (flags_.dry_run) return;
     after_.push_back(id);
     new_jobs_.push_back(id);
-    if (!flags_.dry_run) write_text_file(jobs_file_, farm::slurm_jobs_to_json(jobs_));
+    write_text_file(jobs_file_, farm::slurm_jobs_to_json(jobs_));
   }
 
   void submit_merge() {
+    std::vector<std::string> arguments =
+        farm::slurm_merge_arguments(folder_, flags_.options, after_);
+    if (flags_.dry_run) arguments.emplace_back("--dependency=afterany:ARRAY_JOBS");
     merge_job_ = submit("merge.sh", farm::slurm_merge_script(folder_, flags_.options, program_),
-                        farm::slurm_merge_arguments(folder_, flags_.options, after_));
+                        std::move(arguments));
   }
 
   ExitCode report(size_t chunks) const {
