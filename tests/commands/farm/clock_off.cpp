@@ -14,7 +14,7 @@ constexpr time_t kLateSeconds = 600;
 
 extern "C" {
 
-int clock_gettime(clockid_t clock, timespec* time) {
+int clock_gettime(clockid_t clock, timespec* time) noexcept {
   using Function = int (*)(clockid_t, timespec*);
   static const auto real = reinterpret_cast<Function>(dlsym(RTLD_NEXT, "clock_gettime"));
   const int result = real(clock, time);
@@ -22,7 +22,7 @@ int clock_gettime(clockid_t clock, timespec* time) {
   return result;
 }
 
-time_t time(time_t* to) {
+time_t time(time_t* to) noexcept {
   timespec now{};
   clock_gettime(CLOCK_REALTIME, &now);
   if (to != nullptr) *to = now.tv_sec;
