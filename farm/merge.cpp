@@ -27,7 +27,8 @@ void pause_of(const MergeOptions& options) {
       ErrorKind::Input,
       fmt::format("{}: {} of {} chunks are missing: {}", folder.path().string(), missing.size(),
                   folder.plan().chunks(), shortened(ranges_text(missing), 200)),
-      "run their lines of commands.txt again, or call farm submit again; --partial joins "
+      "run commands.txt again, which skips what is done, or call farm submit again; --partial "
+      "joins "
       "the frames before the first missing chunk");
 }
 
@@ -85,10 +86,11 @@ MergeResult merge_film(const WorkFolder& folder, const std::filesystem::path& fi
     } catch (const Error& error) {
       if (error.kind() != ErrorKind::Input) throw;
       folder.forget(chunk);
-      throw Error(ErrorKind::Input, fmt::format("chunk {}: {}", chunk, error.what()),
-                  fmt::format("the chunk counts as missing now: run line {} of commands.txt again, "
-                              "or call farm submit again",
-                              chunk + 1));
+      throw Error(
+          ErrorKind::Input, fmt::format("chunk {}: {}", chunk, error.what()),
+          fmt::format("the chunk counts as missing now: run lenticule farm render {} {}, or "
+                      "call farm submit again",
+                      folder.path().string(), chunk));
     }
     const uint64_t frames = folder.plan().chunk(chunk).end - folder.plan().begin;
     if (joiner.frame_count() != frames)

@@ -25,6 +25,8 @@ constexpr uint64_t kMostFrameNumber = 1'000'000'000;
 constexpr double kChunkSeconds = 120.0;
 /// Largest number of chunks that is chosen: each costs a scheduler and a file system some work.
 constexpr uint64_t kManyChunks = 10'000;
+/// A thousand nodes that render chunks of one frame are this far apart.
+constexpr int64_t kPublishEarlierFrames = 1024;
 /// Largest part of a chunk's time that is spent on other things than its frames.
 constexpr double kMostOverhead = 0.05;
 
@@ -167,6 +169,22 @@ uint64_t choose_chunk_frames(const FrameTiming& timing, uint64_t film_frames,
   return film_frames;
 }
 
+std::vector<uint64_t> chunk_order(const Plan& plan) {
+  std::vector<uint64_t> order(plan.chunks());
+  std::iota(order.begin(), order.end(), uint64_t{0});
+  const auto place = [&plan](uint64_t number) {
+    const Chunk chunk = plan.chunk(number);
+    const uint64_t first = chunk.begin - plan.begin;
+    const uint64_t last = chunk.end - plan.begin - 1;
+    const bool publishes = first % frames::kPredictorInterval == 0 ||
+                           first / frames::kPredictorInterval < last / frames::kPredictorInterval;
+    return static_cast<int64_t>(first) - (publishes ? kPublishEarlierFrames : 0);
+  };
+  std::stable_sort(order.begin(), order.end(),
+                   [&](uint64_t a, uint64_t b) { return place(a) < place(b); });
+  return order;
+}
+
 std::string commands_text(const Plan& plan, const std::string& program,
                           const std::filesystem::path& folder) {
   if (folder.string().find('\n') != std::string::npos || program.find('\n') != std::string::npos)
@@ -175,8 +193,7 @@ std::string commands_text(const Plan& plan, const std::string& program,
   const std::string command =
       fmt::format("{} farm render {}", shell_quoted(program), shell_quoted(folder.string()));
   std::string text;
-  for (uint64_t chunk = 0; chunk < plan.chunks(); ++chunk)
-    text += fmt::format("{} {}\n", command, chunk);
+  for (const uint64_t chunk : chunk_order(plan)) text += fmt::format("{} {}\n", command, chunk);
   return text;
 }
 

@@ -65,8 +65,13 @@ inline constexpr uint64_t kMostChunks = 1'000'000;
 [[nodiscard]] uint64_t choose_chunk_frames(const FrameTiming& timing, uint64_t film_frames,
                                            uint64_t method_interval);
 
-/// Returns the command of each chunk, one in a line, for a POSIX shell. Throws Error(Usage) for a
-/// path with a line end, which no list of lines can contain.
+/// Returns the numbers of all chunks in the order in which they should be started: by their frames,
+/// but chunks that publish predictors are earlier by some hundred frames, so that few of the chunks
+/// that need these find them missing.
+[[nodiscard]] std::vector<uint64_t> chunk_order(const Plan& plan);
+
+/// Returns the command of each chunk in that order, one in a line, for a POSIX shell. Throws
+/// Error(Usage) for a path with a line end, which no list of lines can contain.
 [[nodiscard]] std::string commands_text(const Plan& plan, const std::string& program,
                                         const std::filesystem::path& folder);
 

@@ -9,6 +9,7 @@
 #include <random>
 #include <vector>
 
+#include "farm/plan.h"
 #include "frames/sequence/predictor_choice.h"
 
 namespace lenticule::player {
@@ -49,11 +50,14 @@ struct Node {
 
 class Simulation {
  public:
-  explicit Simulation(const SimulatedFarm& farm) : farm_(farm), random_(farm.seed) {
-    chunks_ = (farm.frames + farm.chunk_frames - 1) / farm.chunk_frames;
-    for (uint64_t chunk = 0; chunk < chunks_; ++chunk) waiting_.push_back(chunk);
-    nodes_.resize(farm.nodes);
-    tables_.assign(farm.frames / frames::kPredictorInterval + 1, kNever);
+  explicit Simulation(const SimulatedFarm& simulated) : farm_(simulated), random_(simulated.seed) {
+    chunks_ = (farm_.frames + farm_.chunk_frames - 1) / farm_.chunk_frames;
+    farm::Plan plan;
+    plan.end = farm_.frames;
+    plan.chunk_frames = farm_.chunk_frames;
+    for (const uint64_t chunk : farm::chunk_order(plan)) waiting_.push_back(chunk);
+    nodes_.resize(farm_.nodes);
+    tables_.assign(farm_.frames / frames::kPredictorInterval + 1, kNever);
   }
 
   SimulatedRun run() {

@@ -14,7 +14,7 @@
 #include "base/json_output.h"
 #include "base/print.h"
 #include "base/text.h"
-#include "farm/merge.h"
+#include "farm/work_folder.h"
 #include "player/process/child_process.h"
 
 namespace lenticule::player {
@@ -65,7 +65,7 @@ class SubmitRun {
   }
 
   ExitCode run() {
-    std::vector<uint64_t> chunks = farm::missing_chunks(folder_);
+    std::vector<uint64_t> chunks = missing_in_order();
     const size_t missing = chunks.size();
     if (!flags_.dry_run) remove_queued(chunks);
     if (missing > 0 && chunks.empty()) {
@@ -83,6 +83,12 @@ class SubmitRun {
   }
 
  private:
+  [[nodiscard]] std::vector<uint64_t> missing_in_order() const {
+    std::vector<uint64_t> chunks = farm::chunk_order(folder_.plan());
+    std::erase_if(chunks, [&](uint64_t chunk) { return folder_.done(chunk).has_value(); });
+    return chunks;
+  }
+
   void create_folders() const {
     std::error_code error;
     fs::create_directories(folder_.path() / "slurm" / "logs", error);

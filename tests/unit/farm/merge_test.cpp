@@ -64,7 +64,7 @@ TEST(Merge, FindsDamagedChunks) {
   test::write_bytes(file, flipped);
   const Error error = error_of([&] { (void)merge_film(farm.folder(), farm.film()); });
   EXPECT_EQ(std::string(error.what()).rfind("chunk 3: ", 0), 0U) << error.what();
-  EXPECT_NE(error.hint().find("run line 4 of commands.txt again"), std::string::npos);
+  EXPECT_NE(error.hint().find("run lenticule farm render "), std::string::npos);
   EXPECT_FALSE(std::filesystem::exists(farm.film()));
   EXPECT_EQ(missing_chunks(farm.folder()), std::vector<uint64_t>{3});
   EXPECT_TRUE(farm.render(3));

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <sstream>
 #include <string>
@@ -101,6 +102,26 @@ TEST(Plan, CommandsAreWholeLinesThatAShellReadsBack) {
   EXPECT_EQ(count, 3);
   EXPECT_EQ(error_of([] { (void)commands_text(small_plan(0, 1, 1), "lenticule", "/a\nb"); }).kind(),
             ErrorKind::Usage);
+}
+
+TEST(Plan, ChunksThatPublishPredictorsAreStartedEarlier) {
+  const Plan plan = small_plan(7, 3007, 1);
+  const std::vector<uint64_t> order = chunk_order(plan);
+  std::vector<uint64_t> place(order.size(), order.size());
+  for (size_t i = 0; i < order.size(); ++i) place[order[i]] = i;
+  for (uint64_t chunk = 0; chunk < plan.chunks(); ++chunk) {
+    ASSERT_LT(place[chunk], order.size()) << "every chunk has a place";
+    const uint64_t publisher = chunk - chunk % 32;
+    if (publisher == chunk) continue;
+    EXPECT_LT(place[publisher], place[chunk]);
+    if (chunk > 1024) {
+      EXPECT_GE(place[chunk] - place[publisher], 900U);
+    }
+    EXPECT_LT(place[chunk], chunk + 40) << "a film that is fed to a player comes in order";
+  }
+  // Chunks of whole intervals need nothing of each other.
+  const std::vector<uint64_t> plain = chunk_order(small_plan(0, 3000, 64));
+  EXPECT_TRUE(std::is_sorted(plain.begin(), plain.end()));
 }
 
 /// Returns the work of all chunks over that of one run.
