@@ -146,7 +146,7 @@ std::vector<std::string> shown_frames(const std::string& record) {
   std::ifstream file(record);
   std::vector<std::string> frames;
   for (std::string vblank, frame; file >> vblank && std::getline(file, frame);)
-    frames.push_back(frame);
+    if (vblank != "#") frames.push_back(frame);
   return frames;
 }
 
