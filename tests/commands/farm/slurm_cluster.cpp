@@ -114,14 +114,14 @@ void SlurmCluster::write_configuration() const {
        << "ProctrackType=proctrack/linuxproc\nTaskPlugin=task/none\nSwitchType=switch/none\n"
        << "SelectType=select/cons_tres\nSelectTypeParameters=CR_CPU\nMpiDefault=none\n"
        << "JobAcctGatherType=jobacct_gather/none\n"
+       << "SlurmdParameters=config_overrides\n"  // two nodes of two processors, whatever there is
        << "AccountingStorageType=accounting_storage/none\nReturnToService=2\n"
        << "SlurmdTimeout=10\nSlurmctldTimeout=10\nInactiveLimit=0\nKillWait=2\nMinJobAge=300\n"
        << "MaxArraySize=10\n"  // small, so that a film needs several arrays
        << "SchedulerParameters=batch_sched_delay=0,sched_interval=1\n";
   for (const char* node : kNodes)
     conf << "NodeName=" << node << " NodeHostname=" << host
-         << " NodeAddr=127.0.0.1 Port=" << free_port()
-         << " CPUs=2 RealMemory=64000 State=UNKNOWN\n";
+         << " NodeAddr=127.0.0.1 Port=" << free_port() << " CPUs=2 RealMemory=2000 State=UNKNOWN\n";
   conf << "PartitionName=farm Nodes=n1,n2 Default=YES MaxTime=INFINITE State=UP\n";
 }
 
