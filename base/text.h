@@ -21,6 +21,10 @@ namespace lenticule {
 /// "...". `text` must be UTF-8 and `bytes` at least 3.
 [[nodiscard]] std::string shortened(std::string text, size_t bytes);
 
+/// Returns `word` as a POSIX shell reads it back unchanged; in quotes if it has other characters
+/// than letters, digits and a few that have no meaning to a shell.
+[[nodiscard]] std::string shell_quoted(std::string_view word);
+
 /// Returns the word of `known` that `word` was probably meant to be: the word at the smallest edit
 /// distance (insert, delete, replace a letter), if the distance is at most half the length of
 /// `word`.

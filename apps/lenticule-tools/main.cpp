@@ -17,6 +17,7 @@ Run declare_convert(CLI::App& app);
 Run declare_calibrate(CLI::App& app);
 Run declare_no_calibrate(CLI::App& app);
 Run declare_depth(CLI::App& app);
+Run declare_farm(CLI::App& app);
 Run declare_rig(CLI::App& app);
 Run declare_scene(CLI::App& app);
 Run declare_completion(CLI::App& app);
@@ -38,6 +39,7 @@ int main(int argc, char** argv) {
       {"calibrate", declare_no_calibrate},
 #endif
       {"depth", declare_depth},
+      {"farm", declare_farm},
       {"rig", declare_rig},
       {"scene", declare_scene},
       {"completion", declare_completion},

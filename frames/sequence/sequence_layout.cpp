@@ -192,6 +192,28 @@ bool is_valid(const BandEntry& entry, const FileHeader& header, int band, uint64
 
 }  // namespace
 
+void append_file_start(const SequenceInfo& info, FileHeader& header, std::vector<uint8_t>& to) {
+  const std::string metadata = sequence_info_to_json(info);
+  header.geometry = info.geometry;
+  header.band_rows = choose_band_rows(info.geometry);
+  header.metadata_bytes = metadata.size();
+  header.metadata_checksum =
+      checksum_of({reinterpret_cast<const uint8_t*>(metadata.data()), metadata.size()});
+  append_file_header(header, to);
+  to.insert(to.end(), metadata.begin(), metadata.end());
+}
+
+void append_index(const std::vector<uint64_t>& frames, uint64_t data_end,
+                  std::vector<uint8_t>& to) {
+  std::vector<uint8_t> index;
+  index.reserve(frames.size() * kOffsetBytes + kTrailerBytes);
+  for (const uint64_t offset : frames) append_u64(index, offset);
+  const Trailer trailer{
+      .index_offset = data_end, .frame_count = frames.size(), .index_checksum = checksum_of(index)};
+  append_trailer(trailer, index);
+  to.insert(to.end(), index.begin(), index.end());
+}
+
 SequenceLayout read_sequence_layout(int fd, const std::string& source) {
   const uint64_t file_bytes = size_of(fd);
   SequenceLayout layout;

@@ -21,6 +21,10 @@ struct SequenceLayout {
   bool has_every_frame = false;  ///< false: the file ends after some frame, without its index
 };
 
+/// Append what precedes the frames of a new file, whose header this sets, and what follows them.
+void append_file_start(const SequenceInfo& info, FileHeader& header, std::vector<uint8_t>& to);
+void append_index(const std::vector<uint64_t>& frames, uint64_t data_end, std::vector<uint8_t>& to);
+
 /// Reads the header, the metadata and the index of an open file. Throws Error(Input) that begins
 /// with `source` for a file that is not a sequence, has another version, or has a damaged header or
 /// damaged metadata. Other damage loses frames, not the file. Memory is bounded by the file's size.

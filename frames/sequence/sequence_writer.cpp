@@ -15,7 +15,6 @@
 #include "base/file.h"
 #include "frames/sequence/file_bytes.h"
 #include "frames/sequence/frame_decoder.h"
-#include "frames/sequence/little_endian.h"
 #include "frames/sequence/predictor_choice.h"
 
 namespace lenticule::frames {
@@ -27,18 +26,6 @@ namespace fs = std::filesystem;
 constexpr std::chrono::seconds kSyncInterval{1};
 /// A power cut may damage the last frames, but not older ones.
 constexpr uint64_t kFramesToCheck = 64;
-/// Content changes slowly, and choosing predictors takes about as long as compressing a frame.
-constexpr uint64_t kPredictorInterval = 32;
-
-FileHeader make_header(const SequenceInfo& info, const std::string& metadata) {
-  FileHeader header;
-  header.geometry = info.geometry;
-  header.band_rows = choose_band_rows(info.geometry);
-  header.metadata_bytes = metadata.size();
-  header.metadata_checksum =
-      checksum_of({reinterpret_cast<const uint8_t*>(metadata.data()), metadata.size()});
-  return header;
-}
 
 /// Returns the first property that differs and must be equal for frames in one file; null if there
 /// is none.
@@ -77,7 +64,10 @@ uint64_t end_of(int fd, const SequenceLayout& layout, uint64_t count) {
 
 SequenceWriter::SequenceWriter(fs::path file, const SequenceInfo& info,
                                const SequenceWriterOptions& options)
-    : file_(std::move(file)), part_(file_.string() + ".part"), workers_(options.threads) {
+    : file_(std::move(file)),
+      part_(file_.string() + ".part"),
+      part_of_film_(options.part_of_film),
+      workers_(options.threads) {
   if (!can_hold(info.geometry))
     throw Error(ErrorKind::Usage,
                 fmt::format("{}: frames of {}x{} pixels are too large for a sequence container",
@@ -113,15 +103,12 @@ void SequenceWriter::open_and_lock(const fs::path& there) {
 }
 
 void SequenceWriter::begin(const SequenceInfo& info) {
-  const std::string metadata = sequence_info_to_json(info);
   layout_.info = info;
-  layout_.header = make_header(info, metadata);
-  if (metadata.size() > kMaxMetadataBytes)
+  std::vector<uint8_t> bytes;
+  append_file_start(info, layout_.header, bytes);
+  if (layout_.header.metadata_bytes > kMaxMetadataBytes)
     throw Error(ErrorKind::Usage, fmt::format("{}: metadata larger than {} MiB", file_.string(),
                                               kMaxMetadataBytes >> 20));
-  std::vector<uint8_t> bytes;
-  append_file_header(layout_.header, bytes);
-  bytes.insert(bytes.end(), metadata.begin(), metadata.end());
   // The temporary name comes first, so that an existing file has a whole header.
   write_file_atomically(part_, bytes);
   layout_.data_end = bytes.size();
@@ -148,14 +135,18 @@ void SequenceWriter::continue_file(const fs::path& there, const SequenceInfo& in
 void SequenceWriter::recall() {
   in_step_ = true;
   previous_.clear();
+  predictors_ = part_of_film_.predictors;
   if (frame_count() == 0) return;
   const uint64_t last = frame_count() - 1;
+  const uint64_t since_choice = (part_of_film_.first + last) % kPredictorInterval;
   FrameDecoder decoder(fd_.get(), layout_);
   WovenFrame frame(layout_.header.geometry);
   std::vector<BandEntry> entries(bands_.size());
   std::vector<uint8_t> table(layout_.header.table_bytes());
-  in_step_ = decoder.decode(last - last % kPredictorInterval, frame.bytes());
-  if (in_step_) predictors_ = choose_predictors(frame.view(), layout_.header.band_rows);
+  if (since_choice <= last) {
+    in_step_ = decoder.decode(last - since_choice, frame.bytes());
+    if (in_step_) predictors_ = choose_predictors(frame.view(), layout_.header.band_rows);
+  }
   in_step_ = in_step_ && decoder.decode(last, frame.bytes()) &&
              read_band_table(fd_.get(), layout_, last, entries, table);
   if (!in_step_)
@@ -208,7 +199,7 @@ void SequenceWriter::append(const FrameView& frame) {
     throw Error(ErrorKind::Failed, fmt::format("{}: full: {} frames are the limit", part_.string(),
                                                kMaxSequenceFrames));
   if (!in_step_) recall();
-  if (frame_count() % kPredictorInterval == 0)
+  if ((part_of_film_.first + frame_count()) % kPredictorInterval == 0)
     predictors_ = choose_predictors(frame, layout_.header.band_rows);
   workers_.run(layout_.header.bands(),
                [&](int band, int worker) { encode_band(frame, band, worker); });
@@ -236,11 +227,7 @@ void SequenceWriter::sync_now_and_then() {
 void SequenceWriter::finish() {
   if (finished_) return;
   std::vector<uint8_t> bytes;
-  for (const uint64_t offset : layout_.frames) append_u64(bytes, offset);
-  const Trailer trailer{.index_offset = layout_.data_end,
-                        .frame_count = frame_count(),
-                        .index_checksum = checksum_of(bytes)};
-  append_trailer(trailer, bytes);
+  append_index(layout_.frames, layout_.data_end, bytes);
   if (!write_at(fd_.get(), layout_.data_end, bytes) || ::fdatasync(fd_.get()) != 0) {
     const int error = errno;
     (void)!::ftruncate(fd_.get(),

@@ -17,11 +17,21 @@
 
 namespace lenticule::frames {
 
+/// SequencePart is the place of a file in a longer film. With it, the file's frames have the bytes
+/// that they have in the film, apart from offsets; SequenceJoiner joins such files.
+struct SequencePart {
+  uint64_t first = 0;  ///< index in the film of the file's first frame
+  /// The choice of the film's frame `first - first % kPredictorInterval`; not used if that is the
+  /// file's first frame.
+  PredictorTable predictors{};
+};
+
 struct SequenceWriterOptions {
   /// Continue after the last whole frame of FILE.part, or of a finished FILE. The result has the
   /// same bytes as a file written in one run.
   bool resume = false;
   int threads = 0;  ///< compression threads; 0 means one per core
+  SequencePart part_of_film{};
 };
 
 /// SequenceWriter locks its file, so only one writer can have the file open.
@@ -64,6 +74,7 @@ class SequenceWriter {
 
   std::filesystem::path file_;
   std::filesystem::path part_;
+  SequencePart part_of_film_;
   UniqueFd fd_;
   SequenceLayout layout_;
   BandWorkers workers_;

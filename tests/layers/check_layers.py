@@ -30,10 +30,12 @@ MAY_INCLUDE = {
     "display": "base optics frames",
     "calib": "base optics frames",
     "player": "base optics frames display",
+    "farm": "base optics frames",
     "apps/lenticule-video": "base optics frames",
     "apps/lenticule": "base optics frames display player",
-    "apps/lenticule-tools": "base optics frames scenes render display calib player apps/lenticule",
-    "apps/lenticule-bench": "base optics frames scenes render display calib player apps/lenticule "
+    "apps/lenticule-tools": "base optics frames scenes render display calib player farm "
+                            "apps/lenticule",
+    "apps/lenticule-bench": "base optics frames scenes render display calib player farm apps/lenticule "
                             "apps/lenticule-tools",
 }
 

@@ -18,6 +18,7 @@ Run declare_bench_codec(CLI::App& app);
 Run declare_bench_depth(CLI::App& app);
 Run declare_bench_error(CLI::App& app);
 Run declare_bench_exact(CLI::App& app);
+Run declare_bench_farm(CLI::App& app);
 Run declare_bench_memory(CLI::App& app);
 Run declare_bench_models(CLI::App& app);
 Run declare_bench_paper(CLI::App& app);
@@ -54,6 +55,8 @@ const std::vector<Benchmark>& benchmarks() {
        declare_bench_error},
       {"exact", "rates of bare Embree, of visibility and of whole frames of method full",
        declare_bench_exact},
+      {"farm", "what a farm costs beside rendering, and a simulation of farms of many nodes",
+       declare_bench_farm},
       {"memory", "peak memory of rendering one frame", declare_bench_memory},
       {"models", "glTF models beside the pictures of another renderer, compared by FLIP",
        declare_bench_models},

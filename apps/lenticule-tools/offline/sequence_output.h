@@ -8,6 +8,9 @@
 
 namespace lenticule::player {
 
+/// Returns the metadata of the container that open_sequence_output() writes.
+[[nodiscard]] frames::SequenceInfo sequence_info_of(const OutputRequest& request);
+
 /// Returns the FrameOutput of a target that ends in ".lts". Frames must be delivered in order,
 /// without those for which has() returns true. The unfinished file is called TARGET.part. Throws
 /// the errors of open_output(), and Error(Input) if a file to resume was started with other input.

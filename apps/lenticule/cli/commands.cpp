@@ -33,6 +33,9 @@ constexpr auto kCommands = std::to_array<Command>({
      "lenticule calibrate show fringes --rig kiosk-27-4k.toml --display kms"},
     {"depth", "measure how deep a scene is for a panel, and how much of it is shown sharply",
      "lenticule depth teapot.nff --rig kiosk-27-4k.toml --depth-budget 4 --svg depth.svg"},
+    {"farm", "render a film on many machines, with Slurm or any other scheduler",
+     "lenticule farm plan model.glb --rig kiosk-27-4k.toml --frames 0:750 -o film.lts --work "
+     "/shared/film"},
     {"rig", "show, check, import and export rig files",
      "lenticule rig import visual.json -o portrait.toml"},
     {"panels", "list connected panels, their identity, modes and matching rigs",

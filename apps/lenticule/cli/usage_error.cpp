@@ -97,23 +97,11 @@ std::string example_value(const std::string& command, const std::string& flag) {
   return {};
 }
 
-/// Returns `word` as a shell takes it unchanged.
-std::string quoted(const std::string& word) {
-  const bool plain = !word.empty() && std::all_of(word.begin(), word.end(), [](char c) {
-    return std::isalnum(static_cast<unsigned char>(c)) != 0 ||
-           std::string_view("_-./:,=+@").find(c) != std::string_view::npos;
-  });
-  if (plain) return word;
-  std::string out = "'";
-  for (const char c : word) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return out + "'";
-}
-
 /// Returns a value for a missing option, or an empty text if none is known.
 std::string value_for(const CLI::Option& missing, const Chain& chain, const SampleRigs& rigs) {
   if (!missing.nonpositional()) return missing.get_name(true);
   if (is_rig(missing))
-    return rigs.names.empty() ? "" : quoted((rigs.folder / rigs.names.front()).string());
+    return rigs.names.empty() ? "" : shell_quoted((rigs.folder / rigs.names.front()).string());
   return example_value(chain[1]->get_name(), typed_name(missing));
 }
 
@@ -130,7 +118,7 @@ std::string completed_command(const Chain& chain, const SampleRigs& rigs) {
       if (value.empty()) return {};
       text += " " + value;
     } else if (option->get_expected_max() > 0) {
-      for (const std::string& value : option->results()) text += " " + quoted(value);
+      for (const std::string& value : option->results()) text += " " + shell_quoted(value);
     }
   }
   return text;

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/lenticule-tools/cli/render_flags.h"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+
+#include "apps/lenticule-tools/cli/soft_light_flags.h"
+#include "base/error.h"
+#include "player/sources/frame_range.h"
+#include "render/depth_budget/prefilter.h"
+
+namespace lenticule::player {
+namespace {
+
+/// Refuses flags that would have no effect. `error` and `prefilter_samples` tell whether the flags
+/// of these names were given.
+void refuse_idle_flags(const RenderFlags& flags, bool error, bool prefilter_samples) {
+  if (error && flags.method != "adaptive")
+    throw Error(ErrorKind::Usage, fmt::format("--error: method {} tolerates none", flags.method),
+                "--method adaptive does");
+  if (prefilter_samples && flags.options.prefilter == render::Prefilter::Off)
+    throw Error(ErrorKind::Usage, "--prefilter-samples: nothing is averaged without --prefilter",
+                "for example --prefilter beam");
+  if (flags.staging.stage.ignore_cameras && !flags.camera.empty())
+    throw Error(ErrorKind::Usage, "--fit: ignores the camera that --camera names",
+                "give one of the two");
+  if (flags.staging.turned_by_degrees != 0.0 && parse_frame_range(flags.frames).count() == 1)
+    throw Error(ErrorKind::Usage, "--turn: one frame cannot turn from one angle to another",
+                "for example --turn 0:360 --frames 0:48, or --turn 30");
+}
+
+}  // namespace
+
+std::function<void()> declare_render_flags(CLI::App& app, RenderFlags& flags) {
+  app.add_option("SCENE", flags.scene,
+                 "scene file, numbered files ('demo-%02d.nff'), or builtin:NAME[:SIZE]")
+      ->required();
+  app.add_option("--rig", flags.rig, "rig file of the panel")->required();
+  app.add_option("--method", flags.method,
+                 "full, lens-view, interpolate, temporal, hybrid or adaptive")
+      ->capture_default_str();
+  CLI::Option* const error =
+      app.add_option("--error", flags.options.tolerated_error,
+                     "error that method adaptive may make, in code values; 0 is method full")
+          ->capture_default_str();
+  app.add_option("--frames", flags.frames, "A:B renders frames A to B - 1, N only frame N")
+      ->capture_default_str()
+      ->type_name("A:B");
+  app.add_option("--fps", flags.fps, "frames per second of the animation")->capture_default_str();
+  app.add_option("--camera", flags.camera,
+                 "file with one camera per line: from, at, up, field of view");
+  app.add_option("--threads", flags.options.threads,
+                 "0 means all cores; with a ring, one of four or more is left to the player")
+      ->capture_default_str();
+  app.add_option("--samples", flags.options.samples, "rays per subpixel, inside its area")
+      ->capture_default_str();
+  app.add_option("--prefilter", flags.prefilter,
+                 "average over the beam of each subpixel: off, depth (outside the sheet's depth of "
+                 "field), beam (everywhere) or exhaustive (everywhere, slowly)")
+      ->capture_default_str();
+  CLI::Option* const prefilter_samples =
+      app.add_option("--prefilter-samples", flags.options.prefilter_samples,
+                     "largest number of rays per averaged subpixel")
+          ->capture_default_str();
+  app.add_option("--max-depth", flags.options.max_depth,
+                 "largest number of reflections and refractions")
+      ->capture_default_str();
+  declare_stage_flags(app, flags.staging);
+  declare_surroundings_flags(app, flags.staging);
+  declare_soft_light_flags(app, flags.options.soft);
+  return [&flags, error, prefilter_samples] {
+    flags.options.prefilter = render::prefilter_named(flags.prefilter);
+    refuse_idle_flags(flags, error->count() > 0, prefilter_samples->count() > 0);
+  };
+}
+
+}  // namespace lenticule::player

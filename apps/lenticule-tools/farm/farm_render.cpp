@@ -1,0 +1,282 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule farm render renders one chunk of a plan. It may be called any number of times, also at
+// the same time on several machines, and be killed at any moment: a chunk appears in the work
+// folder as a whole or not at all.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <array>
+#include <chrono>
+#include <condition_variable>
+#include <cstdlib>
+#include <filesystem>
+#include <mutex>
+#include <optional>
+#include <thread>
+
+#include "apps/lenticule-tools/farm/farm_actions.h"
+#include "apps/lenticule-tools/farm/planned_film.h"
+#include "base/cpu.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "base/json_output.h"
+#include "base/print.h"
+#include "base/temporary.h"
+#include "farm/work_folder.h"
+#include "frames/sequence/predictor_choice.h"
+#include "frames/sequence/sequence_joiner.h"
+#include "frames/sequence/sequence_writer.h"
+#include "player/process/interrupt.h"
+#include "player/process/progress.h"
+
+namespace lenticule::player {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+namespace fs = std::filesystem;
+
+double seconds_since(Clock::time_point begin) {
+  return std::chrono::duration<double>(Clock::now() - begin).count();
+}
+
+/// Returns the name of the node as its scheduler has it, else as the network has it.
+std::string node_name() {
+  if (const char* name = std::getenv("SLURMD_NODENAME")) return name;
+  std::array<char, 256> name{};
+  return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "unknown";
+}
+
+/// Heartbeat writes the progress file regularly, also during a frame that takes hours. A failed
+/// write only makes the status out of date.
+class Heartbeat {
+ public:
+  Heartbeat(fs::path file, farm::ChunkProgress progress)
+      : file_(std::move(file)), progress_(std::move(progress)), thread_([this] { run(); }) {}
+  ~Heartbeat() {
+    {
+      const std::lock_guard lock(mutex_);
+      ended_ = true;
+    }
+    changed_.notify_all();
+  }
+  Heartbeat(const Heartbeat&) = delete;
+  Heartbeat& operator=(const Heartbeat&) = delete;
+
+  void frame_done() {
+    const std::lock_guard lock(mutex_);
+    ++progress_.done;
+  }
+
+ private:
+  void run() {
+    constexpr std::chrono::seconds kFirst{2};
+    constexpr std::chrono::seconds kPause{20};
+    bool first = true;
+    std::unique_lock lock(mutex_);
+    while (!ended_) {
+      progress_.seconds = seconds_since(begin_);
+      const std::string text = farm::chunk_progress_to_json(progress_);
+      lock.unlock();
+      try {
+        write_text_file(file_, text);
+      } catch (const std::exception&) {  // a full disk: the frames report it
+      }
+      lock.lock();
+      changed_.wait_for(lock, first ? kFirst : kPause, [this] { return ended_; });
+      first = false;
+    }
+  }
+
+  fs::path file_;
+  farm::ChunkProgress progress_;
+  Clock::time_point begin_ = Clock::now();
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool ended_ = false;
+  std::jthread thread_;  // last member: the thread uses everything above
+};
+
+class ChunkRun {
+ public:
+  ChunkRun(const farm::WorkFolder& folder, const FarmRenderFlags& flags)
+      : folder_(folder), flags_(flags), chunk_(folder.plan().chunk(flags.chunk)) {
+    report_.plan = folder.identity();
+    report_.chunk = chunk_.number;
+    report_.begin = chunk_.begin;
+    report_.end = chunk_.end;
+    report_.node = node_name();
+    report_.isa = isa_name(best_isa());
+    const auto now = std::chrono::system_clock::now().time_since_epoch();
+    report_.started = std::chrono::duration<double>(now).count();
+  }
+
+  ExitCode run() {
+    if (folder_.done(chunk_.number)) {
+      say("chunk {}: already done\n", chunk_.number);
+      remove_leftovers();
+      return kOk;
+    }
+    try {
+      return render();
+    } catch (const Error& error) {
+      // The other process has removed the attempts of this chunk, this one among them.
+      if (folder_.done(chunk_.number)) return kOk;
+      note_failure(error);
+      throw;
+    }
+  }
+
+ private:
+  ExitCode render() {
+    create_attempts_folder();
+    const TemporaryFolder attempt(folder_.attempts_folder(chunk_.number));
+    Heartbeat heartbeat(attempt.path() / "progress.json",
+                        {.node = report_.node, .chunk = chunk_.number, .count = chunk_.count()});
+    PlannedFilm film(folder_.plan(), flags_.threads);
+    film.require_inputs_of(chunk_);
+    report_.threads = film.threads();
+    const fs::path file = attempt.path() / "chunk.lts";
+    if (!render_to(film.renderer(), attempt.path(), file, heartbeat)) return interrupt_exit_code();
+    report_.bytes = fs::file_size(file);
+    report_.digest = frames::digest_of_file(file);
+    report_.seconds = seconds_since(begin_);
+    const bool agrees = folder_.finish_chunk(attempt.path(), file, report_);
+    remove_leftovers();
+    if (flags_.json) print_json(result());
+    if (!agrees)
+      throw Error(ErrorKind::Failed,
+                  fmt::format("chunk {}: another node rendered different bytes", chunk_.number),
+                  "lenticule farm verify finds out which node is wrong");
+    return kOk;
+  }
+
+  void create_attempts_folder() const {
+    std::error_code error;
+    fs::create_directories(folder_.attempts_folder(chunk_.number), error);
+    if (error)
+      throw Error(ErrorKind::Failed,
+                  fmt::format("{}: cannot create: {}",
+                              folder_.attempts_folder(chunk_.number).string(), error.message()));
+  }
+
+  /// Returns false if interrupted.
+  bool render_to(FilmRenderer& renderer, const fs::path& attempt, const fs::path& file,
+                 Heartbeat& heartbeat) {
+    frames::WovenFrame frame(renderer.geometry());
+    last_frame_seconds_ = seconds_since(begin_);
+    const auto part = place_in_film(renderer, attempt, frame);
+    if (!part) return false;
+    frames::SequenceInfo info = folder_.plan().film;
+    info.first_frame = chunk_.begin;
+    frames::SequenceWriter writer(file, info, {.threads = flags_.threads, .part_of_film = *part});
+    Progress progress(fmt::format("chunk {}", chunk_.number), "frames", chunk_.count());
+    for (uint64_t number = chunk_.begin; number < chunk_.end; ++number) {
+      if (!render_frame(renderer, number, frame)) return false;
+      writer.append(frame.view());
+      if (number == chunk_.begin) report_.first_bands = frames::band_digests(frame.view());
+      if (number + 1 == chunk_.end) report_.last_bands = frames::band_digests(frame.view());
+      publish_own_predictors(number, attempt, frame);
+      heartbeat.frame_done();
+      progress.update(number - chunk_.begin + 1);
+    }
+    writer.finish();
+    progress.finish();
+    return true;
+  }
+
+  /// Renders a frame, and adds the time since the last frame to that of the chunk's own frames, or
+  /// to that of frames which other chunks render, too.
+  bool render_frame(FilmRenderer& renderer, uint64_t number, frames::WovenFrame& frame) {
+    const auto count = [&](const render::RenderStatistics&, bool again) {
+      const double now = seconds_since(begin_);
+      const bool own = number >= chunk_.begin && !again;
+      (own ? report_.render_seconds : report_.extra_seconds) += now - last_frame_seconds_;
+      last_frame_seconds_ = now;
+    };
+    return renderer.render(number, frame, interrupted, count);
+  }
+
+  /// Returns the chunk's place in the film: its predictors come from an earlier frame, which
+  /// another chunk may have rendered already. Returns none if interrupted.
+  std::optional<frames::SequencePart> place_in_film(FilmRenderer& renderer, const fs::path& attempt,
+                                                    frames::WovenFrame& frame) {
+    const uint64_t first = chunk_.begin - folder_.plan().begin;
+    frames::SequencePart part{.first = first};
+    const uint64_t key = first - first % frames::kPredictorInterval;
+    if (key == first) return part;
+    if (const auto known = folder_.predictors(key)) {
+      part.predictors = *known;
+      return part;
+    }
+    if (!render_frame(renderer, folder_.plan().begin + key, frame)) return std::nullopt;
+    part.predictors = predictors_of(frame);
+    folder_.publish_predictors(key, part.predictors, attempt);
+    return part;
+  }
+
+  static frames::PredictorTable predictors_of(const frames::WovenFrame& frame) {
+    return frames::choose_predictors(frame.view(), frames::choose_band_rows(frame.geometry()));
+  }
+
+  /// Publishes the predictors that a frame of this chunk chooses, if later chunks need them.
+  void publish_own_predictors(uint64_t number, const fs::path& attempt,
+                              const frames::WovenFrame& frame) const {
+    const uint64_t index = number - folder_.plan().begin;
+    const uint64_t end = chunk_.end - folder_.plan().begin;
+    if (index % frames::kPredictorInterval != 0 || chunk_.end == folder_.plan().end ||
+        end - index >= frames::kPredictorInterval)
+      return;
+    folder_.publish_predictors(index, predictors_of(frame), attempt);
+  }
+
+  /// Removes the attempts of this chunk that were killed, or are superfluous now, and the record of
+  /// an earlier failure.
+  void remove_leftovers() const {
+    std::error_code ignored;
+    fs::remove_all(folder_.attempts_folder(chunk_.number), ignored);
+    fs::remove(folder_.failure_file(chunk_.number), ignored);
+  }
+
+  void note_failure(const Error& error) const {
+    try {
+      const TemporaryFolder attempt(folder_.attempts_folder(chunk_.number));
+      const fs::path made = attempt.path() / "failure.json";
+      write_text_file(made, farm::chunk_failure_to_json({.node = report_.node,
+                                                         .chunk = chunk_.number,
+                                                         .error = error.what(),
+                                                         .hint = error.hint()}));
+      farm::move_file(made, folder_.failure_file(chunk_.number));
+    } catch (const Error&) {  // a full disk: the chunk counts as missing
+    }
+  }
+
+  [[nodiscard]] nlohmann::json result() const {
+    return {{"chunk", chunk_.number},
+            {"frames", {chunk_.begin, chunk_.end}},
+            {"digest", report_.digest},
+            {"bytes", report_.bytes},
+            {"node", report_.node},
+            {"seconds", report_.seconds},
+            {"render_seconds", report_.render_seconds},
+            {"extra_seconds", report_.extra_seconds}};
+  }
+
+  const farm::WorkFolder& folder_;
+  const FarmRenderFlags& flags_;
+  farm::Chunk chunk_;
+  farm::ChunkReport report_;
+  Clock::time_point begin_ = Clock::now();
+  double last_frame_seconds_ = 0.0;
+};
+
+}  // namespace
+
+ExitCode farm_render(const FarmRenderFlags& flags) {
+  const farm::WorkFolder folder(flags.folder);
+  if (flags.chunk >= folder.plan().chunks())
+    throw Error(ErrorKind::Usage, fmt::format("chunk {}: the plan has chunks 0 to {}", flags.chunk,
+                                              folder.plan().chunks() - 1));
+  return ChunkRun(folder, flags).run();
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/lenticule-tools/offline/film_renderer.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "apps/lenticule-tools/offline/existing_output.h"
+#include "base/error.h"
+#include "base/print.h"
+#include "optics/rig_file.h"
+#include "render/loaders/camera_path.h"
+#include "render/scene/nothing_seen.h"
+
+namespace lenticule::player {
+namespace {
+
+void print_stage(const render::Stage& stage) {
+  say("stage: {:.4g} mm per unit, depth {:.3g} times; ", stage.mm_per_unit, stage.depth_scale);
+  say("from {:.1f} mm in front of the panel to {:.1f} mm behind it; ", stage.near_mm,
+      -stage.far_mm);
+  say("sharp within {:.1f} mm\n", stage.depth_of_field_mm);
+}
+
+void print_notes(const render::SceneDescription& scene) {
+  for (const std::string& note : scene.notes) say("{}: {}\n", scene.source, note);
+}
+
+render::RenderOptions options_of(const RenderFlags& flags, bool keep_missing) {
+  render::RenderOptions options = flags.options;
+  options.keep_missing = keep_missing;
+  options.copy_unchanged = true;
+  return options;
+}
+
+}  // namespace
+
+FilmRenderer::FilmRenderer(const RenderFlags& flags, FrameRange film, bool keep_missing)
+    : flags_(flags),
+      film_(film),
+      rate_(frames::parse_rate(flags.fps)),
+      loaded_(optics::load_rig_and_identity(flags.rig)),
+      model_(loaded_.rig),
+      method_(render::make_method(flags.method, model_, options_of(flags, keep_missing))),
+      scenes_(flags.scene, rate_, flags.staging.load) {
+  if (!flags.camera.empty()) cameras_ = render::load_camera_path(flags.camera);
+  scenes_.require(film_);
+  const render::SceneDescription reference = scene_of(scenes_.reference_frame());
+  print_notes(reference);
+  stages_.emplace(reference, model_, flags.staging.stage, flags.staging.turned_by_degrees);
+  print_stage(stages_->reference());
+  require_content_in_view(still() ? reference : scene_of(film_.begin));
+}
+
+/// Returns the scene of one frame, with the camera path's camera if there is one.
+render::SceneDescription FilmRenderer::scene_of(uint64_t frame) const {
+  render::SceneDescription scene = scenes_.at(frame);
+  // The camera stays at the last line of the path.
+  if (!cameras_.empty()) scene.cameras = {cameras_[std::min<uint64_t>(frame, cameras_.size() - 1)]};
+  return scene;
+}
+
+/// Refuses a scene of which the first frame shows nothing. If later frames may show it, or if
+/// there are surroundings to see, this is only noted.
+void FilmRenderer::require_content_in_view(const render::SceneDescription& first) const {
+  const render::Stage stage = stages_->at(first);
+  if (render::content_meets_rays(first, stage, model_)) return;
+  const bool camera = render::placing_camera(first, flags_.staging.stage) != nullptr;
+  const std::string what =
+      fmt::format("nothing to see in this scene: all of it lies outside the {}",
+                  camera ? "camera's view" : "panel");
+  const render::Surroundings& around = flags_.staging.surroundings;
+  const bool empty = still() && !around.sky && !around.ground && around.environment_file.empty();
+  if (empty)
+    throw Error(ErrorKind::Input, fmt::format("{}: {}", first.source, what),
+                camera ? "--fit ignores the camera and fits the whole scene into the panel"
+                       : "render without --centre and --mm-per-unit, which fits it");
+  say("{}: frame {}: {}\n", first.source, film_.begin, what);
+}
+
+/// Returns true if all frames are equal.
+bool FilmRenderer::still() const {
+  return scenes_.still() && stages_->still() && cameras_.size() < 2;
+}
+
+frames::FrameGeometry FilmRenderer::geometry() const {
+  return {rig().panel.width_px, rig().panel.height_px, frames::PixelFormat::Rgb8};
+}
+
+OutputRequest FilmRenderer::output_request(const std::string& target,
+                                           const FrameRange& range) const {
+  return {.target = target,
+          .range = range,
+          .geometry = geometry(),
+          .rig = loaded_.identity,
+          .rate = rate_,
+          .rig_toml = optics::rig_to_toml(rig()),
+          .made_from = made_from(flags_.scene, flags_.camera)};
+}
+
+/// Renders the needed frames even if an earlier run has written them, so that the result does not
+/// depend on where that run stopped.
+bool FilmRenderer::render(uint64_t number, frames::WovenFrame& frame,
+                          const std::function<bool()>& stops, const Count& count) {
+  const uint64_t first = std::max(method_->first_needed(number), film_.begin);
+  for (uint64_t earlier = first; earlier <= number; ++earlier) {
+    if (stops()) return false;
+    const render::RenderStatistics statistics = render_frame(earlier, frame);
+    if (count) count(statistics, earlier < number);
+  }
+  return true;
+}
+
+render::RenderStatistics FilmRenderer::render_frame(uint64_t number, frames::WovenFrame& frame) {
+  prepare_scene(number);
+  method_->set_frame(number);
+  return method_->render(*scene_, stage_, frame);
+}
+
+/// Commits the scene; one that never changes is committed only once.
+void FilmRenderer::prepare_scene(uint64_t number) {
+  if (scene_ && still()) return;
+  const render::SceneDescription description = scene_of(number);
+  stage_ = stages_->at(description, film_.part_before(number));
+  scene_.reset();
+  scene_ = std::make_unique<render::Scene>(description, stage_, flags_.staging.surroundings,
+                                           flags_.options.threads);
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+// FilmRenderer renders frames of a film in any order. A frame's bytes depend on the film and the
+// number alone, not on which frames were rendered before.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "apps/lenticule-tools/cli/render_flags.h"
+#include "apps/lenticule-tools/offline/frame_output.h"
+#include "apps/lenticule-tools/offline/scene_sequence.h"
+#include "optics/trim.h"
+#include "render/make_method.h"
+#include "render/scene/scene.h"
+
+namespace lenticule::player {
+
+class FilmRenderer {
+ public:
+  /// Loads rig and scene; `film` are all frames of the film. Reports the placement and repairs of
+  /// the scene with say(). Throws Error(Usage) and Error(Input), also if the first frame of a still
+  /// scene shows nothing.
+  ///
+  /// Lifetime: must not outlive `flags`.
+  FilmRenderer(const RenderFlags& flags, FrameRange film, bool keep_missing = false);
+  FilmRenderer(const FilmRenderer&) = delete;
+  FilmRenderer& operator=(const FilmRenderer&) = delete;
+
+  [[nodiscard]] const FrameRange& film() const { return film_; }
+  [[nodiscard]] const optics::Rig& rig() const { return loaded_.rig; }
+  [[nodiscard]] frames::FrameGeometry geometry() const;
+  [[nodiscard]] const render::Method& method() const { return *method_; }
+  [[nodiscard]] const render::Stage& reference_stage() const { return stages_->reference(); }
+  [[nodiscard]] const SceneSequence& scenes() const { return scenes_; }
+
+  /// Returns the request of an output of the frames `range`.
+  [[nodiscard]] OutputRequest output_request(const std::string& target,
+                                             const FrameRange& range) const;
+
+  /// Counts a rendered frame; `again`: it is rendered only because the next one depends on it.
+  using Count = std::function<void(const render::RenderStatistics&, bool again)>;
+
+  /// Renders a frame, and before it the frames on which it depends, unless they were rendered last.
+  /// Returns false if `stops` returned true before a frame.
+  [[nodiscard]] bool render(uint64_t number, frames::WovenFrame& frame,
+                            const std::function<bool()>& stops, const Count& count = {});
+
+ private:
+  void require_content_in_view(const render::SceneDescription& first) const;
+  [[nodiscard]] bool still() const;
+  [[nodiscard]] render::SceneDescription scene_of(uint64_t frame) const;
+  render::RenderStatistics render_frame(uint64_t number, frames::WovenFrame& frame);
+  void prepare_scene(uint64_t number);
+
+  const RenderFlags& flags_;
+  FrameRange film_;
+  frames::Rate rate_;
+  optics::TrimmedRig loaded_;
+  optics::OpticalModel model_;
+  std::unique_ptr<render::Method> method_;
+  SceneSequence scenes_;
+  std::vector<render::Camera> cameras_;
+  std::optional<StageSequence> stages_;
+  render::Stage stage_;
+  std::unique_ptr<render::Scene> scene_;
+};
+
+}  // namespace lenticule::player

@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/plan.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "base/error.h"
+#include "base/text.h"
+#include "farm/json_fields.h"
+#include "frames/sequence/predictor_choice.h"
+#include "frames/sequence/sequence_format.h"
+#include "frames/sequence/sequence_joiner.h"
+
+namespace lenticule::farm {
+namespace {
+
+using nlohmann::json;
+
+constexpr int kFormat = 1;
+constexpr uint64_t kMostFrameNumber = 1'000'000'000;
+/// A chunk of this length loses little if its node fails, and is no burden for a scheduler.
+constexpr double kChunkSeconds = 120.0;
+/// Largest number of chunks that is chosen: each costs a scheduler and a file system some work.
+constexpr uint64_t kManyChunks = 10'000;
+/// A thousand nodes that render chunks of one frame are this far apart.
+constexpr int64_t kPublishEarlierFrames = 1024;
+/// Largest part of a chunk's time that is spent on other things than its frames.
+constexpr double kMostOverhead = 0.05;
+
+json result_json(const Plan& plan) {
+  return {{"program", plan.program},
+          {"arguments", plan.arguments},
+          {"frames", {plan.begin, plan.end}},
+          {"chunk_frames", plan.chunk_frames},
+          {"width", plan.film.geometry.width},
+          {"height", plan.film.geometry.height},
+          {"film", json::parse(frames::sequence_info_to_json(plan.film))},
+          {"inputs", plan.inputs},
+          {"chunk_inputs", plan.chunk_inputs},
+          {"processors",
+           "every processor and instruction set gives the same bytes; farm verify checks it"}};
+}
+
+json timing_json(const FrameTiming& timing) {
+  return {{"frames", timing.frames},
+          {"start_seconds", timing.start_seconds},
+          {"frame_seconds", timing.frame_seconds},
+          {"slowest_seconds", timing.slowest_seconds},
+          {"peak_bytes", timing.peak_bytes},
+          {"threads", timing.threads}};
+}
+
+FrameTiming parse_timing(const JsonFields& fields) {
+  constexpr uint64_t kMost = 1'000'000;
+  return {.frames = static_cast<int>(fields.whole("frames", kMost)),
+          .start_seconds = fields.number("start_seconds"),
+          .frame_seconds = fields.number("frame_seconds"),
+          .slowest_seconds = fields.number("slowest_seconds"),
+          .peak_bytes = fields.whole("peak_bytes", UINT64_MAX),
+          .threads = static_cast<int>(fields.whole("threads", kMost))};
+}
+
+void parse_frames(const JsonFields& fields, Plan& plan) {
+  const json& range = fields.need("frames");
+  const auto is_number = [](const json& value) {
+    return value.is_number_unsigned() && value.get<uint64_t>() <= kMostFrameNumber;
+  };
+  if (!range.is_array() || range.size() != 2 || !is_number(range[0]) || !is_number(range[1]))
+    fields.fail("frames", "not two frame numbers");
+  plan.begin = range[0];
+  plan.end = range[1];
+  if (plan.end <= plan.begin) fields.fail("frames", "contains no frame");
+  if (plan.end - plan.begin > frames::kMaxSequenceFrames)
+    fields.fail("frames", "more than a film can hold");
+  plan.chunk_frames = fields.whole("chunk_frames", frames::kMaxSequenceFrames);
+  if (plan.chunk_frames == 0) fields.fail("chunk_frames", "zero");
+  if (plan.chunks() > kMostChunks)
+    fields.fail("chunk_frames", fmt::format("more than {} chunks", kMostChunks));
+}
+
+void parse_inputs(const JsonFields& fields, Plan& plan) {
+  const json& inputs = fields.need("inputs");
+  if (!inputs.is_object()) fields.fail("inputs", "not an object");
+  for (const auto& [what, digest] : inputs.items()) {
+    if (!digest.is_string()) fields.fail("inputs", "not a digest");
+    plan.inputs[what] = digest.get<std::string>();
+  }
+  plan.chunk_inputs = fields.texts("chunk_inputs");
+  if (!plan.chunk_inputs.empty() && plan.chunk_inputs.size() != plan.chunks())
+    fields.fail("chunk_inputs", "not one for each chunk");
+}
+
+/// Returns the part of the work that is rendering key frames of other chunks: chunks that begin
+/// within an interval render the interval's first frame, too.
+double key_frame_overhead(uint64_t chunk_frames, uint64_t interval) {
+  const auto chunk = static_cast<double>(chunk_frames);
+  const auto aligned =
+      static_cast<double>(std::gcd(chunk_frames, interval)) / static_cast<double>(interval);
+  return (1.0 - aligned) / chunk;
+}
+
+}  // namespace
+
+uint64_t Plan::chunks() const {
+  return (end - begin + chunk_frames - 1) / chunk_frames;
+}
+
+Chunk Plan::chunk(uint64_t number) const {
+  LENTICULE_CHECK(number < chunks());
+  const uint64_t first = begin + number * chunk_frames;
+  return {.number = number, .begin = first, .end = std::min(end, first + chunk_frames)};
+}
+
+std::string Plan::identity() const {
+  return frames::digest_of_text(json_text(result_json(*this)));
+}
+
+std::string plan_to_json(const Plan& plan) {
+  const json object = {{"format", kFormat},           {"identity", plan.identity()},
+                       {"result", result_json(plan)}, {"output", plan.output},
+                       {"chunks", plan.chunks()},     {"timing", timing_json(plan.timing)}};
+  return json_text(object, 1) + "\n";
+}
+
+Plan parse_plan(std::string_view text, const std::string& source) {
+  const json object = parse_json(text, source);
+  const JsonFields fields(object, source);
+  if (fields.whole("format", UINT64_MAX) != kFormat)
+    throw Error(ErrorKind::Input, fmt::format("{}: another format of plans", source),
+                "use the version of lenticule that made the plan");
+  const JsonFields result(fields.need("result"), source);
+  Plan plan;
+  plan.program = result.text("program");
+  plan.arguments = result.texts("arguments");
+  parse_frames(result, plan);
+  constexpr auto kMost = static_cast<uint64_t>(frames::kMaxSequencePixels);
+  const frames::FrameGeometry geometry{.width = static_cast<int>(result.whole("width", kMost)),
+                                       .height = static_cast<int>(result.whole("height", kMost))};
+  if (!frames::can_hold(geometry)) result.fail("width", "no size of frames");
+  plan.film = frames::parse_sequence_info(json_text(result.need("film")), geometry, source);
+  parse_inputs(result, plan);
+  plan.output = fields.text("output");
+  plan.timing = parse_timing(JsonFields(fields.need("timing"), source));
+  if (plan.identity() != fields.text("identity"))
+    throw Error(ErrorKind::Input, fmt::format("{}: was changed after it was made", source),
+                "make it again with lenticule farm plan, in a new folder");
+  return plan;
+}
+
+uint64_t choose_chunk_frames(const FrameTiming& timing, uint64_t film_frames,
+                             uint64_t method_interval) {
+  const uint64_t interval =
+      std::lcm(frames::kPredictorInterval, std::max<uint64_t>(1, method_interval));
+  const double frame = std::max(timing.frame_seconds, 1e-6);
+  const auto wanted = std::max(static_cast<uint64_t>(std::ceil(kChunkSeconds / frame)),
+                               (film_frames + kManyChunks - 1) / kManyChunks);
+  for (uint64_t frames = std::min(wanted, film_frames); frames < film_frames; ++frames) {
+    // Whole intervals cost nothing, so a longer chunk is rounded to them.
+    if (frames > interval) frames = (frames + interval - 1) / interval * interval;
+    const double start = timing.start_seconds / (frame * static_cast<double>(frames));
+    const uint64_t repeated = method_interval > 1 ? method_interval : 1;
+    if (start + static_cast<double>(repeated) * key_frame_overhead(frames, interval) <=
+        kMostOverhead)
+      return std::min(frames, film_frames);
+  }
+  return film_frames;
+}
+
+std::vector<uint64_t> chunk_order(const Plan& plan) {
+  std::vector<uint64_t> order(plan.chunks());
+  std::iota(order.begin(), order.end(), uint64_t{0});
+  const auto place = [&plan](uint64_t number) {
+    const Chunk chunk = plan.chunk(number);
+    const uint64_t first = chunk.begin - plan.begin;
+    const uint64_t last = chunk.end - plan.begin - 1;
+    const bool publishes = first % frames::kPredictorInterval == 0 ||
+                           first / frames::kPredictorInterval < last / frames::kPredictorInterval;
+    return static_cast<int64_t>(first) - (publishes ? kPublishEarlierFrames : 0);
+  };
+  std::stable_sort(order.begin(), order.end(),
+                   [&](uint64_t a, uint64_t b) { return place(a) < place(b); });
+  return order;
+}
+
+std::string commands_text(const Plan& plan, const std::string& program,
+                          const std::filesystem::path& folder) {
+  if (folder.string().find('\n') != std::string::npos || program.find('\n') != std::string::npos)
+    throw Error(ErrorKind::Usage, "a path with a line end cannot be in a list of commands",
+                "use a work folder of another name");
+  const std::string command =
+      fmt::format("{} farm render {}", shell_quoted(program), shell_quoted(folder.string()));
+  std::string text;
+  for (const uint64_t chunk : chunk_order(plan)) text += fmt::format("{} {}\n", command, chunk);
+  return text;
+}
+
+}  // namespace lenticule::farm

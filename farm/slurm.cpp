@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/slurm.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/numbers.h"
+#include "base/text.h"
+#include "farm/json_fields.h"
+
+namespace lenticule::farm {
+namespace {
+
+using nlohmann::json;
+
+constexpr uint64_t kDefaultArraySize = 1001;
+constexpr double kTimeMargin = 3.0;  ///< of nodes that are slower than the one that planned
+constexpr double kStartMinutes = 5.0;
+constexpr double kMemoryMargin = 1.5;
+constexpr uint64_t kMemoryStep = 256;      ///< MiB
+constexpr uint64_t kDefaultMemory = 4096;  ///< MiB, without timed frames
+constexpr uint64_t kDefaultMinutes = 24 * 60;
+/// Time within which a file of another node shows in the folder of a network file system.
+constexpr int kMergeWaitSeconds = 120;
+
+int cpus_of(const Plan& plan, const SlurmOptions& options) {
+  return options.cpus > 0 ? options.cpus : std::max(1, plan.timing.threads);
+}
+
+/// Returns a name of letters and digits.
+std::string job_name(const Plan& plan, const char* what) {
+  std::string name = std::filesystem::path(plan.output).stem().string();
+  for (char& c : name)
+    if (!std::isalnum(static_cast<unsigned char>(c))) c = '-';
+  return fmt::format("{}-{}", name, what);
+}
+
+std::string script_head(const std::string& name, const SlurmOptions& options) {
+  std::string text = "#!/bin/sh\n";
+  text += fmt::format("#SBATCH --job-name={}\n", name);
+  if (!options.partition.empty())
+    text += fmt::format("#SBATCH --partition={}\n", options.partition);
+  text += "#SBATCH --nodes=1\n#SBATCH --ntasks=1\n#SBATCH --requeue\n#SBATCH --open-mode=append\n";
+  return text;
+}
+
+std::vector<std::string> common_arguments(const WorkFolder& folder, const SlurmOptions& options) {
+  std::vector<std::string> arguments = {"--parsable", "--chdir=" + folder.path().string()};
+  arguments.insert(arguments.end(), options.more.begin(), options.more.end());
+  return arguments;
+}
+
+/// Returns the text before the first line end, and removes it.
+std::string_view take_line(std::string_view& text) {
+  return take_until(text, '\n');
+}
+
+std::string_view trimmed(std::string_view text) {
+  const size_t begin = text.find_first_not_of(" \t\r");
+  if (begin == std::string_view::npos) return {};
+  return text.substr(begin, text.find_last_not_of(" \t\r") - begin + 1);
+}
+
+}  // namespace
+
+uint64_t slurm_minutes(const Plan& plan, int cpus) {
+  if (plan.timing.frames == 0) return kDefaultMinutes;
+  const double fewer =
+      std::max(1.0, static_cast<double>(std::max(1, plan.timing.threads)) / std::max(1, cpus));
+  // One frame more than the chunk has: the frame that chooses predictors.
+  const double frames = static_cast<double>(std::min(plan.chunk_frames, plan.end - plan.begin) + 1);
+  const double seconds = plan.timing.start_seconds + frames * plan.timing.slowest_seconds * fewer;
+  return static_cast<uint64_t>(std::ceil(seconds * kTimeMargin / 60.0 + kStartMinutes));
+}
+
+uint64_t slurm_mebibytes(const Plan& plan) {
+  if (plan.timing.peak_bytes == 0) return kDefaultMemory;
+  const double wanted = kMemoryMargin * static_cast<double>(plan.timing.peak_bytes) / (1 << 20);
+  return (static_cast<uint64_t>(wanted) / kMemoryStep + 1) * kMemoryStep;
+}
+
+std::string slurm_array_script(const WorkFolder& folder, const SlurmOptions& options,
+                               const std::string& program, const std::string& list) {
+  const Plan& plan = folder.plan();
+  const int cpus = cpus_of(plan, options);
+  std::string text = script_head(job_name(plan, "chunks"), options);
+  text += fmt::format("#SBATCH --cpus-per-task={}\n", cpus);
+  text += fmt::format("#SBATCH --mem={}\n", options.memory.empty()
+                                                ? fmt::format("{}M", slurm_mebibytes(plan))
+                                                : options.memory);
+  text += fmt::format("#SBATCH --time={}\n", options.time.empty()
+                                                 ? fmt::format("{}", slurm_minutes(plan, cpus))
+                                                 : options.time);
+  text += "#SBATCH --output=slurm/logs/%A_%a.log\n";
+  text += fmt::format("chunk=$(sed -n \"$((SLURM_ARRAY_TASK_ID + 1))p\" {})\n", shell_quoted(list));
+  text +=
+      fmt::format("exec {} farm render {} \"$chunk\" --threads \"${{SLURM_CPUS_PER_TASK:-{}}}\"\n",
+                  shell_quoted(program), shell_quoted(folder.path().string()), cpus);
+  return text;
+}
+
+std::string slurm_merge_script(const WorkFolder& folder, const SlurmOptions& options,
+                               const std::string& program) {
+  std::string text = script_head(job_name(folder.plan(), "merge"), options);
+  text += "#SBATCH --cpus-per-task=1\n#SBATCH --mem=512M\n";
+  text += "#SBATCH --output=slurm/logs/merge-%j.log\n";
+  text += fmt::format("exec {} farm merge {} --wait {}\n", shell_quoted(program),
+                      shell_quoted(folder.path().string()), kMergeWaitSeconds);
+  return text;
+}
+
+std::vector<std::string> slurm_array_arguments(const WorkFolder& folder,
+                                               const SlurmOptions& options, size_t tasks) {
+  std::vector<std::string> arguments = common_arguments(folder, options);
+  const std::string limit = options.array_limit > 0 ? fmt::format("%{}", options.array_limit) : "";
+  arguments.push_back(fmt::format("--array=0-{}{}", tasks - 1, limit));
+  return arguments;
+}
+
+std::vector<std::string> slurm_merge_arguments(const WorkFolder& folder,
+                                               const SlurmOptions& options,
+                                               const std::vector<uint64_t>& after) {
+  std::vector<std::string> arguments = common_arguments(folder, options);
+  // afterany, not afterok: after a failure, the merge names the chunks that are missing.
+  if (!after.empty())
+    arguments.push_back(fmt::format("--dependency=afterany:{}", fmt::join(after, ":")));
+  return arguments;
+}
+
+std::optional<uint64_t> parse_sbatch_id(std::string_view output) {
+  std::string_view line = trimmed(take_line(output));
+  return number_from<uint64_t>(take_until(line, ';'));
+}
+
+uint64_t parse_max_array_size(std::string_view output) {
+  while (!output.empty()) {
+    std::string_view line = take_line(output);
+    if (trimmed(take_until(line, '=')) != "MaxArraySize") continue;
+    const auto size = number_from<uint64_t>(trimmed(line));
+    if (size && *size > 0) return *size;
+  }
+  return kDefaultArraySize;
+}
+
+std::set<std::pair<uint64_t, uint64_t>> parse_queue(std::string_view output) {
+  std::set<std::pair<uint64_t, uint64_t>> tasks;
+  while (!output.empty()) {
+    std::string_view line = trimmed(take_line(output));
+    const auto job = number_from<uint64_t>(take_until(line, ' '));
+    const auto task = number_from<uint64_t>(trimmed(line));
+    if (job && task) tasks.insert({*job, *task});
+  }
+  return tasks;
+}
+
+std::string slurm_jobs_to_json(const std::vector<SlurmJob>& jobs) {
+  json list = json::array();
+  for (const SlurmJob& job : jobs) list.push_back({{"id", job.id}, {"chunks", job.chunks}});
+  return json_text(json{{"jobs", list}}) + "\n";
+}
+
+std::vector<SlurmJob> parse_slurm_jobs(std::string_view text, const std::string& source) {
+  const json object = parse_json(text, source);
+  const JsonFields fields(object, source);
+  const json& list = fields.need("jobs");
+  if (!list.is_array()) fields.fail("jobs", "not a list");
+  std::vector<SlurmJob> jobs;
+  for (const json& one : list) {
+    const JsonFields job(one, source);
+    const json& chunks = job.need("chunks");
+    if (!chunks.is_array()) job.fail("chunks", "not a list");
+    jobs.push_back({.id = job.whole("id", UINT64_MAX)});
+    for (const json& chunk : chunks) {
+      if (!chunk.is_number_unsigned()) job.fail("chunks", "not a list of numbers");
+      jobs.back().chunks.push_back(chunk.get<uint64_t>());
+    }
+  }
+  return jobs;
+}
+
+}  // namespace lenticule::farm

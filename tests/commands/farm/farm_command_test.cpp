@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests the commands of `lenticule farm` from the plan to the film.
+#include <csignal>
+
+#include "farm_fixture.h"
+
+namespace lenticule::test {
+namespace {
+
+class FarmCommand : public FarmTest {};
+
+TEST_F(FarmCommand, TheMergedFilmHasTheBytesOfOneRun) {
+  plan("3:63", "9");
+  render_all();
+  ASSERT_EQ(merge().exit_code, 0);
+  EXPECT_EQ(film(), film_of_one_run("3:63"));
+}
+
+/// Frames that depend on earlier ones, on the length of the film, and on flags.
+TEST_F(FarmCommand, MethodsThatReuseFramesGiveTheBytesOfOneRun) {
+  for (const std::vector<std::string>& flags : std::vector<std::vector<std::string>>{
+           {"--method", "temporal"},
+           {"--method", "adaptive", "--turn", "-10:350", "--background", "0.1,0.2,0.3"},
+           {"--method", "hybrid", "--fps", "24000/1001"}}) {
+    std::filesystem::remove_all(work());
+    plan("5:45", "9", flags);
+    for (uint64_t chunk = chunks(); chunk-- > 0;) ASSERT_EQ(render_chunk(chunk).exit_code, 0);
+    ASSERT_EQ(merge({"--overwrite"}).exit_code, 0);
+    EXPECT_EQ(film(), film_of_one_run("5:45", flags)) << flags[1];
+  }
+}
+
+TEST_F(FarmCommand, NumberedScenesAndRelativeNamesWorkFromAnyFolder) {
+  std::filesystem::create_directories(path("it's a scene"));
+  for (int frame = 0; frame < 12; ++frame)
+    ASSERT_EQ(run({"scene", "demo", "--frame", std::to_string(frame), "-o",
+                   path("it's a scene/demo-" + std::to_string(frame) + ".nff")})
+                  .exit_code,
+              0);
+  std::filesystem::copy_file(rig_, path("rig.toml"));
+  const auto shell = [&](const std::string& script) {
+    return run_process(
+        {"/bin/sh", "-c", "cd \"$2\" && " + script, "sh", LENTICULE_PROGRAM, folder_.string()});
+  };
+  const ProcessResult planned = shell(
+      "\"$1\" farm plan \"it's a scene/demo-%d.nff\" --rig rig.toml --frames 0:12 --chunk 5 "
+      "--timed-frames 1 -o film.lts --work 'w o;rk'");
+  ASSERT_EQ(planned.exit_code, 0) << planned.err;
+  const ProcessResult rendered = shell("cd / && sh \"$2/w o;rk/commands.txt\"");
+  ASSERT_EQ(rendered.exit_code, 0) << rendered.err;
+  ASSERT_EQ(shell("\"$1\" farm merge 'w o;rk'").exit_code, 0);
+  ASSERT_EQ(shell("\"$1\" render \"it's a scene/demo-%d.nff\" --rig rig.toml --frames 0:12 "
+                  "-o whole.lts")
+                .exit_code,
+            0);
+  EXPECT_EQ(film(), read_bytes(path("whole.lts")));
+}
+
+TEST_F(FarmCommand, AScenePictureOrRigThatChangesAfterThePlanIsRefused) {
+  ASSERT_EQ(run({"scene", "teapot", "-o", path("scene.nff")}).exit_code, 0);
+  std::filesystem::copy_file(rig_, path("rig.toml"));
+  const ProcessResult planned =
+      run({"farm", "plan", path("scene.nff"), "--rig", path("rig.toml"), "--frames", "0:4",
+           "--chunk", "2", "--timed-frames", "0", "-o", path("film.lts"), "--work", work()});
+  ASSERT_EQ(planned.exit_code, 0) << planned.err;
+  ASSERT_EQ(render_chunk(0).exit_code, 0);
+  ASSERT_EQ(run({"rig", "trim", path("rig.toml"), "--offset-by", "0.01"}).exit_code, 0);
+  const ProcessResult trimmed = render_chunk(1);
+  EXPECT_EQ(trimmed.exit_code, 4);
+  EXPECT_NE(trimmed.err.find("the rig is not the one of the plan"), std::string::npos)
+      << trimmed.err;
+  EXPECT_EQ(status().at("chunks_failed"), 1);
+  ASSERT_EQ(run({"rig", "trim", path("rig.toml"), "--reset"}).exit_code, 0);
+  ASSERT_EQ(run({"scene", "rings", "-o", path("scene.nff")}).exit_code, 0);
+  const ProcessResult other = render_chunk(1);
+  EXPECT_EQ(other.exit_code, 4);
+  EXPECT_NE(other.err.find("the scene is not the one of the plan"), std::string::npos) << other.err;
+}
+
+TEST_F(FarmCommand, PlanningAgainKeepsThePlanAndAnotherFilmIsRefused) {
+  plan();
+  ASSERT_EQ(render_chunk(0).exit_code, 0);
+  plan();
+  EXPECT_EQ(status().at("chunks_done"), 1);
+  EXPECT_EQ(run(plan_words("0:41", "8")).exit_code, 4);
+  EXPECT_EQ(run(plan_words("0:40", "0")).exit_code, 2);
+  EXPECT_EQ(run({"farm", "render", work(), "5"}).exit_code, 2);
+  EXPECT_EQ(run({"farm", "status", path("none")}).exit_code, 4);
+  EXPECT_EQ(run({"farm", "submit", work()}).exit_code, 2);
+}
+
+TEST_F(FarmCommand, AutomaticChunksAreChosenFromTimedFrames) {
+  const ProcessResult result = run(plan_words("0:40", "auto", {"--json"}));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const json planned = json::parse(result.out);
+  EXPECT_GT(planned.at("frame_seconds"), 0.0);
+  EXPECT_EQ(planned.at("chunks"), 1) << "40 small frames take no minutes";
+  EXPECT_EQ(run(plan_words("0:40", "auto", {"--timed-frames", "0"})).exit_code, 2);
+}
+
+TEST_F(FarmCommand, StatusCountsAndAPartialFilmEndsBeforeTheFirstMissingChunk) {
+  plan();
+  for (const uint64_t chunk : {0U, 1U, 3U}) ASSERT_EQ(render_chunk(chunk).exit_code, 0);
+  const json now = status();
+  EXPECT_EQ(now.at("chunks_done"), 3);
+  EXPECT_EQ(now.at("frames_done"), 24);
+  EXPECT_EQ(now.at("missing"), "2,4");
+  EXPECT_EQ(now.at("complete"), false);
+  EXPECT_EQ(merge().exit_code, 4);
+  ASSERT_EQ(merge({"--partial", "-o", path("begin.lts")}).exit_code, 0);
+  EXPECT_EQ(read_bytes(path("begin.lts")), film_of_one_run("0:16"));
+}
+
+TEST_F(FarmCommand, VerifyNamesTheNodeWhoseFramesDiffer) {
+  plan();
+  render_all();
+  const auto verify = [&] {
+    return run({"farm", "verify", work(), "--sample", "40", "--seed", "1", "--json"});
+  };
+  EXPECT_EQ(verify().exit_code, 0);
+  // A node that renders otherwise: chunk 2 is made from another film.
+  const json report = json::parse(std::ifstream(work() + "/reports/000002.json"));
+  ASSERT_EQ(
+      run({"render", "builtin:rings", "--rig", rig_, "--frames", "16:24", "-o", path("other.lts")})
+          .exit_code,
+      0);
+  std::filesystem::copy_file(path("other.lts"), chunk_file(2),
+                             std::filesystem::copy_options::overwrite_existing);
+  json faulty = report;
+  faulty["node"] = "node-with-a-fault";
+  faulty["bytes"] = std::filesystem::file_size(chunk_file(2));
+  std::ofstream(work() + "/reports/000002.json") << faulty.dump();
+  const ProcessResult found = verify();
+  EXPECT_EQ(found.exit_code, 1);
+  const json differences = json::parse(found.out).at("differences");
+  ASSERT_EQ(differences.size(), 8U) << found.out;
+  for (const json& one : differences) {
+    EXPECT_EQ(one.at("node"), "node-with-a-fault");
+    EXPECT_EQ(one.at("chunk"), 2);
+    EXPECT_GT(one.at("subpixels"), 0);
+  }
+}
+
+/// Returns the columns FRAME and XXH64 of a record of the virtual display.
+std::vector<std::string> shown_frames(const std::string& record) {
+  std::ifstream file(record);
+  std::vector<std::string> frames;
+  for (std::string vblank, frame; file >> vblank && std::getline(file, frame);)
+    if (vblank != "#") frames.push_back(frame);
+  return frames;
+}
+
+TEST_F(FarmCommand, FeedPlaysEachFrameOnceInOrderWhileChunksCome) {
+  plan("0:40", "8");
+  const auto play = [&](const std::string& source, const std::string& record) {
+    return program({"play", source, "--rig", rig_, "--display", "virtual", "--clock", "simulated",
+                    "--wait", "60", "--record", "checksums:" + path(record), "--json"});
+  };
+  BackgroundProcess player(play("ring:" + path("ring"), "fed.txt"));
+  BackgroundProcess feed(
+      program({"farm", "feed", work(), "ring:" + path("ring"), "--ring-timeout", "60", "--json"}));
+  for (const uint64_t chunk : {2U, 0U, 4U, 1U, 3U}) ASSERT_EQ(render_chunk(chunk).exit_code, 0);
+  const ProcessResult fed = feed.wait(std::chrono::seconds(100));
+  ASSERT_EQ(fed.exit_code, 0) << fed.err;
+  EXPECT_EQ(json::parse(fed.out).at("frames_delivered"), 40);
+  const ProcessResult played = player.wait(std::chrono::seconds(60));
+  ASSERT_EQ(played.exit_code, 0) << played.err;
+  // The merged film is shown in the same way.
+  ASSERT_EQ(merge().exit_code, 0);
+  ASSERT_EQ(run_process(play(path("film.lts"), "film.txt")).exit_code, 0);
+  EXPECT_EQ(shown_frames(path("fed.txt")).size(), 40U);
+  EXPECT_EQ(shown_frames(path("fed.txt")), shown_frames(path("film.txt")));
+}
+
+TEST_F(FarmCommand, FeedEndsWhenItIsInterrupted) {
+  plan("0:40", "8");
+  BackgroundProcess player(
+      program({"play", "ring:" + path("ring"), "--rig", rig_, "--display", "virtual"}));
+  const ProcessResult fed =
+      run({"farm", "feed", work(), "ring:" + path("ring"), "--ring-timeout", "60"},
+          {.interrupt_signal = SIGINT, .interrupt_after = std::chrono::milliseconds(3000)});
+  EXPECT_EQ(fed.exit_code, 130) << fed.err;
+}
+
+}  // namespace
+}  // namespace lenticule::test

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests the farm with a real Slurm of two nodes on this machine.
+#include <chrono>
+#include <memory>
+
+#include "farm_fixture.h"
+#include "slurm_cluster.h"
+
+namespace lenticule::test {
+namespace {
+
+constexpr std::chrono::seconds kLong{600};
+
+class FarmSlurm : public FarmTest {
+ protected:
+  void SetUp() override {
+    FarmTest::SetUp();
+    if (!SlurmCluster::installed()) GTEST_SKIP() << "Slurm is not installed: scripts/packages farm";
+    cluster_ = std::make_unique<SlurmCluster>(folder_ / "slurm");
+  }
+  void TearDown() override {
+    if (HasFailure() && cluster_) GTEST_LOG_(INFO) << cluster_->logs() << job_logs();
+    cluster_.reset();
+    FarmTest::TearDown();
+  }
+
+  [[nodiscard]] ProcessResult submit(const std::vector<std::string>& more = {}) const {
+    std::vector<std::string> words =
+        program({"farm", "submit", work(), "--slurm", "--mem", "200M", "--cpus", "1", "--json"});
+    words.insert(words.end(), more.begin(), more.end());
+    return cluster_->run(words);
+  }
+  [[nodiscard]] bool wait_for_empty_queue() const {
+    return wait_until([&] { return cluster_->queued() == 0; }, kLong);
+  }
+  [[nodiscard]] int chunks_done() const { return status().at("chunks_done").get<int>(); }
+  [[nodiscard]] std::string job_logs() const {
+    return run_process({"/bin/sh", "-c", "tail -n 20 \"$1\"/slurm/logs/*", "sh", work()}).out;
+  }
+  /// Makes chunks of some seconds, so that a node can be killed within one.
+  void plan_long_chunks() {
+    rig_ = source_file("scenes/rigs/paper-64.toml");
+    plan("0:60", "4", {"--samples", "8"});
+  }
+
+  std::unique_ptr<SlurmCluster> cluster_;
+};
+
+TEST_F(FarmSlurm, RendersAndMergesAFilmOnTwoNodes) {
+  plan("0:60", "4");  // 15 chunks, in two arrays of at most 10 tasks
+  const ProcessResult submitted = submit({"--array-limit", "4", "--partition", "farm"});
+  ASSERT_EQ(submitted.exit_code, 0) << submitted.err;
+  const json jobs = json::parse(submitted.out);
+  EXPECT_EQ(jobs.at("chunks_submitted"), 15);
+  EXPECT_EQ(jobs.at("array_jobs").size(), 2U);
+  ASSERT_TRUE(jobs.at("merge_job").is_number());
+  // What is in the queue is not submitted twice.
+  const ProcessResult again = submit();
+  ASSERT_EQ(again.exit_code, 0) << again.err;
+  EXPECT_LT(json::parse(again.out).at("chunks_submitted"), 4) << again.out;
+  ASSERT_TRUE(wait_for_empty_queue());
+  const json done = status();
+  EXPECT_EQ(done.at("complete"), true) << done.dump(1);
+  EXPECT_EQ(done.at("nodes").size(), 2U) << done.dump(1);
+  EXPECT_EQ(film(), film_of_one_run("0:60"));
+}
+
+TEST_F(FarmSlurm, SubmitsOnlyWhatIsMissing) {
+  plan("0:40", "4");
+  for (const uint64_t chunk : {0U, 1U, 2U, 5U, 6U, 7U, 9U})
+    ASSERT_EQ(render_chunk(chunk).exit_code, 0);
+  const ProcessResult dry = submit({"--dry-run"});
+  EXPECT_EQ(dry.exit_code, 0) << dry.err;
+  EXPECT_NE(dry.out.find("--array=0-2"), std::string::npos) << dry.out;
+  EXPECT_NE(dry.out.find("#SBATCH --requeue"), std::string::npos) << dry.out;
+  EXPECT_EQ(cluster_->queued(), 0);
+  const ProcessResult submitted = submit();
+  ASSERT_EQ(submitted.exit_code, 0) << submitted.err;
+  EXPECT_EQ(json::parse(submitted.out).at("chunks_submitted"), 3);
+  ASSERT_TRUE(wait_for_empty_queue());
+  EXPECT_EQ(film(), film_of_one_run("0:40"));
+}
+
+/// The tasks of the killed node go on as orphans, and are started again on the other node: each
+/// chunk of that node is rendered twice.
+TEST_F(FarmSlurm, SurvivesANodeThatDiesAndAControllerThatRestarts) {
+  plan_long_chunks();
+  ASSERT_EQ(submit().exit_code, 0);
+  ASSERT_TRUE(
+      wait_until([&] { return cluster_->running_on("n2") > 0 && chunks_done() > 1; }, kLong));
+  cluster_->kill_node("n2");
+  ASSERT_EQ(cluster_
+                ->run({"/usr/bin/scontrol", "update", "nodename=n2", "state=down",
+                       "reason=killed by the test"})
+                .exit_code,
+            0);
+  ASSERT_TRUE(wait_until([&] { return chunks_done() > 5; }, kLong));
+  cluster_->kill_controller();
+  ASSERT_TRUE(wait_until([&] { return chunks_done() > 7; }, kLong));
+  cluster_->start_controller();
+  cluster_->start_node("n2");
+  ASSERT_TRUE(wait_until([&] { return cluster_->queued() > 0; }, std::chrono::seconds(60)));
+  ASSERT_TRUE(wait_for_empty_queue());
+  // The merge was allowed to begin before a task that was started again had ended.
+  const json done = status();
+  EXPECT_EQ(done.at("complete"), true) << done.dump(1);
+  EXPECT_TRUE(done.at("differing").empty());
+  if (!std::filesystem::exists(path("film.lts"))) {
+    ASSERT_EQ(submit().exit_code, 0);
+    ASSERT_TRUE(wait_for_empty_queue());
+  }
+  EXPECT_EQ(film(), film_of_one_run("0:60", {"--samples", "8"}));
+}
+
+TEST_F(FarmSlurm, AFailedChunkIsNamedByTheMergeAndSubmittedAgain) {
+  plan("0:40", "4");
+  std::filesystem::create_directory(work() + "/reports/000003.json");  // no file can be put there
+  ASSERT_EQ(submit().exit_code, 0);
+  ASSERT_TRUE(wait_until([&] { return chunks_done() == 9; }, kLong));
+  ASSERT_EQ(cluster_->run({"/usr/bin/scancel", "--name=film-merge"}).exit_code, 0);
+  ASSERT_TRUE(wait_for_empty_queue());
+  EXPECT_EQ(status().at("chunks_failed"), 1);
+  EXPECT_FALSE(std::filesystem::exists(path("film.lts")));
+  std::filesystem::remove(work() + "/reports/000003.json");
+  const ProcessResult submitted = submit();
+  EXPECT_EQ(json::parse(submitted.out).at("chunks_submitted"), 1) << submitted.err;
+  ASSERT_TRUE(wait_for_empty_queue());
+  EXPECT_EQ(film(), film_of_one_run("0:40"));
+}
+
+}  // namespace
+}  // namespace lenticule::test
