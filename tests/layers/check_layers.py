@@ -31,6 +31,7 @@ MAY_INCLUDE = {
     "calib": "base optics frames",
     "player": "base optics frames display",
     "apps/lenticule-video": "base optics frames",
+    "apps/lenticule-web": "base optics frames",
     "apps/lenticule": "base optics frames display player",
     "apps/lenticule-tools": "base optics frames scenes render display calib player apps/lenticule",
     "apps/lenticule-bench": "base optics frames scenes render display calib player apps/lenticule "
@@ -53,9 +54,11 @@ LIBRARIES = {
     "ceres": "calib",
     "Eigen": "calib",
     "unsupported/Eigen": "calib",
-    "turbojpeg": "calib",
+    "turbojpeg": "calib apps/lenticule-web",
+    "microhttpd": "apps/lenticule-web",
     "apriltag": "calib",
-    "CLI": "apps/lenticule apps/lenticule-tools apps/lenticule-bench apps/lenticule-video",
+    "CLI": "apps/lenticule apps/lenticule-tools apps/lenticule-bench apps/lenticule-video "
+           "apps/lenticule-web",
     "systemd": "player",
     "zstd": "frames apps/lenticule-bench",
     "lz4": "frames apps/lenticule-bench",
