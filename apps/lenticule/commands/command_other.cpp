@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench runs lenticule-bench, which has its own package.
+// lenticule bench and lenticule web run programs that have packages of their own.
 #include <CLI/CLI.hpp>
 #include <string>
 #include <vector>
@@ -11,21 +11,29 @@ namespace lenticule::player {
 namespace {
 
 constexpr OtherProgram kBench = {.name = "lenticule-bench", .package = "lenticule-bench"};
+constexpr OtherProgram kWeb = {.name = "lenticule-web", .package = "lenticule-web"};
 
-ExitCode become_bench(std::vector<std::string> words) {
-  words.insert(words.begin(), kBench.name);
-  std::vector<char*> pointers;
-  for (std::string& word : words) pointers.push_back(word.data());
-  pointers.push_back(nullptr);
-  become_program(kBench, "bench", pointers.data());
+Run declare_other(CLI::App& app, const OtherProgram& program, const char* command) {
+  app.prefix_command();  // all following arguments are for the program,
+  app.set_help_flag();   // including --help
+  return [&app, &program, command]() -> ExitCode {
+    std::vector<std::string> words = app.remaining();
+    words.insert(words.begin(), program.name);
+    std::vector<char*> pointers;
+    for (std::string& word : words) pointers.push_back(word.data());
+    pointers.push_back(nullptr);
+    become_program(program, command, pointers.data());
+  };
 }
 
 }  // namespace
 
 Run declare_bench(CLI::App& app) {
-  app.prefix_command();  // all following arguments are for lenticule-bench,
-  app.set_help_flag();   // including --help
-  return [&app] { return become_bench(app.remaining()); };
+  return declare_other(app, kBench, "bench");
+}
+
+Run declare_web(CLI::App& app) {
+  return declare_other(app, kWeb, "web");
 }
 
 }  // namespace lenticule::player
