@@ -7,6 +7,7 @@
 #include <turbojpeg.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cstring>
 #include <memory>
@@ -141,13 +142,15 @@ std::string jpeg_of(const optics::RgbPicture& picture, int quality) {
   return {reinterpret_cast<const char*>(bytes), size};
 }
 
-void PictureMaker::take_frame(milliseconds oldest) {
-  if (frame_ && steady_clock::now() - taken_ <= oldest) return;
+std::shared_ptr<const PictureMaker::Taken> PictureMaker::take_frame(milliseconds oldest) {
+  const std::lock_guard lock(mutex_);
+  if (taken_ && steady_clock::now() - taken_at_ <= oldest) return taken_;
+  auto taken = std::make_shared<Taken>();
   for (int tries = 1;; ++tries) {
     try {
       const ControlLink::Answer answer = link_.ask({{"do", "frame"}});
       if (!answer.descriptor) fail("the player sent no shared memory");
-      frame_ = copy_shared_frame(answer.body, answer.descriptor.get());
+      taken->frame = copy_shared_frame(answer.body, answer.descriptor.get());
       break;
     } catch (const Error& error) {
       // Another client may have asked for a frame meanwhile.
@@ -156,44 +159,42 @@ void PictureMaker::take_frame(milliseconds oldest) {
       if (!again) throw;
     }
   }
-  taken_ = steady_clock::now();
-  if (!model_ || model_toml_ != frame_->rig_toml) {
-    model_.emplace(optics::parse_rig(frame_->rig_toml, "the player's rig"));
-    model_toml_ = frame_->rig_toml;
-  }
+  const bool same_rig = taken_ && taken_->frame.rig_toml == taken->frame.rig_toml;
+  taken->model = same_rig ? taken_->model
+                          : std::make_shared<const optics::OpticalModel>(
+                                optics::parse_rig(taken->frame.rig_toml, "the player's rig"));
+  taken_ = taken;
+  taken_at_ = steady_clock::now();
+  return taken;
 }
 
 std::string PictureMaker::frame(int width) {
-  const std::lock_guard lock(mutex_);
-  take_frame(kFreshEnough);
-  return jpeg_of(reduced(*frame_, std::clamp(width, kMinWidth, kMaxWidth)), kQuality);
+  const std::lock_guard one(one_picture_);
+  const auto taken = take_frame(kFreshEnough);
+  return jpeg_of(reduced(taken->frame, std::clamp(width, kMinWidth, kMaxWidth)), kQuality);
 }
 
 std::string PictureMaker::eye(const optics::Eye& eye, int width) {
-  const std::lock_guard lock(mutex_);
-  take_frame(kFreshEnough);
-  width = std::clamp(width, kMinWidth, std::min(kMaxWidth, frame_->geometry.width));
-  const int height = std::max(1, static_cast<int>(static_cast<int64_t>(frame_->geometry.height) *
-                                                  width / frame_->geometry.width));
-  return jpeg_of(optics::simulate_eye(*model_,
-                                      {.pixels = frame_->pixels.data(),
-                                       .width = frame_->geometry.width,
-                                       .height = frame_->geometry.height,
-                                       .stride_bytes = frame_->row_bytes},
+  const std::lock_guard one(one_picture_);
+  const auto taken = take_frame(kFreshEnough);
+  const frames::FrameGeometry& size = taken->frame.geometry;
+  width = std::clamp(width, std::min(kMinWidth, size.width), std::min(kMaxWidth, size.width));
+  const int height = std::max(1, static_cast<int>(int64_t{size.height} * width / size.width));
+  return jpeg_of(optics::simulate_eye(*taken->model,
+                                      {.pixels = taken->frame.pixels.data(),
+                                       .width = size.width,
+                                       .height = size.height,
+                                       .stride_bytes = taken->frame.row_bytes},
                                       eye, {.width = width, .height = height}),
                  kQuality);
 }
 
 optics::OpticalModel PictureMaker::model() {
-  const std::lock_guard lock(mutex_);
-  take_frame(std::chrono::seconds(2));
-  return *model_;
+  return *take_frame(std::chrono::seconds(2))->model;
 }
 
 std::string PictureMaker::rig_toml() {
-  const std::lock_guard lock(mutex_);
-  take_frame(std::chrono::seconds(2));
-  return frame_->rig_toml;
+  return take_frame(std::chrono::seconds(2))->frame.rig_toml;
 }
 
 }  // namespace lenticule::web

@@ -5,8 +5,8 @@
 
 #include <chrono>
 #include <cstdint>
+#include <memory>
 #include <mutex>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -50,14 +50,18 @@ class PictureMaker {
   [[nodiscard]] std::string rig_toml();
 
  private:
-  void take_frame(std::chrono::milliseconds oldest);
+  /// Taken is a frame and the optical model of its rig.
+  struct Taken {
+    SharedFrame frame;
+    std::shared_ptr<const optics::OpticalModel> model;
+  };
+  [[nodiscard]] std::shared_ptr<const Taken> take_frame(std::chrono::milliseconds oldest);
 
   ControlLink& link_;
-  std::mutex mutex_;  ///< guards the members below
-  std::optional<SharedFrame> frame_;
-  std::chrono::steady_clock::time_point taken_{};
-  std::optional<optics::OpticalModel> model_;
-  std::string model_toml_;
+  std::mutex one_picture_;  ///< held while a picture is made
+  std::mutex mutex_;        ///< guards the members below
+  std::shared_ptr<const Taken> taken_;
+  std::chrono::steady_clock::time_point taken_at_{};
 };
 
 }  // namespace lenticule::web

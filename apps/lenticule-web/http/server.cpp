@@ -96,7 +96,8 @@ Response html_page(int status, const std::string& title, const std::string& cont
   response.body = fmt::format(
       "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
       "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">{}"
-      "<title>{}</title><link rel=\"stylesheet\" href=\"/style.css\"></head>"
+      "<title>{}</title><link rel=\"icon\" href=\"/icon.svg\"><link rel=\"stylesheet\" "
+      "href=\"/style.css\"></head>"
       "<body><main><h1>{}</h1>{}</main></body></html>\n",
       head, title, title, content);
   return response;

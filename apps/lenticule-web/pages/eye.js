@@ -69,7 +69,7 @@ function drawCrosstalk() {
 }
 
 const reload = refreshPicture($("seen"), () =>
-  `/api/v1/eye.jpg?x=${eye.x.toFixed(1)}&y=${eye.y.toFixed(1)}&z=${eye.z.toFixed(1)}&width=960`, 500,
+  `/api/v1/eye.jpg?x=${eye.x.toFixed(1)}&y=${eye.y.toFixed(1)}&z=${eye.z.toFixed(1)}&width=${innerWidth < 700 ? 640 : 960}`, 500,
 (trouble, ms) => {
   $("caption").textContent = trouble || `${eye.x.toFixed(0)} mm right, ${eye.y.toFixed(0)} mm up, `
     + `${eye.z.toFixed(0)} mm away; picture took ${ms.toFixed(0)} ms`;

@@ -149,6 +149,7 @@ function size(bytes) {
 
 function verdict(check) {
   if (!check) return make("span", { class: "soft" }, "not checked");
+  if (check.plays && check.too_slow) return make("span", { class: "warn" }, "fits this panel; was read too slowly beside what plays");
   if (check.plays) return make("span", { class: "good" }, "plays on this panel");
   return make("span", { class: "bad" }, check.problems.join("; "));
 }
@@ -201,7 +202,8 @@ function sendPart(address, file, from, to, progress) {
 /** Sends the file from where an earlier upload ended. */
 async function sendFile(file) {
   const address = "/api/v1/media/" + encodeURIComponent(file.name);
-  const known = await fetch(address).then((answer) => answer.ok ? answer.json() : {});
+  const media = await api("GET", "media").catch(() => ({ files: [] }));
+  const known = media.files.find((one) => one.name === file.name) || {};
   let at = known.received && known.received < file.size ? known.received : 0;
   upload = { request: null };
   $("upload").hidden = false;
@@ -236,6 +238,9 @@ let eye = null;
 attempt(async () => { eye = await api("GET", "optics"); });
 refreshPicture($("seen"), () =>
   `/api/v1/eye.jpg?x=0&y=${eye ? eye.viewing_height_mm : 0}&z=${eye && eye.viewing_distance_mm || 700}&width=640`, 2000);
+setInterval(() => {
+  if (!document.hidden) attempt(async () => showState({ ...state, machine: (await api("GET", "state")).machine }));
+}, 10000);
 let connected = null;
 follow((now) => {
   showState(now);
