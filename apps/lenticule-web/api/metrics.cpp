@@ -46,6 +46,10 @@ ordered_json inner(const ordered_json& json, const char* key) {
   return json.is_object() && json.contains(key) ? json[key] : ordered_json();
 }
 
+std::string text_of(const ordered_json& json) {
+  return json.is_string() ? json.get<std::string>() : std::string();
+}
+
 void add(std::string& text, const char* type, const std::string& name, const std::string& help,
          const std::string& value, const std::string& labels = {}) {
   if (!help.empty())
@@ -104,12 +108,13 @@ void add_sentences(const ordered_json& state, const ordered_json& statistics,
   const ordered_json doing = inner(status, "state");
   if (doing.is_string() && doing != "playing" && doing != "paused")
     say("The player does not play; its state is: " + doing.get<std::string>() + ".");
-  for (const char* key : {"write_trouble", "rig_trouble"}) {
-    const ordered_json trouble = inner(status, key);
-    if (trouble.is_string() && trouble != "") say("Fault: " + trouble.get<std::string>() + ".");
-    if (inner(trouble, "cause").is_string() && trouble["cause"] != "")
-      say("A file cannot be written: " + trouble["cause"].get<std::string>() + ".");
-  }
+  const ordered_json rig = inner(status, "rig_trouble");
+  if (rig.is_string() && rig != "") say("The rig file is not followed: " + text_of(rig) + ".");
+  const ordered_json writes = inner(status, "write_trouble");
+  for (const ordered_json& write : writes.is_array() ? writes : ordered_json::array())
+    if (inner(write, "cause").is_string() && write["cause"] != "")
+      say("A file cannot be written: " + text_of(inner(write, "object")) + ": " +
+          text_of(write["cause"]) + ".");
   uint64_t missed = 0, late = 0;
   for (const MinuteFigures& minute : history) {
     missed += minute.missed_vblanks;
@@ -122,8 +127,8 @@ void add_sentences(const ordered_json& state, const ordered_json& statistics,
     say("Some frames of the content are damaged; the list names the files.");
   if (number_at(status, "items_skipped").value_or(0) > 0)
     say("Items of the list could not be played and were skipped.");
-  const ordered_json exactness = inner(statistics, "exactness");
-  if (inner(exactness, "exact") == "no") say("Subpixels do not reach the panel unchanged.");
+  if (inner(inner(statistics, "exactness"), "exact") == "no")
+    say("Subpixels do not reach the panel unchanged.");
 }
 
 }  // namespace
@@ -157,7 +162,7 @@ std::string metrics_text(const PlayerState& player) {
   if (connected) {
     const ordered_json doing = inner(state["status"], "state");
     add(text, "gauge", "state", "The state of the player.", "1",
-        fmt::format("{{state=\"{}\"}}", label(doing.is_string() ? doing.get<std::string>() : "")));
+        fmt::format("{{state=\"{}\"}}", label(text_of(doing))));
   }
   for (const Counter& counter : kCounters)
     if (const auto value = number_at(statistics, counter.key))

@@ -29,9 +29,8 @@ function drawRoom() {
       const [left, bottom] = toRoom((k - 0.5) * lobe, far);
       const [right] = toRoom((k + 0.5) * lobe, far);
       const [middle] = toRoom(0, 0);
-      if (k % 2 === 0)
-        parts.push(make("path", { svg: true, class: "zone", d: `M${middle} ${TOP}L${left} ${bottom}L${right} ${bottom}Z` }));
-      parts.push(make("path", { svg: true, class: "edge", d: `M${middle} ${TOP}L${left} ${bottom}` }));
+      parts.push(make("path", { svg: true, class: k % 2 ? "zone odd" : "zone", d: `M${middle} ${TOP}L${left} ${bottom}L${right} ${bottom}Z` }),
+        make("path", { svg: true, class: "edge", d: `M${middle} ${TOP}L${left} ${bottom}` }));
     }
     const [left] = toRoom(-half, 0), [right] = toRoom(half, 0);
     parts.push(make("rect", { svg: true, class: "panel", x: left, y: TOP - 12, width: right - left, height: 10 }));

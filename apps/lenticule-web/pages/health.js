@@ -11,6 +11,24 @@ function row(name, value) {
   return make("tr", {}, make("th", { scope: "row" }, name), make("td", {}, String(value)));
 }
 
+/** Says in plain words what the player reported. */
+function sentence(fault) {
+  const source = fault.source || "", cause = fault.cause || "";
+  const figures = fault.figures || {};
+  const words = {
+    frame_missed: () => `${fault.missed_vblanks} vblanks missed, ${fault.late_frames} frames late, within a second`,
+    too_slow: () => `the source is too slow: ${figures.seen_frames_per_s.toFixed(1)} of ${figures.needed_frames_per_s.toFixed(1)} frames per second`,
+    bad_item: () => `skipped: ${source}: ${cause}`,
+    damaged_item: () => `damaged: ${source}: ${cause}`,
+    not_replaced: () => `the old version continues: ${source}: ${cause}`,
+  };
+  try {
+    return words[fault.event]();
+  } catch {
+    return fault.event.replaceAll("_", " ");
+  }
+}
+
 function drawHour(history) {
   const worst = Math.max(1, ...history.map((one) => one.missed_vblanks + one.late_frames));
   const last = history.length ? history[history.length - 1].time : 0;
@@ -36,7 +54,7 @@ function show(health) {
   $("verdict").className = style;
   $("sentences").replaceChildren(...health.sentences.map((one) => make("li", {}, one)));
   const exact = health.exactness;
-  $("exact").textContent = exact ? `Subpixels reach the panel unchanged: ${exact.exact || exact.summary || JSON.stringify(exact)}`
+  $("exact").textContent = exact ? `Subpixels reach the panel unchanged: ${exact.exact}.` + (exact.exact === "yes" ? "" : ` ${exact.reasons.join("; ")}`)
     : "This display has no connection that could change subpixels.";
   drawHour(health.history);
   $("figures").replaceChildren(...Object.entries(health.figures).map(([key, value]) => row(NAMES[key] || key, value)));
@@ -45,7 +63,7 @@ function show(health) {
     ...health.machine.clocks.map((one) => row(one.name, `${one.mhz.toFixed(0)} MHz`)));
   if (!$("machine").children.length) $("machine").append(row("Sensors", "the kernel reports none"));
   $("faults").replaceChildren(...(health.faults.length ? health.faults.map((one) => make("li", {},
-    make("span", { class: "name" }, `${one.event.replaceAll("_", " ")}: ${one.source || ""} ${one.cause || ""}`),
+    make("span", { class: "name" }, sentence(one)),
     make("span", { class: "soft" }, clock(one.time)))) : [make("li", {}, "None.")]));
 }
 
