@@ -138,9 +138,6 @@ for (const device of Object.keys(DEVICES)) {
         if (name === "now") await showsPicture(page, "seen");
         if (name === "eye") await page.waitForSelector("#room .eye");
         await page.screenshot({ path: join(output, `${name}-${device}-${scheme}.png`), fullPage: true });
-        const docs = { "now desktop light": "web-now", "eye phone dark": "web-eye", "trim phone light": "web-trim" };
-        const picture = docs[`${name} ${device} ${scheme}`];
-        if (picture) await page.screenshot({ path: join(output, picture + ".png"), fullPage: device === "desktop" });
         // The policy of the pages forbids scripts from elsewhere; the protocol of the browser does not.
         await page.evaluate(axe);
         const found = await page.evaluate(async () => (await axe.run()).violations.map((one) =>

@@ -25,8 +25,10 @@ void compare(const ordered_json& value, const ordered_json& schema, const ordere
     return compare(value, description["components"]["schemas"][name.substr(name.rfind('/') + 1)],
                    description, place, wrong);
   }
-  if (!schema.contains("type")) return;
   if (value.is_null() && schema.value("nullable", false)) return;
+  if (schema.contains("allOf"))
+    return compare(value, schema["allOf"][0], description, place, wrong);
+  if (!schema.contains("type")) return;
   const auto type = schema["type"].get<std::string>();
   const bool fits =
       (type == "object" && value.is_object()) || (type == "array" && value.is_array()) ||
@@ -41,8 +43,10 @@ void compare(const ordered_json& value, const ordered_json& schema, const ordere
     for (const ordered_json& one : value)
       compare(one, schema["items"], description, place + "[]", wrong);
   if (type != "object" || !schema.contains("properties")) return;
-  for (const auto& key : schema["required"])
-    if (!value.contains(key)) wrong += place + ": no " + key.get<std::string>() + "\n";
+  for (const auto& required : schema["required"]) {
+    const auto key = required.get<std::string>();
+    if (!value.contains(key)) wrong += place + ": no " + key + "\n";
+  }
   for (const auto& [key, inner] : value.items()) {
     if (schema["properties"].contains(key))
       compare(inner, schema["properties"][key], description, place + "." + key, wrong);

@@ -157,6 +157,14 @@ struct ServerCallbacks {
       server.watch_.closed(fd_of(connection));
   }
 
+  /// Decodes an address or a part of its query. A text with an encoded zero stays as it is: its end
+  /// would be cut off, and the rest would name something else.
+  static size_t unescape(void* unused, MHD_Connection* connection, char* text) {
+    (void)unused;
+    (void)connection;
+    return std::strstr(text, "%00") != nullptr ? std::strlen(text) : MHD_http_unescape(text);
+  }
+
   /// Discards the library's messages, which strangers can cause at will.
   static void discard_message(void* unused, const char* format, va_list arguments) {
     (void)unused;
@@ -217,7 +225,8 @@ Server::Server(std::vector<Listener> listeners, Site& site, Access& access, Serv
         MHD_OPTION_PER_IP_CONNECTION_LIMIT, limits.connections_per_address,
         MHD_OPTION_CONNECTION_TIMEOUT, static_cast<unsigned>(limits.idle_time.count()),
         MHD_OPTION_CONNECTION_MEMORY_LIMIT, limits.head_bytes, MHD_OPTION_THREAD_STACK_SIZE,
-        kThreadStack, MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_NOTIFY_COMPLETED,
+        kThreadStack, MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_UNESCAPE_CALLBACK,
+        &ServerCallbacks::unescape, nullptr, MHD_OPTION_NOTIFY_COMPLETED,
         &ServerCallbacks::completed, door.get(), MHD_OPTION_NOTIFY_CONNECTION,
         &ServerCallbacks::connection_changed, door.get(), MHD_OPTION_END);
     if (door->daemon == nullptr)

@@ -294,6 +294,12 @@ TEST_F(WebServer, StrangersFromManyAddressesMakeRoomForKnownOnes) {
   EXPECT_EQ(status, 200);
 }
 
+TEST_F(WebServer, AnEncodedZeroDoesNotShortenAnAddress) {
+  serve();
+  EXPECT_EQ(ask("GET", "/a%00b", bearer(see_)).body.find("\"path\":\"/a\""), std::string::npos);
+  EXPECT_NE(ask("GET", "/a%20b", bearer(see_)).body.find("\"path\":\"/a b\""), std::string::npos);
+}
+
 TEST_F(WebServer, GarbageIsRefused) {
   serve();
   for (const std::string& garbage :
