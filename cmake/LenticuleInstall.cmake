@@ -34,5 +34,11 @@ install(FILES udev/lenticule-player@.service udev/lenticule-renderer@.service
   DESTINATION lib/systemd/system COMPONENT player)
 install(FILES udev/lenticule.sysusers
   DESTINATION lib/sysusers.d RENAME lenticule.conf COMPONENT player)
+install(FILES udev/lenticule-web@.service udev/lenticule-web@.socket
+  DESTINATION lib/systemd/system COMPONENT web)
+install(FILES udev/lenticule-player-web.conf
+  DESTINATION lib/systemd/system/lenticule-player@.service.d RENAME web.conf COMPONENT web)
+install(FILES udev/lenticule-web.sysusers
+  DESTINATION lib/sysusers.d RENAME lenticule-web.conf COMPONENT web)
 install(FILES udev/lenticule.tmpfiles
   DESTINATION lib/tmpfiles.d RENAME lenticule.conf COMPONENT player)

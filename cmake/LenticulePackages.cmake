@@ -33,7 +33,8 @@ set(one_package "lenticule (<< 0.1.0-1)")
 
 # lenticule_package(COMPONENT PACKAGE SUMMARY TEXT [DEPENDS ...] [RECOMMENDS ...] [SECTION ...]
 #                   [SCRIPTS ...] [KEEPS_NAME])
-#   Describes the package of a component. KEEPS_NAME: the package follows the one that had all files.
+#   Describes the package of a component. KEEPS_NAME: the package follows the one that had all files, or
+#   has none of them.
 macro(lenticule_package component package summary text)
   cmake_parse_arguments(PACKAGE KEEPS_NAME "SECTION;RECOMMENDS" "DEPENDS;SCRIPTS" ${ARGN})
   string(TOUPPER ${component} upper)
@@ -72,6 +73,14 @@ lenticule_package(media lenticule-media "picture and video decoders for lenticul
 Reads and writes picture and video files for the other packages of lenticule.
 Files are decoded in a process without rights."
   DEPENDS "lenticule-player ${same}" SCRIPTS no-ldconfig/postinst no-ldconfig/postrm)
+lenticule_package(web lenticule-web "pages and HTTP interface for players of lenticular 3-D displays"
+"${about}
+.
+Pages on which a phone or a browser watches and controls the player of a
+kiosk: what plays, the list and its files, the picture that an eye sees, the
+trim of the lens sheet, and metrics for Prometheus."
+  DEPENDS "lenticule-player ${same}" RECOMMENDS "lenticule-media ${same}"
+  SCRIPTS web/postinst web/prerm web/postrm KEEPS_NAME)
 lenticule_package(tools lenticule "renderer and tools for lenticular 3-D displays"
 "Renders scenes, and weaves other people's pictures and videos for a display
 behind a sheet of cylinder lenses. Finds the lens sheet with a camera, from

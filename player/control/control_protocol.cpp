@@ -32,6 +32,8 @@ const std::vector<VerbRow>& verbs() {
       {ControlVerb::Loop, "loop", {"count"}},
       {ControlVerb::Trim, "trim", {"offset", "pitch", "offset_by", "pitch_by"}},
       {ControlVerb::Snapshot, "snapshot", {"file", "eye"}},
+      {ControlVerb::Frame, "frame", {}},
+      {ControlVerb::List, "list", {"item"}},
       {ControlVerb::Stats, "stats", {}},
       {ControlVerb::Doctor, "doctor", {}},
       {ControlVerb::Subscribe, "subscribe", {}},

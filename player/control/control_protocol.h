@@ -26,6 +26,8 @@ enum class ControlVerb {
   Loop,
   Trim,
   Snapshot,
+  Frame,
+  List,
   Stats,
   Doctor,
   Subscribe,
@@ -39,7 +41,7 @@ struct ControlRequest {
   ControlVerb verb = ControlVerb::Status;
   std::string source{};             ///< load
   std::optional<uint64_t> frame{};  ///< load, seek
-  std::optional<uint64_t> item{};   ///< load, seek
+  std::optional<uint64_t> item{};   ///< load, seek, list
   uint64_t loops = 0;               ///< loop; 0 = forever
   /// trim: absolute values, or increments if `relative`.
   std::optional<double> offset_lenses{};

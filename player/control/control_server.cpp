@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cstring>
 #include <tuple>
 #include <utility>
 
@@ -36,6 +37,8 @@ void report_and_close(const UniqueFd& fd, const Error& error) {
 
 std::string line_of(const json& id, const ControlAnswer& answer) {
   if (const auto* const error = std::get_if<Error>(&answer)) return error_line(id, *error);
+  if (const auto* const with = std::get_if<DescriptorAnswer>(&answer))
+    return answer_line(id, with->body);
   return answer_line(id, std::get<ordered_json>(answer));
 }
 
@@ -247,9 +250,12 @@ void ControlServer::take_line(Client& client, const std::string& line) {
     ++client.unanswered;
     const auto answer = [inbox = inbox_, number = client.number, id](const ControlAnswer& result) {
       std::string text = line_of(id, result);
+      const auto* const with = std::get_if<DescriptorAnswer>(&result);
       {
         const std::lock_guard lock(inbox->mutex);
-        inbox->answers.push_back({number, std::move(text)});
+        inbox->answers.push_back({.client = number,
+                                  .text = std::move(text),
+                                  .descriptor = with != nullptr ? with->descriptor : nullptr});
       }
       inbox->wake.signal();
     };
@@ -280,7 +286,7 @@ void ControlServer::take_inbox() {
     for (const auto& client : clients_)
       if (client->number == answer.client) {
         --client->unanswered;
-        queue(*client, answer.text);
+        queue(*client, answer.text, answer.descriptor);
       }
   for (const ordered_json& event : events)
     for (const auto& client : clients_)
@@ -303,19 +309,49 @@ void ControlServer::send_event(Client& client, const ordered_json& event) {
   queue(client, event_line(line));
 }
 
-void ControlServer::queue(Client& client, const std::string& line) {
+void ControlServer::queue(Client& client, const std::string& line,
+                          const std::shared_ptr<const UniqueFd>& descriptor) {
   if (client.dead) return;
   if (client.out.empty()) client.took_at = Clock::now();
+  if (descriptor) client.passed.push_back({.at = client.out.size(), .descriptor = descriptor});
   client.out += line;
   if (client.out.size() <= options_.limits.dropped_bytes) return;
   dropped_.fetch_add(1);
   client.dead = true;
 }
 
+/// Sends the pending output up to the next line with a descriptor; at that line, the line with its
+/// descriptor. Returns the result of sendmsg().
+ssize_t ControlServer::send_some(Client& client) {
+  std::deque<Client::Passed>& passed = client.passed;
+  const bool passes = !passed.empty() && passed.front().at == 0;
+  const size_t next = passes ? 1 : 0;
+  const size_t bytes = passed.size() > next ? passed[next].at : client.out.size();
+  iovec part{.iov_base = client.out.data(), .iov_len = bytes};
+  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(int))> control{};
+  msghdr message{};
+  message.msg_iov = &part;
+  message.msg_iovlen = 1;
+  if (passes) {
+    message.msg_control = control.data();
+    message.msg_controllen = control.size();
+    cmsghdr* const header = CMSG_FIRSTHDR(&message);
+    header->cmsg_level = SOL_SOCKET;
+    header->cmsg_type = SCM_RIGHTS;
+    header->cmsg_len = CMSG_LEN(sizeof(int));
+    const int fd = passed.front().descriptor->get();
+    std::memcpy(CMSG_DATA(header), &fd, sizeof fd);
+  }
+  const ssize_t sent = ::sendmsg(client.fd.get(), &message, MSG_NOSIGNAL | MSG_DONTWAIT);
+  if (sent <= 0) return sent;
+  if (passes) passed.pop_front();
+  for (Client::Passed& later : passed) later.at -= static_cast<size_t>(sent);
+  return sent;
+}
+
 void ControlServer::flush(Client& client) {
   while (!client.dead && !client.out.empty()) {
-    const ssize_t sent =
-        ::send(client.fd.get(), client.out.data(), client.out.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+    const ssize_t sent = send_some(client);
     if (sent < 0 && errno == EINTR) continue;
     if (sent < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return;
     if (sent < 0) client.dead = true;

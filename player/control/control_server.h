@@ -22,8 +22,14 @@
 
 namespace lenticule::player {
 
+/// An answer with which a descriptor is sent.
+struct DescriptorAnswer {
+  nlohmann::ordered_json body;
+  std::shared_ptr<const UniqueFd> descriptor;
+};
+
 /// The result of a verb: the answer's own keys, or the error.
-using ControlAnswer = std::variant<nlohmann::ordered_json, Error>;
+using ControlAnswer = std::variant<nlohmann::ordered_json, DescriptorAnswer, Error>;
 
 /// ControlTarget carries out the verbs; the player implements it.
 class ControlTarget {
@@ -85,6 +91,12 @@ class ControlServer {
     ControlRights rights = ControlRights::None;
     std::string in{};
     std::string out{};
+    /// Descriptors to send, each with the number of bytes of `out` that come before its line.
+    struct Passed {
+      size_t at = 0;
+      std::shared_ptr<const UniqueFd> descriptor;
+    };
+    std::deque<Passed> passed{};
     size_t unanswered = 0;
     bool subscribed = false;
     bool sent_all = false;  ///< the client has shut down its sending side and may still read
@@ -102,6 +114,7 @@ class ControlServer {
     struct Line {
       uint64_t client = 0;
       std::string text;
+      std::shared_ptr<const UniqueFd> descriptor{};
     };
     std::mutex mutex;
     std::vector<Line> answers;
@@ -121,7 +134,9 @@ class ControlServer {
   void take_line(Client& client, const std::string& line);
   void take_inbox();
   void send_event(Client& client, const nlohmann::ordered_json& event);
-  void queue(Client& client, const std::string& line);
+  void queue(Client& client, const std::string& line,
+             const std::shared_ptr<const UniqueFd>& descriptor = nullptr);
+  [[nodiscard]] static ssize_t send_some(Client& client);
   void flush(Client& client);
   void drop_stuck(Client& client);
 

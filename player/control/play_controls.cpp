@@ -8,6 +8,8 @@
 #include "base/print.h"
 #include "frames/image_io.h"
 #include "optics/eye_simulator.h"
+#include "optics/rig_file.h"
+#include "player/control/list_json.h"
 
 namespace lenticule::player {
 namespace {
@@ -106,6 +108,10 @@ void PlayControls::handle(const ControlRequest& request, ControlRights rights, A
             "snapshot: not permitted, because the file would be written as the player's user",
             "connect as the player's user, or as root");
       return snapshot(request, answer);
+    case ControlVerb::Frame:
+      return work_on(answer, [this](const Answer& done) { done(share_frame()); });
+    case ControlVerb::List:
+      return answer(list(request));
     case ControlVerb::Quit:
       answer(ordered_json{{"quitting", true}});
       return options_.quit();
@@ -243,6 +249,38 @@ ordered_json PlayControls::take_snapshot(const ControlRequest& request) {
           {"width", displayed.width()},
           {"height", displayed.height()},
           {"frame", place.number}};
+}
+
+/// Shares the displayed frame and the rig for which frames are woven now, with its trim.
+DescriptorAnswer PlayControls::share_frame() {
+  if (!options_.trim) throw Error(ErrorKind::Failed, "frame: this player has no rig");
+  frames::WovenFrame displayed(options_.panel);
+  const DisplayedPlace place = playback_.displayed();
+  if (!playback_.copy_shown(displayed))
+    throw Error(ErrorKind::Failed, "frame: the displayed frame is not in memory",
+                "if the source keeps few frames, play with more --slots");
+  const std::string rig = optics::rig_to_toml(options_.trim->rig());
+  if (!frame_memory_) frame_memory_ = std::make_unique<FrameMemory>(options_.panel);
+  const uint64_t serial = frame_memory_->write(displayed, rig);
+  return {.body = {{"serial", serial},
+                   {"width", displayed.width()},
+                   {"height", displayed.height()},
+                   {"row_bytes", displayed.geometry().row_bytes()},
+                   {"pixels_at", FrameMemory::kPixelsAt},
+                   {"rig_at", FrameMemory::kPixelsAt + displayed.bytes().size()},
+                   {"rig_bytes", rig.size()},
+                   {"frame", place.number}},
+          .descriptor = frame_memory_->descriptor()};
+}
+
+ordered_json PlayControls::list(const ControlRequest& request) const {
+  std::shared_ptr<const Playlist> playing;
+  {
+    const std::lock_guard lock(mutex_);
+    if (source_ == nullptr) throw nothing_to_steer();
+    playing = source_->list();
+  }
+  return list_json(*playing, request.item.value_or(0));
 }
 
 // --- background tasks -----------------------------------------------------------------------

@@ -14,6 +14,7 @@
 #include <thread>
 
 #include "player/control/control_server.h"
+#include "player/control/frame_memory.h"
 #include "player/playback/playback.h"
 #include "player/playlist/playlist_source.h"
 #include "player/sources/live_trim.h"
@@ -68,6 +69,8 @@ class PlayControls final : public ControlTarget {
   void load(const ControlRequest& request, const Answer& answer);
   void snapshot(const ControlRequest& request, const Answer& answer);
   [[nodiscard]] nlohmann::ordered_json take_snapshot(const ControlRequest& request);
+  [[nodiscard]] DescriptorAnswer share_frame();
+  [[nodiscard]] nlohmann::ordered_json list(const ControlRequest& request) const;
   void work_on(Answer answer, std::function<void(const Answer&)> task);
   void work() noexcept;
   [[nodiscard]] nlohmann::ordered_json trim_json(const optics::Trim& trim) const;
@@ -79,6 +82,8 @@ class PlayControls final : public ControlTarget {
   PlaylistSource* source_ = nullptr;
   nlohmann::ordered_json statistics_;
   std::string state_ = "starting";
+
+  std::unique_ptr<FrameMemory> frame_memory_;  ///< used by the worker thread
 
   // Slow tasks (reading lists, encoding pictures), run one after the other.
   struct Task {

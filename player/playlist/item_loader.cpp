@@ -441,6 +441,11 @@ void ItemLoader::fail(Arrival arrival, const std::string& why) {
 
 // --- any thread ---
 
+std::shared_ptr<const Playlist> ItemLoader::list() const {
+  const std::lock_guard lock(mutex_);
+  return cursor_.list();
+}
+
 void ItemLoader::set_loops(uint64_t loops) {
   const std::lock_guard lock(mutex_);
   cursor_.set_loops(loops);

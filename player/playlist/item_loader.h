@@ -110,6 +110,8 @@ class ItemLoader {
   void hold(bool held);
   void look_again();
   [[nodiscard]] bool is_jumping() const;
+  /// Returns the list that is played.
+  [[nodiscard]] std::shared_ptr<const Playlist> list() const;
 
  private:
   using SteadyTime = std::chrono::steady_clock::time_point;

@@ -69,6 +69,8 @@ class PlaylistSource final : public frames::FrameSource {
   /// even if its file is the same.
   void look_again() { loader_.look_again(); }
   [[nodiscard]] PlaylistStatus status() const;
+  /// Returns the list that is played.
+  [[nodiscard]] std::shared_ptr<const Playlist> list() const { return loader_.list(); }
   /// Returns the source that a frame's `item` came from; empty if it is no
   /// longer remembered.
   [[nodiscard]] std::string source_of(uint32_t item) const { return reporter_.source_of(item); }

@@ -23,9 +23,10 @@ constexpr auto kLongestPriming = std::chrono::hours(24);  // used with --wait fo
 /// Long enough to plug a loose cable back in.
 constexpr Nanoseconds kPanelAfterLoss = std::chrono::seconds(10);
 
-/// Returns the loops. Test cards and numbered views loop forever by default.
+/// Returns the loops. Test cards, black frames and numbered views loop forever by default.
 uint64_t parse_loops(const PlayFlags& flags, SourceKind kind) {
-  const bool is_looked_at = kind == SourceKind::Card || kind == SourceKind::RigViews;
+  const bool is_looked_at =
+      kind == SourceKind::Card || kind == SourceKind::Black || kind == SourceKind::RigViews;
   if (flags.loop.empty()) return flags.duration_s || is_looked_at ? kForever : 1;
   if (flags.loop == "forever") return kForever;
   if (const auto loops = number_from<uint64_t>(flags.loop); loops && *loops > 0) return *loops;

@@ -62,7 +62,7 @@ void refuse_other_kinds(const SourceSpec& source) {
     return;
   throw Error(ErrorKind::Usage, fmt::format("source '{}': unknown kind of source", text),
               "use ring:SOCKET, FILE.lts, a pattern such as 'out/%05d.png', one picture, a video, "
-              "card or views");
+              "card, black or views");
 }
 
 void require_panel_size(const SourceRequest& request, const frames::FrameGeometry& geometry,
@@ -166,6 +166,15 @@ OpenedSource open_card(const SourceRequest& request) {
   return opened;
 }
 
+OpenedSource open_black(const SourceRequest& request) {
+  if (request.frames)
+    throw Error(ErrorKind::Usage, "--frames: not allowed for a black frame",
+                "use --frames with a pattern such as 'out/%05d.png'");
+  OpenedSource opened;
+  opened.source = std::make_unique<StillSource>(frames::WovenFrame(request.panel));
+  return opened;
+}
+
 OpenedSource open_views_of_rig(const SourceRequest& request) {
   LENTICULE_CHECK(request.trim != nullptr);
   if (request.frames)
@@ -188,6 +197,7 @@ bool is_woven_here(const SourceRequest& request) {
 
 OpenedSource open_source(const SourceRequest& request) {
   if (request.spec.kind == SourceKind::Card) return open_card(request);
+  if (request.spec.kind == SourceKind::Black) return open_black(request);
   if (request.spec.kind == SourceKind::RigViews) return open_views_of_rig(request);
   if (request.spec.kind == SourceKind::Ring) return open_ring(request);
   const ContentFormat detected = detect_content_format(meaning_request(request));

@@ -29,6 +29,7 @@ bool is_video_name(const fs::path& file) {
 
 SourceKind kind_of(const std::string& text) {
   if (text == "card") return SourceKind::Card;
+  if (text == "black") return SourceKind::Black;
   if (text == "views") return SourceKind::RigViews;
   if (text.starts_with(kRingPrefix)) return SourceKind::Ring;
   if (text.starts_with(kViewFilesPrefix)) return SourceKind::ViewFiles;
@@ -59,7 +60,8 @@ std::string SourceSpec::without_prefix() const {
 }
 
 std::vector<std::string> SourceSpec::files() const {
-  if (kind == SourceKind::Card || kind == SourceKind::RigViews || kind == SourceKind::Ring)
+  if (kind == SourceKind::Card || kind == SourceKind::Black || kind == SourceKind::RigViews ||
+      kind == SourceKind::Ring)
     return {};
   if (kind != SourceKind::ViewFiles) return {text};
   std::vector<std::string> files(1);

@@ -13,6 +13,7 @@ namespace lenticule::player {
 
 enum class SourceKind {
   Card,       ///< "card": a test card
+  Black,      ///< "black": a black frame
   RigViews,   ///< "views": the rig's views, each showing its number
   Ring,       ///< "ring:SOCKET": frames of another process
   ViewFiles,  ///< "views:PATTERN", "views:A|B": a picture or a film per view

@@ -32,6 +32,7 @@ MAY_INCLUDE = {
     "player": "base optics frames display",
     "farm": "base optics frames",
     "apps/lenticule-video": "base optics frames",
+    "apps/lenticule-web": "base optics frames",
     "apps/lenticule": "base optics frames display player",
     "apps/lenticule-tools": "base optics frames scenes render display calib player farm "
                             "apps/lenticule",
@@ -55,9 +56,11 @@ LIBRARIES = {
     "ceres": "calib",
     "Eigen": "calib",
     "unsupported/Eigen": "calib",
-    "turbojpeg": "calib",
+    "turbojpeg": "calib apps/lenticule-web",
+    "microhttpd": "apps/lenticule-web",
     "apriltag": "calib",
-    "CLI": "apps/lenticule apps/lenticule-tools apps/lenticule-bench apps/lenticule-video",
+    "CLI": "apps/lenticule apps/lenticule-tools apps/lenticule-bench apps/lenticule-video "
+           "apps/lenticule-web",
     "systemd": "player",
     "zstd": "frames apps/lenticule-bench",
     "lz4": "frames apps/lenticule-bench",

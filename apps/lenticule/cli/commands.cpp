@@ -11,6 +11,7 @@ Run declare_ctl(CLI::App& app);
 Run declare_panels(CLI::App& app);
 Run declare_doctor(CLI::App& app);
 Run declare_bench(CLI::App& app);
+Run declare_web(CLI::App& app);
 
 namespace {
 
@@ -40,6 +41,8 @@ constexpr auto kCommands = std::to_array<Command>({
      "lenticule rig import visual.json -o portrait.toml"},
     {"panels", "list connected panels, their identity, modes and matching rigs",
      "lenticule panels --rigs scenes/rigs"},
+    {"web", "serve pages on which a phone controls and watches a player",
+     "lenticule web --socket /run/lenticule/lobby/control.sock --media /var/lib/lenticule/media"},
     {"doctor", "check whether outputs show frames exactly, and what prevents it",
      "lenticule doctor --json"},
     {"scene", "show what a scene file holds, or write one of the built-in scenes",
@@ -56,6 +59,7 @@ constexpr auto kPlayerCommands = std::to_array<Declaration>({
     {"panels", declare_panels},
     {"doctor", declare_doctor},
     {"bench", declare_bench},
+    {"web", declare_web},
 });
 
 }  // namespace

@@ -169,6 +169,8 @@ void declare_values(std::vector<std::pair<CLI::App*, ControlVerb>>& verbs, CtlFl
       add_triple(
           *app, "--eye", "X,Y,Z", [&flags](Vec3 eye) { flags.eye = eye; },
           "as an eye there sees it: mm right, up and away from the panel's centre");
+    } else if (verb == ControlVerb::List) {
+      app->add_option("--item", flags.item, "begin with this item, counted from 0");
     } else if (verb == ControlVerb::Subscribe) {
       app->add_option("--count", flags.events, "end after this many events");
     }
@@ -187,6 +189,7 @@ const std::vector<std::pair<ControlVerb, const char*>>& verb_summaries() {
       {ControlVerb::Loop, "set how often the item is played"},
       {ControlVerb::Trim, "correct drift since the calibration"},
       {ControlVerb::Snapshot, "write the displayed frame to a picture"},
+      {ControlVerb::List, "print the items of the list that is played"},
       {ControlVerb::Stats, "print the player's statistics"},
       {ControlVerb::Doctor, "report whether subpixels reach the panel unchanged"},
       {ControlVerb::Subscribe, "print events as they happen, one JSON object per line"},

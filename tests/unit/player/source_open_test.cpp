@@ -78,6 +78,17 @@ TEST_F(SourceOpen, OpensARangeOfAPattern) {
   EXPECT_EQ(opened.source->frame_count(), 3u);
 }
 
+TEST_F(SourceOpen, OpensABlackFrameOfThePanelsSize) {
+  const OpenedSource opened = open_source({.spec = parse_source("black"), .panel = {64, 48}});
+  frames::AcquiredFrame acquired;
+  ASSERT_EQ(opened.source->pull(acquired), frames::PullStatus::Ready);
+  EXPECT_EQ(acquired.frame.geometry, (frames::FrameGeometry{64, 48}));
+  EXPECT_EQ(std::count(acquired.frame.bytes.begin(), acquired.frame.bytes.end(), 0), 64 * 48 * 3);
+  EXPECT_EQ(failure({.spec = parse_source("black"), .panel = kSmall, .frames = FrameRange{0, 1}},
+                    "--frames"),
+            ErrorKind::Usage);
+}
+
 TEST_F(SourceOpen, OpensATestCardOfThePanelsSizeThatNeverEnds) {
   const OpenedSource opened = open_source(
       {.spec = parse_source("card"), .panel = {64, 48}, .card = {.headline = "HI", .rows = {}}});

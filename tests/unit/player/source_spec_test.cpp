@@ -10,6 +10,7 @@ namespace {
 TEST(SourceSpec, TheNameDecidesTheKind) {
   const auto kind = [](const char* text) { return parse_source(text).kind; };
   EXPECT_EQ(kind("card"), SourceKind::Card);
+  EXPECT_EQ(kind("black"), SourceKind::Black);
   EXPECT_EQ(kind("views"), SourceKind::RigViews);
   EXPECT_EQ(kind("ring:/run/panel"), SourceKind::Ring);
   EXPECT_EQ(kind("views:left.mkv|right.mkv"), SourceKind::ViewFiles);
@@ -33,14 +34,14 @@ TEST(SourceSpec, NamesItsFiles) {
   EXPECT_THAT(files("views:left.png|/right.png"), testing::ElementsAre("left.png", "/right.png"));
   EXPECT_THAT(files("views:v%02d/%05d.png"), testing::ElementsAre("v%02d/%05d.png"));
   EXPECT_THAT(files("list.toml"), testing::ElementsAre("list.toml"));
-  for (const char* text : {"card", "views", "ring:panel"})
+  for (const char* text : {"card", "black", "views", "ring:panel"})
     EXPECT_THAT(files(text), testing::IsEmpty()) << text;
 }
 
 TEST(SourceSpec, OnlyFilesOfPicturesHavePictures) {
   for (const char* text : {"a.png", "a.lts", "a.mkv", "views:a|b"})
     EXPECT_TRUE(parse_source(text).has_pictures()) << text;
-  for (const char* text : {"card", "views", "ring:panel", "list.toml"})
+  for (const char* text : {"card", "black", "views", "ring:panel", "list.toml"})
     EXPECT_FALSE(parse_source(text).has_pictures()) << text;
 }
 
@@ -52,7 +53,7 @@ TEST(SourceSpec, ResolvesRelativeFilesAgainstAFolder) {
   EXPECT_EQ(in_films("/a.png"), "/a.png");
   EXPECT_EQ(in_films("evening.toml"), "/films/evening.toml");
   EXPECT_EQ(in_films("views:left.mkv|/b/right.mkv"), "views:/films/left.mkv|/b/right.mkv");
-  for (const char* text : {"card", "views", "ring:panel"}) EXPECT_EQ(in_films(text), text);
+  for (const char* text : {"card", "black", "views", "ring:panel"}) EXPECT_EQ(in_films(text), text);
 }
 
 }  // namespace

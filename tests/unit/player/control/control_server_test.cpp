@@ -5,10 +5,12 @@
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/mman.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 
 #include <condition_variable>
+#include <cstring>
 #include <filesystem>
 #include <thread>
 
@@ -33,7 +35,9 @@ class FakePlayer final : public ControlTarget {
     rights_ = rights;
     if (request.verb == ControlVerb::Seek)
       throw Error(ErrorKind::Failed, "seek: this player cannot", "let it be");
-    if (request.verb == ControlVerb::Load)
+    if (request.verb == ControlVerb::Frame)
+      answer(DescriptorAnswer{.body = {{"verb", "frame"}}, .descriptor = descriptor_});
+    else if (request.verb == ControlVerb::Load)
       later_.push_back(std::move(answer));
     else
       answer(ordered_json{{"verb", verb_name(request.verb)}, {"filler", filler_}});
@@ -51,6 +55,10 @@ class FakePlayer final : public ControlTarget {
     for (const auto& answer : later_) answer(ordered_json{{"late", true}});
     later_.clear();
   }
+  void pass_on(std::shared_ptr<const UniqueFd> descriptor) {
+    const std::lock_guard lock(mutex_);
+    descriptor_ = std::move(descriptor);
+  }
   void fill_answers(size_t bytes) {
     const std::lock_guard lock(mutex_);
     filler_.assign(bytes, 'x');
@@ -62,6 +70,7 @@ class FakePlayer final : public ControlTarget {
   std::vector<std::function<void(ControlAnswer)>> later_;
   ControlRights rights_ = ControlRights::None;
   std::string filler_;
+  std::shared_ptr<const UniqueFd> descriptor_;
 };
 
 class ControlSocket : public testing::Test {
@@ -132,6 +141,54 @@ TEST_F(ControlSocket, AnswersWithTheIdOfTheRequest) {
   EXPECT_EQ(refused["ok"], false);
   EXPECT_EQ(refused["error"]["cause"], "this player cannot");
   EXPECT_EQ(ask(one, {{"id", 2}, {"do", "fly"}})["error"]["object"], "do");
+}
+
+/// Reads once; returns the text and puts an arriving descriptor into `fd`.
+std::string receive_with_descriptor(const UniqueFd& socket, UniqueFd& fd) {
+  std::array<char, 4096> bytes{};
+  iovec part{.iov_base = bytes.data(), .iov_len = bytes.size()};
+  alignas(cmsghdr) std::array<char, CMSG_SPACE(4 * sizeof(int))> control{};
+  msghdr message{};
+  message.msg_iov = &part;
+  message.msg_iovlen = 1;
+  message.msg_control = control.data();
+  message.msg_controllen = control.size();
+  const ssize_t got = ::recvmsg(socket.get(), &message, MSG_CMSG_CLOEXEC);
+  if (got <= 0) return {};
+  if (const cmsghdr* const header = CMSG_FIRSTHDR(&message); header != nullptr) {
+    EXPECT_EQ(header->cmsg_len, CMSG_LEN(sizeof(int))) << "one descriptor";
+    int number = -1;
+    std::memcpy(&number, CMSG_DATA(header), sizeof number);
+    fd = UniqueFd(number);
+  }
+  return {bytes.data(), static_cast<size_t>(got)};
+}
+
+TEST_F(ControlSocket, EachDescriptorArrivesWithItsOwnAnswer) {
+  serve();
+  const auto shared = std::make_shared<const UniqueFd>(::memfd_create("control-test", MFD_CLOEXEC));
+  struct stat ours {};
+  ASSERT_EQ(::fstat(shared->get(), &ours), 0);
+  player.pass_on(shared);
+  const UniqueFd fd = raw();
+  say(fd,
+      "{\"id\":1,\"do\":\"status\"}\n{\"id\":2,\"do\":\"frame\"}\n"
+      "{\"id\":3,\"do\":\"stats\"}\n{\"id\":4,\"do\":\"frame\"}\n");
+  std::string all;
+  int descriptors = 0;
+  while (std::count(all.begin(), all.end(), '\n') < 4) {
+    UniqueFd arrived;
+    const std::string text = receive_with_descriptor(fd, arrived);
+    ASSERT_FALSE(text.empty());
+    all += text;
+    if (!arrived) continue;
+    ++descriptors;
+    EXPECT_TRUE(text.starts_with("{\"id\":2") || text.starts_with("{\"id\":4")) << text;
+    struct stat theirs {};
+    ASSERT_EQ(::fstat(arrived.get(), &theirs), 0);
+    EXPECT_EQ(theirs.st_ino, ours.st_ino);
+  }
+  EXPECT_EQ(descriptors, 2);
 }
 
 TEST_F(ControlSocket, IsPrivateToItsOwnerAndRemovedWithThePlayer) {

@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/lenticule-web/api/media.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <vector>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "base/numbers.h"
+#include "base/unique_fd.h"
+
+namespace lenticule::web {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::ordered_json;
+
+constexpr size_t kMaxFiles = 2000;
+constexpr const char* kPartName = ".upload-";
+
+std::optional<uint64_t> size_of(const fs::path& file) {
+  struct stat status {};
+  if (::lstat(file.c_str(), &status) != 0 || !S_ISREG(status.st_mode)) return std::nullopt;
+  return static_cast<uint64_t>(status.st_size);
+}
+
+[[noreturn]] void fail_to_write(const std::string& name) {
+  throw HttpError(errno == ENOSPC || errno == EDQUOT ? 507 : 500,
+                  fmt::format("{}: cannot be written: {}", name, std::strerror(errno)));
+}
+
+}  // namespace
+
+/// Upload writes one part behind those that were received.
+class Upload final : public BodySink {
+ public:
+  Upload(Media& media, std::string name, UniqueFd file, std::optional<uint64_t> expected,
+         bool completes)
+      : media_(media),
+        name_(std::move(name)),
+        file_(std::move(file)),
+        expected_(expected),
+        completes_(completes) {}
+  ~Upload() override { media_.release(name_); }
+
+  void take(std::span<const uint8_t> bytes) override {
+    taken_ += bytes.size();
+    if (expected_ ? taken_ > *expected_ : taken_ > media_.options_.largest_file)
+      throw HttpError(413, name_ + ": more bytes than announced");
+    while (!bytes.empty()) {
+      const ssize_t written = ::write(file_.get(), bytes.data(), bytes.size());
+      if (written < 0 && errno == EINTR) continue;
+      if (written <= 0) fail_to_write(name_);
+      bytes = bytes.subspan(static_cast<size_t>(written));
+    }
+  }
+  Response finish() override {
+    if (expected_ && taken_ != *expected_)
+      throw HttpError(400, name_ + ": fewer bytes than announced");
+    if (completes_) {
+      const fs::path part = media_.part_of(name_);
+      if (::fchmod(file_.get(), 0644) != 0 || ::fsync(file_.get()) != 0 ||
+          ::rename(part.c_str(), media_.path_of(name_).c_str()) != 0)
+        fail_to_write(name_);
+      sync_folder_of(part);
+    }
+    return json_response(media_.info(name_), completes_ ? 201 : 200);
+  }
+
+ private:
+  Media& media_;
+  const std::string name_;
+  const UniqueFd file_;
+  const std::optional<uint64_t> expected_;
+  const bool completes_;
+  uint64_t taken_ = 0;
+};
+
+Media::Media(MediaOptions options, CheckMedia check)
+    : options_(std::move(options)), check_(std::move(check)) {
+  if (!fs::is_directory(options_.folder))
+    throw Error(ErrorKind::Usage, options_.folder.string() + ": is not a folder",
+                "create the media folder first, or name another: --media FOLDER");
+}
+
+fs::path Media::path_of(const std::string& name) const {
+  if (!is_media_name(name))
+    throw HttpError(400, "this is not a name of a file",
+                    "at most 120 bytes, without / and other special characters");
+  if (name.ends_with(".toml")) throw HttpError(400, "lists are not uploaded", "use /api/v1/list");
+  return options_.folder / name;
+}
+
+fs::path Media::part_of(const std::string& name) const {
+  (void)path_of(name);
+  return options_.folder / (kPartName + name);
+}
+
+uint64_t Media::free_bytes() const {
+  std::error_code error;
+  const fs::space_info space = fs::space(options_.folder, error);
+  if (error || space.available <= options_.keeps_free) return 0;
+  return space.available - options_.keeps_free;
+}
+
+ordered_json Media::info(const std::string& name) const {
+  const fs::path file = path_of(name);
+  const auto whole = size_of(file);
+  const auto part = size_of(part_of(name));
+  if (!whole && !part) throw HttpError(404, name + ": there is no such file");
+  ordered_json json = {{"name", name},
+                       {"source", file.string()},
+                       {"bytes", whole ? ordered_json(*whole) : ordered_json(nullptr)},
+                       {"received", part ? ordered_json(*part) : ordered_json(nullptr)},
+                       {"check", nullptr}};
+  const std::lock_guard lock(mutex_);
+  const auto checked = checked_.find(name);
+  if (checked != checked_.end() && checked->second.mark == mark_of(file))
+    json["check"] = checked->second.result;
+  return json;
+}
+
+ordered_json Media::list() const {
+  std::vector<std::string> names;
+  for (const auto& entry : fs::directory_iterator(options_.folder)) {
+    std::string name = entry.path().filename().string();
+    if (name.starts_with(kPartName)) name = name.substr(std::string_view(kPartName).size());
+    if (!is_media_name(name) || name.ends_with(".toml") || !size_of(entry.path())) continue;
+    if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+    if (names.size() >= kMaxFiles) break;
+  }
+  std::sort(names.begin(), names.end());
+  ordered_json result = {{"files", ordered_json::array()}, {"free_bytes", free_bytes()}};
+  for (const std::string& name : names) {
+    try {
+      result["files"].push_back(info(name));
+    } catch (const HttpError&) {
+      continue;  // removed meanwhile
+    }
+  }
+  return result;
+}
+
+std::unique_ptr<BodySink> Media::upload(const std::string& name, std::optional<ByteRange> range,
+                                        std::optional<uint64_t> length) {
+  const fs::path part = part_of(name);
+  if (range && length && range->bytes() != *length)
+    throw HttpError(400, "Content-Range and Content-Length contradict each other");
+  const uint64_t total = range ? range->total : length.value_or(0);
+  if (total > options_.largest_file)
+    throw HttpError(413, fmt::format("{}: larger than {} bytes", name, options_.largest_file));
+  const uint64_t received = range && range->first > 0 ? size_of(part).value_or(0) : 0;
+  if (range && range->first != received)
+    throw HttpError(409, fmt::format("{}: {} bytes were received", name, received),
+                    "continue behind them");
+  if (free_bytes() < total - received)
+    throw HttpError(507, name + ": the disk has no room for it", "delete other files first");
+  {
+    const std::lock_guard lock(mutex_);
+    if (!uploading_.emplace(name, true).second)
+      throw HttpError(409, name + ": is being uploaded by another connection", "wait for it");
+  }
+  const int flags =
+      O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_APPEND | (received == 0 ? O_TRUNC : 0);
+  UniqueFd file(::open(part.c_str(), flags, 0644));
+  if (!file) {
+    release(name);
+    fail_to_write(name);
+  }
+  const bool completes = !range || range->last + 1 == range->total;
+  const auto expected = range ? std::optional(range->bytes()) : length;
+  return std::make_unique<Upload>(*this, name, std::move(file), expected, completes);
+}
+
+void Media::release(const std::string& name) {
+  const std::lock_guard lock(mutex_);
+  uploading_.erase(name);
+}
+
+void Media::remove(const std::string& name) {
+  const bool had_part = ::unlink(part_of(name).c_str()) == 0;
+  const bool had_file = ::unlink(path_of(name).c_str()) == 0;
+  if (!had_part && !had_file) throw HttpError(404, name + ": there is no such file");
+}
+
+ordered_json Media::check(const std::string& name) {
+  const fs::path file = path_of(name);
+  if (!size_of(file)) throw HttpError(404, name + ": there is no such file");
+  const FileMark mark = mark_of(file);
+  const std::unique_lock one(one_check_, std::try_to_lock);
+  if (!one) throw HttpError(409, "another file is being checked", "try again in some seconds");
+  ordered_json result = check_(file);
+  const std::lock_guard lock(mutex_);
+  if (checked_.size() > kMaxFiles) checked_.clear();
+  checked_[name] = {.mark = mark, .result = result};
+  return result;
+}
+
+}  // namespace lenticule::web

@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/lenticule-web/api/metrics.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <fstream>
+#include <optional>
+
+#include "base/numbers.h"
+#include "base/text.h"
+
+namespace lenticule::web {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::ordered_json;
+
+struct Counter {
+  const char* key;
+  const char* name;
+  const char* help;
+};
+
+constexpr std::array<Counter, 9> kCounters = {{
+    {"shown", "frames_shown_total", "Vblanks at which a new frame appeared."},
+    {"vblanks", "vblanks_total", "Vblanks since the first frame."},
+    {"missed_vblanks", "missed_vblanks_total", "Repeats because a flip was late."},
+    {"repeated_underrun", "underrun_vblanks_total", "Repeats because no frame was ready."},
+    {"dropped", "frames_dropped_total", "Frames that were late and not shown."},
+    {"held", "held_vblanks_total", "Repeats while no frame was due."},
+    {"damaged_frames", "frames_damaged_total", "Frames that could not be read whole."},
+    {"display_returns", "display_returns_total", "Times that a lost display came back."},
+    {"log_lines_dropped", "log_lines_dropped_total", "Lines that the log did not take."},
+}};
+
+std::optional<double> number_at(const ordered_json& json, const char* key) {
+  if (!json.is_object()) return std::nullopt;
+  const auto found = json.find(key);
+  if (found == json.end() || !found->is_number()) return std::nullopt;
+  return found->get<double>();
+}
+
+ordered_json inner(const ordered_json& json, const char* key) {
+  return json.is_object() && json.contains(key) ? json[key] : ordered_json();
+}
+
+std::string text_of(const ordered_json& json) {
+  return json.is_string() ? json.get<std::string>() : std::string();
+}
+
+void add(std::string& text, const char* type, const std::string& name, const std::string& help,
+         const std::string& value, const std::string& labels = {}) {
+  if (!help.empty())
+    text += fmt::format("# HELP lenticule_{} {}\n# TYPE lenticule_{} {}\n", name, help, name, type);
+  text += fmt::format("lenticule_{}{} {}\n", name, labels, value);
+}
+
+std::string plain(double value) {
+  return value == static_cast<double>(static_cast<int64_t>(value))
+             ? fmt::format("{}", static_cast<int64_t>(value))
+             : fmt::format("{}", value);
+}
+
+/// Returns text as the value of a label.
+std::string label(const std::string& text) {
+  std::string value;
+  for (const char c : escaped(text)) {
+    if (c == '"' || c == '\\') value += '\\';
+    value += c;
+  }
+  return value;
+}
+
+std::optional<std::string> first_line(const fs::path& file) {
+  std::ifstream in(file);
+  std::string line;
+  if (!std::getline(in, line) || line.size() > 200) return std::nullopt;
+  return escaped(line);
+}
+
+std::optional<double> scaled(const fs::path& file, double factor) {
+  const auto line = first_line(file);
+  const auto value = line ? number_from<int64_t>(*line) : std::nullopt;
+  return value ? std::optional(static_cast<double>(*value) * factor) : std::nullopt;
+}
+
+/// Returns the entries of a folder of the kernel whose name begins with `prefix`, in order.
+std::vector<fs::path> entries(const fs::path& folder, const std::string& prefix) {
+  std::vector<fs::path> found;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error))
+    if (entry->path().filename().string().starts_with(prefix)) found.push_back(entry->path());
+  std::sort(found.begin(), found.end());
+  return found;
+}
+
+void add_sentences(const ordered_json& state, const ordered_json& statistics,
+                   const std::vector<MinuteFigures>& history, ordered_json& sentences) {
+  const auto say = [&](const std::string& text) { sentences.push_back(text); };
+  const ordered_json status = inner(state, "status");
+  if (state["connected"] != true) {
+    say("The player does not answer: " + state["trouble"].get<std::string>() + ".");
+    return;
+  }
+  const ordered_json doing = inner(status, "state");
+  if (doing.is_string() && doing != "playing" && doing != "paused")
+    say("The player does not play; its state is: " + doing.get<std::string>() + ".");
+  const ordered_json rig = inner(status, "rig_trouble");
+  if (rig.is_string() && rig != "") say("The rig file is not followed: " + text_of(rig) + ".");
+  const ordered_json writes = inner(status, "write_trouble");
+  for (const ordered_json& write : writes.is_array() ? writes : ordered_json::array())
+    if (inner(write, "cause").is_string() && write["cause"] != "")
+      say("A file cannot be written: " + text_of(inner(write, "object")) + ": " +
+          text_of(write["cause"]) + ".");
+  uint64_t missed = 0, late = 0;
+  for (const MinuteFigures& minute : history) {
+    missed += minute.missed_vblanks;
+    late += minute.late_frames;
+  }
+  if (missed > 0) say(fmt::format("{} vblanks were missed in the last hour.", missed));
+  if (late > 0)
+    say(fmt::format("{} times in the last hour the next frame was not ready in time.", late));
+  if (number_at(statistics, "damaged_frames").value_or(0) > 0)
+    say("Some frames of the content are damaged; the list names the files.");
+  if (number_at(status, "items_skipped").value_or(0) > 0)
+    say("Items of the list could not be played and were skipped.");
+  if (inner(inner(statistics, "exactness"), "exact") == "no")
+    say("Subpixels do not reach the panel unchanged.");
+}
+
+}  // namespace
+
+ordered_json machine_json(const fs::path& sys) {
+  ordered_json json = {{"temperatures", ordered_json::array()}, {"clocks", ordered_json::array()}};
+  for (const fs::path& zone : entries(sys / "class/thermal", "thermal_zone")) {
+    const auto celsius = scaled(zone / "temp", 1e-3);
+    if (celsius)
+      json["temperatures"].push_back(
+          {{"name", first_line(zone / "type").value_or(zone.filename().string())},
+           {"celsius", *celsius}});
+  }
+  for (const fs::path& policy : entries(sys / "devices/system/cpu/cpufreq", "policy")) {
+    const auto now = scaled(policy / "scaling_cur_freq", 1e-3);
+    const auto most = scaled(policy / "cpuinfo_max_freq", 1e-3);
+    if (now)
+      json["clocks"].push_back({{"name", policy.filename().string()},
+                                {"mhz", *now},
+                                {"most_mhz", most ? ordered_json(*most) : ordered_json(nullptr)}});
+  }
+  return json;
+}
+
+std::string metrics_text(const PlayerState& player) {
+  const ordered_json state = player.state();
+  const ordered_json statistics = player.statistics();
+  const bool connected = state["connected"] == true;
+  std::string text;
+  add(text, "gauge", "up", "1 if the player answers.", connected ? "1" : "0");
+  if (connected) {
+    const ordered_json doing = inner(state["status"], "state");
+    add(text, "gauge", "state", "The state of the player.", "1",
+        fmt::format("{{state=\"{}\"}}", label(text_of(doing))));
+  }
+  for (const Counter& counter : kCounters)
+    if (const auto value = number_at(statistics, counter.key))
+      add(text, "counter", counter.name, counter.help, plain(*value));
+  for (const auto& [key, name] : {std::pair("submit_to_flip_us", "submit_to_flip"),
+                                  {"wake_latency_us", "wake_latency"},
+                                  {"copy_us", "copy"}}) {
+    const ordered_json times = inner(statistics, key);
+    std::string help = "Time in seconds, by quantile; 1 is the largest.";
+    for (const auto& [part, quantile] : {std::pair("p50", "0.5"), {"p99", "0.99"}, {"max", "1"}}) {
+      if (const auto value = number_at(times, part))
+        add(text, "gauge", fmt::format("{}_seconds", name), std::exchange(help, {}),
+            fmt::format("{}", *value * 1e-6), fmt::format("{{quantile=\"{}\"}}", quantile));
+    }
+  }
+  if (const auto bytes = number_at(inner(statistics, "resident_bytes"), "total"))
+    add(text, "gauge", "resident_bytes", "Memory of the player.", plain(*bytes));
+  std::string help = "Temperature that the kernel reports.";
+  for (const ordered_json& sensor : machine_json()["temperatures"])
+    add(text, "gauge", "machine_celsius", std::exchange(help, {}),
+        plain(sensor["celsius"].get<double>()),
+        fmt::format("{{sensor=\"{}\"}}", label(sensor["name"].get<std::string>())));
+  return text;
+}
+
+ordered_json health_json(const PlayerState& player) {
+  const ordered_json state = player.state();
+  const ordered_json statistics = player.statistics();
+  const std::vector<MinuteFigures> history = player.history();
+  ordered_json json = {{"connected", state["connected"]},
+                       {"verdict", "good"},
+                       {"sentences", ordered_json::array()},
+                       {"display", inner(statistics, "display")},
+                       {"exactness", inner(statistics, "exactness")},
+                       {"figures", ordered_json::object()},
+                       {"history", ordered_json::array()},
+                       {"faults", player.faults()},
+                       {"machine", machine_json()}};
+  for (const Counter& counter : kCounters)
+    if (statistics.is_object() && statistics.contains(counter.key))
+      json["figures"][counter.key] = statistics[counter.key];
+  add_sentences(state, statistics, history, json["sentences"]);
+  if (!json["sentences"].empty()) json["verdict"] = state["connected"] == true ? "look" : "bad";
+  for (const MinuteFigures& minute : history)
+    json["history"].push_back({{"time", minute.minute * 60},
+                               {"vblanks", minute.vblanks},
+                               {"missed_vblanks", minute.missed_vblanks},
+                               {"late_frames", minute.late_frames}});
+  return json;
+}
+
+}  // namespace lenticule::web

@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/lenticule-web/api/pictures.h"
+
+#include <fmt/format.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <turbojpeg.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cstring>
+#include <memory>
+
+#include "base/error.h"
+#include "optics/rig_file.h"
+
+namespace lenticule::web {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::steady_clock;
+
+/// A picture may show a frame that is this old, so that several pages cost the player one copy.
+constexpr auto kFreshEnough = milliseconds(300);
+constexpr int kTries = 5;
+constexpr int kQuality = 85;
+
+[[noreturn]] void fail(const std::string& cause) {
+  throw Error(ErrorKind::Failed, "picture: " + cause);
+}
+
+size_t number_in(const nlohmann::ordered_json& answer, const char* key) {
+  const auto found = answer.find(key);
+  if (found == answer.end() || !found->is_number_unsigned())
+    fail(fmt::format("the player did not state {}", key));
+  return found->get<size_t>();
+}
+
+/// Mapping is memory that another process shares for reading.
+class Mapping {
+ public:
+  explicit Mapping(int descriptor) {
+    struct stat status {};
+    if (::fstat(descriptor, &status) != 0 || status.st_size <= 0) fail("no shared memory");
+    bytes_ = static_cast<size_t>(status.st_size);
+    void* const mapped = ::mmap(nullptr, bytes_, PROT_READ, MAP_SHARED, descriptor, 0);
+    if (mapped == MAP_FAILED) fail("the shared memory cannot be mapped");
+    begin_ = static_cast<const uint8_t*>(mapped);
+  }
+  ~Mapping() { ::munmap(const_cast<uint8_t*>(begin_), bytes_); }
+  Mapping(const Mapping&) = delete;
+  Mapping& operator=(const Mapping&) = delete;
+
+  /// Returns `bytes` bytes at `at`; throws if the memory is smaller.
+  [[nodiscard]] const uint8_t* at(size_t at, size_t bytes) const {
+    if (at > bytes_ || bytes > bytes_ - at) fail("the shared memory is too small");
+    return begin_ + at;
+  }
+  [[nodiscard]] uint64_t serial() const {
+    std::atomic_thread_fence(std::memory_order_seq_cst);
+    uint64_t serial = 0;
+    std::memcpy(&serial, at(0, sizeof serial), sizeof serial);
+    std::atomic_thread_fence(std::memory_order_seq_cst);
+    return serial;
+  }
+
+ private:
+  const uint8_t* begin_ = nullptr;
+  size_t bytes_ = 0;
+};
+
+}  // namespace
+
+SharedFrame copy_shared_frame(const nlohmann::ordered_json& answer, int descriptor) {
+  SharedFrame frame;
+  const size_t width = number_in(answer, "width"), height = number_in(answer, "height");
+  if (width == 0 || height == 0 || width > optics::kMaxPanelPixels ||
+      height > optics::kMaxPanelPixels)
+    fail("the player stated an absurd size");
+  frame.geometry = {.width = static_cast<int>(width), .height = static_cast<int>(height)};
+  frame.row_bytes = number_in(answer, "row_bytes");
+  if (frame.row_bytes < width * 3 || frame.row_bytes > width * 16) fail("absurd rows");
+  frame.number = number_in(answer, "frame");
+  const Mapping memory(descriptor);
+  const size_t bytes = frame.row_bytes * height;
+  const uint8_t* const pixels = memory.at(number_in(answer, "pixels_at"), bytes);
+  const size_t rig_bytes = number_in(answer, "rig_bytes");
+  const uint8_t* const rig = memory.at(number_in(answer, "rig_at"), rig_bytes);
+  const uint64_t wanted = number_in(answer, "serial");
+  frame.pixels.assign(pixels, pixels + bytes);
+  frame.rig_toml.assign(reinterpret_cast<const char*>(rig), rig_bytes);
+  if (memory.serial() != wanted) fail("the frame was replaced while it was read");
+  return frame;
+}
+
+optics::RgbPicture reduced(const SharedFrame& frame, int width) {
+  width = std::clamp(width, 1, frame.geometry.width);
+  const int height = std::max(1, static_cast<int>(static_cast<int64_t>(frame.geometry.height) *
+                                                  width / frame.geometry.width));
+  optics::RgbPicture picture{.width = width, .height = height, .pixels = {}};
+  picture.pixels.resize(size_t{3} * static_cast<size_t>(width) * static_cast<size_t>(height));
+  const auto edge = [](int k, int parts, int whole) {
+    return static_cast<int>(static_cast<int64_t>(k) * whole / parts);
+  };
+  uint8_t* out = picture.pixels.data();
+  for (int j = 0; j < height; ++j) {
+    const int top = edge(j, height, frame.geometry.height);
+    const int bottom = std::max(top + 1, edge(j + 1, height, frame.geometry.height));
+    for (int i = 0; i < width; ++i) {
+      const int left = edge(i, width, frame.geometry.width);
+      const int right = std::max(left + 1, edge(i + 1, width, frame.geometry.width));
+      std::array<uint32_t, 3> sum{};
+      for (int y = top; y < bottom; ++y) {
+        const uint8_t* in = frame.pixels.data() + static_cast<size_t>(y) * frame.row_bytes +
+                            size_t{3} * static_cast<size_t>(left);
+        for (int x = left; x < right; ++x, in += 3)
+          for (size_t c = 0; c < 3; ++c) sum[c] += in[c];
+      }
+      const auto count = static_cast<uint32_t>((bottom - top) * (right - left));
+      for (size_t c = 0; c < 3; ++c) *out++ = static_cast<uint8_t>((sum[c] + count / 2) / count);
+    }
+  }
+  return picture;
+}
+
+std::string jpeg_of(const optics::RgbPicture& picture, int quality) {
+  struct Deleter {
+    void operator()(void* handle) const { (void)tjDestroy(handle); }
+    void operator()(unsigned char* bytes) const { tjFree(bytes); }
+  };
+  const std::unique_ptr<void, Deleter> encoder(tjInitCompress());
+  unsigned char* bytes = nullptr;
+  unsigned long size = 0;
+  const int failed =
+      encoder == nullptr
+          ? -1
+          : tjCompress2(encoder.get(), picture.pixels.data(), picture.width, 0, picture.height,
+                        TJPF_RGB, &bytes, &size, TJSAMP_420, quality, TJFLAG_FASTDCT);
+  const std::unique_ptr<unsigned char, Deleter> owned(bytes);
+  if (failed != 0) fail("the picture cannot be encoded");
+  return {reinterpret_cast<const char*>(bytes), size};
+}
+
+std::shared_ptr<const PictureMaker::Taken> PictureMaker::take_frame(milliseconds oldest) {
+  const std::lock_guard lock(mutex_);
+  if (taken_ && steady_clock::now() - taken_at_ <= oldest) return taken_;
+  auto taken = std::make_shared<Taken>();
+  for (int tries = 1;; ++tries) {
+    try {
+      const ControlLink::Answer answer = link_.ask({{"do", "frame"}});
+      if (!answer.descriptor) fail("the player sent no shared memory");
+      taken->frame = copy_shared_frame(answer.body, answer.descriptor.get());
+      break;
+    } catch (const Error& error) {
+      // Another client may have asked for a frame meanwhile.
+      const bool again = error.kind() == ErrorKind::Failed && tries < kTries &&
+                         std::string(error.what()).find("was replaced") != std::string::npos;
+      if (!again) throw;
+    }
+  }
+  const bool same_rig = taken_ && taken_->frame.rig_toml == taken->frame.rig_toml;
+  taken->model = same_rig ? taken_->model
+                          : std::make_shared<const optics::OpticalModel>(
+                                optics::parse_rig(taken->frame.rig_toml, "the player's rig"));
+  taken_ = taken;
+  taken_at_ = steady_clock::now();
+  return taken;
+}
+
+std::string PictureMaker::frame(int width) {
+  const std::lock_guard one(one_picture_);
+  const auto taken = take_frame(kFreshEnough);
+  return jpeg_of(reduced(taken->frame, std::clamp(width, kMinWidth, kMaxWidth)), kQuality);
+}
+
+std::string PictureMaker::eye(const optics::Eye& eye, int width) {
+  const std::lock_guard one(one_picture_);
+  const auto taken = take_frame(kFreshEnough);
+  const frames::FrameGeometry& size = taken->frame.geometry;
+  width = std::clamp(width, std::min(kMinWidth, size.width), std::min(kMaxWidth, size.width));
+  const int height = std::max(1, static_cast<int>(int64_t{size.height} * width / size.width));
+  return jpeg_of(optics::simulate_eye(*taken->model,
+                                      {.pixels = taken->frame.pixels.data(),
+                                       .width = size.width,
+                                       .height = size.height,
+                                       .stride_bytes = taken->frame.row_bytes},
+                                      eye, {.width = width, .height = height}),
+                 kQuality);
+}
+
+optics::OpticalModel PictureMaker::model() {
+  return *take_frame(std::chrono::seconds(2))->model;
+}
+
+std::string PictureMaker::rig_toml() {
+  return take_frame(std::chrono::seconds(2))->frame.rig_toml;
+}
+
+}  // namespace lenticule::web

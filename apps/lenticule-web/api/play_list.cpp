@@ -1,0 +1,314 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/lenticule-web/api/play_list.h"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <functional>
+
+#include "apps/lenticule-web/http/message.h"
+#include "apps/lenticule-web/http/parse.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "base/text.h"
+
+namespace lenticule::web {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::ordered_json;
+using std::chrono::seconds;
+
+constexpr size_t kMaxItems = 1000;
+constexpr size_t kMaxTextBytes = 4096;
+constexpr size_t kMaxListBytes = size_t{1} << 20;
+constexpr size_t kKeptVersions = 20;
+/// The player looks for a replaced list every two or three seconds.
+constexpr auto kPlayerNotices = seconds(8);
+
+[[noreturn]] void refuse(const std::string& what) {
+  throw HttpError(422, what, "see the section \"Playlists\" of the documentation");
+}
+
+/// Returns the text as a basic string of TOML.
+std::string quoted(const std::string& key, const ordered_json& value) {
+  if (!value.is_string() || value.get_ref<const std::string&>().size() > kMaxTextBytes)
+    refuse(key + ": not a text of at most 4096 bytes");
+  const auto& text = value.get_ref<const std::string&>();
+  std::string toml = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\')
+      toml += fmt::format("\\{}", c);
+    else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f)
+      toml += fmt::format("\\u{:04X}", static_cast<unsigned>(c));
+    else
+      toml += c;
+  }
+  return toml + "\"";
+}
+
+std::string number(const std::string& key, const ordered_json& value) {
+  if (!value.is_number()) refuse(key + ": not a number");
+  return value.is_number_float() ? fmt::format("{:.6f}", value.get<double>()) : value.dump();
+}
+
+std::string loops(const std::string& key, const ordered_json& value) {
+  return value == "forever" ? "\"forever\"" : number(key, value);
+}
+
+std::string days(const ordered_json& value) {
+  if (!value.is_array() || value.size() > 7) refuse("days: not a list of days");
+  std::string toml = "[";
+  for (const ordered_json& day : value) toml += (toml.size() > 1 ? ", " : "") + quoted("days", day);
+  return toml + "]";
+}
+
+using Row =
+    std::pair<const char*, std::function<std::string(const std::string&, const ordered_json&)>>;
+
+const std::vector<Row>& item_keys() {
+  static const std::vector<Row> rows = {
+      {"source", quoted}, {"loops", loops}, {"duration_s", number}, {"fps", quoted},
+      {"frames", quoted}, {"cut", quoted},  {"wait_s", number}};
+  return rows;
+}
+
+std::string schedule_toml(const ordered_json& schedule) {
+  if (!schedule.is_object()) refuse("schedule: not an object");
+  std::string toml = "[item.schedule]\n";
+  for (const auto& [key, value] : schedule.items()) {
+    if (key == "days")
+      toml += "days = " + days(value) + "\n";
+    else if (key == "from" || key == "to")
+      toml += key + " = " + quoted(key, value) + "\n";
+    else
+      refuse(fmt::format("schedule: unknown key '{}'", shortened(escaped(key), 60)));
+  }
+  return toml;
+}
+
+std::string item_toml(const ordered_json& item) {
+  if (!item.is_object() || !item.contains("source")) refuse("item: no source");
+  std::string toml, schedule;
+  for (const auto& [key, value] : item.items()) {
+    const std::string& name = key;
+    const auto row = std::find_if(item_keys().begin(), item_keys().end(),
+                                  [&name](const Row& one) { return name == one.first; });
+    if (row != item_keys().end())
+      toml += key + " = " + row->second(key, value) + "\n";
+    else if (key == "schedule")
+      schedule = schedule_toml(value);
+    else
+      refuse(fmt::format("item: unknown key '{}'", shortened(escaped(key), 60)));
+  }
+  return toml + schedule;
+}
+
+/// Throws HttpError 422 if a new item is neither a file of the media folder nor made by the player.
+/// Items that the list has already may stay.
+void require_own_sources(const ordered_json& list, const ordered_json& now, const fs::path& media) {
+  std::vector<std::string> known = {"black", "card", "views"};
+  const auto source_of = [](const ordered_json& item) {
+    const bool has = item.is_object() && item.contains("source") && item["source"].is_string();
+    return has ? item["source"].get<std::string>() : std::string();
+  };
+  for (const ordered_json& item : now["items"]) known.push_back(source_of(item));
+  known.push_back(source_of(now["default"]));
+  const auto require = [&](const ordered_json& item) {
+    const std::string source = source_of(item);
+    const fs::path file(source);
+    if (std::find(known.begin(), known.end(), source) != known.end()) return;
+    if (file.parent_path() == media && is_media_name(file.filename().native()) &&
+        !source.ends_with(".toml"))
+      return;
+    refuse(fmt::format("source '{}': not a file of the media folder",
+                       shortened(escaped(source), 100)));
+  };
+  for (const ordered_json& item : list["items"]) require(item);
+  if (list.contains("default") && !list["default"].is_null()) require(list["default"]);
+}
+
+/// Returns a name for the present content, which changes with it.
+std::string version_of(const ordered_json& list) {
+  return fmt::format("{:016x}", std::hash<std::string>()(json_text(list)));
+}
+
+}  // namespace
+
+std::string list_toml(const ordered_json& list) {
+  if (!list.is_object()) refuse("not an object with items");
+  std::string toml = "# Written by lenticule-web.\nformat = 1\n";
+  std::string standby, items;
+  for (const auto& [key, value] : list.items()) {
+    if (key == "loop") {
+      toml += "loop = " + loops(key, value) + "\n";
+    } else if (key == "default") {
+      if (!value.is_null()) standby = "\n[default]\n" + item_toml(value);
+    } else if (key == "items") {
+      if (!value.is_array() || value.empty() || value.size() > kMaxItems)
+        refuse("items: not a list of 1 to 1000 items");
+      for (const ordered_json& item : value) items += "\n[[item]]\n" + item_toml(item);
+    } else {
+      refuse(fmt::format("unknown key '{}'", shortened(escaped(key), 60)));
+    }
+  }
+  if (items.empty()) refuse("items: missing");
+  toml += standby + items;
+  if (toml.size() > kMaxListBytes) refuse("the list has more than 1 MiB");
+  return toml;
+}
+
+PlayList::PlayList(ControlLink& link, PlayerState& state, fs::path own_file, fs::path versions)
+    : link_(link), state_(state), own_file_(std::move(own_file)), versions_(std::move(versions)) {
+  fs::create_directories(versions_);
+}
+
+/// Returns the whole list of the player, which sends a long one in parts.
+ordered_json PlayList::ask_list() {
+  ordered_json whole;
+  size_t count = 0;
+  do {
+    const size_t seen = whole.is_null() ? 0 : whole["items"].size();
+    ordered_json part = link_.ask({{"do", "list"}, {"item", seen}}).body;
+    if (!part.contains("items") || !part["items"].is_array() || !part.contains("count") ||
+        !part["count"].is_number_unsigned())
+      throw Error(ErrorKind::Device, "list: the player's answer is not understood");
+    count = part["count"].get<size_t>();
+    if (part["items"].empty()) count = seen;  // the list became shorter meanwhile
+    if (whole.is_null())
+      whole = std::move(part);
+    else
+      for (ordered_json& item : part["items"]) whole["items"].push_back(std::move(item));
+  } while (whole["items"].size() < count);
+  return whole;
+}
+
+ordered_json PlayList::locked_read() {
+  const ordered_json list = ask_list();
+  ordered_json result = {{"file", list.value("file", ordered_json())},
+                         {"version", ""},
+                         {"editable", false},
+                         {"loop", list.value("loop", ordered_json(1))},
+                         {"default", list.value("default", ordered_json())},
+                         {"items", list["items"]}};
+  result["version"] = version_of({result["loop"], result["default"], result["items"]});
+  // Without a list, the source that plays becomes the first item of the own list.
+  const fs::path file =
+      result["file"].is_string() ? fs::path(result["file"].get<std::string>()) : own_file_;
+  result["editable"] = file.parent_path() == own_file_.parent_path();
+  return result;
+}
+
+ordered_json PlayList::read() {
+  const std::lock_guard lock(mutex_);
+  return locked_read();
+}
+
+void PlayList::keep(const std::string& toml, const std::string& who) {
+  const auto now = std::chrono::duration_cast<std::chrono::milliseconds>(
+                       std::chrono::system_clock::now().time_since_epoch())
+                       .count();
+  const std::string head = fmt::format("# {} {}\n", now / 1000, escaped(who));
+  write_text_file(versions_ / fmt::format("{}.toml", now), head + toml);
+  std::vector<fs::path> kept;
+  for (const auto& entry : fs::directory_iterator(versions_)) kept.push_back(entry.path());
+  std::sort(kept.begin(), kept.end());
+  for (size_t k = 0; k + kKeptVersions < kept.size(); ++k) {
+    std::error_code ignored;
+    fs::remove(kept[k], ignored);
+  }
+}
+
+ordered_json PlayList::locked_write(const std::string& toml, const std::string& who,
+                                    const ordered_json& now) {
+  if (!now["editable"].get<bool>())
+    throw HttpError(409, "the player plays a list outside of the media folder",
+                    "move the list and its files into the media folder");
+  const bool has_list = now["file"].is_string();
+  const fs::path file = has_list ? fs::path(now["file"].get<std::string>()) : own_file_;
+  std::string before;
+  if (has_list) before = read_text_file(file, kMaxListBytes);
+  const uint64_t newest = state_.newest();
+  write_text_file(file, toml);
+  fs::permissions(file, fs::perms::group_read | fs::perms::others_read, fs::perm_options::add);
+  if (!has_list) {
+    (void)link_.ask({{"do", "load"}, {"source", file.string()}}, seconds(60));
+  } else if (before != toml) {
+    std::string detail;
+    const auto taken =
+        state_.wait_for_either(newest, "replaced", "not_replaced", kPlayerNotices, detail);
+    if (taken == false) {
+      write_text_file(file, before);
+      const ordered_json event = ordered_json::parse(detail, nullptr, false);
+      const bool has_cause =
+          event.is_object() && event.contains("cause") && event["cause"].is_string();
+      throw HttpError(422,
+                      "the player cannot play this list: " +
+                          (has_cause ? event["cause"].get<std::string>() : detail),
+                      "the version before was put back");
+    }
+  }
+  keep(toml, who);
+  state_.refresh();
+  state_.publish("list", {{"who", who}});
+  return locked_read();
+}
+
+ordered_json PlayList::replace(const ordered_json& list, const std::string& version,
+                               const std::string& who) {
+  const std::string toml = list_toml(list);
+  const std::lock_guard lock(mutex_);
+  const ordered_json now = locked_read();
+  if (!version.empty() && now["version"] != version)
+    throw HttpError(409, "the list was changed meanwhile", "read it again");
+  require_own_sources(list, now, own_file_.parent_path());
+  return locked_write(toml, who, now);
+}
+
+ordered_json PlayList::versions() const {
+  std::vector<fs::path> kept;
+  for (const auto& entry : fs::directory_iterator(versions_))
+    if (entry.path().extension() == ".toml") kept.push_back(entry.path());
+  std::sort(kept.rbegin(), kept.rend());
+  ordered_json result = {{"versions", ordered_json::array()}};
+  for (const fs::path& file : kept) {
+    const std::string text = read_text_file(file, 2 * kMaxListBytes);
+    const std::string head = text.substr(0, text.find('\n'));
+    size_t items = 0;
+    for (size_t at = text.find("[[item]]"); at != std::string::npos;
+         at = text.find("[[item]]", at + 1))
+      ++items;
+    const size_t blank = head.find(' ', 2);
+    result["versions"].push_back(
+        {{"name", file.stem().string()},
+         {"time", std::strtoll(head.c_str() + std::min<size_t>(2, head.size()), nullptr, 10)},
+         {"who", blank == std::string::npos ? "" : head.substr(blank + 1)},
+         {"items", items}});
+  }
+  return result;
+}
+
+ordered_json PlayList::restore(const std::string& name, const std::string& who) {
+  if (name.empty() || name.find_first_not_of("0123456789") != std::string::npos)
+    throw HttpError(404, "there is no version of that name");
+  const fs::path file = versions_ / (name + ".toml");
+  if (!fs::exists(file)) throw HttpError(404, "there is no version of that name");
+  std::string toml = read_text_file(file, 2 * kMaxListBytes);
+  toml.erase(0, toml.find('\n') + 1);
+  const std::lock_guard lock(mutex_);
+  return locked_write(toml, who, locked_read());
+}
+
+bool PlayList::names(const fs::path& file) {
+  const ordered_json list = read();
+  const auto is_file = [&](const ordered_json& item) {
+    return item.is_object() && item.contains("source") && item["source"] == file.string();
+  };
+  return is_file(list["default"]) ||
+         std::any_of(list["items"].begin(), list["items"].end(), is_file);
+}
+
+}  // namespace lenticule::web

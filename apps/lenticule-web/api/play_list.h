@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// PlayList reads the list that the player plays, and writes changed versions of its file, which the
+// player follows. A version that the player cannot play is replaced by the one before.
+#pragma once
+
+#include <filesystem>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "apps/lenticule-web/link/control_link.h"
+#include "apps/lenticule-web/link/player_state.h"
+
+namespace lenticule::web {
+
+/// Returns the text of a playlist file with the keys of `list`: loop, default, items. Throws
+/// HttpError 422 for a key or a value that a list does not have; the player checks the rest.
+[[nodiscard]] std::string list_toml(const nlohmann::ordered_json& list);
+
+/// Thread safety: any thread.
+class PlayList {
+ public:
+  /// `own_file` is the list that is written if the player plays no list; versions are kept in
+  /// `versions`.
+  PlayList(ControlLink& link, PlayerState& state, std::filesystem::path own_file,
+           std::filesystem::path versions);
+
+  /// Returns {"file", "version", "editable", "loop", "default", "items"}.
+  [[nodiscard]] nlohmann::ordered_json read();
+  /// Writes the list, waits until the player uses it, and returns read(). Throws HttpError 409 if
+  /// `version` is not the present one, and 422 with the player's reason if it cannot play the list,
+  /// which is then put back.
+  nlohmann::ordered_json replace(const nlohmann::ordered_json& list, const std::string& version,
+                                 const std::string& who);
+  /// Returns the kept versions, newest first: {"versions": [{"name", "time", "who", "items"}]}.
+  [[nodiscard]] nlohmann::ordered_json versions() const;
+  /// Writes a kept version again, as replace() does.
+  nlohmann::ordered_json restore(const std::string& name, const std::string& who);
+  /// Returns true if the list names the file.
+  [[nodiscard]] bool names(const std::filesystem::path& file);
+
+ private:
+  [[nodiscard]] nlohmann::ordered_json ask_list();
+  [[nodiscard]] nlohmann::ordered_json locked_read();
+  nlohmann::ordered_json locked_write(const std::string& toml, const std::string& who,
+                                      const nlohmann::ordered_json& now);
+  void keep(const std::string& toml, const std::string& who);
+
+  ControlLink& link_;
+  PlayerState& state_;
+  const std::filesystem::path own_file_;
+  const std::filesystem::path versions_;
+  std::mutex mutex_;  ///< one change at a time
+};
+
+}  // namespace lenticule::web

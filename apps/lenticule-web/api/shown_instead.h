@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// ShownInstead shows something else than the content for a while: a black frame, a test card or the
+// numbered views; and returns to the place of the content.
+#pragma once
+
+#include <filesystem>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "apps/lenticule-web/link/control_link.h"
+
+namespace lenticule::web {
+
+/// Thread safety: any thread.
+class ShownInstead {
+ public:
+  /// The place is kept in `file`, so that a restart does not forget it.
+  ShownInstead(ControlLink& link, std::filesystem::path file);
+
+  /// Shows "black", "card" or "views", or "content" again. Throws HttpError 400 for another word,
+  /// 409 if there is no place to return to.
+  void show(const std::string& what);
+  /// Returns what is shown instead of the content according to the player's status, or an empty
+  /// text.
+  [[nodiscard]] static std::string shown(const nlohmann::ordered_json& status);
+
+ private:
+  ControlLink& link_;
+  const std::filesystem::path file_;
+  std::mutex mutex_;
+};
+
+}  // namespace lenticule::web

@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/lenticule-web/http/listener.h"
+
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+
+#include <array>
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+
+#include "base/error.h"
+#include "base/numbers.h"
+
+namespace lenticule::web {
+namespace {
+
+constexpr int kBacklog = 256;
+constexpr int kFirstPassed = 3;  // SD_LISTEN_FDS_START
+
+/// SocketAddress is a numeric address of one of the two families, or of a Unix socket.
+struct SocketAddress {
+  sockaddr_storage storage{};
+  socklen_t bytes = 0;
+
+  [[nodiscard]] sockaddr* get() { return reinterpret_cast<sockaddr*>(&storage); }
+  [[nodiscard]] const sockaddr* get() const { return reinterpret_cast<const sockaddr*>(&storage); }
+};
+
+[[noreturn]] void fail(ErrorKind kind, const std::string& name, const std::string& cause,
+                       const std::string& remedy = {}) {
+  throw Error(kind, name + ": " + cause, remedy);
+}
+
+SocketAddress numeric_address(const ListenAddress& address) {
+  SocketAddress made;
+  if (auto* const v4 = reinterpret_cast<sockaddr_in*>(&made.storage);
+      ::inet_pton(AF_INET, address.host.c_str(), &v4->sin_addr) == 1) {
+    v4->sin_family = AF_INET;
+    v4->sin_port = htons(address.port);
+    made.bytes = sizeof *v4;
+    return made;
+  }
+  if (auto* const v6 = reinterpret_cast<sockaddr_in6*>(&made.storage);
+      ::inet_pton(AF_INET6, address.host.c_str(), &v6->sin6_addr) == 1) {
+    v6->sin6_family = AF_INET6;
+    v6->sin6_port = htons(address.port);
+    made.bytes = sizeof *v6;
+    return made;
+  }
+  fail(ErrorKind::Usage, "--listen", fmt::format("'{}' is not an address", address.host),
+       "use a numeric address and a port: 127.0.0.1:8420 or [::1]:8420");
+}
+
+bool is_loopback(const SocketAddress& address) {
+  if (address.storage.ss_family == AF_UNIX) return true;
+  if (address.storage.ss_family == AF_INET) {
+    const auto& v4 = reinterpret_cast<const sockaddr_in&>(address.storage);
+    return (ntohl(v4.sin_addr.s_addr) >> 24) == 127;
+  }
+  if (address.storage.ss_family == AF_INET6) {
+    const auto& v6 = reinterpret_cast<const sockaddr_in6&>(address.storage);
+    return IN6_IS_ADDR_LOOPBACK(&v6.sin6_addr) != 0;
+  }
+  return false;
+}
+
+SocketAddress bound_address(int fd) {
+  SocketAddress address;
+  address.bytes = sizeof address.storage;
+  if (::getsockname(fd, address.get(), &address.bytes) != 0)
+    fail(ErrorKind::Failed, "listen", std::strerror(errno));
+  return address;
+}
+
+std::string name_of(const SocketAddress& address) {
+  std::array<char, INET6_ADDRSTRLEN> text{};
+  if (address.storage.ss_family == AF_INET) {
+    const auto& v4 = reinterpret_cast<const sockaddr_in&>(address.storage);
+    ::inet_ntop(AF_INET, &v4.sin_addr, text.data(), text.size());
+    return fmt::format("{}:{}", text.data(), ntohs(v4.sin_port));
+  }
+  if (address.storage.ss_family == AF_INET6) {
+    const auto& v6 = reinterpret_cast<const sockaddr_in6&>(address.storage);
+    ::inet_ntop(AF_INET6, &v6.sin6_addr, text.data(), text.size());
+    return fmt::format("[{}]:{}", text.data(), ntohs(v6.sin6_port));
+  }
+  return reinterpret_cast<const sockaddr_un&>(address.storage).sun_path;
+}
+
+void require_lan(const std::string& name, bool is_local, bool lan) {
+  if (is_local || lan) return;
+  fail(ErrorKind::Usage, "--listen", fmt::format("other machines can connect to {}", name),
+       "add --lan to permit this. Every machine of the network can then reach the pages, and "
+       "without a reverse proxy with HTTPS the network can read the tokens");
+}
+
+SocketAddress unix_socket_address(const std::filesystem::path& path) {
+  SocketAddress address;
+  auto& local = reinterpret_cast<sockaddr_un&>(address.storage);
+  const std::string& text = path.native();
+  if (text.empty() || text.size() >= sizeof local.sun_path)
+    fail(ErrorKind::Usage, "--unix",
+         fmt::format("the path has {} bytes; at most {}", text.size(), sizeof local.sun_path - 1));
+  local.sun_family = AF_UNIX;
+  std::memcpy(static_cast<char*>(local.sun_path), text.c_str(), text.size() + 1);
+  address.bytes = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + text.size() + 1);
+  return address;
+}
+
+/// Removes the socket of a server that has exited.
+void remove_dead_socket(const std::filesystem::path& path, const SocketAddress& address) {
+  struct stat status {};
+  if (::lstat(path.c_str(), &status) != 0) return;
+  if (!S_ISSOCK(status.st_mode))
+    fail(ErrorKind::Usage, path.string(), "exists and is not a socket");
+  const UniqueFd probe(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  if (!probe) fail(ErrorKind::Failed, path.string(), std::strerror(errno));
+  if (::connect(probe.get(), address.get(), address.bytes) == 0 || errno != ECONNREFUSED)
+    fail(ErrorKind::Device, path.string(), "another server listens there",
+         "stop that server, or use another socket");
+  (void)::unlink(path.c_str());
+}
+
+}  // namespace
+
+ListenAddress parse_listen_address(const std::string& text) {
+  const size_t colon = text.rfind(':');
+  std::string host = colon == std::string::npos ? "" : text.substr(0, colon);
+  if (host.size() > 2 && host.front() == '[' && host.back() == ']')
+    host = host.substr(1, host.size() - 2);
+  else if (host.find(':') != std::string::npos)
+    host.clear();  // an IPv6 address without brackets: the port is ambiguous
+  const auto port = colon == std::string::npos
+                        ? std::nullopt
+                        : number_from<uint16_t>(std::string_view(text).substr(colon + 1));
+  if (host.empty() || !port)
+    fail(ErrorKind::Usage, "--listen", fmt::format("'{}' is not an address with a port", text),
+         "use a numeric address and a port: 127.0.0.1:8420 or [::1]:8420");
+  ListenAddress address{.host = host, .port = *port};
+  (void)numeric_address(address);
+  return address;
+}
+
+Listener listen_tcp(const ListenAddress& address, bool lan) {
+  const SocketAddress wanted = numeric_address(address);
+  const std::string name = name_of(wanted);
+  require_lan(name, is_loopback(wanted), lan);
+  UniqueFd fd(::socket(wanted.storage.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  const int yes = 1;
+  if (!fd || ::setsockopt(fd.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0)
+    fail(ErrorKind::Failed, name, std::strerror(errno));
+  if (wanted.storage.ss_family == AF_INET6)
+    (void)::setsockopt(fd.get(), IPPROTO_IPV6, IPV6_V6ONLY, &yes, sizeof yes);
+  if (::bind(fd.get(), wanted.get(), wanted.bytes) != 0 || ::listen(fd.get(), kBacklog) != 0)
+    fail(ErrorKind::Device, name, fmt::format("cannot listen: {}", std::strerror(errno)),
+         "choose another address: --listen ADDRESS:PORT");
+  const SocketAddress bound = bound_address(fd.get());
+  return {.fd = std::move(fd), .name = name_of(bound), .is_local = is_loopback(bound)};
+}
+
+Listener listen_unix(const std::filesystem::path& path) {
+  const SocketAddress address = unix_socket_address(path);
+  remove_dead_socket(path, address);
+  UniqueFd fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  // The mode is set before the first connection is possible.
+  if (!fd || ::fchmod(fd.get(), 0660) != 0 || ::bind(fd.get(), address.get(), address.bytes) != 0 ||
+      ::chmod(path.c_str(), 0660) != 0 || ::listen(fd.get(), kBacklog) != 0)
+    fail(ErrorKind::Failed, path.string(), fmt::format("cannot listen: {}", std::strerror(errno)));
+  return {.fd = std::move(fd), .name = path.string(), .is_unix = true, .is_local = true};
+}
+
+std::vector<Listener> passed_listeners(bool lan) {
+  const auto number = [](const char* variable) -> std::optional<int> {
+    const char* const text = std::getenv(variable);
+    return text == nullptr ? std::nullopt : number_from<int>(text);
+  };
+  std::vector<Listener> listeners;
+  if (number("LISTEN_PID") != static_cast<int>(::getpid())) return listeners;
+  const int count = number("LISTEN_FDS").value_or(0);
+  for (int fd = kFirstPassed; fd < kFirstPassed + count; ++fd) {
+    UniqueFd owned(fd);
+    (void)::fcntl(fd, F_SETFD, FD_CLOEXEC);
+    (void)::fcntl(fd, F_SETFL, O_NONBLOCK);
+    const SocketAddress bound = bound_address(fd);
+    const std::string name = name_of(bound);
+    require_lan(name, is_loopback(bound), lan);
+    listeners.push_back({.fd = std::move(owned),
+                         .name = name,
+                         .is_unix = bound.storage.ss_family == AF_UNIX,
+                         .is_local = is_loopback(bound)});
+  }
+  return listeners;
+}
+
+}  // namespace lenticule::web

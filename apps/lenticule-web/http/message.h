@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+// Request, Response and the interfaces between the HTTP server and what it serves.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "apps/lenticule-web/http/access.h"
+#include "base/error.h"
+
+namespace lenticule::web {
+
+/// Text of a request: a value, or none. Thread safety: the request's thread.
+using RequestText = std::function<std::optional<std::string>(const char* name)>;
+
+struct Request {
+  std::string method{};
+  std::string path{};    ///< percent-decoded, without the query
+  RequestText query{};   ///< argument of the query by its name
+  RequestText header{};  ///< header by its name
+  std::string body{};    ///< empty if a BodySink took it
+  std::string peer{};    ///< address of the sender
+  Identity sender{};
+};
+
+/// EventStream is an answer that continues until one side ends it.
+class EventStream {
+ public:
+  virtual ~EventStream() = default;
+  /// Returns the next text to send; waits at most ten seconds, and returns a comment if nothing
+  /// happened. None ends the answer.
+  [[nodiscard]] virtual std::optional<std::string> next() = 0;
+};
+
+struct Response {
+  int status = 200;
+  std::string type = "application/json";
+  std::string body{};
+  std::string_view borrowed{};  ///< instead of `body`: text that outlives the server
+  std::vector<std::pair<std::string, std::string>> headers{};
+  std::unique_ptr<EventStream> events{};  ///< instead of `body`
+};
+
+/// BodySink takes the body of a request that is too large for memory.
+class BodySink {
+ public:
+  virtual ~BodySink() = default;
+  /// Takes the next bytes. Throws Error to refuse the rest.
+  virtual void take(std::span<const uint8_t> bytes) = 0;
+  /// Returns the answer after the whole body. Throws Error.
+  [[nodiscard]] virtual Response finish() = 0;
+};
+
+/// HttpError is an error with the status of its answer.
+class HttpError : public Error {
+ public:
+  HttpError(int status, const std::string& what, std::string hint = {})
+      : Error(ErrorKind::Failed, what, std::move(hint)), status_(status) {}
+  [[nodiscard]] int status() const { return status_; }
+
+ private:
+  int status_;
+};
+
+/// Site answers the requests of a server. Its functions may throw Error.
+///
+/// Thread safety: any number of threads at once.
+class Site {
+ public:
+  virtual ~Site() = default;
+  /// Returns the rights that the request needs; None for pages without content of this machine.
+  [[nodiscard]] virtual Rights needed(const std::string& method, const std::string& path) const = 0;
+  /// Returns the largest body in bytes that the request may have.
+  [[nodiscard]] virtual uint64_t largest_body(const std::string& method,
+                                              const std::string& path) const = 0;
+  /// Returns the sink of the request's body; null if the body goes into Request::body.
+  [[nodiscard]] virtual std::unique_ptr<BodySink> sink(const Request& request) = 0;
+  [[nodiscard]] virtual Response answer(const Request& request) = 0;
+};
+
+/// Returns an answer with a JSON object.
+[[nodiscard]] Response json_response(const nlohmann::ordered_json& value, int status = 200);
+/// Returns the answer to a request that failed: {"error": {"cause", "remedy"}}.
+[[nodiscard]] Response error_response(int status, const std::string& cause,
+                                      const std::string& remedy = {});
+/// Returns the answer with the status of an HttpError, otherwise with the one that suits its kind.
+[[nodiscard]] Response error_response(const Error& error);
+
+}  // namespace lenticule::web

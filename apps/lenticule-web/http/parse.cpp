@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/lenticule-web/http/parse.h"
+
+#include "base/numbers.h"
+#include "base/text.h"
+
+namespace lenticule::web {
+namespace {
+
+std::string_view without_blanks(std::string_view text) {
+  while (!text.empty() && (text.front() == ' ' || text.front() == '\t')) text.remove_prefix(1);
+  while (!text.empty() && (text.back() == ' ' || text.back() == '\t')) text.remove_suffix(1);
+  return text;
+}
+
+bool same_ignoring_case(std::string_view text, std::string_view lower_case) {
+  if (text.size() != lower_case.size()) return false;
+  for (size_t k = 0; k < text.size(); ++k) {
+    const char c = text[k];
+    if ((c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c) != lower_case[k])
+      return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+std::optional<std::string_view> cookie_value(std::string_view header, std::string_view name) {
+  while (!header.empty()) {
+    std::string_view pair = without_blanks(take_until(header, ';'));
+    const size_t equals = pair.find('=');
+    if (equals != std::string_view::npos && pair.substr(0, equals) == name)
+      return pair.substr(equals + 1);
+  }
+  return std::nullopt;
+}
+
+std::optional<std::string_view> bearer_credential(std::string_view header) {
+  const std::string_view scheme = take_until(header, ' ');
+  if (!same_ignoring_case(scheme, "bearer")) return std::nullopt;
+  const std::string_view credential = without_blanks(header);
+  if (credential.empty()) return std::nullopt;
+  return credential;
+}
+
+std::optional<ByteRange> parse_content_range(std::string_view header) {
+  std::string_view text = without_blanks(header);
+  if (!same_ignoring_case(take_until(text, ' '), "bytes")) return std::nullopt;
+  const auto first = take_number<uint64_t>(text);
+  if (!first || !text.starts_with('-')) return std::nullopt;
+  text.remove_prefix(1);
+  const auto last = take_number<uint64_t>(text);
+  if (!last || !text.starts_with('/')) return std::nullopt;
+  text.remove_prefix(1);
+  const auto total = number_from<uint64_t>(text);
+  if (!total || *first > *last || *last >= *total) return std::nullopt;
+  return ByteRange{.first = *first, .last = *last, .total = *total};
+}
+
+bool is_media_name(std::string_view name) {
+  if (name.empty() || name.size() > kMaxMediaName) return false;
+  if (name.front() == '.' || name.front() == '-' || name.front() == ' ' || name.back() == ' ')
+    return false;
+  if (name.find_first_of("/\\%|<>\"'&:*?") != std::string_view::npos) return false;
+  return escaped(name) == name;
+}
+
+std::string html_text(std::string_view text) {
+  std::string html;
+  for (const char c : text) {
+    switch (c) {
+      case '&':
+        html += "&amp;";
+        break;
+      case '<':
+        html += "&lt;";
+        break;
+      case '>':
+        html += "&gt;";
+        break;
+      case '"':
+        html += "&quot;";
+        break;
+      case '\'':
+        html += "&#39;";
+        break;
+      default:
+        html += c;
+    }
+  }
+  return html;
+}
+
+}  // namespace lenticule::web

@@ -1,0 +1,234 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule-web serves pages and an HTTP API for a player that runs with --control.
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/signalfd.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "apps/lenticule-web/api/metrics.h"
+#include "apps/lenticule-web/api/web_site.h"
+#include "apps/lenticule-web/http/server.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "base/main_function.h"
+#include "base/print.h"
+
+namespace lenticule::web {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr ErrorStyle kErrors{.program = "lenticule web"};
+constexpr int kTextfileEvery_ms = 15'000;
+
+struct Flags {
+  std::string socket;
+  std::vector<std::string> listen;
+  std::string unix_socket;
+  bool lan = false;
+  std::string state;
+  std::string media;
+  double media_limit_gib = 64.0;
+  std::string textfile;
+  std::string token_name;
+  std::string rights = "change";
+  std::string token_id;
+  std::string base = "http://127.0.0.1:8420";
+};
+
+std::string from_environment(const char* name) {
+  const char* const value = std::getenv(name);
+  return value == nullptr ? std::string() : value;
+}
+
+/// Returns the folder of the server's own files: --state, what the service manager names, or one in
+/// the user's home.
+fs::path state_folder(const Flags& flags) {
+  fs::path folder = flags.state;
+  if (folder.empty()) folder = from_environment("STATE_DIRECTORY");
+  if (folder.empty()) {
+    const std::string state = from_environment("XDG_STATE_HOME");
+    const std::string home = from_environment("HOME");
+    if (state.empty() && home.empty())
+      throw Error(ErrorKind::Usage, "--state: missing", "name a folder for the tokens");
+    folder = (state.empty() ? fs::path(home) / ".local/state" : fs::path(state)) / "lenticule-web";
+  }
+  std::error_code error;
+  if (fs::create_directories(folder, error)) fs::permissions(folder, fs::perms::owner_all, error);
+  if (!fs::is_directory(folder))
+    throw Error(ErrorKind::Failed, folder.string() + ": cannot be created");
+  return folder;
+}
+
+std::string control_socket(const Flags& flags) {
+  if (!flags.socket.empty()) return flags.socket;
+  if (const std::string socket = from_environment("LENTICULE_CONTROL"); !socket.empty())
+    return socket;
+  throw Error(ErrorKind::Usage, "--socket: missing",
+              "name the player's control socket: --socket /run/lenticule/NAME/control.sock");
+}
+
+/// Returns the path of lenticule: in this program's folder, or in that of users' programs if this
+/// one is in the folder of helper programs.
+fs::path player_program() {
+  std::error_code error;
+  const fs::path here = fs::read_symlink("/proc/self/exe", error).parent_path();
+  for (const fs::path& folder : {here, here / "../../bin"})
+    if (::access((folder / "lenticule").c_str(), X_OK) == 0) return folder / "lenticule";
+  return "lenticule";
+}
+
+std::vector<Listener> open_listeners(const Flags& flags) {
+  std::vector<Listener> listeners = passed_listeners(flags.lan);
+  for (const std::string& address : flags.listen)
+    listeners.push_back(listen_tcp(parse_listen_address(address), flags.lan));
+  if (!flags.unix_socket.empty()) listeners.push_back(listen_unix(flags.unix_socket));
+  if (listeners.empty())
+    listeners.push_back(listen_tcp({.host = "127.0.0.1", .port = 8420}, flags.lan));
+  return listeners;
+}
+
+void write_textfile(const Flags& flags, const WebSite& site, bool& failed) {
+  if (flags.textfile.empty()) return;
+  try {
+    write_text_file(flags.textfile, metrics_text(const_cast<WebSite&>(site).player()));
+    failed = false;
+  } catch (const Error& error) {
+    if (!failed) say("{}; trying again\n", error.what());
+    failed = true;
+  }
+}
+
+int serve(const Flags& flags) {
+  sigset_t signals;
+  sigemptyset(&signals);
+  for (const int number : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&signals, number);
+  sigprocmask(SIG_BLOCK, &signals, nullptr);  // before the first thread, which inherits the mask
+  const UniqueFd stop(::signalfd(-1, &signals, SFD_CLOEXEC));
+
+  const fs::path state = state_folder(flags);
+  const fs::path tokens = state / "tokens.json";
+  if (read_tokens(tokens).empty()) (void)add_token(tokens, "first", Rights::Change);
+  Access access(tokens);
+  WebSite site({.socket = control_socket(flags),
+                .state = state,
+                .media = flags.media.empty() ? std::nullopt : std::optional<fs::path>(flags.media),
+                .largest_file = static_cast<uint64_t>(flags.media_limit_gib * 1073741824.0),
+                .program = player_program()});
+  std::vector<Listener> listeners = open_listeners(flags);
+  for (const Listener& listener : listeners) {
+    say("listening at {}{}\n", listener.name,
+        listener.is_local ? "" : "; other machines can reach it, and HTTP is not encrypted");
+    if (!listener.is_unix && ::isatty(STDOUT_FILENO) == 1)
+      print_out("http://{}/enter?token={}\n", listener.name, read_tokens(tokens).front().secret);
+  }
+  flush_results();
+  const Server server(std::move(listeners), site, access);
+  bool textfile_failed = false;
+  pollfd entry{.fd = stop.get(), .events = POLLIN, .revents = 0};
+  do {
+    write_textfile(flags, site, textfile_failed);
+  } while (poll(&entry, 1, kTextfileEvery_ms) <= 0);
+  site.stop();
+  return kOk;
+}
+
+int print_tokens(const Flags& flags) {
+  for (const Token& token : read_tokens(state_folder(flags) / "tokens.json"))
+    print_out("{}  {:6}  {}  {}\n", token.id, rights_name(token.rights), token.made, token.name);
+  return kOk;
+}
+
+void print_address(const Flags& flags, const Token& token) {
+  print_out("{}/enter?token={}\n", flags.base, token.secret);
+}
+
+int add(const Flags& flags) {
+  const auto rights = rights_named(flags.rights);
+  if (!rights)
+    throw Error(ErrorKind::Usage, fmt::format("--rights '{}': unknown", flags.rights),
+                "expected see or change");
+  print_address(flags, add_token(state_folder(flags) / "tokens.json", flags.token_name, *rights));
+  return kOk;
+}
+
+int revoke(const Flags& flags) {
+  revoke_token(state_folder(flags) / "tokens.json", flags.token_id);
+  return kOk;
+}
+
+int print_addresses(const Flags& flags) {
+  for (const Token& token : read_tokens(state_folder(flags) / "tokens.json"))
+    print_address(flags, token);
+  return kOk;
+}
+
+int run(int argc, char** argv) {
+  if (const int failed = prepare_program(kErrors); failed != kOk) return failed;
+  Flags flags;
+  CLI::App app("Serves pages on which a phone or a browser controls and watches a player.",
+               "lenticule web");
+  app.set_version_flag("--version", LENTICULE_VERSION);
+  app.add_option("--socket", flags.socket,
+                 "the player's --control socket (default: $LENTICULE_CONTROL)");
+  app.add_option("--listen", flags.listen,
+                 "numeric address and port (default: 127.0.0.1:8420); may be repeated");
+  app.add_option("--unix", flags.unix_socket, "a Unix socket, for a reverse proxy");
+  app.add_flag("--lan", flags.lan, "permit addresses that other machines can reach");
+  app.add_option(
+      "--state", flags.state,
+      "folder of the tokens (default: $STATE_DIRECTORY, or ~/.local/state/lenticule-web)");
+  app.add_option("--media", flags.media, "folder of the content: uploads, and the list");
+  app.add_option("--media-limit", flags.media_limit_gib, "largest file in GiB")
+      ->check(CLI::Range(0.001, 65536.0))
+      ->capture_default_str();
+  app.add_option("--textfile", flags.textfile,
+                 "write the metrics to this file, for the textfile collector of node_exporter");
+  CLI::App* const token = app.add_subcommand("token", "list, add and revoke tokens");
+  token->require_subcommand(1)->fallthrough();
+  CLI::App* const list = token->add_subcommand("list", "print id, rights, date and name");
+  CLI::App* const added = token->add_subcommand("add", "add a token and print its address");
+  added->add_option("name", flags.token_name, "who gets it")->required();
+  added->add_option("--rights", flags.rights, "see or change")->capture_default_str();
+  CLI::App* const revoked = token->add_subcommand("revoke", "revoke a token and its cookies");
+  revoked->add_option("id", flags.token_id, "as 'token list' prints it")->required();
+  CLI::App* const address = app.add_subcommand("address", "print the addresses with their tokens");
+  for (CLI::App* const sub : {list, added, revoked, address}) sub->fallthrough();
+  for (CLI::App* const sub : {added, address})
+    sub->add_option("--base", flags.base, "beginning of the address")->capture_default_str();
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::CallForHelp& request) {
+    return print_help(app, request, kErrors);
+  } catch (const CLI::CallForVersion& request) {
+    return print_help(app, request, kErrors);
+  } catch (const CLI::ParseError& error) {
+    return report_error(Error(ErrorKind::Usage, error.what(), "see lenticule web --help"), kErrors);
+  }
+  return run_reporting_errors(
+      [&]() -> int {
+        if (list->parsed()) return print_tokens(flags);
+        if (added->parsed()) return add(flags);
+        if (revoked->parsed()) return revoke(flags);
+        if (address->parsed()) return print_addresses(flags);
+        return serve(flags);
+      },
+      kErrors);
+}
+
+}  // namespace
+}  // namespace lenticule::web
+
+int main(int argc, char** argv) {
+  return lenticule::web::run(argc, argv);
+}

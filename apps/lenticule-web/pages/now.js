@@ -1,0 +1,255 @@
+// SPDX-License-Identifier: Apache-2.0
+// The page Now: what plays, the list, the files.
+import { $, api, attempt, baseName, clock, follow, make, refreshPicture, tell } from "/page.js";
+
+const PART = 4 * 1024 * 1024;  // an upload is sent in parts of this size
+let state = {};
+let saved = null;   // the list as the player has it
+let items = null;   // the list as it is edited
+let upload = null;
+
+// --- playback ---
+
+function showState(now) {
+  state = now;
+  const status = now.status;
+  const place = status && status.on_glass;
+  $("playing").textContent = !now.connected ? "The player does not answer"
+    : now.shown_instead ? "Shown instead of the content: " + now.shown_instead
+      : place ? baseName(place.source) : "Nothing is playing";
+  $("where").textContent = !now.connected ? now.trouble
+    : place ? `${status.state}, frame ${place.frame}` + (place.item === null ? ""
+      : `, item ${place.item + 1} of ${status.taking ? status.taking.items : 1}`) : "";
+  const paused = Boolean(status && status.state === "paused");
+  $("pause").textContent = paused ? "Play" : "Pause";
+  $("pause").setAttribute("aria-pressed", String(paused));
+  $("black").setAttribute("aria-pressed", String(now.shown_instead === "black"));
+  const machine = now.machine || { temperatures: [], clocks: [] };
+  $("figures").textContent = [status ? `${status.frames_shown} frames shown` : "",
+    ...machine.temperatures.map((one) => `${one.name} ${one.celsius.toFixed(0)} °C`),
+    ...machine.clocks.slice(0, 1).map((one) => `${one.mhz.toFixed(0)} MHz`)].filter(Boolean).join(" · ");
+  markPlaying();
+}
+
+function markPlaying() {
+  const place = state.status && state.status.on_glass;
+  [...$("list").children].forEach((row, k) => {
+    const playing = Boolean(place && !state.shown_instead && saved === items && place.item === k);
+    row.classList.toggle("now", playing);
+    if (playing) row.setAttribute("aria-current", "true");
+    else row.removeAttribute("aria-current");
+  });
+}
+
+for (const verb of ["previous", "next"])
+  $(verb).onclick = () => attempt(() => api("POST", verb));
+$("pause").onclick = () =>
+  attempt(() => api("POST", $("pause").getAttribute("aria-pressed") === "true" ? "play" : "pause"));
+$("black").onclick = () =>
+  attempt(() => api("POST", "show", { what: state.shown_instead === "black" ? "content" : "black" }));
+
+// --- the list ---
+
+function describe(item) {
+  const parts = [];
+  if (item.loops !== undefined) parts.push(item.loops === "forever" ? "forever" : `${item.loops} x`);
+  if (item.duration_s !== undefined) parts.push(`${item.duration_s} s`);
+  if (item.schedule) parts.push(`${item.schedule.days.join(" ")} ${item.schedule.from} to ${item.schedule.to}`);
+  return parts.join(", ");
+}
+
+function edit(change) {
+  items = [...items];
+  change(items);
+  showList();
+}
+
+function move(from, to) {
+  if (to < 0 || to >= items.length || from === to) return;
+  edit((list) => list.splice(to, 0, ...list.splice(from, 1)));
+  tell(`${baseName(items[to].source)} is now number ${to + 1}`);
+  const grip = $("list").children[to].querySelector(".grip");
+  if (grip) grip.focus();
+}
+
+/** Lets a pointer, mouse or finger, drag a row to another place. */
+function drag(event, from) {
+  const rows = [...$("list").children];
+  const grip = event.currentTarget;
+  grip.setPointerCapture(event.pointerId);
+  let to = from;
+  grip.onpointermove = (moved) => {
+    to = rows.findIndex((row) => moved.clientY < row.getBoundingClientRect().bottom);
+    if (to < 0) to = rows.length - 1;
+    rows.forEach((row, k) => row.classList.toggle("over", k === to));
+  };
+  grip.onpointerup = grip.onpointercancel = () => {
+    grip.onpointermove = null;
+    rows.forEach((row) => row.classList.remove("over"));
+    move(from, to);
+  };
+}
+
+function showList() {
+  const may = document.body.dataset.rights === "change" && saved.editable;
+  $("list").replaceChildren(...items.map((item, k) => {
+    const name = baseName(item.source);
+    const row = make("li", {},
+      make("span", { class: "name" }, `${k + 1}. ${name} `, make("span", { class: "soft" }, describe(item))));
+    if (!may) return row;
+    row.prepend(make("button", { class: "grip", "aria-label": `Move ${name}: arrow keys, or drag`,
+      onpointerdown: (event) => drag(event, k),
+      onkeydown: (event) => {
+        const by = { ArrowUp: -1, ArrowDown: 1 }[event.key];
+        if (by) { event.preventDefault(); move(k, k + by); }
+      } }, "↕"));
+    row.append(make("button", { "aria-label": `Play ${name} now`, disabled: items !== saved.items,
+      onclick: () => attempt(() => api("POST", "seek", { item: k, frame: 0 })) }, "Play"),
+    make("button", { "aria-label": `Remove ${name} from the list`, disabled: items.length < 2,
+      onclick: () => edit((list) => list.splice(k, 1)) }, "Remove"));
+    return row;
+  }));
+  const changed = items !== saved.items;
+  $("save").disabled = $("reset").disabled = !changed || !may;
+  $("list-note").textContent = !saved.editable ? "The player plays a list outside of the media folder; it cannot be changed here."
+    : changed ? "Changed, not saved." : saved.file ? "" : "The player plays one source. A changed list begins with it.";
+  markPlaying();
+}
+
+async function readList(force) {
+  const list = await attempt(() => api("GET", "list"));
+  if (!list || (!force && saved && items !== saved.items)) return;
+  saved = list;
+  items = list.items;
+  showList();
+  const { versions } = await api("GET", "list/versions");
+  $("versions").replaceChildren(make("option", { value: "" }, "choose"), ...versions.map((one) =>
+    make("option", { value: one.name }, `${clock(one.time)}, ${one.who}, ${one.items} items`)));
+}
+
+$("save").onclick = async () => {
+  $("save").disabled = true;
+  tell("Saving; the player checks the list.");
+  const done = await attempt(() => api("PUT", "list",
+    { version: saved.version, loop: saved.loop, default: saved.default, items }));
+  if (done) { tell("Saved; the player plays this list."); await readList(true); } else showList();
+};
+$("reset").onclick = () => readList(true);
+$("restore").onclick = async () => {
+  if (!$("versions").value) { tell("Choose a version first."); return; }
+  if (await attempt(() => api("POST", "list/restore", { name: $("versions").value }))) readList(true);
+};
+
+// --- files ---
+
+function size(bytes) {
+  const unit = Math.min(4, Math.floor(Math.log2(Math.max(1, bytes)) / 10));
+  return `${(bytes / 1024 ** unit).toFixed(unit ? 1 : 0)} ${["B", "KiB", "MiB", "GiB", "TiB"][unit]}`;
+}
+
+function verdict(check) {
+  if (!check) return make("span", { class: "soft" }, "not checked");
+  if (check.plays && check.too_slow) return make("span", { class: "warn" }, "fits this panel; was read too slowly beside what plays");
+  if (check.plays) return make("span", { class: "good" }, "plays on this panel");
+  return make("span", { class: "bad" }, check.problems.join("; "));
+}
+
+async function readFiles() {
+  const media = await attempt(() => api("GET", "media"));
+  if (!media) return;
+  const may = document.body.dataset.rights === "change";
+  $("free").textContent = `${size(media.free_bytes)} free`;
+  $("files").replaceChildren(...media.files.map((file) => {
+    const whole = file.bytes !== null;
+    const row = make("li", {}, make("span", { class: "name" }, file.name + " ",
+      make("span", { class: "soft" }, whole ? size(file.bytes) : `${size(file.received)} received, not complete`)),
+    whole ? verdict(file.check) : "");
+    if (!may) return row;
+    if (whole) row.append(
+      make("button", { "aria-label": `Check ${file.name}`, onclick: () => check(file.name) }, "Check"),
+      make("button", { "aria-label": `Add ${file.name} to the list`,
+        disabled: !saved || !saved.editable,
+        onclick: () => { edit((list) => list.push({ source: file.source })); tell(`${file.name} was added; save the list.`); } }, "Add"));
+    row.append(make("button", { "aria-label": `Delete ${file.name}`, onclick: async () => {
+      if (!confirm(`Delete ${file.name}?`)) return;
+      if (await attempt(() => api("DELETE", "media/" + encodeURIComponent(file.name)))) readFiles();
+    } }, "Delete"));
+    return row;
+  }));
+}
+
+async function check(name) {
+  tell(`Checking ${name}.`);
+  if (await attempt(() => api("POST", `media/${encodeURIComponent(name)}/check`))) tell(`${name} was checked.`);
+  readFiles();
+}
+
+function sendPart(address, file, from, to, progress) {
+  return new Promise((resolve, reject) => {
+    const request = new XMLHttpRequest();
+    upload.request = request;
+    request.open("PUT", address);
+    request.setRequestHeader("Content-Range", `bytes ${from}-${to - 1}/${file.size}`);
+    request.upload.onprogress = (event) => progress(from + event.loaded);
+    request.onload = () => request.status < 300 ? resolve()
+      : reject(new Error((JSON.parse(request.responseText || "{}").error || {}).cause || "status " + request.status));
+    request.onerror = () => reject(new Error("the connection was lost; choose the file again to continue"));
+    request.onabort = () => reject(new Error("paused; choose the file again to continue"));
+    request.send(file.slice(from, to));
+  });
+}
+
+/** Sends the file from where an earlier upload ended. */
+async function sendFile(file) {
+  const address = "/api/v1/media/" + encodeURIComponent(file.name);
+  const media = await api("GET", "media").catch(() => ({ files: [] }));
+  const known = media.files.find((one) => one.name === file.name) || {};
+  let at = known.received && known.received < file.size ? known.received : 0;
+  upload = { request: null };
+  $("upload").hidden = false;
+  const progress = (bytes) => {
+    $("progress").value = bytes / file.size;
+    $("upload-text").textContent = `${file.name}: ${size(bytes)} of ${size(file.size)}`;
+  };
+  try {
+    while (at < file.size) {
+      const end = Math.min(file.size, at + PART);
+      await sendPart(address, file, at, end, progress);
+      at = end;
+    }
+    tell(`${file.name} is there.`);
+    check(file.name);
+  } catch (error) {
+    tell(`${file.name}: ${error.message}`);
+  }
+  $("upload").hidden = true;
+  $("file").value = "";
+  readFiles();
+}
+
+$("file").onchange = () => { if ($("file").files[0]) sendFile($("file").files[0]); };
+$("stop").onclick = () => upload && upload.request && upload.request.abort();
+
+// --- begin ---
+
+refreshPicture($("woven"), () => "/api/v1/frame.jpg?width=640", 1000,
+  (trouble) => { $("woven-state").textContent = trouble; });
+let eye = null;
+attempt(async () => { eye = await api("GET", "optics"); });
+refreshPicture($("seen"), () =>
+  `/api/v1/eye.jpg?x=0&y=${eye ? eye.viewing_height_mm : 0}&z=${eye && eye.viewing_distance_mm || 700}&width=640`, 2000);
+setInterval(() => {
+  if (!document.hidden) attempt(async () => showState({ ...state, machine: (await api("GET", "state")).machine }));
+}, 10000);
+let connected = null;
+follow((now) => {
+  showState(now);
+  if (now.connected !== connected) {
+    connected = now.connected;
+    if (connected) readList(false).then(readFiles);
+    else readFiles();
+  }
+}, (name, event) => {
+  if (name === "list" || name === "replaced") readList(false);
+  if (name === "bad_item" || name === "not_replaced") tell(`${baseName(event.source)}: ${event.cause}`);
+});

@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+// What all pages share: requests, the state of the player, messages.
+
+export const $ = (id) => document.getElementById(id);
+
+let messageTimer = 0;
+/** Shows a message, which screen readers read out. */
+export function tell(text) {
+  $("message").textContent = text;
+  clearTimeout(messageTimer);
+  messageTimer = setTimeout(() => { $("message").textContent = ""; }, 8000);
+}
+
+/** Sends a request to the API; returns the JSON of its answer. Throws an Error with cause and remedy. */
+export async function api(method, path, body) {
+  const options = { method, headers: {} };
+  if (body !== undefined) {
+    options.body = JSON.stringify(body);
+    options.headers["Content-Type"] = "application/json";
+  }
+  const answer = await fetch("/api/v1/" + path, options);
+  const json = await answer.json().catch(() => ({}));
+  if (!answer.ok) {
+    const error = json.error || { cause: "the server answered " + answer.status, remedy: "" };
+    throw new Error(error.cause + (error.remedy ? ": " + error.remedy : ""));
+  }
+  return json;
+}
+
+/** Runs an action and shows its error. Returns undefined if it failed. */
+export async function attempt(action) {
+  try {
+    return await action();
+  } catch (error) {
+    tell(error.message);
+    return undefined;
+  }
+}
+
+/** Makes an element with attributes and children; text is never read as HTML. */
+export function make(tag, attributes = {}, ...children) {
+  const svg = ["svg", "g", "rect", "circle", "path", "line", "text", "title"].includes(tag) && attributes.svg;
+  const element = svg ? document.createElementNS("http://www.w3.org/2000/svg", tag)
+    : document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (name === "svg") continue;
+    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
+    else if (value === true) element.setAttribute(name, "");
+    else if (value !== false && value !== null && value !== undefined) element.setAttribute(name, value);
+  }
+  element.append(...children);
+  return element;
+}
+
+/** Calls `take` with the state now and after each change, `other` with the other events. */
+export function follow(take, other = () => {}) {
+  let known = {};
+  const source = new EventSource("/api/v1/events");
+  source.addEventListener("state", (event) => {
+    known = { ...known, ...JSON.parse(event.data) };
+    const place = known.status && known.status.on_glass;
+    known.shown_instead = place && ["black", "card", "views"].includes(place.source)
+      && known.status.taking.items <= 1 ? place.source : "";
+    document.body.dataset.rights = known.rights;
+    for (const button of document.querySelectorAll("[data-changes]"))
+      button.disabled = known.rights !== "change" || !known.connected;
+    take(known);
+  });
+  for (const name of ["list", "item_started", "bad_item", "damaged_item", "not_replaced", "replaced",
+    "frame_missed", "too_slow", "trim_changed"])
+    source.addEventListener(name, (event) => other(name, JSON.parse(event.data)));
+  source.onerror = () => tell("The connection to the server is lost; trying again.");
+  addEventListener("pagehide", () => source.close());
+  return source;
+}
+
+/** Loads pictures from `address()` into the image, one after the other, `pause` ms apart, while the
+    page is visible. */
+export function refreshPicture(image, address, pause, after = () => {}) {
+  let timer = 0, busy = false, again = false;
+  async function load() {
+    clearTimeout(timer);
+    if (document.hidden) { timer = setTimeout(load, 1000); return; }
+    if (busy) { again = true; return; }
+    busy = true;
+    const begun = performance.now();
+    try {
+      const answer = await fetch(address());
+      if (!answer.ok) throw new Error((await answer.json()).error.cause);
+      const old = image.src;
+      image.src = URL.createObjectURL(await answer.blob());
+      if (old.startsWith("blob:")) URL.revokeObjectURL(old);
+      after("", performance.now() - begun);
+    } catch (error) {
+      after(error.message, 0);
+    }
+    busy = false;
+    const now = again;
+    again = false;
+    timer = setTimeout(load, now ? 0 : Math.max(0, pause - (performance.now() - begun)));
+  }
+  load();
+  return load;
+}
+
+export function clock(seconds) {
+  return new Date(seconds * 1000).toLocaleString();
+}
+
+export function baseName(path) {
+  return path.slice(path.lastIndexOf("/") + 1);
+}

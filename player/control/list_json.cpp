@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/control/list_json.h"
+
+#include <fmt/format.h>
+
+#include <array>
+
+#include "base/text.h"
+#include "frames/rational.h"
+
+namespace lenticule::player {
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr std::array<const char*, 7> kDays = {"mon", "tue", "wed", "thu", "fri", "sat", "sun"};
+
+ordered_json loops_json(uint64_t loops) {
+  return loops == kForever ? ordered_json("forever") : ordered_json(loops);
+}
+
+std::string clock_text(int minute) {
+  return fmt::format("{:02}:{:02}", minute / 60, minute % 60);
+}
+
+ordered_json schedule_json(const Schedule& schedule) {
+  ordered_json days = ordered_json::array();
+  for (size_t day = 0; day < kDays.size(); ++day)
+    if ((schedule.days >> day & 1u) != 0) days.push_back(kDays.at(day));
+  return {{"days", days},
+          {"from", clock_text(schedule.from_minute)},
+          {"to", clock_text(schedule.to_minute)}};
+}
+
+ordered_json item_json(const PlaylistItem& item) {
+  ordered_json json = {{"source", item.source.text}};
+  if (item.duration_s)
+    json["duration_s"] = *item.duration_s;
+  else if (!item.still_s)
+    json["loops"] = loops_json(item.loops);
+  if (item.rate) json["fps"] = frames::to_string(*item.rate);
+  if (item.frames) json["frames"] = fmt::format("{}:{}", item.frames->begin, item.frames->end);
+  if (item.waits_until_primed) json["cut"] = "primed";
+  if (item.wait_s != PlaylistItem{}.wait_s) json["wait_s"] = item.wait_s;
+  if (item.schedule) json["schedule"] = schedule_json(*item.schedule);
+  return json;
+}
+
+}  // namespace
+
+ordered_json list_json(const Playlist& list, size_t first, size_t most_bytes) {
+  ordered_json json;
+  json["file"] = list.file ? ordered_json(list.name) : ordered_json(nullptr);
+  json["loop"] = loops_json(list.rounds);
+  json["default"] = list.standby ? item_json(*list.standby) : ordered_json(nullptr);
+  json["count"] = list.items.size();
+  json["first"] = first;
+  json["items"] = ordered_json::array();
+  size_t bytes = 0;
+  for (size_t k = first; k < list.items.size() && bytes < most_bytes; ++k) {
+    json["items"].push_back(item_json(list.items[k]));
+    bytes += json_text(json["items"].back()).size();
+  }
+  return json;
+}
+
+}  // namespace lenticule::player

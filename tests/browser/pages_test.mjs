@@ -1,0 +1,299 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests the pages of lenticule-web in Chromium, on a phone and on a desktop, with a real player behind
+// them: the main flow of each page, accessibility (axe-core), sizes, and that nothing comes from
+// elsewhere. Leaves screenshots to look at.
+//
+// Usage: node pages_test.mjs BUILD_FOLDER MODULES_FOLDER OUTPUT_FOLDER
+// MODULES_FOLDER has the npm packages of package.json.
+import assert from "node:assert/strict";
+import { execFileSync, spawn } from "node:child_process";
+import { copyFileSync, mkdirSync, mkdtempSync, readFileSync, rmSync, statSync, writeFileSync } from "node:fs";
+import { createRequire } from "node:module";
+import { createServer } from "node:net";
+import { tmpdir } from "node:os";
+import { dirname, join } from "node:path";
+import { after, before, test } from "node:test";
+import { fileURLToPath } from "node:url";
+
+const [build, modules, output] = process.argv.slice(2);
+const require = createRequire(join(modules, "node_modules/"));
+const puppeteer = require("puppeteer-core");
+const axe = readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
+const source = join(dirname(fileURLToPath(import.meta.url)), "../..");
+const program = join(build, "lenticule");
+const LIMIT_MS = 60_000;
+const DEVICES = {
+  phone: { width: 390, height: 844, isMobile: true, hasTouch: true, deviceScaleFactor: 2 },
+  desktop: { width: 1280, height: 900 },
+};
+const PAGES = { now: "/", eye: "/eye", trim: "/trim", health: "/health" };
+
+const folder = mkdtempSync(join(tmpdir(), "lenticule-browser-"));
+const socket = join(folder, "c.sock");
+let player, web, browser, port, token;
+
+const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
+async function comesTrue(condition, what) {
+  const deadline = Date.now() + LIMIT_MS;
+  while (Date.now() < deadline) {
+    if (await Promise.resolve().then(condition).catch(() => false)) return;
+    await pause(100);
+  }
+  assert.fail("did not come true: " + what);
+}
+
+function freePort() {
+  return new Promise((resolve) => {
+    const server = createServer().listen(0, "127.0.0.1", () => {
+      const found = server.address().port;
+      server.close(() => resolve(found));
+    });
+  });
+}
+
+function ctl(...words) {
+  return JSON.parse(execFileSync(program, ["ctl", "--json", "--socket", socket, ...words], { encoding: "utf8" }));
+}
+
+function makeContent() {
+  mkdirSync(join(folder, "media"));
+  copyFileSync(join(source, "scenes/rigs/kiosk-27-1080.toml"), join(folder, "rig.toml"));
+  execFileSync(program, ["render", "builtin:demo", "--rig", join(folder, "rig.toml"), "--frames", "0:3",
+    "--method", "adaptive", "-o", join(folder, "media/teapot.lts")], { stdio: "ignore" });
+  for (const copy of ["evening.lts", "morning.lts"])
+    copyFileSync(join(folder, "media/teapot.lts"), join(folder, "media", copy));
+  writeFileSync(join(folder, "media/list.toml"), "loop = \"forever\"\n" + ["teapot", "evening", "morning"].map((name) =>
+    `[[item]]\nsource = "${name}.lts"\nloops = 1000\nfps = "24"\n`).join(""));
+}
+
+before(async () => {
+  mkdirSync(output, { recursive: true });
+  makeContent();
+  port = await freePort();
+  player = spawn(program, ["play", join(folder, "media/list.toml"), "--rig", join(folder, "rig.toml"), "--display",
+    "virtual:1920x1080@60", "--control", socket, "--slots", "8"], { stdio: "ignore" });
+  web = spawn(program, ["web", "--socket", socket, "--state", join(folder, "state"), "--media", join(folder, "media"),
+    "--listen", `127.0.0.1:${port}`], { stdio: "ignore" });
+  await comesTrue(() => ctl("status").frames_shown > 3, "the player plays");
+  await comesTrue(async () => (await fetch(`http://127.0.0.1:${port}/style.css`)).ok, "the server answers");
+  token = execFileSync(program, ["web", "address", "--state", join(folder, "state")], { encoding: "utf8" })
+    .match(/token=([0-9a-f]{32})/)[1];
+  browser = await puppeteer.launch({ executablePath: process.env.CHROMIUM || "/usr/bin/chromium",
+    args: ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"] });
+}, { timeout: 3 * LIMIT_MS });
+
+after(async () => {
+  if (browser) await browser.close();
+  for (const process of [web, player]) if (process) process.kill("SIGTERM");
+  await pause(500);
+  rmSync(folder, { recursive: true, force: true });
+});
+
+/** Opens a page as a user does: with the token first. Fails on errors and foreign requests. */
+async function open(device, path, scheme = "light") {
+  const context = await browser.createBrowserContext();
+  const page = await context.newPage();
+  page.setDefaultTimeout(LIMIT_MS);
+  await page.setCacheEnabled(false);
+  await page.setViewport(DEVICES[device]);
+  await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
+  const wrong = [];
+  let bytes = 0;
+  page.on("pageerror", (error) => wrong.push(error.message));
+  page.on("console", (message) => { if (message.type() === "error") wrong.push(message.text()); });
+  page.on("request", (request) => {
+    if (!/^(blob:)?http:\/\/127\.0\.0\.1:/.test(request.url())) wrong.push("foreign request " + request.url());
+  });
+  page.on("response", async (response) => {
+    if (/\.(js|css|svg)$|\/(eye|trim|health)?$/.test(response.url())) bytes += Number(response.headers()["content-length"] || 0);
+  });
+  await page.goto(`http://127.0.0.1:${port}/enter?token=${token}`);
+  await page.waitForSelector("#main");
+  bytes = 0;
+  await page.goto(`http://127.0.0.1:${port}${path}`);
+  await page.waitForFunction(() => document.body.dataset.rights === "change");
+  return { page, wrong, bytes: () => bytes, close: () => context.close() };
+}
+
+const text = (page, id) => page.$eval("#" + id, (element) => element.textContent);
+const says = (page, id, pattern) => page.waitForFunction(
+  (name, expression) => new RegExp(expression).test(document.getElementById(name).textContent),
+  {}, id, pattern);
+const showsPicture = (page, id) => page.waitForFunction(
+  (name) => document.getElementById(name).naturalWidth > 100 && document.getElementById(name).src.startsWith("blob:"),
+  {}, id);
+
+for (const device of Object.keys(DEVICES)) {
+  for (const [name, path] of Object.entries(PAGES)) {
+    for (const scheme of ["light", "dark"]) {
+      test(`page ${name} is accessible, small and self-contained: ${device}, ${scheme}`, { timeout: 3 * LIMIT_MS }, async () => {
+        const { page, wrong, bytes, close } = await open(device, path, scheme);
+        if (name === "now") {
+          await showsPicture(page, "woven");
+          await page.waitForSelector("#list li");
+        }
+        if (name === "eye") await showsPicture(page, "seen");
+        if (name === "health") await says(page, "verdict", "well|look");
+        if (name === "trim") await says(page, "present", "offset");
+        if (name === "now") await showsPicture(page, "seen");
+        if (name === "eye") await page.waitForSelector("#room .eye");
+        await page.screenshot({ path: join(output, `${name}-${device}-${scheme}.png`), fullPage: true });
+        // The policy of the pages forbids scripts from elsewhere; the protocol of the browser does not.
+        await page.evaluate(axe);
+        const found = await page.evaluate(async () => (await axe.run()).violations.map((one) =>
+          `${one.id}: ${one.help}: ${one.nodes.map((node) => node.html).join(" ").slice(0, 300)}`));
+        assert.deepEqual(found, []);
+        // A phone's browser widens its viewport for content that is too wide.
+        const wide = await page.evaluate(() => document.documentElement.scrollWidth) - DEVICES[device].width;
+        assert.ok(wide <= 0, `${wide} pixels wider than the screen`);
+        assert.ok(bytes() > 0 && bytes() < 100_000, `${bytes()} bytes`);
+        assert.deepEqual(wrong, []);
+        await close();
+      });
+    }
+  }
+}
+
+test("Now: a phone pauses, continues, goes on and shows a black frame", { timeout: 3 * LIMIT_MS }, async () => {
+  const { page, wrong, close } = await open("phone", "/");
+  await page.tap("#pause");
+  await comesTrue(() => ctl("status").state === "paused", "paused");
+  await says(page, "pause", "Play");
+  await page.tap("#pause");
+  await comesTrue(() => ctl("status").state === "playing", "playing");
+  const item = ctl("status").on_glass.item;
+  await page.tap("#next");
+  await comesTrue(() => ctl("status").on_glass.item === (item + 1) % 3, "the next item");
+  await page.tap("#black");
+  await comesTrue(() => ctl("status").on_glass.source === "black", "black");
+  await says(page, "playing", "black");
+  await page.tap("#black");
+  await comesTrue(() => ctl("status").on_glass.item === (item + 1) % 3, "the place before");
+  assert.deepEqual(wrong, []);
+  await close();
+});
+
+test("Now: the list is ordered with the keyboard and by dragging, and an old version put back", { timeout: 3 * LIMIT_MS }, async () => {
+  const { page, wrong, close } = await open("desktop", "/");
+  const order = () => ctl("list").items.map((one) => one.source.replace(/.*\//, ""));
+  await page.waitForSelector("#list .grip");
+  const first = order();
+  await page.focus("#list li:nth-child(1) .grip");
+  await page.keyboard.press("ArrowDown");
+  await page.click("#save");
+  await comesTrue(() => order()[0] === first[1] && order()[1] === first[0], "moved down by a key");
+  await says(page, "list-note", "^$");
+  const grip = await page.$("#list li:nth-child(3) .grip");
+  const from = await grip.boundingBox();
+  const to = await (await page.$("#list li:nth-child(1)")).boundingBox();
+  await page.mouse.move(from.x + 10, from.y + 10);
+  await page.mouse.down();
+  await page.mouse.move(to.x + 10, to.y + 5, { steps: 8 });
+  await page.mouse.up();
+  await page.click("#save");
+  await comesTrue(() => order()[0] === first[2], "dragged to the top");
+  await page.waitForFunction(() => document.querySelectorAll("#versions option").length >= 3);
+  const oldest = await page.$eval("#versions option:last-child", (option) => option.value);
+  await page.select("#versions", oldest);
+  await page.click("#restore");
+  await comesTrue(() => order()[0] === first[1], "the first version");
+  assert.deepEqual(wrong, []);
+  await close();
+});
+
+test("Now: an upload shows its progress, continues after a break, and is checked and deleted", { timeout: 3 * LIMIT_MS }, async () => {
+  const film = join(folder, "upload.lts");
+  copyFileSync(join(folder, "media/teapot.lts"), film);
+  // The beginning is there from an upload that was interrupted.
+  const begin = readFileSync(film).subarray(0, 100_000);
+  const part = await fetch(`http://127.0.0.1:${port}/api/v1/media/upload.lts`, { method: "PUT", body: begin,
+    headers: { Authorization: "Bearer " + token, "Content-Range": `bytes 0-99999/${statSync(film).size}` } });
+  assert.equal(part.status, 200);
+  const { page, wrong, close } = await open("desktop", "/");
+  const ranges = [];
+  page.on("request", (request) => { if (request.method() === "PUT") ranges.push(request.headers()["content-range"]); });
+  await (await page.$("#file")).uploadFile(film);
+  await page.waitForFunction(() => [...document.querySelectorAll("#files li")].some((row) =>
+    row.textContent.includes("upload.lts") && /plays on this panel|too slow/.test(row.textContent)));
+  assert.match(ranges[0], /^bytes 100000-/);
+  assert.deepEqual(readFileSync(join(folder, "media/upload.lts")), readFileSync(film));
+  await page.screenshot({ path: join(output, "now-uploaded.png"), fullPage: true });
+  page.on("dialog", (dialog) => dialog.accept());
+  await page.click("[aria-label='Delete upload.lts']");
+  await page.waitForFunction(() => !document.getElementById("files").textContent.includes("upload.lts"));
+  assert.deepEqual(wrong, []);
+  await close();
+});
+
+test("Eye: dragging the eye changes the picture, also with a finger and with the keyboard", { timeout: 3 * LIMIT_MS }, async () => {
+  for (const device of Object.keys(DEVICES)) {
+    const { page, wrong, close } = await open(device, "/eye");
+    await showsPicture(page, "seen");
+    await page.waitForSelector("#room .eye");
+    const old = await text(page, "caption");
+    await page.$eval("#room", (room) => room.scrollIntoView({ block: "center" }));
+    const box = await (await page.$("#room")).boundingBox();
+    if (device === "phone") {
+      await page.touchscreen.touchStart(box.x + box.width / 2, box.y + box.height / 2);
+      await page.touchscreen.touchMove(box.x + box.width * 0.7, box.y + box.height * 0.6);
+      await page.touchscreen.touchEnd();
+    } else {
+      await page.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
+      await page.mouse.down();
+      await page.mouse.move(box.x + box.width * 0.7, box.y + box.height * 0.6, { steps: 5 });
+      await page.mouse.up();
+    }
+    await page.waitForFunction((before) => document.getElementById("caption").textContent.split(";")[0] !== before.split(";")[0]
+      && Number(document.getElementById("x").value) > 20, {}, old);
+    await page.focus("#x");
+    await page.keyboard.press("ArrowUp");
+    await says(page, "zone", "zone");
+    assert.deepEqual(wrong, []);
+    await close();
+  }
+});
+
+test("Trim: a phone shows the chart, changes pitch and offset, undoes, saves and goes back", { timeout: 3 * LIMIT_MS }, async () => {
+  const { page, wrong, close } = await open("phone", "/trim");
+  const trim = () => ctl("status").trim;
+  await says(page, "present", "offset");
+  await page.tap("#chart");
+  await comesTrue(() => ctl("status").on_glass.source === "views", "the chart is on the panel");
+  await page.tap("[data-by=offset][data-sign='1']");
+  await comesTrue(() => Math.abs(trim().offset_lenses - 0.01) < 1e-9, "offset");
+  await page.tap("[data-by=pitch][data-sign='1']");
+  await comesTrue(() => Math.abs(trim().pitch_relative - 1e-5) < 1e-12, "pitch");
+  await page.type("#name", "noon");
+  await page.tap("#save button");
+  await says(page, "history", "noon");
+  await page.screenshot({ path: join(output, "trim-history-phone.png"), fullPage: true });
+  await page.tap("#undo");
+  await comesTrue(() => trim().offset_lenses === 0 && trim().pitch_relative === 0, "undone");
+  await page.tap("#chart");
+  await comesTrue(() => ctl("status").on_glass.source !== "views", "the content is back");
+  assert.deepEqual(wrong, []);
+  await close();
+});
+
+test("Health: says so when the player ends, and when it is back", { timeout: 3 * LIMIT_MS }, async () => {
+  const { page, close } = await open("desktop", "/health");
+  await says(page, "verdict", "well|look");
+  ctl("quit");
+  await says(page, "verdict", "does not answer");
+  await page.screenshot({ path: join(output, "health-without-player.png"), fullPage: true });
+  player = spawn(program, ["play", join(folder, "media/list.toml"), "--rig", join(folder, "rig.toml"), "--display",
+    "virtual:1920x1080@60", "--control", socket, "--slots", "8"], { stdio: "ignore" });
+  await says(page, "verdict", "well|look");
+  await close();
+});
+
+test("without a token every page says how to get one", { timeout: LIMIT_MS }, async () => {
+  const page = await browser.newPage();
+  for (const path of Object.values(PAGES)) {
+    const answer = await page.goto(`http://127.0.0.1:${port}${path}`);
+    assert.equal(answer.status(), 401);
+    assert.match(await page.$eval("h1", (title) => title.textContent), /token/);
+  }
+  await page.screenshot({ path: join(output, "without-token.png") });
+  await page.close();
+});

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/control/list_json.h"
+
+#include <gtest/gtest.h>
+
+namespace lenticule::player {
+namespace {
+
+using nlohmann::ordered_json;
+
+TEST(ListJson, HasTheKeysOfTheFile) {
+  const Playlist list = parse_playlist(R"(
+loop = "forever"
+[default]
+source = "card"
+[[item]]
+source = "film.lts"
+loops = 2
+fps = "24"
+[[item]]
+source = "poster.png"
+[[item]]
+source = "clip.mkv"
+duration_s = 12.5
+cut = "primed"
+wait_s = 3.0
+[item.schedule]
+days = ["mon", "sun"]
+from = "08:30"
+to = "24:00"
+)",
+                                       "list", "/films");
+  const ordered_json json = list_json(list, 0);
+  EXPECT_EQ(json["file"], nullptr) << "it was not read from a file";
+  EXPECT_EQ(json["loop"], "forever");
+  EXPECT_EQ(json["count"], 3);
+  EXPECT_EQ(json["default"]["source"], "card");
+  EXPECT_EQ(json["items"][0]["source"], "/films/film.lts");
+  EXPECT_EQ(json["items"][0]["loops"], 2);
+  EXPECT_EQ(json["items"][0]["fps"], "24");
+  EXPECT_FALSE(json["items"][1].contains("loops")) << "a picture has its usual duration";
+  EXPECT_EQ(json["items"][2]["duration_s"], 12.5);
+  EXPECT_EQ(json["items"][2]["cut"], "primed");
+  EXPECT_EQ(json["items"][2]["wait_s"], 3.0);
+  EXPECT_EQ(json["items"][2]["schedule"]["days"], (ordered_json{"mon", "sun"}));
+  EXPECT_EQ(json["items"][2]["schedule"]["from"], "08:30");
+  EXPECT_EQ(json["items"][2]["schedule"]["to"], "24:00");
+}
+
+TEST(ListJson, ALongListComesInPartsBelowTheLimitOfALine) {
+  Playlist list;
+  for (size_t k = 0; k < 100; ++k)
+    list.items.push_back(
+        {.source = parse_source("/" + std::string(4000, 'a') + std::to_string(k))});
+  size_t seen = 0;
+  for (int parts = 0; seen < list.items.size(); ++parts) {
+    ASSERT_LT(parts, 20);
+    const ordered_json json = list_json(list, seen);
+    ASSERT_FALSE(json["items"].empty());
+    EXPECT_LT(json.dump().size(), size_t{64} << 10);
+    EXPECT_EQ(json["items"][0]["source"], list.items[seen].source.text);
+    seen += json["items"].size();
+  }
+  EXPECT_TRUE(list_json(list, 5000)["items"].empty());
+}
+
+}  // namespace
+}  // namespace lenticule::player
