@@ -209,7 +209,8 @@ TEST_F(BadInput, SaysWhyThereIsNothingToSee) {
   expect_clear_error(render(path("away.nff"), path("rig.toml"), path("o.png")), 4,
                      "away.nff: nothing to see in this scene: all of it lies outside the camera's");
   EXPECT_FALSE(std::filesystem::exists(path("o.png")));
-  // What the remedy says helps; surroundings are something to see.
+  // The remedies that the message names succeed: --fit moves the scene into view, and --sky alone
+  // fills the picture.
   for (const char* flag : {"--fit", "--sky"}) {
     const ProcessResult result = run({"render", path("away.nff"), "--rig", path("rig.toml"), flag,
                                       "-o", path("o.png"), "--overwrite"});

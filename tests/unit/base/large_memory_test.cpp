@@ -39,7 +39,7 @@ TEST(LargeMemory, MovesItsMemory) {
 }
 
 TEST(LargeMemory, ThrowsIfThereIsNotEnough) {
-  EXPECT_THROW(LargeMemory(std::numeric_limits<size_t>::max()), std::bad_alloc);
+  EXPECT_THROW(LargeMemory{std::numeric_limits<size_t>::max()}, std::bad_alloc);
 }
 
 }  // namespace
