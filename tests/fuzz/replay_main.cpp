@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs a fuzz target over its seeds, and over simple mutations of them, where libFuzzer is not
-// available. Fails if a named folder holds no seed: an empty corpus tests nothing.
+// Runs a fuzz target over its seeds, over simple mutations of them and over those of the target's
+// own mutator, where libFuzzer is not available. Fails if a named folder holds no seed: an empty
+// corpus tests nothing.
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
@@ -10,8 +11,14 @@
 #include <vector>
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size);
+extern "C" size_t LLVMFuzzerMutate(uint8_t* data, size_t size, size_t max_size);
+/// Only targets with structured input define it.
+extern "C" [[gnu::weak]] size_t LLVMFuzzerCustomMutator(uint8_t* data, size_t size, size_t max_size,
+                                                        unsigned int seed);
 
 namespace {
+
+std::mt19937 bytes_random(2);
 
 std::vector<uint8_t> read_bytes(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
@@ -27,9 +34,23 @@ void run_with_mutations(const std::vector<uint8_t>& seed, std::mt19937& random) 
       mutant[random() % mutant.size()] = static_cast<uint8_t>(random());
     LLVMFuzzerTestOneInput(mutant.data(), mutant.size());
   }
+  if (LLVMFuzzerCustomMutator == nullptr) return;
+  for (int round = 0; round < 64; ++round) {
+    std::vector<uint8_t> mutant = seed;
+    mutant.resize(seed.size() + 4096);
+    const size_t size = LLVMFuzzerCustomMutator(mutant.data(), seed.size(), mutant.size(),
+                                                static_cast<unsigned int>(random()));
+    LLVMFuzzerTestOneInput(mutant.data(), size);
+  }
 }
 
 }  // namespace
+
+/// Takes the place of libFuzzer's function: changes one byte.
+extern "C" size_t LLVMFuzzerMutate(uint8_t* data, size_t size, size_t /*max_size*/) {
+  if (size > 0) data[bytes_random() % size] = static_cast<uint8_t>(bytes_random());
+  return size;
+}
 
 int main(int argc, char** argv) {
   std::mt19937 random(1);
