@@ -302,6 +302,22 @@ TEST(Stage, ItsTwoMapsAreInverseAtAnyScaleAndPlace) {
   }
 }
 
+TEST(Stage, AScaledDepthShowsTheUndistortedSceneFromFartherAway) {
+  const auto seen_from = [](double distance_mm, Vec3 panel_mm) {
+    const double onto_panel = distance_mm / (distance_mm - panel_mm.z);
+    return Vec3{panel_mm.x * onto_panel, panel_mm.y * onto_panel, 0.0};
+  };
+  const Stage whole = make_stage(ball_scene(), model(), {.depth_scale = 1.0});
+  for (const double scale : {0.9, 0.3, 0.05}) {
+    const Stage scaled =
+        make_stage(ball_scene(), model(),
+                   {.centre = Vec3{}, .mm_per_unit = whole.mm_per_unit, .depth_scale = scale});
+    for (const Vec3 p : {Vec3{0.3, -0.7, 0.6}, Vec3{-0.9, 0.1, -0.4}, Vec3{0.2, 0.2, 1.0}})
+      expect_near(seen_from(700.0, scaled.panel_from_world.point(p)),
+                  seen_from(700.0 / scale, whole.panel_from_world.point(p)));
+  }
+}
+
 TEST(Stage, WorldDirectionsDoNotDependOnTheDepthScale) {
   const auto direction = [](double depth_scale) {
     return world_direction(make_stage(ball_scene(), model(), {.depth_scale = depth_scale}),
