@@ -47,9 +47,9 @@ class SimulatedBench {
   /// Stretches the sheet by this relative amount about the panel's centre. Throws Error(Input)
   /// above a tenth.
   void set_thermal_stretch(double relative);
-  /// Makes the camera Gone after this many more pictures.
+  /// Unplugs the camera after this many more pictures: the next capture returns Gone.
   void unplug_after(int pictures);
-  /// Sets the number of helpers that trace and gather, 1 to 64; two at first.
+  /// Sets the number of threads that trace and gather, 1 to 64 (default 2).
   void set_threads(int threads);
 
   /// Returns the camera's true position and properties.
