@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "render/accel/user_geometry.h"
+#include "render/commit/cast_ground_shadow.h"
 #include "render/commit/idle_lights.h"
 #include "render/culling/primitive_tree.h"
 #include "render/culling/shaft_cache.h"
@@ -63,6 +64,8 @@ class Committer {
     scene_.colour_managed = description_.colour_managed;
     scene_.textures = description_.textures;
     if (idle_lights == IdleLights::LeaveOut) scene_.lights_left_out = remove_idle_lights(scene_);
+    has_ground_shadow_ = has_studio() && scene_.backdrop.flat() && surroundings.ground_shadow &&
+                         !surroundings.ground;
     build();
   }
 
@@ -388,10 +391,29 @@ class Committer {
     if (is_pbr_)
       tbb::task_arena(threads_ > 0 ? threads_ : tbb::task_arena::automatic).execute([this] {
         scene_.pbr = std::make_unique<const PbrScene>(scene_, has_studio());
+        if (has_ground_shadow_) add_ground_shadow();
       });
     if (primitives() > kMostProvable) return;
     scene_.tree = std::make_unique<const PrimitiveTree>(scene_);
     scene_.shaft_cache = std::make_unique<ShaftCache>(scene_, *scene_.tree);
+  }
+
+  void add_ground_shadow() {
+    const Bounds bounds = scene_bounds(description_);
+    if (bounds.empty()) return;
+    const Ground ground = stage_.ground.value_or(ground_under(bounds));
+    const auto scaled = [this](double low, double high, double centre) {
+      return Interval{(low - centre) * units_per_world_, (high - centre) * units_per_world_};
+    };
+    scene_.backdrop.ground_shadow =
+        cast_ground_shadow(scene_, {.up = turned({0, 1, 0}),
+                                    .across = turned({1, 0, 0}),
+                                    .along = turned({0, 0, 1}),
+                                    .x = scaled(bounds.low.x, bounds.high.x, centre_.x),
+                                    .y = scaled(bounds.low.z, bounds.high.z, centre_.z),
+                                    .z = scaled(bounds.low.y, bounds.high.y, centre_.y),
+                                    .ground = (ground.y - centre_.y) * units_per_world_,
+                                    .size = ground.size * units_per_world_});
   }
 
   [[nodiscard]] size_t primitives() const {
@@ -433,6 +455,7 @@ class Committer {
   Vec3 centre_;
   bool parallel_ = false;
   bool is_pbr_ = false;
+  bool has_ground_shadow_ = false;
   Vec3 axis_x_{1, 0, 0}, axis_y_{0, 1, 0}, axis_z_{0, 0, 1};  ///< the scene's, in world space
   double units_per_world_ = 1.0;
   Vec3 depth_;  ///< its dot product with a scene point is the point's panel z

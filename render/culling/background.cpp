@@ -27,8 +27,16 @@ void fill_flat(const Scene& scene, const TilePlan& plan, const Tile& tile, Colum
 
 float seen_by(const Scene& scene, const RayPacket& packet, size_t r, int channel) {
   const RTCRay16& ray = packet.rays.ray;
+  const Vec3 origin{double{ray.org_x[r]}, double{ray.org_y[r]}, double{ray.org_z[r]}};
   const Vec3 direction{double{ray.dir_x[r]}, double{ray.dir_y[r]}, double{ray.dir_z[r]}};
-  return static_cast<float>(backdrop_light(scene.backdrop, normalized(direction), channel));
+  return static_cast<float>(light_beyond(scene.backdrop, origin, direction, channel));
+}
+
+/// Returns true if all rays of the columns see the colour of the backdrop.
+bool sees_one_light(const Scene& scene, const PrimaryPackets::Maker& maker, ColumnRange columns) {
+  Beam beam;
+  return scene.backdrop.flat() || (scene.backdrop.ground_shadow && maker.beam(columns, beam) &&
+                                   misses_ground_shadow(scene, beam));
 }
 
 }  // namespace
@@ -74,7 +82,8 @@ void Background::fill(const Scene& scene, const TilePlan& plan, const Tile& tile
                       std::span<float> light) {
   filled_ += maker.count(columns);
   const auto each = static_cast<float>(weight);
-  if (scene.backdrop.flat()) return fill_flat(scene, plan, tile, columns, each, light);
+  if (sees_one_light(scene, maker, columns))
+    return fill_flat(scene, plan, tile, columns, each, light);
   maker.prepare(packets_);
   for (int column = columns.begin; column < columns.end; column += kFewPackets) {
     maker.columns(column, packets_);

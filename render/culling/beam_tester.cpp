@@ -35,18 +35,20 @@ bool beside(const Interval& at_panel, const Interval& slope, Interval shape, Int
          shape.high < std::min(lower(at_panel, slope, z.low), lower(at_panel, slope, z.high));
 }
 
-template <class Holds>
-bool all_corners(const std::array<Vec3, 3>& corners, const Holds& holds) {
-  return holds(corners[0]) && holds(corners[1]) && holds(corners[2]);
-}
-
-bool misses_triangle(const Beam& beam, const std::array<Vec3, 3>& corners, double room) {
-  const auto all = [&](const auto& holds) { return all_corners(corners, holds); };
-  return all([&](Vec3 p) { return p.z > beam.start_mm + room; }) ||
-         all([&](Vec3 p) { return p.x - room > upper(beam.x_mm, beam.tan_x, p.z); }) ||
+/// Returns true if all corners of a flat shape lie beside the rays, in front of their start or
+/// behind it.
+template <size_t N>
+bool beside_corners(const Beam& beam, const std::array<Vec3, N>& corners, double room) {
+  const auto all = [&](const auto& holds) { return std::ranges::all_of(corners, holds); };
+  return all([&](Vec3 p) { return p.x - room > upper(beam.x_mm, beam.tan_x, p.z); }) ||
          all([&](Vec3 p) { return p.x + room < lower(beam.x_mm, beam.tan_x, p.z); }) ||
          all([&](Vec3 p) { return p.y - room > upper(beam.y_mm, beam.tan_y, p.z); }) ||
          all([&](Vec3 p) { return p.y + room < lower(beam.y_mm, beam.tan_y, p.z); });
+}
+
+bool misses_triangle(const Beam& beam, const std::array<Vec3, 3>& corners, double room) {
+  const auto in_front = [&](Vec3 p) { return p.z > beam.start_mm + room; };
+  return std::ranges::all_of(corners, in_front) || beside_corners(beam, corners, room);
 }
 
 }  // namespace
@@ -96,6 +98,13 @@ bool BeamTester::misses_primitive(const Beam& beam, const PrimitiveTree::Leaf& l
   const double size =
       std::max({largest(corners_mm[0]), largest(corners_mm[1]), largest(corners_mm[2])});
   return misses_triangle(beam, corners_mm, margin_ * sum_of_sizes(beam, size));
+}
+
+bool misses_ground_shadow(const Scene& scene, const Beam& beam) {
+  const Affine panel_from_scene = scene.scene_from_panel.inverse();
+  std::array<Vec3, 4> corners = scene.backdrop.ground_shadow->corners();
+  for (Vec3& corner : corners) corner = panel_from_scene.point(corner);
+  return beside_corners(beam, corners, 0.0);  // the shadow fades out before its border
 }
 
 bool BeamTester::empty(const Beam& beam) const {

@@ -32,4 +32,8 @@ class BeamTester {
   double margin_ = 0.0;   ///< relative to sizes
 };
 
+/// Returns true if no ray of the beam, or of its extension toward the viewer, crosses the ground
+/// where the scene's shadow falls. The scene must have one.
+[[nodiscard]] bool misses_ground_shadow(const Scene& scene, const Beam& beam);
+
 }  // namespace lenticule::render

@@ -334,9 +334,10 @@ void PacketTracer::add_backdrop(const Scene& scene, const RayPacket& packet, con
   for (uint32_t left = lanes; left != 0; left &= left - 1) {
     const auto r = static_cast<size_t>(std::countr_zero(left));
     const RTCRay16& ray = packet.rays.ray;
+    const Vec3 origin{double{ray.org_x[r]}, double{ray.org_y[r]}, double{ray.org_z[r]}};
     const Vec3 direction{double{ray.dir_x[r]}, double{ray.dir_y[r]}, double{ray.dir_z[r]}};
-    lanes_.light[r] += weight[r] * static_cast<float>(backdrop_light(
-                                       scene.backdrop, normalized(direction), lanes_.channel[r]));
+    lanes_.light[r] += weight[r] * static_cast<float>(light_beyond(scene.backdrop, origin,
+                                                                   direction, lanes_.channel[r]));
   }
 }
 

@@ -113,7 +113,7 @@ void PbrTracer::shade(const Scene& scene, const BeamSize& beam,
 }
 
 void PbrTracer::leave(const View& view, Path& path) {
-  path.light += path.weight * view.pbr.backdrop(path.direction, path.roughness);
+  path.light += path.weight * view.pbr.backdrop(path.origin, path.direction, path.roughness);
 }
 
 void PbrTracer::trace_on(const View& view, uint32_t lanes, FrameCounts& counts, WorkClock& clock) {

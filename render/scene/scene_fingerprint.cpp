@@ -21,6 +21,7 @@ Fingerprint scene_fingerprint(const SceneDescription& scene, const Surroundings&
   mixer.add(surroundings.sky);
   mixer.add(surroundings.environment_file);
   mixer.add(surroundings.ground);
+  mixer.add(surroundings.ground_shadow);
   mixer.add(surroundings.ground_colour);
   mixer.add(surroundings.tone_map.has_value());
   mixer.add(static_cast<int>(surroundings.tone_map.value_or(ToneMap::None)));
@@ -38,6 +39,9 @@ Fingerprint picture_fingerprint(const Fingerprint& scene, const Stage& stage) {
   for (const Vec3& column : {map.column_x, map.column_y, map.column_z, map.origin})
     mixer.add(column);
   mixer.add(stage.near_mm);
+  mixer.add(stage.ground.has_value());
+  mixer.add(stage.ground.value_or(Ground{}).y);
+  mixer.add(stage.ground.value_or(Ground{}).size);
   return mixer.value();
 }
 

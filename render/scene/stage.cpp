@@ -434,6 +434,13 @@ Bounds scene_bounds(const SceneDescription& scene) {
   return bounds;
 }
 
+Ground ground_under(const Bounds& bounds) {
+  const Vec3 size = bounds.high - bounds.low;
+  const double longer = std::max(size.x, size.z);
+  return {.y = bounds.low.y,
+          .size = std::clamp(std::cbrt(size.x * size.y * size.z), 0.25 * longer, 2.0 * longer)};
+}
+
 Stage make_stage(const SceneDescription& scene, const optics::OpticalModel& model,
                  const StageOptions& options) {
   validate(options);

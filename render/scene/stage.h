@@ -42,6 +42,15 @@ inline constexpr double kPitchWithoutCamera = 12.0;
   return scene.cameras.empty() || options.ignore_cameras ? nullptr : &scene.cameras.front();
 }
 
+/// Ground is the level plane that a model stands on, through its lowest point. World y is up, as
+/// the loaders turn models. World units.
+struct Ground {
+  double y = 0.0;
+  /// Geometric mean of the sides of the model's bounds; at least a quarter and at most twice the
+  /// longer side of their base. 0 if they have no base.
+  double size = 0.0;
+};
+
 struct Stage {
   Affine panel_from_world;  ///< mm from world units; linear part = depth scale * rotation * scale
   Affine world_from_panel;
@@ -53,6 +62,9 @@ struct Stage {
   double near_mm = 0.0;
   double far_mm = 0.0;             ///< panel z of the back of the scene's bounds
   double depth_of_field_mm = 0.0;  ///< the rig's; infinite for a sheet without a gap
+  /// Ground of another moment of an animation, so that the ground does not move with the scene.
+  /// Default: that of the scene.
+  std::optional<Ground> ground{};
 };
 
 /// Returns the world direction of `panel_direction`, whose components are along the panel's axes,
@@ -67,6 +79,9 @@ struct Bounds {
   void extend(Vec3 p);
 };
 [[nodiscard]] Bounds scene_bounds(const SceneDescription& scene);
+
+/// Returns the ground of a model with these bounds, which must not be empty.
+[[nodiscard]] Ground ground_under(const Bounds& bounds);
 
 /// Computes the placement of a scene. The orientation comes from the scene's first camera if it has
 /// one (its view direction points into the panel, its up vector is up); otherwise world y is up,

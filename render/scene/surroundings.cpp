@@ -98,6 +98,12 @@ double backdrop_light(const Backdrop& backdrop, Vec3 direction, int channel) {
   return component(backdrop.colour, channel);
 }
 
+double light_beyond(const Backdrop& backdrop, Vec3 origin, Vec3 direction, int channel) {
+  if (!backdrop.ground_shadow) return backdrop_light(backdrop, normalized(direction), channel);
+  return component(backdrop.colour, channel) *
+         backdrop.ground_shadow->light_left(origin, direction);
+}
+
 TriangleMesh ground_plane(const Bounds& bounds, Vec3 up, int material) {
   const Vec3 size = bounds.high - bounds.low;
   const double reach = kGroundExtent * std::max({size.x, size.y, size.z, 1e-9});

@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 
+#include "render/scene/ground_shadow.h"
 #include "render/scene/scene_description.h"
 #include "render/scene/stage.h"
 #include "render/scene/tone_map.h"
@@ -20,6 +21,8 @@ struct Surroundings {
   std::string environment_file{};    ///< latitude-longitude picture, empty = none
   bool ground = false;               ///< adds a plane under the scene
   Vec3 ground_colour{0.5, 0.5, 0.5};
+  /// Scenes that the studio lights cast a shadow on the ground, unless `ground` is set.
+  bool ground_shadow = true;
   /// Of scenes with metallic-roughness materials. Default: ToneMap::PbrNeutral in the light of the
   /// studio, otherwise none.
   std::optional<ToneMap> tone_map{};
@@ -34,9 +37,11 @@ struct Backdrop {
   std::shared_ptr<const Texture> environment;
   /// Applied to the environment picture. Colours and the sky are stated as they are shown.
   ToneMap tone_map = ToneMap::None;
+  /// Darkens the colour; null if there is none, as with a sky or a picture.
+  std::shared_ptr<const GroundShadow> ground_shadow;
 
-  /// Returns true if the light is the same in every direction.
-  [[nodiscard]] bool flat() const { return !sky && !environment; }
+  /// Returns true if all rays see the same light.
+  [[nodiscard]] bool flat() const { return !sky && !environment && !ground_shadow; }
 };
 
 /// Creates the backdrop. Throws Error(Input) for an environment file that cannot be read.
@@ -48,6 +53,11 @@ struct Backdrop {
 
 /// Returns one colour channel of the light from `direction` (unit, away from the eye) as shown.
 [[nodiscard]] double backdrop_light(const Backdrop& backdrop, Vec3 direction, int channel);
+
+/// Returns one colour channel of the light, as shown, that a ray sees which meets nothing: that of
+/// its direction, less the shadow on the ground. `direction` need not be unit.
+[[nodiscard]] double light_beyond(const Backdrop& backdrop, Vec3 origin, Vec3 direction,
+                                  int channel);
 
 /// Returns the world axis nearest to the panel's up, so that "down" is preserved for files whose z
 /// axis is up.

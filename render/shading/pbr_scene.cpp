@@ -176,9 +176,11 @@ PbrScene::Input PbrScene::input(const TextureUse& use, MipMaps::Content content)
   return {.maps = maps.get(), .uv_set = use.uv_set, .uv_map = use.uv_map};
 }
 
-Vec3 PbrScene::backdrop(Vec3 direction, double roughness) const {
+Vec3 PbrScene::backdrop(Vec3 origin, Vec3 direction, double roughness) const {
   const Backdrop& backdrop = scene_.backdrop;
   if (backdrop.flat()) return backdrop.colour;
+  if (backdrop.ground_shadow)
+    return backdrop.colour * backdrop.ground_shadow->light_left(origin, direction);
   if (backdrop.environment && roughness > 0.0)
     return tone_mapped(tone_map_,
                        environment_->mirrored(normalized(frame_.from_scene(direction)), roughness));

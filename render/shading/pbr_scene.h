@@ -41,9 +41,9 @@ class PbrScene {
   [[nodiscard]] const EnvironmentLight& environment() const { return *environment_; }
   [[nodiscard]] const PbrShader::Frame& frame() const { return frame_; }
   [[nodiscard]] ToneMap tone_map() const { return tone_map_; }
-  /// Returns the light, as shown, of a ray that leaves the scene. `roughness` is that of the
-  /// surfaces that transmitted the ray.
-  [[nodiscard]] Vec3 backdrop(Vec3 direction, double roughness) const;
+  /// Returns the light, as shown, of a ray that leaves the scene at `origin`. `roughness` is that
+  /// of the surfaces that transmitted the ray.
+  [[nodiscard]] Vec3 backdrop(Vec3 origin, Vec3 direction, double roughness) const;
 
   /// Returns false if all rays end at the first surface that they meet from its front.
   [[nodiscard]] bool any_passes() const { return any_passes_; }

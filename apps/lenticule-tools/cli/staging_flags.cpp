@@ -82,6 +82,10 @@ void declare_surroundings_flags(CLI::App& app, StagingFlags& flags) {
     flags.surroundings.ground_colour = colour;
   };
   add_triple(app, "--ground-colour", "R,G,B", take_ground, "colour of that plane")->group(kGroup);
+  app.add_flag_callback(
+         "--no-ground-shadow", [&flags] { flags.surroundings.ground_shadow = false; },
+         "leave out the shadow that a model without lights casts on the ground")
+      ->group(kGroup);
   const auto take_tone_map = [&flags](const std::string& name) {
     flags.surroundings.tone_map = render::tone_map_named(name);
   };

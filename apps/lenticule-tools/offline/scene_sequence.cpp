@@ -77,21 +77,22 @@ StageSequence::StageSequence(const render::SceneDescription& reference,
   if (!still()) options_.fit_every_turn = true;
   reference_ = render::make_stage(reference, model, options_);
   options_.depth_scale = reference_.depth_scale;
+  ground_ = render::ground_under(render::scene_bounds(reference));
 }
 
 render::Stage StageSequence::at(const render::SceneDescription& scene, double progress) const {
   render::StageOptions options = options_;
   options.turn_degrees += turned_by_degrees_ * progress;
-  if (render::placing_camera(scene, options) != nullptr)
-    return render::make_stage(scene, model_, options);
-  render::Stage stage = reference_;
-  if (!still()) {
+  const bool has_camera = render::placing_camera(scene, options) != nullptr;
+  if (!has_camera && !still()) {
     options.centre = reference_.world_from_panel.origin;
     options.mm_per_unit = reference_.mm_per_unit;
-    stage = render::make_stage(scene, model_, options);
   }
+  render::Stage stage =
+      has_camera || !still() ? render::make_stage(scene, model_, options) : reference_;
   // Objects that leave the reference frame's bounds must not be clipped if there is no camera.
-  stage.near_mm = std::numeric_limits<double>::infinity();
+  if (!has_camera) stage.near_mm = std::numeric_limits<double>::infinity();
+  stage.ground = ground_;
   return stage;
 }
 

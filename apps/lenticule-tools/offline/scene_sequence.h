@@ -50,7 +50,7 @@ class SceneSequence {
 };
 
 /// StageSequence places the scenes of an animation: the depth scale, and without a camera the
-/// position and the size, stay constant from frame to frame.
+/// position and the size, stay constant from frame to frame, and so does the ground.
 class StageSequence {
  public:
   /// `reference` is the scene of SceneSequence::reference_frame(). Over the sequence the scene
@@ -72,6 +72,7 @@ class StageSequence {
   double turned_by_degrees_;
   render::StageOptions options_;
   render::Stage reference_;
+  render::Ground ground_;  ///< of the reference frame
 };
 
 }  // namespace lenticule::player

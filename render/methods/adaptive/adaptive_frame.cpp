@@ -33,7 +33,7 @@ AdaptiveFrame::AdaptiveFrame(const AdaptivePlan& of, const KeyGrid& keys, const 
   for (size_t at = 0; at < backdrop.size(); ++at)
     backdrop[at] = encoder.code(
         static_cast<float>(component(scene.backdrop.colour, static_cast<int>(at % 3))));
-  if (scene.backdrop.flat()) eyes = keys.eyes();
+  if (scene.backdrop.flat() || scene.backdrop.ground_shadow) eyes = keys.eyes();
   samples.begin(keys);
   bands.resize(
       static_cast<size_t>((of.planes.rows() + AdaptiveWorker::kBand - 1) / AdaptiveWorker::kBand));
@@ -185,7 +185,8 @@ bool AdaptiveWorker::is_unchanged(int row, size_t at, const KeyGrid::Between& be
 void AdaptiveWorker::render_row(int first_row, int row) {
   const KeyGrid::Between between = frame_.grid.between(row);
   find_cells(between);
-  sweep_.sweep(row, swept_, frame_.eyes);
+  flat_row_ = sees_one_light(row);
+  sweep_.sweep(row, swept_, flat_row_ ? frame_.eyes : std::nullopt);
   arrange_rays();
   group_of_cut_.clear();
   for (const SweptCut& cut : swept_.cuts)
@@ -271,14 +272,30 @@ void AdaptiveWorker::look_up(const KeyGrid::Between& between) {
   frame_.plan.kernel.look_up(frame_.grid.lookup(), interval, row, found_row_.arrays());
 }
 
-uint8_t AdaptiveWorker::backdrop_code(int row, size_t at) const {
-  const Backdrop& backdrop = frame_.scene.backdrop;
-  if (backdrop.flat()) return frame_.backdrop[at % 3];
+RowPlane AdaptiveWorker::plane_of(int row) const {
   const RowPlanes& planes = frame_.plan.planes;
-  const RowPlane plane = planes.plane_at(row + planes.height_in_row(0));
-  const Vec3 way = frame_.scene.scene_from_panel.vector({-double{tan_x_[at]}, -plane.tan_y, -1.0});
+  return planes.plane_at(row + planes.height_in_row(0));
+}
+
+/// Returns true if the backdrop shows one colour in all of a row.
+bool AdaptiveWorker::sees_one_light(int row) const {
+  const Scene& scene = frame_.scene;
+  if (!scene.backdrop.ground_shadow) return scene.backdrop.flat();
+  const RowPlane plane = plane_of(row);
+  return misses_ground_shadow(scene, {.x_mm = kEverywhere,
+                                      .tan_x = {0.0, 0.0},
+                                      .y_mm = {plane.lens_y_mm, plane.lens_y_mm},
+                                      .tan_y = {plane.tan_y, plane.tan_y}});
+}
+
+uint8_t AdaptiveWorker::backdrop_code(int row, size_t at) const {
+  if (flat_row_) return frame_.backdrop[at % 3];
+  const Scene& scene = frame_.scene;
+  const RowPlane plane = plane_of(row);
+  const Vec3 from = scene.scene_from_panel.point({double{x_mm_[at]}, plane.lens_y_mm, 0.0});
+  const Vec3 way = scene.scene_from_panel.vector({-double{tan_x_[at]}, -plane.tan_y, -1.0});
   return frame_.encoder.code(
-      static_cast<float>(backdrop_light(backdrop, normalized(way), static_cast<int>(at % 3))));
+      static_cast<float>(light_beyond(scene.backdrop, from, way, static_cast<int>(at % 3))));
 }
 
 void AdaptiveWorker::add_sampled(int first_row, int row) {
@@ -321,7 +338,6 @@ void AdaptiveWorker::add_uncertain(int first_row, int row, size_t at,
 void AdaptiveWorker::sort_row(int first_row, int row, const KeyGrid::Between& between) {
   static_assert(lookup_kernel::kFound == 0 && lookup_kernel::kNothing == 1);
   constexpr uint64_t kAllNothing = 0x0101010101010101;
-  const bool flat = frame_.scene.backdrop.flat();
   const bool may_keep = frame_.kept.parts != nullptr;
   const size_t count = frame_.plan.planes.row_subpixels();
   uint64_t unknown = 0, copied = 0, nothing = 0;
@@ -329,7 +345,7 @@ void AdaptiveWorker::sort_row(int first_row, int row, const KeyGrid::Between& be
     uint64_t eight;  // states; the array is slightly longer than the row
     std::memcpy(&eight, found_row_.states.data() + first, sizeof eight);
     if (eight == 0) continue;
-    if (flat && eight == kAllNothing) {
+    if (flat_row_ && eight == kAllNothing) {
       std::memcpy(found_row_.codes.data() + first,
                   frame_.backdrop.data() + first % frame_.backdrop.size(), sizeof eight);
       nothing += std::min(sizeof eight, count - first);

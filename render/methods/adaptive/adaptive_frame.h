@@ -51,9 +51,9 @@ struct AdaptiveFrame {
   LightEncoder encoder;
   double start_mm;
   BeamTester beams;
-  std::array<uint8_t, 24> backdrop{};  ///< codes of eight pixels, if the backdrop is flat
-  /// Places on the viewing line to which rays go, if the backdrop is flat: then rays far from all
-  /// objects are not made.
+  std::array<uint8_t, 24> backdrop{};  ///< codes of eight pixels in rows of one backdrop colour
+  /// Places on the viewing line to which rays go, if the backdrop has one colour: in rows that show
+  /// no other, rays far from all objects are not made.
   std::optional<Interval> eyes;
 
   /// Audit results of a band of rows.
@@ -130,6 +130,8 @@ class AdaptiveWorker {
   void add_sampled(int first_row, int row);
   void add_uncertain(int first_row, int row, size_t at, const KeyGrid::Between& between);
   void sort_row(int first_row, int row, const KeyGrid::Between& between);
+  [[nodiscard]] RowPlane plane_of(int row) const;
+  [[nodiscard]] bool sees_one_light(int row) const;
   [[nodiscard]] uint8_t backdrop_code(int row, size_t at) const;
   void write_uncertain(int first_row);
   void audit_band(int first_row, const AdaptiveFrame::Band& known, bool on_trial);
@@ -141,6 +143,7 @@ class AdaptiveWorker {
   ColourTracer::Colours found_;
   RowSweep::Worker sweep_;
   SweptRow swept_;
+  bool flat_row_ = true;         ///< the backdrop shows one colour in all of the row
   const float* x_mm_ = nullptr;  ///< per subpixel of the last swept row
   const float* tan_x_ = nullptr;
   std::vector<float> arranged_x_, arranged_tan_;

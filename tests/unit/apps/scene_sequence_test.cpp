@@ -85,6 +85,9 @@ TEST(StageSequence, KeepsDepthAndPlaceFromFrameToFrame) {
   const render::Stage later = stages.at(scene);
   EXPECT_EQ(later.mm_per_unit, stages.reference().mm_per_unit);
   EXPECT_EQ(later.panel_from_world.origin, stages.reference().panel_from_world.origin);
+  ASSERT_TRUE(later.ground);
+  EXPECT_EQ(later.ground->y, -1.0);
+  EXPECT_EQ(later.ground->size, 2.0);
 
   render::Camera camera;
   camera.from = {0, 0, 10};
@@ -92,6 +95,8 @@ TEST(StageSequence, KeepsDepthAndPlaceFromFrameToFrame) {
   const StageSequence filmed(scene, model, {});
   scene.cameras[0].from = {3, 0, 10};
   EXPECT_EQ(filmed.at(scene).depth_scale, filmed.reference().depth_scale);
+  ASSERT_TRUE(filmed.at(scene).ground);
+  EXPECT_EQ(filmed.at(scene).ground->y, 1.0);
 }
 
 TEST(FrameRange, KnowsThePartBeforeAFrame) {

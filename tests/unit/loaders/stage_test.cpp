@@ -382,5 +382,15 @@ TEST(ContentMeetsRays, NotBehindTheCamera) {
   EXPECT_TRUE(meets(ball_scene({0, 0, 30}), {.ignore_cameras = true}));
 }
 
+TEST(GroundUnder, LiesAtTheLowestPointAndHasTheMeanSizeOfTheModel) {
+  const auto ground = [](Vec3 low, Vec3 high) { return ground_under({low, high}); };
+  const Ground box = ground({1, -2, 3}, {3, 6, 7});
+  EXPECT_EQ(box.y, -2.0);
+  EXPECT_NEAR(box.size, 4.0, 1e-12);
+  EXPECT_EQ(ground({0, 0, 0}, {8, 0, 4}).size, 2.0);     // flat
+  EXPECT_EQ(ground({0, 0, 0}, {1, 1000, 1}).size, 2.0);  // a pole
+  EXPECT_EQ(ground({0, 0, 0}, {0, 5, 0}).size, 0.0);
+}
+
 }  // namespace
 }  // namespace lenticule::render
