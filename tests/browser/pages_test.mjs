@@ -19,14 +19,16 @@ const [build, modules, output] = process.argv.slice(2);
 const require = createRequire(join(modules, "node_modules/"));
 const puppeteer = require("puppeteer-core");
 const axe = readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
+const codeReader = readFileSync(require.resolve("jsqr/dist/jsQR.js"), "utf8");
 const source = join(dirname(fileURLToPath(import.meta.url)), "../..");
 const program = join(build, "lenticule");
+const camera = join(build, "tests/browser/photograph_panel");
 const LIMIT_MS = 60_000;
 const DEVICES = {
   phone: { width: 390, height: 844, isMobile: true, hasTouch: true, deviceScaleFactor: 2 },
   desktop: { width: 1280, height: 900 },
 };
-const PAGES = { now: "/", eye: "/eye", trim: "/trim", health: "/health" };
+const PAGES = { now: "/", eye: "/eye", trim: "/trim", calibrate: "/calibrate", health: "/health" };
 
 const folder = mkdtempSync(join(tmpdir(), "lenticule-browser-"));
 const socket = join(folder, "c.sock");
@@ -57,7 +59,7 @@ function ctl(...words) {
 
 function makeContent() {
   mkdirSync(join(folder, "media"));
-  copyFileSync(join(source, "scenes/rigs/kiosk-27-1080.toml"), join(folder, "rig.toml"));
+  execFileSync(camera, ["rig", join(folder, "rig.toml")]);
   execFileSync(program, ["render", "builtin:demo", "--rig", join(folder, "rig.toml"), "--frames", "0:3",
     "--method", "adaptive", "-o", join(folder, "media/teapot.lts")], { stdio: "ignore" });
   for (const copy of ["evening.lts", "morning.lts"])
@@ -105,7 +107,7 @@ async function open(device, path, scheme = "light") {
     if (!/^(blob:)?http:\/\/127\.0\.0\.1:/.test(request.url())) wrong.push("foreign request " + request.url());
   });
   page.on("response", async (response) => {
-    if (/\.(js|css|svg)$|\/(eye|trim|health)?$/.test(response.url())) bytes += Number(response.headers()["content-length"] || 0);
+    if (/\.(js|css|svg)$|\/(eye|trim|calibrate|health)?$/.test(response.url())) bytes += Number(response.headers()["content-length"] || 0);
   });
   await page.goto(`http://127.0.0.1:${port}/enter?token=${token}`);
   await page.waitForSelector("#main");
@@ -135,6 +137,7 @@ for (const device of Object.keys(DEVICES)) {
         if (name === "eye") await showsPicture(page, "seen");
         if (name === "health") await says(page, "verdict", "well|look");
         if (name === "trim") await says(page, "present", "offset");
+        if (name === "calibrate") await page.waitForFunction(() => Number(document.getElementById("distance").value) > 100);
         if (name === "now") await showsPicture(page, "seen");
         if (name === "eye") await page.waitForSelector("#room .eye");
         await page.screenshot({ path: join(output, `${name}-${device}-${scheme}.png`), fullPage: true });
@@ -296,4 +299,57 @@ test("without a token every page says how to get one", { timeout: LIMIT_MS }, as
   }
   await page.screenshot({ path: join(output, "without-token.png") });
   await page.close();
+});
+
+/** Reads the QR code that a phone in front of the panel sees. */
+async function codeOnPanel(page) {
+  await page.evaluate(codeReader);
+  return page.evaluate(async (secret) => {
+    const answer = await fetch("/api/v1/eye.jpg?x=20&y=0&z=700&width=1920", { headers: { Authorization: "Bearer " + secret } });
+    const picture = await createImageBitmap(await answer.blob());
+    const canvas = new OffscreenCanvas(picture.width, picture.height);
+    const context = canvas.getContext("2d");
+    context.drawImage(picture, 0, 0);
+    const found = window.jsQR(context.getImageData(0, 0, picture.width, picture.height).data, picture.width, picture.height);
+    return found && found.data;
+  }, token);
+}
+
+test("Calibrate: a phone goes from the code on the panel to a saved rig", { timeout: 5 * LIMIT_MS }, async () => {
+  const address = `http://127.0.0.1:${port}/enter?token=${token}`;
+  const shown = spawn(program, ["ctl", "--socket", socket, "show-address", address, "--seconds", "120"], { stdio: "ignore" });
+  await comesTrue(() => ctl("status").on_glass.source === "code", "the code is on the panel");
+  const { page, wrong, close } = await open("phone", "/calibrate");
+  assert.equal(await codeOnPanel(page), address);
+  shown.kill("SIGINT");
+  await comesTrue(() => ctl("status").on_glass.source !== "code", "the content is back");
+
+  await page.waitForFunction(() => Number(document.getElementById("distance").value) > 100);
+  await page.tap("#begin");
+  await says(page, "chart-state", "on the panel");
+  assert.match(ctl("status").on_glass.source, /chart\.png$/);
+  ctl("snapshot", join(folder, "panel.png"));
+  execFileSync(camera, ["photo", join(folder, "panel.png"), join(folder, "photo.png")]);
+  const before = readFileSync(join(folder, "rig.toml"), "utf8");
+  // A picture without a panel first.
+  const photo = await page.$("#photo");
+  assert.equal(await page.$eval("#photo", (input) => `${input.accept} ${input.capture}`), "image/* environment");
+  await photo.uploadFile(join(source, "tests/data/crate.png"));
+  await says(page, "verdict", "Refused");
+  await page.screenshot({ path: join(output, "calibrate-refused-phone.png"), fullPage: true });
+  await photo.uploadFile(join(folder, "photo.png"));
+  await says(page, "verdict", "found");
+  await showsPicture(page, "before");
+  await showsPicture(page, "after");
+  await page.screenshot({ path: join(output, "calibrate-found-phone.png"), fullPage: true });
+  await page.evaluate(axe);
+  assert.deepEqual(await page.evaluate(async () => (await axe.run()).violations.map((one) => one.id)), []);
+  assert.equal(readFileSync(join(folder, "rig.toml"), "utf8"), before, "nothing is saved before");
+  await page.tap("#keep");
+  await says(page, "verdict", "Saved");
+  assert.notEqual(readFileSync(join(folder, "rig.toml"), "utf8"), before);
+  assert.equal(readFileSync(join(folder, "rig.1.toml"), "utf8"), before);
+  await page.screenshot({ path: join(output, "calibrate-kept-phone.png"), fullPage: true });
+  assert.deepEqual(wrong, []);
+  await close();
 });
