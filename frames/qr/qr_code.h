@@ -14,7 +14,7 @@ namespace lenticule::frames {
 inline constexpr int kQrBorder = 4;
 
 struct QrCode {
-  int side = 0;                ///< modules per side, without the border
+  int side = 0;                 ///< modules per side, without the border
   std::vector<uint8_t> dark{};  ///< rows from the top; 1 = dark
 
   /// Returns false outside of the code.
@@ -40,8 +40,8 @@ struct QrPlace {
 /// panel, so that each eye reads it through the lenses. A module is many lenses wide.
 [[nodiscard]] WovenFrame draw_qr_code(const QrCode& code, const FrameGeometry& panel);
 
-/// Returns lines for a terminal, two rows of modules each, in colours that do not depend on those of
-/// the terminal.
+/// Returns lines for a terminal, two rows of modules each, in colours that do not depend on those
+/// of the terminal.
 [[nodiscard]] std::string qr_terminal_text(const QrCode& code);
 
 }  // namespace lenticule::frames

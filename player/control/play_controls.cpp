@@ -102,8 +102,7 @@ void PlayControls::handle(const ControlRequest& request, ControlRights rights, A
     case ControlVerb::Trim:
       return answer(change_trim(request));
     case ControlVerb::Rig:
-      return work_on(answer,
-                     [this, request](const Answer& done) { done(replace_rig(request)); });
+      return work_on(answer, [this, request](const Answer& done) { done(replace_rig(request)); });
     case ControlVerb::Snapshot:
       if (rights != ControlRights::Everything)
         throw Error(

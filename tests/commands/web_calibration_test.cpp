@@ -22,7 +22,8 @@ class PhoneCalibration : public WebTest {
   void SetUp() override {
     WebTest::SetUp();
     optics::save_rig(camera_.start(), path("rig.toml"));
-    write_picture("still.png", 40, {.width = PhoneCamera::kPanelWidth, .height = PhoneCamera::kPanelHeight});
+    write_picture("still.png", 40,
+                  {.width = PhoneCamera::kPanelWidth, .height = PhoneCamera::kPanelHeight});
     start({LENTICULE_PROGRAM, "play", path("still.png"), "--rig", path("rig.toml"), "--display",
            "virtual:1920x1080@60", "--control", path("c.sock"), "--loop", "forever", "--slots",
            "6"});

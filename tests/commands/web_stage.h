@@ -18,8 +18,9 @@
 namespace lenticule::test {
 
 /// Checks `value` against a schema of the description; adds differences to `wrong`.
-inline void compare(const nlohmann::ordered_json& value, const nlohmann::ordered_json& schema, const nlohmann::ordered_json& description,
-             const std::string& place, std::string& wrong) {
+inline void compare(const nlohmann::ordered_json& value, const nlohmann::ordered_json& schema,
+                    const nlohmann::ordered_json& description, const std::string& place,
+                    std::string& wrong) {
   if (schema.contains("$ref")) {
     const auto name = schema["$ref"].get<std::string>();
     return compare(value, description["components"]["schemas"][name.substr(name.rfind('/') + 1)],
@@ -84,7 +85,7 @@ class WebTest : public PlayerTest {
     return HttpClient(port_).ask(method, address, headers, body);
   }
   nlohmann::ordered_json api(const std::string& method, const std::string& address,
-                   const std::string& body = {}) const {
+                             const std::string& body = {}) const {
     const HttpAnswer answer = ask(method, "/api/v1/" + address, body);
     EXPECT_EQ(answer.status, 200) << method << " " << address << " " << answer.body;
     return nlohmann::ordered_json::parse(answer.body, nullptr, false);
@@ -93,7 +94,8 @@ class WebTest : public PlayerTest {
     ASSERT_TRUE(comes_true([&] { return api("GET", "state")["connected"] == true; }));
   }
   static nlohmann::ordered_json description() {
-    return nlohmann::ordered_json::parse(std::ifstream(source_file("apps/lenticule-web/api/openapi.json")));
+    return nlohmann::ordered_json::parse(
+        std::ifstream(source_file("apps/lenticule-web/api/openapi.json")));
   }
   /// Returns a port that no other program uses: the kernel names one.
   static uint16_t free_port() {

@@ -67,12 +67,9 @@ TEST_F(Web, EveryAnswerIsAsTheDescriptionSays) {
   };
   // The panel of these tests is too small for the chart.
   const std::map<std::string, int> errors = {
-      {"post /api/v1/calibration/begin", 422},
-      {"put /api/v1/calibration/photograph", 409},
-      {"get /api/v1/calibration/before.jpg", 404},
-      {"get /api/v1/calibration/after.jpg", 404},
-      {"get /api/v1/calibration/rig.toml", 404},
-      {"post /api/v1/calibration/keep", 409},
+      {"post /api/v1/calibration/begin", 422},     {"put /api/v1/calibration/photograph", 409},
+      {"get /api/v1/calibration/before.jpg", 404}, {"get /api/v1/calibration/after.jpg", 404},
+      {"get /api/v1/calibration/rig.toml", 404},   {"post /api/v1/calibration/keep", 409},
   };
   std::string wrong;
   ordered_json list;
@@ -96,8 +93,8 @@ TEST_F(Web, EveryAnswerIsAsTheDescriptionSays) {
       const HttpAnswer answer = ask(upper, place, body);
       const ordered_json responses = operation["responses"];
       const std::string status = std::to_string(answer.status);
-      const bool is_expected = errors.contains(key) ? errors.at(key) == answer.status
-                                                    : responses.contains(status);
+      const bool is_expected =
+          errors.contains(key) ? errors.at(key) == answer.status : responses.contains(status);
       if (!is_expected) wrong += key + ": status " + status + " " + answer.body + "\n";
       const ordered_json response = responses[responses.contains(status) ? status : "default"];
       if (!is_expected || !response.contains("content")) continue;

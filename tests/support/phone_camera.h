@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// PhoneCamera is a simulated panel under a real lens sheet, and a phone that photographs it from the
-// middle viewpoint.
+// PhoneCamera is a simulated panel under a real lens sheet, and a phone that photographs it from
+// the middle viewpoint.
 #pragma once
 
 #include <algorithm>
@@ -55,8 +55,8 @@ class PhoneCamera {
     double worst = 0.0;
     for (double y = 108.0; y < kPanelHeight; y += 108.0)
       for (double x = 120.0; x < kPanelWidth; x += 120.0) {
-        const double off = model.phase(x, y, 1, {eye.x, eye.y, eye.z}) -
-                           bench_.ground_truth_phase(x, y, 1, eye);
+        const double off =
+            model.phase(x, y, 1, {eye.x, eye.y, eye.z}) - bench_.ground_truth_phase(x, y, 1, eye);
         worst = std::max(worst, std::abs(off - std::round(off)));
       }
     return worst;

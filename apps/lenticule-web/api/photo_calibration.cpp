@@ -88,8 +88,8 @@ CalibrationOutput parse_calibration_output(const std::string& output) {
     std::string_view line = before.substr(at, end - at);
     line.remove_prefix(std::min(line.size(), line.rfind('\r') + 1));
     if (!line.empty())
-      parsed.message += (parsed.message.empty() ? "" : "\n") +
-                        shortened(escaped(std::string(line)), kMaxLine);
+      parsed.message +=
+          (parsed.message.empty() ? "" : "\n") + shortened(escaped(std::string(line)), kMaxLine);
     at = end + 1;
   }
   return parsed;
@@ -98,8 +98,7 @@ CalibrationOutput parse_calibration_output(const std::string& output) {
 /// Photograph writes a body to a file, which is then judged.
 class Photograph final : public BodySink {
  public:
-  Photograph(PhotoCalibration& owner, Claim claim, fs::path file,
-             std::optional<double> distance_mm)
+  Photograph(PhotoCalibration& owner, Claim claim, fs::path file, std::optional<double> distance_mm)
       : owner_(owner),
         claim_(std::move(claim)),
         path_(std::move(file)),
@@ -179,10 +178,10 @@ void PhotoCalibration::begin() {
   set_stage("idle", "", nullptr, std::nullopt);
   const fs::path rig = options_.folder / "rig.toml";
   write_text_file(rig, pictures_.rig_toml());
-  const ProgramRun run = run_and_capture({options_.program.string(), "calibrate", "show",
-                                          "photo-chart", "--rig", rig.string(), "-o",
-                                          chart().string()},
-                                         kDrawTime, options_.stops);
+  const ProgramRun run =
+      run_and_capture({options_.program.string(), "calibrate", "show", "photo-chart", "--rig",
+                       rig.string(), "-o", chart().string()},
+                      kDrawTime, options_.stops);
   if (run.exit_code != 0)
     throw HttpError(422, run.timed_out ? "drawing the chart took too long"
                                        : parse_calibration_output(run.output).message);
@@ -200,15 +199,9 @@ std::unique_ptr<BodySink> PhotoCalibration::photograph(std::optional<double> dis
 void PhotoCalibration::judge(const fs::path& photo, std::optional<double> distance_mm) {
   const fs::path rig = options_.folder / "rig.toml", output = options_.folder / "found.toml";
   fs::remove(output);
-  std::vector<std::string> words = {options_.program.string(),
-                                    "calibrate",
-                                    "photos",
-                                    photo.string(),
-                                    "--rig",
-                                    rig.string(),
-                                    "-o",
-                                    output.string(),
-                                    "--json"};
+  std::vector<std::string> words = {
+      options_.program.string(), "calibrate", "photos", photo.string(), "--rig", rig.string(), "-o",
+      output.string(),           "--json"};
   if (distance_mm) {
     words.emplace_back("--distance");
     words.push_back(fmt::format("{:.1f}", *distance_mm));

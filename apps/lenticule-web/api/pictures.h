@@ -42,8 +42,8 @@ class PictureMaker {
   static constexpr int kMinWidth = 64;
   static constexpr int kMaxWidth = 1920;
 
-  /// Return JPEG files. Throw Error, and HttpError 403 for a frame that shows a code to a sender who
-  /// may not change anything: the code may hold a token that may.
+  /// Return JPEG files. Throw Error, and HttpError 403 for a frame that shows a code to a sender
+  /// who may not change anything: the code may hold a token that may.
   [[nodiscard]] std::string frame(int width, Rights rights);
   [[nodiscard]] std::string eye(const optics::Eye& eye, int width, Rights rights);
   /// Returns the optical model of the rig, with its trim, for which frames are woven now.

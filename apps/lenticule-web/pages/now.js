@@ -103,10 +103,11 @@ function showList() {
         const by = { ArrowUp: -1, ArrowDown: 1 }[event.key];
         if (by) { event.preventDefault(); move(k, k + by); }
       } }, "↕"));
-    row.append(make("button", { "aria-label": `Play ${name} now`, disabled: items !== saved.items,
-      onclick: () => attempt(() => api("POST", "seek", { item: k, frame: 0 })) }, "Play"),
-    make("button", { "aria-label": `Remove ${name} from the list`, disabled: items.length < 2,
-      onclick: () => edit((list) => list.splice(k, 1)) }, "Remove"));
+    row.append(make("span", { class: "row" },
+      make("button", { "aria-label": `Play ${name} now`, disabled: items !== saved.items,
+        onclick: () => attempt(() => api("POST", "seek", { item: k, frame: 0 })) }, "Play"),
+      make("button", { "aria-label": `Remove ${name} from the list`, disabled: items.length < 2,
+        onclick: () => edit((list) => list.splice(k, 1)) }, "Remove")));
     return row;
   }));
   const changed = items !== saved.items;

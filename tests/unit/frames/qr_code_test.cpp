@@ -55,13 +55,14 @@ TEST(QrCode, IsReadableThroughTheLensesFromEveryPlace) {
     const WovenFrame frame = draw_qr_code(code, panel);
     const QrPlace place = place_qr_code(code, panel);
     for (const double x : {-250.0, -31.0, 0.0, 31.0, 200.0}) {
-      const optics::RgbPicture seen = optics::simulate_eye(
-          optics::OpticalModel(rig),
-          {.pixels = frame.bytes().data(),
-           .width = panel.width,
-           .height = panel.height,
-           .stride_bytes = panel.row_bytes()},
-          {.x = x, .y = 40.0, .z_mm = 600.0}, {.width = panel.width / 2, .height = panel.height / 2});
+      const optics::RgbPicture seen =
+          optics::simulate_eye(optics::OpticalModel(rig),
+                               {.pixels = frame.bytes().data(),
+                                .width = panel.width,
+                                .height = panel.height,
+                                .stride_bytes = panel.row_bytes()},
+                               {.x = x, .y = 40.0, .z_mm = 600.0},
+                               {.width = panel.width / 2, .height = panel.height / 2});
       int wrong = 0;
       for (int v = 0; v < code.side; ++v)
         for (int u = 0; u < code.side; ++u) {

@@ -180,8 +180,8 @@ TEST(WebMachine, ReadsTemperaturesAndClocksOfTheKernel) {
 }
 
 TEST(WebCalibration, SeparatesTheReportFromTheMessages) {
-  const CalibrationOutput both =
-      parse_calibration_output("reading\rread \x1b[1mall\nnote\n{\n \"verdict\": \"effective\"\n}\n");
+  const CalibrationOutput both = parse_calibration_output(
+      "reading\rread \x1b[1mall\nnote\n{\n \"verdict\": \"effective\"\n}\n");
   EXPECT_EQ(both.report["verdict"], "effective");
   EXPECT_EQ(both.message, "read \\x1b[1mall\nnote");
   const CalibrationOutput report = parse_calibration_output("{\n}\n");
