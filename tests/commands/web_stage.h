@@ -67,9 +67,9 @@ class WebTest : public PlayerTest {
     web_.reset();
     PlayerTest::TearDown();
   }
-  void start_web(const std::vector<std::string>& more = {}) {
+  void start_web(const std::vector<std::string>& more = {}, const char* socket = "c.sock") {
     std::vector<std::string> words = {LENTICULE_PROGRAM, "web",
-                                      "--socket",        path("c.sock"),
+                                      "--socket",        path(socket),
                                       "--state",         path("state"),
                                       "--media",         path("media"),
                                       "--listen",        "127.0.0.1:" + std::to_string(port_)};

@@ -66,7 +66,7 @@ TEST_F(Web, EveryAnswerIsAsTheDescriptionSays) {
       {"put /api/v1/calibration/photograph", "no picture"},
   };
   // The panel of these tests is too small for the chart.
-  const std::map<std::string, int> errors = {
+  const std::map<std::string, int> refusals = {
       {"post /api/v1/calibration/begin", 422},     {"put /api/v1/calibration/photograph", 409},
       {"get /api/v1/calibration/before.jpg", 404}, {"get /api/v1/calibration/after.jpg", 404},
       {"get /api/v1/calibration/rig.toml", 404},   {"post /api/v1/calibration/keep", 409},
@@ -94,7 +94,7 @@ TEST_F(Web, EveryAnswerIsAsTheDescriptionSays) {
       const ordered_json responses = operation["responses"];
       const std::string status = std::to_string(answer.status);
       const bool is_expected =
-          errors.contains(key) ? errors.at(key) == answer.status : responses.contains(status);
+          refusals.contains(key) ? refusals.at(key) == answer.status : responses.contains(status);
       if (!is_expected) wrong += key + ": status " + status + " " + answer.body + "\n";
       const ordered_json response = responses[responses.contains(status) ? status : "default"];
       if (!is_expected || !response.contains("content")) continue;
@@ -295,7 +295,10 @@ TEST_F(Web, PicturesShowTheDisplayedFrame) {
     std::ofstream(path("picture.jpg"), std::ios::binary) << answer.body;
     const frames::WovenFrame picture = frames::read_woven(path("picture.jpg"));
     EXPECT_GE(picture.width(), 48);
-    for (const uint8_t byte : picture.bytes()) ASSERT_NEAR(byte, 12, 6);
+    // At the edge an eye sees lenses that show no subpixel.
+    for (int y = picture.height() / 4; y < picture.height() * 3 / 4; ++y)
+      for (int k = 3 * (picture.width() / 4); k < 3 * (picture.width() * 3 / 4); ++k)
+        ASSERT_NEAR(picture.row(y)[k], 12, 6);
   }
   EXPECT_EQ(ask("GET", "/api/v1/eye.jpg?x=0&z=-5").status, 400);
   EXPECT_EQ(ask("GET", "/api/v1/eye.jpg?x=0").status, 400);
@@ -348,20 +351,44 @@ TEST_F(Web, MetricsHaveTheFormOfPrometheus) {
       [&] { return ask("GET", "/metrics").body.find("lenticule_up 0\n") != std::string::npos; }));
 }
 
+// Every fourth server is one without the player: a busy machine makes frames late beside both.
 TEST_F(Web, ThePlayerContinuesWhenTheServerIsKilledAgainAndAgain) {
   play();
-  const int kills = 100;
-  for (int k = 0; k < kills; ++k) {
-    start_web();
+  constexpr int kKills = 100, kEach = 4;
+  const auto descriptors = [&] {
+    const std::filesystem::directory_iterator open("/proc/" + std::to_string(player_->pid()) +
+                                                   "/fd");
+    return std::distance(begin(open), end(open));
+  };
+  const auto late_frames = [&] {
+    const json counts = asked({"stats"})["statistics"];
+    return counts["repeated_underrun"].get<int>() + counts["missed_vblanks"].get<int>();
+  };
+  const auto serve_and_kill = [&](const char* socket) {
+    start_web({}, socket);
     HttpClient page(port_);
     page.say("GET /api/v1/events HTTP/1.1\r\nHost: a\r\nAuthorization: Bearer " + token_ +
              "\r\n\r\n");
     (void)ask("GET", "/api/v1/eye.jpg?x=0&z=500&width=64");
     web_->signal(SIGKILL);
     (void)web_->wait(kPlayerTimeout);
+  };
+  const auto open_before = descriptors();
+  int late_beside_others = 0, late_beside_servers = 0;
+  for (int k = 0; k < kKills / kEach; ++k) {
+    const int before = late_frames();
+    serve_and_kill("no-player.sock");
+    const int between = late_frames();
+    for (int n = 0; n < kEach; ++n) serve_and_kill("c.sock");
+    late_beside_others += between - before;
+    late_beside_servers += late_frames() - between;
   }
+  RecordProperty("late_beside_servers", late_beside_servers);
+  RecordProperty("late_beside_others", late_beside_others);
+  EXPECT_LE(late_beside_servers, 2 * kEach * late_beside_others + kEach)
+      << "late frames; beside servers without the player: " << late_beside_others;
   EXPECT_TRUE(film_continues());
-  EXPECT_EQ(asked({"stats"})["statistics"]["repeated_underrun"], 0);
+  EXPECT_TRUE(comes_true([&] { return descriptors() <= open_before + 1; })) << "1: shared memory";
 }
 
 TEST_F(Web, TheServerWaitsForAPlayerAndFindsTheNextOne) {
