@@ -43,7 +43,7 @@ function sentences(result) {
   const list = (texts) => make("ul", {}, ...texts.map((one) => make("li", {}, one)));
   const parts = [];
   if (result.reasons.length) parts.push(list(result.reasons));
-  if (result.max_lenses !== null && result.max_lenses !== undefined)
+  if (result.verdict !== "refused" && result.max_lenses !== null)
     parts.push(make("p", {}, `The found sheet explains the photograph within ${result.max_lenses.toFixed(3)} lenses; `
       + `${(100 * result.covered).toFixed(0)} % of the panel was seen.`));
   if (result.warnings.length) parts.push(make("p", {}, "Notes:"), list(result.warnings));
@@ -114,7 +114,11 @@ async function act(action) {
 }
 $("begin").onclick = () => {
   tell("Drawing the chart.");
-  act(() => api("POST", "calibration/begin"));
+  act(async () => {
+    const begun = await api("POST", "calibration/begin");
+    tell("The chart is on the panel.");
+    return begun;
+  });
 };
 $("discard").onclick = () => act(() => api("POST", "calibration/discard"));
 $("keep").onclick = () => act(() => api("POST", "calibration/keep"));
