@@ -59,7 +59,7 @@ function ctl(...words) {
 
 function makeContent() {
   mkdirSync(join(folder, "media"));
-  execFileSync(camera, ["rig", join(folder, "rig.toml")]);
+  copyFileSync(join(source, "scenes/rigs/kiosk-27-1080.toml"), join(folder, "rig.toml"));
   execFileSync(program, ["render", "builtin:demo", "--rig", join(folder, "rig.toml"), "--frames", "0:3",
     "--method", "adaptive", "-o", join(folder, "media/teapot.lts")], { stdio: "ignore" });
   for (const copy of ["evening.lts", "morning.lts"])
@@ -92,7 +92,7 @@ after(async () => {
 });
 
 /** Opens a page as a user does: with the token first. Fails on errors and foreign requests. */
-async function open(device, path, scheme = "light") {
+async function open(device, path, scheme = "light", site = { port, token }) {
   const context = await browser.createBrowserContext();
   const page = await context.newPage();
   page.setDefaultTimeout(LIMIT_MS);
@@ -109,10 +109,10 @@ async function open(device, path, scheme = "light") {
   page.on("response", async (response) => {
     if (/\.(js|css|svg)$|\/(eye|trim|calibrate|health)?$/.test(response.url())) bytes += Number(response.headers()["content-length"] || 0);
   });
-  await page.goto(`http://127.0.0.1:${port}/enter?token=${token}`);
+  await page.goto(`http://127.0.0.1:${site.port}/enter?token=${site.token}`);
   await page.waitForSelector("#main");
   bytes = 0;
-  await page.goto(`http://127.0.0.1:${port}${path}`);
+  await page.goto(`http://127.0.0.1:${site.port}${path}`);
   await page.waitForFunction(() => document.body.dataset.rights === "change");
   return { page, wrong, bytes: () => bytes, close: () => context.close() };
 }
@@ -301,25 +301,47 @@ test("without a token every page says how to get one", { timeout: LIMIT_MS }, as
   await page.close();
 });
 
+/** Starts a player and a server for the panel that photograph_panel photographs. */
+async function calibrationSite() {
+  const own = join(folder, "calibration");
+  mkdirSync(own);
+  const files = { rig: join(own, "rig.toml"), still: join(own, "still.png"), socket: join(own, "c.sock") };
+  execFileSync(camera, ["rig", files.rig]);
+  execFileSync(program, ["calibrate", "show", "white", "--rig", files.rig, "-o", files.still], { stdio: "ignore" });
+  const site = { ...files, folder: own, port: await freePort(), processes: [] };
+  site.processes.push(spawn(program, ["play", files.still, "--rig", files.rig, "--display", "virtual:3840x2160@60",
+    "--control", files.socket, "--loop", "forever", "--slots", "6"], { stdio: "ignore" }));
+  site.processes.push(spawn(program, ["web", "--socket", files.socket, "--state", join(own, "state"),
+    "--listen", `127.0.0.1:${site.port}`], { stdio: "ignore" }));
+  site.ctl = (...words) => JSON.parse(execFileSync(program, ["ctl", "--json", "--socket", files.socket, ...words], { encoding: "utf8" }));
+  await comesTrue(() => site.ctl("status").frames_shown > 0, "the player plays");
+  await comesTrue(async () => (await fetch(`http://127.0.0.1:${site.port}/style.css`)).ok, "the server answers");
+  const [, token] = execFileSync(program, ["web", "address", "--state", join(own, "state")], { encoding: "utf8" })
+    .match(/token=([0-9a-f]{32})/);
+  return { ...site, token };
+}
+
 /** Reads the QR code that a phone in front of the panel sees. */
 async function codeOnPanel(page) {
   await page.evaluate(codeReader);
-  return page.evaluate(async (secret) => {
-    const answer = await fetch("/api/v1/eye.jpg?x=20&y=0&z=700&width=1920", { headers: { Authorization: "Bearer " + secret } });
+  return page.evaluate(async () => {
+    const answer = await fetch("/api/v1/eye.jpg?x=20&y=0&z=700&width=1920");
     const picture = await createImageBitmap(await answer.blob());
     const canvas = new OffscreenCanvas(picture.width, picture.height);
     const context = canvas.getContext("2d");
     context.drawImage(picture, 0, 0);
     const found = window.jsQR(context.getImageData(0, 0, picture.width, picture.height).data, picture.width, picture.height);
     return found && found.data;
-  }, token);
+  });
 }
 
 test("Calibrate: a phone goes from the code on the panel to a saved rig", { timeout: 5 * LIMIT_MS }, async () => {
-  const address = `http://127.0.0.1:${port}/enter?token=${token}`;
-  const shown = spawn(program, ["ctl", "--socket", socket, "show-address", address, "--seconds", "120"], { stdio: "ignore" });
+  const site = await calibrationSite();
+  const { ctl, folder } = site;
+  const address = `http://127.0.0.1:${site.port}/enter?token=${site.token}`;
+  const shown = spawn(program, ["ctl", "--socket", site.socket, "show-address", address, "--seconds", "120"], { stdio: "ignore" });
   await comesTrue(() => ctl("status").on_glass.source === "code", "the code is on the panel");
-  const { page, wrong, close } = await open("phone", "/calibrate");
+  const { page, wrong, close } = await open("phone", "/calibrate", "light", site);
   assert.equal(await codeOnPanel(page), address);
   shown.kill("SIGINT");
   await comesTrue(() => ctl("status").on_glass.source !== "code", "the content is back");
@@ -350,6 +372,8 @@ test("Calibrate: a phone goes from the code on the panel to a saved rig", { time
   assert.notEqual(readFileSync(join(folder, "rig.toml"), "utf8"), before);
   assert.equal(readFileSync(join(folder, "rig.1.toml"), "utf8"), before);
   await page.screenshot({ path: join(output, "calibrate-kept-phone.png"), fullPage: true });
+  await comesTrue(() => ctl("status").on_glass.source === site.still, "the content is back");
   assert.deepEqual(wrong, []);
   await close();
+  for (const process of site.processes) process.kill("SIGTERM");
 });

@@ -25,7 +25,7 @@ class PhoneCalibration : public WebTest {
     write_picture("still.png", 40,
                   {.width = PhoneCamera::kPanelWidth, .height = PhoneCamera::kPanelHeight});
     start({LENTICULE_PROGRAM, "play", path("still.png"), "--rig", path("rig.toml"), "--display",
-           "virtual:1920x1080@60", "--control", path("c.sock"), "--loop", "forever", "--slots",
+           "virtual:3840x2160@60", "--control", path("c.sock"), "--loop", "forever", "--slots",
            "6"});
     ASSERT_TRUE(comes_true([&] { return frames_shown() > 0; }));
     start_web();
@@ -88,7 +88,7 @@ TEST_F(PhoneCalibration, LeadsFromTheAddressToASavedRig) {
   EXPECT_EQ(page.status, 200);
   EXPECT_NE(page.body.find(R"(accept="image/*" capture="environment")"), std::string::npos);
   EXPECT_EQ(calibration("GET", "")["stage"], "idle");
-  EXPECT_EQ(calibration("POST", "/begin")["stage"], "chart");
+  ASSERT_EQ(calibration("POST", "/begin")["stage"], "chart");
   ASSERT_TRUE(comes_true([&] { return says_about("on_glass", "chart.png"); }));
 
   const std::string old_rig = bytes_of("rig.toml");
@@ -115,7 +115,7 @@ TEST_F(PhoneCalibration, LeadsFromTheAddressToASavedRig) {
 
 TEST_F(PhoneCalibration, RefusesWithTheWordsOfTheCommandAndSavesNothing) {
   const std::string old_rig = bytes_of("rig.toml");
-  EXPECT_EQ(calibration("POST", "/begin")["stage"], "chart");
+  ASSERT_EQ(calibration("POST", "/begin")["stage"], "chart");
   const ordered_json garbage = calibration("PUT", "/photograph", "no picture");
   EXPECT_EQ(garbage["stage"], "refused");
   EXPECT_NE(garbage["message"].get<std::string>().find("photo.jpg"), std::string::npos) << garbage;

@@ -17,7 +17,7 @@ namespace lenticule::test {
 
 class PhoneCamera {
  public:
-  static constexpr int kPanelWidth = 1920, kPanelHeight = 1080;
+  static constexpr int kPanelWidth = 3840, kPanelHeight = 2160;
 
   PhoneCamera() {
     const calib::TrialViewpoint& place = trial_.viewpoints.front();
@@ -53,8 +53,8 @@ class PhoneCamera {
     const optics::OpticalModel model(rig);
     const Vec3 eye = bench_.ground_truth_camera().position_mm;
     double worst = 0.0;
-    for (double y = 108.0; y < kPanelHeight; y += 108.0)
-      for (double x = 120.0; x < kPanelWidth; x += 120.0) {
+    for (double y = 216.0; y < kPanelHeight; y += 216.0)
+      for (double x = 240.0; x < kPanelWidth; x += 240.0) {
         const double off =
             model.phase(x, y, 1, {eye.x, eye.y, eye.z}) - bench_.ground_truth_phase(x, y, 1, eye);
         worst = std::max(worst, std::abs(off - std::round(off)));
