@@ -302,17 +302,18 @@ test("without a token every page says how to get one", { timeout: LIMIT_MS }, as
 });
 
 /** Starts a player and a server for the panel that photograph_panel photographs. */
-async function calibrationSite() {
+async function calibrationSite(t) {
   const own = join(folder, "calibration");
-  mkdirSync(own);
+  mkdirSync(join(own, "media"), { recursive: true });
   const files = { rig: join(own, "rig.toml"), still: join(own, "still.png"), socket: join(own, "c.sock") };
   execFileSync(camera, ["rig", files.rig]);
   execFileSync(program, ["calibrate", "show", "white", "--rig", files.rig, "-o", files.still], { stdio: "ignore" });
   const site = { ...files, folder: own, port: await freePort(), processes: [] };
+  t.after(() => site.processes.forEach((process) => process.kill("SIGTERM")));
   site.processes.push(spawn(program, ["play", files.still, "--rig", files.rig, "--display", "virtual:3840x2160@60",
     "--control", files.socket, "--loop", "forever", "--slots", "6"], { stdio: "ignore" }));
   site.processes.push(spawn(program, ["web", "--socket", files.socket, "--state", join(own, "state"),
-    "--listen", `127.0.0.1:${site.port}`], { stdio: "ignore" }));
+    "--media", join(own, "media"), "--listen", `127.0.0.1:${site.port}`], { stdio: "ignore" }));
   site.ctl = (...words) => JSON.parse(execFileSync(program, ["ctl", "--json", "--socket", files.socket, ...words], { encoding: "utf8" }));
   await comesTrue(() => site.ctl("status").frames_shown > 0, "the player plays");
   await comesTrue(async () => (await fetch(`http://127.0.0.1:${site.port}/style.css`)).ok, "the server answers");
@@ -335,8 +336,8 @@ async function codeOnPanel(page) {
   });
 }
 
-test("Calibrate: a phone goes from the code on the panel to a saved rig", { timeout: 5 * LIMIT_MS }, async () => {
-  const site = await calibrationSite();
+test("Calibrate: a phone goes from the code on the panel to a saved rig", { timeout: 5 * LIMIT_MS }, async (t) => {
+  const site = await calibrationSite(t);
   const { ctl, folder } = site;
   const address = `http://127.0.0.1:${site.port}/enter?token=${site.token}`;
   const shown = spawn(program, ["ctl", "--socket", site.socket, "show-address", address, "--seconds", "120"], { stdio: "ignore" });
@@ -355,7 +356,7 @@ test("Calibrate: a phone goes from the code on the panel to a saved rig", { time
   const before = readFileSync(join(folder, "rig.toml"), "utf8");
   // A picture without a panel first.
   const photo = await page.$("#photo");
-  assert.equal(await page.$eval("#photo", (input) => `${input.accept} ${input.capture}`), "image/* environment");
+  assert.equal(await page.$eval("#photo", (input) => `${input.accept} ${input.getAttribute("capture")}`), "image/* environment");
   await photo.uploadFile(join(source, "tests/data/crate.png"));
   await says(page, "verdict", "Refused");
   await page.screenshot({ path: join(output, "calibrate-refused-phone.png"), fullPage: true });
@@ -375,5 +376,4 @@ test("Calibrate: a phone goes from the code on the panel to a saved rig", { time
   await comesTrue(() => ctl("status").on_glass.source === site.still, "the content is back");
   assert.deepEqual(wrong, []);
   await close();
-  for (const process of site.processes) process.kill("SIGTERM");
 });

@@ -118,7 +118,15 @@ function showList() {
 }
 
 async function readList(force) {
-  const list = await attempt(() => api("GET", "list"));
+  const list = await attempt(async () => {
+    try {
+      return await api("GET", "list");
+    } catch (error) {
+      if (!/no media folder/.test(error.message)) throw error;
+      for (const id of ["list-title", "media-title"]) $(id).parentElement.hidden = true;
+      return undefined;
+    }
+  });
   if (!list || (!force && saved && items !== saved.items)) return;
   saved = list;
   items = list.items;
@@ -156,6 +164,7 @@ function verdict(check) {
 }
 
 async function readFiles() {
+  if ($("media-title").parentElement.hidden) return;
   const media = await attempt(() => api("GET", "media"));
   if (!media) return;
   const may = document.body.dataset.rights === "change";
