@@ -22,6 +22,7 @@
 #include "base/file.h"
 #include "base/main_function.h"
 #include "base/print.h"
+#include "frames/qr/qr_code.h"
 
 namespace lenticule::web {
 namespace {
@@ -44,6 +45,7 @@ struct Flags {
   std::string rights = "change";
   std::string token_id;
   std::string base = "http://127.0.0.1:8420";
+  bool code = false;
 };
 
 std::string from_environment(const char* name) {
@@ -109,6 +111,20 @@ void write_textfile(const Flags& flags, const WebSite& site, bool& failed) {
   }
 }
 
+std::string address_of(const std::string& base, const Token& token) {
+  return fmt::format("{}/enter?token={}", base, token.secret);
+}
+
+bool is_terminal() {
+  return ::isatty(STDOUT_FILENO) == 1;
+}
+
+/// Prints the address, and its QR code if people look at the output.
+void print_address(const std::string& address, bool code) {
+  print_out("{}\n", address);
+  if (code) print_out("{}", Verbatim{frames::qr_terminal_text(frames::qr_code_of(address))});
+}
+
 int serve(const Flags& flags) {
   sigset_t signals;
   sigemptyset(&signals);
@@ -129,8 +145,9 @@ int serve(const Flags& flags) {
   for (const Listener& listener : listeners) {
     say("listening at {}{}\n", listener.name,
         listener.is_local ? "" : "; other machines can reach it, and HTTP is not encrypted");
-    if (!listener.is_unix && ::isatty(STDOUT_FILENO) == 1)
-      print_out("http://{}/enter?token={}\n", listener.name, read_tokens(tokens).front().secret);
+    if (listener.is_unix || !is_terminal()) continue;
+    for (const std::string& name : reachable_names(listener))
+      print_address(address_of("http://" + name, read_tokens(tokens).front()), true);
   }
   flush_results();
   const Server server(std::move(listeners), site, access);
@@ -150,7 +167,7 @@ int print_tokens(const Flags& flags) {
 }
 
 void print_address(const Flags& flags, const Token& token) {
-  print_out("{}/enter?token={}\n", flags.base, token.secret);
+  print_address(address_of(flags.base, token), flags.code || is_terminal());
 }
 
 int add(const Flags& flags) {
@@ -204,8 +221,11 @@ int run(int argc, char** argv) {
   revoked->add_option("id", flags.token_id, "as 'token list' prints it")->required();
   CLI::App* const address = app.add_subcommand("address", "print the addresses with their tokens");
   for (CLI::App* const sub : {list, added, revoked, address}) sub->fallthrough();
-  for (CLI::App* const sub : {added, address})
+  for (CLI::App* const sub : {added, address}) {
     sub->add_option("--base", flags.base, "beginning of the address")->capture_default_str();
+    sub->add_flag("--code", flags.code,
+                  "print the QR code of the address, also if the output is not a terminal");
+  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::CallForHelp& request) {

@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Records the origin of a rig's numbers as provenance entries, and keeps the previous rig as a copy
-// beside the file.
+// Records the origin of a rig's numbers as provenance entries.
 #pragma once
 
 #include <chrono>
-#include <filesystem>
 #include <optional>
 #include <string>
 
@@ -33,14 +31,5 @@ struct RecordDetails {
 ///
 /// Thread safety: any thread.
 [[nodiscard]] optics::Rig with_record(const Calibration& calibration, const RecordDetails& details);
-
-/// Writes the rig to `file` atomically. If `file` exists, its bytes are first copied to
-/// "STEM.NUMBER.toml" beside it, with a number above all existing ones, and synchronised. Returns
-/// the path of the copy, empty if there was no old file. Throws Error(Input) for a rig that could
-/// not be read back or an old file that cannot be read, Error(Failed) if writing fails: then `file`
-/// is unchanged and there is no new copy. Two programs may call this at once: no copy overwrites
-/// another.
-[[nodiscard]] std::filesystem::path save_with_history(const optics::Rig& rig,
-                                                      const std::filesystem::path& file);
 
 }  // namespace lenticule::calib

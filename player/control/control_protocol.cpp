@@ -31,6 +31,7 @@ const std::vector<VerbRow>& verbs() {
       {ControlVerb::Previous, "previous", {}},
       {ControlVerb::Loop, "loop", {"count"}},
       {ControlVerb::Trim, "trim", {"offset", "pitch", "offset_by", "pitch_by"}},
+      {ControlVerb::Rig, "rig", {"toml"}},
       {ControlVerb::Snapshot, "snapshot", {"file", "eye"}},
       {ControlVerb::Frame, "frame", {}},
       {ControlVerb::List, "list", {"item"}},
@@ -70,12 +71,11 @@ double real(const std::string& field, const json& value) {
   refuse(fmt::format("{}: not a number", field));
 }
 
-std::string words(const std::string& field, const json& value) {
+std::string words(const std::string& field, const json& value, size_t most = kMaxTextBytes) {
   if (!value.is_string()) refuse(fmt::format("{}: not a string", field));
   const auto& text = value.get_ref<const std::string&>();
-  if (!text.empty() && text.size() <= kMaxTextBytes && text.find('\0') == std::string::npos)
-    return text;
-  refuse(fmt::format("{}: empty, or longer than {} bytes", field, kMaxTextBytes));
+  if (!text.empty() && text.size() <= most && text.find('\0') == std::string::npos) return text;
+  refuse(fmt::format("{}: empty, or longer than {} bytes", field, most));
 }
 
 uint64_t count_of_loops(const json& value) {
@@ -103,6 +103,7 @@ void take_field(const std::string& field, const json& value, ControlRequest& req
   if (field == "offset" || field == "offset_by") request.offset_lenses = real(field, value);
   if (field == "pitch" || field == "pitch_by") request.pitch_relative = real(field, value);
   if (field == "offset_by" || field == "pitch_by") request.relative = true;
+  if (field == "toml") request.rig_toml = words(field, value, kMaxControlLine);
   if (field == "file") request.file = words(field, value);
   if (field == "eye") request.eye_mm = eye(value);
 }
@@ -117,6 +118,8 @@ void check_complete(const ControlRequest& request, const json& line) {
       return needs("source");
     case ControlVerb::Loop:
       return needs("count");
+    case ControlVerb::Rig:
+      return needs("toml");
     case ControlVerb::Snapshot:
       needs("file");
       if (request.file.front() != '/')

@@ -25,6 +25,7 @@ enum class ControlVerb {
   Previous,
   Loop,
   Trim,
+  Rig,
   Snapshot,
   Frame,
   List,
@@ -47,6 +48,7 @@ struct ControlRequest {
   std::optional<double> offset_lenses{};
   std::optional<double> pitch_relative{};
   bool relative = false;
+  std::string rig_toml{};                         ///< rig
   std::string file{};                             ///< snapshot
   std::optional<std::array<double, 3>> eye_mm{};  ///< snapshot
 };

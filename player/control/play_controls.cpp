@@ -101,6 +101,8 @@ void PlayControls::handle(const ControlRequest& request, ControlRights rights, A
       return answer(set_loops(request.loops));
     case ControlVerb::Trim:
       return answer(change_trim(request));
+    case ControlVerb::Rig:
+      return work_on(answer, [this, request](const Answer& done) { done(replace_rig(request)); });
     case ControlVerb::Snapshot:
       if (rights != ControlRights::Everything)
         throw Error(
@@ -230,6 +232,14 @@ ordered_json PlayControls::change_trim(const ControlRequest& request) {
   if (!json["saved"]) json["trouble"] = options_.trim->writes().state().reason;
   if (!options_.trim_advice.empty()) json["advice"] = options_.trim_advice;
   return json;
+}
+
+/// Replaces the player's own rig file by a new calibration of the same panel.
+ordered_json PlayControls::replace_rig(const ControlRequest& request) {
+  if (!options_.trim) throw Error(ErrorKind::Failed, "rig: this player has no rig");
+  const optics::Rig rig = optics::parse_rig(request.rig_toml, "rig");
+  const std::filesystem::path kept = options_.trim->replace_rig(rig);
+  return {{"fingerprint", optics::fingerprint(rig)}, {"old_rig_kept_as", kept.string()}};
 }
 
 void PlayControls::snapshot(const ControlRequest& request, const Answer& answer) {

@@ -65,6 +65,7 @@ class PlayControls final : public ControlTarget {
   [[nodiscard]] nlohmann::ordered_json pause(bool paused);
   [[nodiscard]] nlohmann::ordered_json set_loops(uint64_t loops);
   [[nodiscard]] nlohmann::ordered_json change_trim(const ControlRequest& request);
+  [[nodiscard]] nlohmann::ordered_json replace_rig(const ControlRequest& request);
   void jump(Jump where, const Answer& answer);
   void load(const ControlRequest& request, const Answer& answer);
   void snapshot(const ControlRequest& request, const Answer& answer);

@@ -25,8 +25,8 @@ constexpr Nanoseconds kPanelAfterLoss = std::chrono::seconds(10);
 
 /// Returns the loops. Test cards, black frames and numbered views loop forever by default.
 uint64_t parse_loops(const PlayFlags& flags, SourceKind kind) {
-  const bool is_looked_at =
-      kind == SourceKind::Card || kind == SourceKind::Black || kind == SourceKind::RigViews;
+  const bool is_looked_at = kind == SourceKind::Card || kind == SourceKind::Black ||
+                            kind == SourceKind::RigViews || kind == SourceKind::Code;
   if (flags.loop.empty()) return flags.duration_s || is_looked_at ? kForever : 1;
   if (flags.loop == "forever") return kForever;
   if (const auto loops = number_from<uint64_t>(flags.loop); loops && *loops > 0) return *loops;

@@ -7,6 +7,7 @@
 
 #include "base/error.h"
 #include "optics/rig_file.h"
+#include "optics/rig_history.h"
 
 namespace lenticule::player {
 
@@ -107,6 +108,19 @@ optics::Trim LiveTrim::change(const std::function<optics::Trim(const optics::Tri
   const optics::Trim wanted = changed(trim_);
   if (!(wanted == trim_)) take(wanted);
   return trim_;
+}
+
+std::filesystem::path LiveTrim::replace_rig(const optics::Rig& rig) {
+  const std::lock_guard lock(mutex_);
+  if (!(rig.panel == calibrated_.panel) || !(rig.identity == calibrated_.identity))
+    throw Error(ErrorKind::Input, "rig: is for another panel than the one in use",
+                fmt::format("start from the rig of '{}'", calibrated_.name));
+  std::filesystem::path kept = optics::save_with_history(rig, rig_file_);
+  calibrated_ = rig;
+  trim_ = {};
+  save();
+  version_.fetch_add(1, std::memory_order_release);
+  return kept;
 }
 
 optics::Trim LiveTrim::trim() const {

@@ -38,6 +38,12 @@ class LiveTrim {
   optics::Trim change(const std::function<optics::Trim(const optics::Trim&)>& changed);
   [[nodiscard]] optics::Trim trim() const;
 
+  /// Saves a new calibration of the same panel as the rig file, keeps the old file under a number,
+  /// and removes the trim, which the new rig contains. Returns the path of the old file's copy.
+  /// Throws Error(Input) for a rig of another panel, Error(Failed) if the file cannot be written;
+  /// nothing changes then.
+  std::filesystem::path replace_rig(const optics::Rig& rig);
+
   /// Returns the trim if it is not saved yet.
   [[nodiscard]] std::optional<optics::Trim> unsaved() const;
   /// Saves a trim that could not be saved, if another attempt is due.

@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "frames/image_sequence.h"
+#include "frames/qr/qr_code.h"
 #include "frames/ring/ring_player.h"
 #include "frames/sequence/sequence_source.h"
 #include "optics/rig_file.h"
@@ -62,7 +63,7 @@ void refuse_other_kinds(const SourceSpec& source) {
     return;
   throw Error(ErrorKind::Usage, fmt::format("source '{}': unknown kind of source", text),
               "use ring:SOCKET, FILE.lts, a pattern such as 'out/%05d.png', one picture, a video, "
-              "card, black or views");
+              "card, black, views or code:TEXT");
 }
 
 void require_panel_size(const SourceRequest& request, const frames::FrameGeometry& geometry,
@@ -175,6 +176,16 @@ OpenedSource open_black(const SourceRequest& request) {
   return opened;
 }
 
+OpenedSource open_code(const SourceRequest& request) {
+  if (request.frames)
+    throw Error(ErrorKind::Usage, "--frames: not allowed for a code",
+                "use --frames with a pattern such as 'out/%05d.png'");
+  OpenedSource opened;
+  opened.source = std::make_unique<StillSource>(
+      frames::draw_qr_code(frames::qr_code_of(request.spec.coded), request.panel));
+  return opened;
+}
+
 OpenedSource open_views_of_rig(const SourceRequest& request) {
   LENTICULE_CHECK(request.trim != nullptr);
   if (request.frames)
@@ -199,6 +210,7 @@ OpenedSource open_source(const SourceRequest& request) {
   if (request.spec.kind == SourceKind::Card) return open_card(request);
   if (request.spec.kind == SourceKind::Black) return open_black(request);
   if (request.spec.kind == SourceKind::RigViews) return open_views_of_rig(request);
+  if (request.spec.kind == SourceKind::Code) return open_code(request);
   if (request.spec.kind == SourceKind::Ring) return open_ring(request);
   const ContentFormat detected = detect_content_format(meaning_request(request));
   if (detected.kind != ContentFormat::Kind::Woven) return open_woven_here(request, detected);

@@ -16,6 +16,8 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kRingPrefix = "ring:";
 constexpr std::string_view kViewFilesPrefix = "views:";
+constexpr std::string_view kCode = "code";
+constexpr std::string_view kCodePrefix = "code:";
 
 bool is_video_name(const fs::path& file) {
   constexpr std::array<std::string_view, 17> kNames = {
@@ -31,6 +33,7 @@ SourceKind kind_of(const std::string& text) {
   if (text == "card") return SourceKind::Card;
   if (text == "black") return SourceKind::Black;
   if (text == "views") return SourceKind::RigViews;
+  if (text == kCode || text.starts_with(kCodePrefix)) return SourceKind::Code;
   if (text.starts_with(kRingPrefix)) return SourceKind::Ring;
   if (text.starts_with(kViewFilesPrefix)) return SourceKind::ViewFiles;
   if (text.ends_with(".toml")) return SourceKind::List;
@@ -46,6 +49,11 @@ SourceKind kind_of_file(const fs::path& file) {
 
 SourceSpec parse_source(std::string text, ContentFlags content) {
   const SourceKind kind = kind_of(text);
+  if (kind == SourceKind::Code)
+    return {.kind = kind,
+            .text = std::string(kCode),
+            .coded = text.substr(std::min(text.size(), kCodePrefix.size())),
+            .content = std::move(content)};
   return {.kind = kind, .text = std::move(text), .content = std::move(content)};
 }
 
@@ -61,7 +69,7 @@ std::string SourceSpec::without_prefix() const {
 
 std::vector<std::string> SourceSpec::files() const {
   if (kind == SourceKind::Card || kind == SourceKind::Black || kind == SourceKind::RigViews ||
-      kind == SourceKind::Ring)
+      kind == SourceKind::Code || kind == SourceKind::Ring)
     return {};
   if (kind != SourceKind::ViewFiles) return {text};
   std::vector<std::string> files(1);

@@ -15,6 +15,7 @@ enum class SourceKind {
   Card,       ///< "card": a test card
   Black,      ///< "black": a black frame
   RigViews,   ///< "views": the rig's views, each showing its number
+  Code,       ///< "code:TEXT": the QR code of a text
   Ring,       ///< "ring:SOCKET": frames of another process
   ViewFiles,  ///< "views:PATTERN", "views:A|B": a picture or a film per view
   List,       ///< "NAME.toml": a playlist
@@ -27,7 +28,9 @@ enum class SourceKind {
 /// decided by detect_content_format(), which also reads flags, sidecars and containers.
 struct SourceSpec {
   SourceKind kind = SourceKind::Pictures;
-  std::string text = {};      ///< the name as it was given
+  /// The name as it was given; "code" for a code, whose text may be secret.
+  std::string text = {};
+  std::string coded = {};     ///< text of a code
   ContentFlags content = {};  ///< flags that were given with the source; none for items of lists
 
   /// Returns true for a source whose pictures are in files.

@@ -19,14 +19,16 @@ const [build, modules, output] = process.argv.slice(2);
 const require = createRequire(join(modules, "node_modules/"));
 const puppeteer = require("puppeteer-core");
 const axe = readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
+const codeReader = readFileSync(require.resolve("jsqr/dist/jsQR.js"), "utf8");
 const source = join(dirname(fileURLToPath(import.meta.url)), "../..");
 const program = join(build, "lenticule");
+const camera = join(build, "tests/browser/photograph_panel");
 const LIMIT_MS = 60_000;
 const DEVICES = {
   phone: { width: 390, height: 844, isMobile: true, hasTouch: true, deviceScaleFactor: 2 },
   desktop: { width: 1280, height: 900 },
 };
-const PAGES = { now: "/", eye: "/eye", trim: "/trim", health: "/health" };
+const PAGES = { now: "/", eye: "/eye", trim: "/trim", calibrate: "/calibrate", health: "/health" };
 
 const folder = mkdtempSync(join(tmpdir(), "lenticule-browser-"));
 const socket = join(folder, "c.sock");
@@ -90,7 +92,7 @@ after(async () => {
 });
 
 /** Opens a page as a user does: with the token first. Fails on errors and foreign requests. */
-async function open(device, path, scheme = "light") {
+async function open(device, path, scheme = "light", site = { port, token }) {
   const context = await browser.createBrowserContext();
   const page = await context.newPage();
   page.setDefaultTimeout(LIMIT_MS);
@@ -105,12 +107,12 @@ async function open(device, path, scheme = "light") {
     if (!/^(blob:)?http:\/\/127\.0\.0\.1:/.test(request.url())) wrong.push("foreign request " + request.url());
   });
   page.on("response", async (response) => {
-    if (/\.(js|css|svg)$|\/(eye|trim|health)?$/.test(response.url())) bytes += Number(response.headers()["content-length"] || 0);
+    if (/\.(js|css|svg)$|\/(eye|trim|calibrate|health)?$/.test(response.url())) bytes += Number(response.headers()["content-length"] || 0);
   });
-  await page.goto(`http://127.0.0.1:${port}/enter?token=${token}`);
+  await page.goto(`http://127.0.0.1:${site.port}/enter?token=${site.token}`);
   await page.waitForSelector("#main");
   bytes = 0;
-  await page.goto(`http://127.0.0.1:${port}${path}`);
+  await page.goto(`http://127.0.0.1:${site.port}${path}`);
   await page.waitForFunction(() => document.body.dataset.rights === "change");
   return { page, wrong, bytes: () => bytes, close: () => context.close() };
 }
@@ -135,6 +137,7 @@ for (const device of Object.keys(DEVICES)) {
         if (name === "eye") await showsPicture(page, "seen");
         if (name === "health") await says(page, "verdict", "well|look");
         if (name === "trim") await says(page, "present", "offset");
+        if (name === "calibrate") await page.waitForFunction(() => Number(document.getElementById("distance").value) > 100);
         if (name === "now") await showsPicture(page, "seen");
         if (name === "eye") await page.waitForSelector("#room .eye");
         await page.screenshot({ path: join(output, `${name}-${device}-${scheme}.png`), fullPage: true });
@@ -296,4 +299,81 @@ test("without a token every page says how to get one", { timeout: LIMIT_MS }, as
   }
   await page.screenshot({ path: join(output, "without-token.png") });
   await page.close();
+});
+
+/** Starts a player and a server for the panel that photograph_panel photographs. */
+async function calibrationSite(t) {
+  const own = join(folder, "calibration");
+  mkdirSync(join(own, "media"), { recursive: true });
+  const files = { rig: join(own, "rig.toml"), still: join(own, "still.png"), socket: join(own, "c.sock") };
+  execFileSync(camera, ["rig", files.rig]);
+  execFileSync(program, ["calibrate", "show", "white", "--rig", files.rig, "-o", files.still], { stdio: "ignore" });
+  const site = { ...files, folder: own, port: await freePort(), processes: [] };
+  t.after(() => site.processes.forEach((process) => process.kill("SIGTERM")));
+  site.processes.push(spawn(program, ["play", files.still, "--rig", files.rig, "--display", "virtual:3840x2160@60",
+    "--control", files.socket, "--loop", "forever", "--slots", "6"], { stdio: "ignore" }));
+  site.processes.push(spawn(program, ["web", "--socket", files.socket, "--state", join(own, "state"),
+    "--media", join(own, "media"), "--listen", `127.0.0.1:${site.port}`], { stdio: "ignore" }));
+  site.ctl = (...words) => JSON.parse(execFileSync(program, ["ctl", "--json", "--socket", files.socket, ...words], { encoding: "utf8" }));
+  await comesTrue(() => site.ctl("status").frames_shown > 0, "the player plays");
+  await comesTrue(async () => (await fetch(`http://127.0.0.1:${site.port}/style.css`)).ok, "the server answers");
+  const [, token] = execFileSync(program, ["web", "address", "--state", join(own, "state")], { encoding: "utf8" })
+    .match(/token=([0-9a-f]{32})/);
+  return { ...site, token };
+}
+
+/** Reads the QR code that a phone in front of the panel sees. */
+async function codeOnPanel(page) {
+  await page.evaluate(codeReader);
+  return page.evaluate(async () => {
+    const answer = await fetch("/api/v1/eye.jpg?x=20&y=0&z=700&width=1920");
+    const picture = await createImageBitmap(await answer.blob());
+    const canvas = new OffscreenCanvas(picture.width, picture.height);
+    const context = canvas.getContext("2d");
+    context.drawImage(picture, 0, 0);
+    const found = window.jsQR(context.getImageData(0, 0, picture.width, picture.height).data, picture.width, picture.height);
+    return found && found.data;
+  });
+}
+
+test("Calibrate: a phone goes from the code on the panel to a saved rig", { timeout: 5 * LIMIT_MS }, async (t) => {
+  const site = await calibrationSite(t);
+  const { ctl, folder } = site;
+  const address = `http://127.0.0.1:${site.port}/enter?token=${site.token}`;
+  const shown = spawn(program, ["ctl", "--socket", site.socket, "show-address", address, "--seconds", "120"], { stdio: "ignore" });
+  await comesTrue(() => ctl("status").on_glass.source === "code", "the code is on the panel");
+  const { page, wrong, close } = await open("phone", "/calibrate", "light", site);
+  assert.equal(await codeOnPanel(page), address);
+  shown.kill("SIGINT");
+  await comesTrue(() => ctl("status").on_glass.source !== "code", "the content is back");
+
+  await page.waitForFunction(() => Number(document.getElementById("distance").value) > 100);
+  await page.tap("#begin");
+  await says(page, "chart-state", "on the panel");
+  assert.match(ctl("status").on_glass.source, /chart\.png$/);
+  ctl("snapshot", join(folder, "panel.png"));
+  execFileSync(camera, ["photo", join(folder, "panel.png"), join(folder, "photo.png")]);
+  const before = readFileSync(join(folder, "rig.toml"), "utf8");
+  // A picture without a panel first.
+  const photo = await page.$("#photo");
+  assert.equal(await page.$eval("#photo", (input) => `${input.accept} ${input.getAttribute("capture")}`), "image/* environment");
+  await photo.uploadFile(join(source, "tests/data/crate.png"));
+  await says(page, "verdict", "Refused");
+  await page.screenshot({ path: join(output, "calibrate-refused-phone.png"), fullPage: true });
+  await photo.uploadFile(join(folder, "photo.png"));
+  await says(page, "verdict", "found");
+  await showsPicture(page, "before");
+  await showsPicture(page, "after");
+  await page.screenshot({ path: join(output, "calibrate-found-phone.png"), fullPage: true });
+  await page.evaluate(axe);
+  assert.deepEqual(await page.evaluate(async () => (await axe.run()).violations.map((one) => one.id)), []);
+  assert.equal(readFileSync(join(folder, "rig.toml"), "utf8"), before, "nothing is saved before");
+  await page.tap("#keep");
+  await says(page, "verdict", "Saved");
+  assert.notEqual(readFileSync(join(folder, "rig.toml"), "utf8"), before);
+  assert.equal(readFileSync(join(folder, "rig.1.toml"), "utf8"), before);
+  await page.screenshot({ path: join(output, "calibrate-kept-phone.png"), fullPage: true });
+  await comesTrue(() => ctl("status").on_glass.source === site.still, "the content is back");
+  assert.deepEqual(wrong, []);
+  await close();
 });

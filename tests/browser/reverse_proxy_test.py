@@ -1,16 +1,17 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Tests docs/examples/Caddyfile: lenticule web behind Caddy, with HTTPS.
+"""Tests docs/examples/Caddyfile and nginx.conf: lenticule web behind a reverse proxy, with HTTPS.
 
 Usage: tests/browser/reverse_proxy_test.py BUILD_FOLDER
 
-Changes only the name of the site, the path of the socket, and the certificate, which Caddy signs itself.
+Changes only the name of the site, the path of the socket, and the certificate, which is made for the test.
 """
 
 import json
 import os
 import pathlib
 import re
+import shutil
 import socket
 import ssl
 import subprocess
@@ -22,6 +23,7 @@ import urllib.request
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 LIMIT_S = 60
+QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 
 
 def free_port():
@@ -68,7 +70,7 @@ def expect(seen, wanted, what):
 
 
 def check(program, folder, site):
-    wait_for(lambda: site.ask("GET", "/style.css")[0] == 200, "Caddy passes requests on")
+    wait_for(lambda: site.ask("GET", "/style.css")[0] == 200, "the proxy passes requests on")
     expect(site.ask("GET", "/")[0], 401, "no page without a token")
     address = subprocess.run([program, "web", "address", "--state", folder + "/state", "--base", site.base],
                              check=True, capture_output=True, text=True).stdout.splitlines()[0]
@@ -89,28 +91,58 @@ def check(program, folder, site):
     expect(statuses, [429, 429], "a forged X-Forwarded-For does not help")
 
 
+def replaced(text, *changes):
+    """Returns the text with each pattern replaced, which must be there once."""
+    for pattern, by in changes:
+        text, count = re.subn(r"(?m)" + pattern, by, text)
+        expect(count, 1, f"the example has {pattern}")
+    return text
+
+
+def start_caddy(folder, port):
+    text = replaced((ROOT / "docs/examples/Caddyfile").read_text(encoding="utf-8"),
+                    (r"^panel\.example \{", f"https://localhost:{port} {{\n\ttls internal"),
+                    (r"unix//run/lenticule-web/lobby\.sock$", f"unix/{folder}/web.sock"))
+    options = "{\n\tadmin off\n\tskip_install_trust\n\tauto_https disable_redirects\n}\n"
+    pathlib.Path(folder, "Caddyfile").write_text(options + text, encoding="utf-8")
+    home = dict(os.environ, HOME=folder, XDG_DATA_HOME=folder, XDG_CONFIG_HOME=folder)
+    return subprocess.Popen(["caddy", "run", "--config", folder + "/Caddyfile", "--adapter", "caddyfile"],
+                            env=home, **QUIET)
+
+
+def start_nginx(folder, port):
+    subprocess.run(["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=localhost", "-days", "1",
+                    "-keyout", folder + "/key", "-out", folder + "/certificate"], check=True, **QUIET)
+    site = replaced((ROOT / "docs/examples/nginx.conf").read_text(encoding="utf-8"),
+                    (r"listen 443 ssl", f"listen 127.0.0.1:{port} ssl"), (r"server_name panel\.example", "server_name localhost"),
+                    (r"/etc/ssl/certs/panel\.example\.pem", folder + "/certificate"),
+                    (r"/etc/ssl/private/panel\.example\.key", folder + "/key"),
+                    (r"http://unix:/run/lenticule-web/lobby\.sock", f"http://unix:{folder}/web.sock"))
+    user = "user root;\n" if os.geteuid() == 0 else ""
+    folders = "".join(f"{name}_temp_path {folder}/{name};\n" for name in ("client_body", "proxy", "fastcgi", "uwsgi", "scgi"))
+    pathlib.Path(folder, "nginx.conf").write_text(
+        f"{user}daemon off;\npid {folder}/nginx.pid;\nerror_log {folder}/nginx.log;\nevents {{}}\n"
+        f"http {{\naccess_log off;\n{folders}{site}}}\n", encoding="utf-8")
+    nginx = shutil.which("nginx") or "/usr/sbin/nginx"
+    return subprocess.Popen([nginx, "-e", folder + "/nginx.log", "-c", folder + "/nginx.conf"], **QUIET)
+
+
 def main():
     program = str(pathlib.Path(sys.argv[1]).resolve() / "lenticule")
-    with tempfile.TemporaryDirectory() as folder:
-        port = free_port()
-        text = (ROOT / "docs/examples/Caddyfile").read_text(encoding="utf-8")
-        text, sites = re.subn(r"(?m)^panel\.example \{", f"https://localhost:{port} {{\n\ttls internal", text)
-        text, sockets = re.subn(r"unix//run/lenticule-web/lobby\.sock\n", f"unix/{folder}/web.sock\n", text)
-        expect((sites, sockets), (1, 1), "the example has a site and a socket")
-        options = "{\n\tadmin off\n\tskip_install_trust\n\tauto_https disable_redirects\n}\n"
-        pathlib.Path(folder, "Caddyfile").write_text(options + text, encoding="utf-8")
-        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        home = dict(os.environ, HOME=folder, XDG_DATA_HOME=folder, XDG_CONFIG_HOME=folder)
-        web = subprocess.Popen([program, "web", "--socket", folder + "/no-player.sock", "--state",
-                                folder + "/state", "--unix", folder + "/web.sock"], **quiet)
-        caddy = subprocess.Popen(["caddy", "run", "--config", folder + "/Caddyfile", "--adapter", "caddyfile"],
-                                 env=home, **quiet)
-        try:
-            check(program, folder, Site(f"https://localhost:{port}"))
-        finally:
-            for process in (caddy, web):
-                process.terminate()
-                process.wait(20)
+    for name, start in (("caddy", start_caddy), ("nginx", start_nginx)):
+        print(f"== {name}")
+        with tempfile.TemporaryDirectory() as folder:
+            port = free_port()
+            web = subprocess.Popen([program, "web", "--socket", folder + "/no-player.sock", "--state",
+                                    folder + "/state", "--unix", folder + "/web.sock"], **QUIET)
+            wait_for(lambda: os.path.exists(folder + "/web.sock"), "the server listens")
+            proxy = start(folder, port)
+            try:
+                check(program, folder, Site(f"https://localhost:{port}"))
+            finally:
+                for process in (proxy, web):
+                    process.terminate()
+                    process.wait(20)
 
 
 main()

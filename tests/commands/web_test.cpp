@@ -7,59 +7,19 @@
 #include <sstream>
 
 #include "apps/lenticule-web/api/web_site.h"
-#include "apps/lenticule-web/http/listener.h"
-#include "tests/commands/player_stage.h"
+#include "frames/qr/qr_code.h"
+#include "tests/commands/web_stage.h"
 #include "tests/support/scratch_folder.h"
-#include "tests/unit/web/http_client.h"
 
 namespace lenticule::test {
 namespace {
 
 using nlohmann::ordered_json;
 
-/// Checks `value` against a schema of the description; adds differences to `wrong`.
-void compare(const ordered_json& value, const ordered_json& schema, const ordered_json& description,
-             const std::string& place, std::string& wrong) {
-  if (schema.contains("$ref")) {
-    const auto name = schema["$ref"].get<std::string>();
-    return compare(value, description["components"]["schemas"][name.substr(name.rfind('/') + 1)],
-                   description, place, wrong);
-  }
-  if (value.is_null() && schema.value("nullable", false)) return;
-  if (schema.contains("allOf"))
-    return compare(value, schema["allOf"][0], description, place, wrong);
-  if (!schema.contains("type")) return;
-  const auto type = schema["type"].get<std::string>();
-  const bool fits =
-      (type == "object" && value.is_object()) || (type == "array" && value.is_array()) ||
-      (type == "string" && value.is_string()) || (type == "integer" && value.is_number_integer()) ||
-      (type == "number" && value.is_number()) || (type == "boolean" && value.is_boolean());
-  if (!fits) wrong += place + ": expected " + type + ", got " + value.dump().substr(0, 80) + "\n";
-  if (!fits) return;
-  if (schema.contains("enum") &&
-      std::find(schema["enum"].begin(), schema["enum"].end(), value) == schema["enum"].end())
-    wrong += place + ": " + value.dump() + " is not in the enumeration\n";
-  if (type == "array" && schema.contains("items"))
-    for (const ordered_json& one : value)
-      compare(one, schema["items"], description, place + "[]", wrong);
-  if (type != "object" || !schema.contains("properties")) return;
-  for (const auto& required : schema["required"]) {
-    const auto key = required.get<std::string>();
-    if (!value.contains(key)) wrong += place + ": no " + key + "\n";
-  }
-  for (const auto& [key, inner] : value.items()) {
-    if (schema["properties"].contains(key))
-      compare(inner, schema["properties"][key], description, place + "." + key, wrong);
-    else if (&schema != &description && !schema["properties"].empty() && key != "saved" &&
-             key != "advice" && key != "trouble")
-      wrong += place + ": undocumented " + key + "\n";
-  }
-}
-
-class Web : public PlayerTest {
+class Web : public WebTest {
  protected:
   void SetUp() override {
-    PlayerTest::SetUp();
+    WebTest::SetUp();
     std::filesystem::create_directories(path("media"));
     write_film("film", 10);
     ASSERT_EQ(run({"convert", path("film/%03d.png"), "--rig", path("rig.toml"), "-o",
@@ -71,52 +31,10 @@ class Web : public PlayerTest {
           "loop = \"forever\"\n[[item]]\nsource = \"a.lts\"\nloops = 5\n"
           "[[item]]\nsource = \"b.lts\"\nloops = 5\n");
   }
-  void TearDown() override {
-    web_.reset();
-    PlayerTest::TearDown();
-  }
   void play() {
     start(play_words(path("media/list.toml"), {"--slots", "12"}));
     ASSERT_TRUE(comes_true([&] { return frames_shown() > 3; }));
   }
-  void start_web(const std::vector<std::string>& more = {}) {
-    std::vector<std::string> words = {LENTICULE_PROGRAM, "web",
-                                      "--socket",        path("c.sock"),
-                                      "--state",         path("state"),
-                                      "--media",         path("media"),
-                                      "--listen",        "127.0.0.1:" + std::to_string(port_)};
-    words.insert(words.end(), more.begin(), more.end());
-    web_ = std::make_unique<BackgroundProcess>(words);
-    ASSERT_TRUE(comes_true([&] { return HttpClient(port_).connected(); }));
-    token_ = web::read_tokens(path("state") + "/tokens.json").front().secret;
-  }
-  HttpAnswer ask(const std::string& method, const std::string& address,
-                 const std::string& body = {},
-                 std::map<std::string, std::string> headers = {}) const {
-    headers["Authorization"] = "Bearer " + token_;
-    return HttpClient(port_).ask(method, address, headers, body);
-  }
-  ordered_json api(const std::string& method, const std::string& address,
-                   const std::string& body = {}) const {
-    const HttpAnswer answer = ask(method, "/api/v1/" + address, body);
-    EXPECT_EQ(answer.status, 200) << method << " " << address << " " << answer.body;
-    return ordered_json::parse(answer.body, nullptr, false);
-  }
-  void connect() {
-    ASSERT_TRUE(comes_true([&] { return api("GET", "state")["connected"] == true; }));
-  }
-  static ordered_json description() {
-    return ordered_json::parse(std::ifstream(source_file("apps/lenticule-web/api/openapi.json")));
-  }
-  /// Returns a port that no other program uses: the kernel names one.
-  static uint16_t free_port() {
-    return web::parse_listen_address(web::listen_tcp({.host = "127.0.0.1", .port = 0}, false).name)
-        .port;
-  }
-
-  uint16_t port_ = free_port();
-  std::string token_;
-  std::unique_ptr<BackgroundProcess> web_;
 };
 
 TEST_F(Web, TheDescriptionListsEveryAddressWithItsRights) {
@@ -145,6 +63,13 @@ TEST_F(Web, EveryAnswerIsAsTheDescriptionSays) {
       {"post /api/v1/trim", R"({"offset_by_lenses": 0.01})"},
       {"post /api/v1/trim/save", R"({"name": "noon"})"},
       {"put /api/v1/media/{name}", "content"},
+      {"put /api/v1/calibration/photograph", "no picture"},
+  };
+  // The panel of these tests is too small for the chart.
+  const std::map<std::string, int> refusals = {
+      {"post /api/v1/calibration/begin", 422},     {"put /api/v1/calibration/photograph", 409},
+      {"get /api/v1/calibration/before.jpg", 404}, {"get /api/v1/calibration/after.jpg", 404},
+      {"get /api/v1/calibration/rig.toml", 404},   {"post /api/v1/calibration/keep", 409},
   };
   std::string wrong;
   ordered_json list;
@@ -166,11 +91,14 @@ TEST_F(Web, EveryAnswerIsAsTheDescriptionSays) {
       std::transform(upper.begin(), upper.end(), upper.begin(),
                      [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
       const HttpAnswer answer = ask(upper, place, body);
-      const auto responses = operation["responses"];
-      const bool is_listed = responses.contains(std::to_string(answer.status));
-      if (!is_listed) wrong += key + ": status " + std::to_string(answer.status) + answer.body;
-      if (!is_listed || !responses["200"].contains("content")) continue;
-      const auto content = responses["200"]["content"].items().begin();
+      const ordered_json responses = operation["responses"];
+      const std::string status = std::to_string(answer.status);
+      const bool is_expected =
+          refusals.contains(key) ? refusals.at(key) == answer.status : responses.contains(status);
+      if (!is_expected) wrong += key + ": status " + status + " " + answer.body + "\n";
+      const ordered_json response = responses[responses.contains(status) ? status : "default"];
+      if (!is_expected || !response.contains("content")) continue;
+      const auto content = response["content"].items().begin();
       if (!answer.header("Content-Type").starts_with(content.key()))
         wrong += key + ": type " + answer.header("Content-Type") + "\n";
       if (content.key() != "application/json") continue;
@@ -193,7 +121,7 @@ TEST_F(Web, EveryAnswerIsAsTheDescriptionSays) {
 
 TEST_F(Web, PagesAreSmallAndReferToThisServerOnly) {
   start_web();
-  for (const char* page : {"/", "/eye", "/trim", "/health"}) {
+  for (const char* page : {"/", "/eye", "/trim", "/calibrate", "/health"}) {
     const HttpAnswer html = ask("GET", page);
     ASSERT_EQ(html.status, 200) << page;
     size_t bytes = html.body.size();
@@ -205,7 +133,7 @@ TEST_F(Web, PagesAreSmallAndReferToThisServerOnly) {
            at = html.body.find(attribute, at + 1)) {
         const size_t begin = html.body.find('/', at);
         const std::string file = html.body.substr(begin, html.body.find('"', begin) - begin);
-        if (file.find('.') == std::string::npos) continue;
+        if (file.find('.') == std::string::npos || file.starts_with("/api/")) continue;
         const HttpAnswer asset = HttpClient(port_).ask("GET", file);
         EXPECT_EQ(asset.status, 200) << file;
         EXPECT_EQ(asset.body.find("https://"), std::string::npos) << file;
@@ -326,8 +254,9 @@ TEST_F(Web, ABlackFrameIsShownAndThenThePlaceBefore) {
   play();
   start_web();
   connect();
-  EXPECT_EQ(api("POST", "seek", R"({"item": 1})")["item"], 1);
   (void)api("POST", "pause");
+  EXPECT_EQ(api("POST", "seek", R"({"item": 1})")["item"], 1);
+  ASSERT_TRUE(comes_true([&] { return says_about("on_glass", "b.lts"); }));
   (void)api("POST", "show", R"({"what": "black"})");
   ASSERT_TRUE(comes_true([&] { return displayed_level() == 0; }));
   ASSERT_TRUE(comes_true([&] { return api("GET", "state")["shown_instead"] == "black"; }));
@@ -367,7 +296,10 @@ TEST_F(Web, PicturesShowTheDisplayedFrame) {
     std::ofstream(path("picture.jpg"), std::ios::binary) << answer.body;
     const frames::WovenFrame picture = frames::read_woven(path("picture.jpg"));
     EXPECT_GE(picture.width(), 48);
-    for (const uint8_t byte : picture.bytes()) ASSERT_NEAR(byte, 12, 6);
+    // At the edge an eye sees lenses that show no subpixel.
+    for (int y = picture.height() / 4; y < picture.height() * 3 / 4; ++y)
+      for (int k = 3 * (picture.width() / 4); k < 3 * (picture.width() * 3 / 4); ++k)
+        ASSERT_NEAR(picture.row(y)[k], 12, 6);
   }
   EXPECT_EQ(ask("GET", "/api/v1/eye.jpg?x=0&z=-5").status, 400);
   EXPECT_EQ(ask("GET", "/api/v1/eye.jpg?x=0").status, 400);
@@ -420,20 +352,44 @@ TEST_F(Web, MetricsHaveTheFormOfPrometheus) {
       [&] { return ask("GET", "/metrics").body.find("lenticule_up 0\n") != std::string::npos; }));
 }
 
+// Every fourth server is one without the player: a busy machine makes frames late beside both.
 TEST_F(Web, ThePlayerContinuesWhenTheServerIsKilledAgainAndAgain) {
   play();
-  const int kills = 20;
-  for (int k = 0; k < kills; ++k) {
-    start_web();
+  constexpr int kKills = 100, kEach = 4;
+  const auto descriptors = [&] {
+    const std::filesystem::directory_iterator open("/proc/" + std::to_string(player_->pid()) +
+                                                   "/fd");
+    return std::distance(begin(open), end(open));
+  };
+  const auto late_frames = [&] {
+    const json counts = asked({"stats"})["statistics"];
+    return counts["repeated_underrun"].get<int>() + counts["missed_vblanks"].get<int>();
+  };
+  const auto serve_and_kill = [&](const char* socket) {
+    start_web({}, socket);
     HttpClient page(port_);
     page.say("GET /api/v1/events HTTP/1.1\r\nHost: a\r\nAuthorization: Bearer " + token_ +
              "\r\n\r\n");
     (void)ask("GET", "/api/v1/eye.jpg?x=0&z=500&width=64");
     web_->signal(SIGKILL);
     (void)web_->wait(kPlayerTimeout);
+  };
+  const auto open_before = descriptors();
+  int late_beside_others = 0, late_beside_servers = 0;
+  for (int k = 0; k < kKills / kEach; ++k) {
+    const int before = late_frames();
+    serve_and_kill("no-player.sock");
+    const int between = late_frames();
+    for (int n = 0; n < kEach; ++n) serve_and_kill("c.sock");
+    late_beside_others += between - before;
+    late_beside_servers += late_frames() - between;
   }
+  RecordProperty("late_beside_servers", late_beside_servers);
+  RecordProperty("late_beside_others", late_beside_others);
+  EXPECT_LE(late_beside_servers, 2 * kEach * late_beside_others + kEach)
+      << "late frames; beside servers without the player: " << late_beside_others;
   EXPECT_TRUE(film_continues());
-  EXPECT_EQ(asked({"stats"})["statistics"]["repeated_underrun"], 0);
+  EXPECT_TRUE(comes_true([&] { return descriptors() <= open_before + 1; })) << "1: shared memory";
 }
 
 TEST_F(Web, TheServerWaitsForAPlayerAndFindsTheNextOne) {
@@ -469,6 +425,47 @@ TEST_F(Web, TokensAreAddedListedAndRevoked) {
             0);
   EXPECT_TRUE(comes_true([&] { return status("GET", "/") != 200; }));
   EXPECT_EQ(run({"web", "token", "revoke", "00000000", "--state", path("state")}).exit_code, 2);
+}
+
+TEST_F(Web, ACodeOnThePanelNamesNoTokenAndIsWithheldFromGuests) {
+  play();
+  start_web();
+  connect();
+  const std::string text = "token=01234567";  // a longer one does not fit into 32 rows
+  const ProcessResult guest = run({"web", "token", "add", "guest", "--rights", "see", "--state",
+                                   path("state"), "--base", "http://panel"});
+  const std::string secret = guest.out.substr(25, 32);
+  const auto guest_status = [&](const char* address) {
+    return HttpClient(port_).ask("GET", address, {{"Authorization", "Bearer " + secret}}).status;
+  };
+  ASSERT_TRUE(comes_true([&] { return guest_status("/api/v1/frame.jpg?width=64") == 200; }));
+  EXPECT_EQ(api("POST", "seek", R"({"item": 1})")["item"], 1);
+  BackgroundProcess shown({LENTICULE_PROGRAM, "ctl", "--socket", path("c.sock"), "show-address",
+                           text, "--seconds", "600"});
+  ASSERT_TRUE(comes_true([&] { return says_about("on_glass", R"("source":"code")"); }));
+  EXPECT_EQ(ctl({"show-address", "again"}).exit_code, 1) << "a code is shown already";
+  const frames::QrCode code = frames::qr_code_of(text);
+  ASSERT_EQ(ctl({"snapshot", path("snap.png")}).exit_code, 0);
+  EXPECT_EQ(frames::read_woven(path("snap.png")), frames::draw_qr_code(code, kPanel));
+  for (const char* verb : {"status", "list", "stats"})
+    EXPECT_EQ(ctl({verb}).out.find("01234567"), std::string::npos) << verb;
+  for (const char* address : {"/api/v1/frame.jpg?width=64", "/api/v1/eye.jpg?x=0&z=500&width=64"}) {
+    EXPECT_TRUE(comes_true([&] { return guest_status(address) == 403; })) << address;
+    EXPECT_EQ(ask("GET", address).status, 200) << address;
+  }
+  shown.signal(SIGINT);
+  EXPECT_EQ(shown.wait(kPlayerTimeout).exit_code, 0);
+  EXPECT_TRUE(comes_true([&] { return says_about("on_glass", "b.lts"); })) << status().dump();
+  EXPECT_TRUE(film_continues());
+}
+
+TEST_F(Web, TheCodeInATerminalIsThatOfTheAddress) {
+  start_web();
+  const ProcessResult plain = run({"web", "address", "--state", path("state")});
+  const ProcessResult coded = run({"web", "address", "--state", path("state"), "--code"});
+  ASSERT_EQ(plain.exit_code, 0) << plain.err;
+  const std::string address = plain.out.substr(0, plain.out.find('\n'));
+  EXPECT_EQ(coded.out, address + "\n" + frames::qr_terminal_text(frames::qr_code_of(address)));
 }
 
 TEST_F(Web, FlagsThatOpenTheServerNeedLan) {

@@ -58,6 +58,7 @@ LIBRARIES = {
     "unsupported/Eigen": "calib",
     "turbojpeg": "calib apps/lenticule-web",
     "microhttpd": "apps/lenticule-web",
+    "qrencode": "frames",
     "apriltag": "calib",
     "CLI": "apps/lenticule apps/lenticule-tools apps/lenticule-bench apps/lenticule-video "
            "apps/lenticule-web",

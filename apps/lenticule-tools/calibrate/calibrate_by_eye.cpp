@@ -23,6 +23,7 @@
 #include "display/open/open_display.h"
 #include "frames/charts/charts.h"
 #include "optics/rig_file.h"
+#include "optics/rig_history.h"
 #include "optics/trim.h"
 #include "player/process/interrupt.h"
 #include "player/session/key_input.h"
@@ -115,7 +116,7 @@ optics::Rig result_of(const Procedure& procedure) {
 /// Saves the rig and resets the trim beside it: the old trim was visible during the calibration and
 /// is included in it, or belongs to another rig.
 std::string save_keeping_old(const optics::Rig& rig, const fs::path& file) {
-  const fs::path kept = calib::save_with_history(rig, file);
+  const fs::path kept = optics::save_with_history(rig, file);
   optics::save_trim({}, file);
   return kept.string();
 }

@@ -10,6 +10,7 @@
 #include "calib/report/report_json.h"
 #include "calib/report/report_text.h"
 #include "optics/rig_file.h"
+#include "optics/rig_history.h"
 #include "optics/trim.h"
 
 namespace lenticule::player {
@@ -58,7 +59,7 @@ ExitCode conclude_calibration(const calib::Calibration& found, calib::RecordDeta
   const bool saved = found.verdict != calib::Verdict::Refused;
   if (saved) {
     const fs::path kept =
-        calib::save_with_history(calib::with_record(found, details), flags.output);
+        optics::save_with_history(calib::with_record(found, details), flags.output);
     // The new calibration includes the drift that the old trim corrected.
     optics::save_trim({}, flags.output);
     files["rig"] = flags.output;

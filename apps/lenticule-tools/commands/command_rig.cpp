@@ -12,13 +12,13 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "base/print.h"
-#include "calib/report/rig_record.h"
 #include "frames/quilt.h"
 #include "frames/weaving/mpv_shader.h"
 #include "optics/calibration_import.h"
 #include "optics/effective_sheet.h"
 #include "optics/model.h"
 #include "optics/rig_file.h"
+#include "optics/rig_history.h"
 #include "optics/trim.h"
 
 namespace lenticule::player {
@@ -224,7 +224,7 @@ ExitCode import_calibration(const RigOptions& options) {
   const std::string text = read_text_file(options.file, kMaxCalibrationBytes);
   const std::string format = options.format == "auto" ? recognised_format(text) : options.format;
   const auto [rig, inverted_views] = import_as(format, text, options.file);
-  const std::filesystem::path kept = calib::save_with_history(rig, options.output);
+  const std::filesystem::path kept = optics::save_with_history(rig, options.output);
   optics::save_trim({}, options.output);  // an existing trim belonged to the previous rig
   if (inverted_views)
     say("lenticule: {}: invView is 0: its views are numbered from the right\n"

@@ -12,6 +12,8 @@
 #include <cstring>
 #include <memory>
 
+#include "apps/lenticule-web/api/shown_instead.h"
+#include "apps/lenticule-web/http/message.h"
 #include "base/error.h"
 #include "optics/rig_file.h"
 
@@ -146,6 +148,7 @@ std::shared_ptr<const PictureMaker::Taken> PictureMaker::take_frame(milliseconds
   const std::lock_guard lock(mutex_);
   if (taken_ && steady_clock::now() - taken_at_ <= oldest) return taken_;
   auto taken = std::make_shared<Taken>();
+  const bool showed_code = panel_shows_code();
   for (int tries = 1;; ++tries) {
     try {
       const ControlLink::Answer answer = link_.ask({{"do", "frame"}});
@@ -159,6 +162,7 @@ std::shared_ptr<const PictureMaker::Taken> PictureMaker::take_frame(milliseconds
       if (!again) throw;
     }
   }
+  taken->shows_code = showed_code || panel_shows_code();
   const bool same_rig = taken_ && taken_->frame.rig_toml == taken->frame.rig_toml;
   taken->model = same_rig ? taken_->model
                           : std::make_shared<const optics::OpticalModel>(
@@ -168,15 +172,26 @@ std::shared_ptr<const PictureMaker::Taken> PictureMaker::take_frame(milliseconds
   return taken;
 }
 
-std::string PictureMaker::frame(int width) {
+bool PictureMaker::panel_shows_code() {
+  return ShownInstead::shown(link_.ask({{"do", "status"}}).body) == "code";
+}
+
+std::shared_ptr<const PictureMaker::Taken> PictureMaker::take_frame_for(Rights rights) {
+  auto taken = take_frame(kFreshEnough);
+  if (taken->shows_code && rights != Rights::Change)
+    throw HttpError(403, "the panel shows the code of an address", "wait until it ends");
+  return taken;
+}
+
+std::string PictureMaker::frame(int width, Rights rights) {
   const std::lock_guard one(one_picture_);
-  const auto taken = take_frame(kFreshEnough);
+  const auto taken = take_frame_for(rights);
   return jpeg_of(reduced(taken->frame, std::clamp(width, kMinWidth, kMaxWidth)), kQuality);
 }
 
-std::string PictureMaker::eye(const optics::Eye& eye, int width) {
+std::string PictureMaker::eye(const optics::Eye& eye, int width, Rights rights) {
   const std::lock_guard one(one_picture_);
-  const auto taken = take_frame(kFreshEnough);
+  const auto taken = take_frame_for(rights);
   const frames::FrameGeometry& size = taken->frame.geometry;
   width = std::clamp(width, std::min(kMinWidth, size.width), std::min(kMaxWidth, size.width));
   const int height = std::max(1, static_cast<int>(int64_t{size.height} * width / size.width));

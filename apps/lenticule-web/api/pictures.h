@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/lenticule-web/http/access.h"
 #include "apps/lenticule-web/link/control_link.h"
 #include "frames/frame.h"
 #include "optics/eye_simulator.h"
@@ -41,9 +42,10 @@ class PictureMaker {
   static constexpr int kMinWidth = 64;
   static constexpr int kMaxWidth = 1920;
 
-  /// Return JPEG files. Throw Error.
-  [[nodiscard]] std::string frame(int width);
-  [[nodiscard]] std::string eye(const optics::Eye& eye, int width);
+  /// Return JPEG files. Throw Error, and HttpError 403 for a frame that shows a code to a sender
+  /// who may not change anything: the code may hold a token that may.
+  [[nodiscard]] std::string frame(int width, Rights rights);
+  [[nodiscard]] std::string eye(const optics::Eye& eye, int width, Rights rights);
   /// Returns the optical model of the rig, with its trim, for which frames are woven now.
   [[nodiscard]] optics::OpticalModel model();
   /// Returns the text of that rig file.
@@ -53,9 +55,12 @@ class PictureMaker {
   /// Taken is a frame and the optical model of its rig.
   struct Taken {
     SharedFrame frame;
+    bool shows_code = false;
     std::shared_ptr<const optics::OpticalModel> model;
   };
   [[nodiscard]] std::shared_ptr<const Taken> take_frame(std::chrono::milliseconds oldest);
+  [[nodiscard]] std::shared_ptr<const Taken> take_frame_for(Rights rights);
+  [[nodiscard]] bool panel_shows_code();
 
   ControlLink& link_;
   std::mutex one_picture_;  ///< held while a picture is made

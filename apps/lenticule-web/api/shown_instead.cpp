@@ -15,8 +15,13 @@ using std::chrono::seconds;
 
 constexpr auto kLoadTime = seconds(60);
 
+bool is_chart(const std::string& source) {
+  return source.ends_with("/calibration/chart.png");
+}
+
 bool is_instead(const std::string& source) {
-  return source == "black" || source == "card" || source == "views";
+  return source == "black" || source == "card" || source == "views" || source == "code" ||
+         is_chart(source);
 }
 
 }  // namespace
@@ -33,33 +38,39 @@ std::string ShownInstead::shown(const ordered_json& status) {
   // An item of a list may be black, too.
   const bool in_list = status.contains("taking") && status["taking"].is_object() &&
                        status["taking"].value("items", 0) > 1;
-  return is_instead(source) && !in_list ? source : std::string();
+  if (in_list || !is_instead(source)) return {};
+  return is_chart(source) ? "chart" : source;
+}
+
+void ShownInstead::show_chart(const std::filesystem::path& file) {
+  const std::lock_guard lock(mutex_);
+  locked_show(file.string());
+}
+
+/// Keeps the place of the content, and shows `source`.
+void ShownInstead::locked_show(const std::string& source) {
+  const ordered_json status = link_.ask({{"do", "status"}}).body;
+  if (shown(status).empty()) {
+    const ordered_json list = link_.ask({{"do", "list"}}).body;
+    const auto place = status.value("on_glass", ordered_json());
+    ordered_json kept = {{"source", list["file"]}, {"item", 0}, {"frame", 0}};
+    if (kept["source"].is_null() && !list["items"].empty())
+      kept["source"] = list["items"][0]["source"];
+    if (place.is_object()) {
+      if (place.value("item", ordered_json()).is_number_unsigned()) kept["item"] = place["item"];
+      if (place.value("frame", ordered_json()).is_number_unsigned()) kept["frame"] = place["frame"];
+    }
+    write_text_file(file_, json_text(kept) + "\n");
+  }
+  (void)link_.ask({{"do", "load"}, {"source", source}}, kLoadTime);
 }
 
 void ShownInstead::show(const std::string& what) {
-  if (what != "content" && !is_instead(what))
+  if (what != "content" && what != "black" && what != "card" && what != "views")
     throw HttpError(400, "what: expected black, card, views or content");
   const std::lock_guard lock(mutex_);
-  const ordered_json status = link_.ask({{"do", "status"}}).body;
-  const bool is_content = shown(status).empty();
-  if (what != "content") {
-    if (is_content) {
-      const ordered_json list = link_.ask({{"do", "list"}}).body;
-      const auto place = status.value("on_glass", ordered_json());
-      ordered_json kept = {{"source", list["file"]}, {"item", 0}, {"frame", 0}};
-      if (kept["source"].is_null() && !list["items"].empty())
-        kept["source"] = list["items"][0]["source"];
-      if (place.is_object()) {
-        if (place.value("item", ordered_json()).is_number_unsigned()) kept["item"] = place["item"];
-        if (place.value("frame", ordered_json()).is_number_unsigned())
-          kept["frame"] = place["frame"];
-      }
-      write_text_file(file_, json_text(kept) + "\n");
-    }
-    (void)link_.ask({{"do", "load"}, {"source", what}}, kLoadTime);
-    return;
-  }
-  if (is_content) return;
+  if (what != "content") return locked_show(what);
+  if (shown(link_.ask({{"do", "status"}}).body).empty()) return;
   const ordered_json kept = std::filesystem::exists(file_)
                                 ? ordered_json::parse(read_text_file(file_, 16384), nullptr, false)
                                 : ordered_json();

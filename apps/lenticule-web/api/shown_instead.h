@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// ShownInstead shows something else than the content for a while: a black frame, a test card or the
-// numbered views; and returns to the place of the content.
+// ShownInstead shows something else than the content for a while: a black frame, a test card, the
+// numbered views or the chart of a calibration; and returns to the place of the content.
 #pragma once
 
 #include <filesystem>
@@ -21,11 +21,15 @@ class ShownInstead {
   /// Shows "black", "card" or "views", or "content" again. Throws HttpError 400 for another word,
   /// 409 if there is no place to return to.
   void show(const std::string& what);
+  /// Shows the chart of a calibration, a file of that name. Throws Error.
+  void show_chart(const std::filesystem::path& file);
   /// Returns what is shown instead of the content according to the player's status, or an empty
   /// text.
   [[nodiscard]] static std::string shown(const nlohmann::ordered_json& status);
 
  private:
+  void locked_show(const std::string& source);
+
   ControlLink& link_;
   const std::filesystem::path file_;
   std::mutex mutex_;

@@ -165,7 +165,7 @@ Response picture(std::string jpeg) {
 }
 
 Response get_frame(WebSite& site, const Request& request, const std::string&) {
-  return picture(site.pictures().frame(width_in_query(request)));
+  return picture(site.pictures().frame(width_in_query(request), request.sender.rights));
 }
 
 Response get_eye(WebSite& site, const Request& request, const std::string&) {
@@ -173,7 +173,7 @@ Response get_eye(WebSite& site, const Request& request, const std::string&) {
                         .y = number_in_query(request, "y", 0.0),
                         .z_mm = number_in_query(request, "z", std::nullopt)};
   if (eye.z_mm < 1.0) throw HttpError(400, "z: expected at least 1 mm in front of the panel");
-  return picture(site.pictures().eye(eye, width_in_query(request)));
+  return picture(site.pictures().eye(eye, width_in_query(request), request.sender.rights));
 }
 
 Response get_optics(WebSite& site, const Request&, const std::string&) {
@@ -307,6 +307,43 @@ Response post_trim_save(WebSite& site, const Request& request, const std::string
   return json_response(trim_json(site, trim));
 }
 
+// --- calibration ------------------------------------------------------------------------------
+
+Response get_calibration(WebSite& site, const Request&, const std::string&) {
+  return json_response(site.calibration().state());
+}
+Response post_calibration_begin(WebSite& site, const Request&, const std::string&) {
+  site.calibration().begin();
+  site.player().refresh();
+  return json_response(site.calibration().state());
+}
+Response put_photograph(WebSite&, const Request&, const std::string&) {
+  throw HttpError(400, "the photograph is empty");  // a body goes to the sink
+}
+Response get_calibration_before(WebSite& site, const Request&, const std::string&) {
+  return picture(site.calibration().picture(false));
+}
+Response get_calibration_after(WebSite& site, const Request&, const std::string&) {
+  return picture(site.calibration().picture(true));
+}
+Response get_calibration_rig(WebSite& site, const Request&, const std::string&) {
+  Response response;
+  response.type = "text/plain; charset=utf-8";
+  response.body = site.calibration().rig_toml();
+  response.headers.emplace_back("Content-Disposition", "attachment; filename=\"rig.toml\"");
+  return response;
+}
+Response post_calibration_keep(WebSite& site, const Request&, const std::string&) {
+  site.calibration().keep();
+  site.player().refresh();
+  return json_response(site.calibration().state());
+}
+Response post_calibration_discard(WebSite& site, const Request&, const std::string&) {
+  site.calibration().discard();
+  site.player().refresh();
+  return json_response(site.calibration().state());
+}
+
 // --- health ---------------------------------------------------------------------------------
 
 Response get_health(WebSite& site, const Request&, const std::string&) {
@@ -352,6 +389,7 @@ Response get_page(WebSite&, const Request& request, const std::string&) {
 constexpr char kNowPage[] = "now.html";
 constexpr char kEyePage[] = "eye.html";
 constexpr char kTrimPage[] = "trim.html";
+constexpr char kCalibratePage[] = "calibrate.html";
 constexpr char kHealthPage[] = "health.html";
 constexpr char kOpenApi[] = "openapi.json";
 
@@ -360,6 +398,7 @@ constexpr std::array kRoutes = {
     Route{"GET", "/", Rights::See, 0, get_page<kNowPage>},
     Route{"GET", "/eye", Rights::See, 0, get_page<kEyePage>},
     Route{"GET", "/trim", Rights::See, 0, get_page<kTrimPage>},
+    Route{"GET", "/calibrate", Rights::See, 0, get_page<kCalibratePage>},
     Route{"GET", "/health", Rights::See, 0, get_page<kHealthPage>},
     Route{"GET", "/metrics", Rights::See, 0, get_metrics},
     Route{"GET", "/api/v1/openapi.json", Rights::None, 0, get_page<kOpenApi>},
@@ -388,6 +427,16 @@ constexpr std::array kRoutes = {
     Route{"POST", "/api/v1/trim/undo", Rights::Change, kSmallBody, post_trim_undo},
     Route{"POST", "/api/v1/trim/restore", Rights::Change, kSmallBody, post_trim_restore},
     Route{"POST", "/api/v1/trim/save", Rights::Change, kSmallBody, post_trim_save},
+    Route{"GET", "/api/v1/calibration", Rights::See, 0, get_calibration},
+    Route{"POST", "/api/v1/calibration/begin", Rights::Change, kSmallBody, post_calibration_begin},
+    Route{"PUT", "/api/v1/calibration/photograph", Rights::Change, PhotoCalibration::kLargestPhoto,
+          put_photograph},
+    Route{"GET", "/api/v1/calibration/before.jpg", Rights::See, 0, get_calibration_before},
+    Route{"GET", "/api/v1/calibration/after.jpg", Rights::See, 0, get_calibration_after},
+    Route{"GET", "/api/v1/calibration/rig.toml", Rights::See, 0, get_calibration_rig},
+    Route{"POST", "/api/v1/calibration/keep", Rights::Change, kSmallBody, post_calibration_keep},
+    Route{"POST", "/api/v1/calibration/discard", Rights::Change, kSmallBody,
+          post_calibration_discard},
     Route{"GET", "/api/v1/health", Rights::See, 0, get_health},
     Route{"GET", "/api/v1/report", Rights::See, 0, get_report},
 };
@@ -446,7 +495,11 @@ WebSite::WebSite(WebSiteOptions options)
       player_(link_),
       pictures_(link_),
       shown_instead_(link_, options_.state / "shown-before.json"),
-      trims_(options_.state / "trims.json") {
+      trims_(options_.state / "trims.json"),
+      calibration_(link_, pictures_, shown_instead_,
+                   {.folder = options_.state / "calibration",
+                    .program = options_.program,
+                    .stops = [this] { return player_.stopped(); }}) {
   if (!options_.media) return;
   const fs::path folder = fs::canonical(*options_.media);
   media_ = std::make_unique<Media>(MediaOptions{.folder = folder,
@@ -507,9 +560,21 @@ uint64_t WebSite::largest_body(const std::string& method, const std::string& pat
   return found.route != nullptr ? found.route->largest_body : 0;
 }
 
+std::unique_ptr<BodySink> WebSite::photograph_sink(const Request& request) {
+  if (request.header("Content-Length") == "0") return nullptr;
+  std::optional<double> distance_mm;
+  if (request.query("distance")) {
+    distance_mm = number_in_query(request, "distance", std::nullopt);
+    if (*distance_mm < 1.0) throw HttpError(400, "distance: expected millimetres above 0");
+  }
+  return calibration_.photograph(distance_mm);
+}
+
 std::unique_ptr<BodySink> WebSite::sink(const Request& request) {
   const Found found = find_route(request.method, request.path);
-  if (found.route == nullptr || found.route->answer != put_file) return nullptr;
+  if (found.route == nullptr) return nullptr;
+  if (found.route->answer == put_photograph) return photograph_sink(request);
+  if (found.route->answer != put_file) return nullptr;
   const auto text = request.header("Content-Range");
   const auto range = text ? parse_content_range(*text) : std::nullopt;
   if (text && !range)

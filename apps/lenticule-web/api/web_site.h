@@ -11,6 +11,7 @@
 
 #include "apps/lenticule-web/api/history.h"
 #include "apps/lenticule-web/api/media.h"
+#include "apps/lenticule-web/api/photo_calibration.h"
 #include "apps/lenticule-web/api/pictures.h"
 #include "apps/lenticule-web/api/play_list.h"
 #include "apps/lenticule-web/api/shown_instead.h"
@@ -58,11 +59,13 @@ class WebSite final : public Site {
   [[nodiscard]] PictureMaker& pictures() { return pictures_; }
   [[nodiscard]] ShownInstead& shown_instead() { return shown_instead_; }
   [[nodiscard]] TrimHistory& trims() { return trims_; }
+  [[nodiscard]] PhotoCalibration& calibration() { return calibration_; }
   /// Throw HttpError 404 without a media folder.
   [[nodiscard]] PlayList& list();
   [[nodiscard]] Media& media();
 
  private:
+  [[nodiscard]] std::unique_ptr<BodySink> photograph_sink(const Request& request);
   [[nodiscard]] nlohmann::ordered_json check(const std::filesystem::path& file);
 
   const WebSiteOptions options_;
@@ -71,6 +74,7 @@ class WebSite final : public Site {
   PictureMaker pictures_;
   ShownInstead shown_instead_;
   TrimHistory trims_;
+  PhotoCalibration calibration_;
   std::unique_ptr<Media> media_;
   std::unique_ptr<PlayList> list_;
 };

@@ -4,6 +4,8 @@
 #include <arpa/inet.h>
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <ifaddrs.h>
+#include <net/if.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -13,6 +15,7 @@
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
+#include <memory>
 
 #include "base/error.h"
 #include "base/numbers.h"
@@ -127,7 +130,47 @@ void remove_dead_socket(const std::filesystem::path& path, const SocketAddress& 
   (void)::unlink(path.c_str());
 }
 
+bool is_any(const SocketAddress& address) {
+  if (address.storage.ss_family == AF_INET)
+    return reinterpret_cast<const sockaddr_in&>(address.storage).sin_addr.s_addr == INADDR_ANY;
+  if (address.storage.ss_family != AF_INET6) return false;
+  return IN6_IS_ADDR_UNSPECIFIED(
+             &reinterpret_cast<const sockaddr_in6&>(address.storage).sin6_addr) != 0;
+}
+
+/// Returns false for addresses that need the name of an interface (fe80::...).
+bool is_plain(const sockaddr& address) {
+  return address.sa_family != AF_INET6 ||
+         IN6_IS_ADDR_LINKLOCAL(&reinterpret_cast<const sockaddr_in6&>(address).sin6_addr) == 0;
+}
+
 }  // namespace
+
+std::vector<std::string> reachable_names(const Listener& listener) {
+  const SocketAddress bound = bound_address(listener.fd.get());
+  ifaddrs* first = nullptr;
+  if (!is_any(bound) || ::getifaddrs(&first) != 0) return {listener.name};
+  const std::unique_ptr<ifaddrs, decltype(&::freeifaddrs)> owned(first, &::freeifaddrs);
+  std::vector<std::string> names;
+  for (const ifaddrs* one = first; one != nullptr; one = one->ifa_next) {
+    const bool is_up = (one->ifa_flags & IFF_UP) != 0 && (one->ifa_flags & IFF_LOOPBACK) == 0;
+    if (!is_up || one->ifa_addr == nullptr || one->ifa_addr->sa_family != bound.storage.ss_family ||
+        !is_plain(*one->ifa_addr))
+      continue;
+    SocketAddress address;
+    address.bytes = bound.storage.ss_family == AF_INET ? sizeof(sockaddr_in) : sizeof(sockaddr_in6);
+    std::memcpy(&address.storage, one->ifa_addr, address.bytes);
+    if (bound.storage.ss_family == AF_INET)
+      reinterpret_cast<sockaddr_in&>(address.storage).sin_port =
+          reinterpret_cast<const sockaddr_in&>(bound.storage).sin_port;
+    else
+      reinterpret_cast<sockaddr_in6&>(address.storage).sin6_port =
+          reinterpret_cast<const sockaddr_in6&>(bound.storage).sin6_port;
+    names.push_back(name_of(address));
+  }
+  if (names.empty()) names.push_back(listener.name);
+  return names;
+}
 
 ListenAddress parse_listen_address(const std::string& text) {
   const size_t colon = text.rfind(':');

@@ -18,6 +18,10 @@ struct Listener {
   bool is_local = false;  ///< only this machine can connect
 };
 
+/// Returns the addresses by which clients reach the listener: for one that accepts connections at
+/// every address of the machine, those of its network interfaces.
+[[nodiscard]] std::vector<std::string> reachable_names(const Listener& listener);
+
 /// Address to listen on. Names are not looked up.
 struct ListenAddress {
   std::string host;  ///< numeric, without brackets

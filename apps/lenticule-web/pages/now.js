@@ -103,10 +103,11 @@ function showList() {
         const by = { ArrowUp: -1, ArrowDown: 1 }[event.key];
         if (by) { event.preventDefault(); move(k, k + by); }
       } }, "↕"));
-    row.append(make("button", { "aria-label": `Play ${name} now`, disabled: items !== saved.items,
-      onclick: () => attempt(() => api("POST", "seek", { item: k, frame: 0 })) }, "Play"),
-    make("button", { "aria-label": `Remove ${name} from the list`, disabled: items.length < 2,
-      onclick: () => edit((list) => list.splice(k, 1)) }, "Remove"));
+    row.append(make("span", { class: "row" },
+      make("button", { "aria-label": `Play ${name} now`, disabled: items !== saved.items,
+        onclick: () => attempt(() => api("POST", "seek", { item: k, frame: 0 })) }, "Play"),
+      make("button", { "aria-label": `Remove ${name} from the list`, disabled: items.length < 2,
+        onclick: () => edit((list) => list.splice(k, 1)) }, "Remove")));
     return row;
   }));
   const changed = items !== saved.items;
@@ -117,7 +118,15 @@ function showList() {
 }
 
 async function readList(force) {
-  const list = await attempt(() => api("GET", "list"));
+  const list = await attempt(async () => {
+    try {
+      return await api("GET", "list");
+    } catch (error) {
+      if (!/no media folder/.test(error.message)) throw error;
+      for (const id of ["list-title", "media-title"]) $(id).parentElement.hidden = true;
+      return undefined;
+    }
+  });
   if (!list || (!force && saved && items !== saved.items)) return;
   saved = list;
   items = list.items;
@@ -155,6 +164,7 @@ function verdict(check) {
 }
 
 async function readFiles() {
+  if ($("media-title").parentElement.hidden) return;
   const media = await attempt(() => api("GET", "media"));
   if (!media) return;
   const may = document.body.dataset.rights === "change";

@@ -52,15 +52,21 @@ export function make(tag, attributes = {}, ...children) {
   return element;
 }
 
+/** Says what is shown instead of the content, as the server's field "shown_instead" does. */
+function insteadOf(status) {
+  const place = status && status.on_glass;
+  if (!place || (status.taking && status.taking.items > 1)) return "";
+  if (place.source.endsWith("/calibration/chart.png")) return "chart";
+  return ["black", "card", "views", "code"].includes(place.source) ? place.source : "";
+}
+
 /** Calls `take` with the state now and after each change, `other` with the other events. */
 export function follow(take, other = () => {}) {
   let known = {};
   const source = new EventSource("/api/v1/events");
   source.addEventListener("state", (event) => {
     known = { ...known, ...JSON.parse(event.data) };
-    const place = known.status && known.status.on_glass;
-    known.shown_instead = place && ["black", "card", "views"].includes(place.source)
-      && known.status.taking.items <= 1 ? place.source : "";
+    known.shown_instead = insteadOf(known.status);
     document.body.dataset.rights = known.rights;
     for (const button of document.querySelectorAll("[data-changes]"))
       button.disabled = known.rights !== "change" || !known.connected;

@@ -14,7 +14,7 @@ function show(trim) {
     + (trim.saved === false ? "; in effect, but the disk did not take it yet" : "")
     + (trim.advice ? ". " + trim.advice : "");
   const may = document.body.dataset.rights === "change";
-  $("history").replaceChildren(...trim.history.map((entry) => make("li", {},
+  $("history").replaceChildren(...(trim.history.length ? [] : [make("li", { class: "soft" }, "No changes yet.")]), ...trim.history.map((entry) => make("li", {},
     make("span", { class: "name" }, entry.name ? make("strong", {}, entry.name + " ") : "", words(entry) + " ",
       make("span", { class: "soft" }, `${clock(entry.time)}, ${entry.who}`)),
     make("button", { disabled: !may, "aria-label": `Back to ${entry.name || words(entry)}`,

@@ -12,6 +12,7 @@
 
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/triple.h"
+#include "apps/lenticule/commands/show_address.h"
 #include "base/error.h"
 #include "base/numbers.h"
 #include "base/print.h"
@@ -38,7 +39,13 @@ struct CtlFlags {
   std::string file;
   std::optional<Vec3> eye;
   std::optional<uint64_t> events;
+  std::string address;
+  double seconds = 60.0;
 };
+
+std::chrono::milliseconds milliseconds_of(double seconds) {
+  return std::chrono::milliseconds(static_cast<int64_t>(seconds * 1000.0));
+}
 
 std::string socket_of(const CtlFlags& flags) {
   if (!flags.socket.empty()) return flags.socket;
@@ -53,10 +60,14 @@ void put(ordered_json& request, const char* field, const std::optional<Value>& v
 }
 
 ordered_json request_of(const std::string& verb, const CtlFlags& flags) {
-  ordered_json request = {{"id", 1}, {"do", verb}};
-  if (!flags.source.empty())
+  ordered_json request = {{"do", verb}};
+  if (!flags.source.empty()) {
     // The player may have another working folder.
-    request["source"] = parse_source(flags.source).in_folder(std::filesystem::current_path()).text;
+    const SourceSpec source = parse_source(flags.source);
+    request["source"] = source.kind == SourceKind::Code
+                            ? flags.source
+                            : source.in_folder(std::filesystem::current_path()).text;
+  }
   put(request, "frame", flags.frame);
   put(request, "item", flags.item);
   put(request, "offset", flags.offset);
@@ -91,30 +102,6 @@ void print_answer(ordered_json answer, bool as_json) {
     print_text(answer, "");
 }
 
-[[noreturn]] void throw_error(const ordered_json& answer) {
-  const auto text = [&](const char* key) {
-    const auto error = answer.value("error", ordered_json::object());
-    return error.is_object() ? error.value(key, std::string()) : std::string();
-  };
-  const auto error = answer.value("error", ordered_json::object());
-  const int kind = error.is_object() ? error.value("kind", 1) : 1;
-  const bool is_known =
-      kind == static_cast<int>(ErrorKind::Usage) || kind == static_cast<int>(ErrorKind::Device);
-  const std::string object = text("object");
-  throw Error(is_known ? static_cast<ErrorKind>(kind) : ErrorKind::Failed,
-              object.empty() ? text("cause") : object + ": " + text("cause"), text("remedy"));
-}
-
-ordered_json answer_of(ControlClient& client, std::chrono::milliseconds wait) {
-  const auto answer = client.receive(wait, interrupt_fd());
-  if (!answer && interrupted()) return nullptr;
-  if (!answer)
-    throw Error(ErrorKind::Failed, "ctl: no answer from the player",
-                "the player may still be working on it; --wait sets how long to wait");
-  if (!answer->value("ok", false)) throw_error(*answer);
-  return *answer;
-}
-
 /// Prints one line per event, until interrupted, the player ends, or the requested number is
 /// reached.
 ExitCode stream_events(ControlClient& client, const CtlFlags& flags) {
@@ -131,14 +118,19 @@ ExitCode stream_events(ControlClient& client, const CtlFlags& flags) {
 }
 
 ExitCode run_ctl(const std::string& verb, const CtlFlags& flags) {
-  const auto wait = std::chrono::milliseconds(static_cast<int64_t>(flags.wait_s * 1000.0));
+  const auto wait = milliseconds_of(flags.wait_s);
   ControlClient client(socket_of(flags), wait);
-  client.send(request_of(verb, flags));
-  const ordered_json answer = answer_of(client, wait);
+  const ordered_json answer = ask(client, request_of(verb, flags), wait, interrupt_fd());
   if (answer.is_null()) return interrupt_exit_code();
   if (verb == verb_name(ControlVerb::Subscribe)) return stream_events(client, flags);
   print_answer(answer, flags.json);
   return kOk;
+}
+
+ExitCode run_show_address(const CtlFlags& flags) {
+  const std::string address = flags.address.empty() ? address_from_input() : flags.address;
+  return show_address(socket_of(flags), address, milliseconds_of(flags.seconds),
+                      milliseconds_of(flags.wait_s));
 }
 
 void declare_place(CLI::App& app, CtlFlags& flags) {
@@ -217,7 +209,16 @@ Run declare_ctl(CLI::App& app) {
     verbs.emplace_back(sub, verb);
   }
   declare_values(verbs, *flags);
-  return [flags, verbs]() -> ExitCode {
+  CLI::App* const address =
+      app.add_subcommand("show-address", "show the QR code of an address on the panel for a while");
+  address->fallthrough();
+  address->add_option("address", flags->address,
+                      "address of the pages with its token (default: a line of standard input)");
+  address->add_option("--seconds", flags->seconds, "then show again what was shown before")
+      ->check(CLI::Range(0.1, 3600.0))
+      ->capture_default_str();
+  return [flags, verbs, address]() -> ExitCode {
+    if (address->parsed()) return run_show_address(*flags);
     for (const auto& [sub, verb] : verbs)
       if (sub->parsed()) return run_ctl(verb_name(verb), *flags);
     throw Error(ErrorKind::Usage, "ctl: a verb is missing", "see lenticule ctl --help");

@@ -107,6 +107,31 @@ TEST_F(LiveTrimTest, FollowsFilesThatAnotherProgramReplaced) {
   EXPECT_EQ(trim.version(), version) << "nothing that can be used is followed by nothing";
 }
 
+TEST_F(LiveTrimTest, ANewCalibrationReplacesRigAndTrimAndKeepsTheOldFile) {
+  optics::save_trim({Lenses(0.5), 0.0}, rig_file_);
+  LiveTrim trim(rig_file_);
+  const uint64_t version = trim.version();
+  optics::Rig found = rig_;
+  found.sheet.pitch.value *= 1.001;
+  EXPECT_EQ(trim.replace_rig(found), folder_ / "tiny.1.toml");
+  EXPECT_EQ(optics::load_rig(rig_file_), found);
+  EXPECT_EQ(optics::load_rig(folder_ / "tiny.1.toml"), rig_);
+  EXPECT_EQ(trim.rig(), found);
+  EXPECT_TRUE(optics::load_trim(rig_file_).empty());
+  EXPECT_GT(trim.version(), version);
+}
+
+TEST_F(LiveTrimTest, ARigOfAnotherPanelChangesNothing) {
+  LiveTrim trim(rig_file_);
+  optics::Rig wider = rig_, other_panel = rig_;
+  wider.panel.width_px += 1;
+  other_panel.identity.serial = "another";
+  for (const optics::Rig& wrong : {wider, other_panel})
+    EXPECT_THROW((void)trim.replace_rig(wrong), Error);
+  EXPECT_EQ(optics::load_rig(rig_file_), rig_);
+  EXPECT_FALSE(fs::exists(folder_ / "tiny.1.toml"));
+}
+
 class FollowedRigTest : public LiveTrimTest {};
 
 TEST_F(FollowedRigTest, KeepsTheLastGoodRigAndReportsTheReason) {

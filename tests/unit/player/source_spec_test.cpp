@@ -12,6 +12,7 @@ TEST(SourceSpec, TheNameDecidesTheKind) {
   EXPECT_EQ(kind("card"), SourceKind::Card);
   EXPECT_EQ(kind("black"), SourceKind::Black);
   EXPECT_EQ(kind("views"), SourceKind::RigViews);
+  EXPECT_EQ(kind("code:http://panel/a.toml"), SourceKind::Code);
   EXPECT_EQ(kind("ring:/run/panel"), SourceKind::Ring);
   EXPECT_EQ(kind("views:left.mkv|right.mkv"), SourceKind::ViewFiles);
   EXPECT_EQ(kind("evening.toml"), SourceKind::List);
@@ -34,14 +35,14 @@ TEST(SourceSpec, NamesItsFiles) {
   EXPECT_THAT(files("views:left.png|/right.png"), testing::ElementsAre("left.png", "/right.png"));
   EXPECT_THAT(files("views:v%02d/%05d.png"), testing::ElementsAre("v%02d/%05d.png"));
   EXPECT_THAT(files("list.toml"), testing::ElementsAre("list.toml"));
-  for (const char* text : {"card", "black", "views", "ring:panel"})
+  for (const char* text : {"card", "black", "views", "code:a.png", "ring:panel"})
     EXPECT_THAT(files(text), testing::IsEmpty()) << text;
 }
 
 TEST(SourceSpec, OnlyFilesOfPicturesHavePictures) {
   for (const char* text : {"a.png", "a.lts", "a.mkv", "views:a|b"})
     EXPECT_TRUE(parse_source(text).has_pictures()) << text;
-  for (const char* text : {"card", "black", "views", "ring:panel", "list.toml"})
+  for (const char* text : {"card", "black", "views", "code:a.png", "ring:panel", "list.toml"})
     EXPECT_FALSE(parse_source(text).has_pictures()) << text;
 }
 
@@ -54,6 +55,14 @@ TEST(SourceSpec, ResolvesRelativeFilesAgainstAFolder) {
   EXPECT_EQ(in_films("evening.toml"), "/films/evening.toml");
   EXPECT_EQ(in_films("views:left.mkv|/b/right.mkv"), "views:/films/left.mkv|/b/right.mkv");
   for (const char* text : {"card", "black", "views", "ring:panel"}) EXPECT_EQ(in_films(text), text);
+}
+
+TEST(SourceSpec, TheTextOfACodeIsNotItsName) {
+  const SourceSpec code = parse_source("code:http://panel/enter?token=secret");
+  EXPECT_EQ(code.text, "code");
+  EXPECT_EQ(code.coded, "http://panel/enter?token=secret");
+  EXPECT_EQ(code.in_folder("/films"), code);
+  EXPECT_EQ(parse_source("code").coded, "");
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 
 #include "apps/lenticule-web/api/history.h"
 #include "apps/lenticule-web/api/metrics.h"
+#include "apps/lenticule-web/api/photo_calibration.h"
 #include "apps/lenticule-web/api/pictures.h"
 #include "apps/lenticule-web/api/play_list.h"
 #include "apps/lenticule-web/http/message.h"
@@ -176,6 +177,23 @@ TEST(WebMachine, ReadsTemperaturesAndClocksOfTheKernel) {
   EXPECT_EQ(machine["temperatures"][0]["name"], "x86_pkg_temp");
   EXPECT_EQ(machine["clocks"][0]["mhz"], 2400.0);
   EXPECT_TRUE(machine_json("/nowhere")["clocks"].empty());
+}
+
+TEST(WebCalibration, SeparatesTheReportFromTheMessages) {
+  const CalibrationOutput both = parse_calibration_output(
+      "reading\rread \x1b[1mall\nnote\n{\n \"verdict\": \"effective\"\n}\n");
+  EXPECT_EQ(both.report["verdict"], "effective");
+  EXPECT_EQ(both.message, "read \\x1b[1mall\nnote");
+  const CalibrationOutput report = parse_calibration_output("{\n}\n");
+  EXPECT_TRUE(report.report.is_object());
+  EXPECT_EQ(report.message, "");
+  for (const char* broken : {"", "{", "lenticule: no rig", "text\n{\n \"verdict\": "}) {
+    const CalibrationOutput parsed = parse_calibration_output(broken);
+    EXPECT_TRUE(parsed.report.is_null()) << broken;
+  }
+  EXPECT_EQ(parse_calibration_output("lenticule: no rig\n  make one\n").message,
+            "lenticule: no rig\n  make one");
+  EXPECT_LT(parse_calibration_output(std::string(1'000'000, 'x')).message.size(), 500u);
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include <fstream>
 
 #include "optics/rig_file.h"
+#include "optics/rig_history.h"
 #include "sample_calibration.h"
 #include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"

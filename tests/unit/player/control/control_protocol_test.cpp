@@ -43,6 +43,7 @@ TEST(ControlProtocol, EveryVerbHasItsFields) {
   EXPECT_EQ(by.offset_lenses, -0.01);
   EXPECT_FALSE(by.pitch_relative);
   EXPECT_FALSE(parse(R"({"do":"trim","pitch":1e-5})").relative);
+  EXPECT_EQ(parse(R"({"do":"rig","toml":"format = 1\n"})").rig_toml, "format = 1\n");
   const ControlRequest eye = parse(R"({"do":"snapshot","file":"/s.png","eye":[1,-2,700]})");
   EXPECT_EQ(eye.eye_mm, (std::array<double, 3>{1.0, -2.0, 700.0}));
   for (const char* name :
@@ -60,6 +61,7 @@ TEST(ControlProtocol, UnknownVerbsAndFieldsAreRefusedByName) {
   EXPECT_EQ(complaint(R"({"do":"load"})"), "load: no source");
   EXPECT_THAT(complaint(R"({"do":"load","source":""})"), testing::StartsWith("source: empty"));
   EXPECT_THAT(complaint(R"({"do":"load","source":"a\u0000b"})"), testing::StartsWith("source: "));
+  EXPECT_EQ(complaint(R"({"do":"rig"})"), "rig: no toml");
   EXPECT_EQ(complaint(R"({"do":"loop","count":0})"), "count: not a number of loops");
   EXPECT_EQ(complaint(R"({"do":"trim"})"), "trim: nothing to change");
   EXPECT_EQ(complaint(R"({"do":"trim","offset":1,"pitch_by":1})"),

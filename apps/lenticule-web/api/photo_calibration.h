@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+// PhotoCalibration calibrates the lens sheet from one photograph: it shows the chart, lets
+// `lenticule calibrate photos` judge the photograph, and saves nothing before keep().
+#pragma once
+
+#include <atomic>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "apps/lenticule-web/api/pictures.h"
+#include "apps/lenticule-web/api/shown_instead.h"
+#include "apps/lenticule-web/http/message.h"
+#include "apps/lenticule-web/link/control_link.h"
+#include "optics/rig.h"
+
+namespace lenticule::web {
+
+struct PhotoCalibrationOptions {
+  std::filesystem::path folder;   ///< of this object alone; the player reads the chart there
+  std::filesystem::path program;  ///< lenticule
+  std::function<bool()> stops;    ///< returns true when the server ends
+};
+
+/// CalibrationOutput is what `lenticule calibrate photos --json` printed.
+struct CalibrationOutput {
+  nlohmann::ordered_json report;  ///< null if it printed no report
+  std::string message;            ///< printable lines on standard error
+};
+[[nodiscard]] CalibrationOutput parse_calibration_output(const std::string& output);
+
+/// Claim marks work that only one thread may do at a time.
+class Claim {
+ public:
+  /// Throws HttpError 409 if another thread does it.
+  explicit Claim(std::atomic<bool>& claimed);
+  Claim(Claim&& other) noexcept : claimed_(std::exchange(other.claimed_, nullptr)) {}
+  Claim& operator=(Claim&&) = delete;
+  ~Claim() {
+    if (claimed_ != nullptr) claimed_->store(false);
+  }
+
+ private:
+  std::atomic<bool>* claimed_;
+};
+
+/// Thread safety: any thread. One photograph is judged at a time.
+class PhotoCalibration {
+ public:
+  PhotoCalibration(ControlLink& link, PictureMaker& pictures, ShownInstead& shown_instead,
+                   PhotoCalibrationOptions options);
+
+  static constexpr uint64_t kLargestPhoto = uint64_t{64} << 20;
+
+  /// Returns {"stage", "message", "result"}: stage "idle", "chart", "refused", "found" or "kept".
+  [[nodiscard]] nlohmann::ordered_json state() const;
+  /// Draws the chart for the player's present rig, and shows it. Throws HttpError 422 with the
+  /// command's message.
+  void begin();
+  /// Returns the sink of the photograph, whose finish() answers with state(). `distance_mm` is that
+  /// from the panel to the camera. Throws HttpError 409 if no chart is shown.
+  [[nodiscard]] std::unique_ptr<BodySink> photograph(std::optional<double> distance_mm);
+  /// Returns the numbered views, as JPEG, as the camera would see them with the rig of before or
+  /// with the found one. Throws HttpError 404 if no rig was found.
+  [[nodiscard]] std::string picture(bool after);
+  /// Returns the found rig's file. Throws HttpError 404.
+  [[nodiscard]] std::string rig_toml() const;
+  /// Lets the player replace its rig file. Throws HttpError 409 if no rig was found, and the
+  /// player's Error.
+  void keep();
+  /// Forgets the photograph and the found rig, and shows the content again.
+  void discard();
+
+ private:
+  friend class Photograph;
+  struct Found {
+    optics::Rig before;
+    optics::Rig after;
+    optics::Eye eye;
+  };
+  [[nodiscard]] std::filesystem::path chart() const { return options_.folder / "chart.png"; }
+  void judge(const std::filesystem::path& photo, std::optional<double> distance_mm);
+  void set_stage(const char* stage, std::string message, nlohmann::ordered_json result,
+                 std::optional<Found> found);
+  [[nodiscard]] std::optional<Found> found() const;
+  void clear_folder() const;
+
+  ControlLink& link_;
+  PictureMaker& pictures_;
+  ShownInstead& shown_instead_;
+  const PhotoCalibrationOptions options_;
+  std::atomic<bool> working_{false};  ///< true while an action uses the folder
+  std::mutex drawing_;                ///< a chart takes memory and time: one picture at a time
+  mutable std::mutex mutex_;          ///< guards the members below
+  std::string stage_ = "idle";
+  std::string message_;
+  nlohmann::ordered_json result_;
+  std::optional<Found> found_;
+};
+
+}  // namespace lenticule::web

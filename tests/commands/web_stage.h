@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+// Starts `lenticule web` beside a player, sends it requests, and compares its answers with
+// openapi.json.
+#pragma once
+
+#include <algorithm>
+#include <fstream>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "apps/lenticule-web/http/access.h"
+#include "apps/lenticule-web/http/listener.h"
+#include "tests/commands/player_stage.h"
+#include "tests/unit/web/http_client.h"
+
+namespace lenticule::test {
+
+/// Checks `value` against a schema of the description; adds differences to `wrong`.
+inline void compare(const nlohmann::ordered_json& value, const nlohmann::ordered_json& schema,
+                    const nlohmann::ordered_json& description, const std::string& place,
+                    std::string& wrong) {
+  if (schema.contains("$ref")) {
+    const auto name = schema["$ref"].get<std::string>();
+    return compare(value, description["components"]["schemas"][name.substr(name.rfind('/') + 1)],
+                   description, place, wrong);
+  }
+  if (value.is_null() && schema.value("nullable", false)) return;
+  if (schema.contains("allOf"))
+    return compare(value, schema["allOf"][0], description, place, wrong);
+  if (!schema.contains("type")) return;
+  const auto type = schema["type"].get<std::string>();
+  const bool fits =
+      (type == "object" && value.is_object()) || (type == "array" && value.is_array()) ||
+      (type == "string" && value.is_string()) || (type == "integer" && value.is_number_integer()) ||
+      (type == "number" && value.is_number()) || (type == "boolean" && value.is_boolean());
+  if (!fits) wrong += place + ": expected " + type + ", got " + value.dump().substr(0, 80) + "\n";
+  if (!fits) return;
+  if (schema.contains("enum") &&
+      std::find(schema["enum"].begin(), schema["enum"].end(), value) == schema["enum"].end())
+    wrong += place + ": " + value.dump() + " is not in the enumeration\n";
+  if (type == "array" && schema.contains("items"))
+    for (const nlohmann::ordered_json& one : value)
+      compare(one, schema["items"], description, place + "[]", wrong);
+  if (type != "object" || !schema.contains("properties")) return;
+  for (const auto& required : schema["required"]) {
+    const auto key = required.get<std::string>();
+    if (!value.contains(key)) wrong += place + ": no " + key + "\n";
+  }
+  for (const auto& [key, inner] : value.items()) {
+    if (schema["properties"].contains(key))
+      compare(inner, schema["properties"][key], description, place + "." + key, wrong);
+    else if (&schema != &description && !schema["properties"].empty() && key != "saved" &&
+             key != "advice" && key != "trouble")
+      wrong += place + ": undocumented " + key + "\n";
+  }
+}
+
+class WebTest : public PlayerTest {
+ protected:
+  void SetUp() override {
+    PlayerTest::SetUp();
+    std::filesystem::create_directories(path("media"));
+  }
+  void TearDown() override {
+    web_.reset();
+    PlayerTest::TearDown();
+  }
+  void start_web(const std::vector<std::string>& more = {}, const char* socket = "c.sock") {
+    std::vector<std::string> words = {LENTICULE_PROGRAM, "web",
+                                      "--socket",        path(socket),
+                                      "--state",         path("state"),
+                                      "--media",         path("media"),
+                                      "--listen",        "127.0.0.1:" + std::to_string(port_)};
+    words.insert(words.end(), more.begin(), more.end());
+    web_ = std::make_unique<BackgroundProcess>(words);
+    ASSERT_TRUE(comes_true([&] { return HttpClient(port_).connected(); }));
+    token_ = web::read_tokens(path("state") + "/tokens.json").front().secret;
+  }
+  HttpAnswer ask(const std::string& method, const std::string& address,
+                 const std::string& body = {},
+                 std::map<std::string, std::string> headers = {}) const {
+    headers["Authorization"] = "Bearer " + token_;
+    return HttpClient(port_).ask(method, address, headers, body);
+  }
+  nlohmann::ordered_json api(const std::string& method, const std::string& address,
+                             const std::string& body = {}) const {
+    const HttpAnswer answer = ask(method, "/api/v1/" + address, body);
+    EXPECT_EQ(answer.status, 200) << method << " " << address << " " << answer.body;
+    return nlohmann::ordered_json::parse(answer.body, nullptr, false);
+  }
+  void connect() {
+    ASSERT_TRUE(comes_true([&] { return api("GET", "state")["connected"] == true; }));
+  }
+  static nlohmann::ordered_json description() {
+    return nlohmann::ordered_json::parse(
+        std::ifstream(source_file("apps/lenticule-web/api/openapi.json")));
+  }
+  /// Returns a port that no other program uses: the kernel names one.
+  static uint16_t free_port() {
+    return web::parse_listen_address(web::listen_tcp({.host = "127.0.0.1", .port = 0}, false).name)
+        .port;
+  }
+
+  uint16_t port_ = free_port();
+  std::string token_;
+  std::unique_ptr<BackgroundProcess> web_;
+};
+
+}  // namespace lenticule::test
