@@ -27,24 +27,24 @@ constexpr double kRateSeconds = 600.0;
 constexpr size_t kNodesShown = 20;
 constexpr size_t kFailuresShown = 5;
 
-/// Finish is the end of a chunk.
-struct Finish {
-  double time;
+/// Span is the time in which a process rendered frames of a chunk.
+struct Span {
+  double end;
   uint64_t frames;
   double seconds;
 };
 
 /// Returns frames per second of the last ten minutes before `now`, or of the whole time if the farm
 /// is younger.
-double rate_of(const std::vector<Finish>& finishes, double now) {
+double rate_of(const std::vector<Span>& spans, double now) {
   double begin = now;
-  for (const Finish& one : finishes) begin = std::min(begin, one.time - one.seconds);
+  for (const Span& one : spans) begin = std::min(begin, one.end - one.seconds);
   begin = std::max(begin, now - kRateSeconds);
   double frames = 0.0;
-  for (const Finish& one : finishes) {
-    if (one.time < begin) continue;
-    // A chunk that began earlier counts with its part of the time.
-    const double inside = std::min(one.time, now) - std::max(begin, one.time - one.seconds);
+  for (const Span& one : spans) {
+    if (one.end < begin) continue;
+    // A span that began earlier counts with its part of the time.
+    const double inside = std::min(one.end, now) - std::max(begin, one.end - one.seconds);
     const double part = one.seconds > 0.0 ? std::clamp(inside / one.seconds, 0.0, 1.0) : 1.0;
     frames += part * static_cast<double>(one.frames);
   }
@@ -150,7 +150,7 @@ FarmStatus read_status(const WorkFolder& folder, double now) {
   const Plan& plan = folder.plan();
   FarmStatus status{.chunks = plan.chunks(), .frames = plan.end - plan.begin};
   std::vector<bool> done(status.chunks);
-  std::vector<Finish> finishes;
+  std::vector<Span> spans;
   std::map<std::string, NodeStatus> nodes;
   for (uint64_t chunk = 0; chunk < status.chunks; ++chunk) {
     const auto report = folder.done(chunk);
@@ -161,7 +161,7 @@ FarmStatus read_status(const WorkFolder& folder, double now) {
     status.frames_done += frames;
     status.bytes_done += report->bytes;
     const auto facts = folder.files().look(folder.report_file(chunk));
-    finishes.push_back({facts ? facts->changed : now, frames, report->seconds});
+    spans.push_back({facts ? facts->changed : now, frames, report->seconds});
     NodeStatus& node = nodes[report->node];
     node.node = report->node;
     ++node.chunks;
@@ -171,21 +171,23 @@ FarmStatus read_status(const WorkFolder& folder, double now) {
     if (folder.differing_report(chunk)) status.differing.push_back(chunk);
   }
   add_unfinished(folder, done, now, status);
+  uint64_t frames_left = status.frames - status.frames_done;
   for (const RunningChunk& one : status.running) {
     NodeStatus& node = nodes[one.progress.node];
     node.node = one.progress.node;
     ++node.running;
+    frames_left -= std::min(frames_left, one.progress.done);
+    spans.push_back({now - one.silent_seconds, one.progress.done, one.progress.seconds});
   }
   add_nodes(nodes, status);
   std::stable_sort(status.slowest.begin(), status.slowest.end(),
                    [](const SlowChunk& a, const SlowChunk& b) { return a.seconds > b.seconds; });
   status.slowest.resize(std::min(status.slowest.size(), kSlowest));
-  status.frames_per_second = rate_of(finishes, now);
+  status.frames_per_second = rate_of(spans, now);
   if (status.complete()) {
     status.seconds_left = 0.0;
   } else if (status.frames_per_second > 0.0) {
-    status.seconds_left =
-        static_cast<double>(status.frames - status.frames_done) / status.frames_per_second;
+    status.seconds_left = static_cast<double>(frames_left) / status.frames_per_second;
   }
   status.merged = folder.files().look(plan.output).has_value();
   return status;

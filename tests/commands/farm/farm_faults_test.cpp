@@ -97,6 +97,42 @@ TEST_F(FarmFaults, ANodeWhoseClockIsTenMinutesLateChangesNothing) {
   EXPECT_EQ(film(), film_of_one_run("0:40"));
 }
 
+/// Returns the words that run a program on a folder which shows files of others two seconds late,
+/// and takes opened files away.
+std::vector<std::string> on_network_folder(const std::vector<std::string>& words) {
+  std::vector<std::string> all = {"/usr/bin/env", std::string("LD_PRELOAD=") + FARM_NETWORK_FOLDER,
+                                  "FARM_LATE_MS=2000", "FARM_STALE=1"};
+  all.insert(all.end(), words.begin(), words.end());
+  return all;
+}
+
+TEST_F(FarmFaults, AFolderThatShowsFilesLateAndTakesOpenedFilesAwayMakesTheFilm) {
+  plan("0:40", "5");
+  // The layer does what it says: a new file is not there, and is later.
+  const std::string report = work() + "/reports/none.json";
+  const auto is_shown = [&] {
+    return run_process(on_network_folder({"/bin/cat", report})).exit_code == 0;
+  };
+  std::ofstream(report).flush();
+  EXPECT_FALSE(is_shown());
+  std::this_thread::sleep_for(std::chrono::milliseconds(2100));
+  EXPECT_TRUE(is_shown());
+  std::filesystem::remove(report);
+  // Two processes for each chunk, which see each other's files late; the last chunks first.
+  for (uint64_t chunk = chunks(); chunk-- > 0;) {
+    BackgroundProcess first(on_network_folder(chunk_words(chunk)));
+    BackgroundProcess second(on_network_folder(chunk_words(chunk)));
+    EXPECT_EQ(first.wait(std::chrono::seconds(60)).exit_code, 0);
+    EXPECT_EQ(second.wait(std::chrono::seconds(60)).exit_code, 0);
+  }
+  const ProcessResult merged =
+      run_process(on_network_folder(program({"farm", "merge", work(), "--wait", "60"})));
+  ASSERT_EQ(merged.exit_code, 0) << merged.err;
+  EXPECT_EQ(film(), film_of_one_run("0:40"));
+  EXPECT_EQ(status().at("complete"), true);
+  EXPECT_TRUE(status().at("differing").empty());
+}
+
 TEST_F(FarmFaults, TwoMergesAtOnceMakeTheFilm) {
   plan();
   render_all();
