@@ -5,9 +5,11 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <map>
 #include <set>
+#include <thread>
 
 #include "base/error.h"
 #include "base/json_output.h"
@@ -26,6 +28,8 @@ constexpr size_t kSlowest = 5;
 constexpr double kRateSeconds = 600.0;
 constexpr size_t kNodesShown = 20;
 constexpr size_t kFailuresShown = 5;
+constexpr size_t kReaders = 8;          ///< threads that read reports
+constexpr size_t kChunksOfReader = 64;  ///< fewer are not worth a thread
 
 /// Span is the time in which a process rendered frames of a chunk.
 struct Span {
@@ -49,6 +53,49 @@ double rate_of(const std::vector<Span>& spans, double now) {
     frames += part * static_cast<double>(one.frames);
   }
   return now - begin > 0.0 ? frames / (now - begin) : 0.0;
+}
+
+/// DoneChunk is a chunk's report, if the chunk is done, and the time at which it arrived.
+struct DoneChunk {
+  std::optional<ChunkReport> report{};
+  double time = 0.0;
+};
+
+/// Reads all reports. Several threads wait for a network file system at the same time.
+std::vector<DoneChunk> read_reports(const WorkFolder& folder, double now) {
+  std::vector<DoneChunk> chunks(folder.plan().chunks());
+  std::atomic<uint64_t> next{0};
+  const auto read = [&] {
+    for (uint64_t chunk = next++; chunk < chunks.size(); chunk = next++) {
+      chunks[chunk].report = folder.done(chunk);
+      if (!chunks[chunk].report) continue;
+      const auto facts = folder.files().look(folder.report_file(chunk));
+      chunks[chunk].time = facts ? facts->changed : now;
+    }
+  };
+  std::vector<std::jthread> threads;
+  for (size_t i = 1; i < std::min(kReaders, chunks.size() / kChunksOfReader); ++i)
+    threads.emplace_back(read);
+  read();
+  threads.clear();
+  return chunks;
+}
+
+/// Returns the chunks that two processes rendered with other bytes. A listing that is late only
+/// delays what is shown.
+std::vector<uint64_t> differing_chunks(const WorkFolder& folder) {
+  std::vector<uint64_t> chunks;
+  std::error_code error;
+  for (fs::directory_iterator at(folder.path() / "reports", error), end; !error && at != end;
+       at.increment(error)) {
+    const std::string name = at->path().filename().string();
+    if (!name.ends_with(".differs.json")) continue;
+    const auto chunk = number_from<uint64_t>(name.substr(0, name.find('.')));
+    if (chunk && *chunk < folder.plan().chunks() && folder.differing_report(*chunk))
+      chunks.push_back(*chunk);
+  }
+  std::sort(chunks.begin(), chunks.end());
+  return chunks;
 }
 
 /// Adds what the processes of one chunk report.
@@ -152,24 +199,25 @@ FarmStatus read_status(const WorkFolder& folder, double now) {
   std::vector<bool> done(status.chunks);
   std::vector<Span> spans;
   std::map<std::string, NodeStatus> nodes;
+  const std::vector<DoneChunk> chunks = read_reports(folder, now);
   for (uint64_t chunk = 0; chunk < status.chunks; ++chunk) {
-    const auto report = folder.done(chunk);
+    const auto& report = chunks[chunk].report;
     if (!report) continue;
     done[chunk] = true;
     ++status.chunks_done;
     const uint64_t frames = report->end - report->begin;
     status.frames_done += frames;
     status.bytes_done += report->bytes;
-    const auto facts = folder.files().look(folder.report_file(chunk));
-    spans.push_back({facts ? facts->changed : now, frames, report->seconds});
+    spans.push_back({chunks[chunk].time, frames, report->seconds});
     NodeStatus& node = nodes[report->node];
     node.node = report->node;
     ++node.chunks;
     node.frames += frames;
     node.frame_seconds += report->render_seconds;
     status.slowest.push_back({chunk, report->node, report->seconds});
-    if (folder.differing_report(chunk)) status.differing.push_back(chunk);
   }
+  for (const uint64_t chunk : differing_chunks(folder))
+    if (done[chunk]) status.differing.push_back(chunk);
   add_unfinished(folder, done, now, status);
   uint64_t frames_left = status.frames - status.frames_done;
   for (const RunningChunk& one : status.running) {

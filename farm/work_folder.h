@@ -32,6 +32,8 @@ struct FileFacts {
 
 /// FolderFiles reads files by name. Tests replace it by one that is late, as network file systems
 /// may be.
+///
+/// Thread safety: any thread.
 class FolderFiles {
  public:
   virtual ~FolderFiles() = default;

@@ -154,16 +154,16 @@ TEST_F(FarmCommand, FeedPlaysEachFrameOnceInOrderWhileChunksCome) {
   plan("0:40", "8");
   const auto play = [&](const std::string& source, const std::string& record) {
     return program({"play", source, "--rig", rig_, "--display", "virtual", "--clock", "simulated",
-                    "--wait", "60", "--record", "checksums:" + path(record), "--json"});
+                    "--wait", "600", "--record", "checksums:" + path(record), "--json"});
   };
   BackgroundProcess player(play("ring:" + path("ring"), "fed.txt"));
   BackgroundProcess feed(
-      program({"farm", "feed", work(), "ring:" + path("ring"), "--ring-timeout", "60", "--json"}));
+      program({"farm", "feed", work(), "ring:" + path("ring"), "--ring-timeout", "600", "--json"}));
   for (const uint64_t chunk : {2U, 0U, 4U, 1U, 3U}) ASSERT_EQ(render_chunk(chunk).exit_code, 0);
-  const ProcessResult fed = feed.wait(std::chrono::seconds(100));
+  const ProcessResult fed = feed.wait(std::chrono::seconds(600));
   ASSERT_EQ(fed.exit_code, 0) << fed.err;
   EXPECT_EQ(json::parse(fed.out).at("frames_delivered"), 40);
-  const ProcessResult played = player.wait(std::chrono::seconds(60));
+  const ProcessResult played = player.wait(std::chrono::seconds(600));
   ASSERT_EQ(played.exit_code, 0) << played.err;
   // The merged film is shown in the same way.
   ASSERT_EQ(merge().exit_code, 0);

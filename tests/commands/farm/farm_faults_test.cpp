@@ -45,7 +45,7 @@ TEST_F(FarmFaults, AFullDiskFailsTheChunkAndTheNextCallSucceeds) {
 set -eu
 program=$1 rig=$2 folder=$3
 mount -t tmpfs -o size=2m tmpfs "$folder/small" || exit 77
-"$program" farm plan builtin:demo --rig "$rig" --frames 0:40 --chunk 8 --timed-frames 0 \
+"$program" farm plan builtin:teapot --rig "$rig" --frames 0:40 --chunk 8 --timed-frames 0 \
   -o "$folder/film.lts" --work "$folder/small/work"
 "$program" farm render "$folder/small/work" 0
 dd if=/dev/zero of="$folder/small/filler" bs=4k 2>/dev/null || true
@@ -92,7 +92,7 @@ TEST_F(FarmFaults, ANodeWhoseClockIsTenMinutesLateChangesNothing) {
   EXPECT_EQ(json::parse(there.out).at("chunks_done"), 4);
   EXPECT_GT(json::parse(there.out).at("frames_per_second"), 0.0);
   BackgroundProcess running(with_late_clock(chunk_words(3)));
-  ASSERT_EQ(running.wait(std::chrono::seconds(60)).exit_code, 0);
+  ASSERT_EQ(running.wait(std::chrono::seconds(300)).exit_code, 0);
   ASSERT_EQ(merge().exit_code, 0);
   EXPECT_EQ(film(), film_of_one_run("0:40"));
 }
@@ -122,8 +122,8 @@ TEST_F(FarmFaults, AFolderThatShowsFilesLateAndTakesOpenedFilesAwayMakesTheFilm)
   for (uint64_t chunk = chunks(); chunk-- > 0;) {
     BackgroundProcess first(on_network_folder(chunk_words(chunk)));
     BackgroundProcess second(on_network_folder(chunk_words(chunk)));
-    EXPECT_EQ(first.wait(std::chrono::seconds(60)).exit_code, 0);
-    EXPECT_EQ(second.wait(std::chrono::seconds(60)).exit_code, 0);
+    EXPECT_EQ(first.wait(std::chrono::seconds(300)).exit_code, 0);
+    EXPECT_EQ(second.wait(std::chrono::seconds(300)).exit_code, 0);
   }
   const ProcessResult merged =
       run_process(on_network_folder(program({"farm", "merge", work(), "--wait", "60"})));
@@ -140,8 +140,8 @@ TEST_F(FarmFaults, TwoMergesAtOnceMakeTheFilm) {
   for (int trial = 0; trial < 3; ++trial) {
     BackgroundProcess first(program({"farm", "merge", work()}));
     BackgroundProcess second(program({"farm", "merge", work()}));
-    EXPECT_EQ(first.wait(std::chrono::seconds(60)).exit_code, 0);
-    EXPECT_EQ(second.wait(std::chrono::seconds(60)).exit_code, 0);
+    EXPECT_EQ(first.wait(std::chrono::seconds(300)).exit_code, 0);
+    EXPECT_EQ(second.wait(std::chrono::seconds(300)).exit_code, 0);
     EXPECT_EQ(film(), expected);
   }
   // No temporary file stays beside the film.
@@ -156,8 +156,8 @@ TEST_F(FarmFaults, TwoProcessesOfTheSameChunkDoNoHarm) {
     BackgroundProcess first(chunk_words(chunk));
     std::this_thread::sleep_for(std::chrono::milliseconds(70 * chunk));
     BackgroundProcess second(chunk_words(chunk));
-    EXPECT_EQ(first.wait(std::chrono::seconds(60)).exit_code, 0);
-    EXPECT_EQ(second.wait(std::chrono::seconds(60)).exit_code, 0);
+    EXPECT_EQ(first.wait(std::chrono::seconds(300)).exit_code, 0);
+    EXPECT_EQ(second.wait(std::chrono::seconds(300)).exit_code, 0);
   }
   EXPECT_EQ(status().at("chunks_done"), 5);
   EXPECT_TRUE(status().at("differing").empty());

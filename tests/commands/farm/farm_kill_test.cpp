@@ -50,7 +50,7 @@ class FarmKill : public FarmTest {
           continue;
         }
         worker->process->signal(SIGKILL);
-        const ProcessResult result = worker->process->wait(std::chrono::seconds(60));
+        const ProcessResult result = worker->process->wait(std::chrono::seconds(300));
         ASSERT_TRUE(result.signal == SIGKILL || result.exit_code == 0) << result.err;
         if (result.signal == SIGKILL) ++killed;
         worker = workers.erase(worker);
