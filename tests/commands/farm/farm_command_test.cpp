@@ -172,14 +172,31 @@ TEST_F(FarmCommand, FeedPlaysEachFrameOnceInOrderWhileChunksCome) {
   EXPECT_EQ(shown_frames(path("fed.txt")), shown_frames(path("film.txt")));
 }
 
-TEST_F(FarmCommand, FeedEndsWhenItIsInterrupted) {
+TEST_F(FarmCommand, FeedShowsTheFirstChunkWhileTheOthersAreMissing) {
   plan("0:40", "8");
+  ASSERT_EQ(render_chunk(0).exit_code, 0);
   BackgroundProcess player(
-      program({"play", "ring:" + path("ring"), "--rig", rig_, "--display", "virtual"}));
-  const ProcessResult fed =
-      run({"farm", "feed", work(), "ring:" + path("ring"), "--ring-timeout", "60"},
-          {.interrupt_signal = SIGINT, .interrupt_after = std::chrono::milliseconds(3000)});
+      program({"play", "ring:" + path("ring"), "--rig", rig_, "--display", "virtual", "--clock",
+               "simulated", "--prime", "1", "--wait", "600", "--duration", "2", "--json"}));
+  BackgroundProcess feed(
+      program({"farm", "feed", work(), "ring:" + path("ring"), "--ring-timeout", "600", "--json"}));
+  const ProcessResult played = player.wait(std::chrono::seconds(600));
+  ASSERT_EQ(played.exit_code, 0) << played.err;
+  EXPECT_GT(json::parse(played.out).at("shown"), 0);
+  feed.signal(SIGINT);
+  const ProcessResult fed = feed.wait(std::chrono::seconds(60));
   EXPECT_EQ(fed.exit_code, 130) << fed.err;
+  EXPECT_EQ(json::parse(fed.out).at("interrupted"), true);
+}
+
+TEST_F(FarmCommand, StatusWatchesUntilAllChunksAreDone) {
+  plan();
+  BackgroundProcess watch(program({"farm", "status", work(), "--watch"}));
+  render_all();
+  const ProcessResult watched = watch.wait(std::chrono::seconds(60));
+  ASSERT_EQ(watched.exit_code, 0) << watched.err;
+  EXPECT_NE(watched.out.find("40 of 40 frames (100.0 %), 5 of 5 chunks"), std::string::npos)
+      << watched.out;
 }
 
 }  // namespace
