@@ -5,9 +5,11 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <map>
 #include <set>
+#include <thread>
 
 #include "base/error.h"
 #include "base/json_output.h"
@@ -26,29 +28,74 @@ constexpr size_t kSlowest = 5;
 constexpr double kRateSeconds = 600.0;
 constexpr size_t kNodesShown = 20;
 constexpr size_t kFailuresShown = 5;
+constexpr size_t kReaders = 8;          ///< threads that read reports
+constexpr size_t kChunksOfReader = 64;  ///< fewer are not worth a thread
 
-/// Finish is the end of a chunk.
-struct Finish {
-  double time;
+/// Span is the time in which a process rendered frames of a chunk.
+struct Span {
+  double end;
   uint64_t frames;
   double seconds;
 };
 
 /// Returns frames per second of the last ten minutes before `now`, or of the whole time if the farm
 /// is younger.
-double rate_of(const std::vector<Finish>& finishes, double now) {
+double rate_of(const std::vector<Span>& spans, double now) {
   double begin = now;
-  for (const Finish& one : finishes) begin = std::min(begin, one.time - one.seconds);
+  for (const Span& one : spans) begin = std::min(begin, one.end - one.seconds);
   begin = std::max(begin, now - kRateSeconds);
   double frames = 0.0;
-  for (const Finish& one : finishes) {
-    if (one.time < begin) continue;
-    // A chunk that began earlier counts with its part of the time.
-    const double inside = std::min(one.time, now) - std::max(begin, one.time - one.seconds);
+  for (const Span& one : spans) {
+    if (one.end < begin) continue;
+    // A span that began earlier counts with its part of the time.
+    const double inside = std::min(one.end, now) - std::max(begin, one.end - one.seconds);
     const double part = one.seconds > 0.0 ? std::clamp(inside / one.seconds, 0.0, 1.0) : 1.0;
     frames += part * static_cast<double>(one.frames);
   }
   return now - begin > 0.0 ? frames / (now - begin) : 0.0;
+}
+
+/// DoneChunk is a chunk's report, if the chunk is done, and the time at which it arrived.
+struct DoneChunk {
+  std::optional<ChunkReport> report{};
+  double time = 0.0;
+};
+
+/// Reads all reports. Several threads wait for a network file system at the same time.
+std::vector<DoneChunk> read_reports(const WorkFolder& folder, double now) {
+  std::vector<DoneChunk> chunks(folder.plan().chunks());
+  std::atomic<uint64_t> next{0};
+  const auto read = [&] {
+    for (uint64_t chunk = next++; chunk < chunks.size(); chunk = next++) {
+      chunks[chunk].report = folder.done(chunk);
+      if (!chunks[chunk].report) continue;
+      const auto facts = folder.files().look(folder.report_file(chunk));
+      chunks[chunk].time = facts ? facts->changed : now;
+    }
+  };
+  std::vector<std::jthread> threads;
+  for (size_t i = 1; i < std::min(kReaders, chunks.size() / kChunksOfReader); ++i)
+    threads.emplace_back(read);
+  read();
+  threads.clear();
+  return chunks;
+}
+
+/// Returns the chunks that two processes rendered with other bytes. A listing that is late only
+/// delays what is shown.
+std::vector<uint64_t> differing_chunks(const WorkFolder& folder) {
+  std::vector<uint64_t> chunks;
+  std::error_code error;
+  for (fs::directory_iterator at(folder.path() / "reports", error), end; !error && at != end;
+       at.increment(error)) {
+    const std::string name = at->path().filename().string();
+    if (!name.ends_with(".differs.json")) continue;
+    const auto chunk = number_from<uint64_t>(name.substr(0, name.find('.')));
+    if (chunk && *chunk < folder.plan().chunks() && folder.differing_report(*chunk))
+      chunks.push_back(*chunk);
+  }
+  std::sort(chunks.begin(), chunks.end());
+  return chunks;
 }
 
 /// Adds what the processes of one chunk report.
@@ -150,42 +197,45 @@ FarmStatus read_status(const WorkFolder& folder, double now) {
   const Plan& plan = folder.plan();
   FarmStatus status{.chunks = plan.chunks(), .frames = plan.end - plan.begin};
   std::vector<bool> done(status.chunks);
-  std::vector<Finish> finishes;
+  std::vector<Span> spans;
   std::map<std::string, NodeStatus> nodes;
+  const std::vector<DoneChunk> chunks = read_reports(folder, now);
   for (uint64_t chunk = 0; chunk < status.chunks; ++chunk) {
-    const auto report = folder.done(chunk);
+    const auto& report = chunks[chunk].report;
     if (!report) continue;
     done[chunk] = true;
     ++status.chunks_done;
     const uint64_t frames = report->end - report->begin;
     status.frames_done += frames;
     status.bytes_done += report->bytes;
-    const auto facts = folder.files().look(folder.report_file(chunk));
-    finishes.push_back({facts ? facts->changed : now, frames, report->seconds});
+    spans.push_back({chunks[chunk].time, frames, report->seconds});
     NodeStatus& node = nodes[report->node];
     node.node = report->node;
     ++node.chunks;
     node.frames += frames;
     node.frame_seconds += report->render_seconds;
     status.slowest.push_back({chunk, report->node, report->seconds});
-    if (folder.differing_report(chunk)) status.differing.push_back(chunk);
   }
+  for (const uint64_t chunk : differing_chunks(folder))
+    if (done[chunk]) status.differing.push_back(chunk);
   add_unfinished(folder, done, now, status);
+  uint64_t frames_left = status.frames - status.frames_done;
   for (const RunningChunk& one : status.running) {
     NodeStatus& node = nodes[one.progress.node];
     node.node = one.progress.node;
     ++node.running;
+    frames_left -= std::min(frames_left, one.progress.done);
+    spans.push_back({now - one.silent_seconds, one.progress.done, one.progress.seconds});
   }
   add_nodes(nodes, status);
   std::stable_sort(status.slowest.begin(), status.slowest.end(),
                    [](const SlowChunk& a, const SlowChunk& b) { return a.seconds > b.seconds; });
   status.slowest.resize(std::min(status.slowest.size(), kSlowest));
-  status.frames_per_second = rate_of(finishes, now);
+  status.frames_per_second = rate_of(spans, now);
   if (status.complete()) {
     status.seconds_left = 0.0;
   } else if (status.frames_per_second > 0.0) {
-    status.seconds_left =
-        static_cast<double>(status.frames - status.frames_done) / status.frames_per_second;
+    status.seconds_left = static_cast<double>(frames_left) / status.frames_per_second;
   }
   status.merged = folder.files().look(plan.output).has_value();
   return status;

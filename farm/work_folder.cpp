@@ -194,7 +194,10 @@ void WorkFolder::publish_predictors(uint64_t frame, const frames::PredictorTable
 bool WorkFolder::finish_chunk(const fs::path& attempt, const fs::path& file,
                               const ChunkReport& report) const {
   const auto there = done(report.chunk);
-  const bool differs = there && there->digest != report.digest;
+  // A file that is the same already stays: a process on another node may be reading it, and a
+  // network file system takes a file away from its readers when another one is renamed to its name.
+  if (there && there->digest == report.digest) return true;
+  const bool differs = there.has_value();
   move_file(file, chunk_file(report));
   sync_folder_of(chunk_file(report));  // the report must not survive a power cut without the file
   const fs::path made = attempt / "report.json";

@@ -32,6 +32,8 @@ struct FileFacts {
 
 /// FolderFiles reads files by name. Tests replace it by one that is late, as network file systems
 /// may be.
+///
+/// Thread safety: any thread.
 class FolderFiles {
  public:
   virtual ~FolderFiles() = default;
@@ -87,9 +89,9 @@ class WorkFolder {
   void publish_predictors(uint64_t frame, const frames::PredictorTable& predictors,
                           const std::filesystem::path& attempt) const;
 
-  /// Makes a chunk done: moves its file, then its report out of the folder `attempt`. Returns false
-  /// if another process has reported other bytes before; the report is then kept as the differing
-  /// one. Throws Error(Failed).
+  /// Makes a chunk done: moves its file, then its report out of the folder `attempt`. Does nothing
+  /// if another process has reported the same bytes before. Returns false if it has reported other
+  /// bytes; the report is then kept as the differing one. Throws Error(Failed).
   [[nodiscard]] bool finish_chunk(const std::filesystem::path& attempt,
                                   const std::filesystem::path& file,
                                   const ChunkReport& report) const;

@@ -108,7 +108,9 @@ class SequenceJoiner::PartReader {
 
   /// Reads the next bytes into `to`.
   void read(std::span<uint8_t> to) {
-    if (!read_at(opened_.descriptor.get(), position_, to)) damaged("it ends too early");
+    errno = 0;
+    if (!read_at(opened_.descriptor.get(), position_, to) && !read_again(to))
+      damaged("it ends too early");
     digest_.add(to);
     position_ += to.size();
   }
@@ -152,6 +154,14 @@ class SequenceJoiner::PartReader {
   [[nodiscard]] bool is_new(size_t band) const { return entries_[band].offset >= position_; }
 
  private:
+  /// Opens the file again if a process on another node has renamed the same part to its name: a
+  /// network file system then takes the opened file away. The digest covers the bytes of both.
+  bool read_again(std::span<uint8_t> to) {
+    if (errno != ESTALE) return false;
+    opened_ = open_regular_file(file_, kAnySize);
+    return read_at(opened_.descriptor.get(), position_, to);
+  }
+
   std::filesystem::path file_;
   OpenedFile opened_;
   SequenceLayout layout_;
@@ -235,6 +245,9 @@ void SequenceJoiner::write_out() {
         ErrorKind::Failed,
         fmt::format("{}: cannot write: {}", film_.string(), std::generic_category().message(errno)),
         errno == ENOSPC || errno == EDQUOT ? "free some space, or write somewhere else" : "");
+  // The disk begins now with what finish() waits for.
+  (void)::sync_file_range(file_.fd(), static_cast<off_t>(written_), static_cast<off_t>(out_.size()),
+                          SYNC_FILE_RANGE_WRITE);
   written_ += out_.size();
   out_.clear();
 }

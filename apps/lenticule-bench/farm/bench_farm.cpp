@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "apps/lenticule-bench/farm/farm_simulation.h"
+#include "apps/lenticule-bench/farm/sparse_film.h"
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-bench/harness/bench_timing.h"
 #include "apps/lenticule-tools/offline/scratch_folder.h"
@@ -36,6 +37,7 @@ struct FarmBenchFlags {
   std::string folder;
   uint64_t chunks = 10'000;
   uint64_t merge_mib = 2048;
+  uint64_t sparse_gb = 0;
   int runs = 3;
   double frame_seconds = 160.0;
   double scene_mb = 1000.0;
@@ -168,6 +170,28 @@ json measure_merge(const fs::path& scratch, const FarmBenchFlags& flags) {
           {"peak_mib", peak}};
 }
 
+/// Merges sparse chunks to a film whose blocks are freed while it is written: what the disk does
+/// not limit.
+json measure_sparse_merge(const fs::path& scratch, const FarmBenchFlags& flags) {
+  constexpr uint64_t kChunkFrames = 40;
+  const frames::FrameGeometry geometry{3840, 2160};
+  const uint64_t frames = 1'000'000'000 / geometry.frame_bytes() * flags.sparse_gb;
+  const fs::path work = scratch / "sparse";
+  farm::WorkFolder::create(work, bench_plan(work, frames, kChunkFrames, geometry), "lenticule");
+  const farm::WorkFolder folder(work);
+  for (uint64_t chunk = 0; chunk < folder.plan().chunks() && !interrupted(); ++chunk)
+    write_sparse_chunk(folder, chunk);
+  const FilmDiscarder discarder(work);
+  reset_peak_resident();
+  const double begin = seconds_now();
+  farm::MergeOptions options;
+  options.stops = [](uint64_t) { return interrupted(); };
+  const uint64_t bytes = farm::merge_film(folder, work / "film.lts", options).bytes;
+  return {{"bytes", bytes},
+          {"merge_seconds", seconds_now() - begin},
+          {"peak_mib", peak_resident_mib()}};
+}
+
 json simulate(const FarmBenchFlags& flags, double merge_rate, uint64_t nodes,
               uint64_t chunk_frames) {
   SimulatedFarm farm;
@@ -210,6 +234,8 @@ ExitCode run(const FarmBenchFlags& flags) {
   json result = {{"machine", machine_json()}};
   result["status"] = measure_status(scratch.path(), flags);
   if (!interrupted()) result["merge"] = measure_merge(scratch.path(), flags);
+  if (flags.sparse_gb > 0 && !interrupted())
+    result["sparse_merge"] = measure_sparse_merge(scratch.path(), flags);
   if (interrupted()) return interrupt_exit_code();
   const double rate = result["merge"]["merge_bytes_per_second"].get<double>();
   result["simulation"] = json::array();
@@ -228,6 +254,11 @@ ExitCode run(const FarmBenchFlags& flags) {
   print_out("merge of {} MiB        {:.2f} s, {:.0f} % of cp's speed, {:.0f} MiB of memory\n",
             merge["bytes"].get<uint64_t>() >> 20U, merge["merge_seconds"].get<double>(),
             100.0 * merge["speed_of_cp"].get<double>(), merge["peak_mib"].get<double>());
+  if (const json& sparse = result["sparse_merge"]; !sparse.is_null())
+    print_out("merge of {:.0f} GB, sparse   {:.0f} s, {:.2f} GB/s, {:.0f} MiB of memory\n",
+              1e-9 * sparse["bytes"].get<double>(), sparse["merge_seconds"].get<double>(),
+              1e-9 * sparse["bytes"].get<double>() / sparse["merge_seconds"].get<double>(),
+              sparse["peak_mib"].get<double>());
   print_out("simulated: 100 000 frames of {:g} s, {:g} MB of scene, {:g} MB a frame; percent\n",
             flags.frame_seconds, flags.scene_mb, flags.frame_mb);
   print_simulation(result["simulation"]);
@@ -244,6 +275,10 @@ Run declare_bench_farm(CLI::App& app) {
       ->capture_default_str();
   app.add_option("--merge-mib", flags->merge_mib, "size of the film to merge, MiB")
       ->check(CLI::Range(1, 1'000'000))
+      ->capture_default_str();
+  app.add_option("--sparse-gb", flags->sparse_gb,
+                 "also merge a film of this size, GB, that takes no room on the disk")
+      ->check(CLI::Range(0, 100'000))
       ->capture_default_str();
   app.add_option("--runs", flags->runs, "number of runs; medians are reported")
       ->check(CLI::Range(1, 100))

@@ -32,22 +32,24 @@ std::optional<farm::ChunkReport> await_chunk(const farm::WorkFolder& folder, uin
   return std::nullopt;
 }
 
-/// Delivers the frames of a chunk; returns false if interrupted.
+/// Delivers the frames of a chunk; returns false if interrupted. Opens a file again that cannot be
+/// read: a network file system takes an opened file away when another node renames one to its name.
 bool deliver_chunk(const farm::WorkFolder& folder, const farm::ChunkReport& report,
                    FrameOutput& output, frames::WovenFrame& frame) {
   const std::filesystem::path file = folder.chunk_file(report);
-  const frames::SequenceReader reader(file);
-  if (reader.geometry() != frame.geometry() || reader.frame_count() != report.end - report.begin)
-    throw Error(ErrorKind::Input, fmt::format("{}: not the frames of the plan", file.string()));
-  frames::FrameDecoder decoder = reader.make_decoder();
-  for (uint64_t index = 0; index < reader.frame_count(); ++index) {
-    if (!decoder.decode(index, frame.bytes()))
-      throw Error(ErrorKind::Input,
-                  fmt::format("{}: frame {} is damaged", file.string(), report.begin + index),
-                  "lenticule farm merge names the command that renders the chunk again");
-    if (output.deliver(report.begin + index, frame.view()) == Delivery::Interrupted) return false;
+  uint64_t next = report.begin;
+  for (const bool again : {false, true}) {
+    const frames::SequenceReader reader(file);
+    if (reader.geometry() != frame.geometry() || reader.frame_count() != report.end - report.begin)
+      throw Error(ErrorKind::Input, fmt::format("{}: not the frames of the plan", file.string()));
+    frames::FrameDecoder decoder = reader.make_decoder();
+    for (; next < report.end && decoder.decode(next - report.begin, frame.bytes()); ++next)
+      if (output.deliver(next, frame.view()) == Delivery::Interrupted) return false;
+    if (next == report.end) return true;
+    if (again) break;
   }
-  return true;
+  throw Error(ErrorKind::Input, fmt::format("{}: frame {} is damaged", file.string(), next),
+              "lenticule farm merge names the command that renders the chunk again");
 }
 
 }  // namespace

@@ -137,8 +137,8 @@ class ChunkRun {
     report_.threads = film.threads();
     const fs::path file = attempt.path() / "chunk.lts";
     if (!render_to(film.renderer(), attempt.path(), file, heartbeat)) return interrupt_exit_code();
-    report_.bytes = fs::file_size(file);
     report_.digest = frames::digest_of_file(file);
+    report_.bytes = open_regular_file(file, UINT64_MAX).bytes;
     report_.seconds = seconds_since(begin_);
     const bool agrees = folder_.finish_chunk(attempt.path(), file, report_);
     remove_leftovers();

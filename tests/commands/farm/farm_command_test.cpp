@@ -154,16 +154,16 @@ TEST_F(FarmCommand, FeedPlaysEachFrameOnceInOrderWhileChunksCome) {
   plan("0:40", "8");
   const auto play = [&](const std::string& source, const std::string& record) {
     return program({"play", source, "--rig", rig_, "--display", "virtual", "--clock", "simulated",
-                    "--wait", "60", "--record", "checksums:" + path(record), "--json"});
+                    "--wait", "600", "--record", "checksums:" + path(record), "--json"});
   };
   BackgroundProcess player(play("ring:" + path("ring"), "fed.txt"));
   BackgroundProcess feed(
-      program({"farm", "feed", work(), "ring:" + path("ring"), "--ring-timeout", "60", "--json"}));
+      program({"farm", "feed", work(), "ring:" + path("ring"), "--ring-timeout", "600", "--json"}));
   for (const uint64_t chunk : {2U, 0U, 4U, 1U, 3U}) ASSERT_EQ(render_chunk(chunk).exit_code, 0);
-  const ProcessResult fed = feed.wait(std::chrono::seconds(100));
+  const ProcessResult fed = feed.wait(std::chrono::seconds(600));
   ASSERT_EQ(fed.exit_code, 0) << fed.err;
   EXPECT_EQ(json::parse(fed.out).at("frames_delivered"), 40);
-  const ProcessResult played = player.wait(std::chrono::seconds(60));
+  const ProcessResult played = player.wait(std::chrono::seconds(600));
   ASSERT_EQ(played.exit_code, 0) << played.err;
   // The merged film is shown in the same way.
   ASSERT_EQ(merge().exit_code, 0);
@@ -172,14 +172,31 @@ TEST_F(FarmCommand, FeedPlaysEachFrameOnceInOrderWhileChunksCome) {
   EXPECT_EQ(shown_frames(path("fed.txt")), shown_frames(path("film.txt")));
 }
 
-TEST_F(FarmCommand, FeedEndsWhenItIsInterrupted) {
+TEST_F(FarmCommand, FeedShowsTheFirstChunkWhileTheOthersAreMissing) {
   plan("0:40", "8");
+  ASSERT_EQ(render_chunk(0).exit_code, 0);
   BackgroundProcess player(
-      program({"play", "ring:" + path("ring"), "--rig", rig_, "--display", "virtual"}));
-  const ProcessResult fed =
-      run({"farm", "feed", work(), "ring:" + path("ring"), "--ring-timeout", "60"},
-          {.interrupt_signal = SIGINT, .interrupt_after = std::chrono::milliseconds(3000)});
+      program({"play", "ring:" + path("ring"), "--rig", rig_, "--display", "virtual", "--clock",
+               "simulated", "--prime", "1", "--wait", "600", "--duration", "2", "--json"}));
+  BackgroundProcess feed(
+      program({"farm", "feed", work(), "ring:" + path("ring"), "--ring-timeout", "600", "--json"}));
+  const ProcessResult played = player.wait(std::chrono::seconds(600));
+  ASSERT_EQ(played.exit_code, 0) << played.err;
+  EXPECT_GT(json::parse(played.out).at("shown"), 0);
+  feed.signal(SIGINT);
+  const ProcessResult fed = feed.wait(std::chrono::seconds(60));
   EXPECT_EQ(fed.exit_code, 130) << fed.err;
+  EXPECT_EQ(json::parse(fed.out).at("interrupted"), true);
+}
+
+TEST_F(FarmCommand, StatusWatchesUntilAllChunksAreDone) {
+  plan();
+  BackgroundProcess watch(program({"farm", "status", work(), "--watch"}));
+  render_all();
+  const ProcessResult watched = watch.wait(std::chrono::seconds(60));
+  ASSERT_EQ(watched.exit_code, 0) << watched.err;
+  EXPECT_NE(watched.out.find("40 of 40 frames (100.0 %), 5 of 5 chunks"), std::string::npos)
+      << watched.out;
 }
 
 }  // namespace

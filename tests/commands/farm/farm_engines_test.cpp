@@ -45,7 +45,7 @@ TEST_F(FarmEngines, GnuParallelRunsTheList) {
 TEST_F(FarmEngines, RenderTakesTheNumberOfAnArraysTaskAsTheFrame) {
   const ProcessResult result = run_process(
       {"/bin/sh", "-c",
-       "for SLURM_ARRAY_TASK_ID in 4 5; do \"$1\" render builtin:demo --rig \"$2\" --frames "
+       "for SLURM_ARRAY_TASK_ID in 4 5; do \"$1\" render builtin:teapot --rig \"$2\" --frames "
        "$SLURM_ARRAY_TASK_ID -o \"$3/%03d.png\"; done",
        "sh", LENTICULE_PROGRAM, rig_, folder_.string()});
   ASSERT_EQ(result.exit_code, 0) << result.err;

@@ -2,6 +2,7 @@
 // FarmTest makes plans in a test's folder and runs their commands.
 #pragma once
 
+#include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -29,7 +30,7 @@ class FarmTest : public CommandTest {
       const std::string& frames, const std::string& chunk,
       const std::vector<std::string>& more = {}) const {
     std::vector<std::string> words = {
-        "farm",     "plan", "builtin:demo",   "--rig",  rig_,
+        "farm",     "plan", "builtin:teapot", "--rig",  rig_,
         "--frames", frames, "--chunk",        chunk,    "--timed-frames",
         "1",        "-o",   path("film.lts"), "--work", work()};
     words.insert(words.end(), more.begin(), more.end());
@@ -61,10 +62,10 @@ class FarmTest : public CommandTest {
   /// Returns the bytes of the film as one process writes it.
   [[nodiscard]] std::vector<uint8_t> film_of_one_run(
       const std::string& frames, const std::vector<std::string>& more = {}) const {
-    std::vector<std::string> words = {"render",   "builtin:demo", "--rig", rig_,
-                                      "--frames", frames,         "-o",    path("whole.lts")};
+    std::vector<std::string> words = {"render",   "builtin:teapot", "--rig", rig_,
+                                      "--frames", frames,           "-o",    path("whole.lts")};
     words.insert(words.end(), more.begin(), more.end());
-    const ProcessResult result = run(words);
+    const ProcessResult result = run(words, {.timeout = std::chrono::seconds(600)});
     EXPECT_EQ(result.exit_code, 0) << result.err;
     std::vector<uint8_t> bytes = read_bytes(path("whole.lts"));
     std::filesystem::remove(path("whole.lts"));

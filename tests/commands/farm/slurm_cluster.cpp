@@ -122,7 +122,8 @@ void SlurmCluster::write_configuration() const {
   for (const char* node : kNodes)
     conf << "NodeName=" << node << " NodeHostname=" << host
          << " NodeAddr=127.0.0.1 Port=" << free_port() << " CPUs=2 RealMemory=2000 State=UNKNOWN\n";
-  conf << "PartitionName=farm Nodes=n1,n2 Default=YES MaxTime=INFINITE State=UP\n";
+  // LLN: tasks go to the node that has less to do.
+  conf << "PartitionName=farm Nodes=n1,n2 Default=YES LLN=YES MaxTime=INFINITE State=UP\n";
 }
 
 void SlurmCluster::start(const std::string& name, const std::string& command) {

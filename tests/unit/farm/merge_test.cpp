@@ -78,7 +78,7 @@ TEST(Merge, RefusesAChunkOfWhichTwoNodesRenderedOtherBytes) {
   EXPECT_TRUE(farm.render(2, "same"));
   EXPECT_FALSE(farm.render(2, "faulty", true));
   const Error error = error_of([&] { (void)merge_film(farm.folder(), farm.film()); });
-  EXPECT_NE(std::string(error.what()).find("chunk 2: same and faulty rendered different bytes"),
+  EXPECT_NE(std::string(error.what()).find("chunk 2: node and faulty rendered different bytes"),
             std::string::npos)
       << error.what();
 }

@@ -15,11 +15,12 @@ using test::SmallFarm;
 
 /// Writes the progress of a process that renders `chunk`.
 void start_attempt(const SmallFarm& farm, uint64_t chunk, const std::string& node,
-                   const std::string& name) {
+                   const std::string& name, double seconds = 10.0) {
   const auto folder = farm.folder().attempts_folder(chunk) / name;
   std::filesystem::create_directories(folder);
-  write_text_file(folder / "progress.json",
-                  chunk_progress_to_json({.node = node, .chunk = chunk, .done = 4, .count = 10}));
+  const ChunkProgress progress{
+      .node = node, .chunk = chunk, .done = 4, .count = 10, .seconds = seconds};
+  write_text_file(folder / "progress.json", chunk_progress_to_json(progress));
 }
 
 void fail(const SmallFarm& farm, uint64_t chunk) {
@@ -76,6 +77,16 @@ TEST(FarmStatus, TheRateComesFromTheFileSystemsClock) {
   const FarmStatus later = read_status(farm.folder(), now + 3600.0);
   EXPECT_EQ(later.frames_per_second, 0.0);
   EXPECT_FALSE(later.seconds_left);
+}
+
+TEST(FarmStatus, FramesOfChunksInProgressCountInTheRate) {
+  const SmallFarm farm(small_plan(0, 100, 10));
+  for (const uint64_t chunk : {3U, 5U}) start_attempt(farm, chunk, "n", "a", 1800.0);
+  const FarmStatus status = read_status(farm.folder(), folder_time(farm.work()));
+  EXPECT_NEAR(status.frames_per_second, 8.0 / 1800.0, 1e-4);
+  ASSERT_TRUE(status.seconds_left);
+  EXPECT_NEAR(*status.seconds_left, (100.0 - 8.0) * 1800.0 / 8.0, 300.0);
+  EXPECT_EQ(status.frames_done, 0U) << "only whole chunks are done";
 }
 
 TEST(FarmStatus, ShowsTheSlowestChunksAndThoseThatDiffer) {

@@ -2,6 +2,7 @@
 #include "farm/work_folder.h"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include "base/error.h"
 #include "base/file.h"
@@ -14,6 +15,12 @@ namespace {
 using test::error_of;
 using test::small_plan;
 using test::SmallFarm;
+
+ino_t inode_of(const std::filesystem::path& file) {
+  struct stat status {};
+  EXPECT_EQ(::stat(file.c_str(), &status), 0) << file;
+  return status.st_ino;
+}
 
 ChunkReport some_report() {
   return {.plan = "p",
@@ -85,9 +92,11 @@ TEST(WorkFolder, AChunkThatIsRenderedTwiceStaysAsItIs) {
   const SmallFarm farm(small_plan(0, 30, 10));
   EXPECT_TRUE(farm.render(1, "a"));
   const auto file = farm.chunk_file(1);
+  const auto before = inode_of(file);
   EXPECT_TRUE(farm.render(1, "b"));
   EXPECT_EQ(farm.chunk_file(1), file);
-  EXPECT_EQ(farm.folder().report(1)->node, "b");
+  EXPECT_EQ(inode_of(file), before) << "a process may be reading the file";
+  EXPECT_EQ(farm.folder().report(1)->node, "a");
   EXPECT_FALSE(farm.folder().differing_report(1));
 }
 
