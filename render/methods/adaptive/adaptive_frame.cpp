@@ -162,7 +162,12 @@ void AdaptiveWorker::render_band(int first_row) {
   for (int row = first_row; row < end; ++row)
     is_unchanged ? copy_row(first_row, row) : render_row(first_row, row);
   evaluate_exactly(true);
+  const FrameCounts before = colours_.tracer().counts();
   sampled_.trace(frame_.scene, first_row, colours_.tracer());
+  const FrameCounts after = colours_.tracer().counts();
+  band_.audited = static_cast<uint32_t>(sampled_.subpixels().size());
+  band_.rays =
+      after.shadow_rays + after.secondary_rays - before.shadow_rays - before.secondary_rays;
   evaluate_exactly(false);
   if (are_lookups_rejected(first_row)) {
     band_.shaded = 0;

@@ -64,6 +64,8 @@ struct AdaptiveFrame {
     uint32_t seen = 0;      ///< subpixels that see a surface
     uint32_t shaded = 0;    ///< subpixels that were shaded individually, or copied instead
     uint32_t cuts = 0;      ///< primitives cut by the rows' planes
+    uint32_t audited = 0;   ///< subpixels traced for the audit
+    uint64_t rays = 0;      ///< shadow and secondary rays of these
   };
   std::vector<Band> bands;
 

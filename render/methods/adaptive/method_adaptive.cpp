@@ -69,6 +69,40 @@ bool is_shiny(const Scene& scene) {
          });
 }
 
+/// Estimates of processor time in nanoseconds, measured on one machine: only their ratios matter.
+namespace band_costs {
+
+constexpr int64_t kPrimary = 45;  ///< method full: a ray that meets a surface, and its shading
+constexpr int64_t kShadedMaterial = 200;  ///< the same with a metallic-roughness material
+constexpr int64_t kRay = 20;              ///< a shadow or secondary ray
+constexpr int64_t kSubpixel = 10;         ///< row sweep and lookup
+constexpr int64_t kCut = 90;              ///< a primitive cut by a row's plane
+constexpr int64_t kSorting = 60;     ///< a subpixel that is shaded individually, without its rays
+constexpr int64_t kPrimitive = 350;  ///< set-up for a frame
+/// Rays per subpixel with soft light, in sixteenths: always many.
+constexpr int64_t kSoftRays = 16 * 100;
+
+/// Returns the gain of a band of `subpixels` in which `rays` sixteenths of a ray start from each.
+/// Subpixels that see nothing cost little with both methods.
+int64_t gain(const AdaptiveFrame::Band& band, int64_t subpixels, int64_t rays) {
+  const int64_t seen = band.seen, shaded = band.shaded;
+  const int64_t rays_of_seen = seen > 0 ? rays * subpixels / seen : 0;
+  const int64_t full = kPrimary + kRay * rays_of_seen / 16;
+  const int64_t samples = seen * full / 8;  // and the audit
+  const int64_t shading = shaded * (kSorting + full * 5 / 8);
+  return (band.retraced ? 0 : seen * full) - seen * kSubpixel - band.cuts * kCut - samples -
+         shading;
+}
+
+/// Returns the gain of a band of metallic-roughness materials, where most time is spent on shading.
+int64_t gain_of_materials(const AdaptiveFrame::Band& band) {
+  const int64_t seen = band.seen, shaded = band.shaded;
+  return ((band.retraced ? 0 : 20 * seen) - 3 * seen - 18 * shaded) * kShadedMaterial / 20 -
+         band.cuts * kCut;
+}
+
+}  // namespace band_costs
+
 class AdaptiveMethod final : public Method {
  public:
   AdaptiveMethod(const optics::OpticalModel& model, const RenderOptions& options)
@@ -97,7 +131,7 @@ class AdaptiveMethod final : public Method {
                     geometry.format == frames::PixelFormat::Rgb8);
     require_supported(scene, options_);
     if (options_.copy_unchanged && last_.shows(scene)) return last_.copy_to(out);
-    if (!rays_fit(scene, planes_, reach_)) {
+    if (!rays_fit(scene, planes_, reach_) || is_set_up_expensive(scene)) {
       before_ = {};
       return full().render(scene, stage, out);
     }
@@ -133,9 +167,8 @@ class AdaptiveMethod final : public Method {
   }
 
  private:
-  /// Returns method full, for metallic-roughness materials; for stages so flat or so deep that rays
-  /// leave the range of single precision, since method full checks each ray; and for frames of
-  /// which the audit rejects most bands.
+  /// Returns method full, for stages so flat or so deep that rays leave the range of single
+  /// precision, since method full checks each ray; and for frames that it renders faster.
   Method& full() {
     if (!full_) full_ = make_method_full(planes_.model(), full_options_);
     return *full_;
@@ -156,6 +189,36 @@ class AdaptiveMethod final : public Method {
       const FlushDenormals flush;
       work(options_.tiles_backwards ? count - 1 - n : n);
     });
+  }
+
+  /// Returns true if a scene has so many primitives that finding their surfaces and rows, once a
+  /// frame, costs almost half of the time of method full. Traces some hundred subpixels to learn
+  /// how many rays start from each.
+  [[nodiscard]] bool is_set_up_expensive(const Scene& scene) {
+    int64_t primitives = static_cast<int64_t>(scene.spheres.size() + scene.cones.size());
+    for (const MeshShape& mesh : scene.meshes)
+      primitives += static_cast<int64_t>(mesh.triangles.size());
+    const auto subpixels = static_cast<int64_t>(planes_.row_subpixels()) * planes_.rows();
+    const int64_t base = scene.pbr != nullptr ? band_costs::kShadedMaterial : band_costs::kPrimary;
+    const auto is_expensive = [&](int64_t rays) {
+      const int64_t full = subpixels * (base + band_costs::kRay * rays / 16) * 3 / 4;
+      return 5 * primitives * band_costs::kPrimitive > 2 * full;
+    };
+    if (options_.soft.any() || !is_expensive(0)) return false;
+    const FlushDenormals flush;
+    NotingTracer tracer(options_);
+    SampledSubpixels some(full_tiles_.packets(), full_tiles_.plan(), centre_);
+    constexpr int kOneIn = 256;
+    int64_t count = 0;
+    for (int row = kBand / 2; row < planes_.rows(); row += 4 * kBand) {
+      some.clear();
+      for (size_t at = 0; at < planes_.row_subpixels(); at += kOneIn, ++count)
+        some.add({.at = static_cast<int32_t>(at), .row = kBand / 2});
+      some.trace(scene, row - kBand / 2, tracer);
+    }
+    const FrameCounts counts = tracer.counts();
+    return is_expensive(static_cast<int64_t>(16 * (counts.shadow_rays + counts.secondary_rays)) /
+                        std::max<int64_t>(count, 1));
   }
 
   static constexpr int kBand = AdaptiveWorker::kBand;
@@ -234,12 +297,14 @@ class AdaptiveMethod final : public Method {
          [&](int row, int) { frame.samples.mark_bends(row, plan_.agreement); });
   }
 
-  /// Estimates the time that a tried band has saved against method full, in twentieths of the time
-  /// of shading a subpixel there.
-  static int64_t gain_of(const Scene& scene, const AdaptiveFrame::Band& band) {
-    static_cast<void>(scene);
-    const int64_t seen = band.seen, shaded = band.shaded;
-    return (band.retraced ? 0 : 20 * seen) - 3 * seen - 18 * shaded;
+  /// Estimates the time that a tried band has saved against method full. Only counters decide, so
+  /// that the bytes do not depend on the machine's speed.
+  [[nodiscard]] int64_t gain_of(const Scene& scene, const AdaptiveFrame::Band& band) const {
+    if (scene.pbr != nullptr) return band_costs::gain_of_materials(band);
+    const int64_t light = options_.soft.any() ? band_costs::kSoftRays
+                                              : static_cast<int64_t>(16 * band.rays) /
+                                                    std::max<int64_t>(band.audited, 1);
+    return band_costs::gain(band, static_cast<int64_t>(planes_.row_subpixels()) * kBand, light);
   }
 
   static RenderStatistics statistics_of(Workers& workers, uint64_t subpixels) {
