@@ -13,7 +13,7 @@ namespace lenticule::render {
 /// RenderStatistics describes the cost of one frame. Times are wall-clock seconds.
 struct RenderStatistics : FrameCounts {
   bool completed = true;
-  /// Upper bound, with 99 % confidence, of the share of all subpixels whose error exceeds the
+  /// Upper bound, with 99.99 % confidence, of the share of all subpixels whose error exceeds the
   /// tolerated error.
   double beyond_bound = 0.0;
   double seconds = 0.0;

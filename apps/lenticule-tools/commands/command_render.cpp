@@ -177,11 +177,12 @@ class RenderRun {
   void report_audit(double shaded_percent) const {
     const render::RenderStatistics& s = totals_.rays;
     say("subpixels: {:.1f} % shaded individually; of {} sampled and traced, {} were off by more "
-        "than {:g} code values; in no frame more than {:.2g} % of all (99 % confidence)\n",
+        "than {:g} code values; in no frame more than {:.2g} % of all (99.99 % confidence)\n",
         shaded_percent, s.audited_subpixels, s.audited_beyond,
         flags_.render.options.tolerated_error, 100.0 * s.beyond_bound);
     if (s.retraced_subpixels > 0)
-      say("{} subpixels in regions with too many errors were traced again\n", s.retraced_subpixels);
+      say("{} subpixels in regions with too many errors were rendered by method full\n",
+          s.retraced_subpixels);
   }
 
   const RenderCommandFlags& flags_;

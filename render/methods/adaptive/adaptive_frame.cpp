@@ -35,8 +35,13 @@ AdaptiveFrame::AdaptiveFrame(const AdaptivePlan& of, const KeyGrid& keys, const 
         static_cast<float>(component(scene.backdrop.colour, static_cast<int>(at % 3))));
   if (scene.backdrop.flat() || scene.backdrop.ground_shadow) eyes = keys.eyes();
   samples.begin(keys);
-  bands.resize(
-      static_cast<size_t>((of.planes.rows() + AdaptiveWorker::kBand - 1) / AdaptiveWorker::kBand));
+  const auto parts = [](int whole, int part) {
+    return static_cast<size_t>((whole + part - 1) / part);
+  };
+  bands.resize(parts(of.planes.rows(), AdaptiveWorker::kBand));
+  for (auto* blocks : {&taken.coarse, &taken.others})
+    blocks->resize(parts(keys.rows(), AdaptiveWorker::kSampleRows));
+  taken.bends.resize(static_cast<size_t>(keys.rows()));
 }
 
 void AdaptiveFrame::keep(const Kept& what) {
@@ -109,17 +114,21 @@ void AdaptiveWorker::list_sample(int picture, SamplePlace place) {
   if (listed_ == kPacket) trace_samples(picture);
 }
 
-void AdaptiveWorker::list_if_changed(int picture, SamplePlace place) {
-  if (!frame_.kept.at(frame_.grid.panel_row(place.row, picture),
-                      frame_.grid.ray(place.row, picture, place.column).x_mm))
+void AdaptiveWorker::list_if_changed(int picture, SamplePlace place, bool was_taken) {
+  if (!was_taken || !frame_.kept.at(frame_.grid.panel_row(place.row, picture),
+                                    frame_.grid.ray(place.row, picture, place.column).x_mm))
     list_sample(picture, place);
 }
 
 void AdaptiveWorker::take_coarse_samples(int first_row, int picture) {
   constexpr int kStep = KeySamples::kCoarse;
+  const AdaptiveFrame::Taken* before = frame_.kept.taken;
+  const bool were_taken =
+      before != nullptr && before->coarse[static_cast<size_t>(first_row / kSampleRows)] != 0;
   for (int column = 0; column < frame_.grid.columns(); column += kBlock * kStep)
     for (int n = 0; n < kBlock * kBlock; ++n)
-      list_if_changed(picture, {first_row + n / kBlock * kStep, column + n % kBlock * kStep});
+      list_if_changed(picture, {first_row + n / kBlock * kStep, column + n % kBlock * kStep},
+                      were_taken);
   trace_samples(picture);
 }
 
@@ -128,32 +137,46 @@ void AdaptiveWorker::take_coarse_samples(int first_row, int picture) {
 void AdaptiveWorker::take_other_samples(int first_row, int picture) {
   constexpr int kStep = KeySamples::kCoarse;
   const bool may_fill = !frame_.plan.options.soft.any();
+  const AdaptiveFrame::Taken* before = frame_.kept.taken;
+  const bool were_taken =
+      before != nullptr && before->others[static_cast<size_t>(first_row / kSampleRows)] != 0;
   const int end = std::min(first_row + kSampleRows, frame_.grid.rows());
   for (int row = first_row; row < end; row += kStep)
     for (int column = 0; column < frame_.grid.columns(); column += kStep) {
-      const bool were_filled = frame_.samples.is_filled(row, picture, column);
+      const bool were_traced = were_taken && !frame_.samples.is_filled(row, picture, column);
       if (may_fill && frame_.samples.fill(row, picture, column, frame_.plan.agreement)) continue;
       for (const SamplePlace& place : {SamplePlace{row, column + 1}, SamplePlace{row + 1, column},
                                        SamplePlace{row + 1, column + 1}})
-        were_filled ? list_sample(picture, place) : list_if_changed(picture, place);
+        list_if_changed(picture, place, were_traced);
     }
   trace_samples(picture);
 }
 
-void AdaptiveWorker::render_band(int first_row, bool on_trial) {
-  seen_ = 0;
+void AdaptiveWorker::render_band(int first_row) {
+  band_ = {};
+  band_.tried = true;
   uncertain_.clear();
   sampled_.clear();
   const int end = std::min(first_row + kBand, frame_.plan.planes.rows());
   const bool is_unchanged = is_whole_band_unchanged(first_row);
   for (int row = first_row; row < end; ++row)
     is_unchanged ? copy_row(first_row, row) : render_row(first_row, row);
-  uncertain_.shade(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
-  write_uncertain(first_row);
-  audit_band(first_row,
-             is_unchanged ? (*frame_.kept.bands)[static_cast<size_t>(first_row / kBand)]
-                          : AdaptiveFrame::Band{},
-             on_trial);
+  evaluate_exactly(true);
+  const FrameCounts before = colours_.tracer().counts();
+  sampled_.trace(frame_.scene, first_row, colours_.tracer());
+  const FrameCounts after = colours_.tracer().counts();
+  band_.audited = static_cast<uint32_t>(sampled_.subpixels().size());
+  band_.rays =
+      after.shadow_rays + after.secondary_rays - before.shadow_rays - before.secondary_rays;
+  evaluate_exactly(false);
+  if (are_lookups_rejected(first_row)) {
+    band_.shaded = 0;
+  } else {
+    uncertain_.shade(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
+    write_uncertain(first_row);
+  }
+  audit_band(first_row, is_unchanged ? (*frame_.kept.bands)[static_cast<size_t>(first_row / kBand)]
+                                     : AdaptiveFrame::Band{});
 }
 
 /// Returns true if the band can be copied: no content that its subpixels see and no sample that
@@ -191,9 +214,10 @@ void AdaptiveWorker::render_row(int first_row, int row) {
   group_of_cut_.clear();
   for (const SweptCut& cut : swept_.cuts)
     group_of_cut_.push_back(frame_.groups.of(cut.geometry, cut.primitive));
+  band_.cuts += static_cast<uint32_t>(swept_.cuts.size());
   group_of_cut_.push_back(SurfaceGroups::kNothing);  // read, but not used, in lanes without a cut
   look_up(between);
-  add_sampled(first_row, row);
+  add_sampled(first_row, row, false);
   sort_row(first_row, row, between);
   std::copy_n(found_row_.codes.data(), frame_.plan.planes.row_subpixels(), frame_.out.row(row));
 }
@@ -202,7 +226,7 @@ void AdaptiveWorker::copy_row(int first_row, int row) {
   const size_t count = frame_.plan.planes.row_subpixels();
   std::copy_n(frame_.kept.frame->row(row), count, frame_.out.row(row));
   counts_.copied_subpixels += count;
-  add_sampled(first_row, row);
+  add_sampled(first_row, row, true);
 }
 
 /// Finds the cells around a row. The rows of even and of odd views change at different panel rows.
@@ -298,13 +322,14 @@ uint8_t AdaptiveWorker::backdrop_code(int row, size_t at) const {
       static_cast<float>(light_beyond(scene.backdrop, from, way, static_cast<int>(at % 3))));
 }
 
-void AdaptiveWorker::add_sampled(int first_row, int row) {
+void AdaptiveWorker::add_sampled(int first_row, int row, bool copied) {
   const auto count = static_cast<uint32_t>(frame_.plan.planes.row_subpixels());
   const auto add = [&](uint32_t at, Draw draw) {
     if (at < count)
       sampled_.add({.at = static_cast<int32_t>(at),
                     .row = static_cast<uint16_t>(row - first_row),
-                    .draw = draw});
+                    .draw = draw,
+                    .is_shaded = !copied && found_row_.states[at] == lookup_kernel::kUnknown});
   };
   for (uint32_t stretch = 0; stretch * kSampledOneIn < count; ++stretch) {
     const SampledPair sampled = sampled_pair(static_cast<uint32_t>(row), stretch);
@@ -370,7 +395,20 @@ void AdaptiveWorker::sort_row(int first_row, int row, const KeyGrid::Between& be
   counts_.traced_subpixels += unknown;
   counts_.copied_subpixels += copied;
   counts_.interpolated_subpixels += count - unknown - copied;
-  seen_ += count - nothing;
+  band_.seen += static_cast<uint32_t>(count - nothing);
+  band_.shaded += static_cast<uint32_t>(unknown + copied);
+}
+
+bool AdaptiveWorker::are_lookups_rejected(int first_row) const {
+  if (frame_.plan.options.soft.any()) return false;  // noise is subtracted from the audit
+  AuditCounts retracing;
+  for (const SampledSubpixels::Subpixel& s : sampled_.subpixels()) {
+    if (s.draw != Draw::Retracing) continue;
+    const uint8_t code = frame_.out.row(first_row + s.row)[s.at];
+    const bool beyond = !s.is_shaded && is_beyond(code, frame_.encoder.code(s.light));
+    retracing += {.sampled = 1, .beyond = beyond ? uint64_t{1} : uint64_t{0}};
+  }
+  return needs_retracing(retracing, kMostBeyond);
 }
 
 void AdaptiveWorker::write_uncertain(int first_row) {
@@ -378,12 +416,9 @@ void AdaptiveWorker::write_uncertain(int first_row) {
     frame_.out.row(first_row + s.row)[s.at] = frame_.encoder.code(s.light);
 }
 
-/// Audits a band. `known` holds the results of a copied band, in which all audited subpixels are
-/// already exact.
-void AdaptiveWorker::audit_band(int first_row, const AdaptiveFrame::Band& known, bool on_trial) {
-  evaluate_exactly(true);
-  sampled_.trace(frame_.scene, first_row, colours_.tracer());
-  evaluate_exactly(false);
+/// Audits a band whose sampled subpixels are traced. `known` holds the results of a copied band, in
+/// which all audited subpixels are already exact.
+void AdaptiveWorker::audit_band(int first_row, const AdaptiveFrame::Band& known) {
   AuditCounts retracing, evaluation;
   for (const SampledSubpixels::Subpixel& s : sampled_.subpixels()) {
     uint8_t& code = frame_.out.row(first_row + s.row)[s.at];
@@ -392,21 +427,19 @@ void AdaptiveWorker::audit_band(int first_row, const AdaptiveFrame::Band& known,
     (s.draw == Draw::Retracing ? retracing : evaluation) += {.sampled = 1, .beyond = beyond};
     code = exact;
   }
-  AdaptiveFrame::Band& band = frame_.bands[static_cast<size_t>(first_row / kBand)];
   retracing.beyond = std::min(retracing.sampled, retracing.beyond + known.retracing.beyond);
   evaluation.beyond = std::min(evaluation.sampled, evaluation.beyond + known.evaluation.beyond);
-  band = {.retracing = retracing,
-          .evaluation = evaluation,
-          .seen = static_cast<uint32_t>(seen_),
-          .shaded = static_cast<uint32_t>(uncertain_.subpixels().size())};
+  if (known.tried) band_ = known;
+  band_.retracing = retracing;
+  band_.evaluation = evaluation;
   if (needs_retracing(retracing, kMostBeyond) && frame_.plan.options.soft.any())
     retracing.beyond -= std::min(retracing.beyond, count_noise(first_row));
   if (needs_retracing(retracing, kMostBeyond)) {
-    if (!on_trial) retrace_band(first_row);
     evaluation.beyond = 0;
-    band.retraced = true;
+    band_.retraced = true;
   }
   audit_ += evaluation;
+  frame_.bands[static_cast<size_t>(first_row / kBand)] = band_;
 }
 
 bool AdaptiveWorker::is_beyond(uint8_t code, uint8_t exact) const {
@@ -429,14 +462,25 @@ uint64_t AdaptiveWorker::count_noise(int first_row) {
   return beyond;
 }
 
+/// Renders a band as method full does. If it was not tried, it is also audited: without errors.
 void AdaptiveWorker::retrace_band(int first_row) {
   if (!full_)
     full_ = std::make_unique<FullTiles::Worker>(frame_.plan.full, frame_.scene, frame_.beams);
   const TilePlan& plan = frame_.plan.tiles;
   const int first_tile = first_row / kBand * plan.per_band();
   for (int n = 0; n < plan.per_band(); ++n) full_->render(plan.tile(first_tile + n), frame_.out);
-  const int rows = std::min(kBand, frame_.plan.planes.rows() - first_row);
-  counts_.retraced_subpixels += frame_.plan.planes.row_subpixels() * static_cast<size_t>(rows);
+  const int end = std::min(first_row + kBand, frame_.plan.planes.rows());
+  const size_t subpixels =
+      frame_.plan.planes.row_subpixels() * static_cast<size_t>(end - first_row);
+  counts_.retraced_subpixels += subpixels;
+  AdaptiveFrame::Band& band = frame_.bands[static_cast<size_t>(first_row / kBand)];
+  band.retraced = true;
+  if (band.tried) return;
+  counts_.traced_subpixels += subpixels;
+  sampled_.clear();
+  for (int row = first_row; row < end; ++row) add_sampled(first_row, row, true);
+  audit_ += {.sampled = static_cast<uint64_t>(std::ranges::count(
+                 sampled_.subpixels(), Draw::Evaluation, &SampledSubpixels::Subpixel::draw))};
 }
 
 FrameCounts AdaptiveWorker::counts() {

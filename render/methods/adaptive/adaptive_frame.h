@@ -56,20 +56,32 @@ struct AdaptiveFrame {
   /// no other, rays far from all objects are not made.
   std::optional<Interval> eyes;
 
-  /// Audit results of a band of rows.
+  /// Audit results and costs of a band of rows.
   struct Band {
     AuditCounts retracing, evaluation;
-    bool retraced = false;
-    uint32_t seen = 0;    ///< subpixels that see a surface
-    uint32_t shaded = 0;  ///< subpixels that were shaded individually
+    bool tried = false;     ///< rendered by this method
+    bool retraced = false;  ///< left to method full, or tried and rejected
+    uint32_t seen = 0;      ///< subpixels that see a surface
+    uint32_t shaded = 0;    ///< subpixels that were shaded individually, or copied instead
+    uint32_t cuts = 0;      ///< primitives cut by the rows' planes
+    uint32_t audited = 0;   ///< subpixels traced for the audit
+    uint64_t rays = 0;      ///< shadow and secondary rays of these
   };
   std::vector<Band> bands;
+
+  /// Marks of the samples that were taken: the coarse ones and the others of blocks of
+  /// AdaptiveWorker::kSampleRows rows of samples, and the bends of rows.
+  struct Taken {
+    std::vector<uint8_t> coarse, others, bends;
+  };
+  Taken taken;
 
   /// Unchanged regions, which reuse the samples in `memory` from the previous frame.
   struct Kept {
     const UnchangedRegions* parts = nullptr;  ///< null: no unchanged regions
     const frames::WovenFrame* frame = nullptr;
     const std::vector<Band>* bands = nullptr;
+    const Taken* taken = nullptr;
 
     [[nodiscard]] bool at(int row, double x_mm) const {
       return parts != nullptr && parts->at(row, x_mm);
@@ -99,9 +111,8 @@ class AdaptiveWorker {
   void take_coarse_samples(int first_row, int picture);
   /// Takes the other samples, after the coarse ones of these rows and of the rows below.
   void take_other_samples(int first_row, int picture);
-  /// Renders kBand rows of the panel. A band that the audit rejects is rendered as method full does
-  /// it, unless `on_trial`: then it is marked only, for retrace_band().
-  void render_band(int first_row, bool on_trial);
+  /// Renders kBand rows of the panel. A band that the audit rejects is marked for retrace_band().
+  void render_band(int first_row);
   /// Renders the band with method full's exact bytes.
   void retrace_band(int first_row);
 
@@ -117,7 +128,7 @@ class AdaptiveWorker {
     int row, column;
   };
   void list_sample(int picture, SamplePlace place);
-  void list_if_changed(int picture, SamplePlace place);
+  void list_if_changed(int picture, SamplePlace place, bool was_taken);
   void trace_samples(int picture);
   void set_sample(int picture, size_t lane);
   void render_row(int first_row, int row);
@@ -127,14 +138,17 @@ class AdaptiveWorker {
   void arrange_rays();
   void look_up(const KeyGrid::Between& between);
   void find_cells(const KeyGrid::Between& between);
-  void add_sampled(int first_row, int row);
+  void add_sampled(int first_row, int row, bool copied);
   void add_uncertain(int first_row, int row, size_t at, const KeyGrid::Between& between);
   void sort_row(int first_row, int row, const KeyGrid::Between& between);
   [[nodiscard]] RowPlane plane_of(int row) const;
   [[nodiscard]] bool sees_one_light(int row) const;
   [[nodiscard]] uint8_t backdrop_code(int row, size_t at) const;
+  /// Returns true if the audit rejects a band for its lookups alone, so that the other subpixels
+  /// need not be shaded.
+  [[nodiscard]] bool are_lookups_rejected(int first_row) const;
   void write_uncertain(int first_row);
-  void audit_band(int first_row, const AdaptiveFrame::Band& known, bool on_trial);
+  void audit_band(int first_row, const AdaptiveFrame::Band& known);
   [[nodiscard]] bool is_beyond(uint8_t code, uint8_t exact) const;
   uint64_t count_noise(int first_row);
 
@@ -168,8 +182,8 @@ class AdaptiveWorker {
     [[nodiscard]] std::array<LightResolver::Place, 2> places(size_t at) const;
   };
   FoundRow found_row_;
-  uint64_t seen_ = 0;   ///< subpixels of the band that see a surface
-  FrameCounts counts_;  ///< origin of the colours of the subpixels
+  AdaptiveFrame::Band band_;  ///< costs of the band so far
+  FrameCounts counts_;        ///< origin of the colours of the subpixels
   AuditCounts audit_;
 };
 

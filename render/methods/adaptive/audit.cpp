@@ -22,7 +22,7 @@ double cumulative_binomial(uint64_t successes, uint64_t tries, double p) {
 }  // namespace
 
 double bound_of_share(const AuditCounts& counts) {
-  constexpr double kDoubt = 0.01;
+  constexpr double kDoubt = 0.0001;
   if (counts.sampled == 0 || counts.beyond >= counts.sampled) return 1.0;
   double low = 0.0, high = 1.0;
   for (int step = 0; step < 50; ++step) {

@@ -43,9 +43,10 @@ struct AuditCounts {
   }
 };
 
-/// Returns an upper bound, with 99 % confidence, of the share of all subpixels whose error exceeds
-/// the tolerated error (Clopper and Pearson's exact bound for a binomial share); 1 if no subpixel
-/// was sampled.
+/// Returns an upper bound, with 99.99 % confidence, of the share of all subpixels whose error
+/// exceeds the tolerated error (Clopper and Pearson's exact bound for a binomial share); 1 if no
+/// subpixel was sampled. The confidence is that high because the bounds of all frames of a sequence
+/// should hold, and because the selection is the same in each.
 [[nodiscard]] double bound_of_share(const AuditCounts& counts);
 
 /// Returns true if the samples of a band indicate that more than the share `most` of its subpixels

@@ -18,6 +18,7 @@
 #include "render/culling/last_frame.h"
 #include "render/integrator/pbr_tracer.h"
 #include "render/methods/adaptive/adaptive_frame.h"
+#include "render/methods/adaptive/band_order.h"
 #include "render/methods/method_full.h"
 #include "render/rays/primary_rays.h"
 
@@ -68,6 +69,40 @@ bool is_shiny(const Scene& scene) {
          });
 }
 
+/// Estimates of processor time in nanoseconds, measured on one machine: only their ratios matter.
+namespace band_costs {
+
+constexpr int64_t kPrimary = 45;  ///< method full: a ray that meets a surface, and its shading
+constexpr int64_t kShadedMaterial = 200;  ///< the same with a metallic-roughness material
+constexpr int64_t kRay = 20;              ///< a shadow or secondary ray
+constexpr int64_t kSubpixel = 10;         ///< row sweep and lookup
+constexpr int64_t kCut = 90;              ///< a primitive cut by a row's plane
+constexpr int64_t kSorting = 60;     ///< a subpixel that is shaded individually, without its rays
+constexpr int64_t kPrimitive = 350;  ///< set-up for a frame
+/// Rays per subpixel with soft light, in sixteenths: always many.
+constexpr int64_t kSoftRays = 16 * 100;
+
+/// Returns the gain of a band of `subpixels` in which `rays` sixteenths of a ray start from each.
+/// Subpixels that see nothing cost little with both methods.
+int64_t gain(const AdaptiveFrame::Band& band, int64_t subpixels, int64_t rays) {
+  const int64_t seen = band.seen, shaded = band.shaded;
+  const int64_t rays_of_seen = seen > 0 ? rays * subpixels / seen : 0;
+  const int64_t full = kPrimary + kRay * rays_of_seen / 16;
+  const int64_t samples = seen * full / 8;  // and the audit
+  const int64_t shading = shaded * (kSorting + full * 5 / 8);
+  return (band.retraced ? 0 : seen * full) - seen * kSubpixel - band.cuts * kCut - samples -
+         shading;
+}
+
+/// Returns the gain of a band of metallic-roughness materials, where most time is spent on shading.
+int64_t gain_of_materials(const AdaptiveFrame::Band& band) {
+  const int64_t seen = band.seen, shaded = band.shaded;
+  return ((band.retraced ? 0 : 20 * seen) - 3 * seen - 18 * shaded) * kShadedMaterial / 20 -
+         band.cuts * kCut;
+}
+
+}  // namespace band_costs
+
 class AdaptiveMethod final : public Method {
  public:
   AdaptiveMethod(const optics::OpticalModel& model, const RenderOptions& options)
@@ -96,7 +131,7 @@ class AdaptiveMethod final : public Method {
                     geometry.format == frames::PixelFormat::Rgb8);
     require_supported(scene, options_);
     if (options_.copy_unchanged && last_.shows(scene)) return last_.copy_to(out);
-    if (!rays_fit(scene, planes_, reach_)) {
+    if (!rays_fit(scene, planes_, reach_) || is_set_up_expensive(scene)) {
       before_ = {};
       return full().render(scene, stage, out);
     }
@@ -108,27 +143,21 @@ class AdaptiveMethod final : public Method {
     Before now;
     std::optional<UnchangedRegions> kept;
     if (options_.copy_unchanged && scene.pbr == nullptr) {
-      now = {SceneObjects(scene), grid, frame.groups, {}};
+      now = {SceneObjects(scene), grid, frame.groups, {}, {}};
       if (before.grid && before.grid->is_same(grid) && *before.groups == frame.groups)
         kept.emplace(planes_, grid.eyes(), scene, options_.soft, before.objects, now.objects);
-      if (kept && kept->any()) frame.keep({&*kept, &last_.frame(), &before.bands});
+      if (kept && kept->any()) frame.keep({&*kept, &last_.frame(), &before.bands, &before.taken});
     }
     Workers workers([&] { return AdaptiveWorker(frame); });
     bool pays = true;
-    arena_.execute([&] {
-      take_samples(frame, workers, Bands::OnTrial);
-      render_bands(frame, workers, Bands::OnTrial);
-      pays = trial_pays(frame);
-      if (!pays) return;
-      take_samples(frame, workers, Bands::Others);
-      render_bands(frame, workers, Bands::Others);
-    });
+    arena_.execute([&] { pays = try_bands(frame, workers) && retrace_bands(frame, workers); });
     RenderStatistics statistics =
         pays ? statistics_of(workers, out.bytes().size()) : full().render(scene, stage, out);
     statistics.completed = statistics.completed && !cancelled_;
     if (options_.copy_unchanged && statistics.completed) {
       last_.keep(scene, out);
       now.bands = std::move(frame.bands);
+      now.taken = std::move(frame.taken);
       if (pays && scene.pbr == nullptr)
         before_ = std::move(now);  // else the last frame has other samples
     }
@@ -138,9 +167,8 @@ class AdaptiveMethod final : public Method {
   }
 
  private:
-  /// Returns method full, for metallic-roughness materials; for stages so flat or so deep that rays
-  /// leave the range of single precision, since method full checks each ray; and for frames of
-  /// which the audit rejects most bands.
+  /// Returns method full, for stages so flat or so deep that rays leave the range of single
+  /// precision, since method full checks each ray; and for frames that it renders faster.
   Method& full() {
     if (!full_) full_ = make_method_full(planes_.model(), full_options_);
     return *full_;
@@ -163,36 +191,77 @@ class AdaptiveMethod final : public Method {
     });
   }
 
+  /// Returns true if a scene has so many primitives that finding their surfaces and rows, once a
+  /// frame, costs almost half of the time of method full. Traces some hundred subpixels to learn
+  /// how many rays start from each.
+  [[nodiscard]] bool is_set_up_expensive(const Scene& scene) {
+    int64_t primitives = static_cast<int64_t>(scene.spheres.size() + scene.cones.size());
+    for (const MeshShape& mesh : scene.meshes)
+      primitives += static_cast<int64_t>(mesh.triangles.size());
+    const auto subpixels = static_cast<int64_t>(planes_.row_subpixels()) * planes_.rows();
+    const int64_t base = scene.pbr != nullptr ? band_costs::kShadedMaterial : band_costs::kPrimary;
+    const auto is_expensive = [&](int64_t rays) {
+      const int64_t full = subpixels * (base + band_costs::kRay * rays / 16) * 3 / 4;
+      return 5 * primitives * band_costs::kPrimitive > 2 * full;
+    };
+    if (options_.soft.any() || !is_expensive(0)) return false;
+    const FlushDenormals flush;
+    NotingTracer tracer(options_);
+    SampledSubpixels some(full_tiles_.packets(), full_tiles_.plan(), centre_);
+    constexpr int kOneIn = 256;
+    int64_t count = 0;
+    for (int row = kBand / 2; row < planes_.rows(); row += 4 * kBand) {
+      some.clear();
+      for (size_t at = 0; at < planes_.row_subpixels(); at += kOneIn, ++count)
+        some.add({.at = static_cast<int32_t>(at), .row = kBand / 2});
+      some.trace(scene, row - kBand / 2, tracer);
+    }
+    const FrameCounts counts = tracer.counts();
+    return is_expensive(static_cast<int64_t>(16 * (counts.shadow_rays + counts.secondary_rays)) /
+                        std::max<int64_t>(count, 1));
+  }
+
   static constexpr int kBand = AdaptiveWorker::kBand;
   static constexpr int kSampleRows = AdaptiveWorker::kSampleRows;
 
-  /// Trial bands, spread over the frame, decide if the other bands are rendered this way. Samples
-  /// of metallic-roughness materials are expensive, so fewer bands are tried.
-  enum class Bands { OnTrial, Others };
-  static bool is_on_trial(const AdaptiveFrame& frame, int band) {
-    const int one_in = frame.scene.pbr != nullptr ? 32 : 16;
-    return band % one_in == one_in / 2;
+  /// Tries bands in steps, of which each decides where the next one is worth it. Returns false if
+  /// the first step shows that method full is faster for the whole frame.
+  [[nodiscard]] bool try_bands(AdaptiveFrame& frame, Workers& workers) {
+    BandOrder order(static_cast<int>(frame.bands.size()));
+    bool is_first = true;
+    for (std::vector<int> due = order.next(); !due.empty(); due = order.next()) {
+      take_samples(frame, workers, due);
+      in_parallel(static_cast<int>(due.size()),
+                  [&](int n) { workers.local().render_band(due[static_cast<size_t>(n)] * kBand); });
+      for (const int band : due)
+        order.note(band, gain_of(frame.scene, frame.bands[static_cast<size_t>(band)]));
+      if (std::exchange(is_first, false) && order.loses()) return false;
+    }
+    return true;
   }
 
-  /// The last blocks of kSampleRows rows of samples that were taken, by block.
-  struct Taken {
-    std::vector<uint8_t> coarse, others, bends;
-  };
+  /// Renders the bands that were rejected or not tried. Returns true.
+  bool retrace_bands(AdaptiveFrame& frame, Workers& workers) {
+    in_parallel(static_cast<int>(frame.bands.size()), [&](int n) {
+      const AdaptiveFrame::Band& band = frame.bands[static_cast<size_t>(n)];
+      if (!band.tried || band.retraced) workers.local().retrace_band(n * kBand);
+    });
+    return true;
+  }
 
-  /// Marks the samples that the trial bands need: the rows around them with their neighbours, for
-  /// the bends, and the coarse ones of the blocks beside these, see KeySamples::fill().
-  [[nodiscard]] Taken needed_on_trial(const AdaptiveFrame& frame) const {
-    const int rows = frame.grid.rows(), blocks = (rows + kSampleRows - 1) / kSampleRows;
-    Taken needed{.coarse = std::vector<uint8_t>(static_cast<size_t>(blocks)),
-                 .others = std::vector<uint8_t>(static_cast<size_t>(blocks)),
-                 .bends = std::vector<uint8_t>(static_cast<size_t>(rows))};
+  /// Marks the samples that bands need: the rows around them with their neighbours, for the bends,
+  /// and the coarse ones of the blocks beside these, see KeySamples::fill().
+  [[nodiscard]] AdaptiveFrame::Taken needed(const AdaptiveFrame& frame,
+                                            const std::vector<int>& bands) const {
+    AdaptiveFrame::Taken needed{.coarse = std::vector<uint8_t>(frame.taken.coarse.size()),
+                                .others = std::vector<uint8_t>(frame.taken.others.size()),
+                                .bends = std::vector<uint8_t>(frame.taken.bends.size())};
     const auto mark = [](std::vector<uint8_t>& marks, int first, int last) {
       for (int n = std::max(first, 0); n <= last && n < static_cast<int>(marks.size()); ++n)
         marks[static_cast<size_t>(n)] = 1;
     };
-    for (size_t band = 0; band < frame.bands.size(); ++band) {
-      if (!is_on_trial(frame, static_cast<int>(band))) continue;
-      const int first_row = static_cast<int>(band) * kBand;
+    for (const int band : bands) {
+      const int first_row = band * kBand;
       const KeyGrid::Between first = frame.grid.between(first_row);
       const KeyGrid::Between last =
           frame.grid.between(std::min(first_row + kBand, planes_.rows()) - 1);
@@ -207,66 +276,35 @@ class AdaptiveMethod final : public Method {
     return needed;
   }
 
-  /// Takes the samples that bands need. The samples of other scenes are cheap, and all taken first.
-  void take_samples(AdaptiveFrame& frame, Workers& workers, Bands which) {
-    const bool all_first = frame.scene.pbr == nullptr;
-    if (all_first && which == Bands::Others) return;
-    const Taken on_trial = all_first ? Taken{} : needed_on_trial(frame);
-    const auto is_due = [&](const std::vector<uint8_t>& of_trial, int n) {
-      return all_first || (of_trial[static_cast<size_t>(n)] != 0) == (which == Bands::OnTrial);
+  /// Takes the samples that bands need and that are not yet taken.
+  void take_samples(AdaptiveFrame& frame, Workers& workers, const std::vector<int>& bands) {
+    const AdaptiveFrame::Taken now = needed(frame, bands);
+    const auto each = [&](const std::vector<uint8_t>& marks, std::vector<uint8_t>& taken,
+                          int pictures, const auto& take) {
+      in_parallel(static_cast<int>(marks.size()) * pictures, [&](int n) {
+        const auto at = static_cast<size_t>(n / pictures);
+        if (marks[at] != 0 && taken[at] == 0) take(n / pictures, n % pictures);
+      });
+      for (size_t n = 0; n < taken.size(); ++n) taken[n] = std::max(taken[n], marks[n]);
     };
-    const int pictures = frame.grid.pictures();
-    const int blocks = (frame.grid.rows() + kSampleRows - 1) / kSampleRows * pictures;
-    in_parallel(blocks, [&](int n) {
-      if (is_due(on_trial.coarse, n / pictures))
-        workers.local().take_coarse_samples(n / pictures * kSampleRows, n % pictures);
+    each(now.coarse, frame.taken.coarse, frame.grid.pictures(), [&](int block, int picture) {
+      workers.local().take_coarse_samples(block * kSampleRows, picture);
     });
-    in_parallel(blocks, [&](int n) {
-      if (is_due(on_trial.others, n / pictures))
-        workers.local().take_other_samples(n / pictures * kSampleRows, n % pictures);
+    each(now.others, frame.taken.others, frame.grid.pictures(), [&](int block, int picture) {
+      workers.local().take_other_samples(block * kSampleRows, picture);
     });
-    in_parallel(frame.grid.rows(), [&](int row) {
-      if (is_due(on_trial.bends, row)) frame.samples.mark_bends(row, plan_.agreement);
-    });
+    each(now.bends, frame.taken.bends, 1,
+         [&](int row, int) { frame.samples.mark_bends(row, plan_.agreement); });
   }
 
-  /// Renders the bands on trial; or the others, and again those on trial that the audit rejected.
-  void render_bands(AdaptiveFrame& frame, Workers& workers, Bands which) {
-    in_parallel(static_cast<int>(frame.bands.size()), [&](int band) {
-      const bool on_trial = is_on_trial(frame, band);
-      if (on_trial == (which == Bands::OnTrial))
-        workers.local().render_band(band * kBand, on_trial);
-      else if (on_trial && frame.bands[static_cast<size_t>(band)].retraced)
-        workers.local().retrace_band(band * kBand);
-    });
-  }
-
-  /// Returns true if the method is faster than method full. Rejected bands are traced twice; if
-  /// four fifths of the trial bands are rejected, method full is faster for the whole frame. A
-  /// single band is not enough evidence.
-  [[nodiscard]] bool trial_pays(const AdaptiveFrame& frame) const {
-    uint64_t rendered = 0, retraced = 0, seen = 0, shaded = 0, traced = 0;
-    for (size_t n = 0; n < frame.bands.size(); ++n) {
-      if (!is_on_trial(frame, static_cast<int>(n))) continue;
-      const AdaptiveFrame::Band& band = frame.bands[n];
-      const int rows = std::min(kBand, planes_.rows() - static_cast<int>(n) * kBand);
-      const uint64_t subpixels = planes_.row_subpixels() * static_cast<uint64_t>(rows);
-      rendered += subpixels;
-      retraced += band.retraced ? subpixels : 0;
-      seen += band.seen;
-      shaded += band.shaded;
-      traced += band.retraced ? band.seen : 0;
-    }
-    if (frame.scene.pbr != nullptr) return shading_pays(seen, shaded, traced);
-    return rendered <= static_cast<uint64_t>(kBand) * planes_.row_subpixels() ||
-           5 * retraced <= 4 * rendered;
-  }
-
-  /// The same for metallic-roughness materials, where most time is spent on shading: for subpixels
-  /// that see a surface, those that are shaded individually, and those that method full traces
-  /// again. Shading costs method full about a tenth more, with the rays that find the surface.
-  static bool shading_pays(uint64_t seen, uint64_t shaded, uint64_t traced) {
-    return 18 * shaded + 20 * traced <= 19 * seen;
+  /// Estimates the time that a tried band has saved against method full. Only counters decide, so
+  /// that the bytes do not depend on the machine's speed.
+  [[nodiscard]] int64_t gain_of(const Scene& scene, const AdaptiveFrame::Band& band) const {
+    if (scene.pbr != nullptr) return band_costs::gain_of_materials(band);
+    const int64_t light = options_.soft.any() ? band_costs::kSoftRays
+                                              : static_cast<int64_t>(16 * band.rays) /
+                                                    std::max<int64_t>(band.audited, 1);
+    return band_costs::gain(band, static_cast<int64_t>(planes_.row_subpixels()) * kBand, light);
   }
 
   static RenderStatistics statistics_of(Workers& workers, uint64_t subpixels) {
@@ -297,6 +335,7 @@ class AdaptiveMethod final : public Method {
     std::optional<KeyGrid> grid;
     std::optional<SurfaceGroups> groups;
     std::vector<AdaptiveFrame::Band> bands;
+    AdaptiveFrame::Taken taken;
   };
   Before before_;
   KeySamples samples_;            ///< memory is kept from frame to frame

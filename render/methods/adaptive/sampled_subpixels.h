@@ -23,7 +23,8 @@ class SampledSubpixels {
     int32_t at = 0;    ///< 3 i + channel
     uint16_t row = 0;  ///< index in the band
     Draw draw = Draw::None;
-    float light = 0.0F;  ///< result of tracing
+    bool is_shaded = false;  ///< not looked up
+    float light = 0.0F;      ///< result of tracing
   };
 
   /// Lifetime: all arguments must outlive the object. `centre` is the centre of the subpixels.
