@@ -10,8 +10,9 @@ function(lenticule_library name)
     PRIVATE ${LIBRARY_PRIVATE_DEPENDS})
 endfunction()
 
-# lenticule_isa_variants(NAME KERNEL.cpp)
-#   Compiles one kernel source once per instruction set into the library NAME. The source puts its
+# lenticule_isa_variants(NAME KERNEL.cpp [FLAG ...])
+#   Compiles one kernel source once per instruction set into the library NAME, for AVX-512 with the
+#   flags: extensions which the code that selects the variant must ask for. The source puts its
 #   functions into `namespace LENTICULE_ISA_NAMESPACE` (isa_baseline, isa_avx2, isa_avx512) and must
 #   include nothing that defines non-inline or inline functions shared with other files, so that the
 #   linker cannot choose an AVX-512 copy of a shared inline function.
@@ -23,7 +24,7 @@ function(lenticule_isa_variants name kernel)
   endif()
   set(flags_baseline "")
   set(flags_avx2 -mavx2 -mbmi2)
-  set(flags_avx512 -mavx512f -mavx512dq -mavx512bw -mavx512vl -mprefer-vector-width=512)
+  set(flags_avx512 -mavx512f -mavx512dq -mavx512bw -mavx512vl -mprefer-vector-width=512 ${ARGN})
   get_filename_component(stem ${kernel} NAME_WE)
   foreach(variant IN LISTS variants)
     set(object lenticule_${name}_${stem}_${variant})

@@ -40,9 +40,11 @@ constexpr uint64_t kPicturesAtATime = 48;  ///< roughly reference frames times t
 constexpr uint64_t kMostBytesPerPixel = 8;
 constexpr int kMostThreads = 4;
 
+/// Returns the number of decoding threads. One more than cores, because the decoder's threads get
+/// the next packet only when this thread has converted a picture.
 int bounded_threads(int wanted) {
   const int cores = static_cast<int>(std::thread::hardware_concurrency());
-  return std::clamp(wanted > 0 ? wanted : std::min(cores, kMostThreads), 1, 64);
+  return std::clamp(wanted > 0 ? wanted : std::min(cores, kMostThreads) + 1, 1, 64);
 }
 
 uint64_t memory_for(const frames::FrameGeometry& geometry) {

@@ -2,7 +2,9 @@
 #include "apps/lenticule-video/pixel_convert.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstring>
 
 #include "base/error.h"
 
@@ -17,6 +19,10 @@ constexpr int64_t kHalf = int64_t{1} << (kFraction - 1);
 int64_t fixed(double value) {
   return std::llround(std::ldexp(value, kFraction));
 }
+
+/// Deeper values are computed in 64 bits: weighted sums of chroma must fit into 15 bits.
+constexpr int kMostFastDepth = 10;
+constexpr int kMostFastShift = 1;
 
 /// Returns twice the number of luma samples per chroma sample: the sum of one axis's weights.
 int parts(int shift) {
@@ -49,7 +55,7 @@ bool is_whole_byte(const PixelComponent& component) {
 
 }  // namespace
 
-PixelConverter::PixelConverter(const PixelLayout& layout, int width, int height)
+PixelConverter::PixelConverter(const PixelLayout& layout, int width, int height, Isa isa)
     : layout_(layout),
       width_(width),
       height_(height),
@@ -58,7 +64,8 @@ PixelConverter::PixelConverter(const PixelLayout& layout, int width, int height)
       copies_bytes_(layout.model == ColourModel::Rgb &&
                     std::all_of(layout.components.begin(), layout.components.end(), is_whole_byte)),
       values_(static_cast<size_t>(width)),
-      second_(static_cast<size_t>(width)) {
+      second_(static_cast<size_t>(width)),
+      kernel_(&LENTICULE_SELECT_KERNEL(isa, kPixelKernel)) {
   LENTICULE_CHECK(width > 0 && height > 0);
   for (const PixelComponent& c : layout.components) LENTICULE_CHECK(c.depth >= 1 && c.depth <= 16);
   const bool limited = layout.model == ColourModel::Grey && !layout.full_range;
@@ -70,6 +77,10 @@ PixelConverter::PixelConverter(const PixelLayout& layout, int width, int height)
   cb_.resize(static_cast<size_t>(width));
   cr_.resize(static_cast<size_t>(width));
   plan_matrix();
+  const auto is_shallow = [](const PixelComponent& c) { return c.depth <= kMostFastDepth; };
+  fast_ = std::all_of(layout.components.begin(), layout.components.end(), is_shallow) &&
+          layout.chroma_shift_x <= kMostFastShift && layout.chroma_shift_y <= kMostFastShift;
+  if (fast_) plan_sums();
 }
 
 /// Chroma sample k lies at luma position n k + site (n - 1) / 2.
@@ -115,6 +126,42 @@ void PixelConverter::plan_matrix() {
   blue_0_ = -black_part - blue_cb_ * zero;
 }
 
+/// Rounds the coefficients. Constants are computed from the rounded ones, so that only a chroma
+/// value's distance from grey counts in the error.
+void PixelConverter::plan_sums() {
+  const auto rounded = [](int64_t value) {
+    return static_cast<int32_t>((value + (int64_t{1} << (kFraction - kSumFraction - 1))) >>
+                                (kFraction - kSumFraction));
+  };
+  const int depth = layout_.components[0].depth;
+  const int whole = parts(layout_.chroma_shift_x) * parts(layout_.chroma_shift_y);
+  const int32_t grey = (128 << (depth - 8)) * whole;
+  const int32_t black = layout_.full_range ? 0 : 16 << (depth - 8);
+  sums_ = {.luma = rounded(luma_),
+           .red_cr = rounded(red_cr_),
+           .green_cb = rounded(green_cb_),
+           .green_cr = rounded(green_cr_),
+           .blue_cb = rounded(blue_cb_),
+           .red_0 = 0,
+           .green_0 = 0,
+           .blue_0 = 0,
+           .error = 0};
+  const int32_t constant = (1 << (kSumFraction - 1)) - sums_.luma * black;
+  sums_.red_0 = constant - sums_.red_cr * grey;
+  sums_.green_0 = constant - (sums_.green_cb + sums_.green_cr) * grey;
+  sums_.blue_0 = constant - sums_.blue_cb * grey;
+  // Half a unit for each code value of luma and part of two chroma values.
+  sums_.error = (1 << depth) / 2 + grey + 1;
+  const auto size = static_cast<size_t>(width_ + kPixelPadding);
+  values_.resize(size);
+  second_.resize(size);
+  mixed_.resize(size);
+  fast_cb_.resize(size);
+  fast_cr_.resize(size);
+  doubtful_.resize(size);
+  row_.resize(3 * size);
+}
+
 void PixelConverter::convert(const PicturePlanes& picture, std::span<uint8_t> rgb) {
   LENTICULE_CHECK(picture.width == width_ && picture.height == height_);
   const size_t row_bytes = static_cast<size_t>(width_) * 3;
@@ -129,7 +176,7 @@ void PixelConverter::convert(const PicturePlanes& picture, std::span<uint8_t> rg
         grey_row(picture, row, out);
         break;
       case ColourModel::Yuv:
-        yuv_row(picture, row, out);
+        fast_ ? fast_yuv_row(picture, row, out) : yuv_row(picture, row, out);
         break;
     }
   }
@@ -143,6 +190,15 @@ void PixelConverter::unpack(const PicturePlanes& picture, int component, int row
   const auto mask = static_cast<unsigned>((1 << c.depth) - 1);
   const bool wide = c.shift + c.depth > 8;
   const int high = layout_.big_endian ? 0 : 1;
+  if (is_whole_byte(c) && c.step == 1) {
+    for (int x = 0; x < count; ++x) out[x] = in[x];
+    return;
+  }
+  if (wide && c.step == 2 && !layout_.big_endian && std::endian::native == std::endian::little) {
+    std::memcpy(out, in, 2 * static_cast<size_t>(count));
+    for (int x = 0; x < count; ++x) out[x] = static_cast<uint16_t>((out[x] >> c.shift) & mask);
+    return;
+  }
   for (int x = 0; x < count; ++x, in += c.step) {
     const unsigned word = wide ? static_cast<unsigned>(in[high] << 8 | in[1 - high]) : *in;
     out[x] = static_cast<uint16_t>((word >> c.shift) & mask);
@@ -197,13 +253,57 @@ void PixelConverter::yuv_row(const PicturePlanes& picture, int row, uint8_t* out
   chroma_row(picture, 1, row, cb_);
   chroma_row(picture, 2, row, cr_);
   unpack(picture, 0, row, width_, values_.data());
-  for (int x = 0; x < width_; ++x) {
-    const int64_t y = luma_ * values_[x];
-    const int64_t cb = cb_[x];
-    const int64_t cr = cr_[x];
-    out[3 * x] = clipped(y + red_0_ + red_cr_ * cr);
-    out[3 * x + 1] = clipped(y + green_0_ + green_cb_ * cb + green_cr_ * cr);
-    out[3 * x + 2] = clipped(y + blue_0_ + blue_cb_ * cb);
+  for (int x = 0; x < width_; ++x) exact_pixel(values_[x], cb_[x], cr_[x], out + 3 * x);
+}
+
+void PixelConverter::exact_pixel(int64_t luma, int64_t cb, int64_t cr, uint8_t* out) const {
+  const int64_t y = luma_ * luma;
+  out[0] = clipped(y + red_0_ + red_cr_ * cr);
+  out[1] = clipped(y + green_0_ + green_cb_ * cb + green_cr_ * cr);
+  out[2] = clipped(y + blue_0_ + blue_cb_ * cb);
+}
+
+/// Does the same as chroma_row() by the kernel.
+void PixelConverter::fast_chroma_row(const PicturePlanes& picture, int component, int row,
+                                     std::vector<int16_t>& out) {
+  const Tap& down = down_[static_cast<size_t>(row)];
+  const int whole = parts(layout_.chroma_shift_y), count = chroma_width_;
+  int16_t* const mixed = mixed_.data() + 1;
+  unpack(picture, component, down.first, count, values_.data());
+  unpack(picture, component, down.second, count, second_.data());
+  PairWeights weights{whole - down.weight_second, down.weight_second};
+  if (layout_.chroma_shift_x == 0) {  // a sample per pixel, in two parts
+    weights = {2 * weights.first, 2 * weights.second};
+    return kernel_->mix_rows(values_.data(), second_.data(), weights, count, out.data());
+  }
+  kernel_->mix_rows(values_.data(), second_.data(), weights, count, mixed);
+  mixed[-1] = mixed[0];
+  mixed[count] = mixed[count - 1];
+  // Even pixels lie at a sample or between it and the one before, odd ones between two samples.
+  const int site = layout_.site.across;
+  kernel_->spread(mixed, {site, 4 - site}, {2 + site, 2 - site}, count, out.data());
+}
+
+void PixelConverter::fast_yuv_row(const PicturePlanes& picture, int row, uint8_t* out) {
+  fast_chroma_row(picture, 1, row, fast_cb_);
+  fast_chroma_row(picture, 2, row, fast_cr_);
+  unpack(picture, 0, row, width_, values_.data());
+  // Whole blocks go directly to the picture; the kernel would write beyond its last row.
+  const int whole = width_ / kPixelPadding * kPixelPadding;
+  const auto convert = [&](int from, int count, uint8_t* rgb) {
+    kernel_->convert(sums_, values_.data() + from, fast_cb_.data() + from, fast_cr_.data() + from,
+                     count, rgb, doubtful_.data() + from);
+  };
+  convert(0, whole, out);
+  if (whole < width_) {
+    convert(whole, width_ - whole, row_.data());
+    std::memcpy(out + 3 * whole, row_.data(), 3 * static_cast<size_t>(width_ - whole));
+  }
+  for (int x = 0; x < width_; x += 8) {
+    uint64_t eight = 0;
+    std::memcpy(&eight, doubtful_.data() + x, sizeof eight);
+    for (int n = x; eight != 0 && n < std::min(x + 8, width_); ++n, eight >>= 8)
+      if ((eight & 1) != 0) exact_pixel(values_[n], fast_cb_[n], fast_cr_[n], out + 3 * n);
   }
 }
 

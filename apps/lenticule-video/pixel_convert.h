@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "apps/lenticule-video/pixel_kernel.h"
 #include "apps/lenticule-video/pixel_layout.h"
 
 namespace lenticule::video {
@@ -16,10 +17,13 @@ namespace lenticule::video {
 /// then rounded half up and clipped. Gamut and transfer function are not changed: code values stay
 /// code values.
 ///
+/// Up to 10 bits, a kernel computes the sums in 32 bits, and the few pixels whose rounding the
+/// error might change are computed again exactly.
+///
 /// convert() allocates no memory. Thread safety: one thread.
 class PixelConverter {
  public:
-  PixelConverter(const PixelLayout& layout, int width, int height);
+  PixelConverter(const PixelLayout& layout, int width, int height, Isa isa = best_isa());
 
   /// Converts a picture of the constructor's size; `rgb` holds width * height * 3 bytes.
   void convert(const PicturePlanes& picture, std::span<uint8_t> rgb);
@@ -35,11 +39,16 @@ class PixelConverter {
 
   [[nodiscard]] static std::vector<Tap> taps(int luma, int shift, int site);
   void plan_matrix();
+  void plan_sums();
   void unpack(const PicturePlanes& picture, int component, int row, int count, uint16_t* out) const;
   void rgb_row(const PicturePlanes& picture, int row, uint8_t* out);
   void grey_row(const PicturePlanes& picture, int row, uint8_t* out);
   void yuv_row(const PicturePlanes& picture, int row, uint8_t* out);
   void chroma_row(const PicturePlanes& picture, int component, int row, std::vector<int32_t>& out);
+  void fast_yuv_row(const PicturePlanes& picture, int row, uint8_t* out);
+  void fast_chroma_row(const PicturePlanes& picture, int component, int row,
+                       std::vector<int16_t>& out);
+  void exact_pixel(int64_t luma, int64_t cb, int64_t cr, uint8_t* out) const;
 
   PixelLayout layout_;
   int width_;
@@ -54,6 +63,13 @@ class PixelConverter {
   std::vector<uint16_t> second_;
   std::vector<int32_t> cb_;
   std::vector<int32_t> cr_;
+
+  // Working memory of the kernel; `mixed_` begins with a copy of its first sample.
+  const PixelKernel* kernel_;
+  bool fast_ = false;
+  Sums sums_{};
+  std::vector<int16_t> mixed_, fast_cb_, fast_cr_;
+  std::vector<uint8_t> row_, doubtful_;
 
   // Coefficients times 2^kFraction, per code value of luma and per part of a chroma code value.
   int64_t luma_ = 0;

@@ -83,8 +83,7 @@ struct BandEncoder::State {
 };
 
 BandEncoder::BandEncoder(size_t max_band_bytes, Isa isa)
-    : state_(std::make_unique<State>(max_band_bytes,
-                                     LENTICULE_SELECT_KERNEL(isa, kPredictorKernel))) {}
+    : state_(std::make_unique<State>(max_band_bytes, predictor_kernel(isa))) {}
 BandEncoder::~BandEncoder() = default;
 BandEncoder::BandEncoder(BandEncoder&&) noexcept = default;
 BandEncoder& BandEncoder::operator=(BandEncoder&&) noexcept = default;
@@ -134,7 +133,7 @@ struct BandDecoder::State {
       : kernel(functions),
         decompressor(make_decompressor()),
         modes(blocks_of(max_band_bytes)),
-        masks(blocks_of(max_band_bytes) * kMaskBytes),
+        masks(blocks_of(max_band_bytes) * kMaskBytes + kMaskPadding),
         values(max_band_bytes + kValuePadding) {}
 
   [[nodiscard]] bool decompress(std::span<const uint8_t> from, std::span<uint8_t> to) noexcept {
@@ -200,8 +199,7 @@ struct BandDecoder::State {
 };
 
 BandDecoder::BandDecoder(size_t max_band_bytes, Isa isa)
-    : state_(std::make_unique<State>(max_band_bytes,
-                                     LENTICULE_SELECT_KERNEL(isa, kPredictorKernel))) {}
+    : state_(std::make_unique<State>(max_band_bytes, predictor_kernel(isa))) {}
 BandDecoder::~BandDecoder() = default;
 BandDecoder::BandDecoder(BandDecoder&&) noexcept = default;
 BandDecoder& BandDecoder::operator=(BandDecoder&&) noexcept = default;

@@ -55,7 +55,7 @@ std::vector<size_t> sample_blocks(const FrameGeometry& geometry, int band_rows) 
 /// Returns costs[c * starts.size() + s]: the cost of sample s predicted from candidate c.
 std::vector<uint8_t> measure(const FrameView& frame, const std::vector<uint32_t>& distances,
                              const std::vector<size_t>& starts) {
-  const PredictorKernel& kernel = LENTICULE_SELECT_KERNEL(best_isa(), kPredictorKernel);
+  const PredictorKernel& kernel = predictor_kernel(best_isa());
   std::vector<uint8_t> costs;
   costs.reserve(distances.size() * starts.size());
   for (const uint32_t distance : distances) {
@@ -101,6 +101,13 @@ PredictorTable choose_predictors(const FrameView& frame, int band_rows) {
     for (size_t s = 0; s < starts.size(); ++s) so_far[s] = std::min(so_far[s], chosen[s]);
   }
   return predictors;
+}
+
+const PredictorKernel& predictor_kernel(Isa isa) {
+#if defined(__x86_64__)
+  if (!__builtin_cpu_supports("avx512vbmi2")) isa = std::min(isa, Isa::Avx2);
+#endif
+  return LENTICULE_SELECT_KERNEL(isa, kPredictorKernel);
 }
 
 }  // namespace lenticule::frames

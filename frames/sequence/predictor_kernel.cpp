@@ -18,6 +18,8 @@ const uint8_t kZeros[kBlockBytes] = {};
 
 #if defined(__AVX2__)
 
+#if !defined(__AVX512VBMI2__)
+
 /// SpreadTable maps a byte of a mask to the positions of its values: shuffle control for eight
 /// bytes.
 struct SpreadTable {
@@ -39,6 +41,8 @@ constexpr SpreadTable make_spread_table() {
 
 constexpr SpreadTable kSpread = make_spread_table();
 
+#endif
+
 struct Block {
   __m256i bytes;
 };
@@ -50,6 +54,16 @@ Block load(const uint8_t* from) noexcept {
 void store(Block block, uint8_t* to) noexcept {
   _mm256_storeu_si256(reinterpret_cast<__m256i*>(to), block.bytes);
 }
+
+#if defined(__AVX512VBMI2__)
+
+/// Adds the next values to the bytes whose bit is set in the mask.
+Block add_values(Block block, uint32_t mask, const uint8_t* values) noexcept {
+  const __m256i packed = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(values));
+  return {_mm256_add_epi8(block.bytes, _mm256_maskz_expand_epi8(mask, packed))};
+}
+
+#else
 
 __m128i spread_eight(uint32_t mask, const uint8_t*& values) noexcept {
   const __m128i packed = _mm_loadl_epi64(reinterpret_cast<const __m128i*>(values));
@@ -68,6 +82,8 @@ Block add_values(Block block, uint32_t mask, const uint8_t* values) noexcept {
   const __m256i all = _mm256_set_m128i(_mm_unpacklo_epi64(c, d), _mm_unpacklo_epi64(a, b));
   return {_mm256_add_epi8(block.bytes, all)};
 }
+
+#endif
 
 struct Difference {
   uint32_t non_zero;
@@ -178,57 +194,106 @@ void write_block(const Choice& choice, const uint8_t* block, const uint8_t* from
   }
 }
 
-constexpr size_t kRunBlocks = 8;
+constexpr size_t kGroup = 8;  ///< number of blocks after which a run is looked for
 
-/// Returns true for eight consecutive blocks that are copies from the same distance: most of a
-/// static picture.
-bool is_run(const uint8_t* modes, uint8_t mode) noexcept {
+/// Returns true if the next kGroup blocks are copies from the same distance: most of a static
+/// picture.
+bool is_run(const uint8_t* modes) noexcept {
+  static_assert(kGroup == sizeof(uint64_t));
   uint64_t eight = 0;
   __builtin_memcpy(&eight, modes, sizeof eight);
-  return eight == mode * uint64_t{0x0101010101010101};
+  const uint8_t mode = modes[0];
+  return mode != 0 && mode <= kPredictorMask && eight == mode * uint64_t{0x0101010101010101};
 }
 
 void copy_run(const uint8_t* from, uint8_t* to) noexcept {
-  for (size_t i = 0; i < kRunBlocks * kBlockBytes; i += kBlockBytes) store(load(from + i), to + i);
+  for (size_t i = 0; i < kGroup * kBlockBytes; i += kBlockBytes) store(load(from + i), to + i);
 }
+
+/// BlockDecoder decodes the blocks of a band one after the other. No branch depends on whether a
+/// block has residuals, which is hard to predict: a block without has an empty mask.
+class BlockDecoder {
+ public:
+  BlockDecoder(const PredictorTable& predictors, const PredictorStreams& in, uint8_t* out) noexcept
+      : modes_(in.modes),
+        masks_(in.masks),
+        values_(in.values),
+        values_end_(in.values + in.value_count),
+        out_(out) {
+    for (int predictor = 0; predictor <= kPredictorMask; ++predictor)
+      distance_[predictor] =
+          predictor <= predictors.count ? predictors.distance[predictor] : kOutOfReach;
+  }
+
+  /// Decodes a run if one begins at `start`; returns false if there is none.
+  [[nodiscard]] bool decode_run(size_t start) noexcept {
+    const uint8_t* const modes = modes_ + start / kBlockBytes;
+    if (!is_run(modes)) return false;
+    const size_t distance = distance_[modes[0]];
+    if (distance > start) return false;
+    copy_run(out_ + start - distance, out_ + start);
+    return true;
+  }
+
+  /// Computes the block at `start`, of which the bytes in `existing` exist; returns false for wrong
+  /// input.
+  [[nodiscard]] bool decode(size_t start, uint32_t existing, Block& block) noexcept {
+    const uint8_t mode = modes_[start / kBlockBytes];
+    const int predictor = mode & kPredictorMask;
+    const size_t distance = distance_[predictor];
+    if (mode > (kPredictorMask | kHasResidual) || distance > start) return false;
+    const uint32_t has_residual = mode / kHasResidual;
+    const uint32_t mask = load_mask(masks_) & (0 - has_residual);
+    const int count = __builtin_popcount(mask);
+    if (count > values_end_ - values_ || (mask & ~existing) != 0) return false;
+    block = add_values(load(predictor == 0 ? kZeros : out_ + start - distance), mask, values_);
+    masks_ += 4 * has_residual;
+    values_ += count;
+    return true;
+  }
+
+  [[nodiscard]] bool is_complete() const noexcept { return values_ == values_end_; }
+
+ private:
+  static constexpr uint32_t kOutOfReach = ~uint32_t{0};
+
+  uint32_t distance_[kPredictorMask + 1];
+  const uint8_t* const modes_;
+  const uint8_t* masks_;
+  const uint8_t* values_;
+  const uint8_t* const values_end_;
+  uint8_t* const out_;
+};
 
 bool decode_blocks(const PredictorTable& predictors, const PredictorStreams& in, uint8_t* out,
                    size_t bytes) noexcept {
-  const uint8_t* masks = in.masks;
-  const uint8_t* values = in.values;
-  const uint8_t* const values_end = in.values + in.value_count;
-  for (size_t start = 0; start < bytes; start += kBlockBytes) {
-    const uint8_t mode = in.modes[start / kBlockBytes];
-    const int predictor = mode & kPredictorMask;
-    const size_t distance = predictors.distance[predictor];
-    if ((mode & ~(kPredictorMask | kHasResidual)) != 0 || predictor > predictors.count ||
-        distance > start)
-      return false;
-    const size_t left = bytes - start;
-    if (mode == predictor && predictor != 0 && left >= kRunBlocks * kBlockBytes &&
-        is_run(in.modes + start / kBlockBytes, mode)) {
-      copy_run(out + start - distance, out + start);
-      start += (kRunBlocks - 1) * kBlockBytes;
+  constexpr size_t kGroupBytes = kGroup * kBlockBytes;
+  BlockDecoder decoder(predictors, in, out);
+  Block block;
+  size_t start = 0;
+  const auto decode_whole = [&]() noexcept {
+    if (!decoder.decode(start, ~uint32_t{0}, block)) return false;
+    store(block, out + start);
+    start += kBlockBytes;
+    return true;
+  };
+  while (bytes - start >= kGroupBytes) {
+    if (decoder.decode_run(start)) {
+      start += kGroupBytes;
       continue;
     }
-    Block block = load(predictor == 0 ? kZeros : out + start - distance);
-    if ((mode & kHasResidual) != 0) {
-      const uint32_t mask = load_mask(masks);
-      masks += 4;
-      const int count = __builtin_popcount(mask);
-      if (count > values_end - values || (mask & ~bits_of(left)) != 0) return false;
-      block = add_values(block, mask, values);
-      values += count;
-    }
-    if (left >= kBlockBytes) {
-      store(block, out + start);
-    } else {
-      uint8_t whole[kBlockBytes];
-      store(block, whole);
-      __builtin_memcpy(out + start, whole, left);
-    }
+    for (size_t n = 0; n < kGroup; ++n)
+      if (!decode_whole()) return false;
   }
-  return values == values_end;
+  while (bytes - start >= kBlockBytes)
+    if (!decode_whole()) return false;
+  if (start < bytes) {
+    if (!decoder.decode(start, bits_of(bytes - start), block)) return false;
+    uint8_t whole[kBlockBytes];
+    store(block, whole);
+    __builtin_memcpy(out + start, whole, bytes - start);
+  }
+  return decoder.is_complete();
 }
 
 void encode_blocks(const PredictorTable& predictors, const uint8_t* band, size_t bytes,

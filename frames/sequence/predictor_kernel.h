@@ -20,15 +20,16 @@ struct PredictorTable {
   uint32_t distance[kMaxPredictors + 1] = {};  ///< [1..count], each at least kBlockBytes
 };
 
-/// PredictorStreams is the input of decoding a band. `values` has kValuePadding readable bytes
-/// after value_count.
+/// PredictorStreams is the input of decoding a band. `masks` has kMaskPadding readable bytes after
+/// the last mask, `values` kValuePadding after value_count.
 struct PredictorStreams {
   const uint8_t* modes = nullptr;   ///< one per block
   const uint8_t* masks = nullptr;   ///< four bytes per block with a residual
   const uint8_t* values = nullptr;  ///< the residuals that are not zero
   size_t value_count = 0;
 };
-inline constexpr size_t kValuePadding = 8;
+inline constexpr size_t kMaskPadding = 4;
+inline constexpr size_t kValuePadding = kBlockBytes;
 
 /// PredictorOutput is the output of encoding a band. Capacities per block: one byte of modes, four
 /// bytes of masks, kBlockBytes bytes of values.
@@ -56,5 +57,9 @@ struct PredictorKernel {
 };
 
 LENTICULE_DECLARE_KERNEL(PredictorKernel, kPredictorKernel)
+
+/// Returns the best variant that does not exceed `isa` and that this machine can run. The variant
+/// for AVX-512 needs VBMI2, too.
+[[nodiscard]] const PredictorKernel& predictor_kernel(Isa isa);
 
 }  // namespace lenticule::frames

@@ -40,7 +40,7 @@ RunTerms::RunTerms(const Terms& terms, const TransposedRows& rows, const Set& se
     row_weight[r] = _mm256_set1_epi16(set.row_share[r]);
     upper[r] = static_cast<const char*>(rows.upper[r]);
     lower[r] = static_cast<const char*>(rows.lower[r]);
-    out[r] = target.light + static_cast<size_t>(r) * target.light_stride + set.first;
+    out[r] = target.light + static_cast<size_t>(r) * target.stride + set.first;
   }
 }
 

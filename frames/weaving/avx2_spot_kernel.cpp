@@ -86,8 +86,7 @@ void mix_spot_set_avx2(const Terms& terms, const TransposedRows& rows, const Set
                        const Quad* quads, const Target& target) noexcept {
   for (uint32_t q = set.quads_begin; q < set.quads_end; ++q)
     for (int r = 0; r < kRows; ++r)
-      mix_run(terms, rows, set, quads[q], r,
-              target.light + static_cast<size_t>(r) * target.light_stride);
+      mix_run(terms, rows, set, quads[q], r, target.light + static_cast<size_t>(r) * target.stride);
 }
 
 }  // namespace lenticule::frames::weave_kernel

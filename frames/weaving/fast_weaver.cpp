@@ -111,9 +111,12 @@ BlockWeaver::BlockWeaver(std::shared_ptr<const WeavePlan> plan, WeaveKernel kern
   lanes_ =
       static_cast<size_t>(shape.count + static_cast<int>(kLaneStep) - 1) / kLaneStep * kLaneStep;
   first_pixels_.resize(lanes_);
-  // Runs are written eight at a time, and whole registers are read.
-  light_stride_ = static_cast<size_t>(plan_->geometry().width) * 3 + 64;
-  light_.resize(light_stride_ * kRows);
+  // Runs are written eight at a time.
+  stride_ = static_cast<size_t>(plan_->geometry().width) * 3 + 64;
+  if (kernel_ == WeaveKernel::Permute)
+    codes_.resize(stride_ * kRows);
+  else
+    light_.resize(stride_ * kRows);
   if (kernel_ != WeaveKernel::Plain) prepare_turning();
 }
 
@@ -196,7 +199,8 @@ weave_kernel::TransposedRows BlockWeaver::transposed_rows(const Set& set) noexce
 }
 
 void BlockWeaver::mix(const WeavePlan::Block& block) noexcept {
-  const weave_kernel::Target target{.light = light_.data(), .light_stride = light_stride_};
+  const weave_kernel::Target target{
+      .light = light_.data(), .codes = codes_.data(), .stride = stride_};
   for (const Set& set : block.sets) mix_set(set, block.quads, target);
 }
 
@@ -217,24 +221,22 @@ void BlockWeaver::mix_set(const Set& set, const weave_kernel::Quad* quads,
 }
 
 void BlockWeaver::blacken(const WeavePlan::Block& block) noexcept {
-  for (const WeavePlan::Bar& bar : block.bars) {
-    uint16_t* const row = light_.data() + static_cast<size_t>(bar.row) * light_stride_;
-    for (uint32_t n = 0; n < bar.count; ++n) row[bar.first + size_t{n} * bar.stride] = 0;
-  }
+  const auto fill = [&](auto* values) {
+    for (const WeavePlan::Bar& bar : block.bars)
+      for (uint32_t n = 0; n < bar.count; ++n)
+        values[static_cast<size_t>(bar.row) * stride_ + bar.first + size_t{n} * bar.stride] = 0;
+  };
+  kernel_ == WeaveKernel::Permute ? fill(codes_.data()) : fill(light_.data());
 }
 
-void BlockWeaver::encode_row(const uint16_t* light, uint8_t* codes) const noexcept {
-  const size_t count = plan_->geometry().row_bytes();
-#if defined(__x86_64__)
-  if (kernel_ == WeaveKernel::Permute) {
-    weave_kernel::encode_by_permuting(terms_, light, count, codes);
-  } else {
-    weave_kernel::encode_plainly(terms_, light, count, codes);
-  }
-#else
-  weave_kernel::encode_plainly(terms_, light, count, codes);
-#endif
-  if (plan_->blue_first()) swap_red_and_blue(codes, plan_->geometry().width);
+/// Writes row r of the block as code values.
+void BlockWeaver::write_row(int r, uint8_t* row) const noexcept {
+  const size_t count = plan_->geometry().row_bytes(), at = static_cast<size_t>(r) * stride_;
+  if (kernel_ == WeaveKernel::Permute)
+    std::memcpy(row, codes_.data() + at, count);
+  else
+    weave_kernel::encode_plainly(terms_, light_.data() + at, count, row);
+  if (plan_->blue_first()) swap_red_and_blue(row, plan_->geometry().width);
 }
 
 void BlockWeaver::weave_block(int index, WovenFrame& frame) noexcept {
@@ -242,8 +244,7 @@ void BlockWeaver::weave_block(int index, WovenFrame& frame) noexcept {
   mix(block);
   blacken(block);
   for (int r = 0; r < kRows && index * kRows + r < frame.height(); ++r)
-    encode_row(light_.data() + static_cast<size_t>(r) * light_stride_,
-               frame.row(index * kRows + r));
+    write_row(r, frame.row(index * kRows + r));
 }
 
 void BlockWeaver::weave(const ViewSet& views, int begin, int end, WovenFrame& frame) noexcept {

@@ -58,7 +58,7 @@ class BlockWeaver {
   void mix_set(const weave_kernel::Set& set, const weave_kernel::Quad* quads,
                const weave_kernel::Target& target) noexcept;
   void blacken(const WeavePlan::Block& block) noexcept;
-  void encode_row(const uint16_t* light, uint8_t* codes) const noexcept;
+  void write_row(int r, uint8_t* row) const noexcept;
   void prepare_turning();
   void transpose(int row, uint8_t* transposed) const noexcept;
   [[nodiscard]] const uint8_t* transposed_row(int row) noexcept;
@@ -69,8 +69,10 @@ class BlockWeaver {
   weave_kernel::Terms terms_{};
   std::vector<const uint8_t*> first_pixels_;
   weave_kernel::Pictures pictures_{};
+  /// Rows of the block that is woven: code values of the permute kernel, light of the others.
+  std::vector<uint8_t> codes_;
   std::vector<uint16_t> light_;
-  size_t light_stride_ = 0;
+  size_t stride_ = 0;
   /// Transposed picture rows, with the views side by side: row r in slot r mod slots.
   Transposed transposed_;
   size_t transposed_bytes_ = 0;

@@ -300,16 +300,43 @@ void choose_batch(const TransposedRows& rows, const Quad* quads, uint32_t count,
   }
 }
 
-void store_rows(__m512i light, const Set& set, const Quad& quad, const Target& target) {
-  uint16_t* const out = target.light + set.first;
-  const auto row = [&](int r) {
-    return reinterpret_cast<__m128i*>(out + static_cast<size_t>(r) * target.light_stride +
-                                      quad.at[r]);
+/// CodeTable maps light to codes by the encoding curve.
+struct CodeTable {
+  __m512i low_start[2], low_rise[2], high_start[2], high_rise[2];
+};
+
+CodeTable code_table(const int16_t* curve) {
+  const auto part = [&](int n) { return _mm512_load_si512(curve + 32 * n); };
+  return {{part(0), part(1)}, {part(2), part(3)}, {part(4), part(5)}, {part(6), part(7)}};
+}
+
+/// Returns the codes of 32 values of light.
+__m256i codes_of(const CodeTable& table, __m512i light) {
+  const __mmask32 high = _mm512_cmpge_epi16_mask(light, _mm512_set1_epi16(2048));
+  const auto both = [](const __m512i(&points)[2], __m512i n) {
+    return _mm512_permutex2var_epi16(points[0], n, points[1]);
   };
-  _mm_storeu_si128(row(0), _mm512_castsi512_si128(light));
-  _mm_storeu_si128(row(1), _mm512_extracti32x4_epi32(light, 1));
-  _mm_storeu_si128(row(2), _mm512_extracti32x4_epi32(light, 2));
-  _mm_storeu_si128(row(3), _mm512_extracti32x4_epi32(light, 3));
+  const __m512i low_n = _mm512_srli_epi16(light, 5), high_n = _mm512_srli_epi16(light, 9);
+  const __m512i start =
+      _mm512_mask_blend_epi16(high, both(table.low_start, low_n), both(table.high_start, high_n));
+  const __m512i rise =
+      _mm512_mask_blend_epi16(high, both(table.low_rise, low_n), both(table.high_rise, high_n));
+  const __m512i rest = _mm512_and_si512(
+      _mm512_mask_blend_epi16(high, _mm512_slli_epi16(light, 10), _mm512_slli_epi16(light, 6)),
+      _mm512_set1_epi16(0x7fff));
+  return _mm512_cvtepi16_epi8(
+      _mm512_srli_epi16(_mm512_add_epi16(start, _mm512_mulhrs_epi16(rise, rest)), 7));
+}
+
+void store_rows(__m256i codes, const Set& set, const Quad& quad, const Target& target) {
+  uint8_t* const out = target.codes + set.first;
+  const auto row = [&](int r) { return out + static_cast<size_t>(r) * target.stride + quad.at[r]; };
+  const auto store_two = [](__m128i two, uint8_t* first, uint8_t* second) {
+    _mm_storel_epi64(reinterpret_cast<__m128i*>(first), two);
+    _mm_storeh_pd(reinterpret_cast<double*>(second), _mm_castsi128_pd(two));
+  };
+  store_two(_mm256_castsi256_si128(codes), row(0), row(1));
+  store_two(_mm256_extracti128_si256(codes, 1), row(2), row(3));
 }
 
 /// Transposes sixteen by sixteen double words.
@@ -385,6 +412,7 @@ template <int kParts, bool kMixesViews>
 void mix_set(const Terms& terms, const TransposedRows& rows, const Set& set, const Quad* quads,
              const Target& target) {
   const LightTable table = light_table(terms.light);
+  const CodeTable encoding = code_table(terms.curve);
   const __m512i row_weight = per_row(set.row_share);
   Batch<kMixesViews> batch;
   for (uint32_t q = set.quads_begin; q < set.quads_end; q += kBatch) {
@@ -398,7 +426,8 @@ void mix_set(const Terms& terms, const TransposedRows& rows, const Set& set, con
     for (uint32_t n = 0; n < count; ++n)
       batch.light[n] = mix_record(table, batch.codes[n], row_weight, batch.column_weight[n],
                                   batch.views[n].weight);
-    for (uint32_t n = 0; n < count; ++n) store_rows(batch.light[n], set, quads[q + n], target);
+    for (uint32_t n = 0; n < count; ++n)
+      store_rows(codes_of(encoding, batch.light[n]), set, quads[q + n], target);
   }
 }
 
@@ -439,32 +468,6 @@ void mix_set_by_permuting(const Terms& terms, const TransposedRows& rows, const 
       return mixes ? mix_set<4, true>(terms, rows, set, quads, target)
                    : mix_set<4, false>(terms, rows, set, quads, target);
   }
-}
-
-void encode_by_permuting(const Terms& terms, const uint16_t* light, size_t count,
-                         uint8_t* codes) noexcept {
-  const int16_t* const curve = terms.curve;
-  __m512i part[8];
-  for (int n = 0; n < 8; ++n) part[n] = _mm512_load_si512(curve + 32 * n);
-  const __m512i fraction = _mm512_set1_epi16(0x7fff);
-  size_t at = 0;
-  for (; at + 32 <= count; at += 32) {
-    const __m512i x = _mm512_loadu_si512(light + at);
-    const __mmask32 high = _mm512_cmpge_epi16_mask(x, _mm512_set1_epi16(2048));
-    const __m512i low_n = _mm512_srli_epi16(x, 5), high_n = _mm512_srli_epi16(x, 9);
-    const __m512i start =
-        _mm512_mask_blend_epi16(high, _mm512_permutex2var_epi16(part[0], low_n, part[1]),
-                                _mm512_permutex2var_epi16(part[4], high_n, part[5]));
-    const __m512i rise =
-        _mm512_mask_blend_epi16(high, _mm512_permutex2var_epi16(part[2], low_n, part[3]),
-                                _mm512_permutex2var_epi16(part[6], high_n, part[7]));
-    const __m512i rest = _mm512_and_si512(
-        _mm512_mask_blend_epi16(high, _mm512_slli_epi16(x, 10), _mm512_slli_epi16(x, 6)), fraction);
-    const __m512i code =
-        _mm512_srli_epi16(_mm512_add_epi16(start, _mm512_mulhrs_epi16(rise, rest)), 7);
-    _mm256_storeu_si256(reinterpret_cast<__m256i*>(codes + at), _mm512_cvtepi16_epi8(code));
-  }
-  for (; at < count; ++at) codes[at] = terms.codes[light[at]];
 }
 
 }  // namespace lenticule::frames::weave_kernel

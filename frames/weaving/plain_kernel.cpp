@@ -88,7 +88,7 @@ void mix_set_plainly(const Terms& terms, const Pictures& pictures, const Set& se
   for (uint32_t q = set.quads_begin; q < set.quads_end; ++q)
     for (int r = 0; r < kRows; ++r)
       mix_run(terms, pictures, set, quads[q], r,
-              target.light + static_cast<size_t>(r) * target.light_stride);
+              target.light + static_cast<size_t>(r) * target.stride);
 }
 
 void encode_plainly(const Terms& terms, const uint16_t* light, size_t count,

@@ -91,8 +91,7 @@ void mix_set_transposed(const Terms& terms, const TransposedRows& rows, const Se
                         const Quad* quads, const Target& target) noexcept {
   for (uint32_t q = set.quads_begin; q < set.quads_end; ++q)
     for (int r = 0; r < kRows; ++r)
-      mix_run(terms, rows, set, quads[q], r,
-              target.light + static_cast<size_t>(r) * target.light_stride);
+      mix_run(terms, rows, set, quads[q], r, target.light + static_cast<size_t>(r) * target.stride);
 }
 
 }  // namespace lenticule::frames::weave_kernel

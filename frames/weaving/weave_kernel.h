@@ -79,11 +79,12 @@ struct Pictures {
   int views, width, height;
 };
 
-/// Target is the output of mixing the records of a set: kRows rows of `light_stride` values, by
-/// subpixel.
+/// Target is the output of mixing the records of a set: kRows rows of values, by subpixel. Up to
+/// kRun - 1 values behind a run are overwritten.
 struct Target {
-  uint16_t* light;
-  size_t light_stride;
+  uint16_t* light;  ///< of all kernels but the permute kernel
+  uint8_t* codes;   ///< of the permute kernel
+  size_t stride;
 };
 
 void mix_set_plainly(const Terms& terms, const Pictures& pictures, const Set& set,
@@ -125,9 +126,8 @@ void mix_spot_set_avx2(const Terms& terms, const TransposedRows& rows, const Set
 /// without meaning. Lanes after the last view hold anything.
 void transpose_row(const Terms& terms, const Pictures& pictures, int row, size_t lanes,
                    uint8_t* transposed) noexcept;
+/// mix_set_by_permuting() also encodes: it writes codes.
 void mix_set_by_permuting(const Terms& terms, const TransposedRows& rows, const Set& set,
                           const Quad* quads, const Target& target) noexcept;
-void encode_by_permuting(const Terms& terms, const uint16_t* light, size_t count,
-                         uint8_t* codes) noexcept;
 
 }  // namespace lenticule::frames::weave_kernel

@@ -8,6 +8,7 @@
 
 #include "apps/lenticule-video/pixel_convert.h"
 #include "base/error.h"
+#include "tests/support/instruction_sets.h"
 #include "tests/unit/player/video_stage.h"
 
 namespace lenticule::video {
@@ -79,23 +80,28 @@ struct Sampling {
   double site_y = 0.0;
 };
 
+struct Size {
+  int width = kWidth;
+  int height = kHeight;
+};
+
 void expect_formula(const std::vector<uint8_t>& raw, const std::vector<uint8_t>& rgb,
-                    const Formula& formula, const Sampling& sampling = {}) {
+                    const Formula& formula, const Sampling& sampling = {}, const Size& size = {}) {
   const bool wide = formula.depth > 8;
   const int bytes = wide ? 2 : 1;
-  const int cw = (kWidth + sampling.nx - 1) / sampling.nx;
-  const int ch = (kHeight + sampling.ny - 1) / sampling.ny;
-  const Plane y{raw.data(), kWidth, kHeight, wide};
-  const Plane cb{raw.data() + bytes * kWidth * kHeight, cw, ch, wide};
+  const int cw = (size.width + sampling.nx - 1) / sampling.nx;
+  const int ch = (size.height + sampling.ny - 1) / sampling.ny;
+  const Plane y{raw.data(), size.width, size.height, wide};
+  const Plane cb{raw.data() + bytes * size.width * size.height, cw, ch, wide};
   const Plane cr{cb.bytes + bytes * cw * ch, cw, ch, wide};
-  ASSERT_EQ(rgb.size(), size_t{kWidth} * kHeight * 3);
-  for (int j = 0; j < kHeight; ++j)
-    for (int i = 0; i < kWidth; ++i) {
+  ASSERT_EQ(rgb.size(), static_cast<size_t>(size.width * size.height * 3));
+  for (int j = 0; j < size.height; ++j)
+    for (int i = 0; i < size.width; ++i) {
       const double x = (i - sampling.site_x) / sampling.nx;
       const double z = (j - sampling.site_y) / sampling.ny;
       const auto exact = formula.rgb(y.at(i, j), cb.between(x, z), cr.between(x, z));
       for (size_t c = 0; c < 3; ++c)
-        expect_rounded(exact[c], rgb[static_cast<size_t>(j * kWidth + i) * 3 + c],
+        expect_rounded(exact[c], rgb[static_cast<size_t>(j * size.width + i) * 3 + c],
                        fmt::format("({}, {}) channel {}", i, j, c));
     }
 }
@@ -199,6 +205,70 @@ TEST(PixelConverter, AgreesWithTheFormulaOverTheWholeCube) {
         for (size_t c = 0; c < 3; ++c) expect_rounded(exact[c], rgb[3 * i + c], "cube");
       }
     }
+}
+
+/// Converts planes of random samples by every instruction set and expects the formula.
+void expect_formula_everywhere(const PixelLayout& layout, const Size& size,
+                               const Sampling& sampling) {
+  const int depth = layout.components[0].depth, bytes = depth > 8 ? 2 : 1;
+  const int cw = (size.width + sampling.nx - 1) / sampling.nx;
+  const int ch = (size.height + sampling.ny - 1) / sampling.ny;
+  const size_t luma = static_cast<size_t>(bytes * size.width * size.height);
+  const size_t chroma = static_cast<size_t>(bytes * cw * ch);
+  std::vector<uint8_t> raw = test::random_bytes(luma + 2 * chroma, 11);
+  for (size_t i = 1; bytes == 2 && i < raw.size(); i += 2)
+    raw[i] = static_cast<uint8_t>(raw[i] & ((1 << (depth - 8)) - 1));
+  for (const Isa isa : test::every_instruction_set()) {
+    std::vector<uint8_t> rgb(static_cast<size_t>(size.width * size.height * 3));
+    PixelConverter(layout, size.width, size.height, isa)
+        .convert({.data = {raw.data(), raw.data() + luma, raw.data() + luma + chroma, nullptr},
+                  .stride = {bytes * size.width, bytes * cw, bytes * cw, 0},
+                  .width = size.width,
+                  .height = size.height},
+                 rgb);
+    SCOPED_TRACE(isa_name(isa));
+    expect_formula(raw, rgb, {layout.kr, layout.kb, layout.full_range, depth}, sampling, size);
+  }
+}
+
+PixelLayout yuv_layout(int depth, bool full_range) {
+  PixelLayout layout;
+  layout.model = ColourModel::Yuv;
+  layout.full_range = full_range;
+  for (int i = 0; i < 3; ++i)
+    layout.components[static_cast<size_t>(i)] = {
+        .plane = i, .step = depth > 8 ? 2 : 1, .offset = 0, .shift = 0, .depth = depth};
+  return layout;
+}
+
+/// Covers all sites, depths on both sides of the kernel's limit, and widths around its blocks.
+TEST(PixelConverter, AgreesWithTheFormulaWithEveryInstructionSet) {
+  for (const int depth : {8, 10, 12})
+    for (const bool full_range : {false, true})
+      for (const int shift_x : {0, 1, 2})
+        for (const int shift_y : {0, 1})
+          for (int site = 0; site < 3; ++site)
+            for (const int width : {1, 2, 37, 64, 129}) {
+              PixelLayout layout = yuv_layout(depth, full_range);
+              layout.chroma_shift_x = shift_x;
+              layout.chroma_shift_y = shift_y;
+              layout.site = {.across = site, .down = 2 - site};
+              const Sampling sampling{.nx = 1 << shift_x,
+                                      .ny = 1 << shift_y,
+                                      .site_x = site * ((1 << shift_x) - 1) / 2.0,
+                                      .site_y = (2 - site) * ((1 << shift_y) - 1) / 2.0};
+              expect_formula_everywhere(layout, {.width = width, .height = 5}, sampling);
+              ASSERT_FALSE(HasFailure()) << depth << " bits, " << width << " wide, chroma "
+                                         << shift_x << shift_y << " site " << site;
+            }
+}
+
+/// Random samples of a whole picture: some sums come within the error of the middle of two codes.
+TEST(PixelConverter, RoundsSumsNearTheMiddleOfTwoCodesExactly) {
+  PixelLayout layout = yuv_layout(10, false);
+  layout.chroma_shift_x = layout.chroma_shift_y = 1;
+  expect_formula_everywhere(layout, {.width = 1024, .height = 128},
+                            {.nx = 2, .ny = 2, .site_x = 0.0, .site_y = 0.5});
 }
 
 }  // namespace
