@@ -117,7 +117,9 @@ class ChunkRun {
       return kOk;
     }
     try {
-      return render();
+      const ExitCode code = render();
+      if (code == kOk) remove_leftovers();
+      return code;
     } catch (const Error& error) {
       // The other process has removed the attempts of this chunk, this one among them.
       if (folder_.done(chunk_.number)) return kOk;
@@ -141,7 +143,6 @@ class ChunkRun {
     report_.bytes = open_regular_file(file, UINT64_MAX).bytes;
     report_.seconds = seconds_since(begin_);
     const bool agrees = folder_.finish_chunk(attempt.path(), file, report_);
-    remove_leftovers();
     if (flags_.json) print_json(result());
     if (!agrees)
       throw Error(ErrorKind::Failed,
@@ -229,11 +230,12 @@ class ChunkRun {
     folder_.publish_predictors(index, predictors_of(frame), attempt);
   }
 
-  /// Removes the attempts of this chunk that were killed, or are superfluous now, and the record of
-  /// an earlier failure.
+  /// Removes the attempts of this chunk that were killed, and the record of an earlier failure. A
+  /// process that still renders the chunk keeps its attempt, and removes the folder at its end.
   void remove_leftovers() const {
     std::error_code ignored;
-    fs::remove_all(folder_.attempts_folder(chunk_.number), ignored);
+    sweep_leftovers(folder_.attempts_folder(chunk_.number));
+    fs::remove(folder_.attempts_folder(chunk_.number), ignored);
     fs::remove(folder_.failure_file(chunk_.number), ignored);
   }
 
