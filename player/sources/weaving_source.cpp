@@ -73,7 +73,8 @@ std::shared_ptr<WeavingPipeline> WeavingSource::pipeline_for(const optics::Rig& 
 
 // --- watcher --------------------------------------------------------------------------------
 
-/// Makes new plans beside the weaving, with as many threads: a plan is small work for a few of them.
+/// Makes new plans beside the weaving, with as many threads: a plan is small work for a few of
+/// them.
 void WeavingSource::watch() noexcept {
   while (true) {
     {
