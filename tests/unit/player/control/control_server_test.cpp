@@ -183,7 +183,8 @@ TEST_F(ControlSocket, EachDescriptorArrivesWithItsOwnAnswer) {
     all += text;
     if (!arrived) continue;
     ++descriptors;
-    // The kernel may join the lines before the descriptor's with it, but none of another descriptor.
+    // The kernel may join the lines before the descriptor's with it, but none of another
+    // descriptor.
     EXPECT_NE(text.find(descriptors == 1 ? "{\"id\":2" : "{\"id\":4"), std::string::npos) << text;
     EXPECT_EQ(text.find(descriptors == 1 ? "{\"id\":4" : "{\"id\":2"), std::string::npos) << text;
     struct stat theirs {};
