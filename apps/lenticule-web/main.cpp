@@ -195,6 +195,9 @@ int run(int argc, char** argv) {
   Flags flags;
   CLI::App app("Serves pages on which a phone or a browser controls and watches a player.",
                "lenticule web");
+  app.footer(
+      "Example:\n  lenticule web --socket /run/lenticule/lobby/control.sock "
+      "--media /var/lib/lenticule/media");
   app.set_version_flag("--version", LENTICULE_VERSION);
   app.add_option("--socket", flags.socket,
                  "the player's --control socket (default: $LENTICULE_CONTROL)");
