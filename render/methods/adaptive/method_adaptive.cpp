@@ -69,7 +69,8 @@ bool is_shiny(const Scene& scene) {
          });
 }
 
-/// Estimates of processor time in nanoseconds, measured on one machine: only their ratios matter.
+/// Rough estimates of processor time in nanoseconds, from profiles of a few scenes; not fitted.
+/// Only their ratios matter.
 namespace band_costs {
 
 constexpr int64_t kPrimary = 45;  ///< method full: a ray that meets a surface, and its shading

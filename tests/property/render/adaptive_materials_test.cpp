@@ -241,7 +241,7 @@ SceneDescription noisy_wall(double noisy_part) {
   return scene;
 }
 
-TEST(AdaptiveMaterials, FullRendersFramesWhoseTrialBandsWouldBeRenderedTwice) {
+TEST(AdaptiveMaterials, FullRendersFramesWhoseTrialBandsCostMoreThanWithFull) {
   const Place place{.of = make_rig({.width = 160, .height = 800, .pixel_mm = 0.2})};
   const SceneDescription scene = noisy_wall(1.0);
   const Place::Rendered full = place.render("full", scene, {});
