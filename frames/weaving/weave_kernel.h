@@ -82,8 +82,8 @@ struct Pictures {
 /// Target is the output of mixing the records of a set: kRows rows of values, by subpixel. Up to
 /// kRun - 1 values behind a run are overwritten.
 struct Target {
-  uint16_t* light;  ///< of all kernels but the permute kernel
-  uint8_t* codes;   ///< of the permute kernel
+  uint16_t* light;  ///< output of all other kernels
+  uint8_t* codes;   ///< output of the permute kernel
   size_t stride;
 };
 

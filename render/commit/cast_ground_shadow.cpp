@@ -21,7 +21,7 @@ namespace {
 /// Layer is one part of the shadow. Lengths are in sizes of the model.
 struct Layer {
   double darkness;  ///< under a large flat model that lies on the ground
-  double radius;    ///< of the blur
+  double radius;    ///< radius of the blur kernel
   double height;    ///< from which on nothing casts a shadow
 };
 constexpr std::array<Layer, 2> kLayers{{{0.45, 0.08, 0.25}, {0.45, 0.25, 1.5}}};

@@ -27,7 +27,7 @@ class OracleGroundShadow {
   Vec3 centre_, low_, high_;
   double size_ = 0.0, cell_ = 0.0;
   int first_i_ = 0, first_j_ = 0, columns_ = 0, rows_ = 0;
-  std::vector<double> hidden_[2];  ///< by layer, at the points under the model
+  std::vector<double> hidden_[2];  ///< hidden share of the sky at each grid point, by layer
 };
 
 }  // namespace lenticule::testing

@@ -72,7 +72,7 @@ class StageSequence {
   double turned_by_degrees_;
   render::StageOptions options_;
   render::Stage reference_;
-  render::Ground ground_;  ///< of the reference frame
+  render::Ground ground_;  ///< ground in the reference frame, used by all frames
 };
 
 }  // namespace lenticule::player

@@ -22,7 +22,7 @@
 namespace lenticule::web {
 
 struct PhotoCalibrationOptions {
-  std::filesystem::path folder;   ///< of this object alone; the player reads the chart there
+  std::filesystem::path folder;   ///< no other object uses it; the player reads the chart from it
   std::filesystem::path program;  ///< lenticule
   std::function<bool()> stops;    ///< returns true when the server ends
 };

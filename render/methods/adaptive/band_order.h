@@ -30,7 +30,7 @@ class BandOrder {
  private:
   [[nodiscard]] int64_t expected_gain(int band) const;
 
-  std::vector<std::optional<int64_t>> gains_;  ///< of the bands tried
+  std::vector<std::optional<int64_t>> gains_;  ///< gain of each band; empty until the band is tried
   std::vector<uint8_t> decided_;
   bool is_first_ = true;
   bool all_gained_ = true;

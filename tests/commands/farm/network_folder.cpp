@@ -35,7 +35,7 @@ std::mutex mutex;
 /// Never destroyed: the program may read files while it exits.
 auto& own_files = *new std::set<ino_t>;
 auto& opened_names = *new std::set<std::string>;
-auto& reads_left = *new std::map<int, int>;  ///< of descriptors that become stale
+auto& reads_left = *new std::map<int, int>;  ///< number of reads until a descriptor is stale
 
 template <class Function>
 Function next(const char* name) {
