@@ -127,7 +127,7 @@ Vec3 PbrShader::of_light(Vec3 toward_light) const {
   if (point_.clearcoat > 0.0 && coat_cosine > 0.0) {
     const double rough = std::max(point_.clearcoat_roughness, kSmallestRoughness);
     const double alpha = rough * rough;
-    const auto along = [this](double z) {
+    const auto along = [](double z) {
       return LocalVec{std::sqrt(std::max(0.0, 1.0 - z * z)), 0.0, z};
     };
     const double facets = ggx_distribution(along(dot(point_.coat_normal, half)), alpha, alpha);
