@@ -16,14 +16,19 @@ struct RenderStatistics : FrameCounts {
   /// Upper bound, with 99.99 % confidence, of the share of all subpixels whose error exceeds the
   /// tolerated error.
   double beyond_bound = 0.0;
+  /// Root mean square error in code values as the audit estimates it, and its upper bound with 99 %
+  /// confidence; 0 without an audit.
+  double rmse = 0.0, rmse_bound = 0.0;
   double seconds = 0.0;
   /// Shares of the workers' time per kind of work; they add up to 1, or are zero if not measured.
   std::array<double, kWorks> work{};
 
-  /// Adds counters and time of another frame, and keeps the larger bound.
+  /// Adds counters and time of another frame, and keeps the larger errors and bounds.
   void add(const RenderStatistics& frame) {
     *this += frame;
     beyond_bound = std::max(beyond_bound, frame.beyond_bound);
+    rmse = std::max(rmse, frame.rmse);
+    rmse_bound = std::max(rmse_bound, frame.rmse_bound);
     seconds += frame.seconds;
   }
 };

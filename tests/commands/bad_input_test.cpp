@@ -321,6 +321,9 @@ TEST_F(BadInput, RefusesFlagsWithoutEffect) {
   for (const char* method : {"full", "lens-view", "interpolate", "temporal", "hybrid"})
     refused({"--method", method, "--error", "2"}, "--error");
   refused({"--error", "2"}, "--error");
+  refused({"--psnr", "40"}, "--psnr");
+  refused({"--method", "adaptive", "--psnr", "400"}, "--psnr");
+  refused({"--method", "adaptive", "--psnr", "40", "--soft-shadows", "8"}, "--psnr");
   refused({"--prefilter-samples", "5"}, "--prefilter-samples");
   for (const char* method : {"adaptive", "lens-view", "interpolate", "temporal", "hybrid"}) {
     refused({"--method", method, "--samples", "4"}, "sample");

@@ -23,6 +23,7 @@ struct ErrorFlags {
   std::vector<std::string> rigs;
   std::vector<std::string> methods = {"full", "lens-view", "interpolate", "temporal", "adaptive"};
   std::vector<double> errors = {0.0, 0.5, 1.0, 2.0, 4.0, 8.0};
+  std::vector<double> psnrs;
   std::vector<std::string> scenarios = {"still", "moving"};
   int frames = 6;
   int runs = 1;
@@ -77,7 +78,8 @@ class ErrorRun {
   explicit ErrorRun(const ErrorFlags& flags)
       : flags_(flags),
         rigs_(rigs_of(flags)),
-        entrants_(error_entrants(flags.methods, flags.errors, render::method_names())) {
+        entrants_(
+            error_entrants(flags.methods, flags.errors, flags.psnrs, render::method_names())) {
     for (const std::string& scene : flags.scenes)
       scenes_.push_back(std::make_unique<ErrorScene>(scene));
   }
@@ -174,6 +176,9 @@ void declare_what(CLI::App& app, ErrorFlags& flags) {
       ->allow_extra_args(false)
       ->delimiter(',')
       ->capture_default_str();
+  app.add_option("--psnrs", flags.psnrs, "PSNR that adaptive must prove, in dB")
+      ->allow_extra_args(false)
+      ->delimiter(',');
   app.add_option("--course", flags.scenarios,
                  "still: one frame twice; moving: consecutive frames of the animation; turning: "
                  "frames of one turn of the scene")

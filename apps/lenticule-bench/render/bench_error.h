@@ -17,18 +17,21 @@
 
 namespace lenticule::player {
 
-/// A method to measure; methods with a tolerated error appear once for each error.
+/// A method to measure; methods with a tolerated error appear once for each error and each PSNR.
 struct ErrorEntrant {
-  std::string name;                 ///< "lens-view", "adaptive 0.5"
+  std::string name;                 ///< "lens-view", "adaptive 0.5", "adaptive 40 dB"
   std::string method;               ///< name for make_method()
   std::optional<double> tolerated;  ///< E in code values; none if the method has no such option
+  double proven_rmse = 0.0;         ///< 0: none
   bool exists = true;               ///< available in this build
 };
 
 /// Returns "full" first, even if it is not in `methods`, then the others in their order. `known`
-/// are the build's methods. Throws Error(Usage) for an error below 0 or above 255.
+/// are the build's methods, `psnrs` in dB. Throws Error(Usage) for an error below 0 or above 255,
+/// and the errors of promise_psnr().
 [[nodiscard]] std::vector<ErrorEntrant> error_entrants(const std::vector<std::string>& methods,
                                                        const std::vector<double>& errors,
+                                                       const std::vector<double>& psnrs,
                                                        const std::vector<std::string>& known);
 
 /// ErrorScene is a scene as for render, a built-in scene's name, or gltf:NAME: the built-in scene
@@ -75,8 +78,8 @@ struct ErrorSetup {
 /// "frames": [{"wall_s", "cpu_s", "rays", "traced", "subpixels", and except for the reference
 /// "mse", "max", "share_over_e", "share_over_8", "share_over_32", "worst_view_mse", "eyes":
 /// [{"ssim", "flip_mean", "flip_p99", "flicker_mean", "flicker_largest"}], and if audited
-/// "audited", "audited_beyond", "bound"}]}]}. `done` is called after each rendered and measured
-/// frame. Null if interrupted.
+/// "audited", "audited_beyond", "bound", "rmse_bound"}]}]}. `done` is called after each rendered
+/// and measured frame. Null if interrupted.
 [[nodiscard]] nlohmann::json measure_error(const ErrorSetup& setup, const ErrorScene& scene,
                                            const std::function<void()>& done);
 

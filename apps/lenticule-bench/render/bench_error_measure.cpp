@@ -110,6 +110,7 @@ class ScenarioRun {
     options.soft = setup_.soft;
     options.cancelled = [] { return interrupted(); };
     if (entrant.tolerated) options.tolerated_error = *entrant.tolerated;
+    options.proven_rmse = entrant.proven_rmse;
     Contestant& one = contestants_.emplace_back();
     one.entrant = &entrant;
     for (int run = 0; run < setup_.runs; ++run)
@@ -188,7 +189,8 @@ class ScenarioRun {
     if (s.audited_subpixels > 0)
       figures.update({{"audited", s.audited_subpixels},
                       {"audited_beyond", s.audited_beyond},
-                      {"bound", s.beyond_bound}});
+                      {"bound", s.beyond_bound},
+                      {"rmse_bound", s.rmse_bound}});
     if (&one == contestants_.data()) {
       std::swap(reference_, frame_);
       eyes_.set_reference(reference_.view());

@@ -10,6 +10,7 @@
 #include "apps/lenticule-tools/offline/gltf_writer.h"
 #include "base/error.h"
 #include "render/loaders/load_scene.h"
+#include "render/methods/adaptive/method_adaptive.h"
 
 namespace lenticule::player {
 namespace {
@@ -25,6 +26,7 @@ ErrorEntrant entrant(const std::string& method, std::optional<double> tolerated,
   return {.name = tolerated ? fmt::format("{} {:g}", method, *tolerated) : method,
           .method = method,
           .tolerated = tolerated,
+          .proven_rmse = 0.0,
           .exists = std::ranges::find(known, method) != known.end()};
 }
 
@@ -47,6 +49,7 @@ const char* name_of(ErrorScenario scenario) {
 
 std::vector<ErrorEntrant> error_entrants(const std::vector<std::string>& methods,
                                          const std::vector<double>& errors,
+                                         const std::vector<double>& psnrs,
                                          const std::vector<std::string>& known) {
   for (const double error : errors)
     if (!(error >= 0.0 && error <= 255.0))
@@ -60,6 +63,13 @@ std::vector<ErrorEntrant> error_entrants(const std::vector<std::string>& methods
       continue;
     }
     for (const double error : errors) entrants.push_back(entrant(method, error, known));
+    for (const double psnr : psnrs) {
+      render::RenderOptions options;
+      render::promise_psnr(psnr, options);
+      ErrorEntrant& added = entrants.emplace_back(entrant(method, options.tolerated_error, known));
+      added.name = fmt::format("{} {:g} dB", method, psnr);
+      added.proven_rmse = options.proven_rmse;
+    }
   }
   return entrants;
 }

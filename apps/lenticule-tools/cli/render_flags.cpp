@@ -9,17 +9,24 @@
 #include "base/error.h"
 #include "player/sources/frame_range.h"
 #include "render/depth_budget/prefilter.h"
+#include "render/methods/adaptive/method_adaptive.h"
 
 namespace lenticule::player {
 namespace {
 
-/// Refuses flags that would have no effect. `error` and `prefilter_samples` tell whether the flags
-/// of these names were given.
-void refuse_idle_flags(const RenderFlags& flags, bool error, bool prefilter_samples) {
-  if (error && flags.method != "adaptive")
-    throw Error(ErrorKind::Usage, fmt::format("--error: method {} tolerates none", flags.method),
+/// Flags that the user gave.
+struct Given {
+  bool error, psnr, prefilter_samples;
+};
+
+/// Refuses flags that would have no effect.
+void refuse_idle_flags(const RenderFlags& flags, const Given& given) {
+  if ((given.error || given.psnr) && flags.method != "adaptive")
+    throw Error(ErrorKind::Usage,
+                fmt::format("--{}: method {} tolerates no error", given.error ? "error" : "psnr",
+                            flags.method),
                 "--method adaptive does");
-  if (prefilter_samples && flags.options.prefilter == render::Prefilter::Off)
+  if (given.prefilter_samples && flags.options.prefilter == render::Prefilter::Off)
     throw Error(ErrorKind::Usage, "--prefilter-samples: nothing is averaged without --prefilter",
                 "for example --prefilter beam");
   if (flags.staging.stage.ignore_cameras && !flags.camera.empty())
@@ -44,6 +51,10 @@ std::function<void()> declare_render_flags(CLI::App& app, RenderFlags& flags) {
       app.add_option("--error", flags.options.tolerated_error,
                      "error that method adaptive may make, in code values; 0 is method full")
           ->capture_default_str();
+  CLI::Option* const psnr =
+      app.add_option("--psnr", flags.least_psnr_db,
+                     "least PSNR of each frame of method adaptive against method full, in dB, "
+                     "proven with 99 % confidence: 40, for example");
   app.add_option("--frames", flags.frames, "A:B renders frames A to B - 1, N only frame N")
       ->capture_default_str()
       ->type_name("A:B");
@@ -69,9 +80,16 @@ std::function<void()> declare_render_flags(CLI::App& app, RenderFlags& flags) {
   declare_stage_flags(app, flags.staging);
   declare_surroundings_flags(app, flags.staging);
   declare_soft_light_flags(app, flags.options.soft);
-  return [&flags, error, prefilter_samples] {
+  return [&flags, error, psnr, prefilter_samples] {
     flags.options.prefilter = render::prefilter_named(flags.prefilter);
-    refuse_idle_flags(flags, error->count() > 0, prefilter_samples->count() > 0);
+    const Given given{.error = error->count() > 0,
+                      .psnr = psnr->count() > 0,
+                      .prefilter_samples = prefilter_samples->count() > 0};
+    refuse_idle_flags(flags, given);
+    if (!given.psnr) return;
+    const double error = flags.options.tolerated_error;
+    render::promise_psnr(flags.least_psnr_db, flags.options);
+    if (given.error) flags.options.tolerated_error = error;
   };
 }
 

@@ -21,6 +21,7 @@ struct RenderFlags {
   std::string frames = "0:1";
   std::string fps = "30";
   std::string camera;
+  double least_psnr_db = 0.0;  ///< 0: not asked
   render::RenderOptions options;
   StagingFlags staging;
   std::string prefilter = "off";

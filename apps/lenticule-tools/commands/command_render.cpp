@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <chrono>
+#include <cmath>
 #include <functional>
 #include <memory>
 #include <thread>
@@ -78,6 +79,8 @@ nlohmann::json result_json(const RenderCommandFlags& command, const optics::Rig&
                          {"render_seconds", totals.rays.seconds},
                          {"frames_rendered_again", totals.again},
                          {"beyond_bound", totals.rays.beyond_bound},
+                         {"rmse", totals.rays.rmse},
+                         {"rmse_bound", totals.rays.rmse_bound},
                          {"stage", stage_json(stage)}};
   for (const render::FrameCounter& counter : render::kFrameCounters)
     json[counter.name] = totals.rays.*counter.field;
@@ -180,6 +183,9 @@ class RenderRun {
         "than {:g} code values; in no frame more than {:.2g} % of all (99.99 % confidence)\n",
         shaded_percent, s.audited_subpixels, s.audited_beyond,
         flags_.render.options.tolerated_error, 100.0 * s.beyond_bound);
+    say("RMSE of the worst frame: {:.2f} code values, at most {:.2f} or {:.1f} dB (99 % "
+        "confidence)\n",
+        s.rmse, s.rmse_bound, 20.0 * std::log10(255.0 / s.rmse_bound));
     if (s.retraced_subpixels > 0)
       say("{} subpixels in regions with too many errors were rendered by method full\n",
           s.retraced_subpixels);

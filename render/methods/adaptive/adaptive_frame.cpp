@@ -15,6 +15,9 @@ namespace {
 
 /// Largest share of a band's subpixels that may exceed the tolerated error.
 constexpr double kMostBeyond = 0.03;
+/// Largest mean square of a band's errors, as a multiple of the frame's: bands with less make up
+/// for it.
+constexpr double kMostOfBand = 2.0;
 
 }  // namespace
 
@@ -200,7 +203,8 @@ bool AdaptiveWorker::is_unchanged(int row, size_t at, const KeyGrid::Between& be
   if (!frame_.kept.at(row, double{x_mm_[at]})) return false;
   if ((*frame_.kept.bands)[static_cast<size_t>(row / kBand)].retraced) return false;
   const auto n = static_cast<uint32_t>(at);
-  const SampledPair sampled = sampled_pair(static_cast<uint32_t>(row), n / kSampledOneIn);
+  const AuditSelection& selection = frame_.plan.selection;
+  const SampledPair sampled = selection.pair(static_cast<uint32_t>(row), n / selection.one_in());
   if (n == sampled.retracing || n == sampled.evaluation) return false;
   return resolver_.is_as_before(between, found_row_.places(at));
 }
@@ -331,8 +335,9 @@ void AdaptiveWorker::add_sampled(int first_row, int row, bool copied) {
                     .draw = draw,
                     .is_shaded = !copied && found_row_.states[at] == lookup_kernel::kUnknown});
   };
-  for (uint32_t stretch = 0; stretch * kSampledOneIn < count; ++stretch) {
-    const SampledPair sampled = sampled_pair(static_cast<uint32_t>(row), stretch);
+  const AuditSelection& selection = frame_.plan.selection;
+  for (uint32_t stretch = 0; stretch * selection.one_in() < count; ++stretch) {
+    const SampledPair sampled = selection.pair(static_cast<uint32_t>(row), stretch);
     add(sampled.retracing, Draw::Retracing);
     add(sampled.evaluation, Draw::Evaluation);
   }
@@ -399,16 +404,25 @@ void AdaptiveWorker::sort_row(int first_row, int row, const KeyGrid::Between& be
   band_.shaded += static_cast<uint32_t>(unknown + copied);
 }
 
+bool AdaptiveWorker::is_rejected(const AuditErrors& retracing, uint64_t noise) const {
+  AuditCounts counts = retracing.counts(frame_.plan.options.tolerated_error);
+  counts.beyond -= std::min(counts.beyond, noise);
+  if (needs_retracing(counts, kMostBeyond)) return true;
+  // With soft light, method full itself is off by its noise.
+  return !frame_.plan.options.soft.any() &&
+         retracing.mean_square() - 2.0 * retracing.standard_error() >
+             kMostOfBand * frame_.plan.most_mean_square;
+}
+
 bool AdaptiveWorker::are_lookups_rejected(int first_row) const {
   if (frame_.plan.options.soft.any()) return false;  // noise is subtracted from the audit
-  AuditCounts retracing;
+  AuditErrors retracing;
   for (const SampledSubpixels::Subpixel& s : sampled_.subpixels()) {
     if (s.draw != Draw::Retracing) continue;
-    const uint8_t code = frame_.out.row(first_row + s.row)[s.at];
-    const bool beyond = !s.is_shaded && is_beyond(code, frame_.encoder.code(s.light));
-    retracing += {.sampled = 1, .beyond = beyond ? uint64_t{1} : uint64_t{0}};
+    const uint8_t exact = frame_.encoder.code(s.light);
+    retracing.add(s.is_shaded ? exact : frame_.out.row(first_row + s.row)[s.at], exact);
   }
-  return needs_retracing(retracing, kMostBeyond);
+  return is_rejected(retracing);
 }
 
 void AdaptiveWorker::write_uncertain(int first_row) {
@@ -419,26 +433,22 @@ void AdaptiveWorker::write_uncertain(int first_row) {
 /// Audits a band whose sampled subpixels are traced. `known` holds the results of a copied band, in
 /// which all audited subpixels are already exact.
 void AdaptiveWorker::audit_band(int first_row, const AdaptiveFrame::Band& known) {
-  AuditCounts retracing, evaluation;
+  AuditErrors retracing, evaluation;
   for (const SampledSubpixels::Subpixel& s : sampled_.subpixels()) {
     uint8_t& code = frame_.out.row(first_row + s.row)[s.at];
     const uint8_t exact = frame_.encoder.code(s.light);
-    const uint64_t beyond = is_beyond(code, exact) ? 1 : 0;
-    (s.draw == Draw::Retracing ? retracing : evaluation) += {.sampled = 1, .beyond = beyond};
+    (s.draw == Draw::Retracing ? retracing : evaluation).add(code, exact);
     code = exact;
   }
-  retracing.beyond = std::min(retracing.sampled, retracing.beyond + known.retracing.beyond);
-  evaluation.beyond = std::min(evaluation.sampled, evaluation.beyond + known.evaluation.beyond);
-  if (known.tried) band_ = known;
-  band_.retracing = retracing;
-  band_.evaluation = evaluation;
-  if (needs_retracing(retracing, kMostBeyond) && frame_.plan.options.soft.any())
-    retracing.beyond -= std::min(retracing.beyond, count_noise(first_row));
-  if (needs_retracing(retracing, kMostBeyond)) {
-    evaluation.beyond = 0;
-    band_.retraced = true;
+  if (known.tried) {
+    band_ = known;
+  } else {
+    band_.retracing = retracing;
+    band_.evaluation = evaluation;
   }
-  audit_ += evaluation;
+  band_.retraced = is_rejected(band_.retracing);
+  if (band_.retraced && frame_.plan.options.soft.any())
+    band_.retraced = is_rejected(band_.retracing, count_noise(first_row));
   frame_.bands[static_cast<size_t>(first_row / kBand)] = band_;
 }
 
@@ -446,8 +456,8 @@ bool AdaptiveWorker::is_beyond(uint8_t code, uint8_t exact) const {
   return std::abs(int{code} - int{exact}) > frame_.plan.options.tolerated_error;
 }
 
-/// Returns the number of Mending samples whose code under method full exceeds the tolerated error
-/// due to sampling noise alone. The audited subpixels are exact in the frame.
+/// Returns the number of samples of Draw::Retracing whose code under method full exceeds the
+/// tolerated error due to sampling noise alone. The audited subpixels are exact in the frame.
 uint64_t AdaptiveWorker::count_noise(int first_row) {
   colours_.tracer().tolerate(0.0F);
   colours_.tracer().integrate_area_lights(false);
@@ -479,8 +489,8 @@ void AdaptiveWorker::retrace_band(int first_row) {
   counts_.traced_subpixels += subpixels;
   sampled_.clear();
   for (int row = first_row; row < end; ++row) add_sampled(first_row, row, true);
-  audit_ += {.sampled = static_cast<uint64_t>(std::ranges::count(
-                 sampled_.subpixels(), Draw::Evaluation, &SampledSubpixels::Subpixel::draw))};
+  band.evaluation.add_exact(static_cast<uint64_t>(std::ranges::count(
+      sampled_.subpixels(), Draw::Evaluation, &SampledSubpixels::Subpixel::draw)));
 }
 
 FrameCounts AdaptiveWorker::counts() {

@@ -32,6 +32,8 @@ struct AdaptivePlan {
   const Footprint& centre;  ///< centre of subpixels
   const lookup_kernel::Kernel& kernel;
   Agreement agreement;
+  AuditSelection selection;
+  double most_mean_square;  ///< limit of a frame's mean squared error, in code values squared
 };
 
 /// AdaptiveFrame is shared by the threads. The steps are: take samples, mark bends, render bands of
@@ -58,7 +60,7 @@ struct AdaptiveFrame {
 
   /// Audit results and costs of a band of rows.
   struct Band {
-    AuditCounts retracing, evaluation;
+    AuditErrors retracing, evaluation;
     bool tried = false;     ///< rendered by this method
     bool retraced = false;  ///< left to method full, or tried and rejected
     uint32_t seen = 0;      ///< subpixels that see a surface
@@ -118,8 +120,6 @@ class AdaptiveWorker {
 
   /// Returns the counters of the bands rendered so far.
   [[nodiscard]] FrameCounts counts();
-  /// Returns the final audit of the bands.
-  [[nodiscard]] const AuditCounts& audit() const { return audit_; }
 
  private:
   /// Selects exact tracing for the audit; otherwise weak rays are skipped.
@@ -147,6 +147,9 @@ class AdaptiveWorker {
   /// Returns true if the audit rejects a band for its lookups alone, so that the other subpixels
   /// need not be shaded.
   [[nodiscard]] bool are_lookups_rejected(int first_row) const;
+  /// Returns true if a band has errors that full() should remove: too many beyond the tolerated
+  /// error, of which `noise` would be there in any case, or too large ones.
+  [[nodiscard]] bool is_rejected(const AuditErrors& retracing, uint64_t noise = 0) const;
   void write_uncertain(int first_row);
   void audit_band(int first_row, const AdaptiveFrame::Band& known);
   [[nodiscard]] bool is_beyond(uint8_t code, uint8_t exact) const;
@@ -184,7 +187,6 @@ class AdaptiveWorker {
   FoundRow found_row_;
   AdaptiveFrame::Band band_;  ///< costs of the band so far
   FrameCounts counts_;        ///< origin of the colours of the subpixels
-  AuditCounts audit_;
 };
 
 }  // namespace lenticule::render

@@ -3,35 +3,52 @@
 // the error of a frame and to find the bands that must be retraced.
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 
 namespace lenticule::render {
 
-/// Two disjoint selections: one decides which bands are retraced (Mending), the other evaluates the
-/// result (Judging).
+/// Two disjoint selections: one decides which bands are retraced, the other evaluates the result.
 enum class Draw : uint8_t { None, Retracing, Evaluation };
 
 /// Each of the two selections has one subpixel per kSampledOneIn subpixels of a row (stratified,
-/// fixed positions). Stratification covers a frame more evenly than a binomial sample, so the
-/// binomial bound below is conservative.
+/// fixed positions), the evaluation more if AuditSelection is told so. Stratification covers a
+/// frame more evenly than a binomial sample, so the binomial bounds below are conservative.
 inline constexpr uint32_t kSampledOneIn = 512;
 struct SampledPair {
-  uint32_t retracing, evaluation;  ///< subpixels of the row; the last one may lie beyond its end
+  uint32_t retracing, evaluation;  ///< subpixels of the row, or beyond its end
 };
-/// Returns the selected subpixels among the kSampledOneIn subpixels that start at kSampledOneIn *
-/// `stretch`.
-[[nodiscard]] inline SampledPair sampled_pair(uint32_t row, uint32_t stretch) {
-  uint32_t hash = (row * 0x9e3779b9U) ^ (stretch * 0x85ebca6bU);
-  hash ^= hash >> 15;
-  hash *= 0x2c1b3c6dU;
-  hash ^= hash >> 12;
-  hash *= 0x297a2d39U;
-  hash ^= hash >> 15;
-  const uint32_t first = stretch * kSampledOneIn;
-  const uint32_t retracing = hash % kSampledOneIn;
-  const uint32_t apart = 1 + (hash >> 16) % (kSampledOneIn - 1);
-  return {first + retracing, first + (retracing + apart) % kSampledOneIn};
-}
+
+/// AuditSelection selects subpixels by a hash of their place. A denser evaluation proves more.
+class AuditSelection {
+ public:
+  /// The evaluation takes one in `one_in` subpixels, 2 to kSampledOneIn.
+  explicit AuditSelection(uint32_t one_in = kSampledOneIn)
+      : one_in_(one_in), retracing_every_(kSampledOneIn / one_in) {}
+
+  [[nodiscard]] uint32_t one_in() const { return one_in_; }
+  /// Returns the selected subpixels among the one_in() subpixels that start at one_in() *
+  /// `stretch`.
+  [[nodiscard]] SampledPair pair(uint32_t row, uint32_t stretch) const {
+    uint32_t hash = (row * 0x9e3779b9U) ^ (stretch * 0x85ebca6bU);
+    hash ^= hash >> 15;
+    hash *= 0x2c1b3c6dU;
+    hash ^= hash >> 12;
+    hash *= 0x297a2d39U;
+    hash ^= hash >> 15;
+    const uint32_t first = stretch * one_in_;
+    const uint32_t retracing = hash % one_in_;
+    const uint32_t apart = 1 + (hash >> 16) % (one_in_ - 1);
+    return {stretch % retracing_every_ == 0 ? first + retracing : kNone,
+            first + (retracing + apart) % one_in_};
+  }
+
+ private:
+  static constexpr uint32_t kNone = UINT32_MAX;
+
+  uint32_t one_in_, retracing_every_;
+};
 
 struct AuditCounts {
   uint64_t sampled = 0;
@@ -52,5 +69,39 @@ struct AuditCounts {
 /// Returns true if the samples of a band indicate that more than the share `most` of its subpixels
 /// exceeds the tolerated error.
 [[nodiscard]] bool needs_retracing(const AuditCounts& band, double most);
+
+/// Errors of sampled subpixels: how many are off by 0, 1, ..., 255 code values.
+class AuditErrors {
+ public:
+  void add(uint8_t code, uint8_t exact);
+  /// Adds samples without error.
+  void add_exact(uint64_t samples) { subpixels_[0] += static_cast<uint32_t>(samples); }
+  AuditErrors& operator+=(const AuditErrors& other);
+
+  [[nodiscard]] uint64_t sampled() const;
+  /// Returns the number of errors of at least `error` code values, 0 to 256.
+  [[nodiscard]] uint64_t at_least(int error) const;
+  /// Returns the number of errors that exceed the tolerated error.
+  [[nodiscard]] AuditCounts counts(double tolerated_error) const;
+  /// Returns the mean of the squared errors; 0 if there are none.
+  [[nodiscard]] double mean_square() const;
+  /// Returns the standard error of mean_square(); 0 for fewer than two samples.
+  [[nodiscard]] double standard_error() const;
+
+ private:
+  std::array<uint32_t, 256> subpixels_{};
+};
+
+/// Number of sets of bands whose mean square may be judged by one evaluation.
+inline constexpr int kMeanSquareLooks = 6;
+/// Returns an upper bound of the mean squared error of all subpixels: the sum of bounds of the
+/// shares with errors of at least 1, 2, ... 224 code values (by Chernoff's inequality), each times
+/// the largest square that it adds. Errors that no sample shows are included. With 99 % confidence,
+/// none of kMeanSquareLooks bounds of one frame is too low.
+[[nodiscard]] double bound_of_mean_square(const AuditErrors& errors);
+
+/// Returns one in how many subpixels the evaluation must select so that the bound of a frame
+/// without errors is half of `mean_square`: 2 to kSampledOneIn.
+[[nodiscard]] uint32_t sampled_one_in_for(double mean_square, uint64_t subpixels);
 
 }  // namespace lenticule::render

@@ -40,11 +40,13 @@ void BandOrder::note(int band, int64_t gain) {
   LENTICULE_CHECK(decided_[static_cast<size_t>(band)] != 0);
   gains_[static_cast<size_t>(band)] = gain;
   all_gained_ = all_gained_ && gain >= 0;
+  none_gained_ = none_gained_ && gain < 0;
   total_ += gain;
   ++tried_;
 }
 
-/// Estimates four times the gain of a band: those of its neighbours, and twice the mean.
+/// Estimates four times the gain of a band: those of its neighbours, and twice the mean, which does
+/// not make up for two neighbours that lose.
 int64_t BandOrder::expected_gain(int band) const {
   if (tried_ == 0) return 0;
   const int64_t mean = total_ / tried_;
@@ -53,7 +55,9 @@ int64_t BandOrder::expected_gain(int band) const {
       if (gains_[static_cast<size_t>(n)]) return *gains_[static_cast<size_t>(n)];
     return mean;
   };
-  return nearest(-1) + nearest(1) + 2 * mean;
+  const int64_t above = nearest(-1), below = nearest(1);
+  if (above < 0 && below < 0) return above + below;
+  return above + below + 2 * mean;
 }
 
 }  // namespace lenticule::render

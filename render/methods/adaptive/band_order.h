@@ -10,9 +10,9 @@
 namespace lenticule::render {
 
 /// BandOrder serves one frame. The first step tries a few bands spread over the frame, the next
-/// steps the bands halfway between those. A band is left to method full if the nearest bands above
-/// and below, together with the mean of all, have cost more than with method full. Decisions depend
-/// on the noted gains only.
+/// steps the bands halfway between those. A band is left to method full if the nearest tried bands
+/// above and below have both cost more than with method full, or have done so together with the
+/// mean of all. Decisions depend on the noted gains only.
 class BandOrder {
  public:
   explicit BandOrder(int bands);
@@ -24,8 +24,8 @@ class BandOrder {
   /// more. All gains of a frame have the same unit.
   void note(int band, int64_t gain);
   /// Returns true if the bands tried so far have cost more than with method full. A single band is
-  /// not enough evidence.
-  [[nodiscard]] bool loses() const { return tried_ >= 2 && total_ < 0; }
+  /// not enough evidence, nor are few bands of which some have gained.
+  [[nodiscard]] bool loses() const { return tried_ >= (none_gained_ ? 2 : 4) && total_ < 0; }
 
  private:
   [[nodiscard]] int64_t expected_gain(int band) const;
@@ -33,7 +33,7 @@ class BandOrder {
   std::vector<std::optional<int64_t>> gains_;  ///< gain of each band; empty until the band is tried
   std::vector<uint8_t> decided_;
   bool is_first_ = true;
-  bool all_gained_ = true;
+  bool all_gained_ = true, none_gained_ = true;
   int stride_;
   int64_t total_ = 0;
   int64_t tried_ = 0;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/methods/adaptive/method_adaptive.h"
 
+#include <fmt/format.h>
 #include <oneapi/tbb/enumerable_thread_specific.h>
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/task_arena.h>
@@ -9,6 +10,7 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <functional>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -104,6 +106,24 @@ int64_t gain_of_materials(const AdaptiveFrame::Band& band) {
 
 }  // namespace band_costs
 
+/// Largest root mean square of a frame's errors, as a multiple of the tolerated error.
+constexpr double kMostOfError = 2.0;
+
+/// Returns the limit of a frame's mean squared error.
+double most_mean_square(const RenderOptions& options) {
+  const double rmse =
+      options.proven_rmse > 0.0 ? options.proven_rmse : kMostOfError * options.tolerated_error;
+  return rmse * rmse;
+}
+
+AuditSelection selection_for(const optics::OpticalModel& model, const RenderOptions& options) {
+  if (options.proven_rmse == 0.0) return AuditSelection{};
+  const optics::Panel& panel = model.rig().panel;
+  const uint64_t subpixels =
+      uint64_t{3} * static_cast<uint64_t>(panel.width_px) * static_cast<uint64_t>(panel.height_px);
+  return AuditSelection{sampled_one_in_for(most_mean_square(options), subpixels)};
+}
+
 class AdaptiveMethod final : public Method {
  public:
   AdaptiveMethod(const optics::OpticalModel& model, const RenderOptions& options)
@@ -119,7 +139,9 @@ class AdaptiveMethod final : public Method {
               full_tiles_.plan(),
               centre_,
               lookup_kernel_for(options.isa),
-              Agreement::for_error(options.tolerated_error)},
+              Agreement::for_error(options.tolerated_error),
+              selection_for(model, options),
+              most_mean_square(options)},
         arena_(options.threads > 0 ? options.threads : tbb::task_arena::automatic) {}
 
   [[nodiscard]] bool suits_rig() const { return one_plane_a_row(planes_); }
@@ -151,9 +173,14 @@ class AdaptiveMethod final : public Method {
     }
     Workers workers([&] { return AdaptiveWorker(frame); });
     bool pays = true;
-    arena_.execute([&] { pays = try_bands(frame, workers) && retrace_bands(frame, workers); });
+    arena_.execute([&] {
+      pays = try_bands(frame, workers);
+      if (!pays) return;
+      limit_mean_square(frame);
+      retrace_bands(frame, workers);
+    });
     RenderStatistics statistics =
-        pays ? statistics_of(workers, out.bytes().size()) : full().render(scene, stage, out);
+        pays ? statistics_of(frame, workers, out.bytes().size()) : full().render(scene, stage, out);
     statistics.completed = statistics.completed && !cancelled_;
     if (options_.copy_unchanged && statistics.completed) {
       last_.keep(scene, out);
@@ -241,13 +268,57 @@ class AdaptiveMethod final : public Method {
     return true;
   }
 
-  /// Renders the bands that were rejected or not tried. Returns true.
-  bool retrace_bands(AdaptiveFrame& frame, Workers& workers) {
+  /// Leaves those bands to method full whose errors are largest, as many as are necessary for the
+  /// limit of the frame's mean square. The order of the bands is that of the first selection; what
+  /// is enough is judged by the second, at most kMeanSquareLooks times.
+  void limit_mean_square(AdaptiveFrame& frame) const {
+    if (options_.soft.any()) return;  // method full itself is off by its noise
+    std::vector<AdaptiveFrame::Band*> worst;
+    double left = 0.0;
+    for (AdaptiveFrame::Band& band : frame.bands)
+      if (band.tried && !band.retraced) {
+        worst.push_back(&band);
+        left += band.retracing.mean_square();
+      }
+    std::ranges::stable_sort(worst, std::greater(), [](const AdaptiveFrame::Band* band) {
+      return band->retracing.mean_square();
+    });
+    size_t next = 0;
+    for (int look = 1; look < kMeanSquareLooks && exceeds_mean_square(frame); ++look) {
+      // Half of the loss that is left; at the last look all of it.
+      const double enough = look == kMeanSquareLooks - 1 ? -1.0 : left / 2.0;
+      while (next < worst.size() && left > enough) {
+        left -= worst[next]->retracing.mean_square();
+        worst[next++]->retraced = true;
+      }
+    }
+  }
+
+  [[nodiscard]] bool exceeds_mean_square(const AdaptiveFrame& frame) const {
+    const AuditErrors errors = evaluation_of(frame);
+    const double mean_square = options_.proven_rmse > 0.0
+                                   ? bound_of_mean_square(errors)
+                                   : errors.mean_square() + 2.0 * errors.standard_error();
+    return mean_square > plan_.most_mean_square;
+  }
+
+  /// Returns the evaluation of the frame as it is delivered: bands of method full have no errors.
+  static AuditErrors evaluation_of(const AdaptiveFrame& frame) {
+    AuditErrors errors;
+    for (const AdaptiveFrame::Band& band : frame.bands)
+      if (band.retraced)
+        errors.add_exact(band.evaluation.sampled());
+      else
+        errors += band.evaluation;
+    return errors;
+  }
+
+  /// Renders the bands that were rejected or not tried.
+  void retrace_bands(AdaptiveFrame& frame, Workers& workers) {
     in_parallel(static_cast<int>(frame.bands.size()), [&](int n) {
       const AdaptiveFrame::Band& band = frame.bands[static_cast<size_t>(n)];
       if (!band.tried || band.retraced) workers.local().retrace_band(n * kBand);
     });
-    return true;
   }
 
   /// Marks the samples that bands need: the rows around them with their neighbours, for the bends,
@@ -308,17 +379,18 @@ class AdaptiveMethod final : public Method {
     return band_costs::gain(band, static_cast<int64_t>(planes_.row_subpixels()) * kBand, light);
   }
 
-  static RenderStatistics statistics_of(Workers& workers, uint64_t subpixels) {
+  [[nodiscard]] RenderStatistics statistics_of(const AdaptiveFrame& frame, Workers& workers,
+                                               uint64_t subpixels) const {
     RenderStatistics statistics;
-    AuditCounts audit;
-    for (AdaptiveWorker& worker : workers) {
-      statistics += worker.counts();
-      audit += worker.audit();
-    }
+    for (AdaptiveWorker& worker : workers) statistics += worker.counts();
+    const AuditErrors errors = evaluation_of(frame);
+    const AuditCounts audit = errors.counts(options_.tolerated_error);
     statistics.subpixels = subpixels;
     statistics.audited_subpixels = audit.sampled;
     statistics.audited_beyond = audit.beyond;
     statistics.beyond_bound = bound_of_share(audit);
+    statistics.rmse = std::sqrt(errors.mean_square());
+    statistics.rmse_bound = std::sqrt(bound_of_mean_square(errors));
     return statistics;
   }
 
@@ -353,12 +425,26 @@ std::unique_ptr<Method> make_method_adaptive(const optics::OpticalModel& model,
     throw Error(ErrorKind::Usage, "--error: not a number of code values",
                 "0 gives exactly the frames of method full; 2 is a good compromise");
   if (options.tolerated_error == 0.0) return make_method_full(model, options);
+  if (options.proven_rmse > 0.0 && options.soft.any())
+    throw Error(ErrorKind::Usage, "--psnr: cannot be promised with soft light, which is noise",
+                "use --error, for example --error 2");
   if (options.samples != 1)
     throw Error(ErrorKind::Usage, "method adaptive: takes one sample per subpixel",
                 "use method full for several");
   auto method = std::make_unique<AdaptiveMethod>(model, options);
   if (!method->suits_rig()) return make_method_full(model, options);
   return method;
+}
+
+void promise_psnr(double db, RenderOptions& options) {
+  constexpr double kLeast = 20.0, kMost = 70.0;
+  if (!(db >= kLeast && db <= kMost))
+    throw Error(ErrorKind::Usage, fmt::format("--psnr {}: not in {} ... {} dB", db, kLeast, kMost),
+                "40 is a good compromise; --error 0 is exact");
+  options.proven_rmse = 255.0 / std::pow(10.0, db / 20.0);
+  // Half of the mean square is left for errors that the audit could not see. A larger error saves
+  // little more, and gives frames that need bands of method full to keep the promise.
+  options.tolerated_error = options.proven_rmse;
 }
 
 }  // namespace lenticule::render

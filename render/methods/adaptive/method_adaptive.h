@@ -14,4 +14,8 @@ namespace lenticule::render {
 [[nodiscard]] std::unique_ptr<Method> make_method_adaptive(const optics::OpticalModel& model,
                                                            const RenderOptions& options);
 
+/// Makes method adaptive prove a PSNR of each frame, in dB: sets RenderOptions::proven_rmse, and a
+/// tolerated error of single subpixels that suits it. Throws Error(Usage) outside 20 ... 70 dB.
+void promise_psnr(double db, RenderOptions& options);
+
 }  // namespace lenticule::render

@@ -145,7 +145,7 @@ size_t audited_differently(const frames::WovenFrame& a, const frames::WovenFrame
   const auto width = static_cast<uint32_t>(3 * a.width());
   for (int row = 0; row < a.height(); ++row)
     for (uint32_t stretch = 0; stretch * kSampledOneIn < width; ++stretch) {
-      const SampledPair sampled = sampled_pair(static_cast<uint32_t>(row), stretch);
+      const SampledPair sampled = AuditSelection{}.pair(static_cast<uint32_t>(row), stretch);
       for (const uint32_t at : {sampled.retracing, sampled.evaluation})
         different += at < width && a.row(row)[at] != b.row(row)[at] ? 1 : 0;
     }

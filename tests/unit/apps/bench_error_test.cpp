@@ -27,8 +27,11 @@ optics::Rig sample_rig(const std::string& name) {
 }
 
 TEST(ErrorEntrants, BeginWithFullAndContainOnePerToleratedError) {
-  const auto entrants = error_entrants({"temporal", "full", "adaptive"}, {0.5, 2}, {"full"});
-  ASSERT_EQ(entrants.size(), 4U);
+  const auto entrants = error_entrants({"temporal", "full", "adaptive"}, {0.5, 2}, {40}, {"full"});
+  ASSERT_EQ(entrants.size(), 5U);
+  EXPECT_EQ(entrants[4].name, "adaptive 40 dB");
+  EXPECT_DOUBLE_EQ(entrants[4].proven_rmse, 2.55);
+  EXPECT_EQ(entrants[3].proven_rmse, 0.0);
   EXPECT_EQ(entrants[0].name, "full");
   EXPECT_TRUE(entrants[0].exists);
   EXPECT_FALSE(entrants[0].tolerated.has_value());
@@ -38,8 +41,9 @@ TEST(ErrorEntrants, BeginWithFullAndContainOnePerToleratedError) {
   EXPECT_EQ(entrants[3].name, "adaptive 2");
   EXPECT_EQ(entrants[3].method, "adaptive");
   EXPECT_EQ(entrants[3].tolerated, 2.0);
-  EXPECT_THROW((void)error_entrants({"adaptive"}, {-1}, {}), Error);
-  EXPECT_THROW((void)error_entrants({"adaptive"}, {std::nan("")}, {}), Error);
+  EXPECT_THROW((void)error_entrants({"adaptive"}, {-1}, {}, {}), Error);
+  EXPECT_THROW((void)error_entrants({"adaptive"}, {std::nan("")}, {}, {}), Error);
+  EXPECT_THROW((void)error_entrants({"adaptive"}, {}, {400}, {}), Error);
 }
 
 TEST(BoundTally, CountsTheFramesWhoseShareIsWithinTheBound) {
@@ -176,7 +180,7 @@ TEST(SeenPixels, PerDegreeFollowFromTheViewingDistance) {
 nlohmann::json measured(const std::string& scene, ErrorScenario scenario, int runs) {
   const ErrorSetup setup = {
       .rig = sample_rig("tiny.toml"),
-      .entrants = error_entrants({"lens-view", "full", "temporal", "none-such"}, {},
+      .entrants = error_entrants({"lens-view", "full", "temporal", "none-such"}, {}, {},
                                  render::method_names()),
       .scenario = scenario,
       .frames = 3,

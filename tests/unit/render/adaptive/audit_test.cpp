@@ -3,8 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <random>
+#include <vector>
 
 namespace lenticule::render {
 namespace {
@@ -47,33 +49,114 @@ TEST(Audit, RetracesBadBandsAndToleratesChance) {
   EXPECT_FALSE(needs_retracing({}, 0.03));
 }
 
-TEST(Audit, SamplesUniformly) {
-  constexpr uint32_t kRows = 64, kColumns = 11520;
+/// Counts of the subpixels that a selection takes from an area.
+struct Selected {
   uint64_t retracing = 0, evaluation = 0, odd_rows = 0;
   std::array<uint64_t, 3> channels{};
-  std::array<uint64_t, 4> quarters{};
+  std::array<uint64_t, 4> quarters{};  ///< of the subpixels from which one is taken
+};
+
+constexpr uint32_t kRows = 64, kColumns = 11520;
+
+Selected selected(const AuditSelection& selection) {
+  Selected all;
   for (uint32_t row = 0; row < kRows; ++row)
-    for (uint32_t stretch = 0; stretch * kSampledOneIn < kColumns; ++stretch) {
-      const SampledPair sampled = sampled_pair(row, stretch);
-      ASSERT_NE(sampled.retracing, sampled.evaluation);
+    for (uint32_t stretch = 0; stretch * selection.one_in() < kColumns; ++stretch) {
+      const SampledPair sampled = selection.pair(row, stretch);
+      EXPECT_NE(sampled.retracing, sampled.evaluation);
       for (const uint32_t at : {sampled.retracing, sampled.evaluation}) {
-        ASSERT_EQ(at / kSampledOneIn, stretch);
         if (at >= kColumns) continue;
-        ++(at == sampled.retracing ? retracing : evaluation);
-        odd_rows += row % 2;
-        ++channels[at % 3];
-        ++quarters[at % kSampledOneIn / (kSampledOneIn / 4)];
+        EXPECT_EQ(at / selection.one_in(), stretch);
+        ++(at == sampled.retracing ? all.retracing : all.evaluation);
+        all.odd_rows += row % 2;
+        ++all.channels[at % 3];
+        ++all.quarters[at % selection.one_in() * 4 / selection.one_in()];
       }
     }
-  const double expected = double{kRows} * kColumns / kSampledOneIn;
-  const double deviation = 5.0 * std::sqrt(expected);
-  EXPECT_NEAR(static_cast<double>(retracing), expected, deviation);
-  EXPECT_NEAR(static_cast<double>(evaluation), expected, deviation);
-  EXPECT_NEAR(static_cast<double>(odd_rows), expected, deviation);
-  for (const uint64_t sampled : channels)
-    EXPECT_NEAR(static_cast<double>(sampled), 2.0 * expected / 3.0, deviation);
-  for (const uint64_t sampled : quarters)
-    EXPECT_NEAR(static_cast<double>(sampled), 2.0 * expected / 4.0, deviation);
+  return all;
+}
+
+TEST(Audit, SamplesUniformly) {
+  for (const uint32_t one_in : {kSampledOneIn, 40U}) {
+    const Selected all = selected(AuditSelection(one_in));
+    const double retracing = double{kRows} * kColumns / (kSampledOneIn / one_in * one_in);
+    const double evaluation = double{kRows} * kColumns / one_in;
+    const auto near = [](uint64_t count, double expected) {
+      EXPECT_NEAR(static_cast<double>(count), expected, 5.0 * std::sqrt(expected));
+    };
+    near(all.retracing, retracing);
+    near(all.evaluation, evaluation);
+    near(all.odd_rows, (retracing + evaluation) / 2.0);
+    for (const uint64_t sampled : all.channels) near(sampled, (retracing + evaluation) / 3.0);
+    for (const uint64_t sampled : all.quarters) near(sampled, (retracing + evaluation) / 4.0);
+  }
+}
+
+AuditErrors errors_of(const std::vector<int>& errors, uint64_t exact = 0) {
+  AuditErrors all;
+  all.add_exact(exact);
+  for (const int error : errors) all.add(0, static_cast<uint8_t>(error));
+  return all;
+}
+
+TEST(AuditErrors, HaveMeanAndStandardErrorOfTheirSquares) {
+  const AuditErrors none;
+  EXPECT_EQ(none.mean_square(), 0.0);
+  EXPECT_EQ(none.standard_error(), 0.0);
+  const AuditErrors some = errors_of({1, 2, 3}, 1);
+  EXPECT_EQ(some.sampled(), 4U);
+  EXPECT_EQ(some.at_least(2), 2U);
+  EXPECT_EQ(some.counts(2.0).beyond, 1U);
+  EXPECT_EQ(some.counts(1.5).beyond, 2U);
+  EXPECT_EQ(some.counts(300.0).beyond, 0U);
+  EXPECT_DOUBLE_EQ(some.mean_square(), 3.5);
+  // Squares 0, 1, 4, 9: their variance is 49 / 3.
+  EXPECT_DOUBLE_EQ(some.standard_error(), std::sqrt(49.0 / 3.0 / 4.0));
+}
+
+TEST(AuditErrors, TheBoundIncludesErrorsThatNoSampleShows) {
+  // Of 100000 samples none is off: then one in 10000 may be, by 255.
+  const double bound = bound_of_mean_square(errors_of({}, 100000));
+  EXPECT_GT(bound, 0.00005 * 255 * 255);
+  EXPECT_LT(bound, 0.0002 * 255 * 255);
+  EXPECT_EQ(bound_of_mean_square({}), 255.0 * 255.0);
+}
+
+/// A frame with few large errors, as where thin lines vanish, and one with many small errors.
+TEST(AuditErrors, TheBoundHoldsAndIsNotMuchLarger) {
+  std::mt19937_64 random(5);
+  struct Kind {
+    double share;
+    int error;
+  };
+  for (const std::vector<Kind>& kinds :
+       {std::vector<Kind>{{0.0005, 120}}, {{0.3, 1}, {0.1, 2}, {0.02, 7}}, {{0.01, 30}}}) {
+    double truth = 0.0;
+    for (const Kind& kind : kinds) truth += kind.share * kind.error * kind.error;
+    for (int n = 0; n < 200; ++n) {
+      AuditErrors errors;
+      uint64_t left = 200000;
+      for (const Kind& kind : kinds) {
+        const uint64_t count = std::binomial_distribution<uint64_t>(200000, kind.share)(random);
+        for (uint64_t i = 0; i < count; ++i) errors.add(0, static_cast<uint8_t>(kind.error));
+        left -= count;
+      }
+      errors.add_exact(left);
+      EXPECT_GE(bound_of_mean_square(errors), truth);
+      EXPECT_LE(bound_of_mean_square(errors), 2.0 * truth + 6.0);
+    }
+  }
+}
+
+TEST(Audit, TakesAsManySamplesAsAProofNeeds) {
+  for (const double mean_square : {1.0, 6.5, 20.0}) {
+    const uint64_t subpixels = 3 * 3840 * 2160;
+    const uint32_t one_in = sampled_one_in_for(mean_square, subpixels);
+    const double bound = bound_of_mean_square(errors_of({}, subpixels / one_in));
+    EXPECT_NEAR(bound, mean_square / 2.0, 0.05 * mean_square);
+  }
+  EXPECT_EQ(sampled_one_in_for(1e-3, 1000), 2U);
+  EXPECT_EQ(sampled_one_in_for(1e3, uint64_t{1} << 32), kSampledOneIn);
 }
 
 }  // namespace

@@ -96,7 +96,7 @@ Audited audited(const frames::WovenFrame& full, const frames::WovenFrame& adapti
   const auto width = static_cast<uint32_t>(3 * full.width());
   for (int row = 0; row < full.height(); ++row)
     for (uint32_t stretch = 0; stretch * kSampledOneIn < width; ++stretch) {
-      const SampledPair sampled = sampled_pair(static_cast<uint32_t>(row), stretch);
+      const SampledPair sampled = AuditSelection{}.pair(static_cast<uint32_t>(row), stretch);
       for (const uint32_t at : {sampled.retracing, sampled.evaluation}) {
         if (at >= width) continue;
         ++sum.count;

@@ -51,6 +51,21 @@ TEST(BandOrder, DoesNotJudgeTheFrameByASingleBand) {
   EXPECT_FALSE(order.loses());
 }
 
+TEST(BandOrder, GoesOnIfOneOfTwoFirstBandsGains) {
+  const auto gain = [](int band) { return band == 16 ? -11 : 8; };
+  BandOrder order(68);
+  for (const int band : order.next()) order.note(band, gain(band));
+  EXPECT_FALSE(order.loses());
+  EXPECT_GE(tried(68, gain).size(), 40U);
+}
+
+TEST(BandOrder, LeavesBandsBetweenTwoThatLoseWhateverTheOthersGain) {
+  const auto gain = [](int band) { return band >= 40 && band < 80 ? -1 : 100; };
+  size_t wasted = 0;
+  for (const int band : tried(135, gain)) wasted += gain(band) < 0 ? 1 : 0;
+  EXPECT_LE(wasted, 6U + 4U);  // every eighth, and those beside the edges
+}
+
 TEST(BandOrder, LeavesTheLosingPartOfAFrame) {
   const auto gain = [](int band) { return band < 90 ? 10 : -8; };
   const std::set<int> all = tried(135, gain);

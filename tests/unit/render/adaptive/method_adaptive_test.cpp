@@ -339,6 +339,51 @@ TEST(MethodAdaptive, EndsEarlyWhenCancelled) {
   EXPECT_FALSE(method->render(scene, stage, frame).completed);
 }
 
+/// Returns a scene like a fence: wires thinner than the distance of samples, and their shadows on a
+/// wall. Lookups lose wires; few subpixels are wrong, but by much.
+SceneDescription wires(double gap) {
+  SceneDescription scene = testing::tiny_scenes()[1].scene;
+  scene.cones.clear();
+  for (double x = -6.0; x < 6.0; x += gap) {
+    Cone wire;
+    wire.material = 2;
+    wire.base = {x, -4.0, 0.0};
+    wire.apex = {x + 0.7, 4.0, 0.3};
+    wire.base_radius = wire.apex_radius = 0.006;
+    scene.cones.push_back(wire);
+  }
+  return scene;
+}
+
+TEST(MethodAdaptive, KeepsThePromisedPsnrWhereThinObjectsAreMissed) {
+  for (const double gap : {0.15, 0.6, 2.5}) {
+    const SceneDescription scene = wires(gap);
+    const Rendered full = rendered("full", scene, wide_rig());
+    for (const double db : {25.0, 32.0, 40.0}) {
+      RenderOptions options;
+      promise_psnr(db, options);
+      const Rendered adaptive = rendered("adaptive", scene, wide_rig(), options);
+      const RenderStatistics& s = adaptive.statistics;
+      EXPECT_GE(compare(full.frame, adaptive.frame).psnr, db) << gap;
+      EXPECT_LE(s.rmse_bound, options.proven_rmse) << gap << ", " << db;
+      EXPECT_LE(s.rmse, s.rmse_bound);
+    }
+  }
+}
+
+TEST(MethodAdaptive, KeepsTheRootMeanSquareNearTheToleratedError) {
+  for (const double gap : {0.15, 0.6, 2.5})
+    for (const double error : {1.0, 2.0, 4.0}) {
+      const SceneDescription scene = wires(gap);
+      const Rendered full = rendered("full", scene, wide_rig());
+      const Rendered adaptive =
+          rendered("adaptive", scene, wide_rig(), {.tolerated_error = error, .cancelled = {}});
+      // The limit of twice the error is estimated, not proven: half as much more by chance.
+      EXPECT_GE(compare(full.frame, adaptive.frame).psnr, 20.0 * std::log10(255.0 / (3.0 * error)))
+          << gap << ", " << error;
+    }
+}
+
 TEST(MethodAdaptive, RefusesUnsupportedOptions) {
   const optics::OpticalModel model(make_rig({}));
   for (const double error :
@@ -346,6 +391,12 @@ TEST(MethodAdaptive, RefusesUnsupportedOptions) {
     EXPECT_THROW((void)make_method("adaptive", model, {.tolerated_error = error, .cancelled = {}}),
                  Error);
   EXPECT_THROW((void)make_method("adaptive", model, {.samples = 4, .cancelled = {}}), Error);
+  RenderOptions promise;
+  for (const double db : {0.0, 19.0, 71.0, std::numeric_limits<double>::quiet_NaN()})
+    EXPECT_THROW(promise_psnr(db, promise), Error);
+  promise_psnr(40.0, promise);
+  promise.soft.shadow_samples = 16;
+  EXPECT_THROW((void)make_method("adaptive", model, promise), Error);
 }
 
 }  // namespace
