@@ -14,6 +14,8 @@
 #include <embree3/rtcore.h>
 #endif
 
+#include "optics/vec.h"
+
 namespace lenticule::render {
 
 struct EmbreeRelease {
@@ -64,6 +66,26 @@ enum class Coherence { Coherent, Incoherent };
 [[nodiscard]] inline bool embree_accepts(float x, float y, float z) {
   constexpr float kLimit = 1e18F;
   return x > -kLimit && x < kLimit && y > -kLimit && y < kLimit && z > -kLimit && z < kLimit;
+}
+
+/// Returns a ray that has met nothing yet and ends at the parameter `far`, for intersect1().
+[[nodiscard]] inline RTCRayHit single_ray(Vec3f origin, Vec3f direction, float far) {
+  RTCRayHit ray{};
+  ray.ray = {.org_x = origin.x,
+             .org_y = origin.y,
+             .org_z = origin.z,
+             .tnear = 0.0F,
+             .dir_x = direction.x,
+             .dir_y = direction.y,
+             .dir_z = direction.z,
+             .time = 0.0F,
+             .tfar = far,
+             .mask = ~0U,
+             .id = 0,
+             .flags = 0};
+  ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+  ray.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+  return ray;
 }
 
 #if LENTICULE_EMBREE_MAJOR >= 4

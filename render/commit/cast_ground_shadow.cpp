@@ -46,31 +46,6 @@ void add_hidden(double height, double share, Shares& hidden) {
   }
 }
 
-/// Returns the first surface that a ray meets within the distance `far`.
-std::optional<Surface> first_surface(const Scene& scene, Vec3 origin, Vec3 up, double far) {
-  const Vec3f from(origin), way(up);
-  RTCRayHit ray{};
-  ray.ray = {.org_x = from.x,
-             .org_y = from.y,
-             .org_z = from.z,
-             .tnear = 0.0F,
-             .dir_x = way.x,
-             .dir_y = way.y,
-             .dir_z = way.z,
-             .time = 0.0F,
-             .tfar = static_cast<float>(far),
-             .mask = ~0U,
-             .id = 0,
-             .flags = 0};
-  ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-  ray.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-  intersect1(scene.embree.get(), ray);
-  if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
-  return surface_at(
-      scene, {.origin = origin, .direction = up},
-      {.geometry = ray.hit.geomID, .primitive = ray.hit.primID, .distance = ray.ray.tfar});
-}
-
 /// Returns what hides the ray straight up from a point, by layer.
 Shares hidden_above(const Scene& scene, const StandingModel& model, Vec3 origin) {
   Shares hidden{};

@@ -1,6 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/culling/background.h"
 
+#include <algorithm>
+#include <bit>
+
+#include "render/accel/lane_masks.h"
+#include "render/rays/packet_backdrop.h"
 #include "render/scene/texture.h"
 
 namespace lenticule::render {
@@ -23,13 +28,6 @@ void fill_flat(const Scene& scene, const TilePlan& plan, const Tile& tile, Colum
       for (int column = first; column < columns.end; column += 3) out[column] += more;
     }
   }
-}
-
-float seen_by(const Scene& scene, const RayPacket& packet, size_t r, int channel) {
-  const RTCRay16& ray = packet.rays.ray;
-  const Vec3 origin{double{ray.org_x[r]}, double{ray.org_y[r]}, double{ray.org_z[r]}};
-  const Vec3 direction{double{ray.dir_x[r]}, double{ray.dir_y[r]}, double{ray.dir_z[r]}};
-  return static_cast<float>(light_beyond(scene.backdrop, origin, direction, channel));
 }
 
 /// Returns true if all rays of the columns see the colour of the backdrop.
@@ -85,16 +83,35 @@ void Background::fill(const Scene& scene, const TilePlan& plan, const Tile& tile
   if (sees_one_light(scene, maker, columns))
     return fill_flat(scene, plan, tile, columns, each, light);
   maker.prepare(packets_);
+  for (int first = columns.begin; first < columns.end; first += kPartColumns) {
+    const ColumnRange part{first, std::min(first + kPartColumns, columns.end)};
+    if (sees_one_light(scene, maker, part))
+      fill_flat(scene, plan, tile, part, each, light);
+    else
+      fill_by_ray(scene, plan, tile, part, each, maker, light);
+  }
+}
+
+void Background::fill_by_ray(const Scene& scene, const TilePlan& plan, const Tile& tile,
+                             ColumnRange columns, float weight, PrimaryPackets::Maker& maker,
+                             std::span<float> light) {
+  static_assert(TilePlan::kRows == kPacket);
+  std::array<int32_t, kPacket> channel;
+  std::array<float, kPacket> seen;
   for (int column = columns.begin; column < columns.end; column += kFewPackets) {
     maker.columns(column, packets_);
-    for (int k = 0; k < kFewPackets; ++k)
-      for (int row = 0; row < TilePlan::kRows; ++row) {
-        const RayPacket& packet = packets_[static_cast<size_t>(k)];
-        const auto r = static_cast<size_t>(row);
-        if (packet.valid[r] == 0) continue;
-        light[static_cast<size_t>(row * tile.columns + column + k)] +=
-            each * seen_by(scene, packet, r, channel_at(plan, tile, column + k, row));
+    for (int k = 0; k < kFewPackets; ++k) {
+      const RayPacket& packet = packets_[static_cast<size_t>(k)];
+      const uint32_t lanes = lane_bits(packet.valid);
+      for (int row = 0; row < TilePlan::kRows; ++row)
+        channel[static_cast<size_t>(row)] = channel_at(plan, tile, column + k, row);
+      light_beyond_packet(scene.backdrop, packet, lanes, channel, seen);
+      for (uint32_t left = lanes; left != 0; left &= left - 1) {
+        const auto r = static_cast<size_t>(std::countr_zero(left));
+        light[r * static_cast<size_t>(tile.columns) + static_cast<size_t>(column + k)] +=
+            weight * seen[r];
       }
+    }
   }
 }
 

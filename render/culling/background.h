@@ -44,6 +44,8 @@ class Background {
   static_assert(TilePlan::kColumns % kPartColumns == 0);
 
   void add_run(Run run);
+  void fill_by_ray(const Scene& scene, const TilePlan& plan, const Tile& tile, ColumnRange columns,
+                   float weight, PrimaryPackets::Maker& maker, std::span<float> light);
 
   std::array<Run, kParts> runs_;
   size_t run_count_ = 0;

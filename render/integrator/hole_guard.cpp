@@ -61,23 +61,7 @@ Vec3 across(Vec3 unit) {
 }
 
 RTCRayHit trace(const Scene& scene, const Line& line) {
-  RTCRayHit found{};
-  const Vec3f origin(line.origin);
-  const Vec3f direction(line.direction);
-  found.ray = {.org_x = origin.x,
-               .org_y = origin.y,
-               .org_z = origin.z,
-               .tnear = 0.0F,
-               .dir_x = direction.x,
-               .dir_y = direction.y,
-               .dir_z = direction.z,
-               .time = 0.0F,
-               .tfar = kInfinity,
-               .mask = ~0U,
-               .id = 0,
-               .flags = 0};
-  found.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-  found.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+  RTCRayHit found = single_ray(Vec3f(line.origin), Vec3f(line.direction), kInfinity);
   intersect1(scene.embree.get(), found);
   return found;
 }

@@ -15,6 +15,7 @@
 #include "render/integrator/hole_guard.h"
 #include "render/integrator/light_memory.h"
 #include "render/integrator/pbr_tracer.h"
+#include "render/rays/packet_backdrop.h"
 #include "render/scene/texture.h"
 #include "render/shading/shading.h"
 #include "render/shading/shading_tables.h"
@@ -331,13 +332,11 @@ void PacketTracer::add_backdrop(const Scene& scene, const RayPacket& packet, con
       lanes_.light[r] += (lanes & kLaneBit[r]) != 0 ? weight[r] * lanes_.backdrop[r] : 0.0F;
     return;
   }
+  std::array<float, kPacket> light;
+  light_beyond_packet(scene.backdrop, packet, lanes, lanes_.channel, light);
   for (uint32_t left = lanes; left != 0; left &= left - 1) {
     const auto r = static_cast<size_t>(std::countr_zero(left));
-    const RTCRay16& ray = packet.rays.ray;
-    const Vec3 origin{double{ray.org_x[r]}, double{ray.org_y[r]}, double{ray.org_z[r]}};
-    const Vec3 direction{double{ray.dir_x[r]}, double{ray.dir_y[r]}, double{ray.dir_z[r]}};
-    lanes_.light[r] += weight[r] * static_cast<float>(light_beyond(scene.backdrop, origin,
-                                                                   direction, lanes_.channel[r]));
+    lanes_.light[r] += weight[r] * light[r];
   }
 }
 

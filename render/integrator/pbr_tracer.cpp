@@ -279,30 +279,11 @@ namespace {
 Vec3 light_arriving(const Scene& scene, Vec3 origin, Vec3 direction, double far) {
   Vec3 share{1, 1, 1};
   for (int layer = 0; layer < kMostLayers; ++layer) {
-    RTCRayHit ray{};
-    const Vec3f from(origin), way(direction);
-    ray.ray = {.org_x = from.x,
-               .org_y = from.y,
-               .org_z = from.z,
-               .tnear = 0.0F,
-               .dir_x = way.x,
-               .dir_y = way.y,
-               .dir_z = way.z,
-               .time = 0.0F,
-               .tfar = static_cast<float>(far),
-               .mask = ~0U,
-               .id = 0,
-               .flags = 0};
-    ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-    ray.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-    intersect1(scene.embree.get(), ray);
-    if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return share;
-    const Surface surface = surface_at(
-        scene, {.origin = origin, .direction = direction},
-        {.geometry = ray.hit.geomID, .primitive = ray.hit.primID, .distance = ray.ray.tfar});
-    share = share * scene.pbr->passed(surface);
+    const std::optional<Surface> surface = first_surface(scene, origin, direction, far);
+    if (!surface) return share;
+    share = share * scene.pbr->passed(*surface);
     if (largest(share) < kLeastWeight) return {};
-    const Vec3 next = spawn_point(surface, Side::Far);
+    const Vec3 next = spawn_point(*surface, Side::Far);
     far -= length(next - origin);
     origin = next;
     if (far <= 0.0) return share;

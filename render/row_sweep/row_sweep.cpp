@@ -26,29 +26,34 @@ RowSweep::RowSweep(const RowPlanes& planes, const Scene& scene)
 
 RowSweep::Worker::Worker(const RowSweep& sweep) : sweep_(sweep), maker_(sweep.planes_) {}
 
-void RowSweep::Worker::sweep(int row, SweptRow& out, const std::optional<Interval>& eyes) {
+bool extend_by_view(Vec2 point, double inverse_z, const Interval& eyes, Interval& range_mm) {
+  // Fraction of the distance to the viewing line beyond which content may be seen anywhere.
+  constexpr double kTooNear = 0.995;
+  if (!(point.y * inverse_z < kTooNear)) return false;
+  const double wider = 1.0 / (1.0 - point.y * inverse_z);
+  const double depth = inverse_z > 0.0 ? point.y * wider * inverse_z : point.y;
+  for (const double eye : {eyes.low, eyes.high}) range_mm.extend(point.x * wider - eye * depth);
+  return true;
+}
+
+void RowSweep::Worker::sweep(int row, SweptRow& out, const std::optional<Interval>& eyes,
+                             const Interval& within_mm) {
   out.cuts.clear();
   for (size_t plane = 0; plane < sweep_.planes_.planes_of(row); ++plane)
-    sweep_plane(row, plane, out, eyes);
+    sweep_plane(row, plane, out, eyes, within_mm);
 }
 
 /// Returns the range on the panel of the rays to `eyes` that can meet a cut. From one place a cut
 /// is seen between its ends, and from an intermediate place between the extremes of the outer
 /// places.
 Interval RowSweep::Worker::range_of_cuts_mm(const Interval& eyes) const {
-  // Fraction of the distance to the viewing line beyond which content may be seen anywhere.
-  constexpr double kTooNear = 0.995;
   const double inverse_z = sweep_.planes_.inverse_z();
   Interval range;
   const auto add = [&](const sweep_kernel::Reach& reach) {
-    for (const int end : {0, 1}) {
-      const double z = reach.z[end];
-      if (!(z * inverse_z < kTooNear)) return false;
-      const double wider = 1.0 / (1.0 - z * inverse_z);
-      const double depth = inverse_z > 0.0 ? z * wider * inverse_z : z;
-      for (const double x : {double{reach.x_low[end]}, double{reach.x_high[end]}})
-        for (const double eye : {eyes.low, eyes.high}) range.extend(x * wider - eye * depth);
-    }
+    for (const int end : {0, 1})
+      for (const float x : {reach.x_low[end], reach.x_high[end]})
+        if (!extend_by_view({double{x}, double{reach.z[end]}}, inverse_z, eyes, range))
+          return false;
     return true;
   };
   for (const sweep_kernel::Segment& segment : cuts_.segments)
@@ -59,11 +64,16 @@ Interval RowSweep::Worker::range_of_cuts_mm(const Interval& eyes) const {
 }
 
 void RowSweep::Worker::sweep_plane(int row, size_t plane, SweptRow& out,
-                                   const std::optional<Interval>& eyes) {
+                                   const std::optional<Interval>& eyes, const Interval& within_mm) {
   const sweep_kernel::Kernel& kernel = sweep_.planes_.kernel();
   auto number = static_cast<int32_t>(out.cuts.size());
   sweep_.primitives_.cut(row, sweep_.planes_.plane_of(row, plane), cuts_, out.cuts);
-  maker_.make(row, plane, rays_, eyes ? range_of_cuts_mm(*eyes) : kEverywhere);
+  Interval range = kEverywhere;
+  if (eyes) {
+    range = range_of_cuts_mm(*eyes);
+    range.extend(within_mm);
+  }
+  maker_.make(row, plane, rays_, range);
   cells_.arrange(kernel, sweep_.planes_.inverse_z(), rays_);
   const auto segments = static_cast<int>(cuts_.segments.size());
   kernel.segments(cells_.cells(), cells_.spread(), sweep_.start_mm_, cuts_.segments.data(),

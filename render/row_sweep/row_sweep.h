@@ -26,6 +26,12 @@ struct SweptRow {
   std::vector<SweptCut> cuts;
 };
 
+/// Extends a range on the panel by the places from which a point (x, z) of a plane is seen by eyes
+/// (mm on the viewing line; tangents of parallel rays). Returns false if the point is so near to
+/// the viewing line that it may be seen from anywhere. `inverse_z` as in RowPlanes.
+[[nodiscard]] bool extend_by_view(Vec2 point, double inverse_z, const Interval& eyes,
+                                  Interval& range_mm);
+
 /// RowSweep serves one scene on one rig. Content nearer than method full's near bound is left out,
 /// as in method full. Among surfaces at the same depth the choice is deterministic. Thread safety:
 /// immutable, usable from any thread.
@@ -41,13 +47,15 @@ class RowSweep {
     /// Lifetime: `sweep` must outlive the object.
     explicit Worker(const RowSweep& sweep);
     /// Sweeps a row. If all rays go to `eyes` on the viewing line (mm; tangents of parallel rays),
-    /// rays far from all objects may be left out.
-    void sweep(int row, SweptRow& out, const std::optional<Interval>& eyes = {});
+    /// rays far from all objects may be left out, except those that leave the panel in `within_mm`.
+    void sweep(int row, SweptRow& out, const std::optional<Interval>& eyes = {},
+               const Interval& within_mm = {});
     /// Returns the rays of the last row's last plane.
     [[nodiscard]] const PlaneRays& rays() const { return rays_; }
 
    private:
-    void sweep_plane(int row, size_t plane, SweptRow& out, const std::optional<Interval>& eyes);
+    void sweep_plane(int row, size_t plane, SweptRow& out, const std::optional<Interval>& eyes,
+                     const Interval& within_mm);
     [[nodiscard]] Interval range_of_cuts_mm(const Interval& eyes) const;
     void collect(SweptRow& out);
     void see_nothing_beyond(SweptRow& out) const;

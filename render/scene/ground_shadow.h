@@ -6,7 +6,7 @@
 #pragma once
 
 #include <array>
-#include <optional>
+#include <cstddef>
 #include <vector>
 
 #include "optics/vec.h"
@@ -29,26 +29,55 @@ struct GroundGrid {
 /// GroundShadow holds the darkness at the points of a grid. Thread safety: immutable.
 class GroundShadow {
  public:
+  /// Number of rays that are evaluated together.
+  static constexpr size_t kRays = 16;
+  /// Rays as Embree's packets hold them: arrays of kRays coordinates.
+  struct Rays {
+    const float *origin_x, *origin_y, *origin_z;
+    const float *direction_x, *direction_y, *direction_z;
+  };
+  class Row;
+
   /// `darkness` is the share of the light that is missing, row by row, and zero at the border.
   GroundShadow(const GroundGrid& grid, std::vector<float> darkness);
 
-  /// Returns the parameter at which a ray crosses the grid from above, if it does. The parameter is
-  /// negative for ground between the eye and the start of the ray.
-  [[nodiscard]] std::optional<double> crossing(Vec3 origin, Vec3 direction) const;
-  /// Returns the share of the background's light that such a ray sees; 1 for other rays.
+  /// Returns the share of the background's light that a ray sees: less than 1 if its line crosses
+  /// the shadow from above, also between the eye and the start of the ray.
   [[nodiscard]] double light_left(Vec3 origin, Vec3 direction) const;
+  /// Computes the same for several rays; faster than one by one.
+  void light_left(const Rays& rays, std::array<double, kRays>& out) const;
   /// Returns the corners of the grid.
   [[nodiscard]] std::array<Vec3, 4> corners() const;
 
  private:
-  /// Place on the grid, in cells from the first point.
-  struct Place {
-    double column, row;
-  };
-  [[nodiscard]] std::optional<Place> place(Vec3 origin, Vec3 direction, double& parameter) const;
+  /// Returns the share at a place on the grid, in cells from the first point.
+  [[nodiscard]] double light_at(double column, double row) const;
 
   GroundGrid grid_;
+  Vec3 column_axis_, row_axis_;      ///< across and along, per cell
+  double first_column_, first_row_;  ///< dot products of these with the grid's first point
   std::vector<float> darkness_;
+};
+
+/// GroundShadow::Row evaluates the lines (x + tan_x z, y + tan_y z, z) of a frame in which y and
+/// tan_y are the same for all of them. Lifetime: must not outlive the shadow.
+class GroundShadow::Row {
+ public:
+  Row(const GroundShadow& shadow, const Affine& shadow_from_frame, double y, double tan_y);
+
+  /// Returns the share of the background's light that a line sees from above.
+  [[nodiscard]] double light_left(double x, double tan_x) const;
+
+ private:
+  /// The value at x or tan_x is `first` + `slope` times it.
+  struct Linear {
+    double first = 0.0, slope = 0.0;
+    [[nodiscard]] double at(double x) const { return first + slope * x; }
+  };
+
+  const GroundShadow& shadow_;
+  Linear height_, column_, row_;           ///< of points, by x
+  Linear falls_, column_step_, row_step_;  ///< of directions, by tan_x
 };
 
 }  // namespace lenticule::render

@@ -139,4 +139,13 @@ Surface surface_at(const Scene& scene, const PathRay& ray, const Hit& hit) {
   return on_mesh(scene, scene.meshes[geometry.mesh], ray, hit);
 }
 
+std::optional<Surface> first_surface(const Scene& scene, Vec3 origin, Vec3 direction, double far) {
+  RTCRayHit ray = single_ray(Vec3f(origin), Vec3f(direction), static_cast<float>(far));
+  intersect1(scene.embree.get(), ray);
+  if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
+  return surface_at(
+      scene, {.origin = origin, .direction = direction},
+      {.geometry = ray.hit.geomID, .primitive = ray.hit.primID, .distance = ray.ray.tfar});
+}
+
 }  // namespace lenticule::render

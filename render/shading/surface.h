@@ -2,6 +2,8 @@
 // Surface describes the point where a ray met the scene, as input of shading.
 #pragma once
 
+#include <optional>
+
 #include "render/accel/ray_stream.h"
 #include "render/scene/scene.h"
 
@@ -35,5 +37,9 @@ struct Surface {
 /// double precision from the ray and the primitive, so that it lies on the surface as exactly as
 /// possible.
 [[nodiscard]] Surface surface_at(const Scene& scene, const PathRay& ray, const Hit& hit);
+/// Traces a single ray; returns the first surface that it meets within the distance `far`. The
+/// direction must be unit.
+[[nodiscard]] std::optional<Surface> first_surface(const Scene& scene, Vec3 origin, Vec3 direction,
+                                                   double far);
 
 }  // namespace lenticule::render

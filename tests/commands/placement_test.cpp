@@ -58,6 +58,23 @@ TEST_F(Placement, AModelStandsInThePanelPlaneAndWithinTheDepthOfField) {
   EXPECT_LT(around, static_cast<ptrdiff_t>(bytes.size()) * 3 / 4) << "it fills the panel's height";
 }
 
+TEST_F(Placement, TheShadowOnTheGroundCanBeLeftOut) {
+  write("plate.obj", "v -1 0 1\nv 1 0 1\nv 1 1 -1\nv -1 1 -1\nf 1 2 3 4\n");  // hides the sky
+  (void)render("with.png", {"--method", "full"});
+  (void)render("without.png", {"--method", "full", "--no-ground-shadow"});
+  const frames::WovenFrame with = read_woven(path("with.png"));
+  const frames::WovenFrame without = read_woven(path("without.png"));
+  ASSERT_EQ(with.bytes().size(), without.bytes().size());
+  ptrdiff_t darker = 0;
+  for (size_t n = 0; n < with.bytes().size(); ++n) {
+    if (with.bytes()[n] == without.bytes()[n]) continue;
+    EXPECT_LT(with.bytes()[n], without.bytes()[n]) << n;
+    EXPECT_EQ(without.bytes()[n], kBackground) << "the shadow darkens the background alone: " << n;
+    ++darker;
+  }
+  EXPECT_GT(darker, 100);
+}
+
 TEST_F(Placement, APointHasTheSameCodeAtEveryDepthBudget) {
   std::vector<int> codes;
   std::vector<double> scales;

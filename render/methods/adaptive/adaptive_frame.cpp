@@ -64,6 +64,7 @@ AdaptiveWorker::AdaptiveWorker(AdaptiveFrame& frame)
       keys_(frame.grid.row_samples()),
       found_row_(frame.plan.planes.row_subpixels()) {
   init_packets(packet_);
+  if (frame.scene.backdrop.ground_shadow) ground_.emplace(frame.scene, frame.plan.planes);
   colours_.tracer().integrate_area_lights(true);
   evaluate_exactly(false);
 }
@@ -212,8 +213,12 @@ bool AdaptiveWorker::is_unchanged(int row, size_t at, const KeyGrid::Between& be
 void AdaptiveWorker::render_row(int first_row, int row) {
   const KeyGrid::Between between = frame_.grid.between(row);
   find_cells(between);
-  flat_row_ = sees_one_light(row);
-  sweep_.sweep(row, swept_, flat_row_ ? frame_.eyes : std::nullopt);
+  flat_row_ = frame_.scene.backdrop.flat();
+  if (ground_) {
+    ground_->start(plane_of(row), *frame_.eyes);
+    flat_row_ = ground_->range_mm().empty();
+  }
+  sweep_.sweep(row, swept_, frame_.eyes, ground_ ? ground_->range_mm() : Interval{});
   arrange_rays();
   group_of_cut_.clear();
   for (const SweptCut& cut : swept_.cuts)
@@ -305,25 +310,23 @@ RowPlane AdaptiveWorker::plane_of(int row) const {
   return planes.plane_at(row + planes.height_in_row(0));
 }
 
-/// Returns true if the backdrop shows one colour in all of a row.
-bool AdaptiveWorker::sees_one_light(int row) const {
+/// Returns the code of a subpixel that meets nothing. Rays that were not made see no shadow.
+uint8_t AdaptiveWorker::backdrop_code(int row, size_t at) const {
+  if (flat_row_ || (ground_ && !is_made(at, at + 1))) return frame_.backdrop[at % 3];
+  const auto channel = static_cast<int>(at % 3);
+  const double x = double{x_mm_[at]}, tan = double{tan_x_[at]};
+  if (ground_) return frame_.encoder.code(static_cast<float>(ground_->light(x, tan, channel)));
   const Scene& scene = frame_.scene;
-  if (!scene.backdrop.ground_shadow) return scene.backdrop.flat();
   const RowPlane plane = plane_of(row);
-  return misses_ground_shadow(scene, {.x_mm = kEverywhere,
-                                      .tan_x = {0.0, 0.0},
-                                      .y_mm = {plane.lens_y_mm, plane.lens_y_mm},
-                                      .tan_y = {plane.tan_y, plane.tan_y}});
+  const Vec3 from = scene.scene_from_panel.point({x, plane.lens_y_mm, 0.0});
+  const Vec3 way = scene.scene_from_panel.vector({-tan, -plane.tan_y, -1.0});
+  return frame_.encoder.code(static_cast<float>(light_beyond(scene.backdrop, from, way, channel)));
 }
 
-uint8_t AdaptiveWorker::backdrop_code(int row, size_t at) const {
-  if (flat_row_) return frame_.backdrop[at % 3];
-  const Scene& scene = frame_.scene;
-  const RowPlane plane = plane_of(row);
-  const Vec3 from = scene.scene_from_panel.point({double{x_mm_[at]}, plane.lens_y_mm, 0.0});
-  const Vec3 way = scene.scene_from_panel.vector({-double{tan_x_[at]}, -plane.tan_y, -1.0});
-  return frame_.encoder.code(
-      static_cast<float>(light_beyond(scene.backdrop, from, way, static_cast<int>(at % 3))));
+/// Returns true if any of the subpixels [begin, end) has a ray.
+bool AdaptiveWorker::is_made(size_t begin, size_t end) const {
+  const PlaneRays& rays = sweep_.rays();
+  return !rays.subpixel.empty() || (end > rays.first && begin < rays.end);
 }
 
 void AdaptiveWorker::add_sampled(int first_row, int row, bool copied) {
@@ -375,7 +378,8 @@ void AdaptiveWorker::sort_row(int first_row, int row, const KeyGrid::Between& be
     uint64_t eight;  // states; the array is slightly longer than the row
     std::memcpy(&eight, found_row_.states.data() + first, sizeof eight);
     if (eight == 0) continue;
-    if (flat_row_ && eight == kAllNothing) {
+    const bool is_flat = flat_row_ || (ground_ && !is_made(first, first + sizeof eight));
+    if (is_flat && eight == kAllNothing) {
       std::memcpy(found_row_.codes.data() + first,
                   frame_.backdrop.data() + first % frame_.backdrop.size(), sizeof eight);
       nothing += std::min(sizeof eight, count - first);

@@ -11,6 +11,7 @@
 #include "frames/frame.h"
 #include "render/methods/adaptive/audit.h"
 #include "render/methods/adaptive/colour_tracer.h"
+#include "render/methods/adaptive/ground_row.h"
 #include "render/methods/adaptive/key_samples.h"
 #include "render/methods/adaptive/light_resolver.h"
 #include "render/methods/adaptive/sampled_subpixels.h"
@@ -54,8 +55,8 @@ struct AdaptiveFrame {
   double start_mm;
   BeamTester beams;
   std::array<uint8_t, 24> backdrop{};  ///< codes of eight pixels in rows of one backdrop colour
-  /// Places on the viewing line to which rays go, if the backdrop has one colour: in rows that show
-  /// no other, rays far from all objects are not made.
+  /// Places on the viewing line to which rays go, if the backdrop has one colour beside the shadow
+  /// on the ground: rays far from that and from all objects are not made.
   std::optional<Interval> eyes;
 
   /// Audit results and costs of a band of rows.
@@ -142,8 +143,8 @@ class AdaptiveWorker {
   void add_uncertain(int first_row, int row, size_t at, const KeyGrid::Between& between);
   void sort_row(int first_row, int row, const KeyGrid::Between& between);
   [[nodiscard]] RowPlane plane_of(int row) const;
-  [[nodiscard]] bool sees_one_light(int row) const;
   [[nodiscard]] uint8_t backdrop_code(int row, size_t at) const;
+  [[nodiscard]] bool is_made(size_t begin, size_t end) const;
   /// Returns true if the audit rejects a band for its lookups alone, so that the other subpixels
   /// need not be shaded.
   [[nodiscard]] bool are_lookups_rejected(int first_row) const;
@@ -160,6 +161,7 @@ class AdaptiveWorker {
   ColourTracer::Colours found_;
   RowSweep::Worker sweep_;
   SweptRow swept_;
+  std::optional<GroundRow> ground_;
   bool flat_row_ = true;         ///< the backdrop shows one colour in all of the row
   const float* x_mm_ = nullptr;  ///< per subpixel of the last swept row
   const float* tan_x_ = nullptr;
