@@ -110,6 +110,23 @@ void plan_content(const PlayFlags& flags, PlayPlan& plan) {
   plan.source.weaving = flags.weaving;
 }
 
+/// Returns the file of the rig in use: --rig, or its copy that this player may change. A copy that
+/// cannot be written is no reason to show nothing.
+std::string rig_file_of(const PlayFlags& flags, PlayPlan& plan) {
+  if (flags.rig_store.empty()) return flags.rig;
+  optics::RigStore& store = plan.rig_store.emplace(flags.rig, flags.rig_store);
+  try {
+    (void)store.update();
+  } catch (const Error& error) {
+    if (error.kind() == ErrorKind::Input) throw;
+    say("{}; the rig cannot be changed during playback\n", error.what());
+  }
+  if (store.differs())
+    say("{}: was calibrated or trimmed during playback; used until {} is edited\n", flags.rig_store,
+        flags.rig);
+  return store.in_use().string();
+}
+
 }  // namespace
 
 void check_display_choice(const PlayFlags& flags, bool service) {
@@ -148,7 +165,7 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   plan.display.spec = flags.display;
   plan.display.buffers = flags.buffers;
   display::check_display_spec(flags.display);
-  plan.source.rig_file = flags.rig;
+  plan.source.rig_file = rig_file_of(flags, plan);
   plan_content(flags, plan);
   plan.source.slots = flags.slots;
   plan.source.plays_again = plan.playback.loops != 1;
@@ -159,16 +176,16 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   plan_control(flags, plan);
   const bool may_show_views =
       kind == SourceKind::RigViews || kind == SourceKind::List || !flags.control.empty();
-  if (flags.trim || may_show_views) plan.trim = std::make_shared<LiveTrim>(flags.rig);
+  if (flags.trim || may_show_views) plan.trim = std::make_shared<LiveTrim>(plan.source.rig_file);
   plan.source.trim = plan.trim;
-  plan.source.rig = std::make_shared<FollowedRig>(flags.rig, plan.trim);
+  plan.source.rig = std::make_shared<FollowedRig>(plan.source.rig_file, plan.trim);
   const optics::Rig rig = plan.source.rig->rig();
   plan.source.panel = {.width = rig.panel.width_px, .height = rig.panel.height_px};
   plan.source.slots = slots_of(flags, plan.source.panel);
-  plan.source.identity = optics::load_rig_and_identity(flags.rig).identity;
+  plan.source.identity = optics::load_rig_and_identity(plan.source.rig_file).identity;
   plan.source.warnings = std::make_shared<RigWarnings>();
   plan.source.rig_name = rig.name;
-  plan.source.card = rig_card(rig, flags.rig);
+  plan.source.card = rig_card(rig, plan.source.rig_file);
   plan.display.panel = plan.source.panel;
   if (display::is_kms_spec(flags.display)) plan.display.kms = kms_options(flags, rig, service);
   return plan;

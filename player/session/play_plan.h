@@ -12,6 +12,7 @@
 #include <string>
 
 #include "display/open/open_display.h"
+#include "optics/rig_store.h"
 #include "player/playback/playback.h"
 #include "player/sources/live_trim.h"
 #include "player/sources/source_open.h"
@@ -22,6 +23,7 @@ namespace lenticule::player {
 struct PlayFlags {
   std::string source;
   std::string rig;
+  std::string rig_store;
   std::string display = "virtual";
   bool display_named = false;  ///< --display was given
   std::string clock = "real";
@@ -56,6 +58,7 @@ struct PlayFlags {
 void check_display_choice(const PlayFlags& flags, bool service);
 
 struct PlayPlan {
+  std::optional<optics::RigStore> rig_store;  ///< none without --rig-store
   /// Null unless the trim can change while playing, or the rig's own views may be played.
   std::shared_ptr<LiveTrim> trim;
   SourceRequest source;

@@ -277,10 +277,11 @@ void PlayRun::look_after_files() {
 
 void PlayRun::follow_rig() {
   FollowedRig& rig = *plan_.source.rig;
+  copy_edited_rig();
   rig.look();
   const uint64_t version = rig.version();
   if (std::exchange(rig_version_, version) != version && plan_.trim) plan_.trim->follow_files();
-  const std::string complaint = rig.complaint();
+  const std::string complaint = store_problem_.empty() ? rig.complaint() : store_problem_;
   if (std::exchange(rig_problem_, complaint) == complaint) return;
   if (complaint.empty())
     say("{}: can be used again\n", flags_.rig);
@@ -288,8 +289,21 @@ void PlayRun::follow_rig() {
     say("{}; the previous rig stays in use\n", complaint);
 }
 
+/// Copies a rig that the administrator has edited, if this player uses a copy.
+void PlayRun::copy_edited_rig(bool reloading) {
+  if (!plan_.rig_store || plan_.source.rig_file != plan_.rig_store->copy()) return;
+  try {
+    if (reloading ? plan_.rig_store->update() : plan_.rig_store->update_if_edited())
+      say("{}: was edited; used instead of what was calibrated during playback\n", flags_.rig);
+    store_problem_.clear();
+  } catch (const std::exception& error) {
+    store_problem_ = error.what();
+  }
+}
+
 void PlayRun::reload() {
   say("reloading: checking rig, list and films for changes\n");
+  copy_edited_rig(true);
   plan_.source.rig->read_again();
   steered_->look_again();
   outputs_.try_at_once();

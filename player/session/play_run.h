@@ -66,6 +66,7 @@ class PlayRun {
 
   // Files that are read and written meanwhile.
   void look_after_files();
+  void copy_edited_rig(bool reloading = false);
   void follow_rig();
   void reload();
 
@@ -101,6 +102,7 @@ class PlayRun {
   bool kept_ = false;  ///< the service manager holds a copy of the card's descriptor
   std::optional<TrimKeys> trim_keys_;
   std::string rig_problem_;
+  std::string store_problem_;  ///< why an edited rig was not copied
   uint64_t rig_version_ = 1;
   std::string reported_exactness_;
   std::string reported_;  ///< the reported reason for waiting; each is reported once

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <fstream>
 
+#include "apps/lenticule-web/api/pictures.h"
 #include "apps/lenticule-web/link/control_link.h"
 #include "frames/image_io.h"
 #include "optics/rig_file.h"
@@ -24,13 +25,38 @@ class PhoneCalibration : public WebTest {
     optics::save_rig(camera_.start(), path("rig.toml"));
     write_picture("still.png", 40,
                   {.width = PhoneCamera::kPanelWidth, .height = PhoneCamera::kPanelHeight});
-    start({LENTICULE_PROGRAM, "play", path("still.png"), "--rig", path("rig.toml"), "--display",
-           "virtual:3840x2160@60", "--control", path("c.sock"), "--loop", "forever", "--slots",
-           "6"});
-    ASSERT_TRUE(comes_true([&] { return frames_shown() > 0; }));
+    start_player();
     start_web();
     connect();
     open_address();
+  }
+
+  void start_player() {
+    std::vector<std::string> words = {LENTICULE_PROGRAM,
+                                      "play",
+                                      path("still.png"),
+                                      "--rig",
+                                      path("rig.toml"),
+                                      "--display",
+                                      "virtual:3840x2160@60",
+                                      "--control",
+                                      path("c.sock"),
+                                      "--loop",
+                                      "forever",
+                                      "--slots",
+                                      "6"};
+    if (uses_store_) words.insert(words.end(), {"--rig-store", path("kept.toml")});
+    start(words);
+    ASSERT_TRUE(comes_true([&] { return frames_shown() > 0; }));
+  }
+  /// Shows the chart, sends its photograph and keeps the rig; returns the last answer.
+  ordered_json calibrate_and_keep() {
+    EXPECT_EQ(calibration("POST", "/begin")["stage"], "chart");
+    EXPECT_TRUE(comes_true([&] { return says_about("on_glass", "chart.png"); }));
+    const std::string distance = std::to_string(std::lround(camera_.distance_mm()));
+    EXPECT_EQ(calibration("PUT", "/photograph?distance=" + distance, photographed_panel())["stage"],
+              "found");
+    return calibration("POST", "/keep");
   }
 
   /// Opens the address that the owner passes on, as a phone does.
@@ -71,6 +97,13 @@ class PhoneCalibration : public WebTest {
     return {std::istreambuf_iterator<char>(file), {}};
   }
 
+  /// Returns the rig that the player uses, as the server knows it.
+  [[nodiscard]] optics::Rig web_rig() const {
+    web::ControlLink link(path("c.sock"));
+    web::PictureMaker pictures(link);
+    return optics::parse_rig(pictures.rig_toml(), "rig");
+  }
+
   /// Photographs what the panel shows, and returns the bytes of the picture file.
   [[nodiscard]] std::string photographed_panel() {
     EXPECT_EQ(ctl({"snapshot", path("panel.png")}).exit_code, 0);
@@ -81,6 +114,16 @@ class PhoneCalibration : public WebTest {
 
   PhoneCamera camera_;
   std::string cookie_;
+  bool uses_store_ = false;
+};
+
+/// The player of a kiosk: its rig belongs to the administrator, and it saves into a copy.
+class KioskCalibration : public PhoneCalibration {
+ protected:
+  void SetUp() override {
+    uses_store_ = true;
+    PhoneCalibration::SetUp();
+  }
 };
 
 TEST_F(PhoneCalibration, LeadsFromTheAddressToASavedRig) {
@@ -113,6 +156,36 @@ TEST_F(PhoneCalibration, LeadsFromTheAddressToASavedRig) {
   EXPECT_TRUE(comes_true([&] { return says_about("on_glass", "still.png"); })) << status().dump();
 }
 
+TEST_F(KioskCalibration, KeepsTheRigForGoodAndLeadsBackToAnyOther) {
+  EXPECT_EQ(calibration("GET", "")["history"].size(), 0u);
+  const std::string given = bytes_of("rig.toml");
+  const optics::Rig start = optics::load_rig(path("rig.toml"));
+  const ordered_json kept = calibrate_and_keep();
+  EXPECT_EQ(kept["stage"], "kept") << kept;
+  EXPECT_EQ(kept["history"].size(), 2u) << kept;
+  EXPECT_EQ(kept["history"][0]["who"], "first");
+  EXPECT_EQ(bytes_of("rig.toml"), given) << "the file of the administrator stays";
+  const optics::Rig found = optics::load_rig(path("kept.toml"));
+  EXPECT_LT(camera_.worst_phase(found), 0.05);
+
+  (void)quit();
+  start_player();
+  connect();
+  EXPECT_EQ(web_rig(), found) << "also after a restart";
+
+  EXPECT_EQ(calibration("POST", "/restore", R"({"number": 1})")["stage"], "kept");
+  EXPECT_EQ(optics::load_rig(path("kept.toml")), start);
+  EXPECT_EQ(calibration("POST", "/restore", R"({"number": 2})")["history"].size(), 4u);
+  EXPECT_EQ(optics::load_rig(path("kept.toml")), found);
+  EXPECT_EQ(phone("POST", "/api/v1/calibration/restore", R"({"number": 9})").status, 404);
+
+  optics::Rig edited = start;
+  edited.sheet.offset = edited.sheet.offset + Lenses(0.25);
+  optics::save_rig(edited, path("rig.toml"));
+  EXPECT_TRUE(comes_true([&] { return web_rig() == edited; }))
+      << "the administrator has the last word";
+}
+
 TEST_F(PhoneCalibration, RefusesWithTheWordsOfTheCommandAndSavesNothing) {
   const std::string old_rig = bytes_of("rig.toml");
   ASSERT_EQ(calibration("POST", "/begin")["stage"], "chart");
@@ -128,6 +201,48 @@ TEST_F(PhoneCalibration, RefusesWithTheWordsOfTheCommandAndSavesNothing) {
   EXPECT_TRUE(comes_true([&] { return says_about("on_glass", "still.png"); })) << status().dump();
   EXPECT_EQ(bytes_of("rig.toml"), old_rig);
   EXPECT_FALSE(std::filesystem::exists(path("rig.1.toml")));
+}
+
+/// Returns the beginning of a JPEG file of that size, with an EXIF segment, and no picture.
+std::string jpeg_head(uint16_t width, uint16_t height, const std::string& exif) {
+  const auto two = [](size_t value) {
+    return std::string{static_cast<char>(value >> 8), static_cast<char>(value & 0xff)};
+  };
+  const std::string tables = "Exif" + std::string(2, '\0') + exif;
+  return "\xff\xd8\xff\xe1" + two(tables.size() + 2) + tables + "\xff\xc0" + two(17) + "\x08" +
+         two(height) + two(width) + "\x03\x01\x22" + std::string(1, '\0') +
+         "\x02\x11\x01\x03\x11\x01";
+}
+
+// They reach the confined decoder, which may fail in any way; the server and the player go on.
+TEST_F(PhoneCalibration, HostilePhotographsAreRefused) {
+  const std::string old_rig = bytes_of("rig.toml");
+  ASSERT_EQ(calibration("POST", "/begin")["stage"], "chart");
+  const std::string photo = photographed_panel();
+  const std::string endless_exif = "II*" + std::string("\0\x08\0\0\0\xff\xff", 7) +
+                                   std::string(20000, '\x7f') + std::string(4, '\x08');
+  std::string broken = photo;
+  for (size_t k = 200; k < broken.size(); k += 97) broken[k] = static_cast<char>(~broken[k]);
+  const std::map<std::string, std::string> hostile = {
+      {"a bomb of 65500 x 65500 pixels", jpeg_head(65500, 65500, "II*")},
+      {"a bomb of 16000 x 16000 pixels", jpeg_head(16000, 16000, "II*") + std::string(100000, 'x')},
+      {"an endless EXIF table", jpeg_head(640, 480, endless_exif)},
+      {"half a picture", photo.substr(0, photo.size() / 2)},
+      {"changed bytes", broken},
+      {"a script", "#!/bin/sh\nkill -9 1\n"},
+      {"zeros", std::string(1 << 20, '\0')}};
+  for (const auto& [what, bytes] : hostile) {
+    const ordered_json answer = calibration("PUT", "/photograph", bytes);
+    EXPECT_EQ(answer["stage"], "refused") << what << answer;
+    EXPECT_NE(answer["message"].get<std::string>() + answer["result"].dump(), "null") << what;
+  }
+  HttpClient large(port_);
+  large.say("PUT /api/v1/calibration/photograph HTTP/1.1\r\nHost: panel:8420\r\nCookie: " +
+            cookie_ + "\r\nOrigin: http://panel:8420\r\nContent-Length: 209715200\r\n\r\n");
+  EXPECT_EQ(large.answer().status, 413) << "200 MB are refused before they are sent";
+  EXPECT_EQ(bytes_of("rig.toml"), old_rig);
+  EXPECT_TRUE(film_continues());
+  EXPECT_EQ(calibration("PUT", "/photograph", photo)["stage"], "found") << "and then a good one";
 }
 
 TEST_F(PhoneCalibration, ARigOfAnotherPanelIsNotSaved) {

@@ -49,9 +49,11 @@ def install(systemd, *names):
 def check_files(systemd):
     """Checks that user, folders and rules are in force."""
     assert systemd.check("id -Gn lenticule").split() == ["lenticule", "video"]
-    folders = systemd.check("stat -c '%n %U:%G %a' /etc/lenticule /var/lib/lenticule")
+    folders = systemd.check("stat -c '%n %U:%G %a' /etc/lenticule /var/lib/lenticule "
+                            "/var/lib/lenticule/rigs")
     assert folders.splitlines() == ["/etc/lenticule root:root 755",
-                                    "/var/lib/lenticule lenticule:lenticule 750"], folders
+                                    "/var/lib/lenticule lenticule:lenticule 750",
+                                    "/var/lib/lenticule/rigs lenticule:lenticule 750"], folders
     rules = systemd.run("udevadm test /sys/class/drm/card0")
     assert "/lib/udev/rules.d/70-lenticule.rules" in rules.stderr, rules
     assert systemd.check("stat -c '%G %a' /dev/dri/card0") == "video 660\n"

@@ -12,6 +12,8 @@ from vm_test import Machine, require_program, vm_test
 
 FILES = pathlib.Path(__file__).resolve().parents[2] / "udev"
 PLAYER = "lenticule-player@lobby.service"
+CONTROL = "/run/lenticule/lobby/control.sock"
+KEPT = "/var/lib/lenticule/rigs"
 
 
 def install(vm):
@@ -29,6 +31,35 @@ def install(vm):
     vm.check(["systemd-sysusers", "lenticule.conf"])
     vm.check(["systemd-tmpfiles", "--create", "lenticule.conf"])
     vm.start_udev()
+
+
+def trim_of(vm):
+    answer = vm.check(["lenticule", "ctl", "--json", "--socket", CONTROL, "status"]).stdout
+    return json.loads(answer)["trim"]
+
+
+def wait_for_offset(vm, wanted):
+    deadline = time.monotonic() + 30
+    while trim_of(vm)["offset_lenses"] != wanted:
+        assert time.monotonic() < deadline, trim_of(vm)
+        time.sleep(0.5)
+
+
+def check_rig_store(vm, unit):
+    """A trim made during playback stays over a restart, until the administrator edits the rig."""
+    answer = vm.check(["lenticule", "ctl", "--json", "--socket", CONTROL, "trim",
+                       "--offset", "0.125"]).stdout
+    assert json.loads(answer)["saved"], answer
+    assert "0.125" in vm.check(["cat", f"{KEPT}/lobby.trim.toml"]).stdout
+    assert vm.run("test -e /etc/lenticule/lobby.trim.toml").code == 1
+    before = unit.wait_for_main_process()
+    unit.check("restart", "--no-block")
+    unit.wait_for_main_process(other_than=before)
+    wait_for_offset(vm, 0.125)
+    vm.check("sed -i 's/^offset_lenses = .*/offset_lenses = 0.25/' /etc/lenticule/lobby.toml")
+    wait_for_offset(vm, 0.0)
+    assert "offset_lenses = 0.25" in vm.check(["cat", f"{KEPT}/lobby.toml"]).stdout
+    assert "offset_lenses = 0.0" in vm.check(["cat", f"{KEPT}/lobby.1.toml"]).stdout
 
 
 @vm_test(Machine(display="virtio-gpu"), fresh=True)
@@ -64,6 +95,7 @@ def systemd_keeps_the_picture_over_a_crash(vm):
     unit.wait_for_main_process(other_than=second)  # the watchdog has ended it
     picture.assert_same(vm.screendump(), before)
 
+    check_rig_store(vm, unit)
     unit.check("stop")
     deadline = time.monotonic() + 20
     while vm.screendump() == before and time.monotonic() < deadline:

@@ -21,9 +21,11 @@
 #include "calib/photo/single_photo.h"
 #include "calib/photo/tag_chart.h"
 #include "frames/image_io.h"
+#include "frames/srgb.h"
 #include "optics/trim.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
+#include "player/sources/confined_pictures.h"
 
 namespace lenticule::player {
 namespace {
@@ -37,6 +39,7 @@ struct PhotosFlags {
   std::string patterns;
   std::optional<double> distance_mm;
   std::optional<double> focal_px;
+  bool confined = false;
   ResultFlags result;
 };
 
@@ -99,9 +102,29 @@ calib::PhotoPriors priors_of(const PhotosFlags& flags) {
   return priors;
 }
 
+/// Lets a confined process decode a photograph whose origin is not known.
+calib::CameraPicture confined_photograph(const fs::path& file) {
+  const ConfinedPictures decoder;
+  frames::use_picture_reader(&decoder);
+  struct Restored {
+    ~Restored() { frames::use_picture_reader(nullptr); }
+  } const restored;
+  const frames::WovenFrame decoded = frames::read_woven(file, frames::PictureUse::Views);
+  calib::CameraPicture picture;
+  picture.width = decoded.width();
+  picture.height = decoded.height();
+  picture.channels = 3;
+  picture.light.reserve(decoded.bytes().size());
+  for (const uint8_t code : decoded.bytes())
+    picture.light.push_back(static_cast<float>(frames::linear_of_codes()[code]));
+  return picture;
+}
+
 ExitCode from_one(const PhotosFlags& flags, const optics::Rig& rig) {
   const calib::SinglePhotoChart chart = calib::plan_single_photo_chart(rig);
-  const calib::CameraPicture photograph = calib::read_photograph(flags.sources.front());
+  const calib::CameraPicture photograph = flags.confined
+                                              ? confined_photograph(flags.sources.front())
+                                              : calib::read_photograph(flags.sources.front());
   const calib::Calibration found = calib::fit_single_photo(photograph, chart, priors_of(flags));
   calib::CameraFacts camera;
   camera.name = flags.sources.front();
@@ -176,6 +199,8 @@ ExitCode from_folders(const PhotosFlags& flags, const optics::Rig& rig) {
 }
 
 ExitCode run_photos(const PhotosFlags& flags) {
+  if (flags.confined && (flags.sources.size() != 1 || fs::is_directory(flags.sources.front())))
+    throw Error(ErrorKind::Usage, "--confined: only for a single photograph");
   const optics::Rig rig = optics::load_trimmed_rig(flags.rig);
   for (const auto& [flag, value] :
        {std::pair("--distance", flags.distance_mm), std::pair("--focal-px", flags.focal_px)})
@@ -216,6 +241,9 @@ CalibrateWay declare_calibrate_photos(CLI::App& app) {
                   "single photograph is less exact; folders are checked against it");
   way->add_option("--focal-px", flags->focal_px,
                   "focal length in pixels of the photograph, if known; used like --distance");
+  way->add_flag("--confined", flags->confined,
+                "decode a single photograph in a confined process, because its origin is not known "
+                "(package lenticule-media)");
   declare_result_flags(*way, flags->result);
   way->get_option("--output")->required(false);
   return {.app = way, .run = [flags] { return run_photos(*flags); }};

@@ -15,6 +15,7 @@
 #include "apps/lenticule-tools/offline/frame_output.h"
 #include "apps/lenticule/cli/command.h"
 #include "base/print.h"
+#include "optics/rig_store.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 #include "player/sources/source_spec.h"
@@ -24,6 +25,7 @@ namespace {
 
 struct RenderCommandFlags {
   RenderFlags render;
+  std::string rig_store;
   std::string output;
   std::string missing;
   double ring_timeout = 10.0;
@@ -204,6 +206,9 @@ class RenderRun {
 Run declare_render(CLI::App& app) {
   auto flags = std::make_shared<RenderCommandFlags>();
   const std::function<void()> complete = declare_render_flags(app, flags->render);
+  app.add_option("--rig-store", flags->rig_store,
+                 "use this copy of the rig as long as a player with this flag does")
+      ->type_name("FILE");
   app.add_option(
       "--missing", flags->missing,
       "picture file or pattern in which subpixels that reprojection left empty are white");
@@ -219,6 +224,8 @@ Run declare_render(CLI::App& app) {
   app.add_flag("--json", flags->json, "print what was done as JSON");
   return [flags, complete]() -> ExitCode {
     check_ring_timeout(*flags);
+    if (!flags->rig_store.empty())
+      flags->render.rig = optics::RigStore(flags->render.rig, flags->rig_store).in_use().string();
     complete();
     flags->render.options.threads = threads_of(*flags);
     return RenderRun(*flags).run();

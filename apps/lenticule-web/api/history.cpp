@@ -15,6 +15,7 @@ using nlohmann::ordered_json;
 constexpr size_t kKept = 200;
 constexpr int64_t kTogether_s = 10;
 constexpr uint64_t kMaxBytes = uint64_t{1} << 20;
+constexpr uint64_t kMaxRigBytes = uint64_t{64} << 20;
 
 ordered_json entry_json(const TrimEntry& entry) {
   return {{"number", entry.number},
@@ -109,6 +110,64 @@ ordered_json TrimHistory::to_json() const {
   ordered_json list = ordered_json::array();
   for (auto entry = entries_.rbegin(); entry != entries_.rend(); ++entry)
     list.push_back(entry_json(*entry));
+  return list;
+}
+
+// --- rigs -----------------------------------------------------------------------------------
+
+RigHistory::RigHistory(std::filesystem::path file) : file_(std::move(file)) {
+  if (!std::filesystem::exists(file_)) return;
+  try {
+    const ordered_json root = ordered_json::parse(read_text_file(file_, kMaxRigBytes));
+    for (const ordered_json& entry : root.at("entries"))
+      entries_.push_back({.number = entry.at("number").get<uint64_t>(),
+                          .time = entry.at("time").get<int64_t>(),
+                          .who = entry.at("who").get<std::string>(),
+                          .what = entry.at("what").get<std::string>(),
+                          .toml = entry.at("toml").get<std::string>()});
+  } catch (const nlohmann::json::exception&) {
+    entries_.clear();
+  } catch (const Error&) {
+    entries_.clear();
+  }
+  for (const RigEntry& entry : entries_) next_ = std::max(next_, entry.number + 1);
+}
+
+void RigHistory::save() const {
+  ordered_json root = {{"format", 1}, {"entries", ordered_json::array()}};
+  for (const RigEntry& entry : entries_)
+    root["entries"].push_back({{"number", entry.number},
+                               {"time", entry.time},
+                               {"who", entry.who},
+                               {"what", entry.what},
+                               {"toml", entry.toml}});
+  write_text_file(file_, json_text(root) + "\n");
+}
+
+void RigHistory::add(RigEntry entry) {
+  const std::lock_guard lock(mutex_);
+  if (!entries_.empty() && entries_.back().toml == entry.toml) return;
+  entry.number = next_++;
+  entries_.push_back(std::move(entry));
+  while (entries_.size() > kKept) entries_.erase(entries_.begin() + 1);
+  save();
+}
+
+std::optional<RigEntry> RigHistory::find(uint64_t number) const {
+  const std::lock_guard lock(mutex_);
+  for (const RigEntry& entry : entries_)
+    if (entry.number == number) return entry;
+  return std::nullopt;
+}
+
+ordered_json RigHistory::to_json() const {
+  const std::lock_guard lock(mutex_);
+  ordered_json list = ordered_json::array();
+  for (auto entry = entries_.rbegin(); entry != entries_.rend(); ++entry)
+    list.push_back({{"number", entry->number},
+                    {"time", entry->time},
+                    {"who", entry->who},
+                    {"what", entry->what}});
   return list;
 }
 

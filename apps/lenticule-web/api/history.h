@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // TrimHistory keeps who changed the trim, when and to what, and the values that were given a name.
+// RigHistory does the same for rigs.
 #pragma once
 
 #include <filesystem>
@@ -43,6 +44,38 @@ class TrimHistory {
   const std::filesystem::path file_;
   mutable std::mutex mutex_;
   std::vector<TrimEntry> entries_;  ///< oldest first
+  uint64_t next_ = 1;
+};
+
+struct RigEntry {
+  uint64_t number = 0;
+  int64_t time = 0;  ///< seconds since 1970
+  std::string who{};
+  std::string what{};  ///< where the rig comes from
+  std::string toml{};
+};
+
+/// Thread safety: any thread.
+class RigHistory {
+ public:
+  /// Reads the file; a file that is not valid counts as empty and is replaced at the next change.
+  explicit RigHistory(std::filesystem::path file);
+
+  /// Adds an entry unless the newest one has the same rig. At most kKept entries are kept: the
+  /// first one, and the newest ones.
+  void add(RigEntry entry);
+  [[nodiscard]] std::optional<RigEntry> find(uint64_t number) const;
+  /// Returns the entries without the rigs, newest first.
+  [[nodiscard]] nlohmann::ordered_json to_json() const;
+
+  static constexpr size_t kKept = 50;
+
+ private:
+  void save() const;
+
+  const std::filesystem::path file_;
+  mutable std::mutex mutex_;
+  std::vector<RigEntry> entries_;  ///< oldest first
   uint64_t next_ = 1;
 };
 

@@ -120,13 +120,16 @@ void add_sentences(const ordered_json& state, const ordered_json& statistics,
     missed += minute.missed_vblanks;
     late += minute.late_frames;
   }
-  if (missed > 0) say(fmt::format("{} vblanks were missed in the last hour.", missed));
+  if (missed > 0)
+    say(fmt::format("{} missed in the last hour.",
+                    missed == 1 ? "One vblank was" : fmt::format("{} vblanks were", missed)));
   if (late > 0)
-    say(fmt::format("{} times in the last hour the next frame was not ready in time.", late));
+    say(fmt::format("{} in the last hour the next frame was not ready in time.",
+                    late == 1 ? "Once" : fmt::format("{} times", late)));
   if (number_at(statistics, "damaged_frames").value_or(0) > 0)
-    say("Some frames of the content are damaged; the list names the files.");
+    say("Some frames of the content are damaged. The faults below name the files.");
   if (number_at(status, "items_skipped").value_or(0) > 0)
-    say("Items of the list could not be played and were skipped.");
+    say("Items of the list could not be played and were skipped. The faults below name them.");
   if (inner(inner(statistics, "exactness"), "exact") == "no")
     say("Subpixels do not reach the panel unchanged.");
 }

@@ -15,6 +15,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "base/subprocess.h"
+#include "base/temporary.h"
 #include "base/text.h"
 #include "base/unique_fd.h"
 #include "frames/charts/charts.h"
@@ -31,7 +32,6 @@ using std::chrono::seconds;
 
 constexpr auto kDrawTime = seconds(50);
 constexpr auto kJudgeTime = seconds(50);
-constexpr uint64_t kMaxRig = uint64_t{1} << 20;
 constexpr size_t kMaxLine = 400, kMaxMessage = 2000;
 constexpr int kPictureWidth = 960;
 constexpr int kPictureQuality = 85;
@@ -140,11 +140,14 @@ class Photograph final : public BodySink {
 };
 
 PhotoCalibration::PhotoCalibration(ControlLink& link, PictureMaker& pictures,
-                                   ShownInstead& shown_instead, PhotoCalibrationOptions options)
+                                   ShownInstead& shown_instead, PhotoCalibrationOptions options,
+                                   Clock& clock)
     : link_(link),
+      clock_(clock),
       pictures_(pictures),
       shown_instead_(shown_instead),
-      options_(std::move(options)) {
+      options_(std::move(options)),
+      history_(options_.history) {
   clear_folder();
 }
 
@@ -155,7 +158,10 @@ void PhotoCalibration::clear_folder() const {
 
 ordered_json PhotoCalibration::state() const {
   const std::lock_guard lock(mutex_);
-  return {{"stage", stage_}, {"message", message_}, {"result", result_}};
+  return {{"stage", stage_},
+          {"message", message_},
+          {"result", result_},
+          {"history", history_.to_json()}};
 }
 
 void PhotoCalibration::set_stage(const char* stage, std::string message, ordered_json result,
@@ -172,19 +178,43 @@ std::optional<PhotoCalibration::Found> PhotoCalibration::found() const {
   return found_;
 }
 
+/// Throws HttpError 422 with the command's message.
+void PhotoCalibration::draw_chart(const fs::path& rig, const fs::path& output) const {
+  const ProgramRun run =
+      run_and_capture({options_.program.string(), "calibrate", "show", "photo-chart", "--rig",
+                       rig.string(), "-o", output.string()},
+                      kDrawTime, options_.stops);
+  if (run.exit_code != 0)
+    throw HttpError(422, run.timed_out ? "drawing the chart took too long"
+                                       : parse_calibration_output(run.output).message);
+}
+
+std::string PhotoCalibration::obstacle() {
+  const std::string toml = pictures_.rig_toml();
+  const std::lock_guard lock(trying_);
+  if (toml == tried_rig_) return obstacle_;
+  const TemporaryFolder folder(options_.history.parent_path());
+  write_text_file(folder.path() / "rig.toml", toml);
+  try {
+    draw_chart(folder.path() / "rig.toml", folder.path() / "chart.png");
+    obstacle_.clear();
+  } catch (const HttpError& error) {
+    const std::string message = error.what();  // its other lines are a remedy for a terminal
+    obstacle_ = message.substr(0, message.find('\n'));
+    constexpr std::string_view kProgram = "lenticule: ";
+    if (obstacle_.starts_with(kProgram)) obstacle_.erase(0, kProgram.size());
+  }
+  tried_rig_ = toml;
+  return obstacle_;
+}
+
 void PhotoCalibration::begin() {
   const Claim claim(working_);
   clear_folder();
   set_stage("idle", "", nullptr, std::nullopt);
   const fs::path rig = options_.folder / "rig.toml";
   write_text_file(rig, pictures_.rig_toml());
-  const ProgramRun run =
-      run_and_capture({options_.program.string(), "calibrate", "show", "photo-chart", "--rig",
-                       rig.string(), "-o", chart().string()},
-                      kDrawTime, options_.stops);
-  if (run.exit_code != 0)
-    throw HttpError(422, run.timed_out ? "drawing the chart took too long"
-                                       : parse_calibration_output(run.output).message);
+  draw_chart(rig, chart());
   shown_instead_.show_chart(chart());
   set_stage("chart", "", nullptr, std::nullopt);
 }
@@ -199,9 +229,16 @@ std::unique_ptr<BodySink> PhotoCalibration::photograph(std::optional<double> dis
 void PhotoCalibration::judge(const fs::path& photo, std::optional<double> distance_mm) {
   const fs::path rig = options_.folder / "rig.toml", output = options_.folder / "found.toml";
   fs::remove(output);
-  std::vector<std::string> words = {
-      options_.program.string(), "calibrate", "photos", photo.string(), "--rig", rig.string(), "-o",
-      output.string(),           "--json"};
+  std::vector<std::string> words = {options_.program.string(),
+                                    "calibrate",
+                                    "photos",
+                                    photo.string(),
+                                    "--rig",
+                                    rig.string(),
+                                    "-o",
+                                    output.string(),
+                                    "--json",
+                                    "--confined"};
   if (distance_mm) {
     words.emplace_back("--distance");
     words.push_back(fmt::format("{:.1f}", *distance_mm));
@@ -245,18 +282,20 @@ std::string PhotoCalibration::rig_toml() const {
   return optics::rig_to_toml(found->after);
 }
 
-void PhotoCalibration::keep() {
-  const Claim claim(working_);
-  const auto found = this->found();
-  if (!found) throw HttpError(409, "no lens sheet was found yet", "send a photograph first");
+/// Lets the player replace its rig, adds both rigs to the history, and shows the content again.
+void PhotoCalibration::replace_rig(const std::string& toml, const std::string& who,
+                                   const std::string& what) {
+  const std::string before = pictures_.rig_toml();
   ordered_json kept;
   try {
-    kept = link_.ask({{"do", "rig"}, {"toml", optics::rig_to_toml(found->after)}}).body;
+    kept = link_.ask({{"do", "rig"}, {"toml", toml}}).body;
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::Failed) throw;
     throw HttpError(500, error.what(),
                     "the player may not write its rig file: download the rig, and put it there");
   }
+  history_.add({.time = clock_.date(), .what = "the rig before", .toml = before});
+  history_.add({.time = clock_.date(), .who = who, .what = what, .toml = toml});
   std::string message = "The rig is saved.";
   if (const ordered_json old = kept.value("old_rig_kept_as", ordered_json()); old.is_string())
     message += " The old one is " + old.get<std::string>() + ".";
@@ -267,6 +306,20 @@ void PhotoCalibration::keep() {
     message += std::string(" The content is not shown again: ") + error.what() + ".";
   }
   set_stage("kept", message, nullptr, std::nullopt);
+}
+
+void PhotoCalibration::keep(const std::string& who) {
+  const Claim claim(working_);
+  const auto found = this->found();
+  if (!found) throw HttpError(409, "no lens sheet was found yet", "send a photograph first");
+  replace_rig(optics::rig_to_toml(found->after), who, "one photograph");
+}
+
+void PhotoCalibration::restore(uint64_t number, const std::string& who) {
+  const Claim claim(working_);
+  const auto entry = history_.find(number);
+  if (!entry) throw HttpError(404, "there is no rig of that number");
+  replace_rig(entry->toml, who, fmt::format("back to rig {}", number));
 }
 
 void PhotoCalibration::discard() {

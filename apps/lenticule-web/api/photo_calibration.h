@@ -13,8 +13,10 @@
 #include <string>
 #include <utility>
 
+#include "apps/lenticule-web/api/history.h"
 #include "apps/lenticule-web/api/pictures.h"
 #include "apps/lenticule-web/api/shown_instead.h"
+#include "apps/lenticule-web/http/clock.h"
 #include "apps/lenticule-web/http/message.h"
 #include "apps/lenticule-web/link/control_link.h"
 #include "optics/rig.h"
@@ -25,6 +27,7 @@ struct PhotoCalibrationOptions {
   std::filesystem::path folder;   ///< no other object uses it; the player reads the chart from it
   std::filesystem::path program;  ///< lenticule
   std::function<bool()> stops;    ///< returns true when the server ends
+  std::filesystem::path history;  ///< file of the rigs that were kept
 };
 
 /// CalibrationOutput is what `lenticule calibrate photos --json` printed.
@@ -53,12 +56,16 @@ class Claim {
 class PhotoCalibration {
  public:
   PhotoCalibration(ControlLink& link, PictureMaker& pictures, ShownInstead& shown_instead,
-                   PhotoCalibrationOptions options);
+                   PhotoCalibrationOptions options, Clock& clock = machine_clock());
 
   static constexpr uint64_t kLargestPhoto = uint64_t{64} << 20;
 
-  /// Returns {"stage", "message", "result"}: stage "idle", "chart", "refused", "found" or "kept".
+  /// Returns {"stage", "message", "result", "history"}: stage "idle", "chart", "refused", "found"
+  /// or "kept".
   [[nodiscard]] nlohmann::ordered_json state() const;
+  /// Returns the reason why the chart cannot be shown with the player's present rig; empty if it
+  /// can be. Draws the chart once for each rig.
+  [[nodiscard]] std::string obstacle();
   /// Draws the chart for the player's present rig, and shows it. Throws HttpError 422 with the
   /// command's message.
   void begin();
@@ -70,9 +77,12 @@ class PhotoCalibration {
   [[nodiscard]] std::string picture(bool after);
   /// Returns the found rig's file. Throws HttpError 404.
   [[nodiscard]] std::string rig_toml() const;
-  /// Lets the player replace its rig file. Throws HttpError 409 if no rig was found, and the
-  /// player's Error.
-  void keep();
+  /// Lets the player replace its rig file, and adds the rig to the history. Throws HttpError 409 if
+  /// no rig was found, and the player's Error.
+  void keep(const std::string& who);
+  /// Lets the player replace its rig file by one of the history. Throws HttpError 404 if there is
+  /// none of that number, and the player's Error.
+  void restore(uint64_t number, const std::string& who);
   /// Forgets the photograph and the found rig, and shows the content again.
   void discard();
 
@@ -89,8 +99,11 @@ class PhotoCalibration {
                  std::optional<Found> found);
   [[nodiscard]] std::optional<Found> found() const;
   void clear_folder() const;
+  void draw_chart(const std::filesystem::path& rig, const std::filesystem::path& output) const;
+  void replace_rig(const std::string& toml, const std::string& who, const std::string& what);
 
   ControlLink& link_;
+  Clock& clock_;
   PictureMaker& pictures_;
   ShownInstead& shown_instead_;
   const PhotoCalibrationOptions options_;
@@ -101,6 +114,10 @@ class PhotoCalibration {
   std::string message_;
   nlohmann::ordered_json result_;
   std::optional<Found> found_;
+  std::mutex trying_;      ///< guards the next two members
+  std::string tried_rig_;  ///< text of the rig for which the chart was drawn
+  std::string obstacle_{};
+  RigHistory history_;
 };
 
 }  // namespace lenticule::web

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <ctime>
 #include <utility>
 
 #include "apps/lenticule-web/api/metrics.h"
@@ -246,8 +245,8 @@ ordered_json present_trim(WebSite& site) {
   return status["trim"];
 }
 
-TrimEntry entry_of(const ordered_json& trim, const std::string& who) {
-  return {.time = static_cast<int64_t>(std::time(nullptr)),
+TrimEntry entry_of(const WebSite& site, const ordered_json& trim, const std::string& who) {
+  return {.time = site.clock().date(),
           .who = who,
           .offset_lenses = trim.value("offset_lenses", 0.0),
           .pitch_relative = trim.value("pitch_relative", 0.0)};
@@ -262,10 +261,11 @@ ordered_json trim_json(WebSite& site, ordered_json trim) {
 ordered_json change_trim(WebSite& site, ordered_json question, const Request& request,
                          bool keeps = true) {
   // The values before the first change are the first entry, so that it can be undone.
-  if (site.trims().to_json().empty()) site.trims().add(entry_of(present_trim(site), "before"));
+  if (site.trims().to_json().empty())
+    site.trims().add(entry_of(site, present_trim(site), "before"));
   question["do"] = "trim";
   ordered_json trim = site.link().ask(std::move(question)).body;
-  if (keeps) site.trims().add(entry_of(trim, request.sender.name));
+  if (keeps) site.trims().add(entry_of(site, trim, request.sender.name));
   site.player().refresh();
   return trim_json(site, std::move(trim));
 }
@@ -303,7 +303,7 @@ Response post_trim_save(WebSite& site, const Request& request, const std::string
   const std::string name = text_in(object_of(request), "name");
   if (name.empty()) throw HttpError(400, "name: missing");
   const ordered_json trim = present_trim(site);
-  site.trims().name_newest(entry_of(trim, request.sender.name), name);
+  site.trims().name_newest(entry_of(site, trim, request.sender.name), name);
   return json_response(trim_json(site, trim));
 }
 
@@ -333,10 +333,21 @@ Response get_calibration_rig(WebSite& site, const Request&, const std::string&) 
   response.headers.emplace_back("Content-Disposition", "attachment; filename=\"rig.toml\"");
   return response;
 }
-Response post_calibration_keep(WebSite& site, const Request&, const std::string&) {
-  site.calibration().keep();
+Response post_calibration_keep(WebSite& site, const Request& request, const std::string&) {
+  site.calibration().keep(request.sender.name);
   site.player().refresh();
   return json_response(site.calibration().state());
+}
+Response post_calibration_restore(WebSite& site, const Request& request, const std::string&) {
+  const auto number = number_in(object_of(request), "number");
+  site.calibration().restore(static_cast<uint64_t>(std::max(0.0, number.value_or(0.0))),
+                             request.sender.name);
+  site.player().refresh();
+  return json_response(site.calibration().state());
+}
+Response get_calibration_possible(WebSite& site, const Request&, const std::string&) {
+  const std::string obstacle = site.calibration().obstacle();
+  return json_response({{"possible", obstacle.empty()}, {"cause", obstacle}});
 }
 Response post_calibration_discard(WebSite& site, const Request&, const std::string&) {
   site.calibration().discard();
@@ -350,7 +361,7 @@ Response get_health(WebSite& site, const Request&, const std::string&) {
   return json_response(health_json(site.player()));
 }
 Response get_report(WebSite& site, const Request& request, const std::string&) {
-  Response response = json_response({{"time", static_cast<int64_t>(std::time(nullptr))},
+  Response response = json_response({{"time", site.clock().date()},
                                      {"version", LENTICULE_VERSION},
                                      {"state", state_json(site, request)},
                                      {"health", health_json(site.player())},
@@ -428,6 +439,7 @@ constexpr std::array kRoutes = {
     Route{"POST", "/api/v1/trim/restore", Rights::Change, kSmallBody, post_trim_restore},
     Route{"POST", "/api/v1/trim/save", Rights::Change, kSmallBody, post_trim_save},
     Route{"GET", "/api/v1/calibration", Rights::See, 0, get_calibration},
+    Route{"GET", "/api/v1/calibration/possible", Rights::See, 0, get_calibration_possible},
     Route{"POST", "/api/v1/calibration/begin", Rights::Change, kSmallBody, post_calibration_begin},
     Route{"PUT", "/api/v1/calibration/photograph", Rights::Change, PhotoCalibration::kLargestPhoto,
           put_photograph},
@@ -435,6 +447,8 @@ constexpr std::array kRoutes = {
     Route{"GET", "/api/v1/calibration/after.jpg", Rights::See, 0, get_calibration_after},
     Route{"GET", "/api/v1/calibration/rig.toml", Rights::See, 0, get_calibration_rig},
     Route{"POST", "/api/v1/calibration/keep", Rights::Change, kSmallBody, post_calibration_keep},
+    Route{"POST", "/api/v1/calibration/restore", Rights::Change, kSmallBody,
+          post_calibration_restore},
     Route{"POST", "/api/v1/calibration/discard", Rights::Change, kSmallBody,
           post_calibration_discard},
     Route{"GET", "/api/v1/health", Rights::See, 0, get_health},
@@ -492,14 +506,16 @@ std::span<const Route> routes() {
 WebSite::WebSite(WebSiteOptions options)
     : options_(std::move(options)),
       link_(options_.socket),
-      player_(link_),
+      player_(link_, *options_.clock),
       pictures_(link_),
       shown_instead_(link_, options_.state / "shown-before.json"),
       trims_(options_.state / "trims.json"),
       calibration_(link_, pictures_, shown_instead_,
                    {.folder = options_.state / "calibration",
                     .program = options_.program,
-                    .stops = [this] { return player_.stopped(); }}) {
+                    .stops = [this] { return player_.stopped(); },
+                    .history = options_.state / "rigs.json"},
+                   *options_.clock) {
   if (!options_.media) return;
   const fs::path folder = fs::canonical(*options_.media);
   media_ = std::make_unique<Media>(MediaOptions{.folder = folder,

@@ -15,6 +15,7 @@
 #include "apps/lenticule-web/api/pictures.h"
 #include "apps/lenticule-web/api/play_list.h"
 #include "apps/lenticule-web/api/shown_instead.h"
+#include "apps/lenticule-web/http/clock.h"
 #include "apps/lenticule-web/http/message.h"
 #include "apps/lenticule-web/link/control_link.h"
 #include "apps/lenticule-web/link/player_state.h"
@@ -29,6 +30,7 @@ struct WebSiteOptions {
   uint64_t largest_file = uint64_t{64} << 30;
   uint64_t keeps_free = uint64_t{1} << 30;
   std::filesystem::path program{};  ///< lenticule, for the check of a file
+  Clock* clock = &machine_clock();
 };
 
 /// Route is an address of the API; "{name}" stands for one part of a path.
@@ -54,6 +56,7 @@ class WebSite final : public Site {
   /// Ends the answers that continue; call it before the server ends.
   void stop() { player_.stop(); }
 
+  [[nodiscard]] const Clock& clock() const { return *options_.clock; }
   [[nodiscard]] ControlLink& link() { return link_; }
   [[nodiscard]] PlayerState& player() { return player_; }
   [[nodiscard]] PictureMaker& pictures() { return pictures_; }

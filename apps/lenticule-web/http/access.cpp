@@ -179,11 +179,11 @@ bool equal_secrets(std::string_view one, std::string_view other) {
   return one.size() == other.size() && CRYPTO_memcmp(one.data(), other.data(), one.size()) == 0;
 }
 
-Access::Access(std::filesystem::path tokens)
-    : file_(std::move(tokens)), tokens_(read_tokens(file_)), mark_(mark_of(file_)) {}
+Access::Access(std::filesystem::path tokens, Clock& clock)
+    : file_(std::move(tokens)), clock_(clock), tokens_(read_tokens(file_)), mark_(mark_of(file_)) {}
 
 void Access::refresh() {
-  const auto now = std::chrono::steady_clock::now();
+  const auto now = clock_.now();
   if (now - looked_ < std::chrono::milliseconds(500)) return;
   looked_ = now;
   const FileMark mark = mark_of(file_);

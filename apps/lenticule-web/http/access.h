@@ -12,6 +12,7 @@
 #include <string_view>
 #include <vector>
 
+#include "apps/lenticule-web/http/clock.h"
 #include "base/file_mark.h"
 
 namespace lenticule::web {
@@ -52,7 +53,7 @@ class Access {
  public:
   /// Throws as read_tokens() does. Tokens that are added or revoked later take effect within a
   /// second. If the file cannot be read then, no token is valid.
-  explicit Access(std::filesystem::path tokens);
+  explicit Access(std::filesystem::path tokens, Clock& clock = machine_clock());
 
   /// Returns the identity of a token; rights None if it is not valid.
   [[nodiscard]] Identity with_token(std::string_view secret);
@@ -66,10 +67,11 @@ class Access {
   void refresh();
 
   const std::filesystem::path file_;
+  Clock& clock_;
   std::mutex mutex_;  ///< guards the members below
   std::vector<Token> tokens_;
   std::optional<FileMark> mark_;
-  std::chrono::steady_clock::time_point looked_{};
+  Clock::Time looked_{};
 };
 
 }  // namespace lenticule::web

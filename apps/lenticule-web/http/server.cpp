@@ -203,10 +203,12 @@ struct ServerCallbacks {
   }
 };
 
-Server::Server(std::vector<Listener> listeners, Site& site, Access& access, ServerLimits limits)
+Server::Server(std::vector<Listener> listeners, Site& site, Access& access, ServerLimits limits,
+               Clock& clock)
     : site_(site),
       access_(access),
       limits_(limits),
+      clock_(clock),
       requests_(limits.requests_burst, limits.requests_per_s),
       wrong_tokens_(limits.wrong_tokens_burst, limits.wrong_tokens_per_s),
       watch_(limits.connections * 3 / 4) {
@@ -284,7 +286,7 @@ int Server::begin(Door& door, MHD_Connection* connection, const char* url, const
                                        : sender_of(info == nullptr ? nullptr : info->client_addr);
   uint64_t length = 0;
   try {
-    if (!requests_.permits(request.peer))
+    if (!requests_.permits(request.peer, clock_.now()))
       throw HttpError(429, "too many requests from this address", "wait some seconds");
     if (const auto text = request.header("Content-Length"))
       length = number_from<uint64_t>(*text).value_or(UINT64_MAX);
@@ -306,7 +308,7 @@ int Server::begin(Door& door, MHD_Connection* connection, const char* url, const
 void Server::identify(Call& call) {
   Request& request = call.request;
   const auto refuse_if_guessing = [&] {
-    if (wrong_tokens_.is_exceeded(request.peer))
+    if (wrong_tokens_.is_exceeded(request.peer, clock_.now()))
       throw HttpError(429, "too many wrong tokens from this address", "wait a minute");
   };
   if (const auto authorization = request.header("Authorization")) {
@@ -322,7 +324,7 @@ void Server::identify(Call& call) {
       if (call.wrong_credential) refuse_if_guessing();
     }
   }
-  if (call.wrong_credential) (void)wrong_tokens_.permits(request.peer);
+  if (call.wrong_credential) (void)wrong_tokens_.permits(request.peer, clock_.now());
   if (request.sender.rights != Rights::None) watch_.known(call.fd);
 }
 
@@ -346,13 +348,13 @@ void Server::require_rights(Call& call) const {
 /// a redirection, because a browser that follows a link of another site would not send the cookie
 /// to the next page.
 Response Server::enter(const Request& request) {
-  if (wrong_tokens_.is_exceeded(request.peer))
+  if (wrong_tokens_.is_exceeded(request.peer, clock_.now()))
     throw HttpError(429, "too many wrong tokens from this address", "wait a minute");
   const std::string token = request.query("token").value_or("");
   const std::string cookie =
       access_.with_token(token).rights == Rights::None ? std::string() : access_.cookie_of(token);
   if (cookie.empty()) {
-    (void)wrong_tokens_.permits(request.peer);
+    (void)wrong_tokens_.permits(request.peer, clock_.now());
     return html_page(401, "This address is not valid",
                      "<p>Its token is wrong or was revoked. Ask for a new address: "
                      "<code>lenticule web token add NAME</code>.</p>");

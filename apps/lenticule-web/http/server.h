@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "apps/lenticule-web/http/access.h"
+#include "apps/lenticule-web/http/clock.h"
 #include "apps/lenticule-web/http/connection_watch.h"
 #include "apps/lenticule-web/http/listener.h"
 #include "apps/lenticule-web/http/message.h"
@@ -43,8 +44,10 @@ struct ServerLimits {
 
 class Server {
  public:
-  /// Begins to listen. Throws Error(Failed). Lifetime: `site` and `access` must outlive the server.
-  Server(std::vector<Listener> listeners, Site& site, Access& access, ServerLimits limits = {});
+  /// Begins to listen. Throws Error(Failed). Lifetime: `site`, `access` and `clock` must outlive
+  /// the server. `clock` counts for the rates of requests; connections have the machine's time.
+  Server(std::vector<Listener> listeners, Site& site, Access& access, ServerLimits limits = {},
+         Clock& clock = machine_clock());
   /// Ends all connections.
   ~Server();
   Server(const Server&) = delete;
@@ -71,6 +74,7 @@ class Server {
   Site& site_;
   Access& access_;
   const ServerLimits limits_;
+  Clock& clock_;
   RateLimit requests_;
   RateLimit wrong_tokens_;
   ConnectionWatch watch_;

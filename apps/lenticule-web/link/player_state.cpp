@@ -2,7 +2,6 @@
 #include "apps/lenticule-web/link/player_state.h"
 
 #include <algorithm>
-#include <ctime>
 
 #include "base/error.h"
 #include "base/print.h"
@@ -11,7 +10,6 @@
 namespace lenticule::web {
 namespace {
 
-using Clock = std::chrono::steady_clock;
 using nlohmann::ordered_json;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
@@ -54,7 +52,7 @@ void HourHistory::add(int64_t minute, const ordered_json& statistics) {
   figures.late_frames += grown(2);
 }
 
-PlayerState::PlayerState(ControlLink& link) : link_(link) {
+PlayerState::PlayerState(ControlLink& link, Clock& clock) : link_(link), clock_(clock) {
   thread_ = std::thread([this] { follow(); });
 }
 
@@ -106,7 +104,7 @@ uint64_t PlayerState::newest() const {
 
 std::vector<Message> PlayerState::wait_for(uint64_t after, milliseconds timeout) {
   std::unique_lock lock(mutex_);
-  changed_.wait_for(lock, timeout, [&] { return stopping_ || newest_ > after; });
+  clock_.wait(changed_, lock, clock_.now() + timeout, [&] { return stopping_ || newest_ > after; });
   std::vector<Message> messages;
   for (const Message& message : messages_)
     if (message.number > after) messages.push_back(message);
@@ -116,9 +114,9 @@ std::vector<Message> PlayerState::wait_for(uint64_t after, milliseconds timeout)
 std::optional<bool> PlayerState::wait_for_either(uint64_t after, const std::string& good,
                                                  const std::string& bad, milliseconds timeout,
                                                  std::string& detail) {
-  const auto deadline = Clock::now() + timeout;
+  const auto deadline = clock_.now() + timeout;
   while (!stopped()) {
-    const auto left = std::chrono::ceil<milliseconds>(deadline - Clock::now());
+    const auto left = std::chrono::ceil<milliseconds>(deadline - clock_.now());
     if (left.count() <= 0) break;
     for (const Message& message : wait_for(after, left)) {
       after = message.number;
@@ -183,8 +181,7 @@ void PlayerState::poll_statistics() {
   ordered_json answer = link_.ask({{"do", "stats"}}).body;
   const std::lock_guard lock(mutex_);
   statistics_ = answer.value("statistics", ordered_json());
-  if (statistics_.is_object())
-    history_.add(static_cast<int64_t>(std::time(nullptr)) / 60, statistics_);
+  if (statistics_.is_object()) history_.add(clock_.date() / 60, statistics_);
 }
 
 void PlayerState::take_event(const ordered_json& event) {
@@ -195,7 +192,7 @@ void PlayerState::take_event(const ordered_json& event) {
     locked_publish(name->get<std::string>(), json_text(event));
     if (is_fault(name->get_ref<const std::string&>())) {
       ordered_json fault = event;
-      fault["time"] = static_cast<int64_t>(std::time(nullptr));
+      fault["time"] = clock_.date();
       faults_.push_front(std::move(fault));
       if (faults_.size() > kKeptFaults) faults_.pop_back();
     }
@@ -207,10 +204,10 @@ void PlayerState::take_event(const ordered_json& event) {
 void PlayerState::follow_player() {
   LinkConnection connection(link_.socket(), seconds(2));
   connection.send({{"id", 0}, {"do", "subscribe"}});
-  Clock::time_point status_at{};
-  Clock::time_point statistics_at{};
+  Clock::Time status_at{};
+  Clock::Time statistics_at{};
   while (!stopped()) {
-    const auto now = Clock::now();
+    const auto now = clock_.now();
     if (now >= status_at) {
       poll_status();
       status_at = now + kStatusEvery;
@@ -219,7 +216,7 @@ void PlayerState::follow_player() {
       poll_statistics();
       statistics_at = now + kStatisticsEvery;
     }
-    const auto event = connection.receive(milliseconds(500), wake_.fd());
+    const auto event = connection.receive(clock_.idle(milliseconds(500)), wake_.fd());
     if (event) take_event(*event);
   }
 }
@@ -232,7 +229,7 @@ void PlayerState::follow() noexcept {
       lost(error.what());
     }
     std::unique_lock lock(mutex_);
-    changed_.wait_for(lock, kRetryAfter, [this] { return stopping_; });
+    clock_.wait(changed_, lock, clock_.now() + kRetryAfter, [this] { return stopping_; });
   }
 }
 

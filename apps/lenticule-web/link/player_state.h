@@ -16,6 +16,7 @@
 #include <thread>
 #include <vector>
 
+#include "apps/lenticule-web/http/clock.h"
 #include "apps/lenticule-web/link/control_link.h"
 #include "base/wake_fd.h"
 
@@ -53,7 +54,8 @@ class HourHistory {
 /// Thread safety: any thread.
 class PlayerState {
  public:
-  explicit PlayerState(ControlLink& link);
+  /// Lifetime: must not outlive `link` and `clock`.
+  explicit PlayerState(ControlLink& link, Clock& clock = machine_clock());
   ~PlayerState();
   PlayerState(const PlayerState&) = delete;
   PlayerState& operator=(const PlayerState&) = delete;
@@ -96,6 +98,7 @@ class PlayerState {
   void lost(const std::string& trouble);
 
   ControlLink& link_;
+  Clock& clock_;
   WakeFd wake_{"web"};
   mutable std::mutex mutex_;  ///< guards the members below
   std::condition_variable changed_;

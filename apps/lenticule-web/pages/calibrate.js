@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page Calibrate: chart, photograph, verdict, and nothing saved before "Keep it".
-import { $, api, attempt, follow, make, tell } from "/page.js";
+import { $, api, attempt, clock, follow, make, tell } from "/page.js";
 
 const FULL_SCALE = 0.05;  // lenses: the colours at both ends
-let state = {}, stage = "idle";
+let state = {}, stage = "idle", possible = false;
 
 function mayChange() {
   return document.body.dataset.rights === "change" && state.connected;
@@ -12,6 +12,7 @@ function mayChange() {
 function enable() {
   $("photo").disabled = !mayChange() || stage === "idle" || stage === "kept";
   $("keep").disabled = !mayChange() || stage !== "found";
+  $("begin").disabled = !mayChange() || !possible;
   $("begin").textContent = stage === "idle" || stage === "kept" ? "Show the chart" : "Begin again";
 }
 
@@ -51,10 +52,31 @@ function sentences(result) {
   return parts;
 }
 
+function showHistory(history) {
+  const may = mayChange();
+  $("history").replaceChildren(...(history.length ? [] : [make("li", { class: "soft" }, "No rig was kept from this page yet.")]),
+    ...history.map((entry, k) => make("li", {},
+      make("span", { class: "name" }, `${entry.number}. ${entry.what} `,
+        make("span", { class: "soft" }, [clock(entry.time), entry.who].filter(Boolean).join(", "))),
+      k === 0 ? make("span", { class: "soft" }, "the newest")
+        : make("button", { disabled: !may, "aria-label": `Back to rig ${entry.number}, ${entry.what}`,
+          onclick: () => act(() => api("POST", "calibration/restore", { number: entry.number })) }, "Back to this"))));
+}
+
+/** Says before the start if the chart does not fit the panel, and what to do instead. */
+async function checkPanel() {
+  const answer = await api("GET", "calibration/possible");
+  possible = answer.possible;
+  $("impossible").hidden = possible;
+  $("obstacle").textContent = possible ? "" : `One photograph does not work on this panel: ${answer.cause}. What to do instead:`;
+  enable();
+}
+
 async function show(calibration) {
   const { message, result } = calibration;
   stage = calibration.stage;
   enable();
+  showHistory(calibration.history);
   $("chart-state").textContent = { idle: "", chart: "The chart is on the panel.", kept: "" }[stage] ?? "";
   const verdicts = { idle: ["3. Result", ""], chart: ["3. Result", ""], refused: ["3. Refused: nothing is saved", "bad"],
     found: ["3. The sheet was found", "good"], kept: ["3. Saved", "good"] };
@@ -131,6 +153,7 @@ follow((now) => {
     const optics = await api("GET", "optics");
     if (!$("distance").value && optics.viewing_distance_mm) $("distance").value = Math.round(optics.viewing_distance_mm);
     await show(await api("GET", "calibration"));
+    await checkPanel();
   });
   connected = now.connected;
 });

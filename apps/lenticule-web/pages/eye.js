@@ -64,14 +64,15 @@ function drawCrosstalk() {
     y: 115 - 105 * weight / all, height: 105 * weight / all })));
   const others = 100 * (1 - weights[4] / all);
   $("talk-text").textContent = `${others.toFixed(0)} % of the light at the middle of a view comes from its neighbours `
-    + `(${optics.views_per_lens.toFixed(2)} subpixels per lens, spot of ${sigma} lenses).`;
+    + `(${optics.views_per_lens.toFixed(2)} subpixels per lens; the spot has a standard deviation of ${sigma} lenses).`;
 }
 
 const reload = refreshPicture($("seen"), () =>
   `/api/v1/eye.jpg?x=${eye.x.toFixed(1)}&y=${eye.y.toFixed(1)}&z=${eye.z.toFixed(1)}&width=${innerWidth < 700 ? 640 : 960}`, 500,
 (trouble, ms) => {
-  $("caption").textContent = trouble || `${eye.x.toFixed(0)} mm right, ${eye.y.toFixed(0)} mm up, `
-    + `${eye.z.toFixed(0)} mm away; picture took ${ms.toFixed(0)} ms`;
+  const side = `${Math.abs(eye.x).toFixed(0)} mm ${eye.x < 0 ? "left" : "right"}`;
+  const height = `${Math.abs(eye.y).toFixed(0)} mm ${eye.y < 0 ? "down" : "up"}`;
+  $("caption").textContent = trouble || `${side}, ${height}, ${eye.z.toFixed(0)} mm away; the picture took ${ms.toFixed(0)} ms`;
 });
 
 function moveTo(x, z) {

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page Health: is everything as it should be?
-import { $, api, attempt, clock, follow, make } from "/page.js";
+import { $, api, attempt, clock, count, follow, make } from "/page.js";
 
 const NAMES = { shown: "Frames shown", vblanks: "Vblanks", missed_vblanks: "Missed vblanks",
-  repeated_underrun: "Repeated, no frame was ready", dropped: "Frames dropped", held: "Held, no frame was due",
+  repeated_underrun: "Frames repeated because the next one was late", dropped: "Frames dropped",
+  held: "Vblanks without a new frame due",
   damaged_frames: "Damaged frames", display_returns: "Lost displays that came back",
   log_lines_dropped: "Log lines dropped" };
 
@@ -16,7 +17,7 @@ function sentence(fault) {
   const source = fault.source || "", cause = fault.cause || "";
   const figures = fault.figures || {};
   const words = {
-    frame_missed: () => `${fault.missed_vblanks} vblanks missed, ${fault.late_frames} frames late, within a second`,
+    frame_missed: () => `${count(fault.missed_vblanks, "missed vblank")} and ${count(fault.late_frames, "late frame")} within a second`,
     too_slow: () => `the source is too slow: ${figures.seen_frames_per_s.toFixed(1)} of ${figures.needed_frames_per_s.toFixed(1)} frames per second`,
     bad_item: () => `skipped: ${source}: ${cause}`,
     damaged_item: () => `damaged: ${source}: ${cause}`,
@@ -39,12 +40,12 @@ function drawHour(history) {
     const high = one ? (bad ? 20 + 95 * bad / worst : 12) : 4;
     bars.push(make("rect", { svg: true, class: one ? bad ? "missed" : "ok" : "none",
       x: k * 10 + 1, width: 8, y: 118 - high, height: high },
-    make("title", { svg: true }, one ? `${clock(one.time)}: ${one.missed_vblanks} missed, ${one.late_frames} late` : "")));
+    make("title", { svg: true }, one ? `${clock(one.time)}: ${count(one.missed_vblanks, "missed vblank")}, ${count(one.late_frames, "late frame")}` : "")));
   }
   $("hour").replaceChildren(...bars);
   const missed = history.reduce((sum, one) => sum + one.missed_vblanks, 0);
   const late = history.reduce((sum, one) => sum + one.late_frames, 0);
-  $("hour-text").textContent = `${history.length} minutes seen: ${missed} missed vblanks, ${late} late frames. One bar is one minute.`;
+  $("hour-text").textContent = `${count(history.length, "minute")} seen: ${count(missed, "missed vblank")}, ${count(late, "late frame")}. One bar is one minute.`;
 }
 
 function show(health) {
@@ -55,7 +56,7 @@ function show(health) {
   $("sentences").replaceChildren(...health.sentences.map((one) => make("li", {}, one)));
   const exact = health.exactness;
   $("exact").textContent = exact ? `Subpixels reach the panel unchanged: ${exact.exact}.` + (exact.exact === "yes" ? "" : ` ${exact.reasons.join("; ")}`)
-    : "This display has no connection that could change subpixels.";
+    : health.connected ? "This display has no connection that could change subpixels." : "";
   drawHour(health.history);
   $("figures").replaceChildren(...Object.entries(health.figures).map(([key, value]) => row(NAMES[key] || key, value)));
   $("machine").replaceChildren(

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page Now: what plays, the list, the files.
-import { $, api, attempt, baseName, clock, follow, make, refreshPicture, tell } from "/page.js";
+import { $, api, attempt, baseName, clock, count, follow, make, refreshPicture, tell } from "/page.js";
 
 const PART = 4 * 1024 * 1024;  // an upload is sent in parts of this size
+const INSTEAD = { black: "a black frame", card: "a test card", views: "the chart of the page Trim",
+  chart: "the chart of the page Calibrate", code: "the code of an address" };
 let state = {};
 let saved = null;   // the list as the player has it
 let items = null;   // the list as it is edited
@@ -15,7 +17,7 @@ function showState(now) {
   const status = now.status;
   const place = status && status.on_glass;
   $("playing").textContent = !now.connected ? "The player does not answer"
-    : now.shown_instead ? "Shown instead of the content: " + now.shown_instead
+    : now.shown_instead ? "Shown instead of the content: " + (INSTEAD[now.shown_instead] || now.shown_instead)
       : place ? baseName(place.source) : "Nothing is playing";
   $("where").textContent = !now.connected ? now.trouble
     : place ? `${status.state}, frame ${place.frame}` + (place.item === null ? ""
@@ -25,7 +27,7 @@ function showState(now) {
   $("pause").setAttribute("aria-pressed", String(paused));
   $("black").setAttribute("aria-pressed", String(now.shown_instead === "black"));
   const machine = now.machine || { temperatures: [], clocks: [] };
-  $("figures").textContent = [status ? `${status.frames_shown} frames shown` : "",
+  $("figures").textContent = [status ? `${count(status.frames_shown, "frame")} shown` : "",
     ...machine.temperatures.map((one) => `${one.name} ${one.celsius.toFixed(0)} °C`),
     ...machine.clocks.slice(0, 1).map((one) => `${one.mhz.toFixed(0)} MHz`)].filter(Boolean).join(" · ");
   markPlaying();
@@ -52,7 +54,7 @@ $("black").onclick = () =>
 
 function describe(item) {
   const parts = [];
-  if (item.loops !== undefined) parts.push(item.loops === "forever" ? "forever" : `${item.loops} x`);
+  if (item.loops !== undefined) parts.push(item.loops === "forever" ? "forever" : item.loops === 1 ? "once" : `${item.loops} times`);
   if (item.duration_s !== undefined) parts.push(`${item.duration_s} s`);
   if (item.schedule) parts.push(`${item.schedule.days.join(" ")} ${item.schedule.from} to ${item.schedule.to}`);
   return parts.join(", ");
@@ -133,7 +135,7 @@ async function readList(force) {
   showList();
   const { versions } = await api("GET", "list/versions");
   $("versions").replaceChildren(make("option", { value: "" }, "choose"), ...versions.map((one) =>
-    make("option", { value: one.name }, `${clock(one.time)}, ${one.who}, ${one.items} items`)));
+    make("option", { value: one.name }, `${clock(one.time)}, ${one.who}, ${count(one.items, "item")}`)));
 }
 
 $("save").onclick = async () => {

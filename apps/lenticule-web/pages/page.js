@@ -109,6 +109,11 @@ export function refreshPicture(image, address, pause, after = () => {}) {
   return load;
 }
 
+/** Returns a number with its noun: "1 item", "2 items". */
+export function count(number, noun) {
+  return `${number} ${noun}${number === 1 ? "" : "s"}`;
+}
+
 export function clock(seconds) {
   return new Date(seconds * 1000).toLocaleString();
 }

@@ -11,7 +11,7 @@ function words(trim) {
 
 function show(trim) {
   $("present").textContent = "Now: " + words(trim)
-    + (trim.saved === false ? "; in effect, but the disk did not take it yet" : "")
+    + (trim.saved === false ? "; in effect, but not saved yet: the player cannot write the file" : "")
     + (trim.advice ? ". " + trim.advice : "");
   const may = document.body.dataset.rights === "change";
   $("history").replaceChildren(...(trim.history.length ? [] : [make("li", { class: "soft" }, "No changes yet.")]), ...trim.history.map((entry) => make("li", {},

@@ -86,6 +86,10 @@ void declare_flags(CLI::App& app, PlayFlags& flags) {
                  "rig's views by their numbers")
       ->required();
   app.add_option("--rig", flags.rig, "the rig that the frames are woven for")->required();
+  app.add_option("--rig-store", flags.rig_store,
+                 "save trims and calibrations in this copy of the rig, and use it until the file "
+                 "of --rig is edited")
+      ->type_name("FILE");
   app.add_option("--display", flags.display,
                  "kms, kms:CONNECTOR, kms:edid:MFG[:PRODUCT[:SERIAL]], kms:/dev/dri/..., or "
                  "virtual, virtual:3840x2160@60, virtual:3840x2160@59.94,jitter_us=500")
