@@ -56,7 +56,7 @@ LIBRARIES = {
     "ceres": "calib",
     "Eigen": "calib",
     "unsupported/Eigen": "calib",
-    "turbojpeg": "calib apps/lenticule-web",
+    "turbojpeg": "calib apps/lenticule-web apps/lenticule-bench",
     "microhttpd": "apps/lenticule-web",
     "qrencode": "frames",
     "apriltag": "calib",

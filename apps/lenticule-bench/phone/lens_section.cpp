@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/lenticule-bench/phone/lens_section.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace lenticule::phone_bench {
+namespace {
+
+/// Returns the index at red (610 nm), green (546 nm) or blue (460 nm), by Cauchy's formula A + B /
+/// wavelength^2 with B from the Abbe number (n_d - 1) / (n_F - n_C), lines of 588, 486 and 656 nm.
+double index_of(double green, double abbe, int channel) {
+  constexpr std::array<double, 3> kMicrometres = {0.610, 0.546, 0.460};
+  const double b = (green - 1.0) / abbe / (1.0 / (0.486 * 0.486) - 1.0 / (0.656 * 0.656));
+  const double at = kMicrometres[static_cast<size_t>(channel)];
+  return green + b * (1.0 / (at * at) - 1.0 / (0.546 * 0.546));
+}
+
+/// Refracts a unit direction at a surface with unit normal against it; Snell's law in vectors.
+/// `ratio` is the index before divided by the index after.
+Vec3 refracted(const Vec3& in, const Vec3& normal, double ratio) {
+  const double cosine = -dot(in, normal);
+  const double inside = std::sqrt(std::max(0.0, 1.0 - ratio * ratio * (1.0 - cosine * cosine)));
+  return in * ratio + normal * (ratio * cosine - inside);
+}
+
+}  // namespace
+
+LensSection::LensSection(const SheetBuild& build, const optics::Panel& panel)
+    : build_(build), panel_(panel) {
+  // Lens coordinates grow by 3 / P per pixel to the right and 3 m / P per pixel down.
+  const double right = 3.0 / (build.pitch_subpx * panel.pixel_width.value);
+  const double up = -3.0 * build.slant / (build.pitch_subpx * panel.pixel_height.value);
+  const double size = std::hypot(right, up);
+  across_ = {right / size, up / size};
+  pitch_mm_ = 1.0 / size;
+  for (int c = 0; c < 3; ++c)
+    index_[static_cast<size_t>(c)] = index_of(build.sheet_index, build.abbe, c);
+  // A single surface focuses at n R / (n - 1) in its medium.
+  const double n = build.sheet_index;
+  const double length = build.sheet_mm + build.glass_mm * n / build.glass_index;
+  radius_mm_ = std::max(length / (1.0 + build.defocus) * (n - 1.0) / n, 0.55 * pitch_mm_);
+}
+
+std::optional<LensSection::Shift> LensSection::trace(double place, double tan_across,
+                                                     double tan_along, int channel) const {
+  const double p = pitch_mm_, r = radius_mm_;
+  // A ray at depth h below the apices is at place p - tan_across h. It meets the arc of lens j
+  // where (a - tan_across h)^2 + (r - h)^2 = r^2 with a = (place - j) p.
+  double depth = std::numeric_limits<double>::infinity(), from_apex = 0.0;
+  for (int j = -1; j <= 1; ++j) {
+    const double a = (place - j) * p;
+    const double half = a * tan_across + r, square = 1.0 + tan_across * tan_across;
+    const double root = half * half - square * a * a;
+    if (root < 0.0) continue;
+    const double h = (half - std::sqrt(root)) / square;
+    const double at = a - tan_across * h;
+    if (std::abs(at) > 0.5 * p || h >= depth) continue;
+    depth = h;
+    from_apex = at;
+  }
+  if (!std::isfinite(depth) || std::abs(from_apex) > 0.5 * (1.0 - build_.valley) * p)
+    return std::nullopt;
+  const double n = index_[static_cast<size_t>(channel)];
+  const Vec3 in = normalized(Vec3(-tan_across, -tan_along, -1.0));
+  const Vec3 normal{from_apex / r, 0.0,
+                    std::sqrt(std::max(0.0, 1.0 - from_apex * from_apex / (r * r)))};
+  const Vec3 sheet = refracted(in, normal, 1.0 / n);
+  const Vec3 glass = refracted(sheet, {0.0, 0.0, 1.0}, n / build_.glass_index);
+  if (!(sheet.z < -1e-3) || !(glass.z < -1e-3)) return std::nullopt;
+  const double down = build_.sheet_mm - depth;
+  return Shift{
+      -tan_across * depth + down * sheet.x / -sheet.z + build_.glass_mm * glass.x / -glass.z,
+      -tan_along * depth + down * sheet.y / -sheet.z + build_.glass_mm * glass.y / -glass.z};
+}
+
+double LensSection::lens_coordinate(Vec2 at) const {
+  const double x = 2.0 * at.x / (panel_.width_px * panel_.pixel_width.value);
+  const double y = 2.0 * at.y / (panel_.height_px * panel_.pixel_height.value);
+  const auto& d = build_.deformation;
+  const double bend = d[0] * x * x + d[1] * x * y + d[2] * y * y + d[3] * x * x * x +
+                      d[4] * y * y * y +
+                      d[5] * std::sin(2.0 * std::numbers::pi * x) * std::cos(std::numbers::pi * y);
+  return (across_.x * at.x + across_.y * at.y) / pitch_mm_ + build_.offset_lenses + bend;
+}
+
+LensSection::Shift LensSection::mean_shift(double tan_across, double tan_along, int channel) const {
+  // Equal parts of the plane of the apices send equal light to the eye. From the side, some rays of
+  // one lens's width enter its neighbour; they count where they would be in the lens itself.
+  constexpr int kSteps = 64;
+  const auto apex = trace(0.0, tan_across, tan_along, channel);
+  Shift sum;
+  int count = 0;
+  for (int k = 0; k < kSteps; ++k) {
+    const double place = (k + 0.5) / kSteps - 0.5;
+    const auto shift = trace(place, tan_across, tan_along, channel);
+    if (!shift) continue;
+    double across = place * pitch_mm_ + shift->across;
+    if (apex) across -= pitch_mm_ * std::round((across - apex->across) / pitch_mm_);
+    sum.across += across;
+    sum.along += shift->along;
+    ++count;
+  }
+  if (count == 0) return {};
+  return {sum.across / count, sum.along / count};
+}
+
+double LensSection::ground_truth_phase(Vec2 q, int channel, const Vec3& eye) const {
+  Vec2 lens = q;
+  for (int step = 0; step < 40; ++step) {
+    const double right = (eye.x - lens.x) / eye.z, up = (eye.y - lens.y) / eye.z;
+    const Shift shift =
+        mean_shift(across_.x * right + across_.y * up, along().x * right + along().y * up, channel);
+    const Vec2 seen{lens.x + shift.across * across_.x + shift.along * along().x,
+                    lens.y + shift.across * across_.y + shift.along * along().y};
+    const Vec2 off = q - seen;
+    lens = lens + off;
+    if (std::hypot(off.x, off.y) < 1e-9) break;
+  }
+  return lens_coordinate(lens);
+}
+
+double LensSection::reduced_gap_mm() const {
+  return build_.sheet_mm / build_.sheet_index + build_.glass_mm / build_.glass_index;
+}
+
+}  // namespace lenticule::phone_bench
