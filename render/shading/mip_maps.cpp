@@ -33,16 +33,47 @@ uint8_t nearest_code(double v) {
   return static_cast<uint8_t>(clamped01(v) * 255.0 + 0.5);
 }
 
-/// Returns the sRGB code of light, within one code, faster than frames::code_from_linear().
-uint8_t colour_code(double light) {
+/// Returns the sRGB codes of the shares n / kLightSteps of white's light.
+constexpr uint32_t kLightSteps = 1U << 14;
+const std::vector<uint8_t>& codes_of_light() {
   static const std::vector<uint8_t> codes = [] {
-    constexpr size_t kSteps = size_t{1} << 14;
-    std::vector<uint8_t> all(kSteps + 1);
-    for (size_t n = 0; n <= kSteps; ++n)
-      all[n] = frames::code_from_linear(static_cast<double>(n) / kSteps);
+    std::vector<uint8_t> all(kLightSteps + 1);
+    for (size_t n = 0; n < all.size(); ++n)
+      all[n] = frames::code_from_linear(static_cast<double>(n) / kLightSteps);
     return all;
   }();
-  return codes[static_cast<size_t>(clamped01(light) * static_cast<double>(codes.size() - 1) + 0.5)];
+  return codes;
+}
+
+/// Returns the sRGB code of light, within one code, faster than frames::code_from_linear().
+uint8_t colour_code(double light) {
+  return codes_of_light()[static_cast<size_t>(clamped01(light) * kLightSteps + 0.5)];
+}
+
+/// Averages a row of squares of two by two texels, whose upper and lower texels begin at these
+/// codes. Integers are several times as fast as halved(), which does the same for any size.
+void halve_codes(const uint8_t* upper, const uint8_t* lower, int width, bool is_colour,
+                 uint8_t* out) {
+  // Light of the codes in units of 1 / (kUnits kLightSteps).
+  constexpr uint32_t kUnits = 1U << 10;
+  static const std::array<uint32_t, 256> light = [] {
+    std::array<uint32_t, 256> all{};
+    for (size_t code = 0; code < all.size(); ++code)
+      all[code] = static_cast<uint32_t>(
+          std::lround(frames::linear_of_codes()[code] * double{kUnits} * double{kLightSteps}));
+    return all;
+  }();
+  const uint8_t* const codes = codes_of_light().data();
+  for (int x = 0; x < width; ++x, upper += 8, lower += 8, out += 4) {
+    for (size_t c = 0; c < 4; ++c) {
+      const uint8_t four[] = {upper[c], upper[c + 4], lower[c], lower[c + 4]};
+      out[c] = is_colour && c < 3
+                   ? codes[(light[four[0]] + light[four[1]] + light[four[2]] + light[four[3]] +
+                            2 * kUnits) /
+                           (4 * kUnits)]
+                   : static_cast<uint8_t>((four[0] + four[1] + four[2] + four[3] + 2) / 4);
+    }
+  }
 }
 
 void add(const Value& value, double weight, Value& sum) {
@@ -182,6 +213,16 @@ MipMaps::Level MipMaps::halved(const LevelView& from) const {
     to.codes.resize(values);
   else
     to.values.resize(values);
+  const bool is_doubled = from.width == 2 * to.width && from.height == 2 * to.height;
+  if (from.codes != nullptr && is_doubled && content_ != Content::Normals) {
+    const size_t row = 4 * static_cast<size_t>(from.width);
+    tbb::parallel_for(0, to.height, [&](int y) {
+      const uint8_t* upper = from.codes + 2 * static_cast<size_t>(y) * row;
+      halve_codes(upper, upper + row, to.width, content_ == Content::Colour,
+                  to.codes.data() + static_cast<size_t>(y) * row / 2);
+    });
+    return to;
+  }
   tbb::parallel_for(0, to.height, [&](int y) {
     const Covered rows = covered(y, from.height, to.height);
     for (int x = 0; x < to.width; ++x) {

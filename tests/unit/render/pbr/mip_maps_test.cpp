@@ -7,6 +7,7 @@
 #include <limits>
 #include <random>
 
+#include "frames/srgb.h"
 #include "render/scene/texture.h"
 
 namespace lenticule::render {
@@ -69,6 +70,31 @@ TEST(MipMaps, OverTheWholeTextureAreItsMean) {
     const MipMaps maps(texture, Data);
     const MipMaps::Value mean = maps.value({0.5, 0.5}, {.across = {4, 0}, .along = {0, 4}});
     EXPECT_NEAR(mean[1], sum / static_cast<double>(texels), 0.01) << width << " x " << height;
+  }
+}
+
+TEST(MipMaps, HalvesAreTheMeansOfFourTexels) {
+  constexpr int kWidth = 64, kHeight = 32;
+  const auto texture = noise(kWidth, kHeight);
+  const TextureFootprint two_texels{.across = {2.0 / kWidth, 0}, .along = {0, 2.0 / kHeight}};
+  for (const MipMaps::Content content : {Colour, Data}) {
+    const MipMaps maps(texture, content);
+    for (int y = 0; y < kHeight; y += 2)
+      for (int x = 0; x < kWidth; x += 2) {
+        const MipMaps::Value value =
+            maps.value({(x + 1.0) / kWidth, (y + 1.0) / kHeight}, two_texels);
+        for (size_t c = 0; c < 4; ++c) {
+          double mean = 0.0;
+          for (const int at : {0, 1, kWidth, kWidth + 1}) {
+            const uint8_t code = texture->codes[4 * static_cast<size_t>(y * kWidth + x + at) + c];
+            mean += 0.25 * (content == Colour && c < 3 ? frames::linear_of_codes()[code]
+                                                       : static_cast<double>(code) / 255.0);
+          }
+          // Half a code, which is more light the brighter it is.
+          const bool is_light = content == Colour && c < 3;
+          EXPECT_NEAR(value[c], mean, is_light ? 0.001 + 0.008 * mean : 0.5 / 255.0 + 1e-9);
+        }
+      }
   }
 }
 
