@@ -92,7 +92,7 @@ after(async () => {
 });
 
 /** Opens a page as a user does: with the token first. Fails on errors and foreign requests. */
-async function open(device, path, scheme = "light", site = { port, token }) {
+async function open(device, path, scheme = "light", site = { port, token }, prepare = null) {
   const context = await browser.createBrowserContext();
   const page = await context.newPage();
   page.setDefaultTimeout(LIMIT_MS);
@@ -111,6 +111,7 @@ async function open(device, path, scheme = "light", site = { port, token }) {
   });
   await page.goto(`http://127.0.0.1:${site.port}/enter?token=${site.token}`);
   await page.waitForSelector("#main");
+  if (prepare) await page.evaluateOnNewDocument(prepare);
   bytes = 0;
   await page.goto(`http://127.0.0.1:${site.port}${path}`);
   await page.waitForFunction(() => document.body.dataset.rights === "change");
@@ -289,6 +290,99 @@ test("Health: says so when the player ends, and when it is back", { timeout: 3 *
   await says(page, "verdict", "well|look");
   await close();
 });
+
+/** Replaces the clock and the timers of a page by ones that pass(ms) drives. Each address is fetched
+    once; later requests get the same answer at once. Pictures are not decoded, but the addresses of
+    pictures that the page holds are counted. emit() sends an event. */
+function fastPage() {
+  const later = window.setTimeout.bind(window), ask = window.fetch.bind(window);
+  const start = Date.now(), timers = new Map(), answers = new Map(), sources = [], pictures = new WeakMap();
+  let now = start, last = 0;
+  window.asked = 0;
+  window.held = new Set();
+  const add = (action, ms, every) => {
+    timers.set(++last, { at: now + Math.max(1, ms || 0), action, every });
+    return last;
+  };
+  window.setTimeout = (action, ms) => add(action, ms, 0);
+  window.setInterval = (action, ms) => add(action, ms, ms);
+  window.clearTimeout = window.clearInterval = (timer) => timers.delete(timer);
+  Date.now = () => now;
+  performance.now = () => now - start;
+  URL.createObjectURL = () => { const name = `blob:${++last}`; window.held.add(name); return name; };
+  URL.revokeObjectURL = (name) => window.held.delete(name);
+  Object.defineProperty(HTMLImageElement.prototype, "src",
+    { get() { return pictures.get(this) || ""; }, set(name) { pictures.set(this, name); } });
+  window.fetch = async (address, options) => {
+    const key = String(address).replace(/[?].*/, "");
+    if (!answers.has(key)) {
+      const answer = await ask(address, options), copy = answer.clone();
+      answers.set(key, { ok: answer.ok, status: answer.status, text: await answer.text(), blob: await copy.blob() });
+    }
+    const { ok, status, text, blob } = answers.get(key);
+    ++window.asked;
+    return { ok, status, json: async () => JSON.parse(text), blob: async () => blob };
+  };
+  const Source = window.EventSource;
+  window.EventSource = class extends Source {
+    constructor(address) { super(address); sources.push(this); }
+  };
+  window.emit = (name, data) => sources.forEach((source) =>
+    source.dispatchEvent(new MessageEvent(name, { data: JSON.stringify(data) })));
+  const turn = () => new Promise((resolve) => later(resolve, 0));
+  window.pass = async (ms) => {
+    const end = now + ms;
+    for (;;) {
+      let timer = 0, one = null;
+      for (const [name, entry] of timers) if (entry.at <= end && (!one || entry.at < one.at)) [timer, one] = [name, entry];
+      if (!one) break;
+      now = Math.max(now, one.at);
+      if (one.every) one.at += one.every;
+      else timers.delete(timer);
+      one.action();
+      for (let n = 0; n < 20; ++n) await null;
+    }
+    now = end;
+    await turn();
+  };
+}
+
+for (const name of ["now", "eye", "health"]) {
+  test(`page ${name} takes no more memory after 24 hours of its clock`, { timeout: 20 * LIMIT_MS }, async () => {
+    const { page, wrong, close } = await open("desktop", PAGES[name], "light", undefined, fastPage);
+    await page.waitForFunction(() => document.body.dataset.rights === "change" && window.asked > 0);
+    const session = await page.createCDPSession();
+    const memory = async () => {
+      for (let n = 0; n < 3; ++n) await session.send("HeapProfiler.collectGarbage");
+      const { usedSize } = await session.send("Runtime.getHeapUsage");
+      const { nodes, jsEventListeners } = await session.send("Memory.getDOMCounters");
+      return { usedSize, nodes, jsEventListeners };
+    };
+    // The state changes every minute, with an event; the page's own timers are many more.
+    const hour = () => page.evaluate(async () => {
+      for (let k = 0; k < 60; ++k) {
+        window.emit("state", { connected: true, rights: "change", trouble: "", shown_instead: "",
+          status: { state: "playing", frames_shown: k, on_glass: { source: "/m/teapot.lts", item: k % 3, frame: k }, taking: { items: 3 } } });
+        window.emit("item_started", { item: k % 3, source: "/m/teapot.lts" });
+        if (k % 15 === 0) window.emit("bad_item", { source: "/m/broken.lts", cause: "damaged" });
+        await window.pass(60_000);
+      }
+    });
+    for (let k = 0; k < 2; ++k) await hour();
+    const before = await memory(), asked = await page.evaluate(() => window.asked);
+    const hours = Number(process.env.LENTICULE_BROWSER_HOURS || 24);
+    for (let k = 2; k < hours; ++k) await hour();
+    const after = await memory();
+    console.log(`# ${name}: ${JSON.stringify(before)} -> ${JSON.stringify(after)}, ${await page.evaluate(() => window.asked)} answers`);
+    assert.ok(await page.evaluate(() => window.asked) > asked + 1000, "the page went on asking");
+    assert.ok(after.usedSize < before.usedSize + 300_000, `${before.usedSize} -> ${after.usedSize} bytes`);
+    assert.ok(await page.evaluate(() => window.held.size) <= 2, "addresses of pictures are released");
+    assert.ok(after.nodes <= before.nodes + 50, `${before.nodes} -> ${after.nodes} nodes`);
+    assert.ok(after.jsEventListeners <= before.jsEventListeners + 20, `${before.jsEventListeners} -> ${after.jsEventListeners} listeners`);
+    assert.deepEqual(wrong, []);
+    await close();
+  });
+}
 
 test("without a token every page says how to get one", { timeout: LIMIT_MS }, async () => {
   const page = await browser.newPage();
