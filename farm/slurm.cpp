@@ -145,37 +145,26 @@ uint64_t parse_max_array_size(std::string_view output) {
   return kDefaultArraySize;
 }
 
-std::set<std::pair<uint64_t, uint64_t>> parse_queue(std::string_view output) {
-  std::set<std::pair<uint64_t, uint64_t>> tasks;
-  while (!output.empty()) {
-    std::string_view line = trimmed(take_line(output));
-    const auto job = number_from<uint64_t>(take_until(line, ' '));
-    const auto task = number_from<uint64_t>(trimmed(line));
-    if (job && task) tasks.insert({*job, *task});
-  }
-  return tasks;
-}
-
-std::string slurm_jobs_to_json(const std::vector<SlurmJob>& jobs) {
+std::string slurm_jobs_to_json(const SlurmJobs& jobs) {
   json list = json::array();
-  for (const SlurmJob& job : jobs) list.push_back({{"id", job.id}, {"chunks", job.chunks}});
-  return json_text(json{{"jobs", list}}) + "\n";
+  for (const SlurmJob& job : jobs.arrays) list.push_back({{"id", job.id}, {"chunks", job.chunks}});
+  return json_text(json{{"jobs", list}, {"merge", jobs.merge}, {"folder", jobs.folder}}) + "\n";
 }
 
-std::vector<SlurmJob> parse_slurm_jobs(std::string_view text, const std::string& source) {
+SlurmJobs parse_slurm_jobs(std::string_view text, const std::string& source) {
   const json object = parse_json(text, source);
   const JsonFields fields(object, source);
   const json& list = fields.need("jobs");
   if (!list.is_array()) fields.fail("jobs", "not a list");
-  std::vector<SlurmJob> jobs;
+  SlurmJobs jobs{.merge = fields.whole("merge", UINT64_MAX), .folder = fields.text("folder")};
   for (const json& one : list) {
     const JsonFields job(one, source);
     const json& chunks = job.need("chunks");
     if (!chunks.is_array()) job.fail("chunks", "not a list");
-    jobs.push_back({.id = job.whole("id", UINT64_MAX)});
+    jobs.arrays.push_back({.id = job.whole("id", UINT64_MAX)});
     for (const json& chunk : chunks) {
       if (!chunk.is_number_unsigned()) job.fail("chunks", "not a list of numbers");
-      jobs.back().chunks.push_back(chunk.get<uint64_t>());
+      jobs.arrays.back().chunks.push_back(chunk.get<uint64_t>());
     }
   }
   return jobs;

@@ -4,10 +4,8 @@
 
 #include <cstdint>
 #include <optional>
-#include <set>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 #include "farm/work_folder.h"
@@ -27,6 +25,13 @@ struct SlurmOptions {
 struct SlurmJob {
   uint64_t id = 0;
   std::vector<uint64_t> chunks{};
+};
+
+/// SlurmJobs are the jobs that were submitted for a film.
+struct SlurmJobs {
+  std::vector<SlurmJob> arrays{};
+  uint64_t merge = 0;    ///< number of the last merge job; 0: none
+  std::string folder{};  ///< work folder as the last call named it: working directory of the jobs
 };
 
 /// Returns the script of an array job whose task i renders the chunk in line i of `list`, and the
@@ -53,12 +58,9 @@ struct SlurmJob {
 [[nodiscard]] std::optional<uint64_t> parse_sbatch_id(std::string_view output);
 /// Parses what `scontrol show config` prints; returns Slurm's default without the key.
 [[nodiscard]] uint64_t parse_max_array_size(std::string_view output);
-/// Parses lines "JOB TASK", as `squeue --format=%F %K` prints them. Ignores other lines.
-[[nodiscard]] std::set<std::pair<uint64_t, uint64_t>> parse_queue(std::string_view output);
 
-[[nodiscard]] std::string slurm_jobs_to_json(const std::vector<SlurmJob>& jobs);
+[[nodiscard]] std::string slurm_jobs_to_json(const SlurmJobs& jobs);
 /// Throws Error(Input) that begins with `source`.
-[[nodiscard]] std::vector<SlurmJob> parse_slurm_jobs(std::string_view json,
-                                                     const std::string& source);
+[[nodiscard]] SlurmJobs parse_slurm_jobs(std::string_view json, const std::string& source);
 
 }  // namespace lenticule::farm

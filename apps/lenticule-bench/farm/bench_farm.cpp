@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "apps/lenticule-bench/farm/farm_simulation.h"
+#include "apps/lenticule-bench/farm/simulation.h"
 #include "apps/lenticule-bench/farm/sparse_film.h"
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-bench/harness/bench_timing.h"

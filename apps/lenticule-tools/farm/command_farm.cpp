@@ -7,7 +7,7 @@
 #include <memory>
 #include <utility>
 
-#include "apps/lenticule-tools/farm/farm_actions.h"
+#include "apps/lenticule-tools/farm/actions.h"
 #include "apps/lenticule-tools/offline/existing_output.h"
 #include "apps/lenticule/cli/command.h"
 #include "base/error.h"

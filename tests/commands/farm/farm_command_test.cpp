@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests the commands of `lenticule farm` from the plan to the film.
+#include <unistd.h>
+
 #include <csignal>
 
 #include "farm_fixture.h"
@@ -131,7 +133,7 @@ TEST_F(FarmCommand, VerifyNamesTheNodeWhoseFramesDiffer) {
   faulty["bytes"] = std::filesystem::file_size(chunk_file(2));
   std::ofstream(work() + "/reports/000002.json") << faulty.dump();
   const ProcessResult found = verify();
-  EXPECT_EQ(found.exit_code, 1);
+  EXPECT_EQ(found.exit_code, 5);
   const json differences = json::parse(found.out).at("differences");
   ASSERT_EQ(differences.size(), 8U) << found.out;
   for (const json& one : differences) {
@@ -139,6 +141,42 @@ TEST_F(FarmCommand, VerifyNamesTheNodeWhoseFramesDiffer) {
     EXPECT_EQ(one.at("chunk"), 2);
     EXPECT_GT(one.at("subpixels"), 0);
   }
+}
+
+/// Another node finishes the chunk first, with other bytes.
+TEST_F(FarmCommand, RenderHasAnExitCodeOfItsOwnWhenAnotherNodesBytesDiffer) {
+  plan("0:400", "400");
+  ASSERT_EQ(render_chunk(0).exit_code, 0);
+  const std::string report_file = work() + "/reports/000000.json";
+  json other = json::parse(std::ifstream(report_file));
+  std::filesystem::remove(report_file);
+  std::filesystem::remove(chunk_file(0));
+  const auto is_writing = [&] {
+    std::error_code error;
+    std::filesystem::recursive_directory_iterator at(work() + "/attempts", error);
+    for (; !error && at != std::filesystem::end(at); at.increment(error))
+      if (at->path().filename().string().find("chunk.lts") != std::string::npos) return true;
+    return false;
+  };
+  BackgroundProcess slow(chunk_words(0));
+  while (!is_writing()) usleep(1000);
+  slow.signal(SIGSTOP);
+  ASSERT_EQ(status().at("chunks_done"), 0) << "the process was stopped too late";
+  other["digest"] = std::string(32, '0');
+  other["node"] = "node-with-a-fault";
+  other["bytes"] = 3;
+  std::ofstream(work() + "/chunks/000000-" + std::string(32, '0') + ".lts") << "abc";
+  std::ofstream(report_file) << other.dump();
+  slow.signal(SIGCONT);
+  const ProcessResult differs = slow.wait(std::chrono::seconds(300));
+  EXPECT_EQ(differs.exit_code, 5) << differs.err;
+  EXPECT_NE(differs.err.find("other bytes than node-with-a-fault"), std::string::npos)
+      << differs.err;
+  const json now = status();
+  EXPECT_EQ(now.at("differing"), json::array({0}));
+  EXPECT_EQ(now.at("nodes").at(0).at("node"), "node-with-a-fault") << "the first result stays";
+  EXPECT_EQ(merge().exit_code, 4);
+  EXPECT_EQ(render_chunk(0).exit_code, 0) << "the chunk is done";
 }
 
 /// Returns the columns FRAME and XXH64 of a record of the virtual display.

@@ -3,12 +3,15 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
 #include <list>
 #include <memory>
+#include <optional>
 #include <random>
+#include <string>
 
 #include "farm_fixture.h"
 
@@ -17,56 +20,101 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr int kKills = 60;
+constexpr int kKills = 24;
+constexpr size_t kAtOnce = 3;
 
 /// Runs the commands of a list in a random order, several at the same time, and kills them until
 /// the number of kills is reached. A chunk may be given to two workers at once. Then all commands
 /// run to their end.
+///
+/// A third of the workers is killed at any moment of a life. The others are killed shortly after
+/// they have reached a random stage, since writing and renaming take a small part of a life.
 class FarmKill : public FarmTest {
  protected:
+  enum Stage : uint8_t { Starting, Loading, Writing, Renaming, Ending, Stages };
+  static constexpr std::array<const char*, Stages> kNames = {"starting", "loading", "writing",
+                                                             "renaming", "ending"};
+
   struct Worker {
     std::unique_ptr<BackgroundProcess> process;
-    Clock::time_point end;
+    uint64_t chunk;
+    Stage stage;  ///< the worker is not killed before
+    Clock::duration delay;
+    bool was_done;  ///< when the worker started
+    Clock::time_point latest = Clock::now() + std::chrono::seconds(60);
+    std::optional<Clock::time_point> end{};
   };
 
-  void kill_workers(int kills, size_t at_once) {
-    std::mt19937 random(17);
+  /// Returns the stage of a chunk, from the files of the work folder. A worker that was killed
+  /// earlier may have left some of them.
+  [[nodiscard]] Stage stage_of(uint64_t chunk) const {
+    namespace fs = std::filesystem;
+    char digits[8];
+    (void)snprintf(digits, sizeof digits, "%06d", static_cast<int>(chunk));
+    std::error_code error;
+    if (fs::exists(work() + "/reports/" + digits + ".json", error)) return Ending;
+    Stage stage = Starting;
+    fs::recursive_directory_iterator at(work() + "/attempts/" + digits, error);
+    for (; !error && at != fs::end(at); at.increment(error)) {
+      const std::string name = at->path().filename().string();
+      if (name == "chunk.lts" || name.find("report") != std::string::npos) return Renaming;
+      if (name.find("chunk.lts") != std::string::npos) return Writing;
+      stage = Loading;
+    }
+    return stage;
+  }
+
+  [[nodiscard]] Worker start_worker() {
+    std::uniform_real_distribution<double> moment(0.0, 1.3 * life_ * kAtOnce);
+    std::exponential_distribution<double> soon(1.0 / 0.004);
+    const uint64_t chunk = random_() % chunks();
+    const bool at_any_moment = random_() % 3 == 0;
+    const auto stage = at_any_moment ? Starting : static_cast<Stage>(Loading + random_() % 4);
+    const std::chrono::duration<double> delay(at_any_moment ? moment(random_) : soon(random_));
+    return {.process = std::make_unique<BackgroundProcess>(chunk_words(chunk)),
+            .chunk = chunk,
+            .stage = stage,
+            .delay = std::chrono::duration_cast<Clock::duration>(delay),
+            .was_done = stage_of(chunk) == Ending};
+  }
+
+  /// Kills a worker whose moment has come. Returns true if the worker has ended.
+  [[nodiscard]] bool kill_in_time(Worker& worker) {
+    const Stage stage = worker.was_done ? Starting : stage_of(worker.chunk);
+    const bool reached = stage >= worker.stage || worker.was_done || Clock::now() > worker.latest;
+    if (!worker.end && reached) worker.end = Clock::now() + worker.delay;
+    if (!worker.end || Clock::now() < *worker.end) return false;
+    worker.process->signal(SIGKILL);
+    const ProcessResult result = worker.process->wait(std::chrono::seconds(300));
+    EXPECT_TRUE(result.signal == SIGKILL || result.exit_code == 0) << result.err;
+    if (result.signal == SIGKILL) {
+      ++killed_;
+      ++killed_in_[stage];
+    }
+    return true;
+  }
+
+  void kill_workers(int kills) {
     const auto begin = Clock::now();
     ASSERT_EQ(render_chunk(0).exit_code, 0);
-    const double whole = std::chrono::duration<double>(Clock::now() - begin).count();
-    std::uniform_real_distribution<double> moment(0.0, 1.3 * whole * static_cast<double>(at_once));
+    life_ = std::chrono::duration<double>(Clock::now() - begin).count();
     std::list<Worker> workers;
-    int killed = 0;
-    while (killed < kills) {
-      while (workers.size() < at_once) {
-        const auto life = std::chrono::duration<double>(moment(random));
-        workers.push_back({std::make_unique<BackgroundProcess>(chunk_words(random() % chunks())),
-                           Clock::now() + std::chrono::duration_cast<Clock::duration>(life)});
-      }
-      usleep(3000);
-      for (auto worker = workers.begin(); worker != workers.end();) {
-        if (Clock::now() < worker->end) {
-          ++worker;
-          continue;
-        }
-        worker->process->signal(SIGKILL);
-        const ProcessResult result = worker->process->wait(std::chrono::seconds(300));
-        ASSERT_TRUE(result.signal == SIGKILL || result.exit_code == 0) << result.err;
-        if (result.signal == SIGKILL) ++killed;
-        worker = workers.erase(worker);
-      }
-      if (killed == kills || !status_is_complete()) continue;
+    while (killed_ < kills && !HasFailure()) {
+      while (workers.size() < kAtOnce) workers.push_back(start_worker());
+      usleep(300);
+      workers.remove_if([&](Worker& worker) { return kill_in_time(worker); });
+      if (killed_ == kills || !reports_are_complete()) continue;
       workers.clear();
       begin_again();
     }
     workers.clear();
     std::vector<uint64_t> order;
     for (uint64_t chunk = 0; chunk < chunks(); ++chunk) order.push_back(chunk);
-    std::shuffle(order.begin(), order.end(), random);
+    std::shuffle(order.begin(), order.end(), random_);
     for (const uint64_t chunk : order) ASSERT_EQ(render_chunk(chunk).exit_code, 0);
   }
 
-  [[nodiscard]] bool status_is_complete() const {
+  [[nodiscard]] bool reports_are_complete() const {
     const auto reports = std::filesystem::directory_iterator(work() + "/reports");
     return static_cast<uint64_t>(std::distance(reports, {})) == chunks();
   }
@@ -84,15 +132,24 @@ class FarmKill : public FarmTest {
   void expect_film_after_kills(const std::string& frames, const std::string& chunk, int kills) {
     expected_ = film_of_one_run(frames);
     plan(frames, chunk);
-    kill_workers(kills, 3);
+    kill_workers(kills);
     ASSERT_EQ(status().at("complete"), true);
     ASSERT_EQ(merge().exit_code, 0);
     EXPECT_EQ(film(), expected_);
     EXPECT_TRUE(std::filesystem::is_empty(work() + "/attempts"));
-    GTEST_LOG_(INFO) << kills << " kills; " << rounds_ << " films before the last one";
+    std::string stages;
+    for (size_t stage = 0; stage < Stages; ++stage)
+      stages += "; " + std::to_string(killed_in_[stage]) + " " + kNames[stage];
+    GTEST_LOG_(INFO) << killed_ << " kills" << stages << "; " << rounds_
+                     << " films before the last one";
   }
 
+ private:
+  std::mt19937 random_{17};
   std::vector<uint8_t> expected_;
+  double life_ = 0.0;  ///< seconds that a worker takes
+  int killed_ = 0;
+  std::array<int, Stages> killed_in_{};
   int rounds_ = 0;
 };
 

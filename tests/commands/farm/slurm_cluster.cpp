@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <array>
+#include <csignal>
 #include <fstream>
 #include <iterator>
 #include <random>
@@ -27,18 +28,25 @@ std::string output_of(const std::string& command) {
   return out;
 }
 
-/// Returns a port of this machine that is free at the moment.
-int free_port() {
+bool is_free(int port) {
   const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   sockaddr_in address{};
   address.sin_family = AF_INET;
   address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  socklen_t size = sizeof(address);
-  const bool found = ::bind(fd, reinterpret_cast<sockaddr*>(&address), size) == 0 &&
-                     ::getsockname(fd, reinterpret_cast<sockaddr*>(&address), &size) == 0;
+  address.sin_port = htons(static_cast<uint16_t>(port));
+  const bool free = ::bind(fd, reinterpret_cast<sockaddr*>(&address), sizeof address) == 0;
   ::close(fd);
-  if (!found) throw std::runtime_error("no free port");
-  return ntohs(address.sin_port);
+  return free;
+}
+
+/// Returns a port of this machine that is free at the moment, below those that the kernel gives to
+/// connections: a daemon that is started again must find its port free.
+int free_port() {
+  std::random_device random;
+  std::uniform_int_distribution<int> any(15000, 32000);
+  for (int trial = 0; trial < 100; ++trial)
+    if (const int port = any(random); is_free(port)) return port;
+  throw std::runtime_error("no free port");
 }
 
 std::string text_of(const fs::path& file) {
@@ -64,7 +72,8 @@ bool SlurmCluster::installed() {
                      [](const char* program) { return fs::exists(program); });
 }
 
-SlurmCluster::SlurmCluster(fs::path folder) : folder_(std::move(folder)) {
+SlurmCluster::SlurmCluster(int node_seconds)
+    : folder_(scratch_.path()), node_seconds_(node_seconds) {
   for (const char* part : {"state", "n1", "n2", "log"}) fs::create_directories(folder_ / part);
   std::random_device random;
   {
@@ -72,6 +81,9 @@ SlurmCluster::SlurmCluster(fs::path folder) : folder_(std::move(folder)) {
     for (int i = 0; i < 128; ++i) key.put(static_cast<char>(random()));
   }
   fs::permissions(folder_ / "munge.key", fs::perms::owner_read | fs::perms::owner_write);
+  std::ofstream(folder_ / "prolog.sh")
+      << "#!/bin/sh\ntest ! -e '" << folder_.string() << "/launches-fail'\n";
+  fs::permissions(folder_ / "prolog.sh", fs::perms::owner_all);
   write_configuration();
   const std::string files = folder_.string() + "/munge.";
   start("munged", "/usr/sbin/munged --foreground --force --key-file=" + files +
@@ -111,12 +123,14 @@ void SlurmCluster::write_configuration() const {
        << "SlurmdSpoolDir=" << at << "/%n\nStateSaveLocation=" << at << "/state\n"
        << "SlurmctldLogFile=" << at << "/log/slurmctld.log\n"
        << "SlurmdLogFile=" << at << "/log/slurmd-%n.log\n"
+       << "Prolog=" << at << "/prolog.sh\n"
        << "ProctrackType=proctrack/linuxproc\nTaskPlugin=task/none\nSwitchType=switch/none\n"
        << "SelectType=select/cons_tres\nSelectTypeParameters=CR_CPU\nMpiDefault=none\n"
        << "JobAcctGatherType=jobacct_gather/none\n"
        << "SlurmdParameters=config_overrides\n"  // two nodes of two processors, whatever there is
        << "AccountingStorageType=accounting_storage/none\nReturnToService=2\n"
-       << "SlurmdTimeout=10\nSlurmctldTimeout=10\nInactiveLimit=0\nKillWait=2\nMinJobAge=300\n"
+       << "SlurmdTimeout=" << node_seconds_
+       << "\nSlurmctldTimeout=10\nInactiveLimit=0\nKillWait=2\nMinJobAge=300\n"
        << "MaxArraySize=10\n"  // small, so that a film needs several arrays
        << "SchedulerParameters=batch_sched_delay=0,sched_interval=1\n";
   for (const char* node : kNodes)
@@ -134,6 +148,12 @@ void SlurmCluster::start(const std::string& name, const std::string& command) {
 
 void SlurmCluster::start_controller() {
   start("slurmctld", "/usr/sbin/slurmctld -D");
+}
+
+void SlurmCluster::stop_controller() {
+  daemons_.at("slurmctld")->signal(SIGTERM);
+  (void)daemons_.at("slurmctld")->wait(kStart);
+  daemons_.erase("slurmctld");
 }
 
 void SlurmCluster::start_node(const std::string& name) {
@@ -163,6 +183,33 @@ int SlurmCluster::running_on(const std::string& node) const {
                                "--format=%i", "--nodelist=" + node})
                               .out;
   return static_cast<int>(std::count(out.begin(), out.end(), '\n'));
+}
+
+std::string SlurmCluster::overview() const {
+  return run({"/usr/bin/squeue", "--array", "--format=%i %j %T %N (%r)"}).out +
+         run({"/usr/bin/sinfo", "--Node", "--format=%N %T (%E)"}).out;
+}
+
+void SlurmCluster::set_down(const std::string& node) const {
+  const ProcessResult result = run({"/usr/bin/scontrol", "update", "nodename=" + node, "state=down",
+                                    "reason=killed by the test"});
+  if (result.exit_code != 0) throw std::runtime_error("scontrol: " + result.err);
+}
+
+void SlurmCluster::resume_drained_nodes() const {
+  const ProcessResult drained =
+      run({"/usr/bin/sinfo", "--noheader", "--Node", "--states=drain", "--format=%N"});
+  for (const char* node : kNodes)
+    if (drained.out.find(node) != std::string::npos)
+      (void)run({"/usr/bin/scontrol", "update", std::string("nodename=") + node, "state=resume"});
+}
+
+void SlurmCluster::let_launches_fail(bool fail) const {
+  if (fail) {
+    std::ofstream(folder_ / "launches-fail").flush();
+  } else {
+    fs::remove(folder_ / "launches-fail");
+  }
 }
 
 std::string SlurmCluster::logs() const {

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "tests/support/process.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::test {
 
@@ -20,9 +21,11 @@ class SlurmCluster {
   /// Returns false if a program of Slurm or munge is not installed.
   [[nodiscard]] static bool installed();
 
-  /// Starts everything in `folder`, and waits until both nodes are idle. Throws std::runtime_error
-  /// with the logs.
-  explicit SlurmCluster(std::filesystem::path folder);
+  /// Starts everything in a folder with a short name, since Slurm's sockets allow 108 characters,
+  /// and waits until both nodes are idle. Throws std::runtime_error with the logs.
+  /// `node_seconds` is the time after which a node that does not answer is lost. Slurm asks nodes
+  /// in a third of it, and lets them list their tasks at every 20th question.
+  explicit SlurmCluster(int node_seconds = 10);
   /// Cancels all jobs and kills the processes.
   ~SlurmCluster();
   SlurmCluster(const SlurmCluster&) = delete;
@@ -37,19 +40,32 @@ class SlurmCluster {
   void start_node(const std::string& name);
   /// Kills the daemon; a task that it started goes on.
   void kill_controller() { daemons_.erase("slurmctld"); }
+  /// Ends the controller as an administrator does: it writes down what it knows before.
+  void stop_controller();
   void kill_node(const std::string& name) { daemons_.erase(name); }
 
   /// Returns the number of tasks in the queue that are in `state`, or in any.
   [[nodiscard]] int queued(const std::string& state = "all") const;
   /// Returns the number of tasks that run on a node.
   [[nodiscard]] int running_on(const std::string& node) const;
+  /// Returns the queue and the nodes, with the reason of each state.
+  [[nodiscard]] std::string overview() const;
+
+  void set_down(const std::string& node) const;
+  /// Lets nodes that Slurm has drained take tasks again.
+  void resume_drained_nodes() const;
+  /// While launches fail, Slurm holds the tasks and drains the nodes.
+  void let_launches_fail(bool fail) const;
+
   [[nodiscard]] std::string logs() const;
 
  private:
   void start(const std::string& name, const std::string& command);
   void write_configuration() const;
 
+  ScratchFolder scratch_;
   std::filesystem::path folder_;
+  int node_seconds_;
   std::map<std::string, std::unique_ptr<BackgroundProcess>> daemons_;
 };
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/lenticule-bench/farm/farm_simulation.h"
-
 #include <gtest/gtest.h>
+
+#include "apps/lenticule-bench/farm/simulation.h"
 
 namespace lenticule::player {
 namespace {

@@ -67,15 +67,17 @@ TEST(Slurm, ReadsWhatItsProgramsPrint) {
   EXPECT_FALSE(parse_sbatch_id("sbatch: error: no\n"));
   EXPECT_EQ(parse_max_array_size("A = 1\nMaxArraySize            = 4001\nB = 2\n"), 4001U);
   EXPECT_EQ(parse_max_array_size("nothing"), 1001U);
-  const std::set<std::pair<uint64_t, uint64_t>> tasks{{12, 0}, {12, 17}};
-  EXPECT_EQ(parse_queue("12 0\n12 17\n13 N/A\n\nx y\n"), tasks);
 }
 
 TEST(Slurm, JobsAreTheSameAfterWritingAndReading) {
-  const auto jobs = parse_slurm_jobs(slurm_jobs_to_json({{5, {1, 2}}, {6, {}}}), "jobs");
-  ASSERT_EQ(jobs.size(), 2U);
-  EXPECT_EQ(jobs[0].id, 5U);
-  EXPECT_EQ(jobs[0].chunks, (std::vector<uint64_t>{1, 2}));
+  const std::string text =
+      slurm_jobs_to_json({.arrays = {{5, {1, 2}}, {6, {}}}, .merge = 7, .folder = "/srv/work"});
+  const SlurmJobs jobs = parse_slurm_jobs(text, "jobs");
+  ASSERT_EQ(jobs.arrays.size(), 2U);
+  EXPECT_EQ(jobs.arrays[0].id, 5U);
+  EXPECT_EQ(jobs.arrays[0].chunks, (std::vector<uint64_t>{1, 2}));
+  EXPECT_EQ(jobs.merge, 7U);
+  EXPECT_EQ(jobs.folder, "/srv/work");
 }
 
 }  // namespace

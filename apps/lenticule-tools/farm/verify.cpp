@@ -8,7 +8,7 @@
 #include <random>
 #include <set>
 
-#include "apps/lenticule-tools/farm/farm_actions.h"
+#include "apps/lenticule-tools/farm/actions.h"
 #include "apps/lenticule-tools/farm/planned_film.h"
 #include "base/error.h"
 #include "base/json_output.h"
@@ -125,7 +125,7 @@ ExitCode farm_verify(const FarmVerifyFlags& flags) {
                 one.subpixels, one.chunk, one.node);
     print_out("{} frames rendered again, {} differ (seed {})\n", checked, differences.size(), seed);
   }
-  return differences.empty() ? kOk : kFailed;
+  return differences.empty() ? kOk : kQuality;
 }
 
 }  // namespace lenticule::player

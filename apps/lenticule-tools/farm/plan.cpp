@@ -9,7 +9,7 @@
 #include <set>
 #include <thread>
 
-#include "apps/lenticule-tools/farm/farm_actions.h"
+#include "apps/lenticule-tools/farm/actions.h"
 #include "apps/lenticule-tools/farm/planned_film.h"
 #include "apps/lenticule-tools/offline/existing_output.h"
 #include "apps/lenticule-tools/offline/sequence_output.h"

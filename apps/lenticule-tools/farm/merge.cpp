@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule farm merge joins the chunks of a plan into the film.
+#include "farm/merge.h"
+
 #include <fmt/format.h>
 
-#include "apps/lenticule-tools/farm/farm_actions.h"
+#include "apps/lenticule-tools/farm/actions.h"
 #include "apps/lenticule-tools/offline/existing_output.h"
 #include "base/error.h"
 #include "base/json_output.h"
 #include "base/print.h"
-#include "farm/merge.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 

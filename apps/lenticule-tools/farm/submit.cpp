@@ -8,41 +8,21 @@
 #include <set>
 #include <utility>
 
-#include "apps/lenticule-tools/farm/farm_actions.h"
+#include "apps/lenticule-tools/farm/actions.h"
+#include "apps/lenticule-tools/farm/slurm_programs.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/json_output.h"
 #include "base/print.h"
 #include "base/text.h"
 #include "farm/work_folder.h"
-#include "player/process/child_process.h"
 
 namespace lenticule::player {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::chrono::seconds kSlurmLimit{60};
-constexpr uint64_t kMostJobsBytes = uint64_t{64} << 20;
-
-std::string slurm_program(const std::string& name) {
-  const auto path = find_program(name);
-  if (!path)
-    throw Error(ErrorKind::Failed, fmt::format("{}: not found in PATH", name),
-                "install Slurm's client programs, or use another engine: each line of commands.txt "
-                "is a command");
-  return *path;
-}
-
-/// Returns what a program of Slurm prints. Throws Error(Failed) with it if the program fails.
-std::string run_slurm(const std::vector<std::string>& arguments) {
-  const ProgramRun run = run_child(arguments, kSlurmLimit);
-  if (run.exit_code == 0) return run.output;
-  throw Error(ErrorKind::Failed,
-              fmt::format("{}: {}", fs::path(arguments.front()).filename().string(),
-                          escaped(shortened(run.output, 400))),
-              run.timed_out ? "Slurm does not answer" : "");
-}
+constexpr uint64_t kDefaultArraySize = 1001;  ///< of Slurm
 
 std::string command_line(const std::vector<std::string>& words) {
   std::vector<std::string> quoted;
@@ -56,30 +36,24 @@ class SubmitRun {
   explicit SubmitRun(const FarmSubmitFlags& flags)
       : flags_(flags),
         folder_(fs::absolute(flags.folder).lexically_normal()),
-        program_(farm_program(flags.program)),
-        jobs_file_(folder_.path() / "slurm" / "jobs.json") {
-    std::error_code none;
-    if (fs::exists(jobs_file_, none))
-      jobs_ =
-          farm::parse_slurm_jobs(read_text_file(jobs_file_, kMostJobsBytes), jobs_file_.string());
+        program_(farm_program(flags.program)) {
+    if (const auto jobs = submitted_jobs(folder_)) jobs_ = *jobs;
   }
 
   ExitCode run() {
     std::vector<uint64_t> chunks = missing_in_order();
-    const size_t missing = chunks.size();
-    if (!flags_.dry_run) remove_queued(chunks);
-    if (missing > 0 && chunks.empty()) {
-      say("all {} missing chunks are in Slurm's queue\n", missing);
-      return report(chunks.size());
-    }
+    if (!flags_.dry_run && !jobs_.arrays.empty()) continue_queued(chunks);
+    submitted_ = chunks.size();
+    if (chunks.empty() && merge_waits_) return report();
     if (!flags_.dry_run) create_folders();
-    const uint64_t most = flags_.dry_run ? 1001 : max_array_size();
+    jobs_.folder = folder_.path().string();
+    const uint64_t most = flags_.dry_run ? kDefaultArraySize : max_array_size();
     for (size_t at = 0; at < chunks.size(); at += most)
       submit_array({chunks.begin() + static_cast<std::ptrdiff_t>(at),
                     chunks.begin() +
                         static_cast<std::ptrdiff_t>(std::min<size_t>(chunks.size(), at + most))});
     submit_merge();
-    return report(chunks.size());
+    return report();
   }
 
  private:
@@ -99,26 +73,27 @@ class SubmitRun {
   }
 
   static uint64_t max_array_size() {
-    return farm::parse_max_array_size(run_slurm({slurm_program("scontrol"), "show", "config"}));
+    return farm::parse_max_array_size(run_slurm("scontrol", {"show", "config"}));
   }
 
-  /// Removes the chunks that an earlier call submitted and that wait or run, and keeps the numbers
-  /// of their jobs.
-  void remove_queued(std::vector<uint64_t>& chunks) {
-    if (jobs_.empty() || chunks.empty()) return;
-    const auto queue = farm::parse_queue(
-        run_slurm({slurm_program("squeue"), "--noheader", "--array", "--format=%F %K"}));
-    std::set<uint64_t> queued;
-    for (const farm::SlurmJob& job : jobs_) {
-      bool active = false;
-      for (size_t task = 0; task < job.chunks.size(); ++task) {
-        if (queue.count({job.id, task}) == 0) continue;
-        queued.insert(job.chunks[task]);
-        active = true;
-      }
-      if (active) after_.push_back(job.id);
+  /// Removes the chunks that an earlier call submitted and that wait or run. Releases tasks that
+  /// Slurm holds, also of chunks that are done, since the merge waits for all tasks.
+  void continue_queued(std::vector<uint64_t>& chunks) {
+    const farm::SlurmQueue queue = ask_slurm(jobs_);
+    for (const farm::QueuedTask& task : queue.tasks(farm::TaskState::HeldBySlurm)) {
+      (void)run_slurm("scontrol", {"release", task.name()});
+      say("task {}: Slurm held it ({}); released\n", task.name(), task.reason);
+      ++released_;
     }
-    std::erase_if(chunks, [&](uint64_t chunk) { return queued.count(chunk) > 0; });
+    for (const farm::QueuedTask& task : queue.tasks(farm::TaskState::HeldByPerson))
+      say("task {}: held by a person ({}); scontrol release {} lets it start\n", task.name(),
+          task.reason, task.name());
+    std::erase_if(chunks, [&](uint64_t chunk) { return queue.chunks.count(chunk) > 0; });
+    queued_ = queue.chunks.size();
+    merge_waits_ = queue.merge.has_value();
+    std::set<uint64_t> active;
+    for (const auto& [chunk, task] : queue.chunks) active.insert(task.job);
+    after_.assign(active.begin(), active.end());
   }
 
   /// Submits a script, or prints it. Returns the number of the job.
@@ -133,8 +108,7 @@ class SubmitRun {
       return 0;
     }
     write_text_file(file, script);
-    arguments.insert(arguments.begin(), slurm_program("sbatch"));
-    const std::string output = run_slurm(arguments);
+    const std::string output = run_slurm("sbatch", arguments);
     const auto id = farm::parse_sbatch_id(output);
     if (!id)
       throw Error(ErrorKind::Failed, fmt::format("sbatch: printed no job number: {}",
@@ -143,18 +117,18 @@ class SubmitRun {
   }
 
   void submit_array(const std::vector<uint64_t>& chunks) {
-    const size_t number = jobs_.size() + 1;
+    const size_t number = jobs_.arrays.size() + 1;
     const std::string list = fmt::format("slurm/chunks-{}.txt", number);
     if (!flags_.dry_run)
       write_text_file(folder_.path() / list, fmt::format("{}\n", fmt::join(chunks, "\n")));
     const uint64_t id = submit(fmt::format("array-{}.sh", number),
                                farm::slurm_array_script(folder_, flags_.options, program_, list),
                                farm::slurm_array_arguments(folder_, flags_.options, chunks.size()));
-    jobs_.push_back({.id = id, .chunks = chunks});
+    jobs_.arrays.push_back({.id = id, .chunks = chunks});
     if (flags_.dry_run) return;
     after_.push_back(id);
     new_jobs_.push_back(id);
-    write_text_file(jobs_file_, farm::slurm_jobs_to_json(jobs_));
+    write_jobs();
   }
 
   void submit_merge() {
@@ -163,12 +137,21 @@ class SubmitRun {
     if (flags_.dry_run) arguments.emplace_back("--dependency=afterany:ARRAY_JOBS");
     merge_job_ = submit("merge.sh", farm::slurm_merge_script(folder_, flags_.options, program_),
                         std::move(arguments));
+    if (flags_.dry_run) return;
+    jobs_.merge = merge_job_;
+    write_jobs();
   }
 
-  ExitCode report(size_t chunks) const {
+  void write_jobs() const {
+    write_text_file(slurm_jobs_file(folder_), farm::slurm_jobs_to_json(jobs_));
+  }
+
+  [[nodiscard]] ExitCode report() const {
     if (flags_.dry_run) return kOk;
     if (flags_.json) {
-      print_json({{"chunks_submitted", chunks},
+      print_json({{"chunks_submitted", submitted_},
+                  {"tasks_in_queue", queued_},
+                  {"tasks_released", released_},
                   {"chunks", folder_.plan().chunks()},
                   {"array_jobs", new_jobs_},
                   {"merge_job", merge_job_ == 0 ? nlohmann::json() : nlohmann::json(merge_job_)}});
@@ -176,17 +159,22 @@ class SubmitRun {
     }
     for (const uint64_t job : new_jobs_) print_out("array job {}\n", job);
     if (merge_job_ != 0) print_out("merge job {}\n", merge_job_);
-    print_out("{} of {} chunks submitted\n", chunks, folder_.plan().chunks());
+    if (queued_ > 0) print_out("{} tasks are in Slurm's queue already\n", queued_);
+    if (released_ > 0) print_out("{} tasks that Slurm held are released\n", released_);
+    print_out("{} of {} chunks submitted\n", submitted_, folder_.plan().chunks());
     return kOk;
   }
 
   const FarmSubmitFlags& flags_;
   farm::WorkFolder folder_;
   std::string program_;
-  fs::path jobs_file_;
-  std::vector<farm::SlurmJob> jobs_;
+  farm::SlurmJobs jobs_;
   std::vector<uint64_t> after_;  ///< jobs for which the merge waits
   std::vector<uint64_t> new_jobs_;
+  size_t submitted_ = 0;      ///< chunks
+  size_t queued_ = 0;         ///< tasks of earlier calls
+  size_t released_ = 0;       ///< tasks
+  bool merge_waits_ = false;  ///< a merge of an earlier call is in the queue
   uint64_t merge_job_ = 0;
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/lenticule-bench/farm/farm_simulation.h"
+#include "apps/lenticule-bench/farm/simulation.h"
 
 #include <algorithm>
 #include <cmath>

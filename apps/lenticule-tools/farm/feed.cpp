@@ -6,7 +6,7 @@
 
 #include <optional>
 
-#include "apps/lenticule-tools/farm/farm_actions.h"
+#include "apps/lenticule-tools/farm/actions.h"
 #include "apps/lenticule-tools/offline/frame_output.h"
 #include "base/error.h"
 #include "base/json_output.h"

@@ -14,7 +14,7 @@
 #include <optional>
 #include <thread>
 
-#include "apps/lenticule-tools/farm/farm_actions.h"
+#include "apps/lenticule-tools/farm/actions.h"
 #include "apps/lenticule-tools/farm/planned_film.h"
 #include "base/cpu.h"
 #include "base/error.h"
@@ -22,6 +22,7 @@
 #include "base/json_output.h"
 #include "base/print.h"
 #include "base/temporary.h"
+#include "base/text.h"
 #include "farm/work_folder.h"
 #include "frames/sequence/predictor_choice.h"
 #include "frames/sequence/sequence_joiner.h"
@@ -118,14 +119,21 @@ class ChunkRun {
     }
     try {
       const ExitCode code = render();
-      if (code == kOk) remove_leftovers();
-      return code;
+      if (code != kOk) return code;
     } catch (const Error& error) {
       // The other process has removed the attempts of this chunk, this one among them.
       if (folder_.done(chunk_.number)) return kOk;
       note_failure(error);
       throw;
     }
+    remove_leftovers();
+    if (agrees_) return kOk;
+    const auto first = folder_.report(chunk_.number);
+    throw Error(ErrorKind::Quality,
+                fmt::format("chunk {}: {} has rendered other bytes than {}, whose result stays",
+                            chunk_.number, report_.node, first ? first->node : "another node"),
+                fmt::format("find the node that is wrong: lenticule farm verify {}",
+                            shell_quoted(folder_.path().string())));
   }
 
  private:
@@ -142,12 +150,8 @@ class ChunkRun {
     report_.digest = frames::digest_of_file(file);
     report_.bytes = open_regular_file(file, UINT64_MAX).bytes;
     report_.seconds = seconds_since(begin_);
-    const bool agrees = folder_.finish_chunk(attempt.path(), file, report_);
+    agrees_ = folder_.finish_chunk(attempt.path(), file, report_);
     if (flags_.json) print_json(result());
-    if (!agrees)
-      throw Error(ErrorKind::Failed,
-                  fmt::format("chunk {}: another node rendered different bytes", chunk_.number),
-                  "lenticule farm verify finds out which node is wrong");
     return kOk;
   }
 
@@ -260,7 +264,8 @@ class ChunkRun {
             {"node", report_.node},
             {"seconds", report_.seconds},
             {"render_seconds", report_.render_seconds},
-            {"extra_seconds", report_.extra_seconds}};
+            {"extra_seconds", report_.extra_seconds},
+            {"agrees", agrees_}};
   }
 
   const farm::WorkFolder& folder_;
@@ -269,6 +274,7 @@ class ChunkRun {
   farm::ChunkReport report_;
   Clock::time_point begin_ = Clock::now();
   double last_frame_seconds_ = 0.0;
+  bool agrees_ = true;  ///< no process has reported other bytes before
 };
 
 }  // namespace
