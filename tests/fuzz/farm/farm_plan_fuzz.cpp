@@ -12,6 +12,7 @@
 #include "farm/chunk_report.h"
 #include "farm/plan.h"
 #include "farm/slurm.h"
+#include "farm/slurm_queue.h"
 #include "frames/sequence/sequence_joiner.h"
 
 namespace lenticule::farm {
@@ -43,7 +44,7 @@ void check(uint8_t kind, std::string_view text) {
   if (kind == 3) static_cast<void>(parse_chunk_progress(text, "fuzz"));
   if (kind == 4) static_cast<void>(parse_chunk_failure(text, "fuzz"));
   if (kind == 5) static_cast<void>(parse_slurm_jobs(text, "fuzz"));
-  static_cast<void>(parse_queue(text));
+  static_cast<void>(parse_queue(text, "/films/work"));
   static_cast<void>(parse_max_array_size(text));
   static_cast<void>(parse_sbatch_id(text));
 }
