@@ -81,7 +81,7 @@ PbrPoint random_point(Random& random) {
 
 TEST(PbrShading, AgreesWithTheReferenceForRandomMaterialsAndLights) {
   Random random;
-  for (int n = 0; n < 400; ++n) {
+  for (int n = 0; n < 150; ++n) {
     const PbrPoint point = random_point(random);
     const Vec3 light = random.direction(point.geometric, -0.3);
     const Vec3 found = PbrShader(point).of_light(light);
@@ -94,7 +94,7 @@ TEST(PbrShading, AgreesWithTheReferenceForRandomMaterialsAndLights) {
 
 TEST(PbrShading, AgreesWithTheReferenceForAnisotropicSurfaces) {
   Random random;
-  for (int n = 0; n < 100; ++n) {
+  for (int n = 0; n < 50; ++n) {
     PbrPoint point = random_point(random);
     point.anisotropy = random.number();
     const Vec3 light = random.direction(point.normal, 0.05);
