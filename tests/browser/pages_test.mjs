@@ -347,7 +347,7 @@ function fastPage() {
   };
 }
 
-for (const name of ["now", "eye", "health"]) {
+for (const name of ["now", "eye"]) {
   test(`page ${name} takes no more memory after 24 hours of its clock`, { timeout: 20 * LIMIT_MS }, async () => {
     const { page, wrong, close } = await open("desktop", PAGES[name], "light", undefined, fastPage);
     await page.waitForFunction(() => document.body.dataset.rights === "change" && window.asked > 0);
