@@ -71,7 +71,7 @@ void RowSweep::Worker::sweep_plane(int row, size_t plane, SweptRow& out,
   Interval range = kEverywhere;
   if (eyes) {
     range = range_of_cuts_mm(*eyes);
-    range.extend(within_mm);
+    if (!within_mm.empty()) range.extend(within_mm);
   }
   maker_.make(row, plane, rays_, range);
   cells_.arrange(kernel, sweep_.planes_.inverse_z(), rays_);
