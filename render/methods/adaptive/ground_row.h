@@ -29,7 +29,7 @@ class GroundRow {
 
   const Scene& scene_;
   const RowPlanes& planes_;
-  std::array<Vec3, 4> corners_mm_;  ///< of the ground, in the panel frame
+  std::array<Vec3, 4> corners_mm_;  ///< corners of the ground, in the panel frame
   std::optional<GroundShadow::Row> row_;
   Interval range_mm_;
 };
