@@ -8,10 +8,15 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <condition_variable>
 #include <limits>
 #include <memory>
+#include <mutex>
+#include <optional>
 #include <span>
 #include <system_error>
+#include <thread>
+#include <utility>
 
 #include "base/error.h"
 #include "base/file.h"
@@ -20,7 +25,10 @@
 namespace lenticule::frames {
 namespace {
 
-constexpr size_t kPiece = size_t{1} << 20;  ///< bytes read or written at a time
+constexpr size_t kPiece = size_t{1} << 20;      ///< bytes read at a time
+constexpr size_t kBuffers = 8;                  ///< pieces that are read ahead
+constexpr size_t kDirect = size_t{64} << 10;    ///< bytes that are worth a write of their own
+constexpr uint64_t kFlush = uint64_t{8} << 20;  ///< bytes after which the disk begins to write
 constexpr uint64_t kAnySize = std::numeric_limits<uint64_t>::max();
 
 /// RunningDigest computes a 128-bit XXH3 of bytes as they come.
@@ -87,17 +95,118 @@ std::string digest_of_file(const std::filesystem::path& file) {
   return digest.value();
 }
 
-/// PartReader reads a part from its first byte to its last, and computes its digest meanwhile.
+/// PartStream reads a part from its first byte to its last in a thread of its own, which also
+/// computes the digest, so that the caller has only to write.
+class SequenceJoiner::PartStream {
+ public:
+  /// Lifetime: `buffers` must outlive the stream.
+  PartStream(std::filesystem::path file, OpenedFile opened,
+             std::vector<std::vector<uint8_t>>& buffers)
+      : file_(std::move(file)),
+        opened_(std::move(opened)),
+        buffers_(buffers),
+        thread_([this](const std::stop_token& stop) { read_all(stop); }) {}
+  PartStream(const PartStream&) = delete;
+  PartStream& operator=(const PartStream&) = delete;
+  ~PartStream() {
+    {
+      const std::lock_guard lock(mutex_);
+      thread_.request_stop();
+    }
+    changed_.notify_all();
+  }
+
+  /// Returns the next bytes, at least one and at most `most`; they are valid until the next call.
+  /// Returns none at the end of the file, or if it cannot be read.
+  [[nodiscard]] std::span<const uint8_t> take(uint64_t most) {
+    std::unique_lock lock(mutex_);
+    if (rest_.empty() && taken_ < pieces_) {
+      if (taken_ > 0) ++free_;
+      changed_.notify_all();
+      changed_.wait(lock, [&] { return read_ > taken_ || failed_; });
+      if (read_ == taken_) return {};
+      const uint64_t begin = taken_ * kPiece;
+      rest_ = std::span(buffers_[taken_ % buffers_.size()])
+                  .first(std::min<uint64_t>(kPiece, opened_.bytes - begin));
+      ++taken_;
+    }
+    const auto bytes = rest_.first(std::min<uint64_t>(most, rest_.size()));
+    rest_ = rest_.subspan(bytes.size());
+    return bytes;
+  }
+
+  /// Returns the digest of the bytes. The last of them must have been taken.
+  [[nodiscard]] std::string digest() {
+    thread_.join();
+    return digest_.value();
+  }
+
+ private:
+  void read_all(const std::stop_token& stop) {
+    for (uint64_t piece = 0; piece < pieces_; ++piece) {
+      {
+        std::unique_lock lock(mutex_);
+        changed_.wait(lock, [&] { return free_ > 0 || stop.stop_requested(); });
+        if (stop.stop_requested()) return;
+        --free_;
+      }
+      const uint64_t begin = piece * kPiece;
+      const auto bytes = std::span(buffers_[piece % buffers_.size()])
+                             .first(std::min<uint64_t>(kPiece, opened_.bytes - begin));
+      const bool is_read = read_piece(begin, bytes);
+      if (is_read) digest_.add(bytes);
+      {
+        const std::lock_guard lock(mutex_);
+        (is_read ? read_ : failed_) += 1;
+      }
+      changed_.notify_all();
+      if (!is_read) return;
+    }
+  }
+
+  /// Reads bytes. Opens the file again if a process on another node has renamed the same part to
+  /// its name: a network file system then takes the opened file away. The digest covers the bytes
+  /// of both.
+  bool read_piece(uint64_t begin, std::span<uint8_t> to) {
+    errno = 0;
+    if (read_at(opened_.descriptor.get(), begin, to)) return true;
+    if (errno != ESTALE) return false;
+    try {
+      opened_.descriptor = open_regular_file(file_, kAnySize).descriptor;
+    } catch (const Error&) {
+      return false;
+    }
+    return read_at(opened_.descriptor.get(), begin, to);
+  }
+
+  std::filesystem::path file_;
+  OpenedFile opened_;
+  std::vector<std::vector<uint8_t>>& buffers_;
+  uint64_t pieces_ = (opened_.bytes + kPiece - 1) / kPiece;
+  RunningDigest digest_;
+  std::span<const uint8_t> rest_{};  ///< bytes of the piece taken last
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  uint64_t free_ = buffers_.size();  ///< buffers that the thread may fill
+  uint64_t read_ = 0;                ///< pieces in buffers
+  uint64_t taken_ = 0;               ///< pieces of which the caller has taken bytes
+  uint64_t failed_ = 0;
+  std::jthread thread_;  // last member: the thread uses everything above
+};
+
+/// PartReader parses a part while it is read.
 class SequenceJoiner::PartReader {
  public:
-  explicit PartReader(const std::filesystem::path& file)
-      : file_(file),
-        opened_(open_regular_file(file, kAnySize)),
-        layout_(read_sequence_layout(opened_.descriptor.get(), file.string())),
-        entries_(static_cast<size_t>(layout_.header.bands())),
-        table_(layout_.header.table_bytes()) {
-    (void)::posix_fadvise(opened_.descriptor.get(), 0, 0, POSIX_FADV_SEQUENTIAL);
+  PartReader(const std::filesystem::path& file, std::vector<std::vector<uint8_t>>& buffers)
+      : file_(file) {
+    OpenedFile opened = open_regular_file(file, kAnySize);
+    bytes_ = opened.bytes;
+    layout_ = read_sequence_layout(opened.descriptor.get(), file.string());
+    entries_.resize(static_cast<size_t>(layout_.header.bands()));
+    table_.resize(layout_.header.table_bytes());
     if (!layout_.from_index) damaged("its index is missing or damaged");
+    (void)::posix_fadvise(opened.descriptor.get(), 0, 0, POSIX_FADV_SEQUENTIAL);
+    stream_.emplace(file, std::move(opened), buffers);
   }
 
   [[noreturn]] void damaged(const std::string& cause) const {
@@ -106,22 +215,30 @@ class SequenceJoiner::PartReader {
   [[nodiscard]] const SequenceLayout& layout() const { return layout_; }
   [[nodiscard]] const std::vector<BandEntry>& entries() const { return entries_; }
 
+  /// Passes the next `bytes` bytes to `sink` in spans.
+  template <class Sink>
+  void pass(uint64_t bytes, const Sink& sink) {
+    while (bytes > 0) {
+      const std::span<const uint8_t> span = stream_->take(bytes);
+      if (span.empty()) damaged("it ends too early");
+      sink(span);
+      position_ += span.size();
+      bytes -= span.size();
+    }
+  }
   /// Reads the next bytes into `to`.
   void read(std::span<uint8_t> to) {
-    errno = 0;
-    if (!read_at(opened_.descriptor.get(), position_, to) && !read_again(to))
-      damaged("it ends too early");
-    digest_.add(to);
-    position_ += to.size();
+    auto next = to.begin();
+    pass(to.size(), [&](std::span<const uint8_t> bytes) {
+      next = std::copy(bytes.begin(), bytes.end(), next);
+    });
   }
-  /// Reads up to the offset and drops the bytes.
+  /// Drops the bytes before the offset.
   void skip_to(uint64_t offset) {
-    std::vector<uint8_t> piece(std::min<uint64_t>(kPiece, offset - std::min(offset, position_)));
-    while (position_ < offset)
-      read(std::span(piece).first(std::min<uint64_t>(piece.size(), offset - position_)));
+    pass(offset - std::min(offset, position_), [](std::span<const uint8_t>) {});
   }
-  void skip_to_end() { skip_to(opened_.bytes); }
-  [[nodiscard]] std::string digest() const { return digest_.value(); }
+  void skip_to_end() { skip_to(bytes_); }
+  [[nodiscard]] std::string digest() { return stream_->digest(); }
 
   /// Reads the header and the table of a frame, which must begin here.
   void read_head(uint64_t frame) {
@@ -154,25 +271,20 @@ class SequenceJoiner::PartReader {
   [[nodiscard]] bool is_new(size_t band) const { return entries_[band].offset >= position_; }
 
  private:
-  /// Opens the file again if a process on another node has renamed the same part to its name: a
-  /// network file system then takes the opened file away. The digest covers the bytes of both.
-  bool read_again(std::span<uint8_t> to) {
-    if (errno != ESTALE) return false;
-    opened_ = open_regular_file(file_, kAnySize);
-    return read_at(opened_.descriptor.get(), position_, to);
-  }
-
   std::filesystem::path file_;
-  OpenedFile opened_;
+  uint64_t bytes_ = 0;
   SequenceLayout layout_;
   std::vector<BandEntry> entries_;
   std::vector<uint8_t> table_;
-  RunningDigest digest_;
+  std::optional<PartStream> stream_;
   uint64_t position_ = 0;
 };
 
 SequenceJoiner::SequenceJoiner(std::filesystem::path film, const SequenceInfo& info)
-    : film_(std::move(film)), info_(info), file_(film_) {
+    : film_(std::move(film)),
+      info_(info),
+      file_(film_),
+      buffers_(kBuffers, std::vector<uint8_t>(kPiece)) {
   append_file_start(info_, header_, out_);
   end_ = out_.size();
   bands_.resize(static_cast<size_t>(header_.bands()));
@@ -181,7 +293,7 @@ SequenceJoiner::SequenceJoiner(std::filesystem::path film, const SequenceInfo& i
 SequenceJoiner::~SequenceJoiner() = default;
 
 void SequenceJoiner::append(const FilmPart& part) {
-  PartReader reader(part.file);
+  PartReader reader(part.file, buffers_);
   const SequenceLayout& layout = reader.layout();
   if (const char* other = difference(layout.info, info_)) refuse(part.file, other);
   if (layout.header.band_rows != header_.band_rows) refuse(part.file, "bands of another height");
@@ -229,27 +341,40 @@ void SequenceJoiner::append_frame(PartReader& part, uint64_t frame, const FilmPa
   out_.insert(out_.end(), table.begin(), table.end());
   for (size_t band = 0; band < bands_.size(); ++band) {
     if (!fresh[band]) continue;
-    const size_t bytes = part.entries()[band].bytes;
-    const size_t begin = out_.size();
-    out_.resize(begin + bytes);
-    part.read(std::span(out_).subspan(begin));
-    if (!copied[band]) out_.resize(begin);
-    if (out_.size() >= kPiece) write_out();
+    part.pass(part.entries()[band].bytes, [&](std::span<const uint8_t> bytes) {
+      if (copied[band]) add(bytes);
+    });
   }
   end_ = next;
 }
 
+void SequenceJoiner::add(std::span<const uint8_t> bytes) {
+  if (bytes.size() < kDirect) {
+    out_.insert(out_.end(), bytes.begin(), bytes.end());
+    if (out_.size() >= kPiece) write_out();
+    return;
+  }
+  write_out();
+  write(bytes);
+}
+
 void SequenceJoiner::write_out() {
-  if (!write_at(file_.fd(), written_, out_))
+  write(out_);
+  out_.clear();
+}
+
+void SequenceJoiner::write(std::span<const uint8_t> bytes) {
+  if (!write_at(file_.fd(), written_, bytes))
     throw Error(
         ErrorKind::Failed,
         fmt::format("{}: cannot write: {}", film_.string(), std::generic_category().message(errno)),
         errno == ENOSPC || errno == EDQUOT ? "free some space, or write somewhere else" : "");
+  written_ += bytes.size();
+  if (written_ - flushed_ < kFlush) return;
   // The disk begins now with what finish() waits for.
-  (void)::sync_file_range(file_.fd(), static_cast<off_t>(written_), static_cast<off_t>(out_.size()),
-                          SYNC_FILE_RANGE_WRITE);
-  written_ += out_.size();
-  out_.clear();
+  (void)::sync_file_range(file_.fd(), static_cast<off_t>(flushed_),
+                          static_cast<off_t>(written_ - flushed_), SYNC_FILE_RANGE_WRITE);
+  flushed_ = written_;
 }
 
 void SequenceJoiner::finish() {

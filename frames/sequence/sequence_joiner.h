@@ -9,6 +9,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -57,21 +58,26 @@ class SequenceJoiner {
   void finish();
 
  private:
+  class PartStream;
   class PartReader;
 
   void append_frame(PartReader& part, uint64_t frame, const FilmPart& about);
   [[nodiscard]] bool repeats(const FilmPart& about, size_t band) const;
+  void add(std::span<const uint8_t> bytes);
   void write_out();
+  void write(std::span<const uint8_t> bytes);
 
   std::filesystem::path film_;
   SequenceInfo info_;
   FileHeader header_;
   TemporaryFile file_;
   std::vector<uint64_t> frames_;
-  std::vector<BandEntry> bands_;          ///< of the film's last frame
-  std::vector<uint64_t> last_digests_{};  ///< of the last part
-  std::vector<uint8_t> out_;              ///< bytes before end_ that are not yet written
+  std::vector<BandEntry> bands_;               ///< of the film's last frame
+  std::vector<uint64_t> last_digests_{};       ///< of the last part
+  std::vector<uint8_t> out_;                   ///< bytes before end_ that are not yet written
+  std::vector<std::vector<uint8_t>> buffers_;  ///< of the part that is read ahead
   uint64_t written_ = 0;
+  uint64_t flushed_ = 0;  ///< bytes that the disk was told to write
   uint64_t end_ = 0;
 };
 

@@ -52,6 +52,21 @@ TEST_F(BenchTest, ErrorMeasuresEveryMethodInBothScenarios) {
   EXPECT_GT(std::filesystem::file_size(path("error.svg")), 500U);
 }
 
+/// The memory of a merge does not depend on the size of the film.
+TEST_F(BenchTest, FarmMergesFilmsThatAreLargerThanItsMemory) {
+  const ProcessResult result =
+      run({"bench", "farm", "--folder", folder_.string(), "--chunks", "50", "--merge-mib", "32",
+           "--sparse-gb", "1", "--runs", "1", "--cold", "--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const auto json = nlohmann::json::parse(result.out);
+  EXPECT_EQ(json.at("status").at("chunks_done"), 50);
+  EXPECT_EQ(json.at("merge").at("cold"), true);
+  EXPECT_GT(json.at("sparse_merge").at("bytes"), 950'000'000);
+  EXPECT_LT(json.at("sparse_merge").at("peak_mib"), 200.0);
+  EXPECT_EQ(json.at("simulation").size(), 12U);
+  EXPECT_TRUE(std::filesystem::is_empty(folder_));
+}
+
 TEST_F(BenchTest, ErrorPrintsTablesAndNamesMissingMethods) {
   const ProcessResult result =
       run({"bench", "error", "--course", "still", "--methods", "lens-view,none-such", "--no-peers",

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule bench farm measures what a farm costs beside rendering: the status of many chunks, and
 // the merge against cp. From the measured figures it simulates farms of up to 10 000 nodes.
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <chrono>
@@ -11,12 +13,14 @@
 #include <string>
 #include <vector>
 
+#include "apps/lenticule-bench/farm/bench_chunk.h"
 #include "apps/lenticule-bench/farm/simulation.h"
 #include "apps/lenticule-bench/farm/sparse_film.h"
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-bench/harness/bench_timing.h"
 #include "apps/lenticule-tools/offline/scratch_folder.h"
 #include "base/error.h"
+#include "base/file.h"
 #include "base/print.h"
 #include "base/temporary.h"
 #include "farm/merge.h"
@@ -42,6 +46,7 @@ struct FarmBenchFlags {
   double frame_seconds = 160.0;
   double scene_mb = 1000.0;
   double frame_mb = 10.0;
+  bool cold = false;
   bool json = false;
 };
 
@@ -107,29 +112,29 @@ void fill_noise(frames::WovenFrame& frame, uint64_t number) {
 }
 
 void write_noise_chunk(const farm::WorkFolder& folder, uint64_t number) {
-  const farm::Chunk chunk = folder.plan().chunk(number);
-  fs::create_directories(folder.attempts_folder(number));
-  const TemporaryFolder attempt(folder.attempts_folder(number));
-  const fs::path file = attempt.path() / "chunk.lts";
-  frames::SequenceInfo info = folder.plan().film;
-  info.first_frame = chunk.begin;
-  frames::SequenceWriter writer(file, info, {.part_of_film = {.first = chunk.begin}});
-  frames::WovenFrame frame(info.geometry);
-  farm::ChunkReport report{.plan = folder.identity(), .chunk = number};
-  for (uint64_t n = chunk.begin; n < chunk.end; ++n) {
-    fill_noise(frame, n);
-    writer.append(frame.view());
-    if (n == chunk.begin) report.first_bands = frames::band_digests(frame.view());
-    report.last_bands = frames::band_digests(frame.view());
+  make_bench_chunk(folder, number,
+                   [](const fs::path& file, const frames::SequenceInfo& info,
+                      const farm::Chunk& chunk, farm::ChunkReport& report) {
+                     frames::SequenceWriter writer(file, info,
+                                                   {.part_of_film = {.first = chunk.begin}});
+                     frames::WovenFrame frame(info.geometry);
+                     for (uint64_t n = chunk.begin; n < chunk.end; ++n) {
+                       fill_noise(frame, n);
+                       writer.append(frame.view());
+                       report.last_bands = frames::band_digests(frame.view());
+                       if (n == chunk.begin) report.first_bands = report.last_bands;
+                     }
+                     writer.finish();
+                   });
+}
+
+/// Takes the files of a folder out of the page cache.
+void forget_pages(const fs::path& folder) {
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    const OpenedFile file = open_regular_file(entry.path(), UINT64_MAX);
+    (void)::fdatasync(file.descriptor.get());
+    (void)::posix_fadvise(file.descriptor.get(), 0, 0, POSIX_FADV_DONTNEED);
   }
-  writer.finish();
-  report.begin = chunk.begin;
-  report.end = chunk.end;
-  report.digest = frames::digest_of_file(file);
-  report.bytes = fs::file_size(file);
-  report.node = "bench";
-  if (!folder.finish_chunk(attempt.path(), file, report))
-    throw Error(ErrorKind::Failed, fmt::format("{}: differs", file.string()));
 }
 
 /// Merges chunks and copies their files with cp, by turns. Both write the copy to the disk.
@@ -146,12 +151,14 @@ json measure_merge(const fs::path& scratch, const FarmBenchFlags& flags) {
   double peak = 0.0;
   uint64_t bytes = 0;
   for (int run = 0; run < flags.runs && !interrupted(); ++run) {
+    if (flags.cold) forget_pages(work / "chunks");
     reset_peak_resident();
     double begin = seconds_now();
     bytes = farm::merge_film(folder, scratch / "film.lts").bytes;
     merge.push_back(seconds_now() - begin);
     peak = std::max(peak, peak_resident_mib());
     fs::remove(scratch / "film.lts");
+    if (flags.cold) forget_pages(work / "chunks");
     begin = seconds_now();
     const auto run_shell = [](const std::string& line) {
       return run_child({"/bin/sh", "-c", line}, std::chrono::hours(1)).exit_code;
@@ -163,6 +170,7 @@ json measure_merge(const fs::path& scratch, const FarmBenchFlags& flags) {
     fs::remove_all(scratch / "copy");
   }
   return {{"bytes", bytes},
+          {"cold", flags.cold},
           {"merge_seconds", median(merge)},
           {"cp_seconds", median(copy)},
           {"speed_of_cp", median(copy) / median(merge)},
@@ -251,9 +259,10 @@ ExitCode run(const FarmBenchFlags& flags) {
   print_out("{}\n", machine_text());
   print_out("status of {} chunks   {:.2f} s\n", status["chunks"].get<uint64_t>(),
             status["seconds"].get<double>());
-  print_out("merge of {} MiB        {:.2f} s, {:.0f} % of cp's speed, {:.0f} MiB of memory\n",
-            merge["bytes"].get<uint64_t>() >> 20U, merge["merge_seconds"].get<double>(),
-            100.0 * merge["speed_of_cp"].get<double>(), merge["peak_mib"].get<double>());
+  print_out("merge of {} MiB, {}   {:.2f} s, {:.0f} % of cp's speed, {:.0f} MiB of memory\n",
+            merge["bytes"].get<uint64_t>() >> 20U, flags.cold ? "from the disk" : "cached",
+            merge["merge_seconds"].get<double>(), 100.0 * merge["speed_of_cp"].get<double>(),
+            merge["peak_mib"].get<double>());
   if (const json& sparse = result["sparse_merge"]; !sparse.is_null())
     print_out("merge of {:.0f} GB, sparse   {:.0f} s, {:.2f} GB/s, {:.0f} MiB of memory\n",
               1e-9 * sparse["bytes"].get<double>(), sparse["merge_seconds"].get<double>(),
@@ -276,6 +285,8 @@ Run declare_bench_farm(CLI::App& app) {
   app.add_option("--merge-mib", flags->merge_mib, "size of the film to merge, MiB")
       ->check(CLI::Range(1, 1'000'000))
       ->capture_default_str();
+  app.add_flag("--cold", flags->cold,
+               "read the chunks from the disk, not from the page cache, for merge and cp");
   app.add_option("--sparse-gb", flags->sparse_gb,
                  "also merge a film of this size, GB, that takes no room on the disk")
       ->check(CLI::Range(0, 100'000))

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "apps/lenticule-bench/farm/bench_chunk.h"
 #include "base/error.h"
 #include "base/temporary.h"
 #include "base/unique_fd.h"
@@ -92,24 +93,15 @@ void discard_begin(const fs::path& file) {
 }  // namespace
 
 void write_sparse_chunk(const farm::WorkFolder& folder, uint64_t number) {
-  const farm::Chunk chunk = folder.plan().chunk(number);
-  fs::create_directories(folder.attempts_folder(number));
-  const TemporaryFolder attempt(folder.attempts_folder(number));
-  const fs::path file = attempt.path() / "chunk.lts";
-  frames::SequenceInfo info = folder.plan().film;
-  info.first_frame = chunk.begin;
-  write_black_frames(file, info, chunk.count());
-  farm::ChunkReport report{.plan = folder.identity(), .chunk = number};
-  report.begin = chunk.begin;
-  report.end = chunk.end;
-  report.digest = frames::digest_of_file(file);
-  report.bytes = fs::file_size(file);
-  const size_t bands = frames::band_digests(frames::WovenFrame(info.geometry).view()).size();
-  report.first_bands = std::vector<uint64_t>(bands, 2 * number);
-  report.last_bands = std::vector<uint64_t>(bands, 2 * number + 1);
-  report.node = "bench";
-  if (!folder.finish_chunk(attempt.path(), file, report))
-    throw Error(ErrorKind::Failed, fmt::format("chunk {}: differs", number));
+  make_bench_chunk(folder, number,
+                   [&](const fs::path& file, const frames::SequenceInfo& info,
+                       const farm::Chunk& chunk, farm::ChunkReport& report) {
+                     write_black_frames(file, info, chunk.count());
+                     const frames::WovenFrame frame(info.geometry);
+                     const size_t bands = frames::band_digests(frame.view()).size();
+                     report.first_bands = std::vector<uint64_t>(bands, 2 * number);
+                     report.last_bands = std::vector<uint64_t>(bands, 2 * number + 1);
+                   });
 }
 
 FilmDiscarder::FilmDiscarder(fs::path folder)

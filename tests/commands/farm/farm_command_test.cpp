@@ -145,7 +145,7 @@ TEST_F(FarmCommand, VerifyNamesTheNodeWhoseFramesDiffer) {
 
 /// Another node finishes the chunk first, with other bytes.
 TEST_F(FarmCommand, RenderHasAnExitCodeOfItsOwnWhenAnotherNodesBytesDiffer) {
-  plan("0:400", "400");
+  plan("0:120", "120");
   ASSERT_EQ(render_chunk(0).exit_code, 0);
   const std::string report_file = work() + "/reports/000000.json";
   json other = json::parse(std::ifstream(report_file));

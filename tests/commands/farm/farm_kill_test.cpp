@@ -53,6 +53,7 @@ class FarmKill : public FarmTest {
     (void)snprintf(digits, sizeof digits, "%06d", static_cast<int>(chunk));
     std::error_code error;
     if (fs::exists(work() + "/reports/" + digits + ".json", error)) return Ending;
+    if (!chunk_file(chunk).empty()) return Renaming;
     Stage stage = Starting;
     fs::recursive_directory_iterator at(work() + "/attempts/" + digits, error);
     for (; !error && at != fs::end(at); at.increment(error)) {
@@ -81,17 +82,29 @@ class FarmKill : public FarmTest {
   /// Kills a worker whose moment has come. Returns true if the worker has ended.
   [[nodiscard]] bool kill_in_time(Worker& worker) {
     const Stage stage = worker.was_done ? Starting : stage_of(worker.chunk);
-    const bool reached = stage >= worker.stage || worker.was_done || Clock::now() > worker.latest;
-    if (!worker.end && reached) worker.end = Clock::now() + worker.delay;
-    if (!worker.end || Clock::now() < *worker.end) return false;
-    worker.process->signal(SIGKILL);
+    if (stage == Writing && worker.stage == Renaming) {
+      kill_while_renaming(worker);
+    } else {
+      const bool reached = stage >= worker.stage || worker.was_done || Clock::now() > worker.latest;
+      if (!worker.end && reached) worker.end = Clock::now() + worker.delay;
+      if (!worker.end || Clock::now() < *worker.end) return false;
+      worker.process->signal(SIGKILL);
+    }
     const ProcessResult result = worker.process->wait(std::chrono::seconds(300));
     EXPECT_TRUE(result.signal == SIGKILL || result.exit_code == 0) << result.err;
     if (result.signal == SIGKILL) {
       ++killed_;
-      ++killed_in_[stage];
+      ++killed_in_[worker.was_done ? Starting : stage_of(worker.chunk)];
     }
     return true;
+  }
+
+  /// Waits without a pause, since the files of a chunk are renamed within a millisecond.
+  void kill_while_renaming(const Worker& worker) {
+    const auto latest = Clock::now() + std::chrono::seconds(5);
+    while (stage_of(worker.chunk) <= Writing && Clock::now() < latest) continue;
+    usleep(static_cast<useconds_t>(random_() % 300));
+    worker.process->signal(SIGKILL);
   }
 
   void kill_workers(int kills) {
