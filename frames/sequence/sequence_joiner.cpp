@@ -25,10 +25,11 @@
 namespace lenticule::frames {
 namespace {
 
-constexpr size_t kPiece = size_t{1} << 20;      ///< bytes read at a time
-constexpr size_t kBuffers = 8;                  ///< pieces that are read ahead
-constexpr size_t kDirect = size_t{64} << 10;    ///< bytes that are worth a write of their own
-constexpr uint64_t kFlush = uint64_t{8} << 20;  ///< bytes after which the disk begins to write
+constexpr size_t kPiece = size_t{1} << 20;       ///< bytes read at a time
+constexpr size_t kBuffers = 8;                   ///< pieces that are read ahead
+constexpr uint64_t kAhead = uint64_t{32} << 20;  ///< bytes that the disk reads ahead
+constexpr size_t kDirect = size_t{64} << 10;     ///< bytes that are worth a write of their own
+constexpr uint64_t kFlush = uint64_t{8} << 20;   ///< bytes after which the disk begins to write
 constexpr uint64_t kAnySize = std::numeric_limits<uint64_t>::max();
 
 /// RunningDigest computes a 128-bit XXH3 of bytes as they come.
@@ -151,6 +152,7 @@ class SequenceJoiner::PartStream {
         --free_;
       }
       const uint64_t begin = piece * kPiece;
+      ask_ahead(begin);
       const auto bytes = std::span(buffers_[piece % buffers_.size()])
                              .first(std::min<uint64_t>(kPiece, opened_.bytes - begin));
       const bool is_read = read_piece(begin, bytes);
@@ -162,6 +164,14 @@ class SequenceJoiner::PartStream {
       changed_.notify_all();
       if (!is_read) return;
     }
+  }
+
+  /// Lets the disk read ahead further than the kernel does by itself, so that it is never idle.
+  void ask_ahead(uint64_t begin) {
+    if (asked_ >= opened_.bytes || begin + kAhead / 2 < asked_) return;
+    (void)::posix_fadvise(opened_.descriptor.get(), static_cast<off_t>(asked_),
+                          static_cast<off_t>(begin + kAhead - asked_), POSIX_FADV_WILLNEED);
+    asked_ = begin + kAhead;
   }
 
   /// Reads bytes. Opens the file again if a process on another node has renamed the same part to
@@ -184,6 +194,7 @@ class SequenceJoiner::PartStream {
   std::vector<std::vector<uint8_t>>& buffers_;
   uint64_t pieces_ = (opened_.bytes + kPiece - 1) / kPiece;
   RunningDigest digest_;
+  uint64_t asked_ = 0;               ///< bytes that the disk was asked for
   std::span<const uint8_t> rest_{};  ///< bytes of the piece taken last
   std::mutex mutex_;
   std::condition_variable changed_;
