@@ -216,9 +216,15 @@ TEST_F(FarmSlurm, AnOrphanThatEndsWhileItsSuccessorRunsDoesNoHarm) {
   EXPECT_EQ(film(), film_of_one_run("0:4", kLongFlags));
 }
 
+/// A controller that was started again asks nodes for their tasks after 20 questions.
+class FarmSlurmRestart : public FarmSlurm {
+ protected:
+  FarmSlurmRestart() { node_seconds_ = 5; }
+};
+
 /// The tasks of the killed node go on as orphans, and are started again on the other node: each
 /// chunk of that node is rendered twice.
-TEST_F(FarmSlurm, SurvivesANodeThatDiesAndAControllerThatRestarts) {
+TEST_F(FarmSlurmRestart, SurvivesANodeThatDiesAndAControllerThatRestarts) {
   start_long_film_and_kill_a_node();
   cluster_->stop_controller();
   ASSERT_TRUE(comes("the end of running tasks", [&] { return tasks().empty(); }));
@@ -232,15 +238,10 @@ TEST_F(FarmSlurm, SurvivesANodeThatDiesAndAControllerThatRestarts) {
   EXPECT_EQ(film(), film_of_one_run("0:24", kLongFlags));
 }
 
-class FarmSlurmCrash : public FarmSlurm {
- protected:
-  FarmSlurmCrash() { node_seconds_ = 5; }
-};
-
 /// A controller that is killed forgets the last seconds. It starts tasks again that run or have
 /// ended; a node that knows such a task refuses it, and Slurm then holds the task for ever and
 /// drains the node.
-TEST_F(FarmSlurmCrash, TheFilmIsCompleteAfterTheControllerForgotItsLastSeconds) {
+TEST_F(FarmSlurmRestart, TheFilmIsCompleteAfterTheControllerForgotItsLastSeconds) {
   start_long_film_and_kill_a_node();
   cluster_->kill_controller();
   ASSERT_TRUE(comes("the end of running tasks", [&] { return tasks().empty(); }));
