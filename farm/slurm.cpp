@@ -16,8 +16,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr uint64_t kDefaultArraySize = 1001;
-constexpr double kTimeMargin = 3.0;  ///< of nodes that are slower than the one that planned
+constexpr double kTimeMargin = 3.0;  ///< factor for nodes slower than the one that planned
 constexpr double kStartMinutes = 5.0;
 constexpr double kMemoryMargin = 1.5;
 constexpr uint64_t kMemoryStep = 256;      ///< MiB

@@ -12,6 +12,9 @@
 
 namespace lenticule::farm {
 
+/// MaxArraySize of a Slurm whose configuration does not set it.
+inline constexpr uint64_t kDefaultArraySize = 1001;
+
 struct SlurmOptions {
   std::string partition{};
   std::string time{};               ///< as sbatch takes it; empty: from the timed frames

@@ -18,8 +18,9 @@ namespace lenticule::farm {
 enum class TaskState : uint8_t {
   Running,
   Waiting,
-  /// Slurm holds the task after a launch that failed, for example on a node that still has the task
-  /// of a controller which lost its memory. The task starts when somebody releases it.
+  /// Slurm holds the task after a launch that failed, for example because a controller that lost
+  /// its memory launched it on a node that runs it already. `farm submit` or an administrator must
+  /// release the task.
   HeldBySlurm,
   HeldByPerson,
 };

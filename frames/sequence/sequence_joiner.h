@@ -72,10 +72,10 @@ class SequenceJoiner {
   FileHeader header_;
   TemporaryFile file_;
   std::vector<uint64_t> frames_;
-  std::vector<BandEntry> bands_;               ///< of the film's last frame
-  std::vector<uint64_t> last_digests_{};       ///< of the last part
+  std::vector<BandEntry> bands_;               ///< bands of the film's last frame
+  std::vector<uint64_t> last_digests_{};       ///< digests of the last part's last bands
   std::vector<uint8_t> out_;                   ///< bytes before end_ that are not yet written
-  std::vector<std::vector<uint8_t>> buffers_;  ///< of the part that is read ahead
+  std::vector<std::vector<uint8_t>> buffers_;  ///< pieces of the part that is read ahead
   uint64_t written_ = 0;
   uint64_t flushed_ = 0;  ///< bytes that the disk was told to write
   uint64_t end_ = 0;

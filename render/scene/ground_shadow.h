@@ -55,7 +55,7 @@ class GroundShadow {
 
   GroundGrid grid_;
   Vec3 column_axis_, row_axis_;      ///< across and along, per cell
-  double first_column_, first_row_;  ///< dot products of these with the grid's first point
+  double first_column_, first_row_;  ///< coordinates of the grid's first point, in cells
   std::vector<float> darkness_;
 };
 
@@ -76,8 +76,8 @@ class GroundShadow::Row {
   };
 
   const GroundShadow& shadow_;
-  Linear height_, column_, row_;           ///< of points, by x
-  Linear falls_, column_step_, row_step_;  ///< of directions, by tan_x
+  Linear height_, column_, row_;           ///< coordinates of a line's point at z = 0, by x
+  Linear falls_, column_step_, row_step_;  ///< components of its direction, by tan_x
 };
 
 }  // namespace lenticule::render

@@ -125,7 +125,7 @@ TEST_F(ByEyeCommand, AScriptNeedsInsistToSaveAnImplausibleGap) {
   EXPECT_GT(optics::load_rig(path("rig.toml")).sheet.gap.value, 20.0);
 }
 
-TEST_F(ByEyeCommand, TrimsAddUpAreReportedAndCanBeReset) {
+TEST_F(ByEyeCommand, TrimsAddUpAndAreReportedAndCanBeReset) {
   const auto trim = [this](std::vector<std::string> flags) {
     flags.insert(flags.begin(), {"rig", "trim", path("rig.toml"), "--json"});
     return run(flags);

@@ -22,7 +22,7 @@ struct SheetBuild {
   double offset_lenses = 0.0;
   double sheet_mm = 2.2;      ///< thickness from the apices to the sheet's back
   double glass_mm = 0.5;      ///< glass and polariser between sheet and pixels
-  double sheet_index = 1.49;  ///< at 546 nm
+  double sheet_index = 1.49;  ///< refractive index at 546 nm
   double abbe = 57.0;         ///< Abbe number of the sheet: acrylic 57, PETG 35
   double glass_index = 1.52;
   double defocus = 0.05;      ///< distance of the pixels beyond the paraxial focus, relative

@@ -22,8 +22,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr uint64_t kDefaultArraySize = 1001;  ///< of Slurm
-
 std::string command_line(const std::vector<std::string>& words) {
   std::vector<std::string> quoted;
   for (const std::string& word : words) quoted.push_back(shell_quoted(word));
@@ -47,7 +45,7 @@ class SubmitRun {
     if (chunks.empty() && merge_waits_) return report();
     if (!flags_.dry_run) create_folders();
     jobs_.folder = folder_.path().string();
-    const uint64_t most = flags_.dry_run ? kDefaultArraySize : max_array_size();
+    const uint64_t most = flags_.dry_run ? farm::kDefaultArraySize : max_array_size();
     for (size_t at = 0; at < chunks.size(); at += most)
       submit_array({chunks.begin() + static_cast<std::ptrdiff_t>(at),
                     chunks.begin() +

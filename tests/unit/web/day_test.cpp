@@ -178,7 +178,7 @@ class FakePlayer {
 
 /// Memory of this process.
 struct Memory {
-  size_t heap_bytes = SIZE_MAX;  ///< in use
+  size_t heap_bytes = SIZE_MAX;  ///< allocated heap memory
   size_t resident_bytes = SIZE_MAX;
 };
 

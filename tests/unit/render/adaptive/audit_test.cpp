@@ -53,7 +53,8 @@ TEST(Audit, RetracesBadBandsAndToleratesChance) {
 struct Selected {
   uint64_t retracing = 0, evaluation = 0, odd_rows = 0;
   std::array<uint64_t, 3> channels{};
-  std::array<uint64_t, 4> quarters{};  ///< of the subpixels from which one is taken
+  std::array<uint64_t, 4>
+      quarters{};  ///< counts in each quarter of a stretch from which one is taken
 };
 
 constexpr uint32_t kRows = 64, kColumns = 11520;
@@ -115,7 +116,7 @@ TEST(AuditErrors, HaveMeanAndStandardErrorOfTheirSquares) {
 }
 
 TEST(AuditErrors, TheBoundIncludesErrorsThatNoSampleShows) {
-  // Of 100000 samples none is off: then one in 10000 may be, by 255.
+  // None of 100000 samples is wrong, so about one subpixel in 10000 may still be wrong by 255.
   const double bound = bound_of_mean_square(errors_of({}, 100000));
   EXPECT_GT(bound, 0.00005 * 255 * 255);
   EXPECT_LT(bound, 0.0002 * 255 * 255);
