@@ -15,7 +15,9 @@ struct Interval {
     low = value < low ? value : low;
     high = value > high ? value : high;
   }
+  /// An empty interval extends nothing.
   void extend(const Interval& other) {
+    if (other.empty()) return;
     extend(other.low);
     extend(other.high);
   }

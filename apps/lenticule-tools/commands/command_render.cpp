@@ -185,9 +185,12 @@ class RenderRun {
         "than {:g} code values; in no frame more than {:.2g} % of all (99.99 % confidence)\n",
         shaded_percent, s.audited_subpixels, s.audited_beyond,
         flags_.render.options.tolerated_error, 100.0 * s.beyond_bound);
-    say("RMSE of the worst frame: {:.2f} code values, at most {:.2f} or {:.1f} dB (99 % "
-        "confidence)\n",
-        s.rmse, s.rmse_bound, 20.0 * std::log10(255.0 / s.rmse_bound));
+    if (s.rmse_bound > 0.0)
+      say("RMSE of the worst frame: {:.2f} code values, at most {:.2f} or {:.1f} dB (99 % "
+          "confidence)\n",
+          s.rmse, s.rmse_bound, 20.0 * std::log10(255.0 / s.rmse_bound));
+    else
+      say("RMSE: 0; everything comes from method full\n");
     if (s.retraced_subpixels > 0)
       say("{} subpixels in regions with too many errors were rendered by method full\n",
           s.retraced_subpixels);

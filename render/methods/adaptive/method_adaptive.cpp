@@ -285,7 +285,8 @@ class AdaptiveMethod final : public Method {
     });
     size_t next = 0;
     for (int look = 1; look < kMeanSquareLooks && exceeds_mean_square(frame); ++look) {
-      // Half of the loss that is left; at the last look all of it.
+      // Each look retraces the worst bands, until half of the mean square is gone; the last look
+      // retraces all.
       const double enough = look == kMeanSquareLooks - 1 ? -1.0 : left / 2.0;
       while (next < worst.size() && left > enough) {
         left -= worst[next]->retracing.mean_square();
@@ -311,6 +312,13 @@ class AdaptiveMethod final : public Method {
       else
         errors += band.evaluation;
     return errors;
+  }
+
+  /// Returns true if every band comes from method full.
+  static bool is_exact(const AdaptiveFrame& frame) {
+    return std::ranges::all_of(frame.bands, [](const AdaptiveFrame::Band& band) {
+      return !band.tried || band.retraced;
+    });
   }
 
   /// Renders the bands that were rejected or not tried.
@@ -388,8 +396,9 @@ class AdaptiveMethod final : public Method {
     statistics.subpixels = subpixels;
     statistics.audited_subpixels = audit.sampled;
     statistics.audited_beyond = audit.beyond;
-    statistics.beyond_bound = bound_of_share(audit);
     statistics.rmse = std::sqrt(errors.mean_square());
+    if (is_exact(frame)) return statistics;
+    statistics.beyond_bound = bound_of_share(audit);
     statistics.rmse_bound = std::sqrt(bound_of_mean_square(errors));
     return statistics;
   }

@@ -371,6 +371,16 @@ TEST(MethodAdaptive, KeepsThePromisedPsnrWhereThinObjectsAreMissed) {
   }
 }
 
+TEST(MethodAdaptive, StatesNoErrorIfEveryBandComesFromFull) {
+  RenderOptions options;
+  promise_psnr(60.0, options);
+  const RenderStatistics s = rendered("adaptive", wires(0.15), wide_rig(), options).statistics;
+  EXPECT_GT(s.audited_subpixels, 0U);
+  EXPECT_EQ(s.retraced_subpixels, s.subpixels);
+  EXPECT_EQ(s.rmse_bound, 0.0);
+  EXPECT_EQ(s.beyond_bound, 0.0);
+}
+
 TEST(MethodAdaptive, KeepsTheRootMeanSquareNearTheToleratedError) {
   for (const double gap : {0.15, 0.6, 2.5})
     for (const double error : {1.0, 2.0, 4.0}) {
