@@ -40,6 +40,7 @@ void expose(SceneDescription& scene) {
   const double factor = kMiddleIrradiance / sum;
   if (!std::isfinite(factor) || factor <= 0.0) return;
   for (Light& light : scene.lights) light.colour = light.colour * factor;
+  scene.light_scale = factor;
 }
 
 }  // namespace lenticule::render

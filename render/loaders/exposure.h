@@ -6,8 +6,8 @@
 
 namespace lenticule::render {
 
-/// Scales all lights by a common factor so that they light the centre of the scene well. Files use
-/// candela, watts or arbitrary units, and leave the exposure to the viewer.
+/// Scales all lights by a common factor, light_scale, so that they light the centre of the scene
+/// well. Files use candela, watts or arbitrary units, and leave the exposure to the viewer.
 void expose(SceneDescription& scene);
 
 }  // namespace lenticule::render

@@ -225,6 +225,7 @@ struct SceneDescription {
   std::vector<Sphere> spheres{};
   std::vector<Cone> cones{};
   std::vector<Light> lights{};
+  double light_scale = 1.0;  ///< factor by which expose() multiplied the lights of the file
   std::vector<Camera> cameras{};
   std::vector<Node> nodes{};  ///< parents before children
   std::vector<Skin> skins{};

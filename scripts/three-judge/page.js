@@ -72,6 +72,57 @@ function cameraOf(job, model) {
   return camera;
 }
 
+// Shadow maps take texture units, of which a shader has sixteen.
+const MOST_SHADOWS = 4;
+
+/** Makes a light cast shadows of a model inside the sphere. */
+function castShadows(light, sphere) {
+  const at = light.getWorldPosition(new THREE.Vector3());
+  if (light.isDirectionalLight) {
+    // The light's distance has no meaning: it is put outside of the model.
+    const aim = light.target.getWorldPosition(new THREE.Vector3());
+    const direction = at.sub(aim).normalize();
+    light.removeFromParent();
+    light.position.copy(sphere.center).addScaledVector(direction, 2 * sphere.radius);
+    light.target.removeFromParent();
+    light.target.position.copy(sphere.center);
+    const {camera} = light.shadow;
+    camera.left = camera.bottom = -sphere.radius;
+    camera.right = camera.top = sphere.radius;
+    camera.near = 0.5 * sphere.radius;
+    camera.far = 3.5 * sphere.radius;
+  } else {
+    light.shadow.camera.far = at.distanceTo(sphere.center) + sphere.radius;
+    light.shadow.camera.near = light.shadow.camera.far / 1000;
+  }
+  light.shadow.mapSize.set(2048, 2048);
+  light.shadow.bias = -0.0005;
+  light.shadow.normalBias = sphere.radius / 500;
+  light.castShadow = true;
+}
+
+/** Scales the model's lights as the job says, and lets them cast shadows if it wants that. */
+function setLights(renderer, scene, model, job) {
+  const sphere = new THREE.Box3().setFromObject(model, true).getBoundingSphere(new THREE.Sphere());
+  const lights = [];
+  model.traverse(object => {
+    if (object.isLight) lights.push(object);
+    if (!object.isMesh) return;
+    object.receiveShadow = true;
+    const materials = [object.material].flat();
+    object.castShadow = !materials.some(material => material.transparent || material.transmission > 0);
+    for (const material of materials) material.shadowSide = THREE.DoubleSide;
+  });
+  for (const light of lights) light.intensity *= job.light_scale ?? 1;
+  renderer.shadowMap.enabled = Boolean(job.shadows) && lights.length > 0;
+  if (!renderer.shadowMap.enabled) return;
+  renderer.shadowMap.type = THREE.PCFSoftShadowMap;
+  for (const light of lights.slice(0, MOST_SHADOWS)) {
+    castShadows(light, sphere);
+    if (light.isDirectionalLight) scene.add(light, light.target);
+  }
+}
+
 async function drawScene(renderer, loader, job) {
   renderer.setPixelRatio(1);
   renderer.setSize(job.width, job.height, false);
@@ -95,7 +146,9 @@ async function drawScene(renderer, loader, job) {
     mixer.setTime(0);
   }
 
+  model.scene.updateMatrixWorld(true);
   const camera = cameraOf(job, model.scene);
+  setLights(renderer, scene, model.scene, job);
   renderer.render(scene, camera);
   discard(model.scene);
 }

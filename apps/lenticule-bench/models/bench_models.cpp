@@ -8,6 +8,7 @@
 #include <chrono>
 #include <filesystem>
 #include <memory>
+#include <numbers>
 #include <optional>
 
 #include "apps/lenticule-bench/harness/bench.h"
@@ -132,6 +133,7 @@ class ModelsRun {
     render::SceneDescription description = render::at_time(render::load_scene(row.model.file), 0.0);
     const render::Camera camera = framing_camera(description);
     row.job.camera = camera;
+    row.job.light_scale = description.light_scale * std::numbers::pi;
     description.cameras = {camera};
     // A stated ambient light, which the environment's then replaces, keeps the default sun away.
     description.ambient = description.ambient.value_or(Vec3{});
@@ -153,7 +155,7 @@ class ModelsRun {
     row.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   }
 
-  // ---- theirs
+  // ---- pictures of the other program
 
   void draw_all() {
     if (flags_.judge.empty()) return;

@@ -51,6 +51,8 @@ std::string jobs_text(const std::vector<JudgeJob>& jobs) {
                     {"background", triple({})},
                     {"environment", job.environment},
                     {"environment_ahead", triple(job.environment_ahead)},
+                    {"light_scale", job.light_scale},
+                    {"shadows", true},
                     {"tone_map", "pbr-neutral"},
                     {"exposure", 1.0}});
   return list.dump(1) + '\n';

@@ -23,6 +23,9 @@ struct JudgeJob {
   std::optional<render::Camera> camera{};
   std::string environment{};         ///< latitude-longitude picture
   Vec3 environment_ahead{0, 0, -1};  ///< horizontal world direction of that picture's middle
+  /// Factor for the intensities of the file's lights, in the units of glTF: a light of intensity 1
+  /// gives a white surface the radiance 1 / pi.
+  double light_scale = 1.0;
 };
 
 /// Returns the file of jobs.

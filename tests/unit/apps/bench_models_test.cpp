@@ -238,11 +238,13 @@ TEST(JudgeJobs, StateCameraEnvironmentAndPicture) {
   JudgeJob framed{.model = "m.glb", .picture = "p.png", .side_px = 9};
   framed.camera = framing_camera(box({-1, -1, -1}, {1, 1, 1}));
   framed.environment = "studio.hdr";
+  framed.light_scale = 0.25;
   const auto jobs = nlohmann::json::parse(jobs_text({framed, {.model = "unreadable.glb"}}));
   ASSERT_EQ(jobs.size(), 2U);
   EXPECT_EQ(jobs[0].at("model"), "m.glb");
   EXPECT_EQ(jobs[0].at("width"), 9);
   EXPECT_EQ(jobs[0].at("environment"), "studio.hdr");
+  EXPECT_EQ(jobs[0].at("light_scale"), 0.25);
   EXPECT_EQ(jobs[0].at("camera").at("vertical_fov_degrees"), kModelFovDegrees);
   EXPECT_EQ(jobs[0].at("camera").at("from")[1], framed.camera->from.y);
   EXPECT_FALSE(jobs[1].at("camera").contains("from"));

@@ -408,6 +408,8 @@ const std::vector<Feature> kNodes{
        ASSERT_THAT(s.lights, SizeIs(3));
        EXPECT_EQ(s.lights[0].kind, Light::Kind::Directional);
        expect_near(s.lights[0].direction, {0, 0, -1});
+       EXPECT_NEAR(s.lights[0].colour.x, 2.0 * s.light_scale, 1e-9);
+       EXPECT_LT(s.light_scale, 0.65);
        EXPECT_FALSE(s.lights[0].falls_off);
        EXPECT_EQ(s.lights[1].kind, Light::Kind::Point);
        EXPECT_EQ(s.lights[1].colour.y, 0.0);
