@@ -77,7 +77,8 @@ Words check() {
           "turn into green at the same moment.",
           {"One edge turns too early and the other too late: correct the pitch with UP or DOWN; or "
            "your distance is not {0:.0f} mm.",
-           "The whole panel turns beside the middle: correct the offset with LEFT or RIGHT.",
+           "The whole panel turns at once, but not when your eye is in the middle: correct the "
+           "offset with LEFT or RIGHT.",
            "The top turns before the bottom: correct the slant with [ or ].",
            "Only some patches are off: the sheet is not flat there. This procedure cannot correct "
            "that; calibrate with a camera."},

@@ -72,8 +72,8 @@ struct PanelSearch {
   Error refusal{ErrorKind::Device, ""};
   /// True if a panel that is connected later could match.
   bool may_come = true;
-  /// Connected panels on the requested output, of any identity, by name. All panels for a request
-  /// by EDID.
+  /// Panels at the requested connector, also those of another identity; all connected panels if
+  /// the request names no connector.
   std::vector<PanelInfo> present{};
 };
 

@@ -196,8 +196,8 @@ void SequenceWriter::append(const FrameView& frame) {
   LENTICULE_CHECK(!finished_ && frame.geometry == layout_.header.geometry &&
                   frame.bytes.size() == frame.geometry.frame_bytes());
   if (frame_count() == kMaxSequenceFrames)
-    throw Error(ErrorKind::Failed, fmt::format("{}: full: {} frames are the limit", part_.string(),
-                                               kMaxSequenceFrames));
+    throw Error(ErrorKind::Failed, fmt::format("{}: a sequence holds at most {} frames",
+                                               part_.string(), kMaxSequenceFrames));
   if (!in_step_) recall();
   if ((part_of_film_.first + frame_count()) % kPredictorInterval == 0)
     predictors_ = choose_predictors(frame, layout_.header.band_rows);

@@ -294,7 +294,7 @@ void PlayRun::copy_edited_rig(bool reloading) {
   if (!plan_.rig_store || plan_.source.rig_file != plan_.rig_store->copy()) return;
   try {
     if (reloading ? plan_.rig_store->update() : plan_.rig_store->update_if_edited())
-      say("{}: was edited; used instead of what was calibrated during playback\n", flags_.rig);
+      say("{}: was edited: it replaces the calibration made during playback\n", flags_.rig);
     store_problem_.clear();
   } catch (const std::exception& error) {
     store_problem_ = error.what();

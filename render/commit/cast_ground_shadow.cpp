@@ -30,7 +30,7 @@ constexpr double kWidest = 0.25, kHighest = 1.5;
 /// Distance between rays in sizes of the model, and the largest number of rays along a side.
 constexpr double kCell = 0.01;
 constexpr double kMostRays = 256.0;
-/// Most surfaces that a ray passes, and the least share of it that goes on.
+/// A ray ends at the latest after this many surfaces, or when less than this share of it is left.
 constexpr int kMostPassed = 64;
 constexpr double kLeastShare = 1e-3;
 /// Distance in sizes of the model below the ground at which rays start.

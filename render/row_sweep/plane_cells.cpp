@@ -51,7 +51,8 @@ void PlaneCells::number_lenses(const PlaneRays& rays) {
   int32_t places = 0;
   for (auto n = static_cast<int32_t>(rays.first), guess = 1; n < count;) {
     first_.push_back(n);
-    // Lenses have one or two different numbers of places.
+    // The numbers of places of two lenses differ by at most one, so the last lens predicts the
+    // next.
     int32_t end = std::min(n + guess, count);
     while (end < count && lens[end] == lens[n]) ++end;
     while (lens[end - 1] != lens[n]) --end;

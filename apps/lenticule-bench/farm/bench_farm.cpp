@@ -279,7 +279,7 @@ ExitCode run(const FarmBenchFlags& flags) {
 Run declare_bench_farm(CLI::App& app) {
   auto flags = std::make_shared<FarmBenchFlags>();
   app.add_option("--folder", flags->folder, "folder for the files (default: the temporary one)");
-  app.add_option("--chunks", flags->chunks, "chunks of which the status is read")
+  app.add_option("--chunks", flags->chunks, "number of chunks whose status is read")
       ->check(CLI::Range(1, 1'000'000))
       ->capture_default_str();
   app.add_option("--merge-mib", flags->merge_mib, "size of the film to merge, MiB")

@@ -445,7 +445,8 @@ Picture without_mosaic(const std::vector<float>& mosaic, const Window& window) {
   return out;
 }
 
-/// Multiplies dark surroundings, means of squares of 64 pixels, by a power of their light.
+/// Brightens dark regions as phones do: by a power of the mean light around each pixel, which is
+/// taken from squares of 64 pixels.
 void map_tones(Picture& picture, double exponent) {
   constexpr int kSquare = 64;
   const int columns = picture.width / kSquare + 2, rows = picture.height / kSquare + 2;

@@ -119,8 +119,9 @@ void print_readings(const json& whole) {
   const json& total = whole["total"];
   if (total["psnr_db"].is_null()) return;
   print_out(
-      "to compare with a published \"RMSE\": {:.4f} if it is the root, {:.4f} if it is the mean "
-      "square (then 10 log10(255^2 / it) is its PSNR)\n",
+      "compare a published \"RMSE\" with {:.4f}, or with {:.4f} if its PSNR shows that it is a "
+      "mean "
+      "square\n",
       total["rmse"].get<double>(), total["mse"].get<double>());
 }
 

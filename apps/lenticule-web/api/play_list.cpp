@@ -195,7 +195,7 @@ ordered_json PlayList::locked_read() {
                          {"default", list.value("default", ordered_json())},
                          {"items", list["items"]}};
   result["version"] = version_of({result["loop"], result["default"], result["items"]});
-  // Without a list, the source that plays becomes the first item of the own list.
+  // Without a list, the source that plays becomes the first item of own_file_.
   const fs::path file =
       result["file"].is_string() ? fs::path(result["file"].get<std::string>()) : own_file_;
   result["editable"] = file.parent_path() == own_file_.parent_path();

@@ -15,7 +15,7 @@ namespace lenticule::web {
 /// Thread safety: any thread.
 class ShownInstead {
  public:
-  /// The place is kept in `file`, so that a restart does not forget it.
+  /// Keeps the place of the content, to which it returns, in `file`: it survives a restart.
   ShownInstead(ControlLink& link, std::filesystem::path file);
 
   /// Shows "black", "card" or "views", or "content" again. Throws HttpError 400 for another word,

@@ -49,7 +49,7 @@ class FlipChecker {
   [[nodiscard]] uint64_t flips() const { return flips_; }
   [[nodiscard]] uint64_t wrong() const { return wrong_; }
   [[nodiscard]] uint64_t first() const { return first_; }
-  /// Returns the bytes that have been added to the memory in use since a tenth of the time.
+  /// Returns by how many bytes the memory in use grew in the last nine tenths of the run.
   [[nodiscard]] int64_t growth() const {
     return static_cast<int64_t>(memory_late_) - static_cast<int64_t>(memory_early_);
   }

@@ -26,8 +26,8 @@ constexpr FrameGeometry kGeometry{60, 40};
 constexpr uint64_t kFirst = 7;  ///< number of the film's first frame
 constexpr uint64_t kFrames = 100;
 
-/// Returns frames of which many repeat all or some bands of the frame before, also over ends of
-/// parts, and whose predictors change.
+/// Returns frame n of a film that tries every way to store a band: many frames repeat all or some
+/// bands of the frame before, also from one part to the next, and the predictors change.
 WovenFrame film_frame(uint64_t n) {
   const Content content = n / 20 % 2 == 0 ? Content::Lenses : Content::Ramp;
   WovenFrame frame = make_frame(kGeometry, content, static_cast<int>(n / 4));

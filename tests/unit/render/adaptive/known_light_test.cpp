@@ -65,8 +65,8 @@ TEST_P(KnownLight, RecordingNotesChangesNoByte) {
   }
 }
 
-/// The light is the same with the notes and without them.
-TEST_P(KnownLight, UsingNotesChangesNoByte) {
+/// What is known of the lights saves rays, and the light stays the same.
+TEST_P(KnownLight, SavesRaysAndChangesNoLight) {
   std::mt19937_64 random(6);
   uint64_t saved = 0;
   for (int round = 0; round < 100; ++round) {

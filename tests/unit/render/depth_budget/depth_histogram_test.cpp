@@ -40,7 +40,7 @@ TEST(DepthHistogram, CountsEachSubpixelOnce) {
   EXPECT_EQ(h.farthest_mm(), -400.0);
 }
 
-TEST(DepthHistogram, BinsHoldTheirLowerEnd) {
+TEST(DepthHistogram, BinsIncludeTheirLowerEdge) {
   DepthHistogram h;
   for (const double depth : {-0.125, -0.001, 0.0, 0.124, 16.0, 99.0, -16.0, -99.0}) h.add(depth, 0);
   const auto& bins = h.bins();

@@ -41,7 +41,7 @@ std::shared_ptr<Texture> stripes() {
   });
 }
 
-TEST(MipMaps, WithoutAFootprintAreTheTexture) {
+TEST(MipMaps, ReturnTheTextureItselfWithoutAFootprint) {
   const auto texture = noise(13, 7);
   for (const bool repeat : {true, false}) {
     texture->repeat_u = texture->repeat_v = repeat;

@@ -188,7 +188,7 @@ TEST(PbrShading, ReflectsNothingOfLightsBehindTheSurface) {
 }
 
 /// A film of no thickness has next to no colour; thicker ones have.
-TEST(PbrShading, FilmsColourMirroredLight) {
+TEST(PbrShading, ThinFilmsTintReflections) {
   const Vec3 base{0.04, 0.04, 0.04};
   const Vec3 none = film_f0(1.3, 0.9, 0.0, base);
   EXPECT_NEAR(none.x, 0.04, 0.01);
