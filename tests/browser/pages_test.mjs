@@ -347,7 +347,7 @@ function fastPage() {
   };
 }
 
-for (const name of ["now", "eye"]) {
+for (const name of ["now", "eye", "health"]) {
   test(`page ${name} takes no more memory after 24 hours of its clock`, { timeout: 20 * LIMIT_MS }, async () => {
     const { page, wrong, close } = await open("desktop", PAGES[name], "light", undefined, fastPage);
     await page.waitForFunction(() => document.body.dataset.rights === "change" && window.asked > 0);
@@ -441,7 +441,7 @@ test("Calibrate: a phone goes from the code on the panel to a saved rig", { time
   shown.kill("SIGINT");
   await comesTrue(() => ctl("status").on_glass.source !== "code", "the content is back");
 
-  await page.waitForFunction(() => Number(document.getElementById("distance").value) > 100);
+  await page.waitForFunction(() => Number(document.getElementById("distance").value) > 100 && !document.getElementById("begin").disabled);
   await page.tap("#begin");
   await says(page, "chart-state", "on the panel");
   assert.match(ctl("status").on_glass.source, /chart\.png$/);
