@@ -74,15 +74,31 @@ class SubmitRun {
     return farm::parse_max_array_size(run_slurm("scontrol", {"show", "config"}));
   }
 
-  /// Removes the chunks that an earlier call submitted and that wait or run. Releases tasks that
-  /// Slurm holds, also of chunks that are done, since the merge waits for all tasks.
-  void continue_queued(std::vector<uint64_t>& chunks) {
-    const farm::SlurmQueue queue = ask_slurm(jobs_);
-    for (const farm::QueuedTask& task : queue.tasks(farm::TaskState::HeldBySlurm)) {
+  /// Lets a task start that Slurm holds. Where only an administrator may release it, the task is
+  /// cancelled and taken out of the queue, so that its chunk or the merge is submitted again.
+  void release(const farm::QueuedTask& task, farm::SlurmQueue& queue) {
+    try {
       (void)run_slurm("scontrol", {"release", task.name()});
       say("task {}: Slurm held it ({}); released\n", task.name(), task.reason);
       ++released_;
+      return;
+    } catch (const Error& refusal) {
+      say("task {}: Slurm holds it ({}) and does not release it ({}); cancelled\n", task.name(),
+          task.reason, refusal.what());
     }
+    (void)run_slurm("scancel", {task.name()});
+    ++cancelled_;
+    std::erase_if(queue.chunks,
+                  [&](const auto& chunk) { return chunk.second.name() == task.name(); });
+    if (queue.merge && queue.merge->name() == task.name()) queue.merge.reset();
+  }
+
+  /// Removes the chunks that an earlier call submitted and that wait or run. Releases tasks that
+  /// Slurm holds, also of chunks that are done, since the merge waits for all tasks.
+  void continue_queued(std::vector<uint64_t>& chunks) {
+    farm::SlurmQueue queue = ask_slurm(jobs_);
+    for (const farm::QueuedTask& task : queue.tasks(farm::TaskState::HeldBySlurm))
+      release(task, queue);
     for (const farm::QueuedTask& task : queue.tasks(farm::TaskState::HeldByPerson))
       say("task {}: held by a person ({}); scontrol release {} lets it start\n", task.name(),
           task.reason, task.name());
@@ -150,6 +166,7 @@ class SubmitRun {
       print_json({{"chunks_submitted", submitted_},
                   {"tasks_in_queue", queued_},
                   {"tasks_released", released_},
+                  {"tasks_cancelled", cancelled_},
                   {"chunks", folder_.plan().chunks()},
                   {"array_jobs", new_jobs_},
                   {"merge_job", merge_job_ == 0 ? nlohmann::json() : nlohmann::json(merge_job_)}});
@@ -159,6 +176,7 @@ class SubmitRun {
     if (merge_job_ != 0) print_out("merge job {}\n", merge_job_);
     if (queued_ > 0) print_out("{} tasks are in Slurm's queue already\n", queued_);
     if (released_ > 0) print_out("{} tasks that Slurm held are released\n", released_);
+    if (cancelled_ > 0) print_out("{} tasks that Slurm kept held are cancelled\n", cancelled_);
     print_out("{} of {} chunks submitted\n", submitted_, folder_.plan().chunks());
     return kOk;
   }
@@ -172,6 +190,7 @@ class SubmitRun {
   size_t submitted_ = 0;      ///< chunks
   size_t queued_ = 0;         ///< tasks of earlier calls
   size_t released_ = 0;       ///< tasks
+  size_t cancelled_ = 0;      ///< tasks that Slurm did not release
   bool merge_waits_ = false;  ///< a merge of an earlier call is in the queue
   uint64_t merge_job_ = 0;
 };

@@ -4,6 +4,8 @@
 
 #include <chrono>
 #include <csignal>
+#include <filesystem>
+#include <fstream>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -32,10 +34,24 @@ class FarmSlurm : public FarmTest {
   }
 
   [[nodiscard]] ProcessResult submit(const std::vector<std::string>& more = {}) const {
-    std::vector<std::string> words =
-        program({"farm", "submit", work(), "--slurm", "--mem", "200M", "--cpus", "1", "--json"});
+    std::vector<std::string> words = submission();
     words.insert(words.end(), more.begin(), more.end());
     return cluster_->run(words);
+  }
+  /// Submits as a user to whom Slurm refuses the release of tasks.
+  [[nodiscard]] ProcessResult submit_without_right_to_release() const {
+    const std::string folder = path("refusing");
+    std::filesystem::create_directories(folder);
+    std::ofstream(folder + "/scontrol")
+        << "#!/bin/sh\n[ \"$1\" != release ] && exec /usr/bin/scontrol \"$@\"\n"
+           "echo 'Access/permission denied for job' \"$2\" >&2; exit 1\n";
+    std::filesystem::permissions(folder + "/scontrol", std::filesystem::perms::owner_all);
+    std::vector<std::string> words = submission();
+    words.insert(words.begin(), {"/usr/bin/env", "PATH=" + folder + ":/usr/bin:/bin"});
+    return cluster_->run(words);
+  }
+  [[nodiscard]] std::vector<std::string> submission() const {
+    return program({"farm", "submit", work(), "--slurm", "--mem", "200M", "--cpus", "1", "--json"});
   }
   /// Returns the status as a user of the cluster sees it.
   [[nodiscard]] json status() const {
@@ -268,6 +284,24 @@ TEST_F(FarmSlurm, StatusNamesTasksThatSlurmHoldsAndSubmitReleasesThem) {
   ASSERT_EQ(again.exit_code, 0) << again.err;
   EXPECT_EQ(json::parse(again.out).at("chunks_submitted"), 0) << again.out;
   EXPECT_GE(json::parse(again.out).at("tasks_released"), 1) << again.out;
+  ASSERT_TRUE(user_gets_the_film());
+  EXPECT_EQ(film(), film_of_one_run("0:16"));
+}
+
+TEST_F(FarmSlurm, SubmitCancelsHeldTasksThatTheUserMayNotReleaseAndSubmitsTheirChunksAgain) {
+  plan("0:16", "4");
+  cluster_->let_launches_fail(true);
+  ASSERT_EQ(submit().exit_code, 0);
+  ASSERT_TRUE(comes("held tasks", [&] { return !status().at("slurm").at("held").empty(); }));
+  cluster_->let_launches_fail(false);
+  cluster_->resume_drained_nodes();
+  const ProcessResult again = submit_without_right_to_release();
+  ASSERT_EQ(again.exit_code, 0) << again.err;
+  EXPECT_NE(again.err.find("permission denied"), std::string::npos) << again.err;
+  const json report = json::parse(again.out);
+  EXPECT_EQ(report.at("tasks_released"), 0) << again.out;
+  EXPECT_GE(report.at("tasks_cancelled"), 1) << again.out;
+  EXPECT_EQ(report.at("chunks_submitted"), report.at("tasks_cancelled")) << again.out;
   ASSERT_TRUE(user_gets_the_film());
   EXPECT_EQ(film(), film_of_one_run("0:16"));
 }
