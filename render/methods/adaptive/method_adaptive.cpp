@@ -316,9 +316,8 @@ class AdaptiveMethod final : public Method {
 
   /// Returns true if every band comes from method full.
   static bool is_exact(const AdaptiveFrame& frame) {
-    return std::ranges::all_of(frame.bands, [](const AdaptiveFrame::Band& band) {
-      return !band.tried || band.retraced;
-    });
+    return std::ranges::all_of(
+        frame.bands, [](const AdaptiveFrame::Band& band) { return !band.tried || band.retraced; });
   }
 
   /// Renders the bands that were rejected or not tried.
