@@ -12,7 +12,7 @@
 namespace lenticule::test {
 namespace {
 
-/// Returns the light of a row of subpixels around a place, weighted by the lens spot.
+/// LitPanel gives the light of a row of subpixels around a place, weighted by the spot of the lens.
 class LitPanel {
  public:
   LitPanel(const optics::Rig& rig, const frames::WovenFrame& shown)

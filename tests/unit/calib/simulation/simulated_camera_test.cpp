@@ -266,7 +266,7 @@ TEST(LightTiming, WholePeriodsOfTheBacklightCancel) {
   EXPECT_EQ(backlight_mean(3.0, 1.0, 0.0, 0.5), 1.0);
 }
 
-TEST(SimulatedCamera, ShowsThePanelTurningDownItsRows) {
+TEST(SimulatedCamera, ShowsANewFrameArriveRowByRow) {
   Stage stage;
   stage.link.response_ms = 6.0;
   stage.camera.rolling_shutter_ms = 25.0;
