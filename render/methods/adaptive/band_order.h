@@ -26,6 +26,11 @@ class BandOrder {
   /// Returns true if the bands tried so far have cost more than with method full. A single band is
   /// not enough evidence, nor are few bands of which some have gained.
   [[nodiscard]] bool loses() const { return tried_ >= (none_gained_ ? 2 : 4) && total_ < 0; }
+  /// Returns true if a further cost of the bands tried so far uses up what they have gained. Four
+  /// bands are the least evidence.
+  [[nodiscard]] bool loses_after(int64_t further) const {
+    return further > 0 && tried_ >= 4 && total_ < further;
+  }
 
  private:
   [[nodiscard]] int64_t expected_gain(int band) const;

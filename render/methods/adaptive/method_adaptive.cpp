@@ -85,23 +85,29 @@ constexpr int64_t kPrimitive = 350;  ///< set-up for a frame
 /// Rays per subpixel with soft light, in sixteenths: always many.
 constexpr int64_t kSoftRays = 16 * 100;
 
-/// Returns the gain of a band of `subpixels` in which `rays` sixteenths of a ray start from each.
+/// Costs of a band with method full, and what the adaptive method spends on it before it is known
+/// whether the band is left to full.
+struct Costs {
+  int64_t full, spent;
+};
+
+/// Returns the costs of a band of `subpixels` in which `rays` sixteenths of a ray start from each.
 /// Subpixels that see nothing cost little with both methods.
-int64_t gain(const AdaptiveFrame::Band& band, int64_t subpixels, int64_t rays) {
+Costs costs(const AdaptiveFrame::Band& band, int64_t subpixels, int64_t rays) {
   const int64_t seen = band.seen, shaded = band.shaded;
   const int64_t rays_of_seen = seen > 0 ? rays * subpixels / seen : 0;
   const int64_t full = kPrimary + kRay * rays_of_seen / 16;
-  const int64_t samples = seen * full / 8;  // and the audit
+  const int64_t samples = seen * full / 8 + band.audited * full * seen / subpixels;
   const int64_t shading = shaded * (kSorting + full * 5 / 8);
-  return (band.retraced ? 0 : seen * full) - seen * kSubpixel - band.cuts * kCut - samples -
-         shading;
+  return {seen * full, seen * kSubpixel + band.cuts * kCut + samples + shading};
 }
 
-/// Returns the gain of a band of metallic-roughness materials, where most time is spent on shading.
-int64_t gain_of_materials(const AdaptiveFrame::Band& band) {
+/// Returns the costs of a band of metallic-roughness materials, where most time is spent on
+/// shading.
+Costs costs_of_materials(const AdaptiveFrame::Band& band) {
   const int64_t seen = band.seen, shaded = band.shaded;
-  return ((band.retraced ? 0 : 20 * seen) - 3 * seen - 18 * shaded) * kShadedMaterial / 20 -
-         band.cuts * kCut;
+  return {seen * kShadedMaterial,
+          (3 * seen + 18 * shaded) * kShadedMaterial / 20 + band.cuts * kCut};
 }
 
 }  // namespace band_costs
@@ -253,7 +259,8 @@ class AdaptiveMethod final : public Method {
   static constexpr int kSampleRows = AdaptiveWorker::kSampleRows;
 
   /// Tries bands in steps, of which each decides where the next one is worth it. Returns false if
-  /// the first step shows that method full is faster for the whole frame.
+  /// the first step shows that method full is faster for the whole frame. Ends early if the limit
+  /// of the mean square is likely to leave so many bands to full that trying more of them loses.
   [[nodiscard]] bool try_bands(AdaptiveFrame& frame, Workers& workers) {
     BandOrder order(static_cast<int>(frame.bands.size()));
     bool is_first = true;
@@ -264,8 +271,35 @@ class AdaptiveMethod final : public Method {
       for (const int band : due)
         order.note(band, gain_of(frame.scene, frame.bands[static_cast<size_t>(band)]));
       if (std::exchange(is_first, false) && order.loses()) return false;
+      if (order.loses_after(expected_retracing(frame))) break;
     }
     return true;
+  }
+
+  /// Estimates the cost of those tried bands that limit_mean_square() will leave to method full,
+  /// from the first selection. A bound that must be proven leaves room for a part of the errors.
+  [[nodiscard]] int64_t expected_retracing(const AdaptiveFrame& frame) const {
+    if (options_.soft.any()) return 0;
+    const double most = plan_.most_mean_square * (options_.proven_rmse > 0.0 ? 0.4 : 0.8);
+    std::vector<const AdaptiveFrame::Band*> kept;
+    double left = 0.0;
+    size_t tried = 0;
+    for (const AdaptiveFrame::Band& band : frame.bands) {
+      if (!band.tried) continue;
+      ++tried;
+      if (band.retraced) continue;
+      kept.push_back(&band);
+      left += band.retracing.mean_square();
+    }
+    std::ranges::stable_sort(kept, std::greater(), [](const AdaptiveFrame::Band* band) {
+      return band->retracing.mean_square();
+    });
+    int64_t cost = 0;
+    for (size_t n = 0; n < kept.size() && left > most * static_cast<double>(tried); ++n) {
+      left -= kept[n]->retracing.mean_square();
+      cost += costs_of(frame.scene, *kept[n]).full;
+    }
+    return cost;
   }
 
   /// Leaves those bands to method full whose errors are largest, as many as are necessary for the
@@ -379,11 +413,17 @@ class AdaptiveMethod final : public Method {
   /// Estimates the time that a tried band has saved against method full. Only counters decide, so
   /// that the bytes do not depend on the machine's speed.
   [[nodiscard]] int64_t gain_of(const Scene& scene, const AdaptiveFrame::Band& band) const {
-    if (scene.pbr != nullptr) return band_costs::gain_of_materials(band);
+    const band_costs::Costs costs = costs_of(scene, band);
+    return (band.retraced ? 0 : costs.full) - costs.spent;
+  }
+
+  [[nodiscard]] band_costs::Costs costs_of(const Scene& scene,
+                                           const AdaptiveFrame::Band& band) const {
+    if (scene.pbr != nullptr) return band_costs::costs_of_materials(band);
     const int64_t light = options_.soft.any() ? band_costs::kSoftRays
                                               : static_cast<int64_t>(16 * band.rays) /
                                                     std::max<int64_t>(band.audited, 1);
-    return band_costs::gain(band, static_cast<int64_t>(planes_.row_subpixels()) * kBand, light);
+    return band_costs::costs(band, static_cast<int64_t>(planes_.row_subpixels()) * kBand, light);
   }
 
   [[nodiscard]] RenderStatistics statistics_of(const AdaptiveFrame& frame, Workers& workers,

@@ -45,6 +45,17 @@ TEST(BandOrder, StopsAfterTheFirstBandsIfAllLose) {
   EXPECT_TRUE(order.next().empty());
 }
 
+TEST(BandOrder, LosesAfterAFurtherCostThatExceedsTheGains) {
+  BandOrder order(135);
+  for (const int band : order.next()) order.note(band, 10);
+  EXPECT_FALSE(order.loses_after(0));
+  EXPECT_FALSE(order.loses_after(40));
+  EXPECT_TRUE(order.loses_after(41));
+  BandOrder two(68);
+  for (const int band : two.next()) two.note(band, 10);
+  EXPECT_FALSE(two.loses_after(41)) << "two bands are little evidence";
+}
+
 TEST(BandOrder, DoesNotJudgeTheFrameByASingleBand) {
   BandOrder order(15);
   for (const int band : order.next()) order.note(band, -5);
