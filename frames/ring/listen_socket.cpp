@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "base/error.h"
+#include "base/unix_address.h"
 
 namespace lenticule::frames {
 namespace {

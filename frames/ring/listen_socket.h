@@ -5,7 +5,6 @@
 
 #include <sys/socket.h>
 #include <sys/stat.h>
-#include <sys/un.h>
 
 #include <filesystem>
 #include <optional>
@@ -40,15 +39,5 @@ class ListenSocket {
   dev_t device_ = 0;
   ino_t inode_ = 0;
 };
-
-struct UnixAddress {
-  sockaddr_un address = {};
-  socklen_t bytes = 0;
-
-  [[nodiscard]] const sockaddr* get() const { return reinterpret_cast<const sockaddr*>(&address); }
-};
-
-/// Throws Error(Usage) for an empty path or a path longer than the kernel's limit (107 bytes).
-[[nodiscard]] UnixAddress unix_address(const std::filesystem::path& path);
 
 }  // namespace lenticule::frames

@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "base/error.h"
+#include "base/unix_address.h"
 #include "frames/ring/listen_socket.h"
 #include "frames/ring/mapping.h"
 #include "frames/ring/ring_layout.h"

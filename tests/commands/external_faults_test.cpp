@@ -11,6 +11,7 @@
 
 #include <csignal>
 
+#include "base/unix_address.h"
 #include "frames/ring/listen_socket.h"
 #include "frames/ring/ring_renderer.h"
 #include "optics/rig_file.h"
@@ -188,7 +189,7 @@ TEST_F(ExternalFaults, PlaysOnWhileTheControlSocketIsFlooded) {
   ASSERT_TRUE(has_started());
   std::atomic<bool> over{false};
   const auto flood = [&] {
-    const frames::UnixAddress address = frames::unix_address(socket_);
+    const UnixAddress address = unix_address(socket_);
     std::vector<UniqueFd> held;
     while (!over) {
       UniqueFd fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
@@ -217,7 +218,7 @@ TEST_F(ExternalFaults, PlaysOnWhileTheControlSocketIsFlooded) {
 TEST_F(ExternalFaults, SixteenIdleClientsDoNotBlockANewOne) {
   start(play_words(film(), {"--loop", "forever"}));
   ASSERT_TRUE(has_started());
-  const frames::UnixAddress address = frames::unix_address(socket_);
+  const UnixAddress address = unix_address(socket_);
   std::vector<UniqueFd> idle;
   for (int k = 0; k < 16; ++k) {
     idle.emplace_back(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));

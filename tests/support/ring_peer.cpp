@@ -9,6 +9,7 @@
 #include <future>
 #include <stdexcept>
 
+#include "base/unix_address.h"
 #include "frames/ring/listen_socket.h"
 #include "frames/ring/ring_protocol.h"
 
@@ -97,7 +98,7 @@ std::vector<std::optional<uint64_t>> pull_all(frames::RingPlayer& player) {
 }
 
 UniqueFd knock(const std::filesystem::path& socket) {
-  const frames::UnixAddress address = frames::unix_address(socket);
+  const UnixAddress address = unix_address(socket);
   UniqueFd fd(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0));
   if (!fd || ::connect(fd.get(), address.get(), address.bytes) != 0)
     throw std::runtime_error("cannot connect to " + socket.string());

@@ -5,39 +5,20 @@
 #include <chrono>
 #include <mutex>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <semaphore>
 #include <string>
 
 #include "base/error.h"
+#include "base/json_line_socket.h"
 #include "base/unique_fd.h"
 
 namespace lenticule::web {
 
-/// LinkConnection is one connection to a player. Thread safety: one thread.
-class LinkConnection {
+/// LinkConnection is one connection to a player. Throws as JsonLineSocket does. Thread safety: one
+/// thread.
+class LinkConnection : public JsonLineSocket {
  public:
-  /// Throws Error(Device) if no player accepts the connection within `timeout`.
   LinkConnection(const std::string& socket, std::chrono::milliseconds timeout);
-
-  /// Throws Error(Device) if the player closed the connection.
-  void send(const nlohmann::ordered_json& request);
-  /// Returns the next line; none if no line arrived in time or `stop_fd` is readable. Throws
-  /// Error(Device) if the player closed the connection, and if the line is not a JSON object.
-  [[nodiscard]] std::optional<nlohmann::ordered_json> receive(std::chrono::milliseconds timeout,
-                                                              int stop_fd = -1);
-  /// Returns the descriptor that arrived with the last lines; empty if none did.
-  [[nodiscard]] UniqueFd take_descriptor() { return std::move(descriptor_); }
-
- private:
-  [[nodiscard]] std::optional<nlohmann::ordered_json> take_line();
-  [[nodiscard]] bool read_more();
-
-  std::string socket_;
-  std::chrono::milliseconds timeout_;
-  UniqueFd fd_;
-  UniqueFd descriptor_;
-  std::string in_;
 };
 
 /// Each request has a connection of its own, so that a player that was restarted is found again.

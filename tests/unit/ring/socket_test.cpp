@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "base/error.h"
+#include "base/unix_address.h"
 #include "frames/ring/listen_socket.h"
 #include "tests/support/ring_peer.h"
 

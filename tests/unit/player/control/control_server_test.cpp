@@ -14,6 +14,7 @@
 #include <filesystem>
 #include <thread>
 
+#include "base/unix_address.h"
 #include "player/control/control_client.h"
 
 namespace lenticule::player {
@@ -95,7 +96,7 @@ class ControlSocket : public testing::Test {
   [[nodiscard]] ControlClient client() const { return {socket, kTimeout}; }
   /// Returns a raw connection that need not follow the protocol.
   [[nodiscard]] UniqueFd raw() const {
-    const frames::UnixAddress address = frames::unix_address(socket);
+    const UnixAddress address = unix_address(socket);
     UniqueFd fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
     EXPECT_EQ(::connect(fd.get(), address.get(), address.bytes), 0) << std::strerror(errno);
     const timeval timeout{.tv_sec = 30, .tv_usec = 0};
@@ -208,7 +209,7 @@ TEST_F(ControlSocket, IsPrivateToItsOwnerAndRemovedWithThePlayer) {
 
 TEST_F(ControlSocket, ReplacesADeadSocketAndNothingElse) {
   {
-    const frames::UnixAddress address = frames::unix_address(socket);
+    const UnixAddress address = unix_address(socket);
     const UniqueFd dead(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
     ASSERT_EQ(::bind(dead.get(), address.get(), address.bytes), 0);
   }

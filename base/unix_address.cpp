@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Converts a path to the address for connect() and bind().
+#include "base/unix_address.h"
+
 #include <cstring>
 
 #include "base/error.h"
-#include "frames/ring/listen_socket.h"
 
-namespace lenticule::frames {
+namespace lenticule {
 
 UnixAddress unix_address(const std::filesystem::path& path) {
   const std::string& text = path.native();
   UnixAddress result;
-  if (text.empty()) throw Error(ErrorKind::Usage, "ring: the path of the socket is empty");
+  if (text.empty()) throw Error(ErrorKind::Usage, "the path of the socket is empty");
   if (text.size() >= sizeof result.address.sun_path)
     throw Error(ErrorKind::Usage,
                 text + ": too long for a socket (" + std::to_string(text.size()) + " bytes)",
@@ -22,4 +22,4 @@ UnixAddress unix_address(const std::filesystem::path& path) {
   return result;
 }
 
-}  // namespace lenticule::frames
+}  // namespace lenticule
