@@ -57,8 +57,13 @@ std::optional<Model> read_model(const uint8_t* data, size_t size) {
   return model;
 }
 
+/// Returns the value as text; a mutated string need not be UTF-8.
+std::string text_of(const Json& value) {
+  return value.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
 Bytes write_model(const Model& model) {
-  std::string json = model.document.dump(-1, ' ', false, Json::error_handler_t::replace);
+  std::string json = text_of(model.document);
   json.resize((json.size() + 3) / 4 * 4, ' ');
   Bytes out;
   append(out, kMagic);
@@ -79,6 +84,12 @@ void collect_values(Json& value, std::vector<Json*>& found) {
   for (Json& part : value) collect_values(part, found);
 }
 
+/// Returns the number increased by `step`, which wraps around.
+Json stepped(const Json& value, int64_t step) {
+  return Json(static_cast<int64_t>(static_cast<uint64_t>(value.get<int64_t>()) +
+                                   static_cast<uint64_t>(step)));
+}
+
 Json mutated_number(const Json& value, Random& random) {
   static const std::array<Json, 17> kExtremes{-1,         0,     1,          2,     3,     4,
                                               5120,       5126,  34963,      255,   256,   65536,
@@ -87,10 +98,9 @@ Json mutated_number(const Json& value, Random& random) {
     case 0:
       return kExtremes[random() % kExtremes.size()];
     case 1:
-      return value.is_number_float() ? Json(-value.get<double>()) : Json(value.get<int64_t>() + 1);
+      return value.is_number_float() ? Json(-value.get<double>()) : stepped(value, 1);
     case 2:
-      return value.is_number_float() ? Json(value.get<double>() * 1.5)
-                                     : Json(value.get<int64_t>() - 1);
+      return value.is_number_float() ? Json(value.get<double>() * 1.5) : stepped(value, -1);
     default:
       return random() % 16;
   }
@@ -134,7 +144,7 @@ void mutate_document(Json& document, Random& random) {
   Json& value = *values[random() % values.size()];
   // A copy: the other value may contain this one.
   const Json other = *values[1 % values.size() + random() % std::max<size_t>(1, values.size() - 1)];
-  if (random() % 8 == 0 && &value != &document && other.dump().size() < 4096) {
+  if (random() % 8 == 0 && &value != &document && text_of(other).size() < 4096) {
     value = other;
   } else if (value.is_number()) {
     value = mutated_number(value, random);
