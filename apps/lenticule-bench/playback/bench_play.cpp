@@ -92,7 +92,7 @@ class RendererProcess {
 
 Row measure(frames::FrameGeometry geometry, uint64_t count, int slots) {
   const ScratchFolder folder;
-  const std::filesystem::path socket = folder.file("ring.sock");
+  const std::filesystem::path socket = folder.ring_socket();
   // Forked before this process has threads; the child waits for the socket to appear.
   const RendererProcess renderer(socket, count);
   const auto begin = std::chrono::steady_clock::now();

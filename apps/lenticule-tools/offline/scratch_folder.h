@@ -14,6 +14,9 @@ class ScratchFolder {
   [[nodiscard]] std::string file(const std::string& name) const {
     return (folder_.path() / name).string();
   }
+  /// Returns a place for the socket of a ring, in a folder of its own: a player locks the folder
+  /// of its socket, and this folder is locked already. Throws Error(Failed).
+  [[nodiscard]] std::string ring_socket() const;
 
  private:
   TemporaryFolder folder_;
