@@ -21,6 +21,13 @@ class Method {
   /// to get the same bytes as in an uninterrupted sequence; `number` itself if the method needs
   /// none.
   [[nodiscard]] virtual uint64_t first_needed(uint64_t number) const { return number; }
+  /// Changes the tolerated error of the next frames, in code values; it must be above 0. They get
+  /// the bytes of a method that was made with this error. Returns false, and changes nothing, if
+  /// the method tolerates no error.
+  [[nodiscard]] virtual bool set_tolerated_error(double error) {
+    static_cast<void>(error);
+    return false;
+  }
   /// Renders one frame; the frame has the rig's panel size. Equal input gives equal bytes,
   /// independent of the number of threads. Thread safety: one call at a time.
   virtual RenderStatistics render(const Scene& scene, const Stage& stage,

@@ -324,6 +324,12 @@ TEST_F(BadInput, RefusesFlagsWithoutEffect) {
   refused({"--psnr", "40"}, "--psnr");
   refused({"--method", "adaptive", "--psnr", "400"}, "--psnr");
   refused({"--method", "adaptive", "--psnr", "40", "--soft-shadows", "8"}, "--psnr");
+  refused({"--method", "adaptive", "--adapt-error", "10"}, "--adapt-error: files are not live");
+  refused({"--adapt-error", "10"}, "--adapt-error: method full");
+  refused({"--method", "adaptive", "--adapt-error", "10", "--error", "1"}, "--adapt-error");
+  expect_clear_error(run({"render", path("scene.nff"), "--rig", path("rig.toml"), "--method",
+                          "adaptive", "--adapt-error", "0", "-o", "ring:" + path("ring")}),
+                     2, "--adapt-error 0");
   refused({"--prefilter-samples", "5"}, "--prefilter-samples");
   for (const char* method : {"adaptive", "lens-view", "interpolate", "temporal", "hybrid"}) {
     refused({"--method", method, "--samples", "4"}, "sample");

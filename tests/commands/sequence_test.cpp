@@ -122,6 +122,26 @@ TEST_F(SequenceCommand, ARendererWithoutThePlayersTrimIsAccepted) {
   EXPECT_EQ(warnings.size(), 1u) << played.out;
 }
 
+TEST_F(SequenceCommand, ALiveRendererAdaptsItsErrorToTheRate) {
+  BackgroundProcess player(
+      program({"play", "ring:" + path("ring"), "--rig", kTiny, "--display", "virtual", "--json"}));
+  // Far slower than the tiny rig needs, so that the error falls from 2 to its limit.
+  const ProcessResult rendered =
+      run({"render", "builtin:teapot", "--rig", kTiny, "--frames", "0:24", "--method", "adaptive",
+           "--adapt-error", "0.2", "--ring-timeout", "60", "-o", "ring:" + path("ring"), "--json"});
+  ASSERT_EQ(rendered.exit_code, 0) << rendered.err;
+  const auto adapted = nlohmann::json::parse(rendered.out).at("adapted_error");
+  EXPECT_EQ(adapted.at("frames_per_s"), 0.2);
+  EXPECT_EQ(adapted.at("most_error"), 2.0);
+  EXPECT_EQ(adapted.at("least_error"), 0.5);
+  EXPECT_EQ(adapted.at("last_error"), 0.5);
+  EXPECT_NE(rendered.err.find("tolerated error: 0.50 to 2.00 code values"), std::string::npos)
+      << rendered.err;
+  const ProcessResult played = player.wait(std::chrono::seconds(60));
+  EXPECT_EQ(played.exit_code, 0) << played.err;
+  EXPECT_EQ(nlohmann::json::parse(played.out).at("shown"), 24);
+}
+
 TEST_F(SequenceCommand, AnotherFilmIsReplacedOnlyWithOverwrite) {
   const auto again = [&](const std::string& scene, const std::string& rig, const std::string& to,
                          std::vector<std::string> more = {}) {

@@ -3,13 +3,16 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <thread>
 
 #include "apps/lenticule-tools/cli/render_flags.h"
+#include "apps/lenticule-tools/offline/error_controller.h"
 #include "apps/lenticule-tools/offline/existing_output.h"
 #include "apps/lenticule-tools/offline/film_renderer.h"
 #include "apps/lenticule-tools/offline/frame_output.h"
@@ -29,6 +32,7 @@ struct RenderCommandFlags {
   std::string output;
   std::string missing;
   double ring_timeout = 10.0;
+  std::optional<double> adapt_rate{};  ///< frames per second for which the error is adapted
   bool resume = false;
   bool overwrite = false;
   bool json = false;
@@ -52,6 +56,75 @@ struct RunTotals {
 void check_ring_timeout(const RenderCommandFlags& flags) {
   if (!(flags.ring_timeout >= 0.0) || flags.ring_timeout > 86400.0)
     throw Error(ErrorKind::Usage, "--ring-timeout: not between 0 and 86400 seconds");
+}
+
+/// Checks the flags that --adapt-error needs.
+void check_adapting(const RenderCommandFlags& flags, bool error_given) {
+  if (error_given)
+    throw Error(ErrorKind::Usage, "--adapt-error: chooses the error that --error or --psnr fixes",
+                "give one of them");
+  if (flags.render.method != "adaptive")
+    throw Error(ErrorKind::Usage,
+                fmt::format("--adapt-error: method {} tolerates no error", flags.render.method),
+                "--method adaptive does");
+  if (parse_source(flags.output).kind != SourceKind::Ring)
+    throw Error(ErrorKind::Usage,
+                "--adapt-error: files are not live, and would depend on the machine's speed",
+                "give --error, or a ring: -o ring:SOCKET");
+}
+
+/// AdaptedError chooses the error of each frame of a live renderer, and remembers which it chose.
+class AdaptedError {
+ public:
+  /// Throws Error(Usage) for a rate out of range.
+  explicit AdaptedError(double frames_per_s) : rate_(frames_per_s), controller_(frames_per_s) {}
+
+  /// Prepares the next frame. Throws Error(Usage) if the method tolerates no error on this rig.
+  void begin(FilmRenderer& film) {
+    error_ = controller_.error();
+    start_ = Clock::now();
+    if (!film.set_tolerated_error(error_))
+      throw Error(ErrorKind::Usage,
+                  "--adapt-error: method adaptive renders frames of this rig with method full",
+                  "leave out --adapt-error");
+  }
+  /// Reports that the frame is rendered.
+  void end() {
+    const std::chrono::duration<double> elapsed = Clock::now() - start_;
+    controller_.add_frame(elapsed.count());
+    seconds_ += elapsed.count();
+    ++frames_;
+    least_ = frames_ == 1 ? error_ : std::min(least_, error_);
+    most_ = std::max(most_, error_);
+  }
+
+  [[nodiscard]] nlohmann::json json() const {
+    return {{"frames_per_s", rate_},
+            {"least_error", least_},
+            {"most_error", most_},
+            {"last_error", error_}};
+  }
+  void report() const {
+    if (frames_ == 0) return;
+    say("tolerated error: {:.2f} to {:.2f} code values, {:.2f} at the end; rendering alone reached "
+        "{:.2f} frames/s\n",
+        least_, most_, error_, static_cast<double>(frames_) / seconds_);
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  double rate_;
+  ErrorController controller_;
+  Clock::time_point start_;
+  double error_ = 0.0, least_ = 0.0, most_ = 0.0;
+  double seconds_ = 0.0;
+  uint64_t frames_ = 0;
+};
+
+std::optional<AdaptedError> adapted_of(const RenderCommandFlags& flags) {
+  if (!flags.adapt_rate) return std::nullopt;
+  return AdaptedError(*flags.adapt_rate);
 }
 
 nlohmann::json stage_json(const render::Stage& stage) {
@@ -103,6 +176,7 @@ class RenderRun {
  public:
   explicit RenderRun(const RenderCommandFlags& flags)
       : flags_(flags),
+        adapted_(adapted_of(flags)),
         range_(parse_frame_range(flags.render.frames)),
         film_(flags.render, range_, !flags.missing.empty()),
         output_(open_output(output_request(flags.output))) {
@@ -147,7 +221,9 @@ class RenderRun {
     const auto count = [this](const render::RenderStatistics& statistics, bool again) {
       totals_.add(statistics, again);
     };
+    if (adapted_) adapted_->begin(film_);
     if (!film_.render(number, frame, interrupted, count)) return false;
+    if (adapted_) adapted_->end();
     if (output_->deliver(number, frame.view()) == Delivery::Interrupted) return false;
     return !missing_ ||
            missing_->deliver(number, film_.method().missing_subpixels()->view()) == Delivery::Done;
@@ -160,7 +236,12 @@ class RenderRun {
   }
 
   void report() const {
-    if (flags_.json) print_json(result_json(flags_, film_.rig(), film_.reference_stage(), totals_));
+    if (flags_.json) {
+      nlohmann::json json = result_json(flags_, film_.rig(), film_.reference_stage(), totals_);
+      if (adapted_) json["adapted_error"] = adapted_->json();
+      print_json(json);
+    }
+    if (adapted_) adapted_->report();
     if (totals_.rays.invalid_rays > 0)
       say("{} rays were not finite and are black\n", totals_.rays.invalid_rays);
     report_reuse();
@@ -179,12 +260,17 @@ class RenderRun {
         percent(s.interpolated_subpixels), percent(s.missing_subpixels));
   }
 
+  [[nodiscard]] std::string tolerated_text() const {
+    return adapted_ ? "their frame's error"
+                    : fmt::format("{:g} code values", flags_.render.options.tolerated_error);
+  }
+
   void report_audit(double shaded_percent) const {
     const render::RenderStatistics& s = totals_.rays;
     say("subpixels: {:.1f} % shaded individually; of {} sampled and traced, {} were off by more "
-        "than {:g} code values; in no frame more than {:.2g} % of all (99.99 % confidence)\n",
-        shaded_percent, s.audited_subpixels, s.audited_beyond,
-        flags_.render.options.tolerated_error, 100.0 * s.beyond_bound);
+        "than {}; in no frame more than {:.2g} % of all (99.99 % confidence)\n",
+        shaded_percent, s.audited_subpixels, s.audited_beyond, tolerated_text(),
+        100.0 * s.beyond_bound);
     if (s.rmse_bound > 0.0)
       say("RMSE of the worst frame: {:.2f} code values, at most {:.2f} or {:.1f} dB (99 % "
           "confidence)\n",
@@ -197,6 +283,7 @@ class RenderRun {
   }
 
   const RenderCommandFlags& flags_;
+  std::optional<AdaptedError> adapted_;
   FrameRange range_;
   FilmRenderer film_;
   std::unique_ptr<FrameOutput> output_;
@@ -224,9 +311,14 @@ Run declare_render(CLI::App& app) {
   app.add_option("--ring-timeout", flags->ring_timeout,
                  "seconds to wait for a player, including one that restarts")
       ->capture_default_str();
+  app.add_option(
+      "--adapt-error", flags->adapt_rate,
+      "method adaptive, live: choose the error of each frame, 0.5 to 16 code values, so that "
+      "rendering holds this many frames per second");
   app.add_flag("--json", flags->json, "print what was done as JSON");
-  return [flags, complete]() -> ExitCode {
+  return [flags, complete, &app]() -> ExitCode {
     check_ring_timeout(*flags);
+    if (flags->adapt_rate) check_adapting(*flags, app.count("--error") + app.count("--psnr") > 0);
     if (!flags->rig_store.empty())
       flags->render.rig = optics::RigStore(flags->render.rig, flags->rig_store).in_use().string();
     complete();

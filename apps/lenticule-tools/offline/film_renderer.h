@@ -33,6 +33,11 @@ class FilmRenderer {
   [[nodiscard]] const optics::Rig& rig() const { return loaded_.rig; }
   [[nodiscard]] frames::FrameGeometry geometry() const;
   [[nodiscard]] const render::Method& method() const { return *method_; }
+  /// Changes the tolerated error of the next frames, whose bytes depend on it then. Returns false
+  /// if the method tolerates no error, on this rig.
+  [[nodiscard]] bool set_tolerated_error(double error) {
+    return method_->set_tolerated_error(error);
+  }
   [[nodiscard]] const render::Stage& reference_stage() const { return stages_->reference(); }
   [[nodiscard]] const SceneSequence& scenes() const { return scenes_; }
 

@@ -150,6 +150,18 @@ class AdaptiveMethod final : public Method {
               most_mean_square(options)},
         arena_(options.threads > 0 ? options.threads : tbb::task_arena::automatic) {}
 
+  bool set_tolerated_error(double error) override {
+    LENTICULE_CHECK(error > 0.0 && std::isfinite(error) && options_.proven_rmse == 0.0);
+    if (error == options_.tolerated_error) return true;
+    options_.tolerated_error = error;
+    plan_.agreement = Agreement::for_error(error);
+    plan_.most_mean_square = most_mean_square(options_);
+    // Frames and samples of another error are not reused.
+    last_ = {};
+    before_ = {};
+    return true;
+  }
+
   [[nodiscard]] bool suits_rig() const { return one_plane_a_row(planes_); }
 
   RenderStatistics render(const Scene& scene, const Stage& stage,

@@ -409,5 +409,31 @@ TEST(MethodAdaptive, RefusesUnsupportedOptions) {
   EXPECT_THROW((void)make_method("adaptive", model, promise), Error);
 }
 
+TEST(MethodAdaptive, ChangesItsErrorFromFrameToFrame) {
+  const optics::Rig rig = wide_rig();
+  const optics::OpticalModel model(rig);
+  const Stage stage = make_tiny_stage();
+  const RenderOptions reusing{.copy_unchanged = true, .cancelled = {}};
+  const auto method = make_method("adaptive", model, reusing);
+  frames::WovenFrame frame({rig.panel.width_px, rig.panel.height_px});
+  std::vector<frames::WovenFrame> kinds;
+  for (const double error : {8.0, 1.0, 1.0, 8.0}) {
+    const SceneDescription description = testing::tiny_scenes().front().scene;
+    const Scene scene(description, stage, {}, 1);
+    ASSERT_TRUE(method->set_tolerated_error(error));
+    ASSERT_TRUE(method->render(scene, stage, frame).completed);
+    const Rendered made = rendered("adaptive", description, rig, {.tolerated_error = error});
+    EXPECT_EQ(frame, made.frame) << error;
+    kinds.push_back(frame);
+  }
+  EXPECT_NE(kinds[0], kinds[1]);
+}
+
+TEST(MethodAdaptive, IsTheOnlyMethodWhoseErrorChanges) {
+  const optics::OpticalModel model(wide_rig());
+  for (const std::string& name : method_names())
+    EXPECT_EQ(make_method(name, model, {})->set_tolerated_error(4.0), name == "adaptive") << name;
+}
+
 }  // namespace
 }  // namespace lenticule::render
