@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests that `lenticule bench` measures the requested scenes and methods. The measured figures are
 // not checked.
+#include <chrono>
+#include <csignal>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "tests/commands/program.h"
 
@@ -144,6 +147,129 @@ TEST_F(BenchTest, StartMeasuresTheProgramAndItsFirstFrame) {
 void write_program(const std::string& file, const std::string& script) {
   std::ofstream(file) << "#!/bin/sh\n" << script << '\n';
   std::filesystem::permissions(file, std::filesystem::perms::owner_all);
+}
+
+TEST_F(BenchTest, PlayMeasuresTheMemoryOfAPlayer) {
+  const ProcessResult result = run({"bench", "play", "--frames", "60", "--frames-4k", "2", "--rig",
+                                    source_file("scenes/rigs/tiny.toml"), "--runs", "1", "--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(nlohmann::json::parse(result.out).at("rows").size(), 2U);
+}
+
+std::vector<std::string> bench_realtime(std::vector<std::string> more) {
+  std::vector<std::string> arguments = {"bench", "realtime", "--rig",
+                                        source_file("scenes/rigs/tiny.toml"), "--json"};
+  arguments.insert(arguments.end(), more.begin(), more.end());
+  return arguments;
+}
+
+void expect_consistent(const nlohmann::json& run) {
+  const auto rendered = run.at("frames_rendered").get<int>();
+  EXPECT_GT(run.at("frames_shown").get<int>(), 0);
+  EXPECT_LE(run.at("frames_shown").get<int>(), rendered);
+  EXPECT_LE(rendered, 60);  // 2 s of 30 frames
+  EXPECT_EQ(run.at("player").at("shown"), run.at("frames_shown"));
+  const auto& latency = run.at("latency_ms");
+  EXPECT_GT(latency.at("p50").get<double>(), 0.0);
+  EXPECT_LE(latency.at("p50").get<double>(), latency.at("p99").get<double>());
+  EXPECT_LE(latency.at("p99").get<double>(), latency.at("max").get<double>());
+  double parts = 0.0;
+  for (const auto& part : run.at("latency_parts_ms")) {
+    EXPECT_GE(part.get<double>(), 0.0);
+    parts += part.get<double>();
+  }
+  EXPECT_NEAR(parts, latency.at("mean").get<double>(), 0.01);
+  double shares = 0.0;
+  for (const auto& share : run.at("shares")) shares += share.get<double>();
+  EXPECT_NEAR(shares, 1.0, 1e-6);
+  EXPECT_TRUE(run.at("shares").contains(run.at("bound").get<std::string>()));
+  EXPECT_EQ(run.at("samples").size(), 2U);
+  for (const auto& sample : run.at("samples")) EXPECT_LT(sample.at("frame").get<int>(), rendered);
+  EXPECT_GT(run.at("memory_mib").at("start").get<double>(), 1.0);
+  EXPECT_GT(run.at("cpu_s_per_frame").get<double>(), 0.0);
+  EXPECT_EQ(run.at("interrupted"), false);
+}
+
+TEST_F(BenchTest, RealtimeShowsFramesOfEachError) {
+  // On the tiny rig method adaptive leaves everything to method full.
+  std::ifstream tiny(source_file("scenes/rigs/tiny.toml"));
+  std::string rig{std::istreambuf_iterator<char>(tiny), {}};
+  rig.replace(rig.find("width_px = 48"), 13, "width_px = 240");
+  rig.replace(rig.find("height_px = 32"), 14, "height_px = 144");
+  write("rig.toml", rig);
+  const ProcessResult result =
+      run({"bench", "realtime", "teapot", "--rig", path("rig.toml"), "--seconds", "2", "--errors",
+           "0,8", "--samples", "2", "--plots", path("plots"), "--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const auto json = nlohmann::json::parse(result.out);
+  ASSERT_EQ(json.at("runs").size(), 2U);
+  for (const auto& one : json["runs"]) expect_consistent(one);
+  EXPECT_EQ(json["runs"][0].at("method"), "adaptive 0");
+  EXPECT_EQ(json["runs"][0].at("max"), 0);
+  EXPECT_EQ(json["runs"][0].at("rmse"), 0.0);
+  EXPECT_TRUE(json["runs"][0].at("psnr_db").is_null());
+  EXPECT_GT(json["runs"][1].at("max").get<int>(), 0);
+  EXPECT_EQ(listing(), (std::vector<std::string>{"plots", "plots/teapot-144-adaptive-0.svg",
+                                                 "plots/teapot-144-adaptive-8.svg", "rig.toml"}));
+}
+
+TEST_F(BenchTest, RealtimeAdaptsTheError) {
+  // A rate that the tiny rig exceeds by far, so the error falls to its limit.
+  const ProcessResult result =
+      run(bench_realtime({"teapot", "--seconds", "2", "--adapt-error", "0.5", "--samples", "2"}));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const auto one = nlohmann::json::parse(result.out).at("runs").at(0);
+  expect_consistent(one);
+  EXPECT_EQ(one.at("adapt_rate"), 0.5);
+  EXPECT_EQ(one.at("error_range").at("last"), 0.5);
+  EXPECT_EQ(one.at("error_range").at("most"), 2.0);
+}
+
+TEST_F(BenchTest, RealtimeEndsWithTheResultsSoFarWhenInterrupted) {
+  // A busy machine may need longer until the first frame is shown.
+  nlohmann::json one;
+  for (const int seconds : {1, 4, 16}) {
+    BackgroundProcess bench(
+        program(bench_realtime({"teapot", "--errors", "2", "--seconds", "600"})));
+    std::this_thread::sleep_for(std::chrono::seconds(seconds));
+    bench.signal(SIGINT);
+    const ProcessResult result = bench.wait(std::chrono::seconds(60));
+    ASSERT_EQ(result.exit_code, 130) << result.err;
+    one = nlohmann::json::parse(result.out).at("runs").at(0);
+    if (one.at("frames_shown").get<int>() > 1) break;
+  }
+  EXPECT_GT(one.at("frames_shown").get<int>(), 1);
+  EXPECT_GT(one.at("frames_per_s").get<double>(), 0.0);
+  EXPECT_EQ(one.at("interrupted"), true);
+  EXPECT_TRUE(one.at("rmse").is_null());
+}
+
+TEST_F(BenchTest, RealtimeFailsWhenItsRendererDies) {
+  BackgroundProcess bench(program(bench_realtime({"teapot", "--errors", "2", "--seconds", "600"})));
+  const std::string id = std::to_string(bench.pid());
+  pid_t renderer = 0;
+  for (int tries = 0; tries < 600 && renderer == 0; ++tries) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    std::ifstream("/proc/" + id + "/task/" + id + "/children") >> renderer;
+  }
+  ASSERT_GT(renderer, 0);
+  ASSERT_EQ(kill(renderer, SIGKILL), 0);
+  const ProcessResult result = bench.wait(std::chrono::seconds(60));
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_NE(result.err.find("the renderer process ended"), std::string::npos) << result.err;
+}
+
+TEST_F(BenchTest, RealtimeNamesWhatItCannotMeasure) {
+  const std::vector<std::pair<std::vector<std::string>, std::string>> cases = {
+      {{"none-such"}, "none-such"},
+      {{"--methods", "none-such"}, "no method 'none-such'"},
+      {{"--adapt-error", "0"}, "--adapt-error 0"},
+      {{"--fps", "90"}, "--fps: more than --refresh"}};
+  for (const auto& [arguments, text] : cases) {
+    const ProcessResult result = run(bench_realtime(arguments));
+    EXPECT_NE(result.exit_code, 0) << text;
+    EXPECT_NE(result.err.find(text), std::string::npos) << result.err;
+  }
 }
 
 TEST_F(BenchTest, ReportsAPeerThatIsMissingOrFails) {

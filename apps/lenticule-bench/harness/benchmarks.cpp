@@ -23,6 +23,7 @@ Run declare_bench_memory(CLI::App& app);
 Run declare_bench_models(CLI::App& app);
 Run declare_bench_paper(CLI::App& app);
 Run declare_bench_play(CLI::App& app);
+Run declare_bench_realtime(CLI::App& app);
 Run declare_bench_calibrate(CLI::App& app);
 Run declare_bench_reuse(CLI::App& app);
 Run declare_bench_stability(CLI::App& app);
@@ -66,6 +67,9 @@ const std::vector<Benchmark>& benchmarks() {
       {"calibrate",
        "calibrations of random sheets with a simulated camera, compared with the ground truth",
        declare_bench_calibrate},
+      {"realtime",
+       "frames per second, latency and error of a renderer and a player, live on this machine",
+       declare_bench_realtime},
       {"reuse", "time and error of the reuse methods, against method full", declare_bench_reuse},
       {"stability",
        "numerical stress cases against reference implementations; fails if one deviates",

@@ -38,8 +38,8 @@ struct ErrorEntrant {
 /// with each frame written as glTF and read back, so that it has glTF's materials and linear light.
 class ErrorScene {
  public:
-  /// Throws the errors of SceneSequence.
-  explicit ErrorScene(const std::string& name);
+  /// `rate` is the rate of an animated file. Throws the errors of SceneSequence.
+  explicit ErrorScene(const std::string& name, frames::Rate rate = {});
 
   [[nodiscard]] const std::string& name() const { return name_; }
   [[nodiscard]] bool still() const { return sequence_->still(); }

@@ -74,9 +74,10 @@ std::vector<ErrorEntrant> error_entrants(const std::vector<std::string>& methods
   return entrants;
 }
 
-ErrorScene::ErrorScene(const std::string& name) : name_(name), as_gltf_(name.starts_with(kGltf)) {
+ErrorScene::ErrorScene(const std::string& name, frames::Rate rate)
+    : name_(name), as_gltf_(name.starts_with(kGltf)) {
   const std::string source = as_gltf_ ? name.substr(kGltf.size()) : name;
-  sequence_ = std::make_unique<SceneSequence>(bench_scene_name(source), frames::Rate{});
+  sequence_ = std::make_unique<SceneSequence>(bench_scene_name(source), rate);
 }
 
 render::SceneDescription ErrorScene::after(uint64_t frames) const {
