@@ -120,8 +120,7 @@ void print_readings(const json& whole) {
   if (total["psnr_db"].is_null()) return;
   print_out(
       "compare a published \"RMSE\" with {:.4f}, or with {:.4f} if its PSNR shows that it is a "
-      "mean "
-      "square\n",
+      "mean square\n",
       total["rmse"].get<double>(), total["mse"].get<double>());
 }
 
