@@ -7,7 +7,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "calib/camera.h"
 #include "optics/model.h"
 
 namespace lenticule::calib {
@@ -26,6 +25,7 @@ struct BlockSums {
   Eigen::Matrix<double, kTerms, kTerms> normal = Eigen::Matrix<double, kTerms, kTerms>::Zero();
   Terms right = Terms::Zero();
   double x = 0.0, y = 0.0;
+  Vec2 pixel;
   int count = 0;
 };
 
@@ -83,14 +83,16 @@ double covered_part(const FringeSamples& fringes, const BlockGrid& grid,
                       : 0.0;
 }
 
-FringeSample sample_of(const SheetPoint& point, float light, uint32_t block,
+FringeSample sample_of(const SheetPoint& point, Vec2 pixel, float light, uint32_t block,
                        const optics::Panel& panel) {
   return {static_cast<float>(point.lens_px.x / panel.width_px - 0.5),
           static_cast<float>(point.lens_px.y / panel.height_px - 0.5),
           static_cast<float>(point.panel_px.x),
           static_cast<float>(point.panel_px.y),
           light,
-          block};
+          block,
+          static_cast<float>(pixel.x),
+          static_cast<float>(pixel.y)};
 }
 
 /// Prediction predicts the observed fringes: the comb minus the lens coordinate, since whole lenses
@@ -136,6 +138,7 @@ void add_sample(BlockSums& sums, const FringeSample& sample, double cycles, Vec2
   sums.right += sample.light * terms;
   sums.x += sample.x;
   sums.y += sample.y;
+  sums.pixel = sums.pixel + Vec2{double{sample.pixel_x}, double{sample.pixel_y}};
   ++sums.count;
 }
 
@@ -156,6 +159,7 @@ std::optional<FringeBlock> block_of(const BlockSums& sums, uint32_t block, doubl
   out.detuning = detuning;
   out.x = sums.x / sums.count;
   out.y = sums.y / sums.count;
+  out.pixel = sums.pixel * (1.0 / sums.count);
   // cos(p + r) = cos r cos p - sin r sin p.
   out.phase = std::atan2(-fitted[4], fitted[3]) / kTau;
   out.contrast = fitted[0] > 0.0 ? amplitude / fitted[0] : 0.0;
@@ -183,25 +187,24 @@ FringeSamples collect_fringes(const PhotoLight& picture, const PhotoPose& pose,
                               const SinglePhotoChart& chart) {
   const BlockGrid grid(chart);
   FringeSamples out{kColumns, grid.rows(), {}, 0.0, 0.0};
-  size_t clipped = 0, on_panel = 0;
+  size_t clipped = 0, on_panel = 0;  // clipped in 255ths
   for (int j = 0; j < picture.height; ++j) {
     for (int i = 0; i < picture.width; ++i) {
       const auto point = pose.look({i + 0.5, j + 0.5}, chart.start);
       if (!point || !grid.is_on_panel(point->panel_px)) continue;
-      const float light =
-          picture.light[static_cast<size_t>(j) * static_cast<size_t>(picture.width) +
-                        static_cast<size_t>(i)];
+      const size_t at =
+          static_cast<size_t>(j) * static_cast<size_t>(picture.width) + static_cast<size_t>(i);
+      const float light = picture.light[at];
       if (!std::isfinite(light) || !grid.is_on_fringes(point->panel_px)) continue;
       ++on_panel;
-      if (light >= kSaturatedLight) {
-        ++clipped;
-        continue;
-      }
-      out.samples.push_back(
-          sample_of(*point, light, grid.block_at(point->panel_px), chart.start.panel));
+      // Clipping flattens bright fringes on both sides alike, so their phase stays.
+      if (!picture.clipped.empty()) clipped += picture.clipped[at];
+      out.samples.push_back(sample_of(*point, {i + 0.5, j + 0.5}, light,
+                                      grid.block_at(point->panel_px), chart.start.panel));
     }
   }
-  if (on_panel > 0) out.saturated = static_cast<double>(clipped) / static_cast<double>(on_panel);
+  if (on_panel > 0)
+    out.saturated = static_cast<double>(clipped) / 255.0 / static_cast<double>(on_panel);
   out.covered = covered_part(out, grid, chart.start.panel);
   return out;
 }
@@ -210,6 +213,7 @@ std::optional<double> light_of_squares(const PhotoLight& picture, const PhotoPos
                                        const SinglePhotoChart& chart) {
   struct Halves {
     std::array<double, 2> light{}, pixels{};
+    double clipped = 0.0;
   };
   std::vector<Halves> sums(chart.patches.size());
   for (int j = 0; j < picture.height; ++j) {
@@ -219,17 +223,20 @@ std::optional<double> light_of_squares(const PhotoLight& picture, const PhotoPos
       for (size_t k = 0; k < sums.size(); ++k) {
         const int half = chart.patches[k].half_at(point->panel_px);
         if (half < 0) continue;
-        sums[k].light[static_cast<size_t>(half)] +=
-            double{picture.light[static_cast<size_t>(j) * static_cast<size_t>(picture.width) +
-                                 static_cast<size_t>(i)]};
+        const size_t at =
+            static_cast<size_t>(j) * static_cast<size_t>(picture.width) + static_cast<size_t>(i);
+        sums[k].light[static_cast<size_t>(half)] += double{picture.light[at]};
         sums[k].pixels[static_cast<size_t>(half)] += 1.0;
+        if (!picture.clipped.empty()) sums[k].clipped += picture.clipped[at] / 255.0;
       }
     }
   }
   std::optional<double> least;
-  constexpr double kFewestPixels = 20.0;
+  constexpr double kFewestPixels = 20.0, kMostClipped = 0.01;
   for (const Halves& sum : sums) {
     if (sum.pixels[0] < kFewestPixels || sum.pixels[1] < kFewestPixels) continue;
+    // Clipping takes more light from the lit squares than from the grey.
+    if (sum.clipped > kMostClipped * (sum.pixels[0] + sum.pixels[1])) continue;
     const double part = sum.light[1] / sum.pixels[1] / (sum.light[0] / sum.pixels[0]);
     if (std::isfinite(part)) least = least ? std::min(*least, part) : part;
   }

@@ -32,6 +32,8 @@ struct FringeSample {
   float panel_y_px = 0.0F;
   float light = 0.0F;
   uint32_t block = 0;
+  float pixel_x = 0.0F;  ///< position in the picture
+  float pixel_y = 0.0F;
 };
 
 /// FringeSamples holds the samples of blocks in rows and columns over the panel, each block within
@@ -40,7 +42,7 @@ struct FringeSamples {
   int columns = 0;
   int rows = 0;
   std::vector<FringeSample> samples;
-  double saturated = 0.0;  ///< fraction of the pixels on the panel that were clipped, and excluded
+  double saturated = 0.0;  ///< fraction of the values on the panel that were clipped
   double covered = 0.0;    ///< fraction of the panel's fringes that the picture shows
 
   [[nodiscard]] int band_of(uint32_t block, int bands) const {
@@ -64,6 +66,7 @@ struct FringeBlock {
   double detuning = 1.0;  ///< d of its band
   double x = 0.0;         ///< mean position, in LensPlane's coordinates
   double y = 0.0;
+  Vec2 pixel;             ///< mean position in the picture
   double phase = 0.0;     ///< observed minus predicted fringes, cycles in [-1/2, 1/2]
   double contrast = 0.0;  ///< amplitude over mean light
   double weight = 0.0;    ///< inverse variance of the phase

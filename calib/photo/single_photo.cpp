@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <utility>
 
 #include "base/error.h"
 #include "base/statistics.h"
@@ -25,7 +26,7 @@ constexpr int kMostSide = 2600;
 constexpr int kGreen = 1;
 constexpr size_t kLeastTags = 5;
 constexpr double kMisplacedPx = 1.5;
-constexpr double kMostSaturated = 0.03;
+constexpr double kMostSaturated = 0.5;
 constexpr double kLeastCovered = 0.5;
 constexpr double kLeastContrast = 0.05;
 constexpr double kMostRmsLenses = 0.05;
@@ -49,34 +50,36 @@ struct Work {
   LensPlane farther;
 };
 
-/// Returns the mean light of a square of pixels; clipped if one value in it is clipped.
-float averaged_light(const CameraPicture& photograph, int left, int top, int side) {
+/// Appends the mean light of a square of pixels to the picture.
+void append_mean(const CameraPicture& photograph, int left, int top, int side, PhotoLight& out) {
   float sum = 0.0F;
-  bool clipped = false;
+  int clipped = 0;
   const auto channels = static_cast<size_t>(photograph.channels);
   for (int j = top; j < top + side; ++j) {
     const size_t row = static_cast<size_t>(j) * static_cast<size_t>(photograph.width);
     const size_t first = (row + static_cast<size_t>(left)) * channels;
     for (size_t k = first; k < first + static_cast<size_t>(side) * channels; ++k) {
       sum += photograph.light[k];
-      clipped = clipped || photograph.light[k] >= kSaturatedLight;
+      clipped += photograph.light[k] >= kSaturatedLight ? 1 : 0;
     }
   }
-  const float mean = sum / static_cast<float>(side * side * photograph.channels);
-  return clipped ? std::max(mean, 1.0F) : mean;
+  const int values = side * side * photograph.channels;
+  out.light.push_back(sum / static_cast<float>(values));
+  out.clipped.push_back(static_cast<uint8_t>(255 * clipped / values));
 }
 
 void average_down(const CameraPicture& photograph, Work& work) {
   const int longer = std::max(photograph.width, photograph.height);
   work.averaged = std::max((longer + kMostSide - 1) / kMostSide, 1);
-  work.picture.width = photograph.width / work.averaged;
-  work.picture.height = photograph.height / work.averaged;
-  work.picture.light.reserve(static_cast<size_t>(work.picture.width) *
-                             static_cast<size_t>(work.picture.height));
-  for (int j = 0; j < work.picture.height; ++j)
-    for (int i = 0; i < work.picture.width; ++i)
-      work.picture.light.push_back(
-          averaged_light(photograph, i * work.averaged, j * work.averaged, work.averaged));
+  PhotoLight& picture = work.picture;
+  picture.width = photograph.width / work.averaged;
+  picture.height = photograph.height / work.averaged;
+  const size_t count = static_cast<size_t>(picture.width) * static_cast<size_t>(picture.height);
+  picture.light.reserve(count);
+  picture.clipped.reserve(count);
+  for (int j = 0; j < picture.height; ++j)
+    for (int i = 0; i < picture.width; ++i)
+      append_mean(photograph, i * work.averaged, j * work.averaged, work.averaged, picture);
 }
 
 /// Scales priors, which refer to the photograph, to the averaged picture.
@@ -476,18 +479,44 @@ void try_farther(Work& work, const SinglePhotoChart& chart, const PhotoPriors& p
                   there.down - here.down};
 }
 
-Refusal measure(Work& work, const SinglePhotoChart& chart, const PhotoPriors& priors) {
+Refusal measure_phases(Work& work, const SinglePhotoChart& chart, const PhotoPriors& priors) {
   if (Refusal refusal = find_camera(work, chart, priors)) return refusal;
   if (Refusal refusal = evaluate_scale(work, chart)) return refusal;
   if (Refusal refusal = find_fringes(work, chart)) return refusal;
   if (Refusal refusal = fit_phases(work, chart)) return refusal;
   if (const auto problem = optics::find_problem(work.rig))
     return problem->key + " would be " + problem->cause;
+  return std::nullopt;
+}
+
+Refusal measure(Work& work, const SinglePhotoChart& chart, const PhotoPriors& priors) {
+  if (Refusal refusal = measure_phases(work, chart, priors)) return refusal;
   try_farther(work, chart, priors);
   return std::nullopt;
 }
 
 }  // namespace
+
+PhotoFindings measure_photo(const CameraPicture& photograph, const SinglePhotoChart& chart,
+                            const PhotoPriors& priors) {
+  Work work;
+  work.rig = chart.start;
+  average_down(photograph, work);
+  PhotoFindings out;
+  out.refusal = measure_phases(work, chart, priors).value_or("");
+  out.averaged = work.averaged;
+  out.width = work.picture.width;
+  out.height = work.picture.height;
+  out.tags = std::move(work.tags);
+  out.pose = work.pose;
+  out.rig = std::move(work.rig);
+  out.contrast = work.blocks.empty() ? 0.0 : median_contrast(work.blocks);
+  out.blocks = std::move(work.blocks);
+  out.columns = work.fringes.columns;
+  out.rows = work.fringes.rows;
+  out.covered = std::min(work.fringes.covered, 1.0);
+  return out;
+}
 
 Calibration fit_single_photo(const CameraPicture& photograph, const SinglePhotoChart& chart,
                              const PhotoPriors& priors) {

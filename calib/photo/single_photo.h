@@ -2,12 +2,38 @@
 // Calibrates from a single photograph of the chart, taken from the viewer's eye position.
 #pragma once
 
+#include <optional>
+#include <string>
+#include <vector>
+
 #include "calib/calibration.h"
 #include "calib/camera.h"
+#include "calib/photo/fringe_blocks.h"
 #include "calib/photo/photo_pose.h"
 #include "calib/photo/tag_chart.h"
 
 namespace lenticule::calib {
+
+/// PhotoFindings is what one photograph of the chart shows, for a fit of several photographs.
+struct PhotoFindings {
+  std::string refusal;  ///< reason why the photograph cannot be used; empty if it can
+  int averaged = 1;     ///< side of the square of its pixels that became one pixel below
+  int width = 0;        ///< size of the averaged picture
+  int height = 0;
+  std::vector<TagSighting> tags;    ///< in pixels of the averaged picture
+  std::optional<PhotoPose> pose;    ///< from this photograph alone
+  optics::Rig rig;                  ///< pitch, slant, offset and map for this pose alone
+  std::vector<FringeBlock> blocks;  ///< deviations from that rig
+  int columns = 0;                  ///< of the grid of blocks over the panel
+  int rows = 0;
+  double contrast = 0.0;
+  double covered = 0.0;
+};
+
+/// Measures a photograph as fit_single_photo() does.
+[[nodiscard]] PhotoFindings measure_photo(const CameraPicture& photograph,
+                                          const SinglePhotoChart& chart,
+                                          const PhotoPriors& priors = {});
 
 /// Finds tags, camera and fringes, and computes pitch, slant and offset for this eye. The verdict
 /// is Effective, or Refused with the reasons: too few tags, too few or too faint fringes, clipped

@@ -39,7 +39,8 @@ std::vector<int> tag_ids(const optics::Rig& rig) {
   return ids;
 }
 
-/// Places tags in the corners, in the middles of the sides and in the centre.
+/// Places tags near the corners, near the middles of the sides and in the centre. Fringes outside
+/// the tags show the sheet up to the panel's border; a map without them is a guess there.
 std::vector<ChartTag> place_tags(const optics::Rig& rig) {
   const double pitch_px = rig.sheet.pitch.value / 3.0;
   const double cell = std::ceil(std::max(kLeastCellPx, kPitchesPerCell * pitch_px));
@@ -51,14 +52,16 @@ std::vector<ChartTag> place_tags(const optics::Rig& rig) {
                 fmt::format("{}: {} x {} pixels are too few for nine tags of {:.0f} pixels",
                             rig.name.empty() ? "rig" : rig.name, width, height, size),
                 "calibrate with several photographs, which do not need tags");
+  constexpr double kInsetX = 0.05, kInsetY = 0.075;
+  const double left = std::max(cell, kInsetX * width), top = std::max(cell, kInsetY * height);
   std::vector<ChartTag> tags;
   const std::vector<int> ids = tag_ids(rig);
   for (int k = 0; k < kTagsAcross * kTagsAcross; ++k) {
     const double across = (k % kTagsAcross) / (kTagsAcross - 1.0);
     const double down = (k / kTagsAcross) / (kTagsAcross - 1.0);
     tags.push_back({ids[static_cast<size_t>(k)],
-                    std::round(cell + across * (width - size - 2.0 * cell)),
-                    std::round(cell + down * (height - size - 2.0 * cell)), cell});
+                    std::round(left + across * (width - size - 2.0 * left)),
+                    std::round(top + down * (height - size - 2.0 * top)), cell});
   }
   return tags;
 }

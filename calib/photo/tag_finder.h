@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <vector>
 
 #include "optics/vec.h"
@@ -14,6 +15,8 @@ struct PhotoLight {
   int width = 0;
   int height = 0;
   std::vector<float> light;
+  /// Clipped part of the values that each pixel averages, in 255ths; empty: nothing was clipped.
+  std::vector<uint8_t> clipped = {};
 };
 
 struct TagSighting {
