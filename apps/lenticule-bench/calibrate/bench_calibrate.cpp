@@ -7,6 +7,7 @@
 #include <cmath>
 #include <memory>
 
+#include "apps/lenticule-bench/calibrate/bench_calibrate_hand.h"
 #include "apps/lenticule-bench/calibrate/bench_calibrate_stress.h"
 #include "apps/lenticule-bench/harness/bench.h"
 #include "base/error.h"
@@ -35,6 +36,8 @@ struct CalibrateFlags {
   int camera_width = 1920;
   int camera_height = 1080;
   CalibrateStressFlags stress;
+  bool by_hand = false;
+  CalibrateHandFlags hand;
   bool json = false;
 };
 
@@ -224,8 +227,31 @@ Run declare_bench_calibrate(CLI::App& app) {
                "run the stress cases at the size of real panels, which takes half an hour")
       ->needs(stress);
   app.add_option("--only", flags->stress.only, "run only this stress case")->needs(stress);
+  CLI::Option* hand =
+      app.add_flag(
+             "--hand", flags->by_hand,
+             "calibrate from photographs that a phone takes by hand; --camera-width is that of "
+             "its pictures, 4000 by default")
+          ->excludes(stress);
+  app.add_option("--photographs", flags->hand.photographs,
+                 "numbers of photographs to calibrate from, each once")
+      ->delimiter(',')
+      ->check(CLI::Range(2, 6))
+      ->capture_default_str()
+      ->needs(hand);
+  app.add_option("--plot", flags->hand.plot, "SVG file: error against number of photographs")
+      ->needs(hand);
   app.add_flag("--json", flags->json, "print JSON");
-  return [flags] {
+  const CLI::Option* camera = app.get_option("--camera-width");
+  return [flags, camera] {
+    if (flags->by_hand) {
+      flags->hand.draws = flags->draws;
+      flags->hand.first = flags->first;
+      flags->hand.panel_width = flags->panel_width;
+      if (camera->count() > 0) flags->hand.phone_width = flags->camera_width;
+      flags->hand.json = flags->json;
+      return run_calibrate_hand(flags->hand);
+    }
     flags->stress.json = flags->json;
     if (flags->stress.stress) return run_calibrate_stress(flags->stress);
     flags->panel_height = flags->panel_width * 9 / 16;

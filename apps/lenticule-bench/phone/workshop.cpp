@@ -97,12 +97,12 @@ Shot shot_of(Draws& draw, int number, double distance, double panel_width_mm) {
     double x, y, z, roll;
   };
   // Parts of the viewing distance; degrees.
-  constexpr std::array<Place, 6> kPlaces = {{{0.0, 0.05, 1.0, 0.0},
-                                             {-0.38, 0.0, 1.0, 0.0},
-                                             {0.38, 0.0, 1.0, 180.0},
-                                             {-0.1, -0.1, 0.85, 180.0},
-                                             {0.1, 0.3, 1.0, 0.0},
-                                             {0.0, 0.0, 1.25, 180.0}}};
+  constexpr std::array<Place, 6> kPlaces = {{{0.0, 0.05, 1.0, 180.0},
+                                             {-0.55, 0.0, 1.0, 0.0},
+                                             {0.55, 0.0, 1.0, 0.0},
+                                             {0.5, 0.0, 0.95, 180.0},
+                                             {-0.5, 0.0, 0.95, 180.0},
+                                             {0.0, 0.2, 1.0, 0.0}}};
   const Place& place = kPlaces[static_cast<size_t>(number) % kPlaces.size()];
   Shot shot;
   shot.eye_mm = {distance * place.x + draw.around(50.0), distance * place.y + draw.around(40.0),

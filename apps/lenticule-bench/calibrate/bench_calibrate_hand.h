@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule bench calibrate --hand calibrates random workshops from photographs that a phone takes
+// by hand, and counts right, refused and wrong results.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "base/exit_code.h"
+
+namespace lenticule::player {
+
+struct CalibrateHandFlags {
+  int draws = 10;
+  uint64_t first = 1;
+  int panel_width = 3840;
+  int phone_width = 4000;
+  std::vector<int> photographs = {2, 3, 4, 6};
+  std::string plot;
+  bool json = false;
+};
+
+/// Returns kQuality if a result is wrong without a warning.
+ExitCode run_calibrate_hand(const CalibrateHandFlags& flags);
+
+}  // namespace lenticule::player

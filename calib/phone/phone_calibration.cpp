@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/phone/phone_calibration.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <limits>
+
+#include "calib/fit/prediction.h"
+#include "calib/fit/projection.h"
+#include "calib/phone/phone_fit.h"
+
+namespace lenticule::calib {
+namespace {
+
+constexpr double kWantedLenses = 0.02;
+constexpr double kMostPhaseRms = 0.02;  ///< lenses; good photographs have 0.005
+constexpr double kMostCornerPx = 2.0;   ///< averaged pixels
+constexpr double kMostPull = 4.0;       ///< standard deviations
+constexpr double kZoneHalfWidthMm = 250.0;
+/// Ratio of the largest error over panel and zone to two standard errors at the worst point: the
+/// largest of many errors exceeds the limit of one more often.
+constexpr double kLargestOfMany = 1.3;
+/// Difference between real lenses and the law of rigs for eyes far to the side, which no photograph
+/// shows: the usual error, there, of a rig with the true dimensions of its sheet.
+constexpr double kLawLenses = 0.004;
+
+double viewing_distance(const optics::Rig& rig) {
+  constexpr double kArmsLengthMm = 700.0;
+  const double z = rig.viewing.distance.value;
+  return std::isfinite(z) ? z : kArmsLengthMm;
+}
+
+std::vector<Vec3> zone_of(const optics::Rig& rig) {
+  std::vector<Vec3> eyes;
+  for (const double part : {0.8, 1.0, 1.2})
+    for (const double side : {-1.0, 0.0, 1.0})
+      eyes.push_back(
+          {side * kZoneHalfWidthMm, rig.viewing.height.value, part * viewing_distance(rig)});
+  return eyes;
+}
+
+/// Returns observed minus fitted lenses of the photograph's blocks.
+PanelField residual_field(const PhotoFindings& seen, const PhotoFit& fit) {
+  PanelField field{seen.columns, seen.rows, {}};
+  field.values.assign(static_cast<size_t>(field.columns) * static_cast<size_t>(field.rows),
+                      std::numeric_limits<double>::quiet_NaN());
+  if (fit.phase_rests.size() != seen.blocks.size()) return field;
+  for (size_t k = 0; k < seen.blocks.size(); ++k)
+    field.values[seen.blocks[k].block] = -fit.phase_rests[k];
+  return field;
+}
+
+void describe(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
+              const Prediction& prediction, Calibration& out) {
+  for (size_t n = 0; n < photos.size(); ++n) {
+    const PhotoFindings& seen = photos[n].findings;
+    const PoseValues& pose = fit.values.poses[n];
+    Viewpoint v;
+    v.name = photos[n].name;
+    v.eye_mm = {pose[kPupil], pose[kPupil + 1], pose[kPupil + 2]};
+    v.eye_sigma_mm = fit.photos[n].eye_sigma_mm;
+    v.tilt_degrees = seen.pose->tilt_degrees;
+    const EffectiveLine line = prediction.effective_line(v.eye_mm);
+    v.effective_pitch_subpx = line.pitch_subpx;
+    v.slant = line.slant;
+    v.effective_offset_lenses = line.offset_lenses;
+    v.contrast = seen.contrast;
+    v.covered = seen.covered;
+    v.blocks = static_cast<int>(seen.blocks.size());
+    v.rms_lenses = fit.photos[n].phase_rms;
+    for (const double rest : fit.photos[n].phase_rests)
+      v.max_lenses = std::max(v.max_lenses, std::abs(rest));
+    v.reprojection_rms_px = fit.photos[n].corner_rms_px * seen.averaged;
+    v.residual = residual_field(seen, fit.photos[n]);
+    out.viewpoints.push_back(v);
+  }
+  const SheetReport report = prediction.sheet_report();
+  out.parameters = report.parameters;
+  out.correlations = report.correlations;
+  const double averaged = photos.front().findings.averaged;
+  out.camera.focal_px = fit.values.camera[kFocal] * averaged;
+  out.camera.centre_x_px = fit.values.camera[kCentreX] * averaged;
+  out.camera.centre_y_px = fit.values.camera[kCentreY] * averaged;
+  out.camera.k1 = fit.values.camera[kRadial1];
+  out.camera.k2 = fit.values.camera[kRadial2];
+}
+
+/// Returns why a photograph contradicts the others; empty if none does.
+std::string misfit(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
+  for (size_t n = 0; n < photos.size(); ++n) {
+    const PhotoFit& own = fit.photos[n];
+    if (own.breathing_pull > kMostPull)
+      return fmt::format(
+          "{}: its focal length differs by {:.1f} % from that of the others: it was zoomed, "
+          "cropped "
+          "or resized, or is of another lens of the phone",
+          photos[n].name, 100.0 * own.breathing);
+    if (own.shift_pull > kMostPull)
+      return fmt::format(
+          "{}: its axis is {:.1f} % of its longer side off that of the others: it was cropped, "
+          "mirrored or rotated",
+          photos[n].name, 100.0 * std::hypot(own.shift.x, own.shift.y));
+    if (own.corner_rms_px > kMostCornerPx)
+      return fmt::format(
+          "{}: its tags are {:.1f} pixels (rms) off: the hand moved, or the phone merged several "
+          "exposures (HDR)",
+          photos[n].name, own.corner_rms_px * photos[n].findings.averaged);
+    if (own.phase_rms > kMostPhaseRms)
+      return fmt::format(
+          "{}: its fringes are {:.3f} lens (rms) off what the other photographs predict: the sheet "
+          "moved on the panel, another chart was shown, or the phone processed the picture",
+          photos[n].name, own.phase_rms);
+  }
+  return {};
+}
+
+/// Returns the component of the panel's x axis along the picture's rows.
+double panel_axis_x(const PoseValues& pose) {
+  constexpr double kAxis[3] = {1.0, 0.0, 0.0};
+  double in_camera[3];
+  ceres::AngleAxisRotatePoint(pose.data(), kAxis, in_camera);
+  return in_camera[0];
+}
+
+/// Returns what another photograph should be like: one from each place, then one with the phone the
+/// other way up.
+std::string wanted(const PhoneFit& fit) {
+  constexpr std::array<const char*, 3> kPlaces = {"left", "middle", "right"};
+  constexpr double kAside = 0.25;
+  std::array<std::array<bool, 2>, 3> seen{};
+  bool turned = false;
+  for (const PoseValues& pose : fit.values.poses) {
+    const double aside = pose[kPupil] / pose[kPupil + 2];
+    // The panel's x axis points to the left in a picture that is upside down.
+    const bool other = panel_axis_x(pose) * panel_axis_x(fit.values.poses.front()) < 0.0;
+    seen[aside < -kAside ? 0 : aside > kAside ? 2 : 1][other ? 1 : 0] = true;
+    turned = turned || other;
+  }
+  for (const size_t place : {1, 0, 2})
+    if (!seen[place][0] && !seen[place][1])
+      return std::string("take one more from the ") + kPlaces[place];
+  if (!turned) return "take one more from the middle with the phone upside down";
+  for (const size_t place : {2, 0, 1})
+    if (!seen[place][0] || !seen[place][1])
+      return std::string("take one more from the ") + kPlaces[place] +
+             " with the phone the other way up";
+  return "take one more from another place";
+}
+
+}  // namespace
+
+PhotoPriors hand_held_priors(const SinglePhotoChart& chart, const Estimate& focal_px) {
+  const double distance = viewing_distance(chart.start);
+  PhotoPriors priors;
+  priors.focal_px = focal_px;
+  priors.distance_mm = Estimate{distance, 0.3 * distance};
+  return priors;
+}
+
+std::optional<optics::Rig> better_start(const PhotoFindings& seen, const SinglePhotoChart& chart) {
+  constexpr double kMostOff = 0.01;
+  const optics::LensSheet &start = chart.start.sheet, &found = seen.rig.sheet;
+  if (!seen.refusal.empty() || std::abs(found.pitch.value / start.pitch.value - 1.0) <= kMostOff)
+    return std::nullopt;
+  optics::Rig better = chart.start;
+  better.sheet.pitch = found.pitch;
+  better.sheet.slant = found.slant;
+  return better;
+}
+
+Calibration calibrate_phone(const std::vector<PhonePhoto>& photos, const SinglePhotoChart& chart,
+                            const Estimate& focal_px) {
+  const auto began = std::chrono::steady_clock::now();
+  Calibration out;
+  out.rig = chart.start;
+  std::vector<PhonePhoto> usable;
+  for (const PhonePhoto& photo : photos) {
+    if (!photo.findings.refusal.empty()) {
+      out.warnings.push_back(photo.name + ": not used: " + photo.findings.refusal);
+      continue;
+    }
+    if (!usable.empty() && (photo.findings.width != usable.front().findings.width ||
+                            photo.findings.height != usable.front().findings.height)) {
+      out.reasons.push_back(
+          photo.name +
+          ": another size than the first photograph: give the files of one phone, "
+          "as it stored them");
+      return out;
+    }
+    usable.push_back(photo);
+  }
+  if (usable.size() < 2) {
+    out.reasons.push_back(fmt::format("only {} of {} photographs can be used; two are needed",
+                                      usable.size(), photos.size()));
+    for (const std::string& warning : out.warnings) out.reasons.push_back(warning);
+    return out;
+  }
+  std::vector<PhotoFindings> findings;
+  for (const PhonePhoto& photo : usable) findings.push_back(photo.findings);
+  const double averaged = findings.front().averaged;
+  const auto fit =
+      fit_phone(findings, chart, {focal_px.value / averaged, focal_px.sigma / averaged});
+  if (!fit) {
+    out.reasons.emplace_back("no sheet and no camera agree with all photographs");
+    return out;
+  }
+  JointFit spread;
+  spread.values = fit->values;
+  spread.covariance = fit->covariance;
+  constexpr LawError kLaw{.pitch_lenses = 0.0005, .slant_lenses = 0.0002, .gap_part = 0.0008};
+  const Prediction prediction(spread, fit->grid, chart.start.panel, kLaw);
+  put_sheet(fit->values.sheet, fit->grid, fit->values.knots, chart.start.panel, out.rig.sheet);
+  describe(usable, *fit, prediction, out);
+  out.drift = prediction.worst_drift(zone_of(chart.start));
+  out.drift.worst_lenses = kLargestOfMany * out.drift.worst_lenses + kLawLenses;
+  out.seconds_computing =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+  if (const std::string reason = misfit(usable, *fit); !reason.empty())
+    out.reasons.push_back(reason);
+  else if (const auto problem = optics::find_problem(out.rig))
+    out.reasons.push_back(problem->key + " would be " + problem->cause);
+  else if (!(out.drift.worst_lenses <= kWantedLenses))
+    out.reasons.push_back(
+        fmt::format("phases are certain only to {:.3f} lens, {} photographs are not enough: {}",
+                    out.drift.worst_lenses, usable.size(), wanted(*fit)));
+  else
+    out.verdict = Verdict::Intrinsic;
+  return out;
+}
+
+}  // namespace lenticule::calib

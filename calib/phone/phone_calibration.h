@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// Calibrates from two or more hand-held photographs of the chart.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/calibration.h"
+#include "calib/photo/single_photo.h"
+
+namespace lenticule::calib {
+
+/// PhonePhoto is one photograph's findings and the name for messages.
+struct PhonePhoto {
+  std::string name;
+  PhotoFindings findings;
+};
+
+/// Returns the priors with which a hand-held photograph is measured: nobody measured its distance.
+[[nodiscard]] PhotoPriors hand_held_priors(const SinglePhotoChart& chart, const Estimate& focal_px);
+
+/// Returns a start from which the chart should be planned again, if the photograph shows that the
+/// pitch of the chart's start is more than a hundredth off: then part of the chart has too few
+/// fringes to measure, part too many.
+[[nodiscard]] std::optional<optics::Rig> better_start(const PhotoFindings& seen,
+                                                      const SinglePhotoChart& chart);
+
+/// Fits all photographs that could be measured. `focal_px` refers to the original photographs. The
+/// stated error, `drift`, is 0.004 lens plus 1.3 times two standard errors at the worst place for
+/// eyes 250 mm to each side at 0.8 to 1.2 of the viewing distance. The verdict is Intrinsic if it
+/// is within 0.02 lens, else Refused. Reasons name the photographs.
+[[nodiscard]] Calibration calibrate_phone(const std::vector<PhonePhoto>& photos,
+                                          const SinglePhotoChart& chart, const Estimate& focal_px);
+
+}  // namespace lenticule::calib

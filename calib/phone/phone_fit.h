@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// Fits camera, places and sheet to several hand-held photographs of the chart at once.
+#pragma once
+
+#include <Eigen/Dense>
+#include <optional>
+#include <vector>
+
+#include "calib/calibration.h"
+#include "calib/fit/knot_weights.h"
+#include "calib/fit/observations.h"
+#include "calib/photo/single_photo.h"
+
+namespace lenticule::calib {
+
+/// PhotoFit is the part of the fit that belongs to one photograph. Lengths in the pictures are in
+/// pixels of the averaged pictures.
+struct PhotoFit {
+  double breathing = 0.0;       ///< focal length relative to the camera's, minus 1
+  Vec2 shift;                   ///< axis minus the camera's, longer sides of the picture
+  double breathing_pull = 0.0;  ///< in standard deviations of its prior
+  double shift_pull = 0.0;
+  double phase_rms = 0.0;  ///< lenses
+  double corner_rms_px = 0.0;
+  std::vector<double> phase_rests;  ///< lenses, in the order of PhotoFindings::blocks
+  Vec3 eye_sigma_mm;
+};
+
+/// PhoneFit is the result of the joint fit.
+struct PhoneFit {
+  FitValues values;  ///< the camera without the focusing and the stabiliser of single photographs
+  KnotGrid grid;
+  /// Covariance of sheet and knots: the inverse of the normal equations, for residuals of the
+  /// observed size.
+  Eigen::MatrixXd covariance;
+  std::vector<PhotoFit> photos;
+};
+
+/// Fits two or more photographs, all measured without refusal and of equal size. The unknowns are
+/// the focal length (prior `focal_px`, in averaged pixels), the principal point, two radial terms;
+/// for each photograph its pose, its focus breathing, its shift by the stabiliser, its rotation
+/// while the rows were read, and the enlargement of its tags; the sheet and its residual map. A
+/// knot far from all fringes continues the map straight. The whole lenses between photographs
+/// follow from the gap, searched within 30 % of the start. Returns nothing if the fit does not
+/// converge.
+[[nodiscard]] std::optional<PhoneFit> fit_phone(const std::vector<PhotoFindings>& photos,
+                                                const SinglePhotoChart& chart,
+                                                const Estimate& focal_px);
+
+}  // namespace lenticule::calib

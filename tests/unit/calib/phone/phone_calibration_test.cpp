@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+// Hand-held photographs from the simulator of lenticule-bench, which shares no code with the fit.
+#include "calib/phone/phone_calibration.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <vector>
+
+#include "apps/lenticule-bench/calibrate/hand_trial.h"
+
+namespace lenticule::calib {
+namespace {
+
+using phone_bench::HandOutcome;
+using phone_bench::HandResult;
+using phone_bench::HandTrial;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+phone_bench::WorkshopLimits small_panel(int shots) {
+  phone_bench::WorkshopLimits limits;
+  limits.panel_width = 1920;
+  limits.diagonal_inches = 24.0;
+  limits.phone_width = 3200;
+  limits.least_pitch_subpx = 4.0;
+  limits.most_pitch_subpx = 5.0;
+  limits.shots = shots;
+  return limits;
+}
+
+Calibration calibrate(const HandTrial& trial, const std::vector<PhonePhoto>& photos) {
+  return calibrate_phone(photos, trial.chart(), trial.focal_px());
+}
+
+TEST(PhoneCalibration, FindsTheSheetForEveryEye) {
+  const HandTrial trial(101, small_panel(6));
+  for (const PhonePhoto& photo : trial.photos()) EXPECT_EQ(photo.findings.refusal, "");
+  const Calibration found = calibrate(trial, trial.photos());
+  EXPECT_EQ(found.verdict, Verdict::Intrinsic) << ::testing::PrintToString(found.reasons);
+  EXPECT_LT(trial.error_of(found.rig), HandTrial::kMostLenses);
+  EXPECT_LT(trial.error_of(found.rig), found.drift.worst_lenses);
+  EXPECT_GT(trial.error_of(trial.workshop().start), 0.2);
+  ASSERT_EQ(found.viewpoints.size(), 6U);
+  for (size_t n = 0; n < found.viewpoints.size(); ++n) {
+    const Vec3 &seen = found.viewpoints[n].eye_mm, &real = trial.workshop().shots[n].eye_mm;
+    EXPECT_NEAR(seen.x, real.x, 6.0) << n;
+    EXPECT_NEAR(seen.y, real.y, 6.0) << n;
+    EXPECT_NEAR(seen.z, real.z, 10.0) << n;
+  }
+  // Fewer photographs state a larger error, and what would help.
+  const Calibration few = calibrate(trial, {trial.photos().begin(), trial.photos().begin() + 2});
+  EXPECT_GT(few.drift.worst_lenses, found.drift.worst_lenses);
+  EXPECT_EQ(few.verdict, Verdict::Refused);
+  EXPECT_THAT(few.reasons, ElementsAre(HasSubstr("take one more from the right")));
+}
+
+TEST(PhoneCalibration, PhotographsThatContradictEachOtherAreRefusedAndNamed) {
+  const HandTrial trial(4, small_panel(3));
+  const auto reasons = [&](const auto& change) {
+    std::vector<PhonePhoto> photos = trial.photos();
+    change(photos[1].findings);
+    const Calibration found = calibrate(trial, photos);
+    EXPECT_EQ(found.verdict, Verdict::Refused);
+    return found.reasons;
+  };
+  const auto moved_sheet = [](PhotoFindings& photo) {
+    // Fringes of another slope, as if the sheet had turned on the panel.
+    for (FringeBlock& block : photo.blocks) block.phase += 0.2 * block.y;
+  };
+  EXPECT_THAT(reasons(moved_sheet), ElementsAre(HasSubstr("photograph ")));
+  const auto cropped = [](PhotoFindings& photo) {
+    // Cut at one side and enlarged by a tenth to the old size.
+    const auto moved = [](Vec2 pixel) { return (pixel - Vec2{60.0, 20.0}) * 1.1; };
+    for (TagSighting& tag : photo.tags)
+      for (Vec2& corner : tag.corners_px) corner = moved(corner);
+    for (FringeBlock& block : photo.blocks) block.pixel = moved(block.pixel);
+    photo.pose->focal_px *= 1.1;
+    photo.pose->middle_px = moved(photo.pose->middle_px);
+  };
+  EXPECT_THAT(reasons(cropped), ElementsAre(HasSubstr("cropped")));
+  const auto smaller = [](PhotoFindings& photo) { photo.width /= 2; };
+  EXPECT_THAT(reasons(smaller), ElementsAre(HasSubstr("photograph 2: another size")));
+}
+
+TEST(PhoneCalibration, OnePhotographIsNotEnough) {
+  std::vector<PhonePhoto> photos(2);
+  photos[0].name = "photograph 1";
+  photos[1].name = "photograph 2";
+  photos[1].findings.refusal = "only 2 of 9 tags were found";
+  const phone_bench::Workshop workshop = draw_workshop(4, small_panel(1));
+  const Calibration found =
+      calibrate_phone(photos, plan_single_photo_chart(workshop.start), {2400.0, 72.0});
+  EXPECT_EQ(found.verdict, Verdict::Refused);
+  EXPECT_THAT(found.reasons, ElementsAre(HasSubstr("only 1 of 2 photographs"),
+                                         HasSubstr("photograph 2: not used: only 2 of 9 tags")));
+}
+
+// A start that is 3 % off leaves a kind of band without fringes.
+TEST(PhoneCalibration, AsksForABetterStartIfThePitchIsFarOff) {
+  const HandTrial trial(4, small_panel(1));
+  const PhotoFindings& seen = trial.photos()[0].findings;
+  EXPECT_FALSE(better_start(seen, trial.chart()));
+  SinglePhotoChart far = trial.chart();
+  far.start.sheet.pitch.value *= 1.03;
+  const auto better = better_start(seen, far);
+  ASSERT_TRUE(better);
+  EXPECT_NEAR(better->sheet.pitch.value, trial.workshop().build.pitch_subpx,
+              0.005 * trial.workshop().build.pitch_subpx);
+}
+
+// LENTICULE_PHONE_WORKSHOPS and LENTICULE_PHONE_FIRST draw more workshops, or others.
+TEST(PhoneWorkshops, MostAreRightAndNoneIsWrong) {
+  const auto number = [](const char* name, uint64_t usual) {
+    const char* text = std::getenv(name);
+    return text ? std::strtoull(text, nullptr, 10) : usual;
+  };
+  const uint64_t first = number("LENTICULE_PHONE_FIRST", 101);
+  const uint64_t count = number("LENTICULE_PHONE_WORKSHOPS", 3);
+  uint64_t right = 0;
+  for (uint64_t seed = first; seed < first + count; ++seed) {
+    const HandTrial trial(seed, small_panel(6));
+    const HandResult result = trial.calibrate(6);
+    fmt::print("workshop {}: {}, error {:.4f}, stated {:.4f} lens {}\n", seed,
+               to_string(result.outcome), result.error_lenses, result.stated_lenses,
+               result.reasons.empty() ? "" : result.reasons.front());
+    EXPECT_NE(result.outcome, HandOutcome::Wrong) << "workshop " << seed;
+    right += result.outcome == HandOutcome::Right ? 1 : 0;
+  }
+  EXPECT_GE(3 * right, 2 * count);
+}
+
+}  // namespace
+}  // namespace lenticule::calib
