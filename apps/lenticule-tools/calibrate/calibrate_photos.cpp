@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <memory>
@@ -13,6 +14,7 @@
 
 #include "apps/lenticule-tools/calibrate/calibrate.h"
 #include "apps/lenticule-tools/calibrate/calibrate_result.h"
+#include "apps/lenticule-tools/calibrate/hand_held_photos.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "calib/fit/calibrate.h"
@@ -135,6 +137,19 @@ ExitCode from_one(const PhotosFlags& flags, const optics::Rig& rig) {
   return conclude_calibration(found, details_of("one photograph", camera), flags.result);
 }
 
+/// Calibrates from several photographs of the photo chart, taken by hand from different places.
+ExitCode from_several(const PhotosFlags& flags, const optics::Rig& rig) {
+  HandHeldPhotos photos(rig, flags.focal_px);
+  Progress progress("measuring", "photographs", flags.sources.size());
+  for (size_t n = 0; n < flags.sources.size(); ++n) {
+    if (interrupted()) return interrupt_exit_code();
+    photos.add(flags.sources[n]);  // the result names the photographs that cannot be used
+    progress.update(n + 1);
+  }
+  progress.finish();
+  return conclude_calibration(photos.calibrate(), photos.details(), flags.result);
+}
+
 /// Looks for a manifest among the photographs, then in the folder of the patterns. Returns false if
 /// there is none. Throws Error(Input) if it belongs to another rig.
 bool manifest_agrees(const PhotosFlags& flags, const std::string& folder, const optics::Rig& rig) {
@@ -211,8 +226,10 @@ ExitCode run_photos(const PhotosFlags& flags) {
   if (flags.sources.empty() || flags.result.output.empty())
     throw Error(ErrorKind::Usage, "calibrate photos: photographs and -o are needed",
                 "or use --write-patterns FOLDER to get the patterns to photograph");
-  const bool one = flags.sources.size() == 1 && !fs::is_directory(flags.sources.front());
-  return one ? from_one(flags, rig) : from_folders(flags, rig);
+  const bool files = std::ranges::none_of(
+      flags.sources, [](const std::string& source) { return fs::is_directory(source); });
+  if (!files) return from_folders(flags, rig);
+  return flags.sources.size() == 1 ? from_one(flags, rig) : from_several(flags, rig);
 }
 
 }  // namespace
@@ -226,6 +243,10 @@ CalibrateWay declare_calibrate_photos(CLI::App& app) {
       "One photograph, good for the eye that it was taken from:\n"
       "  lenticule calibrate show photo-chart --rig start.toml --display kms\n"
       "  lenticule calibrate photos IMG_0001.jpg --rig start.toml -o kiosk.toml --distance 700\n"
+      "Photographs of that chart from the hand, from the middle, the left and the right, one of "
+      "them\n"
+      "with the phone turned by 180 degrees, good for every eye:\n"
+      "  lenticule calibrate photos IMG_1.jpg IMG_2.jpg IMG_3.jpg --rig start.toml -o kiosk.toml\n"
       "All patterns, from three places, one folder each:\n"
       "  lenticule calibrate photos --rig start.toml --write-patterns patterns\n"
       "  lenticule calibrate photos centre left right --rig start.toml -o kiosk.toml");

@@ -56,6 +56,7 @@ ExitCode conclude_calibration(const calib::Calibration& found, calib::RecordDeta
   const std::string report = flags.report.empty() ? report_beside(flags.output) : flags.report;
   write_text_file(report, calib::report_html(found, details));
   json files = {{"report", report}, {"rig", nullptr}, {"old_rig_kept_as", nullptr}};
+  if (!flags.picture.empty()) files["picture"] = flags.picture;
   const bool saved = found.verdict != calib::Verdict::Refused;
   if (saved) {
     const fs::path kept =

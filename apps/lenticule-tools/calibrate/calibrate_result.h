@@ -15,6 +15,7 @@ namespace lenticule::player {
 struct ResultFlags {
   std::string output;
   std::string report;
+  std::string picture;  ///< already written picture to name in the result; empty: none
   std::optional<double> temperature;
   bool json = false;
 };

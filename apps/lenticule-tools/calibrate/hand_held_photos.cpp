@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/lenticule-tools/calibrate/hand_held_photos.h"
+
+#include <algorithm>
+#include <chrono>
+
+#include "calib/phone/exif.h"
+#include "calib/photo/photo_folder.h"
+
+namespace lenticule::player {
+namespace {
+
+/// Returns the focal length in pixels: the given one, else the one that the file states, which is
+/// rounded to whole millimetres, else that of a usual phone.
+calib::Estimate focal_of(std::optional<double> given_px, const std::filesystem::path& file,
+                         int longer_side) {
+  if (given_px) return {*given_px, 0.02 * *given_px};
+  constexpr double kFilmMm = 36.0, kUsual = 0.75, kUsualSigma = 0.15, kStatedSigma = 0.03;
+  if (const auto stated = calib::stated_focal_35mm(file)) {
+    const double focal = *stated / kFilmMm * longer_side;
+    return {focal, kStatedSigma * focal};
+  }
+  return {kUsual * longer_side, kUsualSigma * longer_side};
+}
+
+}  // namespace
+
+HandHeldPhotos::HandHeldPhotos(const optics::Rig& rig, std::optional<double> focal_px)
+    : chart_(calib::plan_single_photo_chart(rig)), given_focal_px_(focal_px) {
+  camera_.channels = 3;
+  camera_.pixel_format = "photograph";
+}
+
+std::string HandHeldPhotos::add(const std::filesystem::path& file) {
+  const calib::CameraPicture photograph = calib::read_photograph(file);
+  const calib::Estimate focal =
+      focal_of(given_focal_px_, file, std::max(photograph.width, photograph.height));
+  calib::PhonePhoto photo{
+      .name = file.filename().string(),
+      .findings = calib::measure_photo(photograph, chart_, calib::hand_held_priors(chart_, focal))};
+  const std::string refusal = photo.findings.refusal;
+  if (refusal.empty()) {
+    focal_px_ = focal;
+    camera_.name = photo.name;
+    camera_.width = photograph.width;
+    camera_.height = photograph.height;
+  }
+  photos_.push_back(std::move(photo));
+  return refusal;
+}
+
+size_t HandHeldPhotos::usable() const {
+  return static_cast<size_t>(std::ranges::count_if(
+      photos_, [](const calib::PhonePhoto& photo) { return photo.findings.refusal.empty(); }));
+}
+
+std::optional<optics::Rig> HandHeldPhotos::better_start() const {
+  if (photos_.empty()) return std::nullopt;
+  return calib::better_start(photos_.back().findings, chart_);
+}
+
+calib::Calibration HandHeldPhotos::calibrate() const {
+  return calib::calibrate_phone(photos_, chart_, focal_px_);
+}
+
+calib::RecordDetails HandHeldPhotos::details() const {
+  return {.when = std::chrono::system_clock::now(),
+          .method = "photographs from the hand",
+          .camera = camera_,
+          .temperature_celsius = {}};
+}
+
+}  // namespace lenticule::player

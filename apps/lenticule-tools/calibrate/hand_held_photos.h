@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// HandHeldPhotos collects photographs of the photo chart that were taken by hand, and calibrates
+// from them.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/lenticule-tools/calibrate/calibrate_result.h"
+#include "calib/phone/phone_calibration.h"
+
+namespace lenticule::player {
+
+/// Thread safety: one thread.
+class HandHeldPhotos {
+ public:
+  /// `focal_px` is the camera's focal length in pixels; without it, the photographs' EXIF data are
+  /// used. Throws Error(Input) for a rig whose panel is too small for the chart.
+  explicit HandHeldPhotos(const optics::Rig& rig, std::optional<double> focal_px = {});
+
+  [[nodiscard]] const calib::SinglePhotoChart& chart() const { return chart_; }
+
+  /// Measures a photograph. Returns the reason why it cannot be used, or an empty text. Throws
+  /// Error(Input) for a file that is not a readable picture.
+  std::string add(const std::filesystem::path& file);
+
+  [[nodiscard]] size_t usable() const;
+  /// Returns the rig from which to plan the chart again if the last photograph shows that the start
+  /// is too far off; see calib::better_start().
+  [[nodiscard]] std::optional<optics::Rig> better_start() const;
+  /// Calibrates from all photographs so far.
+  [[nodiscard]] calib::Calibration calibrate() const;
+  [[nodiscard]] calib::RecordDetails details() const;
+
+ private:
+  calib::SinglePhotoChart chart_;
+  std::optional<double> given_focal_px_;
+  calib::Estimate focal_px_;
+  std::vector<calib::PhonePhoto> photos_;
+  calib::CameraFacts camera_;
+};
+
+}  // namespace lenticule::player

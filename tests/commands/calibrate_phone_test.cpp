@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests calibrate phone from the photographs in a folder to the rig that it finds. The simulated
+// phone of lenticule-bench takes the photographs.
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <filesystem>
+
+#include "apps/lenticule-bench/phone/workshop.h"
+#include "calib/photo/tag_chart.h"
+#include "optics/rig_file.h"
+#include "program.h"
+
+namespace lenticule::test {
+namespace {
+
+class PhoneCommand : public CommandTest {
+ protected:
+  void SetUp() override {
+    CommandTest::SetUp();
+    std::filesystem::create_directories(path("inbox"));
+    // A start that is more than 1 % off changes the chart after the first photograph.
+    workshop_.start.sheet.pitch = Subpixels(1.004 * workshop_.build.pitch_subpx);
+    optics::save_rig(workshop_.start, path("start.toml"));
+  }
+  static phone_bench::WorkshopLimits limits() {
+    phone_bench::WorkshopLimits limits;
+    limits.panel_width = 1920;
+    limits.diagonal_inches = 24.0;
+    limits.phone_width = 3200;
+    limits.least_pitch_subpx = 4.0;
+    limits.most_pitch_subpx = 5.0;
+    limits.shots = 6;
+    return limits;
+  }
+  void photograph_all() const {
+    const frames::WovenFrame shown = calib::draw_single_photo_chart(
+        calib::plan_single_photo_chart(optics::load_rig(path("start.toml"))));
+    for (size_t n = 0; n < workshop_.shots.size(); ++n)
+      write_photo(photograph(sheet_, shown.view(), workshop_.phone, workshop_.shots[n]),
+                  workshop_.phone.jpeg_quality, path("inbox/" + std::to_string(n + 1) + ".jpg"));
+  }
+  [[nodiscard]] ProcessResult calibrate(std::vector<std::string> more,
+                                        const ProcessLimits& limits = {}) const {
+    std::vector<std::string> all = {"calibrate",
+                                    "phone",
+                                    path("inbox"),
+                                    "--rig",
+                                    path("start.toml"),
+                                    "-o",
+                                    path("found.toml"),
+                                    "--display",
+                                    "virtual",
+                                    "--seconds",
+                                    "0"};
+    all.insert(all.end(), more.begin(), more.end());
+    return run(all, limits);
+  }
+
+  phone_bench::Workshop workshop_ = phone_bench::draw_workshop(101, limits());
+  phone_bench::LensSection sheet_{workshop_.build, workshop_.start.panel};
+};
+
+TEST_F(PhoneCommand, EndsWithARigAPictureAndANumber) {
+  photograph_all();
+  const ProcessResult found = calibrate({"--existing", "--least", "6", "--minutes", "0.2"},
+                                        {.timeout = std::chrono::seconds(300)});
+  ASSERT_EQ(found.exit_code, 0) << found.err << found.out;
+  const optics::Rig rig = optics::load_rig(path("found.toml"));
+  EXPECT_LT(phone_bench::worst_error(rig, sheet_, phone_bench::judged_eyes(workshop_.start)), 0.02);
+  EXPECT_TRUE(std::filesystem::exists(path("found.check.png")));
+  EXPECT_TRUE(std::filesystem::exists(path("found.report.html")));
+  EXPECT_NE(found.out.find("Every eye of the viewing zone sees its view to 0.0"), std::string::npos)
+      << found.out;
+  EXPECT_NE(found.err.find("1. Photograph the whole panel"), std::string::npos) << found.err;
+  EXPECT_NE(found.err.find("6.jpg: good"), std::string::npos) << found.err;
+}
+
+TEST_F(PhoneCommand, PlansTheChartAgainIfThePitchIsFarOff) {
+  workshop_.start.sheet.pitch.value *= 1.02;
+  optics::save_rig(workshop_.start, path("start.toml"));
+  workshop_.shots.resize(1);
+  photograph_all();
+  const ProcessResult result = calibrate({"--existing", "--minutes", "0.1"});
+  EXPECT_EQ(result.exit_code, 5) << result.err << result.out;
+  EXPECT_NE(result.err.find("the chart has changed"), std::string::npos) << result.err;
+}
+
+TEST_F(PhoneCommand, NamesWhatCannotBeUsedAndGivesUpInTime) {
+  write("inbox/notes.jpg", "no picture");
+  const ProcessResult result = calibrate({"--existing", "--minutes", "0.03"});
+  EXPECT_EQ(result.exit_code, 5) << result.err << result.out;
+  EXPECT_NE(result.err.find("notes.jpg: not used"), std::string::npos) << result.err;
+  EXPECT_FALSE(std::filesystem::exists(path("found.toml")));
+}
+
+TEST_F(PhoneCommand, AnInterruptionSavesNothing) {
+  const ProcessResult result =
+      calibrate({}, {.interrupt_signal = SIGINT, .interrupt_after = std::chrono::seconds(2)});
+  EXPECT_EQ(result.exit_code, 130) << result.err << result.out;
+  EXPECT_FALSE(std::filesystem::exists(path("found.toml")));
+}
+
+TEST_F(PhoneCommand, AMissingFolderIsNamed) {
+  std::filesystem::remove(path("inbox"));
+  const ProcessResult result = calibrate({});
+  EXPECT_EQ(result.exit_code, 4) << result.err;
+  EXPECT_NE(result.err.find("inbox"), std::string::npos) << result.err;
+}
+
+}  // namespace
+}  // namespace lenticule::test
