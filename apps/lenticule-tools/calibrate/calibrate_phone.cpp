@@ -149,8 +149,7 @@ class Collection {
     const auto better = photos_.better_start();
     if (!better) return;
     say("the pitch is {:.3f} subpixels, far from the start's {:.3f}: the chart has changed; take "
-        "all "
-        "photographs again\n",
+        "all photographs again\n",
         better->sheet.pitch.value, photos_.chart().start.sheet.pitch.value);
     photos_ = HandHeldPhotos(*better, flags_.focal_px);
     show(sink_, calib::draw_single_photo_chart(photos_.chart()));
