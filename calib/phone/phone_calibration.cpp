@@ -96,8 +96,7 @@ std::string misfit(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
     if (own.breathing_pull > kMostPull)
       return fmt::format(
           "{}: its focal length differs by {:.1f} % from that of the others: it was zoomed, "
-          "cropped "
-          "or resized, or is of another lens of the phone",
+          "cropped or resized, or is of another lens of the phone",
           photos[n].name, 100.0 * own.breathing);
     if (own.shift_pull > kMostPull)
       return fmt::format(

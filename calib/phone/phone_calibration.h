@@ -17,7 +17,7 @@ struct PhonePhoto {
   PhotoFindings findings;
 };
 
-/// Returns the priors with which a hand-held photograph is measured: nobody measured its distance.
+/// Returns the priors with which a hand-held photograph, whose distance is unknown, is measured.
 [[nodiscard]] PhotoPriors hand_held_priors(const SinglePhotoChart& chart, const Estimate& focal_px);
 
 /// Returns a start from which the chart should be planned again, if the photograph shows that the
