@@ -151,7 +151,7 @@ TEST_F(CApi, ReportsTimeoutsAndALostPlayer) {
   EXPECT_EQ(pixels, nullptr);
   player_.reset();
   EXPECT_EQ(lenticule_ring_acquire(ring_, 4, 1, &pixels), LENTICULE_GONE);
-  EXPECT_EQ(lenticule_ring_finish(ring_), LENTICULE_OK) << "nobody is left to hear it: no matter";
+  EXPECT_EQ(lenticule_ring_finish(ring_), LENTICULE_OK) << "no player is left to hear it";
 }
 
 TEST_F(CApi, KeepsOneErrorPerThread) {

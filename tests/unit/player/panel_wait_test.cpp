@@ -112,7 +112,7 @@ TEST_F(PanelWaitTest, WithoutWaitingAnotherPanelIsAnErrorThatListsPresentPanels)
   EXPECT_EQ(error.kind(), ErrorKind::Input);
   EXPECT_THAT(error.what(), HasSubstr("HDMI-A-1 on /dev/dri/card0: DEL 0xa0b1 serial OTHER"));
   EXPECT_EQ(machine.now(), before);
-  EXPECT_EQ(card.modesets, 0) << "nothing was shown on somebody else's panel";
+  EXPECT_EQ(card.modesets, 0) << "nothing was shown on another owner's panel";
 }
 
 TEST_F(PanelWaitTest, WaitsForAPanelThatIsOffAtStart) {

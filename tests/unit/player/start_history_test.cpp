@@ -27,7 +27,7 @@ class StartHistoryTest : public testing::Test {
 
 TEST_F(StartHistoryTest, CountsStartsThatCrashed) {
   for (int i = 0; i < 7; ++i)
-    EXPECT_EQ(StartHistory(folder, seconds(1000 + i)).failures(), i) << "nobody said goodbye";
+    EXPECT_EQ(StartHistory(folder, seconds(1000 + i)).failures(), i) << "none ended in order";
 }
 
 TEST_F(StartHistoryTest, CountsStartsThatFailedAndKeepsTheReason) {

@@ -67,7 +67,7 @@ TEST_F(SlotTableTest, ShutsTheSlotOfARendererThatMayStillWrite) {
   EXPECT_EQ(slot_table_.end_connection(RendererFate::MayLive), 1);
   EXPECT_EQ(slot_table_.shut(), 1);
   slot_table_.begin_connection({});
-  EXPECT_FALSE(take_free_slot(table_[1], slot_table_.epoch())) << "nobody gets it meanwhile";
+  EXPECT_FALSE(take_free_slot(table_[1], slot_table_.epoch())) << "no renderer gets it meanwhile";
   EXPECT_TRUE(publish_slot(table_[1], 1, 0, 0)) << "the old renderer comes back from its sleep";
   EXPECT_EQ(pull(), PullStatus::NotYet) << "and is ignored";
   EXPECT_EQ(slot_table_.violations(), 0u);
