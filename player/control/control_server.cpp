@@ -79,15 +79,18 @@ ControlCounts ControlServer::counts() const {
 
 /// Runs the server loop. An exception here must not end the playback.
 void ControlServer::serve() noexcept {
-  while (!stopping_.load()) {
+  const auto guarded = [this](void (ControlServer::*step)()) {
     try {
-      serve_once();
+      (this->*step)();
     } catch (const std::exception& error) {
       say("control: {}\n", error.what());
       for (const auto& client : clients_) client->dead = true;
     }
     std::erase_if(clients_, [](const auto& client) { return client->dead; });
-  }
+  };
+  while (!stopping_.load()) guarded(&ControlServer::serve_once);
+  // The last answers, for example that of the request that ends the player.
+  guarded(&ControlServer::take_inbox);
   for (const auto& client : clients_) flush(*client);
 }
 

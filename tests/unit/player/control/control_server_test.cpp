@@ -42,7 +42,12 @@ class FakePlayer final : public ControlTarget {
       later_.push_back(std::move(answer));
     else
       answer(ordered_json{{"verb", verb_name(request.verb)}, {"filler", filler_}});
+    if (request.verb != ControlVerb::Quit) return;
+    quits_.store(true);
+    // The server's end begins before its thread looks for the answer.
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }
+  [[nodiscard]] bool quits() const { return quits_.load(); }
   [[nodiscard]] std::vector<std::string> verbs() const {
     const std::lock_guard lock(mutex_);
     return verbs_;
@@ -70,6 +75,7 @@ class FakePlayer final : public ControlTarget {
   std::vector<std::string> verbs_;
   std::vector<std::function<void(ControlAnswer)>> later_;
   ControlRights rights_ = ControlRights::None;
+  std::atomic<bool> quits_ = false;
   std::string filler_;
   std::shared_ptr<const UniqueFd> descriptor_;
 };
@@ -414,6 +420,17 @@ TEST_F(ControlSocket, LateAnswersArriveUnlessTheirClientIsGone) {
   const auto late = stays.receive(kTimeout);
   ASSERT_TRUE(late);
   EXPECT_EQ((*late)["id"], 2);
+}
+
+TEST_F(ControlSocket, TheAnswerToTheRequestThatEndsTheServerArrives) {
+  serve();
+  ControlClient one = client();
+  one.send({{"do", "quit"}});
+  ASSERT_TRUE(within_timeout([&] { return player.quits(); }));
+  server.reset();
+  const auto answer = one.receive(kTimeout);
+  ASSERT_TRUE(answer);
+  EXPECT_EQ((*answer)["verb"], "quit");
 }
 
 TEST_F(ControlSocket, AnswersAfterTheServersEndAreDropped) {
