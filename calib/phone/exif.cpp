@@ -82,4 +82,10 @@ std::optional<double> stated_focal_35mm(const std::filesystem::path& file) {
   return stated_focal_35mm(std::span<const uint8_t>(bytes));
 }
 
+Estimate focal_of_film(double focal_35mm, int longer_side_px) {
+  constexpr double kFilmMm = 36.0, kSigma = 0.03;
+  const double focal = focal_35mm / kFilmMm * longer_side_px;
+  return {focal, kSigma * focal};
+}
+
 }  // namespace lenticule::calib

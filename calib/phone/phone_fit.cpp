@@ -208,8 +208,8 @@ class Joint {
     search_gap();
   }
 
-  /// Tries gaps within 30 %: at the right one the phases of all photographs agree with one offset,
-  /// whatever whole lenses lie between them.
+  /// Tries gaps within 30 %. At the right one a single offset explains the phases of all
+  /// photographs up to whole lenses.
   void search_gap() {
     constexpr int kSteps = 60;
     const double start = start_.values[kGap];

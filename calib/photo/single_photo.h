@@ -20,12 +20,11 @@ struct PhotoFindings {
   int averaged = 1;     ///< side of the square of its pixels that became one pixel below
   int width = 0;        ///< size of the averaged picture
   int height = 0;
-  std::vector<TagSighting> tags;    ///< in pixels of the averaged picture
+  std::vector<TagSighting> tags;    ///< corners are in pixels of the averaged picture
   std::optional<PhotoPose> pose;    ///< from this photograph alone
   optics::Rig rig;                  ///< pitch, slant, offset and map for this pose alone
   std::vector<FringeBlock> blocks;  ///< deviations from that rig
-  int columns = 0;                  ///< of the grid of blocks over the panel
-  int rows = 0;
+  int columns = 0, rows = 0;        ///< numbers of blocks across and down the panel
   double contrast = 0.0;
   double covered = 0.0;
 };

@@ -10,6 +10,7 @@
 #include "calib/photo/tag_chart.h"
 #include "optics/rig_file.h"
 #include "program.h"
+#include "tests/support/small_workshop.h"
 
 namespace lenticule::test {
 namespace {
@@ -22,16 +23,6 @@ class PhoneCommand : public CommandTest {
     // A start that is more than 1 % off changes the chart after the first photograph.
     workshop_.start.sheet.pitch = Subpixels(1.004 * workshop_.build.pitch_subpx);
     optics::save_rig(workshop_.start, path("start.toml"));
-  }
-  static phone_bench::WorkshopLimits limits() {
-    phone_bench::WorkshopLimits limits;
-    limits.panel_width = 1920;
-    limits.diagonal_inches = 24.0;
-    limits.phone_width = 3200;
-    limits.least_pitch_subpx = 4.0;
-    limits.most_pitch_subpx = 5.0;
-    limits.shots = 6;
-    return limits;
   }
   void photograph_all() const {
     const frames::WovenFrame shown = calib::draw_single_photo_chart(
@@ -57,7 +48,7 @@ class PhoneCommand : public CommandTest {
     return run(all, limits);
   }
 
-  phone_bench::Workshop workshop_ = phone_bench::draw_workshop(101, limits());
+  phone_bench::Workshop workshop_ = phone_bench::draw_workshop(101, small_workshop(6));
   phone_bench::LensSection sheet_{workshop_.build, workshop_.start.panel};
 };
 

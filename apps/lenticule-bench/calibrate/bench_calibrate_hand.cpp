@@ -27,7 +27,7 @@ json json_of(uint64_t seed, const HandTrial& trial, const HandResult& result) {
           {"error_lenses", result.error_lenses},
           {"stated_lenses", result.stated_lenses},
           {"reasons", result.reasons},
-          {"fit_seconds", result.computing_seconds}};
+          {"fit_seconds", result.fit_seconds}};
 }
 
 void print_result(const json& row) {

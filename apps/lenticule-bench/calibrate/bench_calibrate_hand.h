@@ -21,7 +21,7 @@ struct CalibrateHandFlags {
   bool json = false;
 };
 
-/// Returns kQuality if a result is wrong without a warning.
+/// Returns kQuality if a wrong result is accepted.
 ExitCode run_calibrate_hand(const CalibrateHandFlags& flags);
 
 }  // namespace lenticule::player

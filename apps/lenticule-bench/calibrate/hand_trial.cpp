@@ -1,24 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/lenticule-bench/calibrate/hand_trial.h"
 
-#include <chrono>
-
+#include "calib/phone/exif.h"
 #include "frames/srgb.h"
 
 namespace lenticule::phone_bench {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point began) {
-  return std::chrono::duration<double>(Clock::now() - began).count();
-}
-
-/// EXIF states whole millimetres, which phones choose generously.
-calib::Estimate stated_focal(const Photo& photo) {
-  constexpr double kFilmMm = 36.0, kSigma = 0.03;
-  const double focal = photo.stated_focal_35mm / kFilmMm * photo.width;
-  return {focal, kSigma * focal};
+/// Returns a photograph in linear light, as a reader decodes its codes.
+calib::CameraPicture picture_of(const Photo& photo) {
+  calib::CameraPicture picture;
+  picture.width = photo.width;
+  picture.height = photo.height;
+  picture.channels = 3;
+  picture.light.reserve(photo.codes.size());
+  for (const uint8_t code : photo.codes)
+    picture.light.push_back(static_cast<float>(frames::linear_of_codes()[code]));
+  return picture;
 }
 
 }  // namespace
@@ -33,17 +31,6 @@ const char* to_string(HandOutcome outcome) {
       return "WRONG";
   }
   return "";
-}
-
-calib::CameraPicture picture_of(const Photo& photo) {
-  calib::CameraPicture picture;
-  picture.width = photo.width;
-  picture.height = photo.height;
-  picture.channels = 3;
-  picture.light.reserve(photo.codes.size());
-  for (const uint8_t code : photo.codes)
-    picture.light.push_back(static_cast<float>(frames::linear_of_codes()[code]));
-  return picture;
 }
 
 HandTrial::HandTrial(uint64_t seed, const WorkshopLimits& limits)
@@ -64,12 +51,10 @@ void HandTrial::take(const Shot& shot) {
   const frames::WovenFrame shown = draw_single_photo_chart(chart_);
   Photo photo = photograph(sheet_, shown.view(), workshop_.phone, shot);
   round_trip(photo, workshop_.phone.jpeg_quality);
-  focal_px_ = stated_focal(photo);
-  const auto began = Clock::now();
+  focal_px_ = calib::focal_of_film(photo.stated_focal_35mm, photo.width);
   photos_.push_back({.name = "photograph " + std::to_string(photos_.size() + 1),
                      .findings = calib::measure_photo(picture_of(photo), chart_,
                                                       calib::hand_held_priors(chart_, focal_px_))});
-  measuring_seconds_ += seconds_since(began);
 }
 
 double HandTrial::error_of(const optics::Rig& rig) const {
@@ -77,15 +62,12 @@ double HandTrial::error_of(const optics::Rig& rig) const {
 }
 
 HandResult HandTrial::calibrate(int photographs) const {
-  return calibrate({photos_.begin(), photos_.begin() + photographs});
-}
-
-HandResult HandTrial::calibrate(const std::vector<calib::PhonePhoto>& photos) const {
-  const calib::Calibration found = calib::calibrate_phone(photos, chart_, focal_px_);
+  const calib::Calibration found =
+      calib::calibrate_phone({photos_.begin(), photos_.begin() + photographs}, chart_, focal_px_);
   HandResult out;
-  out.photographs = static_cast<int>(photos.size());
+  out.photographs = photographs;
   out.reasons = found.reasons;
-  out.computing_seconds = found.seconds_computing;
+  out.fit_seconds = found.seconds_computing;
   out.fitted = !found.viewpoints.empty();
   if (!out.fitted) return out;
   out.error_lenses = error_of(found.rig);

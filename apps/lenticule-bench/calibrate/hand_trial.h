@@ -24,9 +24,9 @@ struct HandResult {
   HandOutcome outcome = HandOutcome::Refused;
   bool fitted = false;         ///< the fit gave a rig, accepted or not
   double error_lenses = 0.0;   ///< worst_error() of that rig
-  double stated_lenses = 0.0;  ///< two standard errors at the worst place
+  double stated_lenses = 0.0;  ///< largest error that the calibration states
   std::vector<std::string> reasons;
-  double computing_seconds = 0.0;  ///< of the joint fit
+  double fit_seconds = 0.0;  ///< time of the joint fit
 };
 
 /// HandTrial takes the photographs of one workshop and measures each once.
@@ -43,14 +43,11 @@ class HandTrial {
   [[nodiscard]] const calib::SinglePhotoChart& chart() const { return chart_; }
   [[nodiscard]] const std::vector<calib::PhonePhoto>& photos() const { return photos_; }
   [[nodiscard]] const calib::Estimate& focal_px() const { return focal_px_; }
-  [[nodiscard]] double measuring_seconds() const { return measuring_seconds_; }
 
   /// Returns the largest phase error of a rig over the panel, for the judged eyes.
   [[nodiscard]] double error_of(const optics::Rig& rig) const;
   /// Calibrates from the first photographs.
   [[nodiscard]] HandResult calibrate(int photographs) const;
-  /// Calibrates from any photographs.
-  [[nodiscard]] HandResult calibrate(const std::vector<calib::PhonePhoto>& photos) const;
 
  private:
   void take(const Shot& shot);
@@ -60,10 +57,6 @@ class HandTrial {
   calib::SinglePhotoChart chart_;
   std::vector<calib::PhonePhoto> photos_;
   calib::Estimate focal_px_;
-  double measuring_seconds_ = 0.0;
 };
-
-/// Returns a photograph in linear light, as a reader decodes its codes.
-[[nodiscard]] calib::CameraPicture picture_of(const Photo& photo);
 
 }  // namespace lenticule::phone_bench

@@ -15,11 +15,9 @@ namespace {
 calib::Estimate focal_of(std::optional<double> given_px, const std::filesystem::path& file,
                          int longer_side) {
   if (given_px) return {*given_px, 0.02 * *given_px};
-  constexpr double kFilmMm = 36.0, kUsual = 0.75, kUsualSigma = 0.15, kStatedSigma = 0.03;
-  if (const auto stated = calib::stated_focal_35mm(file)) {
-    const double focal = *stated / kFilmMm * longer_side;
-    return {focal, kStatedSigma * focal};
-  }
+  if (const auto stated = calib::stated_focal_35mm(file))
+    return calib::focal_of_film(*stated, longer_side);
+  constexpr double kUsual = 0.75, kUsualSigma = 0.15;
   return {kUsual * longer_side, kUsualSigma * longer_side};
 }
 

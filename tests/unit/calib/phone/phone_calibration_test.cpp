@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "apps/lenticule-bench/calibrate/hand_trial.h"
+#include "tests/support/small_workshop.h"
 
 namespace lenticule::calib {
 namespace {
@@ -20,23 +21,12 @@ using phone_bench::HandTrial;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-phone_bench::WorkshopLimits small_panel(int shots) {
-  phone_bench::WorkshopLimits limits;
-  limits.panel_width = 1920;
-  limits.diagonal_inches = 24.0;
-  limits.phone_width = 3200;
-  limits.least_pitch_subpx = 4.0;
-  limits.most_pitch_subpx = 5.0;
-  limits.shots = shots;
-  return limits;
-}
-
 Calibration calibrate(const HandTrial& trial, const std::vector<PhonePhoto>& photos) {
   return calibrate_phone(photos, trial.chart(), trial.focal_px());
 }
 
 TEST(PhoneCalibration, FindsTheSheetForEveryEye) {
-  const HandTrial trial(101, small_panel(6));
+  const HandTrial trial(101, test::small_workshop(6));
   for (const PhonePhoto& photo : trial.photos()) EXPECT_EQ(photo.findings.refusal, "");
   const Calibration found = calibrate(trial, trial.photos());
   EXPECT_EQ(found.verdict, Verdict::Intrinsic) << ::testing::PrintToString(found.reasons);
@@ -58,7 +48,7 @@ TEST(PhoneCalibration, FindsTheSheetForEveryEye) {
 }
 
 TEST(PhoneCalibration, PhotographsThatContradictEachOtherAreRefusedAndNamed) {
-  const HandTrial trial(4, small_panel(3));
+  const HandTrial trial(4, test::small_workshop(3));
   const auto reasons = [&](const auto& change) {
     std::vector<PhonePhoto> photos = trial.photos();
     change(photos[1].findings);
@@ -90,7 +80,7 @@ TEST(PhoneCalibration, OnePhotographIsNotEnough) {
   photos[0].name = "photograph 1";
   photos[1].name = "photograph 2";
   photos[1].findings.refusal = "only 2 of 9 tags were found";
-  const phone_bench::Workshop workshop = draw_workshop(4, small_panel(1));
+  const phone_bench::Workshop workshop = draw_workshop(4, test::small_workshop(1));
   const Calibration found =
       calibrate_phone(photos, plan_single_photo_chart(workshop.start), {2400.0, 72.0});
   EXPECT_EQ(found.verdict, Verdict::Refused);
@@ -100,7 +90,7 @@ TEST(PhoneCalibration, OnePhotographIsNotEnough) {
 
 // A start that is 3 % off leaves a kind of band without fringes.
 TEST(PhoneCalibration, AsksForABetterStartIfThePitchIsFarOff) {
-  const HandTrial trial(4, small_panel(1));
+  const HandTrial trial(4, test::small_workshop(1));
   const PhotoFindings& seen = trial.photos()[0].findings;
   EXPECT_FALSE(better_start(seen, trial.chart()));
   SinglePhotoChart far = trial.chart();
@@ -121,7 +111,7 @@ TEST(PhoneWorkshops, MostAreRightAndNoneIsWrong) {
   const uint64_t count = number("LENTICULE_PHONE_WORKSHOPS", 3);
   uint64_t right = 0;
   for (uint64_t seed = first; seed < first + count; ++seed) {
-    const HandTrial trial(seed, small_panel(6));
+    const HandTrial trial(seed, test::small_workshop(6));
     const HandResult result = trial.calibrate(6);
     fmt::print("workshop {}: {}, error {:.4f}, stated {:.4f} lens {}\n", seed,
                to_string(result.outcome), result.error_lenses, result.stated_lenses,

@@ -65,7 +65,7 @@ TEST_P(KnownLight, RecordingNotesChangesNoByte) {
   }
 }
 
-/// What is known of the lights saves rays, and the light stays the same.
+/// Known lights save rays and leave the light as it is.
 TEST_P(KnownLight, SavesRaysAndChangesNoLight) {
   std::mt19937_64 random(6);
   uint64_t saved = 0;
