@@ -41,10 +41,12 @@ ImageFormat writable_format(const std::filesystem::path& file) {
 class InThisProcess final : public PictureFileReader {
  public:
   PictureInfo probe(const std::filesystem::path& file) const override {
-    return picture_codec().probe(read_whole_file(file, kMaxFileBytes), file.string());
+    const auto bytes = read_whole_file(file, kMaxFileBytes);
+    return picture_codec(bytes).probe(bytes, file.string());
   }
   void read(const std::filesystem::path& file, PictureSink& sink) const override {
-    picture_codec().decode_codes(read_whole_file(file, kMaxFileBytes), file.string(), sink);
+    const auto bytes = read_whole_file(file, kMaxFileBytes);
+    picture_codec(bytes).decode_codes(bytes, file.string(), sink);
   }
 };
 
@@ -188,13 +190,12 @@ void turn_upright(std::span<const uint8_t> stored, const FrameGeometry& geometry
 }
 
 TextureImage read_texture(const std::filesystem::path& file, TextureContent content) {
-  return picture_codec().decode_texture(read_whole_file(file, kMaxFileBytes), file.string(),
-                                        content);
+  return read_texture(read_whole_file(file, kMaxFileBytes), file.string(), content);
 }
 
 TextureImage read_texture(std::span<const uint8_t> encoded, const std::string& name,
                           TextureContent content) {
-  return picture_codec().decode_texture(encoded, name, content);
+  return picture_codec(encoded).decode_texture(encoded, name, content);
 }
 
 FloatImage floats_of(TextureImage image, TextureContent content) {
@@ -221,7 +222,7 @@ void write_woven(const FrameView& frame, const std::filesystem::path& file) {
     throw Error(ErrorKind::Failed,
                 fmt::format("{}: only 8-bit RGB frames can be written", file.string()));
   LENTICULE_CHECK(frame.bytes.size() == frame.geometry.frame_bytes());
-  write_file_atomically(file, picture_codec().encode(frame, format, file.string()));
+  write_file_atomically(file, picture_codec(format).encode(frame, format, file.string()));
 }
 
 }  // namespace lenticule::frames

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "base/error.h"
+#include "frames/png_codec.h"
 
 namespace lenticule::frames {
 namespace {
@@ -14,8 +15,9 @@ namespace {
 constexpr const char* kModule = LENTICULE_PICTURES_MODULE;
 
 [[noreturn]] void fail(const std::string& cause) {
-  throw Error(ErrorKind::Failed, fmt::format("{}: cannot be used: {}", kModule, cause),
-              "install the package lenticule-media of the same version, which reads pictures");
+  throw Error(
+      ErrorKind::Failed, fmt::format("{}: cannot be used: {}", kModule, cause),
+      "install the package lenticule-media of the same version, which reads pictures, or use PNG");
 }
 
 std::string loader_message() {
@@ -36,9 +38,14 @@ const PictureCodec& load() {
 
 }  // namespace
 
-const PictureCodec& picture_codec() {
+const PictureCodec& picture_codec(ImageFormat format) {
+  if (format == ImageFormat::Png) return png_codec();
   static const PictureCodec& codec = load();
   return codec;
+}
+
+const PictureCodec& picture_codec(std::span<const uint8_t> bytes) {
+  return picture_codec(detect_format(bytes, {}));
 }
 
 }  // namespace lenticule::frames

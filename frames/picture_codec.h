@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// PictureCodec decodes and encodes pictures. It is a lazily loaded library (frames/pictures),
-// loaded when the first picture is read or written: loading OpenImageIO and its dependencies takes
-// longer than a player takes to show its first frame, and a player of a ring does not need them.
+// PictureCodec decodes and encodes pictures. PNG is part of the program (frames/png_codec.h). Other
+// formats are in a library (frames/pictures) that is loaded when the first such picture is read or
+// written: loading OpenImageIO and its dependencies takes longer than a player takes to show its
+// first frame.
 #pragma once
 
 #include <cstdint>
@@ -28,9 +29,9 @@ class PictureSink {
   [[nodiscard]] virtual std::span<uint8_t> rows(int y, int rows) = 0;
 };
 
-/// PictureCodec is the interface between the program and the lazily loaded library; both come from
-/// the same build. Every function throws the Error that its caller in image_io.h documents. `name`
-/// is for messages.
+/// PictureCodec is also the interface between the program and the lazily loaded library, which come
+/// from the same build. Every function throws the Error that its caller in image_io.h documents.
+/// `name` is for messages.
 ///
 /// Thread safety: any thread.
 class PictureCodec {
@@ -48,11 +49,13 @@ class PictureCodec {
                                                     const std::string& name) const = 0;
 };
 
-/// Returns the codec, loaded on the first call and never unloaded. Throws Error(Failed) with the
-/// library's name and the loader's message.
+/// Returns the codec of a format, and of the picture that begins with `bytes`. That of all formats
+/// but PNG is loaded on the first call and never unloaded. Throws Error(Failed) with the library's
+/// name and the loader's message.
 ///
 /// Thread safety: any thread.
-[[nodiscard]] const PictureCodec& picture_codec();
+[[nodiscard]] const PictureCodec& picture_codec(ImageFormat format);
+[[nodiscard]] const PictureCodec& picture_codec(std::span<const uint8_t> bytes);
 
 /// Type and name of the function that the library exports. The function returns null for a
 /// `version` that is not its own.

@@ -27,4 +27,18 @@ namespace lenticule::frames {
 /// black.
 [[nodiscard]] uint8_t code_from_linear(double linear);
 
+/// Returns the code value nearest to a value of 16 bits: 65535 = 257 * 255, and 257 is odd, so no
+/// value lies half way between two codes.
+[[nodiscard]] inline uint8_t code_from_16_bits(uint16_t value) {
+  return static_cast<uint8_t>((value + 128) / 257);
+}
+/// Returns a value of 16 bits as a part of the largest one.
+[[nodiscard]] inline float fraction_of_16_bits(uint16_t value) {
+  return static_cast<float>(value) / 65535.0F;
+}
+/// Returns the linear light of an encoded value of 16 bits.
+[[nodiscard]] inline float linear_from_16_bits(uint16_t value) {
+  return static_cast<float>(linear_from_srgb(value / 65535.0));
+}
+
 }  // namespace lenticule::frames

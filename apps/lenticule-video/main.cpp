@@ -72,9 +72,10 @@ Run declare_encode(CLI::App& app) {
 }
 
 Run declare_pictures(CLI::App& app) {
-  const auto parent = std::make_shared<pid_t>(0);
-  app.add_option("--parent", *parent, "exit when this process ends");
-  return [parent] { return run_pictures(*parent); };
+  const auto request = std::make_shared<PicturesRequest>();
+  app.add_option("--parent", request->parent, "exit when this process ends");
+  app.add_flag("--png", request->png_only, "read PNG only, without loading other decoders");
+  return [request] { return run_pictures(*request); };
 }
 
 }  // namespace

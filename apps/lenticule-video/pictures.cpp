@@ -161,11 +161,11 @@ void serve(const Received& received, std::span<uint8_t> memory) {
   const std::vector<uint8_t> bytes = bytes_of(received);
   const std::string name = name_of(received.message);
   if (received.message.request == PictureRequest::Probe) {
-    send(header_of(frames::picture_codec().probe(bytes, name)));
+    send(header_of(frames::picture_codec(bytes).probe(bytes, name)));
     return;
   }
   RowsToPlayer sink(memory);
-  frames::picture_codec().decode_codes(bytes, name, sink);
+  frames::picture_codec(bytes).decode_codes(bytes, name, sink);
   sink.finish();
   send({.reply = PictureReply::Done});
 }
@@ -191,19 +191,20 @@ std::span<uint8_t> map_memory() {
 void warm_up() {
   constexpr std::string_view kPixel = "P6\n1 1\n255\nabc";
   const std::span bytes(reinterpret_cast<const uint8_t*>(kPixel.data()), kPixel.size());
-  (void)frames::picture_codec().probe(bytes, "pixel.ppm");
+  (void)frames::picture_codec(bytes).probe(bytes, "pixel.ppm");
 }
 
 }  // namespace
 
-int run_pictures(pid_t parent) {
+int run_pictures(const PicturesRequest& request) {
+  const pid_t parent = request.parent;
   if (parent > 0 && !die_with(parent)) return 1;
   volunteer_for_oom();
   // Makes malloc return a large picture's memory to the system.
   (void)::mallopt(M_MMAP_THRESHOLD, 1 << 20);
   (void)::mallopt(M_ARENA_MAX, 1);
   const std::span<uint8_t> memory = map_memory();
-  warm_up();
+  if (!request.png_only) warm_up();
   confine(kPictureMemoryLimit, parent, kDescriptors);
   send({.reply = PictureReply::Idle});
   try {

@@ -34,8 +34,12 @@ struct DecodeRequest {
 };
 [[nodiscard]] int run_decode(const DecodeRequest& request);
 
-/// Decodes pictures for `parent`; see picture_messages.h.
-[[nodiscard]] int run_pictures(pid_t parent);
+struct PicturesRequest {
+  pid_t parent = 0;
+  bool png_only = false;
+};
+/// Decodes pictures for the process `parent`; see picture_messages.h.
+[[nodiscard]] int run_pictures(const PicturesRequest& request);
 
 struct EncodeRequest {
   std::string file;  ///< "-" is standard output, which must be a file

@@ -6,48 +6,17 @@
 #include <string_view>
 #include <vector>
 
+#include "frames/exif_tags.h"
+
 namespace lenticule::calib {
 namespace {
 
-/// Tiff reads numbers of a TIFF block in either byte order; beyond its end everything is 0.
-class Tiff {
- public:
-  explicit Tiff(std::span<const uint8_t> bytes)
-      : bytes_(bytes), big_(bytes.size() >= 2 && bytes[0] == 'M') {}
-  [[nodiscard]] uint32_t number(size_t at, size_t count) const {
-    if (at > bytes_.size() || count > bytes_.size() - at) return 0;
-    uint32_t value = 0;
-    for (size_t k = 0; k < count; ++k) value = value << 8 | bytes_[at + (big_ ? k : count - 1 - k)];
-    return value;
-  }
-  /// Returns the value of a tag in the directory at `at`, for the types short and long.
-  [[nodiscard]] std::optional<uint32_t> value(size_t at, uint32_t tag) const {
-    constexpr size_t kEntry = 12;
-    constexpr uint32_t kShort = 3, kLong = 4;
-    const uint32_t count = number(at, 2);
-    for (uint32_t k = 0; k < count; ++k) {
-      const size_t entry = at + 2 + kEntry * k;
-      if (entry + kEntry > bytes_.size()) return std::nullopt;
-      if (number(entry, 2) != tag) continue;
-      const uint32_t type = number(entry + 2, 2);
-      if (type == kShort) return number(entry + 8, 2);
-      if (type == kLong) return number(entry + 8, 4);
-      return std::nullopt;
-    }
-    return std::nullopt;
-  }
-
- private:
-  std::span<const uint8_t> bytes_;
-  bool big_;
-};
-
 std::optional<double> focal_in(std::span<const uint8_t> block) {
   constexpr uint32_t kExifDirectory = 0x8769, kFocalIn35mm = 0xa405;
-  const Tiff tiff(block);
-  const auto directory = tiff.value(tiff.number(4, 4), kExifDirectory);
+  const frames::ExifTags tags(block);
+  const auto directory = tags.value(tags.first_directory(), kExifDirectory);
   if (!directory) return std::nullopt;
-  const auto focal = tiff.value(*directory, kFocalIn35mm);
+  const auto focal = tags.value(*directory, kFocalIn35mm);
   // 0 means unknown.
   if (!focal || *focal == 0 || *focal > 10000) return std::nullopt;
   return static_cast<double>(*focal);

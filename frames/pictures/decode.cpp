@@ -14,6 +14,7 @@
 
 #include "base/error.h"
 #include "frames/image_format.h"
+#include "frames/picture_limits.h"
 #include "frames/pictures/oiio_setup.h"
 #include "frames/srgb.h"
 
@@ -85,11 +86,10 @@ class PictureReader {
     // glTF has textures in WebP; frames are not read from that format.
     if (format_ == ImageFormat::WebP && max_pixels != kMaxTexturePixels)
       fail("WebP pictures are read as textures only; convert it to PNG");
-    // Checked before any decoder runs: libpng would print a message on standard error.
     if (!reaches_end_mark(format_, bytes)) fail("truncated");
     if (!header_fits(format_, bytes)) fail("its header states more bytes than the file has");
     open();
-    check_header(bytes.size(), max_pixels);
+    check_header(max_pixels);
   }
 
   [[nodiscard]] int width() const { return spec().width; }
@@ -145,14 +145,13 @@ class PictureReader {
   /// Returns the pixel aspect, from pixels per length in formats that state them. Returns 1 for
   /// implausible tags.
   [[nodiscard]] double pixel_aspect() const {
-    constexpr double kMost = 16.0;
     const float across = spec().get_float_attribute("XResolution", 0.0f);
     const float down = spec().get_float_attribute("YResolution", 0.0f);
     const double aspect =
         across > 0.0f && down > 0.0f && format_ != ImageFormat::Exr
             ? static_cast<double>(down) / static_cast<double>(across)
             : static_cast<double>(spec().get_float_attribute("PixelAspectRatio", 1.0f));
-    return aspect > 1.0 / kMost && aspect < kMost ? aspect : 1.0;
+    return plausible_pixel_aspect(aspect);
   }
 
   void open() {
@@ -166,24 +165,15 @@ class PictureReader {
     if (!input_->open(name_, ignored, config)) fail_decoding();
   }
 
-  void check_header(uint64_t file_bytes, uint64_t max_pixels) {
+  void check_header(uint64_t max_pixels) {
     const OIIO::ImageSpec& s = spec();
     if (s.width < 1 || s.height < 1 || s.depth > 1 || s.nchannels < 1 || s.deep)
       fail("not a two-dimensional picture with pixels");
-    if (s.width > kMaxImageSide || s.height > kMaxImageSide)
-      fail(fmt::format("{} x {} pixels, the limit is {} per side", s.width, s.height,
-                       kMaxImageSide));
-    const uint64_t pixels = static_cast<uint64_t>(s.width) * static_cast<uint64_t>(s.height);
-    if (pixels > max_pixels)
-      fail(fmt::format("{} x {} pixels, the limit is {} million", s.width, s.height,
-                       max_pixels >> 20));
+    check_picture_size(name_, static_cast<uint64_t>(s.width), static_cast<uint64_t>(s.height),
+                       max_pixels);
     if (s.tile_width > kMaxImageSide || s.tile_height > kMaxImageSide ||
         s.tile_bytes() > (size_t{1} << 28))
       fail("tile size out of range");
-    // Deflate shrinks at most 1032-fold: fewer bytes cannot hold the picture.
-    constexpr uint64_t kMaxDeflateRatio = 1032;
-    if (format_ == ImageFormat::Png && file_bytes * kMaxDeflateRatio < pixels / 8)
-      fail("truncated");
     const auto sample = sample_of(s);
     if (!sample) fail("its samples are neither integers of 8 or 16 bits nor floats");
     sample_ = *sample;
@@ -244,12 +234,6 @@ void convert_band(const Band& band, int width, Target* out, int per_pixel, Conve
   for (size_t p = 0; p < pixels; ++p, in += band.channels, out += per_pixel) convert(in, out);
 }
 
-/// Rounds to the nearest code: 65535 = 257 * 255, and 257 is odd, so no value lies half way between
-/// two codes.
-uint8_t code_from_16_bits(uint16_t v) {
-  return static_cast<uint8_t>((v + 128) / 257);
-}
-
 void codes_from_band(const Band& band, int width, uint8_t* out) {
   const int r = band.colour_channel(0), g = band.colour_channel(1), b = band.colour_channel(2);
   const auto with = [=](auto code) {
@@ -270,10 +254,6 @@ void codes_from_band(const Band& band, int width, uint8_t* out) {
   }
 }
 
-float fraction(uint16_t v) {
-  return float(v) / 65535.0f;
-}
-
 void texels_from_band(const Band& band, int width, int alpha, TextureContent content, float* out) {
   const int r = band.colour_channel(0), g = band.colour_channel(1), b = band.colour_channel(2);
   const auto with = [=](auto light, auto coverage) {
@@ -288,13 +268,11 @@ void texels_from_band(const Band& band, int width, int alpha, TextureContent con
     case Sample::U8:
       break;  // texel_codes_from_band()
     case Sample::U16: {
-      const auto share = [](uint16_t v) { return fraction(v); };
       if (content == TextureContent::Data)
-        return convert_band<uint16_t>(band, width, out, 4, with(share, share));
-      const auto light = [](uint16_t v) {
-        return static_cast<float>(linear_from_srgb(v / 65535.0));
-      };
-      return convert_band<uint16_t>(band, width, out, 4, with(light, share));
+        return convert_band<uint16_t>(band, width, out, 4,
+                                      with(fraction_of_16_bits, fraction_of_16_bits));
+      return convert_band<uint16_t>(band, width, out, 4,
+                                    with(linear_from_16_bits, fraction_of_16_bits));
     }
     case Sample::F32: {
       const auto same = [](float v) { return v; };

@@ -18,18 +18,9 @@
 namespace lenticule::frames::pictures {
 namespace {
 
-/// Frames of a sequence are written more often than they are stored. In a woven frame the
-/// neighbours to the left belong to other views; the row above is the same picture shifted by the
-/// slant. On a 4K frame this combination is the fastest and gives the smallest file of the fast
-/// ones (docs/frames.md).
-constexpr int kPngCompressionLevel = 1;
-constexpr int kPngFilterUp = 32;
-
 OIIO::ImageSpec output_spec(const FrameGeometry& geometry, ImageFormat format) {
   OIIO::ImageSpec spec(geometry.width, geometry.height, 3,
                        format == ImageFormat::Exr ? OIIO::TypeDesc::HALF : OIIO::TypeDesc::UINT8);
-  spec.attribute("png:compressionLevel", kPngCompressionLevel);
-  spec.attribute("png:filter", kPngFilterUp);
   spec.attribute("oiio:dither", 0);
   if (format == ImageFormat::Tiff) spec.attribute("compression", "lzw");
   if (format == ImageFormat::Exr) spec.attribute("compression", "zip");

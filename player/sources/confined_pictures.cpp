@@ -18,6 +18,7 @@
 #include <mutex>
 #include <optional>
 #include <span>
+#include <string>
 #include <thread>
 #include <utility>
 
@@ -26,6 +27,7 @@
 #include "base/subprocess.h"
 #include "base/text.h"
 #include "base/unique_fd.h"
+#include "frames/image_format.h"
 #include "frames/pictures/picture_messages.h"
 #include "player/process/interrupt.h"
 #include "player/sources/video_program.h"
@@ -82,20 +84,40 @@ class SharedMemory {
   void* memory_ = nullptr;
 };
 
+/// What a decoder reads. One for PNG only starts in a hundredth of the time.
+enum class Formats { Png, All };
+
+Formats formats_for(const std::filesystem::path& file) {
+  constexpr size_t kSignature = 8;
+  std::array<uint8_t, kSignature> begin{};
+  try {
+    const OpenedFile opened = open_regular_file(file, wire::kPictureFileLimit);
+    if (pread(opened.descriptor.get(), begin.data(), begin.size(), 0) != ssize_t{kSignature})
+      return Formats::All;
+  } catch (const Error&) {
+    return Formats::Png;  // a decoder is not to read it: begin() reports the error
+  }
+  const bool is_png = frames::detect_format(begin, {}) == frames::ImageFormat::Png;
+  return is_png ? Formats::Png : Formats::All;
+}
+
 /// Decoder is one decoder process. Thread safety: one thread at a time.
 class Decoder {
  public:
   /// Call it on a thread that outlives the process, because the kernel kills the process when that
   /// thread ends.
-  Decoder(const std::filesystem::path& program, const PictureLimits& limits) : limits_(limits) {
+  Decoder(const std::filesystem::path& program, const PictureLimits& limits, Formats formats)
+      : limits_(limits) {
     std::array<int, 2> ends{};
     if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends.data()) != 0)
       throw no_decoder(errno);
     socket_ = UniqueFd(ends[0]);
     const UniqueFd theirs(ends[1]);
-    process_ =
-        Subprocess({program.string(), "pictures", "--parent", std::to_string(getpid())},
-                   {{theirs.get(), wire::kPictureSocket}, {memory_.fd(), wire::kPictureMemory}});
+    std::vector<std::string> command = {program.string(), "pictures", "--parent",
+                                        std::to_string(getpid())};
+    if (formats == Formats::Png) command.emplace_back("--png");
+    process_ = Subprocess(
+        command, {{theirs.get(), wire::kPictureSocket}, {memory_.fd(), wire::kPictureMemory}});
   }
 
   [[nodiscard]] pid_t pid() const { return process_.pid(); }
@@ -315,11 +337,12 @@ class Decoder {
 
 }  // namespace
 
-/// Pool keeps idle decoders. It starts them on its own thread, which lives as long as they do.
+/// Pool keeps idle decoders of one kind. It starts them on its own thread, which lives as long as
+/// they do.
 class ConfinedPictures::Pool {
  public:
-  Pool(std::filesystem::path program, const PictureLimits& limits)
-      : program_(std::move(program)), limits_(limits) {}
+  Pool(std::filesystem::path program, const PictureLimits& limits, Formats formats)
+      : program_(std::move(program)), limits_(limits), formats_(formats) {}
   ~Pool() {
     {
       const std::lock_guard lock(mutex_);
@@ -361,11 +384,6 @@ class ConfinedPictures::Pool {
     changed_.notify_all();
   }
 
-  void prepare() {
-    const std::lock_guard lock(mutex_);
-    if (idle_.empty() && coming_ == 0) order();
-  }
-
   std::vector<pid_t> idle() const {
     const std::lock_guard lock(mutex_);
     std::vector<pid_t> pids;
@@ -398,7 +416,7 @@ class ConfinedPictures::Pool {
       std::optional<Error> failure;
       try {
         if (program_.empty()) program_ = find_video_program();
-        decoder = std::make_unique<Decoder>(program_, limits_);
+        decoder = std::make_unique<Decoder>(program_, limits_, formats_);
       } catch (const Error& error) {
         failure = error;
       } catch (const std::exception& error) {
@@ -417,6 +435,7 @@ class ConfinedPictures::Pool {
 
   std::filesystem::path program_;  ///< used by the starter thread
   const PictureLimits limits_;
+  const Formats formats_;
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::vector<std::unique_ptr<Decoder>> idle_;
@@ -429,48 +448,41 @@ class ConfinedPictures::Pool {
   std::thread starter_;
 };
 
-ConfinedPictures::ConfinedPictures(std::filesystem::path program, const PictureLimits& limits)
-    : pool_(std::make_unique<Pool>(std::move(program), limits)) {}
+ConfinedPictures::ConfinedPictures(const std::filesystem::path& program,
+                                   const PictureLimits& limits)
+    : png_(std::make_unique<Pool>(program, limits, Formats::Png)),
+      all_(std::make_unique<Pool>(program, limits, Formats::All)) {}
 
 ConfinedPictures::~ConfinedPictures() = default;
 
+template <class Use>
+auto ConfinedPictures::with_decoder(const std::filesystem::path& file, Use&& use) const {
+  Pool& pool = formats_for(file) == Formats::Png ? *png_ : *all_;
+  struct Loan {
+    Pool& pool;
+    std::unique_ptr<Decoder> decoder = pool.take();
+    ~Loan() { pool.give_back(std::move(decoder)); }
+  } loan{pool};
+  return use(*loan.decoder);
+}
+
 frames::PictureInfo ConfinedPictures::probe(const std::filesystem::path& file) const {
-  std::unique_ptr<Decoder> decoder = pool_->take();
-  try {
-    const frames::PictureInfo info = decoder->probe(file);
-    pool_->give_back(std::move(decoder));
-    return info;
-  } catch (...) {
-    if (decoder) pool_->give_back(std::move(decoder));
-    throw;
-  }
+  return with_decoder(file, [&](Decoder& decoder) { return decoder.probe(file); });
 }
 
 void ConfinedPictures::read(const std::filesystem::path& file, frames::PictureSink& sink) const {
-  std::unique_ptr<Decoder> decoder = pool_->take();
-  try {
-    decoder->read(file, sink);
-  } catch (...) {
-    pool_->give_back(std::move(decoder));
-    throw;
-  }
-  pool_->give_back(std::move(decoder));
-}
-
-void ConfinedPictures::prepare() const noexcept {
-  try {
-    pool_->prepare();
-  } catch (const std::exception&) {
-    // The first picture reports the error.
-  }
+  with_decoder(file, [&](Decoder& decoder) { decoder.read(file, sink); });
 }
 
 std::vector<pid_t> ConfinedPictures::idle() const {
-  return pool_->idle();
+  std::vector<pid_t> pids = png_->idle();
+  const std::vector<pid_t> others = all_->idle();
+  pids.insert(pids.end(), others.begin(), others.end());
+  return pids;
 }
 
 uint64_t ConfinedPictures::started() const {
-  return pool_->started();
+  return png_->started() + all_->started();
 }
 
 }  // namespace lenticule::player

@@ -30,7 +30,8 @@ struct PictureLimits {
 class ConfinedPictures final : public frames::PictureFileReader {
  public:
   /// If `program` is empty, it is searched for when the first picture is read.
-  explicit ConfinedPictures(std::filesystem::path program = {}, const PictureLimits& limits = {});
+  explicit ConfinedPictures(const std::filesystem::path& program = {},
+                            const PictureLimits& limits = {});
   /// Ends all decoders.
   ~ConfinedPictures() override;
   ConfinedPictures(const ConfinedPictures&) = delete;
@@ -39,10 +40,6 @@ class ConfinedPictures final : public frames::PictureFileReader {
   [[nodiscard]] frames::PictureInfo probe(const std::filesystem::path& file) const override;
   void read(const std::filesystem::path& file, frames::PictureSink& sink) const override;
 
-  /// Starts a decoder in the background, so that the first picture does not wait for it. A failure
-  /// is reported with the first picture.
-  void prepare() const noexcept;
-
   /// Returns the process ids of idle decoders.
   [[nodiscard]] std::vector<pid_t> idle() const;
   /// Returns the number of decoders started so far.
@@ -50,7 +47,11 @@ class ConfinedPictures final : public frames::PictureFileReader {
 
  private:
   class Pool;
-  std::unique_ptr<Pool> pool_;
+  template <class Use>
+  auto with_decoder(const std::filesystem::path& file, Use&& use) const;
+
+  std::unique_ptr<Pool> png_;  ///< decoders for PNG only, which start at once
+  std::unique_ptr<Pool> all_;
 };
 
 }  // namespace lenticule::player

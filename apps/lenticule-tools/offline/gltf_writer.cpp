@@ -14,7 +14,7 @@
 
 #include "base/error.h"
 #include "base/text.h"
-#include "frames/picture_codec.h"
+#include "frames/png_codec.h"
 #include "frames/srgb.h"
 #include "render/scene/texture.h"
 
@@ -55,7 +55,7 @@ std::vector<uint8_t> png_of(const render::SceneDescription& scene, const render:
   for (size_t i = 0; i < picture.bytes().size(); ++i)
     picture.bytes()[i] =
         code_of(scene, render::texel_light(texture, i / 3, static_cast<int>(i % 3)));
-  return frames::picture_codec().encode(picture.view(), frames::ImageFormat::Png, texture.name);
+  return frames::png_codec().encode(picture.view(), frames::ImageFormat::Png, texture.name);
 }
 
 void check(const render::SceneDescription& scene) {

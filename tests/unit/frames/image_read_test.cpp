@@ -101,6 +101,40 @@ TEST_F(ImageRead, ColourChunksDoNotChangeCodes) {
               ElementsAre(10, 20, 30, 200, 210, 220));
 }
 
+TEST_F(ImageRead, InterlacedPngIsRead) {
+  // Passes 1, 4 and 6 of Adam7 have pixels of a picture of 3 x 1 (columns 0, 2 and 1).
+  EXPECT_THAT(codes(PngMaker(3, 1, 8, PngColour::Rgb, true)
+                        .rows({0, 1, 2, 3, 0, 7, 8, 9, 0, 4, 5, 6})
+                        .finish()),
+              ElementsAre(1, 2, 3, 4, 5, 6, 7, 8, 9));
+}
+
+TEST_F(ImageRead, PngStatesOrientationAndPixelAspect) {
+  // Two pixels across for each one down: a pixel is twice as high as wide, which ppu_y / ppu_x
+  // says.
+  const std::vector<uint8_t> exif = {'M',  'M',  0, 42, 0, 0, 0, 8, 0, 1,  // one tag
+                                     0x01, 0x12, 0, 3,  0, 0, 0, 1, 0, 6, 0, 0, 0, 0, 0, 0};
+  test::write_bytes(folder_ / "p.png", PngMaker(2, 1, 8, PngColour::Grey)
+                                           .chunk("pHYs", {0, 0, 0, 2, 0, 0, 0, 1, 0})
+                                           .chunk("eXIf", exif)
+                                           .rows({0, 1, 2})
+                                           .finish());
+  const PictureInfo info = probe_picture(folder_ / "p.png", PictureUse::Views);
+  EXPECT_EQ(info.orientation, Orientation::QuarterTurn);
+  EXPECT_DOUBLE_EQ(info.pixel_aspect, 0.5);
+  EXPECT_THAT(error_of([&] { (void)read_woven(folder_ / "p.png"); }).what(),
+              HasSubstr("orientation tag is 6"));
+}
+
+TEST_F(ImageRead, TransparencyOfAColourBecomesAlphaOfTextures) {
+  const TextureImage image = read_texture(PngMaker(2, 1, 8, PngColour::Rgb)
+                                              .chunk("tRNS", {0, 4, 0, 5, 0, 6})
+                                              .rows({0, 1, 2, 3, 4, 5, 6})
+                                              .finish(),
+                                          "embedded");
+  EXPECT_THAT(image.codes, ElementsAre(1, 2, 3, 255, 4, 5, 6, 0));
+}
+
 TEST_F(ImageRead, PngCutAnywhereIsAnError) {
   const auto file = PngMaker(3, 2, 8, PngColour::Rgb)
                         .rows({0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9})

@@ -13,14 +13,15 @@ enum class PngColour : uint8_t { Grey = 0, Rgb = 2, Palette = 3, GreyAlpha = 4, 
 
 class PngMaker {
  public:
-  PngMaker(uint32_t width, uint32_t height, int bit_depth, PngColour colour) {
+  PngMaker(uint32_t width, uint32_t height, int bit_depth, PngColour colour,
+           bool interlaced = false) {
     const std::string signature = "\x89PNG\r\n\x1a\n";
     file_.assign(signature.begin(), signature.end());
     std::vector<uint8_t> header;
     put_32(header, width);
     put_32(header, height);
-    header.insert(header.end(),
-                  {static_cast<uint8_t>(bit_depth), static_cast<uint8_t>(colour), 0, 0, 0});
+    header.insert(header.end(), {static_cast<uint8_t>(bit_depth), static_cast<uint8_t>(colour), 0,
+                                 0, static_cast<uint8_t>(interlaced)});
     chunk("IHDR", header);
   }
 

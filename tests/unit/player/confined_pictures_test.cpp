@@ -48,6 +48,26 @@ TEST_F(ConfinedPicturesTest, OneDecoderReadsPictureAfterPicture) {
   EXPECT_EQ(pictures_.started(), 1u);
 }
 
+TEST_F(ConfinedPicturesTest, OtherFormatsHaveADecoderOfTheirOwn) {
+  frames::write_woven(clip_frame(2).view(), file("good.tif"));
+  for (int i = 0; i < 2; ++i) {
+    expect_picture();
+    Rows rows;
+    pictures_.read(file("good.tif"), rows);
+    EXPECT_EQ(rows.frame, clip_frame(2));
+  }
+  EXPECT_EQ(pictures_.started(), 2u);
+  EXPECT_EQ(pictures_.idle().size(), 2u);
+}
+
+TEST_F(ConfinedPicturesTest, TheBytesChooseTheDecoderAndNotTheName) {
+  frames::write_woven(clip_frame(2).view(), file("good.tif"));
+  std::filesystem::rename(file("good.tif"), file("renamed.png"));
+  Rows rows;
+  pictures_.read(file("renamed.png"), rows);
+  EXPECT_EQ(rows.frame, clip_frame(2));
+}
+
 TEST_F(ConfinedPicturesTest, StartingADecoderIsNotPartOfAPicturesTime) {
   const ConfinedPictures with_short_limit(LENTICULE_VIDEO_PROGRAM,
                                           {.processor_time = std::chrono::milliseconds(1)});
