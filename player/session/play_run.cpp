@@ -206,7 +206,7 @@ bool PlayRun::time_is_over() const {
 
 PlayResult PlayRun::play_source() {
   PlaybackOptions options = plan_.playback;
-  // Counted from the first frame; in safe mode, several playbacks share the time.
+  // The vblanks count from the first frame; in safe mode, several playbacks share them.
   options.vblanks =
       safe_.on ? vblanks_left() : vblanks_of(plan_.duration_s, display_->mode().refresh);
   steered_->prepare(options, display_->mode().refresh);

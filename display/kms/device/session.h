@@ -20,7 +20,7 @@ enum class Mastership {
 class Session {
  public:
   virtual ~Session() = default;
-  /// Throws Error(Device) that names the path.
+  /// Opens the device at `path`. Throws Error(Device) that names the path.
   [[nodiscard]] virtual UniqueFd open_device(const std::string& path) = 0;
   /// Called before the descriptor is closed.
   virtual void close_device(int fd) noexcept = 0;
