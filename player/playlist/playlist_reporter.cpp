@@ -41,6 +41,10 @@ void PlaylistReporter::started(const OpenItem& item) {
   report(Kind::ItemStarted, item.item.source.text, {});
 }
 
+void PlaylistReporter::returned(const std::string& source) {
+  report(Kind::Returned, source, {});
+}
+
 void PlaylistReporter::loop_point(const std::string& source) {
   {
     const std::lock_guard lock(mutex_);

@@ -24,6 +24,7 @@ struct PlaylistEvent {
     Replaced,     ///< the list, or the item's file, was replaced and is played from
                   ///< now on
     Kept,         ///< a replacement cannot be played: the old content continues
+    Returned,     ///< the item continues after an interruption
     ItemDamaged,  ///< the item was played, but some of its frames were damaged,
                   ///< missing or repeated
   };
@@ -47,7 +48,9 @@ struct PlaylistStatus {
   frames::FrameDamage damage{};  ///< total over all items so far
   /// The damaged items, by source.
   std::map<std::string, frames::FrameDamage> damaged_items{};
-  bool opening = false;  ///< the target of a jump is being opened
+  bool opening = false;       ///< the target of a jump is being opened
+  std::string cued{};         ///< source of the cued item; empty if none
+  std::string interrupted{};  ///< source that continues after the interruption; empty without one
 };
 
 /// Thread safety: any thread. Events are sent on the thread that reports them,
@@ -62,6 +65,7 @@ class PlaylistReporter {
   /// Reports that frames are taken from the item from now on.
   void begin(const OpenItem& item);
   void started(const OpenItem& item);
+  void returned(const std::string& source);
   void loop_point(const std::string& source);
   void skipped(const std::string& source, const std::string& why);
   /// Reports a list or an item that was replaced, or whose replacement cannot
