@@ -17,6 +17,8 @@ constexpr auto kRetry = std::chrono::seconds(1);
 /// Time between two checks of the files. A new state must be seen twice in a
 /// row, because the file may still be being written.
 constexpr auto kLook = std::chrono::seconds(1);
+/// Pause in which the loader reads a list again before it tries the list's next item.
+constexpr auto kAfterLook = std::chrono::milliseconds(20);
 
 }  // namespace
 
@@ -77,7 +79,7 @@ void ItemLoader::open_first() {
     return cursor_.list();
   }();
   std::unique_ptr<OpenItem> first;
-  if (list->items.size() == 1 && !list->items.front().schedule)
+  if (list->items.size() == 1 && !list->items.front().schedule && !list->standby)
     first = open_item(list->items.front(), 0);
   const std::lock_guard lock(mutex_);
   next_wanted_ = first == nullptr;
@@ -160,14 +162,21 @@ void ItemLoader::open_next(Lock& lock) {
   const PlaylistItem item = standby ? *list->standby : list->items[pick.index];
   lock.unlock();
   Attempt attempt = try_open(item, 0);
+  // A file that was removed from a folder is no fault: the list is read again first.
+  const bool list_is_old = !attempt.item && is_list_changed(*list);
   lock.lock();
   if (serial != request_serial_ || list != cursor_.list()) return locked_discard(attempt.item);
   if (attempt.item) return locked_offer(std::move(attempt.item), pick);
+  if (list_is_old) {
+    look_now_ = true;
+    retry_at_ = SteadyClock::now() + kAfterLook;
+    return;
+  }
   if (!standby) cursor_.choose(pick.index, pick.rounds_done);
   if (broken_in_a_row_ + 1 >= list->items.size() || standby)
     retry_at_ = SteadyClock::now() + kRetry;
   lock.unlock();
-  skip(item.source.text, attempt.error->what());
+  skip(item.source.text, with_remedy(*attempt.error));
   lock.lock();
 }
 
@@ -178,13 +187,21 @@ bool ItemLoader::is_time_to_look() const {
   return follows && !ended_ && (look_now_ || SteadyClock::now() >= look_at_);
 }
 
+FileMark ItemLoader::mark_of_list(const std::string& name) const {
+  return options_.mark_list ? options_.mark_list(name) : mark_of(name);
+}
+
+bool ItemLoader::is_list_changed(const Playlist& list) const {
+  return options_.read_list && list.file && mark_of_list(list.name) != *list.file;
+}
+
 /// Reads the list if its file was replaced. A list that cannot be read is not
 /// tried again until its file changes.
 void ItemLoader::look_at_list(Lock& lock, bool at_once) {
   const auto list = cursor_.list();
   if (!options_.read_list || !list->file) return;
   lock.unlock();
-  const FileMark now = mark_of(list->name);
+  const FileMark now = mark_of_list(list->name);
   lock.lock();
   const bool steady = std::exchange(list_seen_, now) == now;
   const bool is_new = now != *list->file;

@@ -27,6 +27,8 @@ namespace lenticule::player {
 using ItemLook = std::function<std::vector<FileMark>(const PlaylistItem& item)>;
 /// Returns the last displayed frame of an item, by its running number. Thread safety: any thread.
 using LeftItemLook = std::function<LeftItem(uint32_t number)>;
+/// Returns the state of a list's file. Thread safety: any thread.
+using ListMark = std::function<FileMark(const std::string& name)>;
 /// Reads a list again. Throws Error. Thread safety: any thread; may take long.
 using ListReader = std::function<Playlist(const std::string& name)>;
 /// Called with null when the first frame of the new place has been taken,
@@ -39,6 +41,7 @@ struct ItemLoaderOptions {
   std::function<LocalTime()> local_time;
   ItemLook look_at = nullptr;      ///< null: replaced files of items are not detected
   ListReader read_list = nullptr;  ///< null: a replaced list is not detected
+  ListMark mark_list = nullptr;    ///< null: mark_of(), for lists in files
   /// Null: after an interruption, an item continues with the last frame that was taken of it.
   LeftItemLook left_item = nullptr;
 };
@@ -177,6 +180,8 @@ class ItemLoader {
   };
   // Any thread. `locked_`: the caller holds the mutex.
   [[nodiscard]] Attempt try_open(const PlaylistItem& item, uint64_t frame) const;
+  [[nodiscard]] FileMark mark_of_list(const std::string& name) const;
+  [[nodiscard]] bool is_list_changed(const Playlist& list) const;
   /// Requests a jump, replacing a pending one, for which it returns the function to call.
   [[nodiscard]] JumpDone locked_request(JumpRequest request);
   /// Finds the progress of the interrupted item once the panel shows another item. Returns false

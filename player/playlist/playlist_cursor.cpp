@@ -29,6 +29,9 @@ PlaylistPlace PlaylistCursor::target_of(const Jump& jump) const {
                                           : leaves ? interrupted_->chosen
                                                    : chosen_)
                                              .value_or(0));
+  if (items == 0)
+    throw Error(ErrorKind::Failed, list->name + ": has no item at the moment",
+                "wait for a file, or load another source");
   int64_t index = jump.item.value_or(0);
   if (jump.relative) index = ((index + here) % items + items) % items;
   if (!jump.item && !jump.list) index = here;

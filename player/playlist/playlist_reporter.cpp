@@ -15,6 +15,10 @@ constexpr size_t kMostDamagedItems = 1000;
 
 }  // namespace
 
+std::string with_remedy(const Error& error) {
+  return error.hint().empty() ? error.what() : std::string(error.what()) + "; " + error.hint();
+}
+
 PlaylistReporter::PlaylistReporter(const Playlist& list, OnEvent on_event)
     : on_event_(std::move(on_event)) {
   status_.list = list.name;

@@ -11,6 +11,7 @@
 #include <optional>
 #include <string>
 
+#include "base/error.h"
 #include "player/playlist/open_item.h"
 
 namespace lenticule::player {
@@ -32,6 +33,9 @@ struct PlaylistEvent {
   std::string source;
   std::string detail;  ///< reason for ItemSkipped or Kept
 };
+
+/// Returns the error with its remedy in one line, as a reason for ItemSkipped.
+[[nodiscard]] std::string with_remedy(const Error& error);
 
 /// A snapshot of the playlist's state.
 struct PlaylistStatus {

@@ -47,6 +47,7 @@ PlaylistSource::PlaylistSource(std::shared_ptr<const Playlist> list,
                .local_time = options.local_time,
                .look_at = options.look_at,
                .read_list = options.read_list,
+               .mark_list = options.mark_list,
                .left_item = options.left_item},
               reporter_, wake_) {
   check(static_cast<bool>(poll_));

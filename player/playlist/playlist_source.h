@@ -33,6 +33,7 @@ struct PlaylistSourceOptions {
   /// not detected.
   ItemLook look_at = nullptr;
   ListReader read_list = nullptr;
+  ListMark mark_list = nullptr;
   /// Returns the last displayed frame of an item; null = the last one that was pulled counts as
   /// displayed.
   LeftItemLook left_item = nullptr;
