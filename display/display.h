@@ -78,6 +78,11 @@ class Display {
   /// becomes readable, returns Timeout early.
   [[nodiscard]] virtual DisplayEvent wait_event(Nanoseconds deadline, int wake_fd) noexcept = 0;
 
+  /// Switches the output off, so that it shows nothing, or on again with the last frame. Call it
+  /// only while no flip is pending. While the output is off, submit() returns Paused, and vblanks
+  /// are counted by time. Returns false if the output could not be switched off for now.
+  [[nodiscard]] virtual bool set_power(bool on) noexcept = 0;
+
   /// Returns the current time of the display's clock.
   [[nodiscard]] virtual Nanoseconds now() const noexcept = 0;
 };

@@ -105,6 +105,7 @@ class VirtualDisplay final : public Display {
 
   [[nodiscard]] SubmitStatus submit(ScanoutBuffer* buffer, uint64_t id) noexcept override {
     if (unplugged_) return SubmitStatus::Lost;
+    if (off_) return SubmitStatus::Paused;
     const Nanoseconds time = now();
     if (pending_ && pending_->fate == EventFate::Drop && pending_->vblank_time <= time) land_flip();
     if (pending_) return SubmitStatus::Busy;
@@ -144,6 +145,11 @@ class VirtualDisplay final : public Display {
     if (now() < next) (void)clock_->wait_until(std::min(deadline, next), wake_fd);
     if (now() < next) return {.kind = EventKind::Timeout};
     return flip && *flip == next ? deliver_flip() : deliver_tick();
+  }
+
+  [[nodiscard]] bool set_power(bool on) noexcept override {
+    off_ = !on;
+    return true;
   }
 
   [[nodiscard]] Nanoseconds now() const noexcept override { return clock_->now(); }
@@ -232,6 +238,7 @@ class VirtualDisplay final : public Display {
   std::optional<Tick> tick_;
   std::optional<DisplayEvent> repeat_;
   bool unplugged_ = false;
+  bool off_ = false;
 
   /// Last member: ends before the buffers are destroyed.
   std::unique_ptr<RecordingThread> recording_;

@@ -24,12 +24,19 @@ const std::vector<VerbRow>& verbs() {
   static const std::vector<VerbRow> table = {
       {ControlVerb::Status, "status", {}},
       {ControlVerb::Load, "load", {"source", "item", "frame"}},
+      {ControlVerb::Interrupt, "interrupt", {"source", "item", "frame", "seconds"}},
+      {ControlVerb::Back, "back", {}},
+      {ControlVerb::Blank, "blank", {}},
+      {ControlVerb::Cue, "cue", {"source", "item", "frame", "then_back"}},
+      {ControlVerb::Go, "go", {}},
       {ControlVerb::Play, "play", {}},
       {ControlVerb::Pause, "pause", {}},
       {ControlVerb::Seek, "seek", {"frame", "item"}},
       {ControlVerb::Next, "next", {}},
       {ControlVerb::Previous, "previous", {}},
       {ControlVerb::Loop, "loop", {"count"}},
+      {ControlVerb::Speed, "speed", {"factor"}},
+      {ControlVerb::Power, "power", {"to"}},
       {ControlVerb::Trim, "trim", {"offset", "pitch", "offset_by", "pitch_by"}},
       {ControlVerb::Rig, "rig", {"toml"}},
       {ControlVerb::Snapshot, "snapshot", {"file", "eye"}},
@@ -46,6 +53,9 @@ const std::vector<VerbRow>& verbs() {
 constexpr size_t kMaxIdBytes = 64;
 constexpr size_t kMaxTextBytes = 4096;
 constexpr uint64_t kMaxCount = 1'000'000'000;
+constexpr double kMaxSeconds = 1e6;
+constexpr double kLeastSpeed = 0.1;
+constexpr double kMostSpeed = 8.0;
 
 [[noreturn]] void refuse(const std::string& what, const std::string& remedy = {}) {
   throw Error(ErrorKind::Usage, what, remedy);
@@ -95,10 +105,38 @@ std::array<double, 3> eye(const json& value) {
   return place;
 }
 
+double seconds(const json& value) {
+  const double given = real("seconds", value);
+  if (given > 0.0 && given <= kMaxSeconds) return given;
+  refuse(fmt::format("seconds: not above 0 and at most {}", kMaxSeconds));
+}
+
+uint32_t permille(const json& value) {
+  const double factor = real("factor", value);
+  if (factor >= kLeastSpeed && factor <= kMostSpeed)
+    return static_cast<uint32_t>(std::lround(factor * 1000.0));
+  refuse("factor: out of range", fmt::format("a number from {} to {}; 1 is the content's own rate",
+                                             kLeastSpeed, kMostSpeed));
+}
+
+bool flag(const std::string& field, const json& value) {
+  if (value.is_boolean()) return value.get<bool>();
+  refuse(fmt::format("{}: not true or false", field));
+}
+
+bool on_or_off(const json& value) {
+  if (value == "on" || value == "off") return value == "on";
+  refuse("to: not \"on\" or \"off\"");
+}
+
 void take_field(const std::string& field, const json& value, ControlRequest& request) {
   if (field == "source") request.source = words(field, value);
   if (field == "frame") request.frame = whole(field, value);
   if (field == "item") request.item = whole(field, value);
+  if (field == "seconds") request.seconds = seconds(value);
+  if (field == "then_back") request.then_back = flag(field, value);
+  if (field == "factor") request.speed_permille = permille(value);
+  if (field == "to") request.on = on_or_off(value);
   if (field == "count") request.loops = count_of_loops(value);
   if (field == "offset" || field == "offset_by") request.offset_lenses = real(field, value);
   if (field == "pitch" || field == "pitch_by") request.pitch_relative = real(field, value);
@@ -116,8 +154,17 @@ void check_complete(const ControlRequest& request, const json& line) {
   switch (request.verb) {
     case ControlVerb::Load:
       return needs("source");
+    case ControlVerb::Interrupt:
+    case ControlVerb::Cue:
+      if (request.source.empty() == !request.item)
+        refuse(fmt::format("{}: expected either source or item", verb_name(request.verb)));
+      return;
     case ControlVerb::Loop:
       return needs("count");
+    case ControlVerb::Speed:
+      return needs("factor");
+    case ControlVerb::Power:
+      return needs("to");
     case ControlVerb::Rig:
       return needs("toml");
     case ControlVerb::Snapshot:

@@ -18,12 +18,19 @@ namespace lenticule::player {
 enum class ControlVerb {
   Status,
   Load,
+  Interrupt,
+  Back,
+  Blank,
+  Cue,
+  Go,
   Play,
   Pause,
   Seek,
   Next,
   Previous,
   Loop,
+  Speed,
+  Power,
   Trim,
   Rig,
   Snapshot,
@@ -40,10 +47,14 @@ inline constexpr size_t kMaxControlLine = 64u << 10;
 struct ControlRequest {
   nlohmann::json id;  ///< integer, short text, or null
   ControlVerb verb = ControlVerb::Status;
-  std::string source{};             ///< load
-  std::optional<uint64_t> frame{};  ///< load, seek
-  std::optional<uint64_t> item{};   ///< load, seek, list
+  std::string source{};             ///< load, interrupt, cue
+  std::optional<uint64_t> frame{};  ///< load, interrupt, cue, seek
+  std::optional<uint64_t> item{};   ///< load, interrupt, cue, seek, list
+  std::optional<double> seconds{};  ///< interrupt
+  bool then_back = false;           ///< cue
   uint64_t loops = 0;               ///< loop; 0 = forever
+  uint32_t speed_permille = 1000;   ///< speed
+  bool on = true;                   ///< power
   /// trim: absolute values, or increments if `relative`.
   std::optional<double> offset_lenses{};
   std::optional<double> pitch_relative{};

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "base/print.h"
@@ -17,6 +18,7 @@ namespace {
 using nlohmann::ordered_json;
 
 constexpr size_t kMaxTasks = 4;
+constexpr auto kLongestSwitch = std::chrono::seconds(5);
 
 Error nothing_to_steer() {
   return {ErrorKind::Failed, "control: nothing is playing",
@@ -97,6 +99,21 @@ void PlayControls::handle(const ControlRequest& request, ControlRights rights, A
     }
     case ControlVerb::Load:
       return load(request, answer);
+    case ControlVerb::Interrupt:
+      return interrupt(request, answer);
+    case ControlVerb::Blank:
+      return blank(answer);
+    case ControlVerb::Back:
+      return back(answer);
+    case ControlVerb::Cue:
+      return cue(request, answer);
+    case ControlVerb::Go:
+      return go(answer);
+    case ControlVerb::Speed:
+      return answer(set_speed(request.speed_permille));
+    case ControlVerb::Power:
+      return work_on(answer,
+                     [this, request](const Answer& done) { done(switch_output(request.on)); });
     case ControlVerb::Loop:
       return answer(set_loops(request.loops));
     case ControlVerb::Trim:
@@ -135,7 +152,9 @@ ordered_json PlayControls::status() const {
   const DisplayedPlace displayed = playback_.displayed();
   const std::lock_guard lock(mutex_);
   const bool playing = state_ == "playing";
-  ordered_json json = {{"state", playing && playback_.paused() ? "paused" : state_},
+  const char* const held = playback_.is_off() ? "off" : playback_.paused() ? "paused" : nullptr;
+  ordered_json json = {{"state", playing && held != nullptr ? held : state_},
+                       {"speed", playback_.speed_permille() / 1000.0},
                        {"frames_shown", displayed.frames},
                        {"log_lines_dropped", dropped_log_lines()}};
   json["on_glass"] = nullptr;
@@ -151,6 +170,9 @@ ordered_json PlayControls::status() const {
     json["taking"]["frames"] = status.frames ? ordered_json(*status.frames) : ordered_json(nullptr);
     json["rounds_done"] = status.rounds_done;
     json["opening"] = status.opening;
+    for (const auto& [key, text] :
+         {std::pair("cued", status.cued), std::pair("interrupted", status.interrupted)})
+      json[key] = text.empty() ? ordered_json(nullptr) : ordered_json(text);
     json["items_skipped"] = status.skipped;
     json["last_trouble"] = status.last_problem;
     json.update(to_json(status.damage));
@@ -216,6 +238,108 @@ void PlayControls::load(const ControlRequest& request, const Answer& answer) {
                .frame = request.frame.value_or(0)};
     jump(std::move(where), done);
   });
+}
+
+/// Returns the list that an interruption plays once.
+std::shared_ptr<const Playlist> PlayControls::interruption_of(const ControlRequest& request) const {
+  Playlist list;
+  if (request.item) {
+    std::shared_ptr<const Playlist> playing;
+    {
+      const std::lock_guard lock(mutex_);
+      if (source_ == nullptr) throw nothing_to_steer();
+      playing = source_->list();
+    }
+    if (*request.item >= playing->items.size())
+      throw Error(
+          ErrorKind::Usage,
+          fmt::format("item {}: the list has {} items", *request.item, playing->items.size()),
+          "items are counted from 0");
+    list = {.name = playing->name, .items = {playing->items[*request.item]}, .standby = {}};
+  } else {
+    list = options_.read_playlist(request.source);
+    list.file.reset();
+    list.standby.reset();
+  }
+  list.rounds = 1;
+  for (PlaylistItem& item : list.items) item.schedule.reset();
+  if (list.items.size() == 1) {
+    PlaylistItem& item = list.items.front();
+    item.loops = std::max<uint64_t>(item.loops, 1);  // once instead of forever
+    if (request.seconds) item.duration_s = request.seconds;
+    if (!item.duration_s && item.loops == 1) item.still_s = kStillSeconds;
+  }
+  return std::make_shared<const Playlist>(std::move(list));
+}
+
+void PlayControls::interrupt(const ControlRequest& request, const Answer& answer) {
+  work_on(answer, [this, request](const Answer& done) {
+    jump({.list = interruption_of(request),
+          .item = 0,
+          .frame = request.frame.value_or(0),
+          .interrupts = true},
+         done);
+  });
+}
+
+/// Shows a black frame until back().
+void PlayControls::blank(const Answer& answer) {
+  jump({.list = std::make_shared<const Playlist>(playlist_of(parse_source("black"), kForever)),
+        .item = 0,
+        .interrupts = true},
+       answer);
+}
+
+void PlayControls::back(const Answer& answer) {
+  const std::lock_guard lock(mutex_);
+  if (source_ == nullptr) throw nothing_to_steer();
+  source_->return_now([answer, source = source_](const Error* error) {
+    if (error != nullptr) return answer(*error);
+    answer(place_json(source->status()));
+  });
+}
+
+void PlayControls::cue(const ControlRequest& request, const Answer& answer) {
+  work_on(answer, [this, request](const Answer& done) {
+    Jump where{.frame = request.frame.value_or(0), .interrupts = request.then_back};
+    if (request.then_back)
+      where.list = interruption_of(request);
+    else if (!request.item)
+      where.list = std::make_shared<const Playlist>(options_.read_playlist(request.source));
+    where.item = request.item && !request.then_back ? static_cast<int64_t>(*request.item) : 0;
+    const std::lock_guard lock(mutex_);
+    if (source_ == nullptr) throw nothing_to_steer();
+    source_->cue(where, [done, source = source_](const Error* error) {
+      if (error != nullptr) return done(*error);
+      done(ordered_json{{"cued", source->status().cued}});
+    });
+  });
+}
+
+/// Shows the cued item. A second request before its first frame is displayed changes nothing, as
+/// that of a button that bounces.
+void PlayControls::go(const Answer& answer) {
+  const std::lock_guard lock(mutex_);
+  if (source_ == nullptr) throw nothing_to_steer();
+  if (!playback_.time_next_cut()) return answer(ordered_json{{"already_going", true}});
+  source_->go([this, answer, source = source_](const Error* error) {
+    if (error == nullptr) return answer(place_json(source->status()));
+    playback_.forget_next_cut();
+    answer(*error);
+  });
+}
+
+ordered_json PlayControls::set_speed(uint32_t permille) {
+  const std::lock_guard lock(mutex_);
+  playback_.set_speed(permille);
+  if (source_ != nullptr) source_->set_speed(permille / 1000.0);
+  return {{"factor", permille / 1000.0}};
+}
+
+/// Switches the output. Without a panel, the panel is switched when it is there.
+ordered_json PlayControls::switch_output(bool on) {
+  const bool done = playback_.switch_output(on, kLongestSwitch);
+  return {{"power", on ? "on" : "off"}, {"done", done}};
 }
 
 ordered_json PlayControls::change_trim(const ControlRequest& request) {

@@ -68,6 +68,15 @@ class PlayControls final : public ControlTarget {
   [[nodiscard]] nlohmann::ordered_json replace_rig(const ControlRequest& request);
   void jump(Jump where, const Answer& answer);
   void load(const ControlRequest& request, const Answer& answer);
+  void interrupt(const ControlRequest& request, const Answer& answer);
+  void blank(const Answer& answer);
+  void back(const Answer& answer);
+  void cue(const ControlRequest& request, const Answer& answer);
+  void go(const Answer& answer);
+  [[nodiscard]] std::shared_ptr<const Playlist> interruption_of(
+      const ControlRequest& request) const;
+  [[nodiscard]] nlohmann::ordered_json set_speed(uint32_t permille);
+  [[nodiscard]] nlohmann::ordered_json switch_output(bool on);
   void snapshot(const ControlRequest& request, const Answer& answer);
   [[nodiscard]] nlohmann::ordered_json take_snapshot(const ControlRequest& request);
   [[nodiscard]] DescriptorAnswer share_frame();

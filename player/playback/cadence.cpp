@@ -54,6 +54,14 @@ Rate locked_rate(Rate content, Rate refresh) {
   return content;
 }
 
+Rate scaled_rate(Rate rate, uint32_t permille) noexcept {
+  if (permille == 1000) return rate;
+  // Terms above this size are those of no real rate; a millionth of a frame per second is exact
+  // enough for them.
+  if (!small_terms(rate)) rate = {static_cast<int64_t>(rate.hertz() * 1e6), 1'000'000};
+  return reduced(rate.numerator * int64_t{permille}, rate.denominator * 1000);
+}
+
 Cadence::Cadence(Rate content, Rate refresh) {
   const Uint128 vblanks = Uint128{static_cast<uint64_t>(refresh.numerator)} *
                           static_cast<uint64_t>(content.denominator);

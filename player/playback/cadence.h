@@ -15,6 +15,9 @@ namespace lenticule::player {
 /// 59.94). All other content is played at its exact rate.
 [[nodiscard]] frames::Rate locked_rate(frames::Rate content, frames::Rate refresh);
 
+/// Returns the rate times `permille` thousandths, in lowest terms.
+[[nodiscard]] frames::Rate scaled_rate(frames::Rate rate, uint32_t permille) noexcept;
+
 /// Frame k is due floor(k * refresh / content) vblanks after frame 0: the vblank period that
 /// contains its ideal time. The integer accumulator is exact forever; no 64-bit product overflows.
 class Cadence {

@@ -102,6 +102,7 @@ nlohmann::ordered_json to_json(const PlayReport& report) {
                        {"content_rate", frames::to_string(report.content_rate)},
                        {"late_policy", late_policy_name(report.late)},
                        {"real_time_priority", report.real_time},
+                       {"off", report.off},
                        {"first_frame_ms", report.first_frame_ms}};
   json.update(pace_json(report.pace));
   for (const auto& [name, field] : kPresenterCounters<uint64_t>) json[name] = report.*field;

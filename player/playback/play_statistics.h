@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <iterator>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -47,6 +48,12 @@ struct DisplayedPlace {
   uint64_t index = 0;   ///< index in the playback
   uint64_t item = 0;    ///< item number that the source gives
   uint64_t number = 0;  ///< frame number within the item
+};
+
+/// The last displayed frame of an item that was left.
+struct LeftItem {
+  bool still_displayed = false;          ///< another frame of the item may follow
+  std::optional<DisplayedPlace> last{};  ///< none: no frame of the item was displayed
 };
 
 /// LiveDisplayedPlace publishes a DisplayedPlace that any thread can read consistently (a seqlock);
@@ -113,8 +120,10 @@ static_assert(std::size(kFrameCopierCounters<uint64_t>) * sizeof(uint64_t) ==
 struct PresenterStatistics : PresenterCounts<Counter> {
   LivePaceCounts pace;
   LiveDisplayedPlace displayed;
-  Counter real_time;      ///< 1 if the presenter has a real-time priority
-  Counter first_flip_ns;  ///< std::chrono::steady_clock
+  LiveDisplayedPlace left;  ///< last displayed frame of the item before the displayed one
+  Counter off;              ///< 1 while the output is switched off
+  Counter real_time;        ///< 1 if the presenter has a real-time priority
+  Counter first_flip_ns;    ///< std::chrono::steady_clock
   Counter content_numerator;
   Counter content_denominator;
   Counter first_sequence;
@@ -158,6 +167,7 @@ struct PlayReport : PresenterCounts<uint64_t>, FrameCopierCounts<uint64_t> {
   LatePolicy late = LatePolicy::Slip;
   bool hardware_clock = false;
   bool real_time = false;
+  bool off = false;     ///< the output is switched off on request
   std::string outcome;  ///< "playing", "finished", "interrupted", ...
 
   PaceCounts pace;

@@ -18,6 +18,7 @@ using std::chrono::milliseconds;
 using SteadyClock = std::chrono::steady_clock;
 
 constexpr milliseconds kReportInterval{1000};
+constexpr milliseconds kPowerPoll{5};
 constexpr int kPresenterPriority =
     10;  // below the kernel's interrupt threads, above everything else
 
@@ -125,6 +126,7 @@ double first_frame_ms(const PresenterStatistics& statistics, SteadyClock::time_p
 void add_counters(const LiveStatistics& live, PlayReport& report) {
   const PresenterStatistics& presenter = live.presenter;
   report.real_time = presenter.real_time.get() != 0;
+  report.off = presenter.off.get() != 0;
   report.pace = presenter.pace.read();
   if (presenter.content_numerator.get() > 0)
     report.content_rate = {
@@ -241,14 +243,18 @@ void check_sizes(const display::Display& display, const frames::FrameSource& sou
 void PlaybackControl::attach(Presenter& presenter, FrameCopier& frame_copier,
                              const PresenterStatistics& statistics) {
   const std::lock_guard lock(mutex_);
+  const std::lock_guard also(statistics_mutex_);
   presenter_ = &presenter;
   frame_copier_ = &frame_copier;
   statistics_ = &statistics;
   presenter.set_paused(paused_);
+  presenter.set_off(off_);
+  presenter.set_speed(speed_permille_);
 }
 
 void PlaybackControl::detach() {
   const std::lock_guard lock(mutex_);
+  const std::lock_guard also(statistics_mutex_);
   presenter_ = nullptr;
   frame_copier_ = nullptr;
   statistics_ = nullptr;
@@ -265,9 +271,59 @@ bool PlaybackControl::paused() const {
   return paused_;
 }
 
-DisplayedPlace PlaybackControl::displayed() const {
+bool PlaybackControl::switch_output(bool on, milliseconds timeout) {
+  {
+    const std::lock_guard lock(mutex_);
+    off_ = !on;
+    if (presenter_ == nullptr) return false;
+    presenter_->set_off(off_);
+  }
+  // Polled, because the presenter takes no lock to report anything.
+  const auto deadline = SteadyClock::now() + timeout;
+  while (is_off() == on && SteadyClock::now() < deadline) std::this_thread::sleep_for(kPowerPoll);
+  return is_off() != on;
+}
+
+bool PlaybackControl::is_off() const {
+  const std::lock_guard lock(statistics_mutex_);
+  return statistics_ != nullptr && statistics_->off.get() != 0;
+}
+
+void PlaybackControl::set_speed(uint32_t permille) {
   const std::lock_guard lock(mutex_);
+  speed_permille_ = permille;
+  if (presenter_ != nullptr) presenter_->set_speed(permille);
+}
+
+uint32_t PlaybackControl::speed_permille() const {
+  const std::lock_guard lock(mutex_);
+  return speed_permille_;
+}
+
+bool PlaybackControl::time_next_cut() {
+  const std::lock_guard lock(mutex_);
+  return presenter_ == nullptr || presenter_->time_next_cut();
+}
+
+void PlaybackControl::forget_next_cut() {
+  const std::lock_guard lock(mutex_);
+  if (presenter_ != nullptr) presenter_->forget_next_cut();
+}
+
+DisplayedPlace PlaybackControl::displayed() const {
+  const std::lock_guard lock(statistics_mutex_);
   return statistics_ != nullptr ? statistics_->displayed.read() : DisplayedPlace{};
+}
+
+LeftItem PlaybackControl::left_item(uint64_t item) const {
+  const std::lock_guard lock(statistics_mutex_);
+  if (statistics_ == nullptr) return {};
+  const DisplayedPlace displayed = statistics_->displayed.read();
+  if (displayed.frames > 0 && displayed.item == item)
+    return {.still_displayed = true, .last = displayed};
+  const DisplayedPlace left = statistics_->left.read();
+  if (left.frames > 0 && left.item == item) return {.still_displayed = false, .last = left};
+  return {};
 }
 
 bool PlaybackControl::copy_shown(frames::WovenFrame& into) {

@@ -42,7 +42,20 @@ class PlaybackControl {
   /// Thread safety: any thread.
   void pause(bool paused);
   [[nodiscard]] bool paused() const;
+  /// Switches the output off or on. Returns true once that is done, false if it is not done within
+  /// `timeout`; it is then done as soon as possible.
+  [[nodiscard]] bool switch_output(bool on, std::chrono::milliseconds timeout);
+  /// Returns true while the output is switched off.
+  [[nodiscard]] bool is_off() const;
+  /// Sets the thousandths of its rate at which content is played.
+  void set_speed(uint32_t permille);
+  [[nodiscard]] uint32_t speed_permille() const;
+  /// See Presenter. time_next_cut() also returns true while no playback is attached.
+  [[nodiscard]] bool time_next_cut();
+  void forget_next_cut();
   [[nodiscard]] DisplayedPlace displayed() const;
+  /// Does not wait for copy_shown(), so that the thread that copies may call it.
+  [[nodiscard]] LeftItem left_item(uint64_t item) const;
   /// Copies the displayed frame, which must have the size of `into`; returns false if that is not
   /// possible. Waits at most a second.
   [[nodiscard]] bool copy_shown(frames::WovenFrame& into);
@@ -55,8 +68,11 @@ class PlaybackControl {
  private:
   mutable std::mutex mutex_;
   bool paused_ = false;
+  bool off_ = false;
+  uint32_t speed_permille_ = 1000;
   Presenter* presenter_ = nullptr;
   FrameCopier* frame_copier_ = nullptr;
+  mutable std::mutex statistics_mutex_;  ///< guards statistics_; locked after mutex_
   const PresenterStatistics* statistics_ = nullptr;
 };
 

@@ -46,6 +46,24 @@ void Presenter::set_paused(bool paused) noexcept {
   wake_.signal();
 }
 
+void Presenter::set_off(bool off) noexcept {
+  off_wanted_.store(off, std::memory_order_release);
+  wake_.signal();
+}
+
+void Presenter::set_speed(uint32_t permille) noexcept {
+  speed_permille_.store(permille, std::memory_order_release);
+  wake_.signal();
+}
+
+bool Presenter::time_next_cut() noexcept {
+  int64_t none = 0;
+  const int64_t now = std::max<int64_t>(1, display_.now().count());
+  const bool asked = cut_asked_at_.compare_exchange_strong(none, now, std::memory_order_acq_rel);
+  wake_.signal();
+  return asked;
+}
+
 void Presenter::request_stop() noexcept {
   stopping_.store(true, std::memory_order_release);
   wake_.signal();
@@ -84,6 +102,8 @@ void Presenter::resume(uint64_t frame) noexcept {
   starved_since_.reset();
   tick_requested_ = rebuffering_ = false;
   shows_one_more_ = true;
+  off_ = false;  // opening a display switches it on
+  statistics_.off.set(0);
   events_lost_in_a_row_ = refused_in_a_row_ = 0;
   period_ = period_of(display_.mode().refresh);
   restart_count_ = true;
@@ -124,12 +144,13 @@ void Presenter::prime() noexcept {
   }
 }
 
-/// Returns the content's rate. A source may learn its rate only with its first frame, and change it
-/// with any frame.
+/// Returns the rate at which to play the content. A source may learn its rate only with its first
+/// frame, and change it with any frame.
 frames::Rate Presenter::content_wanted() const noexcept {
-  const frames::Rate refresh = display_.mode().refresh;
-  if (options_.content) return *options_.content;
-  return frame_copier_.peek() != nullptr ? frame_copier_.peek()->rate.value_or(refresh) : refresh;
+  const FilledFrame* const head = frame_copier_.peek();
+  const auto own = options_.content || head == nullptr ? options_.content : head->rate;
+  return scaled_rate(own.value_or(display_.mode().refresh),
+                     speed_permille_.load(std::memory_order_acquire));
 }
 
 void Presenter::choose_rate() noexcept {
@@ -155,10 +176,14 @@ void Presenter::act() noexcept {
     if (target >= pacer_.first_vblank() + *options_.vblanks)
       end_vblank_ = pacer_.first_vblank() + *options_.vblanks;
   if (end_vblank_) return end_at_vblank(*end_vblank_, outcome_at_end_);
-  if (holds_still()) return request_vblank(last_sequence_);
+  if (is_off() || holds_still()) return request_vblank(last_sequence_);
+  if (timed_cut_ && target < *timed_cut_) return request_vblank(*timed_cut_ - 2);
 
   while (true) {
     discard_before(pacer_.frame());
+    // Content that is much faster than the display: all filled frames were to be skipped.
+    if (options_.filling == Filling::InPresenter && frame_copier_.peek() == nullptr)
+      frame_copier_.pump(kSourceTimeout);
     follow_rate();
     switch (pacer_.decide(target, head_is_ready())) {
       case PaceDecision::Submit:
@@ -201,6 +226,8 @@ void Presenter::follow_cut() noexcept {
     rebuffering_ = false;
     starved_since_.reset();
     pacer_.begin_epoch();
+    const int64_t asked_at = cut_asked_at_.load(std::memory_order_acquire);
+    if (asked_at > 0) timed_cut_ = vblank_after(Nanoseconds(asked_at)) + 1;
   }
   const FilledFrame* head = frame_copier_.peek();
   for (; head != nullptr && head->cut < cut_; head = frame_copier_.peek()) {
@@ -214,15 +241,27 @@ void Presenter::follow_cut() noexcept {
   state_rate();
 }
 
-/// Follows the rate of the next frame: items of a list may have rates of their own.
+/// Follows the rate of the next frame, because items of a list may have rates of their own, and the
+/// speed.
 void Presenter::follow_rate() noexcept {
   const FilledFrame* const head = frame_copier_.peek();
-  if (options_.content || head == nullptr || head->index != pacer_.frame()) return;
-  const frames::Rate rate = head->rate.value_or(display_.mode().refresh);
+  if (head == nullptr || head->index != pacer_.frame()) return;
+  const frames::Rate rate = content_wanted();
   if (rate == wanted_rate_) return;
   wanted_rate_ = rate;
   pacer_.change_rate(rate);
   state_rate();
+}
+
+/// Switches the output as requested. Returns true while it is off.
+bool Presenter::is_off() noexcept {
+  const bool wanted = off_wanted_.load(std::memory_order_acquire) && pacer_.started();
+  if (wanted == off_ || !display_.set_power(!wanted)) return off_;
+  off_ = wanted;
+  statistics_.off.set(off_ ? 1 : 0);
+  starved_since_.reset();
+  pacer_.begin_epoch();
+  return off_;
 }
 
 bool Presenter::holds_still() noexcept {
@@ -252,8 +291,13 @@ void Presenter::submit(const FilledFrame& frame, uint64_t target) noexcept {
   }
   frame_copier_.pop();
   pacer_.submitted(target);
-  pending_ = {
-      .target = target, .id = id, .submitted = now, .number = head.number, .item = head.item};
+  pending_ = {.target = target,
+              .id = id,
+              .submitted = now,
+              .number = head.number,
+              .item = head.item,
+              .timed = timed_cut_.has_value()};
+  timed_cut_.reset();
   shows_one_more_ = false;
   refused_in_a_row_ = 0;
   rebuffering_ = false;
@@ -357,12 +401,19 @@ void Presenter::handle_flip(const DisplayEvent& event) noexcept {
   observe_vblank(event);
   pacer_.flipped(event.sequence);
   frame_copier_.shown(pending_->id);
+  const DisplayedPlace before = statistics_.displayed.read();
+  if (before.frames > 0 && before.item != pending_->item) statistics_.left.publish(before);
   statistics_.displayed.publish({.frames = pacer_.counts().shown,
                                  .index = pending_->id,
                                  .item = pending_->item,
                                  .number = pending_->number});
-  pending_.reset();
   events_lost_in_a_row_ = 0;
+  end_flip();
+}
+
+void Presenter::end_flip() noexcept {
+  if (pending_->timed) forget_next_cut();
+  pending_.reset();
   frame_copier_.buffer_freed();
 }
 
@@ -384,8 +435,7 @@ void Presenter::handle_timeout() noexcept {
     statistics_.flip_timeouts.add();
     if (++events_lost_in_a_row_ >= kMaxEventsLost) outcome_ = PlayOutcome::DisplayLost;
     pacer_.flipped(pending_->target);
-    pending_.reset();
-    frame_copier_.buffer_freed();
+    end_flip();
   } else if (!pending_ && tick_requested_ && now >= tick_expected_ + event_timeout()) {
     statistics_.vblank_timeouts.add();
     tick_requested_ = false;
@@ -399,9 +449,15 @@ void Presenter::land_pending_flip() noexcept {
     handle(display_.wait_event(pending_->submitted + event_timeout(), -1));
 }
 
+/// Returns the first vblank after `time`, which may lie before the last event.
+uint64_t Presenter::vblank_after(Nanoseconds time) const noexcept {
+  const Nanoseconds since = time - last_vblank_;
+  if (since >= Nanoseconds{0}) return last_sequence_ + 1 + static_cast<uint64_t>(since / period_);
+  return last_sequence_ - std::min(last_sequence_, static_cast<uint64_t>(-since / period_));
+}
+
 uint64_t Presenter::next_reachable_vblank() const noexcept {
-  const Nanoseconds since = std::max(display_.now() - last_vblank_, Nanoseconds{0});
-  return last_sequence_ + 1 + static_cast<uint64_t>(since / period_);
+  return vblank_after(std::max(display_.now(), last_vblank_));
 }
 
 std::optional<Nanoseconds> Presenter::time_left() const noexcept {

@@ -64,6 +64,17 @@ class Presenter {
   /// Any thread: keeps the displayed frame, except that one frame is shown after every
   /// discontinuity of the source.
   void set_paused(bool paused) noexcept;
+  /// Any thread: switches the output off between two flips, once the first frame has been shown, or
+  /// on again. The vblanks in between count as held.
+  void set_off(bool off) noexcept;
+  /// Any thread: requests that the first frame after the next discontinuity of the source is shown
+  /// at the second vblank from now, or as soon as it is ready after that. Returns false while an
+  /// earlier request is not fulfilled.
+  [[nodiscard]] bool time_next_cut() noexcept;
+  /// Any thread: withdraws that request.
+  void forget_next_cut() noexcept { cut_asked_at_.store(0, std::memory_order_release); }
+  /// Any thread: plays the content at this many thousandths of its rate, from the next frame on.
+  void set_speed(uint32_t permille) noexcept;
 
  private:
   struct PendingFlip {
@@ -72,6 +83,7 @@ class Presenter {
     display::Nanoseconds submitted{0};
     uint64_t number = 0;
     uint32_t item = 0;
+    bool timed = false;  ///< fulfils time_next_cut()
   };
 
   void play_on() noexcept;
@@ -88,16 +100,19 @@ class Presenter {
   void follow_cut() noexcept;
   void follow_rate() noexcept;
   [[nodiscard]] bool holds_still() noexcept;
+  [[nodiscard]] bool is_off() noexcept;
   [[nodiscard]] bool head_is_ready() const noexcept;
   void request_vblank(uint64_t sequence) noexcept;
 
   void handle(const display::DisplayEvent& event) noexcept;
   void handle_flip(const display::DisplayEvent& event) noexcept;
   void handle_timeout() noexcept;
+  void end_flip() noexcept;
   void observe_vblank(const display::DisplayEvent& event) noexcept;
   void land_pending_flip() noexcept;
 
   [[nodiscard]] display::DisplayEvent in_our_count(display::DisplayEvent event) noexcept;
+  [[nodiscard]] uint64_t vblank_after(display::Nanoseconds time) const noexcept;
   [[nodiscard]] uint64_t next_reachable_vblank() const noexcept;
   [[nodiscard]] display::Nanoseconds awaited_by() const noexcept;
   [[nodiscard]] display::Nanoseconds event_timeout() const noexcept;
@@ -123,10 +138,12 @@ class Presenter {
   display::Nanoseconds tick_expected_{0};  ///< time at which that tick is expected
   bool rebuffering_ = false;               ///< LatePolicy::Hold after an underrun
   std::optional<display::Nanoseconds> starved_since_;
-  frames::Rate wanted_rate_;    ///< rate of the next frame, before it is locked to the display
-  uint64_t cut_ = 0;            ///< the source's discontinuity number that was handled last
-  bool after_cut_ = false;      ///< waiting for the first frame after a discontinuity
-  bool shows_one_more_ = true;  ///< shows one more frame although paused
+  frames::Rate wanted_rate_;  ///< rate of the next frame, before it is locked to the display
+  uint64_t cut_ = 0;          ///< the source's discontinuity number that was handled last
+  bool after_cut_ = false;    ///< waiting for the first frame after a discontinuity
+  std::optional<uint64_t> timed_cut_;  ///< first vblank that may show the frame after a timed cut
+  bool shows_one_more_ = true;         ///< shows one more frame although paused
+  bool off_ = false;                   ///< the output is switched off
   uint64_t last_sequence_ = 0;
   display::Nanoseconds last_vblank_{0};
   /// This playback's vblank number less the display's, whose count starts again when the display
@@ -139,6 +156,9 @@ class Presenter {
   WakeFd wake_;
   std::atomic<bool> stopping_{false};
   std::atomic<bool> paused_{false};
+  std::atomic<bool> off_wanted_{false};
+  std::atomic<uint32_t> speed_permille_{1000};
+  std::atomic<int64_t> cut_asked_at_{0};  ///< display time of time_next_cut(); 0: none
 };
 
 }  // namespace lenticule::player

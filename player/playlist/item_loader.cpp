@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <utility>
 
 namespace lenticule::player {
@@ -16,6 +17,8 @@ constexpr auto kRetry = std::chrono::seconds(1);
 /// Time between two checks of the files. A new state must be seen twice in a
 /// row, because the file may still be being written.
 constexpr auto kLook = std::chrono::seconds(1);
+/// Pause in which the loader reads a list again before it tries the list's next item.
+constexpr auto kAfterLook = std::chrono::milliseconds(20);
 
 }  // namespace
 
@@ -33,7 +36,8 @@ ItemLoader::~ItemLoader() {
   work_there_.notify_all();
   thread_.join();
   const Error ending(ErrorKind::Failed, "load: the player is ending");
-  if (request_ && request_->done) request_->done(&ending);
+  for (const auto* request : {&request_, &cue_})
+    if (*request && (*request)->done) (*request)->done(&ending);
 }
 
 std::unique_ptr<OpenItem> ItemLoader::open_item(const PlaylistItem& item, uint64_t frame) const {
@@ -58,13 +62,24 @@ std::unique_ptr<OpenItem> ItemLoader::open_item(const PlaylistItem& item, uint64
   return open;
 }
 
+ItemLoader::Attempt ItemLoader::try_open(const PlaylistItem& item, uint64_t frame) const {
+  try {
+    return {.item = open_item(item, frame), .error = std::nullopt};
+  } catch (const Error& error) {
+    return {.item = nullptr, .error = error};
+  } catch (const std::exception& error) {
+    return {.item = nullptr,
+            .error = Error(ErrorKind::Failed, item.source.text + ": " + error.what())};
+  }
+}
+
 void ItemLoader::open_first() {
   const std::shared_ptr<const Playlist> list = [this] {
     const std::lock_guard lock(mutex_);
     return cursor_.list();
   }();
   std::unique_ptr<OpenItem> first;
-  if (list->items.size() == 1 && !list->items.front().schedule)
+  if (list->items.size() == 1 && !list->items.front().schedule && !list->standby)
     first = open_item(list->items.front(), 0);
   const std::lock_guard lock(mutex_);
   next_wanted_ = first == nullptr;
@@ -95,8 +110,12 @@ void ItemLoader::work() {
   while (!stopping_) {
     if (!trash_.empty()) {
       empty_trash(lock);
-    } else if (request_ && !request_->opened) {
+    } else if (request_ && !request_->opened && SteadyClock::now() >= request_at_) {
       open_requested(lock);
+    } else if (cue_ && !cue_->opened) {
+      open_cued(lock);
+    } else if (cue_ && cue_->item && !cue_->decoded && SteadyClock::now() >= cue_look_at_) {
+      look_at_cued(lock);
     } else if (next_wanted_ && !next_ && !list_over_ && SteadyClock::now() >= retry_at_) {
       open_next(lock);
     } else if (is_time_to_look()) {
@@ -105,9 +124,19 @@ void ItemLoader::work() {
       look_at_list(lock, at_once);
       look_at_item(lock);
     } else {
-      work_there_.wait_for(lock, kRetry);
+      work_there_.wait_until(lock, next_step());
     }
   }
+}
+
+/// Returns the time at which the loader looks for work without being woken.
+ItemLoader::SteadyTime ItemLoader::next_step() const {
+  const SteadyTime now = SteadyClock::now();
+  SteadyTime next = now + kRetry;
+  if (request_ && !request_->opened) next = std::min(next, request_at_);
+  if (cue_ && cue_->item && !cue_->decoded) next = std::min(next, cue_look_at_);
+  if (next_wanted_ && !next_ && !list_over_) next = std::min(next, retry_at_);
+  return std::max(next, now);
 }
 
 void ItemLoader::empty_trash(Lock& lock) {
@@ -118,51 +147,11 @@ void ItemLoader::empty_trash(Lock& lock) {
   lock.lock();
 }
 
-/// Opens the target of a jump. At most two items are open beside the displayed
-/// one, so the item that was to be next is closed.
-void ItemLoader::open_requested(Lock& lock) {
-  request_->opened = true;
-  const uint64_t serial = request_->serial;
-  const PlaylistPlace place = request_->place;
-  const uint64_t frame = request_->frame;
-  std::unique_ptr<OpenItem> gone = std::move(next_);
-  const bool next_was_wanted = next_wanted_ || gone;
-  next_wanted_ = false;
-  if (gone) cursor_.back_to_playing();
-  lock.unlock();
-  gone.reset();
-  const PlaylistItem& item = place.list->items[place.index];
-  std::unique_ptr<OpenItem> open;
-  std::optional<Error> error;
-  try {
-    open = open_item(item, frame);
-  } catch (const Error& thrown) {
-    error = thrown;
-  } catch (const std::exception& thrown) {
-    error.emplace(ErrorKind::Failed, item.source.text + ": " + thrown.what());
-  }
-  lock.lock();
-  if (!request_ || request_->serial != serial) return locked_discard(open);
-  if (open) {
-    open->list = place.list;
-    open->index = place.index;
-    open->rounds_done = place.rounds_done;
-    request_->item = std::move(open);
-    return wake_.signal();
-  }
-  const JumpDone done = std::move(request_->done);
-  request_.reset();
-  next_wanted_ = next_was_wanted;
-  lock.unlock();
-  done(&*error);
-  wake_.signal();
-  lock.lock();
-}
-
 void ItemLoader::open_next(Lock& lock) {
   const auto list = cursor_.list();
   const uint64_t serial = request_serial_;
   const NextItem pick = cursor_.next(options_.local_time());
+  if (pick.kind == NextItem::Kind::End && cursor_.interrupted()) return open_interrupted(lock);
   const bool standby = pick.kind == NextItem::Kind::Standby;
   nothing_for_now_ = pick.kind == NextItem::Kind::None;
   list_over_ = pick.kind == NextItem::Kind::End;
@@ -172,21 +161,22 @@ void ItemLoader::open_next(Lock& lock) {
 
   const PlaylistItem item = standby ? *list->standby : list->items[pick.index];
   lock.unlock();
-  std::unique_ptr<OpenItem> open;
-  std::string why;
-  try {
-    open = open_item(item, 0);
-  } catch (const std::exception& error) {
-    why = error.what();
-  }
+  Attempt attempt = try_open(item, 0);
+  // A file that was removed from a folder is no fault: the list is read again first.
+  const bool list_is_old = !attempt.item && is_list_changed(*list);
   lock.lock();
-  if (serial != request_serial_ || list != cursor_.list()) return locked_discard(open);
-  if (open) return locked_offer(std::move(open), pick);
+  if (serial != request_serial_ || list != cursor_.list()) return locked_discard(attempt.item);
+  if (attempt.item) return locked_offer(std::move(attempt.item), pick);
+  if (list_is_old) {
+    look_now_ = true;
+    retry_at_ = SteadyClock::now() + kAfterLook;
+    return;
+  }
   if (!standby) cursor_.choose(pick.index, pick.rounds_done);
   if (broken_in_a_row_ + 1 >= list->items.size() || standby)
     retry_at_ = SteadyClock::now() + kRetry;
   lock.unlock();
-  skip(item.source.text, why);
+  skip(item.source.text, with_remedy(*attempt.error));
   lock.lock();
 }
 
@@ -197,13 +187,21 @@ bool ItemLoader::is_time_to_look() const {
   return follows && !ended_ && (look_now_ || SteadyClock::now() >= look_at_);
 }
 
+FileMark ItemLoader::mark_of_list(const std::string& name) const {
+  return options_.mark_list ? options_.mark_list(name) : mark_of(name);
+}
+
+bool ItemLoader::is_list_changed(const Playlist& list) const {
+  return options_.read_list && list.file && mark_of_list(list.name) != *list.file;
+}
+
 /// Reads the list if its file was replaced. A list that cannot be read is not
 /// tried again until its file changes.
 void ItemLoader::look_at_list(Lock& lock, bool at_once) {
   const auto list = cursor_.list();
   if (!options_.read_list || !list->file) return;
   lock.unlock();
-  const FileMark now = mark_of(list->name);
+  const FileMark now = mark_of_list(list->name);
   lock.lock();
   const bool steady = std::exchange(list_seen_, now) == now;
   const bool is_new = now != *list->file;
@@ -263,14 +261,9 @@ void ItemLoader::look_at_item(Lock& lock) {
   if (!steady || now == followed_.files) return;
   followed_.files = now;
   lock.unlock();
-  std::unique_ptr<OpenItem> open;
-  std::string why;
-  try {
-    open = open_item(item, 0);
-  } catch (const std::exception& error) {
-    why = error.what();
-  }
-  if (!open) reporter_.kept(item.source.text, why);
+  Attempt attempt = try_open(item, 0);
+  std::unique_ptr<OpenItem>& open = attempt.item;
+  if (!open) reporter_.kept(item.source.text, attempt.error->what());
   lock.lock();
   if (!open) return;
   if (followed_.number != number) return locked_discard(open);
@@ -309,9 +302,10 @@ bool ItemLoader::next_is_there() const {
 
 ItemLoader::Prospect ItemLoader::prospect() {
   const std::lock_guard lock(mutex_);
-  ended_ = list_over_ && !request_ && !next_ && !held_;
+  ended_ = list_over_ && !request_ && !cue_ && !next_ && !held_;
   if (ended_) return Prospect::Ended;
-  const bool idle = held_ || nothing_for_now_ || broken_in_a_row_ > 0 || request_;
+  const bool waits = list_over_ && cue_;
+  const bool idle = held_ || nothing_for_now_ || broken_in_a_row_ > 0 || request_ || waits;
   return idle ? Prospect::Idle : Prospect::Soon;
 }
 
@@ -325,6 +319,7 @@ void ItemLoader::begin(const OpenItem& item) {
                .seen = item.files};
   outdated_ = false;
   locked_discard(replacement_);
+  if (item.returns && cursor_.interrupted()) locked_end_interruption();
   cursor_.begin(item.index);
 }
 
@@ -369,76 +364,6 @@ std::unique_ptr<OpenItem> ItemLoader::take_replacement(uint32_t number) {
   return std::move(replacement_);
 }
 
-// --- jumps ---
-
-void ItemLoader::jump(const Jump& jump, const JumpDone& done) {
-  std::optional<JumpRequest> replaced;
-  std::optional<Error> error;
-  try {
-    const std::lock_guard lock(mutex_);
-    if (ended_)
-      throw Error(ErrorKind::Failed, "control: playback is about to end", "pause it earlier");
-    replaced = std::exchange(request_, JumpRequest{.place = cursor_.target_of(jump),
-                                                   .frame = jump.frame,
-                                                   .serial = request_serial_ + 1,
-                                                   .opened = false,
-                                                   .item = nullptr,
-                                                   .done = done,
-                                                   .since = SteadyClock::now()});
-    ++request_serial_;
-    if (replaced) locked_discard(replaced->item);
-  } catch (const Error& thrown) {
-    error = thrown;
-  }
-  work_there_.notify_all();
-  if (error) return done(&*error);
-  const Error superseded(ErrorKind::Failed, "load: replaced by a later load before it was ready");
-  if (replaced && replaced->done) replaced->done(&superseded);
-}
-
-std::optional<ItemLoader::Arrival> ItemLoader::take_arrival() {
-  const std::lock_guard lock(mutex_);
-  if (!request_ || !request_->item) return std::nullopt;
-  return Arrival{
-      .item = std::move(request_->item), .serial = request_->serial, .since = request_->since};
-}
-
-void ItemLoader::put_back(Arrival arrival) {
-  {
-    const std::lock_guard lock(mutex_);
-    if (request_ && request_->serial == arrival.serial) request_->item = std::move(arrival.item);
-  }
-  if (arrival.item) close(std::move(arrival.item));
-}
-
-JumpDone ItemLoader::accept(uint64_t serial) {
-  const std::lock_guard lock(mutex_);
-  if (!request_ || request_->serial != serial) return nullptr;
-  JumpDone done = std::move(request_->done);
-  cursor_.jump(request_->place);
-  list_over_ = nothing_for_now_ = false;
-  ++request_serial_;  // discards the item being opened for the old place
-  locked_discard(next_);
-  next_wanted_ = false;
-  request_.reset();
-  return done;
-}
-
-void ItemLoader::fail(Arrival arrival, const std::string& why) {
-  const Error error(ErrorKind::Input, arrival.item->item.source.text + ": " + why);
-  close(std::move(arrival.item));
-  JumpDone done;
-  {
-    const std::lock_guard lock(mutex_);
-    if (!request_ || request_->serial != arrival.serial) return;
-    done = std::move(request_->done);
-    request_.reset();
-    next_wanted_ = true;
-    work_there_.notify_all();
-  }
-  done(&error);
-}
-
 // --- any thread ---
 
 std::shared_ptr<const Playlist> ItemLoader::list() const {
@@ -463,11 +388,6 @@ void ItemLoader::look_again() {
   const std::lock_guard lock(mutex_);
   look_now_ = true;
   work_there_.notify_all();
-}
-
-bool ItemLoader::is_jumping() const {
-  const std::lock_guard lock(mutex_);
-  return request_.has_value();
 }
 
 }  // namespace lenticule::player

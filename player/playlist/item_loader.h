@@ -25,6 +25,10 @@ namespace lenticule::player {
 /// Returns the state of an item's files; two results are equal as long as no
 /// file was replaced. Thread safety: any thread.
 using ItemLook = std::function<std::vector<FileMark>(const PlaylistItem& item)>;
+/// Returns the last displayed frame of an item, by its running number. Thread safety: any thread.
+using LeftItemLook = std::function<LeftItem(uint32_t number)>;
+/// Returns the state of a list's file. Thread safety: any thread.
+using ListMark = std::function<FileMark(const std::string& name)>;
 /// Reads a list again. Throws Error. Thread safety: any thread; may take long.
 using ListReader = std::function<Playlist(const std::string& name)>;
 /// Called with null when the first frame of the new place has been taken,
@@ -37,6 +41,9 @@ struct ItemLoaderOptions {
   std::function<LocalTime()> local_time;
   ItemLook look_at = nullptr;      ///< null: replaced files of items are not detected
   ListReader read_list = nullptr;  ///< null: a replaced list is not detected
+  ListMark mark_list = nullptr;    ///< null: mark_of(), for lists in files
+  /// Null: after an interruption, an item continues with the last frame that was taken of it.
+  LeftItemLook left_item = nullptr;
 };
 
 /// Thread safety: each function says on which thread it runs. The frame copier is the
@@ -100,12 +107,23 @@ class ItemLoader {
   [[nodiscard]] std::optional<Arrival> take_arrival();
   void put_back(Arrival arrival);
   /// Moves the list to the target, and returns the function to call then. Null
-  /// if another jump was requested meanwhile.
-  [[nodiscard]] JumpDone accept(uint64_t serial);
+  /// if another jump was requested meanwhile. `leaving` is the progress of the playing item.
+  [[nodiscard]] JumpDone accept(uint64_t serial, const ItemProgress& leaving);
   void fail(Arrival arrival, const std::string& why);
 
   // Thread safety: any thread.
   void jump(const Jump& jump, const JumpDone& done);
+  /// Ends an interruption at once. Fails if nothing is interrupted.
+  void return_now(const JumpDone& done);
+  /// Opens the target of a jump and decodes its first frames. `done` is called when that is done.
+  /// The list does not end while an item is cued.
+  void cue(const Jump& jump, const JumpDone& done);
+  /// Jumps to the cued item. Fails if none is cued, or not completely yet.
+  void go(const JumpDone& done);
+  /// Returns the source of the cued item; empty if none is cued.
+  [[nodiscard]] std::string cued() const;
+  /// Returns the source that is played after the present interruption; empty without one.
+  [[nodiscard]] std::string interrupted() const;
   void set_loops(uint64_t loops);
   void hold(bool held);
   void look_again();
@@ -119,12 +137,16 @@ class ItemLoader {
 
   /// A requested jump.
   struct JumpRequest {
-    PlaylistPlace place;
+    PlaylistPlace place{};
     uint64_t frame = 0;
     uint64_t serial = 0;
     bool opened = false;
-    std::unique_ptr<OpenItem> item;  ///< null until it is open, and while the frame copier tries it
-    JumpDone done;
+    bool returns = false;          ///< to the interrupted item
+    bool decoded = false;          ///< cue: the first frames are decoded
+    bool in_present_list = false;  ///< cue: names an item of the list that is played
+    std::unique_ptr<OpenItem>
+        item{};  ///< null until it is open, and while the frame copier tries it
+    JumpDone done{};
     SteadyTime since{};
   };
   /// The playing item, whose files are checked.
@@ -141,13 +163,32 @@ class ItemLoader {
   // read files.
   void work();
   void empty_trash(Lock& lock);
+  [[nodiscard]] SteadyTime next_step() const;
   void open_requested(Lock& lock);
   void open_next(Lock& lock);
+  void open_interrupted(Lock& lock);
+  void open_cued(Lock& lock);
+  void look_at_cued(Lock& lock);
   [[nodiscard]] bool is_time_to_look() const;
   void look_at_list(Lock& lock, bool at_once);
   void look_at_item(Lock& lock);
 
+  /// The outcome of an attempt to open an item.
+  struct Attempt {
+    std::unique_ptr<OpenItem> item;
+    std::optional<Error> error;
+  };
   // Any thread. `locked_`: the caller holds the mutex.
+  [[nodiscard]] Attempt try_open(const PlaylistItem& item, uint64_t frame) const;
+  [[nodiscard]] FileMark mark_of_list(const std::string& name) const;
+  [[nodiscard]] bool is_list_changed(const Playlist& list) const;
+  /// Requests a jump, replacing a pending one, for which it returns the function to call.
+  [[nodiscard]] JumpDone locked_request(JumpRequest request);
+  /// Finds the progress of the interrupted item once the panel shows another item. Returns false
+  /// until then.
+  [[nodiscard]] bool locked_find_progress();
+  void locked_end_interruption();
+  [[nodiscard]] bool locked_follow_list(JumpRequest& cue) const;
   [[nodiscard]] std::unique_ptr<OpenItem> open_item(const PlaylistItem& item, uint64_t frame) const;
   void locked_offer(std::unique_ptr<OpenItem> item, const NextItem& pick);
   void locked_discard(std::unique_ptr<OpenItem>& item);
@@ -166,7 +207,12 @@ class ItemLoader {
   bool next_wanted_ = false;
   std::optional<JumpRequest> request_;
   uint64_t request_serial_ =
-      0;  ///< changes when an item that is being opened is not wanted any more
+      0;                     ///< changes when an item that is being opened is not wanted any more
+  SteadyTime request_at_{};  ///< time of the next attempt to open its target
+  std::optional<JumpRequest> cue_;
+  uint64_t cue_serial_ = 0;
+  SteadyTime cue_look_at_{};
+  ItemProgress interrupted_;               ///< number 0: nothing is interrupted
   std::unique_ptr<OpenItem> replacement_;  ///< replaces the item of followed_ at its loop point
   std::vector<std::unique_ptr<OpenItem>> trash_;  ///< items to close
   Followed followed_;

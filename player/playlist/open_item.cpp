@@ -17,4 +17,44 @@ std::optional<uint64_t> OpenItem::frame_limit(frames::Rate rate) const {
   return static_cast<uint64_t>(std::max(1.0, std::round(*seconds * rate.hertz())));
 }
 
+ItemProgress progress_of(const OpenItem& item, uint64_t given) {
+  return {.number = item.number,
+          .first_frame = item.first_frame,
+          .frame = item.last_number,
+          .pulled = item.pulled,
+          .pulled_this_round = item.pulled_this_round,
+          .loops_done = item.loops_done,
+          .frame_count = item.opened.source->frame_count(),
+          .given = given};
+}
+
+ItemProgress progress_at(ItemProgress progress, const LeftItem& left) {
+  progress.final = true;
+  if (!left.last) {  // it begins again
+    progress.frame = progress.first_frame;
+    progress.pulled = progress.pulled_this_round = progress.loops_done = 0;
+    return progress;
+  }
+  const uint64_t again = progress.given - std::min(progress.given, left.last->index);
+  progress.frame = left.last->number;
+  progress.pulled -= std::min(progress.pulled, again);
+  if (again > progress.pulled_this_round) {
+    const uint64_t before = again - progress.pulled_this_round - 1;
+    const uint64_t rounds =
+        1 + before / std::max<uint64_t>(1, progress.frame_count.value_or(before + 1));
+    progress.loops_done -= std::min(progress.loops_done, rounds);
+    progress.pulled_this_round = progress.frame;
+  } else {
+    progress.pulled_this_round -= again;
+  }
+  return progress;
+}
+
+void continue_item(OpenItem& item, const ItemProgress& progress) {
+  item.pulled = progress.pulled;
+  item.pulled_this_round = progress.pulled_this_round;
+  item.loops_done = progress.loops_done;
+  item.returns = true;
+}
+
 }  // namespace lenticule::player

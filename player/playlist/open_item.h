@@ -9,6 +9,7 @@
 #include <optional>
 #include <vector>
 
+#include "player/playback/play_statistics.h"
 #include "player/playlist/playlist.h"
 #include "player/sources/source_open.h"
 
@@ -31,6 +32,8 @@ struct OpenItem {
   uint64_t pulled = 0;
   uint64_t pulled_this_round = 0;
   uint64_t loops_done = 0;
+  uint64_t last_number = 0;  ///< number of the frame that was pulled last
+  bool returns = false;      ///< continues after an interruption
   uint64_t acquired = 0;
   frames::FrameDamage damage{};  ///< the part that is already reported
   bool skips_to_first = false;
@@ -46,6 +49,25 @@ struct OpenItem {
   /// if loops end it.
   [[nodiscard]] std::optional<uint64_t> frame_limit(frames::Rate rate) const;
 };
+
+/// The progress of an item that is played again later.
+struct ItemProgress {
+  uint32_t number = 0;  ///< running number of the item; 0: none
+  uint64_t first_frame = 0;
+  uint64_t frame = 0;  ///< number of the frame with which the item continues
+  uint64_t pulled = 0;
+  uint64_t pulled_this_round = 0;
+  uint64_t loops_done = 0;
+  std::optional<uint64_t> frame_count{};
+  uint64_t given = 0;  ///< frames that the playlist had handed out, over all items
+  bool final = false;  ///< `frame` and the counts are those at the last displayed frame
+};
+[[nodiscard]] ItemProgress progress_of(const OpenItem& item, uint64_t given);
+/// Takes the frames back that were handed out and not displayed, and the last displayed one, which
+/// is shown again. `left` is final.
+[[nodiscard]] ItemProgress progress_at(ItemProgress progress, const LeftItem& left);
+/// Lets the item, which was opened at `progress.frame`, continue there.
+void continue_item(OpenItem& item, const ItemProgress& progress);
 
 /// Opens an item from its frame `first_frame` on, as open_source() does. Thread
 /// safety: any thread; may take long.

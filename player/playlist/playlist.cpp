@@ -31,6 +31,9 @@ Playlist playlist_of(const SourceSpec& source, uint64_t rounds) {
 
 NextItem next_item(const Playlist& list, std::optional<size_t> after, uint64_t rounds_done,
                    LocalTime now) {
+  if (list.items.empty())
+    return {.kind = list.standby ? NextItem::Kind::Standby : NextItem::Kind::None,
+            .rounds_done = rounds_done};
   const uint64_t rounds_before = rounds_done;
   size_t index = after ? *after + 1 : 0;
   for (size_t passed = 0; passed <= list.items.size(); ++passed, ++index) {

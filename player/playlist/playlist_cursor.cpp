@@ -20,9 +20,18 @@ void PlaylistCursor::back_to_playing() {
 }
 
 PlaylistPlace PlaylistCursor::target_of(const Jump& jump) const {
-  const auto list = jump.list ? jump.list : list_;
+  const bool leaves = interrupted_ && (jump.item || jump.relative);
+  const auto playing = leaves ? interrupted_->list : list_;
+  const auto list = jump.list ? jump.list : playing;
   const auto items = static_cast<int64_t>(list->items.size());
-  const auto here = static_cast<int64_t>((playing_ ? playing_ : chosen_).value_or(0));
+  const auto at = leaves ? interrupted_->playing : playing_;
+  const auto here = static_cast<int64_t>((at       ? at
+                                          : leaves ? interrupted_->chosen
+                                                   : chosen_)
+                                             .value_or(0));
+  if (items == 0)
+    throw Error(ErrorKind::Failed, list->name + ": has no item at the moment",
+                "wait for a file, or load another source");
   int64_t index = jump.item.value_or(0);
   if (jump.relative) index = ((index + here) % items + items) % items;
   if (!jump.item && !jump.list) index = here;
@@ -31,12 +40,27 @@ PlaylistPlace PlaylistCursor::target_of(const Jump& jump) const {
                 "items are counted from 0");
   return {.list = list,
           .index = static_cast<size_t>(index),
-          .rounds_done = jump.list ? 0 : rounds_done_};
+          .rounds_done = jump.list ? 0
+                         : leaves  ? interrupted_->rounds_done
+                                   : rounds_done_,
+          .interrupts = jump.interrupts};
 }
 
 void PlaylistCursor::jump(const PlaylistPlace& place) {
+  if (place.interrupts && !interrupted_)
+    interrupted_ = {
+        .list = list_, .playing = playing_, .chosen = chosen_, .rounds_done = rounds_done_};
+  if (!place.interrupts && place.list != list_) interrupted_.reset();
   list_ = place.list;
   choose(place.index, place.rounds_done);
+}
+
+void PlaylistCursor::end_interruption() {
+  if (!interrupted_) return;
+  const InterruptedPlace place = *std::exchange(interrupted_, std::nullopt);
+  list_ = place.list;
+  chosen_ = place.playing ? place.playing : place.chosen;
+  rounds_done_ = place.rounds_done;
 }
 
 void PlaylistCursor::set_loops(uint64_t loops) {

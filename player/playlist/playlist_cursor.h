@@ -18,12 +18,23 @@ struct Jump {
   std::optional<int64_t> item = std::nullopt;
   bool relative = false;
   uint64_t frame = 0;
+  /// The target is a list that is played once; then the playing item continues where it was.
+  bool interrupts = false;
 };
 
 /// A jump's list and item.
 struct PlaylistPlace {
   std::shared_ptr<const Playlist> list;
   size_t index = 0;
+  uint64_t rounds_done = 0;
+  bool interrupts = false;
+};
+
+/// The place in a list at which an interruption began.
+struct InterruptedPlace {
+  std::shared_ptr<const Playlist> list;
+  std::optional<size_t> playing;  ///< none: standby, or no item
+  std::optional<size_t> chosen;
   uint64_t rounds_done = 0;
 };
 
@@ -47,10 +58,16 @@ class PlaylistCursor {
   /// Forgets an item that was chosen ahead and will not be played.
   void back_to_playing();
 
-  /// Returns the place at which a jump arrives. Throws Error(Usage) for an item
-  /// that the list does not have.
+  /// Returns the place at which a jump arrives. During an interruption, items are those of the
+  /// interrupted list. Throws Error(Usage) for an item that the list does not have.
   [[nodiscard]] PlaylistPlace target_of(const Jump& jump) const;
+  /// Moves to the place. An interruption keeps the place that it interrupts; a second one keeps the
+  /// place of the first. A jump to another list ends the interruption.
   void jump(const PlaylistPlace& place);
+  /// Returns the place to which an interruption returns; none if nothing is interrupted.
+  [[nodiscard]] const std::optional<InterruptedPlace>& interrupted() const { return interrupted_; }
+  /// Ends the interruption: the interrupted list continues after its item.
+  void end_interruption();
 
   /// Sets the loops of the list, or of its only item, from now on.
   void set_loops(uint64_t loops);
@@ -70,6 +87,7 @@ class PlaylistCursor {
   std::optional<size_t> chosen_;
   std::optional<size_t> playing_;
   uint64_t rounds_done_ = 0;
+  std::optional<InterruptedPlace> interrupted_;
 };
 
 }  // namespace lenticule::player

@@ -15,6 +15,10 @@ constexpr size_t kMostDamagedItems = 1000;
 
 }  // namespace
 
+std::string with_remedy(const Error& error) {
+  return error.hint().empty() ? error.what() : std::string(error.what()) + "; " + error.hint();
+}
+
 PlaylistReporter::PlaylistReporter(const Playlist& list, OnEvent on_event)
     : on_event_(std::move(on_event)) {
   status_.list = list.name;
@@ -39,6 +43,10 @@ void PlaylistReporter::started(const OpenItem& item) {
     ++status_.started;
   }
   report(Kind::ItemStarted, item.item.source.text, {});
+}
+
+void PlaylistReporter::returned(const std::string& source) {
+  report(Kind::Returned, source, {});
 }
 
 void PlaylistReporter::loop_point(const std::string& source) {

@@ -11,6 +11,7 @@
 #include <optional>
 #include <string>
 
+#include "base/error.h"
 #include "player/playlist/open_item.h"
 
 namespace lenticule::player {
@@ -24,6 +25,7 @@ struct PlaylistEvent {
     Replaced,     ///< the list, or the item's file, was replaced and is played from
                   ///< now on
     Kept,         ///< a replacement cannot be played: the old content continues
+    Returned,     ///< the item continues after an interruption
     ItemDamaged,  ///< the item was played, but some of its frames were damaged,
                   ///< missing or repeated
   };
@@ -31,6 +33,9 @@ struct PlaylistEvent {
   std::string source;
   std::string detail;  ///< reason for ItemSkipped or Kept
 };
+
+/// Returns the error with its remedy in one line, as a reason for ItemSkipped.
+[[nodiscard]] std::string with_remedy(const Error& error);
 
 /// A snapshot of the playlist's state.
 struct PlaylistStatus {
@@ -47,7 +52,9 @@ struct PlaylistStatus {
   frames::FrameDamage damage{};  ///< total over all items so far
   /// The damaged items, by source.
   std::map<std::string, frames::FrameDamage> damaged_items{};
-  bool opening = false;  ///< the target of a jump is being opened
+  bool opening = false;       ///< the target of a jump is being opened
+  std::string cued{};         ///< source of the cued item; empty if none
+  std::string interrupted{};  ///< source that continues after the interruption; empty without one
 };
 
 /// Thread safety: any thread. Events are sent on the thread that reports them,
@@ -62,6 +69,7 @@ class PlaylistReporter {
   /// Reports that frames are taken from the item from now on.
   void begin(const OpenItem& item);
   void started(const OpenItem& item);
+  void returned(const std::string& source);
   void loop_point(const std::string& source);
   void skipped(const std::string& source, const std::string& why);
   /// Reports a list or an item that was replaced, or whose replacement cannot

@@ -46,7 +46,9 @@ PlaylistSource::PlaylistSource(std::shared_ptr<const Playlist> list,
                .open = options.open,
                .local_time = options.local_time,
                .look_at = options.look_at,
-               .read_list = options.read_list},
+               .read_list = options.read_list,
+               .mark_list = options.mark_list,
+               .left_item = options.left_item},
               reporter_, wake_) {
   check(static_cast<bool>(poll_));
   acquired_.reserve(kMaxAcquired);
@@ -57,6 +59,8 @@ PlaylistSource::PlaylistSource(std::shared_ptr<const Playlist> list,
 PlaylistStatus PlaylistSource::status() const {
   PlaylistStatus status = reporter_.status();
   status.opening = loader_.is_jumping();
+  status.cued = loader_.cued();
+  status.interrupted = loader_.interrupted();
   return status;
 }
 
@@ -68,11 +72,13 @@ PullStatus PlaylistSource::pull(AcquiredFrame& out) {
   if (in_hand_) {
     out = *std::exchange(in_hand_, std::nullopt);
     idle_ = false;
+    ++frames_given_;
     return PullStatus::Ready;
   }
   for (int step = 0; step < kStepsPerPull; ++step) {
     if (!current_ && !enters_next()) return nothing_yet();
     const PullStatus status = pull_current(out);
+    if (status == PullStatus::Ready) ++frames_given_;
     if (status != PullStatus::End) return status;
   }
   wake_.signal();
@@ -157,6 +163,7 @@ void PlaylistSource::hand_out(OpenItem& item, AcquiredFrame& out) {
   acquired_.push_back({.token = next_token_, .inner = out.token, .item = &item});
   ++item.acquired;
   ++item.pulled_this_round;
+  item.last_number = out.number;
   out.token = next_token_++;
   out.item = item.number;
   reporter_.count_damage(item);
@@ -271,7 +278,7 @@ void PlaylistSource::want_next_in_time() {
   if (!all && loops == kForever && item.index) return;
   const double left =
       all ? static_cast<double>(*all - std::min(*all, item.pulled)) / rate_of(item).hertz() : 0.0;
-  if (left > kAheadSeconds) return;
+  if (left > kAheadSeconds * speed_.load()) return;
   next_asked_ = true;
   loader_.want_next();
 }
@@ -296,6 +303,7 @@ void PlaylistSource::begin(std::unique_ptr<OpenItem> item) {
   watch(*current_, true);
   loader_.begin(*current_);
   reporter_.begin(*current_);
+  if (current_->returns) reporter_.returned(current_->item.source.text);
 }
 
 /// Leaves the item to the loader to be closed, once its frames are given back.
@@ -356,7 +364,8 @@ void PlaylistSource::try_arrival() {
 }
 
 void PlaylistSource::arrive(ItemLoader::Arrival arrival, AcquiredFrame first) {
-  const JumpDone done = loader_.accept(arrival.serial);
+  const ItemProgress leaving = current_ ? progress_of(*current_, frames_given_) : ItemProgress{};
+  const JumpDone done = loader_.accept(arrival.serial, leaving);
   if (!done) {
     arrival.item->opened.source->release(first.token);
     return loader_.close(std::move(arrival.item));

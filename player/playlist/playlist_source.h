@@ -3,6 +3,7 @@
 // after item, skips items that cannot be played, and can jump while it plays.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -32,6 +33,10 @@ struct PlaylistSourceOptions {
   /// not detected.
   ItemLook look_at = nullptr;
   ListReader read_list = nullptr;
+  ListMark mark_list = nullptr;
+  /// Returns the last displayed frame of an item; null = the last one that was pulled counts as
+  /// displayed.
+  LeftItemLook left_item = nullptr;
 };
 
 /// All frames have the panel's size; an item of another size counts as broken.
@@ -59,6 +64,14 @@ class PlaylistSource final : public frames::FrameSource {
   /// Starts a jump. Only one is pending at a time: a new jump replaces a
   /// pending one, which then fails.
   void jump(const Jump& jump, const JumpDone& done) { loader_.jump(jump, done); }
+  /// Ends an interruption at once.
+  void return_now(const JumpDone& done) { loader_.return_now(done); }
+  /// Opens an item that go() shows. `done` is called when its first frames are decoded.
+  void cue(const Jump& jump, const JumpDone& done) { loader_.cue(jump, done); }
+  void go(const JumpDone& done) { loader_.go(done); }
+  /// States the speed at which frames are taken, as a factor, so that items are opened early
+  /// enough.
+  void set_speed(double factor) { speed_.store(factor); }
   /// Sets the loops of the list, or of its only item; kForever is allowed.
   /// Takes effect at the next loop point.
   void set_loops(uint64_t loops) { loader_.set_loops(loops); }
@@ -138,6 +151,8 @@ class PlaylistSource final : public frames::FrameSource {
   std::optional<frames::Rate> rate_;
   uint64_t next_token_ = 1;
   uint32_t next_number_ = 1;
+  uint64_t frames_given_ = 0;  ///< frames that pull() has returned
+  std::atomic<double> speed_{1.0};
   uint64_t cut_ = 0;
   bool idle_ = false;
   bool at_end_ = false;

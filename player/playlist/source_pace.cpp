@@ -43,9 +43,11 @@ PaceFigures SourcePace::look(const PlayReport& report, SteadyClock::time_point n
   figures_.needed_fps = report.content_rate.hertz();
   figures_.late_frames = pace.repeated_underrun;
   figures_.too_slow = looked_ && late > 0 && pace.underruns_after_start > 0;
+  const auto taken = [](const PaceCounts& counts) {
+    return counts.shown + counts.dropped + counts.skipped_planned;
+  };
   if (seconds > 0.0)
-    figures_.seen_fps =
-        static_cast<double>(pace.shown + pace.dropped - before_.shown - before_.dropped) / seconds;
+    figures_.seen_fps = static_cast<double>(taken(pace) - taken(before_)) / seconds;
   figures_.needed_mb_s = megabytes(report.geometry, figures_.needed_fps);
   figures_.seen_mb_s = megabytes(report.geometry, figures_.seen_fps);
   looked_ = now;

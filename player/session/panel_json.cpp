@@ -96,7 +96,8 @@ nlohmann::json to_json(const display::KmsStatistics& statistics) {
           {"pauses", statistics.pauses},
           {"lost_ticks", statistics.lost_ticks},
           {"panel", display::panel_state_name(statistics.panel)},
-          {"hardware_clock", statistics.hardware_clock}};
+          {"hardware_clock", statistics.hardware_clock},
+          {"off", statistics.off}};
 }
 
 }  // namespace lenticule::player

@@ -102,7 +102,9 @@ void plan_control(const PlayFlags& flags, PlayPlan& plan) {
 /// that in their names.
 void plan_content(const PlayFlags& flags, PlayPlan& plan) {
   const SourceSpec& source = plan.source.spec;
-  if (source.content.any() && !source.has_pictures())
+  ContentFlags layout = source.content;
+  if (names_folder(source.text)) layout.reweave = false;  // for all of its files
+  if (layout.any() && !source.has_pictures())
     throw Error(ErrorKind::Usage,
                 fmt::format("{}: flags for the layout of views need a single file", source.text),
                 "items of a list state their layout in names or sidecars: docs/content.md");

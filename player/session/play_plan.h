@@ -14,6 +14,7 @@
 #include "display/open/open_display.h"
 #include "optics/rig_store.h"
 #include "player/playback/playback.h"
+#include "player/playlist/folder_lists.h"
 #include "player/sources/live_trim.h"
 #include "player/sources/source_open.h"
 
@@ -58,6 +59,7 @@ struct PlayFlags {
 void check_display_choice(const PlayFlags& flags, bool service);
 
 struct PlayPlan {
+  std::shared_ptr<FolderLists> folders = std::make_shared<FolderLists>();
   std::optional<optics::RigStore> rig_store;  ///< none without --rig-store
   /// Null unless the trim can change while playing, or the rig's own views may be played.
   std::shared_ptr<LiveTrim> trim;

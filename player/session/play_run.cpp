@@ -107,6 +107,8 @@ void PlayRun::open_display() {
   std::vector<StoredDescriptor> kept = take_stored_descriptors();
   kept_ = !kept.empty();
   plan_.display.kms.previous = stored_output(std::move(kept));
+  if (plan_.display.kms.previous && plan_.display.kms.previous->state.off != 0)
+    steered_->begin_off();
   manager_.status("opening " + plan_.display.spec);
   const bool is_panel = display::is_kms_spec(plan_.display.spec);
   // No other process can become the card's DRM master while the service manager holds the card
@@ -235,6 +237,7 @@ PlayResult PlayRun::play_on_display(frames::FrameSource& source, PlaybackOptions
     steered_->report(report);
     write_stats(statistics_json(report));
     service_->report(report);
+    report_power(report);
     report_exactness();
     progress.update(report.pace.shown, progress_note(report));
   };
@@ -350,6 +353,15 @@ void PlayRun::report_exactness() {
   const std::string exactness = kms_->exactness().summary();
   if (std::exchange(reported_exactness_, exactness) != exactness)
     say("{}: now {}\n", display_->mode().name, exactness);
+}
+
+/// Reports that the output was switched, and stores that for the next player.
+void PlayRun::report_power(const PlayReport& report) {
+  if (std::exchange(reported_off_, report.off) == report.off) return;
+  service_->store_again();
+  const std::string exactness = kms_ != nullptr ? ", " + kms_->exactness().summary() : "";
+  say("{}: {}{}\n", report.display, report.off ? "switched off" : "switched on again",
+      report.off ? "" : exactness);
 }
 
 /// Prints the start message once, for people and the journal.

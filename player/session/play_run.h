@@ -72,6 +72,7 @@ class PlayRun {
 
   // Reports.
   void report_exactness();
+  void report_power(const PlayReport& report);
   void announce();
   void write_stats(nlohmann::ordered_json statistics);
   [[nodiscard]] nlohmann::ordered_json statistics_json(const PlayReport& report) const;
@@ -105,6 +106,7 @@ class PlayRun {
   std::string store_problem_;  ///< why an edited rig was not copied
   uint64_t rig_version_ = 1;
   std::string reported_exactness_;
+  bool reported_off_ = false;
   std::string reported_;  ///< the reported reason for waiting; each is reported once
   PlayReport lost_;       ///< the report while waiting for a panel
 };

@@ -12,11 +12,12 @@ namespace lenticule::player {
 ProgressSample progress_sample(const PlayReport& report, const display::KmsStatistics* kms) {
   ProgressSample sample{.flips = report.pace.shown,
                         .vblanks = report.wake.count,
-                        .failures = report.flip_timeouts + report.busy};
+                        .failures = report.flip_timeouts + report.busy,
+                        .panel_away = report.off};
   if (kms == nullptr) return sample;
   sample.flips = kms->flips;
   sample.failures += kms->busy + kms->refused + kms->flip_timeouts;
-  sample.panel_away = kms->panel != display::PanelState::Showing;
+  sample.panel_away |= kms->panel != display::PanelState::Showing;
   return sample;
 }
 
@@ -26,6 +27,7 @@ std::string status_text(const PlayReport& report, const display::KmsStatistics* 
   if (exactness != nullptr) text = exactness->summary() + "; ";
   text += fmt::format("{} frames shown, {} underruns, {} missed vblanks", report.pace.shown,
                       report.pace.underruns, report.pace.missed);
+  if (report.off) text += ", output off";
   if (kms != nullptr) text += fmt::format(", panel {}", panel_state_name(kms->panel));
   return text + "; " + report.display;
 }

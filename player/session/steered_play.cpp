@@ -29,6 +29,10 @@ bool is_followed(const PlayPlan& plan) {
   return plan.playback.loops == kForever && !marks_of_source(plan.source.spec).empty();
 }
 
+LeftItemLook left_item_of(const PlaybackControl& playback) {
+  return [&playback](uint32_t number) { return playback.left_item(number); };
+}
+
 /// Ends the process as Ctrl-C would; every wait of the player reacts to the signal.
 void quit_in_good_order() {
   (void)::kill(::getpid(), SIGTERM);
@@ -105,7 +109,12 @@ void SteeredPlay::open(OpenedSource& opened) {
           .read_list =
               [this](const std::string& name) {
                 return read_playlist(parse_source(name), flags_, plan_);
-              }});
+              },
+          .mark_list =
+              [folders = plan_.folders](const std::string& name) {
+                return names_folder(name) ? folders->mark(name) : mark_of(name);
+              },
+          .left_item = controls_ ? left_item_of(controls_->playback()) : nullptr});
   source->open_first();
   source_ = source.get();
   opened.source = std::move(source);
@@ -116,8 +125,15 @@ void SteeredPlay::prepare(PlaybackOptions& options, frames::Rate refresh) {
   if (source_ == nullptr) return;
   source_->set_display_rate(refresh);
   options.loops = 1;  // the list counts the loops itself
-  if (controls_) options.control = &controls_->playback();
+  if (controls_) {
+    options.control = &controls_->playback();
+    source_->set_speed(controls_->playback().speed_permille() / 1000.0);
+  }
   report_state("playing");
+}
+
+void SteeredPlay::begin_off() {
+  if (controls_) (void)controls_->playback().switch_output(false, std::chrono::milliseconds(0));
 }
 
 void SteeredPlay::report_state(const std::string& state) {
@@ -134,6 +150,8 @@ void SteeredPlay::on_item(const PlaylistEvent& event) {
   switch (event.kind) {
     case PlaylistEvent::Kind::ItemStarted:
       return publish({{"event", "item_started"}, {"source", event.source}});
+    case PlaylistEvent::Kind::Returned:
+      return publish({{"event", "returned"}, {"source", event.source}});
     case PlaylistEvent::Kind::LoopPoint:
       return publish({{"event", "seam"}, {"source", event.source}});
     case PlaylistEvent::Kind::ItemDamaged:
@@ -180,6 +198,8 @@ void SteeredPlay::report(const PlayReport& report) {
 void SteeredPlay::publish_changes(const PlayReport& report) {
   const uint64_t missed = report.pace.missed - before_.pace.missed;
   const uint64_t late = report.pace.repeated_underrun - before_.pace.repeated_underrun;
+  if (report.off != before_.off)
+    publish({{"event", "state"}, {"state", report.off ? "off" : state_}});
   if (missed + late > 0)
     publish({{"event", "frame_missed"}, {"missed_vblanks", missed}, {"late_frames", late}});
   if (plan_.trim && plan_.trim->version() != trim_version_) {

@@ -35,6 +35,8 @@ class SteeredPlay {
   void detach_source();
   /// Sets the playback options that lists and control need.
   void prepare(PlaybackOptions& options, frames::Rate refresh);
+  /// Switches the output off after the first frame, as it was in the previous player.
+  void begin_off();
   /// Checks the list's and the item's files now.
   void look_again();
   /// Sets the state, one word; publishes an event if it changed.

@@ -36,7 +36,7 @@ SourceKind kind_of(const std::string& text) {
   if (text == kCode || text.starts_with(kCodePrefix)) return SourceKind::Code;
   if (text.starts_with(kRingPrefix)) return SourceKind::Ring;
   if (text.starts_with(kViewFilesPrefix)) return SourceKind::ViewFiles;
-  if (text.ends_with(".toml")) return SourceKind::List;
+  if (text.ends_with(".toml") || text.ends_with('/')) return SourceKind::List;
   return kind_of_file(text);
 }
 

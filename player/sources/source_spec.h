@@ -18,7 +18,7 @@ enum class SourceKind {
   Code,       ///< "code:TEXT": the QR code of a text
   Ring,       ///< "ring:SOCKET": frames of another process
   ViewFiles,  ///< "views:PATTERN", "views:A|B": a picture or a film per view
-  List,       ///< "NAME.toml": a playlist
+  List,       ///< "NAME.toml": a playlist; "FOLDER/": the files of a folder
   Sequence,   ///< "NAME.lts", and "NAME.lts.part" while it is unfinished
   Video,      ///< "NAME.mkv" and the other names that lenticule-video reads
   Pictures,   ///< all other names: a picture, or a pattern such as "out/%05d.png"

@@ -60,6 +60,10 @@ TEST_F(Web, EveryAnswerIsAsTheDescriptionSays) {
   const ordered_json document = description();
   const std::map<std::string, std::string> bodies = {
       {"post /api/v1/seek", R"({"item": 1, "frame": 2})"},
+      {"post /api/v1/interrupt", R"({"file": "b.lts"})"},
+      {"post /api/v1/cue", R"({"item": 1, "then_back": true})"},
+      {"post /api/v1/speed", R"({"factor": 2})"},
+      {"post /api/v1/power", R"({"to": "off"})"},
       {"post /api/v1/show", R"({"what": "content"})"},
       {"post /api/v1/trim", R"({"offset_by_lenses": 0.01})"},
       {"post /api/v1/trim/save", R"({"name": "noon"})"},
@@ -269,6 +273,17 @@ TEST_F(Web, ABlackFrameIsShownAndThenThePlaceBefore) {
     const ordered_json place = api("GET", "state")["status"]["on_glass"];
     return place["source"] == path("media/b.lts") && place["item"] == 1;
   }));
+}
+
+TEST_F(Web, ABlankPanelOfAnotherClientEndsOnThePage) {
+  play();
+  start_web();
+  connect();
+  ASSERT_TRUE(asked({"blank"}).is_object());
+  ASSERT_TRUE(comes_true([&] { return api("GET", "state")["shown_instead"] == "black"; }));
+  (void)api("POST", "show", R"({"what": "content"})");
+  EXPECT_TRUE(comes_true([&] { return says_about("on_glass", ".lts"); }));
+  EXPECT_EQ(status()["interrupted"], nullptr);
 }
 
 TEST_F(Web, TrimsAreUndoneNamedAndRestored) {

@@ -39,6 +39,7 @@ class TimedDisplay final : public display::Display {
       shown_ns_[event.id] = event.time.count();
     return event;
   }
+  [[nodiscard]] bool set_power(bool on) noexcept override { return display_.set_power(on); }
   [[nodiscard]] display::Nanoseconds now() const noexcept override { return display_.now(); }
 
  private:

@@ -70,7 +70,13 @@ void ShownInstead::show(const std::string& what) {
     throw HttpError(400, "what: expected black, card, views or content");
   const std::lock_guard lock(mutex_);
   if (what != "content") return locked_show(what);
-  if (shown(link_.ask({{"do", "status"}}).body).empty()) return;
+  const ordered_json status = link_.ask({{"do", "status"}}).body;
+  if (shown(status).empty()) return;
+  // 'blank' of another client: the player itself knows the place before.
+  if (status.value("interrupted", ordered_json()).is_string()) {
+    (void)link_.ask({{"do", "back"}}, kLoadTime);
+    return;
+  }
   const ordered_json kept = std::filesystem::exists(file_)
                                 ? ordered_json::parse(read_text_file(file_, 16384), nullptr, false)
                                 : ordered_json();

@@ -139,6 +139,9 @@ constexpr char kPlay[] = "play";
 constexpr char kPause[] = "pause";
 constexpr char kNext[] = "next";
 constexpr char kPrevious[] = "previous";
+constexpr char kBlank[] = "blank";
+constexpr char kBack[] = "back";
+constexpr char kGo[] = "go";
 
 Response post_seek(WebSite& site, const Request& request, const std::string&) {
   ordered_json question = {{"do", "seek"}};
@@ -146,6 +149,36 @@ Response post_seek(WebSite& site, const Request& request, const std::string&) {
   for (const char* key : {"item", "frame"})
     if (body.contains(key)) question[key] = body[key];
   return ask_player(site, std::move(question));
+}
+
+/// Adds the target of an interruption or a cue: an item of the list, or a file of the media folder.
+void put_target(WebSite& site, const ordered_json& body, ordered_json& question) {
+  for (const char* key : {"item", "frame", "seconds", "then_back"})
+    if (body.contains(key)) question[key] = body[key];
+  if (body.contains("file"))
+    question["source"] = site.media().path_of(text_in(body, "file")).string();
+}
+
+Response post_interrupt(WebSite& site, const Request& request, const std::string&) {
+  ordered_json question = {{"do", "interrupt"}};
+  put_target(site, object_of(request), question);
+  return ask_player(site, std::move(question));
+}
+
+Response post_cue(WebSite& site, const Request& request, const std::string&) {
+  ordered_json question = {{"do", "cue"}};
+  put_target(site, object_of(request), question);
+  return ask_player(site, std::move(question));
+}
+
+Response post_speed(WebSite& site, const Request& request, const std::string&) {
+  const auto factor = number_in(object_of(request), "factor");
+  if (!factor) throw HttpError(400, "factor: missing");
+  return ask_player(site, {{"do", "speed"}, {"factor", *factor}});
+}
+
+Response post_power(WebSite& site, const Request& request, const std::string&) {
+  return ask_player(site, {{"do", "power"}, {"to", text_in(object_of(request), "to")}});
 }
 
 Response post_show(WebSite& site, const Request& request, const std::string&) {
@@ -420,6 +453,13 @@ constexpr std::array kRoutes = {
     Route{"POST", "/api/v1/next", Rights::Change, kSmallBody, post_verb<kNext>},
     Route{"POST", "/api/v1/previous", Rights::Change, kSmallBody, post_verb<kPrevious>},
     Route{"POST", "/api/v1/seek", Rights::Change, kSmallBody, post_seek},
+    Route{"POST", "/api/v1/interrupt", Rights::Change, kSmallBody, post_interrupt},
+    Route{"POST", "/api/v1/blank", Rights::Change, kSmallBody, post_verb<kBlank>},
+    Route{"POST", "/api/v1/back", Rights::Change, kSmallBody, post_verb<kBack>},
+    Route{"POST", "/api/v1/cue", Rights::Change, kSmallBody, post_cue},
+    Route{"POST", "/api/v1/go", Rights::Change, kSmallBody, post_verb<kGo>},
+    Route{"POST", "/api/v1/speed", Rights::Change, kSmallBody, post_speed},
+    Route{"POST", "/api/v1/power", Rights::Change, kSmallBody, post_power},
     Route{"POST", "/api/v1/show", Rights::Change, kSmallBody, post_show},
     Route{"GET", "/api/v1/frame.jpg", Rights::See, 0, get_frame},
     Route{"GET", "/api/v1/eye.jpg", Rights::See, 0, get_eye},

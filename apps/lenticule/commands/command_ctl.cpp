@@ -35,6 +35,10 @@ struct CtlFlags {
   std::optional<uint64_t> frame;
   std::optional<uint64_t> item;
   std::string count;
+  std::optional<double> length_s;
+  bool then_back = false;
+  std::optional<double> factor;
+  std::string power;
   std::optional<double> offset, pitch, offset_by, pitch_by;
   std::string file;
   std::optional<Vec3> eye;
@@ -70,6 +74,10 @@ ordered_json request_of(const std::string& verb, const CtlFlags& flags) {
   }
   put(request, "frame", flags.frame);
   put(request, "item", flags.item);
+  put(request, "seconds", flags.length_s);
+  if (flags.then_back) request["then_back"] = true;
+  put(request, "factor", flags.factor);
+  if (!flags.power.empty()) request["to"] = flags.power;
   put(request, "offset", flags.offset);
   put(request, "pitch", flags.pitch);
   put(request, "offset_by", flags.offset_by);
@@ -144,6 +152,19 @@ void declare_values(std::vector<std::pair<CLI::App*, ControlVerb>>& verbs, CtlFl
       app->add_option("source", flags.source, "what 'lenticule play' takes, or a list: LIST.toml")
           ->required();
       declare_place(*app, flags);
+    } else if (verb == ControlVerb::Interrupt || verb == ControlVerb::Cue) {
+      app->add_option("source", flags.source, "what 'lenticule play' takes; or --item");
+      declare_place(*app, flags);
+      if (verb == ControlVerb::Interrupt)
+        app->add_option("--seconds", flags.length_s, "seconds of content (default: once)");
+      else
+        app->add_flag("--then-back", flags.then_back, "play it once, as 'interrupt' does");
+    } else if (verb == ControlVerb::Speed) {
+      app->add_option("factor", flags.factor, "0.1 to 8; 1 is the content's own rate")->required();
+    } else if (verb == ControlVerb::Power) {
+      app->add_option("to", flags.power, "off: no signal; on: again, at the next frame")
+          ->required()
+          ->check(CLI::IsMember({"on", "off"}));
     } else if (verb == ControlVerb::Seek) {
       declare_place(*app, flags);
     } else if (verb == ControlVerb::Loop) {
@@ -173,12 +194,19 @@ const std::vector<std::pair<ControlVerb, const char*>>& verb_summaries() {
   static const std::vector<std::pair<ControlVerb, const char*>> table = {
       {ControlVerb::Status, "print what is displayed and what comes next"},
       {ControlVerb::Load, "play something else as soon as it is ready"},
+      {ControlVerb::Interrupt, "play something once, then continue where it was"},
+      {ControlVerb::Back, "end an interruption or a blank panel now"},
+      {ControlVerb::Blank, "show black until 'back'"},
+      {ControlVerb::Cue, "open and decode an item for 'go'"},
+      {ControlVerb::Go, "show the cued item at the second vblank from now"},
       {ControlVerb::Play, "continue after a pause"},
       {ControlVerb::Pause, "pause on the current frame"},
       {ControlVerb::Seek, "go to a frame, or an item of the list"},
       {ControlVerb::Next, "go to the next item"},
       {ControlVerb::Previous, "go to the previous item"},
       {ControlVerb::Loop, "set how often the item is played"},
+      {ControlVerb::Speed, "play at a multiple of the content's rate"},
+      {ControlVerb::Power, "switch the output off or on"},
       {ControlVerb::Trim, "correct drift since the calibration"},
       {ControlVerb::Snapshot, "write the displayed frame to a picture"},
       {ControlVerb::List, "print the items of the list that is played"},

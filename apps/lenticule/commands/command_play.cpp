@@ -82,7 +82,8 @@ void declare_flags(CLI::App& app, PlayFlags& flags) {
                  "ring:SOCKET, a sequence FILE.lts, a pattern such as 'out/%05d.png', a picture, a "
                  "video; views, which are woven during playback: a quilt, a pattern or a video of "
                  "quilts (NAME_qs8x6a0.75.png), stereo (NAME_sbs.mkv), depth (NAME_rgbd.png), "
-                 "'views:view%02d.png'; LIST.toml: a playlist, card: a test card, or views: the "
+                 "'views:view%02d.png'; LIST.toml: a playlist, FOLDER/: its files, card: a test "
+                 "card, or views: the "
                  "rig's views by their numbers")
       ->required();
   app.add_option("--rig", flags.rig, "the rig that the frames are woven for")->required();

@@ -19,7 +19,8 @@ KmsStatistics KmsCounters::snapshot() const noexcept {
           .pauses = pauses.get(),
           .lost_ticks = lost_ticks.get(),
           .panel = panel.load(std::memory_order_relaxed),
-          .hardware_clock = hardware_clock.load(std::memory_order_relaxed)};
+          .hardware_clock = hardware_clock.load(std::memory_order_relaxed),
+          .off = off.load(std::memory_order_relaxed)};
 }
 
 const char* panel_state_name(PanelState state) {

@@ -26,6 +26,7 @@ struct KmsCounters {
       modesets, hotplugs, links_bad, suspends, pauses, lost_ticks;
   std::atomic<PanelState> panel{PanelState::Showing};
   std::atomic<bool> hardware_clock{false};
+  std::atomic<bool> off{false};
 
   [[nodiscard]] KmsStatistics snapshot() const noexcept;
 };

@@ -63,6 +63,9 @@ class AtomicKmsDisplay final : public KmsDisplay {
     return flips_ && flips_->request_vblank(sequence);
   }
   [[nodiscard]] DisplayEvent wait_event(Nanoseconds deadline, int wake_fd) noexcept override;
+  [[nodiscard]] bool set_power(bool on) noexcept override {
+    return flips_ && flips_->set_power(on);
+  }
 
   void reconnect() override {
     close(ExitPolicy::Black);  // not Hold: the holder of the card would remain its master
@@ -79,7 +82,10 @@ class AtomicKmsDisplay final : public KmsDisplay {
     return active_.output ? active_.output->device().fd() : -1;
   }
   [[nodiscard]] TakeoverState takeover_state() const noexcept override {
-    return active_.output ? takeover_state_of(active_, mode_.geometry) : TakeoverState{};
+    if (!active_.output) return {};
+    TakeoverState state = takeover_state_of(active_, mode_.geometry);
+    state.off = counters_.off.load(std::memory_order_relaxed) ? 1 : 0;
+    return state;
   }
 
  private:

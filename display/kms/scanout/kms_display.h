@@ -75,6 +75,7 @@ struct KmsStatistics {
   uint64_t lost_ticks = 0;  ///< vblank events that did not arrive
   PanelState panel = PanelState::Showing;
   bool hardware_clock = false;
+  bool off = false;  ///< switched off on request
 };
 
 /// Thread safety: as for Display; statistics() and exactness() from any thread.

@@ -103,7 +103,8 @@ std::optional<DisplayEvent> PageFlipHandler::take_event() noexcept {
 
 Nanoseconds PageFlipHandler::next_due() const noexcept {
   Nanoseconds next = vblanks_.due();
-  if (flip_.phase() == PendingFlip::Phase::Landed || !paused_) next = std::min(next, flip_.due());
+  const bool flips = !paused_ && !off_;
+  if (flip_.phase() == PendingFlip::Phase::Landed || flips) next = std::min(next, flip_.due());
   if (paused_) return std::min(next, resume_at_);
   if (only_modeset_pending()) next = std::min(next, recover_at_);
   return next;
@@ -112,7 +113,7 @@ Nanoseconds PageFlipHandler::next_due() const noexcept {
 void PageFlipHandler::run_timers() noexcept {
   using enum PendingFlip::Phase;
   if (paused_ && now() >= resume_at_) try_resume();
-  if (!paused_ && !lost_) {
+  if (!paused_ && !off_ && !lost_) {
     if (flip_.is_due(Queued, now())) try_flip();
     if (flip_.is_due(Armed, now())) {
       counters_.flip_timeouts.add();
@@ -142,7 +143,7 @@ bool PageFlipHandler::take_panel_check() noexcept {
 
 SubmitStatus PageFlipHandler::submit(KmsBuffer* buffer, uint64_t id) noexcept {
   if (lost_) return SubmitStatus::Lost;
-  if (paused_ || flip_.phase() == PendingFlip::Phase::Stuck) return SubmitStatus::Paused;
+  if (paused_ || off_ || flip_.phase() == PendingFlip::Phase::Stuck) return SubmitStatus::Paused;
   if (flip_.phase() != PendingFlip::Phase::None) return SubmitStatus::Busy;
 
   buffer->set_state(ScanoutState::Pending);
@@ -159,7 +160,22 @@ SubmitStatus PageFlipHandler::submit(KmsBuffer* buffer, uint64_t id) noexcept {
 
 bool PageFlipHandler::request_vblank(uint64_t sequence) noexcept {
   if (lost_) return false;
-  vblanks_.request(sequence, next_serial_++, !paused_);
+  vblanks_.request(sequence, next_serial_++, !paused_ && !off_);
+  return true;
+}
+
+bool PageFlipHandler::set_power(bool on) noexcept {
+  if (on != off_) return true;
+  if (on) {
+    off_ = false;
+    request_modeset();
+    if (!paused_ && !lost_) recover();
+  } else {
+    // While another session owns the card, the output is switched off when the card is back.
+    if (lost_ || (!paused_ && active_.output->blank() != 0)) return false;
+    off_ = true;
+  }
+  counters_.off.store(off_, std::memory_order_relaxed);
   return true;
 }
 
@@ -272,10 +288,10 @@ void PageFlipHandler::set_session_ours(bool ours) noexcept {
 }
 
 /// Tries to resume after a pause. The output's state may have changed meanwhile, so this takes a
-/// whole modeset.
+/// whole modeset, or switches the output off again.
 void PageFlipHandler::try_resume() noexcept {
   if (session_->ensure_master(active_.output->device().fd()) == Mastership::Held) {
-    const int error = set_mode();
+    const int error = off_ ? active_.output->blank() : set_mode();
     if (error == 0) {
       paused_ = false;
       resume_at_ = kNever;

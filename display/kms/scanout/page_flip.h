@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // PageFlipHandler flips frames on one active output. It repeats commits for which the kernel was
 // busy, replaces lost events by blocking commits and failed ones by modesets, and pauses while
-// another session owns the card.
+// another session owns the card or the output is switched off.
 #pragma once
 
 #include <cstdint>
@@ -97,6 +97,9 @@ class PageFlipHandler final : private DrmEventHandler {
   /// See Display::submit() and request_vblank().
   [[nodiscard]] SubmitStatus submit(KmsBuffer* buffer, uint64_t id) noexcept;
   [[nodiscard]] bool request_vblank(uint64_t sequence) noexcept;
+  /// See Display::set_power(). Switching on is a modeset, with a new audit; if the kernel refuses
+  /// it, it is tried again like any other. A modeset that is needed while the output is off waits.
+  [[nodiscard]] bool set_power(bool on) noexcept;
   /// Returns the next event that is due, one per call.
   [[nodiscard]] std::optional<DisplayEvent> take_event() noexcept;
 
@@ -138,7 +141,7 @@ class PageFlipHandler final : private DrmEventHandler {
   [[nodiscard]] Nanoseconds now() const noexcept { return clock_->now(); }
   /// Returns true if a modeset is due without a pending flip.
   [[nodiscard]] bool only_modeset_pending() const noexcept {
-    return needs_modeset_ && !flip_.under_way();
+    return needs_modeset_ && !off_ && !flip_.under_way();
   }
   [[nodiscard]] uint32_t wanted_on_panel() const noexcept {
     return (flip_.buffer() != nullptr ? flip_.buffer() : active_.front)->framebuffer();
@@ -158,6 +161,7 @@ class PageFlipHandler final : private DrmEventHandler {
   Nanoseconds recover_at_{0};
   bool panel_check_due_ = false;
   bool lost_ = false;
+  bool off_ = false;
   bool paused_ = false;
   Nanoseconds resume_at_ = kNever;
   Nanoseconds resume_backoff_;

@@ -28,7 +28,7 @@ struct TakeoverState {
   int32_t width = 0;
   int32_t height = 0;
   uint32_t buffer_count = 0;
-  uint32_t reserved = 0;
+  uint32_t off = 0;  ///< 1: the output was switched off on request
   /// The kernel's ids of a scan-out buffer, and its size.
   struct Buffer {
     uint32_t handle = 0;

@@ -15,6 +15,8 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
         parse_control_request({reinterpret_cast<const char*>(data), size}, id);
     LENTICULE_CHECK(verb_of(verb_name(request.verb)) == request.verb);
     LENTICULE_CHECK(std::isfinite(request.offset_lenses.value_or(0.0)));
+    LENTICULE_CHECK(request.speed_permille >= 100 && request.speed_permille <= 8000);
+    LENTICULE_CHECK(request.seconds.value_or(1.0) > 0.0);
     LENTICULE_CHECK(!request.eye_mm || (*request.eye_mm)[2] > 0.0);
     LENTICULE_CHECK(request.source.size() <= 4096 && request.file.size() <= 4096);
     answer = answer_line(id, {{"source", request.source}});

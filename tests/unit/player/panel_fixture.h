@@ -38,6 +38,7 @@ class WatchedDisplay final : public display::Display {
     if (event.kind == EventKind::Flip) on_flip_(event.id);
     return event;
   }
+  bool set_power(bool on) noexcept override { return inner_.set_power(on); }
   Nanoseconds now() const noexcept override { return inner_.now(); }
 
  private:

@@ -46,8 +46,15 @@ TEST(ControlProtocol, EveryVerbHasItsFields) {
   EXPECT_EQ(parse(R"({"do":"rig","toml":"format = 1\n"})").rig_toml, "format = 1\n");
   const ControlRequest eye = parse(R"({"do":"snapshot","file":"/s.png","eye":[1,-2,700]})");
   EXPECT_EQ(eye.eye_mm, (std::array<double, 3>{1.0, -2.0, 700.0}));
-  for (const char* name :
-       {"play", "pause", "next", "previous", "stats", "doctor", "subscribe", "quit"})
+  const ControlRequest interrupt = parse(R"({"do":"interrupt","source":"/b.lts","seconds":12.5})");
+  EXPECT_EQ(interrupt.source, "/b.lts");
+  EXPECT_EQ(interrupt.seconds, 12.5);
+  EXPECT_TRUE(parse(R"({"do":"cue","item":3,"frame":9,"then_back":true})").then_back);
+  EXPECT_EQ(parse(R"({"do":"speed","factor":0.5})").speed_permille, 500u);
+  EXPECT_FALSE(parse(R"({"do":"power","to":"off"})").on);
+  EXPECT_TRUE(parse(R"({"do":"power","to":"on"})").on);
+  for (const char* name : {"back", "blank", "go", "play", "pause", "next", "previous", "stats",
+                           "doctor", "subscribe", "quit"})
     EXPECT_STREQ(verb_name(parse(std::string(R"({"do":")") + name + "\"}").verb), name);
 }
 
@@ -61,6 +68,19 @@ TEST(ControlProtocol, UnknownVerbsAndFieldsAreRefusedByName) {
   EXPECT_EQ(complaint(R"({"do":"load"})"), "load: no source");
   EXPECT_THAT(complaint(R"({"do":"load","source":""})"), testing::StartsWith("source: empty"));
   EXPECT_THAT(complaint(R"({"do":"load","source":"a\u0000b"})"), testing::StartsWith("source: "));
+  EXPECT_EQ(complaint(R"({"do":"interrupt"})"), "interrupt: expected either source or item");
+  EXPECT_EQ(complaint(R"({"do":"cue","source":"/a","item":1})"),
+            "cue: expected either source or item");
+  EXPECT_THAT(complaint(R"({"do":"interrupt","item":1,"seconds":0})"),
+              testing::StartsWith("seconds: "));
+  EXPECT_EQ(complaint(R"({"do":"cue","item":1,"then_back":1})"), "then_back: not true or false");
+  for (const char* factor : {"0.09", "8.01", "-1", "\"2\"", "1e400"})
+    EXPECT_THAT(complaint(std::string(R"({"do":"speed","factor":)") + factor + "}"),
+                testing::Not("none"))
+        << factor;
+  EXPECT_EQ(complaint(R"({"do":"speed"})"), "speed: no factor");
+  EXPECT_EQ(complaint(R"({"do":"power"})"), "power: no to");
+  EXPECT_EQ(complaint(R"({"do":"power","to":true})"), "to: not \"on\" or \"off\"");
   EXPECT_EQ(complaint(R"({"do":"rig"})"), "rig: no toml");
   EXPECT_EQ(complaint(R"({"do":"loop","count":0})"), "count: not a number of loops");
   EXPECT_EQ(complaint(R"({"do":"trim"})"), "trim: nothing to change");

@@ -3,8 +3,11 @@
 // on the machine's speed.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
+#include <functional>
 #include <future>
+#include <map>
 #include <thread>
 
 #include "display/virtual/virtual_display.h"
@@ -36,7 +39,10 @@ class PlaylistSteer : public testing::Test {
   void start(Playlist list) {
     source = std::make_unique<PlaylistSource>(
         std::make_shared<const Playlist>(std::move(list)),
-        PlaylistSourceOptions{.panel = kItemSize, .open = shelf.opener()});
+        PlaylistSourceOptions{
+            .panel = kItemSize, .open = shelf.opener(), .left_item = [this](uint32_t number) {
+              return control.left_item(number);
+            }});
     source->open_first();
     display = display::open_virtual_display(
         {.geometry = kItemSize, .refresh = {200, 1}, .recorder = recorder});
@@ -71,12 +77,34 @@ class PlaylistSteer : public testing::Test {
     return within_timeout([&] { return control.displayed().frames > before; });
   }
   /// Returns an empty text, or the reason why the old place stays.
-  [[nodiscard]] std::string jump(Jump where) const {
+  [[nodiscard]] std::string jump(const Jump& where) const {
+    return outcome_of([&](const JumpDone& done) { source->jump(where, done); });
+  }
+  /// Calls one of the source's functions that end with a JumpDone, and returns as jump() does.
+  [[nodiscard]] static std::string outcome_of(const std::function<void(const JumpDone&)>& call) {
     std::promise<std::string> promise;
-    source->jump(std::move(where),
-                 [&](const Error* error) { promise.set_value(error ? error->what() : ""); });
+    call([&](const Error* error) { promise.set_value(error ? error->what() : ""); });
     auto done = promise.get_future();
     return done.wait_for(kTimeout) == std::future_status::ready ? done.get() : "no answer";
+  }
+  [[nodiscard]] std::string cue(const Jump& where) const {
+    return outcome_of([&](const JumpDone& done) { source->cue(where, done); });
+  }
+  [[nodiscard]] std::string go() const {
+    return outcome_of([&](const JumpDone& done) { source->go(done); });
+  }
+  [[nodiscard]] std::string back() const {
+    return outcome_of([&](const JumpDone& done) { source->return_now(done); });
+  }
+  /// Returns the numbers of the shelf's frames that were displayed, by their pixels, in order.
+  [[nodiscard]] std::vector<uint64_t> displayed_frames(uint64_t most) const {
+    std::map<uint64_t, uint64_t> numbers;
+    for (uint64_t k = 0; k < most; ++k)
+      numbers[test::checksum_of(test::numbered_frame(kItemSize, k).view())] = k;
+    std::vector<uint64_t> frames;
+    for (const test::DisplayedFrame& frame : recorder->shown())
+      frames.push_back(numbers.at(frame.checksum));
+    return frames;
   }
   void pause_still() {
     control.pause(true);
@@ -191,6 +219,119 @@ TEST_F(PlaylistSteer, TheNumberOfLoopsCanBeReduced) {
   player.join();
   EXPECT_EQ(result.outcome, PlayOutcome::Finished);
   EXPECT_EQ(result.report.pace.shown % 10, 0u) << "to the end of a round";
+}
+
+TEST_F(PlaylistSteer, AnInterruptionReturnsToTheDisplayedFrame) {
+  shelf.put("a", {0, {.geometry = kItemSize, .frames = 400}});
+  shelf.put("alarm", {500, {.geometry = kItemSize, .frames = 7}});
+  start(playlist_of(parse_source("a"), kForever));
+  for (int k = 0; k < 3; ++k) {
+    ASSERT_TRUE(is_moving());
+    const size_t before = recorder->shown().size();
+    auto alarm = std::make_shared<const Playlist>(playlist_of(parse_source("alarm"), 1));
+    ASSERT_EQ(jump({.list = alarm, .item = 0, .interrupts = true}), "");
+    EXPECT_EQ(source->status().interrupted, "a");
+    ASSERT_TRUE(within_timeout([&] { return recorder->shown().size() > before + 20; }));
+    ASSERT_TRUE(within_timeout([&] { return source->status().source == "a"; }));
+  }
+  EXPECT_EQ(source->status().interrupted, "");
+  const std::vector<uint64_t> frames = displayed_frames(600);
+  int interruptions = 0;
+  for (size_t at = 1; at + 7 < frames.size(); ++at) {
+    if (frames[at] != 500) continue;
+    ++interruptions;
+    for (uint64_t k = 0; k < 7; ++k) EXPECT_EQ(frames[at + k], 500 + k);
+    EXPECT_EQ(frames[at + 7], frames[at - 1]) << "where it was";
+  }
+  EXPECT_EQ(interruptions, 3);
+}
+
+TEST_F(PlaylistSteer, AnInterruptedItemKeepsItsPlaceInTheListAndItsLoops) {
+  shelf.put("a", {0, {.geometry = kItemSize, .frames = 50}});
+  shelf.put("b", {100, {.geometry = kItemSize, .frames = 30}});
+  shelf.put("alarm", {500, {.geometry = kItemSize, .frames = 5}});
+  Playlist list = list_of({"a", "b"}, 1);
+  list.items[0].loops = 2;
+  start(list);
+  ASSERT_TRUE(is_moving());
+  auto alarm = std::make_shared<const Playlist>(playlist_of(parse_source("alarm"), 1));
+  ASSERT_EQ(jump({.list = alarm, .item = 0, .interrupts = true}), "");
+  player.join();
+  EXPECT_EQ(result.outcome, PlayOutcome::Finished);
+  // Without the interruption and the frame that was shown again, the list is complete.
+  std::vector<uint64_t> frames = displayed_frames(600);
+  const auto at = std::find(frames.begin(), frames.end(), 500u);
+  ASSERT_NE(at, frames.end());
+  frames.erase(at, at + 6);
+  std::vector<uint64_t> expected;
+  for (uint64_t k = 0; k < 100; ++k) expected.push_back(k % 50);
+  for (uint64_t k = 0; k < 30; ++k) expected.push_back(100 + k);
+  EXPECT_EQ(frames, expected);
+}
+
+TEST_F(PlaylistSteer, BackEndsAnInterruptionAtOnceAndASecondOneKeepsThePlace) {
+  shelf.put("a", {0, {.geometry = kItemSize, .frames = 400}});
+  shelf.put("long", {500, {.geometry = kItemSize, .frames = 90}});
+  start(playlist_of(parse_source("a"), kForever));
+  ASSERT_TRUE(is_moving());
+  EXPECT_EQ(back(), "back: nothing is interrupted");
+  for (int k = 0; k < 2; ++k) {
+    ASSERT_EQ(jump({.list = other("long"), .item = 0, .interrupts = true}), "");
+    ASSERT_TRUE(within_timeout([&] { return displayed_frames(600).back() > 502; }));
+  }
+  ASSERT_EQ(back(), "");
+  EXPECT_EQ(source->status().source, "a");
+  ASSERT_TRUE(within_timeout([&] { return displayed_frames(600).back() < 400; }));
+  const std::vector<uint64_t> frames = displayed_frames(600);
+  const auto interrupted = std::find(frames.begin(), frames.end(), 500u);
+  const auto continues =
+      std::find_if(interrupted, frames.end(), [](uint64_t frame) { return frame < 400; });
+  EXPECT_EQ(*continues, *(interrupted - 1));
+}
+
+TEST_F(PlaylistSteer, NextDuringAnInterruptionGoesToTheNextItemOfTheList) {
+  for (const char* name : {"a", "b", "long"})
+    shelf.put(name, {0, {.geometry = kItemSize, .frames = 400}});
+  start(list_of({"a", "b"}, kForever));
+  ASSERT_TRUE(is_moving());
+  ASSERT_EQ(jump({.list = other("long"), .item = 0, .interrupts = true}), "");
+  ASSERT_EQ(jump({.item = 1, .relative = true}), "");
+  EXPECT_EQ(source->status().source, "b");
+  EXPECT_EQ(source->status().interrupted, "");
+}
+
+TEST_F(PlaylistSteer, ACuedItemIsDecodedOnceAndShownByGo) {
+  shelf.put("a", {0, {.geometry = kItemSize, .frames = 400}});
+  shelf.put("b", {500, {.geometry = kItemSize, .frames = 50}});
+  start(playlist_of(parse_source("a"), kForever));
+  ASSERT_TRUE(is_moving());
+  EXPECT_EQ(go(), "go: no item is cued");
+  EXPECT_EQ(cue({.list = other("missing")}), "missing: no such file");
+  ASSERT_EQ(cue({.list = other("b"), .item = 0}), "");
+  EXPECT_EQ(source->status().cued, "b");
+  const int opened = shelf.opened();
+  ASSERT_TRUE(is_moving());
+  EXPECT_EQ(source->status().source, "a");
+  ASSERT_EQ(go(), "");
+  ASSERT_TRUE(within_timeout([&] { return displayed_frames(600).back() >= 500; }));
+  EXPECT_EQ(shelf.opened(), opened);
+  EXPECT_EQ(source->status().cued, "");
+  EXPECT_EQ(go(), "go: no item is cued");
+}
+
+TEST_F(PlaylistSteer, AListDoesNotEndWhileAnItemIsCued) {
+  shelf.put("a", {0, {.geometry = kItemSize, .frames = 40}});
+  shelf.put("b", {500, {.geometry = kItemSize, .frames = 5}});
+  start(playlist_of(parse_source("a"), 1));
+  auto last = std::make_shared<const Playlist>(playlist_of(parse_source("b"), 1));
+  ASSERT_EQ(cue({.list = last, .item = 0}), "");
+  ASSERT_TRUE(within_timeout([&] { return plays("a", 39); }));
+  std::this_thread::sleep_for(milliseconds(50));
+  EXPECT_TRUE(plays("a", 39)) << "the last frame stays";
+  ASSERT_EQ(go(), "");
+  player.join();
+  EXPECT_EQ(result.outcome, PlayOutcome::Finished);
+  EXPECT_EQ(displayed_frames(600).back(), 504u);
 }
 
 }  // namespace

@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/playlist/folder_lists.h"
+
+#include <fmt/format.h>
+#include <sys/inotify.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cstring>
+#include <filesystem>
+#include <functional>
+#include <system_error>
+
+#include "base/error.h"
+
+namespace lenticule::player {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr uint32_t kEvents = IN_CREATE | IN_MODIFY | IN_CLOSE_WRITE | IN_MOVED_TO | IN_ONLYDIR;
+
+bool is_picture_name(const std::string& extension) {
+  constexpr std::array<const char*, 10> kNames = {".png",  ".jpg", ".jpeg", ".jps", ".tif",
+                                                  ".tiff", ".exr", ".ppm",  ".bmp", ".webp"};
+  return std::find(kNames.begin(), kNames.end(), extension) != kNames.end();
+}
+
+/// Returns how long ago the file was written, by the clock of its file system.
+std::chrono::seconds age_of(const FileMark& mark) {
+  return std::chrono::seconds(std::max<int64_t>(0, ::time(nullptr) - mark.written_s));
+}
+
+FileMark mark_of_names(const std::vector<std::string>& names) {
+  std::string all;
+  for (const std::string& name : names) all += name + '/';
+  return {.there = true,
+          .inode = std::hash<std::string>()(all),
+          .size = static_cast<int64_t>(names.size())};
+}
+
+}  // namespace
+
+bool names_folder(const std::string& source) {
+  return source.ends_with('/');
+}
+
+bool may_be_content(const std::string& file_name) {
+  // rsync and web uploads write hidden files, browsers and cp -b add endings.
+  if (file_name.empty() || file_name.front() == '.') return false;
+  std::string extension = fs::path(file_name).extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  if (extension == ".part") return false;
+  return is_picture_name(extension) || kind_of_file(file_name) != SourceKind::Pictures;
+}
+
+// --- FolderWatch ----------------------------------------------------------------------------
+
+FolderWatch::FolderWatch(std::string folder, Time now) : folder_(std::move(folder)) {
+  if (!fs::is_directory(folder_))
+    throw Error(ErrorKind::Input, folder_ + ": no such folder", "create it, or correct its name");
+  watch_folder();
+  list(now);
+  for (auto& [name, file] : files_)
+    if (file.mark.there)
+      file.quiet_since = now - std::min<std::chrono::seconds>(kQuiet, age_of(file.mark));
+}
+
+/// Watches the folder that has this name now: after a stick was mounted it is another one.
+void FolderWatch::watch_folder() {
+  const FileMark mark = mark_of(folder_);
+  if (inotify_ && mark.device == watched_.device && mark.inode == watched_.inode) return;
+  watched_ = mark;
+  inotify_ = UniqueFd(mark.there ? inotify_init1(IN_CLOEXEC | IN_NONBLOCK) : -1);
+  if (inotify_ && inotify_add_watch(inotify_.get(), folder_.c_str(), kEvents) < 0)
+    inotify_ = UniqueFd();
+}
+
+void FolderWatch::take_events() {
+  alignas(inotify_event) std::array<char, 16384> bytes{};
+  while (inotify_) {
+    const ssize_t size = ::read(inotify_.get(), bytes.data(), bytes.size());
+    if (size <= 0) return;
+    for (ssize_t at = 0; at < size;) {
+      inotify_event event{};
+      std::memcpy(&event, bytes.data() + at, sizeof event);
+      const char* const name = bytes.data() + at + sizeof event;
+      at += static_cast<ssize_t>(sizeof event + event.len);
+      if (event.len == 0) continue;
+      File& file = files_[name];
+      file.closed = (event.mask & (IN_CLOSE_WRITE | IN_MOVED_TO)) != 0;
+      file.is_written = !file.closed;
+    }
+  }
+}
+
+void FolderWatch::list(Time now) {
+  for (auto& [name, file] : files_) file.seen = false;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder_, error), end; !error && entry != end;
+       entry.increment(error)) {
+    const std::string name = entry->path().filename().string();
+    std::error_code gone;
+    if (!may_be_content(name) || !entry->is_regular_file(gone)) continue;
+    const FileMark mark = mark_of(entry->path());
+    File& file = files_[name];
+    file.seen = mark.there;
+    if (file.mark == mark) continue;
+    file.mark = mark;
+    file.quiet_since = now;
+  }
+  std::erase_if(files_, [](const auto& entry) { return !entry.second.seen; });
+}
+
+bool FolderWatch::is_whole(const File& file, Time now) {
+  const auto needed = file.closed ? std::chrono::seconds(0) : file.is_written ? kAbandoned : kQuiet;
+  return file.mark.size > 0 && now - file.quiet_since >= needed;
+}
+
+std::vector<std::string> FolderWatch::whole_files(Time now) {
+  watch_folder();
+  take_events();
+  list(now);
+  std::vector<std::string> names;
+  for (const auto& [name, file] : files_)
+    if (is_whole(file, now)) names.push_back(name);
+  return names;
+}
+
+// --- FolderLists ----------------------------------------------------------------------------
+
+std::vector<std::string> FolderLists::whole_files(const std::string& folder) {
+  const auto now = std::chrono::steady_clock::now();
+  const std::lock_guard lock(mutex_);
+  return watches_.try_emplace(folder, folder, now).first->second.whole_files(now);
+}
+
+Playlist FolderLists::read(const SourceSpec& source) {
+  const std::string& folder = source.text;
+  const std::vector<std::string> names = whole_files(folder);
+  if (names.size() > kMaxPlaylistItems)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: {} files, but a list has at most {} items", folder, names.size(),
+                            kMaxPlaylistItems),
+                "move some of them away");
+  Playlist list{.name = folder,
+                .items = {},
+                .standby = PlaylistItem{.source = parse_source("black"), .loops = kForever},
+                .rounds = kForever,
+                .file = mark_of_names(names)};
+  ContentFlags content;
+  content.reweave = source.content.reweave;
+  for (const std::string& name : names)
+    list.items.push_back(
+        {.source = parse_source(folder + name, content), .still_s = kStillSeconds});
+  return list;
+}
+
+FileMark FolderLists::mark(const std::string& folder) {
+  return mark_of_names(whole_files(folder));
+}
+
+}  // namespace lenticule::player

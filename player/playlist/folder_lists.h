@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// FolderLists turns folders into playlists of the files in them that are completely written.
+#pragma once
+
+#include <chrono>
+#include <map>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "base/file_mark.h"
+#include "base/unique_fd.h"
+#include "player/playlist/playlist.h"
+
+namespace lenticule::player {
+
+/// Returns true for the name of a folder that is played as a list: it ends with a slash.
+[[nodiscard]] bool names_folder(const std::string& source);
+
+/// Returns true if a file of that name can be content. Hidden files, unfinished files of programs
+/// that copy (rsync, browsers, lenticule) and files of other kinds cannot.
+[[nodiscard]] bool may_be_content(const std::string& file_name);
+
+/// Follows the files of one folder and decides which of them are whole. A file is whole when its
+/// writer has closed it or moved it into the folder, which inotify reports. Without that report
+/// (another machine writes into a network folder, or the file was there before) it is whole when it
+/// has not changed for kQuiet; a file that was seen being written, and not closed, when it has not
+/// changed for kAbandoned.
+///
+/// Thread safety: one thread.
+class FolderWatch {
+ public:
+  using Time = std::chrono::steady_clock::time_point;
+  static constexpr auto kQuiet = std::chrono::seconds(2);
+  static constexpr auto kAbandoned = std::chrono::seconds(30);
+
+  /// Lists the folder for the first time. Throws Error(Input) if there is no such folder.
+  FolderWatch(std::string folder, Time now);
+
+  /// Returns the names of the whole files, sorted. A folder that is gone, for example with its USB
+  /// stick, has none, until it is back.
+  [[nodiscard]] std::vector<std::string> whole_files(Time now);
+
+ private:
+  struct File {
+    FileMark mark{};
+    Time quiet_since{};
+    bool closed = false;
+    bool is_written = false;
+    bool seen = false;  ///< in the present listing
+  };
+  void watch_folder();
+  void take_events();
+  void list(Time now);
+  [[nodiscard]] static bool is_whole(const File& file, Time now);
+
+  const std::string folder_;
+  UniqueFd inotify_;    ///< invalid where the kernel cannot watch the folder
+  FileMark watched_{};  ///< the folder that inotify_ watches
+  std::map<std::string, File> files_;
+};
+
+/// The folders that a player reads as lists. Thread safety: any thread.
+class FolderLists {
+ public:
+  /// Returns a list of the whole files, in the order of their names, repeated forever; without a
+  /// file it shows black. Throws Error(Input) if there is no such folder at the first call, or if
+  /// it has more files than a list may have. Films of other rigs are woven again if the source asks
+  /// for that.
+  [[nodiscard]] Playlist read(const SourceSpec& source);
+  /// Returns a mark that changes when a file becomes whole or is removed.
+  [[nodiscard]] FileMark mark(const std::string& folder);
+
+ private:
+  [[nodiscard]] std::vector<std::string> whole_files(const std::string& folder);
+
+  std::mutex mutex_;  ///< guards the watches
+  std::map<std::string, FolderWatch> watches_;
+};
+
+}  // namespace lenticule::player

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests the verbs of `lenticule ctl` with which a show is run: interruptions, cues, black, speed and
+// power, with a player on the virtual display.
+#include "tests/commands/player_stage.h"
+#include "tests/commands/sequence_films.h"
+
+namespace lenticule::test {
+namespace {
+
+class CtlShow : public PlayerTest {
+ protected:
+  void SetUp() override {
+    PlayerTest::SetUp();
+    write_sequence(path("film.lts"), path("rig.toml"), 10);
+    write_sequence(path("alarm.lts"), path("rig.toml"), 100);
+    write("list.toml",
+          "loop = \"forever\"\n[[item]]\nsource = \"film.lts\"\nloops = 1000\n"
+          "[[item]]\nsource = \"alarm.lts\"\n");
+    start(play_words(path("list.toml"), {"--slots", "12"}));
+    ASSERT_TRUE(comes_true([this] { return frames_shown() > 3; }));
+  }
+  [[nodiscard]] bool shows(const std::string& film) const {
+    return says_about("on_glass", path(film + ".lts"));
+  }
+};
+
+TEST_F(CtlShow, AnInterruptionIsPlayedOnceAndThenTheListContinues) {
+  ASSERT_EQ(asked({"interrupt", path("alarm.lts")})["source"], path("alarm.lts"));
+  EXPECT_TRUE(comes_true([this] { return shows("film") && status()["interrupted"].is_null(); }));
+  EXPECT_EQ(status()["on_glass"]["item"], 0);
+  ASSERT_TRUE(asked({"interrupt", "--item", "1", "--seconds", "3600"}).is_object());
+  EXPECT_TRUE(comes_true([this] { return shows("alarm"); }));
+  EXPECT_EQ(status()["interrupted"], path("film.lts"));
+  ASSERT_TRUE(asked({"back"}).is_object());
+  EXPECT_TRUE(comes_true([this] { return shows("film"); }));
+  const ProcessResult nothing = ctl({"back"});
+  EXPECT_EQ(nothing.exit_code, 1);
+  EXPECT_NE(nothing.err.find("nothing is interrupted"), std::string::npos) << nothing.err;
+}
+
+TEST_F(CtlShow, ABlankPanelIsBlackUntilBack) {
+  ASSERT_TRUE(asked({"blank"}).is_object());
+  EXPECT_TRUE(comes_true([this] { return says_about("on_glass", "black"); }));
+  ASSERT_TRUE(asked({"back"}).is_object());
+  EXPECT_TRUE(comes_true([this] { return shows("film"); }));
+}
+
+TEST_F(CtlShow, ACuedItemIsShownByGoAndAGoWithoutCueNamesTheRemedy) {
+  const ProcessResult nothing = ctl({"go"});
+  EXPECT_EQ(nothing.exit_code, 1);
+  EXPECT_NE(nothing.err.find("no item is cued"), std::string::npos) << nothing.err;
+  EXPECT_NE(nothing.err.find("cue SOURCE"), std::string::npos) << nothing.err;
+  EXPECT_EQ(ctl({"cue"}).exit_code, 2);
+  EXPECT_EQ(ctl({"cue", path("missing.lts")}).exit_code, 1);
+  ASSERT_EQ(asked({"cue", path("alarm.lts"), "--then-back"})["cued"], path("alarm.lts"));
+  EXPECT_EQ(status()["cued"], path("alarm.lts"));
+  EXPECT_TRUE(shows("film"));
+  ASSERT_EQ(asked({"go"})["source"], path("alarm.lts"));
+  EXPECT_EQ(status()["cued"], nullptr);
+  EXPECT_TRUE(comes_true([this] { return shows("film") && status()["interrupted"].is_null(); }));
+}
+
+TEST_F(CtlShow, TheSpeedIsChangedWithinItsLimits) {
+  EXPECT_EQ(asked({"speed", "0.5"})["factor"], 0.5);
+  EXPECT_EQ(status()["speed"], 0.5);
+  EXPECT_TRUE(comes_true([this] {
+    return asked({"stats"})["statistics"].value("content_rate", "") == "30";
+  })) << asked({"stats"}).dump();
+  EXPECT_EQ(ctl({"speed", "9"}).exit_code, 2);
+  EXPECT_EQ(ctl({"speed", "0"}).exit_code, 2);
+}
+
+TEST_F(CtlShow, AnOutputThatIsOffHoldsTheContentUntilItIsOn) {
+  EXPECT_EQ(asked({"power", "off"}), json({{"power", "off"}, {"done", true}}));
+  EXPECT_EQ(status()["state"], "off");
+  const uint64_t shown = frames_shown();
+  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  EXPECT_EQ(frames_shown(), shown);
+  EXPECT_EQ(asked({"power", "on"})["done"], true);
+  EXPECT_EQ(status()["state"], "playing");
+  EXPECT_TRUE(film_continues());
+  EXPECT_EQ(ctl({"power", "dim"}).exit_code, 2);
+}
+
+}  // namespace
+}  // namespace lenticule::test

@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests `lenticule play FOLDER/` while films are added, replaced, broken and removed.
+#include "tests/commands/player_stage.h"
+#include "tests/commands/sequence_films.h"
+
+namespace lenticule::test {
+namespace {
+
+namespace fs = std::filesystem;
+
+class Folder : public PlayerTest {
+ protected:
+  void SetUp() override {
+    PlayerTest::SetUp();
+    fs::create_directory(path("films"));
+  }
+  /// Puts a film into the folder as rsync does: under a hidden name first.
+  void put(const std::string& name, uint8_t level, const std::string& rig = "rig.toml") const {
+    write_sequence(path("new.lts"), path(rig), level);
+    fs::rename(path("new.lts"), path("films/." + name + ".Xy12Zw"));
+    fs::rename(path("films/." + name + ".Xy12Zw"), path("films/" + name));
+  }
+  void play() {
+    std::vector<std::string> words = play_words(path("films/"));
+    words.insert(words.end(), {"--stats", path("stats.json")});
+    start(words);
+  }
+  /// Returns the names of the listed items.
+  [[nodiscard]] std::vector<std::string> items() const {
+    const json list = asked({"list"});
+    std::vector<std::string> names;
+    for (const json& item : list.value("items", json::array()))
+      names.push_back(fs::path(item["source"].get<std::string>()).filename());
+    return names;
+  }
+  [[nodiscard]] bool has_items(const std::vector<std::string>& names) const {
+    return comes_true([&] { return items() == names; });
+  }
+  [[nodiscard]] bool is_shown(const std::string& name) const {
+    return comes_true([&] { return says_about("on_glass", path("films/" + name)); });
+  }
+  /// Ends the player and returns its standard error.
+  [[nodiscard]] std::string messages() { return quit().err; }
+};
+
+/// Returns how often `text` occurs in `all`.
+size_t count_of(const std::string& all, const std::string& text) {
+  size_t count = 0;
+  for (size_t at = all.find(text); at != std::string::npos; at = all.find(text, at + 1)) ++count;
+  return count;
+}
+
+TEST_F(Folder, FilmsJoinInTheOrderOfTheirNamesAndLeaveWhenTheyAreRemoved) {
+  play();
+  EXPECT_TRUE(comes_true([this] { return says_about("on_glass", "black"); }))
+      << "an empty folder is black";
+  put("b.lts", 20);
+  EXPECT_TRUE(is_shown("b.lts"));
+  put("a.lts", 10);
+  put("c.lts", 30);
+  ASSERT_TRUE(has_items({"a.lts", "b.lts", "c.lts"}));
+  for (const char* name : {"a.lts", "b.lts", "c.lts"}) EXPECT_TRUE(is_shown(name)) << name;
+  fs::remove(path("films/b.lts"));
+  ASSERT_TRUE(has_items({"a.lts", "c.lts"}));
+  for (const char* name : {"a.lts", "c.lts", "a.lts"}) EXPECT_TRUE(is_shown(name)) << name;
+  fs::remove(path("films/a.lts"));
+  fs::remove(path("films/c.lts"));
+  EXPECT_TRUE(comes_true([this] { return says_about("on_glass", "black"); }));
+  EXPECT_EQ(count_of(messages(), "left out"), 0u);
+}
+
+TEST_F(Folder, AReplacedFilmIsPlayedInItsNewVersion) {
+  put("a.lts", 10);
+  play();
+  ASSERT_TRUE(is_shown("a.lts"));
+  put("a.lts", 100);
+  EXPECT_TRUE(comes_true([this] { return displayed_level() >= 100; }));
+}
+
+TEST_F(Folder, AFilmThatIsStillWrittenWaitsForItsEnd) {
+  put("a.lts", 10);
+  write_sequence(path("whole.lts"), path("rig.toml"), 50);
+  play();
+  ASSERT_TRUE(is_shown("a.lts"));
+  std::ifstream whole(path("whole.lts"), std::ios::binary);
+  const std::string bytes((std::istreambuf_iterator<char>(whole)), {});
+  std::ofstream copy(path("films/b.lts"), std::ios::binary);
+  copy << bytes.substr(0, bytes.size() / 2) << std::flush;
+  EXPECT_TRUE(film_continues(200));
+  EXPECT_EQ(items(), std::vector<std::string>{"a.lts"});
+  copy << bytes.substr(bytes.size() / 2);
+  copy.close();
+  EXPECT_TRUE(is_shown("b.lts"));
+  EXPECT_EQ(count_of(messages(), "left out"), 0u);
+}
+
+TEST_F(Folder, ABrokenFilmAndOneOfAnotherRigAreReportedOnceWithTheRemedy) {
+  put("a.lts", 10);
+  play();
+  ASSERT_TRUE(is_shown("a.lts"));
+  write("broken.lts", "no film");
+  fs::rename(path("broken.lts"), path("films/broken.lts"));
+  std::ifstream rig(path("rig.toml"));
+  std::string text((std::istreambuf_iterator<char>(rig)), {});
+  const size_t slant = text.find("slant = 0.25");
+  ASSERT_NE(slant, std::string::npos);
+  text.replace(slant, 12, "slant = 0.20");
+  write("other.toml", text);
+  put("other.lts", 60, "other.toml");
+  ASSERT_TRUE(has_items({"a.lts", "broken.lts", "other.lts"}));
+  EXPECT_TRUE(comes_true([this] { return status().value("items_skipped", 0) >= 6; }))
+      << "three rounds";
+  EXPECT_TRUE(is_shown("a.lts"));
+  const std::string said = messages();
+  EXPECT_EQ(count_of(said, "left out: " + path("films/broken.lts")), 1u) << said;
+  EXPECT_EQ(count_of(said, "left out: " + path("films/other.lts")), 1u) << said;
+  EXPECT_NE(said.find("--reweave"), std::string::npos) << said;
+}
+
+TEST_F(Folder, AMissingFolderIsAnError) {
+  const ProcessResult result = run_process(play_words(path("gone/")));
+  EXPECT_EQ(result.exit_code, 4);
+  EXPECT_NE(result.err.find("no such folder"), std::string::npos) << result.err;
+}
+
+}  // namespace
+}  // namespace lenticule::test

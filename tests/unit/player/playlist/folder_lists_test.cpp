@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests which files of a folder are played, and from when on.
+#include "player/playlist/folder_lists.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "base/error.h"
+#include "tests/support/scratch_folder.h"
+
+namespace lenticule::player {
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::seconds;
+using testing::ElementsAre;
+using testing::IsEmpty;
+
+class FolderWatchTest : public testing::Test {
+ protected:
+  test::ScratchFolder scratch;
+  const std::string folder = (scratch / "films").string() + "/";
+  FolderWatch::Time now = std::chrono::steady_clock::now();
+
+  void SetUp() override { fs::create_directory(folder); }
+  void write(const std::string& name, const std::string& text = "content") const {
+    std::ofstream(folder + name) << text;
+  }
+  /// Sets the time of the last change of a file back by a minute.
+  void age(const std::string& name) const {
+    fs::last_write_time(folder + name, fs::file_time_type::clock::now() - std::chrono::minutes(1));
+  }
+};
+
+TEST(FolderNames, OnlyContentIsPlayed) {
+  for (const char* name : {"a.lts", "b.mp4", "c.PNG", "quilt_qs8x6a0.75.mkv", "d.jps"})
+    EXPECT_TRUE(may_be_content(name)) << name;
+  for (const char* name : {"", ".a.lts.Xy12Zw", "a.lts.part", "film.mp4.part", "b.mp4.crdownload",
+                           "a.lts~", "notes.txt", "quilt.json", "list.toml", "a"})
+    EXPECT_FALSE(may_be_content(name)) << name;
+}
+
+TEST_F(FolderWatchTest, FilesThatWereThereAreWholeUnlessTheyAreNew) {
+  for (const char* name : {"b.lts", "a.lts", "c.lts"}) write(name);
+  age("a.lts");
+  age("b.lts");
+  FolderWatch watch(folder, now);
+  EXPECT_THAT(watch.whole_files(now), ElementsAre("a.lts", "b.lts"));
+  EXPECT_THAT(watch.whole_files(now + seconds(3)), ElementsAre("a.lts", "b.lts", "c.lts"));
+}
+
+TEST_F(FolderWatchTest, AFileIsWholeWhenItsWriterClosesIt) {
+  FolderWatch watch(folder, now);
+  std::ofstream file(folder + "a.lts");
+  file << "half" << std::flush;
+  EXPECT_THAT(watch.whole_files(now), IsEmpty());
+  EXPECT_THAT(watch.whole_files(now + seconds(20)), IsEmpty()) << "a stick may pause";
+  file << "whole";
+  file.close();
+  EXPECT_THAT(watch.whole_files(now + seconds(21)), ElementsAre("a.lts"));
+}
+
+TEST_F(FolderWatchTest, AFileOfAWriterThatDisappearedIsWholeAfterHalfAMinute) {
+  FolderWatch watch(folder, now);
+  std::ofstream file(folder + "a.lts");
+  file << "all" << std::flush;
+  EXPECT_THAT(watch.whole_files(now), IsEmpty());
+  EXPECT_THAT(watch.whole_files(now + FolderWatch::kAbandoned), ElementsAre("a.lts"));
+}
+
+TEST_F(FolderWatchTest, AFileThatIsMovedIntoTheFolderIsWholeAtOnce) {
+  FolderWatch watch(folder, now);
+  write(".a.lts.Xy12Zw");
+  EXPECT_THAT(watch.whole_files(now + seconds(60)), IsEmpty());
+  fs::rename(folder + ".a.lts.Xy12Zw", folder + "a.lts");
+  EXPECT_THAT(watch.whole_files(now + seconds(60)), ElementsAre("a.lts"));
+}
+
+TEST_F(FolderWatchTest, AFileThatIsWrittenAgainLeavesUntilItIsWhole) {
+  write("a.lts");
+  age("a.lts");
+  FolderWatch watch(folder, now);
+  EXPECT_THAT(watch.whole_files(now), ElementsAre("a.lts"));
+  std::ofstream file(folder + "a.lts");
+  file << "half" << std::flush;
+  EXPECT_THAT(watch.whole_files(now + seconds(5)), IsEmpty());
+  file.close();
+  EXPECT_THAT(watch.whole_files(now + seconds(6)), ElementsAre("a.lts"));
+}
+
+TEST_F(FolderWatchTest, AnEmptyFileIsNotContentYet) {
+  FolderWatch watch(folder, now);
+  write("a.lts", "");
+  EXPECT_THAT(watch.whole_files(now + seconds(60)), IsEmpty());
+}
+
+TEST_F(FolderWatchTest, AFolderThatIsGoneIsEmptyUntilItIsBack) {
+  write("a.lts");
+  age("a.lts");
+  FolderWatch watch(folder, now);
+  fs::rename(folder, scratch / "away");
+  EXPECT_THAT(watch.whole_files(now), IsEmpty());
+  fs::rename(scratch / "away", folder);
+  EXPECT_THAT(watch.whole_files(now + seconds(1)), IsEmpty());
+  EXPECT_THAT(watch.whole_files(now + seconds(3)), ElementsAre("a.lts"));
+  write("b.lts");
+  EXPECT_THAT(watch.whole_files(now + seconds(3)), ElementsAre("a.lts", "b.lts"))
+      << "the folder is watched again";
+}
+
+TEST_F(FolderWatchTest, AMissingFolderIsAnError) {
+  EXPECT_THROW(FolderWatch((scratch / "gone").string() + "/", now), Error);
+}
+
+TEST_F(FolderWatchTest, TheListHasTheFilesInOrderAndItsMarkFollowsTheirNames) {
+  for (const char* name : {"b.lts", "a.png"}) write(name);
+  age("a.png");
+  age("b.lts");
+  FolderLists lists;
+  const Playlist list = lists.read(parse_source(folder, {.reweave = true}));
+  ASSERT_EQ(list.items.size(), 2u);
+  EXPECT_EQ(list.items[0].source.text, folder + "a.png");
+  EXPECT_EQ(list.items[0].still_s, kStillSeconds);
+  EXPECT_EQ(list.items[1].source.kind, SourceKind::Sequence);
+  EXPECT_TRUE(list.items[1].source.content.reweave);
+  EXPECT_EQ(list.rounds, kForever);
+  EXPECT_EQ(list.standby->source.text, "black");
+  EXPECT_EQ(lists.mark(folder), list.file);
+  write("c.lts");
+  EXPECT_NE(lists.mark(folder), list.file);
+  fs::remove(folder + "c.lts");
+  EXPECT_EQ(lists.mark(folder), list.file);
+}
+
+}  // namespace
+}  // namespace lenticule::player
