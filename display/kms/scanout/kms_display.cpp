@@ -12,6 +12,7 @@
 #include "display/kms/scanout/kms_counters.h"
 #include "display/kms/scanout/page_flip.h"
 #include "display/kms/scanout/panel_monitor.h"
+#include "display/scanout_format.h"
 
 namespace lenticule::display {
 namespace {
@@ -79,7 +80,7 @@ class AtomicKmsDisplay final : public KmsDisplay {
     return active_.output ? active_.output->device().fd() : -1;
   }
   [[nodiscard]] TakeoverState takeover_state() const noexcept override {
-    return active_.output ? takeover_state_of(active_, mode_.geometry) : TakeoverState{};
+    return active_.output ? takeover_state_of(active_, options_.output.panel) : TakeoverState{};
   }
 
  private:
@@ -139,7 +140,7 @@ void AtomicKmsDisplay::start() {
   const Pipe& pipe = active_.output->pipe();
   const DrmDevice& device = active_.output->device();
   mode_ = {
-      .geometry = options_.output.panel,
+      .geometry = turned(options_.output.panel, options_.mounting),
       .refresh = refresh_of(pipe.mode),
       .name = fmt::format("{} on {} {}", pipe.connector.name, device.path(), to_string(pipe.mode)),
       .hardware_clock = false};
