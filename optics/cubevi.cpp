@@ -88,6 +88,7 @@ std::string export_cubevi(const Rig& rig) {
                 "the format cannot store it");
   };
   const Panel& panel = rig.panel;
+  if (!panel.mounting.upright()) refuse("panel.mounting", "a picture that is turned after weaving");
   if (panel.layout.name() != "rgb" && panel.layout.name() != "bgr") {
     refuse("panel.layout", "neither rgb nor bgr");
   }

@@ -138,6 +138,8 @@ void refuse_what_cannot_be_said(const Rig& rig) {
     throw Error(ErrorKind::Input, fmt::format("visual.json: {}: {}", key, cause),
                 "the format cannot store it");
   };
+  if (!rig.panel.mounting.upright())
+    refuse("panel.mounting", "a picture that is turned after weaving");
   if (!rig.sheet.residual.empty()) refuse("sheet.residual", "a residual map");
   for (const Subpixels offset : rig.sheet.channel_offset) {
     if (offset.value != 0.0) refuse("sheet.channel_offset_subpx", "offsets per channel");

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "optics/mounting.h"
 #include "optics/units.h"
 #include "optics/vec.h"
 
@@ -61,15 +62,19 @@ class SubpixelLayout {
   std::vector<PixelCell> cells_;
 };
 
-/// Panel holds the pixel grid. Pixel (i, j): i right, j down. The panel frame is in millimetres, x
-/// right, y up, z toward the viewer, with its origin at the panel centre on the plane of the lens
-/// apices.
+/// Panel holds the pixel grid as the viewer sees it. Pixel (i, j): i right, j down. The panel frame
+/// is in millimetres, x right, y up, z toward the viewer, with its origin at the panel centre on
+/// the plane of the lens apices.
 struct Panel {
   int width_px = 0;
   int height_px = 0;
   Millimetres pixel_width{0};   ///< a_x
   Millimetres pixel_height{0};  ///< a_y
   SubpixelLayout layout;
+  Mounting mounting = {};  ///< from the picture that the graphics card sends to this grid
+
+  /// Returns the size of the picture that the graphics card sends.
+  [[nodiscard]] PixelGrid sent_size() const { return mounting.turned({width_px, height_px}); }
 
   /// Returns the panel point, in pixels (X, Y), of the centre of subpixel `channel` of pixel (i,
   /// j).

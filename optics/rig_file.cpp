@@ -155,13 +155,26 @@ SubpixelLayout read_layout(const Section& panel) {
   }
 }
 
+Mounting read_mounting(const Section& panel) {
+  const toml::node* node = panel.find("mounting");
+  if (node == nullptr) return {};
+  const std::string name = panel.text_of(*node, "mounting");
+  try {
+    return mounting_named(name);
+  } catch (const Error& error) {
+    panel.fail(*node, error.what(), error.hint());
+  }
+}
+
 Panel read_panel(const Section& panel) {
-  panel.allow_only({"width_px", "height_px", "pixel_width_mm", "pixel_height_mm", "layout"});
+  panel.allow_only(
+      {"width_px", "height_px", "pixel_width_mm", "pixel_height_mm", "layout", "mounting"});
   return {.width_px = panel.whole("width_px"),
           .height_px = panel.whole("height_px"),
           .pixel_width = Millimetres(panel.number("pixel_width_mm")),
           .pixel_height = Millimetres(panel.number("pixel_height_mm")),
-          .layout = read_layout(panel)};
+          .layout = read_layout(panel),
+          .mounting = read_mounting(panel)};
 }
 
 ResidualMap read_residual(const Section& sheet) {

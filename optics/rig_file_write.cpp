@@ -105,6 +105,8 @@ std::string rig_to_toml(const Rig& rig) {
       "\n[panel]\nwidth_px = {}\nheight_px = {}\npixel_width_mm = {}\npixel_height_mm = {}\n",
       panel.width_px, panel.height_px, number(panel.pixel_width.value),
       number(panel.pixel_height.value));
+  if (!panel.mounting.upright())
+    out += fmt::format("mounting = {}\n", toml_text(mounting_name(panel.mounting)));
   add_layout(panel.layout, out);
   add_sheet(rig.sheet, out);
   out += fmt::format("\n[viewing]\ndistance_mm = {}\nheight_mm = {}\n",

@@ -8,6 +8,7 @@
 #include "base/error.h"
 #include "base/numbers.h"
 #include "display/kms/probe/output_request.h"
+#include "display/scanout_format.h"
 #include "display/virtual/virtual_display.h"
 
 namespace lenticule::display {
@@ -46,19 +47,21 @@ bool parse_option(std::string_view option, VirtualSpec& out) {
 
 std::unique_ptr<Display> open_virtual(const DisplayRequest& request) {
   const VirtualSpec spec = parse_virtual_spec(request.spec);
-  frames::FrameGeometry geometry = request.panel;
+  const frames::FrameGeometry panel = turned(request.panel, request.mounting);
+  frames::FrameGeometry geometry = panel;
   if (spec.width > 0) {
     geometry.width = spec.width;
     geometry.height = spec.height;
   }
-  if (geometry != request.panel)
+  if (geometry != panel)
     throw Error(
         ErrorKind::Input,
         fmt::format("display '{}': {}x{} pixels, but the rig's panel has {}x{}", request.spec,
-                    geometry.width, geometry.height, request.panel.width, request.panel.height),
+                    geometry.width, geometry.height, panel.width, panel.height),
         "woven frames fit one panel, pixel for pixel: use the rig of this display");
   return open_virtual_display(
       {.geometry = geometry,
+       .mounting = request.mounting,
        .refresh = spec.refresh,
        .buffers = request.buffers,
        .clock = request.clock,
@@ -103,13 +106,22 @@ void check_display_spec(std::string_view spec) {
 KmsOptions kms_options_of(const DisplayRequest& request) {
   KmsOptions options = request.kms;
   options.output = parse_kms_spec(request.spec, options.output);
-  options.output.panel = request.panel;
+  options.output.panel = turned(request.panel, request.mounting);
+  options.mounting = request.mounting;
   options.buffers = request.buffers;
   if (request.recorder)
     throw Error(ErrorKind::Usage,
                 fmt::format("display '{}': cannot record displayed frames", request.spec),
                 "record with --display virtual");
   return options;
+}
+
+DisplayRequest request_for(const optics::Rig& rig, const std::string& spec) {
+  DisplayRequest request{.spec = spec,
+                         .panel = {.width = rig.panel.width_px, .height = rig.panel.height_px},
+                         .mounting = rig.panel.mounting};
+  request.kms.output.identity = rig.identity;
+  return request;
 }
 
 std::unique_ptr<Display> open_display(const DisplayRequest& request) {

@@ -11,6 +11,7 @@
 #include "display/display.h"
 #include "display/kms/scanout/kms_display.h"
 #include "display/scanout_recorder.h"
+#include "optics/rig.h"
 
 namespace lenticule::display {
 
@@ -20,15 +21,20 @@ struct DisplayRequest {
   std::string spec = "virtual";
   /// Size of the frames; a display of another size is refused.
   frames::FrameGeometry panel = {};
+  /// Mounting of the panel; the frames are what its viewer sees.
+  optics::Mounting mounting = {};
   /// Virtual displays only: null = real time.
   std::shared_ptr<Clock> clock = nullptr;
   /// Virtual displays only: null = no recording.
   std::shared_ptr<ScanoutRecorder> recorder = nullptr;
   int buffers = 3;
-  /// KMS displays only; output, panel and buffers are taken from above. A simulated clock or a
-  /// recorder is not supported there.
+  /// KMS displays only; output, panel, mounting and buffers are taken from above. A simulated clock
+  /// or a recorder is not supported there.
   KmsOptions kms = {};
 };
+
+/// Returns the request for a display of the rig's panel.
+[[nodiscard]] DisplayRequest request_for(const optics::Rig& rig, const std::string& spec);
 
 /// Opens the display; the result is a KmsDisplay for a KMS spec. Throws Error(Usage) for an invalid
 /// spec, Error(Input) if its size is not the panel's, Error(Device) if there is no such display.

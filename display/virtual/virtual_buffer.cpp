@@ -24,8 +24,9 @@ size_t VirtualBuffer::bytes(frames::FrameGeometry geometry) noexcept {
   return stride_words(geometry) * static_cast<size_t>(geometry.height) * sizeof(uint32_t);
 }
 
-VirtualBuffer::VirtualBuffer(frames::FrameGeometry geometry)
+VirtualBuffer::VirtualBuffer(frames::FrameGeometry geometry, const optics::Mounting& mounting)
     : geometry_(geometry),
+      mounting_(mounting),
       stride_(stride_words(geometry)),
       words_(static_cast<uint32_t*>(std::aligned_alloc(kCacheLine, bytes(geometry)))) {
   if (!words_) throw std::bad_alloc();
@@ -33,10 +34,9 @@ VirtualBuffer::VirtualBuffer(frames::FrameGeometry geometry)
 }
 
 void VirtualBuffer::fill(const frames::FrameView& frame) noexcept {
-  LENTICULE_CHECK(frame.geometry == geometry_ && frame.bytes.size() >= geometry_.frame_bytes());
-  for (int j = 0; j < geometry_.height; ++j)
-    expand_row(frame.row(j), words_.get() + static_cast<size_t>(j) * stride_,
-               static_cast<size_t>(geometry_.width));
+  LENTICULE_CHECK(turned(frame.geometry, mounting_) == geometry_ &&
+                  frame.bytes.size() >= geometry_.frame_bytes());
+  expand_frame(frame, mounting_, words_.get(), stride_);
 }
 
 bool VirtualBuffer::try_acquire() noexcept {

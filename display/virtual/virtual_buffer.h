@@ -8,6 +8,7 @@
 
 #include "display/display.h"
 #include "display/scanout_recorder.h"
+#include "optics/mounting.h"
 
 namespace lenticule::display {
 
@@ -19,7 +20,7 @@ class VirtualBuffer final : public ScanoutBuffer {
  public:
   /// Fills the buffer with black, which touches every page, so that page faults cannot delay a
   /// frame.
-  explicit VirtualBuffer(frames::FrameGeometry geometry);
+  explicit VirtualBuffer(frames::FrameGeometry geometry, const optics::Mounting& mounting = {});
 
   void fill(const frames::FrameView& frame) noexcept override;
 
@@ -43,6 +44,7 @@ class VirtualBuffer final : public ScanoutBuffer {
   };
 
   frames::FrameGeometry geometry_;
+  optics::Mounting mounting_;
   size_t stride_;
   std::unique_ptr<uint32_t, FreeMemory> words_;
   std::atomic<BufferState> state_{BufferState::Free};

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "display/scanout_format.h"
 #include "display/vblank_timeline.h"
 #include "display/virtual/recording_thread.h"
 #include "display/virtual/virtual_buffer.h"
@@ -73,7 +74,7 @@ class VirtualDisplay final : public Display {
         faults_(options.faults ? options.faults : std::make_shared<VirtualFaults>()),
         recorder_(options.recorder),
         buffers_in_use_(options.buffers) {
-    mode_ = {.geometry = options.geometry,
+    mode_ = {.geometry = turned(options.geometry, options.mounting),
              .refresh = options.refresh,
              .name = fmt::format("virtual {}x{}@{}", options.geometry.width,
                                  options.geometry.height, frames::to_string(options.refresh)),
@@ -83,7 +84,7 @@ class VirtualDisplay final : public Display {
     const int buffers = options.buffers + recorded_at_once;
     check_memory(options, buffers);
     for (int i = 0; i < buffers; ++i)
-      buffers_.push_back(std::make_unique<VirtualBuffer>(options.geometry));
+      buffers_.push_back(std::make_unique<VirtualBuffer>(options.geometry, options.mounting));
     if (recording_thread)
       recording_ =
           std::make_unique<RecordingThread>(recorder_, static_cast<size_t>(recorded_at_once));

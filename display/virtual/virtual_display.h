@@ -9,11 +9,13 @@
 #include "display/display.h"
 #include "display/scanout_recorder.h"
 #include "display/virtual/virtual_faults.h"
+#include "optics/mounting.h"
 
 namespace lenticule::display {
 
 struct VirtualDisplayOptions {
-  frames::FrameGeometry geometry = {};
+  frames::FrameGeometry geometry = {};  ///< scan-out memory; its frames may be turned
+  optics::Mounting mounting = {};
   frames::Rate refresh{60, 1};
   /// 2 ... 16: one displayed, one pending, the others filled ahead.
   int buffers = 3;

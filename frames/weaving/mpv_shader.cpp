@@ -66,6 +66,8 @@ vec4 hook() {
 
 std::string mpv_shader(const optics::Rig& rig, const QuiltLayout& layout) {
   check_quilt_layout(layout, "mpv shader");
+  if (!rig.panel.mounting.upright())
+    refuse("panel.mounting", "a picture that is turned after weaving");
   if (!rig.sheet.residual.empty()) refuse("sheet.residual", "a residual map");
   if (rig.panel.layout.columns() * rig.panel.layout.rows() != 1)
     refuse("panel.layout", "a cell table");

@@ -44,6 +44,11 @@ void FollowedRig::look() {
                                rig_.panel.height_px);
       return;
     }
+    if (rig.panel.mounting != rig_.panel.mounting) {
+      complaint_ = fmt::format("{}: has another panel.mounting, which a player reads at its start",
+                               rig_file_.string());
+      return;
+    }
     complaint_.clear();
     if (rig == rig_) return;
     rig_ = std::move(rig);

@@ -79,10 +79,8 @@ std::shared_ptr<display::ScanoutRecorder> recorder_of(const ByEyeFlags& flags) {
 }
 
 display::DisplayRequest display_request(const ByEyeFlags& flags, const optics::Rig& rig) {
-  display::DisplayRequest request{
-      .spec = flags.display, .panel = {.width = rig.panel.width_px, .height = rig.panel.height_px}};
+  display::DisplayRequest request = display::request_for(rig, flags.display);
   request.recorder = recorder_of(flags);
-  if (display::is_kms_spec(flags.display)) request.kms.output.identity = rig.identity;
   request.kms.allow_inexact = flags.allow_inexact;
   return request;
 }

@@ -95,11 +95,7 @@ class CameraRun {
  public:
   explicit CameraRun(const CameraFlags& flags)
       : flags_(flags), model_(optics::load_trimmed_rig(flags.rig)) {
-    const optics::Rig& rig = model_.rig();
-    display::DisplayRequest request{
-        .spec = flags.display,
-        .panel = {.width = rig.panel.width_px, .height = rig.panel.height_px}};
-    if (display::is_kms_spec(flags.display)) request.kms.output.identity = rig.identity;
+    display::DisplayRequest request = display::request_for(model_.rig(), flags.display);
     request.kms.allow_inexact = flags.allow_inexact;
     display_ = display::open_display(request);
     sink_ = std::make_unique<display::DisplaySink>(*display_);

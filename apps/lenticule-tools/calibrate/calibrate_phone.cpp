@@ -168,9 +168,7 @@ class Collection {
 
 ExitCode run_phone(const PhoneFlags& flags) {
   const optics::Rig rig = optics::load_trimmed_rig(flags.rig);
-  display::DisplayRequest request{.spec = flags.display,
-                                  .panel = {rig.panel.width_px, rig.panel.height_px}};
-  if (display::is_kms_spec(flags.display)) request.kms.output.identity = rig.identity;
+  display::DisplayRequest request = display::request_for(rig, flags.display);
   request.kms.allow_inexact = flags.allow_inexact;
   const auto display = display::open_display(request);
   display::DisplaySink sink(*display);

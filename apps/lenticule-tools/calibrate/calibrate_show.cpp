@@ -153,8 +153,7 @@ ExitCode show(const ShowFlags& flags) {
       print_out("{}: {}\n", flags.output, flags.pattern);
     return kOk;
   }
-  display::DisplayRequest request{.spec = flags.display, .panel = frame.geometry()};
-  if (display::is_kms_spec(flags.display)) request.kms.output.identity = model.rig().identity;
+  display::DisplayRequest request = display::request_for(model.rig(), flags.display);
   request.kms.allow_inexact = flags.allow_inexact;
   const auto display = display::open_display(request);
   display::DisplaySink sink(*display);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule rig show|check|import|export|trim shows, checks, converts and trims rig files.
+// lenticule rig show|check|import|export|trim|mount shows, checks, converts, trims and turns rig
+// files.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -20,6 +21,7 @@
 #include "optics/rig_file.h"
 #include "optics/rig_history.h"
 #include "optics/trim.h"
+#include "optics/turned_rig.h"
 
 namespace lenticule::player {
 namespace {
@@ -36,6 +38,7 @@ struct RigOptions {
   std::string format = "auto";
   std::string mpv_shader;
   std::string quilt = "8x6";
+  std::string mounting;
   double offset_by = 0.0;
   double pitch_by = 0.0;
   bool reset_trim = false;
@@ -81,7 +84,10 @@ json panel_json(const optics::Panel& panel) {
           {"pixel_height_mm", panel.pixel_height.value},
           {"width_mm", panel.width_px * panel.pixel_width.value},
           {"height_mm", panel.height_px * panel.pixel_height.value},
-          {"layout", panel.layout.name()}};
+          {"layout", panel.layout.name()},
+          {"mounting", optics::mounting_name(panel.mounting)},
+          {"sent_width_px", panel.sent_size().width},
+          {"sent_height_px", panel.sent_size().height}};
 }
 
 json sheet_json(const optics::LensSheet& sheet, const optics::Panel& panel) {
@@ -329,6 +335,22 @@ ExitCode change_trim(const RigOptions& options) {
   return kOk;
 }
 
+/// Writes the rig of the same panel hung in another way. A trim stays with the old file.
+ExitCode mount(const RigOptions& options) {
+  const Rig rig = optics::turned_rig(optics::load_trimmed_rig(options.file),
+                                     optics::mounting_named(options.mounting));
+  const std::filesystem::path kept = optics::save_with_history(rig, options.output);
+  optics::save_trim({}, options.output);
+  json done = {
+      {"output", options.output},          {"mounting", optics::mounting_name(rig.panel.mounting)},
+      {"width_px", rig.panel.width_px},    {"height_px", rig.panel.height_px},
+      {"layout", rig.panel.layout.name()}, {"pitch_subpx", rig.sheet.pitch.value},
+      {"slant", rig.sheet.slant},          {"fingerprint", optics::fingerprint(rig)}};
+  if (!kept.empty()) done["old_rig_kept_as"] = kept.string();
+  print_result(done, options.as_json);
+  return kOk;
+}
+
 using Action = ExitCode (*)(const RigOptions&);
 
 CLI::App* add_action(CLI::App& app, const char* name, const char* summary, const char* example,
@@ -385,11 +407,23 @@ Run declare_rig(CLI::App& app) {
   trim_app->add_flag("--reset", options->reset_trim,
                      "start from the calibration, without the present trim");
 
+  CLI::App* mount_app = add_action(
+      app, "mount", "write the rig of a panel that is hung in another way than it was measured",
+      "lenticule rig mount kiosk-27-4k.toml 180 -o upside-down.toml", options);
+  mount_app->add_option("RIG", options->file, "rig file")->required();
+  mount_app
+      ->add_option("MOUNTING", options->mounting,
+                   "how the viewer sees the sent picture: 0, 90, 180 or 270 degrees clockwise, "
+                   "mirrored, or 'mirrored 90' and so on")
+      ->required();
+  mount_app->add_option("-o,--output", options->output, "rig file to write")->required();
+
   const std::vector<std::pair<const CLI::App*, Action>> actions = {{show_app, show},
                                                                    {check_app, check},
                                                                    {import_app, import_calibration},
                                                                    {export_app, export_calibration},
-                                                                   {trim_app, change_trim}};
+                                                                   {trim_app, change_trim},
+                                                                   {mount_app, mount}};
   return [options, actions]() -> ExitCode {
     for (const auto& [sub, action] : actions) {
       if (sub->parsed()) return action(*options);

@@ -37,7 +37,7 @@ constexpr auto kCommands = std::to_array<Command>({
     {"farm", "render a film on many machines, with Slurm or any other scheduler",
      "lenticule farm plan model.glb --rig kiosk-27-4k.toml --frames 0:750 -o film.lts --work "
      "/shared/film"},
-    {"rig", "show, check, import and export rig files",
+    {"rig", "show, check, import, export and turn rig files",
      "lenticule rig import visual.json -o portrait.toml"},
     {"panels", "list connected panels, their identity, modes and matching rigs",
      "lenticule panels --rigs scenes/rigs"},

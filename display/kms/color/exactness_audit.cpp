@@ -75,7 +75,8 @@ void evaluate_row(ExactnessReport& report, const AuditRow& row) {
   const std::string fact =
       fmt::format("{} '{}' is {}: {}", row.object, row.property, row.now, row.effect);
   if (!row.alters_pixels) {
-    if (row.object != "link" || !is_wrong(row)) return;
+    const bool unchangeable = row.object == "link" || row.outcome == AuditOutcome::ReadOnly;
+    if (!unchangeable || !is_wrong(row)) return;
     report.remarks.push_back(fact);
     return add_remedy(report, row.remedy);
   }

@@ -43,7 +43,7 @@ struct ExactnessReport {
   std::vector<std::string> verified{};  ///< steps that were checked and leave subpixels unchanged
   std::vector<std::string> reasons{};   ///< steps that change them
   std::vector<std::string> unseen{};    ///< steps that could not be checked
-  std::vector<std::string> remarks{};   ///< facts that affect timing and not pixels
+  std::vector<std::string> remarks{};   ///< facts that do not change pixels, such as timing
   std::vector<std::string> remedies{};  ///< actions for the user
   std::vector<AuditRow> rows{};
 

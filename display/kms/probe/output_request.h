@@ -27,7 +27,7 @@ struct OutputRequest {
   IdentityPolicy policy = IdentityPolicy::Require;
 
   // The mode.
-  frames::FrameGeometry panel{};
+  frames::FrameGeometry panel{};          ///< size of the picture that is sent
   std::optional<frames::Rate> refresh{};  ///< none = the panel's preferred mode
 
   friend bool operator==(const OutputRequest&, const OutputRequest&) = default;

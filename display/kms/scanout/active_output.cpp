@@ -47,8 +47,8 @@ ScanoutPool take_over_buffers(int fd, const KmsOptions& options) {
   const TakeoverState& state = options.previous->state;
   ScanoutPool pool;
   for (uint32_t i = 0; i < state.buffer_count; ++i)
-    pool.push_back(
-        std::make_unique<KmsBuffer>(fd, options.platform, options.output.panel, state.buffers[i]));
+    pool.push_back(std::make_unique<KmsBuffer>(fd, options.platform, options.output.panel,
+                                               options.mounting, state.buffers[i]));
   return pool;
 }
 
@@ -159,7 +159,7 @@ ActiveOutput open_new_output(const KmsOptions& options, std::optional<DrmDevice>
   // Checked before a frame is shown, as far as the facts are known.
   require_exact(options, *active.output);
   active.buffers = make_scanout_pool(active.output->device().fd(), options.platform, request.panel,
-                                     options.buffers);
+                                     options.mounting, options.buffers);
   active.front = active.buffers.front().get();
   active.output->activate(active.front->framebuffer(), *options.clock,
                           options.fresh ? RunningMode::SetAnew : RunningMode::TakeOver);

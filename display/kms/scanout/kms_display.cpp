@@ -12,6 +12,7 @@
 #include "display/kms/scanout/kms_counters.h"
 #include "display/kms/scanout/page_flip.h"
 #include "display/kms/scanout/panel_monitor.h"
+#include "display/scanout_format.h"
 
 namespace lenticule::display {
 namespace {
@@ -83,7 +84,7 @@ class AtomicKmsDisplay final : public KmsDisplay {
   }
   [[nodiscard]] TakeoverState takeover_state() const noexcept override {
     if (!active_.output) return {};
-    TakeoverState state = takeover_state_of(active_, mode_.geometry);
+    TakeoverState state = takeover_state_of(active_, options_.output.panel);
     state.off = counters_.off.load(std::memory_order_relaxed) ? 1 : 0;
     return state;
   }
@@ -145,7 +146,7 @@ void AtomicKmsDisplay::start() {
   const Pipe& pipe = active_.output->pipe();
   const DrmDevice& device = active_.output->device();
   mode_ = {
-      .geometry = options_.output.panel,
+      .geometry = turned(options_.output.panel, options_.mounting),
       .refresh = refresh_of(pipe.mode),
       .name = fmt::format("{} on {} {}", pipe.connector.name, device.path(), to_string(pipe.mode)),
       .hardware_clock = false};

@@ -14,6 +14,7 @@
 #include "display/kms/device/session.h"
 #include "display/kms/probe/output_request.h"
 #include "display/kms/scanout/takeover_state.h"
+#include "optics/mounting.h"
 
 namespace lenticule::display {
 
@@ -31,7 +32,8 @@ struct PreviousOutput {
 
 struct KmsOptions {
   OutputRequest output;
-  int buffers = 3;  ///< 2 ... 4; fewer if the card has too little memory
+  optics::Mounting mounting;  ///< frames are what the viewer sees of output.panel
+  int buffers = 3;            ///< 2 ... 4; fewer if the card has too little memory
   ExitPolicy exit = ExitPolicy::Restore;
   /// Takes over neither buffers nor a running mode. The card of the previous player is still used,
   /// because its descriptor is DRM master.

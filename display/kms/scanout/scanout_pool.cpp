@@ -73,8 +73,9 @@ ScanoutMapping::~ScanoutMapping() {
   if (memory_ != nullptr) platform_->unmap(memory_, size_);
 }
 
-KmsBuffer::KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, frames::FrameGeometry geometry)
-    : geometry_(geometry) {
+KmsBuffer::KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, frames::FrameGeometry geometry,
+                     const optics::Mounting& mounting)
+    : geometry_(geometry), mounting_(mounting) {
   uint32_t handle = 0;
   const int error = drmModeCreateDumbBuffer(fd, static_cast<uint32_t>(geometry.width),
                                             static_cast<uint32_t>(geometry.height), kBitsPerPixel,
@@ -90,8 +91,8 @@ KmsBuffer::KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, frames::Fram
 }
 
 KmsBuffer::KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, frames::FrameGeometry geometry,
-                     const TakeoverState::Buffer& buffer)
-    : geometry_(geometry), pitch_(buffer.pitch), size_(buffer.size) {
+                     const optics::Mounting& mounting, const TakeoverState::Buffer& buffer)
+    : geometry_(geometry), mounting_(mounting), pitch_(buffer.pitch), size_(buffer.size) {
   if (!holds(geometry, pitch_, size_)) fail("take over", EINVAL);
   mapping_ = map_buffer(fd, platform, buffer.handle, size_);
   handle_ = DumbHandle(fd, buffer.handle);
@@ -99,12 +100,9 @@ KmsBuffer::KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, frames::Fram
 }
 
 void KmsBuffer::fill(const frames::FrameView& frame) noexcept {
-  LENTICULE_CHECK(frame.geometry == geometry_);
-  for (int j = 0; j < geometry_.height; ++j) {
-    uint8_t* const row = mapping_.data() + static_cast<size_t>(j) * pitch_;
-    expand_row(frame.row(j), reinterpret_cast<uint32_t*>(row),
-               static_cast<size_t>(geometry_.width));
-  }
+  LENTICULE_CHECK(turned(frame.geometry, mounting_) == geometry_);
+  expand_frame(frame, mounting_, reinterpret_cast<uint32_t*>(mapping_.data()),
+               pitch_ / sizeof(uint32_t));
 }
 
 bool KmsBuffer::try_acquire() noexcept {
@@ -124,12 +122,13 @@ void KmsBuffer::abandon() noexcept {
 }
 
 ScanoutPool make_scanout_pool(int fd, const std::shared_ptr<KmsPlatform>& platform,
-                              frames::FrameGeometry geometry, int count) {
+                              frames::FrameGeometry geometry, const optics::Mounting& mounting,
+                              int count) {
   ScanoutPool pool;
   while (static_cast<int>(pool.size()) <
          std::clamp(count, kMinScanoutBuffers, kMaxScanoutBuffers)) {
     try {
-      pool.push_back(std::make_unique<KmsBuffer>(fd, platform, geometry));
+      pool.push_back(std::make_unique<KmsBuffer>(fd, platform, geometry, mounting));
     } catch (const Error&) {
       if (static_cast<int>(pool.size()) < kMinScanoutBuffers) throw;
       break;

@@ -10,6 +10,7 @@
 #include "display/kms/device/drm_handles.h"
 #include "display/kms/device/platform.h"
 #include "display/kms/scanout/takeover_state.h"
+#include "optics/mounting.h"
 
 namespace lenticule::display {
 
@@ -38,11 +39,12 @@ class KmsBuffer final : public ScanoutBuffer {
   /// Creates a buffer and fills it with black, which touches every page. Throws Error(Failed) if
   /// the card or the system has no memory for it; frees everything that was created before the
   /// failure.
-  KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, frames::FrameGeometry geometry);
+  KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, frames::FrameGeometry geometry,
+            const optics::Mounting& mounting = {});
   /// Wraps a buffer that another process created, keeping its contents. Takes ownership of the ids
   /// only on success.
   KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, frames::FrameGeometry geometry,
-            const TakeoverState::Buffer& buffer);
+            const optics::Mounting& mounting, const TakeoverState::Buffer& buffer);
 
   void fill(const frames::FrameView& frame) noexcept override;
 
@@ -62,6 +64,7 @@ class KmsBuffer final : public ScanoutBuffer {
 
  private:
   frames::FrameGeometry geometry_;
+  optics::Mounting mounting_;
   uint32_t pitch_ = 0;
   uint64_t size_ = 0;
   DumbHandle handle_;          // destroyed third
@@ -75,6 +78,7 @@ using ScanoutPool = std::vector<std::unique_ptr<KmsBuffer>>;
 /// Creates up to `count` buffers, as many as there is memory for. Throws Error(Failed) if fewer
 /// than two.
 [[nodiscard]] ScanoutPool make_scanout_pool(int fd, const std::shared_ptr<KmsPlatform>& platform,
-                                            frames::FrameGeometry geometry, int count);
+                                            frames::FrameGeometry geometry,
+                                            const optics::Mounting& mounting, int count);
 
 }  // namespace lenticule::display

@@ -56,6 +56,24 @@ TEST(OpenDisplay, RefusesAnotherSizeThanThePanels) {
   EXPECT_EQ(kind_of_failure("virtual:32x36@60"), ErrorKind::Input);
 }
 
+TEST(OpenDisplay, OfATurnedPanelShowsFramesAsTheViewerSeesThem) {
+  optics::Rig rig;
+  rig.panel.width_px = 36;
+  rig.panel.height_px = 64;
+  rig.panel.mounting = optics::mounting_named("90");
+  for (const char* spec : {"virtual", "virtual:64x36"}) {
+    DisplayRequest request = request_for(rig, spec);
+    request.clock = std::make_shared<SimulatedClock>();
+    const auto display = open_display(request);
+    EXPECT_EQ(display->mode().geometry, (frames::FrameGeometry{.width = 36, .height = 64}));
+    EXPECT_TRUE(display->mode().name.starts_with("virtual 64x36")) << display->mode().name;
+  }
+  EXPECT_THROW((void)open_display(request_for(rig, "virtual:36x64")), Error);
+  const KmsOptions kms = kms_options_of(request_for(rig, "kms"));
+  EXPECT_EQ(kms.output.panel, (frames::FrameGeometry{.width = 64, .height = 36}));
+  EXPECT_EQ(kms.mounting, rig.panel.mounting);
+}
+
 TEST(OpenDisplay, RefusesAMissingPanel) {
   try {
     (void)open_display({.spec = "kms:Nonsense-77", .panel = kPanel});

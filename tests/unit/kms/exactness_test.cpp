@@ -170,11 +170,21 @@ TEST_F(Exactness, DriverThatIgnoresWritesIsDetected) {
 }
 
 TEST_F(Exactness, ReadOnlyPropertyIsNeverWrittenButReported) {
-  add_enum(connector->id, "panel orientation", 1, {{"Normal", 0}, {"Upside Down", 1}}).flags |=
+  add_enum(connector->id, "privacy-screen hw-state", 1, {{"Disabled", 0}, {"Enabled", 1}}).flags |=
       DRM_MODE_PROP_IMMUTABLE;
   open_even_if_inexact();
-  EXPECT_EQ(row("panel orientation").outcome, AuditOutcome::ReadOnly);
+  EXPECT_EQ(row("privacy-screen hw-state").outcome, AuditOutcome::ReadOnly);
   EXPECT_EQ(show->exactness().verdict, Verdict::No);
+}
+
+TEST_F(Exactness, PanelThatIsBuiltInTurnedIsARemarkAndExact) {
+  add_enum(connector->id, "panel orientation", 1, {{"Normal", 0}, {"Upside Down", 1}}).flags |=
+      DRM_MODE_PROP_IMMUTABLE;
+  open();
+  EXPECT_EQ(row("panel orientation").outcome, AuditOutcome::ReadOnly);
+  EXPECT_NE(show->exactness().verdict, Verdict::No);
+  EXPECT_THAT(show->exactness().remarks, Contains(HasSubstr("Upside Down")));
+  EXPECT_THAT(show->exactness().remedies, Contains(HasSubstr("panel.mounting")));
 }
 
 TEST_F(Exactness, UnknownNeutralValueIsUnknown) {

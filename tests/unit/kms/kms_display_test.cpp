@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests a display without faults: exact pixels, one flip per vblank, everything restored.
+#include "display/display_sink.h"
 #include "kms_stage.h"
+#include "tests/support/turned_picture.h"
 
 namespace lenticule::testing {
 
@@ -30,6 +32,21 @@ TEST_F(KmsDisplay, ShowsEverySubpixelUnchanged) {
   }
   EXPECT_EQ(show->statistics().flips, 20U);
   EXPECT_EQ(show->statistics().stray_events, 0U);
+}
+
+TEST_F(KmsDisplay, SendsATurnedPanelWhatItsViewerSees) {
+  for (const char* mounting : test::kMountingNames) {
+    options.mounting = optics::mounting_named(mounting);
+    open();
+    const frames::WovenFrame sent = make_frame(7);
+    const frames::WovenFrame seen = test::seen_of(sent, mounting);
+    ASSERT_EQ(show->mode().geometry, seen.geometry()) << mounting;
+    display::DisplaySink sink(*show);
+    ASSERT_EQ(sink.show(seen.view(), seconds(5)), frames::ShowResult::Shown);
+    EXPECT_EQ(card.displayed(crtc), words_of(sent)) << mounting;
+    EXPECT_EQ(show->takeover_state().width, kWidth);
+    show.reset();
+  }
 }
 
 TEST_F(KmsDisplay, FirstPictureIsBlackNotOldMemory) {

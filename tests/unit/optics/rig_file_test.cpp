@@ -14,6 +14,7 @@
 #include "base/error.h"
 #include "tests/support/random_rigs.h"
 #include "tests/support/scratch_folder.h"
+#include "tests/support/turned_picture.h"
 
 namespace lenticule::optics {
 namespace {
@@ -151,10 +152,21 @@ INSTANTIATE_TEST_SUITE_P(
                 "a.toml:8: subpixel layout: an offset"},
         BadText{"[sheet]", "layout = {columns=1,rows=1,offsets_px=[[1]]}\n[sheet]",
                 "a.toml:8: a cell is a list of six numbers"},
+        BadText{"[sheet]", "mounting = \"91\"\n[sheet]", "a.toml:8: mounting '91': not a known"},
+        BadText{"[sheet]", "mounting = 90\n[sheet]", "a.toml:8: 'panel.mounting' is not a string"},
         BadText{"format = 1", "format = 2", "a.toml:1: unknown format; expected 1"},
         BadText{"[panel]", "[panel", "a.toml:3: "},
         BadText{"name = \"small\"", "name = 5", "a.toml:2: 'name' is not a string"},
         BadText{"500", "inf\n[identity]\nproduct = -1", "a.toml:15: 'identity.product'"}));
+
+TEST(RigFile, KeepsEveryMounting) {
+  for (const char* name : test::kMountingNames) {
+    const Rig rig = parse_rig(
+        with(kSmall, "[sheet]", "mounting = \"" + std::string(name) + "\"\n[sheet]"), "a.toml");
+    EXPECT_EQ(mounting_name(rig.panel.mounting), name);
+    EXPECT_EQ(parse_rig(rig_to_toml(rig), "a.toml"), rig) << name;
+  }
+}
 
 TEST(RigFile, ReportsAMissingFormat) {
   EXPECT_EQ(complaint("x = 1\n").rfind("a.toml:1: ", 0), 0u);

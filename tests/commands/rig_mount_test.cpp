@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests `lenticule rig mount`, and that a player sends a turned panel what its viewer sees.
+#include <nlohmann/json.hpp>
+
+#include "frames/image_io.h"
+#include "tests/commands/program.h"
+#include "tests/support/noise_frame.h"
+#include "tests/support/turned_picture.h"
+
+namespace lenticule::test {
+namespace {
+
+class RigMount : public CommandTest {
+ protected:
+  void SetUp() override {
+    CommandTest::SetUp();
+    write("rig.toml", R"(format = 1
+name = "small"
+[panel]
+width_px = 48
+height_px = 32
+pixel_width_mm = 0.5
+pixel_height_mm = 0.5
+[sheet]
+pitch_subpx = 7.7
+slant = 0.5
+offset_lenses = 0.1
+gap_mm = 6
+[viewing]
+distance_mm = 500
+)");
+  }
+
+  [[nodiscard]] ProcessResult mount(const std::string& mounting) const {
+    return run({"rig", "mount", path("rig.toml"), mounting, "-o", path("hung.toml"), "--json"});
+  }
+};
+
+TEST_F(RigMount, StatesThePanelAsTheViewerSeesIt) {
+  const ProcessResult result = mount("90");
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const auto shown =
+      nlohmann::json::parse(run({"rig", "show", path("hung.toml"), "--json"}).out).at("panel");
+  EXPECT_EQ(shown.at("mounting"), "90");
+  EXPECT_EQ(shown.at("width_px"), 32);
+  EXPECT_EQ(shown.at("height_px"), 48);
+  EXPECT_EQ(shown.at("sent_width_px"), 48);
+  EXPECT_EQ(shown.at("layout"), "vrgb");
+  EXPECT_EQ(run({"rig", "check", path("hung.toml")}).exit_code, 0);
+}
+
+TEST_F(RigMount, RefusesUnknownMountingsAndNamesTheKnownOnes) {
+  const ProcessResult result = mount("upside down");
+  EXPECT_EQ(result.exit_code, 4) << result.err;
+  EXPECT_NE(result.err.find("180"), std::string::npos) << result.err;
+  EXPECT_EQ(listing(), std::vector<std::string>{"rig.toml"});
+}
+
+TEST_F(RigMount, OfAPlayingPanelSendsThePictureThatItsViewerSees) {
+  for (const char* mounting : kMountingNames) {
+    ASSERT_EQ(mount(mounting).exit_code, 0) << mounting;
+    const frames::WovenFrame sent = noise_frame(48, 32, 6);
+    frames::write_woven(seen_of(sent, mounting).view(), path("frame.png"));
+    const ProcessResult played =
+        run({"play", path("frame.png"), "--rig", path("hung.toml"), "--display", "virtual",
+             "--clock", "simulated", "--record", "png:" + path("shown")});
+    ASSERT_EQ(played.exit_code, 0) << mounting << ": " << played.err;
+    EXPECT_EQ(frames::read_woven(path("shown/00000000.png")), sent) << mounting;
+    std::filesystem::remove_all(path("shown"));
+  }
+}
+
+TEST_F(RigMount, IsRefusedByFormatsThatCannotStateIt) {
+  ASSERT_EQ(mount("180").exit_code, 0);
+  for (const char* format : {"lkg", "cubevi"}) {
+    const ProcessResult result =
+        run({"rig", "export", path("hung.toml"), "--format", format, "-o", path("exported.json")});
+    EXPECT_NE(result.exit_code, 0) << format;
+    EXPECT_NE(result.err.find("panel.mounting"), std::string::npos) << result.err;
+  }
+}
+
+}  // namespace
+}  // namespace lenticule::test
