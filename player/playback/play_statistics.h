@@ -11,6 +11,7 @@
 #include <string>
 #include <utility>
 
+#include "base/live_value.h"
 #include "frames/frame.h"
 #include "frames/frame_source.h"
 #include "frames/rational.h"
@@ -47,19 +48,6 @@ struct DisplayedPlace {
   uint64_t index = 0;   ///< index in the playback
   uint64_t item = 0;    ///< item number that the source gives
   uint64_t number = 0;  ///< frame number within the item
-};
-
-/// LiveDisplayedPlace publishes a DisplayedPlace that any thread can read consistently (a seqlock);
-/// its one writer never waits.
-class LiveDisplayedPlace {
- public:
-  void publish(const DisplayedPlace& place) noexcept;
-  [[nodiscard]] DisplayedPlace read() const noexcept;
-
- private:
-  static constexpr size_t kFields = sizeof(DisplayedPlace) / sizeof(uint64_t);
-  std::atomic<uint64_t> version_{0};  ///< odd during a write
-  std::array<std::atomic<uint64_t>, kFields> fields_{};
 };
 
 // Counters of the two threads: Value is Counter during playback and uint64_t in a report. A new
@@ -112,7 +100,7 @@ static_assert(std::size(kFrameCopierCounters<uint64_t>) * sizeof(uint64_t) ==
 
 struct PresenterStatistics : PresenterCounts<Counter> {
   LivePaceCounts pace;
-  LiveDisplayedPlace displayed;
+  LiveValue<DisplayedPlace> displayed;
   Counter real_time;      ///< 1 if the presenter has a real-time priority
   Counter first_flip_ns;  ///< std::chrono::steady_clock
   Counter content_numerator;

@@ -160,6 +160,7 @@ void Presenter::act() noexcept {
   while (true) {
     discard_before(pacer_.frame());
     follow_rate();
+    follow_group();
     switch (pacer_.decide(target, head_is_ready())) {
       case PaceDecision::Submit:
         return submit(*frame_copier_.peek(), target);
@@ -223,6 +224,23 @@ void Presenter::follow_rate() noexcept {
   wanted_rate_ = rate;
   pacer_.change_rate(rate);
   state_rate();
+}
+
+/// Moves the schedule towards that of the group, by a vblank at most.
+void Presenter::follow_group() noexcept {
+  const FilledFrame* const head = frame_copier_.peek();
+  if (options_.step == nullptr || head == nullptr || head->index != pacer_.frame()) return;
+  if (!pacer_.scheduled()) return;
+  const double ideal =
+      pacer_.vblanks_to_ideal(last_sequence_) * static_cast<double>(period_.count());
+  const double shift =
+      options_.step->correction({.frame = head->number,
+                                 .index = head->index,
+                                 .vblank = last_sequence_ + 1,
+                                 .due = last_vblank_ + Nanoseconds(static_cast<int64_t>(ideal)),
+                                 .period = period_,
+                                 .rate = pacer_.content_rate()});
+  if (shift != 0.0) options_.step->moved(pacer_.shift(shift));
 }
 
 bool Presenter::holds_still() noexcept {
@@ -357,6 +375,7 @@ void Presenter::handle_flip(const DisplayEvent& event) noexcept {
   observe_vblank(event);
   pacer_.flipped(event.sequence);
   frame_copier_.shown(pending_->id);
+  if (options_.step != nullptr) options_.step->shown(pending_->number, event.time);
   statistics_.displayed.publish({.frames = pacer_.counts().shown,
                                  .index = pending_->id,
                                  .item = pending_->item,
