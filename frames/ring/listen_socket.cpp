@@ -98,6 +98,7 @@ ListenSocket::ListenSocket(std::filesystem::path path, const ListenOptions& opti
     inode_ = status.st_ino;
   }
   if (options.group) open_to_group(path_, *options.group);
+  if (options.type == SOCK_DGRAM) return;  // has no connections
   if (::listen(fd_.get(), kBacklog) != 0) fail(path_, "cannot listen");
 }
 

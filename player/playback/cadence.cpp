@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/playback/cadence.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numeric>
 
@@ -10,6 +11,7 @@ namespace {
 using frames::Rate;
 
 constexpr double kLockTolerance = 0.005;
+constexpr uint64_t kFinePlaces = uint64_t{1} << 20;
 constexpr int64_t kMaxTerm = 1'000'000'000;  // products of two such terms and 1001 fit 64 bits
 
 bool close(double a, double b) {
@@ -69,6 +71,10 @@ Cadence::Cadence(Rate content, Rate refresh) {
              static_cast<uint64_t>(content.numerator);
   whole_ = vblanks / divisor_;
   remainder_ = vblanks % divisor_;
+  // set_fraction() needs more than the few places that 60 on 60 Hz has.
+  if (divisor_ >= kFinePlaces) return;
+  remainder_ *= kFinePlaces;
+  divisor_ *= kFinePlaces;
 }
 
 uint64_t Cadence::next_due() const noexcept {
@@ -81,6 +87,15 @@ void Cadence::advance() noexcept {
   fraction_ += remainder_;
   if (fraction_ >= divisor_) fraction_ -= divisor_;
   ++frame_;
+}
+
+double Cadence::fraction() const noexcept {
+  return static_cast<double>(fraction_) / static_cast<double>(divisor_);
+}
+
+void Cadence::set_fraction(double fraction) noexcept {
+  fraction_ =
+      std::min(static_cast<Uint128>(fraction * static_cast<double>(divisor_)), divisor_ - 1);
 }
 
 }  // namespace lenticule::player

@@ -31,6 +31,9 @@ class Cadence {
   [[nodiscard]] uint64_t next_due() const noexcept;
   /// Advances to the next frame.
   void advance() noexcept;
+  /// Returns the ideal time of the current frame less due(), in vblanks: 0 or more, below 1.
+  [[nodiscard]] double fraction() const noexcept;
+  void set_fraction(double fraction) noexcept;
 
  private:
   // More than 64 bits are needed only for rates like 9007199254740993/150119987579016.

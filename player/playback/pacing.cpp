@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "base/error.h"
@@ -105,6 +106,18 @@ void Pacer::change_rate(frames::Rate content) noexcept {
   origin_ = due();
   content_ = locked_rate(content, refresh_);
   cadence_ = Cadence(content_, refresh_);
+}
+
+int Pacer::shift(double vblanks) noexcept {
+  const double moved = cadence_.fraction() + vblanks;
+  const double whole = std::floor(moved);
+  origin_ += static_cast<uint64_t>(static_cast<int64_t>(whole));
+  cadence_.set_fraction(moved - whole);
+  return static_cast<int>(whole);
+}
+
+double Pacer::vblanks_to_ideal(uint64_t sequence) const noexcept {
+  return static_cast<double>(static_cast<int64_t>(due() - sequence)) + cadence_.fraction();
 }
 
 /// Classifies the vblanks after the last flip, up to `end`: planned until `expected`, then starved,

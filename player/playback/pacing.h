@@ -83,6 +83,14 @@ class Pacer {
   /// changed. Counts are kept.
   void resume(frames::Rate content, frames::Rate refresh, uint64_t frame) noexcept;
 
+  /// Moves the schedule by -1 to 1 vblanks. Returns the number of vblanks by which frame() is
+  /// displayed later: 0, 1 or -1. With LatePolicy::Drop a frame that is too late now is left out.
+  int shift(double vblanks) noexcept;
+  /// Returns true if due() is meaningful: the next flip begins no new schedule.
+  [[nodiscard]] bool scheduled() const noexcept { return !epoch_pending_; }
+  /// Returns the vblanks, with their fraction, from `sequence` to the ideal time of frame().
+  [[nodiscard]] double vblanks_to_ideal(uint64_t sequence) const noexcept;
+
   /// Reports that no more frames follow: a supposed underrun was the end of the sequence.
   void end_of_sequence() noexcept { starved_since_.reset(); }
   /// Ends the playback with vblank `end` (exclusive) and counts the last frame's vblanks. Call it

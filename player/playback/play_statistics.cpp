@@ -38,24 +38,6 @@ ordered_json pace_json(const PaceCounts& pace) {
 
 }  // namespace
 
-void LiveDisplayedPlace::publish(const DisplayedPlace& place) noexcept {
-  const auto values = std::bit_cast<std::array<uint64_t, kFields>>(place);
-  const uint64_t version = version_.load(std::memory_order_relaxed);
-  version_.store(version + 1, std::memory_order_seq_cst);
-  for (size_t k = 0; k < kFields; ++k) fields_[k].store(values[k], std::memory_order_seq_cst);
-  version_.store(version + 2, std::memory_order_seq_cst);
-}
-
-DisplayedPlace LiveDisplayedPlace::read() const noexcept {
-  std::array<uint64_t, kFields> values{};
-  uint64_t before = 0;
-  do {
-    before = version_.load(std::memory_order_seq_cst);
-    for (size_t k = 0; k < kFields; ++k) values[k] = fields_[k].load(std::memory_order_seq_cst);
-  } while (before % 2 != 0 || before != version_.load(std::memory_order_seq_cst));
-  return std::bit_cast<DisplayedPlace>(values);
-}
-
 void LivePaceCounts::publish(const PaceCounts& counts) noexcept {
   const auto values = std::bit_cast<std::array<uint64_t, kFields>>(counts);
   for (size_t i = 0; i < kFields; ++i) fields_[i].set(values[i]);

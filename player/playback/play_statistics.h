@@ -12,6 +12,7 @@
 #include <string>
 #include <utility>
 
+#include "base/live_value.h"
 #include "frames/frame.h"
 #include "frames/frame_source.h"
 #include "frames/rational.h"
@@ -54,19 +55,6 @@ struct DisplayedPlace {
 struct LeftItem {
   bool still_displayed = false;          ///< another frame of the item may follow
   std::optional<DisplayedPlace> last{};  ///< none: no frame of the item was displayed
-};
-
-/// LiveDisplayedPlace publishes a DisplayedPlace that any thread can read consistently (a seqlock);
-/// its one writer never waits.
-class LiveDisplayedPlace {
- public:
-  void publish(const DisplayedPlace& place) noexcept;
-  [[nodiscard]] DisplayedPlace read() const noexcept;
-
- private:
-  static constexpr size_t kFields = sizeof(DisplayedPlace) / sizeof(uint64_t);
-  std::atomic<uint64_t> version_{0};  ///< odd during a write
-  std::array<std::atomic<uint64_t>, kFields> fields_{};
 };
 
 // Counters of the two threads: Value is Counter during playback and uint64_t in a report. A new
@@ -119,11 +107,11 @@ static_assert(std::size(kFrameCopierCounters<uint64_t>) * sizeof(uint64_t) ==
 
 struct PresenterStatistics : PresenterCounts<Counter> {
   LivePaceCounts pace;
-  LiveDisplayedPlace displayed;
-  LiveDisplayedPlace left;  ///< last displayed frame of the item before the displayed one
-  Counter off;              ///< 1 while the output is switched off
-  Counter real_time;        ///< 1 if the presenter has a real-time priority
-  Counter first_flip_ns;    ///< std::chrono::steady_clock
+  LiveValue<DisplayedPlace> displayed;
+  LiveValue<DisplayedPlace> left;  ///< last displayed frame of the item before the displayed one
+  Counter off;                     ///< 1 while the output is switched off
+  Counter real_time;               ///< 1 if the presenter has a real-time priority
+  Counter first_flip_ns;           ///< std::chrono::steady_clock
   Counter content_numerator;
   Counter content_denominator;
   Counter first_sequence;

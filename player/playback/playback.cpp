@@ -48,7 +48,8 @@ class Threads {
                     .vblanks = options.vblanks,
                     .prime_timeout = options.prime_timeout,
                     .stall_timeout = options.stall_timeout,
-                    .filling = options.filling}),
+                    .filling = options.filling,
+                    .step = options.step}),
         control_(options.control) {
     if (control_ != nullptr) control_->attach(presenter_, frame_copier_, statistics_.presenter);
   }

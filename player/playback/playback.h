@@ -91,6 +91,8 @@ struct PlaybackOptions {
 
   /// May be null. If set, frames stay acquired until they are no longer displayed.
   PlaybackControl* control = nullptr;
+  /// PresenterOptions::step.
+  StepPacing* step = nullptr;
 
   /// Readable = stop; -1 = never.
   int stop_fd = -1;

@@ -185,6 +185,7 @@ void Presenter::act() noexcept {
     if (options_.filling == Filling::InPresenter && frame_copier_.peek() == nullptr)
       frame_copier_.pump(kSourceTimeout);
     follow_rate();
+    follow_group();
     switch (pacer_.decide(target, head_is_ready())) {
       case PaceDecision::Submit:
         return submit(*frame_copier_.peek(), target);
@@ -262,6 +263,23 @@ bool Presenter::is_off() noexcept {
   starved_since_.reset();
   pacer_.begin_epoch();
   return off_;
+}
+
+/// Moves the schedule towards that of the group, by a vblank at most.
+void Presenter::follow_group() noexcept {
+  const FilledFrame* const head = frame_copier_.peek();
+  if (options_.step == nullptr || head == nullptr || head->index != pacer_.frame()) return;
+  if (!pacer_.scheduled()) return;
+  const double ideal =
+      pacer_.vblanks_to_ideal(last_sequence_) * static_cast<double>(period_.count());
+  const double shift =
+      options_.step->correction({.frame = head->number,
+                                 .index = head->index,
+                                 .vblank = last_sequence_ + 1,
+                                 .due = last_vblank_ + Nanoseconds(static_cast<int64_t>(ideal)),
+                                 .period = period_,
+                                 .rate = pacer_.content_rate()});
+  if (shift != 0.0) options_.step->moved(pacer_.shift(shift));
 }
 
 bool Presenter::holds_still() noexcept {
@@ -403,6 +421,7 @@ void Presenter::handle_flip(const DisplayEvent& event) noexcept {
   frame_copier_.shown(pending_->id);
   const DisplayedPlace before = statistics_.displayed.read();
   if (before.frames > 0 && before.item != pending_->item) statistics_.left.publish(before);
+  if (options_.step != nullptr) options_.step->shown(pending_->number, event.time);
   statistics_.displayed.publish({.frames = pacer_.counts().shown,
                                  .index = pending_->id,
                                  .item = pending_->item,

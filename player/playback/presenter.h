@@ -14,6 +14,7 @@
 #include "player/playback/frame_copier.h"
 #include "player/playback/pacing.h"
 #include "player/playback/play_statistics.h"
+#include "player/step/step_pacing.h"
 
 namespace lenticule::player {
 
@@ -42,6 +43,8 @@ struct PresenterOptions {
   /// Timeout for the next frame if none is ready; none = no timeout.
   std::optional<display::Nanoseconds> stall_timeout = std::chrono::seconds(60);
   Filling filling = Filling::OwnThread;
+  /// Keeps the schedule with a group of players; null = the display's clock alone.
+  StepPacing* step = nullptr;
 };
 
 /// Thread safety: the presenter's thread, except where noted.
@@ -99,6 +102,7 @@ class Presenter {
   void discard_head() noexcept;
   void follow_cut() noexcept;
   void follow_rate() noexcept;
+  void follow_group() noexcept;
   [[nodiscard]] bool holds_still() noexcept;
   [[nodiscard]] bool is_off() noexcept;
   [[nodiscard]] bool head_is_ready() const noexcept;

@@ -98,6 +98,54 @@ void plan_control(const PlayFlags& flags, PlayPlan& plan) {
   if (!flags.control_group.empty()) plan.control_group = group_named(flags.control_group);
 }
 
+[[noreturn]] void refuse_step(const std::string& what, const std::string& hint) {
+  throw Error(ErrorKind::Usage, what, hint);
+}
+
+void check_step_flags(const PlayFlags& flags, SourceKind kind) {
+  if (flags.leader == flags.follow)
+    refuse_step("--step: needs either --leader or --follow",
+                "use --leader for one player of the group and --follow for the others");
+  if (flags.step_address.empty())
+    refuse_step("--step-address: missing", "give all players of the group the leader's address");
+  const bool named =
+      flags.step.size() <= kStepNameBytes && flags.step.find_first_not_of(
+                                                 "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRST"
+                                                 "UVWXYZ0123456789._-") == std::string::npos;
+  if (!named)
+    refuse_step(fmt::format("--step '{}': not the name of a group", flags.step),
+                fmt::format("use at most {} letters, digits, '.', '_' and '-'", kStepNameBytes));
+  if (kind == SourceKind::List || kind == SourceKind::Ring)
+    refuse_step(fmt::format("--step: {} is a {}, whose frames have no common numbers", flags.source,
+                            kind == SourceKind::List ? "list" : "ring"),
+                "play one film or one pattern of pictures on all players");
+  if (flags.clock == "simulated")
+    refuse_step("--step: cannot be combined with --clock simulated", "leave out --clock simulated");
+  if (flags.late == "hold")
+    refuse_step("--late hold: cannot be combined with --step, which leaves out late frames",
+                "leave out --late");
+}
+
+void plan_step(const PlayFlags& flags, PlayPlan& plan) {
+  if (flags.step.empty()) {
+    if (flags.leader || flags.follow || !flags.step_address.empty() || !flags.step_key.empty())
+      refuse_step("--leader, --follow, --step-address and --step-key: no effect without a group",
+                  "add --step GROUP");
+    return;
+  }
+  check_step_flags(flags, plan.source.spec.kind);
+  StepOptions& step = plan.step.emplace();
+  step.group = flags.step;
+  step.leader = flags.leader;
+  step.address = parse_step_address(flags.step_address);
+  if (!flags.step_key.empty())
+    step.key = read_step_key(flags.step_key);
+  else if (!step.address.is_unix)
+    refuse_step("--step-key: missing; messages over a network need a key",
+                "head -c 32 /dev/urandom > step.key; chmod 600 step.key; copy it to each machine");
+  plan.playback.late = LatePolicy::Drop;
+}
+
 /// Checks the flags that state how views are laid out in a single source; items of a list state
 /// that in their names.
 void plan_content(const PlayFlags& flags, PlayPlan& plan) {
@@ -176,6 +224,7 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   if (!flags.frames.empty()) plan.source.frames = parse_frame_range(flags.frames);
 
   plan_control(flags, plan);
+  plan_step(flags, plan);
   const bool may_show_views =
       kind == SourceKind::RigViews || kind == SourceKind::List || !flags.control.empty();
   if (flags.trim || may_show_views) plan.trim = std::make_shared<LiveTrim>(plan.source.rig_file);

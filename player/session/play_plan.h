@@ -17,6 +17,7 @@
 #include "player/playlist/folder_lists.h"
 #include "player/sources/live_trim.h"
 #include "player/sources/source_open.h"
+#include "player/step/step_link.h"
 
 namespace lenticule::player {
 
@@ -47,6 +48,11 @@ struct PlayFlags {
   std::string control;
   std::string control_group;
   std::optional<int> memory_mib;
+  std::string step;  ///< name of the group
+  bool leader = false;
+  bool follow = false;
+  std::string step_address;
+  std::string step_key;
   bool preflight = false;
   bool safe = false;
   bool trim = false;
@@ -71,6 +77,7 @@ struct PlayPlan {
   std::optional<display::Nanoseconds> panel_after_loss;
   std::optional<double> duration_s;
   std::optional<gid_t> control_group;
+  std::optional<StepOptions> step;  ///< none without --step
 };
 
 /// Reads the rig and makes the plan. `service` is true if a service manager started this process:

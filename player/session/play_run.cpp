@@ -85,6 +85,7 @@ ExitCode PlayRun::run() {
   else
     open_the_source();
   outputs_.open_recording();
+  if (plan_.step) step_.emplace(*plan_.step);
   try {
     open_display();
   } catch (const Error&) {
@@ -212,6 +213,7 @@ PlayResult PlayRun::play_source() {
   options.vblanks =
       safe_.on ? vblanks_left() : vblanks_of(plan_.duration_s, display_->mode().refresh);
   steered_->prepare(options, display_->mode().refresh);
+  if (step_) options.step = &step_->pacing();
   return play_on_display(*opened_.source, options);
 }
 
@@ -235,6 +237,7 @@ PlayResult PlayRun::play_on_display(frames::FrameSource& source, PlaybackOptions
   options.on_report = [&](const PlayReport& report) {
     look_after_files();
     steered_->report(report);
+    if (step_) step_->report_trouble();
     write_stats(statistics_json(report));
     service_->report(report);
     report_power(report);
@@ -325,6 +328,7 @@ nlohmann::ordered_json PlayRun::statistics_json(const PlayReport& report) const 
   if (opened_.source) json.update(to_json(opened_.source->damage()));
   if (const auto warnings = plan_.source.warnings->all(); !warnings.empty())
     json["rig_warnings"] = warnings;
+  if (step_) json["step"] = step_->statistics();
   if (safe_.on) {
     json["safe_start"] = {{"failed_starts", safe_.failures}, {"trouble", nullptr}};
     if (source_error_) json["safe_start"]["trouble"] = source_error_->what();

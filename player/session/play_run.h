@@ -102,6 +102,7 @@ class PlayRun {
   std::optional<display::Nanoseconds> end_;  ///< end of the requested time, display clock
   bool kept_ = false;  ///< the service manager holds a copy of the card's descriptor
   std::optional<TrimKeys> trim_keys_;
+  std::optional<StepLink> step_;  ///< none without --step
   std::string rig_problem_;
   std::string store_problem_;  ///< why an edited rig was not copied
   uint64_t rig_version_ = 1;

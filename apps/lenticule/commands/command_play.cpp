@@ -162,6 +162,21 @@ void declare_flags(CLI::App& app, PlayFlags& flags) {
                  "MiB for frames that are decoded ahead, instead of --slots; shared by the current "
                  "item, the next item and the one that ends")
       ->check(CLI::Range(1, 1 << 20));
+  app.add_option("--step", flags.step,
+                 "play in step with the other players of this group: each frame appears on all "
+                 "panels within one vblank (--late drop is implied). Example: lenticule play "
+                 "film.lts --rig wall-1.toml --display kms --loop forever --step wall --leader "
+                 "--step-address 192.168.1.20:7070 --step-key step.key; the others have --follow")
+      ->type_name("GROUP");
+  app.add_flag("--leader", flags.leader, "with --step: be the one player that states the times");
+  app.add_flag("--follow", flags.follow, "with --step: follow the leader");
+  app.add_option("--step-address", flags.step_address,
+                 "with --step: the leader's address, or a Unix socket for players of one machine")
+      ->type_name("ADDRESS:PORT|PATH");
+  app.add_option("--step-key", flags.step_key,
+                 "with --step: 32 or more random bytes, the same for the whole group; optional "
+                 "with a Unix socket")
+      ->type_name("FILE");
   app.add_flag("--preflight", flags.preflight,
                "play nothing: read the source, or each item of a list, for some seconds, and "
                "report whether disk and decoder keep up (exit code 5 if not)");

@@ -37,6 +37,42 @@ TEST(Pacer, DoesNotShowAFrameBeforeItsTime) {
   EXPECT_EQ(pacer.decide(102, true), PaceDecision::Submit);
 }
 
+TEST(Pacer, AShiftForwardsHoldsOneFrameAVblankLonger) {
+  Pacer pacer = started(LatePolicy::Drop);
+  EXPECT_EQ(pacer.shift(1.0), 1);
+  EXPECT_EQ(pacer.decide(101, true), PaceDecision::Later);
+  flip(pacer, 102);
+  EXPECT_EQ(pacer.due(), 103u);
+  EXPECT_EQ(pacer.counts().dropped, 0u);
+}
+
+TEST(Pacer, AShiftBackwardsLeavesOneFrameOut) {
+  Pacer pacer = started(LatePolicy::Drop);
+  EXPECT_EQ(pacer.shift(-1.0), -1);
+  EXPECT_EQ(pacer.decide(101, true), PaceDecision::Skip);
+  flip(pacer, 101);
+  EXPECT_EQ(pacer.frame(), 3u);
+  EXPECT_EQ(pacer.counts().missed, 0u);
+}
+
+TEST(Pacer, AShiftBackwardsShortensARepeatedFrame) {
+  Pacer pacer = started(LatePolicy::Drop, {30, 1});
+  EXPECT_EQ(pacer.shift(-1.0), -1);
+  flip(pacer, 101);
+  EXPECT_EQ(pacer.frame(), 2u);
+  EXPECT_EQ(pacer.due(), 103u);
+  EXPECT_EQ(pacer.counts().dropped, 0u);
+}
+
+TEST(Pacer, FractionsOfAShiftAddUpToOneVblank) {
+  Pacer pacer = started(LatePolicy::Drop);
+  int moved = 0;
+  for (int k = 0; k < 50; ++k) moved += pacer.shift(0.05);
+  EXPECT_NEAR(pacer.vblanks_to_ideal(100), 3.5, 1e-3);
+  EXPECT_EQ(moved, 2);
+  EXPECT_EQ(pacer.due(), 103u);
+}
+
 TEST(Pacer, SlipMovesTheScheduleByTheDelay) {
   Pacer pacer = started(LatePolicy::Slip);
   EXPECT_EQ(pacer.decide(101, false), PaceDecision::Starved);

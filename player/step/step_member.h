@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+// StepLeader and StepFollower keep the timeline of a group: pure state machines that get messages
+// and clock readings, and return messages. Every player, the leader too, follows the timeline.
+//
+// The leader states the timeline, and begins it with the frame that it shows first. A follower
+// keeps the last stated timeline when the leader is gone, so the group stays in step, and reports
+// it: a leader that is started again continues the group's timeline and does not begin another.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "player/step/step_message.h"
+#include "player/step/step_pacing.h"
+#include "player/step/step_peer.h"
+
+namespace lenticule::player {
+
+/// Numbers of received messages.
+struct StepMessageCounts {
+  uint64_t accepted = 0;
+  uint64_t refused_format = 0;    ///< not a message of this version
+  uint64_t refused_key = 0;       ///< made without the key
+  uint64_t refused_group = 0;     ///< for another group, or of another role
+  uint64_t refused_replayed = 0;  ///< StepVerdict::Replayed
+  uint64_t refused_untimely = 0;
+  uint64_t refused_stranger = 0;  ///< of a second leader, or of more followers than fit
+};
+
+struct StepIdentity {
+  std::string group;
+  StepKey key;
+  uint64_t session = 0;  ///< random
+};
+
+/// StepMember is what both roles have in common. Thread safety: one thread.
+class StepMember {
+ public:
+  virtual ~StepMember() = default;
+
+  /// Handles a datagram. Returns the session of its sender if the message was accepted.
+  std::optional<uint64_t> receive(std::span<const uint8_t> bytes, const StepNow& now);
+  /// Returns the message for the peers; none if there is nothing to say. Call it ten times a
+  /// second.
+  [[nodiscard]] virtual std::optional<StepBytes> tick(const StepPlace& place,
+                                                      const StepNow& now) = 0;
+  /// Returns the number of peers that are alive.
+  [[nodiscard]] virtual size_t peers(const StepNow& now) const = 0;
+  [[nodiscard]] virtual bool alive(uint64_t session, const StepNow& now) const = 0;
+
+  /// Returns the group's timeline on this machine's StepClock, as far as it is known.
+  [[nodiscard]] const std::optional<StepTimeline>& timeline() const { return timeline_; }
+  [[nodiscard]] const StepMessageCounts& counts() const { return counts_; }
+  /// Returns the age of the last untimely message, by this machine's clock.
+  [[nodiscard]] std::chrono::nanoseconds untimely_age() const { return untimely_age_; }
+
+ protected:
+  StepMember(StepIdentity identity, StepKind kind) : identity_(std::move(identity)), kind_(kind) {}
+
+  /// Returns the peer that shall judge the message; null if the message is not wanted.
+  [[nodiscard]] virtual StepPeer* peer_for(const StepMessage& message, const StepNow& now) = 0;
+  virtual void accepted(const StepPeer& /*peer*/) {}
+  /// Returns true if peers with a timeline were just heard whose clocks do not agree with this one.
+  [[nodiscard]] bool clocks_disagree(const StepNow& now) const {
+    return disagreed_at_ && now.monotonic < *disagreed_at_ + StepPeer::kSilence;
+  }
+  [[nodiscard]] StepBytes sealed(const StepPlace& place, const StepNow& now) const;
+
+  std::optional<StepTimeline> timeline_;
+
+ private:
+  [[nodiscard]] bool count(StepVerdict verdict);
+  void note_untimely(const StepMessage& message, const StepPeer& peer, const StepNow& now);
+
+  StepIdentity identity_;
+  StepKind kind_;  ///< of the sent messages
+  StepMessageCounts counts_;
+  std::chrono::nanoseconds untimely_age_{0};
+  std::optional<std::chrono::nanoseconds> disagreed_at_;  ///< CLOCK_MONOTONIC
+};
+
+class StepLeader final : public StepMember {
+ public:
+  static constexpr size_t kMaxFollowers = 32;
+  /// A leader listens this long before it begins a timeline, because a group may have one.
+  static constexpr std::chrono::milliseconds kListening{500};
+
+  StepLeader(StepIdentity identity, const StepNow& now)
+      : StepMember(std::move(identity), StepKind::Announcement), began_(now.monotonic) {}
+
+  std::optional<StepBytes> tick(const StepPlace& place, const StepNow& now) override;
+  [[nodiscard]] size_t peers(const StepNow& now) const override;
+  [[nodiscard]] bool alive(uint64_t session, const StepNow& now) const override;
+  /// Returns the largest difference between two players that are in step now, in millionths of a
+  /// vblank.
+  [[nodiscard]] int64_t apart(const StepPlace& own, const StepNow& now) const;
+
+ private:
+  StepPeer* peer_for(const StepMessage& message, const StepNow& now) override;
+  [[nodiscard]] std::optional<StepTimeline> timeline_of_group(const StepPlace& place,
+                                                              const StepNow& now) const;
+
+  std::map<uint64_t, StepPeer> followers_;  ///< by session
+  std::chrono::nanoseconds began_;
+};
+
+class StepFollower final : public StepMember {
+ public:
+  explicit StepFollower(StepIdentity identity)
+      : StepMember(std::move(identity), StepKind::Report) {}
+
+  std::optional<StepBytes> tick(const StepPlace& place, const StepNow& now) override;
+  [[nodiscard]] size_t peers(const StepNow& now) const override {
+    return leader_.alive(now) ? 1 : 0;
+  }
+  [[nodiscard]] bool alive(uint64_t session, const StepNow& now) const override {
+    return leader_.alive(now) && leader_.last().session == session;
+  }
+
+ private:
+  StepPeer* peer_for(const StepMessage& message, const StepNow& now) override;
+  void accepted(const StepPeer& peer) override;
+
+  StepPeer leader_;
+};
+
+}  // namespace lenticule::player
