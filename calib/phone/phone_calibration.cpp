@@ -172,7 +172,7 @@ std::optional<optics::Rig> better_start(const PhotoFindings& seen, const SingleP
 }
 
 Calibration calibrate_phone(const std::vector<PhonePhoto>& photos, const SinglePhotoChart& chart,
-                            const Estimate& focal_px) {
+                            const Estimate& focal_px, double most_lenses) {
   const auto began = std::chrono::steady_clock::now();
   Calibration out;
   out.rig = chart.start;
@@ -222,12 +222,14 @@ Calibration calibrate_phone(const std::vector<PhonePhoto>& photos, const SingleP
     out.reasons.push_back(reason);
   else if (const auto problem = optics::find_problem(out.rig))
     out.reasons.push_back(problem->key + " would be " + problem->cause);
-  else if (!(out.drift.worst_lenses <= kWantedLenses))
+  else if (out.drift.worst_lenses <= kWantedLenses)
+    out.verdict = Verdict::Intrinsic;
+  else {
     out.reasons.push_back(
         fmt::format("phases are certain only to {:.3f} lens, {} photographs are not enough: {}",
                     out.drift.worst_lenses, usable.size(), wanted(*fit)));
-  else
-    out.verdict = Verdict::Intrinsic;
+    if (out.drift.worst_lenses <= most_lenses) out.verdict = Verdict::Effective;
+  }
   return out;
 }
 

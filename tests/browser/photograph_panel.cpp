@@ -1,30 +1,44 @@
 // SPDX-License-Identifier: Apache-2.0
 // Is the panel and the phone's camera of the tests in a browser.
 //
-//   photograph_panel rig RIG.toml            writes the rig that the panel's owner assumes
-//   photograph_panel photo SHOWN.png PHOTO.png  photographs the panel that shows a frame
+//   photograph_panel rig RIG.toml                  writes the rig that the panel's owner assumes
+//   photograph_panel photo SHOWN.png PHOTO.jpg N   photographs the panel that shows a frame, from
+//   place N photograph_panel cut SHOWN.png PHOTO.jpg N     the same, with a part of the panel out
+//   of the picture photograph_panel error RIG.toml                prints the largest phase error of
+//   a rig, lenses
+#include <fmt/format.h>
+
 #include <exception>
 #include <string>
+#include <vector>
 
+#include "base/numbers.h"
 #include "base/print.h"
 #include "frames/image_io.h"
 #include "optics/rig_file.h"
-#include "tests/support/phone_camera.h"
+#include "tests/support/small_workshop.h"
 
 int main(int argc, char** argv) {
   using namespace lenticule;
   try {
-    test::PhoneCamera camera;
-    const std::string action = argc > 1 ? argv[1] : "";
-    if (action == "rig" && argc == 3) {
-      optics::save_rig(camera.start(), argv[2]);
+    test::HandHeldPhone phone;
+    const std::vector<std::string> words(argv + 1, argv + argc);
+    const std::string action = words.empty() ? "" : words[0];
+    if (action == "rig" && words.size() == 2) {
+      optics::save_rig(phone.start(), words[1]);
       return 0;
     }
-    if (action == "photo" && argc == 4) {
-      frames::write_woven(camera.photograph(frames::read_woven(argv[2])).view(), argv[3]);
+    if ((action == "photo" || action == "cut") && words.size() == 4) {
+      phone.photograph(frames::read_woven(words[1]), number_from<size_t>(words[3]).value_or(0),
+                       words[2], action == "cut");
       return 0;
     }
-    say("usage: photograph_panel rig RIG.toml | photo SHOWN.png PHOTO.png\n");
+    if (action == "error" && words.size() == 2) {
+      print_out("{:.4f}\n", phone.error_of(optics::load_rig(words[1])));
+      return 0;
+    }
+    say("usage: photograph_panel rig RIG.toml | photo SHOWN.png PHOTO.jpg N | cut SHOWN.png "
+        "PHOTO.jpg N | error RIG.toml\n");
   } catch (const std::exception& error) {
     say("photograph_panel: {}\n", std::string(error.what()));
   }

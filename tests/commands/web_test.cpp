@@ -76,7 +76,7 @@ TEST_F(Web, EveryAnswerIsAsTheDescriptionSays) {
       {"post /api/v1/calibration/begin", 422},     {"put /api/v1/calibration/photograph", 409},
       {"get /api/v1/calibration/before.jpg", 404}, {"get /api/v1/calibration/after.jpg", 404},
       {"get /api/v1/calibration/rig.toml", 404},   {"post /api/v1/calibration/keep", 409},
-      {"post /api/v1/calibration/restore", 404},
+      {"post /api/v1/calibration/restore", 404},   {"delete /api/v1/calibration/photograph", 400},
   };
   std::string wrong;
   ordered_json list;

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <span>
 #include <system_error>
 #include <utility>
 
@@ -23,6 +24,7 @@
 #include "calib/photo/single_photo.h"
 #include "calib/photo/tag_chart.h"
 #include "frames/image_io.h"
+#include "frames/picture_codec.h"
 #include "frames/srgb.h"
 #include "optics/trim.h"
 #include "player/process/interrupt.h"
@@ -41,6 +43,7 @@ struct PhotosFlags {
   std::string patterns;
   std::optional<double> distance_mm;
   std::optional<double> focal_px;
+  double most_lenses = 0.0;
   bool confined = false;
   ResultFlags result;
 };
@@ -104,29 +107,49 @@ calib::PhotoPriors priors_of(const PhotosFlags& flags) {
   return priors;
 }
 
+/// StoredPicture takes a picture with its pixels in the order of the file. Its orientation tag is
+/// ignored: turned upright, pictures would show the axis of the camera at several places.
+class StoredPicture final : public frames::PictureSink {
+ public:
+  void accept(const frames::PictureInfo& info) override { geometry_ = info.geometry; }
+  std::span<uint8_t> rows(int y, int rows) override {
+    // A header with a false size costs no memory.
+    if (frame_.geometry() != geometry_) frame_ = frames::WovenFrame(geometry_);
+    const size_t row = geometry_.row_bytes();
+    return frame_.bytes().subspan(static_cast<size_t>(y) * row, static_cast<size_t>(rows) * row);
+  }
+  [[nodiscard]] const frames::WovenFrame& frame() const { return frame_; }
+
+ private:
+  frames::FrameGeometry geometry_;
+  frames::WovenFrame frame_;
+};
+
 /// Lets a confined process decode a photograph whose origin is not known.
-calib::CameraPicture confined_photograph(const fs::path& file) {
-  const ConfinedPictures decoder;
-  frames::use_picture_reader(&decoder);
-  struct Restored {
-    ~Restored() { frames::use_picture_reader(nullptr); }
-  } const restored;
-  const frames::WovenFrame decoded = frames::read_woven(file, frames::PictureUse::Views);
+calib::CameraPicture confined_photograph(const ConfinedPictures& decoder, const fs::path& file) {
+  StoredPicture decoded;
+  decoder.read(file, decoded);
   calib::CameraPicture picture;
-  picture.width = decoded.width();
-  picture.height = decoded.height();
+  picture.width = decoded.frame().width();
+  picture.height = decoded.frame().height();
   picture.channels = 3;
-  picture.light.reserve(decoded.bytes().size());
-  for (const uint8_t code : decoded.bytes())
+  picture.light.reserve(decoded.frame().bytes().size());
+  for (const uint8_t code : decoded.frame().bytes())
     picture.light.push_back(static_cast<float>(frames::linear_of_codes()[code]));
   return picture;
 }
 
+/// Both readers ignore the orientation that the file states.
+PhotoReader reader_of(const PhotosFlags& flags) {
+  if (!flags.confined) return calib::read_photograph;
+  return [decoder = std::make_shared<ConfinedPictures>()](const fs::path& file) {
+    return confined_photograph(*decoder, file);
+  };
+}
+
 ExitCode from_one(const PhotosFlags& flags, const optics::Rig& rig) {
   const calib::SinglePhotoChart chart = calib::plan_single_photo_chart(rig);
-  const calib::CameraPicture photograph = flags.confined
-                                              ? confined_photograph(flags.sources.front())
-                                              : calib::read_photograph(flags.sources.front());
+  const calib::CameraPicture photograph = reader_of(flags)(flags.sources.front());
   const calib::Calibration found = calib::fit_single_photo(photograph, chart, priors_of(flags));
   calib::CameraFacts camera;
   camera.name = flags.sources.front();
@@ -139,7 +162,7 @@ ExitCode from_one(const PhotosFlags& flags, const optics::Rig& rig) {
 
 /// Calibrates from several photographs of the photo chart, taken by hand from different places.
 ExitCode from_several(const PhotosFlags& flags, const optics::Rig& rig) {
-  HandHeldPhotos photos(rig, flags.focal_px);
+  HandHeldPhotos photos(rig, flags.focal_px, reader_of(flags));
   Progress progress("measuring", "photographs", flags.sources.size());
   for (size_t n = 0; n < flags.sources.size(); ++n) {
     if (interrupted()) return interrupt_exit_code();
@@ -147,7 +170,9 @@ ExitCode from_several(const PhotosFlags& flags, const optics::Rig& rig) {
     progress.update(n + 1);
   }
   progress.finish();
-  return conclude_calibration(photos.calibrate(), photos.details(), flags.result);
+  const calib::Calibration found = photos.calibrate(flags.most_lenses);
+  return conclude_calibration(found, photos.details(), flags.result,
+                              {{"photographs", photos.to_json(found)}});
 }
 
 /// Looks for a manifest among the photographs, then in the folder of the patterns. Returns false if
@@ -214,8 +239,10 @@ ExitCode from_folders(const PhotosFlags& flags, const optics::Rig& rig) {
 }
 
 ExitCode run_photos(const PhotosFlags& flags) {
-  if (flags.confined && (flags.sources.size() != 1 || fs::is_directory(flags.sources.front())))
-    throw Error(ErrorKind::Usage, "--confined: only for a single photograph");
+  const bool files = std::ranges::none_of(
+      flags.sources, [](const std::string& source) { return fs::is_directory(source); });
+  if (flags.confined && !files)
+    throw Error(ErrorKind::Usage, "--confined: only for files, not for folders");
   const optics::Rig rig = optics::load_trimmed_rig(flags.rig);
   for (const auto& [flag, value] :
        {std::pair("--distance", flags.distance_mm), std::pair("--focal-px", flags.focal_px)})
@@ -226,8 +253,6 @@ ExitCode run_photos(const PhotosFlags& flags) {
   if (flags.sources.empty() || flags.result.output.empty())
     throw Error(ErrorKind::Usage, "calibrate photos: photographs and -o are needed",
                 "or use --write-patterns FOLDER to get the patterns to photograph");
-  const bool files = std::ranges::none_of(
-      flags.sources, [](const std::string& source) { return fs::is_directory(source); });
   if (!files) return from_folders(flags, rig);
   return flags.sources.size() == 1 ? from_one(flags, rig) : from_several(flags, rig);
 }
@@ -262,8 +287,12 @@ CalibrateWay declare_calibrate_photos(CLI::App& app) {
                   "single photograph is less exact; folders are checked against it");
   way->add_option("--focal-px", flags->focal_px,
                   "focal length in pixels of the photograph, if known; used like --distance");
+  way->add_option("--largest-error", flags->most_lenses,
+                  "largest stated error, lenses, with which a rig from several photographs by hand "
+                  "is written, too (default: 0.02)")
+      ->check(CLI::Range(0.02, 0.5));
   way->add_flag("--confined", flags->confined,
-                "decode a single photograph in a confined process, because its origin is not known "
+                "decode photographs in a confined process, because their origin is not known "
                 "(package lenticule-media)");
   declare_result_flags(*way, flags->result);
   way->get_option("--output")->required(false);

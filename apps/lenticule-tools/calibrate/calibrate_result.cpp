@@ -51,7 +51,7 @@ void declare_result_flags(CLI::App& app, ResultFlags& flags) {
 }
 
 ExitCode conclude_calibration(const calib::Calibration& found, calib::RecordDetails details,
-                              const ResultFlags& flags) {
+                              const ResultFlags& flags, const json& more) {
   details.temperature_celsius = flags.temperature;
   const std::string report = flags.report.empty() ? report_beside(flags.output) : flags.report;
   write_text_file(report, calib::report_html(found, details));
@@ -69,6 +69,7 @@ ExitCode conclude_calibration(const calib::Calibration& found, calib::RecordDeta
   if (flags.json) {
     json out = calib::report_json(found, details);
     out["files"] = files;
+    out.update(more);
     print_json(out);
   } else {
     print_text(found, files);

@@ -3,6 +3,7 @@
 // the rig.
 #pragma once
 
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 
@@ -23,8 +24,10 @@ struct ResultFlags {
 void declare_result_flags(CLI::App& app, ResultFlags& flags);
 
 /// Writes the report beside the rig, saves the rig unless it was refused (the old one is kept under
-/// a number), and prints both paths. Returns kOk, or kQuality if the rig was not saved.
+/// a number), and prints both paths. The JSON also gets the keys of `more`. Returns kOk, or
+/// kQuality if the rig was not saved.
 ExitCode conclude_calibration(const calib::Calibration& found, calib::RecordDetails details,
-                              const ResultFlags& flags);
+                              const ResultFlags& flags,
+                              const nlohmann::json& more = nlohmann::json::object());
 
 }  // namespace lenticule::player

@@ -3,9 +3,12 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
+#include <numbers>
+#include <utility>
 
+#include "base/text.h"
 #include "calib/phone/exif.h"
-#include "calib/photo/photo_folder.h"
 
 namespace lenticule::player {
 namespace {
@@ -23,14 +26,17 @@ calib::Estimate focal_of(std::optional<double> given_px, const std::filesystem::
 
 }  // namespace
 
-HandHeldPhotos::HandHeldPhotos(const optics::Rig& rig, std::optional<double> focal_px)
-    : chart_(calib::plan_single_photo_chart(rig)), given_focal_px_(focal_px) {
+HandHeldPhotos::HandHeldPhotos(const optics::Rig& rig, std::optional<double> focal_px,
+                               PhotoReader read)
+    : chart_(calib::plan_single_photo_chart(rig)),
+      given_focal_px_(focal_px),
+      read_(std::move(read)) {
   camera_.channels = 3;
   camera_.pixel_format = "photograph";
 }
 
 std::string HandHeldPhotos::add(const std::filesystem::path& file) {
-  const calib::CameraPicture photograph = calib::read_photograph(file);
+  const calib::CameraPicture photograph = read_(file);
   const calib::Estimate focal =
       focal_of(given_focal_px_, file, std::max(photograph.width, photograph.height));
   calib::PhonePhoto photo{
@@ -57,8 +63,32 @@ std::optional<optics::Rig> HandHeldPhotos::better_start() const {
   return calib::better_start(photos_.back().findings, chart_);
 }
 
-calib::Calibration HandHeldPhotos::calibrate() const {
-  return calib::calibrate_phone(photos_, chart_, focal_px_);
+calib::Calibration HandHeldPhotos::calibrate(double most_lenses) const {
+  return calib::calibrate_phone(photos_, chart_, focal_px_, most_lenses);
+}
+
+nlohmann::json HandHeldPhotos::to_json(const calib::Calibration& found) const {
+  nlohmann::json out = nlohmann::json::array();
+  for (const calib::PhonePhoto& photo : photos_) {
+    std::string reason = photo.findings.refusal;
+    const std::string begin = photo.name + ": ";
+    for (const std::string& one : found.reasons)
+      if (reason.empty() && one.starts_with(begin)) reason = one.substr(begin.size());
+    nlohmann::json entry = {{"name", escaped(photo.name)},
+                            {"used", reason.empty()},
+                            {"reason", escaped(reason)},
+                            {"eye_mm", nullptr},
+                            {"roll_degrees", nullptr}};
+    if (const auto& pose = photo.findings.pose) {
+      const auto& turn = pose->panel_from_camera;
+      entry["roll_degrees"] = std::atan2(turn[3], turn[0]) * 180.0 / std::numbers::pi;
+    }
+    for (const calib::Viewpoint& place : found.viewpoints)
+      if (place.name == photo.name)
+        entry["eye_mm"] = {place.eye_mm.x, place.eye_mm.y, place.eye_mm.z};
+    out.push_back(std::move(entry));
+  }
+  return out;
 }
 
 calib::RecordDetails HandHeldPhotos::details() const {

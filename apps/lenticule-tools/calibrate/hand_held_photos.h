@@ -4,21 +4,29 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "apps/lenticule-tools/calibrate/calibrate_result.h"
 #include "calib/phone/phone_calibration.h"
+#include "calib/photo/photo_folder.h"
 
 namespace lenticule::player {
+
+/// PhotoReader reads a photograph with its pixels in the order of the file: the axis of the camera
+/// is then at one place in all photographs of a phone.
+using PhotoReader = std::function<calib::CameraPicture(const std::filesystem::path&)>;
 
 /// Thread safety: one thread.
 class HandHeldPhotos {
  public:
   /// `focal_px` is the camera's focal length in pixels; without it, the photographs' EXIF data are
   /// used. Throws Error(Input) for a rig whose panel is too small for the chart.
-  explicit HandHeldPhotos(const optics::Rig& rig, std::optional<double> focal_px = {});
+  explicit HandHeldPhotos(const optics::Rig& rig, std::optional<double> focal_px = {},
+                          PhotoReader read = calib::read_photograph);
 
   [[nodiscard]] const calib::SinglePhotoChart& chart() const { return chart_; }
 
@@ -30,13 +38,17 @@ class HandHeldPhotos {
   /// Returns the rig from which to plan the chart again if the last photograph shows that the start
   /// is too far off; see calib::better_start().
   [[nodiscard]] std::optional<optics::Rig> better_start() const;
-  /// Calibrates from all photographs so far.
-  [[nodiscard]] calib::Calibration calibrate() const;
+  /// Calibrates from all photographs so far; see calib::calibrate_phone() for `most_lenses`.
+  [[nodiscard]] calib::Calibration calibrate(double most_lenses = 0.0) const;
+  /// Returns for each photograph whether it was used or the reason why not, the place of the camera
+  /// and how it was held: the angle by which the rows of the picture are turned on the panel.
+  [[nodiscard]] nlohmann::json to_json(const calib::Calibration& found) const;
   [[nodiscard]] calib::RecordDetails details() const;
 
  private:
   calib::SinglePhotoChart chart_;
   std::optional<double> given_focal_px_;
+  PhotoReader read_;
   calib::Estimate focal_px_;
   std::vector<calib::PhonePhoto> photos_;
   calib::CameraFacts camera_;

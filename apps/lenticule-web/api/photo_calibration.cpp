@@ -32,6 +32,8 @@ using std::chrono::seconds;
 
 constexpr auto kDrawTime = seconds(50);
 constexpr auto kJudgeTime = seconds(50);
+/// A chart for a pitch that is further off has fringes of which many cannot be measured.
+constexpr double kFarPitch = 0.01;
 constexpr size_t kMaxLine = 400, kMaxMessage = 2000;
 constexpr int kPictureWidth = 960;
 constexpr int kPictureQuality = 85;
@@ -61,7 +63,34 @@ ordered_json result_of(const ordered_json& report) {
       viewpoints.is_array() && !viewpoints.empty() ? viewpoints[0] : ordered_json::object();
   for (const char* key : {"eye_mm", "covered", "rms_lenses", "max_lenses", "residual_lenses"})
     result[key] = place.value(key, ordered_json());
+  result["photographs"] = viewpoints.size();
   return result;
+}
+
+/// Returns the files in the order of their places.
+template <class Photos>
+auto list_of(const Photos& photos) {
+  std::vector<typename Photos::value_type::value_type> list;
+  for (const auto& photo : photos)
+    if (photo) list.push_back(*photo);
+  return list;
+}
+
+/// Returns a message of the command without the folder before names of files.
+std::string without_folder(std::string message, const fs::path& folder) {
+  for (const std::string& prefix :
+       {(folder / "incoming").string() + "/", folder.string() + "/", std::string("lenticule: ")})
+    for (size_t at = 0; (at = message.find(prefix, at)) != std::string::npos;)
+      message.erase(at, prefix.size());
+  return message;
+}
+
+/// Returns the first reason of a report.
+std::string first_reason(const ordered_json& report) {
+  const ordered_json reasons = report.value("reasons", ordered_json::array());
+  return reasons.is_array() && !reasons.empty() && reasons[0].is_string()
+             ? reasons[0].get<std::string>()
+             : std::string();
 }
 
 }  // namespace
@@ -98,12 +127,15 @@ CalibrationOutput parse_calibration_output(const std::string& output) {
 /// Photograph writes a body to a file, which is then judged.
 class Photograph final : public BodySink {
  public:
-  Photograph(PhotoCalibration& owner, Claim claim, fs::path file, std::optional<double> distance_mm)
+  Photograph(PhotoCalibration& owner, Claim claim, size_t place, std::optional<double> distance_mm)
       : owner_(owner),
         claim_(std::move(claim)),
-        path_(std::move(file)),
-        file_(::open(path_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0600)),
+        place_(place),
+        path_(owner.options_.folder / "incoming" / kPhotoPlaces[place].name),
         distance_mm_(distance_mm) {
+    fs::create_directories(path_.parent_path());
+    file_ = UniqueFd(
+        ::open(path_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0600));
     if (!file_) fail();
   }
   ~Photograph() override { (void)::unlink(path_.c_str()); }
@@ -122,7 +154,7 @@ class Photograph final : public BodySink {
     named.replace_extension(extension_of(path_));
     fs::rename(path_, named);
     path_ = named;
-    owner_.judge(path_, distance_mm_);
+    owner_.judge(place_, {.file = path_, .distance_mm = distance_mm_});
     return json_response(owner_.state());
   }
 
@@ -134,6 +166,7 @@ class Photograph final : public BodySink {
 
   PhotoCalibration& owner_;
   const Claim claim_;
+  const size_t place_;
   fs::path path_;
   UniqueFd file_;
   const std::optional<double> distance_mm_;
@@ -158,10 +191,10 @@ void PhotoCalibration::clear_folder() const {
 
 ordered_json PhotoCalibration::state() const {
   const std::lock_guard lock(mutex_);
-  return {{"stage", stage_},
-          {"message", message_},
-          {"result", result_},
-          {"history", history_.to_json()}};
+  ordered_json state = {{"stage", stage_}, {"message", message_}, {"result", result_}};
+  state.update(session_.to_json());
+  state["history"] = history_.to_json();
+  return state;
 }
 
 void PhotoCalibration::set_stage(const char* stage, std::string message, ordered_json result,
@@ -210,52 +243,167 @@ std::string PhotoCalibration::obstacle() {
 
 void PhotoCalibration::begin() {
   const Claim claim(working_);
+  clear_photos();
   clear_folder();
   set_stage("idle", "", nullptr, std::nullopt);
-  const fs::path rig = options_.folder / "rig.toml";
-  write_text_file(rig, pictures_.rig_toml());
-  draw_chart(rig, chart());
+  const std::string toml = pictures_.rig_toml();
+  write_text_file(options_.folder / "before.toml", toml);
+  write_text_file(start(), toml);
+  draw_chart(start(), chart());
   shown_instead_.show_chart(chart());
+  planned_again_ = false;
   set_stage("chart", "", nullptr, std::nullopt);
 }
 
-std::unique_ptr<BodySink> PhotoCalibration::photograph(std::optional<double> distance_mm) {
-  Claim claim(working_);
-  if (!fs::exists(chart())) throw HttpError(409, "no chart is shown", "show the chart first");
-  return std::make_unique<Photograph>(*this, std::move(claim), options_.folder / "photo.part",
-                                      distance_mm);
+/// Removes all photographs, and what is known about them.
+void PhotoCalibration::clear_photos() {
+  for (const Photo& photo : list_of(photos_)) fs::remove(photo.file);
+  photos_ = {};
+  single_ = {};
+  single_number_ = 0;
+  const std::lock_guard lock(mutex_);
+  session_ = {};
 }
 
-void PhotoCalibration::judge(const fs::path& photo, std::optional<double> distance_mm) {
-  const fs::path rig = options_.folder / "rig.toml", output = options_.folder / "found.toml";
-  fs::remove(output);
-  std::vector<std::string> words = {options_.program.string(),
-                                    "calibrate",
-                                    "photos",
-                                    photo.string(),
-                                    "--rig",
-                                    rig.string(),
-                                    "-o",
-                                    output.string(),
-                                    "--json",
-                                    "--confined"};
-  if (distance_mm) {
-    words.emplace_back("--distance");
-    words.push_back(fmt::format("{:.1f}", *distance_mm));
+std::unique_ptr<BodySink> PhotoCalibration::photograph(const PhotoRequest& request) {
+  Claim claim(working_);
+  if (!fs::exists(chart())) throw HttpError(409, "no chart is shown", "show the chart first");
+  size_t place = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    place = request.place ? PhotoSession::place_of(*request.place) : session_.next().value_or(0);
   }
-  const ProgramRun run = run_and_capture(words, kJudgeTime, options_.stops);
-  const CalibrationOutput printed = parse_calibration_output(run.output);
-  const std::string message =
-      run.timed_out ? "judging the photograph took too long" : printed.message;
-  if (printed.report.is_null()) return set_stage("refused", message, nullptr, std::nullopt);
-  const ordered_json result = result_of(printed.report);
-  if (run.exit_code != 0) return set_stage("refused", message, result, std::nullopt);
-  Found found{.before = optics::load_rig(rig),
-              .after = optics::load_rig(output),
-              .eye = {.x = number_at(result["eye_mm"], 0),
-                      .y = number_at(result["eye_mm"], 1),
-                      .z_mm = number_at(result["eye_mm"], 2)}};
-  set_stage("found", message, result, std::move(found));
+  return std::make_unique<Photograph>(*this, std::move(claim), place, request.distance_mm);
+}
+
+/// Lets the command fit the photographs: one for its place, several for every eye.
+PhotoCalibration::Fit PhotoCalibration::fit(const std::vector<Photo>& photos,
+                                            Deadline deadline) const {
+  const fs::path output = options_.folder / "found.toml";
+  fs::remove(output);
+  std::vector<std::string> words = {options_.program.string(), "calibrate", "photos"};
+  for (const Photo& photo : photos) words.push_back(photo.file.string());
+  words.insert(words.end(),
+               {"--rig", start().string(), "-o", output.string(), "--json", "--confined"});
+  if (photos.size() > 1)
+    words.insert(words.end(), {"--largest-error", std::to_string(PhotoSession::kUsableLenses)});
+  else if (photos.front().distance_mm)
+    words.insert(words.end(), {"--distance", fmt::format("{:.1f}", *photos.front().distance_mm)});
+  const auto left =
+      std::chrono::duration_cast<seconds>(deadline - std::chrono::steady_clock::now());
+  const ProgramRun run = run_and_capture(words, std::max(left, seconds(1)), options_.stops);
+  CalibrationOutput printed = parse_calibration_output(run.output);
+  Fit fit{.report = std::move(printed.report), .message = std::move(printed.message), .found = {}};
+  if (run.timed_out) fit.message = "judging the photographs took too long";
+  if (fit.report.is_null()) return fit;
+  fit.message = first_reason(fit.report);
+  if (run.exit_code != 0) return fit;
+  const ordered_json eye = result_of(fit.report)["eye_mm"];
+  fit.found =
+      Found{.before = optics::load_rig(options_.folder / "before.toml"),
+            .after = optics::load_rig(output),
+            .eye = {.x = number_at(eye, 0), .y = number_at(eye, 1), .z_mm = number_at(eye, 2)},
+            .photographs = photos.size()};
+  return fit;
+}
+
+/// Returns why a new photograph is refused; empty if it is used.
+std::string PhotoCalibration::refusal_of(const Fit& fit, size_t place, size_t photographs) const {
+  if (fit.report.is_null()) return without_folder(fit.message, options_.folder);
+  if (fit.found) return {};
+  if (photographs == 1) return fit.message;
+  if (std::string refusal = PhotoSession::refusal(fit.report, place); !refusal.empty())
+    return refusal;
+  const auto best = found();
+  return best && best->photographs > 1 ? "with it the stated error would be too large" : "";
+}
+
+void PhotoCalibration::judge(size_t place, const Photo& photo) {
+  const Deadline deadline = std::chrono::steady_clock::now() + kJudgeTime;
+  Photos photos = photos_;
+  photos[place] = photo;
+  const std::vector<Photo> list = list_of(photos);
+  Fit fit = this->fit(list, deadline);
+  if (std::string refusal = refusal_of(fit, place, list.size()); !refusal.empty()) {
+    const std::lock_guard lock(mutex_);
+    session_.refuse(place, std::move(refusal));
+    if (!found_) stage_ = "refused";
+    return;
+  }
+  if (photos_[place]) fs::remove(photos_[place]->file);
+  Photo kept{.file = options_.folder / photo.file.filename(),
+             .distance_mm = photo.distance_mm,
+             .number = ++newest_};
+  fs::rename(photo.file, kept.file);
+  photos_[place] = std::move(kept);
+  {
+    const std::lock_guard lock(mutex_);
+    session_.accept(place);
+  }
+  settle(std::move(fit), deadline);
+}
+
+void PhotoCalibration::remove(const std::string& name) {
+  const Claim claim(working_);
+  const size_t place = PhotoSession::place_of(name);
+  if (!photos_[place]) throw HttpError(404, "there is no photograph of that place");
+  fs::remove(photos_[place]->file);
+  photos_[place].reset();
+  {
+    const std::lock_guard lock(mutex_);
+    session_.remove(place);
+  }
+  const std::vector<Photo> list = list_of(photos_);
+  if (list.empty()) return set_stage("chart", "", nullptr, std::nullopt);
+  const Deadline deadline = std::chrono::steady_clock::now() + kJudgeTime;
+  settle(fit(list, deadline), deadline);
+}
+
+/// Takes over the fit of all photographs. If several state too large an error, the first of them
+/// alone gives the result.
+void PhotoCalibration::settle(Fit fit, Deadline deadline) {
+  const std::vector<Photo> list = list_of(photos_);
+  if (list.size() > 1 && !fit.report.is_null()) {
+    const std::lock_guard lock(mutex_);
+    session_.take_report(fit.report);
+  }
+  if (list.size() == 1) {
+    single_ = fit;
+    single_number_ = list.front().number;
+  } else if (!fit.found) {
+    if (single_number_ != list.front().number) single_ = this->fit({list.front()}, deadline);
+    single_number_ = list.front().number;
+    fit = single_;
+  }
+  const ordered_json result = fit.report.is_null() ? ordered_json() : result_of(fit.report);
+  const bool found = fit.found.has_value();
+  const size_t photographs = list.size();
+  set_stage(found ? "found" : "refused", found ? "" : fit.message, result, std::move(fit.found));
+  if (found && photographs == 1 && plan_again())
+    set_stage("found",
+              "The pitch of the sheet is far from that of the present rig, so the chart was drawn "
+              "again. For a better result, take the photograph from the middle again.",
+              result, this->found());
+}
+
+/// Draws and shows the chart for the pitch that the photograph showed if the present one is far
+/// off, and forgets the photograph, which shows another chart.
+bool PhotoCalibration::plan_again() {
+  optics::Rig rig = optics::load_rig(start());
+  const optics::LensSheet sheet = found()->after.sheet;
+  if (planned_again_ || std::abs(sheet.pitch.value / rig.sheet.pitch.value - 1.0) <= kFarPitch)
+    return false;
+  rig.sheet.pitch = sheet.pitch;
+  rig.sheet.slant = sheet.slant;
+  const fs::path better = options_.folder / "better.toml", drawn = options_.folder / "better.png";
+  optics::save_rig(rig, better);
+  draw_chart(better, drawn);
+  fs::rename(better, start());
+  fs::rename(drawn, chart());
+  shown_instead_.show_chart(chart());
+  planned_again_ = true;
+  clear_photos();
+  return true;
 }
 
 std::string PhotoCalibration::picture(bool after) {
@@ -312,7 +460,10 @@ void PhotoCalibration::keep(const std::string& who) {
   const Claim claim(working_);
   const auto found = this->found();
   if (!found) throw HttpError(409, "no lens sheet was found yet", "send a photograph first");
-  replace_rig(optics::rig_to_toml(found->after), who, "one photograph");
+  replace_rig(optics::rig_to_toml(found->after), who,
+              found->photographs == 1 ? "one photograph"
+                                      : fmt::format("{} photographs", found->photographs));
+  clear_photos();
 }
 
 void PhotoCalibration::restore(uint64_t number, const std::string& who) {
@@ -324,6 +475,7 @@ void PhotoCalibration::restore(uint64_t number, const std::string& who) {
 
 void PhotoCalibration::discard() {
   const Claim claim(working_);
+  clear_photos();
   set_stage("idle", "", nullptr, std::nullopt);
   shown_instead_.show("content");
   clear_folder();

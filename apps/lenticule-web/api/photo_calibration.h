@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// PhotoCalibration calibrates the lens sheet from one photograph: it shows the chart, lets
-// `lenticule calibrate photos` judge the photograph, and saves nothing before keep().
+// PhotoCalibration calibrates the lens sheet from one to four photographs: it shows the chart, lets
+// `lenticule calibrate photos` judge the photographs, and saves nothing before keep().
 #pragma once
 
+#include <array>
 #include <atomic>
+#include <chrono>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -12,8 +14,10 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "apps/lenticule-web/api/history.h"
+#include "apps/lenticule-web/api/photo_session.h"
 #include "apps/lenticule-web/api/pictures.h"
 #include "apps/lenticule-web/api/shown_instead.h"
 #include "apps/lenticule-web/http/clock.h"
@@ -52,6 +56,15 @@ class Claim {
   std::atomic<bool>* claimed_;
 };
 
+/// PhotoRequest describes a photograph that arrives.
+struct PhotoRequest {
+  std::optional<std::string> place;   ///< name in kPhotoPlaces; else the next one
+  std::optional<double> distance_mm;  ///< from the panel to the camera
+};
+
+/// Keeps the photographs that are used in its folder, at most one for each place, until the rig is
+/// kept or the calibration is discarded or begun again.
+///
 /// Thread safety: any thread. One photograph is judged at a time.
 class PhotoCalibration {
  public:
@@ -60,8 +73,9 @@ class PhotoCalibration {
 
   static constexpr uint64_t kLargestPhoto = uint64_t{64} << 20;
 
-  /// Returns {"stage", "message", "result", "history"}: stage "idle", "chart", "refused", "found"
-  /// or "kept".
+  /// Returns {"stage", "message", "result", "photographs", "fit", "next", "history"}: stage "idle",
+  /// "chart", "refused", "found" or "kept". "result" describes the rig that can be kept, "fit" the
+  /// fit of all photographs, which may state too large an error.
   [[nodiscard]] nlohmann::ordered_json state() const;
   /// Returns the reason why the chart cannot be shown with the player's present rig; empty if it
   /// can be. Draws the chart once for each rig.
@@ -69,9 +83,12 @@ class PhotoCalibration {
   /// Draws the chart for the player's present rig, and shows it. Throws HttpError 422 with the
   /// command's message.
   void begin();
-  /// Returns the sink of the photograph, whose finish() answers with state(). `distance_mm` is that
-  /// from the panel to the camera. Throws HttpError 409 if no chart is shown.
-  [[nodiscard]] std::unique_ptr<BodySink> photograph(std::optional<double> distance_mm);
+  /// Returns the sink of the photograph, whose finish() answers with state(). A refused photograph
+  /// changes nothing about the others and their result. Throws HttpError 409 if no chart is shown,
+  /// 400 for an unknown place.
+  [[nodiscard]] std::unique_ptr<BodySink> photograph(const PhotoRequest& request);
+  /// Removes a photograph and fits the others again. Throws HttpError 400 or 404.
+  void remove(const std::string& place);
   /// Returns the numbered views, as JPEG, as the camera would see them with the rig of before or
   /// with the found one. Throws HttpError 404 if no rig was found.
   [[nodiscard]] std::string picture(bool after);
@@ -83,18 +100,39 @@ class PhotoCalibration {
   /// Lets the player replace its rig file by one of the history. Throws HttpError 404 if there is
   /// none of that number, and the player's Error.
   void restore(uint64_t number, const std::string& who);
-  /// Forgets the photograph and the found rig, and shows the content again.
+  /// Forgets the photographs and the found rig, and shows the content again.
   void discard();
 
  private:
   friend class Photograph;
+  using Deadline = std::chrono::steady_clock::time_point;
+  /// Photo is a photograph in the folder.
+  struct Photo {
+    std::filesystem::path file;
+    std::optional<double> distance_mm;
+    uint64_t number = 0;  ///< another one for each photograph
+  };
+  using Photos = std::array<std::optional<Photo>, kPhotoPlaces.size()>;
   struct Found {
     optics::Rig before;
     optics::Rig after;
     optics::Eye eye;
+    size_t photographs = 0;
+  };
+  /// Fit is what the command found in some photographs.
+  struct Fit {
+    nlohmann::ordered_json report;  ///< null if the command failed
+    std::string message;            ///< reason why there is no report, or why the rig is refused
+    std::optional<Found> found;     ///< none if the rig is refused
   };
   [[nodiscard]] std::filesystem::path chart() const { return options_.folder / "chart.png"; }
-  void judge(const std::filesystem::path& photo, std::optional<double> distance_mm);
+  [[nodiscard]] std::filesystem::path start() const { return options_.folder / "rig.toml"; }
+  void judge(size_t place, const Photo& photo);
+  [[nodiscard]] Fit fit(const std::vector<Photo>& photos, Deadline deadline) const;
+  [[nodiscard]] std::string refusal_of(const Fit& fit, size_t place, size_t photographs) const;
+  void settle(Fit fit, Deadline deadline);
+  [[nodiscard]] bool plan_again();
+  void clear_photos();
   void set_stage(const char* stage, std::string message, nlohmann::ordered_json result,
                  std::optional<Found> found);
   [[nodiscard]] std::optional<Found> found() const;
@@ -108,12 +146,19 @@ class PhotoCalibration {
   ShownInstead& shown_instead_;
   const PhotoCalibrationOptions options_;
   std::atomic<bool> working_{false};  ///< true while an action uses the folder
-  std::mutex drawing_;                ///< a chart takes memory and time: one picture at a time
-  mutable std::mutex mutex_;          ///< guards the members below
+  // These four belong to the action that uses the folder.
+  Photos photos_;
+  uint64_t newest_ = 0;         ///< number of the newest photograph
+  uint64_t single_number_ = 0;  ///< number of the photograph of single_
+  Fit single_;                  ///< fit of the first photograph alone
+  bool planned_again_ = false;
+  std::mutex drawing_;        ///< a chart takes memory and time: one picture at a time
+  mutable std::mutex mutex_;  ///< guards the members below
   std::string stage_ = "idle";
   std::string message_;
   nlohmann::ordered_json result_;
   std::optional<Found> found_;
+  PhotoSession session_;
   std::mutex trying_;      ///< guards the next two members
   std::string tried_rig_;  ///< text of the rig for which the chart was drawn
   std::string obstacle_{};

@@ -353,6 +353,10 @@ Response post_calibration_begin(WebSite& site, const Request&, const std::string
 Response put_photograph(WebSite&, const Request&, const std::string&) {
   throw HttpError(400, "the photograph is empty");  // a body goes to the sink
 }
+Response delete_photograph(WebSite& site, const Request& request, const std::string&) {
+  site.calibration().remove(request.query("place").value_or(""));
+  return json_response(site.calibration().state());
+}
 Response get_calibration_before(WebSite& site, const Request&, const std::string&) {
   return picture(site.calibration().picture(false));
 }
@@ -483,6 +487,8 @@ constexpr std::array kRoutes = {
     Route{"POST", "/api/v1/calibration/begin", Rights::Change, kSmallBody, post_calibration_begin},
     Route{"PUT", "/api/v1/calibration/photograph", Rights::Change, PhotoCalibration::kLargestPhoto,
           put_photograph},
+    Route{"DELETE", "/api/v1/calibration/photograph", Rights::Change, kSmallBody,
+          delete_photograph},
     Route{"GET", "/api/v1/calibration/before.jpg", Rights::See, 0, get_calibration_before},
     Route{"GET", "/api/v1/calibration/after.jpg", Rights::See, 0, get_calibration_after},
     Route{"GET", "/api/v1/calibration/rig.toml", Rights::See, 0, get_calibration_rig},
@@ -623,7 +629,7 @@ std::unique_ptr<BodySink> WebSite::photograph_sink(const Request& request) {
     distance_mm = number_in_query(request, "distance", std::nullopt);
     if (*distance_mm < 1.0) throw HttpError(400, "distance: expected millimetres above 0");
   }
-  return calibration_.photograph(distance_mm);
+  return calibration_.photograph({.place = request.query("place"), .distance_mm = distance_mm});
 }
 
 std::unique_ptr<BodySink> WebSite::sink(const Request& request) {

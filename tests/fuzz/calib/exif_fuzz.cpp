@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reads any bytes as a JPEG file that states its focal length in EXIF: the result is a possible
+// focal length, or nothing.
+#include <vector>
+
+#include "base/error.h"
+#include "calib/phone/exif.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  // The copy has exactly the file's size, so that the sanitizer finds a read of one byte more.
+  const std::vector<uint8_t> bytes(data, data + size);
+  const auto focal = lenticule::calib::stated_focal_35mm(std::span<const uint8_t>(bytes));
+  LENTICULE_CHECK(!focal || (*focal > 0.0 && *focal <= 10000.0));
+  return 0;
+}

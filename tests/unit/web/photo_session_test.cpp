@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests which photographs of a calibration are used, and which one is asked for next.
+#include "apps/lenticule-web/api/photo_session.h"
+
+#include <gtest/gtest.h>
+
+#include "apps/lenticule-web/http/message.h"
+
+namespace lenticule::web {
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr size_t kMiddle = 0, kLeft = 1, kRight = 2, kRightAgain = 3;
+
+ordered_json photo(const char* place, double x_mm, double roll_degrees) {
+  return {{"name", std::string(place) + ".jpg"},
+          {"used", true},
+          {"reason", ""},
+          {"eye_mm", {x_mm, 10.0, 700.0}},
+          {"roll_degrees", roll_degrees}};
+}
+
+ordered_json unused(const char* place, const char* reason) {
+  return {{"name", std::string(place) + ".jpg"},
+          {"used", false},
+          {"reason", reason},
+          {"eye_mm", nullptr},
+          {"roll_degrees", nullptr}};
+}
+
+ordered_json report(double stated_lenses, std::initializer_list<ordered_json> photographs) {
+  return {{"drift", {{"worst_lenses", stated_lenses}}},
+          {"reasons", ordered_json::array()},
+          {"viewpoints", {{{"name", "middle.jpg"}}}},
+          {"photographs", ordered_json::array_t(photographs)}};
+}
+
+ordered_json entry(const PhotoSession& session, size_t place) {
+  return session.to_json()["photographs"][place];
+}
+
+TEST(PhotoSession, AsksForMiddleLeftAndRightUntilTheErrorIsSmallEnough) {
+  PhotoSession session;
+  EXPECT_EQ(session.next(), kMiddle);
+  EXPECT_EQ(session.to_json()["fit"]["stated_lenses"], nullptr);
+  session.accept(kMiddle);
+  EXPECT_EQ(session.next(), kLeft);
+  session.accept(kLeft);
+  session.take_report(report(0.08, {photo("middle", 5, 180), photo("left", -350, 2)}));
+  EXPECT_EQ(session.next(), kRight);
+  EXPECT_EQ(session.to_json()["fit"]["stated_lenses"], 0.08);
+  EXPECT_EQ(session.to_json()["fit"]["photographs"], 2);
+  session.accept(kRight);
+  session.take_report(
+      report(0.03, {photo("middle", 5, 180), photo("left", -350, 2), photo("right", 350, -1)}));
+  EXPECT_EQ(session.to_json()["next"], "right-again");
+  session.take_report(
+      report(0.019, {photo("middle", 5, 180), photo("left", -350, 2), photo("right", 350, -1)}));
+  EXPECT_EQ(session.next(), std::nullopt);
+  EXPECT_EQ(session.to_json()["next"], nullptr);
+}
+
+TEST(PhotoSession, ARefusedPhotographLeavesTheEarlierOneOfItsPlace) {
+  PhotoSession session;
+  session.accept(kMiddle);
+  session.refuse(kMiddle, "only 2 of 9 tags were found");
+  EXPECT_TRUE(session.used(kMiddle));
+  EXPECT_EQ(entry(session, kMiddle)["refusal"], "only 2 of 9 tags were found");
+  EXPECT_EQ(session.next(), kLeft);
+  session.accept(kMiddle);
+  EXPECT_EQ(entry(session, kMiddle)["refusal"], "") << "a good one replaces it";
+}
+
+TEST(PhotoSession, ARemovedPhotographIsAskedForAgainAndItsFitForgotten) {
+  PhotoSession session;
+  session.accept(kMiddle);
+  session.accept(kLeft);
+  session.take_report(report(0.08, {photo("middle", 5, 180), photo("left", -350, 2)}));
+  session.remove(kMiddle);
+  EXPECT_EQ(session.next(), kMiddle);
+  EXPECT_EQ(session.count(), 1U);
+  EXPECT_EQ(session.to_json()["fit"]["stated_lenses"], nullptr);
+}
+
+TEST(PhotoSession, AWrongPlaceOrTurnIsNotedAndAskedForAgainAtTheEnd) {
+  PhotoSession session;
+  for (size_t place = 0; place < kPhotoPlaces.size(); ++place) session.accept(place);
+  // From portrait to portrait, as phones store it, is half a turn, too.
+  session.take_report(report(0.03, {photo("middle", 5, -90), photo("left", -350, 88),
+                                    photo("right", 20, 91), photo("right-again", 350, -90)}));
+  EXPECT_EQ(entry(session, kLeft)["note"], "");
+  EXPECT_EQ(entry(session, kRightAgain)["note"], "");
+  EXPECT_EQ(entry(session, kRight)["note"],
+            "it was taken from the middle: go at least 350 mm to the right");
+  EXPECT_EQ(session.next(), kRight);
+  session.take_report(report(0.03, {photo("middle", 5, 180), photo("left", -350, 178),
+                                    photo("right", 350, 0), photo("right-again", 350, 1)}));
+  EXPECT_NE(entry(session, kLeft)["note"].get<std::string>().find("half a turn"),
+            std::string::npos);
+  EXPECT_EQ(entry(session, kRightAgain)["note"],
+            "the phone was not upside down, as in the first one");
+  EXPECT_EQ(session.next(), kLeft);
+}
+
+TEST(PhotoSession, NamesTheReasonOfARefusal) {
+  const ordered_json good = report(0.08, {photo("middle", 5, 180), photo("left", -350, 2)});
+  EXPECT_EQ(PhotoSession::refusal(good, kLeft), "");
+  const ordered_json own =
+      report(0.08, {photo("middle", 5, 180), unused("left", "only 2 of 9 tags were found")});
+  EXPECT_EQ(PhotoSession::refusal(own, kLeft), "only 2 of 9 tags were found");
+  const ordered_json other =
+      report(0.08, {unused("middle", "its focal length differs by 9 %"), photo("left", -350, 2)});
+  EXPECT_EQ(PhotoSession::refusal(other, kLeft),
+            "this photograph and the one from the middle contradict each other: its focal length "
+            "differs by 9 %");
+  ordered_json none = good;
+  none["viewpoints"] = ordered_json::array();
+  none["reasons"] = {"no sheet and no camera agree with all photographs"};
+  EXPECT_EQ(PhotoSession::refusal(none, kLeft),
+            "no sheet and no camera agree with all photographs");
+}
+
+TEST(PhotoSession, SaysWhatToDoBetter) {
+  EXPECT_NE(PhotoSession::remedy("only 2 of 9 tags were found: the panel").find("all nine tags"),
+            std::string::npos);
+  EXPECT_NE(PhotoSession::remedy("92 % of the fringes are clipped: expose less").find("brightness"),
+            std::string::npos);
+  EXPECT_NE(PhotoSession::remedy("anything else").find("Take it again"), std::string::npos);
+}
+
+TEST(PhotoSession, ReportsOfAnyFormAreNoCrash) {
+  PhotoSession session;
+  session.accept(kMiddle);
+  for (const char* text :
+       {"{}", R"({"photographs": 1})", R"({"photographs": [1, null, {}]})", R"({"drift": 1})",
+        R"({"photographs": [{"name": "middle.jpg", "eye_mm": [1, "a", {}], "used": "x"}]})",
+        R"({"photographs": [{"name": 4}], "reasons": 1, "drift": {"worst_lenses": "a"}})"}) {
+    const ordered_json odd = ordered_json::parse(text);
+    session.take_report(odd);
+    (void)PhotoSession::refusal(odd, kMiddle);
+    EXPECT_EQ(session.to_json()["photographs"].size(), kPhotoPlaces.size());
+  }
+}
+
+TEST(PhotoSession, OnlyKnownPlacesHaveANumber) {
+  EXPECT_EQ(PhotoSession::place_of("right-again"), kRightAgain);
+  for (const char* name : {"", "middle.jpg", "../left", "up"})
+    EXPECT_THROW((void)PhotoSession::place_of(name), HttpError) << name;
+}
+
+}  // namespace
+}  // namespace lenticule::web
