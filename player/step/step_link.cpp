@@ -167,16 +167,23 @@ void StepLink::update_status(const StepPlace& place, const StepNow& now) {
   status.accuracy = read_clock_accuracy();
   status.trouble.clear();
   status.remedy.clear();
-  if (!options_.address.is_unix) find_trouble(place, now, status);
+  find_trouble(place, now, status);
   const std::lock_guard lock(mutex_);
   status_ = std::move(status);
 }
 
-/// Names the first thing that keeps players of several machines apart, and its remedy.
+/// Names the first thing that keeps the players apart, and its remedy.
 void StepLink::find_trouble(const StepPlace& place, const StepNow& now, Status& status) const {
   const nanoseconds half_vblank{place.period_ns / 2};
   const auto bound = std::chrono::microseconds(status.accuracy.bound_us);
-  if (now.monotonic < untimely_until_) {
+  const uint64_t frames = member_->timeline() ? member_->timeline()->loop_frames : 0;
+  if (frames > 0 && place.loop_frames > 0 && frames != place.loop_frames) {
+    status.trouble =
+        fmt::format("this film has {} frames, that of the group has {}", place.loop_frames, frames);
+    status.remedy = "play films of the same length and rate on all players";
+  } else if (options_.address.is_unix) {
+    return;  // one machine has one clock
+  } else if (now.monotonic < untimely_until_) {
     status.trouble = fmt::format(
         "messages are {:.0f} ms old by this machine's clock, and refused: the clocks differ",
         milli(member_->untimely_age()));
@@ -203,7 +210,7 @@ void StepLink::report_trouble() {
   // The figures in a text change all the time; a kind of trouble is reported once.
   if (std::exchange(reported_, now.remedy) == now.remedy) return;
   if (now.trouble.empty())
-    say("step: the clocks are good enough again\n");
+    say("step: the group can be followed again\n");
   else
     say("step: {}; {}\n", now.trouble, now.remedy);
 }

@@ -20,6 +20,8 @@ constexpr size_t kKindAt = 5;
 constexpr size_t kFlagsAt = 6;
 constexpr uint8_t kHasTimeline = 1;
 constexpr uint8_t kInStep = 2;
+/// A timeline is stated for a frame of about now.
+constexpr nanoseconds kFarthestDue = std::chrono::hours(24);
 constexpr size_t kFieldsAt = 8;
 constexpr size_t kFields = 9;
 constexpr size_t kNameAt = kFieldsAt + kFields * sizeof(uint64_t);
@@ -82,10 +84,14 @@ std::optional<StepMessage> read_step_fields(std::span<const uint8_t> bytes) {
     if (!timeline.valid()) return std::nullopt;
     message.timeline = timeline;
   }
-  // Differences of such times do not overflow.
-  constexpr nanoseconds kLargest{int64_t{1} << 61};
-  const auto sane = [&](nanoseconds time) { return time > -kLargest && time < kLargest; };
-  if (!sane(message.sent) || !sane(message.stepped)) return std::nullopt;
+  // Sums and differences of such times do not overflow. The first limit is the year 2116.
+  constexpr nanoseconds kLastTime{int64_t{1} << 62};
+  constexpr nanoseconds kLargestStep{int64_t{1} << 61};
+  const bool sane = message.sent >= nanoseconds{0} && message.sent < kLastTime &&
+                    message.stepped > -kLargestStep && message.stepped < kLargestStep;
+  if (!sane) return std::nullopt;
+  const bool far = message.timeline && std::chrono::abs(timeline.due - message.sent) > kFarthestDue;
+  if (far) return std::nullopt;
   return message;
 }
 

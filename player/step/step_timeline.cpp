@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/step/step_timeline.h"
 
+#include <algorithm>
+
 namespace lenticule::player {
 namespace {
 
@@ -29,7 +31,8 @@ nanoseconds StepTimeline::lateness(uint64_t number, nanoseconds time) const noex
     const Int128 loop = static_cast<Int128>(loop_frames) * frame_units;
     late -= floor_divided(late + loop / 2, loop) * loop;
   }
-  return nanoseconds(static_cast<int64_t>(floor_divided(late, rate.numerator)));
+  late = floor_divided(late, rate.numerator);
+  return nanoseconds(static_cast<int64_t>(std::clamp<Int128>(late, -kMaxTime, kMaxTime)));
 }
 
 StepTimeline StepTimeline::stated_after(nanoseconds time) const noexcept {

@@ -166,34 +166,47 @@ class Step : public PlayerTest {
       if (step_of(name).value("state", "") != state) return false;
     return true;
   }
-  /// Returns the time of the loop's first frame on a player's panel, in seconds below a loop: the
-  /// median of some reports, because a busy machine may show single frames late.
-  [[nodiscard]] double phase_of(const std::string& name) const {
-    std::vector<double> phases;
-    std::optional<double> first;
-    uint64_t before = 0;
-    EXPECT_TRUE(comes_true([&] {
-      const json shown = step_of(name).value("shown", json::object());
+  /// PhaseSamples collects when the first frame of the loop appears on a player's panel, in seconds
+  /// below a loop.
+  class PhaseSamples {
+   public:
+    /// Adds a player's last displayed frame, if it is another one than before.
+    void add(const json& shown) {
       const uint64_t time = shown.value("time_ns", uint64_t{0});
-      if (time == before) return false;
-      before = time;
-      const double loop = kLoop * kVblank;
+      if (time == std::exchange(last_, time)) return;
       const double phase = static_cast<double>(time % 1'000'000'000'000) * 1e-9 -
                            shown.value("frame", 0.0) * kVblank;
-      if (!first) first = phase;
-      phases.push_back(*first + std::remainder(phase - *first, loop));
-      return phases.size() >= 5;
-    }));
-    std::sort(phases.begin(), phases.end());
-    return phases.empty() ? NAN : phases[phases.size() / 2];
-  }
+      const double first = phases_.empty() ? phase : phases_.front();
+      phases_.push_back(first + std::remainder(phase - first, kLoop * kVblank));
+    }
+    [[nodiscard]] bool enough() const { return phases_.size() >= 5; }
+    /// Returns the median, because a busy machine may show single frames late.
+    [[nodiscard]] double median() const {
+      std::vector<double> sorted = phases_;
+      std::sort(sorted.begin(), sorted.end());
+      return sorted[sorted.size() / 2];
+    }
+
+   private:
+    uint64_t last_ = 0;
+    std::vector<double> phases_;
+  };
+
   /// Expects that each frame appears on all panels within a vblank and a tolerance of 0.15.
   void expect_same_frames() const {
-    std::map<std::string, double> phases;
-    for (const auto& [name, player] : players_) phases[name] = phase_of(name);
-    for (const auto& [name, phase] : phases) {
-      const double apart = std::remainder(phase - phases.begin()->second, kLoop * kVblank);
-      EXPECT_LE(std::abs(apart), 1.15 * kVblank) << name << " and " << phases.begin()->first;
+    std::map<std::string, PhaseSamples> samples;
+    ASSERT_TRUE(comes_true([&] {
+      bool enough = true;
+      for (const auto& [name, player] : players_) {
+        samples[name].add(step_of(name).value("shown", json::object()));
+        enough = enough && samples[name].enough();
+      }
+      return enough;
+    }));
+    const double reference = samples.begin()->second.median();
+    for (const auto& [name, phases] : samples) {
+      const double apart = std::remainder(phases.median() - reference, kLoop * kVblank);
+      EXPECT_LE(std::abs(apart), 1.15 * kVblank) << name << " and " << samples.begin()->first;
     }
   }
 
@@ -233,6 +246,21 @@ TEST_F(Step, PlayersOfOneMachineNeedOnlyAUnixSocket) {
   ASSERT_TRUE(comes_true([&] { return all_are("in step"); }));
   expect_same_frames();
   EXPECT_EQ(step_of("follower").value("trouble", "?"), "");
+  const ProcessResult second =
+      run(words("second", {"--leader", "--step-address", path("step.sock")}));
+  EXPECT_EQ(second.exit_code, 3) << second.err;
+  EXPECT_NE(second.err.find("already in use"), std::string::npos) << second.err;
+}
+
+TEST_F(Step, AFilmOfAnotherLengthIsNamed) {
+  start_player("leader", "--leader", path("step.sock"), false);
+  std::vector<std::string> shorter =
+      words("shorter", {"--follow", "--step-address", path("step.sock"), "--frames", "0:20"});
+  players_["shorter"] = std::make_unique<BackgroundProcess>(program(shorter));
+  EXPECT_TRUE(comes_true([&] {
+    return step_of("shorter").value("trouble", "") ==
+           "this film has 20 frames, that of the group has 24";
+  }));
 }
 
 TEST_F(Step, WrongFlagsAreRefusedWithTheRemedy) {

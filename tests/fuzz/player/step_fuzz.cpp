@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads any bytes as a message between players in step, once as it arrives and once as if it had
 // been made with the key. No value of an authentic message may break a follower or a leader.
-#include <cstdlib>
-
 #include "base/error.h"
 #include "player/step/step_member.h"
 
@@ -22,11 +20,11 @@ void receive(StepMember& member, const StepMessage& message) {
                     .stepped = message.stepped};
   (void)member.receive(StepKey().seal(message, "fuzz"), now);
   const StepPlace place{.started = 1, .next_frame = 5, .period_ns = 16'666'667, .loop_frames = 9};
-  const auto answer = member.tick(place, now);
-  if (answer) LENTICULE_CHECK(StepKey().open(*answer, "fuzz").message);
+  (void)member.tick(place, now);
   if (!member.timeline()) return;
   const StepTimeline& timeline = *member.timeline();
-  LENTICULE_CHECK(timeline.stated_after(now.group).frame <= 1'000'000'000'000'000'000);
+  const StepTimeline stated = timeline.stated_after(now.group);
+  LENTICULE_CHECK(timeline.lateness(stated.frame, stated.due) <= nanoseconds{0});
   (void)timeline.lateness(place.next_frame, now.group);
 }
 

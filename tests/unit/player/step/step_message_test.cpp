@@ -10,14 +10,16 @@ using std::chrono::nanoseconds;
 using Refusal = StepKey::Refusal;
 
 const StepKey kKey(std::vector<uint8_t>(32, 7));
-const StepMessage kMessage{
-    .kind = StepKind::Announcement,
-    .session = 0x0123456789ABCDEF,
-    .sent = nanoseconds(1'800'000'000'000'000'000),
-    .stepped = nanoseconds(-5),
-    .timeline = StepTimeline{.frame = 3, .due = nanoseconds(-9), .rate = {24, 1}, .loop_frames = 8},
-    .in_step = true,
-    .difference = -123};
+const StepMessage kMessage{.kind = StepKind::Announcement,
+                           .session = 0x0123456789ABCDEF,
+                           .sent = nanoseconds(1'800'000'000'000'000'000),
+                           .stepped = nanoseconds(-5),
+                           .timeline = StepTimeline{.frame = 3,
+                                                    .due = nanoseconds(1'800'000'000'500'000'000),
+                                                    .rate = {24, 1},
+                                                    .loop_frames = 8},
+                           .in_step = true,
+                           .difference = -123};
 
 TEST(StepMessage, IsReadAsItWasWritten) {
   StepMessage without_timeline = kMessage;
@@ -60,6 +62,9 @@ TEST(StepMessage, AnotherKeyOrGroupIsRefused) {
 TEST(StepMessage, AnAuthenticTimelineThatOverflowsIsRefused) {
   StepMessage message = kMessage;
   message.timeline->rate.denominator = 0;
+  EXPECT_FALSE(kKey.open(kKey.seal(message, "lobby"), "lobby").message);
+  message = kMessage;
+  message.timeline->due += std::chrono::hours(25);
   EXPECT_FALSE(kKey.open(kKey.seal(message, "lobby"), "lobby").message);
   message = kMessage;
   message.sent = nanoseconds::max();
