@@ -31,6 +31,8 @@ endif()
 # For lenticule-video only: FFmpeg 5.1 (Debian 12) or later, and the filter of system calls.
 pkg_check_modules(FFMPEG REQUIRED IMPORTED_TARGET libavformat libavcodec libavutil)
 pkg_check_modules(LIBSECCOMP REQUIRED IMPORTED_TARGET libseccomp)
+# For lenticule-window only; without SDL there is no --display window.
+pkg_check_modules(SDL2 IMPORTED_TARGET sdl2)
 pkg_check_modules(LIBSYSTEMD REQUIRED IMPORTED_TARGET libsystemd)
 
 # Embree 4 if the distribution has it, otherwise Embree 3 (Debian 12): render/accel/embree.h hides the

@@ -81,6 +81,14 @@ kiosk: what plays, the list and its files, the picture that an eye sees, the
 trim of the lens sheet, and metrics for Prometheus."
   DEPENDS "lenticule-player ${same}" RECOMMENDS "lenticule-media ${same}"
   SCRIPTS web/postinst web/prerm web/postrm KEEPS_NAME)
+if(SDL2_FOUND)
+  lenticule_package(window lenticule-window "preview window for lenticular 3-D displays"
+"${about}
+.
+Shows on a desktop what two eyes in front of a panel see, side by side or for
+red-cyan glasses, for authors without a panel."
+    DEPENDS "lenticule-player ${same}" KEEPS_NAME)
+endif()
 lenticule_package(tools lenticule "renderer and tools for lenticular 3-D displays"
 "Renders scenes, and weaves other people's pictures and videos for a display
 behind a sheet of cylinder lenses. Finds the lens sheet with a camera, from

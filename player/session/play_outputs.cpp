@@ -23,7 +23,7 @@ void PlayOutputs::open_recording() {
 std::vector<PlayOutputs::File> PlayOutputs::files() const {
   std::vector<File> files;
   if (statistics_) files.push_back({flags_.stats, statistics_->state()});
-  if (plan_.display.recorder)
+  if (!flags_.record.empty() && plan_.display.recorder)
     files.push_back({flags_.record, plan_.display.recorder->writes().state()});
   if (plan_.trim)
     files.push_back(

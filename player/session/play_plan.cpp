@@ -13,6 +13,7 @@
 #include "player/control/control_peer.h"
 #include "player/process/interrupt.h"
 #include "player/session/card_texts.h"
+#include "player/session/preview_window.h"
 
 namespace lenticule::player {
 namespace {
@@ -27,7 +28,8 @@ constexpr Nanoseconds kPanelAfterLoss = std::chrono::seconds(10);
 uint64_t parse_loops(const PlayFlags& flags, SourceKind kind) {
   const bool is_looked_at = kind == SourceKind::Card || kind == SourceKind::Black ||
                             kind == SourceKind::RigViews || kind == SourceKind::Code;
-  if (flags.loop.empty()) return flags.duration_s || is_looked_at ? kForever : 1;
+  const bool until_closed = flags.duration_s || is_window_spec(flags.display);
+  if (flags.loop.empty()) return until_closed || is_looked_at ? kForever : 1;
   if (flags.loop == "forever") return kForever;
   if (const auto loops = number_from<uint64_t>(flags.loop); loops && *loops > 0) return *loops;
   throw Error(ErrorKind::Usage, fmt::format("--loop '{}': not a number of loops", flags.loop),
@@ -48,6 +50,16 @@ display::ExitPolicy exit_policy(const std::string& on_exit, bool service) {
   if (on_exit == "black") return display::ExitPolicy::Black;
   if (on_exit == "hold" || (on_exit.empty() && service)) return display::ExitPolicy::Hold;
   return display::ExitPolicy::Restore;
+}
+
+/// Returns the virtual display that a window shows.
+std::string virtual_display_of_window(const PlayFlags& flags) {
+  if (!flags.record.empty())
+    throw Error(ErrorKind::Usage, "--record: a window is not recorded", "use --display virtual");
+  if (flags.clock != "real")
+    throw Error(ErrorKind::Usage, "--clock: a window shows frames in real time",
+                "use --display virtual");
+  return virtual_spec_of_window(flags.display);
 }
 
 /// Returns the options of a KMS display other than its name.
@@ -212,9 +224,10 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   } else {
     plan.playback.real_time_priority = true;
   }
-  plan.display.spec = flags.display;
+  plan.window = is_window_spec(flags.display);
+  plan.display.spec = plan.window ? virtual_display_of_window(flags) : flags.display;
   plan.display.buffers = flags.buffers;
-  display::check_display_spec(flags.display);
+  display::check_display_spec(plan.display.spec);
   plan.source.rig_file = rig_file_of(flags, plan);
   plan_content(flags, plan);
   plan.source.slots = flags.slots;

@@ -71,6 +71,8 @@ struct PlayPlan {
   std::shared_ptr<LiveTrim> trim;
   SourceRequest source;
   display::DisplayRequest display;
+  /// A desktop window shows what two eyes see of the display, which is virtual.
+  bool window = false;
   PlaybackOptions playback;
   /// Timeouts for the panel; none = wait forever.
   std::optional<display::Nanoseconds> panel_at_start;

@@ -86,6 +86,7 @@ ExitCode PlayRun::run() {
     open_the_source();
   outputs_.open_recording();
   if (plan_.step) step_.emplace(*plan_.step);
+  if (plan_.window) open_window();
   try {
     open_display();
   } catch (const Error&) {
@@ -102,6 +103,16 @@ ExitCode PlayRun::run() {
 }
 
 // --- display --------------------------------------------------------------------------------
+
+/// Opens the window on the virtual display's pictures. Closing the window ends playback.
+void PlayRun::open_window() {
+  const optics::PixelGrid sent = plan_.source.rig->rig().panel.sent_size();
+  window_ = std::make_shared<PreviewWindow>(
+      plan_.source.rig_file, frames::FrameGeometry{.width = sent.width, .height = sent.height},
+      interrupt_fd());
+  plan_.display.recorder = window_;
+  plan_.playback.stop_fd = window_->stop_fd();
+}
 
 /// Opens the display, taking over the output that a previous player left.
 void PlayRun::open_display() {
@@ -390,7 +401,7 @@ ExitCode PlayRun::conclude(const PlayResult& result) {
   service_.reset();
   kms_ = nullptr;
   display_.reset();  // completes the recording
-  if (plan_.display.recorder) statistics["recording"] = outputs_.finish_recording();
+  if (!flags_.record.empty()) statistics["recording"] = outputs_.finish_recording();
   write_stats(statistics);
   outputs_.finish_statistics();
   if (outputs_.incomplete() && result.outcome != PlayOutcome::Finished)
@@ -413,6 +424,7 @@ ExitCode PlayRun::exit_code_after(const PlayResult& result) const {
       if (outputs_.incomplete()) throw Error(*outputs_.incomplete());
       return kOk;
     case PlayOutcome::Stopped:
+      if (window_) window_->check();
       return interrupt_exit_code();
     case PlayOutcome::SourceFailed:
     case PlayOutcome::SourceStalled:

@@ -17,6 +17,7 @@
 #include "player/session/play_outputs.h"
 #include "player/session/play_plan.h"
 #include "player/session/play_service.h"
+#include "player/session/preview_window.h"
 #include "player/session/service_manager.h"
 #include "player/session/steered_play.h"
 #include "player/session/trim_keys.h"
@@ -49,6 +50,7 @@ class PlayRun {
 
  private:
   // Display.
+  void open_window();
   void open_display();
   void open_panel();
   [[nodiscard]] ReconnectResult reconnect(const LostDisplay& lost);
@@ -96,6 +98,7 @@ class PlayRun {
   std::optional<Error> source_error_;  ///< safe mode: why the source is not played
   display::Nanoseconds card_time_;  ///< display time of the card before the source is tried again
   std::optional<PanelWait> panel_;
+  std::shared_ptr<PreviewWindow> window_;  ///< null without --display window
   std::unique_ptr<display::Display> display_;
   display::KmsDisplay* kms_ = nullptr;  ///< display_, if it is a KMS display
   std::optional<PlayService> service_;

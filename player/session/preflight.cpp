@@ -30,14 +30,14 @@ frames::Rate refresh_of(const std::string& display) {
 }
 
 frames::Rate needed_rate(const PlaylistItem& item, const frames::FrameSource& source,
-                         const PlayFlags& flags, const PlayPlan& plan) {
+                         const PlayPlan& plan) {
   if (plan.playback.content) return *plan.playback.content;
   if (item.rate) return *item.rate;
-  const auto usual = source.frame_count() == uint64_t{1} ? kStills : refresh_of(flags.display);
+  const auto usual = source.frame_count() == uint64_t{1} ? kStills : refresh_of(plan.display.spec);
   return source.rate().value_or(usual);
 }
 
-ordered_json examine(const PlaylistItem& item, const PlayFlags& flags, const PlayPlan& plan) {
+ordered_json examine(const PlaylistItem& item, const PlayPlan& plan) {
   ordered_json row = {
       {"source", item.source.text}, {"figures", nullptr}, {"problems", ordered_json::array()}};
   // A ring's renderer determines its own pace.
@@ -49,7 +49,7 @@ ordered_json examine(const PlaylistItem& item, const PlayFlags& flags, const Pla
       row["problems"].push_back(fmt::format("frames of {}x{} pixels, but the panel has {}x{}",
                                             size.width, size.height, plan.source.panel.width,
                                             plan.source.panel.height));
-    const frames::Rate rate = needed_rate(item, *opened.source, flags, plan);
+    const frames::Rate rate = needed_rate(item, *opened.source, plan);
     try {
       row["figures"] = to_json(measure_source(*opened.source, rate, kLongest));
     } catch (const Error& error) {
@@ -90,7 +90,7 @@ ExitCode run_preflight(const PlayFlags& flags, const PlayPlan& plan) {
   ordered_json rows = ordered_json::array();
   for (const PlaylistItem& item : items) {
     if (interrupted()) return interrupt_exit_code();
-    rows.push_back(examine(item, flags, plan));
+    rows.push_back(examine(item, plan));
     if (!flags.json) print_row(rows.back());
   }
   const bool too_slow = std::any_of(rows.begin(), rows.end(), [](const ordered_json& row) {

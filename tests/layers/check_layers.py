@@ -33,6 +33,7 @@ MAY_INCLUDE = {
     "farm": "base optics frames",
     "apps/lenticule-video": "base optics frames",
     "apps/lenticule-web": "base optics frames",
+    "apps/lenticule-window": "base optics frames",
     "apps/lenticule": "base optics frames display player",
     "apps/lenticule-tools": "base optics frames scenes render display calib player farm "
                             "apps/lenticule",
@@ -61,7 +62,8 @@ LIBRARIES = {
     "qrencode": "frames",
     "apriltag": "calib",
     "CLI": "apps/lenticule apps/lenticule-tools apps/lenticule-bench apps/lenticule-video "
-           "apps/lenticule-web",
+           "apps/lenticule-web apps/lenticule-window",
+    "SDL2": "apps/lenticule-window",
     "systemd": "player",
     "zstd": "frames apps/lenticule-bench",
     "lz4": "frames apps/lenticule-bench",

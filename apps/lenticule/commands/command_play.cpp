@@ -93,7 +93,9 @@ void declare_flags(CLI::App& app, PlayFlags& flags) {
       ->type_name("FILE");
   app.add_option("--display", flags.display,
                  "kms, kms:CONNECTOR, kms:edid:MFG[:PRODUCT[:SERIAL]], kms:/dev/dri/..., or "
-                 "virtual, virtual:3840x2160@60, virtual:3840x2160@59.94,jitter_us=500")
+                 "virtual, virtual:3840x2160@60, virtual:3840x2160@59.94,jitter_us=500, or window: "
+                 "a virtual "
+                 "display of which a window shows what two eyes see, at the mouse")
       ->each([&flags](const std::string&) { flags.display_named = true; })
       ->capture_default_str();
   app.add_option("--clock", flags.clock,
