@@ -85,6 +85,19 @@ std::string without_folder(std::string message, const fs::path& folder) {
   return message;
 }
 
+/// Returns the rig whose comb is white for the eye: that of a rig is white for an eye straight
+/// ahead, at its viewing line.
+optics::Rig white_for(optics::Rig rig, const optics::Eye& eye) {
+  constexpr int kGreen = 1;
+  rig.viewing = {Millimetres(eye.y), Millimetres(eye.z_mm)};
+  const optics::OpticalModel model(rig);
+  const double x = 0.5 * rig.panel.width_px, y = 0.5 * rig.panel.height_px;
+  const optics::Eye ahead{.x = 0.0, .y = eye.y, .z_mm = eye.z_mm};
+  rig.sheet.offset =
+      rig.sheet.offset + Lenses(model.phase(x, y, kGreen, eye) - model.phase(x, y, kGreen, ahead));
+  return rig;
+}
+
 /// Returns the first reason of a report.
 std::string first_reason(const ordered_json& report) {
   const ordered_json reasons = report.value("reasons", ordered_json::array());
@@ -411,8 +424,8 @@ std::string PhotoCalibration::picture(bool after) {
   if (!found) throw HttpError(404, "no lens sheet was found yet");
   const std::lock_guard lock(drawing_);
   const frames::WovenFrame chart =
-      frames::draw_chart({.pattern = frames::ChartPattern::NumberedViews,
-                          .rig = after ? found->after : found->before});
+      frames::draw_chart({.pattern = frames::ChartPattern::Comb,
+                          .rig = white_for(after ? found->after : found->before, found->eye)});
   const int width = std::min(kPictureWidth, chart.width());
   const int height = std::max(1, static_cast<int>(int64_t{chart.height()} * width / chart.width()));
   return jpeg_of(optics::simulate_eye(optics::OpticalModel(found->after),
