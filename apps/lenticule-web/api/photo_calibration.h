@@ -89,8 +89,9 @@ class PhotoCalibration {
   [[nodiscard]] std::unique_ptr<BodySink> photograph(const PhotoRequest& request);
   /// Removes a photograph and fits the others again. Throws HttpError 400 or 404.
   void remove(const std::string& place);
-  /// Returns the numbered views, as JPEG, as the camera would see them with the rig of before or
-  /// with the found one. Throws HttpError 404 if no rig was found.
+  /// Returns a picture, as JPEG, that is white for the camera of the first photograph only, drawn
+  /// with the rig of before or with the found one, as that camera would see it. Throws HttpError
+  /// 404 if no rig was found.
   [[nodiscard]] std::string picture(bool after);
   /// Returns the found rig's file. Throws HttpError 404.
   [[nodiscard]] std::string rig_toml() const;

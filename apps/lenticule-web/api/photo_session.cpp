@@ -23,8 +23,11 @@ struct Remedy {
   std::string_view reason;  ///< part of it
   std::string_view words;
 };
-constexpr std::array<Remedy, 11> kRemedies = {
+constexpr std::array<Remedy, 12> kRemedies = {
     {{"tags were found", "Get the whole panel with all nine tags into the picture, and sharp."},
+     {"tags deviate",
+      "Use the main camera of the phone, and get the whole panel with all nine tags into the "
+      "picture."},
      {"another rig", "Press \"Begin again\", and photograph the chart that is then on the panel."},
      {"another size", "Use one phone, in one setting, and send the files as it stored them."},
      {"focal length differs", "Use no zoom, and the same camera of the phone for all."},

@@ -124,6 +124,8 @@ TEST(PhotoSession, NamesTheReasonOfARefusal) {
 TEST(PhotoSession, SaysWhatToDoBetter) {
   EXPECT_NE(PhotoSession::remedy("only 2 of 9 tags were found: the panel").find("all nine tags"),
             std::string::npos);
+  EXPECT_NE(PhotoSession::remedy("the tags deviate by 18.8 pixels").find("main camera"),
+            std::string::npos);
   EXPECT_NE(PhotoSession::remedy("92 % of the fringes are clipped: expose less").find("brightness"),
             std::string::npos);
   EXPECT_NE(PhotoSession::remedy("anything else").find("Take it again"), std::string::npos);
