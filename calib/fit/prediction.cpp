@@ -3,10 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
+#include <random>
 
 namespace lenticule::calib {
 namespace {
 
+using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
@@ -26,6 +29,19 @@ void over_panel(const optics::Panel& panel, int columns, int rows, const Point& 
 double root(double variance) {
   return std::sqrt(std::max(0.0, variance));
 }
+
+/// Normals returns normally distributed numbers, the same ones with every library (Box and Muller).
+class Normals {
+ public:
+  double next() {
+    const double radius = std::sqrt(-2.0 * std::log(uniform()));
+    return radius * std::cos(2.0 * std::numbers::pi * uniform());
+  }
+
+ private:
+  double uniform() { return (static_cast<double>(bits_() >> 11) + 0.5) * 0x1p-53; }
+  std::mt19937_64 bits_{1};
+};
 
 }  // namespace
 
@@ -156,6 +172,33 @@ DriftPrediction Prediction::worst_drift(const std::vector<Vec3>& eyes) const {
         worst = {.worst_lenses = 2.0 * sigma, .panel_x_px = p.x, .panel_y_px = p.y, .eye_mm = eye};
     });
   return worst;
+}
+
+std::vector<double> Prediction::drawn_drifts(const std::vector<Vec3>& eyes, int draws) const {
+  MatrixXd slopes(static_cast<Index>(eyes.size()) * kDriftColumns * kDriftRows, covariance_.rows());
+  Index row = 0;
+  for (const Vec3& eye : eyes)
+    over_panel(panel_, kDriftColumns, kDriftRows,
+               [&](Vec2 p) { slopes.row(row++) = gradient(p, eye).transpose(); });
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> axes(covariance_);
+  const VectorXd lengths = axes.eigenvalues().cwiseMax(0.0).cwiseSqrt();
+  const MatrixXd errors = slopes * axes.eigenvectors() * lengths.asDiagonal();
+  Normals normals;
+  std::vector<double> largest;
+  VectorXd drawn(covariance_.rows());
+  for (int n = 0; n < draws; ++n) {
+    for (double& value : drawn) value = normals.next();
+    largest.push_back((errors * drawn).cwiseAbs().maxCoeff());
+  }
+  std::ranges::sort(largest);
+  return largest;
+}
+
+DriftPrediction Prediction::likely_largest_drift(const std::vector<Vec3>& eyes) const {
+  constexpr int kDraws = 1000, kWithin = 950;
+  DriftPrediction likely = worst_drift(eyes);
+  likely.worst_lenses = drawn_drifts(eyes, kDraws)[kWithin];
+  return likely;
 }
 
 }  // namespace lenticule::calib

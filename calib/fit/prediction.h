@@ -43,9 +43,15 @@ class Prediction {
   [[nodiscard]] Vec3 eye_sigma(size_t view) const;
   /// Returns two standard errors at the worst panel point for the worst of the eyes.
   [[nodiscard]] DriftPrediction worst_drift(const std::vector<Vec3>& eyes) const;
+  /// Returns the limit within which, with a probability of 95 %, the error stays at all panel
+  /// points for all eyes at once; the place is that of worst_drift(). Draws sheets from the
+  /// covariance, the same ones in each call.
+  [[nodiscard]] DriftPrediction likely_largest_drift(const std::vector<Vec3>& eyes) const;
 
  private:
   void add(const LawError& law);
+  /// Returns the drawn sheets' largest errors, in increasing order.
+  [[nodiscard]] std::vector<double> drawn_drifts(const std::vector<Vec3>& eyes, int draws) const;
   /// Returns d Phi / d (sheet, knots) at a panel point for an eye.
   [[nodiscard]] Eigen::VectorXd gradient(Vec2 panel_px, const Vec3& eye_mm) const;
   [[nodiscard]] double phase(const SheetParameters& sheet, Vec2 panel_px, const Vec3& eye_mm) const;

@@ -27,7 +27,7 @@ struct PhonePhoto {
                                                       const SinglePhotoChart& chart);
 
 /// Fits all photographs that could be measured. `focal_px` refers to the original photographs. The
-/// stated error, `drift`, is 0.004 lens plus 1.3 times two standard errors at the worst place for
+/// stated error, `drift`, is the limit within which 95 of 100 results stay over the whole panel for
 /// eyes 250 mm to each side at 0.8 to 1.2 of the viewing distance. The verdict is Intrinsic if it
 /// is within 0.02 lens, Effective if it is within `most_lenses`, else Refused. Reasons name the
 /// photographs.

@@ -442,10 +442,14 @@ class Joint {
     }
   }
 
-  static double rms(const std::vector<double>& values) {
-    double sum = 0.0;
-    for (const double v : values) sum += v * v;
-    return values.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(values.size()));
+  template <class WeightOf>
+  static double rms(const std::vector<double>& values, const WeightOf& weight_of) {
+    double sum = 0.0, weights = 0.0;
+    for (size_t k = 0; k < values.size(); ++k) {
+      sum += weight_of(k) * values[k] * values[k];
+      weights += weight_of(k);
+    }
+    return weights > 0.0 ? std::sqrt(sum / weights) : 0.0;
   }
 
   PhotoFit photo_fit(size_t n, const MatrixXd& covariance) {
@@ -456,8 +460,9 @@ class Joint {
     out.breathing_pull = std::abs(out.breathing) / kBreathingSigma;
     out.shift_pull = std::hypot(out.shift.x, out.shift.y) / kShiftSigma;
     out.phase_rests = phase_rests(n);
-    out.phase_rms = rms(out.phase_rests);
-    out.corner_rms_px = rms(corner_rests(n));
+    // Blocks that are seen steeply have little contrast.
+    out.phase_rms = rms(out.phase_rests, [&](size_t k) { return seen_[n].phases[k].weight; });
+    out.corner_rms_px = rms(corner_rests(n), [](size_t) { return 1.0; });
     const Index at = photos_at_ + kPhotoCount * static_cast<Index>(n) + kPupil;
     out.eye_sigma_mm = {std::sqrt(covariance(at, at)), std::sqrt(covariance(at + 1, at + 1)),
                         std::sqrt(covariance(at + 2, at + 2))};

@@ -20,7 +20,7 @@ struct PhotoFit {
   Vec2 shift;                   ///< axis minus the camera's, longer sides of the picture
   double breathing_pull = 0.0;  ///< breathing over the standard deviation of its prior
   double shift_pull = 0.0;      ///< shift over the standard deviation of its prior
-  double phase_rms = 0.0;       ///< lenses
+  double phase_rms = 0.0;       ///< lenses; by the weights of the blocks
   double corner_rms_px = 0.0;
   std::vector<double> phase_rests;  ///< lenses, in the order of PhotoFindings::blocks
   Vec3 eye_sigma_mm;

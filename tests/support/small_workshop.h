@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The workshop in which tests calibrate from hand-held photographs: a panel whose photographs are
-// simulated in about a second.
+// simulated in about three seconds.
 #pragma once
 
 #include <filesystem>

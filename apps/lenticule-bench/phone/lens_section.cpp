@@ -50,6 +50,7 @@ std::optional<LensSection::Shift> LensSection::trace(double place, double tan_ac
   // A ray at depth h below the apices is at place p - tan_across h. It meets the arc of lens j
   // where (a - tan_across h)^2 + (r - h)^2 = r^2 with a = (place - j) p.
   double depth = std::numeric_limits<double>::infinity(), from_apex = 0.0;
+  int lens = 0;
   for (int j = -1; j <= 1; ++j) {
     const double a = (place - j) * p;
     const double half = a * tan_across + r, square = 1.0 + tan_across * tan_across;
@@ -60,6 +61,7 @@ std::optional<LensSection::Shift> LensSection::trace(double place, double tan_ac
     if (std::abs(at) > 0.5 * p || h >= depth) continue;
     depth = h;
     from_apex = at;
+    lens = j;
   }
   if (!std::isfinite(depth) || std::abs(from_apex) > 0.5 * (1.0 - build_.valley) * p)
     return std::nullopt;
@@ -73,7 +75,7 @@ std::optional<LensSection::Shift> LensSection::trace(double place, double tan_ac
   const double down = build_.sheet_mm - depth;
   return Shift{
       -tan_across * depth + down * sheet.x / -sheet.z + build_.glass_mm * glass.x / -glass.z,
-      -tan_along * depth + down * sheet.y / -sheet.z + build_.glass_mm * glass.y / -glass.z};
+      -tan_along * depth + down * sheet.y / -sheet.z + build_.glass_mm * glass.y / -glass.z, lens};
 }
 
 double LensSection::lens_coordinate(Vec2 at) const {
@@ -89,17 +91,14 @@ double LensSection::lens_coordinate(Vec2 at) const {
 LensSection::Shift LensSection::mean_shift(double tan_across, double tan_along, int channel) const {
   // Equal parts of the plane of the apices send equal light to the eye. From the side, some rays of
   // one lens's width enter its neighbour; they count where they would be in the lens itself.
-  constexpr int kSteps = 64;
-  const auto apex = trace(0.0, tan_across, tan_along, channel);
+  constexpr int kSteps = 256;
   Shift sum;
   int count = 0;
   for (int k = 0; k < kSteps; ++k) {
     const double place = (k + 0.5) / kSteps - 0.5;
     const auto shift = trace(place, tan_across, tan_along, channel);
     if (!shift) continue;
-    double across = place * pitch_mm_ + shift->across;
-    if (apex) across -= pitch_mm_ * std::round((across - apex->across) / pitch_mm_);
-    sum.across += across;
+    sum.across += (place - shift->lens) * pitch_mm_ + shift->across;
     sum.along += shift->along;
     ++count;
   }

@@ -48,6 +48,7 @@ class LensSection {
   struct Shift {
     double across = 0.0;
     double along = 0.0;
+    int lens = 0;  ///< 0, or the neighbour that a ray from the side enters
   };
   /// Traces the ray that crosses the plane of the apices at `place` pitches from an apex and goes
   /// on to an eye in the direction (across, along, 1). Returns nothing if it hits a valley.

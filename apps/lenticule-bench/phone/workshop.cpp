@@ -98,10 +98,10 @@ Shot shot_of(Draws& draw, int number, double distance, double panel_width_mm) {
   };
   // Parts of the viewing distance; degrees.
   constexpr std::array<Place, 6> kPlaces = {{{0.0, 0.05, 1.0, 180.0},
-                                             {-0.55, 0.0, 1.0, 0.0},
-                                             {0.55, 0.0, 1.0, 0.0},
-                                             {0.5, 0.0, 0.95, 180.0},
-                                             {-0.5, 0.0, 0.95, 180.0},
+                                             {-0.5, 0.4, 1.0, 0.0},
+                                             {0.5, 0.4, 1.0, 0.0},
+                                             {0.5, 0.4, 0.95, 180.0},
+                                             {-0.5, 0.4, 0.95, 180.0},
                                              {0.0, 0.2, 1.0, 0.0}}};
   const Place& place = kPlaces[static_cast<size_t>(number) % kPlaces.size()];
   Shot shot;

@@ -30,9 +30,9 @@ struct WorkshopLimits {
 };
 
 /// Returns the workshop of a seed. The first shots of workshops that differ only in their number
-/// are equal. The owner stands in front of the panel with the phone upside down, then left, then
-/// right, then right and left with the phone upside down, then in front; every place, direction and
-/// turn is off by what a hand does.
+/// are equal. The owner stands in front of the panel with the phone upside down, then holds it up
+/// at the left, then at the right, then there again upside down, then in front; every place,
+/// direction and turn is off by what a hand does.
 [[nodiscard]] Workshop draw_workshop(uint64_t seed, const WorkshopLimits& limits);
 
 /// Returns the eyes at which a rig is judged: 250 mm to each side, at 0.8, 1 and 1.2 of the

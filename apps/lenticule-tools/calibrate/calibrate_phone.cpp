@@ -173,10 +173,8 @@ ExitCode run_phone(const PhoneFlags& flags) {
   const auto display = display::open_display(request);
   display::DisplaySink sink(*display);
   Collection collection(flags, rig, *display, sink);
-  say("1. Photograph the whole panel from the middle with the phone turned upside down, then from "
-      "a\n"
-      "   step to the left and from a step to the right; then from there the other way up. No "
-      "zoom.\n"
+  say("1. Photograph the whole panel from the middle with the phone turned upside down; then, the\n"
+      "   usual way up and held high, from a step to the left and a step to the right. No zoom.\n"
       "2. Send the photographs as the phone stored them to {}\n"
       "3. Wait: each is measured as it arrives. Ctrl-C ends.\n",
       flags.folder);

@@ -69,6 +69,23 @@ TEST(PhoneBench, TheLensesFocusOnThePixels) {
   }
 }
 
+// From far to the side, the light of one lens covers more than the width of a lens, and its edge
+// enters the neighbour. The middle of the light still moves smoothly with the direction.
+TEST(PhoneBench, TheMiddleOfWideLightMovesSmoothly) {
+  for (uint64_t seed = 1; seed <= 4; ++seed) {
+    const Workshop workshop = small_workshop(seed);
+    SheetBuild build = workshop.build;
+    build.sheet_index = 1.49;
+    build.defocus = 0.08;
+    const LensSection sheet(build, workshop.start.panel);
+    const auto shift = [&](double tangent) {
+      return sheet.mean_shift(tangent, 0.0, kGreen).across / sheet.pitch_mm();
+    };
+    for (double t = 0.9; t < 1.1; t += 0.01)
+      EXPECT_NEAR(shift(t - 0.01) + shift(t + 0.01), 2.0 * shift(t), 0.008) << seed << " " << t;
+  }
+}
+
 TEST(PhoneBench, BlueIsBentMoreThanRed) {
   const Workshop workshop = small_workshop(3);
   const LensSection sheet(workshop.build, workshop.start.panel);

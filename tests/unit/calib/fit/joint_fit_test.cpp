@@ -183,6 +183,28 @@ TEST(Prediction, DriftGrowsAwayFromTheViewpoints) {
   EXPECT_LT(line.pitch_subpx.sigma, 1e-5);
 }
 
+// One error that is the same everywhere exceeds 1.96 standard errors in 5 % of the cases; the
+// largest of several independent errors exceeds them more often.
+TEST(Prediction, TheLikelyLargestDriftCountsIndependentErrors) {
+  const FitStage stage(6);
+  std::optional<JointFit> fit = fitted(stage, 1.0);
+  ASSERT_TRUE(fit);
+  constexpr double kSigma = 0.01;
+  const std::vector<Vec3> eyes = {{-200, 0, 700}, {200, 0, 700}};
+  const auto ratio = [&] {
+    const Prediction prediction(*fit, kSmallMap, stage.panel());
+    return prediction.likely_largest_drift(eyes).worst_lenses /
+           (0.5 * prediction.worst_drift(eyes).worst_lenses);
+  };
+  fit->covariance.setZero();
+  fit->covariance(kOffset, kOffset) = kSigma * kSigma;
+  EXPECT_NEAR(ratio(), 1.96, 0.1);
+  for (int knot = 0; knot < kSmallMap.count(); ++knot)
+    fit->covariance(kSheetCount + knot, kSheetCount + knot) = 4.0 * kSigma * kSigma;
+  EXPECT_GT(ratio(), 2.3);
+  EXPECT_LT(ratio(), 4.0);
+}
+
 TEST(Prediction, AddsTheModelsErrorsToNoise) {
   const FitStage stage(6);
   const std::optional<JointFit> fit = fitted(stage, 1.0);

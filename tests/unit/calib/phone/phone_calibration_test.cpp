@@ -44,7 +44,7 @@ TEST(PhoneCalibration, FindsTheSheetForEveryEye) {
   const Calibration few = calibrate(trial, {trial.photos().begin(), trial.photos().begin() + 2});
   EXPECT_GT(few.drift.worst_lenses, found.drift.worst_lenses);
   EXPECT_EQ(few.verdict, Verdict::Refused);
-  EXPECT_THAT(few.reasons, ElementsAre(HasSubstr("take one more from the right")));
+  EXPECT_THAT(few.reasons, ElementsAre(HasSubstr("take one more from the upper right")));
 }
 
 TEST(PhoneCalibration, PhotographsThatContradictEachOtherAreRefusedAndNamed) {
