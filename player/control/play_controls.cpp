@@ -262,6 +262,9 @@ std::shared_ptr<const Playlist> PlayControls::interruption_of(const ControlReque
     list.standby.reset();
   }
   list.rounds = 1;
+  if (request.seconds && list.items.size() != 1)
+    throw Error(ErrorKind::Usage, "seconds: only for a single source or item",
+                "write duration_s into the list");
   for (PlaylistItem& item : list.items) item.schedule.reset();
   if (list.items.size() == 1) {
     PlaylistItem& item = list.items.front();

@@ -93,6 +93,7 @@ void ItemLoader::locked_discard(std::unique_ptr<OpenItem>& item) {
 
 void ItemLoader::locked_offer(std::unique_ptr<OpenItem> item, const NextItem& pick) {
   item->list = cursor_.list();
+  item->interrupts = cursor_.interrupted().has_value();
   if (pick.kind == NextItem::Kind::Item) {
     item->index = pick.index;
     cursor_.choose(pick.index, pick.rounds_done);
@@ -368,7 +369,7 @@ std::unique_ptr<OpenItem> ItemLoader::take_replacement(uint32_t number) {
 
 std::shared_ptr<const Playlist> ItemLoader::list() const {
   const std::lock_guard lock(mutex_);
-  return cursor_.list();
+  return cursor_.interrupted() ? cursor_.interrupted()->list : cursor_.list();
 }
 
 void ItemLoader::set_loops(uint64_t loops) {

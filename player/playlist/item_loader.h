@@ -128,7 +128,7 @@ class ItemLoader {
   void hold(bool held);
   void look_again();
   [[nodiscard]] bool is_jumping() const;
-  /// Returns the list that is played.
+  /// Returns the list that is played, or that continues after the present interruption.
   [[nodiscard]] std::shared_ptr<const Playlist> list() const;
 
  private:

@@ -94,6 +94,7 @@ void ItemLoader::open_requested(Lock& lock) {
     attempt.item->list = place.list;
     attempt.item->index = place.index;
     attempt.item->rounds_done = place.rounds_done;
+    attempt.item->interrupts = place.interrupts;
     if (request_->returns) continue_item(*attempt.item, interrupted_);
     request_->item = std::move(attempt.item);
     return wake_.signal();
@@ -339,6 +340,7 @@ void ItemLoader::go(const JumpDone& done) {
     request.item->list = request.place.list;
     request.item->index = request.place.index;
     request.item->rounds_done = request.place.rounds_done;
+    request.item->interrupts = request.place.interrupts;
     request.done = done;
     request.since = SteadyClock::now();
     replaced = locked_request(std::move(request));

@@ -22,6 +22,7 @@ struct OpenItem {
   std::shared_ptr<const Playlist> list;
   PlaylistItem item;
   std::optional<size_t> index;  ///< none: standby
+  bool interrupts = false;      ///< an item of an interruption, which is not in the list
   uint64_t rounds_done = 0;     ///< rounds of the list when the item was chosen
   uint64_t first_frame = 0;
   std::vector<FileMark> files;  ///< state of the files before the item was opened

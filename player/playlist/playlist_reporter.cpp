@@ -30,10 +30,11 @@ void PlaylistReporter::begin(const OpenItem& item) {
   status_.list = item.list->name;
   status_.items = item.list->items.size();
   status_.source = item.item.source.text;
-  status_.item = item.index;
+  const auto index = item.interrupts ? std::nullopt : item.index;
+  status_.item = index;
   status_.frames = item.opened.source->frame_count();
   status_.rounds_done = item.rounds_done;
-  begun_.push_back({item.number, item.item.source.text, item.index});
+  begun_.push_back({item.number, item.item.source.text, index});
   if (begun_.size() > kRememberedItems) begun_.pop_front();
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests the verbs of `lenticule ctl` with which a show is run: interruptions, cues, black, speed and
-// power, with a player on the virtual display.
+// Tests the verbs of `lenticule ctl` with which a show is run: interruptions, cues, black, speed
+// and power, with a player on the virtual display.
 #include "tests/commands/player_stage.h"
 #include "tests/commands/sequence_films.h"
 

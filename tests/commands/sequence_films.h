@@ -11,8 +11,8 @@
 
 namespace lenticule::test {
 
-/// Writes a film of `frames` frames, woven for the rig in the file `rig`. All pixels of frame k have
-/// the value level + k.
+/// Writes a film of `frames` frames, woven for the rig in the file `rig`. All pixels of frame k
+/// have the value level + k.
 inline void write_sequence(const std::string& file, const std::string& rig, uint8_t level,
                            int frames = 6) {
   const auto loaded = optics::load_rig_and_identity(rig);

@@ -277,6 +277,16 @@ TEST(PlayService, StatusNamesVerdictAndPanel) {
   EXPECT_NE(text.find("panel disconnected"), std::string::npos) << text;
 }
 
+TEST(PlayService, AnOutputThatIsSwitchedOffSatisfiesTheWatchdogAndIsNamed) {
+  PlayReport report;
+  report.off = true;
+  const display::KmsStatistics kms{.panel = display::PanelState::Showing};
+  EXPECT_TRUE(progress_sample(report, &kms).panel_away);
+  EXPECT_TRUE(progress_sample(report, nullptr).panel_away);
+  EXPECT_FALSE(progress_sample(PlayReport{}, &kms).panel_away);
+  EXPECT_NE(status_text(report, &kms, nullptr).find("output off"), std::string::npos);
+}
+
 TEST(PlayService, CountsTheCardsFailuresForTheWatchdog) {
   PlayReport report;
   report.pace.shown = 5;

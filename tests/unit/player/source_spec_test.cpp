@@ -24,6 +24,11 @@ TEST(SourceSpec, TheNameDecidesTheKind) {
   EXPECT_EQ(kind(""), SourceKind::Pictures);
 }
 
+TEST(SourceSpec, ANameThatEndsWithASlashIsAFolderWhichIsPlayedAsAList) {
+  EXPECT_EQ(parse_source("films/").kind, SourceKind::List);
+  EXPECT_EQ(parse_source("films/").in_folder("/media").text, "/media/films/");
+}
+
 TEST(SourceSpec, APrefixDecidesBeforeAnExtension) {
   EXPECT_EQ(parse_source("ring:panel.toml").kind, SourceKind::Ring);
   EXPECT_EQ(parse_source("views:a.lts").kind, SourceKind::ViewFiles);

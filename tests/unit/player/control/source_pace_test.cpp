@@ -46,6 +46,18 @@ TEST(SourcePace, IsTooSlowWhileFramesAreLateAndWarnsAtIntervals) {
   EXPECT_FALSE(pace.look(report_of(240, 60), now += seconds(1)).too_slow);
 }
 
+TEST(SourcePace, CountsFramesThatAHigherSpeedSkips) {
+  SourcePace pace;
+  PlayReport report = report_of(60, 0);
+  (void)pace.look(report, Time{seconds(100)});
+  report.content_rate = {480, 1};
+  report.pace.shown += 60;
+  report.pace.skipped_planned += 420;
+  const PaceFigures figures = pace.look(report, Time{seconds(101)});
+  EXPECT_DOUBLE_EQ(figures.seen_fps, 480.0);
+  EXPECT_DOUBLE_EQ(figures.needed_fps, 480.0);
+}
+
 TEST(SourcePace, IgnoresTheFirstSecond) {
   SourcePace pace;
   PlayReport report = report_of(50, 10);

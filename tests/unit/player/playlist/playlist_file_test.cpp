@@ -23,6 +23,14 @@ std::string complaint(const std::string& text) {
   return "none";
 }
 
+TEST(PlaylistOrder, AListWithoutItemsShowsItsDefault) {
+  Playlist list;
+  EXPECT_EQ(next_item(list, std::nullopt, 0, {}).kind, NextItem::Kind::None);
+  EXPECT_EQ(next_item(list, 3, 0, {}).kind, NextItem::Kind::None);
+  list.standby.emplace();
+  EXPECT_EQ(next_item(list, std::nullopt, 0, {}).kind, NextItem::Kind::Standby);
+}
+
 TEST(PlaylistFile, ReadsEveryKey) {
   const Playlist list = parse(R"(format = 1
 loop = "forever"
