@@ -39,7 +39,7 @@ class HandHeldPhone {
                   bool cut = false) const {
     phone_bench::Shot shot = this->shot(place);
     const optics::Panel& panel = workshop_.start.panel;
-    if (cut) shot.look_at_mm.x += 0.7 * panel.width_px * panel.pixel_width.value;
+    if (cut) shot.look_at_mm.x += panel.width_px * panel.pixel_width.value;
     write_photo(phone_bench::photograph(sheet_, shown.view(), workshop_.phone, shot),
                 workshop_.phone.jpeg_quality, file);
   }
