@@ -44,6 +44,9 @@ class BlockGrid {
     const double from_border = std::abs(in_band - std::round(in_band));
     constexpr double kMargin = 0.06;  // fraction of a band that a lens or a blurred camera may mix
     if (from_border < kMargin) return false;
+    // At the sides, too, a blurred camera mixes fringes with what is beside the panel.
+    const double from_side = std::min(at.x, width() - at.x) * chart_.bands / height();
+    if (from_side < kMargin) return false;
     const double margin = 0.5 * chart_.tags.front().cell_px;
     const auto covers = [&](const auto& drawn) { return drawn.covers(at, margin); };
     return std::ranges::none_of(chart_.tags, covers) &&
