@@ -477,7 +477,7 @@ test("Calibrate: a phone goes from the code on the panel to a saved rig", { time
   await take("photo", 0);
   await says(page, "verdict", "for one place");
   assert.match(await place(1), /used/);
-  assert.equal(await text(page, "take"), "Take the photograph from the left");
+  assert.equal(await text(page, "take"), "Take the photograph from the upper left");
   await picture("one");
   await take("cut", 1);
   assert.match(await place(2), /refused.*(tags|fringes).*whole panel/);

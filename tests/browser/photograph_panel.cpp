@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Is the panel and the phone's camera of the tests in a browser.
 //
-//   photograph_panel rig RIG.toml                  writes the rig that the panel's owner assumes
-//   photograph_panel photo SHOWN.png PHOTO.jpg N   photographs the panel that shows a frame, from
-//   place N photograph_panel cut SHOWN.png PHOTO.jpg N     the same, with a part of the panel out
-//   of the picture photograph_panel error RIG.toml                prints the largest phase error of
-//   a rig, lenses
+//   photograph_panel rig RIG.toml
+//     writes the rig that the panel's owner assumes
+//   photograph_panel photo SHOWN.png PHOTO.jpg N
+//     photographs the panel that shows a frame, from place N
+//   photograph_panel cut SHOWN.png PHOTO.jpg N
+//     does the same with a part of the panel out of the picture
+//   photograph_panel error RIG.toml
+//     prints the largest phase error of a rig, in lenses
 #include <fmt/format.h>
 
 #include <exception>

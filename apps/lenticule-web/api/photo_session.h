@@ -14,18 +14,19 @@ namespace lenticule::web {
 /// PhotoPlace is a place from which a photograph is asked for.
 struct PhotoPlace {
   std::string_view name;   ///< in addresses and in names of files
-  std::string_view words;  ///< "from the left"
+  std::string_view words;  ///< "from the upper left"
   int side = 0;            ///< -1: left of the middle, 1: right
   bool upside_down = false;
 };
 
 /// The first photograph is upside down and those from the sides are not, so that the axis of the
-/// phone's camera, which is off the middle of its pictures, cancels (docs/calibration-method.md).
+/// phone's camera, which is off the middle of its pictures, cancels; from above the panel shows
+/// shifts of that axis (docs/calibration-method.md).
 inline constexpr std::array<PhotoPlace, 4> kPhotoPlaces = {
     {{.name = "middle", .words = "from the middle", .side = 0, .upside_down = true},
-     {.name = "left", .words = "from the left", .side = -1, .upside_down = false},
-     {.name = "right", .words = "from the right", .side = 1, .upside_down = false},
-     {.name = "right-again", .words = "from the right again", .side = 1, .upside_down = true}}};
+     {.name = "left", .words = "from the upper left", .side = -1, .upside_down = false},
+     {.name = "right", .words = "from the upper right", .side = 1, .upside_down = false},
+     {.name = "right-again", .words = "from the upper right again", .side = 1, .upside_down = true}}};
 
 /// Thread safety: one thread at a time. Places are indices of kPhotoPlaces.
 class PhotoSession {
