@@ -92,7 +92,9 @@ enum class Verdict {
 /// DriftPrediction is the largest phase error over panel and eyes, predicted from the standard
 /// errors.
 struct DriftPrediction {
-  double worst_lenses = 0.0;  ///< two standard errors, at the worst panel point for the worst eye
+  /// At the worst panel point for the worst eye: two standard errors; for hand-held photographs the
+  /// limit that 95 % of drawn errors keep.
+  double worst_lenses = 0.0;
   double panel_x_px = 0.0;
   double panel_y_px = 0.0;
   Vec3 eye_mm;
