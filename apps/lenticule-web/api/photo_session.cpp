@@ -23,7 +23,7 @@ struct Remedy {
   std::string_view reason;  ///< part of it
   std::string_view words;
 };
-constexpr std::array<Remedy, 12> kRemedies = {
+constexpr std::array<Remedy, 13> kRemedies = {
     {{"tags were found", "Get the whole panel with all nine tags into the picture, and sharp."},
      {"tags deviate",
       "Use the main camera of the phone, and get the whole panel with all nine tags into the "
@@ -38,6 +38,7 @@ constexpr std::array<Remedy, 12> kRemedies = {
      {"hand moved", "Hold the phone with both hands, and switch HDR off."},
      {"fringes are in the picture",
       "Get the whole panel into the picture, with nothing before it."},
+     {"took too long", "The machine is busy. Pause the content, and send the photograph again."},
      {"stated error", "Hold the phone as the drawing shows, and send the file as it is."}}};
 constexpr std::string_view kUsualRemedy =
     "Take it again: the whole panel in the picture, a dark room, no flash, no zoom.";
