@@ -26,7 +26,10 @@ inline constexpr std::array<PhotoPlace, 4> kPhotoPlaces = {
     {{.name = "middle", .words = "from the middle", .side = 0, .upside_down = true},
      {.name = "left", .words = "from the upper left", .side = -1, .upside_down = false},
      {.name = "right", .words = "from the upper right", .side = 1, .upside_down = false},
-     {.name = "right-again", .words = "from the upper right again", .side = 1, .upside_down = true}}};
+     {.name = "right-again",
+      .words = "from the upper right again",
+      .side = 1,
+      .upside_down = true}}};
 
 /// Thread safety: one thread at a time. Places are indices of kPhotoPlaces.
 class PhotoSession {
