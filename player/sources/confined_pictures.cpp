@@ -84,7 +84,7 @@ class SharedMemory {
   void* memory_ = nullptr;
 };
 
-/// What a decoder reads. One for PNG only starts in a hundredth of the time.
+/// Formats that a decoder reads. A decoder of PNG alone starts in a hundredth of the time.
 enum class Formats { Png, All };
 
 Formats formats_for(const std::filesystem::path& file) {

@@ -48,7 +48,7 @@ class StepLink {
   void report_trouble();
 
  private:
-  /// What the thread knows, for the statistics.
+  /// Status holds the figures of the thread that the statistics print.
   struct Status {
     StepMessageCounts counts;
     uint64_t sent = 0;
@@ -75,7 +75,7 @@ class StepLink {
   StepClock clock_;
   std::unique_ptr<StepMember> member_;
   StepLeader* leader_ = nullptr;                ///< member_, if it is the leader
-  std::map<uint64_t, StepEndpoint> endpoints_;  ///< of the followers, by session
+  std::map<uint64_t, StepEndpoint> endpoints_;  ///< address of each follower, by session
   std::chrono::nanoseconds untimely_until_{0};  ///< end of the time in which that is reported
 
   mutable std::mutex mutex_;  ///< guards status_

@@ -24,10 +24,10 @@ struct StepMessageCounts {
   uint64_t accepted = 0;
   uint64_t refused_format = 0;    ///< not a message of this version
   uint64_t refused_key = 0;       ///< made without the key
-  uint64_t refused_group = 0;     ///< for another group, or of another role
+  uint64_t refused_group = 0;     ///< the message is for another group, or for another role
   uint64_t refused_replayed = 0;  ///< StepVerdict::Replayed
   uint64_t refused_untimely = 0;
-  uint64_t refused_stranger = 0;  ///< of a second leader, or of more followers than fit
+  uint64_t refused_stranger = 0;  ///< a second leader, or one follower too many, sent the message
 };
 
 struct StepIdentity {
@@ -103,7 +103,7 @@ class StepLeader final : public StepMember {
   [[nodiscard]] std::optional<StepTimeline> timeline_of_group(const StepPlace& place,
                                                               const StepNow& now) const;
 
-  std::map<uint64_t, StepPeer> followers_;  ///< by session
+  std::map<uint64_t, StepPeer> followers_;  ///< the key is the session
   std::chrono::nanoseconds began_;
 };
 

@@ -26,8 +26,8 @@ inline constexpr size_t kStepMessageBytes = 144;
 using StepBytes = std::array<uint8_t, kStepMessageBytes>;
 
 enum class StepKind : uint8_t {
-  Announcement = 1,  ///< by the leader, to all
-  Report = 2,        ///< by a follower, to the leader
+  Announcement = 1,  ///< the leader tells all followers the timeline
+  Report = 2,        ///< a follower tells the leader its place
 };
 
 struct StepMessage {
@@ -35,7 +35,7 @@ struct StepMessage {
   uint64_t session = 0;                    ///< random number of the sender's process
   std::chrono::nanoseconds sent{0};        ///< sender's StepClock; grows with every message
   std::chrono::nanoseconds stepped{0};     ///< StepNow::stepped
-  std::optional<StepTimeline> timeline{};  ///< on the sender's StepClock
+  std::optional<StepTimeline> timeline{};  ///< its times are those of the sender's StepClock
   bool in_step = false;
   int64_t difference = 0;  ///< displayed less due, in millionths of a vblank
   friend bool operator==(const StepMessage&, const StepMessage&) = default;

@@ -29,7 +29,7 @@ struct StepPlace {
   int64_t next_due_ns = 0;  ///< ideal time of that frame, CLOCK_MONOTONIC
   int64_t rate_numerator = 60;
   int64_t rate_denominator = 1;
-  int64_t period_ns = 0;     ///< of the display
+  int64_t period_ns = 0;     ///< time between two vblanks of the display
   uint64_t loop_frames = 0;  ///< learned when the sequence repeated; 0 = not yet
   uint64_t shown_frame = 0;  ///< number of the last displayed frame
   int64_t shown_ns = 0;      ///< vblank at which that frame appeared, CLOCK_MONOTONIC; 0 = none yet

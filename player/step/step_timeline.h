@@ -12,7 +12,7 @@ namespace lenticule::player {
 /// Frame `frame` is due at `due`; later frames follow at `rate`. All arithmetic is exact.
 struct StepTimeline {
   uint64_t frame = 0;               ///< number within the sequence
-  std::chrono::nanoseconds due{0};  ///< on the clock of the owner
+  std::chrono::nanoseconds due{0};  ///< time of the clock that the timeline's owner uses
   frames::Rate rate{60, 1};
   uint64_t loop_frames = 0;  ///< length of the repeated sequence; 0 = unknown
 

@@ -13,7 +13,7 @@ namespace lenticule::web {
 
 /// PhotoPlace is a place from which a photograph is asked for.
 struct PhotoPlace {
-  std::string_view name;   ///< in addresses and in names of files
+  std::string_view name;   ///< part of addresses and of file names
   std::string_view words;  ///< "from the upper left"
   int side = 0;            ///< -1: left of the middle, 1: right
   bool upside_down = false;
@@ -64,7 +64,7 @@ class PhotoSession {
  private:
   struct Entry {
     bool used = false;
-    std::string refusal{};  ///< of the newest photograph
+    std::string refusal{};  ///< reason why the newest photograph is not used
     std::string note{};
     std::optional<double> x_mm{}, z_mm{};  ///< place of the camera
     std::optional<double> roll_degrees{};  ///< turn of the picture's rows on the panel

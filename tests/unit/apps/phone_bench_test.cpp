@@ -69,7 +69,7 @@ TEST(PhoneBench, TheLensesFocusOnThePixels) {
   }
 }
 
-// From far to the side, the light of one lens covers more than the width of a lens, and its edge
+// An eye far to the side sees light of one lens on more than a lens width of subpixels, whose edge
 // enters the neighbour. The middle of the light still moves smoothly with the direction.
 TEST(PhoneBench, TheMiddleOfWideLightMovesSmoothly) {
   for (uint64_t seed = 1; seed <= 4; ++seed) {

@@ -86,7 +86,7 @@ TEST(PhotoSession, ARemovedPhotographIsAskedForAgainAndItsFitForgotten) {
 TEST(PhotoSession, AWrongPlaceOrTurnIsNotedAndAskedForAgainAtTheEnd) {
   PhotoSession session;
   for (size_t place = 0; place < kPhotoPlaces.size(); ++place) session.accept(place);
-  // From portrait to portrait, as phones store it, is half a turn, too.
+  // Phones store portraits turned by 90 degrees to either side: the two differ by half a turn.
   session.take_report(report(0.03, {photo("middle", 5, -90), photo("left", -350, 88),
                                     photo("right", 20, 91), photo("right-again", 350, -90)}));
   EXPECT_EQ(entry(session, kLeft)["note"], "");
