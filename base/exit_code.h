@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// ExitCode lists the exit codes of all commands; scripts depend on the values (docs/player.md).
+// ExitCode lists the exit codes of all commands; scripts depend on the values
+// (docs/play/player.md).
 #pragma once
 
 #include "base/error.h"

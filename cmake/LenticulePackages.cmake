@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # cpack -G DEB makes a package of each component; dpkg-shlibdeps finds the libraries that it depends on.
-# docs/packages.md says what is where, and why.
+# docs/play/packages.md says what is where, and why.
 set(CPACK_GENERATOR DEB)
 # The packages' maintainer is the user who builds them, as in Debian's own tools: DEBFULLNAME and
 # DEBEMAIL, else root of the building machine.

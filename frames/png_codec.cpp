@@ -211,7 +211,7 @@ class PngCodec final : public PictureCodec {
     // Frames of a sequence are written more often than they are stored. In a woven frame the
     // neighbours to the left belong to other views; the row above is the same picture shifted by
     // the slant. On a 4K frame this combination is the fastest and gives the smallest file of the
-    // fast ones (docs/frames.md).
+    // fast ones (docs/content/frames.md).
     constexpr int kLevel = 1;
     const Context context = new_context(SPNG_CTX_ENCODER);
     const auto require = [&](int result) {

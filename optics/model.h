@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // OpticalModel is the optical model: the positions of the lenses, the subpixels that an eye sees
-// through the lenses, and the ray that each subpixel sends. docs/optics.md derives the formulas and
-// names each symbol's identifier.
+// through the lenses, and the ray that each subpixel sends. docs/panel/optics.md derives the
+// formulas and names each symbol's identifier.
 #pragma once
 
 #include <cstdint>

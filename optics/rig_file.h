@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads and writes rig files: TOML that people edit. docs/optics.md has the list of keys.
+// Reads and writes rig files: TOML that people edit. docs/panel/optics.md has the list of keys.
 #pragma once
 
 #include <filesystem>

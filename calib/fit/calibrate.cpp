@@ -33,7 +33,7 @@ constexpr double kAmbiguity = 60.0;  ///< chi-squared by which the best gap must
 /// points count as few.
 constexpr double kGeometryScatter = 4.0;
 /// Remaining aberrations of real lenses beyond the two parameters that the fit has for them: the
-/// scatter of `lenticule bench calibrate` beyond that of noise (docs/calibration.md).
+/// scatter of `lenticule bench calibrate` beyond that of noise (docs/panel/calibration.md).
 constexpr LawError kTracedLenses{
     .pitch_lenses = 0.0005, .slant_lenses = 0.00012, .gap_part = 0.0008};
 /// Range of fringe aberrations of lenses on the viewer's side, with a margin; fitted values are

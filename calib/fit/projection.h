@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The measurement model for least squares: camera pixel -> ray -> lens plane -> panel point, in any
-// number type, for automatic differentiation. Formulas as in docs/optics.md; the camera is a
+// number type, for automatic differentiation. Formulas as in docs/panel/optics.md; the camera is a
 // pinhole with two coefficients of radial distortion.
 #pragma once
 

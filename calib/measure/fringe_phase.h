@@ -2,7 +2,7 @@
 // Measures the phase that the camera's eye sees over the panel, from fringes. A pattern of pitch p
 // shows the phase theta / 2 pi = s / p - Phi_E (mod 1) at a camera pixel that sees panel point Q,
 // where s is the pattern's own coordinate at Q and Phi_E the lens coordinate seen there
-// (docs/optics.md).
+// (docs/panel/optics.md).
 #pragma once
 
 #include <optional>

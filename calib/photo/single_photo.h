@@ -38,11 +38,11 @@ struct PhotoFindings {
 /// is Effective, or Refused with the reasons: too few tags, too few or too faint fringes, clipped
 /// light, phases that fit no plane. Throws nothing for the content of a picture.
 ///
-/// The viewpoint has the values of docs/optics.md: effective pitch P (1 + g/Ez), the phase at the
-/// panel's centre, the residual per block. The rig has the pitch, slant and offset that give these
-/// values for this eye with the gap of the chart's rig, a residual map if residuals exceed 0.02
-/// lenses without one, and a viewing line through the eye. camera.k1 is the outward displacement of
-/// a point one focal length off the axis.
+/// The viewpoint has the values of docs/panel/optics.md: effective pitch P (1 + g/Ez), the phase at
+/// the panel's centre, the residual per block. The rig has the pitch, slant and offset that give
+/// these values for this eye with the gap of the chart's rig, a residual map if residuals exceed
+/// 0.02 lenses without one, and a viewing line through the eye. camera.k1 is the outward
+/// displacement of a point one focal length off the axis.
 ///
 /// One photograph takes at most a second and some hundred megabytes: larger ones are averaged down
 /// to 2600 pixels along their longer side.

@@ -31,7 +31,7 @@ struct StressLimits {
 
 struct StressCase {
   std::string name;  ///< name for --only
-  int row = 0;       ///< row in the list of cases in docs/calibration.md
+  int row = 0;       ///< row in the list of cases in docs/panel/calibration.md
   std::string what;  ///< the tested fault, for people
   Trial (*trial)(StressSize size);
   StressDemand demand = StressDemand::Good;

@@ -16,7 +16,8 @@ namespace {
 constexpr size_t kPredictorHeaderBytes = 4;
 constexpr size_t kStreamHeaderBytes = 4;
 constexpr size_t kMaskBytes = 4;
-/// Shorter matches cost the decoder more than they save here: docs/formats.md has the figures.
+/// Shorter matches cost the decoder more than they save here: docs/content/formats.md has the
+/// figures.
 constexpr int kMinMatch = 7;
 
 struct FreeCompressor {

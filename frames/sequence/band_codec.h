@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Compresses one band of a frame without loss and independently of all other bands. The payload's
-// layout is in docs/formats.md.
+// layout is in docs/content/formats.md.
 #pragma once
 
 #include <cstddef>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The inner loops of band_codec.cpp, compiled once per instruction set. All variants give the same
-// bytes. docs/formats.md describes blocks, predictors and the three streams.
+// bytes. docs/content/formats.md describes blocks, predictors and the three streams.
 #pragma once
 
 #include <cstddef>

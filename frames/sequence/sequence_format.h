@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads and writes the fixed parts of a sequence container as bytes. docs/formats.md specifies
-// them.
+// Reads and writes the fixed parts of a sequence container as bytes. docs/content/formats.md
+// specifies them.
 #pragma once
 
 #include <cstddef>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// SequenceInfo holds the metadata of a sequence container, stored as JSON: docs/formats.md has the
-// keys.
+// SequenceInfo holds the metadata of a sequence container, stored as JSON: docs/content/formats.md
+// has the keys.
 #pragma once
 
 #include <cstdint>

@@ -41,7 +41,7 @@ FileHeader read_file_header(int fd, const std::string& source) {
     case HeaderFlaw::OutOfRange:
       break;
   }
-  refuse(source, "frame size not supported", "the limits are in docs/formats.md");
+  refuse(source, "frame size not supported", "the limits are in docs/content/formats.md");
 }
 
 SequenceInfo read_info(int fd, const FileHeader& header, uint64_t file_bytes,

@@ -25,9 +25,9 @@ struct QuiltSidecar {
   double depthiness = 1.0;  ///< factor of the default disparities
 };
 
-/// Parses the JSON; docs/content.md lists the keys. Returns nothing for JSON without any of these
-/// keys, which has another purpose. Throws Error(Input) "source: key: cause" for invalid JSON and
-/// for invalid values.
+/// Parses the JSON; docs/content/content.md lists the keys. Returns nothing for JSON without any of
+/// these keys, which has another purpose. Throws Error(Input) "source: key: cause" for invalid JSON
+/// and for invalid values.
 [[nodiscard]] std::optional<QuiltSidecar> parse_quilt_sidecar(std::string_view json,
                                                               const std::string& source);
 

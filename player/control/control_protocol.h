@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // ControlRequest and the functions below are the line protocol of a player's control socket:
-// requests, answers, events. docs/control.md is the contract.
+// requests, answers, events. docs/play/control.md is the contract.
 #pragma once
 
 #include <array>

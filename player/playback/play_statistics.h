@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // LiveStatistics holds the counters of a running playback, PlayReport the report made of them.
-// docs/player.md explains each figure.
+// docs/play/player.md explains each figure.
 #pragma once
 
 #include <array>

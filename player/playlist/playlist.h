@@ -67,7 +67,7 @@ inline constexpr size_t kMaxPlaylistBytes = size_t{1} << 20;
 inline constexpr size_t kMaxPlaylistItems = 1000;
 inline constexpr double kStillSeconds = 10.0;
 
-/// Parses a playlist; docs/control.md lists the keys. Files are relative to `folder`. Throws
+/// Parses a playlist; docs/play/control.md lists the keys. Files are relative to `folder`. Throws
 /// Error(Input) that begins with "name:LINE: ".
 [[nodiscard]] Playlist parse_playlist(std::string_view toml, const std::string& name,
                                       const std::filesystem::path& folder);

@@ -167,7 +167,7 @@ void plan_content(const PlayFlags& flags, PlayPlan& plan) {
   if (layout.any() && !source.has_pictures())
     throw Error(ErrorKind::Usage,
                 fmt::format("{}: flags for the layout of views need a single file", source.text),
-                "items of a list state their layout in names or sidecars: docs/content.md");
+                "items of a list state their layout in names or sidecars: docs/content/content.md");
   (void)weave_options(flags.weaving);  // called early for its errors
   plan.source.weaving = flags.weaving;
 }

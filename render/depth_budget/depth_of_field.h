@@ -12,8 +12,9 @@ namespace lenticule::render {
 ///
 /// depth of field = p_h / d = g P (1 + kappa t_y^2) / (1 + kappa (t_x^2 + t_y^2))^(3/2),
 ///
-/// where d is the derivative of t_x by the panel point (docs/optics.md, "Depth of field"). Residual
-/// maps are ignored: they change the pitch, and so the depth of field, by at most ten percent.
+/// where d is the derivative of t_x by the panel point (docs/panel/optics.md, "Depth of field").
+/// Residual maps are ignored: they change the pitch, and so the depth of field, by at most ten
+/// percent.
 class DepthOfField {
  public:
   explicit DepthOfField(const optics::OpticalModel& model);

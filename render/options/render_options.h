@@ -43,7 +43,7 @@ struct RenderOptions {
   bool skip_background = true;
   /// Frames whose scene and stage equal the previous frame's are copied instead of rendered.
   /// Applies to method full, and to method adaptive, which also reuses unchanged regions
-  /// (docs/rendering.md). Off by default, since benchmarks render the same frame repeatedly.
+  /// (docs/render/rendering.md). Off by default, since benchmarks render the same frame repeatedly.
   bool copy_unchanged = false;
   bool tiles_backwards = false;  ///< order of the tiles, for tests: the bytes do not depend on it
   ReuseOptions reuse{};          ///< options of the methods that reuse points

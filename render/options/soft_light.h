@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// User options for area lights and ambient light; docs/rendering.md, "Soft light", states the
+// User options for area lights and ambient light; docs/render/soft-light.md states the
 // formulas.
 #pragma once
 

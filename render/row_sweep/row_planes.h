@@ -2,8 +2,8 @@
 // RowPlanes computes the planes of the pixel rows' rays, and these rays.
 //
 // All rays of one row and height lie in the plane through the row's lens points at (y, z) =
-// (lens_y_mm, 0) and the viewing line (docs/optics.md). Layouts with vertical stripes have one
-// plane per row; layouts with subpixels at several heights (cells, horizontal stripes) have one
+// (lens_y_mm, 0) and the viewing line (docs/panel/optics.md). Layouts with vertical stripes have
+// one plane per row; layouts with subpixels at several heights (cells, horizontal stripes) have one
 // plane per height.
 #pragma once
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // RowSweep computes the exact primary visibility of whole pixel rows: it intersects the scene with
 // the common plane of a row's rays, and sweeps each cut over the rays that can meet it.
-// docs/rendering.md, "Row sweep".
+// docs/render/row-sweep.md.
 #pragma once
 
 #include <cstdint>

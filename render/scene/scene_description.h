@@ -235,7 +235,7 @@ struct SceneDescription {
   /// colours are code values and are written unchanged, as other NFF renderers do.
   bool colour_managed = true;
   /// If true and there are neither lights nor ambient light, the studio lights the scene, and all
-  /// its materials are shaded as metallic-roughness ones (docs/shading.md).
+  /// its materials are shaded as metallic-roughness ones (docs/render/shading.md).
   bool lit_by_studio = false;
   double duration_seconds = 0.0;  ///< duration of the animation, 0 = still
   /// Repairs and omissions of the loader, for the user ("12 zero-area triangles dropped").

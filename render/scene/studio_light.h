@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The studio: light of our own for models whose file has no lights. docs/shading.md states the
-// formula.
+// The studio: light of our own for models whose file has no lights. docs/render/shading.md states
+// the formula.
 #pragma once
 
 #include "optics/vec.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reflectance functions of the metallic-roughness model; docs/shading.md states the formulas.
-// `alpha` is the square of the roughness. Cosines are those to the shading normal.
+// Reflectance functions of the metallic-roughness model; docs/render/shading.md states the
+// formulas. `alpha` is the square of the roughness. Cosines are those to the shading normal.
 #pragma once
 
 #include "optics/vec.h"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Metallic-roughness shading of a point, in three channels. docs/shading.md states the formulas.
+// Metallic-roughness shading of a point, in three channels. docs/render/shading.md states the
+// formulas.
 #pragma once
 
 #include "render/shading/environment_light.h"

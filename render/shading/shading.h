@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whitted shading of one colour channel. docs/rendering.md states the formulas.
+// Whitted shading of one colour channel. docs/render/rendering.md states the formulas.
 #pragma once
 
 #include <optional>

@@ -14,7 +14,7 @@ using packet_kernel::Field;
 
 /// Offset of secondary rays from the surface, as a fraction of (largest coordinate + extent of the
 /// primitive, or the reach of a wide one); covers roundings of single precision, see
-/// docs/rendering.md.
+/// docs/render/rendering.md.
 constexpr float kSpawnOffset = 1.0F / (1 << 19);
 /// Fraction of the distance to a light within which an occluder counts as the light itself.
 constexpr float kLightClearance = 1.0F / (1 << 18);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shading of sixteen rays at a time, compiled once per instruction set; docs/rendering.md states
-// the formulas. Plain data only: this header must not bring shared inline functions into a file
-// that is compiled for AVX-512.
+// Shading of sixteen rays at a time, compiled once per instruction set; docs/render/rendering.md
+// states the formulas. Plain data only: this header must not bring shared inline functions into a
+// file that is compiled for AVX-512.
 //
 // Computes in single precision, in the scene frame, without fused multiplication: the same hits
 // give the same bits on every instruction set. render/shading/surface.h and

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests the example renderers of docs/examples, which implement docs/ring.md on their own, against
-// the player: the displayed frames are those that they drew.
+// Tests the example renderers of docs/examples, which implement docs/content/ring.md on their own,
+// against the player: the displayed frames are those that they drew.
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reference implementation of the ground shadow: the formula of docs/shading.md as it stands there,
-// in double precision and world coordinates, point by point. It shares no code with render/ beyond
-// the description of scenes.
+// Reference implementation of the ground shadow: the formula of docs/render/shading.md as it stands
+// there, in double precision and world coordinates, point by point. It shares no code with render/
+// beyond the description of scenes.
 #pragma once
 
 #include <vector>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reference implementation of the optical model, slow and simple: long double, every equation as
-// written in docs/optics.md, every unknown found by bisection. It shares no formula code with
+// written in docs/panel/optics.md, every unknown found by bisection. It shares no formula code with
 // optics/.
 #pragma once
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reference implementation of metallic-roughness shading: the formulas of docs/shading.md as they
-// stand there, in double precision, with integrals in place of tables. It shares no code with
+// Reference implementation of metallic-roughness shading: the formulas of docs/render/shading.md as
+// they stand there, in double precision, with integrals in place of tables. It shares no code with
 // render/ beyond the description of a point.
 #pragma once
 

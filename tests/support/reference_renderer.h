@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reference implementation of the renderer: a deliberately slow and simple ray tracer in double
-// precision that follows the formulas of docs/rendering.md literally. Every ray is tested against
-// every primitive. Only for tests; it shares no code with render/ beyond the scene description.
+// precision that follows the formulas of docs/render/rendering.md literally. Every ray is tested
+// against every primitive. Only for tests; it shares no code with render/ beyond the scene
+// description.
 #pragma once
 
 #include <cstdint>

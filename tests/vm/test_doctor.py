@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tests verdict and exit code of lenticule doctor on each kind of machine of docs/kms.md."""
+"""Tests verdict and exit code of lenticule doctor on each kind of machine of docs/play/kms.md."""
 
 import json
 import signal

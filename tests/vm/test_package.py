@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tests the Debian packages: made by cpack, installed by dpkg, then a kiosk as in docs/kiosk.md."""
+"""Tests the Debian packages: made by cpack, installed by dpkg, then a kiosk as in docs/play/kiosk.md."""
 
 import json
 import pathlib

@@ -14,10 +14,11 @@ struct PovOptions {
   int max_depth = 1;    ///< bounces of mirrored and refracted rays
 };
 
-/// Writes the scene with the shading of docs/rendering.md as far as POV-Ray supports it: meshes
-/// with normals, spheres, open cones, point lights with hard shadows, ambient, diffuse and Phong
-/// terms, mirrors. The description must have no nodes, as from at_time(), and a camera. Throws
-/// Error(Usage) that names an unsupported property: textures, lights other than points, no camera.
+/// Writes the scene with the shading of docs/render/rendering.md as far as POV-Ray supports it:
+/// meshes with normals, spheres, open cones, point lights with hard shadows, ambient, diffuse and
+/// Phong terms, mirrors. The description must have no nodes, as from at_time(), and a camera.
+/// Throws Error(Usage) that names an unsupported property: textures, lights other than points, no
+/// camera.
 [[nodiscard]] std::string write_pov(const render::SceneDescription& scene,
                                     const PovOptions& options);
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Without refraction an eye at distance Z sees the pixel at x through the point x Z / (Z + g) of
-// the sheet, where g is the gap (docs/optics.md). A pitch of 3 Z / (Z + g) subpixels therefore
-// gives every pixel a lens of its own, with the pixel's centre on the line from the eye through the
-// apex.
+// the sheet, where g is the gap (docs/panel/optics.md). A pitch of 3 Z / (Z + g) subpixels
+// therefore gives every pixel a lens of its own, with the pixel's centre on the line from the eye
+// through the apex.
 #include "apps/lenticule-bench/models/plain_camera.h"
 
 #include <algorithm>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A reference implementation (oracle) of the optical model in docs/optics.md, in long double and in
-// the form of that page, for `bench stability`. It shares no code with optics/ except the plain
-// data of a rig.
+// A reference implementation (oracle) of the optical model in docs/panel/optics.md, in long double
+// and in the form of that page, for `bench stability`. It shares no code with optics/ except the
+// plain data of a rig.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@ namespace lenticule::player {
 
 using Real = long double;
 
-/// Position of a phase: in [-1/2, 1/2) of its lens, borders widened as docs/optics.md states.
+/// Position of a phase: in [-1/2, 1/2) of its lens, borders widened as docs/panel/optics.md states.
 struct OraclePlace {
   int64_t lens = 0;
   Real place = 0;

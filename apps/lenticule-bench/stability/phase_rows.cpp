@@ -35,7 +35,7 @@ struct Expected {
 };
 Expected expected(const optics::Rig& rig, int i, int j, int channel) {
   const OraclePlace at = oracle_place(oracle_phase(rig, i, j, channel, oracle_design_eye(rig)));
-  // Views of docs/optics.md: a border belongs to the view on its left, with the tolerance of
+  // Views of docs/panel/optics.md: a border belongs to the view on its left, with the tolerance of
   // lenses.
   const Real number = Real(kViews) * (Real(0.5) - at.place) - Real(kViews) / Real(4294967296.0);
   return {at, static_cast<int>(std::ceil(number)) - 1};

@@ -143,7 +143,8 @@ StabilityRow stability_reuse_slopes(const StabilitySize& size) {
     const Pictures pictures = pictures_of(model, outline);
     if (!interrupted()) shared.add(compare(model, outline, pictures, beyond));
   });
-  // The row sweep's tolerance for points on an outline, docs/rendering.md: 4e-7 of coordinates.
+  // The row sweep's tolerance for points on an outline, docs/render/row-sweep.md: 4e-7 of
+  // coordinates.
   const double coordinates = std::hypot(kFarOff, kFarOff);
   StabilityRow row{
       .stressed = "outlines at every slope through a subpixel's ray, adaptive against full",

@@ -135,8 +135,8 @@ class GltfWriter {
     return {light(colour.x), light(colour.y), light(colour.z), 1.0};
   }
 
-  /// Writes a material, inverting the reader's rules in docs/scenes.md as far as possible: a mirror
-  /// becomes a smooth metal, other materials become matt with the highlight's width.
+  /// Writes a material, inverting the reader's rules in docs/render/scenes.md as far as possible: a
+  /// mirror becomes a smooth metal, other materials become matt with the highlight's width.
   void write_material(const render::Material& m) {
     constexpr double kMirror = 0.3;
     const bool mirror = m.specular >= kMirror;

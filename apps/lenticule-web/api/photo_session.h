@@ -21,7 +21,7 @@ struct PhotoPlace {
 
 /// The first photograph is upside down and those from the sides are not, so that the axis of the
 /// phone's camera, which is off the middle of its pictures, cancels; from above the panel shows
-/// shifts of that axis (docs/calibration-method.md).
+/// shifts of that axis (docs/panel/calibration-method.md).
 inline constexpr std::array<PhotoPlace, 4> kPhotoPlaces = {
     {{.name = "middle", .words = "from the middle", .side = 0, .upside_down = true},
      {.name = "left", .words = "from the upper left", .side = -1, .upside_down = false},

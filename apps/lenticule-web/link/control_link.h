@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// ControlLink sends requests to a player over its control socket. docs/control.md is the contract.
+// ControlLink sends requests to a player over its control socket. docs/play/control.md is the
+// contract.
 #pragma once
 
 #include <chrono>

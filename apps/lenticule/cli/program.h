@@ -20,7 +20,7 @@ struct Program {
 
 /// Runs the command that `argv` names and returns the exit code for main(), or replaces this
 /// process by the program that has the command. Prints errors in the format of the commands'
-/// contract (docs/player.md). Call it once, before other threads are started.
+/// contract (docs/play/player.md). Call it once, before other threads are started.
 [[nodiscard]] int run_program(const Program& program, int argc, char** argv);
 
 }  // namespace lenticule::player

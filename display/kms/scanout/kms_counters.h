@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// KmsCounters holds the counters of a running KMS display. docs/kms.md explains each figure.
+// KmsCounters holds the counters of a running KMS display. docs/play/kms.md explains each figure.
 #pragma once
 
 #include <atomic>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// KmsDisplay shows frames on a panel through the kernel's atomic modesetting. See docs/kms.md.
+// KmsDisplay shows frames on a panel through the kernel's atomic modesetting. See docs/play/kms.md.
 #pragma once
 
 #include <cstdint>

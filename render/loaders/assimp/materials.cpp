@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Imports materials and textures from assimp. docs/scenes.md has a table of the conversions.
+// Imports materials and textures from assimp. docs/render/scenes.md has a table of the conversions.
 #include <assimp/GltfMaterial.h>
 #include <assimp/ObjMaterial.h>
 #include <fmt/format.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Decodes a payload of the predictor codec byte by byte, as docs/formats.md specifies it.
+// Decodes a payload of the predictor codec byte by byte, as docs/content/formats.md specifies it.
 #pragma once
 
 #include <cstdint>
