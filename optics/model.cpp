@@ -125,8 +125,11 @@ LensPlace split_phase(double phase) {
 OpticalModel::OpticalModel(const Rig& rig) {
   validate_rig(rig, rig.name.empty() ? "rig" : rig.name);
   prepared_ = std::make_shared<const Prepared>(rig);
-  const double distance = rig.viewing.distance.value;
-  design_eye_ = {0.0, std::isinf(distance) ? 0.0 : rig.viewing.height.value, distance};
+  const auto& [height, distance, centre] = rig.viewing;
+  if (std::isinf(distance.value))
+    design_eye_ = {0.0, 0.0, distance.value};
+  else
+    design_eye_ = {centre.value, height.value, distance.value};
 }
 
 const Rig& OpticalModel::rig() const {

@@ -92,7 +92,7 @@ class OpticalModel {
   /// map.
   [[nodiscard]] Bend bend(double rest, double tan_y) const;
 
-  /// Returns the centre of the viewing line, E0 = (0, Ey, Z).
+  /// Returns the centre of the viewing line, E0 = (Ex0, Ey, Z); (0, 0, Z) for parallel zones.
   [[nodiscard]] const Eye& design_eye() const { return design_eye_; }
 
   /// Returns the evaluated residual map; empty if the rig has none.

@@ -110,6 +110,9 @@ Problem sheet_problem(const LensSheet& sheet, const Panel& panel) {
 
 Problem viewing_problem(const ViewingLine& viewing, const LensSheet& sheet) {
   if (Problem p =
+          outside("viewing.centre_mm", viewing.centre.value, -kMaxDistanceMm, kMaxDistanceMm))
+    return p;
+  if (Problem p =
           outside("viewing.height_mm", viewing.height.value, -kMaxDistanceMm, kMaxDistanceMm))
     return p;
   const double z = viewing.distance.value;
@@ -133,7 +136,9 @@ Problem geometry_problem(const Rig& rig) {
   const double kappa = 1.0 - sheet.refraction_shape;
   const double inverse_z =
       std::isinf(rig.viewing.distance.value) ? 0.0 : 1.0 / rig.viewing.distance.value;
-  const double edge_x = 0.5 * panel.width_px * panel.pixel_width.value * inverse_z;
+  const double edge_x =
+      (0.5 * panel.width_px * panel.pixel_width.value + std::abs(rig.viewing.centre.value)) *
+      inverse_z;
   const double edge_y =
       (0.5 * panel.height_px * panel.pixel_height.value + std::abs(rig.viewing.height.value)) *
       inverse_z;
@@ -286,6 +291,9 @@ std::string fingerprint(const Rig& rig) {
   add_sheet(hash, rig.sheet);
   hash.add(rig.viewing.height.value);
   hash.add(rig.viewing.distance.value);
+  // Rigs whose viewer stands in front of the centre keep the fingerprint that they had before the
+  // key existed.
+  if (rig.viewing.centre.value != 0.0) hash.add(rig.viewing.centre.value);
   return fmt::format("{:016x}", hash.value());
 }
 

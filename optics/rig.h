@@ -43,11 +43,12 @@ struct LensSheet {
   friend bool operator==(const LensSheet&, const LensSheet&) = default;
 };
 
-/// ViewingLine is the design eye line y = height, z = distance. It belongs to the installation, not
-/// to the sheet.
+/// ViewingLine is the design eye line y = height, z = distance, with the viewer's place on it. It
+/// belongs to the installation, not to the sheet.
 struct ViewingLine {
   Millimetres height{0};                                          ///< Ey
   Millimetres distance{std::numeric_limits<double>::infinity()};  ///< Z; infinite = parallel lobes
+  Millimetres centre{0};  ///< Ex0: x of the viewer; 0 is in front of the panel's centre
   friend bool operator==(const ViewingLine&, const ViewingLine&) = default;
 };
 

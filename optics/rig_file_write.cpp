@@ -7,52 +7,30 @@
 
 #include "base/file.h"
 #include "optics/rig_file.h"
+#include "optics/toml_write.h"
 
 namespace lenticule::optics {
 namespace {
-
-std::string number(double value) {
-  std::string text = fmt::format("{}", value);
-  const bool looks_whole = text.find_first_not_of("-0123456789") == std::string::npos;
-  if (looks_whole) text += ".0";
-  return text;
-}
-
-std::string toml_text(std::string_view text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') {
-      out += '\\';
-      out += c;
-    } else if (c == '\n') {
-      out += "\\n";
-    } else if (c == '\t') {
-      out += "\\t";
-    } else {
-      out += c;
-    }
-  }
-  return out + '"';
-}
 
 std::string key_text(const std::string& key) {
   const bool bare = !key.empty() && std::all_of(key.begin(), key.end(), [](unsigned char c) {
     return std::isalnum(c) || c == '_' || c == '-';
   });
-  return bare ? key : toml_text(key);
+  return bare ? key : toml_string(key);
 }
 
 void add_layout(const SubpixelLayout& layout, std::string& out) {
   if (layout.name() != "cells") {
-    out += fmt::format("layout = {}\n", toml_text(layout.name()));
+    out += fmt::format("layout = {}\n", toml_string(layout.name()));
     return;
   }
   out += fmt::format("\n[panel.layout]\ncolumns = {}\nrows = {}\noffsets_px = [\n",
                      layout.columns(), layout.rows());
   for (const PixelCell& cell : layout.table()) {
-    out += fmt::format("  [{}, {}, {}, {}, {}, {}],\n", number(cell[0].x_px), number(cell[0].y_px),
-                       number(cell[1].x_px), number(cell[1].y_px), number(cell[2].x_px),
-                       number(cell[2].y_px));
+    out +=
+        fmt::format("  [{}, {}, {}, {}, {}, {}],\n", toml_number(cell[0].x_px),
+                    toml_number(cell[0].y_px), toml_number(cell[1].x_px), toml_number(cell[1].y_px),
+                    toml_number(cell[2].x_px), toml_number(cell[2].y_px));
   }
   out += "]\n";
 }
@@ -64,7 +42,7 @@ void add_residual(const ResidualMap& map, std::string& out) {
   const auto columns = static_cast<size_t>(map.columns);
   for (size_t i = 0; i < map.lenses.size(); ++i) {
     out += i % columns == 0 ? "  " : " ";
-    out += number(map.lenses[i]) + ',';
+    out += toml_number(map.lenses[i]) + ',';
     if (i % columns == columns - 1) out += '\n';
   }
   out += "]\n";
@@ -72,14 +50,15 @@ void add_residual(const ResidualMap& map, std::string& out) {
 
 void add_sheet(const LensSheet& sheet, std::string& out) {
   out += "\n[sheet]\n";
-  out += fmt::format("pitch_subpx = {}\n", number(sheet.pitch.value));
-  out += fmt::format("slant = {}\n", number(sheet.slant));
-  out += fmt::format("offset_lenses = {}\n", number(sheet.offset.value));
-  out += fmt::format("gap_mm = {}\n", number(sheet.gap.value));
-  out += fmt::format("refraction_shape = {}\n", number(sheet.refraction_shape));
-  out += fmt::format("spot_sigma_lenses = {}\n", number(sheet.spot_sigma.value));
-  out += fmt::format("channel_offset_subpx = [{}, {}, {}]\n", number(sheet.channel_offset[0].value),
-                     number(sheet.channel_offset[1].value), number(sheet.channel_offset[2].value));
+  out += fmt::format("pitch_subpx = {}\n", toml_number(sheet.pitch.value));
+  out += fmt::format("slant = {}\n", toml_number(sheet.slant));
+  out += fmt::format("offset_lenses = {}\n", toml_number(sheet.offset.value));
+  out += fmt::format("gap_mm = {}\n", toml_number(sheet.gap.value));
+  out += fmt::format("refraction_shape = {}\n", toml_number(sheet.refraction_shape));
+  out += fmt::format("spot_sigma_lenses = {}\n", toml_number(sheet.spot_sigma.value));
+  out += fmt::format(
+      "channel_offset_subpx = [{}, {}, {}]\n", toml_number(sheet.channel_offset[0].value),
+      toml_number(sheet.channel_offset[1].value), toml_number(sheet.channel_offset[2].value));
   add_residual(sheet.residual, out);
 }
 
@@ -87,7 +66,7 @@ void add_identity(const PanelIdentity& identity, std::string& out) {
   if (identity.empty()) return;
   out += "\n[identity]\n";
   const auto add = [&out](const char* key, const std::string& text) {
-    if (!text.empty()) out += fmt::format("{} = {}\n", key, toml_text(text));
+    if (!text.empty()) out += fmt::format("{} = {}\n", key, toml_string(text));
   };
   add("manufacturer", identity.manufacturer);
   if (identity.product) out += fmt::format("product = {}\n", *identity.product);
@@ -99,22 +78,25 @@ void add_identity(const PanelIdentity& identity, std::string& out) {
 
 std::string rig_to_toml(const Rig& rig) {
   std::string out = "# A rig: one panel, its lens sheet, its viewing line.\nformat = 1\n";
-  if (!rig.name.empty()) out += fmt::format("name = {}\n", toml_text(rig.name));
+  if (!rig.name.empty()) out += fmt::format("name = {}\n", toml_string(rig.name));
   const Panel& panel = rig.panel;
   out += fmt::format(
       "\n[panel]\nwidth_px = {}\nheight_px = {}\npixel_width_mm = {}\npixel_height_mm = {}\n",
-      panel.width_px, panel.height_px, number(panel.pixel_width.value),
-      number(panel.pixel_height.value));
+      panel.width_px, panel.height_px, toml_number(panel.pixel_width.value),
+      toml_number(panel.pixel_height.value));
   if (!panel.mounting.upright())
-    out += fmt::format("mounting = {}\n", toml_text(mounting_name(panel.mounting)));
+    out += fmt::format("mounting = {}\n", toml_string(mounting_name(panel.mounting)));
   add_layout(panel.layout, out);
   add_sheet(rig.sheet, out);
-  out += fmt::format("\n[viewing]\ndistance_mm = {}\nheight_mm = {}\n",
-                     number(rig.viewing.distance.value), number(rig.viewing.height.value));
+  out +=
+      fmt::format("\n[viewing]\ndistance_mm = {}\nheight_mm = {}\n",
+                  toml_number(rig.viewing.distance.value), toml_number(rig.viewing.height.value));
+  if (rig.viewing.centre.value != 0.0)
+    out += fmt::format("centre_mm = {}\n", toml_number(rig.viewing.centre.value));
   add_identity(rig.identity, out);
   if (!rig.provenance.empty()) out += "\n[provenance]\n";
   for (const auto& [key, text] : rig.provenance) {
-    out += fmt::format("{} = {}\n", key_text(key), toml_text(text));
+    out += fmt::format("{} = {}\n", key_text(key), toml_string(text));
   }
   return out;
 }

@@ -42,7 +42,8 @@ void EyePair::centre() {
 }
 
 optics::Eye EyePair::at(double side) const {
-  return {.x = across_ * model_.lobe_width_mm(distance_mm_) + side * kBetweenEyesMm,
+  return {.x = model_.design_eye().x + across_ * model_.lobe_width_mm(distance_mm_) +
+               side * kBetweenEyesMm,
           .y = up_mm_,
           .z_mm = distance_mm_};
 }

@@ -360,7 +360,7 @@ optics::Eye usual_eye(const Calibration& c) {
       return {v.eye_mm.x, v.eye_mm.y, v.eye_mm.z};
   const optics::ViewingLine& line = c.rig.viewing;
   constexpr double kArmsLength = 700.0;
-  return {0.0, line.height.value,
+  return {line.centre.value, line.height.value,
           std::isfinite(line.distance.value) ? line.distance.value : kArmsLength};
 }
 

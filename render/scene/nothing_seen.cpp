@@ -26,7 +26,8 @@ class RayVolume {
     // Tangents in the sheet are at most those of a lens half a lobe off the eye. In the air they
     // are larger: up to 1.5 times up to 40 degrees. Steeper rays are not bounded.
     const double eye = 1.0 / rig.viewing.distance.value;  // 0 for parallel zones
-    const double in_sheet = half_width_ * eye + model.pitch_mm() / (2.0 * rig.sheet.gap.value);
+    const double in_sheet = (half_width_ + std::abs(rig.viewing.centre.value)) * eye +
+                            model.pitch_mm() / (2.0 * rig.sheet.gap.value);
     tan_x_ = in_sheet < kSteepInSheet ? kInAir * in_sheet : HUGE_VAL;
     tan_y_ = kInAir * (half_height_ + std::abs(rig.viewing.height.value)) * eye;
   }

@@ -120,7 +120,8 @@ RealRay oracle_ray(const Rig& rig, int i, int j, int channel) {
   const RealPoint at_px{static_cast<Real>(i) + static_cast<Real>(offset.x_px),
                         static_cast<Real>(j) + static_cast<Real>(offset.y_px)};
   const Real z = rig.viewing.distance.value, g = rig.sheet.gap.value;
-  RealEye eye{0, std::isinf(z) ? Real(0) : static_cast<Real>(rig.viewing.height.value), z};
+  RealEye eye{0, 0, z};
+  if (!std::isinf(z)) eye = {rig.viewing.centre.value, rig.viewing.height.value, z};
   const Real seen_from_centre = oracle_phase(rig, at_px, channel, eye);
   const Real lens = std::floor(seen_from_centre + Real(0.5));
 

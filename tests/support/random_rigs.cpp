@@ -77,6 +77,7 @@ Rig random_candidate(std::mt19937_64& random) {
   if (pick(random, 4) != 0) {
     rig.viewing.distance = Millimetres(uniform(random, 200.0, 5000.0));
     rig.viewing.height = Millimetres(uniform(random, -300.0, 300.0));
+    if (pick(random, 3) == 0) rig.viewing.centre = Millimetres(uniform(random, -300.0, 300.0));
   }
   return rig;
 }

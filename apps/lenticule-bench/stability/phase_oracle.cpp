@@ -86,7 +86,8 @@ Real oracle_phase(const optics::Rig& rig, int i, int j, int channel, const Oracl
 
 OracleEye oracle_design_eye(const optics::Rig& rig) {
   const Real z = rig.viewing.distance.value;
-  return {0, std::isinf(z) ? Real(0) : Real(rig.viewing.height.value), z};
+  if (std::isinf(z)) return {0, 0, z};
+  return {Real(rig.viewing.centre.value), Real(rig.viewing.height.value), z};
 }
 
 OracleRay oracle_ray(const optics::Rig& rig, int i, int j, int channel, int64_t lens) {

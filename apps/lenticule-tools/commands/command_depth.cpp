@@ -45,7 +45,8 @@ struct Measured {
 double depth_of_field_at_the_edge(const optics::OpticalModel& model) {
   const optics::Rig& rig = model.rig();
   const double half_mm = rig.panel.width_px * rig.panel.pixel_width.value / 2.0;
-  const double tan_x = half_mm / rig.viewing.distance.value;  // 0 for parallel zones
+  const double aside_mm = half_mm + std::abs(rig.viewing.centre.value);
+  const double tan_x = aside_mm / rig.viewing.distance.value;  // 0 for parallel zones
   return render::DepthOfField(model).along_mm(tan_x, 0.0);
 }
 

@@ -234,6 +234,7 @@ TEST(LookingGlassExport, KeepsThePhases) {
     rig.sheet.offset = Lenses(uniform(random, -1.0, 1.0));
     rig.sheet.refraction_shape = 1.0;
     rig.viewing.height = Millimetres(uniform(random, -80.0, 80.0));
+    rig.viewing.centre = Millimetres(uniform(random, -80.0, 80.0));
     if (r % 4 == 0) rig.viewing = {};
     const OpticalModel model(rig);
     const json file = json::parse(export_looking_glass(rig));

@@ -117,6 +117,7 @@ TEST_P(ReversedRigProperty, SendsTheTurnedRays) {
     const Rig rig = test::random_rig(random);
     Rig turned = turned_rig(rig, mounting);
     if (mounting.reversed_rows) turned.viewing.height = Millimetres(-rig.viewing.height.value);
+    if (mounting.reversed_columns) turned.viewing.centre = Millimetres(-rig.viewing.centre.value);
     const RowRayEvaluator evaluator{OpticalModel(turned)};
     for (int n = 0; n < 10; ++n) {
       const Subpixel s = random_subpixel(random, rig.panel);

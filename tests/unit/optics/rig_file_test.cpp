@@ -81,6 +81,7 @@ lenses = [0.01, 0.02, 0.03, 0.04, 0.05, 0.06]
 [viewing]
 distance_mm = 650
 height_mm = -12.5
+centre_mm = 310
 [identity]
 manufacturer = "ABC"
 product = 4660
@@ -98,6 +99,7 @@ date = "2024-05-31"
   EXPECT_EQ(rig.sheet.channel_offset[2].value, -0.1);
   EXPECT_EQ(rig.sheet.residual.lenses.at(5), 0.06);
   EXPECT_EQ(rig.viewing.height.value, -12.5);
+  EXPECT_EQ(rig.viewing.centre.value, 310.0);
   EXPECT_EQ(rig.identity.product, 4660u);
   ASSERT_EQ(rig.provenance.size(), 2u);
   EXPECT_EQ(rig.provenance[0].first, "tool");  // file order, not alphabetical

@@ -81,6 +81,7 @@ const std::vector<BadRig> kBadRigs = {
     {"viewing.distance_mm", [](Rig& r) { r.viewing.distance = Millimetres(kNan); }},
     {"viewing.distance_mm", [](Rig& r) { r.viewing.distance = Millimetres(1.0); }},
     {"viewing.height_mm", [](Rig& r) { r.viewing.height = Millimetres(kInfinity); }},
+    {"viewing.centre_mm", [](Rig& r) { r.viewing.centre = Millimetres(kNan); }},
     {"name", [](Rig& r) { r.name = std::string(3, '\xFF'); }},
     {"name", [](Rig& r) { r.name = "\xC0\x80"; }},
     {"identity.serial", [](Rig& r) { r.identity.serial = std::string(5000, 'x'); }},
@@ -149,6 +150,7 @@ TEST(Fingerprint, ChangesWithEveryValueThatChangesPixels) {
       },
       [](Rig& r) { r.viewing.height = Millimetres(1); },
       [](Rig& r) { r.viewing.distance = Millimetres(701); },
+      [](Rig& r) { r.viewing.centre = Millimetres(1); },
   };
   for (size_t n = 0; n < changes.size(); ++n) {
     Rig rig = test::kiosk_rig();
