@@ -113,7 +113,9 @@ void rehearse(Diagnosis& diagnosis, DrmDevice device, const ConnectorInfo& conne
   const PixelSize size = own_size(connector);
   const frames::FrameGeometry geometry{size.width, size.height, frames::PixelFormat::Rgb8};
   const drmModeModeInfo mode = require_mode(connector, geometry, std::nullopt);
-  KmsOutput output(std::move(device), choose_pipe(fd, connector, mode), platform);
+  std::vector<Pipe> pipes;
+  pipes.push_back(choose_pipe(fd, connector, mode));
+  KmsOutput output(std::move(device), std::move(pipes), platform);
   const BorrowedMastery mastery(output.device());
   diagnosis.tested = mastery.held();
   if (!mastery.held()) {

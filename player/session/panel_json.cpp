@@ -95,6 +95,7 @@ nlohmann::json to_json(const display::KmsStatistics& statistics) {
           {"suspends", statistics.suspends},
           {"pauses", statistics.pauses},
           {"lost_ticks", statistics.lost_ticks},
+          {"largest_skew_us", static_cast<double>(statistics.largest_skew.count()) / 1e3},
           {"panel", display::panel_state_name(statistics.panel)},
           {"hardware_clock", statistics.hardware_clock},
           {"off", statistics.off}};

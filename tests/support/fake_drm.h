@@ -152,7 +152,8 @@ class FakeCard {
   }
   void set_edid(uint32_t connector, const std::vector<uint8_t>& bytes);
   [[nodiscard]] uint32_t primary_of(uint32_t crtc) { return primary_planes.at(crtc); }
-  /// Returns the pixels that this CRTC scans out; empty if the CRTC is off or shows nothing.
+  /// Returns the pixels of the part of the buffer that this CRTC scans out; empty if the CRTC is
+  /// off or shows nothing.
   [[nodiscard]] std::vector<uint32_t> displayed(uint32_t crtc);
   /// Makes the CRTC show another program's picture in the connector's first mode.
   void show_console(uint32_t connector, uint32_t crtc);
@@ -166,6 +167,7 @@ class FakeCard {
   uint64_t sequence_base = 0;  ///< value of the driver's counter at time 0
   Nanoseconds period{16'666'667};
   uint32_t max_buffers = 16;
+  std::map<uint32_t, Nanoseconds> crtc_shift;  ///< by CRTC: its vblanks are later than the card's
   Nanoseconds timestamp_shift{0};  ///< added to timestamps in events, not to their arrival
   std::function<void(uint64_t sequence, const FakeBuffer&)>
       on_flip{};                               ///< called at each flip's vblank

@@ -10,6 +10,7 @@
 #include <cerrno>
 #include <cstring>
 #include <numeric>
+#include <set>
 
 #include "base/error.h"
 #include "fake_drm.h"
@@ -245,9 +246,13 @@ std::vector<uint32_t> FakeCard::displayed(uint32_t crtc) {
   const auto framebuffer = framebuffers.find(static_cast<uint32_t>(plane.value("FB_ID")));
   if (framebuffer == framebuffers.end() || value(crtc, "ACTIVE") == 0) return {};
   const FakeBuffer& buffer = buffers.at(framebuffer->second.handle);
+  const auto source = [&plane](const char* name) {
+    return static_cast<uint32_t>(plane.value(name) >> 16);
+  };
+  const uint32_t left = source("SRC_X"), top = source("SRC_Y");
   std::vector<uint32_t> words;
-  for (uint32_t j = 0; j < buffer.height; ++j)
-    for (uint32_t i = 0; i < buffer.width; ++i) {
+  for (uint32_t j = top; j < std::min(buffer.height, top + source("SRC_H")); ++j)
+    for (uint32_t i = left; i < std::min(buffer.width, left + source("SRC_W")); ++i) {
       uint32_t word = 0;
       std::memcpy(&word, &buffer.bytes[size_t{j} * buffer.pitch + size_t{i} * 4], sizeof(word));
       words.push_back(word & 0xffffff);
@@ -283,7 +288,8 @@ uint64_t FakeCard::sequence_at(Nanoseconds time) const {
 void FakeCard::schedule_flip_event(uint32_t crtc, uint64_t id) {
   const Nanoseconds now = FakeDrm::instance().now();
   // A flip without vblanks completes as soon as the driver can.
-  const Nanoseconds at = counts_vblanks ? next_vblank() : now + std::chrono::milliseconds(1);
+  const Nanoseconds at =
+      (counts_vblanks ? next_vblank() : now + std::chrono::milliseconds(1)) + crtc_shift[crtc];
   busy_until = at;
   EventFault fault = EventFault::None;
   if (!event_faults.empty()) {
@@ -396,19 +402,20 @@ int FakeCard::commit(const std::vector<std::array<uint64_t, 3>>& settings, uint3
     return 0;
   }
   if (nonblock && busy_until > FakeDrm::instance().now()) return -EBUSY;
-  uint32_t crtc = 0;
+  std::set<uint32_t> flipped;
   for (const auto& [object, id, value] : settings) {
     FakeProperty& property =
         *property_of(*this, static_cast<uint32_t>(object), static_cast<uint32_t>(id));
     if (!property.ignores_writes) property.value = value;
     if (property.name == "FB_ID")
-      crtc = static_cast<uint32_t>(objects.at(static_cast<uint32_t>(object)).value("CRTC_ID"));
+      flipped.insert(
+          static_cast<uint32_t>(objects.at(static_cast<uint32_t>(object)).value("CRTC_ID")));
   }
   if (nonblock) {
     ++flips;
     last_flip_id = user_data;
-    schedule_flip_event(crtc, user_data);
-    const auto shown = static_cast<uint32_t>(value(primary_of(crtc), "FB_ID"));
+    for (const uint32_t crtc : flipped) schedule_flip_event(crtc, user_data);
+    const auto shown = static_cast<uint32_t>(value(primary_of(*flipped.begin()), "FB_ID"));
     if (on_flip) on_flip(sequence_at(next_vblank()), buffers.at(framebuffers.at(shown).handle));
   } else {
     ++(may_modeset ? modesets : blocking_commits);

@@ -16,6 +16,10 @@ struct PropertySetting {
   friend bool operator==(const PropertySetting&, const PropertySetting&) = default;
 };
 
+inline void append(std::vector<PropertySetting>& to, const std::vector<PropertySetting>& from) {
+  to.insert(to.end(), from.begin(), from.end());
+}
+
 /// Can be reused after clear() without allocating memory. Thread safety: one thread.
 class AtomicRequest {
  public:

@@ -36,7 +36,10 @@ std::optional<ConnectorInfo> read_connector(int fd, uint32_t id, Probe probe) {
     info.modes.assign(source->modes, source->modes + source->count_modes);
   info.edid = read_edid(read_blob(fd, static_cast<uint32_t>(properties->value("EDID"))));
   info.non_desktop = properties->value("non-desktop") != 0;
-  info.tiled = properties->value("TILE") != 0;
+  if (const auto tile = static_cast<uint32_t>(properties->value("TILE")); tile != 0) {
+    info.tiled = true;
+    info.tile = parse_tile(read_blob(fd, tile));
+  }
   if (const Property* link = properties->find("link-status"))
     info.link_bad = link->value_named("Bad") == link->value;
   info.properties = std::move(*properties);

@@ -11,6 +11,7 @@
 
 #include "display/kms/device/drm_properties.h"
 #include "display/kms/device/edid.h"
+#include "display/kms/device/tile.h"
 #include "frames/rational.h"
 
 namespace lenticule::display {
@@ -31,7 +32,8 @@ struct ConnectorInfo {
   uint32_t possible_crtcs = 0;  ///< bit n = CRTC n of the resources
   EdidReading edid{};
   bool non_desktop = false;
-  bool tiled = false;
+  bool tiled = false;          ///< the panel has further connectors
+  std::optional<Tile> tile{};  ///< set if tiled, unless the kernel's text is not valid
   bool link_bad = false;
   PropertyTable properties{};
 };

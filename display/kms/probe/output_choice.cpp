@@ -111,14 +111,42 @@ class Chooser {
   }
 
   [[nodiscard]] OutputChoice only_one(const Indices& indices) const {
-    if (indices.size() > 1)
+    const Indices tiles = tiles_of(indices.front());
+    const auto is_tile = [&](size_t i) { return std::ranges::find(tiles, i) != tiles.end(); };
+    if (!std::ranges::all_of(indices, is_tile))
       return refuse(ErrorKind::Device, "more than one panel fits",
                     "choose one: --display kms:CONNECTOR", false);
-    if (at(indices.front()).tiled)
-      return refuse(ErrorKind::Device,
-                    "the panel is fed by two connectors that cannot be flipped as one",
+    const ConnectorInfo& first = at(indices.front());
+    if (!first.tiled) return {.chosen = tiles.front(), .tiles = tiles};
+    if (!first.tile)
+      return refuse(ErrorKind::Device, "the panel's tiles are not known",
                     "set the panel to single-stream transport in its menu", false);
-    return {.chosen = indices.front()};
+    if (tiles.size() != static_cast<size_t>(first.tile->count()))
+      return refuse(ErrorKind::Device,
+                    fmt::format("the panel has {} connectors, and {} of them can be used",
+                                first.tile->count(), tiles.size()),
+                    "connect all of its cables to one graphics card", true);
+    return {.chosen = tiles.front(), .tiles = tiles};
+  }
+
+  /// Returns the connected tiles of the panel at connector `i`, on the same card, in rows from the
+  /// top left, each place once. A panel without tiles has one.
+  [[nodiscard]] Indices tiles_of(size_t i) const {
+    if (!at(i).tile) return {i};
+    const Tile& tile = *at(i).tile;
+    Indices tiles;
+    for (int place = 0; place < tile.count(); ++place) {
+      Tile wanted = tile;
+      wanted.column = place % tile.columns;
+      wanted.row = place / tile.columns;
+      for (size_t n = 0; n < list_.connectors.size(); ++n)
+        if (list_.connectors[n].card == list_.connectors[i].card && at(n).connected &&
+            at(n).tile == wanted) {
+          tiles.push_back(n);
+          break;
+        }
+    }
+    return tiles;
   }
 
   [[nodiscard]] OutputChoice refuse(ErrorKind kind, const std::string& cause,

@@ -23,10 +23,6 @@ PixelSize size_of(const drmModeModeInfo& mode) {
   return {mode.hdisplay, mode.vdisplay};
 }
 
-PixelSize size_of(const frames::FrameGeometry& panel) {
-  return {panel.width, panel.height};
-}
-
 double relative_error(const drmModeModeInfo& mode, frames::Rate refresh) {
   return std::abs(refresh_of(mode).hertz() / refresh.hertz() - 1.0);
 }
@@ -97,14 +93,17 @@ bool is_primary(int fd, uint32_t plane) {
   return type != nullptr && type->value == DRM_PLANE_TYPE_PRIMARY;
 }
 
-/// Returns the CRTC's current primary plane, else an unused primary plane.
-std::optional<uint32_t> primary_plane_for(int fd, uint32_t crtc, int crtc_index) {
+/// Returns the CRTC's current primary plane, else an unused primary plane; none of the pipes
+/// `before`.
+std::optional<uint32_t> primary_plane_for(int fd, uint32_t crtc, int crtc_index,
+                                          std::span<const Pipe> before) {
   const DrmPlanes planes(drmModeGetPlaneResources(fd));
   std::optional<uint32_t> free_one;
   for (uint32_t i = 0; planes && i < planes->count_planes; ++i) {
     const DrmPlane plane(drmModeGetPlane(fd, planes->planes[i]));
     if (!plane || (plane->possible_crtcs & 1U << crtc_index) == 0 || !takes_xrgb8888(*plane) ||
-        !is_primary(fd, plane->plane_id))
+        !is_primary(fd, plane->plane_id) ||
+        std::ranges::find(before, plane->plane_id, &Pipe::plane) != before.end())
       continue;
     if (plane->crtc_id == crtc) return plane->plane_id;
     if (plane->crtc_id == 0 && !free_one) free_one = plane->plane_id;
@@ -148,23 +147,33 @@ bool offers_mode(const ConnectorInfo& connector, const drmModeModeInfo& mode) {
                      [&](const auto& listed) { return same_timings(listed, mode); });
 }
 
+PixelSize size_on(const ConnectorInfo& connector, const frames::FrameGeometry& panel) {
+  const std::optional<Tile>& tile = connector.tile;
+  if (tile && tile->columns * tile->width == panel.width &&
+      tile->rows * tile->height == panel.height)
+    return {tile->width, tile->height};
+  return {panel.width, panel.height};
+}
+
 std::optional<drmModeModeInfo> choose_mode(const ConnectorInfo& connector,
                                            const frames::FrameGeometry& panel,
                                            std::optional<frames::Rate> refresh) {
-  if (!may_be_native(connector, size_of(panel))) return std::nullopt;
-  return best_of_size(connector.modes, size_of(panel), refresh);
+  const PixelSize size = size_on(connector, panel);
+  if (!may_be_native(connector, size)) return std::nullopt;
+  return best_of_size(connector.modes, size, refresh);
 }
 
 drmModeModeInfo require_mode(const ConnectorInfo& connector, const frames::FrameGeometry& panel,
                              std::optional<frames::Rate> refresh) {
   if (const auto mode = choose_mode(connector, panel, refresh)) return *mode;
-  if (best_of_size(connector.modes, size_of(panel), std::nullopt) &&
-      !may_be_native(connector, size_of(panel)))
-    throw_not_native(connector, size_of(panel));
-  throw_not_listed(connector, size_of(panel), refresh);
+  const PixelSize size = size_on(connector, panel);
+  if (best_of_size(connector.modes, size, std::nullopt) && !may_be_native(connector, size))
+    throw_not_native(connector, size);
+  throw_not_listed(connector, size, refresh);
 }
 
-Pipe choose_pipe(int fd, ConnectorInfo connector, const drmModeModeInfo& mode) {
+Pipe choose_pipe(int fd, ConnectorInfo connector, const drmModeModeInfo& mode,
+                 std::span<const Pipe> before) {
   const DrmResources resources(drmModeGetResources(fd));
   if (!resources)
     throw Error(ErrorKind::Device,
@@ -178,10 +187,11 @@ Pipe choose_pipe(int fd, ConnectorInfo connector, const drmModeModeInfo& mode) {
   for (int i = 0; i < resources->count_crtcs && i < 32; ++i) {
     const uint32_t crtc = resources->crtcs[i];
     if ((connector.possible_crtcs & 1U << i) == 0) continue;
+    if (std::ranges::find(before, crtc, &Pipe::crtc) != before.end()) continue;
     const bool in_use = std::find(taken.begin(), taken.end(), crtc) != taken.end();
     const int rank = crtc == current ? 3 : in_use ? 1 : 2;
     if (rank <= best_rank) continue;
-    const auto plane = primary_plane_for(fd, crtc, i);
+    const auto plane = primary_plane_for(fd, crtc, i, before);
     if (!plane) continue;
     best_crtc = crtc;
     best_plane = *plane;
@@ -192,6 +202,21 @@ Pipe choose_pipe(int fd, ConnectorInfo connector, const drmModeModeInfo& mode) {
                 fmt::format("{}: no CRTC with a primary plane for XRGB8888", connector.name),
                 "disconnect another panel of this card");
   return {.connector = std::move(connector), .mode = mode, .crtc = best_crtc, .plane = best_plane};
+}
+
+std::vector<Pipe> choose_pipes(int fd, std::vector<ConnectorInfo> connectors,
+                               const frames::FrameGeometry& panel,
+                               std::optional<frames::Rate> refresh) {
+  std::vector<Pipe> pipes;
+  for (ConnectorInfo& connector : connectors) {
+    const drmModeModeInfo mode = require_mode(connector, panel, refresh);
+    const Tile tile = connector.tile.value_or(Tile{});
+    Pipe pipe = choose_pipe(fd, std::move(connector), mode, pipes);
+    pipe.left_px = tile.column * tile.width;
+    pipe.top_px = tile.row * tile.height;
+    pipes.push_back(std::move(pipe));
+  }
+  return pipes;
 }
 
 }  // namespace lenticule::display

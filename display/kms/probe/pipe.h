@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pipe is the connector, the mode, the CRTC and the primary plane with which a panel shows frames
-// pixel for pixel. These functions choose them.
+// Pipe is the connector, the mode, the CRTC and the primary plane with which a panel, or a tile of
+// a panel, shows frames pixel for pixel. These functions choose them.
 #pragma once
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "display/kms/device/connector.h"
@@ -18,6 +19,9 @@ struct Pipe {
   drmModeModeInfo mode{};
   uint32_t crtc = 0;
   uint32_t plane = 0;
+  /// Position of the tile in the frame; 0 for a panel with one connector.
+  int left_px = 0;
+  int top_px = 0;
 };
 
 /// Returns the panel's native sizes; the panel would scale a picture of any other size, even one
@@ -33,8 +37,12 @@ struct Pipe {
 /// Returns true if the panel lists a mode with these timings whose size may be native.
 [[nodiscard]] bool offers_mode(const ConnectorInfo& connector, const drmModeModeInfo& mode);
 
-/// Returns the plain mode of exactly this size, if the size may be native: with `refresh` the
-/// nearest one within 0.05 %, otherwise the preferred one, otherwise the fastest.
+/// Returns the size of the mode with which a connector shows its part of a frame of `panel`: a
+/// tile's size if its panel's tiles together have the size of `panel`, else the whole size.
+[[nodiscard]] PixelSize size_on(const ConnectorInfo& connector, const frames::FrameGeometry& panel);
+
+/// Returns the plain mode of exactly the size_on() a connector, if the size may be native: with
+/// `refresh` the nearest one within 0.05 %, otherwise the preferred one, otherwise the fastest.
 [[nodiscard]] std::optional<drmModeModeInfo> choose_mode(const ConnectorInfo& connector,
                                                          const frames::FrameGeometry& panel,
                                                          std::optional<frames::Rate> refresh);
@@ -47,7 +55,14 @@ struct Pipe {
 
 /// Prefers the CRTC that already drives the connector (its mode can then be taken over without a
 /// modeset), then an unused one. Throws Error(Device) if no CRTC with a primary plane for XRGB8888
-/// can drive the connector.
-[[nodiscard]] Pipe choose_pipe(int fd, ConnectorInfo connector, const drmModeModeInfo& mode);
+/// can drive the connector, apart from those of the pipes `before`.
+[[nodiscard]] Pipe choose_pipe(int fd, ConnectorInfo connector, const drmModeModeInfo& mode,
+                               std::span<const Pipe> before = {});
+
+/// Chooses the pipes of a panel's connectors: one, or its tiles. Throws as require_mode() and
+/// choose_pipe() do.
+[[nodiscard]] std::vector<Pipe> choose_pipes(int fd, std::vector<ConnectorInfo> connectors,
+                                             const frames::FrameGeometry& panel,
+                                             std::optional<frames::Rate> refresh);
 
 }  // namespace lenticule::display

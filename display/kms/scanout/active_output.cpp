@@ -74,13 +74,16 @@ std::optional<ActiveOutput> try_take_over(const KmsOptions& options, DrmDevice& 
   if (!mode) return std::nullopt;
   Pipe pipe = choose_pipe(device.fd(), std::move(*connector), *mode);
   if (pipe.crtc != state.crtc || pipe.plane != state.plane) return std::nullopt;
+  std::vector<Pipe> pipes;
+  pipes.push_back(std::move(pipe));
 
   const int fd = device.fd();
   drain_events(fd);
   ActiveOutput active;
   ScanoutPool buffers = take_over_buffers(fd, options);
   active.front = displayed_buffer(fd, state, buffers);
-  active.output = std::make_unique<KmsOutput>(std::move(device), std::move(pipe), options.platform);
+  active.output =
+      std::make_unique<KmsOutput>(std::move(device), std::move(pipes), options.platform);
   active.buffers = std::move(buffers);
   if (active.front == nullptr) active.front = active.buffers.front().get();
   active.output->activate(active.front->framebuffer(), *options.clock, RunningMode::TakeOver);
@@ -106,14 +109,17 @@ std::optional<ActiveOutput> take_over_output(const KmsOptions& options,
 
 // --- opening any output ---------------------------------------------------------------------
 
-/// Finds the requested panel and its card.
-std::pair<DrmDevice, ConnectorInfo> find_panel(const KmsOptions& options,
-                                               std::optional<DrmDevice>& previous) {
+/// Finds the requested panel's connectors and its card.
+std::pair<DrmDevice, std::vector<ConnectorInfo>> find_panel(const KmsOptions& options,
+                                                            std::optional<DrmDevice>& previous) {
   ConnectorList list = list_connectors(options.session, previous);
   const OutputChoice choice = choose_output(options.output, list);
   if (!choice.chosen) throw Error(choice.refusal);
-  CardConnector& chosen = list.connectors[*choice.chosen];
-  return {std::move(list.devices[*chosen.device]), std::move(chosen.info)};
+  std::vector<ConnectorInfo> connectors;
+  for (const size_t tile : choice.tiles)
+    connectors.push_back(std::move(list.connectors[tile].info));
+  const size_t device = *list.connectors[*choice.chosen].device;
+  return {std::move(list.devices[device]), std::move(connectors)};
 }
 
 void require_master(const DrmDevice& device) {
@@ -146,15 +152,16 @@ void require_caps(const DrmDevice& device) {
 }
 
 ActiveOutput open_new_output(const KmsOptions& options, std::optional<DrmDevice> previous) {
-  auto [device, connector] = find_panel(options, previous);
+  auto [device, connectors] = find_panel(options, previous);
   require_caps(device);
   require_master(device);
   const OutputRequest& request = options.output;
-  const drmModeModeInfo mode = require_mode(connector, request.panel, request.refresh);
-  Pipe pipe = choose_pipe(device.fd(), std::move(connector), mode);
+  std::vector<Pipe> pipes =
+      choose_pipes(device.fd(), std::move(connectors), request.panel, request.refresh);
 
   ActiveOutput active;
-  active.output = std::make_unique<KmsOutput>(std::move(device), std::move(pipe), options.platform);
+  active.output =
+      std::make_unique<KmsOutput>(std::move(device), std::move(pipes), options.platform);
   active.output->foresee();
   // Checked before a frame is shown, as far as the facts are known.
   require_exact(options, *active.output);
@@ -188,8 +195,8 @@ void require_exact(const KmsOptions& options, const KmsOutput& output) {
   std::string hint;
   for (const std::string& remedy : report.remedies) hint += remedy + ", or ";
   throw Error(ErrorKind::Quality,
-              fmt::format("{} on {}: subpixels would not arrive unchanged: {}",
-                          output.pipe().connector.name, output.device().path(), why),
+              fmt::format("{} on {}: subpixels would not arrive unchanged: {}", output.name(),
+                          output.device().path(), why),
               hint + "use --allow-inexact to show frames anyway");
 }
 

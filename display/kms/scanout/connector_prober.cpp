@@ -20,10 +20,11 @@ constexpr Nanoseconds kLongestSleep = std::chrono::seconds(1);
 }  // namespace
 
 ConnectorProber::ConnectorProber(int card_fd, const ConnectorInfo& seen,
+                                 std::vector<uint32_t> connectors,
                                  std::unique_ptr<HotplugMonitor> hotplug,
                                  std::shared_ptr<Clock> clock, Running running, Audit audit)
     : card_fd_(card_fd),
-      connector_id_(seen.id),
+      connectors_(std::move(connectors)),
       hotplug_(std::move(hotplug)),
       clock_(std::move(clock)),
       running_(running),
@@ -117,13 +118,24 @@ void ConnectorProber::work(Nanoseconds now) {
   }
   if (now >= poll_at_) {
     poll_at_ = now + kPollInterval;
-    const auto current = read_connector(card_fd_, connector_id_, Probe::Cached);
+    const auto current = read_panel(Probe::Cached);
     if (!current || current->connected != connected_ || current->link_bad != link_bad_)
       probe_at_ = now;
   }
   if (!requested && (!probe_at_ || now < *probe_at_)) return;
   probe_at_.reset();
-  report(read_connector(card_fd_, connector_id_, Probe::Full));
+  report(read_panel(Probe::Full));
+}
+
+/// Returns the panel's first connector with the worst state of all.
+std::optional<ConnectorInfo> ConnectorProber::read_panel(Probe probe) const {
+  auto panel = read_connector(card_fd_, connectors_.front(), probe);
+  for (size_t n = 1; panel && n < connectors_.size(); ++n) {
+    const auto tile = read_connector(card_fd_, connectors_[n], probe);
+    panel->connected = panel->connected && tile && tile->connected;
+    panel->link_bad = panel->link_bad || (tile && tile->link_bad);
+  }
+  return panel;
 }
 
 /// Audits if due; after a hotplug event, as soon as its burst is over.

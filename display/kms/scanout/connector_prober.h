@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// ConnectorProber probes one connector after hotplug events, and checks it slowly without them, in
-// case an event is lost. It also audits the output.
+// ConnectorProber probes the connectors of one panel after hotplug events, and checks them slowly
+// without events, in case one is lost. It also audits the output.
 #pragma once
 
 #include <atomic>
@@ -9,6 +9,7 @@
 #include <mutex>
 #include <optional>
 #include <thread>
+#include <vector>
 
 #include "base/wake_fd.h"
 #include "display/clock.h"
@@ -18,7 +19,8 @@
 namespace lenticule::display {
 
 struct HotplugEvent {
-  /// None: the connector itself is gone.
+  /// The panel's first connector. A panel with several is connected only if all of them are. None:
+  /// the connector itself is gone.
   std::optional<ConnectorInfo> connector;
 };
 
@@ -31,9 +33,11 @@ class ConnectorProber {
   /// a modeset would help.
   using Audit = std::function<bool(bool after_hotplug)>;
 
-  /// `audit` may be null. Throws Error(Failed) if there are no descriptors or threads.
-  ConnectorProber(int card_fd, const ConnectorInfo& seen, std::unique_ptr<HotplugMonitor> hotplug,
-                  std::shared_ptr<Clock> clock, Running running, Audit audit = nullptr);
+  /// `connectors` are the panel's, of which `seen` is the first. `audit` may be null. Throws
+  /// Error(Failed) if there are no descriptors or threads.
+  ConnectorProber(int card_fd, const ConnectorInfo& seen, std::vector<uint32_t> connectors,
+                  std::unique_ptr<HotplugMonitor> hotplug, std::shared_ptr<Clock> clock,
+                  Running running, Audit audit = nullptr);
   ~ConnectorProber();
   ConnectorProber(const ConnectorProber&) = delete;
   ConnectorProber& operator=(const ConnectorProber&) = delete;
@@ -57,9 +61,10 @@ class ConnectorProber {
   void work(Nanoseconds now);
   void audit_if_due(Nanoseconds now, bool hotplug);
   void report(std::optional<ConnectorInfo> connector);
+  [[nodiscard]] std::optional<ConnectorInfo> read_panel(Probe probe) const;
 
   int card_fd_;
-  uint32_t connector_id_;
+  std::vector<uint32_t> connectors_;
   std::unique_ptr<HotplugMonitor> hotplug_;
   std::shared_ptr<Clock> clock_;
   Running running_;

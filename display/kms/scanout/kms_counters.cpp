@@ -18,6 +18,7 @@ KmsStatistics KmsCounters::snapshot() const noexcept {
           .suspends = suspends.get(),
           .pauses = pauses.get(),
           .lost_ticks = lost_ticks.get(),
+          .largest_skew = Nanoseconds(largest_skew_ns.load(std::memory_order_relaxed)),
           .panel = panel.load(std::memory_order_relaxed),
           .hardware_clock = hardware_clock.load(std::memory_order_relaxed),
           .off = off.load(std::memory_order_relaxed)};

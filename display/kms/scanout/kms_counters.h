@@ -28,6 +28,14 @@ struct KmsCounters {
   std::atomic<bool> hardware_clock{false};
   std::atomic<bool> off{false};
 
+  std::atomic<Nanoseconds::rep> largest_skew_ns{0};
+
+  /// Notes by how much the tiles of a panel began to show a frame at different times.
+  void note_skew(Nanoseconds skew) noexcept {
+    if (skew.count() > largest_skew_ns.load(std::memory_order_relaxed))
+      largest_skew_ns.store(skew.count(), std::memory_order_relaxed);
+  }
+
   [[nodiscard]] KmsStatistics snapshot() const noexcept;
 };
 

@@ -145,11 +145,11 @@ void AtomicKmsDisplay::start() {
   options_.allow_inexact = true;
   const Pipe& pipe = active_.output->pipe();
   const DrmDevice& device = active_.output->device();
-  mode_ = {
-      .geometry = turned(options_.output.panel, options_.mounting),
-      .refresh = refresh_of(pipe.mode),
-      .name = fmt::format("{} on {} {}", pipe.connector.name, device.path(), to_string(pipe.mode)),
-      .hardware_clock = false};
+  mode_ = {.geometry = turned(options_.output.panel, options_.mounting),
+           .refresh = refresh_of(pipe.mode),
+           .name = fmt::format("{} on {} {}", active_.output->name(), device.path(),
+                               to_string(pipe.mode)),
+           .hardware_clock = false};
   asleep_ = options_.platform->time_asleep();
   flips_.emplace(active_, options_.session, clock_, mode_.refresh, counters_);
   monitor_.emplace(*active_.output, options_.output, options_.platform->watch_hotplug(), clock_,

@@ -75,6 +75,8 @@ struct KmsStatistics {
   uint64_t suspends = 0;
   uint64_t pauses = 0;
   uint64_t lost_ticks = 0;  ///< vblank events that did not arrive
+  /// Largest difference between the vblanks at which the tiles of a panel began to show a frame.
+  Nanoseconds largest_skew{0};
   PanelState panel = PanelState::Showing;
   bool hardware_clock = false;
   bool off = false;  ///< switched off on request

@@ -77,6 +77,28 @@ PendingFlip::Landed PendingFlip::deliver() noexcept {
   return landed;
 }
 
+// --- TileEvents -----------------------------------------------------------------------------
+
+void TileEvents::start() noexcept {
+  for (std::optional<DrmEvent>& event : arrived_) event.reset();
+}
+
+bool TileEvents::add(size_t tile, const DrmEvent& event) noexcept {
+  if (arrived_[tile]) return false;
+  arrived_[tile] = event;
+  return true;
+}
+
+bool TileEvents::complete() const noexcept {
+  return std::ranges::all_of(arrived_, [](const auto& event) { return event.has_value(); });
+}
+
+Nanoseconds TileEvents::skew() const noexcept {
+  const auto [first, last] = std::ranges::minmax(
+      arrived_, {}, [](const std::optional<DrmEvent>& event) { return event->time; });
+  return first->time > Nanoseconds{0} ? last->time - first->time : Nanoseconds{0};
+}
+
 // --- PageFlipHandler: construction ----------------------------------------------------------
 
 PageFlipHandler::PageFlipHandler(ActiveOutput& active, std::shared_ptr<Session> session,
@@ -89,6 +111,7 @@ PageFlipHandler::PageFlipHandler(ActiveOutput& active, std::shared_ptr<Session> 
       vblanks_(*active.output, refresh, *clock_, counters),
       // The start value differs from the serial numbers of a previous user of the card.
       next_serial_(static_cast<uint64_t>(clock_->now().count()) | 1),
+      tiles_(active.output->pipe_count()),
       backoff_(kShortestBackoff),
       resume_backoff_(kFirstResume) {}
 
@@ -181,6 +204,7 @@ bool PageFlipHandler::set_power(bool on) noexcept {
 
 void PageFlipHandler::try_flip() noexcept {
   const uint64_t serial = next_serial_++;
+  tiles_.start();
   const int error = active_.output->flip(flip_.buffer()->framebuffer(), serial);
   if (error == 0) return flip_.arm(serial, now() + flip_timeout(vblanks_.period()));
   const CommitFailure failure = note_failure(error);
@@ -189,9 +213,17 @@ void PageFlipHandler::try_flip() noexcept {
 }
 
 void PageFlipHandler::on_flip_event(const DrmEvent& event) noexcept {
-  if (!flip_.awaits(event.id)) return counters_.stray_events.add();
+  if (!flip_.awaits(event.id) || !note_tile(event)) return counters_.stray_events.add();
+  if (!tiles_.complete()) return;
   recovery_attempts_ = 0;
-  land(vblanks_.place(event));
+  counters_.note_skew(tiles_.skew());
+  land(vblanks_.place(tiles_.first()));
+}
+
+/// Adds the event of a flip of this output. Returns false for an event that does not belong to it.
+bool PageFlipHandler::note_tile(const DrmEvent& event) noexcept {
+  const auto tile = active_.output->pipe_of_crtc(event.crtc);
+  return tile && tiles_.add(*tile, event);
 }
 
 void PageFlipHandler::land(VblankClock::Landing landing) noexcept {

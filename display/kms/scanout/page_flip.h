@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "display/clock.h"
 #include "display/display.h"
@@ -78,6 +79,27 @@ class PendingFlip {
   Vblank vblank_{};
 };
 
+/// TileEvents collects the events of one flip, of which each CRTC sends one. Thread safety: one
+/// thread.
+class TileEvents {
+ public:
+  explicit TileEvents(size_t tiles) : arrived_(tiles) {}
+
+  /// Forgets the events of the previous flip.
+  void start() noexcept;
+  /// Adds the event of a tile. Returns false if that tile's event has arrived already.
+  [[nodiscard]] bool add(size_t tile, const DrmEvent& event) noexcept;
+  [[nodiscard]] bool complete() const noexcept;
+  /// Returns the event of the first tile, which must have arrived.
+  [[nodiscard]] const DrmEvent& first() const noexcept { return *arrived_.front(); }
+  /// Returns the difference between the earliest and the latest vblank of a complete flip; 0 if the
+  /// driver does not state times.
+  [[nodiscard]] Nanoseconds skew() const noexcept;
+
+ private:
+  std::vector<std::optional<DrmEvent>> arrived_;
+};
+
 /// The reasons for which the kernel refuses a commit, by the reaction that each needs.
 enum class CommitFailure {
   Busy,    ///< a commit is pending: try again later
@@ -125,6 +147,7 @@ class PageFlipHandler final : private DrmEventHandler {
  private:
   void on_drm_event(const DrmEvent& event) noexcept override;
   void on_flip_event(const DrmEvent& event) noexcept;
+  [[nodiscard]] bool note_tile(const DrmEvent& event) noexcept;
   void try_flip() noexcept;
   void land(VblankClock::Landing landing) noexcept;
   DisplayEvent deliver_flip() noexcept;
@@ -154,6 +177,7 @@ class PageFlipHandler final : private DrmEventHandler {
   VblankClock vblanks_;
   PendingFlip flip_;
   uint64_t next_serial_;
+  TileEvents tiles_;
 
   int recovery_attempts_ = 0;
   Nanoseconds backoff_;

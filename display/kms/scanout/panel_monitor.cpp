@@ -38,8 +38,8 @@ PanelMonitor::PanelMonitor(KmsOutput& output, const OutputRequest& request,
       request_(request),
       clock_(std::move(clock)),
       counters_(counters),
-      prober_(output.device().fd(), output.pipe().connector, std::move(hotplug), clock_,
-              running_by(*clock_),
+      prober_(output.device().fd(), output.pipe().connector, output.connectors(),
+              std::move(hotplug), clock_, running_by(*clock_),
               [&output](bool after_hotplug) {
                 return output.audit_again(after_hotplug ? AuditDepth::Everything
                                                         : AuditDepth::Properties);

@@ -23,7 +23,7 @@ TEST_F(KmsThreads, PanelIsProbedOnItsOwnThread) {
   const auto seen = display::read_connector(fd.get(), connector->id, display::Probe::Cached);
   ASSERT_TRUE(seen);
   {
-    display::ConnectorProber prober(fd.get(), *seen, options.platform->watch_hotplug(),
+    display::ConnectorProber prober(fd.get(), *seen, {seen->id}, options.platform->watch_hotplug(),
                                     display::make_monotonic_clock(),
                                     display::ConnectorProber::Running::OwnThread);
     for (int i = 0; i < 3; ++i) {
