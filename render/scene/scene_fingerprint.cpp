@@ -35,9 +35,9 @@ Fingerprint picture_fingerprint(const Fingerprint& scene, const Stage& stage) {
   SceneMixer mixer;
   mixer.add(scene.first);
   mixer.add(scene.second);
-  const Affine& map = stage.world_from_panel;
-  for (const Vec3& column : {map.column_x, map.column_y, map.column_z, map.origin})
-    mixer.add(column);
+  for (const Affine& map : {stage.world_from_panel, stage.canvas_from_panel})
+    for (const Vec3& column : {map.column_x, map.column_y, map.column_z, map.origin})
+      mixer.add(column);
   mixer.add(stage.near_mm);
   mixer.add(stage.ground.has_value());
   mixer.add(stage.ground.value_or(Ground{}).y);

@@ -38,16 +38,6 @@ struct Framing {
   double mm_per_unit = 1.0;
 };
 
-struct PanelSize {
-  double width_mm;
-  double height_mm;
-};
-
-PanelSize panel_size(const optics::OpticalModel& model) {
-  const optics::Panel& panel = model.rig().panel;
-  return {panel.width_px * panel.pixel_width.value, panel.height_px * panel.pixel_height.value};
-}
-
 void check(bool good, const char* what) {
   if (!good) throw Error(ErrorKind::Usage, std::string("stage: ") + what);
 }
@@ -168,13 +158,13 @@ class Extent {
 };
 
 /// Returns the largest scale at which the content stays within the fraction `fill` of the panel.
-double fitting_scale(const Extent& extent, PanelSize panel, double fill) {
+double fitting_scale(const Extent& extent, const Canvas& canvas, double fill) {
   double half_width = extent.half_width();
   double half_height = extent.half_height();
   // A scene without width and height (seen end-on) is scaled by its depth.
   if (half_width == 0.0 && half_height == 0.0)
     half_height = std::max(std::abs(extent.depth().low), std::abs(extent.depth().high));
-  return fill / 2.0 * std::min(panel.width_mm / half_width, panel.height_mm / half_height);
+  return fill / 2.0 * std::min(canvas.width_mm / half_width, canvas.height_mm / half_height);
 }
 
 double camera_span(const Camera& camera) {
@@ -186,7 +176,7 @@ double camera_span(const Camera& camera) {
 struct Placing {
   const SceneDescription& scene;
   const Camera* camera;  ///< null without a camera
-  PanelSize panel;
+  const Canvas& canvas;
   const StageOptions& options;
   double pitch_degrees;
 
@@ -212,7 +202,7 @@ Extent extent_of(const Placing& placing, Vec3 centre) {
 }
 
 Framing frame_scene(const Placing& placing, const Bounds& bounds) {
-  const auto& [scene, camera, panel, options, pitch] = placing;
+  const auto& [scene, camera, canvas, options, pitch] = placing;
   Framing framing;
   framing.orientation = pitched(upright_orientation(placing), pitch);
   framing.centre = camera ? camera->at : bounds.low + (bounds.high - bounds.low) / 2.0;
@@ -220,9 +210,9 @@ Framing frame_scene(const Placing& placing, const Bounds& bounds) {
   if (options.mm_per_unit)
     framing.mm_per_unit = *options.mm_per_unit;
   else if (camera)
-    framing.mm_per_unit = std::min(panel.width_mm, panel.height_mm) / camera_span(*camera);
+    framing.mm_per_unit = std::min(canvas.width_mm, canvas.height_mm) / camera_span(*camera);
   else
-    framing.mm_per_unit = fitting_scale(extent_of(placing, framing.centre), panel, options.fill);
+    framing.mm_per_unit = fitting_scale(extent_of(placing, framing.centre), canvas, options.fill);
   if (!std::isfinite(framing.mm_per_unit) || framing.mm_per_unit <= 0.0)
     throw Error(ErrorKind::Input, scene.source + ": the scene has no extent");
   return framing;
@@ -241,13 +231,13 @@ struct Plane {
 /// coordinates (the camera looks along -z).
 class SeenDepth {
  public:
-  SeenDepth(const Camera& camera, PanelSize panel) : from_(camera.from) {
+  SeenDepth(const Camera& camera, const Canvas& canvas) : from_(camera.from) {
     orientation_ = camera_orientation(camera);
     const double distance = length(camera.at - camera.from);
     const double tangent = camera_span(camera) / 2.0 / distance;
-    const double shorter = std::min(panel.width_mm, panel.height_mm);
-    const double tx = tangent * panel.width_mm / shorter;
-    const double ty = tangent * panel.height_mm / shorter;
+    const double shorter = std::min(canvas.width_mm, canvas.height_mm);
+    const double tx = tangent * canvas.width_mm / shorter;
+    const double ty = tangent * canvas.height_mm / shorter;
     nearest_ = std::min(camera.hither, distance);
     farthest_ = kBackdropDistance * distance;
     planes_ = {Plane{normalized(Vec3{1, 0, -tx})}, Plane{normalized(Vec3{-1, 0, -tx})},
@@ -314,8 +304,8 @@ class SeenDepth {
   Interval depth_;
 };
 
-Interval depth_seen_by(const Camera& camera, const SceneDescription& scene, PanelSize panel) {
-  SeenDepth seen(camera, panel);
+Interval depth_seen_by(const Camera& camera, const SceneDescription& scene, const Canvas& canvas) {
+  SeenDepth seen(camera, canvas);
   for (const TriangleMesh& mesh : scene.meshes)
     for (const auto& [a, b, c] : mesh.triangles)
       seen.add_triangle(mesh.positions[a], mesh.positions[b], mesh.positions[c]);
@@ -343,7 +333,7 @@ Interval depth_of_content(const Placing& placing, const Bounds& bounds, const Fr
 Interval depth_to_fit(const Placing& placing, const Interval& all, const Framing& framing) {
   if (!placing.seen_from_camera()) return all;
   const Camera& camera = *placing.camera;
-  const Interval seen = depth_seen_by(camera, placing.scene, placing.panel);
+  const Interval seen = depth_seen_by(camera, placing.scene, placing.canvas);
   if (seen.empty()) return all;
   const double eye = framing.orientation.turned(camera.from - framing.centre).z;
   Interval z;
@@ -403,11 +393,40 @@ void extend_disc(Bounds& bounds, Vec3 centre, Vec3 axis, double radius) {
 
 }  // namespace
 
-Vec3 world_direction(const Stage& stage, Vec3 panel_direction) {
-  const Affine& map = stage.world_from_panel;
-  return normalized(normalized(map.column_x) * panel_direction.x +
-                    normalized(map.column_y) * panel_direction.y +
-                    normalized(map.column_z) * panel_direction.z);
+Canvas canvas_of(const optics::OpticalModel& model) {
+  const optics::Panel& panel = model.rig().panel;
+  return {.width_mm = panel.width_px * panel.pixel_width.value,
+          .height_mm = panel.height_px * panel.pixel_height.value,
+          .depth_of_field_mm = model.depth_of_field_mm(),
+          .viewing_distance_mm = model.rig().viewing.distance.value};
+}
+
+Affine world_from_canvas(const Stage& stage) {
+  return stage.world_from_panel * stage.canvas_from_panel.inverse();
+}
+
+Vec3 world_direction(const Stage& stage, Vec3 canvas_direction) {
+  const Affine map = world_from_canvas(stage);
+  return normalized(normalized(map.column_x) * canvas_direction.x +
+                    normalized(map.column_y) * canvas_direction.y +
+                    normalized(map.column_z) * canvas_direction.z);
+}
+
+Stage stage_of_panel(const Stage& canvas, const Affine& canvas_from_panel,
+                     const std::string& panel) {
+  Stage stage = canvas;
+  const bool parallel = canvas_from_panel.column_z == Vec3{0, 0, 1};
+  if (!parallel && canvas.cuts_in_front)
+    throw Error(ErrorKind::Input,
+                panel + ": the panel is turned, and the scene has content behind its camera",
+                "--fit ignores the camera; or remove that content from the scene");
+  stage.canvas_from_panel = canvas_from_panel;
+  stage.world_from_panel = canvas.world_from_panel * canvas_from_panel;
+  stage.panel_from_world = canvas_from_panel.inverse() * canvas.panel_from_world;
+  stage.near_mm = parallel ? canvas.near_mm - canvas_from_panel.origin.z
+                           : std::numeric_limits<double>::infinity();
+  stage.far_mm -= canvas_from_panel.origin.z;
+  return stage;
 }
 
 void Bounds::extend(Vec3 p) {
@@ -441,16 +460,15 @@ Ground ground_under(const Bounds& bounds) {
           .size = std::clamp(std::cbrt(size.x * size.y * size.z), 0.25 * longer, 2.0 * longer)};
 }
 
-Stage make_stage(const SceneDescription& scene, const optics::OpticalModel& model,
-                 const StageOptions& options) {
+Stage make_stage(const SceneDescription& scene, const Canvas& canvas, const StageOptions& options) {
   validate(options);
-  if (!scene.nodes.empty()) return make_stage(at_time(scene, 0.0), model, options);
+  if (!scene.nodes.empty()) return make_stage(at_time(scene, 0.0), canvas, options);
   const Bounds bounds = scene_bounds(scene);
   if (bounds.empty()) refuse_empty(scene);
   const Camera* camera = placing_camera(scene, options);
   const Placing placing{.scene = scene,
                         .camera = camera,
-                        .panel = panel_size(model),
+                        .canvas = canvas,
                         .options = options,
                         .pitch_degrees = options.pitch_degrees.value_or(
                             camera != nullptr ? 0.0 : kPitchWithoutCamera)};
@@ -459,14 +477,16 @@ Stage make_stage(const SceneDescription& scene, const optics::OpticalModel& mode
 
   Stage stage;
   stage.mm_per_unit = framing.mm_per_unit;
-  stage.depth_of_field_mm = model.depth_of_field_mm();
+  stage.depth_of_field_mm = canvas.depth_of_field_mm;
   if (options.depth_scale)
     stage.depth_scale = *options.depth_scale;
   else
     stage.depth_scale = fitting_depth_scale(depth_to_fit(placing, all, framing),
                                             options.depth_budget * stage.depth_of_field_mm,
-                                            model.rig().viewing.distance.value);
-  stage.near_mm = std::min(all.high, camera_plane(camera, framing)) * stage.depth_scale;
+                                            canvas.viewing_distance_mm);
+  const double cut = camera_plane(camera, framing);
+  stage.near_mm = std::min(all.high, cut) * stage.depth_scale;
+  stage.cuts_in_front = cut < all.high;
   stage.far_mm = all.low * stage.depth_scale;
   stage.panel_from_world = panel_from_world(framing, stage.depth_scale);
   stage.world_from_panel = world_from_panel(framing, stage.depth_scale);

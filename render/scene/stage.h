@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage places a scene in front of, on and behind the panel.
+// Stage places a scene in front of, on and behind the panel, or the panels of a wall.
 #pragma once
 
 #include <optional>
+#include <string>
 
 #include "optics/model.h"
 #include "optics/vec.h"
@@ -51,6 +52,16 @@ struct Ground {
   double size = 0.0;
 };
 
+/// Canvas is the rectangle on which a scene is placed: a panel, or all panels of a wall together.
+/// It lies in the plane z = 0 around the origin of its frame.
+struct Canvas {
+  double width_mm = 0.0;
+  double height_mm = 0.0;
+  double depth_of_field_mm = 0.0;    ///< the smallest of its panels
+  double viewing_distance_mm = 0.0;  ///< may be infinite
+};
+[[nodiscard]] Canvas canvas_of(const optics::OpticalModel& model);
+
 struct Stage {
   Affine panel_from_world;  ///< mm from world units; linear part = depth scale * rotation * scale
   Affine world_from_panel;
@@ -60,16 +71,31 @@ struct Stage {
   /// of the plane where its camera starts to see (a wall behind the camera is not displayed). Rays
   /// start here.
   double near_mm = 0.0;
+  /// True if near_mm cuts off content, such as a wall behind the scene's camera.
+  bool cuts_in_front = false;
   double far_mm = 0.0;             ///< panel z of the back of the scene's bounds
   double depth_of_field_mm = 0.0;  ///< the rig's; infinite for a sheet without a gap
   /// Ground of another moment of an animation, so that the ground does not move with the scene.
   /// Default: that of the scene.
   std::optional<Ground> ground{};
+  /// Place of the panel on the canvas, by a rotation and a translation in millimetres. Identity for
+  /// a panel that is not part of a wall.
+  Affine canvas_from_panel{};
 };
 
-/// Returns the world direction of `panel_direction`, whose components are along the panel's axes,
+/// Returns the map from the canvas to the world. Light and backdrop depend on it, so that they are
+/// the same on all panels of a wall.
+[[nodiscard]] Affine world_from_canvas(const Stage& stage);
+
+/// Returns the world direction of `canvas_direction`, whose components are along the canvas's axes,
 /// as a unit vector. It does not depend on the depth scale.
-[[nodiscard]] Vec3 world_direction(const Stage& stage, Vec3 panel_direction);
+[[nodiscard]] Vec3 world_direction(const Stage& stage, Vec3 canvas_direction);
+
+/// Returns the stage of one panel of a wall from the stage of its canvas. A panel may be turned
+/// unless the stage cuts off content in front: the plane of the cut would not be parallel to the
+/// panel. Then throws Error(Input) that begins with `panel`, the panel's name.
+[[nodiscard]] Stage stage_of_panel(const Stage& canvas, const Affine& canvas_from_panel,
+                                   const std::string& panel);
 
 /// World-space bounds of all visible content (infinite planes excepted).
 struct Bounds {
@@ -96,7 +122,12 @@ struct Bounds {
 /// half the distance from the panel to the eye. Nodes are evaluated at time 0.
 /// Throws Error(Input) for a scene that is empty or has no extent, Error(Usage) for invalid
 /// options.
-[[nodiscard]] Stage make_stage(const SceneDescription& scene, const optics::OpticalModel& model,
+[[nodiscard]] Stage make_stage(const SceneDescription& scene, const Canvas& canvas,
                                const StageOptions& options = {});
+[[nodiscard]] inline Stage make_stage(const SceneDescription& scene,
+                                      const optics::OpticalModel& model,
+                                      const StageOptions& options = {}) {
+  return make_stage(scene, canvas_of(model), options);
+}
 
 }  // namespace lenticule::render

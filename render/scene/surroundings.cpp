@@ -73,7 +73,7 @@ Vec3 sky_colour(double up_cosine) {
 }
 
 Vec3 world_up(const Stage& stage) {
-  return nearest_axis(stage.world_from_panel.column_y);
+  return nearest_axis(world_from_canvas(stage).column_y);
 }
 
 Backdrop make_backdrop(const SceneDescription& description, const Stage& stage,
@@ -81,10 +81,10 @@ Backdrop make_backdrop(const SceneDescription& description, const Stage& stage,
   Backdrop backdrop;
   backdrop.colour = surroundings.background.value_or(description.background);
   backdrop.up = world_up(stage);
-  const Vec3 into_panel = -stage.world_from_panel.column_z;
-  backdrop.ahead = normalized(into_panel - backdrop.up * dot(into_panel, backdrop.up));
-  if (backdrop.ahead == Vec3{})
-    backdrop.ahead = normalized(cross(backdrop.up, stage.world_from_panel.column_x));
+  const Affine map = world_from_canvas(stage);
+  const Vec3 into_canvas = -map.column_z;
+  backdrop.ahead = normalized(into_canvas - backdrop.up * dot(into_canvas, backdrop.up));
+  if (backdrop.ahead == Vec3{}) backdrop.ahead = normalized(cross(backdrop.up, map.column_x));
   backdrop.sky = surroundings.sky;
   if (!surroundings.environment_file.empty())
     backdrop.environment =

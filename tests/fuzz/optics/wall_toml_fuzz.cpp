@@ -5,7 +5,7 @@
 #include <string_view>
 
 #include "base/error.h"
-#include "optics/wall.h"
+#include "optics/wall/wall.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace lenticule::optics;

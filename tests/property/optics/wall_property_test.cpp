@@ -6,7 +6,7 @@
 #include <random>
 
 #include "optics/row_rays.h"
-#include "optics/wall.h"
+#include "optics/wall/wall.h"
 #include "tests/support/random_rigs.h"
 
 namespace lenticule::optics {

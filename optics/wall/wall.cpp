@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "optics/wall.h"
+#include "optics/wall/wall.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

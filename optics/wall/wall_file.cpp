@@ -4,7 +4,7 @@
 
 #include "optics/toml_section.h"
 #include "optics/toml_write.h"
-#include "optics/wall.h"
+#include "optics/wall/wall.h"
 
 namespace lenticule::optics {
 namespace {
