@@ -14,6 +14,7 @@
 #include "apps/lenticule-tools/cli/render_flags.h"
 #include "apps/lenticule-tools/offline/error_controller.h"
 #include "apps/lenticule-tools/offline/existing_output.h"
+#include "apps/lenticule-tools/offline/film_panel.h"
 #include "apps/lenticule-tools/offline/film_renderer.h"
 #include "apps/lenticule-tools/offline/frame_output.h"
 #include "apps/lenticule/cli/command.h"
@@ -28,6 +29,8 @@ namespace {
 
 struct RenderCommandFlags {
   RenderFlags render;
+  std::string wall;
+  std::string panel;  ///< of the wall; empty: all
   std::string rig_store;
   std::string output;
   std::string missing;
@@ -135,16 +138,16 @@ nlohmann::json stage_json(const render::Stage& stage) {
           {"depth_of_field_mm", finite_or_null(stage.depth_of_field_mm)}};
 }
 
-nlohmann::json result_json(const RenderCommandFlags& command, const optics::Rig& rig,
-                           const render::Stage& stage, const RunTotals& totals) {
+nlohmann::json result_json(const RenderCommandFlags& command, const FilmRenderer& film,
+                           const std::string& output, const RunTotals& totals) {
   const RenderFlags& flags = command.render;
+  const optics::Rig& rig = film.rig();
   nlohmann::json json = {{"scene", flags.scene},
-                         {"rig", flags.rig},
                          {"rig_fingerprint", optics::fingerprint(rig)},
                          {"method", flags.method},
                          {"samples", flags.options.samples},
                          {"prefilter", flags.prefilter},
-                         {"output", command.output},
+                         {"output", output},
                          {"width", rig.panel.width_px},
                          {"height", rig.panel.height_px},
                          {"frames_rendered", totals.rendered},
@@ -156,7 +159,11 @@ nlohmann::json result_json(const RenderCommandFlags& command, const optics::Rig&
                          {"beyond_bound", totals.rays.beyond_bound},
                          {"rmse", totals.rays.rmse},
                          {"rmse_bound", totals.rays.rmse_bound},
-                         {"stage", stage_json(stage)}};
+                         {"stage", stage_json(film.reference_stage())}};
+  if (film.panel().in_wall())
+    json.update({{"wall", command.wall}, {"panel", film.panel().name}});
+  else
+    json["rig"] = flags.rig;
   for (const render::FrameCounter& counter : render::kFrameCounters)
     json[counter.name] = totals.rays.*counter.field;
   return json;
@@ -172,14 +179,16 @@ int threads_of(const RenderCommandFlags& flags) {
   return threads == 0 && beside_player && cores >= kFewCores ? cores - 1 : threads;
 }
 
+/// RenderRun renders the film of one panel into `target`.
 class RenderRun {
  public:
-  explicit RenderRun(const RenderCommandFlags& flags)
+  RenderRun(const RenderCommandFlags& flags, FilmPanel panel, std::string target)
       : flags_(flags),
+        target_(std::move(target)),
         adapted_(adapted_of(flags)),
         range_(parse_frame_range(flags.render.frames)),
-        film_(flags.render, range_, !flags.missing.empty()),
-        output_(open_output(output_request(flags.output))) {
+        film_(flags.render, std::move(panel), range_, !flags.missing.empty()),
+        output_(open_output(output_request(target_))) {
     if (flags.missing.empty()) return;
     if (film_.method().missing_subpixels() == nullptr)
       throw Error(ErrorKind::Usage, fmt::format("--missing: method {} leaves no subpixel empty",
@@ -205,6 +214,12 @@ class RenderRun {
     totals_.seconds = elapsed.count();
     report();
     return interrupt_exit_code();
+  }
+
+  [[nodiscard]] nlohmann::json result() const {
+    nlohmann::json json = result_json(flags_, film_, target_, totals_);
+    if (adapted_) json["adapted_error"] = adapted_->json();
+    return json;
   }
 
  private:
@@ -236,11 +251,6 @@ class RenderRun {
   }
 
   void report() const {
-    if (flags_.json) {
-      nlohmann::json json = result_json(flags_, film_.rig(), film_.reference_stage(), totals_);
-      if (adapted_) json["adapted_error"] = adapted_->json();
-      print_json(json);
-    }
     if (adapted_) adapted_->report();
     if (totals_.rays.invalid_rays > 0)
       say("{} rays were not finite and are black\n", totals_.rays.invalid_rays);
@@ -283,6 +293,7 @@ class RenderRun {
   }
 
   const RenderCommandFlags& flags_;
+  std::string target_;
   std::optional<AdaptedError> adapted_;
   FrameRange range_;
   FilmRenderer film_;
@@ -291,14 +302,60 @@ class RenderRun {
   RunTotals totals_;
 };
 
+ExitCode render_panel(const RenderCommandFlags& flags) {
+  RenderRun run(flags, panel_of_rig(flags.render.rig), flags.output);
+  const ExitCode code = run.run();
+  if (flags.json) print_json(run.result());
+  return code;
+}
+
+void check_wall_flags(const RenderCommandFlags& flags) {
+  if (flags.wall.empty() && flags.render.rig.empty())
+    throw Error(ErrorKind::Usage, "--rig is required", "or --wall for several panels");
+  if (flags.wall.empty() && !flags.panel.empty())
+    throw Error(ErrorKind::Usage, "--panel: names a panel of a wall", "give --wall WALL, too");
+  if (!flags.wall.empty() && !flags.missing.empty())
+    throw Error(ErrorKind::Usage, "--missing: not supported for walls",
+                "render one panel of it with --rig");
+}
+
+/// Renders the films of all panels of a wall, one after the other, or only that of --panel.
+ExitCode render_wall(const RenderCommandFlags& flags) {
+  const optics::PlacedWall wall = optics::load_wall(flags.wall);
+  std::vector<std::string> names;
+  for (const optics::PlacedPanel& panel : wall.panels) names.push_back(panel.name);
+  if (!flags.panel.empty()) names = {wall.panel(flags.panel).name};
+  const bool to_ring = parse_source(flags.output).kind == SourceKind::Ring;
+  nlohmann::json results = nlohmann::json::array();
+  for (const std::string& name : names) {
+    if (interrupted()) break;
+    const bool keeps_target = to_ring && !flags.panel.empty();
+    const std::string target = keeps_target ? flags.output : target_of_panel(flags.output, name);
+    say("panel '{}': {}\n", name, target);
+    RenderRun run(flags, panel_of_wall(wall, wall.panel(name)), target);
+    (void)run.run();
+    results.push_back(run.result());
+  }
+  if (flags.json) print_json({{"wall", flags.wall}, {"panels", results}});
+  return interrupt_exit_code();
+}
+
 }  // namespace
 
 Run declare_render(CLI::App& app) {
   auto flags = std::make_shared<RenderCommandFlags>();
   const std::function<void()> complete = declare_render_flags(app, flags->render);
+  app.get_option("--rig")->required(false);
+  CLI::Option* const wall =
+      app.add_option("--wall", flags->wall,
+                     "wall file: render one scene for all of its panels, each into a file of its "
+                     "own, instead of --rig")
+          ->excludes(app.get_option("--rig"));
+  app.add_option("--panel", flags->panel, "render only this panel of the wall")->type_name("NAME");
   app.add_option("--rig-store", flags->rig_store,
                  "use this copy of the rig as long as a player with this flag does")
-      ->type_name("FILE");
+      ->type_name("FILE")
+      ->excludes(wall);
   app.add_option(
       "--missing", flags->missing,
       "picture file or pattern in which subpixels that reprojection left empty are white");
@@ -318,12 +375,13 @@ Run declare_render(CLI::App& app) {
   app.add_flag("--json", flags->json, "print what was done as JSON");
   return [flags, complete, &app]() -> ExitCode {
     check_ring_timeout(*flags);
+    check_wall_flags(*flags);
     if (flags->adapt_rate) check_adapting(*flags, app.count("--error") + app.count("--psnr") > 0);
     if (!flags->rig_store.empty())
       flags->render.rig = optics::RigStore(flags->render.rig, flags->rig_store).in_use().string();
     complete();
     flags->render.options.threads = threads_of(*flags);
-    return RenderRun(*flags).run();
+    return flags->wall.empty() ? render_panel(*flags) : render_wall(*flags);
   };
 }
 

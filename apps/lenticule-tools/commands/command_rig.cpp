@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule rig show|check|import|export|trim|mount shows, checks, converts, trims and turns rig
-// files.
+// lenticule rig show|check|import|export|trim|mount|wall shows, checks, converts, trims and turns
+// rig files, and shows walls of several panels.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -9,6 +9,7 @@
 #include <memory>
 #include <numbers>
 
+#include "apps/lenticule-tools/commands/rig_wall.h"
 #include "apps/lenticule/cli/command.h"
 #include "base/error.h"
 #include "base/file.h"
@@ -41,6 +42,7 @@ struct RigOptions {
   std::string mounting;
   double offset_by = 0.0;
   double pitch_by = 0.0;
+  RigWallFlags wall;
   bool reset_trim = false;
   bool as_json = false;
 };
@@ -136,7 +138,8 @@ ExitCode show(const RigOptions& options) {
               {"sheet", sheet_json(rig.sheet, rig.panel)},
               {"viewing",
                {{"distance_mm", finite_or_null(rig.viewing.distance.value)},
-                {"height_mm", rig.viewing.height.value}}},
+                {"height_mm", rig.viewing.height.value},
+                {"centre_mm", rig.viewing.centre.value}}},
               {"derived", derived_json(model)}};
   for (const auto& [key, text] : rig.provenance) out["provenance"][key] = text;
   if (!trim.empty()) out["trim"] = trim_json(trim, options.file);
@@ -418,12 +421,19 @@ Run declare_rig(CLI::App& app) {
       ->required();
   mount_app->add_option("-o,--output", options->output, "rig file to write")->required();
 
-  const std::vector<std::pair<const CLI::App*, Action>> actions = {{show_app, show},
-                                                                   {check_app, check},
-                                                                   {import_app, import_calibration},
-                                                                   {export_app, export_calibration},
-                                                                   {trim_app, change_trim},
-                                                                   {mount_app, mount}};
+  CLI::App* wall_app =
+      add_action(app, "wall", "show a wall of several panels: sizes, gaps and a drawing",
+                 "lenticule rig wall lobby.toml --svg lobby.svg --rigs lobby", options);
+  declare_rig_wall_flags(*wall_app, options->wall);
+
+  const std::vector<std::pair<const CLI::App*, Action>> actions = {
+      {show_app, show},
+      {check_app, check},
+      {import_app, import_calibration},
+      {export_app, export_calibration},
+      {trim_app, change_trim},
+      {mount_app, mount},
+      {wall_app, [](const RigOptions& o) { return rig_wall(o.wall, o.as_json); }}};
   return [options, actions]() -> ExitCode {
     for (const auto& [sub, action] : actions) {
       if (sub->parsed()) return action(*options);

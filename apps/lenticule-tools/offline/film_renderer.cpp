@@ -35,19 +35,20 @@ render::RenderOptions options_of(const RenderFlags& flags, bool keep_missing) {
 
 }  // namespace
 
-FilmRenderer::FilmRenderer(const RenderFlags& flags, FrameRange film, bool keep_missing)
+FilmRenderer::FilmRenderer(const RenderFlags& flags, FilmPanel panel, FrameRange film,
+                           bool keep_missing)
     : flags_(flags),
       film_(film),
       rate_(frames::parse_rate(flags.fps)),
-      loaded_(optics::load_rig_and_identity(flags.rig)),
-      model_(loaded_.rig),
+      panel_(std::move(panel)),
+      model_(panel_.trimmed.rig),
       method_(render::make_method(flags.method, model_, options_of(flags, keep_missing))),
       scenes_(flags.scene, rate_, flags.staging.load) {
   if (!flags.camera.empty()) cameras_ = render::load_camera_path(flags.camera);
   scenes_.require(film_);
   const render::SceneDescription reference = scene_of(scenes_.reference_frame());
   print_notes(reference);
-  stages_.emplace(reference, model_, flags.staging.stage, flags.staging.turned_by_degrees);
+  stages_.emplace(reference, panel_.canvas, flags.staging.stage, flags.staging.turned_by_degrees);
   print_stage(stages_->reference());
   require_content_in_view(still() ? reference : scene_of(film_.begin));
 }
@@ -60,17 +61,25 @@ render::SceneDescription FilmRenderer::scene_of(uint64_t frame) const {
   return scene;
 }
 
-/// Refuses a scene of which the first frame shows nothing. If later frames may show it, or if
-/// there are surroundings to see, this is only noted.
+/// Returns the placement of a scene at the film's panel.
+render::Stage FilmRenderer::stage_at(const render::SceneDescription& scene, double progress) const {
+  render::Stage stage = stages_->at(scene, progress);
+  if (!panel_.in_wall()) return stage;
+  return render::stage_of_panel(stage, panel_.canvas_from_panel, panel_.name);
+}
+
+/// Refuses a scene of which the first frame shows nothing. If later frames or other panels may show
+/// it, or if there are surroundings to see, this is only noted.
 void FilmRenderer::require_content_in_view(const render::SceneDescription& first) const {
-  const render::Stage stage = stages_->at(first);
+  const render::Stage stage = stage_at(first, 0.0);
   if (render::content_meets_rays(first, stage, model_)) return;
   const bool camera = render::placing_camera(first, flags_.staging.stage) != nullptr;
   const std::string what =
       fmt::format("nothing to see in this scene: all of it lies outside the {}",
                   camera ? "camera's view" : "panel");
   const render::Surroundings& around = flags_.staging.surroundings;
-  const bool empty = still() && !around.sky && !around.ground && around.environment_file.empty();
+  const bool empty = still() && !panel_.in_wall() && !around.sky && !around.ground &&
+                     around.environment_file.empty();
   if (empty)
     throw Error(ErrorKind::Input, fmt::format("{}: {}", first.source, what),
                 camera ? "--fit ignores the camera and fits the whole scene into the panel"
@@ -92,7 +101,7 @@ OutputRequest FilmRenderer::output_request(const std::string& target,
   return {.target = target,
           .range = range,
           .geometry = geometry(),
-          .rig = loaded_.identity,
+          .rig = panel_.trimmed.identity,
           .rate = rate_,
           .rig_toml = optics::rig_to_toml(rig()),
           .made_from = made_from(flags_.scene, flags_.camera)};
@@ -121,7 +130,7 @@ render::RenderStatistics FilmRenderer::render_frame(uint64_t number, frames::Wov
 void FilmRenderer::prepare_scene(uint64_t number) {
   if (scene_ && still()) return;
   const render::SceneDescription description = scene_of(number);
-  stage_ = stages_->at(description, film_.part_before(number));
+  stage_ = stage_at(description, film_.part_before(number));
   scene_.reset();
   scene_ = std::make_unique<render::Scene>(description, stage_, flags_.staging.surroundings,
                                            flags_.options.threads);

@@ -10,9 +10,9 @@
 #include <vector>
 
 #include "apps/lenticule-tools/cli/render_flags.h"
+#include "apps/lenticule-tools/offline/film_panel.h"
 #include "apps/lenticule-tools/offline/frame_output.h"
 #include "apps/lenticule-tools/offline/scene_sequence.h"
-#include "optics/trim.h"
 #include "render/make_method.h"
 #include "render/scene/scene.h"
 
@@ -20,17 +20,21 @@ namespace lenticule::player {
 
 class FilmRenderer {
  public:
-  /// Loads rig and scene; `film` are all frames of the film. Reports the placement and repairs of
-  /// the scene with say(). Throws Error(Usage) and Error(Input), also if the first frame of a still
-  /// scene shows nothing.
+  /// Loads the scene; `film` are all frames of the film. Reports the placement and repairs of the
+  /// scene with say(). Throws Error(Usage) and Error(Input), also if the first frame of a still
+  /// scene shows nothing on a panel that is not part of a wall.
   ///
   /// Lifetime: must not outlive `flags`.
-  FilmRenderer(const RenderFlags& flags, FrameRange film, bool keep_missing = false);
+  FilmRenderer(const RenderFlags& flags, FilmPanel panel, FrameRange film,
+               bool keep_missing = false);
+  /// Loads the rig of the flags, too.
+  FilmRenderer(const RenderFlags& flags, FrameRange film, bool keep_missing = false)
+      : FilmRenderer(flags, panel_of_rig(flags.rig), film, keep_missing) {}
   FilmRenderer(const FilmRenderer&) = delete;
   FilmRenderer& operator=(const FilmRenderer&) = delete;
 
   [[nodiscard]] const FrameRange& film() const { return film_; }
-  [[nodiscard]] const optics::Rig& rig() const { return loaded_.rig; }
+  [[nodiscard]] const optics::Rig& rig() const { return panel_.trimmed.rig; }
   [[nodiscard]] frames::FrameGeometry geometry() const;
   [[nodiscard]] const render::Method& method() const { return *method_; }
   /// Changes the tolerated error of the next frames, whose bytes depend on it then. Returns false
@@ -40,6 +44,8 @@ class FilmRenderer {
   }
   [[nodiscard]] const render::Stage& reference_stage() const { return stages_->reference(); }
   [[nodiscard]] const SceneSequence& scenes() const { return scenes_; }
+
+  [[nodiscard]] const FilmPanel& panel() const { return panel_; }
 
   /// Returns the request of an output of the frames `range`.
   [[nodiscard]] OutputRequest output_request(const std::string& target,
@@ -56,6 +62,8 @@ class FilmRenderer {
  private:
   void require_content_in_view(const render::SceneDescription& first) const;
   [[nodiscard]] bool still() const;
+  [[nodiscard]] render::Stage stage_at(const render::SceneDescription& scene,
+                                       double progress) const;
   [[nodiscard]] render::SceneDescription scene_of(uint64_t frame) const;
   render::RenderStatistics render_frame(uint64_t number, frames::WovenFrame& frame);
   void prepare_scene(uint64_t number);
@@ -63,7 +71,7 @@ class FilmRenderer {
   const RenderFlags& flags_;
   FrameRange film_;
   frames::Rate rate_;
-  optics::TrimmedRig loaded_;
+  FilmPanel panel_;
   optics::OpticalModel model_;
   std::unique_ptr<render::Method> method_;
   SceneSequence scenes_;

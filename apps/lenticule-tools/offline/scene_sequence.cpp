@@ -71,11 +71,11 @@ render::SceneDescription SceneSequence::built_in(uint64_t frame) const {
 }
 
 StageSequence::StageSequence(const render::SceneDescription& reference,
-                             const optics::OpticalModel& model, const render::StageOptions& options,
+                             const render::Canvas& canvas, const render::StageOptions& options,
                              double turned_by_degrees)
-    : model_(model), turned_by_degrees_(turned_by_degrees), options_(options) {
+    : canvas_(canvas), turned_by_degrees_(turned_by_degrees), options_(options) {
   if (!still()) options_.fit_every_turn = true;
-  reference_ = render::make_stage(reference, model, options_);
+  reference_ = render::make_stage(reference, canvas_, options_);
   options_.depth_scale = reference_.depth_scale;
   ground_ = render::ground_under(render::scene_bounds(reference));
 }
@@ -89,7 +89,7 @@ render::Stage StageSequence::at(const render::SceneDescription& scene, double pr
     options.mm_per_unit = reference_.mm_per_unit;
   }
   render::Stage stage =
-      has_camera || !still() ? render::make_stage(scene, model_, options) : reference_;
+      has_camera || !still() ? render::make_stage(scene, canvas_, options) : reference_;
   // Objects that leave the reference frame's bounds must not be clipped if there is no camera.
   if (!has_camera) stage.near_mm = std::numeric_limits<double>::infinity();
   stage.ground = ground_;

@@ -54,10 +54,12 @@ class SceneSequence {
 class StageSequence {
  public:
   /// `reference` is the scene of SceneSequence::reference_frame(). Over the sequence the scene
-  /// turns by `turned_by_degrees`, beginning with the turn in `options`. Lifetime: the model must
-  /// outlive this object.
-  StageSequence(const render::SceneDescription& reference, const optics::OpticalModel& model,
+  /// turns by `turned_by_degrees`, beginning with the turn in `options`.
+  StageSequence(const render::SceneDescription& reference, const render::Canvas& canvas,
                 const render::StageOptions& options, double turned_by_degrees = 0.0);
+  StageSequence(const render::SceneDescription& reference, const optics::OpticalModel& model,
+                const render::StageOptions& options, double turned_by_degrees = 0.0)
+      : StageSequence(reference, render::canvas_of(model), options, turned_by_degrees) {}
 
   /// Returns the placement of the reference frame, to report to the user.
   [[nodiscard]] const render::Stage& reference() const { return reference_; }
@@ -68,7 +70,7 @@ class StageSequence {
   [[nodiscard]] bool still() const { return turned_by_degrees_ == 0.0; }
 
  private:
-  const optics::OpticalModel& model_;
+  render::Canvas canvas_;
   double turned_by_degrees_;
   render::StageOptions options_;
   render::Stage reference_;

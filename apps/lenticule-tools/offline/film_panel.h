@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// FilmPanel is the panel that a film is rendered for: one alone, or one of a wall.
+#pragma once
+
+#include <string>
+
+#include "optics/wall/wall.h"
+#include "render/scene/stage.h"
+
+namespace lenticule::player {
+
+struct FilmPanel {
+  optics::TrimmedRig trimmed;
+  render::Canvas canvas;  ///< the panel, or the rectangle around all panels of the wall
+  std::string name{};     ///< in its wall; empty for a panel alone
+  Affine canvas_from_panel{};
+
+  [[nodiscard]] bool in_wall() const { return !name.empty(); }
+};
+
+/// Loads the rig of a panel alone. Throws Error(Input).
+[[nodiscard]] FilmPanel panel_of_rig(const std::string& rig_file);
+
+/// Returns a panel of a wall. The scene's centre lies in the middle of the rectangle around all
+/// panels, in the wall's plane z = 0.
+[[nodiscard]] FilmPanel panel_of_wall(const optics::PlacedWall& wall,
+                                      const optics::PlacedPanel& panel);
+
+/// Returns the file for one panel of a wall: "film.lts" and "film" become "film-left.lts", and
+/// "out/%05d.png" becomes "out/%05d-left.png". Throws Error(Usage) for a target that is no file.
+[[nodiscard]] std::string target_of_panel(const std::string& target, const std::string& panel);
+
+}  // namespace lenticule::player
