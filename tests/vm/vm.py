@@ -57,6 +57,7 @@ class Machine:
     display: str = "none"  # QEMU's display device: virtio-gpu, bochs, cirrus or none
     width: int = 1920  # the display's preferred mode
     height: int = 1080
+    outputs: int = 1  # of virtio-gpu
     memory_mib: int = 2048
     modules: tuple = ()  # module names, each with its parameters: ("vkms enable_cursor=0",)
     kernel: str = ""  # further arguments for the kernel
@@ -66,6 +67,8 @@ class Machine:
         display = self.display
         if display != "none":
             display += f" {self.width}x{self.height}"
+        if self.outputs > 1:
+            display += f" x {self.outputs} outputs"
         clock = ["time by instructions"] if self.clock == "instructions" else []
         return " + ".join([display, *(module.split()[0] for module in self.modules), *clock])
 
@@ -289,19 +292,19 @@ class VirtualMachine:
     def qmp(self, command, **arguments):
         return self._qmp.execute(command, **arguments)
 
-    def screendump(self):
-        """Returns the picture that QEMU's display device scans out now."""
+    def screendump(self, head=0):
+        """Returns the picture that an output of QEMU's display device scans out now."""
         path = self.folder / "screen.ppm"
-        self.qmp("screendump", filename=str(path), device="display0")
+        self.qmp("screendump", filename=str(path), device="display0", head=head)
         return picture.read(path)
 
-    def wait_for_screen(self, expected, timeout=20):
+    def wait_for_screen(self, expected, timeout=20, head=0):
         """Waits until the screen shows exactly this picture; fails with the difference."""
         deadline = time.monotonic() + timeout
-        seen = self.screendump()
+        seen = self.screendump(head)
         while seen != expected and time.monotonic() < deadline:
             time.sleep(0.1)
-            seen = self.screendump()
+            seen = self.screendump(head)
         picture.assert_same(seen, expected)
 
     # -- the conversation with the agent ----------------------------------------------------------
@@ -440,7 +443,8 @@ def _display_arguments(machine):
     size = f"xres={machine.width},yres={machine.height}"
     if machine.display == "virtio-gpu":
         # The default of 256 MiB silently holds only 7 buffers of 3840x2160.
-        return ["-device", f"virtio-gpu-pci,id=display0,{size},max_hostmem=1G"]
+        return ["-device", f"virtio-gpu-pci,id=display0,{size},max_hostmem=1G,"
+                f"max_outputs={machine.outputs}"]
     if machine.display == "bochs":
         return ["-device", f"bochs-display,id=display0,{size},vgamem=64M"]
     if machine.display == "cirrus":  # takes no size; its driver lists modes up to 1600x900

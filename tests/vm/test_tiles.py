@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tests a panel with two connectors: one commit shows both halves, on the kernel's own code."""
+
+import shutil
+import signal
+import subprocess
+
+import picture
+import tiled_edid
+from content import Content
+from playing import play, stats, wait_until_shown
+from vm_test import Machine, Skip, vm_test
+
+TILE = (1024, 768)  # both outputs list this mode
+TWO = Machine(display="virtio-gpu", width=TILE[0], height=TILE[1], outputs=2)
+DEBUGFS = "/sys/kernel/debug/dri/0"
+
+
+def connect_tiles(vm):
+    """Connects both outputs as the tiles of one panel, side by side."""
+    for column in range(2):
+        name = f"Virtual-{column + 1}"
+        edid = tiled_edid.tile_edid(2, 1, column, 0, *TILE)
+        vm.write_file(f"/sys/class/drm/card0-{name}/status", "on")
+        vm.write_file(f"{DEBUGFS}/{name}/edid_override", edid)
+
+
+def half(whole, column):
+    """Returns the part of a frame that a tile shows."""
+    width, height = TILE
+    rows = [whole.rgb[(y * whole.width + column * width) * 3:][:width * 3] for y in range(height)]
+    return picture.Picture(width, height, b"".join(rows))
+
+
+@vm_test(TWO, fresh=True)
+def edid_decode_reads_the_tiles(vm):
+    decoder = shutil.which("edid-decode")
+    if decoder is None:
+        raise Skip("edid-decode is not installed")
+    for column in range(2):
+        edid = tiled_edid.tile_edid(2, 1, column, 0, *TILE)
+        found = subprocess.run([decoder, "--check", "-"], input=edid, capture_output=True,
+                               timeout=20)
+        text = found.stdout.decode()
+        assert "Tiled Display Topology" in text, text
+        assert f"Tile location: {column}, 0" in text, text
+        assert "Num horizontal tiles: 2 Num vertical tiles: 1" in text, text
+        assert f"Tile resolution: {TILE[0]}x{TILE[1]}" in text, text
+        assert "invalid" not in text.lower(), text
+
+
+@vm_test(TWO, fresh=True)
+def both_tiles_show_their_half_of_each_frame(vm):
+    connect_tiles(vm)
+    content = Content(vm, 2 * TILE[0], TILE[1], 2)
+    player = play(vm, content, "--frames", "1:2", "--loop", "forever")
+    wait_until_shown(vm, player)
+    for column in range(2):
+        vm.wait_for_screen(half(content.frame(1), column), head=column)
+    player.send(signal.SIGTERM)
+    assert player.wait(60).code == 143, player.stderr
+
+
+@vm_test(TWO, fresh=True)
+def both_tiles_change_in_one_commit(vm):
+    connect_tiles(vm)
+    content = Content(vm, 2 * TILE[0], TILE[1], 2)
+    player = play(vm, content, "--fps", "3", "--loop", "6")
+    result = player.wait(120)
+    assert result.code == 0, result.stderr
+    done = stats(vm)
+    assert done["outcome"] == "finished" and done["shown"] == 12, done
+    kms = done["kms"]
+    assert kms["flips"] == 12 and kms["flip_timeouts"] == 0 and kms["stray_events"] == 0, kms
+    print(f"largest skew of two tiles: {kms['largest_skew_us']:.0f} us")
+
+
+@vm_test(TWO, fresh=True)
+def a_panel_without_one_of_its_cables_is_refused(vm):
+    connect_tiles(vm)
+    vm.write_file("/sys/class/drm/card0-Virtual-2/status", "off")
+    content = Content(vm, 2 * TILE[0], TILE[1], 2)
+    result = play(vm, content, "--duration", "2").wait(60)
+    assert result.code == 3, result
+    assert "the panel has 2 connectors, and 1 of them can be used" in result.stderr, result.stderr
