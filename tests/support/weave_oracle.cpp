@@ -161,7 +161,9 @@ Real light_at_phase(const WeaveOracle& o, Point q, int channel, Real phase) {
 long double WeaveOracle::phase(int i, int j, int channel) const {
   const Point q = subpixel_mm(rig, i, j, channel);
   // Seen from infinitely far, straight ahead, there is no shift.
-  const Point p = std::isinf(rig.viewing.distance.value) ? q : seen_through(rig, q, Real(rig.viewing.centre.value));
+  const Point p = std::isinf(rig.viewing.distance.value)
+                      ? q
+                      : seen_through(rig, q, Real(rig.viewing.centre.value));
   return lens_coordinate(rig, p, channel);
 }
 

@@ -12,6 +12,7 @@
 #include "base/error.h"
 #include "optics/eye_simulator.h"
 #include "render/make_method.h"
+#include "render/scene/surroundings.h"
 #include "tests/support/reference_renderer.h"
 #include "tests/support/tiny_scenes.h"
 
@@ -286,6 +287,22 @@ TEST(WallOfTwoHalves, ShowsTheViewerOneContinuousPictureFromPanelToPanel) {
                       kViewer, canvas);
       EXPECT_LT(largest_error(half), 6.0) << "turn " << turn << ", side " << side;
     }
+}
+
+TEST(WallStage, LightAndBackdropAreTheSameOnAllPanels) {
+  const render::Stage canvas = make_tiny_stage({.depth_scale = 0.6, .turn_degrees = 12.0});
+  const render::SceneDescription scene;
+  const render::Backdrop expected = render::make_backdrop(scene, canvas, {});
+  for (const optics::WallPanel& place : turned_places()) {
+    const render::Stage stage =
+        render::stage_of_panel(canvas, optics::wall_from_panel(place), place.name);
+    const Vec3 sun{0.3, 0.8, 0.5};
+    EXPECT_LT(length(render::world_direction(stage, sun) - render::world_direction(canvas, sun)),
+              1e-12);
+    const render::Backdrop backdrop = render::make_backdrop(scene, stage, {});
+    EXPECT_EQ(backdrop.up, expected.up);
+    EXPECT_LT(length(backdrop.ahead - expected.ahead), 1e-12);
+  }
 }
 
 TEST(WallStage, RefusesTurnedPanelsIfTheCameraCutsOffContent) {
