@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/session/play_proof.h"
+
+#include <unistd.h>
+
+namespace lenticule::player {
+namespace {
+
+ProofPanel panel_of(const display::Display& display, const display::KmsDisplay* kms) {
+  ProofPanel panel{.name = display.mode().panel};
+  if (kms == nullptr) return panel;
+  const display::KmsStatistics statistics = kms->statistics();
+  panel.exactness = display::verdict_name(kms->exactness().verdict);
+  panel.away = statistics.off || statistics.panel != display::PanelState::Showing;
+  return panel;
+}
+
+}  // namespace
+
+PlayProof::PlayProof(const SteeredPlay& steered)
+    : writer_(send_to_journal),
+      proof_({.session = new_proof_session(),
+              .process_start = process_start_of(::getpid()),
+              .write = [this](const ProofEntry& entry) { writer_.write(entry); },
+              .account = [&steered](uint64_t item) { return steered.account_of(item); },
+              .begin_hash = [this](const SourceSpec& source) { hashes_.request(source); },
+              .hash = [this](const SourceSpec& source) { return hashes_.of(source); },
+              .real_time = monotonic_to_real_time()}) {}
+
+void PlayProof::prepare(PlaybackOptions& options) {
+  options.turns = &turns_.emplace();
+}
+
+void PlayProof::update(const display::Display& display, const display::KmsDisplay* kms) {
+  if (turns_) proof_.update(*turns_, panel_of(display, kms));
+}
+
+}  // namespace lenticule::player

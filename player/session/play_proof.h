@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// PlayProof connects the proof of play of a run with its playbacks, its list and the journal.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "display/kms/scanout/kms_display.h"
+#include "player/playback/playback.h"
+#include "player/proof/content_hash.h"
+#include "player/proof/proof_of_play.h"
+#include "player/proof/proof_writer.h"
+#include "player/session/steered_play.h"
+
+namespace lenticule::player {
+
+/// Thread safety: one thread.
+class PlayProof {
+ public:
+  /// Lifetime: must not outlive `steered`.
+  explicit PlayProof(const SteeredPlay& steered);
+
+  /// Sets the options of a playback whose items are recorded.
+  void prepare(PlaybackOptions& options);
+  /// Writes what has happened. `kms` is the display if it is a KMS display, else null.
+  void update(const display::Display& display, const display::KmsDisplay* kms);
+  [[nodiscard]] nlohmann::ordered_json statistics() const { return writer_.statistics(); }
+
+ private:
+  ContentHashes hashes_;
+  ProofWriter writer_;
+  ProofOfPlay proof_;
+  std::optional<TurnLog> turns_;  ///< the turns of the last playback
+};
+
+}  // namespace lenticule::player
