@@ -110,10 +110,8 @@ void SteeredPlay::open(OpenedSource& opened) {
               [this](const std::string& name) {
                 return read_playlist(parse_source(name), flags_, plan_);
               },
-          .mark_list =
-              [folders = plan_.folders](const std::string& name) {
-                return names_folder(name) ? folders->mark(name) : mark_of(name);
-              },
+          .mark_list = [folders =
+                            plan_.folders](const std::string& name) { return folders->mark(name); },
           .left_item = controls_ ? left_item_of(controls_->playback()) : nullptr});
   source->open_first();
   source_ = source.get();
