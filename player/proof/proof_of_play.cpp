@@ -58,7 +58,7 @@ void ProofOfPlay::count(const ItemTurn& turn, const ProofPanel& panel) {
   ProofEntry& span = open.span;
   const uint64_t frames = turn.frames - open.counted.frames;
   (panel.away ? span.unseen : span.frames) += frames;
-  open.spoiled |= panel.away && frames > 0;
+  open.spoiled |= panel.away;
   const uint64_t rounds = turn.rounds - open.counted.rounds;
   if (rounds > 0) {
     const uint64_t spoiled = panel.away ? rounds : open.spoiled ? 1 : 0;

@@ -262,5 +262,25 @@ TEST_F(ProofOfLists, ABrokenItemIsInterrupted) {
   EXPECT_THAT(turns_of_entries(), testing::ElementsAre("breaks 2 0 1", "b 2 1 0"));
 }
 
+TEST_F(ProofOfLists, AnItemPerVblankDelaysNoReportToTheServiceManager) {
+  put("a", 1);
+  put("b", 1);
+  PlaylistSource source(std::make_shared<const Playlist>(list_of({"a", "b"}, kForever)),
+                        {.panel = kItemSize, .open = shelf.opener()});
+  source.open_first();
+  const auto display = display::open_virtual_display({.geometry = kItemSize, .refresh = {60, 1}});
+  int reports = 0;
+  PlaybackOptions options{.vblanks = 100, .source_name = "list"};
+  options.turns = &turns;
+  options.on_turn = [&] { update(); };
+  options.on_report = [&](const PlayReport& /*report*/) { ++reports; };
+  const PlayResult result = play(*display, source, options);
+  update();
+  EXPECT_GE(reports, 1);
+  uint64_t frames = 0;
+  for (const ProofEntry& entry : entries) frames += entry.frames;
+  EXPECT_EQ(frames, result.report.pace.shown);
+}
+
 }  // namespace
 }  // namespace lenticule::player
