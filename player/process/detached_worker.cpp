@@ -48,11 +48,7 @@ void DetachedWorker::Shared::work() noexcept {
     jobs.pop_front();
     busy = true;
     lock.unlock();
-    try {
-      job(ending);
-    } catch (...) {
-      (void)0;  // the job reports its errors itself
-    }
+    job(ending);
     lock.lock();
     busy = false;
     changed.notify_all();

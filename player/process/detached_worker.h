@@ -25,7 +25,7 @@ class DetachedWorker {
   DetachedWorker(const DetachedWorker&) = delete;
   DetachedWorker& operator=(const DetachedWorker&) = delete;
 
-  /// Returns at once; false if too many jobs wait. An exception of a job is ignored.
+  /// Returns at once; false if too many jobs wait. The job must not throw.
   [[nodiscard]] bool post(Job job);
   /// Waits until all jobs are done; returns false if that takes longer than `timeout`.
   [[nodiscard]] bool wait(std::chrono::milliseconds timeout);

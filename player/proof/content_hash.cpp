@@ -138,6 +138,19 @@ std::string content_hash(const SourceSpec& source, const std::atomic<bool>& endi
              : hash_of_file(files.front(), ending, most_bytes_per_second);
 }
 
+namespace {
+
+/// Returns the hash; empty for files that cannot be read, which the player reports when it plays.
+std::string hash_if_readable(const SourceSpec& source, const std::atomic<bool>& ending) {
+  try {
+    return content_hash(source, ending, kBackgroundBytesPerSecond);
+  } catch (const std::exception&) {
+    return {};
+  }
+}
+
+}  // namespace
+
 // --- ContentHashes --------------------------------------------------------------------------
 
 struct ContentHashes::Shared {
@@ -161,7 +174,7 @@ void ContentHashes::Shared::look(const SourceSpec& source, const std::atomic<boo
     if (one.files == files) return;
     one = {.files = files, .hash = {}};
   }
-  const std::string hash = content_hash(source, ending, kBackgroundBytesPerSecond);
+  const std::string hash = hash_if_readable(source, ending);
   const bool unchanged = marks_of_source(source) == files;
   const std::lock_guard lock(mutex);
   Known& one = known[source.text];

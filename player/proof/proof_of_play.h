@@ -34,6 +34,16 @@ struct ProofOptions {
   std::function<int64_t(uint64_t display_ns)> real_time;
 };
 
+/// OpenTurn is the turn of which no end was written yet.
+struct OpenTurn {
+  ItemTurn counted;  ///< the part that is in `span`
+  ItemAccount account;
+  uint64_t written_damage = 0;
+  bool spoiled = false;  ///< the play that goes on is not whole any more
+  uint64_t span_from_ns = 0;
+  ProofEntry span;  ///< counts since the last entry
+};
+
 /// Thread safety: one thread.
 class ProofOfPlay {
  public:
@@ -44,16 +54,6 @@ class ProofOfPlay {
   void update(TurnLog& turns, const ProofPanel& panel);
 
  private:
-  /// OpenTurn is the turn of which no end was written yet.
-  struct OpenTurn {
-    ItemTurn counted;  ///< the part that is in `span`
-    ItemAccount account;
-    uint64_t written_damage = 0;
-    bool spoiled = false;  ///< the play that goes on is not whole any more
-    uint64_t span_from_ns = 0;
-    ProofEntry span;  ///< counts since the last entry
-  };
-
   void begin(const ItemTurn& turn, const ProofPanel& panel);
   void count(const ItemTurn& turn, const ProofPanel& panel);
   void count_last_play(const ItemTurn& turn);

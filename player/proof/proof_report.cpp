@@ -150,8 +150,10 @@ void ProofReport::add(const JournalEntry& entry) {
     return;
   }
   const ProofEntry& proof = *entry.proof;
+  const Session session{.origin = entry.origin, .number = proof.session};
+  last_turn_[session] = proof.turn;
   if (!covers_item(proof.item)) return;
-  const Turn turn{.origin = entry.origin, .session = proof.session, .turn = proof.turn};
+  const Turn turn{session, proof.turn};
   if (proof.event == ProofEntry::Event::Ended)
     open_.erase(turn);
   else
@@ -165,14 +167,16 @@ ProofSummary ProofReport::finish(const IsRunning& is_running) {
   ProofSummary summary;
   for (const auto& [turn, last] : open_) {
     if (!covers(last.until_us)) continue;
-    const bool running = is_running(last, turn.origin);
+    const auto& [session, number] = turn;
+    // A turn that another one followed is over, even if its end is missing.
+    const bool running = last_turn_.at(session) == number && is_running(last, session.origin);
     summary.unended.push_back({.item = last.item,
                                .panel = last.panel,
-                               .unit = writer_of(turn.origin),
+                               .unit = writer_of(session.origin),
                                .counted_until_us = last.until_us,
                                .running = running});
     if (running) continue;
-    ReportRow& row = row_of(last.until_us, last, turn.origin);
+    ReportRow& row = row_of(last.until_us, last, session.origin);
     ++row.interrupted;
     if (!last.hash.empty()) row.hashes.insert(last.hash);
     row.exactness = worse_exactness(row.exactness, last.exactness);

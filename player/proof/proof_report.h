@@ -11,6 +11,7 @@
 #include <string>
 #include <string_view>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include "player/proof/proof_entry.h"
@@ -79,12 +80,12 @@ class ProofReport {
   [[nodiscard]] ProofSummary finish(const IsRunning& is_running);
 
  private:
-  struct Turn {
+  struct Session {
     ProofOrigin origin;
-    std::string session;
-    uint64_t turn = 0;
-    friend auto operator<=>(const Turn&, const Turn&) = default;
+    std::string number;
+    friend auto operator<=>(const Session&, const Session&) = default;
   };
+  using Turn = std::pair<Session, uint64_t>;
   using Key = std::tuple<std::string, std::string, std::string, std::string>;
   [[nodiscard]] bool covers(int64_t time_us) const;
   [[nodiscard]] bool covers_item(const std::string& item) const;
@@ -93,7 +94,8 @@ class ProofReport {
 
   const ReportFilter filter_;
   std::map<Key, ReportRow> rows_;
-  std::map<Turn, ProofEntry> open_;  ///< last entry of each turn without an end
+  std::map<Turn, ProofEntry> open_;        ///< last entry of each turn without an end
+  std::map<Session, uint64_t> last_turn_;  ///< of which an entry was added
   uint64_t ignored_ = 0;
 };
 

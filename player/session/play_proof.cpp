@@ -31,8 +31,17 @@ void PlayProof::prepare(PlaybackOptions& options) {
   options.turns = &turns_.emplace();
 }
 
-void PlayProof::update(const display::Display& display, const display::KmsDisplay* kms) {
-  if (turns_) proof_.update(*turns_, panel_of(display, kms));
+void PlayProof::update(const display::Display& display, const display::KmsDisplay* kms, bool lost) {
+  if (!turns_) return;
+  ProofPanel panel = panel_of(display, kms);
+  panel.away |= lost;
+  proof_.update(*turns_, panel);
+}
+
+nlohmann::ordered_json PlayProof::statistics() const {
+  nlohmann::ordered_json statistics = writer_.statistics();
+  statistics["turns_lost"] = turns_ ? turns_->lost() : 0;
+  return statistics;
 }
 
 }  // namespace lenticule::player

@@ -22,9 +22,10 @@ class PlayProof {
 
   /// Sets the options of a playback whose items are recorded.
   void prepare(PlaybackOptions& options);
-  /// Writes what has happened. `kms` is the display if it is a KMS display, else null.
-  void update(const display::Display& display, const display::KmsDisplay* kms);
-  [[nodiscard]] nlohmann::ordered_json statistics() const { return writer_.statistics(); }
+  /// Writes what has happened. `kms` is the display if it is a KMS display, else null. A display
+  /// that is `lost` shows nothing from now on.
+  void update(const display::Display& display, const display::KmsDisplay* kms, bool lost = false);
+  [[nodiscard]] nlohmann::ordered_json statistics() const;
 
  private:
   ContentHashes hashes_;

@@ -180,6 +180,7 @@ void PlayRun::report_waiting(const PanelWaiting& waiting) {
 ReconnectResult PlayRun::reconnect(const LostDisplay& lost) {
   lost_ = lost.report;
   say("{}: lost\n", lost.report.display);
+  if (proof_) proof_->update(*display_, kms_, true);
   steered_->report_state("display lost");
   const ReconnectResult result = panel_->reconnect(*kms_, lost);
   reported_.clear();

@@ -127,6 +127,16 @@ TEST(ProofReport, TheItemOfARunningPlayerIsNoPlayYet) {
   EXPECT_TRUE(summary.unended[0].running);
 }
 
+TEST(ProofReport, ATurnThatAnotherFollowedIsOverAlthoughItsPlayerRuns) {
+  ProofReport report({.item = "a.lts"});
+  report.add({.proof = start_of(whole_play(1, "a.lts")), .origin = kKiosk});
+  report.add({.proof = start_of(whole_play(2, "b.lts")), .origin = kKiosk});
+  const ProofSummary summary = report.finish([](const auto&, const auto&) { return true; });
+  EXPECT_EQ(summary.total.interrupted, 1u);
+  ASSERT_EQ(summary.unended.size(), 1u);
+  EXPECT_FALSE(summary.unended[0].running);
+}
+
 TEST(ProofReport, ARestartedPlayerCountsItsTurnsAnew) {
   ProofEntry after = whole_play(1, "a.lts", kNoon + kSecond);
   after.session = std::string(32, 'f');
