@@ -25,7 +25,8 @@ struct ProofOptions {
   uint64_t process_start = 0;
   std::function<void(const ProofEntry&)> write;
   /// Returns the account of an item by its number.
-  std::function<std::optional<ItemAccount>(uint64_t item)> account;
+  using Account = std::function<std::optional<ItemAccount>(uint64_t item)>;
+  Account account;
   /// Begins to compute the hash of a source's content.
   std::function<void(const SourceSpec&)> begin_hash;
   /// Returns that hash; empty while it is not known.

@@ -86,7 +86,7 @@ ExitCode PlayRun::run() {
     open_the_source();
   outputs_.open_recording();
   if (plan_.step) step_.emplace(*plan_.step);
-  if (plan_.proof) proof_.emplace(*steered_);
+  if (plan_.proof) proof_.emplace([this](uint64_t item) { return steered_->account_of(item); });
   if (plan_.window) open_window();
   try {
     open_display();

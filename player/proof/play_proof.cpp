@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "player/session/play_proof.h"
+#include "player/proof/play_proof.h"
 
 #include <unistd.h>
+
+#include <utility>
 
 namespace lenticule::player {
 namespace {
@@ -17,12 +19,12 @@ ProofPanel panel_of(const display::Display& display, const display::KmsDisplay* 
 
 }  // namespace
 
-PlayProof::PlayProof(const SteeredPlay& steered)
+PlayProof::PlayProof(ProofOptions::Account account)
     : writer_(send_to_journal),
       proof_({.session = new_proof_session(),
               .process_start = process_start_of(::getpid()),
               .write = [this](const ProofEntry& entry) { writer_.write(entry); },
-              .account = [&steered](uint64_t item) { return steered.account_of(item); },
+              .account = std::move(account),
               .begin_hash = [this](const SourceSpec& source) { hashes_.request(source); },
               .hash = [this](const SourceSpec& source) { return hashes_.of(source); },
               .real_time = monotonic_to_real_time()}) {}

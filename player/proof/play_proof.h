@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// PlayProof connects the proof of play of a run with its playbacks, its list and the journal.
+// PlayProof connects the proof of play of a run with its playbacks and the journal.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -10,15 +10,13 @@
 #include "player/proof/content_hash.h"
 #include "player/proof/proof_of_play.h"
 #include "player/proof/proof_writer.h"
-#include "player/session/steered_play.h"
 
 namespace lenticule::player {
 
 /// Thread safety: one thread.
 class PlayProof {
  public:
-  /// Lifetime: must not outlive `steered`.
-  explicit PlayProof(const SteeredPlay& steered);
+  explicit PlayProof(ProofOptions::Account account);
 
   /// Sets the options of a playback whose items are recorded.
   void prepare(PlaybackOptions& options);
