@@ -149,6 +149,8 @@ void AtomicKmsDisplay::start() {
       .geometry = turned(options_.output.panel, options_.mounting),
       .refresh = refresh_of(pipe.mode),
       .name = fmt::format("{} on {} {}", pipe.connector.name, device.path(), to_string(pipe.mode)),
+      .panel = pipe.connector.edid.identity ? to_string(*pipe.connector.edid.identity)
+                                            : pipe.connector.name + " without EDID",
       .hardware_clock = false};
   asleep_ = options_.platform->time_asleep();
   flips_.emplace(active_, options_.session, clock_, mode_.refresh, counters_);
