@@ -18,7 +18,8 @@ using Nanoseconds = std::chrono::nanoseconds;
 struct DisplayMode {
   frames::FrameGeometry geometry;
   frames::Rate refresh;
-  std::string name;  ///< name for people: "virtual 3840x2160@60"
+  std::string name;               ///< name for people: "virtual 3840x2160@60"
+  std::string panel = "virtual";  ///< identity of the panel for people
   /// False if the display has no vblank counter and sequences are derived from time.
   bool hardware_clock = false;
 };

@@ -86,32 +86,45 @@ void describe(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
   out.camera.k2 = fit.values.camera[kRadial2];
 }
 
-/// Returns why a photograph contradicts the others; empty if none does.
+/// Misfit is one kind of contradiction between a photograph and the others.
+struct Misfit {
+  double excess = 0.0;  ///< relative to the largest value that is accepted
+  std::string cause;
+};
+
+/// Returns the worst contradiction of one photograph. An axis that is off and a sheet that moved
+/// look alike in the fringes.
+Misfit worst_misfit(const PhotoFit& fit, int averaged) {
+  const Misfit kinds[] = {
+      {fit.breathing_pull / kMostPull,
+       fmt::format("its focal length differs by {:.1f} % from that of the others: it was zoomed, "
+                   "cropped or resized, or is of another lens of the phone",
+                   100.0 * fit.breathing)},
+      {fit.shift_pull / kMostPull,
+       fmt::format("its axis seems {:.1f} % of its longer side off that of the others: it was "
+                   "cropped, mirrored or rotated, or is of another phone, or the sheet moved on "
+                   "the panel",
+                   100.0 * std::hypot(fit.shift.x, fit.shift.y))},
+      {fit.corner_rms_px / kMostCornerPx,
+       fmt::format("its tags are {:.1f} pixels (rms) off: the hand moved, or the phone merged "
+                   "several exposures (HDR)",
+                   fit.corner_rms_px * averaged)},
+      {fit.phase_rms / kMostPhaseRms,
+       fmt::format("its fringes are {:.3f} lens (rms) off what the other photographs predict: the "
+                   "sheet moved on the panel, another chart was shown, or the phone processed the "
+                   "picture",
+                   fit.phase_rms)}};
+  return *std::ranges::max_element(kinds, {}, &Misfit::excess);
+}
+
+/// Returns which photograph contradicts the others most, and why; empty if none does.
 std::string misfit(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
+  Misfit worst{.excess = 1.0, .cause = {}};
   for (size_t n = 0; n < photos.size(); ++n) {
-    const PhotoFit& own = fit.photos[n];
-    if (own.breathing_pull > kMostPull)
-      return fmt::format(
-          "{}: its focal length differs by {:.1f} % from that of the others: it was zoomed, "
-          "cropped or resized, or is of another lens of the phone",
-          photos[n].name, 100.0 * own.breathing);
-    if (own.shift_pull > kMostPull)
-      return fmt::format(
-          "{}: its axis is {:.1f} % of its longer side off that of the others: it was cropped, "
-          "mirrored or rotated",
-          photos[n].name, 100.0 * std::hypot(own.shift.x, own.shift.y));
-    if (own.corner_rms_px > kMostCornerPx)
-      return fmt::format(
-          "{}: its tags are {:.1f} pixels (rms) off: the hand moved, or the phone merged several "
-          "exposures (HDR)",
-          photos[n].name, own.corner_rms_px * photos[n].findings.averaged);
-    if (own.phase_rms > kMostPhaseRms)
-      return fmt::format(
-          "{}: its fringes are {:.3f} lens (rms) off what the other photographs predict: the sheet "
-          "moved on the panel, another chart was shown, or the phone processed the picture",
-          photos[n].name, own.phase_rms);
+    const Misfit own = worst_misfit(fit.photos[n], photos[n].findings.averaged);
+    if (own.excess > worst.excess) worst = {own.excess, photos[n].name + ": " + own.cause};
   }
-  return {};
+  return worst.cause;
 }
 
 /// Returns the component of the panel's x axis along the picture's rows.

@@ -157,12 +157,28 @@ Refusal place_camera(Work& work, const SinglePhotoChart& chart, const PhotoPrior
   return std::nullopt;
 }
 
+/// Returns true if tags of the chart appear when the picture is mirrored.
+bool is_mirrored(const PhotoLight& picture, const SinglePhotoChart& chart) {
+  PhotoLight mirrored{picture.width, picture.height, picture.light};
+  for (int row = 0; row < mirrored.height; ++row) {
+    const auto begin = mirrored.light.begin() + static_cast<ptrdiff_t>(row) * mirrored.width;
+    std::reverse(begin, begin + mirrored.width);
+  }
+  const std::vector<TagSighting> tags = find_tags(mirrored, kLeastTags);
+  return std::ranges::count_if(tags, [&](const TagSighting& tag) {
+           return chart.tag(tag.id) != nullptr;
+         }) >= static_cast<ptrdiff_t>(kLeastTags);
+}
+
 Refusal find_camera(Work& work, const SinglePhotoChart& chart, const PhotoPriors& priors) {
   work.tags = find_tags(work.picture, chart.tags.size());
   const size_t foreign = std::erase_if(
       work.tags, [&](const TagSighting& tag) { return chart.tag(tag.id) == nullptr; });
   if (work.tags.size() < kLeastTags && foreign >= kLeastTags)
     return "the chart in the photograph was made for another rig";
+  if (work.tags.size() < kLeastTags && is_mirrored(work.picture, chart))
+    return "the photograph is mirrored: switch off the camera program's mirroring, or take the "
+           "phone's back camera";
   if (work.tags.size() < kLeastTags)
     return fmt::format(
         "only {} of {} tags were found: the panel is not completely in the picture, too small, or "

@@ -6,6 +6,7 @@
 #include <pthread.h>
 #include <sched.h>
 
+#include <algorithm>
 #include <atomic>
 #include <thread>
 
@@ -49,7 +50,8 @@ class Threads {
                     .prime_timeout = options.prime_timeout,
                     .stall_timeout = options.stall_timeout,
                     .filling = options.filling,
-                    .step = options.step}),
+                    .step = options.step,
+                    .turns = options.turns}),
         control_(options.control) {
     if (control_ != nullptr) control_->attach(presenter_, frame_copier_, statistics_.presenter);
   }
@@ -188,16 +190,23 @@ class Reporter {
 
 /// Waits for the presenter's end; forwards the stop request and sends reports.
 void watch(Threads& threads, const Reporter& reporter, const PlaybackOptions& options) {
-  pollfd entries[2] = {{.fd = threads.over_fd(), .events = POLLIN, .revents = 0},
-                       {.fd = options.stop_fd, .events = POLLIN, .revents = 0}};
+  const int turns_fd = options.turns != nullptr ? options.turns->fd() : -1;
+  pollfd entries[3] = {{.fd = threads.over_fd(), .events = POLLIN, .revents = 0},
+                       {.fd = options.stop_fd, .events = POLLIN, .revents = 0},
+                       {.fd = turns_fd, .events = POLLIN, .revents = 0}};
+  auto next_report = SteadyClock::now() + kReportInterval;
   while (true) {
-    const int ready = poll(entries, 2, static_cast<int>(kReportInterval.count()));
+    const auto left = std::chrono::ceil<milliseconds>(next_report - SteadyClock::now());
+    (void)poll(entries, 3, static_cast<int>(std::max(milliseconds(0), left).count()));
     if (entries[0].revents != 0) return;
     if (entries[1].revents != 0) {
       threads.request_stop();
       entries[1].fd = -1;  // report the stop only once
     }
-    if (ready == 0 && options.on_report) options.on_report(reporter.now("playing"));
+    if (entries[2].revents != 0 && options.on_turn) options.on_turn();
+    if (SteadyClock::now() < next_report) continue;
+    next_report = SteadyClock::now() + kReportInterval;
+    if (options.on_report) options.on_report(reporter.now("playing"));
   }
 }
 

@@ -93,6 +93,10 @@ struct PlaybackOptions {
   PlaybackControl* control = nullptr;
   /// PresenterOptions::step.
   StepPacing* step = nullptr;
+  /// PresenterOptions::turns.
+  TurnLog* turns = nullptr;
+  /// Called on the thread of play() when a turn has begun or ended, except the last end.
+  std::function<void()> on_turn = nullptr;
 
   /// Readable = stop; -1 = never.
   int stop_fd = -1;

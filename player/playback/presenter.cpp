@@ -90,6 +90,7 @@ void Presenter::play_on() noexcept {
 
 void Presenter::finish_statistics() noexcept {
   pacer_.finish(end_vblank_.value_or(last_sequence_ + 1));
+  if (options_.turns != nullptr) options_.turns->finish(last_vblank_, pacer_.counts());
   publish();
 }
 
@@ -314,6 +315,7 @@ void Presenter::submit(const FilledFrame& frame, uint64_t target) noexcept {
               .submitted = now,
               .number = head.number,
               .item = head.item,
+              .cut = head.cut,
               .timed = timed_cut_.has_value()};
   timed_cut_.reset();
   shows_one_more_ = false;
@@ -426,6 +428,12 @@ void Presenter::handle_flip(const DisplayEvent& event) noexcept {
                                  .index = pending_->id,
                                  .item = pending_->item,
                                  .number = pending_->number});
+  if (options_.turns != nullptr)
+    options_.turns->flipped({.item = pending_->item,
+                             .number = pending_->number,
+                             .cut = pending_->cut,
+                             .time = event.time},
+                            pacer_.counts());
   events_lost_in_a_row_ = 0;
   end_flip();
 }

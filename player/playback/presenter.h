@@ -14,6 +14,7 @@
 #include "player/playback/frame_copier.h"
 #include "player/playback/pacing.h"
 #include "player/playback/play_statistics.h"
+#include "player/playback/turn_log.h"
 #include "player/step/step_pacing.h"
 
 namespace lenticule::player {
@@ -45,6 +46,8 @@ struct PresenterOptions {
   Filling filling = Filling::OwnThread;
   /// Keeps the schedule with a group of players; null = the display's clock alone.
   StepPacing* step = nullptr;
+  /// Records the turns of the items; may be null.
+  TurnLog* turns = nullptr;
 };
 
 /// Thread safety: the presenter's thread, except where noted.
@@ -86,6 +89,7 @@ class Presenter {
     display::Nanoseconds submitted{0};
     uint64_t number = 0;
     uint32_t item = 0;
+    uint64_t cut = 0;
     bool timed = false;  ///< fulfils time_next_cut()
   };
 

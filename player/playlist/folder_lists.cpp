@@ -41,11 +41,15 @@ FileMark mark_of_names(const std::vector<std::string>& names) {
           .size = static_cast<int64_t>(names.size())};
 }
 
-}  // namespace
-
-bool names_folder(const std::string& source) {
-  return source.ends_with('/');
+/// Returns the mark of a list's file together with the names of the files in its folders.
+FileMark with_names(FileMark list, const std::vector<std::string>& names) {
+  const FileMark files = mark_of_names(names);
+  list.inode ^= files.inode;
+  list.size += files.size;
+  return list;
 }
+
+}  // namespace
 
 bool may_be_content(const std::string& file_name) {
   // rsync and web uploads write hidden files, browsers and cp -b add endings.
@@ -138,6 +142,15 @@ std::vector<std::string> FolderLists::whole_files(const std::string& folder) {
   return watches_.try_emplace(folder, folder, now).first->second.whole_files(now);
 }
 
+std::vector<std::string> FolderLists::whole_files_if_there(const std::string& folder) {
+  // A folder that was there once is watched, also while it is away.
+  try {
+    return whole_files(folder);
+  } catch (const Error&) {
+    return {};
+  }
+}
+
 Playlist FolderLists::read(const SourceSpec& source) {
   const std::string& folder = source.text;
   const std::vector<std::string> names = whole_files(folder);
@@ -159,8 +172,54 @@ Playlist FolderLists::read(const SourceSpec& source) {
   return list;
 }
 
-FileMark FolderLists::mark(const std::string& folder) {
-  return mark_of_names(whole_files(folder));
+Playlist FolderLists::with_files(Playlist list) {
+  const auto is_folder = [](const PlaylistItem& item) { return names_folder(item.source.text); };
+  if (std::none_of(list.items.begin(), list.items.end(), is_folder)) {
+    const std::lock_guard lock(mutex_);
+    folders_of_.erase(list.name);
+    return list;
+  }
+  std::vector<PlaylistItem> items;
+  std::vector<std::string> folders, files;
+  for (const PlaylistItem& item : list.items) {
+    if (!is_folder(item)) {
+      items.push_back(item);
+      continue;
+    }
+    folders.push_back(item.source.text);
+    for (const std::string& name : whole_files_if_there(item.source.text)) {
+      files.push_back(item.source.text + name);
+      items.push_back(item);
+      items.back().source = parse_source(files.back());
+    }
+  }
+  if (items.size() > kMaxPlaylistItems)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: {} items with the files of its folders, but a list has at most {}",
+                            list.name, items.size(), kMaxPlaylistItems),
+                "move some of the files away");
+  list.items = std::move(items);
+  // Such a list waits for files instead of failing because of its only one.
+  if (list.items.size() <= 1 && !list.standby)
+    list.standby = PlaylistItem{.source = parse_source("black"), .loops = kForever};
+  if (list.file) list.file = with_names(*list.file, files);
+  const std::lock_guard lock(mutex_);
+  folders_of_[list.name] = std::move(folders);
+  return list;
+}
+
+FileMark FolderLists::mark(const std::string& name) {
+  if (names_folder(name)) return mark_of_names(whole_files(name));
+  std::vector<std::string> folders, files;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto found = folders_of_.find(name);
+    if (found == folders_of_.end()) return mark_of(name);
+    folders = found->second;
+  }
+  for (const std::string& folder : folders)
+    for (const std::string& file : whole_files_if_there(folder)) files.push_back(folder + file);
+  return with_names(mark_of(name), files);
 }
 
 }  // namespace lenticule::player

@@ -15,7 +15,9 @@
 namespace lenticule::player {
 
 /// Returns true for the name of a folder that is played as a list: it ends with a slash.
-[[nodiscard]] bool names_folder(const std::string& source);
+[[nodiscard]] inline bool names_folder(const std::string& source) {
+  return source.ends_with('/');
+}
 
 /// Returns true if a file of that name can be content. Hidden files, unfinished files of programs
 /// that copy (rsync, browsers, lenticule) and files of other kinds cannot.
@@ -68,14 +70,21 @@ class FolderLists {
   /// it has more files than a list may have. Films of other rigs are woven again if the source asks
   /// for that.
   [[nodiscard]] Playlist read(const SourceSpec& source);
-  /// Returns a mark that changes when a file becomes whole or is removed.
-  [[nodiscard]] FileMark mark(const std::string& folder);
+  /// Replaces each item that is a folder by items for its whole files, with the same settings. A
+  /// missing folder has no file. Throws Error(Input) if that makes more items than a list may have.
+  [[nodiscard]] Playlist with_files(Playlist list);
+  /// Returns a mark of a folder, or of the file of a list that with_files() has returned. It
+  /// changes when the file of the list is replaced, or a file in a folder becomes whole or is
+  /// removed.
+  [[nodiscard]] FileMark mark(const std::string& name);
 
  private:
   [[nodiscard]] std::vector<std::string> whole_files(const std::string& folder);
+  [[nodiscard]] std::vector<std::string> whole_files_if_there(const std::string& folder);
 
-  std::mutex mutex_;  ///< guards the watches
+  std::mutex mutex_;  ///< guards the members below
   std::map<std::string, FolderWatch> watches_;
+  std::map<std::string, std::vector<std::string>> folders_of_;  ///< folders in lists, by list
 };
 
 }  // namespace lenticule::player

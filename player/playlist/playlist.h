@@ -36,7 +36,8 @@ struct Schedule {
 };
 
 struct PlaylistItem {
-  SourceSpec source{};                 ///< not a list
+  /// Not a list; a folder only until FolderLists::with_files().
+  SourceSpec source{};
   uint64_t loops = 1;                  ///< or kForever; not together with a duration
   std::optional<double> duration_s{};  ///< duration in content time
   /// Duration of a still picture that has neither loops nor a duration; none = one frame.

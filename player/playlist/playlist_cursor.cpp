@@ -9,6 +9,21 @@
 #include "base/error.h"
 
 namespace lenticule::player {
+namespace {
+
+/// Returns the place of the item that satisfies the condition; of several, the nearest to `near`.
+template <class Condition>
+std::optional<size_t> nearest_place(const std::vector<PlaylistItem>& items, size_t near,
+                                    Condition condition) {
+  const auto distance = [near](size_t place) { return place < near ? near - place : place - near; };
+  std::optional<size_t> nearest;
+  for (size_t place = 0; place < items.size(); ++place)
+    if (condition(items[place]) && (!nearest || distance(place) < distance(*nearest)))
+      nearest = place;
+  return nearest;
+}
+
+}  // namespace
 
 void PlaylistCursor::choose(size_t index, uint64_t rounds_done) {
   chosen_ = index;
@@ -85,16 +100,8 @@ bool PlaylistCursor::replace_list(std::shared_ptr<const Playlist> list,
     if (chosen_ && *chosen_ >= items.size()) chosen_.reset();
     return false;
   }
-  const auto place_of = [&](auto&& is_it) -> std::optional<size_t> {
-    const auto found = std::find_if(items.begin(), items.end(), is_it);
-    if (found == items.end()) return std::nullopt;
-    return static_cast<size_t>(found - items.begin());
-  };
-  // The same item may be in the list several times.
-  if (playing_ && *playing_ < items.size() && items[*playing_] == *playing)
-    chosen_ = playing_;
-  else
-    chosen_ = place_of([&](const PlaylistItem& item) { return item == *playing; });
+  const size_t near = playing_.value_or(0);
+  chosen_ = nearest_place(items, near, [&](const auto& item) { return item == *playing; });
   if (chosen_) {
     playing_ = chosen_;
     return true;
@@ -102,7 +109,7 @@ bool PlaylistCursor::replace_list(std::shared_ptr<const Playlist> list,
   // Changed settings of the item take effect when it begins again, so the item
   // itself is next.
   const auto changed =
-      place_of([&](const PlaylistItem& item) { return item.source == playing->source; });
+      nearest_place(items, near, [&](const auto& item) { return item.source == playing->source; });
   if (changed && *changed > 0) chosen_ = *changed - 1;
   return false;
 }

@@ -8,6 +8,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "optics/toml_text.h"
+#include "player/playlist/folder_lists.h"
 #include "player/playlist/playlist.h"
 
 namespace lenticule::player {
@@ -65,6 +66,8 @@ Playlist Reader::read(std::string_view text) const {
       list.rounds = loops(node);
     } else if (key.str() == "default") {
       list.standby = item(node);
+      if (names_folder(list.standby->source.text))
+        fail(node, "default: must not be a folder", "name one film or picture");
       if (list.standby->schedule)
         fail(node, "default: must not have a schedule: it plays when no item is scheduled");
     } else if (key.str() == "item") {
@@ -150,7 +153,8 @@ SourceSpec Reader::source(const toml::node& node) const {
   if (name.empty() || name.size() > kMaxSourceBytes || name.find('\0') != std::string::npos)
     fail(node, "source: not a valid name");
   const SourceSpec source = parse_source(name);
-  if (source.kind == SourceKind::List) fail(node, "source: a list cannot contain a list");
+  if (source.kind == SourceKind::List && !names_folder(name))
+    fail(node, "source: a list cannot contain a list");
   return source.in_folder(folder_);
 }
 

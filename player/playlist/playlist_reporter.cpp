@@ -34,7 +34,10 @@ void PlaylistReporter::begin(const OpenItem& item) {
   status_.item = index;
   status_.frames = item.opened.source->frame_count();
   status_.rounds_done = item.rounds_done;
-  begun_.push_back({item.number, item.item.source.text, index});
+  begun_.push_back({.number = item.number,
+                    .source = item.item.source,
+                    .index = index,
+                    .from_start = item.first_frame == 0 && !item.returns});
   if (begun_.size() > kRememberedItems) begun_.pop_front();
 }
 
@@ -88,6 +91,15 @@ void PlaylistReporter::count_damage(OpenItem& item) {
   const bool known = status_.damaged_items.contains(source);
   if (known || status_.damaged_items.size() < kMostDamagedItems)
     status_.damaged_items[source] += more;
+  if (ItemAccount* const account = locked_account(item.number)) account->damage += more;
+}
+
+void PlaylistReporter::end(const OpenItem& item, bool to_end) {
+  const std::lock_guard lock(mutex_);
+  ItemAccount* const account = locked_account(item.number);
+  if (account == nullptr) return;
+  account->to_end = to_end;
+  account->handed_out = item.handed_out;
 }
 
 void PlaylistReporter::report_damage(const OpenItem& item) {
@@ -111,17 +123,26 @@ frames::FrameDamage PlaylistReporter::damage() const {
 }
 
 std::string PlaylistReporter::source_of(uint32_t number) const {
-  const std::lock_guard lock(mutex_);
-  for (const Begun& one : begun_)
-    if (one.number == number) return one.source;
-  return {};
+  const auto account = account_of(number);
+  return account ? account->source.text : std::string();
 }
 
 std::optional<size_t> PlaylistReporter::place_of(uint32_t number) const {
+  const auto account = account_of(number);
+  return account ? account->index : std::nullopt;
+}
+
+std::optional<ItemAccount> PlaylistReporter::account_of(uint32_t number) const {
   const std::lock_guard lock(mutex_);
-  for (const Begun& one : begun_)
-    if (one.number == number) return one.index;
+  for (const ItemAccount& one : begun_)
+    if (one.number == number) return one;
   return std::nullopt;
+}
+
+ItemAccount* PlaylistReporter::locked_account(uint32_t number) {
+  for (ItemAccount& one : begun_)
+    if (one.number == number) return &one;
+  return nullptr;
 }
 
 void PlaylistReporter::report(Kind kind, const std::string& source,

@@ -57,6 +57,17 @@ struct PlaylistStatus {
   std::string interrupted{};  ///< source that continues after the interruption; empty without one
 };
 
+/// ItemAccount is what the playlist knows about an item's turn.
+struct ItemAccount {
+  uint32_t number = 0;  ///< running number of the item
+  SourceSpec source{};
+  std::optional<size_t> index{};  ///< place in the list
+  bool from_start = true;         ///< the turn began with the item's first frame
+  bool to_end = false;            ///< all frames of the turn were handed out; no jump ended it
+  uint64_t handed_out = 0;        ///< frames, known at the end of the turn
+  frames::FrameDamage damage{};
+};
+
 /// Thread safety: any thread. Events are sent on the thread that reports them,
 /// without a lock.
 class PlaylistReporter {
@@ -80,6 +91,8 @@ class PlaylistReporter {
   void count_damage(OpenItem& item);
   /// Reports the whole damage of an item that ends.
   void report_damage(const OpenItem& item);
+  /// Reports that no more frames of the item are handed out.
+  void end(const OpenItem& item, bool to_end);
   /// Reports the size of a new list, and the place of the playing item in it.
   void take_list(size_t items, std::optional<size_t> playing);
 
@@ -90,19 +103,17 @@ class PlaylistReporter {
   [[nodiscard]] std::string source_of(uint32_t number) const;
   /// Returns the item's place in the list, if it is remembered and in the list.
   [[nodiscard]] std::optional<size_t> place_of(uint32_t number) const;
+  /// Returns the item's account, if it is remembered.
+  [[nodiscard]] std::optional<ItemAccount> account_of(uint32_t number) const;
 
  private:
-  struct Begun {
-    uint32_t number = 0;
-    std::string source;
-    std::optional<size_t> index;
-  };
+  [[nodiscard]] ItemAccount* locked_account(uint32_t number);
   void report(PlaylistEvent::Kind kind, const std::string& source, const std::string& detail) const;
 
   const OnEvent on_event_;
   mutable std::mutex mutex_;  ///< guards the members below; no other lock is taken under it
   PlaylistStatus status_;
-  std::deque<Begun> begun_;
+  std::deque<ItemAccount> begun_;
 };
 
 }  // namespace lenticule::player

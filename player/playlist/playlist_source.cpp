@@ -163,6 +163,7 @@ void PlaylistSource::hand_out(OpenItem& item, AcquiredFrame& out) {
   acquired_.push_back({.token = next_token_, .inner = out.token, .item = &item});
   ++item.acquired;
   ++item.pulled_this_round;
+  ++item.handed_out;
   item.last_number = out.number;
   out.token = next_token_++;
   out.item = item.number;
@@ -307,7 +308,7 @@ void PlaylistSource::begin(std::unique_ptr<OpenItem> item) {
 }
 
 /// Leaves the item to the loader to be closed, once its frames are given back.
-void PlaylistSource::leave_current() {
+void PlaylistSource::leave_current(bool to_end) {
   if (!current_) return;
   watch(*current_, false);
   loader_.leave();
@@ -316,6 +317,7 @@ void PlaylistSource::leave_current() {
     reporter_.count_damage(*current_);
     reporter_.report_damage(*current_);
   }
+  reporter_.end(*current_, to_end);
   if (current_->acquired > 0)
     retired_.push_back(std::move(current_));
   else
@@ -325,7 +327,7 @@ void PlaylistSource::leave_current() {
 
 void PlaylistSource::break_current(const std::string& why) {
   const std::string source = current_->item.source.text;
-  leave_current();
+  leave_current(false);
   loader_.skip(source, why.empty() ? "frame size differs from the panel's" : why);
 }
 
@@ -371,7 +373,7 @@ void PlaylistSource::arrive(ItemLoader::Arrival arrival, AcquiredFrame first) {
     return loader_.close(std::move(arrival.item));
   }
   if (in_hand_) release(std::exchange(in_hand_, std::nullopt)->token);
-  leave_current();
+  leave_current(false);
   begin(std::move(arrival.item));
   ++cut_;
   hand_out(*current_, first);

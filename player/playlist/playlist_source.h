@@ -91,6 +91,10 @@ class PlaylistSource final : public frames::FrameSource {
   [[nodiscard]] std::optional<size_t> place_of(uint32_t item) const {
     return reporter_.place_of(item);
   }
+  /// Returns the account of the item's turn, if it is remembered.
+  [[nodiscard]] std::optional<ItemAccount> account_of(uint32_t item) const {
+    return reporter_.account_of(item);
+  }
 
   [[nodiscard]] frames::FrameGeometry geometry() const override { return panel_; }
   [[nodiscard]] std::optional<frames::Rate> rate() const override { return rate_; }
@@ -127,7 +131,7 @@ class PlaylistSource final : public frames::FrameSource {
   [[nodiscard]] bool goes_round(OpenItem& item);
   [[nodiscard]] bool takes_replacement(const OpenItem& item);
   void begin(std::unique_ptr<OpenItem> item);
-  void leave_current();
+  void leave_current(bool to_end = true);
   void break_current(const std::string& why);
   void want_next_in_time();
   void watch(const OpenItem& item, bool on) const;

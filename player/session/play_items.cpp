@@ -9,8 +9,8 @@ Playlist read_playlist(const SourceSpec& source, const PlayFlags& flags, const P
     if (source == plan.source.spec) list.items.front().frames = plan.source.frames;
     return list;
   }
-  Playlist list =
-      names_folder(source.text) ? plan.folders->read(source) : load_playlist(source.text);
+  Playlist list = names_folder(source.text) ? plan.folders->read(source)
+                                            : plan.folders->with_files(load_playlist(source.text));
   const bool says_how_often = !flags.loop.empty() || flags.duration_s;
   if (says_how_often) list.rounds = plan.playback.loops;
   return list;

@@ -110,6 +110,17 @@ void plan_control(const PlayFlags& flags, PlayPlan& plan) {
   if (!flags.control_group.empty()) plan.control_group = group_named(flags.control_group);
 }
 
+/// The proof of play is on for a service, and off on a developer's machine, where it would fill the
+/// journal with tests.
+void plan_proof(const PlayFlags& flags, bool service, PlayPlan& plan) {
+  plan.proof = flags.proof.empty() ? service : flags.proof == "journal";
+  if (!plan.proof || flags.clock != "simulated") return;
+  if (!flags.proof.empty())
+    throw Error(ErrorKind::Usage, "--proof journal: cannot be combined with --clock simulated",
+                "leave out --clock simulated");
+  plan.proof = false;
+}
+
 [[noreturn]] void refuse_step(const std::string& what, const std::string& hint) {
   throw Error(ErrorKind::Usage, what, hint);
 }
@@ -237,6 +248,7 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   if (!flags.frames.empty()) plan.source.frames = parse_frame_range(flags.frames);
 
   plan_control(flags, plan);
+  plan_proof(flags, service, plan);
   plan_step(flags, plan);
   const bool may_show_views =
       kind == SourceKind::RigViews || kind == SourceKind::List || !flags.control.empty();

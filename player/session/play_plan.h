@@ -47,6 +47,7 @@ struct PlayFlags {
   int buffers = 3;
   std::string control;
   std::string control_group;
+  std::string proof;  ///< "journal", "off", or empty
   std::optional<int> memory_mib;
   std::string step;  ///< name of the group
   bool leader = false;
@@ -79,6 +80,7 @@ struct PlayPlan {
   std::optional<display::Nanoseconds> panel_after_loss;
   std::optional<double> duration_s;
   std::optional<gid_t> control_group;
+  bool proof = false;               ///< writes the proof of play to the journal
   std::optional<StepOptions> step;  ///< none without --step
 };
 

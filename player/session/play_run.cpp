@@ -86,6 +86,7 @@ ExitCode PlayRun::run() {
     open_the_source();
   outputs_.open_recording();
   if (plan_.step) step_.emplace(*plan_.step);
+  if (plan_.proof) proof_.emplace([this](uint64_t item) { return steered_->account_of(item); });
   if (plan_.window) open_window();
   try {
     open_display();
@@ -179,6 +180,7 @@ void PlayRun::report_waiting(const PanelWaiting& waiting) {
 ReconnectResult PlayRun::reconnect(const LostDisplay& lost) {
   lost_ = lost.report;
   say("{}: lost\n", lost.report.display);
+  if (proof_) proof_->update(*display_, kms_, true);
   steered_->report_state("display lost");
   const ReconnectResult result = panel_->reconnect(*kms_, lost);
   reported_.clear();
@@ -225,6 +227,7 @@ PlayResult PlayRun::play_source() {
       safe_.on ? vblanks_left() : vblanks_of(plan_.duration_s, display_->mode().refresh);
   steered_->prepare(options, display_->mode().refresh);
   if (step_) options.step = &step_->pacing();
+  if (proof_) proof_->prepare(options);
   return play_on_display(*opened_.source, options);
 }
 
@@ -247,6 +250,7 @@ PlayResult PlayRun::play_on_display(frames::FrameSource& source, PlaybackOptions
   Progress progress("playing", "frames", frames_to_show(source, options.loops));
   options.on_report = [&](const PlayReport& report) {
     look_after_files();
+    update_proof();
     steered_->report(report);
     if (step_) step_->report_trouble();
     write_stats(statistics_json(report));
@@ -255,9 +259,11 @@ PlayResult PlayRun::play_on_display(frames::FrameSource& source, PlaybackOptions
     report_exactness();
     progress.update(report.pace.shown, progress_note(report));
   };
+  options.on_turn = [this] { update_proof(); };
   if (panel_) options.reconnect = [this](const LostDisplay& lost) { return reconnect(lost); };
   write_stats(statistics_json(nothing_yet("starting")));
   PlayResult result = play(*display_, source, options);
+  update_proof();
   progress.update(result.report.pace.shown, progress_note(result.report));
   progress.finish(outcome_name(result.outcome));
   return result;
@@ -290,6 +296,10 @@ void PlayRun::look_after_files() {
   std::string warning = outputs_.report_problems();
   if (!rig_problem_.empty()) warning += warning.empty() ? rig_problem_ : ", " + rig_problem_;
   if (service_) service_->set_warning(warning);
+}
+
+void PlayRun::update_proof() {
+  if (proof_) proof_->update(*display_, kms_);
 }
 
 void PlayRun::follow_rig() {
@@ -339,6 +349,7 @@ nlohmann::ordered_json PlayRun::statistics_json(const PlayReport& report) const 
   if (opened_.source) json.update(to_json(opened_.source->damage()));
   if (const auto warnings = plan_.source.warnings->all(); !warnings.empty())
     json["rig_warnings"] = warnings;
+  if (proof_) json["proof"] = proof_->statistics();
   if (step_) json["step"] = step_->statistics();
   if (safe_.on) {
     json["safe_start"] = {{"failed_starts", safe_.failures}, {"trouble", nullptr}};

@@ -13,6 +13,7 @@
 #include "base/exit_code.h"
 #include "display/kms/scanout/kms_display.h"
 #include "player/playback/playback.h"
+#include "player/proof/play_proof.h"
 #include "player/session/panel_wait.h"
 #include "player/session/play_outputs.h"
 #include "player/session/play_plan.h"
@@ -68,6 +69,7 @@ class PlayRun {
 
   // Files that are read and written meanwhile.
   void look_after_files();
+  void update_proof();
   void copy_edited_rig(bool reloading = false);
   void follow_rig();
   void reload();
@@ -99,6 +101,7 @@ class PlayRun {
   display::Nanoseconds card_time_;  ///< display time of the card before the source is tried again
   std::optional<PanelWait> panel_;
   std::shared_ptr<PreviewWindow> window_;  ///< null without --display window
+  std::optional<PlayProof> proof_;         ///< none without --proof journal
   std::unique_ptr<display::Display> display_;
   display::KmsDisplay* kms_ = nullptr;  ///< display_, if it is a KMS display
   std::optional<PlayService> service_;

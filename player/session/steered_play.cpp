@@ -93,7 +93,7 @@ void SteeredPlay::detach_source() {
 
 void SteeredPlay::open(OpenedSource& opened) {
   detach_source();
-  if (!is_list_ && !controls_ && !is_followed(plan_)) {
+  if (!is_list_ && !controls_ && !plan_.proof && !is_followed(plan_)) {
     opened = open_source(plan_.source);
     return;
   }
@@ -110,10 +110,8 @@ void SteeredPlay::open(OpenedSource& opened) {
               [this](const std::string& name) {
                 return read_playlist(parse_source(name), flags_, plan_);
               },
-          .mark_list =
-              [folders = plan_.folders](const std::string& name) {
-                return names_folder(name) ? folders->mark(name) : mark_of(name);
-              },
+          .mark_list = [folders =
+                            plan_.folders](const std::string& name) { return folders->mark(name); },
           .left_item = controls_ ? left_item_of(controls_->playback()) : nullptr});
   source->open_first();
   source_ = source.get();
@@ -239,6 +237,10 @@ void SteeredPlay::complete(ordered_json& statistics) {
                              {"displaced", counts.displaced}};
   }
   if (controls_) controls_->report_statistics(statistics);
+}
+
+std::optional<ItemAccount> SteeredPlay::account_of(uint64_t item) const {
+  return source_ == nullptr ? std::nullopt : source_->account_of(static_cast<uint32_t>(item));
 }
 
 std::string SteeredPlay::failure() const {

@@ -18,7 +18,7 @@
 
 namespace lenticule::player {
 
-/// Only measures the source's pace if the source is plain and there is no control socket. Thread
+/// Only measures the source's pace if the source is plain, without control socket and proof. Thread
 /// safety: the player's main thread.
 class SteeredPlay {
  public:
@@ -44,6 +44,8 @@ class SteeredPlay {
   /// Call about once a second: updates the statistics, warns, and publishes events.
   void report(const PlayReport& report);
   void complete(nlohmann::ordered_json& statistics);
+  /// Returns the account of an item's turn, if it is remembered.
+  [[nodiscard]] std::optional<ItemAccount> account_of(uint64_t item) const;
   /// Returns why the playback failed: an only item that failed, or a list without a playable item.
   /// Empty otherwise.
   [[nodiscard]] std::string failure() const;

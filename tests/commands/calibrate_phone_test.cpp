@@ -7,6 +7,7 @@
 #include <filesystem>
 
 #include "apps/lenticule-bench/phone/workshop.h"
+#include "base/file.h"
 #include "calib/photo/tag_chart.h"
 #include "optics/rig_file.h"
 #include "program.h"
@@ -48,6 +49,10 @@ class PhoneCommand : public CommandTest {
     return run(all, limits);
   }
 
+  [[nodiscard]] std::string bytes_of(const std::string& name) const {
+    return read_text_file(path(name), uint64_t{100} << 20);
+  }
+
   phone_bench::Workshop workshop_ = phone_bench::draw_workshop(101, small_workshop(6));
   phone_bench::LensSection sheet_{workshop_.build, workshop_.start.panel};
 };
@@ -65,6 +70,24 @@ TEST_F(PhoneCommand, EndsWithARigAPictureAndANumber) {
       << found.out;
   EXPECT_NE(found.err.find("1. Photograph the whole panel"), std::string::npos) << found.err;
   EXPECT_NE(found.err.find("6.jpg: good"), std::string::npos) << found.err;
+}
+
+// Photographs that cannot be used are packed, too: they show why.
+TEST_F(PhoneCommand, PacksThePhotographsWithTheCommandThatRepeatsTheCalibration) {
+  workshop_.shots.resize(2);
+  photograph_all();
+  const ProcessResult result =
+      calibrate({"--existing", "--minutes", "0.1", "--pack", path("pack.tar")});
+  EXPECT_EQ(result.exit_code, 5) << result.err << result.out;
+  ASSERT_EQ(run_process({"/bin/tar", "-xf", path("pack.tar"), "-C", path("")}).exit_code, 0);
+  EXPECT_EQ(bytes_of("calibration/01-1.jpg"), bytes_of("inbox/1.jpg"));
+  EXPECT_EQ(bytes_of("calibration/02-2.jpg"), bytes_of("inbox/2.jpg"));
+  EXPECT_EQ(optics::load_rig(path("calibration/start.toml")).sheet.pitch.value,
+            workshop_.start.sheet.pitch.value);
+  EXPECT_NE(bytes_of("calibration/report.json").find("\"refused\""), std::string::npos);
+  EXPECT_NE(bytes_of("calibration/README.txt")
+                .find("lenticule calibrate photos '01-1.jpg' '02-2.jpg' --rig start.toml"),
+            std::string::npos);
 }
 
 TEST_F(PhoneCommand, PlansTheChartAgainIfThePitchIsFarOff) {

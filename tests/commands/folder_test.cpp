@@ -69,6 +69,26 @@ TEST_F(Folder, FilmsJoinInTheOrderOfTheirNamesAndLeaveWhenTheyAreRemoved) {
   EXPECT_EQ(count_of(messages(), "left out"), 0u);
 }
 
+TEST_F(Folder, AListPlaysTheFilesOfAFolderAsTheyAreAndThenGoesOn) {
+  put("a.lts", 10);
+  write_sequence(path("last.lts"), path("rig.toml"), 90);
+  write("day.toml",
+        "format = 1\nloop = \"forever\"\n[[item]]\nsource = \"films/\"\n[[item]]\nsource = "
+        "\"last.lts\"\n");
+  start(play_words(path("day.toml")));
+  ASSERT_TRUE(is_shown("a.lts"));
+  EXPECT_EQ(items(), (std::vector<std::string>{"a.lts", "last.lts"}));
+  EXPECT_TRUE(comes_true([this] { return says_about("on_glass", path("last.lts")); }));
+  put("b.lts", 20);
+  ASSERT_TRUE(has_items({"a.lts", "b.lts", "last.lts"}));
+  EXPECT_TRUE(is_shown("b.lts"));
+  fs::remove(path("films/a.lts"));
+  fs::remove(path("films/b.lts"));
+  ASSERT_TRUE(has_items({"last.lts"}));
+  EXPECT_TRUE(film_continues());
+  EXPECT_EQ(count_of(messages(), "left out"), 0u);
+}
+
 TEST_F(Folder, AReplacedFilmIsPlayedInItsNewVersion) {
   put("a.lts", 10);
   play();

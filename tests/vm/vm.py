@@ -59,6 +59,7 @@ class Machine:
     height: int = 1080
     outputs: int = 1  # of virtio-gpu
     memory_mib: int = 2048
+    disk_mib: int = 0  # an empty disk, /dev/vda, which survives lose_power()
     modules: tuple = ()  # module names, each with its parameters: ("vkms enable_cursor=0",)
     kernel: str = ""  # further arguments for the kernel
     clock: str = "real"  # or "instructions": the guest's time is the number of executed instructions
@@ -70,7 +71,8 @@ class Machine:
         if self.outputs > 1:
             display += f" x {self.outputs} outputs"
         clock = ["time by instructions"] if self.clock == "instructions" else []
-        return " + ".join([display, *(module.split()[0] for module in self.modules), *clock])
+        disk = [f"disk {self.disk_mib} MiB"] if self.disk_mib else []
+        return " + ".join([display, *disk, *(module.split()[0] for module in self.modules), *clock])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -169,6 +171,10 @@ class VirtualMachine:
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="lenticule-vm-"))
         self.exchange = self.folder / "exchange"
         self.exchange.mkdir()
+        if machine.disk_mib:
+            with open(self.folder / "disk.img", "wb") as disk:
+                disk.truncate(machine.disk_mib << 20)
+        self._boot = (accelerator, boot_seconds)
         self._processes = {}
         self._count = 0
         self._received = b""
@@ -178,7 +184,7 @@ class VirtualMachine:
         self._qmp_connection = None
         self._qmp = None
         try:
-            self._start(accelerator, boot_seconds)
+            self._start(*self._boot)
         except BaseException:
             self.close()
             raise
@@ -362,8 +368,15 @@ class VirtualMachine:
                 parts += [f"--- {name}", *text[-lines:]]
         return "\n".join(parts)
 
-    def close(self):
-        """Ends QEMU. The folder with its logs goes too, unless keep is set."""
+    def lose_power(self):
+        """Ends the machine as a power failure does, and boots it again. Only its disk is kept."""
+        self._end_qemu()
+        self._processes = {}
+        self._received = b""
+        self._ready = False
+        self._start(*self._boot)
+
+    def _end_qemu(self):
         if self._qemu and self._qemu.poll() is None:
             self._qemu.kill()
             self._qemu.wait(20)
@@ -371,6 +384,10 @@ class VirtualMachine:
             if connection:
                 connection.close()
         self._agent = self._qmp = None
+
+    def close(self):
+        """Ends QEMU. The folder with its logs goes too, unless keep is set."""
+        self._end_qemu()
         if not self.keep:
             shutil.rmtree(self.folder, ignore_errors=True)
 
@@ -428,6 +445,7 @@ class VirtualMachine:
             "-qmp", f"unix:{self.folder}/qmp.sock,server=on,wait=off",
             *_shared_folder("host", "/", "readonly=on"),
             *_shared_folder("exchange", self.exchange, "readonly=off"),
+            *_disk_arguments(self.machine, self.folder),
             *_display_arguments(self.machine)]
 
     def _release(self):
@@ -437,6 +455,13 @@ class VirtualMachine:
 def _shared_folder(tag, path, access):
     return ["-fsdev", f"local,id={tag},path={path},security_model=none,multidevs=remap,{access}",
             "-device", f"virtio-9p-pci,fsdev={tag},mount_tag={tag}"]
+
+
+def _disk_arguments(machine, folder):
+    if not machine.disk_mib:
+        return []
+    return ["-drive", f"file={folder}/disk.img,if=none,id=disk,format=raw,cache=writethrough",
+            "-device", "virtio-blk-pci,drive=disk"]
 
 
 def _display_arguments(machine):

@@ -241,6 +241,9 @@ Run declare_bench_calibrate(CLI::App& app) {
       ->needs(hand);
   app.add_option("--plot", flags->hand.plot, "SVG file: error against number of photographs")
       ->needs(hand);
+  app.add_flag("--wrong-ways", flags->hand.wrong_ways,
+               "take three photographs for each of two dozen mistakes, such as a cropped file")
+      ->needs(hand);
   app.add_flag("--json", flags->json, "print JSON");
   const CLI::Option* camera = app.get_option("--camera-width");
   return [flags, camera] {
@@ -250,7 +253,8 @@ Run declare_bench_calibrate(CLI::App& app) {
       flags->hand.panel_width = flags->panel_width;
       if (camera->count() > 0) flags->hand.phone_width = flags->camera_width;
       flags->hand.json = flags->json;
-      return run_calibrate_hand(flags->hand);
+      return flags->hand.wrong_ways ? run_calibrate_wrong(flags->hand)
+                                    : run_calibrate_hand(flags->hand);
     }
     flags->stress.json = flags->json;
     if (flags->stress.stress) return run_calibrate_stress(flags->stress);

@@ -111,6 +111,8 @@ void write_plot(const json& rows, const json& summary, const std::string& file) 
   if (!plot.series.empty()) write_svg(plot, file);
 }
 
+}  // namespace
+
 phone_bench::WorkshopLimits limits_of(const CalibrateHandFlags& flags) {
   phone_bench::WorkshopLimits limits;
   limits.panel_width = flags.panel_width;
@@ -122,8 +124,6 @@ phone_bench::WorkshopLimits limits_of(const CalibrateHandFlags& flags) {
   limits.shots = *std::ranges::max_element(flags.photographs);
   return limits;
 }
-
-}  // namespace
 
 ExitCode run_calibrate_hand(const CalibrateHandFlags& flags) {
   json rows = json::array(), summary = json::array();

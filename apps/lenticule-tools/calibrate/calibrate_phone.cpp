@@ -16,9 +16,11 @@
 #include "apps/lenticule-tools/calibrate/calibrate_result.h"
 #include "apps/lenticule-tools/calibrate/hand_held_photos.h"
 #include "apps/lenticule-tools/calibrate/photo_arrivals.h"
+#include "apps/lenticule-tools/calibrate/photo_pack.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "calib/photo/tag_chart.h"
+#include "calib/report/report_json.h"
 #include "display/display_sink.h"
 #include "display/open/open_display.h"
 #include "frames/image_io.h"
@@ -36,6 +38,7 @@ struct PhoneFlags {
   std::string folder;
   std::string rig;
   std::string display = "kms";
+  std::string pack;
   std::optional<double> focal_px;
   int least = 3;
   int most = 10;
@@ -188,6 +191,13 @@ ExitCode run_phone(const PhoneFlags& flags) {
     frames::write_woven(check->view(), result.picture);
   }
   const ExitCode code = conclude_calibration(*found, collection.photos().details(), result);
+  if (!flags.pack.empty())
+    write_photo_pack({.sources = collection.photos().files(),
+                      .start = collection.photos().chart().start,
+                      .focal_px = flags.focal_px,
+                      .distance_mm = {},
+                      .report = calib::report_json(*found, collection.photos().details())},
+                     flags.pack);
   if (!check) return code;
   if (!result.json)
     print_out("Every eye of the viewing zone sees its view to {:.3f} lens.\n",
@@ -233,6 +243,7 @@ CalibrateWay declare_calibrate_phone(CLI::App& app) {
   way->add_option("--seconds", flags->seconds, "seconds to show the result on the display")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
+  declare_pack_flag(*way, flags->pack);
   declare_result_flags(*way, flags->result);
   return {.app = way, .run = [flags] { return run_phone(*flags); }};
 }

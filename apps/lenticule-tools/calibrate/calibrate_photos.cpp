@@ -16,6 +16,7 @@
 #include "apps/lenticule-tools/calibrate/calibrate.h"
 #include "apps/lenticule-tools/calibrate/calibrate_result.h"
 #include "apps/lenticule-tools/calibrate/hand_held_photos.h"
+#include "apps/lenticule-tools/calibrate/photo_pack.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "calib/fit/calibrate.h"
@@ -23,6 +24,7 @@
 #include "calib/photo/photo_folder.h"
 #include "calib/photo/single_photo.h"
 #include "calib/photo/tag_chart.h"
+#include "calib/report/report_json.h"
 #include "frames/image_io.h"
 #include "frames/picture_codec.h"
 #include "frames/srgb.h"
@@ -41,6 +43,7 @@ struct PhotosFlags {
   std::string rig;
   std::string write_patterns;
   std::string patterns;
+  std::string pack;
   std::optional<double> distance_mm;
   std::optional<double> focal_px;
   double most_lenses = 0.0;
@@ -147,6 +150,21 @@ PhotoReader reader_of(const PhotosFlags& flags) {
   };
 }
 
+/// Ends the calibration, and packs the photographs if that is wanted.
+ExitCode conclude(const PhotosFlags& flags, const optics::Rig& start,
+                  const calib::Calibration& found, const calib::RecordDetails& details,
+                  const nlohmann::json& more = nlohmann::json::object()) {
+  const ExitCode code = conclude_calibration(found, details, flags.result, more);
+  if (!flags.pack.empty())
+    write_photo_pack({.sources = {flags.sources.begin(), flags.sources.end()},
+                      .start = start,
+                      .focal_px = flags.focal_px,
+                      .distance_mm = flags.distance_mm,
+                      .report = calib::report_json(found, details)},
+                     flags.pack);
+  return code;
+}
+
 ExitCode from_one(const PhotosFlags& flags, const optics::Rig& rig) {
   const calib::SinglePhotoChart chart = calib::plan_single_photo_chart(rig);
   const calib::CameraPicture photograph = reader_of(flags)(flags.sources.front());
@@ -157,7 +175,7 @@ ExitCode from_one(const PhotosFlags& flags, const optics::Rig& rig) {
   camera.height = photograph.height;
   camera.channels = photograph.channels;
   camera.pixel_format = "photograph";
-  return conclude_calibration(found, details_of("one photograph", camera), flags.result);
+  return conclude(flags, rig, found, details_of("one photograph", camera));
 }
 
 /// Calibrates from several photographs of the photo chart, taken by hand from different places.
@@ -171,8 +189,7 @@ ExitCode from_several(const PhotosFlags& flags, const optics::Rig& rig) {
   }
   progress.finish();
   const calib::Calibration found = photos.calibrate(flags.most_lenses);
-  return conclude_calibration(found, photos.details(), flags.result,
-                              {{"photographs", photos.to_json(found)}});
+  return conclude(flags, rig, found, photos.details(), {{"photographs", photos.to_json(found)}});
 }
 
 /// Looks for a manifest among the photographs, then in the folder of the patterns. Returns false if
@@ -234,8 +251,8 @@ ExitCode from_folders(const PhotosFlags& flags, const optics::Rig& rig) {
   const calib::PhotoPriors known = priors_of(flags);
   options.distance_mm = known.distance_mm;
   options.focal_px = known.focal_px;
-  return conclude_calibration(calib::calibrate(measured, rig, options),
-                              details_of("photographs", camera), flags.result);
+  return conclude(flags, rig, calib::calibrate(measured, rig, options),
+                  details_of("photographs", camera));
 }
 
 ExitCode run_photos(const PhotosFlags& flags) {
@@ -294,6 +311,7 @@ CalibrateWay declare_calibrate_photos(CLI::App& app) {
   way->add_flag("--confined", flags->confined,
                 "decode photographs in a confined process, because their origin is not known "
                 "(package lenticule-media)");
+  declare_pack_flag(*way, flags->pack);
   declare_result_flags(*way, flags->result);
   way->get_option("--output")->required(false);
   return {.app = way, .run = [flags] { return run_photos(*flags); }};

@@ -50,6 +50,7 @@ std::string HandHeldPhotos::add(const std::filesystem::path& file) {
     camera_.height = photograph.height;
   }
   photos_.push_back(std::move(photo));
+  files_.push_back(file);
   return refusal;
 }
 

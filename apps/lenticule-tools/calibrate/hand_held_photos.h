@@ -34,6 +34,8 @@ class HandHeldPhotos {
   /// Error(Input) for a file that is not a readable picture.
   std::string add(const std::filesystem::path& file);
 
+  /// Returns the files so far, usable or not.
+  [[nodiscard]] const std::vector<std::filesystem::path>& files() const { return files_; }
   [[nodiscard]] size_t usable() const;
   /// Returns the rig from which to plan the chart again if the last photograph shows that the start
   /// is too far off; see calib::better_start().
@@ -51,6 +53,7 @@ class HandHeldPhotos {
   PhotoReader read_;
   calib::Estimate focal_px_;
   std::vector<calib::PhonePhoto> photos_;
+  std::vector<std::filesystem::path> files_;
   calib::CameraFacts camera_;
 };
 

@@ -8,6 +8,7 @@ namespace lenticule::player {
 // Each function is defined in the file of its command.
 Run declare_play(CLI::App& app);
 Run declare_ctl(CLI::App& app);
+Run declare_report(CLI::App& app);
 Run declare_panels(CLI::App& app);
 Run declare_doctor(CLI::App& app);
 Run declare_bench(CLI::App& app);
@@ -22,6 +23,8 @@ constexpr auto kCommands = std::to_array<Command>({
      "lenticule play 'out/%05d.png' --rig kiosk-27-4k.toml --display virtual --loop forever"},
     {"ctl", "control a running player: pause, seek, load, trim, watch",
      "lenticule ctl --socket /run/lenticule/lobby/control.sock status"},
+    {"report", "report how often each film was played, from the journal",
+     "lenticule report --since 2026-11-01 --unit lenticule-player@lobby"},
     {"weave", "weave a quilt or a set of views into one woven frame",
      "lenticule weave views_qs8x6a0.75.png --rig kiosk-27-4k.toml -o woven.png"},
     {"eye", "show what an eye at one place sees of a woven frame",
@@ -56,6 +59,7 @@ constexpr auto kCommands = std::to_array<Command>({
 constexpr auto kPlayerCommands = std::to_array<Declaration>({
     {"play", declare_play},
     {"ctl", declare_ctl},
+    {"report", declare_report},
     {"panels", declare_panels},
     {"doctor", declare_doctor},
     {"bench", declare_bench},

@@ -160,6 +160,10 @@ void declare_flags(CLI::App& app, PlayFlags& flags) {
                  "listen on this Unix socket for 'lenticule ctl' (default: none)");
   app.add_option("--control-group", flags.control_group,
                  "members of this group may control the player, as well as its user and root");
+  app.add_option("--proof", flags.proof,
+                 "journal: write the proof of play for 'lenticule report', an entry at the start "
+                 "and the end of each item (default: journal as a service, else off)")
+      ->check(CLI::IsMember({"journal", "off"}));
   app.add_option("--memory", flags.memory_mib,
                  "MiB for frames that are decoded ahead, instead of --slots; shared by the current "
                  "item, the next item and the one that ends")

@@ -149,6 +149,8 @@ void AtomicKmsDisplay::start() {
            .refresh = refresh_of(pipe.mode),
            .name = fmt::format("{} on {} {}", active_.output->name(), device.path(),
                                to_string(pipe.mode)),
+           .panel = pipe.connector.edid.identity ? to_string(*pipe.connector.edid.identity)
+                                                 : active_.output->name() + " without EDID",
            .hardware_clock = false};
   asleep_ = options_.platform->time_asleep();
   flips_.emplace(active_, options_.session, clock_, mode_.refresh, counters_);

@@ -44,6 +44,18 @@ TEST_F(PlayPlanTest, AServiceWaitsForeverForItsPanelAndHoldsItsLastFrame) {
   EXPECT_EQ(plan.display.kms.exit, display::ExitPolicy::Hold);
 }
 
+TEST_F(PlayPlanTest, TheProofOfPlayIsOnForServicesUnlessAFlagSaysOtherwise) {
+  EXPECT_TRUE(make_plan(flags, true).proof);
+  EXPECT_FALSE(make_plan(flags, false).proof);
+  flags.proof = "off";
+  EXPECT_FALSE(make_plan(flags, true).proof);
+  flags.proof = "journal";
+  EXPECT_TRUE(make_plan(flags, false).proof);
+  flags.display = "virtual";
+  flags.clock = "simulated";
+  EXPECT_EQ(failure(), ErrorKind::Usage);
+}
+
 TEST_F(PlayPlanTest, AnExplicitWaitAppliesAtStartAndAfterALoss) {
   flags.wait_for_panel = "7";
   const PlayPlan service = make_plan(flags, true);

@@ -135,5 +135,78 @@ TEST_F(FolderWatchTest, TheListHasTheFilesInOrderAndItsMarkFollowsTheirNames) {
   EXPECT_EQ(lists.mark(folder), list.file);
 }
 
+/// Returns a list in a file that plays an advertisement between two rounds of the folder.
+Playlist list_with(const std::string& folder, const fs::path& file) {
+  std::ofstream(file) << "format = 1\n[[item]]\nsource = \"" << folder
+                      << "\"\nloops = 2\n[[item]]\nsource = \"/ad.lts\"\n[[item]]\nsource = \""
+                      << folder << "\"\n";
+  return load_playlist(file);
+}
+
+std::vector<std::string> sources_of(const Playlist& list) {
+  std::vector<std::string> names;
+  for (const PlaylistItem& item : list.items) names.push_back(item.source.text);
+  return names;
+}
+
+TEST_F(FolderWatchTest, AFolderInAListIsReplacedByItsFilesWithTheItemsSettings) {
+  for (const char* name : {"b.lts", "a.png"}) write(name);
+  age("a.png");
+  age("b.lts");
+  FolderLists lists;
+  const Playlist list = lists.with_files(list_with(folder, scratch / "day.toml"));
+  EXPECT_THAT(sources_of(list), ElementsAre(folder + "a.png", folder + "b.lts", "/ad.lts",
+                                            folder + "a.png", folder + "b.lts"));
+  EXPECT_EQ(list.items[1].loops, 2u);
+  EXPECT_EQ(list.items[1].source.kind, SourceKind::Sequence);
+  EXPECT_EQ(list.items[3].still_s, kStillSeconds);
+  EXPECT_FALSE(list.standby);
+}
+
+TEST_F(FolderWatchTest, TheMarkOfAListFollowsItsFileAndTheFilesOfItsFolders) {
+  write("a.lts");
+  age("a.lts");
+  FolderLists lists;
+  const std::string file = scratch / "day.toml";
+  const Playlist list = lists.with_files(list_with(folder, file));
+  EXPECT_EQ(lists.mark(file), list.file);
+  write("b.lts");
+  EXPECT_NE(lists.mark(file), list.file);
+  fs::remove(folder + "b.lts");
+  EXPECT_EQ(lists.mark(file), list.file);
+  fs::remove(folder + "a.lts");
+  EXPECT_NE(lists.mark(file), list.file);
+  std::ofstream(file) << "format = 1\n[[item]]\nsource = \"a.lts\"\n";
+  const Playlist without = lists.with_files(load_playlist(file));
+  EXPECT_EQ(lists.mark(file), without.file);
+  EXPECT_EQ(without.file, mark_of(file));
+}
+
+TEST_F(FolderWatchTest, AListOfAMissingFolderIsBlackUntilTheFolderHasFiles) {
+  fs::remove(folder);
+  const std::string file = scratch / "day.toml";
+  std::ofstream(file) << "format = 1\n[[item]]\nsource = \"films/\"\n";
+  FolderLists lists;
+  const Playlist list = lists.with_files(load_playlist(file));
+  EXPECT_THAT(sources_of(list), IsEmpty());
+  EXPECT_EQ(list.standby->source.text, "black");
+  EXPECT_EQ(lists.mark(file), list.file);
+  fs::create_directory(folder);
+  write("a.lts");
+  age("a.lts");
+  EXPECT_NE(lists.mark(file), list.file);
+  EXPECT_THAT(sources_of(lists.with_files(load_playlist(file))), ElementsAre(folder + "a.lts"));
+}
+
+TEST_F(FolderWatchTest, AListHasAtMostItsItemsWithTheFilesOfItsFolders) {
+  for (size_t k = 0; k < kMaxPlaylistItems / 2; ++k) {
+    const std::string name = std::to_string(k) + ".png";
+    write(name);
+    age(name);
+  }
+  FolderLists lists;
+  EXPECT_THROW((void)lists.with_files(list_with(folder, scratch / "day.toml")), Error);
+}
+
 }  // namespace
 }  // namespace lenticule::player

@@ -45,6 +45,12 @@ TEST_F(PlaylistCursorTest, OfEqualItemsTheOneAtTheSamePlaceContinues) {
   EXPECT_EQ(cursor.playing(), 1u);
 }
 
+TEST_F(PlaylistCursorTest, OfEqualItemsTheNearestContinuesInALongerList) {
+  play(2);
+  EXPECT_TRUE(cursor.replace_list(list({"c", "new", "b", "c", "z"}), &playing));
+  EXPECT_EQ(next(), "z");
+}
+
 TEST_F(PlaylistCursorTest, AnItemWithChangedSettingsIsPlayedAgain) {
   play(1);
   auto changed = std::make_shared<Playlist>(*list({"x", "b", "z"}));

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule report sums what players have shown, from the entries in the journal.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "apps/lenticule/cli/command.h"
+#include "base/error.h"
+#include "base/print.h"
+#include "player/proof/content_hash.h"
+#include "player/proof/proof_reader.h"
+#include "player/proof/report_formats.h"
+
+namespace lenticule::player {
+namespace {
+
+struct ReportFlags {
+  std::string since;
+  std::string until;
+  std::string item;
+  std::string hash_of;
+  JournalPlace place;
+  bool csv = false;
+  bool json = false;
+};
+
+std::optional<int64_t> time_of(const char* flag, const std::string& text) {
+  if (text.empty()) return std::nullopt;
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  const auto time =
+      parse_local_time(text, std::chrono::duration_cast<std::chrono::microseconds>(now).count());
+  if (time) return time;
+  throw Error(ErrorKind::Usage, fmt::format("{} '{}': not a time", flag, text),
+              "write 2026-11-25, \"2026-11-25 14:30\", today or yesterday; local time");
+}
+
+ExitCode print_hash(const std::string& source) {
+  const std::string hash = content_hash(parse_source(source), std::atomic<bool>(false));
+  if (hash.empty())
+    throw Error(ErrorKind::Usage, source + ": has no hash, because it is not made of files",
+                "use a sequence, a picture or a video");
+  print_out("{}  {}\n", hash, source);
+  return kOk;
+}
+
+ExitCode run_report(const ReportFlags& flags) {
+  if (!flags.hash_of.empty()) return print_hash(flags.hash_of);
+  ProofReport report({.since_us = time_of("--since", flags.since),
+                      .until_us = time_of("--until", flags.until),
+                      .item = flags.item});
+  JournalPlace place = flags.place;
+  place.since_us = time_of("--since", flags.since);
+  read_proof(place, [&](const JournalEntry& entry) { report.add(entry); });
+  const ProofSummary summary = report.finish(is_running);
+  if (flags.json)
+    print_out("{}\n", Verbatim{json_text(to_json(summary), 2)});
+  else
+    print_out("{}", Verbatim{flags.csv ? csv_text(summary) : table_text(summary)});
+  const bool own_journal = place.folder.empty() && place.files.empty();
+  if (own_journal && !may_read_system_journal())
+    say("only the entries of this user are read: run as root, or as a member of the group "
+        "systemd-journal, for those of services\n");
+  return kOk;
+}
+
+}  // namespace
+
+Run declare_report(CLI::App& app) {
+  const auto flags = std::make_shared<ReportFlags>();
+  app.add_option("--since", flags->since,
+                 "leave out what began before: 2026-11-25, '2026-11-25 14:30', today, yesterday")
+      ->type_name("TIME");
+  app.add_option("--until", flags->until, "leave out what began at this time or later")
+      ->type_name("TIME");
+  app.add_option("--item", flags->item, "only items whose path or file name matches: 'wave*.lts'")
+      ->type_name("GLOB");
+  app.add_option("--unit", flags->place.unit,
+                 "only entries of this service, which other users cannot forge: "
+                 "lenticule-player@lobby");
+  CLI::Option* const folder = app.add_option("--directory", flags->place.folder,
+                                             "read this folder of journal files, of any machine");
+  app.add_option("--file", flags->place.files, "read these journal files")->excludes(folder);
+  CLI::Option* const csv = app.add_flag("--csv", flags->csv, "print comma-separated values");
+  app.add_flag("--json", flags->json, "print everything as JSON")->excludes(csv);
+  app.add_option("--hash-of", flags->hash_of,
+                 "print only the hash that a report has for this file: to compare films")
+      ->type_name("FILE");
+  return [flags] { return run_report(*flags); };
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+// ProofReport sums the entries of the proof of play by day and item. It reads no clock and no file,
+// except the machine's time zone.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "player/proof/proof_entry.h"
+
+namespace lenticule::player {
+
+/// ProofOrigin is what the journal itself states about the writer of an entry, who cannot forge it.
+/// Texts are empty where the journal does not know.
+struct ProofOrigin {
+  std::string unit{};  ///< "lenticule-player@lobby.service"
+  std::string user{};  ///< number of the user
+  std::string program{};
+  std::string boot{};  ///< the machine's start
+  int64_t process = 0;
+  friend auto operator<=>(const ProofOrigin&, const ProofOrigin&) = default;
+};
+
+struct JournalEntry {
+  std::optional<ProofEntry> proof{};  ///< none: fields are missing or wrong
+  ProofOrigin origin{};
+};
+
+struct ReportFilter {
+  std::optional<int64_t> since_us{};
+  std::optional<int64_t> until_us{};  ///< exclusive
+  std::string item{};                 ///< glob for the item or its file name; empty = all
+};
+
+/// ReportRow is one item on one day, on one panel, as recorded by one unit.
+struct ReportRow {
+  std::string day;  ///< "2026-11-25", local time
+  std::string item;
+  std::string panel;
+  std::string unit;  ///< see writer_of()
+  std::set<std::string> hashes{};
+  std::string exactness = kNoExactness;  ///< the worst
+  uint64_t whole = 0, interrupted = 0;   ///< plays
+  uint64_t frames = 0, unseen = 0, missed = 0, damaged = 0;
+  [[nodiscard]] uint64_t plays() const { return whole + interrupted; }
+};
+
+/// UnendedTurn is a turn without an end.
+struct UnendedTurn {
+  std::string item;
+  std::string panel;
+  std::string unit;
+  int64_t counted_until_us = 0;  ///< time of the last entry; later frames are not counted
+  bool running = false;          ///< its player still runs; else the player or the machine ended
+};
+
+struct ProofSummary {
+  std::vector<ReportRow> rows;  ///< by day, item, panel and unit
+  ReportRow total;
+  std::vector<UnendedTurn> unended;
+  uint64_t ignored = 0;  ///< entries with missing or wrong fields
+};
+
+class ProofReport {
+ public:
+  using IsRunning = std::function<bool(const ProofEntry&, const ProofOrigin&)>;
+
+  explicit ProofReport(ReportFilter filter);
+  /// Adds an entry; entries of one player come in the order in which it wrote them.
+  void add(const JournalEntry& entry);
+  /// Returns the sums. A turn without an end counts as an interrupted play, unless its player runs.
+  [[nodiscard]] ProofSummary finish(const IsRunning& is_running);
+
+ private:
+  struct Session {
+    ProofOrigin origin;
+    std::string number;
+    friend auto operator<=>(const Session&, const Session&) = default;
+  };
+  using Turn = std::pair<Session, uint64_t>;
+  using Key = std::tuple<std::string, std::string, std::string, std::string>;
+  [[nodiscard]] bool covers(int64_t time_us) const;
+  [[nodiscard]] bool covers_item(const std::string& item) const;
+  [[nodiscard]] ReportRow& row_of(int64_t time_us, const ProofEntry& entry,
+                                  const ProofOrigin& origin);
+
+  const ReportFilter filter_;
+  std::map<Key, ReportRow> rows_;
+  std::map<Turn, ProofEntry> open_;        ///< last entry of each turn without an end
+  std::map<Session, uint64_t> last_turn_;  ///< of which an entry was added
+  uint64_t ignored_ = 0;
+};
+
+/// Returns the worse of two verdicts of exactness: "no", "cannot tell", "yes", "-".
+[[nodiscard]] std::string worse_exactness(const std::string& a, const std::string& b);
+/// Returns the writer's unit, or "user 1000: /usr/bin/lenticule" if it is not in a service.
+[[nodiscard]] std::string writer_of(const ProofOrigin& origin);
+
+/// Returns the local day, "2026-11-25", and the local time with its zone, "2026-11-25 14:03:05
+/// CET".
+[[nodiscard]] std::string local_day(int64_t time_us);
+[[nodiscard]] std::string local_time(int64_t time_us);
+/// Parses "2026-11-25", "2026-11-25 14:03", "2026-11-25 14:03:05", "today" or "yesterday" as local
+/// time, in microseconds. Returns nothing for other texts.
+[[nodiscard]] std::optional<int64_t> parse_local_time(std::string_view text, int64_t now_us);
+
+}  // namespace lenticule::player
