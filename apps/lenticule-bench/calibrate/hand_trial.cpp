@@ -68,7 +68,7 @@ HandResult HandTrial::calibrate(int photographs) const {
   out.photographs = photographs;
   out.reasons = found.reasons;
   out.fit_seconds = found.seconds_computing;
-  out.fitted = !found.viewpoints.empty();
+  out.fitted = !found.viewpoints.empty() && !optics::find_problem(found.rig);
   if (!out.fitted) return out;
   out.error_lenses = error_of(found.rig);
   out.stated_lenses = found.drift.worst_lenses;
