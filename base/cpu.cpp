@@ -13,15 +13,16 @@ namespace {
 Isa best_of_machine() {
   if (isa_supported(Isa::Avx512)) return Isa::Avx512;
   if (isa_supported(Isa::Avx2)) return Isa::Avx2;
+  if (isa_supported(Isa::Neon)) return Isa::Neon;
   return Isa::Baseline;
 }
 
 Isa named_isa(const std::string& name) {
-  for (const Isa isa : {Isa::Baseline, Isa::Avx2, Isa::Avx512}) {
+  for (const Isa isa : {Isa::Baseline, Isa::Neon, Isa::Avx2, Isa::Avx512}) {
     if (name == isa_name(isa)) return isa;
   }
   throw Error(ErrorKind::Usage, "LENTICULE_ISA: no instruction set '" + name + "'",
-              "use baseline, avx2 or avx512");
+              "use baseline, neon, avx2 or avx512");
 }
 
 }  // namespace
@@ -32,6 +33,8 @@ bool isa_supported(Isa isa) {
   switch (isa) {
     case Isa::Baseline:
       return true;
+    case Isa::Neon:
+      return false;
     case Isa::Avx2:
       return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("bmi2");
     case Isa::Avx512:
@@ -39,6 +42,8 @@ bool isa_supported(Isa isa) {
              __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vl");
   }
   return false;
+#elif defined(__aarch64__)
+  return isa <= Isa::Neon;  // every processor has it
 #else
   return isa == Isa::Baseline;
 #endif
@@ -47,13 +52,16 @@ bool isa_supported(Isa isa) {
 Isa best_isa() {
   const char* requested = std::getenv("LENTICULE_ISA");
   if (requested == nullptr || *requested == '\0') return best_of_machine();
-  return std::min(named_isa(requested), best_of_machine());
+  const Isa isa = std::min(named_isa(requested), best_of_machine());
+  return isa_supported(isa) ? isa : Isa::Baseline;
 }
 
 const char* isa_name(Isa isa) {
   switch (isa) {
     case Isa::Baseline:
       return "baseline";
+    case Isa::Neon:
+      return "neon";
     case Isa::Avx2:
       return "avx2";
     case Isa::Avx512:

@@ -4,12 +4,14 @@
 
 namespace lenticule {
 
-enum class Isa { Baseline, Avx2, Avx512 };
+/// The sets of a machine are those of its kind of processor, in ascending order. Baseline is code
+/// without intrinsics.
+enum class Isa { Baseline, Neon, Avx2, Avx512 };
 
 /// Returns the best instruction set that the processor and the operating system support. The
-/// environment variable LENTICULE_ISA (baseline, avx2, avx512) can select a smaller set, never a
-/// larger one. Throws a usage error for any other name of a set: a program calls this function once
-/// before anything else, so that later calls cannot throw.
+/// environment variable LENTICULE_ISA (baseline, neon, avx2, avx512) can select a smaller set,
+/// never a larger one. Throws a usage error for any other name of a set: a program calls this
+/// function once before anything else, so that later calls cannot throw.
 [[nodiscard]] Isa best_isa();
 
 /// Returns true if this machine can run `isa`.
@@ -22,8 +24,14 @@ template <class Kernel>
 [[nodiscard]] const Kernel& select_kernel(Isa isa, const Kernel& baseline, const Kernel& avx2,
                                           const Kernel& avx512) {
   if (isa == Isa::Avx512 && isa_supported(Isa::Avx512)) return avx512;
-  if (isa != Isa::Baseline && isa_supported(Isa::Avx2)) return avx2;
+  if (isa >= Isa::Avx2 && isa_supported(Isa::Avx2)) return avx2;
   return baseline;
+}
+
+/// Does the same on arm64.
+template <class Kernel>
+[[nodiscard]] const Kernel& select_kernel(Isa isa, const Kernel& baseline, const Kernel& neon) {
+  return isa != Isa::Baseline && isa_supported(Isa::Neon) ? neon : baseline;
 }
 
 }  // namespace lenticule
@@ -44,11 +52,21 @@ template <class Kernel>
   }
 #define LENTICULE_SELECT_KERNEL(isa, name) \
   ::lenticule::select_kernel(isa, isa_baseline::name, isa_avx2::name, isa_avx512::name)
+#elif defined(__aarch64__)
+#define LENTICULE_DECLARE_KERNEL(Kernel, name) \
+  namespace isa_baseline {                     \
+  extern const Kernel name;                    \
+  }                                            \
+  namespace isa_neon {                         \
+  extern const Kernel name;                    \
+  }
+#define LENTICULE_SELECT_KERNEL(isa, name) \
+  ::lenticule::select_kernel(isa, isa_baseline::name, isa_neon::name)
 #else
 #define LENTICULE_DECLARE_KERNEL(Kernel, name) \
   namespace isa_baseline {                     \
   extern const Kernel name;                    \
   }
 #define LENTICULE_SELECT_KERNEL(isa, name) \
-  ::lenticule::select_kernel(isa, isa_baseline::name, isa_baseline::name, isa_baseline::name)
+  ::lenticule::select_kernel(isa, isa_baseline::name, isa_baseline::name)
 #endif

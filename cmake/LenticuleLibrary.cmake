@@ -13,7 +13,7 @@ endfunction()
 # lenticule_isa_variants(NAME KERNEL.cpp [FLAG ...])
 #   Compiles one kernel source once per instruction set into the library NAME, for AVX-512 with the
 #   flags: extensions which the code that selects the variant must ask for. The source puts its
-#   functions into `namespace LENTICULE_ISA_NAMESPACE` (isa_baseline, isa_avx2, isa_avx512) and must
+#   functions into `namespace LENTICULE_ISA_NAMESPACE` (isa_baseline, isa_avx2, isa_avx512, isa_neon) and must
 #   include nothing that defines non-inline or inline functions shared with other files, so that the
 #   linker cannot choose an AVX-512 copy of a shared inline function.
 #   base/cpu.h declares the variants and selects among them at run time.
@@ -21,9 +21,12 @@ function(lenticule_isa_variants name kernel)
   set(variants baseline)
   if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
     list(APPEND variants avx2 avx512)
+  elseif(CMAKE_SYSTEM_PROCESSOR MATCHES "aarch64|arm64")
+    list(APPEND variants neon)
   endif()
   set(flags_baseline "")
   set(flags_avx2 -mavx2 -mbmi2)
+  set(flags_neon -DLENTICULE_NEON)  # every processor has NEON; only this variant uses its intrinsics
   set(flags_avx512 -mavx512f -mavx512dq -mavx512bw -mavx512vl -mprefer-vector-width=512 ${ARGN})
   get_filename_component(stem ${kernel} NAME_WE)
   foreach(variant IN LISTS variants)

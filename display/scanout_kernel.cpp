@@ -5,6 +5,8 @@
 
 #if defined(__AVX2__)
 #include <immintrin.h>
+#elif defined(LENTICULE_NEON)
+#include <arm_neon.h>
 #endif
 
 namespace lenticule::display::LENTICULE_ISA_NAMESPACE {
@@ -128,6 +130,55 @@ void expand_turned(const TurnedPixels& pixels, uint32_t* xrgb, size_t stride, si
   expand_turned_pixels(pixels.from(0, whole_rows), xrgb + whole_rows * stride, stride, columns,
                        rows - whole_rows);
   _mm_sfence();
+}
+
+#elif defined(LENTICULE_NEON)
+
+constexpr size_t kStep = 16;  ///< pixels per step
+
+uint8x16_t reversed(uint8x16_t bytes) noexcept {
+  const uint8x16_t halves = vrev64q_u8(bytes);
+  return vextq_u8(halves, halves, 8);
+}
+
+void store_step(uint8x16_t red, uint8x16_t green, uint8x16_t blue, uint32_t* xrgb) noexcept {
+  vst4q_u8(reinterpret_cast<uint8_t*>(xrgb), uint8x16x4_t{{blue, green, red, vdupq_n_u8(0)}});
+}
+
+void expand_row(const uint8_t* rgb, uint32_t* xrgb, size_t pixels) noexcept {
+  size_t i = 0;
+  for (; i + kStep <= pixels; i += kStep) {
+    const uint8x16x3_t in = vld3q_u8(rgb + 3 * i);
+    store_step(in.val[0], in.val[1], in.val[2], xrgb + i);
+  }
+  for (; i < pixels; ++i) expand_pixel(rgb + 3 * i, xrgb + i);
+}
+
+void pack_row(const uint32_t* xrgb, uint8_t* rgb, size_t pixels) noexcept {
+  size_t i = 0;
+  for (; i + kStep <= pixels; i += kStep) {
+    const uint8x16x4_t in = vld4q_u8(reinterpret_cast<const uint8_t*>(xrgb + i));
+    vst3q_u8(rgb + 3 * i, uint8x16x3_t{{in.val[2], in.val[1], in.val[0]}});
+  }
+  for (; i < pixels; ++i) pack_pixel(xrgb[i], rgb + 3 * i);
+}
+
+/// Expands a row whose pixels follow each other backwards in memory; `rgb` is the last in memory.
+void expand_reversed_row(const uint8_t* rgb, uint32_t* xrgb, size_t pixels) noexcept {
+  size_t i = 0;
+  for (; i + kStep <= pixels; i += kStep) {
+    const uint8x16x3_t in = vld3q_u8(rgb - 3 * (i + kStep - 1));
+    store_step(reversed(in.val[0]), reversed(in.val[1]), reversed(in.val[2]), xrgb + i);
+  }
+  for (; i < pixels; ++i) expand_pixel(rgb - 3 * i, xrgb + i);
+}
+
+void expand_turned(const TurnedPixels& pixels, uint32_t* xrgb, size_t stride, size_t columns,
+                   size_t rows) noexcept {
+  if (pixels.column_step != 3 && pixels.column_step != -3)
+    return expand_turned_pixels(pixels, xrgb, stride, columns, rows);
+  const auto expand = pixels.column_step == 3 ? expand_row : expand_reversed_row;
+  for (size_t j = 0; j < rows; ++j) expand(pixels.from(0, j).first, xrgb + j * stride, columns);
 }
 
 #else

@@ -4,6 +4,8 @@
 
 #if defined(__AVX2__)
 #include <immintrin.h>
+#elif defined(LENTICULE_NEON)
+#include <arm_neon.h>
 #endif
 
 namespace lenticule::video::LENTICULE_ISA_NAMESPACE {
@@ -78,6 +80,15 @@ void interleave(const Block& block, uint8_t* rgb) {
       _mm_storeu_si128(reinterpret_cast<__m128i*>(rgb + 3 * at + 16 * third), bytes);
     }
   }
+}
+
+#elif defined(LENTICULE_NEON)
+
+void interleave(const Block& block, uint8_t* rgb) {
+  for (int at = 0; at < kBlock; at += 16)
+    vst3q_u8(rgb + 3 * at,
+             uint8x16x3_t{{vld1q_u8(block.channel[0] + at), vld1q_u8(block.channel[1] + at),
+                           vld1q_u8(block.channel[2] + at)}});
 }
 
 #else

@@ -4,6 +4,8 @@
 
 #if defined(__AVX2__)
 #include <immintrin.h>
+#elif defined(LENTICULE_NEON)
+#include <arm_neon.h>
 #endif
 
 namespace lenticule::frames::LENTICULE_ISA_NAMESPACE {
@@ -16,9 +18,7 @@ constexpr int kNoCost = 1 << 20;
 
 const uint8_t kZeros[kBlockBytes] = {};
 
-#if defined(__AVX2__)
-
-#if !defined(__AVX512VBMI2__)
+#if (defined(__AVX2__) && !defined(__AVX512VBMI2__)) || defined(LENTICULE_NEON)
 
 /// SpreadTable maps a byte of a mask to the positions of its values: shuffle control for eight
 /// bytes.
@@ -42,6 +42,8 @@ constexpr SpreadTable make_spread_table() {
 constexpr SpreadTable kSpread = make_spread_table();
 
 #endif
+
+#if defined(__AVX2__)
 
 struct Block {
   __m256i bytes;
@@ -97,6 +99,58 @@ Difference difference(Block block, Block from) noexcept {
   const __m256i beyond = _mm256_subs_epu8(moved, _mm256_set1_epi8(6));
   return {~static_cast<uint32_t>(_mm256_movemask_epi8(_mm256_cmpeq_epi8(rest, zero))),
           ~static_cast<uint32_t>(_mm256_movemask_epi8(_mm256_cmpeq_epi8(beyond, zero)))};
+}
+
+#elif defined(LENTICULE_NEON)
+
+struct Block {
+  uint8x16_t low, high;
+};
+
+Block load(const uint8_t* from) noexcept {
+  return {vld1q_u8(from), vld1q_u8(from + 16)};
+}
+
+void store(Block block, uint8_t* to) noexcept {
+  vst1q_u8(to, block.low);
+  vst1q_u8(to + 16, block.high);
+}
+
+uint8x8_t spread_eight(uint32_t mask, const uint8_t*& values) noexcept {
+  const uint8x8_t packed = vld1_u8(values);
+  values += __builtin_popcount(mask & 255);
+  return vtbl1_u8(packed, vld1_u8(kSpread.control[mask & 255]));
+}
+
+/// Adds the next values to the bytes whose bit is set in the mask.
+Block add_values(Block block, uint32_t mask, const uint8_t* values) noexcept {
+  const uint8x8_t a = spread_eight(mask, values);
+  const uint8x8_t b = spread_eight(mask >> 8, values);
+  const uint8x8_t c = spread_eight(mask >> 16, values);
+  const uint8x8_t d = spread_eight(mask >> 24, values);
+  return {vaddq_u8(block.low, vcombine_u8(a, b)), vaddq_u8(block.high, vcombine_u8(c, d))};
+}
+
+struct Difference {
+  uint32_t non_zero;
+  uint32_t large;
+};
+
+/// Returns bit n of 32 bytes that are 0 or 255 each: keeps one bit of each byte and adds eight
+/// neighbours.
+uint32_t bits_of_bytes(uint8x16_t low, uint8x16_t high) noexcept {
+  const uint8x16_t bit = vreinterpretq_u8_u64(vdupq_n_u64(0x8040201008040201));
+  uint8x16_t sums = vpaddq_u8(vandq_u8(low, bit), vandq_u8(high, bit));
+  sums = vpaddq_u8(sums, sums);
+  sums = vpaddq_u8(sums, sums);
+  return vgetq_lane_u32(vreinterpretq_u32_u8(sums), 0);
+}
+
+Difference difference(Block block, Block from) noexcept {
+  const uint8x16_t low = vsubq_u8(block.low, from.low), high = vsubq_u8(block.high, from.high);
+  const uint8x16_t three = vdupq_n_u8(3), six = vdupq_n_u8(6);
+  return {bits_of_bytes(vtstq_u8(low, low), vtstq_u8(high, high)),
+          bits_of_bytes(vcgtq_u8(vaddq_u8(low, three), six), vcgtq_u8(vaddq_u8(high, three), six))};
 }
 
 #else

@@ -67,6 +67,8 @@ const char* to_string(WeaveKernel kernel) {
       return "plain";
     case WeaveKernel::Transposed:
       return "turned";
+    case WeaveKernel::Neon:
+      return "neon";
     case WeaveKernel::Avx2:
       return "avx2";
     case WeaveKernel::Permute:
@@ -77,6 +79,7 @@ const char* to_string(WeaveKernel kernel) {
 
 bool kernel_suits(WeaveKernel kernel, const WeavePlan& plan) {
   const bool gauss = plan.options().filter == ViewFilter::Gauss;
+  if (kernel == WeaveKernel::Neon) return isa_supported(Isa::Neon);
   if (kernel == WeaveKernel::Avx2) return isa_supported(Isa::Avx2);
   if (kernel == WeaveKernel::Permute)
     return can_permute() && !gauss && plan.in_stripes() && plan.shape().count <= kViewLanes;
@@ -86,7 +89,8 @@ bool kernel_suits(WeaveKernel kernel, const WeavePlan& plan) {
 WeaveKernel best_kernel(const WeavePlan& plan, Isa isa) {
   if (!worth_turning(plan)) return WeaveKernel::Plain;
   if (isa == Isa::Avx512 && kernel_suits(WeaveKernel::Permute, plan)) return WeaveKernel::Permute;
-  if (isa != Isa::Baseline && kernel_suits(WeaveKernel::Avx2, plan)) return WeaveKernel::Avx2;
+  if (isa >= Isa::Avx2 && kernel_suits(WeaveKernel::Avx2, plan)) return WeaveKernel::Avx2;
+  if (isa != Isa::Baseline && kernel_suits(WeaveKernel::Neon, plan)) return WeaveKernel::Neon;
   return WeaveKernel::Transposed;
 }
 
@@ -178,6 +182,9 @@ void BlockWeaver::transpose(int row, uint8_t* transposed) const noexcept {
     return weave_kernel::transpose_row(terms_, pictures_, row, lanes_, transposed);
   if (kernel_ == WeaveKernel::Avx2)
     return weave_kernel::turn_light_avx2(terms_, pictures_, row, lanes_, light);
+#elif defined(__aarch64__)
+  if (kernel_ == WeaveKernel::Neon)
+    return weave_kernel::turn_light_neon(terms_, pictures_, row, lanes_, light);
 #endif
   weave_kernel::turn_light_plainly(terms_, pictures_, row, lanes_, light);
 }
@@ -216,6 +223,9 @@ void BlockWeaver::mix_set(const Set& set, const weave_kernel::Quad* quads,
     return weave_kernel::mix_spot_set_avx2(terms_, rows, set, quads, target);
   if (kernel_ == WeaveKernel::Avx2)
     return weave_kernel::mix_set_avx2(terms_, rows, set, quads, target);
+#elif defined(__aarch64__)
+  if (kernel_ == WeaveKernel::Neon && terms_.spot.weights == nullptr)
+    return weave_kernel::mix_set_neon(terms_, rows, set, quads, target);
 #endif
   weave_kernel::mix_set_transposed(terms_, rows, set, quads, target);
 }

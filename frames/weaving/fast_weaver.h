@@ -24,11 +24,13 @@ enum class WeaveKernel {
   Plain,       ///< any processor and plan, pixel by pixel
   Transposed,  ///< any processor and plan: picture rows are first transposed, views side by side in
                ///< linear light
+  Neon,        ///< the same with NEON, except for mixing under Gauss
   Avx2,        ///< the same with AVX2
   Permute,     ///< AVX-512 with byte permutes (VBMI): stripes, up to 64 views, not for Gauss
 };
 inline constexpr WeaveKernel kWeaveKernels[] = {WeaveKernel::Plain, WeaveKernel::Transposed,
-                                                WeaveKernel::Avx2, WeaveKernel::Permute};
+                                                WeaveKernel::Neon, WeaveKernel::Avx2,
+                                                WeaveKernel::Permute};
 [[nodiscard]] const char* to_string(WeaveKernel kernel);
 /// Returns true if this machine and plan can use the kernel.
 [[nodiscard]] bool kernel_suits(WeaveKernel kernel, const WeavePlan& plan);

@@ -120,6 +120,12 @@ void mix_set_avx2(const Terms& terms, const TransposedRows& rows, const Set& set
 void mix_spot_set_avx2(const Terms& terms, const TransposedRows& rows, const Set& set,
                        const Quad* quads, const Target& target) noexcept;
 
+/// Do the same with NEON, for sets without a spot.
+void turn_light_neon(const Terms& terms, const Pictures& pictures, int row, size_t lanes,
+                     uint16_t* light) noexcept;
+void mix_set_neon(const Terms& terms, const TransposedRows& rows, const Set& set, const Quad* quads,
+                  const Target& target) noexcept;
+
 /// Do the same by permuting bytes, for at most kViewLanes views and sets of stride 1.
 /// transpose_row() puts the codes of a picture row's views side by side: width + 1 pixels, the last
 /// one twice, of `lanes` views, each of three codes in the order of the places' colours and a byte

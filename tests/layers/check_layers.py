@@ -77,7 +77,7 @@ PRINTS = re.compile(r"fmt::print *\(|std::(cout|cerr|clog)"
                     r"|[^a-z_](stdout|stderr)[^a-z_]")
 MAY_PRINT = {"base/print.cpp", "base/error.cpp"}  # error.cpp: a failed check prints, then aborts
 INCLUDE = re.compile(r'^\s*#\s*include\s+(?:"([^"]+)"|<([^>]+)>)')
-KERNEL = re.compile(r"isa_avx[0-9]+::")
+KERNEL = re.compile(r"isa_(avx[0-9]+|neon)::")
 
 
 def module_of(path):

@@ -9,8 +9,8 @@
 
 namespace lenticule::test {
 
-[[nodiscard]] constexpr std::array<Isa, 3> every_instruction_set() {
-  return {Isa::Baseline, Isa::Avx2, Isa::Avx512};
+[[nodiscard]] constexpr std::array<Isa, 4> every_instruction_set() {
+  return {Isa::Baseline, Isa::Neon, Isa::Avx2, Isa::Avx512};
 }
 
 }  // namespace lenticule::test

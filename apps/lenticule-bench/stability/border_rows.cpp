@@ -122,7 +122,7 @@ StabilityRow stability_borders(const StabilitySize& size) {
     const optics::OpticalModel model(rational_rig(sheet));
     const Owners owners(sheet);
     std::vector<optics::RowRayEvaluator> kernels;
-    for (const Isa isa : {Isa::Baseline, Isa::Avx2, Isa::Avx512})
+    for (const Isa isa : {Isa::Baseline, Isa::Neon, Isa::Avx2, Isa::Avx512})
       if (isa_supported(isa)) kernels.emplace_back(model, isa);
     for_each_part(size, static_cast<uint64_t>((kHeight + step - 1) / step), [&](uint64_t k) {
       Tally tally;

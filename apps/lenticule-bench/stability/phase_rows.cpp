@@ -92,7 +92,7 @@ StabilityRow stability_phase_kernels(const StabilitySize& size) {
   const optics::OpticalModel model(rig);
   std::vector<optics::RowRayEvaluator> kernels;
   std::string names;
-  for (const Isa isa : {Isa::Baseline, Isa::Avx2, Isa::Avx512}) {
+  for (const Isa isa : {Isa::Baseline, Isa::Neon, Isa::Avx2, Isa::Avx512}) {
     if (!isa_supported(isa)) continue;
     kernels.emplace_back(model, isa);
     names += (names.empty() ? "" : ", ") + std::string(isa_name(isa));

@@ -93,7 +93,8 @@ std::string manual(const CLI::App& root) {
       text += fmt::format(".TP\n{}\n\\fB{}\\fR\n", roff(command.summary), roff(command.example));
   text += kExitCodes;
   text +=
-      ".SH ENVIRONMENT\n.TP\n\\fBLENTICULE_ISA\\fR\nlimits the instruction set: baseline, avx2 or "
+      ".SH ENVIRONMENT\n.TP\n\\fBLENTICULE_ISA\\fR\nlimits the instruction set: baseline, neon, "
+      "avx2 or "
       "avx512\n";
   return text;
 }

@@ -52,6 +52,8 @@ class Compared {
     if (__builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vbmi")) {
       EXPECT_GT(count_of(WeaveKernel::Permute), 0);
     }
+#elif defined(__aarch64__)
+    EXPECT_EQ(count_of(WeaveKernel::Neon), plans);
 #endif
   }
 
@@ -178,14 +180,14 @@ TEST(FastWeave, PlansTheSameWithEveryInstructionSetAndNumberOfThreads) {
               bytes_of(WeavePlan(model, shape, options, 1, Isa::Baseline));
           ASSERT_FALSE(plain.empty());
           EXPECT_EQ(bytes_of(WeavePlan(model, shape, options, 3, Isa::Baseline)), plain);
-          for (const Isa isa : {Isa::Avx2, Isa::Avx512}) {
+          for (const Isa isa : {Isa::Neon, Isa::Avx2, Isa::Avx512}) {
             if (!isa_supported(isa)) continue;
             EXPECT_EQ(bytes_of(WeavePlan(model, shape, options, 1, isa)), plain)
                 << isa_name(isa) << " " << layout.name() << " " << to_string(filter);
             ++compared;
           }
         }
-  if (isa_supported(Isa::Avx2)) {
+  if (isa_supported(Isa::Neon) || isa_supported(Isa::Avx2)) {
     EXPECT_GT(compared, 0);
   }
 }
@@ -223,6 +225,9 @@ TEST(FastWeave, UsesTheBestRequestedKernel) {
   EXPECT_EQ(best_kernel(plan(40, ViewFilter::Linear), Isa::Baseline), WeaveKernel::Transposed);
   EXPECT_EQ(best_kernel(plan(4000, ViewFilter::Linear), Isa::Avx512), WeaveKernel::Plain)
       << "views of far more pixels than the panel's";
+  if (isa_supported(Isa::Neon)) {
+    EXPECT_EQ(best_kernel(plan(40, ViewFilter::Linear), Isa::Neon), WeaveKernel::Neon);
+  }
   if (!isa_supported(Isa::Avx2)) return;
   EXPECT_EQ(best_kernel(plan(40, ViewFilter::Linear), Isa::Avx2), WeaveKernel::Avx2);
   EXPECT_EQ(best_kernel(plan(40, ViewFilter::Gauss), Isa::Avx512), WeaveKernel::Avx2);

@@ -157,6 +157,23 @@ TEST(BestIsa, NeverExceedsTheMachine) {
   EXPECT_TRUE(isa_supported(best_isa()));
 }
 
+TEST(BestIsa, IsASetOfThisMachineForEveryName) {
+  for (const char* name : {"baseline", "neon", "avx2", "avx512"}) {
+    const ForcedIsa forced(name);
+    EXPECT_TRUE(isa_supported(best_isa())) << name;
+  }
+}
+
+TEST(BestIsa, IsNeonOnArm) {
+#if defined(__aarch64__)
+  const Isa expected = Isa::Neon;
+#else
+  const Isa expected = Isa::Baseline;  // the only smaller set of x86
+#endif
+  const ForcedIsa forced("neon");
+  EXPECT_EQ(best_isa(), expected);
+}
+
 TEST(BestIsa, RefusesUnknownNames) {
   const ForcedIsa forced("avx1024");
   EXPECT_THROW((void)best_isa(), Error);
@@ -169,6 +186,12 @@ TEST(SelectKernel, ReturnsTheRequestedKernelOrTheBestSupportedBelowIt) {
   EXPECT_EQ(selected(Isa::Baseline), baseline);
   EXPECT_EQ(selected(Isa::Avx2), std::min(avx2, best));
   EXPECT_EQ(selected(Isa::Avx512), best);
+}
+
+TEST(SelectKernel, ReturnsTheNeonKernelOnlyWhereNeonIs) {
+  const int baseline = 0, neon = 1;
+  EXPECT_EQ(select_kernel(Isa::Baseline, baseline, neon), baseline);
+  EXPECT_EQ(select_kernel(Isa::Neon, baseline, neon), isa_supported(Isa::Neon) ? neon : baseline);
 }
 
 }  // namespace

@@ -30,6 +30,8 @@ std::vector<const Kernel*> runnable_kernels() {
 #if defined(__x86_64__)
   if (isa_supported(Isa::Avx2)) kernels.push_back(&isa_avx2::kShadingKernel);
   if (isa_supported(Isa::Avx512)) kernels.push_back(&isa_avx512::kShadingKernel);
+#elif defined(__aarch64__)
+  kernels.push_back(&isa_neon::kShadingKernel);
 #endif
   return kernels;
 }
