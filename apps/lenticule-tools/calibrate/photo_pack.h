@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// write_photo_pack packs photographs of a calibration so that somebody else can repeat it.
+// write_photo_pack packs photographs of a calibration so that others can repeat it.
 #pragma once
 
 #include <filesystem>
