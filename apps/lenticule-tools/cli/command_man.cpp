@@ -94,8 +94,7 @@ std::string manual(const CLI::App& root) {
   text += kExitCodes;
   text +=
       ".SH ENVIRONMENT\n.TP\n\\fBLENTICULE_ISA\\fR\nlimits the instruction set: baseline, neon, "
-      "avx2 or "
-      "avx512\n";
+      "avx2 or avx512\n";
   return text;
 }
 

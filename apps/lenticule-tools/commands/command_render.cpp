@@ -310,8 +310,6 @@ ExitCode render_panel(const RenderCommandFlags& flags) {
 }
 
 void check_wall_flags(const RenderCommandFlags& flags) {
-  if (flags.wall.empty() && flags.render.rig.empty())
-    throw Error(ErrorKind::Usage, "--rig is required", "or --wall for several panels");
   if (flags.wall.empty() && !flags.panel.empty())
     throw Error(ErrorKind::Usage, "--panel: names a panel of a wall", "give --wall WALL, too");
   if (!flags.wall.empty() && !flags.missing.empty())
@@ -345,12 +343,13 @@ ExitCode render_wall(const RenderCommandFlags& flags) {
 Run declare_render(CLI::App& app) {
   auto flags = std::make_shared<RenderCommandFlags>();
   const std::function<void()> complete = declare_render_flags(app, flags->render);
-  app.get_option("--rig")->required(false);
+  CLI::Option* const rig = app.get_option("--rig");
   CLI::Option* const wall =
       app.add_option("--wall", flags->wall,
                      "wall file: render one scene for all of its panels, each into a file of its "
                      "own, instead of --rig")
-          ->excludes(app.get_option("--rig"));
+          ->excludes(rig)
+          ->each([rig](const std::string&) { rig->required(false); });
   app.add_option("--panel", flags->panel, "render only this panel of the wall")->type_name("NAME");
   app.add_option("--rig-store", flags->rig_store,
                  "use this copy of the rig as long as a player with this flag does")
