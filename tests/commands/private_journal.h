@@ -15,8 +15,8 @@ namespace lenticule::test {
 
 /// PrivateJournal is a systemd-journald in a mount namespace of its own, whose /run is empty. Its
 /// socket therefore has the path to which libsystemd sends, and the machine's journal, if there is
-/// one, is not involved. Journal files are in `folder`, where all processes see them. An ordinary user
-/// needs user namespaces.
+/// one, is not involved. Journal files are in `folder`, where all processes see them. An ordinary
+/// user needs user namespaces.
 class PrivateJournal {
  public:
   explicit PrivateJournal(const std::string& folder) : folder_(folder) {
