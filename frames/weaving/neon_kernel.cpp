@@ -62,7 +62,7 @@ int16x8_t mix_negated(int16x8_t a, int16x8_t b, int16x8_t negative_weight) {
 /// Views holds the views of eight subpixels.
 struct Views {
   uint32_t offset[kRun];  ///< words to the first view's entry
-  int16x8_t weight;       ///< of the second view
+  int16x8_t weight;       ///< weight of the second view
 };
 
 /// Computes the views of a run; `numbers` are the view numbers of its first and last four

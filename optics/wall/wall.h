@@ -20,9 +20,9 @@ struct WallPanel {
   std::string name;  ///< letters, digits, '-' and '_'; becomes a part of file names
   std::string rig;   ///< rig file, relative to the folder of the wall's file
   Vec3 centre_mm;
-  double turn_degrees = 0.0;  ///< about the vertical axis; positive: faces further right
-  double tilt_degrees = 0.0;  ///< about the horizontal axis; positive: faces further up
-  double roll_degrees = 0.0;  ///< in its own plane; positive: counter-clockwise for the viewer
+  double turn_degrees = 0.0;  ///< rotation about the vertical axis; positive: faces further right
+  double tilt_degrees = 0.0;  ///< rotation about the horizontal axis; positive: faces further up
+  double roll_degrees = 0.0;  ///< rotation in its plane; positive: counter-clockwise for viewers
   friend bool operator==(const WallPanel&, const WallPanel&) = default;
 };
 

@@ -63,7 +63,7 @@ struct UnendedTurn {
 };
 
 struct ProofSummary {
-  std::vector<ReportRow> rows;  ///< by day, item, panel and unit
+  std::vector<ReportRow> rows;  ///< one for each day, item, panel and unit, in this order
   ReportRow total;
   std::vector<UnendedTurn> unended;
   uint64_t ignored = 0;  ///< entries with missing or wrong fields
@@ -95,7 +95,7 @@ class ProofReport {
   const ReportFilter filter_;
   std::map<Key, ReportRow> rows_;
   std::map<Turn, ProofEntry> open_;        ///< last entry of each turn without an end
-  std::map<Session, uint64_t> last_turn_;  ///< of which an entry was added
+  std::map<Session, uint64_t> last_turn_;  ///< newest turn of which an entry was added
   uint64_t ignored_ = 0;
 };
 

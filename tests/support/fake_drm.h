@@ -167,7 +167,7 @@ class FakeCard {
   uint64_t sequence_base = 0;  ///< value of the driver's counter at time 0
   Nanoseconds period{16'666'667};
   uint32_t max_buffers = 16;
-  std::map<uint32_t, Nanoseconds> crtc_shift;  ///< by CRTC: its vblanks are later than the card's
+  std::map<uint32_t, Nanoseconds> crtc_shift;  ///< delay of each CRTC's vblanks
   Nanoseconds timestamp_shift{0};  ///< added to timestamps in events, not to their arrival
   std::function<void(uint64_t sequence, const FakeBuffer&)>
       on_flip{};                               ///< called at each flip's vblank

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "apps/lenticule-tools/calibrate/hand_held_photos.h"
+#include "base/error.h"
 
 namespace lenticule::phone_bench {
 namespace {
@@ -205,7 +206,12 @@ WrongWayResult WrongWayTrial::calibrate(const WrongWay& way) {
   // The owner obeys the program, which asks for a new start if the pitch is far off.
   constexpr int kStarts = 2;
   for (int n = 0; n < kStarts; ++n) {
-    photos.emplace(start);
+    try {
+      photos.emplace(start);
+    } catch (const Error& error) {
+      out.reason = error.what();  // the panel has no room for the chart of a wrong pitch
+      return out;
+    }
     out.reason = photos->add(photograph_of(0, start, way.all ? &way : nullptr));
     const auto better = photos->better_start();
     if (!better) break;

@@ -21,9 +21,9 @@ struct Taking {
 };
 
 struct WrongWay {
-  std::string name;    ///< what is wrong, for tables
+  std::string name;    ///< the mistake in words, for tables
   std::string causes;  ///< words of which a refusal must have one, separated by '|'
-  bool all = false;    ///< true if all photographs are wrong, else the last one is
+  bool all = false;    ///< true if all photographs are wrong; else only the last one is
   void (*before)(Taking&, const Workshop&) = nullptr;  ///< changes how the photograph is taken
   void (*after)(Photo&) = nullptr;                     ///< changes the photograph
 };

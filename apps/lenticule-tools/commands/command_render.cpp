@@ -30,7 +30,7 @@ namespace {
 struct RenderCommandFlags {
   RenderFlags render;
   std::string wall;
-  std::string panel;  ///< of the wall; empty: all
+  std::string panel;  ///< name of the only panel of the wall to render; empty: all panels
   std::string rig_store;
   std::string output;
   std::string missing;

@@ -12,7 +12,7 @@ namespace lenticule::player {
 struct FilmPanel {
   optics::TrimmedRig trimmed;
   render::Canvas canvas;  ///< the panel, or the rectangle around all panels of the wall
-  std::string name{};     ///< in its wall; empty for a panel alone
+  std::string name{};     ///< the panel's name in its wall; empty for a panel alone
   Affine canvas_from_panel{};
 
   [[nodiscard]] bool in_wall() const { return !name.empty(); }

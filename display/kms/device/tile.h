@@ -14,7 +14,7 @@ struct Tile {
   uint32_t group = 0;  ///< the same for all tiles of a panel
   /// True if the tiles are one panel in one housing.
   bool single_monitor = false;
-  int columns = 1, rows = 1;  ///< of the panel, in tiles
+  int columns = 1, rows = 1;  ///< size of the panel in tiles
   int column = 0, row = 0;
   int width = 0, height = 0;  ///< pixels of a tile
 
