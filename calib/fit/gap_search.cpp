@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/fit/gap_search.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+
+#include "calib/linear_algebra.h"
 
 namespace lenticule::calib {
 namespace {
@@ -135,7 +137,7 @@ class GapSearch {
         normal(a, b) = ones_[static_cast<size_t>(a)].dot(ones_[static_cast<size_t>(b)]);
       right[a] = -ones_[static_cast<size_t>(a)].dot(rest);
     }
-    const VectorXd offsets = normal.ldlt().solve(right);
+    const VectorXd offsets = solve_symmetric(normal, right);
     std::vector<int> wholes{0};
     for (Eigen::Index a = 0; a < count; ++a)
       wholes.push_back(static_cast<int>(std::lround(offsets[a])));

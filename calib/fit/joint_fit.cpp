@@ -9,6 +9,7 @@
 
 #include "base/statistics.h"
 #include "calib/fit/residuals.h"
+#include "calib/linear_algebra.h"
 
 namespace lenticule::calib {
 namespace {
@@ -75,7 +76,7 @@ class Bundle {
         right += shown * row;
       }
     }
-    const Eigen::Vector3d solution = normal.ldlt().solve(right);
+    const Eigen::Vector3d solution = solve_symmetric(normal, right);
     if (!solution.allFinite() || !(solution[0] > 0.0)) return false;
     fit_.values.sheet[kAcross] = solution[0];
     fit_.values.sheet[kDown] = solution[1];
@@ -266,7 +267,7 @@ class Bundle {
       if (!(normal(k, k) > 0.0)) normal(k, k) = 1e300;
     const VectorXd scale = normal.diagonal().array().rsqrt();
     normal = scale.asDiagonal() * normal * scale.asDiagonal();
-    const MatrixXd inverse = normal.ldlt().solve(MatrixXd::Identity(normal.rows(), normal.cols()));
+    const MatrixXd inverse = inverse_of_symmetric(normal);
     return spread(scale.asDiagonal() * inverse * scale.asDiagonal());
   }
 

@@ -3,7 +3,7 @@
 // fit.
 #pragma once
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <optional>
 
 #include "calib/fit/gap_search.h"

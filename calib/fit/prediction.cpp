@@ -6,6 +6,8 @@
 #include <numbers>
 #include <random>
 
+#include "calib/linear_algebra.h"
+
 namespace lenticule::calib {
 namespace {
 
@@ -111,7 +113,7 @@ EffectiveLine Prediction::effective_line(const Vec3& eye_mm) const {
     right += row * phase(fit_.values.sheet, p, eye_mm);
     slopes += row * gradient(p, eye_mm).transpose();
   });
-  const Eigen::Matrix3d inverse = normal.inverse();
+  const Eigen::Matrix3d inverse = inverse_of_symmetric(normal);
   const Eigen::Vector3d line = inverse * right;
   const MatrixXd per_parameter = inverse * slopes;
   const Eigen::Matrix3d variance = per_parameter * covariance_ * per_parameter.transpose();
@@ -180,9 +182,9 @@ std::vector<double> Prediction::drawn_drifts(const std::vector<Vec3>& eyes, int 
   for (const Vec3& eye : eyes)
     over_panel(panel_, kDriftColumns, kDriftRows,
                [&](Vec2 p) { slopes.row(row++) = gradient(p, eye).transpose(); });
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> axes(covariance_);
-  const VectorXd lengths = axes.eigenvalues().cwiseMax(0.0).cwiseSqrt();
-  const MatrixXd errors = slopes * axes.eigenvectors() * lengths.asDiagonal();
+  const SymmetricAxes axes = axes_of_symmetric(covariance_);
+  const VectorXd lengths = axes.values.cwiseMax(0.0).cwiseSqrt();
+  const MatrixXd errors = slopes * axes.vectors * lengths.asDiagonal();
   Normals normals;
   std::vector<double> largest;
   VectorXd drawn(covariance_.rows());

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/measure/fringe_phase.h"
 
-#include <Eigen/Dense>
+#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <deque>
 #include <numbers>
 #include <unsupported/Eigen/FFT>
+
+#include "calib/linear_algebra.h"
 
 namespace lenticule::calib {
 namespace {
@@ -248,7 +250,7 @@ std::optional<LinearPhase> fit_linear(const BlockGrid& grid, const optics::Panel
       normal += weight * row * row.transpose();
       right += weight * b.phase * row;
     }
-    const Eigen::Vector3d solution = normal.ldlt().solve(right);
+    const Eigen::Vector3d solution = solve_symmetric(normal, right);
     if (!(normal.determinant() > 0.0) || !solution.allFinite()) return std::nullopt;
     line = {.constant = solution[0],
             .per_px_x = solution[1] / panel.width_px,

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/measure/panel_map.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cmath>
 
 #include "base/statistics.h"
+#include "calib/linear_algebra.h"
 
 namespace lenticule::calib {
 namespace {
@@ -40,6 +41,11 @@ struct Normalizer {
     m << scale, 0, -scale * middle.x, 0, scale, -scale * middle.y, 0, 0, 1;
     return m;
   }
+  [[nodiscard]] Eigen::Matrix3d inverse() const {
+    Eigen::Matrix3d m;
+    m << 1 / scale, 0, middle.x, 0, 1 / scale, middle.y, 0, 0, 1;
+    return m;
+  }
 };
 
 double length_of(Vec2 v) {
@@ -57,7 +63,7 @@ std::optional<Homography> fit_homography(const std::vector<Sighting>& sightings)
   if (sightings.size() < 4) return std::nullopt;
   const Normalizer camera(sightings, [](const Sighting& s) { return s.camera_px; });
   const Normalizer panel(sightings, [](const Sighting& s) { return s.panel_px; });
-  Eigen::Matrix<double, 9, 9> normal = Eigen::Matrix<double, 9, 9>::Zero();
+  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(9, 9);
   for (const Sighting& s : sightings) {
     const Vec2 a = camera.of(s.camera_px), b = panel.of(s.panel_px);
     Eigen::Matrix<double, 9, 1> row_x, row_y;
@@ -65,13 +71,13 @@ std::optional<Homography> fit_homography(const std::vector<Sighting>& sightings)
     row_y << 0, 0, 0, a.x, a.y, 1, -b.y * a.x, -b.y * a.y, -b.y;
     normal += s.weight * (row_x * row_x.transpose() + row_y * row_y.transpose());
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 9, 9>> solver(normal);
+  const SymmetricAxes axes = axes_of_symmetric(normal);
   // Two small eigenvalues mean that the points lie on a line.
-  if (!(solver.eigenvalues()[1] > 1e-12 * solver.eigenvalues()[8])) return std::nullopt;
-  const Eigen::Matrix<double, 9, 1> v = solver.eigenvectors().col(0);
+  if (!(axes.values[1] > 1e-12 * axes.values[8])) return std::nullopt;
+  const Eigen::VectorXd v = axes.vectors.col(0);
   Eigen::Matrix3d h;
   h << v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8];
-  h = panel.matrix().inverse() * h * camera.matrix();
+  h = panel.inverse() * h * camera.matrix();
   Homography out{};
   for (int i = 0; i < 9; ++i) out[static_cast<size_t>(i)] = h(i / 3, i % 3);
   const bool finite = std::ranges::all_of(out, [](double x) { return std::isfinite(x); });
@@ -106,22 +112,21 @@ std::vector<double> PanelMap::errors_of(const std::vector<Sighting>& sightings) 
 
 bool PanelMap::fit_polynomial(const std::vector<Sighting>& sightings,
                               const std::vector<double>& errors) {
-  Eigen::Matrix<double, kTerms, kTerms> normal = Eigen::Matrix<double, kTerms, kTerms>::Zero();
-  Eigen::Matrix<double, kTerms, 2> right = Eigen::Matrix<double, kTerms, 2>::Zero();
+  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(kTerms, kTerms);
+  Eigen::MatrixXd right = Eigen::MatrixXd::Zero(kTerms, 2);
   const double limit = kOutlier * std::max(typical_error_px_, 1e-6);
   for (size_t n = 0; n < sightings.size(); ++n) {
     if (errors[n] > limit) continue;
     const Sighting& s = sightings[n];
     const std::array<double, kTerms> t = terms(s.camera_px);
-    const Eigen::Map<const Eigen::Matrix<double, kTerms, 1>> row(t.data());
+    const Eigen::Map<const Eigen::VectorXd> row(t.data(), kTerms);
     const Vec2 rest = s.panel_px - map_through(homography_, s.camera_px);
     normal += s.weight * row * row.transpose();
     right.col(0) += s.weight * rest.x * row;
     right.col(1) += s.weight * rest.y * row;
   }
-  const Eigen::LDLT<Eigen::Matrix<double, kTerms, kTerms>> solver(normal);
-  const Eigen::Matrix<double, kTerms, 2> solution = solver.solve(right);
-  if (solver.info() != Eigen::Success || !solution.allFinite()) return false;
+  const Eigen::MatrixXd solution = solve_symmetric(normal, right);
+  if (!solution.allFinite()) return false;
   for (int n = 0; n < kTerms; ++n)
     polynomial_[static_cast<size_t>(n)] = {solution(n, 0), solution(n, 1)};
   return true;

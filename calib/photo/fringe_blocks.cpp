@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/photo/fringe_blocks.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
 
+#include "calib/linear_algebra.h"
 #include "optics/model.h"
 
 namespace lenticule::calib {
@@ -147,14 +148,14 @@ void add_sample(BlockSums& sums, const FringeSample& sample, double cycles, Vec2
 
 /// Returns nothing if the phase of the fringes changes too little over the block.
 std::optional<FringeBlock> block_of(const BlockSums& sums, uint32_t block, double detuning) {
-  const auto solver = sums.normal.ldlt();
-  const Terms fitted = solver.solve(sums.right);
+  const Eigen::MatrixXd inverse = inverse_of_symmetric(sums.normal);
+  const Terms fitted = inverse * sums.right;
   const double amplitude = std::hypot(fitted[3], fitted[4]);
   // Variance of the phase, for light with variance 1: 2 / count if the other terms are orthogonal.
   Terms along = Terms::Zero();
   along[3] = -fitted[4] / amplitude;
   along[4] = fitted[3] / amplitude;
-  const double variance = along.dot(solver.solve(along));
+  const double variance = along.dot(inverse * along);
   constexpr double kLeastInformation = 0.2;
   if (!(variance > 0.0) || 2.0 / (variance * sums.count) < kLeastInformation) return std::nullopt;
   FringeBlock out;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/photo/phase_plane.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <complex>
@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "base/statistics.h"
+#include "calib/linear_algebra.h"
 
 namespace lenticule::calib {
 namespace {
@@ -86,7 +87,7 @@ class Regression {
     }
     // Far weaker than a single block: only affects terms that no block determines.
     normal_.diagonal().array() += 1e-6;
-    solution_ += normal_.ldlt().solve(right);
+    solution_ += solve_symmetric(normal_, right);
   }
 
   [[nodiscard]] double residual(size_t i) const {
@@ -94,7 +95,7 @@ class Regression {
   }
   [[nodiscard]] double weight(size_t i) const { return weights_[i]; }
   [[nodiscard]] const Terms& solution() const { return solution_; }
-  [[nodiscard]] Normal inverse() const { return normal_.ldlt().solve(Normal::Identity()); }
+  [[nodiscard]] Normal inverse() const { return inverse_of_symmetric(normal_); }
 
  private:
   const std::vector<FringeBlock>& blocks_;

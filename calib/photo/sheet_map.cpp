@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/photo/sheet_map.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 
+#include "calib/linear_algebra.h"
 #include "optics/residual_spline.h"
 
 namespace lenticule::calib {
@@ -34,7 +35,7 @@ double smoothed(const std::vector<FringeBlock>& blocks, const std::vector<double
       normal += weight * terms * terms.transpose();
       right -= weight * residuals[i] * terms;
     }
-    plane = normal.ldlt().solve(right);
+    plane = solve_symmetric(normal, right);
   }
   return plane[0];
 }

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+// Decompositions of symmetric matrices. Compiling one of Eigen's takes seconds, so that all
+// calibration shares these.
+#pragma once
+
+#include <Eigen/Core>
+
+namespace lenticule::calib {
+
+/// Returns X with A X = B for a positive semidefinite A, by LDL^T. Columns of B are independent
+/// right sides. The result is NaN if A is not finite or not positive semidefinite.
+[[nodiscard]] Eigen::MatrixXd solve_symmetric(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b);
+
+/// Returns the inverse of a positive definite matrix, by LDL^T.
+[[nodiscard]] Eigen::MatrixXd inverse_of_symmetric(const Eigen::MatrixXd& a);
+
+/// SymmetricAxes holds the eigenvalues of a symmetric matrix, smallest first, and its normalised
+/// eigenvectors in columns.
+struct SymmetricAxes {
+  Eigen::VectorXd values;
+  Eigen::MatrixXd vectors;
+};
+[[nodiscard]] SymmetricAxes axes_of_symmetric(const Eigen::MatrixXd& a);
+
+}  // namespace lenticule::calib
