@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "calib/fit/prediction.h"
 #include "calib/fit/projection.h"
@@ -20,6 +21,7 @@ constexpr double kWantedLenses = 0.02;
 constexpr double kMostPhaseRms = 0.02;  ///< lenses; good photographs have 0.005
 constexpr double kMostCornerPx = 2.0;   ///< averaged pixels
 constexpr double kMostPull = 4.0;       ///< standard deviations
+constexpr double kMostTurn = 1e-3;      ///< radians; less does no harm
 constexpr double kZoneHalfWidthMm = 250.0;
 /// Difference between traced lenses and the law of rigs with the gap and shape that fringes give:
 /// 95 of 100 sheets are within this for eyes at tangents up to 1.
@@ -92,9 +94,29 @@ struct Misfit {
   std::string cause;
 };
 
-/// Returns the worst contradiction of one photograph. An axis that is off and a sheet that moved
-/// look alike in the fringes.
-Misfit worst_misfit(const PhotoFit& fit, int averaged) {
+/// Returns the largest contrast of the fringes in a photograph other than the n-th.
+double other_contrast(const std::vector<PhonePhoto>& photos, size_t n) {
+  double largest = 0.0;
+  for (size_t k = 0; k < photos.size(); ++k)
+    if (k != n) largest = std::max(largest, photos[k].findings.contrast);
+  return largest;
+}
+
+/// Returns why fringes of the n-th photograph are off: a picture out of focus has less contrast.
+std::string cause_of_fringes(const std::vector<PhonePhoto>& photos, size_t n) {
+  constexpr double kLeastPart = 0.6;
+  const double contrast = photos[n].findings.contrast, usual = other_contrast(photos, n);
+  if (contrast < kLeastPart * usual)
+    return fmt::format("it was out of focus (contrast {:.2f}, others {:.2f}), or the hand moved",
+                       contrast, usual);
+  return "the sheet moved on the panel, another chart was shown, or the phone processed the "
+         "picture";
+}
+
+/// Returns the worst contradiction of the n-th photograph. An axis that is off and a sheet that
+/// moved look alike in the fringes.
+Misfit worst_misfit(const std::vector<PhonePhoto>& photos, size_t n, const PhotoFit& fit) {
+  const int averaged = photos[n].findings.averaged;
   const Misfit kinds[] = {
       {fit.breathing_pull / kMostPull,
        fmt::format("its focal length differs by {:.1f} % from that of the others: it was zoomed, "
@@ -110,21 +132,31 @@ Misfit worst_misfit(const PhotoFit& fit, int averaged) {
                    "several exposures (HDR)",
                    fit.corner_rms_px * averaged)},
       {fit.phase_rms / kMostPhaseRms,
-       fmt::format("its fringes are {:.3f} lens (rms) off what the other photographs predict: the "
-                   "sheet moved on the panel, another chart was shown, or the phone processed the "
-                   "picture",
-                   fit.phase_rms)}};
+       fmt::format("its fringes are {:.3f} lens (rms) off what the other photographs predict: {}",
+                   fit.phase_rms, cause_of_fringes(photos, n))}};
   return *std::ranges::max_element(kinds, {}, &Misfit::excess);
+}
+
+/// Returns which photograph was taken while the hand turned the phone most; empty if none was. The
+/// rotation also takes up other contradictions, so it counts only if there are none.
+std::string moved_hand(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
+  const auto most = std::ranges::max_element(fit.photos, {}, &PhotoFit::turn_pull);
+  if (most->turn_pull <= kMostPull || most->turn <= kMostTurn) return {};
+  return fmt::format(
+      "{}: the phone turned by {:.2f} degrees while the picture was read: the hand moved; hold the "
+      "phone still",
+      photos[static_cast<size_t>(most - fit.photos.begin())].name,
+      most->turn * 180.0 / std::numbers::pi);
 }
 
 /// Returns which photograph contradicts the others most, and why; empty if none does.
 std::string misfit(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
   Misfit worst{.excess = 1.0, .cause = {}};
   for (size_t n = 0; n < photos.size(); ++n) {
-    const Misfit own = worst_misfit(fit.photos[n], photos[n].findings.averaged);
+    const Misfit own = worst_misfit(photos, n, fit.photos[n]);
     if (own.excess > worst.excess) worst = {own.excess, photos[n].name + ": " + own.cause};
   }
-  return worst.cause;
+  return worst.cause.empty() ? moved_hand(photos, fit) : worst.cause;
 }
 
 /// Returns the component of the panel's x axis along the picture's rows.
@@ -135,10 +167,18 @@ double panel_axis_x(const PoseValues& pose) {
   return in_camera[0];
 }
 
-/// Returns what another photograph should be like: one from each place, then one with the phone the
-/// other way up. At the sides the phone should be raised: seen at an angle from above, the panel
-/// shows a shift of the axis to the side, which would otherwise look like a step.
-std::string wanted(const PhoneFit& fit) {
+/// Returns what another photograph should be like: one instead of a cut one, one from each place,
+/// then one with the phone the other way up. At the sides the phone should be raised: seen at an
+/// angle from above, the panel shows a shift of the axis to the side, which would otherwise look
+/// like a step.
+std::string wanted(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
+  constexpr double kLeastCovered = 0.98;
+  for (const PhonePhoto& photo : photos)
+    if (photo.findings.covered < kLeastCovered)
+      return fmt::format(
+          "{} shows {:.0f} % of the chart; take it again with the whole panel in the "
+          "picture",
+          photo.name, 100.0 * photo.findings.covered);
   constexpr std::array<const char*, 3> kPlaces = {"upper left", "middle", "upper right"};
   constexpr double kAside = 0.25;
   std::array<std::array<bool, 2>, 3> seen{};
@@ -179,6 +219,7 @@ std::optional<optics::Rig> better_start(const PhotoFindings& seen, const SingleP
   optics::Rig better = chart.start;
   better.sheet.pitch = found.pitch;
   better.sheet.slant = found.slant;
+  if (!has_room_for_tags(better)) return std::nullopt;
   return better;
 }
 
@@ -238,7 +279,7 @@ Calibration calibrate_phone(const std::vector<PhonePhoto>& photos, const SingleP
   else {
     out.reasons.push_back(
         fmt::format("phases are certain only to {:.3f} lens, {} photographs are not enough: {}",
-                    out.drift.worst_lenses, usable.size(), wanted(*fit)));
+                    out.drift.worst_lenses, usable.size(), wanted(usable, *fit)));
     if (out.drift.worst_lenses <= most_lenses) out.verdict = Verdict::Effective;
   }
   return out;

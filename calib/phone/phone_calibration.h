@@ -22,7 +22,8 @@ struct PhonePhoto {
 
 /// Returns a start from which the chart should be planned again, if the photograph shows that the
 /// pitch of the chart's start is more than a hundredth off: then part of the chart has too few
-/// fringes to measure, part too many.
+/// fringes to measure, part too many. A pitch whose chart has no room on the panel is a mistake of
+/// the photograph and not returned.
 [[nodiscard]] std::optional<optics::Rig> better_start(const PhotoFindings& seen,
                                                       const SinglePhotoChart& chart);
 

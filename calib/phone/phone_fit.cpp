@@ -13,6 +13,7 @@
 
 #include "base/statistics.h"
 #include "calib/fit/projection.h"
+#include "calib/linear_algebra.h"
 #include "optics/model.h"
 
 namespace lenticule::calib {
@@ -34,6 +35,9 @@ constexpr double kRadialSigma = 0.1, kLargerSigma = 0.1, kGapSigma = 0.15, kShap
 constexpr double kAberrationSigma = 0.02, kSagSigma = 0.05;
 /// Rotation of the hand while the rows are read, radians: 1 degree a second for 17 ms.
 constexpr double kTurnSigma = 3e-4;
+/// The same for a hand that moved: 10 degrees a second. A picture that fits the others only with
+/// such a rotation is a mistake.
+constexpr double kMovedTurnSigma = 3e-3;
 constexpr double kBendSigma = 0.01;  ///< second differences of the map, lenses
 constexpr double kKnotSigma = 0.1;   ///< lenses; keeps plane and map apart
 /// Smallest standard errors: errors of neighbouring blocks and corners are alike.
@@ -166,7 +170,9 @@ class Joint {
       rescale();
     }
     if (!solve()) return std::nullopt;
-    return finish();
+    PhoneFit fit = finish();
+    measure_turns(fit);
+    return fit;
   }
 
  private:
@@ -356,8 +362,8 @@ class Joint {
       for (const auto& [place, sigma] :
            {std::pair(kBreathing, kBreathingSigma), std::pair(kShiftX, kShiftSigma),
             std::pair(kShiftY, kShiftSigma), std::pair(kLarger, kLargerSigma),
-            std::pair(kTurn, kTurnSigma), std::pair(kTurn + 1, kTurnSigma),
-            std::pair(kTurn + 2, kTurnSigma)})
+            std::pair(kTurn, turn_sigma_), std::pair(kTurn + 1, turn_sigma_),
+            std::pair(kTurn + 2, turn_sigma_)})
         add(normal, {at + place}, {1.0}, values_[at + place], sigma, false);
     }
     add_map_priors(normal);
@@ -394,7 +400,7 @@ class Joint {
     const VectorXd scale = square.diagonal().array().max(1e-30).rsqrt();
     MatrixXd scaled = scale.asDiagonal() * square * scale.asDiagonal();
     scaled.diagonal().array() += damping;
-    return scale.asDiagonal() * scaled.ldlt().solve(scale.asDiagonal() * right);
+    return scale.asDiagonal() * solve_symmetric(scaled, scale.asDiagonal() * right);
   }
 
   bool solve() {
@@ -452,6 +458,29 @@ class Joint {
     return weights > 0.0 ? std::sqrt(sum / weights) : 0.0;
   }
 
+  /// Returns the inverse of the normal equations, all unknowns.
+  MatrixXd covariance() {
+    const MatrixXd square = all().square;
+    const VectorXd scale = square.diagonal().array().max(1e-30).rsqrt();
+    const MatrixXd scaled = scale.asDiagonal() * square * scale.asDiagonal();
+    return scale.asDiagonal() * inverse_of_symmetric(scaled) * scale.asDiagonal();
+  }
+
+  /// Fits once more with free rotations, which shows a hand that moved: the usual fit spreads such
+  /// an error over poses, axes and sheet.
+  void measure_turns(PhoneFit& fit) {
+    turn_sigma_ = kMovedTurnSigma;
+    if (!solve()) return;
+    const MatrixXd spread = covariance();
+    for (size_t n = 0; n < seen_.size(); ++n) {
+      const Index at = photos_at_ + kPhotoCount * static_cast<Index>(n) + kTurn;
+      const VectorXd turn = values_.segment(at, 3);
+      fit.photos[n].turn = turn.norm();
+      fit.photos[n].turn_pull =
+          std::sqrt(turn.dot(solve_symmetric(spread.block(at, at, 3, 3), turn).col(0)));
+    }
+  }
+
   PhotoFit photo_fit(size_t n, const MatrixXd& covariance) {
     const double* own = photo(n);
     PhotoFit out;
@@ -475,12 +504,7 @@ class Joint {
     std::copy_n(values_.data(), kCameraCount, fit.values.camera.begin());
     std::copy_n(sheet(), kSheetCount, fit.values.sheet.begin());
     fit.values.knots.assign(values_.data() + knots_at_, values_.data() + photos_at_);
-    const MatrixXd square = all().square;
-    const VectorXd scale = square.diagonal().array().max(1e-30).rsqrt();
-    const MatrixXd scaled = scale.asDiagonal() * square * scale.asDiagonal();
-    const MatrixXd inverse = scale.asDiagonal() *
-                             scaled.ldlt().solve(MatrixXd::Identity(size_, size_)) *
-                             scale.asDiagonal();
+    const MatrixXd inverse = covariance();
     const Index count = kSheetCount + grid_.count();
     fit.covariance = inverse.block(kCameraCount, kCameraCount, count, count);
     for (size_t n = 0; n < seen_.size(); ++n) {
@@ -502,6 +526,7 @@ class Joint {
   Index knots_at_ = 0, photos_at_ = 0, size_ = 0;
   VectorXd values_, prior_;
   std::vector<double> phase_sigma_, corner_sigma_;
+  double turn_sigma_ = kTurnSigma;
 };
 
 }  // namespace

@@ -2,7 +2,7 @@
 // Fits camera, places and sheet to several hand-held photographs of the chart at once.
 #pragma once
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <optional>
 #include <vector>
 
@@ -16,10 +16,12 @@ namespace lenticule::calib {
 /// PhotoFit is the part of the fit that belongs to one photograph. Lengths in the pictures are in
 /// pixels of the averaged pictures.
 struct PhotoFit {
-  double breathing = 0.0;       ///< focal length relative to the camera's, minus 1
-  Vec2 shift;                   ///< axis minus the camera's, longer sides of the picture
+  double breathing = 0.0;  ///< focal length relative to the camera's, minus 1
+  Vec2 shift;              ///< axis minus the camera's, longer sides of the picture
+  double turn = 0.0;  ///< rotation from the first row read to the last, radians; a fit of its own
   double breathing_pull = 0.0;  ///< breathing over the standard deviation of its prior
   double shift_pull = 0.0;      ///< shift over the standard deviation of its prior
+  double turn_pull = 0.0;       ///< turn over its standard error in that fit
   double phase_rms = 0.0;       ///< lenses; by the weights of the blocks
   double corner_rms_px = 0.0;
   std::vector<double> phase_rests;  ///< lenses, in the order of PhotoFindings::blocks

@@ -103,9 +103,31 @@ std::vector<TagSighting> without_misplaced(const Work& work) {
   return kept;
 }
 
-/// Returns a refusal if the given camera data contradict the tags.
+/// Returns the part of the picture's longer side that the tags extend over.
+double extent_of_tags(const Work& work) {
+  Vec2 least{1e9, 1e9}, most{-1e9, -1e9};
+  for (const TagSighting& tag : work.tags)
+    for (const Vec2& corner : tag.corners_px) {
+      least = {std::min(least.x, corner.x), std::min(least.y, corner.y)};
+      most = {std::max(most.x, corner.x), std::max(most.y, corner.y)};
+    }
+  return std::max(most.x - least.x, most.y - least.y) /
+         std::max(work.picture.width, work.picture.height);
+}
+
+/// Returns a refusal if the given camera data contradict the tags. Few pixels determine the camera
+/// badly, so that a distance appears as another contradiction.
 Refusal contradiction(const Work& work, const SinglePhotoChart& chart, const PhotoPriors& priors) {
-  constexpr double kMostPull = 4.0;
+  constexpr double kMostPull = 4.0, kLeastExtent = 0.3;
+  const bool contradicts =
+      work.pose->axis_pull > kMostPull ||
+      (priors.focal_px && priors.distance_mm && work.pose->prior_pull > kMostPull);
+  if (!contradicts) return std::nullopt;
+  if (const double extent = extent_of_tags(work); extent < kLeastExtent)
+    return fmt::format(
+        "the chart takes only {:.0f} % of the picture's longer side: it was taken from "
+        "too far away; go nearer",
+        100.0 * extent);
   if (work.pose->axis_pull > kMostPull) {
     const Vec2 off =
         (work.pose->middle_px - Vec2{0.5 * work.picture.width, 0.5 * work.picture.height}) *
@@ -115,8 +137,6 @@ Refusal contradiction(const Work& work, const SinglePhotoChart& chart, const Pho
         "picture: it was cropped; give the whole photograph",
         off.x, off.y);
   }
-  if (!priors.focal_px || !priors.distance_mm || work.pose->prior_pull <= kMostPull)
-    return std::nullopt;
   const auto found_without = [&](auto forget) {
     PhotoPriors fewer = scaled(priors, work.averaged);
     forget(fewer);
@@ -265,7 +285,8 @@ Refusal fit_phases(Work& work, const SinglePhotoChart& chart) {
   if (left_out(work) > kMostLeftOut || work.blocks.size() < 20 ||
       work.correction.rms_lenses > kMostRmsLenses)
     return fmt::format(
-        "the fringes do not fit an even sheet (rms {:.3f} lenses in {} of {} blocks)",
+        "the fringes do not fit an even sheet (rms {:.3f} lenses in {} of {} blocks): the picture "
+        "is out of focus, a lamp is reflected, or the sheet came loose",
         work.correction.rms_lenses, work.correction.used, work.blocks.size());
   return std::nullopt;
 }

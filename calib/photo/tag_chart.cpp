@@ -39,15 +39,16 @@ std::vector<int> tag_ids(const optics::Rig& rig) {
   return ids;
 }
 
+double tag_cell_px(const optics::Rig& rig) {
+  return std::ceil(std::max(kLeastCellPx, kPitchesPerCell * rig.sheet.pitch.value / 3.0));
+}
+
 /// Places tags near the corners, near the middles of the sides and in the centre. Fringes outside
 /// the tags show the sheet up to the panel's border; a map without them is a guess there.
 std::vector<ChartTag> place_tags(const optics::Rig& rig) {
-  const double pitch_px = rig.sheet.pitch.value / 3.0;
-  const double cell = std::ceil(std::max(kLeastCellPx, kPitchesPerCell * pitch_px));
-  const double size = kTagCells * cell;
+  const double cell = tag_cell_px(rig), size = kTagCells * cell;
   const double width = rig.panel.width_px, height = rig.panel.height_px;
-  // Fringes need at least as much space as tags.
-  if (2.0 * kTagsAcross * size > width || 1.5 * kTagsAcross * size > height)
+  if (!has_room_for_tags(rig))
     throw Error(ErrorKind::Input,
                 fmt::format("{}: {} x {} pixels are too few for nine tags of {:.0f} pixels",
                             rig.name.empty() ? "rig" : rig.name, width, height, size),
@@ -136,6 +137,13 @@ void draw_fringes(const SinglePhotoChart& chart, const Wave& wave, int j, uint8_
 }
 
 }  // namespace
+
+bool has_room_for_tags(const optics::Rig& start) {
+  // Fringes need at least as much space as tags.
+  const double size = kTagCells * tag_cell_px(start);
+  return 2.0 * kTagsAcross * size <= start.panel.width_px &&
+         1.5 * kTagsAcross * size <= start.panel.height_px;
+}
 
 std::array<Vec2, 4> ChartTag::corners_px() const {
   const double near = kTagRimCells * cell_px, far = (kTagCells - kTagRimCells) * cell_px;

@@ -68,6 +68,9 @@ struct SinglePhotoChart {
   [[nodiscard]] double comb_phase(double x_px, double y_px, double detuning) const;
 };
 
+/// Returns true if the panel is large enough for the tags.
+[[nodiscard]] bool has_room_for_tags(const optics::Rig& start);
+
 /// Plans the chart for an eye at the rig's viewing distance (700 mm if infinite). Number of
 /// fringes: 3 % of the lenses in a row, 24 to 60. Throws Error(Input) for an invalid rig and for a
 /// panel too small for the tags: a tag's cell is at least 12 lens pitches and 20 pixels.

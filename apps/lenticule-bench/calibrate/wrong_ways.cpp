@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "apps/lenticule-tools/calibrate/hand_held_photos.h"
-#include "base/error.h"
 
 namespace lenticule::phone_bench {
 namespace {
@@ -125,7 +124,7 @@ std::vector<WrongWay> list_of_ways() {
   taken("overexposed", "clipped", [](Taking& t, const Workshop&) { t.phone.exposure = 4.0; });
   taken("room as bright as the panel", "too faint|room too bright",
         [](Taking& t, const Workshop&) { t.shot.room_light = 1.5; });
-  taken("too far away", "too small|too faint|certain only|distance",
+  taken("too far away", "too far away|too small|too faint",
         [](Taking& t, const Workshop&) { t.shot.eye_mm = t.shot.eye_mm * 3.0; });
   taken("beside the panel", "completely in the picture|in the picture",
         [](Taking& t, const Workshop& w) {
@@ -206,12 +205,7 @@ WrongWayResult WrongWayTrial::calibrate(const WrongWay& way) {
   // The owner obeys the program, which asks for a new start if the pitch is far off.
   constexpr int kStarts = 2;
   for (int n = 0; n < kStarts; ++n) {
-    try {
-      photos.emplace(start);
-    } catch (const Error& error) {
-      out.reason = error.what();  // the panel has no room for the chart of a wrong pitch
-      return out;
-    }
+    photos.emplace(start);
     out.reason = photos->add(photograph_of(0, start, way.all ? &way : nullptr));
     const auto better = photos->better_start();
     if (!better) break;

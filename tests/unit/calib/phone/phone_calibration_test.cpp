@@ -101,6 +101,13 @@ TEST(PhoneCalibration, AsksForABetterStartIfThePitchIsFarOff) {
               0.005 * trial.workshop().build.pitch_subpx);
 }
 
+TEST(PhoneCalibration, ReturnsNoStartWhoseChartHasNoRoomOnThePanel) {
+  const HandTrial trial(4, test::small_workshop(1));
+  PhotoFindings mistaken = trial.photos()[0].findings;
+  mistaken.rig.sheet.pitch.value = 40.0;
+  EXPECT_FALSE(better_start(mistaken, trial.chart()));
+}
+
 // LENTICULE_PHONE_WORKSHOPS and LENTICULE_PHONE_FIRST draw more workshops, or others.
 TEST(PhoneWorkshops, MostAreRightAndNoneIsWrong) {
   const auto number = [](const char* name, uint64_t usual) {
