@@ -140,8 +140,10 @@ Misfit worst_misfit(const std::vector<PhonePhoto>& photos, size_t n, const Photo
 /// Returns which photograph was taken while the hand turned the phone most; empty if none was. The
 /// rotation also takes up other contradictions, so it counts only if there are none.
 std::string moved_hand(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
+  // Four and more photographs determine rotations better than the law of rigs holds.
+  const double limit = photos.size() > 3 ? 1.5 * kMostPull : kMostPull;
   const auto most = std::ranges::max_element(fit.photos, {}, &PhotoFit::turn_pull);
-  if (most->turn_pull <= kMostPull || most->turn <= kMostTurn) return {};
+  if (most->turn_pull <= limit || most->turn <= kMostTurn) return {};
   return fmt::format(
       "{}: the phone turned by {:.2f} degrees while the picture was read: the hand moved; hold the "
       "phone still",

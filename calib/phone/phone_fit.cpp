@@ -14,7 +14,7 @@
 #include "base/statistics.h"
 #include "calib/fit/projection.h"
 #include "calib/linear_algebra.h"
-#include "optics/model.h"
+#include "calib/phone/phone_observations.h"
 
 namespace lenticule::calib {
 namespace {
@@ -42,61 +42,6 @@ constexpr double kBendSigma = 0.01;  ///< second differences of the map, lenses
 constexpr double kKnotSigma = 0.1;   ///< lenses; keeps plane and map apart
 /// Smallest standard errors: errors of neighbouring blocks and corners are alike.
 constexpr double kLeastPhaseSigma = 0.003, kLeastCornerPx = 0.15;
-
-struct PhaseSeen {
-  Vec2 pixel;
-  Fringe fringe;
-  double turns = 0.0;
-  double weight = 1.0;  ///< relative
-};
-struct CornerSeen {
-  Vec2 pixel;
-  Vec2 panel_mm;
-  Vec2 from_middle_mm;
-};
-struct Seen {
-  std::vector<PhaseSeen> phases;
-  std::vector<CornerSeen> corners;
-  double pixels_per_mm = 1.0;
-};
-
-Seen seen_of(const PhotoFindings& photo, const SinglePhotoChart& chart) {
-  constexpr int kGreen = 1;
-  Seen out;
-  const optics::Panel& panel = chart.start.panel;
-  const optics::OpticalModel model(photo.rig);
-  std::vector<double> weights;
-  for (const FringeBlock& block : photo.blocks) weights.push_back(block.weight);
-  const double usual = weights.empty() ? 1.0 : upper_median(weights);
-  for (const FringeBlock& block : photo.blocks) {
-    const auto at = photo.pose->look(block.pixel, chart.start);
-    if (!at) continue;
-    const double lens = model.lens_coordinate(at->lens_px.x, at->lens_px.y, kGreen);
-    const double comb = chart.comb_phase(at->panel_px.x, at->panel_px.y, block.detuning);
-    const double per_subpx =
-        1.0 / chart.centre_pitch_subpx + block.detuning * chart.fringes / (3.0 * panel.width_px);
-    out.phases.push_back({block.pixel,
-                          {.pitch_subpx = 1.0 / per_subpx, .slant = chart.start.sheet.slant},
-                          comb - lens + block.phase,
-                          std::min(block.weight / usual, 2.0)});
-  }
-  double length = 0.0, picture = 0.0;
-  for (const TagSighting& tag : photo.tags) {
-    const auto drawn = chart.tag(tag.id)->corners_px();
-    const Vec2 middle = (drawn[0] + drawn[2]) * 0.5;
-    for (size_t k = 0; k < drawn.size(); ++k) {
-      const Vec2 mm{panel.x_mm(drawn[k].x), panel.y_mm(drawn[k].y)};
-      out.corners.push_back(
-          {tag.corners_px[k], mm, mm - Vec2{panel.x_mm(middle.x), panel.y_mm(middle.y)}});
-    }
-    length += std::hypot(panel.x_mm(drawn[2].x) - panel.x_mm(drawn[0].x),
-                         panel.y_mm(drawn[2].y) - panel.y_mm(drawn[0].y));
-    picture += std::hypot(tag.corners_px[2].x - tag.corners_px[0].x,
-                          tag.corners_px[2].y - tag.corners_px[0].y);
-  }
-  out.pixels_per_mm = picture / length;
-  return out;
-}
 
 /// Returns the pose block of a pose whose camera looks along -z with y up.
 PoseValues pose_values(const PhotoPose& pose) {
@@ -153,7 +98,7 @@ class Joint {
         longer_(std::max(photos[0].width, photos[0].height)),
         focal_(focal),
         start_(sheet_start(chart.start)) {
-    for (const PhotoFindings& photo : photos) seen_.push_back(seen_of(photo, chart));
+    for (const PhotoFindings& photo : photos) seen_.push_back(phone_observations(photo, chart));
     knots_at_ = kCameraCount + kSheetCount;
     photos_at_ = knots_at_ + grid_.count();
     size_ = photos_at_ + kPhotoCount * static_cast<Index>(photos.size());
@@ -226,7 +171,7 @@ class Joint {
       std::complex<double> sum;
       for (size_t n = 0; n < seen_.size(); ++n) {
         std::complex<double> own;
-        for (const PhaseSeen& seen : seen_[n].phases)
+        for (const FringeSeen& seen : seen_[n].phases)
           own += std::polar(1.0, 2.0 * std::numbers::pi * phase_rest(n, seen));
         sum += own / static_cast<double>(std::max<size_t>(seen_[n].phases.size(), 1));
       }
@@ -245,7 +190,7 @@ class Joint {
   double row_of(Vec2 pixel) const { return pixel.y / photos_[0].height - 0.5; }
 
   template <class T>
-  T phase_of(const T* camera, const T* sheet, const T* photo, const PhaseSeen& seen,
+  T phase_of(const T* camera, const T* sheet, const T* photo, const FringeSeen& seen,
              PlanePoint<T>& lens) const {
     T own[kCameraCount];
     camera_of_photo(camera, photo, longer_, own);
@@ -265,7 +210,7 @@ class Joint {
   }
 
   /// Returns the phase residual without whole lenses.
-  double phase_rest(size_t n, const PhaseSeen& seen) {
+  double phase_rest(size_t n, const FringeSeen& seen) {
     PlanePoint<double> lens{};
     const double phase = phase_of<double>(values_.data(), sheet(), photo(n), seen, lens);
     const double rest = seen.turns - phase + map_at(weights_at(lens.x, lens.y));
@@ -324,7 +269,7 @@ class Joint {
         add(normal, local, slope, r.a, corner_sigma_[n], true);
       }
     }
-    for (const PhaseSeen& seen : seen_[n].phases) {
+    for (const FringeSeen& seen : seen_[n].phases) {
       PlanePoint<Jet> lens;
       const Jet phase = phase_of<Jet>(camera, sheet, own, seen, lens);
       const std::vector<KnotWeight> weights = weights_at(lens.x.a, lens.y.a);
@@ -428,7 +373,7 @@ class Joint {
 
   std::vector<double> phase_rests(size_t n) {
     std::vector<double> rests;
-    for (const PhaseSeen& seen : seen_[n].phases) rests.push_back(phase_rest(n, seen));
+    for (const FringeSeen& seen : seen_[n].phases) rests.push_back(phase_rest(n, seen));
     return rests;
   }
   std::vector<double> corner_rests(size_t n) {
@@ -522,7 +467,7 @@ class Joint {
   Estimate focal_;
   SheetStart start_;
   KnotGrid grid_{.columns = 13, .rows = 8};
-  std::vector<Seen> seen_;
+  std::vector<PhoneObservations> seen_;
   Index knots_at_ = 0, photos_at_ = 0, size_ = 0;
   VectorXd values_, prior_;
   std::vector<double> phase_sigma_, corner_sigma_;

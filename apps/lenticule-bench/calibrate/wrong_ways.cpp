@@ -131,7 +131,7 @@ std::vector<WrongWay> list_of_ways() {
           t.shot.look_at_mm.x += 0.6 * w.start.panel.width_px * w.start.panel.pixel_width.value;
         });
   taken("chart of another rig", "another rig", [](Taking& t, const Workshop&) {
-    t.shown.sheet.pitch.value *= 1.13;
+    t.shown.sheet.pitch.value /= 1.13;  // a wider lens might have no room for its tags
     t.shown.sheet.slant += 0.05;
   });
   taken("sheet moved by a fifth of a lens", "the sheet moved",
