@@ -148,18 +148,86 @@ Words words_of(Step step) {
   return save();
 }
 
+constexpr const char* kQuestionKeys =
+    "ENTER: answer, U: forget the last answer, SHIFT: five at once, T: hide this text";
+
+Words pitch_question() {
+  return {
+      "rough pitch",
+      "UP DOWN: mark the band with the fewest and broadest stripes, alike on the left and on the "
+      "right.",
+      {"Several bands are equally good: mark the middle one.",
+       "The stripes get fewer all the way to the top or to the bottom: move the mark beyond the "
+       "end, for none of them.",
+       "A wrong answer does no harm: charts come again until the answers agree."},
+      kQuestionKeys};
+}
+
+Words slant_question() {
+  return {
+      "slant",
+      "LEFT RIGHT: mark the column with the fewest stripes from top to bottom.",
+      {"Several columns are equally good: mark the middle one.",
+       "The stripes get fewer all the way to the left or to the right: move the mark beyond the "
+       "end, for none of them.",
+       "Dark columns without stripes count as well."},
+      kQuestionKeys};
+}
+
+Words ladder_question() {
+  return {
+      "ladders",
+      "UP DOWN: mark the rung where red above turns into green below. Stay in front of the "
+      "panel's middle with one eye.",
+      {"Several rungs are equally yellow: mark the middle one.",
+       "No red above green, only one colour, or stripes: move the mark beyond the end, for none.",
+       "Each of the seven ladders comes at least twice."},
+      kQuestionKeys};
+}
+
+Words answered() {
+  return {
+      "answered",
+      "All questions are answered. The panel should be equally yellow for one eye in front of its "
+      "middle.",
+      {"Something is wrong: U forgets the last answer, ESCAPE all of them."},
+      "ENTER: continue, U: forget the last answer, ESCAPE: begin again"};
+}
+
+Words question_of(ChartPattern pattern) {
+  switch (pattern) {
+    case ChartPattern::Bands:
+      return pitch_question();
+    case ChartPattern::SlantBands:
+      return slant_question();
+    case ChartPattern::Ladder:
+      return ladder_question();
+    default:
+      return answered();
+  }
+}
+
+Guide guide_with(Step step, const Words& words) {
+  return {.title = fmt::format("{} of {}: {}", static_cast<int>(step), kSteps - 1, words.name),
+          .task = words.task,
+          .wrong = words.wrong,
+          .keys = words.keys};
+}
+
 }  // namespace
+
+Guide guide_of_question(Step step, ChartPattern pattern) {
+  return guide_with(step, question_of(pattern));
+}
 
 Guide guide_of(Step step, double distance_mm, double second_distance_mm) {
   const Words words = words_of(step);
   const auto filled = [&](const std::string& text) {
     return fmt::format(fmt::runtime(text), distance_mm, second_distance_mm);
   };
-  Guide guide{.title = fmt::format("{} of {}: {}", static_cast<int>(step), kSteps - 1, words.name),
-              .task = filled(words.task),
-              .wrong = {},
-              .keys = words.keys};
-  for (const std::string& sentence : words.wrong) guide.wrong.push_back(filled(sentence));
+  Guide guide = guide_with(step, words);
+  guide.task = filled(guide.task);
+  for (std::string& sentence : guide.wrong) sentence = filled(sentence);
   return guide;
 }
 

@@ -23,6 +23,8 @@ constexpr int kMostCoarse = 2;
 /// Two distances with a smaller ratio do not determine the gap.
 constexpr double kLeastDistanceRatio = 1.05;
 constexpr double kFirstSecondDistance = 1.5;
+/// Ladders farther from one plane than this are doubtful.
+constexpr double kMostMisfitLenses = 0.03;
 
 double slant_step(const optics::Panel& panel) {
   return kSlantStepDegrees * std::numbers::pi / 180.0 * panel.pixel_height.value /
@@ -34,9 +36,14 @@ double degrees(double slant, const optics::Panel& panel) {
          std::numbers::pi;
 }
 
+std::string mark_text(int cursor) {
+  return cursor < 0 || cursor >= kBands ? std::string("none of them")
+                                        : fmt::format("band {} of {}", cursor + 1, kBands);
+}
+
 }  // namespace
 
-Procedure::Procedure(const optics::Rig& rig, double distance_mm, Doubts doubts)
+Procedure::Procedure(const optics::Rig& rig, double distance_mm, Doubts doubts, Way way)
     : start_rig_(rig), distance_mm_(distance_mm), doubts_(doubts) {
   const bool finite = std::isfinite(distance_mm) && distance_mm > 0.0;
   const auto problem = optics::find_problem(rig_seen_from(rig, finite ? distance_mm : -1.0));
@@ -51,6 +58,7 @@ Procedure::Procedure(const optics::Rig& rig, double distance_mm, Doubts doubts)
   start_.second_distance_mm = kFirstSecondDistance * distance_mm;
   predict_second(start_);
   state_ = start_;
+  if (way == Way::Questions) questions_.emplace(rig, distance_mm);
 }
 
 // --- keys -------------------------------------------------------------------------------------
@@ -59,6 +67,7 @@ void Procedure::press(const KeyPress& press) {
   if (status_ != Status::Running) return;
   note_.clear();
   if (press.key != Key::Next) asked_.clear();
+  if (is_asking() && press_question(press)) return;
   if (press.key <= Key::SlantMore) {
     if (!std::exchange(shows_old_, false)) return press_arrow(press);
     note_ = "this is the new rig again; press once more to change it";
@@ -155,6 +164,12 @@ void Procedure::move_across(double presses) {
   }
 }
 
+/// Returns the bands that the mark moves: one, or five with shift.
+int Procedure::bands_of(double presses) const {
+  const int bands = std::max(1, static_cast<int>(std::abs(presses) / 2.0));
+  return presses > 0.0 ? bands : -bands;
+}
+
 void Procedure::move_upward(double presses) {
   State state = state_;
   switch (state_.step) {
@@ -164,9 +179,7 @@ void Procedure::move_upward(double presses) {
       return;
     case Step::RoughPitch: {
       // The bands' pitches grow downward, but the "up" key moves up on the panel.
-      const int bands = presses > 0.0 ? -std::max(1, static_cast<int>(presses / 2.0))
-                                      : std::max(1, static_cast<int>(-presses / 2.0));
-      state.cursor = std::clamp(state.cursor + bands, 0, kBands - 1);
+      state.cursor = std::clamp(state.cursor - bands_of(presses), 0, kBands - 1);
       break;
     }
     case Step::GapByDistance:
@@ -245,10 +258,101 @@ void Procedure::predict_second(State& state) const {
   state.second_pitch_subpx = pitch * (1.0 + state.sheet.gap_mm / state.second_distance_mm);
 }
 
+// --- questions --------------------------------------------------------------------------------
+
+bool Procedure::is_asking() const {
+  return questions_ && state_.step >= Step::RoughPitch && state_.step <= Step::Pitch;
+}
+
+/// Handles the keys that have another meaning while charts are questions; returns false for all
+/// others.
+bool Procedure::press_question(const KeyPress& press) {
+  const int bands = bands_of(presses_of(press));
+  switch (press.key) {
+    case Key::Left:
+    case Key::Up:
+      move_mark(-bands);
+      return true;
+    case Key::Right:
+    case Key::Down:
+      move_mark(bands);
+      return true;
+    case Key::Next:
+      questions_->is_done() ? finish_questions() : take_answer();
+      return true;
+    case Key::Back:
+    case Key::Undo:
+      if (questions_->undo()) {
+        show_question();
+        note_ = "the last answer is forgotten";
+      } else {
+        enter(Step::Prepare);
+      }
+      return true;
+    case Key::Restore:
+      questions_.emplace(start_rig_, distance_mm_);
+      show_question();
+      note_ = "all answers are forgotten";
+      return true;
+    case Key::Magnifier:
+    case Key::Words:
+    case Key::Coarser:
+    case Key::Finer:
+    case Key::Quit:
+      return false;
+    default:
+      note_ = "this key does nothing while you answer";
+      return true;
+  }
+}
+
+/// Moves the mark; one place beyond either end it says that no band fits.
+void Procedure::move_mark(int bands) {
+  state_.cursor = std::clamp(state_.cursor + bands, -1, kBands);
+  if (state_.cursor < 0 || state_.cursor == kBands) note_ = "ENTER: none of them";
+}
+
+void Procedure::take_answer() {
+  const bool fits = questions_->answer(state_.cursor);
+  show_question();
+  if (!fits) note_ = "this does not fit an earlier answer; please look once more";
+  if (questions_->is_done()) finish_questions();
+}
+
+/// Shows the next question with the mark in the middle.
+void Procedure::show_question() {
+  state_.sheet = questions_->values();
+  state_.cursor = kBands / 2;
+  if (questions_->is_done()) return;
+  const ChartPattern pattern = questions_->question().pattern;
+  state_.step = pattern == ChartPattern::Bands        ? Step::RoughPitch
+                : pattern == ChartPattern::SlantBands ? Step::Slant
+                                                      : Step::Pitch;
+}
+
+/// Goes on with the sheet of the answers. A change of the sheet by hand can be undone from here on;
+/// backspace returns to the answers.
+void Procedure::finish_questions() {
+  state_.sheet = questions_->values();
+  if (!is_settled()) return;
+  predict_second(state_);
+  done_.clear();
+  undone_.clear();
+  enter(Step::Offset);
+}
+
 // --- steps and history ------------------------------------------------------------------------
 
 std::string Procedure::doubt() const {
-  return doubt_of(start_rig_, start_.sheet, state_.sheet);
+  const Limits limits = doubts_ == Doubts::Ask ? kSurprising : kImplausible;
+  std::string doubt = doubt_of(start_rig_, start_.sheet, state_.sheet, limits);
+  if (doubt.empty() && is_asking() && questions_->misfit() > kMostMisfitLenses)
+    doubt = fmt::format(
+        "the seven ladders are up to {:.2f} lens from one plane: an answer is wrong, or the sheet "
+        "is "
+        "not flat",
+        questions_->misfit());
+  return doubt;
 }
 
 /// Returns true if the step may end. If a value of the sheet is implausible, asks the user or ends
@@ -294,6 +398,7 @@ void Procedure::take_band() {
 
 void Procedure::enter(Step step) {
   state_.step = step;
+  if (is_asking()) show_question();
   other_pattern_ = false;
   shows_old_ = false;
 }
@@ -353,6 +458,8 @@ double Procedure::eye_distance_mm() const {
 }
 
 ChartPattern Procedure::pattern() const {
+  if (is_asking())
+    return questions_->is_done() ? ChartPattern::TwoViews : questions_->question().pattern;
   switch (state_.step) {
     case Step::Prepare:
       return ChartPattern::PixelLines;
@@ -379,6 +486,16 @@ Chart Procedure::chart() const {
               .lens_lines = state_.step == Step::Slant,
               .magnifier = magnifier_,
               .words = {}};
+  if (is_asking() && !questions_->is_done()) {
+    const Question question = questions_->question();
+    const optics::Rig rig = with_sheet_values(start_rig_, question.sheet, distance_mm_);
+    chart.rig = rig_seen_from(rig, distance_mm_);
+    chart.band_reach = question.reach;
+    chart.ladder_x = question.ladder_x;
+    chart.ladder_y = question.ladder_y;
+    chart.lens_lines = false;
+    chart.words_on_top = question.ladder_y > 0.0;
+  }
   if (!words_) return chart;
   const Guide words = guide();
   chart.words = {words.title + (shows_old_ ? " (OLD RIG)" : ""), words.task, words.keys, numbers()};
@@ -387,6 +504,7 @@ Chart Procedure::chart() const {
 }
 
 Guide Procedure::guide() const {
+  if (is_asking()) return guide_of_question(state_.step, pattern());
   return guide_of(state_.step, distance_mm_, state_.second_distance_mm);
 }
 
@@ -397,8 +515,11 @@ std::string Procedure::numbers() const {
       "{}effective pitch {:.6f} (pitch {:.6f}), slant {:.4f} degrees, offset {:.4f}, gap {:.4f} mm",
       shows_old_ ? "old: " : "", state.sheet.effective_pitch_subpx, shown.sheet.pitch.value,
       degrees(shown.sheet.slant, shown.panel), shown.sheet.offset.value, state.sheet.gap_mm);
-  if (state_.step == Step::RoughPitch)
-    text += fmt::format("; band {} of {}", state_.cursor + 1, kBands);
+  if (is_asking())
+    text =
+        fmt::format("answer {}: {}; {}", questions_->answers() + 1, mark_text(state_.cursor), text);
+  else if (state_.step == Step::RoughPitch)
+    text += "; " + mark_text(state_.cursor);
   if (state_.step == Step::GapByFlips)
     text += fmt::format("; from red to red {:.1f} mm", state_.spacing_mm);
   if (state_.step == Step::GapByDistance)

@@ -8,10 +8,12 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "base/terminal_keys.h"
+#include "calib/by_eye/questions.h"
 #include "calib/by_eye/sheet_values.h"
 #include "frames/charts/chart.h"
 #include "optics/rig.h"
@@ -58,13 +60,20 @@ enum class Doubts {
   Accept,
 };
 
+/// Way selects how the procedure finds pitch, slant and offset.
+enum class Way {
+  Keys,       ///< the user changes the values until the charts look right
+  Questions,  ///< the user answers questions; wrong answers are found and asked again
+};
+
 class Procedure {
  public:
   enum class Status { Running, Saved, Left, Refused };
 
   /// Starts with the user's eye `distance_mm` in front of the panel, on the rig's viewing height.
   /// Throws Error(Usage) for a distance from which this rig cannot be viewed.
-  Procedure(const optics::Rig& rig, double distance_mm, Doubts doubts = Doubts::Ask);
+  Procedure(const optics::Rig& rig, double distance_mm, Doubts doubts = Doubts::Ask,
+            Way way = Way::Keys);
 
   void press(const KeyPress& press);
 
@@ -89,6 +98,10 @@ class Procedure {
   [[nodiscard]] bool gap_was_found() const { return state_.gap_found; }
   /// Returns the reason why the value of this step is implausible; empty if it is plausible.
   [[nodiscard]] std::string doubt() const;
+  /// Returns the questions and answers of Way::Questions.
+  [[nodiscard]] const std::optional<Questions>& questions() const { return questions_; }
+  /// Returns true while charts are questions: arrows move the mark and enter answers.
+  [[nodiscard]] bool is_asking() const;
 
  private:
   /// State holds everything that undo restores.
@@ -104,6 +117,12 @@ class Procedure {
     bool gap_found = false;
   };
 
+  bool press_question(const KeyPress& press);
+  void move_mark(int bands);
+  void take_answer();
+  void finish_questions();
+  void show_question();
+  [[nodiscard]] int bands_of(double presses) const;
   void press_arrow(const KeyPress& press);
   void press_control(Key key);
   void move_across(double presses);
@@ -131,6 +150,7 @@ class Procedure {
   optics::Rig start_rig_;
   double distance_mm_;
   Doubts doubts_;
+  std::optional<Questions> questions_;
   std::string asked_;  ///< the doubt that the last press of enter reported
   State start_;
   State state_;
@@ -147,5 +167,7 @@ class Procedure {
 
 /// Returns the text of a step; implemented in guide.cpp.
 [[nodiscard]] Guide guide_of(Step step, double distance_mm, double second_distance_mm);
+/// Returns the text of a question; `step` is its step in the title.
+[[nodiscard]] Guide guide_of_question(Step step, ChartPattern pattern);
 
 }  // namespace lenticule::calib

@@ -49,11 +49,6 @@ double effective_lens_mm(const optics::Rig& rig, const SheetValues& values) {
   return values.effective_pitch_subpx * rig.panel.pixel_width.value / 3.0;
 }
 
-/// A start may be off by a tenth of the pitch, three degrees and a quarter of the gap; beyond these
-/// limits the user has probably measured something else.
-constexpr double kMostPitchRatio = 1.12;
-constexpr double kMostTurnDegrees = 5.0;
-constexpr double kMostGapRatio = 1.6;
 /// Full cones of commercial lens sheets, with a margin.
 constexpr double kLeastConeDegrees = 4.0;
 constexpr double kMostConeDegrees = 75.0;
@@ -72,18 +67,19 @@ double cone_degrees(const optics::Rig& rig, const SheetValues& values) {
 
 }  // namespace
 
-std::string doubt_of(const optics::Rig& rig, const SheetValues& start, const SheetValues& values) {
+std::string doubt_of(const optics::Rig& rig, const SheetValues& start, const SheetValues& values,
+                     const Limits& limits) {
   const double pitch = values.effective_pitch_subpx / start.effective_pitch_subpx;
-  if (pitch > kMostPitchRatio || pitch < 1.0 / kMostPitchRatio)
+  if (pitch > limits.pitch_ratio || pitch < 1.0 / limits.pitch_ratio)
     return fmt::format(
         "a pitch of {:.3f} subpixels differs by {:.0f} % from the {:.3f} of the start",
         values.effective_pitch_subpx, 100.0 * std::abs(pitch - 1.0), start.effective_pitch_subpx);
   const double turned = slant_degrees(rig, values) - slant_degrees(rig, start);
-  if (std::abs(turned) > kMostTurnDegrees)
+  if (std::abs(turned) > limits.turn_degrees)
     return fmt::format("a slant of {:.1f} degrees differs by {:.1f} from the {:.1f} of the start",
                        slant_degrees(rig, values), std::abs(turned), slant_degrees(rig, start));
   const double gap = values.gap_mm / start.gap_mm;
-  if (gap > kMostGapRatio || gap < 1.0 / kMostGapRatio)
+  if (gap > limits.gap_ratio || gap < 1.0 / limits.gap_ratio)
     return fmt::format("a gap of {:.2f} mm is {} {:.1f} times the {:.2f} mm of the start",
                        values.gap_mm, gap > 1.0 ? "more than" : "less than",
                        gap > 1.0 ? std::floor(10.0 * gap) / 10.0 : std::ceil(10.0 * gap) / 10.0,

@@ -31,12 +31,24 @@ struct SheetValues {
 [[nodiscard]] optics::Rig with_sheet_values(optics::Rig rig, const SheetValues& values,
                                             double distance_mm);
 
+/// Limits is how far values may be from those of the start.
+struct Limits {
+  double pitch_ratio;
+  double turn_degrees;
+  double gap_ratio;
+};
+/// A start may be off by a tenth of the pitch, three degrees and a quarter of the gap; beyond these
+/// limits the user has probably measured something else.
+inline constexpr Limits kImplausible = {.pitch_ratio = 1.12, .turn_degrees = 5.0, .gap_ratio = 1.6};
+/// Beyond these limits a user is asked. The data sheet of a lens sheet is usually closer.
+inline constexpr Limits kSurprising = {.pitch_ratio = 1.035, .turn_degrees = 2.0, .gap_ratio = 1.4};
+
 /// Returns the reason why these values are implausible for a sheet that started as `start`: a
-/// pitch, slant or gap too far from the start's, or a gap whose viewing cone no lens sheet has. The
-/// reason is one clause with the value, the start's value and the expected range; empty for
-/// plausible values.
+/// pitch, slant or gap beyond the limits, or a gap whose viewing cone no lens sheet has. The reason
+/// is one clause with the value, the start's value and the expected range; empty for plausible
+/// values.
 [[nodiscard]] std::string doubt_of(const optics::Rig& rig, const SheetValues& start,
-                                   const SheetValues& values);
+                                   const SheetValues& values, const Limits& limits = kImplausible);
 
 /// Returns the gap for which positions of equal picture are `spacing_mm` apart for an eye at
 /// `distance_mm`, symmetric to the middle: a lobe is p_h sqrt(D^2 + (1 - nu) (S/2)^2) / g wide.

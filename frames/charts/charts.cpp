@@ -14,6 +14,7 @@
 #include "frames/bitmap_font.h"
 #include "frames/compare.h"
 #include "frames/text.h"
+#include "optics/effective_sheet.h"
 #include "optics/row_rays.h"
 
 namespace lenticule::frames {
@@ -121,7 +122,10 @@ struct ChartPainter::Prepared {
 
   void comb_row(const std::vector<double>& phase, uint8_t* row) const;
   void band_row(const std::vector<double>& phase, int j, uint8_t* row) const;
-  void two_view_row(const std::vector<double>& phase, uint8_t* row) const;
+  void slant_band_row(const std::vector<double>& phase, int j, uint8_t* row) const;
+  void ladder_row(std::vector<double>& phase, int j, uint8_t* row) const;
+  void mark(int begin, int end, uint8_t* row) const;
+  void two_view_row(const std::vector<double>& phase, uint8_t* row, int begin, int end) const;
   void number_row(const std::vector<double>& phase, int j, uint8_t* row) const;
   void line_row(int j, uint8_t* row) const;
   void lens_line_row(int j, uint8_t* row) const;
@@ -153,13 +157,57 @@ void ChartPainter::Prepared::band_row(const std::vector<double>& phase, int j, u
     row[s] = std::abs(place_of(scaled)) < kCombHalfWidth ? kLit : 0;
   }
   if (band != chart.cursor) return;
-  const int mark = std::max(1, width / 24);
-  for (int i = 0; i < width; ++i)
-    if (i < mark || i >= width - mark) std::copy(kBlue.begin(), kBlue.end(), row + 3 * i);
+  const int blue = std::max(1, width / 24);
+  mark(0, blue, row);
+  mark(width - blue, width, row);
 }
 
-void ChartPainter::Prepared::two_view_row(const std::vector<double>& phase, uint8_t* row) const {
-  for (size_t s = 0; s < phase.size(); s += 3) {
+void ChartPainter::Prepared::mark(int begin, int end, uint8_t* row) const {
+  for (int i = std::max(0, begin); i < std::min(end, chart.rig.panel.width_px); ++i)
+    std::copy(kBlue.begin(), kBlue.end(), row + 3 * i);
+}
+
+/// Draws a row of columns with different slants. A slant that differs a little moves the phase in
+/// proportion to the distance from the panel's middle row.
+void ChartPainter::Prepared::slant_band_row(const std::vector<double>& phase, int j,
+                                            uint8_t* row) const {
+  const int height = chart.rig.panel.height_px, width = chart.rig.panel.width_px;
+  const double lenses_per_slant =
+      3.0 * (j + 0.5 - height / 2.0) / optics::effective_sheet(chart.rig).pitch.value;
+  const int blue = std::max(1, height / 24);
+  for (int band = 0; band < kBands; ++band) {
+    const int left = width * band / kBands, right = width * (band + 1) / kBands;
+    const double shift =
+        lenses_per_slant * band_shift(ChartPattern::SlantBands, band, chart.band_reach);
+    const int line = right - left >= 8 ? (right - left) / 8 : 0;  // black, between the columns
+    for (int s = 3 * (left + line); s < 3 * right; ++s)
+      row[s] =
+          std::abs(place_of(phase[static_cast<size_t>(s)] + shift)) < kCombHalfWidth ? kLit : 0;
+    if (band == chart.cursor && (j < blue || j >= height - blue)) mark(left, right, row);
+  }
+}
+
+/// Draws a row of a ladder: one rung in red and green, each side of the marked rung in blue.
+void ChartPainter::Prepared::ladder_row(std::vector<double>& phase, int j, uint8_t* row) const {
+  const int height = chart.rig.panel.height_px, width = chart.rig.panel.width_px;
+  const double place = ((j + 0.5) / height - 0.5 - chart.ladder_y) / kLadderHeight + 0.5;
+  const int rung = static_cast<int>(std::floor(place * kBands));
+  if (rung < 0 || rung >= kBands) return;
+  const double middle = width * (0.5 + chart.ladder_x), half = 0.5 * width * kLadderWidth;
+  const int left = std::max(0, static_cast<int>(middle - half));
+  const int right = std::min(width, static_cast<int>(middle + half));
+  for (double& value : phase) value += band_shift(ChartPattern::Ladder, rung, chart.band_reach);
+  two_view_row(phase, row, left, right);
+  if (rung != chart.cursor) return;
+  const int blue = std::max(1, width / 24);
+  mark(left - blue, left, row);
+  mark(right, right + blue, row);
+}
+
+/// Draws the pixels [begin, end).
+void ChartPainter::Prepared::two_view_row(const std::vector<double>& phase, uint8_t* row, int begin,
+                                          int end) const {
+  for (size_t s = 3 * static_cast<size_t>(begin); s < 3 * static_cast<size_t>(end); s += 3) {
     row[s + kRed] = place_of(phase[s + kRed]) > 0.0 ? kLit : 0;
     row[s + kGreen] = place_of(phase[s + kGreen]) < 0.0 ? kLit : 0;
   }
@@ -220,7 +268,13 @@ void ChartPainter::paint_rows(int begin, int end, WovenFrame& frame) const {
         p.band_row(phase, j, row);
         break;
       case ChartPattern::TwoViews:
-        p.two_view_row(phase, row);
+        p.two_view_row(phase, row, 0, panel.width_px);
+        break;
+      case ChartPattern::SlantBands:
+        p.slant_band_row(phase, j, row);
+        break;
+      case ChartPattern::Ladder:
+        p.ladder_row(phase, j, row);
         break;
       case ChartPattern::NumberedViews:
         p.number_row(phase, j, row);
@@ -234,8 +288,8 @@ void ChartPainter::paint_rows(int begin, int end, WovenFrame& frame) const {
 
 namespace {
 
-/// Draws text in a box at the bottom. Text beyond two fifths of the height is omitted, because the
-/// pattern is more important.
+/// Draws text in a box at the bottom or at the top. Text beyond two fifths of the height is
+/// omitted, because the pattern is more important.
 void draw_words(const Chart& chart, WovenFrame& frame) {
   const int scale = text_scale(chart.rig);
   const int line = frames::kCellHeight * scale;
@@ -248,7 +302,7 @@ void draw_words(const Chart& chart, WovenFrame& frame) {
   const int fit = std::max(1, (frame.height() * 2 / 5 - line / 2) / line);
   if (static_cast<int>(lines.size()) > fit) lines.resize(static_cast<size_t>(fit));
   const int height = static_cast<int>(lines.size()) * line + line / 2;
-  int y = frame.height() - height;
+  int y = chart.words_on_top ? 0 : frame.height() - height;
   frames::fill_box(frame, {0, y, frame.width(), height}, kBlack);
   y += line / 4;
   for (const std::string& text : lines) {

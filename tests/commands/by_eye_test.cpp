@@ -125,6 +125,28 @@ TEST_F(ByEyeCommand, AScriptNeedsInsistToSaveAnImplausibleGap) {
   EXPECT_GT(optics::load_rig(path("rig.toml")).sheet.gap.value, 20.0);
 }
 
+TEST_F(ByEyeCommand, QuestionsAreAnsweredByScriptsOnRequest) {
+  // The middle band is always right: the start is the sheet. The keys end at some question.
+  const ProcessResult ended = calibrate("enter # prepared\nenter*4", {"--questions"});
+  EXPECT_EQ(ended.exit_code, 1) << ended.err;
+  EXPECT_NE(ended.err.find("mark the column"), std::string::npos) << ended.err;
+  const json report = json::parse(ended.out);
+  EXPECT_EQ(report.at("questions").at("answers"), 4);
+  EXPECT_EQ(report.at("saved"), false);
+
+  // The second ladder at a place is shifted by a few rungs: its middle is nearly right, too.
+  const ProcessResult all = calibrate("enter*100", {"--questions"});
+  ASSERT_EQ(all.exit_code, 0) << all.err;
+  const json done = json::parse(all.out);
+  EXPECT_EQ(done.at("saved"), true);
+  EXPECT_LT(done.at("questions").at("answers"), 60);
+  EXPECT_NEAR(done.at("after").at("effective_pitch_subpx").get<double>() /
+                  done.at("before").at("effective_pitch_subpx").get<double>(),
+              1.0, 5e-3);
+  EXPECT_TRUE(json::parse(calibrate(kToTheEnd).out).at("questions").is_null());
+  EXPECT_EQ(calibrate("q", {"--questions", "--no-questions"}).exit_code, 2);
+}
+
 TEST_F(ByEyeCommand, TrimsAddUpAndAreReportedAndCanBeReset) {
   const auto trim = [this](std::vector<std::string> flags) {
     flags.insert(flags.begin(), {"rig", "trim", path("rig.toml"), "--json"});

@@ -40,6 +40,9 @@ constexpr display::Nanoseconds kShowTimeout = std::chrono::seconds(10);
 constexpr display::Nanoseconds kNap = kEscapePause;
 
 constexpr const char* kKeys =
+    "With --questions you mark the best of 25 bands, columns or rungs and press enter, about "
+    "twenty\n"
+    "times; a wrong answer is found and asked again. With --no-questions you change the values.\n"
     "Keys:\n"
     "  arrows, or h j k l        what the step asks for; [ and ] change the slant\n"
     "  shift, capital H J K L    ten times as far, like page up and page down\n"
@@ -67,6 +70,8 @@ struct ByEyeFlags {
   std::optional<double> distance_mm;
   bool allow_inexact = false;
   bool insist = false;
+  bool questions = false;
+  bool no_questions = false;
   bool json = false;
 };
 
@@ -134,7 +139,7 @@ class ByEyeRun {
       : flags_(flags),
         rig_(optics::load_trimmed_rig(flags.rig)),
         keys_(open_key_input(flags.keys)),
-        procedure_(rig_, distance_of(flags, rig_), doubts()),
+        procedure_(rig_, distance_of(flags, rig_), doubts(), way()),
         request_(display_request(flags, rig_)),
         display_(display::open_display(request_)),
         sink_(*display_) {}
@@ -163,6 +168,12 @@ class ByEyeRun {
   [[nodiscard]] calib::Doubts doubts() const {
     if (flags_.insist) return calib::Doubts::Accept;
     return keys_->is_person() ? calib::Doubts::Ask : calib::Doubts::Refuse;
+  }
+
+  /// Returns how to find the sheet. Scripts from before the questions change the values.
+  [[nodiscard]] calib::Way way() const {
+    const bool ask = flags_.questions || (keys_->is_person() && !flags_.no_questions);
+    return ask ? calib::Way::Questions : calib::Way::Keys;
   }
 
   void press(const std::vector<KeyPress>& presses) {
@@ -255,9 +266,18 @@ class ByEyeRun {
             {"old_file_kept_as", kept.empty() ? json() : json(kept)},
             {"distance_mm", procedure_.distance_mm()},
             {"gap_found", procedure_.gap_was_found()},
+            {"questions", report_of_questions()},
             {"rig_fingerprint", optics::fingerprint(rig)},
             {"before", values(before, rig_)},
             {"after", values(after, rig)}};
+  }
+
+  [[nodiscard]] json report_of_questions() const {
+    const std::optional<calib::Questions>& questions = procedure_.questions();
+    if (!questions) return {};
+    return {{"answers", questions->answers()},
+            {"contradictions", questions->contradictions()},
+            {"misfit_lenses", questions->misfit()}};
   }
 
   void print_text(const optics::Rig& rig, bool saved, const std::string& kept) const {
@@ -311,6 +331,10 @@ CalibrateWay declare_calibrate_by_eye(CLI::App& app) {
   way->add_option("--record", flags->record,
                   "with virtual: record the charts: checksums:FILE or png:FOLDER");
   way->add_flag("--insist", flags->insist, "accept implausible values without asking");
+  CLI::Option* questions =
+      way->add_flag("--questions", flags->questions, "answer questions (default at a terminal)");
+  way->add_flag("--no-questions", flags->no_questions, "change the values (default for scripts)")
+      ->excludes(questions);
   way->add_flag("--json", flags->json, "print the result as JSON");
   return {.app = way, .run = [flags] { return ByEyeRun(*flags).run(); }};
 }

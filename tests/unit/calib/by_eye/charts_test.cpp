@@ -110,6 +110,91 @@ TEST(Charts, TheMarkedBandIsBlueAtBothEnds) {
     }
 }
 
+TEST(Charts, SlantBandsAreCombsWithDifferentSlants) {
+  const optics::Rig rig = chart_rig();
+  constexpr double kReach = 0.05;
+  const WovenFrame frame = frames::draw_chart(
+      {.pattern = ChartPattern::SlantBands, .rig = rig, .band_reach = kReach, .cursor = 0});
+  for (const int band : {1, 7, 12, 24}) {
+    SheetValues values = sheet_values(rig, 600.0);
+    values.slant += frames::band_shift(ChartPattern::SlantBands, band, kReach);
+    int compared = 0;
+    for (const Place& p : random_places(with_sheet_values(rig, values, 600.0))) {
+      const int left = 480 * band / frames::kBands, right = 480 * (band + 1) / frames::kBands;
+      if (p.i < left + (right - left) / 8 || p.i >= right) continue;
+      // The chart has the paraxial phase of the slant, these rigs the exact one.
+      if (std::abs(std::abs(p.place) - 0.125) < 0.02) continue;
+      ASSERT_EQ(lit(frame, p), std::abs(p.place) < 0.125) << band;
+      ++compared;
+    }
+    EXPECT_GT(compared, 100);
+  }
+}
+
+TEST(Charts, RungsOfALadderAreTwoViewsThatAreShifted) {
+  const optics::Rig rig = chart_rig();
+  constexpr double kReach = 0.4, kX = 0.2, kY = -0.105;
+  const WovenFrame frame = frames::draw_chart({.pattern = ChartPattern::Ladder,
+                                               .rig = rig,
+                                               .band_reach = kReach,
+                                               .cursor = -1,
+                                               .ladder_x = kX,
+                                               .ladder_y = kY});
+  int inside = 0;
+  for (const Place& p : random_places(rig)) {
+    const double x = (p.i + 0.5) / 480.0 - 0.5 - kX;
+    const double rung = ((p.j + 0.5) / 300.0 - frames::rung_y(kY, 0) - 0.5) /
+                        (frames::kLadderHeight / frames::kBands);
+    const int nearest = static_cast<int>(std::round(rung));
+    if (std::abs(x) > 0.5 * frames::kLadderWidth + 0.003 || nearest < 0 ||
+        nearest >= frames::kBands) {
+      ASSERT_FALSE(lit(frame, p));
+      continue;
+    }
+    if (std::abs(x) > 0.5 * frames::kLadderWidth - 0.003) continue;
+    double place = p.place + frames::band_shift(ChartPattern::Ladder, nearest, kReach);
+    place -= std::round(place);
+    if (std::abs(place) < 1e-7 || std::abs(place) > 0.5 - 1e-7) continue;
+    ASSERT_EQ(lit(frame, p), p.channel == 0 ? place > 0.0 : p.channel == 1 && place < 0.0);
+    ++inside;
+  }
+  EXPECT_GT(inside, 300);
+}
+
+TEST(Charts, BlueMarksShowTheChosenColumnAndRung) {
+  const auto is_blue = [](const WovenFrame& frame, int i, int j) {
+    const uint8_t* p = frame.row(j) + 3 * static_cast<ptrdiff_t>(i);
+    return p[0] == 0 && p[1] == 0 && p[2] == 255;
+  };
+  Chart chart{.pattern = ChartPattern::SlantBands, .rig = chart_rig(), .band_reach = 0.05};
+  chart.cursor = 12;
+  const WovenFrame columns = frames::draw_chart(chart);
+  for (const int j : {0, 299}) {
+    EXPECT_TRUE(is_blue(columns, 240, j));
+    EXPECT_FALSE(is_blue(columns, 220, j));
+  }
+  EXPECT_FALSE(is_blue(columns, 240, 150));
+  chart.pattern = ChartPattern::Ladder;
+  const WovenFrame ladder = frames::draw_chart(chart);
+  for (const int i : {240 - 40, 240 + 40}) {
+    EXPECT_TRUE(is_blue(ladder, i, 150));
+    EXPECT_FALSE(is_blue(ladder, i, 140));
+  }
+}
+
+TEST(Charts, WordsMoveToTheTopIfTheLadderIsBelow) {
+  Chart chart{.pattern = ChartPattern::Ladder, .rig = chart_rig(), .band_reach = 0.5};
+  chart.ladder_y = 0.34;
+  chart.words = {"rung"};
+  chart.words_on_top = true;
+  const WovenFrame full = frames::draw_chart(chart);
+  chart.words.clear();
+  const WovenFrame plain = frames::draw_chart(chart);
+  EXPECT_NE(full, plain);
+  for (int j = 150; j < 300; ++j)
+    ASSERT_TRUE(std::equal(full.row(j), full.row(j) + 480 * 3, plain.row(j))) << j;
+}
+
 TEST(Charts, TwoViewsAreRedForTheLeftEyeAndGreenForTheRight) {
   const optics::Rig rig = chart_rig();
   const WovenFrame frame = frames::draw_chart({.pattern = ChartPattern::TwoViews, .rig = rig});
@@ -188,7 +273,7 @@ TEST(Charts, DrawsTinyAndUnusualPanels) {
     rig.panel.height_px = height;
     for (const ChartPattern pattern :
          {ChartPattern::PixelLines, ChartPattern::Bands, ChartPattern::Comb, ChartPattern::TwoViews,
-          ChartPattern::NumberedViews}) {
+          ChartPattern::NumberedViews, ChartPattern::SlantBands, ChartPattern::Ladder}) {
       const WovenFrame frame = frames::draw_chart({.pattern = pattern,
                                                    .rig = rig,
                                                    .band_reach = 0.1,

@@ -84,6 +84,26 @@ TEST_P(ByEye, FindsTheSheet) {
                                                           wanted.effective_offset_lenses)));
 }
 
+/// One sheet only: each look at a whole chart takes a while.
+TEST(ByEyeQuestions, FindTheSheet) {
+  const Case c = {"other_way", 7.701, 0.2521, -0.44, 2.238, 700, -0.03, -1.0, 0.05};
+  const optics::Rig ground_truth = true_rig(c);
+  Procedure procedure(wrong_rig(c), c.distance_mm, Doubts::Accept, Way::Questions);
+  procedure.press({Key::Next});
+  ScriptedObserver observer(ground_truth, procedure);
+  observer.answer_questions();
+  ASSERT_EQ(procedure.step(), Step::Offset);
+  EXPECT_LE(procedure.questions()->answers(), 30);
+
+  const SheetValues wanted = sheet_values(ground_truth, c.distance_mm);
+  const SheetValues found = sheet_values(procedure.rig(), c.distance_mm);
+  EXPECT_NEAR(found.effective_pitch_subpx / wanted.effective_pitch_subpx, 1.0, 3e-5);
+  EXPECT_NEAR(degrees(found.slant), degrees(wanted.slant), 0.01);
+  EXPECT_NEAR(
+      optics::without_whole_lenses(found.effective_offset_lenses - wanted.effective_offset_lenses),
+      0.0, 0.02);
+}
+
 INSTANTIATE_TEST_SUITE_P(
     Rigs, ByEye,
     testing::Values(Case{"kiosk", 7.701, 0.2521, 0.31, 2.238, 700, 0.03, 1.0, 0.0},

@@ -136,8 +136,16 @@ void ScriptedObserver::null(const std::function<double()>& measure, double press
 
 // --- rough pitch ------------------------------------------------------------------------------
 
-/// Chooses the band with the fewest stripes; the middle one of several equal ones.
-void ScriptedObserver::choose_band() {
+/// Returns the band with the fewest stripes; the middle one of several equal ones.
+int fewest_stripes(const std::vector<double>& counts) {
+  const double fewest = *std::min_element(counts.begin(), counts.end());
+  std::vector<int> best;
+  for (int band = 0; band < frames::kBands; ++band)
+    if (counts[static_cast<size_t>(band)] <= fewest + 0.25) best.push_back(band);
+  return best[best.size() / 2];
+}
+
+int ScriptedObserver::best_band() {
   constexpr int kColumns = 1024;
   const Glimpse seen = look(0.0, kColumns, frames::kBands);
   std::vector<double> counts;
@@ -145,13 +153,13 @@ void ScriptedObserver::choose_band() {
     std::vector<double> row;
     for (int u = kColumns / 16; u < kColumns - kColumns / 16; ++u)
       row.push_back(seen.light(u, band));
-    counts.push_back(stripes_in(std::move(row), 200.0));
+    counts.push_back(stripes_in(std::move(row), 400.0));
   }
-  const double fewest = *std::min_element(counts.begin(), counts.end());
-  std::vector<int> best;
-  for (int band = 0; band < frames::kBands; ++band)
-    if (counts[static_cast<size_t>(band)] <= fewest + 0.25) best.push_back(band);
-  const int wanted = best[best.size() / 2];
+  return fewest_stripes(counts);
+}
+
+void ScriptedObserver::choose_band() {
+  const int wanted = best_band();
   for (int n = 0; n < frames::kBands; ++n) press(Key::Up);
   for (int n = 0; n < wanted; ++n) press(Key::Down);
   press(Key::Next);
@@ -246,6 +254,59 @@ void ScriptedObserver::even_out(int rounds) {
     null(upright, lens_per_unit / 0.8 * degrees_per_lens / kSlantStepDegrees, Key::SlantMore,
          Key::SlantLess, 2);
     balance_colours();
+  }
+}
+
+// --- questions --------------------------------------------------------------------------------
+
+int ScriptedObserver::best_column() {
+  constexpr int kSamples = 8, kRows = 480;
+  const Glimpse seen = look(0.0, kSamples * frames::kBands, kRows);
+  std::vector<double> counts;
+  for (int band = 0; band < frames::kBands; ++band) {
+    std::vector<double> column(kRows);
+    for (int v = 0; v < kRows; ++v)
+      for (int u = 2; u < kSamples - 1; ++u)
+        column[static_cast<size_t>(v)] += seen.light(band * kSamples + u, v) / (kSamples - 3);
+    counts.push_back(stripes_in(std::move(column), 100.0));
+  }
+  return fewest_stripes(counts);
+}
+
+/// Returns the rung nearest to the turn from red above to green below; none if the colours are
+/// faint.
+int ScriptedObserver::turning_rung() {
+  const frames::Chart chart = procedure_.chart();
+  const Glimpse seen = look(0.0, 960, 600);
+  const double left = 0.5 + chart.ladder_x - 0.4 * frames::kLadderWidth;
+  const double right = 0.5 + chart.ladder_x + 0.4 * frames::kLadderWidth;
+  std::vector<double> colours;
+  for (int rung = 0; rung < frames::kBands; ++rung) {
+    const double y = 0.5 + frames::rung_y(chart.ladder_y, rung);
+    const double half = 0.45 * frames::kLadderHeight / frames::kBands;
+    colours.push_back(seen.redness(left, right, y - half, y + half));
+  }
+  constexpr double kDistinct = 0.1;
+  const auto [greenest, reddest] = std::minmax_element(colours.begin(), colours.end());
+  if (*reddest < kDistinct || *greenest > -kDistinct) return -1;
+  for (size_t rung = 1; rung < colours.size(); ++rung) {
+    const double above = colours[rung - 1], below = colours[rung];
+    if (above < 0.0 || below >= 0.0 || above - below > 1.0) continue;
+    return static_cast<int>(above < -below ? rung - 1 : rung);
+  }
+  return -1;
+}
+
+void ScriptedObserver::answer_questions() {
+  constexpr int kMost = 60;
+  for (int n = 0; n < kMost && procedure_.is_asking() && !procedure_.questions()->is_done(); ++n) {
+    const frames::Chart chart = procedure_.chart();
+    const int band = chart.pattern == frames::ChartPattern::Bands        ? best_band()
+                     : chart.pattern == frames::ChartPattern::SlantBands ? best_column()
+                                                                         : turning_rung();
+    for (int k = chart.cursor; k < band; ++k) press(Key::Down);
+    for (int k = chart.cursor; k > band; --k) press(Key::Up);
+    press(Key::Next);
   }
 }
 

@@ -39,6 +39,8 @@ class ScriptedObserver {
 
   /// Runs all steps from Prepare to the end of Check.
   void find_sheet();
+  /// Answers all questions of Way::Questions.
+  void answer_questions();
   void find_gap_by_flips();
   void find_gap_by_distance();
   void press(Key key, Stride stride = Stride::Normal) { procedure_.press({key, stride}); }
@@ -49,6 +51,9 @@ class ScriptedObserver {
 
  private:
   void choose_band();
+  [[nodiscard]] int best_band();
+  [[nodiscard]] int best_column();
+  [[nodiscard]] int turning_rung();
   void straighten_stripes();
   void spread_stripes();
   void balance_colours();
