@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/by_eye/ladders.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 
+#include "calib/linear_algebra.h"
 #include "frames/charts/chart.h"
 #include "optics/effective_sheet.h"
 
@@ -163,7 +164,7 @@ Plane Ladders::plane() const {
   }
   if (!first) return {};
   if (known_places() < kLeastForPlane) return {.middle = *first, .across = 0.0, .down = 0.0};
-  const Eigen::Vector3d solved = normal.ldlt().solve(right);
+  const Eigen::Vector3d solved = solve_symmetric(normal, right);
   return {.middle = solved.x(), .across = solved.y(), .down = solved.z()};
 }
 
