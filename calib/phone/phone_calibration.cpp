@@ -21,6 +21,7 @@ constexpr double kWantedLenses = 0.02;
 constexpr double kMostPhaseRms = 0.02;  ///< lenses; good photographs have 0.005
 constexpr double kMostCornerPx = 2.0;   ///< averaged pixels
 constexpr double kMostPull = 4.0;       ///< standard deviations
+constexpr double kMostSaturated = 0.1;  ///< clipped fringes seem shifted; usual are 0.002
 constexpr double kMostTurn = 1e-3;      ///< radians; less does no harm
 constexpr double kZoneHalfWidthMm = 250.0;
 /// Difference between traced lenses and the law of rigs with the gap and shape that fringes give:
@@ -205,12 +206,17 @@ std::string wanted(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
 
 }  // namespace
 
-PhotoPriors hand_held_priors(const SinglePhotoChart& chart, const Estimate& focal_px) {
+PhotoFindings measure_hand_held(const CameraPicture& photograph, const SinglePhotoChart& chart,
+                                const Estimate& focal_px) {
   const double distance = viewing_distance(chart.start);
   PhotoPriors priors;
   priors.focal_px = focal_px;
   priors.distance_mm = Estimate{distance, 0.3 * distance};
-  return priors;
+  PhotoFindings findings = measure_photo(photograph, chart, priors);
+  if (findings.refusal.empty() && findings.saturated > kMostSaturated)
+    findings.refusal =
+        fmt::format("{:.0f} % of the fringes are clipped: expose less", 100.0 * findings.saturated);
+  return findings;
 }
 
 std::optional<optics::Rig> better_start(const PhotoFindings& seen, const SinglePhotoChart& chart) {

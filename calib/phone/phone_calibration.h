@@ -17,8 +17,11 @@ struct PhonePhoto {
   PhotoFindings findings;
 };
 
-/// Returns the priors with which a hand-held photograph, whose distance is unknown, is measured.
-[[nodiscard]] PhotoPriors hand_held_priors(const SinglePhotoChart& chart, const Estimate& focal_px);
+/// Measures a photograph whose distance is unknown. Refuses it also for light that
+/// fit_single_photo() tolerates.
+[[nodiscard]] PhotoFindings measure_hand_held(const CameraPicture& photograph,
+                                              const SinglePhotoChart& chart,
+                                              const Estimate& focal_px);
 
 /// Returns a start from which the chart should be planned again, if the photograph shows that the
 /// pitch of the chart's start is more than a hundredth off: then part of the chart has too few

@@ -552,6 +552,7 @@ PhotoFindings measure_photo(const CameraPicture& photograph, const SinglePhotoCh
   out.columns = work.fringes.columns;
   out.rows = work.fringes.rows;
   out.covered = std::min(work.fringes.covered, 1.0);
+  out.saturated = work.fringes.saturated;
   return out;
 }
 

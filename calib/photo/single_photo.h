@@ -27,6 +27,7 @@ struct PhotoFindings {
   int columns = 0, rows = 0;        ///< numbers of blocks across and down the panel
   double contrast = 0.0;
   double covered = 0.0;
+  double saturated = 0.0;  ///< fraction of the values on the panel that were clipped
 };
 
 /// Measures a photograph as fit_single_photo() does.

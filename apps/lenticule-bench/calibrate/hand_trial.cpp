@@ -53,8 +53,7 @@ void HandTrial::take(const Shot& shot) {
   round_trip(photo, workshop_.phone.jpeg_quality);
   focal_px_ = calib::focal_of_film(photo.stated_focal_35mm, photo.width);
   photos_.push_back({.name = "photograph " + std::to_string(photos_.size() + 1),
-                     .findings = calib::measure_photo(picture_of(photo), chart_,
-                                                      calib::hand_held_priors(chart_, focal_px_))});
+                     .findings = calib::measure_hand_held(picture_of(photo), chart_, focal_px_)});
 }
 
 double HandTrial::error_of(const optics::Rig& rig) const {

@@ -39,9 +39,8 @@ std::string HandHeldPhotos::add(const std::filesystem::path& file) {
   const calib::CameraPicture photograph = read_(file);
   const calib::Estimate focal =
       focal_of(given_focal_px_, file, std::max(photograph.width, photograph.height));
-  calib::PhonePhoto photo{
-      .name = file.filename().string(),
-      .findings = calib::measure_photo(photograph, chart_, calib::hand_held_priors(chart_, focal))};
+  calib::PhonePhoto photo{.name = file.filename().string(),
+                          .findings = calib::measure_hand_held(photograph, chart_, focal)};
   const std::string refusal = photo.findings.refusal;
   if (refusal.empty()) {
     focal_px_ = focal;

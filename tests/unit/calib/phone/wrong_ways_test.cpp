@@ -16,8 +16,8 @@ namespace {
 TEST(WrongWays, AMistakeInOnePhotographIsRefusedWithItsCause) {
   const test::ScratchFolder folder;
   WrongWayTrial trial(2001, test::small_workshop(3), folder.path());
-  for (const char* name : {"hand that turns by 8 degrees a second", "out of focus", "too far away",
-                           "beside the panel"}) {
+  for (const char* name :
+       {"hand that turns by 8 degrees a second", "out of focus", "overexposed", "too far away"}) {
     const auto way = std::ranges::find(wrong_ways(), name, &WrongWay::name);
     ASSERT_NE(way, wrong_ways().end()) << name;
     const WrongWayResult result = trial.calibrate(*way);
