@@ -14,7 +14,8 @@
 namespace lenticule::calib {
 namespace {
 
-constexpr double kPitchesPerCell = 12.0;
+/// Lens pitches across a cell of a tag: as many as there is room for.
+constexpr double kMostPitchesPerCell = 12.0, kLeastPitchesPerCell = 7.0;
 constexpr double kLeastCellPx = 20.0;
 constexpr double kArmsLengthMm = 700.0;
 constexpr int kTagsAcross = 3;
@@ -39,8 +40,22 @@ std::vector<int> tag_ids(const optics::Rig& rig) {
   return ids;
 }
 
+/// Returns the largest cell with room for all tags. Fringes need at least as much space as tags.
+double most_cell_px(const optics::Panel& panel) {
+  constexpr double kAllTags = kTagsAcross * kTagCells;
+  return std::floor(
+      std::min(panel.width_px / (2.0 * kAllTags), panel.height_px / (1.5 * kAllTags)));
+}
+
+/// Returns the smallest cell that is seen through the sheet.
+double least_cell_px(const optics::Rig& rig) {
+  return std::ceil(std::max(kLeastCellPx, kLeastPitchesPerCell * rig.sheet.pitch.value / 3.0));
+}
+
 double tag_cell_px(const optics::Rig& rig) {
-  return std::ceil(std::max(kLeastCellPx, kPitchesPerCell * rig.sheet.pitch.value / 3.0));
+  const double wanted =
+      std::ceil(std::max(kLeastCellPx, kMostPitchesPerCell * rig.sheet.pitch.value / 3.0));
+  return std::min(wanted, most_cell_px(rig.panel));
 }
 
 /// Places tags near the corners, near the middles of the sides and in the centre. Fringes outside
@@ -51,7 +66,8 @@ std::vector<ChartTag> place_tags(const optics::Rig& rig) {
   if (!has_room_for_tags(rig))
     throw Error(ErrorKind::Input,
                 fmt::format("{}: {} x {} pixels are too few for nine tags of {:.0f} pixels",
-                            rig.name.empty() ? "rig" : rig.name, width, height, size),
+                            rig.name.empty() ? "rig" : rig.name, width, height,
+                            kTagCells * least_cell_px(rig)),
                 "calibrate with several photographs, which do not need tags");
   constexpr double kInsetX = 0.05, kInsetY = 0.075;
   const double left = std::max(cell, kInsetX * width), top = std::max(cell, kInsetY * height);
@@ -139,10 +155,7 @@ void draw_fringes(const SinglePhotoChart& chart, const Wave& wave, int j, uint8_
 }  // namespace
 
 bool has_room_for_tags(const optics::Rig& start) {
-  // Fringes need at least as much space as tags.
-  const double size = kTagCells * tag_cell_px(start);
-  return 2.0 * kTagsAcross * size <= start.panel.width_px &&
-         1.5 * kTagsAcross * size <= start.panel.height_px;
+  return least_cell_px(start) <= most_cell_px(start.panel);
 }
 
 std::array<Vec2, 4> ChartTag::corners_px() const {

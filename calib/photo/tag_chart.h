@@ -73,7 +73,7 @@ struct SinglePhotoChart {
 
 /// Plans the chart for an eye at the rig's viewing distance (700 mm if infinite). Number of
 /// fringes: 3 % of the lenses in a row, 24 to 60. Throws Error(Input) for an invalid rig and for a
-/// panel too small for the tags: a tag's cell is at least 12 lens pitches and 20 pixels.
+/// panel too small for the tags: a tag's cell is at least 7 lens pitches and 20 pixels.
 [[nodiscard]] SinglePhotoChart plan_single_photo_chart(const optics::Rig& start);
 
 /// Draws the chart's frame, with the panel's size, in sRGB codes of linear light.

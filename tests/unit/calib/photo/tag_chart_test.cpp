@@ -122,6 +122,22 @@ TEST(TagChart, AnotherRigHasOtherTags) {
   EXPECT_EQ(plan_single_photo_chart(other).tag(id), nullptr);
 }
 
+TEST(TagChart, HasRoomForLensesOfTwentySubpixelsOn4kAndTenOn1080) {
+  for (const auto& [width, height, pitch] :
+       {std::tuple(3840, 2160, 20.0), std::tuple(1920, 1080, 10.0)}) {
+    optics::Rig rig = desk_rig();
+    rig.panel.width_px = width;
+    rig.panel.height_px = height;
+    rig.sheet.pitch.value = pitch;
+    ASSERT_TRUE(has_room_for_tags(rig)) << pitch;
+    for (const ChartTag& tag : plan_single_photo_chart(rig).tags) {
+      EXPECT_GE(tag.cell_px, 7.0 * pitch / 3.0);
+      EXPECT_LE(tag.left_px + 10.0 * tag.cell_px, width);
+      EXPECT_LE(tag.top_px + 10.0 * tag.cell_px, height);
+    }
+  }
+}
+
 TEST(TagChart, RefusesAPanelTooSmallForTags) {
   optics::Rig rig = desk_rig();
   rig.panel.width_px = 1024;
