@@ -10,7 +10,9 @@
 
 #include "base/statistics.h"
 #include "calib/fit/joint_fit.h"
+#include "calib/fit/own_cameras.h"
 #include "calib/fit/prediction.h"
+#include "calib/measure/mark_moves.h"
 
 namespace lenticule::calib {
 namespace {
@@ -20,14 +22,18 @@ constexpr double kMostGeometryPart = 1e-3;  ///< geometry residual, relative to 
 constexpr double kLeastCovered = 0.55;      ///< fraction of the panel, in each viewpoint
 constexpr double kMostDriftLenses = 0.05;   ///< drift between first and repeated fringes
 constexpr double kNotableDriftLenses = 0.003;  ///< more than the noise of any usable camera
-constexpr double kMostMovePx = 0.25;           ///< movement of the marks, from picture to picture
 constexpr double kLeastWhite = 0.1;            ///< light of the white panel, relative to full scale
 constexpr double kMaxPriorSigmas = 4.0;        ///< deviation from prior knowledge
 constexpr double kMostCorrelation = 0.98;      ///< correlation of pitch and gap
 constexpr double kLeastColourContrast =
     0.85;  ///< contrast of red and blue fringes relative to green
 constexpr double kNearestPart =
-    0.75;  ///< nearest possible eyes, relative to the viewpoints' distance
+    0.75;                        ///< nearest possible eyes, relative to the viewpoints' distance
+constexpr size_t kMostGaps = 3;  ///< gaps that are fitted if the camera differs from view to view
+constexpr double kAboutAsGood = 1.03;  ///< ratio of costs
+/// A single viewpoint shows its distance badly, because the gap is unknown: known distances are
+/// compared with this standard error, as a part of the distance, and then held.
+constexpr double kSinglePart = 0.025, kHeldMm = 0.1;
 constexpr double kAmbiguity = 60.0;  ///< chi-squared by which the best gap must lead
 /// Wide patterns are decoded through a smooth map, so their errors are correlated and their many
 /// points count as few.
@@ -41,6 +47,19 @@ constexpr LawError kTracedLenses{
 constexpr double kLeastAberration = -0.03;
 constexpr double kMostAberration = 0.1;
 constexpr double kBgrOffset = 2.0;  ///< subpixels that red and blue are off when swapped
+
+/// Attempt holds the steps of a fit; the steps after a failed one are empty.
+struct Attempt {
+  std::optional<PoseFit> poses;
+  std::optional<GapCandidate> gap;    ///< empty with one view
+  std::optional<GapCandidate> rival;  ///< gap that agrees with the views about as well
+  std::optional<JointFit> fit;
+};
+
+/// Returns true if two values of one quantity agree within their standard errors.
+bool agree(const Estimate& a, const Estimate& b) {
+  return std::abs(a.value - b.value) <= kMaxPriorSigmas * std::hypot(a.sigma, b.sigma);
+}
 
 class Calibrator {
  public:
@@ -77,6 +96,9 @@ class Calibrator {
 
  private:
   [[nodiscard]] bool several() const { return views_.size() > 1; }
+  [[nodiscard]] CameraValues camera_in(size_t v) const {
+    return camera_of(fit_->values.camera, fit_->values.own[v], views_[v]);
+  }
   /// Returns the prediction of the fit. A single viewpoint determines neither pitch nor gap, and
   /// its own picture does not depend on the lens law, so the law's error is omitted.
   [[nodiscard]] Prediction prediction() const {
@@ -106,8 +128,11 @@ class Calibrator {
             .free_poses = true,
             .geometry_scatter = kGeometryScatter};
   }
-  std::vector<GapCandidate> search_again(const GapCandidate& better);
-  bool choose_gap();
+  [[nodiscard]] Attempt attempt(CameraSameness sameness) const;
+  [[nodiscard]] std::vector<Suspect> suspects(const Attempt& nearly) const;
+  [[nodiscard]] Attempt with_own_cameras(const Attempt& same) const;
+  [[nodiscard]] Attempt best_attempt();
+  void use_distances();
   void put_rig();
   void measure_colours();
   void evaluate_layout();
@@ -120,7 +145,7 @@ class Calibrator {
   void evaluate_aberration();
   void evaluate_moves(const ViewpointMeasurement& measured);
   void evaluate_light(const ViewpointMeasurement& measured);
-  void evaluate_priors();
+  void evaluate_focal_length();
   void evaluate();
   void evaluate_viewpoint(const Viewpoint& viewpoint, const ViewpointMeasurement& measured);
 
@@ -133,6 +158,8 @@ class Calibrator {
   std::optional<PoseFit> poses_;
   std::optional<GapCandidate> gap_;
   std::optional<JointFit> fit_;
+  CameraSameness sameness_ = CameraSameness::Same;
+  bool contradicts_ = false;  ///< true if a camera differs more than the fit can take into account
   bool refused_ = false;
   Calibration result_;
 };
@@ -144,29 +171,87 @@ void start_from(const ViewpointMeasurement& seen, SheetStart& start, const optic
   start.values[kDown] = 0.5 * panel.height_px * seen.line.per_px_y;
 }
 
-/// Repeats the search of poses and gaps: a wrong gap puts the camera at a slightly wrong distance.
-std::vector<GapCandidate> Calibrator::search_again(const GapCandidate& better) {
+/// Searches poses and gaps twice: a wrong gap puts the camera at a slightly wrong distance.
+Attempt Calibrator::attempt(CameraSameness sameness) const {
+  Attempt out;
   SheetParameters sheet = start_.values;
-  sheet[kGap] = better.gap_mm;
-  sheet[kShape] = better.shape;
-  if (std::optional<PoseFit> again = fit_poses(views_, sheet, panel_)) poses_ = again;
-  return search_gaps(views_, *poses_, start_, panel_);
+  out.poses = fit_poses(views_, sheet, panel_, sameness);
+  if (!out.poses) return out;
+  JointOptions options = joint_options();
+  options.sameness = sameness;
+  if (!several()) {
+    out.fit = fit_jointly(views_, *out.poses, start_, std::nullopt, panel_, options);
+    return out;
+  }
+  std::vector<GapCandidate> gaps = search_gaps(views_, *out.poses, start_, panel_);
+  if (gaps.empty()) return out;
+  sheet[kGap] = gaps.front().gap_mm;
+  sheet[kShape] = gaps.front().shape;
+  if (std::optional<PoseFit> again = fit_poses(views_, sheet, panel_, sameness)) out.poses = again;
+  gaps = search_gaps(views_, *out.poses, start_, panel_);
+  if (gaps.empty()) return out;
+  out.gap = gaps.front();
+  if (gaps.size() > 1 && gaps[1].chi_squared - gaps[0].chi_squared < kAmbiguity)
+    out.rival = gaps[1];
+  // The search of gaps does not know the shifts of the cameras' axes, which only phases show.
+  const size_t tried = sameness == CameraSameness::Same ? 1 : std::min(kMostGaps, gaps.size());
+  for (size_t n = 0; n < tried; ++n) {
+    std::optional<JointFit> fit = fit_jointly(views_, *out.poses, start_, gaps[n], panel_, options);
+    if (!fit || (out.fit && out.fit->cost <= fit->cost)) continue;
+    out.fit = std::move(fit);
+    out.gap = gaps[n];
+  }
+  return out;
 }
 
-bool Calibrator::choose_gap() {
-  std::vector<GapCandidate> gaps = search_gaps(views_, *poses_, start_, panel_);
-  if (!gaps.empty()) gaps = search_again(gaps.front());
-  if (gaps.empty()) {
-    refuse("no gap between lenses and pixels agrees with all viewpoints");
-    return false;
+/// Returns the views whose camera alone, if it differs, explains the views about as well as if it
+/// differed at each place.
+std::vector<Suspect> Calibrator::suspects(const Attempt& nearly) const {
+  std::vector<Suspect> all;
+  std::vector<double> costs;
+  for (size_t v = 0; v < views_.size(); ++v) {
+    PoseFit start{.camera = nearly.fit->values.camera,
+                  .own = std::vector<OwnCameraValues>(views_.size()),
+                  .poses = nearly.fit->values.poses};
+    start.own[v] = nearly.fit->values.own[v];
+    JointOptions options = joint_options();
+    options.sameness = CameraSameness::Nearly;
+    options.only_view = v;
+    const auto fit = fit_jointly(views_, start, start_, nearly.gap, panel_, options);
+    if (!fit) continue;
+    all.push_back({views_[v].name, fit->values.own[v]});
+    costs.push_back(fit->cost);
   }
-  gap_ = gaps.front();
-  if (gaps.size() > 1 && gaps[1].chi_squared - gaps[0].chi_squared < kAmbiguity)
-    refuse(
-        fmt::format("two gaps agree with the viewpoints about equally well: {:.3f} and {:.3f} mm. "
-                    "Add a viewpoint at another distance to the side.",
-                    gaps[0].gap_mm, gaps[1].gap_mm));
-  return true;
+  std::vector<Suspect> likely;
+  for (size_t n = 0; n < all.size(); ++n)
+    if (costs[n] <= kAboutAsGood * std::ranges::min(costs)) likely.push_back(all[n]);
+  return likely;
+}
+
+/// Gives each view its own camera. Starts from the fit of one camera, and anew if the cameras
+/// differ: then the places and the gap of that fit may be wrong.
+Attempt Calibrator::with_own_cameras(const Attempt& same) const {
+  Attempt near = same;
+  if (same.fit) {
+    JointOptions options = joint_options();
+    options.sameness = CameraSameness::Nearly;
+    near.fit = fit_jointly(views_, *same.poses, start_, same.gap, panel_, options);
+    if (near.fit && !differ_notably(near.fit->values.own)) return near;
+  }
+  Attempt anew = attempt(CameraSameness::Nearly);
+  return !near.fit || (anew.fit && anew.fit->cost < near.fit->cost) ? anew : near;
+}
+
+/// Fits with one camera for all views, unless the views show that it differs.
+Attempt Calibrator::best_attempt() {
+  Attempt same = attempt(CameraSameness::Same);
+  if (!several()) return same;
+  Attempt nearly = with_own_cameras(same);
+  if (!nearly.fit || !differ_notably(nearly.fit->values.own)) return same;
+  sameness_ = CameraSameness::Nearly;
+  contradicts_ = contradict(nearly.fit->values.own);
+  if (contradicts_) refuse(sentence_about(suspects(nearly)));
+  return nearly;
 }
 
 bool Calibrator::fit() {
@@ -175,17 +260,52 @@ bool Calibrator::fit() {
     return false;
   }
   start_from(measured_.front(), start_, panel_);
-  poses_ = fit_poses(views_, start_.values, panel_);
-  if (!poses_) {
+  Attempt found = best_attempt();
+  if (!found.poses) {
     refuse(
         "the place of the camera cannot be determined: no place agrees with the panel points it "
         "saw");
     return false;
   }
-  if (several() && !choose_gap()) return false;
-  fit_ = fit_jointly(views_, *poses_, start_, gap_, panel_, joint_options());
+  poses_ = std::move(found.poses);
+  if (several() && !found.gap) {
+    refuse("no gap between lenses and pixels agrees with all viewpoints");
+    return false;
+  }
+  gap_ = found.gap;
+  if (found.rival && !contradicts_)
+    refuse(
+        fmt::format("two gaps agree with the viewpoints about equally well: {:.3f} and {:.3f} mm. "
+                    "Add a viewpoint at another distance to the side.",
+                    gap_->gap_mm, found.rival->gap_mm));
+  fit_ = std::move(found.fit);
+  if (fit_) use_distances();
   if (!fit_) refuse("the fit does not converge");
   return fit_.has_value();
+}
+
+/// Fits again with the measured distances that agree with the fit, and refuses the others.
+void Calibrator::use_distances() {
+  JointOptions options = joint_options();
+  options.sameness = sameness_;
+  const Prediction predicted = prediction();
+  for (size_t v = 0; v < std::min(views_.size(), options_.distances_mm.size()); ++v) {
+    const Estimate& known = options_.distances_mm[v];
+    options.distances_mm.emplace_back();
+    if (!(known.value > 0.0)) continue;
+    Estimate found{fit_->values.poses[v][kPupil + 2], predicted.eye_sigma(v).z};
+    if (!several()) found.sigma = std::max(found.sigma, kSinglePart * found.value);
+    if (agree(known, found))
+      options.distances_mm.back() = {known.value, several() ? known.sigma : kHeldMm};
+    else
+      refuse(
+          fmt::format("{}: the camera is {:.0f} mm from the panel according to the pictures, not "
+                      "{:.0f} mm: measure the distance from the panel to the front of the lens, or "
+                      "check the panel's size in the rig",
+                      views_[v].name, found.value, known.value));
+  }
+  if (std::ranges::any_of(options.distances_mm, [](const Estimate& e) { return e.value > 0.0; }))
+    fit_ = fit_jointly(views_, *poses_, start_, gap_, panel_, options);
 }
 
 void Calibrator::put_rig() {
@@ -308,6 +428,8 @@ void Calibrator::describe_viewpoints() {
     out.name = m.name;
     out.eye_mm = {pose[kPupil], pose[kPupil + 1], pose[kPupil + 2]};
     out.eye_sigma_mm = predicted.eye_sigma(v);
+    if (!several() && !options_.distances_mm.empty())
+      out.eye_sigma_mm.z = std::max(out.eye_sigma_mm.z, options_.distances_mm[v].sigma);
     out.tilt_degrees = tilt_degrees(pose);
     const EffectiveLine line = predicted.effective_line(out.eye_mm);
     out.effective_pitch_subpx = line.pitch_subpx;
@@ -323,8 +445,7 @@ void Calibrator::describe_viewpoints() {
     }
     out.rms_lenses = std::sqrt(square / std::max<double>(1.0, out.blocks));
     out.reprojection_rms_px = fit_->geometry_rms_px;
-    out.residual =
-        field_of(views_[v], pose, fit_->values.camera, fit_->rests[v], panel_, kPictureCells);
+    out.residual = field_of(views_[v], pose, camera_in(v), fit_->rests[v], panel_, kPictureCells);
     result_.viewpoints.push_back(std::move(out));
   }
 }
@@ -341,7 +462,8 @@ void Calibrator::describe_parameters() {
 /// position from the viewpoint's own panel points.
 void Calibrator::leave_one_out() {
   if (views_.size() < 3) return;
-  const PoseFit all{.camera = fit_->values.camera, .poses = fit_->values.poses};
+  const PoseFit all{
+      .camera = fit_->values.camera, .own = fit_->values.own, .poses = fit_->values.poses};
   SheetStart start = start_;
   start.values = fit_->values.sheet;
   for (size_t out = 0; out < views_.size(); ++out) {
@@ -350,6 +472,7 @@ void Calibrator::leave_one_out() {
     GapCandidate gap = *gap_;
     const auto at = static_cast<ptrdiff_t>(out);
     others.erase(others.begin() + at);
+    poses.own.erase(poses.own.begin() + at);
     poses.poses.erase(poses.poses.begin() + at);
     gap.whole_lenses.erase(gap.whole_lenses.begin() + at);
     for (int& whole : gap.whole_lenses) whole -= out == 0 ? gap_->whole_lenses[1] : 0;
@@ -367,8 +490,9 @@ void Calibrator::leave_one_out() {
     values.camera = fit_->values.camera;
     const PoseValues& pose = fit_->values.poses[out];
     const PanelField missed =
-        field_of(views_[out], pose, values.camera,
-                 rests_of(views_[out], pose, values, grid_, panel_), panel_, kEvaluatedCells);
+        field_of(views_[out], pose, camera_in(out),
+                 rests_of(views_[out], fit_->values.own[out], pose, values, grid_, panel_), panel_,
+                 kEvaluatedCells);
     double worst = 0.0;
     for (const double lenses : missed.values)
       if (std::isfinite(lenses)) worst = std::max(worst, std::abs(lenses));
@@ -446,61 +570,28 @@ void Calibrator::evaluate_aberration() {
         found));
 }
 
-/// Detects that the camera or the panel was moved: the patterns before and after then belong to two
-/// viewpoints. Single readings vary with the light around the marks, but medians of many do not.
+/// Refuses pictures of a place between which the camera or the panel moved: they belong to two
+/// viewpoints.
 void Calibrator::evaluate_moves(const ViewpointMeasurement& measured) {
-  const std::vector<Vec2>& moves = measured.mark_moves;
-  constexpr size_t kFewest = 4;
-  const auto middle = [&](size_t begin, size_t end) {
-    std::vector<double> x, y;
-    for (size_t n = begin; n < end; ++n) {
-      x.push_back(moves[n].x);
-      y.push_back(moves[n].y);
-    }
-    return Vec2{upper_median(std::move(x)), upper_median(std::move(y))};
-  };
-  const auto misfit = [&](size_t begin, size_t end, Vec2 place) {
-    double sum = 0.0;
-    for (size_t n = begin; n < end; ++n)
-      sum += std::abs(moves[n].x - place.x) + std::abs(moves[n].y - place.y);
-    return sum;
-  };
-  size_t best = 0;
-  double least = std::numeric_limits<double>::infinity();
-  for (size_t n = kFewest; n + kFewest <= moves.size(); ++n) {
-    const double sum =
-        misfit(0, n, middle(0, n)) + misfit(n, moves.size(), middle(n, moves.size()));
-    if (sum >= least) continue;
-    least = sum;
-    best = n;
-  }
-  if (best == 0) return;
-  const Vec2 step = middle(best, moves.size()) - middle(0, best);
-  const double length = std::hypot(step.x, step.y);
-  if (length <= kMostMovePx) return;
+  const std::optional<MarkStep> step = find_step(measured.mark_moves);
+  if (!step) return;
   refuse(
-      fmt::format("{}: from photograph {} on the panel is {:.1f} pixels from where it was "
-                  "before: the camera or the panel was moved; photograph this place again",
-                  measured.name, best + 1, length));
+      fmt::format("{}: {}, or the panel did: from then on the panel is {:.1f} pixels from where it "
+                  "was before; photograph this place again",
+                  measured.name, moved_between(step->picture), step->length_px));
 }
 
-/// Refuses results that contradict prior knowledge.
-void Calibrator::evaluate_priors() {
-  const auto evaluate_one = [&](const char* what, const char* unit,
-                                const std::optional<Estimate>& known, const Estimate& found) {
-    if (!known) return;
-    const double sigma = std::hypot(known->sigma, found.sigma);
-    if (std::abs(found.value - known->value) <= kMaxPriorSigmas * sigma) return;
-    refuse(fmt::format("the {} is {:.0f} {} according to the pictures, not {:.0f} {}", what,
-                       found.value, unit, known->value, unit));
-  };
+/// Refuses a focal length that contradicts the known one.
+void Calibrator::evaluate_focal_length() {
+  if (!options_.focal_px) return;
   const Viewpoint& first = result_.viewpoints.front();
-  evaluate_one("first viewpoint's distance", "mm", options_.distance_mm,
-               {first.eye_mm.z, first.eye_sigma_mm.z});
   // The relative errors of focal length and distance are equal.
   const double part = first.eye_sigma_mm.z / first.eye_mm.z;
-  evaluate_one("camera's focal length", "px", options_.focal_px,
-               {result_.camera.focal_px, part * result_.camera.focal_px});
+  const double found = result_.camera.focal_px;
+  if (agree(*options_.focal_px, {found, part * found})) return;
+  refuse(
+      fmt::format("the camera's focal length is {:.0f} px according to the pictures, not {:.0f} px",
+                  found, options_.focal_px->value));
 }
 
 /// Refuses dark pictures. If a white panel is hardly lighter than the camera's noise and code
@@ -517,8 +608,11 @@ void Calibrator::evaluate_light(const ViewpointMeasurement& measured) {
 void Calibrator::evaluate() {
   for (size_t v = 0; v < views_.size(); ++v)
     evaluate_viewpoint(result_.viewpoints[v], measured_[v]);
-  evaluate_priors();
-  if (fit_->geometry_rms_px > kMostGeometryPart * panel_.width_px)
+  if (!contradicts_ && sameness_ == CameraSameness::Nearly)
+    for (std::string& note : notes_of(views_, fit_->values.own))
+      result_.warnings.push_back(std::move(note));
+  evaluate_focal_length();
+  if (!contradicts_ && fit_->geometry_rms_px > kMostGeometryPart * panel_.width_px)
     refuse(
         fmt::format("the panel points deviate from a flat panel by {:.1f} pixels: check whether "
                     "the panel is curved, or the camera zoomed between the viewpoints",
@@ -529,7 +623,7 @@ void Calibrator::evaluate() {
     refuse("the panel's subpixels are ordered BGR: set layout = \"bgr\" in the rig and start over");
   evaluate_aberration();
   for (const Viewpoint& viewpoint : result_.viewpoints)
-    if (viewpoint.predicted_lenses > options_.most_held_out_lenses)
+    if (!contradicts_ && viewpoint.predicted_lenses > options_.most_held_out_lenses)
       refuse(fmt::format("{}: the other viewpoints predict its phase only to {:.3f} lens",
                          viewpoint.name, viewpoint.predicted_lenses));
   if (!several()) {

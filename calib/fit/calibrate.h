@@ -22,9 +22,11 @@ struct CalibrateOptions {
   /// Half width of the viewing zone of the prediction: eyes at the viewpoints' mean distance and at
   /// distances a quarter nearer and farther.
   double zone_half_width_mm = 250.0;
-  /// Prior knowledge of the first viewpoint's distance and of the camera. The fit does not use it;
-  /// the result must agree with it.
-  std::optional<Estimate> distance_mm{};
+  /// Measured distances of the first viewpoints from the panel, in their order; a value of 0 is
+  /// unknown. The fit uses them if they agree with its result without them, else the calibration is
+  /// refused.
+  std::vector<Estimate> distances_mm{};
+  /// Known focal length. The fit does not use it; the result must agree with it.
   std::optional<Estimate> focal_px{};
 };
 

@@ -74,11 +74,12 @@ class SmoothSheet {
  private:
   void collect() {
     for (size_t v = 0; v < views_.size(); ++v) {
+      const CameraValues camera = camera_of(poses_.camera, poses_.own[v], views_[v]);
       const std::vector<PhaseObservation>& phases = views_[v].phases;
       const size_t stride = std::max<size_t>(1, phases.size() / kMostPerView);
       for (size_t n = 0; n < phases.size(); n += stride)
         rows_.push_back({.view = v,
-                         .lens = lens_plane_point(poses_.camera.data(), poses_.poses[v].data(),
+                         .lens = lens_plane_point(camera.data(), poses_.poses[v].data(),
                                                   phases[n].camera_px.x, phases[n].camera_px.y),
                          .turns = phases[n].turns});
     }

@@ -24,6 +24,7 @@ constexpr double kGaugeSigma = 3e-6;
 /// Focused cylinders have up to a twentieth of either.
 constexpr double kAberrationSigma = 0.05;
 constexpr double kSagSigma = 0.05;
+constexpr double kAnyAmount = 20.0;  ///< factor on the priors of JointOptions::only_view
 
 double rms(const std::vector<double>& values) {
   double sum = 0.0;
@@ -38,6 +39,7 @@ class Bundle {
          const optics::Panel& panel, const JointOptions& options)
       : views_(views), panel_(panel), options_(options), start_(start) {
     fit_.values.camera = poses.camera;
+    fit_.values.own = poses.own;
     fit_.values.poses = poses.poses;
     fit_.values.sheet = start.values;
     fit_.values.knots.assign(static_cast<size_t>(options.grid.count()), 0.0);
@@ -50,6 +52,7 @@ class Bundle {
     }
     if (!start_linear(gap)) return std::nullopt;
     if (!solve()) return std::nullopt;
+    fit_.cost = cost_;
     rescale();
     if (!solve()) return std::nullopt;
     finish();
@@ -57,6 +60,14 @@ class Bundle {
   }
 
  private:
+  [[nodiscard]] CameraValues camera_in(size_t v) const {
+    return camera_of(fit_.values.camera, fit_.values.own[v], views_[v]);
+  }
+  [[nodiscard]] bool frees_own_camera(size_t v) const {
+    return options_.free_poses && options_.sameness == CameraSameness::Nearly &&
+           v == options_.only_view.value_or(v);
+  }
+
   /// Computes pitch, slant and offset by linear least squares from the views, for a given gap.
   bool start_linear(const std::optional<GapCandidate>& gap) {
     Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
@@ -65,9 +76,10 @@ class Bundle {
     const double half_height = 0.5 * panel_.height_px * panel_.pixel_height.value;
     for (size_t v = 0; v < views_.size(); ++v) {
       const PoseValues& pose = fit_.values.poses[v];
+      const CameraValues camera = camera_in(v);
       for (const PhaseObservation& p : views_[v].phases) {
         const auto lens =
-            lens_plane_point(fit_.values.camera.data(), pose.data(), p.camera_px.x, p.camera_px.y);
+            lens_plane_point(camera.data(), pose.data(), p.camera_px.x, p.camera_px.y);
         const auto q = fringe_point(pose.data(), fit_.values.sheet.data(), panel_, lens);
         const double whole = gap ? gap->whole_lenses[v] : 0;
         const double shown = fringe_turns(views_[v].fringe, panel_, q) - p.turns + whole;
@@ -90,7 +102,13 @@ class Bundle {
     for (size_t v = 0; v < views_.size(); ++v) {
       if (options_.free_poses) add_geometry(v);
       add_phases(v);
+      double* const own = values.own[v].data();
+      if (frees_own_camera(v))
+        add_own_camera_priors(*problem_, own, options_.only_view ? kAnyAmount : 1.0);
+      else
+        problem_->SetParameterBlockConstant(own);
     }
+    if (options_.free_poses) add_distances();
     if (options_.free_poses) add_camera_priors(*problem_, views_.front(), values.camera.data());
     add_map_terms();
     add_sheet_priors();
@@ -99,23 +117,39 @@ class Bundle {
   void add_geometry(size_t v) {
     for (GeometryPoint point : views_[v].geometry) {
       point.sigma_px *= geometry_scale_;
-      problem_->AddResidualBlock(geometry_cost(point, panel_), new ceres::HuberLoss(kHuber),
-                                 fit_.values.camera.data(), fit_.values.poses[v].data(),
+      problem_->AddResidualBlock(geometry_cost(views_[v], point, panel_),
+                                 new ceres::HuberLoss(kHuber), fit_.values.camera.data(),
+                                 fit_.values.own[v].data(), fit_.values.poses[v].data(),
                                  fit_.values.sheet.data());
     }
   }
 
+  void add_distances() {
+    const size_t known = std::min(options_.distances_mm.size(), views_.size());
+    for (size_t v = 0; v < known; ++v) {
+      const Estimate& distance = options_.distances_mm[v];
+      if (!(distance.value > 0.0)) continue;
+      Eigen::MatrixXd weight = Eigen::MatrixXd::Zero(1, kPoseCount);
+      Eigen::VectorXd wanted = Eigen::VectorXd::Zero(kPoseCount);
+      weight(0, kPupil + 2) = 1.0 / distance.sigma;
+      wanted[kPupil + 2] = distance.value;
+      problem_->AddResidualBlock(new ceres::NormalPrior(weight, wanted), nullptr,
+                                 fit_.values.poses[v].data());
+    }
+  }
+
   void add_phases(size_t v) {
+    const CameraValues camera = camera_in(v);
     for (PhaseObservation seen : views_[v].phases) {
-      const auto lens = lens_plane_point(fit_.values.camera.data(), fit_.values.poses[v].data(),
+      const auto lens = lens_plane_point(camera.data(), fit_.values.poses[v].data(),
                                          seen.camera_px.x, seen.camera_px.y);
       seen.sigma *= fit_.phase_scale;
       const std::vector<KnotWeight> knots = knots_at(lens);
-      std::vector<double*> blocks = {fit_.values.camera.data(), fit_.values.poses[v].data(),
-                                     fit_.values.sheet.data()};
+      std::vector<double*> blocks = {fit_.values.camera.data(), fit_.values.own[v].data(),
+                                     fit_.values.poses[v].data(), fit_.values.sheet.data()};
       for (const KnotWeight& k : knots)
         blocks.push_back(&fit_.values.knots[static_cast<size_t>(k.knot)]);
-      problem_->AddResidualBlock(phase_cost(seen, views_[v].fringe, panel_, knots),
+      problem_->AddResidualBlock(phase_cost(views_[v], seen, panel_, knots),
                                  new ceres::CauchyLoss(kCauchy), blocks);
     }
     if (!options_.free_poses) {
@@ -201,6 +235,7 @@ class Bundle {
     options.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
     ceres::Solve(options, problem_.get(), &summary);
+    cost_ = summary.final_cost;
     return summary.IsSolutionUsable();
   }
 
@@ -209,8 +244,7 @@ class Bundle {
   void rescale() {
     std::vector<double> normalized, geometry;
     for (size_t v = 0; v < views_.size(); ++v) {
-      const std::vector<double> rests =
-          rests_of(views_[v], fit_.values.poses[v], fit_.values, options_.grid, panel_);
+      const std::vector<double> rests = phase_rests(v);
       for (size_t n = 0; n < rests.size(); ++n)
         normalized.push_back(rests[n] / views_[v].phases[n].sigma);
       const std::vector<double> seen = geometry_rests(v);
@@ -222,13 +256,19 @@ class Bundle {
           options_.geometry_scatter * std::max(0.05, 1.4826 * median_magnitude(geometry));
   }
 
+  [[nodiscard]] std::vector<double> phase_rests(size_t v) const {
+    return rests_of(views_[v], fit_.values.own[v], fit_.values.poses[v], fit_.values, options_.grid,
+                    panel_);
+  }
+
   /// Returns the residuals of both coordinates of each geometry point, in its standard errors.
   [[nodiscard]] std::vector<double> geometry_rests(size_t v) const {
     std::vector<double> out;
     for (const GeometryPoint& point : views_[v].geometry) {
-      const std::unique_ptr<ceres::CostFunction> cost(geometry_cost(point, panel_));
-      const std::array<const double*, 3> blocks = {
-          fit_.values.camera.data(), fit_.values.poses[v].data(), fit_.values.sheet.data()};
+      const std::unique_ptr<ceres::CostFunction> cost(geometry_cost(views_[v], point, panel_));
+      const std::array<const double*, 4> blocks = {
+          fit_.values.camera.data(), fit_.values.own[v].data(), fit_.values.poses[v].data(),
+          fit_.values.sheet.data()};
       std::array<double, 2> rest{};
       if (cost->Evaluate(blocks.data(), rest.data(), nullptr))
         out.insert(out.end(), rest.begin(), rest.end());
@@ -239,8 +279,7 @@ class Bundle {
   void finish() {
     std::vector<double> all, geometry;
     for (size_t v = 0; v < views_.size(); ++v) {
-      fit_.rests.push_back(
-          rests_of(views_[v], fit_.values.poses[v], fit_.values, options_.grid, panel_));
+      fit_.rests.push_back(phase_rests(v));
       all.insert(all.end(), fit_.rests.back().begin(), fit_.rests.back().end());
       for (const double rest : geometry_rests(v))
         geometry.push_back(rest * views_[v].geometry.front().sigma_px);
@@ -258,6 +297,8 @@ class Bundle {
     for (double& k : fit_.values.knots) blocks.push_back(&k);
     for (PoseValues& pose : fit_.values.poses) blocks.push_back(pose.data());
     blocks.push_back(fit_.values.camera.data());
+    for (size_t v = 0; v < views_.size(); ++v)
+      if (frees_own_camera(v)) blocks.push_back(fit_.values.own[v].data());
     ceres::CRSMatrix jacobian;
     problem_->Evaluate(options, nullptr, nullptr, nullptr, &jacobian);
     MatrixXd normal = MatrixXd::Zero(jacobian.num_cols, jacobian.num_cols);
@@ -302,17 +343,20 @@ class Bundle {
   SheetStart start_;
   JointFit fit_;
   double geometry_scale_ = 1.0;
+  double cost_ = 0.0;
   std::unique_ptr<ceres::Problem> problem_;
 };
 
 }  // namespace
 
-std::vector<double> rests_of(const View& view, const PoseValues& pose, const FitValues& values,
-                             const KnotGrid& grid, const optics::Panel& panel) {
+std::vector<double> rests_of(const View& view, const OwnCameraValues& own, const PoseValues& pose,
+                             const FitValues& values, const KnotGrid& grid,
+                             const optics::Panel& panel) {
+  const CameraValues camera = camera_of(values.camera, own, view);
   std::vector<double> rests;
   for (const PhaseObservation& seen : view.phases) {
     const auto lens =
-        lens_plane_point(values.camera.data(), pose.data(), seen.camera_px.x, seen.camera_px.y);
+        lens_plane_point(camera.data(), pose.data(), seen.camera_px.x, seen.camera_px.y);
     const auto q = fringe_point(pose.data(), values.sheet.data(), panel, lens);
     double lambda = lens_coordinate(values.sheet.data(), panel, lens);
     if (grid.count() > 0)

@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <optional>
 
+#include "calib/calibration.h"
 #include "calib/fit/gap_search.h"
 #include "calib/fit/pose_fit.h"
 
@@ -14,7 +15,12 @@ namespace lenticule::calib {
 struct JointOptions {
   KnotGrid grid{.columns = 24, .rows = 14};
   bool free_gap = true;    ///< else the starting gap and shape are held
-  bool free_poses = true;  ///< else the starting poses are held
+  bool free_poses = true;  ///< else the starting poses and cameras are held
+  CameraSameness sameness = CameraSameness::Same;
+  /// With CameraSameness::Nearly: the only view whose camera may differ, by any amount.
+  std::optional<size_t> only_view{};
+  /// Measured distances of the first views from the panel; a value of 0 is unknown.
+  std::vector<Estimate> distances_mm{};
   /// Prior standard deviation of the map's second differences, lenses.
   double bend_sigma = 0.04;
   /// Factor on the standard errors of geometry points relative to their scatter: above 1 if errors
@@ -25,6 +31,8 @@ struct JointOptions {
 
 struct JointFit {
   FitValues values;
+  /// Cost with the standard errors that the observations state, for comparing fits.
+  double cost = 0.0;
   double phase_rms = 0.0;        ///< lenses
   double geometry_rms_px = 0.0;  ///< panel pixels
   /// Ratio of the phases' scatter to the scatter inside the blocks.
@@ -46,8 +54,8 @@ struct JointFit {
                                                   const JointOptions& options);
 
 /// Returns the phase residuals of a view that the fit did not use, without whole lenses.
-[[nodiscard]] std::vector<double> rests_of(const View& view, const PoseValues& pose,
-                                           const FitValues& values, const KnotGrid& grid,
-                                           const optics::Panel& panel);
+[[nodiscard]] std::vector<double> rests_of(const View& view, const OwnCameraValues& own,
+                                           const PoseValues& pose, const FitValues& values,
+                                           const KnotGrid& grid, const optics::Panel& panel);
 
 }  // namespace lenticule::calib

@@ -34,6 +34,12 @@ void put_sheet(const SheetParameters& values, const KnotGrid& grid,
   if (grid.count() == 0) sheet.residual = {};
 }
 
+CameraValues camera_of(const CameraValues& common, const OwnCameraValues& own, const View& view) {
+  CameraValues out{};
+  camera_of_view(common.data(), own.data(), view.longer_px(), out.data());
+  return out;
+}
+
 View view_of(const ViewpointMeasurement& measured, const optics::Panel& panel) {
   View view{.name = measured.name,
             .fringe = measured.fringe,

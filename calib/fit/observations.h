@@ -2,6 +2,7 @@
 // The inputs and results of the fit: parameters as plain arrays, in the order of projection.h.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <string>
 #include <vector>
@@ -13,6 +14,7 @@
 namespace lenticule::calib {
 
 using CameraValues = std::array<double, kCameraCount>;
+using OwnCameraValues = std::array<double, kOwnCount>;
 using PoseValues = std::array<double, kPoseCount>;
 using SheetParameters = std::array<double, kSheetCount>;
 
@@ -30,6 +32,8 @@ struct View {
   int picture_height = 0;
   std::vector<GeometryPoint> geometry;
   std::vector<PhaseObservation> phases;  ///< green's phases
+
+  [[nodiscard]] double longer_px() const { return std::max(picture_width, picture_height); }
 };
 
 /// SheetStart is the starting point: the values of the rig file, which are held if the views do not
@@ -42,6 +46,7 @@ struct SheetStart {
 
 struct FitValues {
   CameraValues camera{};
+  std::vector<OwnCameraValues> own;  ///< of each view; zero if the camera is the same in all views
   std::vector<PoseValues> poses;
   SheetParameters sheet{};
   std::vector<double> knots;  ///< knots of the residual map
@@ -52,6 +57,10 @@ struct FitValues {
 void put_sheet(const SheetParameters& values, const KnotGrid& grid,
                const std::vector<double>& knots, const optics::Panel& panel,
                optics::LensSheet& sheet);
+
+/// Returns the camera with which a view was taken.
+[[nodiscard]] CameraValues camera_of(const CameraValues& common, const OwnCameraValues& own,
+                                     const View& view);
 
 [[nodiscard]] View view_of(const ViewpointMeasurement& measured, const optics::Panel& panel);
 

@@ -15,6 +15,7 @@ namespace {
 
 constexpr double kUsualFocal = 0.9;  ///< picture widths
 constexpr double kHuberPx = 3.0;     ///< standard errors
+constexpr int kRounds = 40;
 
 CameraValues plain_camera(const View& view, double focal_widths) {
   return {focal_widths * view.picture_width, view.picture_width / 2.0, view.picture_height / 2.0,
@@ -63,7 +64,9 @@ class PoseBundle {
  public:
   PoseBundle(const std::vector<View>& views, const SheetParameters& sheet,
              const optics::Panel& panel)
-      : views_(views), panel_(panel), sheet_(sheet) {}
+      : views_(views), panel_(panel), sheet_(sheet) {
+    fit_.own.assign(views.size(), OwnCameraValues{});
+  }
 
   std::optional<PoseFit> from(double focal_widths, int rounds) {
     fit_.camera = plain_camera(views_.front(), focal_widths);
@@ -73,11 +76,17 @@ class PoseBundle {
       if (!pose) return std::nullopt;
       fit_.poses.push_back(*pose);
     }
-    return solve(rounds);
+    return solve(rounds, CameraSameness::Same);
+  }
+
+  /// Improves a fit of one camera by giving each view its own.
+  std::optional<PoseFit> apart_from(const PoseFit& same, int rounds) {
+    fit_ = same;
+    return solve(rounds, CameraSameness::Nearly);
   }
 
  private:
-  std::optional<PoseFit> solve(int rounds) {
+  std::optional<PoseFit> solve(int rounds, CameraSameness sameness) {
     ceres::Problem problem;
     double* const camera = fit_.camera.data();
     size_t residuals = 0;
@@ -85,9 +94,13 @@ class PoseBundle {
       // About 400 blocks per view are enough for so few parameters.
       const size_t stride = std::max<size_t>(1, views_[v].geometry.size() / 400);
       for (size_t n = 0; n < views_[v].geometry.size(); n += stride, residuals += 2)
-        problem.AddResidualBlock(geometry_cost(views_[v].geometry[n], panel_),
-                                 new ceres::HuberLoss(kHuberPx), camera, fit_.poses[v].data(),
-                                 sheet_.data());
+        problem.AddResidualBlock(geometry_cost(views_[v], views_[v].geometry[n], panel_),
+                                 new ceres::HuberLoss(kHuberPx), camera, fit_.own[v].data(),
+                                 fit_.poses[v].data(), sheet_.data());
+      if (sameness == CameraSameness::Nearly)
+        add_own_camera_priors(problem, fit_.own[v].data());
+      else
+        problem.SetParameterBlockConstant(fit_.own[v].data());
     }
     add_camera_priors(problem, views_.front(), camera);
     problem.SetParameterBlockConstant(sheet_.data());
@@ -114,14 +127,16 @@ class PoseBundle {
 }  // namespace
 
 std::optional<PoseFit> fit_poses(const std::vector<View>& views, const SheetParameters& sheet,
-                                 const optics::Panel& panel) {
+                                 const optics::Panel& panel, CameraSameness sameness) {
   for (const View& view : views)
     if (view.geometry.size() < 12) return std::nullopt;
   std::optional<PoseFit> best;
   for (const double widths : {0.6, kUsualFocal, 1.4, 2.2}) {
-    const std::optional<PoseFit> fit = PoseBundle(views, sheet, panel).from(widths, 40);
+    const std::optional<PoseFit> fit = PoseBundle(views, sheet, panel).from(widths, kRounds);
     if (fit && (!best || fit->rms_px < best->rms_px)) best = fit;
   }
+  if (best && sameness == CameraSameness::Nearly)
+    return PoseBundle(views, sheet, panel).apart_from(*best, kRounds);
   return best;
 }
 

@@ -6,6 +6,7 @@
 
 #include <ceres/rotation.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -17,6 +18,11 @@ namespace lenticule::calib {
 /// Indices of the camera's parameters in its block.
 inline constexpr int kFocal = 0, kCentreX = 1, kCentreY = 2, kRadial1 = 3, kRadial2 = 4;
 inline constexpr int kCameraCount = 5;
+/// Indices of the block of one view's own camera: how far the camera differs there from the common
+/// one, because it focused anew or its stabiliser moved the lens. The focal length as a fraction of
+/// the common one, the principal point in parts of the picture's longer side.
+inline constexpr int kOwnFocal = 0, kOwnCentreX = 1, kOwnCentreY = 2;
+inline constexpr int kOwnCount = 3;
 /// The pose block: rotation (angle-axis) from the panel's frame into the camera's, then the pupil
 /// in the panel's frame, mm. Camera frame: x right, y down, z forward.
 inline constexpr int kPupil = 3, kPoseCount = 6;
@@ -33,6 +39,15 @@ struct PlanePoint {
   T x;
   T y;
 };
+
+/// Computes a view's camera from the common camera and the view's own block.
+template <class T>
+void camera_of_view(const T* camera, const T* own, double longer_px, T* out) {
+  std::copy(camera, camera + kCameraCount, out);
+  out[kFocal] = camera[kFocal] * (1.0 + own[kOwnFocal]);
+  out[kCentreX] = camera[kCentreX] + longer_px * own[kOwnCentreX];
+  out[kCentreY] = camera[kCentreY] + longer_px * own[kOwnCentreY];
+}
 
 /// Returns the direction of a camera pixel in the camera's frame, z = 1. Removes the distortion by
 /// fixed-point steps, which converge to rounding for any lens usable for calibration.

@@ -8,14 +8,20 @@
 
 namespace lenticule::calib {
 
-/// Makes a geometry term. Parameter blocks: camera, pose, sheet. Two residuals: the panel point of
-/// the model at the camera pixel minus the decoded panel point, in standard errors.
-[[nodiscard]] ceres::CostFunction* geometry_cost(const GeometryPoint& point,
+/// Standard deviations of a view's own camera: focus breathing, and the shift by a stabiliser in
+/// parts of the picture's longer side.
+inline constexpr double kOwnFocalSigma = 0.008;
+inline constexpr double kOwnCentreSigma = 0.0012;
+
+/// Makes a geometry term. Parameter blocks: camera, own camera, pose, sheet. Two residuals: the
+/// panel point of the model at the camera pixel minus the decoded panel point, in standard errors.
+[[nodiscard]] ceres::CostFunction* geometry_cost(const View& view, const GeometryPoint& point,
                                                  const optics::Panel& panel);
 
-/// Makes a phase term. Parameter blocks: camera, pose, sheet, and one number for each knot weight.
+/// Makes a phase term. Parameter blocks: camera, own camera, pose, sheet, and one number for each
+/// knot weight.
 /// One residual: the observed phase minus the model's, without whole turns, in standard errors.
-[[nodiscard]] ceres::CostFunction* phase_cost(const PhaseObservation& seen, const Fringe& fringe,
+[[nodiscard]] ceres::CostFunction* phase_cost(const View& view, const PhaseObservation& seen,
                                               const optics::Panel& panel,
                                               const std::vector<KnotWeight>& knots);
 
@@ -25,5 +31,8 @@ namespace lenticule::calib {
 
 /// Adds weak priors that hold for any camera: focal length, centre, little distortion.
 void add_camera_priors(ceres::Problem& problem, const View& view, double* camera);
+
+/// Adds the priors of a view's own camera, with standard deviations that are larger by a factor.
+void add_own_camera_priors(ceres::Problem& problem, double* own, double factor = 1.0);
 
 }  // namespace lenticule::calib

@@ -3,9 +3,11 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <future>
 
 #include "base/error.h"
+#include "calib/measure/mark_moves.h"
 
 namespace lenticule::calib {
 namespace {
@@ -82,11 +84,15 @@ void PatternCapture::capture_one(const Pattern& pattern, const frames::WovenFram
       add(gain);
       continue;
     }
+    if (last == Fit::Double) {
+      doubles_.push_back(picture_.sequence);
+      continue;
+    }
     ++(last == Fit::Unsettled ? counts_.unsettled : counts_.late);
     if (last == Fit::Unsettled) earliest = picture_.time + kMoreSettling;
     // Pictures from before `earliest` come from the camera's pipeline and are not counted as
     // dropped.
-    const bool expected = last == Fit::Late && picture_.time < earliest;
+    const bool expected = options_.clocked && last == Fit::Late && picture_.time < earliest;
     if (!expected && ++dropped > options_.most_dropped) fail_dropped(pattern, last);
   }
   const auto count = static_cast<float>(summed_);
@@ -126,6 +132,11 @@ void PatternCapture::grab(Nanoseconds not_before) {
                                 kMostSilences * std::chrono::duration<double>(timeout).count()),
                     "check whether another program uses it");
       case GrabStatus::Gone:
+        if (!options_.clocked)
+          throw Error(ErrorKind::Input,
+                      fmt::format("{}, and that of pattern {} of {} is missing", camera_.failure(),
+                                  moves_.size() + 1, options_.patterns),
+                      "photograph this place again, every pattern once and in their order");
         throw Error(ErrorKind::Device, "camera: " + camera_.failure(),
                     "nothing was written; connect the camera again and start over");
     }
@@ -139,7 +150,8 @@ PatternCapture::Fit PatternCapture::fit_of(const Pattern& pattern, Nanoseconds e
   reading_ = marks_->read(grey_of(picture_));
   if (reading_.state == MarkState::Lost) return Fit::Lost;
   if (reading_.state == MarkState::Unsettled) return Fit::Unsettled;
-  if (reading_.mark != pattern.mark) return Fit::Late;
+  if (reading_.mark != pattern.mark)
+    return !options_.clocked && shows_pattern(moves_.size() - 1) ? Fit::Double : Fit::Late;
   if (reference_white_ > 0.0) gain = reading_.white / reference_white_;
   return Fit::Good;
 }
@@ -162,19 +174,61 @@ void PatternCapture::add(double gain) {
   for (size_t i = 0; i < sum_.light.size(); ++i) sum_.light[i] += factor * picture_.light[i];
 }
 
+/// Returns true if the marks and the code of the last picture are those of pattern `number`,
+/// counted from 0.
+bool PatternCapture::shows_pattern(size_t number) const {
+  const bool code_fits =
+      !code_ || reading_.code == kNoCode || reading_.code == code_->of_pattern(number);
+  return code_fits && reading_.mark == static_cast<int>(number % kMarkCounts);
+}
+
+void PatternCapture::fail_missing(size_t first, size_t count) const {
+  const std::string which =
+      count == 1 ? fmt::format("the photograph of pattern {} of {} is missing", first + 1,
+                               options_.patterns)
+                 : fmt::format("the photographs of patterns {} to {} of {} are missing", first + 1,
+                               first + count, options_.patterns);
+  throw Error(ErrorKind::Input, fmt::format("{}: {}", options_.place, which),
+              "photograph this place again, every pattern once and in their order");
+}
+
+/// Returns true if the last picture shows the marks at another place than the first ones.
+bool PatternCapture::camera_moved() const {
+  const Vec2 moved = marks_ ? marks_->moved(grey_of(picture_)) : Vec2{};
+  return std::hypot(moved.x, moved.y) > kKnockPx;
+}
+
+void PatternCapture::fail_photograph(Fit last) const {
+  const size_t picture = moves_.size();
+  const auto fail = [&](const std::string& cause, const char* remedy) {
+    throw Error(ErrorKind::Quality, fmt::format("{}: {}", options_.place, cause), remedy);
+  };
+  if (last == Fit::Lost)
+    fail(moved_between(picture) + ", or something hides the panel's middle",
+         "photograph this place again");
+  if (camera_moved())
+    fail(moved_between(picture) + ", or the panel did", "photograph this place again");
+  if (last == Fit::Unsettled)
+    fail(fmt::format("photograph {} shows the panel between two patterns", picture + 1),
+         "photograph this place again, and wait for a second after each new pattern");
+  // A longer gap looks like a photograph of an earlier pattern.
+  constexpr size_t kMostMissing = kMarkCounts - 2;
+  for (size_t missing = 1; missing <= kMostMissing; ++missing)
+    if (shows_pattern(picture + missing)) fail_missing(picture, missing);
+  fail(fmt::format("photograph {} shows the marks of another pattern", picture + 1),
+       "photograph every pattern once, in their order");
+}
+
 void PatternCapture::fail_dropped(const Pattern& pattern, Fit last) const {
-  if (!options_.clocked)
-    throw Error(ErrorKind::Quality,
-                fmt::format("photograph {}: {}", moves_.size() + 1,
-                            last == Fit::Late
-                                ? "its marks are those of another pattern"
-                                : "its marks are not where they were in the first photographs"),
-                last == Fit::Late ? "photograph every pattern once, in their order"
-                                  : "the camera or the panel was moved, or something hides it: "
-                                    "photograph this place again");
+  if (!options_.clocked) return fail_photograph(last);
   if (last == Fit::Lost)
     throw Error(ErrorKind::Device, "camera: the marks in the panel's middle are no longer seen",
                 "check whether the camera moved, or something hides the panel");
+  if (camera_moved())
+    throw Error(
+        ErrorKind::Device,
+        fmt::format("camera: it moved between pattern {} and {}", moves_.size(), moves_.size() + 1),
+        "put it on a stand, and measure this place again");
   if (last == Fit::Unsettled)
     throw Error(ErrorKind::Device, "camera: every picture shows the panel between two patterns",
                 "the exposure may be too long, or a program changes the panel's brightness");

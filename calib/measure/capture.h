@@ -28,6 +28,9 @@ struct CaptureOptions {
   /// False if pictures arrive in the order of the patterns whenever they are requested:
   /// photographs.
   bool clocked = true;
+  /// Name of the place and number of all patterns, for messages about photographs.
+  std::string place{};
+  int patterns = 0;
 };
 
 struct CaptureCounts {
@@ -68,17 +71,24 @@ class PatternCapture {
   /// Returns MarkReader::moved of each pattern's first picture; zero until marks are checked.
   [[nodiscard]] const std::vector<Vec2>& moves() const { return moves_; }
 
+  /// Returns the sequence numbers of photographs that show the same pattern as the one before
+  /// them and were not used.
+  [[nodiscard]] const std::vector<uint64_t>& doubles() const { return doubles_; }
   [[nodiscard]] const CaptureCounts& counts() const { return counts_; }
 
  private:
   void capture_one(const Pattern& pattern, const frames::WovenFrame& frame);
   void show(const frames::WovenFrame& frame);
   void grab(Nanoseconds not_before);
-  enum class Fit { Good, Late, Unsettled, Lost };
+  enum class Fit { Good, Late, Unsettled, Lost, Double };
   [[nodiscard]] Fit fit_of(const Pattern& pattern, Nanoseconds earliest, double& gain);
   void remember_marks();
   void add(double gain);
-  [[noreturn]] void fail_dropped(const Pattern& pattern, Fit last) const;
+  [[nodiscard]] bool shows_pattern(size_t number) const;
+  [[nodiscard]] bool camera_moved() const;
+  [[noreturn]] void fail_missing(size_t first, size_t count) const;
+  void fail_dropped(const Pattern& pattern, Fit last) const;
+  void fail_photograph(Fit last) const;
 
   frames::FrameSink& sink_;
   Camera& camera_;
@@ -90,6 +100,7 @@ class PatternCapture {
   MarkReading reading_;
   RigCodeReadings codes_;
   std::vector<Vec2> moves_;
+  std::vector<uint64_t> doubles_;
   double reference_white_ = 0.0;
   int next_mark_ = 0;
   CameraPicture picture_;

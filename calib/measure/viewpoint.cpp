@@ -12,6 +12,7 @@
 #include "calib/measure/geometry.h"
 #include "calib/measure/lens_spot.h"
 #include "calib/measure/link_check.h"
+#include "calib/measure/mark_moves.h"
 #include "calib/measure/visible_pixels.h"
 #include "optics/effective_sheet.h"
 
@@ -75,12 +76,32 @@ class ViewpointRun {
         panel_(start.rig().panel),
         options_(options),
         rig_code_(optics::fingerprint(start.rig())),
-        capture_(sink, camera, panel_, capture, progress) {
+        capture_(sink, camera, panel_, named(capture, options), progress) {
     if (!options.adaptive) capture_.show_code(rig_code_);
   }
 
   ViewpointMeasurement run() {
     result_.name = options_.name;
+    try {
+      measure();
+    } catch (const Error& error) {
+      if (error.kind() == ErrorKind::Quality) check_moves();
+      throw;
+    }
+    result_.counts = capture_.counts();
+    result_.doubles = capture_.doubles();
+    if (!options_.adaptive) result_.mark_moves = capture_.moves();
+    return std::move(result_);
+  }
+
+ private:
+  static CaptureOptions named(CaptureOptions capture, const MeasureOptions& options) {
+    capture.place = options.name;
+    capture.patterns = pattern_count(options);
+    return capture;
+  }
+
+  void measure() {
     find_panel();
     decode_geometry();
     find_pitch();
@@ -89,14 +110,18 @@ class ViewpointRun {
     if (options_.link_and_spot) measure_spot();
     repeat();
     check_rig();
-    result_.counts = capture_.counts();
-    if (!options_.adaptive) result_.mark_moves = capture_.moves();
-    return std::move(result_);
   }
 
- private:
-  [[noreturn]] static void fail(const std::string& cause, const std::string& remedy) {
-    throw Error(ErrorKind::Quality, "calibrate: " + cause, remedy);
+  [[noreturn]] void fail(const std::string& cause, const std::string& remedy) const {
+    const std::string where = options_.adaptive ? "calibrate" : options_.name;
+    throw Error(ErrorKind::Quality, where + ": " + cause, remedy);
+  }
+
+  /// Throws if photographs could not be measured because the camera was moved between them.
+  void check_moves() const {
+    if (options_.adaptive) return;
+    if (const std::optional<MarkStep> step = find_step(capture_.moves()))
+      fail(moved_between(step->picture) + ", or the panel did", "photograph this place again");
   }
 
   /// Shows phase-stepped versions of a pattern and sums them over the measured pixels.
@@ -186,7 +211,10 @@ void ViewpointRun::find_panel() {
   std::optional<MarkReader> reader = MarkReader::find(marks, white_);
   if (!reader)
     fail("the marks in the panel's middle are not seen",
-         "check that the panel is in focus and nothing hides its middle");
+         options_.adaptive
+             ? "check that the panel is in focus and nothing hides its middle"
+             : "check that the panel is in focus, nothing hides its middle, and the first four "
+               "photographs show the first four patterns");
   capture_.check_marks(std::move(*reader));
   dark_ = std::move(marks[0]);
   dark_colour_ = std::move(pictures[0]);

@@ -53,6 +53,7 @@ struct ViewpointMeasurement {
   std::vector<Vec2> mark_moves;
   /// True if the pictures show the code of the calibrated rig; false if they show no code.
   bool rig_code_read = false;
+  std::vector<uint64_t> doubles;  ///< PatternCapture::doubles
   LinkCheck link;
   std::optional<LensSpot> spot;
   std::vector<std::string> warnings;

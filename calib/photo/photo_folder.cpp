@@ -107,9 +107,9 @@ CameraPicture read_photograph(const std::filesystem::path& file) {
   return picture;
 }
 
-PhotoFolder::PhotoFolder(const std::filesystem::path& folder, size_t wanted)
+PhotoFolder::PhotoFolder(const std::filesystem::path& folder, size_t wanted, size_t may_lack)
     : files_(photographs_in(folder)) {
-  if (files_.size() < std::max<size_t>(wanted, 1))
+  if (files_.empty() || files_.size() + may_lack < wanted)
     reject(folder, fmt::format("{} photographs, but {} are needed", files_.size(), wanted),
            "take one of each pattern, in their order, as .png, .jpg, .tif or .exr");
   for (const std::filesystem::path& file : files_) {

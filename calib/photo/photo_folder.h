@@ -20,9 +20,9 @@ namespace lenticule::calib {
 /// camera's orientation: the orientation tag is ignored.
 class PhotoFolder final : public Camera {
  public:
-  /// Throws Error(Input) if the folder cannot be read, contains fewer than `wanted` photographs, an
-  /// unreadable one, or two of different sizes.
-  explicit PhotoFolder(const std::filesystem::path& folder, size_t wanted = 1);
+  /// Throws Error(Input) if the folder cannot be read, more than `may_lack` of the `wanted`
+  /// photographs are missing, one is unreadable, or two have different sizes.
+  explicit PhotoFolder(const std::filesystem::path& folder, size_t wanted = 1, size_t may_lack = 0);
 
   [[nodiscard]] const CameraFacts& facts() const override { return facts_; }
   /// Returns the next photograph at once. Returns Gone after the last one, and for a file that

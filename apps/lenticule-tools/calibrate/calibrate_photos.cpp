@@ -44,7 +44,7 @@ struct PhotosFlags {
   std::string write_patterns;
   std::string patterns;
   std::string pack;
-  std::optional<double> distance_mm;
+  std::vector<double> distances_mm;  ///< of the first sources
   std::optional<double> focal_px;
   double most_lenses = 0.0;
   bool confined = false;
@@ -101,11 +101,13 @@ calib::RecordDetails details_of(const std::string& method, const calib::CameraFa
           .temperature_celsius = {}};
 }
 
-// Returns priors for the given values. A tape measure is accurate to half a centimetre, a data
-// sheet's focal length to two percent.
+constexpr double kTapeSigmaMm = 5.0;  ///< standard error of a distance measured with a tape
+
+// Returns priors for the given values. A data sheet's focal length is accurate to two percent.
 calib::PhotoPriors priors_of(const PhotosFlags& flags) {
   calib::PhotoPriors priors;
-  if (flags.distance_mm) priors.distance_mm = calib::Estimate{*flags.distance_mm, 5.0};
+  if (!flags.distances_mm.empty())
+    priors.distance_mm = calib::Estimate{flags.distances_mm.front(), kTapeSigmaMm};
   if (flags.focal_px) priors.focal_px = calib::Estimate{*flags.focal_px, 0.02 * *flags.focal_px};
   return priors;
 }
@@ -150,6 +152,10 @@ PhotoReader reader_of(const PhotosFlags& flags) {
   };
 }
 
+std::optional<double> first_distance(const PhotosFlags& flags) {
+  return flags.distances_mm.empty() ? std::nullopt : std::optional(flags.distances_mm.front());
+}
+
 /// Ends the calibration, and packs the photographs if that is wanted.
 ExitCode conclude(const PhotosFlags& flags, const optics::Rig& start,
                   const calib::Calibration& found, const calib::RecordDetails& details,
@@ -159,7 +165,7 @@ ExitCode conclude(const PhotosFlags& flags, const optics::Rig& start,
     write_photo_pack({.sources = {flags.sources.begin(), flags.sources.end()},
                       .start = start,
                       .focal_px = flags.focal_px,
-                      .distance_mm = flags.distance_mm,
+                      .distance_mm = first_distance(flags),
                       .report = calib::report_json(found, details)},
                      flags.pack);
   return code;
@@ -227,7 +233,8 @@ ExitCode from_folders(const PhotosFlags& flags, const optics::Rig& rig) {
   std::vector<calib::ViewpointMeasurement> measured;
   calib::CameraFacts camera;
   for (const std::string& folder : flags.sources) {
-    calib::PhotoFolder photographs(folder, wanted);
+    // A photograph that is missing is named when it is its turn.
+    calib::PhotoFolder photographs(folder, wanted, wanted / 2);
     NoDisplay nowhere(rig.panel);
     const bool known = manifest_agrees(flags, folder, rig);
     const std::string name = photographs.facts().name;
@@ -245,14 +252,24 @@ ExitCode from_folders(const PhotosFlags& flags, const optics::Rig& rig) {
         }));
     progress.finish();
     require_known_rig(measured.back(), known, folder);
+    for (const uint64_t number : measured.back().doubles)
+      measured.back().warnings.push_back(
+          fmt::format("{} shows the same pattern as the photograph before it and was not used",
+                      photographs.files()[number].filename().string()));
     camera = photographs.facts();
   }
   calib::CalibrateOptions options;
-  const calib::PhotoPriors known = priors_of(flags);
-  options.distance_mm = known.distance_mm;
-  options.focal_px = known.focal_px;
+  for (const double distance : flags.distances_mm)
+    options.distances_mm.push_back({distance, kTapeSigmaMm});
+  options.focal_px = priors_of(flags).focal_px;
   return conclude(flags, rig, calib::calibrate(measured, rig, options),
                   details_of("photographs", camera));
+}
+
+void require_length(const char* flag, double value) {
+  if (value > 0.0 && std::isfinite(value)) return;
+  throw Error(ErrorKind::Usage, fmt::format("{}: {:g} is not a length", flag, value),
+              "use a number above 0");
 }
 
 ExitCode run_photos(const PhotosFlags& flags) {
@@ -261,11 +278,11 @@ ExitCode run_photos(const PhotosFlags& flags) {
   if (flags.confined && !files)
     throw Error(ErrorKind::Usage, "--confined: only for files, not for folders");
   const optics::Rig rig = optics::load_trimmed_rig(flags.rig);
-  for (const auto& [flag, value] :
-       {std::pair("--distance", flags.distance_mm), std::pair("--focal-px", flags.focal_px)})
-    if (value && !(*value > 0.0 && std::isfinite(*value)))
-      throw Error(ErrorKind::Usage, fmt::format("{}: {:g} is not a length", flag, *value),
-                  "use a number above 0");
+  for (const double distance : flags.distances_mm) require_length("--distance", distance);
+  if (flags.focal_px) require_length("--focal-px", *flags.focal_px);
+  if (flags.distances_mm.size() > std::max<size_t>(1, files ? 1 : flags.sources.size()))
+    throw Error(ErrorKind::Usage, "--distance: more distances than places",
+                "give one distance for each folder, in their order, separated by commas");
   if (!flags.write_patterns.empty()) return write_patterns(flags, rig);
   if (flags.sources.empty() || flags.result.output.empty())
     throw Error(ErrorKind::Usage, "calibrate photos: photographs and -o are needed",
@@ -299,9 +316,12 @@ CalibrateWay declare_calibrate_photos(CLI::App& app) {
   way->add_option(
       "--patterns", flags->patterns,
       "folder that --write-patterns wrote; needed if the photographs do not show their rig");
-  way->add_option("--distance", flags->distance_mm,
+  way->add_option("--distance", flags->distances_mm,
                   "distance from the panel to the camera of the first photograph, mm; without it a "
-                  "single photograph is less exact; folders are checked against it");
+                  "single photograph is less exact; for folders one number each, separated by "
+                  "commas")
+      ->delimiter(',')
+      ->allow_extra_args(false);
   way->add_option("--focal-px", flags->focal_px,
                   "focal length in pixels of the photograph, if known; used like --distance");
   way->add_option("--largest-error", flags->most_lenses,

@@ -6,84 +6,14 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
-#include <random>
 
 #include "calib/fit/prediction.h"
+#include "fit_stage.h"
 
 namespace lenticule::calib {
 namespace {
 
-/// Three cameras in front of a known sheet, with noise of known size.
-class FitStage {
- public:
-  explicit FitStage(unsigned seed, double phase_noise = 0.004) : random_(seed) {
-    panel_.width_px = 3840;
-    panel_.height_px = 2160;
-    panel_.pixel_width = panel_.pixel_height = Millimetres(0.1557);
-    ground_truth_ = {
-        1.5 * 3840 / 7.70123, 1.5 * 0.2521 * 2160 / 7.70123, 0.31, 2.19, 0.46, 0.02, 0.03};
-    const std::array<Vec3, 3> eyes = {Vec3{10, 20, 700}, Vec3{-240, 0, 690}, Vec3{265, 30, 720}};
-    for (const Vec3& eye : eyes) add_view(eye, phase_noise);
-  }
-
-  [[nodiscard]] const std::vector<View>& views() const { return views_; }
-  [[nodiscard]] const optics::Panel& panel() const { return panel_; }
-  [[nodiscard]] const SheetParameters& ground_truth() const { return ground_truth_; }
-  [[nodiscard]] SheetStart start(double gap_factor) const {
-    SheetStart start{.values = ground_truth_};
-    start.values[kGap] *= gap_factor;
-    start.values[kShape] = 0.5;
-    start.values[kAberration] = start.values[kSag] = 0.0;
-    return start;
-  }
-
- private:
-  /// Returns the pose of a camera at `eye` that looks at the panel's centre.
-  static PoseValues looking_at_centre(const Vec3& eye) {
-    const Vec3 forward = normalized(-eye);
-    const Vec3 right = normalized(cross(forward, Vec3{0, 1, 0}));
-    const Vec3 down = cross(forward, right);
-    Eigen::Matrix3d m;
-    m << right.x, right.y, right.z, down.x, down.y, down.z, forward.x, forward.y, forward.z;
-    const Eigen::AngleAxisd turn(m);
-    const Eigen::Vector3d axis = turn.angle() * turn.axis();
-    return {axis[0], axis[1], axis[2], eye.x, eye.y, eye.z};
-  }
-
-  void add_view(const Vec3& eye, double phase_noise) {
-    std::normal_distribution<double> normal;
-    const CameraValues camera = {1400.0, 965.0, 536.0, -0.03, 0.0};
-    const PoseValues pose = looking_at_centre(eye);
-    View view{.name = "view",
-              .fringe = {.pitch_subpx = 7.75, .slant = 0.2521, .phase = 0.0},
-              .picture_width = 1920,
-              .picture_height = 1080,
-              .geometry = {},
-              .phases = {}};
-    for (double v = 20.0; v < 1080.0; v += 40.0)
-      for (double u = 20.0; u < 1920.0; u += 40.0) {
-        const auto lens = lens_plane_point(camera.data(), pose.data(), u, v);
-        const auto wide = wide_pattern_point(pose.data(), ground_truth_.data(), panel_, lens);
-        const auto q = fringe_point(pose.data(), ground_truth_.data(), panel_, lens);
-        const Vec2 at{panel_.x_px(wide.x), panel_.y_px(wide.y)};
-        if (at.x < 0 || at.y < 0 || at.x > 3840 || at.y > 2160) continue;
-        view.geometry.push_back(
-            {.camera_px = {u, v},
-             .panel_px = {at.x + 0.1 * normal(random_), at.y + 0.1 * normal(random_)},
-             .sigma_px = 0.1});
-        const double turns = fringe_turns(view.fringe, panel_, q) -
-                             lens_coordinate(ground_truth_.data(), panel_, lens);
-        view.phases.push_back(
-            {.camera_px = {u, v}, .turns = turns + phase_noise * normal(random_), .sigma = 0.004});
-      }
-    views_.push_back(view);
-  }
-
-  std::mt19937 random_;
-  optics::Panel panel_;
-  SheetParameters ground_truth_{};
-  std::vector<View> views_;
-};
+using test::FitStage;
 
 constexpr KnotGrid kSmallMap{.columns = 6, .rows = 4};
 

@@ -116,6 +116,17 @@ TEST_F(CaptureTest, CanBeInterrupted) {
   EXPECT_EQ(sink_.shown, 0);
 }
 
+TEST(Knock, OfALiveCameraIsNamedAndNotTakenForALongExposure) {
+  Trial trial = plain_trial(960, 540, 480, 270);
+  trial.camera.samples = 2;
+  trial.viewpoints.resize(1);
+  trial.before_pattern = [](SimulatedBench& bench, size_t, int pattern) {
+    // 2 mm to the side and 0.15 degrees
+    if (pattern == 10) bench.move_camera({12.0, 20.0, 700.0}, {3.8, 0.0, 0.0}, 0.0);
+  };
+  EXPECT_THAT(run_trial(trial).failure, HasSubstr("camera: it moved between pattern 10 and 11"));
+}
+
 /// The display shows nothing and records the requested patterns.
 TEST(PhotoPatterns, AreThePatternsOfANonAdaptiveMeasurement) {
   Trial trial = plain_trial(960, 540, 480, 270);

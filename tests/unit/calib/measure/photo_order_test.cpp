@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests the order of photographs: doubles, missing ones, and others. The photographs are the
+// patterns themselves.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <numeric>
+
+#include "base/error.h"
+#include "calib/measure/viewpoint.h"
+#include "calib/simulation/trial.h"
+#include "frames/srgb.h"
+#include "tests/support/error_matchers.h"
+
+namespace lenticule::calib {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+class PlainSink final : public frames::FrameSink {
+ public:
+  explicit PlainSink(const optics::Panel& panel)
+      : geometry_{.width = panel.width_px, .height = panel.height_px} {}
+  [[nodiscard]] frames::FrameGeometry geometry() const override { return geometry_; }
+  [[nodiscard]] frames::ShowResult show(const frames::FrameView&,
+                                        std::chrono::nanoseconds) override {
+    return frames::ShowResult::Shown;
+  }
+
+ private:
+  frames::FrameGeometry geometry_;
+};
+
+/// A camera whose pictures are the patterns with the given numbers, in this order.
+class PatternPictures final : public Camera {
+ public:
+  PatternPictures(const optics::Rig& rig, std::vector<size_t> order)
+      : panel_(rig.panel), patterns_(photo_patterns(rig)), order_(std::move(order)) {}
+  [[nodiscard]] const CameraFacts& facts() const override { return facts_; }
+  [[nodiscard]] GrabStatus grab(CameraPicture& out, Nanoseconds, Nanoseconds) override {
+    if (next_ == order_.size()) return GrabStatus::Gone;
+    frames::WovenFrame frame;
+    draw_pattern(patterns_[order_[next_]], panel_, frame);
+    out = {.width = panel_.width_px, .height = panel_.height_px, .channels = 3, .light = {}};
+    for (const uint8_t code : frame.bytes())
+      out.light.push_back(static_cast<float>(frames::linear_of_codes()[code]));
+    out.sequence = next_++;
+    return GrabStatus::Ready;
+  }
+  [[nodiscard]] Nanoseconds now() const override { return Nanoseconds(0); }
+  [[nodiscard]] std::vector<std::string> drifted_controls() override { return {}; }
+  [[nodiscard]] std::string failure() const override { return "there are no more photographs"; }
+
+ private:
+  optics::Panel panel_;
+  std::vector<Pattern> patterns_;
+  std::vector<size_t> order_;
+  size_t next_ = 0;
+  CameraFacts facts_;
+};
+
+class PhotoOrder : public testing::Test {
+ protected:
+  PhotoOrder() { std::iota(order_.begin(), order_.end(), size_t{0}); }
+
+  /// Captures all patterns and returns the numbers of the photographs that were not used.
+  [[nodiscard]] std::vector<uint64_t> doubles() const {
+    PlainSink sink(rig_.panel);
+    PatternPictures camera(rig_, order_);
+    PatternCapture capture(sink, camera, rig_.panel,
+                           {.average = 1,
+                            .most_dropped = 0,
+                            .clocked = false,
+                            .place = "centre",
+                            .patterns = static_cast<int>(patterns_.size())},
+                           {});
+    capture.show_code(RigCode(optics::fingerprint(rig_)));
+    std::vector<GreyPicture> first;
+    const std::span<const Pattern> all(patterns_);
+    capture.capture(all.first(4), [&](const Pattern&, const CameraPicture& picture) {
+      first.push_back(grey_of(picture));
+    });
+    capture.check_marks(MarkReader::find({first[0], first[1], first[2]}, first[3]).value());
+    capture.capture(all.subspan(4), [](const Pattern&, const CameraPicture&) {});
+    return capture.doubles();
+  }
+  [[nodiscard]] Error failure() const {
+    return test::error_of([&] { (void)doubles(); });
+  }
+  void leave_out(size_t first, size_t count) {
+    const auto at = order_.begin() + static_cast<ptrdiff_t>(first);
+    order_.erase(at, at + static_cast<ptrdiff_t>(count));
+  }
+
+  optics::Rig rig_ = plain_trial(480, 270, 480, 270).start;
+  std::vector<Pattern> patterns_ = photo_patterns(rig_);
+  std::vector<size_t> order_ = std::vector<size_t>(patterns_.size());
+};
+
+TEST_F(PhotoOrder, UsesDoublesOnceAndNamesThem) {
+  EXPECT_THAT(doubles(), ElementsAre());
+  order_.insert(order_.begin() + 30, 29);
+  order_.insert(order_.begin() + 8, 7);
+  EXPECT_THAT(doubles(), ElementsAre(8U, 31U));
+}
+
+TEST_F(PhotoOrder, NamesAMissingPhotograph) {
+  leave_out(16, 1);
+  EXPECT_EQ(failure().kind(), ErrorKind::Input);
+  EXPECT_THAT(failure().what(), HasSubstr("centre: the photograph of pattern 17 of 75 is missing"));
+}
+
+TEST_F(PhotoOrder, NamesTwoMissingPhotographs) {
+  leave_out(16, 2);
+  EXPECT_THAT(failure().what(),
+              HasSubstr("the photographs of patterns 17 to 18 of 75 are missing"));
+}
+
+TEST_F(PhotoOrder, NamesAMissingLastPhotograph) {
+  leave_out(74, 1);
+  EXPECT_EQ(failure().kind(), ErrorKind::Input);
+  EXPECT_THAT(failure().what(), HasSubstr("pattern 75 of 75 is missing"));
+}
+
+TEST_F(PhotoOrder, RefusesPhotographsInAnotherOrder) {
+  std::swap(order_[16], order_[41]);
+  EXPECT_EQ(failure().kind(), ErrorKind::Quality);
+  EXPECT_THAT(failure().what(), HasSubstr("photograph 17 shows the marks of another pattern"));
+}
+
+}  // namespace
+}  // namespace lenticule::calib
