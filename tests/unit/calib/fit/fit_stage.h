@@ -2,7 +2,7 @@
 // Provides observations made by formula, with noise of known size.
 #pragma once
 
-#include <Eigen/Dense>
+#include <Eigen/Geometry>
 #include <array>
 #include <random>
 #include <string>
