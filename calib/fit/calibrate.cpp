@@ -128,6 +128,9 @@ class Calibrator {
             .free_poses = true,
             .geometry_scatter = kGeometryScatter};
   }
+  [[nodiscard]] bool is_flat(const JointFit& fit) const {
+    return fit.geometry_rms_px <= kMostGeometryPart * panel_.width_px;
+  }
   [[nodiscard]] Attempt attempt(CameraSameness sameness) const;
   [[nodiscard]] std::vector<Suspect> suspects(const Attempt& nearly) const;
   [[nodiscard]] Attempt with_own_cameras(const Attempt& same) const;
@@ -250,7 +253,8 @@ Attempt Calibrator::best_attempt() {
   if (!nearly.fit || !differ_notably(nearly.fit->values.own)) return same;
   sameness_ = CameraSameness::Nearly;
   contradicts_ = contradict(nearly.fit->values.own);
-  if (contradicts_) refuse(sentence_about(suspects(nearly)));
+  // Points of a curved panel fit no camera, so that each place seems to have another one.
+  if (contradicts_ && is_flat(*nearly.fit)) refuse(sentence_about(suspects(nearly)));
   return nearly;
 }
 
@@ -612,7 +616,7 @@ void Calibrator::evaluate() {
     for (std::string& note : notes_of(views_, fit_->values.own))
       result_.warnings.push_back(std::move(note));
   evaluate_focal_length();
-  if (!contradicts_ && fit_->geometry_rms_px > kMostGeometryPart * panel_.width_px)
+  if (!is_flat(*fit_))
     refuse(
         fmt::format("the panel points deviate from a flat panel by {:.1f} pixels: check whether "
                     "the panel is curved, or the camera zoomed between the viewpoints",
