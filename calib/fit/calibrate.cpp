@@ -30,7 +30,11 @@ constexpr double kLeastColourContrast =
 constexpr double kNearestPart =
     0.75;                        ///< nearest possible eyes, relative to the viewpoints' distance
 constexpr size_t kMostGaps = 3;  ///< gaps that are fitted if the camera differs from view to view
-constexpr double kAboutAsGood = 1.03;  ///< ratio of costs
+/// Ratio of costs up to which noise alone explains that cameras differ: simulated noise gives at
+/// most 1.009, a shift by 0.1 % of the picture 1.04.
+constexpr double kNoise = 1.015;
+constexpr int kRoundsForSuspects = 12;  ///< a view that is no suspect converges slowly
+constexpr double kAboutAsGood = 1.03;   ///< ratio of costs
 /// A single viewpoint shows its distance badly, because the gap is unknown: known distances are
 /// compared with this standard error, as a part of the distance, and then held.
 constexpr double kSinglePart = 0.025, kHeldMm = 0.1;
@@ -220,6 +224,7 @@ std::vector<Suspect> Calibrator::suspects(const Attempt& nearly) const {
     JointOptions options = joint_options();
     options.sameness = CameraSameness::Nearly;
     options.only_view = v;
+    options.most_rounds = kRoundsForSuspects;
     const auto fit = fit_jointly(views_, start, start_, nearly.gap, panel_, options);
     if (!fit) continue;
     all.push_back({views_[v].name, fit->values.own[v]});
@@ -231,6 +236,12 @@ std::vector<Suspect> Calibrator::suspects(const Attempt& nearly) const {
   return likely;
 }
 
+/// Returns true if the cameras differ by an amount that matters, and not because of noise.
+bool cameras_differ(const Attempt& nearly, const Attempt& same) {
+  return nearly.fit && differ_notably(nearly.fit->values.own) &&
+         (!same.fit || same.fit->cost > kNoise * nearly.fit->cost);
+}
+
 /// Gives each view its own camera. Starts from the fit of one camera, and anew if the cameras
 /// differ: then the places and the gap of that fit may be wrong.
 Attempt Calibrator::with_own_cameras(const Attempt& same) const {
@@ -239,7 +250,7 @@ Attempt Calibrator::with_own_cameras(const Attempt& same) const {
     JointOptions options = joint_options();
     options.sameness = CameraSameness::Nearly;
     near.fit = fit_jointly(views_, *same.poses, start_, same.gap, panel_, options);
-    if (near.fit && !differ_notably(near.fit->values.own)) return near;
+    if (near.fit && !cameras_differ(near, same)) return near;
   }
   Attempt anew = attempt(CameraSameness::Nearly);
   return !near.fit || (anew.fit && anew.fit->cost < near.fit->cost) ? anew : near;
@@ -250,7 +261,7 @@ Attempt Calibrator::best_attempt() {
   Attempt same = attempt(CameraSameness::Same);
   if (!several()) return same;
   Attempt nearly = with_own_cameras(same);
-  if (!nearly.fit || !differ_notably(nearly.fit->values.own)) return same;
+  if (!cameras_differ(nearly, same)) return same;
   sameness_ = CameraSameness::Nearly;
   contradicts_ = contradict(nearly.fit->values.own);
   // Points of a curved panel fit no camera, so that each place seems to have another one.

@@ -23,7 +23,7 @@ using Own = std::array<OwnCameraValues, 3>;
 FitStage stage_with(size_t view, const OwnCameraValues& own) {
   Own all{};
   all[view] = own;
-  return FitStage(7, 0.004, all, 60.0);
+  return FitStage(7, 0.004, all, 80.0);
 }
 
 Calibration calibrated(const FitStage& stage, CalibrateOptions options = {}) {
@@ -99,7 +99,7 @@ TEST(OwnCameras, ACroppedPlaceIsRefusedAndNamed) {
 }
 
 TEST(Distances, CorrectTheDistanceOfASinglePlace) {
-  const FitStage stage(9, 0.004, {}, 60.0);
+  const FitStage stage(9, 0.004, {}, 80.0);
   const auto eye = [&](const std::vector<Estimate>& distances) {
     const Calibration found =
         calibrate({stage.measurements().front()}, stage.start_rig(),
@@ -113,7 +113,7 @@ TEST(Distances, CorrectTheDistanceOfASinglePlace) {
 }
 
 TEST(Distances, AreComparedForEachPlaceAndAContradictionIsNamed) {
-  const FitStage stage(9, 0.004, {}, 60.0);
+  const FitStage stage(9, 0.004, {}, 80.0);
   const Calibration right =
       calibrated(stage, {.distances_mm = {{702.0, 5.0}, {687.0, 5.0}, {721.0, 5.0}}});
   EXPECT_EQ(right.verdict, Verdict::Intrinsic) << said(right);
