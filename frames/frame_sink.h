@@ -29,4 +29,17 @@ class FrameSink {
                                         std::chrono::nanoseconds timeout) = 0;
 };
 
+/// NullSink accepts frames of one size without showing them: photographs of them exist already.
+class NullSink final : public FrameSink {
+ public:
+  NullSink(int width, int height) : geometry_{.width = width, .height = height} {}
+  [[nodiscard]] FrameGeometry geometry() const override { return geometry_; }
+  [[nodiscard]] ShowResult show(const FrameView&, std::chrono::nanoseconds) override {
+    return ShowResult::Shown;
+  }
+
+ private:
+  FrameGeometry geometry_;
+};
+
 }  // namespace lenticule::frames

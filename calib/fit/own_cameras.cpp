@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "calib/fit/residuals.h"
+#include "calib/fit/projection.h"
 
 namespace lenticule::calib {
 namespace {

@@ -23,6 +23,9 @@ inline constexpr int kCameraCount = 5;
 /// the common one, the principal point in parts of the picture's longer side.
 inline constexpr int kOwnFocal = 0, kOwnCentreX = 1, kOwnCentreY = 2;
 inline constexpr int kOwnCount = 3;
+/// Standard deviations of a view's own camera: focus breathing, and the shift by a stabiliser in
+/// parts of the picture's longer side.
+inline constexpr double kOwnFocalSigma = 0.008, kOwnCentreSigma = 0.0012;
 /// The pose block: rotation (angle-axis) from the panel's frame into the camera's, then the pupil
 /// in the panel's frame, mm. Camera frame: x right, y down, z forward.
 inline constexpr int kPupil = 3, kPoseCount = 6;

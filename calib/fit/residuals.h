@@ -8,11 +8,6 @@
 
 namespace lenticule::calib {
 
-/// Standard deviations of a view's own camera: focus breathing, and the shift by a stabiliser in
-/// parts of the picture's longer side.
-inline constexpr double kOwnFocalSigma = 0.008;
-inline constexpr double kOwnCentreSigma = 0.0012;
-
 /// Makes a geometry term. Parameter blocks: camera, own camera, pose, sheet. Two residuals: the
 /// panel point of the model at the camera pixel minus the decoded panel point, in standard errors.
 [[nodiscard]] ceres::CostFunction* geometry_cost(const View& view, const GeometryPoint& point,

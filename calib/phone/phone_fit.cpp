@@ -23,14 +23,15 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Unknowns of one photograph: the pose, then these.
-constexpr int kBreathing = kPoseCount, kShiftX = kPoseCount + 1, kShiftY = kPoseCount + 2,
-              kLarger = kPoseCount + 3, kTurn = kPoseCount + 4, kPhotoCount = kPoseCount + 7;
+/// Unknowns of one photograph: the pose, its own camera, then these.
+constexpr int kOwn = kPoseCount, kBreathing = kOwn + kOwnFocal, kShiftX = kOwn + kOwnCentreX,
+              kShiftY = kOwn + kOwnCentreY, kLarger = kOwn + kOwnCount, kTurn = kLarger + 1,
+              kPhotoCount = kTurn + 3;
 constexpr int kLocal = kCameraCount + kSheetCount + kPhotoCount;
 using Jet = ceres::Jet<double, kLocal>;
 
 // Standard deviations of priors. Principal points of phones are within 0.8 % of the longer side.
-constexpr double kAxisSigma = 0.006, kShiftSigma = 0.0012, kBreathingSigma = 0.008;
+constexpr double kAxisSigma = 0.006;
 constexpr double kRadialSigma = 0.1, kLargerSigma = 0.1, kGapSigma = 0.15, kShapeSigma = 0.1;
 constexpr double kAberrationSigma = 0.02, kSagSigma = 0.05;
 /// Rotation of the hand while the rows are read, radians: 1 degree a second for 17 ms.
@@ -54,14 +55,6 @@ PoseValues pose_values(const PhotoPose& pose) {
   out[kPupil + 1] = pose.eye_mm.y;
   out[kPupil + 2] = pose.eye_mm.z;
   return out;
-}
-
-template <class T>
-void camera_of_photo(const T* camera, const T* photo, double longer, T* out) {
-  std::copy(camera, camera + kCameraCount, out);
-  out[kFocal] = camera[kFocal] * (1.0 + photo[kBreathing]);
-  out[kCentreX] = camera[kCentreX] + longer * photo[kShiftX];
-  out[kCentreY] = camera[kCentreY] + longer * photo[kShiftY];
 }
 
 /// Returns the point of the lens-apex plane that a pixel sees. The rows are read one after the
@@ -193,7 +186,7 @@ class Joint {
   T phase_of(const T* camera, const T* sheet, const T* photo, const FringeSeen& seen,
              PlanePoint<T>& lens) const {
     T own[kCameraCount];
-    camera_of_photo(camera, photo, longer_, own);
+    camera_of_view(camera, photo + kOwn, longer_, own);
     lens = seen_point(own, photo, seen.pixel, row_of(seen.pixel));
     return fringe_turns(seen.fringe, panel_, fringe_point(photo, sheet, panel_, lens)) -
            lens_coordinate(sheet, panel_, lens);
@@ -221,7 +214,7 @@ class Joint {
   void corner_rest(const T* camera, const T* sheet, const T* photo, const CornerSeen& seen,
                    double pixels_per_mm, T* out) const {
     T own[kCameraCount];
-    camera_of_photo(camera, photo, longer_, own);
+    camera_of_view(camera, photo + kOwn, longer_, own);
     const PlanePoint<T> lens = seen_point(own, photo, seen.pixel, row_of(seen.pixel));
     const PlanePoint<T> at = wide_pattern_point(photo, sheet, panel_, lens);
     out[0] = (at.x - seen.panel_mm.x - photo[kLarger] * seen.from_middle_mm.x) * pixels_per_mm;
@@ -305,8 +298,8 @@ class Joint {
     for (size_t n = 0; n < seen_.size(); ++n) {
       const Index at = photos_at_ + kPhotoCount * static_cast<Index>(n);
       for (const auto& [place, sigma] :
-           {std::pair(kBreathing, kBreathingSigma), std::pair(kShiftX, kShiftSigma),
-            std::pair(kShiftY, kShiftSigma), std::pair(kLarger, kLargerSigma),
+           {std::pair(kBreathing, kOwnFocalSigma), std::pair(kShiftX, kOwnCentreSigma),
+            std::pair(kShiftY, kOwnCentreSigma), std::pair(kLarger, kLargerSigma),
             std::pair(kTurn, turn_sigma_), std::pair(kTurn + 1, turn_sigma_),
             std::pair(kTurn + 2, turn_sigma_)})
         add(normal, {at + place}, {1.0}, values_[at + place], sigma, false);
@@ -431,8 +424,8 @@ class Joint {
     PhotoFit out;
     out.breathing = own[kBreathing];
     out.shift = {own[kShiftX], own[kShiftY]};
-    out.breathing_pull = std::abs(out.breathing) / kBreathingSigma;
-    out.shift_pull = std::hypot(out.shift.x, out.shift.y) / kShiftSigma;
+    out.breathing_pull = std::abs(out.breathing) / kOwnFocalSigma;
+    out.shift_pull = std::hypot(out.shift.x, out.shift.y) / kOwnCentreSigma;
     out.phase_rests = phase_rests(n);
     // Blocks that are seen steeply have little contrast.
     out.phase_rms = rms(out.phase_rests, [&](size_t k) { return seen_[n].phases[k].weight; });

@@ -129,8 +129,12 @@ TEST_F(PhotosCommand, RefusesPhotographsOfAnotherRigsPatterns) {
 TEST_F(PhotosCommand, RefusesADistanceThatThePhotographsContradict) {
   write_patterns();
   photograph_all(trial_.viewpoints.front());
-  const ProcessResult right = calibrate_centre("start.toml", {"--distance", "700"});
+  const ProcessResult right =
+      calibrate_centre("start.toml", {"--distance", "700", "--pack", path("pack.tar")});
   EXPECT_EQ(right.exit_code, 0) << right.err << right.out;
+  const ProcessResult packed =
+      run_process({"/bin/tar", "-xOf", path("pack.tar"), "calibration/README.txt"});
+  EXPECT_NE(packed.out.find("--distance 700"), std::string::npos) << packed.out << packed.err;
   const ProcessResult wrong = calibrate_centre("start.toml", {"--distance", "1400"});
   EXPECT_EQ(wrong.exit_code, 5) << wrong.err << wrong.out;
   EXPECT_NE(wrong.out.find("not 1400 mm"), std::string::npos) << wrong.out;

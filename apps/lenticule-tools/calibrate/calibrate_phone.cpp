@@ -195,7 +195,7 @@ ExitCode run_phone(const PhoneFlags& flags) {
     write_photo_pack({.sources = collection.photos().files(),
                       .start = collection.photos().chart().start,
                       .focal_px = flags.focal_px,
-                      .distance_mm = {},
+                      .distances_mm = {},
                       .report = calib::report_json(*found, collection.photos().details())},
                      flags.pack);
   if (!check) return code;

@@ -44,27 +44,11 @@ struct PhotosFlags {
   std::string write_patterns;
   std::string patterns;
   std::string pack;
-  std::vector<double> distances_mm;  ///< of the first sources
+  std::vector<double> distances_mm;  ///< distances of the first sources from the panel
   std::optional<double> focal_px;
   double most_lenses = 0.0;
   bool confined = false;
   ResultFlags result;
-};
-
-/// NoDisplay accepts frames without showing them, because the photographs were taken of another
-/// display.
-class NoDisplay final : public frames::FrameSink {
- public:
-  explicit NoDisplay(const optics::Panel& panel)
-      : geometry_{.width = panel.width_px, .height = panel.height_px} {}
-  [[nodiscard]] frames::FrameGeometry geometry() const override { return geometry_; }
-  [[nodiscard]] frames::ShowResult show(const frames::FrameView&,
-                                        std::chrono::nanoseconds) override {
-    return frames::ShowResult::Shown;
-  }
-
- private:
-  frames::FrameGeometry geometry_;
 };
 
 ExitCode write_patterns(const PhotosFlags& flags, const optics::Rig& rig) {
@@ -152,10 +136,6 @@ PhotoReader reader_of(const PhotosFlags& flags) {
   };
 }
 
-std::optional<double> first_distance(const PhotosFlags& flags) {
-  return flags.distances_mm.empty() ? std::nullopt : std::optional(flags.distances_mm.front());
-}
-
 /// Ends the calibration, and packs the photographs if that is wanted.
 ExitCode conclude(const PhotosFlags& flags, const optics::Rig& start,
                   const calib::Calibration& found, const calib::RecordDetails& details,
@@ -165,7 +145,7 @@ ExitCode conclude(const PhotosFlags& flags, const optics::Rig& start,
     write_photo_pack({.sources = {flags.sources.begin(), flags.sources.end()},
                       .start = start,
                       .focal_px = flags.focal_px,
-                      .distance_mm = first_distance(flags),
+                      .distances_mm = flags.distances_mm,
                       .report = calib::report_json(found, details)},
                      flags.pack);
   return code;
@@ -235,7 +215,7 @@ ExitCode from_folders(const PhotosFlags& flags, const optics::Rig& rig) {
   for (const std::string& folder : flags.sources) {
     // A photograph that is missing is named when it is its turn.
     calib::PhotoFolder photographs(folder, wanted, wanted / 2);
-    NoDisplay nowhere(rig.panel);
+    frames::NullSink nowhere(rig.panel.width_px, rig.panel.height_px);
     const bool known = manifest_agrees(flags, folder, rig);
     const std::string name = photographs.facts().name;
     Progress progress(name, "photographs", wanted);
@@ -280,7 +260,7 @@ ExitCode run_photos(const PhotosFlags& flags) {
   const optics::Rig rig = optics::load_trimmed_rig(flags.rig);
   for (const double distance : flags.distances_mm) require_length("--distance", distance);
   if (flags.focal_px) require_length("--focal-px", *flags.focal_px);
-  if (flags.distances_mm.size() > std::max<size_t>(1, files ? 1 : flags.sources.size()))
+  if (flags.distances_mm.size() > (files ? 1 : flags.sources.size()))
     throw Error(ErrorKind::Usage, "--distance: more distances than places",
                 "give one distance for each folder, in their order, separated by commas");
   if (!flags.write_patterns.empty()) return write_patterns(flags, rig);

@@ -23,7 +23,8 @@ std::string command_of(const PhotoPack& pack, const std::vector<std::string>& na
   for (const std::string& name : names) command += " '" + name + "'";
   command += " --rig start.toml -o again.toml";
   if (pack.focal_px) command += fmt::format(" --focal-px {}", *pack.focal_px);
-  if (pack.distance_mm) command += fmt::format(" --distance {}", *pack.distance_mm);
+  if (!pack.distances_mm.empty())
+    command += fmt::format(" --distance {}", fmt::join(pack.distances_mm, ","));
   return command;
 }
 

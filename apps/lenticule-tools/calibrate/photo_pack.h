@@ -18,7 +18,7 @@ struct PhotoPack {
   std::vector<std::filesystem::path> sources;  ///< photographs, or folders of photographs
   optics::Rig start;                           ///< becomes start.toml
   std::optional<double> focal_px;
-  std::optional<double> distance_mm;
+  std::vector<double> distances_mm;  ///< distances of the first sources from the panel
   nlohmann::json report;
 };
 

@@ -57,6 +57,14 @@ double degrees(double slant) {
 
 class ByEye : public testing::TestWithParam<Case> {};
 
+void expect_near(const SheetValues& found, const SheetValues& wanted) {
+  EXPECT_NEAR(found.effective_pitch_subpx / wanted.effective_pitch_subpx, 1.0, 3e-5);
+  EXPECT_NEAR(degrees(found.slant), degrees(wanted.slant), 0.01);
+  EXPECT_NEAR(
+      optics::without_whole_lenses(found.effective_offset_lenses - wanted.effective_offset_lenses),
+      0.0, 0.02);
+}
+
 TEST_P(ByEye, FindsTheSheet) {
   const Case& c = GetParam();
   const optics::Rig ground_truth = true_rig(c);
@@ -67,11 +75,7 @@ TEST_P(ByEye, FindsTheSheet) {
 
   const SheetValues wanted = sheet_values(ground_truth, c.distance_mm);
   const SheetValues found = sheet_values(procedure.rig(), c.distance_mm);
-  EXPECT_NEAR(found.effective_pitch_subpx / wanted.effective_pitch_subpx, 1.0, 3e-5);
-  EXPECT_NEAR(degrees(found.slant), degrees(wanted.slant), 0.01);
-  EXPECT_NEAR(
-      optics::without_whole_lenses(found.effective_offset_lenses - wanted.effective_offset_lenses),
-      0.0, 0.02);
+  expect_near(found, wanted);
   RecordProperty("glimpses", observer.glimpses());
   RecordProperty(
       "pitch_error_1e_9",
@@ -97,11 +101,7 @@ TEST(ByEyeQuestions, FindTheSheet) {
 
   const SheetValues wanted = sheet_values(ground_truth, c.distance_mm);
   const SheetValues found = sheet_values(procedure.rig(), c.distance_mm);
-  EXPECT_NEAR(found.effective_pitch_subpx / wanted.effective_pitch_subpx, 1.0, 3e-5);
-  EXPECT_NEAR(degrees(found.slant), degrees(wanted.slant), 0.01);
-  EXPECT_NEAR(
-      optics::without_whole_lenses(found.effective_offset_lenses - wanted.effective_offset_lenses),
-      0.0, 0.02);
+  expect_near(found, wanted);
 }
 
 INSTANTIATE_TEST_SUITE_P(

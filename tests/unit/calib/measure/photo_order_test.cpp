@@ -18,20 +18,6 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-class PlainSink final : public frames::FrameSink {
- public:
-  explicit PlainSink(const optics::Panel& panel)
-      : geometry_{.width = panel.width_px, .height = panel.height_px} {}
-  [[nodiscard]] frames::FrameGeometry geometry() const override { return geometry_; }
-  [[nodiscard]] frames::ShowResult show(const frames::FrameView&,
-                                        std::chrono::nanoseconds) override {
-    return frames::ShowResult::Shown;
-  }
-
- private:
-  frames::FrameGeometry geometry_;
-};
-
 /// A camera whose pictures are the patterns with the given numbers, in this order.
 class PatternPictures final : public Camera {
  public:
@@ -66,7 +52,7 @@ class PhotoOrder : public testing::Test {
 
   /// Captures all patterns and returns the numbers of the photographs that were not used.
   [[nodiscard]] std::vector<uint64_t> doubles() const {
-    PlainSink sink(rig_.panel);
+    frames::NullSink sink(rig_.panel.width_px, rig_.panel.height_px);
     PatternPictures camera(rig_, order_);
     PatternCapture capture(sink, camera, rig_.panel,
                            {.average = 1,
