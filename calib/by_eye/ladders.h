@@ -17,7 +17,7 @@ namespace lenticule::calib {
 
 /// Plane is the difference between the true sheet and the chart's, in lenses.
 struct Plane {
-  double middle = 0.0;  ///< at the panel's centre
+  double middle = 0.0;  ///< difference at the panel's centre
   double across = 0.0;  ///< change from the left edge to the right one
   double down = 0.0;    ///< change from top to bottom
 };
@@ -25,7 +25,7 @@ struct Plane {
 /// LadderQuestion describes one ladder. Rungs are shifted by centre + reach ... centre - reach
 /// lenses.
 struct LadderQuestion {
-  double x = 0.0, y = 0.0;  ///< in panels from the panel's centre; x right, y down
+  double x = 0.0, y = 0.0;  ///< distance from the panel's centre, panels; x right, y down
   double centre = 0.0;
   double reach = 0.0;
 };
@@ -59,7 +59,7 @@ class Ladders {
   struct Place {
     std::optional<double> rough;  ///< the answer to the ladder of all offsets
     bool is_predictable = true;   ///< false if the plane predicted a ladder without an answer
-    int tries = 0;                ///< fine answers since `rough`
+    int tries = 0;                ///< number of fine answers since `rough`
     int blanks = 0;               ///< consecutive ladders without an answer
     std::vector<Reading> readings;
   };

@@ -349,8 +349,7 @@ std::string Procedure::doubt() const {
   if (doubt.empty() && is_asking() && questions_->misfit() > kMostMisfitLenses)
     doubt = fmt::format(
         "the seven ladders are up to {:.2f} lens from one plane: an answer is wrong, or the sheet "
-        "is "
-        "not flat",
+        "is not flat",
         questions_->misfit());
   return doubt;
 }

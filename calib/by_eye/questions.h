@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Questions finds a lens sheet from answers to charts. Each chart has 25 bands, columns or rungs,
 // and each answer names one of them, or none. Answers may be wrong: Questions asks until the
-// answers agree, and asks again about whatever an answer contradicts.
+// answers agree. An answer that contradicts earlier ones makes it ask about both again.
 //
 // 1. Pitch: Bands with larger, then smaller differences of pitch.
 // 2. Slant: SlantBands, the same for the slant.
@@ -21,7 +21,7 @@ namespace lenticule::calib {
 /// Question is a chart with bands, without the marked band.
 struct Question {
   frames::ChartPattern pattern = frames::ChartPattern::Bands;
-  SheetValues sheet;  ///< of the middle band
+  SheetValues sheet;  ///< values that the middle band shows
   double reach = 0.0;
   double ladder_x = 0.0;
   double ladder_y = 0.0;
@@ -29,7 +29,7 @@ struct Question {
 
 class Questions {
  public:
-  /// Starts at the rig's sheet, which may be off by a tenth of the pitch and four degrees.
+  /// Starts at the rig's sheet, whose pitch may be off by a tenth and whose slant by four degrees.
   Questions(const optics::Rig& rig, double distance_mm);
 
   /// Returns the chart to answer now. Must not be called when is_done().
@@ -64,8 +64,8 @@ class Questions {
   SheetValues start_;
   double lenses_across_;   ///< number of lenses in the panel's width
   double slant_per_lens_;  ///< change of slant that adds one stripe from top to bottom
-  double pitch_range_;     ///< in lenses across the panel, like the beliefs
-  double slant_range_;
+  double pitch_range_;     ///< largest difference from the start, lenses across the panel
+  double slant_range_;     ///< the same for the slant, lenses from top to bottom
   Belief pitch_;
   Belief slant_;
   Ladders ladders_;

@@ -31,7 +31,7 @@ struct SheetValues {
 [[nodiscard]] optics::Rig with_sheet_values(optics::Rig rig, const SheetValues& values,
                                             double distance_mm);
 
-/// Limits is how far values may be from those of the start.
+/// Limits holds the largest differences between values and those of the start.
 struct Limits {
   double pitch_ratio;
   double turn_degrees;

@@ -46,7 +46,7 @@ struct SheetStart {
 
 struct FitValues {
   CameraValues camera{};
-  std::vector<OwnCameraValues> own;  ///< of each view; zero if the camera is the same in all views
+  std::vector<OwnCameraValues> own;  ///< one for each view; zero if all views have the same camera
   std::vector<PoseValues> poses;
   SheetParameters sheet{};
   std::vector<double> knots;  ///< knots of the residual map

@@ -16,7 +16,7 @@ namespace lenticule::calib {
 /// Returns true if any view's camera differs by more than breathing and stabiliser explain.
 [[nodiscard]] bool contradict(const std::vector<OwnCameraValues>& own);
 
-/// Suspect is a view whose camera alone may differ, and by how much.
+/// Suspect is a view that may be the only one with another camera, and the difference.
 struct Suspect {
   std::string name;
   OwnCameraValues own{};

@@ -26,7 +26,7 @@ struct CornerSeen {
 };
 
 struct PhoneObservations {
-  std::vector<FringeSeen> phases;  ///< in the order of PhotoFindings::blocks
+  std::vector<FringeSeen> phases;  ///< one phase for each of PhotoFindings::blocks, in their order
   std::vector<CornerSeen> corners;
   double pixels_per_mm = 1.0;  ///< scale of the tags
 };

@@ -40,9 +40,9 @@ constexpr display::Nanoseconds kShowTimeout = std::chrono::seconds(10);
 constexpr display::Nanoseconds kNap = kEscapePause;
 
 constexpr const char* kKeys =
-    "With --questions you mark the best of 25 bands, columns or rungs and press enter, about "
-    "twenty\n"
-    "times; a wrong answer is found and asked again. With --no-questions you change the values.\n"
+    "With --questions you mark the best of 25 bands, columns or rungs and press enter, some 25\n"
+    "times. Wrong answers are found, and their charts come again. With --no-questions you change\n"
+    "the values.\n"
     "Keys:\n"
     "  arrows, or h j k l        what the step asks for; [ and ] change the slant\n"
     "  shift, capital H J K L    ten times as far, like page up and page down\n"
