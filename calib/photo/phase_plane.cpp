@@ -33,16 +33,39 @@ Row row_of(const FringeBlock& block) {
   return row;
 }
 
-double score(const std::vector<FringeBlock>& blocks, double across, double down) {
-  // Each kind of band is summed separately, because a position error rotates them differently.
+/// Sums each kind of band separately, because a position error rotates them differently.
+std::map<double, std::complex<double>> sums_of(const std::vector<FringeBlock>& blocks,
+                                               double across, double down) {
   std::map<double, std::complex<double>> sums;
   for (const FringeBlock& b : blocks) {
     const double cycles = b.phase + across * b.x + down * b.y;
     sums[b.detuning] += std::polar(b.weight, 2.0 * std::numbers::pi * cycles);
   }
+  return sums;
+}
+
+double score(const std::vector<FringeBlock>& blocks, double across, double down) {
   double strength = 0.0;
-  for (const auto& [detuning, sum] : sums) strength += std::abs(sum);
+  for (const auto& [detuning, sum] : sums_of(blocks, across, down)) strength += std::abs(sum);
   return strength;
+}
+
+double wrapped(double cycles) {
+  return cycles - std::round(cycles);
+}
+
+/// Returns the mean phase of all kinds of bands, each kind once. A position error moves the kinds
+/// apart by less than half a cycle.
+double mean_phase(const std::vector<FringeBlock>& blocks, const LensPlane& plane) {
+  const auto sums = sums_of(blocks, plane.across, plane.down);
+  if (sums.empty()) return 0.0;
+  const auto cycles = [](const std::complex<double>& sum) {
+    return std::arg(sum) / (2.0 * std::numbers::pi);
+  };
+  const double first = cycles(sums.begin()->second);
+  double apart = 0.0;
+  for (const auto& [detuning, sum] : sums) apart += wrapped(cycles(sum) - first);
+  return first + apart / static_cast<double>(sums.size());
 }
 
 void refine(const std::vector<FringeBlock>& blocks, LensPlane& plane, double range, double step) {
@@ -59,10 +82,6 @@ void refine(const std::vector<FringeBlock>& blocks, LensPlane& plane, double ran
       plane.down = down;
     }
   }
-}
-
-double wrapped(double cycles) {
-  return cycles - std::round(cycles);
 }
 
 /// Regression does steps of reweighted least squares.
@@ -125,6 +144,7 @@ LensPlane search_plane(const std::vector<FringeBlock>& blocks) {
   LensPlane plane;
   refine(blocks, plane, 1.6, 0.2);
   refine(blocks, plane, 0.2, 0.04);
+  plane.at = -mean_phase(blocks, plane);
   return plane;
 }
 

@@ -75,6 +75,17 @@ TEST(PhasePlane, SearchesUpToOneAndAHalfFringes) {
   EXPECT_NEAR(found.down, ground_truth.down, 0.08);
 }
 
+// With the offset left to the fit, which sees phases without whole cycles, blocks at half a lens
+// would go to both sides.
+TEST(PhasePlane, FindsOffsetsOfHalfALens) {
+  for (const double offset : {-0.5, -0.48, 0.0, 0.26, 0.49}) {
+    const LensPlane ground_truth{offset, 0.4, -0.3};
+    const LensPlane found = search_plane(blocks_of(ground_truth, 0.05, 0.01, 4));
+    const double off = found.at - ground_truth.at;
+    EXPECT_NEAR(off - std::round(off), 0.0, 0.03) << offset;
+  }
+}
+
 TEST(PhasePlane, RefusesTooFewBlocks) {
   std::vector<FringeBlock> blocks = blocks_of({0.1, 0.1, 0.1}, 0.0, 0.0, 1);
   blocks.resize(19);
