@@ -236,7 +236,7 @@ Run declare_bench_calibrate(CLI::App& app) {
   app.add_option("--photographs", flags->hand.photographs,
                  "numbers of photographs to calibrate from, each once")
       ->delimiter(',')
-      ->check(CLI::Range(2, 6))
+      ->check(CLI::Range(1, 6))
       ->capture_default_str()
       ->needs(hand);
   app.add_option("--plot", flags->hand.plot, "SVG file: error against number of photographs")

@@ -52,15 +52,35 @@ void HandTrial::take(const Shot& shot) {
   Photo photo = photograph(sheet_, shown.view(), workshop_.phone, shot);
   round_trip(photo, workshop_.phone.jpeg_quality);
   focal_px_ = calib::focal_of_film(photo.stated_focal_35mm, photo.width);
+  calib::CameraPicture picture = picture_of(photo);
   photos_.push_back({.name = "photograph " + std::to_string(photos_.size() + 1),
-                     .findings = calib::measure_hand_held(picture_of(photo), chart_, focal_px_)});
+                     .findings = calib::measure_hand_held(picture, chart_, focal_px_)});
+  if (photos_.size() == 1) first_picture_ = std::move(picture);
 }
 
 double HandTrial::error_of(const optics::Rig& rig) const {
   return worst_error(rig, sheet_, judged_eyes(workshop_.start));
 }
 
+HandResult HandTrial::calibrate_single() const {
+  const calib::Calibration found =
+      calib::fit_single_photo(
+          first_picture_, chart_, {.focal_px = focal_px_, .distance_mm = std::nullopt});
+  HandResult out;
+  out.photographs = 1;
+  out.reasons = found.reasons;
+  out.fit_seconds = found.seconds_computing;
+  out.fitted = found.verdict != calib::Verdict::Refused;
+  if (!out.fitted) return out;
+  out.error_lenses = worst_error(found.rig, sheet_, {workshop_.shots.front().eye_mm});
+  out.stated_lenses = found.drift.worst_lenses;
+  if (out.stated_lenses <= kMostLenses)
+    out.outcome = out.error_lenses <= kMostLenses ? HandOutcome::Right : HandOutcome::Wrong;
+  return out;
+}
+
 HandResult HandTrial::calibrate(int photographs) const {
+  if (photographs == 1) return calibrate_single();
   const calib::Calibration found =
       calib::calibrate_phone({photos_.begin(), photos_.begin() + photographs}, chart_, focal_px_);
   HandResult out;

@@ -46,15 +46,18 @@ class HandTrial {
 
   /// Returns the largest phase error of a rig over the panel, for the judged eyes.
   [[nodiscard]] double error_of(const optics::Rig& rig) const;
-  /// Calibrates from the first photographs.
+  /// Calibrates from the first photographs. The rig of a single one is valid only where it was
+  /// taken, and is judged there.
   [[nodiscard]] HandResult calibrate(int photographs) const;
 
  private:
   void take(const Shot& shot);
+  [[nodiscard]] HandResult calibrate_single() const;
 
   Workshop workshop_;
   LensSection sheet_;
   calib::SinglePhotoChart chart_;
+  calib::CameraPicture first_picture_;
   std::vector<calib::PhonePhoto> photos_;
   calib::Estimate focal_px_;
 };
