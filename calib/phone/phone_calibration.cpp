@@ -26,7 +26,7 @@ constexpr double kMostTurn = 1e-3;      ///< radians; less does no harm
 constexpr double kZoneHalfWidthMm = 250.0;
 /// Difference between traced lenses and the law of rigs with the gap and shape that fringes give:
 /// 95 of 100 sheets are within this for eyes at tangents up to 1.
-constexpr double kLawLenses = 0.007;
+constexpr double kLawLenses = 0.006;
 
 double viewing_distance(const optics::Rig& rig) {
   constexpr double kArmsLengthMm = 700.0;
@@ -80,6 +80,8 @@ void describe(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
   }
   const SheetReport report = prediction.sheet_report();
   out.parameters = report.parameters;
+  out.parameters.push_back({"gap_mm.red", "mm", fit.colour_gap[0]});
+  out.parameters.push_back({"gap_mm.blue", "mm", fit.colour_gap[2]});
   out.correlations = report.correlations;
   const double averaged = photos.front().findings.averaged;
   out.camera.focal_px = fit.values.camera[kFocal] * averaged;

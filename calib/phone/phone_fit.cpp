@@ -23,6 +23,8 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+constexpr size_t kGreen = 1;
+
 /// Unknowns of one photograph: the pose, its own camera, then these.
 constexpr int kOwn = kPoseCount, kBreathing = kOwn + kOwnFocal, kShiftX = kOwn + kOwnCentreX,
               kShiftY = kOwn + kOwnCentreY, kLarger = kOwn + kOwnCount, kTurn = kLarger + 1,
@@ -190,6 +192,18 @@ class Joint {
     lens = seen_point(own, photo, seen.pixel, row_of(seen.pixel));
     return fringe_turns(seen.fringe, panel_, fringe_point(photo, sheet, panel_, lens)) -
            lens_coordinate(sheet, panel_, lens);
+  }
+
+  /// Returns the derivative of phase_of() by the gap, lenses per mm.
+  double phase_per_gap(size_t n, const FringeSeen& seen) {
+    constexpr double kPart = 1e-3;
+    SheetParameters more;
+    std::copy_n(sheet(), kSheetCount, more.begin());
+    more[kGap] *= 1.0 + kPart;
+    PlanePoint<double> lens{};
+    return (phase_of<double>(values_.data(), more.data(), photo(n), seen, lens) -
+            phase_of<double>(values_.data(), sheet(), photo(n), seen, lens)) /
+           (kPart * sheet()[kGap]);
   }
 
   double map_at(const std::vector<KnotWeight>& weights) const {
@@ -419,6 +433,33 @@ class Joint {
     }
   }
 
+  /// Measures the gap of each colour. Phases move by the gap's change times their slope over it, so
+  /// the colours' differences from the mean of the channels show the differences of their gaps.
+  std::array<Estimate, 3> colour_gaps(double gap_sigma) {
+    const double gap = sheet()[kGap];
+    std::array<Estimate, 3> gaps;
+    for (size_t c = 0; c < gaps.size(); ++c) {
+      double product = 0.0, square = 0.0, rest = 0.0, count = 0.0;
+      const auto for_each = [&](const auto& use) {
+        for (size_t n = 0; n < seen_.size(); ++n)
+          for (const FringeSeen& seen : seen_[n].phases)
+            use(seen.weight, seen.colour_turns[c], phase_per_gap(n, seen));
+      };
+      for_each([&](double weight, double ahead, double slope) {
+        product += weight * ahead * slope;
+        square += weight * slope * slope;
+      });
+      const double more = square > 0.0 ? product / square : 0.0;
+      for_each([&](double weight, double ahead, double slope) {
+        rest += weight * std::pow(ahead - more * slope, 2);
+        count += 1.0;
+      });
+      const double own = square > 0.0 ? std::sqrt(rest / count / square) : 0.0;
+      gaps[c] = {gap + more, std::hypot(gap_sigma, own)};
+    }
+    return gaps;
+  }
+
   PhotoFit photo_fit(size_t n, const MatrixXd& covariance) {
     const double* own = photo(n);
     PhotoFit out;
@@ -445,6 +486,8 @@ class Joint {
     const MatrixXd inverse = covariance();
     const Index count = kSheetCount + grid_.count();
     fit.covariance = inverse.block(kCameraCount, kCameraCount, count, count);
+    fit.colour_gap = colour_gaps(std::sqrt(fit.covariance(kGap, kGap)));
+    fit.values.sheet[kGap] = fit.colour_gap[kGreen].value;
     for (size_t n = 0; n < seen_.size(); ++n) {
       PoseValues pose{};
       std::copy_n(photo(n), kPoseCount, pose.begin());

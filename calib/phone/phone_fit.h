@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <optional>
 #include <vector>
 
@@ -35,6 +36,7 @@ struct PhoneFit {
   /// Covariance of sheet and knots: the inverse of the normal equations, for residuals of the
   /// observed size.
   Eigen::MatrixXd covariance;
+  std::array<Estimate, 3> colour_gap;  ///< gap of red, green and blue light, mm
   std::vector<PhotoFit> photos;
 };
 
@@ -45,6 +47,9 @@ struct PhoneFit {
 /// knot far from all fringes continues the map straight. The whole lenses between photographs
 /// follow from the gap, searched within 30 % of the start. Returns nothing if the fit does not
 /// converge.
+///
+/// The photographs' light is the mean of the channels, but `values` has the gap of green light: a
+/// rig's colours are those of its panel, and the sheet refracts them differently.
 [[nodiscard]] std::optional<PhoneFit> fit_phone(const std::vector<PhotoFindings>& photos,
                                                 const SinglePhotoChart& chart,
                                                 const Estimate& focal_px);

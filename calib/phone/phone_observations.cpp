@@ -28,7 +28,8 @@ void add_fringes(const PhotoFindings& photo, const SinglePhotoChart& chart,
     out.phases.push_back({block.pixel,
                           {.pitch_subpx = 1.0 / per_subpx, .slant = chart.start.sheet.slant},
                           comb - lens + block.phase,
-                          std::min(block.weight / usual, 2.0)});
+                          std::min(block.weight / usual, 2.0),
+                          block.colour_phase});
   }
 }
 

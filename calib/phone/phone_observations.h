@@ -3,6 +3,7 @@
 // picture.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "calib/fit/projection.h"
@@ -16,6 +17,7 @@ struct FringeSeen {
   Fringe fringe;        ///< the chart's comb at this place
   double turns = 0.0;   ///< comb minus lens coordinate, up to whole lenses
   double weight = 1.0;  ///< relative to that of the usual block
+  std::array<double, 3> colour_turns{};  ///< turns of red, green and blue minus `turns`
 };
 
 /// CornerSeen is a corner of a tag.

@@ -25,6 +25,7 @@ using Terms = Eigen::Matrix<double, kTerms, 1>;
 struct BlockSums {
   Eigen::Matrix<double, kTerms, kTerms> normal = Eigen::Matrix<double, kTerms, kTerms>::Zero();
   Terms right = Terms::Zero();
+  std::array<Terms, 3> colours{Terms::Zero(), Terms::Zero(), Terms::Zero()};  ///< like `right`
   double x = 0.0, y = 0.0;
   Vec2 pixel;
   int count = 0;
@@ -96,7 +97,8 @@ FringeSample sample_of(const SheetPoint& point, Vec2 pixel, float light, uint32_
           light,
           block,
           static_cast<float>(pixel.x),
-          static_cast<float>(pixel.y)};
+          static_cast<float>(pixel.y),
+          {}};
 }
 
 /// Prediction predicts the observed fringes: the comb minus the lens coordinate, since whole lenses
@@ -140,10 +142,16 @@ void add_sample(BlockSums& sums, const FringeSample& sample, double cycles, Vec2
   terms << 1.0, within.x, within.y, std::cos(kTau * cycles), std::sin(kTau * cycles);
   sums.normal.noalias() += terms * terms.transpose();
   sums.right += sample.light * terms;
+  for (size_t c = 0; c < sums.colours.size(); ++c) sums.colours[c] += sample.colours[c] * terms;
   sums.x += sample.x;
   sums.y += sample.y;
   sums.pixel = sums.pixel + Vec2{double{sample.pixel_x}, double{sample.pixel_y}};
   ++sums.count;
+}
+
+/// Returns the phase of fitted light, cycles: cos(p + r) = cos r cos p - sin r sin p.
+double phase_of(const Terms& fitted) {
+  return std::atan2(-fitted[4], fitted[3]) / kTau;
 }
 
 /// Returns nothing if the phase of the fringes changes too little over the block.
@@ -164,8 +172,12 @@ std::optional<FringeBlock> block_of(const BlockSums& sums, uint32_t block, doubl
   out.x = sums.x / sums.count;
   out.y = sums.y / sums.count;
   out.pixel = sums.pixel * (1.0 / sums.count);
-  // cos(p + r) = cos r cos p - sin r sin p.
-  out.phase = std::atan2(-fitted[4], fitted[3]) / kTau;
+  out.phase = phase_of(fitted);
+  for (size_t c = 0; c < sums.colours.size(); ++c) {
+    if (sums.colours[c][0] <= 0.0) continue;
+    const double ahead = phase_of(inverse * sums.colours[c]) - out.phase;
+    out.colour_phase[c] = ahead - std::round(ahead);
+  }
   out.contrast = fitted[0] > 0.0 ? amplitude / fitted[0] : 0.0;
   out.weight = 2.0 * amplitude * amplitude / variance;
   return out;
@@ -205,6 +217,7 @@ FringeSamples collect_fringes(const PhotoLight& picture, const PhotoPose& pose,
       if (!picture.clipped.empty()) clipped += picture.clipped[at];
       out.samples.push_back(sample_of(*point, {i + 0.5, j + 0.5}, light,
                                       grid.block_at(point->panel_px), chart.start.panel));
+      if (!picture.colours.empty()) out.samples.back().colours = picture.colours[at];
     }
   }
   if (on_panel > 0)

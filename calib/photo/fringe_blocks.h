@@ -2,6 +2,7 @@
 // Measures the fringes of a photographed chart, block by block.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -34,6 +35,7 @@ struct FringeSample {
   uint32_t block = 0;
   float pixel_x = 0.0F;  ///< position in the picture
   float pixel_y = 0.0F;
+  std::array<float, 3> colours{};  ///< light of red, green and blue
 };
 
 /// FringeSamples holds the samples of blocks in rows and columns over the panel, each block within
@@ -66,8 +68,11 @@ struct FringeBlock {
   double detuning = 1.0;  ///< d of its band
   double x = 0.0;         ///< mean position, in LensPlane's coordinates
   double y = 0.0;
-  Vec2 pixel;             ///< mean position in the picture
-  double phase = 0.0;     ///< observed minus predicted fringes, cycles in [-1/2, 1/2]
+  Vec2 pixel;          ///< mean position in the picture
+  double phase = 0.0;  ///< observed minus predicted fringes, cycles in [-1/2, 1/2]
+  /// Phase of red, green and blue minus `phase`: the sheet refracts colours differently. 0 for grey
+  /// pictures.
+  std::array<double, 3> colour_phase{};
   double contrast = 0.0;  ///< amplitude over mean light
   double weight = 0.0;    ///< inverse variance of the phase
 };

@@ -50,9 +50,10 @@ struct Work {
   LensPlane farther;
 };
 
-/// Appends the mean light of a square of pixels to the picture.
+/// Appends the mean light of a square of pixels, and that of each channel, to the picture.
 void append_mean(const CameraPicture& photograph, int left, int top, int side, PhotoLight& out) {
   float sum = 0.0F;
+  std::array<float, 3> colours{};
   int clipped = 0;
   const auto channels = static_cast<size_t>(photograph.channels);
   for (int j = top; j < top + side; ++j) {
@@ -61,11 +62,14 @@ void append_mean(const CameraPicture& photograph, int left, int top, int side, P
     for (size_t k = first; k < first + static_cast<size_t>(side) * channels; ++k) {
       sum += photograph.light[k];
       clipped += photograph.light[k] >= kSaturatedLight ? 1 : 0;
+      if (channels == colours.size()) colours[k % channels] += photograph.light[k];
     }
   }
   const int values = side * side * photograph.channels;
   out.light.push_back(sum / static_cast<float>(values));
   out.clipped.push_back(static_cast<uint8_t>(255 * clipped / values));
+  for (float& colour : colours) colour /= static_cast<float>(side * side);
+  if (channels == colours.size()) out.colours.push_back(colours);
 }
 
 void average_down(const CameraPicture& photograph, Work& work) {

@@ -10,13 +10,14 @@
 
 namespace lenticule::calib {
 
-/// PhotoLight is the light of one channel, rows from the top.
+/// PhotoLight is the light of a photograph, rows from the top.
 struct PhotoLight {
   int width = 0;
   int height = 0;
-  std::vector<float> light;
+  std::vector<float> light;  ///< mean of the channels
   /// Clipped part of the values that each pixel averages, in 255ths; empty: nothing was clipped.
   std::vector<uint8_t> clipped = {};
+  std::vector<std::array<float, 3>> colours = {};  ///< red, green, blue; empty for grey pictures
 };
 
 struct TagSighting {

@@ -6,7 +6,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdlib>
+#include <string>
 #include <vector>
 
 #include "apps/lenticule-bench/calibrate/hand_trial.h"
@@ -75,6 +77,24 @@ TEST(PhoneCalibration, PhotographsThatContradictEachOtherAreRefusedAndNamed) {
   EXPECT_THAT(reasons(smaller), ElementsAre(HasSubstr("photograph 2: another size")));
 }
 
+const Parameter& parameter(const Calibration& calibration, const std::string& name) {
+  const auto at = std::ranges::find(calibration.parameters, name, &Parameter::name);
+  EXPECT_NE(at, calibration.parameters.end()) << name;
+  return *at;
+}
+
+// The chart is white, and a sheet refracts blue light more than red light.
+TEST(PhoneCalibration, TellsTheGapsOfTheColoursApart) {
+  const HandTrial trial(101, test::small_workshop(3));
+  const Calibration found = calibrate(trial, trial.photos());
+  const phone_bench::LensSection sheet(trial.workshop().build, trial.workshop().start.panel);
+  const auto shift = [&](int channel) { return sheet.mean_shift(0.3, 0.0, channel).across; };
+  const double green = found.rig.sheet.gap.value;
+  EXPECT_NEAR(parameter(found, "gap_mm.red").estimate.value / green, shift(0) / shift(1), 4e-4);
+  EXPECT_NEAR(parameter(found, "gap_mm.blue").estimate.value / green, shift(2) / shift(1), 4e-4);
+  EXPECT_LT(shift(2) / shift(1), 0.997);
+}
+
 TEST(PhoneCalibration, OnePhotographIsNotEnough) {
   std::vector<PhonePhoto> photos(2);
   photos[0].name = "photograph 1";
@@ -102,10 +122,11 @@ TEST(PhoneCalibration, AsksForABetterStartIfThePitchIsFarOff) {
 }
 
 TEST(PhoneCalibration, ReturnsNoStartWhoseChartHasNoRoomOnThePanel) {
-  const HandTrial trial(4, test::small_workshop(1));
-  PhotoFindings mistaken = trial.photos()[0].findings;
+  const phone_bench::Workshop workshop = draw_workshop(4, test::small_workshop(1));
+  PhotoFindings mistaken;
+  mistaken.rig = workshop.start;
   mistaken.rig.sheet.pitch.value = 40.0;
-  EXPECT_FALSE(better_start(mistaken, trial.chart()));
+  EXPECT_FALSE(better_start(mistaken, plan_single_photo_chart(workshop.start)));
 }
 
 // LENTICULE_PHONE_WORKSHOPS and LENTICULE_PHONE_FIRST draw more workshops, or others.
