@@ -14,9 +14,9 @@ namespace lenticule::calib {
 /// FringeSeen is the phase of the chart's fringes at a pixel.
 struct FringeSeen {
   Vec2 pixel;
-  Fringe fringe;        ///< the chart's comb at this place
-  double turns = 0.0;   ///< comb minus lens coordinate, up to whole lenses
-  double weight = 1.0;  ///< relative to that of the usual block
+  Fringe fringe;                         ///< the chart's comb at this place
+  double turns = 0.0;                    ///< comb minus lens coordinate, up to whole lenses
+  double weight = 1.0;                   ///< relative to that of the usual block
   std::array<double, 3> colour_turns{};  ///< turns of red, green and blue minus `turns`
 };
 

@@ -63,9 +63,8 @@ double HandTrial::error_of(const optics::Rig& rig) const {
 }
 
 HandResult HandTrial::calibrate_single() const {
-  const calib::Calibration found =
-      calib::fit_single_photo(
-          first_picture_, chart_, {.focal_px = focal_px_, .distance_mm = std::nullopt});
+  const calib::Calibration found = calib::fit_single_photo(
+      first_picture_, chart_, {.focal_px = focal_px_, .distance_mm = std::nullopt});
   HandResult out;
   out.photographs = 1;
   out.reasons = found.reasons;
