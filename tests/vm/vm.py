@@ -396,6 +396,18 @@ class VirtualMachine:
         return self.folder / "shell.sock"
 
     def _start(self, accelerator, boot_seconds):
+        """Boots. An emulated processor now and then loses a timer before any of our code runs, and
+        the kernel waits for it for ever: such a machine is booted a second time, and says so."""
+        if not self._boots(accelerator, boot_seconds):
+            print(f"booting again: no agent after {boot_seconds} s\n{self.logs(4)}", flush=True)
+            self._end_qemu()
+            if not self._boots(accelerator, boot_seconds):
+                raise VmError(f"no agent after {boot_seconds} s, twice\n{self.logs()}")
+        self._load_drivers()
+
+    def _boots(self, accelerator, boot_seconds):
+        """Starts QEMU; returns whether the agent answers in time."""
+        self._received = b""
         log = open(self.folder / "qemu.log", "wb")
         with log:
             self._qemu = subprocess.Popen(self._command(accelerator), stdin=subprocess.DEVNULL,
@@ -403,9 +415,7 @@ class VirtualMachine:
         self._agent = self._connect("agent.sock")
         self._qmp_connection = self._connect("qmp.sock")
         self._qmp = qmp.Qmp(self._qmp_connection)
-        if not self.listen(boot_seconds, until=lambda: self._ready):
-            raise VmError(f"no agent after {boot_seconds} s\n{self.logs()}")
-        self._load_drivers()
+        return self.listen(boot_seconds, until=lambda: self._ready)
 
     def _load_drivers(self):
         driver = {"virtio-gpu": "virtio-gpu", "bochs": "bochs", "cirrus": "cirrus"}.get(self.machine.display)
