@@ -67,6 +67,17 @@ function(lenticule_heavy_headers name)
   target_precompile_headers(${name} REUSE_FROM lenticule_heavy_headers)
 endfunction()
 
+# lenticule_main(PROGRAM): compiles the main.cpp of a program as a command line is compiled: it declares
+# flags, and what takes time is in the libraries that the program is linked with.
+function(lenticule_main program)
+  get_target_property(libraries ${program} LINK_LIBRARIES)
+  add_library(${program}_main OBJECT main.cpp)
+  target_link_libraries(${program}_main PRIVATE ${libraries})
+  target_compile_options(${program}_main PRIVATE $<$<CONFIG:Release>:-O1>)
+  lenticule_heavy_headers(${program}_main)
+  target_sources(${program} PRIVATE $<TARGET_OBJECTS:${program}_main>)
+endfunction()
+
 # lenticule_test_options(NAME): sets how much a test program is optimised: less than the libraries,
 # because compiling a test takes longer than running its own code.
 function(lenticule_test_options name)
@@ -109,7 +120,8 @@ endfunction()
 #   One GoogleTest program; KIND (unit, property, golden, ...) becomes its CTest label.
 #   FAST: the program takes seconds as a whole. It is one CTest entry, which saves a process per case,
 #   with the label quick.
-#   SLOW: a GoogleTest filter; its cases have the label slow and run in scripts/test --all only.
+#   SLOW: a GoogleTest filter; its cases have the label slow and run in scripts/test --all only; with
+#   FAST they are one more entry, NAME.slow.
 #   THREADED: the program is run under the thread sanitizer, too.
 function(lenticule_test name kind)
   cmake_parse_arguments(TEST "FAST;THREADED" "SLOW;TIMEOUT" "SOURCES;DEPENDS" ${ARGN})
@@ -131,9 +143,14 @@ function(lenticule_test name kind)
     LENTICULE_SOURCE_DIR="${PROJECT_SOURCE_DIR}" LENTICULE_BINARY_DIR="${PROJECT_BINARY_DIR}")
   set(skipped "\\[  SKIPPED \\]")
   if(TEST_FAST)
-    add_test(NAME ${name} COMMAND ${name})
+    add_test(NAME ${name} COMMAND ${name} --gtest_filter=-${TEST_SLOW})
     set_tests_properties(${name} PROPERTIES LABELS "${label};quick" TIMEOUT ${TEST_TIMEOUT}
       SKIP_REGULAR_EXPRESSION "${skipped}")
+    if(TEST_SLOW)
+      add_test(NAME ${name}.slow COMMAND ${name} --gtest_filter=${TEST_SLOW})
+      set_tests_properties(${name}.slow PROPERTIES LABELS ${label}-slow TIMEOUT ${TEST_TIMEOUT}
+        SKIP_REGULAR_EXPRESSION "${skipped}")
+    endif()
     return()
   endif()
   set(discovery DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60)

@@ -5,7 +5,6 @@
 
 #include <array>
 #include <atomic>
-#include <chrono>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -13,9 +12,9 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
+#include "apps/lenticule-web/api/calibrate_command.h"
 #include "apps/lenticule-web/api/history.h"
 #include "apps/lenticule-web/api/photo_session.h"
 #include "apps/lenticule-web/api/pictures.h"
@@ -23,7 +22,6 @@
 #include "apps/lenticule-web/http/clock.h"
 #include "apps/lenticule-web/http/message.h"
 #include "apps/lenticule-web/link/control_link.h"
-#include "optics/rig.h"
 
 namespace lenticule::web {
 
@@ -32,28 +30,6 @@ struct PhotoCalibrationOptions {
   std::filesystem::path program;  ///< lenticule
   std::function<bool()> stops;    ///< returns true when the server ends
   std::filesystem::path history;  ///< file of the rigs that were kept
-};
-
-/// CalibrationOutput is what `lenticule calibrate photos --json` printed.
-struct CalibrationOutput {
-  nlohmann::ordered_json report;  ///< null if it printed no report
-  std::string message;            ///< printable lines on standard error
-};
-[[nodiscard]] CalibrationOutput parse_calibration_output(const std::string& output);
-
-/// Claim marks work that only one thread may do at a time.
-class Claim {
- public:
-  /// Throws HttpError 409 if another thread does it.
-  explicit Claim(std::atomic<bool>& claimed);
-  Claim(Claim&& other) noexcept : claimed_(std::exchange(other.claimed_, nullptr)) {}
-  Claim& operator=(Claim&&) = delete;
-  ~Claim() {
-    if (claimed_ != nullptr) claimed_->store(false);
-  }
-
- private:
-  std::atomic<bool>* claimed_;
 };
 
 /// PhotoRequest describes a photograph that arrives.
@@ -105,60 +81,39 @@ class PhotoCalibration {
   void discard();
 
  private:
-  friend class Photograph;
-  using Deadline = std::chrono::steady_clock::time_point;
-  /// Photo is a photograph in the folder.
-  struct Photo {
-    std::filesystem::path file;
-    std::optional<double> distance_mm;
-    uint64_t number = 0;  ///< another one for each photograph
-  };
-  using Photos = std::array<std::optional<Photo>, kPhotoPlaces.size()>;
-  struct Found {
-    optics::Rig before;
-    optics::Rig after;
-    optics::Eye eye;
-    size_t photographs = 0;
-  };
-  /// Fit is what the command found in some photographs.
-  struct Fit {
-    nlohmann::ordered_json report;  ///< null if the command failed
-    std::string message;            ///< reason why there is no report, or why the rig is refused
-    std::optional<Found> found;     ///< none if the rig is refused
-  };
-  [[nodiscard]] std::filesystem::path chart() const { return options_.folder / "chart.png"; }
-  [[nodiscard]] std::filesystem::path start() const { return options_.folder / "rig.toml"; }
-  void judge(size_t place, const Photo& photo);
-  [[nodiscard]] Fit fit(const std::vector<Photo>& photos, Deadline deadline) const;
-  [[nodiscard]] std::string refusal_of(const Fit& fit, size_t place, size_t photographs) const;
-  void settle(Fit fit, Deadline deadline);
+  using Photos = std::array<std::optional<PhotoFile>, kPhotoPlaces.size()>;
+  void judge(size_t place, const PhotoFile& photo);
+  [[nodiscard]] std::string refusal_of(const CalibrationFit& fit, size_t place,
+                                       size_t photographs) const;
+  void settle(CalibrationFit fit, CalibrateCommand::Deadline deadline);
   [[nodiscard]] bool plan_again();
   void clear_photos();
   void set_stage(const char* stage, std::string message, nlohmann::ordered_json result,
-                 std::optional<Found> found);
-  [[nodiscard]] std::optional<Found> found() const;
+                 std::optional<FoundSheet> found);
+  [[nodiscard]] std::optional<FoundSheet> found() const;
   void clear_folder() const;
-  void draw_chart(const std::filesystem::path& rig, const std::filesystem::path& output) const;
   void replace_rig(const std::string& toml, const std::string& who, const std::string& what);
 
   ControlLink& link_;
   Clock& clock_;
   PictureMaker& pictures_;
   ShownInstead& shown_instead_;
-  const PhotoCalibrationOptions options_;
-  std::atomic<bool> working_{false};  ///< true while an action uses the folder
+  const CalibrateCommand command_;
+  const CalibrationFolder folder_;
+  const std::filesystem::path try_folder_;  ///< for charts that are drawn as a trial
+  std::atomic<bool> working_{false};        ///< true while an action uses the folder
   // These four belong to the action that uses the folder.
   Photos photos_;
   uint64_t newest_ = 0;         ///< number of the newest photograph
   uint64_t single_number_ = 0;  ///< number of the photograph of single_
-  Fit single_;                  ///< fit of the first photograph alone
+  CalibrationFit single_;       ///< fit of the first photograph alone
   bool planned_again_ = false;
   std::mutex drawing_;        ///< a chart takes memory and time: one picture at a time
   mutable std::mutex mutex_;  ///< guards the members below
   std::string stage_ = "idle";
   std::string message_;
   nlohmann::ordered_json result_;
-  std::optional<Found> found_;
+  std::optional<FoundSheet> found_;
   PhotoSession session_;
   std::mutex trying_;      ///< guards the next two members
   std::string tried_rig_;  ///< text of the rig for which the chart was drawn

@@ -14,6 +14,7 @@
 #include "apps/lenticule-web/api/photo_calibration.h"
 #include "apps/lenticule-web/api/pictures.h"
 #include "apps/lenticule-web/api/play_list.h"
+#include "apps/lenticule-web/api/route.h"
 #include "apps/lenticule-web/api/shown_instead.h"
 #include "apps/lenticule-web/http/clock.h"
 #include "apps/lenticule-web/http/message.h"
@@ -33,14 +34,7 @@ struct WebSiteOptions {
   Clock* clock = &machine_clock();
 };
 
-/// Route is an address of the API; "{name}" stands for one part of a path.
-struct Route {
-  const char* method;
-  const char* path;
-  Rights rights;
-  uint64_t largest_body;
-  Response (*answer)(class WebSite& site, const Request& request, const std::string& name);
-};
+/// Returns all addresses of the API and of the pages.
 [[nodiscard]] std::span<const Route> routes();
 
 class WebSite final : public Site {
@@ -68,7 +62,6 @@ class WebSite final : public Site {
   [[nodiscard]] Media& media();
 
  private:
-  [[nodiscard]] std::unique_ptr<BodySink> photograph_sink(const Request& request);
   [[nodiscard]] nlohmann::ordered_json check(const std::filesystem::path& file);
 
   const WebSiteOptions options_;

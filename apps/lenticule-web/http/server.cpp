@@ -221,7 +221,7 @@ Server::Server(std::vector<Listener> listeners, Site& site, Access& access, Serv
         MHD_USE_INTERNAL_POLLING_THREAD | MHD_USE_THREAD_PER_CONNECTION | MHD_USE_POLL |
             MHD_USE_ITC | MHD_USE_ERROR_LOG,
         0, nullptr, nullptr, &ServerCallbacks::handle, door.get(),
-        // First, so that it receives the messages about all others.
+        // The first option, so that it receives messages about the others.
         MHD_OPTION_EXTERNAL_LOGGER, &ServerCallbacks::discard_message, nullptr,
         MHD_OPTION_LISTEN_SOCKET, listening, MHD_OPTION_CONNECTION_LIMIT, limits.connections,
         MHD_OPTION_PER_IP_CONNECTION_LIMIT, limits.connections_per_address,
