@@ -11,6 +11,9 @@
 
 namespace lenticule::calib {
 
+/// Nearest and farthest eyes of the viewing zone, relative to the viewpoints' mean distance.
+inline constexpr double kNearestEyes = 0.75, kFarthestEyes = 1.25;
+
 struct CalibrateOptions {
   /// Relative standard deviation of the starting gap, from the quality of the sheet's data.
   double gap_tolerance = 0.5;
@@ -19,8 +22,8 @@ struct CalibrateOptions {
   /// Limits of the verdict, in lenses over the whole panel for every eye of the viewing zone.
   double most_drift_lenses = 0.02;     ///< predicted, two standard errors
   double most_held_out_lenses = 0.03;  ///< Viewpoint::predicted_lenses
-  /// Half width of the viewing zone of the prediction: eyes at the viewpoints' mean distance and at
-  /// distances a quarter nearer and farther.
+  /// Half width of the viewing zone of the prediction: eyes at the viewpoints' mean distance, and
+  /// at distances kNearestEyes and kFarthestEyes.
   double zone_half_width_mm = 250.0;
   /// Measured distances of the first viewpoints from the panel, in their order; a value of 0 is
   /// unknown. The fit uses them if they agree with its result without them, else the calibration is

@@ -259,4 +259,23 @@ std::optional<LinearPhase> fit_linear(const BlockGrid& grid, const optics::Panel
   return line;
 }
 
+double largest_change(const BlockGrid& before, BlockGrid after, const optics::Panel& panel) {
+  for (size_t n = 0; n < after.blocks.size(); ++n) {
+    PhaseBlock& block = after.blocks[n];
+    if (before.blocks[n].pixels == 0) block.pixels = 0;
+    block.phase -= before.blocks[n].phase;
+    block.phase -= std::round(block.phase);
+  }
+  const std::optional<LinearPhase> move = fit_linear(after, panel);
+  if (!move) return 0.0;
+  // A camera that moved shifts all phases, a sheet that warmed up stretches them: the largest
+  // change is in a corner.
+  double largest = 0.0;
+  for (const double x : {0.0, 1.0})
+    for (const double y : {0.0, 1.0})
+      largest =
+          std::max(largest, std::abs(move->at({x * panel.width_px, y * panel.height_px}, panel)));
+  return largest;
+}
+
 }  // namespace lenticule::calib

@@ -65,4 +65,9 @@ struct BlockGrid {
 [[nodiscard]] std::optional<LinearPhase> fit_linear(const BlockGrid& grid,
                                                     const optics::Panel& panel);
 
+/// Returns the largest change, in lenses, of a plane fitted to the changes of the same blocks'
+/// phases; 0 if no plane fits.
+[[nodiscard]] double largest_change(const BlockGrid& before, BlockGrid after,
+                                    const optics::Panel& panel);
+
 }  // namespace lenticule::calib

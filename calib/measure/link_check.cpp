@@ -40,6 +40,19 @@ double leak_of(const LinkPictures& pictures, int channel) {
 
 }  // namespace
 
+MeanColour mean_colour(const CameraPicture& picture, const CameraPicture& dark,
+                       const std::vector<uint32_t>& pixels) {
+  MeanColour sum{};
+  const auto channels = static_cast<size_t>(picture.channels);
+  for (const uint32_t i : pixels)
+    for (size_t c = 0; c < 3; ++c) {
+      const size_t at = i * channels + std::min(c, channels - 1);
+      sum[c] += double{picture.light[at]} - double{dark.light[at]};
+    }
+  for (double& s : sum) s /= static_cast<double>(std::max<size_t>(1, pixels.size()));
+  return sum;
+}
+
 ChannelWeights weights_for(const LinkPictures& pictures, int panel_channel) {
   const MeanColour& seen = pictures.flat[static_cast<size_t>(panel_channel)];
   const double sum = std::max(seen[0], 0.0) + std::max(seen[1], 0.0) + std::max(seen[2], 0.0);

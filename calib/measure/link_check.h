@@ -4,6 +4,8 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
+#include <vector>
 
 #include "calib/calibration.h"
 #include "calib/measure/grey.h"
@@ -12,6 +14,10 @@ namespace lenticule::calib {
 
 /// Mean light of the camera's channels over the panel, without ambient light.
 using MeanColour = std::array<double, 3>;
+
+/// Returns the mean light of pixels, without that of the dark panel.
+[[nodiscard]] MeanColour mean_colour(const CameraPicture& picture, const CameraPicture& dark,
+                                     const std::vector<uint32_t>& pixels);
 
 struct LinkPictures {
   int camera_channels = 0;

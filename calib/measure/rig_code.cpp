@@ -59,4 +59,23 @@ std::optional<std::string> RigCodeReadings::fingerprint(size_t first) const {
   return fmt::format("{:016x}", number);
 }
 
+void check_codes(const RigCodeReadings& codes, const RigCode& expected, const std::string& place) {
+  const std::optional<size_t> foreign = codes.first_foreign(expected);
+  if (!foreign) return;
+  const std::string remedy =
+      "use the rig that these patterns were written for as --rig, or write patterns for this one "
+      "and photograph them";
+  if (const std::optional<std::string> other = codes.fingerprint())
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: the photographs show patterns for the rig with fingerprint {}, "
+                            "not for {}",
+                            place, *other, expected.fingerprint()),
+                remedy);
+  throw Error(ErrorKind::Input,
+              fmt::format("{}: photograph {} shows a pattern for another rig than the one with "
+                          "fingerprint {}",
+                          place, *foreign + 1, expected.fingerprint()),
+              remedy);
+}
+
 }  // namespace lenticule::calib

@@ -42,4 +42,8 @@ class RigCodeReadings {
   std::vector<int> codes_;
 };
 
+/// Throws Error(Input) if the pictures of a place show the code of another rig: patterns of another
+/// pitch would give another pitch as the result.
+void check_codes(const RigCodeReadings& codes, const RigCode& expected, const std::string& place);
+
 }  // namespace lenticule::calib

@@ -5,56 +5,24 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
-#include <numeric>
+#include <utility>
 
 #include "base/error.h"
 #include "calib/measure/geometry.h"
 #include "calib/measure/lens_spot.h"
 #include "calib/measure/link_check.h"
 #include "calib/measure/mark_moves.h"
+#include "calib/measure/pitch_search.h"
+#include "calib/measure/seen_pixels.h"
 #include "calib/measure/visible_pixels.h"
 #include "optics/effective_sheet.h"
 
 namespace lenticule::calib {
 namespace {
 
-constexpr int kCoarseSteps = 8;
-constexpr int kFineSteps = 8;
-constexpr int kAliasSteps = 4;
-constexpr int kMostMultiple = 3;   ///< largest multiple of the starting pitch that is tried
-constexpr int kBlocksAcross = 80;  ///< blocks across the picture
-constexpr int kRepeatSteps = 4;
-constexpr int kSpotBins = 16;
-/// Largest error of the starting pitch, relative to the number of lenses across the panel.
-constexpr double kCaptureRange = 0.13;
-constexpr double kLeastPart = 0.02;      ///< fraction of the camera's picture that shows the panel
-constexpr double kLeastContrast = 0.03;  ///< fraction of the light that waves or fringes modulate
-constexpr double kLeastCoherent =
-    0.12;                           ///< fraction of the fringes' light that one phase must explain
-constexpr double kLeastLead = 2.0;  ///< ratio to the next best phase
-constexpr double kAliasPart =
-    0.4;  ///< fraction of the first pattern's coherence, at a multiple of its pitch
+constexpr int kBlocksAcross = 80;     ///< blocks across the picture
+constexpr double kLeastPart = 0.02;   ///< fraction of the camera's picture that shows the panel
 constexpr double kFineFringes = 8.0;  ///< fringes across the panel: enough to average drift
-
-/// Green comes first: its line is kept, and the longer the time until green is repeated, the more
-/// of a drift is detected.
-constexpr std::array<int, 3> kChannelOrder = {1, 2, 0};
-
-/// Pitches to try when the starting one shows no fringes, as multiples of it.
-constexpr std::array<double, 5> kOtherPitches = {1.0, 0.5, 2.0, 1.0 / 3.0, 3.0};
-
-/// Returns the levels of the wide waves along one axis.
-std::array<WaveLevel, 3> levels_of(const optics::Rig& rig, bool vertical) {
-  return wave_levels(vertical ? rig.panel.height_px : rig.panel.width_px,
-                     rig.sheet.pitch.value / 3.0);
-}
-
-struct Fringes {
-  Fringe fringe;
-  std::vector<Complex> waves;
-  double contrast = 0.0;
-};
 
 /// Returns the coherence of the light in all blocks.
 double coherence_of(const BlockGrid& grid) {
@@ -150,23 +118,12 @@ class ViewpointRun {
   void find_panel();
   void check_rig();
   void decode_geometry();
-  void keep_pixels(const std::vector<float>& x, const std::vector<float>& y);
-  void average_geometry(const std::vector<float>& x, const std::vector<float>& y);
-  [[nodiscard]] std::vector<Sighting> block_sightings(const std::vector<float>& x,
-                                                      const std::vector<float>& y) const;
-
   [[nodiscard]] Fringes show_fringes(double pitch, double slant, int steps, Channels channels,
                                      const ChannelWeights& weights);
-  [[nodiscard]] std::optional<FringePeak> peak_of(const Fringes& fringes,
-                                                  const LinearPhase& start) const;
-  [[nodiscard]] LinearPhase phase_for(double pitch, double slant) const;
   void find_pitch();
-  void leave_aliases();
-  [[nodiscard]] bool multiple_shows_fringes(int factor);
   void refine_line(const Fringes& fringes);
 
   void measure_colours();
-  [[nodiscard]] MeanColour mean_colour(const CameraPicture& picture) const;
   void measure_fringes();
   [[nodiscard]] BlockGrid blocks_of(const Fringes& fringes) const;
   void measure_spot();
@@ -187,16 +144,11 @@ class ViewpointRun {
   std::vector<Vec2> panel_points_;  ///< points of the smooth map, one per pixel
   std::optional<PanelMap> map_;
   int block_px_ = 16;
-  double first_coherence_ = 0.0;
   std::array<ChannelWeights, 3> weights_{kEqualWeights, kEqualWeights, kEqualWeights};
 };
 
 void ViewpointRun::find_panel() {
-  std::vector<Pattern> patterns;
-  for (int mark = 0; mark < 3; ++mark)
-    patterns.push_back({.shape = Flat{}, .channels = {}, .mark = mark});
-  patterns.push_back({.shape = Flat{{1.0, 1.0, 1.0}}, .channels = {}, .mark = 3});
-  std::vector<CameraPicture> pictures = show_all(patterns);
+  std::vector<CameraPicture> pictures = show_all(locating_patterns());
   std::array<GreyPicture, 3> marks = {grey_of(pictures[0]), grey_of(pictures[1]),
                                       grey_of(pictures[2])};
   white_ = grey_of(pictures[3]);
@@ -227,22 +179,7 @@ void ViewpointRun::check_rig() {
   if (options_.adaptive) return;
   const RigCodeReadings& codes = capture_.codes();
   result_.rig_code_read = codes.read() > 0;
-  const std::optional<size_t> foreign = codes.first_foreign(rig_code_);
-  if (!foreign) return;
-  const std::string remedy =
-      "use the rig that these patterns were written for as --rig, or write patterns for this one "
-      "and photograph them";
-  if (const std::optional<std::string> other = codes.fingerprint())
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: the photographs show patterns for the rig with fingerprint {}, "
-                            "not for {}",
-                            options_.name, *other, rig_code_.fingerprint()),
-                remedy);
-  throw Error(ErrorKind::Input,
-              fmt::format("{}: photograph {} shows a pattern for another rig than the one with "
-                          "fingerprint {}",
-                          options_.name, *foreign + 1, rig_code_.fingerprint()),
-              remedy);
+  check_codes(codes, rig_code_, options_.name);
 }
 
 void ViewpointRun::decode_geometry() {
@@ -258,82 +195,28 @@ void ViewpointRun::decode_geometry() {
     const std::array<PhaseSum, 3> sums = {first, second, sum_of(levels[2])};
     const double white = mean_of(white_, pixels_) - mean_of(dark_, pixels_);
     positions[vertical ? 1 : 0] =
-        decode_positions(levels, sums, static_cast<float>(kLeastContrast * white));
+        decode_positions(levels, sums, static_cast<float>(kLeastModulation * white));
   }
   check_rig();  // first, because another rig's waves would be decoded to wrong positions
-  map_ = PanelMap::fit(block_sightings(positions[0], positions[1]));
+  const PictureBlocks blocks{result_.width, result_.height, block_px_};
+  const DecodedPixels decoded{std::move(pixels_), std::move(positions[0]), std::move(positions[1])};
+  map_ = PanelMap::fit(mean_sightings(decoded, blocks));
   if (!map_)
     fail("the panel points in the camera's picture cannot be decoded",
          "check that the panel is sharp in the camera's picture and nothing covers it");
-  keep_pixels(positions[0], positions[1]);
-}
-
-std::vector<Sighting> ViewpointRun::block_sightings(const std::vector<float>& x,
-                                                    const std::vector<float>& y) const {
-  const int columns = (result_.width + block_px_ - 1) / block_px_;
-  const int rows = (result_.height + block_px_ - 1) / block_px_;
-  std::vector<std::vector<Sighting>> members(static_cast<size_t>(columns) *
-                                             static_cast<size_t>(rows));
-  for (size_t n = 0; n < pixels_.size(); ++n) {
-    if (std::isnan(x[n]) || std::isnan(y[n])) continue;
-    const int i = static_cast<int>(pixels_[n]) % result_.width;
-    const int j = static_cast<int>(pixels_[n]) / result_.width;
-    members[static_cast<size_t>(j / block_px_) * static_cast<size_t>(columns) +
-            static_cast<size_t>(i / block_px_)]
-        .push_back({.camera_px = {i + 0.5, j + 0.5}, .panel_px = {x[n], y[n]}});
-  }
-  std::vector<Sighting> sightings;
-  for (const std::vector<Sighting>& block : members) {
-    if (static_cast<int>(block.size()) < block_px_ * block_px_ / 3) continue;
-    Sighting mean{.camera_px = {}, .panel_px = {}};
-    for (const Sighting& s : block) {
-      mean.camera_px = mean.camera_px + s.camera_px;
-      mean.panel_px = mean.panel_px + s.panel_px;
-    }
-    const double share = 1.0 / static_cast<double>(block.size());
-    mean.camera_px = mean.camera_px * share;
-    mean.panel_px = mean.panel_px * share;
-    sightings.push_back(mean);
-  }
-  return sightings;
-}
-
-void ViewpointRun::keep_pixels(const std::vector<float>& x, const std::vector<float>& y) {
-  // A pixel sees, through its lens, up to half a lens beside the smooth map, and more because of
-  // noise.
-  const double lens_px = start_.rig().sheet.pitch.value / 3.0;
-  const double limit = std::max(3.0, 1.2 * lens_px) + 6.0 * map_->typical_error_px();
-  const MarkCells marks = MarkCells::of(panel_, !options_.adaptive);
-  std::vector<uint32_t> kept;
-  std::vector<float> kept_x, kept_y;
-  for (size_t n = 0; n < pixels_.size(); ++n) {
-    const Vec2 camera{static_cast<int>(pixels_[n]) % result_.width + 0.5,
-                      static_cast<int>(pixels_[n]) / result_.width + 0.5};
-    const Vec2 p = map_->at(camera);
-    const bool near = std::abs(p.x - x[n]) < limit && std::abs(p.y - y[n]) < limit;
-    const bool inside = p.x > 0.0 && p.y > 0.0 && p.x < panel_.width_px && p.y < panel_.height_px;
-    if (!near || !inside || marks.covers(p.x, p.y)) continue;
-    kept.push_back(pixels_[n]);
-    kept_x.push_back(x[n]);
-    kept_y.push_back(y[n]);
-    panel_points_.push_back(p);
-  }
-  if (static_cast<double>(kept.size()) < 0.3 * static_cast<double>(pixels_.size()))
+  SeenPixels seen =
+      pixels_near_map(decoded, blocks, *map_, panel_, start_.rig().sheet.pitch.value / 3.0,
+                      MarkCells::of(panel_, !options_.adaptive));
+  if (static_cast<double>(seen.panel_points.size()) <
+      0.3 * static_cast<double>(decoded.pixels.size()))
     fail("most panel points that the camera sees contradict each other",
          "check whether the camera moves, or the sheet has reflections");
-  pixels_ = std::move(kept);
-  average_geometry(kept_x, kept_y);
-}
-
-void ViewpointRun::average_geometry(const std::vector<float>& x, const std::vector<float>& y) {
-  for (const Sighting& s : block_sightings(x, y))
+  for (const Sighting& s : mean_sightings(seen.decoded, blocks))
     result_.geometry.push_back({.camera_px = s.camera_px,
                                 .panel_px = s.panel_px,
                                 .sigma_px = std::max(0.02, map_->typical_error_px())});
-}
-
-LinearPhase ViewpointRun::phase_for(double pitch, double slant) const {
-  return {.constant = 0.0, .per_px_x = 3.0 / pitch, .per_px_y = 3.0 * slant / pitch};
+  pixels_ = std::move(seen.decoded.pixels);
+  panel_points_ = std::move(seen.panel_points);
 }
 
 Fringes ViewpointRun::show_fringes(double pitch, double slant, int steps, Channels channels,
@@ -350,68 +233,26 @@ Fringes ViewpointRun::show_fringes(double pitch, double slant, int steps, Channe
   return fringes;
 }
 
-std::optional<FringePeak> ViewpointRun::peak_of(const Fringes& fringes,
-                                                const LinearPhase& start) const {
-  const double lenses = std::abs(start.per_px_x) * panel_.width_px;
-  const FringeView view{fringes.fringe, fringes.waves, panel_points_};
-  std::optional<FringePeak> peak = find_fringes(view, start, kCaptureRange * lenses + 6.0, panel_);
-  const bool good = peak && fringes.contrast > kLeastContrast && peak->height > kLeastCoherent &&
-                    peak->height > kLeastLead * peak->second;
-  return good ? peak : std::nullopt;
-}
-
 void ViewpointRun::find_pitch() {
-  const optics::LensSheet& sheet = start_.rig().sheet;
-  const double nominal = optics::effective_sheet(start_.rig()).pitch.value;
-  std::optional<FringePeak> found;
-  Fringes fringes;
-  for (const double factor : kOtherPitches) {
-    const double pitch = nominal * factor;
-    if (pitch < optics::kMinPitchSubpixels || pitch > panel_.width_px / 4.0) continue;
-    fringes = show_fringes(pitch, sheet.slant, kCoarseSteps, Channels{}, kEqualWeights);
-    found = peak_of(fringes, phase_for(pitch, sheet.slant));
-    if (found || !options_.adaptive) break;
-  }
+  const FringeTrials trials{panel_, panel_points_, [&](double pitch, double slant, int steps) {
+                              return show_fringes(pitch, slant, steps, Channels{}, kEqualWeights);
+                            }};
+  const std::optional<FoundFringes> found =
+      search_pitch(trials, optics::effective_sheet(start_.rig()).pitch.value,
+                   start_.rig().sheet.slant, options_.adaptive);
   if (!found)
     fail(
         "no fringes are visible: the lens pitch is far from the starting one, or the pattern does "
         "not pass the sheet",
         "use a rig with a better pitch and slant, or check that the sheet is in focus");
-  first_coherence_ = found->height * fringes.contrast;
-  result_.line = found->phase;
-  refine_line(fringes);
-  if (options_.adaptive) leave_aliases();
-}
-
-/// Leaves aliases: fringes also appear at an integer fraction of the pitch, so multiples are tried
-/// as long as fringes appear there.
-void ViewpointRun::leave_aliases() {
-  int multiple = 2;
-  while (multiple <= kMostMultiple) {
-    if (!multiple_shows_fringes(multiple)) {
-      ++multiple;
-      continue;
-    }
+  result_.line = found->peak.phase;
+  refine_line(found->fringes);
+  if (!options_.adaptive) return;
+  const AliasFreeLine free = leave_aliases(trials, result_.line, *found);
+  for (const int multiple : free.multiples)
     result_.warnings.push_back(
         fmt::format("the starting pitch was an alias: the lenses are {} times as wide", multiple));
-    result_.line = {.constant = result_.line.constant / multiple,
-                    .per_px_x = result_.line.per_px_x / multiple,
-                    .per_px_y = result_.line.per_px_y / multiple};
-    multiple = 2;
-  }
-}
-
-/// Returns true if fringes appear at a multiple of the pitch. Only at the true pitch do the slow
-/// fringes disappear when the pattern gets wider by an integer factor: neighbouring lenses then see
-/// different phases.
-bool ViewpointRun::multiple_shows_fringes(int factor) {
-  const double pitch = result_.line.pitch_subpx() * factor;
-  if (pitch > panel_.width_px / 4.0) return false;
-  const double slant = result_.line.slant();
-  const Fringes fringes = show_fringes(pitch, slant, kAliasSteps, Channels{}, kEqualWeights);
-  const FringeView view{fringes.fringe, fringes.waves, panel_points_};
-  const std::optional<FringePeak> peak = find_fringes(view, phase_for(pitch, slant), 6.0, panel_);
-  return peak && peak->height * fringes.contrast > kAliasPart * first_coherence_;
+  result_.line = free.line;
 }
 
 BlockGrid ViewpointRun::blocks_of(const Fringes& fringes) const {
@@ -429,18 +270,6 @@ void ViewpointRun::refine_line(const Fringes& fringes) {
   }
 }
 
-MeanColour ViewpointRun::mean_colour(const CameraPicture& picture) const {
-  MeanColour sum{};
-  const auto channels = static_cast<size_t>(picture.channels);
-  for (const uint32_t i : pixels_)
-    for (size_t c = 0; c < 3; ++c) {
-      const size_t at = i * channels + std::min(c, channels - 1);
-      sum[c] += double{picture.light[at]} - double{dark_colour_.light[at]};
-    }
-  for (double& s : sum) s /= static_cast<double>(std::max<size_t>(1, pixels_.size()));
-  return sum;
-}
-
 void ViewpointRun::measure_colours() {
   std::vector<Pattern> patterns;
   for (int c = 0; c < 3; ++c)
@@ -451,10 +280,10 @@ void ViewpointRun::measure_colours() {
     patterns.push_back({.shape = Checks{}, .channels = {}});
   }
   LinkPictures pictures{.camera_channels = white_colour_.channels,
-                        .white = mean_colour(white_colour_)};
+                        .white = mean_colour(white_colour_, dark_colour_, pixels_)};
   size_t k = 0;
   capture_.capture(patterns, [&](const Pattern&, const CameraPicture& picture) {
-    const MeanColour mean = mean_colour(picture);
+    const MeanColour mean = mean_colour(picture, dark_colour_, pixels_);
     if (k < 3)
       pictures.flat[k] = mean;
     else if (k < 6)
@@ -484,7 +313,7 @@ void ViewpointRun::measure_fringes() {
     result_.blocks[k] = blocks_of(fringes);
     result_.channel_contrast[k] = fringes.contrast * coherence_of(result_.blocks[k]);
   }
-  if (result_.contrast < kLeastContrast)
+  if (result_.contrast < kLeastModulation)
     fail(fmt::format("the fringes have a contrast of {:.1f} % only", 100.0 * result_.contrast),
          "check that the camera is focused on the sheet and the room is dark");
   int used = 0;
@@ -511,63 +340,10 @@ void ViewpointRun::measure_spot() {
 void ViewpointRun::repeat() {
   const Fringes again = show_fringes(result_.fringe.pitch_subpx, result_.fringe.slant, kRepeatSteps,
                                      Channels::only(1), weights_[1]);
-  BlockGrid moves = blocks_of(again);
-  for (size_t n = 0; n < moves.blocks.size(); ++n) {
-    const PhaseBlock& before = result_.blocks[1].blocks[n];
-    PhaseBlock& after = moves.blocks[n];
-    if (before.pixels == 0) after.pixels = 0;
-    after.phase -= before.phase;
-    after.phase -= std::round(after.phase);
-  }
-  const std::optional<LinearPhase> move = fit_linear(moves, panel_);
-  if (!move) return;
-  // A camera that moved shifts all phases, a sheet that warmed up stretches them: the largest
-  // change is in a corner.
-  for (const double x : {0.0, 1.0})
-    for (const double y : {0.0, 1.0})
-      result_.drift_lenses =
-          std::max(result_.drift_lenses,
-                   std::abs(move->at({x * panel_.width_px, y * panel_.height_px}, panel_)));
+  result_.drift_lenses = largest_change(result_.blocks[1], blocks_of(again), panel_);
 }
 
 }  // namespace
-
-int pattern_count(const MeasureOptions& options) {
-  const int geometry = 2 * (4 + 4 + 8);
-  const int aliases = options.adaptive ? 2 * kAliasSteps : 0;
-  const int link_and_spot = options.link_and_spot ? 4 + kSpotBins : 0;
-  return 4 + geometry + kCoarseSteps + aliases + 3 + link_and_spot + 3 * kFineSteps + kRepeatSteps;
-}
-
-std::vector<Pattern> photo_patterns(const optics::Rig& start) {
-  std::vector<Pattern> patterns;
-  for (int mark = 0; mark < 3; ++mark)
-    patterns.push_back({.shape = Flat{}, .channels = {}, .mark = mark});
-  patterns.push_back({.shape = Flat{{1.0, 1.0, 1.0}}, .channels = {}, .mark = 3});
-  const auto step = [&](auto shape, int steps, Channels channels) {
-    for (const double phase : phase_steps(steps)) {
-      shape.phase = phase;
-      patterns.push_back({.shape = shape, .channels = channels});
-    }
-  };
-  for (const bool vertical : {false, true})
-    for (const WaveLevel& level : levels_of(start, vertical))
-      step(Wave{.vertical = vertical, .period_px = level.period_px, .phase = 0.0}, level.steps, {});
-  const Fringe fringe{.pitch_subpx = optics::effective_sheet(start).pitch.value,
-                      .slant = start.sheet.slant,
-                      .phase = 0.0};
-  step(fringe, kCoarseSteps, {});
-  for (int c = 0; c < 3; ++c)
-    patterns.push_back({.shape = Flat{{1.0, 1.0, 1.0}}, .channels = Channels::only(c)});
-  for (const int c : kChannelOrder) step(fringe, kFineSteps, Channels::only(c));
-  step(fringe, kRepeatSteps, Channels::only(1));
-  const RigCode code(optics::fingerprint(start));
-  for (size_t n = 0; n < patterns.size(); ++n) {
-    patterns[n].mark = static_cast<int>(n) % kMarkCounts;
-    patterns[n].code = code.of_pattern(n);
-  }
-  return patterns;
-}
 
 ViewpointMeasurement measure_viewpoint(frames::FrameSink& sink, Camera& camera,
                                        const optics::OpticalModel& start,

@@ -27,7 +27,7 @@ struct PhotoPose {
   double distortion = 0.0;                    ///< k
   Vec2 middle_px;                             ///< position of the axis
   std::array<double, 9> panel_from_camera{};  ///< rotation, row by row
-  Vec3 eye_mm;                                ///< E
+  Vec3 eye_mm;                                ///< E, the camera's pupil in the panel frame
   Vec3 eye_sigma_mm;                          ///< standard errors, if the priors are correct
   /// Covariance of the eye, row by row, under weak priors for everything that the picture cannot
   /// contradict: the axis may be a tenth of the longer side off the middle (a cropped picture), and
