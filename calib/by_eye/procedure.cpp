@@ -5,58 +5,31 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <utility>
 
 #include "base/error.h"
+#include "calib/by_eye/step_display.h"
 
 namespace lenticule::calib {
 namespace {
 
-using frames::band_scale;
 using frames::kBands;
 
-constexpr double kFirstReach = 0.1;
-constexpr double kSecondReach = 0.01;
-constexpr size_t kMaxUndo = 10'000;
 constexpr int kMostCoarse = 2;
-/// Two distances with a smaller ratio do not determine the gap.
-constexpr double kLeastDistanceRatio = 1.05;
-constexpr double kFirstSecondDistance = 1.5;
 /// Ladders farther from one plane than this are doubtful.
 constexpr double kMostMisfitLenses = 0.03;
-
-double slant_step(const optics::Panel& panel) {
-  return kSlantStepDegrees * std::numbers::pi / 180.0 * panel.pixel_height.value /
-         panel.pixel_width.value;
-}
-
-double degrees(double slant, const optics::Panel& panel) {
-  return std::atan(slant * panel.pixel_width.value / panel.pixel_height.value) * 180.0 /
-         std::numbers::pi;
-}
-
-std::string mark_text(int cursor) {
-  return cursor < 0 || cursor >= kBands ? std::string("none of them")
-                                        : fmt::format("band {} of {}", cursor + 1, kBands);
-}
 
 }  // namespace
 
 Procedure::Procedure(const optics::Rig& rig, double distance_mm, Doubts doubts, Way way)
-    : start_rig_(rig), distance_mm_(distance_mm), doubts_(doubts) {
+    : first_{rig, distance_mm}, doubts_(doubts) {
   const bool finite = std::isfinite(distance_mm) && distance_mm > 0.0;
   const auto problem = optics::find_problem(rig_seen_from(rig, finite ? distance_mm : -1.0));
   if (problem)
     throw Error(ErrorKind::Usage,
                 fmt::format("distance {} mm: {}: {}", distance_mm, problem->key, problem->cause),
                 "give the distance from the panel to the eye in millimetres");
-  start_.sheet = sheet_values(rig, distance_mm);
-  start_.band_reach = kFirstReach;
-  start_.cursor = kBands / 2;
-  start_.spacing_mm = spacing_of_gap(rig, start_.sheet, distance_mm);
-  start_.second_distance_mm = kFirstSecondDistance * distance_mm;
-  predict_second(start_);
+  start_ = first_state(first_);
   state_ = start_;
   if (way == Way::Questions) questions_.emplace(rig, distance_mm);
 }
@@ -95,9 +68,9 @@ void Procedure::press_arrow(const KeyPress& press) {
     case Key::Down:
       return move_upward(-presses);
     case Key::SlantLess:
-      return change_slant(-presses);
+      return turn_lenses(-presses);
     default:
-      return change_slant(presses);
+      return turn_lenses(presses);
   }
 }
 
@@ -115,9 +88,13 @@ void Procedure::press_control(Key key) {
       if (state_.step != Step::Prepare) enter(static_cast<Step>(static_cast<int>(step()) - 1));
       return;
     case Key::Undo:
-      return travel(done_, undone_, "nothing to undo");
+      shows_old_ = false;
+      if (!history_.undo(state_)) note_ = "nothing to undo";
+      return;
     case Key::Redo:
-      return travel(undone_, done_, "nothing to redo");
+      shows_old_ = false;
+      if (!history_.redo(state_)) note_ = "nothing to redo";
+      return;
     case Key::Compare:
       shows_old_ = !shows_old_;
       return;
@@ -127,8 +104,12 @@ void Procedure::press_control(Key key) {
       if (change_to(state)) note_ = "all values of the start are restored; u undoes this";
       return;
     }
-    case Key::SwapEyes:
-      return turn_eyes();
+    case Key::SwapEyes: {
+      State state = state_;
+      turn_eyes(state);
+      change_to(state);
+      return;
+    }
     case Key::OtherPattern:
       other_pattern_ = !other_pattern_;
       return;
@@ -144,6 +125,7 @@ void Procedure::press_control(Key key) {
 }
 
 void Procedure::move_across(double presses) {
+  State state = state_;
   switch (state_.step) {
     case Step::Prepare:
     case Step::RoughPitch:
@@ -151,17 +133,20 @@ void Procedure::move_across(double presses) {
       note_ = "left and right do nothing here";
       return;
     case Step::Slant:
-      return change_slant(presses);
+      return turn_lenses(presses);
     case Step::GapByFlips:
-      return change_spacing(presses);
+      change_spacing(state, presses, first_);
+      break;
     case Step::GapByDistance:
-      return change_second_distance(presses);
-    default: {
-      State state = state_;
+      if (!change_second_distance(state, presses, first_)) {
+        note_ = "too near to the first distance, or behind the panel";
+        return;
+      }
+      break;
+    default:
       state.sheet.effective_offset_lenses += presses * kOffsetStepLenses;
-      change_to(state);
-    }
   }
+  change_to(state);
 }
 
 /// Returns the bands that the mark moves: one, or five with shift.
@@ -183,79 +168,23 @@ void Procedure::move_upward(double presses) {
       break;
     }
     case Step::GapByDistance:
-      return change_second_pitch(presses);
+      change_second_pitch(state, presses, first_);
+      break;
     default:
       state.sheet.effective_pitch_subpx *= 1.0 + presses * kPitchStep;
-      predict_second(state);
+      predict_second(state, first_);
   }
   change_to(state);
 }
 
-void Procedure::change_slant(double presses) {
+void Procedure::turn_lenses(double presses) {
   if (state_.step < Step::Slant || state_.step == Step::Save) {
     note_ = "the slant can be changed after the rough pitch";
     return;
   }
   State state = state_;
-  state.sheet.slant += presses * slant_step(start_rig_.panel);
+  change_slant(state, presses, first_);
   change_to(state);
-}
-
-/// Swaps left and right eye by a shift of half a lens.
-void Procedure::turn_eyes() {
-  State state = state_;
-  const double offset = state.sheet.effective_offset_lenses;
-  state.sheet.effective_offset_lenses = offset > 0.0 ? offset - 0.5 : offset + 0.5;
-  change_to(state);
-}
-
-void Procedure::change_spacing(double presses) {
-  State state = state_;
-  state.spacing_mm = std::max(1.0, state.spacing_mm + presses * kSpacingStepMm);
-  state.sheet.gap_mm = gap_of_spacing(start_rig_, state.sheet, distance_mm_, state.spacing_mm);
-  state.gap_found = true;
-  state.second_was_seen = false;
-  predict_second(state);
-  change_to(state);
-}
-
-void Procedure::change_second_distance(double presses) {
-  State state = state_;
-  state.second_distance_mm += presses * kDistanceStepMm;
-  const double ratio = state.second_distance_mm / distance_mm_;
-  if (!(ratio > kLeastDistanceRatio || (ratio > 0.0 && ratio < 1.0 / kLeastDistanceRatio))) {
-    note_ = "too near to the first distance, or behind the panel";
-    return;
-  }
-  predict_second(state);
-  if (state.second_was_seen)
-    state.sheet.gap_mm = gap_of_two_pitches(distance_mm_, state.sheet.effective_pitch_subpx,
-                                            state.second_distance_mm, state.second_pitch_subpx);
-  change_to(state);
-}
-
-/// Changes the second pitch. The picture from the first distance stays unchanged; the gap absorbs
-/// the difference.
-void Procedure::change_second_pitch(double presses) {
-  State state = state_;
-  state.second_pitch_subpx *= 1.0 + presses * kPitchStep;
-  state.second_was_seen = true;
-  state.gap_found = true;
-  state.sheet.gap_mm = gap_of_two_pitches(distance_mm_, state.sheet.effective_pitch_subpx,
-                                          state.second_distance_mm, state.second_pitch_subpx);
-  if (state.sheet.gap_mm > 0.0)
-    state.spacing_mm = spacing_of_gap(start_rig_, state.sheet, distance_mm_);
-  change_to(state);
-}
-
-/// Predicts the pitch from the second distance from pitch and gap, unless the user has set it. A
-/// change of the first pitch makes a new look from the second distance necessary.
-void Procedure::predict_second(State& state) const {
-  if (state.second_was_seen && state.step == Step::GapByDistance) return;
-  state.second_was_seen = false;
-  const double pitch =
-      state.sheet.effective_pitch_subpx / (1.0 + state.sheet.gap_mm / distance_mm_);
-  state.second_pitch_subpx = pitch * (1.0 + state.sheet.gap_mm / state.second_distance_mm);
 }
 
 // --- questions --------------------------------------------------------------------------------
@@ -290,7 +219,7 @@ bool Procedure::press_question(const KeyPress& press) {
       }
       return true;
     case Key::Restore:
-      questions_.emplace(start_rig_, distance_mm_);
+      questions_.emplace(first_.rig, first_.distance_mm);
       show_question();
       note_ = "all answers are forgotten";
       return true;
@@ -335,9 +264,8 @@ void Procedure::show_question() {
 void Procedure::finish_questions() {
   state_.sheet = questions_->values();
   if (!is_settled()) return;
-  predict_second(state_);
-  done_.clear();
-  undone_.clear();
+  predict_second(state_, first_);
+  history_.clear();
   enter(Step::Offset);
 }
 
@@ -345,7 +273,7 @@ void Procedure::finish_questions() {
 
 std::string Procedure::doubt() const {
   const Limits limits = doubts_ == Doubts::Ask ? kSurprising : kImplausible;
-  std::string doubt = doubt_of(start_rig_, start_.sheet, state_.sheet, limits);
+  std::string doubt = doubt_of(first_.rig, start_.sheet, state_.sheet, limits);
   if (doubt.empty() && is_asking() && questions_->misfit() > kMostMisfitLenses)
     doubt = fmt::format(
         "the seven ladders are up to {:.2f} lens from one plane: an answer is wrong, or the sheet "
@@ -380,19 +308,15 @@ void Procedure::next() {
     status_ = Status::Saved;
     return;
   }
-  if (state_.step == Step::RoughPitch) return take_band();
+  if (state_.step == Step::RoughPitch) return take_marked_band();
   enter(static_cast<Step>(static_cast<int>(state_.step) + 1));
 }
 
 /// Takes the marked band's pitch; then repeats the choice among pitches ten times as close.
-void Procedure::take_band() {
+void Procedure::take_marked_band() {
   State state = state_;
-  state.sheet.effective_pitch_subpx *= band_scale(state.cursor, state.band_reach);
-  const bool last = state.band_reach <= kSecondReach;
-  state.band_reach = kSecondReach;
-  state.cursor = kBands / 2;
-  predict_second(state);
-  if (change_to(state) && last) enter(Step::Slant);
+  const bool again = take_band(state, first_);
+  if (change_to(state) && !again) enter(Step::Slant);
 }
 
 void Procedure::enter(Step step) {
@@ -403,83 +327,36 @@ void Procedure::enter(Step step) {
 }
 
 bool Procedure::change_to(const State& state) {
-  const std::string problem = problem_of(state);
+  const std::string problem = problem_of(state, first_);
   if (!problem.empty()) {
     note_ = "limit reached: " + problem;
     return false;
   }
-  if (done_.size() >= kMaxUndo) done_.erase(done_.begin());
-  done_.push_back(state_);
-  undone_.clear();
+  history_.add(state_);
   state_ = state;
   shows_old_ = false;
   return true;
 }
 
-void Procedure::travel(std::vector<State>& from, std::vector<State>& to, const char* nothing) {
-  shows_old_ = false;
-  if (from.empty()) {
-    note_ = nothing;
-    return;
-  }
-  to.push_back(state_);
-  state_ = from.back();
-  from.pop_back();
-}
-
 // --- results ----------------------------------------------------------------------------------
 
-optics::Rig Procedure::rig_of(const State& state) const {
-  return with_sheet_values(start_rig_, state.sheet, distance_mm_);
-}
-
 optics::Rig Procedure::rig() const {
-  return rig_of(state_);
-}
-
-/// Returns the problem of a state. The rig must be valid at its viewing line and at every eye
-/// position of the procedure, and so must every band of the band chart.
-std::string Procedure::problem_of(const State& state) const {
-  const optics::Rig rig = rig_of(state);
-  for (const double reach : {-state.band_reach, 0.0, state.band_reach}) {
-    optics::Rig seen = rig_seen_from(rig, distance_mm_);
-    seen.sheet.pitch = seen.sheet.pitch * (1.0 + (state.step == Step::RoughPitch ? reach : 0.0));
-    if (const auto problem = optics::find_problem(seen))
-      return problem->key + ": " + problem->cause;
-  }
-  if (const auto problem = optics::find_problem(rig)) return problem->key + ": " + problem->cause;
-  const auto problem = optics::find_problem(rig_seen_from(rig, state.second_distance_mm));
-  return problem ? problem->key + ": " + problem->cause : std::string();
+  return rig_of(state_, first_);
 }
 
 double Procedure::eye_distance_mm() const {
-  return state_.step == Step::GapByDistance ? state_.second_distance_mm : distance_mm_;
+  return state_.step == Step::GapByDistance ? state_.second_distance_mm : first_.distance_mm;
 }
 
 ChartPattern Procedure::pattern() const {
   if (is_asking())
     return questions_->is_done() ? ChartPattern::TwoViews : questions_->question().pattern;
-  switch (state_.step) {
-    case Step::Prepare:
-      return ChartPattern::PixelLines;
-    case Step::RoughPitch:
-      return ChartPattern::Bands;
-    case Step::Slant:
-    case Step::Pitch:
-    case Step::GapByDistance:
-      return other_pattern_ ? ChartPattern::TwoViews : ChartPattern::Comb;
-    case Step::Offset:
-    case Step::Check:
-    case Step::GapByFlips:
-      return other_pattern_ ? ChartPattern::Comb : ChartPattern::TwoViews;
-    default:
-      return other_pattern_ ? ChartPattern::TwoViews : ChartPattern::NumberedViews;
-  }
+  return pattern_of_step(state_.step, other_pattern_);
 }
 
 Chart Procedure::chart() const {
   Chart chart{.pattern = pattern(),
-              .rig = rig_seen_from(shows_old_ ? start_rig_ : rig(), eye_distance_mm()),
+              .rig = rig_seen_from(shows_old_ ? first_.rig : rig(), eye_distance_mm()),
               .band_reach = state_.band_reach,
               .cursor = state_.cursor,
               .lens_lines = state_.step == Step::Slant,
@@ -487,8 +364,8 @@ Chart Procedure::chart() const {
               .words = {}};
   if (is_asking() && !questions_->is_done()) {
     const Question question = questions_->question();
-    const optics::Rig rig = with_sheet_values(start_rig_, question.sheet, distance_mm_);
-    chart.rig = rig_seen_from(rig, distance_mm_);
+    const optics::Rig rig = with_sheet_values(first_.rig, question.sheet, first_.distance_mm);
+    chart.rig = rig_seen_from(rig, first_.distance_mm);
     chart.band_reach = question.reach;
     chart.ladder_x = question.ladder_x;
     chart.ladder_y = question.ladder_y;
@@ -504,16 +381,12 @@ Chart Procedure::chart() const {
 
 Guide Procedure::guide() const {
   if (is_asking()) return guide_of_question(state_.step, pattern());
-  return guide_of(state_.step, distance_mm_, state_.second_distance_mm);
+  return guide_of(state_.step, first_.distance_mm, state_.second_distance_mm);
 }
 
 std::string Procedure::numbers() const {
-  const State& state = shows_old_ ? start_ : state_;
-  const optics::Rig shown = rig_of(state);
-  std::string text = fmt::format(
-      "{}effective pitch {:.6f} (pitch {:.6f}), slant {:.4f} degrees, offset {:.4f}, gap {:.4f} mm",
-      shows_old_ ? "old: " : "", state.sheet.effective_pitch_subpx, shown.sheet.pitch.value,
-      degrees(shown.sheet.slant, shown.panel), shown.sheet.offset.value, state.sheet.gap_mm);
+  std::string text =
+      (shows_old_ ? "old: " : "") + sheet_numbers(shows_old_ ? start_ : state_, first_);
   if (is_asking())
     text =
         fmt::format("answer {}: {}; {}", questions_->answers() + 1, mark_text(state_.cursor), text);

@@ -13,8 +13,9 @@
 #include <vector>
 
 #include "base/terminal_keys.h"
+#include "calib/by_eye/procedure_state.h"
 #include "calib/by_eye/questions.h"
-#include "calib/by_eye/sheet_values.h"
+#include "calib/by_eye/undo_history.h"
 #include "frames/charts/chart.h"
 #include "optics/rig.h"
 
@@ -22,27 +23,6 @@ namespace lenticule::calib {
 
 using frames::Chart;
 using frames::ChartPattern;
-
-enum class Step {
-  Prepare,        ///< distance, warm panel, unchanged pixels
-  RoughPitch,     ///< the best band, twice
-  Slant,          ///< fringes along the lenses
-  Pitch,          ///< fringes that widen until one fills the panel
-  Offset,         ///< left eye red, right eye green
-  Check,          ///< edges against centre, all keys at once
-  GapByFlips,     ///< distance between positions with equal pictures
-  GapByDistance,  ///< the pitch again, from another distance
-  NumberedViews,  ///< number and order of the views seen
-  Save,
-};
-inline constexpr int kSteps = 10;
-
-/// Changes by one press of Stride::Normal.
-inline constexpr double kPitchStep = 1e-4;  ///< fraction of the pitch
-inline constexpr double kSlantStepDegrees = 0.01;
-inline constexpr double kOffsetStepLenses = 0.01;
-inline constexpr double kSpacingStepMm = 1.0;
-inline constexpr double kDistanceStepMm = 10.0;
 
 /// Guide holds the instructions for one step.
 struct Guide {
@@ -79,7 +59,7 @@ class Procedure {
 
   [[nodiscard]] Status status() const { return status_; }
   [[nodiscard]] Step step() const { return state_.step; }
-  [[nodiscard]] double distance_mm() const { return distance_mm_; }
+  [[nodiscard]] double distance_mm() const { return first_.distance_mm; }
   /// Returns the eye's distance at this step.
   [[nodiscard]] double eye_distance_mm() const;
 
@@ -104,18 +84,7 @@ class Procedure {
   [[nodiscard]] bool is_asking() const;
 
  private:
-  /// State holds everything that undo restores.
-  struct State {
-    Step step = Step::Prepare;
-    SheetValues sheet;
-    double band_reach = 0.0;
-    int cursor = 0;
-    double spacing_mm = 0.0;
-    double second_distance_mm = 0.0;
-    double second_pitch_subpx = 0.0;
-    bool second_was_seen = false;  ///< else the second pitch is predicted from the gap
-    bool gap_found = false;
-  };
+  using State = ProcedureState;
 
   bool press_question(const KeyPress& press);
   void move_mark(int bands);
@@ -127,35 +96,25 @@ class Procedure {
   void press_control(Key key);
   void move_across(double presses);
   void move_upward(double presses);
-  void change_slant(double presses);
-  void change_second_distance(double presses);
-  void change_second_pitch(double presses);
-  void change_spacing(double presses);
-  void turn_eyes();
+  void turn_lenses(double presses);
 
   void next();
   [[nodiscard]] bool is_settled();
-  void take_band();
+  void take_marked_band();
   void enter(Step step);
   /// Saves the old state for undo and sets the new one, unless the new state gives no valid rig.
   bool change_to(const State& state);
-  void predict_second(State& state) const;
-  void travel(std::vector<State>& from, std::vector<State>& to, const char* nothing);
 
-  [[nodiscard]] optics::Rig rig_of(const State& state) const;
-  [[nodiscard]] std::string problem_of(const State& state) const;
   [[nodiscard]] double presses_of(const KeyPress& press) const;
   [[nodiscard]] ChartPattern pattern() const;
 
-  optics::Rig start_rig_;
-  double distance_mm_;
+  FirstLook first_;
   Doubts doubts_;
   std::optional<Questions> questions_;
   std::string asked_;  ///< the doubt that the last press of enter reported
   State start_;
   State state_;
-  std::vector<State> done_;
-  std::vector<State> undone_;
+  UndoHistory history_;
   int coarseness_ = 0;  ///< powers of ten
   bool shows_old_ = false;
   bool other_pattern_ = false;
