@@ -2,7 +2,6 @@
 #include "player/playback/presenter.h"
 
 #include <algorithm>
-#include <utility>
 
 namespace lenticule::player {
 namespace {
@@ -35,7 +34,7 @@ Presenter::Presenter(display::Display& display, FrameCopier& frame_copier,
       frame_copier_(frame_copier),
       statistics_(statistics),
       options_(options),
-      period_(period_of(display.mode().refresh)),
+      vblanks_(period_of(display.mode().refresh)),
       pacer_(display.mode().refresh, display.mode().refresh, options.late),
       wanted_rate_(display.mode().refresh) {
   frame_copier_.wake_at_cuts(wake_);
@@ -89,8 +88,8 @@ void Presenter::play_on() noexcept {
 }
 
 void Presenter::finish_statistics() noexcept {
-  pacer_.finish(end_vblank_.value_or(last_sequence_ + 1));
-  if (options_.turns != nullptr) options_.turns->finish(last_vblank_, pacer_.counts());
+  pacer_.finish(end_vblank_.value_or(vblanks_.last() + 1));
+  if (options_.turns != nullptr) options_.turns->finish(vblanks_.last_time(), pacer_.counts());
   publish();
 }
 
@@ -106,8 +105,7 @@ void Presenter::resume(uint64_t frame) noexcept {
   off_ = false;  // opening a display switches it on
   statistics_.off.set(0);
   events_lost_in_a_row_ = refused_in_a_row_ = 0;
-  period_ = period_of(display_.mode().refresh);
-  restart_count_ = true;
+  vblanks_.restart(period_of(display_.mode().refresh));
   statistics_.display_returns.add();
   const uint64_t expected = pacer_.frame();
   if (frame < expected)
@@ -177,7 +175,7 @@ void Presenter::act() noexcept {
     if (target >= pacer_.first_vblank() + *options_.vblanks)
       end_vblank_ = pacer_.first_vblank() + *options_.vblanks;
   if (end_vblank_) return end_at_vblank(*end_vblank_, outcome_at_end_);
-  if (is_off() || holds_still()) return request_vblank(last_sequence_);
+  if (is_off() || holds_still()) return request_vblank(vblanks_.last());
   if (timed_cut_ && target < *timed_cut_) return request_vblank(*timed_cut_ - 2);
 
   while (true) {
@@ -229,7 +227,7 @@ void Presenter::follow_cut() noexcept {
     starved_since_.reset();
     pacer_.begin_epoch();
     const int64_t asked_at = cut_asked_at_.load(std::memory_order_acquire);
-    if (asked_at > 0) timed_cut_ = vblank_after(Nanoseconds(asked_at)) + 1;
+    if (asked_at > 0) timed_cut_ = vblanks_.first_after(Nanoseconds(asked_at)) + 1;
   }
   const FilledFrame* head = frame_copier_.peek();
   for (; head != nullptr && head->cut < cut_; head = frame_copier_.peek()) {
@@ -272,14 +270,14 @@ void Presenter::follow_group() noexcept {
   if (options_.step == nullptr || head == nullptr || head->index != pacer_.frame()) return;
   if (!pacer_.scheduled()) return;
   const double ideal =
-      pacer_.vblanks_to_ideal(last_sequence_) * static_cast<double>(period_.count());
-  const double shift =
-      options_.step->correction({.frame = head->number,
-                                 .index = head->index,
-                                 .vblank = last_sequence_ + 1,
-                                 .due = last_vblank_ + Nanoseconds(static_cast<int64_t>(ideal)),
-                                 .period = period_,
-                                 .rate = pacer_.content_rate()});
+      pacer_.vblanks_to_ideal(vblanks_.last()) * static_cast<double>(vblanks_.period().count());
+  const double shift = options_.step->correction(
+      {.frame = head->number,
+       .index = head->index,
+       .vblank = vblanks_.last() + 1,
+       .due = vblanks_.last_time() + Nanoseconds(static_cast<int64_t>(ideal)),
+       .period = vblanks_.period(),
+       .rate = pacer_.content_rate()});
   if (shift != 0.0) options_.step->moved(pacer_.shift(shift));
 }
 
@@ -300,10 +298,10 @@ void Presenter::submit(const FilledFrame& frame, uint64_t target) noexcept {
     case SubmitStatus::Busy:
       statistics_.busy.add();
       if (++refused_in_a_row_ >= kMaxRefusals) outcome_ = PlayOutcome::DisplayLost;
-      return request_vblank(last_sequence_);
+      return request_vblank(vblanks_.last());
     case SubmitStatus::Paused:
       pacer_.begin_epoch();
-      return request_vblank(last_sequence_);
+      return request_vblank(vblanks_.last());
     case SubmitStatus::Lost:
       outcome_ = PlayOutcome::DisplayLost;
       return;
@@ -323,10 +321,8 @@ void Presenter::submit(const FilledFrame& frame, uint64_t target) noexcept {
   rebuffering_ = false;
   starved_since_.reset();
 
-  const auto periods_ahead = static_cast<int64_t>(target - last_sequence_);
-  const Nanoseconds vblank = last_vblank_ + periods_ahead * period_;
-  const Nanoseconds margin = std::min(kSubmitMargin, period_ / 4);
-  if (pacer_.started() && now + margin > vblank) statistics_.late_submits.add();
+  const Nanoseconds margin = std::min(kSubmitMargin, vblanks_.period() / 4);
+  if (pacer_.started() && now + margin > vblanks_.time_of(target)) statistics_.late_submits.add();
 }
 
 /// Handles a frame that is due and not ready: the displayed frame stays.
@@ -354,14 +350,14 @@ void Presenter::starve(uint64_t target) noexcept {
   rebuffering_ = options_.late == LatePolicy::Hold;
   frame_copier_.wake_at_next_change(wake_);
   if (head_is_ready()) wake_.signal();
-  request_vblank(last_sequence_);
+  request_vblank(vblanks_.last());
 }
 
 /// Ends the playback at `vblank`; the displayed frame stays until then.
 void Presenter::end_at_vblank(uint64_t vblank, PlayOutcome outcome) noexcept {
   end_vblank_ = vblank;
   outcome_at_end_ = outcome;
-  if (last_sequence_ >= vblank) {
+  if (vblanks_.last() >= vblank) {
     outcome_ = outcome;
     return;
   }
@@ -371,33 +367,19 @@ void Presenter::end_at_vblank(uint64_t vblank, PlayOutcome outcome) noexcept {
 void Presenter::request_vblank(uint64_t sequence) noexcept {
   if (!tick_requested_ || sequence != tick_after_) {
     tick_after_ = sequence;
-    const uint64_t periods = std::max(sequence, last_sequence_) + 1 - last_sequence_;
-    tick_expected_ = last_vblank_ + static_cast<int64_t>(periods) * period_;
+    tick_expected_ = vblanks_.time_of(std::max(sequence, vblanks_.last()) + 1);
   }
-  const auto theirs = static_cast<int64_t>(sequence - count_ahead_);
-  const bool known = !restart_count_ && theirs > 0;
-  tick_requested_ = display_.request_vblank(known ? static_cast<uint64_t>(theirs) : 0);
+  tick_requested_ = display_.request_vblank(vblanks_.display_number(sequence));
   if (!tick_requested_) outcome_ = PlayOutcome::DisplayLost;
-}
-
-/// Converts the display's vblank number to this playback's. The first event after the display came
-/// back gives the new offset; the elapsed time gives this playback's number.
-DisplayEvent Presenter::in_our_count(DisplayEvent event) noexcept {
-  if (std::exchange(restart_count_, false) && last_vblank_ > Nanoseconds{0}) {
-    const int64_t away = std::max<int64_t>(1, (event.time - last_vblank_) / period_);
-    count_ahead_ = last_sequence_ + static_cast<uint64_t>(away) - event.sequence;
-  }
-  event.sequence += count_ahead_;
-  return event;
 }
 
 void Presenter::handle(const DisplayEvent& event) noexcept {
   switch (event.kind) {
     case EventKind::Flip:
-      return handle_flip(in_our_count(event));
+      return handle_flip(vblanks_.in_our_count(event));
     case EventKind::Vblank:
       tick_requested_ = false;
-      return observe_vblank(in_our_count(event));
+      return observe_vblank(vblanks_.in_our_count(event));
     case EventKind::Timeout:
       return handle_timeout();
     case EventKind::Lost:
@@ -446,10 +428,9 @@ void Presenter::end_flip() noexcept {
 
 void Presenter::observe_vblank(const DisplayEvent& event) noexcept {
   statistics_.wake.record(display_.now() - event.time);
-  last_sequence_ = std::max(last_sequence_, event.sequence);
-  last_vblank_ = std::max(last_vblank_, event.time);
-  statistics_.last_sequence.set(last_sequence_);
-  statistics_.last_vblank_ns.set(static_cast<uint64_t>(last_vblank_.count()));
+  vblanks_.observe(event);
+  statistics_.last_sequence.set(vblanks_.last());
+  statistics_.last_vblank_ns.set(static_cast<uint64_t>(vblanks_.last_time().count()));
 }
 
 /// Handles a wait that ended without an event: either another thread woke the presenter, or an
@@ -476,22 +457,15 @@ void Presenter::land_pending_flip() noexcept {
     handle(display_.wait_event(pending_->submitted + event_timeout(), -1));
 }
 
-/// Returns the first vblank after `time`, which may lie before the last event.
-uint64_t Presenter::vblank_after(Nanoseconds time) const noexcept {
-  const Nanoseconds since = time - last_vblank_;
-  if (since >= Nanoseconds{0}) return last_sequence_ + 1 + static_cast<uint64_t>(since / period_);
-  return last_sequence_ - std::min(last_sequence_, static_cast<uint64_t>(-since / period_));
-}
-
 uint64_t Presenter::next_reachable_vblank() const noexcept {
-  return vblank_after(std::max(display_.now(), last_vblank_));
+  return vblanks_.first_after(std::max(display_.now(), vblanks_.last_time()));
 }
 
 std::optional<Nanoseconds> Presenter::time_left() const noexcept {
   if (!options_.vblanks || !pacer_.started()) return std::nullopt;
   const uint64_t end = pacer_.first_vblank() + *options_.vblanks;
   const uint64_t next = next_reachable_vblank();
-  return end > next ? static_cast<int64_t>(end - next) * period_ : Nanoseconds{0};
+  return end > next ? static_cast<int64_t>(end - next) * vblanks_.period() : Nanoseconds{0};
 }
 
 /// Returns the time at which the awaited event should arrive.
@@ -502,7 +476,7 @@ Nanoseconds Presenter::awaited_by() const noexcept {
 }
 
 Nanoseconds Presenter::event_timeout() const noexcept {
-  return std::max<Nanoseconds>(5 * period_, milliseconds(250));
+  return std::max<Nanoseconds>(5 * vblanks_.period(), milliseconds(250));
 }
 
 void Presenter::publish() noexcept {

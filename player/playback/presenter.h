@@ -15,6 +15,7 @@
 #include "player/playback/pacing.h"
 #include "player/playback/play_statistics.h"
 #include "player/playback/turn_log.h"
+#include "player/playback/vblank_count.h"
 #include "player/step/step_pacing.h"
 
 namespace lenticule::player {
@@ -119,8 +120,6 @@ class Presenter {
   void observe_vblank(const display::DisplayEvent& event) noexcept;
   void land_pending_flip() noexcept;
 
-  [[nodiscard]] display::DisplayEvent in_our_count(display::DisplayEvent event) noexcept;
-  [[nodiscard]] uint64_t vblank_after(display::Nanoseconds time) const noexcept;
   [[nodiscard]] uint64_t next_reachable_vblank() const noexcept;
   [[nodiscard]] display::Nanoseconds awaited_by() const noexcept;
   [[nodiscard]] display::Nanoseconds event_timeout() const noexcept;
@@ -133,7 +132,7 @@ class Presenter {
   FrameCopier& frame_copier_;
   PresenterStatistics& statistics_;
   const PresenterOptions options_;
-  display::Nanoseconds period_;
+  VblankCount vblanks_;
   Pacer pacer_;
   uint64_t first_frame_ = 0;  ///< not 0 if the display was lost before it showed a frame
 
@@ -152,12 +151,6 @@ class Presenter {
   std::optional<uint64_t> timed_cut_;  ///< first vblank that may show the frame after a timed cut
   bool shows_one_more_ = true;         ///< shows one more frame although paused
   bool off_ = false;                   ///< the output is switched off
-  uint64_t last_sequence_ = 0;
-  display::Nanoseconds last_vblank_{0};
-  /// This playback's vblank number less the display's, whose count starts again when the display
-  /// comes back.
-  uint64_t count_ahead_ = 0;
-  bool restart_count_ = false;
   int events_lost_in_a_row_ = 0;
   int refused_in_a_row_ = 0;
 
