@@ -8,7 +8,7 @@
 namespace lenticule::player {
 namespace {
 
-using Kind = PlaylistEvent::Kind;
+using EventKind = PlaylistEvent::Kind;
 
 constexpr size_t kRememberedItems = 64;
 constexpr size_t kMostDamagedItems = 1000;
@@ -46,11 +46,11 @@ void PlaylistReporter::started(const OpenItem& item) {
     const std::lock_guard lock(mutex_);
     ++status_.started;
   }
-  report(Kind::ItemStarted, item.item.source.text, {});
+  report(EventKind::ItemStarted, item.item.source.text, {});
 }
 
 void PlaylistReporter::returned(const std::string& source) {
-  report(Kind::Returned, source, {});
+  report(EventKind::Returned, source, {});
 }
 
 void PlaylistReporter::loop_point(const std::string& source) {
@@ -58,7 +58,7 @@ void PlaylistReporter::loop_point(const std::string& source) {
     const std::lock_guard lock(mutex_);
     ++status_.loop_points;
   }
-  report(Kind::LoopPoint, source, {});
+  report(EventKind::LoopPoint, source, {});
 }
 
 void PlaylistReporter::skipped(const std::string& source, const std::string& why) {
@@ -67,15 +67,15 @@ void PlaylistReporter::skipped(const std::string& source, const std::string& why
     ++status_.skipped;
     status_.last_problem = why;
   }
-  report(Kind::ItemSkipped, source, why);
+  report(EventKind::ItemSkipped, source, why);
 }
 
 void PlaylistReporter::replaced(const std::string& source) {
-  report(Kind::Replaced, source, {});
+  report(EventKind::Replaced, source, {});
 }
 
 void PlaylistReporter::kept(const std::string& source, const std::string& why) {
-  report(Kind::Kept, source, why);
+  report(EventKind::Kept, source, why);
 }
 
 void PlaylistReporter::count_damage(OpenItem& item) {
@@ -103,7 +103,7 @@ void PlaylistReporter::end(const OpenItem& item, bool to_end) {
 }
 
 void PlaylistReporter::report_damage(const OpenItem& item) {
-  if (item.damage.any()) report(Kind::ItemDamaged, item.item.source.text, damage_text(item.damage));
+  if (item.damage.any()) report(EventKind::ItemDamaged, item.item.source.text, damage_text(item.damage));
 }
 
 void PlaylistReporter::take_list(size_t items, std::optional<size_t> playing) {
@@ -145,7 +145,7 @@ ItemAccount* PlaylistReporter::locked_account(uint32_t number) {
   return nullptr;
 }
 
-void PlaylistReporter::report(Kind kind, const std::string& source,
+void PlaylistReporter::report(PlaylistEvent::Kind kind, const std::string& source,
                               const std::string& detail) const {
   if (on_event_) on_event_({kind, source, detail});
 }

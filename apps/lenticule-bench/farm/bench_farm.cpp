@@ -236,7 +236,7 @@ void print_simulation(const json& rows) {
         percent(row["scheduler_busy"]), percent(row["lost"]), percent(row["repeated"]));
 }
 
-ExitCode run(const FarmBenchFlags& flags) {
+ExitCode measure_farm(const FarmBenchFlags& flags) {
   const TemporaryFolder scratch(flags.folder.empty() ? fs::temp_directory_path()
                                                      : fs::path(flags.folder));
   json result = {{"machine", machine_json()}};
@@ -304,7 +304,7 @@ Run declare_bench_farm(CLI::App& app) {
       ->check(CLI::Range(0.0, 1e4))
       ->capture_default_str();
   app.add_flag("--json", flags->json, "print as JSON");
-  return [flags] { return run(*flags); };
+  return [flags] { return measure_farm(*flags); };
 }
 
 }  // namespace lenticule::player

@@ -65,7 +65,7 @@ ChildEnd wait_for(pid_t child) {
   }
 }
 
-ExitCode run(const MemoryFlags& flags) {
+ExitCode measure_memory(const MemoryFlags& flags) {
   std::fflush(nullptr);
   const pid_t child = fork();
   if (child < 0)
@@ -111,7 +111,7 @@ Run declare_bench_memory(CLI::App& app) {
   app.add_option("--limit-mib", flags->limit_mib, "limit; a larger peak gives exit code 5")
       ->capture_default_str();
   app.add_flag("--json", flags->json, "print as JSON");
-  return [flags]() -> ExitCode { return run(*flags); };
+  return [flags]() -> ExitCode { return measure_memory(*flags); };
 }
 
 }  // namespace lenticule::player

@@ -35,7 +35,7 @@ std::vector<StabilityCase> chosen_cases(const std::string& name) {
   throw Error(ErrorKind::Usage, fmt::format("--row '{}': unknown", name), "one of " + known);
 }
 
-ExitCode run(const StabilityFlags& flags) {
+ExitCode run_table(const StabilityFlags& flags) {
   using Clock = std::chrono::steady_clock;
   const std::vector<StabilityCase> cases = chosen_cases(flags.row);
   const StabilitySize size{.full = flags.full, .threads = flags.threads};
@@ -79,7 +79,7 @@ Run declare_bench_stability(CLI::App& app) {
   app.footer(
       "Exit code 0 if every row passes, 5 if one does not.\n"
       "Example:\n  lenticule bench stability --row corners");
-  return [flags]() -> ExitCode { return run(*flags); };
+  return [flags]() -> ExitCode { return run_table(*flags); };
 }
 
 }  // namespace lenticule::player

@@ -197,7 +197,7 @@ StabilityRow CrossingRun::row(const char* stressed) const {
           .note = note};
 }
 
-StabilityRow run(Crossing crossing, const StabilitySize& size, const char* stressed) {
+StabilityRow row_of(Crossing crossing, const StabilitySize& size, const char* stressed) {
   CrossingRun run(std::move(crossing), size);
   run.run();
   return run.row(stressed);
@@ -206,12 +206,12 @@ StabilityRow run(Crossing crossing, const StabilitySize& size, const char* stres
 }  // namespace
 
 StabilityRow stability_reuse_through_glass(const StabilitySize& size) {
-  return run(through_glass(size.full ? 400 : 32), size,
+  return row_of(through_glass(size.full ? 400 : 32), size,
              "a beam, sheets and balls move through the panel plane, with every reuse method");
 }
 
 StabilityRow stability_reuse_through_eye(const StabilitySize& size) {
-  return run(through_eye(size.full ? 400 : 32), size, "the same through the plane of the eyes");
+  return row_of(through_eye(size.full ? 400 : 32), size, "the same through the plane of the eyes");
 }
 
 }  // namespace lenticule::player

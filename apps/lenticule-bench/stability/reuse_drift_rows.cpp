@@ -34,7 +34,7 @@ optics::Rig rig() {
 }
 
 /// Returns a scene about 5 units wide that is cheap to trace.
-render::SceneDescription scene() {
+render::SceneDescription drifting_scene() {
   render::SceneDescription scene;
   scene.source = "drift";
   scene.colour_managed = false;
@@ -83,7 +83,7 @@ class LongRun {
       : frames_(size.samples(2'000, 100'000)),
         asked_every_(size.samples(197, 997)),
         model_(rig()),
-        description_(scene()),
+        description_(drifting_scene()),
         full_(method("full", {})) {
     racers_.push_back({.name = "temporal"});
     racers_.push_back({.name = "hybrid"});

@@ -80,7 +80,7 @@ std::string picture_beside(const std::string& rig_file) {
   return name.string();
 }
 
-void show(display::DisplaySink& sink, const frames::WovenFrame& frame) {
+void show_frame(display::DisplaySink& sink, const frames::WovenFrame& frame) {
   if (sink.show(frame.view(), std::chrono::seconds(10)) != frames::ShowResult::Shown)
     throw Error(ErrorKind::Device, "display: the chart was not displayed");
 }
@@ -104,7 +104,7 @@ class Collection {
         sink_(sink),
         photos_(rig, flags.focal_px),
         arrivals_(flags.folder, flags.existing) {
-    show(sink_, calib::draw_single_photo_chart(photos_.chart()));
+    show_frame(sink_, calib::draw_single_photo_chart(photos_.chart()));
   }
 
   /// Returns nothing if the user interrupts.
@@ -155,7 +155,7 @@ class Collection {
         "all photographs again\n",
         better->sheet.pitch.value, photos_.chart().start.sheet.pitch.value);
     photos_ = HandHeldPhotos(*better, flags_.focal_px);
-    show(sink_, calib::draw_single_photo_chart(photos_.chart()));
+    show_frame(sink_, calib::draw_single_photo_chart(photos_.chart()));
     planned_again_ = true;
     taken_ = 0;
   }
@@ -202,7 +202,7 @@ ExitCode run_phone(const PhoneFlags& flags) {
   if (!result.json)
     print_out("Every eye of the viewing zone sees its view to {:.3f} lens.\n",
               found->drift.worst_lenses);
-  show(sink, *check);
+  show_frame(sink, *check);
   say("move your head sideways: the whole panel turns from white to black at once\n");
   const Clock::time_point end = Clock::now() + std::chrono::duration_cast<Clock::duration>(
                                                    std::chrono::duration<double>(flags.seconds));

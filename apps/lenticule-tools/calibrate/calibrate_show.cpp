@@ -142,7 +142,7 @@ void hold(display::Display& display, double seconds) {
   }
 }
 
-ExitCode show(const ShowFlags& flags) {
+ExitCode show_pattern(const ShowFlags& flags) {
   const optics::OpticalModel model(optics::load_trimmed_rig(flags.rig));
   const WovenFrame frame = draw(flags, model);
   if (!flags.output.empty()) {
@@ -201,7 +201,7 @@ CalibrateWay declare_calibrate_show(CLI::App& app) {
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   way->add_flag("--json", flags->json, "print what was done as JSON");
-  return {.app = way, .run = [flags] { return show(*flags); }};
+  return {.app = way, .run = [flags] { return show_pattern(*flags); }};
 }
 
 }  // namespace lenticule::player

@@ -128,7 +128,7 @@ json trim_json(const optics::Trim& trim, const std::string& rig_file) {
           {"fingerprint_without_trim", optics::fingerprint(optics::load_rig(rig_file))}};
 }
 
-ExitCode show(const RigOptions& options) {
+ExitCode show_rig(const RigOptions& options) {
   const OpticalModel model(optics::load_trimmed_rig(options.file));
   const Rig& rig = model.rig();
   const optics::Trim trim = optics::load_trim(options.file);
@@ -186,7 +186,7 @@ void warn_of_trim(const optics::Trim& trim, std::vector<std::string>& warnings) 
     warnings.emplace_back("trim: larger than a drift; calibrate again");
 }
 
-ExitCode check(const RigOptions& options) {
+ExitCode check_rig(const RigOptions& options) {
   try {
     const OpticalModel model(optics::load_trimmed_rig(options.file));
     std::vector<std::string> warnings = warnings_about(model);
@@ -427,8 +427,8 @@ Run declare_rig(CLI::App& app) {
   declare_rig_wall_flags(*wall_app, options->wall);
 
   const std::vector<std::pair<const CLI::App*, Action>> actions = {
-      {show_app, show},
-      {check_app, check},
+      {show_app, show_rig},
+      {check_app, check_rig},
       {import_app, import_calibration},
       {export_app, export_calibration},
       {trim_app, change_trim},

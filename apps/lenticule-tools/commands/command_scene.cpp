@@ -145,7 +145,7 @@ render::SceneDescription load_any(const std::string& scene) {
                                        : render::load_scene(scene);
 }
 
-void show(const SceneFlags& flags) {
+void show_scene(const SceneFlags& flags) {
   if (!flags.thumbnail.empty()) frames::check_writable_format(flags.thumbnail);
   const render::SceneDescription scene = load_any(flags.shown);
   const render::SceneDescription first = render::at_time(scene, 0.0);
@@ -198,7 +198,7 @@ Run declare_scene(CLI::App& app) {
   app.add_flag("--json", flags->json, "print what was listed or written as JSON");
   return [flags, show_app]() -> ExitCode {
     if (show_app->parsed())
-      show(*flags);
+      show_scene(*flags);
     else if (flags->name == "list")
       list(*flags);
     else if (!flags->name.empty())
