@@ -203,7 +203,7 @@ TEST(FastWeave, KeepsEveryUniformPicture) {
   }
 }
 
-/// Widths around a block that is transposed at once, up to the last byte that may be read.
+/// Tries all widths around that of a block that is transposed at once: none may read beyond its row.
 TEST(FastWeave, TransposesViewsOfEveryWidth) {
   Compared compared;
   for (int width = 1; width <= 36; ++width)
