@@ -29,7 +29,7 @@ class BeamTester {
   const Scene& scene_;
   bool usable_ = false;
   Vec3 panel_per_scene_;  ///< panel units per scene unit, along each axis
-  double margin_ = 0.0;   ///< relative to sizes
+  double margin_ = 0.0;   ///< allowance for rounding, relative to sizes
 };
 
 /// Returns true if no ray of the beam, or of its extension toward the viewer, crosses the ground
