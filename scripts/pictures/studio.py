@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Frames and pictures that lenticule makes, and parts of woven frames, enlarged."""
+
+import functools
+import math
+import re
+import subprocess
+import sys
+
+from pictures.raster import read_ppm, smaller, subpixels
+from pictures.rigs import KIOSK_4K, numbers_of
+
+
+class Studio:
+    """Runs lenticule in a folder of its own and keeps the frames that several pictures share."""
+
+    def __init__(self, program, folder):
+        self.program, self.folder = program, folder
+
+    def run(self, *arguments):
+        command = [str(self.program), *(str(a) for a in arguments)]
+        done = subprocess.run(command, cwd=self.folder, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            sys.exit(f"{' '.join(command)}\n{done.stderr}")
+        return done.stdout
+
+    @functools.lru_cache(maxsize=None)
+    def frame(self, scene, rig, *flags):
+        """Renders one frame and returns its file."""
+        name = self.folder / (re.sub(r"\W+", "-", "-".join((scene, rig.stem, *flags))) + ".ppm")
+        self.run("render", scene, "--rig", rig, *flags, "-o", name)
+        return name
+
+    def eye(self, woven, rig, x, width, height, supersample=2):
+        """The picture that an eye at (x, 0, 700) mm sees of a woven frame."""
+        out = self.folder / "eye.ppm"
+        self.run("eye", woven, "--rig", rig, "--eye", f"{x},0,700",
+                 "--size", f"{width * supersample}x{height * supersample}", "-o", out)
+        return smaller(read_ppm(out), supersample)
+
+    def difference(self, reference, test):
+        """The error map of `lenticule compare --picture`."""
+        out = self.folder / "difference.ppm"
+        self.run("compare", reference, test, "--picture", out)
+        return read_ppm(out)
+
+    def demo(self):
+        """The demo scene, deep enough that two eyes differ visibly."""
+        return self.frame("builtin:demo", KIOSK_4K, "--depth-budget", "5", "--frames", "6")
+
+
+def lens_borders(picture, scale, x0, y0, rig):
+    """Draws the borders between lenses, as the design eye sees them, over an enlarged part at (x0, y0)."""
+    pitch = rig["pitch_subpx"] * (1 + rig["gap_mm"] / rig["distance_mm"])
+    for y in range(picture.height):
+        row = y0 + (y + 0.5) / scale - rig["height_px"] / 2
+        for x in range(picture.width - 1):
+            at = [3 * (x0 + (x + i + 0.5) / scale - rig["width_px"] / 2 + rig["slant"] * row) / pitch + 0.5
+                  for i in (0, 1)]
+            if math.floor(at[0]) != math.floor(at[1]):
+                picture.fill(x, y, 1, 1, (255, 255, 255))
+
+
+def enlarged_part(frame, x0, y0, width, height, scale):
+    """Part of a woven frame of the 4K kiosk: subpixels, a little brighter, and borders of lenses."""
+    detail = subpixels(frame.crop(x0, y0, width, height), scale)
+    brighter = bytes(round(255 * (code / 255) ** 0.7) for code in range(256))
+    detail.pixels = detail.pixels.translate(brighter)
+    lens_borders(detail, scale, x0, y0, numbers_of(KIOSK_4K))
+    return detail
