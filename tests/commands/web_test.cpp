@@ -1,42 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests `lenticule web` as a process beside players on the virtual display: the API as openapi.json
-// describes it, the list, uploads, pictures, trims, and what the player notices of it: nothing.
-#include <csignal>
-#include <cstdio>
+// Tests `lenticule web` as a process: the API as openapi.json describes it, pages, events, metrics,
+// tokens and flags.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cctype>
 #include <fstream>
+#include <map>
 #include <set>
 #include <sstream>
 
 #include "apps/lenticule-web/api/web_site.h"
 #include "frames/qr/qr_code.h"
-#include "tests/commands/web_stage.h"
-#include "tests/support/scratch_folder.h"
+#include "tests/commands/web_films.h"
 
 namespace lenticule::test {
 namespace {
 
 using nlohmann::ordered_json;
-
-class Web : public WebTest {
- protected:
-  void SetUp() override {
-    WebTest::SetUp();
-    std::filesystem::create_directories(path("media"));
-    write_film("film", 10);
-    ASSERT_EQ(run({"convert", path("film/%03d.png"), "--rig", path("rig.toml"), "-o",
-                   path("media/a.lts")})
-                  .exit_code,
-              0);
-    std::filesystem::copy_file(path("media/a.lts"), path("media/b.lts"));
-    write("media/list.toml",
-          "loop = \"forever\"\n[[item]]\nsource = \"a.lts\"\nloops = 5\n"
-          "[[item]]\nsource = \"b.lts\"\nloops = 5\n");
-  }
-  void play() {
-    start(play_words(path("media/list.toml"), {"--slots", "12"}));
-    ASSERT_TRUE(comes_true([&] { return frames_shown() > 3; }));
-  }
-};
 
 TEST_F(Web, TheDescriptionListsEveryAddressWithItsRights) {
   std::set<std::string> served, described;
@@ -182,148 +163,6 @@ TEST_F(Web, PathsLeadNowhereElse) {
   EXPECT_EQ(api("GET", "list")["items"], list["items"]);
 }
 
-TEST_F(Web, AnUploadContinuesWhereItEnded) {
-  play();
-  start_web();
-  connect();
-  std::ifstream in(path("media/a.lts"), std::ios::binary);
-  const std::string film((std::istreambuf_iterator<char>(in)), {});
-  const std::string total = std::to_string(film.size());
-  const auto part = [&](size_t from, size_t to) {
-    return ask("PUT", "/api/v1/media/c.lts", film.substr(from, to - from),
-               {{"Content-Range",
-                 "bytes " + std::to_string(from) + "-" + std::to_string(to - 1) + "/" + total}});
-  };
-  EXPECT_EQ(part(0, 100).status, 200);
-  EXPECT_EQ(api("GET", "media/c.lts")["received"], 100);
-  EXPECT_EQ(part(150, 200).status, 409) << "leaves a gap";
-  EXPECT_EQ(part(50, 200).status, 409) << "overlaps";
-  EXPECT_FALSE(std::filesystem::exists(path("media/c.lts")));
-  {
-    // A connection that breaks in the middle keeps what arrived.
-    HttpClient broken(port_);
-    broken.say("PUT /api/v1/media/c.lts HTTP/1.1\r\nHost: a\r\nAuthorization: Bearer " + token_ +
-               "\r\nContent-Range: bytes 100-" + std::to_string(film.size() - 1) + "/" + total +
-               "\r\nContent-Length: " + std::to_string(film.size() - 100) + "\r\n\r\n" +
-               film.substr(100, 50));
-    ASSERT_TRUE(comes_true([&] { return api("GET", "media/c.lts")["received"] == 150; }));
-  }
-  HttpAnswer last;
-  ASSERT_TRUE(comes_true([&] {
-    last = part(150, film.size());
-    return last.status == 201;
-  })) << last.body;
-  EXPECT_EQ(read_bytes(path("media/c.lts")), read_bytes(path("media/a.lts")));
-  const ordered_json check = api("POST", "media/c.lts/check");
-  EXPECT_EQ(check["plays"], true) << check;
-  EXPECT_EQ(ask("PUT", "/api/v1/media/no.lts", "not a film").status, 201);
-  const ordered_json bad = api("POST", "media/no.lts/check");
-  EXPECT_EQ(bad["plays"], false);
-  EXPECT_FALSE(bad["problems"].empty());
-  EXPECT_EQ(ask("DELETE", "/api/v1/media/no.lts").status, 200);
-  EXPECT_EQ(ask("DELETE", "/api/v1/media/a.lts").status, 409) << "it is in the list";
-  EXPECT_FALSE(std::filesystem::exists(path("media/no.lts")));
-}
-
-TEST_F(Web, AFileAboveTheLimitIsRefused) {
-  start_web({"--media-limit", "0.001"});  // 1 MiB
-  EXPECT_EQ(
-      ask("PUT", "/api/v1/media/large.lts", "x", {{"Content-Range", "bytes 0-0/99999999"}}).status,
-      413);
-  EXPECT_EQ(ask("PUT", "/api/v1/media/large.lts", std::string(1'200'000, 'x')).status, 413);
-  EXPECT_FALSE(std::filesystem::exists(path("media/.upload-large.lts")));
-}
-
-TEST_F(Web, AListIsReorderedAndABrokenOnePutBack) {
-  play();
-  start_web();
-  connect();
-  ordered_json list = api("GET", "list");
-  ASSERT_EQ(list["items"].size(), 2u);
-  EXPECT_EQ(list["editable"], true);
-  ordered_json changed = {{"version", list["version"]}, {"loop", "forever"}};
-  changed["items"] = {list["items"][1], list["items"][0]};
-  const ordered_json after = api("PUT", "list", changed.dump());
-  EXPECT_EQ(after["items"][0]["source"], path("media/b.lts"));
-  EXPECT_EQ(ask("PUT", "/api/v1/list", changed.dump()).status, 409) << "an old version";
-  changed["version"] = after["version"];
-  changed["items"][0]["fps"] = "never";
-  const HttpAnswer broken = ask("PUT", "/api/v1/list", changed.dump());
-  EXPECT_EQ(broken.status, 422) << broken.body;
-  EXPECT_NE(broken.body.find("fps"), std::string::npos) << broken.body;
-  EXPECT_EQ(api("GET", "list")["items"], after["items"]);
-  std::ifstream file(path("media/list.toml"));
-  EXPECT_EQ(std::string(std::istreambuf_iterator<char>(file), {}).find("never"), std::string::npos);
-  EXPECT_TRUE(film_continues());
-}
-
-TEST_F(Web, ABlackFrameIsShownAndThenThePlaceBefore) {
-  play();
-  start_web();
-  connect();
-  (void)api("POST", "pause");
-  EXPECT_EQ(api("POST", "seek", R"({"item": 1})")["item"], 1);
-  ASSERT_TRUE(comes_true([&] { return says_about("on_glass", "b.lts"); }));
-  (void)api("POST", "show", R"({"what": "black"})");
-  ASSERT_TRUE(comes_true([&] { return displayed_level() == 0; }));
-  ASSERT_TRUE(comes_true([&] { return api("GET", "state")["shown_instead"] == "black"; }));
-  (void)api("POST", "show", R"({"what": "views"})");
-  (void)api("POST", "show", R"({"what": "content"})");
-  EXPECT_TRUE(comes_true([&] {
-    const ordered_json place = api("GET", "state")["status"]["on_glass"];
-    return place["source"] == path("media/b.lts") && place["item"] == 1;
-  }));
-}
-
-TEST_F(Web, ABlankPanelOfAnotherClientEndsOnThePage) {
-  play();
-  start_web();
-  connect();
-  ASSERT_TRUE(asked({"blank"}).is_object());
-  ASSERT_TRUE(comes_true([&] { return api("GET", "state")["shown_instead"] == "black"; }));
-  (void)api("POST", "show", R"({"what": "content"})");
-  EXPECT_TRUE(comes_true([&] { return says_about("on_glass", ".lts"); }));
-  EXPECT_EQ(status()["interrupted"], nullptr);
-}
-
-TEST_F(Web, TrimsAreUndoneNamedAndRestored) {
-  play();
-  start_web();
-  connect();
-  const double before = api("GET", "trim")["offset_lenses"].get<double>();
-  EXPECT_NEAR(api("POST", "trim", R"({"offset_by_lenses": 0.05})")["offset_lenses"].get<double>(),
-              before + 0.05, 1e-9);
-  const ordered_json named = api("POST", "trim/save", R"({"name": "noon"})");
-  EXPECT_EQ(named["history"][0]["name"], "noon");
-  EXPECT_EQ(named["history"][0]["who"], "first");
-  (void)api("POST", "trim", R"({"offset_by_lenses": 0.1})");
-  EXPECT_NEAR(api("POST", "trim/undo")["offset_lenses"].get<double>(), before + 0.05, 1e-9);
-  EXPECT_NEAR(api("POST", "trim/undo")["offset_lenses"].get<double>(), before, 1e-9);
-  EXPECT_EQ(ask("POST", "/api/v1/trim/undo").status, 409);
-  EXPECT_GE(ask("POST", "/api/v1/trim", R"({"offset_by_lenses": "x"})").status, 400);
-  EXPECT_GE(ask("POST", "/api/v1/trim", R"({"offset_lenses": 7})").status, 400);
-}
-
-TEST_F(Web, PicturesShowTheDisplayedFrame) {
-  play();
-  start_web();
-  connect();
-  for (const char* address : {"/api/v1/frame.jpg?width=64", "/api/v1/eye.jpg?x=5&z=500&width=64"}) {
-    const HttpAnswer answer = ask("GET", address);
-    ASSERT_EQ(answer.status, 200) << answer.body;
-    std::ofstream(path("picture.jpg"), std::ios::binary) << answer.body;
-    const frames::WovenFrame picture = frames::read_woven(path("picture.jpg"));
-    EXPECT_GE(picture.width(), 48);
-    // At the edge an eye sees lenses that show no subpixel.
-    for (int y = picture.height() / 4; y < picture.height() * 3 / 4; ++y)
-      for (int k = 3 * (picture.width() / 4); k < 3 * (picture.width() * 3 / 4); ++k)
-        ASSERT_NEAR(picture.row(y)[k], 12, 6);
-  }
-  EXPECT_EQ(ask("GET", "/api/v1/eye.jpg?x=0&z=-5").status, 400);
-  EXPECT_EQ(ask("GET", "/api/v1/eye.jpg?x=0").status, 400);
-  EXPECT_EQ(ask("GET", "/api/v1/frame.jpg?width=100000").status, 400);
-}
-
 TEST_F(Web, EventsTellWhatChanges) {
   play();
   start_web();
@@ -370,61 +209,6 @@ TEST_F(Web, MetricsHaveTheFormOfPrometheus) {
       [&] { return ask("GET", "/metrics").body.find("lenticule_up 0\n") != std::string::npos; }));
 }
 
-// After every fourth server comes one without the player: a busy machine makes frames late beside
-// both. LENTICULE_WEB_CONTROLS=100 makes them as many as the others, for a measurement.
-TEST_F(Web, ThePlayerContinuesWhenTheServerIsKilledAgainAndAgain) {
-  play();
-  constexpr int kKills = 100;
-  const char* const wanted = std::getenv("LENTICULE_WEB_CONTROLS");
-  const int each = wanted != nullptr && std::string(wanted) == "100" ? 1 : 4;
-  const auto descriptors = [&] {
-    const std::filesystem::directory_iterator open("/proc/" + std::to_string(player_->pid()) +
-                                                   "/fd");
-    return std::distance(begin(open), end(open));
-  };
-  const auto late_frames = [&] {
-    const json counts = asked({"stats"})["statistics"];
-    return counts["repeated_underrun"].get<int>() + counts["missed_vblanks"].get<int>();
-  };
-  const auto serve_and_kill = [&](const char* socket) {
-    start_web({}, socket);
-    HttpClient page(port_);
-    page.say("GET /api/v1/events HTTP/1.1\r\nHost: a\r\nAuthorization: Bearer " + token_ +
-             "\r\n\r\n");
-    (void)ask("GET", "/api/v1/eye.jpg?x=0&z=500&width=64");
-    web_->signal(SIGKILL);
-    (void)web_->wait(kPlayerTimeout);
-  };
-  const auto open_before = descriptors();
-  int late_beside_others = 0, late_beside_servers = 0;
-  for (int k = 0; k < kKills / each; ++k) {
-    const int before = late_frames();
-    serve_and_kill("no-player.sock");
-    const int between = late_frames();
-    for (int n = 0; n < each; ++n) serve_and_kill("c.sock");
-    late_beside_others += between - before;
-    late_beside_servers += late_frames() - between;
-  }
-  // Late frames depend on what else the machine does: they are printed, not judged.
-  std::printf("late frames beside %d servers: %d; beside %d servers without the player: %d\n",
-              kKills, late_beside_servers, kKills / each, late_beside_others);
-  EXPECT_TRUE(film_continues());
-  EXPECT_TRUE(comes_true([&] { return descriptors() <= open_before + 1; })) << "1: shared memory";
-}
-
-TEST_F(Web, TheServerWaitsForAPlayerAndFindsTheNextOne) {
-  start_web();
-  EXPECT_EQ(api("GET", "state")["connected"], false);
-  EXPECT_EQ(ask("POST", "/api/v1/pause").status, 502);
-  EXPECT_EQ(api("GET", "health")["verdict"], "bad");
-  play();
-  connect();
-  (void)quit();
-  ASSERT_TRUE(comes_true([&] { return api("GET", "state")["connected"] == false; }));
-  play();
-  connect();
-}
-
 TEST_F(Web, TokensAreAddedListedAndRevoked) {
   start_web();
   const ProcessResult added = run({"web", "token", "add", "guest", "--rights", "see", "--state",
@@ -445,38 +229,6 @@ TEST_F(Web, TokensAreAddedListedAndRevoked) {
             0);
   EXPECT_TRUE(comes_true([&] { return status("GET", "/") != 200; }));
   EXPECT_EQ(run({"web", "token", "revoke", "00000000", "--state", path("state")}).exit_code, 2);
-}
-
-TEST_F(Web, ACodeOnThePanelNamesNoTokenAndIsWithheldFromGuests) {
-  play();
-  start_web();
-  connect();
-  const std::string text = "token=01234567";  // a longer one does not fit into 32 rows
-  const ProcessResult guest = run({"web", "token", "add", "guest", "--rights", "see", "--state",
-                                   path("state"), "--base", "http://panel"});
-  const std::string secret = guest.out.substr(25, 32);
-  const auto guest_status = [&](const char* address) {
-    return HttpClient(port_).ask("GET", address, {{"Authorization", "Bearer " + secret}}).status;
-  };
-  ASSERT_TRUE(comes_true([&] { return guest_status("/api/v1/frame.jpg?width=64") == 200; }));
-  EXPECT_EQ(api("POST", "seek", R"({"item": 1})")["item"], 1);
-  BackgroundProcess shown({LENTICULE_PROGRAM, "ctl", "--socket", path("c.sock"), "show-address",
-                           text, "--seconds", "600"});
-  ASSERT_TRUE(comes_true([&] { return says_about("on_glass", R"("source":"code")"); }));
-  EXPECT_EQ(ctl({"show-address", "again"}).exit_code, 1) << "a code is shown already";
-  const frames::QrCode code = frames::qr_code_of(text);
-  ASSERT_EQ(ctl({"snapshot", path("snap.png")}).exit_code, 0);
-  EXPECT_EQ(frames::read_woven(path("snap.png")), frames::draw_qr_code(code, kPanel));
-  for (const char* verb : {"status", "list", "stats"})
-    EXPECT_EQ(ctl({verb}).out.find("01234567"), std::string::npos) << verb;
-  for (const char* address : {"/api/v1/frame.jpg?width=64", "/api/v1/eye.jpg?x=0&z=500&width=64"}) {
-    EXPECT_TRUE(comes_true([&] { return guest_status(address) == 403; })) << address;
-    EXPECT_EQ(ask("GET", address).status, 200) << address;
-  }
-  shown.signal(SIGINT);
-  EXPECT_EQ(shown.wait(kPlayerTimeout).exit_code, 0);
-  EXPECT_TRUE(comes_true([&] { return says_about("on_glass", "b.lts"); })) << status().dump();
-  EXPECT_TRUE(film_continues());
 }
 
 TEST_F(Web, TheCodeInATerminalIsThatOfTheAddress) {

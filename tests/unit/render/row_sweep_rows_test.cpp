@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests properties of swept rows: closed meshes have no holes, and a row is the same however it is
+// computed.
+#include <gtest/gtest.h>
+
+#include <map>
+#include <random>
+#include <set>
+#include <utility>
+
+#include "apps/lenticule-bench/probes/row_tracer.h"
+#include "render/row_sweep/row_sweep.h"
+#include "tests/support/allocation_count.h"
+#include "tests/support/visibility_oracle.h"
+#include "tests/unit/render/row_sweep_scenes.h"
+
+namespace lenticule::render {
+namespace {
+
+TEST(RowSweep, LeavesNoHolesInClosedMeshes) {
+  // Corners and edges lie exactly on rays: the grid's corners are the rays' points in the panel's
+  // plane.
+  const optics::Rig rig = testing::make_rig({.pitch_subpx = 9.0, .slant = 0.0});
+  const optics::OpticalModel model(rig);
+  TriangleMesh grid;
+  constexpr uint32_t kAcross = 36, kDown = 8;
+  for (uint32_t j = 0; j < kDown; ++j)
+    for (uint32_t s = 0; s < kAcross; ++s) {
+      const auto ray =
+          model.ray(static_cast<int>(s) / 3, static_cast<int>(j), static_cast<int>(s % 3));
+      const double z = -40.0;
+      grid.positions.push_back({ray.lens_x_mm + z * ray.tan_x, ray.lens_y_mm + z * ray.tan_y, z});
+    }
+  for (uint32_t j = 0; j + 1 < kDown; ++j)
+    for (uint32_t s = 0; s + 1 < kAcross; ++s) {
+      const uint32_t a = j * kAcross + s;
+      grid.triangles.push_back({a, a + 1, a + kAcross});
+      grid.triangles.push_back({a + 1, a + kAcross + 1, a + kAcross});
+    }
+  const Scene scene(scene_of({grid}), plain_stage(), {}, 1);
+  const RowPlanes planes(model);
+  const RowSweep sweep(planes, scene);
+  RowSweep::Worker worker(sweep);
+  SweptRow row;
+  for (int j = 1; j + 1 < static_cast<int>(kDown); ++j) {
+    worker.sweep(j, row);
+    for (size_t s = 9; s < kAcross - 9; ++s) EXPECT_NE(row.cut[s], SweptRow::kNothing) << j << s;
+  }
+}
+
+/// Cuts of two triangles that share an edge end in the same bits, so that no ray passes between
+/// them: the cut of a closed mesh is closed.
+TEST(RowSweep, CutsOfClosedMeshesAreClosed) {
+  const optics::OpticalModel model(testing::make_rig({.height = 300, .pixel_mm = 0.2}));
+  const Scene scene(scene_of({testing::ball_mesh({0.1, 0.2, 0.3}, 60.0, 60, 0)}),
+                    testing::make_tiny_stage({.mm_per_unit = 1.0, .turn_degrees = 11.0}), {}, 1);
+  const RowPlanes planes(model);
+  const RowSweep sweep(planes, scene);
+  RowSweep::Worker worker(sweep);
+  SweptRow row;
+  for (int j = 0; j < 300; ++j) {
+    worker.sweep(j, row);
+    std::map<std::pair<float, float>, int> ends;
+    for (const SweptCut& cut : row.cuts) ++ends[{cut.x0, cut.z0}], ++ends[{cut.x1, cut.z1}];
+    EXPECT_GT(ends.size(), 100U);
+    for (const auto& [end, count] : ends) ASSERT_EQ(count % 2, 0) << j;
+  }
+}
+
+TEST(RowSweep, BarycentricsAgreeWithTheRay) {
+  const optics::OpticalModel model(testing::make_rig({}));
+  const Vec3 a{-60, -45, -20}, b{65, -40, 10}, c{5, 80, -30};
+  const Scene scene(scene_of({triangle(a, b, c)}), plain_stage(), {}, 1);
+  const RowPlanes planes(model);
+  const RowSweep sweep(planes, scene);
+  RowSweep::Worker worker(sweep);
+  SweptRow row;
+  int seen = 0;
+  for (int j = 0; j < 8; ++j) {
+    worker.sweep(j, row);
+    for (int s = 0; s < 36; ++s) {
+      const auto at = static_cast<size_t>(s);
+      if (row.cut[at] == SweptRow::kNothing) continue;
+      ++seen;
+      const SweptCut& cut = row.cuts[static_cast<size_t>(row.cut[at])];
+      const double part = row.along[at];
+      const double u = cut.u0 + part * (cut.u1 - cut.u0), v = cut.v0 + part * (cut.v1 - cut.v0);
+      const testing::OracleRay ray = testing::oracle_ray(model, s / 3, j, s % 3);
+      const Vec3 p = a * (1.0 - u - v) + b * u + c * v;
+      EXPECT_NEAR(p.z, row.z_mm[at], 1e-4);
+      EXPECT_NEAR(p.x, ray.x_mm + ray.tan_x * p.z, 1e-4);
+      EXPECT_NEAR(p.y, ray.y_mm + ray.tan_y * p.z, 1e-4);
+    }
+  }
+  EXPECT_GT(seen, 100);
+}
+
+TEST(RowSweep, GivesTheSameBitsOnEveryInstructionSet) {
+  for (const NamedRig& rig : tiny_rigs())
+    for (const testing::NamedScene& named : testing::tiny_scenes()) {
+      const optics::OpticalModel model(rig.rig);
+      const Scene scene(named.scene, testing::make_tiny_stage({.turn_degrees = 7.0}), {}, 1);
+      const RowPlanes best(model, Isa::Baseline);
+      const RowSweep sweep(best, scene);
+      RowSweep::Worker worker(sweep);
+      for (const Isa isa : {Isa::Avx2, Isa::Avx512}) {
+        const RowPlanes planes(model, isa);
+        const RowSweep other_sweep(planes, scene);
+        RowSweep::Worker other_worker(other_sweep);
+        SweptRow row, other;
+        for (int j = 0; j < rig.rig.panel.height_px; ++j) {
+          worker.sweep(j, row);
+          other_worker.sweep(j, other);
+          for (size_t s = 0; s < best.row_subpixels(); ++s) {
+            ASSERT_EQ(row.cut[s], other.cut[s]) << rig.name << " " << named.name << " " << j;
+            ASSERT_EQ(row.z_mm[s], other.z_mm[s]);
+            ASSERT_EQ(row.along[s], other.along[s]);
+          }
+        }
+      }
+    }
+}
+
+TEST(RowSweep, ARowAloneEqualsTheRowOfTheFrame) {
+  const optics::OpticalModel model(testing::make_rig({.width = 30, .height = 40}));
+  const Scene scene(testing::tiny_scenes().front().scene,
+                    testing::make_tiny_stage({.mm_per_unit = 25.0}), {}, 1);
+  const RowPlanes planes(model);
+  const RowSweep sweep(planes, scene);
+  RowSweep::Worker in_turn(sweep);
+  SweptRow row, alone;
+  for (int j = 0; j < 40; ++j) {
+    in_turn.sweep(j, row);
+    RowSweep::Worker worker(sweep);
+    worker.sweep(j, alone);
+    for (size_t s = 0; s < planes.row_subpixels(); ++s) {
+      ASSERT_EQ(row.cut[s], alone.cut[s]);
+      ASSERT_EQ(row.z_mm[s], alone.z_mm[s]);
+    }
+  }
+}
+
+TEST(RowSweep, AllocatesNothingAfterTheFirstFrame) {
+  for (const NamedRig& rig : tiny_rigs()) {
+    const optics::OpticalModel model(rig.rig);
+    const Scene scene(testing::tiny_scenes().front().scene, testing::make_tiny_stage(), {}, 1);
+    const RowPlanes planes(model);
+    const RowSweep sweep(planes, scene);
+    RowSweep::Worker worker(sweep);
+    SweptRow row;
+    const auto all = [&] {
+      for (int j = 0; j < rig.rig.panel.height_px; ++j) worker.sweep(j, row);
+    };
+    all();
+    const long before = allocations.load();
+    all();
+    EXPECT_EQ(allocations.load(), before) << rig.name;
+  }
+}
+
+TEST(RowTracer, ComparesAndTimesEveryRow) {
+  const optics::OpticalModel model(testing::make_rig({.width = 30, .height = 40}));
+  const Scene scene(testing::tiny_scenes().front().scene, testing::make_tiny_stage(), {}, 1);
+  const RowPlanes planes(model);
+  const SweepDifference difference = compare_with_embree(planes, scene, 0, 1);
+  EXPECT_EQ(difference.subpixels, 30U * 40U * 3U);
+  EXPECT_EQ(difference.elsewhere, 0U);
+  EXPECT_LT(difference.depth_mm, 1e-3);
+  const SweepTiming timing = time_row_sweep(planes, scene, 2);
+  EXPECT_EQ(timing.subpixels, 30U * 40U * 3U);
+  EXPECT_GT(timing.cuts, 0U);
+  EXPECT_GT(timing.seconds, timing.prepare_seconds);
+}
+
+TEST(RowBuckets, AreTheRangesThatHoldARow) {
+  std::mt19937_64 random(3);
+  for (const int rows : {1, 2, 7, 64, 100}) {
+    std::vector<RowRange> ranges;
+    for (int n = 0; n < 60; ++n) {
+      const int first = static_cast<int>(random() % 120) - 10;
+      ranges.push_back({first, first + static_cast<int>(random() % 30) - 3});
+    }
+    const RowBuckets buckets(rows, ranges);
+    for (int row = 0; row < rows; ++row) {
+      std::multiset<uint32_t> found, expected;
+      buckets.visit(row, [&](uint32_t n) { found.insert(n); });
+      for (uint32_t n = 0; n < ranges.size(); ++n)
+        if (ranges[n].first <= row && row <= ranges[n].last) expected.insert(n);
+      EXPECT_EQ(found, expected) << row << " of " << rows;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace lenticule::render

@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests the samples of soft light: the convergence of their errors, and their seeds in packets.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <string>
+
+#include "render/accel/denormals.h"
+#include "render/integrator/packet_tracer.h"
+#include "render/rays/primary_packets.h"
+#include "tests/support/reference_renderer.h"
+#include "tests/unit/render/soft_light_scenes.h"
+
+namespace lenticule::render {
+namespace {
+
+using testing::make_rig;
+using testing::make_tiny_stage;
+
+struct Converging {
+  const char* name;
+  std::function<SoftLight(int)> options;
+};
+
+class SoftLightConverges : public ::testing::TestWithParam<Converging> {
+ protected:
+  [[nodiscard]] frames::WovenFrame codes(int samples) const {
+    return picture(wall_and_ball(), rig_, stage_, with(GetParam().options(samples))).frame;
+  }
+
+  struct Place {
+    int i, j, channel;
+    double expected;
+  };
+  /// Returns some places where a few samples disagree, with the values of thousands of samples.
+  [[nodiscard]] std::vector<Place> uncertain_places() const {
+    const optics::OpticalModel model(rig_);
+    const frames::WovenFrame few = codes(4), more = codes(64);
+    std::vector<Place> places;
+    int uncertain = 0;
+    for (int j = 0; j < few.height(); ++j)
+      for (int i = 0; i < few.width(); ++i)
+        for (int c = 0; c < 3; ++c) {
+          if (few.row(j)[3 * i + c] == more.row(j)[3 * i + c]) continue;
+          if (uncertain++ % 11 != 0) continue;
+          places.push_back({i, j, c,
+                            testing::reference_subpixel(wall_and_ball(), stage_, model, i, j, c,
+                                                        {.soft = GetParam().options(4096)})});
+        }
+    return places;
+  }
+
+  const optics::Rig rig_ = make_rig({.width = 40, .height = 26, .pixel_mm = 1.5});
+  const Stage stage_ = make_tiny_stage();
+};
+
+/// The convergence is at least that of independent samples: half the error for four times the rays.
+TEST_P(SoftLightConverges, ToAReferenceWithThousandsOfSamples) {
+  const std::vector<Place> places = uncertain_places();
+  ASSERT_GT(places.size(), 150U);
+  std::vector<double> errors;
+  for (const int samples : {4, 16, 64, 256}) {
+    const frames::WovenFrame frame = codes(samples);
+    double sum = 0.0;
+    for (const Place& at : places) {
+      const double error = frame.row(at.j)[3 * at.i + at.channel] - at.expected;
+      sum += error * error;
+    }
+    errors.push_back(std::sqrt(sum / static_cast<double>(places.size())));
+    std::printf("%s: %zu places, %d samples: %.2f codes\n", GetParam().name, places.size(), samples,
+                errors.back());
+  }
+  constexpr double kRounding = 0.3;  // rounding error in codes
+  for (size_t k = 1; k < errors.size(); ++k) EXPECT_LE(errors[k], 0.5 * errors[k - 1] + kRounding);
+  EXPECT_LE(errors[3], errors[0] / 8.0 + kRounding);
+}
+
+INSTANTIATE_TEST_SUITE_P(Kinds, SoftLightConverges,
+                         ::testing::Values(Converging{"shadows", only_shadows},
+                                           Converging{"occlusion", only_occlusion},
+                                           Converging{"environment", only_environment}),
+                         [](const auto& kind) { return std::string(kind.param.name); });
+
+/// The errors of subpixels that an eye sees together are uncorrelated.
+TEST_P(SoftLightConverges, WithUncorrelatedErrors) {
+  const optics::Rig rig = make_rig({.width = 120, .height = 78, .pixel_mm = 0.5});
+  const auto codes = [&](int samples) {
+    return picture(wall_and_ball(), rig, stage_, with(GetParam().options(samples))).frame;
+  };
+  const frames::WovenFrame few = codes(4), many = codes(1024);
+  const auto error = [&](int row, int subpixel) {
+    return static_cast<double>(int{few.row(row)[subpixel]} - int{many.row(row)[subpixel]});
+  };
+  struct Step {
+    const char* to;
+    int rows, subpixels;
+  };
+  // The pitch is 7.7 subpixels, so that eight steps lead to about the same view of the next lens.
+  for (const Step step : {Step{"the next view", 0, 1}, Step{"the next of its channel", 0, 3},
+                          Step{"the next lens", 0, 8}, Step{"the next row", 1, 0},
+                          Step{"the same view below", 1, -1}}) {
+    double product = 0.0, squares = 0.0;
+    int pairs = 0;
+    for (int j = 0; j + step.rows < few.height(); ++j)
+      for (int s = 1; s + 8 < 3 * few.width(); ++s) {
+        const double here = error(j, s), there = error(j + step.rows, s + step.subpixels);
+        if (here == 0.0 || there == 0.0) continue;
+        product += here * there;
+        squares += 0.5 * (here * here + there * there);
+        ++pairs;
+      }
+    ASSERT_GT(pairs, 800);
+    std::printf("%s: %s: correlation %.3f of %d pairs\n", GetParam().name, step.to,
+                product / squares, pairs);
+    EXPECT_LT(std::abs(product / squares), 0.1) << step.to;
+  }
+}
+
+/// Traces one tile of a wall and a ball as the methods do.
+class SoftTile : public ::testing::Test {
+ protected:
+  SoftTile()
+      : rig_(make_rig({.width = 150, .height = 70, .pixel_mm = 0.5})),
+        model_(rig_),
+        scene_(wall_and_ball(), make_tiny_stage(), {}, 1),
+        plan_(rig_),
+        tile_(plan_.tile(4)),  // the left tile of the middle row
+        packets_(model_, plan_, best_isa()),
+        maker_(packets_),
+        centre_(model_, {}) {
+    maker_.start(scene_, tile_, centre_);
+  }
+
+  std::vector<float> whole(PacketTracer& tracer) {
+    std::vector<float> light(static_cast<size_t>(tile_.columns) * TilePlan::kRows, 0.0F);
+    tracer.trace(scene_, plan_, tile_, {0, tile_.columns}, {}, maker_, light);
+    return light;
+  }
+
+  const FlushDenormals flush_;
+  optics::Rig rig_;
+  optics::OpticalModel model_;
+  Scene scene_;
+  TilePlan plan_;
+  Tile tile_;
+  PrimaryPackets packets_;
+  PrimaryPackets::Maker maker_;
+  Footprint centre_;
+};
+
+TEST_F(SoftTile, MultipliedSamplesEqualMoreSamples) {
+  for (const auto& kind : {only_shadows, only_occlusion, only_environment}) {
+    PacketTracer many(with(kind(12))), few(with(kind(3)));
+    const std::vector<float> expected = whole(many);
+    EXPECT_NE(whole(few), expected);
+    few.multiply_samples(4);
+    EXPECT_EQ(whole(few), expected);
+    few.multiply_samples(1);
+    EXPECT_NE(whole(few), expected);
+  }
+}
+
+/// Lanes keep their own seeds in any packet.
+TEST_F(SoftTile, PacketsOfSeveralColumnsGiveTheSameLanes) {
+  SoftLight soft = only_occlusion(5);
+  soft.shadow_samples = 6;
+  PacketTracer tracer(with(soft));
+  const std::vector<float> expected = whole(tracer);
+  std::vector<RayPacket> columns(16);
+  init_packets(columns);
+  maker_.prepare(columns);
+  // A column in the middle of the panel.
+  const int first = 225 - plan_.subpixel(tile_, 0, 0);
+  ASSERT_TRUE(first >= 0 && first + 16 <= tile_.columns);
+  maker_.columns(first, columns);
+  RayPacket mixed = columns.front();
+  std::array<int32_t, kPacket> channel;
+  std::array<uint32_t, kPacket> seeds;
+  for (size_t r = 0; r < kPacket; ++r) {
+    const RTCRay16& from = columns[r].rays.ray;
+    mixed.valid[r] = columns[r].valid[r];
+    mixed.rays.ray.org_x[r] = from.org_x[r];
+    mixed.rays.ray.org_y[r] = from.org_y[r];
+    mixed.rays.ray.org_z[r] = from.org_z[r];
+    mixed.rays.ray.dir_x[r] = from.dir_x[r];
+    mixed.rays.ray.dir_y[r] = from.dir_y[r];
+    mixed.rays.ray.dir_z[r] = from.dir_z[r];
+    const int row = static_cast<int>(r);
+    const int subpixel = plan_.subpixel(tile_, first + row, row);
+    channel[r] = (subpixel % 3 + 3) % 3;
+    seeds[r] = sampling::subpixel_seed(tile_.row_begin + row, subpixel, 0);
+  }
+  std::array<float, kPacket> light;
+  tracer.set_seeds(seeds);
+  tracer.trace_lanes(scene_, plan_, channel, mixed, light);
+  int lit = 0;
+  for (size_t r = 0; r < kPacket; ++r) {
+    EXPECT_EQ(light[r],
+              expected[r * static_cast<size_t>(tile_.columns) + static_cast<size_t>(first) + r])
+        << r;
+    lit += light[r] > 0.0F ? 1 : 0;
+  }
+  EXPECT_GT(lit, 10);
+}
+
+}  // namespace
+}  // namespace lenticule::render
