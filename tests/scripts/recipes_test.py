@@ -160,14 +160,31 @@ class Remote(WithStandIns):
         self.run_script(EXAMPLES / "remote" / "lenticule-osc", "/c.sock", "7770")
         self.assertEqual(self.done(), ["go", "power off"])
 
-    def test_a_television_follows_the_output(self):
-        self.stand_in("cec-ctl", f'echo "$@" >> {self.folder}/cec\n')
+    def follow_the_output(self, television):
+        """Runs lenticule-cec while the output goes off and on; returns the messages and the report."""
+        self.stand_in("sleep", "")
+        self.stand_in("cec-ctl", f'echo "$@" >> {self.folder}/cec\ncase "$*" in *power-status) {television} ;; esac\n')
         self.stand_in("lenticule", """printf '%s\\n' '{"event":"state","state":"off"}' \\
   '{"event":"item_started","source":"a.lts"}' '{"event":"state","state":"playing"}'\n""")
-        self.run_script(EXAMPLES / "remote" / "lenticule-cec", "/c.sock", "/dev/cec0")
-        self.assertEqual((self.folder / "cec").read_text().splitlines(),
-                         ["--device /dev/cec0 --playback", "--device /dev/cec0 --to 0 --standby",
-                          "--device /dev/cec0 --to 0 --image-view-on"])
+        result = self.run_script(EXAMPLES / "remote" / "lenticule-cec", "/c.sock", "/dev/cec0")
+        sent = (self.folder / "cec").read_text().replace("--device /dev/cec0 ", "").splitlines()
+        return sent, result.stderr.splitlines()
+
+    def test_a_television_follows_the_output(self):
+        sent, report = self.follow_the_output(
+            f"grep -q image-view-on {self.folder}/cec && echo 'pwr-state: to-on (0x02)'"
+            " || echo 'pwr-state: standby (0x01)'")
+        status = "--to 0 --give-device-power-status"
+        self.assertEqual(sent, ["--playback", "--to 0 --standby", status, "--to 0 --image-view-on", status])
+        self.assertEqual(report, ["television: standby", "television: to-on"])
+
+    def test_a_television_that_does_not_follow_is_asked_twice_and_reported(self):
+        sent, report = self.follow_the_output("echo 'pwr-state: on (0x00)'")
+        self.assertEqual(sent.count("--to 0 --standby"), 2)
+        self.assertEqual(report, ["television: asked twice for standby, it says on", "television: on"])
+        (self.folder / "cec").unlink()
+        _, report = self.follow_the_output("echo 'Transmitted, NACK'")
+        self.assertEqual(report[0], "television: asked twice for standby, it says nothing")
 
 
 if __name__ == "__main__":

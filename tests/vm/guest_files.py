@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Prepares the files of the virtual machines in build/vm: Debian's kernel, one more driver, an initramfs.
+"""Prepares the files of the virtual machines in build/vm: Debian's kernel, two more drivers, an initramfs.
 
 The kernel package is unpacked, never installed on this machine. vkms, the driver with a timer's
-vblanks and a writeback connector, is not in Debian's kernel and is built from its own source.
+vblanks and a writeback connector, and gpio-sim, whose lines are set by files, are not in Debian's
+kernel and are built from its source.
 Does nothing if all files exist: the kernel's part is made again when its version or LAYOUT changes,
 the initramfs when guest_init does.
 """
@@ -20,8 +21,12 @@ import sys
 
 HERE = pathlib.Path(__file__).resolve().parent
 OUTPUT = pathlib.Path(os.environ.get("LENTICULE_VM_DIR", HERE.parents[1] / "build" / "vm"))
-LAYOUT = 1  # to be raised with every change of make_kernel's output
+LAYOUT = 2  # to be raised with every change of make_kernel's output
 HEADERS = pathlib.Path("/usr/src")
+VKMS_SOURCE = "drivers/gpu/drm/vkms"
+GPIO_SIM_SOURCE = "drivers/gpio/gpio-sim.c"
+GPIO_HEADER = "drivers/gpio/gpiolib.h"
+IRQ_SIM_SOURCE = "kernel/irq/irq_sim.c"
 BUSYBOX = pathlib.Path("/bin/busybox")
 
 # Modules of the guest's first process before it can read the host's files; every other module is
@@ -105,26 +110,42 @@ def unpack_kernel(release):
     (OUTPUT / "vmlinux").write_bytes(kernel)
 
 
-def vkms_source(release):
+def kernel_sources(release):
+    """Unpacks the sources of the modules that Debian does not build; returns their tree."""
     series = ".".join(release.split(".")[:2])
     archive = HEADERS / f"linux-source-{series}.tar.xz"
     if not archive.exists():
         raise Unprepared(f"{archive} is missing; run scripts/packages vm")
-    folder = f"linux-source-{series}/drivers/gpu/drm/vkms"
-    say(f"unpacking {folder}")
-    run(["tar", "-xJf", archive, "-C", OUTPUT, folder], "is there room on the disk?")
-    return OUTPUT / folder
+    tree = f"linux-source-{series}"
+    say("unpacking the sources of vkms and gpio-sim")
+    run(["tar", "-xJf", archive, "-C", OUTPUT,
+         *(f"{tree}/{name}" for name in [VKMS_SOURCE, GPIO_SIM_SOURCE, GPIO_HEADER, IRQ_SIM_SOURCE])],
+        "is there room on the disk?")
+    return OUTPUT / tree
 
 
-def build_vkms(release, modules):
-    """Builds vkms.ko against the same kernel and puts it among the kernel's own modules."""
-    source = vkms_source(release)
-    say("building vkms.ko")
-    run(["make", "-C", HEADERS / f"linux-headers-{release}", f"M={source}", "CONFIG_DRM_VKMS=m",
+def build_module(release, source, modules, name, *settings):
+    """Builds a module against the guest's kernel and puts it among the kernel's own modules."""
+    say(f"building {name}.ko")
+    run(["make", "-C", HEADERS / f"linux-headers-{release}", f"M={source}", *settings,
          f"-j{os.cpu_count()}", "modules"], "are the headers of this kernel complete?")
     (modules / "updates").mkdir(exist_ok=True)
-    shutil.copy(source / "vkms.ko", modules / "updates")
-    shutil.rmtree(OUTPUT / source.relative_to(OUTPUT).parts[0])
+    shutil.copy(source / f"{name}.ko", modules / "updates")
+
+
+def build_modules(release, modules):
+    tree = kernel_sources(release)
+    build_module(release, tree / VKMS_SOURCE, modules, "vkms", "CONFIG_DRM_VKMS=m")
+    # gpio-sim needs simulated interrupts, which are a part of other kernels and no module: a module
+    # finds an interrupt by its number only.
+    folder = (tree / GPIO_SIM_SOURCE).parent
+    (tree / GPIO_SIM_SOURCE).rename(folder / "gpio-sim-lines.c")
+    interrupts = (tree / IRQ_SIM_SOURCE).read_text()
+    (folder / "irq-sim.c").write_text(
+        interrupts.replace("handle_simple_irq(irq_to_desc(irqnum))", "generic_handle_irq(irqnum)"))
+    (folder / "Kbuild").write_text("obj-m := gpio-sim.o\ngpio-sim-y := gpio-sim-lines.o irq-sim.o\n")
+    build_module(release, folder, modules, "gpio-sim")
+    shutil.rmtree(tree)
 
 
 def boot_modules(release):
@@ -194,7 +215,7 @@ def make_kernel(release):
     fetch_kernel(release)
     unpack_kernel(release)
     modules = OUTPUT / "kernel" / "lib" / "modules" / release
-    build_vkms(release, modules)
+    build_modules(release, modules)
     run(["depmod", "-b", OUTPUT / "kernel", release], "run scripts/packages vm")
     (OUTPUT / "release").write_text(release)
 

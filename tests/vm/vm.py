@@ -162,8 +162,13 @@ class Process:
 class VirtualMachine:
     """Boots in its constructor; close() or `with` ends it. For one thread."""
 
-    def __init__(self, machine, files, build=None, accelerator="tcg", boot_seconds=BOOT_SECONDS):
-        """files: the result of guest_files.prepare(). build: a build tree for the guest."""
+    def __init__(self, machine, files, build=None, accelerator="tcg", boot_seconds=BOOT_SECONDS,
+                 boots=2):
+        """files: the result of guest_files.prepare(). build: a build tree for the guest.
+
+        boots: how often it may be booted until the agent answers. An emulated processor now and then
+        loses a timer before any of our code runs, and the kernel waits for it for ever.
+        """
         self.machine = machine
         self.files = pathlib.Path(files)
         self.build = pathlib.Path(build).resolve() if build else None
@@ -174,7 +179,7 @@ class VirtualMachine:
         if machine.disk_mib:
             with open(self.folder / "disk.img", "wb") as disk:
                 disk.truncate(machine.disk_mib << 20)
-        self._boot = (accelerator, boot_seconds)
+        self._boot = (accelerator, boot_seconds, boots)
         self._processes = {}
         self._count = 0
         self._received = b""
@@ -395,14 +400,14 @@ class VirtualMachine:
         """Returns the Unix socket of the shell's serial port."""
         return self.folder / "shell.sock"
 
-    def _start(self, accelerator, boot_seconds):
-        """Boots. An emulated processor now and then loses a timer before any of our code runs, and
-        the kernel waits for it for ever: such a machine is booted a second time, and says so."""
-        if not self._boots(accelerator, boot_seconds):
-            print(f"booting again: no agent after {boot_seconds} s\n{self.logs(4)}", flush=True)
+    def _start(self, accelerator, boot_seconds, boots):
+        while not self._boots(accelerator, boot_seconds):
+            boots -= 1
+            problem = f"no agent after {boot_seconds} s"
+            if boots == 0:
+                raise VmError(f"{problem}\n{self.logs()}")
+            print(f"booting again: {problem}\n{self.logs(4)}", flush=True)
             self._end_qemu()
-            if not self._boots(accelerator, boot_seconds):
-                raise VmError(f"no agent after {boot_seconds} s, twice\n{self.logs()}")
         self._load_drivers()
 
     def _boots(self, accelerator, boot_seconds):
@@ -521,7 +526,7 @@ def choose_accelerator(files):
         return memory.read_text().split()[0]
     try:
         VirtualMachine(Machine(), files, accelerator="kvm",
-                       boot_seconds=KVM_PROBE_SECONDS).close()
+                       boot_seconds=KVM_PROBE_SECONDS, boots=1).close()
         works = "kvm"
     except (VmError, qmp.QmpError):
         works = "tcg"
