@@ -35,6 +35,8 @@ void refuse_idle_flags(const RenderFlags& flags, const Given& given) {
   if (flags.staging.turned_by_degrees != 0.0 && parse_frame_range(flags.frames).count() == 1)
     throw Error(ErrorKind::Usage, "--turn: one frame cannot turn from one angle to another",
                 "for example --turn 0:360 --frames 0:48, or --turn 30");
+  if (flags.wall.empty() && !flags.panel.empty())
+    throw Error(ErrorKind::Usage, "--panel: names a panel of a wall", "give --wall WALL, too");
 }
 
 }  // namespace
@@ -43,7 +45,13 @@ std::function<void()> declare_render_flags(CLI::App& app, RenderFlags& flags) {
   app.add_option("SCENE", flags.scene,
                  "scene file, numbered files ('demo-%02d.nff'), or builtin:NAME[:SIZE]")
       ->required();
-  app.add_option("--rig", flags.rig, "rig file of the panel")->required();
+  CLI::Option* const rig = app.add_option("--rig", flags.rig, "rig file of the panel")->required();
+  app.add_option("--wall", flags.wall,
+                 "wall file: render one scene for all of its panels, each into a file of its own, "
+                 "instead of --rig")
+      ->excludes(rig)
+      ->each([rig](const std::string&) { rig->required(false); });
+  app.add_option("--panel", flags.panel, "render only this panel of the wall")->type_name("NAME");
   app.add_option("--method", flags.method,
                  "full, lens-view, interpolate, temporal, hybrid or adaptive")
       ->capture_default_str();

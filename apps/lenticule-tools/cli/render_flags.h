@@ -16,7 +16,9 @@ namespace lenticule::player {
 
 struct RenderFlags {
   std::string scene;
-  std::string rig;
+  std::string rig;    ///< empty with a wall
+  std::string wall;   ///< empty without one
+  std::string panel;  ///< name of the only panel of the wall to render; empty: all panels
   std::string method = "full";
   std::string frames = "0:1";
   std::string fps = "30";

@@ -29,8 +29,6 @@ namespace {
 
 struct RenderCommandFlags {
   RenderFlags render;
-  std::string wall;
-  std::string panel;  ///< name of the only panel of the wall to render; empty: all panels
   std::string rig_store;
   std::string output;
   std::string missing;
@@ -161,7 +159,7 @@ nlohmann::json result_json(const RenderCommandFlags& command, const FilmRenderer
                          {"rmse_bound", totals.rays.rmse_bound},
                          {"stage", stage_json(film.reference_stage())}};
   if (film.panel().in_wall())
-    json.update({{"wall", command.wall}, {"panel", film.panel().name}});
+    json.update({{"wall", command.render.wall}, {"panel", film.panel().name}});
   else
     json["rig"] = flags.rig;
   for (const render::FrameCounter& counter : render::kFrameCounters)
@@ -310,31 +308,30 @@ ExitCode render_panel(const RenderCommandFlags& flags) {
 }
 
 void check_wall_flags(const RenderCommandFlags& flags) {
-  if (flags.wall.empty() && !flags.panel.empty())
-    throw Error(ErrorKind::Usage, "--panel: names a panel of a wall", "give --wall WALL, too");
-  if (!flags.wall.empty() && !flags.missing.empty())
+  if (!flags.render.wall.empty() && !flags.missing.empty())
     throw Error(ErrorKind::Usage, "--missing: not supported for walls",
                 "render one panel of it with --rig");
 }
 
 /// Renders the films of all panels of a wall, one after the other, or only that of --panel.
 ExitCode render_wall(const RenderCommandFlags& flags) {
-  const optics::PlacedWall wall = optics::load_wall(flags.wall);
+  const std::string& only = flags.render.panel;
+  const optics::PlacedWall wall = optics::load_wall(flags.render.wall);
   std::vector<std::string> names;
   for (const optics::PlacedPanel& panel : wall.panels) names.push_back(panel.name);
-  if (!flags.panel.empty()) names = {wall.panel(flags.panel).name};
+  if (!only.empty()) names = {wall.panel(only).name};
   const bool to_ring = parse_source(flags.output).kind == SourceKind::Ring;
   nlohmann::json results = nlohmann::json::array();
   for (const std::string& name : names) {
     if (interrupted()) break;
-    const bool keeps_target = to_ring && !flags.panel.empty();
+    const bool keeps_target = to_ring && !only.empty();
     const std::string target = keeps_target ? flags.output : target_of_panel(flags.output, name);
     say("panel '{}': {}\n", name, target);
     RenderRun run(flags, panel_of_wall(wall, wall.panel(name)), target);
     (void)run.run();
     results.push_back(run.result());
   }
-  if (flags.json) print_json({{"wall", flags.wall}, {"panels", results}});
+  if (flags.json) print_json({{"wall", flags.render.wall}, {"panels", results}});
   return interrupt_exit_code();
 }
 
@@ -343,18 +340,10 @@ ExitCode render_wall(const RenderCommandFlags& flags) {
 Run declare_render(CLI::App& app) {
   auto flags = std::make_shared<RenderCommandFlags>();
   const std::function<void()> complete = declare_render_flags(app, flags->render);
-  CLI::Option* const rig = app.get_option("--rig");
-  CLI::Option* const wall =
-      app.add_option("--wall", flags->wall,
-                     "wall file: render one scene for all of its panels, each into a file of its "
-                     "own, instead of --rig")
-          ->excludes(rig)
-          ->each([rig](const std::string&) { rig->required(false); });
-  app.add_option("--panel", flags->panel, "render only this panel of the wall")->type_name("NAME");
   app.add_option("--rig-store", flags->rig_store,
                  "use this copy of the rig as long as a player with this flag does")
       ->type_name("FILE")
-      ->excludes(wall);
+      ->excludes(app.get_option("--wall"));
   app.add_option(
       "--missing", flags->missing,
       "picture file or pattern in which subpixels that reprojection left empty are white");
@@ -380,7 +369,7 @@ Run declare_render(CLI::App& app) {
       flags->render.rig = optics::RigStore(flags->render.rig, flags->rig_store).in_use().string();
     complete();
     flags->render.options.threads = threads_of(*flags);
-    return flags->wall.empty() ? render_panel(*flags) : render_wall(*flags);
+    return flags->render.wall.empty() ? render_panel(*flags) : render_wall(*flags);
   };
 }
 

@@ -40,7 +40,7 @@ void add_folder(CLI::App& sub, std::string& folder) {
 }
 
 bool is_file(const CLI::Option& option) {
-  for (const char* name : {"--rig", "--camera", "--environment"})
+  for (const char* name : {"--rig", "--wall", "--camera", "--environment"})
     if (option.check_name(name)) return true;
   return false;
 }

@@ -52,6 +52,18 @@ std::string digest_of_scene(const RenderFlags& flags, const FilmRenderer& render
   return frames::digest_of_text(parts);
 }
 
+/// Returns the digest of what a film takes from its wall beside the rig: the place of the panel,
+/// and the canvas, which depends on all panels.
+std::string digest_of_place(const FilmPanel& panel) {
+  const render::Canvas& canvas = panel.canvas;
+  std::string text = fmt::format("{} {} {} {} {}", panel.name, canvas.width_mm, canvas.height_mm,
+                                 canvas.depth_of_field_mm, canvas.viewing_distance_mm);
+  const Affine& place = panel.canvas_from_panel;
+  for (const Vec3& v : {place.column_x, place.column_y, place.column_z, place.origin})
+    text += fmt::format(" {} {} {}", v.x, v.y, v.z);
+  return frames::digest_of_text(text);
+}
+
 }  // namespace
 
 std::string program_version() {
@@ -63,6 +75,7 @@ std::map<std::string, std::string> digests_of_inputs(const RenderFlags& flags,
   std::map<std::string, std::string> digests;
   digests["scene"] = digest_of_scene(flags, renderer);
   digests["rig"] = optics::fingerprint(renderer.rig());
+  if (renderer.panel().in_wall()) digests["wall"] = digest_of_place(renderer.panel());
   if (!flags.camera.empty()) digests["camera"] = frames::digest_of_file(flags.camera);
   const std::string& environment = flags.staging.surroundings.environment_file;
   if (!environment.empty()) digests["environment"] = frames::digest_of_file(environment);

@@ -47,6 +47,16 @@ FilmPanel panel_of_wall(const optics::PlacedWall& wall, const optics::PlacedPane
   return out;
 }
 
+FilmPanel panel_of_rig_or_wall(const std::string& rig_file, const std::string& wall_file,
+                               const std::string& panel) {
+  if (wall_file.empty()) return panel_of_rig(rig_file);
+  if (panel.empty())
+    throw Error(ErrorKind::Usage, fmt::format("--wall {}: a film is for one panel", wall_file),
+                "choose one with --panel NAME; each panel has a film of its own");
+  const optics::PlacedWall wall = optics::load_wall(wall_file);
+  return panel_of_wall(wall, wall.panel(panel));
+}
+
 std::string target_of_panel(const std::string& target, const std::string& panel) {
   if (parse_source(target).kind == SourceKind::Ring)
     throw Error(ErrorKind::Usage, fmt::format("-o {}: a wall has a frame per panel", target),

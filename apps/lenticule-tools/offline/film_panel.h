@@ -26,6 +26,12 @@ struct FilmPanel {
 [[nodiscard]] FilmPanel panel_of_wall(const optics::PlacedWall& wall,
                                       const optics::PlacedPanel& panel);
 
+/// Returns the panel of a rig, or the named panel of a wall if there is a wall. Throws Error(Usage)
+/// for a wall without the name of a panel, and Error(Input).
+[[nodiscard]] FilmPanel panel_of_rig_or_wall(const std::string& rig_file,
+                                             const std::string& wall_file,
+                                             const std::string& panel);
+
 /// Returns the file for one panel of a wall: "film.lts" and "film" become "film-left.lts", and
 /// "out/%05d.png" becomes "out/%05d-left.png". Throws Error(Usage) for a target that is no file.
 [[nodiscard]] std::string target_of_panel(const std::string& target, const std::string& panel);

@@ -27,9 +27,10 @@ class FilmRenderer {
   /// Lifetime: must not outlive `flags`.
   FilmRenderer(const RenderFlags& flags, FilmPanel panel, FrameRange film,
                bool keep_missing = false);
-  /// Loads the rig of the flags, too.
+  /// Loads the rig of the flags, too, or that of a panel of their wall.
   FilmRenderer(const RenderFlags& flags, FrameRange film, bool keep_missing = false)
-      : FilmRenderer(flags, panel_of_rig(flags.rig), film, keep_missing) {}
+      : FilmRenderer(flags, panel_of_rig_or_wall(flags.rig, flags.wall, flags.panel), film,
+                     keep_missing) {}
   FilmRenderer(const FilmRenderer&) = delete;
   FilmRenderer& operator=(const FilmRenderer&) = delete;
 

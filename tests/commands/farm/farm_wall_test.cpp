@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests `lenticule farm` for a panel of a wall.
+#include <fmt/format.h>
+
+#include "farm_fixture.h"
+
+namespace lenticule::test {
+namespace {
+
+class FarmWall : public FarmTest {
+ protected:
+  void SetUp() override {
+    FarmTest::SetUp();
+    write_wall(-12.5);
+  }
+
+  void write_wall(double left_mm) const {
+    write("wall.toml", fmt::format(R"(format = 1
+viewer_mm = [0, 0, 500]
+[[panel]]
+name = "left"
+rig = "{0}"
+centre_mm = [{1}, 0, 0]
+[[panel]]
+name = "right"
+rig = "{0}"
+centre_mm = [12.5, 0, 0]
+turn_degrees = -3
+)",
+                                   rig_, left_mm));
+  }
+
+  [[nodiscard]] ProcessResult plan_panel(const std::vector<std::string>& more) const {
+    std::vector<std::string> words = {
+        "farm",     "plan",           "builtin:teapot", "--wall", path("wall.toml"), "--fit",
+        "--frames", "0:12",           "--chunk",        "5",      "--timed-frames",  "1",
+        "-o",       path("film.lts"), "--work",         work()};
+    words.insert(words.end(), more.begin(), more.end());
+    return run(words);
+  }
+};
+
+TEST_F(FarmWall, TheFilmOfAPanelHasTheBytesOfOneRun) {
+  const ProcessResult planned = plan_panel({"--panel", "right"});
+  ASSERT_EQ(planned.exit_code, 0) << planned.err;
+  render_all();
+  ASSERT_EQ(merge().exit_code, 0);
+  const ProcessResult whole =
+      run({"render", "builtin:teapot", "--wall", path("wall.toml"), "--panel", "right", "--fit",
+           "--frames", "0:12", "-o", path("whole.lts")});
+  ASSERT_EQ(whole.exit_code, 0) << whole.err;
+  EXPECT_EQ(film(), read_bytes(path("whole-right.lts")));
+}
+
+TEST_F(FarmWall, WithoutTheNameOfAPanelThePlanIsRefused) {
+  const ProcessResult planned = plan_panel({});
+  EXPECT_EQ(planned.exit_code, 2);
+  EXPECT_NE(planned.err.find("--panel NAME"), std::string::npos) << planned.err;
+}
+
+/// The scene is placed on the rectangle around all panels.
+TEST_F(FarmWall, AChunkIsRefusedAfterAnotherPanelWasMoved) {
+  ASSERT_EQ(plan_panel({"--panel", "right"}).exit_code, 0);
+  write_wall(-13.0);
+  const ProcessResult chunk = render_chunk(0);
+  EXPECT_EQ(chunk.exit_code, 4);
+  EXPECT_NE(chunk.err.find("the wall is not the one of the plan"), std::string::npos) << chunk.err;
+}
+
+}  // namespace
+}  // namespace lenticule::test
