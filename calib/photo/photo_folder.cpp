@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "frames/image_io.h"
+#include "frames/srgb.h"
 
 namespace lenticule::calib {
 namespace {
@@ -95,15 +96,22 @@ bool stands_before(std::string_view a, std::string_view b) {
 }
 
 CameraPicture read_photograph(const std::filesystem::path& file) {
-  const frames::FloatImage image = frames::floats_of(frames::read_texture(file));
+  const frames::TextureImage image = frames::read_texture(file);
   CameraPicture picture;
   picture.width = image.width;
   picture.height = image.height;
   picture.channels = 3;
-  picture.light.reserve(image.rgba.size() / 4 * 3);
-  for (size_t i = 0; i + 3 < image.rgba.size(); i += 4)
-    picture.light.insert(picture.light.end(),
-                         {image.rgba[i], image.rgba[i + 1], image.rgba[i + 2]});
+  const size_t pixels = static_cast<size_t>(image.width) * static_cast<size_t>(image.height);
+  picture.light.resize(3 * pixels);
+  std::array<float, 256> light_of{};
+  std::ranges::transform(frames::linear_of_codes(), light_of.begin(),
+                         [](double light) { return static_cast<float>(light); });
+  for (size_t n = 0; n < pixels; ++n)
+    for (size_t channel = 0; channel < 3; ++channel) {
+      const size_t from = 4 * n + channel;
+      picture.light[3 * n + channel] =
+          image.codes.empty() ? image.rgba[from] : light_of[image.codes[from]];
+    }
   return picture;
 }
 

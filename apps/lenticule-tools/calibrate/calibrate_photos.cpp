@@ -168,11 +168,12 @@ ExitCode from_one(const PhotosFlags& flags, const optics::Rig& rig) {
 ExitCode from_several(const PhotosFlags& flags, const optics::Rig& rig) {
   HandHeldPhotos photos(rig, flags.focal_px, reader_of(flags));
   Progress progress("measuring", "photographs", flags.sources.size());
-  for (size_t n = 0; n < flags.sources.size(); ++n) {
-    if (interrupted()) return interrupt_exit_code();
-    photos.add(flags.sources[n]);  // the result names the photographs that cannot be used
-    progress.update(n + 1);
-  }
+  // The result names the photographs that cannot be used.
+  photos.add_all({flags.sources.begin(), flags.sources.end()}, [&](size_t added) {
+    progress.update(added);
+    return !interrupted();
+  });
+  if (interrupted()) return interrupt_exit_code();
   progress.finish();
   const calib::Calibration found = photos.calibrate(flags.most_lenses);
   return conclude(flags, rig, found, photos.details(), {{"photographs", photos.to_json(found)}});

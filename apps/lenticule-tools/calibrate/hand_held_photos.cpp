@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <deque>
+#include <future>
 #include <numbers>
 #include <utility>
 
@@ -35,22 +37,47 @@ HandHeldPhotos::HandHeldPhotos(const optics::Rig& rig, std::optional<double> foc
   camera_.pixel_format = "photograph";
 }
 
-std::string HandHeldPhotos::add(const std::filesystem::path& file) {
+HandHeldPhotos::Measured HandHeldPhotos::measure(const std::filesystem::path& file) const {
   const calib::CameraPicture photograph = read_(file);
   const calib::Estimate focal =
       focal_of(given_focal_px_, file, std::max(photograph.width, photograph.height));
-  calib::PhonePhoto photo{.name = file.filename().string(),
-                          .findings = calib::measure_hand_held(photograph, chart_, focal)};
-  const std::string refusal = photo.findings.refusal;
+  return {.photo = {.name = file.filename().string(),
+                    .findings = calib::measure_hand_held(photograph, chart_, focal)},
+          .focal = focal,
+          .width = photograph.width,
+          .height = photograph.height};
+}
+
+std::string HandHeldPhotos::keep(const std::filesystem::path& file, Measured measured) {
+  const std::string refusal = measured.photo.findings.refusal;
   if (refusal.empty()) {
-    focal_px_ = focal;
-    camera_.name = photo.name;
-    camera_.width = photograph.width;
-    camera_.height = photograph.height;
+    focal_px_ = measured.focal;
+    camera_.name = measured.photo.name;
+    camera_.width = measured.width;
+    camera_.height = measured.height;
   }
-  photos_.push_back(std::move(photo));
+  photos_.push_back(std::move(measured.photo));
   files_.push_back(file);
   return refusal;
+}
+
+std::string HandHeldPhotos::add(const std::filesystem::path& file) {
+  return keep(file, measure(file));
+}
+
+void HandHeldPhotos::add_all(const std::vector<std::filesystem::path>& files,
+                             const std::function<bool(size_t)>& goes_on) {
+  constexpr size_t kAtOnce = 2;  // 12 megapixels take a quarter of a gigabyte each
+  std::deque<std::future<Measured>> waiting;
+  size_t begun = 0;
+  for (size_t n = 0; n < files.size(); ++n) {
+    for (; begun < std::min(files.size(), n + kAtOnce); ++begun)
+      waiting.push_back(
+          std::async(std::launch::async, [this, &file = files[begun]] { return measure(file); }));
+    keep(files[n], waiting.front().get());
+    waiting.pop_front();
+    if (!goes_on(n + 1)) return;
+  }
 }
 
 size_t HandHeldPhotos::usable() const {

@@ -33,6 +33,10 @@ class HandHeldPhotos {
   /// Measures a photograph. Returns the reason why it cannot be used, or an empty text. Throws
   /// Error(Input) for a file that is not a readable picture.
   std::string add(const std::filesystem::path& file);
+  /// Measures photographs, two at once, and adds them in their order. Calls `goes_on` with the
+  /// number of photographs added; stops when it returns false. Throws as add() does.
+  void add_all(const std::vector<std::filesystem::path>& files,
+               const std::function<bool(size_t)>& goes_on);
 
   /// Returns the files so far, usable or not.
   [[nodiscard]] const std::vector<std::filesystem::path>& files() const { return files_; }
@@ -48,6 +52,14 @@ class HandHeldPhotos {
   [[nodiscard]] calib::RecordDetails details() const;
 
  private:
+  struct Measured {
+    calib::PhonePhoto photo;
+    calib::Estimate focal;
+    int width, height;  ///< of the picture
+  };
+  [[nodiscard]] Measured measure(const std::filesystem::path& file) const;
+  std::string keep(const std::filesystem::path& file, Measured measured);
+
   calib::SinglePhotoChart chart_;
   std::optional<double> given_focal_px_;
   PhotoReader read_;
