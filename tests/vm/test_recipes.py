@@ -84,8 +84,7 @@ def a_button_that_bounces_shows_the_cued_film_once(vm):
     player = play(vm, content, "--frames", "0:1", *PLAYER)
     wait_until_shown(vm, player)
     recipe = start_recipe(vm, "lenticule-button", line.chip, line.number)
-    wait_until(lambda: f"{line.chip} 3" in vm.run("cat /proc/*/cmdline | tr '\\0' ' '").stdout)
-    time.sleep(1)  # gpiomon has the line
+    wait_until(lambda: "|gpiomon" in vm.run("cat /sys/kernel/debug/gpio").stdout, recipe)
     ctl(vm, "cue", f"{content.guest}/00001.png")
     assert ctl(vm, "status")["on_glass"]["source"].endswith("%05d.png")
     line.bounce(5)
@@ -121,7 +120,8 @@ def a_television_follows_the_output_and_is_asked(vm):
     player = play(vm, content, "--frames", "0:1", *PLAYER)
     wait_until_shown(vm, player)
     recipe = start_recipe(vm, "lenticule-cec", source)
-    time.sleep(3)  # the recipe has subscribed
+    wait_until(lambda: "subscribe" in vm.run("cat /proc/*/cmdline").stdout, recipe)
+    time.sleep(3)  # ctl has connected
     for power, message, said in (("off", "STANDBY", "standby"), ("on", "IMAGE_VIEW_ON", "on")):
         ctl(vm, "power", power)
         wait_until(lambda: message in television.stdout, television, recipe)
