@@ -9,6 +9,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <utility>
 
 #include "calib/fit/prediction.h"
 #include "calib/fit/projection.h"
@@ -21,6 +22,12 @@ constexpr double kWantedLenses = 0.02;
 constexpr double kMostPhaseRms = 0.02;  ///< lenses; good photographs have 0.005
 constexpr double kMostCornerPx = 2.0;   ///< averaged pixels
 constexpr double kMostPull = 4.0;       ///< standard deviations
+/// Up to kFewPhotos photographs determine the shifts of their axes so badly that the fit leaves
+/// most of a false axis to places and sheet. Roots of the sum of the squared pulls of all shifts:
+/// good photographs have at most 3.1, nearly all below kUsualJointPull; a turned file or two
+/// phones 2.4 to 11.
+constexpr double kUsualJointPull = 2.1, kMostJointPull = 3.2;
+constexpr size_t kFewPhotos = 3;
 constexpr double kMostSaturated = 0.1;  ///< clipped fringes seem shifted; usual are 0.002
 constexpr double kMostTurn = 1e-3;      ///< radians; less does no harm
 constexpr double kZoneHalfWidthMm = 250.0;
@@ -116,6 +123,13 @@ std::string cause_of_fringes(const std::vector<PhonePhoto>& photos, size_t n) {
          "picture";
 }
 
+std::string cause_of_shift(const PhotoFit& fit) {
+  return fmt::format(
+      "its axis seems {:.1f} % of its longer side off that of the others: it was cropped, mirrored "
+      "or rotated, or is of another phone, or the sheet moved on the panel",
+      100.0 * std::hypot(fit.shift.x, fit.shift.y));
+}
+
 /// Returns the worst contradiction of the n-th photograph. An axis that is off and a sheet that
 /// moved look alike in the fringes.
 Misfit worst_misfit(const std::vector<PhonePhoto>& photos, size_t n, const PhotoFit& fit) {
@@ -125,11 +139,7 @@ Misfit worst_misfit(const std::vector<PhonePhoto>& photos, size_t n, const Photo
        fmt::format("its focal length differs by {:.1f} % from that of the others: it was zoomed, "
                    "cropped or resized, or is of another lens of the phone",
                    100.0 * fit.breathing)},
-      {fit.shift_pull / kMostPull,
-       fmt::format("its axis seems {:.1f} % of its longer side off that of the others: it was "
-                   "cropped, mirrored or rotated, or is of another phone, or the sheet moved on "
-                   "the panel",
-                   100.0 * std::hypot(fit.shift.x, fit.shift.y))},
+      {fit.shift_pull / kMostPull, cause_of_shift(fit)},
       {fit.corner_rms_px / kMostCornerPx,
        fmt::format("its tags are {:.1f} pixels (rms) off: the hand moved, or the phone merged "
                    "several exposures (HDR)",
@@ -154,9 +164,26 @@ std::string moved_hand(const std::vector<PhonePhoto>& photos, const PhoneFit& fi
       most->turn * 180.0 / std::numbers::pi);
 }
 
+/// Returns the root of the sum of the squared pulls of all shifts; 0 for many photographs.
+double joint_pull(const PhoneFit& fit) {
+  if (fit.photos.size() > kFewPhotos) return 0.0;
+  double squares = 0.0;
+  for (const PhotoFit& photo : fit.photos) squares += photo.shift_pull * photo.shift_pull;
+  return std::sqrt(squares);
+}
+
+/// Returns the contradiction of the shifts of all photographs, by the name of the largest.
+Misfit joint_shift(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
+  const auto most = std::ranges::max_element(fit.photos, {}, &PhotoFit::shift_pull);
+  return {
+      joint_pull(fit) / kMostJointPull,
+      photos[static_cast<size_t>(most - fit.photos.begin())].name + ": " + cause_of_shift(*most)};
+}
+
 /// Returns which photograph contradicts the others most, and why; empty if none does.
 std::string misfit(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
   Misfit worst{.excess = 1.0, .cause = {}};
+  if (Misfit all = joint_shift(photos, fit); all.excess > worst.excess) worst = std::move(all);
   for (size_t n = 0; n < photos.size(); ++n) {
     const Misfit own = worst_misfit(photos, n, fit.photos[n]);
     if (own.excess > worst.excess) worst = {own.excess, photos[n].name + ": " + own.cause};
@@ -277,7 +304,9 @@ Calibration calibrate_phone(const std::vector<PhonePhoto>& photos, const SingleP
   put_sheet(fit->values.sheet, fit->grid, fit->values.knots, chart.start.panel, out.rig.sheet);
   describe(usable, *fit, prediction, out);
   out.drift = prediction.likely_largest_drift(zone_of(chart.start));
-  out.drift.worst_lenses = std::hypot(out.drift.worst_lenses, kLawLenses);
+  // Shifts that are larger than their prior says make all errors larger.
+  const double larger = std::max(1.0, joint_pull(*fit) / kUsualJointPull);
+  out.drift.worst_lenses = std::hypot(larger * out.drift.worst_lenses, kLawLenses);
   out.seconds_computing =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
   if (const std::string reason = misfit(usable, *fit); !reason.empty())

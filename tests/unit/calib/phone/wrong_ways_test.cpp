@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "tests/support/scratch_folder.h"
 #include "tests/support/small_workshop.h"
@@ -23,6 +24,25 @@ TEST(WrongWays, AMistakeInOnePhotographIsRefusedWithItsCause) {
     const WrongWayResult result = trial.calibrate(*way);
     EXPECT_EQ(result.outcome, HandOutcome::Refused) << name << ": " << result.error_lenses;
     EXPECT_TRUE(result.cause_named) << name << ": " << result.reason;
+  }
+}
+
+/// Three photographs hardly determine the axis of each: in these setups the fit leaves most of the
+/// false axis to the sheet.
+TEST(WrongWays, AFalseAxisIsNotAcceptedInSilence) {
+  const test::ScratchFolder folder;
+  WorkshopLimits limits;
+  limits.panel_width = 1920;
+  limits.phone_width = 3200;
+  limits.most_pitch_subpx *= 0.5;  // the chart needs room for its tags
+  limits.least_pitch_subpx = std::min(limits.least_pitch_subpx, 0.75 * limits.most_pitch_subpx);
+  limits.shots = 3;
+  for (const auto& [seed, name] : {std::pair(3315U, "file turned by 180 degrees"),
+                                   std::pair(3314U, "other axis: another phone")}) {
+    const auto way = std::ranges::find(wrong_ways(), name, &WrongWay::name);
+    ASSERT_NE(way, wrong_ways().end()) << name;
+    const WrongWayResult result = WrongWayTrial(seed, limits, folder.path()).calibrate(*way);
+    EXPECT_EQ(result.outcome, HandOutcome::Refused) << name << ": " << result.error_lenses;
   }
 }
 
