@@ -55,8 +55,8 @@ struct FrameCopierOptions {
   /// Keeps the newest frame acquired, if the source allows two, so that begin_again() can fill it
   /// again after a lost display returns.
   bool keep_newest = false;
-  /// Releases a frame only when it is no longer displayed, so that copy_shown() can copy the displayed
-  /// frame; earlier if the source allows no more frames at once.
+  /// Releases a frame only when it is no longer displayed, so that copy_shown() can copy the
+  /// displayed frame; earlier if the source allows no more frames at once.
   bool keep_shown = false;
 };
 

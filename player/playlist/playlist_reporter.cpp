@@ -103,7 +103,8 @@ void PlaylistReporter::end(const OpenItem& item, bool to_end) {
 }
 
 void PlaylistReporter::report_damage(const OpenItem& item) {
-  if (item.damage.any()) report(EventKind::ItemDamaged, item.item.source.text, damage_text(item.damage));
+  if (item.damage.any())
+    report(EventKind::ItemDamaged, item.item.source.text, damage_text(item.damage));
 }
 
 void PlaylistReporter::take_list(size_t items, std::optional<size_t> playing) {

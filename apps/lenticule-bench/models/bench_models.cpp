@@ -135,7 +135,8 @@ class ModelsRun {
     row.job.camera = camera;
     row.job.light_scale = description.light_scale * std::numbers::pi;
     description.cameras = {camera};
-    // A scene that states its ambient light gets no default sun; the environment replaces that light.
+    // A scene that states its ambient light gets no default sun; the environment replaces that
+    // light.
     description.ambient = description.ambient.value_or(Vec3{});
     const render::Stage stage =
         render::make_stage(description, model_, plain_camera_stage(camera, model_.rig()));

@@ -207,7 +207,7 @@ StabilityRow row_of(Crossing crossing, const StabilitySize& size, const char* st
 
 StabilityRow stability_reuse_through_glass(const StabilitySize& size) {
   return row_of(through_glass(size.full ? 400 : 32), size,
-             "a beam, sheets and balls move through the panel plane, with every reuse method");
+                "a beam, sheets and balls move through the panel plane, with every reuse method");
 }
 
 StabilityRow stability_reuse_through_eye(const StabilitySize& size) {

@@ -11,8 +11,8 @@ namespace lenticule::render {
 
 /// BandOrder serves one frame. The first step tries a few bands spread over the frame, the next
 /// steps the bands halfway between those. A band is left to method full in two cases: the nearest
-/// tried bands above and below it have each cost more than method full, or their gains and twice the
-/// mean gain of all tried bands add up to a loss. Decisions depend on the noted gains only.
+/// tried bands above and below it have each cost more than method full, or their gains and twice
+/// the mean gain of all tried bands add up to a loss. Decisions depend on the noted gains only.
 class BandOrder {
  public:
   explicit BandOrder(int bands);

@@ -203,7 +203,8 @@ TEST(FastWeave, KeepsEveryUniformPicture) {
   }
 }
 
-/// Tries all widths around that of a block that is transposed at once: none may read beyond its row.
+/// Tries all widths around that of a block that is transposed at once: none may read beyond its
+/// row.
 TEST(FastWeave, TransposesViewsOfEveryWidth) {
   Compared compared;
   for (int width = 1; width <= 36; ++width)
