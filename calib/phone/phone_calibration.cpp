@@ -9,7 +9,6 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <utility>
 
 #include "calib/fit/prediction.h"
 #include "calib/fit/projection.h"
@@ -150,18 +149,18 @@ Misfit worst_misfit(const std::vector<PhonePhoto>& photos, size_t n, const Photo
   return *std::ranges::max_element(kinds, {}, &Misfit::excess);
 }
 
-/// Returns which photograph was taken while the hand turned the phone most; empty if none was. The
-/// rotation also takes up other contradictions, so it counts only if there are none.
-std::string moved_hand(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
+/// Returns the photograph during which the hand turned the phone most. The rotation also takes up
+/// other contradictions, so it counts only if there are none.
+Misfit moved_hand(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
   // Four and more photographs determine rotations better than the law of rigs holds.
   const double limit = photos.size() > 3 ? 1.5 * kMostPull : kMostPull;
   const auto most = std::ranges::max_element(fit.photos, {}, &PhotoFit::turn_pull);
-  if (most->turn_pull <= limit || most->turn <= kMostTurn) return {};
-  return fmt::format(
-      "{}: the phone turned by {:.2f} degrees while the picture was read: the hand moved; hold the "
-      "phone still",
-      photos[static_cast<size_t>(most - fit.photos.begin())].name,
-      most->turn * 180.0 / std::numbers::pi);
+  if (most->turn <= kMostTurn) return {};
+  return {most->turn_pull / limit,
+          fmt::format("{}: the phone turned by {:.2f} degrees while the picture was read: the hand "
+                      "moved; hold the phone still",
+                      photos[static_cast<size_t>(most - fit.photos.begin())].name,
+                      most->turn * 180.0 / std::numbers::pi)};
 }
 
 /// Returns the root of the sum of the squared pulls of all shifts; 0 for many photographs.
@@ -183,12 +182,14 @@ Misfit joint_shift(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
 /// Returns which photograph contradicts the others most, and why; empty if none does.
 std::string misfit(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
   Misfit worst{.excess = 1.0, .cause = {}};
-  if (Misfit all = joint_shift(photos, fit); all.excess > worst.excess) worst = std::move(all);
   for (size_t n = 0; n < photos.size(); ++n) {
     const Misfit own = worst_misfit(photos, n, fit.photos[n]);
     if (own.excess > worst.excess) worst = {own.excess, photos[n].name + ": " + own.cause};
   }
-  return worst.cause.empty() ? moved_hand(photos, fit) : worst.cause;
+  if (!worst.cause.empty()) return worst.cause;
+  for (const Misfit& joint : {moved_hand(photos, fit), joint_shift(photos, fit)})
+    if (joint.excess > worst.excess) worst = joint;
+  return worst.cause;
 }
 
 /// Returns the component of the panel's x axis along the picture's rows.
