@@ -153,7 +153,7 @@ Misfit worst_misfit(const std::vector<PhonePhoto>& photos, size_t n, const Photo
 /// other contradictions, so it counts only if there are none.
 Misfit moved_hand(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
   // Four and more photographs determine rotations better than the law of rigs holds.
-  const double limit = photos.size() > 3 ? 1.5 * kMostPull : kMostPull;
+  const double limit = photos.size() > kFewPhotos ? 1.5 * kMostPull : kMostPull;
   const auto most = std::ranges::max_element(fit.photos, {}, &PhotoFit::turn_pull);
   if (most->turn <= kMostTurn) return {};
   return {most->turn_pull / limit,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Starts lenticule play in a guest and reads its statistics."""
+"""Starts lenticule play in a guest, reads its statistics and controls it."""
 
 import json
 import time
@@ -7,6 +7,7 @@ import time
 from vm_test import require_program
 
 STATS = "/tmp/stats.json"
+SOCKET = "/tmp/control.sock"
 
 
 def play_command(vm, content, *flags):
@@ -36,3 +37,17 @@ def wait_until_shown(vm, player, count=1, timeout=60):
                 return now
         assert running and time.monotonic() < deadline, (player.stdout, player.stderr)
         time.sleep(0.2)
+
+
+def ctl(vm, *words):
+    """Returns the answer of the player that listens on SOCKET."""
+    program = require_program(vm, "lenticule")
+    return json.loads(vm.check([program, "ctl", "--socket", SOCKET, "--json", *words], 60).stdout)
+
+
+def wait_until(condition, *processes, seconds=60):
+    """Waits for a condition; fails with what the processes have written."""
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, [(p.stdout[-3000:], p.stderr[-1000:]) for p in processes]
+        time.sleep(0.1)

@@ -1,25 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tests that a player switches its output off and on again on the kernel's drivers."""
 
-import json
 import pathlib
 import re
 import time
 
 import vkms
 from content import Content
-from playing import play, play_command, stats, wait_until_shown
+from playing import SOCKET, ctl, play, play_command, stats, wait_until, wait_until_shown
 from vm_test import Machine, require_program, vm_test
 
 HERE = pathlib.Path(__file__).resolve().parent
 VIRTIO = Machine(display="virtio-gpu")
 VKMS = Machine(modules=("vkms",))
-SOCKET = "/tmp/control.sock"
-
-
-def ctl(vm, *words):
-    program = require_program(vm, "lenticule")
-    return json.loads(vm.check([program, "ctl", "--socket", SOCKET, "--json", *words], 60).stdout)
 
 
 def active_outputs(vm):
@@ -28,13 +21,6 @@ def active_outputs(vm):
     states = vm.check("for file in /sys/kernel/debug/dri/*/state; do cat $file; echo END; done")
     return max(len(re.findall(r"^\s*active=1$", state, re.MULTILINE))
                for state in states.stdout.split("END\n"))
-
-
-def wait_until(condition, seconds=60):
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.1)
 
 
 def check_power(vm, still_exact):

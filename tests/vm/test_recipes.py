@@ -1,17 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tests recipes of docs/recipes.md on kernel drivers: a button on gpio-sim, a television on vivid's CEC."""
 
-import json
 import pathlib
 import shutil
 import time
 
 from content import Content
-from playing import play, wait_until_shown
+from playing import SOCKET, ctl, play, wait_until, wait_until_shown
 from vm_test import Machine, Skip, require_program, vm_test
 
 REMOTE = pathlib.Path(__file__).resolve().parents[2] / "docs" / "examples" / "remote"
-SOCKET = "/tmp/control.sock"
 PLAYER = ("--loop", "forever", "--control", SOCKET)
 BUTTON = Machine(display="virtio-gpu", modules=("gpio-sim",))
 TELEVISION = Machine(display="virtio-gpu", modules=(
@@ -28,19 +26,6 @@ def start_recipe(vm, name, *words):
 def require_tool(name):
     if not shutil.which(name):
         raise Skip(f"{name} is not installed; run scripts/packages vm")
-
-
-def ctl(vm, *words):
-    program = require_program(vm, "lenticule")
-    return json.loads(vm.check([program, "ctl", "--socket", SOCKET, "--json", *words], 60).stdout)
-
-
-def wait_until(condition, *processes, seconds=60):
-    """Waits for a condition; fails with what the processes have written."""
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, [(p.stdout[-3000:], p.stderr[-1000:]) for p in processes]
-        time.sleep(0.1)
 
 
 class Line:

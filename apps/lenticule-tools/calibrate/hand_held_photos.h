@@ -55,7 +55,7 @@ class HandHeldPhotos {
   struct Measured {
     calib::PhonePhoto photo;
     calib::Estimate focal;
-    int width, height;  ///< of the picture
+    int width, height;  ///< size of the picture, pixels
   };
   [[nodiscard]] Measured measure(const std::filesystem::path& file) const;
   std::string keep(const std::filesystem::path& file, Measured measured);

@@ -100,7 +100,7 @@ class PhotoCalibration {
   ShownInstead& shown_instead_;
   const CalibrateCommand command_;
   const CalibrationFolder folder_;
-  const std::filesystem::path try_folder_;  ///< for charts that are drawn as a trial
+  const std::filesystem::path try_folder_;  ///< folder of charts that are drawn as a trial
   std::atomic<bool> working_{false};        ///< true while an action uses the folder
   // These four belong to the action that uses the folder.
   Photos photos_;

@@ -180,7 +180,7 @@ std::vector<GltfFeatureCase> gltf_motion_features() {
        }},
       {"CubicSplines",
        [](GltfModel& m) {
-         // From 0 to 1 in two seconds, leaving with velocity 3 and arriving with velocity 0.
+         // The node moves from 0 to 1 in two seconds; its velocity is 3 at the start, 0 at the end.
          m.animate(0, "translation", {0, 2}, {0, 0, 0, 0, 0, 0, 3, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0},
                    "VEC3", "CUBICSPLINE");
        },
