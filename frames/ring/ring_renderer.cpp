@@ -29,6 +29,8 @@ using std::chrono::milliseconds;
 // longer.
 constexpr milliseconds kShortestPause{1};
 constexpr milliseconds kLongestPause{20};
+/// Time in which a player that runs answers.
+constexpr milliseconds kTimeToAnswer{1000};
 /// Longest single wait for a wake-up; the table is checked after each wait.
 constexpr milliseconds kMaxNap{100};
 constexpr milliseconds kGoodbyeTimeout{1000};
@@ -83,6 +85,7 @@ class Attempt {
       : path_(path.string()), address_(unix_address(path)), deadline_(deadline) {}
 
   /// Connects and sends Hello. Sets an Obstacle for failures that may disappear; throws for others.
+  /// `obstacle` is that of the attempt before.
   [[nodiscard]] std::optional<Admission> run(const HelloMessage& hello, Obstacle& obstacle) {
     UniqueFd socket(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
     if (!socket) throw Error(ErrorKind::Failed, path_ + ": " + std::strerror(errno));
@@ -100,7 +103,10 @@ class Attempt {
 
  private:
   [[nodiscard]] std::optional<Admission> read_answer(UniqueFd socket, Obstacle& obstacle) {
-    obstacle = {"the player does not answer", "check whether the player is stopped or overloaded"};
+    // The last attempt may have too little time for an answer; the answer before it still holds.
+    if (obstacle.cause.empty() || time_left(deadline_) >= kTimeToAnswer)
+      obstacle = {"the player does not answer",
+                  "check whether the player is stopped or overloaded"};
     wait_for(socket.get(), POLLIN, time_left(deadline_));
     Packet packet;
     if (receive_packet(socket.get(), packet, PassedFds::Take) != Transfer::Done)
@@ -131,13 +137,14 @@ Admission be_admitted(const std::filesystem::path& path, const HelloMessage& hel
                       milliseconds timeout) {
   const Clock::time_point deadline = deadline_after(timeout);
   Attempt attempt(path, deadline);
+  Obstacle obstacle;
   for (milliseconds pause = kShortestPause;; pause = std::min(2 * pause, kLongestPause)) {
-    Obstacle obstacle = {"the player does not answer", {}};
     if (auto admission = attempt.run(hello, obstacle)) return std::move(*admission);
     std::this_thread::sleep_for(std::min(pause, time_left(deadline)));
-    if (Clock::now() >= deadline)
-      throw Error(ErrorKind::Device, path.string() + ": " + obstacle.cause, obstacle.hint);
+    if (Clock::now() >= deadline) break;
   }
+  if (obstacle.cause.empty()) obstacle.cause = "the player does not answer";
+  throw Error(ErrorKind::Device, path.string() + ": " + obstacle.cause, obstacle.hint);
 }
 
 /// Maps the whole memory, after checking that no process can shrink it.

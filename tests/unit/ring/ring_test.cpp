@@ -258,7 +258,7 @@ TEST_F(Ring, RefusesASecondRendererWhileOneIsConnected) {
   const auto first =
       connect({.name = "first", .rig_fingerprint = {}, .rate = {}, .frame_count = {}});
   try {
-    (void)connect_to(*player_, folder_.socket(), {}, milliseconds(60));
+    (void)connect_to(*player_, folder_.socket(), {}, milliseconds(400));
     FAIL() << "two renderers at a time";
   } catch (const Error& error) {
     EXPECT_EQ(error.kind(), ErrorKind::Device);
