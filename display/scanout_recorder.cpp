@@ -20,6 +20,7 @@
 
 #include "base/error.h"
 #include "base/temporary.h"
+#include "base/unique_fd.h"
 #include "display/scanout_format.h"
 #include "frames/image_io.h"
 
@@ -45,12 +46,33 @@ void require_whole(const fs::path& place, uint64_t lost, const std::string& reas
   if (!reason.empty()) fail(place, reason);
 }
 
+/// FrameChecksum computes the XXH64 of displayed frames.
+class FrameChecksum {
+ public:
+  FrameChecksum() {
+    if (hash_ == nullptr) throw std::bad_alloc();
+  }
+  [[nodiscard]] uint64_t of(const ScanoutView& scanout) noexcept {
+    row_.resize(scanout.geometry.row_bytes());
+    XXH64_reset(hash_.get(), 0);
+    for (int j = 0; j < scanout.geometry.height; ++j) {
+      pack_row(scanout.row(j), row_.data(), static_cast<size_t>(scanout.geometry.width));
+      XXH64_update(hash_.get(), row_.data(), row_.size());
+    }
+    return XXH64_digest(hash_.get());
+  }
+
+ private:
+  std::vector<uint8_t> row_;
+  std::unique_ptr<XXH64_state_t, decltype(&XXH64_freeState)> hash_{XXH64_createState(),
+                                                                   &XXH64_freeState};
+};
+
 /// ChecksumRecorder writes a line per frame. Lines that the disk refuses wait in memory up to a
 /// limit.
 class ChecksumRecorder final : public ScanoutRecorder {
  public:
   explicit ChecksumRecorder(fs::path file) : file_(std::move(file)) {
-    if (hash_ == nullptr) throw std::bad_alloc();
     require_writable_place(file_);
     waiting_.reserve(kMostWaiting);
     // Users can check the figures with xxhsum -H1 on the raw RGB bytes.
@@ -64,7 +86,7 @@ class ChecksumRecorder final : public ScanoutRecorder {
     std::array<char, kLongestLine> line{};
     const int length =
         std::snprintf(line.data(), line.size(), "%ju %ju %016jx\n", uintmax_t{shown.sequence},
-                      uintmax_t{shown.id}, uintmax_t{checksum(scanout)});
+                      uintmax_t{shown.id}, uintmax_t{checksum_.of(scanout)});
     if (!add({line.data(), static_cast<size_t>(length)})) {
       ++unrecorded_;
       count_lost(1);
@@ -142,16 +164,6 @@ class ChecksumRecorder final : public ScanoutRecorder {
     return frames;
   }
 
-  uint64_t checksum(const ScanoutView& scanout) noexcept {
-    row_.resize(scanout.geometry.row_bytes());
-    XXH64_reset(hash_.get(), 0);
-    for (int j = 0; j < scanout.geometry.height; ++j) {
-      pack_row(scanout.row(j), row_.data(), static_cast<size_t>(scanout.geometry.width));
-      XXH64_update(hash_.get(), row_.data(), row_.size());
-    }
-    return XXH64_digest(hash_.get());
-  }
-
   fs::path file_;
   TemporaryFile unfinished_;
   std::string waiting_;       ///< lines that are not written yet; the first may be partly written
@@ -159,9 +171,35 @@ class ChecksumRecorder final : public ScanoutRecorder {
   uint64_t unrecorded_ = 0;   ///< frames to note before the next line
   uint64_t skips_noted_ = 0;  ///< part of skipped() that has been noted
   bool finished_ = false;
-  std::vector<uint8_t> row_;
-  std::unique_ptr<XXH64_state_t, decltype(&XXH64_freeState)> hash_{XXH64_createState(),
-                                                                   &XXH64_freeState};
+  FrameChecksum checksum_;
+};
+
+/// TimeRecorder writes each frame's line at once, into a file that has its name from the start.
+class TimeRecorder final : public ScanoutRecorder {
+ public:
+  explicit TimeRecorder(fs::path file)
+      : file_(std::move(file)),
+        out_(::open(file_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666)) {
+    if (!out_) fail(file_, message_of(errno));
+  }
+
+  void record(const ShownFrame& shown, const ScanoutView& scanout) noexcept override {
+    std::array<char, 96> line{};
+    const int length = std::snprintf(
+        line.data(), line.size(), "%ju %ju %016jx %jd\n", uintmax_t{shown.sequence},
+        uintmax_t{shown.id}, uintmax_t{checksum_.of(scanout)}, intmax_t{shown.time.count()});
+    if (::write(out_.get(), line.data(), static_cast<size_t>(length)) == length)
+      return writes().succeeded();
+    writes().failed(strerrordesc_np(errno));
+    count_lost(1);
+  }
+
+  void finish() override { require_whole(file_, lost(), writes().state().reason); }
+
+ private:
+  fs::path file_;
+  UniqueFd out_;
+  FrameChecksum checksum_;
 };
 
 class PngRecorder final : public ScanoutRecorder {
@@ -209,9 +247,10 @@ std::shared_ptr<ScanoutRecorder> open_recorder(std::string_view spec) {
   const std::string_view kind = spec.substr(0, colon);
   const std::string place(colon == std::string_view::npos ? "" : spec.substr(colon + 1));
   if (!place.empty() && kind == "checksums") return std::make_shared<ChecksumRecorder>(place);
+  if (!place.empty() && kind == "times") return std::make_shared<TimeRecorder>(place);
   if (!place.empty() && kind == "png") return std::make_shared<PngRecorder>(place);
   throw Error(ErrorKind::Usage, fmt::format("recording '{}': not understood", spec),
-              "write checksums:FILE or png:FOLDER");
+              "write checksums:FILE, times:FILE or png:FOLDER");
 }
 
 }  // namespace lenticule::display

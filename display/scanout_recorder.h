@@ -4,6 +4,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -32,6 +33,7 @@ struct ShownFrame {
   uint64_t id = 0;
   /// Frames displayed since the last record() that came too fast to be recorded.
   uint64_t skipped_before = 0;
+  std::chrono::nanoseconds time{0};  ///< time of that vblank, by the display's clock
 };
 
 /// Thread safety: one thread at a time, except for the counts.
@@ -69,6 +71,8 @@ class ScanoutRecorder {
 
 /// Opens a recorder.
 /// "checksums:FILE": one line "SEQUENCE ID XXH64" per displayed frame, over the RGB bytes.
+/// "times:FILE": the same lines with the vblank's time in nanoseconds. Each is written at once, so
+/// that a killed player leaves the lines of all frames that it displayed.
 /// "png:DIR": DIR/00000042.png per displayed frame, named by its id.
 /// Throws Error(Usage) for other text and Error(Failed) for a place that can never be written: a
 /// folder that does not exist, or a name that is not a regular file. A full disk is not an error,

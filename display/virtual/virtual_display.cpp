@@ -187,7 +187,8 @@ class VirtualDisplay final : public Display {
   void land_flip() noexcept {
     VirtualBuffer* const buffer = pending_->buffer;
     buffer->set_state(BufferState::Displayed);
-    record({.sequence = pending_->sequence, .id = pending_->id}, buffer);
+    record({.sequence = pending_->sequence, .id = pending_->id, .time = pending_->vblank_time},
+           buffer);
     if (displayed_ != nullptr) displayed_->set_state(BufferState::Free);
     displayed_ = buffer;
     pending_.reset();

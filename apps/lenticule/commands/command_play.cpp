@@ -153,7 +153,7 @@ void declare_flags(CLI::App& app, PlayFlags& flags) {
       "times as much, with ctrl a tenth; escape undoes all changes. Saved in RIG.trim.toml. Views "
       "that are woven here follow at once; other frames must be rendered or woven again");
   app.add_option("--record", flags.record,
-                 "record the displayed frames: checksums:FILE or png:FOLDER");
+                 "record the displayed frames: checksums:FILE, times:FILE or png:FOLDER");
   app.add_option("--stats", flags.stats,
                  "write statistics to this file, every second and at the end");
   app.add_option("--control", flags.control,

@@ -73,6 +73,19 @@ TEST_F(Recorder, WritesOneChecksumLinePerFrame) {
   EXPECT_THAT(listing(), testing::ElementsAre("sums.txt"));
 }
 
+TEST_F(Recorder, WritesTheTimeOfEachFrameAtOnce) {
+  const auto recorder = open_recorder("times:" + path("times.txt"));
+  const Scanout scanout(1);
+  recorder->record({.sequence = 10, .id = 4, .time = std::chrono::milliseconds(167)},
+                   scanout.view());
+  std::stringstream text;
+  text << std::ifstream(path("times.txt")).rdbuf();
+  EXPECT_EQ(text.str(),
+            fmt::format("10 4 {:016x} 167000000\n", test::checksum_of(scanout.frame.view())));
+  recorder->finish();
+  EXPECT_THROW((void)open_recorder("times:" + path("none/times.txt")), Error);
+}
+
 TEST_F(Recorder, ReportsTheNumberOfMissedFramesAtTheEnd) {
   const auto recorder = open_recorder("checksums:" + path("sums.txt"));
   for (int i = 0; i < 5; ++i) recorder->count_skipped();
