@@ -65,7 +65,9 @@ class FullMethod final : public Method {
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     RenderStatistics statistics = statistics_of(workers);
     statistics.completed = !cancelled.load();
-    statistics.subpixels = statistics.traced_subpixels = frame.bytes().size();
+    statistics.subpixels = frame.bytes().size();
+    statistics.unseen_subpixels = tiles_.zone() != nullptr ? tiles_.zone()->unseen() : 0;
+    statistics.traced_subpixels = statistics.subpixels - statistics.unseen_subpixels;
     statistics.lights_left_out = scene.lights_left_out;
     statistics.seconds = elapsed.count();
     return statistics;

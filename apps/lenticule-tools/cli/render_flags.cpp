@@ -85,6 +85,15 @@ std::function<void()> declare_render_flags(CLI::App& app, RenderFlags& flags) {
   app.add_option("--max-depth", flags.options.max_depth,
                  "largest number of reflections and refractions")
       ->capture_default_str();
+  app.add_option_function<std::string>(
+         "--zone",
+         [&flags](const std::string& text) {
+           flags.options.zone = optics::parse_viewing_zone(text);
+         },
+         "methods full and adaptive: leave subpixels black that no eye sees within so many mm to "
+         "both sides of the viewing line's centre; --zone -20:80@650:750 is from 20 mm to the left "
+         "to 80 mm to the right, 650 to 750 mm away")
+      ->type_name("MM|LEFT:RIGHT[@NEAR:FAR]");
   declare_stage_flags(app, flags.staging);
   declare_surroundings_flags(app, flags.staging);
   declare_soft_light_flags(app, flags.options.soft);

@@ -69,6 +69,7 @@ struct AdaptiveFrame {
     uint32_t cuts = 0;      ///< primitives cut by the rows' planes
     uint32_t audited = 0;   ///< subpixels traced for the audit
     uint64_t rays = 0;      ///< shadow and secondary rays of these
+    uint32_t unseen = 0;    ///< subpixels that no eye of the zone sees
   };
   std::vector<Band> bands;
 
@@ -136,6 +137,8 @@ class AdaptiveWorker {
   void copy_row(int first_row, int row);
   [[nodiscard]] bool is_whole_band_unchanged(int first_row) const;
   [[nodiscard]] bool is_unchanged(int row, size_t at, const KeyGrid::Between& between) const;
+  [[nodiscard]] uint32_t unseen_in(int row) const;
+  void leave_out(int row);
   void arrange_rays();
   void look_up(const KeyGrid::Between& between);
   void find_cells(const KeyGrid::Between& between);

@@ -122,11 +122,14 @@ double most_mean_square(const RenderOptions& options) {
   return rmse * rmse;
 }
 
-AuditSelection selection_for(const optics::OpticalModel& model, const RenderOptions& options) {
+/// Returns the number of subpixels that are rendered.
+uint64_t rendered_subpixels(const RowPlanes& planes, const FullTiles& tiles) {
+  const uint64_t all = uint64_t{planes.row_subpixels()} * static_cast<uint64_t>(planes.rows());
+  return tiles.zone() != nullptr ? all - tiles.zone()->unseen() : all;
+}
+
+AuditSelection selection_for(uint64_t subpixels, const RenderOptions& options) {
   if (options.proven_rmse == 0.0) return AuditSelection{};
-  const optics::Panel& panel = model.rig().panel;
-  const uint64_t subpixels =
-      uint64_t{3} * static_cast<uint64_t>(panel.width_px) * static_cast<uint64_t>(panel.height_px);
   return AuditSelection{sampled_one_in_for(most_mean_square(options), subpixels)};
 }
 
@@ -146,7 +149,7 @@ class AdaptiveMethod final : public Method {
               centre_,
               lookup_kernel_for(options.isa),
               Agreement::for_error(options.tolerated_error),
-              selection_for(model, options),
+              selection_for(rendered_subpixels(planes_, full_tiles_), options),
               most_mean_square(options)},
         arena_(options.threads > 0 ? options.threads : tbb::task_arena::automatic) {}
 
@@ -244,7 +247,7 @@ class AdaptiveMethod final : public Method {
     int64_t primitives = static_cast<int64_t>(scene.spheres.size() + scene.cones.size());
     for (const MeshShape& mesh : scene.meshes)
       primitives += static_cast<int64_t>(mesh.triangles.size());
-    const auto subpixels = static_cast<int64_t>(planes_.row_subpixels()) * planes_.rows();
+    const auto subpixels = static_cast<int64_t>(rendered_subpixels(planes_, full_tiles_));
     const int64_t base = scene.pbr != nullptr ? band_costs::kShadedMaterial : band_costs::kPrimary;
     const auto is_expensive = [&](int64_t rays) {
       const int64_t full = subpixels * (base + band_costs::kRay * rays / 16) * 3 / 4;
@@ -435,7 +438,8 @@ class AdaptiveMethod final : public Method {
     const int64_t light = options_.soft.any() ? band_costs::kSoftRays
                                               : static_cast<int64_t>(16 * band.rays) /
                                                     std::max<int64_t>(band.audited, 1);
-    return band_costs::costs(band, static_cast<int64_t>(planes_.row_subpixels()) * kBand, light);
+    const int64_t subpixels = static_cast<int64_t>(planes_.row_subpixels()) * kBand - band.unseen;
+    return band_costs::costs(band, std::max<int64_t>(subpixels, 1), light);
   }
 
   [[nodiscard]] RenderStatistics statistics_of(const AdaptiveFrame& frame, Workers& workers,

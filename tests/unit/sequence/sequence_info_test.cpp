@@ -27,6 +27,7 @@ TEST(SequenceInfo, RoundTrips) {
                    .calibration = "fedcba9876543210",
                    .trim = {.offset = Lenses(-0.01), .pitch_relative = 1e-5}});
   info.made_from = "scenes/demo.nff";
+  info.zone = "-60:60@650:750";
   EXPECT_EQ(round_trip(info), info);
   EXPECT_EQ(rig_of(round_trip(info)).calibration, "fedcba9876543210");
   info.first_frame = 17;
