@@ -13,6 +13,7 @@
 #include "calib/fit/prediction.h"
 #include "calib/fit/projection.h"
 #include "calib/phone/phone_fit.h"
+#include "optics/model.h"
 
 namespace lenticule::calib {
 namespace {
@@ -21,14 +22,14 @@ constexpr double kWantedLenses = 0.02;
 constexpr double kMostPhaseRms = 0.02;  ///< lenses; good photographs have 0.005
 constexpr double kMostCornerPx = 2.0;   ///< averaged pixels
 constexpr double kMostPull = 4.0;       ///< standard deviations
-/// Up to kFewPhotos photographs determine the shifts of their axes so badly that the fit leaves
-/// most of a false axis to places and sheet. Roots of the sum of the squared pulls of all shifts:
-/// good photographs have at most 3.1, nearly all below kUsualJointPull; a turned file or two
-/// phones 2.4 to 11.
+/// Roots of the sum of the squared pulls of the shifts of kFewPhotos photographs: good ones have at
+/// most 3.1, nearly all below kUsualJointPull; a turned file or two phones 2.4 to 11.
 constexpr double kUsualJointPull = 2.1, kMostJointPull = 3.2;
-constexpr size_t kFewPhotos = 3;
 constexpr double kMostSaturated = 0.1;  ///< clipped fringes seem shifted; usual are 0.002
-constexpr double kMostTurn = 1e-3;      ///< radians; less does no harm
+/// A rotation counts if it is larger than its standard error by this factor and changes phases by
+/// more than so many lenses. Four and more photographs determine rotations better than the law of
+/// rigs holds.
+constexpr double kMostTurnPull = 6.0, kMostTurnPullOfFew = 3.4, kHarmlessTurnLenses = 0.006;
 constexpr double kZoneHalfWidthMm = 250.0;
 /// Difference between traced lenses and the law of rigs with the gap and shape that fringes give:
 /// 95 of 100 sheets are within this for eyes at tangents up to 1.
@@ -149,18 +150,43 @@ Misfit worst_misfit(const std::vector<PhonePhoto>& photos, size_t n, const Photo
   return *std::ranges::max_element(kinds, {}, &Misfit::excess);
 }
 
-/// Returns the photograph during which the hand turned the phone most. The rotation also takes up
-/// other contradictions, so it counts only if there are none.
-Misfit moved_hand(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
-  // Four and more photographs determine rotations better than the law of rigs holds.
-  const double limit = photos.size() > kFewPhotos ? 1.5 * kMostPull : kMostPull;
-  const auto most = std::ranges::max_element(fit.photos, {}, &PhotoFit::turn_pull);
-  if (most->turn <= kMostTurn) return {};
-  return {most->turn_pull / limit,
-          fmt::format("{}: the phone turned by {:.2f} degrees while the picture was read: the hand "
-                      "moved; hold the phone still",
-                      photos[static_cast<size_t>(most - fit.photos.begin())].name,
-                      most->turn * 180.0 / std::numbers::pi)};
+/// Returns the largest difference of the phases of two rigs over the panel, for eyes in the zone.
+double largest_difference(const optics::Rig& one, const optics::Rig& other) {
+  constexpr int kColumns = 13, kRows = 8, kGreen = 1;
+  const optics::OpticalModel a(one), b(other);
+  double largest = 0.0;
+  for (const Vec3& at : zone_of(one)) {
+    const optics::Eye eye{at.x, at.y, at.z};
+    for (int r = 0; r < kRows; ++r)
+      for (int c = 0; c < kColumns; ++c) {
+        const double x = one.panel.width_px * static_cast<double>(c) / (kColumns - 1);
+        const double y = one.panel.height_px * static_cast<double>(r) / (kRows - 1);
+        const double off = a.phase(x, y, kGreen, eye) - b.phase(x, y, kGreen, eye);
+        largest = std::max(largest, std::abs(off - std::round(off)));
+      }
+  }
+  return largest;
+}
+
+/// Returns the most certain rotation of the hand during a photograph among those that matter for
+/// the rig. A rotation also takes up other contradictions, so it counts only if there are none.
+Misfit moved_hand(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
+                  const optics::Rig& rig) {
+  const double limit = photos.size() > kFewPhotos ? kMostTurnPull : kMostTurnPullOfFew;
+  Misfit worst;
+  for (size_t n = 0; n < photos.size(); ++n) {
+    const HandTurn& turn = fit.photos[n].turn;
+    const double excess = turn.pull / limit;
+    if (turn.values.knots.empty() || excess <= worst.excess) continue;
+    optics::Rig turned = rig;
+    put_sheet(turn.values.sheet, fit.grid, turn.values.knots, rig.panel, turned.sheet);
+    if (largest_difference(rig, turned) <= kHarmlessTurnLenses) continue;
+    worst = {excess,
+             fmt::format("{}: the phone turned by {:.2f} degrees while the picture was read: the "
+                         "hand moved; hold the phone still",
+                         photos[n].name, turn.radians * 180.0 / std::numbers::pi)};
+  }
+  return worst;
 }
 
 /// Returns the root of the sum of the squared pulls of all shifts; 0 for many photographs.
@@ -180,14 +206,15 @@ Misfit joint_shift(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
 }
 
 /// Returns which photograph contradicts the others most, and why; empty if none does.
-std::string misfit(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
+std::string misfit(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
+                   const optics::Rig& rig) {
   Misfit worst{.excess = 1.0, .cause = {}};
   for (size_t n = 0; n < photos.size(); ++n) {
     const Misfit own = worst_misfit(photos, n, fit.photos[n]);
     if (own.excess > worst.excess) worst = {own.excess, photos[n].name + ": " + own.cause};
   }
   if (!worst.cause.empty()) return worst.cause;
-  for (const Misfit& joint : {moved_hand(photos, fit), joint_shift(photos, fit)})
+  for (const Misfit& joint : {moved_hand(photos, fit, rig), joint_shift(photos, fit)})
     if (joint.excess > worst.excess) worst = joint;
   return worst.cause;
 }
@@ -310,7 +337,7 @@ Calibration calibrate_phone(const std::vector<PhonePhoto>& photos, const SingleP
   out.drift.worst_lenses = std::hypot(larger * out.drift.worst_lenses, kLawLenses);
   out.seconds_computing =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
-  if (const std::string reason = misfit(usable, *fit); !reason.empty())
+  if (const std::string reason = misfit(usable, *fit, out.rig); !reason.empty())
     out.reasons.push_back(reason);
   else if (const auto problem = optics::find_problem(out.rig))
     out.reasons.push_back(problem->key + " would be " + problem->cause);

@@ -35,8 +35,10 @@ constexpr double kTurnSigma = 3e-4;
 /// The same for a hand that moved: 10 degrees a second. A picture that fits the others only with
 /// such a rotation is a mistake.
 constexpr double kMovedTurnSigma = 3e-3;
-/// Smallest standard errors: errors of neighbouring blocks and corners are alike.
-constexpr double kLeastPhaseSigma = 0.003, kLeastCornerPx = 0.15;
+/// Smallest standard errors: errors of neighbouring blocks and corners are alike. Up to kFewPhotos
+/// photographs determine axes and rotations so badly that all that the fringes say is needed; more
+/// photographs show where the law of rigs does not hold.
+constexpr double kLeastPhaseSigma = 0.003, kLeastPhaseSigmaOfFew = 0.001, kLeastCornerPx = 0.15;
 
 class Joint {
  public:
@@ -47,7 +49,7 @@ class Joint {
         corner_sigma_(photos.size(), 0.5) {
     PhoneStart start = phone_start(model_, photos, chart.start, focal);
     values_ = std::move(start.values);
-    priors_ = {std::move(start.prior), focal.sigma, kTurnSigma};
+    priors_ = {std::move(start.prior), focal.sigma, usual_turns()};
   }
 
   std::optional<PhoneFit> run() {
@@ -58,7 +60,13 @@ class Joint {
     }
     if (!solve()) return std::nullopt;
     PhoneFit fit = finish();
-    measure_turns(fit);
+    const VectorXd found = values_;
+    const double green = fit.values.sheet[kGap] / found[kCameraCount + kGap];
+    for (size_t n = 0; n < fit.photos.size(); ++n) {
+      fit.photos[n].turn = hand_turn(n);
+      fit.photos[n].turn.values.sheet[kGap] *= green;
+      values_ = found;
+    }
     return fit;
   }
 
@@ -137,9 +145,11 @@ class Joint {
 
   void rescale() {
     constexpr double kOfMedian = 1.4826;  // normal distribution
+    const double least_phase =
+        model_.seen().size() > kFewPhotos ? kLeastPhaseSigma : kLeastPhaseSigmaOfFew;
     for (size_t n = 0; n < model_.seen().size(); ++n) {
       phase_sigma_[n] =
-          std::max(kLeastPhaseSigma, kOfMedian * median_magnitude(model_.phase_rests(values_, n)));
+          std::max(least_phase, kOfMedian * median_magnitude(model_.phase_rests(values_, n)));
       corner_sigma_[n] =
           std::max(kLeastCornerPx, kOfMedian * median_magnitude(model_.corner_rests(values_, n)));
     }
@@ -155,19 +165,31 @@ class Joint {
     return weights > 0.0 ? std::sqrt(sum / weights) : 0.0;
   }
 
-  /// Fits once more with free rotations, which shows a hand that moved: the usual fit spreads such
-  /// an error over poses, axes and sheet.
-  void measure_turns(PhoneFit& fit) {
-    priors_.turn_sigma = kMovedTurnSigma;
-    if (!solve()) return;
+  std::vector<double> usual_turns() const {
+    return std::vector<double>(model_.seen().size(), kTurnSigma);
+  }
+
+  /// Fits once more with a free rotation during photograph n, which shows a hand that moved: the
+  /// usual fit spreads such an error over poses, axes and sheet.
+  HandTurn hand_turn(size_t n) {
+    priors_.turn_sigmas = usual_turns();
+    priors_.turn_sigmas[n] = kMovedTurnSigma;
+    HandTurn out;
+    if (!solve()) return out;
     const MatrixXd spread = all().inverse();
-    for (size_t n = 0; n < model_.seen().size(); ++n) {
-      const Index at = model_.photo_at(n) + PhoneModel::kTurn;
-      const VectorXd turn = values_.segment(at, 3);
-      fit.photos[n].turn = turn.norm();
-      fit.photos[n].turn_pull =
-          std::sqrt(turn.dot(solve_symmetric(spread.block(at, at, 3, 3), turn).col(0)));
-    }
+    const Index at = model_.photo_at(n) + PhoneModel::kTurn;
+    const VectorXd turn = values_.segment(at, 3);
+    out.radians = turn.norm();
+    out.pull = std::sqrt(turn.dot(solve_symmetric(spread.block(at, at, 3, 3), turn).col(0)));
+    put_sheet_values(out.values);
+    return out;
+  }
+
+  /// Writes sheet and knots of the present fit.
+  void put_sheet_values(FitValues& out) const {
+    const double* values = values_.data();
+    std::copy_n(values + kCameraCount, kSheetCount, out.sheet.begin());
+    out.knots.assign(values + PhoneModel::knots_at(), values + model_.photo_at(0));
   }
 
   PhotoFit photo_fit(size_t n, const MatrixXd& covariance) const {
@@ -193,8 +215,7 @@ class Joint {
     fit.grid = model_.grid();
     const double* values = values_.data();
     std::copy_n(values, kCameraCount, fit.values.camera.begin());
-    std::copy_n(values + kCameraCount, kSheetCount, fit.values.sheet.begin());
-    fit.values.knots.assign(values + PhoneModel::knots_at(), values + model_.photo_at(0));
+    put_sheet_values(fit.values);
     const MatrixXd inverse = all().inverse();
     const Index count = kSheetCount + model_.grid().count();
     fit.covariance = inverse.block(kCameraCount, kCameraCount, count, count);

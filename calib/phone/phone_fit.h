@@ -14,19 +14,29 @@
 
 namespace lenticule::calib {
 
+/// Up to so many photographs determine the shifts of their axes badly: the fit leaves most of a
+/// false axis to places and sheet.
+inline constexpr size_t kFewPhotos = 3;
+
+/// HandTurn is the result of a fit in which the hand may have turned much during one photograph.
+struct HandTurn {
+  double radians = 0.0;  ///< rotation from the first row read to the last
+  double pull = 0.0;     ///< rotation over its standard error
+  FitValues values;      ///< sheet and knots of that fit; the rest is not set
+};
+
 /// PhotoFit is the part of the fit that belongs to one photograph. Lengths in the pictures are in
 /// pixels of the averaged pictures.
 struct PhotoFit {
-  double breathing = 0.0;  ///< focal length relative to the camera's, minus 1
-  Vec2 shift;              ///< axis minus the camera's, longer sides of the picture
-  double turn = 0.0;  ///< rotation from the first row read to the last, radians; a fit of its own
+  double breathing = 0.0;       ///< focal length relative to the camera's, minus 1
+  Vec2 shift;                   ///< axis minus the camera's, longer sides of the picture
   double breathing_pull = 0.0;  ///< breathing over the standard deviation of its prior
   double shift_pull = 0.0;      ///< shift over the standard deviation of its prior
-  double turn_pull = 0.0;       ///< turn over its standard error in that fit
   double phase_rms = 0.0;       ///< lenses; by the weights of the blocks
   double corner_rms_px = 0.0;
   std::vector<double> phase_rests;  ///< lenses, in the order of PhotoFindings::blocks
   Vec3 eye_sigma_mm;
+  HandTurn turn;
 };
 
 /// PhoneFit is the result of the joint fit.

@@ -53,9 +53,9 @@ void add_phone_priors(const PhoneModel& model, const PhonePriors& priors, const 
                                        std::pair(PhoneModel::kShiftX, kOwnCentreSigma),
                                        std::pair(PhoneModel::kShiftY, kOwnCentreSigma),
                                        std::pair(PhoneModel::kLarger, kLargerSigma),
-                                       std::pair(PhoneModel::kTurn, priors.turn_sigma),
-                                       std::pair(PhoneModel::kTurn + 1, priors.turn_sigma),
-                                       std::pair(PhoneModel::kTurn + 2, priors.turn_sigma)}) {
+                                       std::pair(PhoneModel::kTurn, priors.turn_sigmas[n]),
+                                       std::pair(PhoneModel::kTurn + 1, priors.turn_sigmas[n]),
+                                       std::pair(PhoneModel::kTurn + 2, priors.turn_sigmas[n])}) {
       const Index at = model.photo_at(n) + place;
       normal.add({at}, {1.0}, values[at], sigma, false);
     }

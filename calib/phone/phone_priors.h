@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <vector>
 
 #include "calib/phone/normal_equations.h"
 #include "calib/phone/phone_model.h"
@@ -14,8 +15,9 @@ namespace lenticule::calib {
 struct PhonePriors {
   Eigen::VectorXd means;     ///< values of camera and sheet, in the order of PhoneModel
   double focal_sigma = 0.0;  ///< standard deviation of the focal length, pixels
-  /// Standard deviation of the rotation of the hand while the rows are read, radians.
-  double turn_sigma = 0.0;
+  /// Standard deviations of the rotation of the hand while the rows of each photograph are read,
+  /// radians.
+  std::vector<double> turn_sigmas;
 };
 
 /// Adds the residuals of the priors at `values`.
