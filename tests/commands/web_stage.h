@@ -3,15 +3,19 @@
 // openapi.json.
 #pragma once
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <fstream>
 #include <map>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "apps/lenticule-web/http/access.h"
 #include "apps/lenticule-web/http/listener.h"
+#include "base/error.h"
 #include "tests/commands/player_stage.h"
 #include "tests/unit/web/http_client.h"
 
@@ -76,7 +80,9 @@ class WebTest : public PlayerTest {
     words.insert(words.end(), more.begin(), more.end());
     web_ = std::make_unique<BackgroundProcess>(words);
     ASSERT_TRUE(comes_true([&] { return HttpClient(port_).connected(); }));
-    token_ = web::read_tokens(path("state") + "/tokens.json").front().secret;
+    const auto tokens = web::read_tokens(path("state") + "/tokens.json");
+    ASSERT_FALSE(tokens.empty()) << "another program listens at port " << port_;
+    token_ = tokens.front().secret;
   }
   HttpAnswer ask(const std::string& method, const std::string& address,
                  const std::string& body = {},
@@ -97,10 +103,20 @@ class WebTest : public PlayerTest {
     return nlohmann::ordered_json::parse(
         std::ifstream(source_file("apps/lenticule-web/api/openapi.json")));
   }
-  /// Returns a port that no other program uses: the kernel names one.
+  /// Returns a port that no other program uses, from a part of the ports below those that the
+  /// kernel names, which a connection of another test could get before the server listens.
   static uint16_t free_port() {
-    return web::parse_listen_address(web::listen_tcp({.host = "127.0.0.1", .port = 0}, false).name)
-        .port;
+    constexpr int kFirst = 20000, kPorts = 12000;
+    for (int k = 0; k < kPorts; ++k) {
+      const auto port = static_cast<uint16_t>(kFirst + (::getpid() + k) % kPorts);
+      try {
+        (void)web::listen_tcp({.host = "127.0.0.1", .port = port}, false);
+        return port;
+      } catch (const Error&) {
+        continue;  // in use
+      }
+    }
+    throw std::runtime_error("no port is free");
   }
 
   uint16_t port_ = free_port();
