@@ -177,9 +177,9 @@ class ChecksumRecorder final : public ScanoutRecorder {
 /// TimeRecorder writes each frame's line at once, into a file that has its name from the start.
 class TimeRecorder final : public ScanoutRecorder {
  public:
-  explicit TimeRecorder(fs::path file)
-      : file_(std::move(file)),
-        out_(::open(file_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666)) {
+  explicit TimeRecorder(fs::path file) : file_(std::move(file)) {
+    require_writable_place(file_);  // a pipe without a reader would block
+    out_ = UniqueFd(::open(file_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
     if (!out_) fail(file_, message_of(errno));
   }
 

@@ -26,10 +26,11 @@ constexpr double kMostPull = 4.0;       ///< standard deviations
 /// most 3.1, nearly all below kUsualJointPull; a turned file or two phones 2.4 to 11.
 constexpr double kUsualJointPull = 2.1, kMostJointPull = 3.2;
 constexpr double kMostSaturated = 0.1;  ///< clipped fringes seem shifted; usual are 0.002
-/// A rotation counts if it is larger than its standard error by this factor and changes phases by
-/// more than so many lenses. Four and more photographs determine rotations better than the law of
-/// rigs holds.
-constexpr double kMostTurnPull = 6.0, kMostTurnPullOfFew = 3.4, kHarmlessTurnLenses = 0.006;
+/// Largest rotations of the hand that are accepted, standard errors. Four and more photographs
+/// determine rotations better than the law of rigs holds.
+constexpr double kMostTurnPull = 6.0, kMostTurnPullOfFew = 3.4;
+/// Largest change of a phase by a rotation that is accepted however certain it is.
+constexpr double kHarmlessTurnLenses = 0.006;
 constexpr double kZoneHalfWidthMm = 250.0;
 /// Difference between traced lenses and the law of rigs with the gap and shape that fringes give:
 /// 95 of 100 sheets are within this for eyes at tangents up to 1.

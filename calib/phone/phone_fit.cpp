@@ -61,6 +61,7 @@ class Joint {
     if (!solve()) return std::nullopt;
     PhoneFit fit = finish();
     const VectorXd found = values_;
+    // The fits with a free rotation have the gap of the mean of the channels, as `found` has.
     const double green = fit.values.sheet[kGap] / found[kCameraCount + kGap];
     for (size_t n = 0; n < fit.photos.size(); ++n) {
       fit.photos[n].turn = hand_turn(n);
@@ -165,6 +166,7 @@ class Joint {
     return weights > 0.0 ? std::sqrt(sum / weights) : 0.0;
   }
 
+  /// Returns the standard deviations of the rotations of hands that hold still.
   std::vector<double> usual_turns() const {
     return std::vector<double>(model_.seen().size(), kTurnSigma);
   }

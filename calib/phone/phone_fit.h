@@ -22,7 +22,7 @@ inline constexpr size_t kFewPhotos = 3;
 struct HandTurn {
   double radians = 0.0;  ///< rotation from the first row read to the last
   double pull = 0.0;     ///< rotation over its standard error
-  FitValues values;      ///< sheet and knots of that fit; the rest is not set
+  FitValues values;      ///< sheet and knots of that fit; empty knots if it did not converge
 };
 
 /// PhotoFit is the part of the fit that belongs to one photograph. Lengths in the pictures are in

@@ -85,7 +85,7 @@ class Attempt {
       : path_(path.string()), address_(unix_address(path)), deadline_(deadline) {}
 
   /// Connects and sends Hello. Sets an Obstacle for failures that may disappear; throws for others.
-  /// `obstacle` is that of the attempt before.
+  /// At first, `obstacle` is that of the attempt before.
   [[nodiscard]] std::optional<Admission> run(const HelloMessage& hello, Obstacle& obstacle) {
     UniqueFd socket(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
     if (!socket) throw Error(ErrorKind::Failed, path_ + ": " + std::strerror(errno));

@@ -120,6 +120,7 @@ double layout_spread_px(const Rig& rig) {
   return most;
 }
 
+/// Sight describes how far an eye sees subpixels beside a lens.
 struct Sight {
   double lenses;  ///< distance in phase at which a subpixel is just not seen
   int pixels;     ///< distance to the subpixel that is seen instead

@@ -15,7 +15,7 @@
 
 namespace lenticule::optics {
 
-/// A rectangle of eye positions at the height of the viewing line.
+/// ViewingZone is a rectangle of eye positions at the height of the viewing line.
 struct ViewingZone {
   Interval x_mm;                   ///< from the centre of the viewing line; negative to the left
   std::optional<Interval> z_mm{};  ///< distances from the panel; none: kZoneDepth around the rig's
@@ -40,11 +40,12 @@ class ZoneVisibility {
   /// Throws Error(Input) for a zone without distances if the rig's viewing distance is infinite.
   ZoneVisibility(const OpticalModel& model, const ViewingZone& zone);
 
-  /// Memory of one thread, and the result.
+  /// Row holds the result for a row, and the memory of one thread.
   struct Row {
-    std::vector<uint8_t> seen;     ///< 1 or 0 for subpixel 3 i + channel
-    std::vector<double> phase;     ///< of one pixel
-    std::vector<Interval> phases;  ///< of the subpixels of every step_px_-th pixel, over the zone
+    std::vector<uint8_t> seen;  ///< 1 or 0 for subpixel 3 i + channel
+    std::vector<double> phase;  ///< phases of the subpixels of one pixel, lenses
+    /// Intervals of phases over the zone, lenses: three for every step_px_-th pixel.
+    std::vector<Interval> phases;
   };
   /// Sets `out.seen` for the subpixels of row j.
   void evaluate(int j, Row& out) const;

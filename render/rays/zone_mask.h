@@ -47,7 +47,7 @@ class ZoneMask {
 
   size_t words_per_row_;
   std::vector<uint64_t> words_;   ///< bits of unseen subpixels, row by row
-  std::vector<uint32_t> unseen_;  ///< of each row
+  std::vector<uint32_t> unseen_;  ///< number of unseen subpixels in each row
 };
 
 }  // namespace lenticule::render

@@ -162,7 +162,8 @@ class Run:
         self.scheduler = Scheduler()
         write_pictures(folder / "film")
         subprocess.run([options.lenticule, "convert", folder / "film" / "%02d.png", "--rig", RIG,
-                        "--rate", str(RATE), "-o", folder / "film.lts"], check=True, capture_output=True)
+                        "--rate", str(RATE), "-o", folder / "film.lts"],
+                       check=True, capture_output=True, timeout=120)
         (folder / "step.key").write_bytes(os.urandom(32))
         (folder / "step.key").chmod(0o600)
         self.film = self._checksums_of_film()
@@ -182,7 +183,7 @@ class Run:
         subprocess.run([self.options.lenticule, "play", self.folder / "film.lts", "--rig", RIG,
                         "--display", f"virtual:{WIDTH}x{HEIGHT}@{RATE}",
                         "--clock", "simulated", "--record", f"checksums:{file}"],
-                       check=True, capture_output=True)
+                       check=True, capture_output=True, timeout=120)
         lines = [line.split() for line in file.read_text().splitlines() if not line.startswith("#")]
         film = {checksum: int(frame) for _, frame, checksum in lines}
         if sorted(film.values()) != list(range(LOOP)):

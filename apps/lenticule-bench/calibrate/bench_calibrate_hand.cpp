@@ -114,13 +114,8 @@ void write_plot(const json& rows, const json& summary, const std::string& file) 
 }  // namespace
 
 phone_bench::WorkshopLimits limits_of(const CalibrateHandFlags& flags) {
-  phone_bench::WorkshopLimits limits;
-  limits.panel_width = flags.panel_width;
-  limits.phone_width = flags.phone_width;
-  // The chart's tags need room: on a smaller panel only finer lenses.
-  const double part = std::min(flags.panel_width / 3840.0, 1.0);
-  limits.most_pitch_subpx *= part;
-  limits.least_pitch_subpx = std::min(limits.least_pitch_subpx, 0.75 * limits.most_pitch_subpx);
+  phone_bench::WorkshopLimits limits =
+      phone_bench::limits_for(flags.panel_width, flags.phone_width);
   limits.shots = *std::ranges::max_element(flags.photographs);
   return limits;
 }

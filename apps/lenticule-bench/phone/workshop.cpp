@@ -120,6 +120,16 @@ Shot shot_of(Draws& draw, int number, double distance, double panel_width_mm) {
 
 }  // namespace
 
+WorkshopLimits limits_for(int panel_width, int phone_width) {
+  WorkshopLimits limits;
+  const double part = std::min(static_cast<double>(panel_width) / limits.panel_width, 1.0);
+  limits.panel_width = panel_width;
+  limits.phone_width = phone_width;
+  limits.most_pitch_subpx *= part;
+  limits.least_pitch_subpx = std::min(limits.least_pitch_subpx, 0.75 * limits.most_pitch_subpx);
+  return limits;
+}
+
 Workshop draw_workshop(uint64_t seed, const WorkshopLimits& limits) {
   Draws draw(seed * 7919 + 17);
   Workshop workshop;

@@ -29,6 +29,10 @@ struct WorkshopLimits {
   int shots = 3;
 };
 
+/// Returns the limits for a panel and a phone of other widths. The chart's tags need room: a panel
+/// of less than 3840 pixels gets only finer lenses.
+[[nodiscard]] WorkshopLimits limits_for(int panel_width, int phone_width);
+
 /// Returns the workshop of a seed. The first shots of workshops that differ only in their number
 /// are equal. The owner stands in front of the panel with the phone upside down, then holds it up
 /// at the left, then at the right, then there again upside down, then in front; every place,

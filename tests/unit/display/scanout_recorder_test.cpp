@@ -193,7 +193,8 @@ TEST_F(Recorder, StartsOnAFullDisk) {
 TEST_F(Recorder, RefusesNamesThatAreNotRegularFiles) {
   ASSERT_EQ(::mkfifo(path("pipe").c_str(), 0600), 0);
   for (const std::string& name : {path("pipe"), std::string("/dev/null"), folder.string()})
-    EXPECT_THROW((void)open_recorder("checksums:" + name), Error) << name;
+    for (const char* kind : {"checksums:", "times:"})
+      EXPECT_THROW((void)open_recorder(kind + name), Error) << kind << name;
   EXPECT_THROW((void)open_recorder("png:" + path("pipe")), Error);
 }
 

@@ -31,11 +31,7 @@ TEST(WrongWays, AMistakeInOnePhotographIsRefusedWithItsCause) {
 /// most of the mistake to the sheet.
 TEST(WrongWays, AMistakeThatTheSheetTakesUpIsNotAcceptedInSilence) {
   const test::ScratchFolder folder;
-  WorkshopLimits limits;
-  limits.panel_width = 1920;
-  limits.phone_width = 3200;
-  limits.most_pitch_subpx *= 0.5;  // the chart needs room for its tags
-  limits.least_pitch_subpx = std::min(limits.least_pitch_subpx, 0.75 * limits.most_pitch_subpx);
+  WorkshopLimits limits = limits_for(1920, 3200);
   limits.shots = 3;
   for (const auto& [seed, name] : {std::pair(3315U, "file turned by 180 degrees"),
                                    std::pair(3314U, "other axis: another phone"),
