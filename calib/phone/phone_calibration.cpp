@@ -12,8 +12,8 @@
 
 #include "calib/fit/prediction.h"
 #include "calib/fit/projection.h"
+#include "calib/phone/hand_turn.h"
 #include "calib/phone/phone_fit.h"
-#include "optics/model.h"
 
 namespace lenticule::calib {
 namespace {
@@ -24,13 +24,8 @@ constexpr double kMostCornerPx = 2.0;   ///< averaged pixels
 constexpr double kMostPull = 4.0;       ///< standard deviations
 /// Roots of the sum of the squared pulls of the shifts of kFewPhotos photographs: good ones have at
 /// most 3.1, nearly all below kUsualJointPull; a turned file or two phones 2.4 to 11.
-constexpr double kUsualJointPull = 2.1, kMostJointPull = 3.2;
+constexpr double kUsualJointPull = 2.4, kMostJointPull = 3.2;
 constexpr double kMostSaturated = 0.1;  ///< clipped fringes seem shifted; usual are 0.002
-/// Largest rotations of the hand that are accepted, standard errors. Four and more photographs
-/// determine rotations better than the law of rigs holds.
-constexpr double kMostTurnPull = 6.0, kMostTurnPullOfFew = 3.4;
-/// Largest change of a phase by a rotation that is accepted however certain it is.
-constexpr double kHarmlessTurnLenses = 0.006;
 constexpr double kZoneHalfWidthMm = 250.0;
 /// Difference between traced lenses and the law of rigs with the gap and shape that fringes give:
 /// 95 of 100 sheets are within this for eyes at tangents up to 1.
@@ -151,45 +146,6 @@ Misfit worst_misfit(const std::vector<PhonePhoto>& photos, size_t n, const Photo
   return *std::ranges::max_element(kinds, {}, &Misfit::excess);
 }
 
-/// Returns the largest difference of the phases of two rigs over the panel, for eyes in the zone.
-double largest_difference(const optics::Rig& one, const optics::Rig& other) {
-  constexpr int kColumns = 13, kRows = 8, kGreen = 1;
-  const optics::OpticalModel a(one), b(other);
-  double largest = 0.0;
-  for (const Vec3& at : zone_of(one)) {
-    const optics::Eye eye{at.x, at.y, at.z};
-    for (int r = 0; r < kRows; ++r)
-      for (int c = 0; c < kColumns; ++c) {
-        const double x = one.panel.width_px * static_cast<double>(c) / (kColumns - 1);
-        const double y = one.panel.height_px * static_cast<double>(r) / (kRows - 1);
-        const double off = a.phase(x, y, kGreen, eye) - b.phase(x, y, kGreen, eye);
-        largest = std::max(largest, std::abs(off - std::round(off)));
-      }
-  }
-  return largest;
-}
-
-/// Returns the most certain rotation of the hand during a photograph among those that matter for
-/// the rig. A rotation also takes up other contradictions, so it counts only if there are none.
-Misfit moved_hand(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
-                  const optics::Rig& rig) {
-  const double limit = photos.size() > kFewPhotos ? kMostTurnPull : kMostTurnPullOfFew;
-  Misfit worst;
-  for (size_t n = 0; n < photos.size(); ++n) {
-    const HandTurn& turn = fit.photos[n].turn;
-    const double excess = turn.pull / limit;
-    if (turn.values.knots.empty() || excess <= worst.excess) continue;
-    optics::Rig turned = rig;
-    put_sheet(turn.values.sheet, fit.grid, turn.values.knots, rig.panel, turned.sheet);
-    if (largest_difference(rig, turned) <= kHarmlessTurnLenses) continue;
-    worst = {excess,
-             fmt::format("{}: the phone turned by {:.2f} degrees while the picture was read: the "
-                         "hand moved; hold the phone still",
-                         photos[n].name, turn.radians * 180.0 / std::numbers::pi)};
-  }
-  return worst;
-}
-
 /// Returns the root of the sum of the squared pulls of all shifts; 0 for many photographs.
 double joint_pull(const PhoneFit& fit) {
   if (fit.photos.size() > kFewPhotos) return 0.0;
@@ -206,18 +162,27 @@ Misfit joint_shift(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
       photos[static_cast<size_t>(most - fit.photos.begin())].name + ": " + cause_of_shift(*most)};
 }
 
+std::string words_of(const TurnedFit& turned, const std::string& photograph) {
+  return fmt::format(
+      "{}: the phone turned by {:.2f} degrees while the picture was read: the hand "
+      "moved; hold the phone still",
+      photograph, turned.radians * 180.0 / std::numbers::pi);
+}
+
 /// Returns which photograph contradicts the others most, and why; empty if none does.
 std::string misfit(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
-                   const optics::Rig& rig) {
+                   const optics::Rig& start) {
   Misfit worst{.excess = 1.0, .cause = {}};
   for (size_t n = 0; n < photos.size(); ++n) {
     const Misfit own = worst_misfit(photos, n, fit.photos[n]);
     if (own.excess > worst.excess) worst = {own.excess, photos[n].name + ": " + own.cause};
   }
   if (!worst.cause.empty()) return worst.cause;
-  for (const Misfit& joint : {moved_hand(photos, fit, rig), joint_shift(photos, fit)})
-    if (joint.excess > worst.excess) worst = joint;
-  return worst.cause;
+  const TurnedFit* turned = moved_hand(fit, start, zone_of(start));
+  const bool explains = turned != nullptr && joint_pull(turned->fit) <= kMostJointPull;
+  const Misfit joint = joint_shift(photos, fit);
+  if (joint.excess > worst.excess && !explains) return joint.cause;
+  return turned == nullptr ? "" : words_of(*turned, photos[turned->photo].name);
 }
 
 /// Returns the component of the panel's x axis along the picture's rows.
@@ -262,6 +227,48 @@ std::string wanted(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
   return "take one more from another place";
 }
 
+/// Returns the photographs without refusal; adds warnings of the others, and why there is no fit.
+std::vector<PhonePhoto> usable_photos(const std::vector<PhonePhoto>& photos, Calibration& out) {
+  std::vector<PhonePhoto> usable;
+  for (const PhonePhoto& photo : photos) {
+    if (!photo.findings.refusal.empty()) {
+      out.warnings.push_back(photo.name + ": not used: " + photo.findings.refusal);
+      continue;
+    }
+    if (!usable.empty() && (photo.findings.width != usable.front().findings.width ||
+                            photo.findings.height != usable.front().findings.height)) {
+      out.reasons.push_back(
+          photo.name +
+          ": another size than the first photograph: give the files of one phone, "
+          "as it stored them");
+      return usable;
+    }
+    usable.push_back(photo);
+  }
+  if (usable.size() < 2) {
+    out.reasons.push_back(fmt::format("only {} of {} photographs can be used; two are needed",
+                                      usable.size(), photos.size()));
+    for (const std::string& warning : out.warnings) out.reasons.push_back(warning);
+  }
+  return usable;
+}
+
+/// Writes the rig of a fit, its stated error and its description.
+void put_result(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
+                const optics::Rig& start, Calibration& out) {
+  JointFit spread;
+  spread.values = fit.values;
+  spread.covariance = fit.covariance;
+  constexpr LawError kLaw{.pitch_lenses = 0.0005, .slant_lenses = 0.0002, .gap_part = 0.0008};
+  const Prediction prediction(spread, fit.grid, start.panel, kLaw);
+  put_sheet(fit.values.sheet, fit.grid, fit.values.knots, start.panel, out.rig.sheet);
+  describe(photos, fit, prediction, out);
+  out.drift = prediction.likely_largest_drift(zone_of(start));
+  // Shifts that are larger than their prior says make all errors larger.
+  const double larger = std::max(1.0, joint_pull(fit) / kUsualJointPull);
+  out.drift.worst_lenses = std::hypot(larger * out.drift.worst_lenses, kLawLenses);
+}
+
 }  // namespace
 
 PhotoFindings measure_hand_held(const CameraPicture& photograph, const SinglePhotoChart& chart,
@@ -294,28 +301,8 @@ Calibration calibrate_phone(const std::vector<PhonePhoto>& photos, const SingleP
   const auto began = std::chrono::steady_clock::now();
   Calibration out;
   out.rig = chart.start;
-  std::vector<PhonePhoto> usable;
-  for (const PhonePhoto& photo : photos) {
-    if (!photo.findings.refusal.empty()) {
-      out.warnings.push_back(photo.name + ": not used: " + photo.findings.refusal);
-      continue;
-    }
-    if (!usable.empty() && (photo.findings.width != usable.front().findings.width ||
-                            photo.findings.height != usable.front().findings.height)) {
-      out.reasons.push_back(
-          photo.name +
-          ": another size than the first photograph: give the files of one phone, "
-          "as it stored them");
-      return out;
-    }
-    usable.push_back(photo);
-  }
-  if (usable.size() < 2) {
-    out.reasons.push_back(fmt::format("only {} of {} photographs can be used; two are needed",
-                                      usable.size(), photos.size()));
-    for (const std::string& warning : out.warnings) out.reasons.push_back(warning);
-    return out;
-  }
+  const std::vector<PhonePhoto> usable = usable_photos(photos, out);
+  if (!out.reasons.empty()) return out;
   std::vector<PhotoFindings> findings;
   for (const PhonePhoto& photo : usable) findings.push_back(photo.findings);
   const double averaged = findings.front().averaged;
@@ -325,20 +312,11 @@ Calibration calibrate_phone(const std::vector<PhonePhoto>& photos, const SingleP
     out.reasons.emplace_back("no sheet and no camera agree with all photographs");
     return out;
   }
-  JointFit spread;
-  spread.values = fit->values;
-  spread.covariance = fit->covariance;
-  constexpr LawError kLaw{.pitch_lenses = 0.0005, .slant_lenses = 0.0002, .gap_part = 0.0008};
-  const Prediction prediction(spread, fit->grid, chart.start.panel, kLaw);
-  put_sheet(fit->values.sheet, fit->grid, fit->values.knots, chart.start.panel, out.rig.sheet);
-  describe(usable, *fit, prediction, out);
-  out.drift = prediction.likely_largest_drift(zone_of(chart.start));
-  // Shifts that are larger than their prior says make all errors larger.
-  const double larger = std::max(1.0, joint_pull(*fit) / kUsualJointPull);
-  out.drift.worst_lenses = std::hypot(larger * out.drift.worst_lenses, kLawLenses);
+  const PhoneFit mean = averaged_over_turns(*fit);
+  put_result(usable, mean, chart.start, out);
   out.seconds_computing =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
-  if (const std::string reason = misfit(usable, *fit, out.rig); !reason.empty())
+  if (const std::string reason = misfit(usable, *fit, chart.start); !reason.empty())
     out.reasons.push_back(reason);
   else if (const auto problem = optics::find_problem(out.rig))
     out.reasons.push_back(problem->key + " would be " + problem->cause);
@@ -347,7 +325,7 @@ Calibration calibrate_phone(const std::vector<PhonePhoto>& photos, const SingleP
   else {
     out.reasons.push_back(
         fmt::format("phases are certain only to {:.3f} lens, {} photographs are not enough: {}",
-                    out.drift.worst_lenses, usable.size(), wanted(usable, *fit)));
+                    out.drift.worst_lenses, usable.size(), wanted(usable, mean)));
     if (out.drift.worst_lenses <= most_lenses) out.verdict = Verdict::Effective;
   }
   return out;

@@ -59,13 +59,10 @@ class Joint {
       rescale();
     }
     if (!solve()) return std::nullopt;
-    PhoneFit fit = finish();
+    PhoneFit fit = finish(all().inverse());
     const VectorXd found = values_;
-    // The fits with a free rotation have the gap of the mean of the channels, as `found` has.
-    const double green = fit.values.sheet[kGap] / found[kCameraCount + kGap];
-    for (size_t n = 0; n < fit.photos.size(); ++n) {
-      fit.photos[n].turn = hand_turn(n);
-      fit.photos[n].turn.values.sheet[kGap] *= green;
+    for (size_t n = 0; n < model_.seen().size(); ++n) {
+      if (auto turned = turned_fit(n)) fit.turned.push_back(std::move(*turned));
       values_ = found;
     }
     return fit;
@@ -172,26 +169,20 @@ class Joint {
   }
 
   /// Fits once more with a free rotation during photograph n, which shows a hand that moved: the
-  /// usual fit spreads such an error over poses, axes and sheet.
-  HandTurn hand_turn(size_t n) {
+  /// usual fit spreads such an error over poses, axes and sheet. The Bayes factor is that of no
+  /// rotation against a prior of kMovedTurnSigma, by Savage and Dickey: the density of a Gaussian
+  /// posterior at no rotation, over that of the prior.
+  std::optional<TurnedFit> turned_fit(size_t n) {
     priors_.turn_sigmas = usual_turns();
     priors_.turn_sigmas[n] = kMovedTurnSigma;
-    HandTurn out;
-    if (!solve()) return out;
-    const MatrixXd spread = all().inverse();
+    if (!solve()) return std::nullopt;
+    const MatrixXd inverse = all().inverse();
     const Index at = model_.photo_at(n) + PhoneModel::kTurn;
-    const VectorXd turn = values_.segment(at, 3);
-    out.radians = turn.norm();
-    out.pull = std::sqrt(turn.dot(solve_symmetric(spread.block(at, at, 3, 3), turn).col(0)));
-    put_sheet_values(out.values);
-    return out;
-  }
-
-  /// Writes sheet and knots of the present fit.
-  void put_sheet_values(FitValues& out) const {
-    const double* values = values_.data();
-    std::copy_n(values + kCameraCount, kSheetCount, out.sheet.begin());
-    out.knots.assign(values + PhoneModel::knots_at(), values + model_.photo_at(0));
+    const Eigen::Vector3d turn = values_.segment(at, 3);
+    const Eigen::Matrix3d spread = inverse.block(at, at, 3, 3);
+    const double pull_squared = turn.dot(solve_symmetric(spread, turn).col(0));
+    const double volume = spread.determinant() / std::pow(kMovedTurnSigma, 6);
+    return TurnedFit{n, turn.norm(), 0.5 * (pull_squared + std::log(volume)), finish(inverse)};
   }
 
   PhotoFit photo_fit(size_t n, const MatrixXd& covariance) const {
@@ -212,13 +203,14 @@ class Joint {
     return out;
   }
 
-  PhoneFit finish() const {
+  /// Returns the present fit; `inverse` is that of the normal equations.
+  PhoneFit finish(const MatrixXd& inverse) const {
     PhoneFit fit;
     fit.grid = model_.grid();
     const double* values = values_.data();
     std::copy_n(values, kCameraCount, fit.values.camera.begin());
-    put_sheet_values(fit.values);
-    const MatrixXd inverse = all().inverse();
+    std::copy_n(values + kCameraCount, kSheetCount, fit.values.sheet.begin());
+    fit.values.knots.assign(values + PhoneModel::knots_at(), values + model_.photo_at(0));
     const Index count = kSheetCount + model_.grid().count();
     fit.covariance = inverse.block(kCameraCount, kCameraCount, count, count);
     fit.colour_gap = colour_gaps(model_, values_, std::sqrt(fit.covariance(kGap, kGap)));

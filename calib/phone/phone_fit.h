@@ -18,12 +18,7 @@ namespace lenticule::calib {
 /// false axis to places and sheet.
 inline constexpr size_t kFewPhotos = 3;
 
-/// HandTurn is the result of a fit in which the hand may have turned much during one photograph.
-struct HandTurn {
-  double radians = 0.0;  ///< rotation from the first row read to the last
-  double pull = 0.0;     ///< rotation over its standard error
-  FitValues values;      ///< sheet and knots of that fit; empty knots if it did not converge
-};
+struct TurnedFit;
 
 /// PhotoFit is the part of the fit that belongs to one photograph. Lengths in the pictures are in
 /// pixels of the averaged pictures.
@@ -36,7 +31,6 @@ struct PhotoFit {
   double corner_rms_px = 0.0;
   std::vector<double> phase_rests;  ///< lenses, in the order of PhotoFindings::blocks
   Vec3 eye_sigma_mm;
-  HandTurn turn;
 };
 
 /// PhoneFit is the result of the joint fit.
@@ -48,6 +42,18 @@ struct PhoneFit {
   Eigen::MatrixXd covariance;
   std::array<Estimate, 3> colour_gap;  ///< gap of red, green and blue light, mm
   std::vector<PhotoFit> photos;
+  /// Fits in which the hand may have turned much during one photograph; those that converged.
+  std::vector<TurnedFit> turned;
+};
+
+/// TurnedFit is a fit with a free rotation of the hand during one photograph.
+struct TurnedFit {
+  size_t photo = 0;      ///< index of that photograph
+  double radians = 0.0;  ///< rotation from the first row read to the last
+  /// Logarithm of the Bayes factor: how much likelier the photographs are if the hand may have
+  /// moved than if it held still.
+  double evidence = 0.0;
+  PhoneFit fit;  ///< without turned fits
 };
 
 /// Fits two or more photographs, all measured without refusal and of equal size. The unknowns are
