@@ -200,7 +200,7 @@ void PointHistory::take(const Tile& tile, float agreement, std::span<Column> col
       const Point& point = last_[static_cast<size_t>(arrival & 0xFFFFFFFFU)];
       const double far = reach(double{point.z});
       const double across = point.across / kSteps * far;
-      // The lens's border is not where the lens numbers put it.
+      // Near its border, a lens ends elsewhere than the numbers of the lenses say.
       if (std::abs(across) > 0.9 * far) continue;
       if (!still_ &&
           (may_be_hidden(row, subpixel, point.z) || !agrees(row, subpixel, point, agreement)))

@@ -38,7 +38,7 @@ class FarmKill : public FarmTest {
   struct Worker {
     std::unique_ptr<BackgroundProcess> process;
     uint64_t chunk;
-    Stage stage;  ///< the worker is not killed before
+    Stage stage;  ///< first stage in which the worker may be killed
     Clock::duration delay;
     bool was_done;  ///< when the worker started
     Clock::time_point latest = Clock::now() + std::chrono::seconds(60);
