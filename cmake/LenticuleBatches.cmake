@@ -33,11 +33,15 @@ function(lenticule_cpp_sources result target)
   set(${result} ${alike} PARENT_SCOPE)
 endfunction()
 
-# lenticule_longest_batch(RESULT TARGET): sets the largest number of sources of a batch. An optimised
-# library is compiled in several batches, so that all cores are busy until the end.
+# lenticule_longest_batch(RESULT TARGET): sets the largest number of sources of a batch: the property
+# LENTICULE_LONGEST_BATCH of the target, or a default. An optimised library is compiled in several batches,
+# so that all cores are busy until the end.
 function(lenticule_longest_batch result target)
   get_target_property(type ${target} TYPE)
-  if(type STREQUAL STATIC_LIBRARY)
+  get_target_property(longest ${target} LENTICULE_LONGEST_BATCH)
+  if(longest)
+    set(${result} ${longest} PARENT_SCOPE)
+  elseif(type STREQUAL STATIC_LIBRARY)
     set(${result} 14 PARENT_SCOPE)
   else()
     set(${result} 30 PARENT_SCOPE)

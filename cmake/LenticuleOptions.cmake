@@ -72,6 +72,12 @@ endif()
 # Makes failed checks name files relative to the source tree, without the build machine's folders.
 target_compile_options(lenticule_options INTERFACE -fmacro-prefix-map=${PROJECT_SOURCE_DIR}/=)
 
+# A sanitizer's checks keep a kernel from being fast, and take long to optimise.
+set(LENTICULE_KERNEL_OPTIMISATION -O3)
+if(LENTICULE_SANITIZE)
+  set(LENTICULE_KERNEL_OPTIMISATION "")
+endif()
+
 if(LENTICULE_SANITIZE)
   target_compile_options(lenticule_options INTERFACE
     -fsanitize=${LENTICULE_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
@@ -81,5 +87,7 @@ if(LENTICULE_SANITIZE)
   target_link_options(lenticule_options INTERFACE -Wl,--disable-new-dtags)
 endif()
 if(LENTICULE_BUILD_FUZZ)
-  target_compile_options(lenticule_options INTERFACE -fsanitize=fuzzer-no-link)
+  # A fuzzer observes which code runs; the test programs that share its libraries do not.
+  target_compile_options(lenticule_options INTERFACE
+    $<$<NOT:$<BOOL:$<TARGET_PROPERTY:LENTICULE_UNOPTIMISED>>>:-fsanitize=fuzzer-no-link>)
 endif()
