@@ -33,6 +33,7 @@ PanelInfo panel_info(const ConnectorInfo& connector, const std::string& card) {
                  .non_desktop = connector.non_desktop,
                  .tiled = connector.tiled,
                  .link_bad = connector.link_bad,
+                 .variable_refresh = connector.variable_refresh,
                  .width_mm = connector.width_mm,
                  .height_mm = connector.height_mm,
                  .edid_problem = connector.edid.problem,

@@ -37,6 +37,7 @@ struct PanelInfo {
   bool non_desktop = false;
   bool tiled = false;
   bool link_bad = false;
+  bool variable_refresh = false;  ///< panel and link can vary the refresh
   uint32_t width_mm = 0;
   uint32_t height_mm = 0;
   EdidProblem edid_problem = EdidProblem::Absent;

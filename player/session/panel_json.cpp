@@ -44,6 +44,7 @@ nlohmann::json to_json(const display::PanelInfo& panel) {
                          {"non_desktop", panel.non_desktop},
                          {"tiled", panel.tiled},
                          {"link_bad", panel.link_bad},
+                         {"variable_refresh", panel.variable_refresh},
                          {"width_mm", panel.width_mm},
                          {"height_mm", panel.height_mm},
                          {"edid", display::edid_problem_name(panel.edid_problem)},

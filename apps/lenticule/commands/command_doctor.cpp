@@ -67,7 +67,8 @@ void print_list(const char* label, const nlohmann::json& lines) {
 void print_output(const nlohmann::json& output) {
   const nlohmann::json& panel = output["panel"];
   const nlohmann::json& exactness = output["exactness"];
-  print_out("{} on {}\n", text_of(panel["connector"]), text_of(panel["card"]));
+  print_out("{} on {}{}\n", text_of(panel["connector"]), text_of(panel["card"]),
+            panel["variable_refresh"].get<bool>() ? ": can vary its refresh" : "");
   print_properties(exactness["properties"]);
   if (!text_of(output["problem"]).empty())
     print_out("  cannot be used: {}\n", text_of(output["problem"]));

@@ -32,6 +32,12 @@ bool is_analogue(uint32_t type) {
          type == DRM_MODE_CONNECTOR_9PinDIN;
 }
 
+/// Returns true if the row's property has, or will have, its neutral value.
+bool is_held(const AuditRow& row) {
+  return row.outcome == AuditOutcome::Neutral || row.outcome == AuditOutcome::Forced ||
+         row.outcome == AuditOutcome::Planned;
+}
+
 /// Returns true for links that may carry compressed pictures.
 bool may_compress(uint32_t type) {
   return type == DRM_MODE_CONNECTOR_DisplayPort || type == DRM_MODE_CONNECTOR_eDP ||
@@ -75,8 +81,7 @@ void evaluate_row(ExactnessReport& report, const AuditRow& row) {
   const std::string fact =
       fmt::format("{} '{}' is {}: {}", row.object, row.property, row.now, row.effect);
   if (!row.alters_pixels) {
-    const bool unchangeable = row.object == "link" || row.outcome == AuditOutcome::ReadOnly;
-    if (!unchangeable || !is_wrong(row)) return;
+    if (!is_wrong(row)) return;
     report.remarks.push_back(fact);
     return add_remedy(report, row.remedy);
   }
@@ -149,6 +154,17 @@ void evaluate_encoding(ExactnessReport& report, const LinkInfo& link) {
                  ? "the panel also accepts YCbCr, and the driver does not report what it sends"
                  : "without a valid EDID it is not known what the link carries",
              "use DisplayPort, or an EDID that offers RGB only (drm.edid_firmware=)");
+}
+
+/// States that a panel which can vary its refresh keeps the rate of the mode. A driver that refuses
+/// is a remark of evaluate_row().
+void evaluate_refresh(ExactnessReport& report, const LinkInfo& link) {
+  const auto holds = [](const AuditRow& row) {
+    return row.property == "VRR_ENABLED" && is_held(row);
+  };
+  if (link.variable_refresh && any_row(report, holds))
+    report.verified.emplace_back(
+        "the panel could vary its refresh, which is held at the rate of the mode");
 }
 
 void evaluate_range(ExactnessReport& report, const LinkInfo& link) {
@@ -334,6 +350,7 @@ ExactnessReport ExactnessAudit::report(const LinkInfo& link, const std::optional
   evaluate_driver(report, link);
   evaluate_placement(report, link);
   evaluate_link(report, link);
+  evaluate_refresh(report, link);
   report.conclude();
   return report;
 }

@@ -36,6 +36,8 @@ struct LinkInfo {
   std::optional<int> bits_per_colour;
   /// The EDID states another native size.
   bool other_native_size = false;
+  /// The panel and its link can vary the refresh (property "vrr_capable").
+  bool variable_refresh = false;
   /// None if there was no commit.
   std::optional<bool> one_to_one;
 };

@@ -162,7 +162,7 @@ constexpr std::array kRules = {
                   0,
                   {},
                   Processing,
-                  "brightness flickers with the refresh",
+                  "vblanks follow the frames at no fixed rate, and brightness flickers with them",
                   kMenu},
     ExactnessRule{Crtc, "SCALING_FILTER", Named, 0, {"Default"}, Processing, kScaled, kDriver},
     ExactnessRule{

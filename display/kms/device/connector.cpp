@@ -40,6 +40,7 @@ std::optional<ConnectorInfo> read_connector(int fd, uint32_t id, Probe probe) {
     info.tiled = true;
     info.tile = parse_tile(read_blob(fd, tile));
   }
+  info.variable_refresh = properties->value("vrr_capable") != 0;
   if (const Property* link = properties->find("link-status"))
     info.link_bad = link->value_named("Bad") == link->value;
   info.properties = std::move(*properties);

@@ -35,6 +35,7 @@ struct ConnectorInfo {
   bool tiled = false;          ///< the panel has further connectors
   std::optional<Tile> tile{};  ///< set if tiled, unless the kernel's text is not valid
   bool link_bad = false;
+  bool variable_refresh = false;  ///< "vrr_capable": panel and link can vary the refresh
   PropertyTable properties{};
 };
 

@@ -153,6 +153,7 @@ LinkInfo OutputPipe::link_info() const {
           .bits_per_colour = edid.bits_per_colour,
           .other_native_size =
               !native.empty() && std::find(native.begin(), native.end(), size) == native.end(),
+          .variable_refresh = pipe_.connector.variable_refresh,
           .one_to_one = std::nullopt};
 }
 
