@@ -109,13 +109,12 @@ PixelSize own_size(const ConnectorInfo& connector) {
 
 /// Performs every step of opening a panel except the modeset.
 void rehearse(Diagnosis& diagnosis, DrmDevice device, const ConnectorInfo& connector,
-              const std::shared_ptr<KmsPlatform>& platform) {
+              ScanoutDepth depth, const std::shared_ptr<KmsPlatform>& platform) {
   const int fd = device.fd();
   const PixelSize size = own_size(connector);
   const frames::FrameGeometry geometry{size.width, size.height, frames::PixelFormat::Rgb8};
-  const drmModeModeInfo mode = require_mode(connector, geometry, std::nullopt);
-  std::vector<Pipe> pipes;
-  pipes.push_back(choose_pipe(fd, connector, mode));
+  std::vector<Pipe> pipes = choose_pipes(fd, {connector}, geometry, std::nullopt, depth);
+  const ScanoutLayout layout{.geometry = geometry, .depth = pipes.front().depth};
   KmsOutput output(std::move(device), std::move(pipes), platform);
   const BorrowedMastery mastery(output.device());
   diagnosis.tested = mastery.held();
@@ -124,7 +123,7 @@ void rehearse(Diagnosis& diagnosis, DrmDevice device, const ConnectorInfo& conne
         "another program is DRM master of the card, so its outputs could not be tested";
     diagnosis.remedy = "stop the desktop session or the player, then try again";
   }
-  const KmsBuffer buffer(fd, platform, geometry);
+  const KmsBuffer buffer(fd, platform, layout);
   const int error = output.rehearse(buffer.framebuffer());
   diagnosis.exactness = output.report();
   if (!mastery.held() || error == 0) return;
@@ -134,13 +133,14 @@ void rehearse(Diagnosis& diagnosis, DrmDevice device, const ConnectorInfo& conne
 
 Diagnosis diagnose_panel(const std::shared_ptr<Session>& session,
                          const std::shared_ptr<KmsPlatform>& platform, const DrmNode& node,
-                         const ConnectorInfo& connector) {
+                         const ConnectorInfo& connector, ScanoutDepth depth) {
   Diagnosis diagnosis{.panel = panel_info(connector, node.path)};
   try {
     DrmDevice device = DrmDevice::open(session, node);
     diagnosis.driver = device.driver();
     diagnosis.problem = missing_caps(device.caps());
-    if (diagnosis.problem.empty()) rehearse(diagnosis, std::move(device), connector, platform);
+    if (diagnosis.problem.empty())
+      rehearse(diagnosis, std::move(device), connector, depth, platform);
   } catch (const Error& error) {
     diagnosis.problem = error.what();
     diagnosis.remedy = error.hint();
@@ -211,7 +211,7 @@ std::vector<Diagnosis> diagnose(const std::shared_ptr<Session>& session,
     }
     for (const ConnectorInfo& connector : connectors)
       if (is_requested(request, connector, node.path))
-        diagnoses.push_back(diagnose_panel(session, platform, node, connector));
+        diagnoses.push_back(diagnose_panel(session, platform, node, connector, request.depth));
   }
   return diagnoses;
 }

@@ -10,6 +10,8 @@
 #include "base/error.h"
 #include "base/print.h"
 #include "display/kms/inspect.h"
+#include "display/open/open_display.h"
+#include "optics/panel.h"
 #include "player/session/panel_json.h"
 
 namespace lenticule::player {
@@ -17,11 +19,13 @@ namespace {
 
 struct DoctorFlags {
   std::string display = "kms";
+  int bits = optics::kUsualBits;
   bool json = false;
 };
 
 nlohmann::json examine(const DoctorFlags& flags) {
-  const display::OutputRequest request = display::parse_kms_spec(flags.display);
+  display::OutputRequest request = display::parse_kms_spec(flags.display);
+  request.depth = display::depth_of(flags.bits);
   const auto session = display::make_direct_session();
   nlohmann::json json = {{"cards", nlohmann::json::array()}, {"outputs", nlohmann::json::array()}};
   for (const auto& card : display::inspect_cards(session).cards)
@@ -106,6 +110,9 @@ ExitCode verdict_of(const nlohmann::json& outputs) {
 Run declare_doctor(CLI::App& app) {
   auto flags = std::make_shared<DoctorFlags>();
   app.add_option("--display", flags->display, "kms[:CONNECTOR|:edid:MFG...|:/dev/dri/...]")
+      ->capture_default_str();
+  app.add_option("--bits", flags->bits, "bits per colour, as the rig states them (panel.bits)")
+      ->check(CLI::IsMember({optics::kUsualBits, optics::kDeepBits}))
       ->capture_default_str();
   app.add_flag("--json", flags->json, "print everything as JSON");
   return [flags]() -> ExitCode {

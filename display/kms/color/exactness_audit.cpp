@@ -9,7 +9,9 @@
 #include <utility>
 
 #include "display/kms/color/driver_paths.h"
+#include "display/kms/color/legacy_gamma.h"
 #include "display/kms/color/link_readings.h"
+#include "display/kms/device/connector.h"
 
 namespace lenticule::display {
 namespace {
@@ -19,10 +21,6 @@ constexpr const char* kOtherOutput = "use an output of a graphics card";
 bool has_link(uint32_t connector_type) {
   return connector_type != DRM_MODE_CONNECTOR_VIRTUAL &&
          connector_type != DRM_MODE_CONNECTOR_WRITEBACK;
-}
-
-bool is_hdmi(uint32_t type) {
-  return type == DRM_MODE_CONNECTOR_HDMIA || type == DRM_MODE_CONNECTOR_HDMIB;
 }
 
 bool is_analogue(uint32_t type) {
@@ -101,6 +99,11 @@ void evaluate_row(ExactnessReport& report, const AuditRow& row) {
   }
 }
 
+template <typename Test>
+bool any_row(const ExactnessReport& report, const Test& test) {
+  return std::any_of(report.rows.begin(), report.rows.end(), test);
+}
+
 void evaluate_driver(ExactnessReport& report, const LinkInfo& link) {
   const DriverPath* const path = find_driver_path(link.driver);
   if (path == nullptr) {
@@ -115,7 +118,30 @@ void evaluate_driver(ExactnessReport& report, const LinkInfo& link) {
   }
   const std::string fact = fmt::format("driver {}: {}", link.driver, path->fact);
   if (path->kind == PathKind::Alters) return add_wrong(report, fact, kOtherOutput);
-  report.verified.push_back(fact);
+  if (link.depth == ScanoutDepth::Bits8) return report.verified.push_back(fact);
+  if (path->fact_of_ten_bits != nullptr)
+    return report.verified.push_back(
+        fmt::format("driver {}: {}", link.driver, path->fact_of_ten_bits));
+  add_unseen(report,
+             fmt::format("driver {}: it is not known whether the driver converts {} frames",
+                         link.driver, format_name(link.depth)),
+             "");
+}
+
+/// States whether frames leave memory with the bits that the rig states.
+void evaluate_format(ExactnessReport& report, const LinkInfo& link) {
+  if (link.depth != link.wanted)
+    return add_wrong(
+        report,
+        fmt::format("the driver cannot scan out {} bits per colour ({}): the panel gets {}",
+                    bits_of(link.wanted), format_name(link.wanted), bits_of(link.depth)),
+        "use a card whose driver can, or state panel.bits = 8 in the rig");
+  if (link.depth == ScanoutDepth::Bits8) return;
+  report.verified.push_back(fmt::format("frames are scanned out with {} bits per colour ({})",
+                                        bits_of(link.depth), format_name(link.depth)));
+  if (any_row(report, [](const AuditRow& row) { return row.property == kGammaRampRow; }))
+    add_unseen(report, "the gamma ramp of the CRTC has an entry for each 8-bit value only",
+               "state panel.bits = 8 in the rig");
 }
 
 void evaluate_placement(ExactnessReport& report, const LinkInfo& link) {
@@ -124,11 +150,6 @@ void evaluate_placement(ExactnessReport& report, const LinkInfo& link) {
     report.verified.emplace_back("the plane shows the frame pixel for pixel");
   else
     add_wrong(report, "the plane does not show the frame pixel for pixel", "");
-}
-
-template <typename Test>
-bool any_row(const ExactnessReport& report, const Test& test) {
-  return std::any_of(report.rows.begin(), report.rows.end(), test);
 }
 
 bool has_link_row(const ExactnessReport& report, std::string_view property) {
@@ -179,11 +200,21 @@ void evaluate_range(ExactnessReport& report, const LinkInfo& link) {
 }
 
 void evaluate_depth(ExactnessReport& report, const LinkInfo& link) {
-  if (link.bits_per_colour && *link.bits_per_colour < 8)
+  const int bits = bits_of(link.depth);
+  const char* const remedy = bits > 8 ? "state panel.bits = 8 in the rig, or use a panel and a "
+                                        "connector of 10 bits per colour"
+                                      : "use a panel of 8 bits per colour";
+  if (link.bits_per_colour && *link.bits_per_colour < bits)
     add_wrong(report,
               fmt::format("the panel accepts {} bits per colour: low bits are cut off or dithered",
                           *link.bits_per_colour),
-              "use a panel of 8 bits per colour");
+              remedy);
+  if (link.most_bits && *link.most_bits < bits)
+    add_wrong(report,
+              fmt::format("the link carries at most {} bits per colour: low bits are cut off or "
+                          "dithered",
+                          *link.most_bits),
+              remedy);
   constexpr const char* kLook =
       "run 'lenticule doctor' as root, which can read more of the driver; look at a test card of "
       "single-step ramps";
@@ -279,12 +310,12 @@ std::optional<PipeTables> PipeTables::read(int fd, uint32_t connector, uint32_t 
   return PipeTables{std::move(*connector_table), std::move(*crtc_table), std::move(*plane_table)};
 }
 
-ExactnessAudit::ExactnessAudit(const PipeTables& found) {
+ExactnessAudit::ExactnessAudit(const PipeTables& found, ScanoutDepth depth) {
   for (const ExactnessRule& rule : exactness_rules()) {
     const PropertyTable& table = found.of(rule.object);
     const Property* property = table.find(rule.property);
     if (property == nullptr) continue;
-    const auto wanted = neutral_value(rule, *property);
+    const auto wanted = neutral_value(rule, *property, depth);
     if (wanted && property->writable() && rule.neutral != Neutral::Kept)
       items_.push_back({&rule, *property, table.object(), *wanted});
     else
@@ -311,7 +342,7 @@ AuditRow ExactnessAudit::row_of(const Item& item, const std::optional<PipeTables
                .found = item.found.text_of(item.found.value),
                .wanted = item.found.text_of(item.wanted),
                .now = item.found.text_of(value),
-               .alters_pixels = item.rule->harm == Harm::Pixels,
+               .alters_pixels = item.rule->harm == Harm::Pixels || item.has_too_few_bits(value),
                .effect = item.rule->effect,
                .remedy = item.rule->remedy};
   if (value == item.wanted)
@@ -348,6 +379,7 @@ ExactnessReport ExactnessAudit::report(const LinkInfo& link, const std::optional
   report.rows.insert(report.rows.end(), further.begin(), further.end());
   for (const AuditRow& row : report.rows) evaluate_row(report, row);
   evaluate_driver(report, link);
+  evaluate_format(report, link);
   evaluate_placement(report, link);
   evaluate_link(report, link);
   evaluate_refresh(report, link);

@@ -58,6 +58,10 @@ std::vector<ConnectorInfo> read_connectors(int fd, Probe probe) {
   return connectors;
 }
 
+bool is_hdmi(uint32_t type) {
+  return type == DRM_MODE_CONNECTOR_HDMIA || type == DRM_MODE_CONNECTOR_HDMIB;
+}
+
 bool is_preferred(const drmModeModeInfo& mode) {
   return (mode.type & DRM_MODE_TYPE_PREFERRED) != 0;
 }

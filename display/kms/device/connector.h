@@ -43,6 +43,9 @@ struct ConnectorInfo {
 [[nodiscard]] std::optional<ConnectorInfo> read_connector(int fd, uint32_t id, Probe probe);
 [[nodiscard]] std::vector<ConnectorInfo> read_connectors(int fd, Probe probe);
 
+/// Returns true for a connector type, DRM_MODE_CONNECTOR_*, of HDMI.
+[[nodiscard]] bool is_hdmi(uint32_t type);
+
 /// Returns true if the driver or the EDID marks the mode as preferred.
 [[nodiscard]] bool is_preferred(const drmModeModeInfo& mode);
 /// Returns the first preferred mode, else the first mode; null if there is none.

@@ -43,12 +43,16 @@ KmsBuffer* displayed_buffer(int fd, const TakeoverState& state, const ScanoutPoo
   return found == buffers.end() ? nullptr : found->get();
 }
 
-ScanoutPool take_over_buffers(int fd, const KmsOptions& options) {
+ScanoutLayout layout_for(const KmsOptions& options, ScanoutDepth depth) {
+  return {.geometry = options.output.panel, .mounting = options.mounting, .depth = depth};
+}
+
+ScanoutPool take_over_buffers(int fd, const KmsOptions& options, ScanoutDepth depth) {
   const TakeoverState& state = options.previous->state;
   ScanoutPool pool;
   for (uint32_t i = 0; i < state.buffer_count; ++i)
-    pool.push_back(std::make_unique<KmsBuffer>(fd, options.platform, options.output.panel,
-                                               options.mounting, state.buffers[i]));
+    pool.push_back(std::make_unique<KmsBuffer>(fd, options.platform, layout_for(options, depth),
+                                               state.buffers[i]));
   return pool;
 }
 
@@ -70,17 +74,18 @@ std::optional<ActiveOutput> try_take_over(const KmsOptions& options, DrmDevice& 
     return std::nullopt;
   auto connector = read_connector(device.fd(), state.connector, Probe::Full);
   if (!connector || !same_panel(*connector, options)) return std::nullopt;
-  const auto mode = choose_mode(*connector, panel, options.output.refresh);
-  if (!mode) return std::nullopt;
-  Pipe pipe = choose_pipe(device.fd(), std::move(*connector), *mode);
-  if (pipe.crtc != state.crtc || pipe.plane != state.plane) return std::nullopt;
-  std::vector<Pipe> pipes;
-  pipes.push_back(std::move(pipe));
-
   const int fd = device.fd();
+  std::vector<Pipe> pipes = choose_pipes(fd, {std::move(*connector)}, panel, options.output.refresh,
+                                         options.output.depth);
+  const Pipe& pipe = pipes.front();
+  const ScanoutDepth depth = pipe.depth;
+  if (pipe.crtc != state.crtc || pipe.plane != state.plane ||
+      state.bits != static_cast<uint32_t>(bits_of(depth)))
+    return std::nullopt;
+
   drain_events(fd);
   ActiveOutput active;
-  ScanoutPool buffers = take_over_buffers(fd, options);
+  ScanoutPool buffers = take_over_buffers(fd, options, depth);
   active.front = displayed_buffer(fd, state, buffers);
   active.output =
       std::make_unique<KmsOutput>(std::move(device), std::move(pipes), options.platform);
@@ -157,7 +162,8 @@ ActiveOutput open_new_output(const KmsOptions& options, std::optional<DrmDevice>
   require_master(device);
   const OutputRequest& request = options.output;
   std::vector<Pipe> pipes =
-      choose_pipes(device.fd(), std::move(connectors), request.panel, request.refresh);
+      choose_pipes(device.fd(), connectors, request.panel, request.refresh, request.depth);
+  const ScanoutDepth depth = pipes.front().depth;
 
   ActiveOutput active;
   active.output =
@@ -165,8 +171,8 @@ ActiveOutput open_new_output(const KmsOptions& options, std::optional<DrmDevice>
   active.output->foresee();
   // Checked before a frame is shown, as far as the facts are known.
   require_exact(options, *active.output);
-  active.buffers = make_scanout_pool(active.output->device().fd(), options.platform, request.panel,
-                                     options.mounting, options.buffers);
+  active.buffers = make_scanout_pool(active.output->device().fd(), options.platform,
+                                     layout_for(options, depth), options.buffers);
   active.front = active.buffers.front().get();
   active.output->activate(active.front->framebuffer(), *options.clock,
                           options.fresh ? RunningMode::SetAnew : RunningMode::TakeOver);
@@ -208,6 +214,7 @@ TakeoverState takeover_state_of(const ActiveOutput& active, frames::FrameGeometr
   state.plane = pipe.plane;
   state.width = geometry.width;
   state.height = geometry.height;
+  state.bits = static_cast<uint32_t>(bits_of(pipe.depth));
   state.buffer_count = static_cast<uint32_t>(active.buffers.size());
   for (size_t i = 0; i < active.buffers.size(); ++i)
     state.buffers.at(i) = active.buffers[i]->takeover_buffer();
