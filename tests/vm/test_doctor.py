@@ -75,7 +75,7 @@ def refuses_to_play_with_reduced_colours(vm):
 @vm_test(Machine())
 def reports_a_missing_card(vm):
     result = doctor(vm, NO_PANEL)
-    assert json.loads(result.stdout) == {"cards": [], "outputs": []}, result
+    assert json.loads(result.stdout) == {"cards": [], "tiled_panels": [], "outputs": []}, result
     assert "no graphics card was found" in result.stderr, result
 
 

@@ -21,16 +21,31 @@ namespace {
 
 // --- taking over the output of the previous player ------------------------------------------
 
-/// Returns true if the panel of the state is connected and still matches the request.
-bool same_panel(const ConnectorInfo& connector, const KmsOptions& options) {
-  const TakeoverState& state = options.previous->state;
+/// Returns true if the connector has the panel of the state.
+bool same_panel(const ConnectorInfo& connector, const TakeoverState& state) {
   if (!connector.connected) return false;
   const std::string_view known(state.edid_sha256.data(), state.edid_sha256.size());
-  if (connector.edid.identity ? connector.edid.identity->sha256 != known : known[0] != '\0')
-    return false;
+  return connector.edid.identity ? connector.edid.identity->sha256 == known : known[0] == '\0';
+}
+
+/// Returns the connectors of the state's panel: the first one and the other tiles, if there are
+/// any. Empty if the panel is not there, or does not match the request.
+std::vector<ConnectorInfo> connectors_of_panel(int fd, const KmsOptions& options) {
+  const TakeoverState& state = options.previous->state;
+  const auto first = read_connector(fd, state.connector, Probe::Full);
+  if (!first || !same_panel(*first, state)) return {};
   ConnectorList list;
-  list.connectors.push_back({state.card.data(), connector});
-  return choose_output(options.output, list).chosen.has_value();
+  list.connectors.push_back({state.card.data(), *first});
+  if (first->tile)
+    for (ConnectorInfo& other : read_connectors(fd, Probe::Full))
+      if (other.id != first->id && other.tile && other.tile->group == first->tile->group)
+        list.connectors.push_back({state.card.data(), std::move(other)});
+  const OutputChoice choice = choose_output(options.output, list);
+  if (choice.chosen != 0U) return {};
+  std::vector<ConnectorInfo> connectors;
+  for (const size_t tile : choice.tiles)
+    connectors.push_back(std::move(list.connectors[tile].info));
+  return connectors;
 }
 
 /// Returns the buffer that the kernel's plane shows; null if none of these.
@@ -72,11 +87,11 @@ std::optional<ActiveOutput> try_take_over(const KmsOptions& options, DrmDevice& 
   if (!device.caps().sufficient() ||
       device.session().ensure_master(device.fd()) != Mastership::Held)
     return std::nullopt;
-  auto connector = read_connector(device.fd(), state.connector, Probe::Full);
-  if (!connector || !same_panel(*connector, options)) return std::nullopt;
   const int fd = device.fd();
-  std::vector<Pipe> pipes = choose_pipes(fd, {std::move(*connector)}, panel, options.output.refresh,
-                                         options.output.depth);
+  const std::vector<ConnectorInfo> connectors = connectors_of_panel(fd, options);
+  if (connectors.empty()) return std::nullopt;
+  std::vector<Pipe> pipes =
+      choose_pipes(fd, connectors, panel, options.output.refresh, options.output.depth);
   const Pipe& pipe = pipes.front();
   const ScanoutDepth depth = pipe.depth;
   if (pipe.crtc != state.crtc || pipe.plane != state.plane ||
