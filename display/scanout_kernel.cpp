@@ -7,6 +7,8 @@
 // v itself. scanout_format.h states the rule.
 #include "display/scanout_kernel.h"
 
+#include <array>
+
 #if defined(__AVX2__)
 #include <immintrin.h>
 #elif defined(LENTICULE_NEON)
@@ -21,10 +23,19 @@ using enum ScanoutDepth;
 /// Values from which the ten bits are one more than four times the eight bits, two more, three.
 constexpr uint8_t kThresholds[] = {43, 128, 213};
 
-uint32_t ten_bits(uint8_t value) noexcept {
-  uint32_t ten = uint32_t{value} << 2;
-  for (const uint8_t threshold : kThresholds) ten += value >= threshold ? 1 : 0;
+/// The ten bits of every value, for the pixels that are not converted by vectors.
+constexpr std::array<uint16_t, 256> kTenBits = [] {
+  std::array<uint16_t, 256> ten{};
+  for (unsigned value = 0; value < ten.size(); ++value) {
+    unsigned bits = value << 2;
+    for (const uint8_t threshold : kThresholds) bits += value >= threshold ? 1 : 0;
+    ten[value] = static_cast<uint16_t>(bits);
+  }
   return ten;
+}();
+
+uint32_t ten_bits(uint8_t value) noexcept {
+  return kTenBits[value];
 }
 
 template <ScanoutDepth depth>

@@ -46,6 +46,14 @@ def finds_vkms_healthy(vm):
     check_healthy(vm, "vkms", True)
 
 
+@vm_test(VIRTIO)
+def reports_that_virtio_has_no_format_of_ten_bits(vm):
+    [output] = json.loads(doctor(vm, INEXACT, "--bits", "10").stdout)["outputs"]
+    assert output["problem"] == "" and output["tested"], output
+    assert any("XRGB2101010" in reason for reason in output["exactness"]["reasons"]), output
+    assert any("panel.bits = 8" in remedy for remedy in output["exactness"]["remedies"]), output
+
+
 @vm_test(Machine(display="cirrus"), fresh=True)
 def reports_that_cirrus_reduces_colours(vm):
     found = json.loads(doctor(vm, INEXACT).stdout)
