@@ -8,9 +8,13 @@
 namespace lenticule::display {
 namespace {
 
-const ScanoutKernel& best_kernel() noexcept {
+const ScanoutLoops& best_loops(ScanoutDepth depth) noexcept {
   static const ScanoutKernel& kernel = LENTICULE_SELECT_KERNEL(best_isa(), kScanoutKernel);
-  return kernel;
+  return kernel.loops(depth);
+}
+
+const ScanoutLoops& loops_of(Isa isa, ScanoutDepth depth) noexcept {
+  return LENTICULE_SELECT_KERNEL(isa, kScanoutKernel).loops(depth);
 }
 
 TurnedPixels turned_pixels(const frames::FrameView& frame, const optics::Mounting& mounting) {
@@ -24,48 +28,50 @@ TurnedPixels turned_pixels(const frames::FrameView& frame, const optics::Mountin
   return {frame.bytes.data() + first, address({1, 0}) - first, address({0, 1}) - first};
 }
 
-void expand_frame(const ScanoutKernel& kernel, const frames::FrameView& frame,
-                  const optics::Mounting& mounting, uint32_t* xrgb, size_t stride) noexcept {
+void expand_frame(const ScanoutLoops& loops, const frames::FrameView& frame,
+                  const optics::Mounting& mounting, uint32_t* words, size_t stride) noexcept {
   const frames::FrameGeometry sent = turned(frame.geometry, mounting);
   const auto width = static_cast<size_t>(sent.width), height = static_cast<size_t>(sent.height);
   if (mounting.upright()) {
     for (size_t j = 0; j < height; ++j)
-      kernel.expand_row(frame.row(static_cast<int>(j)), xrgb + j * stride, width);
+      loops.expand_row(frame.row(static_cast<int>(j)), words + j * stride, width);
     return;
   }
   const TurnedPixels pixels = turned_pixels(frame, mounting);
   for (size_t j = 0; j < height; j += kTurnedTile)
     for (size_t i = 0; i < width; i += kTurnedTile)
-      kernel.expand_turned(pixels.from(i, j), xrgb + j * stride + i, stride,
-                           std::min(kTurnedTile, width - i), std::min(kTurnedTile, height - j));
+      loops.expand_turned(pixels.from(i, j), words + j * stride + i, stride,
+                          std::min(kTurnedTile, width - i), std::min(kTurnedTile, height - j));
 }
 
 }  // namespace
 
-void expand_row(const uint8_t* rgb, uint32_t* xrgb, size_t pixels) noexcept {
-  best_kernel().expand_row(rgb, xrgb, pixels);
+void expand_row(ScanoutDepth depth, const uint8_t* rgb, uint32_t* words, size_t pixels) noexcept {
+  best_loops(depth).expand_row(rgb, words, pixels);
 }
 
-void pack_row(const uint32_t* xrgb, uint8_t* rgb, size_t pixels) noexcept {
-  best_kernel().pack_row(xrgb, rgb, pixels);
+void pack_row(ScanoutDepth depth, const uint32_t* words, uint8_t* rgb, size_t pixels) noexcept {
+  best_loops(depth).pack_row(words, rgb, pixels);
 }
 
-void expand_frame(const frames::FrameView& frame, const optics::Mounting& mounting, uint32_t* xrgb,
-                  size_t stride) noexcept {
-  expand_frame(best_kernel(), frame, mounting, xrgb, stride);
+void expand_frame(ScanoutDepth depth, const frames::FrameView& frame,
+                  const optics::Mounting& mounting, uint32_t* words, size_t stride) noexcept {
+  expand_frame(best_loops(depth), frame, mounting, words, stride);
 }
 
-void expand_row(Isa isa, const uint8_t* rgb, uint32_t* xrgb, size_t pixels) noexcept {
-  LENTICULE_SELECT_KERNEL(isa, kScanoutKernel).expand_row(rgb, xrgb, pixels);
+void expand_row(Isa isa, ScanoutDepth depth, const uint8_t* rgb, uint32_t* words,
+                size_t pixels) noexcept {
+  loops_of(isa, depth).expand_row(rgb, words, pixels);
 }
 
-void pack_row(Isa isa, const uint32_t* xrgb, uint8_t* rgb, size_t pixels) noexcept {
-  LENTICULE_SELECT_KERNEL(isa, kScanoutKernel).pack_row(xrgb, rgb, pixels);
+void pack_row(Isa isa, ScanoutDepth depth, const uint32_t* words, uint8_t* rgb,
+              size_t pixels) noexcept {
+  loops_of(isa, depth).pack_row(words, rgb, pixels);
 }
 
-void expand_frame(Isa isa, const frames::FrameView& frame, const optics::Mounting& mounting,
-                  uint32_t* xrgb, size_t stride) noexcept {
-  expand_frame(LENTICULE_SELECT_KERNEL(isa, kScanoutKernel), frame, mounting, xrgb, stride);
+void expand_frame(Isa isa, ScanoutDepth depth, const frames::FrameView& frame,
+                  const optics::Mounting& mounting, uint32_t* words, size_t stride) noexcept {
+  expand_frame(loops_of(isa, depth), frame, mounting, words, stride);
 }
 
 frames::FrameGeometry turned(frames::FrameGeometry geometry, const optics::Mounting& mounting) {

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "base/cpu.h"
+#include "display/scanout_depth.h"
 
 namespace lenticule::display {
 
@@ -23,12 +24,22 @@ struct TurnedPixels {
   }
 };
 
-struct ScanoutKernel {
+/// ScanoutLoops holds the inner loops for one number of bits per colour.
+struct ScanoutLoops {
   void (*expand_row)(const uint8_t* rgb, uint32_t* xrgb, size_t pixels) noexcept;
   void (*pack_row)(const uint32_t* xrgb, uint8_t* rgb, size_t pixels) noexcept;
   /// Expands at most kTurnedTile columns and rows of a turned picture; `stride` is in words.
   void (*expand_turned)(const TurnedPixels& pixels, uint32_t* xrgb, size_t stride, size_t columns,
                         size_t rows) noexcept;
+};
+
+struct ScanoutKernel {
+  ScanoutLoops bits_8;
+  ScanoutLoops bits_10;
+
+  [[nodiscard]] const ScanoutLoops& loops(ScanoutDepth depth) const {
+    return depth == ScanoutDepth::Bits10 ? bits_10 : bits_8;
+  }
 };
 
 /// Side of the squares in which pictures are turned: few enough rows for the page tables' cache.

@@ -56,7 +56,8 @@ class FrameChecksum {
     row_.resize(scanout.geometry.row_bytes());
     XXH64_reset(hash_.get(), 0);
     for (int j = 0; j < scanout.geometry.height; ++j) {
-      pack_row(scanout.row(j), row_.data(), static_cast<size_t>(scanout.geometry.width));
+      pack_row(scanout.depth, scanout.row(j), row_.data(),
+               static_cast<size_t>(scanout.geometry.width));
       XXH64_update(hash_.get(), row_.data(), row_.size());
     }
     return XXH64_digest(hash_.get());
@@ -223,7 +224,8 @@ class PngRecorder final : public ScanoutRecorder {
       if (!made_) made_ = fs::create_directories(folder_) || fs::is_directory(folder_);
       if (frame_.geometry() != scanout.geometry) frame_ = frames::WovenFrame(scanout.geometry);
       for (int j = 0; j < scanout.geometry.height; ++j)
-        pack_row(scanout.row(j), frame_.row(j), static_cast<size_t>(scanout.geometry.width));
+        pack_row(scanout.depth, scanout.row(j), frame_.row(j),
+                 static_cast<size_t>(scanout.geometry.width));
       frames::write_woven(frame_.view(), folder_ / fmt::format("{:08}.png", shown.id));
       writes().succeeded();
     } catch (const std::exception& error) {

@@ -13,15 +13,17 @@
 #include <string_view>
 
 #include "base/retried_writes.h"
+#include "display/scanout_depth.h"
 #include "frames/frame.h"
 
 namespace lenticule::display {
 
 /// Scan-out memory, borrowed for the duration of a call.
 struct ScanoutView {
-  const uint32_t* pixels = nullptr;  ///< XRGB8888
-  size_t stride = 0;                 ///< words from one row to the next
+  const uint32_t* pixels = nullptr;
+  size_t stride = 0;  ///< words from one row to the next
   frames::FrameGeometry geometry;
+  ScanoutDepth depth = ScanoutDepth::Bits8;
 
   [[nodiscard]] const uint32_t* row(int j) const {
     return pixels + static_cast<size_t>(j) * stride;

@@ -62,6 +62,10 @@ class SubpixelLayout {
   std::vector<PixelCell> cells_;
 };
 
+/// Bits per colour of panels.
+inline constexpr int kUsualBits = 8;
+inline constexpr int kDeepBits = 10;
+
 /// Panel holds the pixel grid as the viewer sees it. Pixel (i, j): i right, j down. The panel frame
 /// is in millimetres, x right, y up, z toward the viewer, with its origin at the panel centre on
 /// the plane of the lens apices.
@@ -72,6 +76,7 @@ struct Panel {
   Millimetres pixel_height{0};  ///< a_y
   SubpixelLayout layout;
   Mounting mounting = {};  ///< from the picture that the graphics card sends to this grid
+  int bits = kUsualBits;   ///< bits per colour of the panel and its link: these or kDeepBits
 
   /// Returns the size of the picture that the graphics card sends.
   [[nodiscard]] PixelGrid sent_size() const { return mounting.turned({width_px, height_px}); }

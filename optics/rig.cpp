@@ -43,12 +43,19 @@ Problem first_of(const Checks&... checks) {
   return found;
 }
 
+Problem bits_problem(int bits) {
+  if (bits == kUsualBits || bits == kDeepBits) return {};
+  return RigProblem{"panel.bits", fmt::format("{} is not 8 or 10", bits),
+                    "state the bits per colour that the panel shows without dithering"};
+}
+
 Problem panel_problem(const Panel& panel) {
   return first_of(
       [&] { return outside("panel.width_px", panel.width_px, 1, kMaxPanelPixels); },
       [&] { return outside("panel.height_px", panel.height_px, 1, kMaxPanelPixels); },
       [&] { return not_positive("panel.pixel_width_mm", panel.pixel_width.value, kMaxPixelMm); },
-      [&] { return not_positive("panel.pixel_height_mm", panel.pixel_height.value, kMaxPixelMm); });
+      [&] { return not_positive("panel.pixel_height_mm", panel.pixel_height.value, kMaxPixelMm); },
+      [&] { return bits_problem(panel.bits); });
 }
 
 Problem residual_problem(const ResidualMap& map, const Panel& panel, double pitch_px) {

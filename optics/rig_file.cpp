@@ -57,13 +57,14 @@ Mounting read_mounting(const TomlSection& panel) {
 
 Panel read_panel(const TomlSection& panel) {
   panel.allow_only(
-      {"width_px", "height_px", "pixel_width_mm", "pixel_height_mm", "layout", "mounting"});
+      {"width_px", "height_px", "pixel_width_mm", "pixel_height_mm", "layout", "mounting", "bits"});
   return {.width_px = panel.whole("width_px"),
           .height_px = panel.whole("height_px"),
           .pixel_width = Millimetres(panel.number("pixel_width_mm")),
           .pixel_height = Millimetres(panel.number("pixel_height_mm")),
           .layout = read_layout(panel),
-          .mounting = read_mounting(panel)};
+          .mounting = read_mounting(panel),
+          .bits = panel.find("bits") == nullptr ? kUsualBits : panel.whole("bits")};
 }
 
 ResidualMap read_residual(const TomlSection& sheet) {

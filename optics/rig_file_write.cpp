@@ -86,6 +86,7 @@ std::string rig_to_toml(const Rig& rig) {
       toml_number(panel.pixel_height.value));
   if (!panel.mounting.upright())
     out += fmt::format("mounting = {}\n", toml_string(mounting_name(panel.mounting)));
+  if (panel.bits != kUsualBits) out += fmt::format("bits = {}\n", panel.bits);
   add_layout(panel.layout, out);
   add_sheet(rig.sheet, out);
   out +=

@@ -32,7 +32,9 @@ PanelInfo panel_info(const ConnectorInfo& connector, const std::string& card) {
                  .connected = connector.connected,
                  .non_desktop = connector.non_desktop,
                  .tiled = connector.tiled,
+                 .tile = connector.tile,
                  .link_bad = connector.link_bad,
+                 .variable_refresh = connector.variable_refresh,
                  .width_mm = connector.width_mm,
                  .height_mm = connector.height_mm,
                  .edid_problem = connector.edid.problem,
@@ -90,14 +92,45 @@ void inspect_card(Inspection& inspection, CardInfo& card, const DrmDevice& devic
     inspection.panels.push_back(panel_info(connector, device.path()));
 }
 
-bool is_requested(OutputRequest request, const ConnectorInfo& connector, const std::string& card) {
+/// Returns true if the request names the connector, as if the connector had a panel of its own.
+bool is_requested(OutputRequest request, ConnectorInfo connector, const std::string& card) {
   request.policy = IdentityPolicy::Ignore;
+  connector.tiled = false;
+  connector.tile.reset();
   ConnectorList list;
   list.connectors.push_back({card, connector});
   return connector.connected && choose_output(request, list).chosen.has_value();
 }
 
+/// PanelConnectors holds the connectors of a panel: one, or its tiles.
+struct PanelConnectors {
+  std::vector<ConnectorInfo> connectors;
+  std::optional<Error> refusal{};  ///< set if a tile is missing
+};
+
+/// Takes the connectors of the panel of `first` out of those of a card.
+PanelConnectors take_panel(std::vector<ConnectorInfo>& connectors, ConnectorInfo first,
+                           const std::string& card) {
+  const auto in_panel = [&](const ConnectorInfo& other) {
+    return other.id == first.id ||
+           (first.tile && other.tile && first.tile->group == other.tile->group);
+  };
+  ConnectorList list;
+  for (const ConnectorInfo& connector : connectors)
+    if (in_panel(connector)) list.connectors.push_back({card, connector});
+  std::erase_if(connectors, in_panel);
+  OutputRequest any_of_these;
+  any_of_these.card = card;
+  const OutputChoice choice = choose_output(any_of_these, list);
+  if (!choice.chosen) return {.connectors = {std::move(first)}, .refusal = choice.refusal};
+  PanelConnectors panel;
+  for (const size_t tile : choice.tiles) panel.connectors.push_back(list.connectors[tile].info);
+  return panel;
+}
+
 PixelSize own_size(const ConnectorInfo& connector) {
+  if (const auto& tile = connector.tile)
+    return {tile->columns * tile->width, tile->rows * tile->height};
   const drmModeModeInfo* const mode = preferred_mode(connector.modes);
   if (mode == nullptr)
     throw Error(ErrorKind::Device, "the panel offers no mode",
@@ -107,14 +140,13 @@ PixelSize own_size(const ConnectorInfo& connector) {
 }
 
 /// Performs every step of opening a panel except the modeset.
-void rehearse(Diagnosis& diagnosis, DrmDevice device, const ConnectorInfo& connector,
-              const std::shared_ptr<KmsPlatform>& platform) {
+void rehearse(Diagnosis& diagnosis, DrmDevice device, const std::vector<ConnectorInfo>& connectors,
+              ScanoutDepth depth, const std::shared_ptr<KmsPlatform>& platform) {
   const int fd = device.fd();
-  const PixelSize size = own_size(connector);
+  const PixelSize size = own_size(connectors.front());
   const frames::FrameGeometry geometry{size.width, size.height, frames::PixelFormat::Rgb8};
-  const drmModeModeInfo mode = require_mode(connector, geometry, std::nullopt);
-  std::vector<Pipe> pipes;
-  pipes.push_back(choose_pipe(fd, connector, mode));
+  std::vector<Pipe> pipes = choose_pipes(fd, connectors, geometry, std::nullopt, depth);
+  const ScanoutLayout layout{.geometry = geometry, .depth = pipes.front().depth};
   KmsOutput output(std::move(device), std::move(pipes), platform);
   const BorrowedMastery mastery(output.device());
   diagnosis.tested = mastery.held();
@@ -123,7 +155,7 @@ void rehearse(Diagnosis& diagnosis, DrmDevice device, const ConnectorInfo& conne
         "another program is DRM master of the card, so its outputs could not be tested";
     diagnosis.remedy = "stop the desktop session or the player, then try again";
   }
-  const KmsBuffer buffer(fd, platform, geometry);
+  const KmsBuffer buffer(fd, platform, layout);
   const int error = output.rehearse(buffer.framebuffer());
   diagnosis.exactness = output.report();
   if (!mastery.held() || error == 0) return;
@@ -133,13 +165,17 @@ void rehearse(Diagnosis& diagnosis, DrmDevice device, const ConnectorInfo& conne
 
 Diagnosis diagnose_panel(const std::shared_ptr<Session>& session,
                          const std::shared_ptr<KmsPlatform>& platform, const DrmNode& node,
-                         const ConnectorInfo& connector) {
-  Diagnosis diagnosis{.panel = panel_info(connector, node.path)};
+                         const PanelConnectors& panel, ScanoutDepth depth) {
+  Diagnosis diagnosis{.panel = panel_info(panel.connectors.front(), node.path)};
+  for (const ConnectorInfo& connector : panel.connectors)
+    diagnosis.connectors.push_back(connector.name);
   try {
     DrmDevice device = DrmDevice::open(session, node);
     diagnosis.driver = device.driver();
+    if (panel.refusal) throw Error(*panel.refusal);
     diagnosis.problem = missing_caps(device.caps());
-    if (diagnosis.problem.empty()) rehearse(diagnosis, std::move(device), connector, platform);
+    if (diagnosis.problem.empty())
+      rehearse(diagnosis, std::move(device), panel.connectors, depth, platform);
   } catch (const Error& error) {
     diagnosis.problem = error.what();
     diagnosis.remedy = error.hint();
@@ -208,9 +244,13 @@ std::vector<Diagnosis> diagnose(const std::shared_ptr<Session>& session,
     } catch (const Error&) {
       continue;  // inspect_cards() lists cards that cannot be opened
     }
-    for (const ConnectorInfo& connector : connectors)
-      if (is_requested(request, connector, node.path))
-        diagnoses.push_back(diagnose_panel(session, platform, node, connector));
+    const auto requested = [&](const ConnectorInfo& connector) {
+      return is_requested(request, connector, node.path);
+    };
+    const auto next = [&] { return std::ranges::find_if(connectors, requested); };
+    for (auto first = next(); first != connectors.end(); first = next())
+      diagnoses.push_back(diagnose_panel(session, platform, node,
+                                         take_panel(connectors, *first, node.path), request.depth));
   }
   return diagnoses;
 }

@@ -15,6 +15,7 @@
 #include "display/kms/device/edid.h"
 #include "display/kms/device/platform.h"
 #include "display/kms/device/session.h"
+#include "display/kms/device/tile.h"
 #include "display/kms/probe/output_request.h"
 #include "display/kms/scanout/kms_display.h"
 #include "frames/rational.h"
@@ -35,8 +36,10 @@ struct PanelInfo {
   std::string connector;  ///< "HDMI-A-1"
   bool connected = false;
   bool non_desktop = false;
-  bool tiled = false;
+  bool tiled = false;          ///< one of several connectors of a panel
+  std::optional<Tile> tile{};  ///< set if tiled, unless the kernel's text is not valid
   bool link_bad = false;
+  bool variable_refresh = false;  ///< panel and link can vary the refresh
   uint32_t width_mm = 0;
   uint32_t height_mm = 0;
   EdidProblem edid_problem = EdidProblem::Absent;
@@ -86,7 +89,8 @@ struct PanelSearch {
 
 /// The effect of playing on this panel on its output.
 struct Diagnosis {
-  PanelInfo panel;
+  PanelInfo panel;                        ///< of the first connector
+  std::vector<std::string> connectors{};  ///< all connectors of the panel, the first one first
   std::string driver{};
   std::string problem{};  ///< reason why nothing could be displayed; empty if frames can be
   std::string remedy{};
@@ -95,8 +99,8 @@ struct Diagnosis {
   ExactnessReport exactness{};  ///< outcomes are "would be forced"
 };
 
-/// Diagnoses every connected panel on the requested output, of any identity and size. Commits
-/// nothing.
+/// Diagnoses every connected panel on the requested output, of any identity and size. A panel of
+/// several tiles is tested as one, or has the problem that a tile is missing. Commits nothing.
 [[nodiscard]] std::vector<Diagnosis> diagnose(
     const std::shared_ptr<Session>& session, const OutputRequest& request,
     const std::shared_ptr<KmsPlatform>& platform = make_linux_platform());

@@ -62,6 +62,7 @@ std::unique_ptr<Display> open_virtual(const DisplayRequest& request) {
   return open_virtual_display(
       {.geometry = geometry,
        .mounting = request.mounting,
+       .depth = request.depth,
        .refresh = spec.refresh,
        .buffers = request.buffers,
        .clock = request.clock,
@@ -107,6 +108,7 @@ KmsOptions kms_options_of(const DisplayRequest& request) {
   KmsOptions options = request.kms;
   options.output = parse_kms_spec(request.spec, options.output);
   options.output.panel = turned(request.panel, request.mounting);
+  options.output.depth = request.depth;
   options.mounting = request.mounting;
   options.buffers = request.buffers;
   if (request.recorder)
@@ -116,10 +118,15 @@ KmsOptions kms_options_of(const DisplayRequest& request) {
   return options;
 }
 
+ScanoutDepth depth_of(int bits) {
+  return bits == optics::kDeepBits ? ScanoutDepth::Bits10 : ScanoutDepth::Bits8;
+}
+
 DisplayRequest request_for(const optics::Rig& rig, const std::string& spec) {
   DisplayRequest request{.spec = spec,
                          .panel = {.width = rig.panel.width_px, .height = rig.panel.height_px},
-                         .mounting = rig.panel.mounting};
+                         .mounting = rig.panel.mounting,
+                         .depth = depth_of(rig.panel.bits)};
   request.kms.output.identity = rig.identity;
   return request;
 }

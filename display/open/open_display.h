@@ -10,6 +10,7 @@
 #include "display/clock.h"
 #include "display/display.h"
 #include "display/kms/scanout/kms_display.h"
+#include "display/scanout_depth.h"
 #include "display/scanout_recorder.h"
 #include "optics/rig.h"
 
@@ -23,16 +24,19 @@ struct DisplayRequest {
   frames::FrameGeometry panel = {};
   /// Mounting of the panel; the frames are what its viewer sees.
   optics::Mounting mounting = {};
+  ScanoutDepth depth = ScanoutDepth::Bits8;  ///< of the scan-out memory; frames have 8 bits
   /// Virtual displays only: null = real time.
   std::shared_ptr<Clock> clock = nullptr;
   /// Virtual displays only: null = no recording.
   std::shared_ptr<ScanoutRecorder> recorder = nullptr;
   int buffers = 3;
-  /// KMS displays only; output, panel, mounting and buffers are taken from above. A simulated clock
-  /// or a recorder is not supported there.
+  /// KMS displays only; output, panel, mounting, depth and buffers are taken from above. A
+  /// simulated clock or a recorder is not supported there.
   KmsOptions kms = {};
 };
 
+/// Returns the depth for a rig whose panel has so many bits per colour.
+[[nodiscard]] ScanoutDepth depth_of(int bits);
 /// Returns the request for a display of the rig's panel.
 [[nodiscard]] DisplayRequest request_for(const optics::Rig& rig, const std::string& spec);
 

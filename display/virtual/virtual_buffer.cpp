@@ -24,9 +24,11 @@ size_t VirtualBuffer::bytes(frames::FrameGeometry geometry) noexcept {
   return stride_words(geometry) * static_cast<size_t>(geometry.height) * sizeof(uint32_t);
 }
 
-VirtualBuffer::VirtualBuffer(frames::FrameGeometry geometry, const optics::Mounting& mounting)
+VirtualBuffer::VirtualBuffer(frames::FrameGeometry geometry, const optics::Mounting& mounting,
+                             ScanoutDepth depth)
     : geometry_(geometry),
       mounting_(mounting),
+      depth_(depth),
       stride_(stride_words(geometry)),
       words_(static_cast<uint32_t*>(std::aligned_alloc(kCacheLine, bytes(geometry)))) {
   if (!words_) throw std::bad_alloc();
@@ -36,7 +38,7 @@ VirtualBuffer::VirtualBuffer(frames::FrameGeometry geometry, const optics::Mount
 void VirtualBuffer::fill(const frames::FrameView& frame) noexcept {
   LENTICULE_CHECK(turned(frame.geometry, mounting_) == geometry_ &&
                   frame.bytes.size() >= geometry_.frame_bytes());
-  expand_frame(frame, mounting_, words_.get(), stride_);
+  expand_frame(depth_, frame, mounting_, words_.get(), stride_);
 }
 
 bool VirtualBuffer::try_acquire() noexcept {

@@ -20,7 +20,8 @@ class VirtualBuffer final : public ScanoutBuffer {
  public:
   /// Fills the buffer with black, which touches every page, so that page faults cannot delay a
   /// frame.
-  explicit VirtualBuffer(frames::FrameGeometry geometry, const optics::Mounting& mounting = {});
+  explicit VirtualBuffer(frames::FrameGeometry geometry, const optics::Mounting& mounting = {},
+                         ScanoutDepth depth = ScanoutDepth::Bits8);
 
   void fill(const frames::FrameView& frame) noexcept override;
 
@@ -33,7 +34,9 @@ class VirtualBuffer final : public ScanoutBuffer {
 
   void begin_recording() noexcept { recording_.store(true, std::memory_order_relaxed); }
   void end_recording() noexcept { recording_.store(false, std::memory_order_release); }
-  [[nodiscard]] ScanoutView view() const noexcept { return {words_.get(), stride_, geometry_}; }
+  [[nodiscard]] ScanoutView view() const noexcept {
+    return {words_.get(), stride_, geometry_, depth_};
+  }
 
   /// Returns the bytes of one buffer of this size.
   [[nodiscard]] static size_t bytes(frames::FrameGeometry geometry) noexcept;
@@ -45,6 +48,7 @@ class VirtualBuffer final : public ScanoutBuffer {
 
   frames::FrameGeometry geometry_;
   optics::Mounting mounting_;
+  ScanoutDepth depth_;
   size_t stride_;
   std::unique_ptr<uint32_t, FreeMemory> words_;
   std::atomic<BufferState> state_{BufferState::Free};

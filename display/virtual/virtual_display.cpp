@@ -74,17 +74,19 @@ class VirtualDisplay final : public Display {
         faults_(options.faults ? options.faults : std::make_shared<VirtualFaults>()),
         recorder_(options.recorder),
         buffers_in_use_(options.buffers) {
-    mode_ = {.geometry = turned(options.geometry, options.mounting),
-             .refresh = options.refresh,
-             .name = fmt::format("virtual {}x{}@{}", options.geometry.width,
-                                 options.geometry.height, frames::to_string(options.refresh)),
-             .hardware_clock = false};
+    mode_ = {
+        .geometry = turned(options.geometry, options.mounting),
+        .refresh = options.refresh,
+        .name = fmt::format("virtual {}x{}@{}{}", options.geometry.width, options.geometry.height,
+                            frames::to_string(options.refresh), depth_suffix(options.depth)),
+        .hardware_clock = false};
     const bool recording_thread = recorder_ && clock_->real_time();
     const int recorded_at_once = recording_thread ? buffers_to_record(options.geometry) : 0;
     const int buffers = options.buffers + recorded_at_once;
     check_memory(options, buffers);
     for (int i = 0; i < buffers; ++i)
-      buffers_.push_back(std::make_unique<VirtualBuffer>(options.geometry, options.mounting));
+      buffers_.push_back(
+          std::make_unique<VirtualBuffer>(options.geometry, options.mounting, options.depth));
     if (recording_thread)
       recording_ =
           std::make_unique<RecordingThread>(recorder_, static_cast<size_t>(recorded_at_once));

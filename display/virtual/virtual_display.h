@@ -7,6 +7,7 @@
 
 #include "display/clock.h"
 #include "display/display.h"
+#include "display/scanout_depth.h"
 #include "display/scanout_recorder.h"
 #include "display/virtual/virtual_faults.h"
 #include "optics/mounting.h"
@@ -16,6 +17,7 @@ namespace lenticule::display {
 struct VirtualDisplayOptions {
   frames::FrameGeometry geometry = {};  ///< scan-out memory; its frames may be turned
   optics::Mounting mounting = {};
+  ScanoutDepth depth = ScanoutDepth::Bits8;
   frames::Rate refresh{60, 1};
   /// 2 ... 16: one displayed, one pending, the others filled ahead.
   int buffers = 3;

@@ -21,6 +21,12 @@ nlohmann::json mode_as_json(const display::ModeInfo& mode) {
           {"usable", mode.usable}};
 }
 
+nlohmann::json tile_as_json(const display::Tile& tile) {
+  return {{"group", tile.group},     {"columns", tile.columns}, {"rows", tile.rows},
+          {"column", tile.column},   {"row", tile.row},         {"width_px", tile.width},
+          {"height_px", tile.height}};
+}
+
 }  // namespace
 
 nlohmann::json to_json(const display::CardInfo& card) {
@@ -44,12 +50,15 @@ nlohmann::json to_json(const display::PanelInfo& panel) {
                          {"non_desktop", panel.non_desktop},
                          {"tiled", panel.tiled},
                          {"link_bad", panel.link_bad},
+                         {"variable_refresh", panel.variable_refresh},
                          {"width_mm", panel.width_mm},
                          {"height_mm", panel.height_mm},
                          {"edid", display::edid_problem_name(panel.edid_problem)},
                          {"identity", nullptr},
+                         {"tile", nullptr},
                          {"modes", std::move(modes)}};
   if (panel.identity) json["identity"] = identity_as_json(*panel.identity);
+  if (panel.tile) json["tile"] = tile_as_json(*panel.tile);
   return json;
 }
 
@@ -75,9 +84,25 @@ nlohmann::json to_json(const display::ExactnessReport& report) {
 }
 
 nlohmann::json to_json(const display::Diagnosis& diagnosis) {
-  return {{"panel", to_json(diagnosis.panel)}, {"driver", diagnosis.driver},
-          {"problem", diagnosis.problem},      {"remedy", diagnosis.remedy},
-          {"tested", diagnosis.tested},        {"exactness", to_json(diagnosis.exactness)}};
+  return {{"panel", to_json(diagnosis.panel)},
+          {"connectors", diagnosis.connectors},
+          {"driver", diagnosis.driver},
+          {"problem", diagnosis.problem},
+          {"remedy", diagnosis.remedy},
+          {"tested", diagnosis.tested},
+          {"exactness", to_json(diagnosis.exactness)}};
+}
+
+nlohmann::json to_json(const display::TileGroup& group) {
+  nlohmann::json tiles = nlohmann::json::array();
+  for (const display::PlacedTile& tile : group.tiles) {
+    nlohmann::json place = {{"column", tile.column}, {"row", tile.row}, {"connector", nullptr}};
+    if (!tile.connector.empty()) place["connector"] = tile.connector;
+    tiles.push_back(std::move(place));
+  }
+  return {{"card", group.card},           {"group", group.group},     {"columns", group.columns},
+          {"rows", group.rows},           {"width_px", group.width},  {"height_px", group.height},
+          {"complete", group.complete()}, {"tiles", std::move(tiles)}};
 }
 
 nlohmann::json to_json(const display::KmsStatistics& statistics) {

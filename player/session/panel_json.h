@@ -8,6 +8,7 @@
 #include "display/kms/color/exactness_report.h"
 #include "display/kms/inspect.h"
 #include "display/kms/scanout/kms_display.h"
+#include "display/kms/tile_groups.h"
 
 namespace lenticule::player {
 
@@ -15,6 +16,7 @@ namespace lenticule::player {
 [[nodiscard]] nlohmann::json to_json(const display::PanelInfo& panel);
 [[nodiscard]] nlohmann::json to_json(const display::ExactnessReport& report);
 [[nodiscard]] nlohmann::json to_json(const display::Diagnosis& diagnosis);
+[[nodiscard]] nlohmann::json to_json(const display::TileGroup& group);
 [[nodiscard]] nlohmann::json to_json(const display::KmsStatistics& statistics);
 
 }  // namespace lenticule::player

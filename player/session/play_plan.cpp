@@ -264,6 +264,7 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   plan.source.card = rig_card(rig, plan.source.rig_file);
   plan.display.panel = plan.source.panel;
   plan.display.mounting = rig.panel.mounting;
+  plan.display.depth = display::depth_of(rig.panel.bits);
   if (display::is_kms_spec(flags.display)) plan.display.kms = kms_options(flags, rig, service);
   return plan;
 }

@@ -44,9 +44,10 @@ void FollowedRig::look() {
                                rig_.panel.height_px);
       return;
     }
-    if (rig.panel.mounting != rig_.panel.mounting) {
-      complaint_ = fmt::format("{}: has another panel.mounting, which a player reads at its start",
-                               rig_file_.string());
+    if (rig.panel.mounting != rig_.panel.mounting || rig.panel.bits != rig_.panel.bits) {
+      complaint_ =
+          fmt::format("{}: has another panel.{}, which a player reads at its start",
+                      rig_file_.string(), rig.panel.bits != rig_.panel.bits ? "bits" : "mounting");
       return;
     }
     complaint_.clear();

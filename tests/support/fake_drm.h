@@ -3,6 +3,7 @@
 // vblanks in simulated time, and faults on request.
 #pragma once
 
+#include <drm_fourcc.h>
 #include <xf86drmMode.h>
 
 #include <array>
@@ -33,6 +34,8 @@ struct EdidMaker {
   std::string serial_text{};
   std::string name = "Panel";
   bool ycbcr = false;
+  int bits = 8;              ///< bits per colour of the base block
+  bool deep_colour = false;  ///< adds the HDMI data block with its flag for 30 bits per pixel
   /// size of the first detailed timing; no timing if 0
   int width = 0;
   int height = 0;
@@ -87,6 +90,7 @@ struct FakeFramebuffer {
   uint32_t handle = 0;
   uint32_t width = 0;
   uint32_t height = 0;
+  uint32_t format = DRM_FORMAT_XRGB8888;
 };
 
 struct FakeRamp {
@@ -167,7 +171,8 @@ class FakeCard {
   uint64_t sequence_base = 0;  ///< value of the driver's counter at time 0
   Nanoseconds period{16'666'667};
   uint32_t max_buffers = 16;
-  std::map<uint32_t, Nanoseconds> crtc_shift;  ///< delay of each CRTC's vblanks
+  std::vector<uint32_t> formats = {DRM_FORMAT_XRGB8888};  ///< formats of all planes
+  std::map<uint32_t, Nanoseconds> crtc_shift;             ///< delay of each CRTC's vblanks
   Nanoseconds timestamp_shift{0};  ///< added to timestamps in events, not to their arrival
   std::function<void(uint64_t sequence, const FakeBuffer&)>
       on_flip{};                               ///< called at each flip's vblank

@@ -125,9 +125,11 @@ int drmModeAddFB2(int fd, uint32_t width, uint32_t height, uint32_t format,
   (void)flags;
   FakeCard* card = card_of(fd);
   if (card == nullptr) return -ENODEV;
-  if (format != DRM_FORMAT_XRGB8888 || card->buffers.count(handles[0]) == 0) return -EINVAL;
+  const bool known =
+      std::find(card->formats.begin(), card->formats.end(), format) != card->formats.end();
+  if (!known || card->buffers.count(handles[0]) == 0) return -EINVAL;
   *id = card->next_id++;
-  card->framebuffers[*id] = {handles[0], width, height};
+  card->framebuffers[*id] = {handles[0], width, height, format};
   return 0;
 }
 int drmModeRmFB(int fd, uint32_t id) {

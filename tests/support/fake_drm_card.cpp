@@ -76,7 +76,7 @@ std::vector<uint8_t> EdidMaker::bytes() const {
   for (size_t i = 0; i < 4; ++i) block[12 + i] = static_cast<uint8_t>(serial_number >> (8 * i));
   block[18] = 1;
   block[19] = 4;
-  block[20] = 0xa5;
+  block[20] = static_cast<uint8_t>(0x85 | (bits - 4) / 2 << 4);
   block[24] = ycbcr ? 0x1a : 0x02;
   if (width > 0) {
     block[54] = block[55] = 1;
@@ -95,7 +95,14 @@ std::vector<uint8_t> EdidMaker::bytes() const {
   };
   if (!name.empty()) put_text(72, 0xfc, name);
   if (!serial_text.empty()) put_text(90, 0xff, serial_text);
+  if (deep_colour) block[126] = 1;
   block[127] = static_cast<uint8_t>(-std::accumulate(block.begin(), block.end() - 1, 0));
+  if (deep_colour) {
+    const uint8_t extension[] = {2, 3, 12, 0, 0x67, 0x03, 0x0c, 0x00, 0x10, 0x00, 0x10, 0x00};
+    block.insert(block.end(), std::begin(extension), std::end(extension));
+    block.resize(256, 0);
+    block[255] = static_cast<uint8_t>(-std::accumulate(block.begin() + 128, block.end(), 0));
+  }
   return block;
 }
 
@@ -250,12 +257,14 @@ std::vector<uint32_t> FakeCard::displayed(uint32_t crtc) {
     return static_cast<uint32_t>(plane.value(name) >> 16);
   };
   const uint32_t left = source("SRC_X"), top = source("SRC_Y");
+  const uint32_t bits =
+      framebuffer->second.format == DRM_FORMAT_XRGB2101010 ? 0x3fffffff : 0xffffff;
   std::vector<uint32_t> words;
   for (uint32_t j = top; j < std::min(buffer.height, top + source("SRC_H")); ++j)
     for (uint32_t i = left; i < std::min(buffer.width, left + source("SRC_W")); ++i) {
       uint32_t word = 0;
       std::memcpy(&word, &buffer.bytes[size_t{j} * buffer.pitch + size_t{i} * 4], sizeof(word));
-      words.push_back(word & 0xffffff);
+      words.push_back(word & bits);
     }
   return words;
 }

@@ -189,8 +189,8 @@ drmModePlanePtr drmModeGetPlane(int fd, uint32_t id) {
   if (card == nullptr || card->objects.count(id) == 0) return nullptr;
   auto* const plane = zeroed<drmModePlane>();
   plane->plane_id = id;
-  plane->count_formats = 1;
-  plane->formats = copied(std::vector<uint32_t>{DRM_FORMAT_XRGB8888});
+  plane->count_formats = static_cast<uint32_t>(card->formats.size());
+  plane->formats = copied(card->formats);
   plane->crtc_id = static_cast<uint32_t>(card->value(id, "CRTC_ID"));
   plane->fb_id = static_cast<uint32_t>(card->value(id, "FB_ID"));
   plane->possible_crtcs = card->possible_crtcs.at(id);

@@ -59,9 +59,10 @@ void RememberingRecorder::record(const display::ShownFrame& shown,
   frames::WovenFrame frame(scanout.geometry);
   for (int j = 0; j < scanout.geometry.height; ++j)
     for (int i = 0; i < scanout.geometry.width; ++i) {
-      const uint32_t xrgb = scanout.row(j)[i];
-      for (int c = 0; c < 3; ++c)
-        frame.row(j)[3 * i + c] = static_cast<uint8_t>(xrgb >> (16 - 8 * c));
+      const uint32_t word = scanout.row(j)[i];
+      const int bits = display::bits_of(scanout.depth);
+      for (int c = 0; c < 3; ++c)  // the upper eight bits of each colour
+        frame.row(j)[3 * i + c] = static_cast<uint8_t>(word >> ((2 - c) * bits + bits - 8));
     }
   const std::lock_guard lock(mutex_);
   shown_.push_back({shown.sequence, shown.id, checksum_of(frame.view())});

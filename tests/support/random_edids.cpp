@@ -155,7 +155,8 @@ Bytes cta_data_block(Dice& dice) {
     case 4:
       return {7 << 5 | 2, 0, 0xca};  // video capabilities
     default:
-      return {3 << 5 | 5, 0x03, 0x0c, 0x00, 0x10, 0x00};  // HDMI
+      if (dice.one_in(2)) return {3 << 5 | 5, 0x03, 0x0c, 0x00, 0x10, 0x00};  // HDMI
+      return {3 << 5 | 7, 0x03, 0x0c, 0x00, 0x10, 0x00, low(dice.below(8) << 4), 60};
   }
 }
 

@@ -79,6 +79,7 @@ Rig random_candidate(std::mt19937_64& random) {
     rig.viewing.height = Millimetres(uniform(random, -300.0, 300.0));
     if (pick(random, 3) == 0) rig.viewing.centre = Millimetres(uniform(random, -300.0, 300.0));
   }
+  if (pick(random, 4) == 0) rig.panel.bits = optics::kDeepBits;
   return rig;
 }
 

@@ -46,6 +46,14 @@ def finds_vkms_healthy(vm):
     check_healthy(vm, "vkms", True)
 
 
+@vm_test(VIRTIO)
+def reports_that_virtio_has_no_format_of_ten_bits(vm):
+    [output] = json.loads(doctor(vm, INEXACT, "--bits", "10").stdout)["outputs"]
+    assert output["problem"] == "" and output["tested"], output
+    assert any("XRGB2101010" in reason for reason in output["exactness"]["reasons"]), output
+    assert any("panel.bits = 8" in remedy for remedy in output["exactness"]["remedies"]), output
+
+
 @vm_test(Machine(display="cirrus"), fresh=True)
 def reports_that_cirrus_reduces_colours(vm):
     found = json.loads(doctor(vm, INEXACT).stdout)
@@ -75,7 +83,7 @@ def refuses_to_play_with_reduced_colours(vm):
 @vm_test(Machine())
 def reports_a_missing_card(vm):
     result = doctor(vm, NO_PANEL)
-    assert json.loads(result.stdout) == {"cards": [], "outputs": []}, result
+    assert json.loads(result.stdout) == {"cards": [], "tiled_panels": [], "outputs": []}, result
     assert "no graphics card was found" in result.stderr, result
 
 

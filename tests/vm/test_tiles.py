@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tests a panel with two connectors: one commit shows both halves, on the kernel's own code."""
 
+import json
 import shutil
 import signal
 import subprocess
@@ -9,7 +10,7 @@ import picture
 import tiled_edid
 from content import Content
 from playing import play, stats, wait_until_shown
-from vm_test import Machine, Skip, vm_test
+from vm_test import Machine, Skip, require_program, vm_test
 
 TILE = (1024, 768)  # both outputs list this mode
 TWO = Machine(display="virtio-gpu", width=TILE[0], height=TILE[1], outputs=2)
@@ -83,3 +84,24 @@ def a_panel_without_one_of_its_cables_is_refused(vm):
     result = play(vm, content, "--duration", "2").wait(60)
     assert result.code == 3, result
     assert "the panel has 2 connectors, and 1 of them can be used" in result.stderr, result.stderr
+
+
+@vm_test(TWO, fresh=True)
+def doctor_lists_both_tiles_and_tests_them_as_one(vm):
+    connect_tiles(vm)
+    doctor = [require_program(vm, "lenticule"), "doctor", "--json"]
+    result = vm.run(doctor, 60)
+    assert result.code == 0, result
+    found = json.loads(result.stdout)
+    [panel] = found["tiled_panels"]
+    size = (panel["width_px"], panel["height_px"])
+    assert panel["complete"] and size == (2 * TILE[0], TILE[1]), panel
+    assert [tile["connector"] for tile in panel["tiles"]] == ["Virtual-1", "Virtual-2"], panel
+    [output] = found["outputs"]
+    assert output["connectors"] == ["Virtual-1", "Virtual-2"] and output["tested"], output
+    vm.write_file("/sys/class/drm/card0-Virtual-2/status", "off")
+    found = json.loads(vm.run(doctor, 60).stdout)
+    [panel] = found["tiled_panels"]
+    assert not panel["complete"] and panel["tiles"][1]["connector"] is None, panel
+    [output] = found["outputs"]
+    assert "1 of them can be used" in output["problem"], output

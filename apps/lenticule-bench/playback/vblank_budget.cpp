@@ -52,7 +52,8 @@ class StoredFrame {
 void copy_to_scanout(const frames::WovenFrame& frame, std::vector<uint32_t>& scanout) {
   const auto width = static_cast<size_t>(frame.width());
   for (int j = 0; j < frame.height(); ++j)
-    display::expand_row(frame.row(j), scanout.data() + static_cast<size_t>(j) * width, width);
+    display::expand_row(display::ScanoutDepth::Bits8, frame.row(j),
+                        scanout.data() + static_cast<size_t>(j) * width, width);
 }
 
 /// Milliseconds of each step, one per run.

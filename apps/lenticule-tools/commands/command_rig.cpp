@@ -88,6 +88,7 @@ json panel_json(const optics::Panel& panel) {
           {"height_mm", panel.height_px * panel.pixel_height.value},
           {"layout", panel.layout.name()},
           {"mounting", optics::mounting_name(panel.mounting)},
+          {"bits", panel.bits},
           {"sent_width_px", panel.sent_size().width},
           {"sent_height_px", panel.sent_size().height}};
 }

@@ -1,15 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule doctor checks whether every subpixel reaches the panel unchanged, and lists remedies.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "apps/lenticule/cli/command.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "display/kms/inspect.h"
+#include "display/open/open_display.h"
+#include "optics/panel.h"
 #include "player/session/panel_json.h"
 
 namespace lenticule::player {
@@ -17,15 +22,21 @@ namespace {
 
 struct DoctorFlags {
   std::string display = "kms";
+  int bits = optics::kUsualBits;
   bool json = false;
 };
 
 nlohmann::json examine(const DoctorFlags& flags) {
-  const display::OutputRequest request = display::parse_kms_spec(flags.display);
+  display::OutputRequest request = display::parse_kms_spec(flags.display);
+  request.depth = display::depth_of(flags.bits);
   const auto session = display::make_direct_session();
-  nlohmann::json json = {{"cards", nlohmann::json::array()}, {"outputs", nlohmann::json::array()}};
-  for (const auto& card : display::inspect_cards(session).cards)
-    json["cards"].push_back(to_json(card));
+  nlohmann::json json = {{"cards", nlohmann::json::array()},
+                         {"tiled_panels", nlohmann::json::array()},
+                         {"outputs", nlohmann::json::array()}};
+  const display::Inspection inspection = display::inspect_cards(session);
+  for (const auto& card : inspection.cards) json["cards"].push_back(to_json(card));
+  for (const auto& group : display::tile_groups(inspection.panels))
+    json["tiled_panels"].push_back(to_json(group));
   for (const auto& diagnosis : display::diagnose(session, request))
     json["outputs"].push_back(to_json(diagnosis));
   return json;
@@ -50,6 +61,19 @@ void print_cards(const nlohmann::json& cards) {
   }
 }
 
+void print_tiled_panels(const nlohmann::json& groups) {
+  for (const auto& group : groups) {
+    print_out("tiled panel {} on {}: {}x{} in {} x {} tiles, {}\n", group["group"].get<uint32_t>(),
+              text_of(group["card"]), group["width_px"].get<int>(), group["height_px"].get<int>(),
+              group["columns"].get<int>(), group["rows"].get<int>(),
+              group["complete"].get<bool>() ? "all connected" : "not all connected");
+    for (const auto& tile : group["tiles"])
+      print_out("  column {}, row {}: {}\n", tile["column"].get<int>() + 1,
+                tile["row"].get<int>() + 1,
+                tile["connector"].is_null() ? "not connected" : text_of(tile["connector"]));
+  }
+}
+
 void print_properties(const nlohmann::json& properties) {
   if (properties.empty()) return;
   print_out("  {:<10} {:<24} {:<16} {:<12} {}\n", "object", "property", "found", "wanted",
@@ -67,7 +91,10 @@ void print_list(const char* label, const nlohmann::json& lines) {
 void print_output(const nlohmann::json& output) {
   const nlohmann::json& panel = output["panel"];
   const nlohmann::json& exactness = output["exactness"];
-  print_out("{} on {}\n", text_of(panel["connector"]), text_of(panel["card"]));
+  const auto connectors = output["connectors"].get<std::vector<std::string>>();
+  print_out("{} on {}{}\n", fmt::format("{}", fmt::join(connectors, " and ")),
+            text_of(panel["card"]),
+            panel["variable_refresh"].get<bool>() ? ": can vary its refresh" : "");
   print_properties(exactness["properties"]);
   if (!text_of(output["problem"]).empty())
     print_out("  cannot be used: {}\n", text_of(output["problem"]));
@@ -83,6 +110,7 @@ void print_output(const nlohmann::json& output) {
 
 void print_text(const nlohmann::json& json) {
   print_cards(json["cards"]);
+  print_tiled_panels(json["tiled_panels"]);
   for (const auto& output : json["outputs"]) print_output(output);
 }
 
@@ -105,6 +133,9 @@ ExitCode verdict_of(const nlohmann::json& outputs) {
 Run declare_doctor(CLI::App& app) {
   auto flags = std::make_shared<DoctorFlags>();
   app.add_option("--display", flags->display, "kms[:CONNECTOR|:edid:MFG...|:/dev/dri/...]")
+      ->capture_default_str();
+  app.add_option("--bits", flags->bits, "bits per colour, as the rig states them (panel.bits)")
+      ->check(CLI::IsMember({optics::kUsualBits, optics::kDeepBits}))
       ->capture_default_str();
   app.add_flag("--json", flags->json, "print everything as JSON");
   return [flags]() -> ExitCode {

@@ -25,7 +25,8 @@ constexpr std::array kPaths = {
                "vkms/vkms_formats.c, XRGB8888_to_argb_u16() and argb_u16_to_XRGB8888()"},
     // Display engines that scan out the buffer; their debugfs files describe the rest of the path.
     DriverPath{"i915", AsItIs, "the display engine scans XRGB8888 out of memory",
-               "i915/display/skl_universal_plane.c, skl_plane_ctl_format()"},
+               "i915/display/skl_universal_plane.c, skl_plane_ctl_format()",
+               "the display engine scans XRGB2101010 out of memory"},
 
     DriverPath{"cirrus", Alters,
                "24-bit colours are cut to 16 bits (RGB565) unless lines are short enough for 24",

@@ -19,6 +19,8 @@ struct DriverPath {
   const char* fact;
   /// File and function in the kernel's sources, or the manufacturer's documentation.
   const char* source;
+  /// Fact about frames in XRGB2101010; null if the sources were read for XRGB8888 only.
+  const char* fact_of_ten_bits = nullptr;
 };
 
 [[nodiscard]] std::span<const DriverPath> driver_paths();

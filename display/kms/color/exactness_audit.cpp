@@ -9,7 +9,9 @@
 #include <utility>
 
 #include "display/kms/color/driver_paths.h"
+#include "display/kms/color/legacy_gamma.h"
 #include "display/kms/color/link_readings.h"
+#include "display/kms/device/connector.h"
 
 namespace lenticule::display {
 namespace {
@@ -21,15 +23,17 @@ bool has_link(uint32_t connector_type) {
          connector_type != DRM_MODE_CONNECTOR_WRITEBACK;
 }
 
-bool is_hdmi(uint32_t type) {
-  return type == DRM_MODE_CONNECTOR_HDMIA || type == DRM_MODE_CONNECTOR_HDMIB;
-}
-
 bool is_analogue(uint32_t type) {
   return type == DRM_MODE_CONNECTOR_VGA || type == DRM_MODE_CONNECTOR_DVIA ||
          type == DRM_MODE_CONNECTOR_Composite || type == DRM_MODE_CONNECTOR_SVIDEO ||
          type == DRM_MODE_CONNECTOR_Component || type == DRM_MODE_CONNECTOR_TV ||
          type == DRM_MODE_CONNECTOR_9PinDIN;
+}
+
+/// Returns true if the row's property has, or will have, its neutral value.
+bool is_held(const AuditRow& row) {
+  return row.outcome == AuditOutcome::Neutral || row.outcome == AuditOutcome::Forced ||
+         row.outcome == AuditOutcome::Planned;
 }
 
 /// Returns true for links that may carry compressed pictures.
@@ -75,8 +79,7 @@ void evaluate_row(ExactnessReport& report, const AuditRow& row) {
   const std::string fact =
       fmt::format("{} '{}' is {}: {}", row.object, row.property, row.now, row.effect);
   if (!row.alters_pixels) {
-    const bool unchangeable = row.object == "link" || row.outcome == AuditOutcome::ReadOnly;
-    if (!unchangeable || !is_wrong(row)) return;
+    if (!is_wrong(row)) return;
     report.remarks.push_back(fact);
     return add_remedy(report, row.remedy);
   }
@@ -96,6 +99,11 @@ void evaluate_row(ExactnessReport& report, const AuditRow& row) {
   }
 }
 
+template <typename Test>
+bool any_row(const ExactnessReport& report, const Test& test) {
+  return std::any_of(report.rows.begin(), report.rows.end(), test);
+}
+
 void evaluate_driver(ExactnessReport& report, const LinkInfo& link) {
   const DriverPath* const path = find_driver_path(link.driver);
   if (path == nullptr) {
@@ -110,7 +118,30 @@ void evaluate_driver(ExactnessReport& report, const LinkInfo& link) {
   }
   const std::string fact = fmt::format("driver {}: {}", link.driver, path->fact);
   if (path->kind == PathKind::Alters) return add_wrong(report, fact, kOtherOutput);
-  report.verified.push_back(fact);
+  if (link.depth == ScanoutDepth::Bits8) return report.verified.push_back(fact);
+  if (path->fact_of_ten_bits != nullptr)
+    return report.verified.push_back(
+        fmt::format("driver {}: {}", link.driver, path->fact_of_ten_bits));
+  add_unseen(report,
+             fmt::format("driver {}: it is not known whether the driver converts {} frames",
+                         link.driver, format_name(link.depth)),
+             "");
+}
+
+/// States whether frames leave memory with the bits that the rig states.
+void evaluate_format(ExactnessReport& report, const LinkInfo& link) {
+  if (link.depth != link.wanted)
+    return add_wrong(
+        report,
+        fmt::format("the driver cannot scan out {} bits per colour ({}): the panel gets {}",
+                    bits_of(link.wanted), format_name(link.wanted), bits_of(link.depth)),
+        "use a card whose driver can, or state panel.bits = 8 in the rig");
+  if (link.depth == ScanoutDepth::Bits8) return;
+  report.verified.push_back(fmt::format("frames are scanned out with {} bits per colour ({})",
+                                        bits_of(link.depth), format_name(link.depth)));
+  if (any_row(report, [](const AuditRow& row) { return row.property == kGammaRampRow; }))
+    add_unseen(report, "the gamma ramp of the CRTC has an entry for each 8-bit value only",
+               "state panel.bits = 8 in the rig");
 }
 
 void evaluate_placement(ExactnessReport& report, const LinkInfo& link) {
@@ -119,11 +150,6 @@ void evaluate_placement(ExactnessReport& report, const LinkInfo& link) {
     report.verified.emplace_back("the plane shows the frame pixel for pixel");
   else
     add_wrong(report, "the plane does not show the frame pixel for pixel", "");
-}
-
-template <typename Test>
-bool any_row(const ExactnessReport& report, const Test& test) {
-  return std::any_of(report.rows.begin(), report.rows.end(), test);
 }
 
 bool has_link_row(const ExactnessReport& report, std::string_view property) {
@@ -151,6 +177,17 @@ void evaluate_encoding(ExactnessReport& report, const LinkInfo& link) {
              "use DisplayPort, or an EDID that offers RGB only (drm.edid_firmware=)");
 }
 
+/// States that a panel which can vary its refresh keeps the rate of the mode. A driver that refuses
+/// is a remark of evaluate_row().
+void evaluate_refresh(ExactnessReport& report, const LinkInfo& link) {
+  const auto holds = [](const AuditRow& row) {
+    return row.property == "VRR_ENABLED" && is_held(row);
+  };
+  if (link.variable_refresh && any_row(report, holds))
+    report.verified.emplace_back(
+        "the panel could vary its refresh, which is held at the rate of the mode");
+}
+
 void evaluate_range(ExactnessReport& report, const LinkInfo& link) {
   if (!is_hdmi(link.connector_type)) return;
   if (any_row(report, forces_full_range)) {
@@ -163,11 +200,21 @@ void evaluate_range(ExactnessReport& report, const LinkInfo& link) {
 }
 
 void evaluate_depth(ExactnessReport& report, const LinkInfo& link) {
-  if (link.bits_per_colour && *link.bits_per_colour < 8)
+  const int bits = bits_of(link.depth);
+  const char* const remedy = bits > 8 ? "state panel.bits = 8 in the rig, or use a panel and a "
+                                        "connector of 10 bits per colour"
+                                      : "use a panel of 8 bits per colour";
+  if (link.bits_per_colour && *link.bits_per_colour < bits)
     add_wrong(report,
               fmt::format("the panel accepts {} bits per colour: low bits are cut off or dithered",
                           *link.bits_per_colour),
-              "use a panel of 8 bits per colour");
+              remedy);
+  if (link.most_bits && *link.most_bits < bits)
+    add_wrong(report,
+              fmt::format("the link carries at most {} bits per colour: low bits are cut off or "
+                          "dithered",
+                          *link.most_bits),
+              remedy);
   constexpr const char* kLook =
       "run 'lenticule doctor' as root, which can read more of the driver; look at a test card of "
       "single-step ramps";
@@ -263,12 +310,12 @@ std::optional<PipeTables> PipeTables::read(int fd, uint32_t connector, uint32_t 
   return PipeTables{std::move(*connector_table), std::move(*crtc_table), std::move(*plane_table)};
 }
 
-ExactnessAudit::ExactnessAudit(const PipeTables& found) {
+ExactnessAudit::ExactnessAudit(const PipeTables& found, ScanoutDepth depth) {
   for (const ExactnessRule& rule : exactness_rules()) {
     const PropertyTable& table = found.of(rule.object);
     const Property* property = table.find(rule.property);
     if (property == nullptr) continue;
-    const auto wanted = neutral_value(rule, *property);
+    const auto wanted = neutral_value(rule, *property, depth);
     if (wanted && property->writable() && rule.neutral != Neutral::Kept)
       items_.push_back({&rule, *property, table.object(), *wanted});
     else
@@ -295,7 +342,7 @@ AuditRow ExactnessAudit::row_of(const Item& item, const std::optional<PipeTables
                .found = item.found.text_of(item.found.value),
                .wanted = item.found.text_of(item.wanted),
                .now = item.found.text_of(value),
-               .alters_pixels = item.rule->harm == Harm::Pixels,
+               .alters_pixels = item.rule->harm == Harm::Pixels || item.has_too_few_bits(value),
                .effect = item.rule->effect,
                .remedy = item.rule->remedy};
   if (value == item.wanted)
@@ -332,8 +379,10 @@ ExactnessReport ExactnessAudit::report(const LinkInfo& link, const std::optional
   report.rows.insert(report.rows.end(), further.begin(), further.end());
   for (const AuditRow& row : report.rows) evaluate_row(report, row);
   evaluate_driver(report, link);
+  evaluate_format(report, link);
   evaluate_placement(report, link);
   evaluate_link(report, link);
+  evaluate_refresh(report, link);
   report.conclude();
   return report;
 }

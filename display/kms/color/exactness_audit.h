@@ -33,9 +33,15 @@ struct LinkInfo {
   bool offers_ycbcr = false;
   /// The panel accepts this mode only as YCbCr 4:2:0.
   bool only_as_420 = false;
-  std::optional<int> bits_per_colour;
+  std::optional<int> bits_per_colour;  ///< bits that the EDID states
+  /// Limit of the connector's property "max bpc"; none if there is no such property.
+  std::optional<int> most_bits;
+  ScanoutDepth depth = ScanoutDepth::Bits8;   ///< depth of the frames that are scanned out
+  ScanoutDepth wanted = ScanoutDepth::Bits8;  ///< depth that the rig states
   /// The EDID states another native size.
   bool other_native_size = false;
+  /// The panel and its link can vary the refresh (property "vrr_capable").
+  bool variable_refresh = false;
   /// None if there was no commit.
   std::optional<bool> one_to_one;
 };
@@ -45,7 +51,8 @@ struct LinkInfo {
 
 class ExactnessAudit {
  public:
-  explicit ExactnessAudit(const PipeTables& found);
+  /// `depth` is that of the frames which are scanned out.
+  ExactnessAudit(const PipeTables& found, ScanoutDepth depth);
 
   /// Returns the properties to write at a modeset, except refused ones.
   [[nodiscard]] std::vector<PropertySetting> settings() const;
@@ -65,6 +72,11 @@ class ExactnessAudit {
     uint32_t object = 0;
     uint64_t wanted = 0;
     bool refused = false;
+
+    /// Returns true if `value` limits the link to fewer bits than the frames have.
+    [[nodiscard]] bool has_too_few_bits(uint64_t value) const {
+      return rule->neutral == Neutral::Depth && found.is_range() && value < wanted;
+    }
   };
   struct Leftover {  ///< a setting that cannot be written
     const ExactnessRule* rule = nullptr;

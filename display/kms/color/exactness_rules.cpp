@@ -20,16 +20,16 @@ constexpr const char* kCable = "use DisplayPort, or an EDID that offers RGB only
 constexpr const char* kDriver = "use another graphics card or driver";
 constexpr const char* kMenu = "switch it off in the panel's menu";
 
-// Names are spelled as in the kernel; several spellings belong to several drivers. "max bpc" is 8:
-// a larger value lets drivers choose other encodings to reach it, and the frames have 8 bits.
+// Names are spelled as in the kernel; several spellings belong to several drivers. "max bpc" is the
+// depth of the frames: a larger value lets drivers choose other encodings to reach it.
 constexpr std::array kRules = {
     ExactnessRule{Connector,
                   "max bpc",
-                  Number,
-                  8,
+                  Depth,
+                  0,
                   {},
                   Processing,
-                  "the link may use another encoding",
+                  "the link may use another encoding, or fewer bits",
                   kDriver},
     ExactnessRule{Connector,
                   "Broadcast RGB",
@@ -58,11 +58,11 @@ constexpr std::array kRules = {
                   kCable},
     ExactnessRule{Connector,
                   "hdmi_output_depth",
-                  Named,
+                  Depth,
                   0,
-                  {"24bit"},
+                  {"24bit", "30bit"},
                   Processing,
-                  "the link may use another encoding",
+                  "the link may use another encoding, or fewer bits",
                   kDriver},
     ExactnessRule{Connector, "Colorspace", Named, 0, {"Default"}, Pixels, kToned, kDriver},
     ExactnessRule{Connector, "HDR_OUTPUT_METADATA", Number, 0, {}, Pixels, kToned, kDriver},
@@ -162,7 +162,7 @@ constexpr std::array kRules = {
                   0,
                   {},
                   Processing,
-                  "brightness flickers with the refresh",
+                  "vblanks follow the frames at no fixed rate, and brightness flickers with them",
                   kMenu},
     ExactnessRule{Crtc, "SCALING_FILTER", Named, 0, {"Default"}, Processing, kScaled, kDriver},
     ExactnessRule{
@@ -211,6 +211,18 @@ std::optional<uint64_t> first_named(const ExactnessRule& rule, const Property& p
   return std::nullopt;
 }
 
+uint64_t within(const Property& property, uint64_t number) {
+  return property.is_range() && property.minimum <= property.maximum
+             ? std::clamp(number, property.minimum, property.maximum)
+             : number;
+}
+
+std::optional<uint64_t> depth_value(const ExactnessRule& rule, const Property& property,
+                                    ScanoutDepth depth) {
+  if (rule.names[0] == nullptr) return within(property, static_cast<uint64_t>(bits_of(depth)));
+  return property.value_named(rule.names[depth == ScanoutDepth::Bits10 ? 1 : 0]);
+}
+
 }  // namespace
 
 const char* object_name(KmsObject object) {
@@ -229,12 +241,13 @@ std::span<const ExactnessRule> exactness_rules() {
   return kRules;
 }
 
-std::optional<uint64_t> neutral_value(const ExactnessRule& rule, const Property& property) {
+std::optional<uint64_t> neutral_value(const ExactnessRule& rule, const Property& property,
+                                      ScanoutDepth depth) {
   switch (rule.neutral) {
     case Number:
-      if (property.is_range() && property.minimum <= property.maximum)
-        return std::clamp(rule.number, property.minimum, property.maximum);
-      return rule.number;
+      return within(property, rule.number);
+    case Depth:
+      return depth_value(rule, property, depth);
     case Named:
     case Kept:
       return first_named(rule, property);

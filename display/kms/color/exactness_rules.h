@@ -9,6 +9,7 @@
 #include <string>
 
 #include "display/kms/device/drm_properties.h"
+#include "display/scanout_depth.h"
 
 namespace lenticule::display {
 
@@ -21,6 +22,7 @@ enum class Neutral {
   Named,    ///< the enumerator with one of `names`, the first that exists
   Maximum,  ///< the largest value of the range
   Centre,   ///< the middle of 0 ... 100; unknown for other ranges
+  Depth,    ///< bits per colour of the frames; `names` for 8 and 10 bits, if the values have names
   Kept,     ///< read-only: must be one of `names` (or `number`), never written
 };
 
@@ -43,8 +45,9 @@ struct ExactnessRule {
 
 [[nodiscard]] std::span<const ExactnessRule> exactness_rules();
 
-/// Returns the neutral value of this property on this driver; none if the driver has no such value.
+/// Returns the neutral value of this property on this driver, for frames of this depth; none if the
+/// driver has no such value.
 [[nodiscard]] std::optional<uint64_t> neutral_value(const ExactnessRule& rule,
-                                                    const Property& property);
+                                                    const Property& property, ScanoutDepth depth);
 
 }  // namespace lenticule::display

@@ -77,7 +77,7 @@ std::optional<AuditRow> LegacyGamma::row(bool committed) const {
   };
   const std::optional<GammaRamp> now = read();
   AuditRow row{.object = object_name(KmsObject::Crtc),
-               .property = "gamma ramp",
+               .property = kGammaRampRow,
                .found = text_of(found_),
                .wanted = "linear",
                .now = text_of(now),

@@ -13,6 +13,9 @@
 
 namespace lenticule::display {
 
+/// Name of the row of the report.
+inline constexpr const char* kGammaRampRow = "gamma ramp";
+
 struct GammaRamp {
   std::vector<uint16_t> red, green, blue;  ///< equal lengths; 65535 is full intensity
 

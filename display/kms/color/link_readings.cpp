@@ -111,8 +111,12 @@ std::optional<AuditRow> depth_row(KmsPlatform& platform, const LinkPlace& place,
   if (!text) return std::nullopt;
   const std::string value = line_after(section_of(*text, place.crtc), "dither=");
   if (value.empty()) return std::nullopt;
-  return row_for({kDepthRow, "", "", "no, bpp=24", true, "low bits are cut off or dithered",
-                  "use a mode that the link carries with 8 bits per colour"},
+  const bool deep = place.depth == ScanoutDepth::Bits10;
+  return row_for({kDepthRow, "", "", deep ? "no, bpp=30" : "no, bpp=24", true,
+                  "low bits are cut off or dithered",
+                  deep ? "use a mode that the link carries with 10 bits per colour, or state "
+                         "panel.bits = 8 in the rig"
+                       : "use a mode that the link carries with 8 bits per colour"},
                  value);
 }
 

@@ -9,6 +9,7 @@
 
 #include "display/kms/color/exactness_report.h"
 #include "display/kms/device/platform.h"
+#include "display/scanout_depth.h"
 
 namespace lenticule::display {
 
@@ -20,6 +21,7 @@ struct LinkPlace {
   std::string card;       ///< path of the card's node, /dev/dri/cardN
   std::string connector;  ///< "eDP-1"
   uint32_t crtc = 0;
+  ScanoutDepth depth = ScanoutDepth::Bits8;  ///< depth of the frames that are scanned out
 };
 
 /// Returns a row for each sysfs file that could be read and parsed.

@@ -40,6 +40,7 @@ std::optional<ConnectorInfo> read_connector(int fd, uint32_t id, Probe probe) {
     info.tiled = true;
     info.tile = parse_tile(read_blob(fd, tile));
   }
+  info.variable_refresh = properties->value("vrr_capable") != 0;
   if (const Property* link = properties->find("link-status"))
     info.link_bad = link->value_named("Bad") == link->value;
   info.properties = std::move(*properties);
@@ -55,6 +56,10 @@ std::vector<ConnectorInfo> read_connectors(int fd, Probe probe) {
         info && info->type != DRM_MODE_CONNECTOR_WRITEBACK)
       connectors.push_back(std::move(*info));
   return connectors;
+}
+
+bool is_hdmi(uint32_t type) {
+  return type == DRM_MODE_CONNECTOR_HDMIA || type == DRM_MODE_CONNECTOR_HDMIB;
 }
 
 bool is_preferred(const drmModeModeInfo& mode) {

@@ -35,12 +35,16 @@ struct ConnectorInfo {
   bool tiled = false;          ///< the panel has further connectors
   std::optional<Tile> tile{};  ///< set if tiled, unless the kernel's text is not valid
   bool link_bad = false;
+  bool variable_refresh = false;  ///< "vrr_capable": panel and link can vary the refresh
   PropertyTable properties{};
 };
 
 /// Returns the connector; none if it is gone (MST hubs come and go).
 [[nodiscard]] std::optional<ConnectorInfo> read_connector(int fd, uint32_t id, Probe probe);
 [[nodiscard]] std::vector<ConnectorInfo> read_connectors(int fd, Probe probe);
+
+/// Returns true for a connector type, DRM_MODE_CONNECTOR_*, of HDMI.
+[[nodiscard]] bool is_hdmi(uint32_t type);
 
 /// Returns true if the driver or the EDID marks the mode as preferred.
 [[nodiscard]] bool is_preferred(const drmModeModeInfo& mode);

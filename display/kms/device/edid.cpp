@@ -173,6 +173,7 @@ EdidReading read_edid(std::span<const uint8_t> bytes) {
   reading.offers_ycbcr = base_offers_ycbcr(block) || extensions.offers_ycbcr;
   reading.only_as_420 = std::move(extensions.only_as_420);
   reading.bits_per_colour = bits_per_colour(block);
+  reading.deep_colour = extensions.deep_colour;
   reading.base_native = base_native(block);
   reading.displayid_native = extensions.displayid_native;
   reading.displayid_preferred = extensions.displayid_preferred;

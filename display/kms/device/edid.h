@@ -52,7 +52,8 @@ struct EdidReading {
   bool offers_ycbcr = false;
   /// Television modes (VICs) that the sink accepts as YCbCr 4:2:0 only.
   std::vector<uint8_t> only_as_420{};
-  std::optional<int> bits_per_colour{};
+  std::optional<int> bits_per_colour{};  ///< bits that the base block states
+  bool deep_colour = false;              ///< the HDMI input accepts RGB of 10 bits per colour
   /// Size of the first detailed timing, if the EDID calls it native; none if it is interlaced.
   std::optional<PixelSize> base_native{};
   std::optional<PixelSize> displayid_native{};

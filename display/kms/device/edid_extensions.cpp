@@ -22,10 +22,21 @@ uint8_t vic_of(uint8_t descriptor) {
   return descriptor >= 129 && descriptor <= 192 ? descriptor & 0x7f : descriptor;
 }
 
+/// Returns true for HDMI's own data block with its flag for 30 bits per pixel.
+bool accepts_30_bits(Bytes block) {
+  constexpr uint8_t kHdmi[] = {0x03, 0x0c, 0x00};  // its identifier, lowest byte first
+  constexpr size_t kFlags = 6;
+  constexpr uint8_t kThirtyBits = 0x10;
+  return block.size() > kFlags && std::ranges::equal(block.subspan(1, 3), kHdmi) &&
+         (block[kFlags] & kThirtyBits) != 0;
+}
+
 void read_cta_data_block(Bytes block, EdidExtensions& found) {
+  constexpr uint8_t kVendor = 3;
   constexpr uint8_t kExtended = 7;
   constexpr uint8_t kVideo420 = 14;
   constexpr uint8_t kCapability420 = 15;
+  if (block[0] >> 5 == kVendor && accepts_30_bits(block)) found.deep_colour = true;
   if (block[0] >> 5 != kExtended || block.size() < 2) return;
   if (block[1] != kVideo420 && block[1] != kCapability420) return;
   found.offers_ycbcr = true;

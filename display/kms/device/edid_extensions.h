@@ -14,6 +14,7 @@ namespace lenticule::display {
 
 struct EdidExtensions {
   bool offers_ycbcr = false;
+  bool deep_colour = false;  ///< the HDMI input accepts RGB of 10 bits per colour
   /// VICs (numbers of television modes) that the sink accepts as YCbCr 4:2:0 only.
   std::vector<uint8_t> only_as_420;
   /// Size in DisplayID's display parameters.

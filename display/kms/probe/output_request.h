@@ -6,6 +6,7 @@
 #include <string>
 #include <string_view>
 
+#include "display/scanout_depth.h"
 #include "frames/frame.h"
 #include "frames/rational.h"
 #include "optics/rig.h"
@@ -27,8 +28,9 @@ struct OutputRequest {
   IdentityPolicy policy = IdentityPolicy::Require;
 
   // The mode.
-  frames::FrameGeometry panel{};          ///< size of the picture that is sent
-  std::optional<frames::Rate> refresh{};  ///< none = the panel's preferred mode
+  frames::FrameGeometry panel{};             ///< size of the picture that is sent
+  std::optional<frames::Rate> refresh{};     ///< none = the panel's preferred mode
+  ScanoutDepth depth = ScanoutDepth::Bits8;  ///< bits per colour of panel and link
 
   friend bool operator==(const OutputRequest&, const OutputRequest&) = default;
 };

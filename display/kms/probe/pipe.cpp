@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "display/kms/probe/pipe.h"
 
-#include <drm_fourcc.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -9,6 +8,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "display/kms/device/drm_format.h"
 #include "display/kms/device/drm_handles.h"
 
 namespace lenticule::display {
@@ -82,8 +82,8 @@ std::string text_of(PixelSize size) {
 
 // --- CRTC and plane -------------------------------------------------------------------------
 
-bool takes_xrgb8888(const drmModePlane& plane) {
-  return std::find(plane.formats, plane.formats + plane.count_formats, DRM_FORMAT_XRGB8888) !=
+bool takes(const drmModePlane& plane, ScanoutDepth depth) {
+  return std::find(plane.formats, plane.formats + plane.count_formats, drm_format(depth)) !=
          plane.formats + plane.count_formats;
 }
 
@@ -95,13 +95,13 @@ bool is_primary(int fd, uint32_t plane) {
 
 /// Returns the CRTC's current primary plane, else an unused primary plane; none of the pipes
 /// `before`.
-std::optional<uint32_t> primary_plane_for(int fd, uint32_t crtc, int crtc_index,
+std::optional<uint32_t> primary_plane_for(int fd, uint32_t crtc, int crtc_index, ScanoutDepth depth,
                                           std::span<const Pipe> before) {
   const DrmPlanes planes(drmModeGetPlaneResources(fd));
   std::optional<uint32_t> free_one;
   for (uint32_t i = 0; planes && i < planes->count_planes; ++i) {
     const DrmPlane plane(drmModeGetPlane(fd, planes->planes[i]));
-    if (!plane || (plane->possible_crtcs & 1U << crtc_index) == 0 || !takes_xrgb8888(*plane) ||
+    if (!plane || (plane->possible_crtcs & 1U << crtc_index) == 0 || !takes(*plane, depth) ||
         !is_primary(fd, plane->plane_id) ||
         std::ranges::find(before, plane->plane_id, &Pipe::plane) != before.end())
       continue;
@@ -118,6 +118,44 @@ std::vector<uint32_t> crtcs_taken(int fd, uint32_t except_connector) {
     if (other.id != except_connector)
       taken.push_back(static_cast<uint32_t>(other.properties.value("CRTC_ID")));
   return taken;
+}
+
+/// Returns the pipe of a connector; none if no CRTC with a primary plane for the format of this
+/// depth can drive the connector, apart from those of the pipes `before`.
+std::optional<Pipe> choose_pipe(int fd, const ConnectorInfo& connector, const drmModeModeInfo& mode,
+                                ScanoutDepth depth, std::span<const Pipe> before) {
+  const DrmResources resources(drmModeGetResources(fd));
+  if (!resources)
+    throw Error(ErrorKind::Device,
+                fmt::format("{}: the graphics card was removed", connector.name));
+  const auto current = static_cast<uint32_t>(connector.properties.value("CRTC_ID"));
+  const std::vector<uint32_t> taken = crtcs_taken(fd, connector.id);
+
+  uint32_t best_crtc = 0;
+  uint32_t best_plane = 0;
+  int best_rank = 0;
+  for (int i = 0; i < resources->count_crtcs && i < 32; ++i) {
+    const uint32_t crtc = resources->crtcs[i];
+    if ((connector.possible_crtcs & 1U << i) == 0) continue;
+    if (std::ranges::find(before, crtc, &Pipe::crtc) != before.end()) continue;
+    const bool in_use = std::find(taken.begin(), taken.end(), crtc) != taken.end();
+    const int rank = crtc == current ? 3 : in_use ? 1 : 2;
+    if (rank <= best_rank) continue;
+    const auto plane = primary_plane_for(fd, crtc, i, depth, before);
+    if (!plane) continue;
+    best_crtc = crtc;
+    best_plane = *plane;
+    best_rank = rank;
+  }
+  if (best_rank == 0) return std::nullopt;
+  const Tile tile = connector.tile.value_or(Tile{});
+  return Pipe{.connector = connector,
+              .mode = mode,
+              .crtc = best_crtc,
+              .plane = best_plane,
+              .left_px = tile.column * tile.width,
+              .top_px = tile.row * tile.height,
+              .depth = depth};
 }
 
 }  // namespace
@@ -172,50 +210,28 @@ drmModeModeInfo require_mode(const ConnectorInfo& connector, const frames::Frame
   throw_not_listed(connector, size, refresh);
 }
 
-Pipe choose_pipe(int fd, ConnectorInfo connector, const drmModeModeInfo& mode,
-                 std::span<const Pipe> before) {
-  const DrmResources resources(drmModeGetResources(fd));
-  if (!resources)
-    throw Error(ErrorKind::Device,
-                fmt::format("{}: the graphics card was removed", connector.name));
-  const auto current = static_cast<uint32_t>(connector.properties.value("CRTC_ID"));
-  const std::vector<uint32_t> taken = crtcs_taken(fd, connector.id);
-
-  uint32_t best_crtc = 0;
-  uint32_t best_plane = 0;
-  int best_rank = 0;
-  for (int i = 0; i < resources->count_crtcs && i < 32; ++i) {
-    const uint32_t crtc = resources->crtcs[i];
-    if ((connector.possible_crtcs & 1U << i) == 0) continue;
-    if (std::ranges::find(before, crtc, &Pipe::crtc) != before.end()) continue;
-    const bool in_use = std::find(taken.begin(), taken.end(), crtc) != taken.end();
-    const int rank = crtc == current ? 3 : in_use ? 1 : 2;
-    if (rank <= best_rank) continue;
-    const auto plane = primary_plane_for(fd, crtc, i, before);
-    if (!plane) continue;
-    best_crtc = crtc;
-    best_plane = *plane;
-    best_rank = rank;
-  }
-  if (best_rank == 0)
-    throw Error(ErrorKind::Device,
-                fmt::format("{}: no CRTC with a primary plane for XRGB8888", connector.name),
-                "disconnect another panel of this card");
-  return {.connector = std::move(connector), .mode = mode, .crtc = best_crtc, .plane = best_plane};
-}
-
-std::vector<Pipe> choose_pipes(int fd, std::vector<ConnectorInfo> connectors,
+std::vector<Pipe> choose_pipes(int fd, const std::vector<ConnectorInfo>& connectors,
                                const frames::FrameGeometry& panel,
-                               std::optional<frames::Rate> refresh) {
+                               std::optional<frames::Rate> refresh, ScanoutDepth wanted) {
+  std::vector<drmModeModeInfo> modes;
+  for (const ConnectorInfo& connector : connectors)
+    modes.push_back(require_mode(connector, panel, refresh));
   std::vector<Pipe> pipes;
-  for (ConnectorInfo& connector : connectors) {
-    const drmModeModeInfo mode = require_mode(connector, panel, refresh);
-    const Tile tile = connector.tile.value_or(Tile{});
-    Pipe pipe = choose_pipe(fd, std::move(connector), mode, pipes);
-    pipe.left_px = tile.column * tile.width;
-    pipe.top_px = tile.row * tile.height;
-    pipes.push_back(std::move(pipe));
-  }
+  const auto choose = [&](ScanoutDepth depth) {
+    pipes.clear();
+    for (size_t n = 0; n < connectors.size(); ++n) {
+      auto pipe = choose_pipe(fd, connectors[n], modes[n], depth, pipes);
+      if (!pipe) return false;
+      pipes.push_back(std::move(*pipe));
+    }
+    return true;
+  };
+  if (!choose(wanted) && (wanted == ScanoutDepth::Bits8 || !choose(ScanoutDepth::Bits8)))
+    throw Error(ErrorKind::Device,
+                fmt::format("{}: no CRTC with a primary plane for {}",
+                            connectors[pipes.size()].name, format_name(ScanoutDepth::Bits8)),
+                "disconnect another panel of this card");
+  for (Pipe& pipe : pipes) pipe.wanted = wanted;
   return pipes;
 }
 

@@ -10,6 +10,7 @@
 
 #include "display/kms/device/connector.h"
 #include "display/kms/device/edid.h"
+#include "display/scanout_depth.h"
 #include "frames/frame.h"
 
 namespace lenticule::display {
@@ -22,6 +23,8 @@ struct Pipe {
   /// Position of the tile in the frame; 0 for a panel with one connector.
   int left_px = 0;
   int top_px = 0;
+  ScanoutDepth depth = ScanoutDepth::Bits8;   ///< depth of the frames that are scanned out
+  ScanoutDepth wanted = ScanoutDepth::Bits8;  ///< depth that the rig states
 };
 
 /// Returns the panel's native sizes; the panel would scale a picture of any other size, even one
@@ -53,16 +56,13 @@ struct Pipe {
                                            const frames::FrameGeometry& panel,
                                            std::optional<frames::Rate> refresh);
 
-/// Prefers the CRTC that already drives the connector (its mode can then be taken over without a
-/// modeset), then an unused one. Throws Error(Device) if no CRTC with a primary plane for XRGB8888
-/// can drive the connector, apart from those of the pipes `before`.
-[[nodiscard]] Pipe choose_pipe(int fd, ConnectorInfo connector, const drmModeModeInfo& mode,
-                               std::span<const Pipe> before = {});
-
-/// Chooses the pipes of a panel's connectors: one, or its tiles. Throws as require_mode() and
-/// choose_pipe() do.
-[[nodiscard]] std::vector<Pipe> choose_pipes(int fd, std::vector<ConnectorInfo> connectors,
+/// Chooses the pipes of a panel's connectors: one, or its tiles. Prefers the CRTC that already
+/// drives a connector (its mode can then be taken over without a modeset), then an unused one. The
+/// pipes have `wanted` as their depth, or all have Bits8 if a primary plane lacks the format of
+/// `wanted`. Throws as require_mode() does, and Error(Device) if there is no pipe for a connector.
+[[nodiscard]] std::vector<Pipe> choose_pipes(int fd, const std::vector<ConnectorInfo>& connectors,
                                              const frames::FrameGeometry& panel,
-                                             std::optional<frames::Rate> refresh);
+                                             std::optional<frames::Rate> refresh,
+                                             ScanoutDepth wanted);
 
 }  // namespace lenticule::display

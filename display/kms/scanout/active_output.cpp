@@ -21,16 +21,31 @@ namespace {
 
 // --- taking over the output of the previous player ------------------------------------------
 
-/// Returns true if the panel of the state is connected and still matches the request.
-bool same_panel(const ConnectorInfo& connector, const KmsOptions& options) {
-  const TakeoverState& state = options.previous->state;
+/// Returns true if the connector has the panel of the state.
+bool same_panel(const ConnectorInfo& connector, const TakeoverState& state) {
   if (!connector.connected) return false;
   const std::string_view known(state.edid_sha256.data(), state.edid_sha256.size());
-  if (connector.edid.identity ? connector.edid.identity->sha256 != known : known[0] != '\0')
-    return false;
+  return connector.edid.identity ? connector.edid.identity->sha256 == known : known[0] == '\0';
+}
+
+/// Returns the connectors of the state's panel: the first one and the other tiles, if there are
+/// any. Empty if the panel is not there, or does not match the request.
+std::vector<ConnectorInfo> connectors_of_panel(int fd, const KmsOptions& options) {
+  const TakeoverState& state = options.previous->state;
+  const auto first = read_connector(fd, state.connector, Probe::Full);
+  if (!first || !same_panel(*first, state)) return {};
   ConnectorList list;
-  list.connectors.push_back({state.card.data(), connector});
-  return choose_output(options.output, list).chosen.has_value();
+  list.connectors.push_back({state.card.data(), *first});
+  if (first->tile)
+    for (ConnectorInfo& other : read_connectors(fd, Probe::Full))
+      if (other.id != first->id && other.tile && other.tile->group == first->tile->group)
+        list.connectors.push_back({state.card.data(), std::move(other)});
+  const OutputChoice choice = choose_output(options.output, list);
+  if (choice.chosen != 0U) return {};
+  std::vector<ConnectorInfo> connectors;
+  for (const size_t tile : choice.tiles)
+    connectors.push_back(std::move(list.connectors[tile].info));
+  return connectors;
 }
 
 /// Returns the buffer that the kernel's plane shows; null if none of these.
@@ -43,12 +58,16 @@ KmsBuffer* displayed_buffer(int fd, const TakeoverState& state, const ScanoutPoo
   return found == buffers.end() ? nullptr : found->get();
 }
 
-ScanoutPool take_over_buffers(int fd, const KmsOptions& options) {
+ScanoutLayout layout_for(const KmsOptions& options, ScanoutDepth depth) {
+  return {.geometry = options.output.panel, .mounting = options.mounting, .depth = depth};
+}
+
+ScanoutPool take_over_buffers(int fd, const KmsOptions& options, ScanoutDepth depth) {
   const TakeoverState& state = options.previous->state;
   ScanoutPool pool;
   for (uint32_t i = 0; i < state.buffer_count; ++i)
-    pool.push_back(std::make_unique<KmsBuffer>(fd, options.platform, options.output.panel,
-                                               options.mounting, state.buffers[i]));
+    pool.push_back(std::make_unique<KmsBuffer>(fd, options.platform, layout_for(options, depth),
+                                               state.buffers[i]));
   return pool;
 }
 
@@ -68,19 +87,20 @@ std::optional<ActiveOutput> try_take_over(const KmsOptions& options, DrmDevice& 
   if (!device.caps().sufficient() ||
       device.session().ensure_master(device.fd()) != Mastership::Held)
     return std::nullopt;
-  auto connector = read_connector(device.fd(), state.connector, Probe::Full);
-  if (!connector || !same_panel(*connector, options)) return std::nullopt;
-  const auto mode = choose_mode(*connector, panel, options.output.refresh);
-  if (!mode) return std::nullopt;
-  Pipe pipe = choose_pipe(device.fd(), std::move(*connector), *mode);
-  if (pipe.crtc != state.crtc || pipe.plane != state.plane) return std::nullopt;
-  std::vector<Pipe> pipes;
-  pipes.push_back(std::move(pipe));
-
   const int fd = device.fd();
+  const std::vector<ConnectorInfo> connectors = connectors_of_panel(fd, options);
+  if (connectors.empty()) return std::nullopt;
+  std::vector<Pipe> pipes =
+      choose_pipes(fd, connectors, panel, options.output.refresh, options.output.depth);
+  const Pipe& pipe = pipes.front();
+  const ScanoutDepth depth = pipe.depth;
+  if (pipe.crtc != state.crtc || pipe.plane != state.plane ||
+      state.bits != static_cast<uint32_t>(bits_of(depth)))
+    return std::nullopt;
+
   drain_events(fd);
   ActiveOutput active;
-  ScanoutPool buffers = take_over_buffers(fd, options);
+  ScanoutPool buffers = take_over_buffers(fd, options, depth);
   active.front = displayed_buffer(fd, state, buffers);
   active.output =
       std::make_unique<KmsOutput>(std::move(device), std::move(pipes), options.platform);
@@ -157,7 +177,8 @@ ActiveOutput open_new_output(const KmsOptions& options, std::optional<DrmDevice>
   require_master(device);
   const OutputRequest& request = options.output;
   std::vector<Pipe> pipes =
-      choose_pipes(device.fd(), std::move(connectors), request.panel, request.refresh);
+      choose_pipes(device.fd(), connectors, request.panel, request.refresh, request.depth);
+  const ScanoutDepth depth = pipes.front().depth;
 
   ActiveOutput active;
   active.output =
@@ -165,8 +186,8 @@ ActiveOutput open_new_output(const KmsOptions& options, std::optional<DrmDevice>
   active.output->foresee();
   // Checked before a frame is shown, as far as the facts are known.
   require_exact(options, *active.output);
-  active.buffers = make_scanout_pool(active.output->device().fd(), options.platform, request.panel,
-                                     options.mounting, options.buffers);
+  active.buffers = make_scanout_pool(active.output->device().fd(), options.platform,
+                                     layout_for(options, depth), options.buffers);
   active.front = active.buffers.front().get();
   active.output->activate(active.front->framebuffer(), *options.clock,
                           options.fresh ? RunningMode::SetAnew : RunningMode::TakeOver);
@@ -208,6 +229,7 @@ TakeoverState takeover_state_of(const ActiveOutput& active, frames::FrameGeometr
   state.plane = pipe.plane;
   state.width = geometry.width;
   state.height = geometry.height;
+  state.bits = static_cast<uint32_t>(bits_of(pipe.depth));
   state.buffer_count = static_cast<uint32_t>(active.buffers.size());
   for (size_t i = 0; i < active.buffers.size(); ++i)
     state.buffers.at(i) = active.buffers[i]->takeover_buffer();

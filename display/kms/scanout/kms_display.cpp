@@ -147,8 +147,8 @@ void AtomicKmsDisplay::start() {
   const DrmDevice& device = active_.output->device();
   mode_ = {.geometry = turned(options_.output.panel, options_.mounting),
            .refresh = refresh_of(pipe.mode),
-           .name = fmt::format("{} on {} {}", active_.output->name(), device.path(),
-                               to_string(pipe.mode)),
+           .name = fmt::format("{} on {} {}{}", active_.output->name(), device.path(),
+                               to_string(pipe.mode), depth_suffix(pipe.depth)),
            .panel = pipe.connector.edid.identity ? to_string(*pipe.connector.edid.identity)
                                                  : active_.output->name() + " without EDID",
            .hardware_clock = false};

@@ -29,6 +29,20 @@ BlobId make_mode_blob(int fd, const drmModeModeInfo& mode) {
   return {fd, id};
 }
 
+/// Returns the bits per colour that the panel accepts, as its EDID states them. An HDMI input
+/// accepts more than 8 only if its data block says so, whatever the base block states.
+std::optional<int> bits_accepted(const ConnectorInfo& connector) {
+  const EdidReading& edid = connector.edid;
+  if (!edid.identity || !is_hdmi(connector.type)) return edid.bits_per_colour;
+  return edid.deep_colour ? 10 : std::min(edid.bits_per_colour.value_or(8), 8);
+}
+
+std::optional<int> most_bits(const PropertyTable& connector) {
+  const Property* const limit = connector.find("max bpc");
+  if (limit == nullptr || !limit->is_range() || limit->maximum == 0) return std::nullopt;
+  return static_cast<int>(std::min<uint64_t>(limit->maximum, 64));
+}
+
 /// Unlinks the objects other than `except` whose CRTC_ID is `crtc`.
 void unlink(std::vector<PropertySetting>& settings, const PropertyTable& table, uint32_t crtc,
             bool is_plane) {
@@ -43,13 +57,16 @@ OutputPipe::OutputPipe(const DrmDevice& device, Pipe pipe, std::shared_ptr<KmsPl
     : device_(device),
       pipe_(std::move(pipe)),
       tables_(read_tables(device_.fd(), pipe_)),
-      audit_(tables_),
+      audit_(tables_, pipe_.depth),
       gamma_(device_.fd(), tables_.crtc),
       mode_blob_(make_mode_blob(device_.fd(), pipe_.mode)),
       framebuffer_property_(tables_.plane.require("FB_ID")),
       platform_(std::move(platform)),
       link_(link_info()),
-      place_{.card = device_.path(), .connector = pipe_.connector.name, .crtc = pipe_.crtc} {}
+      place_{.card = device_.path(),
+             .connector = pipe_.connector.name,
+             .crtc = pipe_.crtc,
+             .depth = pipe_.depth} {}
 
 std::vector<PropertySetting> OutputPipe::plane_settings(uint32_t framebuffer) const {
   const PropertyTable& plane = tables_.plane;
@@ -150,9 +167,13 @@ LinkInfo OutputPipe::link_info() const {
           .edid_known = edid.identity.has_value(),
           .offers_ycbcr = edid.offers_ycbcr,
           .only_as_420 = is_one_of(pipe_.mode, edid.only_as_420),
-          .bits_per_colour = edid.bits_per_colour,
+          .bits_per_colour = bits_accepted(pipe_.connector),
+          .most_bits = most_bits(tables_.connector),
+          .depth = pipe_.depth,
+          .wanted = pipe_.wanted,
           .other_native_size =
               !native.empty() && std::find(native.begin(), native.end(), size) == native.end(),
+          .variable_refresh = pipe_.connector.variable_refresh,
           .one_to_one = std::nullopt};
 }
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "display/kms/scanout/scanout_pool.h"
 
-#include <drm_fourcc.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -10,6 +9,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "display/kms/device/drm_format.h"
 #include "display/scanout_format.h"
 
 namespace lenticule::display {
@@ -30,15 +30,15 @@ bool holds(frames::FrameGeometry geometry, uint32_t pitch, uint64_t size) {
          size >= uint64_t{pitch} * height;
 }
 
-FramebufferId add_framebuffer(int fd, frames::FrameGeometry geometry, uint32_t handle,
+FramebufferId add_framebuffer(int fd, const ScanoutLayout& layout, uint32_t handle,
                               uint32_t pitch) {
   const uint32_t handles[4] = {handle};
   const uint32_t pitches[4] = {pitch};
   const uint32_t offsets[4] = {};
   uint32_t id = 0;
-  const int error = drmModeAddFB2(fd, static_cast<uint32_t>(geometry.width),
-                                  static_cast<uint32_t>(geometry.height), DRM_FORMAT_XRGB8888,
-                                  handles, pitches, offsets, &id, 0);
+  const int error = drmModeAddFB2(fd, static_cast<uint32_t>(layout.geometry.width),
+                                  static_cast<uint32_t>(layout.geometry.height),
+                                  drm_format(layout.depth), handles, pitches, offsets, &id, 0);
   if (error != 0) fail("register", -error);
   return {fd, id};
 }
@@ -73,9 +73,9 @@ ScanoutMapping::~ScanoutMapping() {
   if (memory_ != nullptr) platform_->unmap(memory_, size_);
 }
 
-KmsBuffer::KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, frames::FrameGeometry geometry,
-                     const optics::Mounting& mounting)
-    : geometry_(geometry), mounting_(mounting) {
+KmsBuffer::KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, const ScanoutLayout& layout)
+    : layout_(layout) {
+  const frames::FrameGeometry& geometry = layout.geometry;
   uint32_t handle = 0;
   const int error = drmModeCreateDumbBuffer(fd, static_cast<uint32_t>(geometry.width),
                                             static_cast<uint32_t>(geometry.height), kBitsPerPixel,
@@ -83,25 +83,25 @@ KmsBuffer::KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, frames::Fram
   if (error != 0) fail("create", -error);
   handle_ = DumbHandle(fd, handle);
   if (!holds(geometry, pitch_, size_)) fail("use", EINVAL);
-  framebuffer_ = add_framebuffer(fd, geometry, handle, pitch_);
+  framebuffer_ = add_framebuffer(fd, layout, handle, pitch_);
   mapping_ = map_buffer(fd, platform, handle, size_);
   // Clears old contents of other programs, and touches every page so that no page fault delays a
   // frame.
   std::memset(mapping_.data(), 0, size_);
 }
 
-KmsBuffer::KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, frames::FrameGeometry geometry,
-                     const optics::Mounting& mounting, const TakeoverState::Buffer& buffer)
-    : geometry_(geometry), mounting_(mounting), pitch_(buffer.pitch), size_(buffer.size) {
-  if (!holds(geometry, pitch_, size_)) fail("take over", EINVAL);
+KmsBuffer::KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, const ScanoutLayout& layout,
+                     const TakeoverState::Buffer& buffer)
+    : layout_(layout), pitch_(buffer.pitch), size_(buffer.size) {
+  if (!holds(layout.geometry, pitch_, size_)) fail("take over", EINVAL);
   mapping_ = map_buffer(fd, platform, buffer.handle, size_);
   handle_ = DumbHandle(fd, buffer.handle);
   framebuffer_ = FramebufferId(fd, buffer.framebuffer);
 }
 
 void KmsBuffer::fill(const frames::FrameView& frame) noexcept {
-  LENTICULE_CHECK(turned(frame.geometry, mounting_) == geometry_);
-  expand_frame(frame, mounting_, reinterpret_cast<uint32_t*>(mapping_.data()),
+  LENTICULE_CHECK(turned(frame.geometry, layout_.mounting) == layout_.geometry);
+  expand_frame(layout_.depth, frame, layout_.mounting, reinterpret_cast<uint32_t*>(mapping_.data()),
                pitch_ / sizeof(uint32_t));
 }
 
@@ -122,13 +122,12 @@ void KmsBuffer::abandon() noexcept {
 }
 
 ScanoutPool make_scanout_pool(int fd, const std::shared_ptr<KmsPlatform>& platform,
-                              frames::FrameGeometry geometry, const optics::Mounting& mounting,
-                              int count) {
+                              const ScanoutLayout& layout, int count) {
   ScanoutPool pool;
   while (static_cast<int>(pool.size()) <
          std::clamp(count, kMinScanoutBuffers, kMaxScanoutBuffers)) {
     try {
-      pool.push_back(std::make_unique<KmsBuffer>(fd, platform, geometry, mounting));
+      pool.push_back(std::make_unique<KmsBuffer>(fd, platform, layout));
     } catch (const Error&) {
       if (static_cast<int>(pool.size()) < kMinScanoutBuffers) throw;
       break;

@@ -10,6 +10,7 @@
 #include "display/kms/device/drm_handles.h"
 #include "display/kms/device/platform.h"
 #include "display/kms/scanout/takeover_state.h"
+#include "display/scanout_depth.h"
 #include "optics/mounting.h"
 
 namespace lenticule::display {
@@ -34,17 +35,23 @@ class ScanoutMapping {
   size_t size_ = 0;
 };
 
+/// ScanoutLayout is the form of the frames in a scan-out buffer.
+struct ScanoutLayout {
+  frames::FrameGeometry geometry{};  ///< size of the picture that is sent
+  optics::Mounting mounting{};
+  ScanoutDepth depth = ScanoutDepth::Bits8;
+};
+
 class KmsBuffer final : public ScanoutBuffer {
  public:
   /// Creates a buffer and fills it with black, which touches every page. Throws Error(Failed) if
   /// the card or the system has no memory for it; frees everything that was created before the
   /// failure.
-  KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, frames::FrameGeometry geometry,
-            const optics::Mounting& mounting = {});
+  KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, const ScanoutLayout& layout);
   /// Wraps a buffer that another process created, keeping its contents. Takes ownership of the ids
   /// only on success.
-  KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, frames::FrameGeometry geometry,
-            const optics::Mounting& mounting, const TakeoverState::Buffer& buffer);
+  KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, const ScanoutLayout& layout,
+            const TakeoverState::Buffer& buffer);
 
   void fill(const frames::FrameView& frame) noexcept override;
 
@@ -63,8 +70,7 @@ class KmsBuffer final : public ScanoutBuffer {
   void abandon() noexcept;
 
  private:
-  frames::FrameGeometry geometry_;
-  optics::Mounting mounting_;
+  ScanoutLayout layout_;
   uint32_t pitch_ = 0;
   uint64_t size_ = 0;
   DumbHandle handle_;          // destroyed third
@@ -78,7 +84,6 @@ using ScanoutPool = std::vector<std::unique_ptr<KmsBuffer>>;
 /// Creates up to `count` buffers, as many as there is memory for. Throws Error(Failed) if fewer
 /// than two.
 [[nodiscard]] ScanoutPool make_scanout_pool(int fd, const std::shared_ptr<KmsPlatform>& platform,
-                                            frames::FrameGeometry geometry,
-                                            const optics::Mounting& mounting, int count);
+                                            const ScanoutLayout& layout, int count);
 
 }  // namespace lenticule::display

@@ -15,6 +15,7 @@ bool plausible(const TakeoverState& state) {
   if (!side(state.width) || !side(state.height)) return false;
   if (state.buffer_count < kMinScanoutBuffers || state.buffer_count > kMaxScanoutBuffers)
     return false;
+  if (state.bits != 8 && state.bits != 10) return false;
   if (state.connector == 0 || state.crtc == 0 || state.plane == 0) return false;
   if (std::find(state.card.begin(), state.card.end(), '\0') == state.card.end()) return false;
   return std::all_of(state.buffers.begin(), state.buffers.begin() + state.buffer_count,

@@ -18,7 +18,7 @@ inline constexpr int kMaxScanoutBuffers = 4;
 /// process that created the objects.
 struct TakeoverState {
   static constexpr uint64_t kMagic = 0x3144'4e41'484c'4bff;
-  static constexpr uint32_t kVersion = 1;
+  static constexpr uint32_t kVersion = 2;
 
   uint64_t magic = kMagic;
   uint32_t version = kVersion;
@@ -28,7 +28,9 @@ struct TakeoverState {
   int32_t width = 0;
   int32_t height = 0;
   uint32_t buffer_count = 0;
-  uint32_t off = 0;  ///< 1: the output was switched off on request
+  uint32_t off = 0;   ///< 1: the output was switched off on request
+  uint32_t bits = 8;  ///< bits per colour of the buffers: 8 or 10
+  uint32_t reserved = 0;
   /// The kernel's ids of a scan-out buffer, and its size.
   struct Buffer {
     uint32_t handle = 0;

@@ -74,6 +74,18 @@ TEST(OpenDisplay, OfATurnedPanelShowsFramesAsTheViewerSeesThem) {
   EXPECT_EQ(kms.mounting, rig.panel.mounting);
 }
 
+TEST(OpenDisplay, OfAPanelOfTenBitsHasThemInScanoutMemory) {
+  optics::Rig rig;
+  rig.panel.width_px = 64;
+  rig.panel.height_px = 36;
+  EXPECT_EQ(kms_options_of(request_for(rig, "kms")).output.depth, ScanoutDepth::Bits8);
+  rig.panel.bits = 10;
+  EXPECT_EQ(kms_options_of(request_for(rig, "kms")).output.depth, ScanoutDepth::Bits10);
+  DisplayRequest request = request_for(rig, "virtual");
+  request.clock = std::make_shared<SimulatedClock>();
+  EXPECT_EQ(open_display(request)->mode().name, "virtual 64x36@60, 10 bits per colour");
+}
+
 TEST(OpenDisplay, RefusesAMissingPanel) {
   try {
     (void)open_display({.spec = "kms:Nonsense-77", .panel = kPanel});

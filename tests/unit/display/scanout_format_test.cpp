@@ -3,11 +3,15 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <string>
+#include <tuple>
 #include <vector>
 
 #include "tests/support/fake_source.h"
 #include "tests/support/instruction_sets.h"
 #include "tests/support/noise_frame.h"
+#include "tests/support/scanout_words.h"
 #include "tests/support/turned_picture.h"
 
 namespace lenticule::display {
@@ -16,7 +20,15 @@ namespace {
 constexpr uint32_t kGuard = 0xDEADBEEF;
 constexpr uint8_t kByteGuard = 0xA5;
 
-class ScanoutFormat : public testing::TestWithParam<Isa> {};
+using test::scanout_word;
+
+constexpr ScanoutDepth kDepths[] = {ScanoutDepth::Bits8, ScanoutDepth::Bits10};
+
+class ScanoutFormat : public testing::TestWithParam<std::tuple<Isa, ScanoutDepth>> {
+ protected:
+  [[nodiscard]] static Isa isa() { return std::get<0>(GetParam()); }
+  [[nodiscard]] static ScanoutDepth depth() { return std::get<1>(GetParam()); }
+};
 
 std::vector<uint8_t> random_bytes(size_t count) {
   const auto frame = test::numbered_frame({.width = static_cast<int>(count) + 1, .height = 1}, 7);
@@ -29,23 +41,38 @@ TEST_P(ScanoutFormat, ExpandsEverySubpixelAtEveryWidthAndAlignment) {
       // The vector has no spare bytes, so that the address sanitizer finds longer reads.
       const std::vector<uint8_t> rgb = random_bytes(3 * pixels);
       std::vector<uint32_t> xrgb(shift + pixels + 1, kGuard);
-      expand_row(GetParam(), rgb.data(), xrgb.data() + shift, pixels);
+      expand_row(isa(), depth(), rgb.data(), xrgb.data() + shift, pixels);
       for (size_t i = 0; i < pixels; ++i)
-        ASSERT_EQ(xrgb[shift + i], uint32_t{rgb[3 * i]} << 16 | uint32_t{rgb[3 * i + 1]} << 8 |
-                                       uint32_t{rgb[3 * i + 2]})
+        ASSERT_EQ(xrgb[shift + i], scanout_word(rgb.data() + 3 * i, depth()))
             << "pixel " << i << " of " << pixels;
       ASSERT_EQ(xrgb[shift + pixels], kGuard);
     }
 }
 
-TEST_P(ScanoutFormat, IgnoresTheXByteWhenPacking) {
+TEST_P(ScanoutFormat, ExpandsEveryValueOfEveryColourAndPacksItBack) {
+  for (const size_t colour : {0, 1, 2}) {
+    std::vector<uint8_t> rgb(3 * 256);
+    for (size_t value = 0; value < 256; ++value)
+      rgb[3 * value + colour] = static_cast<uint8_t>(value);
+    std::vector<uint32_t> words(256);
+    expand_row(isa(), depth(), rgb.data(), words.data(), 256);
+    for (size_t value = 0; value < 256; ++value)
+      ASSERT_EQ(words[value], scanout_word(rgb.data() + 3 * value, depth())) << value;
+    std::vector<uint8_t> back(rgb.size());
+    pack_row(isa(), depth(), words.data(), back.data(), 256);
+    ASSERT_EQ(back, rgb);
+  }
+}
+
+TEST_P(ScanoutFormat, IgnoresTheUnusedBitsWhenPacking) {
   for (size_t pixels = 0; pixels < 100; ++pixels) {
     const std::vector<uint8_t> rgb = random_bytes(3 * pixels);
     std::vector<uint32_t> xrgb(pixels);
-    expand_row(GetParam(), rgb.data(), xrgb.data(), pixels);
-    for (size_t i = 0; i < pixels; i += 2) xrgb[i] |= 0xFF000000u;
+    expand_row(isa(), depth(), rgb.data(), xrgb.data(), pixels);
+    const uint32_t unused = depth() == ScanoutDepth::Bits10 ? 0xC0000000u : 0xFF000000u;
+    for (size_t i = 0; i < pixels; i += 2) xrgb[i] |= unused;
     std::vector<uint8_t> back(3 * pixels + 1, kByteGuard);
-    pack_row(GetParam(), xrgb.data(), back.data(), pixels);
+    pack_row(isa(), depth(), xrgb.data(), back.data(), pixels);
     ASSERT_EQ(back.back(), kByteGuard);
     back.pop_back();
     ASSERT_EQ(back, rgb) << pixels << " pixels";
@@ -54,20 +81,21 @@ TEST_P(ScanoutFormat, IgnoresTheXByteWhenPacking) {
 
 /// Checks that the frame which a viewer sees of `sent` is scanned out as `sent`, with `shift` words
 /// before the first pixel and between the rows.
-void expect_sent(Isa isa, const frames::WovenFrame& sent, const char* mounting, size_t shift) {
+void expect_sent(Isa isa, ScanoutDepth depth, const frames::WovenFrame& sent, const char* mounting,
+                 size_t shift) {
   // The frame's bytes are a vector of their own size, so that the address sanitizer finds longer
   // reads.
   const frames::WovenFrame seen = test::seen_of(sent, mounting);
   const auto width = static_cast<size_t>(sent.width()), stride = width + shift;
   std::vector<uint32_t> xrgb(shift + stride * static_cast<size_t>(sent.height()), kGuard);
-  expand_frame(isa, seen.view(), optics::mounting_named(mounting), xrgb.data() + shift, stride);
+  expand_frame(isa, depth, seen.view(), optics::mounting_named(mounting), xrgb.data() + shift,
+               stride);
   for (size_t word = 0; word < xrgb.size(); ++word) {
     const bool guard = word < shift || (word - shift) % stride >= width;
     const size_t row = (word - shift) / stride, column = (word - shift) % stride;
     const uint8_t* const rgb =
         guard ? nullptr : sent.row(static_cast<int>(row)) + 3 * static_cast<ptrdiff_t>(column);
-    const uint32_t wanted =
-        guard ? kGuard : uint32_t{rgb[0]} << 16 | uint32_t{rgb[1]} << 8 | uint32_t{rgb[2]};
+    const uint32_t wanted = guard ? kGuard : scanout_word(rgb, depth);
     ASSERT_EQ(xrgb[word], wanted) << mounting << ", " << sent.width() << "x" << sent.height()
                                   << ", pixel " << column << ", " << row;
   }
@@ -76,19 +104,38 @@ void expect_sent(Isa isa, const frames::WovenFrame& sent, const char* mounting, 
 TEST_P(ScanoutFormat, SendsWhatTheViewerSeesForEveryMountingSizeAndAlignment) {
   for (const char* mounting : test::kMountingNames)
     for (int side = 1; side < 24; ++side) {
-      expect_sent(GetParam(), test::noise_frame(side, 17, 3), mounting, 0);
-      expect_sent(GetParam(), test::noise_frame(19, side, 4), mounting, 5);
+      expect_sent(isa(), depth(), test::noise_frame(side, 17, 3), mounting, 0);
+      expect_sent(isa(), depth(), test::noise_frame(19, side, 4), mounting, 5);
     }
 }
 
 TEST_P(ScanoutFormat, SendsPicturesLargerThanATileWithoutGaps) {
   for (const char* mounting : test::kMountingNames)
-    expect_sent(GetParam(), test::noise_frame(203, 137, 5), mounting, 5);
+    expect_sent(isa(), depth(), test::noise_frame(203, 137, 5), mounting, 5);
 }
 
 INSTANTIATE_TEST_SUITE_P(EveryInstructionSet, ScanoutFormat,
-                         testing::ValuesIn(test::every_instruction_set()),
-                         [](const auto& isa) { return std::string(isa_name(isa.param)); });
+                         testing::Combine(testing::ValuesIn(test::every_instruction_set()),
+                                          testing::ValuesIn(kDepths)),
+                         [](const auto& test) {
+                           return std::string(isa_name(std::get<0>(test.param))) + "_" +
+                                  std::to_string(bits_of(std::get<1>(test.param)));
+                         });
+
+TEST(TenBits, StepsAreEvenAndTheEndsAreKept) {
+  const auto ten = [](int value) { return test::ten_bits_of(static_cast<uint8_t>(value)); };
+  EXPECT_EQ(ten(0), 0U);
+  EXPECT_EQ(ten(255), 1023U);
+  int of_five = 0;
+  for (int value = 0; value < 255; ++value) {
+    const uint32_t step = ten(value + 1) - ten(value);
+    ASSERT_TRUE(step == 4 || step == 5) << value;
+    of_five += step == 5 ? 1 : 0;
+    ASSERT_EQ(ten(value) >> 2, static_cast<uint32_t>(value)) << "the upper eight bits";
+    ASSERT_LE(std::abs(ten(value) / 1023.0 - value / 255.0), 0.5 / 1023) << value;
+  }
+  EXPECT_EQ(of_five, 3) << "1023 is 255 steps of 4 and three more";
+}
 
 }  // namespace
 }  // namespace lenticule::display

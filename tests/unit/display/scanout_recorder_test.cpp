@@ -30,12 +30,15 @@ struct Scanout {
   frames::WovenFrame frame;
   std::vector<uint32_t> words;
 
-  explicit Scanout(uint64_t number) : frame(test::numbered_frame(kSmall, number)), words(16 * 3) {
+  ScanoutDepth depth;
+
+  explicit Scanout(uint64_t number, ScanoutDepth memory = ScanoutDepth::Bits8)
+      : frame(test::numbered_frame(kSmall, number)), words(16 * 3), depth(memory) {
     for (int j = 0; j < kSmall.height; ++j)
-      expand_row(frame.row(j), words.data() + 16 * j, static_cast<size_t>(kSmall.width));
+      expand_row(depth, frame.row(j), words.data() + 16 * j, static_cast<size_t>(kSmall.width));
   }
   [[nodiscard]] ScanoutView view() const {
-    return {.pixels = words.data(), .stride = 16, .geometry = kSmall};
+    return {.pixels = words.data(), .stride = 16, .geometry = kSmall, .depth = depth};
   }
 };
 
@@ -59,7 +62,7 @@ class Recorder : public testing::Test {
 TEST_F(Recorder, WritesOneChecksumLinePerFrame) {
   const auto recorder = open_recorder("checksums:" + path("sums.txt"));
   const Scanout first(1);
-  const Scanout second(2);
+  const Scanout second(2, ScanoutDepth::Bits10);  // of another display: the same RGB
   recorder->record({.sequence = 10, .id = 4}, first.view());
   recorder->record({.sequence = 12, .id = 5, .skipped_before = 3}, second.view());
   recorder->finish();

@@ -73,6 +73,18 @@ TEST_F(VirtualDisplayTest, ShowsEverySubpixelUnchanged) {
                              .checksum = test::checksum_of(numbered_frame(kSmall, id).view())}));
 }
 
+TEST_F(VirtualDisplayTest, ARecordingOfTenBitsHasTheFramesOfEight) {
+  display = open_virtual_display({.geometry = kSmall,
+                                  .depth = ScanoutDepth::Bits10,
+                                  .refresh = {60, 1},
+                                  .clock = clock,
+                                  .recorder = recorder});
+  show(3);
+  EXPECT_EQ(display->wait_event(kFar, -1).kind, EventKind::Flip);
+  ASSERT_EQ(recorder->shown().size(), 1u);
+  EXPECT_EQ(recorder->shown()[0].checksum, test::checksum_of(numbered_frame(kSmall, 3).view()));
+}
+
 TEST_F(VirtualDisplayTest, HoldsOneFlipAtATime) {
   show(1);
   ScanoutBuffer* const second = display->acquire();

@@ -56,6 +56,7 @@ struct Evaluation {
   uint32_t product = 0;
   uint32_t serial_number = 0;
   std::optional<int> bits_per_colour;
+  bool deep_colour = false;
   bool offers_ycbcr = false;
   std::vector<uint8_t> only_as_420;
   std::optional<PixelSize> base_native, displayid_native, displayid_preferred;
@@ -114,6 +115,7 @@ Evaluation evaluate(const fs::path& file) {
   said.serial_number = number_after(lines, "^    Serial Number: (\\d+)").value_or(0);
   if (const auto bits = number_after(lines, "^    Bits per primary color channel: (\\d+)"))
     said.bits_per_colour = static_cast<int>(*bits);
+  said.deep_colour = find_line(lines, "^    DC_30bit").has_value();
   said.offers_ycbcr =
       find_line(lines,
                 "Supported color formats: .*YCrCb|^  Supports YCbCr 4:[24]|^  YCbCr 4:2:0 "
@@ -148,6 +150,7 @@ class EdidConformance : public ::testing::Test {
     EXPECT_EQ(read.identity->product, said.product) << name;
     EXPECT_EQ(read.identity->serial_number, said.serial_number) << name;
     EXPECT_EQ(read.bits_per_colour, said.bits_per_colour) << name;
+    EXPECT_EQ(read.deep_colour, said.deep_colour) << name;
     EXPECT_EQ(read.offers_ycbcr, said.offers_ycbcr) << name;
     EXPECT_EQ(read.only_as_420, said.only_as_420) << name;
     expect_same(read.base_native, said.base_native, name + ", first timing");

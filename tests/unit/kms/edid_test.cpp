@@ -83,6 +83,18 @@ TEST(Edid, DetectsPanelsThatAcceptYcbcr) {
   EXPECT_FALSE(read_edid(with_extension).offers_ycbcr) << "half an extension says nothing";
 }
 
+TEST(Edid, DetectsHdmiInputsOfTenBitsPerColour) {
+  EXPECT_FALSE(read_edid(EdidMaker{.bits = 10}.bytes()).deep_colour);
+  EXPECT_EQ(read_edid(EdidMaker{.bits = 10}.bytes()).bits_per_colour, 10);
+  auto deep = EdidMaker{.deep_colour = true}.bytes();
+  EXPECT_TRUE(read_edid(deep).deep_colour);
+  deep[128 + 10] = 0x20;  // 36 bits per pixel only
+  EXPECT_FALSE(read_edid(deep).deep_colour);
+  deep[128 + 10] = 0x30;
+  deep[128 + 5] = 0x04;  // a vendor's block
+  EXPECT_FALSE(read_edid(deep).deep_colour);
+}
+
 TEST(Edid, FirstDetailedTimingGivesThePanelsSize) {
   EXPECT_EQ(read_edid(EdidMaker{.width = 3840, .height = 2160}.bytes()).base_native,
             (display::PixelSize{3840, 2160}));

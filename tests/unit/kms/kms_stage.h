@@ -2,6 +2,7 @@
 // Provides one fake card with one panel and a display on it for most tests.
 #pragma once
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
 
 #include <memory>
@@ -79,6 +80,24 @@ class KmsStage : public ::testing::Test {
     EXPECT_EQ(event.kind, EventKind::Flip);
     EXPECT_EQ(event.id, seed);
     return event;
+  }
+  /// Plays one frame, then dies; returns the state for the next player.
+  std::shared_ptr<display::PreviousOutput> die_after(unsigned seed) {
+    options.exit = display::ExitPolicy::Hold;
+    open();
+    flip(seed);
+    auto left = std::make_shared<display::PreviousOutput>();
+    left->state = show->takeover_state();
+    // The same open file has another number, as in systemd's descriptor store.
+    const int old_fd = show->card_fd();
+    left->card = UniqueFd(fcntl(old_fd, F_DUPFD_CLOEXEC, 0));
+    const int ours = card.ends.at(old_fd);
+    card.ends.erase(old_fd);
+    card.ends[left->card.get()] = ours;
+    card.master_fd = left->card.get();
+    show.reset();
+    card.modesets = card.blocking_commits = 0;
+    return left;
   }
   void expect_displayed(unsigned seed) {
     EXPECT_EQ(card.displayed(crtc), words_of(make_frame(seed)));

@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 
 #include "display/kms/device/tile.h"
+#include "display/kms/inspect.h"
+#include "display/kms/tile_groups.h"
 #include "kms_stage.h"
 
 namespace lenticule::testing {
@@ -190,6 +192,99 @@ TEST_F(KmsTiles, SwitchingOffSwitchesAllTilesOff) {
   EXPECT_EQ(card.value(right_crtc, "ACTIVE"), 0U);
   EXPECT_TRUE(show->set_power(true));
   expect_both_show(1);
+}
+
+TEST_F(KmsTiles, TheNextPlayerTakesAllTilesOverWithoutAModeset) {
+  options.output.panel = kPanel;
+  options.previous = die_after(1);
+  expect_both_show(1);
+  open();
+  EXPECT_TRUE(show->took_over());
+  EXPECT_EQ(card.modesets, 0);
+  EXPECT_EQ(card.buffers.size(), 3U);
+  flip(2);
+  expect_both_show(2);
+  EXPECT_EQ(card.modesets, 0);
+  EXPECT_EQ(show->statistics().stray_events, 0U);
+}
+
+TEST_F(KmsTiles, ThatLostACableAreNotTakenOverAndTheirBuffersAreFreed) {
+  options.previous = die_after(1);
+  right->connected = false;
+  EXPECT_THAT(failure().what(), HasSubstr("2 connectors, and 1 of them"));
+  EXPECT_TRUE(card.buffers.empty());
+}
+
+TEST_F(KmsTiles, ThatAnotherProgramSwitchedOffGetAModeset) {
+  options.previous = die_after(1);
+  card.object(right_crtc).find("ACTIVE")->value = 0;
+  open();
+  EXPECT_FALSE(show->took_over());
+  flip(2);
+  expect_both_show(2);
+}
+
+// --- doctor ---------------------------------------------------------------------------------
+
+TEST_F(KmsTiles, DoctorListsTheGroupWithThePlaceOfEachConnector) {
+  const auto groups = display::tile_groups(display::inspect_cards(machine.session()).panels);
+  ASSERT_EQ(groups.size(), 1U);
+  const display::TileGroup& group = groups[0];
+  EXPECT_EQ(group.group, 7U);
+  EXPECT_EQ(group.width, kWidth);
+  EXPECT_EQ(group.height, kHeight);
+  ASSERT_EQ(group.tiles.size(), 2U);
+  EXPECT_EQ(group.tiles[0].connector, "HDMI-A-1");
+  EXPECT_EQ(group.tiles[1].connector, "HDMI-A-2");
+  EXPECT_EQ(group.tiles[1].column, 1);
+  EXPECT_TRUE(group.complete());
+}
+
+TEST_F(KmsTiles, DoctorListsAMissingTile) {
+  connector->connected = false;
+  const auto groups = display::tile_groups(display::inspect_cards(machine.session()).panels);
+  ASSERT_EQ(groups.size(), 1U);
+  EXPECT_EQ(groups[0].tiles[0].connector, "");
+  EXPECT_EQ(groups[0].tiles[1].connector, "HDMI-A-2");
+  EXPECT_FALSE(groups[0].complete());
+}
+
+TEST_F(KmsTiles, DoctorListsNoGroupsForOrdinaryPanels) {
+  std::vector<display::PanelInfo> panels = display::inspect_cards(machine.session()).panels;
+  for (display::PanelInfo& panel : panels) panel.tile.reset();
+  EXPECT_TRUE(display::tile_groups(panels).empty());
+}
+
+TEST_F(KmsTiles, DoctorTestsAllTilesInOneCommit) {
+  for (const char* spec : {"auto", "HDMI-A-1", "HDMI-A-2"}) {
+    card.tests = 0;
+    const auto found =
+        display::diagnose(machine.session(), display::parse_output(spec), machine.platform());
+    ASSERT_EQ(found.size(), 1U) << spec;
+    EXPECT_EQ(found[0].problem, "") << spec;
+    EXPECT_TRUE(found[0].tested);
+    EXPECT_EQ(found[0].connectors, (std::vector<std::string>{"HDMI-A-1", "HDMI-A-2"}));
+    EXPECT_EQ(card.tests, 1) << spec;
+  }
+  EXPECT_EQ(card.modesets + card.blocking_commits, 0);
+}
+
+TEST_F(KmsTiles, DoctorSaysThatATileIsMissing) {
+  right->connected = false;
+  const auto found = display::diagnose(machine.session(), {}, machine.platform());
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_THAT(found[0].problem, HasSubstr("2 connectors, and 1 of them"));
+  EXPECT_THAT(found[0].remedy, HasSubstr("all of its cables"));
+}
+
+TEST_F(KmsTiles, DoctorTestsOtherPanelsOfTheCardOnTheirOwn) {
+  card.add_connector(DRM_MODE_CONNECTOR_DisplayPort, 1, make_mode(kWidth, kHeight, 60),
+                     EdidMaker{.serial_text = "TWO"}.bytes())
+      .possible_crtcs = 3;
+  const auto found = display::diagnose(machine.session(), {}, machine.platform());
+  ASSERT_EQ(found.size(), 2U);
+  EXPECT_EQ(found[0].connectors.size(), 2U);
+  EXPECT_EQ(found[1].connectors, std::vector<std::string>{"DP-1"});
 }
 
 TEST_F(KmsTiles, ARefusedJointCommitNamesAllConnectors) {

@@ -1,35 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests that after a player's death the next one takes over card, picture and buffers without a
 // modeset.
-#include <fcntl.h>
-
 #include "kms_stage.h"
 
 namespace lenticule::testing {
 
 using display::TakeoverState;
 
-class Takeover : public KmsStage {
- protected:
-  /// Plays one frame, then dies; returns the state for the next player.
-  std::shared_ptr<display::PreviousOutput> die_after(unsigned seed) {
-    options.exit = display::ExitPolicy::Hold;
-    open();
-    flip(seed);
-    auto left = std::make_shared<display::PreviousOutput>();
-    left->state = show->takeover_state();
-    // The same open file has another number, as in systemd's descriptor store.
-    const int old_fd = show->card_fd();
-    left->card = UniqueFd(fcntl(old_fd, F_DUPFD_CLOEXEC, 0));
-    const int ours = card.ends.at(old_fd);
-    card.ends.erase(old_fd);
-    card.ends[left->card.get()] = ours;
-    card.master_fd = left->card.get();
-    show.reset();
-    card.modesets = card.blocking_commits = 0;
-    return left;
-  }
-};
+class Takeover : public KmsStage {};
 
 TEST_F(Takeover, LastFrameStaysAndTheNextPlayerNeedsNoModeset) {
   options.previous = die_after(1);
@@ -44,6 +22,33 @@ TEST_F(Takeover, LastFrameStaysAndTheNextPlayerNeedsNoModeset) {
   flip(3);
   expect_displayed(3);
   EXPECT_EQ(card.modesets, 0);
+}
+
+class TakeoverOfTenBits : public KmsStage {
+ protected:
+  TakeoverOfTenBits() {
+    card.set_edid(connector->id, EdidMaker{.serial_text = "ONE", .deep_colour = true}.bytes());
+    card.formats = {DRM_FORMAT_XRGB8888, DRM_FORMAT_XRGB2101010};
+    options.output.depth = display::ScanoutDepth::Bits10;
+    options.previous = die_after(1);
+  }
+};
+
+TEST_F(TakeoverOfTenBits, NeedsNoModeset) {
+  EXPECT_EQ(options.previous->state.bits, 10U);
+  open();
+  EXPECT_TRUE(show->took_over());
+  EXPECT_EQ(card.modesets, 0);
+  flip(2);
+  EXPECT_EQ(card.modesets, 0);
+}
+
+TEST_F(TakeoverOfTenBits, ByARigOfEightBitsFreesTheOldBuffers) {
+  options.output.depth = display::ScanoutDepth::Bits8;
+  open();
+  flip(2);
+  expect_displayed(2);
+  EXPECT_EQ(card.buffers.size(), 3U);
 }
 
 TEST_F(Takeover, FiftyDeathsLeakNoBuffer) {
@@ -129,7 +134,8 @@ TEST_F(Takeover, ImplausibleBytesAreRejected) {
     return !display::parse_takeover_state(display::bytes_of(state)).has_value();
   };
   EXPECT_TRUE(rejected([](TakeoverState& s) { s.magic ^= 1; }));
-  EXPECT_TRUE(rejected([](TakeoverState& s) { s.version = 2; }));
+  EXPECT_TRUE(rejected([](TakeoverState& s) { s.version = 1; }));
+  EXPECT_TRUE(rejected([](TakeoverState& s) { s.bits = 12; }));
   EXPECT_TRUE(rejected([](TakeoverState& s) { s.buffer_count = 5; }));
   EXPECT_TRUE(rejected([](TakeoverState& s) { s.buffer_count = 0; }));
   EXPECT_TRUE(rejected([](TakeoverState& s) { s.width = -1; }));

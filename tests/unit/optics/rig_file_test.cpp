@@ -156,6 +156,9 @@ INSTANTIATE_TEST_SUITE_P(
                 "a.toml:8: a cell is a list of six numbers"},
         BadText{"[sheet]", "mounting = \"91\"\n[sheet]", "a.toml:8: mounting '91': not a known"},
         BadText{"[sheet]", "mounting = 90\n[sheet]", "a.toml:8: 'panel.mounting' is not a string"},
+        BadText{"[sheet]", "bits = 12\n[sheet]", "a.toml:8: panel.bits: 12 is not 8 or 10"},
+        BadText{"[sheet]", "bits = \"10\"\n[sheet]",
+                "a.toml:8: 'panel.bits' is not a whole number"},
         BadText{"format = 1", "format = 2", "a.toml:1: unknown format; expected 1"},
         BadText{"[panel]", "[panel", "a.toml:3: "},
         BadText{"name = \"small\"", "name = 5", "a.toml:2: 'name' is not a string"},
@@ -168,6 +171,16 @@ TEST(RigFile, KeepsEveryMounting) {
     EXPECT_EQ(mounting_name(rig.panel.mounting), name);
     EXPECT_EQ(parse_rig(rig_to_toml(rig), "a.toml"), rig) << name;
   }
+}
+
+TEST(RigFile, KeepsTheBitsOfADeepPanelAndWritesNoneForAUsualOne) {
+  const Rig usual = parse_rig(kSmall, "a.toml");
+  EXPECT_EQ(usual.panel.bits, 8);
+  EXPECT_EQ(rig_to_toml(usual).find("bits"), std::string::npos);
+  const Rig deep = parse_rig(with(kSmall, "[sheet]", "bits = 10\n[sheet]"), "a.toml");
+  EXPECT_EQ(deep.panel.bits, 10);
+  EXPECT_EQ(parse_rig(rig_to_toml(deep), "a.toml"), deep);
+  EXPECT_EQ(fingerprint(deep), fingerprint(usual)) << "frames do not depend on the bits";
 }
 
 TEST(RigFile, ReportsAMissingFormat) {

@@ -161,6 +161,22 @@ TEST_F(FollowedRigTest, KeepsTheLastGoodRigAndReportsTheReason) {
   EXPECT_THAT(rig.complaint(), HasSubstr("tiny.toml"));
 }
 
+TEST_F(FollowedRigTest, DoesNotFollowWhatTheDisplayReadAtItsStart) {
+  FollowedRig rig(rig_file_);
+  optics::Rig other = rig_;
+  other.panel.bits = optics::kDeepBits;
+  optics::save_rig(other, rig_file_);
+  rig.look();
+  EXPECT_EQ(rig.rig(), rig_);
+  EXPECT_THAT(rig.complaint(), HasSubstr("another panel.bits"));
+  other.panel.bits = rig_.panel.bits;
+  other.panel.mounting = optics::mounting_named("180");
+  optics::save_rig(other, rig_file_);
+  rig.look();
+  EXPECT_EQ(rig.rig(), rig_);
+  EXPECT_THAT(rig.complaint(), HasSubstr("another panel.mounting"));
+}
+
 TEST_F(FollowedRigTest, FollowsATrimThatIsNotSavedYet) {
   const auto trim = std::make_shared<LiveTrim>(rig_file_);
   FollowedRig rig(rig_file_, trim);
