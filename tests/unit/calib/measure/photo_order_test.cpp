@@ -18,7 +18,7 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-/// PatternPictures is a camera whose pictures are the patterns with the given numbers, in this order.
+/// PatternPictures is a camera whose pictures are the patterns with the given numbers, in order.
 class PatternPictures final : public Camera {
  public:
   PatternPictures(const optics::Rig& rig, std::vector<size_t> order)
