@@ -86,11 +86,10 @@ const TurnedFit* moved_hand(const PhoneFit& fit, const optics::Rig& start,
                             const std::vector<Vec3>& eyes) {
   double most = fit.photos.size() > kFewPhotos ? kMostEvidence : kMostEvidenceOfFew;
   const TurnedFit* found = nullptr;
+  const optics::Rig still = rig_of(fit, start);
   for (const TurnedFit& turned : fit.turned) {
     if (turned.evidence <= most) continue;
-    if (largest_difference(rig_of(fit, start), rig_of(turned.fit, start), eyes) <=
-        kHarmlessTurnLenses)
-      continue;
+    if (largest_difference(still, rig_of(turned.fit, start), eyes) <= kHarmlessTurnLenses) continue;
     most = turned.evidence;
     found = &turned;
   }

@@ -179,6 +179,7 @@ std::string misfit(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
   }
   if (!worst.cause.empty()) return worst.cause;
   const TurnedFit* turned = moved_hand(fit, start, zone_of(start));
+  // A false axis also looks like a rotation, but the rotation does not explain the shifts.
   const bool explains = turned != nullptr && joint_pull(turned->fit) <= kMostJointPull;
   const Misfit joint = joint_shift(photos, fit);
   if (joint.excess > worst.excess && !explains) return joint.cause;

@@ -89,8 +89,8 @@ struct PanelSearch {
 
 /// The effect of playing on this panel on its output.
 struct Diagnosis {
-  PanelInfo panel;                        ///< of the first connector
-  std::vector<std::string> connectors{};  ///< all connectors of the panel, the first one first
+  PanelInfo panel;                        ///< panel, as its first connector describes it
+  std::vector<std::string> connectors{};  ///< names of the panel's connectors, the first one first
   std::string driver{};
   std::string problem{};  ///< reason why nothing could be displayed; empty if frames can be
   std::string remedy{};

@@ -24,7 +24,7 @@ struct DisplayRequest {
   frames::FrameGeometry panel = {};
   /// Mounting of the panel; the frames are what its viewer sees.
   optics::Mounting mounting = {};
-  ScanoutDepth depth = ScanoutDepth::Bits8;  ///< of the scan-out memory; frames have 8 bits
+  ScanoutDepth depth = ScanoutDepth::Bits8;  ///< bits per colour in scan-out memory
   /// Virtual displays only: null = real time.
   std::shared_ptr<Clock> clock = nullptr;
   /// Virtual displays only: null = no recording.

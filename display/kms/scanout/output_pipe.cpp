@@ -29,8 +29,8 @@ BlobId make_mode_blob(int fd, const drmModeModeInfo& mode) {
   return {fd, id};
 }
 
-/// Returns the bits per colour that the panel accepts, as its EDID states them. An HDMI input
-/// accepts more than 8 only if its data block says so, whatever the base block states.
+/// Returns the bits per colour that the panel accepts, as its EDID states them. For an HDMI input,
+/// more than 8 bits must be stated by the HDMI data block; the base block alone does not suffice.
 std::optional<int> bits_accepted(const ConnectorInfo& connector) {
   const EdidReading& edid = connector.edid;
   if (!edid.identity || !is_hdmi(connector.type)) return edid.bits_per_colour;
