@@ -19,6 +19,15 @@ namespace lenticule::calib {
 [[nodiscard]] const TurnedFit* moved_hand(const PhoneFit& fit, const optics::Rig& start,
                                           const std::vector<Vec3>& eyes);
 
+/// Returns the fit with a hand that moved of which the result is least sure: its probability times
+/// the change of a phase is largest, and too large to accept; else nullptr. `mean` is that of
+/// averaged_over_turns(). More than kFewPhotos photographs leave no such doubt.
+///
+/// Lifetime: the result belongs to `fit`.
+[[nodiscard]] const TurnedFit* possibly_moved_hand(const PhoneFit& fit, const PhoneFit& mean,
+                                                   const optics::Rig& start,
+                                                   const std::vector<Vec3>& eyes);
+
 /// Returns the mean of the fit and of those with a hand that moved, by their probabilities. Their
 /// differences add to the covariance. `photos` is that of the fit. More than kFewPhotos photographs
 /// determine rotations; their fit is returned unchanged.

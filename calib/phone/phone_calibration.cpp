@@ -169,6 +169,13 @@ std::string words_of(const TurnedFit& turned, const std::string& photograph) {
       photograph, turned.radians * 180.0 / std::numbers::pi);
 }
 
+std::string doubt_of(const TurnedFit& turned, const std::string& photograph) {
+  return fmt::format(
+      "{}: perhaps the hand moved: the phone seems to have turned by {:.2f} degrees while the "
+      "picture was read; take one more from there with the phone held still",
+      photograph, turned.radians * 180.0 / std::numbers::pi);
+}
+
 /// Returns which photograph contradicts the others most, and why; empty if none does.
 std::string misfit(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
                    const optics::Rig& start) {
@@ -317,18 +324,25 @@ Calibration calibrate_phone(const std::vector<PhonePhoto>& photos, const SingleP
   put_result(usable, mean, chart.start, out);
   out.seconds_computing =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
-  if (const std::string reason = misfit(usable, *fit, chart.start); !reason.empty())
+  if (const std::string reason = misfit(usable, *fit, chart.start); !reason.empty()) {
     out.reasons.push_back(reason);
-  else if (const auto problem = optics::find_problem(out.rig))
+    return out;
+  }
+  if (const auto problem = optics::find_problem(out.rig)) {
     out.reasons.push_back(problem->key + " would be " + problem->cause);
-  else if (out.drift.worst_lenses <= kWantedLenses)
-    out.verdict = Verdict::Intrinsic;
-  else {
+    return out;
+  }
+  if (out.drift.worst_lenses > kWantedLenses)
     out.reasons.push_back(
         fmt::format("phases are certain only to {:.3f} lens, {} photographs are not enough: {}",
                     out.drift.worst_lenses, usable.size(), wanted(usable, mean)));
-    if (out.drift.worst_lenses <= most_lenses) out.verdict = Verdict::Effective;
-  }
+  else if (const TurnedFit* turned =
+               possibly_moved_hand(*fit, mean, chart.start, zone_of(chart.start)))
+    out.reasons.push_back(doubt_of(*turned, usable[turned->photo].name));
+  else
+    out.verdict = Verdict::Intrinsic;
+  if (out.verdict == Verdict::Refused && out.drift.worst_lenses <= most_lenses)
+    out.verdict = Verdict::Effective;
   return out;
 }
 

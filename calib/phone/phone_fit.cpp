@@ -38,7 +38,8 @@ constexpr double kMovedTurnSigma = 3e-3;
 /// Smallest standard errors: errors of neighbouring blocks and corners are alike. Up to kFewPhotos
 /// photographs determine axes and rotations so badly that all that the fringes say is needed; more
 /// photographs show where the law of rigs does not hold.
-constexpr double kLeastPhaseSigma = 0.003, kLeastPhaseSigmaOfFew = 0.001, kLeastCornerPx = 0.15;
+constexpr double kLeastPhaseSigma = 0.003, kLeastPhaseSigmaOfFew = 0.001;
+constexpr double kLeastCornerPx = 0.15, kLeastCornerPxOfFew = 0.03;
 
 class Joint {
  public:
@@ -143,13 +144,14 @@ class Joint {
 
   void rescale() {
     constexpr double kOfMedian = 1.4826;  // normal distribution
-    const double least_phase =
-        model_.seen().size() > kFewPhotos ? kLeastPhaseSigma : kLeastPhaseSigmaOfFew;
+    const bool few = model_.seen().size() <= kFewPhotos;
+    const double least_phase = few ? kLeastPhaseSigmaOfFew : kLeastPhaseSigma;
+    const double least_corner = few ? kLeastCornerPxOfFew : kLeastCornerPx;
     for (size_t n = 0; n < model_.seen().size(); ++n) {
       phase_sigma_[n] =
           std::max(least_phase, kOfMedian * median_magnitude(model_.phase_rests(values_, n)));
       corner_sigma_[n] =
-          std::max(kLeastCornerPx, kOfMedian * median_magnitude(model_.corner_rests(values_, n)));
+          std::max(least_corner, kOfMedian * median_magnitude(model_.corner_rests(values_, n)));
     }
   }
 

@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "base/statistics.h"
+#include "calib/photo/tag_alignment.h"
 #include "calib/photo/tag_family.h"
 
 namespace lenticule::calib {
@@ -106,7 +107,8 @@ std::vector<TagSighting> find_tags(const PhotoLight& picture, size_t wanted) {
     if (all.size() >= wanted) break;
   }
   std::vector<TagSighting> tags;
-  for (const auto& [id, sighting] : all) tags.push_back(sighting.second);
+  for (const auto& [id, sighting] : all)
+    tags.push_back(aligned(picture, sighting.second, family.cells(id)));
   return tags;
 }
 
