@@ -176,6 +176,9 @@ class Bench:
     def logs(self):
         return ""
 
+    def processor_seconds(self):
+        return 0.0
+
     def end_processes(self):
         pass
 

@@ -54,7 +54,7 @@ def reports_that_virtio_has_no_format_of_ten_bits(vm):
     assert any("panel.bits = 8" in remedy for remedy in output["exactness"]["remedies"]), output
 
 
-@vm_test(Machine(display="cirrus"), fresh=True)
+@vm_test(Machine(display="cirrus"))
 def reports_that_cirrus_reduces_colours(vm):
     found = json.loads(doctor(vm, INEXACT).stdout)
     [output] = found["outputs"]
@@ -62,7 +62,7 @@ def reports_that_cirrus_reduces_colours(vm):
     assert any("RGB565" in reason for reason in output["exactness"]["reasons"]), output
 
 
-@vm_test(Machine(display="cirrus"), fresh=True)
+@vm_test(Machine(display="cirrus"))
 def refuses_to_play_with_reduced_colours(vm):
     content = Content(vm, 1600, 900, 2)
     command = play_command(vm, content, "--frames", "1:2", "--duration", "2")
@@ -93,10 +93,12 @@ def refuses_an_invalid_name(vm):
     assert result.stdout == "" and "edid" in result.stderr, result
 
 
-@vm_test(VIRTIO, fresh=True)
+@vm_test(VIRTIO)
 def finds_no_panel_if_all_are_unplugged(vm):
-    vm.write_file("/sys/class/drm/card0-Virtual-1/status", "off")
+    connector = "/sys/class/drm/card0-Virtual-1/status"
+    vm.write_file(connector, "off")
     found = json.loads(doctor(vm, NO_PANEL).stdout)
+    vm.write_file(connector, "detect")
     assert len(found["cards"]) == 1 and found["outputs"] == [], found
 
 

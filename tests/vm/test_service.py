@@ -74,7 +74,7 @@ def fifty_killed_players_leak_no_buffer(vm):
     check_lives(vm, 640, 480, 50, gap_seconds=0)
 
 
-@vm_test(VIRTIO, fresh=True)
+@vm_test(VIRTIO)
 def reports_its_state_to_the_service_manager(vm):
     content = Content(vm, 1920, 1080, 3)
     service = start_service(vm, content, "--fps", "2")

@@ -33,7 +33,7 @@ def half(whole, column):
     return picture.Picture(width, height, b"".join(rows))
 
 
-@vm_test(TWO, fresh=True)
+@vm_test(TWO)
 def edid_decode_reads_the_tiles(vm):
     decoder = shutil.which("edid-decode")
     if decoder is None:
@@ -50,7 +50,7 @@ def edid_decode_reads_the_tiles(vm):
         assert "invalid" not in text.lower(), text
 
 
-@vm_test(TWO, fresh=True)
+@vm_test(TWO)
 def both_tiles_show_their_half_of_each_frame(vm):
     connect_tiles(vm)
     content = Content(vm, 2 * TILE[0], TILE[1], 2)
@@ -62,7 +62,7 @@ def both_tiles_show_their_half_of_each_frame(vm):
     assert player.wait(60).code == 143, player.stderr
 
 
-@vm_test(TWO, fresh=True)
+@vm_test(TWO)
 def both_tiles_change_in_one_commit(vm):
     connect_tiles(vm)
     content = Content(vm, 2 * TILE[0], TILE[1], 2)
@@ -76,7 +76,7 @@ def both_tiles_change_in_one_commit(vm):
     print(f"largest skew of two tiles: {kms['largest_skew_us']:.0f} us")
 
 
-@vm_test(TWO, fresh=True)
+@vm_test(TWO)
 def a_panel_without_one_of_its_cables_is_refused(vm):
     connect_tiles(vm)
     vm.write_file("/sys/class/drm/card0-Virtual-2/status", "off")
@@ -86,7 +86,7 @@ def a_panel_without_one_of_its_cables_is_refused(vm):
     assert "the panel has 2 connectors, and 1 of them can be used" in result.stderr, result.stderr
 
 
-@vm_test(TWO, fresh=True)
+@vm_test(TWO)
 def doctor_lists_both_tiles_and_tests_them_as_one(vm):
     connect_tiles(vm)
     doctor = [require_program(vm, "lenticule"), "doctor", "--json"]

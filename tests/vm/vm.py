@@ -62,6 +62,7 @@ class Machine:
     disk_mib: int = 0  # an empty disk, /dev/vda, which survives lose_power()
     modules: tuple = ()  # module names, each with its parameters: ("vkms enable_cursor=0",)
     kernel: str = ""  # further arguments for the kernel
+    processors: int = 2  # one takes a third less of the host's time; tests of races need two
     clock: str = "real"  # or "instructions": the guest's time is the number of executed instructions
 
     def __str__(self):
@@ -70,9 +71,11 @@ class Machine:
             display += f" {self.width}x{self.height}"
         if self.outputs > 1:
             display += f" x {self.outputs} outputs"
+        processors = ["one processor"] if self.processors == 1 else []
         clock = ["time by instructions"] if self.clock == "instructions" else []
         disk = [f"disk {self.disk_mib} MiB"] if self.disk_mib else []
-        return " + ".join([display, *disk, *(module.split()[0] for module in self.modules), *clock])
+        return " + ".join([display, *disk, *(module.split()[0] for module in self.modules), *processors,
+                           *clock])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -390,6 +393,15 @@ class VirtualMachine:
                 connection.close()
         self._agent = self._qmp = None
 
+    def processor_seconds(self):
+        """Returns the processor time of a running QEMU, which runs all of the guest."""
+        try:
+            status = pathlib.Path(f"/proc/{self._qemu.pid}/stat").read_text()
+        except FileNotFoundError:  # ended and waited for: a part of this process's children
+            return 0.0
+        user, system = status.rpartition(")")[2].split()[11:13]
+        return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+
     def close(self):
         """Ends QEMU. The folder with its logs goes too, unless keep is set."""
         self._end_qemu()
@@ -494,14 +506,21 @@ def _display_arguments(machine):
     raise ValueError(f"unknown display device '{machine.display}'")
 
 
+# Without erms. With it, kernel and C library copy and clear memory by "rep movsb" and "rep stosb", which
+# QEMU emulates byte by byte.
+EMULATED_PROCESSOR = "max,erms=off"
+
+
 def _processor_arguments(machine, accelerator):
     if machine.clock == "instructions":
         # A nanosecond per instruction; an idle guest is at its next timer at once. With a second
         # processor Debian's kernel does not come up under this clock.
-        return ["-accel", "tcg,thread=single", "-cpu", "max", "-icount", "shift=0,sleep=off"]
+        return ["-accel", "tcg,thread=single", "-cpu", EMULATED_PROCESSOR,
+                "-icount", "shift=0,sleep=off"]
+    processors = ["-smp", str(machine.processors)]
     if accelerator == "kvm":
-        return ["-accel", "kvm", "-cpu", "host", "-smp", "2"]
-    return ["-accel", "tcg,thread=multi", "-cpu", "max", "-smp", "2"]
+        return ["-accel", "kvm", "-cpu", "host", *processors]
+    return ["-accel", "tcg,thread=multi", "-cpu", EMULATED_PROCESSOR, *processors]
 
 
 def _die_with_parent():
