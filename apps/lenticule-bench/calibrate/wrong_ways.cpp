@@ -202,14 +202,15 @@ WrongWayResult WrongWayTrial::calibrate(const WrongWay& way) {
   std::optional<player::HandHeldPhotos> photos;
   optics::Rig start = workshop_.start;
   WrongWayResult out;
-  // The owner obeys the program, which asks for a new start if the pitch is far off.
-  constexpr int kStarts = 2;
-  for (int n = 0; n < kStarts; ++n) {
+  const auto begin = [&] {
     photos.emplace(start);
     out.reason = photos->add(photograph_of(0, start, way.all ? &way : nullptr));
-    const auto better = photos->better_start();
-    if (!better) break;
+  };
+  begin();
+  // The owner obeys the program, which asks once for a new start if the pitch is far off.
+  if (const auto better = photos->better_start()) {
     start = *better;
+    begin();
   }
   for (size_t k = 1; k <= last; ++k) {
     const std::string refusal =
