@@ -36,8 +36,8 @@ constexpr double kTurnSigma = 3e-4;
 /// such a rotation is a mistake.
 constexpr double kMovedTurnSigma = 3e-3;
 /// Smallest standard errors: errors of neighbouring blocks and corners are alike. Up to kFewPhotos
-/// photographs determine axes and rotations so badly that all that the fringes say is needed; more
-/// photographs show where the law of rigs does not hold.
+/// photographs determine axes and rotations so badly that all that fringes and tags say is needed;
+/// more photographs show where the law of rigs does not hold.
 constexpr double kLeastPhaseSigma = 0.003, kLeastPhaseSigmaOfFew = 0.001;
 constexpr double kLeastCornerPx = 0.15, kLeastCornerPxOfFew = 0.03;
 

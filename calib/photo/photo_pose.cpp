@@ -15,7 +15,8 @@
 namespace lenticule::calib {
 namespace {
 
-/// Standard error of the corners in the picture: the tags' edges are as coarse as lenses.
+/// Standard error of the corners in the picture: generous, since a tag of which only the outline
+/// could be used has edges as coarse as lenses.
 constexpr double kCornerSigmaPx = 0.3;
 
 /// Standard deviation of a camera's axis from the middle of its picture, in longer sides.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Locates a tag that was found by all of its edges: one that only its outline locates is a third as
-// certain, as the lenses make every edge coarse.
+// Locates a tag that was found by all of its edges: the lenses make every edge coarse, so that the
+// outline alone leaves its corners uncertain.
 #pragma once
 
 #include <vector>

@@ -26,9 +26,9 @@ struct TagSighting {
   std::array<Vec2, 4> corners_px;
 };
 
-/// Returns all tags of the family, sorted by id, each once (the clearest sighting). If fewer than
-/// `wanted` are found, also searches blurred copies of the picture. Light that is not finite counts
-/// as black.
+/// Returns all tags of the family, sorted by id, each once (the clearest sighting), with corners
+/// that all edges of the tag determine (tag_alignment.h). If fewer than `wanted` are found, also
+/// searches blurred copies of the picture. Light that is not finite counts as black.
 ///
 /// Thread safety: any thread; starts no threads.
 [[nodiscard]] std::vector<TagSighting> find_tags(const PhotoLight& picture, size_t wanted);
