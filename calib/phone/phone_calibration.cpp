@@ -176,6 +176,28 @@ std::string doubt_of(const TurnedFit& turned, const std::string& photograph) {
       photograph, turned.radians * 180.0 / std::numbers::pi);
 }
 
+bool is_cut(const PhonePhoto& photo) {
+  constexpr double kLeastCovered = 0.98;
+  return photo.findings.covered < kLeastCovered;
+}
+
+/// Determines whether a result depends on photographs of a part of the chart: where fewer than
+/// three show the panel, the map follows the error of each, and the stated error does not know it.
+bool depends_on_cut(const std::vector<PhonePhoto>& photos) {
+  const auto cut = static_cast<size_t>(std::ranges::count_if(photos, is_cut));
+  return cut > 0 && photos.size() - cut < kFewPhotos;
+}
+
+/// Returns a request to repeat a photograph that shows only a part of the chart; empty if none
+/// does.
+std::string cut_chart(const std::vector<PhonePhoto>& photos) {
+  const auto cut = std::ranges::find_if(photos, is_cut);
+  if (cut == photos.end()) return "";
+  return fmt::format(
+      "{} shows {:.0f} % of the chart; take it again with the whole panel in the picture",
+      cut->name, 100.0 * cut->findings.covered);
+}
+
 /// Returns which photograph contradicts the others most, and why; empty if none does.
 std::string misfit(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
                    const optics::Rig& start) {
@@ -184,7 +206,8 @@ std::string misfit(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
     const Misfit own = worst_misfit(photos, n, fit.photos[n]);
     if (own.excess > worst.excess) worst = {own.excess, photos[n].name + ": " + own.cause};
   }
-  if (!worst.cause.empty()) return worst.cause;
+  // A part of the chart leaves shifts and rotations too uncertain to blame one.
+  if (!worst.cause.empty() || depends_on_cut(photos)) return worst.cause;
   const TurnedFit* turned = moved_hand(fit, start, zone_of(start));
   // A false axis also looks like a rotation, but the rotation does not explain the shifts.
   const bool explains = turned != nullptr && joint_pull(turned->fit) <= kMostJointPull;
@@ -206,13 +229,7 @@ double panel_axis_x(const PoseValues& pose) {
 /// angle from above, the panel shows a shift of the axis to the side, which would otherwise look
 /// like a step.
 std::string wanted(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
-  constexpr double kLeastCovered = 0.98;
-  for (const PhonePhoto& photo : photos)
-    if (photo.findings.covered < kLeastCovered)
-      return fmt::format(
-          "{} shows {:.0f} % of the chart; take it again with the whole panel in the "
-          "picture",
-          photo.name, 100.0 * photo.findings.covered);
+  if (std::string again = cut_chart(photos); !again.empty()) return again;
   constexpr std::array<const char*, 3> kPlaces = {"upper left", "middle", "upper right"};
   constexpr double kAside = 0.25;
   std::array<std::array<bool, 2>, 3> seen{};
@@ -288,7 +305,8 @@ PhotoFindings measure_hand_held(const CameraPicture& photograph, const SinglePho
   PhotoFindings findings = measure_photo(photograph, chart, priors);
   if (findings.refusal.empty() && findings.saturated > kMostSaturated)
     findings.refusal =
-        fmt::format("{:.0f} % of the fringes are clipped: expose less", 100.0 * findings.saturated);
+        fmt::format("{:.0f} % of the fringes are clipped: expose less, or darken the room",
+                    100.0 * findings.saturated);
   return findings;
 }
 
@@ -336,6 +354,8 @@ Calibration calibrate_phone(const std::vector<PhonePhoto>& photos, const SingleP
     out.reasons.push_back(
         fmt::format("phases are certain only to {:.3f} lens, {} photographs are not enough: {}",
                     out.drift.worst_lenses, usable.size(), wanted(usable, mean)));
+  else if (depends_on_cut(usable))
+    out.reasons.push_back(cut_chart(usable));
   else if (const TurnedFit* turned =
                possibly_moved_hand(*fit, mean, chart.start, zone_of(chart.start)))
     out.reasons.push_back(doubt_of(*turned, usable[turned->photo].name));

@@ -248,16 +248,16 @@ std::optional<double> light_of_squares(const PhotoLight& picture, const PhotoPos
       }
     }
   }
-  std::optional<double> least;
+  std::optional<double> most;
   constexpr double kFewestPixels = 20.0, kMostClipped = 0.01;
   for (const Halves& sum : sums) {
     if (sum.pixels[0] < kFewestPixels || sum.pixels[1] < kFewestPixels) continue;
     // Clipping takes more light from the lit squares than from the grey.
     if (sum.clipped > kMostClipped * (sum.pixels[0] + sum.pixels[1])) continue;
     const double part = sum.light[1] / sum.pixels[1] / (sum.light[0] / sum.pixels[0]);
-    if (std::isfinite(part)) least = least ? std::min(*least, part) : part;
+    if (std::isfinite(part)) most = most ? std::max(*most, part) : part;
   }
-  return least;
+  return most;
 }
 
 std::vector<FringeBlock> measure_blocks(const FringeSamples& fringes, const SinglePhotoChart& chart,

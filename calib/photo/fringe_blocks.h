@@ -57,7 +57,8 @@ struct FringeSamples {
                                             const SinglePhotoChart& chart);
 
 /// Returns the light of the chart's squares of one pixel relative to the grey beside them, the
-/// smaller value of the patches; nothing if no patch is visible.
+/// larger value of the patches; nothing if no patch is visible. Scaling darkens both patches, to
+/// about a half. In one alone, the squares can beat with the camera's pixels and seem darker.
 [[nodiscard]] std::optional<double> light_of_squares(const PhotoLight& picture,
                                                      const PhotoPose& pose,
                                                      const SinglePhotoChart& chart);

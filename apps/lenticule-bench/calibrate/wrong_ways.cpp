@@ -68,6 +68,29 @@ void mirror(Photo& photo, bool rows_too) {
                      photo.codes.begin() + (photo.height - 1 - y) * row);
 }
 
+/// Returns a chart that a program has scaled around its centre: codes between pixels are
+/// interpolated.
+frames::WovenFrame scaled(const frames::WovenFrame& chart, double scale) {
+  frames::WovenFrame out(chart.geometry());
+  const double centre_x = 0.5 * (chart.width() - 1), centre_y = 0.5 * (chart.height() - 1);
+  for (int y = 0; y < chart.height(); ++y) {
+    const double v = centre_y + (y - centre_y) / scale;
+    const int above = std::clamp(static_cast<int>(v), 0, chart.height() - 2);
+    for (int x = 0; x < chart.width(); ++x) {
+      const double u = centre_x + (x - centre_x) / scale;
+      const int left = std::clamp(static_cast<int>(u), 0, chart.width() - 2);
+      for (int c = 0; c < 3; ++c) {
+        const uint8_t* upper = chart.row(above) + 3 * left + c;
+        const uint8_t* lower = chart.row(above + 1) + 3 * left + c;
+        out.row(y)[3 * x + c] = static_cast<uint8_t>(
+            std::lround(std::lerp(std::lerp(upper[0], upper[3], u - left),
+                                  std::lerp(lower[0], lower[3], u - left), v - above)));
+      }
+    }
+  }
+  return out;
+}
+
 void forget_exif(Photo& photo) {
   photo.stated_focal_35mm = 0.0;
   photo.orientation = 1;
@@ -122,7 +145,7 @@ std::vector<WrongWay> list_of_ways() {
   taken("dark", "too dark|too faint|blurred",
         [](Taking& t, const Workshop&) { t.phone.exposure = 0.01; });
   taken("overexposed", "clipped", [](Taking& t, const Workshop&) { t.phone.exposure = 4.0; });
-  taken("room as bright as the panel", "too faint|room too bright",
+  taken("room as bright as the panel", "too faint|darken the room",
         [](Taking& t, const Workshop&) { t.shot.room_light = 1.5; });
   taken("too far away", "too far away|too small|too faint",
         [](Taking& t, const Workshop&) { t.shot.eye_mm = t.shot.eye_mm * 3.0; });
@@ -130,6 +153,7 @@ std::vector<WrongWay> list_of_ways() {
         [](Taking& t, const Workshop& w) {
           t.shot.look_at_mm.x += 0.6 * w.start.panel.width_px * w.start.panel.pixel_width.value;
         });
+  taken("chart scaled by 5 %", "scaled", [](Taking& t, const Workshop&) { t.chart_scale = 1.05; });
   taken("chart of another rig", "another rig", [](Taking& t, const Workshop&) {
     t.shown.sheet.pitch.value /= 1.13;  // a wider lens might have no room for its tags
     t.shown.sheet.slant += 0.05;
@@ -176,8 +200,9 @@ std::filesystem::path WrongWayTrial::photograph_of(size_t number, const optics::
   Taking taking{workshop_.build, workshop_.phone, workshop_.shots[number], shown};
   if (way != nullptr && way->before != nullptr) way->before(taking, workshop_);
   const LensSection sheet(taking.build, workshop_.start.panel);
-  const frames::WovenFrame chart =
+  frames::WovenFrame chart =
       calib::draw_single_photo_chart(calib::plan_single_photo_chart(taking.shown));
+  if (taking.chart_scale != 1.0) chart = scaled(chart, taking.chart_scale);
   Photo photo = photograph(sheet, chart.view(), taking.phone, taking.shot);
   if (way != nullptr && way->after != nullptr) way->after(photo);
   write_photo(photo, taking.phone.jpeg_quality, file);

@@ -18,6 +18,7 @@ struct Taking {
   Phone phone;
   Shot shot;
   optics::Rig shown;  ///< the rig whose chart the panel shows
+  double chart_scale = 1.0;
 };
 
 struct WrongWay {

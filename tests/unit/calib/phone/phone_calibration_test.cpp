@@ -77,6 +77,20 @@ TEST(PhoneCalibration, PhotographsThatContradictEachOtherAreRefusedAndNamed) {
   EXPECT_THAT(reasons(smaller), ElementsAre(HasSubstr("photograph 2: another size")));
 }
 
+TEST(PhoneCalibration, FewerThanThreePhotographsOfTheWholeChartAreNotEnough) {
+  const HandTrial trial(101, test::small_workshop(4));
+  const auto with_cut = [&](size_t count) {
+    std::vector<PhonePhoto> photos(trial.photos().begin(), trial.photos().begin() + count);
+    photos.front().findings.covered = 0.7;
+    return calibrate(trial, photos);
+  };
+  const Calibration three = with_cut(3);
+  EXPECT_LT(three.drift.worst_lenses, HandTrial::kMostLenses);
+  EXPECT_EQ(three.verdict, Verdict::Refused);
+  EXPECT_THAT(three.reasons, ElementsAre(HasSubstr("photograph 1 shows 70 % of the chart")));
+  EXPECT_EQ(with_cut(4).verdict, Verdict::Intrinsic);
+}
+
 const Parameter& parameter(const Calibration& calibration, const std::string& name) {
   const auto at = std::ranges::find(calibration.parameters, name, &Parameter::name);
   EXPECT_NE(at, calibration.parameters.end()) << name;

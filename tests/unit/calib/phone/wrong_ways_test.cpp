@@ -17,8 +17,8 @@ namespace {
 TEST(WrongWays, AMistakeInOnePhotographIsRefusedWithItsCause) {
   const test::ScratchFolder folder;
   WrongWayTrial trial(2001, test::small_workshop(3), folder.path());
-  for (const char* name :
-       {"hand that turns by 8 degrees a second", "out of focus", "overexposed", "too far away"}) {
+  for (const char* name : {"hand that turns by 8 degrees a second", "out of focus", "overexposed",
+                           "too far away", "beside the panel", "chart scaled by 5 %"}) {
     const auto way = std::ranges::find(wrong_ways(), name, &WrongWay::name);
     ASSERT_NE(way, wrong_ways().end()) << name;
     const WrongWayResult result = trial.calibrate(*way);
@@ -41,6 +41,15 @@ TEST(WrongWays, AMistakeThatTheSheetTakesUpIsNotAcceptedInSilence) {
     const WrongWayResult result = WrongWayTrial(seed, limits, folder.path()).calibrate(*way);
     EXPECT_EQ(result.outcome, HandOutcome::Refused) << name << ": " << result.error_lenses;
   }
+}
+
+// In the third photograph, the squares of one of the two patches beat with the camera's pixels:
+// they seem a third darker than they are.
+TEST(WrongWays, SquaresThatBeatWithTheCameraAreNotTakenForAScaledChart) {
+  WorkshopLimits limits = limits_for(1920, 3200);
+  limits.shots = 3;
+  for (const calib::PhonePhoto& photo : HandTrial(12012, limits).photos())
+    EXPECT_EQ(photo.findings.refusal, "") << photo.name;
 }
 
 }  // namespace
