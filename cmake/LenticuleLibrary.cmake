@@ -97,8 +97,8 @@ function(lenticule_test_options name)
     $<$<CXX_COMPILER_ID:GNU>:-Wno-mismatched-new-delete;-Wno-array-bounds;-Wno-stringop-overflow>)
 endfunction()
 
-# GoogleTest's headers take most of the time of compiling a test, so they are precompiled once for all
-# test programs.
+# GoogleTest's headers and those of JSON take most of the time of compiling a test, so they are
+# precompiled once for all test programs.
 function(lenticule_test_headers name)
   lenticule_test_options(${name})
   if(NOT TARGET lenticule_test_headers)
@@ -107,12 +107,15 @@ function(lenticule_test_headers name)
       file(WRITE ${source} "// Carries the precompiled headers.\n")
     endif()
     add_library(lenticule_test_headers OBJECT ${source})
-    target_link_libraries(lenticule_test_headers PRIVATE lenticule_options GTest::gmock)
+    target_link_libraries(lenticule_test_headers PRIVATE
+      lenticule_options GTest::gmock fmt::fmt nlohmann_json::nlohmann_json)
     lenticule_test_options(lenticule_test_headers)
     target_compile_options(lenticule_test_headers PRIVATE -fPIE)
     target_compile_definitions(lenticule_test_headers PRIVATE
       LENTICULE_SOURCE_DIR="${PROJECT_SOURCE_DIR}" LENTICULE_BINARY_DIR="${PROJECT_BINARY_DIR}")
-    target_precompile_headers(lenticule_test_headers PRIVATE <gmock/gmock.h> <gtest/gtest.h>)
+    target_precompile_headers(lenticule_test_headers PRIVATE
+      <fmt/format.h> <gmock/gmock.h> <gtest/gtest.h> <nlohmann/json.hpp>
+      <filesystem> <fstream> <thread>)
   endif()
   target_precompile_headers(${name} REUSE_FROM lenticule_test_headers)
 endfunction()
