@@ -65,9 +65,9 @@ inline constexpr uint64_t kMostChunks = 1'000'000;
 [[nodiscard]] uint64_t choose_chunk_frames(const FrameTiming& timing, uint64_t film_frames,
                                            uint64_t method_interval);
 
-/// Returns the numbers of all chunks in the order in which they should be started: by their frames,
-/// but chunks that publish predictors are earlier by some hundred frames, so that few of the chunks
-/// that need these find them missing.
+/// Returns the numbers of all chunks in the order in which they should be started: that of their
+/// frames. Chunks that publish predictors come some hundred frames earlier, so that most chunks
+/// that need these find them.
 [[nodiscard]] std::vector<uint64_t> chunk_order(const Plan& plan);
 
 /// Returns the command of each chunk in that order, one in a line, for a POSIX shell. Throws

@@ -172,9 +172,9 @@ void add_warnings(const PhotoMeasurement& work, const SinglePhotoChart& chart, b
   const double there = drift_of(work, false).worst_lenses;
   if (out.drift.worst_lenses > std::max(kEvenLenses, 2.0 * there))
     out.warnings.push_back(
-        fmt::format("an eye at the place of the camera sees phases right to {:.3f} lens, an eye "
-                    "that is placed there by the stated distance to {:.2f}: the picture does not "
-                    "show whether it was cropped{}",
+        fmt::format("phases are right to {:.3f} lens for an eye at the camera's place, but only to "
+                    "{:.2f} for one at the stated distance: the picture does not show whether it "
+                    "was cropped{}",
                     there, out.drift.worst_lenses,
                     confirmed ? ""
                               : ", nor confirm the distance; give both "

@@ -17,7 +17,8 @@ constexpr double kMostPeriods = 3.0;
 constexpr int kFieldGrid = 65;  // points per side, for the plane and the largest value of a field
 constexpr double kBubbleCellMm = 1.0;
 
-/// Returns the middle of an equal cell, so that a mean over the cells is a mean over the area.
+/// Returns the position of a grid point, from -1 to 1. The points are the middles of equal cells,
+/// so that their mean is the mean over the area.
 double place_on_grid(int index) {
   return (2.0 * index + 1.0) / kFieldGrid - 1.0;
 }

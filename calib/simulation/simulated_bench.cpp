@@ -203,7 +203,7 @@ void SimulatedBench::Impl::set_thermal_stretch(double relative) {
   forget_viewpoint();
 }
 
-/// Adds the remainder of the frame before the previous one to the previous one.
+/// Adds to the current frame what a slow panel still shows of the previous one.
 void SimulatedBench::Impl::keep_leftover_of_old_frame(double ms_since_shown) {
   if (current_.light.empty() || previous_.light.empty() || link_.response_ms <= 0.0) return;
   const auto left = static_cast<float>(std::exp(-ms_since_shown / link_.response_ms));

@@ -28,8 +28,7 @@ class SteeredPlay {
   SteeredPlay(const SteeredPlay&) = delete;
   SteeredPlay& operator=(const SteeredPlay&) = delete;
 
-  /// Opens the source as open_source() does; `before` is the previously opened one, which is
-  /// closed.
+  /// Opens the source as open_source() does, after it has closed the one in `opened`.
   void open(OpenedSource& opened);
   /// Detaches from the source; call it before the source is destroyed.
   void detach_source();

@@ -31,7 +31,7 @@ struct LiveSetup {
   int samples = 5;  ///< frames to compare with method full after the run
 };
 
-/// Returns the number of scene frames in the run, which no run exceeds.
+/// Returns the largest number of scene frames that the run can reach.
 [[nodiscard]] uint64_t most_frames(const LiveSetup& setup);
 
 /// RendererProcess is the running renderer. Its messages are
