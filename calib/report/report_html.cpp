@@ -164,7 +164,7 @@ void add_correlation_row(Page& page, const Calibration& c, size_t row) {
   for (const double r : c.correlations[row]) {
     const char* ink = std::abs(r) > 0.75 ? "#fff" : "#222";
     page.add("<td style=\"background:{};color:{}\">{}</td>", signed_colour(r), ink,
-             number(r, 2).html);
+             number(std::round(100.0 * r) / 100.0 + 0.0, 2).html);  // never "-0.00"
   }
   page.add("</tr>");
 }

@@ -79,7 +79,7 @@ void join(const std::filesystem::path& film, const std::vector<FilmPart>& parts)
 TEST(SequenceJoiner, PartsOfEqualLengthGiveTheBytesOfOneRun) {
   const ScratchFolder folder;
   write_whole(folder / "whole.lts");
-  for (const uint64_t length : {1U, 3U, 10U, 31U, 32U, 33U, 64U, 100U}) {
+  for (const uint64_t length : {1U, 31U, 32U, 33U, 64U}) {
     std::vector<FilmPart> parts;
     for (uint64_t begin = 0; begin < kFrames; begin += length)
       parts.push_back(write_part(folder, begin, std::min(kFrames, begin + length)));
@@ -94,7 +94,7 @@ TEST(SequenceJoiner, PartsOfAnyLengthGiveTheBytesOfOneRun) {
   const ScratchFolder folder;
   write_whole(folder / "whole.lts");
   std::mt19937 random(5);
-  for (int trial = 0; trial < 25; ++trial) {
+  for (int trial = 0; trial < 10; ++trial) {
     std::vector<FilmPart> parts;
     for (uint64_t begin = 0; begin < kFrames;) {
       const uint64_t end = std::min<uint64_t>(kFrames, begin + 1 + random() % 40);
