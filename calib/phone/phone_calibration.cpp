@@ -22,8 +22,8 @@ constexpr double kWantedLenses = 0.02;
 constexpr double kMostPhaseRms = 0.02;  ///< lenses; good photographs have 0.005
 constexpr double kMostCornerPx = 2.0;   ///< averaged pixels
 constexpr double kMostPull = 4.0;       ///< standard deviations
-/// Roots of the sum of the squared pulls of the shifts of kFewPhotos photographs: good ones have at
-/// most 3.1, nearly all below kUsualJointPull; a turned file or two phones 2.4 to 11.
+/// Limits of joint_pull(): three good photographs have at most 3.1, nearly all below
+/// kUsualJointPull, four at most 2; a turned file or two phones 2.4 to 18.
 constexpr double kUsualJointPull = 2.4, kMostJointPull = 3.2;
 constexpr double kMostSaturated = 0.1;  ///< clipped fringes seem shifted; usual are 0.002
 constexpr double kZoneHalfWidthMm = 250.0;
@@ -146,12 +146,12 @@ Misfit worst_misfit(const std::vector<PhonePhoto>& photos, size_t n, const Photo
   return *std::ranges::max_element(kinds, {}, &Misfit::excess);
 }
 
-/// Returns the root of the sum of the squared pulls of all shifts; 0 for many photographs.
+/// Returns the root of the sum of the squared pulls of all shifts, as for kFewPhotos photographs.
 double joint_pull(const PhoneFit& fit) {
-  if (fit.photos.size() > kFewPhotos) return 0.0;
   double squares = 0.0;
   for (const PhotoFit& photo : fit.photos) squares += photo.shift_pull * photo.shift_pull;
-  return std::sqrt(squares);
+  const size_t more = std::max(fit.photos.size(), kFewPhotos);
+  return std::sqrt(squares * static_cast<double>(kFewPhotos) / static_cast<double>(more));
 }
 
 /// Returns the contradiction of the shifts of all photographs, by the name of the largest.

@@ -241,8 +241,10 @@ Run declare_bench_calibrate(CLI::App& app) {
       ->needs(hand);
   app.add_option("--plot", flags->hand.plot, "SVG file: error against number of photographs")
       ->needs(hand);
-  app.add_flag("--wrong-ways", flags->hand.wrong_ways,
-               "take three photographs for each of two dozen mistakes, such as a cropped file")
+  app.add_flag(
+         "--wrong-ways", flags->hand.wrong_ways,
+         "take photographs with each of two dozen mistakes, such as a cropped file: three, or "
+         "one number of --photographs")
       ->needs(hand);
   app.add_flag("--json", flags->json, "print JSON");
   const CLI::Option* camera = app.get_option("--camera-width");

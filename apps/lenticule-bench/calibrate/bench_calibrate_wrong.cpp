@@ -69,7 +69,7 @@ ExitCode run_calibrate_wrong(const CalibrateHandFlags& flags) {
   const std::span<const WrongWay> ways = phone_bench::wrong_ways();
   std::vector<Counts> counts(ways.size());
   phone_bench::WorkshopLimits limits = limits_of(flags);
-  limits.shots = 3;
+  limits.shots = flags.photographs.size() == 1 ? flags.photographs.front() : 3;
   json rows = json::array(), summary = json::array();
   if (!flags.json) print_out("{}\n", machine_text());
   Progress progress("wrong ways", "calibrations", static_cast<uint64_t>(flags.draws) * ways.size(),

@@ -40,7 +40,7 @@ struct PhoneFlags {
   std::string display = "kms";
   std::string pack;
   std::optional<double> focal_px;
-  int least = 3;
+  int least = 4;  ///< the fourth shows whether sheet or phone moved between the others
   int most = 10;
   double minutes = 10.0;
   double seconds = 20.0;
@@ -177,7 +177,8 @@ ExitCode run_phone(const PhoneFlags& flags) {
   display::DisplaySink sink(*display);
   Collection collection(flags, rig, *display, sink);
   say("1. Photograph the whole panel from the middle with the phone turned upside down; then, the\n"
-      "   usual way up and held high, from a step to the left and a step to the right. No zoom.\n"
+      "   usual way up and held high, from a step to the left and a step to the right; there once\n"
+      "   more upside down. No zoom.\n"
       "2. Send the photographs as the phone stored them to {}\n"
       "3. Wait: each is measured as it arrives. Ctrl-C ends.\n",
       flags.folder);
@@ -219,7 +220,7 @@ CalibrateWay declare_calibrate_phone(CLI::App& app) {
   way->footer(
       "Example, for a phone that sends its photographs to the folder inbox:\n"
       "  lenticule calibrate phone inbox --rig start.toml --display kms -o kiosk.toml\n"
-      "Photographs that are already there: lenticule calibrate photos 1.jpg 2.jpg 3.jpg ...");
+      "Photographs that are already there: lenticule calibrate photos 1.jpg 2.jpg 3.jpg 4.jpg");
   way->add_option("FOLDER", flags->folder, "folder in which the photographs arrive")->required();
   way->add_option("--rig", flags->rig, "rig file to start from")->required();
   way->add_option("--display", flags->display, "kms, kms:CONNECTOR, or virtual")

@@ -169,7 +169,8 @@ std::string PhotoSession::note_of(size_t place) const {
 }
 
 std::optional<size_t> PhotoSession::next() const {
-  if (stated_lenses_ && *stated_lenses_ <= kWantedLenses) return std::nullopt;
+  constexpr size_t kEnough = 4;  // three do not show whether sheet or phone moved between them
+  if (stated_lenses_ && *stated_lenses_ <= kWantedLenses && count() >= kEnough) return std::nullopt;
   for (size_t k = 0; k < entries_.size(); ++k)
     if (!entries_[k].used) return k;
   for (size_t k = 0; k < entries_.size(); ++k)

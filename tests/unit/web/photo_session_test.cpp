@@ -40,7 +40,7 @@ ordered_json entry(const PhotoSession& session, size_t place) {
   return session.to_json()["photographs"][place];
 }
 
-TEST(PhotoSession, AsksForMiddleLeftAndRightUntilTheErrorIsSmallEnough) {
+TEST(PhotoSession, AsksForEveryPlaceUntilTheErrorIsSmallEnough) {
   PhotoSession session;
   EXPECT_EQ(session.next(), kMiddle);
   EXPECT_EQ(session.to_json()["fit"]["stated_lenses"], nullptr);
@@ -57,6 +57,10 @@ TEST(PhotoSession, AsksForMiddleLeftAndRightUntilTheErrorIsSmallEnough) {
   EXPECT_EQ(session.to_json()["next"], "right-again");
   session.take_report(
       report(0.019, {photo("middle", 5, 180), photo("left", -350, 2), photo("right", 350, -1)}));
+  EXPECT_EQ(session.next(), kRightAgain) << "three do not check each other";
+  session.accept(kRightAgain);
+  session.take_report(report(0.019, {photo("middle", 5, 180), photo("left", -350, 2),
+                                     photo("right", 350, -1), photo("right-again", 350, 180)}));
   EXPECT_EQ(session.next(), std::nullopt);
   EXPECT_EQ(session.to_json()["next"], nullptr);
 }
