@@ -294,6 +294,27 @@ void put_result(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
   out.drift.worst_lenses = std::hypot(larger * out.drift.worst_lenses, kLawLenses);
 }
 
+/// Accepts photographs without a contradiction if they determine the sheet; else adds the reason.
+void evaluate_error(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
+                    const PhoneFit& mean, const optics::Rig& start, Calibration& out) {
+  if (out.drift.worst_lenses > kWantedLenses) {
+    out.reasons.push_back(
+        fmt::format("phases are certain only to {:.3f} lens, {} photographs are not enough: {}",
+                    out.drift.worst_lenses, photos.size(), wanted(photos, mean)));
+  } else if (depends_on_cut(photos)) {
+    out.reasons.push_back(cut_chart(photos));
+  } else if (const TurnedFit* turned = possibly_moved_hand(fit, mean, start, zone_of(start))) {
+    out.reasons.push_back(doubt_of(*turned, photos[turned->photo].name));
+  } else {
+    out.verdict = Verdict::Intrinsic;
+    if (photos.size() <= kFewPhotos)
+      out.warnings.push_back(fmt::format(
+          "{} photographs do not show whether the sheet moved between them: one more, from the "
+          "upper right with the phone upside down, does",
+          photos.size()));
+  }
+}
+
 }  // namespace
 
 PhotoFindings measure_hand_held(const CameraPicture& photograph, const SinglePhotoChart& chart,
@@ -350,17 +371,7 @@ Calibration calibrate_phone(const std::vector<PhonePhoto>& photos, const SingleP
     out.reasons.push_back(problem->key + " would be " + problem->cause);
     return out;
   }
-  if (out.drift.worst_lenses > kWantedLenses)
-    out.reasons.push_back(
-        fmt::format("phases are certain only to {:.3f} lens, {} photographs are not enough: {}",
-                    out.drift.worst_lenses, usable.size(), wanted(usable, mean)));
-  else if (depends_on_cut(usable))
-    out.reasons.push_back(cut_chart(usable));
-  else if (const TurnedFit* turned =
-               possibly_moved_hand(*fit, mean, chart.start, zone_of(chart.start)))
-    out.reasons.push_back(doubt_of(*turned, usable[turned->photo].name));
-  else
-    out.verdict = Verdict::Intrinsic;
+  evaluate_error(usable, *fit, mean, chart.start, out);
   if (out.verdict == Verdict::Refused && out.drift.worst_lenses <= most_lenses)
     out.verdict = Verdict::Effective;
   return out;

@@ -22,6 +22,7 @@ using phone_bench::HandResult;
 using phone_bench::HandTrial;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
 Calibration calibrate(const HandTrial& trial, const std::vector<PhonePhoto>& photos) {
   return calibrate_phone(photos, trial.chart(), trial.focal_px());
@@ -32,6 +33,7 @@ TEST(PhoneCalibration, FindsTheSheetForEveryEye) {
   for (const PhonePhoto& photo : trial.photos()) EXPECT_EQ(photo.findings.refusal, "");
   const Calibration found = calibrate(trial, trial.photos());
   EXPECT_EQ(found.verdict, Verdict::Intrinsic) << ::testing::PrintToString(found.reasons);
+  EXPECT_THAT(found.warnings, IsEmpty());
   EXPECT_LT(trial.error_of(found.rig), HandTrial::kMostLenses);
   EXPECT_LT(trial.error_of(found.rig), found.drift.worst_lenses);
   EXPECT_GT(trial.error_of(trial.workshop().start), 0.2);
@@ -101,6 +103,7 @@ const Parameter& parameter(const Calibration& calibration, const std::string& na
 TEST(PhoneCalibration, TellsTheGapsOfTheColoursApart) {
   const HandTrial trial(101, test::small_workshop(3));
   const Calibration found = calibrate(trial, trial.photos());
+  EXPECT_THAT(found.warnings, ElementsAre(HasSubstr("3 photographs do not show")));
   const phone_bench::LensSection sheet(trial.workshop().build, trial.workshop().start.panel);
   const auto shift = [&](int channel) { return sheet.mean_shift(0.3, 0.0, channel).across; };
   const double green = found.rig.sheet.gap.value;
