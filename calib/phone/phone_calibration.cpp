@@ -23,7 +23,7 @@ constexpr double kMostPhaseRms = 0.02;  ///< lenses; good photographs have 0.005
 constexpr double kMostCornerPx = 2.0;   ///< averaged pixels
 constexpr double kMostPull = 4.0;       ///< standard deviations
 /// Limits of joint_pull(): three good photographs have at most 3.1, nearly all below
-/// kUsualJointPull, four at most 2; a turned file or two phones 2.4 to 18.
+/// kUsualJointPull, four at most 2; a turned file or two phones 2.4 to 14.
 constexpr double kUsualJointPull = 2.4, kMostJointPull = 3.2;
 constexpr double kMostSaturated = 0.1;  ///< clipped fringes seem shifted; usual are 0.002
 constexpr double kZoneHalfWidthMm = 250.0;

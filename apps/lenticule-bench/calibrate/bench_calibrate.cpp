@@ -233,23 +233,25 @@ Run declare_bench_calibrate(CLI::App& app) {
              "calibrate from photographs that a phone takes by hand; --camera-width is that of "
              "its pictures, 4000 by default")
           ->excludes(stress);
-  app.add_option("--photographs", flags->hand.photographs,
-                 "numbers of photographs to calibrate from, each once")
-      ->delimiter(',')
-      ->check(CLI::Range(1, 6))
-      ->capture_default_str()
-      ->needs(hand);
+  const CLI::Option* photographs =
+      app.add_option("--photographs", flags->hand.photographs,
+                     "numbers of photographs to calibrate from, each once")
+          ->delimiter(',')
+          ->check(CLI::Range(1, 6))
+          ->capture_default_str()
+          ->needs(hand);
   app.add_option("--plot", flags->hand.plot, "SVG file: error against number of photographs")
       ->needs(hand);
   app.add_flag(
          "--wrong-ways", flags->hand.wrong_ways,
          "take photographs with each of two dozen mistakes, such as a cropped file: three, or "
-         "one number of --photographs")
+         "the one number of --photographs, 2 or more")
       ->needs(hand);
   app.add_flag("--json", flags->json, "print JSON");
   const CLI::Option* camera = app.get_option("--camera-width");
-  return [flags, camera] {
+  return [flags, camera, photographs] {
     if (flags->by_hand) {
+      if (flags->hand.wrong_ways && photographs->count() == 0) flags->hand.photographs = {3};
       flags->hand.draws = flags->draws;
       flags->hand.first = flags->first;
       flags->hand.panel_width = flags->panel_width;

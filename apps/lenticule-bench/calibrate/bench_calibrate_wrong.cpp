@@ -6,6 +6,7 @@
 #include "apps/lenticule-bench/calibrate/bench_calibrate_hand.h"
 #include "apps/lenticule-bench/calibrate/wrong_ways.h"
 #include "apps/lenticule-bench/harness/bench.h"
+#include "base/error.h"
 #include "base/print.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
@@ -66,10 +67,14 @@ void print_counts(std::span<const WrongWay> ways, const std::vector<Counts>& cou
 }  // namespace
 
 ExitCode run_calibrate_wrong(const CalibrateHandFlags& flags) {
+  // A mistake is made in the last photograph; the first one alone would be without it.
+  if (flags.photographs.size() != 1 || flags.photographs.front() < 2)
+    throw Error(ErrorKind::Usage, "--photographs: --wrong-ways takes one number, 2 or more",
+                "for example --photographs 4");
   const std::span<const WrongWay> ways = phone_bench::wrong_ways();
   std::vector<Counts> counts(ways.size());
   phone_bench::WorkshopLimits limits = limits_of(flags);
-  limits.shots = flags.photographs.size() == 1 ? flags.photographs.front() : 3;
+  limits.shots = flags.photographs.front();
   json rows = json::array(), summary = json::array();
   if (!flags.json) print_out("{}\n", machine_text());
   Progress progress("wrong ways", "calibrations", static_cast<uint64_t>(flags.draws) * ways.size(),

@@ -68,8 +68,9 @@ function showError() {
   if ($("error").hidden) return;
   const error = fit.stated_lenses;
   const grade = error <= fit.wanted_lenses ? "good" : error <= fit.usable_lenses ? "warn" : "bad";
-  const words = { good: calibration.next
-    ? "It is right for every eye if nothing moved; one more photograph checks that." : "It is right for every eye.", warn: "It can be kept; one more photograph makes it better.",
+  const words = {
+    good: "It is right for every eye" + (calibration.next ? " if nothing moved; one more photograph checks that." : "."),
+    warn: "It can be kept; one more photograph makes it better.",
     bad: "That is too much to keep; take one more photograph." }[grade];
   $("error-text").replaceChildren("Error for every eye, stated by the fit of all ",
     `${fit.photographs} photographs: `, make("strong", { class: grade }, `${error.toFixed(3)} lens`),
