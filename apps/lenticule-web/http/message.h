@@ -50,7 +50,8 @@ struct Response {
   std::unique_ptr<EventStream> events{};  ///< instead of `body`
 };
 
-/// BodySink takes the body of a request that is too large for memory.
+/// BodySink takes the body of a request that is too large for memory. It is destroyed before the
+/// answer is sent, or when the connection ends.
 class BodySink {
  public:
   virtual ~BodySink() = default;

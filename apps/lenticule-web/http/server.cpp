@@ -259,6 +259,7 @@ int Server::handle(Door& door, MHD_Connection* connection, const char* url, cons
         call.request.body.append(data, *size);
     } catch (const Error& error) {
       call.refusal = error_response(error);
+      call.sink.reset();
     }
   }
   *size = 0;
@@ -380,7 +381,9 @@ Response Server::response_of(Call& call) {
       if (call.request.method != "GET") throw HttpError(405, "only GET is possible here");
       return enter(call.request);
     }
-    return call.sink ? call.sink->finish() : site_.answer(call.request);
+    // Destroyed before the answer is sent: who receives it can send the next part at once.
+    const std::unique_ptr<BodySink> sink = std::move(call.sink);
+    return sink ? sink->finish() : site_.answer(call.request);
   } catch (const Error& error) {
     return error_response(error);
   } catch (const std::exception& error) {

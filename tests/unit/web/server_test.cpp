@@ -22,6 +22,11 @@ constexpr uint64_t kLargestBody = 1000;
 
 class CountingSink final : public BodySink {
  public:
+  explicit CountingSink(std::atomic<int>& ended) : ended_(ended) {}
+  ~CountingSink() override {
+    std::this_thread::sleep_for(milliseconds(50));
+    ++ended_;
+  }
   void take(std::span<const uint8_t> bytes) override {
     bytes_ += bytes.size();
     if (bytes_ > 500) throw HttpError(507, "the disk is full");
@@ -29,6 +34,7 @@ class CountingSink final : public BodySink {
   Response finish() override { return json_response({{"bytes", bytes_}}); }
 
  private:
+  std::atomic<int>& ended_;
   size_t bytes_ = 0;
 };
 
@@ -53,7 +59,7 @@ class RecordingSite final : public Site {
     return method == "GET" ? 0 : kLargestBody;
   }
   std::unique_ptr<BodySink> sink(const Request& request) override {
-    return request.path == "/sink" ? std::make_unique<CountingSink>() : nullptr;
+    return request.path == "/sink" ? std::make_unique<CountingSink>(sinks_ended) : nullptr;
   }
   Response answer(const Request& request) override {
     ++answered;
@@ -70,6 +76,7 @@ class RecordingSite final : public Site {
                           {"by", request.sender.name}});
   }
   std::atomic<int> answered{0};
+  std::atomic<int> sinks_ended{0};
 };
 
 class WebServer : public testing::Test {
@@ -209,6 +216,14 @@ TEST_F(WebServer, ASinkMayRefuseTheRestOfABody) {
   serve();
   EXPECT_EQ(ask("PUT", "/sink", bearer(change_), std::string(400, 'a')).body, "{\"bytes\":400}\n");
   EXPECT_EQ(ask("PUT", "/sink", bearer(change_), std::string(900, 'a')).status, 507);
+}
+
+TEST_F(WebServer, ASinkEndsBeforeItsAnswerArrives) {
+  serve();
+  EXPECT_EQ(ask("PUT", "/sink", bearer(change_), std::string(400, 'a')).status, 200);
+  EXPECT_EQ(site_.sinks_ended, 1);
+  EXPECT_EQ(ask("PUT", "/sink", bearer(change_), std::string(900, 'a')).status, 507);
+  EXPECT_EQ(site_.sinks_ended, 2);
 }
 
 TEST_F(WebServer, AFailureTellsStrangersNothing) {
