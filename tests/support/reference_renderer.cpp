@@ -111,7 +111,7 @@ void meet_triangle(const SceneDescription& scene, const TriangleMesh& mesh, size
     nearest.interpolated =
         normalized(mix(mesh.normals[ia], mesh.normals[ib], mesh.normals[ic], wa, wb, wc));
   if (nearest.material->texture >= 0 && !mesh.uvs.empty()) {
-    const auto at = [&](size_t k) {
+    const auto at = [&, ia = ia, ib = ib, ic = ic](size_t k) {
       return wa * mesh.uvs[ia][k] + wb * mesh.uvs[ib][k] + wc * mesh.uvs[ic][k];
     };
     const Texture& texture = *scene.textures[static_cast<size_t>(nearest.material->texture)];
