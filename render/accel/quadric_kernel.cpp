@@ -2,6 +2,7 @@
 #include "render/accel/quadric_kernel.h"
 
 #include "render/accel/packet_fields.h"
+#include "render/accel/unaligned_vectors.h"
 
 #if defined(__AVX2__)
 #include <immintrin.h>
@@ -26,20 +27,20 @@ constexpr uint32_t kNone = ~0U;
 
 // Parts of a packet, in Embree's types and in double precision. Embree's arrays may have any
 // alignment.
-using Floats = float __attribute__((vector_size(4 * kStep), may_alias, aligned(4)));
-using Words = uint32_t __attribute__((vector_size(4 * kStep), may_alias, aligned(4)));
-using Masks = int32_t __attribute__((vector_size(4 * kStep), may_alias, aligned(4)));
+using Floats = float __attribute__((vector_size(4 * kStep)));
+using Words = uint32_t __attribute__((vector_size(4 * kStep)));
+using Masks = int32_t __attribute__((vector_size(4 * kStep)));
 using Doubles = double __attribute__((vector_size(8 * kStep)));
 using Wide = int64_t __attribute__((vector_size(8 * kStep)));  // -1 is true
 
-inline Floats& floats_at(const Packet& packet, int field, int first) {
-  return *reinterpret_cast<Floats*>(packet.rays + field * packet.lanes + first);
+inline Unaligned<Floats>& floats_at(const Packet& packet, int field, int first) {
+  return *reinterpret_cast<Unaligned<Floats>*>(packet.rays + field * packet.lanes + first);
 }
-inline Words& words_at(const Packet& packet, int field, int first) {
-  return *reinterpret_cast<Words*>(packet.rays + field * packet.lanes + first);
+inline Unaligned<Words>& words_at(const Packet& packet, int field, int first) {
+  return *reinterpret_cast<Unaligned<Words>*>(packet.rays + field * packet.lanes + first);
 }
-inline Doubles wide(const Floats& v) {
-  return __builtin_convertvector(v, Doubles);
+inline Doubles wide(const Unaligned<Floats>& floats) {
+  return __builtin_convertvector(floats.v, Doubles);
 }
 inline Doubles root(const Doubles& v) {
 #if defined(__AVX512F__)
@@ -160,39 +161,39 @@ inline Doubles distance(const Shape& shape, const Packet& packet, int first) {
                   wide(floats_at(packet, packet_kernel::kTFar, first)));
 }
 
-inline Masks& valid_at(const Packet& packet, int first) {
-  return *reinterpret_cast<Masks*>(packet.valid + first);
+inline Unaligned<Masks>& valid_at(const Packet& packet, int first) {
+  return *reinterpret_cast<Unaligned<Masks>*>(packet.valid + first);
 }
 
 template <class Shape>
 void intersect(const Shape& shape, uint32_t geometry, uint32_t primitive, const Packet& packet) {
   for (int first = 0; first < packet.lanes; first += kStep) {
-    Masks& lanes = valid_at(packet, first);
-    Floats& far = floats_at(packet, packet_kernel::kTFar, first);
+    Unaligned<Masks>& lanes = valid_at(packet, first);
+    Unaligned<Floats>& far = floats_at(packet, packet_kernel::kTFar, first);
     const Floats t = __builtin_convertvector(distance(shape, packet, first), Floats);
     // Rounding to single precision may put t behind the current hit.
-    const Masks met = lanes & (t < far);
-    far = met ? t : far;
+    const Masks met = lanes.v & (t < far.v);
+    far.v = met ? t : far.v;
     const auto set = [&](int field, uint32_t value) {
-      Words& words = words_at(packet, field, first);
-      words = met ? Words{} + value : words;
+      Unaligned<Words>& words = words_at(packet, field, first);
+      words.v = met ? Words{} + value : words.v;
     };
     set(packet_kernel::kPrimitive, primitive);
     set(packet_kernel::kGeometry, geometry);
     set(kInstance, kNone);
-    lanes = met;
+    lanes.v = met;
   }
 }
 
 template <class Shape>
 void occlude(const Shape& shape, const Packet& packet) {
   for (int first = 0; first < packet.lanes; first += kStep) {
-    Masks& lanes = valid_at(packet, first);
-    Floats& far = floats_at(packet, packet_kernel::kTFar, first);
+    Unaligned<Masks>& lanes = valid_at(packet, first);
+    Unaligned<Floats>& far = floats_at(packet, packet_kernel::kTFar, first);
     const Wide nearer = distance(shape, packet, first) < wide(far);
-    const Masks met = lanes & __builtin_convertvector(nearer, Masks);
-    far = met ? Floats{} - __builtin_inff() : far;
-    lanes = met;
+    const Masks met = lanes.v & __builtin_convertvector(nearer, Masks);
+    far.v = met ? Floats{} - __builtin_inff() : far.v;
+    lanes.v = met;
   }
 }
 

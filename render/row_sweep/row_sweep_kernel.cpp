@@ -3,6 +3,8 @@
 // bits.
 #include "render/row_sweep/row_sweep_kernel.h"
 
+#include "render/accel/unaligned_vectors.h"
+
 #if defined(__AVX2__)
 #include <immintrin.h>
 #endif
@@ -12,14 +14,13 @@ namespace {
 
 using namespace sweep_kernel;
 
-// The vectors may alias arrays of other types and have any alignment. Functions take them by
-// reference.
-using Floats = float __attribute__((vector_size(4 * kLanes), may_alias, aligned(4)));
-using Ints = int32_t __attribute__((vector_size(4 * kLanes), may_alias, aligned(4)));
-using Doubles = double __attribute__((vector_size(8 * kBlock), may_alias, aligned(8)));
+// Functions take vectors by reference.
+using Floats = float __attribute__((vector_size(4 * kLanes)));
+using Ints = int32_t __attribute__((vector_size(4 * kLanes)));
+using Doubles = double __attribute__((vector_size(8 * kBlock)));
 using Longs = int64_t __attribute__((vector_size(8 * kBlock)));
-using Eight = float __attribute__((vector_size(4 * kBlock), may_alias, aligned(4)));
-using EightInts = int32_t __attribute__((vector_size(4 * kBlock), may_alias, aligned(4)));
+using Eight = float __attribute__((vector_size(4 * kBlock)));
+using EightInts = int32_t __attribute__((vector_size(4 * kBlock)));
 
 // Vectors of the instruction set's own width, since compilers split comparisons and selections of
 // wider vectors lane by lane.
@@ -30,41 +31,31 @@ constexpr int kNative = 8;
 #else
 constexpr int kNative = 4;
 #endif
-using NativeFloats = float __attribute__((vector_size(4 * kNative), may_alias, aligned(4)));
-using NativeInts = int32_t __attribute__((vector_size(4 * kNative), may_alias, aligned(4)));
+using NativeFloats = float __attribute__((vector_size(4 * kNative)));
+using NativeInts = int32_t __attribute__((vector_size(4 * kNative)));
 
-inline NativeFloats& native(float* at) {
-  return *reinterpret_cast<NativeFloats*>(at);
+/// Returns the vector that begins at an element of an array.
+template <class Vector, class Element>
+inline Unaligned<Vector>& vector_at(Element* at) {
+  return *reinterpret_cast<Unaligned<Vector>*>(at);
 }
-inline const NativeInts& native(const int32_t* at) {
-  return *reinterpret_cast<const NativeInts*>(at);
+template <class Vector, class Element>
+inline const Unaligned<Vector>& vector_at(const Element* at) {
+  return *reinterpret_cast<const Unaligned<Vector>*>(at);
 }
-inline NativeInts& native(int32_t* at) {
-  return *reinterpret_cast<NativeInts*>(at);
+inline Unaligned<NativeFloats>& native(float* at) {
+  return vector_at<NativeFloats>(at);
 }
-
-inline Floats& floats(float* at) {
-  return *reinterpret_cast<Floats*>(at);
+inline const Unaligned<NativeInts>& native(const int32_t* at) {
+  return vector_at<NativeInts>(at);
 }
-inline const Floats& floats(const float* at) {
-  return *reinterpret_cast<const Floats*>(at);
-}
-inline Ints& ints(int32_t* at) {
-  return *reinterpret_cast<Ints*>(at);
-}
-inline Eight& eight(float* at) {
-  return *reinterpret_cast<Eight*>(at);
-}
-inline const Eight& eight(const float* at) {
-  return *reinterpret_cast<const Eight*>(at);
-}
-inline EightInts& eight_ints(int32_t* at) {
-  return *reinterpret_cast<EightInts*>(at);
+inline Unaligned<NativeInts>& native(int32_t* at) {
+  return vector_at<NativeInts>(at);
 }
 
 constexpr int32_t kCount[kLanes] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
 inline void count_up(int first, Ints& out) {
-  out = *reinterpret_cast<const Ints*>(kCount) + first;
+  out = vector_at<Ints>(kCount).v + first;
 }
 
 // --- rays
@@ -90,10 +81,10 @@ void set_pattern(const RowPiece& p, int first_colour, Pattern& out) {
 /// Computes the lens of eight columns and the distance of their phase from it.
 inline void off_of_half(const Pattern& t, int half, const Doubles& c, Eight& off, EightInts& lens) {
   constexpr double kShift = 6755399441055744.0;  // 1.5 * 2^52: additions round to integers
-  const auto at = [&](int n) -> const Doubles& {
-    return *reinterpret_cast<const Doubles*>(&t.phase[n][half]);
+  const auto at = [&](int n) -> const auto& {
+    return vector_at<Doubles>(&t.phase[n][half]);
   };
-  const Doubles phase = at(0) + c * (at(1) + c * at(2));
+  const Doubles phase = at(0).v + c * (at(1).v + c * at(2).v);
   const Doubles nearest = (phase + kShift) - kShift;
   off = __builtin_convertvector(phase - nearest, Eight);
   lens = __builtin_convertvector(nearest, EightInts);
@@ -119,15 +110,16 @@ inline void ray_of(const RowPiece& p, const Pattern& t, int column, const Floats
   Ints number;
   count_up(column, number);
   const Floats c = __builtin_convertvector(number, Floats);
-  const Floats y =
-      (floats(t.bend[0]) + c * (floats(t.bend[1]) + c * floats(t.bend[2]))) - p.lens_step * off;
+  const Floats y = (vector_at<Floats>(t.bend[0]).v +
+                    c * (vector_at<Floats>(t.bend[1]).v + c * vector_at<Floats>(t.bend[2]).v)) -
+                   p.lens_step * off;
   tan = Floats{} + p.tangent[kCoefficients - 1];
 #pragma GCC unroll 8
   for (int n = kCoefficients - 2; n >= 0; --n) tan = tan * y + p.tangent[n];
   Floats shift = Floats{} + p.shift[kShiftCoefficients - 1];
 #pragma GCC unroll 8
   for (int n = kShiftCoefficients - 2; n >= 0; --n) shift = shift * y + p.shift[n];
-  x = floats(t.x0) + (shift + p.x_step * c);
+  x = vector_at<Floats>(t.x0).v + (shift + p.x_step * c);
 }
 
 inline bool any(const Ints& masks) {
@@ -148,9 +140,9 @@ bool make_columns(const RowPiece& p, int count, float* x, float* tan, int32_t* l
     off_of(patterns[n], c, off, lens16);
     bad |= off * off > p.safe * p.safe;
     ray_of<kCoefficients>(p, patterns[n], c, off, x16, tan16);
-    floats(x + c) = x16;
-    floats(tan + c) = tan16;
-    ints(lens + c) = lens16;
+    vector_at<Floats>(x + c).v = x16;
+    vector_at<Floats>(tan + c).v = tan16;
+    vector_at<Ints>(lens + c).v = lens16;
   }
   return any(bad);
 }
@@ -217,9 +209,9 @@ inline void transpose(Eight (&v)[kBlock]) {
 inline void square_to_cells(const float* rays, const int32_t* first, int place, int stride,
                             float* cells) {
   Eight v[kBlock];
-  for (int k = 0; k < kBlock; ++k) v[k] = eight(rays + first[k] + place);
+  for (int k = 0; k < kBlock; ++k) v[k] = vector_at<Eight>(rays + first[k] + place).v;
   transpose(v);
-  for (int n = 0; n < kBlock; ++n) eight(cells + n * stride) = v[n];
+  for (int n = 0; n < kBlock; ++n) vector_at<Eight>(cells + n * stride).v = v[n];
 }
 
 inline float lowest(const NativeFloats& v) {
@@ -235,12 +227,12 @@ void close_place(const int32_t* first, int place, const Cells& cells, const Spre
   float* x_row = cells.x + place * cells.stride;
   float* tan_row = cells.tan + place * cells.stride;
   for (int k = 0; k < cells.stride; k += kNative) {
-    const NativeInts there = native(first + k + 1) - native(first + k) > place;
-    const NativeFloats lens = __builtin_convertvector(native(kCount) + k, NativeFloats);
-    const NativeFloats x = there ? native(x_row + k) : NativeFloats{} + nan;
-    const NativeFloats tan = there ? native(tan_row + k) : NativeFloats{} + nan;
-    native(x_row + k) = x;
-    native(tan_row + k) = tan;
+    const NativeInts there = native(first + k + 1).v - native(first + k).v > place;
+    const NativeFloats lens = __builtin_convertvector(native(kCount).v + k, NativeFloats);
+    const NativeFloats x = there ? native(x_row + k).v : NativeFloats{} + nan;
+    const NativeFloats tan = there ? native(tan_row + k).v : NativeFloats{} + nan;
+    native(x_row + k).v = x;
+    native(tan_row + k).v = tan;
     const NativeFloats x_off = x - spread.x_step * lens;
     const NativeFloats tan_off = tan - spread.tan_step * lens;
     x_low = x_off < x_low ? x_off : x_low;
@@ -258,9 +250,9 @@ void see_nothing(const Cells& cells) {
   const int count = cells.places * cells.stride;
   const Floats nothing = Floats{} - __builtin_inff();
   for (int k = 0; k < count; k += kLanes) {
-    floats(cells.z + k) = nothing;
-    floats(cells.along + k) = Floats{};
-    ints(cells.cut + k) = Ints{} - 1;
+    vector_at<Floats>(cells.z + k).v = nothing;
+    vector_at<Floats>(cells.along + k).v = Floats{};
+    vector_at<Ints>(cells.cut + k).v = Ints{} - 1;
   }
 }
 
@@ -279,12 +271,12 @@ void to_cells(const float* x, const float* tan, const int32_t* first, const Cell
 template <class T>
 inline void square_to_rays(const T* cells, const int32_t* first, int place, int stride, T* rays) {
   Eight v[kBlock];
-  for (int n = 0; n < kBlock; ++n) v[n] = *reinterpret_cast<const Eight*>(cells + n * stride);
+  for (int n = 0; n < kBlock; ++n) v[n] = vector_at<Eight>(cells + n * stride).v;
   transpose(v);
   // Goes from left to right, so that elements written past a lens's last place are overwritten by
   // later lenses.
   for (int k = 0; k < kBlock; ++k)
-    if (first[k + 1] - first[k] > place) *reinterpret_cast<Eight*>(rays + first[k] + place) = v[k];
+    if (first[k + 1] - first[k] > place) vector_at<Eight>(rays + first[k] + place).v = v[k];
 }
 
 void to_rays(const Cells& cells, const int32_t* first, float* z, float* along, int32_t* cut) {
@@ -335,8 +327,8 @@ __attribute__((always_inline)) inline void range_of(const Cells& cells, const Sp
                                                     const Reach& reach, int place, Range& out) {
   constexpr float kRounding = 4e-7F;  // a few roundings of the largest term
   constexpr float kTouch = 1e-3F;     // lenses
-  const Floats& tan_low = floats(s.tan_low + place);
-  const Floats& tan_high = floats(s.tan_high + place);
+  const Floats tan_low = vector_at<Floats>(s.tan_low + place).v;
+  const Floats tan_high = vector_at<Floats>(s.tan_high + place).v;
   Floats low = Floats{} + 3e38F, high = -low;
   for (int e = 0; e < 2; ++e) {
     const float z = reach.z[e];
@@ -352,8 +344,10 @@ __attribute__((always_inline)) inline void range_of(const Cells& cells, const Sp
     const float left = reach.x_low[e] < 0.0F ? -reach.x_low[e] : reach.x_low[e];
     const float right = reach.x_high[e] < 0.0F ? -reach.x_high[e] : reach.x_high[e];
     const float slack = kTouch + kRounding * per * (left + right + s.x_far + s.tan_far * depth);
-    const Floats from = (reach.x_low[e] - floats(s.x_high + place) - (a > b ? a : b)) * per - slack;
-    const Floats to = (reach.x_high[e] - floats(s.x_low + place) - (a < b ? a : b)) * per + slack;
+    const Floats from =
+        (reach.x_low[e] - vector_at<Floats>(s.x_high + place).v - (a > b ? a : b)) * per - slack;
+    const Floats to =
+        (reach.x_high[e] - vector_at<Floats>(s.x_low + place).v - (a < b ? a : b)) * per + slack;
     low = from < low ? from : low;
     high = to > high ? to : high;
   }
@@ -361,26 +355,28 @@ __attribute__((always_inline)) inline void range_of(const Cells& cells, const Sp
   const Floats first = low + 1.0F, last = high + 1.0F;
   const Floats first_in = first > 0.0F ? first : Floats{};
   const Floats last_in = last < end ? last : Floats{} + end;
-  ints(out.first) = __builtin_convertvector(first_in < end ? first_in : Floats{} + end, Ints);
-  ints(out.last) = __builtin_convertvector(last_in > 0.0F ? last_in : Floats{}, Ints) - 1;
+  vector_at<Ints>(out.first).v =
+      __builtin_convertvector(first_in < end ? first_in : Floats{} + end, Ints);
+  vector_at<Ints>(out.last).v =
+      __builtin_convertvector(last_in > 0.0F ? last_in : Floats{}, Ints) - 1;
 }
 
 __attribute__((always_inline)) inline void segment_at(const Cells& cells, int at, float start,
                                                       const Segment& s, int32_t number) {
   for (const int end = at + kLanes; at < end; at += kNative) {
-    const NativeFloats& x = native(cells.x + at);
-    const NativeFloats& tan = native(cells.tan + at);
+    const NativeFloats x = native(cells.x + at).v;
+    const NativeFloats tan = native(cells.tan + at).v;
     const NativeFloats f0 = (x + tan * s.z0) - s.x0;
     const NativeFloats f1 = (x + tan * s.z1) - s.x1;
     const NativeFloats part = f0 / (f0 - f1);
     const NativeFloats z = s.z0 + part * (s.z1 - s.z0);
-    NativeFloats& best = native(cells.z + at);
-    NativeFloats& along = native(cells.along + at);
-    NativeInts& cut = native(cells.cut + at);
-    const NativeInts met = (f0 * f1 <= 0.0F) & (z > best) & (z <= start);
-    best = met ? z : best;
-    along = met ? part : along;
-    cut = met ? NativeInts{} + number : cut;
+    auto& best = native(cells.z + at);
+    auto& along = native(cells.along + at);
+    auto& cut = native(cells.cut + at);
+    const NativeInts met = (f0 * f1 <= 0.0F) & (z > best.v) & (z <= start);
+    best.v = met ? z : best.v;
+    along.v = met ? part : along.v;
+    cut.v = met ? NativeInts{} + number : cut.v;
   }
 }
 
@@ -450,18 +446,18 @@ inline void conic_z(const Conic& q, double start, const Doubles& x, const Double
 }
 
 inline void conic_at(const Cells& cells, int at, double start, const Conic& q, int32_t number) {
-  const Doubles x = __builtin_convertvector(eight(cells.x + at), Doubles);
-  const Doubles tan = __builtin_convertvector(eight(cells.tan + at), Doubles);
+  const Doubles x = __builtin_convertvector(vector_at<Eight>(cells.x + at).v, Doubles);
+  const Doubles tan = __builtin_convertvector(vector_at<Eight>(cells.tan + at).v, Doubles);
   Doubles exact;
   conic_z(q, start, x, tan, exact);
   const Eight z = __builtin_convertvector(exact, Eight);
-  Eight& best = eight(cells.z + at);
-  Eight& along = eight(cells.along + at);
-  EightInts& cut = eight_ints(cells.cut + at);
-  const EightInts met = z > best;
-  best = met ? z : best;
-  along = met ? Eight{} : along;
-  cut = met ? EightInts{} + number : cut;
+  auto& best = vector_at<Eight>(cells.z + at);
+  auto& along = vector_at<Eight>(cells.along + at);
+  auto& cut = vector_at<EightInts>(cells.cut + at);
+  const EightInts met = z > best.v;
+  best.v = met ? z : best.v;
+  along.v = met ? Eight{} : along.v;
+  cut.v = met ? EightInts{} + number : cut.v;
 }
 
 void conics(const Cells& cells, const Spread& spread, float start, const Conic* list, int count,
