@@ -50,7 +50,7 @@ CalibrationOutput parse_calibration_output(const std::string& output) {
   const std::string_view before = std::string_view(output).substr(0, begin);
   for (size_t at = 0; at < before.size() && parsed.message.size() < kMaxMessage;) {
     const size_t end = std::min(before.find('\n', at), before.size());
-    // A line that is written again and again, as progress is, ends with its last state.
+    // Progress rewrites its line after '\r': only the last state counts.
     std::string_view line = before.substr(at, end - at);
     line.remove_prefix(std::min(line.size(), line.rfind('\r') + 1));
     if (!line.empty())

@@ -59,7 +59,7 @@ void check(const OpticalModel& model, const RowRays& rays, size_t s, int i, int 
   const Real lens = std::floor(seen + Real(0.5));
   ++errors.subpixels;
   if (static_cast<long>(lens) != rays.lens[s]) {
-    // Only at a border, where half a lens up and half a lens down are the same place.
+    // Possible at a border only: +1/2 in one lens and -1/2 in the next are the same place.
     errors.raise(errors.place, std::fabs(seen - rays.lens[s]) - Real(0.5));
     ++errors.on_border;
   } else {
