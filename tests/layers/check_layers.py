@@ -8,7 +8,7 @@ Fails with a list of the places where
 - a module includes one that docs/architecture.md does not allow it to include, or names a library
   that belongs to another module,
 - sub-folders of a module include each other in a cycle,
-- a folder holds more than MOST_FILES sources,
+- a folder, also one of tests, holds more than MOST_FILES sources,
 - a source prints without base/print.h,
 - a kernel for one instruction set is named outside of base/cpu.h, which asks the processor.
 """
@@ -149,6 +149,9 @@ def check(tree):
                 if to != folder and module_of(to) == module:
                     arrows[folder].add(to)
                     reasons[folder, to].append(f"{file} includes {own}")
+    for path in (tree / "tests").rglob("*"):
+        if path.suffix in (".h", ".cpp", ".py"):
+            sizes[path.parent.relative_to(tree).as_posix()] += 1
     for circle in circles(arrows):
         wrong.append("a circle of folders: " + " ".join(sorted(circle)))
         for folder in circle:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "support/weave_rigs.h"
+#include "tests/support/weave_rigs.h"
 
 #include <random>
 

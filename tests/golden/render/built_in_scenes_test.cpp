@@ -9,7 +9,7 @@
 
 #include "apps/lenticule-tools/offline/built_in_scene.h"
 #include "render/make_method.h"
-#include "tests/support/reference_renderer.h"
+#include "tests/support/oracles/reference_renderer.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::testing {

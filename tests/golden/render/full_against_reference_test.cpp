@@ -7,7 +7,7 @@
 #include <limits>
 
 #include "render/make_method.h"
-#include "tests/support/reference_renderer.h"
+#include "tests/support/oracles/reference_renderer.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::testing {

@@ -13,7 +13,7 @@
 #include "optics/eye_simulator.h"
 #include "render/make_method.h"
 #include "render/scene/surroundings.h"
-#include "tests/support/reference_renderer.h"
+#include "tests/support/oracles/reference_renderer.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::testing {

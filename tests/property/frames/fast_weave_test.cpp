@@ -10,7 +10,7 @@
 #include "frames/srgb.h"
 #include "frames/weaving/fast_weaver.h"
 #include "frames/weaving/fixed_light.h"
-#include "support/weave_rigs.h"
+#include "tests/support/weave_rigs.h"
 
 namespace lenticule::frames {
 namespace {

@@ -10,7 +10,7 @@
 #include "frames/weave.h"
 #include "frames/weaving/fast_weaver.h"
 #include "optics/calibration_import.h"
-#include "tests/support/looking_glass_oracle.h"
+#include "tests/support/oracles/looking_glass_oracle.h"
 
 namespace lenticule::frames {
 namespace {

@@ -6,8 +6,8 @@
 #include <random>
 
 #include "frames/weave.h"
-#include "support/weave_oracle.h"
-#include "support/weave_rigs.h"
+#include "tests/support/oracles/weave_oracle.h"
+#include "tests/support/weave_rigs.h"
 
 namespace lenticule::frames {
 namespace {

@@ -11,7 +11,7 @@
 #include "base/error.h"
 #include "optics/calibration_import.h"
 #include "optics/model.h"
-#include "tests/support/looking_glass_oracle.h"
+#include "tests/support/oracles/looking_glass_oracle.h"
 #include "tests/support/random_rigs.h"
 
 namespace lenticule::optics {

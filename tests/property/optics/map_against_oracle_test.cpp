@@ -9,7 +9,7 @@
 
 #include "optics/rig_file.h"
 #include "optics/row_rays.h"
-#include "tests/support/optics_oracle.h"
+#include "tests/support/oracles/optics_oracle.h"
 #include "tests/support/random_rigs.h"
 
 namespace lenticule::optics {

@@ -12,7 +12,7 @@
 #include "optics/row_rays.h"
 #include "optics/turned_rig.h"
 #include "tests/support/noise_frame.h"
-#include "tests/support/optics_oracle.h"
+#include "tests/support/oracles/optics_oracle.h"
 #include "tests/support/random_rigs.h"
 #include "tests/support/turned_picture.h"
 

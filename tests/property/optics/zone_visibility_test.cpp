@@ -11,8 +11,8 @@
 #include "base/error.h"
 #include "optics/eye_simulator.h"
 #include "optics/zone/viewing_zone.h"
+#include "tests/support/oracles/zone_oracle.h"
 #include "tests/support/random_rigs.h"
-#include "tests/support/zone_oracle.h"
 
 namespace lenticule::optics {
 namespace {

@@ -9,9 +9,9 @@
 
 #include "apps/lenticule-bench/probes/row_tracer.h"
 #include "render/rays/primary_rays.h"
+#include "tests/support/oracles/visibility_oracle.h"
 #include "tests/support/random_rigs.h"
 #include "tests/support/tiny_scenes.h"
-#include "tests/support/visibility_oracle.h"
 
 namespace lenticule::render {
 namespace {

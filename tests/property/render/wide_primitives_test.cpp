@@ -8,7 +8,7 @@
 #include "render/accel/wide_triangle.h"
 #include "render/make_method.h"
 #include "tests/support/instruction_sets.h"
-#include "tests/support/reference_renderer.h"
+#include "tests/support/oracles/reference_renderer.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {

@@ -5,7 +5,7 @@
 
 #include "base/error.h"
 #include "display/virtual/virtual_display.h"
-#include "tests/support/fake_source.h"
+#include "tests/support/fakes/fake_source.h"
 
 namespace lenticule::display {
 namespace {

@@ -8,10 +8,10 @@
 #include <tuple>
 #include <vector>
 
-#include "tests/support/fake_source.h"
+#include "tests/support/fakes/fake_source.h"
+#include "tests/support/fakes/scanout_words.h"
 #include "tests/support/instruction_sets.h"
 #include "tests/support/noise_frame.h"
-#include "tests/support/scanout_words.h"
 #include "tests/support/turned_picture.h"
 
 namespace lenticule::display {

@@ -16,7 +16,7 @@
 #include "base/error.h"
 #include "display/scanout_format.h"
 #include "frames/image_io.h"
-#include "tests/support/fake_source.h"
+#include "tests/support/fakes/fake_source.h"
 
 namespace lenticule::display {
 namespace {

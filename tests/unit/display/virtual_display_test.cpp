@@ -7,8 +7,8 @@
 
 #include "base/error.h"
 #include "display/vblank_timeline.h"
-#include "tests/support/fake_source.h"
-#include "tests/support/scripted_faults.h"
+#include "tests/support/fakes/fake_source.h"
+#include "tests/support/fakes/scripted_faults.h"
 
 namespace lenticule::display {
 namespace {

@@ -11,7 +11,7 @@
 #include "frames/decoded_view.h"
 #include "tests/support/error_matchers.h"
 #include "tests/support/noise_frame.h"
-#include "tests/support/picture_oracle.h"
+#include "tests/support/oracles/picture_oracle.h"
 
 namespace lenticule::frames {
 namespace {

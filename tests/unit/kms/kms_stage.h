@@ -10,7 +10,7 @@
 
 #include "base/error.h"
 #include "display/kms/scanout/kms_display.h"
-#include "tests/support/fake_drm.h"
+#include "tests/support/fakes/fake_drm.h"
 
 namespace lenticule::testing {
 

@@ -3,7 +3,7 @@
 
 #include "base/error.h"
 #include "display/kms/probe/pipe.h"
-#include "tests/support/fake_drm.h"
+#include "tests/support/fakes/fake_drm.h"
 
 namespace lenticule::testing {
 

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/support/fake_drm.h"
+#include "tests/support/fakes/fake_drm.h"
 
 namespace lenticule::testing {
 

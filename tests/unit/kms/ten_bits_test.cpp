@@ -8,7 +8,7 @@
 #include "display/kms/color/exactness_rules.h"
 #include "display/kms/inspect.h"
 #include "kms_stage.h"
-#include "tests/support/scanout_words.h"
+#include "tests/support/fakes/scanout_words.h"
 
 namespace lenticule::testing {
 

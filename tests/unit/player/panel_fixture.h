@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "player/playback/playback.h"
-#include "tests/support/fake_source.h"
+#include "tests/support/fakes/fake_source.h"
 #include "tests/unit/kms/kms_stage.h"
 
 namespace lenticule::testing {

@@ -9,8 +9,8 @@
 
 #include "base/error.h"
 #include "display/virtual/virtual_display.h"
-#include "tests/support/fake_source.h"
-#include "tests/support/scripted_faults.h"
+#include "tests/support/fakes/fake_source.h"
+#include "tests/support/fakes/scripted_faults.h"
 
 namespace lenticule::player {
 namespace {

@@ -10,7 +10,7 @@
 
 #include "base/error.h"
 #include "frames/image_io.h"
-#include "tests/support/fake_source.h"
+#include "tests/support/fakes/fake_source.h"
 
 namespace lenticule::player {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "display/virtual/virtual_display.h"
 #include "player/playback/playback.h"
-#include "tests/support/fake_source.h"
+#include "tests/support/fakes/fake_source.h"
 
 namespace lenticule::player {
 namespace {

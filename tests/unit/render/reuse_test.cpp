@@ -11,7 +11,7 @@
 #include "render/accel/denormals.h"
 #include "render/make_method.h"
 #include "render/methods/reuse/micro_image_sweep.h"
-#include "tests/support/reprojection_oracle.h"
+#include "tests/support/oracles/reprojection_oracle.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {

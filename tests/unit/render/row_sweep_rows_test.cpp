@@ -11,7 +11,7 @@
 #include "apps/lenticule-bench/probes/row_tracer.h"
 #include "render/row_sweep/row_sweep.h"
 #include "tests/support/allocation_count.h"
-#include "tests/support/visibility_oracle.h"
+#include "tests/support/oracles/visibility_oracle.h"
 #include "tests/unit/render/row_sweep_scenes.h"
 
 namespace lenticule::render {

@@ -8,7 +8,7 @@
 #include <iterator>
 
 #include "render/rays/primary_rays.h"
-#include "tests/support/visibility_oracle.h"
+#include "tests/support/oracles/visibility_oracle.h"
 #include "tests/unit/render/row_sweep_scenes.h"
 
 namespace lenticule::render {

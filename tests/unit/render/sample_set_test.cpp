@@ -16,7 +16,7 @@
 #include "render/scene/texture.h"
 #include "render/shading/shading_tables.h"
 #include "tests/support/instruction_sets.h"
-#include "tests/support/reference_sampling.h"
+#include "tests/support/oracles/reference_sampling.h"
 
 namespace lenticule::render {
 namespace {

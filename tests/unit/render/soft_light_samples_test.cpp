@@ -11,7 +11,7 @@
 #include "render/accel/denormals.h"
 #include "render/integrator/packet_tracer.h"
 #include "render/rays/primary_packets.h"
-#include "tests/support/reference_renderer.h"
+#include "tests/support/oracles/reference_renderer.h"
 #include "tests/unit/render/soft_light_scenes.h"
 
 namespace lenticule::render {

@@ -11,7 +11,7 @@
 
 #include "base/error.h"
 #include "tests/support/instruction_sets.h"
-#include "tests/support/reference_renderer.h"
+#include "tests/support/oracles/reference_renderer.h"
 #include "tests/unit/render/soft_light_scenes.h"
 
 namespace lenticule::render {

@@ -11,7 +11,7 @@
 #include <thread>
 
 #include "base/error.h"
-#include "tests/support/ring_peer.h"
+#include "tests/support/fakes/ring_peer.h"
 
 namespace lenticule::frames {
 namespace {

@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "frames/ring/ring_layout.h"
-#include "tests/support/ring_peer.h"
+#include "tests/support/fakes/ring_peer.h"
 
 namespace lenticule::frames {
 namespace {

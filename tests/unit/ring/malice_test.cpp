@@ -13,7 +13,7 @@
 
 #include "base/error.h"
 #include "frames/ring/ring_protocol.h"
-#include "tests/support/ring_peer.h"
+#include "tests/support/fakes/ring_peer.h"
 
 namespace lenticule::frames {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <thread>
 
-#include "tests/support/ring_peer.h"
+#include "tests/support/fakes/ring_peer.h"
 
 namespace lenticule::frames {
 namespace {

@@ -10,7 +10,7 @@
 #include "base/error.h"
 #include "base/unix_address.h"
 #include "frames/ring/listen_socket.h"
-#include "tests/support/ring_peer.h"
+#include "tests/support/fakes/ring_peer.h"
 
 namespace lenticule::frames {
 namespace {

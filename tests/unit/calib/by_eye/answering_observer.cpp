@@ -6,7 +6,7 @@
 #include <cstdlib>
 
 #include "optics/effective_sheet.h"
-#include "tests/support/optics_oracle.h"
+#include "tests/support/oracles/optics_oracle.h"
 
 namespace lenticule::calib::test {
 namespace {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Simulates a user who answers the questions of calibration by eye. The observer compares the true
-// sheet and the chart's by the reference optics (tests/support/optics_oracle.h), sees no difference
-// below a threshold, and gives some answers at random.
+// sheet and the chart's by the reference optics (tests/support/oracles/optics_oracle.h), sees no
+// difference below a threshold, and gives some answers at random.
 #pragma once
 
 #include <random>

@@ -9,7 +9,7 @@
 #include <random>
 
 #include "tests/support/error_matchers.h"
-#include "tests/support/picture_oracle.h"
+#include "tests/support/oracles/picture_oracle.h"
 
 namespace lenticule::frames {
 namespace {

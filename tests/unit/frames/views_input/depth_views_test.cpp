@@ -8,8 +8,8 @@
 #include <cmath>
 #include <random>
 
-#include "tests/support/depth_oracle.h"
 #include "tests/support/error_matchers.h"
+#include "tests/support/oracles/depth_oracle.h"
 
 namespace lenticule::frames {
 namespace {

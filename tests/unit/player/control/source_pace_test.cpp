@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
-#include "tests/support/fake_source.h"
+#include "tests/support/fakes/fake_source.h"
 
 namespace lenticule::player {
 namespace {

@@ -12,7 +12,7 @@
 
 #include "base/error.h"
 #include "player/playlist/playlist_source.h"
-#include "tests/support/fake_source.h"
+#include "tests/support/fakes/fake_source.h"
 
 namespace lenticule::test {
 

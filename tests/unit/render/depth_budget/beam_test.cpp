@@ -9,7 +9,7 @@
 
 #include "base/error.h"
 #include "render/depth_budget/prefilter.h"
-#include "tests/support/beam_oracle.h"
+#include "tests/support/oracles/beam_oracle.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {

@@ -10,8 +10,8 @@
 
 #include "render/depth_budget/depth_of_field.h"
 #include "render/row_sweep/row_sweep.h"
+#include "tests/support/oracles/visibility_oracle.h"
 #include "tests/support/tiny_scenes.h"
-#include "tests/support/visibility_oracle.h"
 
 namespace lenticule::render {
 namespace {

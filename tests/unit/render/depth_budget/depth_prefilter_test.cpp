@@ -12,10 +12,10 @@
 #include "frames/srgb.h"
 #include "render/depth_budget/prefilter.h"
 #include "render/make_method.h"
-#include "tests/support/beam_oracle.h"
 #include "tests/support/instruction_sets.h"
+#include "tests/support/oracles/beam_oracle.h"
+#include "tests/support/oracles/visibility_oracle.h"
 #include "tests/support/tiny_scenes.h"
-#include "tests/support/visibility_oracle.h"
 
 namespace lenticule::render {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "render/scene/studio_light.h"
 #include "render/shading/pbr_brdf.h"
-#include "tests/support/pbr_oracle.h"
+#include "tests/support/oracles/pbr_oracle.h"
 
 namespace lenticule::render {
 namespace {

@@ -14,8 +14,8 @@
 #include "render/make_method.h"
 #include "render/rays/primary_rays.h"
 #include "render/scene/studio_light.h"
-#include "tests/support/ground_shadow_oracle.h"
 #include "tests/support/instruction_sets.h"
+#include "tests/support/oracles/ground_shadow_oracle.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {

@@ -8,7 +8,7 @@
 #include <numbers>
 #include <random>
 
-#include "tests/support/pbr_oracle.h"
+#include "tests/support/oracles/pbr_oracle.h"
 
 namespace lenticule::render {
 namespace {

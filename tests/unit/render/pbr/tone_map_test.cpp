@@ -6,7 +6,7 @@
 #include <random>
 
 #include "base/error.h"
-#include "tests/support/pbr_oracle.h"
+#include "tests/support/oracles/pbr_oracle.h"
 
 namespace lenticule::render {
 namespace {

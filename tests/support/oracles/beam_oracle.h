@@ -4,7 +4,7 @@
 #pragma once
 
 #include "render/rays/footprint.h"
-#include "tests/support/reference_renderer.h"
+#include "tests/support/oracles/reference_renderer.h"
 
 namespace lenticule::testing {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/support/reference_sampling.h"
+#include "tests/support/oracles/reference_sampling.h"
 
 #include <algorithm>
 #include <cmath>

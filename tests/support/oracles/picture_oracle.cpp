@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/support/picture_oracle.h"
+#include "tests/support/oracles/picture_oracle.h"
 
 #include <cmath>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/support/reprojection_oracle.h"
+#include "tests/support/oracles/reprojection_oracle.h"
 
 #include <algorithm>
 #include <cmath>

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "tests/support/picture_oracle.h"
+#include "tests/support/oracles/picture_oracle.h"
 
 namespace lenticule::test {
 namespace {

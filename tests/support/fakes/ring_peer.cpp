@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/support/ring_peer.h"
+#include "tests/support/fakes/ring_peer.h"
 
 #include <poll.h>
 #include <stdlib.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/support/reference_renderer.h"
+#include "tests/support/oracles/reference_renderer.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@
 #include <optional>
 
 #include "frames/srgb.h"
-#include "tests/support/reference_sampling.h"
+#include "tests/support/oracles/reference_sampling.h"
 
 namespace lenticule::testing {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/support/ground_shadow_oracle.h"
+#include "tests/support/oracles/ground_shadow_oracle.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/support/visibility_oracle.h"
+#include "tests/support/oracles/visibility_oracle.h"
 
 #include <algorithm>
 #include <cmath>

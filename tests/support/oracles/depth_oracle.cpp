@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/support/depth_oracle.h"
+#include "tests/support/oracles/depth_oracle.h"
 
 #include <cmath>
 #include <optional>

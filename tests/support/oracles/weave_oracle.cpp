@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "weave_oracle.h"
+#include "tests/support/oracles/weave_oracle.h"
 
 #include <algorithm>
 #include <cmath>

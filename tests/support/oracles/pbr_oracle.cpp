@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/support/pbr_oracle.h"
+#include "tests/support/oracles/pbr_oracle.h"
 
 #include <algorithm>
 #include <cmath>

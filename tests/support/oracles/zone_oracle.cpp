@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/support/zone_oracle.h"
+#include "tests/support/oracles/zone_oracle.h"
 
 #include <algorithm>
 #include <cmath>

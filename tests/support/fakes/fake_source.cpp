@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/support/fake_source.h"
+#include "tests/support/fakes/fake_source.h"
 
 #include <xxhash.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/support/beam_oracle.h"
+#include "tests/support/oracles/beam_oracle.h"
 
 #include <cmath>
 
