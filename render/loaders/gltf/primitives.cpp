@@ -298,7 +298,7 @@ TriangleMesh Primitives::read(const JsonAt& primitive, const std::string& name) 
                                     offsets_of(document_, target, "TANGENT", vertices)});
   const bool deformed = !deformation->targets.empty() || deformation->joints_per_vertex > 0;
   if (deformed) {
-    // A triangle without an area may get one; the cleanup comes with every frame.
+    // The deformation may give a triangle an area, so all stay. Each frame's mesh is cleaned later.
     for (Vec3& normal : mesh.normals) normal = normalized(is_finite(normal) ? normal : Vec3{});
     mesh.deformation = std::move(deformation);
   } else {

@@ -36,7 +36,7 @@ struct EdidMaker {
   bool ycbcr = false;
   int bits = 8;              ///< bits per colour of the base block
   bool deep_colour = false;  ///< adds the HDMI data block with its flag for 30 bits per pixel
-  /// size of the first detailed timing; no timing if 0
+  /// Size of the first detailed timing; no timing if 0.
   int width = 0;
   int height = 0;
   bool interlaced = false;

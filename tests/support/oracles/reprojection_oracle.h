@@ -31,9 +31,9 @@ struct OracleRules {
 };
 
 /// Finds the point that pixel `target` shows among the points under `lens`, in one row and channel;
-/// `points[i]` is the point of pixel i. Every two neighbours under the lens form a chord; of the
-/// chords that the target's ray crosses the nearest to the eye decides. The result is known only if
-/// the chord's ends belong to the same surface.
+/// `points[i]` is the point of pixel i. Every two neighbours under the lens form a chord. The
+/// target shows the chord that its ray crosses nearest to the eye. The result is known only if the
+/// ends of that chord belong to the same surface.
 [[nodiscard]] FoundPoint oracle_on_chords(const optics::OpticalModel& model, int row, int channel,
                                           const std::vector<SeenPoint>& points, int target,
                                           long lens, const OracleRules& rules);
