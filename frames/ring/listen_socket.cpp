@@ -69,37 +69,60 @@ void clear_the_way(const std::filesystem::path& path, const UnixAddress& address
   }
 }
 
+/// Returns another name in the same folder, of the same length, so that it is a valid address, too.
+std::filesystem::path preliminary_name(const std::filesystem::path& path) {
+  std::string name = path.string();
+  name.back() = name.back() == '~' ? '-' : '~';
+  return name;
+}
+
+/// Removes the preliminary name of the socket's file.
+class PreliminaryName {
+ public:
+  explicit PreliminaryName(const std::filesystem::path& path) : path_(path) {}
+  ~PreliminaryName() { ::unlink(path_.c_str()); }
+  PreliminaryName(const PreliminaryName&) = delete;
+  PreliminaryName& operator=(const PreliminaryName&) = delete;
+
+ private:
+  const std::filesystem::path& path_;
+};
+
 /// Sets the group before the mode, so that no other group can connect at any moment.
-void open_to_group(const std::filesystem::path& path, gid_t group) {
-  if (::chown(path.c_str(), static_cast<uid_t>(-1), group) == 0 &&
-      ::chmod(path.c_str(), S_IRUSR | S_IWUSR | S_IRGRP | S_IWGRP) == 0)
-    return;
-  const int error = errno;
-  ::unlink(path.c_str());
-  errno = error;
-  fail(path, "cannot change the group of the socket");
+bool open_to_group(const std::filesystem::path& path, gid_t group) {
+  return ::chown(path.c_str(), static_cast<uid_t>(-1), group) == 0 &&
+         ::chmod(path.c_str(), S_IRUSR | S_IWUSR | S_IRGRP | S_IWGRP) == 0;
 }
 
 }  // namespace
 
+// The file gets its name last: a program that waits for it can connect at once.
 ListenSocket::ListenSocket(std::filesystem::path path, const ListenOptions& options)
     : path_(std::move(path)) {
   const UnixAddress address = unix_address(path_);
+  const std::filesystem::path preliminary = preliminary_name(path_);
+  const UnixAddress preliminary_address = unix_address(preliminary);
   const UniqueFd lock = lock_folder(path_);
   clear_the_way(path_, address);
+  clear_the_way(preliminary, preliminary_address);
   fd_ = UniqueFd(::socket(AF_UNIX, options.type | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   if (!fd_) fail(path_, "cannot create a socket");
   // The file gets the mode that the socket has before bind(), minus the umask: never wider.
   if (::fchmod(fd_.get(), S_IRUSR | S_IWUSR) != 0) fail(path_, "cannot restrict the socket");
-  if (::bind(fd_.get(), address.get(), address.bytes) != 0) fail(path_, "cannot create the socket");
+  if (::bind(fd_.get(), preliminary_address.get(), preliminary_address.bytes) != 0)
+    fail(path_, "cannot create the socket");
+  const PreliminaryName removed_at_the_end(preliminary);
   struct stat status;
-  if (::stat(path_.c_str(), &status) == 0) {
+  if (::stat(preliminary.c_str(), &status) == 0) {
     device_ = status.st_dev;
     inode_ = status.st_ino;
   }
-  if (options.group) open_to_group(path_, *options.group);
-  if (options.type == SOCK_DGRAM) return;  // has no connections
-  if (::listen(fd_.get(), kBacklog) != 0) fail(path_, "cannot listen");
+  if (options.group && !open_to_group(preliminary, *options.group))
+    fail(path_, "cannot change the group of the socket");
+  const bool has_connections = options.type != SOCK_DGRAM;
+  if (has_connections && ::listen(fd_.get(), kBacklog) != 0) fail(path_, "cannot listen");
+  // Unlike rename(), link() does not replace a file that appeared meanwhile.
+  if (::link(preliminary.c_str(), path_.c_str()) != 0) fail(path_, "cannot create the socket");
 }
 
 ListenSocket::~ListenSocket() {

@@ -21,9 +21,9 @@ struct ListenOptions {
 
 class ListenSocket {
  public:
-  /// Replaces the socket file of a player that has exited. Throws Error(Device) when a live player
-  /// listens there, Error(Usage) when the path is too long or names something other than a socket,
-  /// Error(Failed) otherwise.
+  /// Replaces the socket file of a player that has exited; the new one appears when clients can
+  /// connect. Throws Error(Device) when a live player listens there, Error(Usage) when the path is
+  /// too long or names something other than a socket, Error(Failed) otherwise.
   explicit ListenSocket(std::filesystem::path path, const ListenOptions& options = {});
   ~ListenSocket();
   ListenSocket(const ListenSocket&) = delete;

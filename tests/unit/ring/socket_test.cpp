@@ -4,6 +4,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <atomic>
+#include <chrono>
 #include <fstream>
 #include <thread>
 
@@ -41,6 +43,36 @@ TEST(RingSocket, OnlyItsOwnerMayUseIt) {
   struct stat status;
   ASSERT_EQ(::stat(folder.socket().c_str(), &status), 0);
   EXPECT_EQ(status.st_mode & 0777, 0600u);
+}
+
+TEST(RingSocket, AcceptsConnectionsAsSoonAsItsFileExists) {
+  SocketFolder folder;
+  const UnixAddress address = unix_address(folder.socket());
+  for (int round = 0; round < 300; ++round) {
+    int status = -1;
+    std::atomic<bool> waits = false;
+    std::thread renderer([&] {
+      const UniqueFd fd(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0));
+      const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+      waits = true;
+      while (!std::filesystem::exists(folder.socket()) &&
+             std::chrono::steady_clock::now() < deadline)
+        continue;
+      status = ::connect(fd.get(), address.get(), address.bytes);
+    });
+    while (!waits) std::this_thread::yield();
+    const ListenSocket socket(folder.socket());
+    renderer.join();
+    ASSERT_EQ(status, 0) << "round " << round;
+  }
+}
+
+TEST(RingSocket, LeavesNoOtherFileInItsFolder) {
+  SocketFolder folder;
+  ListenSocket socket(folder.socket());
+  EXPECT_EQ(kind_of_failure(folder.socket()), ErrorKind::Device);
+  for (const auto& entry : std::filesystem::directory_iterator(folder.folder()))
+    EXPECT_EQ(entry.path(), folder.socket());
 }
 
 TEST(RingSocket, IsRemovedWithThePlayer) {
