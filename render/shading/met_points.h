@@ -1,0 +1,288 @@
+// SPDX-License-Identifier: Apache-2.0
+// The points at which the lanes of a packet met their primitives, for the shading kernel of one
+// instruction set.
+#pragma once
+
+#include "render/scene/surface_cells.h"
+#include "render/shading/met_primitives.h"
+
+namespace lenticule::render::LENTICULE_ISA_NAMESPACE {
+namespace {
+
+/// Offset of secondary rays from the surface, as a fraction of (largest coordinate + extent of the
+/// primitive, or the reach of a wide one); covers roundings of single precision, see
+/// docs/render/rendering-exact.md.
+constexpr float kSpawnOffset = 1.0F / (1 << 19);
+
+inline Floats largest(const Floats3& v) {
+  return max(max(absolute(v.x), absolute(v.y)), absolute(v.z));
+}
+
+struct Point {
+  Floats3 at, outer, smooth;  // smooth is zero if there is no shading normal
+  Floats offset;
+  Floats u, v;
+  Masks cell_u, cell_v, cell_w, divisions, divisions_along;
+};
+
+/// Sixteen points in double precision. Loops over lanes are vectorized for the instruction set.
+struct alignas(64) DoublePoints {
+  double x[kLanes], y[kLanes], z[kLanes];
+};
+
+/// Points where rays met wide shapes.
+struct WidePoints {
+  Masks lanes;
+  Floats3 at, outer;
+  Floats u, v, reach;
+};
+
+/// Points on one shape, before they are merged with the others. Values in lanes that met another
+/// shape are unspecified.
+struct alignas(64) WideLanes {
+  float at[3][kLanes], outer[3][kLanes];
+  float u[kLanes], v[kLanes];
+};
+
+inline void find_met(const float* packet, DoublePoints& met) {
+  const auto at = [packet](Field which, int r) { return double{packet[which * kLanes + r]}; };
+  for (int r = 0; r < kLanes; ++r) {
+    const double t = at(packet_kernel::kTFar, r);
+    met.x[r] = at(packet_kernel::kOriginX, r) + at(packet_kernel::kDirectionX, r) * t;
+    met.y[r] = at(packet_kernel::kOriginY, r) + at(packet_kernel::kDirectionY, r) * t;
+    met.z[r] = at(packet_kernel::kOriginZ, r) + at(packet_kernel::kDirectionZ, r) * t;
+  }
+}
+
+inline double clamped01(double v) {
+  return v > 0.0 ? (v < 1.0 ? v : 1.0) : 0.0;
+}
+
+inline void put(WideLanes& out, int r, double x, double y, double z) {
+  out.at[0][r] = static_cast<float>(x);
+  out.at[1][r] = static_cast<float>(y);
+  out.at[2][r] = static_cast<float>(z);
+}
+inline void put_outer(WideLanes& out, int r, double x, double y, double z) {
+  out.outer[0][r] = static_cast<float>(x);
+  out.outer[1][r] = static_cast<float>(y);
+  out.outer[2][r] = static_cast<float>(z);
+}
+
+/// Projects the points into the triangle's plane and clamps them to the triangle.
+inline void on_wide_triangle(const WideTriangle& t, const DoublePoints& met, WideLanes& out) {
+  for (int r = 0; r < kLanes; ++r) {
+    const double x = met.x[r] - t.corner[0], y = met.y[r] - t.corner[1], z = met.z[r] - t.corner[2];
+    const double u = clamped01(x * t.u_axis[0] + y * t.u_axis[1] + z * t.u_axis[2]);
+    const double v = clamped01(x * t.v_axis[0] + y * t.v_axis[1] + z * t.v_axis[2]);
+    const double sum = u + v;
+    const double shrink = sum > 1.0 ? 1.0 / sum : 1.0;
+    const double a = u * shrink, b = v * shrink;
+    put(out, r, t.corner[0] + (t.edge1[0] * a + t.edge2[0] * b),
+        t.corner[1] + (t.edge1[1] * a + t.edge2[1] * b),
+        t.corner[2] + (t.edge1[2] * a + t.edge2[2] * b));
+    put_outer(out, r, t.normal[0], t.normal[1], t.normal[2]);
+    out.u[r] = static_cast<float>(a);
+    out.v[r] = static_cast<float>(b);
+  }
+}
+
+inline double per_length(double x, double y, double z) {
+  const double length = __builtin_sqrt(x * x + y * y + z * z);
+  return length > 0.0 ? 1.0 / length : 0.0;
+}
+
+inline void on_wide_sphere(const WideQuadric& s, float outward, const DoublePoints& met,
+                           WideLanes& out) {
+  const double side = outward;
+  for (int r = 0; r < kLanes; ++r) {
+    const double x = met.x[r] - s.centre[0], y = met.y[r] - s.centre[1], z = met.z[r] - s.centre[2];
+    const double scale = per_length(x, y, z);
+    const double nx = x * scale, ny = y * scale, nz = z * scale;
+    put(out, r, s.centre[0] + nx * s.radius, s.centre[1] + ny * s.radius,
+        s.centre[2] + nz * s.radius);
+    put_outer(out, r, nx * side, ny * side, nz * side);
+    out.u[r] = out.v[r] = 0.0F;
+  }
+}
+
+/// Computes points on a cone. The normal is zero at the tip.
+inline void on_wide_cone(const WideQuadric& c, float outward, const DoublePoints& met,
+                         WideLanes& out) {
+  for (int r = 0; r < kLanes; ++r) {
+    const double x = met.x[r] - c.centre[0], y = met.y[r] - c.centre[1], z = met.z[r] - c.centre[2];
+    const double along = x * c.axis[0] + y * c.axis[1] + z * c.axis[2];
+    const double ax = x - c.axis[0] * along, ay = y - c.axis[1] * along, az = z - c.axis[2] * along;
+    const double scale = per_length(ax, ay, az);
+    const double nx = ax * scale, ny = ay * scale, nz = az * scale;
+    const double low = along > 0.0 ? along : 0.0;
+    const double s = low < c.height ? low : c.height;
+    const double radius = c.radius + c.slope * s;
+    put(out, r, c.centre[0] + (c.axis[0] * s + nx * radius),
+        c.centre[1] + (c.axis[1] * s + ny * radius), c.centre[2] + (c.axis[2] * s + nz * radius));
+    const double ox = nx - c.axis[0] * c.slope, oy = ny - c.axis[1] * c.slope,
+                 oz = nz - c.axis[2] * c.slope;
+    const double side = scale > 0.0 ? per_length(ox, oy, oz) * double{outward} : 0.0;
+    put_outer(out, r, ox * side, oy * side, oz * side);
+    out.u[r] = out.v[r] = 0.0F;
+  }
+}
+
+inline void find_wide_points(const float* packet, const WideShapes& shapes, WidePoints& out) {
+  DoublePoints met;
+  find_met(packet, met);
+  for (int n = 0; n < shapes.count; ++n) {
+    const WideShapes::One& one = shapes.shape[n];
+    WideLanes lanes;
+    if (one.triangle != nullptr)
+      on_wide_triangle(*one.triangle, met, lanes);
+    else if (one.is_cone)
+      on_wide_cone(*one.quadric, one.outward, met, lanes);
+    else
+      on_wide_sphere(*one.quadric, one.outward, met, lanes);
+    const double reach = one.triangle != nullptr ? one.triangle->reach : one.quadric->reach;
+    out.lanes = out.lanes | one.lanes;
+    out.at = select(one.lanes, vector_at(lanes.at), out.at);
+    out.outer = select(one.lanes, vector_at(lanes.outer), out.outer);
+    out.u = select(one.lanes, floats_at(lanes.u), out.u);
+    out.v = select(one.lanes, floats_at(lanes.v), out.v);
+    set(one.lanes, static_cast<float>(reach), out.reach);
+  }
+}
+
+/// Returns the number of cells along a length, at least one.
+inline Masks cells_along(const Floats& length, float most) {
+  const Floats cells = length * (1.0F / kCellSize);
+  return to_integers(max(min(cells + 0.999F, Floats::of(most)), Floats::of(1.0F)));
+}
+/// Returns the number of direction cells along each side of the octahedron's square for a shape of
+/// the given radius; always even.
+inline Masks cells_around(const Floats& radius, float most) {
+  constexpr float kAround = 1.75F;  // half the side of a square with the area of a unit sphere
+  const Floats cells = radius * (kAround / kCellSize);
+  return 2 * to_integers(max(min(cells + 0.999F, Floats::of(0.5F * most)), Floats::of(1.0F)));
+}
+
+/// Computes points on triangles. `met` is projected into the triangle's plane and clamped to the
+/// triangle, since Embree may have chosen the neighbour at an edge. Lengths are scaled by the
+/// triangle's extent, so that none is too small or too large to be squared.
+inline void on_triangles(const Primitives& p, const Floats3& met, const WidePoints* wide,
+                         Point& out) {
+  const Floats extent = max(largest(p.edge1), largest(p.edge2));
+  const Floats scale = select(p.triangles, 1.0F / extent, Floats{});
+  const Floats3 e1 = p.edge1 * scale, e2 = p.edge2 * scale;
+  const Floats3 from_a = (met - p.a) * scale;
+  const Floats3 normal = cross(e1, e2);
+  const Floats squared = dot(normal, normal);
+  const Floats inverse = select(squared > 0.0F, 1.0F / squared, Floats{});
+  Floats u = clamp01(dot(cross(from_a, e2), normal) * inverse);
+  Floats v = clamp01(dot(cross(e1, from_a), normal) * inverse);
+  const Floats sum = u + v;
+  const Floats shrink = select(sum > 1.0F, 1.0F / sum, Floats::of(1.0F));
+  u = u * shrink;
+  v = v * shrink;
+  if (wide != nullptr) {
+    u = select(wide->lanes, wide->u, u);
+    v = select(wide->lanes, wide->v, v);
+  }
+  out.at = p.a + (p.edge1 * u + p.edge2 * v);
+  out.outer = unit(normal);
+  const Floats3 smooth = p.normal_a * ((1.0F - u) - v) + (p.normal_b * u + p.normal_c * v);
+  out.smooth = select(p.smooth, unit(smooth), Floats3{});
+  out.offset = kSpawnOffset * (largest(out.at) + extent);
+  out.u = u;
+  out.v = v;
+  out.divisions = cells_along(extent, kMostCells);
+  const Floats count = to_floats(out.divisions);
+  out.cell_u = clamp_index(to_integers(u * count), out.divisions);
+  out.cell_v = clamp_index(to_integers(v * count), out.divisions);
+}
+
+inline void set(const Masks& where, const Masks& u, const Masks& v, const Masks& count,
+                Point& out) {
+  out.cell_u = select(where, u, out.cell_u);
+  out.cell_v = select(where, v, out.cell_v);
+  out.divisions = select(where, count, out.divisions);
+}
+
+inline void on_spheres(const Primitives& p, const Floats3& met, Point& out) {
+  const Floats3 outward = unit(met - p.centre);
+  const Floats3 at = p.centre + outward * p.radius;
+  out.at = select(p.spheres, at, out.at);
+  out.outer = select(p.spheres, outward * p.outward, out.outer);
+  out.smooth = select(p.spheres, Floats3{}, out.smooth);
+  out.offset = select(p.spheres, kSpawnOffset * (largest(at) + p.radius), out.offset);
+  const Masks count = cells_around(p.radius, kMostCells);
+  Masks u, v;
+  octahedron_cell(outward, count, u, v);
+  set(p.spheres, u, v, count, out);
+}
+
+inline void on_cones(const Primitives& p, const Floats3& met, Point& out) {
+  const Floats3 from_base = met - p.centre;
+  const Floats along = dot(from_base, p.axis);
+  const Floats3 across = unit(from_base - p.axis * along);
+  const Floats s = min(max(along, Floats{}), p.height);
+  const Floats radius = p.radius + p.slope * s;
+  const Floats3 at = p.centre + p.axis * s + across * radius;
+  const Floats3 outward = unit(across - p.axis * p.slope);
+  const Masks tip = dot(across, across) == 0.0F;
+  out.at = select(p.cones, at, out.at);
+  out.outer = select(p.cones, select(tip, Floats3{}, outward * p.outward), out.outer);
+  out.smooth = select(p.cones, Floats3{}, out.smooth);
+  out.offset =
+      select(p.cones, kSpawnOffset * (largest(at) + max(absolute(radius), p.height)), out.offset);
+  const Masks count = cells_around(max(p.radius, p.radius + p.slope * p.height), 8.0F);
+  Masks u, v;
+  octahedron_cell(across, count, u, v);
+  set(p.cones, u, v, count, out);
+  const Masks along_count = cells_along(p.height, kMostCellsAlong);
+  const Floats part = s * (to_floats(along_count) / max(p.height, Floats::of(1e-30F)));
+  out.divisions_along = select(p.cones, along_count, out.divisions_along);
+  out.cell_w = select(p.cones, clamp_index(to_integers(part), along_count), out.cell_w);
+}
+
+/// Replaces the single-precision results in lanes that met wide shapes.
+inline void put_wide(const WidePoints& wide, Point& out) {
+  out.at = select(wide.lanes, wide.at, out.at);
+  out.outer = select(wide.lanes, wide.outer, out.outer);
+  out.offset = select(wide.lanes, kSpawnOffset * (largest(wide.at) + wide.reach), out.offset);
+}
+
+inline void write_point(const Floats3& view, const Point& point, Surfaces& out) {
+  // The tip of a cone has no normal; the direction back to the viewer is used instead.
+  const Masks lost = dot(point.outer, point.outer) == 0.0F;
+  const Floats3 outer = select(lost, -view, point.outer);
+  const Masks outside = dot(view, outer) <= 0.0F;
+  const Floats3 geometric = select(outside, outer, -outer);
+  const Masks flat = dot(point.smooth, point.smooth) == 0.0F;
+  Floats3 smooth = select(flat, geometric, point.smooth);
+  smooth = select(dot(smooth, geometric) < 0.0F, -smooth, smooth);
+  store(view, out.view);
+  store(point.at, out.point);
+  store(point.at + geometric * point.offset, out.start);
+  store(geometric, out.geometric);
+  store(smooth, out.smooth);
+  floats_at(out.spawn_offset) = point.offset;
+  masks_at(out.outer_side) = outside;
+  floats_at(out.u) = point.u;
+  floats_at(out.v) = point.v;
+  masks_at(out.cell_u) = point.cell_u;
+  masks_at(out.cell_v) = point.cell_v;
+  masks_at(out.cell_w) = point.cell_w;
+  masks_at(out.divisions) = point.divisions;
+  masks_at(out.divisions_along) = point.divisions_along;
+}
+
+inline void write_paint(const Paint& paint, Surfaces& out) {
+  floats_at(out.colour) = paint.colour;
+  floats_at(out.emission) = paint.emission;
+  floats_at(out.diffuse) = paint.diffuse;
+  floats_at(out.specular) = paint.specular;
+  floats_at(out.shine) = paint.shine;
+  masks_at(out.tinted) = paint.tinted;
+  masks_at(out.material) = paint.number;
+}
+
+}  // namespace
+}  // namespace lenticule::render::LENTICULE_ISA_NAMESPACE
