@@ -137,6 +137,7 @@ function(lenticule_test name kind)
   if(NOT TEST_TIMEOUT)
     set(TEST_TIMEOUT 300)
   endif()
+  math(EXPR slow_timeout "3 * ${TEST_TIMEOUT}")  # slow tests get the processor time that others leave
   if(kind STREQUAL unit)
     set_property(GLOBAL APPEND PROPERTY LENTICULE_UNIT_TESTS ${name})
   endif()
@@ -152,7 +153,7 @@ function(lenticule_test name kind)
       SKIP_REGULAR_EXPRESSION "${skipped}")
     if(TEST_SLOW)
       add_test(NAME ${name}.slow COMMAND ${name} --gtest_filter=${TEST_SLOW})
-      set_tests_properties(${name}.slow PROPERTIES LABELS ${label}-slow TIMEOUT ${TEST_TIMEOUT}
+      set_tests_properties(${name}.slow PROPERTIES LABELS ${label}-slow TIMEOUT ${slow_timeout}
         SKIP_REGULAR_EXPRESSION "${skipped}")
     endif()
     return()
@@ -162,7 +163,7 @@ function(lenticule_test name kind)
     PROPERTIES LABELS ${label} TIMEOUT ${TEST_TIMEOUT} SKIP_REGULAR_EXPRESSION "${skipped}")
   if(TEST_SLOW)
     gtest_discover_tests(${name} ${discovery} TEST_FILTER "${TEST_SLOW}"
-      PROPERTIES LABELS ${label}-slow TIMEOUT ${TEST_TIMEOUT}
+      PROPERTIES LABELS ${label}-slow TIMEOUT ${slow_timeout}
       SKIP_REGULAR_EXPRESSION "${skipped}")
   endif()
 endfunction()
