@@ -274,15 +274,5 @@ inline void write_point(const Floats3& view, const Point& point, Surfaces& out) 
   masks_at(out.divisions_along) = point.divisions_along;
 }
 
-inline void write_paint(const Paint& paint, Surfaces& out) {
-  floats_at(out.colour) = paint.colour;
-  floats_at(out.emission) = paint.emission;
-  floats_at(out.diffuse) = paint.diffuse;
-  floats_at(out.specular) = paint.specular;
-  floats_at(out.shine) = paint.shine;
-  masks_at(out.tinted) = paint.tinted;
-  masks_at(out.material) = paint.number;
-}
-
 }  // namespace
 }  // namespace lenticule::render::LENTICULE_ISA_NAMESPACE

@@ -155,5 +155,15 @@ inline void gather(const Tables& tables, const float* packet, const Masks& activ
   }
 }
 
+inline void write_paint(const Paint& paint, Surfaces& out) {
+  floats_at(out.colour) = paint.colour;
+  floats_at(out.emission) = paint.emission;
+  floats_at(out.diffuse) = paint.diffuse;
+  floats_at(out.specular) = paint.specular;
+  floats_at(out.shine) = paint.shine;
+  masks_at(out.tinted) = paint.tinted;
+  masks_at(out.material) = paint.number;
+}
+
 }  // namespace
 }  // namespace lenticule::render::LENTICULE_ISA_NAMESPACE

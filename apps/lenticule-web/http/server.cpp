@@ -381,7 +381,7 @@ Response Server::response_of(Call& call) {
       if (call.request.method != "GET") throw HttpError(405, "only GET is possible here");
       return enter(call.request);
     }
-    // Destroyed before the answer is sent: who receives it can send the next part at once.
+    // The sink ends before the answer is sent, so a client can send its next part at once.
     const std::unique_ptr<BodySink> sink = std::move(call.sink);
     return sink ? sink->finish() : site_.answer(call.request);
   } catch (const Error& error) {

@@ -200,7 +200,7 @@ TEST(StageWithACamera, AHorizonDoesNotFlattenTheScene) {
   scene.meshes = {quad({-1e6, -1, 1e6}, {1e6, -1, 1e6}, {1e6, -1, -1e6}, {-1e6, -1, -1e6})};
   const Stage stage = make_stage(scene, model());
   EXPECT_LT(stage.depth_scale, alone);
-  // Of a ground that reaches to the horizon, the depth of twice the camera's distance counts.
+  // The stage limits the scene's depth to twice the camera's distance from the panel's centre.
   const double reach = 2.0 * std::hypot(1.0, 10.0) * stage.mm_per_unit;
   EXPECT_NEAR(stage.depth_scale, stage.depth_of_field_mm / reach, 1e-3 * stage.depth_scale);
 }
