@@ -200,7 +200,8 @@ TEST(StageWithACamera, AHorizonDoesNotFlattenTheScene) {
   scene.meshes = {quad({-1e6, -1, 1e6}, {1e6, -1, 1e6}, {1e6, -1, -1e6}, {-1e6, -1, -1e6})};
   const Stage stage = make_stage(scene, model());
   EXPECT_LT(stage.depth_scale, alone);
-  // The stage limits the scene's depth to twice the camera's distance from the panel's centre.
+  // The stage counts content up to three times the camera's distance from the panel, so the depth
+  // behind the panel is twice that distance.
   const double reach = 2.0 * std::hypot(1.0, 10.0) * stage.mm_per_unit;
   EXPECT_NEAR(stage.depth_scale, stage.depth_of_field_mm / reach, 1e-3 * stage.depth_scale);
 }
