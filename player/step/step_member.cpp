@@ -53,8 +53,8 @@ std::optional<uint64_t> StepMember::receive(std::span<const uint8_t> bytes, cons
   }
   const StepVerdict verdict = peer->judge(*opened.message, now);
   if (verdict == StepVerdict::Untimely) note_untimely(*opened.message, *peer, now);
+  if (verdict == StepVerdict::Untimely || verdict == StepVerdict::Accepted) heard(*peer);
   if (!count(verdict)) return std::nullopt;
-  accepted(*peer);
   return opened.message->session;
 }
 
@@ -96,7 +96,7 @@ StepBytes StepMember::sealed(const StepPlace& place, const StepNow& now) const {
 // --- the leader -----------------------------------------------------------------------------
 
 std::optional<StepBytes> StepLeader::tick(const StepPlace& place, const StepNow& now) {
-  std::erase_if(followers_, [&](const auto& entry) { return !entry.second.alive(now); });
+  std::erase_if(followers_, [&](const auto& entry) { return !entry.second.sends(now); });
   const bool listened = now.monotonic >= began_ + kListening;
   if (!timeline_ && listened && place.started != 0) timeline_ = timeline_of_group(place, now);
   if (!timeline_) return std::nullopt;
@@ -132,7 +132,8 @@ bool StepLeader::alive(uint64_t session, const StepNow& now) const {
 StepPeer* StepLeader::peer_for(const StepMessage& message, const StepNow& now) {
   const auto found = followers_.find(message.session);
   if (found != followers_.end()) return &found->second;
-  std::erase_if(followers_, [&](const auto& entry) { return !entry.second.alive(now); });
+  if (followers_.size() >= kMaxFollowers)
+    std::erase_if(followers_, [&](const auto& entry) { return !entry.second.alive(now); });
   return followers_.size() < kMaxFollowers ? &followers_[message.session] : nullptr;
 }
 
@@ -159,8 +160,8 @@ StepPeer* StepFollower::peer_for(const StepMessage& /*message*/, const StepNow& 
   return &leader_;
 }
 
-void StepFollower::accepted(const StepPeer& peer) {
-  if (auto stated = peer.timeline()) timeline_ = stated;
+void StepFollower::heard(const StepPeer& peer) {
+  timeline_ = peer.timeline();
 }
 
 }  // namespace lenticule::player

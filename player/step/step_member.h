@@ -62,7 +62,8 @@ class StepMember {
 
   /// Returns the peer that shall judge the message; null if the message is not wanted.
   [[nodiscard]] virtual StepPeer* peer_for(const StepMessage& message, const StepNow& now) = 0;
-  virtual void accepted(const StepPeer& /*peer*/) {}
+  /// Takes note of a peer that has sent a newer message, accepted or untimely.
+  virtual void heard(const StepPeer& /*peer*/) {}
   /// Returns true if peers with a timeline were just heard whose clocks do not agree with this one.
   [[nodiscard]] bool clocks_disagree(const StepNow& now) const {
     return disagreed_at_ && now.monotonic < *disagreed_at_ + StepPeer::kSilence;
@@ -122,7 +123,7 @@ class StepFollower final : public StepMember {
 
  private:
   StepPeer* peer_for(const StepMessage& message, const StepNow& now) override;
-  void accepted(const StepPeer& peer) override;
+  void heard(const StepPeer& peer) override;
 
   StepPeer leader_;
 };

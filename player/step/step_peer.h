@@ -3,6 +3,8 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
+#include <optional>
 
 #include "player/step/step_clock.h"
 #include "player/step/step_message.h"
@@ -30,18 +32,32 @@ class StepPeer {
   [[nodiscard]] bool alive(const StepNow& now) const noexcept {
     return heard_ && now.monotonic < heard_at_ + kSilence;
   }
+  /// Returns true while the peer sends messages, accepted or untimely ones.
+  [[nodiscard]] bool sends(const StepNow& now) const noexcept {
+    return newest_ && now.monotonic < newest_->at + kSilence;
+  }
   /// Returns the last accepted message.
   [[nodiscard]] const StepMessage& last() const noexcept { return last_; }
-  /// Returns the timeline of the last accepted message on this machine's StepClock.
+  /// Returns the timeline of the last accepted message on this machine's StepClock; none if a later
+  /// message has shown that the accepted one was a copy.
   [[nodiscard]] std::optional<StepTimeline> timeline() const noexcept;
   /// Returns the age of the last judged message by this machine's clock.
   [[nodiscard]] std::chrono::nanoseconds age() const noexcept { return age_; }
 
  private:
+  /// The newest message of a session that was not refused as a copy.
+  struct Newest {
+    uint64_t session = 0;
+    std::chrono::nanoseconds sent{0};  ///< on the sender's StepClock
+    std::chrono::nanoseconds at{0};    ///< time of arrival, CLOCK_MONOTONIC
+  };
+
   [[nodiscard]] bool timely(std::chrono::nanoseconds age) const noexcept {
     return age >= kNewest && age <= kOldest;
   }
+  [[nodiscard]] bool is_copy(const StepMessage& message) const noexcept;
 
+  std::optional<Newest> newest_;
   bool heard_ = false;
   std::chrono::nanoseconds heard_at_{0};  ///< CLOCK_MONOTONIC
   std::chrono::nanoseconds ahead_{0};     ///< the peer's StepClock less this machine's

@@ -7,6 +7,7 @@ that one process can pass datagrams between namespaces that have no other connec
 
 import ctypes
 import fcntl
+import math
 import os
 import select
 import socket
@@ -24,6 +25,7 @@ DELAY = (0.002, 0.050)
 OVERTAKEN_DELAY = (0.110, 0.240)
 TOO_OLD_DELAY = (0.300, 1.000)
 REPLAY_AGE = 0.5  # seconds; an older message is replayed
+FRESH_FOR_WRONG_CLOCKS = (2.0, 2.25)  # ages of messages that look fresh to a clock that is 2 s behind
 REMEMBERED = 4000  # messages of each path
 
 _CLONE_NEWUSER = 0x10000000
@@ -135,10 +137,12 @@ class Relay:
                 pass
 
     def replay_one(self):
-        """Delivers an old message again to its receiver."""
+        """Delivers an old message again to its receiver; every second one looks fresh to a clock that
+        is behind."""
         now = self._scheduler.now()
         path = self._random.choice(self.paths())
-        old = [datagram for time, datagram in path.remembered if time < now - REPLAY_AGE]
+        youngest, oldest = self._random.choice(((REPLAY_AGE, math.inf), FRESH_FOR_WRONG_CLOCKS))
+        old = [datagram for time, datagram in path.remembered if youngest < now - time < oldest]
         if old:
             self.counts["replayed"] += 1
             self.replay(path, self._random.choice(old))

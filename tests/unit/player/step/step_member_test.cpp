@@ -57,7 +57,7 @@ TEST(StepFollower, RefusesAndCountsOldMessagesAndThoseFromTheFuture) {
   StepFollower follower(identity(2));
   EXPECT_FALSE(follower.receive(announcement(1, seconds(1)), at(milliseconds(1300))));
   EXPECT_EQ(follower.untimely_age(), milliseconds(300));
-  EXPECT_FALSE(follower.receive(announcement(1, seconds(1)), at(milliseconds(990))));
+  EXPECT_FALSE(follower.receive(announcement(1, milliseconds(1310)), at(milliseconds(1300))));
   EXPECT_EQ(follower.counts().refused_untimely, 2u);
   EXPECT_FALSE(follower.timeline());
 }
@@ -109,6 +109,40 @@ TEST(StepFollower, ACorrectedClockAgreesWithTheLeadersAgain) {
   corrected.group -= seconds(3);
   EXPECT_TRUE(follower.receive(announcement(1, seconds(2)), corrected));
   EXPECT_EQ(follower.timeline()->lateness(0, seconds(1002) - seconds(3)), nanoseconds{0});
+}
+
+/// A player of which the clock was 2 s behind when it started.
+StepNow two_seconds_behind(nanoseconds time) {
+  StepNow now = at(time);
+  now.group -= seconds(2);
+  return now;
+}
+
+TEST(StepFollower, ForgetsACopyThatSuitedItsWrongClock) {
+  StepFollower follower(identity(2));
+  EXPECT_TRUE(follower.receive(announcement(1, seconds(3)), two_seconds_behind(seconds(5))));
+  EXPECT_TRUE(follower.timeline());
+  EXPECT_FALSE(follower.receive(announcement(1, seconds(5)), two_seconds_behind(seconds(5))));
+  EXPECT_FALSE(follower.timeline());
+  EXPECT_FALSE(follower.receive(announcement(1, milliseconds(3100)),
+                                two_seconds_behind(milliseconds(5100))));
+  EXPECT_EQ(follower.counts().refused_replayed, 1u);
+}
+
+TEST(StepLeader, TakesNoTimelineFromACopyThatSuitsItsWrongClock) {
+  for (const bool copy_first : {false, true}) {
+    StepFollower follower(identity(2));
+    EXPECT_TRUE(follower.receive(announcement(1, seconds(1), 30), at(seconds(1))));
+    const auto copy = follower.tick({}, at(seconds(3)));
+    const auto fresh = follower.tick({}, at(seconds(5)));
+    StepLeader leader(identity(5), two_seconds_behind(seconds(5)));
+    EXPECT_EQ(
+        leader.receive(copy_first ? *copy : *fresh, two_seconds_behind(seconds(5))).has_value(),
+        copy_first);
+    EXPECT_FALSE(leader.tick(playing(seconds(5)), two_seconds_behind(seconds(5))));
+    EXPECT_FALSE(leader.receive(copy_first ? *fresh : *copy, two_seconds_behind(seconds(5))));
+    EXPECT_FALSE(leader.tick(playing(seconds(6)), two_seconds_behind(seconds(6)))) << copy_first;
+  }
 }
 
 TEST(StepLeader, ListensBeforeItBeginsATimeline) {
