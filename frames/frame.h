@@ -31,10 +31,13 @@ struct FrameGeometry {
   friend bool operator==(const FrameGeometry&, const FrameGeometry&) = default;
 };
 
-/// FrameView refers to borrowed pixels, rows packed from the top (stride = row_bytes()).
+/// FrameView refers to borrowed pixels, rows packed from the top (stride = row_bytes()). A frame
+/// for several panels has one picture for each panel in `parts`, in the display's order, and no
+/// bytes of its own.
 struct FrameView {
   FrameGeometry geometry;
   std::span<const uint8_t> bytes;
+  std::span<const FrameView> parts{};
 
   [[nodiscard]] const uint8_t* row(int j) const {
     return bytes.data() + static_cast<size_t>(j) * geometry.row_bytes();

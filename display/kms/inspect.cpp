@@ -145,7 +145,10 @@ void rehearse(Diagnosis& diagnosis, DrmDevice device, const std::vector<Connecto
   const int fd = device.fd();
   const PixelSize size = own_size(connectors.front());
   const frames::FrameGeometry geometry{size.width, size.height, frames::PixelFormat::Rgb8};
-  std::vector<Pipe> pipes = choose_pipes(fd, connectors, geometry, std::nullopt, depth);
+  OutputRequest request;
+  request.panel = geometry;
+  request.depth = depth;
+  std::vector<Pipe> pipes = choose_pipes(fd, connectors, request);
   const ScanoutLayout layout{.geometry = geometry, .depth = pipes.front().depth};
   KmsOutput output(std::move(device), std::move(pipes), platform);
   const BorrowedMastery mastery(output.device());
@@ -183,9 +186,12 @@ Diagnosis diagnose_panel(const std::shared_ptr<Session>& session,
   return diagnosis;
 }
 
-std::optional<Error> missing_mode(const ConnectorInfo& connector, const KmsOptions& options) {
+std::optional<Error> missing_mode(const ConnectorList& list, const OutputChoice& choice,
+                                  const OutputRequest& request) {
   try {
-    (void)require_mode(connector, options.output.panel, options.output.refresh);
+    for (size_t n = 0; n < choice.tiles.size(); ++n)
+      (void)require_mode(list.connectors[choice.tiles[n]].info, request.panel_of(n),
+                         request.refresh);
   } catch (const Error& error) {
     return error;
   }
@@ -219,7 +225,7 @@ PanelSearch search_panel(const KmsOptions& options, const KmsDisplay* active) {
   PanelSearch search{
       .found = choice.chosen.has_value(), .refusal = choice.refusal, .may_come = choice.may_come};
   if (choice.chosen)
-    if (auto missing = missing_mode(list.connectors[*choice.chosen].info, options)) {
+    if (auto missing = missing_mode(list, choice, options.output)) {
       search.found = false;
       search.refusal = *missing;
       search.may_come = true;  // panels may list fewer modes than they have while they wake up

@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 
 #include <optional>
+#include <utility>
+#include <vector>
 
 #include "base/error.h"
 #include "base/numbers.h"
@@ -59,10 +61,13 @@ std::unique_ptr<Display> open_virtual(const DisplayRequest& request) {
         fmt::format("display '{}': {}x{} pixels, but the rig's panel has {}x{}", request.spec,
                     geometry.width, geometry.height, panel.width, panel.height),
         "woven frames fit one panel, pixel for pixel: use the rig of this display");
+  std::vector<ScanoutPart> parts;
+  for (const OutputPart& part : request.parts) parts.push_back(part.place);
   return open_virtual_display(
       {.geometry = geometry,
        .mounting = request.mounting,
        .depth = request.depth,
+       .parts = std::move(parts),
        .refresh = spec.refresh,
        .buffers = request.buffers,
        .clock = request.clock,
@@ -109,6 +114,7 @@ KmsOptions kms_options_of(const DisplayRequest& request) {
   options.output = parse_kms_spec(request.spec, options.output);
   options.output.panel = turned(request.panel, request.mounting);
   options.output.depth = request.depth;
+  options.output.parts = request.parts;
   options.mounting = request.mounting;
   options.buffers = request.buffers;
   if (request.recorder)

@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "display/clock.h"
 #include "display/display.h"
@@ -25,6 +26,8 @@ struct DisplayRequest {
   /// Mounting of the panel; the frames are what its viewer sees.
   optics::Mounting mounting = {};
   ScanoutDepth depth = ScanoutDepth::Bits8;  ///< bits per colour in scan-out memory
+  /// The panels of a wall on one card; then `panel` is the size of all together.
+  std::vector<OutputPart> parts = {};
   /// Virtual displays only: null = real time.
   std::shared_ptr<Clock> clock = nullptr;
   /// Virtual displays only: null = no recording.

@@ -5,7 +5,6 @@
 #include <new>
 
 #include "base/error.h"
-#include "display/scanout_format.h"
 
 namespace lenticule::display {
 namespace {
@@ -24,21 +23,17 @@ size_t VirtualBuffer::bytes(frames::FrameGeometry geometry) noexcept {
   return stride_words(geometry) * static_cast<size_t>(geometry.height) * sizeof(uint32_t);
 }
 
-VirtualBuffer::VirtualBuffer(frames::FrameGeometry geometry, const optics::Mounting& mounting,
-                             ScanoutDepth depth)
-    : geometry_(geometry),
-      mounting_(mounting),
-      depth_(depth),
-      stride_(stride_words(geometry)),
-      words_(static_cast<uint32_t*>(std::aligned_alloc(kCacheLine, bytes(geometry)))) {
+VirtualBuffer::VirtualBuffer(const ScanoutLayout& layout)
+    : layout_(layout),
+      stride_(stride_words(layout.geometry)),
+      words_(static_cast<uint32_t*>(std::aligned_alloc(kCacheLine, bytes(layout.geometry)))) {
   if (!words_) throw std::bad_alloc();
-  std::memset(words_.get(), 0, bytes(geometry));
+  std::memset(words_.get(), 0, bytes(layout.geometry));
 }
 
 void VirtualBuffer::fill(const frames::FrameView& frame) noexcept {
-  LENTICULE_CHECK(turned(frame.geometry, mounting_) == geometry_ &&
-                  frame.bytes.size() >= geometry_.frame_bytes());
-  expand_frame(depth_, frame, mounting_, words_.get(), stride_);
+  LENTICULE_CHECK(layout_.takes(frame));
+  expand_frame(layout_, frame, words_.get(), stride_);
 }
 
 bool VirtualBuffer::try_acquire() noexcept {

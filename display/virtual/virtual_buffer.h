@@ -7,8 +7,8 @@
 #include <memory>
 
 #include "display/display.h"
+#include "display/scanout_layout.h"
 #include "display/scanout_recorder.h"
-#include "optics/mounting.h"
 
 namespace lenticule::display {
 
@@ -20,8 +20,7 @@ class VirtualBuffer final : public ScanoutBuffer {
  public:
   /// Fills the buffer with black, which touches every page, so that page faults cannot delay a
   /// frame.
-  explicit VirtualBuffer(frames::FrameGeometry geometry, const optics::Mounting& mounting = {},
-                         ScanoutDepth depth = ScanoutDepth::Bits8);
+  explicit VirtualBuffer(const ScanoutLayout& layout);
 
   void fill(const frames::FrameView& frame) noexcept override;
 
@@ -35,7 +34,7 @@ class VirtualBuffer final : public ScanoutBuffer {
   void begin_recording() noexcept { recording_.store(true, std::memory_order_relaxed); }
   void end_recording() noexcept { recording_.store(false, std::memory_order_release); }
   [[nodiscard]] ScanoutView view() const noexcept {
-    return {words_.get(), stride_, geometry_, depth_};
+    return {words_.get(), stride_, layout_.geometry, layout_.depth};
   }
 
   /// Returns the bytes of one buffer of this size.
@@ -46,9 +45,7 @@ class VirtualBuffer final : public ScanoutBuffer {
     void operator()(uint32_t* words) const noexcept { std::free(words); }
   };
 
-  frames::FrameGeometry geometry_;
-  optics::Mounting mounting_;
-  ScanoutDepth depth_;
+  ScanoutLayout layout_;
   size_t stride_;
   std::unique_ptr<uint32_t, FreeMemory> words_;
   std::atomic<BufferState> state_{BufferState::Free};

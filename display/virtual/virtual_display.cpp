@@ -85,8 +85,10 @@ class VirtualDisplay final : public Display {
     const int buffers = options.buffers + recorded_at_once;
     check_memory(options, buffers);
     for (int i = 0; i < buffers; ++i)
-      buffers_.push_back(
-          std::make_unique<VirtualBuffer>(options.geometry, options.mounting, options.depth));
+      buffers_.push_back(std::make_unique<VirtualBuffer>(ScanoutLayout{.geometry = options.geometry,
+                                                                       .mounting = options.mounting,
+                                                                       .depth = options.depth,
+                                                                       .parts = options.parts}));
     if (recording_thread)
       recording_ =
           std::make_unique<RecordingThread>(recorder_, static_cast<size_t>(recorded_at_once));

@@ -4,13 +4,13 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "display/clock.h"
 #include "display/display.h"
-#include "display/scanout_depth.h"
+#include "display/scanout_layout.h"
 #include "display/scanout_recorder.h"
 #include "display/virtual/virtual_faults.h"
-#include "optics/mounting.h"
 
 namespace lenticule::display {
 
@@ -18,6 +18,7 @@ struct VirtualDisplayOptions {
   frames::FrameGeometry geometry = {};  ///< scan-out memory; its frames may be turned
   optics::Mounting mounting = {};
   ScanoutDepth depth = ScanoutDepth::Bits8;
+  std::vector<ScanoutPart> parts = {};  ///< the panels of a wall; empty for one panel
   frames::Rate refresh{60, 1};
   /// 2 ... 16: one displayed, one pending, the others filled ahead.
   int buffers = 3;

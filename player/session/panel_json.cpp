@@ -120,6 +120,7 @@ nlohmann::json to_json(const display::KmsStatistics& statistics) {
           {"suspends", statistics.suspends},
           {"pauses", statistics.pauses},
           {"lost_ticks", statistics.lost_ticks},
+          {"one_commit", statistics.one_commit},
           {"largest_skew_us", static_cast<double>(statistics.largest_skew.count()) / 1e3},
           {"panel", display::panel_state_name(statistics.panel)},
           {"hardware_clock", statistics.hardware_clock},

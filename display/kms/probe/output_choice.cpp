@@ -29,6 +29,9 @@ void add_device(ConnectorList& list, DrmDevice device) {
 
 using Indices = std::vector<size_t>;
 
+constexpr const char* kNameItsOutput =
+    "name the connector of each panel in the wall's file: output = \"DP-1\"";
+
 bool is_named(const CardConnector& candidate, const OutputRequest& request) {
   const ConnectorInfo& info = candidate.info;
   if (!request.connector.empty() && info.name != request.connector) return false;
@@ -54,6 +57,7 @@ class Chooser {
       : request_(request), list_(list) {}
 
   [[nodiscard]] OutputChoice choose() const {
+    if (!request_.parts.empty()) return choose_parts();
     Indices indices = named();
     if (indices.empty())
       return refuse(
@@ -108,6 +112,50 @@ class Chooser {
                   fmt::format("none is the panel that the rig was made for ({})",
                               to_string(request_.identity)),
                   "connect that panel, or use this panel's own rig", true);
+  }
+
+  /// Chooses a connector for each panel of a wall.
+  [[nodiscard]] OutputChoice choose_parts() const {
+    OutputChoice wall;
+    for (const OutputPart& part : request_.parts) {
+      OutputChoice one = Chooser(request_for(part), list_).choose();
+      if (!one.chosen) {
+        const bool ambiguous = part.connector.empty() && !one.may_come;
+        return refuse_part(part, one.refusal.kind(), one.refusal.what(),
+                           ambiguous ? kNameItsOutput : one.refusal.hint(), one.may_come);
+      }
+      if (at(*one.chosen).tiled)
+        return refuse_part(part, ErrorKind::Device, "kms: a panel with several connectors",
+                           "play it with a player of its own", false);
+      if (std::ranges::find(wall.tiles, *one.chosen) != wall.tiles.end())
+        return refuse_part(
+            part, ErrorKind::Device,
+            fmt::format("kms: {} is another panel of the wall", at(*one.chosen).name),
+            kNameItsOutput, false);
+      wall.tiles.push_back(*one.chosen);
+      if (list_.connectors[*one.chosen].card != list_.connectors[wall.tiles.front()].card)
+        return refuse_part(part, ErrorKind::Device, "kms: is on another graphics card",
+                           "connect all panels to one card, or use a player in step for each card",
+                           true);
+    }
+    wall.chosen = wall.tiles.front();
+    return wall;
+  }
+
+  [[nodiscard]] OutputRequest request_for(const OutputPart& part) const {
+    OutputRequest one = request_;
+    one.parts.clear();
+    one.connector = part.connector;
+    one.identity = part.identity;
+    one.panel = part.place.geometry;
+    return one;
+  }
+
+  [[nodiscard]] static OutputChoice refuse_part(const OutputPart& part, ErrorKind kind,
+                                                const std::string& cause, const std::string& remedy,
+                                                bool may_come) {
+    return {.refusal = {kind, fmt::format("panel '{}': {}", part.name, cause), remedy},
+            .may_come = may_come};
   }
 
   [[nodiscard]] OutputChoice only_one(const Indices& indices) const {

@@ -45,7 +45,8 @@ struct OpenCard {
 
 struct OutputChoice {
   std::optional<size_t> chosen{};  ///< index in ConnectorList::connectors
-  /// All connectors of the chosen panel, in rows from its top left; `chosen` is the first.
+  /// All connectors of the chosen panel, in rows from its top left, or of a wall's panels in the
+  /// order of the request; `chosen` is the first.
   std::vector<size_t> tiles{};
   /// If none was chosen: the error, and whether waiting for a panel may help.
   Error refusal{ErrorKind::Device, ""};

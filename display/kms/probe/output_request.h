@@ -2,11 +2,13 @@
 // OutputRequest is what the user asks for: an output, the panel on it and its mode.
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
-#include "display/scanout_depth.h"
+#include "display/scanout_layout.h"
 #include "frames/frame.h"
 #include "frames/rational.h"
 #include "optics/rig.h"
@@ -16,6 +18,15 @@ namespace lenticule::display {
 enum class IdentityPolicy {
   Require,  ///< the panel must be the one for which the rig was made
   Ignore,   ///< any connected panel, for test cards and measurements
+};
+
+/// OutputPart is one panel of a wall whose panels are on one card.
+struct OutputPart {
+  std::string name{};                ///< name in the wall
+  std::string connector{};           ///< empty = the one whose panel has the identity
+  optics::PanelIdentity identity{};  ///< empty = any panel on the connector
+  ScanoutPart place{};
+  friend bool operator==(const OutputPart&, const OutputPart&) = default;
 };
 
 struct OutputRequest {
@@ -31,6 +42,19 @@ struct OutputRequest {
   frames::FrameGeometry panel{};             ///< size of the picture that is sent
   std::optional<frames::Rate> refresh{};     ///< none = the panel's preferred mode
   ScanoutDepth depth = ScanoutDepth::Bits8;  ///< bits per colour of panel and link
+  /// The panels of a wall, all on one card; then `panel` is the size of all parts together, and
+  /// `connector`, `edid` and `identity` are empty.
+  std::vector<OutputPart> parts{};
+
+  /// Returns the size of the picture that the n-th connector of the output sends, or of the whole
+  /// panel if the connector belongs to a tiled one.
+  [[nodiscard]] const frames::FrameGeometry& panel_of(size_t n) const {
+    return parts.empty() ? panel : parts[n].place.geometry;
+  }
+  /// Returns the panel that the n-th connector must have.
+  [[nodiscard]] const optics::PanelIdentity& identity_of(size_t n) const {
+    return parts.empty() ? identity : parts[n].identity;
+  }
 
   friend bool operator==(const OutputRequest&, const OutputRequest&) = default;
 };

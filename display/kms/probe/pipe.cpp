@@ -80,6 +80,40 @@ std::string text_of(PixelSize size) {
       "(drm.edid_firmware=)");
 }
 
+using Modes = std::vector<drmModeModeInfo>;
+
+/// Returns the modes of all connectors at one rate; none if a connector has no such mode.
+std::optional<Modes> modes_at(frames::Rate rate, const std::vector<ConnectorInfo>& connectors,
+                              const OutputRequest& request) {
+  Modes modes;
+  for (size_t n = 0; n < connectors.size(); ++n) {
+    const auto mode = choose_mode(connectors[n], request.panel_of(n), rate);
+    if (!mode) return std::nullopt;
+    modes.push_back(*mode);
+  }
+  return modes;
+}
+
+/// Returns a mode for each connector, all with one refresh rate: that which the first of them
+/// prefers, else that of another one. Throws as require_mode() does, and Error(Input) if there is
+/// no common rate.
+Modes require_modes(const std::vector<ConnectorInfo>& connectors, const OutputRequest& request) {
+  Modes own;
+  for (size_t n = 0; n < connectors.size(); ++n)
+    own.push_back(require_mode(connectors[n], request.panel_of(n), request.refresh));
+  if (own.size() == 1) return own;
+  for (const drmModeModeInfo& mode : own)
+    if (auto common = modes_at(refresh_of(mode), connectors, request)) return *common;
+  std::string text;
+  for (size_t n = 0; n < connectors.size(); ++n)
+    text +=
+        fmt::format("{}{} runs at {}", n == 0 ? "" : ", ", connectors[n].name, to_string(own[n]));
+  throw Error(
+      ErrorKind::Input, text + ", and there is no rate that all panels have",
+      "panels that show one picture need the same refresh rate: use panels of one model, or "
+      "a player in step for each");
+}
+
 // --- CRTC and plane -------------------------------------------------------------------------
 
 bool takes(const drmModePlane& plane, ScanoutDepth depth) {
@@ -211,11 +245,9 @@ drmModeModeInfo require_mode(const ConnectorInfo& connector, const frames::Frame
 }
 
 std::vector<Pipe> choose_pipes(int fd, const std::vector<ConnectorInfo>& connectors,
-                               const frames::FrameGeometry& panel,
-                               std::optional<frames::Rate> refresh, ScanoutDepth wanted) {
-  std::vector<drmModeModeInfo> modes;
-  for (const ConnectorInfo& connector : connectors)
-    modes.push_back(require_mode(connector, panel, refresh));
+                               const OutputRequest& request) {
+  const ScanoutDepth wanted = request.depth;
+  const std::vector<drmModeModeInfo> modes = require_modes(connectors, request);
   std::vector<Pipe> pipes;
   const auto choose = [&](ScanoutDepth depth) {
     pipes.clear();
@@ -231,7 +263,12 @@ std::vector<Pipe> choose_pipes(int fd, const std::vector<ConnectorInfo>& connect
                 fmt::format("{}: no CRTC with a primary plane for {}",
                             connectors[pipes.size()].name, format_name(ScanoutDepth::Bits8)),
                 "disconnect another panel of this card");
-  for (Pipe& pipe : pipes) pipe.wanted = wanted;
+  for (size_t n = 0; n < pipes.size(); ++n) {
+    pipes[n].wanted = wanted;
+    if (request.parts.empty()) continue;
+    pipes[n].left_px = request.parts[n].place.left_px;
+    pipes[n].top_px = request.parts[n].place.top_px;
+  }
   return pipes;
 }
 

@@ -10,6 +10,7 @@
 
 #include "display/kms/device/connector.h"
 #include "display/kms/device/edid.h"
+#include "display/kms/probe/output_request.h"
 #include "display/scanout_depth.h"
 #include "frames/frame.h"
 
@@ -20,7 +21,7 @@ struct Pipe {
   drmModeModeInfo mode{};
   uint32_t crtc = 0;
   uint32_t plane = 0;
-  /// Position of the tile in the frame; 0 for a panel with one connector.
+  /// Position in the frame of a tile, or of a wall's panel; 0 for a panel with one connector.
   int left_px = 0;
   int top_px = 0;
   ScanoutDepth depth = ScanoutDepth::Bits8;   ///< depth of the frames that are scanned out
@@ -56,13 +57,12 @@ struct Pipe {
                                            const frames::FrameGeometry& panel,
                                            std::optional<frames::Rate> refresh);
 
-/// Chooses the pipes of a panel's connectors: one, or its tiles. Prefers the CRTC that already
-/// drives a connector (its mode can then be taken over without a modeset), then an unused one. The
-/// pipes have `wanted` as their depth, or all have Bits8 if a primary plane lacks the format of
-/// `wanted`. Throws as require_mode() does, and Error(Device) if there is no pipe for a connector.
+/// Chooses the pipes of an output's connectors: one, the tiles of a panel, or the panels of a wall.
+/// Prefers the CRTC that already drives a connector (its mode can then be taken over without a
+/// modeset), then an unused one. All modes have one refresh rate. The pipes have the request's
+/// depth, or all have Bits8 if a primary plane lacks its format. Throws as require_mode() does,
+/// Error(Input) if there is no common rate, and Error(Device) if there is no pipe for a connector.
 [[nodiscard]] std::vector<Pipe> choose_pipes(int fd, const std::vector<ConnectorInfo>& connectors,
-                                             const frames::FrameGeometry& panel,
-                                             std::optional<frames::Rate> refresh,
-                                             ScanoutDepth wanted);
+                                             const OutputRequest& request);
 
 }  // namespace lenticule::display

@@ -28,17 +28,21 @@ bool same_panel(const ConnectorInfo& connector, const TakeoverState& state) {
   return connector.edid.identity ? connector.edid.identity->sha256 == known : known[0] == '\0';
 }
 
-/// Returns the connectors of the state's panel: the first one and the other tiles, if there are
-/// any. Empty if the panel is not there, or does not match the request.
+/// Returns the connectors of the state's panel: the first one and the other tiles, or the wall's
+/// other panels, if there are any. Empty if the panel is not there, or does not match the request.
 std::vector<ConnectorInfo> connectors_of_panel(int fd, const KmsOptions& options) {
   const TakeoverState& state = options.previous->state;
   const auto first = read_connector(fd, state.connector, Probe::Full);
   if (!first || !same_panel(*first, state)) return {};
   ConnectorList list;
   list.connectors.push_back({state.card.data(), *first});
-  if (first->tile)
+  const bool of_wall = !options.output.parts.empty();
+  const auto belongs = [&](const ConnectorInfo& other) {
+    return of_wall || (other.tile && first->tile && other.tile->group == first->tile->group);
+  };
+  if (of_wall || first->tile)
     for (ConnectorInfo& other : read_connectors(fd, Probe::Full))
-      if (other.id != first->id && other.tile && other.tile->group == first->tile->group)
+      if (other.id != first->id && belongs(other))
         list.connectors.push_back({state.card.data(), std::move(other)});
   const OutputChoice choice = choose_output(options.output, list);
   if (choice.chosen != 0U) return {};
@@ -59,7 +63,10 @@ KmsBuffer* displayed_buffer(int fd, const TakeoverState& state, const ScanoutPoo
 }
 
 ScanoutLayout layout_for(const KmsOptions& options, ScanoutDepth depth) {
-  return {.geometry = options.output.panel, .mounting = options.mounting, .depth = depth};
+  ScanoutLayout layout{
+      .geometry = options.output.panel, .mounting = options.mounting, .depth = depth};
+  for (const OutputPart& part : options.output.parts) layout.parts.push_back(part.place);
+  return layout;
 }
 
 ScanoutPool take_over_buffers(int fd, const KmsOptions& options, ScanoutDepth depth) {
@@ -90,8 +97,7 @@ std::optional<ActiveOutput> try_take_over(const KmsOptions& options, DrmDevice& 
   const int fd = device.fd();
   const std::vector<ConnectorInfo> connectors = connectors_of_panel(fd, options);
   if (connectors.empty()) return std::nullopt;
-  std::vector<Pipe> pipes =
-      choose_pipes(fd, connectors, panel, options.output.refresh, options.output.depth);
+  std::vector<Pipe> pipes = choose_pipes(fd, connectors, options.output);
   const Pipe& pipe = pipes.front();
   const ScanoutDepth depth = pipe.depth;
   if (pipe.crtc != state.crtc || pipe.plane != state.plane ||
@@ -175,9 +181,7 @@ ActiveOutput open_new_output(const KmsOptions& options, std::optional<DrmDevice>
   auto [device, connectors] = find_panel(options, previous);
   require_caps(device);
   require_master(device);
-  const OutputRequest& request = options.output;
-  std::vector<Pipe> pipes =
-      choose_pipes(device.fd(), connectors, request.panel, request.refresh, request.depth);
+  std::vector<Pipe> pipes = choose_pipes(device.fd(), connectors, options.output);
   const ScanoutDepth depth = pipes.front().depth;
 
   ActiveOutput active;

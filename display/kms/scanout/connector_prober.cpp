@@ -19,6 +19,14 @@ constexpr Nanoseconds kLongestSleep = std::chrono::seconds(1);
 
 }  // namespace
 
+bool HotplugEvent::all_connected() const {
+  return !connectors.empty() && std::ranges::all_of(connectors, &ConnectorInfo::connected);
+}
+
+bool HotplugEvent::any_link_bad() const {
+  return std::ranges::any_of(connectors, &ConnectorInfo::link_bad);
+}
+
 ConnectorProber::ConnectorProber(int card_fd, const ConnectorInfo& seen,
                                  std::vector<uint32_t> connectors,
                                  std::unique_ptr<HotplugMonitor> hotplug,
@@ -118,24 +126,23 @@ void ConnectorProber::work(Nanoseconds now) {
   }
   if (now >= poll_at_) {
     poll_at_ = now + kPollInterval;
-    const auto current = read_panel(Probe::Cached);
-    if (!current || current->connected != connected_ || current->link_bad != link_bad_)
+    const HotplugEvent current = read(Probe::Cached);
+    if (current.all_connected() != connected_ || current.any_link_bad() != link_bad_)
       probe_at_ = now;
   }
   if (!requested && (!probe_at_ || now < *probe_at_)) return;
   probe_at_.reset();
-  report(read_panel(Probe::Full));
+  report(read(Probe::Full));
 }
 
-/// Returns the panel's first connector with the worst state of all.
-std::optional<ConnectorInfo> ConnectorProber::read_panel(Probe probe) const {
-  auto panel = read_connector(card_fd_, connectors_.front(), probe);
-  for (size_t n = 1; panel && n < connectors_.size(); ++n) {
-    const auto tile = read_connector(card_fd_, connectors_[n], probe);
-    panel->connected = panel->connected && tile && tile->connected;
-    panel->link_bad = panel->link_bad || (tile && tile->link_bad);
+HotplugEvent ConnectorProber::read(Probe probe) const {
+  HotplugEvent event;
+  for (const uint32_t id : connectors_) {
+    auto connector = read_connector(card_fd_, id, probe);
+    if (!connector) return {};
+    event.connectors.push_back(std::move(*connector));
   }
-  return panel;
+  return event;
 }
 
 /// Audits if due; after a hotplug event, as soon as its burst is over.
@@ -152,16 +159,12 @@ void ConnectorProber::audit_if_due(Nanoseconds now, bool hotplug) {
   ready_.signal();
 }
 
-void ConnectorProber::report(std::optional<ConnectorInfo> connector) {
-  if (connector) {
-    connected_ = connector->connected;
-    link_bad_ = connector->link_bad;
-  } else {
-    connected_ = false;
-  }
+void ConnectorProber::report(HotplugEvent event) {
+  connected_ = event.all_connected();
+  link_bad_ = event.any_link_bad();
   {
     const std::lock_guard lock(mutex_);
-    event_ = HotplugEvent{.connector = std::move(connector)};
+    event_ = std::move(event);
   }
   ready_.signal();
 }

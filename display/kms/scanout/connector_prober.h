@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// ConnectorProber probes the connectors of one panel after hotplug events, and checks them slowly
+// ConnectorProber probes the connectors of one output after hotplug events, and checks them slowly
 // without events, in case one is lost. It also audits the output.
 #pragma once
 
@@ -19,9 +19,11 @@
 namespace lenticule::display {
 
 struct HotplugEvent {
-  /// The panel's first connector. A panel with several is connected only if all of them are. None:
-  /// the connector itself is gone.
-  std::optional<ConnectorInfo> connector;
+  /// The output's connectors, in its order. Empty: one of them is gone from the card.
+  std::vector<ConnectorInfo> connectors;
+
+  [[nodiscard]] bool all_connected() const;
+  [[nodiscard]] bool any_link_bad() const;
 };
 
 /// Probing a panel may take hundreds of milliseconds, so in real time it runs on a separate thread;
@@ -33,7 +35,7 @@ class ConnectorProber {
   /// a modeset would help.
   using Audit = std::function<bool(bool after_hotplug)>;
 
-  /// `connectors` are the panel's, of which `seen` is the first. `audit` may be null. Throws
+  /// `connectors` are the output's, of which `seen` is the first. `audit` may be null. Throws
   /// Error(Failed) if there are no descriptors or threads.
   ConnectorProber(int card_fd, const ConnectorInfo& seen, std::vector<uint32_t> connectors,
                   std::unique_ptr<HotplugMonitor> hotplug, std::shared_ptr<Clock> clock,
@@ -60,8 +62,8 @@ class ConnectorProber {
   void run() noexcept;
   void work(Nanoseconds now);
   void audit_if_due(Nanoseconds now, bool hotplug);
-  void report(std::optional<ConnectorInfo> connector);
-  [[nodiscard]] std::optional<ConnectorInfo> read_panel(Probe probe) const;
+  void report(HotplugEvent event);
+  [[nodiscard]] HotplugEvent read(Probe probe) const;
 
   int card_fd_;
   std::vector<uint32_t> connectors_;

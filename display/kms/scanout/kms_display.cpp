@@ -2,6 +2,7 @@
 #include "display/kms/scanout/kms_display.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <utility>
@@ -72,7 +73,11 @@ class AtomicKmsDisplay final : public KmsDisplay {
     close(ExitPolicy::Black);  // not Hold: the holder of the card would remain its master
     open();
   }
-  [[nodiscard]] KmsStatistics statistics() const noexcept override { return counters_.snapshot(); }
+  [[nodiscard]] KmsStatistics statistics() const noexcept override {
+    KmsStatistics statistics = counters_.snapshot();
+    statistics.one_commit = !active_.output || active_.output->flips_jointly();
+    return statistics;
+  }
   [[nodiscard]] ExactnessReport exactness() const override {
     return active_.output ? active_.output->report() : ExactnessReport{};
   }
@@ -92,6 +97,7 @@ class AtomicKmsDisplay final : public KmsDisplay {
  private:
   void open();
   void start();
+  [[nodiscard]] std::string panel_names() const;
   void close(ExitPolicy exit) noexcept;
   void leave_output(ExitPolicy exit) noexcept;
 
@@ -149,8 +155,7 @@ void AtomicKmsDisplay::start() {
            .refresh = refresh_of(pipe.mode),
            .name = fmt::format("{} on {} {}{}", active_.output->name(), device.path(),
                                to_string(pipe.mode), depth_suffix(pipe.depth)),
-           .panel = pipe.connector.edid.identity ? to_string(*pipe.connector.edid.identity)
-                                                 : active_.output->name() + " without EDID",
+           .panel = panel_names(),
            .hardware_clock = false};
   asleep_ = options_.platform->time_asleep();
   flips_.emplace(active_, options_.session, clock_, mode_.refresh, counters_);
@@ -161,6 +166,15 @@ void AtomicKmsDisplay::start() {
   // The kernel takes the panel when the console returns to text mode, even if a process holds the
   // card. A held frame therefore must not use the console.
   if (options_.exit != ExitPolicy::Hold) console_.emplace(options_.platform->terminal());
+}
+
+/// Returns the identity of the panel, or the names of a wall's panels.
+std::string AtomicKmsDisplay::panel_names() const {
+  std::vector<std::string> names;
+  for (const OutputPart& part : options_.output.parts) names.push_back(part.name);
+  if (!names.empty()) return fmt::format("{}", fmt::join(names, " and "));
+  const auto& identity = active_.output->pipe().connector.edid.identity;
+  return identity ? to_string(*identity) : active_.output->name() + " without EDID";
 }
 
 void AtomicKmsDisplay::close(ExitPolicy exit) noexcept {

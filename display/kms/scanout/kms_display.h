@@ -75,11 +75,13 @@ struct KmsStatistics {
   uint64_t suspends = 0;
   uint64_t pauses = 0;
   uint64_t lost_ticks = 0;  ///< vblank events that did not arrive
-  /// Largest difference between the vblanks at which the tiles of a panel began to show a frame.
+  /// Largest difference between the vblanks at which the connectors of an output began to show a
+  /// frame.
   Nanoseconds largest_skew{0};
   PanelState panel = PanelState::Showing;
   bool hardware_clock = false;
-  bool off = false;  ///< switched off on request
+  bool one_commit = true;  ///< one commit flips all connectors of the output
+  bool off = false;        ///< switched off on request
 };
 
 /// Thread safety: as for Display; statistics() and exactness() from any thread.

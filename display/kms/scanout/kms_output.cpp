@@ -176,24 +176,40 @@ void KmsOutput::fail(int error) const {
               hint_for(error));
 }
 
-int KmsOutput::commit_framebuffer(uint32_t framebuffer, uint32_t flags, uint64_t id) noexcept {
+int KmsOutput::commit_framebuffer(std::span<const std::unique_ptr<OutputPipe>> pipes,
+                                  uint32_t framebuffer, uint32_t flags, uint64_t id) noexcept {
   flip_request_.clear();
-  for (const auto& pipe : pipes_) flip_request_.set(pipe->framebuffer_setting(framebuffer));
+  for (const auto& pipe : pipes) flip_request_.set(pipe->framebuffer_setting(framebuffer));
   return flip_request_.commit(device_.fd(), flags, id);
 }
 
 int KmsOutput::flip(uint32_t framebuffer, uint64_t id) noexcept {
-  return commit_framebuffer(framebuffer, kFlipFlags, id);
+  if (!flips_jointly()) return flip_one_by_one(framebuffer, id);
+  const int error = commit_framebuffer(pipes_, framebuffer, kFlipFlags, id);
+  if (error != -EINVAL || pipes_.size() == 1) return error;
+  if (flip_one_by_one(framebuffer, id) != 0) return error;
+  joint_.store(false, std::memory_order_relaxed);
+  return 0;
+}
+
+int KmsOutput::flip_one_by_one(uint32_t framebuffer, uint64_t id) noexcept {
+  for (const auto& pipe : pipes_)
+    if (const int error = commit_framebuffer({&pipe, 1}, framebuffer, kFlipFlags, id); error != 0)
+      return error;
+  return 0;
 }
 
 int KmsOutput::show(uint32_t framebuffer) noexcept {
-  return commit_framebuffer(framebuffer, 0, 0);
+  return commit_framebuffer(pipes_, framebuffer, 0, 0);
 }
 
 int KmsOutput::set_mode(uint32_t framebuffer) noexcept {
   try {
     const int error = commit(everything(framebuffer), kAllowModeset);
-    if (error == 0) settle();
+    if (error == 0) {
+      settle();
+      joint_.store(true, std::memory_order_relaxed);
+    }
     return error;
   } catch (...) {
     return -ENOMEM;
@@ -234,8 +250,8 @@ void KmsOutput::settle() {
   for (const auto& pipe : pipes_) pipe->settle();
 }
 
-void KmsOutput::update_connector(ConnectorInfo connector) {
-  pipes_.front()->update_connector(std::move(connector));
+void KmsOutput::update_connector(size_t n, ConnectorInfo connector) {
+  pipes_[n]->update_connector(std::move(connector));
 }
 
 bool KmsOutput::audit_again(AuditDepth depth) {

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // KmsOutput controls the pipes that show one framebuffer at a time, pixel for pixel: one pipe, or
-// one for each tile of a panel with several connectors. All pipes change in one commit. KmsOutput
-// makes the kernel calls; KmsDisplay decides when.
+// one for each tile of a panel with several connectors, or for each panel of a wall. All pipes
+// change in one commit, if the driver can do that. KmsOutput makes the kernel calls; KmsDisplay
+// decides when.
 #pragma once
 
+#include <atomic>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -37,22 +40,28 @@ class KmsOutput {
   /// errno. The report then states which properties would be forced or refused.
   [[nodiscard]] int rehearse(uint32_t framebuffer);
 
-  /// Flips at the next vblank. Each CRTC sends an event that contains `id`.
+  /// Flips at the next vblank. Each CRTC sends an event that contains `id`. If the driver refuses
+  /// one commit for all pipes, each gets its own from then on, until the next modeset. If such a
+  /// commit fails, those before it remain; flip() can be called again for the same framebuffer.
   [[nodiscard]] int flip(uint32_t framebuffer, uint64_t id) noexcept;
+  /// Returns true if one commit flips all pipes. Thread safety: any thread.
+  [[nodiscard]] bool flips_jointly() const noexcept {
+    return joint_.load(std::memory_order_relaxed);
+  }
   /// Shows the framebuffer with a blocking commit, without a modeset.
   [[nodiscard]] int show(uint32_t framebuffer) noexcept;
   /// Shows the framebuffer with a blocking modeset.
   [[nodiscard]] int set_mode(uint32_t framebuffer) noexcept;
-  /// Updates the data of the first pipe's connector, which reports use.
-  void update_connector(ConnectorInfo connector);
+  /// Updates the data of the n-th pipe's connector, which reports use.
+  void update_connector(size_t n, ConnectorInfo connector);
   /// Switches the CRTCs off.
   [[nodiscard]] int blank() noexcept;
   /// Restores the state that activate() found.
   bool restore() noexcept;
 
   [[nodiscard]] const DrmDevice& device() const { return device_; }
-  /// Returns the first pipe: its panel identifies the output, its CRTC counts vblanks.
-  [[nodiscard]] const Pipe& pipe() const { return pipes_.front()->pipe(); }
+  /// Returns the n-th pipe. The first one's panel identifies the output, its CRTC counts vblanks.
+  [[nodiscard]] const Pipe& pipe(size_t n = 0) const { return pipes_[n]->pipe(); }
   [[nodiscard]] size_t pipe_count() const noexcept { return pipes_.size(); }
   /// Returns the number of the pipe with this CRTC.
   [[nodiscard]] std::optional<size_t> pipe_of_crtc(uint32_t crtc) const noexcept;
@@ -76,7 +85,9 @@ class KmsOutput {
   [[nodiscard]] std::vector<PropertySetting> unlink_settings() const;
   [[nodiscard]] std::vector<PropertySetting> everything(uint32_t framebuffer) const;
   [[nodiscard]] int commit(const std::vector<PropertySetting>& settings, uint32_t flags) const;
-  [[nodiscard]] int commit_framebuffer(uint32_t framebuffer, uint32_t flags, uint64_t id) noexcept;
+  [[nodiscard]] int commit_framebuffer(std::span<const std::unique_ptr<OutputPipe>> pipes,
+                                       uint32_t framebuffer, uint32_t flags, uint64_t id) noexcept;
+  [[nodiscard]] int flip_one_by_one(uint32_t framebuffer, uint64_t id) noexcept;
   [[nodiscard]] int test(uint32_t framebuffer);
   void find_refused_settings(uint32_t framebuffer);
   [[noreturn]] void fail(int error) const;
@@ -84,8 +95,9 @@ class KmsOutput {
   void settle();
 
   DrmDevice device_;
-  std::vector<std::unique_ptr<OutputPipe>> pipes_;  ///< one per tile; the first is the reference
+  std::vector<std::unique_ptr<OutputPipe>> pipes_;  ///< the first is the reference
   AtomicRequest flip_request_;
+  std::atomic<bool> joint_{true};
   bool took_over_ = false;
 };
 

@@ -11,9 +11,10 @@ namespace {
 
 constexpr Nanoseconds kCheckInterval = std::chrono::seconds(2);
 
-bool is_expected(const ConnectorInfo& connector, const OutputRequest& request) {
-  return request.policy == IdentityPolicy::Ignore || request.identity.empty() ||
-         (connector.edid.identity && matches(request.identity, *connector.edid.identity));
+bool is_expected(const ConnectorInfo& connector, const OutputRequest& request, size_t n) {
+  const optics::PanelIdentity& identity = request.identity_of(n);
+  return request.policy == IdentityPolicy::Ignore || identity.empty() ||
+         (connector.edid.identity && matches(identity, *connector.edid.identity));
 }
 
 ConnectorProber::Running running_by(const Clock& clock) {
@@ -22,13 +23,15 @@ ConnectorProber::Running running_by(const Clock& clock) {
 
 }  // namespace
 
-PanelState evaluate_panel(const ConnectorInfo* connector, const OutputRequest& request,
+PanelState evaluate_panel(const ConnectorInfo& connector, const OutputRequest& request, size_t n,
                           const drmModeModeInfo& mode) {
-  if (connector == nullptr || !connector->connected) return PanelState::Disconnected;
-  if (!is_expected(*connector, request))
-    return connector->edid.problem == EdidProblem::None ? PanelState::WrongPanel
-                                                        : PanelState::Unreadable;
-  return offers_mode(*connector, mode) ? PanelState::Showing : PanelState::ModeMissing;
+  if (!connector.connected) return PanelState::Disconnected;
+  // The first tile of a panel identifies it.
+  if (n > 0 && request.parts.empty()) return PanelState::Showing;
+  if (!is_expected(connector, request, n))
+    return connector.edid.problem == EdidProblem::None ? PanelState::WrongPanel
+                                                       : PanelState::Unreadable;
+  return offers_mode(connector, mode) ? PanelState::Showing : PanelState::ModeMissing;
 }
 
 PanelMonitor::PanelMonitor(KmsOutput& output, const OutputRequest& request,
@@ -80,11 +83,23 @@ PanelMonitor::Action PanelMonitor::handle_events(bool event_waiting) noexcept {
   }
 }
 
+/// Returns the state of the panel that needs most: a disconnected one, then a wrong one, then one
+/// that is not ready.
+PanelState PanelMonitor::worst_state(const HotplugEvent& event) const {
+  if (!event.all_connected()) return PanelState::Disconnected;
+  PanelState worst = PanelState::Showing;
+  for (size_t n = 0; n < event.connectors.size(); ++n) {
+    const PanelState state = evaluate_panel(event.connectors[n], request_, n, output_.pipe(n).mode);
+    if (state == PanelState::WrongPanel) return state;
+    if (worst == PanelState::Showing) worst = state;
+  }
+  return worst;
+}
+
 /// Returns the action that a hotplug event needs. While no panel is connected the CRTC stays on: a
 /// panel that is only switched off and on then needs no modeset.
 PanelMonitor::Action PanelMonitor::on_event(const HotplugEvent& event) {
-  const ConnectorInfo* const connector = event.connector ? &*event.connector : nullptr;
-  const PanelState state = evaluate_panel(connector, request_, output_.pipe().mode);
+  const PanelState state = worst_state(event);
   const PanelState before = counters_.panel.exchange(state, std::memory_order_relaxed);
   switch (state) {
     case PanelState::Disconnected:
@@ -98,9 +113,11 @@ PanelMonitor::Action PanelMonitor::on_event(const HotplugEvent& event) {
     case PanelState::Showing:
       break;
   }
-  if (connector->link_bad) counters_.links_bad.add();
-  const bool needs_modeset = before != PanelState::Showing || connector->link_bad;
-  output_.update_connector(*connector);
+  const bool link_bad = event.any_link_bad();
+  if (link_bad) counters_.links_bad.add();
+  const bool needs_modeset = before != PanelState::Showing || link_bad;
+  for (size_t n = 0; n < event.connectors.size(); ++n)
+    output_.update_connector(n, event.connectors[n]);
   return needs_modeset ? Action::SetMode : Action::None;
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// PanelMonitor monitors the panel on an active output: its identity, whether it still offers the
-// mode, and the reaction that a change needs.
+// PanelMonitor monitors the panels on an active output: their identities, whether they still offer
+// the modes, and the reaction that a change needs.
 #pragma once
 
 #include <memory>
@@ -13,9 +13,10 @@
 
 namespace lenticule::display {
 
-/// Returns the state of a panel for frames in `mode`. `connector` null = the connector is gone.
-[[nodiscard]] PanelState evaluate_panel(const ConnectorInfo* connector,
-                                        const OutputRequest& request, const drmModeModeInfo& mode);
+/// Returns the state of the panel on the n-th connector of the output for frames in `mode`.
+[[nodiscard]] PanelState evaluate_panel(const ConnectorInfo& connector,
+                                        const OutputRequest& request, size_t n,
+                                        const drmModeModeInfo& mode);
 
 /// Audits the output repeatedly while monitoring. Thread safety: one thread.
 class PanelMonitor {
@@ -42,6 +43,7 @@ class PanelMonitor {
   [[nodiscard]] Action handle_events(bool event_waiting) noexcept;
 
  private:
+  [[nodiscard]] PanelState worst_state(const HotplugEvent& event) const;
   [[nodiscard]] Action on_event(const HotplugEvent& event);
   void check_later() noexcept;
 

@@ -10,7 +10,6 @@
 
 #include "base/error.h"
 #include "display/kms/device/drm_format.h"
-#include "display/scanout_format.h"
 
 namespace lenticule::display {
 namespace {
@@ -100,8 +99,8 @@ KmsBuffer::KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, const Scanou
 }
 
 void KmsBuffer::fill(const frames::FrameView& frame) noexcept {
-  LENTICULE_CHECK(turned(frame.geometry, layout_.mounting) == layout_.geometry);
-  expand_frame(layout_.depth, frame, layout_.mounting, reinterpret_cast<uint32_t*>(mapping_.data()),
+  LENTICULE_CHECK(layout_.takes(frame));
+  expand_frame(layout_, frame, reinterpret_cast<uint32_t*>(mapping_.data()),
                pitch_ / sizeof(uint32_t));
 }
 

@@ -10,8 +10,7 @@
 #include "display/kms/device/drm_handles.h"
 #include "display/kms/device/platform.h"
 #include "display/kms/scanout/takeover_state.h"
-#include "display/scanout_depth.h"
-#include "optics/mounting.h"
+#include "display/scanout_layout.h"
 
 namespace lenticule::display {
 
@@ -33,13 +32,6 @@ class ScanoutMapping {
   std::shared_ptr<KmsPlatform> platform_;
   void* memory_ = nullptr;
   size_t size_ = 0;
-};
-
-/// ScanoutLayout is the form of the frames in a scan-out buffer.
-struct ScanoutLayout {
-  frames::FrameGeometry geometry{};  ///< size of the picture that is sent
-  optics::Mounting mounting{};
-  ScanoutDepth depth = ScanoutDepth::Bits8;
 };
 
 class KmsBuffer final : public ScanoutBuffer {

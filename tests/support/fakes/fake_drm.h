@@ -15,6 +15,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -171,6 +172,7 @@ class FakeCard {
   uint64_t sequence_base = 0;  ///< value of the driver's counter at time 0
   Nanoseconds period{16'666'667};
   uint32_t max_buffers = 16;
+  bool joint_flips = true;                                ///< one commit may flip several CRTCs
   std::vector<uint32_t> formats = {DRM_FORMAT_XRGB8888};  ///< formats of all planes
   std::map<uint32_t, Nanoseconds> crtc_shift;             ///< delay of each CRTC's vblanks
   Nanoseconds timestamp_shift{0};  ///< added to timestamps in events, not to their arrival
@@ -208,6 +210,8 @@ class FakeCard {
   [[nodiscard]] int fail_with(std::vector<CallFault>& faults);
   int commit(const std::vector<std::array<uint64_t, 3>>& settings, uint32_t flags,
              uint64_t user_data);
+  [[nodiscard]] std::set<uint32_t> crtcs_flipped_by(
+      const std::vector<std::array<uint64_t, 3>>& settings);
   void schedule_flip_event(uint32_t crtc, uint64_t id);
   void send_sequence(uint64_t sequence, uint64_t id);
   [[nodiscard]] Nanoseconds delay() const { return event_delay ? event_delay() : Nanoseconds{0}; }
@@ -224,7 +228,7 @@ class FakeCard {
   int master_fd = -1;
   std::map<int, int> ends;  ///< the player's end of the event pipe -> ours
   std::vector<Pending> pending;
-  Nanoseconds busy_until{-1};
+  std::map<uint32_t, Nanoseconds> busy_until{};  ///< by CRTC: end of its last flip
 };
 
 /// The machine: cards, clock, hotplug events. Only one instance may exist at a time.

@@ -299,7 +299,7 @@ void FakeCard::schedule_flip_event(uint32_t crtc, uint64_t id) {
   // A flip without vblanks completes as soon as the driver can.
   const Nanoseconds at =
       (counts_vblanks ? next_vblank() : now + std::chrono::milliseconds(1)) + crtc_shift[crtc];
-  busy_until = at;
+  busy_until[crtc] = at;
   EventFault fault = EventFault::None;
   if (!event_faults.empty()) {
     fault = event_faults.front();
@@ -388,6 +388,17 @@ void FakeCard::unplug() {
   for (const auto& [theirs, ours] : ends) shutdown(ours, SHUT_RDWR);
 }
 
+std::set<uint32_t> FakeCard::crtcs_flipped_by(
+    const std::vector<std::array<uint64_t, 3>>& settings) {
+  std::set<uint32_t> flipped;
+  for (const auto& [object, id, value] : settings) {
+    const auto plane = static_cast<uint32_t>(object);
+    if (property_of(*this, plane, static_cast<uint32_t>(id))->name == "FB_ID")
+      flipped.insert(static_cast<uint32_t>(objects.at(plane).value("CRTC_ID")));
+  }
+  return flipped;
+}
+
 int FakeCard::commit(const std::vector<std::array<uint64_t, 3>>& settings, uint32_t flags,
                      uint64_t user_data) {
   const bool test = (flags & DRM_MODE_ATOMIC_TEST_ONLY) != 0;
@@ -410,15 +421,16 @@ int FakeCard::commit(const std::vector<std::array<uint64_t, 3>>& settings, uint3
     ++tests;
     return 0;
   }
-  if (nonblock && busy_until > FakeDrm::instance().now()) return -EBUSY;
-  std::set<uint32_t> flipped;
+  const std::set<uint32_t> flipped = crtcs_flipped_by(settings);
+  const auto is_busy = [this](uint32_t crtc) {
+    return busy_until[crtc] > FakeDrm::instance().now();
+  };
+  if (nonblock && !joint_flips && flipped.size() > 1) return -EINVAL;
+  if (nonblock && std::ranges::any_of(flipped, is_busy)) return -EBUSY;
   for (const auto& [object, id, value] : settings) {
     FakeProperty& property =
         *property_of(*this, static_cast<uint32_t>(object), static_cast<uint32_t>(id));
     if (!property.ignores_writes) property.value = value;
-    if (property.name == "FB_ID")
-      flipped.insert(
-          static_cast<uint32_t>(objects.at(static_cast<uint32_t>(object)).value("CRTC_ID")));
   }
   if (nonblock) {
     ++flips;
