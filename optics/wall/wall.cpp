@@ -47,6 +47,7 @@ void extend(const Panel& panel, PlacedPanel& placed) {
 PlacedPanel place(const WallPanel& panel, Vec3 viewer_mm, const std::filesystem::path& wall_file) {
   const std::filesystem::path rig_file = wall_file.parent_path() / panel.rig;
   PlacedPanel placed{.name = panel.name,
+                     .output = panel.output,
                      .calibrated = load_rig(rig_file),
                      .trim = load_trim(rig_file),
                      .trimmed = {},
@@ -74,6 +75,13 @@ Affine wall_from_panel(const WallPanel& panel) {
       (rotation(-panel.tilt_degrees, {1, 0, 0}) * rotation(panel.roll_degrees, {0, 0, 1}));
   place.origin = panel.centre_mm;
   return place;
+}
+
+std::string file_of_panel(const std::string& file, const std::string& panel) {
+  const std::filesystem::path path(file);
+  const std::string extension = path.has_extension() ? path.extension().string() : ".lts";
+  return (path.parent_path() / fmt::format("{}-{}{}", path.stem().string(), panel, extension))
+      .string();
 }
 
 const PlacedPanel& PlacedWall::panel(const std::string& name) const {

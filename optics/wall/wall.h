@@ -23,6 +23,9 @@ struct WallPanel {
   double turn_degrees = 0.0;  ///< rotation about the vertical axis; positive: faces further right
   double tilt_degrees = 0.0;  ///< rotation about the horizontal axis; positive: faces further up
   double roll_degrees = 0.0;  ///< rotation in its plane; positive: counter-clockwise for viewers
+  /// Connector of the panel, such as "DP-1", for a wall on one graphics card; empty: the one whose
+  /// panel has the rig's identity.
+  std::string output{};
   friend bool operator==(const WallPanel&, const WallPanel&) = default;
 };
 
@@ -51,12 +54,17 @@ inline constexpr double kMaxRollDegrees = 45.0;    ///< beyond it the mounting o
 /// viewer, so that all panels show this viewer one picture.
 struct PlacedPanel {
   std::string name;
+  std::string output;
   Rig calibrated;  ///< without the trim
   Trim trim;
   TrimmedRig trimmed;
   Affine wall_from_panel;
   Interval x_mm, y_mm;  ///< extent in the wall's frame
 };
+
+/// Returns the file of one panel of a film that is made for a wall: "film.lts" and "film" become
+/// "film-left.lts", and "out/%05d.png" becomes "out/%05d-left.png".
+[[nodiscard]] std::string file_of_panel(const std::string& file, const std::string& panel);
 
 struct PlacedWall {
   Vec3 viewer_mm;

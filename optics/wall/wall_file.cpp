@@ -56,14 +56,26 @@ std::string read_rig_path(const TomlSection& panel) {
   return path;
 }
 
+std::string read_output(const TomlSection& panel) {
+  const toml::node* const node = panel.find("output");
+  if (node == nullptr) return {};
+  std::string output = panel.text_of(*node, "output");
+  if (!is_name(output))
+    panel.fail(*node, "'panel.output' is not the name of a connector",
+               "'lenticule panels' lists them: output = \"DP-1\"");
+  return output;
+}
+
 WallPanel read_panel(const TomlSection& panel, const std::vector<WallPanel>& before) {
-  panel.allow_only({"name", "rig", "centre_mm", "turn_degrees", "tilt_degrees", "roll_degrees"});
+  panel.allow_only(
+      {"name", "rig", "output", "centre_mm", "turn_degrees", "tilt_degrees", "roll_degrees"});
   return {.name = read_name(panel, before),
           .rig = read_rig_path(panel),
           .centre_mm = read_point(panel, "centre_mm"),
           .turn_degrees = read_angle(panel, "turn_degrees", kMaxFacingDegrees),
           .tilt_degrees = read_angle(panel, "tilt_degrees", kMaxFacingDegrees),
-          .roll_degrees = read_angle(panel, "roll_degrees", kMaxRollDegrees)};
+          .roll_degrees = read_angle(panel, "roll_degrees", kMaxRollDegrees),
+          .output = read_output(panel)};
 }
 
 std::string point_text(Vec3 p) {
@@ -104,6 +116,7 @@ std::string wall_to_toml(const Wall& wall) {
     add("turn_degrees", panel.turn_degrees);
     add("tilt_degrees", panel.tilt_degrees);
     add("roll_degrees", panel.roll_degrees);
+    if (!panel.output.empty()) out += fmt::format("output = {}\n", toml_string(panel.output));
   }
   return out;
 }

@@ -375,6 +375,9 @@ void PlayControls::snapshot(const ControlRequest& request, const Answer& answer)
 }
 
 ordered_json PlayControls::take_snapshot(const ControlRequest& request) {
+  if (!options_.trim)
+    throw Error(ErrorKind::Failed, "snapshot: this player shows several panels, not one picture",
+                "look at the film of one panel: lenticule eye");
   frames::WovenFrame displayed(options_.panel);
   const DisplayedPlace place = playback_.displayed();
   if (!playback_.copy_shown(displayed))

@@ -211,7 +211,8 @@ void FrameCopier::serve_copy() noexcept {
     const uint64_t displayed = displayed_.load(std::memory_order_acquire);
     for (size_t k = 0; k < kept_count_ && copy_into_ != nullptr; ++k) {
       const frames::FrameView& frame = kept_.at(k).acquired.frame;
-      if (kept_.at(k).index != displayed || frame.geometry != copy_into_->geometry()) continue;
+      const bool is_whole = frame.parts.empty() && frame.geometry == copy_into_->geometry();
+      if (kept_.at(k).index != displayed || !is_whole) continue;
       std::copy(frame.bytes.begin(), frame.bytes.end(), copy_into_->bytes().begin());
       copied_ = true;
     }

@@ -24,6 +24,7 @@ struct PanelProblem {
 
 PanelProblem problem_with(const OutputRequest& request, const PanelSearch& search,
                           const PanelInfo& panel) {
+  if (!request.parts.empty()) return {"PANEL MISSING", search.refusal.hint() + ". " + kContinues};
   if (!panel.identity && !request.identity.empty())
     return {"UNKNOWN PANEL",
             fmt::format("Its EDID is {}: switch it off and on, or replace the cable. {}",
@@ -67,12 +68,24 @@ std::string describe_found(const PanelInfo& panel) {
   return text;
 }
 
+/// Returns a row for the requested panel, or for each panel of a wall.
+std::vector<CardText::Row> expected_rows(const OutputRequest& request) {
+  if (request.parts.empty())
+    return {{"expected", describe_expected(request.panel, request.identity)}};
+  std::vector<CardText::Row> rows;
+  for (const display::OutputPart& part : request.parts)
+    rows.push_back(
+        {rows.empty() ? "expected" : "",
+         fmt::format("{}: {}{}{}", part.name, part.connector, part.connector.empty() ? "" : ", ",
+                     describe_expected(part.place.geometry, part.identity))});
+  return rows;
+}
+
 CardText wrong_panel_card(const OutputRequest& request, const PanelSearch& search,
                           const PanelInfo& shown_on, const std::string& rig) {
   const PanelProblem problem = problem_with(request, search, shown_on);
-  CardText card{.headline = problem.headline,
-                .rows = {{"expected", describe_expected(request.panel, request.identity)},
-                         {"found", describe_found(shown_on)}}};
+  CardText card{.headline = problem.headline, .rows = expected_rows(request)};
+  card.rows.push_back({"found", describe_found(shown_on)});
   // A rig may identify a panel by its EDID's checksum alone.
   if (shown_on.identity && !request.identity.edid_sha256.empty())
     card.rows.back().text += fmt::format(", EDID {}", shown_on.identity->sha256.substr(0, 12));

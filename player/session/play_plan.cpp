@@ -14,6 +14,7 @@
 #include "player/process/interrupt.h"
 #include "player/session/card_texts.h"
 #include "player/session/preview_window.h"
+#include "player/session/wall_plan.h"
 
 namespace lenticule::player {
 namespace {
@@ -63,7 +64,7 @@ std::string virtual_display_of_window(const PlayFlags& flags) {
 }
 
 /// Returns the options of a KMS display other than its name.
-display::KmsOptions kms_options(const PlayFlags& flags, const optics::Rig& rig, bool service) {
+display::KmsOptions kms_options(const PlayFlags& flags, bool service) {
   if (!flags.record.empty())
     throw Error(ErrorKind::Usage, "--record: a graphics card does not report what it displayed",
                 "use --display virtual");
@@ -71,7 +72,6 @@ display::KmsOptions kms_options(const PlayFlags& flags, const optics::Rig& rig, 
     throw Error(ErrorKind::Usage, "--clock: cannot be set for a panel, which has its own clock",
                 "use --display virtual");
   display::KmsOptions options;
-  options.output.identity = rig.identity;
   options.exit = exit_policy(flags.on_exit, service);
   options.allow_inexact = flags.allow_inexact;
   return options;
@@ -183,6 +183,25 @@ void plan_content(const PlayFlags& flags, PlayPlan& plan) {
   plan.source.weaving = flags.weaving;
 }
 
+/// Reads the rig, which the player follows from then on.
+void plan_rig(const PlayFlags& flags, PlayPlan& plan) {
+  const SourceKind kind = plan.source.spec.kind;
+  const bool may_show_views =
+      kind == SourceKind::RigViews || kind == SourceKind::List || !flags.control.empty();
+  if (flags.trim || may_show_views) plan.trim = std::make_shared<LiveTrim>(plan.source.rig_file);
+  plan.source.trim = plan.trim;
+  plan.source.rig = std::make_shared<FollowedRig>(plan.source.rig_file, plan.trim);
+  const optics::Rig rig = plan.source.rig->rig();
+  plan.source.panel = {.width = rig.panel.width_px, .height = rig.panel.height_px};
+  plan.source.identity = optics::load_rig_and_identity(plan.source.rig_file).identity;
+  plan.source.rig_name = rig.name;
+  plan.source.card = rig_card(rig, plan.source.rig_file);
+  plan.display.panel = plan.source.panel;
+  plan.display.mounting = rig.panel.mounting;
+  plan.display.depth = display::depth_of(rig.panel.bits);
+  plan.display.kms.output.identity = rig.identity;
+}
+
 /// Returns the file of the rig in use: --rig, or its copy that this player may change. A copy that
 /// cannot be written is no reason to show nothing.
 std::string rig_file_of(const PlayFlags& flags, PlayPlan& plan) {
@@ -239,7 +258,7 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   plan.display.spec = plan.window ? virtual_display_of_window(flags) : flags.display;
   plan.display.buffers = flags.buffers;
   display::check_display_spec(plan.display.spec);
-  plan.source.rig_file = rig_file_of(flags, plan);
+  if (flags.wall.empty()) plan.source.rig_file = rig_file_of(flags, plan);
   plan_content(flags, plan);
   plan.source.slots = flags.slots;
   plan.source.plays_again = plan.playback.loops != 1;
@@ -250,22 +269,13 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   plan_control(flags, plan);
   plan_proof(flags, service, plan);
   plan_step(flags, plan);
-  const bool may_show_views =
-      kind == SourceKind::RigViews || kind == SourceKind::List || !flags.control.empty();
-  if (flags.trim || may_show_views) plan.trim = std::make_shared<LiveTrim>(plan.source.rig_file);
-  plan.source.trim = plan.trim;
-  plan.source.rig = std::make_shared<FollowedRig>(plan.source.rig_file, plan.trim);
-  const optics::Rig rig = plan.source.rig->rig();
-  plan.source.panel = {.width = rig.panel.width_px, .height = rig.panel.height_px};
-  plan.source.slots = slots_of(flags, plan.source.panel);
-  plan.source.identity = optics::load_rig_and_identity(plan.source.rig_file).identity;
   plan.source.warnings = std::make_shared<RigWarnings>();
-  plan.source.rig_name = rig.name;
-  plan.source.card = rig_card(rig, plan.source.rig_file);
-  plan.display.panel = plan.source.panel;
-  plan.display.mounting = rig.panel.mounting;
-  plan.display.depth = display::depth_of(rig.panel.bits);
-  if (display::is_kms_spec(flags.display)) plan.display.kms = kms_options(flags, rig, service);
+  if (display::is_kms_spec(flags.display)) plan.display.kms = kms_options(flags, service);
+  if (flags.wall.empty())
+    plan_rig(flags, plan);
+  else
+    plan_wall(flags, plan);
+  plan.source.slots = slots_of(flags, plan.source.panel);
   return plan;
 }
 

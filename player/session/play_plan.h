@@ -25,6 +25,7 @@ namespace lenticule::player {
 struct PlayFlags {
   std::string source;
   std::string rig;
+  std::string wall;  ///< wall file instead of a rig, for several panels of one card
   std::string rig_store;
   std::string display = "virtual";
   bool display_named = false;  ///< --display was given
@@ -59,6 +60,9 @@ struct PlayFlags {
   bool trim = false;
   bool json = false;
   std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
+
+  /// Returns the file that describes the panel or the panels.
+  [[nodiscard]] const std::string& rig_or_wall() const { return wall.empty() ? rig : wall; }
 };
 
 /// Prints one line if no display was named, because the virtual display shows nothing. Throws
@@ -68,6 +72,7 @@ void check_display_choice(const PlayFlags& flags, bool service);
 struct PlayPlan {
   std::shared_ptr<FolderLists> folders = std::make_shared<FolderLists>();
   std::optional<optics::RigStore> rig_store;  ///< none without --rig-store
+  // source.rig is null for a wall, whose rigs are read once.
   /// Null unless the trim can change while playing, or the rig's own views may be played.
   std::shared_ptr<LiveTrim> trim;
   SourceRequest source;

@@ -144,7 +144,7 @@ void PlayRun::open_panel() {
       PanelWaitOptions{.kms = display::kms_options_of(plan_.display),
                        .at_start = plan_.panel_at_start,
                        .after_loss = plan_.panel_after_loss,
-                       .rig = flags_.rig,
+                       .rig = flags_.rig_or_wall(),
                        .cancel_fd = interrupt_fd(),
                        .report = [this](const PanelWaiting& waiting) { report_waiting(waiting); },
                        .release_stored = [this] { release_stored(); }});
@@ -303,6 +303,7 @@ void PlayRun::update_proof() {
 }
 
 void PlayRun::follow_rig() {
+  if (!plan_.source.rig) return;
   FollowedRig& rig = *plan_.source.rig;
   copy_edited_rig();
   rig.look();
@@ -331,7 +332,7 @@ void PlayRun::copy_edited_rig(bool reloading) {
 void PlayRun::reload() {
   say("reloading: checking rig, list and films for changes\n");
   copy_edited_rig(true);
-  plan_.source.rig->read_again();
+  if (plan_.source.rig) plan_.source.rig->read_again();
   steered_->look_again();
   outputs_.try_at_once();
 }

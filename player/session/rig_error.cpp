@@ -62,7 +62,7 @@ std::optional<PlayPlan> plan_when_rig_is_right(const PlayFlags& flags,
       if (error.kind() == ErrorKind::Usage || !display::is_kms_spec(flags.display)) throw;
       if (!shown) shown.emplace(flags, services);
       manager.status(std::string("test card shown: ") + error.what());
-      shown->show(error_card(flags.rig, error));
+      shown->show(error_card(flags.rig_or_wall(), error));
     }
     shown->wait();
   }

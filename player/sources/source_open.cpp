@@ -13,7 +13,9 @@
 #include "frames/ring/ring_player.h"
 #include "frames/sequence/sequence_source.h"
 #include "optics/rig_file.h"
+#include "optics/wall/wall.h"
 #include "player/sources/content_open.h"
+#include "player/sources/joined_source.h"
 #include "player/sources/still_source.h"
 #include "player/sources/views_source.h"
 #include "player/sources/weaving_source.h"
@@ -196,6 +198,54 @@ OpenedSource open_views_of_rig(const SourceRequest& request) {
   return opened;
 }
 
+// --- walls ----------------------------------------------------------------------------------
+
+/// Returns the same source for one panel of the wall.
+SourceRequest request_of_panel(const SourceRequest& request, const WallPart& part) {
+  SourceRequest own = request;
+  own.wall.clear();
+  own.panel = part.panel;
+  own.identity = part.identity;
+  own.rig_name = part.rig_name;
+  own.card = part.card;
+  if (own.spec.has_pictures()) own.spec.text = optics::file_of_panel(own.spec.text, part.name);
+  return own;
+}
+
+void refuse_on_wall(const SourceRequest& request) {
+  const SourceKind kind = request.spec.kind;
+  const bool plays = kind == SourceKind::Sequence || kind == SourceKind::Pictures ||
+                     kind == SourceKind::Card || kind == SourceKind::Black ||
+                     kind == SourceKind::Code;
+  if (!plays)
+    throw Error(ErrorKind::Usage,
+                fmt::format("source '{}': cannot be played on a wall", request.spec.text),
+                "a wall plays films that were rendered for it: lenticule render --wall");
+}
+
+/// Views are woven for a rig of a file, and a wall gives its panels other viewing lines.
+void require_woven(const SourceRequest& own) {
+  if (!own.spec.has_pictures()) return;
+  if (detect_content_format(meaning_request(own)).kind == ContentFormat::Kind::Woven) return;
+  throw Error(
+      ErrorKind::Usage,
+      fmt::format("{}: has views, and the panels of a wall play woven frames", own.spec.text),
+      "weave them for each panel: lenticule rig wall --rigs, lenticule weave");
+}
+
+OpenedSource open_on_wall(const SourceRequest& request) {
+  refuse_on_wall(request);
+  std::vector<JoinedSource::Part> parts;
+  for (const WallPart& panel : request.wall) {
+    const SourceRequest own = request_of_panel(request, panel);
+    require_woven(own);
+    parts.push_back({.name = own.spec.text, .source = open_source(own).source});
+  }
+  OpenedSource opened;
+  opened.source = std::make_unique<JoinedSource>(std::move(parts), request.panel);
+  return opened;
+}
+
 }  // namespace
 
 bool is_woven_here(const SourceRequest& request) {
@@ -207,6 +257,7 @@ bool is_woven_here(const SourceRequest& request) {
 }
 
 OpenedSource open_source(const SourceRequest& request) {
+  if (!request.wall.empty()) return open_on_wall(request);
   if (request.spec.kind == SourceKind::Card) return open_card(request);
   if (request.spec.kind == SourceKind::Black) return open_black(request);
   if (request.spec.kind == SourceKind::RigViews) return open_views_of_rig(request);

@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "display/test_card.h"
 #include "frames/frame_source.h"
@@ -19,10 +20,22 @@
 
 namespace lenticule::player {
 
+/// WallPart is one panel of a wall that one player shows.
+struct WallPart {
+  std::string name;
+  frames::FrameGeometry panel;   ///< size of its frames
+  optics::RigIdentity identity;  ///< of its rig as part of the wall
+  std::string rig_name;
+  display::CardText card;
+};
+
 struct SourceRequest {
   SourceSpec spec = {};
   WeavingFlags weaving = {};
-  frames::FrameGeometry panel = {};
+  frames::FrameGeometry panel = {};  ///< size of the frames; of a wall, of all parts together
+  /// The panels of a wall: each plays its own film, whose name optics::file_of_panel() makes of the
+  /// name in `spec`. Empty for one panel.
+  std::vector<WallPart> wall = {};
   /// Identity of the rig at the start; `trim` has the current one.
   optics::RigIdentity identity = {};
   std::string rig_name = {};  ///< name in messages

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests `lenticule render --wall` and `lenticule rig wall`.
+// Tests `lenticule render --wall`, `lenticule play --wall` and `lenticule rig wall`.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "frames/image_io.h"
@@ -107,6 +110,101 @@ TEST_F(WallCommand, WritesTheRigsThatTheFilmsAreMadeFor) {
   const ProcessResult other = run({"play", path("film-left.lts"), "--rig", path("rigs/right.toml"),
                                    "--display", "virtual", "--loop", "1"});
   EXPECT_EQ(other.exit_code, 4) << other.err;
+}
+
+/// Returns the checksums of the frames that a recording lists, in order.
+std::vector<std::string> checksums(const std::string& file) {
+  std::vector<std::string> sums;
+  std::ifstream lines(file);
+  for (std::string line; std::getline(lines, line);)
+    if (!line.starts_with('#')) sums.push_back(line.substr(line.rfind(' ') + 1));
+  return sums;
+}
+
+class WallPlay : public WallCommand {
+ protected:
+  void SetUp() override {
+    WallCommand::SetUp();
+    ASSERT_EQ(render({"--frames", "0:3", "-o", path("film")}).exit_code, 0);
+  }
+  [[nodiscard]] ProcessResult play(const std::vector<std::string>& words) const {
+    std::vector<std::string> arguments = {"play"};
+    arguments.insert(arguments.end(), words.begin(), words.end());
+    for (const char* word : {"--display", "virtual", "--clock", "simulated"})
+      arguments.emplace_back(word);
+    return run(arguments);
+  }
+  [[nodiscard]] ProcessResult play_wall(const std::vector<std::string>& words) const {
+    std::vector<std::string> arguments = words;
+    arguments.insert(arguments.end(), {"--wall", path("wall.toml")});
+    return play(arguments);
+  }
+  /// Returns the columns from `left` on of a picture, as wide as one panel.
+  static frames::WovenFrame half(const frames::WovenFrame& whole, int left) {
+    frames::WovenFrame part({.width = whole.width() / 2, .height = whole.height()});
+    for (int j = 0; j < part.height(); ++j)
+      std::copy_n(whole.row(j) + size_t{3} * static_cast<size_t>(left), part.geometry().row_bytes(),
+                  part.row(j));
+    return part;
+  }
+};
+
+TEST_F(WallPlay, OnePlayerShowsTheFilmsOfAllPanels) {
+  const ProcessResult result =
+      play_wall({path("film.lts"), "--loop", "2", "--record", "png:" + path("shown"), "--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(json::parse(result.out).at("shown"), 6);
+  ASSERT_EQ(run({"rig", "wall", path("wall.toml"), "--rigs", path("rigs")}).exit_code, 0);
+  for (const std::string name : {"left", "right"}) {
+    const ProcessResult alone =
+        play({path("film-" + name + ".lts"), "--rig", path("rigs/" + name + ".toml"), "--record",
+              "png:" + path(name)});
+    ASSERT_EQ(alone.exit_code, 0) << alone.err;
+    for (const int frame : {0, 1, 2, 3, 5}) {
+      const std::string file = fmt::format("{:08}.png", frame);
+      const std::string own = fmt::format("{:08}.png", frame % 3);
+      const frames::WovenFrame shown = frames::read_woven(path("shown/" + file));
+      EXPECT_EQ(half(shown, name == "left" ? 0 : 48), frames::read_woven(path(name + "/" + own)))
+          << name << " " << frame;
+    }
+  }
+}
+
+TEST_F(WallPlay, ListsAndBlackFramesAreForAllPanels) {
+  write("list.toml",
+        "[[item]]\nsource = \"film.lts\"\n[[item]]\nsource = \"black\"\n"
+        "duration_s = 1\n");
+  const ProcessResult result = play_wall(
+      {path("list.toml"), "--loop", "1", "--record", "checksums:" + path("sums.txt"), "--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const std::vector<std::string> sums = checksums(path("sums.txt"));
+  ASSERT_EQ(sums.size(), 4U);
+  EXPECT_NE(sums[2], sums[3]);
+}
+
+TEST_F(WallPlay, FilmsThatDoNotBelongTogetherAreRefused) {
+  ASSERT_EQ(render({"--panel", "right", "--frames", "0:2", "-o", path("short.lts")}).exit_code, 0);
+  std::filesystem::rename(path("short-right.lts"), path("film-right.lts"));
+  const ProcessResult shorter = play_wall({path("film.lts")});
+  EXPECT_EQ(shorter.exit_code, 4);
+  EXPECT_NE(shorter.err.find("film-left.lts has 3 frames, and "), std::string::npos) << shorter.err;
+  std::filesystem::copy_file(path("film-left.lts"), path("film-right.lts"),
+                             std::filesystem::copy_options::overwrite_existing);
+  const ProcessResult other = play_wall({path("film.lts")});
+  EXPECT_EQ(other.exit_code, 4);
+  EXPECT_NE(other.err.find("film-right.lts: was woven for rig"), std::string::npos) << other.err;
+}
+
+TEST_F(WallPlay, RefusesWhatNeedsOneRig) {
+  for (const std::string source : {"views", "ring:socket", "film.mkv"}) {
+    const ProcessResult result = play_wall({source});
+    EXPECT_EQ(result.exit_code, 2) << source << ": " << result.err;
+    EXPECT_NE(result.err.find("cannot be played on a wall"), std::string::npos) << result.err;
+  }
+  const ProcessResult trim = play_wall({path("film.lts"), "--trim"});
+  EXPECT_EQ(trim.exit_code, 2);
+  EXPECT_NE(trim.err.find("--trim: needs one rig"), std::string::npos) << trim.err;
+  EXPECT_EQ(play_wall({path("film.lts"), "--rig", path("rig.toml")}).exit_code, 2);
 }
 
 TEST_F(WallCommand, ExplainsWrongFlags) {

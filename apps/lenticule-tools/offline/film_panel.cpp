@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <limits>
 
 #include "base/error.h"
@@ -61,10 +60,7 @@ std::string target_of_panel(const std::string& target, const std::string& panel)
   if (parse_source(target).kind == SourceKind::Ring)
     throw Error(ErrorKind::Usage, fmt::format("-o {}: a wall has a frame per panel", target),
                 "choose one with --panel NAME");
-  const std::filesystem::path file(target);
-  const std::string extension = file.has_extension() ? file.extension().string() : ".lts";
-  return (file.parent_path() / fmt::format("{}-{}{}", file.stem().string(), panel, extension))
-      .string();
+  return optics::file_of_panel(target, panel);
 }
 
 }  // namespace lenticule::player

@@ -32,8 +32,7 @@ struct FilmPanel {
                                              const std::string& wall_file,
                                              const std::string& panel);
 
-/// Returns the file for one panel of a wall: "film.lts" and "film" become "film-left.lts", and
-/// "out/%05d.png" becomes "out/%05d-left.png". Throws Error(Usage) for a target that is no file.
+/// Returns optics::file_of_panel(). Throws Error(Usage) for a target that is no file.
 [[nodiscard]] std::string target_of_panel(const std::string& target, const std::string& panel);
 
 }  // namespace lenticule::player

@@ -86,7 +86,15 @@ void declare_flags(CLI::App& app, PlayFlags& flags) {
                  "card, or views: the "
                  "rig's views by their numbers")
       ->required();
-  app.add_option("--rig", flags.rig, "the rig that the frames are woven for")->required();
+  CLI::Option* const rig =
+      app.add_option("--rig", flags.rig, "the rig that the frames are woven for")->required();
+  app.add_option(
+         "--wall", flags.wall,
+         "instead of --rig: a wall whose panels are all on one graphics card; FILM.lts then "
+         "means FILM-PANEL.lts for each panel, and one commit changes all of them")
+      ->type_name("WALL.toml")
+      ->excludes(rig)
+      ->each([rig](const std::string&) { rig->required(false); });
   app.add_option("--rig-store", flags.rig_store,
                  "save trims and calibrations in this copy of the rig, and use it until the file "
                  "of --rig is edited")

@@ -450,6 +450,24 @@ TEST(WrongPanelCard, DistinguishesPanelsThatDifferOnlyInTheirChecksum) {
   EXPECT_THAT(card.rows[1].text, HasSubstr("bbbbbbbbbbbb"));
 }
 
+TEST(WrongPanelCard, ListsThePanelsOfAWall) {
+  display::OutputRequest request;
+  request.parts = {
+      {.name = "left", .connector = "DP-1", .place = {.geometry = {3840, 2160}}},
+      {.name = "right",
+       .identity = {.manufacturer = "LGD", .product = {}, .serial = {}, .edid_sha256 = {}},
+       .place = {.geometry = {1920, 1080}}}};
+  display::PanelSearch search;
+  search.refusal = {ErrorKind::Device, "panel 'right': kms: no panel is connected",
+                    "check its cable"};
+  search.present = {panel_on("DP-1")};
+  const display::CardText card = wrong_panel_card(request, search, search.present[0], "wall.toml");
+  EXPECT_EQ(card.headline, "PANEL MISSING");
+  EXPECT_EQ(card.rows[0].text, "left: DP-1, 3840x2160 pixels");
+  EXPECT_EQ(card.rows[1].text, "right: 1920x1080 pixels, LGD");
+  EXPECT_THAT(card.rows.back().text, HasSubstr("check its cable"));
+}
+
 TEST(WrongPanelCard, AnUnreadableEdidIsNotReportedAsAWrongPanel) {
   display::OutputRequest request;
   request.identity.serial = "42";
