@@ -497,7 +497,17 @@ uint64_t AdaptiveWorker::count_noise(int first_row) {
   return beyond;
 }
 
-/// Renders a band as method full does. If it was not tried, it is also audited: without errors.
+/// Notes that a band that was not tried has no errors: it is left to method full.
+void AdaptiveWorker::audit_untried_band(int first_row) {
+  sampled_.clear();
+  const int end = std::min(first_row + kBand, frame_.plan.planes.rows());
+  for (int row = first_row; row < end; ++row) add_sampled(first_row, row, true);
+  frame_.bands[static_cast<size_t>(first_row / kBand)].evaluation.add_exact(
+      static_cast<uint64_t>(std::ranges::count(sampled_.subpixels(), Draw::Evaluation,
+                                               &SampledSubpixels::Subpixel::draw)));
+}
+
+/// Renders a band as method full does.
 void AdaptiveWorker::retrace_band(int first_row) {
   if (!full_)
     full_ = std::make_unique<FullTiles::Worker>(frame_.plan.full, frame_.scene, frame_.beams);
@@ -517,10 +527,6 @@ void AdaptiveWorker::retrace_band(int first_row) {
   if (band.tried) return;
   counts_.traced_subpixels += subpixels;
   counts_.unseen_subpixels += unseen;
-  sampled_.clear();
-  for (int row = first_row; row < end; ++row) add_sampled(first_row, row, true);
-  band.evaluation.add_exact(static_cast<uint64_t>(std::ranges::count(
-      sampled_.subpixels(), Draw::Evaluation, &SampledSubpixels::Subpixel::draw)));
 }
 
 FrameCounts AdaptiveWorker::counts() {

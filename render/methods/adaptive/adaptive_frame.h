@@ -117,6 +117,8 @@ class AdaptiveWorker {
   void take_other_samples(int first_row, int picture);
   /// Renders kBand rows of the panel. A band that the audit rejects is marked for retrace_band().
   void render_band(int first_row);
+  /// Counts the audited subpixels of a band that was not tried, and so has no errors.
+  void audit_untried_band(int first_row);
   /// Renders the band with method full's exact bytes.
   void retrace_band(int first_row);
 

@@ -20,17 +20,18 @@ BandOrder::BandOrder(int bands)
 
 std::vector<int> BandOrder::next() {
   std::vector<int> due;
+  const Sum all = sum();
   while (due.empty() && stride_ > 0) {
     const int first = is_first_ ? stride_ / 2 : 0;
     for (int band = first; band < static_cast<int>(gains_.size()); band += stride_) {
       uint8_t& decided = decided_[static_cast<size_t>(band)];
-      if (decided == 0 && expected_gain(band) >= 0) due.push_back(band);
+      if (decided == 0 && expected_gain(band, all) >= 0) due.push_back(band);
       decided = 1;
     }
     if (is_first_)
       stride_ = kSecond;
     else
-      stride_ = all_gained_ && stride_ > 1 ? 1 : stride_ / 2;
+      stride_ = all.gained == all.tried && stride_ > 1 ? 1 : stride_ / 2;
     is_first_ = false;
   }
   return due;
@@ -39,17 +40,29 @@ std::vector<int> BandOrder::next() {
 void BandOrder::note(int band, int64_t gain) {
   LENTICULE_CHECK(decided_[static_cast<size_t>(band)] != 0);
   gains_[static_cast<size_t>(band)] = gain;
-  all_gained_ = all_gained_ && gain >= 0;
-  none_gained_ = none_gained_ && gain < 0;
-  total_ += gain;
-  ++tried_;
+}
+
+BandOrder::Sum BandOrder::sum() const {
+  Sum all;
+  for (const std::optional<int64_t>& gain : gains_) {
+    if (!gain) continue;
+    all.total += *gain;
+    ++all.tried;
+    all.gained += *gain >= 0 ? 1 : 0;
+  }
+  return all;
+}
+
+bool BandOrder::loses() const {
+  const Sum all = sum();
+  return all.tried >= (all.gained == 0 ? 2 : 4) && all.total < 0;
 }
 
 /// Estimates four times the gain of a band: those of its neighbours, and twice the mean, which does
 /// not make up for two neighbours that lose.
-int64_t BandOrder::expected_gain(int band) const {
-  if (tried_ == 0) return 0;
-  const int64_t mean = total_ / tried_;
+int64_t BandOrder::expected_gain(int band, const Sum& all) const {
+  if (all.tried == 0) return 0;
+  const int64_t mean = all.total / all.tried;
   const auto nearest = [&](int way) {
     for (int n = band; n >= 0 && n < static_cast<int>(gains_.size()); n += way)
       if (gains_[static_cast<size_t>(n)]) return *gains_[static_cast<size_t>(n)];

@@ -21,27 +21,24 @@ class BandOrder {
   /// must be noted. Returns none after the last step.
   [[nodiscard]] std::vector<int> next();
   /// Notes the processor time that a tried band has saved against method full, negative if it took
-  /// more. All gains of a frame have the same unit.
+  /// more. A later gain replaces an earlier one. All gains of a frame have the same unit.
   void note(int band, int64_t gain);
   /// Returns true if the bands tried so far have cost more than with method full. A single band is
   /// not enough evidence, nor are few bands of which some have gained.
-  [[nodiscard]] bool loses() const { return tried_ >= (none_gained_ ? 2 : 4) && total_ < 0; }
-  /// Returns true if a further cost of the bands tried so far uses up what they have gained. Four
-  /// bands are the least evidence.
-  [[nodiscard]] bool loses_after(int64_t further) const {
-    return further > 0 && tried_ >= 4 && total_ < further;
-  }
+  [[nodiscard]] bool loses() const;
 
  private:
-  [[nodiscard]] int64_t expected_gain(int band) const;
+  /// The gains of all tried bands together.
+  struct Sum {
+    int64_t total = 0, tried = 0, gained = 0;
+  };
+  [[nodiscard]] Sum sum() const;
+  [[nodiscard]] int64_t expected_gain(int band, const Sum& all) const;
 
   std::vector<std::optional<int64_t>> gains_;  ///< gain of each band; empty until the band is tried
   std::vector<uint8_t> decided_;
   bool is_first_ = true;
-  bool all_gained_ = true, none_gained_ = true;
   int stride_;
-  int64_t total_ = 0;
-  int64_t tried_ = 0;
 };
 
 }  // namespace lenticule::render

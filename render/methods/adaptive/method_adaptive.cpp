@@ -197,6 +197,7 @@ class AdaptiveMethod final : public Method {
     arena_.execute([&] {
       pays = try_bands(frame, workers);
       if (!pays) return;
+      audit_untried_bands(frame, workers);
       limit_mean_square(frame);
       retrace_bands(frame, workers);
     });
@@ -274,8 +275,7 @@ class AdaptiveMethod final : public Method {
   static constexpr int kSampleRows = AdaptiveWorker::kSampleRows;
 
   /// Tries bands in steps, of which each decides where the next one is worth it. Returns false if
-  /// the first step shows that method full is faster for the whole frame. Ends early if the limit
-  /// of the mean square is likely to leave so many bands to full that trying more of them loses.
+  /// the first step shows that method full is faster for the whole frame.
   [[nodiscard]] bool try_bands(AdaptiveFrame& frame, Workers& workers) {
     BandOrder order(static_cast<int>(frame.bands.size()));
     bool is_first = true;
@@ -283,38 +283,66 @@ class AdaptiveMethod final : public Method {
       take_samples(frame, workers, due);
       in_parallel(static_cast<int>(due.size()),
                   [&](int n) { workers.local().render_band(due[static_cast<size_t>(n)] * kBand); });
-      for (const int band : due)
-        order.note(band, gain_of(frame.scene, frame.bands[static_cast<size_t>(band)]));
+      note_gains(frame, order);
       if (std::exchange(is_first, false) && order.loses()) return false;
-      if (order.loses_after(expected_retracing(frame))) break;
     }
     return true;
   }
 
-  /// Estimates the cost of those tried bands that limit_mean_square() will leave to method full,
-  /// from the first selection. A bound that must be proven leaves room for a part of the errors.
-  [[nodiscard]] int64_t expected_retracing(const AdaptiveFrame& frame) const {
-    if (options_.soft.any()) return 0;
-    const double most = plan_.most_mean_square * (options_.proven_rmse > 0.0 ? 0.4 : 0.8);
-    std::vector<const AdaptiveFrame::Band*> kept;
-    double left = 0.0;
-    size_t tried = 0;
-    for (const AdaptiveFrame::Band& band : frame.bands) {
+  /// Notes what the tried bands have gained. Those whose errors are so large that
+  /// limit_mean_square() will leave them to method full have only cost time.
+  void note_gains(const AdaptiveFrame& frame, BandOrder& order) const {
+    std::vector<int> kept;
+    ExpectedErrors errors;
+    for (int n = 0; n < static_cast<int>(frame.bands.size()); ++n) {
+      const AdaptiveFrame::Band& band = frame.bands[static_cast<size_t>(n)];
       if (!band.tried) continue;
-      ++tried;
+      order.note(n, gain_of(frame.scene, band));
+      ++errors.tried;
       if (band.retraced) continue;
-      kept.push_back(&band);
-      left += band.retracing.mean_square();
+      kept.push_back(n);
+      errors.add(band.retracing, 1.0);
     }
-    std::ranges::stable_sort(kept, std::greater(), [](const AdaptiveFrame::Band* band) {
-      return band->retracing.mean_square();
+    const auto errors_of = [&](int n) -> const AuditErrors& {
+      return frame.bands[static_cast<size_t>(n)].retracing;
+    };
+    std::ranges::stable_sort(kept, std::greater(),
+                             [&](int n) { return errors_of(n).mean_square(); });
+    for (const int n : kept) {
+      if (!exceeds_mean_square(errors)) break;
+      errors.add(errors_of(n), -1.0);
+      order.note(n, -costs_of(frame.scene, frame.bands[static_cast<size_t>(n)]).spent);
+    }
+  }
+
+  /// ExpectedErrors holds what the first selection says of the errors of the tried bands.
+  struct ExpectedErrors {
+    double tried = 0.0;  ///< bands
+    double mean_squares = 0.0;
+    double variance = 0.0;  ///< of that sum
+
+    /// Adds the errors of a band, or removes them with the weight -1.
+    void add(const AuditErrors& band, double weight) {
+      mean_squares += weight * band.mean_square();
+      variance += weight * band.standard_error() * band.standard_error();
+    }
+  };
+
+  /// Returns true if limit_mean_square() will probably not accept these errors. A bound that must
+  /// be proven leaves room for a part of them. An estimate is accepted as long as it may be right:
+  /// few samples may show far too large a mean square.
+  [[nodiscard]] bool exceeds_mean_square(const ExpectedErrors& errors) const {
+    if (options_.soft.any()) return false;
+    const double most = errors.tried * plan_.most_mean_square;
+    if (options_.proven_rmse > 0.0) return errors.mean_squares > 0.4 * most;
+    return errors.mean_squares - 2.0 * std::sqrt(std::max(errors.variance, 0.0)) > 0.8 * most;
+  }
+
+  /// Lets the bands that were not tried count in the evaluation of the frame.
+  void audit_untried_bands(AdaptiveFrame& frame, Workers& workers) {
+    in_parallel(static_cast<int>(frame.bands.size()), [&](int n) {
+      if (!frame.bands[static_cast<size_t>(n)].tried) workers.local().audit_untried_band(n * kBand);
     });
-    int64_t cost = 0;
-    for (size_t n = 0; n < kept.size() && left > most * static_cast<double>(tried); ++n) {
-      left -= kept[n]->retracing.mean_square();
-      cost += costs_of(frame.scene, *kept[n]).full;
-    }
-    return cost;
   }
 
   /// Leaves those bands to method full whose errors are largest, as many as are necessary for the

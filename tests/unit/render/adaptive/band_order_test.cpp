@@ -45,15 +45,14 @@ TEST(BandOrder, StopsAfterTheFirstBandsIfAllLose) {
   EXPECT_TRUE(order.next().empty());
 }
 
-TEST(BandOrder, LosesAfterAFurtherCostThatExceedsTheGains) {
+TEST(BandOrder, ALaterGainReplacesAnEarlierOne) {
   BandOrder order(135);
   for (const int band : order.next()) order.note(band, 10);
-  EXPECT_FALSE(order.loses_after(0));
-  EXPECT_FALSE(order.loses_after(40));
-  EXPECT_TRUE(order.loses_after(41));
-  BandOrder two(68);
-  for (const int band : two.next()) two.note(band, 10);
-  EXPECT_FALSE(two.loses_after(41)) << "two bands are little evidence";
+  EXPECT_FALSE(order.loses());
+  for (const int band : {16, 48, 80}) order.note(band, -4);
+  EXPECT_TRUE(order.loses());
+  order.note(80, 9);
+  EXPECT_FALSE(order.loses());
 }
 
 TEST(BandOrder, DoesNotJudgeTheFrameByASingleBand) {

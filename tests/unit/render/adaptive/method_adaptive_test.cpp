@@ -10,6 +10,7 @@
 
 #include "base/error.h"
 #include "render/make_method.h"
+#include "render/methods/adaptive/audit.h"
 #include "tests/support/instruction_sets.h"
 #include "tests/support/random_rigs.h"
 #include "tests/support/tiny_scenes.h"
@@ -369,6 +370,24 @@ TEST(MethodAdaptive, KeepsThePromisedPsnrWhereThinObjectsAreMissed) {
       EXPECT_LE(s.rmse, s.rmse_bound);
     }
   }
+}
+
+TEST(MethodAdaptive, BandsThatWereNotTriedCountAsExactInTheProof) {
+  SceneDescription scene = wires(0.04);
+  for (Cone& wire : scene.cones) wire.apex = wire.base + Vec3{0.0, 4.0, 0.0};
+  const optics::Rig rig = make_rig({.width = 400, .height = 960, .pixel_mm = 0.05});
+  const Rendered full = rendered("full", scene, rig);
+  RenderOptions options;
+  promise_psnr(40.0, options);
+  const Rendered adaptive = rendered("adaptive", scene, rig, options);
+  const RenderStatistics& s = adaptive.statistics;
+  EXPECT_GT(s.retraced_subpixels, 0U);
+  EXPECT_LT(s.retraced_subpixels, s.subpixels);
+  EXPECT_GE(compare(full.frame, adaptive.frame).psnr, 40.0);
+  EXPECT_LE(s.rmse_bound, options.proven_rmse);
+  EXPECT_NEAR(static_cast<double>(s.audited_subpixels),
+              static_cast<double>(s.subpixels) / sampled_one_in_for(6.5, s.subpixels),
+              0.1 * static_cast<double>(s.audited_subpixels));
 }
 
 TEST(MethodAdaptive, StatesNoErrorIfEveryBandComesFromFull) {
