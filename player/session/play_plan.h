@@ -72,10 +72,9 @@ void check_display_choice(const PlayFlags& flags, bool service);
 struct PlayPlan {
   std::shared_ptr<FolderLists> folders = std::make_shared<FolderLists>();
   std::optional<optics::RigStore> rig_store;  ///< none without --rig-store
-  // source.rig is null for a wall, whose rigs are read once.
   /// Null unless the trim can change while playing, or the rig's own views may be played.
   std::shared_ptr<LiveTrim> trim;
-  SourceRequest source;
+  SourceRequest source;  ///< its rig is null for a wall, whose rigs are read once
   display::DisplayRequest display;
   /// A desktop window shows what two eyes see of the display, which is virtual.
   bool window = false;

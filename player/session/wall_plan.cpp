@@ -24,7 +24,6 @@ void refuse_flags(const PlayFlags& flags, const PlayPlan& plan) {
   if (!flags.rig_store.empty()) refuse("--rig-store");
   if (flags.trim) refuse("--trim");
   if (plan.window) refuse("--display window");
-  if (flags.memory_mib) refuse("--memory");
 }
 
 void require_equal_bits(const optics::PlacedPanel& a, const optics::PlacedPanel& b) {
