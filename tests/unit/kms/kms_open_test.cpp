@@ -14,16 +14,6 @@ using ::testing::HasSubstr;
 
 class KmsOpen : public KmsStage {
  protected:
-  /// Returns the error that opening throws.
-  Error failure() {
-    try {
-      open();
-    } catch (const Error& error) {
-      return error;
-    }
-    ADD_FAILURE() << "opened";
-    return Error(ErrorKind::Failed, "");
-  }
   FakeConnector& add_panel(uint32_t type_id, const std::string& serial) {
     FakeConnector& added =
         card.add_connector(DRM_MODE_CONNECTOR_HDMIA, type_id, make_mode(kWidth, kHeight, 60),

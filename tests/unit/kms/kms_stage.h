@@ -59,6 +59,16 @@ class KmsStage : public ::testing::Test {
   }
 
   void open() { show = display::open_kms_display(options); }
+  /// Returns the error with which the display cannot be opened.
+  [[nodiscard]] Error failure() {
+    try {
+      open();
+    } catch (const Error& error) {
+      return error;
+    }
+    ADD_FAILURE() << "opened";
+    return {ErrorKind::Failed, ""};
+  }
 
   [[nodiscard]] SubmitStatus submit(unsigned seed) {
     display::ScanoutBuffer* buffer = show->acquire();

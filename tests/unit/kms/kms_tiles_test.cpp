@@ -74,16 +74,6 @@ class KmsTiles : public KmsStage {
     EXPECT_EQ(card.displayed(right_crtc), half(seed, 1));
   }
 
-  [[nodiscard]] Error failure() {
-    try {
-      open();
-    } catch (const Error& error) {
-      return error;
-    }
-    ADD_FAILURE() << "opened";
-    return {ErrorKind::Failed, ""};
-  }
-
   uint32_t right_crtc = 0;
   FakeConnector* right = nullptr;
 };

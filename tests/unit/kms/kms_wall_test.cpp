@@ -95,16 +95,6 @@ class KmsWall : public KmsStage {
     EXPECT_EQ(card.displayed(right_crtc), turned_words(right_picture(seed)));
   }
 
-  [[nodiscard]] Error failure() {
-    try {
-      open();
-    } catch (const Error& error) {
-      return error;
-    }
-    ADD_FAILURE() << "opened";
-    return {ErrorKind::Failed, ""};
-  }
-
   uint32_t right_crtc = 0;
   FakeConnector* right = nullptr;
 };
