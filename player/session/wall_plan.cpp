@@ -35,8 +35,8 @@ void require_equal_bits(const optics::PlacedPanel& a, const optics::PlacedPanel&
               "set panel.bits of both rigs to 8, or use a player for each panel");
 }
 
-/// Buffer places the panels side by side in one buffer, in rows.
-class Buffer {
+/// BufferLayout places the panels side by side in one buffer, in rows.
+class BufferLayout {
  public:
   void place(display::ScanoutPart& part) {
     const int width = part.geometry.width;
@@ -62,7 +62,7 @@ class Buffer {
 void plan_wall(const PlayFlags& flags, PlayPlan& plan) {
   refuse_flags(flags, plan);
   const optics::PlacedWall wall = optics::load_wall(flags.wall);
-  Buffer buffer;
+  BufferLayout buffer;
   for (const optics::PlacedPanel& panel : wall.panels) {
     require_equal_bits(wall.panels.front(), panel);
     const optics::Rig& rig = panel.trimmed.rig;

@@ -43,10 +43,10 @@ class JoinedSource final : public frames::FrameSource {
   [[nodiscard]] bool nothing_due() const override { return first().nothing_due(); }
 
  private:
-  /// The frames of all parts, not all of which may have arrived.
+  /// Frame holds the parts' frames of one number. They arrive in the order of the parts.
   struct Frame {
-    std::vector<frames::AcquiredFrame> acquired{};  ///< of the first parts
-    std::vector<frames::FrameView> views{};         ///< of all parts, once all have arrived
+    std::vector<frames::AcquiredFrame> acquired{};  ///< frames that have arrived
+    std::vector<frames::FrameView> views{};         ///< their pictures, once all have arrived
   };
 
   [[nodiscard]] const frames::FrameSource& first() const { return *parts_.front().source; }

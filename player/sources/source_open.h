@@ -24,7 +24,7 @@ namespace lenticule::player {
 struct WallPart {
   std::string name;
   frames::FrameGeometry panel;   ///< size of its frames
-  optics::RigIdentity identity;  ///< of its rig as part of the wall
+  optics::RigIdentity identity;  ///< identity of its rig with the viewing line of the wall
   std::string rig_name;
   display::CardText card;
 };

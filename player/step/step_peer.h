@@ -48,7 +48,7 @@ class StepPeer {
   /// The newest message of a session that was not refused as a copy.
   struct Newest {
     uint64_t session = 0;
-    std::chrono::nanoseconds sent{0};  ///< on the sender's StepClock
+    std::chrono::nanoseconds sent{0};  ///< time of sending, the sender's StepClock
     std::chrono::nanoseconds at{0};    ///< time of arrival, CLOCK_MONOTONIC
   };
 

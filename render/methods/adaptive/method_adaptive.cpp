@@ -317,9 +317,9 @@ class AdaptiveMethod final : public Method {
 
   /// ExpectedErrors holds what the first selection says of the errors of the tried bands.
   struct ExpectedErrors {
-    double tried = 0.0;  ///< bands
-    double mean_squares = 0.0;
-    double variance = 0.0;  ///< of that sum
+    double tried = 0.0;         ///< number of tried bands
+    double mean_squares = 0.0;  ///< sum over the bands that are kept
+    double variance = 0.0;      ///< variance of mean_squares
 
     /// Adds the errors of a band, or removes them with the weight -1.
     void add(const AuditErrors& band, double weight) {

@@ -228,7 +228,7 @@ class FakeCard {
   int master_fd = -1;
   std::map<int, int> ends;  ///< the player's end of the event pipe -> ours
   std::vector<Pending> pending;
-  std::map<uint32_t, Nanoseconds> busy_until{};  ///< by CRTC: end of its last flip
+  std::map<uint32_t, Nanoseconds> busy_until{};  ///< end of each CRTC's last flip
 };
 
 /// The machine: cards, clock, hotplug events. Only one instance may exist at a time.

@@ -119,6 +119,15 @@ class KmsStage : public ::testing::Test {
     }
   }
 
+  /// Plugs a cable in or out, and expects the state that the display then reports.
+  void plug(FakeConnector& cable, bool connected) {
+    cable.connected = connected;
+    machine.announce_hotplug();
+    idle(seconds(1));
+    EXPECT_EQ(show->statistics().panel,
+              connected ? display::PanelState::Showing : display::PanelState::Disconnected);
+  }
+
   FakeDrm machine;
   FakeCard& card;
   uint32_t crtc = 0;
