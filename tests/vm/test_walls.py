@@ -30,8 +30,11 @@ centre_mm = [90.0, 0.0, 0.0]
 
 
 def connect_both(vm):
+    """Connects both outputs with EDIDs of their own; an earlier test may have left tiles there."""
     for number in (1, 2):
-        vm.write_file(f"/sys/class/drm/card0-Virtual-{number}/status", "on")
+        name = f"Virtual-{number}"
+        vm.write_file(f"/sys/kernel/debug/dri/0/{name}/edid_override", "reset")
+        vm.write_file(f"/sys/class/drm/card0-{name}/status", "on")
 
 
 def make_wall(vm):
