@@ -56,8 +56,8 @@ PaceDecision Pacer::decide(uint64_t target, bool ready) noexcept {
   return PaceDecision::Submit;
 }
 
-void Pacer::submitted(uint64_t target) noexcept {
-  target_ = target;
+void Pacer::submitted(uint64_t target, bool in_time) noexcept {
+  available_at_ = in_time ? target : target + 1;
 }
 
 uint64_t Pacer::expected_vblank() const noexcept {
@@ -71,10 +71,9 @@ void Pacer::flipped(uint64_t sequence) noexcept {
     // The counter of a working display never goes back; clamp the value of one that does.
     sequence = std::max(sequence, *shown_at_ + 1);
     const uint64_t expected = std::min(owed_since_.value_or(expected_vblank()), sequence);
-    uint64_t starved = 0;
-    if (starved_since_ && target_ > *starved_since_)
-      starved = std::min(target_, sequence) - std::max(*starved_since_, expected);
-    account(expected, sequence, starved);
+    const uint64_t starved_from = std::max(starved_since_.value_or(sequence), expected);
+    const uint64_t starved_to = std::max(std::min(available_at_, sequence), starved_from);
+    account(expected, sequence, starved_to - starved_from);
 
     const bool gave_up_catching_up = consecutive_drops_ >= kMaxConsecutiveDrops;
     if (sequence > due() && (policy_ != LatePolicy::Drop || gave_up_catching_up)) {

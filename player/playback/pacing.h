@@ -63,8 +63,10 @@ class Pacer {
   /// `ready` is true if frame() can be submitted.
   [[nodiscard]] PaceDecision decide(uint64_t target, bool ready) noexcept;
 
-  /// Reports that frame() was submitted for vblank `target`.
-  void submitted(uint64_t target) noexcept;
+  /// Reports that frame() was submitted for vblank `target`; `in_time` is false if it was so late
+  /// that the display may not reach that vblank. A frame that became ready only then does not count
+  /// as missed if it appears one vblank later: it was not available.
+  void submitted(uint64_t target, bool in_time = true) noexcept;
   /// Reports that the submitted frame has been displayed since vblank `sequence`; frame() is now
   /// the next one.
   void flipped(uint64_t sequence) noexcept;
@@ -125,7 +127,7 @@ class Pacer {
   /// Vblank at which the next frame, or a dropped one before it, was due.
   std::optional<uint64_t> owed_since_;
   std::optional<uint64_t> starved_since_;  ///< first vblank without the frame that was due
-  uint64_t target_ = 0;                    ///< target vblank of the submitted frame
+  uint64_t available_at_ = 0;              ///< vblank that the submitted frame reaches for certain
   int consecutive_drops_ = 0;
   PaceCounts counts_;
 };

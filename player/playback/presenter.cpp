@@ -306,8 +306,11 @@ void Presenter::submit(const FilledFrame& frame, uint64_t target) noexcept {
       outcome_ = PlayOutcome::DisplayLost;
       return;
   }
+  const Nanoseconds margin = std::min(kSubmitMargin, vblanks_.period() / 4);
+  const bool in_time = !pacer_.started() || now + margin <= vblanks_.time_of(target);
+  if (!in_time) statistics_.late_submits.add();
   frame_copier_.pop();
-  pacer_.submitted(target);
+  pacer_.submitted(target, in_time);
   pending_ = {.target = target,
               .id = id,
               .submitted = now,
@@ -320,9 +323,6 @@ void Presenter::submit(const FilledFrame& frame, uint64_t target) noexcept {
   refused_in_a_row_ = 0;
   rebuffering_ = false;
   starved_since_.reset();
-
-  const Nanoseconds margin = std::min(kSubmitMargin, vblanks_.period() / 4);
-  if (pacer_.started() && now + margin > vblanks_.time_of(target)) statistics_.late_submits.add();
 }
 
 /// Handles a frame that is due and not ready: the displayed frame stays.

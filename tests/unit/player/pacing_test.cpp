@@ -134,6 +134,25 @@ TEST(Pacer, AFrameReadyJustInTimeIsNoUnderrun) {
   EXPECT_EQ(pacer.counts().underruns, 0u);
 }
 
+TEST(Pacer, AFrameThatWasReadyTooLateForItsVblankIsAnUnderrunNotAMiss) {
+  Pacer pacer = started(LatePolicy::Slip);
+  EXPECT_EQ(pacer.decide(101, false), PaceDecision::Starved);
+  EXPECT_EQ(pacer.decide(101, true), PaceDecision::Submit);
+  pacer.submitted(101, false);
+  pacer.flipped(103);
+  EXPECT_EQ(pacer.counts().repeated_underrun, 1u);
+  EXPECT_EQ(pacer.counts().missed, 1u);
+}
+
+TEST(Pacer, ALateSubmissionOfAFrameThatWasReadyIsAMiss) {
+  Pacer pacer = started(LatePolicy::Slip);
+  EXPECT_EQ(pacer.decide(101, true), PaceDecision::Submit);
+  pacer.submitted(101, false);
+  pacer.flipped(102);
+  EXPECT_EQ(pacer.counts().repeated_underrun, 0u);
+  EXPECT_EQ(pacer.counts().missed, 1u);
+}
+
 TEST(Pacer, ANewEpochDoesNotCatchUp) {
   Pacer pacer = started(LatePolicy::Drop, {24, 1});
   pacer.begin_epoch();
