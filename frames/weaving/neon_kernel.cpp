@@ -201,8 +201,10 @@ void turn_part(const uint8_t* points, const uint8_t* const* views, size_t at, si
 
 /// Stores one entry of sixteen views from the light of two columns.
 void store_entries(const uint16_t* here, const uint16_t* next, uint16_t* entries) {
-  for (size_t n = 0; n < kLaneStep; n += 8)
-    vst2q_u16(entries + 2 * n, uint16x8x2_t{{vld1q_u16(here + n), vld1q_u16(next + n)}});
+  for (size_t n = 0; n < kLaneStep; n += 8) {
+    const uint16x8x2_t pairs = {{vld1q_u16(here + n), vld1q_u16(next + n)}};
+    vst2q_u16(entries + 2 * n, pairs);
+  }
 }
 
 /// Transposes a tile of sixteen views' rows, which begin at `begin` and have `bytes`. As in

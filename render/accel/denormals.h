@@ -3,6 +3,7 @@
 // it.
 #pragma once
 
+#include <cstdint>
 #if defined(__SSE2__)
 #include <immintrin.h>
 #endif
@@ -14,26 +15,41 @@ namespace lenticule::render {
 /// affected.
 class FlushDenormals {
  public:
-#if defined(__SSE2__)
-  FlushDenormals() : before_(_mm_getcsr()) {
-    _mm_setcsr(before_ | kFlushToZero | kZeroIfDenormal);
-  }
-  ~FlushDenormals() {
-    _mm_setcsr(before_);
-  }
-#else
-  FlushDenormals() = default;
-  ~FlushDenormals() = default;
-#endif
+  FlushDenormals() : before_(read()) { write(before_ | kFlush); }
+  ~FlushDenormals() { write(before_); }
   FlushDenormals(const FlushDenormals&) = delete;
   FlushDenormals& operator=(const FlushDenormals&) = delete;
 
  private:
 #if defined(__SSE2__)
-  static constexpr unsigned kFlushToZero = 0x8000;
-  static constexpr unsigned kZeroIfDenormal = 0x0040;
-  unsigned before_;
+  using Word = unsigned;
+  static constexpr Word kFlush = 0x8040;  // flush-to-zero, and denormals-are-zero
+  static Word read() {
+    return _mm_getcsr();
+  }
+  static void write(Word word) {
+    _mm_setcsr(word);
+  }
+#elif defined(__aarch64__)
+  using Word = uint64_t;
+  static constexpr Word kFlush = uint64_t{1} << 24;  // FPCR.FZ, of operands and results
+  static Word read() {
+    Word word = 0;
+    asm volatile("mrs %0, fpcr" : "=r"(word));
+    return word;
+  }
+  static void write(Word word) {
+    asm volatile("msr fpcr, %0" : : "r"(word));
+  }
+#else
+  using Word = unsigned;
+  static constexpr Word kFlush = 0;
+  static Word read() {
+    return 0;
+  }
+  static void write(Word) {}
 #endif
+  Word before_;
 };
 
 }  // namespace lenticule::render

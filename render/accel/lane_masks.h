@@ -7,6 +7,8 @@
 #include <cstdint>
 #if defined(__SSE2__)
 #include <emmintrin.h>
+#elif defined(__aarch64__)
+#include <arm_neon.h>
 #endif
 
 #include "render/accel/ray_stream.h"
@@ -27,6 +29,14 @@ namespace lenticule::render {
   };
   const __m128i low = _mm_packs_epi32(four(0), four(4)), high = _mm_packs_epi32(four(8), four(12));
   return static_cast<uint32_t>(_mm_movemask_epi8(_mm_packs_epi16(low, high)));
+#elif defined(__aarch64__)
+  static constexpr uint16_t kBit[8] = {1, 2, 4, 8, 16, 32, 64, 128};
+  const auto eight = [&](size_t first) {
+    const int16x8_t lanes =
+        vcombine_s16(vmovn_s32(vld1q_s32(valid + first)), vmovn_s32(vld1q_s32(valid + first + 4)));
+    return uint32_t{vaddvq_u16(vandq_u16(vreinterpretq_u16_s16(lanes), vld1q_u16(kBit)))};
+  };
+  return eight(0) | eight(8) << 8;
 #else
   uint32_t bits = 0;
   for (uint32_t r = 0; r < kPacket; ++r) bits |= static_cast<uint32_t>(valid[r] & 1) << r;

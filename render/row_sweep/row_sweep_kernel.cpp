@@ -7,6 +7,8 @@
 
 #if defined(__AVX2__)
 #include <immintrin.h>
+#elif defined(LENTICULE_NEON)
+#include <arm_neon.h>
 #endif
 
 namespace lenticule::render::LENTICULE_ISA_NAMESPACE {
@@ -313,6 +315,15 @@ inline uint32_t places_of(const Range& range) {
              << (half * kBlock);
   }
   return ~empty & 0xffffU;
+#elif defined(LENTICULE_NEON)
+  static constexpr uint32_t kFirst[4] = {1, 2, 4, 8};
+  const uint32x4_t bit = vld1q_u32(kFirst);
+  uint32x4_t places = vdupq_n_u32(0);
+  for (int n = 0; n < kLanes; n += 4) {
+    const uint32x4_t filled = vcleq_s32(vld1q_s32(range.first + n), vld1q_s32(range.last + n));
+    places = vorrq_u32(places, vshlq_u32(vandq_u32(filled, bit), vdupq_n_s32(n)));
+  }
+  return vaddvq_u32(places);
 #else
   // Counts down, since GCC 12 with sanitizers miscompiles shifts by a counter.
   uint32_t bits = 0;

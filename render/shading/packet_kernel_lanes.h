@@ -8,6 +8,8 @@
 #include <cstdint>
 #if defined(__AVX2__)
 #include <immintrin.h>
+#elif defined(LENTICULE_NEON)
+#include <arm_neon.h>
 #endif
 
 namespace lenticule::render::LENTICULE_ISA_NAMESPACE {
@@ -199,6 +201,15 @@ inline uint32_t bits(const Masks& masks) {
   const auto high = reinterpret_cast<__m256>(masks.part[1]);
   return static_cast<uint32_t>(_mm256_movemask_ps(low)) |
          static_cast<uint32_t>(_mm256_movemask_ps(high)) << 8;
+#elif defined(LENTICULE_NEON)
+  static constexpr uint32_t kFirst[4] = {1, 2, 4, 8};
+  const uint32x4_t first = vld1q_u32(kFirst);
+  uint32x4_t sum = vdupq_n_u32(0);
+  for (int p = 0; p < kParts; ++p) {
+    const auto part = reinterpret_cast<uint32x4_t>(masks.part[p]);
+    sum = vorrq_u32(sum, vshlq_u32(vandq_u32(part, first), vdupq_n_s32(4 * p)));
+  }
+  return vaddvq_u32(sum);
 #else
   uint32_t sum = 0;
   for (int r = 0; r < 16; ++r) sum |= static_cast<uint32_t>(masks[r] & 1) << r;

@@ -92,6 +92,12 @@ inline void write(const Masks& values, uint8_t* out) {
   _mm_storeu_si128(
       reinterpret_cast<__m128i*>(out),
       _mm_packus_epi16(_mm256_castsi256_si128(ordered), _mm256_extracti128_si256(ordered, 1)));
+#elif defined(LENTICULE_NEON)
+  const auto words = [&](int p) {
+    return vcombine_s16(vqmovn_s32(reinterpret_cast<int32x4_t>(values.part[p])),
+                        vqmovn_s32(reinterpret_cast<int32x4_t>(values.part[p + 1])));
+  };
+  vst1q_u8(out, vcombine_u8(vqmovun_s16(words(0)), vqmovun_s16(words(2))));
 #else
   for (int r = 0; r < kLanes; ++r) out[r] = static_cast<uint8_t>(values[r]);
 #endif
