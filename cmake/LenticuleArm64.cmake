@@ -1,18 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
 # Toolchain for arm64 on a Debian host of another architecture. `scripts/packages arm64` installs the
 # compiler and qemu, and makes the sysroot: the arm64 libraries of the same Debian, extracted to a folder.
-# The environment variable LENTICULE_SYSROOT names another folder.
+# The environment variable LENTICULE_SYSROOT names another folder than the user's cache. With LENTICULE_CROSS_CLANG
+# in the cache, clang compiles, in half the time of gcc.
 set(CMAKE_SYSTEM_NAME Linux)
 set(CMAKE_SYSTEM_PROCESSOR aarch64)
 set(triplet aarch64-linux-gnu)
-set(CMAKE_C_COMPILER ${triplet}-gcc)
-set(CMAKE_CXX_COMPILER ${triplet}-g++)
+list(APPEND CMAKE_TRY_COMPILE_PLATFORM_VARIABLES LENTICULE_CROSS_CLANG)
+if(LENTICULE_CROSS_CLANG)
+  set(CMAKE_C_COMPILER clang)
+  set(CMAKE_CXX_COMPILER clang++)
+  set(CMAKE_C_COMPILER_TARGET ${triplet})
+  set(CMAKE_CXX_COMPILER_TARGET ${triplet})
+  set(CMAKE_EXE_LINKER_FLAGS_INIT -fuse-ld=lld)
+  set(CMAKE_SHARED_LINKER_FLAGS_INIT -fuse-ld=lld)
+else()
+  set(CMAKE_C_COMPILER ${triplet}-gcc)
+  set(CMAKE_CXX_COMPILER ${triplet}-g++)
+endif()
 set(CMAKE_LIBRARY_ARCHITECTURE ${triplet})
 
 if(DEFINED ENV{LENTICULE_SYSROOT})
   set(CMAKE_SYSROOT $ENV{LENTICULE_SYSROOT})
+elseif(DEFINED ENV{XDG_CACHE_HOME})
+  set(CMAKE_SYSROOT $ENV{XDG_CACHE_HOME}/lenticule/sysroot-arm64)
 else()
-  get_filename_component(CMAKE_SYSROOT ${CMAKE_CURRENT_LIST_DIR}/../build/sysroot-arm64 ABSOLUTE)
+  set(CMAKE_SYSROOT $ENV{HOME}/.cache/lenticule/sysroot-arm64)
 endif()
 if(NOT EXISTS ${CMAKE_SYSROOT}/usr/include)
   message(FATAL_ERROR "${CMAKE_SYSROOT}: no sysroot for arm64; `scripts/packages arm64` makes it")

@@ -63,9 +63,13 @@ if(NOT LENTICULE_SANITIZE AND NOT LENTICULE_BUILD_FUZZ)
   elseif(CMAKE_SYSTEM_PROCESSOR MATCHES "aarch64|arm64")
     set(branches -mbranch-protection=standard)
   endif()
+  set(stack -fstack-protector-strong)
+  if(NOT (CMAKE_CXX_COMPILER_ID STREQUAL "Clang" AND CMAKE_SYSTEM_PROCESSOR MATCHES "aarch64|arm64"))
+    list(APPEND stack -fstack-clash-protection)  # clang 14 does not have it for arm64
+  endif()
   # Fortified calls require optimisation; only test programs can have the property.
   target_compile_options(lenticule_options INTERFACE
-    -fstack-protector-strong -fstack-clash-protection ${branches} -Werror=format-security
+    ${stack} ${branches} -Werror=format-security
     $<$<NOT:$<OR:$<CONFIG:Debug>,$<BOOL:$<TARGET_PROPERTY:LENTICULE_UNOPTIMISED>>>>:-U_FORTIFY_SOURCE;-D_FORTIFY_SOURCE=2>)
   target_link_options(lenticule_options INTERFACE LINKER:-z,relro LINKER:-z,now)
 endif()
