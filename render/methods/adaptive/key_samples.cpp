@@ -7,8 +7,6 @@
 #include <span>
 #include <utility>
 
-#include "render/scene/surface_groups.h"
-
 namespace lenticule::render {
 namespace {
 
@@ -45,11 +43,11 @@ void KeySamples::begin(const KeyGrid& grid) {
   row_samples_ = grid.row_samples();
   const size_t count = row_samples_ * static_cast<size_t>(rows_);
   // The padding of the rows stays zero. The lookup reads one element past the requested one.
-  values_.assign(3 * count + 2, 0);
-  groups_.assign(count, 0);
-  ways_.assign(count, 0);
-  lights_.assign(count, {});
-  for (auto* flags : {&bends_, &filled_, &changed_}) flags->assign(count, 0);
+  values_ = ZeroedArray<uint16_t>(3 * count + 2);
+  groups_ = ZeroedArray<uint32_t>(count);
+  ways_ = ZeroedArray<uint32_t>(count);
+  lights_ = ZeroedArray<Light>(count);
+  for (auto* flags : {&bends_, &filled_, &changed_}) *flags = ZeroedArray<uint8_t>(count);
 }
 
 void KeySamples::watch_changes() {
@@ -150,6 +148,12 @@ std::array<KeySamples::Sample, 4> KeySamples::corners(int top, size_t in_row, in
   return corners;
 }
 
+bool KeySamples::shows_one_surface(int top, int picture, int left) const {
+  const size_t at = index(top, picture, left), below = at + kCoarse * row_samples_;
+  return groups_[at] == groups_[at + kCoarse] && groups_[at] == groups_[below] &&
+         groups_[at] == groups_[below + kCoarse];
+}
+
 bool KeySamples::fill(int top, int picture, int left, const Agreement& agreement) {
   if (top + kCoarse >= rows_ || left + kCoarse >= columns_) return false;
   const size_t first = in_row(picture, 0);
@@ -201,7 +205,7 @@ void KeySamples::find_cells(int row, int picture, const Agreement& agreement,
   for (size_t n = 0; n < last; ++n) {
     const size_t at = first + n;
     const size_t corners[] = {at, at + 1, at + row_samples_, at + row_samples_ + 1};
-    const auto same = [&](const std::vector<uint32_t>& of) {
+    const auto same = [&](const ZeroedArray<uint32_t>& of) {
       return of[corners[0]] == of[corners[1]] && of[corners[0]] == of[corners[2]] &&
              of[corners[0]] == of[corners[3]];
     };

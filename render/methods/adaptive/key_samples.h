@@ -6,10 +6,11 @@
 #include <array>
 #include <cstdint>
 #include <span>
-#include <vector>
 
 #include "render/integrator/light_notes.h"
 #include "render/methods/adaptive/key_grid.h"
+#include "render/methods/adaptive/zeroed_array.h"
+#include "render/scene/surface_groups.h"
 
 namespace lenticule::render {
 
@@ -77,6 +78,9 @@ class KeySamples {
 
   /// Every kCoarse-th sample of every kCoarse-th row is traced first.
   static constexpr int kCoarse = 2;
+  /// Returns true if a coarse sample shows the same surface as those to the right of it and below
+  /// it, which must exist.
+  [[nodiscard]] bool shows_one_surface(int top, int picture, int left) const;
   /// Interpolates the three samples to the right of and below a coarse one from the coarse samples
   /// around, if these show one surface and differ little. Otherwise returns false and sets nothing.
   bool fill(int top, int picture, int left, const Agreement& agreement);
@@ -88,6 +92,10 @@ class KeySamples {
   [[nodiscard]] const uint16_t* values() const { return values_.data(); }
   [[nodiscard]] size_t row_samples() const { return row_samples_; }
 
+  /// Returns true if the sample shows no surface.
+  [[nodiscard]] bool shows_nothing(int row, int picture, int column) const {
+    return groups_[index(row, picture, column)] == SurfaceGroups::kNothing;
+  }
   /// Return data of the sample at an index [row][picture][column].
   [[nodiscard]] uint32_t group(size_t at) const { return groups_[at]; }
   [[nodiscard]] const Light& light(size_t at) const { return lights_[at]; }
@@ -119,13 +127,13 @@ class KeySamples {
   const KeyGrid* grid_ = nullptr;
   int rows_ = 0, columns_ = 0;
   size_t row_samples_ = 0;
-  std::vector<uint16_t> values_;  ///< [row][channel][picture][column]
-  std::vector<uint32_t> groups_;  ///< [row][picture][column]
-  std::vector<uint32_t> ways_;
-  std::vector<Light> lights_;
-  std::vector<uint8_t> bends_;
-  std::vector<uint8_t> filled_;  ///< per coarse sample: the three beside it are interpolated
-  std::vector<uint8_t> changed_;
+  ZeroedArray<uint16_t> values_;  ///< [row][channel][picture][column]
+  ZeroedArray<uint32_t> groups_;  ///< [row][picture][column]
+  ZeroedArray<uint32_t> ways_;
+  ZeroedArray<Light> lights_;
+  ZeroedArray<uint8_t> bends_;
+  ZeroedArray<uint8_t> filled_;  ///< per coarse sample: the three beside it are interpolated
+  ZeroedArray<uint8_t> changed_;
   bool watches_changes_ = false;
 };
 

@@ -83,6 +83,8 @@ SceneDescription jacks(double transmittance = 0.0) {
                       .transmittance = transmittance,
                       .refraction_index = 1.4}};
   Jacks(scene).add({0, 0, 0}, 1.7, 3);
+  // A frame of small objects alone would be left to method full.
+  scene.meshes.push_back(testing::box_mesh({-20, -20, -4}, {20, 20, -3.5}, 1));
   return scene;
 }
 

@@ -83,6 +83,30 @@ TEST(MethodAdaptive, IsCloseToFullOnEveryScene) {
   EXPECT_GT(interpolated, shaded);
 }
 
+/// Returns spheres that are smaller than the distances of the samples, in a loose heap.
+SceneDescription heap_of_beads() {
+  SceneDescription scene = testing::tiny_scenes().front().scene;
+  scene.spheres.clear();
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> place(-2.0, 2.0);
+  for (int n = 0; n < 4000; ++n)
+    scene.spheres.push_back(
+        {.centre = {place(random), place(random), place(random)}, .radius = 0.03, .material = 0});
+  return scene;
+}
+
+TEST(MethodAdaptive, LeavesAFrameOfSmallSurfacesToFullAndCopiesItWhileNothingMoves) {
+  const optics::OpticalModel model(wide_rig());
+  const Stage stage = make_tiny_stage();
+  const Scene scene(heap_of_beads(), stage, {}, 1);
+  const auto method = make_method("adaptive", model, {.copy_unchanged = true, .cancelled = {}});
+  frames::WovenFrame frame({400, 240});
+  EXPECT_EQ(method->render(scene, stage, frame).interpolated_subpixels, 0U);
+  EXPECT_EQ(frame, rendered("full", heap_of_beads(), wide_rig()).frame);
+  const RenderStatistics again = method->render(scene, stage, frame);
+  EXPECT_EQ(again.copied_subpixels, again.subpixels);
+}
+
 TEST(MethodAdaptive, WithZeroErrorHasTheBytesOfFull) {
   for (const testing::NamedScene& named : testing::tiny_scenes()) {
     const RenderOptions exact{.tolerated_error = 0.0, .cancelled = {}};
