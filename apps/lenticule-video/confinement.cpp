@@ -15,10 +15,12 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "apps/lenticule-video/landlock_rules.h"
 #include "apps/lenticule-video/seccomp_filter.h"
 #include "base/error.h"
 #include "base/unique_fd.h"
@@ -96,6 +98,51 @@ void install(std::vector<sock_filter> code) {
   if (prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program, 0, 0) != 0) cannot("seccomp");
 }
 
+void ignore_signals() {
+  std::signal(SIGXFSZ, SIG_IGN);
+  std::signal(SIGPIPE, SIG_IGN);
+}
+
+/// Gives up everything that does not need the filter.
+void withdraw(uint64_t extra_bytes, pid_t parent, unsigned descriptors) {
+  leave_namespaces();
+  if (parent > 0 && !die_with(parent))
+    throw Error(ErrorKind::Failed, "decoder: the player has ended");
+  set_limits(extra_bytes, descriptors);
+  if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) cannot("no_new_privs");
+}
+
+/// The rules for files that Landlock enforces, or the reason why it cannot.
+struct Fences {
+  std::optional<LandlockRules> rules;
+  std::string obstacle;
+};
+
+Fences no_fences() {
+  return {
+      .rules = std::nullopt,
+      .obstacle = std::string("the kernel's Landlock cannot confine it: ") + std::strerror(errno)};
+}
+
+Fences make_fences(const std::vector<std::string>& nodes) {
+  Fences fences{.rules = LandlockRules::create(), .obstacle = {}};
+  if (!fences.rules || !fences.rules->allow_listing("/dev")) return no_fences();
+  for (const std::string& node : nodes)
+    if (!fences.rules->allow_device(node)) return no_fences();
+  return fences;
+}
+
+/// Returns the limit that leaves descriptors for /dev, a device, and the device once more.
+unsigned limit_for_devices() {
+  constexpr int kDescriptors = 3;
+  std::array<UniqueFd, kDescriptors> lowest;
+  for (UniqueFd& one : lowest) {
+    one = UniqueFd(::open("/", O_PATH | O_CLOEXEC));
+    if (!one) cannot("no descriptor is left");
+  }
+  return static_cast<unsigned>(lowest.back().get()) + 1;
+}
+
 }  // namespace
 
 bool die_with(pid_t parent) noexcept {
@@ -110,16 +157,25 @@ void volunteer_for_oom() noexcept {
 }
 
 void confine(uint64_t extra_bytes, pid_t parent, unsigned descriptors) {
-  std::signal(SIGXFSZ, SIG_IGN);
-  std::signal(SIGPIPE, SIG_IGN);
+  ignore_signals();
   if (kSanitized) return;
   std::vector<sock_filter> filter = decoder_filter();  // while it may still open a descriptor
-  leave_namespaces();
-  if (parent > 0 && !die_with(parent))
-    throw Error(ErrorKind::Failed, "decoder: the player has ended");
-  set_limits(extra_bytes, descriptors);
-  if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) cannot("no_new_privs");
+  withdraw(extra_bytes, parent, descriptors);
   install(std::move(filter));
+}
+
+std::string confine_with_devices(uint64_t extra_bytes, pid_t parent,
+                                 const std::vector<std::string>& nodes) {
+  ignore_signals();
+  if (kSanitized) return {};
+  std::vector<sock_filter> narrow = decoder_filter();
+  std::vector<sock_filter> wide = decoder_filter(Devices::Video);
+  Fences fences = make_fences(nodes);
+  const unsigned descriptors = fences.rules ? limit_for_devices() : 1;
+  withdraw(extra_bytes, parent, descriptors);
+  if (fences.rules && !fences.rules->enforce()) fences = no_fences();
+  install(fences.rules ? std::move(wide) : std::move(narrow));
+  return fences.obstacle;
 }
 
 }  // namespace lenticule::video

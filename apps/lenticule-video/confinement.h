@@ -5,6 +5,8 @@
 #include <sys/types.h>
 
 #include <cstdint>
+#include <string>
+#include <vector>
 
 namespace lenticule::video {
 
@@ -26,5 +28,11 @@ void volunteer_for_oom() noexcept;
 /// must not be parsed without it. Builds with a sanitizer, which needs further system calls, are
 /// not restricted.
 void confine(uint64_t extra_bytes, pid_t parent = 0, unsigned descriptors = 1);
+
+/// Confines the process, but lets it open these video devices and list /dev, and nothing else, as
+/// the kernel's Landlock ensures. Returns an empty text. Without Landlock the process is confined
+/// as by confine(), and the reason is returned.
+[[nodiscard]] std::string confine_with_devices(uint64_t extra_bytes, pid_t parent,
+                                               const std::vector<std::string>& nodes);
 
 }  // namespace lenticule::video

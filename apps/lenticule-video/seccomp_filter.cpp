@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/lenticule-video/seccomp_filter.h"
 
+#include <fcntl.h>
 #include <linux/sched.h>
 #include <seccomp.h>
 #include <sys/mman.h>
@@ -109,9 +110,22 @@ class Rules {
   std::unique_ptr<void, Release> context_;
 };
 
+/// Requests of V4L2 have the type 'V' in bits 8 to 15.
+constexpr uint32_t kRequestType = 0xff00;
+constexpr uint32_t kVideoRequest = uint32_t{'V'} << 8;
+
+/// Allows what opening a device takes: listing /dev, where the C library asks for the type of the
+/// open folder, and opening and controlling the device.
+void allow_video_devices(Rules& rules) {
+  rules.add(SCMP_SYS(openat), SCMP_ACT_ALLOW);
+  rules.add(SCMP_SYS(getdents64), SCMP_ACT_ALLOW);
+  rules.allow_if(SCMP_SYS(newfstatat), 3, UINT32_MAX, AT_EMPTY_PATH);
+  rules.allow_if(SCMP_SYS(ioctl), 1, kRequestType, kVideoRequest);
+}
+
 }  // namespace
 
-std::vector<sock_filter> decoder_filter() {
+std::vector<sock_filter> decoder_filter(Devices devices) {
   Rules rules;
   for (const int call : kAllowed) rules.add(call, SCMP_ACT_ALLOW);
   // Code injection needs executable memory.
@@ -122,6 +136,7 @@ std::vector<sock_filter> decoder_filter() {
   // back to clone.
   rules.add(SCMP_SYS(clone3), SCMP_ACT_ERRNO(ENOSYS));
   rules.allow_if(SCMP_SYS(prctl), 0, UINT32_MAX, PR_SET_NAME);
+  if (devices == Devices::Video) allow_video_devices(rules);
   return rules.program();
 }
 

@@ -53,7 +53,7 @@ LIBRARIES = {
     "xf86drm": "display",
     "libudev": "display",
     "libseat": "display",
-    "linux/videodev2": "calib",
+    "linux/videodev2": "calib apps/lenticule-video",
     "ceres": "calib",
     "Eigen": "calib",
     "unsupported/Eigen": "calib",
