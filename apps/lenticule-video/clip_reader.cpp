@@ -6,12 +6,14 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <chrono>
 #include <cstdarg>
 #include <cstring>
 #include <string_view>
 #include <utility>
 
 #include "apps/lenticule-video/descriptor_io.h"
+#include "apps/lenticule-video/hardware_pictures.h"
 #include "base/error.h"
 
 namespace lenticule::video {
@@ -20,6 +22,11 @@ namespace {
 constexpr int64_t kMostPixels = int64_t{1} << 28;
 /// Consecutive read errors after which the rest of the file is skipped.
 constexpr int kMostReadErrors = 100;
+/// Calls of a hardware decoder without a picture after which it counts as broken. Decoders keep
+/// some tens of packets.
+constexpr int kMostFruitlessCalls = 1000;
+/// Time limit of one call. Shorter than that of the player, which would kill this process.
+constexpr std::chrono::milliseconds kMostCallTime{4000};
 constexpr int64_t kProbeBytes = 8 << 20;
 constexpr int64_t kProbeMicroseconds = 5'000'000;
 
@@ -134,30 +141,96 @@ void SliceErrors::hear(void* source, int /*level*/, const char* format, va_list 
 
 // --- frames --------------------------------------------------------------------------------------
 
-ClipReader::ClipReader(const int& fd, std::string name, std::optional<int> stream, int threads)
+ClipReader::ClipReader(const int& fd, std::string name, ClipOptions options)
     : fd_(fd),
       name_(std::move(name)),
-      wanted_(stream),
-      threads_(threads),
+      options_(std::move(options)),
       packet_(av_packet_alloc()),
       frame_(av_frame_alloc()) {
   if (!packet_ || !frame_) throw Error(ErrorKind::Failed, "video: out of memory");
   open();
 }
 
+ClipReader::~ClipReader() {
+  close_decoder();
+}
+
 void ClipReader::open() {
   container_ = std::make_unique<Container>(fd_, name_);
-  stream_ = &container_->video_stream(wanted_);
+  stream_ = &container_->video_stream(options_.stream);
   for (unsigned i = 0; i < container_->format().nb_streams; ++i)
     container_->format().streams[i]->discard =
         static_cast<int>(i) == stream_->index ? AVDISCARD_DEFAULT : AVDISCARD_ALL;
   open_decoder();
+  begin(std::nullopt);
+}
+
+/// Forgets the state of what was decoded so far.
+void ClipReader::begin(std::optional<int64_t> time) {
+  av_packet_unref(packet_.get());
+  packet_waits_ = false;
+  untimed_ = false;
   awaits_key_ = false;
   draining_ = false;
   read_errors_ = 0;
+  start_ = time;
+  delivered_ = 0;
+  broken_before_ = broken_;
 }
 
 void ClipReader::open_decoder() {
+  if (!open_in_hardware()) open_in_software();
+}
+
+/// Gives a hardware decoder its buffers back and closes the device.
+void ClipReader::close_decoder() {
+  const Watchdog::Watch watch(watchdog_.get());
+  av_frame_unref(frame_.get());
+  codec_.reset();
+}
+
+/// Opens the stream's hardware decoder; returns false if it cannot be used.
+bool ClipReader::open_in_hardware() {
+  if (options_.hardware.empty()) return false;
+  const AVCodecParameters& parameters = *stream_->codecpar;
+  const HardwareChoice choice = choose_hardware(parameters, options_.hardware);
+  const AVCodec* const decoder = avcodec_find_decoder_by_name(choice.decoder.c_str());
+  if (decoder == nullptr) {
+    give_up_hardware(choice.decoder.empty() ? choice.obstacle
+                                            : "FFmpeg has no decoder " + choice.decoder);
+    return false;
+  }
+  const DecoderChoice chosen{.name = choice.decoder, .hardware = true, .reason = {}};
+  if (!watchdog_)
+    watchdog_ = std::make_unique<Watchdog>(kMostCallTime,
+                                           [hang = options_.on_hang, chosen] { hang(chosen); });
+  codec_.reset(avcodec_alloc_context3(decoder));
+  if (!codec_) throw Error(ErrorKind::Failed, "video: out of memory");
+  if (const int error = avcodec_parameters_to_context(codec_.get(), &parameters); error < 0)
+    fail(name_, "damaged stream header: " + av_reason(error));
+  codec_->max_pixels = kMostPixels;
+  codec_->codec_whitelist = av_strdup(choice.decoder.c_str());
+  codec_->pkt_timebase = stream_->time_base;
+  const Watchdog::Watch watch(watchdog_.get());
+  if (const int error = avcodec_open2(codec_.get(), decoder, nullptr); error < 0) {
+    give_up_hardware(choice.decoder + " cannot be opened: " + av_reason(error));
+    return false;
+  }
+  if (!std::exchange(in_hardware_, true)) options_.on_choice(chosen);
+  return true;
+}
+
+/// Decodes in software from now on.
+void ClipReader::give_up_hardware(const std::string& reason) {
+  close_decoder();
+  options_.hardware.clear();
+  in_hardware_ = false;
+  options_.on_choice(
+      {.name = avcodec_get_name(stream_->codecpar->codec_id), .hardware = false, .reason = reason});
+}
+
+void ClipReader::open_in_software() {
+  watchdog_.reset();
   const AVCodecParameters& parameters = *stream_->codecpar;
   const AVCodec* const decoder = avcodec_find_decoder(parameters.codec_id);
   const char* const codec_name = avcodec_get_name(parameters.codec_id);
@@ -166,7 +239,7 @@ void ClipReader::open_decoder() {
   if (!codec_) throw Error(ErrorKind::Failed, "video: out of memory");
   if (const int error = avcodec_parameters_to_context(codec_.get(), &parameters); error < 0)
     fail(name_, "damaged stream header: " + av_reason(error));
-  codec_->thread_count = threads_;
+  codec_->thread_count = options_.threads;
   codec_->max_pixels = kMostPixels;
   codec_->codec_whitelist = av_strdup(allowed_codecs());
   codec_->pkt_timebase = stream_->time_base;
@@ -182,8 +255,47 @@ void ClipReader::open_decoder() {
 }
 
 ClipReader::Step ClipReader::next() {
+  if (!in_hardware_) return next_in_software();
+  const std::optional<Step> step = next_in_hardware();
+  return step ? *step : continue_in_software();
+}
+
+/// Returns none if the device fails.
+std::optional<ClipReader::Step> ClipReader::next_in_hardware() {
+  for (int calls = 0; calls < kMostFruitlessCalls; ++calls) {
+    const int error = receive();
+    if (error == 0) {
+      obstacle_ = adopt_picture(*frame_, *stream_->codecpar);
+      if (!obstacle_.empty()) return std::nullopt;
+      ++delivered_;
+      return Step::Frame;
+    }
+    if (error == AVERROR_EOF && draining_ && delivered_ > 0) return Step::End;
+    obstacle_ = error == AVERROR_EOF ? "it ends before the file" : av_reason(error);
+    if (error != AVERROR(EAGAIN)) return std::nullopt;
+    obstacle_ = "it refuses a packet";
+    if (!draining_ && !feed()) return std::nullopt;
+  }
+  obstacle_ = "it gives no picture";
+  return std::nullopt;
+}
+
+/// Replaces the hardware decoder and decodes the picture after the last one that it gave.
+ClipReader::Step ClipReader::continue_in_software() {
+  const uint64_t delivered = delivered_;
+  const std::optional<int64_t> start = start_;
+  give_up_hardware(std::string("hardware decoder failed: ") + obstacle_);
+  broken_ = broken_before_;
+  reopen();
+  if (start && !seek(*start)) fail(name_, "cannot seek");
+  for (uint64_t i = 0; i < delivered; ++i)
+    if (next_in_software() == Step::End) return Step::End;
+  return next_in_software();
+}
+
+ClipReader::Step ClipReader::next_in_software() {
   while (true) {
-    const int error = avcodec_receive_frame(codec_.get(), frame_.get());
+    const int error = receive();
     if (error == 0 && is_spoilt()) {
       ++broken_;
       continue;
@@ -211,44 +323,66 @@ bool ClipReader::is_spoilt() {
   return awaits_key_;
 }
 
-/// Sends the next packet, or the end of the stream, to the decoder; returns false if it accepts
-/// neither.
-bool ClipReader::feed() {
+int ClipReader::receive() {
+  const Watchdog::Watch watch(watchdog_.get());
+  return avcodec_receive_frame(codec_.get(), frame_.get());
+}
+
+int ClipReader::send(const AVPacket* packet) {
+  const Watchdog::Watch watch(watchdog_.get());
+  if (in_hardware_ && packet != nullptr && packet->pts == AV_NOPTS_VALUE) untimed_ = true;
+  return avcodec_send_packet(codec_.get(), packet);
+}
+
+/// Reads the stream's next packet; returns false at the end.
+bool ClipReader::read_packet() {
   while (true) {
     const int error = av_read_frame(&container_->format(), packet_.get());
     if (error < 0 && error != AVERROR_EOF && ++read_errors_ <= kMostReadErrors) {
       ++broken_;
       continue;
     }
-    if (error < 0) {
-      draining_ = true;
-      read_errors_ = 0;
-      return avcodec_send_packet(codec_.get(), nullptr) == 0;
-    }
     read_errors_ = 0;
-    const bool ours = packet_->stream_index == stream_->index;
-    ++codec_->reordered_opaque;
-    const int sent = ours ? avcodec_send_packet(codec_.get(), packet_.get()) : 0;
+    if (error < 0) return false;
+    if (packet_->stream_index == stream_->index) return true;
     av_packet_unref(packet_.get());
-    if (!ours) continue;
-    if (sent < 0) ++broken_;
-    return true;
   }
 }
 
+/// Sends the next packet, or the end of the stream, to the decoder; returns false if it accepts
+/// neither.
+bool ClipReader::feed() {
+  if (!packet_waits_ && !read_packet()) {
+    draining_ = true;
+    return send(nullptr) == 0;
+  }
+  ++codec_->reordered_opaque;
+  const int sent = send(packet_.get());
+  packet_waits_ = in_hardware_ && sent == AVERROR(EAGAIN);
+  if (packet_waits_) return true;
+  av_packet_unref(packet_.get());
+  if (sent < 0 && in_hardware_) return false;
+  if (sent < 0) ++broken_;
+  return true;
+}
+
+/// A hardware decoder is opened again, because FFmpeg cannot empty it.
 bool ClipReader::seek(int64_t time) {
   if (time == AV_NOPTS_VALUE) return false;
   AVFormatContext& format = container_->format();
   if (av_seek_frame(&format, stream_->index, time, AVSEEK_FLAG_BACKWARD) < 0) return false;
-  avcodec_flush_buffers(codec_.get());
-  awaits_key_ = false;
-  draining_ = false;
-  read_errors_ = 0;
+  if (in_hardware_) {
+    close_decoder();
+    open_decoder();
+  } else {
+    avcodec_flush_buffers(codec_.get());
+  }
+  begin(time);
   return true;
 }
 
 void ClipReader::reopen() {
-  codec_.reset();
+  close_decoder();
   stream_ = nullptr;
   container_.reset();
   open();

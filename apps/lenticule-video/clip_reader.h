@@ -4,6 +4,8 @@
 
 #include <cstdarg>
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <set>
@@ -11,7 +13,9 @@
 #include <vector>
 
 #include "apps/lenticule-video/av_handles.h"
+#include "apps/lenticule-video/hardware_decoders.h"
 #include "apps/lenticule-video/stream_pixels.h"
+#include "apps/lenticule-video/watchdog.h"
 
 namespace lenticule::video {
 
@@ -63,27 +67,54 @@ class SliceErrors {
   std::set<int64_t> packets_;
 };
 
+/// The decoder in use, and the reason for a change.
+struct DecoderChoice {
+  std::string name;  ///< FFmpeg's name
+  bool hardware = false;
+  std::string reason;  ///< the reason why it is not a hardware decoder; empty for one
+};
+
+struct ClipOptions {
+  std::optional<int> stream;              ///< default: the first with pictures
+  int threads = 1;                        ///< of a software decoder
+  std::vector<HardwareDecoder> hardware;  ///< devices that this process may open
+  /// Called for the first hardware decoder, and when a software decoder takes the place of
+  /// hardware.
+  std::function<void(const DecoderChoice&)> on_choice;
+  /// Called on another thread when a hardware decoder does not answer; must end the process.
+  std::function<void(const DecoderChoice&)> on_hang;
+};
+
+/// ClipReader decodes in hardware where a device can, and changes to software for good when the
+/// device reports an error or gives a picture that the stream cannot have. The software decoder
+/// starts where the device had started and leaves out as many pictures as the device had given.
+///
 /// Thread safety: one thread. Lifetime: the descriptor must outlive the reader.
 class ClipReader {
  public:
   enum class Step { Frame, End };
 
   /// Throws Error(Input) for a file that cannot be decoded.
-  ClipReader(const int& fd, std::string name, std::optional<int> stream, int threads);
+  ClipReader(const int& fd, std::string name, ClipOptions options);
+  ~ClipReader();
+  ClipReader(const ClipReader&) = delete;
+  ClipReader& operator=(const ClipReader&) = delete;
 
   [[nodiscard]] const AVStream& stream() const { return *stream_; }
   /// Decodes the next picture. Packets that cannot be decoded, and pictures with a wrong checksum,
-  /// are skipped and counted.
+  /// are skipped and counted. Throws as the constructor.
   [[nodiscard]] Step next();
   [[nodiscard]] const AVFrame& frame() const { return *frame_; }
   /// Returns the time stamp of frame(), or AV_NOPTS_VALUE.
-  [[nodiscard]] int64_t time() const { return frame_->best_effort_timestamp; }
+  [[nodiscard]] int64_t time() const {
+    return untimed_ ? AV_NOPTS_VALUE : frame_->best_effort_timestamp;
+  }
   [[nodiscard]] uint64_t broken_packets() const { return broken_; }
   /// Returns the number of frames in which the decoder found errors.
   [[nodiscard]] uint64_t faulty_frames() const { return faulty_; }
 
   /// Seeks to the last key frame at or before `time`; returns false if the file does not support
-  /// seeking.
+  /// seeking. Throws as the constructor.
   [[nodiscard]] bool seek(int64_t time);
   /// Opens the file again, so that the first frame comes next, even if the container does not
   /// support seeking. Throws as the constructor.
@@ -92,24 +123,44 @@ class ClipReader {
  private:
   void open();
   void open_decoder();
+  [[nodiscard]] bool open_in_hardware();
+  void open_in_software();
+  void close_decoder();
+  void begin(std::optional<int64_t> time);
+  [[nodiscard]] Step next_in_software();
+  [[nodiscard]] std::optional<Step> next_in_hardware();
+  [[nodiscard]] Step continue_in_software();
+  void give_up_hardware(const std::string& reason);
+  [[nodiscard]] bool read_packet();
   [[nodiscard]] bool feed();
+  [[nodiscard]] int send(const AVPacket* packet);
+  [[nodiscard]] int receive();
   [[nodiscard]] bool is_spoilt();
 
   const int& fd_;
   std::string name_;
-  std::optional<int> wanted_;
-  int threads_;
+  ClipOptions options_;
+  std::unique_ptr<Watchdog> watchdog_;  ///< present while a hardware decoder is in use
   std::unique_ptr<Container> container_;
   AVStream* stream_ = nullptr;
   SliceErrors slice_errors_;  // must precede codec_, which uses it
   AvCodec codec_;
   AvPacket packet_;
   AvFrame frame_;
+  bool in_hardware_ = false;
   bool draining_ = false;
-  bool awaits_key_ = false;  ///< an FFV1 frame was damaged, and later ones may depend on it
+  bool awaits_key_ = false;    ///< an FFV1 frame was damaged, and later ones may depend on it
+  bool packet_waits_ = false;  ///< the device had no room for packet_
+  bool untimed_ = false;       ///< the device replaces missing time stamps by zero
+  std::string obstacle_;       ///< fault of the device
   uint64_t broken_ = 0;
   uint64_t faulty_ = 0;
   int read_errors_ = 0;
+
+  // The last open() or seek(), and the work since then.
+  std::optional<int64_t> start_;  ///< time of the seek
+  uint64_t delivered_ = 0;        ///< pictures of a hardware decoder
+  uint64_t broken_before_ = 0;
 };
 
 }  // namespace lenticule::video

@@ -16,9 +16,11 @@
 
 #include "apps/lenticule-video/clip_reader.h"
 #include "apps/lenticule-video/confinement.h"
+#include "apps/lenticule-video/hardware_decoders.h"
 #include "apps/lenticule-video/pixel_convert.h"
 #include "apps/lenticule-video/subcommands.h"
 #include "base/error.h"
+#include "base/main_function.h"
 #include "base/text.h"
 #include "base/unique_fd.h"
 #include "frames/image_io.h"
@@ -266,6 +268,65 @@ void Feed::report_clip() {
                 {"left_out", left_out - std::exchange(left_out_before_, left_out)}});
 }
 
+void report_choice(const DecoderChoice& choice) {
+  json event = {{"event", "decoder"},
+                {"decoder", choice.name},
+                {"hardware", choice.hardware},
+                {"reason", nullptr}};
+  if (!choice.reason.empty()) event["reason"] = choice.reason;
+  report_event(event);
+}
+
+[[nodiscard]] Error no_hardware(const DecodeRequest& request, const std::string& reason) {
+  return {ErrorKind::Device, fmt::format("{}: not decoded in hardware: {}", request.file, reason),
+          "use --decoder auto or --decoder software"};
+}
+
+/// Reports that another decoder is in use. Throws if the request forbids it.
+void accept_choice(const DecodeRequest& request, const DecoderChoice& choice) {
+  if (request.decoder == Decoder::Hardware && !choice.hardware)
+    throw no_hardware(request, choice.reason);
+  report_choice(choice);
+}
+
+/// Ends the process: the thread that decodes waits for the device. The player starts another one.
+[[noreturn]] void end_hung(const DecodeRequest& request, const DecoderChoice& choice) {
+  const std::string reason = fmt::format("hardware decoder {} does not answer", choice.name);
+  report_choice({.name = choice.name, .hardware = true, .reason = reason});
+  _exit(report_error(
+      {ErrorKind::Device, fmt::format("{}: {}", request.file, reason), "use --decoder software"},
+      {.program = "lenticule-video"}));
+}
+
+/// Returns the devices that may decode the file. Woven frames have full chroma, which they do not
+/// give.
+std::vector<HardwareDecoder> wanted_hardware(const DecodeRequest& request) {
+  const bool required = request.decoder == Decoder::Hardware;
+  if (request.decoder == Decoder::Software) return {};
+  if (required && !request.before_weaving)
+    throw no_hardware(request, "devices give chroma of lower resolution, for --before-weaving");
+  if (!request.before_weaving) return {};
+  std::vector<HardwareDecoder> found = find_hardware_decoders();
+  if (required && found.empty())
+    throw no_hardware(request, "no /dev/video* that this user may open is a decoder");
+  return found;
+}
+
+/// Confines the process; returns the devices that it may still open.
+std::vector<HardwareDecoder> confine_to(const DecodeRequest& request, uint64_t memory) {
+  std::vector<HardwareDecoder> hardware = wanted_hardware(request);
+  if (hardware.empty()) {
+    confine(memory, request.parent);
+    return {};
+  }
+  std::vector<std::string> nodes;
+  for (const HardwareDecoder& device : hardware) nodes.push_back(device.node);
+  const std::string obstacle = confine_with_devices(memory, request.parent, nodes);
+  if (obstacle.empty()) return hardware;
+  accept_choice(request, {.name = "software", .hardware = false, .reason = obstacle});
+  return {};
+}
+
 }  // namespace
 
 int run_decode(const DecodeRequest& request) {
@@ -278,9 +339,14 @@ int run_decode(const DecodeRequest& request) {
                                                    .rate = std::nullopt,
                                                    .frame_count = std::nullopt},
                                                   kTimeout);
-  confine(memory_for(ring->geometry()), request.parent);
+  ClipOptions options{
+      .stream = request.stream,
+      .threads = bounded_threads(request.threads),
+      .hardware = confine_to(request, memory_for(ring->geometry())),
+      .on_choice = [&](const DecoderChoice& choice) { accept_choice(request, choice); },
+      .on_hang = [&](const DecoderChoice& choice) { end_hung(request, choice); }};
   const int fd = input.get();
-  ClipReader clip(fd, request.file, request.stream, bounded_threads(request.threads));
+  ClipReader clip(fd, request.file, std::move(options));
   Feed feed(request, *ring, clip);
   const bool finished = feed.run();
   report_event({{"event", finished ? "end" : "player_gone"}, {"published", feed.published()}});

@@ -47,6 +47,12 @@ Run declare_decode(CLI::App& app) {
       ->check(CLI::Range(1, 8));
   app.add_option("--threads", request->threads, "default: the number of cores, at most 4")
       ->check(CLI::Range(0, 64));
+  const std::map<std::string, Decoder> decoders = {
+      {"auto", Decoder::Auto}, {"software", Decoder::Software}, {"hardware", Decoder::Hardware}};
+  app.add_option("--decoder", request->decoder,
+                 "auto: hardware if the machine has it for this stream; software; hardware")
+      ->transform(CLI::CheckedTransformer(decoders))
+      ->default_str("auto");
   app.add_option("--parent", request->parent, "exit when this process ends");
   return [request] { return run_decode(*request); };
 }

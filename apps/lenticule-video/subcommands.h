@@ -15,6 +15,12 @@ namespace lenticule::video {
 /// Prints {"container": ..., "streams": [...]} on standard output.
 [[nodiscard]] int run_probe(const std::string& file);
 
+enum class Decoder {
+  Auto,  ///< hardware if a device can, else software
+  Software,
+  Hardware,
+};
+
 struct DecodeRequest {
   std::string file;
   std::string ring;             ///< path of the socket
@@ -30,7 +36,8 @@ struct DecodeRequest {
   bool before_weaving = false;  ///< accept subsampled chroma
   int orientation = 1;          ///< EXIF number: rotation of the frames
   int threads = 0;              ///< 0 = one per core, at most four
-  pid_t parent = 0;             ///< exit with this process; 0 = independent
+  Decoder decoder = Decoder::Auto;
+  pid_t parent = 0;  ///< exit with this process; 0 = independent
 };
 [[nodiscard]] int run_decode(const DecodeRequest& request);
 
