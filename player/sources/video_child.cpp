@@ -84,6 +84,11 @@ std::optional<VideoEvent> VideoChild::position() const {
   return position_;
 }
 
+std::optional<VideoEvent> VideoChild::decoder() const {
+  const std::lock_guard lock(mutex_);
+  return decoder_;
+}
+
 // --- the keeper thread -------------------------------------------------------------------------
 
 void VideoChild::look_after() {
@@ -160,6 +165,7 @@ void VideoChild::hear(std::string_view line) {
     return;
   }
   if (event->kind == VideoEvent::Kind::Position && event->time) position_ = event;
+  if (event->kind == VideoEvent::Kind::Decoder) decoder_ = event;
   if (event->kind == VideoEvent::Kind::Broken) broken_.store(event->broken);
   const uint64_t known = event->frame + event->left_out;
   if (event->kind != VideoEvent::Kind::Clip) return;

@@ -59,6 +59,8 @@ class VideoChild {
   [[nodiscard]] uint64_t missing() const { return missing_.load(); }
   /// Returns the number of rounds of the clip that the present child has completed.
   [[nodiscard]] uint64_t rounds() const { return rounds_.load(); }
+  /// Returns the latest report of which decoder is in use; none while it is software as ever.
+  [[nodiscard]] std::optional<VideoEvent> decoder() const;
   void expect_frames(std::optional<uint64_t> expected);
   /// Returns a descriptor that is readable when the child has ended.
   [[nodiscard]] int wake_fd() const { return ended_.fd(); }
@@ -79,6 +81,7 @@ class VideoChild {
   std::vector<std::string> arguments_;  ///< arguments of the child to start; empty = none requested
   std::optional<ChildEnd> end_;
   std::optional<VideoEvent> position_;
+  std::optional<VideoEvent> decoder_;
   std::string last_words_;
   pid_t pid_ = -1;
   bool kill_ = false;

@@ -162,6 +162,13 @@ std::optional<VideoEvent> parse_video_event(std::string_view line) {
     event.kind = VideoEvent::Kind::Clip;
     event.frame = count(find("frames"), kMostFrames).value_or(0);
     event.left_out = count(find("left_out"), kMostFrames).value_or(0);
+  } else if (*find("event") == "decoder") {
+    const JsonFields fields(object, "decoder");
+    const json* const hardware = find("hardware");
+    event.kind = VideoEvent::Kind::Decoder;
+    event.decoder = name(fields, "decoder");
+    event.hardware = hardware != nullptr && hardware->is_boolean() && hardware->get<bool>();
+    event.reason = name(fields, "reason");
   }
   return event;
 }

@@ -47,12 +47,15 @@ struct VideoStream {
 
 /// A line that a decoder prints while it works.
 struct VideoEvent {
-  enum class Kind { Position, Broken, Clip, Other };
+  enum class Kind { Position, Broken, Clip, Decoder, Other };
   Kind kind = Kind::Other;
   uint64_t frame = 0;           ///< frame number in the file (Position)
   std::optional<int64_t> time;  ///< time stamp of that frame
   uint64_t broken = 0;          ///< frames and packets left out or faulty so far
   uint64_t left_out = 0;  ///< frames left out in this round (Clip); `frame` is the number that came
+  std::string decoder;    ///< FFmpeg's name of the decoder in use (Decoder), escaped
+  bool hardware = false;  ///< it is a hardware decoder
+  std::string reason;     ///< reason why a hardware decoder is not used, or fails; escaped
 };
 /// Returns none if the line is not such an event. Never throws because of the line's contents.
 [[nodiscard]] std::optional<VideoEvent> parse_video_event(std::string_view line);

@@ -5,9 +5,11 @@
 #include <sys/epoll.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <deque>
+#include <string_view>
 #include <utility>
 
 #include "base/error.h"
@@ -92,6 +94,16 @@ uint64_t slots_for(const VideoStream& stream, const VideoRequest& request) {
   return std::clamp<uint64_t>(fit, kLeastSlots, most);
 }
 
+/// Returns true for streams that hardware decoders may have been made for. All others are decoded
+/// by a process that cannot open a device.
+bool may_use_hardware(const VideoStream& stream, const VideoRequest& request) {
+  constexpr std::array<std::string_view, 6> kCodecs = {"h264", "hevc",  "vp8",
+                                                       "vp9",  "mpeg4", "mpeg2video"};
+  const bool known = std::ranges::find(kCodecs, stream.codec) != kCodecs.end();
+  const bool bytes = stream.pixel_format == "yuv420p" || stream.pixel_format == "yuvj420p";
+  return request.hardware && request.before_weaving && known && bytes;
+}
+
 class Source final : public VideoSource {
  public:
   explicit Source(const VideoRequest& request)
@@ -99,6 +111,7 @@ class Source final : public VideoSource {
         program_(request.program.empty() ? find_video_program() : request.program),
         stream_(suitable_stream(request)),
         upright_(upright_geometry(stream_)),
+        hardware_(may_use_hardware(stream_, request_)),
         slots_(slots_for(stream_, request)),
         ring_(frames::RingPlayer::open({.socket = folder_.path() / "ring",
                                         .geometry = upright_,
@@ -149,6 +162,7 @@ class Source final : public VideoSource {
   const std::filesystem::path program_;
   const VideoStream stream_;
   const frames::FrameGeometry upright_;
+  bool hardware_;  ///< the next decoder may use a device
   const uint64_t slots_;
   const PrivateFolder folder_;
   std::unique_ptr<frames::RingPlayer> ring_;
@@ -278,6 +292,7 @@ void Source::begin_child() {
                                        "--known-time=" + std::to_string(*known->time)});
   if (request_.plays_again) arguments.emplace_back("--loop");
   if (request_.before_weaving) arguments.emplace_back("--before-weaving");
+  arguments.insert(arguments.end(), {"--decoder", hardware_ ? "auto" : "software"});
   arguments.insert(arguments.end(), {"--", request_.file.string()});
   if (*stream_.orientation != frames::Orientation::Upright)
     arguments.insert(arguments.end() - 2,
@@ -322,7 +337,9 @@ void Source::bury() {
                   final_word ? "cannot be decoded" : "the decoder ends repeatedly", end_.text());
 }
 
+/// Counts the restart. The new decoder is a software decoder, in case a device is at fault.
 bool Source::may_restart() {
+  hardware_ = false;
   const Clock::time_point now = Clock::now();
   while (!restarts_.empty() && now - restarts_.front() > kRestartWindow) restarts_.pop_front();
   if (restarts_.size() >= kMostRestarts) return false;
@@ -353,6 +370,10 @@ VideoStatistics Source::statistics() const {
   VideoStatistics now = counts_;
   now.broken = child_.broken();
   now.decoder = child_.pid();
+  if (const std::optional<VideoEvent> choice = child_.decoder()) {
+    now.hardware = choice->hardware && hardware_;
+    now.no_hardware = choice->reason;
+  }
   return now;
 }
 
