@@ -1,0 +1,359 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests hardware decoders of videos with a fake device, which a preloaded library shows to the
+// decoder. The device's pictures differ from those of the file, so that each shows who decoded it.
+#include <gmock/gmock.h>
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "base/exit_code.h"
+#include "frames/ring/frame_number.h"
+#include "frames/ring/ring_player.h"
+#include "tests/support/fakes/fake_v4l2_pictures.h"
+#include "tests/support/h264_clip.h"
+#include "tests/unit/player/video_stage.h"
+
+namespace lenticule::player {
+namespace {
+
+using frames::PullStatus;
+using nlohmann::json;
+using Words = std::vector<std::string>;
+using Pictures = std::vector<std::vector<uint8_t>>;
+
+constexpr int kWidth = 64;
+constexpr int kHeight = 48;
+constexpr int kMilliseconds = 40;
+constexpr size_t kFrames = 12;
+constexpr size_t kAll = 1000;
+constexpr const char* kNoDevice = "absent";
+constexpr const char* kGood = "good";
+
+/// Frames and messages of one run of lenticule-video decode.
+struct Decoded {
+  Pictures frames;
+  int exit_code = -1;
+  std::string messages;
+  std::vector<json> choices;  ///< the events that name a decoder
+};
+
+class HardwareVideo : public test::VideoTest {
+ protected:
+  static test::Picture420 file_picture(size_t number, int height) {
+    test::Picture420 picture{.width = kWidth, .height = height, .samples = {}};
+    const size_t luma = size_t{kWidth} * static_cast<size_t>(height);
+    for (size_t i = 0; i < luma * 3 / 2; ++i)
+      picture.samples.push_back(
+          static_cast<uint8_t>(40 + (i * 7 + i / kWidth + number * 31) % 150));
+    return picture;
+  }
+
+  static test::Picture420 device_picture(size_t number, int height) {
+    test::Picture420 picture{.width = kWidth, .height = height, .samples = {}};
+    const size_t luma = size_t{kWidth} * static_cast<size_t>(height);
+    picture.samples.assign(luma, test::brightness_of_fake_picture(number));
+    picture.samples.insert(picture.samples.end(), luma / 4, test::kFakeBlue);
+    picture.samples.insert(picture.samples.end(), luma / 4, test::kFakeRed);
+    return picture;
+  }
+
+  std::filesystem::path clip(int height = kHeight, bool full_range = false) const {
+    return write("clip.flv", height, full_range, file_picture);
+  }
+
+  /// Returns the frames that software shows of the file.
+  Pictures of_file(int height = kHeight) const {
+    return decode(kNoDevice, write("file.flv", height, false, file_picture), {}, kAll, height)
+        .frames;
+  }
+  /// Returns the frames that software shows of a file with the device's pictures.
+  Pictures of_device(int height = kHeight, bool full_range = false) const {
+    return decode(kNoDevice, write("device.flv", height, full_range, device_picture), {}, kAll,
+                  height)
+        .frames;
+  }
+
+  /// Decodes at most `most` frames with the device that the words describe.
+  Decoded decode(const std::string& device, const std::filesystem::path& file,
+                 const Words& flags = {}, size_t most = kAll, int height = kHeight,
+                 bool before_weaving = true) const {
+    auto ring = frames::RingPlayer::open(
+        {.socket = folder / "ring",
+         .geometry = {.width = file.extension() == ".mkv" ? kSmall.width : kWidth,
+                      .height = file.extension() == ".mkv" ? kSmall.height : height},
+         .slots = 4,
+         .rig_fingerprint = {}});
+    Words words = {"/usr/bin/env",
+                   std::string("LD_PRELOAD=") + LENTICULE_FAKE_V4L2,
+                   "LENTICULE_FAKE_DECODER=" + device,
+                   LENTICULE_VIDEO_PROGRAM,
+                   "decode",
+                   "--ring",
+                   (folder / "ring").string()};
+    if (before_weaving) words.emplace_back("--before-weaving");
+    words.insert(words.end(), flags.begin(), flags.end());
+    words.push_back(file.string());
+    test::BackgroundProcess process(words);
+    Decoded decoded;
+    decoded.frames = take_frames(*ring, process.pid(), most);
+    ring.reset();
+    const test::ProcessResult result = process.wait(test::kVideoDeadline);
+    decoded.exit_code = result.exit_code;
+    decoded.messages = result.err;
+    decoded.choices = choices_in(result.err);
+    return decoded;
+  }
+
+  /// Expects the device's pictures up to `change` and then those of the file.
+  static void expect_change(const Pictures& shown, const Pictures& device, const Pictures& file,
+                            size_t change) {
+    ASSERT_EQ(shown.size(), file.size());
+    for (size_t k = 0; k < shown.size(); ++k)
+      EXPECT_EQ(shown[k], k < change ? device[k] : file[k]) << "frame " << k;
+  }
+
+ private:
+  template <typename Draw>
+  std::filesystem::path write(const std::string& name, int height, bool full_range,
+                              const Draw& draw) const {
+    std::vector<test::Picture420> pictures;
+    for (size_t k = 0; k < kFrames; ++k) pictures.push_back(draw(k, height));
+    test::write_h264_clip(
+        {.file = file(name), .milliseconds = kMilliseconds, .full_range = full_range}, pictures);
+    return file(name);
+  }
+
+  static bool has_ended(pid_t process) {
+    siginfo_t info{};
+    return waitid(P_PID, static_cast<id_t>(process), &info, WEXITED | WNOHANG | WNOWAIT) == 0 &&
+           info.si_pid == process;
+  }
+
+  static Pictures take_frames(frames::RingPlayer& ring, pid_t process, size_t most) {
+    const auto deadline = std::chrono::steady_clock::now() + test::kVideoDeadline;
+    Pictures taken;
+    while (taken.size() < most && std::chrono::steady_clock::now() < deadline) {
+      const bool last = has_ended(process);
+      ring.service();
+      frames::AcquiredFrame frame;
+      const PullStatus status = ring.pull(frame);
+      if (status == PullStatus::End || (status == PullStatus::NotYet && last)) return taken;
+      if (status == PullStatus::NotYet) {
+        pollfd wake{.fd = ring.wake_fd(), .events = POLLIN, .revents = 0};
+        (void)poll(&wake, 1, 20);
+        continue;
+      }
+      EXPECT_EQ(frames::position_of(frame.number), taken.size());
+      taken.emplace_back(frame.frame.bytes.begin(), frame.frame.bytes.end());
+      ring.release(frame.token);
+    }
+    return taken;
+  }
+
+  static std::vector<json> choices_in(const std::string& messages) {
+    std::vector<json> choices;
+    std::istringstream lines(messages);
+    for (std::string line; std::getline(lines, line);) {
+      const json event = json::parse(line, nullptr, false);
+      if (event.is_object() && event.value("event", "") == "decoder") choices.push_back(event);
+    }
+    return choices;
+  }
+};
+
+TEST_F(HardwareVideo, TheDeviceDecodesEveryPictureOfAStream) {
+  const Decoded decoded = decode(kGood, clip());
+  EXPECT_EQ(decoded.exit_code, kOk) << decoded.messages;
+  EXPECT_EQ(decoded.frames.size(), kFrames);
+  EXPECT_EQ(decoded.frames, of_device());
+  ASSERT_EQ(decoded.choices.size(), 1u) << decoded.messages;
+  EXPECT_EQ(decoded.choices[0]["decoder"], "h264_v4l2m2m");
+  EXPECT_EQ(decoded.choices[0]["hardware"], true);
+  EXPECT_EQ(decoded.choices[0]["reason"], nullptr);
+}
+
+TEST_F(HardwareVideo, InterleavedChromaGivesTheSamePictures) {
+  EXPECT_EQ(decode("nv12", clip()).frames, of_device());
+}
+
+TEST_F(HardwareVideo, TheColoursAreThoseThatTheStreamStates) {
+  EXPECT_EQ(decode(kGood, clip(kHeight, true)).frames, of_device(kHeight, true));
+  EXPECT_NE(of_device(kHeight, true), of_device(kHeight, false));
+}
+
+TEST_F(HardwareVideo, RowsThatFillTheLastBlocksAreLeftOut) {
+  constexpr int kUneven = 40;
+  for (const char* const device : {"whole-blocks", "whole-blocks nv12"}) {
+    const Decoded decoded = decode(device, clip(kUneven), {}, kAll, kUneven);
+    EXPECT_EQ(decoded.frames.size(), kFrames);
+    EXPECT_EQ(decoded.frames, of_device(kUneven)) << decoded.messages;
+  }
+}
+
+TEST_F(HardwareVideo, TheConfinedDecoderOpensTheDeviceAgainForEveryRound) {
+  constexpr size_t kRounds = 5;
+  const Pictures device = of_device();
+  const Decoded decoded = decode(kGood, clip(), {"--loop"}, kRounds * kFrames);
+  ASSERT_EQ(decoded.frames.size(), kRounds * kFrames) << decoded.messages;
+  for (size_t k = 0; k < decoded.frames.size(); ++k)
+    EXPECT_EQ(decoded.frames[k], device[k % kFrames]) << "frame " << k;
+  EXPECT_EQ(decoded.choices.size(), 1u) << decoded.messages;
+}
+
+TEST_F(HardwareVideo, ADeviceThatCannotBeOpenedAgainIsReplacedInTheNextRound) {
+  const Pictures device = of_device();
+  const Pictures file = of_file();
+  const Decoded decoded = decode("opens=1", clip(), {"--loop"}, 2 * kFrames);
+  ASSERT_EQ(decoded.frames.size(), 2 * kFrames) << decoded.messages;
+  for (size_t k = 0; k < kFrames; ++k) {
+    EXPECT_EQ(decoded.frames[k], device[k]) << "frame " << k;
+    EXPECT_EQ(decoded.frames[kFrames + k], file[k]) << "frame " << k;
+  }
+}
+
+TEST_F(HardwareVideo, SoftwareShowsTheFileWhenTheDeviceIsOfNoUse) {
+  const Pictures file = of_file();
+  for (const char* const device : {"refuses-format", "eats", "small", "error-at=0", "grows-at=0",
+                                   "refuses-packet=0", "opens=0"}) {
+    const Decoded decoded = decode(device, clip());
+    EXPECT_EQ(decoded.exit_code, kOk) << device << ": " << decoded.messages;
+    EXPECT_EQ(decoded.frames, file) << device;
+    ASSERT_FALSE(decoded.choices.empty()) << device;
+    EXPECT_LE(decoded.choices.size(), 2u) << device;
+    EXPECT_EQ(decoded.choices.back()["hardware"], false) << device;
+    EXPECT_NE(decoded.choices.back()["reason"], nullptr) << device;
+  }
+}
+
+TEST_F(HardwareVideo, SoftwareContinuesWithThePictureThatTheDeviceFailsToGive) {
+  const Pictures file = of_file();
+  const Pictures device = of_device();
+  for (const char* const fault : {"error-at=5", "grows-at=5", "refuses-packet=5"}) {
+    const Decoded decoded = decode(fault, clip());
+    EXPECT_EQ(decoded.exit_code, kOk) << fault << ": " << decoded.messages;
+    expect_change(decoded.frames, device, file, 5);
+    ASSERT_EQ(decoded.choices.size(), 2u) << fault << ": " << decoded.messages;
+    EXPECT_EQ(decoded.choices[1]["decoder"], "h264");
+    EXPECT_THAT(decoded.choices[1]["reason"].get<std::string>(),
+                testing::StartsWith("hardware decoder failed: "));
+  }
+}
+
+TEST_F(HardwareVideo, ADecoderWhoseDeviceDoesNotAnswerEnds) {
+  const Pictures device = of_device();
+  for (const size_t answers : {size_t{0}, size_t{4}}) {
+    const Decoded decoded = decode("hangs-at=" + std::to_string(answers), clip());
+    EXPECT_EQ(decoded.exit_code, kDevice) << decoded.messages;
+    EXPECT_EQ(decoded.frames, Pictures(device.begin(), device.begin() + ptrdiff_t(answers)));
+    EXPECT_THAT(decoded.messages, testing::HasSubstr("h264_v4l2m2m does not answer"));
+    EXPECT_THAT(decoded.messages, testing::HasSubstr("use --decoder software"));
+  }
+}
+
+/// A device begins anew after a seek: its picture 0 is the frame that was sought.
+TEST_F(HardwareVideo, ASeekBeginsAnew) {
+  const Words from = {"--from", "7", "--known-frame", "4", "--known-time=160"};
+  const Pictures device = of_device();
+  const Pictures file = of_file();
+  const Pictures whole = decode(kGood, clip(), from).frames;
+  ASSERT_EQ(whole.size(), kFrames - 7);
+  for (size_t k = 7; k < kFrames; ++k) EXPECT_EQ(whole[k - 7], device[k - 4]) << "frame " << k;
+  const Pictures changed = decode("error-at=5", clip(), from).frames;
+  ASSERT_EQ(changed.size(), kFrames - 7);
+  for (size_t k = 7; k < kFrames; ++k)
+    EXPECT_EQ(changed[k - 7], k - 4 < 5 ? device[k - 4] : file[k]) << "frame " << k;
+}
+
+TEST_F(HardwareVideo, DecoderSoftwareOpensNoDevice) {
+  const Decoded decoded = decode(kGood, clip(), {"--decoder", "software"});
+  EXPECT_EQ(decoded.frames, of_file());
+  EXPECT_TRUE(decoded.choices.empty());
+}
+
+TEST_F(HardwareVideo, DecoderHardwareRefusesSoftware) {
+  const Words hardware = {"--decoder", "hardware"};
+  EXPECT_EQ(decode(kGood, clip(), hardware).frames, of_device());
+  for (const char* const device : {kNoDevice, "small", "refuses-format", "error-at=3"}) {
+    const Decoded decoded = decode(device, clip(), hardware);
+    EXPECT_EQ(decoded.exit_code, kDevice) << device;
+    EXPECT_THAT(decoded.messages, testing::HasSubstr("clip.flv: not decoded in hardware: "));
+    EXPECT_THAT(decoded.messages, testing::HasSubstr("use --decoder auto or --decoder software"));
+  }
+  const Decoded woven = decode(kGood, clip(), hardware, kAll, kHeight, false);
+  EXPECT_EQ(woven.exit_code, kDevice) << woven.messages;
+}
+
+TEST_F(HardwareVideo, OtherStreamsAreDecodedInSoftware) {
+  const Decoded decoded = decode(kGood, write_clip("clip.mkv", 3));
+  ASSERT_EQ(decoded.frames.size(), 3u) << decoded.messages;
+  for (size_t k = 0; k < 3; ++k)
+    EXPECT_TRUE(std::ranges::equal(decoded.frames[k], clip_frame(k).bytes()));
+  ASSERT_EQ(decoded.choices.size(), 1u);
+  EXPECT_EQ(decoded.choices[0]["reason"], "ffv1 is not decoded in hardware");
+}
+
+// --- with the player's source
+// ---------------------------------------------------------------------
+
+class HardwareSource : public HardwareVideo {
+ protected:
+  /// Children inherit the environment; the test itself keeps the real devices.
+  void SetUp() override {
+    HardwareVideo::SetUp();
+    setenv("LD_PRELOAD", LENTICULE_FAKE_V4L2, 1);
+  }
+  void TearDown() override {
+    unsetenv("LD_PRELOAD");
+    unsetenv("LENTICULE_FAKE_DECODER");
+    HardwareVideo::TearDown();
+  }
+
+  static Pictures play(VideoSource& source) {
+    Pictures shown;
+    frames::AcquiredFrame frame;
+    while (pull(source, frame) == PullStatus::Ready) {
+      shown.emplace_back(frame.frame.bytes.begin(), frame.frame.bytes.end());
+      source.release(frame.token);
+    }
+    return shown;
+  }
+
+  std::unique_ptr<VideoSource> open(const char* device, bool hardware = true) const {
+    setenv("LENTICULE_FAKE_DECODER", device, 1);
+    VideoRequest wanted = request(clip());
+    wanted.before_weaving = true;
+    wanted.hardware = hardware;
+    return open_video(wanted);
+  }
+};
+
+TEST_F(HardwareSource, PlaysWhatTheDeviceDecodes) {
+  const Pictures device = of_device();
+  const auto source = open(kGood);
+  EXPECT_EQ(play(*source), device) << source->failure();
+  EXPECT_TRUE(source->statistics().hardware);
+  EXPECT_EQ(source->statistics().no_hardware, "");
+  EXPECT_EQ(source->statistics().restarts, 0u);
+}
+
+TEST_F(HardwareSource, ContinuesInSoftwareAfterADeviceThatDoesNotAnswer) {
+  const Pictures file = of_file();
+  const Pictures device = of_device();
+  const auto source = open("hangs-at=4");
+  expect_change(play(*source), device, file, 4);
+  EXPECT_EQ(source->statistics().restarts, 1u);
+  EXPECT_FALSE(source->statistics().hardware);
+  EXPECT_THAT(source->statistics().no_hardware, testing::HasSubstr("does not answer"));
+}
+
+TEST_F(HardwareSource, UsesNoDeviceIfNotWanted) {
+  const Pictures file = of_file();
+  const auto source = open(kGood, false);
+  EXPECT_EQ(play(*source), file);
+  EXPECT_FALSE(source->statistics().hardware);
+}
+
+}  // namespace
+}  // namespace lenticule::player
