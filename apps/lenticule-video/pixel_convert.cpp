@@ -194,6 +194,10 @@ void PixelConverter::unpack(const PicturePlanes& picture, int component, int row
     for (int x = 0; x < count; ++x) out[x] = in[x];
     return;
   }
+  if (is_whole_byte(c) && c.step == 2) {  // a constant step is vectorised: Cb and Cr of NV12
+    for (int x = 0; x < count; ++x) out[x] = in[2 * x];
+    return;
+  }
   if (wide && c.step == 2 && !layout_.big_endian && std::endian::native == std::endian::little) {
     std::memcpy(out, in, 2 * static_cast<size_t>(count));
     for (int x = 0; x < count; ++x) out[x] = static_cast<uint16_t>((out[x] >> c.shift) & mask);

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <fstream>
 #include <span>
+#include <utility>
 
 namespace lenticule::test {
 namespace {
@@ -59,13 +60,15 @@ class Bits {
 
  private:
   void put_bit(bool bit) {
-    if (used_ == 0) bytes_.push_back(0);
-    if (bit) bytes_.back() = static_cast<uint8_t>(bytes_.back() | 0x80 >> used_);
-    used_ = (used_ + 1) % 8;
+    last_ = static_cast<uint8_t>(last_ << 1 | (bit ? 1 : 0));
+    if (++used_ < 8) return;
+    bytes_.push_back(std::exchange(last_, uint8_t{0}));
+    used_ = 0;
   }
 
   Bytes bytes_;
-  int used_ = 0;  ///< bits used in the last byte
+  uint8_t last_ = 0;  ///< bits of the next byte
+  int used_ = 0;      ///< number of bits in last_
 };
 
 unsigned blocks(int size) {

@@ -30,7 +30,10 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   } catch (const Error& error) {
     LENTICULE_CHECK(std::string_view(error.what()).substr(0, 8) == "fuzz.mkv");
   }
-  if (const auto event = player::parse_video_event(text))
+  if (const auto event = player::parse_video_event(text)) {
     LENTICULE_CHECK(event->frame <= uint64_t{1} << 40);
+    LENTICULE_CHECK(event->decoder == escaped(event->decoder));
+    LENTICULE_CHECK(event->reason == escaped(event->reason));
+  }
   return 0;
 }

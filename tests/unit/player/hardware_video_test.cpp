@@ -252,6 +252,33 @@ TEST_F(HardwareVideo, ADecoderWhoseDeviceDoesNotAnswerEnds) {
   }
 }
 
+TEST_F(HardwareVideo, OnlyADecoderWithADeviceMayOpenDescriptors) {
+  const auto source = [this](const char* device) {
+    setenv("LD_PRELOAD", LENTICULE_FAKE_V4L2, 1);
+    setenv("LENTICULE_FAKE_DECODER", device, 1);
+    VideoRequest wanted = request(clip());
+    wanted.before_weaving = wanted.plays_again = true;
+    std::unique_ptr<VideoSource> opened = open_video(wanted);
+    frames::AcquiredFrame frame;
+    EXPECT_EQ(pull(*opened, frame), PullStatus::Ready) << opened->failure();
+    opened->release(frame.token);
+    unsetenv("LD_PRELOAD");
+    return opened;
+  };
+  const auto read = [](const VideoSource& playing, const char* name) {
+    std::ifstream in(fmt::format("/proc/{}/{}", playing.statistics().decoder, name));
+    return std::string(std::istreambuf_iterator<char>(in), {});
+  };
+  const auto hardware = source(kGood);
+  EXPECT_THAT(read(*hardware, "status"), testing::HasSubstr("Seccomp:\t2"));
+  EXPECT_THAT(read(*hardware, "status"), testing::HasSubstr("NoNewPrivs:\t1"));
+  EXPECT_THAT(read(*hardware, "limits"),
+              testing::ContainsRegex("Max open files +([2-9]|[1-9][0-9]) "));
+  EXPECT_THAT(read(*hardware, "limits"), testing::ContainsRegex("Max file size +0 "));
+  const auto software = source(kNoDevice);
+  EXPECT_THAT(read(*software, "limits"), testing::ContainsRegex("Max open files +1 "));
+}
+
 /// A device begins anew after a seek: its picture 0 is the frame that was sought.
 TEST_F(HardwareVideo, ASeekBeginsAnew) {
   const Words from = {"--from", "7", "--known-frame", "4", "--known-time=160"};

@@ -2,12 +2,16 @@
 // Makes system calls in child processes that run under the decoder's filter.
 #include "apps/lenticule-video/seccomp_filter.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <linux/audit.h>
 #include <linux/sched.h>
 #include <linux/seccomp.h>
+#include <linux/videodev2.h>
+#include <sys/ioctl.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
+#include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/time.h>
 #include <sys/wait.h>
@@ -92,8 +96,8 @@ bool install(std::vector<sock_filter> code) {
 
 /// Returns the wait status of a child process that runs `body` under the filter and exits with its
 /// result. A child that hangs is ended by SIGALRM.
-int status_of(const std::function<int()>& body) {
-  const std::vector<sock_filter> code = decoder_filter();
+int status_of(const std::function<int()>& body, Devices devices = Devices::None) {
+  const std::vector<sock_filter> code = decoder_filter(devices);
   const pid_t child = fork();
   if (child == 0) {
     alarm(kMostSeconds);
@@ -117,21 +121,23 @@ int error_of(long number, long a = -1, long b = -1, long c = -1, long d = -1, lo
 }
 
 /// Expects `body` to return true under the filter.
-void expect_under_filter(const std::function<bool()>& body) {
-  expect_exit_code(status_of([&] { return body() ? kPassed : 1; }), kPassed);
+void expect_under_filter(const std::function<bool()>& body, Devices devices = Devices::None) {
+  expect_exit_code(status_of([&] { return body() ? kPassed : 1; }, devices), kPassed);
 }
 
 /// Returns the errno values of the calls, made with wrong arguments under the filter.
-std::vector<int> errors_of(const std::vector<long>& numbers) {
+std::vector<int> errors_of(const std::vector<long>& numbers, Devices devices = Devices::None) {
   const size_t bytes = numbers.size() * sizeof(int);
   void* const shared =
       mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
   if (shared == MAP_FAILED) return {};
   auto* const errors = static_cast<int*>(shared);
-  expect_under_filter([&] {
-    for (size_t i = 0; i < numbers.size(); ++i) errors[i] = error_of(numbers[i]);
-    return true;
-  });
+  expect_under_filter(
+      [&] {
+        for (size_t i = 0; i < numbers.size(); ++i) errors[i] = error_of(numbers[i]);
+        return true;
+      },
+      devices);
   std::vector<int> result(errors, errors + numbers.size());
   munmap(shared, bytes);
   return result;
@@ -153,6 +159,52 @@ TEST(SeccompFilter, RefusesEveryOtherCall) {
   const std::vector<int> errors = errors_of(numbers);
   ASSERT_EQ(errors.size(), numbers.size());
   for (size_t i = 0; i < errors.size(); ++i) EXPECT_EQ(errors[i], EPERM) << "call " << numbers[i];
+}
+
+TEST(SeccompFilter, WithVideoDevicesAllowsToOpenAndListAndNoOtherCallMore) {
+  const std::set<long> more = {SYS_openat, SYS_getdents64};
+  std::vector<long> numbers(more.begin(), more.end());
+  for (const int error : errors_of(numbers, Devices::Video)) EXPECT_NE(error, EPERM);
+  numbers.clear();
+  std::set<long> named(kAllowed.begin(), kAllowed.end());
+  named.insert(kSpecial.begin(), kSpecial.end());
+  named.insert(more.begin(), more.end());
+  named.insert(SYS_newfstatat);  // with all bits of its flags set; tested below
+  for (long number = 0; number <= kMostNumber; ++number)
+    if (!named.contains(number)) numbers.push_back(number);
+  const std::vector<int> errors = errors_of(numbers, Devices::Video);
+  ASSERT_EQ(errors.size(), numbers.size());
+  for (size_t i = 0; i < errors.size(); ++i) EXPECT_EQ(errors[i], EPERM) << "call " << numbers[i];
+}
+
+/// Requests are made on a pipe, which knows none of them.
+TEST(SeccompFilter, WithVideoDevicesAllowsRequestsOfVideoDevicesOnly) {
+  std::array<int, 2> ends{};
+  ASSERT_EQ(pipe(ends.data()), 0);
+  const auto refuses = [&](unsigned long request, int error) {
+    expect_under_filter([&] { return error_of(SYS_ioctl, ends[0], long(request), 0) == error; },
+                        Devices::Video);
+  };
+  for (const unsigned long request : {VIDIOC_QUERYCAP, VIDIOC_QBUF, VIDIOC_STREAMON})
+    refuses(request, ENOTTY);
+  for (const unsigned long request : {TIOCSTI, TIOCLINUX, TCGETS, FIONREAD})
+    refuses(request, EPERM);
+  refuses(_IO('U', 0), EPERM);
+  refuses(_IO('W', 0), EPERM);
+  expect_under_filter([&] { return error_of(SYS_ioctl, ends[0], VIDIOC_QBUF, 0) == EPERM; });
+  for (const int end : ends) close(end);
+}
+
+TEST(SeccompFilter, WithVideoDevicesAllowsTheStateOfOpenFilesOnly) {
+  struct stat status {};
+  const auto at = reinterpret_cast<long>(&status);
+  const auto empty = reinterpret_cast<long>("");
+  const auto root = reinterpret_cast<long>("/");
+  expect_under_filter(
+      [&] { return error_of(SYS_newfstatat, STDERR_FILENO, empty, at, AT_EMPTY_PATH) == 0; },
+      Devices::Video);
+  expect_under_filter([&] { return error_of(SYS_newfstatat, AT_FDCWD, root, at, 0) == EPERM; },
+                      Devices::Video);
 }
 
 TEST(SeccompFilter, AllowsToExit) {

@@ -263,6 +263,39 @@ TEST(PixelConverter, AgreesWithTheFormulaWithEveryInstructionSet) {
             }
 }
 
+/// Compares NV12, where Cb and Cr take turns in one plane, with three planes of the same samples.
+TEST(PixelConverter, InterleavedChromaGivesTheBytesOfSeparatePlanes) {
+  constexpr int kRows = 7;
+  for (const Isa isa : test::every_instruction_set())
+    for (const int width : {1, 2, 37, 64, 129}) {
+      const int half = (width + 1) / 2;
+      const size_t luma = static_cast<size_t>(width * kRows);
+      const size_t chroma = static_cast<size_t>(half * ((kRows + 1) / 2));
+      const std::vector<uint8_t> raw = test::random_bytes(luma + 2 * chroma, 12);
+      std::vector<uint8_t> pairs;
+      for (size_t i = luma; i < luma + chroma; ++i)
+        pairs.insert(pairs.end(), {raw[i], raw[i + chroma]});
+      PixelLayout layout = yuv_layout(8, false);
+      layout.chroma_shift_x = layout.chroma_shift_y = 1;
+      std::vector<uint8_t> separate(luma * 3), interleaved(luma * 3);
+      PixelConverter(layout, width, kRows, isa)
+          .convert({.data = {raw.data(), raw.data() + luma, raw.data() + luma + chroma, nullptr},
+                    .stride = {width, half, half, 0},
+                    .width = width,
+                    .height = kRows},
+                   separate);
+      layout.components[1] = {.plane = 1, .step = 2, .offset = 0, .shift = 0, .depth = 8};
+      layout.components[2] = {.plane = 1, .step = 2, .offset = 1, .shift = 0, .depth = 8};
+      PixelConverter(layout, width, kRows, isa)
+          .convert({.data = {raw.data(), pairs.data(), nullptr, nullptr},
+                    .stride = {width, 2 * half, 0, 0},
+                    .width = width,
+                    .height = kRows},
+                   interleaved);
+      EXPECT_EQ(interleaved, separate) << isa_name(isa) << ", " << width << " wide";
+    }
+}
+
 /// Random samples of a whole picture: some sums come within the error of the middle of two codes.
 TEST(PixelConverter, RoundsSumsNearTheMiddleOfTwoCodesExactly) {
   PixelLayout layout = yuv_layout(10, false);
