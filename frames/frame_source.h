@@ -83,6 +83,11 @@ class FrameSource {
   ///
   /// Thread safety: any thread.
   [[nodiscard]] virtual FrameDamage damage() const { return {}; }
+  /// Returns the hardware decoder that makes the frames, or "software: " and the reason why
+  /// hardware that could do so is not used; empty if there is no such hardware.
+  ///
+  /// Thread safety: any thread.
+  [[nodiscard]] virtual std::string video_decoder() const { return {}; }
   /// Returns a pixel's width divided by its height, as the file states. Woven frames have square
   /// pixels.
   [[nodiscard]] virtual double pixel_aspect() const { return 1.0; }

@@ -9,6 +9,7 @@
 #include <chrono>
 #include <cstdarg>
 #include <cstring>
+#include <iterator>
 #include <string_view>
 #include <utility>
 
@@ -25,6 +26,8 @@ constexpr int kMostReadErrors = 100;
 /// Calls of a hardware decoder without a picture after which it counts as broken. Decoders keep
 /// some tens of packets.
 constexpr int kMostFruitlessCalls = 1000;
+/// Key frames that are remembered until the device gives them.
+constexpr size_t kMostKeyTimes = 1000;
 /// Time limit of one call. Shorter than that of the player, which would kill this process.
 constexpr std::chrono::milliseconds kMostCallTime{4000};
 constexpr int64_t kProbeBytes = 8 << 20;
@@ -175,6 +178,8 @@ void ClipReader::begin(std::optional<int64_t> time) {
   read_errors_ = 0;
   start_ = time;
   delivered_ = 0;
+  key_times_.clear();
+  key_.reset();
   broken_before_ = broken_;
 }
 
@@ -268,6 +273,7 @@ std::optional<ClipReader::Step> ClipReader::next_in_hardware() {
       obstacle_ = adopt_picture(*frame_, *stream_->codecpar);
       if (!obstacle_.empty()) return std::nullopt;
       ++delivered_;
+      note_key_frame();
       return Step::Frame;
     }
     if (error == AVERROR_EOF && draining_ && delivered_ > 0) return Step::End;
@@ -280,15 +286,38 @@ std::optional<ClipReader::Step> ClipReader::next_in_hardware() {
   return std::nullopt;
 }
 
+/// Remembers the picture if it is a key frame, from which software could continue.
+void ClipReader::note_key_frame() {
+  const auto found = key_times_.find(time());
+  if (found == key_times_.end()) return;
+  key_ = {.time = *found, .delivered = delivered_};
+  key_times_.erase(key_times_.begin(), std::next(found));
+}
+
+/// Decodes up to the key frame; returns false if the file does not lead to it.
+bool ClipReader::find(const KeyFrame& key) {
+  if (!seek(key.time)) return false;
+  while (next_in_software() == Step::Frame)
+    if (time() >= key.time) return time() == key.time;
+  return false;
+}
+
 /// Replaces the hardware decoder and decodes the picture after the last one that it gave.
 ClipReader::Step ClipReader::continue_in_software() {
   const uint64_t delivered = delivered_;
   const std::optional<int64_t> start = start_;
+  const std::optional<KeyFrame> key = key_;
   give_up_hardware(std::string("hardware decoder failed: ") + obstacle_);
   broken_ = broken_before_;
   reopen();
-  if (start && !seek(*start)) fail(name_, "cannot seek");
-  for (uint64_t i = 0; i < delivered; ++i)
+  uint64_t known = 0;
+  if (key && find(*key)) {
+    known = key->delivered;
+  } else {
+    reopen();
+    if (start && !seek(*start)) fail(name_, "cannot seek");
+  }
+  for (uint64_t i = known; i < delivered; ++i)
     if (next_in_software() == Step::End) return Step::End;
   return next_in_software();
 }
@@ -330,7 +359,11 @@ int ClipReader::receive() {
 
 int ClipReader::send(const AVPacket* packet) {
   const Watchdog::Watch watch(watchdog_.get());
-  if (in_hardware_ && packet != nullptr && packet->pts == AV_NOPTS_VALUE) untimed_ = true;
+  if (in_hardware_ && packet != nullptr) {
+    untimed_ = untimed_ || packet->pts == AV_NOPTS_VALUE;
+    if ((packet->flags & AV_PKT_FLAG_KEY) != 0) key_times_.insert(packet->pts);
+    if (key_times_.size() > kMostKeyTimes) key_times_.erase(key_times_.begin());
+  }
   return avcodec_send_packet(codec_.get(), packet);
 }
 

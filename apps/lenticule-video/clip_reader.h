@@ -87,7 +87,8 @@ struct ClipOptions {
 
 /// ClipReader decodes in hardware where a device can, and changes to software for good when the
 /// device reports an error or gives a picture that the stream cannot have. The software decoder
-/// starts where the device had started and leaves out as many pictures as the device had given.
+/// starts at the last key frame that the device had given, or where the device had started, and
+/// leaves out the pictures that the device had given since then.
 ///
 /// Thread safety: one thread. Lifetime: the descriptor must outlive the reader.
 class ClipReader {
@@ -121,6 +122,12 @@ class ClipReader {
   void reopen();
 
  private:
+  /// A key frame that the device gave.
+  struct KeyFrame {
+    int64_t time = 0;
+    uint64_t delivered = 0;  ///< pictures up to this one
+  };
+
   void open();
   void open_decoder();
   [[nodiscard]] bool open_in_hardware();
@@ -130,6 +137,8 @@ class ClipReader {
   [[nodiscard]] Step next_in_software();
   [[nodiscard]] std::optional<Step> next_in_hardware();
   [[nodiscard]] Step continue_in_software();
+  void note_key_frame();
+  [[nodiscard]] bool find(const KeyFrame& key);
   void give_up_hardware(const std::string& reason);
   [[nodiscard]] bool read_packet();
   [[nodiscard]] bool feed();
@@ -160,6 +169,8 @@ class ClipReader {
   // The last open() or seek(), and the work since then.
   std::optional<int64_t> start_;  ///< time of the seek
   uint64_t delivered_ = 0;        ///< pictures of a hardware decoder
+  std::set<int64_t> key_times_;   ///< key frames that the device has not given yet
+  std::optional<KeyFrame> key_;   ///< the last one that it gave
   uint64_t broken_before_ = 0;
 };
 

@@ -37,6 +37,12 @@ FrameDamage ViewInput::damage() const {
   return sum;
 }
 
+std::string ViewInput::video_decoder() const {
+  for (const Stream& stream : streams_)
+    if (std::string name = stream.source->video_decoder(); !name.empty()) return name;
+  return {};
+}
+
 std::optional<Rate> ViewInput::rate() const {
   return still_ ? std::nullopt : streams_.front().source->rate();
 }

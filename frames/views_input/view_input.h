@@ -53,6 +53,10 @@ class ViewInput {
   ///
   /// Thread safety: any thread.
   [[nodiscard]] FrameDamage damage() const;
+  /// Returns that of the first source that has one, as FrameSource does.
+  ///
+  /// Thread safety: any thread.
+  [[nodiscard]] std::string video_decoder() const;
 
  private:
   struct Stream {

@@ -262,6 +262,7 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   plan_content(flags, plan);
   plan.source.slots = flags.slots;
   plan.source.plays_again = plan.playback.loops != 1;
+  plan.source.video_hardware = flags.video_decoder != "software";
   plan.duration_s = flags.duration_s;
   plan_waiting(flags, service, plan);
   if (!flags.frames.empty()) plan.source.frames = parse_frame_range(flags.frames);

@@ -41,6 +41,7 @@ struct PlayFlags {
   std::string wait = "60";
   std::string wait_for_panel;
   std::string on_exit;
+  std::string video_decoder = "auto";  ///< or "software"
   bool allow_inexact = false;
   std::optional<double> duration_s;
   std::optional<uint64_t> prime;

@@ -348,6 +348,8 @@ nlohmann::ordered_json PlayRun::statistics_json(const PlayReport& report) const 
     json["kms"]["took_over"] = kms_->took_over();
   }
   if (opened_.source) json.update(to_json(opened_.source->damage()));
+  if (std::string name = opened_.source ? opened_.source->video_decoder() : ""; !name.empty())
+    json["video_decoder"] = std::move(name);
   if (const auto warnings = plan_.source.warnings->all(); !warnings.empty())
     json["rig_warnings"] = warnings;
   if (proof_) json["proof"] = proof_->statistics();
@@ -425,6 +427,8 @@ ExitCode PlayRun::conclude(const PlayResult& result) {
   if (const auto damage = opened_.source ? opened_.source->damage() : frames::FrameDamage{};
       damage.any())
     say("{}: {}\n", flags_.source, damage_text(damage));
+  if (const std::string name = opened_.source ? opened_.source->video_decoder() : ""; !name.empty())
+    say("{}: decoded by {}\n", flags_.source, name);
   return exit_code_after(result);
 }
 

@@ -120,7 +120,8 @@ std::unique_ptr<frames::FrameSource> open_pictures(const std::string& text,
            [&](const frames::FrameGeometry& size) {
              check_size(text, size, request, kMostPlayedVideoPixels);
            },
-       .most_bytes = request.plays ? kMostBytesAhead : std::numeric_limits<uint64_t>::max()});
+       .most_bytes = request.plays ? kMostBytesAhead : std::numeric_limits<uint64_t>::max(),
+       .hardware = request.hardware});
 }
 
 }  // namespace lenticule::player

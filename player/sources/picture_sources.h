@@ -35,6 +35,8 @@ struct PictureRequest {
   /// Size of woven frames: another size is refused before memory is allocated.
   std::optional<frames::FrameGeometry> size = std::nullopt;
   bool plays = false;  ///< applies the playback limits above
+  /// Decodes videos in hardware where a device can.
+  bool hardware = false;
 };
 
 /// Throws Error(Usage) and Error(Input) as the functions of the individual kinds do.

@@ -84,7 +84,8 @@ PictureRequest picture_request(const SourceRequest& request) {
           .decoder_threads = decoding_threads(),
           .plays_again = request.plays_again,
           .before_weaving = false,
-          .plays = true};
+          .plays = true,
+          .hardware = request.video_hardware};
 }
 
 OpenedSource open_woven_pictures(const SourceRequest& request) {

@@ -47,6 +47,7 @@ struct SourceRequest {
   /// First frame of the first round. Kinds of source that cannot start there ignore it; frames
   /// carry their numbers.
   uint64_t first_frame = 0;
+  bool video_hardware = true;                      ///< decodes videos in hardware where possible
   bool plays_again = false;                        ///< keeps frames for the next loop if they fit
   display::CardText card = {};                     ///< text of a test card
   std::shared_ptr<const LiveTrim> trim = nullptr;  ///< the rig of its own views

@@ -129,6 +129,7 @@ class Source final : public VideoSource {
   [[nodiscard]] frames::FrameDamage damage() const override {
     return {.damaged = broken_before_.load() + child_.broken(), .missing = child_.missing()};
   }
+  [[nodiscard]] std::string video_decoder() const override;
   [[nodiscard]] double pixel_aspect() const override {
     return frames::upright_pixel_aspect({.geometry = stream_.geometry,
                                          .orientation = *stream_.orientation,
@@ -162,7 +163,7 @@ class Source final : public VideoSource {
   const std::filesystem::path program_;
   const VideoStream stream_;
   const frames::FrameGeometry upright_;
-  bool hardware_;  ///< the next decoder may use a device
+  std::atomic<bool> hardware_;  ///< the next decoder may use a device
   const uint64_t slots_;
   const PrivateFolder folder_;
   std::unique_ptr<frames::RingPlayer> ring_;
@@ -276,6 +277,8 @@ bool Source::rewind() {
 /// Starts a decoder at the frame after the last one in the ring. A number beyond the clip's end,
 /// which only the decoder knows, continues in the next loop.
 void Source::begin_child() {
+  const std::optional<VideoEvent> choice = child_.decoder();
+  if (choice && !choice->hardware) hardware_ = false;
   const uint64_t from = (held_ ? 1 : next_) + ring_->ready_count();
   const FrameRange range = request_.frames.value_or(FrameRange{0, uint64_t{1} << 40});
   std::vector<std::string> arguments = {
@@ -370,11 +373,14 @@ VideoStatistics Source::statistics() const {
   VideoStatistics now = counts_;
   now.broken = child_.broken();
   now.decoder = child_.pid();
-  if (const std::optional<VideoEvent> choice = child_.decoder()) {
-    now.hardware = choice->hardware && hardware_;
-    now.no_hardware = choice->reason;
-  }
   return now;
+}
+
+std::string Source::video_decoder() const {
+  const std::optional<VideoEvent> choice = child_.decoder();
+  if (!choice) return {};
+  if (choice->hardware && hardware_) return choice->decoder;
+  return "software: " + (choice->reason.empty() ? choice->decoder + " ended" : choice->reason);
 }
 
 }  // namespace

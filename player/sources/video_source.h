@@ -32,7 +32,7 @@ struct VideoRequest {
   /// Limits the memory: fewer than `slots` frames are kept if they would exceed it; at least 4.
   uint64_t most_bytes = std::numeric_limits<uint64_t>::max();
   /// Lets the decoder use a device of the machine for 4:2:0 of 8 bits, until one has failed.
-  bool hardware = true;
+  bool hardware = false;
   std::filesystem::path program = {};  ///< lenticule-video; empty = search for it
   /// Timeout without progress after which a decoder that has a free slot is killed.
   std::chrono::milliseconds timeout{5000};
@@ -43,9 +43,6 @@ struct VideoStatistics {
   uint64_t hangs = 0;     ///< replaced decoders that had to be killed
   uint64_t broken = 0;    ///< frames and packets that the present decoder left out
   int64_t decoder = -1;   ///< its process id, or -1
-  bool hardware = false;  ///< a hardware decoder is in use
-  /// Reason why hardware that the machine has is not used; empty if it is used or there is none.
-  std::string no_hardware;
 };
 
 /// pull() never blocks, and allocates only for a restart. Thread safety: one thread.

@@ -59,6 +59,7 @@ class WeavingSource final : public frames::FrameSource {
   void service() override { wake_.drain(); }
   [[nodiscard]] std::string failure() const override;
   [[nodiscard]] frames::FrameDamage damage() const override { return input_->damage(); }
+  [[nodiscard]] std::string video_decoder() const override { return input_->video_decoder(); }
 
   /// Returns the number of plans made so far.
   [[nodiscard]] uint64_t plans() const { return plans_.load(); }

@@ -17,10 +17,13 @@ constexpr int kBlock = 16;  ///< side of a macroblock
 constexpr unsigned kBaseline = 66;
 constexpr unsigned kLevel = 40;
 constexpr unsigned kPcmInIntra = 25;  ///< mb_type I_PCM
+constexpr unsigned kPredicted = 5;    ///< slice_type
 constexpr unsigned kIntraOnly = 7;    ///< slice_type
 constexpr uint8_t kSequenceUnit = 0x67;
 constexpr uint8_t kPictureUnit = 0x68;
 constexpr uint8_t kKeyUnit = 0x65;
+constexpr uint8_t kCopyUnit = 0x41;
+constexpr unsigned kFrameNumbers = 16;
 
 /// Writes the bits of a NAL unit (section 7.2 and 9.1).
 class Bits {
@@ -93,7 +96,7 @@ Bytes sequence_unit(int width, int height, bool full_range) {
   bits.put_number(0);  // number of the set
   bits.put_number(0);  // 4 bits of frame numbers
   bits.put_number(2);  // display order is coding order
-  bits.put_number(0);  // reference frames
+  bits.put_number(1);  // reference frames
   bits.put(0, 1);
   bits.put_number(blocks(width) - 1);
   bits.put_number(blocks(height) - 1);
@@ -164,6 +167,21 @@ Bytes slice_unit(const Picture420& picture, unsigned number) {
   return bits.unit(kKeyUnit);
 }
 
+/// Returns a picture all of whose macroblocks are skipped: a copy of the one before. `number`
+/// counts from the key frame.
+Bytes copy_unit(const Picture420& picture, unsigned number) {
+  Bits bits;
+  bits.put_number(0);
+  bits.put_number(kPredicted);
+  bits.put_number(0);
+  bits.put(number % kFrameNumbers, 4);
+  bits.put(0, 3);      // reference lists and marking
+  bits.put_number(0);  // quantiser
+  bits.put_number(1);  // no deblocking
+  bits.put_number(blocks(picture.width) * blocks(picture.height));
+  return bits.unit(kCopyUnit);
+}
+
 // --- FLV -----------------------------------------------------------------------------------------
 
 void append(Bytes& out, size_t value, int bytes) {
@@ -185,17 +203,20 @@ Bytes configuration(const Bytes& sequence, const Bytes& picture) {
   return out;
 }
 
-void append_tag(Bytes& out, unsigned time, bool is_picture, std::span<const uint8_t> payload) {
+enum class Tag { Configuration, Key, Copy };
+
+void append_tag(Bytes& out, unsigned time, Tag kind, std::span<const uint8_t> payload) {
   constexpr uint8_t kVideoTag = 9;
   constexpr uint8_t kKeyFrameOfAvc = 0x17;
+  constexpr uint8_t kOtherFrameOfAvc = 0x27;
   constexpr size_t kTagHeader = 11;
   constexpr size_t kVideoHeader = 5;
   out.push_back(kVideoTag);
   append(out, payload.size() + kVideoHeader, 3);
   append(out, time, 3);
   append(out, 0, 4);
-  out.push_back(kKeyFrameOfAvc);
-  out.push_back(is_picture ? 1 : 0);
+  out.push_back(kind == Tag::Copy ? kOtherFrameOfAvc : kKeyFrameOfAvc);
+  out.push_back(kind == Tag::Configuration ? 0 : 1);
   append(out, 0, 3);
   append(out, payload);
   append(out, payload.size() + kVideoHeader + kTagHeader, 4);
@@ -209,14 +230,17 @@ void write_h264_clip(const H264Clip& clip, const std::vector<Picture420>& pictur
   append(out, 0, 4);
   const Picture420& first = pictures.at(0);
   append_tag(
-      out, 0, false,
+      out, 0, Tag::Configuration,
       configuration(sequence_unit(first.width, first.height, clip.full_range), picture_unit()));
   for (unsigned number = 0; number < pictures.size(); ++number) {
-    const Bytes slice = slice_unit(pictures[number], number);
+    const unsigned since_key = number % clip.key_interval;
+    const Bytes slice = since_key == 0 ? slice_unit(pictures[number], number / clip.key_interval)
+                                       : copy_unit(pictures[number], since_key);
     Bytes packet;
     append(packet, slice.size(), 4);
     append(packet, slice);
-    append_tag(out, number * static_cast<unsigned>(clip.milliseconds), true, packet);
+    append_tag(out, number * static_cast<unsigned>(clip.milliseconds),
+               since_key == 0 ? Tag::Key : Tag::Copy, packet);
   }
   std::ofstream(clip.file, std::ios::binary)
       .write(reinterpret_cast<const char*>(out.data()), static_cast<std::streamsize>(out.size()));

@@ -19,10 +19,11 @@ struct Picture420 {
 struct H264Clip {
   std::filesystem::path file;  ///< an FLV file
   int milliseconds = 40;       ///< duration of a picture
+  unsigned key_interval = 1;   ///< the pictures between key frames are copies of the last one
   bool full_range = false;     ///< states the range 0..255; otherwise none is stated
 };
 
-/// Writes pictures of one size, each a key frame.
+/// Writes pictures of one size.
 void write_h264_clip(const H264Clip& clip, const std::vector<Picture420>& pictures);
 
 }  // namespace lenticule::test

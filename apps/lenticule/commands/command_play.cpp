@@ -130,6 +130,10 @@ void declare_flags(CLI::App& app, PlayFlags& flags) {
   app.add_option("--slots", flags.slots, "frames kept ready in memory")
       ->check(CLI::Range(2, 4096))
       ->capture_default_str();
+  app.add_option("--video-decoder", flags.video_decoder,
+                 "auto: decode videos of views in hardware where the machine can; software: never")
+      ->check(CLI::IsMember({"auto", "software"}))
+      ->capture_default_str();
   app.add_option("--buffers", flags.buffers, "scan-out buffers")
       ->check(CLI::Range(2, 16))
       ->capture_default_str();

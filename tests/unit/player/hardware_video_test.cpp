@@ -62,6 +62,10 @@ class HardwareVideo : public test::VideoTest {
   std::filesystem::path clip(int height = kHeight, bool full_range = false) const {
     return write("clip.flv", height, full_range, file_picture);
   }
+  /// Returns a clip whose pictures between key frames are copies.
+  std::filesystem::path clip_of_copies(unsigned key_interval) const {
+    return write("copies.flv", kHeight, false, file_picture, key_interval);
+  }
 
   /// Returns the frames that software shows of the file.
   Pictures of_file(int height = kHeight) const {
@@ -117,11 +121,14 @@ class HardwareVideo : public test::VideoTest {
  private:
   template <typename Draw>
   std::filesystem::path write(const std::string& name, int height, bool full_range,
-                              const Draw& draw) const {
+                              const Draw& draw, unsigned key_interval = 1) const {
     std::vector<test::Picture420> pictures;
     for (size_t k = 0; k < kFrames; ++k) pictures.push_back(draw(k, height));
-    test::write_h264_clip(
-        {.file = file(name), .milliseconds = kMilliseconds, .full_range = full_range}, pictures);
+    test::write_h264_clip({.file = file(name),
+                           .milliseconds = kMilliseconds,
+                           .key_interval = key_interval,
+                           .full_range = full_range},
+                          pictures);
     return file(name);
   }
 
@@ -241,6 +248,18 @@ TEST_F(HardwareVideo, SoftwareContinuesWithThePictureThatTheDeviceFailsToGive) {
   }
 }
 
+/// Software begins at the key frame before and leaves out what the device has given.
+TEST_F(HardwareVideo, SoftwareContinuesBetweenKeyFrames) {
+  const std::filesystem::path file = clip_of_copies(5);
+  const Pictures device = of_device();
+  const Pictures copies = decode(kNoDevice, file).frames;
+  ASSERT_EQ(copies.size(), kFrames);
+  EXPECT_EQ(copies[4], copies[0]);
+  EXPECT_NE(copies[5], copies[4]);
+  for (const size_t fault : {1, 4, 5, 6, 9, 11})
+    expect_change(decode("error-at=" + std::to_string(fault), file).frames, device, copies, fault);
+}
+
 TEST_F(HardwareVideo, ADecoderWhoseDeviceDoesNotAnswerEnds) {
   const Pictures device = of_device();
   for (const size_t answers : {size_t{0}, size_t{4}}) {
@@ -257,7 +276,7 @@ TEST_F(HardwareVideo, OnlyADecoderWithADeviceMayOpenDescriptors) {
     setenv("LD_PRELOAD", LENTICULE_FAKE_V4L2, 1);
     setenv("LENTICULE_FAKE_DECODER", device, 1);
     VideoRequest wanted = request(clip());
-    wanted.before_weaving = wanted.plays_again = true;
+    wanted.before_weaving = wanted.plays_again = wanted.hardware = true;
     std::unique_ptr<VideoSource> opened = open_video(wanted);
     frames::AcquiredFrame frame;
     EXPECT_EQ(pull(*opened, frame), PullStatus::Ready) << opened->failure();
@@ -360,8 +379,7 @@ TEST_F(HardwareSource, PlaysWhatTheDeviceDecodes) {
   const Pictures device = of_device();
   const auto source = open(kGood);
   EXPECT_EQ(play(*source), device) << source->failure();
-  EXPECT_TRUE(source->statistics().hardware);
-  EXPECT_EQ(source->statistics().no_hardware, "");
+  EXPECT_EQ(source->video_decoder(), "h264_v4l2m2m");
   EXPECT_EQ(source->statistics().restarts, 0u);
 }
 
@@ -371,15 +389,48 @@ TEST_F(HardwareSource, ContinuesInSoftwareAfterADeviceThatDoesNotAnswer) {
   const auto source = open("hangs-at=4");
   expect_change(play(*source), device, file, 4);
   EXPECT_EQ(source->statistics().restarts, 1u);
-  EXPECT_FALSE(source->statistics().hardware);
-  EXPECT_THAT(source->statistics().no_hardware, testing::HasSubstr("does not answer"));
+  EXPECT_EQ(source->video_decoder(), "software: hardware decoder h264_v4l2m2m does not answer");
 }
 
 TEST_F(HardwareSource, UsesNoDeviceIfNotWanted) {
   const Pictures file = of_file();
   const auto source = open(kGood, false);
   EXPECT_EQ(play(*source), file);
-  EXPECT_FALSE(source->statistics().hardware);
+  EXPECT_EQ(source->video_decoder(), "");
+}
+
+// --- with the command
+// -----------------------------------------------------------------------------
+
+TEST_F(HardwareVideo, PlayNamesTheDecoder) {
+  const std::filesystem::path film = file("film_qs2x1a0.75.flv");
+  std::filesystem::copy_file(clip(), film);
+  const auto play = [&](const char* device, const Words& flags) {
+    Words words = {"/usr/bin/env",
+                   std::string("LD_PRELOAD=") + LENTICULE_FAKE_V4L2,
+                   std::string("LENTICULE_FAKE_DECODER=") + device,
+                   LENTICULE_PROGRAM,
+                   "play",
+                   film.string(),
+                   "--rig",
+                   LENTICULE_SOURCE_DIR "/scenes/rigs/tiny.toml",
+                   "--display",
+                   "virtual",
+                   "--clock",
+                   "simulated",
+                   "--json"};
+    words.insert(words.end(), flags.begin(), flags.end());
+    const test::ProcessResult result = test::run_process(words);
+    EXPECT_EQ(result.exit_code, kOk) << result.err;
+    json statistics = json::parse(result.out, nullptr, false);
+    EXPECT_EQ(statistics["shown"], kFrames);
+    return statistics;
+  };
+  EXPECT_EQ(play(kGood, {})["video_decoder"], "h264_v4l2m2m");
+  EXPECT_EQ(play("error-at=2", {})["video_decoder"],
+            "software: hardware decoder failed: it reports a damaged picture");
+  EXPECT_FALSE(play(kNoDevice, {}).contains("video_decoder"));
+  EXPECT_FALSE(play(kGood, {"--video-decoder", "software"}).contains("video_decoder"));
 }
 
 }  // namespace
