@@ -6,13 +6,14 @@
 namespace lenticule::video {
 namespace {
 
-/// Interval of looking at the deadline, so that a watch need not wake the thread.
-constexpr std::chrono::milliseconds kInterval{100};
+constexpr std::chrono::milliseconds kWait{100};
 
 }  // namespace
 
 Watchdog::Watchdog(std::chrono::milliseconds limit, std::function<void()> expired)
-    : limit_(limit), expired_(std::move(expired)), thread_([this] { look(); }) {}
+    : most_waits_(static_cast<int>(limit / kWait)),
+      expired_(std::move(expired)),
+      thread_([this] { count(); }) {}
 
 Watchdog::~Watchdog() {
   {
@@ -23,15 +24,16 @@ Watchdog::~Watchdog() {
   thread_.join();
 }
 
-void Watchdog::set_deadline(std::optional<Clock::time_point> deadline) {
+void Watchdog::watch(bool on) {
   const std::lock_guard lock(mutex_);
-  deadline_ = deadline;
+  watching_ = on;
+  waits_ = 0;
 }
 
-void Watchdog::look() {
+void Watchdog::count() {
   std::unique_lock lock(mutex_);
-  while (!stopped_.wait_for(lock, kInterval, [this] { return stopping_; })) {
-    if (!deadline_ || Clock::now() < *deadline_) continue;
+  while (!stopped_.wait_for(lock, kWait, [this] { return stopping_; })) {
+    if (!watching_ || ++waits_ <= most_waits_) continue;
     lock.unlock();
     expired_();
     return;
@@ -39,11 +41,11 @@ void Watchdog::look() {
 }
 
 Watchdog::Watch::Watch(Watchdog* watchdog) : watchdog_(watchdog) {
-  if (watchdog_ != nullptr) watchdog_->set_deadline(Clock::now() + watchdog_->limit_);
+  if (watchdog_ != nullptr) watchdog_->watch(true);
 }
 
 Watchdog::Watch::~Watch() {
-  if (watchdog_ != nullptr) watchdog_->set_deadline(std::nullopt);
+  if (watchdog_ != nullptr) watchdog_->watch(false);
 }
 
 }  // namespace lenticule::video

@@ -6,19 +6,17 @@
 #include <condition_variable>
 #include <functional>
 #include <mutex>
-#include <optional>
 #include <thread>
 
 namespace lenticule::video {
 
 /// Watchdog calls `expired` on a thread of its own when a Watch lasts longer than `limit`. Signals
-/// would not do: FFmpeg repeats an interrupted poll().
+/// would not do: FFmpeg repeats an interrupted poll(). The time is counted in short waits of that
+/// thread, so that a machine that was suspended, or gives the process no time, does not count.
 ///
 /// Thread safety: one thread makes watches, one at a time.
 class Watchdog {
  public:
-  using Clock = std::chrono::steady_clock;
-
   /// `expired` should end the process; it is called at most once.
   Watchdog(std::chrono::milliseconds limit, std::function<void()> expired);
   ~Watchdog();
@@ -39,14 +37,15 @@ class Watchdog {
   };
 
  private:
-  void set_deadline(std::optional<Clock::time_point> deadline);
-  void look();
+  void watch(bool on);
+  void count();
 
-  const std::chrono::milliseconds limit_;
+  const int most_waits_;
   const std::function<void()> expired_;
   std::mutex mutex_;
   std::condition_variable stopped_;
-  std::optional<Clock::time_point> deadline_;
+  bool watching_ = false;
+  int waits_ = 0;  ///< number of waits in the present watch
   bool stopping_ = false;
   std::thread thread_;  // last member: the thread uses everything above
 };

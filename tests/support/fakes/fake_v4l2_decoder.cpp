@@ -10,6 +10,8 @@
 //
 // LENTICULE_FAKE_DECODER has words that make the device odd:
 //   absent             there is no device
+//   camera             the device is not from memory to memory
+//   short-buffers      the buffers of pictures have no room for chroma
 //   nv12               pictures are NV12 instead of YUV 4:2:0 in three planes
 //   whole-blocks       the height is a multiple of 16, as the device reports before picture 0
 //   small              at most 32 x 32 pixels
@@ -61,6 +63,8 @@ Function* real(const char* name) {
 /// Properties of the device, from the environment.
 struct Oddities {
   bool absent = false;
+  bool camera = false;
+  bool short_buffers = false;
   bool nv12 = false;
   bool whole_blocks = false;
   bool small = false;
@@ -85,6 +89,8 @@ struct Oddities {
  private:
   void take(std::string_view word) {
     absent |= word == "absent";
+    camera |= word == "camera";
+    short_buffers |= word == "short-buffers";
     nv12 |= word == "nv12";
     whole_blocks |= word == "whole-blocks";
     small |= word == "small";
@@ -200,7 +206,8 @@ class Device {
 int Device::describe(v4l2_capability& about) {
   about = {};
   std::strcpy(reinterpret_cast<char*>(about.driver), "fake");
-  about.device_caps = V4L2_CAP_VIDEO_M2M_MPLANE | V4L2_CAP_STREAMING;
+  about.device_caps = V4L2_CAP_STREAMING;
+  about.device_caps |= oddities().camera ? V4L2_CAP_VIDEO_CAPTURE : V4L2_CAP_VIDEO_M2M_MPLANE;
   about.capabilities = about.device_caps | V4L2_CAP_DEVICE_CAPS;
   return 0;
 }
@@ -230,7 +237,8 @@ void Device::shape_pictures(uint32_t height) {
   format.width = coded_.format.width;
   format.height = height;
   format.pixelformat = oddities().nv12 ? V4L2_PIX_FMT_NV12 : V4L2_PIX_FMT_YUV420;
-  format.colorspace = V4L2_COLORSPACE_SRGB;  // as some drivers say by mistake
+  format.colorspace = V4L2_COLORSPACE_SRGB;  // some drivers state these whatever the stream says
+  format.quantization = V4L2_QUANTIZATION_LIM_RANGE;
   format.num_planes = 1;
   const uint32_t stride = (format.width + kStrideUnit - 1) / kStrideUnit * kStrideUnit;
   format.plane_fmt[0].bytesperline = stride;
@@ -266,7 +274,9 @@ int Device::allocate(v4l2_requestbuffers& request) {
 int Device::locate(v4l2_buffer& buffer) {
   if (buffer.index >= queue(buffer.type).count || buffer.length < 1) return refuse(EINVAL);
   buffer.length = 1;
-  buffer.m.planes[0].length = kBufferBytes;
+  const bool cut = oddities().short_buffers && !is_coded(buffer.type);
+  const v4l2_pix_format_mplane& raw = raw_.format;
+  buffer.m.planes[0].length = cut ? raw.plane_fmt[0].bytesperline * raw.height : kBufferBytes;
   const uint32_t first = is_coded(buffer.type) ? 0 : kMostBuffers;
   buffer.m.planes[0].m.mem_offset = (first + buffer.index) * kBufferBytes;
   return 0;

@@ -222,8 +222,8 @@ TEST_F(HardwareVideo, ADeviceThatCannotBeOpenedAgainIsReplacedInTheNextRound) {
 
 TEST_F(HardwareVideo, SoftwareShowsTheFileWhenTheDeviceIsOfNoUse) {
   const Pictures file = of_file();
-  for (const char* const device : {"refuses-format", "eats", "small", "error-at=0", "grows-at=0",
-                                   "refuses-packet=0", "opens=0"}) {
+  for (const char* const device : {"refuses-format", "eats", "small", "short-buffers", "error-at=0",
+                                   "grows-at=0", "refuses-packet=0", "opens=0"}) {
     const Decoded decoded = decode(device, clip());
     EXPECT_EQ(decoded.exit_code, kOk) << device << ": " << decoded.messages;
     EXPECT_EQ(decoded.frames, file) << device;
@@ -321,7 +321,7 @@ TEST_F(HardwareVideo, DecoderSoftwareOpensNoDevice) {
 TEST_F(HardwareVideo, DecoderHardwareRefusesSoftware) {
   const Words hardware = {"--decoder", "hardware"};
   EXPECT_EQ(decode(kGood, clip(), hardware).frames, of_device());
-  for (const char* const device : {kNoDevice, "small", "refuses-format", "error-at=3"}) {
+  for (const char* const device : {kNoDevice, "camera", "small", "refuses-format", "error-at=3"}) {
     const Decoded decoded = decode(device, clip(), hardware);
     EXPECT_EQ(decoded.exit_code, kDevice) << device;
     EXPECT_THAT(decoded.messages, testing::HasSubstr("clip.flv: not decoded in hardware: "));
