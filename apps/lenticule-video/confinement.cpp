@@ -104,7 +104,7 @@ void ignore_signals() {
 }
 
 /// Gives up everything that does not need the filter.
-void withdraw(uint64_t extra_bytes, pid_t parent, unsigned descriptors) {
+void give_up_rights(uint64_t extra_bytes, pid_t parent, unsigned descriptors) {
   leave_namespaces();
   if (parent > 0 && !die_with(parent))
     throw Error(ErrorKind::Failed, "decoder: the player has ended");
@@ -113,23 +113,23 @@ void withdraw(uint64_t extra_bytes, pid_t parent, unsigned descriptors) {
 }
 
 /// The rules for files that Landlock enforces, or the reason why it cannot.
-struct Fences {
+struct DeviceRules {
   std::optional<LandlockRules> rules;
   std::string obstacle;
 };
 
-Fences no_fences() {
+DeviceRules no_rules() {
   return {
       .rules = std::nullopt,
       .obstacle = std::string("the kernel's Landlock cannot confine it: ") + std::strerror(errno)};
 }
 
-Fences make_fences(const std::vector<std::string>& nodes) {
-  Fences fences{.rules = LandlockRules::create(), .obstacle = {}};
-  if (!fences.rules || !fences.rules->allow_listing("/dev")) return no_fences();
+DeviceRules make_device_rules(const std::vector<std::string>& nodes) {
+  DeviceRules made{.rules = LandlockRules::create(), .obstacle = {}};
+  if (!made.rules || !made.rules->allow_listing("/dev")) return no_rules();
   for (const std::string& node : nodes)
-    if (!fences.rules->allow_device(node)) return no_fences();
-  return fences;
+    if (!made.rules->allow_device(node)) return no_rules();
+  return made;
 }
 
 /// Returns the limit that leaves descriptors for /dev, a device, and the device once more.
@@ -160,7 +160,7 @@ void confine(uint64_t extra_bytes, pid_t parent, unsigned descriptors) {
   ignore_signals();
   if (kSanitized) return;
   std::vector<sock_filter> filter = decoder_filter();  // while it may still open a descriptor
-  withdraw(extra_bytes, parent, descriptors);
+  give_up_rights(extra_bytes, parent, descriptors);
   install(std::move(filter));
 }
 
@@ -170,12 +170,12 @@ std::string confine_with_devices(uint64_t extra_bytes, pid_t parent,
   if (kSanitized) return {};
   std::vector<sock_filter> narrow = decoder_filter();
   std::vector<sock_filter> wide = decoder_filter(Devices::Video);
-  Fences fences = make_fences(nodes);
-  const unsigned descriptors = fences.rules ? limit_for_devices() : 1;
-  withdraw(extra_bytes, parent, descriptors);
-  if (fences.rules && !fences.rules->enforce()) fences = no_fences();
-  install(fences.rules ? std::move(wide) : std::move(narrow));
-  return fences.obstacle;
+  DeviceRules device_rules = make_device_rules(nodes);
+  const unsigned descriptors = device_rules.rules ? limit_for_devices() : 1;
+  give_up_rights(extra_bytes, parent, descriptors);
+  if (device_rules.rules && !device_rules.rules->enforce()) device_rules = no_rules();
+  install(device_rules.rules ? std::move(wide) : std::move(narrow));
+  return device_rules.obstacle;
 }
 
 }  // namespace lenticule::video

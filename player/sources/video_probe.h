@@ -54,8 +54,8 @@ struct VideoEvent {
   uint64_t broken = 0;          ///< frames and packets left out or faulty so far
   uint64_t left_out = 0;  ///< frames left out in this round (Clip); `frame` is the number that came
   std::string decoder;    ///< FFmpeg's name of the decoder in use (Decoder), escaped
-  bool hardware = false;  ///< it is a hardware decoder
-  std::string reason;     ///< reason why a hardware decoder is not used, or fails; escaped
+  bool hardware = false;  ///< hardware decodes, not software
+  std::string reason;     ///< cause why hardware is not used, or fails; escaped
 };
 /// Returns none if the line is not such an event. Never throws because of the line's contents.
 [[nodiscard]] std::optional<VideoEvent> parse_video_event(std::string_view line);

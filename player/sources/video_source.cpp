@@ -94,6 +94,11 @@ uint64_t slots_for(const VideoStream& stream, const VideoRequest& request) {
   return std::clamp<uint64_t>(fit, kLeastSlots, most);
 }
 
+/// Number of decoders in hardware that crashed or hung. After kMostHardwareFailures, all videos of
+/// this player are decoded in software, so that a bad driver does not delay each of them.
+std::atomic<int> hardware_failures{0};
+constexpr int kMostHardwareFailures = 3;
+
 /// Returns true for streams that hardware decoders may have been made for. All others are decoded
 /// by a process that cannot open a device.
 bool may_use_hardware(const VideoStream& stream, const VideoRequest& request) {
@@ -101,6 +106,7 @@ bool may_use_hardware(const VideoStream& stream, const VideoRequest& request) {
                                                        "vp9",  "mpeg4", "mpeg2video"};
   const bool known = std::ranges::find(kCodecs, stream.codec) != kCodecs.end();
   const bool bytes = stream.pixel_format == "yuv420p" || stream.pixel_format == "yuvj420p";
+  if (hardware_failures >= kMostHardwareFailures) return false;
   return request.hardware && request.before_weaving && known && bytes;
 }
 
@@ -342,7 +348,8 @@ void Source::bury() {
 
 /// Counts the restart. The new decoder is a software decoder, in case a device is at fault.
 bool Source::may_restart() {
-  hardware_ = false;
+  const std::optional<VideoEvent> choice = child_.decoder();
+  if (hardware_.exchange(false) && choice && choice->hardware) ++hardware_failures;
   const Clock::time_point now = Clock::now();
   while (!restarts_.empty() && now - restarts_.front() > kRestartWindow) restarts_.pop_front();
   if (restarts_.size() >= kMostRestarts) return false;

@@ -19,6 +19,7 @@
 //   refuses-packet=N   packet N is refused
 //   eats               takes packets and gives no picture
 //   hangs-at=N         gives no answer from packet N on
+//   crashes-at=N       the process crashes at picture N
 //   error-at=N         picture N is damaged
 //   grows-at=N         from picture N on, pictures are twice as high
 //   opens=N            cannot be opened for decoding more than N times
@@ -72,6 +73,7 @@ struct Oddities {
   bool eats = false;
   uint32_t refuses_packet = kNever;
   uint32_t hangs_at = kNever;
+  uint32_t crashes_at = kNever;
   uint32_t error_at = kNever;
   uint32_t grows_at = kNever;
   uint32_t opens = kNever;
@@ -98,6 +100,7 @@ struct Oddities {
     eats |= word == "eats";
     take_number(word, "refuses-packet=", refuses_packet);
     take_number(word, "hangs-at=", hangs_at);
+    take_number(word, "crashes-at=", crashes_at);
     take_number(word, "error-at=", error_at);
     take_number(word, "grows-at=", grows_at);
     take_number(word, "opens=", opens);
@@ -313,6 +316,7 @@ void Device::decode() {
       continue;
     }
     if (!raw_.streams || raw_.waiting.empty() || changes_size()) return;
+    if (pictures_ >= oddities().crashes_at) std::abort();
     const uint32_t packet = coded_.waiting.pop();
     const uint32_t picture = raw_.waiting.pop();
     const bool damaged = pictures_ == oddities().error_at;

@@ -399,6 +399,23 @@ TEST_F(HardwareSource, UsesNoDeviceIfNotWanted) {
   EXPECT_EQ(source->video_decoder(), "");
 }
 
+/// In a process of its own, because the player remembers the failures as long as it runs.
+TEST_F(HardwareSource, UsesNoDeviceAfterThreeFailures) {
+  const Pictures file = of_file();
+  const Pictures device = of_device();
+  const pid_t child = fork();
+  if (child == 0) {
+    expect_change(play(*open("crashes-at=2")), device, file, 2);
+    // The third failure is one of these if another test of this program has had one.
+    for (int more = 0; more < 2; ++more) EXPECT_EQ(play(*open("crashes-at=2")).size(), kFrames);
+    EXPECT_EQ(play(*open(kGood)), file);
+    _exit(HasFailure() ? 1 : 0);
+  }
+  int status = -1;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  EXPECT_EQ(status, 0);
+}
+
 // --- with the command
 // -----------------------------------------------------------------------------
 
