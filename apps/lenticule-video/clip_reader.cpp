@@ -194,11 +194,27 @@ void ClipReader::close_decoder() {
   codec_.reset();
 }
 
+/// Makes a decoder of the stream's parameters, which is opened later.
+void ClipReader::make_codec(const AVCodec& decoder, const char* allowed) {
+  codec_.reset(avcodec_alloc_context3(&decoder));
+  if (!codec_) throw Error(ErrorKind::Failed, "video: out of memory");
+  if (const int error = avcodec_parameters_to_context(codec_.get(), stream_->codecpar); error < 0)
+    fail(name_, "damaged stream header: " + av_reason(error));
+  codec_->max_pixels = kMostPixels;
+  codec_->codec_whitelist = av_strdup(allowed);
+  codec_->pkt_timebase = stream_->time_base;
+}
+
+void ClipReader::start_watchdog(const DecoderChoice& choice) {
+  if (watchdog_) return;
+  watchdog_ = std::make_unique<Watchdog>(kMostCallTime,
+                                         [hang = options_.on_hang, choice] { hang(choice); });
+}
+
 /// Opens the stream's hardware decoder; returns false if it cannot be used.
 bool ClipReader::open_in_hardware() {
   if (options_.hardware.empty()) return false;
-  const AVCodecParameters& parameters = *stream_->codecpar;
-  const HardwareChoice choice = choose_hardware(parameters, options_.hardware);
+  const HardwareChoice choice = choose_hardware(*stream_->codecpar, options_.hardware);
   const AVCodec* const decoder = avcodec_find_decoder_by_name(choice.decoder.c_str());
   if (decoder == nullptr) {
     give_up_hardware(choice.decoder.empty() ? choice.obstacle
@@ -206,16 +222,8 @@ bool ClipReader::open_in_hardware() {
     return false;
   }
   const DecoderChoice chosen{.name = choice.decoder, .hardware = true, .reason = {}};
-  if (!watchdog_)
-    watchdog_ = std::make_unique<Watchdog>(kMostCallTime,
-                                           [hang = options_.on_hang, chosen] { hang(chosen); });
-  codec_.reset(avcodec_alloc_context3(decoder));
-  if (!codec_) throw Error(ErrorKind::Failed, "video: out of memory");
-  if (const int error = avcodec_parameters_to_context(codec_.get(), &parameters); error < 0)
-    fail(name_, "damaged stream header: " + av_reason(error));
-  codec_->max_pixels = kMostPixels;
-  codec_->codec_whitelist = av_strdup(choice.decoder.c_str());
-  codec_->pkt_timebase = stream_->time_base;
+  start_watchdog(chosen);
+  make_codec(*decoder, choice.decoder.c_str());
   const Watchdog::Watch watch(watchdog_.get());
   if (const int error = avcodec_open2(codec_.get(), decoder, nullptr); error < 0) {
     give_up_hardware(choice.decoder + " cannot be opened: " + av_reason(error));
@@ -236,23 +244,17 @@ void ClipReader::give_up_hardware(const std::string& reason) {
 
 void ClipReader::open_in_software() {
   watchdog_.reset();
-  const AVCodecParameters& parameters = *stream_->codecpar;
-  const AVCodec* const decoder = avcodec_find_decoder(parameters.codec_id);
-  const char* const codec_name = avcodec_get_name(parameters.codec_id);
+  const AVCodecID id = stream_->codecpar->codec_id;
+  const AVCodec* const decoder = avcodec_find_decoder(id);
+  const char* const codec_name = avcodec_get_name(id);
   if (decoder == nullptr) fail(name_, std::string("no decoder for ") + codec_name);
-  codec_.reset(avcodec_alloc_context3(decoder));
-  if (!codec_) throw Error(ErrorKind::Failed, "video: out of memory");
-  if (const int error = avcodec_parameters_to_context(codec_.get(), &parameters); error < 0)
-    fail(name_, "damaged stream header: " + av_reason(error));
+  make_codec(*decoder, allowed_codecs());
   codec_->thread_count = options_.threads;
-  codec_->max_pixels = kMostPixels;
-  codec_->codec_whitelist = av_strdup(allowed_codecs());
-  codec_->pkt_timebase = stream_->time_base;
   slice_errors_.watch(*codec_);
   codec_->err_recognition = AV_EF_CRCCHECK;
   // A damaged frame of an intra-only codec is skipped. Frames of other codecs depend on each other,
   // so the decoder conceals the error.
-  const AVCodecDescriptor* const about = avcodec_descriptor_get(parameters.codec_id);
+  const AVCodecDescriptor* const about = avcodec_descriptor_get(id);
   if (about != nullptr && (about->props & AV_CODEC_PROP_INTRA_ONLY) != 0)
     codec_->err_recognition |= AV_EF_EXPLODE;
   if (const int error = avcodec_open2(codec_.get(), decoder, nullptr); error < 0)

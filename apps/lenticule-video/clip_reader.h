@@ -130,6 +130,8 @@ class ClipReader {
 
   void open();
   void open_decoder();
+  void make_codec(const AVCodec& decoder, const char* allowed);
+  void start_watchdog(const DecoderChoice& choice);
   [[nodiscard]] bool open_in_hardware();
   void open_in_software();
   void close_decoder();
