@@ -24,3 +24,13 @@ def hdmi_loopback_returns_every_byte(vm):
     output, camera = node_called(vm, "vivid-000-vid-out"), node_called(vm, "vivid-000-vid-cap")
     result = vm.run([program, output, camera], 60)
     assert result.stdout == "0 of 2764800 bytes differ\n", result
+
+
+@vm_test(VIVID)
+def a_decoder_in_hardware_is_confined_by_debians_kernel(vm):
+    """Runs tests with a fake decoder where Landlock has the version of Debian's kernel, and where /dev has
+    video devices that are no decoders."""
+    rounds = "HardwareVideo.TheConfinedDecoderOpensTheDeviceAgainForEveryRound"
+    vm.check([require_program(vm, "video_confinement_tests"), "--gtest_brief=1"], 300)
+    vm.check([require_program(vm, "hardware_video_tests"), "--gtest_brief=1",
+              f"--gtest_filter=ConfineWithDevices.*:{rounds}"], 300)
