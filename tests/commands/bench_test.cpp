@@ -194,8 +194,8 @@ TEST_F(BenchTest, RealtimeShowsFramesOfEachError) {
   // On the tiny rig method adaptive leaves everything to method full.
   std::ifstream tiny(source_file("scenes/rigs/tiny.toml"));
   std::string rig{std::istreambuf_iterator<char>(tiny), {}};
-  rig.replace(rig.find("width_px = 48"), 13, "width_px = 240");
-  rig.replace(rig.find("height_px = 32"), 14, "height_px = 144");
+  rig.replace(rig.find("width_px = 48"), 13, "width_px = 480");
+  rig.replace(rig.find("height_px = 32"), 14, "height_px = 288");
   write("rig.toml", rig);
   const ProcessResult result =
       run({"bench", "realtime", "teapot", "--rig", path("rig.toml"), "--seconds", "2", "--errors",
@@ -209,8 +209,8 @@ TEST_F(BenchTest, RealtimeShowsFramesOfEachError) {
   EXPECT_EQ(json["runs"][0].at("rmse"), 0.0);
   EXPECT_TRUE(json["runs"][0].at("psnr_db").is_null());
   EXPECT_GT(json["runs"][1].at("max").get<int>(), 0);
-  EXPECT_EQ(listing(), (std::vector<std::string>{"plots", "plots/teapot-144-adaptive-0.svg",
-                                                 "plots/teapot-144-adaptive-8.svg", "rig.toml"}));
+  EXPECT_EQ(listing(), (std::vector<std::string>{"plots", "plots/teapot-288-adaptive-0.svg",
+                                                 "plots/teapot-288-adaptive-8.svg", "rig.toml"}));
 }
 
 TEST_F(BenchTest, RealtimeAdaptsTheError) {

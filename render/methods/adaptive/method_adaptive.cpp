@@ -493,7 +493,7 @@ class AdaptiveMethod final : public Method {
           alike += samples_.shows_one_surface(row, picture, column) ? 1 : 0;
         }
     }
-    return seen >= kEnough && 5 * alike < 2 * seen;
+    return seen >= kEnough && 3 * alike < seen;
   }
 
   /// Estimates the time that a tried band has saved against method full. Only counters decide, so
