@@ -11,11 +11,11 @@
 #include <chrono>
 #include <memory>
 #include <numeric>
+#include <utility>
 
 #include "base/error.h"
 #include "render/culling/last_frame.h"
 #include "render/integrator/pbr_tracer.h"
-#include "render/methods/full_tiles.h"
 
 namespace lenticule::render {
 namespace {
@@ -32,11 +32,12 @@ std::array<double, kWorks> shares(std::array<uint64_t, kWorks> ticks) {
 
 class FullMethod final : public Method {
  public:
-  FullMethod(const optics::OpticalModel& model, const RenderOptions& options)
+  FullMethod(std::shared_ptr<const FullTiles> tiles, const optics::Panel& panel,
+             const RenderOptions& options)
       : options_(options),
-        tiles_(model, options),
-        width_(model.rig().panel.width_px),
-        height_(model.rig().panel.height_px),
+        tiles_(std::move(tiles)),
+        width_(panel.width_px),
+        height_(panel.height_px),
         arena_(options.threads > 0 ? options.threads : tbb::task_arena::automatic) {}
 
   RenderStatistics render(const Scene& scene, const Stage&, frames::WovenFrame& frame) override {
@@ -48,8 +49,8 @@ class FullMethod final : public Method {
     const auto start = std::chrono::steady_clock::now();
     std::atomic<bool> cancelled{false};
     const BeamTester beams(scene);
-    Workers workers([&] { return std::make_unique<FullTiles::Worker>(tiles_, scene, beams); });
-    const TilePlan& plan = tiles_.plan();
+    Workers workers([&] { return std::make_unique<FullTiles::Worker>(*tiles_, scene, beams); });
+    const TilePlan& plan = tiles_->plan();
     arena_.execute([&] {
       tbb::parallel_for(0, plan.count(), [&](int number) {
         if (cancelled.load(std::memory_order_relaxed)) return;
@@ -66,7 +67,7 @@ class FullMethod final : public Method {
     RenderStatistics statistics = statistics_of(workers);
     statistics.completed = !cancelled.load();
     statistics.subpixels = frame.bytes().size();
-    statistics.unseen_subpixels = tiles_.zone() != nullptr ? tiles_.zone()->unseen() : 0;
+    statistics.unseen_subpixels = tiles_->zone() != nullptr ? tiles_->zone()->unseen() : 0;
     statistics.traced_subpixels = statistics.subpixels - statistics.unseen_subpixels;
     statistics.lights_left_out = scene.lights_left_out;
     statistics.seconds = elapsed.count();
@@ -88,7 +89,7 @@ class FullMethod final : public Method {
   }
 
   RenderOptions options_;
-  FullTiles tiles_;
+  std::shared_ptr<const FullTiles> tiles_;
   int width_;
   int height_;
   LastFrame last_;
@@ -99,7 +100,12 @@ class FullMethod final : public Method {
 
 std::unique_ptr<Method> make_method_full(const optics::OpticalModel& model,
                                          const RenderOptions& options) {
-  return std::make_unique<FullMethod>(model, options);
+  return make_method_full(std::make_shared<const FullTiles>(model, options), model.rig(), options);
+}
+
+std::unique_ptr<Method> make_method_full(std::shared_ptr<const FullTiles> tiles,
+                                         const optics::Rig& rig, const RenderOptions& options) {
+  return std::make_unique<FullMethod>(std::move(tiles), rig.panel, options);
 }
 
 }  // namespace lenticule::render

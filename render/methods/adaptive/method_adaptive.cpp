@@ -146,16 +146,16 @@ class AdaptiveMethod final : public Method {
         full_options_(without_copies(options)),
         planes_(model, options.isa),
         reach_(reach_of(planes_)),
-        full_tiles_(model, options),
+        full_tiles_(std::make_shared<const FullTiles>(model, options)),
         centre_(model, footprint_samples(1).front()),
         plan_{options_,
               planes_,
-              full_tiles_,
-              full_tiles_.plan(),
+              *full_tiles_,
+              full_tiles_->plan(),
               centre_,
               lookup_kernel_for(options.isa),
               Agreement::for_error(options.tolerated_error),
-              selection_for(rendered_subpixels(planes_, full_tiles_), options),
+              selection_for(rendered_subpixels(planes_, *full_tiles_), options),
               most_mean_square(options)},
         arena_(options.threads > 0 ? options.threads : tbb::task_arena::automatic) {}
 
@@ -228,7 +228,7 @@ class AdaptiveMethod final : public Method {
   /// Returns method full, for stages so flat or so deep that rays leave the range of single
   /// precision, since method full checks each ray; and for frames that it renders faster.
   Method& full() {
-    if (!full_) full_ = make_method_full(planes_.model(), full_options_);
+    if (!full_) full_ = make_method_full(full_tiles_, planes_.model().rig(), full_options_);
     return *full_;
   }
 
@@ -256,7 +256,7 @@ class AdaptiveMethod final : public Method {
     int64_t primitives = static_cast<int64_t>(scene.spheres.size() + scene.cones.size());
     for (const MeshShape& mesh : scene.meshes)
       primitives += static_cast<int64_t>(mesh.triangles.size());
-    const auto subpixels = static_cast<int64_t>(rendered_subpixels(planes_, full_tiles_));
+    const auto subpixels = static_cast<int64_t>(rendered_subpixels(planes_, *full_tiles_));
     const int64_t base = scene.pbr != nullptr ? band_costs::kShadedMaterial : band_costs::kPrimary;
     const auto is_expensive = [&](int64_t rays) {
       const int64_t full = subpixels * (base + band_costs::kRay * rays / 16) * 3 / 4;
@@ -265,7 +265,7 @@ class AdaptiveMethod final : public Method {
     if (options_.soft.any() || !is_expensive(0)) return false;
     const FlushDenormals flush;
     NotingTracer tracer(options_);
-    SampledSubpixels some(full_tiles_.packets(), full_tiles_.plan(), centre_);
+    SampledSubpixels some(full_tiles_->packets(), full_tiles_->plan(), centre_);
     constexpr int kOneIn = 256;
     int64_t count = 0;
     for (int row = kBand / 2; row < planes_.rows(); row += 4 * kBand) {
@@ -533,7 +533,7 @@ class AdaptiveMethod final : public Method {
   RenderOptions full_options_;
   RowPlanes planes_;
   RayReach reach_;
-  FullTiles full_tiles_;
+  std::shared_ptr<const FullTiles> full_tiles_;
   Footprint centre_;
   AdaptivePlan plan_;
   LastFrame last_;
