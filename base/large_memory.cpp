@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "base/large_memory.h"
 
+#include <malloc.h>
 #include <sys/mman.h>
 
 #include <cstdlib>
@@ -34,6 +35,10 @@ LargeMemory& LargeMemory::operator=(LargeMemory&& other) noexcept {
   std::swap(data_, other.data_);
   std::swap(bytes_, other.bytes_);
   return *this;
+}
+
+void return_free_memory() noexcept {
+  static_cast<void>(::malloc_trim(0));
 }
 
 }  // namespace lenticule

@@ -26,4 +26,13 @@ class LargeMemory {
   size_t bytes_ = 0;
 };
 
+/// Returns memory that was freed to the system, which the C library keeps otherwise: in a process
+/// that allocates a lot for hours, its pools grow slowly. Takes some milliseconds.
+///
+/// Thread safety: any thread.
+void return_free_memory() noexcept;
+
+/// Frames after which a renderer that serves a player calls return_free_memory().
+inline constexpr int kFramesPerReturn = 256;
+
 }  // namespace lenticule

@@ -3,6 +3,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <malloc.h>
 #include <poll.h>
 #include <signal.h>
 #include <sys/wait.h>
@@ -20,6 +21,7 @@
 #include "apps/lenticule-bench/harness/bench_timing.h"
 #include "apps/lenticule-tools/offline/error_controller.h"
 #include "base/error.h"
+#include "base/large_memory.h"
 #include "frames/compare.h"
 #include "frames/ring/ring_renderer.h"
 #include "optics/model.h"
@@ -206,8 +208,11 @@ class LiveRun {
     record.acquired_ns = now_ns();
     const std::span<const uint8_t> pixels = frame_.view().bytes;
     std::memcpy(slot.data(), pixels.data(), std::min(slot.size(), pixels.size()));
+    if (record.number % kFramesPerReturn == 0) return_free_memory();
     // The record is complete before the player can show the frame.
     record.memory_bytes = read_resident_memory().anonymous;
+    const struct mallinfo2 heap = mallinfo2();
+    record.in_use_bytes = heap.uordblks + heap.hblkhd;
     record.published_ns = now_ns();
     log_.add(record);
     return ring_->publish() == frames::RingStatus::Ok;

@@ -94,10 +94,13 @@ json memory_of(std::span<const FrameRecord> frames) {
   uint64_t peak = 0;
   for (const FrameRecord& frame : frames) peak = std::max(peak, frame.memory_bytes);
   const FrameRecord& tenth = frames[frames.size() / 10];
-  return {{"start", static_cast<double>(frames.front().memory_bytes) / kMebibyte},
-          {"tenth", static_cast<double>(tenth.memory_bytes) / kMebibyte},
-          {"end", static_cast<double>(frames.back().memory_bytes) / kMebibyte},
-          {"peak", static_cast<double>(peak) / kMebibyte}};
+  const auto mebibytes = [](uint64_t bytes) { return static_cast<double>(bytes) / kMebibyte; };
+  return {{"start", mebibytes(frames.front().memory_bytes)},
+          {"tenth", mebibytes(tenth.memory_bytes)},
+          {"end", mebibytes(frames.back().memory_bytes)},
+          {"peak", mebibytes(peak)},
+          {"in_use_tenth", mebibytes(tenth.in_use_bytes)},
+          {"in_use_end", mebibytes(frames.back().in_use_bytes)}};
 }
 
 json errors_of(std::span<const FrameRecord> frames) {
@@ -237,7 +240,13 @@ json live_figures(std::span<const FrameRecord> frames, std::span<const int64_t> 
       {"frames_per_s", seconds > 0.0 ? static_cast<double>(shown.size() - 1) / seconds : 0.0},
       {"shares", json::object()},
       {"bound", "nothing"},
-      {"memory_mib", {{"start", 0.0}, {"tenth", 0.0}, {"end", 0.0}, {"peak", 0.0}}},
+      {"memory_mib",
+       {{"start", 0.0},
+        {"tenth", 0.0},
+        {"end", 0.0},
+        {"peak", 0.0},
+        {"in_use_tenth", 0.0},
+        {"in_use_end", 0.0}}},
       {"error_range", errors_of(frames)},
       {"course", course_of(shown)}};
   if (!frames.empty()) {

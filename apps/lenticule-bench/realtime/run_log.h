@@ -19,7 +19,8 @@ struct FrameRecord {
   int64_t rendered_ns = 0;    ///< the woven frame was complete
   int64_t acquired_ns = 0;    ///< the ring had a free slot
   int64_t published_ns = 0;   ///< the frame was copied into the slot and published
-  uint64_t memory_bytes = 0;  ///< memory allocated by the renderer, without the ring
+  uint64_t memory_bytes = 0;  ///< memory of the renderer, without the ring
+  uint64_t in_use_bytes = 0;  ///< part that its code has allocated and not freed
   double tolerated_error = 0.0;
   double audited_rmse = 0.0;  ///< error as the method's audit estimates it; 0 without an audit
 };

@@ -10,6 +10,7 @@
 #include "apps/lenticule-tools/offline/existing_output.h"
 #include "apps/lenticule-tools/offline/sequence_output.h"
 #include "base/error.h"
+#include "base/large_memory.h"
 #include "base/temporary.h"
 #include "frames/image_io.h"
 #include "frames/ring/ring_renderer.h"
@@ -108,7 +109,10 @@ class RingOutput final : public FrameOutput {
                       fmt::format("{}: the slots are too small for a frame", socket_.string()));
         std::copy(pixels.bytes.begin(), pixels.bytes.end(), slot.begin());
         status = ring_->publish();
-        if (status == frames::RingStatus::Ok) return Delivery::Done;
+        if (status == frames::RingStatus::Ok) {
+          if (++delivered_ % kFramesPerReturn == 0) return_free_memory();
+          return Delivery::Done;
+        }
       }
       if (status == frames::RingStatus::Gone) ring_.reset();
     }
@@ -144,6 +148,7 @@ class RingOutput final : public FrameOutput {
   std::chrono::duration<double> timeout_;
   frames::RendererHello hello_;
   std::unique_ptr<frames::RingRenderer> ring_;
+  uint64_t delivered_ = 0;
 };
 
 }  // namespace
