@@ -39,7 +39,7 @@ const std::vector<VerbRow>& verbs() {
       {ControlVerb::Power, "power", {"to"}},
       {ControlVerb::Trim, "trim", {"offset", "pitch", "offset_by", "pitch_by"}},
       {ControlVerb::Rig, "rig", {"toml"}},
-      {ControlVerb::Snapshot, "snapshot", {"file", "eye"}},
+      {ControlVerb::Snapshot, "snapshot", {"file", "eye", "panel"}},
       {ControlVerb::Frame, "frame", {}},
       {ControlVerb::List, "list", {"item"}},
       {ControlVerb::Stats, "stats", {}},
@@ -144,6 +144,7 @@ void take_field(const std::string& field, const json& value, ControlRequest& req
   if (field == "toml") request.rig_toml = words(field, value, kMaxControlLine);
   if (field == "file") request.file = words(field, value);
   if (field == "eye") request.eye_mm = eye(value);
+  if (field == "panel") request.panel = words(field, value);
 }
 
 /// Checks that the verb's required fields are present and that the given fields go together.

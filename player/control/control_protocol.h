@@ -62,6 +62,7 @@ struct ControlRequest {
   std::string rig_toml{};                         ///< rig
   std::string file{};                             ///< snapshot
   std::optional<std::array<double, 3>> eye_mm{};  ///< snapshot
+  std::string panel{};                            ///< snapshot: a panel of a wall, by its name
 };
 
 /// Parses one line without its line end. Throws Error(Usage) if the line is not a valid request:

@@ -32,6 +32,19 @@ ordered_json place_json(const PlaylistStatus& status) {
   return json;
 }
 
+/// Returns the index of the panel of a wall; none if the player shows one panel.
+std::optional<size_t> part_for(const std::string& name, const std::vector<WallPanel>& wall) {
+  if (wall.empty() && name.empty()) return std::nullopt;
+  if (wall.empty())
+    throw Error(ErrorKind::Usage, "panel: this player shows one panel", "leave --panel out");
+  const auto found = std::ranges::find(wall, name, &WallPanel::name);
+  if (found != wall.end()) return static_cast<size_t>(found - wall.begin());
+  std::vector<std::string> names;
+  for (const WallPanel& panel : wall) names.push_back(panel.name);
+  throw Error(ErrorKind::Usage, "panel: " + (name.empty() ? "none is named" : "no '" + name + "'"),
+              fmt::format("this player shows {}", fmt::join(names, ", ")));
+}
+
 frames::WovenFrame seen_by(const optics::Rig& rig, const frames::WovenFrame& woven,
                            const std::array<double, 3>& eye) {
   const optics::OpticalModel model(rig);
@@ -375,15 +388,16 @@ void PlayControls::snapshot(const ControlRequest& request, const Answer& answer)
 }
 
 ordered_json PlayControls::take_snapshot(const ControlRequest& request) {
-  if (!options_.trim)
-    throw Error(ErrorKind::Failed, "snapshot: this player shows several panels, not one picture",
-                "look at the film of one panel: lenticule eye");
-  frames::WovenFrame displayed(options_.panel);
+  const std::optional<size_t> part = part_for(request.panel, options_.wall);
+  frames::WovenFrame displayed(part ? options_.wall[*part].size : options_.panel);
   const DisplayedPlace place = playback_.displayed();
-  if (!playback_.copy_shown(displayed))
+  if (!playback_.copy_shown(displayed, part.value_or(0)))
     throw Error(ErrorKind::Failed, "snapshot: the displayed frame is not in memory",
                 "if the source keeps few frames, play with more --slots");
-  if (request.eye_mm) displayed = seen_by(options_.trim->rig(), displayed, *request.eye_mm);
+  if (request.eye_mm) {
+    const optics::Rig rig = part ? options_.wall[*part].rig : options_.trim->rig();
+    displayed = seen_by(rig, displayed, *request.eye_mm);
+  }
   frames::write_woven(displayed.view(), request.file);
   return {{"file", request.file},
           {"width", displayed.width()},

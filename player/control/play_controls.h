@@ -12,7 +12,9 @@
 #include <optional>
 #include <string>
 #include <thread>
+#include <vector>
 
+#include "optics/rig.h"
 #include "player/control/control_server.h"
 #include "player/control/frame_memory.h"
 #include "player/playback/playback.h"
@@ -25,10 +27,18 @@ namespace lenticule::player {
 /// PlayControls.
 using PlaylistReader = std::function<Playlist(const std::string& source)>;
 
+/// WallPanel is one of the panels that a player shows together.
+struct WallPanel {
+  std::string name;
+  frames::FrameGeometry size;
+  optics::Rig rig;
+};
+
 struct PlayControlsOptions {
   frames::FrameGeometry panel = {};
+  std::vector<WallPanel> wall = {};  ///< empty for a player of one panel
   PlaylistReader read_playlist;
-  std::shared_ptr<LiveTrim> trim;
+  std::shared_ptr<LiveTrim> trim;  ///< null for a wall
   /// Explains what a trim does to frames that were woven elsewhere; may be empty.
   std::string trim_advice = {};
   /// Ends the player in an orderly way. Thread safety: any thread.

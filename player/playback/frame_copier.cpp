@@ -210,9 +210,12 @@ void FrameCopier::serve_copy() noexcept {
     const std::lock_guard lock(copy_mutex_);
     const uint64_t displayed = displayed_.load(std::memory_order_acquire);
     for (size_t k = 0; k < kept_count_ && copy_into_ != nullptr; ++k) {
-      const frames::FrameView& frame = kept_.at(k).acquired.frame;
-      const bool is_whole = frame.parts.empty() && frame.geometry == copy_into_->geometry();
-      if (kept_.at(k).index != displayed || !is_whole) continue;
+      if (kept_.at(k).index != displayed) continue;
+      const frames::FrameView& all = kept_.at(k).acquired.frame;
+      const bool has_part = copied_part_ < std::max<size_t>(all.parts.size(), 1);
+      if (!has_part) continue;
+      const frames::FrameView& frame = all.parts.empty() ? all : all.parts[copied_part_];
+      if (frame.geometry != copy_into_->geometry()) continue;
       std::copy(frame.bytes.begin(), frame.bytes.end(), copy_into_->bytes().begin());
       copied_ = true;
     }
@@ -222,9 +225,10 @@ void FrameCopier::serve_copy() noexcept {
   copy_over_.notify_all();
 }
 
-bool FrameCopier::copy_shown(frames::WovenFrame& into, milliseconds timeout) {
+bool FrameCopier::copy_shown(frames::WovenFrame& into, size_t part, milliseconds timeout) {
   std::unique_lock lock(copy_mutex_);
   copy_into_ = &into;
+  copied_part_ = part;
   copied_ = false;
   copy_wanted_.store(true, std::memory_order_release);
   freed_.signal();

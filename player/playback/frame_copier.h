@@ -118,10 +118,12 @@ class FrameCopier {
   [[nodiscard]] bool idle() const noexcept { return idle_.load(); }
   /// Any thread: returns the discontinuity number; frames with a smaller one need not be shown.
   [[nodiscard]] uint64_t cut() const noexcept { return cut_.load(); }
-  /// Copies the displayed frame into `into`, which must have its size. Returns false if the frame
-  /// was not kept or the frame copier is not running; waits at most `timeout`. Thread safety: any
-  /// thread except the filling thread and the presenter's.
-  [[nodiscard]] bool copy_shown(frames::WovenFrame& into, std::chrono::milliseconds timeout);
+  /// Copies the displayed frame into `into`, which must have its size; of a frame for several
+  /// panels the picture with the index `part`. Returns false if the frame was not kept or the frame
+  /// copier is not running; waits at most `timeout`. Thread safety: any thread except the filling
+  /// thread and the presenter's.
+  [[nodiscard]] bool copy_shown(frames::WovenFrame& into, size_t part,
+                                std::chrono::milliseconds timeout);
   /// Returns the reason for the failure; valid only if state() is Failed.
   [[nodiscard]] const std::string& failure() const noexcept { return failure_; }
 
@@ -179,6 +181,7 @@ class FrameCopier {
   std::mutex copy_mutex_;  ///< guards the members below
   std::condition_variable copy_over_;
   frames::WovenFrame* copy_into_ = nullptr;
+  size_t copied_part_ = 0;
   bool copied_ = false;
 };
 

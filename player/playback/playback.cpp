@@ -336,10 +336,10 @@ LeftItem PlaybackControl::left_item(uint64_t item) const {
   return {};
 }
 
-bool PlaybackControl::copy_shown(frames::WovenFrame& into) {
+bool PlaybackControl::copy_shown(frames::WovenFrame& into, size_t part) {
   const std::lock_guard lock(mutex_);
   if (frame_copier_ == nullptr || statistics_->displayed.read().frames == 0) return false;
-  return frame_copier_->copy_shown(into, milliseconds(1000));
+  return frame_copier_->copy_shown(into, part, milliseconds(1000));
 }
 
 const char* outcome_name(PlayOutcome outcome) {

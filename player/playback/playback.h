@@ -56,9 +56,9 @@ class PlaybackControl {
   [[nodiscard]] DisplayedPlace displayed() const;
   /// Does not wait for copy_shown(), so that the thread that copies may call it.
   [[nodiscard]] LeftItem left_item(uint64_t item) const;
-  /// Copies the displayed frame, which must have the size of `into`; returns false if that is not
-  /// possible. Waits at most a second.
-  [[nodiscard]] bool copy_shown(frames::WovenFrame& into);
+  /// Copies the displayed frame, which must have the size of `into`, or one panel's part of it;
+  /// returns false if that is not possible. Waits at most a second.
+  [[nodiscard]] bool copy_shown(frames::WovenFrame& into, size_t part = 0);
 
   /// Called by play(): attaches the running playback, and detaches it before play() returns.
   void attach(Presenter& presenter, FrameCopier& frame_copier,

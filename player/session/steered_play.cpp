@@ -33,6 +33,13 @@ LeftItemLook left_item_of(const PlaybackControl& playback) {
   return [&playback](uint32_t number) { return playback.left_item(number); };
 }
 
+std::vector<WallPanel> panels_of(const std::vector<WallPart>& wall) {
+  std::vector<WallPanel> panels;
+  for (const WallPart& part : wall)
+    panels.push_back({.name = part.name, .size = part.panel, .rig = part.rig});
+  return panels;
+}
+
 /// Ends the process as Ctrl-C would; every wait of the player reacts to the signal.
 void quit_in_good_order() {
   (void)::kill(::getpid(), SIGTERM);
@@ -49,6 +56,7 @@ SteeredPlay::SteeredPlay(const PlayFlags& flags, const PlayPlan& plan, const std
   if (flags.control.empty()) return;
   controls_ = std::make_unique<PlayControls>(PlayControlsOptions{
       .panel = plan.source.panel,
+      .wall = panels_of(plan.source.wall),
       .read_playlist =
           [this](const std::string& text) {
             // The flags of the command line apply to its own source alone.

@@ -76,7 +76,7 @@ void plan_wall(const PlayFlags& flags, PlayPlan& plan) {
     plan.source.wall.push_back({.name = panel.name,
                                 .panel = seen,
                                 .identity = panel.trimmed.identity,
-                                .rig_name = rig.name,
+                                .rig = rig,
                                 .card = rig_card(rig, panel.name)});
   }
   plan.source.panel = buffer.size();

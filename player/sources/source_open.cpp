@@ -207,7 +207,7 @@ SourceRequest request_of_panel(const SourceRequest& request, const WallPart& par
   own.wall.clear();
   own.panel = part.panel;
   own.identity = part.identity;
-  own.rig_name = part.rig_name;
+  own.rig_name = part.rig.name;
   own.card = part.card;
   if (own.spec.has_pictures()) own.spec.text = optics::file_of_panel(own.spec.text, part.name);
   return own;

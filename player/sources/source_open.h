@@ -25,7 +25,7 @@ struct WallPart {
   std::string name;
   frames::FrameGeometry panel;   ///< size of its frames
   optics::RigIdentity identity;  ///< identity of its rig with the viewing line of the wall
-  std::string rig_name;
+  optics::Rig rig;
   display::CardText card;
 };
 

@@ -59,7 +59,7 @@ class VideoChild {
   [[nodiscard]] uint64_t missing() const { return missing_.load(); }
   /// Returns the number of rounds of the clip that the present child has completed.
   [[nodiscard]] uint64_t rounds() const { return rounds_.load(); }
-  /// Returns the latest report of which decoder is in use; none while it is software as ever.
+  /// Returns the latest report of which decoder is in use; none before the first report.
   [[nodiscard]] std::optional<VideoEvent> decoder() const;
   void expect_frames(std::optional<uint64_t> expected);
   /// Returns a descriptor that is readable when the child has ended.

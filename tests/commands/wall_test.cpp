@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "frames/image_io.h"
 #include "tests/commands/program.h"
@@ -205,6 +207,38 @@ TEST_F(WallPlay, RefusesWhatNeedsOneRig) {
   EXPECT_EQ(trim.exit_code, 2);
   EXPECT_NE(trim.err.find("--trim: needs one rig"), std::string::npos) << trim.err;
   EXPECT_EQ(play_wall({path("film.lts"), "--rig", path("rig.toml")}).exit_code, 2);
+}
+
+TEST_F(WallPlay, ASnapshotShowsOnePanelAndWhatAnEyeSeesOnIt) {
+  ASSERT_EQ(render({"--frames", "0:1", "-o", path("%03d.png")}).exit_code, 0);
+  const BackgroundProcess player(
+      program({"play", path("%03d.png"), "--wall", path("wall.toml"), "--display", "virtual",
+               "--loop", "forever", "--control", path("c.sock")}));
+  const auto snapshot = [this](std::vector<std::string> words) {
+    words.insert(words.begin(), {"ctl", "--socket", path("c.sock"), "snapshot"});
+    return run(words);
+  };
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  while (snapshot({path("left.png"), "--panel", "left"}).exit_code != 0) {
+    ASSERT_LT(std::chrono::steady_clock::now(), deadline);
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  for (const std::string name : {"left", "right"}) {
+    EXPECT_EQ(snapshot({path(name + ".png"), "--panel", name}).exit_code, 0);
+    EXPECT_TRUE(std::ranges::equal(frames::read_woven(path(name + ".png")).bytes(),
+                                   frames::read_woven(path("000-" + name + ".png")).bytes()))
+        << name;
+  }
+  EXPECT_EQ(snapshot({path("eye.png"), "--panel", "right", "--eye", "0,0,500"}).exit_code, 0);
+  EXPECT_TRUE(std::filesystem::exists(path("eye.png")));
+  for (const std::vector<std::string>& wrong :
+       {std::vector<std::string>{}, {"--panel", "middle"}}) {
+    std::vector<std::string> words = wrong;
+    words.insert(words.begin(), path("wrong.png"));
+    const ProcessResult result = snapshot(words);
+    EXPECT_EQ(result.exit_code, 2) << result.err;
+    EXPECT_NE(result.err.find("left, right"), std::string::npos) << result.err;
+  }
 }
 
 TEST_F(WallCommand, ExplainsWrongFlags) {

@@ -41,6 +41,7 @@ struct CtlFlags {
   std::string power;
   std::optional<double> offset, pitch, offset_by, pitch_by;
   std::string file;
+  std::string panel;
   std::optional<Vec3> eye;
   std::optional<uint64_t> events;
   std::string address;
@@ -85,6 +86,7 @@ ordered_json request_of(const std::string& verb, const CtlFlags& flags) {
   if (flags.count == "forever") request["count"] = flags.count;
   if (const auto count = number_from<uint64_t>(flags.count)) request["count"] = *count;
   if (!flags.file.empty()) request["file"] = std::filesystem::absolute(flags.file).string();
+  if (!flags.panel.empty()) request["panel"] = flags.panel;
   if (flags.eye) request["eye"] = {flags.eye->x, flags.eye->y, flags.eye->z};
   return request;
 }
@@ -182,6 +184,7 @@ void declare_values(std::vector<std::pair<CLI::App*, ControlVerb>>& verbs, CtlFl
       add_triple(
           *app, "--eye", "X,Y,Z", [&flags](Vec3 eye) { flags.eye = eye; },
           "as an eye there sees it: mm right, up and away from the panel's centre");
+      app->add_option("--panel", flags.panel, "panel of a wall, by its name");
     } else if (verb == ControlVerb::List) {
       app->add_option("--item", flags.item, "begin with this item, counted from 0");
     } else if (verb == ControlVerb::Subscribe) {

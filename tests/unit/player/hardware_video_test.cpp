@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests hardware decoders of videos with a fake device, which a preloaded library shows to the
-// decoder. The device's pictures differ from those of the file, so that each shows who decoded it.
+// decoder. The device's pictures differ from those of the file, so that each
+// shows which of the two made it.
 #include <gmock/gmock.h>
 #include <sys/wait.h>
 
@@ -340,8 +341,7 @@ TEST_F(HardwareVideo, OtherStreamsAreDecodedInSoftware) {
   EXPECT_EQ(decoded.choices[0]["reason"], "ffv1 is not decoded in hardware");
 }
 
-// --- with the player's source
-// ---------------------------------------------------------------------
+// --- with the player's source -------------------------------------------------------------------
 
 class HardwareSource : public HardwareVideo {
  protected:
@@ -416,8 +416,7 @@ TEST_F(HardwareSource, UsesNoDeviceAfterThreeFailures) {
   EXPECT_EQ(status, 0);
 }
 
-// --- with the command
-// -----------------------------------------------------------------------------
+// --- with the command ---------------------------------------------------------------------------
 
 TEST_F(HardwareVideo, PlayNamesTheDecoder) {
   const std::filesystem::path film = file("film_qs2x1a0.75.flv");

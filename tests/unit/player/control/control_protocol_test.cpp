@@ -46,6 +46,7 @@ TEST(ControlProtocol, EveryVerbHasItsFields) {
   EXPECT_EQ(parse(R"({"do":"rig","toml":"format = 1\n"})").rig_toml, "format = 1\n");
   const ControlRequest eye = parse(R"({"do":"snapshot","file":"/s.png","eye":[1,-2,700]})");
   EXPECT_EQ(eye.eye_mm, (std::array<double, 3>{1.0, -2.0, 700.0}));
+  EXPECT_EQ(parse(R"({"do":"snapshot","file":"/s.png","panel":"left"})").panel, "left");
   const ControlRequest interrupt = parse(R"({"do":"interrupt","source":"/b.lts","seconds":12.5})");
   EXPECT_EQ(interrupt.source, "/b.lts");
   EXPECT_EQ(interrupt.seconds, 12.5);
