@@ -85,10 +85,12 @@ void interleave(const Block& block, uint8_t* rgb) {
 #elif defined(LENTICULE_NEON)
 
 void interleave(const Block& block, uint8_t* rgb) {
-  for (int at = 0; at < kBlock; at += 16)
-    vst3q_u8(rgb + 3 * at,
-             uint8x16x3_t{{vld1q_u8(block.channel[0] + at), vld1q_u8(block.channel[1] + at),
-                           vld1q_u8(block.channel[2] + at)}});
+  for (int at = 0; at < kBlock; at += 16) {
+    const uint8x16x3_t channels = {{vld1q_u8(block.channel[0] + at),
+                                    vld1q_u8(block.channel[1] + at),
+                                    vld1q_u8(block.channel[2] + at)}};
+    vst3q_u8(rgb + 3 * at, channels);
+  }
 }
 
 #else
