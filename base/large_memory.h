@@ -26,8 +26,8 @@ class LargeMemory {
   size_t bytes_ = 0;
 };
 
-/// Returns memory that was freed to the system, which the C library keeps otherwise: in a process
-/// that allocates a lot for hours, its pools grow slowly. Takes some milliseconds.
+/// Gives freed memory back to the system. The C library would keep it, and its pools grow slowly in
+/// a process that allocates for hours. Takes some milliseconds.
 ///
 /// Thread safety: any thread.
 void return_free_memory() noexcept;

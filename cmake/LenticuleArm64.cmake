@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # Toolchain for arm64 on a Debian host of another architecture. `scripts/packages arm64` installs the
 # compiler and qemu, and makes the sysroot: the arm64 libraries of the same Debian, extracted to a folder.
-# The environment variable LENTICULE_SYSROOT names another folder than the user's cache. With LENTICULE_CROSS_CLANG
-# in the cache, clang compiles, in half the time of gcc.
+# It is in the user's cache, or where the environment variable LENTICULE_SYSROOT says. With the CMake variable
+# LENTICULE_CROSS_CLANG, clang compiles, in half the time of gcc.
 set(CMAKE_SYSTEM_NAME Linux)
 set(CMAKE_SYSTEM_PROCESSOR aarch64)
 set(triplet aarch64-linux-gnu)

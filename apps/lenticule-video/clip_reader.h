@@ -76,7 +76,7 @@ struct DecoderChoice {
 
 struct ClipOptions {
   std::optional<int> stream;              ///< default: the first with pictures
-  int threads = 1;                        ///< of a software decoder
+  int threads = 1;                        ///< threads of a software decoder
   std::vector<HardwareDecoder> hardware;  ///< devices that this process may open
   /// Called for the first hardware decoder, and when a software decoder takes the place of
   /// hardware.

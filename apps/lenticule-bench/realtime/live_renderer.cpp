@@ -208,14 +208,15 @@ class LiveRun {
     record.acquired_ns = now_ns();
     const std::span<const uint8_t> pixels = frame_.view().bytes;
     std::memcpy(slot.data(), pixels.data(), std::min(slot.size(), pixels.size()));
-    if (record.number % kFramesPerReturn == 0) return_free_memory();
     // The record is complete before the player can show the frame.
     record.memory_bytes = read_resident_memory().anonymous;
     const struct mallinfo2 heap = mallinfo2();
     record.in_use_bytes = heap.uordblks + heap.hblkhd;
     record.published_ns = now_ns();
     log_.add(record);
-    return ring_->publish() == frames::RingStatus::Ok;
+    const bool published = ring_->publish() == frames::RingStatus::Ok;
+    if (log_.frames().size() % kFramesPerReturn == 0) return_free_memory();
+    return published;
   }
 
   /// Keeps the first frame of each of equal parts of the run.
