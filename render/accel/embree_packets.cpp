@@ -5,33 +5,31 @@
 #include <cstdint>
 #include <cstring>
 
+#include "render/accel/lane_masks.h"
+
 namespace lenticule::render {
 namespace {
 
-/// Returns true if Embree treats one direction component of all rays of a packet as positive, or of
+/// Returns true if Embree treats one direction component of all lanes in `valid` as positive, or of
 /// all as negative. Embree replaces components of either sign that are nearer to zero than 1e-18 by
 /// +1e-18.
-bool on_one_side(const int* valid, const float* components) {
-  // Fast path: nearly always all sign bits are equal, and this runs for every packet.
-  constexpr auto kClear = std::bit_cast<int32_t>(1e-17F);
-  int32_t any = 0, all = -1, small = 0;
-  for (size_t r = 0; r < 16; ++r) {
-    const auto bits = std::bit_cast<int32_t>(components[r]);
-    any |= bits & valid[r];
-    all &= bits | ~valid[r];
-    small |= ((bits & 0x7fffffff) < kClear ? -1 : 0) & valid[r];
-  }
-  if (any >= 0 || (all < 0 && small == 0)) return true;
-  int negative = 0;
-  for (size_t r = 0; r < 16; ++r) negative |= valid[r] & (components[r] >= 0.0F ? 0 : -1);
-  return negative == 0;
+bool on_one_side(uint32_t valid, const float* components) {
+  // Nearly always all sign bits are equal, and this runs for every packet.
+  const uint32_t negative = sign_bits(components) & valid;
+  if (negative == 0) return true;
+  constexpr float kClear = 1e-17F;
+  if (negative == valid && (lanes_above(components, -kClear) & valid) == 0) return true;
+  for (uint32_t left = negative; left != 0; left &= left - 1)
+    if (!(components[std::countr_zero(left)] >= 0.0F)) return false;  // -0 is not below
+  return true;
 }
 
 }  // namespace
 
 bool in_one_octant(const int* valid, const RTCRay16& rays) {
-  return on_one_side(valid, rays.dir_x) && on_one_side(valid, rays.dir_y) &&
-         on_one_side(valid, rays.dir_z);
+  const uint32_t lanes = lane_bits(valid);
+  return on_one_side(lanes, rays.dir_x) && on_one_side(lanes, rays.dir_y) &&
+         on_one_side(lanes, rays.dir_z);
 }
 
 Coherence coherence_of(const int* valid, const RTCRay16& rays) {

@@ -3,6 +3,7 @@
 // lane.
 #pragma once
 
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #if defined(__SSE2__)
@@ -41,6 +42,35 @@ namespace lenticule::render {
   uint32_t bits = 0;
   for (uint32_t r = 0; r < kPacket; ++r) bits |= static_cast<uint32_t>(valid[r] & 1) << r;
   return bits;
+#endif
+}
+
+/// Returns a bit mask of the lanes whose number has the sign bit set.
+[[nodiscard]] inline uint32_t sign_bits(const float* lanes) {
+#if defined(__SSE2__)
+  const auto four = [&](size_t first) {
+    return static_cast<uint32_t>(_mm_movemask_ps(_mm_loadu_ps(lanes + first)));
+  };
+  return four(0) | four(4) << 4 | four(8) << 8 | four(12) << 12;
+#else
+  int negative[kPacket];
+  for (size_t r = 0; r < kPacket; ++r) negative[r] = std::bit_cast<int32_t>(lanes[r]) >> 31;
+  return lane_bits(negative);
+#endif
+}
+
+/// Returns a bit mask of the lanes whose number is greater than `limit`.
+[[nodiscard]] inline uint32_t lanes_above(const float* lanes, float limit) {
+#if defined(__SSE2__)
+  const auto four = [&](size_t first) {
+    return static_cast<uint32_t>(
+        _mm_movemask_ps(_mm_cmpgt_ps(_mm_loadu_ps(lanes + first), _mm_set1_ps(limit))));
+  };
+  return four(0) | four(4) << 4 | four(8) << 8 | four(12) << 12;
+#else
+  int above[kPacket];
+  for (size_t r = 0; r < kPacket; ++r) above[r] = lanes[r] > limit ? -1 : 0;
+  return lane_bits(above);
 #endif
 }
 

@@ -4,7 +4,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <limits>
+
+#include "render/accel/lane_masks.h"
 
 namespace lenticule::render {
 namespace {
@@ -26,27 +29,39 @@ constexpr double kCorner = 0x1p-20;
 // same surface.
 constexpr double kMuchSooner = 64.0;
 
+// Four lanes: compilers generate poor code for wider vectors.
+constexpr size_t kFour = 4;
+using Floats = float __attribute__((vector_size(4 * kFour)));
+using Masks = int32_t __attribute__((vector_size(4 * kFour)));
+
+/// Returns the mask of the lanes that continue past the hits of their neighbours `before` and
+/// `after`.
+Masks stick_out(Floats t, Floats before, Floats after, float step) {
+  const Masks is_before_nearer = before < after;
+  const Floats nearer = is_before_nearer ? before : after;
+  const Floats farther = is_before_nearer ? after : before;
+  return (t > nearer + kDrop * step) | (t > farther + kSpike * step);
+}
+
 /// Returns a mask with bit r set if lane r continues past the hits of its neighbours.
 uint32_t suspects(const RayPacket& packet, float step) {
-  // Inactive lanes count as rays without a hit.
-  alignas(64) std::array<float, kPacket + 2> t;
-  t.front() = t.back() = kInfinity;
-  for (size_t r = 0; r < kPacket; ++r)
-    t[r + 1] = packet.valid[r] != 0 ? packet.rays.ray.tfar[r] : kInfinity;
-  alignas(64) std::array<int32_t, kPacket> suspect;
-  int32_t any = 0;
-  for (size_t r = 0; r < kPacket; ++r) {
-    const float nearer = std::min(t[r], t[r + 2]);
-    const float farther = std::max(t[r], t[r + 2]);
-    const int32_t drops = t[r + 1] > nearer + kDrop * step ? -1 : 0;
-    const int32_t sticks_out = t[r + 1] > farther + kSpike * step ? -1 : 0;
-    suspect[r] = (drops | sticks_out) & packet.valid[r];
-    any |= suspect[r];
+  // Inactive lanes count as rays without a hit, as do those before the first and after the last.
+  constexpr Floats kNone = {kInfinity, kInfinity, kInfinity, kInfinity};
+  constexpr size_t kFours = kPacket / kFour;
+  std::array<Floats, kFours + 2> t;
+  std::array<Masks, kFours> valid;
+  std::memcpy(valid.data(), packet.valid, sizeof valid);
+  std::memcpy(&t[1], packet.rays.ray.tfar, sizeof valid);
+  t.front() = t.back() = kNone;
+  for (size_t k = 0; k < kFours; ++k) t[k + 1] = valid[k] ? t[k + 1] : kNone;
+  for (size_t k = 0; k < kFours; ++k) {
+    const Floats before = __builtin_shufflevector(t[k], t[k + 1], 3, 4, 5, 6);
+    const Floats after = __builtin_shufflevector(t[k + 1], t[k + 2], 1, 2, 3, 4);
+    valid[k] &= stick_out(t[k + 1], before, after, step);
   }
-  uint32_t bits = 0;
-  if (any != 0)
-    for (size_t r = 0; r < kPacket; ++r) bits |= (suspect[r] != 0 ? 1U : 0U) << r;
-  return bits;
+  alignas(16) int suspect[kPacket];
+  std::memcpy(suspect, valid.data(), sizeof suspect);
+  return lane_bits(suspect);
 }
 
 struct Line {

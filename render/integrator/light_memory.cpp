@@ -128,9 +128,10 @@ void LightMemory::note_shadows(Bounce bounce, size_t light, const float* brings,
     if (brings[r] >= noticed_) way[r] += mixed(~bounce.path, static_cast<uint32_t>(light));
   }
   if (!bounce.is_first || light >= KnownLight::kLights) return;
-  for (uint32_t r = 0; r < kPacket; ++r) {
-    notes_.lit[r] |= (reached >> r & 1) << light;
-    notes_.hidden[r] |= ((wanted & ~reached) >> r & 1) << light;
+  const uint32_t bit = 1U << light, hidden = wanted & ~reached;
+  for (size_t r = 0; r < kPacket; ++r) {
+    notes_.lit[r] |= (reached & kLaneBit[r]) != 0 ? bit : 0;
+    notes_.hidden[r] |= (hidden & kLaneBit[r]) != 0 ? bit : 0;
   }
 }
 

@@ -406,9 +406,7 @@ uint32_t PacketTracer::trace_shadows(const Scene& scene, size_t light, Coherence
   clock_.turn_to(Work::TraceShadows);
   occluded16(valid, scene.embree.get(), lanes_.shadow, coherence);
   clock_.turn_to(Work::Shade);
-  uint32_t unoccluded = 0;
-  for (uint32_t r = 0; r < kPacket; ++r)
-    if (valid[r] != 0 && lanes_.shadow.tfar[r] >= 0.0F) unoccluded |= 1U << r;
+  const uint32_t unoccluded = lanes & ~sign_bits(lanes_.shadow.tfar);
   if (memory_ != nullptr) memory_->remember_shadows(bounce, light, lanes, unoccluded);
   return unoccluded;
 }

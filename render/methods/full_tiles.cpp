@@ -6,15 +6,13 @@
 #include "frames/srgb.h"
 #include "render/accel/denormals.h"
 #include "render/depth_budget/prefilter.h"
+#include "render/shading/shading_tables.h"
 
 namespace lenticule::render {
 namespace {
 
-void write_straight(const float* light, int count, uint8_t* codes) {
-  for (int i = 0; i < count; ++i) codes[i] = frames::code_from_encoded(light[i]);
-}
-void write_managed(const float* light, int count, uint8_t* codes) {
-  for (int i = 0; i < count; ++i) codes[i] = frames::code_from_linear(double{light[i]});
+void write_managed(const float* light, int32_t count, uint8_t* codes) {
+  for (int32_t i = 0; i < count; ++i) codes[i] = frames::code_from_linear(double{light[i]});
 }
 
 /// Disables weak-ray skipping if rays are summed: the test is valid for one ray per subpixel only.
@@ -33,7 +31,8 @@ std::vector<SubpixelPlace> places(const RenderOptions& options) {
 FullTiles::FullTiles(const optics::OpticalModel& model, const RenderOptions& options)
     : options_(with_rays_that_add_up(options)),
       plan_(model.rig()),
-      packets_(model, plan_, options.isa) {
+      packets_(model, plan_, options.isa),
+      encode_(shading_kernel_for(options.isa).encode) {
   for (const SubpixelPlace place : places(options)) samples_.emplace_back(model, place);
   if (options.prefilter == Prefilter::Depth || options.prefilter == Prefilter::Beam)
     prefilter_.emplace(model, plan_, options);
@@ -102,7 +101,7 @@ void FullTiles::Worker::trace(const Tile& tile, PacketTracer::FootprintSample sa
 }
 
 void FullTiles::Worker::write(const Tile& tile, frames::WovenFrame& frame) const {
-  const auto write_codes = scene_.colour_managed ? write_managed : write_straight;
+  const auto write_codes = scene_.colour_managed ? write_managed : tiles_.encode_;
   for (int row = 0; row < tile.rows; ++row) {
     // Subpixel 3 i + channel is byte 3 i + channel of the row.
     const int first = tiles_.plan_.subpixel(tile, 0, row);

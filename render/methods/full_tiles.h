@@ -15,6 +15,7 @@
 #include "render/methods/method.h"
 #include "render/rays/primary_packets.h"
 #include "render/rays/zone_mask.h"
+#include "render/shading/shading_kernel.h"
 
 namespace lenticule::render {
 
@@ -70,6 +71,7 @@ class FullTiles {
   RenderOptions options_;
   TilePlan plan_;
   PrimaryPackets packets_;
+  decltype(shading_kernel::Kernel::encode) encode_;
   std::vector<Footprint> samples_;
   std::optional<DepthPrefilter> prefilter_;
   std::optional<ZoneMask> zone_;

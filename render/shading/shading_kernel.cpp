@@ -270,6 +270,14 @@ uint32_t leave_out(float most, const float* brings, int32_t* valid, float* toler
   return lanes;
 }
 
+void encode(const float* light, int32_t count, uint8_t* codes) {
+  for (int32_t i = 0; i < count; ++i) {
+    const float above = light[i] > 0.0F ? light[i] : 0.0F;
+    const float held = above < 1.0F ? above : 1.0F;
+    codes[i] = static_cast<uint8_t>(static_cast<int32_t>(double{held} * 255.0 + 0.5));
+  }
+}
+
 }  // namespace
 
 extern const shading_kernel::Kernel kShadingKernel;
@@ -283,6 +291,7 @@ const shading_kernel::Kernel kShadingKernel{.find_surfaces = find_surfaces,
                                             .ambient_rays = ambient_rays,
                                             .mirrored_rays = mirrored_rays,
                                             .add_light = add_light,
-                                            .leave_out = leave_out};
+                                            .leave_out = leave_out,
+                                            .encode = encode};
 
 }  // namespace lenticule::render::LENTICULE_ISA_NAMESPACE

@@ -183,6 +183,8 @@ struct Kernel {
   /// these lanes.
   uint32_t (*leave_out)(float most, const float* brings, int32_t* valid, float* tolerance_left,
                         float* light);
+  /// Converts `count` values of encoded light to code values, as frames::code_from_encoded() does.
+  void (*encode)(const float* light, int32_t count, uint8_t* codes);
 };
 
 }  // namespace lenticule::render::shading_kernel

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <random>
 
 #include "apps/lenticule-bench/probes/probe.h"
@@ -115,6 +116,47 @@ TEST(HoleGuard, GivesTheSameBytesForEveryNumberOfThreads) {
     EXPECT_EQ(statistics.filled_holes, alone.filled_holes);
     EXPECT_TRUE(std::ranges::equal(one.bytes(), other.bytes()));
   }
+}
+
+/// Counts the lanes that end 16 steps behind the nearer of their neighbours or a step behind both,
+/// lane by lane. Neighbours that do not exist or are inactive are infinitely far.
+uint64_t suspects_plainly(const RayPacket& packet, float step) {
+  constexpr float kFar = std::numeric_limits<float>::infinity();
+  const auto distance = [&](int r) {
+    const bool exists = r >= 0 && r < int{kPacket};
+    const auto lane = static_cast<size_t>(std::clamp(r, 0, int{kPacket} - 1));
+    return exists && packet.valid[lane] != 0 ? packet.rays.ray.tfar[lane] : kFar;
+  };
+  uint64_t count = 0;
+  for (int r = 0; r < int{kPacket}; ++r) {
+    const auto [nearer, farther] = std::minmax({distance(r - 1), distance(r + 1)});
+    if (packet.valid[static_cast<size_t>(r)] == 0) continue;
+    count += distance(r) > nearer + 16.0F * step || distance(r) > farther + step ? 1 : 0;
+  }
+  return count;
+}
+
+TEST(HoleGuard, SuspectsRaysThatContinuePastTheirNeighbours) {
+  SceneDescription nearly_empty = bright_on_black();
+  nearly_empty.meshes = {far_start()};
+  const Scene scene(nearly_empty, stage(), {}, 1);
+  std::mt19937_64 random(3);
+  uint64_t all = 0;
+  for (int round = 0; round < 20000; ++round) {
+    RayPacket packet{};
+    for (size_t r = 0; r < kPacket; ++r) {
+      packet.valid[r] = random() % 6 == 0 ? 0 : -1;
+      set_lane(packet, r, Vec3f(Vec3{0, 0, 500}), Vec3f(Vec3{0, 0, -1}));
+      packet.rays.hit.geomID[r] = RTC_INVALID_GEOMETRY_ID;
+      if (random() % 5 != 0)
+        packet.rays.ray.tfar[r] = 500.0F + static_cast<float>(random() % (1 << round % 8));
+    }
+    FrameCounts counts;
+    fill_holes(scene, 1.0, packet, counts);
+    ASSERT_EQ(counts.suspected_holes, suspects_plainly(packet, 1.0F)) << "round " << round;
+    all += counts.suspected_holes;
+  }
+  EXPECT_GT(all, 20000U);
 }
 
 TEST(HoleGuard, KeepsTrueGapsOpen) {

@@ -164,6 +164,24 @@ TEST(Srgb, EveryCodeSurvivesLinearLight) {
     EXPECT_EQ(code_from_linear(linear_of_codes()[static_cast<size_t>(code)]), code);
 }
 
+/// Light half way between two codes, and the numbers beside it, decide between them.
+TEST(Srgb, ChoosesTheNearestCodeOfLight) {
+  for (int code = 0; code < 255; ++code) {
+    const double limit = linear_from_srgb((code + 0.5) / 255.0);
+    EXPECT_EQ(code_from_linear(std::nextafter(limit, 0.0)), code);
+    EXPECT_EQ(code_from_linear(limit), code + 1);
+  }
+  int last = 0;
+  constexpr int kSteps = 1 << 20;
+  for (int step = 0; step <= kSteps; ++step) {
+    const double light = static_cast<double>(step) / kSteps;
+    const int code = code_from_linear(light);
+    ASSERT_GE(code, last);
+    ASSERT_NEAR(code, srgb_from_linear(light) * 255.0, 0.5 + 1e-9);
+    last = code;
+  }
+}
+
 TEST(Srgb, ClipsLightOutOfRange) {
   EXPECT_EQ(code_from_linear(-1.0), 0);
   EXPECT_EQ(code_from_linear(2.0), 255);

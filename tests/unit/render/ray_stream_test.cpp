@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <limits>
 #include <random>
@@ -185,6 +186,43 @@ TEST(InOneOctant, UsesTheSignsThatEmbreeUses) {
   EXPECT_FALSE(all(-0.5F, 0.25F));
   valid[7] = 0;
   EXPECT_TRUE(in_one_octant(valid, rays)) << "an empty lane counts";
+}
+
+/// A component of the valid lanes has one side if none is below zero, or if all are, by more than
+/// 1e-17.
+bool on_one_side_plainly(const int* valid, const float* components) {
+  bool any_below = false, all_below = true, any_small = false;
+  for (size_t r = 0; r < kPacket; ++r) {
+    if (valid[r] == 0) continue;
+    any_below |= components[r] < 0.0F;
+    all_below &= std::signbit(components[r]);
+    any_small |= std::abs(components[r]) < 1e-17F;
+  }
+  return !any_below || (all_below && !any_small);
+}
+
+TEST_F(RayStream, FindsTheOctantOfAnyPacket) {
+  std::mt19937_64 random(5);
+  const std::array numbers = {0.0F, -0.0F, 1e-30F, -1e-30F, 2e-17F, -2e-17F, 0.5F, -0.5F};
+  int one_octant = 0;
+  for (int round = 0; round < 20000; ++round) {
+    alignas(64) int valid[kPacket];
+    RTCRay16 rays{};
+    const size_t mostly = random() % numbers.size();
+    const uint64_t others = random() % 4;
+    for (size_t r = 0; r < kPacket; ++r) {
+      valid[r] = random() % 4 == 0 ? 0 : -1;
+      const bool other = random() % kPacket < others;
+      rays.dir_x[r] = numbers[other ? random() % numbers.size() : mostly];
+      rays.dir_y[r] = 1.0F;
+      rays.dir_z[r] = -1.0F;
+    }
+    const bool expected = on_one_side_plainly(valid, rays.dir_x);
+    ASSERT_EQ(in_one_octant(valid, rays), expected) << "round " << round;
+    one_octant += expected ? 1 : 0;
+  }
+  EXPECT_GT(one_octant, 4000);
+  EXPECT_LT(one_octant, 16000);
 }
 
 /// Embree takes packets in the width of its vectors; rays hit the same for every width.

@@ -5,11 +5,14 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <random>
+#include <vector>
 
 #include "base/cpu.h"
+#include "frames/srgb.h"
 #include "render/accel/embree_packets.h"
 #include "render/accel/ray_stream.h"
 #include "render/culling/octahedron.h"
@@ -190,6 +193,25 @@ TEST_P(ShadingKernel, GivesTheSameBitsOnEveryInstructionSet) {
       }
     }
   }
+}
+
+TEST(ShadingKernelCodes, AreThoseOfTheReference) {
+  std::vector<float> light = {-1.0F, -0.0F, 0.0F, 1.0F, 2.0F, 1e-40F, INFINITY, -INFINITY, NAN};
+  for (int code = 0; code < 255; ++code) {
+    const auto limit = static_cast<float>((code + 0.5) / 255.0);
+    for (const float near : {std::nextafter(limit, 0.0F), limit, std::nextafter(limit, 1.0F)})
+      light.push_back(near);
+  }
+  std::vector<uint8_t> expected, codes;
+  for (const float value : light) expected.push_back(frames::code_from_encoded(value));
+  for (const Kernel* kernel : runnable_kernels())
+    for (size_t count = 0; count <= light.size(); ++count) {
+      codes.assign(light.size() + 1, 77);
+      kernel->encode(light.data(), static_cast<int32_t>(count), codes.data());
+      ASSERT_TRUE(std::equal(codes.begin(), codes.begin() + static_cast<std::ptrdiff_t>(count),
+                             expected.begin()));
+      ASSERT_EQ(codes[count], 77) << "behind the last one";
+    }
 }
 
 INSTANTIATE_TEST_SUITE_P(TinyScenes, ShadingKernel, ::testing::ValuesIn(testing::tiny_scenes()),
