@@ -13,8 +13,8 @@ namespace lenticule::render {
 enum class Draw : uint8_t { None, Retracing, Evaluation };
 
 /// Each of the two selections has one subpixel per kSampledOneIn subpixels of a row (stratified,
-/// fixed positions), the evaluation more if AuditSelection is told so. Stratification covers a
-/// frame more evenly than a binomial sample, so the binomial bounds below are conservative.
+/// fixed positions), or more if AuditSelection is told so. Stratification covers a frame more
+/// evenly than a binomial sample, so the binomial bounds below are conservative.
 inline constexpr uint32_t kSampledOneIn = 512;
 struct SampledPair {
   uint32_t retracing, evaluation;  ///< subpixels of the row, or beyond its end
@@ -23,9 +23,11 @@ struct SampledPair {
 /// AuditSelection selects subpixels by a hash of their place. A denser evaluation proves more.
 class AuditSelection {
  public:
-  /// The evaluation takes one in `one_in` subpixels, 2 to kSampledOneIn.
-  explicit AuditSelection(uint32_t one_in = kSampledOneIn)
-      : one_in_(one_in), retracing_every_(kSampledOneIn / one_in) {}
+  /// The evaluation takes one in `one_in` subpixels, 2 to kSampledOneIn. The other selection takes
+  /// about one in `retracing_one_in`, `one_in` to kSampledOneIn.
+  explicit AuditSelection(uint32_t one_in = kSampledOneIn,
+                          uint32_t retracing_one_in = kSampledOneIn)
+      : one_in_(one_in), retracing_every_(retracing_one_in / one_in) {}
 
   [[nodiscard]] uint32_t one_in() const { return one_in_; }
   /// Returns the selected subpixels among the one_in() subpixels that start at one_in() *

@@ -134,9 +134,16 @@ uint64_t rendered_subpixels(const RowPlanes& planes, const FullTiles& tiles) {
   return tiles.zone() != nullptr ? all - tiles.zone()->unseen() : all;
 }
 
+/// Both selections are denser for a small E: a single sample that is off by half of the code values
+/// would otherwise decide about the whole frame.
 AuditSelection selection_for(uint64_t subpixels, const RenderOptions& options) {
-  if (options.proven_rmse == 0.0) return AuditSelection{};
-  return AuditSelection{sampled_one_in_for(most_mean_square(options), subpixels)};
+  constexpr double kSmall = 0.5;
+  constexpr uint32_t kDense = kSampledOneIn / 4;
+  if (options.proven_rmse > 0.0) {
+    const uint32_t one_in = sampled_one_in_for(most_mean_square(options), subpixels);
+    return AuditSelection{one_in, std::max(one_in, kDense)};
+  }
+  return options.tolerated_error < kSmall ? AuditSelection{kDense, kDense} : AuditSelection{};
 }
 
 class AdaptiveMethod final : public Method {
@@ -165,6 +172,7 @@ class AdaptiveMethod final : public Method {
     options_.tolerated_error = error;
     plan_.agreement = Agreement::for_error(error);
     plan_.most_mean_square = most_mean_square(options_);
+    plan_.selection = selection_for(rendered_subpixels(planes_, *full_tiles_), options_);
     // Frames and samples of another error are not reused.
     last_ = {};
     before_ = {};
@@ -304,7 +312,7 @@ class AdaptiveMethod final : public Method {
   /// limit_mean_square() will leave them to method full have only cost time.
   void note_gains(const AdaptiveFrame& frame, BandOrder& order) const {
     std::vector<int> kept;
-    ExpectedErrors errors;
+    ExpectedErrors errors{.bands = static_cast<double>(frame.bands.size())};
     for (int n = 0; n < static_cast<int>(frame.bands.size()); ++n) {
       const AdaptiveFrame::Band& band = frame.bands[static_cast<size_t>(n)];
       if (!band.tried) continue;
@@ -328,6 +336,7 @@ class AdaptiveMethod final : public Method {
 
   /// ExpectedErrors holds what the first selection says of the errors of the tried bands.
   struct ExpectedErrors {
+    double bands = 0.0;         ///< number of all bands of the frame
     double tried = 0.0;         ///< number of tried bands
     double mean_squares = 0.0;  ///< sum over the bands that are kept
     double variance = 0.0;      ///< variance of mean_squares
@@ -340,13 +349,16 @@ class AdaptiveMethod final : public Method {
   };
 
   /// Returns true if limit_mean_square() will probably not accept these errors. A bound that must
-  /// be proven leaves room for a part of them. An estimate is accepted as long as it may be right:
-  /// few samples may show far too large a mean square.
+  /// be proven leaves room for a part of them. An estimate must be below the limit by two standard
+  /// errors of the whole frame. Few tried bands may show far too large a mean square: they get
+  /// the benefit of up to two of their own standard errors.
   [[nodiscard]] bool exceeds_mean_square(const ExpectedErrors& errors) const {
     if (options_.soft.any()) return false;
     const double most = errors.tried * plan_.most_mean_square;
     if (options_.proven_rmse > 0.0) return errors.mean_squares > 0.4 * most;
-    return errors.mean_squares - 2.0 * std::sqrt(std::max(errors.variance, 0.0)) > 0.8 * most;
+    const double tried = std::sqrt(errors.tried / errors.bands);
+    const double deviation = std::sqrt(std::max(errors.variance, 0.0));
+    return errors.mean_squares + 2.0 * (tried - (1.0 - tried)) * deviation > most;
   }
 
   /// Lets the bands that were not tried count in the evaluation of the frame.

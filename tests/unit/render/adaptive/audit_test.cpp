@@ -78,9 +78,13 @@ Selected selected(const AuditSelection& selection) {
 }
 
 TEST(Audit, SamplesUniformly) {
-  for (const uint32_t one_in : {kSampledOneIn, 40U}) {
-    const Selected all = selected(AuditSelection(one_in));
-    const double retracing = double{kRows} * kColumns / (kSampledOneIn / one_in * one_in);
+  struct Density {
+    uint32_t one_in, retracing_one_in;
+  };
+  for (const auto [one_in, retracing_one_in] :
+       {Density{kSampledOneIn, kSampledOneIn}, Density{40, kSampledOneIn}, Density{100, 100}}) {
+    const Selected all = selected(AuditSelection(one_in, retracing_one_in));
+    const double retracing = double{kRows} * kColumns / (retracing_one_in / one_in * one_in);
     const double evaluation = double{kRows} * kColumns / one_in;
     const auto near = [](uint64_t count, double expected) {
       EXPECT_NEAR(static_cast<double>(count), expected, 5.0 * std::sqrt(expected));
