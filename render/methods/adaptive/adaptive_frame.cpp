@@ -62,6 +62,7 @@ AdaptiveWorker::AdaptiveWorker(AdaptiveFrame& frame)
                 frame.plan.options.soft),
       packet_(1),
       keys_(frame.grid.row_samples()),
+      corners_(3 * frame.grid.row_samples()),
       found_row_(frame.plan.planes.row_subpixels()) {
   init_packets(packet_);
   if (frame.scene.backdrop.ground_shadow) ground_.emplace(frame.scene, frame.plan.planes);
@@ -260,8 +261,9 @@ void AdaptiveWorker::find_cells(const KeyGrid::Between& between) {
   for (int picture = 0; picture < frame_.grid.pictures(); ++picture) {
     const auto odd = static_cast<size_t>(picture % 2);
     if (between.above[odd] == keys_row_[odd]) continue;
-    frame_.samples.find_cells(between.above[odd], picture, frame_.plan.agreement,
-                              keys_.data() + picture * frame_.grid.stride());
+    const auto first = static_cast<size_t>(picture * frame_.grid.stride());
+    frame_.samples.find_cells(between.above[odd], picture, frame_.plan.agreement, &keys_[first],
+                              &corners_[first]);
   }
   std::copy_n(between.above, 2, keys_row_.begin());
 }
@@ -308,9 +310,8 @@ std::array<LightResolver::Place, 2> AdaptiveWorker::FoundRow::places(size_t at) 
 void AdaptiveWorker::look_up(const KeyGrid::Between& between) {
   const size_t count = frame_.plan.planes.row_subpixels();
   const lookup_kernel::SampleRows interval{.key = keys_.data(),
-                                           .values = frame_.samples.values(),
+                                           .corners = corners_.data(),
                                            .plane = static_cast<int>(frame_.samples.row_samples()),
-                                           .row = {between.above[0], between.above[1]},
                                            .part = {between.part[0], between.part[1]}};
   const lookup_kernel::Row row{.x = x_mm_,
                                .tan = tan_x_,

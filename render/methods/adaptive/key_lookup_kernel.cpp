@@ -27,18 +27,34 @@ inline Masks gather(const uint32_t* table, const Masks& index) {
   return out;
 }
 
-/// Returns pairs of an element and the next element, the first in the lower half.
-inline Masks gather_pairs(const uint16_t* table, const Masks& index) {
-  Masks out;
+/// Pairs of values from the left in the lower half, from the right in the upper half.
+struct Pairs {
+  Masks above, below;
+};
+
+inline Pairs gather_corners(const Corners* table, const Masks& index) {
+  static_assert(sizeof(Corners) == 8);
+  Pairs out;
 #if defined(__AVX512F__)
-  const __m512i all = _mm512_mask_i32gather_epi32(
-      _mm512_setzero_si512(), kAllLanes, reinterpret_cast<__m512i>(index.part[0]), table, 2);
-  out.part[0] = reinterpret_cast<MaskVector>(all);
+  constexpr __mmask8 kEight = 0xff, kFour = 0xf;
+  const auto all = reinterpret_cast<__m512i>(index.part[0]);
+  const auto gather_eight = [&](const __m256i& at) {
+    return _mm512_mask_i32gather_epi64(_mm512_setzero_si512(), kEight, at, table, 8);
+  };
+  const __m512i low = gather_eight(_mm512_maskz_extracti64x4_epi64(kFour, all, 0));
+  const __m512i high = gather_eight(_mm512_maskz_extracti64x4_epi64(kFour, all, 1));
+  const __m512i even = _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
+  const __m512i odd = _mm512_add_epi32(even, _mm512_set1_epi32(1));
+  out.above.part[0] = reinterpret_cast<MaskVector>(_mm512_permutex2var_epi32(low, even, high));
+  out.below.part[0] = reinterpret_cast<MaskVector>(_mm512_permutex2var_epi32(low, odd, high));
 #else
   for (int p = 0; p < kParts; ++p)
     for (int r = 0; r < kWidth; ++r) {
-      const uint16_t* at = table + index.part[p][r];
-      out.part[p][r] = static_cast<int32_t>(at[0] | static_cast<uint32_t>(at[1]) << 16);
+      const Corners& at = table[index.part[p][r]];
+      out.above.part[p][r] =
+          static_cast<int32_t>(at.above[0] | static_cast<uint32_t>(at.above[1]) << 16);
+      out.below.part[p][r] =
+          static_cast<int32_t>(at.below[0] | static_cast<uint32_t>(at.below[1]) << 16);
     }
 #endif
   return out;
@@ -69,12 +85,9 @@ inline Floats along(const Masks& pair, const Floats& part) {
 }
 
 inline Floats value_at(const SampleRows& interval, const Place& place, const Masks& plane) {
-  const Masks row = select(place.odd, Masks::of(interval.row[1]), Masks::of(interval.row[0]));
   const Floats part = select(place.odd, Floats::of(interval.part[1]), Floats::of(interval.part[0]));
-  const Masks index = row * (3 * interval.plane) + plane + place.index;
-  const Floats above = along(gather_pairs(interval.values, index), place.part);
-  const Floats below = along(gather_pairs(interval.values, index + 3 * interval.plane), place.part);
-  return mix(above, below, part);
+  const Pairs corners = gather_corners(interval.corners, plane + place.index);
+  return mix(along(corners.above, place.part), along(corners.below, place.part), part);
 }
 
 /// Writes values from 0 to 255.

@@ -33,15 +33,18 @@ struct Grid {
 /// Set in the key of a cell whose corners show one surface but differ in colour.
 inline constexpr uint32_t kUneven = 0x80000000U;
 
-/// SampleRows refers to the rows of samples around a panel row, for even views and for odd views,
-/// which lie half a step higher.
+/// Corners holds the code values, in parts, of the samples around a cell: left and right.
+struct Corners {
+  uint16_t above[2], below[2];
+};
+
+/// SampleRows holds the cells around a panel row: between two rows of samples of even views, and
+/// two rows of odd views, which lie half a step higher.
 struct SampleRows {
-  const uint32_t* key;  ///< [picture][column]: the surface that all corners of a cell show, or 0
-  /// All samples of the frame: [row][channel][picture][column].
-  const uint16_t* values;
-  int plane;      ///< elements from one channel to the next
-  int row[2];     ///< index of the row of samples above
-  float part[2];  ///< weight of the row below
+  const uint32_t* key;     ///< [picture][column]: the surface that a cell shows, or 0
+  const Corners* corners;  ///< [channel][picture][column]: valid if the cell shows a surface
+  int plane;               ///< elements from one channel to the next
+  float part[2];           ///< weight of the row below, for even and for odd views
 };
 
 /// Subpixels 3 i + channel of a row. Array lengths are rounded up to a multiple of kLanes.

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <optional>
 #include <span>
 #include <utility>
 
@@ -42,8 +43,8 @@ void KeySamples::begin(const KeyGrid& grid) {
   columns_ = grid.columns();
   row_samples_ = grid.row_samples();
   const size_t count = row_samples_ * static_cast<size_t>(rows_);
-  // The padding of the rows stays zero. The lookup reads one element past the requested one.
-  values_ = ZeroedArray<uint16_t>(3 * count + 2);
+  // The padding of the rows stays zero.
+  values_ = ZeroedArray<uint16_t>(3 * count);
   groups_ = ZeroedArray<uint32_t>(count);
   ways_ = ZeroedArray<uint32_t>(count);
   lights_ = ZeroedArray<Light>(count);
@@ -196,40 +197,78 @@ void KeySamples::mark_bends(int row, const Agreement& agreement) {
   }
 }
 
-void KeySamples::find_cells(int row, int picture, const Agreement& agreement,
-                            uint32_t* keys) const {
-  const size_t in_row = static_cast<size_t>(picture) * static_cast<size_t>(grid_->stride());
-  const size_t first = static_cast<size_t>(row) * row_samples_ + in_row;
+void KeySamples::find_cells(int row, int picture, const Agreement& agreement, uint32_t* keys,
+                            lookup_kernel::Corners* corners) const {
+  const size_t first = index(row, picture, 0);
   const auto last = static_cast<size_t>(grid_->stride()) - 1;
   keys[last] = 0;
-  for (size_t n = 0; n < last; ++n) {
-    const size_t at = first + n;
-    const size_t corners[] = {at, at + 1, at + row_samples_, at + row_samples_ + 1};
-    const auto same = [&](const ZeroedArray<uint32_t>& of) {
-      return of[corners[0]] == of[corners[1]] && of[corners[0]] == of[corners[2]] &&
-             of[corners[0]] == of[corners[3]];
-    };
-    keys[n] = 0;
-    if (!same(groups_) || groups_[at] == SurfaceGroups::kNothing) continue;
-    bool bends = false;
-    for (const size_t corner : corners) bends = bends || bends_[corner] != 0;
-    const int limit = same(ways_) && !bends ? agreement.alike : agreement.unlike;
-    const size_t value = 3 * static_cast<size_t>(row) * row_samples_ + in_row + n;
-    keys[n] = groups_[at] | (range(value) <= limit ? 0 : lookup_kernel::kUneven);
-  }
+  const size_t value = 3 * static_cast<size_t>(row) * row_samples_ + in_row(picture, 0);
+  for (size_t n = 0; n < last; ++n) keys[n] = key_of(first + n, value + n, agreement, corners + n);
 }
 
-/// Returns the largest difference between a cell's corners in any channel; `value` is the index of
-/// the first.
-int KeySamples::range(size_t value) const {
+namespace {
+
+constexpr size_t kNoCorner = 4;
+
+/// Returns the corner that shows another surface than the other three, or kNoCorner if all show
+/// one. Returns nothing if fewer than three show one.
+std::optional<size_t> odd_corner(const std::array<uint32_t, 4>& groups) {
+  const bool above = groups[0] == groups[1], below = groups[2] == groups[3];
+  const bool left = groups[0] == groups[2], right = groups[1] == groups[3];
+  if (above && below) return left ? std::optional(kNoCorner) : std::nullopt;
+  if (above)
+    return left ? std::optional<size_t>(3) : right ? std::optional<size_t>(2) : std::nullopt;
+  if (below)
+    return left ? std::optional<size_t>(1) : right ? std::optional<size_t>(0) : std::nullopt;
+  return std::nullopt;
+}
+
+/// Returns the value that a corner has if it continues the other three evenly.
+uint16_t continued(const std::array<uint16_t, 4>& codes, size_t corner) {
+  const int beside = codes[corner ^ 1], across = codes[corner ^ 2], opposite = codes[corner ^ 3];
+  return static_cast<uint16_t>(std::clamp(beside + across - opposite, 0, 255 * kCode));
+}
+
+/// Returns the largest difference between corners.
+int range(const lookup_kernel::Corners& corners) {
+  const auto [low, high] = std::minmax(
+      {int{corners.above[0]}, int{corners.above[1]}, int{corners.below[0]}, int{corners.below[1]}});
+  return high - low;
+}
+
+}  // namespace
+
+/// Returns the key of a cell and, if it shows a surface, sets its corners in the three channels.
+/// `at` is the index of its first corner, `value` that of the corner's first value.
+uint32_t KeySamples::key_of(size_t at, size_t value, const Agreement& agreement,
+                            lookup_kernel::Corners* corners) const {
+  const std::array<size_t, 4> corner = {at, at + 1, at + row_samples_, at + row_samples_ + 1};
+  const std::optional<size_t> odd =
+      odd_corner({groups_[corner[0]], groups_[corner[1]], groups_[corner[2]], groups_[corner[3]]});
+  if (!odd) return 0;
+  const size_t first = *odd == 0 ? 1 : 0;
+  const uint32_t group = groups_[corner[first]];
+  if (group == SurfaceGroups::kNothing) return 0;
+  bool same_way = true, bends = false;
+  for (size_t n = 0; n < corner.size(); ++n) {
+    if (n == *odd) continue;
+    same_way = same_way && ways_[corner[n]] == ways_[corner[first]];
+    bends = bends || bends_[corner[n]] != 0;
+  }
+  const bool even = same_way && !bends;
+  if (*odd != kNoCorner && !even) return 0;
   int most = 0;
   for (size_t c = 0; c < 3; ++c) {
-    const size_t above = value + c * row_samples_, below = above + 3 * row_samples_;
-    const auto [low, high] = std::minmax({int{values_[above]}, int{values_[above + 1]},
-                                          int{values_[below]}, int{values_[below + 1]}});
-    most = std::max(most, high - low);
+    const uint16_t* above = values_.data() + value + c * row_samples_;
+    const uint16_t* below = above + 3 * row_samples_;
+    std::array<uint16_t, 4> codes = {above[0], above[1], below[0], below[1]};
+    if (*odd != kNoCorner) codes[*odd] = continued(codes, *odd);
+    lookup_kernel::Corners& of_channel = corners[c * row_samples_];
+    of_channel = {{codes[0], codes[1]}, {codes[2], codes[3]}};
+    most = std::max(most, range(of_channel));
   }
-  return most;
+  if (most <= (even ? agreement.alike : agreement.unlike)) return group;
+  return *odd == kNoCorner ? group | lookup_kernel::kUneven : 0;
 }
 
 }  // namespace lenticule::render

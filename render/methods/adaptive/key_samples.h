@@ -108,9 +108,12 @@ class KeySamples {
   [[nodiscard]] bool cell_changed(int row, size_t in_row) const;
   [[nodiscard]] bool rows_changed(int first, int last) const;
 
-  /// Computes the keys of the cells between rows `row` and `row` + 1 of a view, see
-  /// lookup_kernel::SampleRows.
-  void find_cells(int row, int picture, const Agreement& agreement, uint32_t* keys) const;
+  /// Computes the keys and corners of the cells between rows `row` and `row` + 1 of a view, see
+  /// lookup_kernel::SampleRows. `corners` is that of the first channel; those of the next channel
+  /// begin row_samples() later. Where one corner shows another surface than the other three and
+  /// these agree, the cell shows their surface, and the fourth corner continues it evenly.
+  void find_cells(int row, int picture, const Agreement& agreement, uint32_t* keys,
+                  lookup_kernel::Corners* corners) const;
 
  private:
   [[nodiscard]] size_t in_row(int picture, int column) const {
@@ -120,7 +123,8 @@ class KeySamples {
   [[nodiscard]] size_t index(int row, int picture, int column) const {
     return static_cast<size_t>(row) * row_samples_ + in_row(picture, column);
   }
-  [[nodiscard]] int range(size_t value) const;
+  [[nodiscard]] uint32_t key_of(size_t at, size_t value, const Agreement& agreement,
+                                lookup_kernel::Corners* corners) const;
   [[nodiscard]] std::array<Sample, 4> corners(int top, size_t in_row, int left) const;
   [[nodiscard]] bool is_quiet(int top, size_t in_row, int left) const;
 

@@ -26,7 +26,7 @@ using lookup_kernel::SampleRows;
 struct Case {
   Grid grid{};
   std::vector<uint32_t> keys, groups;
-  std::vector<uint16_t> values;
+  std::vector<lookup_kernel::Corners> corners;
   std::vector<float> x, tan, z;
   std::vector<int32_t> cuts;
   SampleRows interval{};
@@ -37,7 +37,7 @@ struct Case {
   void draw_row(std::mt19937_64& random, bool parallel);
 };
 
-constexpr int kRows = 5, kCount = 300;
+constexpr int kCount = 300;
 
 Case::Case(std::mt19937_64& random, bool parallel) {
   grid = {.x_first = -50.0F,
@@ -62,12 +62,13 @@ void Case::draw_samples(std::mt19937_64& random) {
     key = 2 + static_cast<uint32_t>(random() % 8 == 0 ? random() % 3 : 0);
     if (random() % 8 == 0) key |= lookup_kernel::kUneven;
   }
-  values.resize(3 * plane * kRows + 2);
-  for (uint16_t& value : values) value = static_cast<uint16_t>(12000 + random() % 900);
+  corners.resize(3 * plane);
+  for (lookup_kernel::Corners& cell : corners)
+    for (uint16_t* value : {&cell.above[0], &cell.above[1], &cell.below[0], &cell.below[1]})
+      *value = static_cast<uint16_t>(12000 + random() % 900);
   interval = {.key = keys.data(),
-              .values = values.data(),
+              .corners = corners.data(),
               .plane = static_cast<int>(plane),
-              .row = {1, 2},
               .part = {0.25F, 0.75F}};
 }
 
@@ -121,15 +122,13 @@ InPicture in_picture(const Case& c, int picture, double x_panel, int channel) {
   const size_t at = static_cast<size_t>(picture * c.grid.stride) + whole;
   found.column = picture * c.grid.stride + column;
   found.key = c.keys[at];
-  const auto value = [&](size_t row) {
-    const size_t index =
-        (row * 3 + static_cast<size_t>(channel)) * static_cast<size_t>(c.interval.plane) + at;
-    return std::lerp(double{static_cast<double>(c.values[index])},
-                     double{static_cast<double>(c.values[index + 1])},
+  const lookup_kernel::Corners& corners =
+      c.corners[static_cast<size_t>(channel) * static_cast<size_t>(c.interval.plane) + at];
+  const auto value = [&](const uint16_t(&pair)[2]) {
+    return std::lerp(static_cast<double>(pair[0]), static_cast<double>(pair[1]),
                      column - static_cast<double>(whole));
   };
-  const auto above = static_cast<size_t>(c.interval.row[odd]);
-  found.value = std::lerp(value(above), value(above + 1), double{c.interval.part[odd]});
+  found.value = std::lerp(value(corners.above), value(corners.below), double{c.interval.part[odd]});
   return found;
 }
 
@@ -265,11 +264,10 @@ FoundArrays look_up_alone(const Grid& grid, const PanelRay& ray, float z) {
   const std::vector<float> tan(kLanes, static_cast<float>(ray.tan_x)), depth(kLanes, z);
   const std::vector<int32_t> cut(kLanes, 0);
   const std::vector<uint32_t> group(1, 2), keys(static_cast<size_t>(grid.pictures * grid.stride));
-  const std::vector<uint16_t> values(6 * keys.size() + 2);
+  const std::vector<lookup_kernel::Corners> corners(3 * keys.size());
   const SampleRows interval{.key = keys.data(),
-                            .values = values.data(),
+                            .corners = corners.data(),
                             .plane = grid.pictures * grid.stride,
-                            .row = {},
                             .part = {}};
   FoundArrays arrays;
   isa_baseline::kLookupKernel.look_up(grid, interval,

@@ -41,6 +41,17 @@ class FilledSamples : public ::testing::Test {
     return samples_
         .values()[static_cast<size_t>(3 * row + channel) * samples_.row_samples() + in_row];
   }
+  struct Cells {
+    std::vector<uint32_t> keys;
+    std::vector<lookup_kernel::Corners> corners;  ///< of all channels, samples_.row_samples() apart
+  };
+  /// Returns the cells below row kTop.
+  [[nodiscard]] Cells find_cells() const {
+    Cells cells{std::vector<uint32_t>(static_cast<size_t>(grid_.stride())),
+                std::vector<lookup_kernel::Corners>(3 * samples_.row_samples())};
+    samples_.find_cells(kTop, kPicture, agreement_, cells.keys.data(), cells.corners.data());
+    return cells;
+  }
   bool fill() { return samples_.fill(kTop, kPicture, kLeft, agreement_); }
 
   static constexpr int kPicture = 1, kTop = 16, kLeft = 20;
@@ -62,10 +73,50 @@ TEST_F(FilledSamples, InterpolateTheirNeighbours) {
         EXPECT_EQ(value(kTop + row, kLeft + column, channel),
                   slope(kTop + row, kLeft + column).value[static_cast<size_t>(channel)]);
   // The samples are equal, so a cell of them has a key.
-  std::vector<uint32_t> keys(static_cast<size_t>(grid_.stride()));
-  samples_.find_cells(kTop, kPicture, agreement_, keys.data());
-  EXPECT_EQ(keys[kLeft], 4U);
-  EXPECT_EQ(keys[kLeft + 1], 4U);
+  const Cells cells = find_cells();
+  EXPECT_EQ(cells.keys[kLeft], 4U);
+  EXPECT_EQ(cells.keys[kLeft + 1], 4U);
+}
+
+/// One corner that shows another surface is replaced by what continues the other three.
+TEST_F(FilledSamples, MakeCellsOfThreeCorners) {
+  for (const auto& [down, right] : {std::pair{0, 0}, {0, 1}, {1, 0}, {1, 1}}) {
+    SCOPED_TRACE(::testing::Message() << down << ", " << right);
+    KeySamples::Sample other = slope(kTop + down, kLeft + right);
+    other.value = {60000, 0, 7};
+    other.group = 8;
+    set(kTop + down, kLeft + right, other);
+    const Cells cells = find_cells();
+    EXPECT_EQ(cells.keys[kLeft], 4U);
+    for (size_t c = 0; c < 3; ++c) {
+      const lookup_kernel::Corners& corners = cells.corners[c * samples_.row_samples() + kLeft];
+      for (int column = 0; column < 2; ++column) {
+        EXPECT_EQ(corners.above[column], slope(kTop, kLeft + column).value[c]);
+        EXPECT_EQ(corners.below[column], slope(kTop + 1, kLeft + column).value[c]);
+      }
+    }
+    set(kTop + down, kLeft + right, slope(kTop + down, kLeft + right));
+  }
+}
+
+TEST_F(FilledSamples, MakeNoCellWhereThreeCornersDisagree) {
+  KeySamples::Sample other = slope(kTop, kLeft);
+  other.group = 8;
+  set(kTop, kLeft, other);
+  ASSERT_EQ(find_cells().keys[kLeft], 4U);
+  const auto key_with = [&](const KeySamples::Sample& corner) {
+    set(kTop + 1, kLeft, corner);
+    const uint32_t key = find_cells().keys[kLeft];
+    set(kTop + 1, kLeft, slope(kTop + 1, kLeft));
+    return key;
+  };
+  KeySamples::Sample corner = slope(kTop + 1, kLeft);
+  corner.way = 78;
+  EXPECT_EQ(key_with(corner), 0U) << "another path";
+  corner = slope(kTop + 1, kLeft);
+  corner.value[1] = static_cast<uint16_t>(corner.value[1] + 25 * kCode);
+  EXPECT_EQ(key_with(corner), 0U) << "another colour";
+  EXPECT_EQ(key_with(other), 0U) << "two corners of another surface";
 }
 
 TEST_F(FilledSamples, AreTracedWhereCornersDiffer) {
