@@ -30,9 +30,10 @@ struct PlayerSetup {
 /// "frames_per_s", "latency_ms": {"p50", "p99", "max", "mean"}, "latency_parts_ms": {"begin",
 /// "scene", "render", "ring", "copy", "panel"} (means, which add up to the mean), "shares":
 /// {"scene", "render", "ring", "copy", "wait", "other"} (of the renderer's time, which add up to
-/// 1), "bound" (the largest share's name), "memory_mib": {"start", "tenth" (of the frames), "end",
-/// "peak", "in_use_tenth", "in_use_end" (allocated and not freed)}, "error_range": {"least",
-/// "median", "most", "last"} (tolerated errors of all frames), "course":
+/// 1), "bound" (the largest share's name), "memory_mib": {"start", "tenth" and "end" (means of the
+/// second and the last tenth of the frames), "peak", "in_use_tenth", "in_use_end" (allocated and
+/// not freed)}, "error_range": {"least", "median", "most", "last"} (tolerated errors of all
+/// frames), "course":
 /// [{"at_s", "frames_per_s", "latency_ms", "tolerated_error", "audited_rmse"}]}.
 /// `shown_ns` has the time at which each of `frames` appeared, 0 for never; further ones are
 /// ignored. Figures of no frame are 0, and "bound" is "nothing".

@@ -90,17 +90,24 @@ void add_shares(std::span<const FrameRecord> frames, json& figures) {
   figures["shares"]["other"] = std::max(other, 0.0);
 }
 
+/// Means over a tenth of the frames, since the memory of single frames wavers.
 json memory_of(std::span<const FrameRecord> frames) {
-  uint64_t peak = 0;
-  for (const FrameRecord& frame : frames) peak = std::max(peak, frame.memory_bytes);
-  const FrameRecord& tenth = frames[frames.size() / 10];
-  const auto mebibytes = [](uint64_t bytes) { return static_cast<double>(bytes) / kMebibyte; };
-  return {{"start", mebibytes(frames.front().memory_bytes)},
-          {"tenth", mebibytes(tenth.memory_bytes)},
-          {"end", mebibytes(frames.back().memory_bytes)},
-          {"peak", mebibytes(peak)},
-          {"in_use_tenth", mebibytes(tenth.in_use_bytes)},
-          {"in_use_end", mebibytes(frames.back().in_use_bytes)}};
+  const size_t tenth = std::max<size_t>(frames.size() / 10, 1);
+  const std::span<const FrameRecord> second =
+      frames.subspan(std::min(tenth, frames.size() - tenth), tenth);
+  const std::span<const FrameRecord> last = frames.last(tenth);
+  const auto mean = [](std::span<const FrameRecord> of, uint64_t FrameRecord::*bytes) {
+    double sum = 0.0;
+    for (const FrameRecord& frame : of) sum += static_cast<double>(frame.*bytes);
+    return sum / static_cast<double>(of.size()) / kMebibyte;
+  };
+  const uint64_t peak = std::ranges::max(frames, {}, &FrameRecord::memory_bytes).memory_bytes;
+  return {{"start", static_cast<double>(frames.front().memory_bytes) / kMebibyte},
+          {"tenth", mean(second, &FrameRecord::memory_bytes)},
+          {"end", mean(last, &FrameRecord::memory_bytes)},
+          {"peak", static_cast<double>(peak) / kMebibyte},
+          {"in_use_tenth", mean(second, &FrameRecord::in_use_bytes)},
+          {"in_use_end", mean(last, &FrameRecord::in_use_bytes)}};
 }
 
 json errors_of(std::span<const FrameRecord> frames) {

@@ -90,9 +90,9 @@ void print_realtime(const json& run) {
               number(range, "least"), number(range, "most"), number(range, "median"),
               number(range, "last"));
   print_out(
-      "  memory   renderer {:.0f} -> {:.0f} MiB, {:.0f} after a tenth, of which in use {:.2f} -> "
-      "{:.2f}; player {:.0f} -> {:.0f} MiB\n\n",
-      number(memory, "start"), number(memory, "end"), number(memory, "tenth"),
+      "  memory   renderer {:.0f} MiB at first, {:.0f} after a tenth, {:.0f} at the end, of which "
+      "in use {:.2f} -> {:.2f}; player {:.0f} -> {:.0f} MiB\n\n",
+      number(memory, "start"), number(memory, "tenth"), number(memory, "end"),
       number(memory, "in_use_tenth"), number(memory, "in_use_end"),
       number(player.at("memory_mib"), "start"), number(player.at("memory_mib"), "end"));
 }

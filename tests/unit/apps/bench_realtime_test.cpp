@@ -108,8 +108,8 @@ TEST(RealtimeFigures, ShowTheCourseOfRateErrorAndMemory) {
   EXPECT_DOUBLE_EQ(figures.at("error_range").at("least"), 2.0);
   EXPECT_DOUBLE_EQ(figures.at("error_range").at("last"), 32.0);
   EXPECT_DOUBLE_EQ(figures.at("memory_mib").at("start"), 100.0);
-  EXPECT_DOUBLE_EQ(figures.at("memory_mib").at("tenth"), 103.0);
-  EXPECT_DOUBLE_EQ(figures.at("memory_mib").at("end"), 130.0);
+  EXPECT_DOUBLE_EQ(figures.at("memory_mib").at("tenth"), 104.0);
+  EXPECT_DOUBLE_EQ(figures.at("memory_mib").at("end"), 129.0);
 }
 
 TEST(RealtimeFigures, AreZeroWithoutFrames) {
