@@ -104,7 +104,8 @@ PacketTracer::Colours PacketTracer::colours_of(const Scene& scene, const TilePla
 }
 
 PacketTracer::PacketTracer(const RenderOptions& options)
-    : kernel_(shading_kernel_for(options.isa)),
+    : isa_(options.isa),
+      kernel_(shading_kernel_for(options.isa)),
       soft_(options.soft, options.isa),
       culling_(options, soft_),
       is_soft_(options.soft.any()),
@@ -213,7 +214,7 @@ void PacketTracer::trace_packet(const Scene& scene, const TilePlan& plan, const 
 
 void PacketTracer::shade_pbr(const Scene& scene, const TilePlan& plan, const RayPacket& packet,
                              const float* weight) {
-  if (!pbr_) pbr_ = std::make_unique<PbrTracer>(static_cast<int>(generations_.size()) - 1);
+  if (!pbr_) pbr_ = std::make_unique<PbrTracer>(static_cast<int>(generations_.size()) - 1, isa_);
   uint32_t met = 0;
   for (size_t r = 0; r < kPacket; ++r)
     if (packet.rays.hit.geomID[r] != RTC_INVALID_GEOMETRY_ID) met |= kLaneBit[r];

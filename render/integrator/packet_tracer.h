@@ -139,6 +139,7 @@ class PacketTracer {
   /// Disables mirrored rays that cannot change the code value of their subpixel.
   void leave_out_weak(const Scene& scene, shading_kernel::NewRays& rays, size_t depth);
 
+  Isa isa_;
   const shading_kernel::Kernel& kernel_;
   SoftShader soft_;
   CellCulling culling_;

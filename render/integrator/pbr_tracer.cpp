@@ -53,16 +53,15 @@ struct PbrTracer::View {
   const Scene& scene;
   const PbrScene& pbr;
   const BeamSize& beam;
-  Affine panel_from_scene;
 
   [[nodiscard]] RayFootprint footprint(Vec3 point) const {
-    const double z = panel_from_scene.point(point).z;
+    const double z = pbr.panel_from_scene().point(point).z;
     return {.across = scene.scene_from_panel.vector({beam.across_mm(z), 0, 0}),
             .along = scene.scene_from_panel.vector({0, beam.along_mm(z), 0})};
   }
 };
 
-PbrTracer::PbrTracer(int max_depth) : most_bends_(max_depth) {
+PbrTracer::PbrTracer(int max_depth, Isa isa) : most_bends_(max_depth), plain_(isa) {
   init_packets({&next_, 1});
   shadow_ = next_.rays.ray;
 }
@@ -72,30 +71,22 @@ void PbrTracer::shade(const Scene& scene, const BeamSize& beam,
                       std::span<float, kPacket> light, LightMemory* memory, FrameCounts& counts,
                       WorkClock& clock) {
   memory_ = memory;
-  const View view{scene, *scene.pbr, beam, scene.scene_from_panel.inverse()};
+  const View view{scene, *scene.pbr, beam};
   uint32_t lanes = 0;
-  for (size_t r = 0; r < kPacket; ++r) {
-    if (packet.valid[r] == 0 || packet.rays.hit.geomID[r] == RTC_INVALID_GEOMETRY_ID) continue;
-    lanes |= kLaneBit[r];
-    const RTCRay16& ray = packet.rays.ray;
-    paths_[r] = {.origin = {double{ray.org_x[r]}, double{ray.org_y[r]}, double{ray.org_z[r]}},
-                 .direction = normalized(
-                     Vec3{double{ray.dir_x[r]}, double{ray.dir_y[r]}, double{ray.dir_z[r]}})};
-  }
+  for (size_t r = 0; r < kPacket; ++r)
+    if (packet.valid[r] != 0 && packet.rays.hit.geomID[r] != RTC_INVALID_GEOMETRY_ID)
+      lanes |= kLaneBit[r];
   const uint32_t all = lanes;
+  result_ = {};
+  with_path_ = 0;
   const RayPacket* met = &packet;
   for (layer_ = 0; lanes != 0; ++layer_) {
-    uint32_t going = 0;
-    for (Lit& lit : lit_) lit.shader.reset();
-    for (uint32_t left = lanes; left != 0; left &= left - 1) {
-      const auto r = static_cast<size_t>(std::countr_zero(left));
-      if (meet(view, *met, r)) going |= kLaneBit[r];
+    const Lanes found = meet_all(view, *met, lanes);
+    if ((found.plain | found.alone) != 0) {
+      add_lights(view, found, counts, clock);
+      show(view, found.plain | found.alone);
     }
-    add_lights(view, counts, clock);
-    for (size_t r = 0; r < kPacket; ++r)
-      if (lit_[r].shader)
-        paths_[r].light += lit_[r].weight * tone_mapped(view.pbr.tone_map(), lit_[r].light);
-    lanes = going;
+    lanes = found.going;
     if (lanes == 0) break;
     if (layer_ == kMostLayers) {
       for (uint32_t left = lanes; left != 0; left &= left - 1)
@@ -105,11 +96,71 @@ void PbrTracer::shade(const Scene& scene, const BeamSize& beam,
     trace_on(view, lanes, counts, clock);
     met = &next_;
   }
+  for (uint32_t left = with_path_; left != 0; left &= left - 1) {
+    const auto r = static_cast<size_t>(std::countr_zero(left));
+    result_.set(r, result_.of(r) + paths_[r].light);
+  }
   for (uint32_t left = all; left != 0; left &= left - 1) {
     const auto r = static_cast<size_t>(std::countr_zero(left));
-    light[r] = static_cast<float>(component(paths_[r].light, channel[r]));
+    light[r] = result_.rgb[channel[r]][r];
   }
   memory_ = nullptr;
+}
+
+void PbrTracer::start_paths(const RayPacket& packet, uint32_t lanes) {
+  with_path_ = lanes;
+  const RTCRay16& ray = packet.rays.ray;
+  for (uint32_t left = lanes; left != 0; left &= left - 1) {
+    const auto r = static_cast<size_t>(std::countr_zero(left));
+    paths_[r] = {.origin = {double{ray.org_x[r]}, double{ray.org_y[r]}, double{ray.org_z[r]}},
+                 .direction = normalized(
+                     Vec3{double{ray.dir_x[r]}, double{ray.dir_y[r]}, double{ray.dir_z[r]}})};
+  }
+}
+
+uint32_t PbrTracer::in_volumes(uint32_t lanes) const {
+  uint32_t inside = 0;
+  for (uint32_t left = lanes & with_path_; left != 0; left &= left - 1) {
+    const auto r = static_cast<size_t>(std::countr_zero(left));
+    if (paths_[r].medium != nullptr) inside |= kLaneBit[r];
+  }
+  return inside;
+}
+
+void PbrTracer::meet_plain(const View& view, const RayPacket& packet, uint32_t lanes) {
+  plain_.shade(view.scene, light_);
+  for (auto& channel : weight_.rgb) std::ranges::fill(channel, 1.0F);
+  for (uint32_t left = lanes & with_path_; left != 0; left &= left - 1) {
+    const auto r = static_cast<size_t>(std::countr_zero(left));
+    weight_.set(r, paths_[r].weight);
+  }
+  if (memory_ == nullptr) return;
+  for (uint32_t left = lanes; left != 0; left &= left - 1) {
+    const auto r = static_cast<size_t>(std::countr_zero(left));
+    note(packet, r, plain_.is_outside(r) ? Way::Front : Way::Back);
+  }
+}
+
+PbrTracer::Lanes PbrTracer::meet_all(const View& view, const RayPacket& packet, uint32_t lanes) {
+  Lanes found{.plain = plain_.find(view.scene, view.beam, packet, lanes & ~in_volumes(lanes))};
+  if (found.plain != 0) meet_plain(view, packet, found.plain);
+  const uint32_t others = lanes & ~found.plain;
+  if (layer_ == 0) start_paths(packet, others);
+  for (uint32_t left = others; left != 0; left &= left - 1) {
+    const auto r = static_cast<size_t>(std::countr_zero(left));
+    met_[r].shader.reset();
+    if (meet(view, packet, r)) found.going |= kLaneBit[r];
+    if (met_[r].shader) found.alone |= kLaneBit[r];
+  }
+  return found;
+}
+
+void PbrTracer::show(const View& view, uint32_t lanes) {
+  ColourLanes shown;
+  plain_.tone_map(view.pbr.tone_map(), light_, shown);
+  for (size_t c = 0; c < 3; ++c)
+    for (size_t r = 0; r < kPacket; ++r)
+      result_.rgb[c][r] += (lanes & kLaneBit[r]) != 0 ? weight_.rgb[c][r] * shown.rgb[c][r] : 0.0F;
 }
 
 void PbrTracer::leave(const View& view, Path& path) {
@@ -141,36 +192,37 @@ bool PbrTracer::meet(const View& view, const RayPacket& packet, size_t lane) {
   }
   const double stretch =
       length(Vec3{double{ray.dir_x[lane]}, double{ray.dir_y[lane]}, double{ray.dir_z[lane]}});
-  Lit& lit = lit_[lane];
-  lit.surface = surface_at(view.scene, {.origin = path.origin, .direction = path.direction},
+  Met& met = met_[lane];
+  met.surface = surface_at(view.scene, {.origin = path.origin, .direction = path.direction},
                            {.geometry = packet.rays.hit.geomID[lane],
                             .primitive = packet.rays.hit.primID[lane],
                             .distance = static_cast<float>(double{ray.tfar[lane]} * stretch)});
-  lit.geometry = packet.rays.hit.geomID[lane];
-  lit.primitive = packet.rays.hit.primID[lane];
-  const Surface& surface = lit.surface;
+  const Surface& surface = met.surface;
   const PbrMaterial& material = *surface.material->pbr;
   if (path.medium != nullptr)
     path.weight = path.weight * attenuation(*path.medium, length(surface.point - path.origin) /
                                                               view.scene.units_per_world);
-  if (!surface.outer_side && is_volume(material) && path.medium != nullptr) return exit(view, lane);
+  if (!surface.outer_side && is_volume(material) && path.medium != nullptr)
+    return exit(view, packet, lane);
   if (!surface.outer_side && !material.double_sided) {
-    note(lane, Met::Unseen);
+    note(packet, lane, Way::Unseen);
     return pass(surface, path);
   }
   const PbrSurface shaded =
       view.pbr.surface(surface, path.direction, view.footprint(surface.point));
   const double alpha = shaded.point.alpha;
-  note(lane, alpha == 0.0 ? Met::Unseen : surface.outer_side ? Met::Front : Met::Back);
+  note(packet, lane, alpha == 0.0 ? Way::Unseen : surface.outer_side ? Way::Front : Way::Back);
   if (alpha == 0.0) return pass(surface, path);
-  lit.weight = path.weight * alpha;
+  const Vec3 weight = path.weight * alpha;
   if (material.unlit) {
-    path.light += lit.weight * shaded.point.colour;
+    path.light += weight * shaded.point.colour;
     path.weight = path.weight * (1.0 - alpha);
     return pass(surface, path);
   }
-  const PbrShader& shader = lit.shader.emplace(shaded.point);
-  lit.light = shader.emitted() + shader.of_environment(view.pbr.environment(), view.pbr.frame());
+  const PbrShader& shader = met.shader.emplace(shaded.point);
+  light_.set(lane,
+             shader.emitted() + shader.of_environment(view.pbr.environment(), view.pbr.frame()));
+  weight_.set(lane, weight);
   const Vec3 through = shader.transmitted() * alpha;
   path.weight = path.weight * (through + kOne * (1.0 - alpha));
   if (largest(through) > 0.0)
@@ -180,10 +232,10 @@ bool PbrTracer::meet(const View& view, const RayPacket& packet, size_t lane) {
   return bends ? enter(view, surface, shaded, path) : pass(surface, path);
 }
 
-void PbrTracer::note(size_t lane, Met met) {
+void PbrTracer::note(const RayPacket& packet, size_t lane, Way way) {
   if (memory_ == nullptr) return;
-  const Lit& lit = lit_[lane];
-  memory_->note_surface(bounce(), lane, lit.geometry, lit.primitive, static_cast<uint32_t>(met));
+  memory_->note_surface(bounce(), lane, packet.rays.hit.geomID[lane], packet.rays.hit.primID[lane],
+                        static_cast<uint32_t>(way));
 }
 
 bool PbrTracer::pass(const Surface& surface, Path& path) {
@@ -229,12 +281,12 @@ bool PbrTracer::enter(const View& view, const Surface& surface, const PbrSurface
 
 /// All light leaves a volume, or none where it is mirrored totally: as in viewers, what the inner
 /// side mirrors is left out.
-bool PbrTracer::exit(const View& view, size_t lane) {
-  const Surface& surface = lit_[lane].surface;
+bool PbrTracer::exit(const View& view, const RayPacket& packet, size_t lane) {
+  const Surface& surface = met_[lane].surface;
   Path& path = paths_[lane];
   const auto out =
       through(surface, surface.shading_normal, path.direction, std::max(path.medium->ior, 1e-3));
-  note(lane, out ? Met::Left : Met::Mirrored);
+  note(packet, lane, out ? Way::Left : Way::Mirrored);
   if (out) path.medium = nullptr;
   return bend(view, surface, out, path);
 }
@@ -244,18 +296,17 @@ LightMemory::Bounce PbrTracer::bounce() const {
 }
 
 Vec3 PbrTracer::shadow_ray(const View& view, size_t light, size_t lane, FrameCounts& counts) {
-  const Lit& lit = lit_[lane];
+  const Met& met = met_[lane];
   shadow_valid_[lane] = 0;
   shadow_.org_x[lane] = shadow_.org_y[lane] = shadow_.org_z[lane] = 0.0F;
   shadow_.dir_x[lane] = shadow_.dir_y[lane] = 0.0F;
   shadow_.dir_z[lane] = 1.0F;
   shadow_.tfar[lane] = 0.0F;
-  if (!lit.shader) return {};
-  const Vec3 start = spawn_point(lit.surface, Side::Viewer);
+  const Vec3 start = spawn_point(met.surface, Side::Viewer);
   const Arrival at = arrival(view.pbr.unit_lights()[light], start, view.scene.units_per_world, 0);
   if (at.intensity == 0.0) return {};
   const Vec3 brings =
-      view.scene.lights[light].colour * lit.shader->of_light(at.toward_light) * at.intensity;
+      view.scene.lights[light].colour * met.shader->of_light(at.toward_light) * at.intensity;
   if (brings == Vec3{}) return {};
   if (!fit_for_embree(start, at.toward_light)) {
     ++counts.invalid_rays;
@@ -300,50 +351,62 @@ void PbrTracer::trace_shadows(const View& view, FrameCounts& counts, WorkClock& 
   if (view.pbr.any_passes()) {
     for (size_t r = 0; r < kPacket; ++r)
       if (shadow_valid_[r] != 0)
-        arriving_[r] = light_arriving(
-            view.scene,
-            {double{shadow_.org_x[r]}, double{shadow_.org_y[r]}, double{shadow_.org_z[r]}},
-            {double{shadow_.dir_x[r]}, double{shadow_.dir_y[r]}, double{shadow_.dir_z[r]}},
-            double{shadow_.tfar[r]});
+        arriving_.set(
+            r, light_arriving(
+                   view.scene,
+                   {double{shadow_.org_x[r]}, double{shadow_.org_y[r]}, double{shadow_.org_z[r]}},
+                   {double{shadow_.dir_x[r]}, double{shadow_.dir_y[r]}, double{shadow_.dir_z[r]}},
+                   double{shadow_.tfar[r]}));
   } else {
     occluded16(shadow_valid_, view.scene.embree.get(), shadow_, Coherence::Coherent);
-    for (size_t r = 0; r < kPacket; ++r)
-      arriving_[r] = shadow_valid_[r] != 0 && shadow_.tfar[r] >= 0.0F ? kOne : Vec3{};
+    for (auto& channel : arriving_.rgb)
+      for (size_t r = 0; r < kPacket; ++r)
+        channel[r] = shadow_valid_[r] != 0 && shadow_.tfar[r] >= 0.0F ? 1.0F : 0.0F;
   }
   clock.turn_to(Work::Shade);
 }
 
-void PbrTracer::add_lights(const View& view, FrameCounts& counts, WorkClock& clock) {
+void PbrTracer::make_shadow_rays(const View& view, size_t light, const Lanes& lanes,
+                                 FrameCounts& counts) {
+  if (lanes.plain != 0)
+    plain_.light_rays(view.scene, light, shadow_, shadow_valid_, brings_, counts);
+  else
+    std::fill_n(shadow_valid_, kPacket, 0);
+  for (uint32_t left = lanes.alone; left != 0; left &= left - 1) {
+    const auto r = static_cast<size_t>(std::countr_zero(left));
+    brings_.set(r, shadow_ray(view, light, r, counts));
+  }
+}
+
+void PbrTracer::add_lights(const View& view, const Lanes& lanes, FrameCounts& counts,
+                           WorkClock& clock) {
   for (size_t light = 0; light < view.scene.lights.size(); ++light) {
-    std::array<Vec3, kPacket> brings{};
-    for (size_t r = 0; r < kPacket; ++r) brings[r] = shadow_ray(view, light, r, counts);
-    arriving_.fill({});
+    make_shadow_rays(view, light, lanes, counts);
+    arriving_ = {};
     const uint32_t wanted = lane_bits(shadow_valid_);
     const uint32_t known =
         memory_ != nullptr ? memory_->take_known(bounce(), light, shadow_valid_) : 0;
     trace_shadows(view, counts, clock);
     for (uint32_t left = known; left != 0; left &= left - 1)
-      arriving_[static_cast<size_t>(std::countr_zero(left))] = kOne;
-    for (uint32_t left = wanted; left != 0; left &= left - 1) {
-      const auto r = static_cast<size_t>(std::countr_zero(left));
-      lit_[r].light += brings[r] * arriving_[r];
-    }
-    if (memory_ != nullptr) note_shadows(light, wanted, brings);
+      arriving_.set(static_cast<size_t>(std::countr_zero(left)), kOne);
+    for (size_t c = 0; c < 3; ++c)
+      for (size_t r = 0; r < kPacket; ++r)
+        light_.rgb[c][r] +=
+            (wanted & kLaneBit[r]) != 0 ? brings_.rgb[c][r] * arriving_.rgb[c][r] : 0.0F;
+    if (memory_ != nullptr) note_shadows(light, wanted);
   }
 }
 
 /// Notes which lanes the light reaches. Where a part of it arrives, the light values themselves
 /// tell how much.
-void PbrTracer::note_shadows(size_t light, uint32_t wanted, std::span<const Vec3, kPacket> brings) {
+void PbrTracer::note_shadows(size_t light, uint32_t wanted) {
   std::array<float, kPacket> most{};
   uint32_t all = 0, none = 0;
   for (uint32_t left = wanted; left != 0; left &= left - 1) {
     const auto r = static_cast<size_t>(std::countr_zero(left));
-    const Vec3 weight = lit_[r].weight;
-    most[r] = static_cast<float>(
-        largest({weight.x * brings[r].x, weight.y * brings[r].y, weight.z * brings[r].z}));
-    if (arriving_[r] == kOne) all |= kLaneBit[r];
-    if (arriving_[r] == Vec3{}) none |= kLaneBit[r];
+    most[r] = static_cast<float>(largest(weight_.of(r) * brings_.of(r)));
+    if (arriving_.of(r) == kOne) all |= kLaneBit[r];
+    if (arriving_.of(r) == Vec3{}) none |= kLaneBit[r];
   }
   memory_->note_shadows(bounce(), light, most.data(), all | none, all);
   memory_->note_partly(bounce(), light, wanted & ~(all | none));

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // PbrTracer follows the rays of a packet through a scene with metallic-roughness materials: through
 // surfaces that are cut out, blended or transmit light, until they end. It computes three channels
-// per ray, since a tone map needs them all.
+// per ray, since a tone map needs them all. Points on materials without layers are shaded in lanes,
+// all others one by one.
 #pragma once
 
 #include <array>
@@ -16,6 +17,7 @@
 #include "render/options/work_clock.h"
 #include "render/rays/tile.h"
 #include "render/scene/scene.h"
+#include "render/shading/pbr_lanes.h"
 #include "render/shading/pbr_scene.h"
 
 namespace lenticule::render {
@@ -24,7 +26,7 @@ namespace lenticule::render {
 class PbrTracer {
  public:
   /// `max_depth` as in RenderOptions: rays that are refracted more often see the backdrop.
-  explicit PbrTracer(int max_depth);
+  PbrTracer(int max_depth, Isa isa);
 
   /// Shades the lanes of a packet that met a surface, and writes their light after the tone map, in
   /// channel[r], to light[r]; other elements of `light` are unchanged. `memory` notes the paths and
@@ -33,7 +35,7 @@ class PbrTracer {
              const RayPacket& packet, std::span<float, kPacket> light, LightMemory* memory,
              FrameCounts& counts, WorkClock& clock);
   /// Returns the light of a lane of the last packet that met a surface, after the tone map.
-  [[nodiscard]] Vec3 light_of(size_t lane) const { return paths_[lane].light; }
+  [[nodiscard]] Vec3 light_of(size_t lane) const { return result_.of(lane); }
 
  private:
   /// Path is the state of one lane's ray.
@@ -46,16 +48,28 @@ class PbrTracer {
     double roughness = 0.0;               ///< of the surfaces that transmitted the ray
     int bends = 0;
   };
-  /// Lit is a surface that a lane met, with its light so far.
-  struct Lit {
+  /// Met is a surface that a lane met and that is shaded alone.
+  struct Met {
     Surface surface{};
-    uint32_t geometry = 0, primitive = 0;  ///< Embree's numbers
-    std::optional<PbrShader> shader{};     ///< empty if the surface is not lit
-    Vec3 light{};                          ///< before the tone map
-    Vec3 weight{};
+    std::optional<PbrShader> shader{};  ///< empty if the surface is not lit
   };
   struct View;
+  /// Lanes are bit masks of the surfaces of one layer.
+  struct Lanes {
+    uint32_t plain = 0;  ///< shaded in lanes
+    uint32_t alone = 0;  ///< lit and shaded one by one
+    uint32_t going = 0;  ///< paths that go on behind the surface
+  };
 
+  void start_paths(const RayPacket& packet, uint32_t lanes);
+  /// Returns those of `lanes` whose rays are in a volume.
+  [[nodiscard]] uint32_t in_volumes(uint32_t lanes) const;
+  /// Computes the light of the surfaces that plain_ has found, except that of lights.
+  void meet_plain(const View& view, const RayPacket& packet, uint32_t lanes);
+  /// Finds the surfaces that `lanes` met, and computes their light except that of lights.
+  [[nodiscard]] Lanes meet_all(const View& view, const RayPacket& packet, uint32_t lanes);
+  /// Adds the light of a layer, after the tone map, to the paths.
+  void show(const View& view, uint32_t lanes);
   /// Computes the surface that a lane met, and its light except that of lights. Returns false if
   /// the path ends there.
   bool meet(const View& view, const RayPacket& packet, size_t lane);
@@ -64,18 +78,20 @@ class PbrTracer {
   [[nodiscard]] static bool pass(const Surface& surface, Path& path);
   [[nodiscard]] bool enter(const View& view, const Surface& surface, const PbrSurface& shaded,
                            Path& path) const;
-  [[nodiscard]] bool exit(const View& view, size_t lane);
+  [[nodiscard]] bool exit(const View& view, const RayPacket& packet, size_t lane);
   [[nodiscard]] bool bend(const View& view, const Surface& surface, std::optional<Vec3> through,
                           Path& path) const;
   static void leave(const View& view, Path& path);
   /// What became of a ray at a surface, for the path ids.
-  enum class Met : uint32_t { Unseen, Front, Back, Left, Mirrored };
-  void note(size_t lane, Met met);
+  enum class Way : uint32_t { Unseen, Front, Back, Left, Mirrored };
+  void note(const RayPacket& packet, size_t lane, Way way);
   [[nodiscard]] LightMemory::Bounce bounce() const;
   /// Traces the rays of `lanes` on.
   void trace_on(const View& view, uint32_t lanes, FrameCounts& counts, WorkClock& clock);
-  void add_lights(const View& view, FrameCounts& counts, WorkClock& clock);
-  void note_shadows(size_t light, uint32_t wanted, std::span<const Vec3, kPacket> brings);
+  void add_lights(const View& view, const Lanes& lanes, FrameCounts& counts, WorkClock& clock);
+  /// Sets shadow_ and brings_ for a light.
+  void make_shadow_rays(const View& view, size_t light, const Lanes& lanes, FrameCounts& counts);
+  void note_shadows(size_t light, uint32_t wanted);
   /// Sets the shadow ray of a lane toward a light. Returns the light that it brings if unoccluded;
   /// zero if there is no ray.
   Vec3 shadow_ray(const View& view, size_t light, size_t lane, FrameCounts& counts);
@@ -86,11 +102,17 @@ class PbrTracer {
   LightMemory* memory_ = nullptr;  ///< of the packet that is being shaded
   int layer_ = 0;                  ///< surfaces that its rays have passed
   std::array<Path, kPacket> paths_;
-  std::array<Lit, kPacket> lit_;
+  uint32_t with_path_ = 0;  ///< lanes of the packet whose state is in `paths_`
+  std::array<Met, kPacket> met_;
+  PbrLanes plain_;
+  ColourLanes light_{};     ///< of the surfaces of this layer, before the tone map
+  ColourLanes weight_{};    ///< shares of it that reach the viewer
+  ColourLanes brings_{};    ///< light of the shadow rays if unoccluded
+  ColourLanes arriving_{};  ///< share of it that arrives
+  ColourLanes result_{};    ///< light of the rays, without that of `paths_`
   RayPacket next_;
   RTCRay16 shadow_;
   alignas(64) int shadow_valid_[kPacket];
-  std::array<Vec3, kPacket> arriving_;
 };
 
 /// Throws Error(Usage) for options of sampled light, which metallic-roughness materials do not

@@ -89,7 +89,7 @@ std::vector<LobeSample> lobe_samples(double alpha, size_t maps) {
 }  // namespace
 
 EnvironmentLight::Map::Map(int side)
-    : size(side), texels(static_cast<size_t>((side + 2) * (side + 2))) {}
+    : size(side), texels(static_cast<size_t>((side + 2) * (side + 2) + 1)) {}
 
 void EnvironmentLight::Map::set_border() {
   const int last = size - 1;
@@ -214,7 +214,7 @@ Vec3 EnvironmentLight::mirrored(Vec3 direction, double roughness) const {
   const double part = place - below;
   const Vec2 at = place_of(direction);
   const auto map = [&](int n) {
-    return n == 0 ? source_(direction, kSharp) : maps_[static_cast<size_t>(n - 1)].at(at);
+    return n == 0 ? source(direction) : maps_[static_cast<size_t>(n - 1)].at(at);
   };
   if (part == 0.0) return map(below);
   return map(below) * (1.0 - part) + map(below + 1) * part;
@@ -222,6 +222,26 @@ Vec3 EnvironmentLight::mirrored(Vec3 direction, double roughness) const {
 
 Vec3 EnvironmentLight::diffuse(Vec3 normal) const {
   return source_ ? diffuse_.at(place_of(normal)) : uniform_;
+}
+
+Vec3 EnvironmentLight::source(Vec3 direction) const {
+  return source_ ? source_(direction, kSharp) : uniform_;
+}
+
+pbr_kernel::Environment EnvironmentLight::tables() const {
+  static_assert(sizeof(Vec3f) == 3 * sizeof(float));
+  const auto table = [](const Map& map) {
+    return pbr_kernel::Map{.texels = &map.texels.data()->x, .size = map.size};
+  };
+  pbr_kernel::Environment out{};
+  out.is_uniform = source_ ? 0 : -1;
+  out.uniform[0] = static_cast<float>(uniform_.x);
+  out.uniform[1] = static_cast<float>(uniform_.y);
+  out.uniform[2] = static_cast<float>(uniform_.z);
+  if (!source_) return out;
+  out.diffuse = table(diffuse_);
+  for (size_t n = 0; n < maps_.size(); ++n) out.mirrored[n] = table(maps_[n]);
+  return out;
 }
 
 }  // namespace lenticule::render

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "optics/vec.h"
+#include "render/shading/pbr_kernel.h"
 
 namespace lenticule::render {
 
@@ -31,13 +32,18 @@ class EnvironmentLight {
   /// Returns the mean of the light over the hemisphere around `normal`, weighted by the cosine: the
   /// light of a white matt surface.
   [[nodiscard]] Vec3 diffuse(Vec3 normal) const;
+  /// Returns the light that a smooth mirror shows.
+  [[nodiscard]] Vec3 source(Vec3 direction) const;
+
+  /// Returns the maps as render/shading/pbr_kernel.h reads them; the caller sets the axes.
+  [[nodiscard]] pbr_kernel::Environment tables() const;
 
  private:
   /// Map holds all directions in a square: the octahedron, unfolded. Around it lies a border of one
   /// texel that repeats those across the edge.
   struct Map {
     int size = 0;
-    std::vector<Vec3f> texels{};
+    std::vector<Vec3f> texels{};  ///< one more, since kernels read four numbers of each
 
     explicit Map(int side);
     [[nodiscard]] Vec3f& texel(int x, int y) {
@@ -52,7 +58,7 @@ class EnvironmentLight {
     void set_border();
   };
   /// Roughness increases by the same amount from map to map; the first map is the source itself.
-  static constexpr int kMaps = 9;
+  static constexpr int kMaps = pbr_kernel::Environment::kMaps + 1;
 
   [[nodiscard]] static Map filtered(const std::vector<Map>& light, double roughness);
   [[nodiscard]] static Map cosine_filtered(const Map& light);

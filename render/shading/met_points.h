@@ -274,5 +274,34 @@ inline void write_point(const Floats3& view, const Point& point, Surfaces& out) 
   masks_at(out.divisions_along) = point.divisions_along;
 }
 
+/// Finds the points of the `active` lanes of a packet, and the primitives that they lie on.
+/// `set_material` as for gather().
+template <class SetMaterial>
+inline void find_points(const Tables& tables, const float* packet, const Masks& active,
+                        const SetMaterial& set_material, Primitives& primitives, Surfaces& out) {
+  WideShapes shapes;
+  gather(tables, packet, active, set_material, primitives, shapes);
+  WidePoints wide;
+  const bool has_wide = shapes.count > 0;
+  if (has_wide) {
+    wide = {};
+    find_wide_points(packet, shapes, wide);
+  }
+
+  const Floats3 direction{field(packet, packet_kernel::kDirectionX),
+                          field(packet, packet_kernel::kDirectionY),
+                          field(packet, packet_kernel::kDirectionZ)};
+  const Floats3 origin{field(packet, packet_kernel::kOriginX),
+                       field(packet, packet_kernel::kOriginY),
+                       field(packet, packet_kernel::kOriginZ)};
+  const Floats3 met = origin + direction * field(packet, packet_kernel::kTFar);
+  Point point{};
+  if (any(primitives.triangles)) on_triangles(primitives, met, has_wide ? &wide : nullptr, point);
+  if (any(primitives.spheres)) on_spheres(primitives, met, point);
+  if (any(primitives.cones)) on_cones(primitives, met, point);
+  if (has_wide) put_wide(wide, point);
+  write_point(unit(direction), point, out);
+}
+
 }  // namespace
 }  // namespace lenticule::render::LENTICULE_ISA_NAMESPACE

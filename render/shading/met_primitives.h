@@ -13,6 +13,9 @@ namespace {
 using namespace shading_kernel;
 using packet_kernel::Field;
 
+/// Embree's geometry number of rays that met nothing.
+constexpr uint32_t kNoGeometry = ~0U;
+
 inline const Floats& field(const float* packet, Field which) {
   return floats_at(packet + which * kLanes);
 }
@@ -126,11 +129,12 @@ inline void add_if_wide(const Geometry& geometry, uint32_t primitive, const Mask
 }
 
 /// Collects the data of the different primitives of a packet; neighbouring rays meet few.
-inline void gather(const Tables& tables, const float* packet, const Masks& active, Primitives& p,
-                   WideShapes& wide, Paint& paint, Surfaces& out) {
+/// set_material(number, where) is called with the material of each.
+template <class SetMaterial>
+inline void gather(const Tables& tables, const float* packet, const Masks& active,
+                   const SetMaterial& set_material, Primitives& p, WideShapes& wide) {
   const Words& geometry = words_at(packet + packet_kernel::kGeometry * kLanes);
   const Words& primitive = words_at(packet + packet_kernel::kPrimitive * kLanes);
-  const Masks& channel = masks_at(out.channel);
   Masks left = active;
   for (int lane = 0; lane < kLanes; ++lane) {
     if (left[lane] == 0) continue;
@@ -147,11 +151,7 @@ inline void gather(const Tables& tables, const float* packet, const Masks& activ
       material = shape.quadrics[number].material;
     }
     add_if_wide(shape, number, where, wide);
-    const Material& m = tables.materials[material];
-    set_paint(m, material, where, channel, paint);
-    out.any_textured |= m.textured;
-    out.any_transmits |= m.transmittance > 0.0F ? 1 : 0;
-    out.any_specular |= m.specular > 0.0F ? 1 : 0;
+    set_material(material, where);
   }
 }
 

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include "frames/srgb.h"
 
@@ -80,12 +81,6 @@ void add(const Value& value, double weight, Value& sum) {
   for (size_t c = 0; c < sum.size(); ++c) sum[c] += weight * value[c];
 }
 
-Value mixed(const Value& a, const Value& b, double part) {
-  Value out;
-  for (size_t c = 0; c < out.size(); ++c) out[c] = a[c] + (b[c] - a[c]) * part;
-  return out;
-}
-
 /// Returns the texels of a row of `size` that one texel of a row half as long covers.
 struct Covered {
   int first;
@@ -127,26 +122,56 @@ Ellipse ellipse_around(Vec2 a, Vec2 b) {
   return out;
 }
 
+/// Two neighbouring texels along one axis and the weight of the second.
 struct Neighbours {
   int first;
   int second;
-  double part;
+  float part;
 };
+
+/// Returns the distance of a coordinate above the next lower integer. Does not use std::floor,
+/// which is a function call without SSE4.
+double beyond_whole(double coordinate) {
+  const double beyond = coordinate - static_cast<double>(static_cast<int64_t>(coordinate));
+  return beyond < 0.0 ? beyond + 1.0 : beyond;
+}
+
 Neighbours neighbours(double coordinate, int size, bool repeat, bool mirror) {
   if (!(std::abs(coordinate) < 1e15)) coordinate = 0.0;
   if (repeat && mirror) {
-    coordinate -= 2.0 * std::floor(0.5 * coordinate);
+    coordinate = 2.0 * beyond_whole(0.5 * coordinate);
     coordinate = coordinate > 1.0 ? 2.0 - coordinate : coordinate;
     repeat = false;  // a mirrored border continues as an extended one does
   }
-  coordinate = repeat ? coordinate - std::floor(coordinate) : std::clamp(coordinate, 0.0, 1.0);
-  const double texel = coordinate * size - 0.5;
-  const double below = std::floor(texel);
-  const int first = static_cast<int>(below);
-  const double part = texel - below;
-  if (!repeat) return {std::max(first, 0), std::min(first + 1, size - 1), part};
-  return {first < 0 ? size - 1 : std::min(first, size - 1), first + 1 >= size ? 0 : first + 1,
-          part};
+  coordinate = repeat ? beyond_whole(coordinate) : std::clamp(coordinate, 0.0, 1.0);
+  // Measured from half a texel before the first one, so that truncation rounds down.
+  const double texel = coordinate * size + 0.5;
+  const int second = static_cast<int>(texel);
+  const auto part = static_cast<float>(texel - second);
+  if (!repeat) return {std::max(second - 1, 0), std::min(second, size - 1), part};
+  return {second < 1 ? size - 1 : second - 1, second >= size ? 0 : second, part};
+}
+
+/// The four channels of a texel.
+using Four = float __attribute__((vector_size(16)));
+
+Four mixed(Four a, Four b, float part) {
+  return a + (b - a) * part;
+}
+
+/// Returns the values of the 256 codes in single precision.
+std::array<float, 256> in_singles(const std::array<double, 256>& values) {
+  std::array<float, 256> out{};
+  for (size_t code = 0; code < out.size(); ++code) out[code] = static_cast<float>(values[code]);
+  return out;
+}
+const float* light_of_code() {
+  static const std::array<float, 256> light = in_singles(frames::linear_of_codes());
+  return light.data();
+}
+const float* share_of_code() {
+  static const std::array<float, 256> shares = in_singles(share_of_codes());
+  return shares.data();
 }
 
 }  // namespace
@@ -239,13 +264,65 @@ MipMaps::Level MipMaps::halved(const LevelView& from) const {
   return to;
 }
 
-Value MipMaps::bilinear(const LevelView& from, Vec2 at) const {
-  const Neighbours x = neighbours(at.x, from.width, texture_->repeat_u, texture_->mirror_u);
-  const Neighbours y = neighbours(at.y, from.height, texture_->repeat_v, texture_->mirror_v);
-  return mixed(mixed(texel(from, x.first, y.first), texel(from, x.second, y.first), x.part),
-               mixed(texel(from, x.first, y.second), texel(from, x.second, y.second), x.part),
-               y.part);
-}
+/// Sampler interpolates between texels of two levels, in single precision.
+class MipMaps::Sampler {
+ public:
+  /// `depth` counts levels.
+  Sampler(const MipMaps& maps, double depth)
+      : texture_(*maps.texture_),
+        is_normals_(maps.content_ == Content::Normals),
+        colour_of_code_(maps.content_ == Content::Colour ? light_of_code() : share_of_code()),
+        share_of_code_(share_of_code()) {
+    const auto sharper = static_cast<size_t>(depth);
+    fine_ = maps.level(sharper);
+    part_ = static_cast<float>(depth - static_cast<double>(sharper));
+    if (part_ > 0.0F) coarse_ = maps.level(std::min(sharper + 1, maps.levels_.size()));
+  }
+
+  [[nodiscard]] Four at(Vec2 place) const {
+    const Four value = bilinear(fine_, place);
+    return part_ > 0.0F ? mixed(value, bilinear(coarse_, place), part_) : value;
+  }
+
+ private:
+  [[nodiscard]] Four bilinear(const LevelView& from, Vec2 place) const {
+    const Neighbours x = neighbours(place.x, from.width, texture_.repeat_u, texture_.mirror_u);
+    const Neighbours y = neighbours(place.y, from.height, texture_.repeat_v, texture_.mirror_v);
+    return mixed(mixed(texel(from, x.first, y.first), texel(from, x.second, y.first), x.part),
+                 mixed(texel(from, x.first, y.second), texel(from, x.second, y.second), x.part),
+                 y.part);
+  }
+
+  [[nodiscard]] Four texel(const LevelView& from, int x, int y) const {
+    const size_t at =
+        4 * (static_cast<size_t>(y) * static_cast<size_t>(from.width) + static_cast<size_t>(x));
+    Four value;
+    if (from.codes == nullptr) {
+      std::memcpy(&value, from.values + at, sizeof value);
+    } else {
+      const uint8_t* code = from.codes + at;
+      value = Four{colour_of_code_[code[0]], colour_of_code_[code[1]], colour_of_code_[code[2]],
+                   share_of_code_[code[3]]};
+    }
+    return is_normals_ ? vector_of(value, from.is_first) : value;
+  }
+
+  /// Returns the mean vector of a texel of a normal map, as MipMaps::texel() does.
+  static Four vector_of(Four value, bool is_first) {
+    const Four vector = 2.0F * value - 1.0F;
+    const float size =
+        std::sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2]);
+    const float held = is_first ? 1.0F : 1.0F - value[3] * value[3];
+    return size > 0.0F ? vector * (held / size) : Four{0.0F, 0.0F, held, 0.0F};
+  }
+
+  const Texture& texture_;
+  bool is_normals_;
+  const float* colour_of_code_;
+  const float* share_of_code_;
+  LevelView fine_{}, coarse_{};
+  float part_ = 0.0F;
+};
 
 Value MipMaps::value(Vec2 at, const TextureFootprint& footprint) const {
   const auto texels = [&](Vec2 v) { return Vec2{v.x * texture_->width, v.y * texture_->height}; };
@@ -253,25 +330,22 @@ Value MipMaps::value(Vec2 at, const TextureFootprint& footprint) const {
   const auto last = static_cast<double>(levels_.size());
   const double width = std::max({area.minor, area.major / kMostProbes, 1.0});
   // Not finite at the horizon of a plane.
-  const double depth = width <= 1.0 ? 0.0 : width < 1e9 ? std::min(std::log2(width), last) : last;
-  const auto sharper = static_cast<size_t>(depth);
-  const double part = depth - static_cast<double>(sharper);
-  const LevelView fine = level(sharper);
-  const LevelView coarse = level(std::min(sharper + 1, levels_.size()));
-  const auto trilinear = [&](Vec2 point) {
-    const Value value = bilinear(fine, point);
-    return part > 0.0 ? mixed(value, bilinear(coarse, point), part) : value;
+  const double depth = width <= 1.0  ? 0.0
+                       : width < 1e9 ? std::min(double{std::log2(static_cast<float>(width))}, last)
+                                     : last;
+  const Sampler sampler(*this, depth);
+  const auto value_of = [](Four v) {
+    return Value{double{v[0]}, double{v[1]}, double{v[2]}, double{v[3]}};
   };
   const double longer = area.major / width;
-  const int probes = longer < kMostProbes ? std::max(1, static_cast<int>(std::ceil(longer - 1e-6)))
+  if (!(longer > 1.0 + 1e-6) || !std::isfinite(area.major)) return value_of(sampler.at(at));
+  const int probes = longer < kMostProbes ? static_cast<int>(std::ceil(longer - 1e-6))
                                           : static_cast<int>(kMostProbes);
-  if (probes == 1 || !std::isfinite(area.major)) return trilinear(at);
   const Vec2 axis{area.major_axis.x * area.major / texture_->width,
                   area.major_axis.y * area.major / texture_->height};
-  Value sum{};
-  for (int n = 0; n < probes; ++n)
-    add(trilinear(at + axis * ((n + 0.5) / probes - 0.5)), 1.0 / probes, sum);
-  return sum;
+  Four sum{};
+  for (int n = 0; n < probes; ++n) sum += sampler.at(at + axis * ((n + 0.5) / probes - 0.5));
+  return value_of(sum * (1.0F / static_cast<float>(probes)));
 }
 
 }  // namespace lenticule::render

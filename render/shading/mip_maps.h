@@ -58,12 +58,13 @@ class MipMaps {
     bool is_first;
   };
 
+  class Sampler;
+
   [[nodiscard]] LevelView level(size_t number) const;
   /// Returns a texel in the form that can be averaged.
   [[nodiscard]] Value texel(const LevelView& from, int x, int y) const;
   [[nodiscard]] Level halved(const LevelView& from) const;
   void store(const Value& value, size_t index, Level& to) const;
-  [[nodiscard]] Value bilinear(const LevelView& from, Vec2 at) const;
 
   std::shared_ptr<const Texture> texture_;
   Content content_;

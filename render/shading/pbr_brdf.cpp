@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <memory>
 #include <numbers>
 
 namespace lenticule::render {
@@ -47,10 +48,13 @@ class AlbedoTable {
     return mix(mix(values_[i][k], values_[i][k + 1], v),
                mix(values_[i + 1][k], values_[i + 1][k + 1], v), u);
   }
+  [[nodiscard]] const Value& knot(size_t cosine, size_t roughness) const {
+    return values_[cosine][roughness];
+  }
 
  private:
-  static constexpr size_t kCosines = 64;
-  static constexpr size_t kRoughnesses = 64;
+  static constexpr size_t kCosines = pbr_kernel::AlbedoTable::kSteps;
+  static constexpr size_t kRoughnesses = pbr_kernel::AlbedoTable::kSteps;
   static double mix(double a, double b, double t) { return a + (b - a) * t; }
   static GgxAlbedo mix(GgxAlbedo a, GgxAlbedo b, double t) {
     return {mix(a.scale, b.scale, t), mix(a.bias, b.bias, t)};
@@ -136,13 +140,41 @@ double smith_visibility(LocalVec view, LocalVec light, double alpha_t, double al
   return 0.5 / (by_view + by_light);
 }
 
+Vec3 dielectric_f0(double ior, double specular, Vec3 specular_colour) {
+  const double ratio = (ior - 1.0) / (ior + 1.0);
+  const Vec3 plain = specular_colour * (ratio * ratio);
+  return Vec3{std::min(plain.x, 1.0), std::min(plain.y, 1.0), std::min(plain.z, 1.0)} * specular;
+}
+
 Vec3 schlick(Vec3 f0, Vec3 f90, double cosine) {
   return f0 + (f90 - f0) * fifth_power(1.0 - std::clamp(cosine, 0.0, 1.0));
 }
 
-GgxAlbedo ggx_albedo(double view_cosine, double roughness) {
+namespace {
+
+const AlbedoTable<GgxAlbedo>& ggx_table() {
   static const AlbedoTable<GgxAlbedo> table(integrated_ggx);
-  return table.at(view_cosine, roughness);
+  return table;
+}
+
+}  // namespace
+
+GgxAlbedo ggx_albedo(double view_cosine, double roughness) {
+  return ggx_table().at(view_cosine, roughness);
+}
+
+const pbr_kernel::AlbedoTable& ggx_albedo_table() {
+  static const auto table = [] {
+    auto values = std::make_unique<pbr_kernel::AlbedoTable>();
+    for (size_t c = 0; c <= pbr_kernel::AlbedoTable::kSteps; ++c)
+      for (size_t r = 0; r <= pbr_kernel::AlbedoTable::kSteps; ++r) {
+        const GgxAlbedo& knot = ggx_table().knot(c, r);
+        values->values[c][r][0] = static_cast<float>(knot.scale);
+        values->values[c][r][1] = static_cast<float>(knot.bias);
+      }
+    return values;
+  }();
+  return *table;
 }
 
 double charlie_distribution(double half_cosine, double alpha) {

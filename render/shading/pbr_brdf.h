@@ -4,6 +4,7 @@
 #pragma once
 
 #include "optics/vec.h"
+#include "render/shading/pbr_kernel.h"
 
 namespace lenticule::render {
 
@@ -17,6 +18,8 @@ using LocalVec = Vec3;
 /// Returns Smith's height-correlated shadowing and masking, divided by 4 (n . v) (n . l).
 [[nodiscard]] double smith_visibility(LocalVec view, LocalVec light, double alpha_t,
                                       double alpha_b);
+/// Returns the reflectance of a dielectric at normal incidence, with glTF's `specular` factors.
+[[nodiscard]] Vec3 dielectric_f0(double ior, double specular, Vec3 specular_colour);
 /// Returns Schlick's approximation of the Fresnel reflectance.
 [[nodiscard]] Vec3 schlick(Vec3 f0, Vec3 f90, double cosine);
 
@@ -28,6 +31,8 @@ struct GgxAlbedo {
 };
 /// Looks up the albedo in a table, within 0.004 of the integral.
 [[nodiscard]] GgxAlbedo ggx_albedo(double view_cosine, double roughness);
+/// Returns the same table in single precision.
+[[nodiscard]] const pbr_kernel::AlbedoTable& ggx_albedo_table();
 
 /// Returns the density of Charlie's microfacets, which model cloth.
 [[nodiscard]] double charlie_distribution(double half_cosine, double alpha);

@@ -14,8 +14,8 @@ namespace lenticule::render {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-/// Smallest cosine between ray and surface normal for which footprints are projected exactly.
-constexpr double kGrazing = 0.02;
+/// Largest square of alpha that the shape adds.
+constexpr double kMostBend = 0.18;
 
 /// Keeps filtered textures from frame to frame of an animation: at most those of the textures that
 /// are in use somewhere.
@@ -83,13 +83,6 @@ double clamped01(double v) {
   return std::clamp(v, 0.0, 1.0);
 }
 
-/// Returns the side of a footprint on the plane with that normal, as the ray sees it.
-Vec3 on_plane(Vec3 side, Vec3 normal, Vec3 direction) {
-  double cosine = dot(normal, direction);
-  if (std::abs(cosine) < kGrazing) cosine = cosine < 0.0 ? -kGrazing : kGrazing;
-  return side - direction * (dot(side, normal) / cosine);
-}
-
 Vec3 perpendicular(Vec3 unit) {
   return normalized(cross(unit, std::abs(unit.x) < 0.6 ? Vec3{1, 0, 0} : Vec3{0, 1, 0}));
 }
@@ -100,23 +93,6 @@ double rougher(double roughness, double more) {
   return std::sqrt(std::sqrt(std::min(1.0, alpha * alpha + more)));
 }
 
-/// Returns the square of alpha of normals that have a mean vector of this length (Toksvig,
-/// "Mipmapping Normal Maps", 2005; the concentration is that of a von Mises-Fisher distribution).
-double spread_of_normals(double mean_length) {
-  const double r = std::clamp(mean_length, 0.1, 1.0);
-  return 2.0 * (1.0 - r * r) / (r * (3.0 - r * r));
-}
-
-template <class T, size_t N>
-std::array<double, N> blended(const std::vector<std::array<T, N>>& values,
-                              const std::array<uint32_t, 3>& corners, Barycentric at) {
-  std::array<double, N> out;
-  for (size_t k = 0; k < N; ++k)
-    out[k] = (1.0 - at.u - at.v) * double{values[corners[0]][k]} +
-             at.u * double{values[corners[1]][k]} + at.v * double{values[corners[2]][k]};
-  return out;
-}
-
 bool is_volume(const PbrMaterial& material) {
   return material.transmission > 0.0 && material.thickness > 0.0;
 }
@@ -124,7 +100,9 @@ bool is_volume(const PbrMaterial& material) {
 }  // namespace
 
 PbrScene::PbrScene(const Scene& scene, bool has_studio)
-    : scene_(scene), tone_map_(scene.backdrop.tone_map) {
+    : scene_(scene),
+      tone_map_(scene.backdrop.tone_map),
+      panel_from_scene_(scene.scene_from_panel.inverse()) {
   set_environment(has_studio);
   using enum MipMaps::Content;
   for (const Material& material : scene.materials) {
@@ -153,6 +131,7 @@ PbrScene::PbrScene(const Scene& scene, bool has_studio)
     light.colour = {1, 1, 1};
     unit_lights_.push_back(light);
   }
+  tables_ = std::make_unique<const PbrTables>(scene, *environment_, frame_);
 }
 
 void PbrScene::set_environment(bool has_studio) {
@@ -169,7 +148,7 @@ void PbrScene::set_environment(bool has_studio) {
     environment_ = std::make_shared<const EnvironmentLight>(scene_.ambient);
 }
 
-PbrScene::Input PbrScene::input(const TextureUse& use, MipMaps::Content content) {
+MaterialInput PbrScene::input(const TextureUse& use, MipMaps::Content content) {
   if (use.texture < 0) return {};
   const auto& maps =
       maps_.emplace_back(mip_maps_of(scene_.textures[static_cast<size_t>(use.texture)], content));
@@ -188,230 +167,100 @@ Vec3 PbrScene::backdrop(Vec3 origin, Vec3 direction, double roughness) const {
           backdrop_light(backdrop, direction, 2)};
 }
 
-PbrScene::Place PbrScene::place_of(const Scene& scene, const Surface& surface, Vec3 direction,
-                                   const RayFootprint& footprint) {
-  Place place;
-  place.normal = surface.outer_side ? surface.shading_normal : -surface.shading_normal;
-  const Vec3 across = on_plane(footprint.across, surface.geometric_normal, direction);
-  const Vec3 along = on_plane(footprint.along, surface.geometric_normal, direction);
-  if (surface.mesh == nullptr) {
-    place.bend = (dot(across, across) + dot(along, along)) * surface.curvature * surface.curvature;
-    return place;
-  }
-  const MeshShape& mesh = *surface.mesh;
-  place.mesh = &mesh;
-  place.corners = mesh.triangles[surface.triangle];
-  place.at = surface.at;
-  const std::array<Vec3, 3> corner = corners_of(scene, mesh, surface.triangle);
-  place.edge1 = corner[1] - corner[0];
-  place.edge2 = corner[2] - corner[0];
-  const Vec3 normal = cross(place.edge1, place.edge2);
-  const double area = dot(normal, normal);
-  if (!(area > 0.0)) return place;
-  const auto barycentric = [&](Vec3 side) {
-    return Vec2{dot(cross(side, place.edge2), normal) / area,
-                dot(cross(place.edge1, side), normal) / area};
-  };
-  place.across = barycentric(across);
-  place.along = barycentric(along);
-  if (mesh.normals.empty()) return place;
-  const Vec3 first(mesh.normals[place.corners[0]]);
-  const Vec3 by_u = Vec3(mesh.normals[place.corners[1]]) - first;
-  const Vec3 by_v = Vec3(mesh.normals[place.corners[2]]) - first;
-  for (const Vec2 side : {place.across, place.along}) {
-    const Vec3 change = by_u * side.x + by_v * side.y;
-    place.bend += dot(change, change);
-  }
-  return place;
-}
-
-namespace {
-
-const std::vector<std::array<float, 2>>& uvs_of(const MeshShape& mesh, int set) {
-  return set == 1 ? mesh.uvs2 : mesh.uvs;
-}
-
-/// Returns the change of texture coordinates along the edges of a triangle.
-struct TextureEdges {
-  Vec2 edge1, edge2;
-};
-TextureEdges texture_edges(const std::vector<std::array<float, 2>>& uvs,
-                           const std::array<uint32_t, 3>& corners,
-                           const std::array<double, 6>& map) {
-  const auto edge = [&](uint32_t to) {
-    const double u = double{uvs[to][0]} - double{uvs[corners[0]][0]};
-    const double v = double{uvs[to][1]} - double{uvs[corners[0]][1]};
-    return Vec2{map[0] * u + map[1] * v, map[3] * u + map[4] * v};
-  };
-  return {edge(corners[1]), edge(corners[2])};
-}
-
-}  // namespace
-
-std::optional<MipMaps::Value> PbrScene::value(const Input& input, const Place& place) {
-  if (input.maps == nullptr || place.mesh == nullptr) return std::nullopt;
-  const auto& uvs = uvs_of(*place.mesh, input.uv_set);
-  if (uvs.empty()) return std::nullopt;
-  const auto [u, v] = blended(uvs, place.corners, place.at);
-  const auto& map = input.uv_map;
-  const TextureEdges edges = texture_edges(uvs, place.corners, map);
-  const auto side = [&](Vec2 by) { return edges.edge1 * by.x + edges.edge2 * by.y; };
-  return input.maps->value({map[0] * u + map[1] * v + map[2], map[3] * u + map[4] * v + map[5]},
-                           {.across = side(place.across), .along = side(place.along)});
-}
-
-/// Vertex tangents where there are some, otherwise the directions in which the texture's u grows
-/// and its v falls (v points down, the bitangent up).
-PbrScene::TangentFrame PbrScene::tangents(const Input& input, const Place& place) {
-  const auto upright = [&](Vec3 tangent, double sign) -> TangentFrame {
-    const Vec3 flat = tangent - place.normal * dot(tangent, place.normal);
-    const Vec3 unit = length(flat) > 1e-9 ? normalized(flat) : perpendicular(place.normal);
-    return {unit, cross(place.normal, unit) * sign};
-  };
-  if (place.mesh == nullptr) return upright({}, 1.0);
-  if (!place.mesh->tangents.empty()) {
-    const auto [x, y, z, sign] = blended(place.mesh->tangents, place.corners, place.at);
-    return upright(normalized(Vec3{x, y, z}), sign < 0.0 ? -1.0 : 1.0);
-  }
-  const auto& uvs = uvs_of(*place.mesh, input.uv_set);
-  if (uvs.empty()) return upright({}, 1.0);
-  const std::array<double, 6> same{1, 0, 0, 0, 1, 0};
-  const TextureEdges edges =
-      texture_edges(uvs, place.corners, input.maps != nullptr ? input.uv_map : same);
-  const double area = edges.edge1.x * edges.edge2.y - edges.edge2.x * edges.edge1.y;
-  if (area == 0.0) return upright({}, 1.0);
-  const Vec3 by_u = (place.edge1 * edges.edge2.y - place.edge2 * edges.edge1.y) / area;
-  const Vec3 by_v = (place.edge2 * edges.edge1.x - place.edge1 * edges.edge2.x) / area;
-  const TangentFrame frame = upright(normalized(by_u), 1.0);
-  return dot(frame.bitangent, by_v) > 0.0 ? TangentFrame{frame.tangent, -frame.bitangent} : frame;
-}
-
-Vec3 PbrScene::mapped_normal(const Input& input, double scale, const Place& place) {
-  const auto texel = value(input, place);
-  if (!texel) return place.normal;
-  const TangentFrame frame = tangents(input, place);
-  const Vec3 mean = colour_of(*texel);
-  const Vec3 scaled{mean.x * scale, mean.y * scale, mean.z};
-  const Vec3 turned =
-      normalized(frame.tangent * scaled.x + frame.bitangent * scaled.y + place.normal * scaled.z);
-  return turned == Vec3{} ? place.normal : turned * std::min(1.0, length(mean));
-}
-
-MipMaps::Value PbrScene::base_of(const PbrMaterial& material, const Input& input,
-                                 const Place& place) {
-  MipMaps::Value base{material.base_colour.x, material.base_colour.y, material.base_colour.z,
-                      material.alpha};
-  const auto multiply = [&](const std::array<double, 4>& by) {
-    for (size_t c = 0; c < 4; ++c) base[c] *= by[c];
-  };
-  if (const auto texel = value(input, place)) multiply(*texel);
-  if (place.mesh != nullptr && !place.mesh->colours.empty())
-    multiply(blended(place.mesh->colours, place.corners, place.at));
-  base[3] = material.alpha_mode == PbrMaterial::AlphaMode::Opaque  ? 1.0
-            : material.alpha_mode == PbrMaterial::AlphaMode::Blend ? clamped01(base[3])
-            : base[3] < material.alpha_cutoff                      ? 0.0
-                                                                   : 1.0;
-  return base;
-}
-
 Vec3 PbrScene::passed(const Surface& surface) const {
   const PbrMaterial& material = *surface.material->pbr;
-  const auto number = static_cast<size_t>(surface.material - scene_.materials.data());
   if (material.alpha_mode == PbrMaterial::AlphaMode::Opaque && material.transmission == 0.0)
     return {};
-  const MaterialInputs& inputs = inputs_[number];
-  const Place place = place_of(scene_, surface, -surface.geometric_normal, {});
-  const MipMaps::Value base = base_of(material, inputs.base_colour, place);
-  double through = material.transmission;
-  if (through > 0.0)
-    if (const auto texel = value(inputs.transmission, place)) through *= (*texel)[0];
+  const MaterialInputs& inputs = inputs_of(surface);
+  const SurfacePlace place = place_of(scene_, surface, -surface.geometric_normal, {});
+  InputReader reader(scene_, place);
+  const MipMaps::Value base = reader.base(material, inputs.base_colour);
+  const double through = reader.scaled(material.transmission, inputs.transmission, 0);
   // Light is tinted where it enters a volume.
   const bool leaves = is_volume(material) && !surface.outer_side;
   const Vec3 tint = leaves ? Vec3{1, 1, 1} : colour_of(base);
   return Vec3{1, 1, 1} * (1.0 - base[3]) + tint * (through * base[3]);
 }
 
-PbrSurface PbrScene::surface(const Surface& at, Vec3 direction,
-                             const RayFootprint& footprint) const {
-  const PbrMaterial& m = *at.material->pbr;
-  const MaterialInputs& inputs =
-      inputs_[static_cast<size_t>(at.material - scene_.materials.data())];
-  const Place place = place_of(scene_, at, direction, footprint);
-  const double side = at.outer_side ? 1.0 : -1.0;
-  PbrSurface out{.material = &m};
-  PbrPoint& p = out.point;
-  const MipMaps::Value base = base_of(m, inputs.base_colour, place);
-  p.colour = colour_of(base);
-  p.alpha = base[3];
-  p.view = -direction;
-  p.geometric = at.geometric_normal;
-  if (m.unlit || p.alpha == 0.0) return out;
+namespace {
 
-  const auto scaled = [&](double factor, const Input& input, size_t channel) {
-    if (factor == 0.0) return factor;
-    const auto texel = value(input, place);
-    return texel ? factor * (*texel)[channel] : factor;
-  };
-  const auto tinted = [&](Vec3 factor, const Input& input) {
-    if (factor == Vec3{}) return factor;
-    const auto texel = value(input, place);
-    return texel ? factor * colour_of(*texel) : factor;
-  };
-  p.metallic = m.metallic;
-  p.roughness = m.roughness;
-  if (const auto texel = value(inputs.metallic_roughness, place)) {
-    p.roughness *= (*texel)[1];
-    p.metallic *= (*texel)[2];
-  }
-  p.metallic = clamped01(p.metallic);
-  p.roughness = clamped01(p.roughness);
-  const double bend = std::min(place.bend / kPi, 0.18);
-  const Vec3 mean = mapped_normal(inputs.normal, m.normal_scale, place);
-  p.normal = normalized(mean) * side;
-  p.roughness = rougher(p.roughness, bend + spread_of_normals(length(mean)));
-  if (const auto texel = value(inputs.occlusion, place))
-    p.occlusion = clamped01(1.0 + m.occlusion_strength * ((*texel)[0] - 1.0));
-  p.emission = tinted(m.emission, inputs.emission);
-  p.ior = m.ior;
-  p.specular = scaled(m.specular, inputs.specular, 3);
-  p.specular_colour = tinted(m.specular_colour, inputs.specular_colour);
-  p.clearcoat = scaled(m.clearcoat, inputs.clearcoat, 0);
-  p.coat_normal = place.normal * side;
+/// Sets the values of the layers above and below the mirror. `bend` is the square of alpha by which
+/// the shape varies; `side` is -1 on the inner side.
+void set_layers(const PbrMaterial& m, const MaterialInputs& inputs, double bend, double side,
+                InputReader& reader, PbrSurface& out) {
+  PbrPoint& p = out.point;
+  p.clearcoat = reader.scaled(m.clearcoat, inputs.clearcoat, 0);
   if (p.clearcoat > 0.0) {
-    const Vec3 coat = mapped_normal(inputs.clearcoat_normal, 1.0, place);
+    const Vec3 coat = reader.mapped_normal(inputs.clearcoat_normal, 1.0);
     p.coat_normal = normalized(coat) * side;
     p.clearcoat_roughness =
-        rougher(clamped01(scaled(m.clearcoat_roughness, inputs.clearcoat_roughness, 1)),
+        rougher(clamped01(reader.scaled(m.clearcoat_roughness, inputs.clearcoat_roughness, 1)),
                 bend + spread_of_normals(length(coat)));
   }
-  p.sheen_colour = tinted(m.sheen_colour, inputs.sheen_colour);
-  p.sheen_roughness = clamped01(scaled(m.sheen_roughness, inputs.sheen_roughness, 3));
-  p.transmission = clamped01(scaled(m.transmission, inputs.transmission, 0));
-  out.thickness = p.transmission > 0.0 ? scaled(m.thickness, inputs.thickness, 1) : 0.0;
-  p.iridescence = clamped01(scaled(m.iridescence, inputs.iridescence, 0));
+  p.sheen_colour = reader.tinted(m.sheen_colour, inputs.sheen_colour);
+  p.sheen_roughness = clamped01(reader.scaled(m.sheen_roughness, inputs.sheen_roughness, 3));
+  p.transmission = clamped01(reader.scaled(m.transmission, inputs.transmission, 0));
+  out.thickness = p.transmission > 0.0 ? reader.scaled(m.thickness, inputs.thickness, 1) : 0.0;
+  p.iridescence = clamped01(reader.scaled(m.iridescence, inputs.iridescence, 0));
   if (p.iridescence > 0.0) {
-    const auto texel = value(inputs.iridescence_thickness, place);
+    const auto texel = reader.value(inputs.iridescence_thickness);
     p.iridescence_ior = m.iridescence_ior;
     p.iridescence_nm =
         m.iridescence_thickness_min +
         (m.iridescence_thickness_max - m.iridescence_thickness_min) * (texel ? (*texel)[1] : 1.0);
   }
+}
+
+void set_anisotropy(const PbrMaterial& m, const MaterialInputs& inputs, InputReader& reader,
+                    PbrPoint& p) {
   if (m.anisotropy == 0.0) {
     p.tangent = perpendicular(p.normal);
-    return out;
+    return;
   }
   Vec2 way{std::cos(m.anisotropy_rotation), std::sin(m.anisotropy_rotation)};
   p.anisotropy = m.anisotropy;
-  if (const auto texel = value(inputs.anisotropy, place)) {
+  if (const auto texel = reader.value(inputs.anisotropy)) {
     const double x = 2.0 * (*texel)[0] - 1.0, y = 2.0 * (*texel)[1] - 1.0;
     way = {way.x * x - way.y * y, way.y * x + way.x * y};
     p.anisotropy *= (*texel)[2];
   }
   p.anisotropy = clamped01(p.anisotropy);
-  const TangentFrame frame = tangents(inputs.anisotropy, place);
+  const InputReader::TangentFrame frame = reader.tangents(inputs.anisotropy);
   const Vec3 stretched = frame.tangent * way.x + frame.bitangent * way.y;
   const Vec3 flat = stretched - p.normal * dot(stretched, p.normal);
   p.tangent = length(flat) > 1e-9 ? normalized(flat) : perpendicular(p.normal);
+}
+
+}  // namespace
+
+PbrSurface PbrScene::surface(const Surface& at, Vec3 direction,
+                             const RayFootprint& footprint) const {
+  const PbrMaterial& m = *at.material->pbr;
+  const MaterialInputs& inputs = inputs_of(at);
+  const SurfacePlace place = place_of(scene_, at, direction, footprint);
+  InputReader reader(scene_, place);
+  const double side = at.outer_side ? 1.0 : -1.0;
+  PbrSurface out{.material = &m};
+  PbrPoint& p = out.point;
+  const MipMaps::Value base = reader.base(m, inputs.base_colour);
+  p.colour = colour_of(base);
+  p.alpha = base[3];
+  p.view = -direction;
+  p.geometric = at.geometric_normal;
+  if (m.unlit || p.alpha == 0.0) return out;
+  const MirrorValues mirror = reader.mirror(m, inputs);
+  const double bend = std::min(place.bend / kPi, kMostBend);
+  p.normal = normalized(mirror.normal) * side;
+  p.metallic = mirror.metallic;
+  p.roughness = rougher(mirror.roughness, bend + spread_of_normals(length(mirror.normal)));
+  p.occlusion = mirror.occlusion;
+  p.emission = mirror.emission;
+  p.ior = m.ior;
+  p.specular = mirror.specular;
+  p.specular_colour = mirror.specular_colour;
+  p.coat_normal = place.normal * side;
+  set_layers(m, inputs, bend, side, reader, out);
+  set_anisotropy(m, inputs, reader, p);
   return out;
 }
 

@@ -11,17 +11,12 @@
 #include "render/scene/scene.h"
 #include "render/shading/environment_light.h"
 #include "render/shading/mip_maps.h"
+#include "render/shading/pbr_inputs.h"
 #include "render/shading/pbr_shading.h"
+#include "render/shading/pbr_tables.h"
 #include "render/shading/surface.h"
 
 namespace lenticule::render {
-
-/// RayFootprint is the part of a surface that one ray stands for: the sides of a parallelogram
-/// across the ray, in the scene frame.
-struct RayFootprint {
-  Vec3 across{};
-  Vec3 along{};
-};
 
 /// PbrSurface is a point with its material's values.
 struct PbrSurface {
@@ -53,47 +48,20 @@ class PbrScene {
 
   [[nodiscard]] PbrSurface surface(const Surface& at, Vec3 direction,
                                    const RayFootprint& footprint) const;
+  /// Returns the textures of a material by its number.
+  [[nodiscard]] const MaterialInputs& inputs(size_t material) const { return inputs_[material]; }
+  /// Returns the scene in the form that render/shading/pbr_kernel.h reads.
+  [[nodiscard]] const PbrTables& tables() const { return *tables_; }
+  [[nodiscard]] const Affine& panel_from_scene() const { return panel_from_scene_; }
 
   /// Lights with an intensity of 1; see Scene::lights for their colours.
   [[nodiscard]] const std::vector<SceneLight>& unit_lights() const { return unit_lights_; }
 
  private:
-  /// Input is a texture of a material.
-  struct Input {
-    const MipMaps* maps = nullptr;  ///< null: there is no texture
-    int uv_set = 0;
-    std::array<double, 6> uv_map{};
-  };
-  struct MaterialInputs {
-    Input base_colour, metallic_roughness, normal, occlusion, emission, specular, specular_colour,
-        clearcoat, clearcoat_roughness, clearcoat_normal, sheen_colour, sheen_roughness,
-        transmission, thickness, iridescence, iridescence_thickness, anisotropy;
-  };
-  /// Position on a mesh, with the change of barycentric coordinates across the footprint.
-  struct Place {
-    const MeshShape* mesh = nullptr;
-    std::array<uint32_t, 3> corners{};
-    Barycentric at{};
-    Vec2 across{}, along{};
-    Vec3 edge1{}, edge2{};
-    Vec3 normal{};      ///< shading normal, on the front
-    double bend = 0.0;  ///< square of the angle by which the normal changes across the footprint
-  };
-  /// Unit vectors along the texture's axes, perpendicular to the normal, on the front.
-  struct TangentFrame {
-    Vec3 tangent, bitangent;
-  };
-
-  [[nodiscard]] Input input(const TextureUse& use, MipMaps::Content content);
-  [[nodiscard]] static Place place_of(const Scene& scene, const Surface& surface, Vec3 direction,
-                                      const RayFootprint& footprint);
-  [[nodiscard]] static std::optional<MipMaps::Value> value(const Input& input, const Place& place);
-  [[nodiscard]] static TangentFrame tangents(const Input& input, const Place& place);
-  /// Returns the mean vector of a normal map in the scene frame, on the front.
-  [[nodiscard]] static Vec3 mapped_normal(const Input& input, double scale, const Place& place);
-  /// Returns the base colour and the alpha before the alpha mode is applied.
-  [[nodiscard]] static MipMaps::Value base_of(const PbrMaterial& material, const Input& input,
-                                              const Place& place);
+  [[nodiscard]] MaterialInput input(const TextureUse& use, MipMaps::Content content);
+  [[nodiscard]] const MaterialInputs& inputs_of(const Surface& surface) const {
+    return inputs_[static_cast<size_t>(surface.material - scene_.materials.data())];
+  }
   void set_environment(bool has_studio);
 
   const Scene& scene_;
@@ -102,7 +70,9 @@ class PbrScene {
   std::shared_ptr<const EnvironmentLight> environment_;
   PbrShader::Frame frame_;
   ToneMap tone_map_;
+  Affine panel_from_scene_;
   bool any_passes_ = false;
+  std::unique_ptr<const PbrTables> tables_;
   std::vector<SceneLight> unit_lights_;
 };
 

@@ -35,13 +35,6 @@ double seen_cosine(Vec3 normal, Vec3 view) {
   return std::clamp(dot(normal, view), kSmallestCosine, 1.0);
 }
 
-Vec3 dielectric_f0(const PbrPoint& point) {
-  const double ratio = (point.ior - 1.0) / (point.ior + 1.0);
-  const Vec3 plain = point.specular_colour * (ratio * ratio);
-  return Vec3{std::min(plain.x, 1.0), std::min(plain.y, 1.0), std::min(plain.z, 1.0)} *
-         point.specular;
-}
-
 /// Returns the occlusion of mirrored light, which comes from a part of the hemisphere (Lagarde and
 /// de Rousiers, "Moving Frostbite to Physically Based Rendering", 2014).
 double mirror_occlusion(double occlusion, double cosine, double roughness) {
@@ -81,7 +74,8 @@ PbrShader::PbrShader(const PbrPoint& point) : point_(point) {
   alpha_t_ = alpha_b_ + (1.0 - alpha_b_) * point.anisotropy * point.anisotropy;
 
   const GgxAlbedo albedo = ggx_albedo(view_cosine_, point.roughness);
-  const Mirror dielectric(with_film(dielectric_f0(point), point, view_cosine_),
+  const Mirror dielectric(with_film(dielectric_f0(point.ior, point.specular, point.specular_colour),
+                                    point, view_cosine_),
                           kWhite * point.specular, albedo);
   const Mirror metal(with_film(point.colour, point, view_cosine_), kWhite, albedo);
   f0_ = mixed(dielectric.f0, metal.f0, point.metallic);

@@ -1,17 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/shading/shading_kernel.h"
 
+#include "render/shading/arriving_light.h"
 #include "render/shading/met_points.h"
 #include "render/shading/sampling_lanes.h"
 
 namespace lenticule::render::LENTICULE_ISA_NAMESPACE {
 namespace {
-
-/// Fraction of the distance to a light within which an occluder counts as the light itself.
-constexpr float kLightClearance = 1.0F / (1 << 18);
-/// Embree aborts the process on some numbers beyond this limit.
-constexpr float kEmbreeLimit = 1e18F;
-constexpr uint32_t kNoGeometry = ~0U;
 
 bool find_surfaces(const Tables& tables, const float* packet, const int32_t* valid, Surfaces& out) {
   const Words& geometry = words_at(packet + packet_kernel::kGeometry * kLanes);
@@ -19,30 +14,16 @@ bool find_surfaces(const Tables& tables, const float* packet, const int32_t* val
   masks_at(out.active) = active;
   if (!any(active)) return false;
   out.any_textured = out.any_transmits = out.any_specular = 0;
-  Primitives primitives{};
   Paint paint{};
-  WideShapes shapes;
-  gather(tables, packet, active, primitives, shapes, paint, out);
-  WidePoints wide;
-  const bool has_wide = shapes.count > 0;
-  if (has_wide) {
-    wide = {};
-    find_wide_points(packet, shapes, wide);
-  }
-
-  const Floats3 direction{field(packet, packet_kernel::kDirectionX),
-                          field(packet, packet_kernel::kDirectionY),
-                          field(packet, packet_kernel::kDirectionZ)};
-  const Floats3 origin{field(packet, packet_kernel::kOriginX),
-                       field(packet, packet_kernel::kOriginY),
-                       field(packet, packet_kernel::kOriginZ)};
-  const Floats3 met = origin + direction * field(packet, packet_kernel::kTFar);
-  Point point{};
-  if (any(primitives.triangles)) on_triangles(primitives, met, has_wide ? &wide : nullptr, point);
-  if (any(primitives.spheres)) on_spheres(primitives, met, point);
-  if (any(primitives.cones)) on_cones(primitives, met, point);
-  if (has_wide) put_wide(wide, point);
-  write_point(unit(direction), point, out);
+  const auto set_material = [&](int32_t number, const Masks& where) {
+    const Material& m = tables.materials[number];
+    set_paint(m, number, where, masks_at(out.channel), paint);
+    out.any_textured |= m.textured;
+    out.any_transmits |= m.transmittance > 0.0F ? 1 : 0;
+    out.any_specular |= m.specular > 0.0F ? 1 : 0;
+  };
+  Primitives primitives{};
+  find_points(tables, packet, active, set_material, primitives, out);
   write_paint(paint, out);
   return true;
 }
@@ -84,40 +65,14 @@ void add_own_light_under(const float* ambient, const Surfaces& s, const float* w
   add_own(floats_at(ambient), s, weight, light);
 }
 
-/// Direction and distance of a light, and the light that arrives if unoccluded.
-struct Arrival {
-  Floats3 toward;
-  Floats distance, intensity;
-};
-
-/// Returns the vector to a light's centre; unit if the light is directional.
 inline Floats3 way_to(const Light& light, const Surfaces& s) {
-  if (light.kind == Light::kDirectional) return Floats3{} - spread(light.direction);
-  return spread(light.position) - vector_at(s.start);
+  return way_to(light, vector_at(s.start));
 }
 
 inline Arrival arrival(const Light& light, const Floats3& way, const Surfaces& s) {
-  Arrival at{};
-  set_colours(Masks::of(-1), masks_at(s.channel), light.colour, at.intensity);
-  if (light.kind == Light::kDirectional) {
-    at.toward = way;
-    at.distance = Floats::of(__builtin_inff());
-    return at;
-  }
-  const Floats squared = dot(way, way);
-  at.distance = root(squared);
-  const Masks apart = at.distance > 0.0F;
-  at.toward = way * select(apart, 1.0F / at.distance, Floats{});
-  at.intensity = select(apart, at.intensity, Floats{});
-  if (light.kind == Light::kSpot) {
-    const Floats inside = Floats{} - dot(spread(light.direction), at.toward) - light.cos_outer;
-    const Floats part = light.cos_width > 0.0F ? clamp01(inside / light.cos_width)
-                                               : select(inside >= 0.0F, Floats::of(1.0F), Floats{});
-    at.intensity = at.intensity * (part * part);
-  }
-  if (light.falls_off)
-    at.intensity = select(apart, at.intensity * (light.world_units_squared / squared), Floats{});
-  return at;
+  Floats colour{};
+  set_colours(Masks::of(-1), masks_at(s.channel), light.colour, colour);
+  return arrival(light, way, colour);
 }
 
 /// Returns the light that arrives from a point of the area light's disc, given in unit-disc
@@ -146,36 +101,6 @@ inline Floats reflected(const Surfaces& s, const Arrival& light) {
     reflectance = select(shines, reflectance + highlight, reflectance);
   }
   return select(seen, light.intensity * reflectance, Floats{});
-}
-
-/// Returns false for NaN.
-inline Masks within_limits(const Floats3& v) {
-  return (absolute(v.x) < kEmbreeLimit) & (absolute(v.y) < kEmbreeLimit) &
-         (absolute(v.z) < kEmbreeLimit);
-}
-
-/// Writes the rays of lanes that are `wanted` and valid for Embree, and harmless rays in the other
-/// lanes.
-inline bool write_rays(const Floats3& origin, const Floats3& direction, const Floats& far,
-                       const Masks& wanted, NewRays& out) {
-  const Masks fit = within_limits(origin) & within_limits(direction) & (far >= 0.0F) &
-                    (dot(direction, direction) > 0.0F);
-  const Masks valid = wanted & fit;
-  out.refused = 0;
-  const Masks refused = wanted & ~fit;
-  if (any(refused))
-    for (int r = 0; r < kLanes; ++r) out.refused -= refused[r];
-  masks_at(out.valid) = valid;
-  float* packet = out.packet;
-  floats_at(packet + packet_kernel::kOriginX * kLanes) = select(valid, origin.x, Floats{});
-  floats_at(packet + packet_kernel::kOriginY * kLanes) = select(valid, origin.y, Floats{});
-  floats_at(packet + packet_kernel::kOriginZ * kLanes) = select(valid, origin.z, Floats{});
-  floats_at(packet + packet_kernel::kDirectionX * kLanes) = select(valid, direction.x, Floats{});
-  floats_at(packet + packet_kernel::kDirectionY * kLanes) = select(valid, direction.y, Floats{});
-  floats_at(packet + packet_kernel::kDirectionZ * kLanes) =
-      select(valid, direction.z, Floats::of(1.0F));
-  floats_at(packet + packet_kernel::kTFar * kLanes) = select(valid, far, Floats{});
-  return any(valid);
 }
 
 inline bool rays_toward(const Arrival& at, const Surfaces& s, const float* weight, NewRays& out) {

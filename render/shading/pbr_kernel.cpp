@@ -1,0 +1,303 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/shading/pbr_kernel.h"
+
+#include "render/shading/arriving_light.h"
+#include "render/shading/met_points.h"
+#include "render/shading/pbr_lookup_lanes.h"
+#include "render/shading/tone_map_lanes.h"
+
+namespace lenticule::render::LENTICULE_ISA_NAMESPACE {
+namespace {
+
+using pbr_kernel::Beam;
+using pbr_kernel::Environment;
+using pbr_kernel::LightRays;
+using pbr_kernel::Points;
+using pbr_kernel::Shaded;
+
+// As in pbr_scene.cpp and pbr_shading.cpp:
+constexpr float kInversePi = 0.318309886F;
+constexpr float kGrazing = 0.02F;
+constexpr float kMostBend = 0.18F;
+constexpr float kSmallestCosine = 1e-3F;
+constexpr float kSmallestRoughness = 0.0525F;
+
+inline Floats3 operator*(const Floats3& a, const Floats3& b) {
+  return {a.x * b.x, a.y * b.y, a.z * b.z};
+}
+inline Floats3 mixed(const Floats3& a, const Floats3& b, const Floats& part) {
+  return a + (b - a) * part;
+}
+inline Floats quotient(const Floats& a, const Floats& b) {
+  return select(b > 0.0F, a / b, Floats::of(1.0F));
+}
+inline Floats3 quotient(const Floats3& a, const Floats3& b) {
+  return {quotient(a.x, b.x), quotient(a.y, b.y), quotient(a.z, b.z)};
+}
+inline Floats fifth_power(const Floats& v) {
+  const Floats squared = v * v;
+  return squared * squared * v;
+}
+inline Masks nonzero(const Floats3& v) {
+  return (v.x != 0.0F) | (v.y != 0.0F) | (v.z != 0.0F);
+}
+
+// ---- points
+
+inline void set(const Masks& where, const float (&rgb)[3], float (&lanes)[3][kLanes]) {
+  for (int c = 0; c < 3; ++c) set(where, rgb[c], floats_at(lanes[c]));
+}
+
+/// Sets the factors of the lanes' materials. Lanes whose material this kernel cannot shade, or
+/// which see its invisible side, become inactive.
+inline void set_factors(const pbr_kernel::Material* materials, const Masks& numbers,
+                        const Surfaces& s, Points& p) {
+  Masks shown{}, textured{};
+  uint32_t left = bits(masks_at(s.active));
+  while (left != 0) {
+    const int32_t number = numbers[__builtin_ctz(left)];
+    const Masks where = lanes_of(left) & (numbers == number);
+    left &= ~bits(where);
+    const pbr_kernel::Material& m = materials[number];
+    if (m.is_plain == 0) continue;
+    shown = shown | (where & (masks_at(s.outer_side) | m.is_two_sided));
+    if (m.is_textured != 0) textured = textured | where;
+    set(where, m.colour, p.colour);
+    set(where, m.emission, p.emission);
+    set(where, m.metallic, floats_at(p.metallic));
+    set(where, m.roughness, floats_at(p.roughness));
+    set(where, m.f0, p.f0);
+    set(where, m.f90, floats_at(p.f90));
+  }
+  masks_at(p.active) = shown;
+  p.textured = bits(shown & textured);
+}
+
+/// Returns the side of a footprint on the surface's plane, as the ray sees it.
+inline Floats3 on_plane(const Floats3& side, const Surfaces& s) {
+  const Floats3 normal = vector_at(s.geometric), view = vector_at(s.view);
+  Floats cosine = dot(normal, view);
+  cosine = select(absolute(cosine) < kGrazing,
+                  select(cosine < 0.0F, Floats::of(-kGrazing), Floats::of(kGrazing)), cosine);
+  return side - view * (dot(side, normal) / cosine);
+}
+
+/// Projects a side of a footprint onto triangles.
+struct Barycentrics {
+  Floats3 edge1, edge2, normal;
+  Floats scale;  ///< 1 / (area squared times extent)
+
+  explicit Barycentrics(const Primitives& p) {
+    const Floats extent = max(largest(p.edge1), largest(p.edge2));
+    const Floats shrink = select(p.triangles & (extent > 0.0F), 1.0F / extent, Floats{});
+    edge1 = p.edge1 * shrink;
+    edge2 = p.edge2 * shrink;
+    normal = cross(edge1, edge2);
+    const Floats squared = dot(normal, normal);
+    scale = select(squared > 0.0F, shrink / squared, Floats{});
+  }
+  [[nodiscard]] Floats u(const Floats3& side) const {
+    return dot(cross(side, edge2), normal) * scale;
+  }
+  [[nodiscard]] Floats v(const Floats3& side) const {
+    return dot(cross(edge1, side), normal) * scale;
+  }
+};
+
+/// Returns the square of the change of the interpolated normal.
+inline Floats turn_of(const Primitives& p, const float (&side)[2][kLanes]) {
+  const Floats3 change = (p.normal_b - p.normal_a) * floats_at(side[0]) +
+                         (p.normal_c - p.normal_a) * floats_at(side[1]);
+  return dot(change, change);
+}
+
+/// Projects the footprints onto the surfaces, and finds how much the normals change across them.
+inline void set_footprints(const Beam& beam, const Primitives& primitives, const Surfaces& s,
+                           Points& p) {
+  floats_at(p.bend) = Floats{};
+  const Masks curved = primitives.smooth | primitives.spheres | lanes_of(p.textured);
+  if (!any(curved & masks_at(p.active))) return;
+  const Floats z = dot(spread(beam.depth), vector_at(s.point)) + beam.depth_origin;
+  const Floats closer = absolute(1.0F - z * beam.inverse_distance);
+  const Floats width = max(beam.lens_mm * closer, beam.subpixels_per_gap * absolute(z));
+  const Floats3 across = on_plane(spread(beam.across) * width, s);
+  const Floats3 along = on_plane(spread(beam.along) * (beam.row_mm * closer), s);
+  const Floats spheres =
+      select(primitives.spheres,
+             (dot(across, across) + dot(along, along)) / (primitives.radius * primitives.radius),
+             Floats{});
+  const Barycentrics barycentrics(primitives);
+  floats_at(p.across[0]) = barycentrics.u(across);
+  floats_at(p.across[1]) = barycentrics.v(across);
+  floats_at(p.along[0]) = barycentrics.u(along);
+  floats_at(p.along[1]) = barycentrics.v(along);
+  floats_at(p.bend) = select(primitives.smooth,
+                             turn_of(primitives, p.across) + turn_of(primitives, p.along), spheres);
+}
+
+uint32_t find(const pbr_kernel::Tables& tables, const Beam& beam, const float* packet,
+              const int32_t* valid, Surfaces& s, Points& p) {
+  const Words& geometry = words_at(packet + packet_kernel::kGeometry * kLanes);
+  const Masks met = masks_at(valid) & (geometry != kNoGeometry);
+  masks_at(s.active) = met;
+  if (!any(met)) return 0;
+  Masks numbers{};
+  const auto set_material = [&](int32_t number, const Masks& where) {
+    numbers = select(where, Masks::of(number), numbers);
+  };
+  Primitives primitives{};
+  find_points(*tables.shapes, packet, met, set_material, primitives, s);
+  masks_at(s.material) = numbers;
+  set_factors(tables.materials, numbers, s, p);
+  const uint32_t lanes = bits(masks_at(p.active));
+  if (lanes == 0) return 0;
+  set_footprints(beam, primitives, s, p);
+  for (int c = 0; c < 3; ++c) floats_at(p.normal[c]) = floats_at(s.smooth[c]);
+  floats_at(p.spread) = Floats{};
+  floats_at(p.occlusion) = Floats::of(1.0F);
+  return lanes;
+}
+
+// ---- light of the environment
+
+inline Floats3 to_environment(const Environment& e, const Floats3& d) {
+  return {dot(spread(e.right), d), dot(spread(e.up), d), dot(spread(e.back), d)};
+}
+
+void aim(const pbr_kernel::Tables& tables, const Surfaces& s, const Points& p, Shaded& out) {
+  const Floats3 normal = vector_at(p.normal), viewer = -vector_at(s.view);
+  const Floats cosine = dot(normal, viewer);
+  floats_at(out.view_cosine) = min(max(cosine, Floats::of(kSmallestCosine)), Floats::of(1.0F));
+  const Floats more =
+      min(floats_at(p.bend) * kInversePi, Floats::of(kMostBend)) + floats_at(p.spread);
+  const Floats alpha = floats_at(p.roughness) * floats_at(p.roughness);
+  const Floats wider = root(root(min(alpha * alpha + more, Floats::of(1.0F))));
+  const Floats roughness = select(more > 0.0F, wider, floats_at(p.roughness));
+  floats_at(out.roughness) = roughness;
+  const Environment& e = tables.environment;
+  out.sharp = 0;
+  if (e.is_uniform != 0) return;
+  // Rough lobes lean toward the normal.
+  const Floats squared = roughness * roughness;
+  const Floats3 mirror = normal * (2.0F * cosine) - viewer;
+  store(to_environment(e, mixed(mirror, normal, squared * squared)), out.mirror);
+  out.sharp = bits(masks_at(p.active) & (MapPlace(roughness).above == 0));
+}
+
+/// Mirror is the GGX lobe of a metal or of a dielectric.
+struct Mirror {
+  Floats3 single;    ///< albedo of light that is reflected once
+  Floats3 multiple;  ///< of light that is reflected between microfacets
+
+  Mirror(const Floats3& f0, const Floats& f90, const Albedo& albedo)
+      : single(f0 * albedo.scale + all(f90 * albedo.bias)) {
+    const Floats lost = 1.0F - (albedo.scale + albedo.bias);
+    const Floats3 mean = f0 + (all(f90) - f0) * Floats::of(1.0F / 21.0F);
+    multiple = quotient(single * mean, all(Floats::of(1.0F)) - mean * lost) * lost;
+  }
+};
+
+/// Returns the occlusion of mirrored light.
+inline Floats mirror_occlusion(const Floats& occlusion, const Floats& cosine,
+                               const Floats& roughness) {
+  const Masks occluded = occlusion < 1.0F;
+  if (!any(occluded)) return Floats::of(1.0F);
+  const Floats narrow = exp2_of(-16.0F * roughness - 1.0F);
+  return select(occluded, clamp01(power(cosine + occlusion, narrow) - 1.0F + occlusion),
+                Floats::of(1.0F));
+}
+
+void shade(const pbr_kernel::Tables& tables, const Points& p, Shaded& out) {
+  const Floats cosine = floats_at(out.view_cosine), roughness = floats_at(out.roughness);
+  const Floats metallic = floats_at(p.metallic), f90 = floats_at(p.f90);
+  const Floats3 colour = vector_at(p.colour), f0 = vector_at(p.f0);
+  const Albedo albedo = albedo_at(*tables.albedo, cosine, roughness);
+  const Mirror dielectric(f0, f90, albedo);
+  const Floats below =
+      (1.0F - metallic) * (1.0F - largest_of(dielectric.single + dielectric.multiple));
+  Floats3 single = dielectric.single, multiple = dielectric.multiple;
+  store(f0, out.f0);
+  floats_at(out.f90) = f90;
+  if (any(masks_at(p.active) & (metallic > 0.0F))) {
+    const Mirror metal(colour, Floats::of(1.0F), albedo);
+    single = mixed(single, metal.single, metallic);
+    multiple = mixed(multiple, metal.multiple, metallic);
+    store(mixed(f0, colour, metallic), out.f0);
+    floats_at(out.f90) = f90 + (1.0F - f90) * metallic;
+  }
+  store(quotient(single + multiple, single), out.stronger);
+  const Floats3 diffuse = colour * below;
+  store(diffuse, out.diffuse);
+
+  const Environment& e = tables.environment;
+  Floats3 matt = spread(e.uniform), mirrored = matt;
+  if (e.is_uniform == 0) {
+    matt = light_of(e.diffuse, place_of(to_environment(e, vector_at(p.normal))));
+    mirrored = mirrored_light(e.mirrored, vector_at(out.mirror), roughness, out.source);
+  }
+  const Floats occlusion = floats_at(p.occlusion);
+  const Floats seen = mirror_occlusion(occlusion, cosine, roughness);
+  store(vector_at(p.emission) + matt * diffuse * occlusion +
+            (mirrored * single + matt * multiple) * seen,
+        out.light);
+}
+
+// ---- lights
+
+/// Returns the share of a light that is reflected toward the viewer.
+inline Floats3 reflected(const Floats3& toward, const Surfaces& s, const Points& p,
+                         const Shaded& shaded) {
+  const Floats3 normal = vector_at(p.normal), viewer = -vector_at(s.view);
+  const Floats cosine = dot(normal, toward);
+  const Masks seen =
+      (cosine > 0.0F) & (dot(vector_at(s.geometric), toward) > 0.0F) & masks_at(p.active);
+  if (!any(seen)) return {};
+  const Floats3 half = unit(viewer + toward);
+  const Floats3 aside = cross(normal, half);
+  const Floats held = max(floats_at(shaded.roughness), Floats::of(kSmallestRoughness));
+  const Floats alpha = held * held, squared = alpha * alpha;
+  const Floats along = dot(normal, half);
+  // The density of GGX times pi.
+  const Floats ratio = 1.0F / (dot(aside, aside) + squared * (along * along));
+  const Floats density = squared * (ratio * ratio);
+  const Floats view = floats_at(shaded.view_cosine);
+  const auto masking = [&](const Floats& c) {
+    const Floats c2 = c * c;
+    return root(squared * max(1.0F - c2, Floats{}) + c2);
+  };
+  const Floats visibility = 0.5F / (cosine * masking(view) + view * masking(cosine));
+  const Floats grazing = fifth_power(1.0F - clamp01(dot(viewer, half)));
+  const Floats3 fresnel = mixed(vector_at(shaded.f0), all(floats_at(shaded.f90)), grazing);
+  const Floats3 mirror = fresnel * vector_at(shaded.stronger) * (cosine * density * visibility);
+  return select(seen, vector_at(shaded.diffuse) * cosine + mirror, Floats3{});
+}
+
+void light_rays(const shading_kernel::Light& light, const Surfaces& s, const Points& p,
+                const Shaded& shaded, LightRays& out) {
+  const Floats3 start = vector_at(s.start);
+  const Arrival at = arrival(light, way_to(light, start), Floats::of(1.0F));
+  const Floats3 brings = reflected(at.toward, s, p, shaded) * spread(light.colour) * at.intensity;
+  NewRays rays;
+  rays.packet = out.packet;
+  rays.valid = out.valid;
+  const Masks wanted = masks_at(p.active) & nonzero(brings);
+  write_rays(start, at.toward, at.distance * (1.0F - kLightClearance), wanted, rays);
+  out.refused = rays.refused;
+  store(brings, out.brings);
+}
+
+void tone_map(pbr_kernel::ToneMap map, const float (&light)[3][kLanes], float (&shown)[3][kLanes]) {
+  const Floats3 in = vector_at(light);
+  store(map == pbr_kernel::ToneMap::kPbrNeutral ? pbr_neutral(in)
+        : map == pbr_kernel::ToneMap::kAces     ? aces(in)
+                                                : in,
+        shown);
+}
+
+}  // namespace
+
+extern const pbr_kernel::Kernel kPbrKernel;
+const pbr_kernel::Kernel kPbrKernel{
+    .find = find, .aim = aim, .shade = shade, .light_rays = light_rays, .tone_map = tone_map};
+
+}  // namespace lenticule::render::LENTICULE_ISA_NAMESPACE

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+// Metallic-roughness shading of sixteen points at a time, compiled once per instruction set, for
+// materials without layers: base and mirror, opaque. docs/render/shading.md states the formulas.
+// Plain data only: this header must not bring shared inline functions into a file that is compiled
+// for AVX-512.
+//
+// Computes in single precision without fused multiplication, as render/shading/shading_kernel.h
+// does. render/shading/pbr_shading.h computes the same point by point in double precision; it is
+// the reference in tests.
+#pragma once
+
+#include <cstdint>
+
+#include "base/cpu.h"
+#include "render/shading/shading_kernel.h"
+
+namespace lenticule::render::pbr_kernel {
+
+using shading_kernel::kLanes;
+using shading_kernel::Surfaces;
+
+/// Material holds the factors of a material.
+struct Material {
+  float colour[3];
+  float emission[3];
+  float metallic;
+  float roughness;
+  float f0[3];           ///< of the dielectric
+  float f90;             ///< of the dielectric
+  int32_t is_plain;      ///< -1 if this kernel can shade the material
+  int32_t is_two_sided;  ///< -1 if the inner side is shaded, too
+  int32_t is_textured;   ///< textures or colours of vertices change the factors
+};
+
+/// Beam is render::BeamSize, with the panel's axes in the scene frame.
+struct Beam {
+  float across[3], along[3];  ///< one millimetre along the panel's x and y axes
+  float depth[3];             ///< panel z of a point: dot product with this ...
+  float depth_origin;         ///< ... plus this
+  float lens_mm, row_mm, subpixels_per_gap, inverse_distance;
+};
+
+/// Map holds the light of all directions in the square of an unfolded octahedron with a border, as
+/// render::EnvironmentLight does: three numbers per texel, and a fourth one after the last texel.
+struct Map {
+  const float* texels;
+  int32_t size;
+};
+
+/// Environment is the light that surrounds the scene.
+struct Environment {
+  static constexpr int kMaps = 8;
+  float right[3], up[3], back[3];  ///< its axes
+  int32_t is_uniform;
+  float uniform[3];
+  Map diffuse;
+  Map mirrored[kMaps];  ///< of the roughnesses 1 / kMaps, 2 / kMaps ... 1
+};
+
+/// AlbedoTable holds scale and bias of render::GgxAlbedo. The knots are uniform in the root of the
+/// cosine and in the roughness: values[cosine][roughness].
+struct AlbedoTable {
+  static constexpr int kSteps = 64;
+  float values[kSteps + 1][kSteps + 1][2];
+};
+
+struct Tables {
+  const shading_kernel::Tables* shapes;
+  const Material* materials;
+  Environment environment;
+  const AlbedoTable* albedo;
+};
+
+/// Points holds what the materials say at the points that a packet's lanes met. Values in lanes
+/// that are not active are unspecified.
+struct alignas(64) Points {
+  int32_t active[kLanes];  ///< -1 in lanes that this kernel shades
+  // Changes of the barycentric coordinates across the sides of the footprint. Meshes only.
+  float across[2][kLanes], along[2][kLanes];
+  float bend[kLanes];       ///< square of the angle by which the normal changes across it
+  float normal[3][kLanes];  ///< of the normal map, unit, on the viewer's side
+  float spread[kLanes];     ///< square of alpha by which the normal map varies
+  float colour[3][kLanes];
+  float emission[3][kLanes];
+  float metallic[kLanes];
+  float roughness[kLanes];
+  float occlusion[kLanes];
+  float f0[3][kLanes];
+  float f90[kLanes];
+  uint32_t textured;  ///< bit mask of active lanes with textures, which the caller applies
+};
+
+/// Shaded holds the parts of the formula that do not depend on lights.
+struct alignas(64) Shaded {
+  float view_cosine[kLanes];
+  float roughness[kLanes];  ///< widened by what varies within the footprint
+  float mirror[3][kLanes];  ///< direction in the environment's axes, not unit
+  float source[3][kLanes];  ///< the light of the source there, which the caller sets
+  float f0[3][kLanes], f90[kLanes];
+  float stronger[3][kLanes];
+  float diffuse[3][kLanes];
+  float light[3][kLanes];  ///< reflected light of the environment, and emission
+  uint32_t sharp;          ///< bit mask of lanes that see the environment's source in mirrors
+};
+
+/// LightRays holds rays toward a light.
+struct alignas(64) LightRays {
+  float brings[3][kLanes];  ///< light that the ray adds if unoccluded
+  float* packet;            ///< receives rays in Embree's layout
+  int32_t* valid;           ///< -1 in lanes with a ray
+  int32_t refused;          ///< number of rays that were not valid for Embree
+};
+
+enum class ToneMap : int32_t { kNone, kPbrNeutral, kAces };
+
+struct Kernel {
+  /// Finds the points of the lanes of a packet that are `valid`, met a surface and can be shaded by
+  /// this kernel. Returns a bit mask of these lanes.
+  uint32_t (*find)(const Tables&, const Beam&, const float* packet, const int32_t* valid, Surfaces&,
+                   Points&);
+  /// Computes the directions of mirrored light. Then the caller sets Shaded::source.
+  void (*aim)(const Tables&, const Surfaces&, const Points&, Shaded&);
+  /// Computes all other members of Shaded.
+  void (*shade)(const Tables&, const Points&, Shaded&);
+  /// Makes rays toward a light from the lanes it can shine on, harmless rays in all other lanes.
+  void (*light_rays)(const shading_kernel::Light&, const Surfaces&, const Points&, const Shaded&,
+                     LightRays&);
+  /// Computes render::tone_mapped() of all lanes.
+  void (*tone_map)(ToneMap, const float (&light)[3][kLanes], float (&shown)[3][kLanes]);
+};
+
+}  // namespace lenticule::render::pbr_kernel
+
+namespace lenticule::render {
+LENTICULE_DECLARE_KERNEL(pbr_kernel::Kernel, kPbrKernel)
+}

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/shading/pbr_lanes.h"
+
+#include <bit>
+#include <cstring>
+
+#include "render/accel/lane_masks.h"
+#include "render/shading/pbr_scene.h"
+
+namespace lenticule::render {
+namespace {
+
+Vec3 lane_of(const float (&v)[3][kPacket], size_t lane) {
+  return {double{v[0][lane]}, double{v[1][lane]}, double{v[2][lane]}};
+}
+Vec2 lane_of(const float (&v)[2][kPacket], size_t lane) {
+  return {double{v[0][lane]}, double{v[1][lane]}};
+}
+void set(Vec3 from, size_t lane, float (&v)[3][kPacket]) {
+  v[0][lane] = static_cast<float>(from.x);
+  v[1][lane] = static_cast<float>(from.y);
+  v[2][lane] = static_cast<float>(from.z);
+}
+
+}  // namespace
+
+uint32_t PbrLanes::find(const Scene& scene, const BeamSize& beam, const RayPacket& packet,
+                        uint32_t lanes) {
+  const PbrTables& tables = scene.pbr->tables();
+  if (!tables.any_plain()) return 0;
+  alignas(64) int valid[kPacket];
+  for (size_t r = 0; r < kPacket; ++r) valid[r] = (lanes & kLaneBit[r]) != 0 ? -1 : 0;
+  const uint32_t found = kernel_.find(tables.tables(), tables.beam(beam), &packet.rays.ray.org_x[0],
+                                      valid, surfaces_, points_);
+  if (found == 0 || points_.textured == 0) return found;
+  apply_textures(scene, packet);
+  return lane_bits(points_.active);
+}
+
+/// Lanes that let light pass are left to PbrScene.
+void PbrLanes::apply_textures(const Scene& scene, const RayPacket& packet) {
+  for (uint32_t left = points_.textured; left != 0; left &= left - 1) {
+    const auto r = static_cast<size_t>(std::countr_zero(left));
+    if (!apply_textures(scene, packet, r)) points_.active[r] = 0;
+  }
+}
+
+bool PbrLanes::apply_textures(const Scene& scene, const RayPacket& packet, size_t lane) {
+  const auto number = static_cast<size_t>(surfaces_.material[lane]);
+  const PbrMaterial& material = *scene.materials[number].pbr;
+  const MaterialInputs& inputs = scene.pbr->inputs(number);
+  const GeometryEntry& geometry = scene.geometries[packet.rays.hit.geomID[lane]];
+  const double side = surfaces_.outer_side[lane] != 0 ? 1.0 : -1.0;
+  SurfacePlace place{.at = {double{surfaces_.u[lane]}, double{surfaces_.v[lane]}},
+                     .across = lane_of(points_.across, lane),
+                     .along = lane_of(points_.along, lane),
+                     .normal = lane_of(surfaces_.smooth, lane) * side};
+  if (geometry.kind == GeometryEntry::Kind::Mesh) {
+    place.mesh = &scene.meshes[geometry.mesh];
+    place.triangle = packet.rays.hit.primID[lane];
+    place.corners = place.mesh->triangles[place.triangle];
+  }
+  InputReader reader(scene, place);
+  const MipMaps::Value base = reader.base(material, inputs.base_colour);
+  if (base[3] != 1.0) return false;
+  const MirrorValues mirror = reader.mirror(material, inputs);
+  set({base[0], base[1], base[2]}, lane, points_.colour);
+  set(mirror.emission, lane, points_.emission);
+  points_.metallic[lane] = static_cast<float>(mirror.metallic);
+  points_.roughness[lane] = static_cast<float>(mirror.roughness);
+  points_.occlusion[lane] = static_cast<float>(mirror.occlusion);
+  set(dielectric_f0(material.ior, mirror.specular, mirror.specular_colour), lane, points_.f0);
+  points_.f90[lane] = static_cast<float>(mirror.specular);
+  if (inputs.normal.maps == nullptr) return true;
+  set(normalized(mirror.normal) * side, lane, points_.normal);
+  points_.spread[lane] = static_cast<float>(spread_of_normals(length(mirror.normal)));
+  return true;
+}
+
+void PbrLanes::shade(const Scene& scene, ColourLanes& light) {
+  const pbr_kernel::Tables& tables = scene.pbr->tables().tables();
+  kernel_.aim(tables, surfaces_, points_, shaded_);
+  for (uint32_t left = shaded_.sharp; left != 0; left &= left - 1) {
+    const auto r = static_cast<size_t>(std::countr_zero(left));
+    set(scene.pbr->environment().source(normalized(lane_of(shaded_.mirror, r))), r, shaded_.source);
+  }
+  kernel_.shade(tables, points_, shaded_);
+  static_assert(sizeof light.rgb == sizeof shaded_.light);
+  std::memcpy(light.rgb, shaded_.light, sizeof light.rgb);
+}
+
+void PbrLanes::light_rays(const Scene& scene, size_t light, RTCRay16& rays, int* valid,
+                          ColourLanes& brings, FrameCounts& counts) const {
+  pbr_kernel::LightRays out;
+  out.packet = &rays.org_x[0];
+  out.valid = valid;
+  kernel_.light_rays(scene.shading->lights()[light], surfaces_, points_, shaded_, out);
+  counts.invalid_rays += static_cast<uint64_t>(out.refused);
+  std::memcpy(brings.rgb, out.brings, sizeof brings.rgb);
+}
+
+void PbrLanes::tone_map(ToneMap map, const ColourLanes& light, ColourLanes& shown) const {
+  using enum pbr_kernel::ToneMap;
+  kernel_.tone_map(map == ToneMap::PbrNeutral ? kPbrNeutral
+                   : map == ToneMap::Aces     ? kAces
+                                              : kNone,
+                   light.rgb, shown.rgb);
+}
+
+}  // namespace lenticule::render

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+// PbrLanes shades a packet's points on plain metallic-roughness materials, sixteen at a time.
+#pragma once
+
+#include <cstdint>
+
+#include "render/accel/ray_stream.h"
+#include "render/options/frame_counts.h"
+#include "render/rays/tile.h"
+#include "render/scene/scene.h"
+#include "render/shading/pbr_tables.h"
+
+namespace lenticule::render {
+
+/// Three numbers of each lane of a packet.
+struct alignas(64) ColourLanes {
+  float rgb[3][kPacket];
+
+  [[nodiscard]] Vec3 of(size_t lane) const {
+    return {double{rgb[0][lane]}, double{rgb[1][lane]}, double{rgb[2][lane]}};
+  }
+  void set(size_t lane, Vec3 colour) {
+    rgb[0][lane] = static_cast<float>(colour.x);
+    rgb[1][lane] = static_cast<float>(colour.y);
+    rgb[2][lane] = static_cast<float>(colour.z);
+  }
+};
+
+/// PbrLanes serves one packet at a time. Thread safety: used by one thread.
+class PbrLanes {
+ public:
+  explicit PbrLanes(Isa isa) : kernel_(pbr_kernel_for(isa)) {}
+
+  /// Finds the points of those of `lanes` whose material has no layers and lets no light pass
+  /// there. Returns a bit mask of them: the lanes of the following functions.
+  uint32_t find(const Scene& scene, const BeamSize& beam, const RayPacket& packet, uint32_t lanes);
+  /// Returns true if a lane met the outer side of its surface.
+  [[nodiscard]] bool is_outside(size_t lane) const { return surfaces_.outer_side[lane] != 0; }
+  /// Returns the light of the environment that the points reflect, and what they emit. Other lanes
+  /// are unspecified.
+  void shade(const Scene& scene, ColourLanes& light);
+  /// Makes rays toward a light from the points it can shine on, harmless rays in all other lanes.
+  /// `brings` is the light that each adds if unoccluded.
+  void light_rays(const Scene& scene, size_t light, RTCRay16& rays, int* valid, ColourLanes& brings,
+                  FrameCounts& counts) const;
+  void tone_map(ToneMap map, const ColourLanes& light, ColourLanes& shown) const;
+
+ private:
+  void apply_textures(const Scene& scene, const RayPacket& packet);
+  [[nodiscard]] bool apply_textures(const Scene& scene, const RayPacket& packet, size_t lane);
+
+  const pbr_kernel::Kernel& kernel_;
+  shading_kernel::Surfaces surfaces_{};
+  pbr_kernel::Points points_{};
+  pbr_kernel::Shaded shaded_{};
+};
+
+}  // namespace lenticule::render
