@@ -127,25 +127,39 @@ uint32_t PbrTracer::in_volumes(uint32_t lanes) const {
   return inside;
 }
 
-void PbrTracer::meet_plain(const View& view, const RayPacket& packet, uint32_t lanes) {
+void PbrTracer::meet_plain(const View& view, uint32_t lanes) {
   plain_.shade(view.scene, light_);
   for (auto& channel : weight_.rgb) std::ranges::fill(channel, 1.0F);
   for (uint32_t left = lanes & with_path_; left != 0; left &= left - 1) {
     const auto r = static_cast<size_t>(std::countr_zero(left));
-    weight_.set(r, paths_[r].weight);
+    weight_.set(r, paths_[r].weight * plain_.alpha(r));
   }
+}
+
+void PbrTracer::note_plain(const RayPacket& packet, const PbrLanes::Found& plain) {
   if (memory_ == nullptr) return;
-  for (uint32_t left = lanes; left != 0; left &= left - 1) {
+  for (uint32_t left = plain.all; left != 0; left &= left - 1) {
     const auto r = static_cast<size_t>(std::countr_zero(left));
-    note(packet, r, plain_.is_outside(r) ? Way::Front : Way::Back);
+    note(packet, r,
+         (plain.shown & kLaneBit[r]) == 0 ? Way::Unseen
+         : plain_.is_outside(r)           ? Way::Front
+                                          : Way::Back);
   }
 }
 
 PbrTracer::Lanes PbrTracer::meet_all(const View& view, const RayPacket& packet, uint32_t lanes) {
-  Lanes found{.plain = plain_.find(view.scene, view.beam, packet, lanes & ~in_volumes(lanes))};
-  if (found.plain != 0) meet_plain(view, packet, found.plain);
-  const uint32_t others = lanes & ~found.plain;
-  if (layer_ == 0) start_paths(packet, others);
+  const PbrLanes::Found plain =
+      plain_.find(view.scene, view.beam, packet, lanes & ~in_volumes(lanes));
+  const uint32_t others = lanes & ~plain.all;
+  if (layer_ == 0) start_paths(packet, others | plain.passing);
+  Lanes found{.plain = plain.shown};
+  if (plain.shown != 0) meet_plain(view, plain.shown);
+  note_plain(packet, plain);
+  for (uint32_t left = plain.passing; left != 0; left &= left - 1) {
+    const auto r = static_cast<size_t>(std::countr_zero(left));
+    paths_[r].weight = paths_[r].weight * (1.0 - plain_.alpha(r));
+    if (pass(plain_.behind(r), paths_[r])) found.going |= kLaneBit[r];
+  }
   for (uint32_t left = others; left != 0; left &= left - 1) {
     const auto r = static_cast<size_t>(std::countr_zero(left));
     met_[r].shader.reset();
@@ -238,10 +252,14 @@ void PbrTracer::note(const RayPacket& packet, size_t lane, Way way) {
                         static_cast<uint32_t>(way));
 }
 
-bool PbrTracer::pass(const Surface& surface, Path& path) {
+bool PbrTracer::pass(Vec3 start, Path& path) {
   if (largest(path.weight) < kLeastWeight) return false;
-  path.origin = spawn_point(surface, Side::Far);
+  path.origin = start;
   return true;
+}
+
+bool PbrTracer::pass(const Surface& surface, Path& path) {
+  return pass(spawn_point(surface, Side::Far), path);
 }
 
 bool PbrTracer::bend(const View& view, const Surface& surface, std::optional<Vec3> through,

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // PbrTracer follows the rays of a packet through a scene with metallic-roughness materials: through
 // surfaces that are cut out, blended or transmit light, until they end. It computes three channels
-// per ray, since a tone map needs them all. Points on materials without layers are shaded in lanes,
-// all others one by one.
+// per ray, since a tone map needs them all. Points on materials that are a base and a mirror alone
+// are shaded in lanes, all others one by one.
 #pragma once
 
 #include <array>
@@ -65,7 +65,8 @@ class PbrTracer {
   /// Returns those of `lanes` whose rays are in a volume.
   [[nodiscard]] uint32_t in_volumes(uint32_t lanes) const;
   /// Computes the light of the surfaces that plain_ has found, except that of lights.
-  void meet_plain(const View& view, const RayPacket& packet, uint32_t lanes);
+  void meet_plain(const View& view, uint32_t lanes);
+  void note_plain(const RayPacket& packet, const PbrLanes::Found& plain);
   /// Finds the surfaces that `lanes` met, and computes their light except that of lights.
   [[nodiscard]] Lanes meet_all(const View& view, const RayPacket& packet, uint32_t lanes);
   /// Adds the light of a layer, after the tone map, to the paths.
@@ -75,6 +76,7 @@ class PbrTracer {
   bool meet(const View& view, const RayPacket& packet, size_t lane);
   // Each moves a path on from a surface, and returns false if the path ends.
 
+  [[nodiscard]] static bool pass(Vec3 start, Path& path);
   [[nodiscard]] static bool pass(const Surface& surface, Path& path);
   [[nodiscard]] bool enter(const View& view, const Surface& surface, const PbrSurface& shaded,
                            Path& path) const;

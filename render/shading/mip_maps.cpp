@@ -136,20 +136,23 @@ double beyond_whole(double coordinate) {
   return beyond < 0.0 ? beyond + 1.0 : beyond;
 }
 
-Neighbours neighbours(double coordinate, int size, bool repeat, bool mirror) {
+/// Returns the place in the picture, 0 to 1, of a coordinate beyond it.
+double place_in_picture(double coordinate, bool repeat, bool mirror) {
   if (!(std::abs(coordinate) < 1e15)) coordinate = 0.0;
-  if (repeat && mirror) {
-    coordinate = 2.0 * beyond_whole(0.5 * coordinate);
-    coordinate = coordinate > 1.0 ? 2.0 - coordinate : coordinate;
-    repeat = false;  // a mirrored border continues as an extended one does
-  }
-  coordinate = repeat ? beyond_whole(coordinate) : std::clamp(coordinate, 0.0, 1.0);
+  if (!repeat) return std::clamp(coordinate, 0.0, 1.0);
+  if (!mirror) return beyond_whole(coordinate);
+  const double in_pair = 2.0 * beyond_whole(0.5 * coordinate);
+  return in_pair > 1.0 ? 2.0 - in_pair : in_pair;
+}
+
+/// `wraps`: the texel beyond the border is that of the other side, otherwise the border's own.
+Neighbours neighbours(double place, int size, bool wraps) {
   // Measured from half a texel before the first one, so that truncation rounds down.
-  const double texel = coordinate * size + 0.5;
-  const int second = static_cast<int>(texel);
+  const double texel = place * size + 0.5;
+  const int second = static_cast<int>(texel), first = second - 1;
   const auto part = static_cast<float>(texel - second);
-  if (!repeat) return {std::max(second - 1, 0), std::min(second, size - 1), part};
-  return {second < 1 ? size - 1 : second - 1, second >= size ? 0 : second, part};
+  const int before = wraps ? size - 1 : 0, behind = wraps ? 0 : size - 1;
+  return {first < 0 ? before : first, second >= size ? behind : second, part};
 }
 
 /// The four channels of a texel.
@@ -279,15 +282,18 @@ class MipMaps::Sampler {
     if (part_ > 0.0F) coarse_ = maps.level(std::min(sharper + 1, maps.levels_.size()));
   }
 
-  [[nodiscard]] Four at(Vec2 place) const {
+  [[nodiscard]] Four at(Vec2 at) const {
+    const Vec2 place{place_in_picture(at.x, texture_.repeat_u, texture_.mirror_u),
+                     place_in_picture(at.y, texture_.repeat_v, texture_.mirror_v)};
     const Four value = bilinear(fine_, place);
     return part_ > 0.0F ? mixed(value, bilinear(coarse_, place), part_) : value;
   }
 
  private:
   [[nodiscard]] Four bilinear(const LevelView& from, Vec2 place) const {
-    const Neighbours x = neighbours(place.x, from.width, texture_.repeat_u, texture_.mirror_u);
-    const Neighbours y = neighbours(place.y, from.height, texture_.repeat_v, texture_.mirror_v);
+    // A mirrored border continues as an extended one does.
+    const Neighbours x = neighbours(place.x, from.width, texture_.repeat_u && !texture_.mirror_u);
+    const Neighbours y = neighbours(place.y, from.height, texture_.repeat_v && !texture_.mirror_v);
     return mixed(mixed(texel(from, x.first, y.first), texel(from, x.second, y.first), x.part),
                  mixed(texel(from, x.first, y.second), texel(from, x.second, y.second), x.part),
                  y.part);

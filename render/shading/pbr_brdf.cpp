@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/shading/pbr_brdf.h"
 
+#include <oneapi/tbb/parallel_for.h>
+#include <oneapi/tbb/task_arena.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -32,11 +35,13 @@ class AlbedoTable {
  public:
   template <class Function>
   explicit AlbedoTable(const Function& function) {
-    for (size_t c = 0; c <= kCosines; ++c)
-      for (size_t r = 0; r <= kRoughnesses; ++r) {
-        const double root = std::max(1e-2, static_cast<double>(c) / kCosines);
+    const auto set_row = [&](size_t c) {
+      const double root = std::max(1e-2, static_cast<double>(c) / kCosines);
+      for (size_t r = 0; r <= kRoughnesses; ++r)
         values_[c][r] = function(root * root, static_cast<double>(r) / kRoughnesses);
-      }
+    };
+    // A thread that waits must not take on work that looks up the table.
+    tbb::this_task_arena::isolate([&] { tbb::parallel_for(size_t{0}, kCosines + 1, set_row); });
   }
 
   [[nodiscard]] Value at(double cosine, double roughness) const {
@@ -69,19 +74,31 @@ double smith_lambda(double cosine, double alpha) {
   return 0.5 * (std::sqrt(1.0 + alpha * alpha * (1.0 - squared) / squared) - 1.0);
 }
 
+/// The numbers of visible_normal() that do not depend on the view.
+struct DiscPoint {
+  double radius, cosine, sine;
+};
+constexpr unsigned kSamples = 512;
+std::array<DiscPoint, kSamples> disc_points() {
+  std::array<DiscPoint, kSamples> points{};
+  for (unsigned n = 0; n < kSamples; ++n) {
+    const double angle = 2.0 * kPi * radical_inverse(n);
+    points[n] = {std::sqrt((n + 0.5) / kSamples), std::cos(angle), std::sin(angle)};
+  }
+  return points;
+}
+
 /// Returns a microfacet normal that is visible from `view`, with the density of visible normals
 /// (Heitz, "Sampling the GGX Distribution of Visible Normals", 2018).
-LocalVec visible_normal(LocalVec view, double alpha, double u, double v) {
+LocalVec visible_normal(LocalVec view, double alpha, const DiscPoint& at) {
   const LocalVec stretched = normalized(LocalVec{alpha * view.x, alpha * view.y, view.z});
   const double across = stretched.x * stretched.x + stretched.y * stretched.y;
   const LocalVec t1 = across > 0.0 ? LocalVec{-stretched.y, stretched.x, 0.0} / std::sqrt(across)
                                    : LocalVec{1, 0, 0};
   const LocalVec t2 = cross(stretched, t1);
-  const double radius = std::sqrt(u), angle = 2.0 * kPi * v;
-  const double p1 = radius * std::cos(angle);
+  const double p1 = at.radius * at.cosine;
   const double s = 0.5 * (1.0 + stretched.z);
-  const double p2 =
-      (1.0 - s) * std::sqrt(std::max(0.0, 1.0 - p1 * p1)) + s * radius * std::sin(angle);
+  const double p2 = (1.0 - s) * std::sqrt(std::max(0.0, 1.0 - p1 * p1)) + s * at.radius * at.sine;
   const LocalVec normal =
       t1 * p1 + t2 * p2 + stretched * std::sqrt(std::max(0.0, 1.0 - p1 * p1 - p2 * p2));
   return normalized(LocalVec{alpha * normal.x, alpha * normal.y, std::max(0.0, normal.z)});
@@ -91,12 +108,12 @@ GgxAlbedo integrated_ggx(double cosine, double roughness) {
   const double alpha = roughness * roughness;
   const double mirror = fifth_power(1.0 - cosine);
   if (alpha == 0.0) return {1.0 - mirror, mirror};
-  constexpr unsigned kSamples = 512;
+  static const std::array<DiscPoint, kSamples> points = disc_points();
   const LocalVec view{std::sqrt(std::max(0.0, 1.0 - cosine * cosine)), 0.0, cosine};
   const double masking = 1.0 + smith_lambda(cosine, alpha);
   GgxAlbedo sum{0.0, 0.0};
-  for (unsigned n = 0; n < kSamples; ++n) {
-    const LocalVec half = visible_normal(view, alpha, (n + 0.5) / kSamples, radical_inverse(n));
+  for (const DiscPoint& point : points) {
+    const LocalVec half = visible_normal(view, alpha, point);
     const double along = dot(view, half);
     const double light_cosine = 2.0 * along * half.z - view.z;
     if (light_cosine <= 0.0) continue;

@@ -48,11 +48,11 @@ inline void set(const Masks& where, const float (&rgb)[3], float (&lanes)[3][kLa
   for (int c = 0; c < 3; ++c) set(where, rgb[c], floats_at(lanes[c]));
 }
 
-/// Sets the factors of the lanes' materials. Lanes whose material this kernel cannot shade, or
-/// which see its invisible side, become inactive.
+/// Sets the factors of the lanes' materials. Lanes whose material this kernel cannot shade become
+/// inactive.
 inline void set_factors(const pbr_kernel::Material* materials, const Masks& numbers,
                         const Surfaces& s, Points& p) {
-  Masks shown{}, textured{};
+  Masks plain{}, textured{};
   uint32_t left = bits(masks_at(s.active));
   while (left != 0) {
     const int32_t number = numbers[__builtin_ctz(left)];
@@ -60,8 +60,11 @@ inline void set_factors(const pbr_kernel::Material* materials, const Masks& numb
     left &= ~bits(where);
     const pbr_kernel::Material& m = materials[number];
     if (m.is_plain == 0) continue;
-    shown = shown | (where & (masks_at(s.outer_side) | m.is_two_sided));
-    if (m.is_textured != 0) textured = textured | where;
+    plain = plain | where;
+    const Masks seen = where & (masks_at(s.outer_side) | m.is_two_sided);
+    floats_at(p.alpha) =
+        select(where, select(seen, Floats::of(1.0F), Floats{}), floats_at(p.alpha));
+    if (m.is_textured != 0) textured = textured | seen;
     set(where, m.colour, p.colour);
     set(where, m.emission, p.emission);
     set(where, m.metallic, floats_at(p.metallic));
@@ -69,8 +72,8 @@ inline void set_factors(const pbr_kernel::Material* materials, const Masks& numb
     set(where, m.f0, p.f0);
     set(where, m.f90, floats_at(p.f90));
   }
-  masks_at(p.active) = shown;
-  p.textured = bits(shown & textured);
+  masks_at(p.active) = plain;
+  p.textured = bits(textured);
 }
 
 /// Returns the side of a footprint on the surface's plane, as the ray sees it.
@@ -260,12 +263,12 @@ inline Floats3 reflected(const Floats3& toward, const Surfaces& s, const Points&
   // The density of GGX times pi.
   const Floats ratio = 1.0F / (dot(aside, aside) + squared * (along * along));
   const Floats density = squared * (ratio * ratio);
-  const Floats view = floats_at(shaded.view_cosine);
-  const auto masking = [&](const Floats& c) {
-    const Floats c2 = c * c;
-    return root(squared * max(1.0F - c2, Floats{}) + c2);
+  const Floats view = floats_at(shaded.view_cosine), facing = dot(normal, viewer);
+  const auto masking = [&](const Floats& across_squared, const Floats& c) {
+    return root(squared * max(across_squared, Floats{}) + c * c);
   };
-  const Floats visibility = 0.5F / (cosine * masking(view) + view * masking(cosine));
+  const Floats visibility = 0.5F / (cosine * masking(1.0F - facing * facing, view) +
+                                    view * masking(1.0F - cosine * cosine, cosine));
   const Floats grazing = fifth_power(1.0F - clamp01(dot(viewer, half)));
   const Floats3 fresnel = mixed(vector_at(shaded.f0), all(floats_at(shaded.f90)), grazing);
   const Floats3 mirror = fresnel * vector_at(shaded.stronger) * (cosine * density * visibility);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Metallic-roughness shading of sixteen points at a time, compiled once per instruction set, for
-// materials without layers: base and mirror, opaque. docs/render/shading.md states the formulas.
+// materials that are a base and a mirror alone. docs/render/shading.md states the formulas.
 // Plain data only: this header must not bring shared inline functions into a file that is compiled
 // for AVX-512.
 //
@@ -75,6 +75,7 @@ struct Tables {
 /// that are not active are unspecified.
 struct alignas(64) Points {
   int32_t active[kLanes];  ///< -1 in lanes that this kernel shades
+  float alpha[kLanes];     ///< share of the light that does not pass; 0 on invisible sides
   // Changes of the barycentric coordinates across the sides of the footprint. Meshes only.
   float across[2][kLanes], along[2][kLanes];
   float bend[kLanes];       ///< square of the angle by which the normal changes across it
@@ -87,7 +88,7 @@ struct alignas(64) Points {
   float occlusion[kLanes];
   float f0[3][kLanes];
   float f90[kLanes];
-  uint32_t textured;  ///< bit mask of active lanes with textures, which the caller applies
+  uint32_t textured;  ///< bit mask of visible lanes with textures, which the caller applies
 };
 
 /// Shaded holds the parts of the formula that do not depend on lights.
@@ -114,8 +115,8 @@ struct alignas(64) LightRays {
 enum class ToneMap : int32_t { kNone, kPbrNeutral, kAces };
 
 struct Kernel {
-  /// Finds the points of the lanes of a packet that are `valid`, met a surface and can be shaded by
-  /// this kernel. Returns a bit mask of these lanes.
+  /// Finds the points of the lanes of a packet that are `valid` and met a surface whose material
+  /// this kernel can shade. Returns a bit mask of these lanes.
   uint32_t (*find)(const Tables&, const Beam&, const float* packet, const int32_t* valid, Surfaces&,
                    Points&);
   /// Computes the directions of mirrored light. Then the caller sets Shaded::source.

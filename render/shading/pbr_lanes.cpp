@@ -24,28 +24,34 @@ void set(Vec3 from, size_t lane, float (&v)[3][kPacket]) {
 
 }  // namespace
 
-uint32_t PbrLanes::find(const Scene& scene, const BeamSize& beam, const RayPacket& packet,
-                        uint32_t lanes) {
+PbrLanes::Found PbrLanes::find(const Scene& scene, const BeamSize& beam, const RayPacket& packet,
+                               uint32_t lanes) {
   const PbrTables& tables = scene.pbr->tables();
-  if (!tables.any_plain()) return 0;
+  if (!tables.any_plain()) return {};
   alignas(64) int valid[kPacket];
   for (size_t r = 0; r < kPacket; ++r) valid[r] = (lanes & kLaneBit[r]) != 0 ? -1 : 0;
-  const uint32_t found = kernel_.find(tables.tables(), tables.beam(beam), &packet.rays.ray.org_x[0],
-                                      valid, surfaces_, points_);
-  if (found == 0 || points_.textured == 0) return found;
-  apply_textures(scene, packet);
-  return lane_bits(points_.active);
-}
-
-/// Lanes that let light pass are left to PbrScene.
-void PbrLanes::apply_textures(const Scene& scene, const RayPacket& packet) {
-  for (uint32_t left = points_.textured; left != 0; left &= left - 1) {
-    const auto r = static_cast<size_t>(std::countr_zero(left));
-    if (!apply_textures(scene, packet, r)) points_.active[r] = 0;
+  Found found{.all = kernel_.find(tables.tables(), tables.beam(beam), &packet.rays.ray.org_x[0],
+                                  valid, surfaces_, points_)};
+  if (found.all == 0) return found;
+  for (uint32_t left = points_.textured; left != 0; left &= left - 1)
+    apply_textures(scene, packet, static_cast<size_t>(std::countr_zero(left)));
+  for (size_t r = 0; r < kPacket; ++r) {
+    found.shown |= points_.alpha[r] > 0.0F ? kLaneBit[r] : 0;
+    found.passing |= points_.alpha[r] < 1.0F ? kLaneBit[r] : 0;
   }
+  found.shown &= found.all;
+  found.passing &= found.all;
+  for (size_t r = 0; r < kPacket; ++r)
+    points_.active[r] = (found.shown & kLaneBit[r]) != 0 ? -1 : 0;
+  return found;
 }
 
-bool PbrLanes::apply_textures(const Scene& scene, const RayPacket& packet, size_t lane) {
+Vec3 PbrLanes::behind(size_t lane) const {
+  return lane_of(surfaces_.point, lane) -
+         lane_of(surfaces_.geometric, lane) * double{surfaces_.spawn_offset[lane]};
+}
+
+void PbrLanes::apply_textures(const Scene& scene, const RayPacket& packet, size_t lane) {
   const auto number = static_cast<size_t>(surfaces_.material[lane]);
   const PbrMaterial& material = *scene.materials[number].pbr;
   const MaterialInputs& inputs = scene.pbr->inputs(number);
@@ -62,7 +68,8 @@ bool PbrLanes::apply_textures(const Scene& scene, const RayPacket& packet, size_
   }
   InputReader reader(scene, place);
   const MipMaps::Value base = reader.base(material, inputs.base_colour);
-  if (base[3] != 1.0) return false;
+  points_.alpha[lane] = static_cast<float>(base[3]);
+  if (base[3] == 0.0) return;
   const MirrorValues mirror = reader.mirror(material, inputs);
   set({base[0], base[1], base[2]}, lane, points_.colour);
   set(mirror.emission, lane, points_.emission);
@@ -71,10 +78,9 @@ bool PbrLanes::apply_textures(const Scene& scene, const RayPacket& packet, size_
   points_.occlusion[lane] = static_cast<float>(mirror.occlusion);
   set(dielectric_f0(material.ior, mirror.specular, mirror.specular_colour), lane, points_.f0);
   points_.f90[lane] = static_cast<float>(mirror.specular);
-  if (inputs.normal.maps == nullptr) return true;
+  if (inputs.normal.maps == nullptr) return;
   set(normalized(mirror.normal) * side, lane, points_.normal);
   points_.spread[lane] = static_cast<float>(spread_of_normals(length(mirror.normal)));
-  return true;
 }
 
 void PbrLanes::shade(const Scene& scene, ColourLanes& light) {

@@ -31,9 +31,18 @@ class PbrLanes {
  public:
   explicit PbrLanes(Isa isa) : kernel_(pbr_kernel_for(isa)) {}
 
-  /// Finds the points of those of `lanes` whose material has no layers and lets no light pass
-  /// there. Returns a bit mask of them: the lanes of the following functions.
-  uint32_t find(const Scene& scene, const BeamSize& beam, const RayPacket& packet, uint32_t lanes);
+  /// Found are bit masks of the lanes that met plain materials.
+  struct Found {
+    uint32_t all = 0;
+    uint32_t shown = 0;    ///< not transparent: the lanes that the following functions shade
+    uint32_t passing = 0;  ///< not opaque
+  };
+  /// Finds the points of those of `lanes` whose material is a base and a mirror alone.
+  Found find(const Scene& scene, const BeamSize& beam, const RayPacket& packet, uint32_t lanes);
+  /// Returns the share of the light that a point does not let pass.
+  [[nodiscard]] double alpha(size_t lane) const { return double{points_.alpha[lane]}; }
+  /// Returns the start of a ray that goes on behind a point.
+  [[nodiscard]] Vec3 behind(size_t lane) const;
   /// Returns true if a lane met the outer side of its surface.
   [[nodiscard]] bool is_outside(size_t lane) const { return surfaces_.outer_side[lane] != 0; }
   /// Returns the light of the environment that the points reflect, and what they emit. Other lanes
@@ -47,7 +56,7 @@ class PbrLanes {
 
  private:
   void apply_textures(const Scene& scene, const RayPacket& packet);
-  [[nodiscard]] bool apply_textures(const Scene& scene, const RayPacket& packet, size_t lane);
+  void apply_textures(const Scene& scene, const RayPacket& packet, size_t lane);
 
   const pbr_kernel::Kernel& kernel_;
   shading_kernel::Surfaces surfaces_{};

@@ -6,6 +6,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
 #include <cstring>
 #include <random>
@@ -42,12 +44,12 @@ int add_noise(SceneDescription& scene, Random& random) {
   auto texture = std::make_shared<Texture>();
   texture->width = texture->height = 8;
   for (int n = 0; n < 8 * 8 * 4; ++n)
-    texture->rgba.push_back(static_cast<float>(n % 4 == 3 ? 1.0 : random.in(0.4, 0.8)));
+    texture->rgba.push_back(static_cast<float>(random.in(0.4, 0.8)));
   scene.textures.push_back(texture);
   return static_cast<int>(scene.textures.size()) - 1;
 }
 
-/// A material without layers; every third one has textures.
+/// A material that is a base and a mirror alone; every third one has textures.
 PbrMaterial plain_material(SceneDescription& scene, Random& random) {
   PbrMaterial m;
   m.base_colour = random.colour();
@@ -57,6 +59,8 @@ PbrMaterial plain_material(SceneDescription& scene, Random& random) {
   m.specular = random.one_in(2) ? random.in(0, 1) : 1.0;
   m.ior = random.in(1.2, 2.0);
   if (random.one_in(3)) m.emission = random.colour() * 0.2;
+  using enum PbrMaterial::AlphaMode;
+  if (random.one_in(3)) m.alpha_mode = random.one_in(2) ? Blend : Mask;
   if (!random.one_in(3)) return m;
   // Highlights of smoother surfaces show the rounding of texture coordinates.
   m.roughness = std::max(m.roughness, 0.6);
@@ -89,7 +93,8 @@ SceneDescription with_plain_materials(SceneDescription scene, bool keep_lights) 
 }
 
 struct Result {
-  uint32_t lanes = 0;
+  PbrLanes::Found lanes;
+  std::array<double, kPacket> alpha{};
   ColourLanes light{};
   std::vector<ColourLanes> brings{};
   std::vector<RayPacket> shadows{};
@@ -120,7 +125,8 @@ class PbrLanesOf : public ::testing::TestWithParam<testing::NamedScene> {
   Result shade(const Scene& scene, PbrLanes& lanes) const {
     Result out;
     out.lanes = lanes.find(scene, beam_, packet_, met());
-    if (out.lanes == 0) return out;
+    if (out.lanes.all == 0) return out;
+    for (size_t r = 0; r < kPacket; ++r) out.alpha[r] = lanes.alpha(r);
     lanes.shade(scene, out.light);
     FrameCounts counts;
     for (size_t light = 0; light < scene.lights.size(); ++light) {
@@ -136,7 +142,7 @@ class PbrLanesOf : public ::testing::TestWithParam<testing::NamedScene> {
 
   BeamSize beam_;
   RayPacket packet_;
-  int shaded_ = 0, odd_ = 0;
+  int shaded_ = 0;
 };
 
 void expect_near(Vec3 found, Vec3 wanted, double within) {
@@ -158,12 +164,17 @@ void PbrLanesOf::expect_agrees(const Scene& scene, const Result& found, size_t r
   const double z = scene.pbr->panel_from_scene().point(surface.point).z;
   const RayFootprint footprint{.across = scene.scene_from_panel.vector({beam_.across_mm(z), 0, 0}),
                                .along = scene.scene_from_panel.vector({0, beam_.along_mm(z), 0})};
-  const bool is_plain =
-      material.transmission == 0.0 && (surface.outer_side || material.double_sided);
-  ASSERT_EQ((found.lanes & kLaneBit[r]) != 0, is_plain);
+  const bool is_plain = material.transmission == 0.0;
+  ASSERT_EQ((found.lanes.all & kLaneBit[r]) != 0, is_plain);
   if (!is_plain) return;
-  ++shaded_;
   const PbrPoint point = scene.pbr->surface(surface, direction, footprint).point;
+  const bool is_seen = surface.outer_side || material.double_sided;
+  EXPECT_NEAR(found.alpha[r], is_seen ? point.alpha : 0.0, 1e-4);
+  const bool is_shown = found.alpha[r] > 0.0;
+  ASSERT_EQ((found.lanes.shown & kLaneBit[r]) != 0, is_shown);
+  ASSERT_EQ((found.lanes.passing & kLaneBit[r]) != 0, found.alpha[r] < 1.0);
+  if (!is_shown) return;
+  ++shaded_;
   const PbrShader shader(point);
   expect_near(
       found.light.of(r),
@@ -218,10 +229,12 @@ TEST_P(PbrLanesOf, GivesTheSameBitsOnEveryInstructionSet) {
     for (const Isa isa : test::every_instruction_set()) {
       PbrLanes lanes(isa);
       const Result found = shade(scene, lanes);
-      ASSERT_EQ(found.lanes, wanted.lanes);
-      for (uint32_t left = wanted.lanes; left != 0; left &= left - 1) {
+      ASSERT_EQ(found.lanes.all, wanted.lanes.all);
+      ASSERT_EQ(found.lanes.passing, wanted.lanes.passing);
+      for (uint32_t left = wanted.lanes.shown; left != 0; left &= left - 1) {
         const auto r = static_cast<size_t>(std::countr_zero(left));
         ASSERT_EQ(found.light.of(r), wanted.light.of(r)) << isa_name(isa);
+        ASSERT_EQ(found.alpha[r], wanted.alpha[r]) << isa_name(isa);
         for (size_t light = 0; light < scene.lights.size(); ++light)
           ASSERT_EQ(found.brings[light].of(r), wanted.brings[light].of(r)) << isa_name(isa);
       }
