@@ -51,10 +51,11 @@ Vec3 with_film(Vec3 f0, const PbrPoint& point, double view_cosine) {
 
 /// Mirror is the GGX lobe of a metal or of a dielectric.
 struct Mirror {
-  Vec3 f0, f90;
-  Vec3 single;    ///< albedo of light that is reflected once
-  Vec3 multiple;  ///< of light that is reflected between microfacets
+  Vec3 f0{}, f90{};
+  Vec3 single{};    ///< albedo of light that is reflected once
+  Vec3 multiple{};  ///< of light that is reflected between microfacets
 
+  Mirror() = default;
   Mirror(Vec3 at_normal, Vec3 at_grazing, GgxAlbedo albedo)
       : f0(at_normal), f90(at_grazing), single(f0 * albedo.scale + f90 * albedo.bias) {
     const double lost = 1.0 - (albedo.scale + albedo.bias);
@@ -74,10 +75,14 @@ PbrShader::PbrShader(const PbrPoint& point) : point_(point) {
   alpha_t_ = alpha_b_ + (1.0 - alpha_b_) * point.anisotropy * point.anisotropy;
 
   const GgxAlbedo albedo = ggx_albedo(view_cosine_, point.roughness);
-  const Mirror dielectric(with_film(dielectric_f0(point.ior, point.specular, point.specular_colour),
-                                    point, view_cosine_),
-                          kWhite * point.specular, albedo);
-  const Mirror metal(with_film(point.colour, point, view_cosine_), kWhite, albedo);
+  const auto mirror = [&](Vec3 f0, Vec3 f90) {
+    return Mirror(with_film(f0, point, view_cosine_), f90, albedo);
+  };
+  const Mirror dielectric =
+      point.metallic < 1.0 ? mirror(dielectric_f0(point.ior, point.specular, point.specular_colour),
+                                    kWhite * point.specular)
+                           : Mirror();
+  const Mirror metal = point.metallic > 0.0 ? mirror(point.colour, kWhite) : Mirror();
   f0_ = mixed(dielectric.f0, metal.f0, point.metallic);
   f90_ = mixed(dielectric.f90, metal.f90, point.metallic);
   single_ = mixed(dielectric.single, metal.single, point.metallic);
