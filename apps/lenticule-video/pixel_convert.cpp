@@ -53,6 +53,13 @@ bool is_whole_byte(const PixelComponent& component) {
   return component.depth == 8 && component.shift == 0;
 }
 
+/// Returns true for 8-bit pictures whose chroma has half the columns.
+bool suits_short_sums(const PixelLayout& layout) {
+  return std::all_of(layout.components.begin(), layout.components.end(), is_whole_byte) &&
+         layout.components[0].step == 1 && layout.chroma_shift_x == 1 &&
+         layout.chroma_shift_y <= kMostFastShift;
+}
+
 }  // namespace
 
 PixelConverter::PixelConverter(const PixelLayout& layout, int width, int height, Isa isa)
@@ -65,7 +72,8 @@ PixelConverter::PixelConverter(const PixelLayout& layout, int width, int height,
                     std::all_of(layout.components.begin(), layout.components.end(), is_whole_byte)),
       values_(static_cast<size_t>(width)),
       second_(static_cast<size_t>(width)),
-      kernel_(&LENTICULE_SELECT_KERNEL(isa, kPixelKernel)) {
+      kernel_(&LENTICULE_SELECT_KERNEL(isa, kPixelKernel)),
+      subsampled_kernel_(&subsampled_kernel(isa)) {
   LENTICULE_CHECK(width > 0 && height > 0);
   for (const PixelComponent& c : layout.components) LENTICULE_CHECK(c.depth >= 1 && c.depth <= 16);
   const bool limited = layout.model == ColourModel::Grey && !layout.full_range;
@@ -78,8 +86,10 @@ PixelConverter::PixelConverter(const PixelLayout& layout, int width, int height,
   cr_.resize(static_cast<size_t>(width));
   plan_matrix();
   const auto is_shallow = [](const PixelComponent& c) { return c.depth <= kMostFastDepth; };
-  fast_ = std::all_of(layout.components.begin(), layout.components.end(), is_shallow) &&
+  short_ = suits_short_sums(layout);
+  fast_ = !short_ && std::all_of(layout.components.begin(), layout.components.end(), is_shallow) &&
           layout.chroma_shift_x <= kMostFastShift && layout.chroma_shift_y <= kMostFastShift;
+  if (short_) plan_short_sums();
   if (fast_) plan_sums();
 }
 
@@ -162,6 +172,34 @@ void PixelConverter::plan_sums() {
   row_.resize(3 * size);
 }
 
+/// Rounds the coefficients to 16 bits. The constant, which includes half a code, is rounded down:
+/// with it every grey is exact, in both ranges.
+void PixelConverter::plan_short_sums() {
+  const auto rounded = [](int64_t value, int places) {
+    const int shift = kFraction - places;
+    return static_cast<int16_t>((value + (int64_t{1} << (shift - 1))) >> shift);
+  };
+  const int rows = parts(layout_.chroma_shift_y), whole = parts(1) * rows;
+  const int64_t black = layout_.full_range ? 0 : 16;
+  constexpr int kChromaPlaces = kShortFraction + 15 - 8, kLumaPlaces = kShortFraction + 15 - 7;
+  const int site = layout_.site.across, unit = (1 << 8) / whole;
+  short_sums_ = {
+      .luma = rounded(luma_, kLumaPlaces),
+      .constant = static_cast<int16_t>((1 << (kShortFraction - 1)) +
+                                       ((-luma_ * black) >> (kFraction - kShortFraction))),
+      .red_cr = rounded(red_cr_ * whole, kChromaPlaces),
+      .green_cb = rounded(green_cb_ * whole, kChromaPlaces),
+      .green_cr = rounded(green_cr_ * whole, kChromaPlaces),
+      .blue_cb = rounded(blue_cb_ * whole, kChromaPlaces),
+      .even = {unit * site, unit * (4 - site)},
+      .odd = {unit * (2 + site), unit * (2 - site)}};
+  second_.resize(static_cast<size_t>(width_));
+  const auto size = static_cast<size_t>(chroma_width_ + 1 + kPixelPadding);
+  fast_cb_.resize(size);
+  fast_cr_.resize(size);
+  row_.resize(size_t{4} * kPixelPadding);
+}
+
 void PixelConverter::convert(const PicturePlanes& picture, std::span<uint8_t> rgb) {
   LENTICULE_CHECK(picture.width == width_ && picture.height == height_);
   const size_t row_bytes = static_cast<size_t>(width_) * 3;
@@ -176,7 +214,9 @@ void PixelConverter::convert(const PicturePlanes& picture, std::span<uint8_t> rg
         grey_row(picture, row, out);
         break;
       case ColourModel::Yuv:
-        fast_ ? fast_yuv_row(picture, row, out) : yuv_row(picture, row, out);
+        short_  ? short_yuv_row(picture, row, out)
+        : fast_ ? fast_yuv_row(picture, row, out)
+                : yuv_row(picture, row, out);
         break;
     }
   }
@@ -309,6 +349,57 @@ void PixelConverter::fast_yuv_row(const PicturePlanes& picture, int row, uint8_t
     for (int n = x; eight != 0 && n < std::min(x + 8, width_); ++n, eight >>= 8)
       if ((eight & 1) != 0) exact_pixel(values_[n], fast_cb_[n], fast_cr_[n], out + 3 * n);
   }
+}
+
+/// Writes the weighted sums of two rows of samples, from out[1] on, and repeats the outermost ones.
+void PixelConverter::short_chroma_row(const PicturePlanes& picture, int component, int row,
+                                      std::vector<int16_t>& out) {
+  const PixelComponent& c = layout_.components[static_cast<size_t>(component)];
+  const Tap& down = down_[static_cast<size_t>(row)];
+  const PairWeights weights{parts(layout_.chroma_shift_y) - down.weight_second, down.weight_second};
+  const int count = chroma_width_;
+  int16_t* const mixed = out.data() + 1;
+  if (c.step == 1) {
+    const auto samples = [&](int from) {
+      const auto plane = static_cast<size_t>(c.plane);
+      return picture.data[plane] + from * picture.stride[plane] + c.offset;
+    };
+    subsampled_kernel_->mix_bytes(samples(down.first), samples(down.second), weights, count, mixed);
+  } else {
+    unpack(picture, component, down.first, count, values_.data());
+    unpack(picture, component, down.second, count, second_.data());
+    kernel_->mix_rows(values_.data(), second_.data(), weights, count, mixed);
+  }
+  mixed[-1] = mixed[0];
+  mixed[count] = mixed[count - 1];
+}
+
+void PixelConverter::short_yuv_row(const PicturePlanes& picture, int row, uint8_t* out) {
+  short_chroma_row(picture, 1, row, fast_cb_);
+  short_chroma_row(picture, 2, row, fast_cr_);
+  const PixelComponent& c = layout_.components[0];
+  const auto plane = static_cast<size_t>(c.plane);
+  const uint8_t* const luma = picture.data[plane] + row * picture.stride[plane] + c.offset;
+  const auto convert = [&](const uint8_t* y, int from, int count, uint8_t* rgb) {
+    subsampled_kernel_->convert(short_sums_, y, fast_cb_.data() + 1 + from / 2,
+                                fast_cr_.data() + 1 + from / 2, count, rgb);
+  };
+  const int whole = width_ / kPixelPadding * kPixelPadding;
+  convert(luma, 0, whole, out);
+  if (whole == width_) return;
+  // The last pixels become a block of their own, because neither row may have room for one.
+  const auto rest = static_cast<size_t>(width_ - whole);
+  uint8_t* const rgb = row_.data() + kPixelPadding;
+  std::memcpy(row_.data(), luma + whole, rest);
+  convert(row_.data(), whole, kPixelPadding, rgb);
+  std::memcpy(out + 3 * whole, rgb, 3 * rest);
+}
+
+const SubsampledKernel& subsampled_kernel(Isa isa) {
+#if defined(__x86_64__)
+  if (!__builtin_cpu_supports("avx512vbmi")) isa = std::min(isa, Isa::Avx2);
+#endif
+  return LENTICULE_SELECT_KERNEL(isa, kSubsampledKernel);
 }
 
 }  // namespace lenticule::video

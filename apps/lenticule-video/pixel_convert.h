@@ -8,6 +8,7 @@
 
 #include "apps/lenticule-video/pixel_kernel.h"
 #include "apps/lenticule-video/pixel_layout.h"
+#include "apps/lenticule-video/subsampled_kernel.h"
 
 namespace lenticule::video {
 
@@ -18,7 +19,9 @@ namespace lenticule::video {
 /// code values.
 ///
 /// Up to 10 bits, a kernel computes the sums in 32 bits, and the few pixels whose rounding the
-/// error might change are computed again exactly.
+/// error might change are computed again exactly. Only 8 bits with chroma of half the columns,
+/// which is views before they are woven, are converted in 16 bits: with an error below 1/16 code
+/// before rounding, and greys exactly.
 ///
 /// convert() allocates no memory. Thread safety: one thread.
 class PixelConverter {
@@ -48,6 +51,10 @@ class PixelConverter {
   void fast_yuv_row(const PicturePlanes& picture, int row, uint8_t* out);
   void fast_chroma_row(const PicturePlanes& picture, int component, int row,
                        std::vector<int16_t>& out);
+  void plan_short_sums();
+  void short_yuv_row(const PicturePlanes& picture, int row, uint8_t* out);
+  void short_chroma_row(const PicturePlanes& picture, int component, int row,
+                        std::vector<int16_t>& out);
   void exact_pixel(int64_t luma, int64_t cb, int64_t cr, uint8_t* out) const;
 
   PixelLayout layout_;
@@ -64,10 +71,14 @@ class PixelConverter {
   std::vector<int32_t> cb_;
   std::vector<int32_t> cr_;
 
-  // Working memory of the kernel; `mixed_` begins with a copy of its first sample.
+  // Working memory of the kernels; `mixed_`, and chroma in 16 bits, begin with a copy of the first
+  // sample.
   const PixelKernel* kernel_;
+  const SubsampledKernel* subsampled_kernel_;
   bool fast_ = false;
   Sums sums_{};
+  bool short_ = false;
+  ShortSums short_sums_{};
   std::vector<int16_t> mixed_, fast_cb_, fast_cr_;
   std::vector<uint8_t> row_, doubtful_;
 
