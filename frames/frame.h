@@ -5,7 +5,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
-#include <vector>
+
+#include "frames/aligned_bytes.h"
 
 namespace lenticule::frames {
 
@@ -44,7 +45,7 @@ struct FrameView {
   }
 };
 
-/// WovenFrame owns its pixels, which are black at first.
+/// WovenFrame owns its pixels, which are black at first. They begin with a cache line.
 class WovenFrame {
  public:
   WovenFrame() = default;
@@ -67,7 +68,7 @@ class WovenFrame {
 
  private:
   FrameGeometry geometry_;
-  std::vector<uint8_t> bytes_;
+  AlignedBytes bytes_;
 };
 
 }  // namespace lenticule::frames

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "frames/sequence/band_codec.h"
 
+#define ZSTD_STATIC_LINKING_ONLY  // for literals that are compressed although matches are skipped
 #include <zstd.h>
 
 #include <cstring>
 #include <new>
 
 #include "base/error.h"
+#include "frames/aligned_bytes.h"
 #include "frames/sequence/little_endian.h"
 #include "frames/sequence/predictor_kernel.h"
 
@@ -19,6 +21,13 @@ constexpr size_t kMaskBytes = 4;
 /// Shorter matches cost the decoder more than they save here: docs/content/formats.md has the
 /// figures.
 constexpr int kMinMatch = 7;
+/// Skips most places at which a match could begin, so that nearly all bytes are Huffman codes.
+constexpr int kFewMatches = 100'000;
+/// Part by which a stream of Huffman codes, which decode faster, may be larger than one with
+/// matches.
+constexpr size_t kPartForSpeed = 16;
+/// Smaller bands stay in the caches.
+constexpr size_t kLeastStreamed = size_t{1} << 18;
 
 struct FreeCompressor {
   void operator()(ZSTD_CCtx* context) const { ZSTD_freeCCtx(context); }
@@ -38,6 +47,15 @@ Compressor make_compressor() {
   return context;
 }
 
+/// Makes a compressor that looks for few matches. A library that does not know the setting stores
+/// such streams uncompressed, and the other compressor's are smaller.
+Compressor make_coder() {
+  Compressor context = make_compressor();
+  ZSTD_CCtx_setParameter(context.get(), ZSTD_c_targetLength, kFewMatches);
+  ZSTD_CCtx_setParameter(context.get(), ZSTD_c_literalCompressionMode, ZSTD_ps_enable);
+  return context;
+}
+
 Decompressor make_decompressor() {
   Decompressor context(ZSTD_createDCtx());
   if (!context) throw std::bad_alloc();
@@ -54,32 +72,45 @@ struct BandEncoder::State {
   State(size_t max_band_bytes, const PredictorKernel& functions)
       : kernel(functions),
         compressor(make_compressor()),
+        coder(make_coder()),
         modes(blocks_of(max_band_bytes)),
         masks(blocks_of(max_band_bytes) * kMaskBytes),
         values(blocks_of(max_band_bytes) * kBlockBytes),
-        packed(ZSTD_compressBound(values.size())) {}
+        packed(ZSTD_compressBound(values.size())),
+        coded(packed.size()) {}
 
-  /// Compresses into `packed`. Returns the number of bytes, or 0 if compression would save none.
-  size_t compress(std::span<const uint8_t> bytes) {
-    const size_t size =
-        ZSTD_compress2(compressor.get(), packed.data(), packed.size(), bytes.data(), bytes.size());
-    return ZSTD_isError(size) != 0 || size >= bytes.size() ? 0 : size;
+  /// Compresses `bytes`. Returns the result, or nothing if compression would save none.
+  static std::span<const uint8_t> compress(ZSTD_CCtx* context, std::span<const uint8_t> bytes,
+                                           std::vector<uint8_t>& to) {
+    const size_t size = ZSTD_compress2(context, to.data(), to.size(), bytes.data(), bytes.size());
+    if (ZSTD_isError(size) != 0 || size >= bytes.size()) return {};
+    return std::span<const uint8_t>(to).first(size);
+  }
+
+  /// Returns the smaller result, or the one that decodes faster if it is little larger.
+  std::span<const uint8_t> compress_for_speed(std::span<const uint8_t> bytes) {
+    const std::span<const uint8_t> small = compress(compressor.get(), bytes, packed);
+    const std::span<const uint8_t> fast = compress(coder.get(), bytes, coded);
+    const bool is_small = fast.size() <= small.size() + small.size() / kPartForSpeed;
+    return small.empty() || (is_small && !fast.empty()) ? fast : small;
   }
 
   void append_stream(std::span<const uint8_t> bytes, std::vector<uint8_t>& payload) {
-    const size_t size = bytes.empty() ? 0 : compress(bytes);
-    const std::span<const uint8_t> stored =
-        size == 0 ? bytes : std::span<const uint8_t>(packed).first(size);
+    std::span<const uint8_t> stored;
+    if (!bytes.empty()) stored = compress_for_speed(bytes);
+    if (stored.empty()) stored = bytes;
     append_u32(payload, static_cast<uint32_t>(stored.size()));
     payload.insert(payload.end(), stored.begin(), stored.end());
   }
 
   const PredictorKernel& kernel;
   Compressor compressor;
+  Compressor coder;
   std::vector<uint8_t> modes;
   std::vector<uint8_t> masks;
   std::vector<uint8_t> values;
   std::vector<uint8_t> packed;
+  std::vector<uint8_t> coded;
   std::vector<uint8_t> plain;  ///< the other codec's payload, while two are compared
 };
 
@@ -112,9 +143,9 @@ bool BandEncoder::encode_as(BandCodec codec, std::span<const uint8_t> band,
   if (codec == BandCodec::Raw) {
     payload.assign(band.begin(), band.end());
   } else if (codec == BandCodec::Zstd) {
-    const size_t size = s.compress(band);
-    if (size == 0) return false;
-    payload.assign(s.packed.begin(), s.packed.begin() + static_cast<ptrdiff_t>(size));
+    const std::span<const uint8_t> packed = State::compress(s.compressor.get(), band, s.packed);
+    if (packed.empty()) return false;
+    payload.assign(packed.begin(), packed.end());
   } else {
     PredictorOutput out{
         .modes = s.modes.data(), .masks = s.masks.data(), .values = s.values.data()};
@@ -135,7 +166,15 @@ struct BandDecoder::State {
         decompressor(make_decompressor()),
         modes(blocks_of(max_band_bytes)),
         masks(blocks_of(max_band_bytes) * kMaskBytes + kMaskPadding),
-        values(max_band_bytes + kValuePadding) {}
+        values(max_band_bytes + kValuePadding),
+        window(kernel.streams && max_band_bytes >= kLeastStreamed ? max_band_bytes : 0) {}
+
+  /// Returns where predicted blocks of a band are decoded to.
+  [[nodiscard]] PredictorTarget target_of(std::span<uint8_t> band) noexcept {
+    const bool aligned = reinterpret_cast<uintptr_t>(band.data()) % kBlockBytes == 0;
+    const bool streams = aligned && band.size() >= kLeastStreamed && window.size() >= band.size();
+    return {.out = band.data(), .window = streams ? window.data() : band.data()};
+  }
 
   [[nodiscard]] bool decompress(std::span<const uint8_t> from, std::span<uint8_t> to) noexcept {
     const size_t size =
@@ -189,7 +228,7 @@ struct BandDecoder::State {
                                  .masks = masks.data(),
                                  .values = values.data(),
                                  .value_count = value_count},
-                                band.data(), band.size());
+                                target_of(band), band.size());
   }
 
   const PredictorKernel& kernel;
@@ -197,6 +236,7 @@ struct BandDecoder::State {
   std::vector<uint8_t> modes;
   std::vector<uint8_t> masks;
   std::vector<uint8_t> values;
+  AlignedBytes window;  ///< of a band that is written past the caches
 };
 
 BandDecoder::BandDecoder(size_t max_band_bytes, Isa isa)

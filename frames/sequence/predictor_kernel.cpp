@@ -57,6 +57,15 @@ void store(Block block, uint8_t* to) noexcept {
   _mm256_storeu_si256(reinterpret_cast<__m256i*>(to), block.bytes);
 }
 
+/// Stores past the caches.
+void stream(Block block, uint8_t* to) noexcept {
+  _mm256_stream_si256(reinterpret_cast<__m256i*>(to), block.bytes);
+}
+void end_streaming() noexcept {
+  _mm_sfence();
+}
+constexpr bool kStreams = true;
+
 #if defined(__AVX512VBMI2__)
 
 /// Adds the next values to the bytes whose bit is set in the mask.
@@ -248,6 +257,16 @@ void write_block(const Choice& choice, const uint8_t* block, const uint8_t* from
   }
 }
 
+#if !defined(__AVX2__)
+
+void stream(const Block& block, uint8_t* to) noexcept {
+  store(block, to);
+}
+void end_streaming() noexcept {}
+constexpr bool kStreams = false;
+
+#endif
+
 constexpr size_t kGroup = 8;  ///< number of blocks after which a run is looked for
 
 /// Returns true if the next kGroup blocks are copies from the same distance: most of a static
@@ -260,20 +279,36 @@ bool is_run(const uint8_t* modes) noexcept {
   return mode != 0 && mode <= kPredictorMask && eight == mode * uint64_t{0x0101010101010101};
 }
 
-void copy_run(const uint8_t* from, uint8_t* to) noexcept {
-  for (size_t i = 0; i < kGroup * kBlockBytes; i += kBlockBytes) store(load(from + i), to + i);
+/// Target takes the blocks of a band: into the window alone, or also past the caches.
+template <bool kStreamed>
+struct Target {
+  uint8_t* out;
+  uint8_t* window;
+
+  void take(const Block& block, size_t start) const noexcept {
+    store(block, window + start);
+    if constexpr (kStreamed) stream(block, out + start);
+  }
+};
+
+template <bool kStreamed>
+void copy_run(size_t distance, const Target<kStreamed>& to, size_t start) noexcept {
+  const size_t end = start + kGroup * kBlockBytes;
+  for (; start < end; start += kBlockBytes) to.take(load(to.window + start - distance), start);
 }
 
 /// BlockDecoder decodes the blocks of a band one after the other. No branch depends on whether a
 /// block has residuals, which is hard to predict: a block without has an empty mask.
+template <bool kStreamed>
 class BlockDecoder {
  public:
-  BlockDecoder(const PredictorTable& predictors, const PredictorStreams& in, uint8_t* out) noexcept
+  BlockDecoder(const PredictorTable& predictors, const PredictorStreams& in,
+               const Target<kStreamed>& to) noexcept
       : modes_(in.modes),
         masks_(in.masks),
         values_(in.values),
         values_end_(in.values + in.value_count),
-        out_(out) {
+        to_(to) {
     for (int predictor = 0; predictor <= kPredictorMask; ++predictor)
       distance_[predictor] =
           predictor <= predictors.count ? predictors.distance[predictor] : kOutOfReach;
@@ -285,7 +320,7 @@ class BlockDecoder {
     if (!is_run(modes)) return false;
     const size_t distance = distance_[modes[0]];
     if (distance > start) return false;
-    copy_run(out_ + start - distance, out_ + start);
+    copy_run(distance, to_, start);
     return true;
   }
 
@@ -300,7 +335,8 @@ class BlockDecoder {
     const uint32_t mask = load_mask(masks_) & (0 - has_residual);
     const int count = __builtin_popcount(mask);
     if (count > values_end_ - values_ || (mask & ~existing) != 0) return false;
-    block = add_values(load(predictor == 0 ? kZeros : out_ + start - distance), mask, values_);
+    block =
+        add_values(load(predictor == 0 ? kZeros : to_.window + start - distance), mask, values_);
     masks_ += 4 * has_residual;
     values_ += count;
     return true;
@@ -316,18 +352,19 @@ class BlockDecoder {
   const uint8_t* masks_;
   const uint8_t* values_;
   const uint8_t* const values_end_;
-  uint8_t* const out_;
+  const Target<kStreamed> to_;
 };
 
-bool decode_blocks(const PredictorTable& predictors, const PredictorStreams& in, uint8_t* out,
-                   size_t bytes) noexcept {
+template <bool kStreamed>
+bool decode_band(const PredictorTable& predictors, const PredictorStreams& in,
+                 const Target<kStreamed>& to, size_t bytes) noexcept {
   constexpr size_t kGroupBytes = kGroup * kBlockBytes;
-  BlockDecoder decoder(predictors, in, out);
+  BlockDecoder<kStreamed> decoder(predictors, in, to);
   Block block;
   size_t start = 0;
   const auto decode_whole = [&]() noexcept {
     if (!decoder.decode(start, ~uint32_t{0}, block)) return false;
-    store(block, out + start);
+    to.take(block, start);
     start += kBlockBytes;
     return true;
   };
@@ -345,9 +382,18 @@ bool decode_blocks(const PredictorTable& predictors, const PredictorStreams& in,
     if (!decoder.decode(start, bits_of(bytes - start), block)) return false;
     uint8_t whole[kBlockBytes];
     store(block, whole);
-    __builtin_memcpy(out + start, whole, bytes - start);
+    __builtin_memcpy(to.out + start, whole, bytes - start);
   }
   return decoder.is_complete();
+}
+
+bool decode_blocks(const PredictorTable& predictors, const PredictorStreams& in,
+                   const PredictorTarget& to, size_t bytes) noexcept {
+  if (to.window == to.out)
+    return decode_band<false>(predictors, in, {.out = to.out, .window = to.out}, bytes);
+  const bool whole = decode_band<true>(predictors, in, {.out = to.out, .window = to.window}, bytes);
+  end_streaming();
+  return whole;
 }
 
 void encode_blocks(const PredictorTable& predictors, const uint8_t* band, size_t bytes,
@@ -390,6 +436,7 @@ const PredictorKernel kPredictorKernel{.decode_blocks = decode_blocks,
                                        .encode_blocks = encode_blocks,
                                        .predictor_cost = predictor_cost,
                                        .count_residuals = count_residuals,
-                                       .count_bits = count_bits};
+                                       .count_bits = count_bits,
+                                       .streams = kStreams};
 
 }  // namespace lenticule::frames::LENTICULE_ISA_NAMESPACE

@@ -31,6 +31,14 @@ struct PredictorStreams {
 inline constexpr size_t kMaskPadding = 4;
 inline constexpr size_t kValuePadding = kBlockBytes;
 
+/// PredictorTarget is where a band is decoded to. `window` is `out` itself, or as much memory
+/// beside it, from which blocks are predicted: `out` is then written past the caches and never
+/// read, and is aligned to kBlockBytes.
+struct PredictorTarget {
+  uint8_t* out = nullptr;
+  uint8_t* window = nullptr;
+};
+
 /// PredictorOutput is the output of encoding a band. Capacities per block: one byte of modes, four
 /// bytes of masks, kBlockBytes bytes of values.
 struct PredictorOutput {
@@ -44,9 +52,9 @@ struct PredictorOutput {
 /// PredictorKernel is the table of the inner loops.
 struct PredictorKernel {
   /// Returns false if a mode names a missing predictor, or the number of values does not match the
-  /// masks; `out` is undefined then. The caller must have checked the number of masks before.
-  bool (*decode_blocks)(const PredictorTable& predictors, const PredictorStreams& in, uint8_t* out,
-                        size_t bytes) noexcept;
+  /// masks; the band is undefined then. The caller must have checked the number of masks before.
+  bool (*decode_blocks)(const PredictorTable& predictors, const PredictorStreams& in,
+                        const PredictorTarget& to, size_t bytes) noexcept;
   /// Chooses the cheapest predictor of every block.
   void (*encode_blocks)(const PredictorTable& predictors, const uint8_t* band, size_t bytes,
                         PredictorOutput& out) noexcept;
@@ -54,6 +62,7 @@ struct PredictorKernel {
   int (*predictor_cost)(const uint8_t* block, const uint8_t* from) noexcept;
   size_t (*count_residuals)(const uint8_t* modes, size_t count) noexcept;
   size_t (*count_bits)(const uint8_t* masks, size_t bytes) noexcept;
+  bool streams;  ///< true if decode_blocks() takes a window beside `out`
 };
 
 LENTICULE_DECLARE_KERNEL(PredictorKernel, kPredictorKernel)
