@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // PbrTracer follows the rays of a packet through a scene with metallic-roughness materials: through
 // surfaces that are cut out, blended or transmit light, until they end. It computes three channels
-// per ray, since a tone map needs them all. Points on materials that are a base and a mirror alone
-// are shaded in lanes, all others one by one.
+// per ray, since a tone map needs them all. Points on most materials are shaded in lanes, all
+// others one by one.
 #pragma once
 
 #include <array>

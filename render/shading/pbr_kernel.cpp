@@ -21,6 +21,7 @@ constexpr float kGrazing = 0.02F;
 constexpr float kMostBend = 0.18F;
 constexpr float kSmallestCosine = 1e-3F;
 constexpr float kSmallestRoughness = 0.0525F;
+constexpr float kCoatF0 = 0.04F;
 
 inline Floats3 operator*(const Floats3& a, const Floats3& b) {
   return {a.x * b.x, a.y * b.y, a.z * b.z};
@@ -53,6 +54,7 @@ inline void set(const Masks& where, const float (&rgb)[3], float (&lanes)[3][kLa
 inline void set_factors(const pbr_kernel::Material* materials, const Masks& numbers,
                         const Surfaces& s, Points& p) {
   Masks plain{}, textured{};
+  p.any_coat = 0;
   uint32_t left = bits(masks_at(s.active));
   while (left != 0) {
     const int32_t number = numbers[__builtin_ctz(left)];
@@ -65,12 +67,15 @@ inline void set_factors(const pbr_kernel::Material* materials, const Masks& numb
     floats_at(p.alpha) =
         select(where, select(seen, Floats::of(1.0F), Floats{}), floats_at(p.alpha));
     if (m.is_textured != 0) textured = textured | seen;
+    if (m.coat > 0.0F) p.any_coat = -1;
     set(where, m.colour, p.colour);
     set(where, m.emission, p.emission);
     set(where, m.metallic, floats_at(p.metallic));
     set(where, m.roughness, floats_at(p.roughness));
     set(where, m.f0, p.f0);
     set(where, m.f90, floats_at(p.f90));
+    set(where, m.coat, floats_at(p.coat));
+    set(where, m.coat_roughness, floats_at(p.coat_roughness));
   }
   masks_at(p.active) = plain;
   p.textured = bits(textured);
@@ -155,8 +160,9 @@ uint32_t find(const pbr_kernel::Tables& tables, const Beam& beam, const float* p
   const uint32_t lanes = bits(masks_at(p.active));
   if (lanes == 0) return 0;
   set_footprints(beam, primitives, s, p);
-  for (int c = 0; c < 3; ++c) floats_at(p.normal[c]) = floats_at(s.smooth[c]);
-  floats_at(p.spread) = Floats{};
+  store(vector_at(s.smooth), p.normal);
+  store(vector_at(s.smooth), p.coat_normal);
+  floats_at(p.spread) = floats_at(p.coat_spread) = Floats{};
   floats_at(p.occlusion) = Floats::of(1.0F);
   return lanes;
 }
@@ -167,24 +173,49 @@ inline Floats3 to_environment(const Environment& e, const Floats3& d) {
   return {dot(spread(e.right), d), dot(spread(e.up), d), dot(spread(e.back), d)};
 }
 
+inline Floats seen_cosine(const Floats& cosine) {
+  return min(max(cosine, Floats::of(kSmallestCosine)), Floats::of(1.0F));
+}
+
+/// Returns the roughness of a surface whose shape and normal map vary as well.
+inline Floats widened(const Floats& roughness, const Floats& bend, const Floats& spread_of_map) {
+  const Floats more = min(bend * kInversePi, Floats::of(kMostBend)) + spread_of_map;
+  const Floats alpha = roughness * roughness;
+  const Floats wider = root(root(min(alpha * alpha + more, Floats::of(1.0F))));
+  return select(more > 0.0F, wider, roughness);
+}
+
+inline uint32_t sharp_lanes(const Masks& lanes, const Floats& roughness) {
+  return bits(lanes & (MapPlace(roughness).above == 0));
+}
+
+inline void aim_coat(const Environment& e, const Floats3& viewer, const Points& p, Shaded& out) {
+  const Floats3 normal = vector_at(p.coat_normal);
+  const Floats cosine = dot(normal, viewer);
+  floats_at(out.coat_cosine) = seen_cosine(cosine);
+  const Floats roughness =
+      widened(floats_at(p.coat_roughness), floats_at(p.bend), floats_at(p.coat_spread));
+  floats_at(out.coat_roughness) = roughness;
+  if (e.is_uniform != 0) return;
+  store(to_environment(e, normal * (2.0F * cosine) - viewer), out.coat_mirror);
+  out.coat_sharp = sharp_lanes(masks_at(p.active) & (floats_at(p.coat) > 0.0F), roughness);
+}
+
 void aim(const pbr_kernel::Tables& tables, const Surfaces& s, const Points& p, Shaded& out) {
+  const Environment& e = tables.environment;
   const Floats3 normal = vector_at(p.normal), viewer = -vector_at(s.view);
   const Floats cosine = dot(normal, viewer);
-  floats_at(out.view_cosine) = min(max(cosine, Floats::of(kSmallestCosine)), Floats::of(1.0F));
-  const Floats more =
-      min(floats_at(p.bend) * kInversePi, Floats::of(kMostBend)) + floats_at(p.spread);
-  const Floats alpha = floats_at(p.roughness) * floats_at(p.roughness);
-  const Floats wider = root(root(min(alpha * alpha + more, Floats::of(1.0F))));
-  const Floats roughness = select(more > 0.0F, wider, floats_at(p.roughness));
+  floats_at(out.view_cosine) = seen_cosine(cosine);
+  const Floats roughness = widened(floats_at(p.roughness), floats_at(p.bend), floats_at(p.spread));
   floats_at(out.roughness) = roughness;
-  const Environment& e = tables.environment;
-  out.sharp = 0;
+  out.sharp = out.coat_sharp = 0;
+  if (p.any_coat != 0) aim_coat(e, viewer, p, out);
   if (e.is_uniform != 0) return;
   // Rough lobes lean toward the normal.
   const Floats squared = roughness * roughness;
   const Floats3 mirror = normal * (2.0F * cosine) - viewer;
   store(to_environment(e, mixed(mirror, normal, squared * squared)), out.mirror);
-  out.sharp = bits(masks_at(p.active) & (MapPlace(roughness).above == 0));
+  out.sharp = sharp_lanes(masks_at(p.active), roughness);
 }
 
 /// Mirror is the GGX lobe of a metal or of a dielectric.
@@ -208,6 +239,22 @@ inline Floats mirror_occlusion(const Floats& occlusion, const Floats& cosine,
   const Floats narrow = exp2_of(-16.0F * roughness - 1.0F);
   return select(occluded, clamp01(power(cosine + occlusion, narrow) - 1.0F + occlusion),
                 Floats::of(1.0F));
+}
+
+/// Puts the coat over the light of what is below it.
+inline void add_coat(const pbr_kernel::Tables& tables, const Points& p, Shaded& out) {
+  const Floats cosine = floats_at(out.coat_cosine), roughness = floats_at(out.coat_roughness);
+  const Albedo albedo = albedo_at(*tables.albedo, cosine, roughness);
+  const Floats share = floats_at(p.coat) * (kCoatF0 * albedo.scale + albedo.bias);
+  const Floats below = 1.0F - share;
+  floats_at(out.below_coat) = below;
+  const Environment& e = tables.environment;
+  const Floats3 mirrored =
+      e.is_uniform != 0
+          ? spread(e.uniform)
+          : mirrored_light(e.mirrored, vector_at(out.coat_mirror), roughness, out.coat_source);
+  const Floats seen = mirror_occlusion(floats_at(p.occlusion), cosine, roughness);
+  store(vector_at(out.light) * below + mirrored * (share * seen), out.light);
 }
 
 void shade(const pbr_kernel::Tables& tables, const Points& p, Shaded& out) {
@@ -243,36 +290,61 @@ void shade(const pbr_kernel::Tables& tables, const Points& p, Shaded& out) {
   store(vector_at(p.emission) + matt * diffuse * occlusion +
             (mirrored * single + matt * multiple) * seen,
         out.light);
+  if (p.any_coat != 0) add_coat(tables, p, out);
 }
 
 // ---- lights
 
+/// Lobe is what the GGX lobes of one light have in common: cosines to a normal, and the directions.
+struct Lobe {
+  Floats3 normal, half;
+  Floats light, view;
+  Floats view_sine_squared;
+
+  /// Returns pi times density times visibility times the cosine of the light.
+  [[nodiscard]] Floats value(const Floats& roughness) const {
+    const Floats held = max(roughness, Floats::of(kSmallestRoughness));
+    const Floats alpha = held * held, squared = alpha * alpha;
+    const Floats3 aside = cross(normal, half);
+    const Floats along = dot(normal, half);
+    const Floats ratio = 1.0F / (dot(aside, aside) + squared * (along * along));
+    const auto masking = [&](const Floats& sine_squared, const Floats& cosine) {
+      return root(squared * max(sine_squared, Floats{}) + cosine * cosine);
+    };
+    const Floats visibility = 0.5F / (light * masking(view_sine_squared, view) +
+                                      view * masking(1.0F - light * light, light));
+    return light * (squared * (ratio * ratio)) * visibility;
+  }
+};
+
+/// Returns the share of a light that a coat reflects.
+inline Floats of_coat(const Floats3& toward, const Floats3& half, const Floats& grazing,
+                      const Points& p, const Shaded& shaded) {
+  const Floats3 normal = vector_at(p.coat_normal);
+  const Floats cosine = dot(normal, toward), view = floats_at(shaded.coat_cosine);
+  const Lobe lobe{normal, half, cosine, view, 1.0F - view * view};
+  const Floats fresnel = kCoatF0 + (1.0F - kCoatF0) * grazing;
+  const Floats share = floats_at(p.coat) * fresnel * lobe.value(floats_at(shaded.coat_roughness));
+  return select((cosine > 0.0F) & (floats_at(p.coat) > 0.0F), share, Floats{});
+}
+
 /// Returns the share of a light that is reflected toward the viewer.
 inline Floats3 reflected(const Floats3& toward, const Surfaces& s, const Points& p,
                          const Shaded& shaded) {
+  const Masks before = (dot(vector_at(s.geometric), toward) > 0.0F) & masks_at(p.active);
+  if (!any(before)) return {};
   const Floats3 normal = vector_at(p.normal), viewer = -vector_at(s.view);
-  const Floats cosine = dot(normal, toward);
-  const Masks seen =
-      (cosine > 0.0F) & (dot(vector_at(s.geometric), toward) > 0.0F) & masks_at(p.active);
-  if (!any(seen)) return {};
   const Floats3 half = unit(viewer + toward);
-  const Floats3 aside = cross(normal, half);
-  const Floats held = max(floats_at(shaded.roughness), Floats::of(kSmallestRoughness));
-  const Floats alpha = held * held, squared = alpha * alpha;
-  const Floats along = dot(normal, half);
-  // The density of GGX times pi.
-  const Floats ratio = 1.0F / (dot(aside, aside) + squared * (along * along));
-  const Floats density = squared * (ratio * ratio);
-  const Floats view = floats_at(shaded.view_cosine), facing = dot(normal, viewer);
-  const auto masking = [&](const Floats& across_squared, const Floats& c) {
-    return root(squared * max(across_squared, Floats{}) + c * c);
-  };
-  const Floats visibility = 0.5F / (cosine * masking(1.0F - facing * facing, view) +
-                                    view * masking(1.0F - cosine * cosine, cosine));
   const Floats grazing = fifth_power(1.0F - clamp01(dot(viewer, half)));
+  const Floats cosine = dot(normal, toward), facing = dot(normal, viewer);
+  const Lobe lobe{normal, half, cosine, floats_at(shaded.view_cosine), 1.0F - facing * facing};
   const Floats3 fresnel = mixed(vector_at(shaded.f0), all(floats_at(shaded.f90)), grazing);
-  const Floats3 mirror = fresnel * vector_at(shaded.stronger) * (cosine * density * visibility);
-  return select(seen, vector_at(shaded.diffuse) * cosine + mirror, Floats3{});
+  Floats3 sum = vector_at(shaded.diffuse) * cosine +
+                fresnel * vector_at(shaded.stronger) * lobe.value(floats_at(shaded.roughness));
+  sum = select(cosine > 0.0F, sum, Floats3{});
+  if (p.any_coat != 0)
+    sum = sum * floats_at(shaded.below_coat) + all(of_coat(toward, half, grazing, p, shaded));
+  return select(before, sum, Floats3{});
 }
 
 void light_rays(const shading_kernel::Light& light, const Surfaces& s, const Points& p,

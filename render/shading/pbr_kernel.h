@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Metallic-roughness shading of sixteen points at a time, compiled once per instruction set, for
-// materials that are a base and a mirror alone. docs/render/shading.md states the formulas.
+// materials that are a base and a mirror, with or without a coat. docs/render/shading.md states the
+// formulas.
 // Plain data only: this header must not bring shared inline functions into a file that is compiled
 // for AVX-512.
 //
@@ -25,8 +26,9 @@ struct Material {
   float emission[3];
   float metallic;
   float roughness;
-  float f0[3];           ///< of the dielectric
-  float f90;             ///< of the dielectric
+  float f0[3];  ///< of the dielectric
+  float f90;    ///< of the dielectric
+  float coat, coat_roughness;
   int32_t is_plain;      ///< -1 if this kernel can shade the material
   int32_t is_two_sided;  ///< -1 if the inner side is shaded, too
   int32_t is_textured;   ///< textures or colours of vertices change the factors
@@ -88,6 +90,9 @@ struct alignas(64) Points {
   float occlusion[kLanes];
   float f0[3][kLanes];
   float f90[kLanes];
+  float coat[kLanes], coat_roughness[kLanes];
+  float coat_normal[3][kLanes], coat_spread[kLanes];
+  int32_t any_coat;
   uint32_t textured;  ///< bit mask of visible lanes with textures, which the caller applies
 };
 
@@ -102,6 +107,12 @@ struct alignas(64) Shaded {
   float diffuse[3][kLanes];
   float light[3][kLanes];  ///< reflected light of the environment, and emission
   uint32_t sharp;          ///< bit mask of lanes that see the environment's source in mirrors
+  // The same of the coat; only set if there is one.
+  alignas(64) float coat_cosine[kLanes];
+  float coat_roughness[kLanes];
+  float coat_mirror[3][kLanes], coat_source[3][kLanes];
+  float below_coat[kLanes];  ///< share of the light that goes through the coat
+  uint32_t coat_sharp;
 };
 
 /// LightRays holds rays toward a light.
@@ -119,7 +130,7 @@ struct Kernel {
   /// this kernel can shade. Returns a bit mask of these lanes.
   uint32_t (*find)(const Tables&, const Beam&, const float* packet, const int32_t* valid, Surfaces&,
                    Points&);
-  /// Computes the directions of mirrored light. Then the caller sets Shaded::source.
+  /// Computes the directions of mirrored light. Then the caller sets source and coat_source.
   void (*aim)(const Tables&, const Surfaces&, const Points&, Shaded&);
   /// Computes all other members of Shaded.
   void (*shade)(const Tables&, const Points&, Shaded&);

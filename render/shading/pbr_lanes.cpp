@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/shading/pbr_lanes.h"
 
+#include <algorithm>
 #include <bit>
 #include <cstring>
 
@@ -20,6 +21,15 @@ void set(Vec3 from, size_t lane, float (&v)[3][kPacket]) {
   v[0][lane] = static_cast<float>(from.x);
   v[1][lane] = static_cast<float>(from.y);
   v[2][lane] = static_cast<float>(from.z);
+}
+
+/// Looks up the light of the environment's source in some lanes.
+void set_source(const Scene& scene, uint32_t lanes, const float (&mirror)[3][kPacket],
+                float (&source)[3][kPacket]) {
+  for (uint32_t left = lanes; left != 0; left &= left - 1) {
+    const auto r = static_cast<size_t>(std::countr_zero(left));
+    set(scene.pbr->environment().source(normalized(lane_of(mirror, r))), r, source);
+  }
 }
 
 }  // namespace
@@ -78,18 +88,29 @@ void PbrLanes::apply_textures(const Scene& scene, const RayPacket& packet, size_
   points_.occlusion[lane] = static_cast<float>(mirror.occlusion);
   set(dielectric_f0(material.ior, mirror.specular, mirror.specular_colour), lane, points_.f0);
   points_.f90[lane] = static_cast<float>(mirror.specular);
-  if (inputs.normal.maps == nullptr) return;
-  set(normalized(mirror.normal) * side, lane, points_.normal);
-  points_.spread[lane] = static_cast<float>(spread_of_normals(length(mirror.normal)));
+  if (inputs.normal.maps != nullptr) {
+    set(normalized(mirror.normal) * side, lane, points_.normal);
+    points_.spread[lane] = static_cast<float>(spread_of_normals(length(mirror.normal)));
+  }
+  if (material.clearcoat > 0.0) apply_coat_textures(material, inputs, side, reader, lane);
+}
+
+void PbrLanes::apply_coat_textures(const PbrMaterial& material, const MaterialInputs& inputs,
+                                   double side, InputReader& reader, size_t lane) {
+  points_.coat[lane] = static_cast<float>(reader.scaled(material.clearcoat, inputs.clearcoat, 0));
+  points_.coat_roughness[lane] = static_cast<float>(std::clamp(
+      reader.scaled(material.clearcoat_roughness, inputs.clearcoat_roughness, 1), 0.0, 1.0));
+  if (inputs.clearcoat_normal.maps == nullptr) return;
+  const Vec3 normal = reader.mapped_normal(inputs.clearcoat_normal, 1.0);
+  set(normalized(normal) * side, lane, points_.coat_normal);
+  points_.coat_spread[lane] = static_cast<float>(spread_of_normals(length(normal)));
 }
 
 void PbrLanes::shade(const Scene& scene, ColourLanes& light) {
   const pbr_kernel::Tables& tables = scene.pbr->tables().tables();
   kernel_.aim(tables, surfaces_, points_, shaded_);
-  for (uint32_t left = shaded_.sharp; left != 0; left &= left - 1) {
-    const auto r = static_cast<size_t>(std::countr_zero(left));
-    set(scene.pbr->environment().source(normalized(lane_of(shaded_.mirror, r))), r, shaded_.source);
-  }
+  set_source(scene, shaded_.sharp, shaded_.mirror, shaded_.source);
+  set_source(scene, shaded_.coat_sharp, shaded_.coat_mirror, shaded_.coat_source);
   kernel_.shade(tables, points_, shaded_);
   static_assert(sizeof light.rgb == sizeof shaded_.light);
   std::memcpy(light.rgb, shaded_.light, sizeof light.rgb);

@@ -8,6 +8,7 @@
 #include "render/options/frame_counts.h"
 #include "render/rays/tile.h"
 #include "render/scene/scene.h"
+#include "render/shading/pbr_inputs.h"
 #include "render/shading/pbr_tables.h"
 
 namespace lenticule::render {
@@ -37,7 +38,7 @@ class PbrLanes {
     uint32_t shown = 0;    ///< not transparent: the lanes that the following functions shade
     uint32_t passing = 0;  ///< not opaque
   };
-  /// Finds the points of those of `lanes` whose material is a base and a mirror alone.
+  /// Finds the points of those of `lanes` whose material is a base, a mirror and at most a coat.
   Found find(const Scene& scene, const BeamSize& beam, const RayPacket& packet, uint32_t lanes);
   /// Returns the share of the light that a point does not let pass.
   [[nodiscard]] double alpha(size_t lane) const { return double{points_.alpha[lane]}; }
@@ -55,8 +56,10 @@ class PbrLanes {
   void tone_map(ToneMap map, const ColourLanes& light, ColourLanes& shown) const;
 
  private:
-  void apply_textures(const Scene& scene, const RayPacket& packet);
   void apply_textures(const Scene& scene, const RayPacket& packet, size_t lane);
+
+  void apply_coat_textures(const PbrMaterial& material, const MaterialInputs& inputs, double side,
+                           InputReader& reader, size_t lane);
 
   const pbr_kernel::Kernel& kernel_;
   shading_kernel::Surfaces surfaces_{};

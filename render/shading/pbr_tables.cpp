@@ -15,18 +15,19 @@ void write(Vec3 v, float (&out)[3]) {
   out[2] = static_cast<float>(v.z);
 }
 
-/// Returns true if the material consists of a base and a mirror, and lets no light pass.
+/// Returns true if the material consists of a base, a mirror and at most a coat.
 bool is_plain(const PbrMaterial& m) {
-  return !m.unlit && m.transmission == 0.0 && m.clearcoat == 0.0 && m.sheen_colour == Vec3{} &&
-         m.iridescence == 0.0 && m.anisotropy == 0.0;
+  return !m.unlit && m.transmission == 0.0 && m.sheen_colour == Vec3{} && m.iridescence == 0.0 &&
+         m.anisotropy == 0.0;
 }
 
 /// Textures also decide where a material is cut out.
 bool is_textured(const PbrMaterial& m) {
-  const TextureUse* uses[] = {&m.base_colour_texture,    &m.metallic_roughness_texture,
-                              &m.normal_texture,         &m.occlusion_texture,
-                              &m.emission_texture,       &m.specular_texture,
-                              &m.specular_colour_texture};
+  const TextureUse* uses[] = {
+      &m.base_colour_texture,     &m.metallic_roughness_texture, &m.normal_texture,
+      &m.occlusion_texture,       &m.emission_texture,           &m.specular_texture,
+      &m.specular_colour_texture, &m.clearcoat_texture,          &m.clearcoat_roughness_texture,
+      &m.clearcoat_normal_texture};
   return m.alpha_mode != PbrMaterial::AlphaMode::Opaque ||
          std::ranges::any_of(uses, [](const TextureUse* use) { return use->texture >= 0; });
 }
@@ -39,6 +40,8 @@ pbr_kernel::Material table_entry(const PbrMaterial& m) {
   out.roughness = static_cast<float>(std::clamp(m.roughness, 0.0, 1.0));
   write(dielectric_f0(m.ior, m.specular, m.specular_colour), out.f0);
   out.f90 = static_cast<float>(m.specular);
+  out.coat = static_cast<float>(m.clearcoat);
+  out.coat_roughness = static_cast<float>(std::clamp(m.clearcoat_roughness, 0.0, 1.0));
   out.is_plain = is_plain(m) ? -1 : 0;
   out.is_two_sided = m.double_sided ? -1 : 0;
   out.is_textured = is_textured(m) ? -1 : 0;
