@@ -7,6 +7,7 @@
 
 #include "render/accel/lane_masks.h"
 #include "render/shading/pbr_scene.h"
+#include "render/shading/shading_tables.h"
 
 namespace lenticule::render {
 namespace {
