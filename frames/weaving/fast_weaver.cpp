@@ -242,6 +242,10 @@ void BlockWeaver::blacken(const WeavePlan::Block& block) noexcept {
 /// Writes row r of the block as code values.
 void BlockWeaver::write_row(int r, uint8_t* row) const noexcept {
   const size_t count = plan_->geometry().row_bytes(), at = static_cast<size_t>(r) * stride_;
+#if defined(__x86_64__)
+  if (kernel_ == WeaveKernel::Permute && !plan_->blue_first())
+    return weave_kernel::stream_row(codes_.data() + at, count, row);
+#endif
   if (kernel_ == WeaveKernel::Permute)
     std::memcpy(row, codes_.data() + at, count);
   else
@@ -262,6 +266,9 @@ void BlockWeaver::weave(const ViewSet& views, int begin, int end, WovenFrame& fr
   LENTICULE_CHECK(0 <= begin && begin <= end && end <= plan_->block_count());
   look_at(views);
   for (int index = begin; index < end; ++index) weave_block(index, frame);
+#if defined(__x86_64__)
+  if (kernel_ == WeaveKernel::Permute) weave_kernel::end_streaming();
+#endif
 }
 
 FastWeaver::FastWeaver(std::shared_ptr<const WeavePlan> plan, int threads)

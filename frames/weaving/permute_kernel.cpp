@@ -470,4 +470,16 @@ void mix_set_by_permuting(const Terms& terms, const TransposedRows& rows, const 
   }
 }
 
+void stream_row(const uint8_t* codes, size_t count, uint8_t* to) noexcept {
+  const bool aligned = reinterpret_cast<uintptr_t>(to) % kRegisterBytes == 0;
+  const size_t whole = aligned ? count / kRegisterBytes * kRegisterBytes : 0;
+  for (size_t at = 0; at < whole; at += kRegisterBytes)
+    _mm512_stream_si512(reinterpret_cast<__m512i*>(to + at), _mm512_loadu_si512(codes + at));
+  __builtin_memcpy(to + whole, codes + whole, count - whole);
+}
+
+void end_streaming() noexcept {
+  _mm_sfence();
+}
+
 }  // namespace lenticule::frames::weave_kernel

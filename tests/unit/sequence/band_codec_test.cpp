@@ -106,6 +106,30 @@ TEST(BandCodec, FindsThePeriodOfALensSheet) {
   EXPECT_LT(payload.size(), above.size() * 9 / 10);
 }
 
+/// Decodes bands that are large enough to be written past the caches, which needs aligned memory.
+TEST(BandDecoder, LargeBandsAreTheSameInAlignedAndInOtherMemory) {
+  for (const FrameGeometry geometry : {FrameGeometry{2048, 60}, FrameGeometry{1501, 61}}) {
+    for (const Content content : {Content::Flat, Content::Ramp, Content::Lenses}) {
+      const WovenFrame frame = make_frame(geometry, content, 2);
+      const size_t bytes = frame.bytes().size();
+      std::vector<uint8_t> payload;
+      ASSERT_TRUE(BandEncoder(bytes).encode_as(BandCodec::Predicted, frame.bytes(),
+                                               choose_predictors(frame.view(), geometry.height),
+                                               payload));
+      for (const Isa isa : test::every_instruction_set()) {
+        BandDecoder decoder(bytes, isa);
+        for (const size_t offset : {size_t{0}, size_t{32}, size_t{1}}) {
+          AlignedBytes memory(bytes + 64, uint8_t{0xee});
+          const auto band = std::span<uint8_t>(memory).subspan(offset, bytes);
+          ASSERT_TRUE(decoder.decode(BandCodec::Predicted, payload, band));
+          EXPECT_TRUE(std::ranges::equal(band, frame.bytes())) << isa_name(isa) << " " << offset;
+          EXPECT_EQ(memory[offset + bytes], 0xee) << "beyond the band";
+        }
+      }
+    }
+  }
+}
+
 TEST(BandDecoder, RefusesEveryShortenedPayload) {
   const WovenFrame frame = make_frame({97, 31}, Content::Lenses, 0);
   BandEncoder encoder(frame.bytes().size());
