@@ -25,9 +25,7 @@ size_t primitives_of(const Scene& scene, const GeometryEntry& entry) {
 }  // namespace
 
 ShaftCache::ShaftCache(const Scene& scene, const PrimitiveTree& tree)
-    : scene_(scene),
-      tester_(std::make_shared<const ShaftTester>(scene, tree)),
-      answers_(size_t{1} << kAnswersLog2) {
+    : scene_(scene), tester_(std::make_shared<const ShaftTester>(scene, tree)) {
   uint64_t first = 0;
   for (const GeometryEntry& entry : scene.geometries) {
     first_primitive_.push_back(first);
@@ -40,8 +38,7 @@ ShaftCache::ShaftCache(const ShaftCache& points, SoftSizes sizes)
       tester_(points.tester_),
       sizes_(sizes),
       sun_cosine_(static_cast<float>(1.0 / std::hypot(1.0, sizes.sun_tangent))),
-      first_primitive_(points.first_primitive_),
-      answers_(size_t{1} << kAnswersLog2) {}
+      first_primitive_(points.first_primitive_) {}
 
 ShaftCache::~ShaftCache() = default;
 
@@ -56,6 +53,8 @@ ShaftCache& ShaftCache::with_sizes(SoftSizes sizes) {
 
 ShaftResult ShaftCache::result(const SurfaceCell& cell, uint64_t number, uint64_t target) {
   if (target >= kTargets) return ShaftResult::None;
+  std::call_once(
+      asked_, [this] { answers_ = std::vector<std::atomic<uint64_t>>(size_t{1} << kAnswersLog2); });
   const uint64_t key = (number * kTargets + target) << 2;
   std::atomic<uint64_t>& place = answers_[mixed(key, kAnswersLog2)];
   const uint64_t known = place.load(std::memory_order_relaxed);

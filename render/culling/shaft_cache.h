@@ -78,8 +78,10 @@ class ShaftCache {
   SoftSizes sizes_;
   float sun_cosine_ = 1.0F;
   std::vector<uint64_t> first_primitive_;  ///< per geometry, counted over all geometries
-  /// Each entry is a key and a result, or zero.
+  /// Each entry is a key and a result, or zero. Allocated by the first query, since many frames
+  /// make none.
   std::vector<std::atomic<uint64_t>> answers_;
+  std::once_flag asked_;
   std::mutex adding_;
   std::vector<std::unique_ptr<ShaftCache>> others_;  ///< caches for other light sizes
 };

@@ -58,18 +58,24 @@ void KeySamples::watch_changes() {
 
 namespace {
 
+/// Returns the largest difference between corners in any channel.
+int largest_range(std::span<const KeySamples::Sample, 4> corners) {
+  int most = 0;
+  for (size_t c = 0; c < 3; ++c) {
+    const auto [low, high] = std::minmax({int{corners[0].value[c]}, int{corners[1].value[c]},
+                                          int{corners[2].value[c]}, int{corners[3].value[c]}});
+    most = std::max(most, high - low);
+  }
+  return most;
+}
+
 bool show_one_thing(std::span<const KeySamples::Sample, 4> corners, int most_apart) {
   const KeySamples::Sample& first = corners[0];
   for (const KeySamples::Sample& corner : corners)
     if (corner.group != first.group || corner.way != first.way ||
         corner.light.lit != first.light.lit || corner.light.hidden != first.light.hidden)
       return false;
-  for (size_t c = 0; c < 3; ++c) {
-    const auto [low, high] = std::minmax({int{corners[0].value[c]}, int{corners[1].value[c]},
-                                          int{corners[2].value[c]}, int{corners[3].value[c]}});
-    if (high - low > most_apart) return false;
-  }
-  return true;
+  return largest_range(corners) <= most_apart;
 }
 
 /// Returns the mean of two samples that show one surface.
@@ -149,10 +155,11 @@ std::array<KeySamples::Sample, 4> KeySamples::corners(int top, size_t in_row, in
   return corners;
 }
 
-bool KeySamples::shows_one_surface(int top, int picture, int left) const {
-  const size_t at = index(top, picture, left), below = at + kCoarse * row_samples_;
-  return groups_[at] == groups_[at + kCoarse] && groups_[at] == groups_[below] &&
-         groups_[at] == groups_[below + kCoarse];
+bool KeySamples::shows_one_surface(int top, int picture, int left, int most_apart) const {
+  const std::array<Sample, 4> corner = corners(top, in_row(picture, 0), left);
+  return std::ranges::all_of(corner,
+                             [&](const Sample& other) { return other.group == corner[0].group; }) &&
+         largest_range(corner) <= most_apart;
 }
 
 bool KeySamples::fill(int top, int picture, int left, const Agreement& agreement) {

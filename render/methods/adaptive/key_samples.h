@@ -79,8 +79,8 @@ class KeySamples {
   /// Every kCoarse-th sample of every kCoarse-th row is traced first.
   static constexpr int kCoarse = 2;
   /// Returns true if a coarse sample shows the same surface as those to the right of it and below
-  /// it, which must exist.
-  [[nodiscard]] bool shows_one_surface(int top, int picture, int left) const;
+  /// it, which must exist, and no value differs by more than `most_apart`.
+  [[nodiscard]] bool shows_one_surface(int top, int picture, int left, int most_apart) const;
   /// Interpolates the three samples to the right of and below a coarse one from the coarse samples
   /// around, if these show one surface and differ little. Otherwise returns false and sets nothing.
   bool fill(int top, int picture, int left, const Agreement& agreement);

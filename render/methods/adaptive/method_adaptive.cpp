@@ -81,13 +81,17 @@ bool is_shiny(const Scene& scene) {
 /// Only their ratios matter.
 namespace band_costs {
 
-constexpr int64_t kPrimary = 45;  ///< method full: a ray that meets a surface, and its shading
-constexpr int64_t kShadedMaterial = 200;  ///< the same with a metallic-roughness material
-constexpr int64_t kRay = 20;              ///< a shadow or secondary ray
-constexpr int64_t kSubpixel = 10;         ///< row sweep and lookup
-constexpr int64_t kCut = 90;              ///< a primitive cut by a row's plane
+constexpr int64_t kPrimary = 45;     ///< method full: a ray that meets a surface, and its shading
+constexpr int64_t kMaterial = 60;    ///< the same with a metallic-roughness material, some textured
+constexpr int64_t kRay = 20;         ///< a shadow or secondary ray
+constexpr int64_t kSubpixel = 10;    ///< row sweep and lookup
+constexpr int64_t kCut = 90;         ///< a primitive cut by a row's plane
 constexpr int64_t kSorting = 60;     ///< a subpixel that is shaded individually, without its rays
-constexpr int64_t kPrimitive = 350;  ///< set-up for a frame
+constexpr int64_t kPrimitive = 400;  ///< set-up for a frame
+/// Subpixels with metallic-roughness materials: three channels are kept for each sample, and as
+/// long as shading itself takes the sorting of those that are shaded individually.
+constexpr int64_t kMaterialSubpixel = 20;
+constexpr int64_t kMaterialSorting = 90;
 /// Rays per subpixel with soft light, in sixteenths: always many.
 constexpr int64_t kSoftRays = 16 * 100;
 
@@ -108,12 +112,13 @@ Costs costs(const AdaptiveFrame::Band& band, int64_t subpixels, int64_t rays) {
   return {seen * full, seen * kSubpixel + band.cuts * kCut + samples + shading};
 }
 
-/// Returns the costs of a band of metallic-roughness materials, where most time is spent on
-/// shading.
-Costs costs_of_materials(const AdaptiveFrame::Band& band) {
+/// Returns the same for a band of metallic-roughness materials.
+Costs costs_of_materials(const AdaptiveFrame::Band& band, int64_t subpixels, int64_t rays) {
   const int64_t seen = band.seen, shaded = band.shaded;
-  return {seen * kShadedMaterial,
-          (3 * seen + 18 * shaded) * kShadedMaterial / 20 + band.cuts * kCut};
+  const int64_t rays_of_seen = seen > 0 ? rays * subpixels / seen : 0;
+  const int64_t full = kMaterial + kRay * rays_of_seen / 16;
+  return {seen * full,
+          seen * kMaterialSubpixel + band.cuts * kCut + shaded * (kMaterialSorting + full / 2)};
 }
 
 }  // namespace band_costs
@@ -258,17 +263,17 @@ class AdaptiveMethod final : public Method {
   }
 
   /// Returns true if a scene has so many primitives that finding their surfaces and rows, once a
-  /// frame, costs almost half of the time of method full. Traces some hundred subpixels to learn
-  /// how many rays start from each.
+  /// frame, costs more than a quarter of the time of method full. Traces some hundred subpixels to
+  /// learn how many rays start from each.
   [[nodiscard]] bool is_set_up_expensive(const Scene& scene) {
     int64_t primitives = static_cast<int64_t>(scene.spheres.size() + scene.cones.size());
     for (const MeshShape& mesh : scene.meshes)
       primitives += static_cast<int64_t>(mesh.triangles.size());
     const auto subpixels = static_cast<int64_t>(rendered_subpixels(planes_, *full_tiles_));
-    const int64_t base = scene.pbr != nullptr ? band_costs::kShadedMaterial : band_costs::kPrimary;
     const auto is_expensive = [&](int64_t rays) {
-      const int64_t full = subpixels * (base + band_costs::kRay * rays / 16) * 3 / 4;
-      return 5 * primitives * band_costs::kPrimitive > 2 * full;
+      const int64_t full =
+          subpixels * (band_costs::kPrimary + band_costs::kRay * rays / 16) * 3 / 4;
+      return 4 * primitives * band_costs::kPrimitive > full;
     };
     if (options_.soft.any() || !is_expensive(0)) return false;
     const FlushDenormals flush;
@@ -298,7 +303,7 @@ class AdaptiveMethod final : public Method {
     for (std::vector<int> due = order.next(); !due.empty(); due = order.next()) {
       const AdaptiveFrame::Taken samples = needed(frame, due);
       take_coarse_samples(frame, workers, samples);
-      if (is_first && shows_small_surfaces(frame)) return false;
+      if (is_first && shows_small_parts(frame)) return false;
       take_other_samples(frame, workers, samples);
       in_parallel(static_cast<int>(due.size()),
                   [&](int n) { workers.local().render_band(due[static_cast<size_t>(n)] * kBand); });
@@ -484,14 +489,15 @@ class AdaptiveMethod final : public Method {
                 [&](int row, int) { frame.samples.mark_bends(row, plan_.agreement); });
   }
 
-  /// Returns true if most of the coarse samples taken so far show another surface than those beside
-  /// and below them. Hardly any subpixel could be interpolated, and the other samples would be lost
-  /// time. Scenes that gain from the method have one surface in at least three of five places,
-  /// scenes of small parts in less than one of three.
-  [[nodiscard]] bool shows_small_surfaces(const AdaptiveFrame& frame) const {
+  /// Returns true if most of the coarse samples taken so far show another surface or another colour
+  /// than those beside and below them. Hardly any subpixel could be interpolated, and the other
+  /// samples would be lost time. Scenes that gain from the method agree in at least three of five
+  /// places, scenes of small parts or fine textures in less than every other one.
+  [[nodiscard]] bool shows_small_parts(const AdaptiveFrame& frame) const {
     if (options_.soft.any()) return false;  // each subpixel has many rays
     constexpr int kStep = KeySamples::kCoarse;
-    constexpr int64_t kEnough = 256;
+    constexpr int64_t kEnough = 4096;
+    const int most_apart = std::max(plan_.agreement.alike, plan_.agreement.unlike);
     int64_t seen = 0, alike = 0;
     for (int row = 0; row + kStep < frame.grid.rows(); row += kStep) {
       const auto is_taken = [&](int at) {
@@ -502,10 +508,10 @@ class AdaptiveMethod final : public Method {
         for (int column = 0; column + kStep < frame.grid.columns(); column += kStep) {
           if (samples_.shows_nothing(row, picture, column)) continue;
           ++seen;
-          alike += samples_.shows_one_surface(row, picture, column) ? 1 : 0;
+          alike += samples_.shows_one_surface(row, picture, column, most_apart) ? 1 : 0;
         }
     }
-    return seen >= kEnough && 3 * alike < seen;
+    return seen >= kEnough && 2 * alike < seen;
   }
 
   /// Estimates the time that a tried band has saved against method full. Only counters decide, so
@@ -517,12 +523,12 @@ class AdaptiveMethod final : public Method {
 
   [[nodiscard]] band_costs::Costs costs_of(const Scene& scene,
                                            const AdaptiveFrame::Band& band) const {
-    if (scene.pbr != nullptr) return band_costs::costs_of_materials(band);
     const int64_t light = options_.soft.any() ? band_costs::kSoftRays
                                               : static_cast<int64_t>(16 * band.rays) /
                                                     std::max<int64_t>(band.audited, 1);
     const int64_t subpixels = static_cast<int64_t>(planes_.row_subpixels()) * kBand - band.unseen;
-    return band_costs::costs(band, std::max<int64_t>(subpixels, 1), light);
+    const auto costs = scene.pbr != nullptr ? band_costs::costs_of_materials : band_costs::costs;
+    return costs(band, std::max<int64_t>(subpixels, 1), light);
   }
 
   [[nodiscard]] RenderStatistics statistics_of(const AdaptiveFrame& frame, Workers& workers,

@@ -29,6 +29,9 @@ size_t kind_of(const UncertainSubpixels::Subpixel& s) {
 UncertainSubpixels::UncertainSubpixels(const RowPlanes& planes, const TilePlan& plan)
     : planes_(planes), plan_(plan), packet_(1) {
   init_packets(packet_);
+  // Takes address space only, until a band needs it.
+  for (std::vector<Subpixel>* list : {&subpixels_, &ordered_})
+    list->reserve(static_cast<size_t>(plan.row_subpixels()) * TilePlan::kRows);
 }
 
 /// Orders subpixels by kind, then by group of sheared columns, then downwards, so that neighbouring

@@ -96,13 +96,16 @@ SceneDescription heap_of_beads() {
 }
 
 TEST(MethodAdaptive, LeavesAFrameOfSmallSurfacesToFullAndCopiesItWhileNothingMoves) {
-  const optics::OpticalModel model(wide_rig());
+  const optics::Rig rig = make_rig({.width = 1600, .height = 960, .pixel_mm = 0.05});
+  const optics::OpticalModel model(rig);
   const Stage stage = make_tiny_stage();
   const Scene scene(heap_of_beads(), stage, {}, 1);
   const auto method = make_method("adaptive", model, {.copy_unchanged = true, .cancelled = {}});
-  frames::WovenFrame frame({400, 240});
-  EXPECT_EQ(method->render(scene, stage, frame).interpolated_subpixels, 0U);
-  EXPECT_EQ(frame, rendered("full", heap_of_beads(), wide_rig()).frame);
+  frames::WovenFrame frame({1600, 960});
+  const RenderStatistics first = method->render(scene, stage, frame);
+  EXPECT_EQ(first.interpolated_subpixels, 0U);
+  EXPECT_EQ(first.audited_subpixels, 0U) << "no band was tried";
+  EXPECT_EQ(frame, rendered("full", heap_of_beads(), rig).frame);
   const RenderStatistics again = method->render(scene, stage, frame);
   EXPECT_EQ(again.copied_subpixels, again.subpixels);
 }
