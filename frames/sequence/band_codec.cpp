@@ -236,7 +236,7 @@ struct BandDecoder::State {
   std::vector<uint8_t> modes;
   std::vector<uint8_t> masks;
   std::vector<uint8_t> values;
-  AlignedBytes window;  ///< of a band that is written past the caches
+  AlignedBytes window;  ///< blocks of a band that is written past the caches
 };
 
 BandDecoder::BandDecoder(size_t max_band_bytes, Isa isa)

@@ -107,7 +107,7 @@ class PbrTracer {
   uint32_t with_path_ = 0;  ///< lanes of the packet whose state is in `paths_`
   std::array<Met, kPacket> met_;
   PbrLanes plain_;
-  ColourLanes light_{};     ///< of the surfaces of this layer, before the tone map
+  ColourLanes light_{};     ///< light of this layer's surfaces, before the tone map
   ColourLanes weight_{};    ///< shares of it that reach the viewer
   ColourLanes brings_{};    ///< light of the shadow rays if unoccluded
   ColourLanes arriving_{};  ///< share of it that arrives

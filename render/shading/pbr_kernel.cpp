@@ -15,7 +15,7 @@ using pbr_kernel::LightRays;
 using pbr_kernel::Points;
 using pbr_kernel::Shaded;
 
-// As in pbr_scene.cpp and pbr_shading.cpp:
+// These constants have the values of pbr_scene.cpp and pbr_shading.cpp.
 constexpr float kInversePi = 0.318309886F;
 constexpr float kGrazing = 0.02F;
 constexpr float kMostBend = 0.18F;
@@ -221,7 +221,7 @@ void aim(const pbr_kernel::Tables& tables, const Surfaces& s, const Points& p, S
 /// Mirror is the GGX lobe of a metal or of a dielectric.
 struct Mirror {
   Floats3 single;    ///< albedo of light that is reflected once
-  Floats3 multiple;  ///< of light that is reflected between microfacets
+  Floats3 multiple;  ///< albedo of light that is reflected between microfacets
 
   Mirror(const Floats3& f0, const Floats& f90, const Albedo& albedo)
       : single(f0 * albedo.scale + all(f90 * albedo.bias)) {

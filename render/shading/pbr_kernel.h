@@ -26,8 +26,8 @@ struct Material {
   float emission[3];
   float metallic;
   float roughness;
-  float f0[3];  ///< of the dielectric
-  float f90;    ///< of the dielectric
+  float f0[3];  ///< reflectance of the dielectric, head on
+  float f90;    ///< reflectance of the dielectric, grazing
   float coat, coat_roughness;
   int32_t is_plain;      ///< -1 if this kernel can shade the material
   int32_t is_two_sided;  ///< -1 if the inner side is shaded, too
@@ -56,7 +56,7 @@ struct Environment {
   int32_t is_uniform;
   float uniform[3];
   Map diffuse;
-  Map mirrored[kMaps];  ///< of the roughnesses 1 / kMaps, 2 / kMaps ... 1
+  Map mirrored[kMaps];  ///< maps for the roughnesses 1 / kMaps, 2 / kMaps ... 1
 };
 
 /// AlbedoTable holds scale and bias of render::GgxAlbedo. The knots are uniform in the root of the
@@ -81,7 +81,7 @@ struct alignas(64) Points {
   // Changes of the barycentric coordinates across the sides of the footprint. Meshes only.
   float across[2][kLanes], along[2][kLanes];
   float bend[kLanes];       ///< square of the angle by which the normal changes across it
-  float normal[3][kLanes];  ///< of the normal map, unit, on the viewer's side
+  float normal[3][kLanes];  ///< unit, from the normal map, on the viewer's side
   float spread[kLanes];     ///< square of alpha by which the normal map varies
   float colour[3][kLanes];
   float emission[3][kLanes];

@@ -101,7 +101,7 @@ inline Floats3 light_of(const pbr_kernel::Map& map, const Place& place) {
 /// Number of the map of the next larger roughness; 0 in lanes that see the source as well.
 struct MapPlace {
   Masks above;
-  Floats part;  ///< of that map
+  Floats part;  ///< weight of that map
 
   explicit MapPlace(const Floats& roughness) {
     constexpr int kMaps = pbr_kernel::Environment::kMaps;

@@ -67,7 +67,7 @@ class PbrShader {
   double alpha_t_ = 1.0, alpha_b_ = 1.0;
   Vec3 f0_{}, f90_{};
   Vec3 single_{};              ///< albedo of light that is reflected once
-  Vec3 multiple_{};            ///< of light that is reflected between microfacets
+  Vec3 multiple_{};            ///< albedo of light that is reflected between microfacets
   Vec3 stronger_{};            ///< (single + multiple) / single
   double below_mirror_ = 1.0;  ///< share of the light that goes through the GGX lobe of dielectrics
   Vec3 diffuse_{};

@@ -179,7 +179,7 @@ class AdaptiveWorker {
   std::array<SamplePlace, kPacket> sample_places_{};
   size_t listed_ = 0;                            ///< elements of sample_places_ in use
   std::vector<uint32_t> keys_;                   ///< see lookup_kernel::SampleRows
-  std::vector<lookup_kernel::Corners> corners_;  ///< the same
+  std::vector<lookup_kernel::Corners> corners_;  ///< corners of the same cells
   std::array<int, 2> keys_row_{-1, -1};
   std::vector<uint32_t> group_of_cut_;
   /// Look-up results of a row, see lookup_kernel::Found.

@@ -240,7 +240,7 @@ void Device::shape_pictures(uint32_t height) {
   format.width = coded_.format.width;
   format.height = height;
   format.pixelformat = oddities().nv12 ? V4L2_PIX_FMT_NV12 : V4L2_PIX_FMT_YUV420;
-  // The device states these whatever the stream says, as some drivers do.
+  // The device reports these numbers for every stream, as some drivers do.
   format.colorspace = V4L2_COLORSPACE_SRGB;
   format.quantization = V4L2_QUANTIZATION_LIM_RANGE;
   format.num_planes = 1;

@@ -43,7 +43,8 @@ class FilledSamples : public ::testing::Test {
   }
   struct Cells {
     std::vector<uint32_t> keys;
-    std::vector<lookup_kernel::Corners> corners;  ///< of all channels, samples_.row_samples() apart
+    /// Corners in all channels, samples_.row_samples() apart.
+    std::vector<lookup_kernel::Corners> corners;
   };
   /// Returns the cells below row kTop.
   [[nodiscard]] Cells find_cells() const {
