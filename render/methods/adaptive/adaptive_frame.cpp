@@ -32,7 +32,10 @@ AdaptiveFrame::AdaptiveFrame(const AdaptivePlan& of, const KeyGrid& keys, const 
       sweep(of.planes, whole),
       encoder(whole.colour_managed),
       start_mm(primary_start_mm(scene.near_mm, of.planes.model().rig().viewing.distance.value)),
-      beams(whole) {
+      beams(whole),
+      costs{.subpixels = of.planes.row_subpixels() * size_t{AdaptiveWorker::kBand},
+            .has_pbr = whole.pbr != nullptr,
+            .is_soft = of.options.soft.any()} {
   for (size_t at = 0; at < backdrop.size(); ++at)
     backdrop[at] = encoder.code(
         static_cast<float>(component(scene.backdrop.colour, static_cast<int>(at % 3))));
@@ -77,6 +80,9 @@ void AdaptiveWorker::evaluate_exactly(bool exactly) {
 }
 
 void AdaptiveWorker::set_sample(int picture, size_t lane) {
+  const SamplePlace& place = sample_places_[lane];
+  if (found_.group[lane] == SurfaceGroups::kNothing)
+    return frame_.samples.set_nothing(place.row, picture, place.column);
   KeySamples::Sample sample{.group = found_.group[lane],
                             .way = found_.notes.way[lane],
                             .light = {.lit = found_.notes.lit[lane],
@@ -91,7 +97,7 @@ void AdaptiveWorker::set_sample(int picture, size_t lane) {
     sample.value[c] = frame_.encoder.parts(found_.light[c][lane]);
     sample.light.secondary[c] = found_.secondary[c][lane];
   }
-  frame_.samples.set(sample_places_[lane].row, picture, sample_places_[lane].column, sample);
+  frame_.samples.set(place.row, picture, place.column, sample);
 }
 
 /// Traces the listed samples; idle lanes repeat the last one.
@@ -170,18 +176,21 @@ void AdaptiveWorker::render_band(int first_row) {
   const FrameCounts before = colours_.tracer().counts();
   sampled_.trace(frame_.scene, first_row, colours_.tracer());
   const FrameCounts after = colours_.tracer().counts();
-  band_.audited = static_cast<uint32_t>(sampled_.subpixels().size());
-  band_.rays =
+  band_.counts.audited = static_cast<uint32_t>(sampled_.subpixels().size());
+  band_.counts.rays =
       after.shadow_rays + after.secondary_rays - before.shadow_rays - before.secondary_rays;
   evaluate_exactly(false);
-  if (are_lookups_rejected(first_row)) {
-    band_.shaded = 0;
+  const bool given_up =
+      !is_unchanged && (are_lookups_rejected(first_row) || is_shading_expensive());
+  if (given_up) {
+    band_.counts.shaded = 0;
   } else {
     uncertain_.shade(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
     write_uncertain(first_row);
   }
-  audit_band(first_row, is_unchanged ? (*frame_.kept.bands)[static_cast<size_t>(first_row / kBand)]
-                                     : AdaptiveFrame::Band{});
+  audit_band(first_row, given_up,
+             is_unchanged ? (*frame_.kept.bands)[static_cast<size_t>(first_row / kBand)]
+                          : AdaptiveFrame::Band{});
 }
 
 /// Returns true if the band can be copied: no content that its subpixels see and no sample that
@@ -224,7 +233,7 @@ void AdaptiveWorker::render_row(int first_row, int row) {
   group_of_cut_.clear();
   for (const SweptCut& cut : swept_.cuts)
     group_of_cut_.push_back(frame_.groups.of(cut.geometry, cut.primitive));
-  band_.cuts += static_cast<uint32_t>(swept_.cuts.size());
+  band_.counts.cuts += static_cast<uint32_t>(swept_.cuts.size());
   group_of_cut_.push_back(SurfaceGroups::kNothing);  // read, but not used, in lanes without a cut
   look_up(between);
   leave_out(row);
@@ -425,9 +434,9 @@ void AdaptiveWorker::sort_row(int first_row, int row, const KeyGrid::Between& be
   const uint32_t unseen = unseen_in(row);
   counts_.unseen_subpixels += unseen;
   counts_.interpolated_subpixels += count - unknown - copied - unseen;
-  band_.unseen += unseen;
-  band_.seen += static_cast<uint32_t>(count - nothing - unseen);
-  band_.shaded += static_cast<uint32_t>(unknown + copied);
+  band_.counts.unseen += unseen;
+  band_.counts.seen += static_cast<uint32_t>(count - nothing - unseen);
+  band_.counts.shaded += static_cast<uint32_t>(unknown + copied);
 }
 
 bool AdaptiveWorker::is_rejected(const AuditErrors& retracing, uint64_t noise) const {
@@ -438,6 +447,11 @@ bool AdaptiveWorker::is_rejected(const AuditErrors& retracing, uint64_t noise) c
   return !frame_.plan.options.soft.any() &&
          retracing.mean_square() - 2.0 * retracing.standard_error() >
              kMostOfBand * frame_.plan.most_mean_square;
+}
+
+bool AdaptiveWorker::is_shading_expensive() const {
+  const BandCosts costs = frame_.costs.costs(band_.counts);
+  return costs.shading > costs.full;
 }
 
 bool AdaptiveWorker::are_lookups_rejected(int first_row) const {
@@ -458,7 +472,7 @@ void AdaptiveWorker::write_uncertain(int first_row) {
 
 /// Audits a band whose sampled subpixels are traced. `known` holds the results of a copied band, in
 /// which all audited subpixels are already exact.
-void AdaptiveWorker::audit_band(int first_row, const AdaptiveFrame::Band& known) {
+void AdaptiveWorker::audit_band(int first_row, bool given_up, const AdaptiveFrame::Band& known) {
   AuditErrors retracing, evaluation;
   for (const SampledSubpixels::Subpixel& s : sampled_.subpixels()) {
     uint8_t& code = frame_.out.row(first_row + s.row)[s.at];
@@ -472,8 +486,8 @@ void AdaptiveWorker::audit_band(int first_row, const AdaptiveFrame::Band& known)
     band_.retracing = retracing;
     band_.evaluation = evaluation;
   }
-  band_.retraced = is_rejected(band_.retracing);
-  if (band_.retraced && frame_.plan.options.soft.any())
+  band_.retraced = given_up || is_rejected(band_.retracing);
+  if (band_.retraced && !given_up && frame_.plan.options.soft.any())
     band_.retraced = is_rejected(band_.retracing, count_noise(first_row));
   frame_.bands[static_cast<size_t>(first_row / kBand)] = band_;
 }

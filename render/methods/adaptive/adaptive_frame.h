@@ -10,6 +10,7 @@
 
 #include "frames/frame.h"
 #include "render/methods/adaptive/audit.h"
+#include "render/methods/adaptive/band_costs.h"
 #include "render/methods/adaptive/colour_tracer.h"
 #include "render/methods/adaptive/ground_row.h"
 #include "render/methods/adaptive/key_samples.h"
@@ -54,6 +55,7 @@ struct AdaptiveFrame {
   LightEncoder encoder;
   double start_mm;
   BeamTester beams;
+  BandCostModel costs;
   std::array<uint8_t, 24> backdrop{};  ///< codes of eight pixels in rows of one backdrop colour
   /// Places on the viewing line to which rays go, if the backdrop has one colour beside the shadow
   /// on the ground: rays far from that and from all objects are not made.
@@ -64,12 +66,7 @@ struct AdaptiveFrame {
     AuditErrors retracing, evaluation;
     bool tried = false;     ///< rendered by this method
     bool retraced = false;  ///< left to method full, or tried and rejected
-    uint32_t seen = 0;      ///< subpixels that see a surface
-    uint32_t shaded = 0;    ///< subpixels that were shaded individually, or copied instead
-    uint32_t cuts = 0;      ///< primitives cut by the rows' planes
-    uint32_t audited = 0;   ///< subpixels traced for the audit
-    uint64_t rays = 0;      ///< shadow and secondary rays of these
-    uint32_t unseen = 0;    ///< subpixels that no eye of the zone sees
+    BandCounts counts;
   };
   std::vector<Band> bands;
 
@@ -150,6 +147,9 @@ class AdaptiveWorker {
   [[nodiscard]] RowPlane plane_of(int row) const;
   [[nodiscard]] uint8_t backdrop_code(int row, size_t at) const;
   [[nodiscard]] bool is_made(size_t begin, size_t end) const;
+  /// Returns true if shading the other subpixels of a band would take longer than method full takes
+  /// for all of it.
+  [[nodiscard]] bool is_shading_expensive() const;
   /// Returns true if the audit rejects a band for its lookups alone, so that the other subpixels
   /// need not be shaded.
   [[nodiscard]] bool are_lookups_rejected(int first_row) const;
@@ -157,7 +157,9 @@ class AdaptiveWorker {
   /// error, of which `noise` would be there in any case, or too large ones.
   [[nodiscard]] bool is_rejected(const AuditErrors& retracing, uint64_t noise = 0) const;
   void write_uncertain(int first_row);
-  void audit_band(int first_row, const AdaptiveFrame::Band& known);
+  /// Audits a band. If it is `given_up`, not all of its subpixels have been shaded, and method full
+  /// will render it.
+  void audit_band(int first_row, bool given_up, const AdaptiveFrame::Band& known);
   [[nodiscard]] bool is_beyond(uint8_t code, uint8_t exact) const;
   uint64_t count_noise(int first_row);
 

@@ -69,11 +69,12 @@ int largest_range(std::span<const KeySamples::Sample, 4> corners) {
   return most;
 }
 
-bool show_one_thing(std::span<const KeySamples::Sample, 4> corners, int most_apart) {
+/// Returns true if the light of corners that show one surface took one path and differs little.
+bool show_one_way(std::span<const KeySamples::Sample, 4> corners, int most_apart) {
   const KeySamples::Sample& first = corners[0];
   for (const KeySamples::Sample& corner : corners)
-    if (corner.group != first.group || corner.way != first.way ||
-        corner.light.lit != first.light.lit || corner.light.hidden != first.light.hidden)
+    if (corner.way != first.way || corner.light.lit != first.light.lit ||
+        corner.light.hidden != first.light.hidden)
       return false;
   return largest_range(corners) <= most_apart;
 }
@@ -93,7 +94,14 @@ KeySamples::Sample middle(const KeySamples::Sample& a, const KeySamples::Sample&
 
 }  // namespace
 
+void KeySamples::set_nothing(int row, int picture, int column) {
+  const size_t at = index(row, picture, column);
+  if (watches_changes_ && groups_[at] != SurfaceGroups::kNothing) changed_[at] = 1;
+  groups_[at] = SurfaceGroups::kNothing;
+}
+
 void KeySamples::set(int row, int picture, int column, const Sample& sample) {
+  if (sample.group == SurfaceGroups::kNothing) return set_nothing(row, picture, column);
   const size_t at = index(row, picture, column);
   std::array<uint16_t, 3> before{};
   for (size_t c = 0; c < 3; ++c) {
@@ -124,15 +132,14 @@ bool KeySamples::rows_changed(int first, int last) const {
 }
 
 /// Returns true if the coarse samples around a cell of one view have the same path as the cell's
-/// first sample wherever they show its surface: thin shadows and reflections between samples show
-/// up in samples nearby.
+/// first sample, which must show a surface, wherever they show it: thin shadows and reflections
+/// between samples show up in samples nearby.
 bool KeySamples::is_quiet(int top, size_t in_row, int left) const {
   constexpr int kAround = 3 * kCoarse;
   const auto place = [&](int r, int c) {
     return static_cast<size_t>(r) * row_samples_ + in_row + static_cast<size_t>(c);
   };
   const size_t first = place(top, left);
-  if (groups_[first] == SurfaceGroups::kNothing) return true;  // all its path ids are the same
   const int end_row = std::min(top + kCoarse + kAround, rows_ - 1);
   const int end_column = std::min(left + kCoarse + kAround, columns_ - 1);
   for (int r = std::max(top - kAround, 0); r <= end_row; r += kCoarse)
@@ -140,6 +147,13 @@ bool KeySamples::is_quiet(int top, size_t in_row, int left) const {
       if (groups_[place(r, c)] == groups_[first] && ways_[place(r, c)] != ways_[first])
         return false;
   return true;
+}
+
+bool KeySamples::show_one_group(int top, size_t in_row, int left) const {
+  const uint32_t* above =
+      groups_.data() + static_cast<size_t>(top) * row_samples_ + in_row + static_cast<size_t>(left);
+  const uint32_t* below = above + kCoarse * row_samples_;
+  return above[kCoarse] == above[0] && below[0] == above[0] && below[kCoarse] == above[0];
 }
 
 std::array<KeySamples::Sample, 4> KeySamples::corners(int top, size_t in_row, int left) const {
@@ -156,19 +170,26 @@ std::array<KeySamples::Sample, 4> KeySamples::corners(int top, size_t in_row, in
 }
 
 bool KeySamples::shows_one_surface(int top, int picture, int left, int most_apart) const {
-  const std::array<Sample, 4> corner = corners(top, in_row(picture, 0), left);
-  return std::ranges::all_of(corner,
-                             [&](const Sample& other) { return other.group == corner[0].group; }) &&
-         largest_range(corner) <= most_apart;
+  const size_t first = in_row(picture, 0);
+  return show_one_group(top, first, left) && largest_range(corners(top, first, left)) <= most_apart;
 }
 
 bool KeySamples::fill(int top, int picture, int left, const Agreement& agreement) {
   if (top + kCoarse >= rows_ || left + kCoarse >= columns_) return false;
   const size_t first = in_row(picture, 0);
+  uint8_t& filled = filled_[index(top, picture, left)];
+  filled = 0;
+  if (!show_one_group(top, first, left)) return false;
+  if (shows_nothing(top, picture, left)) {
+    filled = 1;
+    set_nothing(top, picture, left + 1);
+    set_nothing(top + 1, picture, left);
+    set_nothing(top + 1, picture, left + 1);
+    return true;
+  }
   const std::array<Sample, 4> corner = corners(top, first, left);
-  const bool fills = show_one_thing(corner, agreement.coarse) && is_quiet(top, first, left);
-  filled_[index(top, picture, left)] = fills ? 1 : 0;
-  if (!fills) return false;
+  if (!show_one_way(corner, agreement.coarse) || !is_quiet(top, first, left)) return false;
+  filled = 1;
   const Sample above = middle(corner[0], corner[1]), below = middle(corner[2], corner[3]);
   set(top, picture, left + 1, above);
   set(top + 1, picture, left, middle(corner[0], corner[2]));

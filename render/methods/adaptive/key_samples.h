@@ -75,6 +75,8 @@ class KeySamples {
     Light light{};
   };
   void set(int row, int picture, int column, const Sample& sample);
+  /// Sets a sample that shows no surface: its other values keep what they were and are never used.
+  void set_nothing(int row, int picture, int column);
 
   /// Every kCoarse-th sample of every kCoarse-th row is traced first.
   static constexpr int kCoarse = 2;
@@ -125,6 +127,8 @@ class KeySamples {
   }
   [[nodiscard]] uint32_t key_of(size_t at, size_t value, const Agreement& agreement,
                                 lookup_kernel::Corners* corners) const;
+  /// Returns true if the four coarse samples around a place show one surface, or all nothing.
+  [[nodiscard]] bool show_one_group(int top, size_t in_row, int left) const;
   [[nodiscard]] std::array<Sample, 4> corners(int top, size_t in_row, int left) const;
   [[nodiscard]] bool is_quiet(int top, size_t in_row, int left) const;
 

@@ -20,6 +20,7 @@
 #include "render/culling/last_frame.h"
 #include "render/integrator/pbr_tracer.h"
 #include "render/methods/adaptive/adaptive_frame.h"
+#include "render/methods/adaptive/band_costs.h"
 #include "render/methods/adaptive/band_order.h"
 #include "render/methods/method_full.h"
 #include "render/rays/primary_rays.h"
@@ -76,52 +77,6 @@ bool is_shiny(const Scene& scene) {
            return material.specular > 0.0 || material.transmittance > 0.0;
          });
 }
-
-/// Rough estimates of processor time in nanoseconds, from profiles of a few scenes; not fitted.
-/// Only their ratios matter.
-namespace band_costs {
-
-constexpr int64_t kPrimary = 45;     ///< method full: a ray that meets a surface, and its shading
-constexpr int64_t kMaterial = 60;    ///< the same with a metallic-roughness material, some textured
-constexpr int64_t kRay = 20;         ///< a shadow or secondary ray
-constexpr int64_t kSubpixel = 10;    ///< row sweep and lookup
-constexpr int64_t kCut = 90;         ///< a primitive cut by a row's plane
-constexpr int64_t kSorting = 60;     ///< a subpixel that is shaded individually, without its rays
-constexpr int64_t kPrimitive = 400;  ///< set-up for a frame
-/// Subpixels with metallic-roughness materials: three channels are kept for each sample, and as
-/// long as shading itself takes the sorting of those that are shaded individually.
-constexpr int64_t kMaterialSubpixel = 20;
-constexpr int64_t kMaterialSorting = 90;
-/// Rays per subpixel with soft light, in sixteenths: always many.
-constexpr int64_t kSoftRays = 16 * 100;
-
-/// Costs of a band with method full, and what the adaptive method spends on it before it is known
-/// whether the band is left to full.
-struct Costs {
-  int64_t full, spent;
-};
-
-/// Returns the costs of a band of `subpixels` in which `rays` sixteenths of a ray start from each.
-/// Subpixels that see nothing cost little with both methods.
-Costs costs(const AdaptiveFrame::Band& band, int64_t subpixels, int64_t rays) {
-  const int64_t seen = band.seen, shaded = band.shaded;
-  const int64_t rays_of_seen = seen > 0 ? rays * subpixels / seen : 0;
-  const int64_t full = kPrimary + kRay * rays_of_seen / 16;
-  const int64_t samples = seen * full / 8 + band.audited * full * seen / subpixels;
-  const int64_t shading = shaded * (kSorting + full * 5 / 8);
-  return {seen * full, seen * kSubpixel + band.cuts * kCut + samples + shading};
-}
-
-/// Returns the same for a band of metallic-roughness materials.
-Costs costs_of_materials(const AdaptiveFrame::Band& band, int64_t subpixels, int64_t rays) {
-  const int64_t seen = band.seen, shaded = band.shaded;
-  const int64_t rays_of_seen = seen > 0 ? rays * subpixels / seen : 0;
-  const int64_t full = kMaterial + kRay * rays_of_seen / 16;
-  return {seen * full,
-          seen * kMaterialSubpixel + band.cuts * kCut + shaded * (kMaterialSorting + full / 2)};
-}
-
-}  // namespace band_costs
 
 /// Largest root mean square of a frame's errors, as a multiple of the tolerated error.
 constexpr double kMostOfError = 2.0;
@@ -271,9 +226,7 @@ class AdaptiveMethod final : public Method {
       primitives += static_cast<int64_t>(mesh.triangles.size());
     const auto subpixels = static_cast<int64_t>(rendered_subpixels(planes_, *full_tiles_));
     const auto is_expensive = [&](int64_t rays) {
-      const int64_t full =
-          subpixels * (band_costs::kPrimary + band_costs::kRay * rays / 16) * 3 / 4;
-      return 4 * primitives * band_costs::kPrimitive > full;
+      return 4 * time_of_set_up(primitives) > time_of_full(subpixels, rays) * 3 / 4;
     };
     if (options_.soft.any() || !is_expensive(0)) return false;
     const FlushDenormals flush;
@@ -296,7 +249,8 @@ class AdaptiveMethod final : public Method {
   static constexpr int kSampleRows = AdaptiveWorker::kSampleRows;
 
   /// Tries bands in steps, of which each decides where the next one is worth it. Returns false if
-  /// the first step shows that method full is faster for the whole frame.
+  /// the frame is to be left to method full as a whole: if hardly anything could be interpolated,
+  /// or if the bands of the first step lose and none of them can be kept.
   [[nodiscard]] bool try_bands(AdaptiveFrame& frame, Workers& workers) {
     BandOrder order(static_cast<int>(frame.bands.size()));
     bool is_first = true;
@@ -308,9 +262,15 @@ class AdaptiveMethod final : public Method {
       in_parallel(static_cast<int>(due.size()),
                   [&](int n) { workers.local().render_band(due[static_cast<size_t>(n)] * kBand); });
       note_gains(frame, order);
-      if (std::exchange(is_first, false) && order.loses()) return false;
+      if (std::exchange(is_first, false) && order.loses()) return keeps_any(frame);
     }
     return true;
+  }
+
+  /// Returns true if a tried band is not left to method full.
+  static bool keeps_any(const AdaptiveFrame& frame) {
+    return std::ranges::any_of(
+        frame.bands, [](const AdaptiveFrame::Band& band) { return band.tried && !band.retraced; });
   }
 
   /// Notes what the tried bands have gained. Those whose errors are so large that
@@ -321,7 +281,7 @@ class AdaptiveMethod final : public Method {
     for (int n = 0; n < static_cast<int>(frame.bands.size()); ++n) {
       const AdaptiveFrame::Band& band = frame.bands[static_cast<size_t>(n)];
       if (!band.tried) continue;
-      order.note(n, gain_of(frame.scene, band));
+      order.note(n, gain_of(frame, band));
       ++errors.tried;
       if (band.retraced) continue;
       kept.push_back(n);
@@ -335,7 +295,7 @@ class AdaptiveMethod final : public Method {
     for (const int n : kept) {
       if (!exceeds_mean_square(errors)) break;
       errors.add(errors_of(n), -1.0);
-      order.note(n, -costs_of(frame.scene, frame.bands[static_cast<size_t>(n)]).spent);
+      order.note(n, -frame.costs.costs(frame.bands[static_cast<size_t>(n)].counts).spent());
     }
   }
 
@@ -419,12 +379,6 @@ class AdaptiveMethod final : public Method {
     return errors;
   }
 
-  /// Returns true if every band comes from method full.
-  static bool is_exact(const AdaptiveFrame& frame) {
-    return std::ranges::all_of(
-        frame.bands, [](const AdaptiveFrame::Band& band) { return !band.tried || band.retraced; });
-  }
-
   /// Renders the bands that were rejected or not tried.
   void retrace_bands(AdaptiveFrame& frame, Workers& workers) {
     in_parallel(static_cast<int>(frame.bands.size()), [&](int n) {
@@ -492,11 +446,13 @@ class AdaptiveMethod final : public Method {
   /// Returns true if most of the coarse samples taken so far show another surface or another colour
   /// than those beside and below them. Hardly any subpixel could be interpolated, and the other
   /// samples would be lost time. Scenes that gain from the method agree in at least three of five
-  /// places, scenes of small parts or fine textures in less than every other one.
+  /// places, scenes of small parts or fine textures in less than every other one. Where few places
+  /// show a surface, it may be one that is small beside the distance of the samples and gains
+  /// nevertheless: so less than one in four decides.
   [[nodiscard]] bool shows_small_parts(const AdaptiveFrame& frame) const {
     if (options_.soft.any()) return false;  // each subpixel has many rays
     constexpr int kStep = KeySamples::kCoarse;
-    constexpr int64_t kEnough = 4096;
+    constexpr int64_t kFew = 1024, kMany = 4096;
     const int most_apart = std::max(plan_.agreement.alike, plan_.agreement.unlike);
     int64_t seen = 0, alike = 0;
     for (int row = 0; row + kStep < frame.grid.rows(); row += kStep) {
@@ -511,24 +467,15 @@ class AdaptiveMethod final : public Method {
           alike += samples_.shows_one_surface(row, picture, column, most_apart) ? 1 : 0;
         }
     }
-    return seen >= kEnough && 2 * alike < seen;
+    return seen >= kFew && (seen < kMany ? 4 : 2) * alike < seen;
   }
 
   /// Estimates the time that a tried band has saved against method full. Only counters decide, so
   /// that the bytes do not depend on the machine's speed.
-  [[nodiscard]] int64_t gain_of(const Scene& scene, const AdaptiveFrame::Band& band) const {
-    const band_costs::Costs costs = costs_of(scene, band);
-    return (band.retraced ? 0 : costs.full) - costs.spent;
-  }
-
-  [[nodiscard]] band_costs::Costs costs_of(const Scene& scene,
-                                           const AdaptiveFrame::Band& band) const {
-    const int64_t light = options_.soft.any() ? band_costs::kSoftRays
-                                              : static_cast<int64_t>(16 * band.rays) /
-                                                    std::max<int64_t>(band.audited, 1);
-    const int64_t subpixels = static_cast<int64_t>(planes_.row_subpixels()) * kBand - band.unseen;
-    const auto costs = scene.pbr != nullptr ? band_costs::costs_of_materials : band_costs::costs;
-    return costs(band, std::max<int64_t>(subpixels, 1), light);
+  [[nodiscard]] static int64_t gain_of(const AdaptiveFrame& frame,
+                                       const AdaptiveFrame::Band& band) {
+    const BandCosts costs = frame.costs.costs(band.counts);
+    return (band.retraced ? 0 : costs.full) - costs.spent();
   }
 
   [[nodiscard]] RenderStatistics statistics_of(const AdaptiveFrame& frame, Workers& workers,
@@ -541,7 +488,7 @@ class AdaptiveMethod final : public Method {
     statistics.audited_subpixels = audit.sampled;
     statistics.audited_beyond = audit.beyond;
     statistics.rmse = std::sqrt(errors.mean_square());
-    if (is_exact(frame)) return statistics;
+    if (!keeps_any(frame)) return statistics;  // every band comes from method full
     statistics.beyond_bound = bound_of_share(audit);
     statistics.rmse_bound = std::sqrt(bound_of_mean_square(errors));
     return statistics;

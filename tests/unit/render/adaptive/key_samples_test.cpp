@@ -79,6 +79,21 @@ TEST_F(FilledSamples, InterpolateTheirNeighbours) {
   EXPECT_EQ(cells.keys[kLeft + 1], 4U);
 }
 
+TEST_F(FilledSamples, ShowNothingBetweenSamplesOfNothing) {
+  // What these samples showed before does not matter, nor do their neighbours.
+  constexpr int kStep = KeySamples::kCoarse;
+  for (const auto& [down, right] : {std::pair{0, 0}, {0, kStep}, {kStep, 0}, {kStep, kStep}})
+    samples_.set_nothing(kTop + down, kPicture, kLeft + right);
+  ASSERT_TRUE(fill());
+  for (int row = 0; row < kStep; ++row)
+    for (int column = 0; column < kStep; ++column)
+      EXPECT_TRUE(samples_.shows_nothing(kTop + row, kPicture, kLeft + column));
+  for (int column = 0; column < kStep; ++column)
+    EXPECT_EQ(find_cells().keys[static_cast<size_t>(kLeft + column)], 0U);
+  set(kTop, kLeft, slope(kTop, kLeft));
+  EXPECT_FALSE(fill());
+}
+
 /// One corner that shows another surface is replaced by what continues the other three.
 TEST_F(FilledSamples, MakeCellsOfThreeCorners) {
   for (const auto& [down, right] : {std::pair{0, 0}, {0, 1}, {1, 0}, {1, 1}}) {
@@ -197,6 +212,16 @@ class ChangedSamples : public FilledSamples {
     return samples_.cell_changed(row, static_cast<size_t>(kPicture * grid_.stride() + column));
   }
 };
+
+TEST_F(ChangedSamples, IncludeThoseThatShowNothingNowOrBefore) {
+  samples_.set_nothing(kTop, kPicture, kLeft);
+  EXPECT_TRUE(cell_changed(kTop, kLeft));
+  samples_.watch_changes();
+  samples_.set_nothing(kTop, kPicture, kLeft);
+  EXPECT_FALSE(cell_changed(kTop, kLeft));
+  set(kTop, kLeft, slope(kTop, kLeft));
+  EXPECT_TRUE(cell_changed(kTop, kLeft));
+}
 
 TEST_F(ChangedSamples, AreEmptyIfAllSamplesAreSetAgain) {
   for (int row = 0; row < grid_.rows(); ++row)
