@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "frames/linear_codes.h"
+
 namespace lenticule::frames {
 namespace {
 
@@ -11,7 +13,7 @@ namespace {
 /// avoids a power function per value. Bins are narrower than the light between two codes, so that
 /// at most one limit lies within a bin.
 struct Codes {
-  static constexpr size_t kBins = 4096;
+  static constexpr size_t kBins = LinearCodes::kBins;
 
   Codes() {
     for (size_t code = 0; code < 255; ++code)
@@ -27,6 +29,17 @@ struct Codes {
   std::array<double, 256> limit;     ///< between a code and the next one
   std::array<uint8_t, kBins> first;  ///< code at the start of each bin
 };
+
+const Codes& exact_codes() {
+  static const Codes codes;
+  return codes;
+}
+
+/// Returns the least number of single precision that is not below a limit.
+float rounded_up(double limit) {
+  const auto nearest = static_cast<float>(limit);
+  return double{nearest} < limit ? std::nextafter(nearest, 2.0F) : nearest;
+}
 
 }  // namespace
 
@@ -49,11 +62,26 @@ const std::array<double, 256>& linear_of_codes() {
 }
 
 uint8_t code_from_linear(double linear) {
-  static const Codes codes;
+  const Codes& codes = exact_codes();
   if (!(linear > 0.0)) return 0;
   if (linear >= 1.0) return 255;
   const uint8_t code = codes.first[static_cast<size_t>(linear * double{Codes::kBins})];
   return linear >= codes.limit[code] ? static_cast<uint8_t>(code + 1) : code;
+}
+
+const LinearCodes& linear_codes() {
+  static const LinearCodes table = [] {
+    LinearCodes codes{};
+    for (size_t bin = 0; bin < Codes::kBins; ++bin) {
+      const uint8_t code = exact_codes().first[bin];
+      const double limit = exact_codes().limit[code];
+      const double end = static_cast<double>(bin + 1) / Codes::kBins;
+      codes.first[bin] = code;
+      codes.limit[bin] = limit < end ? rounded_up(limit) : std::numeric_limits<float>::infinity();
+    }
+    return codes;
+  }();
+  return table;
 }
 
 }  // namespace lenticule::frames

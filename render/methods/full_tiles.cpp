@@ -3,17 +3,13 @@
 
 #include <algorithm>
 
-#include "frames/srgb.h"
+#include "frames/linear_codes.h"
 #include "render/accel/denormals.h"
 #include "render/depth_budget/prefilter.h"
 #include "render/shading/shading_tables.h"
 
 namespace lenticule::render {
 namespace {
-
-void write_managed(const float* light, int32_t count, uint8_t* codes) {
-  for (int32_t i = 0; i < count; ++i) codes[i] = frames::code_from_linear(double{light[i]});
-}
 
 /// Disables weak-ray skipping if rays are summed: the test is valid for one ray per subpixel only.
 RenderOptions with_rays_that_add_up(RenderOptions options) {
@@ -32,7 +28,7 @@ FullTiles::FullTiles(const optics::OpticalModel& model, const RenderOptions& opt
     : options_(with_rays_that_add_up(options)),
       plan_(model.rig()),
       packets_(model, plan_, options.isa),
-      encode_(shading_kernel_for(options.isa).encode) {
+      kernel_(shading_kernel_for(options.isa)) {
   for (const SubpixelPlace place : places(options)) samples_.emplace_back(model, place);
   if (options.prefilter == Prefilter::Depth || options.prefilter == Prefilter::Beam)
     prefilter_.emplace(model, plan_, options);
@@ -101,7 +97,7 @@ void FullTiles::Worker::trace(const Tile& tile, PacketTracer::FootprintSample sa
 }
 
 void FullTiles::Worker::write(const Tile& tile, frames::WovenFrame& frame) const {
-  const auto write_codes = scene_.colour_managed ? write_managed : tiles_.encode_;
+  const shading_kernel::Kernel& kernel = tiles_.kernel_;
   for (int row = 0; row < tile.rows; ++row) {
     // Subpixel 3 i + channel is byte 3 i + channel of the row.
     const int first = tiles_.plan_.subpixel(tile, 0, row);
@@ -110,7 +106,10 @@ void FullTiles::Worker::write(const Tile& tile, frames::WovenFrame& frame) const
     const float* in = light_.data() + static_cast<size_t>(row) * tile.columns;
     if (begin >= end) continue;
     uint8_t* codes = frame.row(tile.row_begin + row);
-    write_codes(in + begin, end - begin, codes + first + begin);
+    if (scene_.colour_managed)
+      kernel.encode_linear(frames::linear_codes(), in + begin, end - begin, codes + first + begin);
+    else
+      kernel.encode(in + begin, end - begin, codes + first + begin);
     if (tiles_.zone_)
       tiles_.zone_->for_each_unseen(tile.row_begin + row, static_cast<size_t>(first + begin),
                                     static_cast<size_t>(first + end),

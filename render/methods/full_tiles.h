@@ -71,7 +71,7 @@ class FullTiles {
   RenderOptions options_;
   TilePlan plan_;
   PrimaryPackets packets_;
-  decltype(shading_kernel::Kernel::encode) encode_;
+  const shading_kernel::Kernel& kernel_;
   std::vector<Footprint> samples_;
   std::optional<DepthPrefilter> prefilter_;
   std::optional<ZoneMask> zone_;

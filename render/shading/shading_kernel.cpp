@@ -203,6 +203,17 @@ void encode(const float* light, int32_t count, uint8_t* codes) {
   }
 }
 
+void encode_linear(const frames::LinearCodes& table, const float* light, int32_t count,
+                   uint8_t* codes) {
+  constexpr float kBelowOne = 0x1.fffffep-1F;
+  for (int32_t i = 0; i < count; ++i) {
+    const float above = light[i] > 0.0F ? light[i] : 0.0F;
+    const float held = above < kBelowOne ? above : kBelowOne;
+    const auto bin = static_cast<int32_t>(held * float{frames::LinearCodes::kBins});
+    codes[i] = static_cast<uint8_t>(table.first[bin] + (held >= table.limit[bin] ? 1 : 0));
+  }
+}
+
 }  // namespace
 
 extern const shading_kernel::Kernel kShadingKernel;
@@ -217,6 +228,7 @@ const shading_kernel::Kernel kShadingKernel{.find_surfaces = find_surfaces,
                                             .mirrored_rays = mirrored_rays,
                                             .add_light = add_light,
                                             .leave_out = leave_out,
-                                            .encode = encode};
+                                            .encode = encode,
+                                            .encode_linear = encode_linear};
 
 }  // namespace lenticule::render::LENTICULE_ISA_NAMESPACE

@@ -12,6 +12,7 @@
 #include <cstdint>
 
 #include "base/cpu.h"
+#include "frames/linear_codes.h"
 #include "render/shading/sample_data.h"
 
 namespace lenticule::render::shading_kernel {
@@ -185,6 +186,9 @@ struct Kernel {
                         float* light);
   /// Converts `count` values of encoded light to code values, as frames::code_from_encoded() does.
   void (*encode)(const float* light, int32_t count, uint8_t* codes);
+  /// Converts linear light, as frames::code_from_linear() does.
+  void (*encode_linear)(const frames::LinearCodes& table, const float* light, int32_t count,
+                        uint8_t* codes);
 };
 
 }  // namespace lenticule::render::shading_kernel

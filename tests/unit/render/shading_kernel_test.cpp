@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "base/cpu.h"
+#include "frames/linear_codes.h"
 #include "frames/srgb.h"
 #include "render/accel/embree_packets.h"
 #include "render/accel/ray_stream.h"
@@ -193,6 +194,34 @@ TEST_P(ShadingKernel, GivesTheSameBitsOnEveryInstructionSet) {
       }
     }
   }
+}
+
+TEST(ShadingKernelCodes, OfLinearLightAreThoseOfTheReference) {
+  std::vector<float> light = {-1.0F, -0.0F, 0.0F, 1.0F, 2.0F, 1e-40F, INFINITY, -INFINITY, NAN};
+  const auto add_with_neighbours = [&](double value) {
+    const auto near = static_cast<float>(value);
+    for (const float each : {std::nextafter(near, 0.0F), near, std::nextafter(near, 2.0F)})
+      light.push_back(each);
+  };
+  for (int code = 0; code < 255; ++code)
+    add_with_neighbours(frames::linear_from_srgb((code + 0.5) / 255.0));
+  for (int bin = 0; bin <= frames::LinearCodes::kBins; ++bin)
+    add_with_neighbours(static_cast<double>(bin) / frames::LinearCodes::kBins);
+  std::mt19937 random(9);
+  std::uniform_real_distribution<float> anywhere(0.0F, 1.0F);
+  for (int n = 0; n < 100000; ++n) light.push_back(anywhere(random));
+  std::vector<uint8_t> expected;
+  for (const float value : light) expected.push_back(frames::code_from_linear(double{value}));
+  for (const Kernel* kernel : runnable_kernels())
+    for (size_t left_out = 0; left_out < 40; ++left_out) {
+      std::vector<uint8_t> codes(light.size() + 1, 77);
+      const size_t count = light.size() - left_out;
+      kernel->encode_linear(frames::linear_codes(), light.data(), static_cast<int32_t>(count),
+                            codes.data());
+      ASSERT_TRUE(std::equal(codes.begin(), codes.begin() + static_cast<std::ptrdiff_t>(count),
+                             expected.begin()));
+      ASSERT_EQ(codes[count], 77) << "behind the last one";
+    }
 }
 
 TEST(ShadingKernelCodes, AreThoseOfTheReference) {
