@@ -113,6 +113,7 @@ bool InputReader::find_coordinates(const MaterialInput& input) {
   const auto side = [&](Vec2 by) { return edges.edge1 * by.x + edges.edge2 * by.y; };
   at_ = {map[0] * u + map[1] * v + map[2], map[3] * u + map[4] * v + map[5]};
   footprint_ = {.across = side(place_.across), .along = side(place_.along)};
+  lookup_.shape = {};
   located_ = &input;
   return true;
 }
@@ -122,7 +123,8 @@ std::optional<MipMaps::Value> InputReader::value(const MaterialInput& input) {
   if (read_ != nullptr && read_->maps == input.maps && read_->has_coordinates_of(input))
     return value_;
   if (!find_coordinates(input)) return std::nullopt;
-  value_ = input.maps->value(at_, footprint_);
+  if (lookup_.shape != input.maps->shape()) input.maps->find(at_, footprint_, lookup_);
+  value_ = input.maps->value(lookup_);
   read_ = &input;
   return value_;
 }

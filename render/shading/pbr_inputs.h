@@ -7,8 +7,8 @@
 #include <optional>
 
 #include "render/scene/scene.h"
-#include "render/shading/mip_maps.h"
 #include "render/shading/surface.h"
+#include "render/textures/mip_maps.h"
 
 namespace lenticule::render {
 
@@ -101,6 +101,7 @@ class InputReader {
   const MaterialInput* located_ = nullptr;  ///< input whose coordinates are found
   Vec2 at_{};
   TextureFootprint footprint_{};
+  TextureLookup lookup_;                 ///< of these coordinates, if its shape has a width
   const MaterialInput* read_ = nullptr;  ///< input whose value is `value_`
   MipMaps::Value value_{};
 };

@@ -10,11 +10,11 @@
 
 #include "render/scene/scene.h"
 #include "render/shading/environment_light.h"
-#include "render/shading/mip_maps.h"
 #include "render/shading/pbr_inputs.h"
 #include "render/shading/pbr_shading.h"
 #include "render/shading/pbr_tables.h"
 #include "render/shading/surface.h"
+#include "render/textures/mip_maps.h"
 
 namespace lenticule::render {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/shading/mip_maps.h"
+#include "render/textures/mip_maps.h"
 
 #include <gtest/gtest.h>
 

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/shading/mip_maps.h"
+#include "render/textures/mip_maps.h"
 
 #include <oneapi/tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "frames/srgb.h"
 
@@ -15,7 +14,7 @@ namespace {
 using Value = MipMaps::Value;
 
 /// Most lookups along the longer axis of a footprint; longer ones are blurred across as well.
-constexpr double kMostProbes = 16.0;
+constexpr double kMostProbes = texel_kernel::kPlaces;
 
 double clamped01(double v) {
   return v > 0.0 ? std::min(v, 1.0) : 0.0;
@@ -122,70 +121,46 @@ Ellipse ellipse_around(Vec2 a, Vec2 b) {
   return out;
 }
 
-/// Two neighbouring texels along one axis and the weight of the second.
-struct Neighbours {
-  int first;
-  int second;
-  float part;
-};
-
-/// Returns the distance of a coordinate above the next lower integer. Does not use std::floor,
-/// which is a function call without SSE4.
-double beyond_whole(double coordinate) {
-  const double beyond = coordinate - static_cast<double>(static_cast<int64_t>(coordinate));
-  return beyond < 0.0 ? beyond + 1.0 : beyond;
-}
-
-/// Returns the place in the picture, 0 to 1, of a coordinate beyond it.
-double place_in_picture(double coordinate, bool repeat, bool mirror) {
-  if (!(std::abs(coordinate) < 1e15)) coordinate = 0.0;
-  if (!repeat) return std::clamp(coordinate, 0.0, 1.0);
-  if (!mirror) return beyond_whole(coordinate);
-  const double in_pair = 2.0 * beyond_whole(0.5 * coordinate);
-  return in_pair > 1.0 ? 2.0 - in_pair : in_pair;
-}
-
-/// `wraps`: the texel beyond the border is that of the other side, otherwise the border's own.
-Neighbours neighbours(double place, int size, bool wraps) {
-  // Measured from half a texel before the first one, so that truncation rounds down.
-  const double texel = place * size + 0.5;
-  const int second = static_cast<int>(texel), first = second - 1;
-  const auto part = static_cast<float>(texel - second);
-  const int before = wraps ? size - 1 : 0, behind = wraps ? 0 : size - 1;
-  return {first < 0 ? before : first, second >= size ? behind : second, part};
-}
-
-/// The four channels of a texel.
-using Four = float __attribute__((vector_size(16)));
-
-Four mixed(Four a, Four b, float part) {
-  return a + (b - a) * part;
-}
-
-/// Returns the values of the 256 codes in single precision.
-std::array<float, 256> in_singles(const std::array<double, 256>& values) {
-  std::array<float, 256> out{};
-  for (size_t code = 0; code < out.size(); ++code) out[code] = static_cast<float>(values[code]);
-  return out;
-}
 const float* light_of_code() {
-  static const std::array<float, 256> light = in_singles(frames::linear_of_codes());
+  static const std::array<float, 256> light = [] {
+    std::array<float, 256> all{};
+    for (size_t code = 0; code < all.size(); ++code)
+      all[code] = static_cast<float>(frames::linear_of_codes()[code]);
+    return all;
+  }();
   return light.data();
 }
-const float* share_of_code() {
-  static const std::array<float, 256> shares = in_singles(share_of_codes());
-  return shares.data();
+
+texel_kernel::Content kernel_content(MipMaps::Content content) {
+  using enum MipMaps::Content;
+  using texel_kernel::Content;
+  return content == Colour ? Content::kColour
+         : content == Data ? Content::kData
+                           : Content::kNormals;
 }
 
 }  // namespace
 
 MipMaps::MipMaps(std::shared_ptr<const Texture> texture, Content content)
     : texture_(std::move(texture)),
+      shape_{.width = texture_->width,
+             .height = texture_->height,
+             .repeat_u = texture_->repeat_u,
+             .mirror_u = texture_->mirror_u,
+             .repeat_v = texture_->repeat_v,
+             .mirror_v = texture_->mirror_v},
       content_(content),
+      kernel_(LENTICULE_SELECT_KERNEL(best_isa(), kTexelKernel)),
       colour_of_code_(content == Content::Colour ? frames::linear_of_codes().data()
                                                  : share_of_codes().data()) {
   for (LevelView last = level(0); last.width > 1 || last.height > 1; last = level(levels_.size()))
     levels_.push_back(halved(last));
+  for (size_t number = 0; number <= levels_.size(); ++number) {
+    const LevelView view = level(number);
+    views_.push_back(
+        {.codes = view.codes, .values = view.values, .is_first = view.is_first ? 1 : 0});
+  }
+  views_.push_back(views_.back());
 }
 
 MipMaps::LevelView MipMaps::level(size_t number) const {
@@ -267,91 +242,55 @@ MipMaps::Level MipMaps::halved(const LevelView& from) const {
   return to;
 }
 
-/// Sampler interpolates between texels of two levels, in single precision.
-class MipMaps::Sampler {
- public:
-  /// `depth` counts levels.
-  Sampler(const MipMaps& maps, double depth)
-      : texture_(*maps.texture_),
-        is_normals_(maps.content_ == Content::Normals),
-        colour_of_code_(maps.content_ == Content::Colour ? light_of_code() : share_of_code()),
-        share_of_code_(share_of_code()) {
-    const auto sharper = static_cast<size_t>(depth);
-    fine_ = maps.level(sharper);
-    part_ = static_cast<float>(depth - static_cast<double>(sharper));
-    if (part_ > 0.0F) coarse_ = maps.level(std::min(sharper + 1, maps.levels_.size()));
-  }
+/// Returns the level, between two if it is not a whole number, whose texels are `width` of those of
+/// the texture wide.
+double MipMaps::depth_of(double width) const {
+  const auto last = static_cast<double>(levels_.size());
+  if (width <= 1.0) return 0.0;
+  // Not finite at the horizon of a plane.
+  return width < 1e9 ? std::min(double{std::log2(static_cast<float>(width))}, last) : last;
+}
 
-  [[nodiscard]] Four at(Vec2 at) const {
-    const Vec2 place{place_in_picture(at.x, texture_.repeat_u, texture_.mirror_u),
-                     place_in_picture(at.y, texture_.repeat_v, texture_.mirror_v)};
-    const Four value = bilinear(fine_, place);
-    return part_ > 0.0F ? mixed(value, bilinear(coarse_, place), part_) : value;
-  }
+void MipMaps::find(Vec2 at, const TextureFootprint& footprint, TextureLookup& lookup) const {
+  const auto texels = [&](Vec2 v) { return Vec2{v.x * shape_.width, v.y * shape_.height}; };
+  const Ellipse area = ellipse_around(texels(footprint.across), texels(footprint.along));
+  const double width = std::max({area.minor, area.major / kMostProbes, 1.0});
+  const double depth = depth_of(width);
+  lookup.shape = shape_;
+  lookup.fine = static_cast<size_t>(depth);
+  texel_kernel::Lookup& out = lookup.texels;
+  out.of_coarse = static_cast<float>(depth - static_cast<double>(lookup.fine));
 
- private:
-  [[nodiscard]] Four bilinear(const LevelView& from, Vec2 place) const {
-    // A mirrored border continues as an extended one does.
-    const Neighbours x = neighbours(place.x, from.width, texture_.repeat_u && !texture_.mirror_u);
-    const Neighbours y = neighbours(place.y, from.height, texture_.repeat_v && !texture_.mirror_v);
-    return mixed(mixed(texel(from, x.first, y.first), texel(from, x.second, y.first), x.part),
-                 mixed(texel(from, x.first, y.second), texel(from, x.second, y.second), x.part),
-                 y.part);
-  }
+  const double longer = area.major / width;
+  const bool is_long = longer > 1.0 + 1e-6 && std::isfinite(area.major);
+  out.places = !is_long               ? 1
+               : longer < kMostProbes ? static_cast<int>(std::ceil(longer - 1e-6))
+                                      : texel_kernel::kPlaces;
+  const Vec2 axis = is_long ? Vec2{area.major_axis.x * area.major / shape_.width,
+                                   area.major_axis.y * area.major / shape_.height}
+                            : Vec2{};
+  const LevelView fine = level(lookup.fine);
+  const LevelView coarse = level(std::min(lookup.fine + 1, levels_.size()));
+  kernel_.find({.middle = {at.x, at.y},
+                .length = {axis.x, axis.y},
+                .repeat = {shape_.repeat_u, shape_.repeat_v},
+                .mirror = {shape_.mirror_u, shape_.mirror_v},
+                .fine_size = {fine.width, fine.height},
+                .coarse_size = {coarse.width, coarse.height}},
+               out);
+}
 
-  [[nodiscard]] Four texel(const LevelView& from, int x, int y) const {
-    const size_t at =
-        4 * (static_cast<size_t>(y) * static_cast<size_t>(from.width) + static_cast<size_t>(x));
-    Four value;
-    if (from.codes == nullptr) {
-      std::memcpy(&value, from.values + at, sizeof value);
-    } else {
-      const uint8_t* code = from.codes + at;
-      value = Four{colour_of_code_[code[0]], colour_of_code_[code[1]], colour_of_code_[code[2]],
-                   share_of_code_[code[3]]};
-    }
-    return is_normals_ ? vector_of(value, from.is_first) : value;
-  }
-
-  /// Returns the mean vector of a texel of a normal map, as MipMaps::texel() does.
-  static Four vector_of(Four value, bool is_first) {
-    const Four vector = 2.0F * value - 1.0F;
-    const float size =
-        std::sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2]);
-    const float held = is_first ? 1.0F : 1.0F - value[3] * value[3];
-    return size > 0.0F ? vector * (held / size) : Four{0.0F, 0.0F, held, 0.0F};
-  }
-
-  const Texture& texture_;
-  bool is_normals_;
-  const float* colour_of_code_;
-  const float* share_of_code_;
-  LevelView fine_{}, coarse_{};
-  float part_ = 0.0F;
-};
+Value MipMaps::value(const TextureLookup& lookup) const {
+  std::array<float, 4> mean;
+  kernel_.mean(kernel_content(content_), light_of_code(), views_[lookup.fine],
+               views_[lookup.fine + 1], lookup.texels, mean.data());
+  return {double{mean[0]}, double{mean[1]}, double{mean[2]}, double{mean[3]}};
+}
 
 Value MipMaps::value(Vec2 at, const TextureFootprint& footprint) const {
-  const auto texels = [&](Vec2 v) { return Vec2{v.x * texture_->width, v.y * texture_->height}; };
-  const Ellipse area = ellipse_around(texels(footprint.across), texels(footprint.along));
-  const auto last = static_cast<double>(levels_.size());
-  const double width = std::max({area.minor, area.major / kMostProbes, 1.0});
-  // Not finite at the horizon of a plane.
-  const double depth = width <= 1.0  ? 0.0
-                       : width < 1e9 ? std::min(double{std::log2(static_cast<float>(width))}, last)
-                                     : last;
-  const Sampler sampler(*this, depth);
-  const auto value_of = [](Four v) {
-    return Value{double{v[0]}, double{v[1]}, double{v[2]}, double{v[3]}};
-  };
-  const double longer = area.major / width;
-  if (!(longer > 1.0 + 1e-6) || !std::isfinite(area.major)) return value_of(sampler.at(at));
-  const int probes = longer < kMostProbes ? static_cast<int>(std::ceil(longer - 1e-6))
-                                          : static_cast<int>(kMostProbes);
-  const Vec2 axis{area.major_axis.x * area.major / texture_->width,
-                  area.major_axis.y * area.major / texture_->height};
-  Four sum{};
-  for (int n = 0; n < probes; ++n) sum += sampler.at(at + axis * ((n + 0.5) / probes - 0.5));
-  return value_of(sum * (1.0F / static_cast<float>(probes)));
+  TextureLookup lookup;
+  find(at, footprint, lookup);
+  return value(lookup);
 }
 
 }  // namespace lenticule::render

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "render/scene/scene_description.h"
+#include "render/textures/texel_kernel.h"
 
 namespace lenticule::render {
 
@@ -15,6 +16,23 @@ namespace lenticule::render {
 struct TextureFootprint {
   Vec2 across{};
   Vec2 along{};
+};
+
+/// TextureShape is what the place of a look-up depends on.
+struct TextureShape {
+  int width = 0;
+  int height = 0;
+  bool repeat_u = false, mirror_u = false, repeat_v = false, mirror_v = false;
+
+  friend bool operator==(const TextureShape&, const TextureShape&) = default;
+};
+
+/// TextureLookup holds the texels of a look-up, for all textures of one shape: those of a material
+/// mostly have one.
+struct TextureLookup {
+  TextureShape shape;  ///< without a width if nothing was looked up
+  size_t fine = 0;     ///< number of the sharper level
+  texel_kernel::Lookup texels;
 };
 
 /// MipMaps holds a texture and copies of it in halves, quarters and so on. The levels of an 8-bit
@@ -34,8 +52,12 @@ class MipMaps {
   /// channels are the mean vector, which is the shorter the more the vectors differ. Non-finite
   /// coordinates count as 0.
   [[nodiscard]] Value value(Vec2 at, const TextureFootprint& footprint) const;
+  /// Do the same in two steps. The second one must be given a look-up of the shape of the texture.
+  void find(Vec2 at, const TextureFootprint& footprint, TextureLookup& lookup) const;
+  [[nodiscard]] Value value(const TextureLookup& lookup) const;
 
   [[nodiscard]] const Texture& texture() const { return *texture_; }
+  [[nodiscard]] const TextureShape& shape() const { return shape_; }
   [[nodiscard]] Content content() const { return content_; }
   /// Returns the number of owners of the texture.
   [[nodiscard]] long owners() const { return texture_.use_count(); }
@@ -58,18 +80,20 @@ class MipMaps {
     bool is_first;
   };
 
-  class Sampler;
-
   [[nodiscard]] LevelView level(size_t number) const;
   /// Returns a texel in the form that can be averaged.
   [[nodiscard]] Value texel(const LevelView& from, int x, int y) const;
   [[nodiscard]] Level halved(const LevelView& from) const;
   void store(const Value& value, size_t index, Level& to) const;
+  [[nodiscard]] double depth_of(double width) const;
 
   std::shared_ptr<const Texture> texture_;
+  TextureShape shape_;
   Content content_;
+  const texel_kernel::Kernel& kernel_;
   const double* colour_of_code_;  ///< numbers of the 256 codes, for RGB
   std::vector<Level> levels_;
+  std::vector<texel_kernel::Level> views_;  ///< all levels, the last one twice
 };
 
 }  // namespace lenticule::render
