@@ -17,6 +17,7 @@ constexpr float kWhite = 255.0F * kCodeParts;
 
 LightEncoder::LightEncoder(bool colour_managed) {
   if (!colour_managed) return;
+  linear_ = &frames::linear_codes();
   for (size_t n = 0; n <= kKnots; ++n) {
     const double root = static_cast<double>(n) / kKnots;
     knots_.push_back(static_cast<float>(double{kWhite} * frames::srgb_from_linear(root * root)));
@@ -31,11 +32,6 @@ uint16_t LightEncoder::parts(float light) const {
   const auto knot = static_cast<size_t>(at);
   const float part = at - static_cast<float>(knot);
   return static_cast<uint16_t>(knots_[knot] + (knots_[knot + 1] - knots_[knot]) * part + 0.5F);
-}
-
-uint8_t LightEncoder::code(float light) const {
-  return knots_.empty() ? frames::code_from_encoded(light)
-                        : frames::code_from_linear(double{light});
 }
 
 }  // namespace lenticule::render

@@ -5,6 +5,9 @@
 #include <cstdint>
 #include <vector>
 
+#include "frames/linear_codes.h"
+#include "frames/srgb.h"
+
 namespace lenticule::render {
 
 /// LightEncoder encodes light, which is linear in colour-managed scenes and already encoded in
@@ -17,9 +20,16 @@ class LightEncoder {
   /// to 0 ... 255 codes.
   [[nodiscard]] uint16_t parts(float light) const;
   /// Returns the code value as method full writes it.
-  [[nodiscard]] uint8_t code(float light) const;
+  [[nodiscard]] uint8_t code(float light) const {
+    if (linear_ == nullptr) return frames::code_from_encoded(light);
+    const float above = light > 0.0F ? light : 0.0F;
+    if (above >= 1.0F) return 255;
+    const auto bin = static_cast<int32_t>(above * float{frames::LinearCodes::kBins});
+    return static_cast<uint8_t>(linear_->first[bin] + (above >= linear_->limit[bin] ? 1 : 0));
+  }
 
  private:
+  const frames::LinearCodes* linear_ = nullptr;  ///< null if not colour managed
   std::vector<float> knots_;  ///< uniform in the root of linear light; empty if not colour managed
 };
 

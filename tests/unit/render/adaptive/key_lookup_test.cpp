@@ -340,5 +340,20 @@ TEST(LightEncoder, IsCloseToTheExactCurve) {
   EXPECT_EQ(managed.parts(std::numeric_limits<float>::quiet_NaN()), 0);
 }
 
+TEST(LightEncoder, HasTheCodesOfFull) {
+  const LightEncoder managed(true), straight(false);
+  std::vector<float> all = {-1.0F, 2.0F, INFINITY, -INFINITY, std::nanf("")};
+  for (int n = 0; n <= 1 << 20; ++n) all.push_back(static_cast<float>(n) / (1 << 20));
+  for (int code = 0; code < 255; ++code) {
+    const auto limit = static_cast<float>(frames::linear_from_srgb((code + 0.5) / 255.0));
+    for (const float near : {std::nextafter(limit, 0.0F), limit, std::nextafter(limit, 1.0F)})
+      all.push_back(near);
+  }
+  for (const float light : all) {
+    ASSERT_EQ(managed.code(light), frames::code_from_linear(double{light})) << light;
+    ASSERT_EQ(straight.code(light), frames::code_from_encoded(light)) << light;
+  }
+}
+
 }  // namespace
 }  // namespace lenticule::render
