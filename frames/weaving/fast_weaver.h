@@ -27,10 +27,11 @@ enum class WeaveKernel {
   Neon,        ///< the same with NEON, except for mixing under Gauss
   Avx2,        ///< the same with AVX2
   Permute,     ///< AVX-512 with byte permutes (VBMI): stripes, up to 64 views, not for Gauss
+  PermuteSingly,  ///< the same with permutations of one register only, for Intel's processors
 };
-inline constexpr WeaveKernel kWeaveKernels[] = {WeaveKernel::Plain, WeaveKernel::Transposed,
-                                                WeaveKernel::Neon, WeaveKernel::Avx2,
-                                                WeaveKernel::Permute};
+inline constexpr WeaveKernel kWeaveKernels[] = {WeaveKernel::Plain,   WeaveKernel::Transposed,
+                                                WeaveKernel::Neon,    WeaveKernel::Avx2,
+                                                WeaveKernel::Permute, WeaveKernel::PermuteSingly};
 [[nodiscard]] const char* to_string(WeaveKernel kernel);
 /// Returns true if this machine and plan can use the kernel.
 [[nodiscard]] bool kernel_suits(WeaveKernel kernel, const WeavePlan& plan);
@@ -71,7 +72,7 @@ class BlockWeaver {
   weave_kernel::Terms terms_{};
   std::vector<const uint8_t*> first_pixels_;
   weave_kernel::Pictures pictures_{};
-  /// Rows of the block that is woven: code values of the permute kernel, light of the others.
+  /// Rows of the block that is woven: code values of the permuting kernels, light of the others.
   std::vector<uint8_t> codes_;
   std::vector<uint16_t> light_;
   size_t stride_ = 0;

@@ -16,14 +16,13 @@
 #pragma GCC diagnostic ignored "-Wuninitialized"
 #endif
 
+#include "frames/weaving/permute_tables.h"
 #include "frames/weaving/weave_kernel.h"
 
 namespace lenticule::frames::weave_kernel {
 namespace {
 
-constexpr size_t kRegisterBytes = 64;
 constexpr int kViewsPerRegister = 16;
-constexpr uint64_t kSecondEight = 0xff00ff00ff00ff00;
 
 /// LightTable maps 256 codes to light: low and high bytes, in four registers each.
 struct LightTable {
@@ -44,6 +43,10 @@ LightTable light_table(const uint16_t* light) {
   return table;
 }
 
+/// Order of a run's subpixels in the lanes of a row: two subpixels that are four apart share a
+/// double word, because their view numbers are computed in double words.
+constexpr int kOrder[kRun] = {0, 4, 1, 5, 2, 6, 3, 7};
+
 /// ColourTable is indexed by the colours that the rows' runs begin with, encoded as Quad::colours:
 /// the colour of each lane, 0 to 2.
 struct ColourTable {
@@ -55,7 +58,7 @@ constexpr ColourTable colour_table() {
   for (int colours = 0; colours < 256; ++colours)
     for (int r = 0; r < kRows; ++r)
       for (int n = 0; n < kRun; ++n) {
-        const auto colour = static_cast<uint8_t>(((colours >> (2 * r) & 3) + n) % 3);
+        const auto colour = static_cast<uint8_t>(((colours >> (2 * r) & 3) + kOrder[n]) % 3);
         table.lanes[colours][16 * r + n] = table.lanes[colours][16 * r + kRun + n] = colour;
       }
   return table;
@@ -68,58 +71,55 @@ struct Views {
   __m512i weight;  ///< words
 };
 
+/// Returns the view numbers of four subpixels of each row, before they are clamped: those that are
+/// `along` places from the first. The steps of a record hold the columns' bend in the upper word,
+/// which the upper words of `along` multiply by zero.
+__m512i numbers_of(const Terms& terms, __m512i first, __m512i along, __m512i steps) {
+  const __m512i usual = _mm512_mullo_epi32(along, _mm512_set1_epi32(terms.view_step));
+  return _mm512_dpwssd_epi32(_mm512_add_epi32(first, usual), along, steps);
+}
+
 template <bool kMixesViews>
 Views views_of(const Terms& terms, const Quad& quad) {
+  constexpr __mmask32 kUpperWords = 0xaaaaaaaa;
+  constexpr int kFractionBits = kViewBits - kWeightBits;
   const __m512i by_row = _mm512_set_epi32(3, 3, 3, 3, 2, 2, 2, 2, 1, 1, 1, 1, 0, 0, 0, 0);
-  const __m512i along = _mm512_set_epi32(3, 2, 1, 0, 3, 2, 1, 0, 3, 2, 1, 0, 3, 2, 1, 0);
   const __m512i none = _mm512_setzero_si512(), most = _mm512_set1_epi32(terms.view_most);
-  const __m128i start = _mm_loadu_si128(reinterpret_cast<const __m128i*>(quad.view));
-  const __m512i step = _mm512_set1_epi32(terms.view_step + quad.view_step);
-  __m512i left = _mm512_add_epi32(_mm512_permutexvar_epi32(by_row, _mm512_castsi128_si512(start)),
-                                  _mm512_mullo_epi32(along, step));
-  __m512i right = _mm512_add_epi32(left, _mm512_slli_epi32(step, 2));
+  const __m512i first = _mm512_permutexvar_epi32(
+      by_row, _mm512_castsi128_si512(_mm_loadu_si128(reinterpret_cast<const __m128i*>(quad.view))));
+  int32_t steps;
+  static_assert(offsetof(Quad, column_bend) == offsetof(Quad, view_step) + 2);
+  __builtin_memcpy(&steps, &quad.view_step, sizeof steps);
+  const auto numbers = [&](__m128i along) {
+    return numbers_of(terms, first, _mm512_broadcast_i32x4(along), _mm512_set1_epi32(steps));
+  };
+  __m512i left = numbers(_mm_setr_epi32(0, 1, 2, 3)), right = numbers(_mm_setr_epi32(4, 5, 6, 7));
   left = _mm512_min_epi32(_mm512_max_epi32(left, none), most);
   right = _mm512_min_epi32(_mm512_max_epi32(right, none), most);
 
   // The number of a view's first lane: four times the view.
-  const __m512i whole = _mm512_set1_epi32(~3);
   const __m512i a =
-      _mm512_packs_epi32(_mm512_and_si512(_mm512_srli_epi32(left, kViewBits - 2), whole),
-                         _mm512_and_si512(_mm512_srli_epi32(right, kViewBits - 2), whole));
+      _mm512_and_si512(_mm512_mask_blend_epi16(kUpperWords, _mm512_srli_epi32(left, kViewBits - 2),
+                                               _mm512_srli_epi32(right, kViewBits - 2 - 16)),
+                       _mm512_set1_epi16(~3));
   const __m512i colour = _mm512_load_si512(kColours.lanes[quad.colours]);
   if (!kMixesViews) return {_mm512_add_epi8(_mm512_packus_epi16(a, a), colour), none};
   const __m512i b = _mm512_add_epi16(a, _mm512_set1_epi16(4));
-  const __m512i mask = _mm512_set1_epi32(0x7fff);
-  const auto weight = [&](__m512i view) {
-    return _mm512_and_si512(_mm512_srli_epi32(view, kViewBits - kWeightBits), mask);
-  };
-  return {_mm512_add_epi8(_mm512_packus_epi16(a, b), colour),
-          _mm512_packs_epi32(weight(left), weight(right))};
-}
-
-/// Returns the codes of a pixel at the lanes of `index`.
-template <int kParts>
-__m512i choose(__m512i index, const uint8_t* pixel) {
-  const auto part = [&](int n) { return _mm512_load_si512(pixel + n * kRegisterBytes); };
-  if (kParts == 1) return _mm512_permutexvar_epi8(index, part(0));
-  const __m512i two = _mm512_permutex2var_epi8(part(0), index, part(1));
-  if (kParts == 2) return two;
-  const __mmask64 beyond = _mm512_movepi8_mask(index);
-  if (kParts == 3) return _mm512_mask_permutexvar_epi8(two, beyond, index, part(2));
-  return _mm512_mask_blend_epi8(beyond, two, _mm512_permutex2var_epi8(part(2), index, part(3)));
+  const __m512i weight =
+      _mm512_and_si512(_mm512_mask_blend_epi16(kUpperWords, _mm512_srli_epi32(left, kFractionBits),
+                                               _mm512_slli_epi32(right, 16 - kFractionBits)),
+                       _mm512_set1_epi16(0x7fff));
+  return {_mm512_add_epi8(_mm512_packus_epi16(a, b), colour), weight};
 }
 
 /// Returns the codes of a record that does not mix views: the left column, then the right one.
-template <int kParts>
+template <class Tables, int kParts>
 __m512i choose_columns(__m512i index, const uint8_t* pixel) {
   const uint8_t* const next = pixel + kParts * kRegisterBytes;
-  if (kParts == 1) {
-    const __m512i second = _mm512_maskz_set1_epi8(kSecondEight, 64);
-    return _mm512_permutex2var_epi8(_mm512_load_si512(pixel), _mm512_or_si512(index, second),
-                                    _mm512_load_si512(next));
-  }
-  return _mm512_mask_blend_epi8(kSecondEight, choose<kParts>(index, pixel),
-                                choose<kParts>(index, next));
+  if (kParts == 1)
+    return Tables::bytes_by_eights(index, register_at(pixel, 0), register_at(next, 0));
+  return _mm512_mask_blend_epi8(kSecondEight, Tables::template bytes_at<kParts>(index, pixel),
+                                Tables::template bytes_at<kParts>(index, next));
 }
 
 /// Codes holds what a picture row contributes to a record: the two columns of both views, or, if
@@ -135,12 +135,13 @@ struct Codes<false> {
   __m512i both;
 };
 
-template <int kParts, bool kMixesViews>
+template <class Tables, int kParts, bool kMixesViews>
 Codes<kMixesViews> choose_codes(__m512i index, const uint8_t* pixel) {
   if constexpr (kMixesViews)
-    return {choose<kParts>(index, pixel), choose<kParts>(index, pixel + kParts * kRegisterBytes)};
+    return {Tables::template bytes_at<kParts>(index, pixel),
+            Tables::template bytes_at<kParts>(index, pixel + kParts * kRegisterBytes)};
   else
-    return {choose_columns<kParts>(index, pixel)};
+    return {choose_columns<Tables, kParts>(index, pixel)};
 }
 
 Codes<true> blend(__mmask64 lanes, const Codes<true>& a, const Codes<true>& b) {
@@ -176,18 +177,45 @@ RowPattern pattern_of(const TransposedRows& rows) {
           .simple = simple};
 }
 
-/// Chooses codes when all rows use the same columns.
-template <int kParts, bool kMixesViews>
-RowCodes<kMixesViews> choose_simply(const RowPattern& rows, __m512i index, size_t pixel) {
-  const auto top = choose_codes<kParts, kMixesViews>(index, rows.top + pixel);
-  const auto middle = choose_codes<kParts, kMixesViews>(index, rows.middle + pixel);
+/// Columns holds the columns of a record if its rows use one, or two neighbouring ones.
+struct Columns {
+  size_t least;
+  __mmask64 next;   ///< lanes of the rows that use the column after the least
+  bool neighbours;  ///< true if there are no other columns
+};
+
+Columns columns_of(const Quad& quad) {
+  uint64_t columns;
+  static_assert(sizeof columns == sizeof quad.column);
+  __builtin_memcpy(&columns, quad.column, sizeof columns);
+  const uint64_t least =
+      quad.column[0] < quad.column[kRows - 1] ? quad.column[0] : quad.column[kRows - 1];
+  const uint64_t beyond = columns - least * 0x0001000100010001;
+  return {least, beyond * 0xffff, (beyond & 0xfffefffefffefffe) == 0};
+}
+
+/// Chooses codes when the picture rows have a simple pattern, and the rows use one column or, if
+/// kNext, two neighbouring ones.
+template <class Tables, int kParts, bool kMixesViews, bool kNext>
+[[gnu::always_inline]] inline RowCodes<kMixesViews> choose_simply(const RowPattern& rows,
+                                                                  const Columns& columns,
+                                                                  __m512i index) {
+  constexpr size_t kPixel = kParts * kRegisterBytes;
+  const auto choose = [&](const uint8_t* row) __attribute__((always_inline)) {
+    const uint8_t* const pixel = row + columns.least * kPixel;
+    const auto codes = choose_codes<Tables, kParts, kMixesViews>(index, pixel);
+    if constexpr (!kNext) return codes;
+    return blend(columns.next, codes,
+                 choose_codes<Tables, kParts, kMixesViews>(index, pixel + kPixel));
+  };
+  const auto top = choose(rows.top), middle = choose(rows.middle);
   if (rows.last == 0) return {top, middle};
-  const auto bottom = choose_codes<kParts, kMixesViews>(index, rows.bottom + pixel);
+  const auto bottom = choose(rows.bottom);
   return {blend(rows.last, top, middle), blend(rows.last, middle, bottom)};
 }
 
 /// Chooses codes row by row; rows that use the same pixels are handled together.
-template <int kParts, bool kMixesViews>
+template <class Tables, int kParts, bool kMixesViews>
 RowCodes<kMixesViews> choose_by_rows(const TransposedRows& rows, const Quad& quad, __m512i index) {
   RowCodes<kMixesViews> codes{};
   for (int begin = 0; begin < kRows;) {
@@ -199,16 +227,13 @@ RowCodes<kMixesViews> choose_by_rows(const TransposedRows& rows, const Quad& qua
     const size_t pixel = quad.column[begin] * (kParts * kRegisterBytes);
     const auto* const upper = static_cast<const uint8_t*>(rows.upper[begin]) + pixel;
     const auto* const lower = static_cast<const uint8_t*>(rows.lower[begin]) + pixel;
-    codes.upper = blend(lanes, codes.upper, choose_codes<kParts, kMixesViews>(index, upper));
-    codes.lower = blend(lanes, codes.lower, choose_codes<kParts, kMixesViews>(index, lower));
+    codes.upper =
+        blend(lanes, codes.upper, choose_codes<Tables, kParts, kMixesViews>(index, upper));
+    codes.lower =
+        blend(lanes, codes.lower, choose_codes<Tables, kParts, kMixesViews>(index, lower));
     begin = end;
   }
   return codes;
-}
-
-bool has_one_column(const Quad& quad) {
-  return ((quad.column[0] ^ quad.column[1]) | (quad.column[0] ^ quad.column[2]) |
-          (quad.column[0] ^ quad.column[3])) == 0;
 }
 
 /// Returns a + (b - a) weight, rounded.
@@ -221,14 +246,10 @@ struct Light {
   __m512i a, b;
 };
 
+template <class Tables>
 Light light_of(const LightTable& table, __m512i codes) {
-  const __mmask64 upper_half = _mm512_movepi8_mask(codes);
-  const __m512i low = _mm512_mask_blend_epi8(
-      upper_half, _mm512_permutex2var_epi8(table.low[0], codes, table.low[1]),
-      _mm512_permutex2var_epi8(table.low[2], codes, table.low[3]));
-  const __m512i high = _mm512_mask_blend_epi8(
-      upper_half, _mm512_permutex2var_epi8(table.high[0], codes, table.high[1]),
-      _mm512_permutex2var_epi8(table.high[2], codes, table.high[3]));
+  const __m512i low = Tables::bytes_of(table.low, codes);
+  const __m512i high = Tables::bytes_of(table.high, codes);
   return {_mm512_unpacklo_epi8(low, high), _mm512_unpackhi_epi8(low, high)};
 }
 
@@ -245,7 +266,7 @@ __m512i per_row(const void* four) {
 }
 
 __m512i column_weights(const Quad& quad) {
-  const __m512i along = _mm512_broadcast_i32x4(_mm_set_epi16(7, 6, 5, 4, 3, 2, 1, 0));
+  const __m512i along = _mm512_broadcast_i32x4(_mm_setr_epi16(0, 4, 1, 5, 2, 6, 3, 7));
   const __m512i step = _mm512_add_epi16(
       per_row(quad.column_step), _mm512_mullo_epi16(along, _mm512_set1_epi16(quad.column_bend)));
   const __m512i bend = _mm512_srai_epi16(_mm512_mullo_epi16(along, step), kSlopeBits);
@@ -253,19 +274,20 @@ __m512i column_weights(const Quad& quad) {
 }
 
 /// Returns the light of a record.
+template <class Tables>
 __m512i mix_record(const LightTable& table, const RowCodes<true>& codes, __m512i row_weight,
                    __m512i column_weight, __m512i view_weight) {
-  const Light left =
-      mix(light_of(table, codes.upper.left), light_of(table, codes.lower.left), row_weight);
-  const Light right =
-      mix(light_of(table, codes.upper.right), light_of(table, codes.lower.right), row_weight);
+  const auto light = [&](__m512i of) { return light_of<Tables>(table, of); };
+  const Light left = mix(light(codes.upper.left), light(codes.lower.left), row_weight);
+  const Light right = mix(light(codes.upper.right), light(codes.lower.right), row_weight);
   const Light both_views = mix(left, right, column_weight);
   return mix(both_views.a, both_views.b, view_weight);
 }
+template <class Tables>
 __m512i mix_record(const LightTable& table, const RowCodes<false>& codes, __m512i row_weight,
                    __m512i column_weight, __m512i /*view_weight*/) {
-  const Light columns =
-      mix(light_of(table, codes.upper.both), light_of(table, codes.lower.both), row_weight);
+  const auto light = [&](__m512i of) { return light_of<Tables>(table, of); };
+  const Light columns = mix(light(codes.upper.both), light(codes.lower.both), row_weight);
   return mix(columns.a, columns.b, column_weight);
 }
 
@@ -287,45 +309,59 @@ void fetch_quads(const Quad* quads, uint32_t begin, uint32_t end) {
     _mm_prefetch(reinterpret_cast<const char*>(quads + q), _MM_HINT_T0);
 }
 
-template <int kParts, bool kMixesViews>
+template <class Tables, int kParts, bool kMixesViews>
 void choose_batch(const TransposedRows& rows, const Quad* quads, uint32_t count,
                   Batch<kMixesViews>& batch) {
   const RowPattern pattern = pattern_of(rows);
   for (uint32_t n = 0; n < count; ++n) {
     const __m512i index = batch.views[n].index;
-    batch.codes[n] = pattern.simple && has_one_column(quads[n])
-                         ? choose_simply<kParts, kMixesViews>(
-                               pattern, index, quads[n].column[0] * (kParts * kRegisterBytes))
-                         : choose_by_rows<kParts, kMixesViews>(rows, quads[n], index);
+    const Columns columns = columns_of(quads[n]);
+    if (!pattern.simple || !columns.neighbours)
+      batch.codes[n] = choose_by_rows<Tables, kParts, kMixesViews>(rows, quads[n], index);
+    else if (columns.next == 0)
+      batch.codes[n] = choose_simply<Tables, kParts, kMixesViews, false>(pattern, columns, index);
+    else
+      batch.codes[n] = choose_simply<Tables, kParts, kMixesViews, true>(pattern, columns, index);
   }
 }
 
+/// LaneTable holds the lanes of the four rows' subpixels, in their order along the rows.
+struct LaneTable {
+  alignas(64) uint8_t lanes[kRegisterBytes];
+};
+constexpr LaneTable lane_table() {
+  LaneTable table{};
+  for (int r = 0; r < kRows; ++r)
+    for (int n = 0; n < kRun; ++n)
+      table.lanes[kRun * r + kOrder[n]] = static_cast<uint8_t>(16 * r + 2 * n);
+  return table;
+}
+constexpr LaneTable kFromOrder = lane_table();
+
 /// CodeTable maps light to codes by the encoding curve.
 struct CodeTable {
-  __m512i low_start[2], low_rise[2], high_start[2], high_rise[2];
+  Pieces start, rise;
 };
 
 CodeTable code_table(const int16_t* curve) {
   const auto part = [&](int n) { return _mm512_load_si512(curve + 32 * n); };
-  return {{part(0), part(1)}, {part(2), part(3)}, {part(4), part(5)}, {part(6), part(7)}};
+  return {.start = {{part(0), part(1)}, {part(4), part(5)}},
+          .rise = {{part(2), part(3)}, {part(6), part(7)}}};
 }
 
-/// Returns the codes of 32 values of light.
+/// Returns the codes of 32 values of light, in the order along the rows.
+template <class Tables>
 __m256i codes_of(const CodeTable& table, __m512i light) {
   const __mmask32 high = _mm512_cmpge_epi16_mask(light, _mm512_set1_epi16(2048));
-  const auto both = [](const __m512i(&points)[2], __m512i n) {
-    return _mm512_permutex2var_epi16(points[0], n, points[1]);
-  };
-  const __m512i low_n = _mm512_srli_epi16(light, 5), high_n = _mm512_srli_epi16(light, 9);
-  const __m512i start =
-      _mm512_mask_blend_epi16(high, both(table.low_start, low_n), both(table.high_start, high_n));
-  const __m512i rise =
-      _mm512_mask_blend_epi16(high, both(table.low_rise, low_n), both(table.high_rise, high_n));
+  const __m512i start = Tables::words_of(table.start, light, high);
+  const __m512i rise = Tables::words_of(table.rise, light, high);
   const __m512i rest = _mm512_and_si512(
       _mm512_mask_blend_epi16(high, _mm512_slli_epi16(light, 10), _mm512_slli_epi16(light, 6)),
       _mm512_set1_epi16(0x7fff));
-  return _mm512_cvtepi16_epi8(
-      _mm512_srli_epi16(_mm512_add_epi16(start, _mm512_mulhrs_epi16(rise, rest)), 7));
+  const __m512i codes =
+      _mm512_srli_epi16(_mm512_add_epi16(start, _mm512_mulhrs_epi16(rise, rest)), 7);
+  return _mm512_castsi512_si256(
+      _mm512_permutexvar_epi8(_mm512_load_si512(kFromOrder.lanes), codes));
 }
 
 void store_rows(__m256i codes, const Set& set, const Quad& quad, const Target& target) {
@@ -408,7 +444,7 @@ void transpose_rest(const Pictures& pictures, bool blue_first, size_t begin, int
                 .first[view][begin + static_cast<size_t>(3 * column + (blue_first ? 2 - c : c))];
 }
 
-template <int kParts, bool kMixesViews>
+template <class Tables, int kParts, bool kMixesViews>
 void mix_set(const Terms& terms, const TransposedRows& rows, const Set& set, const Quad* quads,
              const Target& target) {
   const LightTable table = light_table(terms.light);
@@ -422,12 +458,32 @@ void mix_set(const Terms& terms, const TransposedRows& rows, const Set& set, con
       batch.views[n] = views_of<kMixesViews>(terms, quads[q + n]);
       batch.column_weight[n] = column_weights(quads[q + n]);
     }
-    choose_batch<kParts>(rows, quads + q, count, batch);
+    choose_batch<Tables, kParts>(rows, quads + q, count, batch);
     for (uint32_t n = 0; n < count; ++n)
-      batch.light[n] = mix_record(table, batch.codes[n], row_weight, batch.column_weight[n],
-                                  batch.views[n].weight);
+      batch.light[n] = mix_record<Tables>(table, batch.codes[n], row_weight, batch.column_weight[n],
+                                          batch.views[n].weight);
     for (uint32_t n = 0; n < count; ++n)
-      store_rows(codes_of(encoding, batch.light[n]), set, quads[q + n], target);
+      store_rows(codes_of<Tables>(encoding, batch.light[n]), set, quads[q + n], target);
+  }
+}
+
+template <class Tables>
+void mix_set_with(const Terms& terms, const TransposedRows& rows, const Set& set, const Quad* quads,
+                  const Target& target) {
+  const bool mixes = terms.weight_mask != 0;
+  switch (rows.lanes / kViewsPerRegister) {
+    case 1:
+      return mixes ? mix_set<Tables, 1, true>(terms, rows, set, quads, target)
+                   : mix_set<Tables, 1, false>(terms, rows, set, quads, target);
+    case 2:
+      return mixes ? mix_set<Tables, 2, true>(terms, rows, set, quads, target)
+                   : mix_set<Tables, 2, false>(terms, rows, set, quads, target);
+    case 3:
+      return mixes ? mix_set<Tables, 3, true>(terms, rows, set, quads, target)
+                   : mix_set<Tables, 3, false>(terms, rows, set, quads, target);
+    default:
+      return mixes ? mix_set<Tables, 4, true>(terms, rows, set, quads, target)
+                   : mix_set<Tables, 4, false>(terms, rows, set, quads, target);
   }
 }
 
@@ -453,21 +509,12 @@ void transpose_row(const Terms& terms, const Pictures& pictures, int row, size_t
 
 void mix_set_by_permuting(const Terms& terms, const TransposedRows& rows, const Set& set,
                           const Quad* quads, const Target& target) noexcept {
-  const bool mixes = terms.weight_mask != 0;
-  switch (rows.lanes / kViewsPerRegister) {
-    case 1:
-      return mixes ? mix_set<1, true>(terms, rows, set, quads, target)
-                   : mix_set<1, false>(terms, rows, set, quads, target);
-    case 2:
-      return mixes ? mix_set<2, true>(terms, rows, set, quads, target)
-                   : mix_set<2, false>(terms, rows, set, quads, target);
-    case 3:
-      return mixes ? mix_set<3, true>(terms, rows, set, quads, target)
-                   : mix_set<3, false>(terms, rows, set, quads, target);
-    default:
-      return mixes ? mix_set<4, true>(terms, rows, set, quads, target)
-                   : mix_set<4, false>(terms, rows, set, quads, target);
-  }
+  mix_set_with<Pairs>(terms, rows, set, quads, target);
+}
+
+void mix_set_by_permuting_singly(const Terms& terms, const TransposedRows& rows, const Set& set,
+                                 const Quad* quads, const Target& target) noexcept {
+  mix_set_with<Singles>(terms, rows, set, quads, target);
 }
 
 void stream_row(const uint8_t* codes, size_t count, uint8_t* to) noexcept {

@@ -16,7 +16,7 @@ namespace lenticule::frames::weave_kernel {
 
 inline constexpr int kRows = 4;        ///< panel rows of a block
 inline constexpr int kRun = 8;         ///< largest number of subpixels in a run
-inline constexpr int kViewLanes = 64;  ///< most views of the permute kernel
+inline constexpr int kViewLanes = 64;  ///< most views of the permuting kernels
 inline constexpr int kViewBits = 20;   ///< fraction bits of a view number
 inline constexpr int kWeightBits = 15;
 inline constexpr int kSlopeBits = 3;  ///< additional bits for the change of a column along a run
@@ -83,7 +83,7 @@ struct Pictures {
 /// kRun - 1 values behind a run are overwritten.
 struct Target {
   uint16_t* light;  ///< output of all other kernels
-  uint8_t* codes;   ///< output of the permute kernel
+  uint8_t* codes;   ///< output of the permuting kernels
   size_t stride;
 };
 
@@ -132,9 +132,12 @@ void mix_set_neon(const Terms& terms, const TransposedRows& rows, const Set& set
 /// without meaning. Lanes after the last view hold anything.
 void transpose_row(const Terms& terms, const Pictures& pictures, int row, size_t lanes,
                    uint8_t* transposed) noexcept;
-/// mix_set_by_permuting() also encodes: it writes codes.
+/// mix_set_by_permuting() also encodes: it writes codes. The second one permutes one register at a
+/// time.
 void mix_set_by_permuting(const Terms& terms, const TransposedRows& rows, const Set& set,
                           const Quad* quads, const Target& target) noexcept;
+void mix_set_by_permuting_singly(const Terms& terms, const TransposedRows& rows, const Set& set,
+                                 const Quad* quads, const Target& target) noexcept;
 /// Copies a row of codes past the caches, if `to` begins with a cache line. end_streaming() must
 /// follow before another thread may read the row.
 void stream_row(const uint8_t* codes, size_t count, uint8_t* to) noexcept;
