@@ -26,7 +26,7 @@ using weave_kernel::Set;
 
 namespace {
 
-constexpr int kBlocksPerPart = 48;
+constexpr int kBlocksPerPart = 44;
 /// Places of a set have 16 bits; the segment is the largest multiple of the layout's columns below
 /// this limit.
 constexpr int kSegmentPixels = 16384;
@@ -103,6 +103,7 @@ class PlanBuilder {
  private:
   [[nodiscard]] size_t subpixel_of(uint32_t offset, size_t place) const;
   void read_line(const optics::RowRays& rays, uint32_t offset, Line& line);
+  [[nodiscard]] int segment() const;
   void build_block(int block, WeavePlan::Part& part);
   void build_segment(int block, int i_begin, int i_end, WeavePlan::Part& part);
   void build_set(int rows, int i_begin, uint32_t offset, WeavePlan::Part& part);
@@ -122,6 +123,7 @@ class PlanBuilder {
   std::array<Line, kRows> lines_;
   std::array<std::vector<plan_kernel::Run>, kRows> runs_;
   std::array<int, kRows> counts_{};
+  size_t sets_to_follow_ = 0;  ///< sets that the part lacks after the present one
   int most_rows_ = 2;
 };
 
@@ -190,7 +192,9 @@ void PlanBuilder::note_bars(const Line& line, int r, const Set& set, WeavePlan::
 
 void PlanBuilder::join_rows(WeavePlan::Part& part) {
   const auto line = [&](size_t r) { return lines_[r].terms(); };
-  part.make_room(static_cast<size_t>(counts_[0] + counts_[1] + counts_[2] + counts_[3]));
+  // Most records have a run in each row, and the other sets of the part are like this one.
+  const auto runs = static_cast<size_t>(counts_[0] + counts_[1] + counts_[2] + counts_[3]);
+  part.make_room(runs, runs / kRows * sets_to_follow_);
   const int made =
       kernel_.join_runs(terms_, {line(0), line(1), line(2), line(3)},
                         {runs_[0].data(), runs_[1].data(), runs_[2].data(), runs_[3].data()},
@@ -201,6 +205,7 @@ void PlanBuilder::join_rows(WeavePlan::Part& part) {
 }
 
 void PlanBuilder::build_set(int rows, int i_begin, uint32_t offset, WeavePlan::Part& part) {
+  sets_to_follow_ -= sets_to_follow_ > 0 ? 1 : 0;
   Set set{};
   set.first = static_cast<uint32_t>(3 * i_begin) + offset;
   set.stride = plan_.stride_;
@@ -235,22 +240,30 @@ void PlanBuilder::build_segment(int block, int i_begin, int i_end, WeavePlan::Pa
     build_set(rows, i_begin, offset, part);
 }
 
-void PlanBuilder::build_block(int block, WeavePlan::Part& part) {
+/// Returns the pixels of a segment of a row.
+int PlanBuilder::segment() const {
   const int columns = model_.rig().panel.layout.columns();
-  const int step = kSegmentPixels / columns * columns;
+  return kSegmentPixels / columns * columns;
+}
+
+void PlanBuilder::build_block(int block, WeavePlan::Part& part) {
+  const int step = segment();
   for (int i = 0; i < plan_.geometry_.width; i += step)
     build_segment(block, i, std::min(i + step, plan_.geometry_.width), part);
   part.blocks.push_back({part.sets.size(), part.bars.size()});
 }
 
 void PlanBuilder::build(int first_block, int end_block, WeavePlan::Part& part) {
+  const int segments = (plan_.geometry_.width + segment() - 1) / segment();
+  sets_to_follow_ =
+      static_cast<size_t>(end_block - first_block) * static_cast<size_t>(segments) * plan_.stride_;
   for (int block = first_block; block < end_block; ++block) build_block(block, part);
 }
 
-void WeavePlan::Part::make_room(size_t records) {
+void WeavePlan::Part::make_room(size_t records, size_t likely_to_follow) {
   const size_t needed = (count + records) * sizeof(Quad);
   if (needed <= memory.bytes()) return;
-  LargeMemory larger(std::max(needed, 2 * memory.bytes()));
+  LargeMemory larger(needed + likely_to_follow * sizeof(Quad));
   if (count > 0) std::memcpy(larger.data(), memory.data(), count * sizeof(Quad));
   memory = std::move(larger);
 }

@@ -90,8 +90,9 @@ class WeavePlan {
     [[nodiscard]] weave_kernel::Quad* quads() const {
       return static_cast<weave_kernel::Quad*>(memory.data());
     }
-    /// Makes room for further records.
-    void make_room(size_t records);
+    /// Makes room for a set with at most `records` records, and at once for those that will likely
+    /// follow: memory that has to grow is cleared and copied again.
+    void make_room(size_t records, size_t likely_to_follow);
   };
 
   FrameGeometry geometry_;
