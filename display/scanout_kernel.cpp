@@ -88,17 +88,40 @@ __m256i deepened(__m256i bytes) noexcept {
   return _mm256_or_si256(_mm256_slli_epi32(spread(bytes), 2), spread(more));
 }
 
+#if defined(__AVX512BW__)
+/// Converts sixteen pixels per step, which fill a cache line, from the first whole line on, and
+/// returns the number of pixels that are done.
+size_t expand_lines(const uint8_t* rgb, uint32_t* xrgb, size_t begin, size_t pixels) noexcept {
+  constexpr size_t kStep = 16;
+  // Three double words hold four pixels. Each part of the register gets three and one of no use.
+  const __m512i parts = _mm512_setr_epi32(0, 1, 2, 2, 3, 4, 5, 5, 6, 7, 8, 8, 9, 10, 11, 11);
+  const __m512i swap =
+      _mm512_broadcast_i32x4(_mm_setr_epi8(2, 1, 0, -1, 5, 4, 3, -1, 8, 7, 6, -1, 11, 10, 9, -1));
+  size_t i = begin;
+  for (; i + kStep <= pixels; i += kStep) {
+    const __m512i bytes = _mm512_maskz_loadu_epi32(0x0fff, rgb + 3 * i);
+    _mm512_stream_si512(reinterpret_cast<__m512i*>(xrgb + i),
+                        _mm512_shuffle_epi8(_mm512_permutexvar_epi32(parts, bytes), swap));
+  }
+  return i;
+}
+#endif
+
 // Eight pixels per step: 12 bytes are loaded into each half of the register and swapped to B G R 0
 // in place. Every load reads 16 bytes, so the last six pixels of a row are left to the scalar loop.
 template <ScanoutDepth depth>
 void expand_row(const uint8_t* rgb, uint32_t* xrgb, size_t pixels) noexcept {
   constexpr size_t kStep = 8;
   constexpr size_t kOverread = 2;  // pixels that the second load reads beyond its own
+  constexpr size_t kLine = 64;     // bytes that are written at once if they are aligned
   size_t i = 0;
-  while (i < pixels && reinterpret_cast<uintptr_t>(xrgb + i) % sizeof(__m256i) != 0) {
+  while (i < pixels && reinterpret_cast<uintptr_t>(xrgb + i) % kLine != 0) {
     expand_pixel<depth>(rgb + 3 * i, xrgb + i);
     ++i;
   }
+#if defined(__AVX512BW__)
+  if constexpr (depth == Bits8) i = expand_lines(rgb, xrgb, i, pixels);
+#endif
   const __m256i swap = _mm256_setr_epi8(2, 1, 0, -1, 5, 4, 3, -1, 8, 7, 6, -1, 11, 10, 9, -1, 2, 1,
                                         0, -1, 5, 4, 3, -1, 8, 7, 6, -1, 11, 10, 9, -1);
   for (; i + kStep + kOverread <= pixels; i += kStep) {

@@ -37,7 +37,7 @@ std::vector<uint8_t> random_bytes(size_t count) {
 
 TEST_P(ScanoutFormat, ExpandsEverySubpixelAtEveryWidthAndAlignment) {
   for (size_t pixels = 0; pixels < 100; ++pixels)
-    for (size_t shift = 0; shift < 9; ++shift) {
+    for (size_t shift = 0; shift < 17; ++shift) {
       // The vector has no spare bytes, so that the address sanitizer finds longer reads.
       const std::vector<uint8_t> rgb = random_bytes(3 * pixels);
       std::vector<uint32_t> xrgb(shift + pixels + 1, kGuard);
