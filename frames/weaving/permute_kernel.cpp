@@ -181,7 +181,7 @@ RowPattern pattern_of(const TransposedRows& rows) {
 struct Columns {
   size_t least;
   __mmask64 next;   ///< lanes of the rows that use the column after the least
-  bool neighbours;  ///< true if there are no other columns
+  bool neighbours;  ///< false if there are other columns
 };
 
 Columns columns_of(const Quad& quad) {

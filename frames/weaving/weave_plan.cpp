@@ -263,7 +263,9 @@ void PlanBuilder::build(int first_block, int end_block, WeavePlan::Part& part) {
 void WeavePlan::Part::make_room(size_t records, size_t likely_to_follow) {
   const size_t needed = (count + records) * sizeof(Quad);
   if (needed <= memory.bytes()) return;
-  LargeMemory larger(needed + likely_to_follow * sizeof(Quad));
+  // By half at least, so that sets that are larger than expected are not copied each time.
+  LargeMemory larger(
+      std::max(needed + likely_to_follow * sizeof(Quad), memory.bytes() + memory.bytes() / 2));
   if (count > 0) std::memcpy(larger.data(), memory.data(), count * sizeof(Quad));
   memory = std::move(larger);
 }

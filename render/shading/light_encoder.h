@@ -29,7 +29,7 @@ class LightEncoder {
   }
 
  private:
-  const frames::LinearCodes* linear_ = nullptr;  ///< null if not colour managed
+  const frames::LinearCodes* linear_ = nullptr;  ///< table of codes; null if not colour managed
   std::vector<float> knots_;  ///< uniform in the root of linear light; empty if not colour managed
 };
 

@@ -30,7 +30,7 @@ struct TextureShape {
 /// TextureLookup holds the texels of a look-up, for all textures of one shape: those of a material
 /// mostly have one.
 struct TextureLookup {
-  TextureShape shape;  ///< without a width if nothing was looked up
+  TextureShape shape;  ///< shape of the textures; has no width if nothing was looked up
   size_t fine = 0;     ///< number of the sharper level
   texel_kernel::Lookup texels;
 };

@@ -21,7 +21,7 @@ enum class Content : int32_t { kColour, kData, kNormals };
 struct Level {
   const uint8_t* codes;
   const float* values;
-  int32_t is_first;  ///< not 0: the texture itself
+  int32_t is_first;  ///< 1 for the texture itself, else 0
 };
 
 /// Corners holds the four texels around a place, in one level.
@@ -40,8 +40,8 @@ struct Lookup {
 /// Path holds what the corners of a look-up depend on. Coordinates are (u, v).
 struct Path {
   double middle[2];  ///< coordinates of the middle of all places
-  double length[2];  ///< from the first place to the last, and one distance of neighbours more
-  int32_t repeat[2], mirror[2];          ///< not 0: beyond the border, as Texture states
+  double length[2];  ///< way from the first place to the last, and one distance of neighbours more
+  int32_t repeat[2], mirror[2];          ///< flags: how Texture continues beyond its border
   int32_t fine_size[2], coarse_size[2];  ///< texels of both levels
 };
 

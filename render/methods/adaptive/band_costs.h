@@ -20,9 +20,9 @@ struct BandCounts {
 
 /// BandCosts holds estimates in nanoseconds of processor time. Only their ratios matter.
 struct BandCosts {
-  int64_t full = 0;     ///< with method full
+  int64_t full = 0;     ///< cost with method full
   int64_t lookups = 0;  ///< sweep, lookups, samples and audit of method adaptive
-  int64_t shading = 0;  ///< its subpixels that are shaded individually
+  int64_t shading = 0;  ///< subpixels that method adaptive shades individually
 
   [[nodiscard]] int64_t spent() const { return lookups + shading; }
 };
