@@ -64,9 +64,9 @@ struct Singles {
         : odd(_mm512_movepi8_mask(_mm512_add_epi8(index, index))),
           late(_mm512_movepi8_mask(index)),
           last(_kand_mask64(odd, late)) {}
-    __mmask64 odd;   ///< in the second or the last register
-    __mmask64 late;  ///< in the third or the last register
-    __mmask64 last;
+    __mmask64 odd;   ///< lanes of the second or the last register
+    __mmask64 late;  ///< lanes of the third or the last register
+    __mmask64 last;  ///< lanes of the last register
   };
 
   template <int kParts>

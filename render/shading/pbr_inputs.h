@@ -101,7 +101,7 @@ class InputReader {
   const MaterialInput* located_ = nullptr;  ///< input whose coordinates are found
   Vec2 at_{};
   TextureFootprint footprint_{};
-  TextureLookup lookup_;                 ///< of these coordinates, if its shape has a width
+  TextureLookup lookup_;                 ///< texels at these coordinates, if its shape has a width
   const MaterialInput* read_ = nullptr;  ///< input whose value is `value_`
   MipMaps::Value value_{};
 };

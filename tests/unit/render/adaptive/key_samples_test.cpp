@@ -80,7 +80,7 @@ TEST_F(FilledSamples, InterpolateTheirNeighbours) {
 }
 
 TEST_F(FilledSamples, ShowNothingBetweenSamplesOfNothing) {
-  // What these samples showed before does not matter, nor do their neighbours.
+  // The earlier values of these samples do not matter, nor do their neighbours.
   constexpr int kStep = KeySamples::kCoarse;
   for (const auto& [down, right] : {std::pair{0, 0}, {0, kStep}, {kStep, 0}, {kStep, kStep}})
     samples_.set_nothing(kTop + down, kPicture, kLeft + right);
