@@ -6,6 +6,7 @@
 
 #include <ceres/jet.h>
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <utility>

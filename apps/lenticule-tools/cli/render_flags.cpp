@@ -104,9 +104,9 @@ std::function<void()> declare_render_flags(CLI::App& app, RenderFlags& flags) {
                       .prefilter_samples = prefilter_samples->count() > 0};
     refuse_idle_flags(flags, given);
     if (!given.psnr) return;
-    const double error = flags.options.tolerated_error;
+    const double tolerated = flags.options.tolerated_error;
     render::promise_psnr(flags.least_psnr_db, flags.options);
-    if (given.error) flags.options.tolerated_error = error;
+    if (given.error) flags.options.tolerated_error = tolerated;
   };
 }
 

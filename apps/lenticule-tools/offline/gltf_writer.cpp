@@ -138,8 +138,8 @@ class GltfWriter {
   /// Writes a material, inverting the reader's rules in docs/render/scenes.md as far as possible: a
   /// mirror becomes a smooth metal, other materials become matt with the highlight's width.
   void write_material(const render::Material& m) {
-    constexpr double kMirror = 0.3;
-    const bool mirror = m.specular >= kMirror;
+    constexpr double kSpecularOfMirrors = 0.3;
+    const bool mirror = m.specular >= kSpecularOfMirrors;
     const double rough = std::pow(2.0 / (m.shine + 2.0), 0.25);
     json surface = {{"baseColorFactor", linear(m.colour)},
                     {"metallicFactor", mirror ? std::min(1.0, m.specular) : 0.0},

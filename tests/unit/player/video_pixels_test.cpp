@@ -344,7 +344,7 @@ uint8_t short_code(const ShortSums& sums, int luma, int first, int second) {
 
 /// Compares all variants of the kernel with its definition, also for the outermost sums.
 TEST(SubsampledKernel, AllVariantsComputeTheDefinedSums) {
-  constexpr int kPixels = 4096, kSamples = kPixels / 2 + 2;
+  constexpr int kColumns = 4096, kSamples = kColumns / 2 + 2;
   const ShortSums sums{.luma = 19077,
                        .constant = -1161,
                        .red_cr = 14686,
@@ -353,7 +353,7 @@ TEST(SubsampledKernel, AllVariantsComputeTheDefinedSums) {
                        .blue_cb = 17304,
                        .even = {16, 48},
                        .odd = {48, 16}};
-  const std::vector<uint8_t> y = test::random_bytes(kPixels, 13);
+  const std::vector<uint8_t> y = test::random_bytes(kColumns, 13);
   const auto samples = [](unsigned seed) {
     const std::vector<uint8_t> bytes = test::random_bytes(2 * kSamples, seed);
     std::vector<int16_t> all;
@@ -370,10 +370,10 @@ TEST(SubsampledKernel, AllVariantsComputeTheDefinedSums) {
                       : sums.odd.first * chroma[k] + sums.odd.second * chroma[k + 1] - 32768;
   };
   for (const Isa isa : test::every_instruction_set()) {
-    std::vector<uint8_t> rgb(size_t{3} * kPixels);
-    subsampled_kernel(isa).convert(sums, y.data(), cb.data() + 1, cr.data() + 1, kPixels,
+    std::vector<uint8_t> rgb(size_t{3} * kColumns);
+    subsampled_kernel(isa).convert(sums, y.data(), cb.data() + 1, cr.data() + 1, kColumns,
                                    rgb.data());
-    for (int x = 0; x < kPixels; ++x) {
+    for (int x = 0; x < kColumns; ++x) {
       const int luma = y[static_cast<size_t>(x)];
       const int blue = grey_distance(cb, x), red = grey_distance(cr, x);
       const std::array<uint8_t, 3> codes = {
