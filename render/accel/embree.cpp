@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <atomic>
+#include <cstdlib>
 #include <mutex>
 #include <utility>
 
@@ -44,8 +45,11 @@ struct EmbreeDevice::Report {
 };
 
 EmbreeDevice::EmbreeDevice(int threads) : report_(std::make_unique<Report>()) {
-  const std::string configuration = fmt::format(
-      "ignore_config_files=1{}", threads > 0 ? fmt::format(",threads={}", threads) : "");
+  std::string configuration = "ignore_config_files=1";
+  if (threads > 0) configuration += fmt::format(",threads={}", threads);
+  // Embree's kernels differ in the last bits from one instruction set to another.
+  if (const char* isa = std::getenv("LENTICULE_EMBREE_ISA"); isa && *isa)
+    configuration += fmt::format(",isa={}", isa);
   device_.reset(rtcNewDevice(configuration.c_str()));
   if (!device_)
     throw Error(ErrorKind::Failed,

@@ -94,7 +94,10 @@ std::string manual(const CLI::App& root) {
   text += kExitCodes;
   text +=
       ".SH ENVIRONMENT\n.TP\n\\fBLENTICULE_ISA\\fR\nlimits the instruction set: baseline, neon, "
-      "avx2 or avx512\n";
+      "avx2 or avx512\n.TP\n\\fBLENTICULE_EMBREE_ISA\\fR\nlimits that of "
+      "Embree: sse2, sse4.2, avx, avx2 or avx512; with the same one, all processors render the "
+      "same "
+      "bytes\n";
   return text;
 }
 
