@@ -1,93 +1,120 @@
 // SPDX-License-Identifier: Apache-2.0
-// Compares hashes of rendered, woven and played frames with the committed values in
-// frames_stay_equal.txt, so that a change of a byte is noticed. If the change is wanted, run this
-// test with LENTICULE_RENEW_FRAMES=1 in the environment, which rewrites the file, and commit it.
+// Frames that commands render, weave and play have the bytes that are committed in hashes/.
 //
-// Our kernels give the same bits with every instruction set. Embree's kernels for triangles do not
-// (they may contract a*b+c, depending on version and processor), so the scenes here are those whose
-// bytes are equal with Embree's kernels for SSE2, AVX2 and AVX-512. Another version of Embree may
-// still require new values.
-#include <fmt/format.h>
-
-#include <cstdlib>
-#include <map>
-#include <sstream>
-
+// Our kernels give the same bits with every instruction set. Embree's do not (they may contract
+// a*b+c), so its kernels for SSE2 are selected here. Another version of Embree may still require
+// new values.
 #include "tests/commands/program.h"
+#include "tests/golden/frames/golden_hashes.h"
 
 namespace lenticule::test {
 namespace {
 
-std::string bytes_of(const std::string& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream bytes;
-  bytes << in.rdbuf();
-  EXPECT_TRUE(in.good()) << file;
-  return bytes.str();
-}
-
-/// Returns the FNV-1a hash.
-std::string hash_of(const std::string& bytes) {
-  uint64_t hash = 0xcbf29ce484222325U;
-  for (const char c : bytes) hash = (hash ^ static_cast<uint8_t>(c)) * 0x100000001b3U;
-  return fmt::format("{:016x}", hash);
-}
-
-using Hashes = std::map<std::string, std::string>;
+using Words = std::vector<std::string>;
 
 class FramesStayEqual : public CommandTest {
  protected:
-  /// Renders frames 0 and 1 into one sequence of pictures.
-  void render(const std::string& name, const std::string& scene, const std::string& rig,
-              std::vector<std::string> more) {
-    std::vector<std::string> arguments = {"render",   "builtin:" + scene,
-                                          "--rig",    source_file("scenes/rigs/" + rig + ".toml"),
-                                          "--frames", "0:2",
-                                          "-o",       path(name + "_%d.ppm")};
+  [[nodiscard]] static std::string rig(const std::string& name) {
+    return source_file("scenes/rigs/" + name + ".toml");
+  }
+
+  void run_well(Words arguments) {
+    Words words = program(std::move(arguments));
+    words.insert(words.begin(), {"/usr/bin/env", "LENTICULE_EMBREE_ISA=sse2"});
+    const ProcessResult done = run_process(words);
+    ASSERT_EQ(done.exit_code, 0) << fmt::format("{}", fmt::join(words, " ")) << ": " << done.err;
+  }
+
+  /// Renders `count` frames from `first` on.
+  void render(const std::string& name, const std::string& scene, Words more, int first = 0,
+              int count = 2) {
+    Words arguments = {"render",
+                       scene,
+                       "--overwrite",
+                       "-o",
+                       path("frame_%d.ppm"),
+                       "--frames",
+                       fmt::format("{}:{}", first, first + count)};
     arguments.insert(arguments.end(), more.begin(), more.end());
-    const ProcessResult done = run(arguments);
-    ASSERT_EQ(done.exit_code, 0) << name << ": " << done.err;
-    for (const char* number : {"0", "1"})
-      hashes_["render " + name + " " + number] =
-          hash_of(bytes_of(path(name + "_" + number + ".ppm")));
+    run_well(arguments);
+    const std::string panel = more.at(0) == "--wall" ? "-" + more.at(3) : "";
+    for (int frame = first; frame < first + count; ++frame)
+      hashes_[fmt::format("{} {}", name, frame)] =
+          hash_of_file(path(fmt::format("frame_{}{}.ppm", frame, panel)));
   }
 
   Hashes hashes_;
 };
 
-TEST_F(FramesStayEqual, TheirHashesAreTheCommittedOnes) {
-  const std::string rig = source_file("scenes/rigs/tiny.toml");
-  for (const char* method :
-       {"full", "adaptive", "lens-view", "interpolate", "temporal", "hybrid"}) {
-    render(fmt::format("balls_{}", method), "balls:1", "tiny", {"--method", method});
-    render(fmt::format("tree_{}", method), "tree:1", "tiny", {"--method", method});
+/// The frames of these scenes differ from each other.
+TEST_F(FramesStayEqual, OfEveryMethod) {
+  for (const char* method : {"full", "adaptive", "lens-view", "interpolate", "temporal", "hybrid"})
+    for (const char* scene : {"tree:1", "gears:1", "room", "demo"})
+      render(fmt::format("{} {}", scene, method), fmt::format("builtin:{}", scene),
+             {"--rig", rig("paper-64"), "--method", method}, 40);
+  expect_committed("methods", hashes_);
+}
+
+TEST_F(FramesStayEqual, OfEveryFeatureOfGltf) {
+  const std::string models = path("models");
+  ASSERT_EQ(run_process({JUDGE_MODELS, models}).exit_code, 0);
+  for (const auto& model : std::filesystem::directory_iterator(models))
+    for (const char* method : {"full", "adaptive"})
+      render(model.path().stem().string() + " " + method, model.path().string(),
+             {"--rig", rig("paper-64"), "--method", method}, 0, 1);
+  expect_committed("gltf", hashes_);
+}
+
+TEST_F(FramesStayEqual, OfEveryOptionAndRig) {
+  for (const Words& option :
+       {Words{"--soft-shadows", "4"}, Words{"--occlusion", "8"}, Words{"--samples", "4"},
+        Words{"--prefilter", "beam"}, Words{"--prefilter", "exhaustive"}, Words{"--max-depth", "1"},
+        Words{"--method", "adaptive", "--error", "8"},
+        Words{"--method", "adaptive", "--psnr", "40"}}) {
+    Words words = {"--rig", rig("paper-64")};
+    words.insert(words.end(), option.begin(), option.end());
+    render(fmt::format("{}", fmt::join(option, " ")), "builtin:room", words, 40, 1);
   }
-  render("balls_soft", "balls:1", "tiny", {"--method", "full", "--soft-shadows", "4"});
-  render("demo_adaptive", "demo", "tiny", {"--method", "adaptive"});
+  for (const char* name : {"tiny", "portrait", "kiosk-27-1080"})
+    for (const char* method : {"full", "adaptive"})
+      render(fmt::format("{} {}", name, method), "builtin:balls:1",
+             {"--rig", rig(name), "--method", method}, 40, 1);
+  expect_committed("options", hashes_);
+}
 
-  const ProcessResult woven =
-      run({"weave", path("tree_full_0.ppm"), "--grid", "4x2", "--rig", rig, "-o", path("w.ppm")});
-  ASSERT_EQ(woven.exit_code, 0) << woven.err;
-  hashes_["weave"] = hash_of(bytes_of(path("w.ppm")));
+TEST_F(FramesStayEqual, OfEveryPanelOfAWall) {
+  std::string wall = "format = 1\nviewer_mm = [0, 0, 500]\n";
+  for (const auto& [name, side] : {std::pair{"left", -1}, std::pair{"right", 1}})
+    wall += fmt::format(
+        "[[panel]]\nname = \"{}\"\nrig = \"{}\"\ncentre_mm = [{}, 0, 0]\nturn_degrees = {}\n", name,
+        rig("tiny"), side * 12.5, side * -3);
+  write("wall.toml", wall);
+  for (const char* method : {"full", "adaptive"})
+    for (const char* panel : {"left", "right"})
+      render(fmt::format("{} {}", panel, method), "builtin:tree:1",
+             {"--wall", path("wall.toml"), "--panel", panel, "--fit", "--method", method}, 40, 1);
+  expect_committed("walls", hashes_);
+}
 
-  const ProcessResult played =
-      run({"play", path("balls_full_%d.ppm"), "--rig", rig, "--fps", "30", "--display", "virtual",
-           "--clock", "simulated", "--loop", "2", "--record", "checksums:" + path("shown.txt")});
-  ASSERT_EQ(played.exit_code, 0) << played.err;
-  hashes_["play"] = hash_of(bytes_of(path("shown.txt")));
-
-  const std::string values = source_file("tests/golden/frames/frames_stay_equal.txt");
-  if (const char* renew = std::getenv("LENTICULE_RENEW_FRAMES"); renew && *renew) {
-    std::ofstream out(values);
-    for (const auto& [name, hash] : hashes_) out << hash << ' ' << name << '\n';
-    ASSERT_TRUE(out.flush().good()) << values;
+TEST_F(FramesStayEqual, WovenAndPlayed) {
+  render("tree", "builtin:tree:1", {"--rig", rig("tiny"), "--method", "full"}, 40, 3);
+  hashes_.clear();
+  const std::string picture = path("frame_40.ppm");
+  for (const char* filter : {"nearest", "linear", "gauss"}) {
+    run_well({"weave", picture, "--grid", "4x2", "--filter", filter, "--rig", rig("tiny"), "-o",
+              path("woven.ppm")});
+    hashes_[fmt::format("weave {}", filter)] = hash_of_file(path("woven.ppm"));
   }
-  Hashes expected;
-  std::ifstream in(values);
-  for (std::string hash, name; in >> hash && std::getline(in >> std::ws, name);)
-    expected[name] = hash;
-  EXPECT_EQ(hashes_, expected)
-      << "frames changed; if that is wanted, run this test with LENTICULE_RENEW_FRAMES=1";
+  run_well({"play", path("frame_%d.ppm"), "--frames", "40:43", "--rig", rig("tiny"), "--fps", "30",
+            "--display", "virtual", "--clock", "simulated", "--loop", "2", "--record",
+            "checksums:" + path("shown.txt")});
+  hashes_["play"] = hash_of_file(path("shown.txt"));
+  run_well({"convert", path("frame_%d.ppm"), "--rig", rig("tiny"), "-o", path("film.lts")});
+  run_well({"convert", path("film.lts"), "-o", path("back_%d.ppm")});
+  for (int frame = 0; frame < 3; ++frame)
+    EXPECT_EQ(hash_of_file(path(fmt::format("back_{}.ppm", frame))),
+              hash_of_file(path(fmt::format("frame_{}.ppm", 40 + frame))));
+  expect_committed("commands", hashes_);
 }
 
 }  // namespace
