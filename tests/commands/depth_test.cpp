@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests `lenticule depth`, `render --prefilter` and `bench depth` on the command line.
+// Tests `lenticule depth` and `render --prefilter` on the command line.
 #include <nlohmann/json.hpp>
 
 #include "frames/image_io.h"
@@ -93,22 +93,6 @@ TEST_F(DepthCommand, RefusesInvalidPrefilterOptions) {
   EXPECT_EQ(depth("builtin:none-such", {}).exit_code, 2);
   EXPECT_EQ(depth("builtin:teapot:2", {"--depth-budget", "-1"}).exit_code, 2);
   EXPECT_EQ(depth("builtin:teapot:2", {"--picture", path("x.doc")}).exit_code, 2);
-}
-
-TEST_F(DepthCommand, BenchMeasuresEveryPrefilter) {
-  const ProcessResult result =
-      run({"bench", "depth", "tree:3", "--rig", source_file("scenes/rigs/tiny.toml"), "--frames",
-           "2", "--truth", "33", "--json", "--pictures", path("worst")});
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  const auto scenario = nlohmann::json::parse(result.out).at("courses").at(0);
-  EXPECT_GT(scenario.at("share_beyond"), 0.1);
-  ASSERT_GE(scenario.at("ways").size(), 6U);
-  for (const auto& way : scenario["ways"]) {
-    ASSERT_EQ(way.at("frames").size(), 2U);
-    for (const char* figure : {"mse", "seen_mse", "flip_mean", "flicker_views", "cpu_s"})
-      EXPECT_GE(way["frames"][1].at(figure).get<double>(), 0.0) << figure;
-  }
-  EXPECT_FALSE(listing().empty());
 }
 
 }  // namespace

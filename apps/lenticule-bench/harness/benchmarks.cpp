@@ -15,22 +15,18 @@ namespace lenticule::player {
 
 // Each function is defined in the file of its benchmark.
 Run declare_bench_codec(CLI::App& app);
-Run declare_bench_depth(CLI::App& app);
 Run declare_bench_error(CLI::App& app);
 Run declare_bench_exact(CLI::App& app);
-Run declare_bench_farm(CLI::App& app);
 Run declare_bench_memory(CLI::App& app);
 Run declare_bench_models(CLI::App& app);
 Run declare_bench_paper(CLI::App& app);
 Run declare_bench_play(CLI::App& app);
 Run declare_bench_realtime(CLI::App& app);
 Run declare_bench_calibrate(CLI::App& app);
-Run declare_bench_reuse(CLI::App& app);
 Run declare_bench_stability(CLI::App& app);
 Run declare_bench_start(CLI::App& app);
 Run declare_bench_weave(CLI::App& app);
 Run declare_bench_video(CLI::App& app);
-Run declare_bench_visibility(CLI::App& app);
 
 namespace {
 
@@ -49,15 +45,10 @@ const std::vector<Benchmark>& benchmarks() {
   static const std::vector<Benchmark> table = {
       {"codec", "size and speed of the sequence container, compared with other lossless formats",
        declare_bench_codec},
-      {"depth",
-       "error of prefiltered and plain rays in deep scenes, against averages over whole beams",
-       declare_bench_depth},
       {"error", "run time against error of every render method, and pictures of the worst places",
        declare_bench_error},
       {"exact", "rates of bare Embree, of visibility and of whole frames of method full",
        declare_bench_exact},
-      {"farm", "what a farm costs beside rendering, and a simulation of farms of many nodes",
-       declare_bench_farm},
       {"memory", "peak memory of rendering one frame", declare_bench_memory},
       {"models", "glTF models beside the pictures of another renderer, compared by FLIP",
        declare_bench_models},
@@ -70,7 +61,6 @@ const std::vector<Benchmark>& benchmarks() {
       {"realtime",
        "frames per second, latency and error of a renderer and a player, live on this machine",
        declare_bench_realtime},
-      {"reuse", "time and error of the reuse methods, against method full", declare_bench_reuse},
       {"stability",
        "numerical stress cases against reference implementations; fails if one deviates",
        declare_bench_stability},
@@ -79,10 +69,6 @@ const std::vector<Benchmark>& benchmarks() {
       {"weave", "time of weaving views, against copying the woven frame", declare_bench_weave},
       {"video", "speed of decoding woven frames from video files, against PNG files",
        declare_bench_video},
-      {"visibility",
-       "speed of the row sweep, against Embree's packets and bare writing, and where results "
-       "differ",
-       declare_bench_visibility},
   };
   return table;
 }

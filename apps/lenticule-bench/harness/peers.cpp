@@ -8,7 +8,6 @@
 #include <cstdlib>
 #include <string_view>
 
-#include "apps/lenticule-bench/harness/pov_writer.h"
 #include "base/error.h"
 #include "base/numbers.h"
 #include "render/scene/texture.h"
@@ -31,7 +30,7 @@ std::optional<double> number_after(const std::string& text, std::string_view bef
 
 /// Returns the scene. Tachyon always uses a field of view of 53 degrees and mirrors the picture: it
 /// shows slightly more background than this renderer, which is to Tachyon's advantage.
-std::string tachyon_scene(const render::SceneDescription& scene, const PeerJob& /*job*/) {
+std::string tachyon_scene(const render::SceneDescription& scene) {
   return write_plain_nff(scene);
 }
 
@@ -61,39 +60,6 @@ double tachyon_target(const std::string& scene) {
   if (scene == "teapot") return 6.0;
   if (scene == "balls") return 12.0;
   return scene == "tree" ? 30.0 : 0.0;
-}
-
-// ---- POV-Ray
-
-std::string povray_scene(const render::SceneDescription& scene, const PeerJob& job) {
-  return write_pov(
-      scene, {.aspect = static_cast<double>(job.width) / job.height, .max_depth = job.max_depth});
-}
-
-std::vector<std::string> povray_arguments(const std::string& file, const PeerJob& job) {
-  std::vector<std::string> arguments = {"+I" + file,
-                                        fmt::format("+W{}", job.width),
-                                        fmt::format("+H{}", job.height),
-                                        fmt::format("+WT{}", job.threads),
-                                        "-D",
-                                        "-A",
-                                        "-V"};
-  if (job.picture.empty())
-    arguments.emplace_back("-F");
-  else
-    arguments.insert(arguments.end(), {"+FP8", "+O" + job.picture});
-  return arguments;
-}
-
-/// Parses "  Trace Time:       0 hours  0 minutes  1 seconds (1.234 seconds)".
-std::optional<double> povray_seconds(const std::string& output) {
-  const size_t line = output.rfind("Trace Time:");
-  if (line == std::string::npos) return std::nullopt;
-  return number_after(output.substr(line, output.find('\n', line) - line), "(");
-}
-
-double povray_target(const std::string& scene) {
-  return scene == "teapot" || scene == "balls" || scene == "tree" ? 10.0 : 0.0;
 }
 
 /// Returns the mean colour of a texture, its appearance from far away.
@@ -134,7 +100,6 @@ const std::vector<Peer>& peers() {
   static const std::vector<Peer> table = {
       {"Tachyon", "tachyon", "nff", tachyon_scene, tachyon_arguments, tachyon_seconds,
        tachyon_target},
-      {"POV-Ray", "povray", "pov", povray_scene, povray_arguments, povray_seconds, povray_target},
   };
   return table;
 }

@@ -26,7 +26,7 @@ struct Peer {
   const char* name;
   const char* program;    ///< searched for in $PATH
   const char* extension;  ///< extension of its scene files
-  std::string (*write_scene)(const render::SceneDescription& scene, const PeerJob& job);
+  std::string (*write_scene)(const render::SceneDescription& scene);
   /// Returns the arguments without the program itself.
   std::vector<std::string> (*arguments)(const std::string& scene_file, const PeerJob& job);
   /// Returns the seconds of ray tracing, without parsing and preparation, from the program's

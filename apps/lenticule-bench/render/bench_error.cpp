@@ -62,7 +62,6 @@ nlohmann::json beside_tachyon(const ErrorFlags& flags, const optics::Rig& rig,
   if (flags.no_peers || !comparable || interrupted()) return {};
   ExactFlags exact;
   exact.rig_instead = rig;
-  exact.only_peer = "Tachyon";
   exact.depth = flags.depth;
   exact.lights = 0;
   exact.runs = flags.runs;

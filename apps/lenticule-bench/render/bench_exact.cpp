@@ -106,7 +106,7 @@ void declare_parts(CLI::App& app, ExactFlags& flags) {
   app.add_flag("--growth", flags.growth,
                "measure growing numbers of subpixels, triangles, lights and subpixels per lens");
   app.add_flag("--peers", flags.peers,
-               "compare with Tachyon and POV-Ray (scripts/packages bench installs them)");
+               "compare with Tachyon (scripts/packages bench installs it)");
 }
 
 void declare_peers(CLI::App& app, ExactFlags& flags) {

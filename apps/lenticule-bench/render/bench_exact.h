@@ -25,7 +25,6 @@ struct ExactFlags {
   bool peers = false;
   double peer_mrays = 0.0;                 ///< 0 = as many as the frame has subpixels
   int peer_limit_s = 900;                  ///< per run of a peer
-  std::string only_peer;                   ///< name of the only peer to run; empty = all
   std::optional<optics::Rig> rig_instead;  ///< loaded from a file
   std::string peer_pictures;
   std::string plots;  ///< folder; empty = none

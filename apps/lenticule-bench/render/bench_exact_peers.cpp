@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench exact --peers runs other ray tracers on the same scene, interleaved with this
+// lenticule bench exact --peers runs another ray tracer on the same scene, interleaved with this
 // renderer.
 #include <fmt/format.h>
 
@@ -37,7 +37,7 @@ void write_text(const std::string& file, const std::string& text) {
   if (!out) throw Error(ErrorKind::Failed, fmt::format("{}: cannot write", file));
 }
 
-PeerRuns prepare(const Peer& peer, const render::SceneDescription& scene, const PeerJob& job,
+PeerRuns prepare(const Peer& peer, const render::SceneDescription& scene,
                  const ScratchFolder& folder) {
   PeerRuns runs;
   runs.peer = &peer;
@@ -48,7 +48,7 @@ PeerRuns prepare(const Peer& peer, const render::SceneDescription& scene, const 
   }
   runs.program = *program;
   runs.scene_file = folder.file(fmt::format("scene.{}", peer.extension));
-  write_text(runs.scene_file, peer.write_scene(scene, job));
+  write_text(runs.scene_file, peer.write_scene(scene));
   return runs;
 }
 
@@ -130,8 +130,7 @@ nlohmann::json measure_peers(const ExactFlags& flags, const std::string& scene) 
   const ScratchFolder folder;
   std::vector<PeerRuns> runs;
   for (const Peer& peer : peers()) {
-    if (!flags.only_peer.empty() && flags.only_peer != peer.name) continue;
-    runs.push_back(prepare(peer, bench.description(), job, folder));
+    runs.push_back(prepare(peer, bench.description(), folder));
     keep_picture(flags, runs.back(), job, short_name(scene));
   }
   const auto method = bench.method(bench.options(flags.depth));

@@ -166,7 +166,6 @@ class PaperRun {
     ExactFlags flags;
     flags.rig = flags_.rig;
     flags.rig_instead = setup_.rig;
-    flags.only_peer = "Tachyon";
     flags.depth = flags_.depth;
     flags.lights = 0;
     flags.runs = flags_.runs;

@@ -33,10 +33,7 @@ StabilityRow stability_eye_on_panel(const StabilitySize& size);
 StabilityRow stability_through_eye(const StabilitySize& size);
 StabilityRow stability_total_reflection(const StabilitySize& size);
 StabilityRow stability_nested_glass(const StabilitySize& size);
-StabilityRow stability_reuse_drift(const StabilitySize& size);
-StabilityRow stability_reuse_slopes(const StabilitySize& size);
-StabilityRow stability_reuse_through_glass(const StabilitySize& size);
-StabilityRow stability_reuse_through_eye(const StabilitySize& size);
+StabilityRow stability_outline_slopes(const StabilitySize& size);
 StabilityRow stability_audit(const StabilitySize& size);
 
 const std::vector<StabilityCase>& stability_cases() {
@@ -63,10 +60,7 @@ const std::vector<StabilityCase>& stability_cases() {
       {"through-eye", stability_through_eye},
       {"total-reflection", stability_total_reflection},
       {"nested-glass", stability_nested_glass},
-      {"reuse-drift", stability_reuse_drift},
-      {"reuse-slopes", stability_reuse_slopes},
-      {"reuse-through-glass", stability_reuse_through_glass},
-      {"reuse-through-eye", stability_reuse_through_eye},
+      {"outline-slopes", stability_outline_slopes},
       {"audit", stability_audit},
   };
   return table;

@@ -7,7 +7,6 @@
 
 #include <memory>
 
-#include "apps/lenticule-bench/harness/pov_writer.h"
 #include "base/error.h"
 #include "render/loaders/nff.h"
 #include "scenes/scene_list.h"
@@ -15,7 +14,6 @@
 namespace lenticule::player {
 namespace {
 
-using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
@@ -32,59 +30,6 @@ render::SceneDescription small_scene() {
       "p 3 0 0 0 1 0 0 0 1 0\n"
       "pp 3 0 0 0 0 0 1 1 0 0 0 0 1 0 1 0 0 0 1\n",
       "small");
-}
-
-TEST(PovWriter, WritesTheWholeScene) {
-  EXPECT_EQ(write_pov(small_scene(), {.aspect = 1.5, .max_depth = 1}), R"(#version 3.7;
-global_settings { max_trace_level 2 assumed_gamma srgb ambient_light rgb 1 }
-background { color rgb <0.1, 0.2, 0.3> }
-camera { perspective location <0, -4, 1> sky <0, 0, 1> up y right -1.5*x angle 81.7867893 look_at <0, 0, 1> }
-light_source { <1, 2, 3> color rgb <0.5, 0.5, 0.5> }
-#declare M0 = material { texture {
-  pigment { color rgb <1, 0.5, 0.25> transmit 0 }
-  finish { ambient rgb <0.1, 0.1, 0.1> diffuse 0.8 phong 0.2 phong_size 20
-    reflection 0.2 } } interior { ior 1 } }
-mesh2 {
-  vertex_vectors { 3
-    ,<0, 0, 0>
-    ,<1, 0, 0>
-    ,<0, 1, 0>
-  }
-  face_indices { 1
-    ,<0, 1, 2>
-  }
-  material { M0 } }
-mesh2 {
-  vertex_vectors { 3
-    ,<0, 0, 0>
-    ,<1, 0, 0>
-    ,<0, 1, 0>
-  }
-  normal_vectors { 3
-    ,<0, 0, 1>
-    ,<0, 0, 1>
-    ,<0, 0, 1>
-  }
-  face_indices { 1
-    ,<0, 1, 2>
-  }
-  material { M0 } }
-sphere { <0, 0, 1>, 0.5 material { M0 } }
-cone { <0, 0, 0>, 0.5, <0, 0, 1>, 0.25 open material { M0 } }
-cylinder { <1, 0, 0>, <1, 0, 1>, 0.5 open material { M0 } }
-)");
-}
-
-TEST(PovWriter, RefusesUnsupportedScenes) {
-  const auto refused = [](auto change) {
-    render::SceneDescription scene = small_scene();
-    change(scene);
-    EXPECT_THROW((void)write_pov(scene, {}), Error);
-  };
-  refused([](auto& scene) { scene.cameras.clear(); });
-  refused([](auto& scene) { scene.materials[0].texture = 0; });
-  refused([](auto& scene) { scene.lights[0].kind = render::Light::Kind::Spot; });
-  refused([](auto& scene) { scene.nodes.emplace_back(); });
 }
 
 TEST(PlainNff, IsReadBackAsTheSameScene) {
@@ -179,27 +124,8 @@ TEST(Tachyon, CountsCameraRaysAsOneBounce) {
                           "-fullshade", "-nosave"));
 }
 
-TEST(PovRay, IsTimedByItsOwnOutput) {
-  const Peer& povray = peer("POV-Ray");
-  EXPECT_EQ(
-      povray.traced_seconds("  Parse Time:       0 hours  0 minutes  7 seconds (7.5 seconds)\n"
-                            "  Trace Time:       0 hours  1 minutes  2 seconds (62.042 "
-                            "seconds)\n              using 2 thread(s)\n"),
-      62.042);
-  EXPECT_EQ(povray.traced_seconds("Parse Error: Cannot open (4) files\n"), std::nullopt);
-  EXPECT_EQ(povray.traced_seconds("Trace Time: none\n (3 seconds)"), std::nullopt);
-}
-
-TEST(PovRay, KeepsAPictureOnlyOnRequest) {
-  PeerJob job{.width = 640, .height = 360, .threads = 2, .max_depth = 1, .picture = ""};
-  EXPECT_THAT(peer("POV-Ray").arguments("scene.pov", job), Contains("-F"));
-  job.picture = "out.ppm";
-  EXPECT_THAT(peer("POV-Ray").arguments("scene.pov", job), Contains("+Oout.ppm"));
-}
-
 TEST(Peers, HaveTargetsForTheClassicScenesOnly) {
   EXPECT_EQ(peer("Tachyon").target("tree"), 30.0);
-  EXPECT_EQ(peer("POV-Ray").target("balls"), 10.0);
   for (const Peer& each : peers()) EXPECT_EQ(each.target("mine.nff"), 0.0);
 }
 

@@ -133,7 +133,7 @@ Tally compare(const optics::OpticalModel& model, const Outline& outline, const P
 
 }  // namespace
 
-StabilityRow stability_reuse_slopes(const StabilitySize& size) {
+StabilityRow stability_outline_slopes(const StabilitySize& size) {
   const optics::OpticalModel model(finer(small_rig(), size.full ? 2 : 1));
   const std::vector<double> degrees = slopes(model.rig(), size.full ? 10.0 : 0.5);
   SharedTally shared;
