@@ -1,53 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of pixels in memory: the files that lenticule and Xvfb write, and changes of scale.
+"""Pictures of pixels as arrays (rows, columns, 3): changes of scale, and sheets of several pictures.
 
 A mean of pixels is taken in linear light.
 """
 
-import re
 import struct
 
+import numpy
+from PIL import Image, ImageDraw, ImageFont
+
 BACKGROUND = (32, 33, 36)
+FONT = ImageFont.truetype("/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf", 15)
 
 
-class Picture:
-    """Pixels of 8-bit RGB, row by row from the top."""
-
-    def __init__(self, width, height, pixels=None):
-        self.width, self.height = width, height
-        self.pixels = pixels if pixels is not None else bytearray(bytes(BACKGROUND) * (width * height))
-
-    def row(self, y, begin=0, end=None):
-        end = self.width if end is None else end
-        return self.pixels[3 * (y * self.width + begin):3 * (y * self.width + end)]
-
-    def crop(self, x, y, width, height):
-        rows = (self.row(j, x, x + width) for j in range(y, y + height))
-        return Picture(width, height, bytearray().join(rows))
-
-    def paste(self, other, x, y):
-        for j in range(other.height):
-            begin = 3 * ((y + j) * self.width + x)
-            self.pixels[begin:begin + 3 * other.width] = other.row(j)
-
-    def fill(self, x, y, width, height, colour):
-        for j in range(y, y + height):
-            begin = 3 * (j * self.width + x)
-            self.pixels[begin:begin + 3 * width] = bytes(colour) * width
-
-    def outline(self, x, y, width, height, colour, thickness=1):
-        self.fill(x, y, width, thickness, colour)
-        self.fill(x, y + height - thickness, width, thickness, colour)
-        self.fill(x, y, thickness, height, colour)
-        self.fill(x + width - thickness, y, thickness, height, colour)
-
-
-def read_ppm(path):
-    """Reads a binary PPM file without comments, as lenticule writes them."""
-    data = path.read_bytes()
-    header = re.match(rb"P6\s+(\d+)\s+(\d+)\s+255\s", data)
-    width, height = int(header.group(1)), int(header.group(2))
-    return Picture(width, height, bytearray(data[header.end():header.end() + 3 * width * height]))
+def read(path):
+    return numpy.array(Image.open(path).convert("RGB"))
 
 
 def read_xwd(path):
@@ -55,92 +22,78 @@ def read_xwd(path):
     data = path.read_bytes()
     word = struct.unpack(">25I", data[:100])
     header, width, height, bytes_per_row, colours = word[0], word[4], word[5], word[12], word[19]
-    picture = Picture(width, height)
-    begin = header + 12 * colours
-    for y in range(height):
-        row = data[begin + y * bytes_per_row:begin + y * bytes_per_row + 4 * width]
-        for channel in range(3):
-            picture.pixels[3 * y * width + channel:3 * (y + 1) * width:3] = row[2 - channel::4]
-    return picture
+    rows = numpy.frombuffer(data, numpy.uint8, height * bytes_per_row, header + 12 * colours)
+    return rows.reshape(height, -1, 4)[:, :width, 2::-1].copy()
 
 
-def _linear(code):
-    value = code / 255
-    return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4
+def crop(picture, x, y, width, height):
+    return picture[y:y + height, x:x + width]
 
 
-LINEAR = [round(65535 * _linear(code)) for code in range(256)]
-CODES = bytearray()
-for _light in range(4096):
-    _value = _light / 4095
-    _value = 12.92 * _value if _value <= 0.0031308 else 1.055 * _value ** (1 / 2.4) - 0.055
-    CODES.append(round(255 * _value))
+def outline(picture, x, y, width, height, colour=(255, 255, 255)):
+    """Draws into the picture."""
+    picture[[y, y + height - 1], x:x + width] = colour
+    picture[y:y + height, [x, x + width - 1]] = colour
+
+
+def squares(picture, factor):
+    """Returns the picture as (rows, columns, factor * factor, 3): its squares of pixels."""
+    height, width = (n // factor for n in picture.shape[:2])
+    cells = picture[:height * factor, :width * factor].reshape(height, factor, width, factor, 3)
+    return cells.swapaxes(1, 2).reshape(height, width, factor * factor, 3)
 
 
 def smaller(picture, factor):
     """Averages squares of factor x factor pixels in linear light."""
-    width, height = picture.width // factor, picture.height // factor
-    out = bytearray()
-    share = 4095 / (65535 * factor * factor)
-    for y in range(height):
-        rows = [picture.row(factor * y + j, 0, width * factor) for j in range(factor)]
-        sums = [[0] * width for _ in range(3)]
-        for row in rows:
-            for c in range(3):
-                light = [LINEAR[code] for code in row[c::3]]
-                for i in range(factor):
-                    sums[c] = list(map(int.__add__, sums[c], light[i::factor]))
-        line = bytearray(3 * width)
-        for c in range(3):
-            line[c::3] = bytes(CODES[round(s * share)] for s in sums[c])
-        out += line
-    return Picture(width, height, out)
+    value = squares(picture, factor) / 255
+    light = numpy.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4).mean(axis=2)
+    code = numpy.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    return (255 * code).round().astype(numpy.uint8)
 
 
 def brightest(picture, factor):
     """Keeps the brightest of factor x factor pixels, so that single pixels of an error map stay visible."""
-    width, height = picture.width // factor, picture.height // factor
-    out = bytearray()
-    for y in range(height):
-        rows = [picture.row(factor * y + j) for j in range(factor)]
-        for x in range(width):
-            places = range(3 * factor * x, 3 * factor * (x + 1), 3)
-            cell = [row[i:i + 3] for row in rows for i in places]
-            out += max(cell, key=lambda p: 2 * p[0] + 3 * p[1] + p[2])
-    return Picture(width, height, out)
+    cells = squares(picture, factor)
+    place = (cells @ numpy.array((2, 3, 1))).argmax(axis=2)
+    return numpy.take_along_axis(cells, place[..., None, None], axis=2)[:, :, 0]
 
 
 def larger(picture, factor):
     """Repeats each pixel factor x factor times."""
-    out = bytearray()
-    for y in range(picture.height):
-        row = picture.row(y)
-        line = b"".join(bytes(row[3 * x:3 * x + 3]) * factor for x in range(picture.width))
-        out += line * factor
-    return Picture(picture.width * factor, picture.height * factor, out)
-
-
-def nearest(picture, numerator, denominator):
-    """Scales by numerator/denominator without mixing pixels."""
-    width, height = (n * numerator // denominator for n in (picture.width, picture.height))
-    out = bytearray()
-    for y in range(height):
-        row = picture.row(y * denominator // numerator)
-        for x in range(width):
-            i = 3 * (x * denominator // numerator)
-            out += row[i:i + 3]
-    return Picture(width, height, out)
+    return picture.repeat(factor, axis=0).repeat(factor, axis=1)
 
 
 def subpixels(picture, scale):
     """Draws each pixel as its red, green and blue stripes, scale pixels high; scale is a multiple of 3."""
-    stripe = scale // 3
-    out = bytearray()
-    for y in range(picture.height):
-        line = bytearray()
-        for x in range(picture.width):
-            red, green, blue = picture.row(y, x, x + 1)
-            for colour in ((red, 0, 0), (0, green, 0), (0, 0, blue)):
-                line += bytes(colour) * stripe
-        out += line * (scale - 1) + bytes(len(line))
-    return Picture(picture.width * scale, picture.height * scale, out)
+    enlarged = larger(picture, scale)
+    stripe = numpy.arange(enlarged.shape[1]) // (scale // 3) % 3
+    enlarged[:, stripe[:, None] != numpy.arange(3)] = 0
+    enlarged[scale - 1::scale] = 0
+    return enlarged
+
+
+def sheet(rows, gap=10):
+    """Puts rows of (label, picture) on one page; the label stands above its picture."""
+    label_height = 26
+    width = max(sum(p.shape[1] + gap for _, p in row) for row in rows) + gap
+    height = sum(max(p.shape[0] for _, p in row) + label_height + gap for row in rows)
+    page = Image.new("RGB", (width, height), BACKGROUND)
+    draw = ImageDraw.Draw(page)
+    y = 0
+    for row in rows:
+        x = gap
+        for label, picture in row:
+            draw.text((x, y + 5), label, (236, 236, 236), FONT)
+            page.paste(Image.fromarray(picture), (x, y + label_height))
+            x += picture.shape[1] + gap
+        y += label_height + max(p.shape[0] for _, p in row) + gap
+    return numpy.array(page)
+
+
+def write(made, path):
+    """Writes a picture without loss, or several as an animation that goes there and back."""
+    if isinstance(made, list):
+        frames = [Image.fromarray(frame) for frame in made + made[-2:0:-1]]
+        frames[0].save(path, save_all=True, append_images=frames[1:], duration=80, loop=0, quality=85)
+    else:
+        Image.fromarray(made).save(path, optimize=True)

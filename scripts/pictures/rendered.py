@@ -1,29 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pictures of rendered scenes.
 
-Each function takes a Studio and returns a Picture.
+Each function takes a Studio and returns a picture, or a list of pictures for an animation.
 """
 
 import os
 import subprocess
 import time
 
-from pictures.raster import Picture, brightest, larger, nearest, read_ppm, read_xwd, smaller
+import numpy
+
+from pictures.raster import (brightest, crop, larger, outline, read, read_xwd, sheet, smaller, write)
 from pictures.rigs import KIOSK_1080, KIOSK_4K
-from pictures.sheet import sheet
 from pictures.studio import enlarged_part
 
 
 def guide(picture, x):
     """Draws a dotted vertical line, which shows how far objects move between two pictures."""
-    for y in range(0, picture.height, 6):
-        picture.fill(x, y, 1, 3, (255, 255, 255))
+    for y in range(3):
+        picture[y::6, x] = 255
 
 
 def first_look(studio):
     """README: two eyes, the woven frame, and its subpixels."""
     woven = studio.demo()
-    frame = read_ppm(woven)
+    frame = read(woven)
     left, right = (studio.eye(woven, KIOSK_4K, x, 480, 270) for x in (-32, 32))
     for picture in (left, right):
         for x in (24, 405):
@@ -31,10 +32,16 @@ def first_look(studio):
     x0, y0, scale = 752, 1730, 15
     detail = enlarged_part(frame, x0, y0, 32, 18, scale)
     whole = smaller(frame, 8)
-    whole.outline(x0 // 8 - 3, y0 // 8 - 3, 10, 9, (255, 255, 255))
+    outline(whole, x0 // 8 - 3, y0 // 8 - 3, 10, 9)
     return sheet([[("left eye, 32 mm left of the middle", left), ("right eye, 32 mm right of it", right)],
                   [("woven frame, 3840 x 2160 pixels", whole),
                    ("32 x 18 pixels of it, and the lenses", detail)]])
+
+
+def eye_moves(studio):
+    """README: what one eye sees while it moves sideways through the viewing zone."""
+    woven = studio.demo()
+    return [studio.eye(woven, KIOSK_4K, -48 + 6 * k, 480, 270) for k in range(17)]
 
 
 def methods(studio):
@@ -49,13 +56,13 @@ def methods(studio):
     full = third("full")
 
     def part(picture):
-        return picture.crop(420, 216, 1120, 800)
+        return crop(picture, 420, 216, 1120, 800)
 
     def error_map(method, *flags):
         return brightest(part(studio.difference(full, third(method, *flags))), 3)
 
     eye = studio.eye(full, KIOSK_1080, 0, 640, 360, 3)
-    scene = eye.crop(140, 72, 373, 266)
+    scene = crop(eye, 140, 72, 373, 266)
     return sheet([[("full, seen by one eye", scene), ("lens-view", error_map("lens-view")),
                    ("interpolate", error_map("interpolate"))],
                   [("temporal, camera moving", error_map("temporal")),
@@ -71,9 +78,9 @@ def adaptive_worst(studio):
     source = next(folder.glob("*-1.png"))
     ppm = studio.folder / "worst.ppm"
     studio.run("convert", source, "-o", ppm)
-    found = read_ppm(ppm)
-    tiles = [[found.crop(x, y, 384, 384) for x in (0, 392, 784)] for y in (0, 392)]
-    tiles = [[nearest(tile, 3, 4) for tile in row] for row in tiles]
+    found = read(ppm)
+    # The command enlarges four times; three times are enough here.
+    tiles = [[larger(crop(found, x, y, 384, 384)[::4, ::4], 3) for x in (0, 392, 784)] for y in (0, 392)]
     return sheet([list(zip(("full", "adaptive, E = 8", "difference"), tiles[0])),
                   list(zip(("full, by one eye", "adaptive, by one eye", "difference"), tiles[1]))])
 
@@ -94,7 +101,7 @@ def shading(studio):
     scene = studio.folder / "balls.nff"
     scene.write_text("\n".join(lines) + "\n")
     woven = studio.frame(str(scene), KIOSK_4K)
-    return studio.eye(woven, KIOSK_4K, 0, 800, 450).crop(0, 130, 800, 200)
+    return crop(studio.eye(woven, KIOSK_4K, 0, 800, 450), 0, 130, 800, 200)
 
 
 def soft_light(studio):
@@ -102,7 +109,7 @@ def soft_light(studio):
     def seen(*flags):
         grey = ("--ground", "--ground-colour", "0.7,0.7,0.7")
         woven = studio.frame("builtin:teapot", KIOSK_1080, *grey, *flags)
-        return studio.eye(woven, KIOSK_1080, 0, 720, 405, 2).crop(120, 110, 480, 270)
+        return crop(studio.eye(woven, KIOSK_1080, 0, 720, 405, 2), 120, 110, 480, 270)
 
     return sheet([[("hard light", seen()),
                    ("soft shadows 16, light size 60", seen("--soft-shadows", "16", "--light-size", "60"))],
@@ -115,32 +122,30 @@ def depth_budget(studio):
     flags = ("--depth-budget", "4")
     depth = studio.folder / "depth.ppm"
     studio.run("depth", "builtin:tree", "--rig", KIOSK_1080, *flags, "--picture", depth)
-    depth = smaller(read_ppm(depth), 4)
+    depth = smaller(read(depth), 4)
 
     def seen(*more):
         woven = studio.frame("builtin:tree", KIOSK_1080, *flags, *more)
-        return larger(studio.eye(woven, KIOSK_1080, 0, 960, 540, 2).crop(610, 208, 120, 90), 3)
+        return larger(crop(studio.eye(woven, KIOSK_1080, 0, 960, 540, 2), 610, 208, 120, 90), 3)
 
     x, y = 610 // 2, 208 // 2
-    depth.outline(x, y, 60, 45, (255, 255, 255))
-    return sheet([[("depth of each subpixel", depth.crop(60, 0, 420, 270)), ("one ray", seen()),
+    outline(depth, x, y, 60, 45)
+    return sheet([[("depth of each subpixel", crop(depth, 60, 0, 420, 270)), ("one ray", seen()),
                    ("prefilter beam", seen("--prefilter", "beam"))]])
 
 
 def content(studio):
     """A quilt, the frame woven from it, and the pictures of two eyes."""
     woven = studio.demo()
-    quilt = Picture(4 * 480, 2 * 270)
-    for k in range(8):
-        # Tile 0 is the bottom-left one and belongs to the leftmost camera.
-        view = studio.eye(woven, KIOSK_4K, 125 * (k - 3.5) / 8, 480, 270)
-        quilt.paste(view, k % 4 * 480, 270 - k // 4 * 270)
-    path = studio.folder / "demo_qs4x2a1.7778.ppm"
-    path.write_bytes(b"P6 %d %d 255\n" % (quilt.width, quilt.height) + quilt.pixels)
+    # Tile 0 is the bottom-left one and belongs to the leftmost camera.
+    views = [studio.eye(woven, KIOSK_4K, 125 * (k - 3.5) / 8, 480, 270) for k in range(8)]
+    quilt = numpy.vstack([numpy.hstack(views[4:]), numpy.hstack(views[:4])])
+    path = studio.folder / "demo_qs4x2a1.7778.png"
+    write(quilt, path)
     again = studio.folder / "content.ppm"
     studio.run("weave", path, "--rig", KIOSK_4K, "-o", again)
     x0, y0, scale = 752, 1730, 12
-    detail = enlarged_part(read_ppm(again), x0, y0, 26, 15, scale)
+    detail = enlarged_part(read(again), x0, y0, 26, 15, scale)
     eyes = [studio.eye(again, KIOSK_4K, x, 320, 180) for x in (-32, 32)]
     title = "quilt, 4 x 2 views from left to right, the first at the bottom left"
     return sheet([[(title, smaller(quilt, 2))],
@@ -161,7 +166,7 @@ def window(studio):
             player = subprocess.Popen(
                 [studio.program, "play", woven, "--rig", KIOSK_4K, "--display", "window"],
                 env=os.environ | {"DISPLAY": ":" + number.read().strip(), "SDL_VIDEODRIVER": "x11"})
-            while not any((picture := read_xwd(studio.folder / "Xvfb_screen0")).pixels):
+            while not (picture := read_xwd(studio.folder / "Xvfb_screen0")).any():
                 time.sleep(0.1)
             time.sleep(2)  # for a picture that was being drawn
             picture = read_xwd(studio.folder / "Xvfb_screen0")

@@ -2,12 +2,13 @@
 """Frames and pictures that lenticule makes, and parts of woven frames, enlarged."""
 
 import functools
-import math
 import re
 import subprocess
 import sys
 
-from pictures.raster import read_ppm, smaller, subpixels
+import numpy
+
+from pictures.raster import crop, read, smaller, subpixels
 from pictures.rigs import KIOSK_4K, numbers_of
 
 
@@ -36,13 +37,13 @@ class Studio:
         out = self.folder / "eye.ppm"
         self.run("eye", woven, "--rig", rig, "--eye", f"{x},0,700",
                  "--size", f"{width * supersample}x{height * supersample}", "-o", out)
-        return smaller(read_ppm(out), supersample)
+        return smaller(read(out), supersample)
 
     def difference(self, reference, test):
         """The error map of `lenticule compare --picture`."""
         out = self.folder / "difference.ppm"
         self.run("compare", reference, test, "--picture", out)
-        return read_ppm(out)
+        return read(out)
 
     def demo(self):
         """The demo scene, deep enough that two eyes differ visibly."""
@@ -52,19 +53,15 @@ class Studio:
 def lens_borders(picture, scale, x0, y0, rig):
     """Draws the borders between lenses, as the design eye sees them, over an enlarged part at (x0, y0)."""
     pitch = rig["pitch_subpx"] * (1 + rig["gap_mm"] / rig["distance_mm"])
-    for y in range(picture.height):
-        row = y0 + (y + 0.5) / scale - rig["height_px"] / 2
-        for x in range(picture.width - 1):
-            at = [3 * (x0 + (x + i + 0.5) / scale - rig["width_px"] / 2 + rig["slant"] * row) / pitch + 0.5
-                  for i in (0, 1)]
-            if math.floor(at[0]) != math.floor(at[1]):
-                picture.fill(x, y, 1, 1, (255, 255, 255))
+    y, x = numpy.indices(picture.shape[:2]) + 0.5
+    along = x0 + x / scale - rig["width_px"] / 2 + rig["slant"] * (y0 + y / scale - rig["height_px"] / 2)
+    lens = numpy.floor(3 * along / pitch + 0.5)
+    picture[:, :-1][lens[:, :-1] != lens[:, 1:]] = 255
 
 
 def enlarged_part(frame, x0, y0, width, height, scale):
     """Part of a woven frame of the 4K kiosk: subpixels, a little brighter, and borders of lenses."""
-    detail = subpixels(frame.crop(x0, y0, width, height), scale)
-    brighter = bytes(round(255 * (code / 255) ** 0.7) for code in range(256))
-    detail.pixels = detail.pixels.translate(brighter)
+    detail = subpixels(crop(frame, x0, y0, width, height), scale)
+    detail = (255 * (detail / 255) ** 0.7).round().astype(numpy.uint8)
     lens_borders(detail, scale, x0, y0, numbers_of(KIOSK_4K))
     return detail

@@ -13,8 +13,8 @@ import re
 import sys
 
 MOST_LINES = 250
-MOST_PICTURE_BYTES = 200_000
-MOST_PICTURES_BYTES = 1_500_000
+MOST_PICTURE_BYTES = 550_000
+MOST_PICTURES_BYTES = 4_000_000
 
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 
