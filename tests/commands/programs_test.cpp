@@ -69,6 +69,16 @@ TEST_F(LonePlayer, NamesThePackageThatReadsPicturesAndVideos) {
   }
 }
 
+TEST_F(LonePlayer, TakesASampleRigOfItsInstallation) {
+  const std::string rig = path("usr/share/lenticule/rigs/tiny.toml");
+  std::filesystem::create_directories(path("usr/share/lenticule/rigs"));
+  std::filesystem::copy_file(source_file("scenes/rigs/tiny.toml"), rig);
+  const ProcessResult result =
+      run_alone({"play", "card", "--clock", "simulated", "--duration", "0.1"});
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_NE(result.err.find("no --rig: using the sample " + rig), std::string::npos) << result.err;
+}
+
 TEST_F(LonePlayer, PlaysASequenceWithoutDecoders) {
   const std::string rig = source_file("scenes/rigs/tiny.toml");
   ASSERT_EQ(run({"render", "builtin:demo", "--rig", rig, "--frames", "0:2", "-o", path("film.lts")})
@@ -76,6 +86,9 @@ TEST_F(LonePlayer, PlaysASequenceWithoutDecoders) {
             0);
   const ProcessResult result = run_alone(play(path("film.lts")));
   EXPECT_EQ(result.exit_code, 0) << result.err;
+  const ProcessResult of_its_rig = run_alone({"play", path("film.lts"), "--clock", "simulated"});
+  EXPECT_EQ(of_its_rig.exit_code, 0) << of_its_rig.err;
+  EXPECT_NE(of_its_rig.err.find("virtual 48x32"), std::string::npos) << of_its_rig.err;
 }
 
 // The folders are those of an installation: /usr/bin/lenticule starts

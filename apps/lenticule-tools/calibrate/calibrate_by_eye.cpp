@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "apps/lenticule-tools/calibrate/calibrate.h"
+#include "apps/lenticule/cli/content_flags.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "calib/by_eye/procedure.h"
@@ -26,6 +27,7 @@
 #include "optics/rig_history.h"
 #include "optics/trim.h"
 #include "player/process/interrupt.h"
+#include "player/process/rig_choice.h"
 #include "player/session/key_input.h"
 
 namespace lenticule::player {
@@ -314,8 +316,7 @@ CalibrateWay declare_calibrate_by_eye(CLI::App& app) {
       "by-eye",
       "measure the sheet with charts and keys, without a camera; the charts explain the steps");
   way->footer(kKeys);
-  way->add_option("--rig", flags->rig, "rig file to start from; a trim beside it is included")
-      ->required();
+  declare_rig_flag(*way, flags->rig, "rig file to start from; a trim beside it is included");
   way->add_option("--display", flags->display,
                   "kms, kms:CONNECTOR, or virtual, as for lenticule play")
       ->capture_default_str();
@@ -336,7 +337,10 @@ CalibrateWay declare_calibrate_by_eye(CLI::App& app) {
   way->add_flag("--no-questions", flags->no_questions, "change the values (default for scripts)")
       ->excludes(questions);
   way->add_flag("--json", flags->json, "print the result as JSON");
-  return {.app = way, .run = [flags] { return ByEyeRun(*flags).run(); }};
+  return {.app = way, .run = [flags] {
+            flags->rig = choose_rig({.given = flags->rig, .display = flags->display}).file;
+            return ByEyeRun(*flags).run();
+          }};
 }
 
 }  // namespace lenticule::player

@@ -13,6 +13,7 @@
 #include "apps/lenticule-tools/calibrate/calibrate.h"
 #include "apps/lenticule-tools/calibrate/calibrate_result.h"
 #include "apps/lenticule-tools/calibrate/camera_preview.h"
+#include "apps/lenticule/cli/content_flags.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "calib/cameras/v4l2_camera.h"
@@ -22,6 +23,7 @@
 #include "optics/trim.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
+#include "player/process/rig_choice.h"
 
 namespace lenticule::player {
 namespace {
@@ -236,7 +238,7 @@ CalibrateWay declare_calibrate_camera(CLI::App& app) {
   way->footer(
       "Darken the room, let the panel warm up for half an hour, use a tripod.\n"
       "Example:\n  lenticule calibrate camera --rig start.toml --display kms -o kiosk.toml");
-  CLI::Option* rig = way->add_option("--rig", flags->rig, "rig file to start from");
+  CLI::Option* rig = declare_rig_flag(*way, flags->rig, "rig file to start from");
   way->add_option("--display", flags->display, "kms, kms:CONNECTOR, or virtual")
       ->capture_default_str();
   way->add_flag("--allow-inexact", flags->allow_inexact,
@@ -264,9 +266,10 @@ CalibrateWay declare_calibrate_camera(CLI::App& app) {
   way->get_option("--output")->required(false);
   return {.app = way, .run = [flags]() -> ExitCode {
             if (flags->list) return list_all(flags->result.json);
-            if (flags->rig.empty() || flags->result.output.empty())
-              throw Error(ErrorKind::Usage, "calibrate camera: --rig and -o are needed",
+            if (flags->result.output.empty())
+              throw Error(ErrorKind::Usage, "calibrate camera: -o is missing",
                           "see lenticule calibrate camera --help");
+            flags->rig = choose_rig({.given = flags->rig, .display = flags->display}).file;
             return CameraRun(*flags).run();
           }};
 }

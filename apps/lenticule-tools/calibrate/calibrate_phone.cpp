@@ -17,6 +17,7 @@
 #include "apps/lenticule-tools/calibrate/hand_held_photos.h"
 #include "apps/lenticule-tools/calibrate/photo_arrivals.h"
 #include "apps/lenticule-tools/calibrate/photo_pack.h"
+#include "apps/lenticule/cli/content_flags.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "calib/photo/tag_chart.h"
@@ -27,6 +28,7 @@
 #include "optics/model.h"
 #include "optics/trim.h"
 #include "player/process/interrupt.h"
+#include "player/process/rig_choice.h"
 
 namespace lenticule::player {
 namespace {
@@ -222,7 +224,7 @@ CalibrateWay declare_calibrate_phone(CLI::App& app) {
       "  lenticule calibrate phone inbox --rig start.toml --display kms -o kiosk.toml\n"
       "Photographs that are already there: lenticule calibrate photos 1.jpg 2.jpg 3.jpg 4.jpg");
   way->add_option("FOLDER", flags->folder, "folder in which the photographs arrive")->required();
-  way->add_option("--rig", flags->rig, "rig file to start from")->required();
+  declare_rig_flag(*way, flags->rig, "rig file to start from");
   way->add_option("--display", flags->display, "kms, kms:CONNECTOR, or virtual")
       ->capture_default_str();
   way->add_flag("--allow-inexact", flags->allow_inexact,
@@ -246,7 +248,10 @@ CalibrateWay declare_calibrate_phone(CLI::App& app) {
       ->capture_default_str();
   declare_pack_flag(*way, flags->pack);
   declare_result_flags(*way, flags->result);
-  return {.app = way, .run = [flags] { return run_phone(*flags); }};
+  return {.app = way, .run = [flags] {
+            flags->rig = choose_rig({.given = flags->rig, .display = flags->display}).file;
+            return run_phone(*flags);
+          }};
 }
 
 }  // namespace lenticule::player

@@ -17,6 +17,7 @@
 #include "apps/lenticule-tools/calibrate/calibrate_result.h"
 #include "apps/lenticule-tools/calibrate/hand_held_photos.h"
 #include "apps/lenticule-tools/calibrate/photo_pack.h"
+#include "apps/lenticule/cli/content_flags.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "calib/fit/calibrate.h"
@@ -31,6 +32,7 @@
 #include "optics/trim.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
+#include "player/process/rig_choice.h"
 #include "player/sources/confined_pictures.h"
 
 namespace lenticule::player {
@@ -291,7 +293,7 @@ CalibrateWay declare_calibrate_photos(CLI::App& app) {
       "  lenticule calibrate photos --rig start.toml --write-patterns patterns\n"
       "  lenticule calibrate photos centre left right --rig start.toml -o kiosk.toml");
   way->add_option("PHOTOS", flags->sources, "a photograph, or a folder for each viewpoint");
-  way->add_option("--rig", flags->rig, "rig file to start from")->required();
+  declare_rig_flag(*way, flags->rig, "rig file to start from");
   way->add_option("--write-patterns", flags->write_patterns,
                   "folder to write all patterns to, with a manifest; nothing else is done");
   way->add_option(
@@ -315,7 +317,10 @@ CalibrateWay declare_calibrate_photos(CLI::App& app) {
   declare_pack_flag(*way, flags->pack);
   declare_result_flags(*way, flags->result);
   way->get_option("--output")->required(false);
-  return {.app = way, .run = [flags] { return run_photos(*flags); }};
+  return {.app = way, .run = [flags] {
+            flags->rig = choose_rig({.given = flags->rig}).file;
+            return run_photos(*flags);
+          }};
 }
 
 }  // namespace lenticule::player

@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "apps/lenticule-tools/calibrate/calibrate.h"
+#include "apps/lenticule/cli/content_flags.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "calib/measure/viewpoint.h"
@@ -18,6 +19,7 @@
 #include "optics/effective_sheet.h"
 #include "optics/trim.h"
 #include "player/process/interrupt.h"
+#include "player/process/rig_choice.h"
 
 namespace lenticule::player {
 namespace {
@@ -181,7 +183,7 @@ CalibrateWay declare_calibrate_show(CLI::App& app) {
   way->add_option("PATTERN", flags->pattern, "name of the pattern, see below")
       ->required()
       ->check(CLI::IsMember(pattern_names()));
-  way->add_option("--rig", flags->rig, "rig file")->required();
+  declare_rig_flag(*way, flags->rig);
   way->add_option("--display", flags->display, "kms, kms:CONNECTOR, or virtual")
       ->capture_default_str();
   way->add_flag("--allow-inexact", flags->allow_inexact,
@@ -201,7 +203,11 @@ CalibrateWay declare_calibrate_show(CLI::App& app) {
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   way->add_flag("--json", flags->json, "print what was done as JSON");
-  return {.app = way, .run = [flags] { return show_pattern(*flags); }};
+  return {.app = way, .run = [flags] {
+            const std::string display = flags->output.empty() ? flags->display : "";
+            flags->rig = choose_rig({.given = flags->rig, .display = display}).file;
+            return show_pattern(*flags);
+          }};
 }
 
 }  // namespace lenticule::player

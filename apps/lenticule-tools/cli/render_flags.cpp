@@ -6,7 +6,9 @@
 #include <CLI/CLI.hpp>
 
 #include "apps/lenticule-tools/cli/soft_light_flags.h"
+#include "apps/lenticule/cli/content_flags.h"
 #include "base/error.h"
+#include "player/process/rig_choice.h"
 #include "player/sources/frame_range.h"
 #include "render/depth_budget/prefilter.h"
 #include "render/methods/adaptive/method_adaptive.h"
@@ -45,12 +47,11 @@ std::function<void()> declare_render_flags(CLI::App& app, RenderFlags& flags) {
   app.add_option("SCENE", flags.scene,
                  "scene file, numbered files ('demo-%02d.nff'), or builtin:NAME[:SIZE]")
       ->required();
-  CLI::Option* const rig = app.add_option("--rig", flags.rig, "rig file of the panel")->required();
+  CLI::Option* const rig = declare_rig_flag(app, flags.rig);
   app.add_option("--wall", flags.wall,
                  "wall file: render one scene for all of its panels, each into a file of its own, "
                  "instead of --rig")
-      ->excludes(rig)
-      ->each([rig](const std::string&) { rig->required(false); });
+      ->excludes(rig);
   app.add_option("--panel", flags.panel, "render only this panel of the wall")->type_name("NAME");
   app.add_option("--method", flags.method,
                  "full, lens-view, interpolate, temporal, hybrid or adaptive")
@@ -103,6 +104,7 @@ std::function<void()> declare_render_flags(CLI::App& app, RenderFlags& flags) {
                       .psnr = psnr->count() > 0,
                       .prefilter_samples = prefilter_samples->count() > 0};
     refuse_idle_flags(flags, given);
+    if (flags.wall.empty()) flags.rig = choose_rig({.given = flags.rig}).file;
     if (!given.psnr) return;
     const double tolerated = flags.options.tolerated_error;
     render::promise_psnr(flags.least_psnr_db, flags.options);

@@ -29,8 +29,9 @@ struct RenderFlags {
   std::string prefilter = "off";
 };
 
-/// Declares the scene and the flags. Returns a function to be called after parsing, which checks
-/// what the parser cannot, and throws Error(Usage). Lifetime: `flags` must outlive the parser.
+/// Declares the scene and the flags. Returns a function to be called after parsing, which chooses a
+/// rig if none is given and checks what the parser cannot, and throws Error(Usage). Lifetime:
+/// `flags` must outlive the parser.
 [[nodiscard]] std::function<void()> declare_render_flags(CLI::App& app, RenderFlags& flags);
 
 }  // namespace lenticule::player

@@ -19,6 +19,7 @@
 #include "optics/trim.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
+#include "player/process/rig_choice.h"
 
 namespace lenticule::player {
 namespace {
@@ -51,8 +52,6 @@ void write_error_picture(const PicturePair& files, const std::string& output) {
 }
 
 ExitCode run_compare(const CompareFlags& flags) {
-  if (flags.views != 0 && flags.rig.empty())
-    throw Error(ErrorKind::Usage, "--views: needs --rig, which states the view of each subpixel");
   if (!flags.picture.empty()) frames::check_writable_format(flags.picture);
   std::optional<optics::OpticalModel> model;
   if (!flags.rig.empty()) model.emplace(optics::load_trimmed_rig(flags.rig));
@@ -87,7 +86,8 @@ Run declare_compare(CLI::App& app) {
       ->required();
   app.add_option("test", flags->test, "picture, folder or pattern to compare with the reference")
       ->required();
-  app.add_option("--rig", flags->rig, "rig file: adds figures per view, and SSIM of what eyes see");
+  app.add_option("--rig", flags->rig, "rig file: adds figures per view, and SSIM of what eyes see")
+      ->type_name("RIG.toml");
   app.add_option("--views", flags->views, "number of views (default: subpixels under a lens)")
       ->check(CLI::Range(1, frames::kMaxViews));
   app.add_option("--picture", flags->picture,
@@ -102,7 +102,10 @@ Run declare_compare(CLI::App& app) {
       ->check(CLI::Range(1.0, 1000.0))
       ->capture_default_str();
   app.add_flag("--json", flags->json, "print the figures as JSON; psnr_db is null where equal");
-  return [flags] { return run_compare(*flags); };
+  return [flags] {
+    if (flags->views != 0) flags->rig = choose_rig({.given = flags->rig}).file;
+    return run_compare(*flags);
+  };
 }
 
 }  // namespace lenticule::player

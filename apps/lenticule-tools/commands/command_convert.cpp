@@ -24,6 +24,7 @@
 #include "player/playback/play_statistics.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
+#include "player/process/rig_choice.h"
 
 namespace lenticule::player {
 namespace {
@@ -59,6 +60,8 @@ class ConvertPlan {
     const bool views_wanted = flags.as == "quilt" || is_view_files(flags.output);
     detected = detect_content_format(what(views_wanted));
     const bool has_views = detected.kind != Kind::Woven;
+    if (flags.as == "woven" && has_views && !rig)
+      rig = optics::load_rig_and_identity(choose_rig({}).file);
     result =
         views_wanted || (has_views && flags.as.empty() && !rig) ? Result::Quilt : Result::Woven;
     refuse_what_makes_no_sense(has_views);
@@ -84,10 +87,6 @@ class ConvertPlan {
     if (result == Result::Quilt && rig)
       throw Error(ErrorKind::Usage, "--rig: has no effect on quilts and views",
                   "leave it out; use --from-rig for the rig that frames were woven for");
-    if (result == Result::Woven && has_views && !rig)
-      throw Error(ErrorKind::Usage,
-                  fmt::format("{}: views need a rig to be woven for", flags_.input),
-                  "add --rig RIG");
     if (flags_.output.ends_with(".toml") || flags_.output.ends_with(".json"))
       throw Error(ErrorKind::Usage, fmt::format("-o {}: unknown kind of output", flags_.output),
                   "use FILE.lts, FILE.mkv, a pattern, a picture, or 'views:view%02d/%05d.png'");

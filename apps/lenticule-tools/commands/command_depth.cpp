@@ -11,11 +11,13 @@
 #include "apps/lenticule-tools/cli/svg_plot.h"
 #include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "apps/lenticule/cli/command.h"
+#include "apps/lenticule/cli/content_flags.h"
 #include "base/print.h"
 #include "frames/image_io.h"
 #include "optics/rig_file.h"
 #include "optics/trim.h"
 #include "player/process/interrupt.h"
+#include "player/process/rig_choice.h"
 #include "render/depth_budget/depth_histogram.h"
 #include "render/depth_budget/depth_of_field.h"
 #include "render/scene/scene.h"
@@ -192,7 +194,7 @@ ExitCode run_depth(DepthFlags& flags) {
 Run declare_depth(CLI::App& app) {
   auto flags = std::make_shared<DepthFlags>();
   app.add_option("SCENE", flags->scene, "as for render")->required();
-  app.add_option("--rig", flags->rig, "rig file of the panel")->required();
+  declare_rig_flag(app, flags->rig);
   app.add_option("--frames", flags->frames, "A:B measures frames A to B - 1, N only frame N")
       ->capture_default_str()
       ->type_name("A:B");
@@ -207,7 +209,10 @@ Run declare_depth(CLI::App& app) {
   app.add_flag("--json", flags->json, "print as JSON");
   declare_stage_flags(app, flags->staging);
   declare_surroundings_flags(app, flags->staging);
-  return [flags]() -> ExitCode { return run_depth(*flags); };
+  return [flags]() -> ExitCode {
+    flags->rig = choose_rig({.given = flags->rig}).file;
+    return run_depth(*flags);
+  };
 }
 
 }  // namespace lenticule::player

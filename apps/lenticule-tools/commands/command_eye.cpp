@@ -7,12 +7,14 @@
 #include <string>
 
 #include "apps/lenticule/cli/command.h"
+#include "apps/lenticule/cli/content_flags.h"
 #include "apps/lenticule/cli/triple.h"
 #include "base/numbers.h"
 #include "base/print.h"
 #include "frames/image_io.h"
 #include "optics/eye_simulator.h"
 #include "optics/trim.h"
+#include "player/process/rig_choice.h"
 
 namespace lenticule::player {
 namespace {
@@ -87,7 +89,7 @@ ExitCode run_eye(const EyeFlags& flags) {
 Run declare_eye(CLI::App& app) {
   const auto flags = std::make_shared<EyeFlags>();
   app.add_option("woven", flags->woven, "woven frame of the rig's panel")->required();
-  app.add_option("--rig", flags->rig, "rig file")->required();
+  declare_rig_flag(app, flags->rig, "rig that the frame is woven for");
   add_triple(
       app, "--eye", "X,Y,Z", [flags](Vec3 place) { flags->eye = eye_at(place); },
       "place of the eye, mm right, up and away from the panel's centre")
@@ -98,7 +100,10 @@ Run declare_eye(CLI::App& app) {
       ->type_name("WxH");
   app.add_option("-o,--output", flags->output, "picture: .png, .tif, .exr or .ppm")->required();
   app.add_flag("--json", flags->json, "print what was done as JSON");
-  return [flags] { return run_eye(*flags); };
+  return [flags] {
+    flags->rig = choose_rig({.given = flags->rig}).file;
+    return run_eye(*flags);
+  };
 }
 
 }  // namespace lenticule::player

@@ -351,7 +351,7 @@ Run declare_render(CLI::App& app) {
   app.add_option("--rig-store", flags->rig_store,
                  "use this copy of the rig as long as a player with this flag does")
       ->type_name("FILE")
-      ->excludes(app.get_option("--wall"));
+      ->needs(app.get_option("--rig"));
   app.add_option(
       "--missing", flags->missing,
       "picture file or pattern in which subpixels that reprojection left empty are white");

@@ -23,6 +23,7 @@
 #include "optics/rig_history.h"
 #include "optics/trim.h"
 #include "optics/turned_rig.h"
+#include "player/process/rig_choice.h"
 
 namespace lenticule::player {
 namespace {
@@ -355,6 +356,16 @@ ExitCode mount(const RigOptions& options) {
   return kOk;
 }
 
+/// Runs an action on the given rig, or on that of the connected panel.
+template <ExitCode (*run)(const RigOptions&)>
+ExitCode on_chosen_rig(const RigOptions& options) {
+  RigOptions chosen = options;
+  chosen.file = choose_rig({.given = options.file, .display = "kms"}).file;
+  return run(chosen);
+}
+
+constexpr const char* kRigOrPanels = "rig file [default: that of the connected panel]";
+
 using Action = ExitCode (*)(const RigOptions&);
 
 CLI::App* add_action(CLI::App& app, const char* name, const char* summary, const char* example,
@@ -373,11 +384,11 @@ Run declare_rig(CLI::App& app) {
 
   CLI::App* show_app = add_action(app, "show", "print a rig and the values that follow from it",
                                   "lenticule rig show kiosk-27-4k.toml", options);
-  show_app->add_option("RIG", options->file, "rig file")->required();
+  show_app->add_option("RIG", options->file, kRigOrPanels);
 
   CLI::App* check_app = add_action(app, "check", "check whether a rig is valid and plausible",
                                    "lenticule rig check kiosk-27-4k.toml", options);
-  check_app->add_option("RIG", options->file, "rig file")->required();
+  check_app->add_option("RIG", options->file, kRigOrPanels);
 
   CLI::App* import_app =
       add_action(app, "import", "create a rig file from another system's calibration",
@@ -404,7 +415,7 @@ Run declare_rig(CLI::App& app) {
   CLI::App* trim_app =
       add_action(app, "trim", "correct drift since a rig was calibrated, in a file beside it",
                  "lenticule rig trim kiosk-27-4k.toml --offset-by 0.02", options);
-  trim_app->add_option("RIG", options->file, "rig file; it is not changed")->required();
+  trim_app->add_option("RIG", options->file, kRigOrPanels);
   trim_app->add_option("--offset-by", options->offset_by,
                        "shift the picture under the lenses by this many lenses: 0.02");
   trim_app->add_option("--pitch-by", options->pitch_by, "change the pitch by this fraction: 1e-5");
@@ -428,11 +439,11 @@ Run declare_rig(CLI::App& app) {
   declare_rig_wall_flags(*wall_app, options->wall);
 
   const std::vector<std::pair<const CLI::App*, Action>> actions = {
-      {show_app, show_rig},
-      {check_app, check_rig},
+      {show_app, on_chosen_rig<show_rig>},
+      {check_app, on_chosen_rig<check_rig>},
       {import_app, import_calibration},
       {export_app, export_calibration},
-      {trim_app, change_trim},
+      {trim_app, on_chosen_rig<change_trim>},
       {mount_app, mount},
       {wall_app, [](const RigOptions& o) { return rig_wall(o.wall, o.as_json); }}};
   return [options, actions]() -> ExitCode {

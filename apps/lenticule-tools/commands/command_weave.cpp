@@ -22,6 +22,7 @@
 #include "player/playback/play_statistics.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
+#include "player/process/rig_choice.h"
 #include "player/sources/content_open.h"
 
 namespace lenticule::player {
@@ -170,7 +171,7 @@ Run declare_weave(CLI::App& app) {
                  "eyes (NAME_sbs.png), a picture with depth (NAME_rgbd.png), one frame of a video "
                  "or of FILE.lts, or with --from-rig a woven frame")
       ->required();
-  app.add_option("--rig", flags->rig, "rig file")->required();
+  declare_rig_flag(app, flags->rig);
   app.add_option("-o,--output", flags->output, "woven frame: .png, .tif, .exr or .ppm")->required();
   app.add_option("--frame", flags->frame, "which frame of a sequence");
   declare_content_flags(app, flags->content);
@@ -184,7 +185,10 @@ Run declare_weave(CLI::App& app) {
   app.add_flag("--keep-damaged", flags->keep_damaged,
                "also weave from a damaged input: another frame may replace the requested one");
   app.add_flag("--json", flags->json, "print what was done as JSON");
-  return [flags] { return run_weave(*flags); };
+  return [flags] {
+    flags->rig = choose_rig({.given = flags->rig}).file;
+    return run_weave(*flags);
+  };
 }
 
 }  // namespace lenticule::player

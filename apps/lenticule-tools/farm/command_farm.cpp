@@ -98,9 +98,12 @@ void declare_plan(CLI::App& app, const std::shared_ptr<FarmFlags>& flags, Action
                   "lenticule as the other machines call it, if it is elsewhere there");
   sub->add_flag("--overwrite", plan.overwrite, kOverwriteHelp);
   sub->add_flag("--json", plan.json, "print JSON");
-  actions.emplace_back(sub, [flags, complete, render_options] {
+  const CLI::Option* const rig = sub->get_option("--rig");
+  actions.emplace_back(sub, [flags, complete, render_options, rig] {
     complete();
     flags->plan.arguments = given_arguments(render_options);
+    if (rig->count() == 0 && flags->plan.render.wall.empty())
+      flags->plan.arguments.push_back("--rig=" + absolute(flags->plan.render.rig));
     return farm_plan(flags->plan);
   });
 }

@@ -43,7 +43,7 @@ constexpr auto kCommands = std::to_array<Command>({
     {"rig", "show, check, import, export and turn rig files",
      "lenticule rig import visual.json -o portrait.toml"},
     {"panels", "list connected panels, their identity, modes and matching rigs",
-     "lenticule panels --rigs scenes/rigs"},
+     "lenticule panels"},
     {"web", "serve pages on which a phone controls and watches a player",
      "lenticule web --socket /run/lenticule/lobby/control.sock --media /var/lib/lenticule/media"},
     {"doctor", "check whether outputs show frames exactly, and what prevents it",

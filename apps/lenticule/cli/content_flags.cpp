@@ -7,6 +7,12 @@
 
 namespace lenticule::player {
 
+CLI::Option* declare_rig_flag(CLI::App& app, std::string& rig, const std::string& what) {
+  return app.add_option("--rig", rig, what)
+      ->type_name("RIG.toml")
+      ->default_str("that of the connected panel, else a sample");
+}
+
 void declare_content_flags(CLI::App& app, ContentFlags& flags) {
   app.add_option("--grid", flags.grid, "tiles of the quilt, columns x rows: 8x6")
       ->type_name("COLUMNSxROWS");

@@ -1,16 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// Declares the flags for the layout of views in a source and for weaving, which play, weave and
-// convert share.
+// Declares flags that several commands share: the rig, the layout of views in a source, weaving.
 #pragma once
+
+#include <string>
 
 #include "player/sources/content_flags.h"
 
 namespace CLI {
 class App;
-}
+class Option;
+}  // namespace CLI
 
 namespace lenticule::player {
 
+/// Declares --rig, which may be left out: choose_rig() takes its value.
+CLI::Option* declare_rig_flag(CLI::App& app, std::string& rig,
+                              const std::string& what = "rig file of the panel");
 void declare_content_flags(CLI::App& app, ContentFlags& flags);
 void declare_weaving_flags(CLI::App& app, WeavingFlags& flags);
 

@@ -15,7 +15,6 @@
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/command_tree.h"
 #include "base/text.h"
-#include "player/process/sample_rigs.h"
 
 namespace lenticule::player {
 namespace {
@@ -62,10 +61,6 @@ std::string remedy(std::string_view word, const std::vector<std::string>& known,
 
 // ---- missing flags and arguments
 
-bool is_rig(const CLI::Option& option) {
-  return option.nonpositional() && option.check_name("--rig");
-}
-
 /// Returns the name that a user types.
 std::string typed_name(const CLI::Option& option) {
   if (!option.nonpositional()) return option.get_name(true);
@@ -98,23 +93,21 @@ std::string example_value(const std::string& command, const std::string& flag) {
 }
 
 /// Returns a value for a missing option, or an empty text if none is known.
-std::string value_for(const CLI::Option& missing, const Chain& chain, const SampleRigs& rigs) {
+std::string value_for(const CLI::Option& missing, const Chain& chain) {
   if (!missing.nonpositional()) return missing.get_name(true);
-  if (is_rig(missing))
-    return rigs.names.empty() ? "" : shell_quoted((rigs.folder / rigs.names.front()).string());
   return example_value(chain[1]->get_name(), typed_name(missing));
 }
 
 /// Returns the command that was typed, with values for the missing options; an empty text if there
 /// is no value for one of them.
-std::string completed_command(const Chain& chain, const SampleRigs& rigs) {
+std::string completed_command(const Chain& chain) {
   std::string text = name_of(chain);
   for (const CLI::Option* option : chain.back()->get_options()) {
     const bool missing = option->get_required() && option->count() == 0;
     if (!missing && option->count() == 0) continue;
     if (option->nonpositional()) text += " " + typed_name(*option);
     if (missing) {
-      const std::string value = value_for(*option, chain, rigs);
+      const std::string value = value_for(*option, chain);
       if (value.empty()) return {};
       text += " " + value;
     } else if (option->get_expected_max() > 0) {
@@ -130,23 +123,12 @@ std::optional<Error> missing_error(const Chain& chain, const std::string& object
   if (missing.empty()) return std::nullopt;
   std::vector<std::string> names;
   for (const CLI::Option* option : missing) names.push_back(typed_name(*option));
-  const bool no_rig = std::any_of(missing.begin(), missing.end(),
-                                  [](const CLI::Option* option) { return is_rig(*option); });
-  const SampleRigs rigs = no_rig ? find_sample_rigs() : SampleRigs{};
-  std::vector<std::string> remedies;
-  if (no_rig)
-    remedies.push_back(rigs.names.empty()
-                           ? "sample rigs are in share/lenticule/rigs of an installation, and in "
-                             "scenes/rigs of the sources"
-                           : fmt::format("sample rigs in {}: {}", rigs.folder.string(),
-                                         fmt::join(rigs.names, ", ")));
-  const std::string command = completed_command(chain, rigs);
-  remedies.push_back(command.empty() ? fmt::format("see {} --help", name_of(chain))
-                                     : fmt::format("for example: {}", command));
+  const std::string command = completed_command(chain);
   return Error(
       ErrorKind::Usage,
       fmt::format("{}{} {} missing", object, listed(names), names.size() == 1 ? "is" : "are"),
-      fmt::format("{}", fmt::join(remedies, "; ")));
+      command.empty() ? fmt::format("see {} --help", name_of(chain))
+                      : fmt::format("for example: {}", command));
 }
 
 }  // namespace

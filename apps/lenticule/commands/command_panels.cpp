@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <filesystem>
 #include <memory>
 #include <vector>
@@ -12,8 +11,7 @@
 #include "base/error.h"
 #include "base/print.h"
 #include "display/kms/inspect.h"
-#include "optics/rig_file.h"
-#include "optics/trim.h"
+#include "player/process/rig_choice.h"
 #include "player/session/panel_json.h"
 
 namespace lenticule::player {
@@ -24,38 +22,17 @@ struct PanelsFlags {
   bool json = false;
 };
 
-struct NamedRig {
-  std::string file;
-  optics::Rig rig;
-};
-
-/// Loads every rig file of the folder; reports files that cannot be read on standard error and
-/// skips them.
+/// Loads the rigs of the folder, or without one those of the user's and the system's folders.
 std::vector<NamedRig> load_rigs(const std::string& folder) {
-  std::vector<NamedRig> rigs;
-  if (folder.empty()) return rigs;
   std::error_code error;
-  std::filesystem::directory_iterator entries(folder, error);
-  if (error)
-    throw Error(ErrorKind::Input, fmt::format("{}: {}", folder, error.message()),
+  if (!folder.empty() && !std::filesystem::is_directory(folder, error))
+    throw Error(ErrorKind::Input, fmt::format("{}: no folder", folder),
                 "use a folder of rig files");
-  for (const auto& entry : entries) {
-    if (entry.path().extension() != ".toml" || optics::is_trim_file(entry.path())) continue;
-    try {
-      rigs.push_back({entry.path().string(), optics::load_rig(entry.path())});
-    } catch (const Error& problem) {
-      say("lenticule: {}\n", problem.what());
-    }
-  }
-  std::sort(rigs.begin(), rigs.end(),
-            [](const NamedRig& a, const NamedRig& b) { return a.file < b.file; });
+  std::vector<NamedRig> rigs;
+  for (const auto& each :
+       folder.empty() ? rig_folders() : std::vector<std::filesystem::path>{folder})
+    for (NamedRig& named : rigs_in(each, true)) rigs.push_back(std::move(named));
   return rigs;
-}
-
-bool shows_size(const display::PanelInfo& panel, const optics::Panel& size) {
-  return std::any_of(panel.modes.begin(), panel.modes.end(), [&](const auto& mode) {
-    return mode.usable && mode.width == size.width_px && mode.height == size.height_px;
-  });
 }
 
 /// Returns the rigs that name this panel; a rig without an identity matches none.
@@ -63,9 +40,7 @@ std::vector<std::string> rigs_of(const display::PanelInfo& panel,
                                  const std::vector<NamedRig>& rigs) {
   std::vector<std::string> files;
   for (const NamedRig& named : rigs)
-    if (panel.identity && !named.rig.identity.empty() &&
-        display::matches(named.rig.identity, *panel.identity) && shows_size(panel, named.rig.panel))
-      files.push_back(named.file);
+    if (names_panel(named.rig, panel)) files.push_back(named.file);
   return files;
 }
 
@@ -97,7 +72,7 @@ void print_identity(const nlohmann::json& panel) {
   print_out("  EDID        sha256 {}\n", text_of(identity["edid_sha256"]));
 }
 
-void print_panel(const nlohmann::json& panel, bool with_rigs) {
+void print_panel(const nlohmann::json& panel) {
   const bool connected = panel["connected"].get<bool>();
   print_out("{} on {}: {}\n", text_of(panel["connector"]), text_of(panel["card"]),
             connected ? "connected" : "nothing connected");
@@ -111,21 +86,23 @@ void print_panel(const nlohmann::json& panel, bool with_rigs) {
               mode["refresh_hz"].get<double>(), mode["preferred"].get<bool>() ? " (own)" : "",
               mode["usable"].get<bool>() ? "" : " (interlaced or doubled)");
   for (const auto& rig : panel["rigs"]) print_out("  rig         {}\n", text_of(rig));
-  if (with_rigs && panel["rigs"].empty()) print_out("  rig         none for this panel\n");
+  if (panel["rigs"].empty()) print_out("  rig         none for this panel\n");
 }
 
-void print_text(const nlohmann::json& json, bool with_rigs) {
+void print_text(const nlohmann::json& json) {
   for (const auto& card : json["cards"])
     if (!text_of(card["problem"]).empty())
       print_out("{}: {}\n", text_of(card["path"]), text_of(card["problem"]));
-  for (const auto& panel : json["panels"]) print_panel(panel, with_rigs);
+  for (const auto& panel : json["panels"]) print_panel(panel);
 }
 
 }  // namespace
 
 Run declare_panels(CLI::App& app) {
   auto flags = std::make_shared<PanelsFlags>();
-  app.add_option("--rigs", flags->rigs, "folder of rig files; shows which belongs to which panel");
+  app.add_option("--rigs", flags->rigs, "folder of the rigs that are matched with the panels")
+      ->type_name("FOLDER")
+      ->default_str("~/.config/lenticule and /etc/lenticule");
   app.add_flag("--json", flags->json, "print everything as JSON");
   return [flags]() -> ExitCode {
     const std::vector<NamedRig> rigs = load_rigs(flags->rigs);
@@ -134,7 +111,7 @@ Run declare_panels(CLI::App& app) {
     if (flags->json)
       print_json(json);
     else
-      print_text(json, !flags->rigs.empty());
+      print_text(json);
     if (!json["panels"].empty()) return kOk;
     throw Error(
         ErrorKind::Device, "no graphics card with an output was found",

@@ -13,6 +13,7 @@
 #include "frames/picture_codec.h"
 #include "player/process/interrupt.h"
 #include "player/process/private_folder.h"
+#include "player/process/rig_choice.h"
 #include "player/session/play_plan.h"
 #include "player/session/play_run.h"
 #include "player/session/preflight.h"
@@ -46,10 +47,23 @@ ExitCode play_with(const PlayFlags& flags, const ServiceManager& manager, const 
   return PlayRun(flags, std::move(*plan), manager, safe).run();
 }
 
-ExitCode run_play(const PlayFlags& flags) {
-  if (flags.preflight) return run_preflight(flags, make_plan(flags, false));
+/// Sets the rig of the flags unless a wall has the rigs.
+ChosenRig choose_rig_of(PlayFlags& flags) {
+  if (!flags.wall.empty()) return {};
+  ChosenRig rig =
+      choose_rig({.given = flags.rig, .display = flags.display, .source = flags.source});
+  if (rig.kept && flags.trim)
+    throw Error(ErrorKind::Usage, "--trim: cannot be saved in the rig that a film contains",
+                "add --rig RIG.toml");
+  flags.rig = rig.file;
+  return rig;
+}
+
+ExitCode run_play(PlayFlags& flags) {
   const ServiceManager manager;
-  check_display_choice(flags, manager.present());
+  if (!flags.preflight) check_display_choice(flags, manager.present());
+  const ChosenRig rig = choose_rig_of(flags);
+  if (flags.preflight) return run_preflight(flags, make_plan(flags, false));
   const bool may_reload = manager.present() || !flags.control.empty();
   if (may_reload && !has_terminal()) reload_at_hangup();
   StartHistory history(runtime_folder(), time_since_boot());
@@ -87,17 +101,19 @@ void declare_flags(CLI::App& app, PlayFlags& flags) {
                  "rig's views by their numbers")
       ->required();
   CLI::Option* const rig =
-      app.add_option("--rig", flags.rig, "the rig that the frames are woven for")->required();
+      declare_rig_flag(app, flags.rig, "the rig that the frames are woven for")
+          ->default_str(
+              "that of the connected panel; on a virtual display the film's, or a sample");
   app.add_option(
          "--wall", flags.wall,
          "instead of --rig: a wall whose panels are all on one graphics card; FILM.lts then "
          "means FILM-PANEL.lts for each panel, and one commit changes all of them")
       ->type_name("WALL.toml")
-      ->excludes(rig)
-      ->each([rig](const std::string&) { rig->required(false); });
+      ->excludes(rig);
   app.add_option("--rig-store", flags.rig_store,
                  "save trims and calibrations in this copy of the rig, and use it until the file "
                  "of --rig is edited")
+      ->needs(rig)
       ->type_name("FILE");
   app.add_option("--display", flags.display,
                  "kms, kms:CONNECTOR, kms:edid:MFG[:PRODUCT[:SERIAL]], kms:/dev/dri/..., or "
