@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests the help of every command.
+#include <map>
 #include <sstream>
 
 #include "tests/commands/program.h"
@@ -7,8 +8,9 @@
 namespace lenticule::test {
 namespace {
 
-std::vector<std::string> command_names_from_help() {
-  std::istringstream help(run({"--help"}).out);
+std::vector<std::string> command_names_from_help(std::vector<std::string> command = {}) {
+  command.emplace_back("--help");
+  std::istringstream help(run(command).out);
   std::vector<std::string> names;
   bool listing = false;
   for (std::string line; std::getline(help, line);) {
@@ -16,6 +18,7 @@ std::vector<std::string> command_names_from_help() {
       listing = true;
       continue;
     }
+    if (listing && line.empty()) break;
     if (!listing || line.size() < 3 || line.rfind("  ", 0) != 0 || line[2] == ' ') continue;
     names.push_back(line.substr(2, line.find(' ', 2) - 2));
   }
@@ -56,6 +59,65 @@ TEST(Help, EveryCommandsHelpEndsWithAnExampleAndExitsWithZero) {
     EXPECT_NE(result.out.find("Example:\n  lenticule " + name), std::string::npos) << result.out;
     EXPECT_TRUE(result.err.empty()) << result.err;
   }
+}
+
+/// Calls `check` for the help of each command and of its subcommands.
+template <class Check>
+void for_each_help(const Check& check, const std::vector<std::string>& above = {}) {
+  for (const std::string& name : command_names_from_help(above)) {
+    if (name == "bench" || name == "web") continue;  // other programs
+    std::vector<std::string> command = above;
+    command.push_back(name);
+    for_each_help(check, command);
+    std::string typed = "lenticule";
+    for (const std::string& word : command) typed += " " + word;
+    command.emplace_back("--help");
+    check(typed, run(command).out);
+  }
+}
+
+TEST(Help, EverySubcommandsHelpHasItsOwnExample) {
+  for_each_help([](const std::string& command, const std::string& help) {
+    const size_t example = help.find("\nExample");
+    ASSERT_NE(example, std::string::npos) << command;
+    EXPECT_NE(help.find("\n  " + command, example), std::string::npos) << help;
+  });
+}
+
+TEST(Help, StatesValuesLimitsAndDefaultsInOneStyle) {
+  for_each_help([](const std::string& command, const std::string& help) {
+    for (const char* other : {" TEXT", " FLOAT", " INT", " UINT", "(default", " in [", "REQUIRED",
+                              "Excludes:", "Needs:"})
+      EXPECT_EQ(help.find(other), std::string::npos) << command << ": " << other << "\n" << help;
+    std::istringstream lines(help);
+    for (std::string line; std::getline(lines, line);)
+      EXPECT_LE(line.size(), 100u) << command << ": " << line;
+  });
+  const std::string play = run({"play", "--help"}).out;
+  for (const char* text : {"--slots N ", "[2 to 4096; default: 8]", "--clock real|simulated ",
+                           "--duration SECONDS ", "--fps RATE ", "[required]"})
+    EXPECT_NE(play.find(text), std::string::npos) << text << "\n" << play;
+}
+
+TEST(Help, OfPlayBeginsWithTheTenFlagsThatPeopleNeedFirst) {
+  std::istringstream lines(run({"play", "--help"}).out);
+  std::map<std::string, int> flags;
+  std::string group;
+  for (std::string line; std::getline(lines, line);) {
+    if (line.ends_with(':')) group = line;
+    if (line.starts_with("  --")) ++flags[group];
+  }
+  EXPECT_EQ(flags["Options:"], 10);
+  for (const char* name : {"Layout of views:", "Weaving:", "Display:", "Timing:",
+                           "Players in step:", "Control and statistics:", "Service:"})
+    EXPECT_GE(flags[name], 3) << name;
+}
+
+TEST(Help, LongTextsAreInTheManual) {
+  const std::string text = "escape undoes all changes", help = run({"play", "--help"}).out;
+  EXPECT_EQ(help.find(text), std::string::npos);
+  EXPECT_NE(help.find("lenticule man"), std::string::npos);
+  EXPECT_NE(run({"man"}).out.find(text), std::string::npos);
 }
 
 TEST(Help, EveryCommandThatPrintsAcceptsJson) {

@@ -319,22 +319,27 @@ CalibrateWay declare_calibrate_by_eye(CLI::App& app) {
   declare_rig_flag(*way, flags->rig, "rig file to start from; a trim beside it is included");
   way->add_option("--display", flags->display,
                   "kms, kms:CONNECTOR, or virtual, as for lenticule play")
+      ->type_name("DISPLAY")
       ->capture_default_str();
   way->add_flag("--allow-inexact", flags->allow_inexact,
                 "with kms: show patterns even if subpixels are known to arrive changed");
   way->add_option("-o,--output", flags->output,
                   "rig file to write; an existing one is kept under a number (RIG.1.toml)")
+      ->type_name("RIG.toml")
       ->required();
-  way->add_option("--distance", flags->distance_mm,
-                  "distance from the panel to the eye, mm (default: the rig's viewing distance)");
-  way->add_option("--keys", flags->keys,
-                  "file of keys to press (default: standard input, if that is not a terminal)");
+  way->add_option("--distance", flags->distance_mm, "distance from the panel to the eye")
+      ->type_name("MM")
+      ->default_str("the rig's viewing distance");
+  way->add_option("--keys", flags->keys, "file of keys to press")
+      ->type_name("FILE")
+      ->default_str("standard input, if that is not a terminal");
   way->add_option("--record", flags->record,
-                  "with virtual: record the charts: checksums:FILE or png:FOLDER");
+                  "with virtual: record the charts: checksums:FILE or png:FOLDER")
+      ->type_name("KIND:PATH");
   way->add_flag("--insist", flags->insist, "accept implausible values without asking");
   CLI::Option* questions =
-      way->add_flag("--questions", flags->questions, "answer questions (default at a terminal)");
-  way->add_flag("--no-questions", flags->no_questions, "change the values (default for scripts)")
+      way->add_flag("--questions", flags->questions, "answer questions, as at a terminal");
+  way->add_flag("--no-questions", flags->no_questions, "change the values, as in scripts")
       ->excludes(questions);
   way->add_flag("--json", flags->json, "print the result as JSON");
   return {.app = way, .run = [flags] {

@@ -212,18 +212,23 @@ class CameraRun {
 };
 
 void declare_camera_flags(CLI::App& way, CameraFlags& flags) {
-  way.add_option("--device", flags.camera.device,
-                 "/dev/videoN or a name of /dev/v4l/by-id (default: the only camera)");
-  way.add_option("--width", flags.camera.width, "width of the pictures, pixels (0 = near 1920)")
+  way.add_option("--device", flags.camera.device, "/dev/videoN or a name of /dev/v4l/by-id")
+      ->type_name("DEVICE")
+      ->default_str("the only camera");
+  way.add_option("--width", flags.camera.width, "width of the pictures; 0: near 1920")
+      ->type_name("PIXELS")
       ->capture_default_str();
-  way.add_option("--height", flags.camera.height, "height of the pictures, pixels")
+  way.add_option("--height", flags.camera.height, "height of the pictures")
+      ->type_name("PIXELS")
       ->capture_default_str();
   way.add_option("--fps", flags.camera.frames_per_second, "pictures per second")
+      ->type_name("RATE")
       ->capture_default_str();
-  way.add_option("--pixel-format", flags.camera.pixel_format,
-                 "for example YUYV (default: the best for measuring)");
-  way.add_option("--exposure-periods", flags.camera.exposure_periods,
-                 "exposure, in refreshes of the panel")
+  way.add_option("--pixel-format", flags.camera.pixel_format, "for example YUYV")
+      ->type_name("FORMAT")
+      ->default_str("the best for measuring");
+  way.add_option("--exposure-periods", flags.camera.exposure_periods, "exposure")
+      ->type_name("REFRESHES")
       ->check(CLI::Range(1, 60))
       ->capture_default_str();
   way.add_option("--gain", flags.camera.gain, "gain, in the camera's own units");
@@ -240,6 +245,7 @@ CalibrateWay declare_calibrate_camera(CLI::App& app) {
       "Example:\n  lenticule calibrate camera --rig start.toml --display kms -o kiosk.toml");
   CLI::Option* rig = declare_rig_flag(*way, flags->rig, "rig file to start from");
   way->add_option("--display", flags->display, "kms, kms:CONNECTOR, or virtual")
+      ->type_name("DISPLAY")
       ->capture_default_str();
   way->add_flag("--allow-inexact", flags->allow_inexact,
                 "with kms: show patterns even if subpixels are known to arrive changed");
@@ -250,6 +256,7 @@ CalibrateWay declare_calibrate_camera(CLI::App& app) {
       ->capture_default_str();
   way->add_flag("--no-prompts", flags->no_prompts, "do not wait for the enter key at each place");
   way->add_option("--settle-ms", flags->settle_ms, "time from a new pattern to its first picture")
+      ->type_name("MS")
       ->check(CLI::Range(0, 5000))
       ->capture_default_str();
   way->add_option("--average", flags->average, "number of pictures of each pattern")
@@ -259,7 +266,8 @@ CalibrateWay declare_calibrate_camera(CLI::App& app) {
       ->check(CLI::Range(0.01, 3.0))
       ->capture_default_str();
   way->add_option("--preview", flags->preview,
-                  "picture file that is updated with what the camera sees");
+                  "picture file that is updated with what the camera sees")
+      ->type_name("FILE");
   declare_result_flags(*way, flags->result);
   CLI::Option* list = way->add_flag("--list", flags->list, "list the cameras and exit");
   rig->excludes(list);

@@ -226,11 +226,13 @@ CalibrateWay declare_calibrate_phone(CLI::App& app) {
   way->add_option("FOLDER", flags->folder, "folder in which the photographs arrive")->required();
   declare_rig_flag(*way, flags->rig, "rig file to start from");
   way->add_option("--display", flags->display, "kms, kms:CONNECTOR, or virtual")
+      ->type_name("DISPLAY")
       ->capture_default_str();
   way->add_flag("--allow-inexact", flags->allow_inexact,
                 "with kms: show the chart even if subpixels are known to arrive changed");
-  way->add_option("--focal-px", flags->focal_px,
-                  "focal length in pixels of the photographs (default: as their EXIF data state)")
+  way->add_option("--focal-px", flags->focal_px, "focal length in pixels of the photographs")
+      ->type_name("PIXELS")
+      ->default_str("as their EXIF data state")
       ->check(CLI::PositiveNumber);
   way->add_flag("--existing", flags->existing,
                 "also use photographs that are in the folder already");
@@ -240,10 +242,12 @@ CalibrateWay declare_calibrate_phone(CLI::App& app) {
   way->add_option("--most", flags->most, "number of photographs after which the command gives up")
       ->check(CLI::Range(2, 20))
       ->capture_default_str();
-  way->add_option("--minutes", flags->minutes, "minutes to wait for the next photograph")
+  way->add_option("--minutes", flags->minutes, "how long to wait for the next photograph")
+      ->type_name("MINUTES")
       ->check(CLI::Range(0.01, 1440.0))
       ->capture_default_str();
-  way->add_option("--seconds", flags->seconds, "seconds to show the result on the display")
+  way->add_option("--seconds", flags->seconds, "how long to show the result on the display")
+      ->type_name("SECONDS")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   declare_pack_flag(*way, flags->pack);

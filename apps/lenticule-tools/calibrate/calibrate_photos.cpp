@@ -282,7 +282,7 @@ CalibrateWay declare_calibrate_photos(CLI::App& app) {
       "photos",
       "measure the sheet from photographs: one of the photo chart, or folders of patterns");
   way->footer(
-      "One photograph, good for the eye that it was taken from:\n"
+      "Example, with one photograph, good for the eye that it was taken from:\n"
       "  lenticule calibrate show photo-chart --rig start.toml --display kms\n"
       "  lenticule calibrate photos IMG_0001.jpg --rig start.toml -o kiosk.toml --distance 700\n"
       "Photographs of that chart from the hand, from the middle, the left and the right, one of "
@@ -295,25 +295,32 @@ CalibrateWay declare_calibrate_photos(CLI::App& app) {
   way->add_option("PHOTOS", flags->sources, "a photograph, or a folder for each viewpoint");
   declare_rig_flag(*way, flags->rig, "rig file to start from");
   way->add_option("--write-patterns", flags->write_patterns,
-                  "folder to write all patterns to, with a manifest; nothing else is done");
+                  "folder to write all patterns to, with a manifest; nothing else is done")
+      ->type_name("FOLDER");
   way->add_option(
-      "--patterns", flags->patterns,
-      "folder that --write-patterns wrote; needed if the photographs do not show their rig");
+         "--patterns", flags->patterns,
+         "folder that --write-patterns wrote; needed if the photographs do not show their rig")
+      ->type_name("FOLDER");
   way->add_option("--distance", flags->distances_mm,
-                  "distance from the panel to the camera of the first photograph, mm; without it a "
-                  "single photograph is less exact; for folders one number each, separated by "
-                  "commas")
+                  "distance from the panel to the camera of the first photograph\n"
+                  "Without it a single photograph is less exact. For folders one number each, "
+                  "separated by commas.")
+      ->type_name("MM")
       ->delimiter(',')
       ->allow_extra_args(false);
   way->add_option("--focal-px", flags->focal_px,
-                  "focal length in pixels of the photograph, if known; used like --distance");
+                  "focal length in pixels of the photograph, if known\n"
+                  "It is used like --distance.")
+      ->type_name("PIXELS");
   way->add_option("--largest-error", flags->most_lenses,
-                  "largest stated error, lenses, with which a rig from several photographs by hand "
-                  "is written, too (default: 0.02)")
+                  "largest stated error with which a rig is written\n"
+                  "Of a rig from several photographs by hand.")
+      ->type_name("LENSES")
+      ->default_str("0.02")
       ->check(CLI::Range(0.02, 0.5));
   way->add_flag("--confined", flags->confined,
-                "decode photographs in a confined process, because their origin is not known "
-                "(package lenticule-media)");
+                "decode photographs of unknown origin in a confined process\n"
+                "It needs the package lenticule-media.");
   declare_pack_flag(*way, flags->pack);
   declare_result_flags(*way, flags->result);
   way->get_option("--output")->required(false);

@@ -43,10 +43,13 @@ void print_text(const calib::Calibration& found, const json& files) {
 void declare_result_flags(CLI::App& app, ResultFlags& flags) {
   app.add_option("-o,--output", flags.output,
                  "rig file to write; an existing one is kept under a number")
+      ->type_name("RIG.toml")
       ->required();
-  app.add_option("--report", flags.report, "HTML report (default: beside the rig file)");
-  app.add_option("--temperature", flags.temperature,
-                 "room temperature, degrees Celsius, recorded in the rig");
+  app.add_option("--report", flags.report, "HTML report")
+      ->type_name("FILE")
+      ->default_str("beside the rig file");
+  app.add_option("--temperature", flags.temperature, "room temperature, recorded in the rig")
+      ->type_name("CELSIUS");
   app.add_flag("--json", flags.json, "print the whole report as JSON");
 }
 

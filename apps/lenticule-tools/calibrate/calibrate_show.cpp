@@ -178,28 +178,29 @@ CalibrateWay declare_calibrate_show(CLI::App& app) {
     help += fmt::format("  {:<12} {}\n", pattern.name, pattern.what);
   help += fmt::format("  {:<12} fringes and tags for calibrate photos with a single photograph\n",
                       kPhotoChart);
-  way->footer(help +
-              "Example:\n  lenticule calibrate show fringes --rig kiosk-27-4k.toml --display kms");
+  way->footer(help + "Example:\n  lenticule calibrate show fringes --display kms");
   way->add_option("PATTERN", flags->pattern, "name of the pattern, see below")
       ->required()
       ->check(CLI::IsMember(pattern_names()));
   declare_rig_flag(*way, flags->rig);
   way->add_option("--display", flags->display, "kms, kms:CONNECTOR, or virtual")
+      ->type_name("DISPLAY")
       ->capture_default_str();
   way->add_flag("--allow-inexact", flags->allow_inexact,
                 "with kms: show patterns even if subpixels are known to arrive changed");
-  way->add_option("-o,--output", flags->output, "write a picture instead: .png, .tif, .ppm");
-  way->add_option("--phase", flags->phase,
-                  "phase of fringes and waves, in turns; of a comb, in lenses")
+  way->add_option("-o,--output", flags->output, "write a picture instead: .png, .tif, .ppm")
+      ->type_name("FILE");
+  way->add_option("--phase", flags->phase, "phase of fringes and waves; of a comb, in lenses")
+      ->type_name("TURNS")
       ->capture_default_str();
   way->add_option("--pitch-factor", flags->pitch_factor, "makes fringes wider by this factor")
       ->check(CLI::Range(0.1, 10.0))
       ->capture_default_str();
-  way->add_option("--channel", flags->channel,
-                  "subpixels that show the pattern: all, red, green, blue")
+  way->add_option("--channel", flags->channel, "subpixels that show the pattern")
       ->check(CLI::IsMember({"all", "red", "green", "blue"}))
       ->capture_default_str();
-  way->add_option("--seconds", flags->seconds, "seconds to show it; 0 = until Ctrl-C")
+  way->add_option("--seconds", flags->seconds, "how long to show it; 0: until Ctrl-C")
+      ->type_name("SECONDS")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   way->add_flag("--json", flags->json, "print what was done as JSON");

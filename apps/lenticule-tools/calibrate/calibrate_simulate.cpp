@@ -106,10 +106,14 @@ CalibrateWay declare_calibrate_simulate(CLI::App& app) {
       "Example:\n  lenticule calibrate simulate --noise 0.03 --deformation 0.1 -o sim.toml");
   way->add_option("--seed", flags->seed, "seed of the simulated set-up")->capture_default_str();
   way->add_flag("--random", flags->random, "choose sheet, camera and starting rig at random");
-  way->add_option("--panel-width", flags->panel_width, "pixels; the height is 9/16 of it")
+  way->add_option("--panel-width", flags->panel_width,
+                  "width of the panel; the height is 9/16 of it")
+      ->type_name("PIXELS")
       ->check(CLI::Range(320, 15360))
       ->capture_default_str();
-  way->add_option("--camera-width", flags->camera_width, "pixels; the height is 9/16 of it")
+  way->add_option("--camera-width", flags->camera_width,
+                  "width of the pictures; the height is 9/16 of it")
+      ->type_name("PIXELS")
       ->check(CLI::Range(320, 7680))
       ->capture_default_str();
   way->add_option("--viewpoints", flags->viewpoints, "places of the camera")
@@ -118,10 +122,12 @@ CalibrateWay declare_calibrate_simulate(CLI::App& app) {
   way->add_option("--noise", flags->noise, "noise of the camera, as a fraction of full scale")
       ->check(CLI::Range(0.0, 0.2))
       ->capture_default_str();
-  way->add_option("--deformation", flags->deformation, "deformation of the sheet, lenses")
+  way->add_option("--deformation", flags->deformation, "deformation of the sheet")
+      ->type_name("LENSES")
       ->check(CLI::Range(0.0, 0.5))
       ->capture_default_str();
-  way->add_option("--pictures", flags->pictures, "folder for the camera's picture of each pattern");
+  way->add_option("--pictures", flags->pictures, "folder for the camera's picture of each pattern")
+      ->type_name("FOLDER");
   declare_result_flags(*way, flags->result);
   return {.app = way, .run = [flags] { return run_simulate(*flags); }};
 }

@@ -51,8 +51,9 @@ void run_tar(const fs::path& folder, const fs::path& archive) {
 
 void declare_pack_flag(CLI::App& app, std::string& archive) {
   app.add_option("--pack", archive,
-                 "also write a tar archive of photographs, rig and result, from which others can "
-                 "repeat the calibration");
+                 "also write a tar archive of photographs, rig and result\n"
+                 "Others can repeat the calibration with it.")
+      ->type_name("FILE");
 }
 
 void write_photo_pack(const PhotoPack& pack, const fs::path& archive) {

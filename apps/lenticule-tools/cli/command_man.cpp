@@ -7,6 +7,7 @@
 
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/command_tree.h"
+#include "apps/lenticule/cli/help.h"
 #include "base/print.h"
 
 namespace lenticule::player {
@@ -31,12 +32,8 @@ std::string roff(const std::string& text) {
 }
 
 std::string option_entry(const CLI::Option& option) {
-  std::string name = option.get_positional() ? option.get_name(true) : option.get_name(false, true);
-  const bool takes_value = option.get_expected_max() > 0 && !option.get_type_name().empty();
-  if (takes_value && !option.get_positional()) name += " " + option.get_type_name();
-  std::string text = option.get_description();
-  if (!option.get_default_str().empty()) text += " [" + option.get_default_str() + "]";
-  return fmt::format(".TP\n\\fB{}\\fR\n{}\n", roff(name), roff(text));
+  return fmt::format(".TP\n\\fB{}\\fR\n{}\n", roff(typed_form(option)),
+                     roff(explanation(option, HelpLength::Long)));
 }
 
 std::string command_section(const CLI::App& app, const std::string& prefix) {

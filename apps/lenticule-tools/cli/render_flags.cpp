@@ -48,36 +48,32 @@ std::function<void()> declare_render_flags(CLI::App& app, RenderFlags& flags) {
                  "scene file, numbered files ('demo-%02d.nff'), or builtin:NAME[:SIZE]")
       ->required();
   CLI::Option* const rig = declare_rig_flag(app, flags.rig);
-  app.add_option("--wall", flags.wall,
-                 "wall file: render one scene for all of its panels, each into a file of its own, "
-                 "instead of --rig")
-      ->excludes(rig);
-  app.add_option("--panel", flags.panel, "render only this panel of the wall")->type_name("NAME");
-  app.add_option("--method", flags.method,
-                 "full, lens-view, interpolate, temporal, hybrid or adaptive")
-      ->capture_default_str();
-  CLI::Option* const error =
-      app.add_option("--error", flags.options.tolerated_error,
-                     "error that method adaptive may make, in code values; 0 is method full")
-          ->capture_default_str();
-  CLI::Option* const psnr =
-      app.add_option("--psnr", flags.least_psnr_db,
-                     "least PSNR of each frame of method adaptive against method full, in dB, "
-                     "proven with 99 % confidence: 40, for example");
-  app.add_option("--frames", flags.frames, "A:B renders frames A to B - 1, N only frame N")
+  app.add_option("--frames", flags.frames, "render frames A to B - 1; N renders only frame N")
       ->capture_default_str()
-      ->type_name("A:B");
-  app.add_option("--fps", flags.fps, "frames per second of the animation")->capture_default_str();
-  app.add_option("--camera", flags.camera,
-                 "file with one camera per line: from, at, up, field of view");
-  app.add_option("--threads", flags.options.threads,
-                 "0 means all cores; with a ring, one of four or more is left to the player")
+      ->type_name("A:B|N");
+  app.add_option("--fps", flags.fps, "frames per second of the animation")
+      ->type_name("RATE")
       ->capture_default_str();
+  app.add_option("--method", flags.method, "how subpixels are rendered")
+      ->type_name("full|lens-view|interpolate|temporal|hybrid|adaptive")
+      ->capture_default_str();
+  CLI::Option* const error = app.add_option("--error", flags.options.tolerated_error,
+                                            "error that method adaptive may make; 0 is method full")
+                                 ->type_name("CODE-VALUES")
+                                 ->capture_default_str();
+  CLI::Option* const psnr = app.add_option("--psnr", flags.least_psnr_db,
+                                           "least PSNR of each frame of method adaptive: 40\n"
+                                           "Against method full, proven with 99 % confidence.")
+                                ->type_name("DB");
+
+  app.option_defaults()->group("Quality");
   app.add_option("--samples", flags.options.samples, "rays per subpixel, inside its area")
       ->capture_default_str();
   app.add_option("--prefilter", flags.prefilter,
-                 "average over the beam of each subpixel: off, depth (outside the sheet's depth of "
-                 "field), beam (everywhere) or exhaustive (everywhere, slowly)")
+                 "average over the beam of each subpixel\n"
+                 "depth: outside the sheet's depth of field; beam: everywhere; exhaustive: "
+                 "everywhere, slowly.")
+      ->type_name("off|depth|beam|exhaustive")
       ->capture_default_str();
   CLI::Option* const prefilter_samples =
       app.add_option("--prefilter-samples", flags.options.prefilter_samples,
@@ -91,11 +87,26 @@ std::function<void()> declare_render_flags(CLI::App& app, RenderFlags& flags) {
          [&flags](const std::string& text) {
            flags.options.zone = optics::parse_viewing_zone(text);
          },
-         "methods full and adaptive: leave subpixels black that no eye sees within so many mm to "
-         "both sides of the viewing line's centre; --zone -20:80@650:750 is from 20 mm to the left "
-         "to 80 mm to the right, 650 to 750 mm away")
+         "methods full and adaptive: leave subpixels black that no eye sees in this zone\n"
+         "MM to both sides of the viewing line's centre; -20:80@650:750 is from 20 mm to the left "
+         "to 80 mm to the right, 650 to 750 mm away.")
       ->type_name("MM|LEFT:RIGHT[@NEAR:FAR]");
+  app.add_option("--threads", flags.options.threads,
+                 "0 means all cores\nWith a ring, one of four or more is left to the player.")
+      ->capture_default_str();
+
+  app.option_defaults()->group("Walls");
+  app.add_option("--wall", flags.wall,
+                 "instead of --rig: render one scene for all panels of a wall\n"
+                 "Each into a file of its own.")
+      ->type_name("WALL.toml")
+      ->excludes(rig);
+  app.add_option("--panel", flags.panel, "render only this panel of the wall")->type_name("NAME");
   declare_stage_flags(app, flags.staging);
+  app.add_option("--camera", flags.camera,
+                 "file with one camera per line: from, at, up, field of view")
+      ->group("Stage")
+      ->type_name("FILE");
   declare_surroundings_flags(app, flags.staging);
   declare_soft_light_flags(app, flags.options.soft);
   return [&flags, error, psnr, prefilter_samples] {

@@ -82,19 +82,22 @@ ExitCode run_compare(const CompareFlags& flags) {
 
 Run declare_compare(CLI::App& app) {
   const auto flags = std::make_shared<CompareFlags>();
-  app.add_option("reference", flags->reference, "picture, folder or pattern of pictures")
+  app.add_option("REFERENCE", flags->reference, "picture, folder or pattern of pictures")
       ->required();
-  app.add_option("test", flags->test, "picture, folder or pattern to compare with the reference")
+  app.add_option("TEST", flags->test, "picture, folder or pattern to compare with the reference")
       ->required();
   app.add_option("--rig", flags->rig, "rig file: adds figures per view, and SSIM of what eyes see")
       ->type_name("RIG.toml");
-  app.add_option("--views", flags->views, "number of views (default: subpixels under a lens)")
+  app.add_option("--views", flags->views, "number of views")
+      ->default_str("subpixels under a lens")
       ->check(CLI::Range(1, frames::kMaxViews));
   app.add_option("--picture", flags->picture,
-                 "picture of where the worst frame differs: black, blue 2, green 8, yellow 27, red "
-                 "83, white 255 levels");
+                 "picture of where the worst frame differs\n"
+                 "Black 0, blue 2, green 8, yellow 27, red 83, white 255 levels.")
+      ->type_name("FILE");
   app.add_option("--limit-psnr", flags->limit_psnr_db,
-                 "exit code 5 if the worst frame's total PSNR is below this, in dB");
+                 "exit code 5 if the worst frame's total PSNR is below this")
+      ->type_name("DB");
   CLI::Option* const flip = app.add_flag(
       "--flip", flags->flip, "also measure FLIP: what a viewer notices when the two alternate");
   app.add_option("--pixels-per-degree", flags->pixels_per_degree, "of the viewer, for FLIP")

@@ -354,31 +354,38 @@ class ConvertRun {
 Run declare_convert(CLI::App& app) {
   auto flags = std::make_shared<ConvertFlags>();
   app.add_option("IN", flags->input,
-                 "woven frames: pattern ('out/%05d.png'), picture, video or FILE.lts; or views, as "
-                 "play takes them: quilts, stereo, depth, 'views:view%02d/%05d.png'")
+                 "pattern ('out/%05d.png'), picture, video or FILE.lts of woven frames or views\n"
+                 "Views as play takes them: quilts, stereo, depth, 'views:view%02d/%05d.png'.")
       ->required();
   app.add_option("-o,--output", flags->output,
-                 "FILE.lts, FILE.mkv, pattern or picture; 'views:view%02d/%05d.png' for a picture "
-                 "per view. A quilt's layout is added to its name")
+                 "FILE.lts, FILE.mkv, pattern or picture\n"
+                 "'views:view%02d/%05d.png' makes a picture per view. A quilt's layout is added to "
+                 "its name.")
+      ->type_name("OUTPUT")
       ->required();
-  app.add_option("--as", flags->as,
-                 "woven: frames for --rig; quilt: views in tiles (default: woven with --rig, else "
-                 "the kind of the input)")
+  app.add_option("--as", flags->as, "woven: frames for the rig; quilt: views in tiles")
+      ->default_str("woven with --rig, else the kind of the input")
       ->check(CLI::IsMember({"woven", "quilt"}));
-  app.add_option("--rig", flags->rig,
-                 "rig that views are woven for; for woven frames, the rig that they were made for, "
-                 "which is stored with them");
-  app.add_option("--rate", flags->rate, "frames per second, for example 24 or 24000/1001 (60)");
-  app.add_option("--frames", flags->frames, "A:B converts frames A to B - 1, counted from 0")
+  app.add_option(
+         "--rig", flags->rig,
+         "rig that views are woven for\n"
+         "For woven frames the rig that they were made for, which is stored with them. With "
+         "--as woven as for other commands: that of the connected panel, else a sample.")
+      ->type_name("RIG.toml");
+  app.add_option("--rate", flags->rate, "frames per second: 24 or 24000/1001")
+      ->type_name("RATE")
+      ->default_str("the input's, or 60");
+  app.add_option("--frames", flags->frames, "convert frames A to B - 1, counted from 0")
       ->type_name("A:B");
   declare_content_flags(app, flags->content);
   declare_weaving_flags(app, flags->weaving);
   CLI::Option* const resume =
       app.add_flag("--resume", flags->resume, "continue where an earlier run was stopped");
   app.add_flag("--overwrite", flags->overwrite, kOverwriteHelp)->excludes(resume);
-  app.add_flag("--keep-damaged,--replace-damaged", flags->keep_damaged,
-               "also convert a damaged input: the frame before a damaged one is repeated; a "
-               "damaged frame of a video is left out");
+  app.add_flag(
+      "--keep-damaged,--replace-damaged", flags->keep_damaged,
+      "also convert a damaged input\n"
+      "The frame before a damaged one is repeated; a damaged frame of a video is left out.");
   app.add_flag("--json", flags->json, "print what was done as JSON");
   return [flags]() -> ExitCode { return ConvertRun(*flags).run(); };
 }

@@ -195,17 +195,22 @@ Run declare_depth(CLI::App& app) {
   auto flags = std::make_shared<DepthFlags>();
   app.add_option("SCENE", flags->scene, "as for render")->required();
   declare_rig_flag(app, flags->rig);
-  app.add_option("--frames", flags->frames, "A:B measures frames A to B - 1, N only frame N")
+  app.add_option("--frames", flags->frames, "measure frames A to B - 1; N measures only frame N")
       ->capture_default_str()
-      ->type_name("A:B");
-  app.add_option("--fps", flags->fps, "frames per second of the animation")->capture_default_str();
+      ->type_name("A:B|N");
+  app.add_option("--fps", flags->fps, "frames per second of the animation")
+      ->type_name("RATE")
+      ->capture_default_str();
   app.add_option("--threads", flags->threads, "0 means all cores")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
-  app.add_option("--svg", flags->svg, "file for a plot of the table");
-  app.add_option("--picture", flags->picture,
-                 "picture of the first frame: grey within the depth of field, white at the panel, "
-                 "yellow to red in front and cyan to blue behind, up to eight times as far");
+  app.add_option("--svg", flags->svg, "file for a plot of the table")->type_name("FILE");
+  app.add_option(
+         "--picture", flags->picture,
+         "picture of how deep the first frame is\n"
+         "Grey within the depth of field, white at the panel, yellow to red in front and cyan "
+         "to blue behind, up to eight times as far.")
+      ->type_name("FILE");
   app.add_flag("--json", flags->json, "print as JSON");
   declare_stage_flags(app, flags->staging);
   declare_surroundings_flags(app, flags->staging);

@@ -88,17 +88,20 @@ ExitCode run_eye(const EyeFlags& flags) {
 
 Run declare_eye(CLI::App& app) {
   const auto flags = std::make_shared<EyeFlags>();
-  app.add_option("woven", flags->woven, "woven frame of the rig's panel")->required();
+  app.add_option("FRAME", flags->woven, "woven frame of the rig's panel")->required();
   declare_rig_flag(app, flags->rig, "rig that the frame is woven for");
   add_triple(
       app, "--eye", "X,Y,Z", [flags](Vec3 place) { flags->eye = eye_at(place); },
-      "place of the eye, mm right, up and away from the panel's centre")
+      "place of the eye: mm right, up and away from the panel's centre")
       ->required();
   app.add_option_function<std::string>(
          "--size", [flags](const std::string& text) { flags->options = parse_size(text); },
-         "size of the picture (default: half the panel's pixels)")
-      ->type_name("WxH");
-  app.add_option("-o,--output", flags->output, "picture: .png, .tif, .exr or .ppm")->required();
+         "size of the picture")
+      ->type_name("WxH")
+      ->default_str("half the panel's pixels");
+  app.add_option("-o,--output", flags->output, "picture: .png, .tif, .exr or .ppm")
+      ->type_name("FILE")
+      ->required();
   app.add_flag("--json", flags->json, "print what was done as JSON");
   return [flags] {
     flags->rig = choose_rig({.given = flags->rig}).file;

@@ -348,27 +348,32 @@ ExitCode render_wall(const RenderCommandFlags& flags) {
 Run declare_render(CLI::App& app) {
   auto flags = std::make_shared<RenderCommandFlags>();
   const std::function<void()> complete = declare_render_flags(app, flags->render);
-  app.add_option("--rig-store", flags->rig_store,
-                 "use this copy of the rig as long as a player with this flag does")
-      ->type_name("FILE")
-      ->needs(app.get_option("--rig"));
-  app.add_option(
-      "--missing", flags->missing,
-      "picture file or pattern in which subpixels that reprojection left empty are white");
   app.add_option("-o,--output", flags->output,
                  "picture file, pattern ('out/%05d.png'), FILE.lts or ring:SOCKET")
+      ->type_name("OUTPUT")
       ->required();
   CLI::Option* const resume =
       app.add_flag("--resume", flags->resume, "skip frames that exist already");
   app.add_flag("--overwrite", flags->overwrite, kOverwriteHelp)->excludes(resume);
-  app.add_option("--ring-timeout", flags->ring_timeout,
-                 "seconds to wait for a player, including one that restarts")
-      ->capture_default_str();
-  app.add_option(
-      "--adapt-error", flags->adapt_rate,
-      "method adaptive, live: choose the error of each frame, 0.5 to 16 code values, so that "
-      "rendering holds this many frames per second");
   app.add_flag("--json", flags->json, "print what was done as JSON");
+  app.option_defaults()->group("Into a ring");
+  app.add_option("--ring-timeout", flags->ring_timeout,
+                 "how long to wait for a player, including one that restarts")
+      ->type_name("SECONDS")
+      ->capture_default_str();
+  app.add_option("--adapt-error", flags->adapt_rate,
+                 "method adaptive: choose the error of each frame so that this rate holds\n"
+                 "Of 0.5 to 16 code values, in frames per second.")
+      ->type_name("RATE");
+  app.add_option("--rig-store", flags->rig_store,
+                 "use this copy of the rig as long as a player with this flag does")
+      ->type_name("FILE")
+      ->needs(app.get_option("--rig"));
+  app.add_option("--missing", flags->missing,
+                 "picture of the subpixels that reprojection left empty\n"
+                 "A file or a pattern; they are white in it.")
+      ->group("Quality")
+      ->type_name("FILE");
   return [flags, complete, &app]() -> ExitCode {
     check_ring_timeout(*flags);
     check_wall_flags(*flags);

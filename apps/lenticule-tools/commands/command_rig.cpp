@@ -364,8 +364,6 @@ ExitCode on_chosen_rig(const RigOptions& options) {
   return run(chosen);
 }
 
-constexpr const char* kRigOrPanels = "rig file [default: that of the connected panel]";
-
 using Action = ExitCode (*)(const RigOptions&);
 
 CLI::App* add_action(CLI::App& app, const char* name, const char* summary, const char* example,
@@ -384,17 +382,21 @@ Run declare_rig(CLI::App& app) {
 
   CLI::App* show_app = add_action(app, "show", "print a rig and the values that follow from it",
                                   "lenticule rig show kiosk-27-4k.toml", options);
-  show_app->add_option("RIG", options->file, kRigOrPanels);
+  show_app->add_option("RIG", options->file, "rig file")
+      ->default_str("that of the connected panel");
 
   CLI::App* check_app = add_action(app, "check", "check whether a rig is valid and plausible",
                                    "lenticule rig check kiosk-27-4k.toml", options);
-  check_app->add_option("RIG", options->file, kRigOrPanels);
+  check_app->add_option("RIG", options->file, "rig file")
+      ->default_str("that of the connected panel");
 
   CLI::App* import_app =
       add_action(app, "import", "create a rig file from another system's calibration",
                  "lenticule rig import visual.json -o portrait.toml", options);
   import_app->add_option("FILE", options->file, "calibration file")->required();
-  import_app->add_option("-o,--output", options->output, "rig file to write")->required();
+  import_app->add_option("-o,--output", options->output, "rig file to write")
+      ->type_name("RIG.toml")
+      ->required();
   import_app->add_option("--format", options->format, "auto, lkg (visual.json) or cubevi")
       ->check(CLI::IsMember({"auto", "lkg", "cubevi"}))
       ->capture_default_str();
@@ -405,9 +407,11 @@ Run declare_rig(CLI::App& app) {
   export_app->add_option("RIG", options->file, "rig file")->required();
   export_app->add_option("--format", options->format, "lkg (visual.json) or cubevi")
       ->check(CLI::IsMember({"lkg", "cubevi"}));
-  export_app->add_option("-o,--output", options->output, "file to write");
-  export_app->add_option("--mpv-shader", options->mpv_shader,
-                         "write an mpv user shader that weaves quilt videos for this rig");
+  export_app->add_option("-o,--output", options->output, "file to write")->type_name("FILE");
+  export_app
+      ->add_option("--mpv-shader", options->mpv_shader,
+                   "write an mpv user shader that weaves quilt videos for this rig")
+      ->type_name("FILE");
   export_app->add_option("--quilt", options->quilt, "with --mpv-shader: the quilts' tiles, 8x6")
       ->capture_default_str()
       ->type_name("COLUMNSxROWS");
@@ -415,7 +419,8 @@ Run declare_rig(CLI::App& app) {
   CLI::App* trim_app =
       add_action(app, "trim", "correct drift since a rig was calibrated, in a file beside it",
                  "lenticule rig trim kiosk-27-4k.toml --offset-by 0.02", options);
-  trim_app->add_option("RIG", options->file, kRigOrPanels);
+  trim_app->add_option("RIG", options->file, "rig file")
+      ->default_str("that of the connected panel");
   trim_app->add_option("--offset-by", options->offset_by,
                        "shift the picture under the lenses by this many lenses: 0.02");
   trim_app->add_option("--pitch-by", options->pitch_by, "change the pitch by this fraction: 1e-5");
@@ -431,7 +436,9 @@ Run declare_rig(CLI::App& app) {
                    "how the viewer sees the sent picture: 0, 90, 180 or 270 degrees clockwise, "
                    "mirrored, or 'mirrored 90' and so on")
       ->required();
-  mount_app->add_option("-o,--output", options->output, "rig file to write")->required();
+  mount_app->add_option("-o,--output", options->output, "rig file to write")
+      ->type_name("RIG.toml")
+      ->required();
 
   CLI::App* wall_app =
       add_action(app, "wall", "show a wall of several panels: sizes, gaps and a drawing",

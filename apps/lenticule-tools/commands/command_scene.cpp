@@ -169,7 +169,8 @@ CLI::App* declare_show(CLI::App& app, const std::shared_ptr<SceneFlags>& flags) 
   sub->footer("Example:\n  lenticule scene show model.glb -o thumbnail.png");
   sub->add_option("SCENE", flags->shown, "scene file, or builtin:NAME[:SIZE]")->required();
   sub->add_option("-o,--output", flags->thumbnail,
-                  "picture of the scene as its camera sees it: .png, .tif, .exr or .ppm");
+                  "picture of the scene as its camera sees it: .png, .tif, .exr or .ppm")
+      ->type_name("FILE");
   sub->add_flag("--json", flags->json, "print as JSON");
   return sub;
 }
@@ -190,11 +191,12 @@ Run declare_scene(CLI::App& app) {
   app.add_option("NAME", flags->name, "a scene's name, or 'list'");
   app.add_option("--size", flags->size, "how fine or how many; 'list' explains it for each scene");
   app.add_option("--frame", flags->frame, "frame of the scene's sequence")->capture_default_str();
-  app.add_option("-o,--output", flags->output,
-                 "file to write, .nff or .gltf; NFF on standard output if left out");
-  app.add_option(
-      "--camera", flags->camera,
-      "file for the camera of every frame, in the format of 'lenticule render --camera'");
+  app.add_option("-o,--output", flags->output, "file to write, .nff or .gltf")
+      ->type_name("FILE")
+      ->default_str("NFF on standard output");
+  app.add_option("--camera", flags->camera,
+                 "file for the camera of every frame, in the format of 'lenticule render --camera'")
+      ->type_name("FILE");
   app.add_flag("--json", flags->json, "print what was listed or written as JSON");
   return [flags, show_app]() -> ExitCode {
     if (show_app->parsed())

@@ -166,24 +166,29 @@ ExitCode run_weave(const WeaveFlags& flags) {
 
 Run declare_weave(CLI::App& app) {
   const auto flags = std::make_shared<WeaveFlags>();
-  app.add_option("input", flags->input,
-                 "quilt (NAME_qs<columns>x<rows>a<aspect>.png), pattern of views (%03d.png), two "
-                 "eyes (NAME_sbs.png), a picture with depth (NAME_rgbd.png), one frame of a video "
-                 "or of FILE.lts, or with --from-rig a woven frame")
+  app.add_option(
+         "VIEWS", flags->input,
+         "quilt (NAME_qs8x6a0.75.png), pattern of views (%03d.png), or another set of views\n"
+         "Two eyes (NAME_sbs.png), a picture with depth (NAME_rgbd.png), one frame of a video "
+         "or of FILE.lts, or with --from-rig a woven frame. A quilt's name states columns, "
+         "rows and aspect.")
       ->required();
   declare_rig_flag(app, flags->rig);
-  app.add_option("-o,--output", flags->output, "woven frame: .png, .tif, .exr or .ppm")->required();
-  app.add_option("--frame", flags->frame, "which frame of a sequence");
+  app.add_option("-o,--output", flags->output, "woven frame: .png, .tif, .exr or .ppm")
+      ->type_name("FILE")
+      ->required();
+  app.add_option("--frame", flags->frame, "which frame of a sequence")->type_name("N");
   declare_content_flags(app, flags->content);
   declare_weaving_flags(app, flags->weaving);
   app.add_option("--quilt", flags->quilt,
-                 "also write the woven views as a quilt; its layout is added to the name");
+                 "also write the woven views as a quilt; its layout is added to the name")
+      ->type_name("FILE");
   app.add_flag("--overwrite", flags->overwrite, kOverwriteHelp);
   app.add_flag(
       "--reference", flags->reference,
-      "use the slow reference weaver in double precision, against which the fast one is tested");
+      "use the slow reference weaver\nIn double precision; the fast one is tested against it.");
   app.add_flag("--keep-damaged", flags->keep_damaged,
-               "also weave from a damaged input: another frame may replace the requested one");
+               "also weave from a damaged input\nAnother frame may replace the requested one.");
   app.add_flag("--json", flags->json, "print what was done as JSON");
   return [flags] {
     flags->rig = choose_rig({.given = flags->rig}).file;

@@ -77,25 +77,27 @@ void declare_plan(CLI::App& app, const std::shared_ptr<FarmFlags>& flags, Action
   CLI::App* sub = app.add_subcommand(
       "plan", "divide a film into chunks, and write a work folder with the command of each");
   sub->footer(
-      "Example:\n  lenticule farm plan model.glb --rig kiosk-27-4k.toml --frames 0:750 "
-      "-o film.lts --work /shared/film");
+      "Example:\n  lenticule farm plan model.glb --frames 0:750 -o film.lts --work /shared/film");
   FarmPlanFlags& plan = flags->plan;
   const std::function<void()> complete = declare_render_flags(*sub, plan.render);
   const CLI::App& parsed = *sub;
   const std::vector<const CLI::Option*> render_options =
       parsed.get_options([](const CLI::Option*) { return true; });
   sub->add_option("--chunk", plan.chunk,
-                  "frames in a chunk; auto measures how many make a chunk of two minutes or more")
+                  "frames in a chunk; auto: as many as take two minutes or more")
       ->capture_default_str()
       ->type_name("N|auto");
   sub->add_option("--timed-frames", plan.timed_frames,
                   "frames to render now, to measure their time")
       ->check(CLI::Range(0, 100))
       ->capture_default_str();
-  sub->add_option("-o,--output", plan.output, "film to make: FILE.lts")->required();
-  sub->add_option("--work", plan.work, "work folder, which all machines share")->required();
+  sub->add_option("-o,--output", plan.output, "film to make")->type_name("FILE.lts")->required();
+  sub->add_option("--work", plan.work, "work folder, which all machines share")
+      ->type_name("DIR")
+      ->required();
   sub->add_option("--program", plan.program,
-                  "lenticule as the other machines call it, if it is elsewhere there");
+                  "lenticule as the other machines call it, if it is elsewhere there")
+      ->type_name("FILE");
   sub->add_flag("--overwrite", plan.overwrite, kOverwriteHelp);
   sub->add_flag("--json", plan.json, "print JSON");
   const CLI::Option* const rig = sub->get_option("--rig");
@@ -116,21 +118,25 @@ void declare_submit(CLI::App& app, const std::shared_ptr<FarmFlags>& flags, Acti
   add_folder(*sub, submit.folder);
   sub->add_flag("--slurm", submit.slurm, "submit an array job and a job that merges to Slurm");
   sub->add_flag("--dry-run", submit.dry_run, "print the scripts instead");
-  sub->add_option("--partition", submit.options.partition, "Slurm's partition");
-  sub->add_option("--time", submit.options.time,
-                  "time limit of a chunk as sbatch takes it (default: from the timed frames)");
-  sub->add_option("--mem", submit.options.memory,
-                  "memory of a chunk as sbatch takes it (default: from the timed frames)");
-  sub->add_option("--cpus", submit.options.cpus,
-                  "processors of a chunk (default: as many as timed the frames)")
+  sub->add_option("--partition", submit.options.partition, "Slurm's partition")->type_name("NAME");
+  sub->add_option("--time", submit.options.time, "time limit of a chunk as sbatch takes it")
+      ->type_name("TIME")
+      ->default_str("from the timed frames");
+  sub->add_option("--mem", submit.options.memory, "memory of a chunk as sbatch takes it")
+      ->type_name("SIZE")
+      ->default_str("from the timed frames");
+  sub->add_option("--cpus", submit.options.cpus, "processors of a chunk")
+      ->default_str("as many as timed the frames")
       ->check(CLI::Range(1, 1024));
   sub->add_option("--array-limit", submit.options.array_limit, "chunks that run at the same time")
       ->check(CLI::Range(1, 1'000'000));
   sub->add_option("--sbatch", submit.options.more,
                   "a further argument of sbatch: --sbatch=--account=film; may be repeated")
+      ->type_name("ARGUMENT")
       ->allow_extra_args(false);
   sub->add_option("--program", submit.program,
-                  "lenticule as the other machines call it, if it is elsewhere there");
+                  "lenticule as the other machines call it, if it is elsewhere there")
+      ->type_name("FILE");
   actions.emplace_back(sub, [flags] { return farm_submit(flags->submit); });
 }
 
@@ -175,10 +181,12 @@ void declare_results(CLI::App& app, const std::shared_ptr<FarmFlags>& flags, Act
   CLI::App* join = add_action(app, "merge", "check the chunks and join them to the film",
                               "lenticule farm merge /shared/film", merge.json);
   add_folder(*join, merge.folder);
-  join->add_option("-o,--output", merge.output, "another name of the film than the planned one");
+  join->add_option("-o,--output", merge.output, "another name of the film than the planned one")
+      ->type_name("FILE.lts");
   join->add_flag("--partial", merge.partial, "join the frames before the first missing chunk");
   join->add_option("--wait", merge.wait_seconds,
-                   "seconds to wait for missing chunks, which a network file system may show late")
+                   "how long to wait for chunks that a network file system shows late")
+      ->type_name("SECONDS")
       ->check(CLI::Range(0, 86400))
       ->capture_default_str();
   join->add_flag("--overwrite", merge.overwrite, kOverwriteHelp);
@@ -191,7 +199,8 @@ void declare_results(CLI::App& app, const std::shared_ptr<FarmFlags>& flags, Act
   add_folder(*play, feed.folder);
   play->add_option("RING", feed.output, "ring:SOCKET of the player")->required();
   play->add_option("--ring-timeout", feed.ring_timeout,
-                   "seconds to wait for a player, including one that restarts")
+                   "how long to wait for a player, including one that restarts")
+      ->type_name("SECONDS")
       ->check(CLI::Range(0.0, 86400.0))
       ->capture_default_str();
   actions.emplace_back(play, [flags] { return farm_feed(flags->feed); });

@@ -44,9 +44,9 @@ struct Declaration {
 
 /// Lines that --help shows before the list of commands, and that a call without a command prints.
 inline constexpr const char* kFirstSteps = R"(
-  play a film on a panel    lenticule play film.lts --rig lobby.toml --display kms
-  show a quilt or a video   lenticule play views_qs8x6a0.75.png --rig lobby.toml --display kms
-  render a scene            lenticule render teapot.nff --rig lobby.toml -o woven.png
+  play a film on a panel    lenticule play film.lts --display kms
+  show a quilt or a video   lenticule play views_qs8x6a0.75.png --display kms
+  render a scene            lenticule render builtin:demo -o woven.png
   calibrate a lens sheet    lenticule calibrate by-eye --rig start.toml --display kms -o lobby.toml
   check a panel             lenticule doctor
 )";

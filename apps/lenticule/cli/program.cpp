@@ -8,6 +8,7 @@
 #include <map>
 #include <string_view>
 
+#include "apps/lenticule/cli/help.h"
 #include "apps/lenticule/cli/usage_error.h"
 #include "base/main_function.h"
 #include "base/print.h"
@@ -59,6 +60,7 @@ int run_program(const Program& program, int argc, char** argv) {
   CLI::App app{std::string("Renders, weaves and plays pictures for lenticular 3-D displays.\n") +
                program.first_steps};
   app.name("lenticule");
+  app.formatter(make_help_formatter());
   app.set_version_flag("--version", std::string("lenticule ") + LENTICULE_VERSION);
   app.require_subcommand(1);
   app.footer("Start with: lenticule COMMAND --help");

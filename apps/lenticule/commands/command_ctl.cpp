@@ -151,18 +151,20 @@ void declare_place(CLI::App& app, CtlFlags& flags) {
 void declare_values(std::vector<std::pair<CLI::App*, ControlVerb>>& verbs, CtlFlags& flags) {
   for (const auto& [app, verb] : verbs) {
     if (verb == ControlVerb::Load) {
-      app->add_option("source", flags.source, "what 'lenticule play' takes, or a list: LIST.toml")
+      app->add_option("SOURCE", flags.source, "what 'lenticule play' takes, or a list: LIST.toml")
           ->required();
       declare_place(*app, flags);
     } else if (verb == ControlVerb::Interrupt || verb == ControlVerb::Cue) {
-      app->add_option("source", flags.source, "what 'lenticule play' takes; or --item");
+      app->add_option("SOURCE", flags.source, "what 'lenticule play' takes; or --item");
       declare_place(*app, flags);
       if (verb == ControlVerb::Interrupt)
-        app->add_option("--seconds", flags.length_s, "seconds of content (default: once)");
+        app->add_option("--seconds", flags.length_s, "how much of the content")
+            ->type_name("SECONDS")
+            ->default_str("once");
       else
         app->add_flag("--then-back", flags.then_back, "play it once, as 'interrupt' does");
     } else if (verb == ControlVerb::Speed) {
-      app->add_option("factor", flags.factor, "0.1 to 8; 1 is the content's own rate")->required();
+      app->add_option("FACTOR", flags.factor, "0.1 to 8; 1 is the content's own rate")->required();
     } else if (verb == ControlVerb::Power) {
       app->add_option("to", flags.power, "off: no signal; on: again, at the next frame")
           ->required()
@@ -170,7 +172,7 @@ void declare_values(std::vector<std::pair<CLI::App*, ControlVerb>>& verbs, CtlFl
     } else if (verb == ControlVerb::Seek) {
       declare_place(*app, flags);
     } else if (verb == ControlVerb::Loop) {
-      app->add_option("count", flags.count, "a number of loops, or forever")
+      app->add_option("COUNT", flags.count, "a number of loops, or forever")
           ->required()
           ->type_name("N|forever");
     } else if (verb == ControlVerb::Trim) {
@@ -180,11 +182,11 @@ void declare_values(std::vector<std::pair<CLI::App*, ControlVerb>>& verbs, CtlFl
                       "change the offset by this many lenses: 0.02");
       app->add_option("--pitch-by", flags.pitch_by, "change the pitch by this fraction: 1e-5");
     } else if (verb == ControlVerb::Snapshot) {
-      app->add_option("file", flags.file, "picture to write: .png, .tif, .exr or .ppm")->required();
+      app->add_option("FILE", flags.file, "picture to write: .png, .tif, .exr or .ppm")->required();
       add_triple(
           *app, "--eye", "X,Y,Z", [&flags](Vec3 eye) { flags.eye = eye; },
           "as an eye there sees it: mm right, up and away from the panel's centre");
-      app->add_option("--panel", flags.panel, "panel of a wall, by its name");
+      app->add_option("--panel", flags.panel, "panel of a wall, by its name")->type_name("NAME");
     } else if (verb == ControlVerb::List) {
       app->add_option("--item", flags.item, "begin with this item, counted from 0");
     } else if (verb == ControlVerb::Subscribe) {
@@ -193,25 +195,32 @@ void declare_values(std::vector<std::pair<CLI::App*, ControlVerb>>& verbs, CtlFl
   }
 }
 
-const std::vector<std::pair<ControlVerb, const char*>>& verb_summaries() {
-  static const std::vector<std::pair<ControlVerb, const char*>> table = {
+struct VerbHelp {
+  ControlVerb verb;
+  const char* summary;
+  const char* arguments = "";  ///< of the example
+};
+
+const std::vector<VerbHelp>& verb_helps() {
+  static const std::vector<VerbHelp> table = {
       {ControlVerb::Status, "print what is displayed and what comes next"},
-      {ControlVerb::Load, "play something else as soon as it is ready"},
-      {ControlVerb::Interrupt, "play something once, then continue where it was"},
+      {ControlVerb::Load, "play something else as soon as it is ready", "/films/city.lts"},
+      {ControlVerb::Interrupt, "play something once, then continue where it was",
+       "/films/evacuate.lts"},
       {ControlVerb::Back, "end an interruption or a blank panel now"},
       {ControlVerb::Blank, "show black until 'back'"},
-      {ControlVerb::Cue, "open and decode an item for 'go'"},
+      {ControlVerb::Cue, "open and decode an item for 'go'", "/films/city.lts --then-back"},
       {ControlVerb::Go, "show the cued item at the second vblank from now"},
       {ControlVerb::Play, "continue after a pause"},
       {ControlVerb::Pause, "pause on the current frame"},
-      {ControlVerb::Seek, "go to a frame, or an item of the list"},
+      {ControlVerb::Seek, "go to a frame, or an item of the list", "--item 2 --frame 120"},
       {ControlVerb::Next, "go to the next item"},
       {ControlVerb::Previous, "go to the previous item"},
-      {ControlVerb::Loop, "set how often the item is played"},
-      {ControlVerb::Speed, "play at a multiple of the content's rate"},
-      {ControlVerb::Power, "switch the output off or on"},
-      {ControlVerb::Trim, "correct drift since the calibration"},
-      {ControlVerb::Snapshot, "write the displayed frame to a picture"},
+      {ControlVerb::Loop, "set how often the item is played", "forever"},
+      {ControlVerb::Speed, "play at a multiple of the content's rate", "0.5"},
+      {ControlVerb::Power, "switch the output off or on", "off"},
+      {ControlVerb::Trim, "correct drift since the calibration", "--offset-by 0.02"},
+      {ControlVerb::Snapshot, "write the displayed frame to a picture", "shown.png"},
       {ControlVerb::List, "print the items of the list that is played"},
       {ControlVerb::Stats, "print the player's statistics"},
       {ControlVerb::Doctor, "report whether subpixels reach the panel unchanged"},
@@ -226,26 +235,30 @@ const std::vector<std::pair<ControlVerb, const char*>>& verb_summaries() {
 Run declare_ctl(CLI::App& app) {
   const auto flags = std::make_shared<CtlFlags>();
   app.require_subcommand(1);
-  app.add_option(
-      "--socket", flags->socket,
-      "the player's --control socket (default: $LENTICULE_CONTROL, or that of the only service)");
-  app.add_option("--wait", flags->wait_s, "seconds to wait for an answer")
+  app.add_option("--socket", flags->socket, "the player's --control socket")
+      ->type_name("SOCKET")
+      ->default_str("$LENTICULE_CONTROL, or that of the only service");
+  app.add_option("--wait", flags->wait_s, "how long to wait for an answer")
+      ->type_name("SECONDS")
       ->check(CLI::Range(0.01, 86400.0))
       ->capture_default_str();
   app.add_flag("--json", flags->json, "print the answer as JSON");
   std::vector<std::pair<CLI::App*, ControlVerb>> verbs;
-  for (const auto& [verb, summary] : verb_summaries()) {
+  for (const auto& [verb, summary, arguments] : verb_helps()) {
     CLI::App* const sub = app.add_subcommand(verb_name(verb), summary);
+    sub->footer(fmt::format("Example:\n  lenticule ctl {} {}", verb_name(verb), arguments));
     sub->fallthrough();  // flags of ctl may follow the verb
     verbs.emplace_back(sub, verb);
   }
   declare_values(verbs, *flags);
   CLI::App* const address =
       app.add_subcommand("show-address", "show the QR code of an address on the panel for a while");
+  address->footer("Example:\n  lenticule ctl show-address http://192.168.1.20:8420/?t=...");
   address->fallthrough();
-  address->add_option("address", flags->address,
-                      "address of the pages with its token (default: a line of standard input)");
+  address->add_option("ADDRESS", flags->address, "address of the pages with its token")
+      ->default_str("a line of standard input");
   address->add_option("--seconds", flags->seconds, "then show again what was shown before")
+      ->type_name("SECONDS")
       ->check(CLI::Range(0.1, 3600.0))
       ->capture_default_str();
   return [flags, verbs, address]() -> ExitCode {

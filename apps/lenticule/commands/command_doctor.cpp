@@ -133,6 +133,7 @@ ExitCode verdict_of(const nlohmann::json& outputs) {
 Run declare_doctor(CLI::App& app) {
   auto flags = std::make_shared<DoctorFlags>();
   app.add_option("--display", flags->display, "kms[:CONNECTOR|:edid:MFG...|:/dev/dri/...]")
+      ->type_name("DISPLAY")
       ->capture_default_str();
   app.add_option("--bits", flags->bits, "bits per colour, as the rig states them (panel.bits)")
       ->check(CLI::IsMember({optics::kUsualBits, optics::kDeepBits}))

@@ -91,137 +91,179 @@ class PicturesDecodedElsewhere {
   ConfinedPictures pictures_;
 };
 
-void declare_flags(CLI::App& app, PlayFlags& flags) {
-  app.add_option("source", flags.source,
-                 "ring:SOCKET, a sequence FILE.lts, a pattern such as 'out/%05d.png', a picture, a "
-                 "video; views, which are woven during playback: a quilt, a pattern or a video of "
-                 "quilts (NAME_qs8x6a0.75.png), stereo (NAME_sbs.mkv), depth (NAME_rgbd.png), "
-                 "'views:view%02d.png'; LIST.toml: a playlist, FOLDER/: its files, card: a test "
-                 "card, or views: the "
-                 "rig's views by their numbers")
+/// Declares the flags that most users need.
+CLI::Option* declare_first_flags(CLI::App& app, PlayFlags& flags) {
+  app.add_option(
+         "SOURCE", flags.source,
+         "FILE.lts, pictures ('out/%05d.png'), a video, quilts, LIST.toml, FOLDER/, "
+         "ring:SOCKET, card or views\n"
+         "Woven frames: ring:SOCKET, a sequence FILE.lts, a pattern such as 'out/%05d.png', "
+         "a picture, a video. Views, which are woven during playback: a quilt, a pattern or "
+         "a video of quilts (NAME_qs8x6a0.75.png), stereo (NAME_sbs.mkv), depth "
+         "(NAME_rgbd.png), 'views:view%02d.png'. LIST.toml is a playlist, FOLDER/ stands for "
+         "its files, card is a test card, views shows the rig's views by their numbers.")
       ->required();
   CLI::Option* const rig =
       declare_rig_flag(app, flags.rig, "the rig that the frames are woven for")
           ->default_str(
               "that of the connected panel; on a virtual display the film's, or a sample");
-  app.add_option(
-         "--wall", flags.wall,
-         "instead of --rig: a wall whose panels are all on one graphics card; FILM.lts then "
-         "means FILM-PANEL.lts for each panel, and one commit changes all of them")
-      ->type_name("WALL.toml")
-      ->excludes(rig);
-  app.add_option("--rig-store", flags.rig_store,
-                 "save trims and calibrations in this copy of the rig, and use it until the file "
-                 "of --rig is edited")
-      ->needs(rig)
-      ->type_name("FILE");
   app.add_option("--display", flags.display,
-                 "kms, kms:CONNECTOR, kms:edid:MFG[:PRODUCT[:SERIAL]], kms:/dev/dri/..., or "
-                 "virtual, virtual:3840x2160@60, virtual:3840x2160@59.94,jitter_us=500, or window: "
-                 "a virtual "
-                 "display of which a window shows what two eyes see, at the mouse")
+                 "kms (a panel), kms:CONNECTOR, virtual, virtual:3840x2160@60, or window\n"
+                 "Also kms:edid:MFG[:PRODUCT[:SERIAL]], kms:/dev/dri/..., and "
+                 "virtual:3840x2160@59.94,jitter_us=500. A window shows what two eyes see of a "
+                 "virtual display, at the mouse.")
+      ->type_name("DISPLAY")
       ->each([&flags](const std::string&) { flags.display_named = true; })
       ->capture_default_str();
-  app.add_option("--clock", flags.clock,
-                 "clock of a virtual display: real, or simulated (as fast as the source can)")
-      ->check(CLI::IsMember({"real", "simulated"}))
-      ->capture_default_str();
-  app.add_option("--fps", flags.fps, "content rate: 24, 59.94, 24000/1001 (default: the source's)")
-      ->type_name("RATE");
-  app.add_option("--loop", flags.loop, "play N times, or forever (default 1)")
-      ->type_name("N|forever");
-  app.add_option("--late", flags.late, "what to do about late frames: slip, drop or hold")
-      ->capture_default_str();
-  app.add_option("--frames", flags.frames, "A:B plays only frames A to B - 1 of a pattern")
+  app.add_option("--fps", flags.fps, "content rate: 24, 59.94 or 24000/1001")
+      ->type_name("RATE")
+      ->default_str("the source's");
+  app.add_option("--loop", flags.loop, "play so many times")
+      ->type_name("N|forever")
+      ->default_str("1");
+  app.add_option("--frames", flags.frames, "play only frames A to B - 1 of a pattern")
       ->type_name("A:B");
-  declare_content_flags(app, flags.content);
-  declare_weaving_flags(app, flags.weaving);
-  app.add_option("--duration", flags.duration_s,
-                 "stop after this many seconds; without --loop, loop until then")
+  app.add_option("--duration", flags.duration_s, "stop then; without --loop, loop until then")
+      ->type_name("SECONDS")
       ->check(CLI::PositiveNumber);
-  app.add_option("--prime", flags.prime,
-                 "frames that must be ready before the first is shown; --wait limits the time "
-                 "(default: half of the slots, or what arrived within two seconds)")
-      ->check(CLI::Range(1, 1'000'000));
-  app.add_option("--slots", flags.slots, "frames kept ready in memory")
-      ->check(CLI::Range(2, 4096))
-      ->capture_default_str();
-  app.add_option("--video-decoder", flags.video_decoder,
-                 "auto: decode videos of views in hardware where the machine can; software: never")
-      ->check(CLI::IsMember({"auto", "software"}))
+  app.add_flag(
+      "--trim", flags.trim,
+      "trim the rig with the arrow keys of the terminal while playing\n"
+      "Left and right slide the picture by 0.01 lens, up and down change the pitch by "
+      "1e-5; with shift (or H J K L) ten times as much, with ctrl a tenth; escape undoes "
+      "all changes. Saved in RIG.trim.toml. Views that are woven here follow at once; other "
+      "frames must be rendered or woven again.");
+  app.add_option("--control", flags.control, "listen on this Unix socket for 'lenticule ctl'")
+      ->type_name("SOCKET");
+  app.add_option("--stats", flags.stats,
+                 "write statistics to this file, every second and at the end")
+      ->type_name("FILE");
+  app.add_flag("--json", flags.json, "print the statistics as JSON at the end");
+  return rig;
+}
+
+void declare_display_flags(CLI::App& app, PlayFlags& flags, CLI::Option* rig) {
+  app.option_defaults()->group("Display");
+  app.add_option("--wall", flags.wall,
+                 "instead of --rig: the panels of a wall, on one graphics card\n"
+                 "FILM.lts then means FILM-PANEL.lts for each panel, and one commit changes all of "
+                 "them.")
+      ->type_name("WALL.toml")
+      ->excludes(rig);
+  app.add_option("--clock", flags.clock,
+                 "clock of a virtual display; simulated: as fast as the source can")
+      ->check(CLI::IsMember({"real", "simulated"}))
       ->capture_default_str();
   app.add_option("--buffers", flags.buffers, "scan-out buffers")
       ->check(CLI::Range(2, 16))
       ->capture_default_str();
-  app.add_option("--wait", flags.wait,
-                 "give up if no frame arrives for this many seconds, or forever")
+  app.add_flag("--allow-inexact", flags.allow_inexact,
+               "with kms: show frames even if subpixels are known to arrive changed\n"
+               "'lenticule doctor' reports what changes them.");
+  app.add_option("--video-decoder", flags.video_decoder,
+                 "auto: decode videos of views in hardware where the machine can")
+      ->check(CLI::IsMember({"auto", "software"}))
+      ->capture_default_str();
+}
+
+void declare_timing_flags(CLI::App& app, PlayFlags& flags) {
+  app.option_defaults()->group("Timing");
+  app.add_option("--late", flags.late, "what to do about late frames")
+      ->type_name("slip|drop|hold")
+      ->capture_default_str();
+  app.add_option("--wait", flags.wait, "give up if no frame arrives for so long")
       ->capture_default_str()
       ->type_name("SECONDS|forever");
-  app.add_option("--wait-for-panel", flags.wait_for_panel,
-                 "with kms: wait this many seconds, or forever, for a panel that is missing or was "
-                 "lost; another panel shows a test card meanwhile (default: forever as a service; "
-                 "otherwise 0 at the start and 10 after a loss)")
-      ->type_name("SECONDS|forever");
-  app.add_option(
-         "--on-exit", flags.on_exit,
-         "with kms: restore what was shown before, hold the last frame for the next player, "
-         "or black (default: hold as a service, else restore)")
-      ->check(CLI::IsMember({"restore", "hold", "black"}));
-  app.add_flag("--allow-inexact", flags.allow_inexact,
-               "with kms: show frames even if subpixels are known to arrive changed ('lenticule "
-               "doctor' reports what changes them)");
-  app.add_flag("--safe", flags.safe,
-               "start in safe mode: take nothing over from the previous player, use no real-time "
-               "priority, and show a test card with the reason while the source cannot be played "
-               "(a service does this by itself after five failed starts)");
-  app.add_flag(
-      "--trim", flags.trim,
-      "change the rig's trim with the terminal's keys while playing: left and right slide the "
-      "picture by 0.01 lens, up and down change the pitch by 1e-5; with shift (or H J K L) ten "
-      "times as much, with ctrl a tenth; escape undoes all changes. Saved in RIG.trim.toml. Views "
-      "that are woven here follow at once; other frames must be rendered or woven again");
-  app.add_option("--record", flags.record,
-                 "record the displayed frames: checksums:FILE, times:FILE or png:FOLDER");
-  app.add_option("--stats", flags.stats,
-                 "write statistics to this file, every second and at the end");
-  app.add_option("--control", flags.control,
-                 "listen on this Unix socket for 'lenticule ctl' (default: none)");
-  app.add_option("--control-group", flags.control_group,
-                 "members of this group may control the player, as well as its user and root");
-  app.add_option("--proof", flags.proof,
-                 "journal: write the proof of play for 'lenticule report', an entry at the start "
-                 "and the end of each item (default: journal as a service, else off)")
-      ->check(CLI::IsMember({"journal", "off"}));
+  app.add_option("--prime", flags.prime,
+                 "frames that must be ready before the first is shown\n"
+                 "--wait limits the time. By default half of the slots, or what arrived within two "
+                 "seconds.")
+      ->check(CLI::Range(1, 1'000'000));
+  app.add_option("--slots", flags.slots, "frames kept ready in memory")
+      ->check(CLI::Range(2, 4096))
+      ->capture_default_str();
   app.add_option("--memory", flags.memory_mib,
-                 "MiB for frames that are decoded ahead, instead of --slots; shared by the current "
-                 "item, the next item and the one that ends")
+                 "instead of --slots: memory for frames that are decoded ahead\n"
+                 "Shared by the current item, the next item and the one that ends.")
+      ->type_name("MIB")
       ->check(CLI::Range(1, 1 << 20));
+}
+
+void declare_step_flags(CLI::App& app, PlayFlags& flags) {
+  app.option_defaults()->group("Players in step");
   app.add_option("--step", flags.step,
-                 "play in step with the other players of this group: each frame appears on all "
-                 "panels within one vblank (--late drop is implied). Example: lenticule play "
-                 "film.lts --rig wall-1.toml --display kms --loop forever --step wall --leader "
-                 "--step-address 192.168.1.20:7070 --step-key step.key; the others have --follow")
+                 "play in step with the other players of this group\n"
+                 "Each frame appears on all panels within one vblank (--late drop is implied). "
+                 "Example: lenticule play film.lts --rig wall-1.toml --display kms --loop forever "
+                 "--step wall --leader --step-address 192.168.1.20:7070 --step-key step.key; the "
+                 "others have --follow.")
       ->type_name("GROUP");
-  app.add_flag("--leader", flags.leader, "with --step: be the one player that states the times");
-  app.add_flag("--follow", flags.follow, "with --step: follow the leader");
+  app.add_flag("--leader", flags.leader, "be the one player that states the times");
+  app.add_flag("--follow", flags.follow, "follow the leader");
   app.add_option("--step-address", flags.step_address,
-                 "with --step: the leader's address, or a Unix socket for players of one machine")
+                 "the leader's address, or a Unix socket for players of one machine")
       ->type_name("ADDRESS:PORT|PATH");
   app.add_option("--step-key", flags.step_key,
-                 "with --step: 32 or more random bytes, the same for the whole group; optional "
-                 "with a Unix socket")
+                 "32 or more random bytes, the same for the whole group\n"
+                 "Optional with a Unix socket.")
       ->type_name("FILE");
+}
+
+void declare_control_flags(CLI::App& app, PlayFlags& flags) {
+  app.option_defaults()->group("Control and statistics");
+  app.add_option("--control-group", flags.control_group,
+                 "members of this group may control the player, as well as its user and root")
+      ->type_name("GROUP");
+  app.add_option("--record", flags.record,
+                 "record the frames of a virtual display: checksums:FILE, times:FILE or png:FOLDER")
+      ->type_name("KIND:PATH");
+  app.add_option("--proof", flags.proof,
+                 "where to write the proof of play for 'lenticule report'\n"
+                 "An entry at the start and the end of each item.")
+      ->check(CLI::IsMember({"journal", "off"}))
+      ->default_str("journal as a service, else off");
   app.add_flag("--preflight", flags.preflight,
-               "play nothing: read the source, or each item of a list, for some seconds, and "
-               "report whether disk and decoder keep up (exit code 5 if not)");
-  app.add_flag("--json", flags.json, "print the statistics as JSON at the end");
+               "play nothing: report whether disk and decoder keep up\n"
+               "Reads the source, or each item of a list, for some seconds; exit code 5 if not.");
+}
+
+void declare_service_flags(CLI::App& app, PlayFlags& flags, CLI::Option* rig) {
+  app.option_defaults()->group("Service");
+  app.add_option("--wait-for-panel", flags.wait_for_panel,
+                 "with kms: wait so long for a panel that is missing or was lost\n"
+                 "Another panel shows a test card meanwhile. By default forever as a service; "
+                 "otherwise 0 at the start and 10 after a loss.")
+      ->type_name("SECONDS|forever");
+  app.add_option("--on-exit", flags.on_exit,
+                 "with kms: what to leave on the panel\n"
+                 "restore: what was shown before; hold: the last frame, for the next player.")
+      ->check(CLI::IsMember({"restore", "hold", "black"}))
+      ->default_str("hold as a service, else restore");
+  app.add_option("--rig-store", flags.rig_store,
+                 "save trims and calibrations in this copy of the rig\n"
+                 "It is used until the file of --rig is edited.")
+      ->needs(rig)
+      ->type_name("FILE");
+  app.add_flag(
+      "--safe", flags.safe,
+      "start in safe mode\n"
+      "Take nothing over from the previous player, use no real-time priority, and show a "
+      "test card with the reason while the source cannot be played. A service does this by "
+      "itself after five failed starts.");
 }
 
 }  // namespace
 
 Run declare_play(CLI::App& app) {
   const auto flags = std::make_shared<PlayFlags>();
-  declare_flags(app, *flags);
+  CLI::Option* const rig = declare_first_flags(app, *flags);
+  declare_content_flags(app, flags->content);
+  declare_weaving_flags(app, flags->weaving);
+  declare_display_flags(app, *flags, rig);
+  declare_timing_flags(app, *flags);
+  declare_step_flags(app, *flags);
+  declare_control_flags(app, *flags);
+  declare_service_flags(app, *flags, rig);
   return [flags] {
     const PicturesDecodedElsewhere confined;
     return run_play(*flags);

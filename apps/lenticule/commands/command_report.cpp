@@ -81,10 +81,14 @@ Run declare_report(CLI::App& app) {
       ->type_name("GLOB");
   app.add_option("--unit", flags->place.unit,
                  "only entries of this service, which other users cannot forge: "
-                 "lenticule-player@lobby");
+                 "lenticule-player@lobby")
+      ->type_name("UNIT");
   CLI::Option* const folder = app.add_option("--directory", flags->place.folder,
-                                             "read this folder of journal files, of any machine");
-  app.add_option("--file", flags->place.files, "read these journal files")->excludes(folder);
+                                             "read this folder of journal files, of any machine")
+                                  ->type_name("FOLDER");
+  app.add_option("--file", flags->place.files, "read these journal files")
+      ->type_name("FILE")
+      ->excludes(folder);
   CLI::Option* const csv = app.add_flag("--csv", flags->csv, "print comma-separated values");
   app.add_flag("--json", flags->json, "print everything as JSON")->excludes(csv);
   app.add_option("--hash-of", flags->hash_of,
