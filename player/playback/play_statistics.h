@@ -156,6 +156,7 @@ struct PlayReport : PresenterCounts<uint64_t>, FrameCopierCounts<uint64_t> {
   bool hardware_clock = false;
   bool real_time = false;
   bool off = false;     ///< the output is switched off on request
+  uint64_t item = 0;    ///< number of the displayed frame's item
   std::string outcome;  ///< "playing", "finished", "interrupted", ...
 
   PaceCounts pace;

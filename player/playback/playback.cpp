@@ -130,6 +130,7 @@ void add_counters(const LiveStatistics& live, PlayReport& report) {
   const PresenterStatistics& presenter = live.presenter;
   report.real_time = presenter.real_time.get() != 0;
   report.off = presenter.off.get() != 0;
+  report.item = presenter.displayed.read().item;
   report.pace = presenter.pace.read();
   if (presenter.content_numerator.get() > 0)
     report.content_rate = {

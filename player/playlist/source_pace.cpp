@@ -38,20 +38,23 @@ std::string figures_text(const PaceFigures& figures) {
 
 PaceFigures SourcePace::look(const PlayReport& report, SteadyClock::time_point now) {
   const PaceCounts& pace = report.pace;
+  const PaceCounts& before = before_.pace;
   const double seconds = looked_ ? std::chrono::duration<double>(now - *looked_).count() : 0.0;
-  const uint64_t late = pace.repeated_underrun - before_.repeated_underrun;
+  const bool late = pace.repeated_underrun > before.repeated_underrun;
+  const bool steady = report.item == before_.item && report.content_rate == before_.content_rate &&
+                      pace.held == before.held;
   figures_.needed_fps = report.content_rate.hertz();
   figures_.late_frames = pace.repeated_underrun;
-  figures_.too_slow = looked_ && late > 0 && pace.underruns_after_start > 0;
   const auto taken = [](const PaceCounts& counts) {
-    return counts.shown + counts.dropped + counts.skipped_planned;
+    return static_cast<double>(counts.shown + counts.dropped + counts.skipped_planned);
   };
-  if (seconds > 0.0)
-    figures_.seen_fps = static_cast<double>(taken(pace) - taken(before_)) / seconds;
+  figures_.seen_fps = steady && seconds > 0.0 ? (taken(pace) - taken(before)) / seconds : 0.0;
+  figures_.too_slow = steady && seconds > 0.0 && late && pace.underruns_after_start > 0 &&
+                      figures_.seen_fps < figures_.needed_fps;
   figures_.needed_mb_s = megabytes(report.geometry, figures_.needed_fps);
   figures_.seen_mb_s = megabytes(report.geometry, figures_.seen_fps);
   looked_ = now;
-  before_ = pace;
+  before_ = report;
   return figures_;
 }
 

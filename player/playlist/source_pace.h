@@ -16,7 +16,7 @@ namespace lenticule::player {
 
 struct PaceFigures {
   double needed_fps = 0.0;
-  double seen_fps = 0.0;
+  double seen_fps = 0.0;     ///< 0: not measured yet since the item, its rate or the speed changed
   double needed_mb_s = 0.0;  ///< 10^6 bytes of displayed pixels per second
   double seen_mb_s = 0.0;
   uint64_t late_frames = 0;  ///< vblanks at which the due frame was not available
@@ -30,7 +30,8 @@ struct PaceFigures {
 class SourcePace {
  public:
   /// Evaluates the time since the previous report. The source is too slow if frames were late in
-  /// that time, not counting the first second of the playback.
+  /// that time and fewer came than needed, not counting the first second of the playback, a pause,
+  /// or a time in which the item, its rate or the speed changed.
   PaceFigures look(const PlayReport& report, std::chrono::steady_clock::time_point now);
   /// Returns the last evaluation; its late frames are those of the whole playback.
   [[nodiscard]] const PaceFigures& figures() const { return figures_; }
@@ -40,7 +41,7 @@ class SourcePace {
  private:
   std::optional<std::chrono::steady_clock::time_point> looked_;
   std::optional<std::chrono::steady_clock::time_point> warned_;
-  PaceCounts before_{};
+  PlayReport before_;
   PaceFigures figures_;
 };
 

@@ -49,13 +49,37 @@ TEST(SourcePace, IsTooSlowWhileFramesAreLateAndWarnsAtIntervals) {
 TEST(SourcePace, CountsFramesThatAHigherSpeedSkips) {
   SourcePace pace;
   PlayReport report = report_of(60, 0);
-  (void)pace.look(report, Time{seconds(100)});
   report.content_rate = {480, 1};
+  (void)pace.look(report, Time{seconds(100)});
   report.pace.shown += 60;
   report.pace.skipped_planned += 420;
   const PaceFigures figures = pace.look(report, Time{seconds(101)});
   EXPECT_DOUBLE_EQ(figures.seen_fps, 480.0);
   EXPECT_DOUBLE_EQ(figures.needed_fps, 480.0);
+}
+
+TEST(SourcePace, MeasuresNoTimeInWhichItemRateOrSpeedChanged) {
+  SourcePace pace;
+  Time now{seconds(100)};
+  PlayReport report = report_of(60, 0);
+  (void)pace.look(report, now);
+  const auto look = [&](uint64_t shown) {
+    report.pace.shown += shown;
+    report.pace.repeated_underrun += 2;
+    report.pace.underruns_after_start = 1;
+    return pace.look(report, now += seconds(1));
+  };
+  report.content_rate = {4, 1};
+  EXPECT_FALSE(look(2).too_slow) << "another rate";
+  report.item = 2;
+  EXPECT_FALSE(look(2).too_slow) << "another item";
+  report.pace.held = 30;
+  EXPECT_FALSE(look(2).too_slow) << "a pause";
+  EXPECT_DOUBLE_EQ(pace.figures().seen_fps, 0.0);
+  EXPECT_FALSE(look(22).too_slow) << "more than needed";
+  EXPECT_FALSE(pace.warning(now));
+  EXPECT_TRUE(look(2).too_slow);
+  EXPECT_TRUE(pace.warning(now));
 }
 
 TEST(SourcePace, IgnoresTheFirstSecond) {
