@@ -38,7 +38,7 @@ class ProofWriter {
   DetachedWorker worker_;
 };
 
-/// Sends an entry to the journal of this machine. Without a journal it does nothing.
+/// Sends an entry to the journal of this machine. Returns false if the journal does not take it.
 [[nodiscard]] bool send_to_journal(const std::vector<std::string>& fields);
 /// Returns a new random session number.
 [[nodiscard]] std::string new_proof_session();

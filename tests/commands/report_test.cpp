@@ -157,6 +157,34 @@ TEST_F(Report, APlayerThatIsNoServiceWritesNothingUnlessAsked) {
   EXPECT_EQ(report().out, "no plays are recorded for this time\n");
 }
 
+TEST_F(Report, EntriesThatNoJournalTakesAreCountedAsLostAndReportedOnce) {
+  const ProcessResult played = run_process({"/usr/bin/unshare",
+                                            ::geteuid() == 0 ? "-m" : "-rm",
+                                            "/bin/sh",
+                                            "-c",
+                                            "mount -t tmpfs none /run && exec \"$@\"",
+                                            "sh",
+                                            LENTICULE_PROGRAM,
+                                            "play",
+                                            "card",
+                                            "--rig",
+                                            path("rig.toml"),
+                                            "--display",
+                                            "virtual:48x32@60",
+                                            "--duration",
+                                            "1",
+                                            "--proof",
+                                            "journal",
+                                            "--stats",
+                                            path("stats.json"),
+                                            "--json"});
+  ASSERT_EQ(played.exit_code, 0) << played.err;
+  EXPECT_NE(played.err.find("proof of play: the journal"), std::string::npos) << played.err;
+  const json proof = json::parse(played.out)["proof"];
+  EXPECT_EQ(proof["entries"], 0);
+  EXPECT_GE(proof["lost"], 1);
+}
+
 TEST_F(Report, ErrorsNameTheObjectAndTheRemedy) {
   const ProcessResult time = run({"report", "--since", "now"});
   EXPECT_EQ(time.exit_code, 2);
