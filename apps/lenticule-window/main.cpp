@@ -30,14 +30,18 @@ struct Flags {
   int ready = -1;
 };
 
-[[noreturn]] void fail(const char* what) {
-  throw Error(ErrorKind::Device, fmt::format("window: cannot {}: {}", what, SDL_GetError()),
+[[noreturn]] void fail(const char* what, const std::string& why = SDL_GetError()) {
+  throw Error(ErrorKind::Device, fmt::format("window: cannot {}: {}", what, why),
               "run this in a desktop session, with DISPLAY or WAYLAND_DISPLAY set");
 }
 
 struct SdlSession {
   SdlSession() {
     if (SDL_Init(SDL_INIT_VIDEO) != 0) fail("open a display");
+    // Without a desktop, SDL falls back to drivers that show nothing or take the whole panel.
+    const std::string driver = SDL_GetCurrentVideoDriver();
+    if (driver != "x11" && driver != "wayland")
+      fail("open a display", "SDL found no desktop, only '" + driver + "'");
   }
   ~SdlSession() { SDL_Quit(); }
   SdlSession(const SdlSession&) = delete;

@@ -140,9 +140,9 @@ TEST_F(WindowDisplay, ClosesWithThePlayer) {
 
 TEST_F(WindowDisplay, NeedsADesktop) {
   const ProcessResult result =
-      run_process({"/usr/bin/env", "-u", "DISPLAY", "-u", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER=x11",
-                   LENTICULE_PROGRAM, "play", path("woven.png"), "--rig", path("rig.toml"),
-                   "--display", "window"});
+      run_process({"/usr/bin/env", "-u", "DISPLAY", "-u", "WAYLAND_DISPLAY", "-u",
+                   "SDL_VIDEODRIVER", LENTICULE_PROGRAM, "play", path("woven.png"), "--rig",
+                   path("rig.toml"), "--display", "window"});
   EXPECT_EQ(result.exit_code, 3) << result.err;
   EXPECT_NE(result.err.find("desktop session"), std::string::npos) << result.err;
 }
