@@ -35,7 +35,7 @@ std::string only_control_socket() {
   }
   if (found.size() == 1) return found.front();
   if (found.empty())
-    throw Error(ErrorKind::Usage, "--socket: no player service runs on this machine",
+    throw Error(ErrorKind::Device, "--socket: no player service runs on this machine",
                 "give the socket of a player: lenticule play ... --control SOCKET");
   throw Error(ErrorKind::Usage,
               fmt::format("--socket: {} player services run on this machine", found.size()),

@@ -17,7 +17,7 @@ class ControlClient : public JsonLineSocket {
 };
 
 /// Returns the socket of the only player that runs as a service on this machine. Throws
-/// Error(Usage) if there is none or more than one.
+/// Error(Device) if there is none, Error(Usage) if there are several.
 [[nodiscard]] std::string only_control_socket();
 
 }  // namespace lenticule::player

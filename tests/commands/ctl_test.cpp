@@ -225,6 +225,11 @@ TEST_F(Ctl, SubscribePrintsOneLinePerEventAndEndsAtItsCount) {
 
 TEST_F(Ctl, ExitCodesFollowTheContract) {
   EXPECT_EQ(ctl({"status"}).exit_code, 3) << "no player";
+  EXPECT_EQ(
+      run_process({"/usr/bin/env", "-u", "LENTICULE_CONTROL", LENTICULE_PROGRAM, "ctl", "status"})
+          .exit_code,
+      3)
+      << "no service";
   EXPECT_EQ(ctl({"explode"}).exit_code, 2);
   EXPECT_EQ(ctl({"load"}).exit_code, 2);
   start(film_pattern(0), {"--loop", "forever"});
