@@ -56,9 +56,7 @@ std::unique_ptr<OpenItem> ItemLoader::open_item(const PlaylistItem& item, uint64
                             size.height, options_.panel.width, options_.panel.height),
                 "woven frames fit one panel, pixel for pixel");
   if (source.frame_count() && frame >= *source.frame_count())
-    throw Error(ErrorKind::Usage,
-                fmt::format("frame {}: {} has {} frames", frame, name, *source.frame_count()),
-                "frames are counted from 0");
+    throw no_such_frame(item, frame, *source.frame_count());
   return open;
 }
 

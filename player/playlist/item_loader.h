@@ -109,7 +109,7 @@ class ItemLoader {
   /// Moves the list to the target, and returns the function to call then. Null
   /// if another jump was requested meanwhile. `leaving` is the progress of the playing item.
   [[nodiscard]] JumpDone accept(uint64_t serial, const ItemProgress& leaving);
-  void fail(Arrival arrival, const std::string& why);
+  void fail(Arrival arrival, const Error& error);
 
   // Thread safety: any thread.
   void jump(const Jump& jump, const JumpDone& done);

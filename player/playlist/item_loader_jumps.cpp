@@ -143,8 +143,7 @@ JumpDone ItemLoader::accept(uint64_t serial, const ItemProgress& leaving) {
   return done;
 }
 
-void ItemLoader::fail(Arrival arrival, const std::string& why) {
-  const Error error(ErrorKind::Input, arrival.item->item.source.text + ": " + why);
+void ItemLoader::fail(Arrival arrival, const Error& error) {
   close(std::move(arrival.item));
   JumpDone done;
   {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/playlist/open_item.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -15,6 +17,13 @@ std::optional<uint64_t> OpenItem::frame_limit(frames::Rate rate) const {
   const auto seconds = item.still_s && is_still() ? item.still_s : item.duration_s;
   if (!seconds) return std::nullopt;
   return static_cast<uint64_t>(std::max(1.0, std::round(*seconds * rate.hertz())));
+}
+
+Error no_such_frame(const PlaylistItem& item, uint64_t frame, uint64_t count) {
+  const std::string& name = item.source.text;
+  if (count == 0) return {ErrorKind::Input, name + ": it contains no frame"};
+  return {ErrorKind::Usage,
+          fmt::format("frame {}: {} has the frames 0 to {}", frame, name, count - 1)};
 }
 
 ItemProgress progress_of(const OpenItem& item, uint64_t given) {

@@ -9,6 +9,7 @@
 #include <optional>
 #include <vector>
 
+#include "base/error.h"
 #include "player/playback/play_statistics.h"
 #include "player/playlist/playlist.h"
 #include "player/sources/source_open.h"
@@ -51,6 +52,8 @@ struct OpenItem {
   /// if loops end it.
   [[nodiscard]] std::optional<uint64_t> frame_limit(frames::Rate rate) const;
 };
+
+[[nodiscard]] Error no_such_frame(const PlaylistItem& item, uint64_t frame, uint64_t count);
 
 /// The progress of an item that is played again later.
 struct ItemProgress {

@@ -346,7 +346,12 @@ void PlaylistSource::try_arrival() {
   if (at_end_) return;
   auto arrival = loader_.take_arrival();
   if (!arrival) return;
+  const PlaylistItem& item = arrival->item->item;
+  const uint64_t frame = arrival->item->first_frame;
   frames::FrameSource& source = *arrival->item->opened.source;
+  const auto fail = [&](const std::string& why) {
+    loader_.fail(std::move(*arrival), Error(ErrorKind::Input, item.source.text + ": " + why));
+  };
   source.service();
   AcquiredFrame first;
   switch (pull_from(*arrival->item, first)) {
@@ -355,14 +360,16 @@ void PlaylistSource::try_arrival() {
     case PullStatus::NotYet:
       if (SteadyClock::now() - arrival->since < kLongestJump)
         return loader_.put_back(std::move(*arrival));
-      return loader_.fail(std::move(*arrival), "no frame arrived");
-    case PullStatus::End:
-      return loader_.fail(std::move(*arrival), "it contains no frame");
+      return fail("no frame arrived");
+    case PullStatus::End: {
+      const Error error = no_such_frame(item, frame, source.frame_count().value_or(0));
+      return loader_.fail(std::move(*arrival), error);
+    }
     case PullStatus::Failed:
       break;
   }
   const std::string why = source.failure();
-  loader_.fail(std::move(*arrival), why.empty() ? "frame size has changed" : why);
+  fail(why.empty() ? "frame size has changed" : why);
 }
 
 void PlaylistSource::arrive(ItemLoader::Arrival arrival, AcquiredFrame first) {

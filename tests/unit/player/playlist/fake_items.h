@@ -21,13 +21,17 @@ inline constexpr frames::FrameGeometry kItemSize{.width = 16, .height = 8};
 /// Frame k of a source whose numbers begin at `base` has the pixels of numbered_frame(base + k).
 class OffsetSource final : public frames::FrameSource {
  public:
-  OffsetSource(uint64_t base, FakeSourceScript script) : script_(std::move(script)) {
+  OffsetSource(uint64_t base, FakeSourceScript script, bool count_at_end)
+      : script_(std::move(script)), count_at_end_(count_at_end) {
     for (uint64_t k = 0; k < script_.frames; ++k)
       pixels_.push_back(numbered_frame(script_.geometry, base + k));
   }
   [[nodiscard]] frames::FrameGeometry geometry() const override { return script_.geometry; }
   [[nodiscard]] std::optional<frames::Rate> rate() const override { return script_.rate; }
-  [[nodiscard]] std::optional<uint64_t> frame_count() const override { return script_.frames; }
+  [[nodiscard]] std::optional<uint64_t> frame_count() const override {
+    return count_at_end_ && position_ < script_.frames ? std::nullopt
+                                                       : std::optional(script_.frames);
+  }
   [[nodiscard]] frames::PullStatus pull(frames::AcquiredFrame& out) override {
     if (script_.fails_after && pulled_ >= *script_.fails_after) return frames::PullStatus::Failed;
     if (position_ == script_.frames) return frames::PullStatus::End;
@@ -49,6 +53,7 @@ class OffsetSource final : public frames::FrameSource {
 
  private:
   FakeSourceScript script_;
+  bool count_at_end_;
   std::vector<frames::WovenFrame> pixels_;
   uint64_t position_ = 0;
   uint64_t pulled_ = 0;
@@ -57,6 +62,7 @@ class OffsetSource final : public frames::FrameSource {
 struct FakeItem {
   uint64_t base = 0;
   FakeSourceScript script{.geometry = kItemSize};
+  bool count_at_end = false;  ///< as of a video, whose end alone tells the number of its frames
 };
 
 /// A fake disk with the items of a list. Thread safety: any thread may call.
@@ -67,15 +73,16 @@ class FakeShelf {
     items_[name] = std::move(item);
   }
   [[nodiscard]] player::ItemOpener opener() {
-    return [this](const player::PlaylistItem& item, uint64_t frame) {
+    return [this](const player::PlaylistItem& wanted, uint64_t frame) {
       (void)frame;  // this source cannot begin at a later frame
       const std::lock_guard lock(mutex_);
       ++opened_;
-      const auto found = items_.find(item.source.text);
+      const auto found = items_.find(wanted.source.text);
       if (found == items_.end())
-        throw Error(ErrorKind::Input, item.source.text + ": no such file", "look for it");
+        throw Error(ErrorKind::Input, wanted.source.text + ": no such file", "look for it");
       player::OpenedSource opened;
-      opened.source = std::make_unique<OffsetSource>(found->second.base, found->second.script);
+      const FakeItem& item = found->second;
+      opened.source = std::make_unique<OffsetSource>(item.base, item.script, item.count_at_end);
       return opened;
     };
   }

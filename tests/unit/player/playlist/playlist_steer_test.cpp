@@ -155,8 +155,16 @@ TEST_F(PlaylistSteer, ASeekWhilePausedShowsExactlyThatFrame) {
     ASSERT_TRUE(control.copy_shown(copy));
     EXPECT_EQ(copy, test::numbered_frame(kItemSize, frame));
   }
-  EXPECT_EQ(jump({.frame = 1000}), "frame 1000: a has 1000 frames");
+  EXPECT_EQ(jump({.frame = 1000}), "frame 1000: a has the frames 0 to 999");
   EXPECT_TRUE(plays("a", 999));
+}
+
+TEST_F(PlaylistSteer, ASeekBeyondTheEndNamesTheFramesAlsoIfOnlyTheEndTellsTheirNumber) {
+  shelf.put("a", {.script = {.geometry = kItemSize, .frames = 48}, .count_at_end = true});
+  start(playlist_of(parse_source("a"), kForever));
+  ASSERT_TRUE(is_moving());
+  EXPECT_EQ(jump({.frame = 48}), "frame 48: a has the frames 0 to 47");
+  EXPECT_TRUE(is_moving());
 }
 
 TEST_F(PlaylistSteer, AJumpDiscardsFramesFilledBefore) {
