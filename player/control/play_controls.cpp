@@ -370,7 +370,8 @@ ordered_json PlayControls::change_trim(const ControlRequest& request) {
   ordered_json json = trim_json(now);
   json["saved"] = !options_.trim->unsaved();
   if (!json["saved"]) json["trouble"] = options_.trim->writes().state().reason;
-  if (!options_.trim_advice.empty()) json["advice"] = options_.trim_advice;
+  if (std::string advice = options_.trim->advice(); !advice.empty())
+    json["advice"] = std::move(advice);
   return json;
 }
 

@@ -39,8 +39,6 @@ struct PlayControlsOptions {
   std::vector<WallPanel> wall = {};  ///< empty for a player of one panel
   PlaylistReader read_playlist;
   std::shared_ptr<LiveTrim> trim;  ///< null for a wall
-  /// Explains what a trim does to frames that were woven elsewhere; may be empty.
-  std::string trim_advice = {};
   /// Ends the player in an orderly way. Thread safety: any thread.
   std::function<void()> quit;
 };

@@ -45,12 +45,22 @@ void PlaylistReporter::started(const OpenItem& item) {
   {
     const std::lock_guard lock(mutex_);
     ++status_.started;
+    if (item.index) status_.waiting_for.clear();
   }
-  report(EventKind::ItemStarted, item.item.source.text, {});
+  report(EventKind::ItemStarted, item.item.source.text, {}, item.opened.woven_elsewhere);
 }
 
-void PlaylistReporter::returned(const std::string& source) {
-  report(EventKind::Returned, source, {});
+bool PlaylistReporter::note_waiting(const std::string& why) {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(status_.waiting_for, why) != why;
+}
+
+void PlaylistReporter::waits(const std::string& list, const std::string& why) {
+  report(EventKind::Waiting, list, why);
+}
+
+void PlaylistReporter::returned(const OpenItem& item) {
+  report(EventKind::Returned, item.item.source.text, {}, item.opened.woven_elsewhere);
 }
 
 void PlaylistReporter::loop_point(const std::string& source) {
@@ -147,8 +157,8 @@ ItemAccount* PlaylistReporter::locked_account(uint32_t number) {
 }
 
 void PlaylistReporter::report(PlaylistEvent::Kind kind, const std::string& source,
-                              const std::string& detail) const {
-  if (on_event_) on_event_({kind, source, detail});
+                              const std::string& detail, bool woven_elsewhere) const {
+  if (on_event_) on_event_({kind, source, detail, woven_elsewhere});
 }
 
 }  // namespace lenticule::player

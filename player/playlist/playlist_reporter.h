@@ -26,12 +26,14 @@ struct PlaylistEvent {
                   ///< now on
     Kept,         ///< a replacement cannot be played: the old content continues
     Returned,     ///< the item continues after an interruption
+    Waiting,      ///< no item of the list can begin, for the reason in `detail`
     ItemDamaged,  ///< the item was played, but some of its frames were damaged,
                   ///< missing or repeated
   };
   Kind kind = Kind::ItemStarted;
   std::string source;
-  std::string detail;  ///< reason for ItemSkipped or Kept
+  std::string detail;            ///< reason for ItemSkipped, Waiting or Kept
+  bool woven_elsewhere = false;  ///< ItemStarted, Returned: OpenedSource::woven_elsewhere
 };
 
 /// Returns the error with its remedy in one line, as a reason for ItemSkipped.
@@ -49,6 +51,7 @@ struct PlaylistStatus {
   uint64_t loop_points = 0;
   uint64_t skipped = 0;
   std::string last_problem{};
+  std::string waiting_for{};     ///< why no item of the list can begin; empty if one plays
   frames::FrameDamage damage{};  ///< total over all items so far
   /// The damaged items, by source.
   std::map<std::string, frames::FrameDamage> damaged_items{};
@@ -80,7 +83,11 @@ class PlaylistReporter {
   /// Reports that frames are taken from the item from now on.
   void begin(const OpenItem& item);
   void started(const OpenItem& item);
-  void returned(const std::string& source);
+  void returned(const OpenItem& item);
+  /// Notes why no item of the list can begin. Returns true if that is new; then call waits()
+  /// without a lock.
+  [[nodiscard]] bool note_waiting(const std::string& why);
+  void waits(const std::string& list, const std::string& why);
   void loop_point(const std::string& source);
   void skipped(const std::string& source, const std::string& why);
   /// Reports a list or an item that was replaced, or whose replacement cannot
@@ -108,7 +115,8 @@ class PlaylistReporter {
 
  private:
   [[nodiscard]] ItemAccount* locked_account(uint32_t number);
-  void report(PlaylistEvent::Kind kind, const std::string& source, const std::string& detail) const;
+  void report(PlaylistEvent::Kind kind, const std::string& source, const std::string& detail,
+              bool woven_elsewhere = false) const;
 
   const OnEvent on_event_;
   mutable std::mutex mutex_;  ///< guards the members below; no other lock is taken under it

@@ -304,7 +304,7 @@ void PlaylistSource::begin(std::unique_ptr<OpenItem> item) {
   watch(*current_, true);
   loader_.begin(*current_);
   reporter_.begin(*current_);
-  if (current_->returns) reporter_.returned(current_->item.source.text);
+  if (current_->returns) reporter_.returned(*current_);
 }
 
 /// Leaves the item to the loader to be closed, once its frames are given back.

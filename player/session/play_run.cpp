@@ -42,13 +42,6 @@ uint64_t whole_vblanks(Nanoseconds duration, frames::Rate refresh) {
   return std::max<uint64_t>(1, static_cast<uint64_t>(seconds * refresh.hertz()));
 }
 
-/// Frames that another process wove cannot be woven again here.
-std::string trim_advice(const SourceRequest& source) {
-  if (source.spec.kind == SourceKind::RigViews || is_woven_here(source)) return {};
-  return "these frames were woven before this trim and do not follow it: render or weave them "
-         "again; a player and its renderer use the trim after both are restarted";
-}
-
 Error crash_loop(const SafeStart& safe) {
   const std::string last = safe.last_reason.empty() ? "it crashed or was killed" : safe.last_reason;
   return {ErrorKind::Failed,
@@ -79,7 +72,7 @@ PlayRun::~PlayRun() {
 }
 
 ExitCode PlayRun::run() {
-  steered_.emplace(flags_, plan_, trim_advice(plan_.source));
+  steered_.emplace(flags_, plan_);
   if (safe_.card_first)
     source_error_ = crash_loop(safe_);
   else
@@ -95,7 +88,7 @@ ExitCode PlayRun::run() {
     throw;
   }
   announce();
-  if (flags_.trim) trim_keys_.emplace(plan_.trim, trim_advice(plan_.source));
+  if (flags_.trim) trim_keys_.emplace(plan_.trim);
   PlayResult result;
   do {
     result = source_error_ ? play_card() : play_source();

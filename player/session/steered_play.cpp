@@ -47,7 +47,7 @@ void quit_in_good_order() {
 
 }  // namespace
 
-SteeredPlay::SteeredPlay(const PlayFlags& flags, const PlayPlan& plan, const std::string& advice)
+SteeredPlay::SteeredPlay(const PlayFlags& flags, const PlayPlan& plan)
     : flags_(flags), plan_(plan), is_list_(plan.source.spec.kind == SourceKind::List) {
   if (is_list_ && plan.source.frames)
     throw Error(ErrorKind::Usage, "--frames: not allowed for a list",
@@ -69,7 +69,6 @@ SteeredPlay::SteeredPlay(const PlayFlags& flags, const PlayPlan& plan, const std
             return list;
           },
       .trim = plan.trim,
-      .trim_advice = advice,
       .quit = quit_in_good_order});
   listen();
 }
@@ -103,6 +102,7 @@ void SteeredPlay::open(OpenedSource& opened) {
   detach_source();
   if (!is_list_ && !controls_ && !plan_.proof && !is_followed(plan_)) {
     opened = open_source(plan_.source);
+    if (plan_.trim) plan_.trim->note_content(opened.woven_elsewhere);
     return;
   }
   opened = {};
@@ -153,6 +153,9 @@ void SteeredPlay::publish(ordered_json event) {
 
 /// Called on the list's threads.
 void SteeredPlay::on_item(const PlaylistEvent& event) {
+  using Kind = PlaylistEvent::Kind;
+  if (plan_.trim && (event.kind == Kind::ItemStarted || event.kind == Kind::Returned))
+    plan_.trim->note_content(event.woven_elsewhere);
   switch (event.kind) {
     case PlaylistEvent::Kind::ItemStarted:
       return publish({{"event", "item_started"}, {"source", event.source}});
@@ -160,6 +163,10 @@ void SteeredPlay::on_item(const PlaylistEvent& event) {
       return publish({{"event", "returned"}, {"source", event.source}});
     case PlaylistEvent::Kind::LoopPoint:
       return publish({{"event", "seam"}, {"source", event.source}});
+    case PlaylistEvent::Kind::Waiting:
+      publish({{"event", "waiting"}, {"source", event.source}, {"cause", event.detail}});
+      say("{}: {}\n", event.source, event.detail);
+      return;
     case PlaylistEvent::Kind::ItemDamaged:
       publish({{"event", "damaged_item"}, {"source", event.source}, {"cause", event.detail}});
       return complain("damaged", event);

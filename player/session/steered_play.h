@@ -22,8 +22,8 @@ namespace lenticule::player {
 /// safety: the player's main thread.
 class SteeredPlay {
  public:
-  /// Starts to listen. Throws as ControlServer does. `advice` is sent with every trim.
-  SteeredPlay(const PlayFlags& flags, const PlayPlan& plan, const std::string& advice);
+  /// Starts to listen. Throws as ControlServer does.
+  SteeredPlay(const PlayFlags& flags, const PlayPlan& plan);
   ~SteeredPlay();
   SteeredPlay(const SteeredPlay&) = delete;
   SteeredPlay& operator=(const SteeredPlay&) = delete;

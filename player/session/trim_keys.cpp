@@ -22,8 +22,8 @@ std::unique_ptr<KeyInput> terminal_keys() {
 
 }  // namespace
 
-TrimKeys::TrimKeys(std::shared_ptr<LiveTrim> trim, std::string advice)
-    : trim_(std::move(trim)), advice_(std::move(advice)), keys_(terminal_keys()) {
+TrimKeys::TrimKeys(std::shared_ptr<LiveTrim> trim)
+    : trim_(std::move(trim)), keys_(terminal_keys()) {
   thread_ = std::thread([this] { listen(); });
 }
 
@@ -46,7 +46,8 @@ void TrimKeys::listen() noexcept {
 void TrimKeys::report(const std::string& sentence) {
   if (sentence.empty()) return;
   say("\r\x1b[K{}\n", sentence);
-  if (!advice_.empty()) say("{}\n", std::exchange(advice_, {}));
+  const std::string advice = trim_->advice();
+  if (!advice.empty() && !std::exchange(advised_, true)) say("{}\n", advice);
 }
 
 }  // namespace lenticule::player

@@ -15,9 +15,9 @@ namespace lenticule::player {
 
 class TrimKeys {
  public:
-  /// `advice` is printed after the first change and explains its effect on the playing source.
-  /// Throws Error(Usage) if standard input is not a terminal.
-  TrimKeys(std::shared_ptr<LiveTrim> trim, std::string advice);
+  /// Prints the trim's advice after the first change. Throws Error(Usage) if standard input is not
+  /// a terminal.
+  explicit TrimKeys(std::shared_ptr<LiveTrim> trim);
   /// Restores the terminal.
   ~TrimKeys();
   TrimKeys(const TrimKeys&) = delete;
@@ -28,7 +28,7 @@ class TrimKeys {
   void report(const std::string& sentence);
 
   std::shared_ptr<LiveTrim> trim_;
-  std::string advice_;
+  bool advised_ = false;
   std::unique_ptr<KeyInput> keys_;
   WakeFd wake_;
   std::atomic<bool> ending_{false};

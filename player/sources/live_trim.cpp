@@ -133,6 +133,12 @@ optics::RigIdentity LiveTrim::identity() const {
   return optics::identity_of(calibrated_, trim_);
 }
 
+std::string LiveTrim::advice() const {
+  if (!woven_elsewhere_.load()) return {};
+  return "these frames were woven before this trim and do not follow it: render or weave them "
+         "again; a player and its renderer use the trim after both are restarted";
+}
+
 optics::Rig LiveTrim::rig() const {
   const std::lock_guard lock(mutex_);
   return optics::trimmed(calibrated_, trim_);

@@ -54,6 +54,11 @@ class LiveTrim {
   /// kept; if the files cannot be used, everything is kept.
   void follow_files();
 
+  /// States whether the present content was woven before it came here.
+  void note_content(bool woven_elsewhere) { woven_elsewhere_.store(woven_elsewhere); }
+  /// Returns what to do for content that a trim does not change; empty for other content.
+  [[nodiscard]] std::string advice() const;
+
   /// Returns the rig with the trim applied.
   [[nodiscard]] optics::Rig rig() const;
   [[nodiscard]] optics::RigIdentity identity() const;
@@ -73,6 +78,7 @@ class LiveTrim {
   bool saved_ = true;
   RetriedWrites writes_;
   std::atomic<uint64_t> version_{1};
+  std::atomic<bool> woven_elsewhere_{false};
 };
 
 }  // namespace lenticule::player

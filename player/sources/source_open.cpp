@@ -51,6 +51,7 @@ OpenedSource open_ring(const SourceRequest& request) {
   OpenedSource opened;
   opened.loop_obstacle = [player = ring.get()] { return player->statistics().loop_obstacle; };
   opened.source = std::move(ring);
+  opened.woven_elsewhere = true;
   opened.stall_hint =
       fmt::format("start a renderer: lenticule render SCENE --rig RIG -o ring:{}", socket);
   return opened;
@@ -94,6 +95,7 @@ OpenedSource open_woven_pictures(const SourceRequest& request) {
   PictureRequest how = picture_request(request);
   how.size = request.panel;
   opened.source = open_pictures(request.spec.text, how);
+  opened.woven_elsewhere = true;
   return opened;
 }
 
@@ -131,6 +133,7 @@ OpenedSource open_sequence(const SourceRequest& request) {
   require_panel_size(request, reader.geometry(), request.spec.text);
   OpenedSource opened;
   opened.source = open_pictures(request.spec.text, picture_request(request));
+  opened.woven_elsewhere = true;
   return opened;
 }
 
@@ -248,14 +251,6 @@ OpenedSource open_on_wall(const SourceRequest& request) {
 }
 
 }  // namespace
-
-bool is_woven_here(const SourceRequest& request) {
-  try {
-    return detect_content_format(meaning_request(request)).kind != ContentFormat::Kind::Woven;
-  } catch (const Error&) {
-    return false;  // opening the source reports the error
-  }
-}
 
 OpenedSource open_source(const SourceRequest& request) {
   if (!request.wall.empty()) return open_on_wall(request);

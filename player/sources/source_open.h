@@ -55,10 +55,6 @@ struct SourceRequest {
   std::shared_ptr<RigWarnings> warnings = nullptr;
 };
 
-/// Returns true if the source consists of views that are woven here and so can follow every change
-/// of the rig. Reads sidecars and containers' headers; returns false if they cannot be read.
-[[nodiscard]] bool is_woven_here(const SourceRequest& request);
-
 struct OpenedSource {
   std::unique_ptr<frames::FrameSource> source;
   /// Returns, after playing and while `source` exists, why the sequence could not be repeated;
@@ -66,6 +62,8 @@ struct OpenedSource {
   std::function<std::string()> loop_obstacle;
   /// Advice if no frame arrives; may be empty.
   std::string stall_hint;
+  /// The frames were woven before they came here, so that a trim does not change them.
+  bool woven_elsewhere = false;
 };
 
 /// Opens the source. Throws Error(Usage) for a source that cannot be played, Error(Input) for
