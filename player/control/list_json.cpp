@@ -36,7 +36,7 @@ ordered_json item_json(const PlaylistItem& item) {
   ordered_json json = {{"source", item.source.text}};
   if (item.duration_s)
     json["duration_s"] = *item.duration_s;
-  else if (!item.still_s)
+  else if (!item.still_s || item.loops != 1)
     json["loops"] = loops_json(item.loops);
   if (item.rate) json["fps"] = frames::to_string(*item.rate);
   if (item.frames) json["frames"] = fmt::format("{}:{}", item.frames->begin, item.frames->end);

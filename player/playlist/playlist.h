@@ -40,7 +40,7 @@ struct PlaylistItem {
   SourceSpec source{};
   uint64_t loops = 1;                  ///< or kForever; not together with a duration
   std::optional<double> duration_s{};  ///< duration in content time
-  /// Duration of a still picture that has neither loops nor a duration; none = one frame.
+  /// Duration of a still picture instead of its loops; none = one frame for each loop.
   std::optional<double> still_s{};
   std::optional<frames::Rate> rate{};
   std::optional<FrameRange> frames{};
@@ -67,6 +67,7 @@ struct Playlist {
 inline constexpr size_t kMaxPlaylistBytes = size_t{1} << 20;
 inline constexpr size_t kMaxPlaylistItems = 1000;
 inline constexpr double kStillSeconds = 10.0;
+inline constexpr double kUntilEnded = 1e9;  ///< seconds, longer than any panel lasts
 
 /// Parses a playlist; docs/play/control.md lists the keys. Files are relative to `folder`. Throws
 /// Error(Input) that begins with "name:LINE: ".

@@ -6,7 +6,12 @@ namespace lenticule::player {
 Playlist read_playlist(const SourceSpec& source, const PlayFlags& flags, const PlayPlan& plan) {
   if (source.kind != SourceKind::List) {
     Playlist list = playlist_of(source, plan.playback.loops);
-    if (source == plan.source.spec) list.items.front().frames = plan.source.frames;
+    PlaylistItem& item = list.items.front();
+    if (source == plan.source.spec) item.frames = plan.source.frames;
+    // In simulated time nobody could end a picture that stays.
+    const bool stays = flags.loop.empty() && flags.clock != "simulated";
+    if (item.loops != kForever && source.has_pictures())
+      item.still_s = stays ? kUntilEnded : kStillSeconds * static_cast<double>(item.loops);
     return list;
   }
   Playlist list = names_folder(source.text) ? plan.folders->read(source)

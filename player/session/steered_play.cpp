@@ -103,14 +103,21 @@ void SteeredPlay::open(OpenedSource& opened) {
   if (!is_list_ && !controls_ && !plan_.proof && !is_followed(plan_)) {
     opened = open_source(plan_.source);
     if (plan_.trim) plan_.trim->note_content(opened.woven_elsewhere);
-    return;
+    const bool still = opened.source->frame_count() == uint64_t{1};
+    if (!still || !plan_.source.spec.has_pictures()) return;
+  } else {
+    opened = {};
   }
-  opened = {};
+  // A still picture is an item of a list, which knows how long it stays.
+  const auto first = std::make_shared<OpenedSource>(std::exchange(opened, {}));
   auto source = std::make_unique<PlaylistSource>(
       std::make_shared<const Playlist>(read_playlist(plan_.source.spec, flags_, plan_)),
       PlaylistSourceOptions{
           .panel = plan_.source.panel,
-          .open = item_opener(plan_.source),
+          .open =
+              [first, open = item_opener(plan_.source)](const PlaylistItem& item, uint64_t frame) {
+                return first->source ? std::exchange(*first, {}) : open(item, frame);
+              },
           .rate = plan_.playback.content,
           .on_event = [this](const PlaylistEvent& event) { on_item(event); },
           .look_at = [](const PlaylistItem& item) { return marks_of_source(item.source); },

@@ -59,9 +59,9 @@ class ContentCommand : public CommandTest {
                                                std::vector<std::string> more = {},
                                                const std::string& rig = kTiny) const {
     fs::remove_all(path("glass"));
-    std::vector<std::string> words = {"play",      source,    "--rig",    rig,
-                                      "--display", "virtual", "--clock",  "simulated",
-                                      "--fps",     "60",      "--record", "png:" + path("glass")};
+    std::vector<std::string> words = {
+        "play",    source,    "--rig",     rig,        "--display",
+        "virtual", "--clock", "simulated", "--record", "png:" + path("glass")};
     words.insert(words.end(), more.begin(), more.end());
     const ProcessResult result = run(words);
     EXPECT_EQ(result.exit_code, 0) << result.err;

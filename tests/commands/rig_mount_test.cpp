@@ -63,7 +63,7 @@ TEST_F(RigMount, OfAPlayingPanelSendsThePictureThatItsViewerSees) {
     frames::write_woven(seen_of(sent, mounting).view(), path("frame.png"));
     const ProcessResult played =
         run({"play", path("frame.png"), "--rig", path("hung.toml"), "--display", "virtual",
-             "--clock", "simulated", "--record", "png:" + path("shown")});
+             "--clock", "simulated", "--duration", "0.1", "--record", "png:" + path("shown")});
     ASSERT_EQ(played.exit_code, 0) << mounting << ": " << played.err;
     EXPECT_EQ(frames::read_woven(path("shown/00000000.png")), sent) << mounting;
     std::filesystem::remove_all(path("shown"));

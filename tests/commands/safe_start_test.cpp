@@ -65,7 +65,7 @@ TEST_F(SafeStart, ShowsATestCardWithTheReasonIfTheSourceCannotBeOpened) {
 }
 
 TEST_F(SafeStart, PlaysTheFilmAsSoonAsItCanBeOpened) {
-  BackgroundProcess player(play({"--safe", "--loop", "2", "--record", "png:" + path("shown")}));
+  BackgroundProcess player(play({"--safe", "--loop", "1", "--record", "png:" + path("shown")}));
   for (int i = 0; i < 3000 && !std::filesystem::exists(path("stats.json")); ++i)
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   write_film();
@@ -109,7 +109,7 @@ TEST_F(SafeStart, DelaysASourceThatCrashedEveryPlayer) {
 TEST_F(SafeStart, OrderlyEndsDoNotCountAsFailures) {
   write_film();
   for (int start = 0; start < 7; ++start) {
-    const ProcessResult played = run_process(play({}));
+    const ProcessResult played = run_process(play({"--duration", "0.1"}));
     EXPECT_EQ(played.exit_code, 0) << played.err;
   }
   EXPECT_FALSE(stats().contains("safe_start"));

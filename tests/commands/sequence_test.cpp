@@ -258,8 +258,9 @@ TEST_F(SequenceCommand, ConvertKeepsTheRigAndRefusesAWrongOne) {
   EXPECT_EQ(nlohmann::json::parse(converted.out)["frames_converted"], 3);
   EXPECT_EQ(run({"convert", path("a.lts"), "--frames", "1:9", "-o", path("b.lts")}).exit_code, 4);
   ASSERT_EQ(run({"convert", path("a.lts"), "--frames", "1:3", "-o", path("b.lts")}).exit_code, 0);
-  const ProcessResult played = run({"play", path("b.lts"), "--rig", kTiny, "--frames", "2:3",
-                                    "--display", "virtual", "--clock", "simulated", "--json"});
+  const ProcessResult played =
+      run({"play", path("b.lts"), "--rig", kTiny, "--frames", "2:3", "--display", "virtual",
+           "--clock", "simulated", "--duration", "0.01", "--json"});
   ASSERT_EQ(played.exit_code, 0) << played.err;
   EXPECT_EQ(nlohmann::json::parse(played.out)["shown"], 1);
 }

@@ -107,10 +107,10 @@ TEST_F(WallCommand, WritesTheRigsThatTheFilmsAreMadeFor) {
               1e-6);
   EXPECT_TRUE(std::filesystem::exists(path("wall.svg")));
   const ProcessResult play = run({"play", path("film-left.lts"), "--rig", path("rigs/left.toml"),
-                                  "--display", "virtual", "--loop", "1"});
+                                  "--display", "virtual", "--duration", "0.1"});
   EXPECT_EQ(play.exit_code, 0) << play.err;
   const ProcessResult other = run({"play", path("film-left.lts"), "--rig", path("rigs/right.toml"),
-                                   "--display", "virtual", "--loop", "1"});
+                                   "--display", "virtual", "--duration", "0.1"});
   EXPECT_EQ(other.exit_code, 4) << other.err;
 }
 

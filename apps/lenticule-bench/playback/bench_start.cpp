@@ -72,8 +72,9 @@ ExitCode run(const StartFlags& flags) {
   const ScratchFolder scratch;
   optics::save_rig(rig, scratch.file("rig.toml"));
   write_noise(rig, scratch.file("frame.png"));
-  const std::string play = fmt::format("play '{}' --rig '{}' --display virtual --json",
-                                       scratch.file("frame.png"), scratch.file("rig.toml"));
+  const std::string play =
+      fmt::format("play '{}' --rig '{}' --display virtual --duration 0.1 --json",
+                  scratch.file("frame.png"), scratch.file("rig.toml"));
   std::vector<double> loading;
   std::vector<double> first_frame;
   for (int i = 0; i < flags.runs && !interrupted(); ++i) {

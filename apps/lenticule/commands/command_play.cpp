@@ -118,9 +118,9 @@ CLI::Option* declare_first_flags(CLI::App& app, PlayFlags& flags) {
   app.add_option("--fps", flags.fps, "content rate: 24, 59.94 or 24000/1001")
       ->type_name("RATE")
       ->default_str("the source's");
-  app.add_option("--loop", flags.loop, "play so many times")
+  app.add_option("--loop", flags.loop, "play so many times; a picture stays for N times 10 s")
       ->type_name("N|forever")
-      ->default_str("1");
+      ->default_str("1, a picture until it is ended");
   app.add_option("--frames", flags.frames, "play only frames A to B - 1 of a pattern")
       ->type_name("A:B");
   app.add_option("--duration", flags.duration_s, "stop then; without --loop, loop until then")
