@@ -184,7 +184,8 @@ ordered_json PlayControls::status() const {
     json["rounds_done"] = status.rounds_done;
     json["opening"] = status.opening;
     for (const auto& [key, text] :
-         {std::pair("cued", status.cued), std::pair("interrupted", status.interrupted)})
+         {std::pair("cued", status.cued), std::pair("interrupted", status.interrupted),
+          std::pair("waiting_for", status.waiting_for)})
       json[key] = text.empty() ? ordered_json(nullptr) : ordered_json(text);
     json["items_skipped"] = status.skipped;
     json["last_trouble"] = status.last_problem;
@@ -273,6 +274,7 @@ std::shared_ptr<const Playlist> PlayControls::interruption_of(const ControlReque
     list = options_.read_playlist(request.source);
     list.file.reset();
     list.standby.reset();
+    list.awaits_files = false;
   }
   list.rounds = 1;
   if (request.seconds && list.items.size() != 1)

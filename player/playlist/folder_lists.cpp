@@ -12,6 +12,7 @@
 #include <filesystem>
 #include <functional>
 #include <system_error>
+#include <thread>
 
 #include "base/error.h"
 
@@ -127,19 +128,42 @@ bool FolderWatch::is_whole(const File& file, Time now) {
 std::vector<std::string> FolderWatch::whole_files(Time now) {
   watch_folder();
   take_events();
-  list(now);
+  list(listed_ = now);
   std::vector<std::string> names;
   for (const auto& [name, file] : files_)
     if (is_whole(file, now)) names.push_back(name);
   return names;
 }
 
+std::vector<std::string> FolderWatch::unfinished_files() const {
+  std::vector<std::string> names;
+  for (const auto& [name, file] : files_)
+    if (!is_whole(file, listed_)) names.push_back(name);
+  return names;
+}
+
 // --- FolderLists ----------------------------------------------------------------------------
 
 std::vector<std::string> FolderLists::whole_files(const std::string& folder) {
-  const auto now = std::chrono::steady_clock::now();
+  auto now = std::chrono::steady_clock::now();
   const std::lock_guard lock(mutex_);
-  return watches_.try_emplace(folder, folder, now).first->second.whole_files(now);
+  const auto [entry, is_first] = watches_.try_emplace(folder, folder, now);
+  FolderWatch& watch = entry->second;
+  const auto deadline = now + (is_first ? first_wait_ : first_wait_.zero());
+  std::vector<std::string> names = watch.whole_files(now);
+  for (; !watch.unfinished_files().empty() && now < deadline; names = watch.whole_files(now)) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    now = std::chrono::steady_clock::now();
+  }
+  return names;
+}
+
+std::vector<std::string> FolderLists::unfinished_files() {
+  const std::lock_guard lock(mutex_);
+  std::vector<std::string> files;
+  for (const auto& [folder, watch] : watches_)
+    for (const std::string& name : watch.unfinished_files()) files.push_back(folder + name);
+  return files;
 }
 
 std::vector<std::string> FolderLists::whole_files_if_there(const std::string& folder) {
@@ -161,9 +185,10 @@ Playlist FolderLists::read(const SourceSpec& source) {
                 "move some of them away");
   Playlist list{.name = folder,
                 .items = {},
-                .standby = PlaylistItem{.source = parse_source("black"), .loops = kForever},
+                .standby = {},
                 .rounds = kForever,
-                .file = mark_of_names(names)};
+                .file = mark_of_names(names),
+                .awaits_files = true};
   ContentFlags content;
   content.reweave = source.content.reweave;
   for (const std::string& name : names)
@@ -200,8 +225,7 @@ Playlist FolderLists::with_files(Playlist list) {
                 "move some of the files away");
   list.items = std::move(items);
   // Such a list waits for files instead of failing because of its only one.
-  if (list.items.size() <= 1 && !list.standby)
-    list.standby = PlaylistItem{.source = parse_source("black"), .loops = kForever};
+  list.awaits_files = list.items.size() <= 1;
   if (list.file) list.file = with_names(*list.file, files);
   const std::lock_guard lock(mutex_);
   folders_of_[list.name] = std::move(folders);

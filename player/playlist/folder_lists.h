@@ -42,6 +42,8 @@ class FolderWatch {
   /// Returns the names of the whole files, sorted. A folder that is gone, for example with its USB
   /// stick, has none, until it is back.
   [[nodiscard]] std::vector<std::string> whole_files(Time now);
+  /// Returns the names of the files that were not whole at the last call of whole_files().
+  [[nodiscard]] std::vector<std::string> unfinished_files() const;
 
  private:
   struct File {
@@ -56,6 +58,7 @@ class FolderWatch {
   void list(Time now);
   [[nodiscard]] static bool is_whole(const File& file, Time now);
 
+  Time listed_{};
   const std::string folder_;
   UniqueFd inotify_;    ///< invalid where the kernel cannot watch the folder
   FileMark watched_{};  ///< the folder that inotify_ watches
@@ -65,6 +68,8 @@ class FolderWatch {
 /// The folders that a player reads as lists. Thread safety: any thread.
 class FolderLists {
  public:
+  /// `first_wait` is the longest wait at the first call for a folder until all its files are whole.
+  explicit FolderLists(std::chrono::milliseconds first_wait = {}) : first_wait_(first_wait) {}
   /// Returns a list of the whole files, in the order of their names, repeated forever; without a
   /// file it shows black. Throws Error(Input) if there is no such folder at the first call, or if
   /// it has more files than a list may have. Films of other rigs are woven again if the source asks
@@ -77,11 +82,14 @@ class FolderLists {
   /// changes when the file of the list is replaced, or a file in a folder becomes whole or is
   /// removed.
   [[nodiscard]] FileMark mark(const std::string& name);
+  /// Returns the files in the folders that are not whole, and therefore in no list.
+  [[nodiscard]] std::vector<std::string> unfinished_files();
 
  private:
   [[nodiscard]] std::vector<std::string> whole_files(const std::string& folder);
   [[nodiscard]] std::vector<std::string> whole_files_if_there(const std::string& folder);
 
+  const std::chrono::milliseconds first_wait_;
   std::mutex mutex_;  ///< guards the members below
   std::map<std::string, FolderWatch> watches_;
   std::map<std::string, std::vector<std::string>> folders_of_;  ///< folders in lists, by list

@@ -20,6 +20,11 @@ constexpr auto kLook = std::chrono::seconds(1);
 /// Pause in which the loader reads a list again before it tries the list's next item.
 constexpr auto kAfterLook = std::chrono::milliseconds(20);
 
+PlaylistItem black_item() {
+  // Often enough that an item need not wait long for its end.
+  return {.source = parse_source("black"), .loops = kForever, .rate = frames::Rate{4, 1}};
+}
+
 }  // namespace
 
 ItemLoader::ItemLoader(std::shared_ptr<const Playlist> list, ItemLoaderOptions options,
@@ -77,8 +82,7 @@ void ItemLoader::open_first() {
     return cursor_.list();
   }();
   std::unique_ptr<OpenItem> first;
-  if (list->items.size() == 1 && !list->items.front().schedule && !list->standby)
-    first = open_item(list->items.front(), 0);
+  if (list->is_single() && !list->items.front().schedule) first = open_item(list->items.front(), 0);
   const std::lock_guard lock(mutex_);
   next_wanted_ = first == nullptr;
   if (first) locked_offer(std::move(first), {.kind = NextItem::Kind::Item});
@@ -149,16 +153,27 @@ void ItemLoader::empty_trash(Lock& lock) {
 void ItemLoader::open_next(Lock& lock) {
   const auto list = cursor_.list();
   const uint64_t serial = request_serial_;
-  const NextItem pick = cursor_.next(options_.local_time());
+  const LocalTime now = options_.local_time();
+  NextItem pick = cursor_.next(now);
   if (pick.kind == NextItem::Kind::End && cursor_.interrupted()) return open_interrupted(lock);
-  const bool standby = pick.kind == NextItem::Kind::Standby;
   nothing_for_now_ = pick.kind == NextItem::Kind::None;
   list_over_ = pick.kind == NextItem::Kind::End;
-  const bool waits = standby && followed_.standby;
-  if (nothing_for_now_ || waits) retry_at_ = SteadyClock::now() + kRetry;
-  if (nothing_for_now_ || list_over_ || waits) return wake_.signal();
-
-  const PlaylistItem item = standby ? *list->standby : list->items[pick.index];
+  const std::string why = list_over_ && shown_ ? std::string() : locked_reason_to_wait(now);
+  const bool is_news = !why.empty() && reporter_.note_waiting(why);
+  if (list_over_) return wake_.signal();
+  if (is_news) {
+    lock.unlock();
+    reporter_.waits(list->name, why);
+    lock.lock();
+    if (serial != request_serial_ || list != cursor_.list()) return;
+  }
+  const bool standby = locked_may_open_standby() && (nothing_for_now_ || locked_none_works());
+  if (nothing_for_now_ && !standby) {
+    locked_pause();
+    return wake_.signal();
+  }
+  if (standby) pick.kind = NextItem::Kind::None;
+  const PlaylistItem item = standby ? *locked_standby() : list->items[pick.index];
   lock.unlock();
   Attempt attempt = try_open(item, 0);
   // A file that was removed from a folder is no fault: the list is read again first.
@@ -172,11 +187,42 @@ void ItemLoader::open_next(Lock& lock) {
     return;
   }
   if (!standby) cursor_.choose(pick.index, pick.rounds_done);
-  if (broken_in_a_row_ + 1 >= list->items.size() || standby)
-    retry_at_ = SteadyClock::now() + kRetry;
   lock.unlock();
-  skip(item.source.text, with_remedy(*attempt.error));
+  skip(item.source.text, with_remedy(*attempt.error), standby, false);
   lock.lock();
+}
+
+// --- times without an item ---
+
+bool ItemLoader::locked_none_works() const {
+  const size_t scheduled = cursor_.list()->items_scheduled(options_.local_time());
+  return scheduled > 0 && unplayable_in_a_row_ >= scheduled;
+}
+
+std::optional<PlaylistItem> ItemLoader::locked_standby() const {
+  const Playlist& list = *cursor_.list();
+  if (list.standby && !standby_broken_) return list.standby;
+  if (list.awaits_files || !shown_) return black_item();
+  return std::nullopt;
+}
+
+bool ItemLoader::locked_may_open_standby() const {
+  const auto standby = locked_standby();
+  return standby && !(followed_.standby && followed_.item == *standby);
+}
+
+/// Delays the next attempt when no item can be played or none is scheduled.
+void ItemLoader::locked_pause() {
+  retry_at_ = SteadyClock::now() + kRetry;
+  standby_broken_ = false;
+}
+
+std::string ItemLoader::locked_reason_to_wait(LocalTime now) const {
+  const Playlist& list = *cursor_.list();
+  if (!locked_none_works()) return reason_to_wait(list, now);
+  const size_t scheduled = list.items_scheduled(now);
+  if (scheduled == 1) return problem_;
+  return fmt::format("none of {} items can be played: {}", scheduled, problem_);
 }
 
 // --- replaced files ---
@@ -234,12 +280,13 @@ void ItemLoader::locked_take_list(Playlist list) {
   const auto taken = std::make_shared<const Playlist>(std::move(list));
   const bool plays_item = followed_.number != 0 && !followed_.standby;
   const bool continues = cursor_.replace_list(taken, plays_item ? &followed_.item : nullptr);
-  outdated_ = plays_item ? !continues : followed_.standby && taken->standby != followed_.item;
+  standby_broken_ = broke_off_ = false;
+  outdated_ = plays_item ? !continues : followed_.standby && locked_standby() != followed_.item;
   next_wanted_ = next_wanted_ || next_;
   locked_discard(next_);
   list_over_ = nothing_for_now_ = false;
   retry_at_ = {};
-  broken_in_a_row_ = 0;
+  unplayable_in_a_row_ = 0;
   reporter_.take_list(taken->items.size(), cursor_.playing());
   wake_.signal();
 }
@@ -304,7 +351,7 @@ ItemLoader::Prospect ItemLoader::prospect() {
   ended_ = list_over_ && !request_ && !cue_ && !next_ && !held_;
   if (ended_) return Prospect::Ended;
   const bool waits = list_over_ && cue_;
-  const bool idle = held_ || nothing_for_now_ || broken_in_a_row_ > 0 || request_ || waits;
+  const bool idle = held_ || nothing_for_now_ || broke_off_ || request_ || waits;
   return idle ? Prospect::Idle : Prospect::Soon;
 }
 
@@ -320,6 +367,7 @@ void ItemLoader::begin(const OpenItem& item) {
   locked_discard(replacement_);
   if (item.returns && cursor_.interrupted()) locked_end_interruption();
   cursor_.begin(item.index);
+  if (!item.index) locked_pause();
 }
 
 void ItemLoader::leave() {
@@ -327,17 +375,36 @@ void ItemLoader::leave() {
   followed_ = {};
 }
 
-void ItemLoader::note_first_frame() {
+void ItemLoader::note_first_frame(const OpenItem& item) {
   const std::lock_guard lock(mutex_);
-  broken_in_a_row_ = 0;
+  shown_ = true;
+  broke_off_ = false;
+  if (item.index) unplayable_in_a_row_ = 0;
 }
 
-void ItemLoader::skip(const std::string& source, const std::string& why) {
+void ItemLoader::skip(const std::string& source, const std::string& why, bool standby,
+                      bool played) {
   {
     const std::lock_guard lock(mutex_);
-    ++broken_in_a_row_;
+    broke_off_ = true;
+    if (!played)
+      locked_note_unplayable(standby, why.starts_with(source) ? why : source + ": " + why);
   }
   reporter_.skipped(source, why);
+}
+
+void ItemLoader::locked_note_unplayable(bool standby, const std::string& problem) {
+  if (standby && cursor_.list()->standby && !standby_broken_) {
+    standby_broken_ = true;
+  } else if (standby) {  // black
+    shown_ = true;
+    locked_pause();
+  } else {
+    // Attempts after the first round have other problems, which would be reported every second.
+    if (!locked_none_works()) problem_ = problem;
+    ++unplayable_in_a_row_;
+    if (locked_none_works() && !locked_may_open_standby()) locked_pause();
+  }
 }
 
 void ItemLoader::close(std::unique_ptr<OpenItem> item) {

@@ -85,9 +85,9 @@ class ItemLoader {
   // The playing item. Thread safety: the frame copier.
   void begin(const OpenItem& item);
   void leave();
-  void note_first_frame();
-  /// Counts and reports an item that cannot be played, or not any further.
-  void skip(const std::string& source, const std::string& why);
+  void note_first_frame(const OpenItem& item);
+  /// Counts and reports an item that cannot be played, or, if it was `played`, not any further.
+  void skip(const std::string& source, const std::string& why, bool standby, bool played);
   void close(std::unique_ptr<OpenItem> item);
   [[nodiscard]] uint64_t loops_of(const OpenItem& item) const;
   /// Returns true if the list was replaced by one that does not continue the
@@ -182,6 +182,16 @@ class ItemLoader {
   [[nodiscard]] Attempt try_open(const PlaylistItem& item, uint64_t frame) const;
   [[nodiscard]] FileMark mark_of_list(const std::string& name) const;
   [[nodiscard]] bool is_list_changed(const Playlist& list) const;
+  /// Returns true if each item that is scheduled now was tried in vain.
+  [[nodiscard]] bool locked_none_works() const;
+  /// Returns the item for times without one of the list: the default, otherwise black for as long
+  /// as the panel has no frame. None: the last frame stays.
+  [[nodiscard]] std::optional<PlaylistItem> locked_standby() const;
+  [[nodiscard]] bool locked_may_open_standby() const;
+  void locked_pause();
+  /// Returns what the list waits for; empty if it does not wait.
+  [[nodiscard]] std::string locked_reason_to_wait(LocalTime now) const;
+  void locked_note_unplayable(bool standby, const std::string& problem);
   /// Requests a jump, replacing a pending one, for which it returns the function to call.
   [[nodiscard]] JumpDone locked_request(JumpRequest request);
   /// Finds the progress of the interrupted item once the panel shows another item. Returns false
@@ -219,9 +229,13 @@ class ItemLoader {
   bool outdated_ = false;   ///< the new list no longer contains the playing item unchanged
   bool list_over_ = false;  ///< the last round is over
   bool held_ = false;
-  bool ended_ = false;            ///< the frame copier was told that the list is over
-  bool nothing_for_now_ = false;  ///< no item is scheduled now
-  size_t broken_in_a_row_ = 0;
+  bool ended_ = false;              ///< the frame copier was told that the list is over
+  bool nothing_for_now_ = false;    ///< no item is scheduled now
+  bool broke_off_ = false;          ///< the last item broke, and no other has begun
+  size_t unplayable_in_a_row_ = 0;  ///< items of which no frame could be shown
+  std::string problem_;             ///< of the last of them
+  bool standby_broken_ = false;     ///< until the next pause between attempts
+  bool shown_ = false;              ///< a frame of any item was taken
   SteadyTime retry_at_{};
   bool look_now_ = false;
   SteadyTime look_at_{};

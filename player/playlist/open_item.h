@@ -22,7 +22,7 @@ struct OpenItem {
   // Set by the loader.
   std::shared_ptr<const Playlist> list;
   PlaylistItem item;
-  std::optional<size_t> index;  ///< none: standby
+  std::optional<size_t> index;  ///< none: the list's default, or black
   bool interrupts = false;      ///< an item of an interruption, which is not in the list
   uint64_t rounds_done = 0;     ///< rounds of the list when the item was chosen
   uint64_t first_frame = 0;
@@ -46,7 +46,9 @@ struct OpenItem {
   [[nodiscard]] bool is_still() const { return opened.source->frame_count() == uint64_t{1}; }
   /// Returns true for the item of a list of one, which waits for frames as long
   /// as its player does.
-  [[nodiscard]] bool is_alone() const { return list->items.size() == 1 && !list->standby; }
+  [[nodiscard]] bool is_alone() const { return list->is_single(); }
+  /// Returns true for the black that is shown before any item or default can be.
+  [[nodiscard]] bool is_placeholder() const { return !index && list->standby != item; }
   [[nodiscard]] bool waited_too_long() const;
   /// Returns the number of frames after which the item ends at this rate; none
   /// if loops end it.

@@ -32,6 +32,8 @@ struct Schedule {
   int to_minute = 24 * 60;  ///< exclusive
 
   [[nodiscard]] bool permits(LocalTime time) const;
+  /// Returns the number of minutes from `now` until the next begin of a span.
+  [[nodiscard]] int minutes_until_begin(LocalTime now) const;
   friend bool operator==(const Schedule&, const Schedule&) = default;
 };
 
@@ -58,10 +60,16 @@ struct PlaylistItem {
 struct Playlist {
   std::string name;  ///< name for people: the file's name, or the only source
   std::vector<PlaylistItem> items;
-  std::optional<PlaylistItem> standby;  ///< played when no item is scheduled
+  std::optional<PlaylistItem> standby;  ///< played when no item is scheduled or can be played
   uint64_t rounds = 1;                  ///< or kForever
   /// The file's state when it was read; none if the list is not from a file.
   std::optional<FileMark> file{};
+  /// Shows black while no item can be played, because its files may come later.
+  bool awaits_files = false;
+
+  /// Returns true for a list of one item that ends with it.
+  [[nodiscard]] bool is_single() const { return items.size() == 1 && !standby && !awaits_files; }
+  [[nodiscard]] size_t items_scheduled(LocalTime now) const;
 };
 
 inline constexpr size_t kMaxPlaylistBytes = size_t{1} << 20;
@@ -81,7 +89,6 @@ inline constexpr double kUntilEnded = 1e9;  ///< seconds, longer than any panel 
 struct NextItem {
   enum class Kind {
     Item,
-    Standby,
     None,  ///< no item is scheduled now; one may be later
     End,
   };
@@ -90,8 +97,11 @@ struct NextItem {
   uint64_t rounds_done = 0;
 };
 /// Returns the item after `after` (none: the first) in the given round. Items that are not
-/// scheduled now are skipped. Returns Standby only if no item of a whole round can be played.
+/// scheduled now are skipped. Returns None only if no item of a whole round is scheduled.
 [[nodiscard]] NextItem next_item(const Playlist& list, std::optional<size_t> after,
                                  uint64_t rounds_done, LocalTime now);
+/// Returns why no item of the list can begin now: "no item is scheduled before Mon 09:00". Empty if
+/// one can.
+[[nodiscard]] std::string reason_to_wait(const Playlist& list, LocalTime now);
 
 }  // namespace lenticule::player

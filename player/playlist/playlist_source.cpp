@@ -39,6 +39,7 @@ PlaylistSource::PlaylistSource(std::shared_ptr<const Playlist> list,
     : panel_(options.panel),
       fixed_rate_(options.rate),
       local_time_(options.local_time),
+      longest_wait_(options.longest_wait),
       poll_(epoll_create1(EPOLL_CLOEXEC)),
       reporter_(*list, options.on_event),
       loader_(std::move(list),
@@ -56,6 +57,11 @@ PlaylistSource::PlaylistSource(std::shared_ptr<const Playlist> list,
   check(epoll_ctl(poll_.get(), EPOLL_CTL_ADD, wake_.fd(), &event) == 0);
 }
 
+void PlaylistSource::open_first() {
+  loader_.open_first();
+  if (longest_wait_) give_up_at_ = SteadyClock::now() + *longest_wait_;
+}
+
 PlaylistStatus PlaylistSource::status() const {
   PlaylistStatus status = reporter_.status();
   status.opening = loader_.is_jumping();
@@ -67,6 +73,8 @@ PlaylistStatus PlaylistSource::status() const {
 // Frames
 
 PullStatus PlaylistSource::pull(AcquiredFrame& out) {
+  const bool waits = current_ ? current_->is_placeholder() : idle_;
+  if (waits && give_up_at_ && SteadyClock::now() >= *give_up_at_) at_end_ = true;
   if (at_end_) return PullStatus::End;
   try_arrival();
   if (in_hand_) {
@@ -168,8 +176,9 @@ void PlaylistSource::hand_out(OpenItem& item, AcquiredFrame& out) {
   out.token = next_token_++;
   out.item = item.number;
   reporter_.count_damage(item);
-  if (item.pulled++ > 0) return;
-  loader_.note_first_frame();
+  if (!item.is_placeholder()) give_up_at_.reset();
+  if (item.handed_out == 1) loader_.note_first_frame(item);
+  if (item.pulled++ > 0 || item.is_placeholder()) return;
   reporter_.started(item);
 }
 
@@ -327,8 +336,10 @@ void PlaylistSource::leave_current(bool to_end) {
 
 void PlaylistSource::break_current(const std::string& why) {
   const std::string source = current_->item.source.text;
+  const bool standby = !current_->index;
+  const bool played = current_->handed_out > 0;
   leave_current(false);
-  loader_.skip(source, why.empty() ? "frame size differs from the panel's" : why);
+  loader_.skip(source, why.empty() ? "frame size differs from the panel's" : why, standby, played);
 }
 
 void PlaylistSource::watch(const OpenItem& item, bool on) const {

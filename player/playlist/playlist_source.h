@@ -37,11 +37,14 @@ struct PlaylistSourceOptions {
   /// Returns the last displayed frame of an item; null = the last one that was pulled counts as
   /// displayed.
   LeftItemLook left_item = nullptr;
+  /// The source ends if no item could be played for this long since open_first(); none = it shows
+  /// black and waits.
+  std::optional<std::chrono::nanoseconds> longest_wait = std::nullopt;
 };
 
 /// All frames have the panel's size; an item of another size counts as broken.
-/// The source never fails: if no item can be played, it reports that no frame
-/// is due.
+/// The source never fails: if no item can be played, it plays the list's default, otherwise the
+/// last frame stays, which is black before the first one.
 ///
 /// Thread safety: FrameSource's functions run on one thread, the frame copier;
 /// damage() and the functions of the second group run on any. The members
@@ -57,7 +60,7 @@ class PlaylistSource final : public frames::FrameSource {
   /// Opens the only item of a list on the calling thread, so that a list of one
   /// unplayable item fails at once; begins to look for the first item of other
   /// lists. Call it before anything is pulled. Throws the item's error.
-  void open_first() { loader_.open_first(); }
+  void open_first();
   /// Sets the rate of items without one; call it before anything is pulled.
   void set_display_rate(frames::Rate rate) { display_rate_ = rate; }
 
@@ -144,6 +147,7 @@ class PlaylistSource final : public frames::FrameSource {
   const frames::FrameGeometry panel_;
   const std::optional<frames::Rate> fixed_rate_;
   const std::function<LocalTime()> local_time_;
+  const std::optional<std::chrono::nanoseconds> longest_wait_;
   frames::Rate display_rate_{60, 1};
   WakeFd wake_;
   UniqueFd poll_;  ///< readable when wake_ or the current item's descriptor is
@@ -161,6 +165,7 @@ class PlaylistSource final : public frames::FrameSource {
   bool idle_ = false;
   bool at_end_ = false;
   bool next_asked_ = false;
+  std::optional<std::chrono::steady_clock::time_point> give_up_at_;  ///< none once an item plays
 
   PlaylistReporter reporter_;
   ItemLoader loader_;  // last member: its thread uses wake_ and reporter_

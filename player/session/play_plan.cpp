@@ -240,7 +240,7 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   const SourceKind kind = plan.source.spec.kind;
   plan.playback.loops = parse_loops(flags, kind);
   plan.playback.late = parse_late_policy(flags.late);
-  plan.playback.stall_timeout = parse_wait("--wait", flags.wait, 1);
+  plan.playback.stall_timeout = parse_wait("--wait", flags.wait.empty() ? "60" : flags.wait, 1);
   plan.playback.prime = flags.prime.value_or(std::max(1, flags.slots / 2));
   if (flags.prime)  // a user who sets --prime wants to wait until that many frames are ready
     plan.playback.prime_timeout = plan.playback.stall_timeout.value_or(kLongestPriming);
@@ -254,6 +254,9 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   } else {
     plan.playback.real_time_priority = true;
   }
+  // Neither an examination nor simulated time goes on until the files are old enough to be whole.
+  if (flags.preflight || flags.clock == "simulated")
+    plan.folders = std::make_shared<FolderLists>(2 * FolderWatch::kQuiet);
   plan.window = is_window_spec(flags.display);
   plan.display.spec = plan.window ? virtual_display_of_window(flags) : flags.display;
   plan.display.buffers = flags.buffers;

@@ -21,6 +21,7 @@ namespace lenticule::player {
 namespace {
 
 using display::Nanoseconds;
+using std::chrono::seconds;
 
 /// Time that a test card is shown before its source is tried again.
 constexpr Nanoseconds kTryAgain = std::chrono::seconds(5);
@@ -454,8 +455,10 @@ Error PlayRun::source_error(const PlayResult& result) const {
     return Error(kind, fmt::format("{}: {}", flags_.source, what), hint);
   };
   if (result.outcome == PlayOutcome::SourceStalled)
-    return make_error(ErrorKind::Failed, fmt::format("no frame arrived for {} s", flags_.wait),
-                      opened_.stall_hint);
+    return make_error(
+        ErrorKind::Failed,
+        fmt::format("no frame arrived for {} s", *plan_.playback.stall_timeout / seconds(1)),
+        opened_.stall_hint);
   if (const std::string why = steered_->failure(); !why.empty()) return list_error(why);
   const bool empty = result.report.filled == 0;
   const bool cannot_loop = opened_.loop_obstacle && !empty;

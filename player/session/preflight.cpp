@@ -37,9 +37,16 @@ frames::Rate needed_rate(const PlaylistItem& item, const frames::FrameSource& so
   return source.rate().value_or(usual);
 }
 
-ordered_json examine(const PlaylistItem& item, const PlayPlan& plan) {
+/// Returns the row of a source without figures; `problem` may be empty.
+ordered_json row_of(const std::string& source, const std::string& problem) {
   ordered_json row = {
-      {"source", item.source.text}, {"figures", nullptr}, {"problems", ordered_json::array()}};
+      {"source", source}, {"figures", nullptr}, {"problems", ordered_json::array()}};
+  if (!problem.empty()) row["problems"].push_back(problem);
+  return row;
+}
+
+ordered_json examine(const PlaylistItem& item, const PlayPlan& plan) {
+  ordered_json row = row_of(item.source.text, {});
   // A ring's renderer determines its own pace.
   if (item.source.kind == SourceKind::Ring) return row;
   try {
@@ -88,11 +95,17 @@ ExitCode run_preflight(const PlayFlags& flags, const PlayPlan& plan) {
   std::vector<PlaylistItem> items = list.items;
   if (list.standby) items.push_back(*list.standby);
   ordered_json rows = ordered_json::array();
+  const auto add = [&](const ordered_json& row) {
+    rows.push_back(row);
+    if (!flags.json) print_row(row);
+  };
   for (const PlaylistItem& item : items) {
     if (interrupted()) return interrupt_exit_code();
-    rows.push_back(examine(item, plan));
-    if (!flags.json) print_row(rows.back());
+    add(examine(item, plan));
   }
+  for (const std::string& file : plan.folders->unfinished_files())
+    add(row_of(file, "is empty or still being written, and is not played until it is complete"));
+  if (rows.empty()) add(row_of(list.name, "no file to play"));
   const bool too_slow = std::any_of(rows.begin(), rows.end(), [](const ordered_json& row) {
     return !row["figures"].is_null() && row["figures"]["too_slow"].get<bool>();
   });

@@ -127,7 +127,8 @@ void SteeredPlay::open(OpenedSource& opened) {
               },
           .mark_list = [folders =
                             plan_.folders](const std::string& name) { return folders->mark(name); },
-          .left_item = controls_ ? left_item_of(controls_->playback()) : nullptr});
+          .left_item = controls_ ? left_item_of(controls_->playback()) : nullptr,
+          .longest_wait = flags_.wait.empty() ? std::nullopt : plan_.playback.stall_timeout});
   source->open_first();
   source_ = source.get();
   opened.source = std::move(source);
@@ -244,6 +245,7 @@ void SteeredPlay::complete(ordered_json& statistics) {
                               {"seams", status.loop_points},
                               {"items_skipped", status.skipped},
                               {"last_trouble", status.last_problem},
+                              {"waiting_for", status.waiting_for},
                               {"damaged_items", ordered_json::array()}};
     for (const auto& [source, damage] : status.damaged_items) {
       ordered_json item = {{"source", source}};
@@ -271,6 +273,7 @@ std::string SteeredPlay::failure() const {
   const bool nothing_played = status.started == 0;
   const bool only_one_broke = !is_list_ && status.started <= 1 && status.skipped > 0;
   if (!nothing_played && !only_one_broke) return {};
+  if (is_list_ && !status.waiting_for.empty()) return status.list + ": " + status.waiting_for;
   return status.last_problem.empty() ? "none of its items could be played" : status.last_problem;
 }
 

@@ -206,6 +206,44 @@ TEST_F(Ctl, ATrimChangesFramesWovenByThePlayer) {
   EXPECT_EQ(eye["width"], frames::read_woven(path("eye.png")).width());
 }
 
+TEST_F(Ctl, AdviceAboutATrimFollowsTheContentThatIsPlayed) {
+  start("views", {"--loop", "forever"});
+  EXPECT_FALSE(answer({"trim", "--offset-by", "0.01"}).contains("advice"));
+  (void)answer({"load", film_pattern(0)});
+  EXPECT_TRUE(answer({"trim", "--offset-by", "0.01"}).contains("advice"));
+  (void)answer({"load", "views"});
+  EXPECT_FALSE(answer({"trim", "--offset-by", "0.01"}).contains("advice"));
+}
+
+TEST_F(Ctl, APictureStaysUntilItIsEnded) {
+  start(film_pattern(0).replace(film_pattern(0).find("%03d"), 4, "004"));
+  const uint64_t shown = frames_shown();
+  EXPECT_TRUE(comes_true([&] { return frames_shown() >= shown + 8; })) << "four times a second";
+  EXPECT_EQ(quit().exit_code, 143);
+  const auto vblanks = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> words = {"play",      path("a/004.png"),  "--rig", path("rig.toml"),
+                                      "--display", "virtual:48x32@60", "--json"};
+    words.insert(words.end(), more.begin(), more.end());
+    const ProcessResult played = run(words);
+    EXPECT_EQ(played.exit_code, 0) << played.err;
+    return json::parse(played.out).value("vblanks", 0);
+  };
+  EXPECT_EQ(vblanks({"--clock", "simulated"}), 600) << "ten seconds";
+  EXPECT_EQ(vblanks({"--clock", "simulated", "--loop", "2"}), 1200);
+  EXPECT_EQ(vblanks({"--duration", "0.5"}), 30);
+}
+
+TEST_F(Ctl, AListWithoutAPlayableItemShowsItsDefaultAndSaysWhy) {
+  write("gone.toml",
+        "loop = \"forever\"\n[default]\nsource = \"card\"\n[[item]]\nsource = \"x.png\"\n"
+        "[[item]]\nsource = \"y.png\"\n");
+  start(path("gone.toml"));
+  EXPECT_EQ(displayed()["source"], "card");
+  const std::string why = "none of 2 items can be played: ";
+  EXPECT_TRUE(answer({"status"})["waiting_for"].get<std::string>().starts_with(why));
+  EXPECT_NE(quit().err.find(path("gone.toml") + ": " + why), std::string::npos);
+}
+
 TEST_F(Ctl, SubscribePrintsOneLinePerEventAndEndsAtItsCount) {
   start(path("list.toml"));
   BackgroundProcess listener(

@@ -127,12 +127,22 @@ TEST_F(FolderWatchTest, TheListHasTheFilesInOrderAndItsMarkFollowsTheirNames) {
   EXPECT_EQ(list.items[1].source.kind, SourceKind::Sequence);
   EXPECT_TRUE(list.items[1].source.content.reweave);
   EXPECT_EQ(list.rounds, kForever);
-  EXPECT_EQ(list.standby->source.text, "black");
+  EXPECT_TRUE(list.awaits_files);
   EXPECT_EQ(lists.mark(folder), list.file);
   write("c.lts");
   EXPECT_NE(lists.mark(folder), list.file);
   fs::remove(folder + "c.lts");
   EXPECT_EQ(lists.mark(folder), list.file);
+}
+
+TEST_F(FolderWatchTest, TheFirstListMayWaitForFilesThatWereCopiedJustNow) {
+  write("a.lts");
+  FolderLists at_once;
+  EXPECT_THAT(at_once.read(parse_source(folder)).items, IsEmpty());
+  EXPECT_THAT(at_once.unfinished_files(), ElementsAre(folder + "a.lts"));
+  FolderLists patient(2 * FolderWatch::kQuiet);
+  EXPECT_EQ(patient.read(parse_source(folder)).items.size(), 1u);
+  EXPECT_THAT(patient.unfinished_files(), IsEmpty());
 }
 
 /// Returns a list in a file that plays an advertisement between two rounds of the folder.
@@ -160,7 +170,7 @@ TEST_F(FolderWatchTest, AFolderInAListIsReplacedByItsFilesWithTheItemsSettings) 
   EXPECT_EQ(list.items[1].loops, 2u);
   EXPECT_EQ(list.items[1].source.kind, SourceKind::Sequence);
   EXPECT_EQ(list.items[3].still_s, kStillSeconds);
-  EXPECT_FALSE(list.standby);
+  EXPECT_FALSE(list.awaits_files);
 }
 
 TEST_F(FolderWatchTest, TheMarkOfAListFollowsItsFileAndTheFilesOfItsFolders) {
@@ -189,7 +199,7 @@ TEST_F(FolderWatchTest, AListOfAMissingFolderIsBlackUntilTheFolderHasFiles) {
   FolderLists lists;
   const Playlist list = lists.with_files(load_playlist(file));
   EXPECT_THAT(sources_of(list), IsEmpty());
-  EXPECT_EQ(list.standby->source.text, "black");
+  EXPECT_TRUE(list.awaits_files);
   EXPECT_EQ(lists.mark(file), list.file);
   fs::create_directory(folder);
   write("a.lts");

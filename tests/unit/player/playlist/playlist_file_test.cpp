@@ -23,12 +23,11 @@ std::string complaint(const std::string& text) {
   return "none";
 }
 
-TEST(PlaylistOrder, AListWithoutItemsShowsItsDefault) {
+TEST(PlaylistOrder, AListWithoutItemsWaitsForThem) {
   Playlist list;
   EXPECT_EQ(next_item(list, std::nullopt, 0, {}).kind, NextItem::Kind::None);
   EXPECT_EQ(next_item(list, 3, 0, {}).kind, NextItem::Kind::None);
-  list.standby.emplace();
-  EXPECT_EQ(next_item(list, std::nullopt, 0, {}).kind, NextItem::Kind::Standby);
+  EXPECT_EQ(reason_to_wait(list, {}), "no file to play yet");
 }
 
 TEST(PlaylistFile, ReadsEveryKey) {
@@ -143,15 +142,20 @@ TEST(PlaylistOrder, SkipsItemsThatAreNotScheduledNow) {
   EXPECT_EQ(next_item(list, 2, 1, morning).kind, NextItem::Kind::End);
 }
 
-TEST(PlaylistOrder, StandsByOnlyIfNoItemIsScheduledNow) {
+TEST(PlaylistOrder, NamesTheNextScheduledTimeIfNoItemIsScheduledNow) {
   Playlist list{.name = "l", .items = {}, .standby = {}, .rounds = kForever};
   list.items.resize(2);
   for (PlaylistItem& item : list.items)
     item.schedule = Schedule{.days = 0x7f, .from_minute = 600, .to_minute = 660};
   EXPECT_EQ(next_item(list, 0, 0, {0, 0}).kind, NextItem::Kind::None);
-  list.standby.emplace();
-  EXPECT_EQ(next_item(list, 0, 0, {0, 0}).kind, NextItem::Kind::Standby);
-  EXPECT_EQ(next_item(list, 0, 0, {0, 600}).kind, NextItem::Kind::Item);
+  EXPECT_EQ(reason_to_wait(list, {0, 0}), "no item is scheduled before Mon 10:00");
+  EXPECT_EQ(reason_to_wait(list, {6, 660}), "no item is scheduled before Mon 10:00");
+  list.items[1].schedule->days = 0x10;
+  list.items[0].schedule = Schedule{.days = 0x30, .from_minute = 1320, .to_minute = 120};
+  EXPECT_EQ(reason_to_wait(list, {0, 700}), "no item is scheduled before Fri 10:00");
+  EXPECT_EQ(reason_to_wait(list, {6, 120}), "no item is scheduled before Fri 10:00");
+  EXPECT_EQ(next_item(list, 0, 0, {6, 119}).kind, NextItem::Kind::Item);
+  EXPECT_EQ(reason_to_wait(list, {6, 119}), "");
 }
 
 }  // namespace

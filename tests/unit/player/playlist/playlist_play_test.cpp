@@ -25,6 +25,7 @@ class PlaylistPlay : public testing::Test {
   std::vector<PlaylistEvent> events;
   std::mutex events_mutex;
   LocalTime local{0, 0};
+  std::optional<std::chrono::nanoseconds> longest_wait;
   PlaybackOptions options{.filling = Filling::InPresenter, .source_name = "list"};
   PlaylistStatus status;
 
@@ -42,7 +43,8 @@ class PlaylistPlay : public testing::Test {
                                [this](const PlaylistEvent& event) {
                                  const std::lock_guard lock(events_mutex);
                                  events.push_back(event);
-                               }});
+                               },
+                           .longest_wait = longest_wait});
     source.open_first();
     const auto display = display::open_virtual_display(
         {.geometry = kItemSize, .refresh = {60, 1}, .clock = clock, .recorder = recorder});
@@ -52,6 +54,13 @@ class PlaylistPlay : public testing::Test {
     EXPECT_EQ(pace.vblanks, pace.shown + pace.repeated_planned + pace.repeated_underrun +
                                 pace.missed + pace.held);
     return result;
+  }
+  [[nodiscard]] std::vector<std::string> details_of(PlaylistEvent::Kind kind) {
+    const std::lock_guard lock(events_mutex);
+    std::vector<std::string> details;
+    for (const PlaylistEvent& event : events)
+      if (event.kind == kind) details.push_back(event.detail);
+    return details;
   }
   [[nodiscard]] static uint64_t checksum(uint64_t number) {
     return test::checksum_of(test::numbered_frame(kItemSize, number).view());
@@ -159,6 +168,53 @@ TEST_F(PlaylistPlay, StandsByUntilAnItemIsScheduled) {
   recorder = std::make_shared<test::RememberingRecorder>();
   play_list(list);
   EXPECT_EQ(shown_numbers(32).front(), 10u);
+}
+
+TEST_F(PlaylistPlay, PlaysTheDefaultIfNoItemCanBePlayed) {
+  put("standby", 0, 2);
+  shelf.put("empty", {10, {.geometry = kItemSize, .frames = 0}});
+  Playlist list = list_of({"missing", "empty"}, kForever);
+  list.standby.emplace().source = parse_source("standby");
+  options.vblanks = 40;
+  EXPECT_EQ(play_list(list).outcome, PlayOutcome::Finished);
+  const std::vector<uint64_t> numbers = shown_numbers(32);
+  ASSERT_EQ(numbers.size(), 40u);
+  for (size_t k = 0; k < numbers.size(); ++k) EXPECT_EQ(numbers[k], k % 2);
+  EXPECT_EQ(status.waiting_for, "none of 2 items can be played: empty: it contains no frame");
+  EXPECT_THAT(details_of(PlaylistEvent::Kind::Waiting), testing::ElementsAre(status.waiting_for));
+}
+
+TEST_F(PlaylistPlay, AnItemThatBreaksAfterItsFirstFramesPlaysAgainInsteadOfTheDefault) {
+  put("standby", 0, 2);
+  shelf.put("breaks", {20, {.geometry = kItemSize, .frames = 5, .fails_after = 2}});
+  Playlist list = list_of({"breaks"}, kForever);
+  list.standby.emplace().source = parse_source("standby");
+  options.vblanks = 20;
+  play_list(list);
+  EXPECT_THAT(shown_numbers(32), testing::Each(testing::Ge(20u)));
+}
+
+TEST_F(PlaylistPlay, IsBlackUntilAnItemIsScheduledAndSaysWhen) {
+  put("black", 0, 1);
+  put("day", 10, 2);
+  Playlist list = list_of({"day"}, kForever);
+  list.items[0].schedule = Schedule{.days = 0x7f, .from_minute = 540, .to_minute = 600};
+  options.vblanks = 60;
+  const PlayResult result = play_list(list);
+  EXPECT_EQ(result.outcome, PlayOutcome::Finished);
+  EXPECT_EQ(result.report.pace.vblanks, 60u);
+  EXPECT_EQ(recorder->shown().front().checksum, checksum(0));
+  EXPECT_EQ(status.started, 0u) << "black is no item";
+  EXPECT_EQ(status.waiting_for, "no item is scheduled before Mon 09:00");
+  EXPECT_THAT(details_of(PlaylistEvent::Kind::Waiting), testing::ElementsAre(status.waiting_for));
+}
+
+TEST_F(PlaylistPlay, EndsAfterTheLongestWaitForAnItem) {
+  put("black", 0, 1);
+  longest_wait = std::chrono::milliseconds(50);
+  EXPECT_EQ(play_list(list_of({"missing", "gone"}, kForever)).outcome, PlayOutcome::Finished);
+  EXPECT_EQ(status.started, 0u);
+  EXPECT_EQ(status.waiting_for, "none of 2 items can be played: gone: no such file; look for it");
 }
 
 }  // namespace
