@@ -43,6 +43,8 @@ void DecodedSource::make_slots() {
   const uint64_t pool = static_cast<uint64_t>(std::max(rounds_.pool_frames, kMinPoolFrames));
   resident_ = pool >= count && rounds_.loop == rounds_.first;
   slots_.resize(resident_ ? count : std::clamp<uint64_t>(count, kMinPoolFrames, pool));
+  for (size_t slot = slots_.size(); slot-- > 0;) free_.push_back(slot);
+  order_.resize(slots_.size());
 }
 
 uint64_t DecodedSource::frame_of(uint64_t ticket) const {
@@ -54,7 +56,8 @@ uint64_t DecodedSource::frame_of(uint64_t ticket) const {
 bool DecodedSource::is_ready(uint64_t ticket) const {
   const Slot& slot = slot_of(ticket);
   // A resident frame may be acquired any number of times; no thread writes it any more.
-  return slot.state == SlotState::Ready && (resident_ || slot.ticket == ticket);
+  const uint64_t round = resident_ ? slots_.size() : UINT64_MAX;
+  return slot.state == SlotState::Ready && slot.ticket % round == ticket % round;
 }
 
 PullStatus DecodedSource::pull(AcquiredFrame& out) {
@@ -67,7 +70,9 @@ PullStatus DecodedSource::pull(AcquiredFrame& out) {
   }
   if (!is_ready(next_pull_)) return PullStatus::NotYet;
   if (!resident_) slot.state = SlotState::Acquired;
-  out = {.frame = slot.frame.view(), .number = frame_of(next_pull_), .token = next_pull_};
+  out = {.frame = slot.frame.view(),
+         .number = frame_of(next_pull_),
+         .token = static_cast<uint64_t>(&slot - slots_.data())};
   ++next_pull_;
   return PullStatus::Ready;
 }
@@ -76,9 +81,9 @@ void DecodedSource::release(uint64_t token) {
   if (resident_) return;
   {
     const std::lock_guard lock(mutex_);
-    Slot& slot = slot_of(token);
-    LENTICULE_CHECK(slot.state == SlotState::Acquired && slot.ticket == token);
-    slot.state = SlotState::Free;
+    LENTICULE_CHECK(token < slots_.size() && slots_[token].state == SlotState::Acquired);
+    slots_[token].state = SlotState::Free;
+    free_.push_back(token);
   }
   slot_freed_.notify_one();
 }
@@ -117,17 +122,14 @@ std::string DecodedSource::failure() const {
   return failed_ ? slot_of(next_pull_).failure : std::string();
 }
 
-bool DecodedSource::can_decode_next() const {
-  if (broken_ || (resident_ && next_decode_ == rounds_.skipped + slots_.size())) return false;
-  return slot_of(next_decode_).state == SlotState::Free;
-}
-
 void DecodedSource::decode_ahead(int thread) {
   std::unique_lock lock(mutex_);
   while (true) {
     slot_freed_.wait(lock, [this] { return stopping_ || can_decode_next(); });
     if (stopping_) return;
     const uint64_t ticket = next_decode_++;
+    order_[ticket % slots_.size()] = free_.back();
+    free_.pop_back();
     Slot& slot = slot_of(ticket);
     slot.state = SlotState::Decoding;
     slot.ticket = ticket;

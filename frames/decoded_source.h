@@ -85,7 +85,8 @@ class DecodedSource : public FrameSource {
  private:
   enum class SlotState { Free, Decoding, Ready, Acquired, Failed };
 
-  /// Slot holds one frame. Tickets count frames through all rounds; ticket t uses slot t mod slots.
+  /// Slot holds one frame. Tickets count frames through all rounds. A ticket gets any free slot, so
+  /// that frames that the player keeps do not delay those after them.
   struct Slot {
     SlotState state = SlotState::Free;
     uint64_t ticket = 0;
@@ -93,13 +94,14 @@ class DecodedSource : public FrameSource {
     std::string failure;
   };
 
-  [[nodiscard]] Slot& slot_of(uint64_t ticket) { return slots_[ticket % slots_.size()]; }
+  /// Returns the slot of a ticket that was given out and not pulled, or of a resident frame.
+  [[nodiscard]] Slot& slot_of(uint64_t ticket) { return slots_[order_[ticket % slots_.size()]]; }
   [[nodiscard]] const Slot& slot_of(uint64_t ticket) const {
-    return slots_[ticket % slots_.size()];
+    return slots_[order_[ticket % slots_.size()]];
   }
   [[nodiscard]] uint64_t frame_of(uint64_t ticket) const;
   [[nodiscard]] bool is_ready(uint64_t ticket) const;
-  [[nodiscard]] bool can_decode_next() const;
+  [[nodiscard]] bool can_decode_next() const { return !broken_ && !free_.empty(); }
   void make_slots();
   void decode_ahead(int thread);
   [[nodiscard]] std::string decode(int thread, uint64_t ticket, WovenFrame& to);
@@ -112,10 +114,12 @@ class DecodedSource : public FrameSource {
   mutable std::mutex mutex_;
   std::condition_variable slot_freed_;
   std::vector<Slot> slots_;
-  uint64_t next_decode_ = 0;  ///< ticket
-  uint64_t next_pull_ = 0;    ///< ticket
-  uint64_t round_begin_ = 0;  ///< first ticket of this round
-  uint64_t round_end_ = 0;    ///< pull() stops before this ticket until rewind()
+  std::vector<size_t> free_;   ///< indices of the free slots
+  std::vector<size_t> order_;  ///< index of the slot of ticket t, at t mod slots
+  uint64_t next_decode_ = 0;   ///< ticket
+  uint64_t next_pull_ = 0;     ///< ticket
+  uint64_t round_begin_ = 0;   ///< first ticket of this round
+  uint64_t round_end_ = 0;     ///< pull() stops before this ticket until rewind()
   int decoding_now_ = 0;
   bool broken_ = false;  ///< a frame failed, so no further frame is decoded
   bool failed_ = false;  ///< the failed frame was pulled
