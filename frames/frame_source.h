@@ -55,7 +55,8 @@ class FrameSource {
   /// Returns the number of frames, if known.
   [[nodiscard]] virtual std::optional<uint64_t> frame_count() const = 0;
 
-  /// Acquires the next frame in order. At most `max_acquired()` frames may be acquired at a time.
+  /// Acquires the next frame in order. At most `max_acquired()` frames may be acquired at a time;
+  /// while fewer are, the source delivers, whichever frames they are.
   [[nodiscard]] virtual PullStatus pull(AcquiredFrame& out) = 0;
   virtual void release(uint64_t token) = 0;
   [[nodiscard]] virtual int max_acquired() const = 0;
@@ -95,6 +96,9 @@ class FrameSource {
   /// Returns true if no frame is ready and none is due (paused, or between items): the displayed
   /// frame may stay, and this is not an underrun.
   [[nodiscard]] virtual bool nothing_due() const { return false; }
+  /// Returns true if the next frame depends on more than this source: on a renderer in another
+  /// process, or on an item that is still being opened.
+  [[nodiscard]] virtual bool waits_for_others() const { return false; }
   /// Returns a generation number, which pull() or service() increments when playback jumps. Frames
   /// pulled under an older number need not be shown any more.
   [[nodiscard]] virtual uint64_t cut() const { return 0; }

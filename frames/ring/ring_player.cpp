@@ -105,6 +105,7 @@ class Player final : public RingPlayer {
   [[nodiscard]] bool saturated() const override { return slot_table_.saturated(); }
   [[nodiscard]] bool rewind() override { return slot_table_.rewind(); }
   [[nodiscard]] int wake_fd() const override { return events_.get(); }
+  [[nodiscard]] bool waits_for_others() const override { return true; }
   void service() override;
   [[nodiscard]] std::string failure() const override { return {}; }
   [[nodiscard]] RingStatistics statistics() const override;

@@ -194,6 +194,8 @@ ordered_json PlayControls::status() const {
   if (options_.trim) json["trim"] = trim_json(options_.trim->trim());
   for (const char* key : {"write_trouble", "rig_trouble"})
     if (statistics_.contains(key)) json[key] = statistics_[key];
+  if (const auto stall = statistics_.value("stall", std::string()); !stall.empty())
+    json["last_trouble"] = stall;
   return json;
 }
 

@@ -84,21 +84,26 @@ uint64_t FrameCopier::begin_again() noexcept {
 }
 
 void FrameCopier::run() noexcept {
-  while (!stopping_.load(std::memory_order_acquire)) {
-    const Step result = step();
-    if (result == Step::Over) return;
-    if (result != Step::Worked) wait_for_change(kNap, result == Step::NoBuffer);
+  Step result = Step::Worked;
+  while (result != Step::Over && !stopping_.load(std::memory_order_acquire)) {
+    const auto now = SteadyClock::now().time_since_epoch();
+    statistics_.turn_ns.set(static_cast<uint64_t>(std::chrono::nanoseconds(now).count()));
+    result = step();
+    if (result != Step::Worked && result != Step::Over)
+      wait_for_change(kNap, result == Step::NoBuffer);
   }
+  statistics_.turn_ns.set(0);
 }
 
-void FrameCopier::pump(milliseconds timeout) noexcept {
+void FrameCopier::pump(milliseconds timeout, bool until_primed) noexcept {
   const auto deadline = SteadyClock::now() + timeout;
   if (source_.wake_fd() >= 0) source_.service();
   while (!stopping_.load(std::memory_order_acquire)) {
     const Step result = step();
     if (result == Step::Worked) timed_out_ = false;
-    if (result == Step::NoBuffer || result == Step::Over) return;
-    if (result != Step::NoFrame) continue;
+    const bool filled = result == Step::NoBuffer && (!until_primed || primed());
+    if (filled || result == Step::Over) return;
+    if (result == Step::Worked) continue;
     if (timed_out_ || source_.wake_fd() < 0) return;
     wait_for_change(kNap, false);
     timed_out_ = SteadyClock::now() >= deadline;
@@ -129,6 +134,7 @@ FrameCopier::Step FrameCopier::pull_next() {
       return take(acquired);
     case frames::PullStatus::NotYet:
       idle_.store(source_.nothing_due());
+      statistics_.waits_for_others.set(source_.waits_for_others() ? 1 : 0);
       return Step::NoFrame;
     case frames::PullStatus::End:
       return begin_next_loop();

@@ -78,7 +78,8 @@ class FrameCopier {
   /// Fills all free buffers. Waits (in real time) for a source that is working, so that simulated
   /// time stands still meanwhile. After `timeout` without a frame the source is not waited for
   /// again until it makes progress.
-  void pump(std::chrono::milliseconds timeout) noexcept;
+  /// `until_primed` waits for the source's prefetching, too.
+  void pump(std::chrono::milliseconds timeout, bool until_primed = false) noexcept;
   void request_stop() noexcept;
   /// Forgets the buffers of a lost display. No thread may run the frame copier meanwhile.
   void forget_buffers() noexcept;

@@ -115,14 +115,17 @@ std::string damage_text(const frames::FrameDamage& damage) {
 
 std::string summary_text(const PlayReport& report) {
   const PaceCounts& pace = report.pace;
+  const std::string first = pace.shown > 0
+                                ? fmt::format("first frame after {:.0f} ms", report.first_frame_ms)
+                                : "no frame was shown";
   return fmt::format(
       "{} on {}: {} frames in {} vblanks, {} repeated by plan, {} by underrun ({} underruns, {} "
       "after start-up), {} missed, {} dropped\n"
-      "first frame after {:.0f} ms; submit to flip {:.1f} ms median, copy {:.1f} ms median, {:.1f} "
+      "{}; submit to flip {:.1f} ms median, copy {:.1f} ms median, {:.1f} "
       "ms at most; {} MiB resident",
       escaped(report.source), escaped(report.display), pace.shown, pace.vblanks,
       pace.repeated_planned, pace.repeated_underrun, pace.underruns, pace.underruns_after_start,
-      pace.missed, pace.dropped, report.first_frame_ms, report.submit_to_flip.p50_us / 1000,
+      pace.missed, pace.dropped, first, report.submit_to_flip.p50_us / 1000,
       report.copy.p50_us / 1000, report.copy.max_us / 1000, report.memory.total >> 20);
 }
 

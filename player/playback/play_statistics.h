@@ -110,8 +110,11 @@ struct PresenterStatistics : PresenterCounts<Counter> {
   LiveValue<DisplayedPlace> displayed;
   LiveValue<DisplayedPlace> left;  ///< last displayed frame of the item before the displayed one
   Counter off;                     ///< 1 while the output is switched off
-  Counter real_time;               ///< 1 if the presenter has a real-time priority
-  Counter first_flip_ns;           ///< std::chrono::steady_clock
+  Counter turn_ns;     ///< std::chrono::steady_clock at the last turn of its loop; 0 = not running
+  Counter starved_ns;  ///< time for which a frame that is due has not been ready
+  Counter silent_ns;   ///< time for which the display has reported none of the awaited events
+  Counter real_time;   ///< 1 if the presenter has a real-time priority
+  Counter first_flip_ns;  ///< std::chrono::steady_clock
   Counter content_numerator;
   Counter content_denominator;
   Counter first_sequence;
@@ -123,6 +126,8 @@ struct PresenterStatistics : PresenterCounts<Counter> {
 };
 
 struct FrameCopierStatistics : FrameCopierCounts<Counter> {
+  Counter turn_ns;           ///< as that of the presenter
+  Counter waits_for_others;  ///< 1 if FrameSource::waits_for_others() when no frame was ready
   Counter ready_sum;
   Counter ready_samples;
   Counter ready_min;
@@ -145,6 +150,15 @@ struct ResidentMemory {
 };
 [[nodiscard]] ResidentMemory read_resident_memory();
 
+/// Times in seconds for which a stage of the playback has not done what was due.
+struct StageDelays {
+  double source = 0;
+  double frame_copier = 0;
+  double presenter = 0;
+  double display = 0;
+  bool source_waits_for_others = false;
+};
+
 /// The figures at one moment.
 struct PlayReport : PresenterCounts<uint64_t>, FrameCopierCounts<uint64_t> {
   std::string source;
@@ -160,6 +174,7 @@ struct PlayReport : PresenterCounts<uint64_t>, FrameCopierCounts<uint64_t> {
   std::string outcome;  ///< "playing", "finished", "interrupted", ...
 
   PaceCounts pace;
+  StageDelays delays;
   double refresh_measured_hz = 0;  ///< 0 = not yet
   double first_frame_ms = 0;       ///< time from the start of the command; 0 = not yet
   uint64_t ready_min = 0;

@@ -126,12 +126,26 @@ double first_frame_ms(const PresenterStatistics& statistics, SteadyClock::time_p
   return std::chrono::duration<double, std::milli>(since).count();
 }
 
+StageDelays stage_delays(const LiveStatistics& live) {
+  const auto seconds = [](uint64_t ns) { return static_cast<double>(ns) * 1e-9; };
+  const auto since = [&](uint64_t turn_ns) {
+    const auto now = std::chrono::nanoseconds(SteadyClock::now().time_since_epoch());
+    return turn_ns == 0 ? 0.0 : seconds(static_cast<uint64_t>(now.count()) - turn_ns);
+  };
+  return {.source = seconds(live.presenter.starved_ns.get()),
+          .frame_copier = since(live.frame_copier.turn_ns.get()),
+          .presenter = since(live.presenter.turn_ns.get()),
+          .display = seconds(live.presenter.silent_ns.get()),
+          .source_waits_for_others = live.frame_copier.waits_for_others.get() != 0};
+}
+
 void add_counters(const LiveStatistics& live, PlayReport& report) {
   const PresenterStatistics& presenter = live.presenter;
   report.real_time = presenter.real_time.get() != 0;
   report.off = presenter.off.get() != 0;
   report.item = presenter.displayed.read().item;
   report.pace = presenter.pace.read();
+  report.delays = stage_delays(live);
   if (presenter.content_numerator.get() > 0)
     report.content_rate = {
         .numerator = static_cast<int64_t>(presenter.content_numerator.get()),

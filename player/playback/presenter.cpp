@@ -14,6 +14,8 @@ using std::chrono::milliseconds;
 
 /// Longest wait before the stop request is checked again.
 constexpr Nanoseconds kLongestWait = milliseconds(100);
+/// Longest wait of a turn, so that a turn shows that the thread works.
+constexpr Nanoseconds kLongestTurn = std::chrono::seconds(1);
 /// Real time that a working source is waited for in simulated time.
 constexpr milliseconds kSourceTimeout{10'000};
 /// A submission less than this before its vblank counts as late.
@@ -74,6 +76,7 @@ PlayOutcome Presenter::run() noexcept {
     choose_rate();
   }
   play_on();
+  statistics_.turn_ns.set(0);
   return outcome_.value_or(PlayOutcome::Stopped);
 }
 
@@ -81,7 +84,8 @@ void Presenter::play_on() noexcept {
   while (!over()) {
     act();
     if (over()) break;
-    handle(display_.wait_event(awaited_by() + event_timeout(), wake_.fd()));
+    const Nanoseconds event = awaited_by() + event_timeout();
+    handle(display_.wait_event(std::min(event, display_.now() + kLongestTurn), wake_.fd()));
     publish();
   }
   land_pending_flip();
@@ -100,6 +104,7 @@ void Presenter::resume(uint64_t frame) noexcept {
   end_vblank_.reset();
   pending_.reset();
   starved_since_.reset();
+  silent_since_.reset();
   tick_requested_ = rebuffering_ = false;
   shows_one_more_ = true;
   off_ = false;  // opening a display switches it on
@@ -125,12 +130,14 @@ void Presenter::prime() noexcept {
   Nanoseconds begin = display_.now();
   std::optional<Nanoseconds> first_frame;
   while (!over()) {
-    if (options_.filling == Filling::InPresenter) frame_copier_.pump(kSourceTimeout);
+    if (options_.filling == Filling::InPresenter) frame_copier_.pump(kSourceTimeout, true);
     frame_copier_.wake_at_next_change(wake_);
     const Nanoseconds now = display_.now();
     const bool over_already = frame_copier_.state() != FrameCopier::State::Running;
     if (frame_copier_.idle()) begin = now;
+    starved_since_ = begin;
     if (frame_copier_.peek() != nullptr) {
+      starved_since_.reset();
       if (!first_frame) first_frame = now;
       if (frame_copier_.primed() || now >= *first_frame + options_.prime_timeout) return;
     } else if (over_already) {
@@ -140,6 +147,7 @@ void Presenter::prime() noexcept {
     }
     if (over()) return;
     handle(display_.wait_event(now + kLongestWait, wake_.fd()));
+    publish();
   }
 }
 
@@ -427,6 +435,7 @@ void Presenter::end_flip() noexcept {
 }
 
 void Presenter::observe_vblank(const DisplayEvent& event) noexcept {
+  silent_since_.reset();
   statistics_.wake.record(display_.now() - event.time);
   vblanks_.observe(event);
   statistics_.last_sequence.set(vblanks_.last());
@@ -439,12 +448,15 @@ void Presenter::observe_vblank(const DisplayEvent& event) noexcept {
 void Presenter::handle_timeout() noexcept {
   wake_.drain();
   const Nanoseconds now = display_.now();
-  if (pending_ && now >= pending_->submitted + event_timeout()) {
+  const bool flip_lost = pending_ && now >= pending_->submitted + event_timeout();
+  const bool tick_lost = !pending_ && tick_requested_ && now >= tick_expected_ + event_timeout();
+  if ((flip_lost || tick_lost) && !silent_since_) silent_since_ = now;
+  if (flip_lost) {
     statistics_.flip_timeouts.add();
     if (++events_lost_in_a_row_ >= kMaxEventsLost) outcome_ = PlayOutcome::DisplayLost;
     pacer_.flipped(pending_->target);
     end_flip();
-  } else if (!pending_ && tick_requested_ && now >= tick_expected_ + event_timeout()) {
+  } else if (tick_lost) {
     statistics_.vblank_timeouts.add();
     tick_requested_ = false;
   }
@@ -480,6 +492,13 @@ Nanoseconds Presenter::event_timeout() const noexcept {
 }
 
 void Presenter::publish() noexcept {
+  const auto turn = std::chrono::steady_clock::now().time_since_epoch();
+  const auto since = [now = display_.now()](const std::optional<Nanoseconds>& begin) {
+    return begin ? static_cast<uint64_t>((now - *begin).count()) : 0;
+  };
+  statistics_.turn_ns.set(static_cast<uint64_t>(Nanoseconds(turn).count()));
+  statistics_.starved_ns.set(frame_copier_.between_sequences() ? 0 : since(starved_since_));
+  statistics_.silent_ns.set(since(silent_since_));
   statistics_.pace.publish(pacer_.counts());
 }
 

@@ -145,6 +145,7 @@ class Presenter {
   display::Nanoseconds tick_expected_{0};  ///< time at which that tick is expected
   bool rebuffering_ = false;               ///< LatePolicy::Hold after an underrun
   std::optional<display::Nanoseconds> starved_since_;
+  std::optional<display::Nanoseconds> silent_since_;  ///< first timeout since the last event
   frames::Rate wanted_rate_;  ///< rate of the next frame, before it is locked to the display
   uint64_t cut_ = 0;          ///< the source's discontinuity number that was handled last
   bool after_cut_ = false;    ///< waiting for the first frame after a discontinuity

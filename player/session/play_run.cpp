@@ -246,6 +246,7 @@ PlayResult PlayRun::play_on_display(frames::FrameSource& source, PlaybackOptions
     look_after_files();
     update_proof();
     steered_->report(report);
+    report_stall(report);
     if (step_) step_->report_trouble();
     write_stats(statistics_json(report));
     service_->report(report);
@@ -288,7 +289,8 @@ void PlayRun::look_after_files() {
   outputs_.save_trim_again();
   follow_rig();
   std::string warning = outputs_.report_problems();
-  if (!rig_problem_.empty()) warning += warning.empty() ? rig_problem_ : ", " + rig_problem_;
+  for (const std::string& problem : {rig_problem_, stall_})
+    if (!problem.empty()) warning += warning.empty() ? problem : ", " + problem;
   if (service_) service_->set_warning(warning);
 }
 
@@ -346,6 +348,7 @@ nlohmann::ordered_json PlayRun::statistics_json(const PlayReport& report) const 
     json["video_decoder"] = std::move(name);
   if (const auto warnings = plan_.source.warnings->all(); !warnings.empty())
     json["rig_warnings"] = warnings;
+  json["stall"] = stall_;
   if (proof_) json["proof"] = proof_->statistics();
   if (step_) json["step"] = step_->statistics();
   if (safe_.on) {
@@ -385,6 +388,29 @@ void PlayRun::report_power(const PlayReport& report) {
   const std::string exactness = kms_ != nullptr ? ", " + kms_->exactness().summary() : "";
   say("{}: {}{}\n", report.display, report.off ? "switched off" : "switched on again",
       report.off ? "" : exactness);
+}
+
+/// Reports once that frames no longer come although they are due, and once that they come again. A
+/// panel that is away needs none, and the first frame of a renderer may come at any time.
+void PlayRun::report_stall(const PlayReport& report) {
+  StageDelays delays = report.delays;
+  if (report.pace.shown == 0 && delays.source_waits_for_others) delays.source = 0;
+  const bool away = progress_sample(report, nullptr).panel_away ||
+                    (kms_ != nullptr && kms_->statistics().panel != display::PanelState::Showing);
+  const std::string stage = away ? "" : stalled_stage(delays);
+  const auto now = std::chrono::steady_clock::now();
+  if (stage.empty() == stall_.empty()) return;
+  if (stage.empty()) {
+    say("{}: continues after {:.0f} s\n", flags_.source,
+        std::chrono::duration<double>(now - stall_begin_).count());
+    stall_.clear();
+  } else {
+    stall_ =
+        fmt::format("{}: {}, although one is due; the displayed frame stays", flags_.source, stage);
+    stall_begin_ = now - std::chrono::seconds(2);
+    say("{}\n", stall_);
+  }
+  steered_->report_state(stall_.empty() ? "playing" : "stalled");
 }
 
 /// Prints the start message once, for people and the journal.
@@ -435,7 +461,7 @@ ExitCode PlayRun::exit_code_after(const PlayResult& result) const {
       return kOk;
     case PlayOutcome::Stopped:
       if (window_) window_->check();
-      return interrupt_exit_code();
+      return outputs_.incomplete() ? kFailed : interrupt_exit_code();
     case PlayOutcome::SourceFailed:
     case PlayOutcome::SourceStalled:
       throw source_error(result);

@@ -77,6 +77,7 @@ class PlayRun {
   // Reports.
   void report_exactness();
   void report_power(const PlayReport& report);
+  void report_stall(const PlayReport& report);
   void announce();
   void write_stats(nlohmann::ordered_json statistics);
   [[nodiscard]] nlohmann::ordered_json statistics_json(const PlayReport& report) const;
@@ -114,6 +115,8 @@ class PlayRun {
   uint64_t rig_version_ = 1;
   std::string reported_exactness_;
   bool reported_off_ = false;
+  std::string stall_;  ///< why a due frame has not come for two seconds; empty if none is due
+  std::chrono::steady_clock::time_point stall_begin_;
   std::string reported_;  ///< the reported reason for waiting; each is reported once
   PlayReport lost_;       ///< the report while waiting for a panel
 };

@@ -10,10 +10,13 @@
 namespace lenticule::player {
 
 ProgressSample progress_sample(const PlayReport& report, const display::KmsStatistics* kms) {
+  StageDelays own = report.delays;
+  if (own.source_waits_for_others) own.source = 0;
   ProgressSample sample{.flips = report.pace.shown,
                         .vblanks = report.wake.count,
                         .failures = report.flip_timeouts + report.busy,
-                        .panel_away = report.off};
+                        .panel_away = report.off,
+                        .stalled = !stalled_stage(own).empty()};
   if (kms == nullptr) return sample;
   sample.flips = kms->flips;
   sample.failures += kms->busy + kms->refused + kms->flip_timeouts;

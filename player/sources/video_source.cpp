@@ -14,6 +14,7 @@
 
 #include "base/error.h"
 #include "base/exit_code.h"
+#include "base/print.h"
 #include "base/unique_fd.h"
 #include "frames/ring/frame_number.h"
 #include "frames/ring/ring_player.h"
@@ -340,7 +341,11 @@ void Source::bury() {
   if ((at_end_ || sent_all) && !request_.plays_again) return;
   if (complete) return begin_child();
   const bool final_word = end_.exit_code == kInput || end_.exit_code == kUsage;
-  if (!final_word && may_restart()) return begin_child();
+  if (!final_word && may_restart()) {
+    say("{}: the decoder {}: {}; another one continues, restart {}\n", request_.file.string(),
+        killed_ ? "hung" : "ended", end_.text(), counts_.restarts);
+    return begin_child();
+  }
   failure_ =
       fmt::format("{}: {}: {}", request_.file.string(),
                   final_word ? "cannot be decoded" : "the decoder ends repeatedly", end_.text());

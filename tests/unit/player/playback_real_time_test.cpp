@@ -3,11 +3,13 @@
 // the slip policy shows every frame, however late.
 #include <gtest/gtest.h>
 
+#include <future>
 #include <thread>
 
 #include "base/error.h"
 #include "display/virtual/virtual_display.h"
 #include "player/playback/playback.h"
+#include "player/session/watchdog.h"
 #include "tests/support/fakes/fake_source.h"
 
 namespace lenticule::player {
@@ -87,6 +89,78 @@ TEST(PlaybackInRealTime, AnUnwritableReportEndsPlaying) {
                                 .source_name = "fake"};
   EXPECT_THROW((void)play(*display, source, options), Error);
   EXPECT_EQ(reports, 1);
+}
+
+enum class Stage { Source, FrameCopier, Presenter, Display };
+
+/// Plays with one stage that stops after a few frames until a report names the stage that stands
+/// still, and returns that text.
+class HaltingPlayback final : public frames::FrameSource, public display::VirtualFaults {
+ public:
+  explicit HaltingPlayback(Stage halts) : halts_(halts) {}
+
+  [[nodiscard]] static std::string stage_named_for(Stage halts) {
+    const auto faults = std::make_shared<HaltingPlayback>(halts);
+    const auto display = display::open_virtual_display({.geometry = kSmall, .faults = faults});
+    WakeFd stop;
+    std::string named;
+    (void)play(*display, *faults,
+               {.content = frames::Rate{1, 1},
+                .stop_fd = stop.fd(),
+                .on_report = [&](const PlayReport& report) {
+                  named = stalled_stage(report.delays);
+                  if (named.empty()) return;
+                  faults->over_.set_value();
+                  stop.signal();
+                }});
+    return named;
+  }
+
+  [[nodiscard]] frames::FrameGeometry geometry() const override { return kSmall; }
+  [[nodiscard]] std::optional<frames::Rate> rate() const override { return std::nullopt; }
+  [[nodiscard]] std::optional<uint64_t> frame_count() const override { return std::nullopt; }
+  [[nodiscard]] frames::PullStatus pull(frames::AcquiredFrame& out) override {
+    if (number_ >= 2 && halts_ == Stage::Source) return frames::PullStatus::NotYet;
+    if (number_ >= 2 && halts_ == Stage::FrameCopier) is_over_.wait();
+    out = {.frame = pixels_.view(), .number = number_++};
+    return frames::PullStatus::Ready;
+  }
+  void release(uint64_t) override {}
+  [[nodiscard]] int max_acquired() const override { return 1; }
+  [[nodiscard]] uint64_t ready_count() const override { return 1; }
+  [[nodiscard]] bool saturated() const override { return true; }
+  [[nodiscard]] bool rewind() override { return false; }
+  [[nodiscard]] int wake_fd() const override { return -1; }
+  void service() override {}
+  [[nodiscard]] std::string failure() const override { return {}; }
+
+  [[nodiscard]] display::EventFate fate(uint64_t sequence) noexcept override {
+    const bool dropped = halts_ == Stage::Display && sequence > 5;
+    return dropped ? display::EventFate::Drop : display::EventFate::Deliver;
+  }
+  [[nodiscard]] display::Nanoseconds event_delay(uint64_t sequence) noexcept override {
+    if (halts_ == Stage::Presenter && sequence > 5) is_over_.wait();
+    return display::Nanoseconds{0};
+  }
+
+ private:
+  const Stage halts_;
+  frames::WovenFrame pixels_{kSmall};
+  uint64_t number_ = 0;
+  std::promise<void> over_;
+  const std::shared_future<void> is_over_ = over_.get_future().share();
+};
+
+TEST(PlaybackInRealTime, NamesTheStageThatStandsStill) {
+  const auto named = [](Stage halts) {
+    return std::async(std::launch::async, HaltingPlayback::stage_named_for, halts);
+  };
+  auto source = named(Stage::Source), frame_copier = named(Stage::FrameCopier);
+  auto presenter = named(Stage::Presenter), display = named(Stage::Display);
+  EXPECT_EQ(source.get(), "no frame arrives");
+  EXPECT_EQ(frame_copier.get(), "the frame copier stands still");
+  EXPECT_EQ(presenter.get(), "the presenter stands still");
+  EXPECT_EQ(display.get(), "the display reports no vblank");
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "display/virtual/virtual_display.h"
+#include "frames/decoded_source.h"
 #include "tests/support/fakes/fake_source.h"
 #include "tests/support/fakes/scripted_faults.h"
 
@@ -154,6 +155,72 @@ TEST_F(Playback, SkipsByPlanWhenContentIsFasterThanTheDisplay) {
   EXPECT_EQ(result.report.pace.vblanks, 5u);
 }
 
+/// Makes a source of numbered frames with a pool.
+class PooledSource final : public frames::DecodedSource {
+ public:
+  explicit PooledSource(int pool) : DecodedSource("pool", std::make_unique<Numbers>(pool)) {}
+
+ private:
+  struct Numbers final : frames::FrameDecoding {
+    explicit Numbers(int frames) : pool(frames) {}
+    frames::DecodedRounds rounds() const override {
+      return {.geometry = kSmall, .last = 23, .pool_frames = pool, .decoder_threads = 2};
+    }
+    std::string decode(int, uint64_t frame, uint64_t, frames::WovenFrame& to) override {
+      to = test::numbered_frame(kSmall, frame);
+      return {};
+    }
+    int pool;
+  };
+};
+
+TEST_F(Playback, EveryStepThroughEveryPoolMakesProgress) {
+  PlaybackControl control;
+  const auto reconnects = [](const LostDisplay&) { return ReconnectResult::GivenUp; };
+  for (int pool = 2; pool <= 9; ++pool)
+    for (uint64_t step = 1; step <= 10; ++step)
+      for (const int keeping : {0, 1, 2, 3}) {
+        recorder = std::make_shared<test::RememberingRecorder>();
+        clock = std::make_shared<display::SimulatedClock>();
+        PooledSource source(pool);
+        const auto display = display::open_virtual_display(
+            {.geometry = kSmall, .buffers = 2 + pool % 3, .clock = clock, .recorder = recorder});
+        options.content = frames::Rate{static_cast<int64_t>(60 * step), 1};
+        options.loops = kForever;
+        options.vblanks = 20;
+        options.reconnect = keeping % 2 == 1 ? reconnects : decltype(options.reconnect)();
+        options.control = keeping >= 2 ? &control : nullptr;
+        const PlayResult result = play(*display, source, options);
+        ASSERT_EQ(result.report.pace.shown, 20u) << pool << " slots, " << step << " frames";
+        const std::vector<DisplayedFrame> shown = recorder->shown();
+        for (uint64_t k = 0; k < shown.size(); ++k)
+          ASSERT_EQ(shown[k].checksum,
+                    test::checksum_of(test::numbered_frame(kSmall, k * step % 23).view()))
+              << pool << " slots, " << step << " frames";
+      }
+}
+
+TEST_F(Playback, StartsAtTheSameSimulatedVblankHoweverLongDecodingTakes) {
+  options.prime = 8;
+  options.vblanks = 20;
+  options.loops = kForever;
+  for (int run = 0; run < 20; ++run) {
+    recorder = std::make_shared<test::RememberingRecorder>();
+    PooledSource source(9);
+    const auto display =
+        display::open_virtual_display({.geometry = kSmall,
+                                       .clock = clock = std::make_shared<display::SimulatedClock>(),
+                                       .recorder = recorder});
+    (void)play(*display, source, options);
+    EXPECT_EQ(shown_vblanks().front(), 1u);
+  }
+}
+
+TEST_F(Playback, TheSummarySaysWhetherAFrameWasShown) {
+  EXPECT_THAT(summary_text(play_script().report), testing::HasSubstr("first frame after "));
+  EXPECT_THAT(summary_text({}), testing::HasSubstr("no frame was shown"));
+}
+
 TEST_F(Playback, EventsThatComeLaterThanAPeriodAreMissedVblanks) {
   faults->delays[4] = milliseconds(25);
   const PlayResult result = play_script();
@@ -226,6 +293,7 @@ TEST_F(Playback, AStalledSourceEndsPlayingAfterItsTimeout) {
   EXPECT_EQ(shown_ids(), count_to(5));
   EXPECT_GE(clock->now(), seconds(7));
   EXPECT_LE(clock->now(), seconds(8));
+  EXPECT_GE(result.report.delays.source, 6.5);
 }
 
 TEST_F(Playback, ASourceThatNeverStartsEndsPlayingAfterItsTimeout) {
@@ -299,6 +367,7 @@ TEST_F(Playback, LoopingForeverWaitsForTheNextSequenceWithoutAnUnderrun) {
   EXPECT_EQ(result.outcome, PlayOutcome::SourceStalled);
   EXPECT_EQ(result.report.pace.underruns, 0u);
   EXPECT_GE(result.report.pace.held, 100u);
+  EXPECT_EQ(result.report.delays.source, 0.0) << "no frame is due";
 }
 
 TEST_F(Playback, AnEmptySequenceIsAnError) {

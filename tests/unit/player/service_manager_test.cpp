@@ -245,6 +245,27 @@ TEST(Watchdog, StopsWhenEveryFlipFails) {
   EXPECT_FALSE(watchdog.should_ping({.flips = 10, .vblanks = 300, .failures = 4}));
 }
 
+TEST(Watchdog, StopsWhenADueFrameDoesNotComeForAReasonOfThisProcess) {
+  Watchdog watchdog;
+  PlayReport report;
+  report.pace.shown = 10;
+  const auto should_ping = [&] {
+    ++report.wake.count;
+    return watchdog.should_ping(progress_sample(report, nullptr));
+  };
+  EXPECT_TRUE(should_ping());
+  report.delays.source = 1.5;
+  EXPECT_TRUE(should_ping()) << "one late frame";
+  report.delays.source = 3;
+  EXPECT_FALSE(should_ping());
+  report.delays.source_waits_for_others = true;
+  EXPECT_TRUE(should_ping()) << "a restart brings no renderer";
+  report.delays.frame_copier = 3;
+  EXPECT_FALSE(should_ping());
+  report.off = true;
+  EXPECT_TRUE(should_ping());
+}
+
 TEST(Watchdog, PingsWhileThePanelIsAway) {
   Watchdog watchdog;
   EXPECT_TRUE(watchdog.should_ping({.flips = 10, .vblanks = 10}));

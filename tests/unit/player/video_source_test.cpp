@@ -131,6 +131,7 @@ TEST_F(VideoPlays, ContinuesInALoopOfUnknownLength) {
 TEST_F(VideoPlays, GivesUpAfterTheFourthDeathWithinAMinute) {
   VideoRequest wanted = request(write_clip("clip.mkv", 3));
   wanted.plays_again = true;
+  testing::internal::CaptureStderr();
   const auto source = open_video(wanted);
   frames::AcquiredFrame acquired;
   PullStatus status = PullStatus::NotYet;
@@ -145,6 +146,9 @@ TEST_F(VideoPlays, GivesUpAfterTheFourthDeathWithinAMinute) {
   }
   EXPECT_EQ(status, PullStatus::Failed);
   EXPECT_EQ(source->statistics().restarts, 3u);
+  EXPECT_THAT(testing::internal::GetCapturedStderr(),
+              testing::HasSubstr("the decoder ended: killed by signal 9; another one continues, "
+                                 "restart 3"));
   EXPECT_THAT(source->failure(), testing::HasSubstr("signal 9"));
 }
 
