@@ -19,6 +19,12 @@ constexpr auto kRetry = std::chrono::seconds(1);
 constexpr auto kLook = std::chrono::seconds(1);
 /// Pause in which the loader reads a list again before it tries the list's next item.
 constexpr auto kAfterLook = std::chrono::milliseconds(20);
+/// Time after which a test card replaces the last frame of items that cannot be played any more.
+constexpr auto kUntilCard = std::chrono::seconds(10);
+
+PlaylistItem card_for(const std::string& reason) {
+  return {.source = parse_source("card"), .rate = frames::Rate{4, 1}, .reason = reason};
+}
 
 PlaylistItem black_item() {
   // Often enough that an item need not wait long for its end.
@@ -156,6 +162,9 @@ void ItemLoader::open_next(Lock& lock) {
   const LocalTime now = options_.local_time();
   NextItem pick = cursor_.next(now);
   if (pick.kind == NextItem::Kind::End && cursor_.interrupted()) return open_interrupted(lock);
+  const bool again = locked_outlasts();
+  if (pick.kind == NextItem::Kind::End && again)
+    pick = {.kind = NextItem::Kind::Item, .index = 0, .rounds_done = cursor_.rounds_done()};
   nothing_for_now_ = pick.kind == NextItem::Kind::None;
   list_over_ = pick.kind == NextItem::Kind::End;
   const std::string why = list_over_ && shown_ ? std::string() : locked_reason_to_wait(now);
@@ -175,11 +184,17 @@ void ItemLoader::open_next(Lock& lock) {
   if (standby) pick.kind = NextItem::Kind::None;
   const PlaylistItem item = standby ? *locked_standby() : list->items[pick.index];
   lock.unlock();
+  if (again && list->items.size() == 1 && !standby && is_changing(item)) {
+    lock.lock();
+    broken_since_ = SteadyClock::now();
+    return locked_pause();
+  }
   Attempt attempt = try_open(item, 0);
   // A file that was removed from a folder is no fault: the list is read again first.
   const bool list_is_old = !attempt.item && is_list_changed(*list);
   lock.lock();
   if (serial != request_serial_ || list != cursor_.list()) return locked_discard(attempt.item);
+  if (attempt.item && again && !standby) attempt.item->loops_done = broken_loops_;
   if (attempt.item) return locked_offer(std::move(attempt.item), pick);
   if (list_is_old) {
     look_now_ = true;
@@ -187,9 +202,23 @@ void ItemLoader::open_next(Lock& lock) {
     return;
   }
   if (!standby) cursor_.choose(pick.index, pick.rounds_done);
+  const uint64_t loops_done = again ? broken_loops_ : 0;
   lock.unlock();
-  skip(item.source.text, with_remedy(*attempt.error), standby, false);
+  skip(item.source.text, with_remedy(*attempt.error), standby, false, loops_done);
   lock.lock();
+}
+
+bool ItemLoader::locked_outlasts() const {
+  const bool repeats = options_.outlasts_faults || cursor_.list()->rounds != 1;
+  const bool is_last = broke_off_ && cursor_.list()->items.size() == 1;
+  return repeats && shown_ && !cursor_.interrupted() && (is_last || locked_none_works());
+}
+
+/// Returns true until two checks in a row find the files of an item unchanged.
+bool ItemLoader::is_changing(const PlaylistItem& item) {
+  if (!options_.look_at) return false;
+  std::vector<FileMark> now = options_.look_at(item);
+  return std::exchange(broken_files_, now) != now;
 }
 
 // --- times without an item ---
@@ -203,6 +232,8 @@ std::optional<PlaylistItem> ItemLoader::locked_standby() const {
   const Playlist& list = *cursor_.list();
   if (list.standby && !standby_broken_) return list.standby;
   if (list.awaits_files || !shown_) return black_item();
+  if (locked_outlasts() && SteadyClock::now() >= broken_since_ + kUntilCard)
+    return card_for(problem_);
   return std::nullopt;
 }
 
@@ -382,13 +413,18 @@ void ItemLoader::note_first_frame(const OpenItem& item) {
   if (item.index) unplayable_in_a_row_ = 0;
 }
 
-void ItemLoader::skip(const std::string& source, const std::string& why, bool standby,
-                      bool played) {
+void ItemLoader::skip(const std::string& source, const std::string& why, bool standby, bool played,
+                      uint64_t loops_done) {
+  const std::string problem = why.starts_with(source) ? why : source + ": " + why;
   {
     const std::lock_guard lock(mutex_);
+    const bool is_known = !played && locked_none_works() && problem_ == problem;
+    if (!broke_off_ && unplayable_in_a_row_ == 0) broken_since_ = SteadyClock::now();
     broke_off_ = true;
-    if (!played)
-      locked_note_unplayable(standby, why.starts_with(source) ? why : source + ": " + why);
+    broken_loops_ = loops_done;
+    if (!played) locked_note_unplayable(standby, problem);
+    if (locked_outlasts()) list_over_ = false;
+    if (is_known) return;
   }
   reporter_.skipped(source, why);
 }

@@ -42,6 +42,7 @@ struct ItemLoaderOptions {
   ItemLook look_at = nullptr;      ///< null: replaced files of items are not detected
   ListReader read_list = nullptr;  ///< null: a replaced list is not detected
   ListMark mark_list = nullptr;    ///< null: mark_of(), for lists in files
+  bool outlasts_faults = false;    ///< as in PlaylistSourceOptions
   /// Null: after an interruption, an item continues with the last frame that was taken of it.
   LeftItemLook left_item = nullptr;
 };
@@ -86,8 +87,10 @@ class ItemLoader {
   void begin(const OpenItem& item);
   void leave();
   void note_first_frame(const OpenItem& item);
-  /// Counts and reports an item that cannot be played, or, if it was `played`, not any further.
-  void skip(const std::string& source, const std::string& why, bool standby, bool played);
+  /// Counts and reports an item that cannot be played, or, if it was `played`, not any further,
+  /// after `loops_done`.
+  void skip(const std::string& source, const std::string& why, bool standby, bool played,
+            uint64_t loops_done);
   void close(std::unique_ptr<OpenItem> item);
   [[nodiscard]] uint64_t loops_of(const OpenItem& item) const;
   /// Returns true if the list was replaced by one that does not continue the
@@ -184,8 +187,11 @@ class ItemLoader {
   [[nodiscard]] bool is_list_changed(const Playlist& list) const;
   /// Returns true if each item that is scheduled now was tried in vain.
   [[nodiscard]] bool locked_none_works() const;
+  /// Returns true if nothing works any more, and this does not end the list.
+  [[nodiscard]] bool locked_outlasts() const;
+  [[nodiscard]] bool is_changing(const PlaylistItem& item);
   /// Returns the item for times without one of the list: the default, otherwise black for as long
-  /// as the panel has no frame. None: the last frame stays.
+  /// as the panel has no frame, and a test card after a while. None: the last frame stays.
   [[nodiscard]] std::optional<PlaylistItem> locked_standby() const;
   [[nodiscard]] bool locked_may_open_standby() const;
   void locked_pause();
@@ -229,13 +235,16 @@ class ItemLoader {
   bool outdated_ = false;   ///< the new list no longer contains the playing item unchanged
   bool list_over_ = false;  ///< the last round is over
   bool held_ = false;
-  bool ended_ = false;              ///< the frame copier was told that the list is over
-  bool nothing_for_now_ = false;    ///< no item is scheduled now
-  bool broke_off_ = false;          ///< the last item broke, and no other has begun
-  size_t unplayable_in_a_row_ = 0;  ///< items of which no frame could be shown
-  std::string problem_;             ///< of the last of them
-  bool standby_broken_ = false;     ///< until the next pause between attempts
-  bool shown_ = false;              ///< a frame of any item was taken
+  bool ended_ = false;                    ///< the frame copier was told that the list is over
+  bool nothing_for_now_ = false;          ///< no item is scheduled now
+  bool broke_off_ = false;                ///< the last item broke, and no other has begun
+  size_t unplayable_in_a_row_ = 0;        ///< items of which no frame could be shown
+  std::string problem_;                   ///< of the last of them
+  uint64_t broken_loops_ = 0;             ///< loops that the last broken item had done
+  SteadyTime broken_since_{};             ///< since when nothing works and no file changes
+  std::vector<FileMark> broken_files_{};  ///< of a broken item; used by the loader thread
+  bool standby_broken_ = false;           ///< until the next pause between attempts
+  bool shown_ = false;                    ///< a frame of any item was taken
   SteadyTime retry_at_{};
   bool look_now_ = false;
   SteadyTime look_at_{};

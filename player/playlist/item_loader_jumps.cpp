@@ -199,7 +199,7 @@ void ItemLoader::open_interrupted(Lock& lock) {
   }
   locked_end_interruption();
   lock.unlock();
-  skip(item.source.text, with_remedy(*attempt.error), false, false);
+  skip(item.source.text, with_remedy(*attempt.error), false, false, 0);
   lock.lock();
 }
 

@@ -63,6 +63,11 @@ void PlaylistReporter::returned(const OpenItem& item) {
   report(EventKind::Returned, item.item.source.text, {}, item.opened.woven_elsewhere);
 }
 
+void PlaylistReporter::loop_done() {
+  const std::lock_guard lock(mutex_);
+  ++status_.loops;
+}
+
 void PlaylistReporter::loop_point(const std::string& source) {
   {
     const std::lock_guard lock(mutex_);
@@ -85,6 +90,10 @@ void PlaylistReporter::replaced(const std::string& source) {
 }
 
 void PlaylistReporter::kept(const std::string& source, const std::string& why) {
+  {
+    const std::lock_guard lock(mutex_);
+    status_.last_problem = why;
+  }
   report(EventKind::Kept, source, why);
 }
 

@@ -49,6 +49,7 @@ struct PlaylistStatus {
   uint64_t rounds_done = 0;
   uint64_t started = 0;
   uint64_t loop_points = 0;
+  uint64_t loops = 0;  ///< times that an item was complete
   uint64_t skipped = 0;
   std::string last_problem{};
   std::string waiting_for{};     ///< why no item of the list can begin; empty if one plays
@@ -88,6 +89,7 @@ class PlaylistReporter {
   /// without a lock.
   [[nodiscard]] bool note_waiting(const std::string& why);
   void waits(const std::string& list, const std::string& why);
+  void loop_done();
   void loop_point(const std::string& source);
   void skipped(const std::string& source, const std::string& why);
   /// Reports a list or an item that was replaced, or whose replacement cannot

@@ -49,6 +49,7 @@ PlaylistSource::PlaylistSource(std::shared_ptr<const Playlist> list,
                .look_at = options.look_at,
                .read_list = options.read_list,
                .mark_list = options.mark_list,
+               .outlasts_faults = options.outlasts_faults,
                .left_item = options.left_item},
               reporter_, wake_) {
   check(static_cast<bool>(poll_));
@@ -248,6 +249,7 @@ bool PlaylistSource::goes_round(OpenItem& item) {
     if (!item.waits_for_renderer) break_current("it contains no frame");
     return true;
   }
+  reporter_.loop_done();
   bool more = limited || loops == kForever || item.loops_done < loops;
   if (!item.index)
     more = !loader_.next_is_there();
@@ -338,8 +340,10 @@ void PlaylistSource::break_current(const std::string& why) {
   const std::string source = current_->item.source.text;
   const bool standby = !current_->index;
   const bool played = current_->handed_out > 0;
+  const uint64_t loops_done = current_->loops_done;
   leave_current(false);
-  loader_.skip(source, why.empty() ? "frame size differs from the panel's" : why, standby, played);
+  loader_.skip(source, why.empty() ? "frame size differs from the panel's" : why, standby, played,
+               loops_done);
 }
 
 void PlaylistSource::watch(const OpenItem& item, bool on) const {

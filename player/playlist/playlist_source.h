@@ -34,6 +34,9 @@ struct PlaylistSourceOptions {
   ItemLook look_at = nullptr;
   ListReader read_list = nullptr;
   ListMark mark_list = nullptr;
+  /// Once a frame was played, broken files do not end the list: its items are tried again, and a
+  /// test card is shown if that does not help for ten seconds.
+  bool outlasts_faults = false;
   /// Returns the last displayed frame of an item; null = the last one that was pulled counts as
   /// displayed.
   LeftItemLook left_item = nullptr;
@@ -112,6 +115,9 @@ class PlaylistSource final : public frames::FrameSource {
   void service() override;
   [[nodiscard]] std::string failure() const override { return {}; }
   [[nodiscard]] bool nothing_due() const override { return idle_; }
+  [[nodiscard]] bool waits_for_others() const override {
+    return !current_ || current_->opened.source->waits_for_others();
+  }
   [[nodiscard]] uint64_t cut() const override { return cut_; }
   [[nodiscard]] frames::FrameDamage damage() const override { return reporter_.damage(); }
 

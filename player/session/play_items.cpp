@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/session/play_items.h"
 
+#include "player/session/card_texts.h"
+
 namespace lenticule::player {
 
 Playlist read_playlist(const SourceSpec& source, const PlayFlags& flags, const PlayPlan& plan) {
@@ -26,6 +28,10 @@ ItemOpener item_opener(const SourceRequest& like) {
     SourceRequest request = like;
     request.spec = item.source;
     request.frames = item.frames;
+    if (!item.reason.empty()) {
+      request.card = error_card(like.spec.text, Error(ErrorKind::Input, item.reason));
+      for (WallPart& part : request.wall) part.card = request.card;
+    }
     request.first_frame = first_frame;
     request.plays_again = item.loops != 1 || item.duration_s.has_value();
     return open_source(request);

@@ -24,9 +24,9 @@ bool folder_exists(const std::filesystem::path& file) {
   return std::filesystem::is_directory(file.has_parent_path() ? file.parent_path() : ".", error);
 }
 
-/// Returns true if the source is a file that is shown forever, which may be replaced meanwhile.
+/// Returns true if the source is a file that is shown again, which may be replaced meanwhile.
 bool is_followed(const PlayPlan& plan) {
-  return plan.playback.loops == kForever && !marks_of_source(plan.source.spec).empty();
+  return plan.playback.loops != 1 && !marks_of_source(plan.source.spec).empty();
 }
 
 LeftItemLook left_item_of(const PlaybackControl& playback) {
@@ -127,6 +127,7 @@ void SteeredPlay::open(OpenedSource& opened) {
               },
           .mark_list = [folders =
                             plan_.folders](const std::string& name) { return folders->mark(name); },
+          .outlasts_faults = controls_ || plan_.playback.loops != 1,
           .left_item = controls_ ? left_item_of(controls_->playback()) : nullptr,
           .longest_wait = flags_.wait.empty() ? std::nullopt : plan_.playback.stall_timeout});
   source->open_first();
@@ -237,6 +238,7 @@ void SteeredPlay::complete(ordered_json& statistics) {
   statistics["source_pace"] = to_json(pace_.figures());
   if (source_ != nullptr) {
     const PlaylistStatus status = source_->status();
+    statistics["loops"] = status.loops;
     statistics["playlist"] = {{"list", status.list},
                               {"source", status.source},
                               {"items", status.items},
