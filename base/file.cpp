@@ -26,12 +26,17 @@ std::string reason(int error) {
               error == ENOSPC || error == EDQUOT ? "free some space, or write somewhere else" : "");
 }
 
-[[noreturn]] void fail_read(const std::filesystem::path& file, const std::string& cause) {
-  throw Error(ErrorKind::Input, fmt::format("{}: cannot read: {}", file.string(), cause));
+[[noreturn]] void fail_read(const std::filesystem::path& file, const std::string& cause,
+                            const std::string& remedy = {}) {
+  throw Error(ErrorKind::Input, fmt::format("{}: cannot read: {}", file.string(), cause), remedy);
+}
+
+[[noreturn]] void fail_read(const std::filesystem::path& file, int error) {
+  fail_read(file, reason(error), read_remedy(file, error));
 }
 
 void require_regular(const std::filesystem::path& file, mode_t mode) {
-  if (S_ISDIR(mode)) fail_read(file, reason(EISDIR));
+  if (S_ISDIR(mode)) fail_read(file, EISDIR);
   if (!S_ISREG(mode))
     fail_read(file, fmt::format("it is {}, not a regular file", kind_of_file(mode)));
 }
@@ -63,7 +68,7 @@ Bytes read_file(const std::filesystem::path& file, uint64_t limit_bytes) {
   while (done < bytes.size()) {
     const ssize_t n = ::read(in.descriptor.get(), bytes.data() + done, bytes.size() - done);
     if (n < 0 && errno == EINTR) continue;
-    if (n < 0) fail_read(file, reason(errno));
+    if (n < 0) fail_read(file, errno);
     if (n == 0) break;  // the file shrank while it was read; its parser reports the truncation
     done += static_cast<size_t>(n);
   }
@@ -73,17 +78,28 @@ Bytes read_file(const std::filesystem::path& file, uint64_t limit_bytes) {
 
 }  // namespace
 
+std::string read_remedy(const std::filesystem::path& file, int error) {
+  if (error == EISDIR) return "name a file in it";
+  if (error == EACCES || error == EPERM) return "give this user permission to read it";
+  if (error != ENOENT && error != ENOTDIR) return {};
+  if (file.string().find("://") != std::string::npos)
+    return "download it first: only files of this machine are read";
+  std::error_code ignored;
+  const std::string here = std::filesystem::current_path(ignored).string();
+  return file.is_relative() ? "correct the name; the current folder is " + here
+                            : "correct the name";
+}
+
 OpenedFile open_regular_file(const std::filesystem::path& file, uint64_t limit_bytes) {
   struct stat status {};
   // stat() comes before open(), because open() alone has side effects on some devices.
-  if (::stat(file.c_str(), &status) != 0) fail_read(file, reason(errno));
+  if (::stat(file.c_str(), &status) != 0) fail_read(file, errno);
   require_regular(file, status.st_mode);
   // O_NONBLOCK: if a pipe replaced the file after the stat(), open() must not wait for the pipe's
   // other end.
   constexpr int kFlags = O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY;
   OpenedFile opened{UniqueFd(::open(file.c_str(), kFlags)), 0};
-  if (!opened.descriptor || ::fstat(opened.descriptor.get(), &status) != 0)
-    fail_read(file, reason(errno));
+  if (!opened.descriptor || ::fstat(opened.descriptor.get(), &status) != 0) fail_read(file, errno);
   require_regular(file, status.st_mode);
   opened.bytes = static_cast<uint64_t>(status.st_size);
   if (opened.bytes > limit_bytes) fail_read(file, too_large(opened.bytes, limit_bytes));

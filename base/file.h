@@ -23,6 +23,9 @@ void write_file_atomically(const std::filesystem::path& file, std::span<const ui
 /// cannot be synchronised: the file itself is complete in either case.
 void sync_folder_of(const std::filesystem::path& file) noexcept;
 
+/// Returns the remedy for a file that cannot be opened for reading because of `error`, an errno.
+[[nodiscard]] std::string read_remedy(const std::filesystem::path& file, int error);
+
 struct OpenedFile {
   UniqueFd descriptor;
   uint64_t bytes = 0;

@@ -65,24 +65,47 @@ bool FilePattern::looks_like_pattern(std::string_view text) {
   return text.find('%') != std::string_view::npos;
 }
 
-std::vector<uint64_t> FilePattern::existing() const {
+std::vector<FilePattern::Named> FilePattern::similar() const {
   const std::filesystem::path prefix(prefix_);
   const std::filesystem::path folder = prefix.has_parent_path() ? prefix.parent_path() : ".";
   const std::string stem = prefix.filename().string();
 
-  std::vector<uint64_t> numbers;
+  std::vector<Named> found;
   std::error_code error;
   for (std::filesystem::directory_iterator it(folder, error), end; !error && it != end;
        it.increment(error)) {
     const std::string name = it->path().filename().string();
-    if (name.size() <= stem.size() + suffix_.size() || !name.starts_with(stem)) continue;
+    if (name.size() <= stem.size() + suffix_.size() || !name.starts_with(stem) ||
+        !name.ends_with(suffix_))
+      continue;
     const size_t digits = name.size() - stem.size() - suffix_.size();
     const auto number = number_from<uint64_t>(std::string_view(name).substr(stem.size(), digits));
-    // Excludes names such as "7.png", which "%05d.png" does not produce.
-    if (number && path(*number).filename().string() == name) numbers.push_back(*number);
+    if (number) found.push_back({*number, digits});
   }
+  return found;
+}
+
+std::vector<uint64_t> FilePattern::existing() const {
+  std::vector<uint64_t> numbers;
+  const auto printed = [this](uint64_t number) {
+    return fmt::formatted_size("{:0{}}", number, digits_);
+  };
+  for (const Named& one : similar())
+    // Excludes names such as "7.png", which "%05d.png" does not produce.
+    if (printed(one.number) == one.digits) numbers.push_back(one.number);
   std::sort(numbers.begin(), numbers.end());
   return numbers;
+}
+
+std::vector<uint64_t> FilePattern::existing_or_throw() const {
+  std::vector<uint64_t> numbers = existing();
+  if (!numbers.empty()) return numbers;
+  const std::vector<Named> others = similar();
+  throw Error(ErrorKind::Input, fmt::format("{}: no such files", pattern_),
+              others.empty()
+                  ? "%05d stands for a number of five digits, %d for one of any length"
+                  : fmt::format("there are files with {} digits: '{}%0{}d{}'",
+                                others.front().digits, prefix_, others.front().digits, suffix_));
 }
 
 }  // namespace lenticule::frames

@@ -88,7 +88,8 @@ class FrameSink final : public PictureSink {
     if (expected_ && found != *expected_)
       throw Error(ErrorKind::Input,
                   fmt::format("{}: {} x {} pixels where {} x {} are expected", file_.string(),
-                              found.width, found.height, expected_->width, expected_->height));
+                              found.width, found.height, expected_->width, expected_->height),
+                  "all pictures must have one size");
   }
   std::span<uint8_t> rows(int y, int rows) override {
     WovenFrame& stored = turns() ? stored_ : frame_;

@@ -126,8 +126,18 @@ class FilePattern {
   [[nodiscard]] const std::string& text() const { return pattern_; }
   /// Returns the numbers of the files that exist, ascending.
   [[nodiscard]] std::vector<uint64_t> existing() const;
+  /// Returns the same numbers. Throws Error(Input) if no file exists; its remedy names the pattern
+  /// of files that have another number of digits.
+  [[nodiscard]] std::vector<uint64_t> existing_or_throw() const;
 
  private:
+  struct Named {
+    uint64_t number;
+    size_t digits;
+  };
+  /// Returns the files whose names have any number of digits at the pattern's place.
+  [[nodiscard]] std::vector<Named> similar() const;
+
   std::string pattern_;
   std::string prefix_;
   std::string suffix_;

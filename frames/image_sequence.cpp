@@ -53,8 +53,7 @@ class ImageSequence::Files final : public FrameDecoding {
 std::vector<std::filesystem::path> list_frame_files(const std::string& source) {
   if (!FilePattern::looks_like_pattern(source)) return {source};
   const FilePattern pattern(source);
-  const std::vector<uint64_t> numbers = pattern.existing();
-  if (numbers.empty()) throw Error(ErrorKind::Input, fmt::format("{}: no such files", source));
+  const std::vector<uint64_t> numbers = pattern.existing_or_throw();
   std::vector<std::filesystem::path> files;
   for (const uint64_t number : numbers) {
     const uint64_t expected = numbers.front() + files.size();

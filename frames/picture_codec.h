@@ -17,6 +17,10 @@
 
 namespace lenticule::frames {
 
+/// Remedy for files that cannot be decoded as pictures.
+inline constexpr const char* kPictureRemedy =
+    "save it again as PNG; the names of films end in .lts, .mkv, .mp4 or the like";
+
 /// PictureSink receives the code values of one picture, in one thread.
 class PictureSink {
  public:

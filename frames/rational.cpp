@@ -17,8 +17,8 @@ constexpr int64_t kMaxSecondsPerFrame = 3600;
 constexpr int kMaxDecimals = 6;
 
 [[noreturn]] void reject(std::string_view text) {
-  throw Error(ErrorKind::Usage, fmt::format("rate '{}': not a positive rate", text),
-              "write 60, 59.94, 12.5 or 24000/1001");
+  throw Error(ErrorKind::Usage, fmt::format("rate '{}': not a rate", text),
+              "write frames per second: 60, 59.94, 12.5 or 24000/1001");
 }
 
 /// Returns a > factor * b for positive numbers, without the product, which may overflow.
@@ -47,7 +47,7 @@ Rate make_rate(int64_t numerator, int64_t denominator) {
   if (!positive || exceeds(numerator, kMaxRate, denominator) ||
       exceeds(denominator, kMaxSecondsPerFrame, numerator))
     throw Error(ErrorKind::Usage, fmt::format("rate {}/{}: out of range", numerator, denominator),
-                "a rate lies between one frame an hour and 10000 frames a second");
+                "write 1/3600 to 10000 frames per second, for example 24");
   const int64_t divisor = std::gcd(numerator, denominator);
   return {numerator / divisor, denominator / divisor};
 }

@@ -72,7 +72,11 @@ nlohmann::json parse_json(std::string_view text, const std::string& source) {
   try {
     return nlohmann::json::parse(text);
   } catch (const nlohmann::json::exception& error) {
-    throw Error(ErrorKind::Input, fmt::format("{}: {}", source, foreign_text(error.what())));
+    const std::string_view cause = error.what();  // begins with "[json.exception...] "
+    throw Error(
+        ErrorKind::Input,
+        fmt::format("{}: not JSON: {}", source, foreign_text(cause.substr(cause.find("] ") + 2))),
+        "correct it, or name another file");
   }
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cstdint>
@@ -38,7 +39,8 @@ class TomlSection {
       if (std::find(known.begin(), known.end(), word) != known.end()) continue;
       const auto nearest = nearest_word(word, {known.begin(), known.size()});
       fail(key.source().begin.line, fmt::format("unknown key '{}'", full_name(clipped(word))),
-           nearest ? fmt::format("did you mean '{}'?", *nearest) : std::string());
+           nearest ? fmt::format("did you mean '{}'?", *nearest)
+                   : fmt::format("known here: {}", fmt::join(known, ", ")));
     }
   }
 

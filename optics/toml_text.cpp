@@ -81,7 +81,8 @@ toml::table parse_toml(std::string_view text, const std::string& source) {
   try {
     return toml::parse(text);
   } catch (const toml::parse_error& error) {
-    fail(source, static_cast<int>(error.source().begin.line), error.description(), "");
+    fail(source, static_cast<int>(error.source().begin.line), error.description(),
+         "correct the line, or name another file");
   }
 }
 

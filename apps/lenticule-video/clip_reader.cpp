@@ -16,6 +16,7 @@
 #include "apps/lenticule-video/descriptor_io.h"
 #include "apps/lenticule-video/hardware_pictures.h"
 #include "base/error.h"
+#include "base/file.h"
 
 namespace lenticule::video {
 namespace {
@@ -68,7 +69,8 @@ const char* allowed_codecs() {
 
 int open_clip_file(const std::string& name) {
   const int fd = ::open(name.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-  if (fd < 0) fail(name, std::string("cannot read: ") + std::strerror(errno));
+  if (const int error = errno; fd < 0)
+    fail(name, std::string("cannot read: ") + std::strerror(error), read_remedy(name, error));
   struct stat status {};
   if (fstat(fd, &status) == 0 && S_ISREG(status.st_mode)) return fd;
   ::close(fd);
@@ -108,7 +110,7 @@ AVStream& Container::video_stream(std::optional<int> wanted) {
   if (wanted)
     fail(name_, "stream " + std::to_string(*wanted) + " has no pictures",
          "lenticule-video probe lists the streams");
-  fail(name_, "no stream with pictures");
+  fail(name_, "no stream with pictures", "name a file that contains a video");
 }
 
 // --- slice checksums ---------------------------------------------------------------------------

@@ -14,6 +14,7 @@
 
 #include "base/error.h"
 #include "frames/image_format.h"
+#include "frames/picture_codec.h"
 #include "frames/picture_limits.h"
 #include "frames/pictures/oiio_setup.h"
 #include "frames/srgb.h"
@@ -68,8 +69,7 @@ const char* unknown_kind(std::span<const uint8_t> bytes) {
   if (bytes.empty()) return "empty file";
   constexpr std::string_view kBox = "ftyp";
   const bool heif = bytes.size() >= 8 && std::equal(kBox.begin(), kBox.end(), bytes.begin() + 4);
-  return heif ? "HEIF and AVIF are not supported, nor are their stereo tags; convert the picture "
-                "to PNG"
+  return heif ? "HEIF and AVIF are not supported, nor are their stereo tags"
               : "not a picture of a known format";
 }
 
@@ -85,7 +85,7 @@ class PictureReader {
     if (format_ == ImageFormat::Unknown) fail(unknown_kind(bytes));
     // glTF has textures in WebP; frames are not read from that format.
     if (format_ == ImageFormat::WebP && max_pixels != kMaxTexturePixels)
-      fail("WebP pictures are read as textures only; convert it to PNG");
+      fail("WebP pictures are read as textures only");
     if (!reaches_end_mark(format_, bytes)) fail("truncated");
     if (!header_fits(format_, bytes)) fail("its header states more bytes than the file has");
     open();
@@ -123,7 +123,7 @@ class PictureReader {
   }
 
   [[noreturn]] void fail(const std::string& cause) const {
-    throw Error(ErrorKind::Input, fmt::format("{}: {}", name_, cause));
+    throw Error(ErrorKind::Input, fmt::format("{}: {}", name_, cause), kPictureRemedy);
   }
 
  private:

@@ -20,8 +20,10 @@ constexpr uint8_t kLight = 255;
 
 QrCode qr_code_of(const std::string& text) {
   if (text.empty() || text.size() > kMaxTextBytes)
-    throw Error(ErrorKind::Usage, fmt::format("code: the text has {} bytes; expected 1 to {}",
-                                              text.size(), kMaxTextBytes));
+    throw Error(
+        ErrorKind::Usage,
+        fmt::format("code: the text has {} bytes; expected 1 to {}", text.size(), kMaxTextBytes),
+        "for example code:https://example.org");
   const std::unique_ptr<QRcode, decltype(&QRcode_free)> made(
       QRcode_encodeData(static_cast<int>(text.size()),
                         reinterpret_cast<const unsigned char*>(text.data()), 0, QR_ECLEVEL_M),

@@ -304,7 +304,8 @@ class Decoder {
     const std::string nameless = "picture: ";
     if (cause.starts_with(prefix)) cause.erase(0, prefix.size());
     if (cause.starts_with(nameless)) cause.erase(0, nameless.size());
-    throw Error(ErrorKind::Input, fmt::format("{}: {}", file.string(), cause));
+    throw Error(ErrorKind::Input, fmt::format("{}: {}", file.string(), cause),
+                frames::kPictureRemedy);
   }
 
   [[noreturn]] static void fail_protocol(const std::filesystem::path& file) {

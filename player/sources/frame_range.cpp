@@ -27,7 +27,8 @@ FrameRange parse_frame_range(std::string_view text) {
                 "for example --frames 0:24, which ends before frame 24");
   const FrameRange range{*begin, colon == std::string_view::npos ? *begin + 1 : *end};
   if (range.end <= range.begin)
-    throw Error(ErrorKind::Usage, fmt::format("--frames '{}': contains no frame", text));
+    throw Error(ErrorKind::Usage, fmt::format("--frames '{}': contains no frame", text),
+                "for example --frames 0:24, which ends before frame 24");
   return range;
 }
 

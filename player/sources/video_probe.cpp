@@ -131,7 +131,9 @@ std::vector<VideoStream> parse_video_probe(std::string_view text, const std::str
   const json* const streams = fields.find("streams");
   if (streams == nullptr || !streams->is_array() || streams->size() > kMostStreams)
     throw Error(ErrorKind::Input, source + ": the list of streams is missing or too long");
-  if (streams->empty()) throw Error(ErrorKind::Input, source + ": no stream with pictures");
+  if (streams->empty())
+    throw Error(ErrorKind::Input, source + ": no stream with pictures",
+                "name a file that contains a video");
   std::vector<VideoStream> all;
   for (const json& stream : *streams) all.push_back(parse_stream(stream, source));
   return all;

@@ -30,13 +30,17 @@ constexpr const char* kName = "lenticule-video";
 /// Starting the program on a busy machine may take most of it.
 constexpr std::chrono::seconds kProbeLimit{60};
 
-/// Returns the first line without the program's name: "FILE: cause" of "lenticule-video: FILE:
-/// cause".
-std::string first_line(const std::string& output) {
-  constexpr std::string_view kPrefix = "lenticule-video: ";
-  std::string line = escaped(output.substr(0, std::min(output.find('\n'), size_t{500})));
-  if (line.starts_with(kPrefix)) line.erase(0, kPrefix.size());
-  return line;
+/// Returns the error that the program printed: "lenticule-video: FILE: cause", and a line with the
+/// remedy.
+Error reported_error(ErrorKind kind, std::string_view output) {
+  const auto take_line = [&output](std::string_view prefix) {
+    std::string_view line = output.substr(0, output.find('\n'));
+    output.remove_prefix(std::min(output.size(), line.size() + 1));
+    if (line.starts_with(prefix)) line.remove_prefix(prefix.size());
+    return escaped(line.substr(0, 500));
+  };
+  const std::string what = take_line("lenticule-video: ");
+  return {kind, what, take_line("  ")};
 }
 
 /// A cached probe. A video's streams are needed several times before it plays: to detect its
@@ -84,8 +88,8 @@ std::vector<VideoStream> probe_video(const fs::path& file, const fs::path& progr
     if (mark.there && mark_of(file) == mark) remember(mark, path, streams);
     return streams;
   }
-  if (result.exit_code == kInput) throw Error(ErrorKind::Input, first_line(result.output));
-  if (result.exit_code == kFailed) throw Error(ErrorKind::Failed, first_line(result.output));
+  if (result.exit_code == kInput) throw reported_error(ErrorKind::Input, result.output);
+  if (result.exit_code == kFailed) throw reported_error(ErrorKind::Failed, result.output);
   throw Error(ErrorKind::Input,
               fmt::format("{}: the program that examines it {}", file.string(),
                           result.timed_out ? "does not end" : "crashed"),

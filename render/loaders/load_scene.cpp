@@ -49,7 +49,8 @@ SceneDescription load(const std::filesystem::path& file, const std::string& exte
   std::error_code error;
   const auto status = std::filesystem::status(file, error);
   if (!std::filesystem::exists(status))
-    throw Error(ErrorKind::Input, fmt::format("{}: no such file", file.string()));
+    throw Error(ErrorKind::Input, fmt::format("{}: no such file", file.string()),
+                "correct the name; built-in scenes are named builtin:demo");
   if (!std::filesystem::is_regular_file(status))
     throw Error(ErrorKind::Input, fmt::format("{}: not a regular file", file.string()));
   if (extension == ".nff") return load_nff(file);

@@ -109,7 +109,8 @@ Written written_as(const std::string& output, const scenes::BuiltInScene& scene,
   const std::string extension = std::filesystem::path(output).extension().string();
   if (output.empty() || extension == ".nff") return as_nff(scene, flags);
   if (extension == ".gltf") return as_gltf(scene, flags);
-  throw Error(ErrorKind::Usage, fmt::format("{}: scenes are written as .nff or .gltf", output));
+  throw Error(ErrorKind::Usage, fmt::format("{}: scenes are written as .nff or .gltf", output),
+              "use a name that ends in .nff or .gltf");
 }
 
 /// Writes one scene. With --camera and without -o, writes only the camera.

@@ -16,13 +16,13 @@ namespace {
 std::vector<PicturePair> pairs_by_number(const std::string& reference_text,
                                          const std::string& test_text) {
   const frames::FilePattern reference(reference_text), test(test_text);
-  const std::vector<uint64_t> numbers = reference.existing();
-  if (numbers.empty())
-    throw Error(ErrorKind::Input, fmt::format("{}: no such files", reference_text));
+  const std::vector<uint64_t> numbers = reference.existing_or_throw();
   const std::vector<uint64_t> others = test.existing();
   if (others.size() > numbers.size())
-    throw Error(ErrorKind::Input, fmt::format("{}: {} files, the reference has {}", test_text,
-                                              others.size(), numbers.size()));
+    throw Error(
+        ErrorKind::Input,
+        fmt::format("{}: {} files, the reference has {}", test_text, others.size(), numbers.size()),
+        "remove those that have no counterpart");
   std::vector<PicturePair> pairs;
   for (const uint64_t number : numbers)
     pairs.push_back({reference.path(number), test.path(number)});
@@ -41,7 +41,9 @@ std::vector<std::string> picture_names(const std::filesystem::path& folder) {
       names.push_back(name);
   }
   if (error) throw Error(ErrorKind::Input, fmt::format("{}: {}", folder.string(), error.message()));
-  if (names.empty()) throw Error(ErrorKind::Input, fmt::format("{}: no pictures", folder.string()));
+  if (names.empty())
+    throw Error(ErrorKind::Input, fmt::format("{}: no pictures", folder.string()),
+                "name a folder of PNG, TIFF, EXR or PPM files");
   std::sort(names.begin(), names.end());
   return names;
 }

@@ -34,8 +34,7 @@ SceneSequence::SceneSequence(const std::string& scene, frames::Rate rate,
     still_ = built_in_->frames == 1;
   } else if (frames::FilePattern::looks_like_pattern(scene)) {
     pattern_.emplace(scene);
-    if (pattern_->existing().empty())
-      throw Error(ErrorKind::Input, fmt::format("{}: no such files", scene));
+    (void)pattern_->existing_or_throw();
   } else {
     file_ = render::load_scene(scene, load_options_);
     still_ = !(file_->duration_seconds > 0.0);

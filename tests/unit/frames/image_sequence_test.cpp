@@ -241,6 +241,8 @@ TEST(FrameFiles, AMissingFrameIsNamed) {
   EXPECT_THAT(hole.what(), HasSubstr("002.png: missing"));
   EXPECT_THAT(error_of([&] { (void)list_frame_files((folder / "x%d.png").string()); }).what(),
               HasSubstr("no such files"));
+  EXPECT_THAT(error_of([&] { (void)list_frame_files((folder / "%05d.png").string()); }).hint(),
+              HasSubstr("%03d.png"));
 }
 
 }  // namespace
