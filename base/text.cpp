@@ -109,6 +109,12 @@ std::string escaped(std::string_view text) {
   return out;
 }
 
+std::string lower_case(std::string text) {
+  for (char& c : text)
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  return text;
+}
+
 std::string shortened(std::string text, size_t bytes) {
   constexpr std::string_view kMore = "...";
   if (text.size() <= bytes) return text;

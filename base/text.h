@@ -17,6 +17,9 @@ namespace lenticule {
 /// invisible or change the writing direction, and bytes that are not UTF-8.
 [[nodiscard]] std::string escaped(std::string_view text);
 
+/// Returns the text with the letters A to Z in lower case.
+[[nodiscard]] std::string lower_case(std::string text);
+
 /// Returns at most `bytes` bytes of `text`; longer text is cut after a whole character and ends in
 /// "...". `text` must be UTF-8 and `bytes` at least 3.
 [[nodiscard]] std::string shortened(std::string text, size_t bytes);

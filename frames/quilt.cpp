@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/numbers.h"
+#include "base/text.h"
 #include "frames/image_sequence.h"
 
 namespace lenticule::frames {
@@ -57,7 +58,7 @@ void check_quilt_layout(const QuiltLayout& layout, const std::string& context) {
 }
 
 std::optional<QuiltLayout> quilt_layout_of_name(const std::filesystem::path& file) {
-  const std::string stem = file.stem().string();
+  const std::string stem = lower_case(file.stem().string());
   const size_t mark = stem.rfind("_qs");
   if (mark == std::string::npos) return std::nullopt;
   std::string_view text = std::string_view(stem).substr(mark + 3);

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "base/file.h"
+#include "base/text.h"
 #include "frames/sequence/file_bytes.h"
 
 namespace lenticule::frames {
@@ -23,7 +24,7 @@ uint64_t missing_at_end(const std::filesystem::path& file, const SequenceLayout&
 }  // namespace
 
 bool is_sequence_name(const std::filesystem::path& file) {
-  return file.filename().string().ends_with(".lts") || is_unfinished_name(file);
+  return lower_case(file.filename().string()).ends_with(".lts") || is_unfinished_name(file);
 }
 
 bool is_unfinished_name(const std::filesystem::path& file) {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/text.h"
 
 namespace lenticule::frames {
 namespace {
@@ -26,18 +27,14 @@ std::optional<StereoLayout> stereo_word(std::string_view word) {
   return std::nullopt;
 }
 
-char small_letter(char c) {
-  return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-}
-
 /// Returns the words of the name in lower case, without the extension.
 std::vector<std::string> words_of(const std::filesystem::path& file) {
   std::vector<std::string> words(1);
-  for (const char c : file.stem().string()) {
+  for (const char c : lower_case(file.stem().string())) {
     if (c == '_' || c == '-' || c == '.' || c == ' ')
       words.emplace_back();
     else
-      words.back() += small_letter(c);
+      words.back() += c;
   }
   return words;
 }

@@ -7,7 +7,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cstring>
 #include <filesystem>
 #include <functional>
@@ -15,6 +14,7 @@
 #include <thread>
 
 #include "base/error.h"
+#include "base/text.h"
 
 namespace lenticule::player {
 namespace {
@@ -55,9 +55,7 @@ FileMark with_names(FileMark list, const std::vector<std::string>& names) {
 bool may_be_content(const std::string& file_name) {
   // rsync and web uploads write hidden files, browsers and cp -b add endings.
   if (file_name.empty() || file_name.front() == '.') return false;
-  std::string extension = fs::path(file_name).extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const std::string extension = lower_case(fs::path(file_name).extension().string());
   if (extension == ".part") return false;
   return is_picture_name(extension) || kind_of_file(file_name) != SourceKind::Pictures;
 }

@@ -152,8 +152,8 @@ SourceSpec Reader::source(const toml::node& node) const {
   const std::string name = text(node);
   if (name.empty() || name.size() > kMaxSourceBytes || name.find('\0') != std::string::npos)
     fail(node, "source: not a valid name");
-  const SourceSpec source = parse_source(name);
-  if (source.kind == SourceKind::List && !names_folder(name))
+  const SourceSpec source = parse_source(name, {}, folder_);
+  if (source.kind == SourceKind::List && !names_folder(source.text))
     fail(node, "source: a list cannot contain a list");
   return source.in_folder(folder_);
 }

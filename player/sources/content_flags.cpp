@@ -48,7 +48,7 @@ void read_grid(const std::string& text, frames::QuiltLayout& layout) {
   const auto grid = numbers_from<int, 2>(text, 'x');
   if (!grid)
     throw Error(ErrorKind::Usage, fmt::format("--grid '{}': not columns x rows", text),
-                "for example --grid 8x6");
+                "for example --grid 8x6, or 1x1 for an ordinary picture");
   layout.columns = (*grid)[0];
   layout.rows = (*grid)[1];
 }

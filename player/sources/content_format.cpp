@@ -151,6 +151,11 @@ ContentFormat other_rig(const ContentFlags& flags) {
 }
 
 ContentFormat container(const FormatQuery& request) {
+  const ContentFlags& flags = request.source.content;
+  if (!flags.grid.empty() || !flags.stereo.empty() || !flags.depth.empty())
+    throw Error(ErrorKind::Usage,
+                request.source.text + ": --grid, --stereo and --depth do not apply to a .lts",
+                "leave them out: the file states how its views lie");
   const frames::SequenceReader reader(request.source.text);
   const frames::SequenceInfo& info = reader.info();
   if (info.kind == frames::SequenceKind::Views) {
@@ -197,7 +202,12 @@ ContentFormat picture(const SourceSpec& source, bool patterns_are_views) {
 
 ContentFormat kind_of(const FormatQuery& request) {
   const SourceSpec& source = request.source;
-  if (source.kind == SourceKind::ViewFiles) return {.kind = Kind::ViewFiles};
+  if (source.kind == SourceKind::ViewFiles) {
+    if (source.without_prefix().empty())
+      throw Error(ErrorKind::Usage, fmt::format("source '{}': no files", source.text),
+                  "for example 'views:view%02d.png' or 'views:left.png|right.png'");
+    return {.kind = Kind::ViewFiles};
+  }
   if (!source.has_pictures()) return {};
   if (!source.content.from_rig.empty()) return other_rig(source.content);
   if (source.kind == SourceKind::Sequence) return container(request);
@@ -220,6 +230,15 @@ void refuse_idle_flags(const SourceSpec& source, Kind kind) {
 }
 
 }  // namespace
+
+const char* remedy_of_unwoven(const frames::FrameGeometry& size) {
+  constexpr double kWidestOfOneEye = 2.5;  // cinema has 2.4, two eyes of 4:3 have 2.67
+  if (size.width > kWidestOfOneEye * size.height)
+    return "it is as wide as two eyes side by side: use --stereo sbs, or _sbs in its name; a very "
+           "wide ordinary one: --grid 1x1";
+  return "an ordinary picture or film: use --grid 1x1, or _qs1x1 in its name; two eyes side by "
+         "side: --stereo sbs; woven frames: make them for this panel, as RGB or 4:4:4";
+}
 
 ContentFormat detect_content_format(const FormatQuery& request) {
   const ContentFlags& flags = request.source.content;

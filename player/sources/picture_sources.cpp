@@ -11,6 +11,7 @@
 #include "frames/image_io.h"
 #include "frames/image_sequence.h"
 #include "frames/sequence/sequence_source.h"
+#include "player/sources/content_format.h"
 #include "player/sources/source_spec.h"
 #include "player/sources/video_source.h"
 
@@ -33,7 +34,7 @@ void check_size(const std::string& name, const frames::FrameGeometry& size,
     throw Error(ErrorKind::Input,
                 fmt::format("{}: {}x{} pixels, but the rig's panel has {}x{}", name, size.width,
                             size.height, request.size->width, request.size->height),
-                "woven frames fit one panel, pixel for pixel: render or weave them for this rig");
+                remedy_of_unwoven(size));
   if (request.plays && pixels_of(size) > most_pixels)
     throw Error(ErrorKind::Input,
                 fmt::format("{}: {}x{} pixels; the limit is {} million", name, size.width,

@@ -60,13 +60,10 @@ OpenedSource open_ring(const SourceRequest& request) {
 void refuse_other_kinds(const SourceSpec& source) {
   const std::string& text = source.text;
   const std::string extension = fs::path(text).extension().string();
-  std::error_code ignored;
-  if (source.has_pictures() && extension != ".m3u" && extension != ".json" && !text.empty() &&
-      !fs::is_directory(text, ignored))
-    return;
+  if (source.has_pictures() && extension != ".m3u" && extension != ".json" && !text.empty()) return;
   throw Error(ErrorKind::Usage, fmt::format("source '{}': unknown kind of source", text),
               "use ring:SOCKET, FILE.lts, a pattern such as 'out/%05d.png', one picture, a video, "
-              "card, black, views or code:TEXT");
+              "LIST.toml, a folder, card, black, views or code:TEXT");
 }
 
 void require_panel_size(const SourceRequest& request, const frames::FrameGeometry& geometry,

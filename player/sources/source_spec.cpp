@@ -3,10 +3,11 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
+#include "base/text.h"
 #include "frames/sequence/sequence_reader.h"
 
 namespace lenticule::player {
@@ -20,12 +21,10 @@ constexpr std::string_view kCode = "code";
 constexpr std::string_view kCodePrefix = "code:";
 
 bool is_video_name(const fs::path& file) {
-  constexpr std::array<std::string_view, 17> kNames = {
-      ".mkv", ".webm", ".mp4", ".m4v", ".mov", ".avi", ".nut",  ".ts", ".m2ts",
-      ".mpg", ".mpeg", ".ogv", ".flv", ".mxf", ".wmv", ".apng", ".y4m"};
-  std::string extension = file.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  constexpr std::array<std::string_view, 18> kNames = {
+      ".mkv", ".webm", ".mp4", ".m4v", ".mov", ".avi", ".nut",  ".ts",  ".m2ts",
+      ".mpg", ".mpeg", ".ogv", ".flv", ".mxf", ".wmv", ".apng", ".gif", ".y4m"};
+  const std::string extension = lower_case(file.extension().string());
   return std::find(kNames.begin(), kNames.end(), extension) != kNames.end();
 }
 
@@ -36,7 +35,7 @@ SourceKind kind_of(const std::string& text) {
   if (text == kCode || text.starts_with(kCodePrefix)) return SourceKind::Code;
   if (text.starts_with(kRingPrefix)) return SourceKind::Ring;
   if (text.starts_with(kViewFilesPrefix)) return SourceKind::ViewFiles;
-  if (text.ends_with(".toml") || text.ends_with('/')) return SourceKind::List;
+  if (lower_case(text).ends_with(".toml") || text.ends_with('/')) return SourceKind::List;
   return kind_of_file(text);
 }
 
@@ -47,8 +46,13 @@ SourceKind kind_of_file(const fs::path& file) {
   return is_video_name(file) ? SourceKind::Video : SourceKind::Pictures;
 }
 
-SourceSpec parse_source(std::string text, ContentFlags content) {
-  const SourceKind kind = kind_of(text);
+SourceSpec parse_source(std::string text, ContentFlags content, const fs::path& folder) {
+  SourceKind kind = kind_of(text);
+  std::error_code ignored;
+  if (kind == SourceKind::Pictures && fs::is_directory(folder / text, ignored)) {
+    text += '/';
+    kind = SourceKind::List;
+  }
   if (kind == SourceKind::Code)
     return {.kind = kind,
             .text = std::string(kCode),

@@ -18,14 +18,15 @@ enum class SourceKind {
   Code,       ///< "code:TEXT": the QR code of a text
   Ring,       ///< "ring:SOCKET": frames of another process
   ViewFiles,  ///< "views:PATTERN", "views:A|B": a picture or a film per view
-  List,       ///< "NAME.toml": a playlist; "FOLDER/": the files of a folder
+  List,       ///< "NAME.toml": a playlist; "FOLDER/", "FOLDER": the files of a folder
   Sequence,   ///< "NAME.lts", and "NAME.lts.part" while it is unfinished
   Video,      ///< "NAME.mkv" and the other names that lenticule-video reads
   Pictures,   ///< all other names: a picture, or a pattern such as "out/%05d.png"
 };
 
-/// Only the name decides the kind. Whether the pictures of a file are woven frames or views is
-/// decided by detect_content_format(), which also reads flags, sidecars and containers.
+/// The name decides the kind, and whether it is that of a folder. Whether the pictures of a file
+/// are woven frames or views is decided by detect_content_format(), which also reads flags,
+/// sidecars and containers.
 struct SourceSpec {
   SourceKind kind = SourceKind::Pictures;
   /// The name as it was given; "code" for a code, whose text may be secret.
@@ -47,7 +48,10 @@ struct SourceSpec {
   friend bool operator==(const SourceSpec&, const SourceSpec&) = default;
 };
 
-[[nodiscard]] SourceSpec parse_source(std::string text, ContentFlags content = {});
+/// Reads a source's name. A folder in which a list is, or the current one, is looked at to see
+/// whether the name is that of a folder without its slash, which is added.
+[[nodiscard]] SourceSpec parse_source(std::string text, ContentFlags content = {},
+                                      const std::filesystem::path& folder = {});
 
 /// Returns Sequence, Video or Pictures, for a file or pattern within a source.
 [[nodiscard]] SourceKind kind_of_file(const std::filesystem::path& file);

@@ -19,6 +19,7 @@
 #include "frames/ring/frame_number.h"
 #include "frames/ring/ring_player.h"
 #include "player/process/private_folder.h"
+#include "player/sources/content_format.h"
 #include "player/sources/video_child.h"
 #include "player/sources/video_program.h"
 
@@ -79,7 +80,7 @@ void refuse_unsuitable(const VideoStream& stream, const VideoRequest& request) {
     throw Error(ErrorKind::Input,
                 fmt::format("{}: {} chroma ({}) mixes the colours of neighbouring subpixels", file,
                             stream.sampling, stream.pixel_format),
-                "weave it from a quilt instead; woven frames are stored as RGB or 4:4:4");
+                remedy_of_unwoven(upright_geometry(stream)));
 }
 
 VideoStream suitable_stream(const VideoRequest& request) {

@@ -88,7 +88,7 @@ TEST_F(VideoCommands, PlayRefusesOtherSizesAndSubsampledChroma) {
   make_clip("halved.mkv", kWidth, kHeight, 1, "--pixels yuv420p");
   const ProcessResult halved = run(play("halved.mkv"));
   EXPECT_EQ(halved.exit_code, 4);
-  EXPECT_THAT(halved.err, testing::HasSubstr("weave it from a quilt instead"));
+  EXPECT_THAT(halved.err, testing::HasSubstr("use --grid 1x1"));
 }
 
 TEST_F(VideoCommands, ProbeDescribesAClip) {

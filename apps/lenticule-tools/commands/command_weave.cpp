@@ -61,10 +61,10 @@ std::unique_ptr<frames::ViewInput> load_views(const WeaveFlags& flags, const opt
                              .patterns_are_views = true,
                              .rig_fingerprint = optics::fingerprint(rig)});
   if (detected.kind == ContentFormat::Kind::Woven)
-    throw Error(ErrorKind::Usage,
-                fmt::format("{}: the layout of the views is unknown", flags.input),
-                "name the file *_qs8x6a0.75.png, use --grid 8x6, --stereo, --depth or --from-rig, "
-                "or give a pattern of views");
+    throw Error(
+        ErrorKind::Usage, fmt::format("{}: the layout of the views is unknown", flags.input),
+        "name the file *_qs8x6a0.75.png, use --grid 8x6 (1x1 for an ordinary picture), --stereo, "
+        "--depth or --from-rig, or give a pattern of views");
   std::unique_ptr<frames::ViewInput> input = open_views(request, detected);
   if (input->frame_count() != uint64_t{1} && !request.how.frames)
     throw Error(ErrorKind::Usage, fmt::format("{}: more than one frame", flags.input),

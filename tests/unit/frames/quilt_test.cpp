@@ -33,6 +33,7 @@ TEST(QuiltName, IsColumnsRowsAspect) {
   EXPECT_EQ(quilt_layout_of_name("a_qs5x9a1e2.png")->aspect, 1.0) << "no exponents";
   EXPECT_EQ(quilt_layout_of_name("a_qs4x3.png"),
             (QuiltLayout{.columns = 4, .rows = 3, .views = 0, .aspect = std::nullopt}));
+  EXPECT_EQ(quilt_layout_of_name("CITY_QS8X6A0.75.PNG")->rows, 6) << "capitals";
   EXPECT_EQ(quilt_layout_of_name("a_qs2x2a1_qs4x3a1.png")->columns, 4) << "the last one counts";
 }
 

@@ -19,14 +19,19 @@ TEST(SourceSpec, TheNameDecidesTheKind) {
   EXPECT_EQ(kind("film.lts"), SourceKind::Sequence);
   EXPECT_EQ(kind("film.lts.part"), SourceKind::Sequence);
   EXPECT_EQ(kind("film.MKV"), SourceKind::Video);
+  EXPECT_EQ(kind("film.gif"), SourceKind::Video);
+  EXPECT_EQ(kind("FILM.LTS"), SourceKind::Sequence);
+  EXPECT_EQ(kind("EVENING.TOML"), SourceKind::List);
   EXPECT_EQ(kind("out/%05d.png"), SourceKind::Pictures);
   EXPECT_EQ(kind("./card"), SourceKind::Pictures);
   EXPECT_EQ(kind(""), SourceKind::Pictures);
 }
 
-TEST(SourceSpec, ANameThatEndsWithASlashIsAFolderWhichIsPlayedAsAList) {
+TEST(SourceSpec, AFolderIsPlayedAsAListWithOrWithoutASlash) {
   EXPECT_EQ(parse_source("films/").kind, SourceKind::List);
   EXPECT_EQ(parse_source("films/").in_folder("/media").text, "/media/films/");
+  EXPECT_EQ(parse_source("/proc/self"), parse_source("/proc/self/"));
+  EXPECT_EQ(parse_source("self", {}, "/proc"), parse_source("self/"));
 }
 
 TEST(SourceSpec, APrefixDecidesBeforeAnExtension) {
