@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <poll.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <array>
@@ -13,6 +14,7 @@
 #include <thread>
 
 #include "base/error.h"
+#include "base/file_kind.h"
 #include "base/text.h"
 #include "base/unix_address.h"
 
@@ -40,7 +42,19 @@ JsonLineSocket::JsonLineSocket(const std::string& socket, std::chrono::milliseco
     if (errno != EAGAIN && errno != EINTR) break;  // else its queue is full
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   } while (Clock::now() < deadline);
-  throw Error(ErrorKind::Device, fmt::format("{}: no player: {}", socket, std::strerror(errno)),
+  fail_to_connect(errno);
+}
+
+void JsonLineSocket::fail_to_connect(int error) const {
+  struct stat status {};
+  if (error == EACCES || error == EPERM)
+    throw Error(ErrorKind::Device, fmt::format("{}: {}", socket_, std::strerror(error)),
+                "use the player's account, root, or a member of the player's --control-group");
+  if (error == ECONNREFUSED && ::stat(socket_.c_str(), &status) == 0 && !S_ISSOCK(status.st_mode))
+    throw Error(ErrorKind::Device,
+                fmt::format("{}: it is {}, not a socket", socket_, kind_of_file(status.st_mode)),
+                "name the socket that a player was started with: --control SOCKET");
+  throw Error(ErrorKind::Device, fmt::format("{}: no player: {}", socket_, std::strerror(error)),
               options_.no_player);
 }
 

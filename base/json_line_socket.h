@@ -39,6 +39,7 @@ class JsonLineSocket {
   [[nodiscard]] std::optional<nlohmann::ordered_json> take_line();
   [[nodiscard]] bool read_more();
   [[noreturn]] void fail_gone() const;
+  [[noreturn]] void fail_to_connect(int error) const;
 
   std::string socket_;
   std::chrono::milliseconds timeout_;
