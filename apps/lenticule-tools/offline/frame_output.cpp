@@ -161,6 +161,9 @@ std::unique_ptr<FrameOutput> open_output(const OutputRequest& request) {
     require_replaceable_film(request);
     return open_sequence_output(request);
   }
+  if (kind_of_file(request.target) != SourceKind::Pictures)
+    throw Error(ErrorKind::Usage, fmt::format("-o {}: neither a .lts nor pictures", request.target),
+                "use FILE.lts, of which 'lenticule convert' makes a video, or 'out/%05d.png'");
   return std::make_unique<PictureFiles>(request);
 }
 

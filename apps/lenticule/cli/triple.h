@@ -14,9 +14,12 @@ class Option;
 
 namespace lenticule::player {
 
+inline constexpr const char* kExampleOfPoint = "-32,0,700";
+
 /// Throws Error(Usage) "FLAG 'text': ..." unless `text` is three finite numbers separated by
-/// commas.
-[[nodiscard]] Vec3 parse_triple(const std::string& flag, const std::string& text);
+/// commas. The remedy is `example`, which must be a value that the flag accepts.
+[[nodiscard]] Vec3 parse_triple(const std::string& flag, const std::string& text,
+                                const char* example = kExampleOfPoint);
 
 /// Declares the flag; --help shows `type`, for example "X,Y,Z". Parsing the command line throws the
 /// error of parse_triple(), else calls `take`.

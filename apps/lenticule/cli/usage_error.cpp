@@ -6,14 +6,18 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <array>
 #include <filesystem>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <system_error>
+#include <utility>
 #include <vector>
 
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/command_tree.h"
+#include "base/numbers.h"
 #include "base/text.h"
 
 namespace lenticule::player {
@@ -51,12 +55,43 @@ std::vector<std::string> flag_names(const Chain& chain) {
   return names;
 }
 
+/// Words that other programs have for our commands.
+constexpr std::array<std::pair<std::string_view, std::string_view>, 10> kOtherWords = {{
+    {"stop", "quit"},
+    {"exit", "quit"},
+    {"kill", "quit"},
+    {"resume", "play"},
+    {"continue", "play"},
+    {"skip", "next"},
+    {"prev", "previous"},
+    {"jump", "seek"},
+    {"info", "status"},
+    {"screenshot", "snapshot"},
+}};
+
 std::string remedy(std::string_view word, const std::vector<std::string>& known,
                    const std::string& name) {
+  for (const auto& [other, ours] : kOtherWords)
+    if (word == other && std::ranges::find(known, ours) != known.end()) word = ours;
   const std::vector<std::string_view> views(known.begin(), known.end());
   const auto nearest = nearest_word(word, views);
   return nearest ? fmt::format("did you mean '{}'? see {} --help", *nearest, name)
                  : fmt::format("see {} --help", name);
+}
+
+std::string remedy_of_flag(const std::string& flag, const Chain& chain) {
+  const std::vector<std::string> known = flag_names(chain);
+  if (!flag.starts_with("--") && flag.size() > 2)
+    return fmt::format("write ./{} if it is a file; see {} --help", flag, name_of(chain));
+  if (std::ranges::find(known, flag) != known.end()) return "write it after the command";
+  return remedy(flag, known, name_of(chain));
+}
+
+std::string remedy_of_command(const std::string& word, const Chain& chain) {
+  std::error_code ignored;
+  if (chain.size() == 1 && std::filesystem::exists(word, ignored))
+    return fmt::format("to play it: lenticule play {} --rig RIG", shell_quoted(word));
+  return remedy(word, command_names(*chain.back()), name_of(chain));
 }
 
 // ---- missing flags and arguments
@@ -92,9 +127,25 @@ std::string example_value(const std::string& command, const std::string& flag) {
   return {};
 }
 
+/// Returns the argument that the example of the chosen command has in the place of a positional, or
+/// an empty text.
+std::string example_argument(const Chain& chain, const CLI::Option& positional) {
+  const std::vector<const CLI::Option*> all = positionals(*chain.back());
+  const auto index = std::ranges::find(all, &positional) - all.begin();
+  for (const Command& one : commands()) {
+    std::string_view rest = one.example;
+    const std::string command = name_of(chain) + " ";
+    if (!rest.starts_with(command)) continue;
+    rest.remove_prefix(command.size());
+    for (int k = 0; k < index; ++k) rest.remove_prefix(std::min(rest.find(' ') + 1, rest.size()));
+    return rest.starts_with('-') ? "" : std::string(rest.substr(0, rest.find(' ')));
+  }
+  return {};
+}
+
 /// Returns a value for a missing option, or an empty text if none is known.
 std::string value_for(const CLI::Option& missing, const Chain& chain) {
-  if (!missing.nonpositional()) return missing.get_name(true);
+  if (!missing.nonpositional()) return example_argument(chain, missing);
   return example_value(chain[1]->get_name(), typed_name(missing));
 }
 
@@ -131,6 +182,46 @@ std::optional<Error> missing_error(const Chain& chain, const std::string& object
                       : fmt::format("for example: {}", command));
 }
 
+// ---- values that are refused
+
+std::string expected_value(const CLI::Option& option, bool is_fraction) {
+  const std::string type = option.get_type_name();
+  if (const size_t set = type.find('{'); set != std::string::npos)
+    return "expected one of " + type.substr(set + 1, type.rfind('}') - set - 1);
+  const bool whole = is_fraction || type.starts_with("INT") || type.starts_with("UINT");
+  const std::string number = whole ? "expected a whole number" : "expected a number";
+  const size_t from = type.find('['), to = type.find(" - ");
+  if (from != std::string::npos && to != std::string::npos)
+    return fmt::format("{} from {} to {}", number, type.substr(from + 1, to - from - 1),
+                       type.substr(to + 3, type.rfind(']') - to - 3));
+  const bool not_negative = type.ends_with(":NONNEGATIVE") || type.starts_with("UINT");
+  return number + (type.ends_with(":POSITIVE") ? " above 0" : not_negative ? " of 0 or more" : "");
+}
+
+/// Returns the error for the value of an option that CLI11 refused; none if the error is of another
+/// kind. CLI11 names the option only in the text of its error.
+std::optional<Error> value_error(const Chain& chain, const std::string& object,
+                                 std::string_view error) {
+  for (const CLI::App* command : chain)
+    for (const CLI::Option* option : command->get_options()) {
+      const std::string name = option->get_name();
+      const bool out_of_range = error.starts_with(name + ": ");
+      if (!out_of_range && !error.starts_with(fmt::format("Could not convert: {} ", name)))
+        continue;
+      const std::string help = fmt::format("see {} --help", name_of(chain));
+      if (option->count() == 0)
+        return Error(ErrorKind::Usage,
+                     fmt::format("{}{}: its value is missing", object, typed_name(*option)), help);
+      const std::string& value = option->results().back();
+      return Error(ErrorKind::Usage,
+                   fmt::format("{}{} '{}': {}", object, typed_name(*option), value,
+                               expected_value(*option, !out_of_range &&
+                                                           number_from<double>(value).has_value())),
+                   value.find(',') == std::string::npos ? help : "write a point, not a comma");
+    }
+  return std::nullopt;
+}
+
 }  // namespace
 
 Error usage_error(const CLI::App& app, const CLI::ParseError& error) {
@@ -143,13 +234,15 @@ Error usage_error(const CLI::App& app, const CLI::ParseError& error) {
   if (word && word->starts_with("-")) {
     const std::string flag = word->substr(0, word->find('='));
     return {ErrorKind::Usage, fmt::format("{}no flag '{}'", object, flag),
-            remedy(flag, flag_names(chain), name)};
+            remedy_of_flag(flag, chain)};
   }
   if (word && needs_command)
     return {ErrorKind::Usage, fmt::format("{}no command '{}'", object, *word),
-            remedy(*word, command_names(*chain.back()), name)};
+            remedy_of_command(*word, chain)};
   if (!word && dynamic_cast<const CLI::RequiredError*>(&error) != nullptr)
     if (const auto missing = missing_error(chain, object)) return *missing;
+  if (const auto refused = word ? std::nullopt : value_error(chain, object, error.what()))
+    return *refused;
   const std::string cause = word            ? fmt::format("'{}' was not expected", *word)
                             : needs_command ? "a command is missing"
                                             : error.what();
