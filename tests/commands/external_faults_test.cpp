@@ -152,12 +152,17 @@ TEST_F(ExternalFaults, PlaysVideosWithoutTmp) {
   const std::vector<std::string> play = play_words(path("clip.mkv"), {"--loop", "forever"});
   words.insert(words.end(), play.begin(), play.end());
   if (may_mount()) {
-    // The test's folder may lie in /tmp, so it is mounted at /mnt; /tmp itself is empty.
+    // The test's folder and the programs may lie in /tmp, so they are mounted at /mnt; /tmp itself
+    // is empty.
+    fs::create_directories(path("programs"));
+    const std::string programs = fs::path(LENTICULE_PROGRAM).parent_path().string();
     for (std::string& word : words)
-      if (word.find(folder_.string()) == 0) word.replace(0, folder_.string().size(), "/mnt");
-    words = among(
-        "mount --bind " + folder_.string() + " /mnt && mount -t tmpfs -o ro,size=4k none /tmp",
-        words);
+      for (const auto& [from, to] : {std::pair{programs + "/", "/mnt/programs/"},
+                                     std::pair{folder_.string() + "/", "/mnt/"}})
+        if (word.starts_with(from)) word.replace(0, from.size(), to);
+    words = among("mount --bind " + programs + " " + path("programs") + " && mount --rbind " +
+                      folder_.string() + " /mnt && mount -t tmpfs -o ro,size=4k none /tmp",
+                  words);
   } else {
     words.insert(words.begin() + 1, "RUNTIME_DIRECTORY=" + path("gone"));
   }
