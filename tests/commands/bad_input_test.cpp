@@ -335,6 +335,68 @@ TEST_F(BadInput, RefusesFlagsWithoutEffect) {
     refused({"--method", method, "--missing", path("m.png")}, "--missing");
 }
 
+TEST_F(BadInput, NamesTheRemedyOfLikelyMistakes) {
+  const auto write_picture = [this](const std::string& name, int width, int height) {
+    write(name, "P6\n" + std::to_string(width) + " " + std::to_string(height) + "\n255\n" +
+                    std::string(size_t(width) * size_t(height) * 3, 'x'));
+  };
+  write_picture("flat.ppm", 64, 36);
+  write_picture("wide.ppm", 128, 36);
+  write_picture("00001.ppm", 48, 32);
+  write("notes.txt", "hello");
+  const std::string rig = path("rig.toml"), scene = path("scene.nff");
+  struct Case {
+    std::vector<std::string> words;
+    int exit_code;
+    const char* cause;
+    const char* remedy;
+  };
+  const auto play = [&](const std::string& source, std::vector<std::string> more = {}) {
+    std::vector<std::string> words = {"play", source, "--rig", rig, "--display", "virtual"};
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  };
+  for (const Case& one : std::vector<Case>{
+           {play(path("flat.ppm")), 4, "64x36 pixels", "--grid 1x1, or _qs1x1 in its name"},
+           {play(path("wide.ppm")), 4, "128x36 pixels", "--stereo sbs, or _sbs in its name"},
+           {play(path("%03d.ppm")), 4, "no such files", "%05d.ppm"},
+           {play(path("notes.txt")), 4, "not a picture", "save it again as PNG"},
+           {play("https://example.org/a.png"), 4, "cannot read", "download it first"},
+           {play("no.lts"), 4, "cannot read", "the current folder is "},
+           {play("card", {"--fps", "0"}), 2, "rate 0/1", "1/3600 to 10000 frames per second"},
+           {play("card", {"--duration", "0,5"}), 2, "'0,5': expected a number above 0", "a point"},
+           {play("card", {"--slots", "1"}), 2, "expected a whole number from 2 to 4096", "--help"},
+           {play("card", {"--clock", "x"}), 2, "expected one of real,simulated", "--help"},
+           {{"play", "card", "--rig"}, 2, "--rig: its value is missing", "--help"},
+           {{"play", "-dash.lts", "--rig", rig}, 2, "no flag '-dash.lts'", "./-dash.lts"},
+           {{"--rig", rig, "play", "card"}, 2, "no flag '--rig'", "after the command"},
+           {{"play"}, 2, "source and --rig are missing", "lenticule play 'out/%05d.png' --rig"},
+           {{rig}, 2, "no command", "lenticule play "},
+           {{"render", scene, "--rig", rig, "-o", "x.mp4"}, 2, "-o x.mp4", "use FILE.lts"},
+           {{"render", scene, "--rig", rig, "-o", "x.LTS"}, 2, "-o x.LTS", "use FILE.lts"},
+           {{"eye", "a.png", "--rig", rig, "--eye", "0,0", "-o", "b.png"},
+            2,
+            "not three numbers",
+            "--eye -32,0,700"},
+           {{"rig", "show", path("notes.txt")}, 4, "notes.txt:1", "name another file"},
+           {{"rig", "import", path("notes.txt"), "-o", "r.toml"}, 4, "not JSON: parse", "correct"},
+           {{"ctl", "stop"}, 2, "no command 'stop'", "did you mean 'quit'?"},
+           {{"ctl", "--socket", path("none"), "status"}, 3, "no player", "start one"},
+           {{"ctl", "--socket", rig, "status"},
+            3,
+            "it is a regular file, not a socket",
+            "--control"},
+           {{"ctl", "--socket", folder_.string(), "status"},
+            3,
+            "a folder, not a socket",
+            "--control"},
+       }) {
+    const ProcessResult result = run(one.words);
+    expect_clear_error(result, one.exit_code, one.cause);
+    EXPECT_NE(result.err.find(one.remedy), std::string::npos) << result.err;
+  }
+}
+
 TEST_F(BadInput, AMissingDisplayIsADeviceError) {
   ASSERT_EQ(render(path("scene.nff"), path("rig.toml"), path("f-001.png")).exit_code, 0);
   expect_clear_error(

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests output that cannot be printed, and untrusted names in messages and results.
 #include <nlohmann/json.hpp>
+#include <regex>
+#include <set>
 
 #include "tests/commands/program.h"
 
@@ -189,6 +191,75 @@ TEST_F(Output, SuggestsTheNearestCommandOrFlag) {
     EXPECT_EQ(result.exit_code, 2) << result.err;
     EXPECT_EQ(result.err, std::string("lenticule: ") + one.error + "\n  " + one.hint + "\n");
   }
+}
+
+// --- the pages about statistics -----------------------------------------------------------------
+
+/// Adds the object's keys, and those of objects in it as "outer.inner".
+void add_keys(const json& object, const std::string& outer, std::set<std::string>& keys) {
+  for (const auto& [key, value] : object.items()) {
+    keys.insert(outer + key);
+    if (value.is_object()) add_keys(value, outer + key + ".", keys);
+  }
+}
+
+std::string page(const std::string& name) {
+  std::ifstream in(source_file("docs/play/" + name));
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+/// Returns the names in the first cells of the page's tables.
+std::set<std::string> documented_keys(const std::string& text) {
+  const std::regex row("(?:^|\n)\\| (`[a-z0-9_.]+`(?:, `[a-z0-9_.]+`)*) \\|"), name("[a-z0-9_.]+");
+  std::set<std::string> keys;
+  for (std::sregex_iterator at(text.begin(), text.end(), row), end; at != end; ++at) {
+    const std::string cell = (*at)[1];
+    for (std::sregex_iterator key(cell.begin(), cell.end(), name); key != end; ++key)
+      keys.insert(key->str());
+  }
+  return keys;
+}
+
+TEST_F(Output, ThePageOfStatisticsNamesEveryKeyAndNoOther) {
+  const std::string tiny = path("tiny.toml");
+  std::filesystem::copy_file(source_file("scenes/rigs/tiny.toml"), tiny);
+  ASSERT_EQ(run({"render", "builtin:tetra", "--rig", tiny, "-o", path("film.lts")}).exit_code, 0);
+  ASSERT_EQ(run({"rig", "trim", tiny, "--offset-by", "0.01"}).exit_code, 0);
+  write("list.toml", "[[item]]\nsource = \"film.lts\"\n");
+  write("wall.toml",
+        "format = 1\nviewer_mm = [0, 0, 500]\n[[panel]]\nname = \"one\"\nrig = \"tiny.toml\"\n"
+        "centre_mm = [-12.5, 0, 0]\n[[panel]]\nname = \"two\"\nrig = \"tiny.toml\"\n"
+        "centre_mm = [12.5, 0, 0]\n");
+  std::set<std::string> keys;
+  const auto play = [&](std::vector<std::string> words, int exit_code) {
+    words.insert(words.begin(), "play");
+    words.insert(words.end(), {"--duration", "0.5", "--stats", path("stats.json")});
+    const ProcessResult played = run(words);
+    EXPECT_EQ(played.exit_code, exit_code) << words[1] << played.err;
+    add_keys(json::parse(std::ifstream(path("stats.json"))), "", keys);
+  };
+  play({path("film.lts"), "--rig", tiny, "--display", "virtual", "--clock", "simulated", "--safe",
+        "--record", "checksums:" + path("sums")},
+       0);
+  play({path("list.toml"), "--rig", tiny, "--display", "virtual", "--control", path("c.sock"),
+        "--proof", "journal"},
+       0);
+  play({"black", "--wall", path("wall.toml"), "--display", "virtual"}, 0);
+  play({path("film.lts"), "--rig", tiny, "--display", "virtual", "--step", "two", "--leader",
+        "--step-address", path("step.sock")},
+       0);
+  play({"card", "--rig", tiny, "--display", "kms:HDMI-A-99", "--wait-for-panel", "1"}, 3);
+
+  const std::string text = page("statistics.md") + page("step.md");
+  const auto named = [&](const std::string& key) {
+    return text.find("`" + key + "`") != std::string::npos;
+  };
+  for (const std::string& key : keys)
+    EXPECT_TRUE(named(key) || named(key.substr(key.rfind('.') + 1))) << key << " is missing";
+  // These need a graphics card.
+  keys.insert({"exactness", "kms", "kms.largest_skew_us", "kms.one_commit", "video_decoder"});
+  for (const std::string& key : documented_keys(page("statistics.md")))
+    EXPECT_TRUE(keys.contains(key)) << key << " does not exist";
 }
 
 }  // namespace
