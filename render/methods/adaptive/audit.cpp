@@ -10,14 +10,13 @@
 namespace lenticule::render {
 namespace {
 
-/// Limits of the errors that a bound of the mean square tells apart: fine enough that the squares
-/// between two limits differ by less than a half.
-constexpr std::array kLayers = {1,  2,  3,  4,  5,  6,  8,   10,  12,  16,  20, 24,
-                                32, 40, 48, 64, 80, 96, 128, 160, 192, 224, 256};
-constexpr size_t kLayerCount = kLayers.size() - 1;
-constexpr double kLargestSquare = 255.0 * 255.0;
-/// Probability that the bound of one layer is too low.
-constexpr double kLayerDoubt = 0.01 / kMeanSquareLooks / double{kLayerCount};
+/// Largest squared error, rounded up so that no factor of bound_of_mean_square() is 0.
+constexpr double kLargestSquare = 256.0 * 256.0;
+/// Probability that the bound of a mean square is too low.
+constexpr double kSquareDoubt = 0.01 / kMeanSquareLooks;
+/// Part of it that is spent on the first factor, which is the best one unless errors are very
+/// large.
+constexpr double kFirstPart = 0.9;
 
 /// Returns the probability of at most `successes` in `tries`, each with probability p in (0, 1).
 double cumulative_binomial(uint64_t successes, uint64_t tries, double p) {
@@ -30,25 +29,6 @@ double cumulative_binomial(uint64_t successes, uint64_t tries, double p) {
     sum += std::exp(term);
   }
   return sum;
-}
-
-/// Returns an upper bound of a share that is too low with the probability `doubt`, at most: by
-/// Chernoff's inequality, k successes or fewer in n tries have at most the probability exp(-n D),
-/// where D is the relative entropy of k / n and the share. As tight as the exact bound if k is 0.
-double chernoff_bound(const AuditCounts& counts, double doubt) {
-  if (counts.sampled == 0 || counts.beyond >= counts.sampled) return 1.0;
-  const auto n = static_cast<double>(counts.sampled);
-  const double seen = static_cast<double>(counts.beyond) / n;
-  const auto entropy = [seen](double p) {
-    const double hit = seen > 0.0 ? seen * std::log(seen / p) : 0.0;
-    return hit + (1.0 - seen) * std::log((1.0 - seen) / (1.0 - p));
-  };
-  double low = seen, high = 1.0;
-  for (int step = 0; step < 50; ++step) {
-    const double middle = 0.5 * (low + high);
-    (n * entropy(middle) < -std::log(doubt) ? low : high) = middle;
-  }
-  return high;
 }
 
 }  // namespace
@@ -112,22 +92,30 @@ double AuditErrors::standard_error() const {
   return std::sqrt(sum / (count * (count - 1.0)));
 }
 
+/// With x = error^2 / kLargestSquare and 0 < f <= 1, the expected product of 1 - f x over all
+/// samples is at most exp(-f n m), where n m is the sum of the expected x of the samples. So by
+/// Markov's inequality the product exceeds exp(-f n m) / doubt with at most the probability
+/// `doubt`, for samples from any errors. The smallest of the bounds with a few f holds if their
+/// doubts add up.
 double bound_of_mean_square(const AuditErrors& errors) {
-  const uint64_t sampled = errors.sampled();
-  double bound = 0.0, before = 0.0;
-  for (size_t layer = 0; layer < kLayerCount; ++layer) {
-    const double largest = kLayers[layer + 1] - 1;
-    const double share = chernoff_bound(
-        {.sampled = sampled, .beyond = errors.at_least(kLayers[layer])}, kLayerDoubt);
-    bound += (largest * largest - before) * share;
-    before = largest * largest;
+  constexpr std::array kFactors = {1.0, 0.5, 0.25, 0.125};
+  const auto sampled = static_cast<double>(errors.sampled());
+  double least = 255.0 * 255.0;
+  for (size_t n = 0; n < kFactors.size(); ++n) {
+    const double part = n == 0 ? kFirstPart : (1.0 - kFirstPart) / (kFactors.size() - 1.0);
+    double sum = -std::log(part * kSquareDoubt);
+    for (int error = 1; error < 256; ++error)
+      sum -= static_cast<double>(errors.exactly(error)) *
+             std::log1p(-kFactors[n] * error * error / kLargestSquare);
+    least = std::min(least, kLargestSquare * sum / (kFactors[n] * sampled));
   }
-  return bound;
+  return least;
 }
 
 uint32_t sampled_one_in_for(double mean_square, uint64_t subpixels) {
-  // None of n samples is off: every share is at most ln(1 / doubt) / n.
-  const double samples = 2.0 * kLargestSquare / mean_square * -std::log(kLayerDoubt);
+  constexpr double kParts = 2.9;  // one of them is spent on errors that no sample shows
+  const double samples =
+      kParts * kLargestSquare / mean_square * -std::log(kFirstPart * kSquareDoubt);
   const double one_in = static_cast<double>(subpixels) / samples;
   return static_cast<uint32_t>(std::clamp(one_in, 2.0, double{kSampledOneIn}));
 }

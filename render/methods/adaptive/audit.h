@@ -81,6 +81,8 @@ class AuditErrors {
   AuditErrors& operator+=(const AuditErrors& other);
 
   [[nodiscard]] uint64_t sampled() const;
+  /// Returns the number of errors of `error` code values, 0 to 255.
+  [[nodiscard]] uint64_t exactly(int error) const { return subpixels_[static_cast<size_t>(error)]; }
   /// Returns the number of errors of at least `error` code values, 0 to 256.
   [[nodiscard]] uint64_t at_least(int error) const;
   /// Returns the number of errors that exceed the tolerated error.
@@ -96,14 +98,13 @@ class AuditErrors {
 
 /// Number of sets of bands whose mean square may be judged by one evaluation.
 inline constexpr int kMeanSquareLooks = 6;
-/// Returns an upper bound of the mean squared error of all subpixels: the sum of bounds of the
-/// shares with errors of at least 1, 2, ... 224 code values (by Chernoff's inequality), each times
-/// the largest square that it adds. Errors that no sample shows are included. With 99 % confidence,
-/// none of kMeanSquareLooks bounds of one frame is too low.
+/// Returns an upper bound of the mean squared error of all subpixels: that of the samples, and what
+/// errors of 255 code values may add that no sample shows. With 99 % confidence, none of
+/// kMeanSquareLooks bounds of one frame is too low.
 [[nodiscard]] double bound_of_mean_square(const AuditErrors& errors);
 
 /// Returns one in how many subpixels the evaluation must select so that the bound of a frame
-/// without errors is half of `mean_square`: 2 to kSampledOneIn.
+/// without errors is about a third of `mean_square`: 2 to kSampledOneIn.
 [[nodiscard]] uint32_t sampled_one_in_for(double mean_square, uint64_t subpixels);
 
 }  // namespace lenticule::render
