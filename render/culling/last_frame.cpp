@@ -14,8 +14,10 @@ bool LastFrame::shows(const Scene& scene) const {
          same_texture(environment_, scene.backdrop.environment);
 }
 
-void LastFrame::keep(const Scene& scene, const frames::WovenFrame& frame) {
+void LastFrame::keep(const Scene& scene, const frames::WovenFrame& frame,
+                     const FrameErrors& errors) {
   frame_ = frame;
+  errors_ = errors;
   picture_ = scene.picture;
   textures_ = scene.textures;
   environment_ = scene.backdrop.environment;
@@ -27,6 +29,7 @@ RenderStatistics LastFrame::copy_to(frames::WovenFrame& frame) const {
   frame = frame_;
   const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
   RenderStatistics statistics;
+  static_cast<FrameErrors&>(statistics) = errors_;
   statistics.subpixels = statistics.copied_subpixels = frame.bytes().size();
   statistics.seconds = elapsed.count();
   return statistics;

@@ -17,13 +17,13 @@ class LastFrame {
  public:
   /// Returns true if the committed scene would be rendered to the kept bytes.
   [[nodiscard]] bool shows(const Scene& scene) const;
-  /// Copies the kept frame.
+  /// Copies the kept frame, whose errors the copy has.
   RenderStatistics copy_to(frames::WovenFrame& frame) const;
 
   [[nodiscard]] const frames::WovenFrame& frame() const { return frame_; }
 
-  /// Keeps the complete frame to which the scene was rendered.
-  void keep(const Scene& scene, const frames::WovenFrame& frame);
+  /// Keeps the complete frame to which the scene was rendered, and its errors.
+  void keep(const Scene& scene, const frames::WovenFrame& frame, const FrameErrors& errors);
 
  private:
   bool known_ = false;
@@ -31,6 +31,7 @@ class LastFrame {
   std::vector<std::shared_ptr<const Texture>> textures_;
   std::shared_ptr<const Texture> environment_;
   frames::WovenFrame frame_;
+  FrameErrors errors_;
 };
 
 }  // namespace lenticule::render

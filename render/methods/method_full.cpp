@@ -62,7 +62,7 @@ class FullMethod final : public Method {
         workers.local()->render(plan.tile(index), frame);
       });
     });
-    if (options_.copy_unchanged && !cancelled.load()) last_.keep(scene, frame);
+    if (options_.copy_unchanged && !cancelled.load()) last_.keep(scene, frame, {});
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     RenderStatistics statistics = statistics_of(workers);
     statistics.completed = !cancelled.load();

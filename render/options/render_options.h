@@ -38,7 +38,7 @@ struct RenderOptions {
   bool skip_weak_rays = true;
   double tolerated_error = 2.0;  ///< method adaptive: tolerated error in code values
   /// Method adaptive: limit of each frame's root mean square error in code values, proven by the
-  /// audit. 0: twice the tolerated error, estimated only.
+  /// audit. 0: none; the audit aims at twice the tolerated error.
   double proven_rmse = 0.0;
   /// Primary rays that a conservative test culls as meeting nothing are not traced
   /// (render/culling/background.h); the bytes are the same.

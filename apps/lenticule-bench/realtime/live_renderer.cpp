@@ -193,7 +193,7 @@ class LiveRun {
     method_->set_frame(number);
     const render::RenderStatistics statistics = method_->render(*committed_, stage_, frame_);
     record.rendered_ns = now_ns();
-    record.audited_rmse = statistics.rmse;
+    record.audited_rmse = statistics.audited_rmse;
     return statistics.completed;
   }
 

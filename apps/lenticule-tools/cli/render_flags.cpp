@@ -57,10 +57,11 @@ std::function<void()> declare_render_flags(CLI::App& app, RenderFlags& flags) {
   app.add_option("--method", flags.method, "how subpixels are rendered")
       ->type_name("full|lens-view|interpolate|temporal|hybrid|adaptive")
       ->capture_default_str();
-  CLI::Option* const error = app.add_option("--error", flags.options.tolerated_error,
-                                            "error that method adaptive may make; 0 is method full")
-                                 ->type_name("CODE-VALUES")
-                                 ->capture_default_str();
+  CLI::Option* const error =
+      app.add_option("--error", flags.options.tolerated_error,
+                     "error that adaptive may make in most subpixels; 0: full")
+          ->type_name("CODE-VALUES")
+          ->capture_default_str();
   CLI::Option* const psnr = app.add_option("--psnr", flags.least_psnr_db,
                                            "least PSNR of each frame of method adaptive: 40\n"
                                            "Against method full, proven with 99 % confidence.")

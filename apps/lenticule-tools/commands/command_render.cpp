@@ -155,7 +155,7 @@ nlohmann::json result_json(const RenderCommandFlags& command, const FilmRenderer
                          {"render_seconds", totals.rays.seconds},
                          {"frames_rendered_again", totals.again},
                          {"beyond_bound", totals.rays.beyond_bound},
-                         {"rmse", totals.rays.rmse},
+                         {"audited_rmse", totals.rays.audited_rmse},
                          {"rmse_bound", totals.rays.rmse_bound},
                          {"stage", stage_json(film.reference_stage())}};
   if (film.panel().in_wall())
@@ -288,11 +288,13 @@ class RenderRun {
         shaded_percent, s.audited_subpixels, s.audited_beyond, tolerated_text(),
         100.0 * s.beyond_bound);
     if (s.rmse_bound > 0.0)
-      say("RMSE of the worst frame: {:.2f} code values, at most {:.2f} or {:.1f} dB (99 % "
-          "confidence)\n",
-          s.rmse, s.rmse_bound, 20.0 * std::log10(255.0 / s.rmse_bound));
+      say("RMSE of the worst frame: at most {:.2f} code values or {:.1f} dB (99 % confidence); of "
+          "the sampled subpixels {:.2f}\n",
+          s.rmse_bound, 20.0 * std::log10(255.0 / s.rmse_bound), s.audited_rmse);
     else
       say("RMSE: 0; everything comes from method full\n");
+    if (flags_.render.options.soft.any())
+      say("these errors are those against finer soft light, without the noise of method full\n");
     if (s.retraced_subpixels > 0)
       say("{} subpixels in regions with too many errors were rendered by method full\n",
           s.retraced_subpixels);

@@ -78,7 +78,7 @@ bool is_shiny(const Scene& scene) {
          });
 }
 
-/// Largest root mean square of a frame's errors, as a multiple of the tolerated error.
+/// Root mean square error at which the audit aims, as a multiple of the tolerated error.
 constexpr double kMostOfError = 2.0;
 
 /// Returns the limit of a frame's mean squared error.
@@ -152,7 +152,7 @@ class AdaptiveMethod final : public Method {
     if (!rays_fit(scene, planes_, reach_) || is_set_up_expensive(scene)) {
       before_ = {};
       const RenderStatistics statistics = full().render(scene, stage, out);
-      if (options_.copy_unchanged && statistics.completed) last_.keep(scene, out);
+      if (options_.copy_unchanged && statistics.completed) last_.keep(scene, out, statistics);
       return statistics;
     }
     const auto start = std::chrono::steady_clock::now();
@@ -181,7 +181,7 @@ class AdaptiveMethod final : public Method {
         pays ? statistics_of(frame, workers, out.bytes().size()) : full().render(scene, stage, out);
     statistics.completed = statistics.completed && !cancelled_;
     if (options_.copy_unchanged && statistics.completed) {
-      last_.keep(scene, out);
+      last_.keep(scene, out, statistics);
       now.bands = std::move(frame.bands);
       now.taken = std::move(frame.taken);
       if (pays && scene.pbr == nullptr)
@@ -487,7 +487,7 @@ class AdaptiveMethod final : public Method {
     statistics.subpixels = subpixels;
     statistics.audited_subpixels = audit.sampled;
     statistics.audited_beyond = audit.beyond;
-    statistics.rmse = std::sqrt(errors.mean_square());
+    statistics.audited_rmse = std::sqrt(errors.mean_square());
     if (!keeps_any(frame)) return statistics;  // every band comes from method full
     statistics.beyond_bound = bound_of_share(audit);
     statistics.rmse_bound = std::sqrt(bound_of_mean_square(errors));
@@ -542,8 +542,8 @@ void promise_psnr(double db, RenderOptions& options) {
     throw Error(ErrorKind::Usage, fmt::format("--psnr {}: not in {} ... {} dB", db, kLeast, kMost),
                 "40 is a good compromise; --error 0 is exact");
   options.proven_rmse = 255.0 / std::pow(10.0, db / 20.0);
-  // Half of the mean square is left for errors that the audit could not see. A larger error saves
-  // little more, and gives frames that need bands of method full to keep the promise.
+  // A third of the mean square is left for errors that the audit could not see. A larger error
+  // saves little more, and gives frames that need bands of method full to keep the promise.
   options.tolerated_error = options.proven_rmse;
 }
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include <regex>
+
 #include "frame_command_test.h"
 
 namespace lenticule::test {
@@ -92,6 +94,34 @@ TEST_F(CompareCommand, NamesBothReadingsOfAPublishedRmse) {
             std::string::npos)
       << done.out;
   EXPECT_NE(done.out.find("100.000 %"), std::string::npos) << "all are over 1";
+}
+
+/// The shadows of thin wires are lost; the audit sees fewer of these errors than there are.
+TEST_F(CompareCommand, FindsNoLargerErrorThanRenderStates) {
+  std::string scene =
+      "v\nfrom 0 3 20\nat 0 0 0\nup 0 1 0\nangle 30\nhither 0.01\nresolution 960 540\n"
+      "b 0.9 0.9 0.9\nl 7 18 6 0.5 0.5 0.5\nl -8 14 9 0.5 0.5 0.5\nf 0.9 0.9 0.9 1 0 1 0 1\n"
+      "p 4\n-12 -3 -9\n-12 -3 9\n12 -3 9\n12 -3 -9\nf 0.5 0.5 0.5 1 0 1 0 1\n";
+  for (int n = 0; n < 12; ++n)
+    scene += fmt::format("c\n{} 8 -3 0.01\n{} 8 {} 0.01\n", n - 6, 6 - n, n / 3.0);
+  write("wires.nff", scene);
+  const auto render = [this](const char* method) {
+    return run({"render", path("wires.nff"), "--rig", source_file("scenes/rigs/kiosk-27-1080.toml"),
+                "--frames", "0", "--method", method, "--json", "-o",
+                path(method + std::string(".ppm"))});
+  };
+  ASSERT_EQ(render("full").exit_code, 0);
+  const ProcessResult adaptive = render("adaptive");
+  const auto stated = json_of(adaptive);
+  const auto report = json_of(compare(path("full.ppm"), path("adaptive.ppm"), {"--json"}));
+  const double rmse = report["frames"][0]["total"]["rmse"];
+  EXPECT_GT(rmse, stated["audited_rmse"].get<double>());
+  EXPECT_LE(rmse, stated["rmse_bound"].get<double>());
+  std::smatch printed;
+  ASSERT_TRUE(std::regex_search(adaptive.err, printed,
+                                std::regex("RMSE of the worst frame: (?:at most )?([0-9.]+)")))
+      << adaptive.err;
+  EXPECT_LE(rmse, std::stod(printed[1]));
 }
 
 TEST_F(CompareCommand, ViewsAreAlsoMeasuredAsEyesSeeThem) {

@@ -69,6 +69,20 @@ TEST(LastFrame, IsCopiedWhileNothingChanges) {
   }
 }
 
+TEST(LastFrame, ACopyHasTheErrorsOfTheFrame) {
+  const optics::OpticalModel model(testing::make_rig({.width = 240, .height = 140}));
+  const Stage stage = testing::make_tiny_stage();
+  const Scene scene(testing::tiny_scenes().front().scene, stage, {});
+  const auto method = make_method("adaptive", model, {.copy_unchanged = true, .cancelled = {}});
+  frames::WovenFrame frame({240, 140});
+  const RenderStatistics rendered = method->render(scene, stage, frame);
+  const RenderStatistics copied = method->render(scene, stage, frame);
+  ASSERT_EQ(copied.copied_subpixels, copied.subpixels);
+  EXPECT_GT(rendered.rmse_bound, 0.0);
+  EXPECT_EQ(copied.rmse_bound, rendered.rmse_bound);
+  EXPECT_EQ(copied.beyond_bound, rendered.beyond_bound);
+}
+
 TEST(LastFrame, IsReusedOnlyOnRequest) {
   const Shot shot{.scene = testing::tiny_scenes().front().scene};
   Frames run(false);
