@@ -203,7 +203,7 @@ ExitCode run_phone(const PhoneFlags& flags) {
                      flags.pack);
   if (!check) return code;
   if (!result.json)
-    print_out("Every eye of the viewing zone sees its view to {:.3f} lens.\n",
+    print_out("Every eye of the viewing zone sees its view to {:.3f} lens (95 % confidence).\n",
               found->drift.worst_lenses);
   show_frame(sink, *check);
   say("move your head sideways: the whole panel turns from white to black at once\n");
