@@ -179,13 +179,10 @@ bool equal_secrets(std::string_view one, std::string_view other) {
   return one.size() == other.size() && CRYPTO_memcmp(one.data(), other.data(), one.size()) == 0;
 }
 
-Access::Access(std::filesystem::path tokens, Clock& clock)
-    : file_(std::move(tokens)), clock_(clock), tokens_(read_tokens(file_)), mark_(mark_of(file_)) {}
+Access::Access(std::filesystem::path tokens)
+    : file_(std::move(tokens)), tokens_(read_tokens(file_)), mark_(mark_of(file_)) {}
 
 void Access::refresh() {
-  const auto now = clock_.now();
-  if (now - looked_ < std::chrono::milliseconds(500)) return;
-  looked_ = now;
   const FileMark mark = mark_of(file_);
   if (mark_ && mark == *mark_) return;
   try {
@@ -215,6 +212,13 @@ Identity Access::with_cookie(std::string_view value) {
   for (const Token& token : tokens_)
     if (equal_secrets(cookie_digits(token), value)) found = identity_of(token);
   return found;
+}
+
+bool Access::is_valid(std::string_view token_id) {
+  const std::lock_guard lock(mutex_);
+  refresh();
+  return std::any_of(tokens_.begin(), tokens_.end(),
+                     [&](const Token& token) { return token.id == token_id; });
 }
 
 std::string Access::cookie_of(std::string_view secret) {

@@ -4,7 +4,6 @@
 // mode 0600 in the state folder.
 #pragma once
 
-#include <chrono>
 #include <filesystem>
 #include <mutex>
 #include <optional>
@@ -12,7 +11,6 @@
 #include <string_view>
 #include <vector>
 
-#include "apps/lenticule-web/http/clock.h"
 #include "base/file_mark.h"
 
 namespace lenticule::web {
@@ -51,14 +49,16 @@ void revoke_token(const std::filesystem::path& file, const std::string& id);
 /// Thread safety: any thread.
 class Access {
  public:
-  /// Throws as read_tokens() does. Tokens that are added or revoked later take effect within a
-  /// second. If the file cannot be read then, no token is valid.
-  explicit Access(std::filesystem::path tokens, Clock& clock = machine_clock());
+  /// Throws as read_tokens() does. Tokens that are added or revoked later take effect at once. If
+  /// the file cannot be read then, no token is valid.
+  explicit Access(std::filesystem::path tokens);
 
   /// Returns the identity of a token; rights None if it is not valid.
   [[nodiscard]] Identity with_token(std::string_view secret);
   /// Returns the identity of a cookie; rights None if it is not valid.
   [[nodiscard]] Identity with_cookie(std::string_view value);
+  /// Returns true if the token with that id was not revoked.
+  [[nodiscard]] bool is_valid(std::string_view token_id);
   /// Returns the cookie of a valid token. The cookie does not contain the token, and is valid as
   /// long as the token, also after a restart of the server.
   [[nodiscard]] std::string cookie_of(std::string_view secret);
@@ -67,11 +67,9 @@ class Access {
   void refresh();
 
   const std::filesystem::path file_;
-  Clock& clock_;
   std::mutex mutex_;  ///< guards the members below
   std::vector<Token> tokens_;
   std::optional<FileMark> mark_;
-  Clock::Time looked_{};
 };
 
 }  // namespace lenticule::web

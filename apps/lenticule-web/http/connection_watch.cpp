@@ -3,7 +3,7 @@
 
 #include <sys/socket.h>
 
-#include <algorithm>
+#include <utility>
 
 namespace lenticule::web {
 namespace {
@@ -12,7 +12,9 @@ constexpr auto kTick = std::chrono::milliseconds(200);
 
 }  // namespace
 
-ConnectionWatch::ConnectionWatch(size_t crowded) : crowded_(crowded) {
+ConnectionWatch::ConnectionWatch(size_t crowded, size_t crowded_address,
+                                 std::function<bool(const std::string& token_id)> is_valid)
+    : crowded_(crowded), crowded_address_(crowded_address), is_valid_(std::move(is_valid)) {
   thread_ = std::thread([this] { work(); });
 }
 
@@ -30,27 +32,30 @@ ConnectionWatch::~ConnectionWatch() {
 void ConnectionWatch::end(int fd, Entry& entry) {
   if (entry.ended) return;
   entry.ended = true;
-  ++ended_;
   (void)::shutdown(fd, SHUT_RDWR);
 }
 
-void ConnectionWatch::make_room() {
-  const size_t live = static_cast<size_t>(std::count_if(
-      entries_.begin(), entries_.end(), [](const auto& e) { return !e.second.ended; }));
-  if (live < crowded_) return;
+/// Ends the oldest unknown connection if `most` are open; an empty address stands for all
+/// addresses.
+void ConnectionWatch::make_room(size_t most, const std::string& address) {
+  size_t live = 0;
   auto oldest = entries_.end();
   for (auto entry = entries_.begin(); entry != entries_.end(); ++entry) {
-    if (entry->second.is_known || entry->second.ended) continue;
+    if (entry->second.ended || (!address.empty() && entry->second.address != address)) continue;
+    ++live;
+    if (entry->second.is_known) continue;
     if (oldest == entries_.end() || entry->second.since < oldest->second.since) oldest = entry;
   }
-  if (oldest != entries_.end()) end(oldest->first, oldest->second);
+  if (live >= most && oldest != entries_.end()) end(oldest->first, oldest->second);
 }
 
-void ConnectionWatch::opened(int fd, std::chrono::milliseconds time) {
+void ConnectionWatch::opened(int fd, const std::string& address, std::chrono::milliseconds time) {
   const std::lock_guard lock(mutex_);
-  make_room();
+  make_room(crowded_, {});
   const Clock::time_point now = Clock::now();
-  entries_[fd] = {.deadline = now + time, .since = now};
+  entries_[fd] = {.deadline = now + time, .since = now, .address = address};
+  // If all others are known, the new connection is the oldest unknown one, and ends.
+  if (!address.empty()) make_room(crowded_address_ + 1, address);
 }
 
 void ConnectionWatch::extend(int fd, std::chrono::milliseconds time) {
@@ -65,9 +70,20 @@ void ConnectionWatch::release(int fd) {
     entry->second.deadline = Clock::time_point::max();
 }
 
-void ConnectionWatch::known(int fd) {
+void ConnectionWatch::known(int fd, const std::string& token_id) {
   const std::lock_guard lock(mutex_);
-  if (const auto entry = entries_.find(fd); entry != entries_.end()) entry->second.is_known = true;
+  const auto entry = entries_.find(fd);
+  if (entry == entries_.end()) return;
+  entry->second.is_known = true;
+  entry->second.token_id = token_id;
+}
+
+void ConnectionWatch::answered(int fd, std::chrono::milliseconds time) {
+  const std::lock_guard lock(mutex_);
+  const auto entry = entries_.find(fd);
+  if (entry == entries_.end()) return;
+  entry->second.deadline = Clock::now() + time;
+  entry->second.token_id.clear();
 }
 
 void ConnectionWatch::closed(int fd) {
@@ -80,18 +96,14 @@ size_t ConnectionWatch::open() const {
   return entries_.size();
 }
 
-uint64_t ConnectionWatch::ended() const {
-  const std::lock_guard lock(mutex_);
-  return ended_;
-}
-
 void ConnectionWatch::work() {
   std::unique_lock lock(mutex_);
   while (!stopping_) {
     changed_.wait_for(lock, kTick, [this] { return stopping_; });
     const Clock::time_point now = Clock::now();
     for (auto& [fd, entry] : entries_)
-      if (entry.deadline <= now) end(fd, entry);
+      if (entry.deadline <= now || (!entry.token_id.empty() && !is_valid_(entry.token_id)))
+        end(fd, entry);
   }
 }
 

@@ -13,7 +13,9 @@ std::string_view without_blanks(std::string_view text) {
   return text;
 }
 
-bool same_ignoring_case(std::string_view text, std::string_view lower_case) {
+}  // namespace
+
+bool is_same_ignoring_case(std::string_view text, std::string_view lower_case) {
   if (text.size() != lower_case.size()) return false;
   for (size_t k = 0; k < text.size(); ++k) {
     const char c = text[k];
@@ -22,8 +24,6 @@ bool same_ignoring_case(std::string_view text, std::string_view lower_case) {
   }
   return true;
 }
-
-}  // namespace
 
 std::optional<std::string_view> cookie_value(std::string_view header, std::string_view name) {
   while (!header.empty()) {
@@ -37,7 +37,7 @@ std::optional<std::string_view> cookie_value(std::string_view header, std::strin
 
 std::optional<std::string_view> bearer_credential(std::string_view header) {
   const std::string_view scheme = take_until(header, ' ');
-  if (!same_ignoring_case(scheme, "bearer")) return std::nullopt;
+  if (!is_same_ignoring_case(scheme, "bearer")) return std::nullopt;
   const std::string_view credential = without_blanks(header);
   if (credential.empty()) return std::nullopt;
   return credential;
@@ -45,7 +45,7 @@ std::optional<std::string_view> bearer_credential(std::string_view header) {
 
 std::optional<ByteRange> parse_content_range(std::string_view header) {
   std::string_view text = without_blanks(header);
-  if (!same_ignoring_case(take_until(text, ' '), "bytes")) return std::nullopt;
+  if (!is_same_ignoring_case(take_until(text, ' '), "bytes")) return std::nullopt;
   const auto first = take_number<uint64_t>(text);
   if (!first || !text.starts_with('-')) return std::nullopt;
   text.remove_prefix(1);

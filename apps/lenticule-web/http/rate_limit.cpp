@@ -32,12 +32,6 @@ bool RateLimit::permits(const std::string& address, Clock::time_point now) {
   return true;
 }
 
-bool RateLimit::is_exceeded(const std::string& address, Clock::time_point now) const {
-  const std::lock_guard lock(mutex_);
-  const auto found = buckets_.find(address);
-  return found != buckets_.end() && tokens_of(found->second, now) < 1.0;
-}
-
 size_t RateLimit::addresses() const {
   const std::lock_guard lock(mutex_);
   return buckets_.size();

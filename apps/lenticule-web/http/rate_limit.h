@@ -19,9 +19,6 @@ class RateLimit {
 
   /// Counts one event; returns false, and counts nothing, if it is beyond the limit.
   [[nodiscard]] bool permits(const std::string& address, Clock::time_point now = Clock::now());
-  /// Returns true if permits() would return false.
-  [[nodiscard]] bool is_exceeded(const std::string& address,
-                                 Clock::time_point now = Clock::now()) const;
   /// Returns the number of addresses that are remembered; at most kMaxAddresses.
   [[nodiscard]] size_t addresses() const;
 

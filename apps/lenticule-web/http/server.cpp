@@ -63,6 +63,25 @@ std::string sender_of(const sockaddr* address) {
   return text.data();
 }
 
+std::string address_of(MHD_Connection* connection) {
+  const auto* const info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
+  return sender_of(info == nullptr ? nullptr : info->client_addr);
+}
+
+/// Returns true if it is in doubt where the body of the request ends. A proxy in front could see
+/// another end, and take the rest for a request of somebody else.
+bool has_two_lengths(MHD_Connection* connection) {
+  int lengths = 0;
+  const auto count = [](void* found, enum MHD_ValueKind, const char* name, const char*) {
+    if (is_same_ignoring_case(name, "content-length") ||
+        is_same_ignoring_case(name, "transfer-encoding"))
+      ++*static_cast<int*>(found);
+    return MHD_YES;
+  };
+  (void)MHD_get_connection_values(connection, MHD_HEADER_KIND, count, &lengths);
+  return lengths > 1;
+}
+
 /// Returns the last address of X-Forwarded-For, which the reverse proxy itself has added.
 std::string forwarded_sender(MHD_Connection* connection) {
   const auto header =
@@ -101,6 +120,10 @@ Response html_page(int status, const std::string& title, const std::string& cont
       "<body><main><h1>{}</h1>{}</main></body></html>\n",
       head, title, title, content);
   return response;
+}
+
+[[noreturn]] void refuse_body(uint64_t largest) {
+  throw HttpError(413, fmt::format("the body has more than {} bytes", largest));
 }
 
 }  // namespace
@@ -144,15 +167,18 @@ struct ServerCallbacks {
     (void)code;
     auto& server = *static_cast<Server::Door*>(door)->server;
     delete static_cast<Server::Call*>(std::exchange(*state, nullptr));
-    server.watch_.extend(fd_of(connection), server.limits_.head_time);
+    server.watch_.answered(fd_of(connection), server.limits_.head_time);
   }
 
   static void connection_changed(void* door, MHD_Connection* connection, void** state,
                                  enum MHD_ConnectionNotificationCode code) {
     (void)state;
-    auto& server = *static_cast<Server::Door*>(door)->server;
+    const auto& own = *static_cast<Server::Door*>(door);
+    auto& server = *own.server;
     if (code == MHD_CONNECTION_NOTIFY_STARTED)
-      server.watch_.opened(fd_of(connection), server.limits_.head_time);
+      server.watch_.opened(fd_of(connection),
+                           own.listener.is_unix ? std::string() : address_of(connection),
+                           server.limits_.head_time);
     else
       server.watch_.closed(fd_of(connection));
   }
@@ -211,7 +237,8 @@ Server::Server(std::vector<Listener> listeners, Site& site, Access& access, Serv
       clock_(clock),
       requests_(limits.requests_burst, limits.requests_per_s),
       wrong_tokens_(limits.wrong_tokens_burst, limits.wrong_tokens_per_s),
-      watch_(limits.connections * 3 / 4) {
+      watch_(limits.connections * 3 / 4, limits.connections_per_address,
+             [&access](const std::string& token_id) { return access.is_valid(token_id); }) {
   for (Listener& listener : listeners) {
     auto door = std::make_unique<Door>(
         Door{.server = this, .listener = std::move(listener), .daemon = nullptr});
@@ -224,7 +251,6 @@ Server::Server(std::vector<Listener> listeners, Site& site, Access& access, Serv
         // The first option, so that it receives messages about the others.
         MHD_OPTION_EXTERNAL_LOGGER, &ServerCallbacks::discard_message, nullptr,
         MHD_OPTION_LISTEN_SOCKET, listening, MHD_OPTION_CONNECTION_LIMIT, limits.connections,
-        MHD_OPTION_PER_IP_CONNECTION_LIMIT, limits.connections_per_address,
         MHD_OPTION_CONNECTION_TIMEOUT, static_cast<unsigned>(limits.idle_time.count()),
         MHD_OPTION_CONNECTION_MEMORY_LIMIT, limits.head_bytes, MHD_OPTION_THREAD_STACK_SIZE,
         kThreadStack, MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_UNESCAPE_CALLBACK,
@@ -249,10 +275,10 @@ int Server::handle(Door& door, MHD_Connection* connection, const char* url, cons
   Call& call = *static_cast<Call*>(*state);
   if (*size == 0) return finish(connection, call);
   call.received += *size;
-  // A length was announced and checked, or the body comes in chunks without one.
-  if (call.received > call.largest_body) return MHD_NO;
   if (!call.refusal) {
     try {
+      // A body in chunks comes without a length.
+      if (call.received > call.largest_body) refuse_body(call.largest_body);
       if (call.sink)
         call.sink->take({reinterpret_cast<const uint8_t*>(data), *size});
       else
@@ -282,19 +308,20 @@ int Server::begin(Door& door, MHD_Connection* connection, const char* url, const
   request.header = [connection](const char* name) {
     return text_or_none(MHD_lookup_connection_value(connection, MHD_HEADER_KIND, name));
   };
-  const auto* const info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
-  request.peer = door.listener.is_unix ? forwarded_sender(connection)
-                                       : sender_of(info == nullptr ? nullptr : info->client_addr);
+  request.peer = door.listener.is_unix ? forwarded_sender(connection) : address_of(connection);
   uint64_t length = 0;
   try {
-    if (!requests_.permits(request.peer, clock_.now()))
+    identify(call);
+    // Each token has a rate of its own, so that others of the same network do not use it up.
+    if (!requests_.permits(request.peer + " " + request.sender.token_id, clock_.now()))
       throw HttpError(429, "too many requests from this address", "wait some seconds");
+    if (has_two_lengths(connection))
+      throw HttpError(400, "the request states two lengths of its body",
+                      "send one Content-Length, or one Transfer-Encoding");
     if (const auto text = request.header("Content-Length"))
       length = number_from<uint64_t>(*text).value_or(UINT64_MAX);
     call.largest_body = site_.largest_body(request.method, request.path);
-    if (length > call.largest_body)
-      throw HttpError(413, fmt::format("the body has more than {} bytes", call.largest_body));
-    identify(call);
+    if (length > call.largest_body) refuse_body(call.largest_body);
     require_rights(call);
     call.sink = site_.sink(request);
   } catch (const Error& error) {
@@ -305,15 +332,18 @@ int Server::begin(Door& door, MHD_Connection* connection, const char* url, const
   return MHD_YES;
 }
 
+/// Counts a wrong token. Throws HttpError 429 if its sender sent too many before. A right token is
+/// never refused for wrong ones: others of the same network could keep its owner out.
+void Server::count_wrong_token(const std::string& peer) {
+  if (!wrong_tokens_.permits(peer, clock_.now()))
+    throw HttpError(429, "too many wrong tokens from this address", "wait a minute");
+}
+
 /// Finds out who sent the request. A wrong credential counts against its sender's address.
 void Server::identify(Call& call) {
   Request& request = call.request;
-  const auto refuse_if_guessing = [&] {
-    if (wrong_tokens_.is_exceeded(request.peer, clock_.now()))
-      throw HttpError(429, "too many wrong tokens from this address", "wait a minute");
-  };
+  if (request.path == "/enter") return;  // has a token of its own
   if (const auto authorization = request.header("Authorization")) {
-    refuse_if_guessing();
     if (const auto credential = bearer_credential(*authorization))
       request.sender = access_.with_token(*credential);
     call.wrong_credential = request.sender.rights == Rights::None;
@@ -322,11 +352,10 @@ void Server::identify(Call& call) {
       request.sender = access_.with_cookie(*value);
       call.by_cookie = true;
       call.wrong_credential = request.sender.rights == Rights::None;
-      if (call.wrong_credential) refuse_if_guessing();
     }
   }
-  if (call.wrong_credential) (void)wrong_tokens_.permits(request.peer, clock_.now());
-  if (request.sender.rights != Rights::None) watch_.known(call.fd);
+  if (call.wrong_credential) count_wrong_token(request.peer);
+  if (request.sender.rights != Rights::None) watch_.known(call.fd, request.sender.token_id);
 }
 
 void Server::require_rights(Call& call) const {
@@ -349,13 +378,11 @@ void Server::require_rights(Call& call) const {
 /// a redirection, because a browser that follows a link of another site would not send the cookie
 /// to the next page.
 Response Server::enter(const Request& request) {
-  if (wrong_tokens_.is_exceeded(request.peer, clock_.now()))
-    throw HttpError(429, "too many wrong tokens from this address", "wait a minute");
   const std::string token = request.query("token").value_or("");
   const std::string cookie =
       access_.with_token(token).rights == Rights::None ? std::string() : access_.cookie_of(token);
   if (cookie.empty()) {
-    (void)wrong_tokens_.permits(request.peer, clock_.now());
+    count_wrong_token(request.peer);
     return html_page(401, "This address is not valid",
                      "<p>Its token is wrong or was revoked. Ask for a new address: "
                      "<code>lenticule web token add NAME</code>.</p>");

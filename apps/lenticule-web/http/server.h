@@ -66,6 +66,7 @@ class Server {
                           const char* method, void** state);
   [[nodiscard]] int finish(MHD_Connection* connection, Call& call);
   [[nodiscard]] Response response_of(Call& call);
+  void count_wrong_token(const std::string& peer);
   void identify(Call& call);
   void require_rights(Call& call) const;
   [[nodiscard]] Response enter(const Request& request);

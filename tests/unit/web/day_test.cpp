@@ -72,7 +72,7 @@ class WebDay : public testing::Test {
     std::filesystem::create_directories(folder_ / "media");
     player_ = std::make_unique<FakePlayer>(folder_ / "c.sock");
     token_ = add_token(folder_ / "tokens.json", "desk", Rights::Change).secret;
-    access_ = std::make_unique<Access>(folder_ / "tokens.json", clock_);
+    access_ = std::make_unique<Access>(folder_ / "tokens.json");
     site_ = std::make_unique<WebSite>(WebSiteOptions{.socket = folder_ / "c.sock",
                                                      .state = folder_.path(),
                                                      .media = folder_ / "media",
