@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <filesystem>
 
 #include "base/text.h"
 #include "frames/rational.h"
@@ -32,8 +33,15 @@ ordered_json schedule_json(const Schedule& schedule) {
           {"to", clock_text(schedule.to_minute)}};
 }
 
+/// Returns the name of the source for a reader with another working folder.
+std::string whole_name(const SourceSpec& source) {
+  const SourceSpec whole = source.in_folder(std::filesystem::current_path());
+  return whole == source ? source.text
+                         : std::filesystem::path(whole.text).lexically_normal().string();
+}
+
 ordered_json item_json(const PlaylistItem& item) {
-  ordered_json json = {{"source", item.source.text}};
+  ordered_json json = {{"source", whole_name(item.source)}};
   if (item.duration_s)
     json["duration_s"] = *item.duration_s;
   else if (!item.still_s || item.loops != 1)
@@ -50,7 +58,8 @@ ordered_json item_json(const PlaylistItem& item) {
 
 ordered_json list_json(const Playlist& list, size_t first, size_t most_bytes) {
   ordered_json json;
-  json["file"] = list.file ? ordered_json(list.name) : ordered_json(nullptr);
+  json["file"] = nullptr;
+  if (list.file) json["file"] = std::filesystem::absolute(list.name).lexically_normal().string();
   json["loop"] = loops_json(list.rounds);
   json["default"] = list.standby ? item_json(*list.standby) : ordered_json(nullptr);
   json["count"] = list.items.size();

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
+
 namespace lenticule::player {
 namespace {
 
@@ -45,6 +47,16 @@ to = "24:00"
   EXPECT_EQ(json["items"][2]["schedule"]["days"], (ordered_json{"mon", "sun"}));
   EXPECT_EQ(json["items"][2]["schedule"]["from"], "08:30");
   EXPECT_EQ(json["items"][2]["schedule"]["to"], "24:00");
+}
+
+TEST(ListJson, ARelativeNameIsWholeForReadersInOtherFolders) {
+  Playlist list =
+      parse_playlist("[[item]]\nsource = \"a.lts\"\n", "films/list.toml", "shows/../films");
+  list.file = FileMark{};
+  const ordered_json json = list_json(list, 0);
+  const auto here = std::filesystem::current_path() / "films";
+  EXPECT_EQ(json["file"], (here / "list.toml").string());
+  EXPECT_EQ(json["items"][0]["source"], (here / "a.lts").string());
 }
 
 TEST(ListJson, ALongListComesInPartsBelowTheLimitOfALine) {
