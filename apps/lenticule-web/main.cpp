@@ -143,7 +143,8 @@ int serve(const Flags& flags) {
                 .program = player_program()});
   std::vector<Listener> listeners = open_listeners(flags);
   for (const Listener& listener : listeners) {
-    say("listening at {}{}\n", listener.name,
+    say("listening at {}{}{}\n", listener.name,
+        is_terminal() ? "" : "; lenticule web address prints the address with its token",
         listener.is_local ? "" : "; other machines can reach it, and HTTP is not encrypted");
     if (listener.is_unix || !is_terminal()) continue;
     for (const std::string& name : reachable_names(listener))
@@ -185,8 +186,12 @@ int revoke(const Flags& flags) {
 }
 
 int print_addresses(const Flags& flags) {
-  for (const Token& token : read_tokens(state_folder(flags) / "tokens.json"))
-    print_address(flags, token);
+  const fs::path file = state_folder(flags) / "tokens.json";
+  const std::vector<Token> tokens = read_tokens(file);
+  if (tokens.empty())
+    throw Error(ErrorKind::Failed, file.string() + ": no tokens yet",
+                "the first start of the server makes one; or: lenticule web token add NAME");
+  for (const Token& token : tokens) print_address(flags, token);
   return kOk;
 }
 

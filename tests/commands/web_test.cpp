@@ -54,10 +54,11 @@ TEST_F(Web, EveryAnswerIsAsTheDescriptionSays) {
   };
   // The panel of these tests is too small for the chart.
   const std::map<std::string, int> refusals = {
-      {"post /api/v1/calibration/begin", 422},     {"put /api/v1/calibration/photograph", 409},
-      {"get /api/v1/calibration/before.jpg", 404}, {"get /api/v1/calibration/after.jpg", 404},
-      {"get /api/v1/calibration/rig.toml", 404},   {"post /api/v1/calibration/keep", 409},
-      {"post /api/v1/calibration/restore", 404},   {"delete /api/v1/calibration/photograph", 400},
+      {"post /api/v1/calibration/begin", 422},        {"put /api/v1/calibration/photograph", 409},
+      {"get /api/v1/calibration/before.jpg", 404},    {"get /api/v1/calibration/after.jpg", 404},
+      {"get /api/v1/calibration/rig.toml", 404},      {"post /api/v1/calibration/keep", 409},
+      {"post /api/v1/media/{name}/restore", 404},     {"post /api/v1/calibration/restore", 404},
+      {"delete /api/v1/calibration/photograph", 400},
   };
   std::string wrong;
   ordered_json list;
@@ -219,7 +220,7 @@ TEST_F(Web, TokensAreAddedListedAndRevoked) {
   const auto status = [&](const char* method, const char* address) {
     return HttpClient(port_).ask(method, address, {{"Authorization", "Bearer " + secret}}).status;
   };
-  ASSERT_TRUE(comes_true([&] { return status("GET", "/") == 200; }));
+  EXPECT_EQ(status("GET", "/"), 200) << "at once";
   EXPECT_EQ(status("POST", "/api/v1/pause"), 403);
   const ProcessResult list = run({"web", "token", "list", "--state", path("state")});
   EXPECT_EQ(list.out.find(secret), std::string::npos) << "ids, not secrets";
@@ -227,8 +228,18 @@ TEST_F(Web, TokensAreAddedListedAndRevoked) {
   EXPECT_NE(row.find("guest"), std::string::npos);
   EXPECT_EQ(run({"web", "token", "revoke", row.substr(0, 8), "--state", path("state")}).exit_code,
             0);
-  EXPECT_TRUE(comes_true([&] { return status("GET", "/") != 200; }));
+  EXPECT_EQ(status("GET", "/"), 401) << "at once";
   EXPECT_EQ(run({"web", "token", "revoke", "00000000", "--state", path("state")}).exit_code, 2);
+}
+
+TEST_F(Web, AnAddressBeforeTheFirstStartSaysWhatIsMissing) {
+  const ProcessResult none = run({"web", "address", "--state", path("state")});
+  EXPECT_EQ(none.exit_code, 1);
+  EXPECT_NE(none.err.find("no tokens yet"), std::string::npos) << none.err;
+  EXPECT_NE(none.err.find("token add"), std::string::npos) << none.err;
+  const ProcessResult shown = run({"ctl", "--socket", path("c.sock"), "show-address"});
+  EXPECT_EQ(shown.exit_code, 2);
+  EXPECT_NE(shown.err.find("before the pipe"), std::string::npos) << shown.err;
 }
 
 TEST_F(Web, TheCodeInATerminalIsThatOfTheAddress) {

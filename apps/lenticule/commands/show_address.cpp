@@ -63,7 +63,9 @@ std::string address_from_input() {
   text = text.substr(0, text.find('\n'));
   if (text.empty())
     throw Error(ErrorKind::Usage, "show-address: no address",
-                "give one, or: lenticule web address | lenticule ctl show-address");
+                ::isatty(STDIN_FILENO) == 1
+                    ? "give one, or: lenticule web address | lenticule ctl show-address"
+                    : "the command before the pipe printed none; its message has the reason");
   return text;
 }
 
