@@ -9,6 +9,7 @@
 #include <fstream>
 #include <iterator>
 
+#include "base/file.h"
 #include "frames/qr/qr_code.h"
 #include "tests/commands/web_films.h"
 #include "tests/support/scratch_folder.h"
@@ -57,12 +58,104 @@ TEST_F(Web, AnUploadContinuesWhereItEnded) {
   EXPECT_EQ(bad["plays"], false);
   EXPECT_FALSE(bad["problems"].empty());
   EXPECT_EQ(ask("DELETE", "/api/v1/media/no.lts").status, 200);
-  EXPECT_EQ(ask("DELETE", "/api/v1/media/a.lts").status, 409) << "it is in the list";
+  const HttpAnswer kept = ask("DELETE", "/api/v1/media/a.lts");
+  EXPECT_EQ(kept.status, 409);
+  EXPECT_NE(kept.body.find("list.toml"), std::string::npos) << kept.body;
   EXPECT_FALSE(std::filesystem::exists(path("media/no.lts")));
+}
+
+TEST_F(Web, AnUploadReplacesAFileOnDemandIfItPlaysAndKeepsTheOldOne) {
+  play();
+  start_web();
+  connect();
+  write_film("other", 5);
+  ASSERT_EQ(
+      run({"convert", path("other/%03d.png"), "--rig", path("rig.toml"), "-o", path("new.lts")})
+          .exit_code,
+      0);
+  const auto bytes = [&](const std::string& name) {
+    const auto read = read_bytes(path(name));
+    return std::string(read.begin(), read.end());
+  };
+  const std::string old_film = bytes("media/a.lts"), new_film = bytes("new.lts");
+  ASSERT_NE(old_film, new_film);
+  EXPECT_EQ(ask("PUT", "/api/v1/media/a.lts", new_film).status, 409);
+  const HttpAnswer bad = ask("PUT", "/api/v1/media/a.lts?replace=yes", "not a film");
+  EXPECT_EQ(bad.status, 422) << bad.body;
+  EXPECT_EQ(bytes("media/a.lts"), old_film);
+  EXPECT_EQ(api("GET", "media/a.lts")["received"], nullptr);
+  EXPECT_EQ(ask("PUT", "/api/v1/media/a.lts?replace=yes", new_film).status, 201);
+  EXPECT_EQ(bytes("media/a.lts"), new_film);
+  EXPECT_EQ(api("GET", "media/a.lts")["earlier"], old_film.size());
+  EXPECT_EQ(api("POST", "media/a.lts/restore")["earlier"], new_film.size());
+  EXPECT_EQ(bytes("media/a.lts"), old_film);
+}
+
+TEST_F(Web, AListThatSomebodyWroteIsKeptAsItWas) {
+  const std::string by_hand = "# for the summer\nloop = \"forever\"\n[[item]]\nloops = 5  # five\n";
+  write("media/list.toml", by_hand + "source = \"a.lts\"\n");
+  play();
+  start_web();
+  connect();
+  ordered_json list = api("GET", "list");
+  EXPECT_EQ(list["by_hand"], true);
+  for (int k = 0; k < 22; ++k) {
+    list["items"][0]["loops"] = 10 + k % 2;
+    list.erase("version");
+    list = api("PUT", "list", list.dump());
+    if (k == 0)
+      write("media/list.toml", read_text_file(path("media/list.toml"), 4096) + "# more\n");
+  }
+  EXPECT_EQ(list["by_hand"], false);
+  const ordered_json versions = api("GET", "list/versions")["versions"];
+  EXPECT_EQ(versions.size(), 21u);
+  EXPECT_EQ(versions.back()["name"], "0");
+  (void)api("POST", "list/restore", R"({"name": "0"})");
+  EXPECT_EQ(read_text_file(path("media/list.toml"), 4096), by_hand + "source = \"a.lts\"\n");
+}
+
+TEST_F(Web, AListWithoutAnItemThatPlaysIsRefused) {
+  play();
+  start_web();
+  connect();
+  write("media/no.lts", "not a film");
+  ordered_json list = api("GET", "list");
+  const ordered_json before = list["items"];
+  list["items"] = {{{"source", path("media/no.lts")}}};
+  const HttpAnswer refused = ask("PUT", "/api/v1/list", list.dump());
+  EXPECT_EQ(refused.status, 422) << refused.body;
+  EXPECT_NE(refused.body.find("no.lts"), std::string::npos) << refused.body;
+  EXPECT_EQ(api("GET", "list")["items"], before);
+  list["items"].push_back(before[0]);
+  EXPECT_EQ(api("PUT", "list", list.dump())["items"].size(), 2u) << "one of two plays";
+}
+
+TEST_F(Web, AListThatWasNamedFromAnotherFolderIsEdited) {
+  const std::string relative = std::filesystem::relative(path("media/list.toml")).string();
+  start(play_words(relative, {"--slots", "12"}));
+  ASSERT_TRUE(comes_true([&] { return frames_shown() > 3; }));
+  start_web();
+  connect();
+  ordered_json list = api("GET", "list");
+  EXPECT_EQ(list["editable"], true);
+  EXPECT_EQ(list["items"][0]["source"], path("media/a.lts"));
+  list["items"][0]["loops"] = 7;
+  EXPECT_EQ(api("PUT", "list", list.dump())["items"][0]["loops"], 7);
 }
 
 TEST_F(Web, AFileAboveTheLimitIsRefused) {
   start_web({"--media-limit", "0.001"});  // 1 MiB
+  HttpClient chunked(port_);
+  chunked.say(
+      "PUT /api/v1/media/large.lts HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: chunked\r\n"
+      "Authorization: Bearer " +
+      token_ + "\r\n\r\n");
+  for (int k = 0; k < 20; ++k) chunked.say("10000\r\n" + std::string(65536, 'x') + "\r\n");
+  chunked.say("0\r\n\r\n");
+  const HttpAnswer refused = chunked.answer();
+  EXPECT_EQ(refused.status, 413);
+  EXPECT_NE(refused.body.find("larger than"), std::string::npos) << refused.body;
+  EXPECT_FALSE(std::filesystem::exists(path("media/.upload-large.lts")));
   EXPECT_EQ(
       ask("PUT", "/api/v1/media/large.lts", "x", {{"Content-Range", "bytes 0-0/99999999"}}).status,
       413);

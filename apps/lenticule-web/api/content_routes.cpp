@@ -28,7 +28,7 @@ Response put_list(WebSite& site, const Request& request, const std::string&) {
   ordered_json body = json_body(request);
   std::string version;
   if (body.contains("version")) version = body_text(body, "version");
-  for (const char* key : {"version", "file", "editable"}) body.erase(key);
+  for (const char* key : {"version", "file", "editable", "by_hand"}) body.erase(key);
   return json_response(site.list().replace(body, version, request.sender.name));
 }
 Response get_versions(WebSite& site, const Request&, const std::string&) {
@@ -55,17 +55,24 @@ std::unique_ptr<BodySink> file_sink(WebSite& site, const Request& request,
     throw HttpError(400, "Content-Range: not understood", "for example bytes 0-99/1000");
   const auto length = request.header("Content-Length");
   if (length == "0") return nullptr;
-  return site.media().upload(name, range, length ? number_from<uint64_t>(*length) : std::nullopt);
+  return site.media().upload(name, range, length ? number_from<uint64_t>(*length) : std::nullopt,
+                             request.query("replace") == "yes");
 }
 Response delete_file(WebSite& site, const Request&, const std::string& name) {
   const fs::path file = site.media().path_of(name);
-  if (site.player().state()["connected"] == true && site.list().names(file))
-    throw HttpError(409, name + ": is in the list", "remove it from the list first");
+  std::string list;
+  if (site.player().state()["connected"] == true && site.list().names(file, list))
+    throw HttpError(409, name + ": is in the list " + list + ", which plays",
+                    "remove it from the list first");
   site.media().remove(name);
   return json_response({{"deleted", name}});
 }
 Response post_check(WebSite& site, const Request&, const std::string& name) {
-  return json_response(site.media().check(name));
+  return json_response(site.media().check(name, true));
+}
+Response post_restore_file(WebSite& site, const Request&, const std::string& name) {
+  site.media().restore(name);
+  return json_response(site.media().info(name));
 }
 
 constexpr std::array kContentRoutes = {
@@ -78,6 +85,7 @@ constexpr std::array kContentRoutes = {
     Route{"PUT", kMediaPath, Rights::Change, kFileBody, put_file, file_sink},
     Route{"DELETE", kMediaPath, Rights::Change, kSmallBody, delete_file},
     Route{"POST", "/api/v1/media/{name}/check", Rights::Change, kSmallBody, post_check},
+    Route{"POST", "/api/v1/media/{name}/restore", Rights::Change, kSmallBody, post_restore_file},
 };
 
 }  // namespace

@@ -23,7 +23,9 @@ namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 
 constexpr size_t kMaxFiles = 2000;
-constexpr const char* kPartName = ".upload-";
+constexpr uint64_t kMaxListBytes = 1u << 20;
+constexpr const char* kPart = ".upload-";      ///< begins the name of a file that is being uploaded
+constexpr const char* kEarlier = ".earlier-";  ///< begins the name of a file that was replaced
 
 std::optional<uint64_t> size_of(const fs::path& file) {
   struct stat status {};
@@ -36,24 +38,43 @@ std::optional<uint64_t> size_of(const fs::path& file) {
                   fmt::format("{}: cannot be written: {}", name, std::strerror(errno)));
 }
 
+/// Returns true if a list names the file, in its own folder or with a whole path.
+bool list_names(const std::string& toml, const std::string& name) {
+  for (size_t at = toml.find(name); at != std::string::npos; at = toml.find(name, at + 1)) {
+    const char after = at + name.size() < toml.size() ? toml[at + name.size()] : '\n';
+    const char before = at > 0 ? toml[at - 1] : '\n';
+    const size_t line = toml.rfind('\n', at) + 1;
+    if ((after == '"' || after == '\'') && (before == '"' || before == '\'' || before == '/') &&
+        toml[toml.find_first_not_of(" \t", line)] != '#')
+      return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 /// Upload writes one part behind those that were received.
 class Upload final : public BodySink {
  public:
   Upload(Media& media, std::string name, UniqueFd file, std::optional<uint64_t> expected,
-         bool completes)
+         uint64_t most, bool completes)
       : media_(media),
         name_(std::move(name)),
         file_(std::move(file)),
         expected_(expected),
+        most_(most),
         completes_(completes) {}
   ~Upload() override { media_.release(name_); }
 
   void take(std::span<const uint8_t> bytes) override {
     taken_ += bytes.size();
-    if (expected_ ? taken_ > *expected_ : taken_ > media_.options_.largest_file)
+    if (expected_ && taken_ > *expected_)
       throw HttpError(413, name_ + ": more bytes than announced");
+    if (taken_ > most_) {  // possible without a length, and therefore without a continuation
+      (void)::unlink(media_.hidden(kPart, name_).c_str());
+      throw HttpError(413, fmt::format("{}: larger than {} bytes", name_, most_),
+                      "send a smaller file, or make room on the disk");
+    }
     while (!bytes.empty()) {
       const ssize_t written = ::write(file_.get(), bytes.data(), bytes.size());
       if (written < 0 && errno == EINTR) continue;
@@ -65,11 +86,8 @@ class Upload final : public BodySink {
     if (expected_ && taken_ != *expected_)
       throw HttpError(400, name_ + ": fewer bytes than announced");
     if (completes_) {
-      const fs::path part = media_.part_of(name_);
-      if (::fchmod(file_.get(), 0644) != 0 || ::fsync(file_.get()) != 0 ||
-          ::rename(part.c_str(), media_.path_of(name_).c_str()) != 0)
-        fail_to_write(name_);
-      sync_folder_of(part);
+      if (::fchmod(file_.get(), 0644) != 0 || ::fsync(file_.get()) != 0) fail_to_write(name_);
+      media_.put_in_place(media_.hidden(kPart, name_), name_);
     }
     return json_response(media_.info(name_), completes_ ? 201 : 200);
   }
@@ -79,6 +97,7 @@ class Upload final : public BodySink {
   const std::string name_;
   const UniqueFd file_;
   const std::optional<uint64_t> expected_;
+  const uint64_t most_;
   const bool completes_;
   uint64_t taken_ = 0;
 };
@@ -98,9 +117,43 @@ fs::path Media::path_of(const std::string& name) const {
   return options_.folder / name;
 }
 
-fs::path Media::part_of(const std::string& name) const {
+fs::path Media::hidden(const char* prefix, const std::string& name) const {
   (void)path_of(name);
-  return options_.folder / (kPartName + name);
+  return options_.folder / (prefix + name);
+}
+
+/// Renames `from`, which replaces a file of that name only if it plays; the old file is kept.
+void Media::put_in_place(const fs::path& from, const std::string& name) {
+  const fs::path file = path_of(name);
+  if (size_of(file)) {
+    const std::lock_guard one(one_check_);
+    const ordered_json result = check_(from);
+    if (result["plays"] != true) {
+      if (from == hidden(kPart, name)) (void)::unlink(from.c_str());
+      const auto& problems = result["problems"];
+      throw HttpError(422,
+                      fmt::format("{}: the new file does not play on this panel: {}", name,
+                                  problems.empty() ? "" : problems[0].get<std::string>()),
+                      "the old file stays");
+    }
+    const fs::path kept = hidden(".kept-", name);
+    (void)::unlink(kept.c_str());
+    // A file system without links has no file of that name for a moment.
+    if (::link(file.c_str(), kept.c_str()) != 0 && ::rename(file.c_str(), kept.c_str()) != 0)
+      fail_to_write(name);
+    if (::rename(from.c_str(), file.c_str()) != 0 ||
+        ::rename(kept.c_str(), hidden(kEarlier, name).c_str()) != 0)
+      fail_to_write(name);
+  } else if (::rename(from.c_str(), file.c_str()) != 0) {
+    fail_to_write(name);
+  }
+  sync_folder_of(file);
+}
+
+void Media::restore(const std::string& name) {
+  const fs::path earlier = hidden(kEarlier, name);
+  if (!size_of(earlier)) throw HttpError(404, name + ": there is no earlier file");
+  put_in_place(earlier, name);
 }
 
 uint64_t Media::free_bytes() const {
@@ -113,12 +166,14 @@ uint64_t Media::free_bytes() const {
 ordered_json Media::info(const std::string& name) const {
   const fs::path file = path_of(name);
   const auto whole = size_of(file);
-  const auto part = size_of(part_of(name));
+  const auto part = size_of(hidden(kPart, name));
+  const auto earlier = size_of(hidden(kEarlier, name));
   if (!whole && !part) throw HttpError(404, name + ": there is no such file");
   ordered_json json = {{"name", name},
                        {"source", file.string()},
                        {"bytes", whole ? ordered_json(*whole) : ordered_json(nullptr)},
                        {"received", part ? ordered_json(*part) : ordered_json(nullptr)},
+                       {"earlier", earlier ? ordered_json(*earlier) : ordered_json(nullptr)},
                        {"check", nullptr}};
   const std::lock_guard lock(mutex_);
   const auto checked = checked_.find(name);
@@ -131,7 +186,7 @@ ordered_json Media::list() const {
   std::vector<std::string> names;
   for (const auto& entry : fs::directory_iterator(options_.folder)) {
     std::string name = entry.path().filename().string();
-    if (name.starts_with(kPartName)) name = name.substr(std::string_view(kPartName).size());
+    if (name.starts_with(kPart)) name = name.substr(std::string_view(kPart).size());
     if (!is_media_name(name) || name.ends_with(".toml") || !size_of(entry.path())) continue;
     if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
     if (names.size() >= kMaxFiles) break;
@@ -149,8 +204,11 @@ ordered_json Media::list() const {
 }
 
 std::unique_ptr<BodySink> Media::upload(const std::string& name, std::optional<ByteRange> range,
-                                        std::optional<uint64_t> length) {
-  const fs::path part = part_of(name);
+                                        std::optional<uint64_t> length, bool replaces) {
+  const fs::path part = hidden(kPart, name);
+  if (!replaces && size_of(path_of(name)))
+    throw HttpError(409, name + ": there is a file of that name",
+                    "replace it with ?replace=yes, or give the new file another name");
   if (range && length && range->bytes() != *length)
     throw HttpError(400, "Content-Range and Content-Length contradict each other");
   const uint64_t total = range ? range->total : length.value_or(0);
@@ -176,7 +234,8 @@ std::unique_ptr<BodySink> Media::upload(const std::string& name, std::optional<B
   }
   const bool completes = !range || range->last + 1 == range->total;
   const auto expected = range ? std::optional(range->bytes()) : length;
-  return std::make_unique<Upload>(*this, name, std::move(file), expected, completes);
+  const uint64_t most = std::min(options_.largest_file, free_bytes());
+  return std::make_unique<Upload>(*this, name, std::move(file), expected, most, completes);
 }
 
 void Media::release(const std::string& name) {
@@ -185,17 +244,31 @@ void Media::release(const std::string& name) {
 }
 
 void Media::remove(const std::string& name) {
-  const bool had_part = ::unlink(part_of(name).c_str()) == 0;
-  const bool had_file = ::unlink(path_of(name).c_str()) == 0;
+  const fs::path file = path_of(name);
+  if (size_of(file))
+    for (const auto& entry : fs::directory_iterator(options_.folder))
+      if (entry.path().extension() == ".toml" && size_of(entry.path()) &&
+          list_names(read_text_file(entry.path(), kMaxListBytes), name))
+        throw HttpError(
+            409, fmt::format("{}: is in the list {}", name, entry.path().filename().string()),
+            "remove it from the list first");
+  const bool had_part = ::unlink(hidden(kPart, name).c_str()) == 0;
+  const bool had_file = ::unlink(file.c_str()) == 0;
+  (void)::unlink(hidden(kEarlier, name).c_str());
   if (!had_part && !had_file) throw HttpError(404, name + ": there is no such file");
 }
 
-ordered_json Media::check(const std::string& name) {
+ordered_json Media::check(const std::string& name, bool again) {
   const fs::path file = path_of(name);
   if (!size_of(file)) throw HttpError(404, name + ": there is no such file");
   const FileMark mark = mark_of(file);
-  const std::unique_lock one(one_check_, std::try_to_lock);
-  if (!one) throw HttpError(409, "another file is being checked", "try again in some seconds");
+  const std::lock_guard one(one_check_);
+  {
+    const std::lock_guard lock(mutex_);
+    const auto checked = checked_.find(name);
+    if (!again && checked != checked_.end() && checked->second.mark == mark)
+      return checked->second.result;
+  }
   ordered_json result = check_(file);
   const std::lock_guard lock(mutex_);
   if (checked_.size() > kMaxFiles) checked_.clear();

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Media is the folder of the files that can be played: their upload in parts, checks, deletion.
+// Media is the folder of the files that can be played: their upload in parts, checks, replacement,
+// deletion.
 #pragma once
 
 #include <cstdint>
@@ -34,25 +35,33 @@ class Media {
 
   /// Returns the path of a file of that name, which need not exist. Throws HttpError 400.
   [[nodiscard]] std::filesystem::path path_of(const std::string& name) const;
-  /// Returns {"files": [{"name", "bytes", "received", "check"}], "free_bytes"}; `received` is less
-  /// than `bytes` for an upload that is not complete.
+  /// Returns {"files": [{"name", "bytes", "received", "earlier", "check"}], "free_bytes"};
+  /// `received` is the size of an upload that is not complete, `earlier` that of the file which the
+  /// present one replaced.
   [[nodiscard]] nlohmann::ordered_json list() const;
   /// Returns one of them. Throws HttpError 404.
   [[nodiscard]] nlohmann::ordered_json info(const std::string& name) const;
   /// Returns the sink of an upload: of a whole file of `length` bytes, or of the part `range` that
-  /// follows what was received. Throws HttpError 409 with the number of received bytes for another
-  /// part or a second sender, 413 and 507 without room.
+  /// follows what was received. A file that exists is replaced if `replaces`, when the new one has
+  /// passed the check. Throws HttpError 409 with the number of received bytes for another part, a
+  /// second sender or a file that exists, 413 and 507 without room.
   [[nodiscard]] std::unique_ptr<BodySink> upload(const std::string& name,
                                                  std::optional<ByteRange> range,
-                                                 std::optional<uint64_t> length);
-  /// Removes a file, or an upload that is not complete. Throws HttpError 404.
+                                                 std::optional<uint64_t> length, bool replaces);
+  /// Exchanges a file and the one that it replaced. Throws HttpError 404, and 422 with the reason
+  /// if the earlier one does not play on this panel.
+  void restore(const std::string& name);
+  /// Removes a file with its earlier one, and an upload that is not complete. Throws HttpError 404,
+  /// and 409 if a list of the folder names the file.
   void remove(const std::string& name);
-  /// Checks the file: {"plays", "problems", "figures", "duration"...}. Throws HttpError.
-  [[nodiscard]] nlohmann::ordered_json check(const std::string& name);
+  /// Checks the file: {"plays", "problems", "figures", "duration"...}; the result of an earlier
+  /// check is enough unless `again`. Waits for other checks. Throws HttpError.
+  [[nodiscard]] nlohmann::ordered_json check(const std::string& name, bool again);
 
  private:
   friend class Upload;
-  [[nodiscard]] std::filesystem::path part_of(const std::string& name) const;
+  [[nodiscard]] std::filesystem::path hidden(const char* prefix, const std::string& name) const;
+  void put_in_place(const std::filesystem::path& from, const std::string& name);
   [[nodiscard]] uint64_t free_bytes() const;
   void release(const std::string& name);
 

@@ -121,11 +121,13 @@ void add_sentences(const ordered_json& state, const ordered_json& statistics,
     late += minute.late_frames;
   }
   if (missed > 0)
-    say(fmt::format("{} missed in the last hour.",
-                    missed == 1 ? "One vblank was" : fmt::format("{} vblanks were", missed)));
+    say(fmt::format("{} one refresh of the panel too late in the last hour.",
+                    missed == 1 ? "One frame came" : fmt::format("{} frames came", missed)));
   if (late > 0)
     say(fmt::format("{} in the last hour the next frame was not ready in time.",
                     late == 1 ? "Once" : fmt::format("{} times", late)));
+  if (const std::string trouble = text_of(inner(status, "last_trouble")); !trouble.empty())
+    say("The player's last trouble: " + trouble + ".");
   if (number_at(statistics, "damaged_frames").value_or(0) > 0)
     say("Some frames of the content are damaged. The faults below name the files.");
   if (number_at(status, "items_skipped").value_or(0) > 0)

@@ -7,7 +7,8 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
-#include <functional>
+#include <ctime>
+#include <string_view>
 
 #include "apps/lenticule-web/http/message.h"
 #include "apps/lenticule-web/http/parse.h"
@@ -26,6 +27,9 @@ constexpr size_t kMaxItems = 1000;
 constexpr size_t kMaxTextBytes = 4096;
 constexpr size_t kMaxListBytes = size_t{1} << 20;
 constexpr size_t kKeptVersions = 20;
+constexpr std::string_view kHead = "# Written by lenticule-web.\n";
+/// Name of the list as it was before the first change; this version is never removed.
+constexpr const char* kOriginal = "0.toml";
 /// The player looks for a replaced list every two or three seconds.
 constexpr auto kPlayerNotices = seconds(8);
 
@@ -140,7 +144,7 @@ std::string version_of(const ordered_json& list) {
 
 std::string list_toml(const ordered_json& list) {
   if (!list.is_object()) refuse("not an object with items");
-  std::string toml = "# Written by lenticule-web.\nformat = 1\n";
+  std::string toml = std::string(kHead) + "format = 1\n";
   std::string standby, items;
   for (const auto& [key, value] : list.items()) {
     if (key == "loop") {
@@ -161,8 +165,13 @@ std::string list_toml(const ordered_json& list) {
   return toml;
 }
 
-PlayList::PlayList(ControlLink& link, PlayerState& state, fs::path own_file, fs::path versions)
-    : link_(link), state_(state), own_file_(std::move(own_file)), versions_(std::move(versions)) {
+PlayList::PlayList(ControlLink& link, PlayerState& state, fs::path own_file, fs::path versions,
+                   TroubleOf trouble_of)
+    : link_(link),
+      state_(state),
+      own_file_(std::move(own_file)),
+      versions_(std::move(versions)),
+      trouble_of_(std::move(trouble_of)) {
   fs::create_directories(versions_);
 }
 
@@ -191,6 +200,7 @@ ordered_json PlayList::locked_read() {
   ordered_json result = {{"file", list.value("file", ordered_json())},
                          {"version", ""},
                          {"editable", false},
+                         {"by_hand", false},
                          {"loop", list.value("loop", ordered_json(1))},
                          {"default", list.value("default", ordered_json())},
                          {"items", list["items"]}};
@@ -198,13 +208,27 @@ ordered_json PlayList::locked_read() {
   // Without a list, the source that plays becomes the first item of own_file_.
   const fs::path file =
       result["file"].is_string() ? fs::path(result["file"].get<std::string>()) : own_file_;
-  result["editable"] = file.parent_path() == own_file_.parent_path();
+  std::error_code error;
+  result["editable"] = fs::equivalent(file.parent_path(), own_file_.parent_path(), error);
+  if (result["editable"] == true && result["file"].is_string() && fs::exists(file, error))
+    result["by_hand"] = !read_text_file(file, kMaxListBytes).starts_with(kHead);
   return result;
 }
 
 ordered_json PlayList::read() {
   const std::lock_guard lock(mutex_);
   return locked_read();
+}
+
+/// Keeps a list that the server did not write last: the original, or one that was changed by hand.
+void PlayList::keep_other(const std::string& toml) {
+  fs::path newest;
+  for (const auto& entry : fs::directory_iterator(versions_))
+    newest = std::max(newest, entry.path());
+  const auto content = [](const std::string& text) { return text.substr(text.find('\n') + 1); };
+  if (!newest.empty() && content(read_text_file(newest, 2 * kMaxListBytes)) == toml) return;
+  if (fs::exists(versions_ / kOriginal)) return keep(toml, "by hand");
+  write_text_file(versions_ / kOriginal, fmt::format("# {} by hand\n", std::time(nullptr)) + toml);
 }
 
 void PlayList::keep(const std::string& toml, const std::string& who) {
@@ -214,7 +238,8 @@ void PlayList::keep(const std::string& toml, const std::string& who) {
   const std::string head = fmt::format("# {} {}\n", now / 1000, escaped(who));
   write_text_file(versions_ / fmt::format("{}.toml", now), head + toml);
   std::vector<fs::path> kept;
-  for (const auto& entry : fs::directory_iterator(versions_)) kept.push_back(entry.path());
+  for (const auto& entry : fs::directory_iterator(versions_))
+    if (entry.path().filename() != kOriginal) kept.push_back(entry.path());
   std::sort(kept.begin(), kept.end());
   for (size_t k = 0; k + kKeptVersions < kept.size(); ++k) {
     std::error_code ignored;
@@ -230,7 +255,10 @@ ordered_json PlayList::locked_write(const std::string& toml, const std::string& 
   const bool has_list = now["file"].is_string();
   const fs::path file = has_list ? fs::path(now["file"].get<std::string>()) : own_file_;
   std::string before;
-  if (has_list) before = read_text_file(file, kMaxListBytes);
+  if (has_list) {
+    before = read_text_file(file, kMaxListBytes);
+    keep_other(before);
+  }
   const uint64_t newest = state_.newest();
   write_text_file(file, toml);
   fs::permissions(file, fs::perms::group_read | fs::perms::others_read, fs::perm_options::add);
@@ -257,6 +285,22 @@ ordered_json PlayList::locked_write(const std::string& toml, const std::string& 
   return locked_read();
 }
 
+/// Throws HttpError 422 with the reason of the first item if every item is a file of the media
+/// folder that does not play.
+void PlayList::require_an_item_that_plays(const ordered_json& list) {
+  std::string trouble;
+  for (const ordered_json& item : list["items"]) {
+    const fs::path file(item["source"].get<std::string>());
+    std::error_code error;
+    if (file.parent_path() != own_file_.parent_path() || !fs::is_regular_file(file, error)) return;
+    const std::string one = trouble_of_(file);
+    if (one.empty()) return;
+    if (trouble.empty()) trouble = one;
+  }
+  throw HttpError(422, "the player cannot play any item of this list: " + trouble,
+                  "the list stays as it was");
+}
+
 ordered_json PlayList::replace(const ordered_json& list, const std::string& version,
                                const std::string& who) {
   const std::string toml = list_toml(list);
@@ -265,6 +309,7 @@ ordered_json PlayList::replace(const ordered_json& list, const std::string& vers
   if (!version.empty() && now["version"] != version)
     throw HttpError(409, "the list was changed meanwhile", "read it again");
   require_own_sources(list, now, own_file_.parent_path());
+  require_an_item_that_plays(list);
   return locked_write(toml, who, now);
 }
 
@@ -272,7 +317,7 @@ ordered_json PlayList::versions() const {
   std::vector<fs::path> kept;
   for (const auto& entry : fs::directory_iterator(versions_))
     if (entry.path().extension() == ".toml") kept.push_back(entry.path());
-  std::sort(kept.rbegin(), kept.rend());
+  std::sort(kept.rbegin(), kept.rend());  // names of the same length but for the oldest
   ordered_json result = {{"versions", ordered_json::array()}};
   for (const fs::path& file : kept) {
     const std::string text = read_text_file(file, 2 * kMaxListBytes);
@@ -302,10 +347,13 @@ ordered_json PlayList::restore(const std::string& name, const std::string& who) 
   return locked_write(toml, who, locked_read());
 }
 
-bool PlayList::names(const fs::path& file) {
+bool PlayList::names(const fs::path& file, std::string& name) {
   const ordered_json list = read();
+  name = list["file"].is_string() ? list["file"].get<std::string>() : "of one source";
   const auto is_file = [&](const ordered_json& item) {
-    return item.is_object() && item.contains("source") && item["source"] == file.string();
+    std::error_code error;
+    return item.is_object() && item.contains("source") &&
+           fs::equivalent(item["source"].get<std::string>(), file, error);
   };
   return is_file(list["default"]) ||
          std::any_of(list["items"].begin(), list["items"].end(), is_file);

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -18,39 +19,48 @@ namespace lenticule::web {
 /// HttpError 422 for a key or a value that a list does not have; the player checks the rest.
 [[nodiscard]] std::string list_toml(const nlohmann::ordered_json& list);
 
+/// Returns why a file does not play on this panel; empty if it does. Throws Error.
+using TroubleOf = std::function<std::string(const std::filesystem::path& file)>;
+
 /// Thread safety: any thread.
 class PlayList {
  public:
   /// `own_file` is the list that is written if the player plays no list; versions are kept in
   /// `versions`.
   PlayList(ControlLink& link, PlayerState& state, std::filesystem::path own_file,
-           std::filesystem::path versions);
+           std::filesystem::path versions, TroubleOf trouble_of);
 
-  /// Returns {"file", "version", "editable", "loop", "default", "items"}.
+  /// Returns {"file", "version", "editable", "by_hand", "loop", "default", "items"}; `by_hand` if
+  /// the file has comments and an order that replace() does not keep.
   [[nodiscard]] nlohmann::ordered_json read();
-  /// Writes the list, waits until the player uses it, and returns read(). Throws HttpError 409 if
-  /// `version` is not the present one, and 422 with the player's reason if it cannot play the list,
-  /// which is then put back.
+  /// Writes the list, waits until the player uses it, and returns read(). A list that somebody else
+  /// wrote becomes a version first. Throws HttpError 409 if `version` is not the present one, and
+  /// 422 with the reason if the player cannot play the list or any item of it; the list before is
+  /// then put back.
   nlohmann::ordered_json replace(const nlohmann::ordered_json& list, const std::string& version,
                                  const std::string& who);
   /// Returns the kept versions, newest first: {"versions": [{"name", "time", "who", "items"}]}.
   [[nodiscard]] nlohmann::ordered_json versions() const;
   /// Writes a kept version again, as replace() does.
   nlohmann::ordered_json restore(const std::string& name, const std::string& who);
-  /// Returns true if the list names the file.
-  [[nodiscard]] bool names(const std::filesystem::path& file);
+  /// Returns true if the list, or the source that plays without one, names the file. Puts the name
+  /// of the list into `list`.
+  [[nodiscard]] bool names(const std::filesystem::path& file, std::string& list);
 
  private:
   [[nodiscard]] nlohmann::ordered_json ask_list();
   [[nodiscard]] nlohmann::ordered_json locked_read();
   nlohmann::ordered_json locked_write(const std::string& toml, const std::string& who,
                                       const nlohmann::ordered_json& now);
+  void require_an_item_that_plays(const nlohmann::ordered_json& list);
+  void keep_other(const std::string& toml);
   void keep(const std::string& toml, const std::string& who);
 
   ControlLink& link_;
   PlayerState& state_;
   const std::filesystem::path own_file_;
   const std::filesystem::path versions_;
+  const TroubleOf trouble_of_;
   std::mutex mutex_;  ///< one change at a time
 };
 

@@ -60,8 +60,13 @@ WebSite::WebSite(WebSiteOptions options)
                                                 .largest_file = options_.largest_file,
                                                 .keeps_free = options_.keeps_free},
                                    [this](const fs::path& file) { return check(file); });
-  list_ =
-      std::make_unique<PlayList>(link_, player_, folder / "list.toml", options_.state / "lists");
+  list_ = std::make_unique<PlayList>(
+      link_, player_, folder / "list.toml", options_.state / "lists", [this](const fs::path& file) {
+        const ordered_json result = media_->check(file.filename().string(), false);
+        const auto& problems = result["problems"];
+        if (result["plays"] == true || problems.empty()) return std::string();
+        return problems[0].get<std::string>();
+      });
 }
 
 PlayList& WebSite::list() {
