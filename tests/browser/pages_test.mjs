@@ -68,14 +68,18 @@ function makeContent() {
     `[[item]]\nsource = "${name}.lts"\nloops = 1000\nfps = "24"\n`).join(""));
 }
 
+function startWeb() {
+  web = spawn(program, ["web", "--socket", socket, "--state", join(folder, "state"), "--media", join(folder, "media"),
+    "--listen", `127.0.0.1:${port}`], { stdio: "ignore" });
+}
+
 before(async () => {
   mkdirSync(output, { recursive: true });
   makeContent();
   port = await freePort();
   player = spawn(program, ["play", join(folder, "media/list.toml"), "--rig", join(folder, "rig.toml"), "--display",
     "virtual:1920x1080@60", "--control", socket, "--slots", "8"], { stdio: "ignore" });
-  web = spawn(program, ["web", "--socket", socket, "--state", join(folder, "state"), "--media", join(folder, "media"),
-    "--listen", `127.0.0.1:${port}`], { stdio: "ignore" });
+  startWeb();
   await comesTrue(() => ctl("status").frames_shown > 3, "the player plays");
   await comesTrue(async () => (await fetch(`http://127.0.0.1:${port}/style.css`)).ok, "the server answers");
   token = execFileSync(program, ["web", "address", "--state", join(folder, "state")], { encoding: "utf8" })
@@ -92,7 +96,7 @@ after(async () => {
 });
 
 /** Opens a page as a user does: with the token first. Fails on errors and foreign requests. */
-async function open(device, path, scheme = "light", site = { port, token }, prepare = null) {
+async function open(device, path, scheme = "light", site = { port, token, rights: "change" }, prepare = null) {
   const context = await browser.createBrowserContext();
   const page = await context.newPage();
   page.setDefaultTimeout(LIMIT_MS);
@@ -114,7 +118,7 @@ async function open(device, path, scheme = "light", site = { port, token }, prep
   if (prepare) await page.evaluateOnNewDocument(prepare);
   bytes = 0;
   await page.goto(`http://127.0.0.1:${site.port}${path}`);
-  await page.waitForFunction(() => document.body.dataset.rights === "change");
+  await page.waitForFunction((rights) => document.body.dataset.rights === rights, {}, site.rights || "change");
   return { page, wrong, bytes: () => bytes, close: () => context.close() };
 }
 
@@ -168,6 +172,7 @@ test("Now: a phone pauses, continues, goes on and shows a black frame", { timeou
   const item = ctl("status").on_glass.item;
   await page.tap("#next");
   await comesTrue(() => ctl("status").on_glass.item === (item + 1) % 3, "the next item");
+  await page.waitForSelector(`#list li:nth-child(${(item + 1) % 3 + 1}).now[aria-current]`);
   await page.tap("#black");
   await comesTrue(() => ctl("status").on_glass.source === "black", "black");
   await says(page, "playing", "black");
@@ -196,11 +201,13 @@ test("Now: the list is ordered with the keyboard and by dragging, and an old ver
   await page.mouse.up();
   await page.click("#save");
   await comesTrue(() => order()[0] === first[2], "dragged to the top");
-  await page.waitForFunction(() => document.querySelectorAll("#versions option").length >= 3);
-  const oldest = await page.$eval("#versions option:last-child", (option) => option.value);
-  await page.select("#versions", oldest);
+  await page.waitForFunction(() => document.querySelectorAll("#versions option").length >= 4);
+  const oldest = await page.$eval("#versions option:last-child", (option) => [option.value, option.textContent]);
+  assert.match(oldest[1], /The original, by hand/);
+  await page.select("#versions", oldest[0]);
   await page.click("#restore");
-  await comesTrue(() => order()[0] === first[1], "the first version");
+  await comesTrue(() => order()[0] === first[0] && order()[2] === first[2], "the original");
+  await says(page, "list-note", "written by hand");
   assert.deepEqual(wrong, []);
   await close();
 });
@@ -227,6 +234,129 @@ test("Now: an upload shows its progress, continues after a break, and is checked
   await page.waitForFunction(() => !document.getElementById("files").textContent.includes("upload.lts"));
   assert.deepEqual(wrong, []);
   await close();
+});
+
+test("Now: a phone saves the list while a message is shown", { timeout: 3 * LIMIT_MS }, async () => {
+  const { page, close } = await open("phone", "/");
+  const first = ctl("list").items[0].source;
+  await page.waitForSelector("#list .grip");
+  await page.focus("#list li:nth-child(1) .grip");
+  await page.keyboard.press("ArrowDown");
+  await says(page, "message", "is now number");
+  await page.$eval("#save", (button) => button.scrollIntoView({ block: "end" }));
+  await page.screenshot({ path: join(output, "now-message-phone.png") });
+  assert.equal(await page.$eval("#save", (button) => {
+    const { x, y, width, height } = button.getBoundingClientRect();
+    return document.elementFromPoint(x + width / 2, y + height / 2).id;
+  }), "save");
+  await page.tap("#save");
+  await comesTrue(() => ctl("list").items[1].source === first, "saved");
+  await close();
+});
+
+test("Now: a change in another browser is announced, and unsaved changes are not lost unasked", { timeout: 3 * LIMIT_MS }, async () => {
+  const one = await open("desktop", "/"), other = await open("desktop", "/");
+  for (const { page } of [one, other]) {
+    await page.waitForSelector("#list .grip");
+    await page.focus("#list li:nth-child(1) .grip");
+    await page.keyboard.press("ArrowDown");
+  }
+  let asked = "";
+  other.page.on("dialog", (dialog) => { asked = dialog.type(); return dialog.dismiss(); });
+  await other.page.evaluate(() => { setTimeout(() => location.reload()); });
+  await comesTrue(() => asked === "beforeunload", "asked before it is left");
+  await one.page.click("#save");
+  await says(other.page, "list-note", "\u201cfirst\u201d changed the list meanwhile");
+  await other.page.screenshot({ path: join(output, "now-conflict.png"), fullPage: true });
+  assert.equal(await text(other.page, "reset"), "Read again");
+  await other.page.click("#reset");
+  await says(other.page, "list-note", "^$");
+  assert.equal(await text(other.page, "list"), await text(one.page, "list"));
+  await one.close();
+  await other.close();
+});
+
+test("Now: a film is replaced after a question only, and an empty file is not uploaded", { timeout: 3 * LIMIT_MS }, async () => {
+  const film = join(folder, "evening.lts"), empty = join(folder, "empty.lts");
+  const before = readFileSync(join(folder, "media/evening.lts"));
+  writeFileSync(film, "not a film");
+  writeFileSync(empty, "");
+  const { page, close } = await open("desktop", "/");
+  await page.waitForSelector("#file:enabled");
+  const answers = [false, true];
+  page.on("dialog", (dialog) => answers.shift() ? dialog.accept() : dialog.dismiss());
+  await (await page.$("#file")).uploadFile(empty);
+  await says(page, "message", "is empty");
+  await (await page.$("#file")).uploadFile(film);
+  await says(page, "message", "evening.lts was not uploaded");
+  assert.deepEqual(readFileSync(join(folder, "media/evening.lts")), before);
+  await (await page.$("#file")).uploadFile(film);
+  await says(page, "message", "does not play on this panel");
+  assert.doesNotMatch(await text(page, "message"), new RegExp(folder), "no folders");
+  assert.deepEqual(readFileSync(join(folder, "media/evening.lts")), before);
+  assert.equal(answers.length, 0);
+  await close();
+});
+
+test("Now: a page that Back shows again follows the player", { timeout: 3 * LIMIT_MS }, async () => {
+  const { page, close } = await open("desktop", "/");
+  await says(page, "where", "playing");
+  await page.evaluate(() => {
+    dispatchEvent(new PageTransitionEvent("pagehide", { persisted: true }));
+    dispatchEvent(new PageTransitionEvent("pageshow", { persisted: true }));
+  });
+  ctl("pause");
+  await says(page, "where", "paused");
+  await page.click("[href='/health']");
+  await says(page, "verdict", "well|look");
+  await page.goBack();
+  ctl("play");
+  await says(page, "where", "playing");
+  await close();
+});
+
+test("Now: a guest reads why buttons do nothing", { timeout: 3 * LIMIT_MS }, async () => {
+  const guest = execFileSync(program, ["web", "token", "add", "guest", "--rights", "see", "--state", join(folder, "state")],
+    { encoding: "utf8" }).match(/token=([0-9a-f]{32})/)[1];
+  const { page, wrong, close } = await open("phone", "/", "light", { port, token: guest, rights: "see" });
+  await says(page, "notice", "look, but not change");
+  for (const id of ["pause", "black", "file", "restore", "save"])
+    assert.ok(await page.$eval("#" + id, (button) => button.disabled), id);
+  await page.screenshot({ path: join(output, "now-guest-phone.png"), fullPage: true });
+  assert.deepEqual(wrong, []);
+  await close();
+});
+
+test("Now: says that the server is gone, and goes on with the next one", { timeout: 3 * LIMIT_MS }, async () => {
+  const { page, close } = await open("desktop", "/");
+  await showsPicture(page, "woven");
+  web.kill("SIGKILL");
+  await says(page, "notice", "The server does not answer");
+  await page.waitForFunction(() => document.getElementById("main").inert);
+  await says(page, "woven-state", "^$|^The server does not answer$");
+  await page.screenshot({ path: join(output, "now-without-server.png"), fullPage: true });
+  startWeb();
+  await says(page, "notice", "^$");
+  await page.waitForFunction(() => !document.getElementById("main").inert);
+  await close();
+});
+
+test("Health: figures are whole, charts have axes, words are an owner's", { timeout: 3 * LIMIT_MS }, async () => {
+  for (const width of [390, 1366]) {
+    const { page, close } = await open("desktop", "/health");
+    await page.setViewport({ width, height: width === 390 ? 844 : 768 });
+    await page.waitForSelector("#figures td");
+    const lines = await page.$$eval(".numbers td", (cells) => cells.map((cell) => {
+      const range = document.createRange();
+      range.selectNodeContents(cell);
+      return new Set([...range.getClientRects()].map((box) => Math.round(box.top))).size;
+    }));
+    assert.ok(lines.length > 5 && lines.every((count) => count === 1), `${lines}`);
+    assert.doesNotMatch(await text(page, "main"), /vblank/i);
+    assert.match(await text(page, "hour-most"), /late frame/);
+    await page.screenshot({ path: join(output, `health-${width}.png`), fullPage: true });
+    await close();
+  }
 });
 
 test("Eye: dragging the eye changes the picture, also with a finger and with the keyboard", { timeout: 3 * LIMIT_MS }, async () => {

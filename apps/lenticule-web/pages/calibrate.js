@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page Calibrate: chart, photographs, verdict, and nothing saved before "Keep it".
-import { $, api, attempt, clock, follow, make, tell } from "/page.js";
+import { $, api, attempt, clock, follow, make, request, tell } from "/page.js";
 
 const FULL_SCALE = 0.05;  // lenses: the colours at both ends
 const BAR_LENSES = 0.1, BAR_PIXELS = 400;  // the whole bar of the error
@@ -102,7 +102,7 @@ function drawResidual(field) {
 }
 
 async function showPicture(name) {
-  const answer = await fetch(`/api/v1/calibration/${name}.jpg`);
+  const answer = await request(`/api/v1/calibration/${name}.jpg`);
   if (!answer.ok) throw new Error((await answer.json()).error.cause);
   const old = $(name).src;
   $(name).src = URL.createObjectURL(await answer.blob());

@@ -61,7 +61,8 @@ function drawCrosstalk() {
   const all = weights.reduce((a, b) => a + b, 0);
   $("talk").replaceChildren(...weights.map((weight, k) => make("rect", { svg: true,
     class: k === 4 ? "ok" : "missed", x: 10 + k * 43, width: 36,
-    y: 115 - 105 * weight / all, height: 105 * weight / all })));
+    y: 120 - 115 * weight / weights[4], height: 115 * weight / weights[4] })));
+  $("talk-most").textContent = `${(100 * weights[4] / all).toFixed(0)} %`;
   const others = 100 * (1 - weights[4] / all);
   $("talk-text").textContent = `${others.toFixed(0)} % of the light at the middle of a view comes from its neighbours `
     + `(${optics.views_per_lens.toFixed(2)} subpixels per lens; the spot has a standard deviation of ${sigma} lenses).`;

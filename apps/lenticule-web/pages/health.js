@@ -1,23 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page Health: is everything as it should be?
-import { $, api, attempt, clock, count, follow, make } from "/page.js";
+import { $, api, attempt, clock, count, follow, make, plain } from "/page.js";
 
-const NAMES = { shown: "Frames shown", vblanks: "Vblanks", missed_vblanks: "Missed vblanks",
-  repeated_underrun: "Frames repeated because the next one was late", dropped: "Frames dropped",
-  held: "Vblanks without a new frame due",
+const NAMES = { shown: "Frames shown", vblanks: "Refreshes of the panel", missed_vblanks: "Frames that came one refresh too late",
+  repeated_underrun: "Frames repeated because the next one was not ready", dropped: "Frames left out",
+  held: "Refreshes without a new frame due",
   damaged_frames: "Damaged frames", display_returns: "Lost displays that came back",
   log_lines_dropped: "Log lines dropped" };
 
 function row(name, value) {
-  return make("tr", {}, make("th", { scope: "row" }, name), make("td", {}, String(value)));
+  return make("tr", {}, make("th", { scope: "row" }, name), make("td", {}, typeof value === "number" ? value.toLocaleString() : value));
+}
+
+function late(missed, notReady) {
+  return [missed && `${count(missed, "frame")} one refresh too late`, notReady && `${count(notReady, "frame")} not ready in time`]
+    .filter(Boolean).join(", ") || "no late frame";
 }
 
 /** Says in plain words what the player reported. */
 function sentence(fault) {
-  const source = fault.source || "", cause = fault.cause || "";
+  const source = plain(fault.source || ""), cause = plain(fault.cause || "").replace(source + ": ", "");
   const figures = fault.figures || {};
   const words = {
-    frame_missed: () => `${count(fault.missed_vblanks, "missed vblank")} and ${count(fault.late_frames, "late frame")} within a second`,
+    frame_missed: () => late(fault.missed_vblanks, fault.late_frames) + " within a second",
     too_slow: () => `the source is too slow: ${figures.seen_frames_per_s.toFixed(1)} of ${figures.needed_frames_per_s.toFixed(1)} frames per second`,
     bad_item: () => `skipped: ${source}: ${cause}`,
     damaged_item: () => `damaged: ${source}: ${cause}`,
@@ -37,15 +42,16 @@ function drawHour(history) {
   for (let k = 0; k < 60; ++k) {
     const one = history.find((minute) => minute.time === last - (59 - k) * 60);
     const bad = one ? one.missed_vblanks + one.late_frames : 0;
-    const high = one ? (bad ? 20 + 95 * bad / worst : 12) : 4;
+    const high = bad ? Math.max(6, 118 * bad / worst) : 4;
     bars.push(make("rect", { svg: true, class: one ? bad ? "missed" : "ok" : "none",
       x: k * 10 + 1, width: 8, y: 118 - high, height: high },
-    make("title", { svg: true }, one ? `${clock(one.time)}: ${count(one.missed_vblanks, "missed vblank")}, ${count(one.late_frames, "late frame")}` : "")));
+    make("title", { svg: true }, one ? `${clock(one.time)}: ${late(one.missed_vblanks, one.late_frames)}` : "")));
   }
   $("hour").replaceChildren(...bars);
   const missed = history.reduce((sum, one) => sum + one.missed_vblanks, 0);
-  const late = history.reduce((sum, one) => sum + one.late_frames, 0);
-  $("hour-text").textContent = `${count(history.length, "minute")} seen: ${count(missed, "missed vblank")}, ${count(late, "late frame")}. One bar is one minute.`;
+  const notReady = history.reduce((sum, one) => sum + one.late_frames, 0);
+  $("hour-most").textContent = count(worst, "late frame");
+  $("hour-text").textContent = `${count(history.length, "minute")} seen: ${late(missed, notReady)}. One bar is one minute.`;
 }
 
 function show(health) {
@@ -53,7 +59,7 @@ function show(health) {
   const [text, style] = verdicts[health.verdict];
   $("verdict").textContent = text;
   $("verdict").className = style;
-  $("sentences").replaceChildren(...health.sentences.map((one) => make("li", {}, one)));
+  $("sentences").replaceChildren(...health.sentences.map((one) => make("li", {}, plain(one))));
   const exact = health.exactness;
   $("exact").textContent = exact ? `Subpixels reach the panel unchanged: ${exact.exact}.` + (exact.exact === "yes" ? "" : ` ${exact.reasons.join("; ")}`)
     : health.connected ? "This display has no connection that could change subpixels." : "";

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page Now: what plays, the list, the files.
-import { $, api, attempt, baseName, clock, count, follow, make, refreshPicture, tell } from "/page.js";
+import { $, api, attempt, baseName, clock, count, follow, make, plain, refreshPicture, tell } from "/page.js";
 
 const PART = 4 * 1024 * 1024;  // an upload is sent in parts of this size
 const INSTEAD = { black: "a black frame", card: "a test card", views: "the chart of the page Trim",
@@ -8,6 +8,8 @@ const INSTEAD = { black: "a black frame", card: "a test card", views: "the chart
 let state = {};
 let saved = null;   // the list as the player has it
 let items = null;   // the list as it is edited
+let saving = false;
+let changedBy = ""; // who changed the list since it was read
 let upload = null;
 
 // --- playback ---
@@ -19,13 +21,14 @@ function showState(now) {
   $("playing").textContent = !now.connected ? "The player does not answer"
     : now.shown_instead ? "Shown instead of the content: " + (INSTEAD[now.shown_instead] || now.shown_instead)
       : place ? baseName(place.source) : "Nothing is playing";
-  $("where").textContent = !now.connected ? now.trouble
+  $("where").textContent = !now.connected ? plain(now.trouble)
     : place ? `${status.state}, frame ${place.frame}` + (place.item === null ? ""
       : `, item ${place.item + 1} of ${status.taking ? status.taking.items : 1}`) : "";
+  $("trouble").textContent = status && status.last_trouble ? "Trouble: " + plain(status.last_trouble) : "";
   const paused = Boolean(status && status.state === "paused");
   $("pause").textContent = paused ? "Play" : "Pause";
   $("pause").setAttribute("aria-pressed", String(paused));
-  $("black").setAttribute("aria-pressed", String(now.shown_instead === "black"));
+  $("black").textContent = now.shown_instead === "black" ? "Back to the content" : "Show black";
   const machine = now.machine || { temperatures: [], clocks: [] };
   $("figures").textContent = [status ? `${count(status.frames_shown, "frame")} shown` : "",
     ...machine.temperatures.map((one) => `${one.name} ${one.celsius.toFixed(0)} °C`),
@@ -36,7 +39,7 @@ function showState(now) {
 function markPlaying() {
   const place = state.status && state.status.on_glass;
   [...$("list").children].forEach((row, k) => {
-    const playing = Boolean(place && !state.shown_instead && saved === items && place.item === k);
+    const playing = Boolean(place && !state.shown_instead && items === saved.items && place.item === k);
     row.classList.toggle("now", playing);
     if (playing) row.setAttribute("aria-current", "true");
     else row.removeAttribute("aria-current");
@@ -113,9 +116,14 @@ function showList() {
     return row;
   }));
   const changed = items !== saved.items;
-  $("save").disabled = $("reset").disabled = !changed || !may;
+  $("save").disabled = !changed || !may || Boolean(changedBy);
+  $("reset").disabled = !changed || !may;
+  $("reset").textContent = changedBy ? "Read again" : "Discard changes";
   $("list-note").textContent = !saved.editable ? "The player plays a list outside of the media folder; it cannot be changed here."
-    : changed ? "Changed, not saved." : saved.file ? "" : "The player plays one source. A changed list begins with it.";
+    : changedBy ? `${changedBy} changed the list meanwhile. Read it again; your changes here are then lost.`
+      : (changed ? "Changed, not saved. " : saved.file ? "" : "The player plays one source. A changed list begins with it. ")
+        + (saved.by_hand && may ? "This list was written by hand. Saving writes it without its comments; the original stays below Earlier versions." : "");
+  $("list-note").className = changedBy ? "warn" : "soft";
   markPlaying();
 }
 
@@ -132,17 +140,23 @@ async function readList(force) {
   if (!list || (!force && saved && items !== saved.items)) return;
   saved = list;
   items = list.items;
+  changedBy = "";
   showList();
   const { versions } = await api("GET", "list/versions");
   $("versions").replaceChildren(make("option", { value: "" }, "choose"), ...versions.map((one) =>
-    make("option", { value: one.name }, `${clock(one.time)}, ${one.who}, ${count(one.items, "item")}`)));
+    make("option", { value: one.name }, `${one.name === "0" ? "The original" : clock(one.time)}, ${one.who}, ${count(one.items, "item")}`)));
 }
 
 $("save").onclick = async () => {
   $("save").disabled = true;
+  saving = true;
   tell("Saving; the player checks the list.");
   const done = await attempt(() => api("PUT", "list",
-    { version: saved.version, loop: saved.loop, default: saved.default, items }));
+    { version: saved.version, loop: saved.loop, default: saved.default, items }).catch((error) => {
+    if (error.status === 409 && saved.editable) changedBy = "Somebody";
+    throw error;
+  }));
+  saving = false;
   if (done) { tell("Saved; the player plays this list."); await readList(true); } else showList();
 };
 $("reset").onclick = () => readList(true);
@@ -162,7 +176,7 @@ function verdict(check) {
   if (!check) return make("span", { class: "soft" }, "not checked");
   if (check.plays && check.too_slow) return make("span", { class: "warn" }, "fits this panel; was read too slowly beside what plays");
   if (check.plays) return make("span", { class: "good" }, "plays on this panel");
-  return make("span", { class: "bad" }, check.problems.join("; "));
+  return make("span", { class: "bad" }, plain(check.problems.join("; ")));
 }
 
 async function readFiles() {
@@ -182,8 +196,13 @@ async function readFiles() {
       make("button", { "aria-label": `Add ${file.name} to the list`,
         disabled: !saved || !saved.editable,
         onclick: () => { edit((list) => list.push({ source: file.source })); tell(`${file.name} was added; save the list.`); } }, "Add"));
+    if (file.earlier !== null) row.append(make("button", { "aria-label": `Put back the earlier ${file.name}`, onclick: async () => {
+      tell(`The earlier ${file.name} is checked.`);
+      if (await attempt(() => api("POST", `media/${encodeURIComponent(file.name)}/restore`))) tell(`The earlier ${file.name} is back.`);
+      readFiles();
+    } }, "Earlier file"));
     row.append(make("button", { "aria-label": `Delete ${file.name}`, onclick: async () => {
-      if (!confirm(`Delete ${file.name}?`)) return;
+      if (!confirm(`Delete ${file.name}${file.earlier === null ? "" : " and the file that it replaced"}?`)) return;
       if (await attempt(() => api("DELETE", "media/" + encodeURIComponent(file.name)))) readFiles();
     } }, "Delete"));
     return row;
@@ -204,7 +223,7 @@ function sendPart(address, file, from, to, progress) {
     request.setRequestHeader("Content-Range", `bytes ${from}-${to - 1}/${file.size}`);
     request.upload.onprogress = (event) => progress(from + event.loaded);
     request.onload = () => request.status < 300 ? resolve()
-      : reject(new Error((JSON.parse(request.responseText || "{}").error || {}).cause || "status " + request.status));
+      : reject(new Error(plain((JSON.parse(request.responseText || "{}").error || {}).cause || "status " + request.status)));
     request.onerror = () => reject(new Error("the connection was lost; choose the file again to continue"));
     request.onabort = () => reject(new Error("paused; choose the file again to continue"));
     request.send(file.slice(from, to));
@@ -213,9 +232,14 @@ function sendPart(address, file, from, to, progress) {
 
 /** Sends the file from where an earlier upload ended. */
 async function sendFile(file) {
-  const address = "/api/v1/media/" + encodeURIComponent(file.name);
+  const no = (text) => { tell(text); $("file").value = ""; };
+  if (file.size === 0) return no(`${file.name} is empty; it was not uploaded.`);
   const media = await api("GET", "media").catch(() => ({ files: [] }));
   const known = media.files.find((one) => one.name === file.name) || {};
+  const replaces = known.bytes !== undefined && known.bytes !== null;
+  if (replaces && !confirm(`There is a file ${file.name}. Replace it? The new file is checked first, and the present one is kept as its earlier file.`))
+    return no(`${file.name} was not uploaded.`);
+  const address = "/api/v1/media/" + encodeURIComponent(file.name) + (replaces ? "?replace=yes" : "");
   let at = known.received && known.received < file.size ? known.received : 0;
   upload = { request: null };
   $("upload").hidden = false;
@@ -232,8 +256,9 @@ async function sendFile(file) {
     tell(`${file.name} is there.`);
     check(file.name);
   } catch (error) {
-    tell(`${file.name}: ${error.message}`);
+    tell(error.message.startsWith(file.name) ? error.message : `${file.name}: ${error.message}`);
   }
+  upload = null;
   $("upload").hidden = true;
   $("file").value = "";
   readFiles();
@@ -243,6 +268,8 @@ $("file").onchange = () => { if ($("file").files[0]) sendFile($("file").files[0]
 $("stop").onclick = () => upload && upload.request && upload.request.abort();
 
 // --- begin ---
+
+addEventListener("beforeunload", (event) => { if (upload || (saved && items !== saved.items)) event.preventDefault(); });
 
 refreshPicture($("woven"), () => "/api/v1/frame.jpg?width=640", 1000,
   (trouble) => { $("woven-state").textContent = trouble; });
@@ -256,12 +283,18 @@ setInterval(() => {
 let connected = null;
 follow((now) => {
   showState(now);
+  $("list-title").parentElement.inert = !now.connected;
   if (now.connected !== connected) {
     connected = now.connected;
     if (connected) readList(false).then(readFiles);
     else readFiles();
   }
 }, (name, event) => {
-  if (name === "list" || name === "replaced") readList(false);
-  if (name === "bad_item" || name === "not_replaced") tell(`${baseName(event.source)}: ${event.cause}`);
+  if (name === "list" && saved && items !== saved.items && !saving) {
+    changedBy = `\u201c${event.who}\u201d`;
+    showList();
+  } else if (name === "list" || name === "replaced") {
+    readList(false);
+  }
+  if (name === "bad_item" || name === "not_replaced") tell(plain(event.cause));
 });

@@ -11,6 +11,16 @@ export function tell(text) {
   messageTimer = setTimeout(() => { $("message").textContent = ""; }, 8000);
 }
 
+/** Does fetch(), with words for a server that does not answer. */
+export function request(address, options) {
+  return fetch(address, options).catch(() => { throw new Error("The server does not answer"); });
+}
+
+/** Returns a text of the player without the folders of its paths, which say nothing to an owner. */
+export function plain(text) {
+  return text.replace(/(^|[\s"'(])\/(?:[^:/\n]+\/)+/g, "$1");
+}
+
 /** Sends a request to the API; returns the JSON of its answer. Throws an Error with cause and remedy. */
 export async function api(method, path, body) {
   const options = { method, headers: {} };
@@ -18,11 +28,13 @@ export async function api(method, path, body) {
     options.body = JSON.stringify(body);
     options.headers["Content-Type"] = "application/json";
   }
-  const answer = await fetch("/api/v1/" + path, options);
+  const answer = await request("/api/v1/" + path, options);
   const json = await answer.json().catch(() => ({}));
   if (!answer.ok) {
     const error = json.error || { cause: "the server answered " + answer.status, remedy: "" };
-    throw new Error(error.cause + (error.remedy ? ": " + error.remedy : ""));
+    const failed = new Error(plain(error.cause) + (error.remedy ? ": " + error.remedy : ""));
+    failed.status = answer.status;
+    throw failed;
   }
   return json;
 }
@@ -60,24 +72,48 @@ function insteadOf(status) {
   return ["black", "card", "views", "code"].includes(place.source) ? place.source : "";
 }
 
-/** Calls `take` with the state now and after each change, `other` with the other events. */
+/** Says below the navigation what keeps the page from working; dims what is out of date. */
+function warn(text, style) {
+  $("notice").textContent = text;
+  $("notice").className = style;
+}
+
+/** Calls `take` with the state now and after each change, `other` with the other events. Buttons
+    with data-changes need the right to change and a player, with "server" no player. */
 export function follow(take, other = () => {}) {
-  let known = {};
-  const source = new EventSource("/api/v1/events");
-  source.addEventListener("state", (event) => {
-    known = { ...known, ...JSON.parse(event.data) };
-    known.shown_instead = insteadOf(known.status);
+  let known = {}, source = null;
+  const show = () => {
     document.body.dataset.rights = known.rights;
+    document.body.dataset.player = known.connected ? "there" : "lost";
+    $("main").inert = false;
     for (const button of document.querySelectorAll("[data-changes]"))
-      button.disabled = known.rights !== "change" || !known.connected;
+      button.disabled = known.rights !== "change" || !(known.connected || button.dataset.changes === "server");
+    warn(!known.connected ? "The player does not answer. What you see here is from before."
+      : known.rights === "see" ? "You may look, but not change anything: your address has the right \u201csee\u201d." : "",
+    known.connected ? "" : "lost");
     take(known);
-  });
-  for (const name of ["list", "item_started", "bad_item", "damaged_item", "not_replaced", "replaced",
-    "frame_missed", "too_slow", "trim_changed"])
-    source.addEventListener(name, (event) => other(name, JSON.parse(event.data)));
-  source.onerror = () => tell("The connection to the server is lost; trying again.");
+  };
+  const open = () => {
+    source = new EventSource("/api/v1/events");
+    source.addEventListener("state", (event) => {
+      known = { ...known, ...JSON.parse(event.data) };
+      known.shown_instead = insteadOf(known.status);
+      show();
+    });
+    for (const name of ["list", "item_started", "bad_item", "damaged_item", "not_replaced", "replaced",
+      "frame_missed", "too_slow", "trim_changed"])
+      source.addEventListener(name, (event) => other(name, JSON.parse(event.data)));
+    source.onerror = () => {
+      $("main").inert = true;
+      // The browser gives up after an answer such as 401.
+      warn(source.readyState === EventSource.CLOSED ? "This address is not valid any more. Ask for a new one."
+        : "The server does not answer; trying again.", "lost");
+    };
+  };
+  open();
   addEventListener("pagehide", () => source.close());
-  return source;
+  // The browser keeps a page that was left, and shows it again with "Back".
+  addEventListener("pageshow", (event) => { if (event.persisted) open(); });
 }
 
 /** Loads pictures from `address()` into the image, one after the other, `pause` ms apart, while the
@@ -91,8 +127,8 @@ export function refreshPicture(image, address, pause, after = () => {}) {
     busy = true;
     const begun = performance.now();
     try {
-      const answer = await fetch(address());
-      if (!answer.ok) throw new Error((await answer.json()).error.cause);
+      const answer = await request(address());
+      if (!answer.ok) throw new Error(plain((await answer.json()).error.cause));
       const old = image.src;
       image.src = URL.createObjectURL(await answer.blob());
       if (old.startsWith("blob:")) URL.revokeObjectURL(old);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page Trim: correct pitch and offset by eye.
-import { $, api, attempt, clock, follow, make, tell } from "/page.js";
+import { $, api, attempt, clock, follow, make, plain, tell } from "/page.js";
 
 const STEPS = { pitch: 1e-5, offset: 0.01 };
 let state = {};
@@ -53,6 +53,7 @@ follow((now) => {
   $("chart").setAttribute("aria-pressed", String(shown));
   $("chart").textContent = shown ? "Back to the content" : "Show the chart";
   if (now.connected && connected !== true) read();
-  if (!now.connected) $("present").textContent = now.trouble;
+  if (!now.connected) $("present").textContent = plain(now.trouble);
+  $("history").inert = !now.connected;
   connected = now.connected;
 }, (name) => { if (name === "trim_changed") read(); });
