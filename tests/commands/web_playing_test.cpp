@@ -128,6 +128,9 @@ TEST_F(Web, AListWithoutAnItemThatPlaysIsRefused) {
   EXPECT_EQ(api("GET", "list")["items"], before);
   list["items"].push_back(before[0]);
   EXPECT_EQ(api("PUT", "list", list.dump())["items"].size(), 2u) << "one of two plays";
+  EXPECT_TRUE(comes_true([&] {
+    return api("GET", "health")["sentences"].dump().find("last trouble: ") != std::string::npos;
+  }));
 }
 
 TEST_F(Web, AListThatWasNamedFromAnotherFolderIsEdited) {

@@ -24,7 +24,7 @@ function showState(now) {
   $("where").textContent = !now.connected ? plain(now.trouble)
     : place ? `${status.state}, frame ${place.frame}` + (place.item === null ? ""
       : `, item ${place.item + 1} of ${status.taking ? status.taking.items : 1}`) : "";
-  $("trouble").textContent = status && status.last_trouble ? "Trouble: " + plain(status.last_trouble) : "";
+  $("trouble").textContent = status && status.last_trouble ? "Last trouble: " + plain(status.last_trouble) : "";
   const paused = Boolean(status && status.state === "paused");
   $("pause").textContent = paused ? "Play" : "Pause";
   $("pause").setAttribute("aria-pressed", String(paused));
