@@ -93,14 +93,17 @@ TEST_F(Web, AnUploadReplacesAFileOnDemandIfItPlaysAndKeepsTheOldOne) {
 
 TEST_F(Web, AListThatSomebodyWroteIsKeptAsItWas) {
   const std::string by_hand = "# for the summer\nloop = \"forever\"\n[[item]]\nloops = 5  # five\n";
+  std::filesystem::create_directories(path("state/lists"));
+  for (int k = 10; k < 30; ++k)
+    write("state/lists/10000000000" + std::to_string(k) + ".toml", "# 0 desk\n[[item]]\n");
   write("media/list.toml", by_hand + "source = \"a.lts\"\n");
   play();
   start_web();
   connect();
   ordered_json list = api("GET", "list");
   EXPECT_EQ(list["by_hand"], true);
-  for (int k = 0; k < 22; ++k) {
-    list["items"][0]["loops"] = 10 + k % 2;
+  for (int k = 0; k < 2; ++k) {
+    list["items"][0]["loops"] = 10 + k;
     list.erase("version");
     list = api("PUT", "list", list.dump());
     if (k == 0)
