@@ -344,8 +344,6 @@ TEST_F(ContentCommand, RefusesImpossibleConversions) {
   save("w0.png", quilt_picture(1, 1, 0, 48, 32));
   save("q_qs3x2a1.5.png", quilt_picture(3, 2, 0));
   expect_refusal(convert({path("w%d.png"), "--as", "quilt", "-o", path("q.png")}), 2, "--from-rig");
-  expect_refusal(convert({path("q_qs3x2a1.5.png"), "--as", "woven", "-o", path("w.lts")}), 2,
-                 "--rig");
   expect_refusal(
       convert({path("q_qs3x2a1.5.png"), "--as", "quilt", "--rig", kTiny, "-o", path("q.png")}), 2,
       "quilts and views");

@@ -143,7 +143,7 @@ TEST_F(Output, ErrorsAreJsonOnRequest) {
            {{"rig", "show", path(kHostile), "--json"}, 4, "input"},
            {{"rig", "sohw", "--json"}, 2, "usage"},
            {{"--json"}, 2, "usage"},
-           {{"play", "card", "--json"}, 2, "usage"},
+           {{"play", "--json"}, 2, "usage"},
            {{"play", path("none.png"), "--rig", rig, "--display", "virtual", "--json"}, 4, "input"},
            {{"ctl", "--socket", path("none"), "status", "--json"}, 3, "device"}}) {
     const ProcessResult result = run(one.arguments);

@@ -242,7 +242,6 @@ TEST_F(WallPlay, ASnapshotShowsOnePanelAndWhatAnEyeSeesOnIt) {
 }
 
 TEST_F(WallCommand, ExplainsWrongFlags) {
-  EXPECT_EQ(run({"render", path("scene.obj"), "-o", path("a.png")}).exit_code, 2);
   EXPECT_EQ(render({"--rig", path("rig.toml"), "-o", path("a.png")}).exit_code, 2);
   const ProcessResult unknown = render({"--panel", "middle", "-o", path("a.png")});
   EXPECT_EQ(unknown.exit_code, 2);
