@@ -5,8 +5,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <cmath>
 #include <cstdarg>
 #include <cstring>
 #include <iterator>
@@ -111,6 +113,46 @@ AVStream& Container::video_stream(std::optional<int> wanted) {
     fail(name_, "stream " + std::to_string(*wanted) + " has no pictures",
          "lenticule-video probe lists the streams");
   fail(name_, "no stream with pictures", "name a file that contains a video");
+}
+
+// --- expected frames -----------------------------------------------------------------------------
+
+std::optional<ExpectedFrames> expected_frames(const AVFormatContext& format, AVStream& stream) {
+  const std::string_view container(format.iformat->name);
+  const int entries = avformat_index_get_entries_count(&stream);
+  int64_t presented = 0;
+  for (int i = 0; i < entries; ++i) {
+    const AVIndexEntry& entry = *avformat_index_get_entry(&stream, i);
+    presented += (entry.flags & AVINDEX_DISCARD_FRAME) == 0 ? 1 : 0;
+  }
+  // FFmpeg applies edit lists to the index: it lacks the frames that they cut off, and marks those
+  // that are decoded but not presented.
+  if (container.starts_with("mov") && presented > 0)
+    return ExpectedFrames{.frames = static_cast<uint64_t>(presented)};
+  // AVI counts the empty frames that fill a gap, but its index lacks them. Those that follow the
+  // last frame belong to it and to the delay of reordered frames.
+  if (container == "avi" && presented > 0) {
+    const int64_t slots = avformat_index_get_entry(&stream, entries - 1)->timestamp + 1;
+    const int64_t slots_per_frame = std::max<int64_t>(slots / presented, 1);
+    const int64_t delay = slots_per_frame * (stream.codecpar->video_delay + 1) - 1;
+    const int64_t after = std::max<int64_t>(stream.nb_frames - slots - delay, 0);
+    return ExpectedFrames{.frames = static_cast<uint64_t>(presented + after / slots_per_frame)};
+  }
+  if (stream.nb_frames > 0)
+    return ExpectedFrames{.frames = static_cast<uint64_t>(stream.nb_frames)};
+  const AVRational rate = stream.avg_frame_rate;
+  if (format.nb_streams != 1 || rate.num <= 0 || rate.den <= 0) return std::nullopt;
+  if (!container.starts_with("matroska"))
+    return std::nullopt;  // durations of other containers are estimates
+  // Matroska's duration ends with the last frame, and begins at time 0, not with the first frame.
+  const int64_t start =
+      format.start_time == AV_NOPTS_VALUE ? 0 : std::max<int64_t>(format.start_time, 0);
+  if (format.duration <= start) return std::nullopt;
+  const double seconds = static_cast<double>(format.duration - start) / AV_TIME_BASE;
+  return ExpectedFrames{
+      .frames = static_cast<uint64_t>(std::llround(seconds * av_q2d(rate))),
+      .by_duration = true,
+      .end = static_cast<double>(format.duration) / AV_TIME_BASE / av_q2d(stream.time_base)};
 }
 
 // --- slice checksums ---------------------------------------------------------------------------

@@ -43,6 +43,19 @@ class Container {
   AvInput format_;  // last member: uses io_
 };
 
+/// The number of frames that a file claims to present.
+struct ExpectedFrames {
+  uint64_t frames = 0;
+  /// The number is that of a constant rate until `end`, in units of the stream's time stamps;
+  /// otherwise an index or a header states it.
+  bool by_duration = false;
+  double end = 0.0;
+};
+/// Returns none if the container claims no number, or only estimates it. The number may grow while
+/// a fragmented file is read.
+[[nodiscard]] std::optional<ExpectedFrames> expected_frames(const AVFormatContext& format,
+                                                            AVStream& stream);
+
 /// SliceErrors collects the packets in which FFmpeg's decoder of FFV1 found a wrong checksum. The
 /// decoder replaces their slices by those of the frame before and reports that only in its log.
 ///
@@ -106,6 +119,9 @@ class ClipReader {
   /// are skipped and counted. Throws as the constructor.
   [[nodiscard]] Step next();
   [[nodiscard]] const AVFrame& frame() const { return *frame_; }
+  [[nodiscard]] std::optional<ExpectedFrames> expected() const {
+    return expected_frames(container_->format(), *stream_);
+  }
   /// Returns the time stamp of frame(), or AV_NOPTS_VALUE.
   [[nodiscard]] int64_t time() const {
     return untimed_ ? AV_NOPTS_VALUE : frame_->best_effort_timestamp;

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -66,6 +67,44 @@ void report_event(const json& event) {
   }
 }
 
+/// Cadence measures how much of a clip the frames of one round cover.
+class Cadence {
+ public:
+  explicit Cadence(const AVStream& stream)
+      : duration_(av_q2d(av_inv_q(stream.avg_frame_rate)) / av_q2d(stream.time_base)),
+        reordered_(static_cast<uint64_t>(std::max(stream.codecpar->video_delay, 0))) {}
+
+  void note(int64_t time) {
+    if (time == AV_NOPTS_VALUE) return;
+    if (last_ && time > *last_) {
+      ++intervals_;
+      const double interval = static_cast<double>(time) - static_cast<double>(*last_);
+      if (interval < 1.5 * duration_) ++single_;
+    }
+    last_ = std::max(time, last_.value_or(time));
+  }
+
+  /// Returns how many of the expected frames are missing if `seen` arrived.
+  [[nodiscard]] uint64_t missing(const ExpectedFrames& expected, uint64_t seen) const {
+    if (seen >= expected.frames) return 0;
+    const uint64_t missing = expected.frames - seen;
+    if (!expected.by_duration || !last_) return missing;
+    const double after = (expected.end - static_cast<double>(*last_)) / duration_ - 1.0;
+    const auto uncovered = static_cast<uint64_t>(std::max(0L, std::lround(after)));
+    // A cut between packets leaves a gap of reordered frames before the last one.
+    const bool cut = uncovered == 0 && missing <= reordered_;
+    const bool constant_rate = 4 * single_ >= 3 * intervals_;
+    return constant_rate && !cut ? missing : std::min(missing, uncovered);
+  }
+
+ private:
+  double duration_;  ///< duration of a frame, in units of the time stamps
+  uint64_t reordered_;
+  std::optional<int64_t> last_;
+  uint64_t intervals_ = 0;
+  uint64_t single_ = 0;  ///< number of intervals that are not longer than a frame
+};
+
 /// Feed copies frames from one clip into one ring until one of them is over.
 class Feed {
  public:
@@ -73,7 +112,8 @@ class Feed {
       : request_(request),
         ring_(ring),
         clip_(clip),
-        stream_tags_(tags_of(*clip.stream().codecpar)) {
+        stream_tags_(tags_of(*clip.stream().codecpar)),
+        cadence_(clip.stream()) {
     check_layout(evaluate_pixels(stream_tags_));
     first_time_ = AV_NOPTS_VALUE;
   }
@@ -128,7 +168,8 @@ class Feed {
   uint64_t wrong_size_ = 0;
   uint64_t reported_broken_ = 0;
   uint64_t left_out_before_ = 0;  ///< frames left out in earlier rounds
-  std::vector<uint8_t> stored_;   ///< a frame before rotation
+  Cadence cadence_;
+  std::vector<uint8_t> stored_;  ///< a frame before rotation
   Clock::time_point last_report_ = Clock::now();
 };
 
@@ -180,6 +221,7 @@ bool Feed::play(uint64_t skip, bool resumes) {
     have_frame_ = false;
     if (!fits_ring()) continue;
     if (frame == 0) first_time_ = clip_.time();
+    cadence_.note(clip_.time());
     if (frame >= request_.begin) clip_length_ = frame - request_.begin + 1;
     if (frame >= first && !show(frame == request_.begin)) return false;
     report_position(frame);
@@ -191,6 +233,7 @@ bool Feed::play(uint64_t skip, bool resumes) {
 /// Returns to the start. Seeking is fast and is accepted only if it leads to the first frame.
 void Feed::start_over() {
   clip_length_ = 0;
+  cadence_ = Cadence(clip_.stream());
   if (first_time_ != AV_NOPTS_VALUE && clip_.seek(first_time_) &&
       clip_.next() == ClipReader::Step::Frame && clip_.time() == first_time_) {
     have_frame_ = true;
@@ -259,13 +302,17 @@ void Feed::report_broken() {
                 {"faulty", clip_.faulty_frames()}});
 }
 
-/// Reports the end of a round: the number of frames, and of frames left out.
+/// Reports the end of a round: the number of frames that the file claims to have, and which neither
+/// came nor were left out.
 void Feed::report_clip() {
   report_broken();
   const uint64_t left_out = clip_.broken_packets() + wrong_size_;
+  const uint64_t seen = clip_length_ + left_out - std::exchange(left_out_before_, left_out);
+  // A range ends at a known frame; a container may be wrong about its last frame.
+  const bool whole = request_.begin == 0 && request_.end == DecodeRequest{}.end;
+  const std::optional<ExpectedFrames> expected = clip_.expected();
   report_event({{"event", "clip"},
-                {"frames", clip_length_},
-                {"left_out", left_out - std::exchange(left_out_before_, left_out)}});
+                {"missing", whole && expected ? cadence_.missing(*expected, seen) : uint64_t{0}}});
 }
 
 void report_choice(const DecoderChoice& choice) {

@@ -3,9 +3,9 @@
 #include <unistd.h>
 
 #include <array>
-#include <cmath>
 #include <cstring>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string_view>
 
 #include "apps/lenticule-video/clip_reader.h"
@@ -36,19 +36,6 @@ json duration(const AVFormatContext& format, const AVStream& stream) {
   if (stream.duration > 0) return static_cast<double>(stream.duration) * av_q2d(stream.time_base);
   if (format.duration > 0) return static_cast<double>(format.duration) / AV_TIME_BASE;
   return nullptr;
-}
-
-/// Returns the expected number of frames: the container's, or the number that fits the duration if
-/// the duration is that of this stream alone.
-json expected_frames(const AVFormatContext& format, const AVStream& stream) {
-  if (stream.nb_frames > 0) return stream.nb_frames;
-  const AVRational rate = stream.avg_frame_rate;
-  if (format.nb_streams != 1 || rate.num <= 0 || rate.den <= 0) return nullptr;
-  if (std::string_view(format.iformat->name).find("matroska") == std::string_view::npos)
-    return nullptr;  // durations of other containers are estimates
-  if (format.duration <= 0) return nullptr;
-  const double seconds = static_cast<double>(format.duration) / AV_TIME_BASE;
-  return static_cast<int64_t>(std::llround(seconds * av_q2d(rate)));
 }
 
 /// Returns the EXIF number of the orientation, or null for angles other than quarter turns.
@@ -101,6 +88,7 @@ AVRational rate_of(const AVStream& stream) {
 json describe(AVFormatContext& format, AVStream& stream) {
   const AVCodecParameters& p = *stream.codecpar;
   const PixelVerdict verdict = evaluate_pixels(tags_of(p));
+  const std::optional<ExpectedFrames> expected = expected_frames(format, stream);
   const AVRational aspect = av_guess_sample_aspect_ratio(&format, &stream, nullptr);
   return {{"index", stream.index},
           {"codec", avcodec_get_name(p.codec_id)},
@@ -108,7 +96,7 @@ json describe(AVFormatContext& format, AVStream& stream) {
           {"height", p.height},
           {"rate", rational(rate_of(stream))},
           {"frames", stream.nb_frames > 0 ? json(stream.nb_frames) : json(nullptr)},
-          {"expected_frames", expected_frames(format, stream)},
+          {"expected_frames", expected ? json(expected->frames) : json(nullptr)},
           {"orientation", orientation(stream)},
           {"stereo", stereo(stream)},
           {"duration_s", duration(format, stream)},

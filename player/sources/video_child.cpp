@@ -69,11 +69,6 @@ std::optional<ChildEnd> VideoChild::take_end() {
   return std::exchange(end_, std::nullopt);
 }
 
-void VideoChild::expect_frames(std::optional<uint64_t> expected) {
-  const std::lock_guard lock(mutex_);
-  expected_ = expected;
-}
-
 pid_t VideoChild::pid() const {
   const std::lock_guard lock(mutex_);
   return pid_;
@@ -167,9 +162,8 @@ void VideoChild::hear(std::string_view line) {
   if (event->kind == VideoEvent::Kind::Position && event->time) position_ = event;
   if (event->kind == VideoEvent::Kind::Decoder) decoder_ = event;
   if (event->kind == VideoEvent::Kind::Broken) broken_.store(event->broken);
-  const uint64_t known = event->frame + event->left_out;
   if (event->kind != VideoEvent::Kind::Clip) return;
-  if (expected_ && known < *expected_) missing_.fetch_add(*expected_ - known);
+  missing_.fetch_add(event->missing);
   rounds_.fetch_add(1);
 }
 

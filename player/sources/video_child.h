@@ -55,13 +55,12 @@ class VideoChild {
   [[nodiscard]] std::optional<VideoEvent> position() const;
   /// Returns the number of frames and packets that the present child left out or found faulty.
   [[nodiscard]] uint64_t broken() const { return broken_.load(); }
-  /// Returns the number of frames, over all rounds, that the clip lacks compared with `expected`.
+  /// Returns the number of frames, over all rounds, that the clip claims to have and lacks.
   [[nodiscard]] uint64_t missing() const { return missing_.load(); }
   /// Returns the number of rounds of the clip that the present child has completed.
   [[nodiscard]] uint64_t rounds() const { return rounds_.load(); }
   /// Returns the latest report of which decoder is in use; none before the first report.
   [[nodiscard]] std::optional<VideoEvent> decoder() const;
-  void expect_frames(std::optional<uint64_t> expected);
   /// Returns a descriptor that is readable when the child has ended.
   [[nodiscard]] int wake_fd() const { return ended_.fd(); }
 
@@ -91,8 +90,7 @@ class VideoChild {
   std::atomic<uint64_t> broken_{0};
   std::atomic<uint64_t> missing_{0};
   std::atomic<uint64_t> rounds_{0};
-  std::optional<uint64_t> expected_;  ///< guarded by the mutex
-  std::thread keeper_;                // last member: the thread uses everything above
+  std::thread keeper_;  // last member: the thread uses everything above
 };
 
 }  // namespace lenticule::player

@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
@@ -21,7 +20,6 @@ constexpr size_t kMostText = 256 * 1024;
 constexpr size_t kMostLine = 4096;
 constexpr size_t kMostStreams = 256;
 constexpr size_t kMostName = 200;
-constexpr double kMostSeconds = 1e9;
 constexpr uint64_t kMostFrames = uint64_t{1} << 40;
 
 /// Returns a whole number from 0 to `most`.
@@ -49,13 +47,6 @@ std::optional<frames::Rate> rate(const JsonFields& fields) {
   } catch (const Error&) {
     return std::nullopt;  // implausible rate: played at the panel's rate
   }
-}
-
-std::optional<double> duration(const JsonFields& fields) {
-  const json* const value = fields.find("duration_s");
-  if (value == nullptr || !value->is_number()) return std::nullopt;
-  const auto seconds = value->get<double>();
-  return seconds >= 0.0 && seconds <= kMostSeconds ? std::optional(seconds) : std::nullopt;
 }
 
 frames::FrameGeometry geometry(const JsonFields& fields) {
@@ -108,9 +99,6 @@ VideoStream parse_stream(const json& object, const std::string& source) {
   return {.index = static_cast<int>(*index),
           .geometry = geometry(fields),
           .rate = rate(fields),
-          .frames = count(fields.find("frames"), kMostFrames),
-          .duration_s = duration(fields),
-          .expected_frames = count(fields.find("expected_frames"), kMostFrames),
           .pixel_aspect = pixel_aspect(fields),
           .orientation = orientation(fields),
           .stereo = stereo(fields),
@@ -162,8 +150,7 @@ std::optional<VideoEvent> parse_video_event(std::string_view line) {
                    count(find("faulty"), kMostFrames).value_or(0);
   } else if (*find("event") == "clip") {
     event.kind = VideoEvent::Kind::Clip;
-    event.frame = count(find("frames"), kMostFrames).value_or(0);
-    event.left_out = count(find("left_out"), kMostFrames).value_or(0);
+    event.missing = count(find("missing"), kMostFrames).value_or(0);
   } else if (*find("event") == "decoder") {
     const JsonFields fields(object, "decoder");
     const json* const hardware = find("hardware");

@@ -25,10 +25,7 @@ struct VideoStream {
   int index = 0;
   frames::FrameGeometry geometry;    ///< size within the ring's limits
   std::optional<frames::Rate> rate;  ///< average rate of the stream
-  std::optional<uint64_t> frames;    ///< number that the container claims
-  std::optional<double> duration_s;
-  std::optional<uint64_t> expected_frames;  ///< number that the container, or its duration, claims
-  double pixel_aspect = 1.0;                ///< width over height of a pixel
+  double pixel_aspect = 1.0;         ///< width over height of a pixel
   /// Rotation of the frames; empty for angles other than quarter turns.
   std::optional<frames::Orientation> orientation = frames::Orientation::Upright;
   std::optional<VideoStereo> stereo;  ///< layout of two eyes from a tag
@@ -52,10 +49,10 @@ struct VideoEvent {
   uint64_t frame = 0;           ///< frame number in the file (Position)
   std::optional<int64_t> time;  ///< time stamp of that frame
   uint64_t broken = 0;          ///< frames and packets left out or faulty so far
-  uint64_t left_out = 0;  ///< frames left out in this round (Clip); `frame` is the number that came
-  std::string decoder;    ///< FFmpeg's name of the decoder in use (Decoder), escaped
-  bool hardware = false;  ///< hardware decodes, not software
-  std::string reason;     ///< cause why hardware is not used, or fails; escaped
+  uint64_t missing = 0;         ///< frames that the file claims to have and lacks (Clip)
+  std::string decoder;          ///< FFmpeg's name of the decoder in use (Decoder), escaped
+  bool hardware = false;        ///< hardware decodes, not software
+  std::string reason;           ///< cause why hardware is not used, or fails; escaped
 };
 /// Returns none if the line is not such an event. Never throws because of the line's contents.
 [[nodiscard]] std::optional<VideoEvent> parse_video_event(std::string_view line);

@@ -9,6 +9,7 @@
 #include <atomic>
 #include <cmath>
 #include <deque>
+#include <limits>
 #include <string_view>
 #include <utility>
 
@@ -128,8 +129,6 @@ class Source final : public VideoSource {
         events_(::epoll_create1(EPOLL_CLOEXEC)) {
     if (!events_ || !watch(ring_->wake_fd()) || !watch(child_.wake_fd()))
       throw Error(ErrorKind::Failed, "video: no file descriptor is left");
-    // A range ends at a known frame; a container may be wrong about its last frame.
-    if (!request_.frames) child_.expect_frames(stream_.expected_frames);
     begin_child();
   }
 
@@ -288,7 +287,8 @@ void Source::begin_child() {
   const std::optional<VideoEvent> choice = child_.decoder();
   if (choice && !choice->hardware) hardware_ = false;
   const uint64_t from = (held_ ? 1 : next_) + ring_->ready_count();
-  const FrameRange range = request_.frames.value_or(FrameRange{0, uint64_t{1} << 40});
+  const FrameRange range =
+      request_.frames.value_or(FrameRange{0, std::numeric_limits<uint64_t>::max()});
   std::vector<std::string> arguments = {
       program_.string(), "decode",
       "--ring",          (folder_.path() / "ring").string(),

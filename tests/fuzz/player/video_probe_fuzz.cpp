@@ -15,7 +15,6 @@ using namespace lenticule;
 void check(const player::VideoStream& stream) {
   LENTICULE_CHECK(frames::geometry_problem(stream.geometry, frames::kMinSlots) == nullptr);
   if (stream.rate) LENTICULE_CHECK(stream.rate->numerator > 0 && stream.rate->denominator > 0);
-  if (stream.duration_s) LENTICULE_CHECK(*stream.duration_s >= 0.0);
   for (const std::string* text : {&stream.codec, &stream.pixel_format, &stream.refusal})
     LENTICULE_CHECK(*text == escaped(*text));  // printable, on one line
 }
@@ -32,6 +31,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   }
   if (const auto event = player::parse_video_event(text)) {
     LENTICULE_CHECK(event->frame <= uint64_t{1} << 40);
+    LENTICULE_CHECK(event->missing <= uint64_t{1} << 40);
     LENTICULE_CHECK(event->decoder == escaped(event->decoder));
     LENTICULE_CHECK(event->reason == escaped(event->reason));
   }
