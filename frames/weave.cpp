@@ -18,6 +18,9 @@ constexpr double kGaussReach = 4.3;
 
 /// Smallest sigma of a Gaussian, in views.
 constexpr double kSharpestSpot = 1e-3;
+/// Full width at half maximum of a Gaussian with sigma 1.
+constexpr double kWidthOfSigma = 2.3548;
+constexpr int kColours = 3;
 constexpr double kSameAspect = 0.005;
 
 template <class Value>
@@ -90,6 +93,13 @@ const char* to_string(PictureFit fit) {
   return name_of(kFits, fit);
 }
 
+ViewFilter view_filter(const WeaveOptions& options, const optics::LensSheet& sheet, int views) {
+  const double spot_width = kWidthOfSigma * sheet.spot_sigma.value;  // unit: lenses
+  const double from_eye = kColours / 2.0 / sheet.pitch.value;
+  const bool apart = views * std::max(spot_width, from_eye) < 1.0;
+  return options.filter.value_or(apart ? ViewFilter::Nearest : ViewFilter::Linear);
+}
+
 int nearest_view(double view_number, int views) {
   // A number that rounding puts slightly beyond a border counts as on the border, as with lenses:
   // at rational pitches whole columns of subpixels lie exactly there.
@@ -137,6 +147,7 @@ Weaver::Weaver(const ViewSet& views, const optics::OpticalModel& model, const We
     : views_(views),
       rays_(model),
       options_(options),
+      filter_(view_filter(options, model.rig().sheet, views.count())),
       place_(place_picture(model.rig().panel, views.aspect(), options.fit)) {}
 
 FrameGeometry Weaver::geometry() const {
@@ -169,7 +180,7 @@ uint8_t Weaver::subpixel(const optics::RowRays& rays, size_t s, int channel,
   const int views = views_.count();
   const double sigma = rays_.model().rig().sheet.spot_sigma.value * views;
   const double view_number = optics::view_number(rays.place[s], views);
-  const int first = view_weights(view_number, views, options_.filter, sigma, weights);
+  const int first = view_weights(view_number, views, filter_, sigma, weights);
   double light = 0.0;
   for (size_t w = 0; w < weights.size(); ++w) {
     const int view = first + static_cast<int>(w);

@@ -3,6 +3,7 @@
 // in double precision, one subpixel after the other; faster weavers must agree with it.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -42,10 +43,17 @@ enum class ViewOrder { LeftToRight, RightToLeft };
 [[nodiscard]] const char* to_string(PictureFit fit);
 
 struct WeaveOptions {
-  ViewFilter filter = ViewFilter::Linear;
+  std::optional<ViewFilter> filter;  ///< none: the choice of view_filter()
   PictureFit fit = PictureFit::Contain;
   ViewOrder order = ViewOrder::LeftToRight;
 };
+
+/// Returns the filter of the options. If they have none: Nearest for views that the sheet keeps
+/// apart, since they are farther apart than its spot is wide, and than a colour's subpixel may lie
+/// from the place where the eye looks; otherwise Linear, which adds little to the mixing of the
+/// sheet itself.
+[[nodiscard]] ViewFilter view_filter(const WeaveOptions& options, const optics::LensSheet& sheet,
+                                     int views);
 
 /// PicturePlace is the position of a view of `aspect` on a panel, centred.
 struct PicturePlace {
@@ -104,6 +112,7 @@ class Weaver {
   const ViewSet& views_;
   optics::RowRayEvaluator rays_;
   WeaveOptions options_;
+  ViewFilter filter_;
   PicturePlace place_;
 };
 

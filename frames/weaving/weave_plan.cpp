@@ -81,7 +81,7 @@ class PlanBuilder {
         model_(model),
         rays_(model, isa),
         kernel_(LENTICULE_SELECT_KERNEL(isa, kPlanKernel)),
-        terms_{.numbers = numbers_of(plan.options_.filter),
+        terms_{.numbers = numbers_of(*plan.options_.filter),
                .views = plan.shape_.count,
                .view_step = plan.view_step_,
                .view_most = plan.view_most(),
@@ -280,6 +280,7 @@ WeavePlan::WeavePlan(const optics::OpticalModel& model, const ViewShape& shape,
         fmt::format("{} views: a weaving plan has at most {}", shape.count, kMostPlannedViews),
         "use --reference for more");
   const optics::Rig& rig = model.rig();
+  options_.filter = view_filter(options, rig.sheet, shape.count);
   geometry_ = {.width = rig.panel.width_px, .height = rig.panel.height_px};
   spot_sigma_ = rig.sheet.spot_sigma.value * shape.count;
   const auto& offsets = rig.sheet.channel_offset;

@@ -29,8 +29,9 @@ bool ContentFlags::any() const {
 }
 
 frames::WeaveOptions weave_options(const WeavingFlags& flags) {
-  return {.filter = frames::parse_view_filter(flags.filter),
-          .fit = frames::parse_picture_fit(flags.fit)};
+  frames::WeaveOptions options{.fit = frames::parse_picture_fit(flags.fit)};
+  if (!flags.filter.empty()) options.filter = frames::parse_view_filter(flags.filter);
+  return options;
 }
 
 std::optional<frames::Crosstalk> crosstalk_of(const std::string& text, const optics::Rig& rig,

@@ -32,7 +32,7 @@ struct ContentFlags {
 };
 
 struct WeavingFlags {
-  std::string filter = "linear";
+  std::string filter;  ///< empty: the choice of frames::view_filter()
   std::string fit = "contain";
   std::string crosstalk;
 };

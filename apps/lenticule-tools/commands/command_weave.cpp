@@ -108,7 +108,7 @@ nlohmann::json report(const WeaveFlags& flags, const frames::ViewSet& views,
           {"view_width", views.width()},
           {"view_height", views.height()},
           {"aspect", views.aspect()},
-          {"filter", frames::to_string(options.filter)},
+          {"filter", frames::to_string(frames::view_filter(options, rig.sheet, views.count()))},
           {"fit", frames::to_string(options.fit)},
           {"crosstalk", flags.weaving.crosstalk.empty() ? nlohmann::json()
                                                         : nlohmann::json(flags.weaving.crosstalk)},

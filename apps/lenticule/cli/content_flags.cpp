@@ -50,9 +50,11 @@ void declare_content_flags(CLI::App& app, ContentFlags& flags) {
 
 void declare_weaving_flags(CLI::App& app, WeavingFlags& flags) {
   app.option_defaults()->group("Weaving");
-  app.add_option("--filter", flags.filter, "how neighbouring views are mixed")
-      ->type_name("nearest|linear|gauss")
-      ->capture_default_str();
+  app.add_option("--filter", flags.filter,
+                 "how neighbouring views are mixed\n"
+                 "The default is nearest for few views, which the lens sheet keeps apart, and "
+                 "linear for others.")
+      ->type_name("nearest|linear|gauss");
   app.add_option("--fit", flags.fit, "what to do about views of another aspect")
       ->type_name("contain|cover|stretch")
       ->capture_default_str();

@@ -57,7 +57,8 @@ TEST(LibraryFramesStayEqual, OfEveryQuiltFilterAndRig) {
   for (const double percent : {5.0, 30.0})
     weave_by_all(hashes, fmt::format("crosstalk {}", percent),
                  weave_rig(200, 9, 24.04, -1.0, 700.0),
-                 frames::compensate(views, frames::crosstalk_of_percent(percent)), {});
+                 frames::compensate(views, frames::crosstalk_of_percent(percent)),
+                 {.filter = frames::ViewFilter::Linear});
   expect_committed("woven", hashes);
 }
 

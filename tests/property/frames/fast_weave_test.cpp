@@ -76,7 +76,7 @@ void expect_like_reference(const optics::Rig& rig, const ViewSet& views,
   ASSERT_LE(furthest(plain, weave(views, model, options)), 1)
       << rig.panel.width_px << "x" << rig.panel.height_px << " pitch " << rig.sheet.pitch.value
       << " slant " << rig.sheet.slant << " " << rig.panel.layout.name() << " "
-      << to_string(options.filter) << " " << to_string(options.fit);
+      << to_string(plan.options().filter.value()) << " " << to_string(options.fit);
   for (const WeaveKernel kernel : kWeaveKernels) {
     if (kernel == WeaveKernel::Plain || !kernel_suits(kernel, plan)) continue;
     ASSERT_EQ(woven_by(plan, views, kernel), plain)

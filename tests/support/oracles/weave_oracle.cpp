@@ -106,7 +106,7 @@ Real picture_light(const WeaveOracle& o, int view, Real u, Real v, int channel) 
 
 Real share_of_view(const WeaveOracle& o, int view, Real number) {
   const int views = o.layout.view_count();
-  switch (o.options.filter) {
+  switch (view_filter(o.options, o.rig.sheet, views)) {
     case ViewFilter::Nearest:
       return number > view && number <= view + 1 ? 1 : 0;
     case ViewFilter::Linear:

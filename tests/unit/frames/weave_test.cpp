@@ -180,8 +180,8 @@ TEST(Weave, MixesInLinearLight) {
   rig.sheet.offset = Lenses(0.0);  // the middle subpixel is on the axis: v = 1 of 2
   std::vector<WovenFrame> views(2, WovenFrame({.width = 1, .height = 1}));
   for (uint8_t& byte : views[1].bytes()) byte = 255;
-  const WovenFrame woven =
-      weave(ViewSet(views), optics::OpticalModel(rig), {.fit = PictureFit::Stretch});
+  const WovenFrame woven = weave(ViewSet(views), optics::OpticalModel(rig),
+                                 {.filter = ViewFilter::Linear, .fit = PictureFit::Stretch});
   EXPECT_EQ(woven.row(0)[4], 188) << "the code of half the light, not 128";
 }
 
