@@ -370,7 +370,7 @@ TEST_F(BadInput, NamesTheRemedyOfLikelyMistakes) {
            {{"play", "card", "--rig"}, 2, "--rig: its value is missing", "--help"},
            {{"play", "-dash.lts", "--rig", rig}, 2, "no flag '-dash.lts'", "./-dash.lts"},
            {{"--rig", rig, "play", "card"}, 2, "no flag '--rig'", "after the command"},
-           {{"play"}, 2, "source and --rig are missing", "lenticule play 'out/%05d.png' --rig"},
+           {{"play"}, 2, "play: SOURCE is missing", "for example: lenticule play film.lts"},
            {{rig}, 2, "no command", "lenticule play "},
            {{"render", scene, "--rig", rig, "-o", "x.mp4"}, 2, "-o x.mp4", "use FILE.lts"},
            {{"render", scene, "--rig", rig, "-o", "x.LTS"}, 2, "-o x.LTS", "use FILE.lts"},

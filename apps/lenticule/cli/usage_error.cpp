@@ -90,7 +90,7 @@ std::string remedy_of_flag(const std::string& flag, const Chain& chain) {
 std::string remedy_of_command(const std::string& word, const Chain& chain) {
   std::error_code ignored;
   if (chain.size() == 1 && std::filesystem::exists(word, ignored))
-    return fmt::format("to play it: lenticule play {} --rig RIG", shell_quoted(word));
+    return fmt::format("to play it: lenticule play {}", shell_quoted(word));
   return remedy(word, command_names(*chain.back()), name_of(chain));
 }
 
