@@ -240,10 +240,16 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   const SourceKind kind = plan.source.spec.kind;
   plan.playback.loops = parse_loops(flags, kind);
   plan.playback.late = parse_late_policy(flags.late);
-  plan.playback.stall_timeout = parse_wait("--wait", flags.wait.empty() ? "60" : flags.wait, 1);
+  const auto wait = parse_wait("--wait", flags.wait.empty() ? "60" : flags.wait, 1);
+  // A hung disk or decoder does not end a player that repeats or is controlled.
+  const bool outlasts_faults = plan.playback.loops != 1 || !flags.control.empty();
+  if (!flags.wait.empty() || kind == SourceKind::Ring || !outlasts_faults)
+    plan.playback.stall_timeout = wait;
+  else
+    plan.playback.stall_timeout.reset();
   plan.playback.prime = flags.prime.value_or(std::max(1, flags.slots / 2));
   if (flags.prime)  // a user who sets --prime wants to wait until that many frames are ready
-    plan.playback.prime_timeout = plan.playback.stall_timeout.value_or(kLongestPriming);
+    plan.playback.prime_timeout = wait.value_or(kLongestPriming);
   plan.playback.started = flags.started;
   plan.playback.source_name = flags.source;
   plan.playback.stop_fd = interrupt_fd();

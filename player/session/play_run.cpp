@@ -405,8 +405,7 @@ void PlayRun::report_stall(const PlayReport& report) {
         std::chrono::duration<double>(now - stall_begin_).count());
     stall_.clear();
   } else {
-    stall_ =
-        fmt::format("{}: {}, although one is due; the displayed frame stays", flags_.source, stage);
+    stall_ = fmt::format("{}: {}; the displayed frame stays", flags_.source, stage);
     stall_begin_ = now - std::chrono::seconds(2);
     say("{}\n", stall_);
   }

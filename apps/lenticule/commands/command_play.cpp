@@ -172,7 +172,7 @@ void declare_timing_flags(CLI::App& app, PlayFlags& flags) {
       ->type_name("slip|drop|hold")
       ->capture_default_str();
   app.add_option("--wait", flags.wait, "give up if no frame arrives for so long")
-      ->default_str("60; a list waits until an item can be played")
+      ->default_str("60; forever for files that repeat, with --control, and for a list")
       ->type_name("SECONDS|forever");
   app.add_option("--prime", flags.prime,
                  "frames that must be ready before the first is shown\n"

@@ -69,6 +69,15 @@ TEST_F(PlayPlanTest, AnExplicitWaitAppliesAtStartAndAfterALoss) {
   EXPECT_EQ(failure(), ErrorKind::Usage);
 }
 
+TEST_F(PlayPlanTest, AHungDiskDoesNotEndAPlayerThatRepeatsOrIsControlled) {
+  flags.source = "film.lts";
+  EXPECT_EQ(make_plan(flags, false).playback.stall_timeout, seconds(60));
+  flags.loop = "forever";
+  EXPECT_EQ(make_plan(flags, false).playback.stall_timeout, std::nullopt);
+  flags.wait = "5";
+  EXPECT_EQ(make_plan(flags, false).playback.stall_timeout, seconds(5));
+}
+
 TEST_F(PlayPlanTest, ATestCardLoopsForeverByDefault) {
   flags.source = "card";
   EXPECT_EQ(make_plan(flags, false).playback.loops, kForever);
