@@ -163,7 +163,7 @@ TEST_F(VideoPixels, DeepChromaFollowsTheFormula) {
 TEST_F(VideoPixels, SubsampledChromaIsRefusedForWovenFrames) {
   const std::vector<uint8_t> raw = test::random_bytes(kPixels + 2 * kQuarter, 6);
   EXPECT_THAT(refusal(raw, "--pixels yuv420p"),
-              testing::AllOf(testing::HasSubstr("4:2:0"), testing::HasSubstr("from a quilt")));
+              testing::AllOf(testing::HasSubstr("4:2:0"), testing::HasSubstr("--grid 1x1")));
 }
 
 TEST_F(VideoPixels, SubsampledChromaIsInterpolatedAtItsSiteBeforeWeaving) {
