@@ -82,7 +82,8 @@ TEST(WallFile, IsWrittenAsTextThatReadsBackTheSameBits) {
 
 TEST(WallFile, NamesLineCauseAndRemedyOfErrors) {
   EXPECT_EQ(complaint(with(kTwo, "turn_degrees", "turned")),
-            "w.toml:7: unknown key 'panel.turned'");
+            "w.toml:7: unknown key 'panel.turned' | known here: name, rig, output, centre_mm, "
+            "turn_degrees, tilt_degrees, roll_degrees");
   EXPECT_EQ(complaint(with(kTwo, "roll_degrees", "rol_degrees")),
             "w.toml:9: unknown key 'panel.rol_degrees' | did you mean 'roll_degrees'?");
   EXPECT_EQ(complaint(with(kTwo, "\"right\"", "\"left\"")),
