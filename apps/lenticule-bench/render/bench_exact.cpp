@@ -105,8 +105,7 @@ void declare_parts(CLI::App& app, ExactFlags& flags) {
   app.add_flag("--scaling", flags.scaling, "measure 1, 2, ... all threads");
   app.add_flag("--growth", flags.growth,
                "measure growing numbers of subpixels, triangles, lights and subpixels per lens");
-  app.add_flag("--peers", flags.peers,
-               "compare with Tachyon (scripts/packages bench installs it)");
+  app.add_flag("--peers", flags.peers, "compare with Tachyon (scripts/packages bench installs it)");
 }
 
 void declare_peers(CLI::App& app, ExactFlags& flags) {
