@@ -13,7 +13,7 @@ page. Two rules hold all the time:
 With --clock simulated, which cannot be controlled, the owner only meddles with files and decoders, and the
 state is read from the statistics.
 
-Prints what was done and how long the longest standstill was. Exit code: 0 if both rules hold, else 1.
+Prints what was done and how long the longest standstill was; also when Ctrl-C ends it. Exit code: 0 if both rules hold, else 1.
 """
 
 import argparse
@@ -367,16 +367,20 @@ def main():
         wait_for_player(stage)
         watch = Watch(stage)
         watch.start()
-        end = time.monotonic() + arguments.seconds
-        while time.monotonic() < end and stage.player.poll() is None and watch.is_alive():
+        begin = time.monotonic()
+        end = begin + arguments.seconds
+        stopped = threading.Event()
+        signal.signal(signal.SIGINT, lambda *_: stopped.set())
+        while time.monotonic() < end and not stopped.is_set() and stage.player.poll() is None and watch.is_alive():
             try:
                 words = stage.act()
             except (ConnectionError, FileNotFoundError, socket.timeout) as error:
                 words = f"failed: {error}"
             done.append(words)
             if arguments.verbose:
-                print(f"{time.monotonic() - end + arguments.seconds:8.1f} {words}", flush=True)
+                print(f"{time.monotonic() - begin:8.1f} {words}", flush=True)
             time.sleep(stage.random.choice((0.05, 0.2, 0.5, 1.0, 3.0)))
+        seconds = time.monotonic() - begin
         exit_code = stage.player.poll()
         watch.over.set()
         watch.join()
@@ -385,7 +389,7 @@ def main():
     faults = list(watch.faults)
     if exit_code is not None:
         faults.insert(0, f"the player ended with exit code {exit_code}")
-    print(f"seed {arguments.seed}, {arguments.clock} clock, {arguments.seconds:.0f} s: {len(done)} actions, "
+    print(f"seed {arguments.seed}, {arguments.clock} clock, {seconds:.0f} s: {len(done)} actions, "
           f"longest standstill without a word {watch.longest:.1f} s, {watch.explained} named by status "
           f"and log, {len(faults)} faults")
     if not faults:
