@@ -238,11 +238,11 @@ class ItemLoader {
   bool ended_ = false;                    ///< the frame copier was told that the list is over
   bool nothing_for_now_ = false;          ///< no item is scheduled now
   bool broke_off_ = false;                ///< the last item broke, and no other has begun
-  size_t unplayable_in_a_row_ = 0;        ///< items of which no frame could be shown
-  std::string problem_;                   ///< of the last of them
+  size_t unplayable_in_a_row_ = 0;        ///< items without a frame that could be shown
+  std::string problem_;                   ///< reason why the last of these cannot be played
   uint64_t broken_loops_ = 0;             ///< loops that the last broken item had done
   SteadyTime broken_since_{};             ///< since when nothing works and no file changes
-  std::vector<FileMark> broken_files_{};  ///< of a broken item; used by the loader thread
+  std::vector<FileMark> broken_files_{};  ///< state of a broken item's files; loader thread only
   bool standby_broken_ = false;           ///< until the next pause between attempts
   bool shown_ = false;                    ///< a frame of any item was taken
   SteadyTime retry_at_{};

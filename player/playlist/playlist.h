@@ -50,7 +50,7 @@ struct PlaylistItem {
   /// Starts the item only when its pool is full, instead of with the first due frame.
   bool waits_until_primed = false;
   double wait_s = 10.0;  ///< seconds without a frame after which the item is skipped
-  std::string reason{};  ///< of a test card: why it is shown instead of the list's items
+  std::string reason{};  ///< text of a test card: why the items cannot be played
 
   friend bool operator==(const PlaylistItem&, const PlaylistItem&) = default;
   [[nodiscard]] bool permitted(LocalTime time) const {

@@ -10,7 +10,7 @@ Playlist read_playlist(const SourceSpec& source, const PlayFlags& flags, const P
     Playlist list = playlist_of(source, plan.playback.loops);
     PlaylistItem& item = list.items.front();
     if (source == plan.source.spec) item.frames = plan.source.frames;
-    // In simulated time nobody could end a picture that stays.
+    // In simulated time a picture that stays would never end: there is no moment for Ctrl-C.
     const bool stays = flags.loop.empty() && flags.clock != "simulated";
     if (item.loops != kForever && source.has_pictures())
       item.still_s = stays ? kUntilEnded : kStillSeconds * static_cast<double>(item.loops);

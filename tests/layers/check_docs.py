@@ -78,13 +78,13 @@ def wrong_pictures(source, used):
         size = path.stat().st_size
         total += size
         name = path.relative_to(source)
-        if path.suffix not in (".png", ".svg"):
-            yield f"{name}: neither PNG nor SVG"
+        if path.suffix not in (".png", ".svg", ".webp"):
+            yield f"{name}: neither PNG, SVG nor WebP"
         if size > MOST_PICTURE_BYTES:
             yield f"{name}: {size} bytes, at most {MOST_PICTURE_BYTES} are allowed"
         if path.resolve() not in used:
             yield f"{name}: no page shows it"
-        if path.suffix == ".png" and path.name not in scripts:
+        if path.suffix != ".svg" and path.name not in scripts:
             yield f"{name}: no script scripts/make-* makes it"
     if total > MOST_PICTURES_BYTES:
         yield f"docs/pictures: {total} bytes, at most {MOST_PICTURES_BYTES} are allowed"

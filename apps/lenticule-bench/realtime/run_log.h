@@ -22,7 +22,7 @@ struct FrameRecord {
   uint64_t memory_bytes = 0;  ///< memory of the renderer, without the ring
   uint64_t in_use_bytes = 0;  ///< part that its code has allocated and not freed
   double tolerated_error = 0.0;
-  double audited_rmse = 0.0;  ///< of the subpixels that the audit traced; 0 without
+  double audited_rmse = 0.0;  ///< RMSE of the subpixels that the audit traced; 0 without an audit
 };
 
 class RunLog {

@@ -33,10 +33,10 @@ class PlayList {
   /// Returns {"file", "version", "editable", "by_hand", "loop", "default", "items"}; `by_hand` if
   /// the file has comments and an order that replace() does not keep.
   [[nodiscard]] nlohmann::ordered_json read();
-  /// Writes the list, waits until the player uses it, and returns read(). A list that somebody else
-  /// wrote becomes a version first. Throws HttpError 409 if `version` is not the present one, and
-  /// 422 with the reason if the player cannot play the list or any item of it; the list before is
-  /// then put back.
+  /// Writes the list, waits until the player uses it, and returns read(). A list that a text
+  /// editor wrote becomes a version first. Throws HttpError 409 if `version` is not the present
+  /// one, and 422 with the reason if the player cannot play the list or any item of it; the list
+  /// before is then put back.
   nlohmann::ordered_json replace(const nlohmann::ordered_json& list, const std::string& version,
                                  const std::string& who);
   /// Returns the kept versions, newest first: {"versions": [{"name", "time", "who", "items"}]}.

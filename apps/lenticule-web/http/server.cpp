@@ -68,8 +68,8 @@ std::string address_of(MHD_Connection* connection) {
   return sender_of(info == nullptr ? nullptr : info->client_addr);
 }
 
-/// Returns true if it is in doubt where the body of the request ends. A proxy in front could see
-/// another end, and take the rest for a request of somebody else.
+/// Returns true if the request states the length of its body twice. A proxy in front could believe
+/// the other length, and take the rest of the body for another client's request.
 bool has_two_lengths(MHD_Connection* connection) {
   int lengths = 0;
   const auto count = [](void* found, enum MHD_ValueKind, const char* name, const char*) {

@@ -198,7 +198,7 @@ void declare_values(std::vector<std::pair<CLI::App*, ControlVerb>>& verbs, CtlFl
 struct VerbHelp {
   ControlVerb verb;
   const char* summary;
-  const char* arguments = "";  ///< of the example
+  const char* example_arguments = "";
 };
 
 const std::vector<VerbHelp>& verb_helps() {
