@@ -176,13 +176,14 @@ void ItemLoader::open_next(Lock& lock) {
     lock.lock();
     if (serial != request_serial_ || list != cursor_.list()) return;
   }
-  const bool standby = locked_may_open_standby() && (nothing_for_now_ || locked_none_works());
+  std::optional<PlaylistItem> standby;
+  if (nothing_for_now_ || locked_none_works()) standby = locked_standby_to_open();
   if (nothing_for_now_ && !standby) {
     locked_pause();
     return wake_.signal();
   }
   if (standby) pick.kind = NextItem::Kind::None;
-  const PlaylistItem item = standby ? *locked_standby() : list->items[pick.index];
+  const PlaylistItem item = standby ? *standby : list->items[pick.index];
   lock.unlock();
   if (again && list->items.size() == 1 && !standby && is_changing(item)) {
     lock.lock();
@@ -204,7 +205,7 @@ void ItemLoader::open_next(Lock& lock) {
   if (!standby) cursor_.choose(pick.index, pick.rounds_done);
   const uint64_t loops_done = again ? broken_loops_ : 0;
   lock.unlock();
-  skip(item.source.text, with_remedy(*attempt.error), standby, false, loops_done);
+  skip(item.source.text, with_remedy(*attempt.error), standby.has_value(), false, loops_done);
   lock.lock();
 }
 
@@ -237,9 +238,9 @@ std::optional<PlaylistItem> ItemLoader::locked_standby() const {
   return std::nullopt;
 }
 
-bool ItemLoader::locked_may_open_standby() const {
-  const auto standby = locked_standby();
-  return standby && !(followed_.standby && followed_.item == *standby);
+std::optional<PlaylistItem> ItemLoader::locked_standby_to_open() const {
+  auto standby = locked_standby();
+  return followed_.standby && standby == followed_.item ? std::nullopt : std::move(standby);
 }
 
 /// Delays the next attempt when no item can be played or none is scheduled.
@@ -439,7 +440,7 @@ void ItemLoader::locked_note_unplayable(bool standby, const std::string& problem
     // Attempts after the first round have other problems, which would be reported every second.
     if (!locked_none_works()) problem_ = problem;
     ++unplayable_in_a_row_;
-    if (locked_none_works() && !locked_may_open_standby()) locked_pause();
+    if (locked_none_works() && !locked_standby_to_open()) locked_pause();
   }
 }
 

@@ -193,7 +193,8 @@ class ItemLoader {
   /// Returns the item for times without one of the list: the default, otherwise black for as long
   /// as the panel has no frame, and a test card after a while. None: the last frame stays.
   [[nodiscard]] std::optional<PlaylistItem> locked_standby() const;
-  [[nodiscard]] bool locked_may_open_standby() const;
+  /// Returns the same; none if it plays already.
+  [[nodiscard]] std::optional<PlaylistItem> locked_standby_to_open() const;
   void locked_pause();
   /// Returns what the list waits for; empty if it does not wait.
   [[nodiscard]] std::string locked_reason_to_wait(LocalTime now) const;
