@@ -242,11 +242,10 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   plan.playback.late = parse_late_policy(flags.late);
   const auto wait = parse_wait("--wait", flags.wait.empty() ? "60" : flags.wait, 1);
   // A hung disk or decoder does not end a player that repeats or is controlled.
-  const bool outlasts_faults = plan.playback.loops != 1 || !flags.control.empty();
-  if (!flags.wait.empty() || kind == SourceKind::Ring || !outlasts_faults)
-    plan.playback.stall_timeout = wait;
-  else
-    plan.playback.stall_timeout.reset();
+  const bool outlasts_faults =
+      plan.playback.loops != 1 || !flags.control.empty() || kind == SourceKind::List;
+  const bool gives_up = !flags.wait.empty() || kind == SourceKind::Ring || !outlasts_faults;
+  plan.playback.stall_timeout = gives_up ? wait : std::nullopt;
   plan.playback.prime = flags.prime.value_or(std::max(1, flags.slots / 2));
   if (flags.prime)  // a user who sets --prime wants to wait until that many frames are ready
     plan.playback.prime_timeout = wait.value_or(kLongestPriming);

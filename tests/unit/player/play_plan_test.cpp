@@ -74,6 +74,9 @@ TEST_F(PlayPlanTest, AHungDiskDoesNotEndAPlayerThatRepeatsOrIsControlled) {
   EXPECT_EQ(make_plan(flags, false).playback.stall_timeout, seconds(60));
   flags.loop = "forever";
   EXPECT_EQ(make_plan(flags, false).playback.stall_timeout, std::nullopt);
+  flags.loop.clear();
+  flags.source = "list.toml";
+  EXPECT_EQ(make_plan(flags, false).playback.stall_timeout, std::nullopt);
   flags.wait = "5";
   EXPECT_EQ(make_plan(flags, false).playback.stall_timeout, seconds(5));
 }
