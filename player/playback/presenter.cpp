@@ -496,7 +496,9 @@ void Presenter::publish() noexcept {
   const auto since = [now = display_.now()](const std::optional<Nanoseconds>& begin) {
     return begin ? static_cast<uint64_t>((now - *begin).count()) : 0;
   };
-  statistics_.turn_ns.set(static_cast<uint64_t>(Nanoseconds(turn).count()));
+  // In simulated time the presenter waits for the source, which is no halt.
+  if (options_.filling == Filling::OwnThread)
+    statistics_.turn_ns.set(static_cast<uint64_t>(Nanoseconds(turn).count()));
   statistics_.starved_ns.set(frame_copier_.between_sequences() ? 0 : since(starved_since_));
   statistics_.silent_ns.set(since(silent_since_));
   statistics_.pace.publish(pacer_.counts());
