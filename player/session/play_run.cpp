@@ -395,8 +395,8 @@ void PlayRun::report_power(const PlayReport& report) {
 void PlayRun::report_stall(const PlayReport& report) {
   StageDelays delays = report.delays;
   if (report.pace.shown == 0 && delays.source_waits_for_others) delays.source = 0;
-  const bool away = progress_sample(report, nullptr).panel_away ||
-                    (kms_ != nullptr && kms_->statistics().panel != display::PanelState::Showing);
+  const bool away =
+      report.off || (kms_ != nullptr && kms_->statistics().panel != display::PanelState::Showing);
   const std::string stage = away ? "" : stalled_stage(delays);
   const auto now = std::chrono::steady_clock::now();
   if (stage.empty() == stall_.empty()) return;

@@ -166,26 +166,26 @@ void SteeredPlay::on_item(const PlaylistEvent& event) {
   if (plan_.trim && (event.kind == Kind::ItemStarted || event.kind == Kind::Returned))
     plan_.trim->note_content(event.woven_elsewhere);
   switch (event.kind) {
-    case PlaylistEvent::Kind::ItemStarted:
+    case Kind::ItemStarted:
       return publish({{"event", "item_started"}, {"source", event.source}});
-    case PlaylistEvent::Kind::Returned:
+    case Kind::Returned:
       return publish({{"event", "returned"}, {"source", event.source}});
-    case PlaylistEvent::Kind::LoopPoint:
+    case Kind::LoopPoint:
       return publish({{"event", "seam"}, {"source", event.source}});
-    case PlaylistEvent::Kind::Waiting:
+    case Kind::Waiting:
       publish({{"event", "waiting"}, {"source", event.source}, {"cause", event.detail}});
       say("{}: {}\n", event.source, event.detail);
       return;
-    case PlaylistEvent::Kind::ItemDamaged:
+    case Kind::ItemDamaged:
       publish({{"event", "damaged_item"}, {"source", event.source}, {"cause", event.detail}});
       return complain("damaged", event);
-    case PlaylistEvent::Kind::ItemSkipped:
+    case Kind::ItemSkipped:
       publish({{"event", "bad_item"}, {"source", event.source}, {"cause", event.detail}});
       return complain("left out", event);
-    case PlaylistEvent::Kind::Kept:
+    case Kind::Kept:
       publish({{"event", "not_replaced"}, {"source", event.source}, {"cause", event.detail}});
       return complain("the previous one continues", event);
-    case PlaylistEvent::Kind::Replaced:
+    case Kind::Replaced:
       say("{}: was replaced; the new version is played\n", event.source);
       return publish({{"event", "replaced"}, {"source", event.source}});
   }
