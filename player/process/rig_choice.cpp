@@ -64,7 +64,7 @@ std::vector<fs::path> sample_rigs() {
 
 /// Returns the rig of a film, in a file of its own; none if the film states none.
 std::optional<ChosenRig> rig_of_film(const fs::path& film) {
-  if (film.extension() != ".lts") return std::nullopt;
+  if (!frames::is_sequence_name(film)) return std::nullopt;
   const frames::SequenceReader reader(film);
   if (reader.info().rig_toml.empty()) return std::nullopt;
   auto folder = std::make_shared<const PrivateFolder>();
