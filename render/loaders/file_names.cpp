@@ -4,18 +4,14 @@
 #include <algorithm>
 #include <optional>
 
+#include "base/text.h"
+
 namespace lenticule::render {
 namespace {
 
 bool is_there(const std::filesystem::path& file) {
   std::error_code error;
   return std::filesystem::exists(file, error);
-}
-
-std::string lower_case(std::string text) {
-  for (char& c : text)
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  return text;
 }
 
 /// Returns the first entry of a folder, by name, that differs from `name` in the case of letters

@@ -7,6 +7,7 @@
 #include <cctype>
 
 #include "base/error.h"
+#include "base/text.h"
 
 namespace lenticule::player {
 namespace {
@@ -14,9 +15,7 @@ namespace {
 namespace fs = std::filesystem;
 
 bool is_model(const fs::path& file) {
-  std::string extension = file.extension().string();
-  std::ranges::transform(extension, extension.begin(),
-                         [](unsigned char c) { return std::tolower(c); });
+  const std::string extension = lower_case(file.extension().string());
   return extension == ".glb" || extension == ".gltf";
 }
 

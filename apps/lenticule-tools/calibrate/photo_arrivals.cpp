@@ -3,13 +3,13 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <string>
 #include <string_view>
 #include <system_error>
 #include <utility>
 
 #include "base/error.h"
+#include "base/text.h"
 #include "calib/photo/photo_folder.h"
 
 namespace lenticule::player {
@@ -21,10 +21,7 @@ namespace fs = std::filesystem;
 bool is_picture(const fs::path& file) {
   constexpr std::array<std::string_view, 8> kExtensions = {".jpg", ".jpeg", ".png",  ".tif",
                                                            ".exr", ".tiff", ".heic", ".heif"};
-  std::string extension = file.extension().string();
-  std::ranges::transform(extension, extension.begin(), [](char c) {
-    return static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  });
+  const std::string extension = lower_case(file.extension().string());
   return file.filename().string().front() != '.' &&
          std::ranges::find(kExtensions, extension) != kExtensions.end();
 }

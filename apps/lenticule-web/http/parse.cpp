@@ -15,16 +15,6 @@ std::string_view without_blanks(std::string_view text) {
 
 }  // namespace
 
-bool is_same_ignoring_case(std::string_view text, std::string_view lower_case) {
-  if (text.size() != lower_case.size()) return false;
-  for (size_t k = 0; k < text.size(); ++k) {
-    const char c = text[k];
-    if ((c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c) != lower_case[k])
-      return false;
-  }
-  return true;
-}
-
 std::optional<std::string_view> cookie_value(std::string_view header, std::string_view name) {
   while (!header.empty()) {
     std::string_view pair = without_blanks(take_until(header, ';'));
@@ -37,7 +27,7 @@ std::optional<std::string_view> cookie_value(std::string_view header, std::strin
 
 std::optional<std::string_view> bearer_credential(std::string_view header) {
   const std::string_view scheme = take_until(header, ' ');
-  if (!is_same_ignoring_case(scheme, "bearer")) return std::nullopt;
+  if (lower_case(std::string(scheme)) != "bearer") return std::nullopt;
   const std::string_view credential = without_blanks(header);
   if (credential.empty()) return std::nullopt;
   return credential;
@@ -45,7 +35,7 @@ std::optional<std::string_view> bearer_credential(std::string_view header) {
 
 std::optional<ByteRange> parse_content_range(std::string_view header) {
   std::string_view text = without_blanks(header);
-  if (!is_same_ignoring_case(take_until(text, ' '), "bytes")) return std::nullopt;
+  if (lower_case(std::string(take_until(text, ' '))) != "bytes") return std::nullopt;
   const auto first = take_number<uint64_t>(text);
   if (!first || !text.starts_with('-')) return std::nullopt;
   text.remove_prefix(1);

@@ -12,9 +12,6 @@
 
 namespace lenticule::web {
 
-/// Returns true if `text` is `lower_case` in letters of any case.
-[[nodiscard]] bool is_same_ignoring_case(std::string_view text, std::string_view lower_case);
-
 /// Returns the value of the first cookie of that name in a Cookie header; none if there is none.
 [[nodiscard]] std::optional<std::string_view> cookie_value(std::string_view header,
                                                            std::string_view name);

@@ -18,6 +18,7 @@
 #include "base/error.h"
 #include "base/numbers.h"
 #include "base/print.h"
+#include "base/text.h"
 
 namespace lenticule::web {
 namespace {
@@ -73,9 +74,8 @@ std::string address_of(MHD_Connection* connection) {
 bool has_two_lengths(MHD_Connection* connection) {
   int lengths = 0;
   const auto count = [](void* found, enum MHD_ValueKind, const char* name, const char*) {
-    if (is_same_ignoring_case(name, "content-length") ||
-        is_same_ignoring_case(name, "transfer-encoding"))
-      ++*static_cast<int*>(found);
+    const std::string header = lower_case(name);
+    if (header == "content-length" || header == "transfer-encoding") ++*static_cast<int*>(found);
     return MHD_YES;
   };
   (void)MHD_get_connection_values(connection, MHD_HEADER_KIND, count, &lengths);

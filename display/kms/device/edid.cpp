@@ -6,10 +6,10 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <numeric>
 #include <utility>
 
+#include "base/text.h"
 #include "display/kms/device/edid_extensions.h"
 
 namespace lenticule::display {
@@ -123,9 +123,7 @@ bool same_maker(const std::string& wanted, const std::string& panel) {
 }
 
 bool same_hex(const std::string& a, const std::string& b) {
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](unsigned char x, unsigned char y) {
-    return std::tolower(x) == std::tolower(y);
-  });
+  return lower_case(a) == lower_case(b);
 }
 
 }  // namespace
