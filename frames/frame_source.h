@@ -55,8 +55,8 @@ class FrameSource {
   /// Returns the number of frames, if known.
   [[nodiscard]] virtual std::optional<uint64_t> frame_count() const = 0;
 
-  /// Acquires the next frame in order. At most `max_acquired()` frames may be acquired at a time;
-  /// while fewer are, the source delivers, whichever frames they are.
+  /// Acquires the next frame in order. At most `max_acquired()` frames may be acquired at a time.
+  /// A source delivers while fewer are, even if the caller keeps the oldest.
   [[nodiscard]] virtual PullStatus pull(AcquiredFrame& out) = 0;
   virtual void release(uint64_t token) = 0;
   [[nodiscard]] virtual int max_acquired() const = 0;

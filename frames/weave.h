@@ -48,10 +48,8 @@ struct WeaveOptions {
   ViewOrder order = ViewOrder::LeftToRight;
 };
 
-/// Returns the filter of the options. If they have none: Nearest for views that the sheet keeps
-/// apart, since they are farther apart than its spot is wide, and than a colour's subpixel may lie
-/// from the place where the eye looks; otherwise Linear, which adds little to the mixing of the
-/// sheet itself.
+/// Returns the filter of the options. If they have none: Nearest for views that are wider than the
+/// sheet's spot and than half a pixel, so that the sheet keeps them apart; otherwise Linear.
 [[nodiscard]] ViewFilter view_filter(const WeaveOptions& options, const optics::LensSheet& sheet,
                                      int views);
 

@@ -38,7 +38,7 @@ struct PlayFlags {
   WeavingFlags weaving;
   std::string record;
   std::string stats;
-  std::string wait;  ///< empty: 60 s, but a list without a playable item waits without end
+  std::string wait;  ///< empty: forever if faults end no player, else 60 s
   std::string wait_for_panel;
   std::string on_exit;
   std::string video_decoder = "auto";  ///< or "software"

@@ -46,8 +46,8 @@ struct FormatQuery {
 /// the name.
 [[nodiscard]] ContentFormat detect_content_format(const FormatQuery& request);
 
-/// Returns the remedy for pictures of this size that are no woven frames of the rig's panel, since
-/// nothing said what else they are: ordinary ones, or those of two eyes.
+/// Returns the remedy for pictures of this size that were taken for woven frames and do not fit the
+/// rig's panel.
 [[nodiscard]] const char* remedy_of_unwoven(const frames::FrameGeometry& size);
 
 }  // namespace lenticule::player

@@ -24,9 +24,8 @@ enum class SourceKind {
   Pictures,   ///< all other names: a picture, or a pattern such as "out/%05d.png"
 };
 
-/// The name decides the kind, and whether it is that of a folder. Whether the pictures of a file
-/// are woven frames or views is decided by detect_content_format(), which also reads flags,
-/// sidecars and containers.
+/// The name decides the kind, unless it is that of a folder. detect_content_format() decides
+/// whether the pictures of a file are woven frames or views.
 struct SourceSpec {
   SourceKind kind = SourceKind::Pictures;
   /// The name as it was given; "code" for a code, whose text may be secret.
@@ -48,8 +47,8 @@ struct SourceSpec {
   friend bool operator==(const SourceSpec&, const SourceSpec&) = default;
 };
 
-/// Reads a source's name. A folder in which a list is, or the current one, is looked at to see
-/// whether the name is that of a folder without its slash, which is added.
+/// Parses a source's name. A name in `folder` (empty: the current one) that is a folder's gets the
+/// slash that it lacks.
 [[nodiscard]] SourceSpec parse_source(std::string text, ContentFlags content = {},
                                       const std::filesystem::path& folder = {});
 
