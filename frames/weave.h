@@ -43,7 +43,7 @@ enum class ViewOrder { LeftToRight, RightToLeft };
 [[nodiscard]] const char* to_string(PictureFit fit);
 
 struct WeaveOptions {
-  std::optional<ViewFilter> filter;  ///< none: the choice of view_filter()
+  std::optional<ViewFilter> filter{};  ///< none: the choice of view_filter()
   PictureFit fit = PictureFit::Contain;
   ViewOrder order = ViewOrder::LeftToRight;
 };
