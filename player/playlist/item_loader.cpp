@@ -195,7 +195,10 @@ void ItemLoader::open_next(Lock& lock) {
   const bool list_is_old = !attempt.item && is_list_changed(*list);
   lock.lock();
   if (serial != request_serial_ || list != cursor_.list()) return locked_discard(attempt.item);
-  if (attempt.item && again && !standby) attempt.item->loops_done = broken_loops_;
+  if (attempt.item && again && !standby) {
+    attempt.item->loops_done = broken_loops_;
+    broken_files_.clear();  // if it breaks again, a pause comes first
+  }
   if (attempt.item) return locked_offer(std::move(attempt.item), pick);
   if (list_is_old) {
     look_now_ = true;

@@ -409,7 +409,7 @@ void PlayRun::report_stall(const PlayReport& report) {
     stall_begin_ = now - std::chrono::seconds(2);
     say("{}\n", stall_);
   }
-  steered_->report_state(stall_.empty() ? "playing" : "stalled");
+  steered_->report_state(!stall_.empty() ? "stalled" : source_error_ ? "test card" : "playing");
 }
 
 /// Prints the start message once, for people and the journal.
