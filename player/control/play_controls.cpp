@@ -194,8 +194,9 @@ ordered_json PlayControls::status() const {
   if (options_.trim) json["trim"] = trim_json(options_.trim->trim());
   for (const char* key : {"write_trouble", "rig_trouble"})
     if (statistics_.contains(key)) json[key] = statistics_[key];
-  if (const auto stall = statistics_.value("stall", std::string()); !stall.empty())
-    json["last_trouble"] = stall;
+  // Before the first report there are no statistics.
+  if (statistics_.contains("stall") && statistics_["stall"] != "")
+    json["last_trouble"] = statistics_["stall"];
   return json;
 }
 
