@@ -66,11 +66,15 @@ class PictureMemory final : public OIIO::Filesystem::IOMemReader {
 };
 
 const char* unknown_kind(std::span<const uint8_t> bytes) {
-  if (bytes.empty()) return "empty file";
-  constexpr std::string_view kBox = "ftyp";
-  const bool heif = bytes.size() >= 8 && std::equal(kBox.begin(), kBox.end(), bytes.begin() + 4);
-  return heif ? "HEIF and AVIF are not supported, nor are their stereo tags"
-              : "not a picture of a known format";
+  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  if (text.empty()) return "empty file";
+  if (text.substr(0, 4) == "\x89LTS" || text.substr(0, 4) == "\x1A\x45\xDF\xA3")
+    return "a film, not a picture; 'lenticule convert' takes frames out of it";
+  if (text.size() < 12 || text.substr(4, 4) != "ftyp") return "not a picture of a known format";
+  for (const std::string_view brand : {"heic", "heix", "hevc", "mif1", "msf1", "avif", "avis"})
+    if (text.substr(8, 4) == brand)
+      return "HEIF and AVIF are not supported, nor are their stereo tags";
+  return "a film, not a picture; 'lenticule convert' takes frames out of it";
 }
 
 class PictureReader {

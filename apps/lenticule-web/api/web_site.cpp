@@ -55,6 +55,9 @@ WebSite::WebSite(WebSiteOptions options)
                     .history = options_.state / "rigs.json"},
                    *options_.clock) {
   if (!options_.media) return;
+  if (!fs::is_directory(*options_.media))
+    throw Error(ErrorKind::Usage, "--media: no folder " + options_.media->string(),
+                "make it, and give the server's user the right to write there");
   const fs::path folder = fs::canonical(*options_.media);
   media_ = std::make_unique<Media>(MediaOptions{.folder = folder,
                                                 .largest_file = options_.largest_file,

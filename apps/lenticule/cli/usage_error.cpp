@@ -56,7 +56,8 @@ std::vector<std::string> flag_names(const Chain& chain) {
 }
 
 /// Words that other programs have for our commands.
-constexpr std::array<std::pair<std::string_view, std::string_view>, 10> kOtherWords = {{
+constexpr std::array<std::pair<std::string_view, std::string_view>, 11> kOtherWords = {{
+    {"black", "blank"},
     {"stop", "quit"},
     {"exit", "quit"},
     {"kill", "quit"},

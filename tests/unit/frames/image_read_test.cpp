@@ -260,6 +260,12 @@ TEST_F(ImageRead, RefusesFilesThatAreNotPictures) {
                 read({'h', 'e', 'l', 'l', 'o'});
               }).what(),
               HasSubstr("not a picture of a known format"));
+  const std::string film = "\x89LTS\r\n\x1a\n", mp4 = std::string(4, '\0') + "ftypisom";
+  for (const std::string& bytes : {film, mp4})
+    EXPECT_THAT(error_of([&] {
+                  read({bytes.begin(), bytes.end()});
+                }).what(),
+                HasSubstr("a film, not a picture"));
 }
 
 TEST_F(ImageRead, TheBytesDecideAndNotTheExtension) {
