@@ -17,6 +17,8 @@ namespace {
 std::string roff(const std::string& text) {
   std::string out;
   for (const char c : text) {
+    const bool begins_line = out.empty() || out.back() == '\n';
+    if (begins_line && (c == '.' || c == '\'')) out += "\\&";
     if (c == '\\') {
       out += "\\e";
     } else if (c == '-') {
@@ -27,7 +29,6 @@ std::string roff(const std::string& text) {
       out += c;
     }
   }
-  if (!out.empty() && (out.front() == '.' || out.front() == '\'')) out.insert(0, "\\&");
   return out;
 }
 

@@ -251,12 +251,14 @@ Server::Server(std::vector<Listener> listeners, Site& site, Access& access, Serv
         // The first option, so that it receives messages about the others.
         MHD_OPTION_EXTERNAL_LOGGER, &ServerCallbacks::discard_message, nullptr,
         MHD_OPTION_LISTEN_SOCKET, listening, MHD_OPTION_CONNECTION_LIMIT, limits.connections,
-        MHD_OPTION_CONNECTION_TIMEOUT, static_cast<unsigned>(limits.idle_time.count()),
-        MHD_OPTION_CONNECTION_MEMORY_LIMIT, limits.head_bytes, MHD_OPTION_THREAD_STACK_SIZE,
-        kThreadStack, MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_UNESCAPE_CALLBACK,
-        &ServerCallbacks::unescape, nullptr, MHD_OPTION_NOTIFY_COMPLETED,
-        &ServerCallbacks::completed, door.get(), MHD_OPTION_NOTIFY_CONNECTION,
-        &ServerCallbacks::connection_changed, door.get(), MHD_OPTION_END);
+        // The watch ends connections a little later: other addresses have room meanwhile.
+        MHD_OPTION_PER_IP_CONNECTION_LIMIT, limits.connections / 2, MHD_OPTION_CONNECTION_TIMEOUT,
+        static_cast<unsigned>(limits.idle_time.count()), MHD_OPTION_CONNECTION_MEMORY_LIMIT,
+        limits.head_bytes, MHD_OPTION_THREAD_STACK_SIZE, kThreadStack, MHD_OPTION_STRICT_FOR_CLIENT,
+        1, MHD_OPTION_UNESCAPE_CALLBACK, &ServerCallbacks::unescape, nullptr,
+        MHD_OPTION_NOTIFY_COMPLETED, &ServerCallbacks::completed, door.get(),
+        MHD_OPTION_NOTIFY_CONNECTION, &ServerCallbacks::connection_changed, door.get(),
+        MHD_OPTION_END);
     if (door->daemon == nullptr)
       throw Error(ErrorKind::Failed, door->listener.name + ": the HTTP server cannot be started");
     doors_.push_back(std::move(door));
