@@ -33,14 +33,6 @@ void check_prefilter(const std::string& method, const RenderOptions& options) {
                 "leave out --samples; --prefilter-samples sets the largest number");
 }
 
-void check_zone(const std::string& method, const RenderOptions& options) {
-  if (options.zone && method != "full" && method != "adaptive")
-    throw Error(
-        ErrorKind::Usage,
-        fmt::format("--zone: method {} takes colours from subpixels that no eye sees", method),
-        "use method full or adaptive");
-}
-
 }  // namespace
 
 const std::vector<std::string>& method_names() {
@@ -56,7 +48,6 @@ std::unique_ptr<Method> make_method(const std::string& name, const optics::Optic
   check_range("threads", options.threads, 0, kMostThreads);
   validate(options.soft);
   check_prefilter(name, options);
-  check_zone(name, options);
   if (name == "full") return make_method_full(model, options);
   if (name == "adaptive") return make_method_adaptive(model, options);
   if (const auto reuse = reuse_named(name)) {

@@ -162,7 +162,6 @@ std::string sequence_info_to_json(const SequenceInfo& info) {
                           {"offset_lenses", info.rig_trim.offset.value},
                           {"pitch_relative", info.rig_trim.pitch_relative}};
   if (!info.made_from.empty()) object["made_from"] = info.made_from;
-  if (!info.zone.empty()) object["zone"] = info.zone;
   if (info.views) object["views"] = views_json(*info.views);
   return object.dump(1, ' ', false, json::error_handler_t::replace);
 }
@@ -186,7 +185,6 @@ SequenceInfo parse_sequence_info(std::string_view text, const FrameGeometry& geo
   info.rig_toml = fields.text("rig_toml");
   if (const json* trim = fields.find("rig_trim")) parse_rig_trim(Fields(*trim, source), info);
   info.made_from = fields.text("made_from");
-  info.zone = fields.text("zone");
   info.software = fields.text("software");
   if (info.kind == SequenceKind::Views) info.views = parse_views(fields, geometry);
   return info;

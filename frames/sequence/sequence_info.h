@@ -50,9 +50,6 @@ struct SequenceInfo {
   /// Scene or input that the frames were made from: its name and the folder's name. Empty: not
   /// stated.
   std::string made_from;
-  /// Zone of the viewers outside of which they may see black subpixels, as optics::to_text() writes
-  /// it. Empty: all subpixels are rendered.
-  std::string zone;
   std::optional<SequenceViews> views;  ///< set in a sequence of views
   std::string software;                ///< program that wrote the sequence
   friend bool operator==(const SequenceInfo&, const SequenceInfo&) = default;

@@ -61,7 +61,6 @@ const char* difference(const SequenceInfo& part, const SequenceInfo& film) {
   if (rig_of(part) != rig_of(film)) return "made for another rig";
   if (part.rate != film.rate) return "another frame rate";
   if (part.made_from != film.made_from) return "made from another scene";
-  if (part.zone != film.zone) return "made for another --zone";
   if (part.software != film.software) return "written by another version";
   return nullptr;
 }

@@ -33,7 +33,6 @@ const char* difference(const SequenceInfo& there, const SequenceInfo& wanted) {
   if (there.geometry != wanted.geometry) return "another frame size";
   if (there.kind != wanted.kind || there.views != wanted.views) return "another kind of frames";
   if (there.rig_fingerprint != wanted.rig_fingerprint) return "another rig";
-  if (there.zone != wanted.zone) return "another --zone";
   if (there.rate != wanted.rate) return "another frame rate";
   if (there.first_frame != wanted.first_frame) return "another first frame";
   return nullptr;

@@ -68,13 +68,11 @@ DepthNotes& DepthPrefilter::Worker::start(const Tile& tile) {
 }
 
 void DepthPrefilter::Worker::average(const Tile& tile, PrimaryPackets::Maker& maker,
-                                     std::span<float> light, std::span<const uint8_t> left_out) {
+                                     std::span<float> light) {
   if (!encode(light)) return;
   listed_.clear();
   maker.prepare(packet_);
-  for (int column = 0; column < tile.columns; ++column)
-    if (left_out.empty() || left_out[static_cast<size_t>(column)] == 0)
-      list_column(tile, column, maker);
+  for (int column = 0; column < tile.columns; ++column) list_column(tile, column, maker);
   trace_listed(tile);
   for (const Listed& s : listed_)
     light[s.target] = (light[s.target] + s.sum) / static_cast<float>(s.rays);

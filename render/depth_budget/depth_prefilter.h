@@ -42,10 +42,8 @@ class DepthPrefilter {
     /// subpixel, by row * columns + column. Subpixels that see content beyond the depth of field
     /// (or all subpixels) get the mean over their footprint. If the neighbours of the same colour
     /// (a lens width to both sides, and the rows above and below) have the same code to within
-    /// kAgreement, the centre ray stands for the mean and no ray is traced. Columns of which
-    /// `left_out` is not 0 are not averaged; it may be empty.
-    void average(const Tile& tile, PrimaryPackets::Maker& maker, std::span<float> light,
-                 std::span<const uint8_t> left_out);
+    /// kAgreement, the centre ray stands for the mean and no ray is traced.
+    void average(const Tile& tile, PrimaryPackets::Maker& maker, std::span<float> light);
 
     /// Returns the counters of averaged subpixels and of their rays.
     [[nodiscard]] FrameCounts counts() const;

@@ -145,8 +145,6 @@ void PacketTracer::trace(const Scene& scene, const TilePlan& plan, const Tile& t
     clock_.turn_to(Work::MakeRays);
     maker.columns(column, primary_);
     for (int k = 0; k < kFewPackets; ++k) {
-      if (!sample.left_out.empty() && sample.left_out[static_cast<size_t>(column + k)] != 0)
-        continue;
       RayPacket& packet = primary_[static_cast<size_t>(k)];
       const Colours& of_column = colours[static_cast<size_t>((column + k) % 3)];
       if (is_soft_) seed_column(plan, tile, column + k, sample.number);

@@ -38,8 +38,6 @@ class PacketTracer {
     int number = 0;
     double weight = 1.0;
     DepthNotes* depths = nullptr;  ///< receives every packet, unless null
-    /// Columns of the tile that are not traced; empty for none.
-    std::span<const uint8_t> left_out{};
   };
   /// Adds the light of the primary rays of some columns of the tile that `maker` was started with
   /// to light[target], multiplied by the sample's weight; a ray's target is row * columns + column.

@@ -32,8 +32,6 @@ FullTiles::FullTiles(const optics::OpticalModel& model, const RenderOptions& opt
   for (const SubpixelPlace place : places(options)) samples_.emplace_back(model, place);
   if (options.prefilter == Prefilter::Depth || options.prefilter == Prefilter::Beam)
     prefilter_.emplace(model, plan_, options);
-  if (options.zone) zone_.emplace(model, *options.zone, options.threads);
-  if (zone_ && zone_->unseen() == 0) zone_.reset();
 }
 
 FullTiles::Worker::Worker(const FullTiles& tiles, const Scene& scene, const BeamTester& beams)
@@ -56,31 +54,16 @@ void FullTiles::Worker::render(const Tile& tile, frames::WovenFrame& frame) {
   clock.turn_to(Work::MakeRays);
   light_.assign(static_cast<size_t>(tile.columns) * TilePlan::kRows, 0.0F);
   const double weight = 1.0 / static_cast<double>(tiles_.samples_.size());
-  find_left_out(tile);
   DepthNotes* depths = prefilter_ ? &prefilter_->start(tile) : nullptr;
   for (size_t k = 0; k < tiles_.samples_.size(); ++k) {
     maker_.start(scene_, tile, tiles_.samples_[k]);
-    // The prefilter compares subpixels with all their neighbours.
-    trace(tile, {.number = static_cast<int>(k),
-                 .weight = weight,
-                 .depths = depths,
-                 .left_out = prefilter_ ? std::span<const uint8_t>() : left_out_});
+    trace(tile, {.number = static_cast<int>(k), .weight = weight, .depths = depths});
     refused_ += maker_.refused();  // found while packets are made
   }
-  if (prefilter_) prefilter_->average(tile, maker_, light_, left_out_);
+  if (prefilter_) prefilter_->average(tile, maker_, light_);
   clock.turn_to(Work::Write);
   write(tile, frame);
   clock.turn_to(Work::Idle);
-}
-
-/// Finds the columns that need not be traced. Others are traced as a whole, since the rays of a
-/// packet are compared with each other to find holes.
-void FullTiles::Worker::find_left_out(const Tile& tile) {
-  if (!tiles_.zone_) return;
-  left_out_.resize(static_cast<size_t>(tile.columns));
-  for (int column = 0; column < tile.columns; ++column)
-    left_out_[static_cast<size_t>(column)] =
-        tiles_.zone_->hides(tiles_.plan_, tile, column) ? 1 : 0;
 }
 
 void FullTiles::Worker::trace(const Tile& tile, PacketTracer::FootprintSample sample) {
@@ -110,10 +93,6 @@ void FullTiles::Worker::write(const Tile& tile, frames::WovenFrame& frame) const
       kernel.encode_linear(frames::linear_codes(), in + begin, end - begin, codes + first + begin);
     else
       kernel.encode(in + begin, end - begin, codes + first + begin);
-    if (tiles_.zone_)
-      tiles_.zone_->for_each_unseen(tile.row_begin + row, static_cast<size_t>(first + begin),
-                                    static_cast<size_t>(first + end),
-                                    [codes](size_t at) { codes[at] = 0; });
   }
 }
 

@@ -14,7 +14,6 @@
 #include "render/integrator/packet_tracer.h"
 #include "render/methods/method.h"
 #include "render/rays/primary_packets.h"
-#include "render/rays/zone_mask.h"
 #include "render/shading/shading_kernel.h"
 
 namespace lenticule::render {
@@ -31,8 +30,6 @@ class FullTiles {
   [[nodiscard]] const TilePlan& plan() const { return plan_; }
   [[nodiscard]] const PrimaryPackets& packets() const { return packets_; }
   [[nodiscard]] size_t samples() const { return samples_.size(); }
-  /// Returns the subpixels that are left black; null if all are rendered.
-  [[nodiscard]] const ZoneMask* zone() const { return zone_ ? &*zone_ : nullptr; }
 
   /// Worker renders tiles of one scene. Thread safety: used by one thread. It keeps its memory from
   /// tile to tile.
@@ -51,7 +48,6 @@ class FullTiles {
     [[nodiscard]] const std::array<uint64_t, kWorks>& ticks() { return tracer_.clock().ticks(); }
 
    private:
-    void find_left_out(const Tile& tile);
     void trace(const Tile& tile, PacketTracer::FootprintSample sample);
     void write(const Tile& tile, frames::WovenFrame& frame) const;
 
@@ -62,7 +58,6 @@ class FullTiles {
     Background background_;
     uint64_t refused_ = 0;
     std::vector<float> light_;
-    std::vector<uint8_t> left_out_;  ///< 1 for columns that no eye sees; empty without a zone
     PacketTracer tracer_;
     std::optional<DepthPrefilter::Worker> prefilter_;
   };
@@ -74,7 +69,6 @@ class FullTiles {
   const shading_kernel::Kernel& kernel_;
   std::vector<Footprint> samples_;
   std::optional<DepthPrefilter> prefilter_;
-  std::optional<ZoneMask> zone_;
 };
 
 }  // namespace lenticule::render

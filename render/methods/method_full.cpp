@@ -67,8 +67,7 @@ class FullMethod final : public Method {
     RenderStatistics statistics = statistics_of(workers);
     statistics.completed = !cancelled.load();
     statistics.subpixels = frame.bytes().size();
-    statistics.unseen_subpixels = tiles_->zone() != nullptr ? tiles_->zone()->unseen() : 0;
-    statistics.traced_subpixels = statistics.subpixels - statistics.unseen_subpixels;
+    statistics.traced_subpixels = statistics.subpixels;
     statistics.lights_left_out = scene.lights_left_out;
     statistics.seconds = elapsed.count();
     return statistics;

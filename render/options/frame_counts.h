@@ -27,12 +27,11 @@ struct FrameCounts {
   uint64_t invalid_rays = 0;             ///< non-finite rays, which are not passed to Embree
   uint64_t suspected_holes = 0;  ///< primary rays that continued past the hits of their neighbours
   uint64_t filled_holes = 0;     ///< part of suspected_holes that had slipped between triangles
-  // Origin of each subpixel's colour; the first five counters add up to `subpixels`.
+  // Origin of each subpixel's colour; the first four counters add up to `subpixels`.
   uint64_t traced_subpixels = 0;
   uint64_t projected_subpixels = 0;  ///< re-projected from points of other micro-images or frames
   uint64_t interpolated_subpixels = 0;  ///< mean of two neighbours, or interpolated between samples
   uint64_t copied_subpixels = 0;        ///< copied from a frame that had not changed
-  uint64_t unseen_subpixels = 0;        ///< black, because no eye of the zone sees them
   uint64_t missing_subpixels = 0;      ///< left empty by re-projection, then traced or interpolated
   uint64_t retraced_subpixels = 0;     ///< retraced because an audit failed
   uint64_t audited_subpixels = 0;      ///< sampled at random and traced for the audit
@@ -73,7 +72,6 @@ inline constexpr FrameCounter kFrameCounters[] = {
     {"projected_subpixels", &FrameCounts::projected_subpixels},
     {"interpolated_subpixels", &FrameCounts::interpolated_subpixels},
     {"copied_subpixels", &FrameCounts::copied_subpixels},
-    {"unseen_subpixels", &FrameCounts::unseen_subpixels},
     {"missing_subpixels", &FrameCounts::missing_subpixels},
     {"mended_subpixels", &FrameCounts::retraced_subpixels},
     {"audited_subpixels", &FrameCounts::audited_subpixels},

@@ -3,10 +3,8 @@
 #pragma once
 
 #include <functional>
-#include <optional>
 
 #include "base/cpu.h"
-#include "optics/zone/viewing_zone.h"
 #include "render/options/reuse_options.h"
 #include "render/options/soft_light.h"
 
@@ -47,9 +45,6 @@ struct RenderOptions {
   /// Applies to method full, and to method adaptive, which also reuses unchanged regions
   /// (docs/render/rendering.md). Off by default, since benchmarks render the same frame repeatedly.
   bool copy_unchanged = false;
-  /// Subpixels that no eye of this zone sees are black and not rendered. Only methods full and
-  /// adaptive.
-  std::optional<optics::ViewingZone> zone{};
   bool tiles_backwards = false;  ///< order of the tiles, for tests: the bytes do not depend on it
   ReuseOptions reuse{};          ///< options of the methods that reuse points
   bool keep_missing = false;     ///< fill Method::missing_subpixels()

@@ -83,15 +83,6 @@ std::function<void()> declare_render_flags(CLI::App& app, RenderFlags& flags) {
   app.add_option("--max-depth", flags.options.max_depth,
                  "largest number of reflections and refractions")
       ->capture_default_str();
-  app.add_option_function<std::string>(
-         "--zone",
-         [&flags](const std::string& text) {
-           flags.options.zone = optics::parse_viewing_zone(text);
-         },
-         "methods full and adaptive: leave subpixels black that no eye sees in this zone\n"
-         "MM to both sides of the viewing line's centre; -20:80@650:750 is from 20 mm to the left "
-         "to 80 mm to the right, 650 to 750 mm away.")
-      ->type_name("MM|LEFT:RIGHT[@NEAR:FAR]");
   app.add_option("--threads", flags.options.threads,
                  "0 means all cores\nWith a ring, one of four or more is left to the player.")
       ->capture_default_str();

@@ -252,15 +252,7 @@ class RenderRun {
     if (adapted_) adapted_->report();
     if (totals_.rays.invalid_rays > 0)
       say("{} rays were not finite and are black\n", totals_.rays.invalid_rays);
-    report_zone();
     report_reuse();
-  }
-
-  void report_zone() const {
-    const render::RenderStatistics& s = totals_.rays;
-    if (!flags_.render.options.zone || s.subpixels == 0) return;
-    say("zone: no eye in it sees {:.1f} % of the subpixels, which are black\n",
-        100.0 * static_cast<double>(s.unseen_subpixels) / static_cast<double>(s.subpixels));
   }
 
   void report_reuse() const {

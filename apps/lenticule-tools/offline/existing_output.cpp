@@ -41,10 +41,6 @@ std::string short_name(const std::string& file) {
   return (whole.parent_path().filename() / whole.filename()).string();
 }
 
-std::string zone_words(const std::string& zone) {
-  return zone.empty() ? "without --zone" : "with --zone " + zone;
-}
-
 /// Refuses a readable container that was made from other input.
 void require_same_film(const OutputRequest& request, const fs::path& file,
                        const frames::SequenceInfo& there) {
@@ -59,9 +55,6 @@ void require_same_film(const OutputRequest& request, const fs::path& file,
     refuse(file, fmt::format("made for another rig ({})", there.rig_fingerprint));
   if (!there.made_from.empty() && !made_from.empty() && there.made_from != made_from)
     refuse(file, fmt::format("made from {}, not from {}", there.made_from, made_from));
-  const std::string& zone = request.sequence ? wanted.zone : request.zone;
-  if (there.zone != zone)
-    refuse(file, fmt::format("rendered {}, not {}", zone_words(there.zone), zone_words(zone)));
 }
 
 }  // namespace

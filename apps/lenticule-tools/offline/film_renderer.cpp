@@ -98,15 +98,13 @@ frames::FrameGeometry FilmRenderer::geometry() const {
 
 OutputRequest FilmRenderer::output_request(const std::string& target,
                                            const FrameRange& range) const {
-  const std::optional<optics::ViewingZone>& zone = flags_.options.zone;
   return {.target = target,
           .range = range,
           .geometry = geometry(),
           .rig = panel_.trimmed.identity,
           .rate = rate_,
           .rig_toml = optics::rig_to_toml(rig()),
-          .made_from = made_from(flags_.scene, flags_.camera),
-          .zone = zone ? optics::to_text(*zone) : std::string()};
+          .made_from = made_from(flags_.scene, flags_.camera)};
 }
 
 /// Renders the needed frames even if an earlier run has written them, so that the result does not

@@ -41,7 +41,6 @@ struct OutputRequest {
   double ring_timeout_seconds = 10.0;
   std::string rig_toml = {};   ///< stored in a container
   std::string made_from = {};  ///< see frames::SequenceInfo
-  std::string zone = {};       ///< see frames::SequenceInfo
   bool resume = false;         ///< continue an existing output; has() will be called
   bool overwrite = false;      ///< existing files may be replaced
   /// Metadata of a container; made from the members above if none.

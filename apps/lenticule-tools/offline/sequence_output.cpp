@@ -41,7 +41,6 @@ frames::SequenceInfo sequence_info_of(const OutputRequest& request) {
   info.first_frame = request.range.begin;
   frames::state_rig(info, request.rig);
   info.made_from = request.made_from;
-  info.zone = request.zone;
   info.rig_toml = request.rig_toml;
   return info;
 }

@@ -236,7 +236,6 @@ void AdaptiveWorker::render_row(int first_row, int row) {
   band_.counts.cuts += static_cast<uint32_t>(swept_.cuts.size());
   group_of_cut_.push_back(SurfaceGroups::kNothing);  // read, but not used, in lanes without a cut
   look_up(between);
-  leave_out(row);
   add_sampled(first_row, row, false);
   sort_row(first_row, row, between);
   std::copy_n(found_row_.codes.data(), frame_.plan.planes.row_subpixels(), frame_.out.row(row));
@@ -245,24 +244,8 @@ void AdaptiveWorker::render_row(int first_row, int row) {
 void AdaptiveWorker::copy_row(int first_row, int row) {
   const size_t count = frame_.plan.planes.row_subpixels();
   std::copy_n(frame_.kept.frame->row(row), count, frame_.out.row(row));
-  counts_.copied_subpixels += count - unseen_in(row);
-  counts_.unseen_subpixels += unseen_in(row);
+  counts_.copied_subpixels += count;
   add_sampled(first_row, row, true);
-}
-
-uint32_t AdaptiveWorker::unseen_in(int row) const {
-  const ZoneMask* zone = frame_.plan.full.zone();
-  return zone != nullptr ? zone->unseen_in(row) : 0;
-}
-
-/// Makes those subpixels of a row black that no eye of the zone sees.
-void AdaptiveWorker::leave_out(int row) {
-  const ZoneMask* zone = frame_.plan.full.zone();
-  if (zone == nullptr) return;
-  zone->for_each_unseen(row, 0, frame_.plan.planes.row_subpixels(), [this](size_t at) {
-    found_row_.codes[at] = 0;
-    found_row_.states[at] = lookup_kernel::kFound;
-  });
 }
 
 /// Finds the cells around a row. The rows of even and of odd views change at different panel rows.
@@ -358,9 +341,8 @@ bool AdaptiveWorker::is_made(size_t begin, size_t end) const {
 
 void AdaptiveWorker::add_sampled(int first_row, int row, bool copied) {
   const auto count = static_cast<uint32_t>(frame_.plan.planes.row_subpixels());
-  const ZoneMask* zone = frame_.plan.full.zone();
   const auto add = [&](uint32_t at, Draw draw) {
-    if (at < count && (zone == nullptr || zone->seen(row, at)))
+    if (at < count)
       sampled_.add({.at = static_cast<int32_t>(at),
                     .row = static_cast<uint16_t>(row - first_row),
                     .draw = draw,
@@ -431,11 +413,8 @@ void AdaptiveWorker::sort_row(int first_row, int row, const KeyGrid::Between& be
   }
   counts_.traced_subpixels += unknown;
   counts_.copied_subpixels += copied;
-  const uint32_t unseen = unseen_in(row);
-  counts_.unseen_subpixels += unseen;
-  counts_.interpolated_subpixels += count - unknown - copied - unseen;
-  band_.counts.unseen += unseen;
-  band_.counts.seen += static_cast<uint32_t>(count - nothing - unseen);
+  counts_.interpolated_subpixels += count - unknown - copied;
+  band_.counts.seen += static_cast<uint32_t>(count - nothing);
   band_.counts.shaded += static_cast<uint32_t>(unknown + copied);
 }
 
@@ -530,18 +509,12 @@ void AdaptiveWorker::retrace_band(int first_row) {
   const int first_tile = first_row / kBand * plan.per_band();
   for (int n = 0; n < plan.per_band(); ++n) full_->render(plan.tile(first_tile + n), frame_.out);
   const int end = std::min(first_row + kBand, frame_.plan.planes.rows());
-  size_t subpixels = 0;
-  uint64_t unseen = 0;
-  for (int row = first_row; row < end; ++row) {
-    subpixels += frame_.plan.planes.row_subpixels() - unseen_in(row);
-    unseen += unseen_in(row);
-  }
+  const size_t subpixels =
+      static_cast<size_t>(end - first_row) * frame_.plan.planes.row_subpixels();
   counts_.retraced_subpixels += subpixels;
   AdaptiveFrame::Band& band = frame_.bands[static_cast<size_t>(first_row / kBand)];
   band.retraced = true;
-  if (band.tried) return;
-  counts_.traced_subpixels += subpixels;
-  counts_.unseen_subpixels += unseen;
+  if (!band.tried) counts_.traced_subpixels += subpixels;
 }
 
 FrameCounts AdaptiveWorker::counts() {

@@ -136,8 +136,6 @@ class AdaptiveWorker {
   void copy_row(int first_row, int row);
   [[nodiscard]] bool is_whole_band_unchanged(int first_row) const;
   [[nodiscard]] bool is_unchanged(int row, size_t at, const KeyGrid::Between& between) const;
-  [[nodiscard]] uint32_t unseen_in(int row) const;
-  void leave_out(int row);
   void arrange_rays();
   void look_up(const KeyGrid::Between& between);
   void find_cells(const KeyGrid::Between& between);

@@ -32,7 +32,7 @@ BandCosts costs_of_materials(const BandCounts& band, int64_t full) {
 }  // namespace
 
 BandCosts BandCostModel::costs(const BandCounts& band) const {
-  const int64_t rendered = std::max<int64_t>(static_cast<int64_t>(subpixels) - band.unseen, 1);
+  const int64_t rendered = std::max<int64_t>(static_cast<int64_t>(subpixels), 1);
   const int64_t rays =
       is_soft ? kSoftRays
               : static_cast<int64_t>(16 * band.rays) / std::max<int64_t>(band.audited, 1);

@@ -15,7 +15,6 @@ struct BandCounts {
   uint32_t cuts = 0;     ///< primitives cut by the rows' planes
   uint32_t audited = 0;  ///< subpixels traced for the audit
   uint64_t rays = 0;     ///< shadow and secondary rays of these
-  uint32_t unseen = 0;   ///< subpixels that no eye of the zone sees
 };
 
 /// BandCosts holds estimates in nanoseconds of processor time. Only their ratios matter.

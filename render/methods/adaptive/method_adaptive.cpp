@@ -88,10 +88,8 @@ double most_mean_square(const RenderOptions& options) {
   return rmse * rmse;
 }
 
-/// Returns the number of subpixels that are rendered.
-uint64_t rendered_subpixels(const RowPlanes& planes, const FullTiles& tiles) {
-  const uint64_t all = uint64_t{planes.row_subpixels()} * static_cast<uint64_t>(planes.rows());
-  return tiles.zone() != nullptr ? all - tiles.zone()->unseen() : all;
+uint64_t subpixels_of(const RowPlanes& planes) {
+  return uint64_t{planes.row_subpixels()} * static_cast<uint64_t>(planes.rows());
 }
 
 /// Both selections are denser for a small E: a single sample that is off by half of the code values
@@ -122,7 +120,7 @@ class AdaptiveMethod final : public Method {
               centre_,
               lookup_kernel_for(options.isa),
               Agreement::for_error(options.tolerated_error),
-              selection_for(rendered_subpixels(planes_, *full_tiles_), options),
+              selection_for(subpixels_of(planes_), options),
               most_mean_square(options)},
         arena_(options.threads > 0 ? options.threads : tbb::task_arena::automatic) {}
 
@@ -132,7 +130,7 @@ class AdaptiveMethod final : public Method {
     options_.tolerated_error = error;
     plan_.agreement = Agreement::for_error(error);
     plan_.most_mean_square = most_mean_square(options_);
-    plan_.selection = selection_for(rendered_subpixels(planes_, *full_tiles_), options_);
+    plan_.selection = selection_for(subpixels_of(planes_), options_);
     // Frames and samples of another error are not reused.
     last_ = {};
     before_ = {};
@@ -224,7 +222,7 @@ class AdaptiveMethod final : public Method {
     int64_t primitives = static_cast<int64_t>(scene.spheres.size() + scene.cones.size());
     for (const MeshShape& mesh : scene.meshes)
       primitives += static_cast<int64_t>(mesh.triangles.size());
-    const auto subpixels = static_cast<int64_t>(rendered_subpixels(planes_, *full_tiles_));
+    const auto subpixels = static_cast<int64_t>(subpixels_of(planes_));
     const auto is_expensive = [&](int64_t rays) {
       return 4 * time_of_set_up(primitives) > time_of_full(subpixels, rays) * 3 / 4;
     };

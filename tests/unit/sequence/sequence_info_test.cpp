@@ -27,7 +27,6 @@ TEST(SequenceInfo, RoundTrips) {
                    .calibration = "fedcba9876543210",
                    .trim = {.offset = Lenses(-0.01), .pitch_relative = 1e-5}});
   info.made_from = "scenes/demo.nff";
-  info.zone = "-60:60@650:750";
   EXPECT_EQ(round_trip(info), info);
   EXPECT_EQ(rig_of(round_trip(info)).calibration, "fedcba9876543210");
   info.first_frame = 17;
@@ -43,6 +42,13 @@ TEST(SequenceInfo, RoundTrips) {
                              .cone_degrees = 40.0,
                              .focus = 1.5};
   EXPECT_EQ(round_trip(info), info);
+}
+
+TEST(SequenceInfo, OpensAFilmThatNamesAZone) {
+  const SequenceInfo info = test::info_of(kGeometry);
+  std::string json = sequence_info_to_json(info);
+  json.insert(json.rfind('}'), R"(, "zone": "-60:60@650:750")");
+  EXPECT_EQ(parse_sequence_info(json, kGeometry, "a.lts"), info);
 }
 
 TEST(SequenceInfo, AcceptsTextThatIsNotUnicode) {

@@ -42,16 +42,11 @@ TEST(BandCosts, RaysCountForSubpixelsThatSeeASurface) {
   const BandCostModel model{.subpixels = kSubpixels};
   const int64_t of_one = model.costs(tenth).full / tenth.seen;
   EXPECT_GT(of_one, model.costs(kFloor).full / kFloor.seen * 2);
-  // Subpixels that are not rendered have no rays.
-  BandCounts half = kFloor;
-  half.unseen = kSubpixels / 2;
-  half.seen = kSubpixels / 2;
-  EXPECT_EQ(model.costs(half).full * 2, model.costs(kFloor).full);
 }
 
 TEST(BandCosts, OfAnEmptyBandAreZero) {
   EXPECT_EQ(BandCostModel{.subpixels = kSubpixels}.costs({}).full, 0);
-  EXPECT_EQ(BandCostModel{}.costs({.unseen = 16}).spent(), 0);
+  EXPECT_EQ(BandCostModel{}.costs({}).spent(), 0);
 }
 
 }  // namespace
