@@ -39,18 +39,6 @@ bool can_permute() {
 #endif
 }
 
-bool permutes(WeaveKernel kernel) {
-  return kernel == WeaveKernel::Permute || kernel == WeaveKernel::PermuteSingly;
-}
-
-/// Returns the permuting kernel that is faster on this machine.
-WeaveKernel best_permuting_kernel() {
-#if defined(__x86_64__)
-  if (__builtin_cpu_is("intel") != 0) return WeaveKernel::PermuteSingly;
-#endif
-  return WeaveKernel::Permute;
-}
-
 /// Transposing costs time for every pixel of the views, mixing for every subpixel: if views have
 /// far more pixels than the panel, reading single pixels is faster.
 constexpr size_t kMaxTransposed = 64;
@@ -86,8 +74,6 @@ const char* to_string(WeaveKernel kernel) {
       return "avx2";
     case WeaveKernel::Permute:
       return "permute";
-    case WeaveKernel::PermuteSingly:
-      return "singly";
   }
   return "unknown";
 }
@@ -96,15 +82,14 @@ bool kernel_suits(WeaveKernel kernel, const WeavePlan& plan) {
   const bool gauss = plan.options().filter == ViewFilter::Gauss;
   if (kernel == WeaveKernel::Neon) return isa_supported(Isa::Neon);
   if (kernel == WeaveKernel::Avx2) return isa_supported(Isa::Avx2);
-  if (permutes(kernel))
+  if (kernel == WeaveKernel::Permute)
     return can_permute() && !gauss && plan.in_stripes() && plan.shape().count <= kViewLanes;
   return true;
 }
 
 WeaveKernel best_kernel(const WeavePlan& plan, Isa isa) {
   if (!worth_turning(plan)) return WeaveKernel::Plain;
-  if (isa == Isa::Avx512 && kernel_suits(WeaveKernel::Permute, plan))
-    return best_permuting_kernel();
+  if (isa == Isa::Avx512 && kernel_suits(WeaveKernel::Permute, plan)) return WeaveKernel::Permute;
   if (isa >= Isa::Avx2 && kernel_suits(WeaveKernel::Avx2, plan)) return WeaveKernel::Avx2;
   if (isa != Isa::Baseline && kernel_suits(WeaveKernel::Neon, plan)) return WeaveKernel::Neon;
   return WeaveKernel::Transposed;
@@ -133,7 +118,7 @@ BlockWeaver::BlockWeaver(std::shared_ptr<const WeavePlan> plan, WeaveKernel kern
   first_pixels_.resize(lanes_);
   // Runs are written eight at a time.
   stride_ = static_cast<size_t>(plan_->geometry().width) * 3 + 64;
-  if (permutes(kernel_))
+  if (kernel_ == WeaveKernel::Permute)
     codes_.resize(stride_ * kRows);
   else
     light_.resize(stride_ * kRows);
@@ -145,7 +130,7 @@ void BlockWeaver::prepare_turning() {
   slots_.resize(static_cast<size_t>(plan_->rows_of_block()));
   // Up to seven neighbours after the last view are read, but have no weight.
   const size_t bytes =
-      permutes(kernel_) ? (columns + 1) * lanes_ * 4 : (columns * 3 * lanes_ + 8) * 4;
+      kernel_ == WeaveKernel::Permute ? (columns + 1) * lanes_ * 4 : (columns * 3 * lanes_ + 8) * 4;
   transposed_bytes_ = (bytes + kAlignment - 1) / kAlignment * kAlignment;
   transposed_.reset(
       static_cast<uint8_t*>(std::aligned_alloc(kAlignment, transposed_bytes_ * slots_.size())));
@@ -194,7 +179,7 @@ void BlockWeaver::look_at(const ViewSet& views) noexcept {
 void BlockWeaver::transpose(int row, uint8_t* transposed) const noexcept {
   auto* const light = reinterpret_cast<uint16_t*>(transposed);
 #if defined(__x86_64__)
-  if (permutes(kernel_))
+  if (kernel_ == WeaveKernel::Permute)
     return weave_kernel::transpose_row(terms_, pictures_, row, lanes_, transposed);
   if (kernel_ == WeaveKernel::Avx2)
     return weave_kernel::turn_light_avx2(terms_, pictures_, row, lanes_, light);
@@ -235,8 +220,6 @@ void BlockWeaver::mix_set(const Set& set, const weave_kernel::Quad* quads,
 #if defined(__x86_64__)
   if (kernel_ == WeaveKernel::Permute)
     return weave_kernel::mix_set_by_permuting(terms_, rows, set, quads, target);
-  if (kernel_ == WeaveKernel::PermuteSingly)
-    return weave_kernel::mix_set_by_permuting_singly(terms_, rows, set, quads, target);
   if (kernel_ == WeaveKernel::Avx2 && terms_.spot.weights != nullptr)
     return weave_kernel::mix_spot_set_avx2(terms_, rows, set, quads, target);
   if (kernel_ == WeaveKernel::Avx2)
@@ -254,17 +237,17 @@ void BlockWeaver::blacken(const WeavePlan::Block& block) noexcept {
       for (uint32_t n = 0; n < bar.count; ++n)
         values[static_cast<size_t>(bar.row) * stride_ + bar.first + size_t{n} * bar.stride] = 0;
   };
-  permutes(kernel_) ? fill(codes_.data()) : fill(light_.data());
+  kernel_ == WeaveKernel::Permute ? fill(codes_.data()) : fill(light_.data());
 }
 
 /// Writes row r of the block as code values.
 void BlockWeaver::write_row(int r, uint8_t* row) const noexcept {
   const size_t count = plan_->geometry().row_bytes(), at = static_cast<size_t>(r) * stride_;
 #if defined(__x86_64__)
-  if (permutes(kernel_) && !plan_->blue_first())
+  if (kernel_ == WeaveKernel::Permute && !plan_->blue_first())
     return weave_kernel::stream_row(codes_.data() + at, count, row);
 #endif
-  if (permutes(kernel_))
+  if (kernel_ == WeaveKernel::Permute)
     std::memcpy(row, codes_.data() + at, count);
   else
     weave_kernel::encode_plainly(terms_, light_.data() + at, count, row);
@@ -285,7 +268,7 @@ void BlockWeaver::weave(const ViewSet& views, int begin, int end, WovenFrame& fr
   look_at(views);
   for (int index = begin; index < end; ++index) weave_block(index, frame);
 #if defined(__x86_64__)
-  if (permutes(kernel_)) weave_kernel::end_streaming();
+  if (kernel_ == WeaveKernel::Permute) weave_kernel::end_streaming();
 #endif
 }
 

@@ -27,11 +27,10 @@ enum class WeaveKernel {
   Neon,        ///< the same with NEON, except for mixing under Gauss
   Avx2,        ///< the same with AVX2
   Permute,     ///< AVX-512 with byte permutes (VBMI): stripes, up to 64 views, not for Gauss
-  PermuteSingly,  ///< the same with permutations of one register only, for Intel's processors
 };
-inline constexpr WeaveKernel kWeaveKernels[] = {WeaveKernel::Plain,   WeaveKernel::Transposed,
-                                                WeaveKernel::Neon,    WeaveKernel::Avx2,
-                                                WeaveKernel::Permute, WeaveKernel::PermuteSingly};
+inline constexpr WeaveKernel kWeaveKernels[] = {WeaveKernel::Plain, WeaveKernel::Transposed,
+                                                WeaveKernel::Neon, WeaveKernel::Avx2,
+                                                WeaveKernel::Permute};
 [[nodiscard]] const char* to_string(WeaveKernel kernel);
 /// Returns true if this machine and plan can use the kernel.
 [[nodiscard]] bool kernel_suits(WeaveKernel kernel, const WeavePlan& plan);

@@ -16,13 +16,54 @@
 #pragma GCC diagnostic ignored "-Wuninitialized"
 #endif
 
-#include "frames/weaving/permute_tables.h"
 #include "frames/weaving/weave_kernel.h"
 
 namespace lenticule::frames::weave_kernel {
 namespace {
 
 constexpr int kViewsPerRegister = 16;
+constexpr size_t kRegisterBytes = 64;
+constexpr uint64_t kSecondEight = 0xff00ff00ff00ff00;
+
+__m512i register_at(const uint8_t* pixel, int n) {
+  return _mm512_load_si512(pixel + static_cast<size_t>(n) * kRegisterBytes);
+}
+
+/// Pieces holds the curve for 16-bit light: 64 pieces of 32 below 2048, and 64 pieces of 512.
+struct Pieces {
+  __m512i low[2], high[2];
+};
+
+/// Returns bytes of a table of kParts registers in memory.
+template <int kParts>
+__m512i bytes_at(__m512i index, const uint8_t* table) {
+  if (kParts == 1) return _mm512_permutexvar_epi8(index, register_at(table, 0));
+  const __m512i two = _mm512_permutex2var_epi8(register_at(table, 0), index, register_at(table, 1));
+  if (kParts == 2) return two;
+  const __mmask64 beyond = _mm512_movepi8_mask(index);
+  if (kParts == 3) return _mm512_mask_permutexvar_epi8(two, beyond, index, register_at(table, 2));
+  return _mm512_mask_blend_epi8(
+      beyond, two, _mm512_permutex2var_epi8(register_at(table, 2), index, register_at(table, 3)));
+}
+
+/// Returns bytes of the first register for the first eight of each sixteen, else of the second.
+__m512i bytes_by_eights(__m512i index, __m512i first, __m512i second) {
+  const __m512i in_second = _mm512_maskz_set1_epi8(kSecondEight, 64);
+  return _mm512_permutex2var_epi8(first, _mm512_or_si512(index, in_second), second);
+}
+
+/// Returns bytes of a table of 256.
+__m512i bytes_of(const __m512i (&table)[4], __m512i index) {
+  return _mm512_mask_blend_epi8(_mm512_movepi8_mask(index),
+                                _mm512_permutex2var_epi8(table[0], index, table[1]),
+                                _mm512_permutex2var_epi8(table[2], index, table[3]));
+}
+
+__m512i words_of(const Pieces& pieces, __m512i light, __mmask32 high) {
+  return _mm512_mask_blend_epi16(
+      high, _mm512_permutex2var_epi16(pieces.low[0], _mm512_srli_epi16(light, 5), pieces.low[1]),
+      _mm512_permutex2var_epi16(pieces.high[0], _mm512_srli_epi16(light, 9), pieces.high[1]));
+}
 
 /// LightTable maps 256 codes to light: low and high bytes, in four registers each.
 struct LightTable {
@@ -113,13 +154,12 @@ Views views_of(const Terms& terms, const Quad& quad) {
 }
 
 /// Returns the codes of a record that does not mix views: the left column, then the right one.
-template <class Tables, int kParts>
+template <int kParts>
 __m512i choose_columns(__m512i index, const uint8_t* pixel) {
   const uint8_t* const next = pixel + kParts * kRegisterBytes;
-  if (kParts == 1)
-    return Tables::bytes_by_eights(index, register_at(pixel, 0), register_at(next, 0));
-  return _mm512_mask_blend_epi8(kSecondEight, Tables::template bytes_at<kParts>(index, pixel),
-                                Tables::template bytes_at<kParts>(index, next));
+  if (kParts == 1) return bytes_by_eights(index, register_at(pixel, 0), register_at(next, 0));
+  return _mm512_mask_blend_epi8(kSecondEight, bytes_at<kParts>(index, pixel),
+                                bytes_at<kParts>(index, next));
 }
 
 /// Codes holds what a picture row contributes to a record: the two columns of both views, or, if
@@ -135,13 +175,13 @@ struct Codes<false> {
   __m512i both;
 };
 
-template <class Tables, int kParts, bool kMixesViews>
+template <int kParts, bool kMixesViews>
 Codes<kMixesViews> choose_codes(__m512i index, const uint8_t* pixel) {
   if constexpr (kMixesViews)
-    return {Tables::template bytes_at<kParts>(index, pixel),
-            Tables::template bytes_at<kParts>(index, pixel + kParts * kRegisterBytes)};
+    return {bytes_at<kParts>(index, pixel),
+            bytes_at<kParts>(index, pixel + kParts * kRegisterBytes)};
   else
-    return {choose_columns<Tables, kParts>(index, pixel)};
+    return {choose_columns<kParts>(index, pixel)};
 }
 
 Codes<true> blend(__mmask64 lanes, const Codes<true>& a, const Codes<true>& b) {
@@ -196,17 +236,16 @@ Columns columns_of(const Quad& quad) {
 
 /// Chooses codes when the picture rows have a simple pattern, and the rows use one column or, if
 /// kNext, two neighbouring ones.
-template <class Tables, int kParts, bool kMixesViews, bool kNext>
+template <int kParts, bool kMixesViews, bool kNext>
 [[gnu::always_inline]] inline RowCodes<kMixesViews> choose_simply(const RowPattern& rows,
                                                                   const Columns& columns,
                                                                   __m512i index) {
   constexpr size_t kPixel = kParts * kRegisterBytes;
   const auto choose = [&](const uint8_t* row) __attribute__((always_inline)) {
     const uint8_t* const pixel = row + columns.least * kPixel;
-    const auto codes = choose_codes<Tables, kParts, kMixesViews>(index, pixel);
+    const auto codes = choose_codes<kParts, kMixesViews>(index, pixel);
     if constexpr (!kNext) return codes;
-    return blend(columns.next, codes,
-                 choose_codes<Tables, kParts, kMixesViews>(index, pixel + kPixel));
+    return blend(columns.next, codes, choose_codes<kParts, kMixesViews>(index, pixel + kPixel));
   };
   const auto top = choose(rows.top), middle = choose(rows.middle);
   if (rows.last == 0) return {top, middle};
@@ -215,7 +254,7 @@ template <class Tables, int kParts, bool kMixesViews, bool kNext>
 }
 
 /// Chooses codes row by row; rows that use the same pixels are handled together.
-template <class Tables, int kParts, bool kMixesViews>
+template <int kParts, bool kMixesViews>
 RowCodes<kMixesViews> choose_by_rows(const TransposedRows& rows, const Quad& quad, __m512i index) {
   RowCodes<kMixesViews> codes{};
   for (int begin = 0; begin < kRows;) {
@@ -227,10 +266,8 @@ RowCodes<kMixesViews> choose_by_rows(const TransposedRows& rows, const Quad& qua
     const size_t pixel = quad.column[begin] * (kParts * kRegisterBytes);
     const auto* const upper = static_cast<const uint8_t*>(rows.upper[begin]) + pixel;
     const auto* const lower = static_cast<const uint8_t*>(rows.lower[begin]) + pixel;
-    codes.upper =
-        blend(lanes, codes.upper, choose_codes<Tables, kParts, kMixesViews>(index, upper));
-    codes.lower =
-        blend(lanes, codes.lower, choose_codes<Tables, kParts, kMixesViews>(index, lower));
+    codes.upper = blend(lanes, codes.upper, choose_codes<kParts, kMixesViews>(index, upper));
+    codes.lower = blend(lanes, codes.lower, choose_codes<kParts, kMixesViews>(index, lower));
     begin = end;
   }
   return codes;
@@ -246,10 +283,9 @@ struct Light {
   __m512i a, b;
 };
 
-template <class Tables>
 Light light_of(const LightTable& table, __m512i codes) {
-  const __m512i low = Tables::bytes_of(table.low, codes);
-  const __m512i high = Tables::bytes_of(table.high, codes);
+  const __m512i low = bytes_of(table.low, codes);
+  const __m512i high = bytes_of(table.high, codes);
   return {_mm512_unpacklo_epi8(low, high), _mm512_unpackhi_epi8(low, high)};
 }
 
@@ -274,19 +310,17 @@ __m512i column_weights(const Quad& quad) {
 }
 
 /// Returns the light of a record.
-template <class Tables>
 __m512i mix_record(const LightTable& table, const RowCodes<true>& codes, __m512i row_weight,
                    __m512i column_weight, __m512i view_weight) {
-  const auto light = [&](__m512i of) { return light_of<Tables>(table, of); };
+  const auto light = [&](__m512i of) { return light_of(table, of); };
   const Light left = mix(light(codes.upper.left), light(codes.lower.left), row_weight);
   const Light right = mix(light(codes.upper.right), light(codes.lower.right), row_weight);
   const Light both_views = mix(left, right, column_weight);
   return mix(both_views.a, both_views.b, view_weight);
 }
-template <class Tables>
 __m512i mix_record(const LightTable& table, const RowCodes<false>& codes, __m512i row_weight,
                    __m512i column_weight, __m512i /*view_weight*/) {
-  const auto light = [&](__m512i of) { return light_of<Tables>(table, of); };
+  const auto light = [&](__m512i of) { return light_of(table, of); };
   const Light columns = mix(light(codes.upper.both), light(codes.lower.both), row_weight);
   return mix(columns.a, columns.b, column_weight);
 }
@@ -309,7 +343,7 @@ void fetch_quads(const Quad* quads, uint32_t begin, uint32_t end) {
     _mm_prefetch(reinterpret_cast<const char*>(quads + q), _MM_HINT_T0);
 }
 
-template <class Tables, int kParts, bool kMixesViews>
+template <int kParts, bool kMixesViews>
 void choose_batch(const TransposedRows& rows, const Quad* quads, uint32_t count,
                   Batch<kMixesViews>& batch) {
   const RowPattern pattern = pattern_of(rows);
@@ -317,11 +351,11 @@ void choose_batch(const TransposedRows& rows, const Quad* quads, uint32_t count,
     const __m512i index = batch.views[n].index;
     const Columns columns = columns_of(quads[n]);
     if (!pattern.simple || !columns.neighbours)
-      batch.codes[n] = choose_by_rows<Tables, kParts, kMixesViews>(rows, quads[n], index);
+      batch.codes[n] = choose_by_rows<kParts, kMixesViews>(rows, quads[n], index);
     else if (columns.next == 0)
-      batch.codes[n] = choose_simply<Tables, kParts, kMixesViews, false>(pattern, columns, index);
+      batch.codes[n] = choose_simply<kParts, kMixesViews, false>(pattern, columns, index);
     else
-      batch.codes[n] = choose_simply<Tables, kParts, kMixesViews, true>(pattern, columns, index);
+      batch.codes[n] = choose_simply<kParts, kMixesViews, true>(pattern, columns, index);
   }
 }
 
@@ -350,11 +384,10 @@ CodeTable code_table(const int16_t* curve) {
 }
 
 /// Returns the codes of 32 values of light, in the order along the rows.
-template <class Tables>
 __m256i codes_of(const CodeTable& table, __m512i light) {
   const __mmask32 high = _mm512_cmpge_epi16_mask(light, _mm512_set1_epi16(2048));
-  const __m512i start = Tables::words_of(table.start, light, high);
-  const __m512i rise = Tables::words_of(table.rise, light, high);
+  const __m512i start = words_of(table.start, light, high);
+  const __m512i rise = words_of(table.rise, light, high);
   const __m512i rest = _mm512_and_si512(
       _mm512_mask_blend_epi16(high, _mm512_slli_epi16(light, 10), _mm512_slli_epi16(light, 6)),
       _mm512_set1_epi16(0x7fff));
@@ -444,7 +477,7 @@ void transpose_rest(const Pictures& pictures, bool blue_first, size_t begin, int
                 .first[view][begin + static_cast<size_t>(3 * column + (blue_first ? 2 - c : c))];
 }
 
-template <class Tables, int kParts, bool kMixesViews>
+template <int kParts, bool kMixesViews>
 void mix_set(const Terms& terms, const TransposedRows& rows, const Set& set, const Quad* quads,
              const Target& target) {
   const LightTable table = light_table(terms.light);
@@ -458,32 +491,12 @@ void mix_set(const Terms& terms, const TransposedRows& rows, const Set& set, con
       batch.views[n] = views_of<kMixesViews>(terms, quads[q + n]);
       batch.column_weight[n] = column_weights(quads[q + n]);
     }
-    choose_batch<Tables, kParts>(rows, quads + q, count, batch);
+    choose_batch<kParts>(rows, quads + q, count, batch);
     for (uint32_t n = 0; n < count; ++n)
-      batch.light[n] = mix_record<Tables>(table, batch.codes[n], row_weight, batch.column_weight[n],
-                                          batch.views[n].weight);
+      batch.light[n] = mix_record(table, batch.codes[n], row_weight, batch.column_weight[n],
+                                  batch.views[n].weight);
     for (uint32_t n = 0; n < count; ++n)
-      store_rows(codes_of<Tables>(encoding, batch.light[n]), set, quads[q + n], target);
-  }
-}
-
-template <class Tables>
-void mix_set_with(const Terms& terms, const TransposedRows& rows, const Set& set, const Quad* quads,
-                  const Target& target) {
-  const bool mixes = terms.weight_mask != 0;
-  switch (rows.lanes / kViewsPerRegister) {
-    case 1:
-      return mixes ? mix_set<Tables, 1, true>(terms, rows, set, quads, target)
-                   : mix_set<Tables, 1, false>(terms, rows, set, quads, target);
-    case 2:
-      return mixes ? mix_set<Tables, 2, true>(terms, rows, set, quads, target)
-                   : mix_set<Tables, 2, false>(terms, rows, set, quads, target);
-    case 3:
-      return mixes ? mix_set<Tables, 3, true>(terms, rows, set, quads, target)
-                   : mix_set<Tables, 3, false>(terms, rows, set, quads, target);
-    default:
-      return mixes ? mix_set<Tables, 4, true>(terms, rows, set, quads, target)
-                   : mix_set<Tables, 4, false>(terms, rows, set, quads, target);
+      store_rows(codes_of(encoding, batch.light[n]), set, quads[q + n], target);
   }
 }
 
@@ -509,12 +522,21 @@ void transpose_row(const Terms& terms, const Pictures& pictures, int row, size_t
 
 void mix_set_by_permuting(const Terms& terms, const TransposedRows& rows, const Set& set,
                           const Quad* quads, const Target& target) noexcept {
-  mix_set_with<Pairs>(terms, rows, set, quads, target);
-}
-
-void mix_set_by_permuting_singly(const Terms& terms, const TransposedRows& rows, const Set& set,
-                                 const Quad* quads, const Target& target) noexcept {
-  mix_set_with<Singles>(terms, rows, set, quads, target);
+  const bool mixes = terms.weight_mask != 0;
+  switch (rows.lanes / kViewsPerRegister) {
+    case 1:
+      return mixes ? mix_set<1, true>(terms, rows, set, quads, target)
+                   : mix_set<1, false>(terms, rows, set, quads, target);
+    case 2:
+      return mixes ? mix_set<2, true>(terms, rows, set, quads, target)
+                   : mix_set<2, false>(terms, rows, set, quads, target);
+    case 3:
+      return mixes ? mix_set<3, true>(terms, rows, set, quads, target)
+                   : mix_set<3, false>(terms, rows, set, quads, target);
+    default:
+      return mixes ? mix_set<4, true>(terms, rows, set, quads, target)
+                   : mix_set<4, false>(terms, rows, set, quads, target);
+  }
 }
 
 void stream_row(const uint8_t* codes, size_t count, uint8_t* to) noexcept {

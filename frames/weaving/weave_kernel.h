@@ -132,12 +132,9 @@ void mix_set_neon(const Terms& terms, const TransposedRows& rows, const Set& set
 /// without meaning. Lanes after the last view hold anything.
 void transpose_row(const Terms& terms, const Pictures& pictures, int row, size_t lanes,
                    uint8_t* transposed) noexcept;
-/// mix_set_by_permuting() also encodes: it writes codes. The second one permutes one register at a
-/// time.
+/// mix_set_by_permuting() also encodes: it writes codes.
 void mix_set_by_permuting(const Terms& terms, const TransposedRows& rows, const Set& set,
                           const Quad* quads, const Target& target) noexcept;
-void mix_set_by_permuting_singly(const Terms& terms, const TransposedRows& rows, const Set& set,
-                                 const Quad* quads, const Target& target) noexcept;
 /// Copies a row of codes past the caches, if `to` begins with a cache line. end_streaming() must
 /// follow before another thread may read the row.
 void stream_row(const uint8_t* codes, size_t count, uint8_t* to) noexcept;

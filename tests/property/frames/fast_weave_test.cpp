@@ -52,7 +52,6 @@ class Compared {
     if (__builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vbmi") &&
         __builtin_cpu_supports("avx512vnni")) {
       EXPECT_GT(count_of(WeaveKernel::Permute), 0);
-      EXPECT_EQ(count_of(WeaveKernel::PermuteSingly), count_of(WeaveKernel::Permute));
     }
 #elif defined(__aarch64__)
     EXPECT_EQ(count_of(WeaveKernel::Neon), plans);
