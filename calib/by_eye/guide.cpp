@@ -26,38 +26,50 @@ Words prepare() {
       "ENTER: continue"};
 }
 
+constexpr const char* kQuestionKeys =
+    "ENTER: answer, U: forget the last answer, SHIFT: five at once, T: hide this text";
+
 Words rough_pitch() {
-  return {"rough pitch",
-          "Find the band with the fewest and broadest stripes, alike on the left and on the right. "
-          "This step comes twice, the second time with bands ten times closer together.",
-          {"Many narrow stripes: the pitch of this band is far off.",
-           "Several bands without stripes: take the middle one.",
-           "No band is better than the others: the pitch of the first rig is more than a tenth "
-           "off, or the sheet does not face the eye."},
-          "UP DOWN: move the blue mark, ENTER: take this band"};
+  return {
+      "rough pitch",
+      "UP DOWN: mark the band with the fewest and broadest stripes, alike on the left and on the "
+      "right.",
+      {"Several bands are equally good: mark the middle one.",
+       "The stripes get fewer all the way to the top or to the bottom: move the mark beyond the "
+       "end, for none of them.",
+       "A wrong answer does no harm: charts come again until the answers agree."},
+      kQuestionKeys};
 }
 
 Words slant() {
-  return {"slant",
-          "Make the dark stripes run along the blue lines, with as many at the top of the panel as "
-          "at its bottom and in the same places. If there are no stripes, press UP a few times "
-          "first.",
-          {"Wrong slant: the stripes lie across the blue lines, and wander sideways from top to "
-           "bottom. The fewer stripes there are, the more they rotate.",
-           "Right slant, wrong pitch: the stripes are parallel to the lines, only too many. That "
-           "is the next step."},
-          "LEFT RIGHT: slant, UP DOWN: number of stripes, SHIFT or + : more, CTRL or - : less"};
+  return {
+      "slant",
+      "LEFT RIGHT: mark the column with the fewest stripes from top to bottom.",
+      {"Several columns are equally good: mark the middle one.",
+       "The stripes get fewer all the way to the left or to the right: move the mark beyond the "
+       "end, for none of them.",
+       "Dark columns without stripes count as well."},
+      kQuestionKeys};
 }
 
-Words pitch() {
-  return {"pitch",
-          "Spread the stripes until one fills the whole panel. Then move it with LEFT and RIGHT "
-          "until the middle is half dark, and make the left edge as bright as the right one. F "
-          "shows red and green instead: both edges as yellow as the middle.",
-          {"Wrong pitch: upright stripes, or one edge brighter (greener) than the other.",
-           "Top and bottom differ: the slant is off, correct it with [ and ].",
-           "The whole panel is dark: press LEFT or RIGHT."},
-          "UP DOWN: pitch, LEFT RIGHT: move the stripe, [ ]: slant, F: red and green"};
+Words ladders() {
+  return {
+      "ladders",
+      "UP DOWN: mark the rung where red above turns into green below. Stay in front of the "
+      "panel's middle with one eye.",
+      {"Several rungs are equally yellow: mark the middle one.",
+       "No red above green, only one colour, or stripes: move the mark beyond the end, for none.",
+       "Each of the seven ladders comes at least twice."},
+      kQuestionKeys};
+}
+
+Words answered() {
+  return {
+      "answered",
+      "All questions are answered. The panel should be equally yellow for one eye in front of its "
+      "middle.",
+      {"Something is wrong: U forgets the last answer, ESCAPE all of them."},
+      "ENTER: continue, U: forget the last answer, ESCAPE: begin again"};
 }
 
 Words offset() {
@@ -130,8 +142,8 @@ Words words_of(Step step) {
       return rough_pitch();
     case Step::Slant:
       return slant();
-    case Step::Pitch:
-      return pitch();
+    case Step::Ladders:
+      return ladders();
     case Step::Offset:
       return offset();
     case Step::Check:
@@ -148,85 +160,17 @@ Words words_of(Step step) {
   return save();
 }
 
-constexpr const char* kQuestionKeys =
-    "ENTER: answer, U: forget the last answer, SHIFT: five at once, T: hide this text";
-
-Words pitch_question() {
-  return {
-      "rough pitch",
-      "UP DOWN: mark the band with the fewest and broadest stripes, alike on the left and on the "
-      "right.",
-      {"Several bands are equally good: mark the middle one.",
-       "The stripes get fewer all the way to the top or to the bottom: move the mark beyond the "
-       "end, for none of them.",
-       "A wrong answer does no harm: charts come again until the answers agree."},
-      kQuestionKeys};
-}
-
-Words slant_question() {
-  return {
-      "slant",
-      "LEFT RIGHT: mark the column with the fewest stripes from top to bottom.",
-      {"Several columns are equally good: mark the middle one.",
-       "The stripes get fewer all the way to the left or to the right: move the mark beyond the "
-       "end, for none of them.",
-       "Dark columns without stripes count as well."},
-      kQuestionKeys};
-}
-
-Words ladder_question() {
-  return {
-      "ladders",
-      "UP DOWN: mark the rung where red above turns into green below. Stay in front of the "
-      "panel's middle with one eye.",
-      {"Several rungs are equally yellow: mark the middle one.",
-       "No red above green, only one colour, or stripes: move the mark beyond the end, for none.",
-       "Each of the seven ladders comes at least twice."},
-      kQuestionKeys};
-}
-
-Words answered() {
-  return {
-      "answered",
-      "All questions are answered. The panel should be equally yellow for one eye in front of its "
-      "middle.",
-      {"Something is wrong: U forgets the last answer, ESCAPE all of them."},
-      "ENTER: continue, U: forget the last answer, ESCAPE: begin again"};
-}
-
-Words question_of(ChartPattern pattern) {
-  switch (pattern) {
-    case ChartPattern::Bands:
-      return pitch_question();
-    case ChartPattern::SlantBands:
-      return slant_question();
-    case ChartPattern::Ladder:
-      return ladder_question();
-    default:
-      return answered();
-  }
-}
-
-Guide guide_with(Step step, const Words& words) {
-  return {.title = fmt::format("{} of {}: {}", static_cast<int>(step), kSteps - 1, words.name),
-          .task = words.task,
-          .wrong = words.wrong,
-          .keys = words.keys};
-}
-
 }  // namespace
 
-Guide guide_of_question(Step step, ChartPattern pattern) {
-  return guide_with(step, question_of(pattern));
-}
-
-Guide guide_of(Step step, double distance_mm, double second_distance_mm) {
-  const Words words = words_of(step);
+Guide guide_of(Step step, bool is_answered, double distance_mm, double second_distance_mm) {
+  const Words words = is_answered ? answered() : words_of(step);
   const auto filled = [&](const std::string& text) {
     return fmt::format(fmt::runtime(text), distance_mm, second_distance_mm);
   };
-  Guide guide = guide_with(step, words);
-  guide.task = filled(guide.task);
+  Guide guide{.title = fmt::format("{} of {}: {}", static_cast<int>(step), kSteps - 1, words.name),
+              .task = filled(words.task),
+              .wrong = words.wrong,
+              .keys = words.keys};
   for (std::string& sentence : guide.wrong) sentence = filled(sentence);
   return guide;
 }

@@ -5,10 +5,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <utility>
 
 #include "base/error.h"
-#include "calib/by_eye/step_display.h"
 
 namespace lenticule::calib {
 namespace {
@@ -19,20 +19,43 @@ constexpr int kMostCoarse = 2;
 /// Ladders farther from one plane than this are doubtful.
 constexpr double kMostMisfitLenses = 0.03;
 
-}  // namespace
-
-Procedure::Procedure(const optics::Rig& rig, double distance_mm, Doubts doubts, Way way)
-    : first_{rig, distance_mm}, doubts_(doubts) {
+FirstLook checked(const optics::Rig& rig, double distance_mm) {
   const bool finite = std::isfinite(distance_mm) && distance_mm > 0.0;
   const auto problem = optics::find_problem(rig_seen_from(rig, finite ? distance_mm : -1.0));
   if (problem)
     throw Error(ErrorKind::Usage,
                 fmt::format("distance {} mm: {}: {}", distance_mm, problem->key, problem->cause),
                 "give the distance from the panel to the eye in millimetres");
-  start_ = first_state(first_);
-  state_ = start_;
-  if (way == Way::Questions) questions_.emplace(rig, distance_mm);
+  return {rig, distance_mm};
 }
+
+double degrees(double slant, const optics::Panel& panel) {
+  return std::atan(slant * panel.pixel_width.value / panel.pixel_height.value) * 180.0 /
+         std::numbers::pi;
+}
+
+/// Returns "effective pitch 7.7010 (pitch ...), slant ..., gap ... mm".
+std::string sheet_numbers(const ProcedureState& state, const FirstLook& first) {
+  const optics::Rig rig = rig_of(state, first);
+  return fmt::format(
+      "effective pitch {:.6f} (pitch {:.6f}), slant {:.4f} degrees, offset {:.4f}, gap {:.4f} mm",
+      state.sheet.effective_pitch_subpx, rig.sheet.pitch.value, degrees(rig.sheet.slant, rig.panel),
+      rig.sheet.offset.value, state.sheet.gap_mm);
+}
+
+std::string mark_text(int cursor) {
+  return cursor < 0 || cursor >= kBands ? std::string("none of them")
+                                        : fmt::format("band {} of {}", cursor + 1, kBands);
+}
+
+}  // namespace
+
+Procedure::Procedure(const optics::Rig& rig, double distance_mm, Doubts doubts)
+    : first_(checked(rig, distance_mm)),
+      doubts_(doubts),
+      questions_(rig, distance_mm),
+      start_(first_state(first_)),
+      state_(start_) {}
 
 // --- keys -------------------------------------------------------------------------------------
 
@@ -57,21 +80,32 @@ double Procedure::presses_of(const KeyPress& press) const {
 }
 
 void Procedure::press_arrow(const KeyPress& press) {
-  const double presses = presses_of(press);
-  switch (press.key) {
-    case Key::Left:
-      return move_across(-presses);
-    case Key::Right:
-      return move_across(presses);
-    case Key::Up:
-      return move_upward(presses);
-    case Key::Down:
-      return move_upward(-presses);
-    case Key::SlantLess:
-      return turn_lenses(-presses);
-    default:
-      return turn_lenses(presses);
+  if (state_.step == Step::Prepare || state_.step == Step::Save) {
+    note_ = "this key does nothing here";
+    return;
   }
+  const bool less = press.key == Key::Left || press.key == Key::Down || press.key == Key::SlantLess;
+  const bool across = press.key == Key::Left || press.key == Key::Right;
+  const double presses = less ? -presses_of(press) : presses_of(press);
+  State state = state_;
+  if (press.key == Key::SlantLess || press.key == Key::SlantMore) {
+    change_slant(state, presses, first_);
+  } else if (across && state.step == Step::GapByFlips) {
+    change_spacing(state, presses, first_);
+  } else if (across && state.step == Step::GapByDistance) {
+    if (!change_second_distance(state, presses, first_)) {
+      note_ = "too near to the first distance, or behind the panel";
+      return;
+    }
+  } else if (across) {
+    state.sheet.effective_offset_lenses += presses * kOffsetStepLenses;
+  } else if (state.step == Step::GapByDistance) {
+    change_second_pitch(state, presses, first_);
+  } else {
+    state.sheet.effective_pitch_subpx *= 1.0 + presses * kPitchStep;
+    predict_second(state, first_);
+  }
+  change_to(state);
 }
 
 void Procedure::press_control(Key key) {
@@ -124,79 +158,17 @@ void Procedure::press_control(Key key) {
   }
 }
 
-void Procedure::move_across(double presses) {
-  State state = state_;
-  switch (state_.step) {
-    case Step::Prepare:
-    case Step::RoughPitch:
-    case Step::Save:
-      note_ = "left and right do nothing here";
-      return;
-    case Step::Slant:
-      return turn_lenses(presses);
-    case Step::GapByFlips:
-      change_spacing(state, presses, first_);
-      break;
-    case Step::GapByDistance:
-      if (!change_second_distance(state, presses, first_)) {
-        note_ = "too near to the first distance, or behind the panel";
-        return;
-      }
-      break;
-    default:
-      state.sheet.effective_offset_lenses += presses * kOffsetStepLenses;
-  }
-  change_to(state);
-}
-
-/// Returns the bands that the mark moves: one, or five with shift.
-int Procedure::bands_of(double presses) const {
-  const int bands = std::max(1, static_cast<int>(std::abs(presses) / 2.0));
-  return presses > 0.0 ? bands : -bands;
-}
-
-void Procedure::move_upward(double presses) {
-  State state = state_;
-  switch (state_.step) {
-    case Step::Prepare:
-    case Step::Save:
-      note_ = "up and down do nothing here";
-      return;
-    case Step::RoughPitch: {
-      // The bands' pitches grow downward, but the "up" key moves up on the panel.
-      state.cursor = std::clamp(state.cursor - bands_of(presses), 0, kBands - 1);
-      break;
-    }
-    case Step::GapByDistance:
-      change_second_pitch(state, presses, first_);
-      break;
-    default:
-      state.sheet.effective_pitch_subpx *= 1.0 + presses * kPitchStep;
-      predict_second(state, first_);
-  }
-  change_to(state);
-}
-
-void Procedure::turn_lenses(double presses) {
-  if (state_.step < Step::Slant || state_.step == Step::Save) {
-    note_ = "the slant can be changed after the rough pitch";
-    return;
-  }
-  State state = state_;
-  change_slant(state, presses, first_);
-  change_to(state);
-}
-
 // --- questions --------------------------------------------------------------------------------
 
 bool Procedure::is_asking() const {
-  return questions_ && state_.step >= Step::RoughPitch && state_.step <= Step::Pitch;
+  return state_.step >= Step::RoughPitch && state_.step <= Step::Ladders;
 }
 
 /// Handles the keys that have another meaning while charts are questions; returns false for all
 /// others.
 bool Procedure::press_question(const KeyPress& press) {
-  const int bands = bands_of(presses_of(press));
+  // One, or five with shift.
+  const int bands = std::max(1, static_cast<int>(presses_of(press) / 2.0));
   switch (press.key) {
     case Key::Left:
     case Key::Up:
@@ -207,11 +179,11 @@ bool Procedure::press_question(const KeyPress& press) {
       move_mark(bands);
       return true;
     case Key::Next:
-      questions_->is_done() ? finish_questions() : take_answer();
+      questions_.is_done() ? finish_questions() : take_answer();
       return true;
     case Key::Back:
     case Key::Undo:
-      if (questions_->undo()) {
+      if (questions_.undo()) {
         show_question();
         note_ = "the last answer is forgotten";
       } else {
@@ -219,7 +191,7 @@ bool Procedure::press_question(const KeyPress& press) {
       }
       return true;
     case Key::Restore:
-      questions_.emplace(first_.rig, first_.distance_mm);
+      questions_ = Questions(first_.rig, first_.distance_mm);
       show_question();
       note_ = "all answers are forgotten";
       return true;
@@ -237,32 +209,32 @@ bool Procedure::press_question(const KeyPress& press) {
 
 /// Moves the mark; one place beyond either end it says that no band fits.
 void Procedure::move_mark(int bands) {
-  state_.cursor = std::clamp(state_.cursor + bands, -1, kBands);
-  if (state_.cursor < 0 || state_.cursor == kBands) note_ = "ENTER: none of them";
+  cursor_ = std::clamp(cursor_ + bands, -1, kBands);
+  if (cursor_ < 0 || cursor_ == kBands) note_ = "ENTER: none of them";
 }
 
 void Procedure::take_answer() {
-  const bool fits = questions_->answer(state_.cursor);
+  const bool fits = questions_.answer(cursor_);
   show_question();
   if (!fits) note_ = "this does not fit an earlier answer; please look once more";
-  if (questions_->is_done()) finish_questions();
+  if (questions_.is_done()) finish_questions();
 }
 
 /// Shows the next question with the mark in the middle.
 void Procedure::show_question() {
-  state_.sheet = questions_->values();
-  state_.cursor = kBands / 2;
-  if (questions_->is_done()) return;
-  const ChartPattern pattern = questions_->question().pattern;
+  state_.sheet = questions_.values();
+  cursor_ = kBands / 2;
+  if (questions_.is_done()) return;
+  const ChartPattern pattern = questions_.question().pattern;
   state_.step = pattern == ChartPattern::Bands        ? Step::RoughPitch
                 : pattern == ChartPattern::SlantBands ? Step::Slant
-                                                      : Step::Pitch;
+                                                      : Step::Ladders;
 }
 
 /// Goes on with the sheet of the answers. A change of the sheet by hand can be undone from here on;
 /// backspace returns to the answers.
 void Procedure::finish_questions() {
-  state_.sheet = questions_->values();
+  state_.sheet = questions_.values();
   if (!is_settled()) return;
   predict_second(state_, first_);
   history_.clear();
@@ -274,11 +246,11 @@ void Procedure::finish_questions() {
 std::string Procedure::doubt() const {
   const Limits limits = doubts_ == Doubts::Ask ? kSurprising : kImplausible;
   std::string doubt = doubt_of(first_.rig, start_.sheet, state_.sheet, limits);
-  if (doubt.empty() && is_asking() && questions_->misfit() > kMostMisfitLenses)
+  if (doubt.empty() && is_asking() && questions_.misfit() > kMostMisfitLenses)
     doubt = fmt::format(
         "the seven ladders are up to {:.2f} lens from one plane: an answer is wrong, or the sheet "
         "is not flat",
-        questions_->misfit());
+        questions_.misfit());
   return doubt;
 }
 
@@ -300,23 +272,14 @@ bool Procedure::is_settled() {
 }
 
 void Procedure::next() {
-  const bool is_last_of_value = state_.step == Step::Pitch || state_.step == Step::Slant ||
-                                state_.step == Step::GapByFlips ||
+  const bool is_last_of_value = state_.step == Step::GapByFlips ||
                                 state_.step == Step::GapByDistance || state_.step == Step::Save;
   if (is_last_of_value && !is_settled()) return;
   if (state_.step == Step::Save) {
     status_ = Status::Saved;
     return;
   }
-  if (state_.step == Step::RoughPitch) return take_marked_band();
   enter(static_cast<Step>(static_cast<int>(state_.step) + 1));
-}
-
-/// Takes the marked band's pitch; then repeats the choice among pitches ten times as close.
-void Procedure::take_marked_band() {
-  State state = state_;
-  const bool again = take_band(state, first_);
-  if (change_to(state) && !again) enter(Step::Slant);
 }
 
 void Procedure::enter(Step step) {
@@ -350,26 +313,34 @@ double Procedure::eye_distance_mm() const {
 
 ChartPattern Procedure::pattern() const {
   if (is_asking())
-    return questions_->is_done() ? ChartPattern::TwoViews : questions_->question().pattern;
-  return pattern_of_step(state_.step, other_pattern_);
+    return questions_.is_done() ? ChartPattern::TwoViews : questions_.question().pattern;
+  switch (state_.step) {
+    case Step::Prepare:
+      return ChartPattern::PixelLines;
+    case Step::GapByDistance:
+      return other_pattern_ ? ChartPattern::TwoViews : ChartPattern::Comb;
+    case Step::Offset:
+    case Step::Check:
+    case Step::GapByFlips:
+      return other_pattern_ ? ChartPattern::Comb : ChartPattern::TwoViews;
+    default:
+      return other_pattern_ ? ChartPattern::TwoViews : ChartPattern::NumberedViews;
+  }
 }
 
 Chart Procedure::chart() const {
   Chart chart{.pattern = pattern(),
               .rig = rig_seen_from(shows_old_ ? first_.rig : rig(), eye_distance_mm()),
-              .band_reach = state_.band_reach,
-              .cursor = state_.cursor,
-              .lens_lines = state_.step == Step::Slant,
+              .cursor = cursor_,
               .magnifier = magnifier_,
               .words = {}};
-  if (is_asking() && !questions_->is_done()) {
-    const Question question = questions_->question();
+  if (is_asking() && !questions_.is_done()) {
+    const Question question = questions_.question();
     const optics::Rig rig = with_sheet_values(first_.rig, question.sheet, first_.distance_mm);
     chart.rig = rig_seen_from(rig, first_.distance_mm);
     chart.band_reach = question.reach;
     chart.ladder_x = question.ladder_x;
     chart.ladder_y = question.ladder_y;
-    chart.lens_lines = false;
     chart.words_on_top = question.ladder_y > 0.0;
   }
   if (!words_) return chart;
@@ -380,18 +351,15 @@ Chart Procedure::chart() const {
 }
 
 Guide Procedure::guide() const {
-  if (is_asking()) return guide_of_question(state_.step, pattern());
-  return guide_of(state_.step, first_.distance_mm, state_.second_distance_mm);
+  return guide_of(state_.step, is_asking() && questions_.is_done(), first_.distance_mm,
+                  state_.second_distance_mm);
 }
 
 std::string Procedure::numbers() const {
   std::string text =
       (shows_old_ ? "old: " : "") + sheet_numbers(shows_old_ ? start_ : state_, first_);
   if (is_asking())
-    text =
-        fmt::format("answer {}: {}; {}", questions_->answers() + 1, mark_text(state_.cursor), text);
-  else if (state_.step == Step::RoughPitch)
-    text += "; " + mark_text(state_.cursor);
+    text = fmt::format("answer {}: {}; {}", questions_.answers() + 1, mark_text(cursor_), text);
   if (state_.step == Step::GapByFlips)
     text += fmt::format("; from red to red {:.1f} mm", state_.spacing_mm);
   if (state_.step == Step::GapByDistance)

@@ -2,13 +2,12 @@
 // Procedure is calibration by eye as a state machine: keys are the input, the chart and its text
 // are the output. The state machine itself does not display, read or wait.
 //
-// The order of steps matters. A wrong slant rotates every fringe that a wrong pitch makes, so the
-// slant comes before the pitch, and an offset has no meaning before both. In every task the user
-// makes two sides look alike; the user never has to estimate a number.
+// Answers to questions determine pitch, slant and offset. The later steps check these values,
+// correct them and find the gap: in each the user makes two sides look alike, and never has to
+// estimate a number.
 #pragma once
 
 #include <cstddef>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -40,20 +39,13 @@ enum class Doubts {
   Accept,
 };
 
-/// Way selects how the procedure finds pitch, slant and offset.
-enum class Way {
-  Keys,       ///< the user changes the values until the charts look right
-  Questions,  ///< the user answers questions; wrong answers are found and asked again
-};
-
 class Procedure {
  public:
   enum class Status { Running, Saved, Left, Refused };
 
   /// Starts with the user's eye `distance_mm` in front of the panel, on the rig's viewing height.
   /// Throws Error(Usage) for a distance from which this rig cannot be viewed.
-  Procedure(const optics::Rig& rig, double distance_mm, Doubts doubts = Doubts::Ask,
-            Way way = Way::Keys);
+  Procedure(const optics::Rig& rig, double distance_mm, Doubts doubts = Doubts::Ask);
 
   void press(const KeyPress& press);
 
@@ -78,8 +70,7 @@ class Procedure {
   [[nodiscard]] bool gap_was_found() const { return state_.gap_found; }
   /// Returns the reason why the value of this step is implausible; empty if it is plausible.
   [[nodiscard]] std::string doubt() const;
-  /// Returns the questions and answers of Way::Questions.
-  [[nodiscard]] const std::optional<Questions>& questions() const { return questions_; }
+  [[nodiscard]] const Questions& questions() const { return questions_; }
   /// Returns true while charts are questions: arrows move the mark and enter answers.
   [[nodiscard]] bool is_asking() const;
 
@@ -91,16 +82,11 @@ class Procedure {
   void take_answer();
   void finish_questions();
   void show_question();
-  [[nodiscard]] int bands_of(double presses) const;
   void press_arrow(const KeyPress& press);
   void press_control(Key key);
-  void move_across(double presses);
-  void move_upward(double presses);
-  void turn_lenses(double presses);
 
   void next();
   [[nodiscard]] bool is_settled();
-  void take_marked_band();
   void enter(Step step);
   /// Saves the old state for undo and sets the new one, unless the new state gives no valid rig.
   bool change_to(const State& state);
@@ -110,10 +96,11 @@ class Procedure {
 
   FirstLook first_;
   Doubts doubts_;
-  std::optional<Questions> questions_;
+  Questions questions_;
   std::string asked_;  ///< the doubt that the last press of enter reported
   State start_;
   State state_;
+  int cursor_ = 0;  ///< the marked band of a question
   UndoHistory history_;
   int coarseness_ = 0;  ///< powers of ten
   bool shows_old_ = false;
@@ -124,9 +111,9 @@ class Procedure {
   std::string note_;
 };
 
-/// Returns the text of a step; implemented in guide.cpp.
-[[nodiscard]] Guide guide_of(Step step, double distance_mm, double second_distance_mm);
-/// Returns the text of a question; `step` is its step in the title.
-[[nodiscard]] Guide guide_of_question(Step step, ChartPattern pattern);
+/// Returns the text of a step, or with `is_answered` the text after the last question; implemented
+/// in guide.cpp.
+[[nodiscard]] Guide guide_of(Step step, bool is_answered, double distance_mm,
+                             double second_distance_mm);
 
 }  // namespace lenticule::calib

@@ -4,13 +4,9 @@
 #include <algorithm>
 #include <numbers>
 
-#include "frames/charts/chart.h"
-
 namespace lenticule::calib {
 namespace {
 
-constexpr double kFirstReach = 0.1;
-constexpr double kSecondReach = 0.01;
 /// Two distances with a smaller ratio do not determine the gap.
 constexpr double kLeastDistanceRatio = 1.05;
 constexpr double kFirstSecondDistance = 1.5;
@@ -30,8 +26,6 @@ double gap_of_pitches(const ProcedureState& state, const FirstLook& first) {
 ProcedureState first_state(const FirstLook& first) {
   ProcedureState state;
   state.sheet = sheet_values(first.rig, first.distance_mm);
-  state.band_reach = kFirstReach;
-  state.cursor = frames::kBands / 2;
   state.spacing_mm = spacing_of_gap(first.rig, state.sheet, first.distance_mm);
   state.second_distance_mm = kFirstSecondDistance * first.distance_mm;
   predict_second(state, first);
@@ -44,15 +38,11 @@ optics::Rig rig_of(const ProcedureState& state, const FirstLook& first) {
 
 std::string problem_of(const ProcedureState& state, const FirstLook& first) {
   const optics::Rig rig = rig_of(state, first);
-  for (const double reach : {-state.band_reach, 0.0, state.band_reach}) {
-    optics::Rig seen = rig_seen_from(rig, first.distance_mm);
-    seen.sheet.pitch = seen.sheet.pitch * (1.0 + (state.step == Step::RoughPitch ? reach : 0.0));
+  for (const optics::Rig& seen :
+       {rig_seen_from(rig, first.distance_mm), rig, rig_seen_from(rig, state.second_distance_mm)})
     if (const auto problem = optics::find_problem(seen))
       return problem->key + ": " + problem->cause;
-  }
-  if (const auto problem = optics::find_problem(rig)) return problem->key + ": " + problem->cause;
-  const auto problem = optics::find_problem(rig_seen_from(rig, state.second_distance_mm));
-  return problem ? problem->key + ": " + problem->cause : std::string();
+  return "";
 }
 
 void predict_second(ProcedureState& state, const FirstLook& first) {
@@ -98,15 +88,6 @@ void change_second_pitch(ProcedureState& state, double presses, const FirstLook&
 void turn_eyes(ProcedureState& state) {
   const double offset = state.sheet.effective_offset_lenses;
   state.sheet.effective_offset_lenses = offset > 0.0 ? offset - 0.5 : offset + 0.5;
-}
-
-bool take_band(ProcedureState& state, const FirstLook& first) {
-  state.sheet.effective_pitch_subpx *= frames::band_scale(state.cursor, state.band_reach);
-  const bool last = state.band_reach <= kSecondReach;
-  state.band_reach = kSecondReach;
-  state.cursor = frames::kBands / 2;
-  predict_second(state, first);
-  return !last;
 }
 
 }  // namespace lenticule::calib

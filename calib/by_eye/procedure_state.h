@@ -13,9 +13,9 @@ namespace lenticule::calib {
 
 enum class Step {
   Prepare,        ///< distance, warm panel, unchanged pixels
-  RoughPitch,     ///< the best band, twice
-  Slant,          ///< fringes along the lenses
-  Pitch,          ///< fringes that widen until one fills the panel
+  RoughPitch,     ///< questions: bands of different pitch
+  Slant,          ///< questions: columns of different slant
+  Ladders,        ///< questions: ladders, for pitch, slant and offset
   Offset,         ///< left eye red, right eye green
   Check,          ///< edges against centre, all keys at once
   GapByFlips,     ///< distance between positions with equal pictures
@@ -36,8 +36,6 @@ inline constexpr double kDistanceStepMm = 10.0;
 struct ProcedureState {
   Step step = Step::Prepare;
   SheetValues sheet;
-  double band_reach = 0.0;
-  int cursor = 0;
   double spacing_mm = 0.0;
   double second_distance_mm = 0.0;
   double second_pitch_subpx = 0.0;
@@ -58,7 +56,7 @@ struct FirstLook {
 [[nodiscard]] optics::Rig rig_of(const ProcedureState& state, const FirstLook& first);
 
 /// Returns the problem of a state; empty if there is none. The rig must be valid at its viewing
-/// line and at every eye position of the procedure, and so must every band of the band chart.
+/// line and at every eye position of the procedure.
 [[nodiscard]] std::string problem_of(const ProcedureState& state, const FirstLook& first);
 
 /// Predicts the pitch from the second distance from pitch and gap, unless the user has set it. A
@@ -75,8 +73,5 @@ void change_spacing(ProcedureState& state, double presses, const FirstLook& firs
 void change_second_pitch(ProcedureState& state, double presses, const FirstLook& first);
 /// Swaps left and right eye by a shift of half a lens.
 void turn_eyes(ProcedureState& state);
-/// Takes the marked band's pitch, and narrows the bands. Returns false if there are no narrower
-/// ones.
-[[nodiscard]] bool take_band(ProcedureState& state, const FirstLook& first);
 
 }  // namespace lenticule::calib

@@ -40,8 +40,6 @@ struct Chart {
   /// Ladder: the middle of the window, in panels from the panel's centre; x right, y down.
   double ladder_x = 0.0;
   double ladder_y = 0.0;
-  /// Comb: blue lines along the lenses, with the rig's slant.
-  bool lens_lines = false;
   bool magnifier = false;
   std::vector<std::string> words =
       {};  ///< one paragraph each, in a box at the bottom; empty = none

@@ -32,8 +32,6 @@ constexpr size_t kRed = 0, kGreen = 1;
 constexpr double kCombHalfWidth = 0.125;
 /// A detail that must look like one thing through the sheet covers this many lenses across.
 constexpr double kLensesPerDot = 2.0;
-constexpr double kLensesPerLine = 3.0;
-constexpr int kLensLines = 5;
 constexpr int kNumbersAcross = 5;
 /// Subpixels of one colour are three apart: narrower views would show their neighbours' numbers.
 constexpr int kSubpixelsPerNumber = 2;
@@ -128,7 +126,6 @@ struct ChartPainter::Prepared {
   void two_view_row(const std::vector<double>& phase, uint8_t* row, int begin, int end) const;
   void number_row(const std::vector<double>& phase, int j, uint8_t* row) const;
   void line_row(int j, uint8_t* row) const;
-  void lens_line_row(int j, uint8_t* row) const;
   void magnify(WovenFrame& frame) const;
 
   Chart chart;
@@ -232,20 +229,6 @@ void ChartPainter::Prepared::line_row(int j, uint8_t* row) const {
   for (int i = 0; i < width; ++i) row[3 * i + (i < width / 2 ? i : j) % 3] = kLit;
 }
 
-/// Draws the line alike for every view, so that it is visible from anywhere.
-void ChartPainter::Prepared::lens_line_row(int j, uint8_t* row) const {
-  const optics::Panel& panel = chart.rig.panel;
-  const int half = std::max(1, static_cast<int>(0.5 * kLensesPerLine * lens_px(chart.rig)));
-  const double left = chart.rig.sheet.slant * (j + 0.5 - panel.height_px / 2.0);
-  for (int line = 0; line < kLensLines; ++line) {
-    const double x = panel.width_px * (line + 0.5) / kLensLines - left;
-    if (!(x > -half && x < panel.width_px + half)) continue;
-    const int end = std::min(panel.width_px, static_cast<int>(x) + half + 1);
-    for (int i = std::max(0, static_cast<int>(x) - half); i < end; ++i)
-      std::copy(kBlue.begin(), kBlue.end(), row + 3 * i);
-  }
-}
-
 ChartPainter::ChartPainter(const Chart& chart)
     : prepared_(std::make_unique<const Prepared>(chart)) {}
 ChartPainter::~ChartPainter() = default;
@@ -281,7 +264,6 @@ void ChartPainter::paint_rows(int begin, int end, WovenFrame& frame) const {
         break;
       default:
         p.comb_row(phase, row);
-        if (p.chart.lens_lines) p.lens_line_row(j, row);
     }
   }
 }

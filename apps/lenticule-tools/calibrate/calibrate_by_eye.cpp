@@ -42,18 +42,18 @@ constexpr display::Nanoseconds kShowTimeout = std::chrono::seconds(10);
 constexpr display::Nanoseconds kNap = kEscapePause;
 
 constexpr const char* kKeys =
-    "With --questions you mark the best of 25 bands, columns or rungs and press enter, some 25\n"
-    "times. Wrong answers are found, and their charts come again. With --no-questions you change\n"
-    "the values.\n"
+    "You mark the best of 25 bands, columns or rungs and press enter, some 25 times. Charts with\n"
+    "wrong answers come again. Then you check the values, and may change them.\n"
     "Keys:\n"
-    "  arrows, or h j k l        what the step asks for; [ and ] change the slant\n"
-    "  shift, capital H J K L    ten times as far, like page up and page down\n"
+    "  arrows, or h j k l        move the mark; later what the step asks for\n"
+    "  [ and ]                   change the slant\n"
+    "  shift, capital H J K L    five bands, ten times as far; like page up and page down\n"
     "  ctrl                      a tenth as far\n"
     "  + and -                   make all steps ten times larger or smaller\n"
     "  enter, backspace          next step, previous step\n"
-    "  u, r                      undo, redo\n"
+    "  u, r                      forget the last answer; undo, redo\n"
     "  space                     show the old rig, show the new one\n"
-    "  escape                    return to the values of the start\n"
+    "  escape                    forget all answers; return to the values of the start\n"
     "  i                         swap left and right eye\n"
     "  f, m, t                   other pattern, magnifier, texts on the panel\n"
     "  q                         leave without saving\n"
@@ -72,8 +72,6 @@ struct ByEyeFlags {
   std::optional<double> distance_mm;
   bool allow_inexact = false;
   bool insist = false;
-  bool questions = false;
-  bool no_questions = false;
   bool json = false;
 };
 
@@ -141,7 +139,7 @@ class ByEyeRun {
       : flags_(flags),
         rig_(optics::load_trimmed_rig(flags.rig)),
         keys_(open_key_input(flags.keys)),
-        procedure_(rig_, distance_of(flags, rig_), doubts(), way()),
+        procedure_(rig_, distance_of(flags, rig_), doubts()),
         request_(display_request(flags, rig_)),
         display_(display::open_display(request_)),
         sink_(*display_) {}
@@ -170,12 +168,6 @@ class ByEyeRun {
   [[nodiscard]] calib::Doubts doubts() const {
     if (flags_.insist) return calib::Doubts::Accept;
     return keys_->is_person() ? calib::Doubts::Ask : calib::Doubts::Refuse;
-  }
-
-  /// Returns how to find the sheet. Scripts from before the questions change the values.
-  [[nodiscard]] calib::Way way() const {
-    const bool ask = flags_.questions || (keys_->is_person() && !flags_.no_questions);
-    return ask ? calib::Way::Questions : calib::Way::Keys;
   }
 
   void press(const std::vector<KeyPress>& presses) {
@@ -275,11 +267,10 @@ class ByEyeRun {
   }
 
   [[nodiscard]] json report_of_questions() const {
-    const std::optional<calib::Questions>& questions = procedure_.questions();
-    if (!questions) return {};
-    return {{"answers", questions->answers()},
-            {"contradictions", questions->contradictions()},
-            {"misfit_lenses", questions->misfit()}};
+    const calib::Questions& questions = procedure_.questions();
+    return {{"answers", questions.answers()},
+            {"contradictions", questions.contradictions()},
+            {"misfit_lenses", questions.misfit()}};
   }
 
   void print_text(const optics::Rig& rig, bool saved, const std::string& kept) const {
@@ -337,10 +328,6 @@ CalibrateWay declare_calibrate_by_eye(CLI::App& app) {
                   "with virtual: record the charts: checksums:FILE or png:FOLDER")
       ->type_name("KIND:PATH");
   way->add_flag("--insist", flags->insist, "accept implausible values without asking");
-  CLI::Option* questions =
-      way->add_flag("--questions", flags->questions, "answer questions, as at a terminal");
-  way->add_flag("--no-questions", flags->no_questions, "change the values, as in scripts")
-      ->excludes(questions);
   way->add_flag("--json", flags->json, "print the result as JSON");
   return {.app = way, .run = [flags] {
             flags->rig = choose_rig({.given = flags->rig, .display = flags->display}).file;

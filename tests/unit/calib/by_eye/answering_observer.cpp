@@ -48,7 +48,7 @@ AnsweringObserver::AnsweringObserver(const optics::Rig& ground_truth, Procedure&
 int AnsweringObserver::answer(int most) {
   int answers = 0;
   while (procedure_.is_asking() && procedure_.status() == Procedure::Status::Running &&
-         !procedure_.questions()->is_done() && answers < most) {
+         !procedure_.questions().is_done() && answers < most) {
     const int right = right_answer();
     const bool is_wrong = draw(1000) < static_cast<int>(1000.0 * eyesight_.wrong_share);
     mark_and_enter(is_wrong ? wrong_answer(right) : right);

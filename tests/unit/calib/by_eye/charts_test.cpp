@@ -278,7 +278,6 @@ TEST(Charts, DrawsTinyAndUnusualPanels) {
                                                    .rig = rig,
                                                    .band_reach = 0.1,
                                                    .cursor = 24,
-                                                   .lens_lines = true,
                                                    .magnifier = true,
                                                    .words = {"words", ""}});
       EXPECT_EQ(frame.width(), width);

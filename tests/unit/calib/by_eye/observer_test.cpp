@@ -5,7 +5,6 @@
 
 #include <cmath>
 #include <numbers>
-#include <ostream>
 
 #include "optics/effective_sheet.h"
 #include "optics/rig_file.h"
@@ -15,7 +14,6 @@ namespace lenticule::calib::test {
 namespace {
 
 struct Case {
-  const char* name;
   double pitch_subpx;
   double slant;
   double offset_lenses;
@@ -25,10 +23,6 @@ struct Case {
   double slant_error_degrees;
   double gap_error;
 };
-
-std::ostream& operator<<(std::ostream& out, const Case& c) {
-  return out << c.name;
-}
 
 /// Returns a rig of 4K at 27 inches with as many lenses as a real panel.
 optics::Rig true_rig(const Case& c) {
@@ -55,8 +49,6 @@ double degrees(double slant) {
   return std::atan(slant) * 180.0 / std::numbers::pi;
 }
 
-class ByEye : public testing::TestWithParam<Case> {};
-
 void expect_near(const SheetValues& found, const SheetValues& wanted) {
   EXPECT_NEAR(found.effective_pitch_subpx / wanted.effective_pitch_subpx, 1.0, 3e-5);
   EXPECT_NEAR(degrees(found.slant), degrees(wanted.slant), 0.01);
@@ -65,56 +57,24 @@ void expect_near(const SheetValues& found, const SheetValues& wanted) {
       0.0, 0.02);
 }
 
-TEST_P(ByEye, FindsTheSheet) {
-  const Case& c = GetParam();
-  const optics::Rig ground_truth = true_rig(c);
-  Procedure procedure(wrong_rig(c), c.distance_mm);
-  ScriptedObserver observer(ground_truth, procedure);
-  observer.find_sheet();
-  ASSERT_EQ(procedure.step(), Step::Check);
-
-  const SheetValues wanted = sheet_values(ground_truth, c.distance_mm);
-  const SheetValues found = sheet_values(procedure.rig(), c.distance_mm);
-  expect_near(found, wanted);
-  RecordProperty("glimpses", observer.glimpses());
-  RecordProperty(
-      "pitch_error_1e_9",
-      static_cast<int>(1e9 * (found.effective_pitch_subpx / wanted.effective_pitch_subpx - 1.0)));
-  RecordProperty("slant_error_1e_6_degrees",
-                 static_cast<int>(1e6 * (degrees(found.slant) - degrees(wanted.slant))));
-  RecordProperty(
-      "offset_error_1e_6_lenses",
-      static_cast<int>(1e6 * optics::without_whole_lenses(found.effective_offset_lenses -
-                                                          wanted.effective_offset_lenses)));
-}
-
 /// One sheet only: each look at a whole chart takes a while.
 TEST(ByEyeQuestions, FindTheSheet) {
-  const Case c = {"other_way", 7.701, 0.2521, -0.44, 2.238, 700, -0.03, -1.0, 0.05};
+  const Case c = {7.701, 0.2521, -0.44, 2.238, 700, -0.03, -1.0, 0.05};
   const optics::Rig ground_truth = true_rig(c);
-  Procedure procedure(wrong_rig(c), c.distance_mm, Doubts::Accept, Way::Questions);
+  Procedure procedure(wrong_rig(c), c.distance_mm, Doubts::Accept);
   procedure.press({Key::Next});
   ScriptedObserver observer(ground_truth, procedure);
   observer.answer_questions();
   ASSERT_EQ(procedure.step(), Step::Offset);
-  EXPECT_LE(procedure.questions()->answers(), 30);
+  EXPECT_LE(procedure.questions().answers(), 30);
 
   const SheetValues wanted = sheet_values(ground_truth, c.distance_mm);
   const SheetValues found = sheet_values(procedure.rig(), c.distance_mm);
   expect_near(found, wanted);
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Rigs, ByEye,
-    testing::Values(Case{"kiosk", 7.701, 0.2521, 0.31, 2.238, 700, 0.03, 1.0, 0.0},
-                    Case{"other_way", 7.701, 0.2521, -0.44, 2.238, 700, -0.03, -1.0, 0.05},
-                    Case{"leans_right", 8.37, -0.1763, 0.02, 2.6, 800, 0.03, -1.0, 0.0},
-                    Case{"upright", 9.21, 0.003, 0.49, 3.1, 600, -0.021, 0.7, -0.05},
-                    Case{"coarse_lenses", 15.13, 0.31, -0.2, 5.0, 900, 0.03, 1.0, 0.0}),
-    [](const auto& test) { return test.param.name; });
-
 Case right_but_for_the_gap(double gap_error) {
-  return {"gap", 7.701, 0.2521, 0.1, 2.238, 700, 0.0, 0.0, gap_error};
+  return {7.701, 0.2521, 0.1, 2.238, 700, 0.0, 0.0, gap_error};
 }
 
 /// Returns a procedure with the sheet that looks right from the first distance.
@@ -122,7 +82,9 @@ Procedure at_gap_step(const Case& c, Step step) {
   SheetValues values = sheet_values(true_rig(c), c.distance_mm);
   values.gap_mm *= 1.0 + c.gap_error;
   Procedure procedure(with_sheet_values(true_rig(c), values, c.distance_mm), c.distance_mm);
-  for (int n = 0; n < 2 * kSteps && procedure.step() != step; ++n) procedure.press({Key::Next});
+  for (int n = 0; n < 100 && procedure.step() < Step::Offset; ++n) procedure.press({Key::Next});
+  procedure.press({Key::Restore});
+  for (int n = 0; n < kSteps && procedure.step() != step; ++n) procedure.press({Key::Next});
   return procedure;
 }
 

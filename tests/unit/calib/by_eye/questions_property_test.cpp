@@ -65,7 +65,7 @@ struct Outcome {
 
 Outcome outcome_of(const Setup& setup, const Eyesight& eyesight, uint64_t seed) {
   const double distance = setup.ground_truth.viewing.distance.value;
-  Procedure procedure(setup.start, distance, Doubts::Refuse, Way::Questions);
+  Procedure procedure(setup.start, distance, Doubts::Refuse);
   procedure.press({Key::Next});
   AnsweringObserver observer(setup.ground_truth, procedure, eyesight, seed);
   Outcome outcome;

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
-#include <limits>
 #include <numbers>
 #include <string>
 
@@ -79,7 +78,6 @@ ScriptedObserver::ScriptedObserver(const optics::Rig& ground_truth, Procedure& p
 
 /// Draws only the rows that are used.
 Glimpse ScriptedObserver::look(double x_mm, int columns, int rows) {
-  ++glimpses_;
   const optics::Rig& rig = ground_truth_.rig();
   const frames::ChartPainter painter(procedure_.chart());
   const int height = rig.panel.height_px;
@@ -134,7 +132,7 @@ void ScriptedObserver::null(const std::function<double()>& measure, double press
   }
 }
 
-// --- rough pitch ------------------------------------------------------------------------------
+// --- questions --------------------------------------------------------------------------------
 
 /// Returns the band with the fewest stripes; the middle one of several equal ones.
 int fewest_stripes(const std::vector<double>& counts) {
@@ -157,107 +155,6 @@ int ScriptedObserver::best_band() {
   }
   return fewest_stripes(counts);
 }
-
-void ScriptedObserver::choose_band() {
-  const int wanted = best_band();
-  for (int n = 0; n < frames::kBands; ++n) press(Key::Up);
-  for (int n = 0; n < wanted; ++n) press(Key::Down);
-  press(Key::Next);
-}
-
-// --- stripes ----------------------------------------------------------------------------------
-
-Stripes ScriptedObserver::stripes() {
-  constexpr int kColumns = 768, kRows = 48, kBlocks = 64;
-  constexpr double kMost = 23.0, kStep = 0.25, kFaint = 0.05;
-  const Glimpse seen = look(0.0, kColumns, kRows);
-  // Light of broad areas, less the mean, since the stripes are broad.
-  std::vector<double> light(size_t{kBlocks} * kRows);
-  for (int v = 0; v < kRows; ++v)
-    for (int u = 0; u < kColumns; ++u)
-      light[static_cast<size_t>(v * kBlocks + u * kBlocks / kColumns)] += seen.light(u, v) / 12.0;
-  take_mean_away(light);
-  Stripes best;
-  double strongest = kFaint;
-  for (double across = -kMost; across <= kMost; across += kStep) {
-    std::vector<Complex> rows(kRows);
-    for (int v = 0; v < kRows; ++v)
-      for (int u = 0; u < kBlocks; ++u)
-        rows[static_cast<size_t>(v)] +=
-            light[static_cast<size_t>(v * kBlocks + u)] * turn(across * (u + 0.5) / kBlocks);
-    for (double down = 0.0; down <= kMost; down += kStep) {
-      Complex sum = 0.0;
-      for (int v = 0; v < kRows; ++v)
-        sum += rows[static_cast<size_t>(v)] * turn(down * (v + 0.5) / kRows);
-      const double s = std::abs(sum) / static_cast<double>(light.size());
-      if (s <= strongest || std::abs(across) + down < 0.5) continue;
-      strongest = s;
-      best = {.across = across, .down = down, .seen = true};
-    }
-  }
-  return best;
-}
-
-/// Returns how far a stripe deviates from the blue lines from top to bottom, in stripes.
-void ScriptedObserver::straighten_stripes() {
-  const optics::Rig shown =
-      procedure_.chart().rig;  // shows the blue lines, which an observer can see
-  const optics::Panel& panel = shown.panel;
-  const double lines = shown.sheet.slant * panel.height_px / panel.width_px;
-  const auto wandering = [&] {
-    const Stripes s = stripes();
-    return s.seen ? std::abs(s.down - s.across * lines) : 0.0;
-  };
-  const double degrees_per_stripe =
-      shown.sheet.pitch.value / (3.0 * panel.height_px) * 180.0 / std::numbers::pi;
-  null(wandering, degrees_per_stripe / kSlantStepDegrees, Key::Right, Key::Left);
-}
-
-void ScriptedObserver::spread_stripes() {
-  const optics::Rig shown = procedure_.chart().rig;
-  const double lenses = 3.0 * shown.panel.width_px / shown.sheet.pitch.value;
-  null([&] { return std::abs(stripes().across); }, 1.0 / lenses / kPitchStep, Key::Up, Key::Down);
-}
-
-// --- colours ----------------------------------------------------------------------------------
-
-constexpr int kColourColumns = 600, kColourRows = 30;
-
-/// Balances red and green in the middle of the panel.
-void ScriptedObserver::balance_colours() {
-  const auto middle = [&] {
-    return look(0.0, kColourColumns, kColourRows).redness(0.4, 0.6, 0.4, 0.6);
-  };
-  for (int n = 0; n < 10 && std::abs(middle()) > 0.8; ++n) press(Key::Right, Stride::Coarse);
-  const double lens_per_unit = 1.5 / procedure_.chart().rig.sheet.pitch.value;
-  null(middle, lens_per_unit / kOffsetStepLenses, Key::Right, Key::Left);
-}
-
-/// Equalizes left and right, then top and bottom, then the middle, `rounds` times.
-void ScriptedObserver::even_out(int rounds) {
-  const optics::Rig shown = procedure_.chart().rig;
-  const optics::Panel& panel = shown.panel;
-  const double lens_per_unit = 1.5 / shown.sheet.pitch.value;
-  const double lenses_across = 3.0 * panel.width_px / shown.sheet.pitch.value;
-  const double degrees_per_lens =
-      shown.sheet.pitch.value / (3.0 * panel.height_px) * 180.0 / std::numbers::pi;
-  const auto sideways = [&] {
-    const Glimpse seen = look(0.0, kColourColumns, kColourRows);
-    return seen.redness(0.82, 0.98, 0.3, 0.7) - seen.redness(0.02, 0.18, 0.3, 0.7);
-  };
-  const auto upright = [&] {
-    const Glimpse seen = look(0.0, kColourColumns, kColourRows);
-    return seen.redness(0.3, 0.7, 0.8, 1.0) - seen.redness(0.3, 0.7, 0.0, 0.2);
-  };
-  for (int round = 0; round < rounds; ++round) {
-    null(sideways, lens_per_unit / (0.8 * lenses_across) / kPitchStep, Key::Up, Key::Down, 2);
-    null(upright, lens_per_unit / 0.8 * degrees_per_lens / kSlantStepDegrees, Key::SlantMore,
-         Key::SlantLess, 2);
-    balance_colours();
-  }
-}
-
-// --- questions --------------------------------------------------------------------------------
 
 int ScriptedObserver::best_column() {
   constexpr int kSamples = 8, kRows = 480;
@@ -299,7 +196,7 @@ int ScriptedObserver::turning_rung() {
 
 void ScriptedObserver::answer_questions() {
   constexpr int kMost = 60;
-  for (int n = 0; n < kMost && procedure_.is_asking() && !procedure_.questions()->is_done(); ++n) {
+  for (int n = 0; n < kMost && procedure_.is_asking() && !procedure_.questions().is_done(); ++n) {
     const frames::Chart chart = procedure_.chart();
     const int band = chart.pattern == frames::ChartPattern::Bands        ? best_band()
                      : chart.pattern == frames::ChartPattern::SlantBands ? best_column()
@@ -310,28 +207,7 @@ void ScriptedObserver::answer_questions() {
   }
 }
 
-// --- whole procedure --------------------------------------------------------------------------
-
-void ScriptedObserver::find_sheet() {
-  press(Key::Next);
-  choose_band();
-  choose_band();
-  straighten_stripes();
-  press(Key::Next);
-  spread_stripes();
-  press(Key::OtherPattern);
-  balance_colours();
-  even_out(1);
-  press(Key::Next);
-  constexpr double kHalfEyesMm = 20.0;
-  const auto at_middle = [&](double x_mm) {
-    return look(x_mm, kColourColumns, kColourRows).redness(0.4, 0.6, 0.4, 0.6);
-  };
-  if (at_middle(-kHalfEyesMm) < at_middle(kHalfEyesMm)) press(Key::SwapEyes);
-  balance_colours();
-  press(Key::Next);
-  even_out(3);
-}
+// --- gap --------------------------------------------------------------------------------------
 
 /// Returns the place where the middle turns from red to green.
 double ScriptedObserver::crossing(double from_mm, double to_mm) {
@@ -370,7 +246,7 @@ void ScriptedObserver::find_gap_by_distance() {
   const double lens_per_unit = 1.5 / shown.sheet.pitch.value;
   const double lenses_across = 3.0 * shown.panel.width_px / shown.sheet.pitch.value;
   const auto sideways = [&] {
-    const Glimpse seen = look(0.0, kColourColumns, kColourRows);
+    const Glimpse seen = look(0.0, 600, 30);
     return seen.redness(0.82, 0.98, 0.3, 0.7) - seen.redness(0.02, 0.18, 0.3, 0.7);
   };
   null(sideways, lens_per_unit / (0.8 * lenses_across) / kPitchStep, Key::Up, Key::Down, 6);

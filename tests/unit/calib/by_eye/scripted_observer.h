@@ -25,53 +25,35 @@ struct Glimpse {
   [[nodiscard]] double redness(double x0, double x1, double y0, double y1) const;
 };
 
-/// Stripes as cycles over the whole width and height. An observer cannot see their direction of
-/// motion, so the sign of the pair has no meaning.
-struct Stripes {
-  double across = 0.0;
-  double down = 0.0;
-  bool seen = false;  ///< false if the picture is even
-};
-
 class ScriptedObserver {
  public:
   ScriptedObserver(const optics::Rig& ground_truth, Procedure& procedure);
 
-  /// Runs all steps from Prepare to the end of Check.
-  void find_sheet();
-  /// Answers all questions of Way::Questions.
+  /// Answers all questions.
   void answer_questions();
   void find_gap_by_flips();
   void find_gap_by_distance();
   void press(Key key, Stride stride = Stride::Normal) { procedure_.press({key, stride}); }
-  [[nodiscard]] int glimpses() const { return glimpses_; }
 
   /// Returns the procedure's chart as seen from (x, 0) at the distance that the procedure requests.
   [[nodiscard]] Glimpse look(double x_mm, int columns, int rows);
 
  private:
-  void choose_band();
   [[nodiscard]] int best_band();
   [[nodiscard]] int best_column();
   [[nodiscard]] int turning_rung();
-  void straighten_stripes();
-  void spread_stripes();
-  void balance_colours();
-  void even_out(int rounds);
-  [[nodiscard]] Stripes stripes();
   [[nodiscard]] double crossing(double from_mm, double to_mm);
 
   /// Presses `more` or `less` until the measure is nearly 0, and finds out by trying which of both
   /// helps. `presses_per_unit`: presses of the normal stride for a measure of 1.
   void null(const std::function<double()>& measure, double presses_per_unit, Key more, Key less,
-            int rounds = 5);
+            int rounds);
   /// Presses keys for `presses` strides, in tenths of the normal stride.
   void press_often(double presses, Key more, Key less);
 
   optics::OpticalModel ground_truth_;
   Procedure& procedure_;
   frames::WovenFrame frame_;
-  int glimpses_ = 0;
 };
 
 }  // namespace lenticule::calib::test
