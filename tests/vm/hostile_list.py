@@ -270,8 +270,7 @@ class HostileList:
     def _no_files(self):
         kind = "not a file that can be read"
         for name, command in {
-                "folder.png": "mkdir", "pipe.png": "mkfifo", "pipe.lts": "mkfifo",
-                "pipe.mkv": "mkfifo", "folder.lts": "mkdir", "folder.mkv": "mkdir",
+                "pipe.png": "mkfifo", "pipe.lts": "mkfifo", "pipe.mkv": "mkfifo",
                 "zeros.png": "ln -s /dev/zero", "dangling.png": "ln -s nowhere",
                 "circle.png": "ln -s circle.png", "process.png": "ln -s /proc/self/mem"}.items():
             self._script.append(f"{command} {name}")
