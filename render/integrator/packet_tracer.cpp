@@ -5,8 +5,10 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <limits>
 
 #include "base/error.h"
+#include "frames/srgb.h"
 #include "render/accel/embree_packets.h"
 #include "render/accel/lane_masks.h"
 #include "render/integrator/depth_notes.h"
@@ -68,6 +70,10 @@ constexpr Weights all_of(float weight) {
 }
 constexpr Weights kWhole = all_of(1.0F);
 
+uint8_t code_of_light(float light) {
+  return frames::code_from_linear(double{light});
+}
+
 }  // namespace
 
 struct PacketTracer::Generation {
@@ -103,6 +109,9 @@ PacketTracer::PacketTracer(const RenderOptions& options)
       soft_(options.soft, options.isa),
       culling_(options, soft_),
       is_soft_(options.soft.any()),
+      // The light from a sampled environment has no upper bound, so weak rays cannot be skipped.
+      skip_weak_(options.skip_weak_rays && options.samples == 1 &&
+                 options.soft.environment_samples == 0),
       primary_(kFewPackets),
       generations_(static_cast<size_t>(options.max_depth) + 1),
       clock_(options.measure_work) {
@@ -291,6 +300,23 @@ SoftPacket PacketTracer::soft_packet(const Scene& scene, size_t depth) const {
           .noticed = accurate ? 0.0F : tolerated_};
 }
 
+/// Called when lanes_.light holds all light of a subpixel except that of the mirrored rays, so that
+/// the missing light lies between zero and the brightest light that the scene can send.
+void PacketTracer::leave_out_weak(const Scene& scene, NewRays& rays, size_t depth) {
+  const int generations = static_cast<int>(generations_.size() - depth) - 2;
+  const float most = scene.shading->most_light(generations);
+  const auto code = scene.colour_managed ? code_of_light : frames::code_from_encoded;
+  constexpr float kNotWorthAsking = 1.0F / 16;
+  for (size_t r = 0; r < kPacket; ++r) {
+    const float now = lanes_.light[r];
+    const float later = now + rays.weight[r] * most;
+    const bool perhaps = rays.valid[r] != 0 && (now >= 1.0F || later - now < kNotWorthAsking);
+    if (!perhaps || code(now) != code(later)) continue;
+    rays.valid[r] = 0;
+    ++counts_.secondary_rays_too_weak;
+  }
+}
+
 void PacketTracer::leave_out_little(const NewRays& rays, int* valid) {
   if (!(tolerated_ > 0.0F)) return;
   const uint32_t left_out =
@@ -390,6 +416,8 @@ void PacketTracer::follow_mirror(const Scene& scene, const float* weight, size_t
   NewRays& rays = generation.mirrored_rays;
   if (!mirror(generation, weight)) return;
   const Coherence coherence = coherence_of(valid, generation.mirrored.rays.ray);
+  if (skip_weak_ && glass_above_ == 0 && scene.shading->light_only_adds())
+    leave_out_weak(scene, rays, depth);
   // Done before the culling queries, which are made only while they pay off.
   leave_out_little(rays, valid);
   const uint32_t open = culling_.open_mirrored(scene, generation.cells, rays, lane_bits(valid));
@@ -446,8 +474,10 @@ void PacketTracer::follow_glass(const Scene& scene, const RayPacket& packet, con
     set(generation.refracted, refracted, r, spawn_point(surface, Side::Far), on.transmit_direction,
         on.transmit_weight);
   }
+  ++glass_above_;
   leave_out_little(mirrored, generation.mirrored.valid);
   follow(scene, mirrored, generation.mirrored, Coherence::Coherent, depth, Turn::Mirrored);
+  --glass_above_;
   leave_out_little(refracted, generation.refracted.valid);
   follow(scene, refracted, generation.refracted, Coherence::Coherent, depth, Turn::Refracted);
 }

@@ -134,13 +134,17 @@ class PacketTracer {
   void trace_secondary(const Scene& scene, RayPacket& packet, Coherence coherence, size_t depth);
   /// Disables rays whose maximum contribution is below the tolerance and adds half of it.
   void leave_out_little(const shading_kernel::NewRays& rays, int* valid);
+  /// Disables mirrored rays that cannot change the code value of their subpixel.
+  void leave_out_weak(const Scene& scene, shading_kernel::NewRays& rays, size_t depth);
 
   Isa isa_;
   const shading_kernel::Kernel& kernel_;
   SoftShader soft_;
   CellCulling culling_;
   bool is_soft_;
+  bool skip_weak_;
   float tolerated_ = 0.0F;
+  int glass_above_ = 0;  ///< packets whose refracted rays are not traced yet
   std::vector<RayPacket> primary_;
   std::vector<Generation> generations_;
   Lanes lanes_;

@@ -11,6 +11,12 @@
 namespace lenticule::render {
 namespace {
 
+/// Disables weak-ray skipping if rays are summed: the test is valid for one ray per subpixel only.
+RenderOptions with_rays_that_add_up(RenderOptions options) {
+  if (options.prefilter == Prefilter::Exhaustive) options.skip_weak_rays = false;
+  return options;
+}
+
 std::vector<SubpixelPlace> places(const RenderOptions& options) {
   return options.prefilter == Prefilter::Exhaustive ? beam_samples(options.prefilter_samples)
                                                     : footprint_samples(options.samples);
@@ -19,7 +25,7 @@ std::vector<SubpixelPlace> places(const RenderOptions& options) {
 }  // namespace
 
 FullTiles::FullTiles(const optics::OpticalModel& model, const RenderOptions& options)
-    : options_(options),
+    : options_(with_rays_that_add_up(options)),
       plan_(model.rig()),
       packets_(model, plan_, options.isa),
       kernel_(shading_kernel_for(options.isa)) {

@@ -18,11 +18,13 @@ struct FrameCounts {
   uint64_t shadow_rays_culled = 0;   ///< part of shadow_rays, culled: unoccluded
   uint64_t shadow_rays_blocked = 0;  ///< part of shadow_rays, culled: occluded
   uint64_t secondary_rays = 0;
-  uint64_t secondary_rays_culled = 0;  ///< part of secondary_rays, culled: no hit
-  uint64_t rays_of_too_little = 0;     ///< not traced, see PacketTracer::tolerate()
-  uint64_t ambient_rays = 0;           ///< rays that sample occlusion and the environment
-  uint64_t ambient_rays_culled = 0;    ///< part of ambient_rays, culled: no geometry near
-  uint64_t invalid_rays = 0;           ///< non-finite rays, which are not passed to Embree
+  uint64_t secondary_rays_culled = 0;    ///< part of secondary_rays, culled: no hit
+  uint64_t secondary_rays_too_weak = 0;  ///< not traced, and not counted in secondary_rays: the
+                                         ///< light cannot change a code value
+  uint64_t rays_of_too_little = 0;       ///< not traced, see PacketTracer::tolerate()
+  uint64_t ambient_rays = 0;             ///< rays that sample occlusion and the environment
+  uint64_t ambient_rays_culled = 0;      ///< part of ambient_rays, culled: no geometry near
+  uint64_t invalid_rays = 0;             ///< non-finite rays, which are not passed to Embree
   uint64_t suspected_holes = 0;  ///< primary rays that continued past the hits of their neighbours
   uint64_t filled_holes = 0;     ///< part of suspected_holes that had slipped between triangles
   // Origin of each subpixel's colour; the first four counters add up to `subpixels`.
@@ -59,6 +61,7 @@ inline constexpr FrameCounter kFrameCounters[] = {
     {"shadow_rays_blocked", &FrameCounts::shadow_rays_blocked},
     {"secondary_rays", &FrameCounts::secondary_rays},
     {"secondary_rays_proved", &FrameCounts::secondary_rays_culled},
+    {"secondary_rays_too_weak", &FrameCounts::secondary_rays_too_weak},
     {"rays_of_too_little", &FrameCounts::rays_of_too_little},
     {"ambient_rays", &FrameCounts::ambient_rays},
     {"ambient_rays_proved", &FrameCounts::ambient_rays_culled},

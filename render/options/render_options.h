@@ -31,6 +31,9 @@ struct RenderOptions {
   /// Rays that a conservative test culls as meeting nothing are not traced
   /// (render/culling/shaft.h); the bytes are the same.
   bool use_shaft_culling = true;
+  /// Mirrored rays that cannot change the code value of their subpixel, no matter which surface
+  /// they hit, are not traced; the bytes are the same. Only with one sample per subpixel.
+  bool skip_weak_rays = true;
   double tolerated_error = 2.0;  ///< method adaptive: tolerated error in code values
   /// Method adaptive: limit of each frame's root mean square error in code values, proven by the
   /// audit. 0: none; the audit aims at twice the tolerated error.

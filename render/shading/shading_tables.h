@@ -22,6 +22,12 @@ class ShadingTables {
 
   [[nodiscard]] const shading_kernel::Tables& tables() const { return tables_; }
   [[nodiscard]] const std::vector<shading_kernel::Light>& lights() const { return lights_; }
+  /// Returns an upper bound, in any channel, of the light along a ray that may be mirrored or
+  /// refracted `generations` more times; infinite if no bound is known.
+  [[nodiscard]] float most_light(int generations) const;
+  /// Returns false if a surface or light may subtract light because of negative numbers; then the
+  /// light still to be added has no lower bound.
+  [[nodiscard]] bool light_only_adds() const { return light_only_adds_; }
 
  private:
   std::vector<shading_kernel::Material> materials_;
@@ -32,6 +38,9 @@ class ShadingTables {
   std::vector<shading_kernel::Geometry> geometries_;
   std::vector<shading_kernel::Light> lights_;
   shading_kernel::Tables tables_{};
+  bool light_only_adds_ = true;
+  float most_direct_ = 0.0F;  ///< light of a surface itself or of the environment
+  float most_kept_ = 0.0F;    ///< largest share of mirrored plus refracted light
 };
 
 /// Returns the surface cell that an active lane of an intersected packet met.

@@ -53,6 +53,8 @@ const std::vector<ExactVariant>& exact_variants() {
       {"whole frame", [](render::RenderOptions&) {}},
       {"no proofs, all rays traced",
        [](render::RenderOptions& options) { options.use_shaft_culling = false; }},
+      {"weak rays traced, too",
+       [](render::RenderOptions& options) { options.skip_weak_rays = false; }},
       {"background traced, too",
        [](render::RenderOptions& options) { options.skip_background = false; }},
       {"shading with AVX2 at most",

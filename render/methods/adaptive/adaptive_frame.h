@@ -123,7 +123,7 @@ class AdaptiveWorker {
   [[nodiscard]] FrameCounts counts();
 
  private:
-  /// Selects exact tracing for the audit; otherwise PacketTracer::tolerate() applies.
+  /// Selects exact tracing for the audit; otherwise weak rays are skipped.
   void evaluate_exactly(bool exactly);
   struct SamplePlace {
     int row, column;

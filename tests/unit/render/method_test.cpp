@@ -103,6 +103,30 @@ TEST(MethodFull, GivesTheSameBytesWithoutSkippingEmptyShafts) {
   EXPECT_GT(culled_secondary, 1000U);
 }
 
+/// Rays that cannot change a code value are skipped, and nothing else changes.
+TEST(MethodFull, GivesTheSameBytesWithoutSkippingWeakRays) {
+  const optics::Rig rig = make_rig({.width = 300, .height = 140, .pixel_mm = 0.25});
+  const optics::OpticalModel model(rig);
+  uint64_t left_out = 0;
+  for (const bool managed : {false, true})
+    for (testing::NamedScene named : testing::tiny_scenes()) {
+      named.scene.colour_managed = managed;
+      for (Material& material : named.scene.materials) material.specular *= 0.1;
+      const Stage stage = make_tiny_stage();
+      const Scene scene(named.scene, stage, {});
+      frames::WovenFrame all = blank(rig), fewer = blank(rig);
+      const auto render = [&](bool skip, frames::WovenFrame& frame) {
+        return make_method("full", model,
+                           {.max_depth = 12, .skip_weak_rays = skip, .cancelled = {}})
+            ->render(scene, stage, frame);
+      };
+      EXPECT_EQ(render(false, all).secondary_rays_too_weak, 0U);
+      left_out += render(true, fewer).secondary_rays_too_weak;
+      EXPECT_EQ(all, fewer) << named.name << (managed ? ", managed" : "");
+    }
+  EXPECT_GT(left_out, 1000U);
+}
+
 TEST(MethodFull, GivesTheSameBytesForAnyOrderOfTiles) {
   const optics::Rig rig = make_rig({.width = 300, .height = 140, .pixel_mm = 0.25});
   for (const testing::NamedScene& named : testing::tiny_scenes()) {

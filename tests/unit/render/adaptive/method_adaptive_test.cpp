@@ -146,8 +146,8 @@ TEST(MethodAdaptive, GivesTheSameBytesForAnyThreadsTilesAndInstructionSet) {
   }
 }
 
-/// The method requests culling tests depending on their success so far; rays below the
-/// tolerance are skipped whether or not a test was available.
+/// The method requests culling tests depending on their success so far; weak rays are skipped
+/// whether or not a test was available.
 TEST(MethodAdaptive, CullingDoesNotChangeTheBytesOfSoftLight) {
   for (testing::NamedScene& named : testing::tiny_scenes()) {
     // Reflections contribute one code value at most.
