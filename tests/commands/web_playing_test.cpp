@@ -128,6 +128,8 @@ TEST_F(Web, AListWithoutAnItemThatPlaysIsRefused) {
   const HttpAnswer refused = ask("PUT", "/api/v1/list", list.dump());
   EXPECT_EQ(refused.status, 422) << refused.body;
   EXPECT_NE(refused.body.find("no.lts"), std::string::npos) << refused.body;
+  list["items"] = {{{"source", path("media/missing.lts")}}};
+  EXPECT_EQ(ask("PUT", "/api/v1/list", list.dump()).status, 422);
   EXPECT_EQ(api("GET", "list")["items"], before);
   list["items"].push_back(before[0]);
   EXPECT_EQ(api("PUT", "list", list.dump())["items"].size(), 2u) << "one of two plays";

@@ -32,6 +32,8 @@ constexpr std::string_view kHead = "# Written by lenticule-web.\n";
 constexpr const char* kOriginal = "0.toml";
 /// The player looks for a replaced list every two or three seconds.
 constexpr auto kPlayerNotices = seconds(8);
+/// Longest time for which the items of a new list are examined.
+constexpr auto kLongestCheck = seconds(20);
 
 [[noreturn]] void refuse(const std::string& what) {
   throw HttpError(422, what, "see the section \"Playlists\" of the documentation");
@@ -286,14 +288,18 @@ ordered_json PlayList::locked_write(const std::string& toml, const std::string& 
 }
 
 /// Throws HttpError 422 with the reason of the first item if every item is a file of the media
-/// folder that does not play.
-void PlayList::require_an_item_that_plays(const ordered_json& list) {
+/// folder that is missing or does not play. A long list is not examined to its end.
+void PlayList::require_an_item_that_plays(const ordered_json& list) const {
+  const auto end = std::chrono::steady_clock::now() + kLongestCheck;
   std::string trouble;
   for (const ordered_json& item : list["items"]) {
     const fs::path file(item["source"].get<std::string>());
     std::error_code error;
-    if (file.parent_path() != own_file_.parent_path() || !fs::is_regular_file(file, error)) return;
-    const std::string one = trouble_of_(file);
+    if (file.parent_path() != own_file_.parent_path()) return;
+    if (std::chrono::steady_clock::now() > end) return;
+    const std::string one = fs::is_regular_file(file, error)
+                                ? trouble_of_(file)
+                                : file.filename().string() + ": there is no such file";
     if (one.empty()) return;
     if (trouble.empty()) trouble = one;
   }
@@ -304,12 +310,12 @@ void PlayList::require_an_item_that_plays(const ordered_json& list) {
 ordered_json PlayList::replace(const ordered_json& list, const std::string& version,
                                const std::string& who) {
   const std::string toml = list_toml(list);
+  require_an_item_that_plays(list);  // takes seconds, and holds up no other request
   const std::lock_guard lock(mutex_);
   const ordered_json now = locked_read();
   if (!version.empty() && now["version"] != version)
     throw HttpError(409, "the list was changed meanwhile", "read it again");
   require_own_sources(list, now, own_file_.parent_path());
-  require_an_item_that_plays(list);
   return locked_write(toml, who, now);
 }
 

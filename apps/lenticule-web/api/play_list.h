@@ -52,7 +52,7 @@ class PlayList {
   [[nodiscard]] nlohmann::ordered_json locked_read();
   nlohmann::ordered_json locked_write(const std::string& toml, const std::string& who,
                                       const nlohmann::ordered_json& now);
-  void require_an_item_that_plays(const nlohmann::ordered_json& list);
+  void require_an_item_that_plays(const nlohmann::ordered_json& list) const;
   void keep_other(const std::string& toml);
   void keep(const std::string& toml, const std::string& who);
 
