@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // ShownInstead shows something else than the content for a while: a black frame, a test card, the
-// numbered views or the chart of a calibration. For the player these are interruptions, after which
-// it continues with its list at the same place.
+// numbered views or the chart of a calibration; and returns to the place of the content.
 #pragma once
 
 #include <filesystem>
+#include <mutex>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -15,7 +15,8 @@ namespace lenticule::web {
 /// Thread safety: any thread.
 class ShownInstead {
  public:
-  explicit ShownInstead(ControlLink& link) : link_(link) {}
+  /// Keeps the place of the content, to which it returns, in `file`: it survives a restart.
+  ShownInstead(ControlLink& link, std::filesystem::path file);
 
   /// Shows "black", "card" or "views", or "content" again. Throws HttpError 400 for another word,
   /// 409 if there is no place to return to.
@@ -27,9 +28,11 @@ class ShownInstead {
   [[nodiscard]] static std::string shown(const nlohmann::ordered_json& status);
 
  private:
-  void interrupt(const std::string& source);
+  void locked_show(const std::string& source);
 
   ControlLink& link_;
+  const std::filesystem::path file_;
+  std::mutex mutex_;
 };
 
 }  // namespace lenticule::web
