@@ -67,20 +67,24 @@ Plays woven frames and films subpixel by subpixel as they are, and weaves
 quilts while it plays. Comes with units of systemd for machines that do
 nothing else. Pictures and video files need lenticule-media."
   DEPENDS systemd udev RECOMMENDS "lenticule-media ${same}" SCRIPTS postinst prerm postrm)
-lenticule_package(media lenticule-media "picture and video decoders for lenticular 3-D displays"
+if(TARGET lenticule_pictures)
+  lenticule_package(media lenticule-media "picture and video decoders for lenticular 3-D displays"
 "${about}
 .
 Reads and writes picture and video files for the other packages of lenticule.
 Files are decoded in a process without rights."
-  DEPENDS "lenticule-player ${same}" SCRIPTS no-ldconfig/postinst no-ldconfig/postrm)
-lenticule_package(web lenticule-web "pages and HTTP interface for players of lenticular 3-D displays"
+    DEPENDS "lenticule-player ${same}" SCRIPTS no-ldconfig/postinst no-ldconfig/postrm)
+endif()
+if(LENTICULE_WEB)
+  lenticule_package(web lenticule-web "pages and HTTP interface for players of lenticular 3-D displays"
 "${about}
 .
 Pages on which a phone or a browser watches and controls the player of a
 kiosk: what plays, the list and its files, the picture that an eye sees, the
 trim of the lens sheet, and metrics for Prometheus."
-  DEPENDS "lenticule-player ${same}" RECOMMENDS "lenticule-media ${same}"
-  SCRIPTS web/postinst web/prerm web/postrm KEEPS_NAME)
+    DEPENDS "lenticule-player ${same}" RECOMMENDS "lenticule-media ${same}"
+    SCRIPTS web/postinst web/prerm web/postrm KEEPS_NAME)
+endif()
 if(SDL2_FOUND)
   lenticule_package(window lenticule-window "preview window for lenticular 3-D displays"
 "${about}
@@ -89,11 +93,13 @@ Shows on a desktop what two eyes in front of a panel see, side by side or for
 red-cyan glasses, for authors without a panel."
     DEPENDS "lenticule-player ${same}" KEEPS_NAME)
 endif()
-lenticule_package(tools lenticule "renderer and tools for lenticular 3-D displays"
+if(LENTICULE_RENDER)
+  lenticule_package(tools lenticule "renderer and tools for lenticular 3-D displays"
 "Renders scenes, and weaves other people's pictures and videos for a display
 behind a sheet of cylinder lenses. Finds the lens sheet with a camera, from
 photographs or by eye."
-  DEPENDS "lenticule-player ${same}" "lenticule-media ${same}" KEEPS_NAME)
+    DEPENDS "lenticule-player ${same}" "lenticule-media ${same}" KEEPS_NAME)
+endif()
 if(LENTICULE_BUILD_BENCH)
   lenticule_package(bench lenticule-bench "benchmarks for lenticular 3-D displays"
 "${about}
