@@ -6,18 +6,19 @@
 
 #include "apps/lenticule/cli/program.h"
 
-namespace lenticule::player {
-Run declare_all_benchmarks(CLI::App& app);
+namespace lenticule::bench {
+cli::Run declare_all_benchmarks(CLI::App& app);
 }
 
 int main(int argc, char** argv) {
-  using namespace lenticule::player;
+  using namespace lenticule::bench;
   std::array<char, 6> name = {"bench"};
   std::vector<char*> words(argv, argv + argc);
   words.insert(words.begin() + 1, name.data());
   words.push_back(nullptr);
-  const Command bench = {"bench", "run a benchmark of this build on this machine",
-                         "lenticule bench exact"};
-  const Declaration declared = {"bench", declare_all_benchmarks};
-  return run_program({.commands = {&bench, 1}, .declared = {&declared, 1}}, argc + 1, words.data());
+  const lenticule::cli::Command bench = {"bench", "run a benchmark of this build on this machine",
+                                         "lenticule bench exact"};
+  const lenticule::cli::Declaration declared = {"bench", declare_all_benchmarks};
+  return lenticule::cli::run_program({.commands = {&bench, 1}, .declared = {&declared, 1}},
+                                     argc + 1, words.data());
 }

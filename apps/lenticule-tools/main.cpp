@@ -6,7 +6,9 @@
 
 #include "apps/lenticule/cli/program.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
+
+using cli::Run;
 
 // Each function is defined in the file of its command.
 Run declare_render(CLI::App& app);
@@ -23,11 +25,11 @@ Run declare_scene(CLI::App& app);
 Run declare_completion(CLI::App& app);
 Run declare_man(CLI::App& app);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools
 
 int main(int argc, char** argv) {
-  using namespace lenticule::player;
-  constexpr auto kTools = std::to_array<Declaration>({
+  using namespace lenticule::tools;
+  constexpr auto kTools = std::to_array<lenticule::cli::Declaration>({
       {"render", declare_render},
       {"weave", declare_weave},
       {"eye", declare_eye},
@@ -45,8 +47,11 @@ int main(int argc, char** argv) {
       {"completion", declare_completion},
       {"man", declare_man},
   });
-  std::vector<Declaration> declared(kTools.begin(), kTools.end());
-  declared.insert(declared.end(), player_commands().begin(), player_commands().end());
-  return run_program({.commands = commands(), .declared = declared, .first_steps = kFirstSteps},
-                     argc, argv);
+  std::vector<lenticule::cli::Declaration> declared(kTools.begin(), kTools.end());
+  declared.insert(declared.end(), lenticule::cli::player_commands().begin(),
+                  lenticule::cli::player_commands().end());
+  return lenticule::cli::run_program({.commands = lenticule::cli::commands(),
+                                      .declared = declared,
+                                      .first_steps = lenticule::cli::kFirstSteps},
+                                     argc, argv);
 }

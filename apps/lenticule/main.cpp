@@ -4,7 +4,7 @@
 #include "apps/lenticule/cli/program.h"
 
 int main(int argc, char** argv) {
-  using namespace lenticule::player;
+  using namespace lenticule::cli;
   constexpr OtherProgram kTools = {.name = "lenticule-tools", .package = "lenticule"};
   return run_program({.commands = commands(),
                       .declared = player_commands(),

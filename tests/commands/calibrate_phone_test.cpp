@@ -53,8 +53,8 @@ class PhoneCommand : public CommandTest {
     return read_text_file(path(name), uint64_t{100} << 20);
   }
 
-  phone_bench::Workshop workshop_ = phone_bench::draw_workshop(101, small_workshop(6));
-  phone_bench::LensSection sheet_{workshop_.build, workshop_.start.panel};
+  bench::Workshop workshop_ = bench::draw_workshop(101, small_workshop(6));
+  bench::LensSection sheet_{workshop_.build, workshop_.start.panel};
 };
 
 TEST_F(PhoneCommand, EndsWithARigAPictureAndANumber) {
@@ -63,7 +63,7 @@ TEST_F(PhoneCommand, EndsWithARigAPictureAndANumber) {
                                         {.timeout = std::chrono::seconds(300)});
   ASSERT_EQ(found.exit_code, 0) << found.err << found.out;
   const optics::Rig rig = optics::load_rig(path("found.toml"));
-  EXPECT_LT(phone_bench::worst_error(rig, sheet_, phone_bench::judged_eyes(workshop_.start)), 0.02);
+  EXPECT_LT(bench::worst_error(rig, sheet_, bench::judged_eyes(workshop_.start)), 0.02);
   EXPECT_TRUE(std::filesystem::exists(path("found.check.png")));
   EXPECT_TRUE(std::filesystem::exists(path("found.report.html")));
   for (const char* part :

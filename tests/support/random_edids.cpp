@@ -8,7 +8,7 @@
 #include <random>
 #include <string_view>
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 constexpr size_t kBlock = 128;
@@ -321,4 +321,4 @@ std::vector<uint8_t> random_edid(uint64_t number) {
   return edid;
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -9,8 +9,8 @@
 
 namespace lenticule::test {
 
-inline phone_bench::WorkshopLimits small_workshop(int shots) {
-  phone_bench::WorkshopLimits limits;
+inline bench::WorkshopLimits small_workshop(int shots) {
+  bench::WorkshopLimits limits;
   limits.panel_width = 1920;
   limits.diagonal_inches = 24.0;
   limits.phone_width = 3200;
@@ -24,34 +24,32 @@ inline phone_bench::WorkshopLimits small_workshop(int shots) {
 class HandHeldPhone {
  public:
   explicit HandHeldPhone(uint64_t seed = kSeed)
-      : workshop_(phone_bench::draw_workshop(seed, small_workshop(6))) {
+      : workshop_(bench::draw_workshop(seed, small_workshop(6))) {
     // A start that is more than 1 % off changes the chart after the first photograph.
     workshop_.start.sheet.pitch = Subpixels(1.004 * workshop_.build.pitch_subpx);
   }
   /// Returns the rig that the owner assumes before the calibration.
   [[nodiscard]] const optics::Rig& start() const { return workshop_.start; }
-  [[nodiscard]] const phone_bench::Shot& shot(size_t place) const {
-    return workshop_.shots.at(place);
-  }
+  [[nodiscard]] const bench::Shot& shot(size_t place) const { return workshop_.shots.at(place); }
   /// Photographs the panel that shows a frame, from place 0 to 5 of draw_workshop(); if it is
   /// `cut`, with a part of the panel out of the picture.
   void photograph(const frames::WovenFrame& shown, size_t place, const std::filesystem::path& file,
                   bool cut = false) const {
-    phone_bench::Shot shot = this->shot(place);
+    bench::Shot shot = this->shot(place);
     const optics::Panel& panel = workshop_.start.panel;
     if (cut) shot.look_at_mm.x += panel.width_px * panel.pixel_width.value;
-    write_photo(phone_bench::photograph(sheet_, shown.view(), workshop_.phone, shot),
+    write_photo(bench::photograph(sheet_, shown.view(), workshop_.phone, shot),
                 workshop_.phone.jpeg_quality, file);
   }
   /// Returns the largest phase error of a rig over panel and viewing zone, lenses.
   [[nodiscard]] double error_of(const optics::Rig& rig) const {
-    return phone_bench::worst_error(rig, sheet_, phone_bench::judged_eyes(workshop_.start));
+    return bench::worst_error(rig, sheet_, bench::judged_eyes(workshop_.start));
   }
 
  private:
   static constexpr uint64_t kSeed = 102;  ///< all its photographs can be measured
-  phone_bench::Workshop workshop_;
-  phone_bench::LensSection sheet_{workshop_.build, workshop_.start.panel};
+  bench::Workshop workshop_;
+  bench::LensSection sheet_{workshop_.build, workshop_.start.panel};
 };
 
 }  // namespace lenticule::test

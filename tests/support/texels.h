@@ -7,7 +7,7 @@
 #include "frames/image_io.h"
 #include "render/scene/scene_description.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 /// Returns four values for each texel, rows from the top: linear light of colours, fractions of
 /// data.
@@ -18,4 +18,4 @@ inline std::vector<float> texels_of(
       .rgba;
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

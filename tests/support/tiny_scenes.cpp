@@ -5,7 +5,7 @@
 #include <limits>
 #include <numbers>
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 using render::Cone;
@@ -290,4 +290,4 @@ SceneDescription moved(SceneDescription scene, double scale, Vec3 offset) {
   return scene;
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

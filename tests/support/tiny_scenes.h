@@ -9,7 +9,7 @@
 #include "render/scene/scene_description.h"
 #include "render/scene/stage.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 struct NamedScene {
   std::string name;
@@ -54,4 +54,4 @@ struct TinyStage {
 [[nodiscard]] render::SceneDescription moved(render::SceneDescription scene, double scale,
                                              Vec3 offset);
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

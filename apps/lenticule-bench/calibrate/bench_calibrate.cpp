@@ -16,7 +16,7 @@
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 using calib::Trial;
@@ -188,13 +188,13 @@ ExitCode run_calibrate_bench(const CalibrateFlags& flags) {
         "{:>6}\n",
         machine_text(), "seed", "pitch", "slant", "bent", "noise", "outcome", "worst", "pitch",
         "slant", "gap", "map", "single", "s");
-  for (int n = 0; n < flags.draws && !interrupted(); ++n) {
+  for (int n = 0; n < flags.draws && !player::interrupted(); ++n) {
     const uint64_t seed = flags.first + static_cast<uint64_t>(n);
     Trial trial = calib::random_trial(seed, flags.panel_width, flags.panel_height,
                                       flags.camera_width, flags.camera_height);
-    trial.progress = [](size_t, int) { return !interrupted(); };
+    trial.progress = [](size_t, int) { return !player::interrupted(); };
     draws.push_back(json_of(seed, trial, calib::run_trial(trial)));
-    if (interrupted()) break;
+    if (player::interrupted()) break;
     if (!flags.json) print_draw(draws.back());
     flush_results();
   }
@@ -203,13 +203,13 @@ ExitCode run_calibrate_bench(const CalibrateFlags& flags) {
     print_json({{"machine", machine_json()}, {"draws", draws}, {"summary", summary}});
   else
     print_summary(summary);
-  if (interrupted()) return interrupt_exit_code();
+  if (player::interrupted()) return player::interrupt_exit_code();
   return summary["wrong"] == 0 ? kOk : kQuality;
 }
 
 }  // namespace
 
-Run declare_bench_calibrate(CLI::App& app) {
+cli::Run declare_bench_calibrate(CLI::App& app) {
   const auto flags = std::make_shared<CalibrateFlags>();
   app.add_option("--draws", flags->draws, "number of random sheets and cameras")
       ->check(CLI::Range(1, 100000))
@@ -268,4 +268,4 @@ Run declare_bench_calibrate(CLI::App& app) {
   };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

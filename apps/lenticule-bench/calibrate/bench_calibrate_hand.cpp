@@ -10,19 +10,18 @@
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
+using tools::PlotSeries;
+
 using nlohmann::json;
-using phone_bench::HandOutcome;
-using phone_bench::HandResult;
-using phone_bench::HandTrial;
 
 json json_of(uint64_t seed, const HandTrial& trial, const HandResult& result) {
   return {{"seed", seed},
           {"pitch_subpx", trial.workshop().build.pitch_subpx},
           {"photographs", result.photographs},
-          {"outcome", phone_bench::to_string(result.outcome)},
+          {"outcome", to_string(result.outcome)},
           {"fitted", result.fitted},
           {"error_lenses", result.error_lenses},
           {"stated_lenses", result.stated_lenses},
@@ -50,14 +49,13 @@ json summary_of(const json& rows, int photographs) {
   for (const json& row : rows) {
     if (row["photographs"] != photographs) continue;
     ++setups;
-    right += row["outcome"] == phone_bench::to_string(HandOutcome::Right) ? 1 : 0;
-    wrong += row["outcome"] == phone_bench::to_string(HandOutcome::Wrong) ? 1 : 0;
+    right += row["outcome"] == to_string(HandOutcome::Right) ? 1 : 0;
+    wrong += row["outcome"] == to_string(HandOutcome::Wrong) ? 1 : 0;
     if (!row["fitted"]) continue;
     errors.push_back(row["error_lenses"]);
     stated.push_back(row["stated_lenses"]);
     covered += errors.back() <= stated.back() ? 1 : 0;
-    if (row["outcome"] != phone_bench::to_string(HandOutcome::Refused))
-      accepted.push_back(errors.back());
+    if (row["outcome"] != to_string(HandOutcome::Refused)) accepted.push_back(errors.back());
   }
   return {{"photographs", photographs},
           {"setups", setups},
@@ -86,17 +84,18 @@ void print_summary(const json& summary) {
 }
 
 void write_plot(const json& rows, const json& summary, const std::string& file) {
-  Plot plot{.title = "hand-held photographs: error over the panel for eyes of the viewing zone",
-            .x = {.label = "photographs", .scale = AxisScale::Linear},
-            .y = {.label = "lenses", .scale = AxisScale::Log},
-            .series = {}};
+  tools::Plot plot{
+      .title = "hand-held photographs: error over the panel for eyes of the viewing zone",
+      .x = {.label = "photographs", .scale = tools::AxisScale::Linear},
+      .y = {.label = "lenses", .scale = tools::AxisScale::Log},
+      .series = {}};
   PlotSeries accepted{.label = "accepted", .points = {}, .joined = false};
   PlotSeries refused{.label = "refused", .points = {}, .joined = false};
   PlotSeries median{.label = "median", .points = {}}, stated{.label = "stated", .points = {}};
   constexpr double kAside = 0.08;
   for (const json& row : rows) {
     if (!row["fitted"]) continue;
-    const bool out = row["outcome"] == phone_bench::to_string(HandOutcome::Refused);
+    const bool out = row["outcome"] == to_string(HandOutcome::Refused);
     (out ? refused : accepted)
         .points.push_back({row["photographs"].get<double>() + (out ? kAside : -kAside),
                            std::max(row["error_lenses"].get<double>(), 1e-4)});
@@ -113,9 +112,8 @@ void write_plot(const json& rows, const json& summary, const std::string& file) 
 
 }  // namespace
 
-phone_bench::WorkshopLimits limits_of(const CalibrateHandFlags& flags) {
-  phone_bench::WorkshopLimits limits =
-      phone_bench::limits_for(flags.panel_width, flags.phone_width);
+WorkshopLimits limits_of(const CalibrateHandFlags& flags) {
+  WorkshopLimits limits = limits_for(flags.panel_width, flags.phone_width);
   limits.shots = *std::ranges::max_element(flags.photographs);
   return limits;
 }
@@ -125,7 +123,7 @@ ExitCode run_calibrate_hand(const CalibrateHandFlags& flags) {
   if (!flags.json)
     print_out("{}\n{:>5} {:>7} {:>6} | {:<8} {:>7} {:>7}\n", machine_text(), "seed", "pitch",
               "photos", "outcome", "error", "stated");
-  for (int n = 0; n < flags.draws && !interrupted(); ++n) {
+  for (int n = 0; n < flags.draws && !player::interrupted(); ++n) {
     const uint64_t seed = flags.first + static_cast<uint64_t>(n);
     const HandTrial trial(seed, limits_of(flags));
     for (const int count : flags.photographs) {
@@ -140,9 +138,9 @@ ExitCode run_calibrate_hand(const CalibrateHandFlags& flags) {
     print_json({{"machine", machine_json()}, {"results", rows}, {"summary", summary}});
   else
     print_summary(summary);
-  if (interrupted()) return interrupt_exit_code();
+  if (player::interrupted()) return player::interrupt_exit_code();
   const bool wrong = std::ranges::any_of(summary, [](const json& s) { return s["wrong"] != 0; });
   return wrong ? kQuality : kOk;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

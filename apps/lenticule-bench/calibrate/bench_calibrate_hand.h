@@ -11,7 +11,7 @@
 #include "apps/lenticule-bench/phone/workshop.h"
 #include "base/exit_code.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 struct CalibrateHandFlags {
   int draws = 10;
@@ -25,10 +25,10 @@ struct CalibrateHandFlags {
 };
 
 /// Returns the limits of the workshops for these flags.
-[[nodiscard]] phone_bench::WorkshopLimits limits_of(const CalibrateHandFlags& flags);
+[[nodiscard]] WorkshopLimits limits_of(const CalibrateHandFlags& flags);
 
 /// Return kQuality if a wrong result is accepted.
 ExitCode run_calibrate_hand(const CalibrateHandFlags& flags);
 ExitCode run_calibrate_wrong(const CalibrateHandFlags& flags);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

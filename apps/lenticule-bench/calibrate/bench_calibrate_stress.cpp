@@ -12,7 +12,7 @@
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 using calib::StressCase;
@@ -96,8 +96,9 @@ ExitCode run_calibrate_stress(const CalibrateStressFlags& flags) {
   int missed = 0;
   if (!flags.json) print_head(flags.full);
   for (const StressCase& one : cases) {
-    const StressOutcome outcome = calib::run_stress_case(one, size, [] { return !interrupted(); });
-    if (interrupted()) return interrupt_exit_code();
+    const StressOutcome outcome =
+        calib::run_stress_case(one, size, [] { return !player::interrupted(); });
+    if (player::interrupted()) return player::interrupt_exit_code();
     const StressLimits limits = calib::limits_at(one, size);
     rows.push_back(json_of(one, limits, outcome));
     if (!flags.json) print_case(one, limits, outcome);
@@ -111,4 +112,4 @@ ExitCode run_calibrate_stress(const CalibrateStressFlags& flags) {
   return missed == 0 ? kOk : kQuality;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -6,7 +6,7 @@
 
 #include "apps/lenticule/cli/command.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 struct CalibrateStressFlags {
   bool stress = false;
@@ -19,4 +19,4 @@ struct CalibrateStressFlags {
 /// unknown name.
 [[nodiscard]] ExitCode run_calibrate_stress(const CalibrateStressFlags& flags);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

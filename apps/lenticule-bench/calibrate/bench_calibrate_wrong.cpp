@@ -11,13 +11,10 @@
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 using nlohmann::json;
-using phone_bench::HandOutcome;
-using phone_bench::WrongWay;
-using phone_bench::WrongWayResult;
 
 /// Counts holds the outcomes of one mistake.
 struct Counts {
@@ -44,7 +41,7 @@ struct Counts {
 json json_of(uint64_t seed, const WrongWay& way, const WrongWayResult& result) {
   return {{"seed", seed},
           {"mistake", way.name},
-          {"outcome", phone_bench::to_string(result.outcome)},
+          {"outcome", to_string(result.outcome)},
           {"cause_named", result.cause_named},
           {"error_lenses", result.error_lenses},
           {"reason", result.reason}};
@@ -71,18 +68,19 @@ ExitCode run_calibrate_wrong(const CalibrateHandFlags& flags) {
   if (flags.photographs.size() != 1 || flags.photographs.front() < 2)
     throw Error(ErrorKind::Usage, "--photographs: --wrong-ways takes one number, 2 or more",
                 "for example --photographs 4");
-  const std::span<const WrongWay> ways = phone_bench::wrong_ways();
+  const std::span<const WrongWay> ways = wrong_ways();
   std::vector<Counts> counts(ways.size());
-  phone_bench::WorkshopLimits limits = limits_of(flags);
+  WorkshopLimits limits = limits_of(flags);
   limits.shots = flags.photographs.front();
   json rows = json::array(), summary = json::array();
   if (!flags.json) print_out("{}\n", machine_text());
-  Progress progress("wrong ways", "calibrations", static_cast<uint64_t>(flags.draws) * ways.size(),
-                    flags.json ? ProgressStyle::Off : ProgressStyle::Auto);
-  for (int n = 0; n < flags.draws && !interrupted(); ++n) {
+  player::Progress progress("wrong ways", "calibrations",
+                            static_cast<uint64_t>(flags.draws) * ways.size(),
+                            flags.json ? player::ProgressStyle::Off : player::ProgressStyle::Auto);
+  for (int n = 0; n < flags.draws && !player::interrupted(); ++n) {
     const uint64_t seed = flags.first + static_cast<uint64_t>(n);
-    phone_bench::WrongWayTrial trial(seed, limits, std::filesystem::temp_directory_path());
-    for (size_t k = 0; k < ways.size() && !interrupted(); ++k) {
+    WrongWayTrial trial(seed, limits, std::filesystem::temp_directory_path());
+    for (size_t k = 0; k < ways.size() && !player::interrupted(); ++k) {
       const WrongWayResult result = trial.calibrate(ways[k]);
       counts[k].add(result);
       rows.push_back(json_of(seed, ways[k], result));
@@ -95,8 +93,8 @@ ExitCode run_calibrate_wrong(const CalibrateHandFlags& flags) {
     print_json({{"machine", machine_json()}, {"results", rows}, {"summary", summary}});
   else
     print_counts(ways, counts);
-  if (interrupted()) return interrupt_exit_code();
+  if (player::interrupted()) return player::interrupt_exit_code();
   return std::ranges::any_of(counts, [](const Counts& c) { return c.wrong != 0; }) ? kQuality : kOk;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

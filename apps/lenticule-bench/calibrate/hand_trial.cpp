@@ -4,7 +4,7 @@
 #include "calib/phone/exif.h"
 #include "frames/srgb.h"
 
-namespace lenticule::phone_bench {
+namespace lenticule::bench {
 namespace {
 
 /// Returns a photograph in linear light, as a reader decodes its codes.
@@ -95,4 +95,4 @@ HandResult HandTrial::calibrate(int photographs) const {
   return out;
 }
 
-}  // namespace lenticule::phone_bench
+}  // namespace lenticule::bench

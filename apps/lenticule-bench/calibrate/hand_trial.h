@@ -10,7 +10,7 @@
 #include "apps/lenticule-bench/phone/workshop.h"
 #include "calib/phone/phone_calibration.h"
 
-namespace lenticule::phone_bench {
+namespace lenticule::bench {
 
 enum class HandOutcome {
   Right,    ///< accepted, and within the limit everywhere
@@ -62,4 +62,4 @@ class HandTrial {
   calib::Estimate focal_px_;
 };
 
-}  // namespace lenticule::phone_bench
+}  // namespace lenticule::bench

@@ -8,7 +8,7 @@
 
 #include "apps/lenticule-tools/calibrate/hand_held_photos.h"
 
-namespace lenticule::phone_bench {
+namespace lenticule::bench {
 namespace {
 
 /// Keeps a rectangle of the photograph, given in parts of its sides.
@@ -224,7 +224,7 @@ bool has_one_of(const std::string& text, const std::string& causes) {
 
 WrongWayResult WrongWayTrial::calibrate(const WrongWay& way) {
   const size_t last = workshop_.shots.size() - 1;
-  std::optional<player::HandHeldPhotos> photos;
+  std::optional<tools::HandHeldPhotos> photos;
   optics::Rig start = workshop_.start;
   WrongWayResult out;
   const auto begin = [&] {
@@ -256,4 +256,4 @@ WrongWayResult WrongWayTrial::calibrate(const WrongWay& way) {
   return out;
 }
 
-}  // namespace lenticule::phone_bench
+}  // namespace lenticule::bench

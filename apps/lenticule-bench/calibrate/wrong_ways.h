@@ -10,7 +10,7 @@
 #include "apps/lenticule-bench/calibrate/hand_trial.h"
 #include "base/temporary.h"
 
-namespace lenticule::phone_bench {
+namespace lenticule::bench {
 
 /// Taking is what a photograph depends on.
 struct Taking {
@@ -58,4 +58,4 @@ class WrongWayTrial {
   TemporaryFolder folder_;
 };
 
-}  // namespace lenticule::phone_bench
+}  // namespace lenticule::bench

@@ -10,12 +10,12 @@
 #include "apps/lenticule/cli/command.h"
 #include "base/statistics.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 struct Benchmark {
   const char* name;
   const char* summary;
-  Declare declare;  ///< declares the flags of `lenticule bench NAME`, as for a command
+  cli::Declare declare;  ///< declares the flags of `lenticule bench NAME`, as for a command
 };
 
 /// Returns all benchmarks, in the order in which `bench list` prints them.
@@ -30,4 +30,4 @@ struct Benchmark {
 /// Formats such a number with one decimal, or as "equal".
 [[nodiscard]] std::string decibels(const nlohmann::json& psnr);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -7,7 +7,7 @@
 
 #include "optics/trim.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 optics::Rig kiosk_rig() {
   optics::Rig rig;
@@ -56,4 +56,4 @@ optics::Rig bench_rig(const std::string& file) {
   return file.empty() ? kiosk_rig() : optics::load_trimmed_rig(file);
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

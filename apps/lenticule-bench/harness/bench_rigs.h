@@ -6,7 +6,7 @@
 
 #include "optics/rig.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 /// Returns the default rig of benchmarks: the 4K kiosk of the sample rigs.
 [[nodiscard]] optics::Rig kiosk_rig();
@@ -19,4 +19,4 @@ namespace lenticule::player {
 /// Loads `file`, or returns kiosk_rig() if it is empty.
 [[nodiscard]] optics::Rig bench_rig(const std::string& file);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

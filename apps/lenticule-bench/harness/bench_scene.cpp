@@ -8,11 +8,11 @@
 #include "player/process/interrupt.h"
 #include "scenes/scene_list.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 render::SceneDescription load(const BenchSetup& setup, int& dropped_lights) {
-  const SceneSequence scenes(setup.scene, frames::Rate{});
+  const tools::SceneSequence scenes(setup.scene, frames::Rate{});
   render::SceneDescription description = scenes.at(scenes.reference_frame());
   const auto kept = static_cast<size_t>(setup.lights);
   if (setup.lights > 0 && description.lights.size() > kept) {
@@ -45,7 +45,7 @@ uint64_t BenchScene::subpixels() const {
 }
 
 render::RenderOptions BenchScene::options(int max_depth) const {
-  return {.threads = setup_.threads, .max_depth = max_depth, .cancelled = interrupted};
+  return {.threads = setup_.threads, .max_depth = max_depth, .cancelled = player::interrupted};
 }
 
 std::unique_ptr<render::Method> BenchScene::method(const render::RenderOptions& options) const {
@@ -64,4 +64,4 @@ std::string bench_scene_name(const std::string& name) {
   return built_in ? "builtin:" + name : name;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -12,7 +12,7 @@
 #include "render/scene/scene.h"
 #include "render/scene/stage.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 struct BenchSetup {
   std::string scene;  ///< a scene as for render
@@ -58,4 +58,4 @@ class BenchScene {
 /// Returns a scene name, with "builtin:" added to a built-in scene's name.
 [[nodiscard]] std::string bench_scene_name(const std::string& name);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -11,14 +11,14 @@
 #include "apps/lenticule-bench/probes/visibility_rate.h"
 #include "player/process/interrupt.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 void time_visibility(const TimedCase& timed, CaseTimes& times) {
   const BenchScene& scene = *timed.scene;
   reset_peak_resident();
-  const render::VisibilityTiming timing =
-      render::time_visibility(scene.scene(), scene.model(), timed.options.threads);
+  const VisibilityTiming timing =
+      bench::time_visibility(scene.scene(), scene.model(), timed.options.threads);
   times.visibility_peak_mib = std::max(times.visibility_peak_mib, peak_resident_mib());
   times.bare.push_back(timing.bare_seconds);
   times.visibility.push_back(timing.pass_seconds);
@@ -40,7 +40,7 @@ std::vector<CaseTimes> time_by_turns(const std::vector<TimedCase>& cases, int ru
   std::vector<CaseTimes> times(cases.size());
   for (int run = 0; run < runs; ++run) {
     for (size_t i = 0; i < cases.size(); ++i) {
-      if (interrupted()) return times;
+      if (player::interrupted()) return times;
       const size_t turn = run % 2 == 0 ? i : cases.size() - 1 - i;
       if (cases[turn].with_visibility) time_visibility(cases[turn], times[turn]);
       time_frame(cases[turn], *methods[turn], times[turn]);
@@ -72,4 +72,4 @@ void reset_peak_resident() {
   std::ofstream("/proc/self/clear_refs") << "5";
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

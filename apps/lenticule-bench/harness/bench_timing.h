@@ -7,7 +7,7 @@
 
 #include "apps/lenticule-bench/harness/bench_scene.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 struct TimedCase {
   BenchScene* scene = nullptr;
@@ -50,4 +50,4 @@ void reset_peak_resident();
   return statistics.primary_rays + statistics.shadow_rays + statistics.secondary_rays;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -11,7 +11,9 @@
 #include "apps/lenticule-bench/harness/bench.h"
 #include "base/cpu.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
+
+using cli::Run;
 
 // Each function is defined in the file of its benchmark.
 Run declare_bench_codec(CLI::App& app);
@@ -92,4 +94,4 @@ std::string decibels(const nlohmann::json& psnr) {
   return psnr.is_null() ? "equal" : fmt::format("{:.1f}", psnr.get<double>());
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -10,10 +10,10 @@
 #include "apps/lenticule/cli/command.h"
 #include "base/print.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
-Run declare_list(CLI::App& app) {
+cli::Run declare_list(CLI::App& app) {
   auto json = std::make_shared<bool>(false);
   app.add_flag("--json", *json, "print as JSON");
   return [json]() -> ExitCode {
@@ -33,9 +33,9 @@ Run declare_list(CLI::App& app) {
 
 }  // namespace
 
-Run declare_all_benchmarks(CLI::App& app) {
+cli::Run declare_all_benchmarks(CLI::App& app) {
   app.require_subcommand(1);
-  auto runs = std::make_shared<std::map<const CLI::App*, Run>>();
+  auto runs = std::make_shared<std::map<const CLI::App*, cli::Run>>();
   CLI::App* list = app.add_subcommand("list", "list the benchmarks");
   (*runs)[list] = declare_list(*list);
   for (const Benchmark& benchmark : benchmarks()) {
@@ -46,4 +46,4 @@ Run declare_all_benchmarks(CLI::App& app) {
   return [&app, runs]() -> ExitCode { return runs->at(app.get_subcommands().front())(); };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -13,7 +13,7 @@
 #include "render/scene/texture.h"
 #include "scenes/nff_writer.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 /// Returns the number that follows the last occurrence of `before` in the text.
@@ -143,4 +143,4 @@ PeerJob peer_picture(double rays, double aspect) {
   return job;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

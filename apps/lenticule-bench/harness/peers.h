@@ -10,7 +10,7 @@
 
 #include "render/scene/scene_description.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 /// The job of a peer: a picture of `width` x `height` rays from the scene's camera.
 struct PeerJob {
@@ -47,4 +47,4 @@ struct Peer {
 /// 1.
 [[nodiscard]] PeerJob peer_picture(double rays, double aspect);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

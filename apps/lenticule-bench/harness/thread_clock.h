@@ -4,7 +4,7 @@
 
 #include <ctime>
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 [[nodiscard]] inline double clock_seconds(clockid_t clock) {
   timespec time{};
@@ -26,4 +26,4 @@ template <class Work>
   return seconds_by(CLOCK_THREAD_CPUTIME_ID, work);
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

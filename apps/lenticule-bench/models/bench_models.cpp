@@ -28,7 +28,7 @@
 #include "render/make_method.h"
 #include "render/scene/scene.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 using nlohmann::json;
@@ -81,9 +81,9 @@ class ModelsRun {
 
   ExitCode run() {
     render_all();
-    if (interrupted()) return interrupt_exit_code();
+    if (player::interrupted()) return player::interrupt_exit_code();
     draw_all();
-    if (interrupted()) return interrupt_exit_code();
+    if (player::interrupted()) return player::interrupt_exit_code();
     for (ModelRow& row : rows_) compare(row);
     std::ranges::stable_sort(rows_, std::greater<>(), badness);
     write_sheets();
@@ -110,8 +110,8 @@ class ModelsRun {
   // ---- ours
 
   void render_all() {
-    Progress progress("models", "models", rows_.size());
-    for (size_t n = 0; n < rows_.size() && !interrupted(); ++n) {
+    player::Progress progress("models", "models", rows_.size());
+    for (size_t n = 0; n < rows_.size() && !player::interrupted(); ++n) {
       ModelRow& row = rows_[n];
       row.job = {.model = fs::absolute(row.model.file).string(),
                  .picture = fs::absolute(picture_file(row, "judge-large")).string(),
@@ -144,7 +144,7 @@ class ModelsRun {
     surroundings.environment_file = environment_;
     surroundings.tone_map = render::ToneMap::PbrNeutral;  // as jobs_text() asks of the judge
     const render::Scene scene(description, stage, surroundings, flags_.threads);
-    render::RenderOptions options{.threads = flags_.threads, .cancelled = interrupted};
+    render::RenderOptions options{.threads = flags_.threads, .cancelled = player::interrupted};
     // Metallic-roughness materials are lit by the whole environment.
     const bool is_pbr = std::ranges::any_of(
         scene.materials, [](const render::Material& material) { return material.pbr != nullptr; });
@@ -282,7 +282,7 @@ class ModelsRun {
 
 }  // namespace
 
-Run declare_bench_models(CLI::App& app) {
+cli::Run declare_bench_models(CLI::App& app) {
   auto flags = std::make_shared<ModelsFlags>();
   app.footer(
       "Example:\n"
@@ -321,4 +321,4 @@ Run declare_bench_models(CLI::App& app) {
   return [flags] { return ModelsRun(*flags).run(); };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -10,7 +10,7 @@
 #include "frames/srgb.h"
 #include "frames/text.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 constexpr int kGap = 8;
@@ -88,4 +88,4 @@ frames::WovenFrame contact_sheet(const std::vector<ContactEntry>& entries, int p
   return sheet;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

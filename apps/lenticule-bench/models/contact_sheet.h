@@ -7,7 +7,7 @@
 
 #include "frames/frame.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 /// Returns the picture with squares of factor x factor pixels averaged in linear light. Columns and
 /// rows that do not fill a square are left out. Throws Error(Usage) if the factor is below 1 or no
@@ -33,4 +33,4 @@ inline constexpr int kSheetRows = 6;
 [[nodiscard]] frames::WovenFrame contact_sheet(const std::vector<ContactEntry>& entries,
                                                int pane_px);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -9,7 +9,7 @@
 #include "base/file.h"
 #include "player/process/child_process.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 using nlohmann::json;
@@ -65,7 +65,7 @@ std::string run_judge(const std::string& program, const std::filesystem::path& j
     std::filesystem::remove(reason_file(job));
   }
   write_text_file(jobs_file, jobs_text(jobs));
-  const ProgramRun run = run_child({program, jobs_file.string()}, limit);
+  const ProgramRun run = player::run_child({program, jobs_file.string()}, limit);
   if (run.timed_out) return fmt::format("ended after {} s, the limit", limit.count());
   if (run.exit_code == 0) return {};
   const std::string said = last_line(run.output);
@@ -80,4 +80,4 @@ std::string missing_picture(const JudgeJob& job) {
   return reason.empty() ? "no picture" : reason;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

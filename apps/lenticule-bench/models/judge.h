@@ -13,7 +13,7 @@
 #include "optics/vec.h"
 #include "render/scene/scene_description.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 struct JudgeJob {
   std::string model{};
@@ -41,4 +41,4 @@ struct JudgeJob {
 /// Returns why there is no picture for a job; empty if there is one.
 [[nodiscard]] std::string missing_picture(const JudgeJob& job);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

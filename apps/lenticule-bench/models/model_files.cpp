@@ -9,7 +9,7 @@
 #include "base/error.h"
 #include "base/text.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 namespace fs = std::filesystem;
@@ -58,4 +58,4 @@ std::vector<ModelFile> find_models(const std::vector<std::string>& places) {
   return models;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 struct ModelFile {
   std::filesystem::path file;
@@ -19,4 +19,4 @@ struct ModelFile {
 /// there is no model at all.
 [[nodiscard]] std::vector<ModelFile> find_models(const std::vector<std::string>& places);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -11,7 +11,7 @@
 
 #include "base/error.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 constexpr double kPixelMm = 0.1;
@@ -91,4 +91,4 @@ render::StageOptions plain_camera_stage(const render::Camera& camera, const opti
   return options;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

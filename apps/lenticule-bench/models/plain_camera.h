@@ -7,7 +7,7 @@
 #include "render/scene/scene_description.h"
 #include "render/scene/stage.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 /// Vertical field of view of framing_camera().
 inline constexpr double kModelFovDegrees = 30.0;
@@ -33,4 +33,4 @@ inline constexpr double kModelFovDegrees = 30.0;
 [[nodiscard]] render::StageOptions plain_camera_stage(const render::Camera& camera,
                                                       const optics::Rig& rig);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -12,7 +12,7 @@
 #include "optics/vec.h"
 #include "render/scene/studio_light.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 /// Appends a pixel with a shared exponent: value = mantissa / 256 * 2^(exponent - 128).
@@ -43,4 +43,4 @@ void write_studio(const std::filesystem::path& file, int width, int height) {
   write_text_file(file, bytes);
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

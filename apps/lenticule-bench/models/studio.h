@@ -4,10 +4,10 @@
 
 #include <filesystem>
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 /// Writes render::studio_light() as a latitude-longitude picture (Radiance RGBE), the direction -z
 /// in its middle. Throws Error(Failed) if the file cannot be written.
 void write_studio(const std::filesystem::path& file, int width, int height);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace lenticule::phone_bench {
+namespace lenticule::bench {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180.0;
@@ -51,4 +51,4 @@ Vec2 CameraRays::about(Vec2 panel_mm) const {
   return {axis_px_.x + focal_px_ * dot(d, right_) / z, axis_px_.y + focal_px_ * dot(d, down_) / z};
 }
 
-}  // namespace lenticule::phone_bench
+}  // namespace lenticule::bench

@@ -5,7 +5,7 @@
 
 #include "apps/lenticule-bench/phone/phone_photo.h"
 
-namespace lenticule::phone_bench {
+namespace lenticule::bench {
 
 /// CameraRays returns the ray of each pixel of one photograph.
 ///
@@ -32,4 +32,4 @@ class CameraRays {
   Vec3 forward_, right_, down_;
 };
 
-}  // namespace lenticule::phone_bench
+}  // namespace lenticule::bench

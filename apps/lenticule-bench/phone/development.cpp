@@ -7,7 +7,7 @@
 #include <numbers>
 #include <vector>
 
-namespace lenticule::phone_bench {
+namespace lenticule::bench {
 namespace {
 
 /// Picture is linear light with three channels.
@@ -163,4 +163,4 @@ Photo develop(Mosaic mosaic, const Phone& phone, bool hdr) {
   return photo;
 }
 
-}  // namespace lenticule::phone_bench
+}  // namespace lenticule::bench

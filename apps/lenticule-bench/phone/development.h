@@ -6,10 +6,10 @@
 #include "apps/lenticule-bench/phone/exposure.h"
 #include "apps/lenticule-bench/phone/phone_photo.h"
 
-namespace lenticule::phone_bench {
+namespace lenticule::bench {
 
 /// Returns the photograph of an exposure, with the wall around its window; EXIF data are missing.
 /// `hdr` merges two exposures and maps the tones strongly.
 [[nodiscard]] Photo develop(Mosaic mosaic, const Phone& phone, bool hdr);
 
-}  // namespace lenticule::phone_bench
+}  // namespace lenticule::bench

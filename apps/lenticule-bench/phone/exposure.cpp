@@ -10,7 +10,7 @@
 #include "apps/lenticule-bench/phone/shift_table.h"
 #include "frames/srgb.h"
 
-namespace lenticule::phone_bench {
+namespace lenticule::bench {
 namespace {
 
 constexpr int kCell = 8;  ///< side of the squares of pixels in which rays are interpolated
@@ -281,4 +281,4 @@ Mosaic expose(const LensSection& sheet, const frames::FrameView& shown, const Ph
   return Exposure(sheet, shown, phone, shot).expose();
 }
 
-}  // namespace lenticule::phone_bench
+}  // namespace lenticule::bench

@@ -9,7 +9,7 @@
 #include "apps/lenticule-bench/phone/phone_photo.h"
 #include "frames/frame.h"
 
-namespace lenticule::phone_bench {
+namespace lenticule::bench {
 
 inline constexpr float kWallLight = 0.03F;  ///< light of the wall around the panel
 
@@ -35,4 +35,4 @@ inline int mosaic_channel(int i, int j) {
 [[nodiscard]] Mosaic expose(const LensSection& sheet, const frames::FrameView& shown,
                             const Phone& phone, const Shot& shot);
 
-}  // namespace lenticule::phone_bench
+}  // namespace lenticule::bench

@@ -9,7 +9,7 @@
 #include "base/error.h"
 #include "base/file.h"
 
-namespace lenticule::phone_bench {
+namespace lenticule::bench {
 namespace {
 
 struct Close {
@@ -94,4 +94,4 @@ void round_trip(Photo& photo, int quality) {
     throw Error(ErrorKind::Failed, "cannot decompress a photograph");
 }
 
-}  // namespace lenticule::phone_bench
+}  // namespace lenticule::bench

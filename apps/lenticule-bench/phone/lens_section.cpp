@@ -6,7 +6,7 @@
 #include <limits>
 #include <numbers>
 
-namespace lenticule::phone_bench {
+namespace lenticule::bench {
 namespace {
 
 /// Returns the index at red (610 nm), green (546 nm) or blue (460 nm), by Cauchy's formula A + B /
@@ -125,4 +125,4 @@ double LensSection::reduced_gap_mm() const {
   return build_.sheet_mm / build_.sheet_index + build_.glass_mm / build_.glass_index;
 }
 
-}  // namespace lenticule::phone_bench
+}  // namespace lenticule::bench

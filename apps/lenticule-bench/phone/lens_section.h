@@ -13,7 +13,7 @@
 #include "optics/panel.h"
 #include "optics/vec.h"
 
-namespace lenticule::phone_bench {
+namespace lenticule::bench {
 
 /// SheetBuild describes a lens sheet on a panel by what a workshop could measure.
 struct SheetBuild {
@@ -84,4 +84,4 @@ class LensSection {
   std::array<double, 3> index_{};
 };
 
-}  // namespace lenticule::phone_bench
+}  // namespace lenticule::bench

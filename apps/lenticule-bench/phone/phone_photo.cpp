@@ -7,7 +7,7 @@
 #include "apps/lenticule-bench/phone/development.h"
 #include "apps/lenticule-bench/phone/exposure.h"
 
-namespace lenticule::phone_bench {
+namespace lenticule::bench {
 namespace {
 
 /// Returns the EXIF orientation of a phone that is turned by about this angle.
@@ -29,4 +29,4 @@ Photo photograph(const LensSection& sheet, const frames::FrameView& shown, const
   return photo;
 }
 
-}  // namespace lenticule::phone_bench
+}  // namespace lenticule::bench

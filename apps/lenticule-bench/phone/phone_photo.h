@@ -11,7 +11,7 @@
 #include "apps/lenticule-bench/phone/lens_section.h"
 #include "frames/frame.h"
 
-namespace lenticule::phone_bench {
+namespace lenticule::bench {
 
 /// Phone describes what is the same in all photographs of a phone. Lengths in pixels of the whole
 /// sensor, whose pixels are `width` x `height`; relative lengths in its longer side.
@@ -70,4 +70,4 @@ void write_photo(const Photo& photo, int quality, const std::filesystem::path& f
 /// Compresses and decompresses the photograph as write_photo() and a reader do.
 void round_trip(Photo& photo, int quality);
 
-}  // namespace lenticule::phone_bench
+}  // namespace lenticule::bench

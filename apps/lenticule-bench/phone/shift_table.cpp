@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace lenticule::phone_bench {
+namespace lenticule::bench {
 
 ShiftTable::ShiftTable(const LensSection& sheet) : sheet_(sheet) {
   values_.resize(size_t{3} * kSteps * kSteps);
@@ -54,4 +54,4 @@ ShiftTable::Table ShiftTable::trace(double tan_across, double tan_along, int cha
   return out;
 }
 
-}  // namespace lenticule::phone_bench
+}  // namespace lenticule::bench

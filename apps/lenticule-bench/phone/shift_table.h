@@ -9,7 +9,7 @@
 
 #include "apps/lenticule-bench/phone/lens_section.h"
 
-namespace lenticule::phone_bench {
+namespace lenticule::bench {
 
 /// ShiftTable holds, for directions in steps, where rays of all places under a lens arrive relative
 /// to the ray through the apex. A valley has a NaN.
@@ -42,4 +42,4 @@ class ShiftTable {
   std::vector<std::optional<Table>> values_;
 };
 
-}  // namespace lenticule::phone_bench
+}  // namespace lenticule::bench

@@ -9,7 +9,7 @@
 
 #include "optics/model.h"
 
-namespace lenticule::phone_bench {
+namespace lenticule::bench {
 namespace {
 
 /// Draws returns random numbers that are the same on every machine.
@@ -232,4 +232,4 @@ double worst_error(const optics::Rig& rig, const LensSection& sheet,
   return worst;
 }
 
-}  // namespace lenticule::phone_bench
+}  // namespace lenticule::bench

@@ -9,7 +9,7 @@
 #include "apps/lenticule-bench/phone/phone_photo.h"
 #include "optics/rig.h"
 
-namespace lenticule::phone_bench {
+namespace lenticule::bench {
 
 /// Workshop holds what is there, what its owner believes, and the photographs taken.
 struct Workshop {
@@ -52,4 +52,4 @@ struct WorkshopLimits {
 [[nodiscard]] double worst_error(const optics::Rig& rig, const LensSection& sheet,
                                  const std::vector<Vec3>& eyes);
 
-}  // namespace lenticule::phone_bench
+}  // namespace lenticule::bench

@@ -23,8 +23,10 @@
 #include "player/process/child_process.h"
 #include "player/process/interrupt.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
+
+using tools::ScratchFolder;
 
 /// The baseline of all ratios.
 constexpr const char* kBaseline = "row above, zstd -1";
@@ -58,7 +60,7 @@ class Candidate {
 
 class InMemory final : public Candidate {
  public:
-  InMemory(std::string name, frames::TrialKind kind, int level = 0)
+  InMemory(std::string name, TrialKind kind, int level = 0)
       : Candidate(std::move(name)), trial_(kind, level) {}
   uint64_t encode(const frames::WovenFrame& frame) override { return trial_.encode(frame.view()); }
   void decode(frames::WovenFrame& to) override {
@@ -66,7 +68,7 @@ class InMemory final : public Candidate {
   }
 
  private:
-  frames::CodecTrial trial_;
+  CodecTrial trial_;
 };
 
 class PngFile final : public Candidate {
@@ -109,7 +111,7 @@ class Ffv1File final : public Candidate {
 
  private:
   static void run(const std::vector<std::string>& arguments) {
-    const ProgramRun result = run_child(arguments, kFfmpegLimit);
+    const ProgramRun result = player::run_child(arguments, kFfmpegLimit);
     if (result.exit_code != 0) throw Error(ErrorKind::Failed, "ffmpeg: " + result.output);
   }
 
@@ -121,18 +123,18 @@ class Ffv1File final : public Candidate {
 
 std::vector<std::unique_ptr<Candidate>> make_candidates(const ScratchFolder& folder) {
   std::vector<std::unique_ptr<Candidate>> list;
-  const auto in_memory = [&](const char* name, frames::TrialKind kind, int level = 0) {
+  const auto in_memory = [&](const char* name, TrialKind kind, int level = 0) {
     list.push_back(std::make_unique<InMemory>(name, kind, level));
   };
-  in_memory("memcpy", frames::TrialKind::Copy);
-  in_memory(kContainer, frames::TrialKind::Container);
-  in_memory(kBaseline, frames::TrialKind::RowAbove, -1);
-  in_memory("row above, zstd 1", frames::TrialKind::RowAbove, 1);
-  in_memory("zstd -5", frames::TrialKind::Zstd, -5);
-  in_memory("zstd -1", frames::TrialKind::Zstd, -1);
-  in_memory("zstd 3", frames::TrialKind::Zstd, 3);
+  in_memory("memcpy", TrialKind::Copy);
+  in_memory(kContainer, TrialKind::Container);
+  in_memory(kBaseline, TrialKind::RowAbove, -1);
+  in_memory("row above, zstd 1", TrialKind::RowAbove, 1);
+  in_memory("zstd -5", TrialKind::Zstd, -5);
+  in_memory("zstd -1", TrialKind::Zstd, -1);
+  in_memory("zstd 3", TrialKind::Zstd, 3);
   list.push_back(std::make_unique<PngFile>(folder));
-  if (const auto ffmpeg = find_program("ffmpeg"))
+  if (const auto ffmpeg = player::find_program("ffmpeg"))
     list.push_back(std::make_unique<Ffv1File>(*ffmpeg, folder));
   return list;
 }
@@ -151,7 +153,7 @@ std::vector<Measured> measure(const std::vector<std::unique_ptr<Candidate>>& can
   constexpr double kSlow = 0.5;
   std::vector<Measured> all(candidates.size());
   frames::WovenFrame decoded(frame.geometry());
-  for (int round = 0; round < runs && !interrupted(); ++round) {
+  for (int round = 0; round < runs && !player::interrupted(); ++round) {
     for (size_t i = 0; i < candidates.size(); ++i) {
       Measured& m = all[i];
       if (round >= 2 && median(m.encode) + median(m.decode) > kSlow) continue;
@@ -215,7 +217,7 @@ ExitCode run(const CodecFlags& flags) {
   const std::vector<std::unique_ptr<Candidate>> candidates = make_candidates(folder);
   nlohmann::json frames = nlohmann::json::array();
   const auto take = [&](const std::string& name, const frames::WovenFrame& frame) {
-    if (interrupted()) return;
+    if (player::interrupted()) return;
     frames.push_back(frame_json(name, frame, measure(candidates, frame, flags.runs)));
     if (!flags.json) print_frame(frames.back());
   };
@@ -224,19 +226,19 @@ ExitCode run(const CodecFlags& flags) {
               machine_text(), kBaseline);
   for (const std::string& picture : flags.pictures) take(picture, frames::read_woven(picture));
   for (const std::string& scene : flags.scenes) {
-    if (flags.pictures.empty() && !interrupted()) take(scene, render_scene(scene, rig));
+    if (flags.pictures.empty() && !player::interrupted()) take(scene, render_scene(scene, rig));
   }
   if (flags.json)
     print_json({{"machine", machine_json()},
                 {"baseline", kBaseline},
                 {"runs", flags.runs},
                 {"frames", frames}});
-  return interrupt_exit_code();
+  return player::interrupt_exit_code();
 }
 
 }  // namespace
 
-Run declare_bench_codec(CLI::App& app) {
+cli::Run declare_bench_codec(CLI::App& app) {
   auto flags = std::make_shared<CodecFlags>();
   app.add_option("--scene", flags->scenes, "built-in scenes of which a frame is rendered")
       ->delimiter(',')
@@ -251,4 +253,4 @@ Run declare_bench_codec(CLI::App& app) {
   return [flags]() -> ExitCode { return run(*flags); };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -22,7 +22,7 @@
 #include "base/print.h"
 #include "player/process/interrupt.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 constexpr std::chrono::milliseconds kPoll{10};
@@ -60,7 +60,7 @@ ChildEnd wait_for(pid_t child) {
       end.peak_mib = static_cast<double>(usage.ru_maxrss) / 1024.0;
       return end;
     }
-    if (interrupted()) kill(child, SIGKILL);
+    if (player::interrupted()) kill(child, SIGKILL);
     std::this_thread::sleep_for(kPoll);
   }
 }
@@ -79,7 +79,7 @@ ExitCode measure_memory(const MemoryFlags& flags) {
         },
         {.program = "lenticule"}));
   const ChildEnd end = wait_for(child);
-  if (interrupted()) return interrupt_exit_code();
+  if (player::interrupted()) return player::interrupt_exit_code();
   if (!WIFEXITED(end.status))
     throw Error(ErrorKind::Failed, fmt::format("bench memory: the renderer was killed by signal {}",
                                                WTERMSIG(end.status)));
@@ -101,7 +101,7 @@ ExitCode measure_memory(const MemoryFlags& flags) {
 
 }  // namespace
 
-Run declare_bench_memory(CLI::App& app) {
+cli::Run declare_bench_memory(CLI::App& app) {
   auto flags = std::make_shared<MemoryFlags>();
   app.add_option("--rig", flags->rig, "rig file (default: the 4K kiosk)");
   app.add_option("--scene", flags->scene, "as for render")->capture_default_str();
@@ -114,4 +114,4 @@ Run declare_bench_memory(CLI::App& app) {
   return [flags]() -> ExitCode { return measure_memory(*flags); };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

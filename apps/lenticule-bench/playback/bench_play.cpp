@@ -25,7 +25,7 @@
 #include "player/playback/playback.h"
 #include "player/process/interrupt.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 using std::chrono::milliseconds;
@@ -46,7 +46,7 @@ struct BenchFlags {
 
 struct Row {
   frames::FrameGeometry geometry;
-  PlayReport report;
+  player::PlayReport report;
   uint64_t early_bytes = 0;  ///< resident at the first report: own, ring and library pages
   uint64_t late_bytes = 0;   ///< resident at the end
   uint64_t allowed_bytes = 0;
@@ -91,7 +91,7 @@ class RendererProcess {
 };
 
 Row measure(frames::FrameGeometry geometry, uint64_t count, int slots) {
-  const ScratchFolder folder;
+  const tools::ScratchFolder folder;
   const std::filesystem::path socket = folder.ring_socket();
   // Forked before this process has threads; the child waits for the socket to appear.
   const RendererProcess renderer(socket, count);
@@ -105,17 +105,17 @@ Row measure(frames::FrameGeometry geometry, uint64_t count, int slots) {
   row.geometry = geometry;
   row.allowed_bytes = static_cast<uint64_t>(slots) * geometry.frame_bytes() +
                       kAllowedFrames * geometry.frame_bytes() + kAllowance;
-  const PlayResult result = play(*display, *ring,
-                                 {.prime = static_cast<uint64_t>(slots) / 2,
-                                  .filling = Filling::InPresenter,
-                                  .stop_fd = interrupt_fd(),
-                                  .on_report =
-                                      [&row](const PlayReport& report) {
-                                        if (row.early_bytes == 0)
-                                          row.early_bytes = report.memory.total;
-                                      },
-                                  .source_name = "ring"});
-  if (result.report.pace.shown != count && !interrupted())
+  const player::PlayResult result = player::play(*display, *ring,
+                                                 {.prime = static_cast<uint64_t>(slots) / 2,
+                                                  .filling = player::Filling::InPresenter,
+                                                  .stop_fd = player::interrupt_fd(),
+                                                  .on_report =
+                                                      [&row](const player::PlayReport& report) {
+                                                        if (row.early_bytes == 0)
+                                                          row.early_bytes = report.memory.total;
+                                                      },
+                                                  .source_name = "ring"});
+  if (result.report.pace.shown != count && !player::interrupted())
     throw Error(ErrorKind::Failed,
                 fmt::format("bench play: {} of {} frames shown: {} {}", result.report.pace.shown,
                             count, outcome_name(result.outcome), result.failure));
@@ -165,11 +165,11 @@ ExitCode run_bench_play(const BenchFlags& flags) {
   for (const Panel& panel : panels) {
     rows.push_back(row_json(measure(panel.geometry, panel.frames, flags.slots)));
     within = within && rows.back()["within_limit"].get<bool>();
-    if (interrupted()) return interrupt_exit_code();
+    if (player::interrupted()) return player::interrupt_exit_code();
     if (!flags.json) print_row(rows.back());
   }
   const nlohmann::json budget = measure_vblank_budget(bench_rig(flags.rig), flags.runs);
-  if (interrupted()) return interrupt_exit_code();
+  if (player::interrupted()) return player::interrupt_exit_code();
   if (flags.json) {
     print_json({{"benchmark", "play"},
                 {"machine", machine_json()},
@@ -184,7 +184,7 @@ ExitCode run_bench_play(const BenchFlags& flags) {
 
 }  // namespace
 
-Run declare_bench_play(CLI::App& app) {
+cli::Run declare_bench_play(CLI::App& app) {
   const auto flags = std::make_shared<BenchFlags>();
   app.add_option("--frames", flags->small_frames, "frames to play at 480x270")
       ->check(CLI::Range(1, 100'000'000))
@@ -203,4 +203,4 @@ Run declare_bench_play(CLI::App& app) {
   return [flags] { return run_bench_play(*flags); };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -19,7 +19,7 @@
 #include "player/process/interrupt.h"
 #include "player/process/sibling_program.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 struct StartFlags {
@@ -34,7 +34,7 @@ struct ProgramOutput {
 };
 
 std::string find_lenticule() {
-  if (const auto program = find_sibling_program("lenticule")) return program->string();
+  if (const auto program = player::find_sibling_program("lenticule")) return program->string();
   throw Error(ErrorKind::Failed, "lenticule: not found beside lenticule-bench",
               "install the package lenticule-player");
 }
@@ -69,7 +69,7 @@ void write_noise(const optics::Rig& rig, const std::string& file) {
 ExitCode run(const StartFlags& flags) {
   const std::string program = find_lenticule();
   const optics::Rig rig = bench_rig(flags.rig);
-  const ScratchFolder scratch;
+  const tools::ScratchFolder scratch;
   optics::save_rig(rig, scratch.file("rig.toml"));
   write_noise(rig, scratch.file("frame.png"));
   const std::string play =
@@ -77,12 +77,12 @@ ExitCode run(const StartFlags& flags) {
                   scratch.file("frame.png"), scratch.file("rig.toml"));
   std::vector<double> loading;
   std::vector<double> first_frame;
-  for (int i = 0; i < flags.runs && !interrupted(); ++i) {
+  for (int i = 0; i < flags.runs && !player::interrupted(); ++i) {
     loading.push_back(1000.0 * run_lenticule(program, "--version").seconds);
     const auto report = nlohmann::json::parse(run_lenticule(program, play).text);
     first_frame.push_back(report.at("first_frame_ms").get<double>());
   }
-  if (interrupted()) return interrupt_exit_code();
+  if (player::interrupted()) return player::interrupt_exit_code();
 
   const nlohmann::json result = {
       {"machine", machine_json()},
@@ -107,7 +107,7 @@ ExitCode run(const StartFlags& flags) {
 
 }  // namespace
 
-Run declare_bench_start(CLI::App& app) {
+cli::Run declare_bench_start(CLI::App& app) {
   auto flags = std::make_shared<StartFlags>();
   app.add_option("--rig", flags->rig, "rig file (default: the 4K kiosk)");
   app.add_option("--runs", flags->runs, "number of runs; medians are reported")
@@ -117,4 +117,4 @@ Run declare_bench_start(CLI::App& app) {
   return [flags] { return run(*flags); };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

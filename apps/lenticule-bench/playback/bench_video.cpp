@@ -21,8 +21,10 @@
 #include "player/process/interrupt.h"
 #include "player/sources/video_source.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
+
+using tools::VideoCodec;
 
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
@@ -70,7 +72,7 @@ Way store_video(const VideoFlags& flags, frames::FrameGeometry geometry, VideoCo
                 const std::string& file) {
   Way way{.name = codec == VideoCodec::Ffv1 ? "ffv1" : "x264rgb", .open = nullptr, .rates = {}};
   double seconds = 0.0;
-  VideoWriter writer({.file = file, .geometry = geometry, .rate = {60, 1}, .codec = codec});
+  tools::VideoWriter writer({.file = file, .geometry = geometry, .rate = {60, 1}, .codec = codec});
   for (int k = 0; k < flags.frames; ++k) {
     const frames::WovenFrame frame = woven_like(geometry, k);
     const Clock::time_point begin = Clock::now();
@@ -83,12 +85,14 @@ Way store_video(const VideoFlags& flags, frames::FrameGeometry geometry, VideoCo
   way.written_per_s = flags.frames / seconds;
   way.megabytes_per_frame =
       static_cast<double>(std::filesystem::file_size(file)) / 1e6 / flags.frames;
-  way.open = [file] { return open_video({.file = file, .slots = kPool, .plays_again = true}); };
+  way.open = [file] {
+    return player::open_video({.file = file, .slots = kPool, .plays_again = true});
+  };
   return way;
 }
 
 Way store_pngs(const VideoFlags& flags, frames::FrameGeometry geometry,
-               const ScratchFolder& folder) {
+               const tools::ScratchFolder& folder) {
   Way way{.name = "png", .open = nullptr, .rates = {}};
   std::vector<std::filesystem::path> files;
   double seconds = 0.0;
@@ -114,7 +118,7 @@ Way store_pngs(const VideoFlags& flags, frames::FrameGeometry geometry,
 
 void pull_frames(frames::FrameSource& source, uint64_t count) {
   Clock::time_point deadline = Clock::now() + kTimeout;
-  for (uint64_t done = 0; done < count && !interrupted();) {
+  for (uint64_t done = 0; done < count && !player::interrupted();) {
     frames::AcquiredFrame acquired;
     switch (source.pull(acquired)) {
       case frames::PullStatus::Ready:
@@ -166,15 +170,15 @@ ExitCode run_video(const VideoFlags& given) {
   }
   const optics::Rig rig = bench_rig(flags.rig);
   const frames::FrameGeometry geometry{.width = rig.panel.width_px, .height = rig.panel.height_px};
-  const ScratchFolder folder;
+  const tools::ScratchFolder folder;
   std::vector<Way> ways;
   ways.push_back(store_pngs(flags, geometry, folder));
   ways.push_back(store_video(flags, geometry, VideoCodec::Ffv1, folder.file("ffv1.mkv")));
   ways.push_back(store_video(flags, geometry, VideoCodec::X264Rgb, folder.file("x264rgb.mkv")));
   // Interleaved runs, so that other load on the machine affects all equally.
-  for (int run = 0; run < flags.runs && !interrupted(); ++run)
+  for (int run = 0; run < flags.runs && !player::interrupted(); ++run)
     for (Way& way : ways) way.rates.push_back(frames_per_second(way, flags.frames));
-  if (interrupted()) return interrupt_exit_code();
+  if (player::interrupted()) return player::interrupt_exit_code();
   nlohmann::json rows = nlohmann::json::array();
   for (const Way& way : ways)
     rows.push_back({{"name", way.name},
@@ -196,7 +200,7 @@ ExitCode run_video(const VideoFlags& given) {
 
 }  // namespace
 
-Run declare_bench_video(CLI::App& app) {
+cli::Run declare_bench_video(CLI::App& app) {
   const auto flags = std::make_shared<VideoFlags>();
   app.add_option("--rig", flags->rig, "rig file (default: the 4K kiosk)");
   app.add_option("--frames", flags->frames, "number of frames of the clip")
@@ -210,4 +214,4 @@ Run declare_bench_video(CLI::App& app) {
   return [flags] { return run_video(*flags); };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

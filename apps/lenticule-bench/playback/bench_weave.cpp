@@ -17,7 +17,7 @@
 #include "frames/weaving/fast_weaver.h"
 #include "player/process/interrupt.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 using frames::ViewFilter;
@@ -98,7 +98,7 @@ void time_kernel(const frames::ViewSet& views, std::shared_ptr<const frames::Wea
   copy_by_threads(frame, copy, threads);
   std::vector<double> weave_ms, copy_ms, ratios;
   std::vector<double> weave_thread_ms, copy_thread_ms;
-  for (int run = 0; run < runs && !interrupted(); ++run) {
+  for (int run = 0; run < runs && !player::interrupted(); ++run) {
     weave_thread_ms.push_back(
         1e3 * thread_seconds(
                   [&] { weave_ms.push_back(milliseconds([&] { weaver.weave(views, frame); })); }));
@@ -138,7 +138,7 @@ void measure(const Case& what, const optics::OpticalModel& model, int runs,
   result.plan_mib = static_cast<double>(plan->memory_bytes()) / (1 << 20);
   result.reference_ms = reference_ms(views, model, options);
   for (const frames::WeaveKernel kernel : frames::kWeaveKernels) {
-    if (interrupted() || !frames::kernel_suits(kernel, *plan)) continue;
+    if (player::interrupted() || !frames::kernel_suits(kernel, *plan)) continue;
     if (!what.all_kernels && kernel != frames::best_kernel(*plan)) continue;
     time_kernel(views, plan, kernel, runs_of(what, kernel, runs), result);
     results.push_back(result);
@@ -200,7 +200,7 @@ ExitCode run(const WeaveBenchFlags& flags) {
   std::vector<CaseResult> results;
   for (const Case& what : cases(flags.quick)) {
     measure(what, model, flags.runs, results);
-    if (interrupted()) return interrupt_exit_code();
+    if (player::interrupted()) return player::interrupt_exit_code();
   }
   if (flags.json) {
     nlohmann::json rows = nlohmann::json::array();
@@ -221,7 +221,7 @@ ExitCode run(const WeaveBenchFlags& flags) {
 
 }  // namespace
 
-Run declare_bench_weave(CLI::App& app) {
+cli::Run declare_bench_weave(CLI::App& app) {
   auto flags = std::make_shared<WeaveBenchFlags>();
   app.add_option("--rig", flags->rig, "rig file (default: the 4K kiosk)");
   app.add_option("--runs", flags->runs, "interleaved runs of weaving and copying")
@@ -232,4 +232,4 @@ Run declare_bench_weave(CLI::App& app) {
   return [flags]() -> ExitCode { return run(*flags); };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -12,11 +12,11 @@
 #include "frames/sequence/predictor_choice.h"
 #include "frames/sequence/sequence_format.h"
 
-namespace lenticule::frames {
+namespace lenticule::bench {
 namespace {
 
 struct StoredBand {
-  BandCodec codec = BandCodec::Raw;
+  frames::BandCodec codec = frames::BandCodec::Raw;
   std::vector<uint8_t> bytes;
 };
 
@@ -76,7 +76,7 @@ struct CodecTrial::State {
     return true;
   }
 
-  void prepare(const FrameGeometry& geometry) {
+  void prepare(const frames::FrameGeometry& geometry) {
     if (header.geometry == geometry) return;
     header.geometry = geometry;
     header.band_rows = choose_band_rows(geometry);
@@ -90,12 +90,12 @@ struct CodecTrial::State {
   int level = 0;
   ZSTD_CCtx* compressor = ZSTD_createCCtx();
   ZSTD_DCtx* decompressor = ZSTD_createDCtx();
-  FileHeader header;
-  PredictorTable predictors;
+  frames::FileHeader header;
+  frames::PredictorTable predictors;
   std::vector<StoredBand> bands;
   std::vector<uint8_t> rest;
-  std::optional<BandEncoder> encoder;
-  std::optional<BandDecoder> decoder;
+  std::optional<frames::BandEncoder> encoder;
+  std::optional<frames::BandDecoder> decoder;
 };
 
 CodecTrial::CodecTrial(TrialKind kind, int level) : state_(std::make_unique<State>()) {
@@ -106,7 +106,7 @@ CodecTrial::~CodecTrial() = default;
 CodecTrial::CodecTrial(CodecTrial&&) noexcept = default;
 CodecTrial& CodecTrial::operator=(CodecTrial&&) noexcept = default;
 
-size_t CodecTrial::encode(const FrameView& frame) {
+size_t CodecTrial::encode(const frames::FrameView& frame) {
   State& s = *state_;
   s.prepare(frame.geometry);
   if (s.kind == TrialKind::Container) s.predictors = choose_predictors(frame, s.header.band_rows);
@@ -120,7 +120,7 @@ size_t CodecTrial::encode(const FrameView& frame) {
   return bytes;
 }
 
-bool CodecTrial::decode(WovenFrame& to) {
+bool CodecTrial::decode(frames::WovenFrame& to) {
   State& s = *state_;
   bool whole = true;
   for (int band = 0; band < s.header.bands(); ++band) {
@@ -131,4 +131,4 @@ bool CodecTrial::decode(WovenFrame& to) {
   return whole;
 }
 
-}  // namespace lenticule::frames
+}  // namespace lenticule::bench

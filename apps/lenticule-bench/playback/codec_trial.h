@@ -9,7 +9,7 @@
 
 #include "frames/frame.h"
 
-namespace lenticule::frames {
+namespace lenticule::bench {
 
 enum class TrialKind {
   Copy,       ///< uncompressed bytes
@@ -27,14 +27,14 @@ class CodecTrial {
   CodecTrial& operator=(CodecTrial&&) noexcept;
 
   /// Compresses the frame in the container's bands and keeps the result; returns its size in bytes.
-  size_t encode(const FrameView& frame);
+  size_t encode(const frames::FrameView& frame);
   /// Decodes the result of encode() into a frame of the same geometry. Returns false only if the
   /// codec is faulty.
-  [[nodiscard]] bool decode(WovenFrame& to);
+  [[nodiscard]] bool decode(frames::WovenFrame& to);
 
  private:
   struct State;
   std::unique_ptr<State> state_;
 };
 
-}  // namespace lenticule::frames
+}  // namespace lenticule::bench

@@ -22,7 +22,7 @@
 #include "frames/weaving/reweave.h"
 #include "player/process/interrupt.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 constexpr double kVblankMs = 1e3 / 60.0;
@@ -62,7 +62,7 @@ struct StepTimes {
 };
 
 StepTimes time_steps(const BenchScene& scene, const frames::ViewSet& views, int runs) {
-  const ScratchFolder folder;
+  const tools::ScratchFolder folder;
   StoredFrame woven(scene.frame(), folder.file("woven.lts"));
   StoredFrame quilt(frames::draw_quilt(views, frames::quilt_layout_for(views)),
                     folder.file("views.lts"));
@@ -73,7 +73,7 @@ StepTimes time_steps(const BenchScene& scene, const frames::ViewSet& views, int 
   std::vector<uint32_t> scanout(frame.bytes().size() / 3);
   const auto milliseconds = [](auto&& work) { return 1e3 * thread_seconds(work); };
   StepTimes times;
-  for (int run = 0; run < runs && !interrupted(); ++run) {
+  for (int run = 0; run < runs && !player::interrupted(); ++run) {
     times.decode_woven.push_back(milliseconds([&] { woven.decode(); }));
     times.decode_views.push_back(milliseconds([&] { quilt.decode(); }));
     times.weave.push_back(milliseconds([&] { weaver.weave(views, frame); }));
@@ -98,7 +98,7 @@ nlohmann::json row(const std::string& source, std::optional<double> decode,
 nlohmann::json measure_vblank_budget(const optics::Rig& rig, int runs) {
   BenchScene scene({.scene = bench_scene_name("demo"), .rig = rig});
   static_cast<void>(scene.render(*scene.method(scene.options(render::RenderOptions{}.max_depth))));
-  if (interrupted()) return nlohmann::json::array();
+  if (player::interrupted()) return nlohmann::json::array();
   const frames::ViewSet views = frames::views_of_woven(scene.frame().view(), scene.model(),
                                                        frames::views_in_woven(scene.model().rig()));
   const StepTimes times = time_steps(scene, views, runs);
@@ -124,4 +124,4 @@ void print_vblank_budget(const nlohmann::json& rows) {
               cell(row["total_ms"]), 100.0 * row["part_of_vblank"].get<double>());
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

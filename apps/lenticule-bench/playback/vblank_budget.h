@@ -7,7 +7,7 @@
 
 #include "optics/rig.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 /// Renders one frame of the demo scene for `rig` and measures, in `runs` interleaved runs and in
 /// processor time of this thread: decoding it, decoding its views, weaving them, and copying a
@@ -17,4 +17,4 @@ namespace lenticule::player {
 [[nodiscard]] nlohmann::json measure_vblank_budget(const optics::Rig& rig, int runs);
 void print_vblank_budget(const nlohmann::json& rows);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

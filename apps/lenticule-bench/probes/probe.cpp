@@ -12,7 +12,7 @@
 #include "render/scene/scene.h"
 #include "render/shading/shading_tables.h"
 
-namespace lenticule::render {
+namespace lenticule::bench {
 namespace {
 
 constexpr double kFar = std::numeric_limits<double>::infinity();
@@ -20,15 +20,16 @@ constexpr double kFar = std::numeric_limits<double>::infinity();
 /// The distance between the rows of a typical panel.
 constexpr double kStepMm = 0.1;
 
-PathRay path_ray(const ProbeRay& ray) {
+render::PathRay path_ray(const ProbeRay& ray) {
   return {.origin = ray.origin, .direction = ray.direction, .target = 0};
 }
 
-Vec3 lane(const float (&lanes)[3][kPacket], size_t k) {
+Vec3 lane(const float (&lanes)[3][render::kPacket], size_t k) {
   return {double{lanes[0][k]}, double{lanes[1][k]}, double{lanes[2][k]}};
 }
 
-ProbeHit probe_hit(const RayPacket& packet, const shading_kernel::Surfaces& surfaces, size_t k) {
+ProbeHit probe_hit(const render::RayPacket& packet,
+                   const render::shading_kernel::Surfaces& surfaces, size_t k) {
   if (packet.valid[k] == 0) return {};
   if (surfaces.active[k] == 0) return {.what = ProbeHit::What::Nothing, .distance = kFar};
   return {.what = ProbeHit::What::Surface,
@@ -43,23 +44,23 @@ ProbeHit probe_hit(const RayPacket& packet, const shading_kernel::Surfaces& surf
 
 }  // namespace
 
-Probe::Probe(const Scene& scene) : scene_(scene) {}
+Probe::Probe(const render::Scene& scene) : scene_(scene) {}
 
 uint64_t Probe::trace(std::span<const ProbeRay> rays, HoleGuard guard,
                       std::span<ProbeHit> hits) const {
-  const FlushDenormals flush;
-  FrameCounts counts;
-  RayPacket packet;
-  shading_kernel::Surfaces surfaces{};
-  std::vector<PathRay> lanes;
-  for (size_t begin = 0; begin < rays.size(); begin += kPacket) {
+  const render::FlushDenormals flush;
+  render::FrameCounts counts;
+  render::RayPacket packet;
+  render::shading_kernel::Surfaces surfaces{};
+  std::vector<render::PathRay> lanes;
+  for (size_t begin = 0; begin < rays.size(); begin += render::kPacket) {
     lanes.clear();
-    for (const ProbeRay& ray : rays.subspan(begin, std::min(kPacket, rays.size() - begin)))
+    for (const ProbeRay& ray : rays.subspan(begin, std::min(render::kPacket, rays.size() - begin)))
       lanes.push_back(path_ray(ray));
     (void)load_packet(lanes, packet);
-    intersect16(packet.valid, scene_.embree.get(), packet.rays, Coherence::Coherent);
+    intersect16(packet.valid, scene_.embree.get(), packet.rays, render::Coherence::Coherent);
     if (guard == HoleGuard::On) fill_holes(scene_, kStepMm, packet, counts);
-    shading_kernel_for(best_isa())
+    render::shading_kernel_for(best_isa())
         .find_surfaces(scene_.shading->tables(), &packet.rays.ray.org_x[0], packet.valid, surfaces);
     for (size_t k = 0; k < lanes.size(); ++k) hits[begin + k] = probe_hit(packet, surfaces, k);
   }
@@ -68,8 +69,8 @@ uint64_t Probe::trace(std::span<const ProbeRay> rays, HoleGuard guard,
 
 void Probe::leave(std::span<const ProbeHit> hits, std::span<const Vec3> directions,
                   std::span<uint8_t> blocked) const {
-  const FlushDenormals flush;
-  std::vector<ShadowRay> rays;
+  const render::FlushDenormals flush;
+  std::vector<render::ShadowRay> rays;
   std::vector<double> light(hits.size(), 0.0);
   for (size_t k = 0; k < hits.size(); ++k) {
     light[k] = hits[k].what == ProbeHit::What::Surface ? 0.0 : 1.0;
@@ -92,16 +93,16 @@ std::vector<Vec3> Probe::corners(size_t mesh) const {
 }
 
 struct PrimaryProbe::Impl {
-  Impl(const Scene& committed, const optics::OpticalModel& model, Isa isa)
+  Impl(const render::Scene& committed, const optics::OpticalModel& model, Isa isa)
       : scene(committed), plan(model.rig()), packets(model, plan, isa), footprint(model, {}) {}
 
-  const Scene& scene;
-  TilePlan plan;
-  PrimaryPackets packets;
-  Footprint footprint;
+  const render::Scene& scene;
+  render::TilePlan plan;
+  render::PrimaryPackets packets;
+  render::Footprint footprint;
 };
 
-PrimaryProbe::PrimaryProbe(const Scene& scene, const optics::OpticalModel& model, Isa isa)
+PrimaryProbe::PrimaryProbe(const render::Scene& scene, const optics::OpticalModel& model, Isa isa)
     : impl_(std::make_unique<Impl>(scene, model, isa)) {}
 PrimaryProbe::~PrimaryProbe() = default;
 
@@ -114,20 +115,20 @@ bool PrimaryProbe::fast() const {
 }
 
 void PrimaryProbe::lines(int tile_index, std::vector<Line>& out) const {
-  const FlushDenormals flush;
-  const Tile tile = impl_->plan.tile(tile_index);
+  const render::FlushDenormals flush;
+  const render::Tile tile = impl_->plan.tile(tile_index);
   const Affine panel_from_scene = impl_->scene.scene_from_panel.inverse();
-  PrimaryPackets::Maker maker(impl_->packets);
-  std::vector<RayPacket> packets(1);
+  render::PrimaryPackets::Maker maker(impl_->packets);
+  std::vector<render::RayPacket> packets(1);
   init_packets(packets);
   maker.start(impl_->scene, tile, impl_->footprint);
   maker.prepare(packets);
   out.clear();
   for (int column = 0; column < tile.columns; ++column) {
     maker.columns(column, packets);
-    for (size_t r = 0; r < kPacket; ++r) {
+    for (size_t r = 0; r < render::kPacket; ++r) {
       if (packets[0].valid[r] == 0) continue;
-      const PanelRay line = panel_ray(panel_from_scene, packets[0], r);
+      const render::PanelRay line = panel_ray(panel_from_scene, packets[0], r);
       out.push_back({.row = tile.row_begin + static_cast<int>(r),
                      .subpixel = impl_->plan.subpixel(tile, column, static_cast<int>(r)),
                      .x_mm = line.x_mm,
@@ -138,4 +139,4 @@ void PrimaryProbe::lines(int tile_index, std::vector<Line>& out) const {
   }
 }
 
-}  // namespace lenticule::render
+}  // namespace lenticule::bench

@@ -12,7 +12,7 @@
 #include "optics/model.h"
 #include "render/scene/scene.h"
 
-namespace lenticule::render {
+namespace lenticule::bench {
 
 /// A ray in the scene frame: millimetres on the panel; the origin is the centre of the scene
 /// placement.
@@ -38,7 +38,7 @@ enum class HoleGuard { Off, On };
 /// Thread safety: any thread. Lifetime: the scene must outlive the probe.
 class Probe {
  public:
-  explicit Probe(const Scene& scene);
+  explicit Probe(const render::Scene& scene);
 
   /// Traces rays; sixteen consecutive rays form a packet and are neighbours for the guard. The
   /// spans have equal lengths. Returns the number of rays that the guard filled.
@@ -53,14 +53,14 @@ class Probe {
   [[nodiscard]] std::vector<Vec3> corners(size_t mesh) const;
 
  private:
-  const Scene& scene_;
+  const render::Scene& scene_;
 };
 
 /// PrimaryProbe returns the primary rays of method full in the panel frame. Thread safety: any
 /// thread.
 class PrimaryProbe {
  public:
-  PrimaryProbe(const Scene& scene, const optics::OpticalModel& model, Isa isa);
+  PrimaryProbe(const render::Scene& scene, const optics::OpticalModel& model, Isa isa);
   ~PrimaryProbe();
   PrimaryProbe(const PrimaryProbe&) = delete;
   PrimaryProbe& operator=(const PrimaryProbe&) = delete;
@@ -84,4 +84,4 @@ class PrimaryProbe {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace lenticule::render
+}  // namespace lenticule::bench

@@ -14,7 +14,7 @@
 #include "render/rays/primary_rays.h"
 #include "render/scene/scene.h"
 
-namespace lenticule::render {
+namespace lenticule::bench {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -25,15 +25,16 @@ double seconds_since(Clock::time_point start) {
 
 constexpr double kElsewhere = 0.01;  // mm
 
-void compare_row(const RowTracer::Seen& traced, const SweptRow& swept, SweepDifference& sum) {
+void compare_row(const RowTracer::Seen& traced, const render::SweptRow& swept,
+                 SweepDifference& sum) {
   for (size_t s = 0; s < traced.hits.size(); ++s) {
-    const Hit& hit = traced.hits[s];
-    const bool met = hit.geometry < Hit::kRefused;
-    const bool seen = swept.cut[s] != SweptRow::kNothing;
+    const render::Hit& hit = traced.hits[s];
+    const bool met = hit.geometry < render::Hit::kRefused;
+    const bool seen = swept.cut[s] != render::SweptRow::kNothing;
     ++sum.subpixels;
     if (!met && !seen) continue;
     sum.one_sees_none += met != seen ? 1 : 0;
-    const SweptCut* cut = seen ? &swept.cuts[static_cast<size_t>(swept.cut[s])] : nullptr;
+    const render::SweptCut* cut = seen ? &swept.cuts[static_cast<size_t>(swept.cut[s])] : nullptr;
     const bool same =
         met && seen && cut->geometry == hit.geometry && cut->primitive == hit.primitive;
     sum.other_id += same ? 0 : 1;
@@ -46,21 +47,21 @@ void compare_row(const RowTracer::Seen& traced, const SweptRow& swept, SweepDiff
 /// SweepTimer distributes consecutive rows in bands, one per thread.
 class SweepTimer {
  public:
-  SweepTimer(const RowPlanes& planes, const Scene& scene, int threads)
+  SweepTimer(const render::RowPlanes& planes, const render::Scene& scene, int threads)
       : planes_(planes),
         scene_(scene),
         arena_(threads > 0 ? threads : tbb::task_arena::automatic) {}
 
   SweepTiming run() {
     const Clock::time_point start = Clock::now();
-    const RowSweep sweep(planes_, scene_);
+    const render::RowSweep sweep(planes_, scene_);
     SweepTiming timing;
     timing.prepare_seconds = seconds_since(start);
     timing.subpixels = planes_.row_subpixels() * static_cast<uint64_t>(planes_.rows());
     tbb::enumerable_thread_specific<Work> workers([&] { return Work(sweep, planes_); });
     arena_.execute([&] {
       tbb::parallel_for(0, (planes_.rows() + kBand - 1) / kBand, [&](int band) {
-        const FlushDenormals flush;
+        const render::FlushDenormals flush;
         workers.local().time_band(planes_, band);
       });
     });
@@ -76,9 +77,10 @@ class SweepTimer {
   static constexpr int kBand = 16;
 
   struct Work {
-    Work(const RowSweep& sweep, const RowPlanes& planes) : worker(sweep), maker(planes) {}
+    Work(const render::RowSweep& sweep, const render::RowPlanes& planes)
+        : worker(sweep), maker(planes) {}
 
-    void time_band(const RowPlanes& planes, int band) {
+    void time_band(const render::RowPlanes& planes, int band) {
       const int first = band * kBand;
       const int end = std::min(first + kBand, planes.rows());
       Clock::time_point start = Clock::now();
@@ -94,7 +96,7 @@ class SweepTimer {
       for (int row = first; row < end; ++row) write(row);
       sum.write_seconds += seconds_since(start);
     }
-    void make_rays(const RowPlanes& planes, int row) {
+    void make_rays(const render::RowPlanes& planes, int row) {
       for (size_t plane = 0; plane < planes.planes_of(row); ++plane) {
         maker.make(row, plane, rays);
         cells.arrange(planes.kernel(), planes.inverse_z(), rays);
@@ -116,27 +118,27 @@ class SweepTimer {
       timing.cuts += cuts;
     }
 
-    RowSweep::Worker worker;
-    RowPlanes::Maker maker;
-    PlaneRays rays;
-    PlaneCells cells;
-    SweptRow swept, bare;
+    render::RowSweep::Worker worker;
+    render::RowPlanes::Maker maker;
+    render::PlaneRays rays;
+    render::PlaneCells cells;
+    render::SweptRow swept, bare;
     SweepTiming sum;
     uint64_t cuts = 0;
   };
 
-  const RowPlanes& planes_;
-  const Scene& scene_;
+  const render::RowPlanes& planes_;
+  const render::Scene& scene_;
   tbb::task_arena arena_;
 };
 
 }  // namespace
 
-RowTracer::RowTracer(const optics::OpticalModel& model, const Scene& scene)
+RowTracer::RowTracer(const optics::OpticalModel& model, const render::Scene& scene)
     : model_(model),
       scene_(scene),
       evaluator_(model),
-      start_mm_(primary_start_mm(scene.near_mm, model.rig().viewing.distance.value)) {}
+      start_mm_(render::primary_start_mm(scene.near_mm, model.rig().viewing.distance.value)) {}
 
 void RowTracer::trace(int row, Seen& out) {
   evaluator_.evaluate(row, 0, model_.rig().panel.width_px, out.rays);
@@ -149,24 +151,24 @@ void RowTracer::trace(int row, Seen& out) {
     return to_scene.vector({-out.rays.tan_x[s], -out.rays.tan_y[s], -1.0});
   };
   for (size_t s = 0; s < count; ++s) {
-    PathRay& ray = rays_[s];
+    render::PathRay& ray = rays_[s];
     ray.origin = to_scene.point({out.rays.lens_x_mm[s] + start_mm_ * out.rays.tan_x[s],
                                  out.rays.lens_y_mm[s] + start_mm_ * out.rays.tan_y[s], start_mm_});
     ray.direction = normalized(way(s));
     ray.target = 0;
   }
-  (void)intersect(scene_.embree.get(), rays_, Coherence::Incoherent, out.hits);
+  (void)intersect(scene_.embree.get(), rays_, render::Coherence::Incoherent, out.hits);
   for (size_t s = 0; s < count; ++s)
     out.z_mm[s] = start_mm_ - static_cast<double>(out.hits[s].distance) / length(way(s));
 }
 
-SweepDifference compare_with_embree(const RowPlanes& planes, const Scene& scene, int first,
-                                    int step) {
-  const RowSweep sweep(planes, scene);
-  RowSweep::Worker worker(sweep);
+SweepDifference compare_with_embree(const render::RowPlanes& planes, const render::Scene& scene,
+                                    int first, int step) {
+  const render::RowSweep sweep(planes, scene);
+  render::RowSweep::Worker worker(sweep);
   RowTracer tracer(planes.model(), scene);
   RowTracer::Seen traced;
-  SweptRow swept;
+  render::SweptRow swept;
   SweepDifference sum;
   for (int row = first; row < planes.rows(); row += step) {
     worker.sweep(row, swept);
@@ -176,8 +178,9 @@ SweepDifference compare_with_embree(const RowPlanes& planes, const Scene& scene,
   return sum;
 }
 
-SweepTiming time_row_sweep(const RowPlanes& planes, const Scene& scene, int threads) {
+SweepTiming time_row_sweep(const render::RowPlanes& planes, const render::Scene& scene,
+                           int threads) {
   return SweepTimer(planes, scene, threads).run();
 }
 
-}  // namespace lenticule::render
+}  // namespace lenticule::bench

@@ -10,17 +10,17 @@
 #include "render/row_sweep/row_sweep.h"
 #include "render/scene/scene.h"
 
-namespace lenticule::render {
+namespace lenticule::bench {
 
 /// Thread safety: one thread.
 class RowTracer {
  public:
   /// Lifetime: both must outlive the tracer.
-  RowTracer(const optics::OpticalModel& model, const Scene& scene);
+  RowTracer(const optics::OpticalModel& model, const render::Scene& scene);
 
   struct Seen {
-    std::vector<Hit> hits;     ///< one per subpixel
-    std::vector<double> z_mm;  ///< panel frame; set where a surface was hit
+    std::vector<render::Hit> hits;  ///< one per subpixel
+    std::vector<double> z_mm;       ///< panel frame; set where a surface was hit
     optics::RowRays rays;
   };
   /// Traces the centre rays of all subpixels of a row, computed from the optical map itself.
@@ -28,10 +28,10 @@ class RowTracer {
 
  private:
   const optics::OpticalModel& model_;
-  const Scene& scene_;
+  const render::Scene& scene_;
   optics::RowRayEvaluator evaluator_;
   double start_mm_;
-  std::vector<PathRay> rays_;
+  std::vector<render::PathRay> rays_;
 };
 
 struct SweepDifference {
@@ -42,8 +42,8 @@ struct SweepDifference {
   double depth_mm = 0.0;       ///< largest difference of z where both found the same surface
 };
 /// Compares every `step`-th row, from `first` on, with Embree.
-[[nodiscard]] SweepDifference compare_with_embree(const RowPlanes& planes, const Scene& scene,
-                                                  int first, int step);
+[[nodiscard]] SweepDifference compare_with_embree(const render::RowPlanes& planes,
+                                                  const render::Scene& scene, int first, int step);
 
 struct SweepTiming {
   uint64_t subpixels = 0;
@@ -55,6 +55,7 @@ struct SweepTiming {
 };
 /// Sweeps every row once. `threads` 0 = all cores. Times are the sum over the threads divided by
 /// their number.
-[[nodiscard]] SweepTiming time_row_sweep(const RowPlanes& planes, const Scene& scene, int threads);
+[[nodiscard]] SweepTiming time_row_sweep(const render::RowPlanes& planes,
+                                         const render::Scene& scene, int threads);
 
-}  // namespace lenticule::render
+}  // namespace lenticule::bench

@@ -12,7 +12,7 @@
 #include "render/accel/embree_packets.h"
 #include "render/rays/primary_packets.h"
 
-namespace lenticule::render {
+namespace lenticule::bench {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -23,7 +23,7 @@ double seconds_since(Clock::time_point start) {
 
 class VisibilityTimer {
  public:
-  VisibilityTimer(const Scene& scene, const optics::OpticalModel& model, int threads)
+  VisibilityTimer(const render::Scene& scene, const optics::OpticalModel& model, int threads)
       : scene_(scene),
         plan_(model.rig()),
         packets_(model, plan_),
@@ -35,7 +35,7 @@ class VisibilityTimer {
   VisibilityTiming run() {
     arena_.execute([&] {
       tbb::parallel_for(0, plan_.count(), [&](int index) {
-        const FlushDenormals flush;
+        const render::FlushDenormals flush;
         time_tile(index, workers_.local());
       });
     });
@@ -51,60 +51,61 @@ class VisibilityTimer {
 
  private:
   struct Worker {
-    explicit Worker(const PrimaryPackets& rig) : maker(rig), packets(kManyPackets) {
+    explicit Worker(const render::PrimaryPackets& rig) : maker(rig), packets(kManyPackets) {
       init_packets(packets);
     }
-    PrimaryPackets::Maker maker;
-    std::vector<RayPacket> packets;
+    render::PrimaryPackets::Maker maker;
+    std::vector<render::RayPacket> packets;
     double bare_seconds = 0.0;
     double pass_seconds = 0.0;
   };
 
-  void intersect(RayPacket& packet) {
-    intersect16(packet.valid, scene_.embree.get(), packet.rays, Coherence::Coherent);
+  void intersect(render::RayPacket& packet) {
+    intersect16(packet.valid, scene_.embree.get(), packet.rays, render::Coherence::Coherent);
   }
 
   /// Runs both methods one after the other, so that other load on the machine affects both equally;
   /// every second tile in reverse order, because the second method finds the scene in the caches.
   void time_tile(int index, Worker& worker) {
-    const Tile tile = plan_.tile(index);
+    const render::Tile tile = plan_.tile(index);
     if (index % 2 == 0) trace_prepared(tile, worker);
     trace_whole(tile, worker);
     if (index % 2 != 0) trace_prepared(tile, worker);
   }
 
-  void trace_prepared(const Tile& tile, Worker& worker) {
+  void trace_prepared(const render::Tile& tile, Worker& worker) {
     worker.maker.start(scene_, tile, footprint_);
     worker.maker.prepare(worker.packets);
     for (int column = 0; column < tile.columns; column += kManyPackets) {
       worker.maker.columns(column, worker.packets);
       const Clock::time_point start = Clock::now();
-      for (RayPacket& packet : worker.packets) intersect(packet);
+      for (render::RayPacket& packet : worker.packets) intersect(packet);
       worker.bare_seconds += seconds_since(start);
     }
   }
 
   /// Processes a few packets at a time, so that they stay in the first-level cache.
-  void trace_whole(const Tile& tile, Worker& worker) {
+  void trace_whole(const render::Tile& tile, Worker& worker) {
     const Clock::time_point start = Clock::now();
     worker.maker.start(scene_, tile, footprint_);
-    const std::span<RayPacket> few = std::span(worker.packets).first(kFewPackets);
+    const std::span<render::RayPacket> few = std::span(worker.packets).first(kFewPackets);
     worker.maker.prepare(few);
     for (int column = 0; column < tile.columns; column += kFewPackets) {
       worker.maker.columns(column, few);
-      for (RayPacket& packet : few) intersect(packet);
+      for (render::RayPacket& packet : few) intersect(packet);
     }
     worker.pass_seconds += seconds_since(start);
   }
 
   static constexpr int kFewPackets = 8;
   static constexpr int kManyPackets = 64;
-  static_assert(TilePlan::kColumns % kFewPackets == 0 && TilePlan::kColumns % kManyPackets == 0);
+  static_assert(render::TilePlan::kColumns % kFewPackets == 0 &&
+                render::TilePlan::kColumns % kManyPackets == 0);
 
-  const Scene& scene_;
-  TilePlan plan_;
-  PrimaryPackets packets_;
-  Footprint footprint_;
+  const render::Scene& scene_;
+  render::TilePlan plan_;
+  render::PrimaryPackets packets_;
+  render::Footprint footprint_;
   uint64_t rays_;
   tbb::task_arena arena_;
   tbb::enumerable_thread_specific<Worker> workers_{[this] { return Worker(packets_); }};
@@ -112,9 +113,9 @@ class VisibilityTimer {
 
 }  // namespace
 
-VisibilityTiming time_visibility(const Scene& scene, const optics::OpticalModel& model,
+VisibilityTiming time_visibility(const render::Scene& scene, const optics::OpticalModel& model,
                                  int threads) {
   return VisibilityTimer(scene, model, threads).run();
 }
 
-}  // namespace lenticule::render
+}  // namespace lenticule::bench

@@ -8,7 +8,7 @@
 #include "optics/model.h"
 #include "render/scene/scene.h"
 
-namespace lenticule::render {
+namespace lenticule::bench {
 
 struct VisibilityTiming {
   uint64_t rays = 0;
@@ -18,7 +18,7 @@ struct VisibilityTiming {
 
 /// Traces the centre ray of every subpixel once with each method, interleaved. `threads` 0 = all
 /// cores. Times are the sum over the threads divided by their number.
-[[nodiscard]] VisibilityTiming time_visibility(const Scene& scene,
+[[nodiscard]] VisibilityTiming time_visibility(const render::Scene& scene,
                                                const optics::OpticalModel& model, int threads);
 
-}  // namespace lenticule::render
+}  // namespace lenticule::bench

@@ -18,7 +18,7 @@
 #include "player/process/interrupt.h"
 #include "render/make_method.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 struct RealtimeFlags {
@@ -73,10 +73,10 @@ std::vector<Case> cases_of(const RealtimeFlags& flags, bool errors_given) {
   if (flags.adapt_rates.empty() || errors_given)
     for (const ErrorEntrant& entrant : entrants_of(flags)) cases.push_back({.entrant = entrant});
   for (const double rate : flags.adapt_rates) {
-    static_cast<void>(ErrorController(rate));  // checks the rate before the first run
+    static_cast<void>(tools::ErrorController(rate));  // checks the rate before the first run
     cases.push_back({.entrant = {.name = fmt::format("adaptive {:g}/s", rate),
                                  .method = "adaptive",
-                                 .tolerated = ErrorController::kFirstError},
+                                 .tolerated = tools::ErrorController::kFirstError},
                      .adapt_rate = rate});
   }
   return cases;
@@ -102,7 +102,7 @@ class RealtimeRun {
     for (const optics::Rig& rig : rigs_)
       for (const std::string& scene : flags_.scenes)
         for (const Case& one : cases_)
-          if (!interrupted()) measure(rig, scene, one);
+          if (!player::interrupted()) measure(rig, scene, one);
     if (flags_.json)
       print_json({{"benchmark", "realtime"},
                   {"machine", machine_json()},
@@ -111,7 +111,7 @@ class RealtimeRun {
                   {"runs", runs_}});
     else
       print_realtime_table(runs_);
-    return interrupt_exit_code();
+    return player::interrupt_exit_code();
   }
 
  private:
@@ -210,7 +210,7 @@ void declare_how(CLI::App& app, RealtimeFlags& flags) {
 
 }  // namespace
 
-Run declare_bench_realtime(CLI::App& app) {
+cli::Run declare_bench_realtime(CLI::App& app) {
   auto flags = std::make_shared<RealtimeFlags>();
   declare_what(app, *flags);
   declare_adapting(app, *flags);
@@ -227,4 +227,4 @@ Run declare_bench_realtime(CLI::App& app) {
   };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

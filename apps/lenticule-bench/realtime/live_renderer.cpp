@@ -29,7 +29,7 @@
 #include "player/process/interrupt.h"
 #include "render/make_method.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 using std::chrono::milliseconds;
@@ -128,7 +128,7 @@ class LiveRun {
     bool taken = false;
   };
 
-  [[nodiscard]] bool stops() const { return interrupted() || log_.is_stopped(); }
+  [[nodiscard]] bool stops() const { return player::interrupted() || log_.is_stopped(); }
 
   [[nodiscard]] frames::FrameGeometry geometry() const {
     return {setup_.rig.panel.width_px, setup_.rig.panel.height_px, frames::PixelFormat::Rgb8};
@@ -209,7 +209,7 @@ class LiveRun {
     const std::span<const uint8_t> pixels = frame_.view().bytes;
     std::memcpy(slot.data(), pixels.data(), std::min(slot.size(), pixels.size()));
     // The record is complete before the player can show the frame.
-    record.memory_bytes = read_resident_memory().anonymous;
+    record.memory_bytes = player::read_resident_memory().anonymous;
     const struct mallinfo2 heap = mallinfo2();
     record.in_use_bytes = heap.uordblks + heap.hblkhd;
     record.published_ns = now_ns();
@@ -237,11 +237,11 @@ class LiveRun {
   RunLog& log_;
   ErrorScene scene_;
   optics::OpticalModel model_;
-  StageSequence stages_;
+  tools::StageSequence stages_;
   frames::WovenFrame frame_;
   std::unique_ptr<frames::RingRenderer> ring_;
   std::unique_ptr<render::Method> method_;
-  std::optional<ErrorController> controller_;
+  std::optional<tools::ErrorController> controller_;
   render::Stage stage_;
   std::unique_ptr<render::Scene> committed_;
   std::vector<Sample> samples_;
@@ -319,8 +319,8 @@ std::optional<nlohmann::json> RendererProcess::next_message() {
       unread_.erase(0, end + 1);
       return message;
     }
-    if (interrupted() && !hurried) deadline = std::min(deadline, Clock::now() + kLastWords);
-    hurried = hurried || interrupted();
+    if (player::interrupted() && !hurried) deadline = std::min(deadline, Clock::now() + kLastWords);
+    hurried = hurried || player::interrupted();
     if (Clock::now() >= deadline) return std::nullopt;
     pollfd query = {.fd = messages_.get(), .events = POLLIN, .revents = 0};
     if (poll(&query, 1, static_cast<int>(kWaitSlice.count())) <= 0) continue;
@@ -332,4 +332,4 @@ std::optional<nlohmann::json> RendererProcess::next_message() {
   }
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -16,7 +16,7 @@
 #include "frames/rational.h"
 #include "optics/rig.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 struct LiveSetup {
   std::string scene;  ///< as ErrorScene takes it
@@ -62,4 +62,4 @@ class RendererProcess {
   pid_t pid_ = -1;
 };
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -11,7 +11,7 @@
 #include "apps/lenticule-bench/realtime/live_renderer.h"
 #include "apps/lenticule-bench/realtime/run_log.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 struct PlayerSetup {
   frames::Rate refresh{60, 1};
@@ -47,4 +47,4 @@ void print_realtime_table(const nlohmann::json& runs);
 /// Plots rate, tolerated error and error over time.
 void plot_realtime(const nlohmann::json& run, const std::string& file);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

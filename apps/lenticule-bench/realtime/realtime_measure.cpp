@@ -23,8 +23,10 @@
 #include "player/playback/playback.h"
 #include "player/process/interrupt.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
+
+using player::PlayReport;
 
 using nlohmann::json;
 
@@ -181,9 +183,9 @@ void add_latencies(const std::vector<Shown>& shown, json& figures) {
   add("panel", [](const Shown& s) { return s.ns - s.frame->published_ns; });
 }
 
-json player_json(const PlayReport& first, const PlayResult& result, double cpu_s) {
+json player_json(const PlayReport& first, const player::PlayResult& result, double cpu_s) {
   const PlayReport& report = result.report;
-  const auto mebibytes = [](const ResidentMemory& memory) {
+  const auto mebibytes = [](const player::ResidentMemory& memory) {
     return static_cast<double>(memory.anonymous + memory.shared) / kMebibyte;
   };
   const double vblanks = std::max(1.0, static_cast<double>(report.pace.vblanks));
@@ -210,7 +212,7 @@ void add_samples(RendererProcess& renderer, std::span<const FrameRecord> frames,
   int largest = 0;
   for (;;) {
     const std::optional<json> message = renderer.next_message();
-    if (!message && interrupted()) break;
+    if (!message && player::interrupted()) break;
     if (!message)
       throw Error(ErrorKind::Failed,
                   fmt::format("bench realtime: the renderer process ended or hangs after {} frames",
@@ -267,7 +269,7 @@ json live_figures(std::span<const FrameRecord> frames, std::span<const int64_t> 
 json measure_realtime(const LiveSetup& setup, const PlayerSetup& player) {
   const frames::FrameGeometry geometry = {setup.rig.panel.width_px, setup.rig.panel.height_px,
                                           frames::PixelFormat::Rgb8};
-  const ScratchFolder folder;
+  const tools::ScratchFolder folder;
   const std::filesystem::path socket = folder.ring_socket();
   RunLog log(most_frames(setup));
   // Forked before this process has threads; the renderer waits for the socket to appear.
@@ -277,24 +279,24 @@ json measure_realtime(const LiveSetup& setup, const PlayerSetup& player) {
   const auto panel =
       display::open_virtual_display({.geometry = geometry, .refresh = player.refresh});
   TimedDisplay display(*panel, log.capacity());
-  const int stops[] = {interrupt_fd(), renderer.message_fd()};
+  const int stops[] = {player::interrupt_fd(), renderer.message_fd()};
   const UniqueFd stop = any_of(stops);
 
   PlayReport first;
   const double cpu_s = process_cpu_seconds();
-  const PlayResult result = play(display, *ring,
-                                 {.prime = 1,
-                                  .stall_timeout = kFrameTimeout,
-                                  .real_time_priority = true,
-                                  .stop_fd = stop.get(),
-                                  .on_report =
-                                      [&first](const PlayReport& report) {
-                                        if (first.memory.total == 0 && report.pace.shown > 0)
-                                          first = report;
-                                      },
-                                  .source_name = "ring"});
+  const player::PlayResult result =
+      player::play(display, *ring,
+                   {.prime = 1,
+                    .stall_timeout = kFrameTimeout,
+                    .real_time_priority = true,
+                    .stop_fd = stop.get(),
+                    .on_report =
+                        [&first](const PlayReport& report) {
+                          if (first.memory.total == 0 && report.pace.shown > 0) first = report;
+                        },
+                    .source_name = "ring"});
   const double player_cpu_s = process_cpu_seconds() - cpu_s;
-  log.set_player_finished(interrupted());
+  log.set_player_finished(player::interrupted());
   if (first.memory.total == 0) first = result.report;
 
   json figures = live_figures(log.frames(), display.shown_ns());
@@ -314,8 +316,8 @@ json measure_realtime(const LiveSetup& setup, const PlayerSetup& player) {
   add_samples(renderer, log.frames(), figures);
   figures["cpu_s_per_frame"] =
       log.frames().empty() ? 0.0 : log.cpu_s() / static_cast<double>(log.frames().size());
-  figures["interrupted"] = interrupted();
-  if (log.frames().empty() && !interrupted())
+  figures["interrupted"] = player::interrupted();
+  if (log.frames().empty() && !player::interrupted())
     throw Error(ErrorKind::Failed,
                 fmt::format("bench realtime: no frame was shown: {} {}",
                             outcome_name(result.outcome), result.failure),
@@ -323,4 +325,4 @@ json measure_realtime(const LiveSetup& setup, const PlayerSetup& player) {
   return figures;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -11,8 +11,10 @@
 #include "apps/lenticule-tools/cli/svg_plot.h"
 #include "base/print.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
+
+using tools::PlotSeries;
 
 using nlohmann::json;
 
@@ -113,14 +115,14 @@ void print_realtime_table(const json& runs) {
 }
 
 void plot_realtime(const json& run, const std::string& file) {
-  Plot plot{.title = fmt::format("{}, {} x {}, {}", run.at("scene").get<std::string>(),
-                                 run.at("width").get<int>(), run.at("height").get<int>(),
-                                 run.at("method").get<std::string>()),
-            .x = {.label = "seconds"},
-            .y = {.label = "frames/s, code values", .scale = AxisScale::Log},
-            .series = {course_series(run, "frames/s", "frames_per_s"),
-                       course_series(run, "tolerated E", "tolerated_error"),
-                       course_series(run, "RMSE, audit", "audited_rmse")}};
+  tools::Plot plot{.title = fmt::format("{}, {} x {}, {}", run.at("scene").get<std::string>(),
+                                        run.at("width").get<int>(), run.at("height").get<int>(),
+                                        run.at("method").get<std::string>()),
+                   .x = {.label = "seconds"},
+                   .y = {.label = "frames/s, code values", .scale = tools::AxisScale::Log},
+                   .series = {course_series(run, "frames/s", "frames_per_s"),
+                              course_series(run, "tolerated E", "tolerated_error"),
+                              course_series(run, "RMSE, audit", "audited_rmse")}};
   PlotSeries measured{.label = "RMSE, measured", .points = {}, .joined = false};
   for (const json& sample : run.at("samples"))
     if (const double mse = number(sample, "mse"); mse > 0.0)
@@ -130,4 +132,4 @@ void plot_realtime(const json& run, const std::string& file) {
   if (!plot.series.empty()) write_svg(plot, file);
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -8,7 +8,7 @@
 
 #include "base/error.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 constexpr size_t kHeaderBytes = 64;
@@ -67,4 +67,4 @@ bool RunLog::is_stopped() const noexcept {
   return header_->stop.load(std::memory_order_acquire);
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

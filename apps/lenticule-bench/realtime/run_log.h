@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <span>
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 /// FrameRecord is the course of one frame. Times are nanoseconds of CLOCK_MONOTONIC, ascending.
 struct FrameRecord {
@@ -72,4 +72,4 @@ class RunLog {
   FrameRecord* records_;
 };
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -8,7 +8,7 @@
 
 #include "display/display.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 /// The frames' ids are their indices in the playback. Thread safety: as display::Display. Lifetime:
 /// must not outlive the display.
@@ -47,4 +47,4 @@ class TimedDisplay final : public display::Display {
   std::vector<int64_t> shown_ns_;
 };
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

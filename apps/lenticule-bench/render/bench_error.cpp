@@ -14,7 +14,7 @@
 #include "player/process/progress.h"
 #include "render/make_method.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 struct ErrorFlags {
@@ -59,7 +59,7 @@ nlohmann::json beside_tachyon(const ErrorFlags& flags, const optics::Rig& rig,
                               const ErrorScene& scene) {
   const auto name = scene.name_for_peers();
   const bool comparable = name && !flags.soft.any();  // Tachyon has hard shadows only
-  if (flags.no_peers || !comparable || interrupted()) return {};
+  if (flags.no_peers || !comparable || player::interrupted()) return {};
   ExactFlags exact;
   exact.rig_instead = rig;
   exact.depth = flags.depth;
@@ -84,12 +84,12 @@ class ErrorRun {
   }
 
   ExitCode run() {
-    Progress progress("error", "frames", frames_to_render());
+    player::Progress progress("error", "frames", frames_to_render());
     const auto done = [&] { progress.update(++frames_done_); };
     for (const optics::Rig& rig : rigs_)
       for (const auto& scene : scenes_) measure(rig, *scene, done);
     progress.finish();
-    if (scenarios_.empty()) return interrupt_exit_code();
+    if (scenarios_.empty()) return player::interrupt_exit_code();
     if (!flags_.svg.empty()) plot_errors(scenarios_, flags_.svg);
     if (flags_.json)
       print_json({{"machine", machine_json()},
@@ -101,7 +101,7 @@ class ErrorRun {
                   {"courses", scenarios_}});
     else
       print_bound_of_all(scenarios_);
-    return interrupt_exit_code();
+    return player::interrupt_exit_code();
   }
 
  private:
@@ -129,7 +129,7 @@ class ErrorRun {
   void measure(const optics::Rig& rig, const ErrorScene& scene, const std::function<void()>& done) {
     const nlohmann::json tachyon = beside_tachyon(flags_, rig, scene);
     for (const ErrorScenario scenario : scenarios_of(scene)) {
-      if (interrupted()) return;
+      if (player::interrupted()) return;
       nlohmann::json measured = measure_error({.rig = rig,
                                                .entrants = entrants_,
                                                .scenario = scenario,
@@ -192,7 +192,7 @@ void declare_what(CLI::App& app, ErrorFlags& flags) {
 
 }  // namespace
 
-Run declare_bench_error(CLI::App& app) {
+cli::Run declare_bench_error(CLI::App& app) {
   auto flags = std::make_shared<ErrorFlags>();
   declare_what(app, *flags);
   app.add_option("--runs", flags->runs, "number of runs; medians of times are reported")
@@ -213,7 +213,7 @@ Run declare_bench_error(CLI::App& app) {
                  "folder for pictures of the worst places: reference, test, difference; below, "
                  "what an eye sees");
   app.add_flag("--json", flags->json, "print as JSON");
-  declare_soft_light_flags(app, flags->soft);
+  tools::declare_soft_light_flags(app, flags->soft);
   app.footer(
       "Example:\n  lenticule bench error tree gears --rig kiosk-27-1080.toml --errors 1,4 "
       "--svg error.svg --pictures worst");
@@ -223,4 +223,4 @@ Run declare_bench_error(CLI::App& app) {
   };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

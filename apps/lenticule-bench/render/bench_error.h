@@ -15,7 +15,7 @@
 #include "optics/rig.h"
 #include "render/options/soft_light.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 /// A method to measure; methods with a tolerated error appear once for each error and each PSNR.
 struct ErrorEntrant {
@@ -51,8 +51,8 @@ class ErrorScene {
  private:
   std::string name_;
   bool as_gltf_ = false;
-  std::unique_ptr<SceneSequence> sequence_;
-  ScratchFolder folder_;
+  std::unique_ptr<tools::SceneSequence> sequence_;
+  tools::ScratchFolder folder_;
 };
 
 /// Benchmark scenarios. Still: the same frame twice, of the same committed scene. Moving:
@@ -122,4 +122,4 @@ void print_bound_of_all(const nlohmann::json& scenarios);
 /// scenario.
 void plot_errors(const nlohmann::json& scenarios, const std::string& file);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -9,7 +9,7 @@
 #include "frames/decoded_view.h"
 #include "frames/similarity.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 double seen_pixels_per_degree(const optics::Rig& rig) {
   const double distance_mm = rig.viewing.distance.value;
@@ -57,4 +57,4 @@ nlohmann::json ErrorEyes::compare(const frames::FrameView& woven, EyeFlicker& fl
   return figures;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

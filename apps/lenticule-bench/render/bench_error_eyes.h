@@ -12,7 +12,7 @@
 #include "frames/sequence/band_workers.h"
 #include "optics/model.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 /// The eyes are in the middle of the viewing zone and a third of the zone to each side, from left
 /// to right.
@@ -51,4 +51,4 @@ class ErrorEyes {
   SeenPictures test_;
 };
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

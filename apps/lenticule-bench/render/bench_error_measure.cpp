@@ -19,7 +19,7 @@
 #include "render/make_method.h"
 #include "render/scene/scene.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 /// A method in one run; it may keep data of its last frame. Each has its own scene, because results
@@ -61,12 +61,12 @@ class ScenarioRun {
   [[nodiscard]] bool run() {
     const bool moving = setup_.scenario != ErrorScenario::Still;
     const int frames = moving ? setup_.frames : 2;
-    for (int n = 0; n < frames && !interrupted(); ++n) {
+    for (int n = 0; n < frames && !player::interrupted(); ++n) {
       if (moving || n == 0)
         set_scene(scene_.after(static_cast<uint64_t>(n)), static_cast<double>(n) / frames);
       frame(n);
     }
-    return !interrupted();
+    return !player::interrupted();
   }
 
   [[nodiscard]] nlohmann::json result() {
@@ -108,7 +108,7 @@ class ScenarioRun {
     options.threads = setup_.threads;
     options.max_depth = setup_.depth;
     options.soft = setup_.soft;
-    options.cancelled = [] { return interrupted(); };
+    options.cancelled = [] { return player::interrupted(); };
     if (entrant.tolerated) options.tolerated_error = *entrant.tolerated;
     options.proven_rmse = entrant.proven_rmse;
     Contestant& one = contestants_.emplace_back();
@@ -225,7 +225,7 @@ class ScenarioRun {
   frames::BandWorkers workers_;
   frames::ViewMap views_;
   ErrorEyes eyes_;
-  StageSequence stages_;
+  tools::StageSequence stages_;
   render::SceneDescription description_;
   render::Stage stage_;
   frames::WovenFrame reference_;
@@ -243,4 +243,4 @@ nlohmann::json measure_error(const ErrorSetup& setup, const ErrorScene& scene,
   return scenario.result();
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

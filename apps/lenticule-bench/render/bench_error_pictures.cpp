@@ -10,7 +10,7 @@
 #include "frames/compare.h"
 #include "frames/image_io.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 constexpr int kTileSide = 96;
@@ -145,4 +145,4 @@ nlohmann::json WorstPlaces::write(const std::string& folder, const std::string& 
   return written;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

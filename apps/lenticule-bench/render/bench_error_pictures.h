@@ -10,7 +10,7 @@
 #include "frames/frame.h"
 #include "frames/measures/worst_tiles.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 /// Returns two rows of three magnified panes: reference, test, and their difference (colours of
 /// frames::error_picture). The upper row shows the woven pixels of the tile, the lower row what an
@@ -41,4 +41,4 @@ class WorstPlaces {
   std::vector<Place> places_;  ///< worst first
 };
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

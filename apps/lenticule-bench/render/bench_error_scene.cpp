@@ -12,7 +12,7 @@
 #include "render/loaders/load_scene.h"
 #include "render/methods/adaptive/method_adaptive.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 constexpr std::string_view kGltf = "gltf:";
@@ -33,7 +33,7 @@ ErrorEntrant entrant(const std::string& method, std::optional<double> tolerated,
 render::SceneDescription read_as_gltf(const render::SceneDescription& scene,
                                       const std::string& file) {
   std::ofstream out(file, std::ios::binary);
-  out << write_gltf(scene).json;
+  out << tools::write_gltf(scene).json;
   out.close();
   if (!out) throw Error(ErrorKind::Failed, fmt::format("{}: cannot write", file));
   return render::at_time(render::load_scene(file), 0.0);
@@ -77,7 +77,7 @@ std::vector<ErrorEntrant> error_entrants(const std::vector<std::string>& methods
 ErrorScene::ErrorScene(const std::string& name, frames::Rate rate)
     : name_(name), as_gltf_(name.starts_with(kGltf)) {
   const std::string source = as_gltf_ ? name.substr(kGltf.size()) : name;
-  sequence_ = std::make_unique<SceneSequence>(bench_scene_name(source), rate);
+  sequence_ = std::make_unique<tools::SceneSequence>(bench_scene_name(source), rate);
 }
 
 render::SceneDescription ErrorScene::after(uint64_t frames) const {
@@ -91,4 +91,4 @@ std::optional<std::string> ErrorScene::name_for_peers() const {
   return built_in;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -5,7 +5,7 @@
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-bench/render/bench_error.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 using nlohmann::json;
@@ -160,4 +160,4 @@ void summarize_errors(json& scenario, const json& tachyon) {
   }
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

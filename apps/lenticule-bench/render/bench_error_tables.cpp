@@ -11,8 +11,10 @@
 #include "apps/lenticule-tools/cli/svg_plot.h"
 #include "base/print.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
+
+using tools::PlotSeries;
 
 using nlohmann::json;
 
@@ -78,7 +80,7 @@ void print_errors(const json& methods) {
 /// Position in the plot of frames equal to full's, whose PSNR is infinite.
 constexpr double kEqualDb = 80.0;
 
-PlotSeries& series_of(Plot& plot, const std::string& name) {
+PlotSeries& series_of(tools::Plot& plot, const std::string& name) {
   const auto found = std::ranges::find(plot.series, name, &PlotSeries::label);
   if (found != plot.series.end()) return *found;
   return plot.series.emplace_back(PlotSeries{.label = name, .points = {}, .joined = false});
@@ -119,10 +121,10 @@ void print_bound_of_all(const json& scenarios) {
 }
 
 void plot_errors(const json& scenarios, const std::string& file) {
-  Plot plot{.title = "Time against error, each scene, rig and course",
-            .x = {.label = "time, as a share of full's", .scale = AxisScale::Log},
-            .y = {.label = fmt::format("mean PSNR, dB ({:.0f}: equal, or more)", kEqualDb)},
-            .series = {}};
+  tools::Plot plot{.title = "Time against error, each scene, rig and course",
+                   .x = {.label = "time, as a share of full's", .scale = tools::AxisScale::Log},
+                   .y = {.label = fmt::format("mean PSNR, dB ({:.0f}: equal, or more)", kEqualDb)},
+                   .series = {}};
   for (const json& scenario : scenarios)
     for (const json& m : scenario["methods"]) {
       if (!m.contains("psnr_mean_db") || m["of_full"].is_null()) continue;
@@ -137,4 +139,4 @@ void plot_errors(const json& scenarios, const std::string& file) {
   write_svg(plot, file);
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -13,7 +13,7 @@
 #include "base/print.h"
 #include "player/process/interrupt.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 nlohmann::json heading(const ExactFlags& flags) {
@@ -45,18 +45,18 @@ class Parts {
                  void (*print)(const nlohmann::json&)) {
     result_[name] = nlohmann::json::array();
     for (const std::string& scene : flags_.scenes) {
-      if (interrupted()) return;
+      if (player::interrupted()) return;
       nlohmann::json part = measure(flags_, bench_scene_name(scene));
-      if (!interrupted()) keep(name, std::move(part), print);
+      if (!player::interrupted()) keep(name, std::move(part), print);
     }
   }
 
   void several(const char* name, nlohmann::json (*measure)(const ExactFlags&),
                void (*print)(const nlohmann::json&)) {
     result_[name] = nlohmann::json::array();
-    if (interrupted()) return;
+    if (player::interrupted()) return;
     for (nlohmann::json& part : measure(flags_))
-      if (!interrupted()) keep(name, std::move(part), print);
+      if (!player::interrupted()) keep(name, std::move(part), print);
   }
 
   [[nodiscard]] const nlohmann::json& result() const { return result_; }
@@ -92,7 +92,7 @@ ExitCode run(ExactFlags flags) {
   if (flags.scaling) parts.several("scaling", measure_scaling, print_growth);
   if (flags.growth) parts.several("growth", measure_growth, print_growth);
   if (flags.peers) parts.per_scene("peers", measure_peers, print_peers);
-  if (interrupted()) return interrupt_exit_code();
+  if (player::interrupted()) return player::interrupt_exit_code();
   if (flags.json) print_json(parts.result());
   return kOk;
 }
@@ -131,7 +131,7 @@ BenchSetup exact_setup(const ExactFlags& flags, const std::string& scene) {
           .threads = flags.threads};
 }
 
-Run declare_bench_exact(CLI::App& app) {
+cli::Run declare_bench_exact(CLI::App& app) {
   auto flags = std::make_shared<ExactFlags>();
   app.add_option("--scene", flags->scenes, "a built-in NAME[:SIZE], or as for render; repeatable")
       ->capture_default_str();
@@ -155,4 +155,4 @@ Run declare_bench_exact(CLI::App& app) {
   return [flags]() -> ExitCode { return run(*flags); };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -9,7 +9,7 @@
 #include "apps/lenticule-bench/harness/bench_scene.h"
 #include "apps/lenticule/cli/command.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 struct ExactFlags {
   std::vector<std::string> scenes = {"teapot", "balls", "tree"};
@@ -64,4 +64,4 @@ void print_growth(const nlohmann::json& growth);
 [[nodiscard]] nlohmann::json measure_peers(const ExactFlags& flags, const std::string& scene);
 void print_peers(const nlohmann::json& peers);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

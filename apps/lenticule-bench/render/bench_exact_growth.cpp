@@ -16,8 +16,10 @@
 #include "base/print.h"
 #include "player/process/interrupt.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
+
+using tools::AxisScale;
 
 /// A series of setups; the growing quantity is read from the resulting scene.
 struct Growth {
@@ -28,7 +30,7 @@ struct Growth {
   std::vector<BenchSetup> steps;
 };
 
-void write_plot(const ExactFlags& flags, const std::string& name, const Plot& plot) {
+void write_plot(const ExactFlags& flags, const std::string& name, const tools::Plot& plot) {
   if (!flags.plots.empty())
     write_svg(plot, (std::filesystem::path(flags.plots) / (name + ".svg")).string());
 }
@@ -43,8 +45,8 @@ nlohmann::json row_of(double x, uint64_t subpixels, const CaseTimes& times) {
                                     static_cast<double>(std::max<uint64_t>(1, subpixels))}};
 }
 
-PlotSeries series_of(const nlohmann::json& rows, const char* key, std::string label) {
-  PlotSeries series{.label = std::move(label), .points = {}};
+tools::PlotSeries series_of(const nlohmann::json& rows, const char* key, std::string label) {
+  tools::PlotSeries series{.label = std::move(label), .points = {}};
   for (const auto& row : rows)
     series.points.push_back({row["x"].get<double>(), row[key].get<double>()});
   return series;
@@ -164,7 +166,7 @@ nlohmann::json measure(const ExactFlags& flags, const Growth& growth) {
 
 void plot_growth(const ExactFlags& flags, const Growth& growth, const nlohmann::json& measured) {
   const auto& rows = measured["rows"];
-  Plot plot;
+  tools::Plot plot;
   plot.title = fmt::format("Cost per subpixel by {}", growth.name);
   plot.x = {.label = growth.x_label, .scale = growth.x_scale};
   // Proportional growth along a linear x axis is visible only with a linear y axis.
@@ -178,13 +180,13 @@ void plot_growth(const ExactFlags& flags, const Growth& growth, const nlohmann::
 
 nlohmann::json measure_scaling(const ExactFlags& flags) {
   nlohmann::json all = nlohmann::json::array();
-  Plot plot;
+  tools::Plot plot;
   plot.title = "Speed-up of the whole frame";
   plot.x.label = "threads";
   plot.y.label = "times as fast as one thread";
   for (const std::string& scene : flags.scenes) {
     all.push_back(scale_scene(flags, bench_scene_name(scene)));
-    if (interrupted()) return all;
+    if (player::interrupted()) return all;
     plot.series.push_back(series_of(all.back()["rows"], "speed_up", scene));
   }
   write_plot(flags, "scaling", plot);
@@ -197,7 +199,7 @@ nlohmann::json measure_growth(const ExactFlags& flags) {
   for (const auto& make : {subpixel_growth, triangle_growth, light_growth, pitch_growth}) {
     const Growth growth = make(base);
     all.push_back(measure(flags, growth));
-    if (interrupted()) return all;
+    if (player::interrupted()) return all;
     plot_growth(flags, growth, all.back());
   }
   return all;
@@ -216,4 +218,4 @@ void print_growth(const nlohmann::json& growth) {
   }
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

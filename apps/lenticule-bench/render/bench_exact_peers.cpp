@@ -18,7 +18,7 @@
 #include "player/process/child_process.h"
 #include "player/process/interrupt.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 /// The results of one peer; `failure` is empty if there was no error.
@@ -38,10 +38,10 @@ void write_text(const std::string& file, const std::string& text) {
 }
 
 PeerRuns prepare(const Peer& peer, const render::SceneDescription& scene,
-                 const ScratchFolder& folder) {
+                 const tools::ScratchFolder& folder) {
   PeerRuns runs;
   runs.peer = &peer;
-  const auto program = find_program(peer.program);
+  const auto program = player::find_program(peer.program);
   if (!program) {
     runs.failure = "not installed (scripts/packages bench)";
     return runs;
@@ -55,12 +55,12 @@ PeerRuns prepare(const Peer& peer, const render::SceneDescription& scene,
 ProgramRun start_peer(const PeerRuns& runs, const PeerJob& job, int limit_s) {
   std::vector<std::string> arguments = runs.peer->arguments(runs.scene_file, job);
   arguments.insert(arguments.begin(), runs.program);
-  return run_child(arguments, std::chrono::seconds(limit_s));
+  return player::run_child(arguments, std::chrono::seconds(limit_s));
 }
 
 /// Runs a peer, unless it has failed before.
 void run_peer(PeerRuns& runs, const PeerJob& job, int limit_s) {
-  if (!runs.failure.empty() || interrupted()) return;
+  if (!runs.failure.empty() || player::interrupted()) return;
   const ProgramRun result = start_peer(runs, job, limit_s);
   const auto seconds = runs.peer->traced_seconds(result.output);
   if (result.timed_out)
@@ -127,7 +127,7 @@ PeerJob job_of(const ExactFlags& flags, const BenchScene& bench) {
 nlohmann::json measure_peers(const ExactFlags& flags, const std::string& scene) {
   BenchScene bench(exact_setup(flags, scene));
   const PeerJob job = job_of(flags, bench);
-  const ScratchFolder folder;
+  const tools::ScratchFolder folder;
   std::vector<PeerRuns> runs;
   for (const Peer& peer : peers()) {
     runs.push_back(prepare(peer, bench.description(), folder));
@@ -135,7 +135,7 @@ nlohmann::json measure_peers(const ExactFlags& flags, const std::string& scene) 
   }
   const auto method = bench.method(bench.options(flags.depth));
   std::vector<double> ours;
-  for (int run = 0; run < flags.runs && !interrupted(); ++run) {
+  for (int run = 0; run < flags.runs && !player::interrupted(); ++run) {
     ours.push_back(bench.render(*method).seconds);
     for (PeerRuns& peer : runs) run_peer(peer, job, flags.peer_limit_s);
   }
@@ -166,4 +166,4 @@ void print_peers(const nlohmann::json& r) {
   }
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -8,7 +8,7 @@
 #include "apps/lenticule-bench/render/bench_exact.h"
 #include "base/print.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 nlohmann::json row(const char* name, uint64_t rays, uint64_t subpixels, double seconds,
@@ -118,4 +118,4 @@ void print_rates(const nlohmann::json& r) {
               row["of_visibility"].get<double>(), row["peak_resident_mib"].get<double>());
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

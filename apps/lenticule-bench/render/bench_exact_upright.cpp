@@ -9,7 +9,7 @@
 #include "apps/lenticule-bench/render/bench_exact.h"
 #include "base/print.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 constexpr double kTarget = 1.35;
@@ -62,4 +62,4 @@ void print_upright(const nlohmann::json& r) {
             number("target"), r["within_target"].get<bool>() ? "met" : "missed");
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

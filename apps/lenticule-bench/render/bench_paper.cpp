@@ -20,7 +20,7 @@
 #include "player/process/progress.h"
 #include "scenes/scene_list.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 constexpr int kSpanLength = 16;
@@ -120,11 +120,11 @@ class PaperRun {
       spans.push_back(chosen_spans(flags_, scene));
       for (const PaperSpan& span : spans.back()) frames += static_cast<uint64_t>(span.count);
     }
-    Progress progress("paper", "frames", frames);
-    for (size_t i = 0; i < spans.size() && !interrupted(); ++i) measure(spans[i], progress);
+    player::Progress progress("paper", "frames", frames);
+    for (size_t i = 0; i < spans.size() && !player::interrupted(); ++i) measure(spans[i], progress);
     progress.finish();
     if (!flags_.no_peers) add_peers();
-    if (interrupted()) return interrupt_exit_code();
+    if (player::interrupted()) return player::interrupt_exit_code();
     report();
     return kOk;
   }
@@ -137,7 +137,7 @@ class PaperRun {
             {"version", LENTICULE_VERSION}};
   }
 
-  void measure(const std::vector<PaperSpan>& spans, Progress& progress) {
+  void measure(const std::vector<PaperSpan>& spans, player::Progress& progress) {
     std::vector<nlohmann::json> measured;
     for (const PaperSpan& span : spans) {
       const std::string key = fmt::format("{}/{}+{}", span.scene, span.first, span.count);
@@ -157,7 +157,7 @@ class PaperRun {
 
   void add_peers() {
     for (nlohmann::json& summary : summaries_) {
-      if (interrupted()) return;
+      if (player::interrupted()) return;
       summary["tachyon"] = tachyon_rate(summary["scene"]);
     }
   }
@@ -222,7 +222,7 @@ void check(PaperFlags& flags) {
 
 }  // namespace
 
-Run declare_bench_paper(CLI::App& app) {
+cli::Run declare_bench_paper(CLI::App& app) {
   auto flags = std::make_shared<PaperFlags>();
   flags->scenes = paper_scenes();
   flags->methods = paper_method_names();
@@ -260,4 +260,4 @@ Run declare_bench_paper(CLI::App& app) {
   };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -13,7 +13,7 @@
 
 #include "optics/rig.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 /// Published times of one scene: seconds for the whole sequence.
 struct PublishedTimes {
@@ -94,4 +94,4 @@ void print_method_table(const nlohmann::json& summary);
 /// Writes one plot per scene: time of a frame against its error, a point for each method.
 void plot_summary(const nlohmann::json& summary, const std::string& folder);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

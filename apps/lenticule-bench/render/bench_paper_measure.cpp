@@ -15,7 +15,7 @@
 #include "render/make_method.h"
 #include "render/scene/scene.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 /// One method in one run; it may keep data of its last frame.
@@ -36,13 +36,13 @@ class SpanRun {
       : setup_(setup),
         model_(setup.rig),
         scene_(scenes::find_scene(span.scene)),
-        stages_(describe_built_in(scene_), model_, {}) {
+        stages_(tools::describe_built_in(scene_), model_, {}) {
     const frames::FrameGeometry geometry{setup.rig.panel.width_px, setup.rig.panel.height_px,
                                          frames::PixelFormat::Rgb8};
     render::RenderOptions options;
     options.threads = setup.threads;
     options.max_depth = setup.depth;
-    options.cancelled = [] { return interrupted(); };
+    options.cancelled = [] { return player::interrupted(); };
     for (int run = 0; run < setup.runs; ++run)
       for (const std::string& name : setup.methods) {
         const PaperMethod one{name};
@@ -53,11 +53,11 @@ class SpanRun {
   }
 
   nlohmann::json frame(int number) {
-    const render::SceneDescription description = describe_built_in(scene_, {}, number);
+    const render::SceneDescription description = tools::describe_built_in(scene_, {}, number);
     const render::Stage stage = stages_.at(description);
     std::vector<Taken> taken(setup_.methods.size());
     const size_t rounds = contestants_.size();
-    for (size_t turn = 0; turn < rounds && !interrupted(); ++turn) {
+    for (size_t turn = 0; turn < rounds && !player::interrupted(); ++turn) {
       // Each frame starts with another method, because later ones find warmer caches.
       const size_t i = (turn + static_cast<size_t>(number)) % rounds;
       contestants_[i].method->set_frame(static_cast<uint64_t>(number));
@@ -111,7 +111,7 @@ class SpanRun {
   const PaperSetup& setup_;
   optics::OpticalModel model_;
   const scenes::BuiltInScene& scene_;
-  StageSequence stages_;
+  tools::StageSequence stages_;
   std::vector<Contestant> contestants_;  ///< run by run, in the order of the methods
 };
 
@@ -206,7 +206,7 @@ nlohmann::json measure_span(const PaperSetup& setup, const PaperSpan& span,
   nlohmann::json frames = nlohmann::json::array();
   for (int i = 0; i < span.count; ++i) {
     frames.push_back(run.frame(span.first + i));
-    if (interrupted()) return {};
+    if (player::interrupted()) return {};
     done();
   }
   return {{"scene", span.scene}, {"first", span.first}, {"frames", std::move(frames)}};
@@ -233,4 +233,4 @@ nlohmann::json summarize(const std::string& scene, const std::vector<nlohmann::j
           {"methods", std::move(methods)}};
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

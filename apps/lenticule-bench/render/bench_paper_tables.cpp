@@ -11,7 +11,7 @@
 #include "apps/lenticule-tools/cli/svg_plot.h"
 #include "base/print.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 double psnr_of(double mse) {
@@ -160,10 +160,11 @@ void print_method_table(const nlohmann::json& summary) {
 }
 
 void plot_summary(const nlohmann::json& summary, const std::string& folder) {
-  Plot plot{.title = fmt::format("{}: time against error", summary["scene"].get<std::string>()),
-            .x = {.label = "milliseconds per frame"},
-            .y = {.label = "RMSE of the mean PSNR, code values"},
-            .series = {}};
+  tools::Plot plot{
+      .title = fmt::format("{}: time against error", summary["scene"].get<std::string>()),
+      .x = {.label = "milliseconds per frame"},
+      .y = {.label = "RMSE of the mean PSNR, code values"},
+      .series = {}};
   for (const nlohmann::json& m : summary["methods"]) {
     const double rmse = m["psnr_mean_db"].is_null()
                             ? 0.0
@@ -175,4 +176,4 @@ void plot_summary(const nlohmann::json& summary, const std::string& folder) {
   write_svg(plot, (std::filesystem::path(folder) / name).string());
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -15,7 +15,7 @@
 #include "frames/compare.h"
 #include "player/process/interrupt.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 constexpr std::array kErrors = {0.5, 1.0, 2.0, 8.0};  // codes
@@ -184,12 +184,12 @@ Audits audit_of(uint64_t seed) {
   const render::Scene scene(source.make(), stage, {}, 1);
   const double error = kErrors[seed % kErrors.size()];
   const render::RenderOptions options{
-      .threads = 1, .tolerated_error = error, .cancelled = interrupted};
+      .threads = 1, .tolerated_error = error, .cancelled = player::interrupted};
   const auto make = [&](const char* name) {
     return next_frame(*render::make_method(name, model, options), scene, stage, rig);
   };
   const SmallFrame full = make("full"), adaptive = make("adaptive");
-  if (interrupted()) return {};
+  if (player::interrupted()) return {};
   const frames::Difference off =
       frames::compare_pictures(full.frame.view(), adaptive.frame.view()).total;
   const render::RenderStatistics& said = adaptive.statistics;
@@ -239,4 +239,4 @@ StabilityRow stability_audit(const StabilitySize& size) {
                           sum.expected, sum.retraced, sum.beyond_aim, sum.sampled_less)};
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

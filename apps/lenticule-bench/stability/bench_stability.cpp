@@ -14,7 +14,7 @@
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 struct StabilityFlags {
@@ -40,13 +40,13 @@ ExitCode run_table(const StabilityFlags& flags) {
   const std::vector<StabilityCase> cases = chosen_cases(flags.row);
   const StabilitySize size{.full = flags.full, .threads = flags.threads};
   StabilityReport report{.full = flags.full};
-  Progress progress("stability", "rows", cases.size());
+  player::Progress progress("stability", "rows", cases.size());
   const Clock::time_point start = Clock::now();
   for (const StabilityCase& one : cases) {
     progress.update(report.rows.size(), one.name);
     report.rows.push_back(one.run(size));
     report.rows.back().name = one.name;
-    if (interrupted()) return interrupt_exit_code();
+    if (player::interrupted()) return player::interrupt_exit_code();
   }
   report.seconds = std::chrono::duration<double>(Clock::now() - start).count();
   progress.update(report.rows.size());
@@ -65,7 +65,7 @@ ExitCode run_table(const StabilityFlags& flags) {
 
 }  // namespace
 
-Run declare_bench_stability(CLI::App& app) {
+cli::Run declare_bench_stability(CLI::App& app) {
   auto flags = std::make_shared<StabilityFlags>();
   CLI::Option* quick = app.add_flag("--quick", flags->quick, "run for some seconds (default)");
   app.add_flag("--full", flags->full,
@@ -82,4 +82,4 @@ Run declare_bench_stability(CLI::App& app) {
   return [flags]() -> ExitCode { return run_table(*flags); };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -14,7 +14,7 @@
 #include "frames/weave.h"
 #include "optics/row_rays.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 constexpr int kWidth = 15360, kHeight = 8640;
@@ -167,12 +167,12 @@ StabilityRow stability_borders_tiles(const StabilitySize& size) {
     const optics::OpticalModel model(rig);
     const PlainStage plain(rig);
     const Owners owners(sheet);
-    const render::PrimaryProbe probe(plain.scene, model, best_isa());
+    const PrimaryProbe probe(plain.scene, model, best_isa());
     by_polynomials += probe.fast() ? 1 : 0;
     const auto tiles = static_cast<uint64_t>(probe.tiles());
     for_each_part(size, (tiles + step - 1) / step, [&](uint64_t k) {
       Tally tally;
-      static thread_local std::vector<render::PrimaryProbe::Line> lines;
+      static thread_local std::vector<PrimaryProbe::Line> lines;
       probe.lines(static_cast<int>(k * step), lines);
       for (const auto& line : lines) {
         const int64_t lens = owners.lens(line.subpixel, line.row);
@@ -190,4 +190,4 @@ StabilityRow stability_borders_tiles(const StabilitySize& size) {
           .note = fmt::format("{} of {} sheets by polynomials", by_polynomials, sheets().size())};
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -16,7 +16,7 @@
 #include "base/error.h"
 #include "render/loaders/load_scene.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 using render::SceneDescription;
@@ -180,4 +180,4 @@ StabilityRow stability_degenerate(const StabilitySize&) {
           .note = failures.names()};
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

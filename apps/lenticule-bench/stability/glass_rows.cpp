@@ -4,7 +4,7 @@
 #include "apps/lenticule-bench/stability/oracle_picture.h"
 #include "apps/lenticule-bench/stability/small_scenes.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 render::Material glass(double index) {
@@ -75,4 +75,4 @@ StabilityRow stability_nested_glass(const StabilitySize& size) {
   return row;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

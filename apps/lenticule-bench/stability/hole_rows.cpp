@@ -12,13 +12,8 @@
 #include "apps/lenticule-bench/stability/small_scenes.h"
 #include "apps/lenticule-bench/stability/tally.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
-
-using render::HoleGuard;
-using render::Probe;
-using render::ProbeHit;
-using render::ProbeRay;
 
 constexpr double kRadius = 40.0;
 constexpr size_t kRaysPerPart = 4096;
@@ -112,4 +107,4 @@ StabilityRow stability_inside(const StabilitySize& size) {
   return count_holes(size, Aim::Anywhere, "rays anywhere from inside closed meshes: none escapes");
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

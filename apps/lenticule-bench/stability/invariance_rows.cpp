@@ -8,7 +8,7 @@
 #include "apps/lenticule-bench/stability/small_scenes.h"
 #include "apps/lenticule-bench/stability/tally.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 constexpr double kMmPerUnit = 12.0;
@@ -71,4 +71,4 @@ StabilityRow stability_scales(const StabilitySize& size) {
   return filled(sum, "the same scene in units of 10^-6 to 10^6", note);
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -13,7 +13,7 @@
 #include "apps/lenticule-bench/stability/small_scenes.h"
 #include "apps/lenticule-bench/stability/tally.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 constexpr int kDepth = 5;              // the default of renders
@@ -89,4 +89,4 @@ StabilityRow compare_with_oracle(const render::SceneDescription& scene, const op
           .note = fmt::format("{} lie on an outline", beside.load())};
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

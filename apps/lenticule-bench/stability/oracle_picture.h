@@ -7,7 +7,7 @@
 #include "optics/rig.h"
 #include "render/scene/scene_description.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 struct SubpixelCode {
   int i = 0;
@@ -32,4 +32,4 @@ enum class OracleVerdict {
 [[nodiscard]] StabilityRow compare_with_oracle(const render::SceneDescription& scene,
                                                const optics::Rig& rig, const StabilitySize& size);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

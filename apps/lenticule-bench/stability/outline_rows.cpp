@@ -12,7 +12,7 @@
 #include "apps/lenticule-bench/stability/tally.h"
 #include "player/process/interrupt.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 constexpr double kPaneMm = 12.0;   // distance in front of the panel
@@ -100,7 +100,7 @@ Pictures pictures_of(const optics::OpticalModel& model, const Outline& outline) 
   const render::Stage stage = plain_stage();
   const render::Scene scene(scene_of(outline), stage, {}, 1);
   const render::RenderOptions options{
-      .threads = 1, .tolerated_error = kError, .cancelled = interrupted};
+      .threads = 1, .tolerated_error = kError, .cancelled = player::interrupted};
   const auto make = [&](const char* name) {
     return next_frame(*render::make_method(name, model, options), scene, stage, model.rig());
   };
@@ -141,7 +141,7 @@ StabilityRow stability_outline_slopes(const StabilitySize& size) {
   for_each_part(size, degrees.size(), [&](uint64_t k) {
     const Outline outline = outline_at(model, degrees[k]);
     const Pictures pictures = pictures_of(model, outline);
-    if (!interrupted()) shared.add(compare(model, outline, pictures, beyond));
+    if (!player::interrupted()) shared.add(compare(model, outline, pictures, beyond));
   });
   // The row sweep's tolerance for points on an outline, docs/render/row-sweep.md: 4e-7 of
   // coordinates.
@@ -163,4 +163,4 @@ StabilityRow stability_outline_slopes(const StabilitySize& size) {
   return row;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 struct Point {
@@ -109,4 +109,4 @@ OracleRay oracle_ray(const optics::Rig& rig, int i, int j, int channel, int64_t 
   return {l.x, std::isinf(eye.z) ? eye.x : (eye.x - l.x) / eye.z};
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -8,7 +8,7 @@
 
 #include "optics/rig.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 using Real = long double;
 
@@ -41,4 +41,4 @@ struct OracleRay {
 };
 [[nodiscard]] OracleRay oracle_ray(const optics::Rig& rig, int i, int j, int channel, int64_t lens);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -13,7 +13,7 @@
 #include "frames/weave.h"
 #include "optics/row_rays.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 constexpr double kViews = 45.0;
@@ -124,13 +124,13 @@ StabilityRow stability_phase_tiles(const StabilitySize& size) {
   rig.viewing.distance = Millimetres(1500.0);
   const optics::OpticalModel model(rig);
   const PlainStage plain(rig);
-  const render::PrimaryProbe probe(plain.scene, model, best_isa());
+  const PrimaryProbe probe(plain.scene, model, best_isa());
   const auto tiles = static_cast<uint64_t>(probe.tiles());
   const uint64_t step = size.samples(599, 1);  // prime, so that all columns and bands are covered
   SharedTally shared;
   for_each_part(size, (tiles + step - 1) / step, [&](uint64_t k) {
     Tally tally;
-    static thread_local std::vector<render::PrimaryProbe::Line> lines;
+    static thread_local std::vector<PrimaryProbe::Line> lines;
     probe.lines(static_cast<int>(k * step), lines);
     uint64_t n = 0;
     for (const auto& line : lines) {
@@ -157,4 +157,4 @@ StabilityRow stability_phase_tiles(const StabilitySize& size) {
   return row;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -16,7 +16,7 @@
 #include "apps/lenticule-bench/stability/tally.h"
 #include "optics/row_rays.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 StabilityRow stability_coplanar(const StabilitySize& size) {
   render::SceneDescription scene = dark_scene({0, 0, 0});
   scene.materials = {glowing({0.4, 0.4, 0.4}), glowing({0.8, 0.8, 0.8})};
@@ -54,7 +54,7 @@ StabilityRow stability_grazing(const StabilitySize& size) {
   scene.meshes = {
       grid_mesh({-kReach, -31.1, -kReach}, {2 * kReach, 51.7, 0}, {0, -23.3, 2 * kReach}, 64)};
   const render::Scene committed(scene, plain_stage(), {}, 1);
-  const render::Probe probe(committed);
+  const Probe probe(committed);
   const std::vector<Vec3> corners = probe.corners(0);
   const Vec3 normal =
       normalized(cross(corners[65 * 64] - corners.front(), corners[64] - corners.front()));
@@ -62,7 +62,7 @@ StabilityRow stability_grazing(const StabilitySize& size) {
   for_each_part(size, size.samples(200, 20'000), [&](uint64_t part) {
     std::mt19937_64 random(part);
     std::uniform_real_distribution<double> unit(-1.0, 1.0);
-    std::vector<render::ProbeRay> rays;
+    std::vector<ProbeRay> rays;
     std::vector<double> slopes;
     for (int k = 0; k < 1024; ++k) {
       // 0.1 mm to a metre away from a point of the plane, at a slope of 0.3 to 0.00003.
@@ -77,12 +77,12 @@ StabilityRow stability_grazing(const StabilitySize& size) {
       rays.push_back({foot - way * distance, way});
       slopes.push_back(slope);
     }
-    std::vector<render::ProbeHit> hits(rays.size());
-    (void)probe.trace(rays, render::HoleGuard::On, hits);
+    std::vector<ProbeHit> hits(rays.size());
+    (void)probe.trace(rays, HoleGuard::On, hits);
     Tally tally;
     for (size_t k = 0; k < rays.size(); ++k) {
-      tally.check(hits[k].what == render::ProbeHit::What::Surface);
-      if (hits[k].what != render::ProbeHit::What::Surface) continue;
+      tally.check(hits[k].what == ProbeHit::What::Surface);
+      if (hits[k].what != ProbeHit::What::Surface) continue;
       // Distance of the point from the ray.
       const Vec3 off = cross(hits[k].point - rays[k].origin, rays[k].direction);
       tally.error(length(off) * std::min(1.0, slopes[k] / kGrazing));
@@ -152,4 +152,4 @@ StabilityRow stability_through_eye(const StabilitySize& size) {
   return row;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

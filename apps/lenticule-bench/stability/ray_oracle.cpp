@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 using Real = long double;
@@ -124,4 +124,4 @@ long double oracle_distance(const render::SceneDescription& scene, const OracleL
   return meet_all(scene, line, 0, {}).t;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -6,7 +6,7 @@
 
 #include "render/scene/scene_description.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 using Real3 = Vec3T<long double>;
 
@@ -25,4 +25,4 @@ struct OracleLine {
 [[nodiscard]] long double oracle_distance(const render::SceneDescription& scene,
                                           const OracleLine& line);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

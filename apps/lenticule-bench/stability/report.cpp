@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 /// Returns 12345678 as "12 345 678".
@@ -79,4 +79,4 @@ std::string to_text(const StabilityReport& report) {
          fmt::format("{} of {} rows pass, {:.0f} s\n", passed, report.rows.size(), report.seconds);
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 struct StabilityRow {
   std::string name{};      ///< name for --row
@@ -43,4 +43,4 @@ struct StabilityReport {
 /// Returns one line per row and a summary line.
 [[nodiscard]] std::string to_text(const StabilityReport& report);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

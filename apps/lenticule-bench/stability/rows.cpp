@@ -9,7 +9,7 @@
 
 #include "player/process/interrupt.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 StabilityRow stability_phase_scalar(const StabilitySize& size);
 StabilityRow stability_phase_kernels(const StabilitySize& size);
@@ -75,7 +75,7 @@ void for_each_part(const StabilitySize& size, uint64_t count,
   std::exception_ptr first_error;
   const auto run = [&] {
     try {
-      for (uint64_t k = next++; k < count && !interrupted(); k = next++) work(k);
+      for (uint64_t k = next++; k < count && !player::interrupted(); k = next++) work(k);
     } catch (...) {
       const std::lock_guard lock(mutex);
       if (!first_error) first_error = std::current_exception();
@@ -89,4 +89,4 @@ void for_each_part(const StabilitySize& size, uint64_t count,
   if (first_error) std::rethrow_exception(first_error);
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -8,7 +8,7 @@
 
 #include "apps/lenticule-bench/stability/report.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 struct StabilitySize {
   bool full = false;
@@ -34,4 +34,4 @@ struct StabilityCase {
 void for_each_part(const StabilitySize& size, uint64_t count,
                    const std::function<void(uint64_t)>& work);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -9,12 +9,8 @@
 #include "apps/lenticule-bench/stability/small_scenes.h"
 #include "apps/lenticule-bench/stability/tally.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
-
-using render::Probe;
-using render::ProbeHit;
-using render::ProbeRay;
 
 constexpr size_t kRaysPerPart = 2048;
 constexpr double kSize = 50.0;  // size of the object, mm on the panel
@@ -70,7 +66,7 @@ Tally count(const Probe& probe, Vec3 from_centre, uint64_t part) {
     rays.push_back({from, normalized(at - from)});
   }
   std::vector<ProbeHit> hits(rays.size());
-  (void)probe.trace(rays, render::HoleGuard::On, hits);
+  (void)probe.trace(rays, HoleGuard::On, hits);
   std::vector<Vec3> directions;
   for (ProbeHit& hit : hits) {
     if (!hit.outer_side) hit.what = ProbeHit::What::Nothing;  // the inside of an open cone
@@ -147,4 +143,4 @@ StabilityRow stability_shadow_far(const StabilitySize& size) {
           .note = note};
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -8,7 +8,7 @@
 #include "base/error.h"
 #include "player/process/interrupt.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 using render::Material;
@@ -171,7 +171,7 @@ frames::WovenFrame render_small(const SceneDescription& description, const rende
   const optics::OpticalModel model(rig);
   const render::Scene scene(description, stage, {}, threads);
   const auto method =
-      render::make_method("full", model, {.threads = threads, .cancelled = interrupted});
+      render::make_method("full", model, {.threads = threads, .cancelled = player::interrupted});
   return next_frame(*method, scene, stage, rig).frame;
 }
 
@@ -207,4 +207,4 @@ SceneDescription dark_scene(Vec3 background) {
   return scene;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -9,7 +9,7 @@
 #include "render/scene/scene_description.h"
 #include "render/scene/stage.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 /// Returns a placement whose world units are millimetres on the panel; `centre` is in the panel's
 /// middle. Clips nothing.
@@ -61,4 +61,4 @@ struct SmallFrame {
 /// Returns a scene for such materials: no lights, no ambient light.
 [[nodiscard]] render::SceneDescription dark_scene(Vec3 background);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -9,7 +9,7 @@
 #include <mutex>
 #include <string>
 
-namespace lenticule::player {
+namespace lenticule::bench {
 
 struct Tally {
   uint64_t samples = 0;
@@ -63,4 +63,4 @@ class SharedTally {
   Tally sum_;
 };
 
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

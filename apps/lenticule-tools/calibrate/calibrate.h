@@ -4,12 +4,12 @@
 
 #include "apps/lenticule/cli/command.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 /// A method, named by the word after `calibrate`: its parsed flags and the function to run.
 struct CalibrateWay {
   const CLI::App* app = nullptr;
-  Run run;
+  cli::Run run;
 };
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -30,7 +30,7 @@
 #include "player/process/rig_choice.h"
 #include "player/session/key_input.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 namespace fs = std::filesystem;
@@ -39,7 +39,7 @@ using nlohmann::json;
 
 constexpr display::Nanoseconds kShowTimeout = std::chrono::seconds(10);
 /// Longest wait for display events; a key press ends it at once.
-constexpr display::Nanoseconds kNap = kEscapePause;
+constexpr display::Nanoseconds kNap = player::kEscapePause;
 
 constexpr const char* kKeys =
     "You mark the best of 25 bands, columns or rungs and press enter, some 25 times. Charts with\n"
@@ -138,7 +138,7 @@ class ByEyeRun {
   explicit ByEyeRun(const ByEyeFlags& flags)
       : flags_(flags),
         rig_(optics::load_trimmed_rig(flags.rig)),
-        keys_(open_key_input(flags.keys)),
+        keys_(player::open_key_input(flags.keys)),
         procedure_(rig_, distance_of(flags, rig_), doubts()),
         request_(display_request(flags, rig_)),
         display_(display::open_display(request_)),
@@ -148,7 +148,7 @@ class ByEyeRun {
     check_folder_of(flags_.output);
     report_step();
     show();
-    while (procedure_.status() == Procedure::Status::Running && !interrupted()) {
+    while (procedure_.status() == Procedure::Status::Running && !player::interrupted()) {
       const std::vector<KeyPress> presses = keys_->take();
       if (!presses.empty())
         press(presses);
@@ -159,7 +159,7 @@ class ByEyeRun {
     }
     if (keys_->is_person()) say("\n");
     finish_recording();
-    if (interrupted()) return interrupt_exit_code();
+    if (player::interrupted()) return player::interrupt_exit_code();
     return conclude();
   }
 
@@ -292,7 +292,7 @@ class ByEyeRun {
 
   const ByEyeFlags& flags_;
   optics::Rig rig_;
-  std::unique_ptr<KeyInput> keys_;
+  std::unique_ptr<player::KeyInput> keys_;
   Procedure procedure_;
   display::DisplayRequest request_;
   std::unique_ptr<display::Display> display_;
@@ -307,7 +307,7 @@ CalibrateWay declare_calibrate_by_eye(CLI::App& app) {
       "by-eye",
       "measure the sheet with charts and keys, without a camera; the charts explain the steps");
   way->footer(kKeys);
-  declare_rig_flag(*way, flags->rig, "rig file to start from; a trim beside it is included");
+  cli::declare_rig_flag(*way, flags->rig, "rig file to start from; a trim beside it is included");
   way->add_option("--display", flags->display,
                   "kms, kms:CONNECTOR, or virtual, as for lenticule play")
       ->type_name("DISPLAY")
@@ -330,9 +330,9 @@ CalibrateWay declare_calibrate_by_eye(CLI::App& app) {
   way->add_flag("--insist", flags->insist, "accept implausible values without asking");
   way->add_flag("--json", flags->json, "print the result as JSON");
   return {.app = way, .run = [flags] {
-            flags->rig = choose_rig({.given = flags->rig, .display = flags->display}).file;
+            flags->rig = player::choose_rig({.given = flags->rig, .display = flags->display}).file;
             return ByEyeRun(*flags).run();
           }};
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -25,7 +25,7 @@
 #include "player/process/progress.h"
 #include "player/process/rig_choice.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 using nlohmann::json;
@@ -113,7 +113,7 @@ class CameraRun {
       const Place& place = kPlaces[static_cast<size_t>(v)];
       show_white();
       if (!flags_.no_prompts) wait_for_person(place, v);
-      if (interrupted()) return interrupt_exit_code();
+      if (player::interrupted()) return player::interrupt_exit_code();
       measured.push_back(measure(place, v));
       report(measured.back());
     }
@@ -146,7 +146,7 @@ class CameraRun {
         "Viewpoint {} of {}: put the camera {}.\n"
         "The picture must show the whole panel, which should nearly fill it. Then press enter.\n",
         number + 1, flags_.viewpoints, place.where);
-    while (!interrupted() && !enter_pressed()) {
+    while (!player::interrupted() && !enter_pressed()) {
       calib::CameraPicture picture;
       const calib::GrabStatus status = camera_->grab(picture, std::chrono::seconds(1));
       if (status == calib::GrabStatus::Gone)
@@ -161,8 +161,9 @@ class CameraRun {
 
   /// Waits half a second for the Enter key.
   static bool enter_pressed() {
-    std::array<pollfd, 2> waiting = {{{.fd = STDIN_FILENO, .events = POLLIN, .revents = 0},
-                                      {.fd = interrupt_fd(), .events = POLLIN, .revents = 0}}};
+    std::array<pollfd, 2> waiting = {
+        {{.fd = STDIN_FILENO, .events = POLLIN, .revents = 0},
+         {.fd = player::interrupt_fd(), .events = POLLIN, .revents = 0}}};
     if (poll(waiting.data(), waiting.size(), 500) <= 0 || waiting[0].revents == 0) return false;
     std::array<char, 256> line{};
     const ssize_t got = read(STDIN_FILENO, line.data(), line.size());
@@ -173,13 +174,14 @@ class CameraRun {
 
   calib::ViewpointMeasurement measure(const Place& place, int number) {
     const calib::MeasureOptions options{.name = place.name, .link_and_spot = number == 0};
-    Progress progress(place.name, "patterns", static_cast<uint64_t>(calib::pattern_count(options)));
+    player::Progress progress(place.name, "patterns",
+                              static_cast<uint64_t>(calib::pattern_count(options)));
     uint64_t shown = 0;
     const calib::CaptureProgress each = [&](const calib::Pattern&) {
       progress.update(shown++);
       if (shown % 16 == 0) check_controls();
       if (shown % 16 == 0 && !flags_.preview.empty()) write_preview(*camera_, flags_.preview);
-      return !interrupted();
+      return !player::interrupted();
     };
     calib::CaptureOptions capture;
     capture.settle = std::chrono::milliseconds(flags_.settle_ms);
@@ -243,7 +245,7 @@ CalibrateWay declare_calibrate_camera(CLI::App& app) {
   way->footer(
       "Darken the room, let the panel warm up for half an hour, use a tripod.\n"
       "Example:\n  lenticule calibrate camera --rig start.toml --display kms -o kiosk.toml");
-  CLI::Option* rig = declare_rig_flag(*way, flags->rig, "rig file to start from");
+  CLI::Option* rig = cli::declare_rig_flag(*way, flags->rig, "rig file to start from");
   way->add_option("--display", flags->display, "kms, kms:CONNECTOR, or virtual")
       ->type_name("DISPLAY")
       ->capture_default_str();
@@ -277,9 +279,9 @@ CalibrateWay declare_calibrate_camera(CLI::App& app) {
             if (flags->result.output.empty())
               throw Error(ErrorKind::Usage, "calibrate camera: -o is missing",
                           "see lenticule calibrate camera --help");
-            flags->rig = choose_rig({.given = flags->rig, .display = flags->display}).file;
+            flags->rig = player::choose_rig({.given = flags->rig, .display = flags->display}).file;
             return CameraRun(*flags).run();
           }};
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

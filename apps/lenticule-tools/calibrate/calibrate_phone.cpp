@@ -30,7 +30,7 @@
 #include "player/process/interrupt.h"
 #include "player/process/rig_choice.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 namespace fs = std::filesystem;
@@ -90,7 +90,7 @@ void show_frame(display::DisplaySink& sink, const frames::WovenFrame& frame) {
 /// Lets the display work for a moment. Throws Error(Device) if it was disconnected.
 void pause(display::Display& display) {
   const auto event =
-      display.wait_event(display.now() + std::chrono::milliseconds(200), interrupt_fd());
+      display.wait_event(display.now() + std::chrono::milliseconds(200), player::interrupt_fd());
   if (event.kind == display::EventKind::Lost)
     throw Error(ErrorKind::Device, "display: disconnected", "connect it again");
 }
@@ -118,10 +118,10 @@ class Collection {
       pause(display_);
       const std::vector<fs::path> files = arrivals_.arrived();
       for (const fs::path& file : files) {
-        if (interrupted()) return std::nullopt;
+        if (player::interrupted()) return std::nullopt;
         take(file);
       }
-      if (interrupted()) return std::nullopt;
+      if (player::interrupted()) return std::nullopt;
       if (files.empty()) continue;
       last = Clock::now();
       if (photos_.usable() < static_cast<size_t>(flags_.least)) continue;
@@ -185,7 +185,7 @@ ExitCode run_phone(const PhoneFlags& flags) {
       "3. Wait: each is measured as it arrives. Ctrl-C ends.\n",
       flags.folder);
   const auto found = collection.run();
-  if (!found) return interrupt_exit_code();
+  if (!found) return player::interrupt_exit_code();
   ResultFlags result = flags.result;
   std::optional<frames::WovenFrame> check;
   if (found->verdict != calib::Verdict::Refused) {
@@ -209,7 +209,7 @@ ExitCode run_phone(const PhoneFlags& flags) {
   say("move your head sideways: the whole panel turns from white to black at once\n");
   const Clock::time_point end = Clock::now() + std::chrono::duration_cast<Clock::duration>(
                                                    std::chrono::duration<double>(flags.seconds));
-  while (!interrupted() && Clock::now() < end) pause(*display);
+  while (!player::interrupted() && Clock::now() < end) pause(*display);
   return code;
 }
 
@@ -224,7 +224,7 @@ CalibrateWay declare_calibrate_phone(CLI::App& app) {
       "  lenticule calibrate phone inbox --rig start.toml --display kms -o kiosk.toml\n"
       "Photographs that are already there: lenticule calibrate photos 1.jpg 2.jpg 3.jpg 4.jpg");
   way->add_option("FOLDER", flags->folder, "folder in which the photographs arrive")->required();
-  declare_rig_flag(*way, flags->rig, "rig file to start from");
+  cli::declare_rig_flag(*way, flags->rig, "rig file to start from");
   way->add_option("--display", flags->display, "kms, kms:CONNECTOR, or virtual")
       ->type_name("DISPLAY")
       ->capture_default_str();
@@ -253,9 +253,9 @@ CalibrateWay declare_calibrate_phone(CLI::App& app) {
   declare_pack_flag(*way, flags->pack);
   declare_result_flags(*way, flags->result);
   return {.app = way, .run = [flags] {
-            flags->rig = choose_rig({.given = flags->rig, .display = flags->display}).file;
+            flags->rig = player::choose_rig({.given = flags->rig, .display = flags->display}).file;
             return run_phone(*flags);
           }};
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -35,7 +35,7 @@
 #include "player/process/rig_choice.h"
 #include "player/sources/confined_pictures.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 namespace fs = std::filesystem;
@@ -59,15 +59,15 @@ ExitCode write_patterns(const PhotosFlags& flags, const optics::Rig& rig) {
   // An interrupted run may leave patterns of two rigs, so the old manifest must not remain valid.
   std::error_code absent;
   fs::remove(fs::path(flags.write_patterns) / calib::kPatternManifest, absent);
-  Progress progress("writing", "patterns", patterns.size());
+  player::Progress progress("writing", "patterns", patterns.size());
   frames::WovenFrame frame;
-  for (size_t n = 0; n < patterns.size() && !interrupted(); ++n) {
+  for (size_t n = 0; n < patterns.size() && !player::interrupted(); ++n) {
     calib::draw_pattern(patterns[n], rig.panel, frame);
     frames::write_woven(frame.view(), fmt::format("{}/{:03}.png", flags.write_patterns, n));
     progress.update(n + 1);
   }
   progress.finish();
-  if (interrupted()) return interrupt_exit_code();
+  if (player::interrupted()) return player::interrupt_exit_code();
   calib::write_manifest(calib::manifest_of(rig, patterns.size()), flags.write_patterns);
   if (flags.result.json)
     print_json({{"folder", flags.write_patterns}, {"patterns", patterns.size()}});
@@ -117,7 +117,8 @@ class StoredPicture final : public frames::PictureSink {
 };
 
 /// Lets a confined process decode a photograph whose origin is not known.
-calib::CameraPicture confined_photograph(const ConfinedPictures& decoder, const fs::path& file) {
+calib::CameraPicture confined_photograph(const player::ConfinedPictures& decoder,
+                                         const fs::path& file) {
   StoredPicture decoded;
   decoder.read(file, decoded);
   calib::CameraPicture picture;
@@ -133,7 +134,7 @@ calib::CameraPicture confined_photograph(const ConfinedPictures& decoder, const 
 /// Both readers ignore the orientation that the file states.
 PhotoReader reader_of(const PhotosFlags& flags) {
   if (!flags.confined) return calib::read_photograph;
-  return [decoder = std::make_shared<ConfinedPictures>()](const fs::path& file) {
+  return [decoder = std::make_shared<player::ConfinedPictures>()](const fs::path& file) {
     return confined_photograph(*decoder, file);
   };
 }
@@ -169,13 +170,13 @@ ExitCode from_one(const PhotosFlags& flags, const optics::Rig& rig) {
 /// Calibrates from several photographs of the photo chart, taken by hand from different places.
 ExitCode from_several(const PhotosFlags& flags, const optics::Rig& rig) {
   HandHeldPhotos photos(rig, flags.focal_px, reader_of(flags));
-  Progress progress("measuring", "photographs", flags.sources.size());
+  player::Progress progress("measuring", "photographs", flags.sources.size());
   // The result names the photographs that cannot be used.
   photos.add_all({flags.sources.begin(), flags.sources.end()}, [&](size_t added) {
     progress.update(added);
-    return !interrupted();
+    return !player::interrupted();
   });
-  if (interrupted()) return interrupt_exit_code();
+  if (player::interrupted()) return player::interrupt_exit_code();
   progress.finish();
   const calib::Calibration found = photos.calibrate(flags.most_lenses);
   return conclude(flags, rig, found, photos.details(), {{"photographs", photos.to_json(found)}});
@@ -221,7 +222,7 @@ ExitCode from_folders(const PhotosFlags& flags, const optics::Rig& rig) {
     frames::NullSink nowhere(rig.panel.width_px, rig.panel.height_px);
     const bool known = manifest_agrees(flags, folder, rig);
     const std::string name = photographs.facts().name;
-    Progress progress(name, "photographs", wanted);
+    player::Progress progress(name, "photographs", wanted);
     uint64_t read = 0;
     calib::CaptureOptions capture;
     capture.average = 1;
@@ -231,7 +232,7 @@ ExitCode from_folders(const PhotosFlags& flags, const optics::Rig& rig) {
         nowhere, photographs, model, capture,
         {.name = name, .link_and_spot = false, .adaptive = false}, [&](const calib::Pattern&) {
           progress.update(read++);
-          return !interrupted();
+          return !player::interrupted();
         }));
     progress.finish();
     require_known_rig(measured.back(), known, folder);
@@ -293,7 +294,7 @@ CalibrateWay declare_calibrate_photos(CLI::App& app) {
       "  lenticule calibrate photos --rig start.toml --write-patterns patterns\n"
       "  lenticule calibrate photos centre left right --rig start.toml -o kiosk.toml");
   way->add_option("PHOTOS", flags->sources, "a photograph, or a folder for each viewpoint");
-  declare_rig_flag(*way, flags->rig, "rig file to start from");
+  cli::declare_rig_flag(*way, flags->rig, "rig file to start from");
   way->add_option("--write-patterns", flags->write_patterns,
                   "folder to write all patterns to, with a manifest; nothing else is done")
       ->type_name("FOLDER");
@@ -325,9 +326,9 @@ CalibrateWay declare_calibrate_photos(CLI::App& app) {
   declare_result_flags(*way, flags->result);
   way->get_option("--output")->required(false);
   return {.app = way, .run = [flags] {
-            flags->rig = choose_rig({.given = flags->rig}).file;
+            flags->rig = player::choose_rig({.given = flags->rig}).file;
             return run_photos(*flags);
           }};
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -13,7 +13,7 @@
 #include "optics/rig_history.h"
 #include "optics/trim.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 namespace fs = std::filesystem;
@@ -80,4 +80,4 @@ ExitCode conclude_calibration(const calib::Calibration& found, calib::RecordDeta
   return saved ? kOk : kQuality;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

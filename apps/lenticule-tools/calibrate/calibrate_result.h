@@ -11,7 +11,7 @@
 #include "calib/calibration.h"
 #include "calib/report/rig_record.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 struct ResultFlags {
   std::string output;
@@ -30,4 +30,4 @@ ExitCode conclude_calibration(const calib::Calibration& found, calib::RecordDeta
                               const ResultFlags& flags,
                               const nlohmann::json& more = nlohmann::json::object());
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

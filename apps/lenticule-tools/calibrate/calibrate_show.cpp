@@ -21,7 +21,7 @@
 #include "player/process/interrupt.h"
 #include "player/process/rig_choice.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 using calib::Channels;
@@ -136,9 +136,9 @@ WovenFrame draw(const ShowFlags& flags, const optics::OpticalModel& model) {
 void hold(display::Display& display, double seconds) {
   const display::Nanoseconds end = display.now() + std::chrono::duration_cast<display::Nanoseconds>(
                                                        std::chrono::duration<double>(seconds));
-  while (!interrupted() && (seconds <= 0.0 || display.now() < end)) {
+  while (!player::interrupted() && (seconds <= 0.0 || display.now() < end)) {
     const auto event =
-        display.wait_event(display.now() + std::chrono::milliseconds(200), interrupt_fd());
+        display.wait_event(display.now() + std::chrono::milliseconds(200), player::interrupt_fd());
     if (event.kind == display::EventKind::Lost)
       throw Error(ErrorKind::Device, "display: disconnected", "connect it again");
   }
@@ -165,7 +165,7 @@ ExitCode show_pattern(const ShowFlags& flags) {
       flags.seconds > 0.0 ? "" : ", until Ctrl-C");
   hold(*display, flags.seconds);
   if (flags.json) print_json({{"pattern", flags.pattern}, {"display", display->mode().name}});
-  return flags.seconds > 0.0 && interrupted() ? interrupt_exit_code() : kOk;
+  return flags.seconds > 0.0 && player::interrupted() ? player::interrupt_exit_code() : kOk;
 }
 
 }  // namespace
@@ -182,7 +182,7 @@ CalibrateWay declare_calibrate_show(CLI::App& app) {
   way->add_option("PATTERN", flags->pattern, "name of the pattern, see below")
       ->required()
       ->check(CLI::IsMember(pattern_names()));
-  declare_rig_flag(*way, flags->rig);
+  cli::declare_rig_flag(*way, flags->rig);
   way->add_option("--display", flags->display, "kms, kms:CONNECTOR, or virtual")
       ->type_name("DISPLAY")
       ->capture_default_str();
@@ -206,9 +206,9 @@ CalibrateWay declare_calibrate_show(CLI::App& app) {
   way->add_flag("--json", flags->json, "print what was done as JSON");
   return {.app = way, .run = [flags] {
             const std::string display = flags->output.empty() ? flags->display : "";
-            flags->rig = choose_rig({.given = flags->rig, .display = display}).file;
+            flags->rig = player::choose_rig({.given = flags->rig, .display = display}).file;
             return show_pattern(*flags);
           }};
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -18,7 +18,7 @@
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 struct SimulateFlags {
@@ -63,12 +63,12 @@ void print_ground_truth(const calib::Trial& trial, const calib::TrialResult& res
 ExitCode run_simulate(const SimulateFlags& flags) {
   calib::Trial trial = trial_of(flags);
   const int each = calib::pattern_count({});
-  Progress progress("calibrating", "patterns",
-                    static_cast<uint64_t>(each) * static_cast<uint64_t>(flags.viewpoints));
+  player::Progress progress("calibrating", "patterns",
+                            static_cast<uint64_t>(each) * static_cast<uint64_t>(flags.viewpoints));
   trial.progress = [&](size_t viewpoint, int pattern) {
     progress.update(viewpoint * static_cast<uint64_t>(each) + static_cast<uint64_t>(pattern),
                     trial.viewpoints[viewpoint].name);
-    return !interrupted();
+    return !player::interrupted();
   };
   if (!flags.pictures.empty()) {
     std::filesystem::create_directories(flags.pictures);
@@ -81,7 +81,7 @@ ExitCode run_simulate(const SimulateFlags& flags) {
   }
   const calib::TrialResult result = calib::run_trial(trial);
   progress.finish();
-  if (interrupted()) return interrupt_exit_code();
+  if (player::interrupted()) return player::interrupt_exit_code();
   if (!result.failure.empty()) throw Error(ErrorKind::Quality, result.failure);
   calib::RecordDetails details{.when = std::chrono::system_clock::now(),
                                .method = "simulated",
@@ -132,4 +132,4 @@ CalibrateWay declare_calibrate_simulate(CLI::App& app) {
   return {.app = way, .run = [flags] { return run_simulate(*flags); }};
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

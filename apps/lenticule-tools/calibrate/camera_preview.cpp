@@ -9,7 +9,7 @@
 #include "frames/image_io.h"
 #include "frames/srgb.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 constexpr int kPreviewWidth = 960;
@@ -56,4 +56,4 @@ std::string light_of(const calib::CameraPicture& picture) {
                      100.0 * static_cast<double>(clipped) / static_cast<double>(light.size()));
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

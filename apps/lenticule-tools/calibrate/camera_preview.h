@@ -6,7 +6,7 @@
 
 #include "calib/camera.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 /// Takes one picture and writes it, at most 960 pixels wide. Returns false if no picture came
 /// within a second. Throws Error(Failed) if it cannot be written.
@@ -18,4 +18,4 @@ bool write_preview(calib::Camera& camera, const std::string& file);
 /// Writes the picture as a PNG in sRGB.
 void write_picture(const calib::CameraPicture& picture, const std::string& file);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -5,7 +5,7 @@
 #include "apps/lenticule-tools/calibrate/calibrate.h"
 #include "base/error.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 // Each is defined in its own file, calibrate_METHOD.cpp.
 CalibrateWay declare_calibrate_camera(CLI::App& app);
@@ -15,7 +15,7 @@ CalibrateWay declare_calibrate_by_eye(CLI::App& app);
 CalibrateWay declare_calibrate_simulate(CLI::App& app);
 CalibrateWay declare_calibrate_show(CLI::App& app);
 
-Run declare_calibrate(CLI::App& app) {
+cli::Run declare_calibrate(CLI::App& app) {
   app.require_subcommand(1);
   const std::vector<CalibrateWay> ways = {
       declare_calibrate_camera(app), declare_calibrate_photos(app),   declare_calibrate_phone(app),
@@ -28,4 +28,4 @@ Run declare_calibrate(CLI::App& app) {
   };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

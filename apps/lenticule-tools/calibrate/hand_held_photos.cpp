@@ -12,7 +12,7 @@
 #include "base/text.h"
 #include "calib/phone/exif.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 /// Returns the focal length in pixels: the given one, else the one that the file states, which is
@@ -125,4 +125,4 @@ calib::RecordDetails HandHeldPhotos::details() const {
           .temperature_celsius = {}};
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -14,7 +14,7 @@
 #include "calib/phone/phone_calibration.h"
 #include "calib/photo/photo_folder.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 /// PhotoReader reads a photograph with its pixels in the order of the file: the axis of the camera
 /// is then at one place in all photographs of a phone.
@@ -69,4 +69,4 @@ class HandHeldPhotos {
   calib::CameraFacts camera_;
 };
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -6,9 +6,9 @@
 #include "apps/lenticule/cli/command.h"
 #include "base/error.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
-Run declare_no_calibrate(CLI::App& app) {
+cli::Run declare_no_calibrate(CLI::App& app) {
   app.prefix_command();
   return []() -> ExitCode {
     throw Error(ErrorKind::Failed, "calibrate: this build has no calibration",
@@ -16,4 +16,4 @@ Run declare_no_calibrate(CLI::App& app) {
   };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

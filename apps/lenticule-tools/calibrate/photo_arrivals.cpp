@@ -12,7 +12,7 @@
 #include "base/text.h"
 #include "calib/photo/photo_folder.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 namespace fs = std::filesystem;
@@ -65,4 +65,4 @@ std::vector<fs::path> PhotoArrivals::arrived() {
   return out;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

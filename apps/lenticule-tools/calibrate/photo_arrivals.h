@@ -8,7 +8,7 @@
 #include <set>
 #include <vector>
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 /// PhotoArrivals reports each photograph once, after its file has stopped growing. Hidden files,
 /// which transfers use as temporary names, do not count.
@@ -32,4 +32,4 @@ class PhotoArrivals {
   std::map<std::filesystem::path, uintmax_t> growing_;
 };
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -13,7 +13,7 @@
 #include "optics/rig_file.h"
 #include "player/process/child_process.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 namespace fs = std::filesystem;
@@ -38,11 +38,11 @@ std::string name_in_pack(size_t index, const fs::path& source) {
 
 void run_tar(const fs::path& folder, const fs::path& archive) {
   constexpr std::chrono::minutes kLimit{10};
-  const std::optional<std::string> tar = find_program("tar");
+  const std::optional<std::string> tar = player::find_program("tar");
   if (!tar) throw Error(ErrorKind::Failed, "tar: no such program", "install the package tar");
-  const ProgramRun run = run_child({*tar, "-cf", archive.string(), "-C", folder.string(),
-                                    "--owner=0", "--group=0", "calibration"},
-                                   kLimit);
+  const ProgramRun run = player::run_child({*tar, "-cf", archive.string(), "-C", folder.string(),
+                                            "--owner=0", "--group=0", "calibration"},
+                                           kLimit);
   if (run.exit_code != 0)
     throw Error(ErrorKind::Failed, archive.string() + ": tar failed: " + run.output);
 }
@@ -83,4 +83,4 @@ void write_photo_pack(const PhotoPack& pack, const fs::path& archive) {
   }
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -11,7 +11,7 @@
 #include "apps/lenticule/cli/command.h"
 #include "optics/rig.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 /// PhotoPack is what the archive holds. The report becomes report.json.
 struct PhotoPack {
@@ -30,4 +30,4 @@ void declare_pack_flag(CLI::App& app, std::string& archive);
 /// the program tar is missing.
 void write_photo_pack(const PhotoPack& pack, const std::filesystem::path& archive);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

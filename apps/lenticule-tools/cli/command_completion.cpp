@@ -11,7 +11,7 @@
 #include "apps/lenticule/cli/command_tree.h"
 #include "base/print.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 std::string joined(const std::vector<std::string>& words) {
@@ -20,9 +20,9 @@ std::string joined(const std::vector<std::string>& words) {
 
 std::string bash_script(const CLI::App& root) {
   std::string cases;
-  for (const CLI::App* command : visible_commands(root))
+  for (const CLI::App* command : cli::visible_commands(root))
     cases += fmt::format("    {}) words=\"{}\" ;;\n", command->get_name(),
-                         joined(completion_words(*command)));
+                         joined(cli::completion_words(*command)));
   return fmt::format(R"(# bash completion for lenticule
 _lenticule() {{
   local current="${{COMP_WORDS[COMP_CWORD]}}" words=""
@@ -35,14 +35,14 @@ _lenticule() {{
 }}
 complete -o filenames -F _lenticule lenticule
 )",
-                     cases, joined(command_names(root)), joined(command_names(root)));
+                     cases, joined(cli::command_names(root)), joined(cli::command_names(root)));
 }
 
 std::string zsh_script(const CLI::App& root) {
   std::string cases;
-  for (const CLI::App* command : visible_commands(root))
+  for (const CLI::App* command : cli::visible_commands(root))
     cases += fmt::format("    {}) compadd -- {}; _files ;;\n", command->get_name(),
-                         joined(completion_words(*command)));
+                         joined(cli::completion_words(*command)));
   return fmt::format(R"(#compdef lenticule
 # zsh completion for lenticule
 _lenticule() {{
@@ -55,23 +55,23 @@ _lenticule() {{
 }}
 compdef _lenticule lenticule
 )",
-                     joined(command_names(root)), cases);
+                     joined(cli::command_names(root)), cases);
 }
 
 std::string fish_script(const CLI::App& root) {
   std::string lines = "# fish completion for lenticule\n";
-  for (const CLI::App* command : visible_commands(root)) {
+  for (const CLI::App* command : cli::visible_commands(root)) {
     lines += fmt::format("complete -c lenticule -n __fish_use_subcommand -a {} -d '{}'\n",
                          command->get_name(), command->get_description());
     lines += fmt::format("complete -c lenticule -n '__fish_seen_subcommand_from {}' -a '{}'\n",
-                         command->get_name(), joined(completion_words(*command)));
+                         command->get_name(), joined(cli::completion_words(*command)));
   }
   return lines;
 }
 
 }  // namespace
 
-Run declare_completion(CLI::App& app) {
+cli::Run declare_completion(CLI::App& app) {
   auto shell = std::make_shared<std::string>();
   app.add_option("shell", *shell, "bash, zsh or fish")
       ->required()
@@ -86,4 +86,4 @@ Run declare_completion(CLI::App& app) {
   };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

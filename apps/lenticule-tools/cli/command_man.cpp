@@ -10,7 +10,7 @@
 #include "apps/lenticule/cli/help.h"
 #include "base/print.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 /// Escapes text that troff would take for a request or an escape.
@@ -33,21 +33,21 @@ std::string roff(const std::string& text) {
 }
 
 std::string option_entry(const CLI::Option& option) {
-  return fmt::format(".TP\n\\fB{}\\fR\n{}\n", roff(typed_form(option)),
-                     roff(explanation(option, HelpLength::Long)));
+  return fmt::format(".TP\n\\fB{}\\fR\n{}\n", roff(cli::typed_form(option)),
+                     roff(explanation(option, cli::HelpLength::Long)));
 }
 
 std::string command_section(const CLI::App& app, const std::string& prefix) {
   std::string arguments;
-  for (const CLI::Option* positional : positionals(app))
+  for (const CLI::Option* positional : cli::positionals(app))
     arguments += " \\fI" + roff(positional->get_name(true)) + "\\fR";
   std::string text =
       fmt::format(".SS {}\n\\fB{}\\fR{} [options]\n.PP\n{}\n", roff(prefix + app.get_name()),
                   roff(prefix + app.get_name()), arguments, roff(app.get_description()));
-  for (const CLI::Option* positional : positionals(app)) text += option_entry(*positional);
-  for (const CLI::Option* flag : flags(app))
+  for (const CLI::Option* positional : cli::positionals(app)) text += option_entry(*positional);
+  for (const CLI::Option* flag : cli::flags(app))
     if (flag->get_name() != "--help") text += option_entry(*flag);
-  for (const CLI::App* sub : visible_commands(app))
+  for (const CLI::App* sub : cli::visible_commands(app))
     text += command_section(*sub, prefix + app.get_name() + " ");
   return text;
 }
@@ -84,9 +84,9 @@ std::string manual(const CLI::App& root) {
       ".SH DESCRIPTION\n{}\nResults go to standard output, everything else to standard error.\n"
       ".SH COMMANDS\n",
       LENTICULE_VERSION, roff(root.get_description()));
-  for (const CLI::App* command : visible_commands(root)) text += command_section(*command, "");
+  for (const CLI::App* command : cli::visible_commands(root)) text += command_section(*command, "");
   text += ".SH EXAMPLES\n";
-  for (const Command& command : commands())
+  for (const cli::Command& command : cli::commands())
     if (command.example[0] != '\0')
       text += fmt::format(".TP\n{}\n\\fB{}\\fR\n", roff(command.summary), roff(command.example));
   text += kExitCodes;
@@ -101,11 +101,11 @@ std::string manual(const CLI::App& root) {
 
 }  // namespace
 
-Run declare_man(CLI::App& app) {
+cli::Run declare_man(CLI::App& app) {
   return [&app] {
     print_out("{}", Verbatim{manual(*app.get_parent())});
     return kOk;
   };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -13,7 +13,7 @@
 #include "render/depth_budget/prefilter.h"
 #include "render/methods/adaptive/method_adaptive.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 /// Flags that the user gave.
@@ -34,7 +34,8 @@ void refuse_idle_flags(const RenderFlags& flags, const Given& given) {
   if (flags.staging.stage.ignore_cameras && !flags.camera.empty())
     throw Error(ErrorKind::Usage, "--fit: ignores the camera that --camera names",
                 "give one of the two");
-  if (flags.staging.turned_by_degrees != 0.0 && parse_frame_range(flags.frames).count() == 1)
+  if (flags.staging.turned_by_degrees != 0.0 &&
+      player::parse_frame_range(flags.frames).count() == 1)
     throw Error(ErrorKind::Usage, "--turn: one frame cannot turn from one angle to another",
                 "for example --turn 0:360 --frames 0:48, or --turn 30");
   if (flags.wall.empty() && !flags.panel.empty())
@@ -47,7 +48,7 @@ std::function<void()> declare_render_flags(CLI::App& app, RenderFlags& flags) {
   app.add_option("SCENE", flags.scene,
                  "scene file, numbered files ('demo-%02d.nff'), or builtin:NAME[:SIZE]")
       ->required();
-  CLI::Option* const rig = declare_rig_flag(app, flags.rig);
+  CLI::Option* const rig = cli::declare_rig_flag(app, flags.rig);
   app.add_option("--frames", flags.frames, "render frames A to B - 1; N renders only frame N")
       ->capture_default_str()
       ->type_name("A:B|N");
@@ -107,7 +108,7 @@ std::function<void()> declare_render_flags(CLI::App& app, RenderFlags& flags) {
                       .psnr = psnr->count() > 0,
                       .prefilter_samples = prefilter_samples->count() > 0};
     refuse_idle_flags(flags, given);
-    if (flags.wall.empty()) flags.rig = choose_rig({.given = flags.rig}).file;
+    if (flags.wall.empty()) flags.rig = player::choose_rig({.given = flags.rig}).file;
     if (!given.psnr) return;
     const double tolerated = flags.options.tolerated_error;
     render::promise_psnr(flags.least_psnr_db, flags.options);
@@ -115,4 +116,4 @@ std::function<void()> declare_render_flags(CLI::App& app, RenderFlags& flags) {
   };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -12,7 +12,7 @@ namespace CLI {
 class App;
 }
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 struct RenderFlags {
   std::string scene;
@@ -34,4 +34,4 @@ struct RenderFlags {
 /// `flags` must outlive the parser.
 [[nodiscard]] std::function<void()> declare_render_flags(CLI::App& app, RenderFlags& flags);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

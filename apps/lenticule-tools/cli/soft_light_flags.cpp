@@ -3,7 +3,7 @@
 
 #include <CLI/CLI.hpp>
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 void declare_soft_light_flags(CLI::App& app, render::SoftLight& soft) {
   app.option_defaults()->group("Soft light (rays for each shaded point)");
@@ -34,4 +34,4 @@ void declare_soft_light_flags(CLI::App& app, render::SoftLight& soft) {
   app.option_defaults()->group("Options");
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -8,9 +8,9 @@ namespace CLI {
 class App;
 }
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 /// Lifetime: `soft` must outlive the parser.
 void declare_soft_light_flags(CLI::App& app, render::SoftLight& soft);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

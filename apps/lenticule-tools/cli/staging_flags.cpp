@@ -9,7 +9,7 @@
 #include "base/error.h"
 #include "base/numbers.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 /// Takes "A", or "A:B" for a turn from A to B.
@@ -31,7 +31,7 @@ void declare_stage_flags(CLI::App& app, StagingFlags& flags) {
          "--up", [&flags](const std::string& name) { flags.load.up = render::up_axis_named(name); },
          "axis of the scene file that points up")
       ->type_name("x|y|z|-x|-y|-z");
-  add_triple(
+  cli::add_triple(
       app, "--centre", "X,Y,Z", [&flags](Vec3 at) { flags.stage.centre = at; },
       "point of the scene that lies at the panel's centre");
   app.add_option("--mm-per-unit", flags.stage.mm_per_unit,
@@ -60,7 +60,7 @@ void declare_stage_flags(CLI::App& app, StagingFlags& flags) {
 
 void declare_surroundings_flags(CLI::App& app, StagingFlags& flags) {
   app.option_defaults()->group("Surroundings");
-  add_triple(
+  cli::add_triple(
       app, "--background", "R,G,B",
       [&flags](Vec3 colour) { flags.surroundings.background = colour; },
       "background colour instead of the scene's");
@@ -73,7 +73,7 @@ void declare_surroundings_flags(CLI::App& app, StagingFlags& flags) {
     flags.surroundings.ground = true;
     flags.surroundings.ground_colour = colour;
   };
-  add_triple(app, "--ground-colour", "R,G,B", take_ground, "colour of that plane");
+  cli::add_triple(app, "--ground-colour", "R,G,B", take_ground, "colour of that plane");
   app.add_flag_callback(
       "--no-ground-shadow", [&flags] { flags.surroundings.ground_shadow = false; },
       "leave out the shadow that a model without lights casts on the ground");
@@ -87,4 +87,4 @@ void declare_surroundings_flags(CLI::App& app, StagingFlags& flags) {
   app.option_defaults()->group("Options");
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

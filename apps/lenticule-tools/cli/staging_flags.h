@@ -10,7 +10,7 @@ namespace CLI {
 class App;
 }
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 struct StagingFlags {
   render::LoadOptions load;
@@ -23,4 +23,4 @@ struct StagingFlags {
 void declare_stage_flags(CLI::App& app, StagingFlags& flags);
 void declare_surroundings_flags(CLI::App& app, StagingFlags& flags);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

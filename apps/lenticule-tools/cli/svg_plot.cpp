@@ -13,7 +13,7 @@
 #include "base/error.h"
 #include "calib/report/plain_text.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 constexpr double kWidth = 720.0;
@@ -204,4 +204,4 @@ void write_svg(const Plot& plot, const std::string& file) {
   if (!out) throw Error(ErrorKind::Failed, fmt::format("{}: cannot write", file));
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

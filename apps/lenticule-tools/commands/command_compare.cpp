@@ -21,7 +21,7 @@
 #include "player/process/progress.h"
 #include "player/process/rig_choice.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 struct CompareFlags {
@@ -61,9 +61,9 @@ ExitCode run_compare(const CompareFlags& flags) {
   const std::vector<PicturePair> pairs = picture_pairs(flags.reference, flags.test);
   CompareReport measured(model ? &*model : nullptr, views,
                          flags.flip ? std::optional(flags.pixels_per_degree) : std::nullopt);
-  Progress progress("compare", "frames", pairs.size());
+  player::Progress progress("compare", "frames", pairs.size());
   for (size_t n = 0; n < pairs.size(); ++n) {
-    if (interrupted()) return interrupt_exit_code();
+    if (player::interrupted()) return player::interrupt_exit_code();
     measured.add(pairs[n]);
     progress.update(n + 1);
   }
@@ -80,7 +80,7 @@ ExitCode run_compare(const CompareFlags& flags) {
 
 }  // namespace
 
-Run declare_compare(CLI::App& app) {
+cli::Run declare_compare(CLI::App& app) {
   const auto flags = std::make_shared<CompareFlags>();
   app.add_option("REFERENCE", flags->reference, "picture, folder or pattern of pictures")
       ->required();
@@ -106,9 +106,9 @@ Run declare_compare(CLI::App& app) {
       ->capture_default_str();
   app.add_flag("--json", flags->json, "print the figures as JSON; psnr_db is null where equal");
   return [flags] {
-    if (flags->views != 0) flags->rig = choose_rig({.given = flags->rig}).file;
+    if (flags->views != 0) flags->rig = player::choose_rig({.given = flags->rig}).file;
     return run_compare(*flags);
   };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

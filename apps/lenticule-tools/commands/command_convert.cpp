@@ -26,10 +26,10 @@
 #include "player/process/progress.h"
 #include "player/process/rig_choice.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
-using Kind = ContentFormat::Kind;
+using Kind = player::ContentFormat::Kind;
 
 /// Length of an input that does not state it.
 constexpr uint64_t kManyFrames = uint64_t{1} << 24;
@@ -41,8 +41,8 @@ struct ConvertFlags {
   std::string rig;
   std::string rate;
   std::string frames;
-  ContentFlags content;
-  WeavingFlags weaving;
+  player::ContentFlags content;
+  player::WeavingFlags weaving;
   bool resume = false;
   bool overwrite = false;
   bool keep_damaged = false;
@@ -61,14 +61,14 @@ class ConvertPlan {
     detected = detect_content_format(what(views_wanted));
     const bool has_views = detected.kind != Kind::Woven;
     if (flags.as == "woven" && has_views && !rig)
-      rig = optics::load_rig_and_identity(choose_rig({}).file);
+      rig = optics::load_rig_and_identity(player::choose_rig({}).file);
     result =
         views_wanted || (has_views && flags.as.empty() && !rig) ? Result::Quilt : Result::Woven;
     refuse_what_makes_no_sense(has_views);
   }
 
-  [[nodiscard]] FormatQuery what(bool views_wanted) const {
-    FormatQuery request{.source = parse_source(flags_.input, flags_.content)};
+  [[nodiscard]] player::FormatQuery what(bool views_wanted) const {
+    player::FormatQuery request{.source = parse_source(flags_.input, flags_.content)};
     // Woven frames of any rig are separated if views are wanted.
     if (views_wanted) request.source.content.reweave = true;
     if (rig && !views_wanted) request.rig_fingerprint = rig->identity.fingerprint;
@@ -76,7 +76,7 @@ class ConvertPlan {
   }
 
   std::optional<optics::TrimmedRig> rig;
-  ContentFormat detected;
+  player::ContentFormat detected;
   Result result = Result::Woven;
 
  private:
@@ -98,7 +98,7 @@ class ConvertPlan {
 class ConvertRun {
  public:
   explicit ConvertRun(const ConvertFlags& flags) : flags_(flags), plan_(flags) {
-    if (!flags.frames.empty()) wanted_ = parse_frame_range(flags.frames);
+    if (!flags.frames.empty()) wanted_ = player::parse_frame_range(flags.frames);
     input_ = open_input();
     info_ = input_->info();
     range_ = {.begin = 0, .end = input_->count().value_or(kManyFrames)};
@@ -114,36 +114,36 @@ class ConvertRun {
   ExitCode run() {
     const auto start = std::chrono::steady_clock::now();
     frames::WovenFrame frame(info_.geometry);
-    Progress progress("converting", "frames", input_->count() ? range_.count() : 0);
-    for (uint64_t n = 0; n < range_.count() && !interrupted(); ++n) {
+    player::Progress progress("converting", "frames", input_->count() ? range_.count() : 0);
+    for (uint64_t n = 0; n < range_.count() && !player::interrupted(); ++n) {
       if (!convert_frame(n, frame)) break;
       progress.update(n + 1);
     }
-    if (!interrupted()) finish();
+    if (!player::interrupted()) finish();
     progress.finish();
     seconds_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     report();
-    return interrupt_exit_code();
+    return player::interrupt_exit_code();
   }
 
  private:
-  [[nodiscard]] PictureRequest how() const {
+  [[nodiscard]] player::PictureRequest how() const {
     return {.frames = std::nullopt,
             .first_frame = wanted_ ? wanted_->begin : 0,
-            .pool_frames = 2 * all_threads(),
-            .decoder_threads = all_threads(),
+            .pool_frames = 2 * player::all_threads(),
+            .decoder_threads = player::all_threads(),
             .plays_again = false,
             .before_weaving = plan_.detected.kind != Kind::Woven};
   }
 
   [[nodiscard]] std::unique_ptr<ConvertInput> open_input() {
-    const bool container = kind_of_file(flags_.input) == SourceKind::Sequence;
+    const bool container = player::kind_of_file(flags_.input) == player::SourceKind::Sequence;
     if (plan_.detected.kind == Kind::Woven)
       return container ? open_container_input(flags_.input) : open_woven_input(flags_.input, how());
     if (container) refuse_damaged();
-    ContentRequest request{.source = plan_.what(plan_.result == Result::Quilt).source,
-                           .how = how(),
-                           .drawing_threads = all_threads()};
+    player::ContentRequest request{.source = plan_.what(plan_.result == Result::Quilt).source,
+                                   .how = how(),
+                                   .drawing_threads = player::all_threads()};
     std::unique_ptr<frames::ViewInput> views = open_views(request, plan_.detected);
     shape_ = views->shape();
     return make_view_input(std::move(views), frames_of_views(), flags_.input);
@@ -157,10 +157,10 @@ class ConvertRun {
               .layout = layout_};
     }
     const optics::Rig& rig = plan_.rig.value().rig;
-    const WeavingPipelineOptions options{.weave = weave_options(flags_.weaving),
-                                         .crosstalk = flags_.weaving.crosstalk,
-                                         .threads = all_threads()};
-    return {.pipeline = std::make_unique<WeavingPipeline>(rig, shape_, options),
+    const player::WeavingPipelineOptions options{.weave = weave_options(flags_.weaving),
+                                                 .crosstalk = flags_.weaving.crosstalk,
+                                                 .threads = player::all_threads()};
+    return {.pipeline = std::make_unique<player::WeavingPipeline>(rig, shape_, options),
             .geometry = {.width = rig.panel.width_px, .height = rig.panel.height_px},
             .layout = {}};
   }
@@ -182,7 +182,7 @@ class ConvertRun {
   void refuse_damaged() {
     const frames::SequenceReader reader(flags_.input);
     const std::vector<uint64_t> damaged =
-        reader.find_damaged([](uint64_t) { return !interrupted(); });
+        reader.find_damaged([](uint64_t) { return !player::interrupted(); });
     if (damaged.empty()) return;
     if (!flags_.keep_damaged) fail_damaged_container(damaged);
     replaced_ = damaged.size();
@@ -200,8 +200,9 @@ class ConvertRun {
 
   /// Counts all damaged frames first, because the remedy depends on how many there are.
   [[noreturn]] void fail_damaged(uint64_t number) const {
-    std::vector<uint64_t> damaged =
-        frames::SequenceReader(flags_.input).find_damaged([](uint64_t) { return !interrupted(); });
+    std::vector<uint64_t> damaged = frames::SequenceReader(flags_.input).find_damaged([](uint64_t) {
+      return !player::interrupted();
+    });
     std::erase_if(damaged, [&](uint64_t n) { return n < range_.begin || n >= range_.end; });
     if (damaged.empty()) damaged.push_back(number);
     fail_damaged_container(damaged);
@@ -219,7 +220,7 @@ class ConvertRun {
   }
 
   /// Selects the frames. Loop points apply to the whole sequence only.
-  void choose_frames(FrameRange wanted) {
+  void choose_frames(player::FrameRange wanted) {
     if (wanted.begin >= wanted.end || wanted.end > range_.end)
       throw Error(ErrorKind::Input, fmt::format("{}: has frames 0:{}", flags_.input, range_.end),
                   "use a range of existing frames");
@@ -313,7 +314,7 @@ class ConvertRun {
   void report() const {
     if (replaced_ > 0) say("{}: {} damaged frames were replaced\n", flags_.input, replaced_);
     const frames::FrameDamage damage = input_->damage();
-    if (damage.any()) say("{}: {}\n", flags_.input, damage_text(damage));
+    if (damage.any()) say("{}: {}\n", flags_.input, player::damage_text(damage));
     if (written_ != flags_.output) say("{}\n", written_);
     if (!flags_.json) return;
     print_json({{"input", flags_.input},
@@ -328,19 +329,19 @@ class ConvertRun {
                 {"frames_damaged", damage.damaged},
                 {"frames_missing", damage.missing},
                 {"rate", frames::to_string(info_.rate)},
-                {"interrupted", interrupted()},
+                {"interrupted", player::interrupted()},
                 {"seconds", seconds_}});
   }
 
   const ConvertFlags& flags_;
   const ConvertPlan plan_;
-  std::optional<FrameRange> wanted_;
+  std::optional<player::FrameRange> wanted_;
   frames::ViewShape shape_;     ///< shape of the views, if there are any
   frames::QuiltLayout layout_;  ///< layout of the written quilts
   uint64_t replaced_ = 0;
   std::unique_ptr<ConvertInput> input_;
   frames::SequenceInfo info_;
-  FrameRange range_;
+  player::FrameRange range_;
   std::string written_;
   std::unique_ptr<FrameOutput> output_;
   std::optional<uint64_t> last_good_;
@@ -351,7 +352,7 @@ class ConvertRun {
 
 }  // namespace
 
-Run declare_convert(CLI::App& app) {
+cli::Run declare_convert(CLI::App& app) {
   auto flags = std::make_shared<ConvertFlags>();
   app.add_option("IN", flags->input,
                  "pattern ('out/%05d.png'), picture, video or FILE.lts of woven frames or views\n"
@@ -377,8 +378,8 @@ Run declare_convert(CLI::App& app) {
       ->default_str("the input's, or 60");
   app.add_option("--frames", flags->frames, "convert frames A to B - 1, counted from 0")
       ->type_name("A:B");
-  declare_content_flags(app, flags->content);
-  declare_weaving_flags(app, flags->weaving);
+  cli::declare_content_flags(app, flags->content);
+  cli::declare_weaving_flags(app, flags->weaving);
   CLI::Option* const resume =
       app.add_flag("--resume", flags->resume, "continue where an earlier run was stopped");
   app.add_flag("--overwrite", flags->overwrite, kOverwriteHelp)->excludes(resume);
@@ -390,4 +391,4 @@ Run declare_convert(CLI::App& app) {
   return [flags]() -> ExitCode { return ConvertRun(*flags).run(); };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -22,7 +22,7 @@
 #include "render/depth_budget/depth_of_field.h"
 #include "render/scene/scene.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 struct DepthFlags {
@@ -54,7 +54,7 @@ double depth_of_field_at_the_edge(const optics::OpticalModel& model) {
 
 /// Measures the scene; its picture is that of the first frame.
 Measured measure(const DepthFlags& flags, const optics::OpticalModel& model) {
-  const FrameRange range = parse_frame_range(flags.frames);
+  const player::FrameRange range = player::parse_frame_range(flags.frames);
   const SceneSequence scenes(flags.scene, frames::parse_rate(flags.fps), flags.staging.load);
   scenes.require(range);
   const StageSequence stages(scenes.at(scenes.reference_frame()), model, flags.staging.stage,
@@ -63,7 +63,7 @@ Measured measure(const DepthFlags& flags, const optics::OpticalModel& model) {
   frames::WovenFrame picture({panel.width_px, panel.height_px, frames::PixelFormat::Rgb8});
   Measured measured{render::DepthHistogram(model.rig().sheet.pitch.value), 0,
                     depth_of_field_at_the_edge(model)};
-  for (uint64_t frame = range.begin; frame < range.end && !interrupted(); ++frame) {
+  for (uint64_t frame = range.begin; frame < range.end && !player::interrupted(); ++frame) {
     const render::SceneDescription description = scenes.at(frame);
     const render::Stage stage = stages.at(description, range.part_before(frame));
     const render::Scene scene(description, stage, flags.staging.surroundings, flags.threads);
@@ -186,15 +186,15 @@ ExitCode run_depth(DepthFlags& flags) {
     print_json(report);
   else
     print_report(report);
-  return interrupt_exit_code();
+  return player::interrupt_exit_code();
 }
 
 }  // namespace
 
-Run declare_depth(CLI::App& app) {
+cli::Run declare_depth(CLI::App& app) {
   auto flags = std::make_shared<DepthFlags>();
   app.add_option("SCENE", flags->scene, "as for render")->required();
-  declare_rig_flag(app, flags->rig);
+  cli::declare_rig_flag(app, flags->rig);
   app.add_option("--frames", flags->frames, "measure frames A to B - 1; N measures only frame N")
       ->capture_default_str()
       ->type_name("A:B|N");
@@ -215,9 +215,9 @@ Run declare_depth(CLI::App& app) {
   declare_stage_flags(app, flags->staging);
   declare_surroundings_flags(app, flags->staging);
   return [flags]() -> ExitCode {
-    flags->rig = choose_rig({.given = flags->rig}).file;
+    flags->rig = player::choose_rig({.given = flags->rig}).file;
     return run_depth(*flags);
   };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -16,7 +16,7 @@
 #include "optics/trim.h"
 #include "player/process/rig_choice.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 struct EyeFlags {
@@ -86,11 +86,11 @@ ExitCode run_eye(const EyeFlags& flags) {
 
 }  // namespace
 
-Run declare_eye(CLI::App& app) {
+cli::Run declare_eye(CLI::App& app) {
   const auto flags = std::make_shared<EyeFlags>();
   app.add_option("FRAME", flags->woven, "woven frame of the rig's panel")->required();
-  declare_rig_flag(app, flags->rig, "rig that the frame is woven for");
-  add_triple(
+  cli::declare_rig_flag(app, flags->rig, "rig that the frame is woven for");
+  cli::add_triple(
       app, "--eye", "X,Y,Z", [flags](Vec3 place) { flags->eye = eye_at(place); },
       "place of the eye: mm right, up and away from the panel's centre")
       ->required();
@@ -104,9 +104,9 @@ Run declare_eye(CLI::App& app) {
       ->required();
   app.add_flag("--json", flags->json, "print what was done as JSON");
   return [flags] {
-    flags->rig = choose_rig({.given = flags->rig}).file;
+    flags->rig = player::choose_rig({.given = flags->rig}).file;
     return run_eye(*flags);
   };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -24,7 +24,7 @@
 #include "player/process/progress.h"
 #include "player/sources/source_spec.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 struct RenderCommandFlags {
@@ -68,7 +68,7 @@ void check_adapting(const RenderCommandFlags& flags, bool error_given) {
     throw Error(ErrorKind::Usage,
                 fmt::format("--adapt-error: method {} tolerates no error", flags.render.method),
                 "--method adaptive does");
-  if (parse_source(flags.output).kind != SourceKind::Ring)
+  if (player::parse_source(flags.output).kind != player::SourceKind::Ring)
     throw Error(ErrorKind::Usage,
                 "--adapt-error: files are not live, and would depend on the machine's speed",
                 "give --error, or a ring: -o ring:SOCKET");
@@ -150,7 +150,7 @@ nlohmann::json result_json(const RenderCommandFlags& command, const FilmRenderer
                          {"height", rig.panel.height_px},
                          {"frames_rendered", totals.rendered},
                          {"frames_skipped", totals.skipped},
-                         {"interrupted", interrupted()},
+                         {"interrupted", player::interrupted()},
                          {"seconds", totals.seconds},
                          {"render_seconds", totals.rays.seconds},
                          {"frames_rendered_again", totals.again},
@@ -173,7 +173,7 @@ int threads_of(const RenderCommandFlags& flags) {
   constexpr int kFewCores = 4;
   const int threads = flags.render.options.threads;
   const int cores = static_cast<int>(std::thread::hardware_concurrency());
-  const bool beside_player = parse_source(flags.output).kind == SourceKind::Ring;
+  const bool beside_player = player::parse_source(flags.output).kind == player::SourceKind::Ring;
   return threads == 0 && beside_player && cores >= kFewCores ? cores - 1 : threads;
 }
 
@@ -184,7 +184,7 @@ class RenderRun {
       : flags_(flags),
         target_(std::move(target)),
         adapted_(adapted_of(flags)),
-        range_(parse_frame_range(flags.render.frames)),
+        range_(player::parse_frame_range(flags.render.frames)),
         film_(flags.render, std::move(panel), range_, !flags.missing.empty()),
         output_(open_output(output_request(target_))) {
     if (flags.missing.empty()) return;
@@ -197,8 +197,8 @@ class RenderRun {
   ExitCode run() {
     const auto start = std::chrono::steady_clock::now();
     frames::WovenFrame frame(film_.geometry());
-    Progress progress("render", "frames", range_.count());
-    for (uint64_t number = range_.begin; number < range_.end && !interrupted(); ++number) {
+    player::Progress progress("render", "frames", range_.count());
+    for (uint64_t number = range_.begin; number < range_.end && !player::interrupted(); ++number) {
       if (flags_.resume && output_->has(number)) {
         ++totals_.skipped;
       } else if (!render_and_deliver(number, frame)) {
@@ -206,12 +206,12 @@ class RenderRun {
       }
       progress.update(number - range_.begin + 1, note());
     }
-    if (!interrupted()) output_->finish();
+    if (!player::interrupted()) output_->finish();
     progress.finish(note());
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     totals_.seconds = elapsed.count();
     report();
-    return interrupt_exit_code();
+    return player::interrupt_exit_code();
   }
 
   [[nodiscard]] nlohmann::json result() const {
@@ -235,7 +235,7 @@ class RenderRun {
       totals_.add(statistics, again);
     };
     if (adapted_) adapted_->begin(film_);
-    if (!film_.render(number, frame, interrupted, count)) return false;
+    if (!film_.render(number, frame, player::interrupted, count)) return false;
     if (adapted_) adapted_->end();
     if (output_->deliver(number, frame.view()) == Delivery::Interrupted) return false;
     return !missing_ ||
@@ -295,7 +295,7 @@ class RenderRun {
   const RenderCommandFlags& flags_;
   std::string target_;
   std::optional<AdaptedError> adapted_;
-  FrameRange range_;
+  player::FrameRange range_;
   FilmRenderer film_;
   std::unique_ptr<FrameOutput> output_;
   std::unique_ptr<FrameOutput> missing_{};  ///< null unless requested
@@ -322,10 +322,10 @@ ExitCode render_wall(const RenderCommandFlags& flags) {
   std::vector<std::string> names;
   for (const optics::PlacedPanel& panel : wall.panels) names.push_back(panel.name);
   if (!only.empty()) names = {wall.panel(only).name};
-  const bool to_ring = parse_source(flags.output).kind == SourceKind::Ring;
+  const bool to_ring = player::parse_source(flags.output).kind == player::SourceKind::Ring;
   nlohmann::json results = nlohmann::json::array();
   for (const std::string& name : names) {
-    if (interrupted()) break;
+    if (player::interrupted()) break;
     const bool keeps_target = to_ring && !only.empty();
     const std::string target = keeps_target ? flags.output : target_of_panel(flags.output, name);
     say("panel '{}': {}\n", name, target);
@@ -334,12 +334,12 @@ ExitCode render_wall(const RenderCommandFlags& flags) {
     results.push_back(run.result());
   }
   if (flags.json) print_json({{"wall", flags.render.wall}, {"panels", results}});
-  return interrupt_exit_code();
+  return player::interrupt_exit_code();
 }
 
 }  // namespace
 
-Run declare_render(CLI::App& app) {
+cli::Run declare_render(CLI::App& app) {
   auto flags = std::make_shared<RenderCommandFlags>();
   const std::function<void()> complete = declare_render_flags(app, flags->render);
   app.add_option("-o,--output", flags->output,
@@ -380,4 +380,4 @@ Run declare_render(CLI::App& app) {
   };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

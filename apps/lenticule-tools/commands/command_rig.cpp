@@ -25,7 +25,7 @@
 #include "optics/turned_rig.h"
 #include "player/process/rig_choice.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 using nlohmann::json;
@@ -360,7 +360,7 @@ ExitCode mount(const RigOptions& options) {
 template <ExitCode (*run)(const RigOptions&)>
 ExitCode on_chosen_rig(const RigOptions& options) {
   RigOptions chosen = options;
-  chosen.file = choose_rig({.given = options.file, .display = "kms"}).file;
+  chosen.file = player::choose_rig({.given = options.file, .display = "kms"}).file;
   return run(chosen);
 }
 
@@ -376,7 +376,7 @@ CLI::App* add_action(CLI::App& app, const char* name, const char* summary, const
 
 }  // namespace
 
-Run declare_rig(CLI::App& app) {
+cli::Run declare_rig(CLI::App& app) {
   auto options = std::make_shared<RigOptions>();
   app.require_subcommand(1);
 
@@ -461,4 +461,4 @@ Run declare_rig(CLI::App& app) {
   };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

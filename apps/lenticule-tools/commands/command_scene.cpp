@@ -23,7 +23,7 @@
 #include "render/scene/surroundings.h"
 #include "scenes/scene_list.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 struct SceneFlags {
@@ -186,7 +186,7 @@ void list(const SceneFlags& flags) {
 
 }  // namespace
 
-Run declare_scene(CLI::App& app) {
+cli::Run declare_scene(CLI::App& app) {
   auto flags = std::make_shared<SceneFlags>();
   const CLI::App* const show_app = declare_show(app, flags);
   app.add_option("NAME", flags->name, "a scene's name, or 'list'");
@@ -212,4 +212,4 @@ Run declare_scene(CLI::App& app) {
   };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -25,7 +25,7 @@
 #include "player/process/rig_choice.h"
 #include "player/sources/content_open.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 struct WeaveFlags {
@@ -33,8 +33,8 @@ struct WeaveFlags {
   std::string rig;
   std::string output;
   std::string frame;
-  ContentFlags content;
-  WeavingFlags weaving;
+  player::ContentFlags content;
+  player::WeavingFlags weaving;
   std::string quilt;
   bool reference = false;
   bool overwrite = false;
@@ -42,11 +42,11 @@ struct WeaveFlags {
   bool json = false;
 };
 
-ContentRequest content_request(const WeaveFlags& flags) {
-  ContentRequest request{.source = parse_source(flags.input, flags.content),
-                         .drawing_threads = all_threads()};
+player::ContentRequest content_request(const WeaveFlags& flags) {
+  player::ContentRequest request{.source = parse_source(flags.input, flags.content),
+                                 .drawing_threads = player::all_threads()};
   if (flags.frame.empty()) return request;
-  request.how.frames = parse_frame_range(flags.frame);
+  request.how.frames = player::parse_frame_range(flags.frame);
   if (request.how.frames->count() != 1)
     throw Error(ErrorKind::Usage, fmt::format("--frame {}: more than one frame", flags.frame),
                 "use lenticule convert for sequences");
@@ -55,12 +55,12 @@ ContentRequest content_request(const WeaveFlags& flags) {
 
 /// Loads the only set of views, or the requested one.
 std::unique_ptr<frames::ViewInput> load_views(const WeaveFlags& flags, const optics::Rig& rig) {
-  const ContentRequest request = content_request(flags);
-  const ContentFormat detected =
-      detect_content_format({.source = request.source,
-                             .patterns_are_views = true,
-                             .rig_fingerprint = optics::fingerprint(rig)});
-  if (detected.kind == ContentFormat::Kind::Woven)
+  const player::ContentRequest request = content_request(flags);
+  const player::ContentFormat detected =
+      player::detect_content_format({.source = request.source,
+                                     .patterns_are_views = true,
+                                     .rig_fingerprint = optics::fingerprint(rig)});
+  if (detected.kind == player::ContentFormat::Kind::Woven)
     throw Error(
         ErrorKind::Usage, fmt::format("{}: the layout of the views is unknown", flags.input),
         "name the file *_qs8x6a0.75.png, use --grid 8x6 (1x1 for an ordinary picture), --stereo, "
@@ -69,14 +69,14 @@ std::unique_ptr<frames::ViewInput> load_views(const WeaveFlags& flags, const opt
   if (input->frame_count() != uint64_t{1} && !request.how.frames)
     throw Error(ErrorKind::Usage, fmt::format("{}: more than one frame", flags.input),
                 "choose one with --frame N, or use lenticule convert");
-  await_first(*input, flags.input);
+  player::await_first(*input, flags.input);
   return input;
 }
 
 /// Returns the views to weave: unchanged, or with crosstalk compensation.
 const frames::ViewSet& compensated(const frames::ViewSet& views, const std::string& crosstalk,
                                    const optics::Rig& rig, std::optional<frames::ViewSet>& kept) {
-  const auto wanted = crosstalk_of(crosstalk, rig, views.count());
+  const auto wanted = player::crosstalk_of(crosstalk, rig, views.count());
   if (!wanted) return views;
   return kept.emplace(frames::compensate(views, *wanted));
 }
@@ -85,10 +85,10 @@ const frames::ViewSet& compensated(const frames::ViewSet& views, const std::stri
 bool weave_by_reference(const frames::ViewSet& views, const optics::OpticalModel& model,
                         const frames::WeaveOptions& options, frames::WovenFrame& frame) {
   const frames::Weaver weaver(views, model, options);
-  Progress progress("weave", "rows", static_cast<uint64_t>(frame.height()));
+  player::Progress progress("weave", "rows", static_cast<uint64_t>(frame.height()));
   constexpr int kBand = 32;
   for (int j = 0; j < frame.height(); j += kBand) {
-    if (interrupted()) return false;
+    if (player::interrupted()) return false;
     const int end = std::min(j + kBand, frame.height());
     weaver.weave_rows(j, end, frame);
     progress.update(static_cast<uint64_t>(end));
@@ -124,9 +124,9 @@ void print_report(const nlohmann::json& done) {
 }
 
 void refuse_damage(frames::ViewInput& input, const WeaveFlags& flags) {
-  const frames::FrameDamage damage = await_damage(input);
+  const frames::FrameDamage damage = player::await_damage(input);
   if (damage.any() && !flags.keep_damaged)
-    throw Error(ErrorKind::Failed, fmt::format("{}: {}", flags.input, damage_text(damage)),
+    throw Error(ErrorKind::Failed, fmt::format("{}: {}", flags.input, player::damage_text(damage)),
                 "use --keep-damaged to weave a readable frame instead of a damaged one");
 }
 
@@ -143,15 +143,15 @@ ExitCode run_weave(const WeaveFlags& flags) {
   std::optional<frames::ViewSet> kept;
   const frames::ViewSet& views =
       compensated(input->views(), flags.weaving.crosstalk, model.rig(), kept);
-  if (interrupted()) return interrupt_exit_code();
+  if (player::interrupted()) return player::interrupt_exit_code();
   if (!flags.quilt.empty())
     say("{}: the views\n", frames::write_quilt(views, flags.quilt).string());
 
   frames::WovenFrame frame(geometry);
   if (!flags.reference)
-    frame = frames::weave_fast(views, model, options, all_threads());
+    frame = frames::weave_fast(views, model, options, player::all_threads());
   else if (!weave_by_reference(views, model, options, frame))
-    return interrupt_exit_code();
+    return player::interrupt_exit_code();
   const nlohmann::json done = report(flags, views, options, model.rig());
   refuse_damage(*input, flags);
   frames::write_woven(frame.view(), flags.output);
@@ -164,7 +164,7 @@ ExitCode run_weave(const WeaveFlags& flags) {
 
 }  // namespace
 
-Run declare_weave(CLI::App& app) {
+cli::Run declare_weave(CLI::App& app) {
   const auto flags = std::make_shared<WeaveFlags>();
   app.add_option(
          "VIEWS", flags->input,
@@ -173,13 +173,13 @@ Run declare_weave(CLI::App& app) {
          "or of FILE.lts, or with --from-rig a woven frame. A quilt's name states columns, "
          "rows and aspect.")
       ->required();
-  declare_rig_flag(app, flags->rig);
+  cli::declare_rig_flag(app, flags->rig);
   app.add_option("-o,--output", flags->output, "woven frame: .png, .tif, .exr or .ppm")
       ->type_name("FILE")
       ->required();
   app.add_option("--frame", flags->frame, "which frame of a sequence")->type_name("N");
-  declare_content_flags(app, flags->content);
-  declare_weaving_flags(app, flags->weaving);
+  cli::declare_content_flags(app, flags->content);
+  cli::declare_weaving_flags(app, flags->weaving);
   app.add_option("--quilt", flags->quilt,
                  "also write the woven views as a quilt; its layout is added to the name")
       ->type_name("FILE");
@@ -191,9 +191,9 @@ Run declare_weave(CLI::App& app) {
                "also weave from a damaged input\nAnother frame may replace the requested one.");
   app.add_flag("--json", flags->json, "print what was done as JSON");
   return [flags] {
-    flags->rig = choose_rig({.given = flags->rig}).file;
+    flags->rig = player::choose_rig({.given = flags->rig}).file;
     return run_weave(*flags);
   };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

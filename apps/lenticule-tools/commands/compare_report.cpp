@@ -12,7 +12,7 @@
 #include "frames/measures/flip.h"
 #include "frames/similarity.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 using nlohmann::json;
@@ -257,4 +257,4 @@ void print_compare_report(const json& report) {
   print_readings(frames[0]);
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

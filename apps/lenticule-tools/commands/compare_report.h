@@ -11,7 +11,7 @@
 #include "frames/compare.h"
 #include "optics/model.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 /// Measures pairs and accumulates the results. Figures of a set of samples are "mse", "rmse",
 /// "psnr_db" (null if equal), "max", and "over_N" and "share_over_N": how many differ by more than
@@ -67,4 +67,4 @@ class CompareReport {
 /// Prints the table for people, made from the JSON.
 void print_compare_report(const nlohmann::json& report);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -10,7 +10,7 @@
 #include "frames/image_format.h"
 #include "frames/image_io.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 std::vector<PicturePair> pairs_by_number(const std::string& reference_text,
@@ -83,4 +83,4 @@ std::vector<PicturePair> picture_pairs(const std::string& reference, const std::
   return {{reference, test}};
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

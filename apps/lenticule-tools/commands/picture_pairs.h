@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 struct PicturePair {
   std::filesystem::path reference;
@@ -19,4 +19,4 @@ struct PicturePair {
 [[nodiscard]] std::vector<PicturePair> picture_pairs(const std::string& reference,
                                                      const std::string& test);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

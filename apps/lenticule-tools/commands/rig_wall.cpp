@@ -17,7 +17,7 @@
 #include "optics/units.h"
 #include "optics/wall/wall.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 using nlohmann::json;
@@ -196,4 +196,4 @@ ExitCode rig_wall(const RigWallFlags& flags, bool as_json) {
   return kOk;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

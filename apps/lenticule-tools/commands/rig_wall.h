@@ -11,7 +11,7 @@ namespace CLI {
 class App;
 }
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 struct RigWallFlags {
   std::string file;
@@ -25,4 +25,4 @@ void declare_rig_wall_flags(CLI::App& app, RigWallFlags& flags);
 /// Throws Error(Input) and Error(Failed).
 ExitCode rig_wall(const RigWallFlags& flags, bool as_json);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

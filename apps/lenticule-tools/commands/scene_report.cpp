@@ -10,7 +10,7 @@
 #include "base/print.h"
 #include "render/scene/stage.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 using nlohmann::json;
@@ -179,4 +179,4 @@ void print_scene_report(const json& r) {
   if (r["notes"].empty()) print_entry("notes", "none");
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

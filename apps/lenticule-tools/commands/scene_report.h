@@ -6,7 +6,7 @@
 
 #include "render/scene/scene_description.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 /// Returns the report about a loaded scene. `up` is the world axis that is up on a panel.
 [[nodiscard]] nlohmann::json scene_report(const render::SceneDescription& scene, Vec3 up);
@@ -14,4 +14,4 @@ namespace lenticule::player {
 /// Prints the report for people.
 void print_scene_report(const nlohmann::json& report);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -13,7 +13,7 @@
 #include "base/exit_code.h"
 #include "farm/slurm.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 struct FarmPlanFlags {
   RenderFlags render;
@@ -83,4 +83,4 @@ struct FarmFeedFlags {
 /// Returns this program's name for scripts on other machines: `given`, or the path of lenticule.
 [[nodiscard]] std::string farm_program(const std::string& given);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

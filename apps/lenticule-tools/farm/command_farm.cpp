@@ -12,7 +12,7 @@
 #include "apps/lenticule/cli/command.h"
 #include "base/error.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 struct FarmFlags {
@@ -25,7 +25,7 @@ struct FarmFlags {
   FarmFeedFlags feed;
 };
 
-using Actions = std::vector<std::pair<const CLI::App*, Run>>;
+using Actions = std::vector<std::pair<const CLI::App*, cli::Run>>;
 
 CLI::App* add_action(CLI::App& app, const char* name, const char* summary, const char* example,
                      bool& as_json) {
@@ -208,7 +208,7 @@ void declare_results(CLI::App& app, const std::shared_ptr<FarmFlags>& flags, Act
 
 }  // namespace
 
-Run declare_farm(CLI::App& app) {
+cli::Run declare_farm(CLI::App& app) {
   auto flags = std::make_shared<FarmFlags>();
   app.require_subcommand(1);
   Actions actions;
@@ -224,4 +224,4 @@ Run declare_farm(CLI::App& app) {
   };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

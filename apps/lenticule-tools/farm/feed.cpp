@@ -17,16 +17,16 @@
 #include "player/process/progress.h"
 #include "player/sources/source_spec.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 constexpr int kLookMilliseconds = 250;
 
 /// Waits for a chunk; returns none if interrupted.
 std::optional<farm::ChunkReport> await_chunk(const farm::WorkFolder& folder, uint64_t chunk) {
-  while (!interrupted()) {
+  while (!player::interrupted()) {
     if (auto report = folder.done(chunk)) return report;
-    pollfd query{.fd = interrupt_fd(), .events = POLLIN, .revents = 0};
+    pollfd query{.fd = player::interrupt_fd(), .events = POLLIN, .revents = 0};
     (void)poll(&query, 1, kLookMilliseconds);
   }
   return std::nullopt;
@@ -57,7 +57,7 @@ bool deliver_chunk(const farm::WorkFolder& folder, const farm::ChunkReport& repo
 ExitCode farm_feed(const FarmFeedFlags& flags) {
   const farm::WorkFolder folder(flags.folder);
   const farm::Plan& plan = folder.plan();
-  if (parse_source(flags.output).kind != SourceKind::Ring)
+  if (player::parse_source(flags.output).kind != player::SourceKind::Ring)
     throw Error(ErrorKind::Usage, fmt::format("{}: not a ring", flags.output),
                 "for example lenticule farm feed DIR ring:/run/player.sock");
   OutputRequest request{.target = flags.output, .range = {plan.begin, plan.end}};
@@ -67,7 +67,7 @@ ExitCode farm_feed(const FarmFeedFlags& flags) {
   request.ring_timeout_seconds = flags.ring_timeout;
   const std::unique_ptr<FrameOutput> output = open_output(request);
   frames::WovenFrame frame(plan.film.geometry);
-  Progress progress("feed", "frames", plan.end - plan.begin);
+  player::Progress progress("feed", "frames", plan.end - plan.begin);
   uint64_t delivered = 0;
   for (uint64_t chunk = 0; chunk < plan.chunks(); ++chunk) {
     const auto report = await_chunk(folder, chunk);
@@ -75,13 +75,13 @@ ExitCode farm_feed(const FarmFeedFlags& flags) {
     delivered += report->end - report->begin;
     progress.update(delivered);
   }
-  if (!interrupted()) output->finish();
+  if (!player::interrupted()) output->finish();
   progress.finish();
   if (flags.json)
     print_json({{"frames", plan.end - plan.begin},
                 {"frames_delivered", delivered},
-                {"interrupted", interrupted()}});
-  return interrupt_exit_code();
+                {"interrupted", player::interrupted()}});
+  return player::interrupt_exit_code();
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

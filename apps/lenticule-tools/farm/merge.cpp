@@ -12,7 +12,7 @@
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 ExitCode farm_merge(const FarmMergeFlags& flags) {
   const farm::WorkFolder folder(flags.folder);
@@ -24,15 +24,15 @@ ExitCode farm_merge(const FarmMergeFlags& flags) {
   request.sequence = plan.film;
   request.overwrite = flags.overwrite;
   require_replaceable_film(request);
-  Progress progress("merge", "chunks", plan.chunks());
+  player::Progress progress("merge", "chunks", plan.chunks());
   farm::MergeOptions options{.partial = flags.partial,
                              .wait = std::chrono::seconds(flags.wait_seconds)};
   options.stops = [&](uint64_t chunk) {
     progress.update(chunk);
-    return interrupted();
+    return player::interrupted();
   };
   const farm::MergeResult result = farm::merge_film(folder, film, options);
-  if (result.stopped) return interrupt_exit_code();
+  if (result.stopped) return player::interrupt_exit_code();
   progress.update(result.chunks);
   progress.finish();
   const nlohmann::json out = {{"output", film},
@@ -49,4 +49,4 @@ ExitCode farm_merge(const FarmMergeFlags& flags) {
   return kOk;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

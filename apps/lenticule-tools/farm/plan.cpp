@@ -23,7 +23,7 @@
 #include "player/process/interrupt.h"
 #include "player/process/sibling_program.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -39,7 +39,7 @@ uint64_t peak_resident_bytes() {
 }
 
 /// Returns the frames to be timed, spread over the film.
-std::set<uint64_t> frames_to_time(const FrameRange& film, int count) {
+std::set<uint64_t> frames_to_time(const player::FrameRange& film, int count) {
   std::set<uint64_t> frames;
   const auto wanted = static_cast<uint64_t>(count);
   for (uint64_t i = 0; i < wanted; ++i)
@@ -60,7 +60,7 @@ farm::FrameTiming time_frames(FilmRenderer& renderer, const FarmPlanFlags& flags
     int rendered = 0;
     const auto count = [&](const render::RenderStatistics&, bool) { ++rendered; };
     const auto begin = Clock::now();
-    if (!renderer.render(number, frame, interrupted, count)) return timing;
+    if (!renderer.render(number, frame, player::interrupted, count)) return timing;
     seconds.push_back(seconds_since(begin) / std::max(1, rendered));
   }
   timing.frames = static_cast<int>(seconds.size());
@@ -119,14 +119,14 @@ void require_film_name(const FarmPlanFlags& flags) {
 
 std::string farm_program(const std::string& given) {
   if (!given.empty()) return given;
-  const auto program = find_sibling_program("lenticule");
+  const auto program = player::find_sibling_program("lenticule");
   return program ? std::filesystem::weakly_canonical(*program).string() : "lenticule";
 }
 
 ExitCode farm_plan(const FarmPlanFlags& flags) {
   require_film_name(flags);
   const std::filesystem::path folder = std::filesystem::absolute(flags.work).lexically_normal();
-  const FrameRange range = parse_frame_range(flags.render.frames);
+  const player::FrameRange range = player::parse_frame_range(flags.render.frames);
   const auto begin = Clock::now();
   FilmRenderer renderer(flags.render, range);
   OutputRequest request =
@@ -148,7 +148,7 @@ ExitCode farm_plan(const FarmPlanFlags& flags) {
     plan.timing = there->timing;
   } else {
     plan.timing = time_frames(renderer, flags, seconds_since(begin));
-    if (interrupted()) return interrupt_exit_code();
+    if (player::interrupted()) return player::interrupt_exit_code();
     plan.chunk_frames =
         flags.chunk == "auto"
             ? farm::choose_chunk_frames(plan.timing, range.count(), method_interval(renderer))
@@ -174,4 +174,4 @@ ExitCode farm_plan(const FarmPlanFlags& flags) {
   return kOk;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -12,7 +12,7 @@
 #include "frames/sequence/sequence_joiner.h"
 #include "render/scene/scene_mixer.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 constexpr const char* kBuiltIn = "builtin:";
@@ -109,7 +109,7 @@ PlannedFilm::PlannedFilm(const farm::Plan& plan, int threads) : plan_(plan) {
   }
   complete();
   flags_.options.threads = threads;
-  renderer_ = std::make_unique<FilmRenderer>(flags_, FrameRange{plan.begin, plan.end});
+  renderer_ = std::make_unique<FilmRenderer>(flags_, player::FrameRange{plan.begin, plan.end});
   for (const auto& [what, digest] : digests_of_inputs(flags_, *renderer_)) {
     const auto planned = plan.inputs.find(what);
     if (planned == plan.inputs.end() || planned->second != digest)
@@ -134,4 +134,4 @@ void PlannedFilm::require_inputs_of(const farm::Chunk& chunk) const {
               "put the planned files back, or make a new plan in a new folder");
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

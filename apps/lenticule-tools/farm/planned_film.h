@@ -11,7 +11,7 @@
 #include "apps/lenticule-tools/offline/film_renderer.h"
 #include "farm/plan.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 /// Returns digests of everything that the film is made from: scene with textures, camera path,
 /// environment picture, rig.
@@ -40,4 +40,4 @@ class PlannedFilm {
 /// Returns the name and version of this program, which a plan states.
 [[nodiscard]] std::string program_version();
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

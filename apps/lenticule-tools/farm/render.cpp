@@ -30,7 +30,7 @@
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -146,7 +146,8 @@ class ChunkRun {
     film.require_inputs_of(chunk_);
     report_.threads = film.threads();
     const fs::path file = attempt.path() / "chunk.lts";
-    if (!render_to(film.renderer(), attempt.path(), file, heartbeat)) return interrupt_exit_code();
+    if (!render_to(film.renderer(), attempt.path(), file, heartbeat))
+      return player::interrupt_exit_code();
     report_.digest = frames::digest_of_file(file);
     report_.bytes = open_regular_file(file, UINT64_MAX).bytes;
     report_.seconds = seconds_since(begin_);
@@ -174,7 +175,7 @@ class ChunkRun {
     frames::SequenceInfo info = folder_.plan().film;
     info.first_frame = chunk_.begin;
     frames::SequenceWriter writer(file, info, {.threads = flags_.threads, .part_of_film = *part});
-    Progress progress(fmt::format("chunk {}", chunk_.number), "frames", chunk_.count());
+    player::Progress progress(fmt::format("chunk {}", chunk_.number), "frames", chunk_.count());
     for (uint64_t number = chunk_.begin; number < chunk_.end; ++number) {
       if (!render_frame(renderer, number, frame)) return false;
       writer.append(frame.view());
@@ -198,7 +199,7 @@ class ChunkRun {
       (own ? report_.render_seconds : report_.extra_seconds) += now - last_frame_seconds_;
       last_frame_seconds_ = now;
     };
-    return renderer.render(number, frame, interrupted, count);
+    return renderer.render(number, frame, player::interrupted, count);
   }
 
   /// Returns the chunk's place in the film: its predictors come from an earlier frame, which
@@ -287,4 +288,4 @@ ExitCode farm_render(const FarmRenderFlags& flags) {
   return ChunkRun(folder, flags).run();
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -10,7 +10,7 @@
 #include "base/text.h"
 #include "player/process/child_process.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 constexpr uint64_t kMostJobsBytes = uint64_t{64} << 20;
@@ -19,14 +19,14 @@ constexpr uint64_t kMostJobsBytes = uint64_t{64} << 20;
 
 std::string run_slurm(const std::string& name, const std::vector<std::string>& arguments,
                       std::chrono::seconds limit) {
-  const auto path = find_program(name);
+  const auto path = player::find_program(name);
   if (!path)
     throw Error(ErrorKind::Failed, fmt::format("{}: not found in PATH", name),
                 "install Slurm's client programs, or use another engine: each line of commands.txt "
                 "is a command");
   std::vector<std::string> words = {*path};
   words.insert(words.end(), arguments.begin(), arguments.end());
-  const ProgramRun run = run_child(words, limit);
+  const ProgramRun run = player::run_child(words, limit);
   if (run.exit_code == 0) return run.output;
   if (run.timed_out)
     throw Error(ErrorKind::Failed, fmt::format("{}: does not answer", name),
@@ -51,4 +51,4 @@ farm::SlurmQueue ask_slurm(const farm::SlurmJobs& jobs, std::chrono::seconds lim
   return farm::queue_of_film(jobs, farm::parse_queue(output, jobs.folder));
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -10,7 +10,7 @@
 #include "farm/slurm_queue.h"
 #include "farm/work_folder.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 /// Runs a program of Slurm that is in PATH, and returns what it prints. Throws Error(Failed) if it
 /// is not installed, fails or does not answer.
@@ -28,4 +28,4 @@ namespace lenticule::player {
 [[nodiscard]] farm::SlurmQueue ask_slurm(const farm::SlurmJobs& jobs,
                                          std::chrono::seconds limit = std::chrono::seconds(60));
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

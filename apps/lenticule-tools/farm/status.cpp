@@ -19,7 +19,7 @@
 #include "base/print.h"
 #include "player/process/interrupt.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 constexpr int kWatchMilliseconds = 2000;
@@ -69,9 +69,9 @@ void print_status(const farm::FarmStatus& status, QueueLook& queue, bool json) {
 
 /// Waits; returns false if interrupted.
 bool wait_for_next_look() {
-  pollfd query{.fd = interrupt_fd(), .events = POLLIN, .revents = 0};
+  pollfd query{.fd = player::interrupt_fd(), .events = POLLIN, .revents = 0};
   (void)poll(&query, 1, kWatchMilliseconds);
-  return !interrupted();
+  return !player::interrupted();
 }
 
 }  // namespace
@@ -86,8 +86,8 @@ ExitCode farm_status(const FarmStatusFlags& flags) {
     print_status(status, queue, flags.json);
     if (!flags.watch || status.complete()) return kOk;
     flush_results();
-    if (!wait_for_next_look()) return interrupt_exit_code();
+    if (!wait_for_next_look()) return player::interrupt_exit_code();
   }
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -17,7 +17,7 @@
 #include "base/text.h"
 #include "farm/work_folder.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 namespace fs = std::filesystem;
@@ -204,4 +204,4 @@ ExitCode farm_submit(const FarmSubmitFlags& flags) {
   return SubmitRun(flags).run();
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

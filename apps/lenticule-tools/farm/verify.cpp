@@ -18,7 +18,7 @@
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 struct DoneChunk {
@@ -105,12 +105,12 @@ ExitCode farm_verify(const FarmVerifyFlags& flags) {
   PlannedFilm film(folder.plan(), flags.threads);
   frames::WovenFrame rendered(film.renderer().geometry());
   std::vector<Difference> differences;
-  Progress progress("verify", "frames", chosen.size());
+  player::Progress progress("verify", "frames", chosen.size());
   uint64_t checked = 0;
   std::optional<uint64_t> last;
   for (const auto& [frame, index] : chosen) {
-    if (frame != last && !film.renderer().render(frame, rendered, interrupted))
-      return interrupt_exit_code();
+    if (frame != last && !film.renderer().render(frame, rendered, player::interrupted))
+      return player::interrupt_exit_code();
     last = frame;
     if (const auto difference = compare(folder, chunks[index], frame, rendered))
       differences.push_back(*difference);
@@ -128,4 +128,4 @@ ExitCode farm_verify(const FarmVerifyFlags& flags) {
   return differences.empty() ? kOk : kQuality;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -9,7 +9,7 @@
 #include "base/error.h"
 #include "render/loaders/nff_scene.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 /// Copies a picture; without colour management, its code values stay unchanged.
@@ -101,4 +101,4 @@ render::SceneDescription describe_built_in(const scenes::BuiltInScene& scene,
   return description;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -7,7 +7,7 @@
 #include "render/scene/scene_description.h"
 #include "scenes/scene_list.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 /// Describes the scene's elements as the reader of NFF would, and adds the textured surfaces. The
 /// source of the result is "builtin:NAME". Throws as scenes::build_scene does.
@@ -15,4 +15,4 @@ namespace lenticule::player {
                                                          std::optional<int> size = {},
                                                          int frame = 0);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -11,7 +11,7 @@
 #include "frames/weaving/quilt_file.h"
 #include "player/process/interrupt.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 using frames::PullStatus;
@@ -72,7 +72,7 @@ class ViewFrames final : public ConvertInput {
       if (status == PullStatus::End) return false;
       if (status == PullStatus::Failed) throw Error(ErrorKind::Input, views_->failure());
       if (status == PullStatus::NotYet) {
-        if (interrupted()) return false;
+        if (player::interrupted()) return false;
         views_->wait(kLook);
         continue;
       }
@@ -95,7 +95,8 @@ std::unique_ptr<ConvertInput> open_container_input(const std::string& file) {
 }
 
 /// Opens woven pictures; each is read as a quilt of one tile.
-std::unique_ptr<ConvertInput> open_woven_input(const std::string& text, const PictureRequest& how) {
+std::unique_ptr<ConvertInput> open_woven_input(const std::string& text,
+                                               const player::PictureRequest& how) {
   std::vector<std::unique_ptr<frames::FrameSource>> sources;
   sources.push_back(open_pictures(text, how));
   const frames::FrameGeometry geometry = sources.front()->geometry();
@@ -111,4 +112,4 @@ std::unique_ptr<ConvertInput> make_view_input(std::unique_ptr<frames::ViewInput>
   return std::make_unique<ViewFrames>(std::move(views), std::move(frames), name);
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -14,7 +14,7 @@
 #include "player/sources/content_open.h"
 #include "player/sources/weaving_pipeline.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 enum class ReadResult { Ok, Damaged, End };
 
@@ -39,15 +39,15 @@ class ConvertInput {
 
 /// Opens woven pictures or a video, read unchanged.
 [[nodiscard]] std::unique_ptr<ConvertInput> open_woven_input(const std::string& text,
-                                                             const PictureRequest& how);
+                                                             const player::PictureRequest& how);
 
 /// The conversion of views to frames: weaving for a rig, or tiles of a quilt.
 struct FramesOfViews {
-  std::unique_ptr<WeavingPipeline> pipeline;  ///< null for quilts
+  std::unique_ptr<player::WeavingPipeline> pipeline;  ///< null for quilts
   frames::FrameGeometry geometry;
   frames::QuiltLayout layout;  ///< used for a quilt
 };
 [[nodiscard]] std::unique_ptr<ConvertInput> make_view_input(
     std::unique_ptr<frames::ViewInput> views, FramesOfViews frames, const std::string& name);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -19,7 +19,7 @@
 #include "frames/weaving/quilt_file.h"
 #include "player/sources/source_spec.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 namespace fs = std::filesystem;
@@ -57,7 +57,7 @@ class ViewFilesOutput final : public FrameOutput {
  public:
   ViewFilesOutput(const OutputRequest& request, const frames::QuiltLayout& layout)
       : layout_(layout) {
-    const fs::path text(parse_source(request.target).without_prefix());
+    const fs::path text(player::parse_source(request.target).without_prefix());
     const std::string folder = text.parent_path().string();
     const std::string name = text.filename().string();
     if (frames::FilePattern::looks_like_pattern(folder)) {
@@ -137,7 +137,7 @@ void write_sidecar(const std::string& target, uint64_t first, const frames::Quil
 }  // namespace
 
 bool is_view_files(const std::string& target) {
-  return parse_source(target).kind == SourceKind::ViewFiles;
+  return player::parse_source(target).kind == player::SourceKind::ViewFiles;
 }
 
 std::string target_name(const ConvertTarget& target) {
@@ -153,9 +153,9 @@ std::unique_ptr<FrameOutput> open_convert_output(const ConvertTarget& target) {
     return std::make_unique<ViewFilesOutput>(request, *target.quilt);
   }
   request.target = target_name(target);
-  std::unique_ptr<FrameOutput> output = kind_of_file(request.target) == SourceKind::Video
-                                            ? open_video_output(request)
-                                            : open_output(request);
+  std::unique_ptr<FrameOutput> output =
+      player::kind_of_file(request.target) == player::SourceKind::Video ? open_video_output(request)
+                                                                        : open_output(request);
   const bool tiles_left =
       target.quilt && target.quilt->view_count() < target.quilt->columns * target.quilt->rows;
   if (tiles_left && !request.target.ends_with(".lts"))
@@ -163,4 +163,4 @@ std::unique_ptr<FrameOutput> open_convert_output(const ConvertTarget& target) {
   return output;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -10,7 +10,7 @@
 #include "apps/lenticule-tools/offline/frame_output.h"
 #include "frames/quilt.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 struct ConvertTarget {
   OutputRequest request;
@@ -29,4 +29,4 @@ struct ConvertTarget {
 /// or pictures per view do not support. An unfinished video is removed.
 [[nodiscard]] std::unique_ptr<FrameOutput> open_convert_output(const ConvertTarget& target);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -8,7 +8,7 @@
 
 #include "base/error.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 /// Part of the frame period to use; the rest is for frames that take longer than others.
@@ -52,4 +52,4 @@ void ErrorController::add_frame(double seconds) noexcept {
   last_step_ = log2_error_ - before;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -6,7 +6,7 @@
 #include <array>
 #include <cstddef>
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 /// It compares the median time of three frames with the time that the rate allows, and multiplies
 /// the error by a power of that ratio. The power is halved when the correction changes direction,
@@ -39,4 +39,4 @@ class ErrorController {
   size_t count_ = 0;
 };
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -11,7 +11,7 @@
 #include "frames/image_io.h"
 #include "frames/sequence/sequence_reader.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 namespace fs = std::filesystem;
@@ -103,4 +103,4 @@ void require_replaceable_video(const OutputRequest& request) {
     refuse(request.target, "a video does not record its rig and scene");
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -9,7 +9,7 @@
 
 #include "apps/lenticule-tools/offline/frame_output.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 inline constexpr const char* kOverwriteHelp =
     "replace existing output, even if it is of another rig or scene";
@@ -34,4 +34,4 @@ void require_replaceable_pictures(const OutputRequest& request,
 /// Refuses any existing video, because it does not state how it was made.
 void require_replaceable_video(const OutputRequest& request);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

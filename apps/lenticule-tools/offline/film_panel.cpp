@@ -9,7 +9,7 @@
 #include "base/error.h"
 #include "player/sources/source_spec.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 render::Canvas canvas_of_wall(const optics::PlacedWall& wall, Interval x_mm, Interval y_mm) {
@@ -57,10 +57,10 @@ FilmPanel panel_of_rig_or_wall(const std::string& rig_file, const std::string& w
 }
 
 std::string target_of_panel(const std::string& target, const std::string& panel) {
-  if (parse_source(target).kind == SourceKind::Ring)
+  if (player::parse_source(target).kind == player::SourceKind::Ring)
     throw Error(ErrorKind::Usage, fmt::format("-o {}: a wall has a frame per panel", target),
                 "choose one with --panel NAME");
   return optics::file_of_panel(target, panel);
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -7,7 +7,7 @@
 #include "optics/wall/wall.h"
 #include "render/scene/stage.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 struct FilmPanel {
   optics::TrimmedRig trimmed;
@@ -35,4 +35,4 @@ struct FilmPanel {
 /// Returns optics::file_of_panel(). Throws Error(Usage) for a target that is no file.
 [[nodiscard]] std::string target_of_panel(const std::string& target, const std::string& panel);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -12,7 +12,7 @@
 #include "render/loaders/camera_path.h"
 #include "render/scene/nothing_seen.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 void print_stage(const render::Stage& stage) {
@@ -35,7 +35,7 @@ render::RenderOptions options_of(const RenderFlags& flags, bool keep_missing) {
 
 }  // namespace
 
-FilmRenderer::FilmRenderer(const RenderFlags& flags, FilmPanel panel, FrameRange film,
+FilmRenderer::FilmRenderer(const RenderFlags& flags, FilmPanel panel, player::FrameRange film,
                            bool keep_missing)
     : flags_(flags),
       film_(film),
@@ -97,7 +97,7 @@ frames::FrameGeometry FilmRenderer::geometry() const {
 }
 
 OutputRequest FilmRenderer::output_request(const std::string& target,
-                                           const FrameRange& range) const {
+                                           const player::FrameRange& range) const {
   return {.target = target,
           .range = range,
           .geometry = geometry(),
@@ -136,4 +136,4 @@ void FilmRenderer::prepare_scene(uint64_t number) {
                                            flags_.options.threads);
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

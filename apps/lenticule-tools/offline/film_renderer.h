@@ -16,7 +16,7 @@
 #include "render/make_method.h"
 #include "render/scene/scene.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 class FilmRenderer {
  public:
@@ -25,16 +25,16 @@ class FilmRenderer {
   /// scene shows nothing on a panel that is not part of a wall.
   ///
   /// Lifetime: must not outlive `flags`.
-  FilmRenderer(const RenderFlags& flags, FilmPanel panel, FrameRange film,
+  FilmRenderer(const RenderFlags& flags, FilmPanel panel, player::FrameRange film,
                bool keep_missing = false);
   /// Loads the rig of the flags, too, or that of a panel of their wall.
-  FilmRenderer(const RenderFlags& flags, FrameRange film, bool keep_missing = false)
+  FilmRenderer(const RenderFlags& flags, player::FrameRange film, bool keep_missing = false)
       : FilmRenderer(flags, panel_of_rig_or_wall(flags.rig, flags.wall, flags.panel), film,
                      keep_missing) {}
   FilmRenderer(const FilmRenderer&) = delete;
   FilmRenderer& operator=(const FilmRenderer&) = delete;
 
-  [[nodiscard]] const FrameRange& film() const { return film_; }
+  [[nodiscard]] const player::FrameRange& film() const { return film_; }
   [[nodiscard]] const optics::Rig& rig() const { return panel_.trimmed.rig; }
   [[nodiscard]] frames::FrameGeometry geometry() const;
   [[nodiscard]] const render::Method& method() const { return *method_; }
@@ -50,7 +50,7 @@ class FilmRenderer {
 
   /// Returns the request of an output of the frames `range`.
   [[nodiscard]] OutputRequest output_request(const std::string& target,
-                                             const FrameRange& range) const;
+                                             const player::FrameRange& range) const;
 
   /// Counts a rendered frame; `again`: it is rendered only because the next one depends on it.
   using Count = std::function<void(const render::RenderStatistics&, bool again)>;
@@ -70,7 +70,7 @@ class FilmRenderer {
   void prepare_scene(uint64_t number);
 
   const RenderFlags& flags_;
-  FrameRange film_;
+  player::FrameRange film_;
   frames::Rate rate_;
   FilmPanel panel_;
   optics::OpticalModel model_;
@@ -82,4 +82,4 @@ class FilmRenderer {
   std::unique_ptr<render::Scene> scene_;
 };
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -17,7 +17,7 @@
 #include "player/process/interrupt.h"
 #include "player/sources/source_spec.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -82,7 +82,7 @@ class PictureFiles final : public FrameOutput {
 class RingOutput final : public FrameOutput {
  public:
   explicit RingOutput(const OutputRequest& request)
-      : socket_(parse_source(request.target).without_prefix()),
+      : socket_(player::parse_source(request.target).without_prefix()),
         geometry_(request.geometry),
         timeout_(request.ring_timeout_seconds) {
     if (socket_.empty())
@@ -97,7 +97,7 @@ class RingOutput final : public FrameOutput {
   bool has(uint64_t) const override { return false; }
 
   Delivery deliver(uint64_t frame, const frames::FrameView& pixels) override {
-    while (!interrupted()) {
+    while (!player::interrupted()) {
       // Connects again if the player was restarted meanwhile; it receives this frame first.
       if (!ring_) connect();
       if (!ring_) break;
@@ -127,7 +127,7 @@ class RingOutput final : public FrameOutput {
   /// Waits for a player in slices, so that a signal ends the wait; ring_ is empty then.
   void connect() {
     const auto deadline = Clock::now() + std::chrono::duration_cast<Clock::duration>(timeout_);
-    while (!interrupted()) {
+    while (!player::interrupted()) {
       const bool last = Clock::now() + kWaitSlice >= deadline;
       try {
         ring_ = frames::RingRenderer::connect(socket_, hello_, kWaitSlice);
@@ -154,17 +154,17 @@ class RingOutput final : public FrameOutput {
 }  // namespace
 
 std::unique_ptr<FrameOutput> open_output(const OutputRequest& request) {
-  if (parse_source(request.target).kind == SourceKind::Ring)
+  if (player::parse_source(request.target).kind == player::SourceKind::Ring)
     return std::make_unique<RingOutput>(request);
   if (request.target.ends_with(".lts")) {
     require_writable_folder(request.target);
     require_replaceable_film(request);
     return open_sequence_output(request);
   }
-  if (kind_of_file(request.target) != SourceKind::Pictures)
+  if (player::kind_of_file(request.target) != player::SourceKind::Pictures)
     throw Error(ErrorKind::Usage, fmt::format("-o {}: neither a .lts nor pictures", request.target),
                 "use FILE.lts, of which 'lenticule convert' makes a video, or 'out/%05d.png'");
   return std::make_unique<PictureFiles>(request);
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

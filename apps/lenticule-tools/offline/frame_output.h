@@ -13,7 +13,7 @@
 #include "frames/sequence/sequence_info.h"
 #include "optics/trim.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 enum class Delivery {
   Done,
@@ -34,7 +34,7 @@ class FrameOutput {
 
 struct OutputRequest {
   std::string target;  ///< pattern, file, FILE.lts or ring:SOCKET
-  FrameRange range;
+  player::FrameRange range;
   frames::FrameGeometry geometry{};
   optics::RigIdentity rig{};  ///< empty for frames that are not woven, or without a rig
   frames::Rate rate{};
@@ -52,4 +52,4 @@ struct OutputRequest {
 /// Error(Input) for a player that does not answer or refuses.
 [[nodiscard]] std::unique_ptr<FrameOutput> open_output(const OutputRequest& request);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -18,7 +18,7 @@
 #include "frames/srgb.h"
 #include "render/scene/texture.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 using nlohmann::json;
@@ -270,4 +270,4 @@ GltfText write_gltf(const render::SceneDescription& scene) {
   return GltfWriter(scene).write();
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

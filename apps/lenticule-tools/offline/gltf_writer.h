@@ -7,7 +7,7 @@
 
 #include "render/scene/scene_description.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 struct GltfText {
   std::string json;
@@ -19,4 +19,4 @@ struct GltfText {
 /// cones, and lights that are not points, which glTF or this writer does not support.
 [[nodiscard]] GltfText write_gltf(const render::SceneDescription& scene);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -10,7 +10,7 @@
 #include "base/error.h"
 #include "base/numbers.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 constexpr std::string_view kBuiltIn = "builtin:";
@@ -41,7 +41,7 @@ SceneSequence::SceneSequence(const std::string& scene, frames::Rate rate,
   }
 }
 
-void SceneSequence::require(const FrameRange& range) const {
+void SceneSequence::require(const player::FrameRange& range) const {
   if (!pattern_) return;
   const std::vector<uint64_t> numbers = pattern_->existing();
   for (uint64_t frame = range.begin; frame < range.end; ++frame)
@@ -95,4 +95,4 @@ render::Stage StageSequence::at(const render::SceneDescription& scene, double pr
   return stage;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -17,7 +17,7 @@
 #include "render/scene/stage.h"
 #include "scenes/scene_list.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 class SceneSequence {
  public:
@@ -28,7 +28,7 @@ class SceneSequence {
 
   /// Checks, before rendering, that all files of the range exist. Throws Error(Input) if one is
   /// missing.
-  void require(const FrameRange& range) const;
+  void require(const player::FrameRange& range) const;
 
   /// Returns the scene of a frame, without nodes.
   [[nodiscard]] render::SceneDescription at(uint64_t frame) const;
@@ -77,4 +77,4 @@ class StageSequence {
   render::Ground ground_;  ///< ground in the reference frame, used by all frames
 };
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

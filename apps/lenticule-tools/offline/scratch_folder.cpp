@@ -6,7 +6,7 @@
 
 #include "base/error.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 ScratchFolder::ScratchFolder() : folder_(std::filesystem::temp_directory_path()) {}
 
@@ -20,4 +20,4 @@ std::string ScratchFolder::ring_socket() const {
   return (folder / "ring.sock").string();
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -5,7 +5,7 @@
 
 #include "base/temporary.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 /// ScratchFolder is a temporary folder that its destructor removes. Throws Error(Failed).
 class ScratchFolder {
@@ -22,4 +22,4 @@ class ScratchFolder {
   TemporaryFolder folder_;
 };
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -6,7 +6,7 @@
 #include "base/error.h"
 #include "frames/sequence/sequence_writer.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 class SequenceOutput final : public FrameOutput {
@@ -49,4 +49,4 @@ std::unique_ptr<FrameOutput> open_sequence_output(const OutputRequest& request) 
   return std::make_unique<SequenceOutput>(request);
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

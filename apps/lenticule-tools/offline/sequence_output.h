@@ -6,7 +6,7 @@
 
 #include "apps/lenticule-tools/offline/frame_output.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 /// Returns the metadata of the container that open_sequence_output() writes.
 [[nodiscard]] frames::SequenceInfo sequence_info_of(const OutputRequest& request);
@@ -16,4 +16,4 @@ namespace lenticule::player {
 /// the errors of open_output(), and Error(Input) if a file to resume was started with other input.
 [[nodiscard]] std::unique_ptr<FrameOutput> open_sequence_output(const OutputRequest& request);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

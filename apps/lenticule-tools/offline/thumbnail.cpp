@@ -13,7 +13,7 @@
 #include "render/make_method.h"
 #include "render/scene/scene.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 constexpr int kPictureWidth = 480;
@@ -82,4 +82,4 @@ void write_thumbnail(const render::SceneDescription& description, const FlatView
   frames::write_woven(reduced(fine).view(), file);
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

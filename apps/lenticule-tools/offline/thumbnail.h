@@ -8,7 +8,7 @@
 #include "render/scene/scene_description.h"
 #include "render/scene/stage.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 /// FlatView is a panel that shows every eye the same picture, seen from where the scene's camera
 /// is, or without a camera from some way off. Its stage does not compress the depth.
@@ -24,4 +24,4 @@ struct FlatView {
 void write_thumbnail(const render::SceneDescription& scene, const FlatView& view,
                      const std::filesystem::path& file);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -25,7 +25,7 @@
 #include "base/unique_fd.h"
 #include "player/sources/video_program.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 namespace fs = std::filesystem;
@@ -67,7 +67,7 @@ class VideoWriter::Encoder {
 
 VideoWriter::Encoder::Encoder(const VideoWriterOptions& options)
     : options_(options), file_(options.file) {
-  if (options_.program.empty()) options_.program = find_video_program();
+  if (options_.program.empty()) options_.program = player::find_video_program();
   start();
 }
 
@@ -167,4 +167,4 @@ void VideoWriter::finish() {
   encoder_->finish();
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

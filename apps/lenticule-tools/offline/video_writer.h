@@ -9,7 +9,7 @@
 #include "frames/frame.h"
 #include "frames/rational.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 
 enum class VideoCodec {
   Ffv1,     ///< intra-only frames with checksums; the default
@@ -46,4 +46,4 @@ class VideoWriter {
   std::unique_ptr<Encoder> encoder_;
 };
 
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

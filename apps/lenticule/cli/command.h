@@ -15,7 +15,7 @@ namespace CLI {
 class App;
 }
 
-namespace lenticule::player {
+namespace lenticule::cli {
 
 /// The function that runs a command after its flags are parsed. Throws lenticule::Error for errors
 /// of input or environment; main() prints it and maps its kind to the exit code.
@@ -51,4 +51,4 @@ inline constexpr const char* kFirstSteps = R"(
   check a panel             lenticule doctor
 )";
 
-}  // namespace lenticule::player
+}  // namespace lenticule::cli

@@ -4,7 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 
-namespace lenticule::player {
+namespace lenticule::cli {
 namespace {
 
 void add_once(std::vector<std::string>& words, const std::string& word) {
@@ -50,4 +50,4 @@ std::vector<std::string> completion_words(const CLI::App& command) {
   return words;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::cli

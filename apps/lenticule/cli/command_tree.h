@@ -11,7 +11,7 @@ class App;
 class Option;
 }  // namespace CLI
 
-namespace lenticule::player {
+namespace lenticule::cli {
 
 /// Returns the direct subcommands that --help shows, in its order.
 [[nodiscard]] std::vector<const CLI::App*> visible_commands(const CLI::App& app);
@@ -24,4 +24,4 @@ namespace lenticule::player {
 /// Returns the words that may follow the command's name: its subcommands, its flags and theirs.
 [[nodiscard]] std::vector<std::string> completion_words(const CLI::App& command);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::cli

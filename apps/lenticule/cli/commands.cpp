@@ -3,7 +3,7 @@
 
 #include "apps/lenticule/cli/command.h"
 
-namespace lenticule::player {
+namespace lenticule::cli {
 
 // Each function is defined in the file of its command.
 Run declare_play(CLI::App& app);
@@ -75,4 +75,4 @@ std::span<const Declaration> player_commands() {
   return kPlayerCommands;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::cli

@@ -5,7 +5,7 @@
 
 #include "frames/quilt.h"
 
-namespace lenticule::player {
+namespace lenticule::cli {
 
 CLI::Option* declare_rig_flag(CLI::App& app, std::string& rig, const std::string& what) {
   return app.add_option("--rig", rig, what)
@@ -13,7 +13,7 @@ CLI::Option* declare_rig_flag(CLI::App& app, std::string& rig, const std::string
       ->default_str("that of the connected panel, else a sample");
 }
 
-void declare_content_flags(CLI::App& app, ContentFlags& flags) {
+void declare_content_flags(CLI::App& app, player::ContentFlags& flags) {
   app.option_defaults()->group("Layout of views");
   app.add_option("--grid", flags.grid, "tiles of the quilt: 8x6")->type_name("COLUMNSxROWS");
   app.add_option("--views", flags.views,
@@ -48,7 +48,7 @@ void declare_content_flags(CLI::App& app, ContentFlags& flags) {
   app.option_defaults()->group("Options");
 }
 
-void declare_weaving_flags(CLI::App& app, WeavingFlags& flags) {
+void declare_weaving_flags(CLI::App& app, player::WeavingFlags& flags) {
   app.option_defaults()->group("Weaving");
   app.add_option("--filter", flags.filter,
                  "how neighbouring views are mixed\n"
@@ -65,4 +65,4 @@ void declare_weaving_flags(CLI::App& app, WeavingFlags& flags) {
   app.option_defaults()->group("Options");
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::cli

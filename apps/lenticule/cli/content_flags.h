@@ -11,12 +11,12 @@ class App;
 class Option;
 }  // namespace CLI
 
-namespace lenticule::player {
+namespace lenticule::cli {
 
 /// Declares --rig, which may be left out: choose_rig() takes its value.
 CLI::Option* declare_rig_flag(CLI::App& app, std::string& rig,
                               const std::string& what = "rig file of the panel");
-void declare_content_flags(CLI::App& app, ContentFlags& flags);
-void declare_weaving_flags(CLI::App& app, WeavingFlags& flags);
+void declare_content_flags(CLI::App& app, player::ContentFlags& flags);
+void declare_weaving_flags(CLI::App& app, player::WeavingFlags& flags);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::cli

@@ -8,7 +8,7 @@
 #include <algorithm>
 #include <vector>
 
-namespace lenticule::player {
+namespace lenticule::cli {
 namespace {
 
 constexpr size_t kTextColumn = 30;
@@ -113,4 +113,4 @@ std::shared_ptr<CLI::FormatterBase> make_help_formatter() {
   return std::make_shared<HelpFormatter>();
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::cli

@@ -11,7 +11,7 @@ class FormatterBase;
 class Option;
 }  // namespace CLI
 
-namespace lenticule::player {
+namespace lenticule::cli {
 
 /// Returns the option as it is typed: "--slots N", "--clock real|simulated", "--json", "SCENE".
 [[nodiscard]] std::string typed_form(const CLI::Option& option);
@@ -24,4 +24,4 @@ enum class HelpLength { Short, Long };
 /// Returns the formatter of --help, which breaks lines at 100 columns.
 [[nodiscard]] std::shared_ptr<CLI::FormatterBase> make_help_formatter();
 
-}  // namespace lenticule::player
+}  // namespace lenticule::cli

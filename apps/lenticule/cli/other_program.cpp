@@ -10,10 +10,10 @@
 #include "base/error.h"
 #include "player/process/sibling_program.h"
 
-namespace lenticule::player {
+namespace lenticule::cli {
 
 void become_program(const OtherProgram& program, const char* command, char* const* arguments) {
-  const auto path = find_sibling_program(program.name);
+  const auto path = player::find_sibling_program(program.name);
   if (!path)
     throw Error(ErrorKind::Failed, fmt::format("{}: {} is not installed", command, program.name),
                 fmt::format("install the package {}", program.package));
@@ -22,4 +22,4 @@ void become_program(const OtherProgram& program, const char* command, char* cons
                                              std::strerror(errno)));
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::cli

@@ -3,7 +3,7 @@
 // that a machine with a panel does without.
 #pragma once
 
-namespace lenticule::player {
+namespace lenticule::cli {
 
 struct OtherProgram {
   const char* name;
@@ -16,4 +16,4 @@ struct OtherProgram {
 [[noreturn]] void become_program(const OtherProgram& program, const char* command,
                                  char* const* arguments);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::cli

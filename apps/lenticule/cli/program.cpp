@@ -14,7 +14,7 @@
 #include "base/print.h"
 #include "player/process/interrupt.h"
 
-namespace lenticule::player {
+namespace lenticule::cli {
 namespace {
 
 /// Searches for --json directly, because the flags may be what cannot be parsed.
@@ -55,7 +55,7 @@ int run_program(const Program& program, int argc, char** argv) {
     return run_reporting_errors(
         [&]() -> int { become_program(*program.others, command->name, argv); }, style);
   }
-  install_interrupt_handlers();
+  player::install_interrupt_handlers();
 
   CLI::App app{std::string("Renders, weaves and plays pictures for lenticular 3-D displays.\n") +
                program.first_steps};
@@ -87,4 +87,4 @@ int run_program(const Program& program, int argc, char** argv) {
   return run_reporting_errors(runs.at(app.get_subcommands().front()), style);
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::cli

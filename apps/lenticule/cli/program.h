@@ -8,7 +8,7 @@
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/other_program.h"
 
-namespace lenticule::player {
+namespace lenticule::cli {
 
 struct Program {
   std::span<const Command> commands;
@@ -23,4 +23,4 @@ struct Program {
 /// contract (docs/play/player.md). Call it once, before other threads are started.
 [[nodiscard]] int run_program(const Program& program, int argc, char** argv);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::cli

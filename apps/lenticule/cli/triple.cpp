@@ -8,7 +8,7 @@
 #include "base/error.h"
 #include "base/numbers.h"
 
-namespace lenticule::player {
+namespace lenticule::cli {
 
 Vec3 parse_triple(const std::string& flag, const std::string& text, const char* example) {
   const auto values = numbers_from<double, 3>(text, ',');
@@ -27,4 +27,4 @@ CLI::Option* add_triple(CLI::App& app, const std::string& flag, const std::strin
   return app.add_option_function<std::string>(flag, parse, description)->type_name(type);
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::cli

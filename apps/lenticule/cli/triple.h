@@ -12,7 +12,7 @@ class App;
 class Option;
 }  // namespace CLI
 
-namespace lenticule::player {
+namespace lenticule::cli {
 
 inline constexpr const char* kExampleOfPoint = "-32,0,700";
 
@@ -26,4 +26,4 @@ inline constexpr const char* kExampleOfPoint = "-32,0,700";
 CLI::Option* add_triple(CLI::App& app, const std::string& flag, const std::string& type,
                         const std::function<void(Vec3)>& take, const std::string& description);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::cli

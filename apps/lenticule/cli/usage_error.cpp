@@ -20,7 +20,7 @@
 #include "base/numbers.h"
 #include "base/text.h"
 
-namespace lenticule::player {
+namespace lenticule::cli {
 namespace {
 
 /// The chosen commands, from the program down.
@@ -250,4 +250,4 @@ Error usage_error(const CLI::App& app, const CLI::ParseError& error) {
   return {ErrorKind::Usage, object + cause, fmt::format("see {} --help", name)};
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::cli

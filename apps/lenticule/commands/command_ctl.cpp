@@ -22,8 +22,10 @@
 #include "player/sources/frame_range.h"
 #include "player/sources/source_spec.h"
 
-namespace lenticule::player {
+namespace lenticule::cli {
 namespace {
+
+using player::ControlVerb;
 
 using nlohmann::ordered_json;
 
@@ -56,7 +58,7 @@ std::string socket_of(const CtlFlags& flags) {
   if (!flags.socket.empty()) return flags.socket;
   const char* const from_environment = std::getenv("LENTICULE_CONTROL");
   if (from_environment != nullptr && *from_environment != '\0') return from_environment;
-  return only_control_socket();
+  return player::only_control_socket();
 }
 
 template <typename Value>
@@ -68,8 +70,8 @@ ordered_json request_of(const std::string& verb, const CtlFlags& flags) {
   ordered_json request = {{"do", verb}};
   if (!flags.source.empty()) {
     // The player may have another working folder.
-    const SourceSpec source = parse_source(flags.source);
-    request["source"] = source.kind == SourceKind::Code
+    const player::SourceSpec source = player::parse_source(flags.source);
+    request["source"] = source.kind == player::SourceKind::Code
                             ? flags.source
                             : source.in_folder(std::filesystem::current_path()).text;
   }
@@ -114,11 +116,11 @@ void print_answer(ordered_json answer, bool as_json) {
 
 /// Prints one line per event, until interrupted, the player ends, or the requested number is
 /// reached.
-ExitCode stream_events(ControlClient& client, const CtlFlags& flags) {
+ExitCode stream_events(player::ControlClient& client, const CtlFlags& flags) {
   uint64_t printed = 0;
   while (!flags.events || printed < *flags.events) {
-    const auto event = client.receive(std::chrono::seconds(1), interrupt_fd());
-    if (interrupted()) return interrupt_exit_code();
+    const auto event = client.receive(std::chrono::seconds(1), player::interrupt_fd());
+    if (player::interrupted()) return player::interrupt_exit_code();
     if (!event) continue;
     print_out("{}\n", json_text(*event));
     flush_results();
@@ -129,9 +131,9 @@ ExitCode stream_events(ControlClient& client, const CtlFlags& flags) {
 
 ExitCode run_ctl(const std::string& verb, const CtlFlags& flags) {
   const auto wait = milliseconds_of(flags.wait_s);
-  ControlClient client(socket_of(flags), wait);
-  const ordered_json answer = ask(client, request_of(verb, flags), wait, interrupt_fd());
-  if (answer.is_null()) return interrupt_exit_code();
+  player::ControlClient client(socket_of(flags), wait);
+  const ordered_json answer = ask(client, request_of(verb, flags), wait, player::interrupt_fd());
+  if (answer.is_null()) return player::interrupt_exit_code();
   if (verb == verb_name(ControlVerb::Subscribe)) return stream_events(client, flags);
   print_answer(answer, flags.json);
   return kOk;
@@ -269,4 +271,4 @@ Run declare_ctl(CLI::App& app) {
   };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::cli

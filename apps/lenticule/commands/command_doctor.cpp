@@ -17,7 +17,7 @@
 #include "optics/panel.h"
 #include "player/session/panel_json.h"
 
-namespace lenticule::player {
+namespace lenticule::cli {
 namespace {
 
 struct DoctorFlags {
@@ -34,11 +34,11 @@ nlohmann::json examine(const DoctorFlags& flags) {
                          {"tiled_panels", nlohmann::json::array()},
                          {"outputs", nlohmann::json::array()}};
   const display::Inspection inspection = display::inspect_cards(session);
-  for (const auto& card : inspection.cards) json["cards"].push_back(to_json(card));
+  for (const auto& card : inspection.cards) json["cards"].push_back(player::to_json(card));
   for (const auto& group : display::tile_groups(inspection.panels))
-    json["tiled_panels"].push_back(to_json(group));
+    json["tiled_panels"].push_back(player::to_json(group));
   for (const auto& diagnosis : display::diagnose(session, request))
-    json["outputs"].push_back(to_json(diagnosis));
+    json["outputs"].push_back(player::to_json(diagnosis));
   return json;
 }
 
@@ -156,4 +156,4 @@ Run declare_doctor(CLI::App& app) {
   };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::cli

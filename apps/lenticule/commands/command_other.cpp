@@ -7,7 +7,7 @@
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/other_program.h"
 
-namespace lenticule::player {
+namespace lenticule::cli {
 namespace {
 
 constexpr OtherProgram kBench = {.name = "lenticule-bench", .package = "lenticule-bench"};
@@ -36,4 +36,4 @@ Run declare_web(CLI::App& app) {
   return declare_other(app, kWeb, "web");
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::cli

@@ -14,8 +14,10 @@
 #include "player/process/rig_choice.h"
 #include "player/session/panel_json.h"
 
-namespace lenticule::player {
+namespace lenticule::cli {
 namespace {
+
+using player::NamedRig;
 
 struct PanelsFlags {
   std::string rigs;
@@ -30,8 +32,8 @@ std::vector<NamedRig> load_rigs(const std::string& folder) {
                 "use a folder of rig files");
   std::vector<NamedRig> rigs;
   for (const auto& each :
-       folder.empty() ? rig_folders() : std::vector<std::filesystem::path>{folder})
-    for (NamedRig& named : rigs_in(each, true)) rigs.push_back(std::move(named));
+       folder.empty() ? player::rig_folders() : std::vector<std::filesystem::path>{folder})
+    for (NamedRig& named : player::rigs_in(each, true)) rigs.push_back(std::move(named));
   return rigs;
 }
 
@@ -40,16 +42,16 @@ std::vector<std::string> rigs_of(const display::PanelInfo& panel,
                                  const std::vector<NamedRig>& rigs) {
   std::vector<std::string> files;
   for (const NamedRig& named : rigs)
-    if (names_panel(named.rig, panel)) files.push_back(named.file);
+    if (player::names_panel(named.rig, panel)) files.push_back(named.file);
   return files;
 }
 
 nlohmann::json panels_as_json(const display::Inspection& inspection,
                               const std::vector<NamedRig>& rigs) {
   nlohmann::json json = {{"cards", nlohmann::json::array()}, {"panels", nlohmann::json::array()}};
-  for (const auto& card : inspection.cards) json["cards"].push_back(to_json(card));
+  for (const auto& card : inspection.cards) json["cards"].push_back(player::to_json(card));
   for (const auto& panel : inspection.panels) {
-    nlohmann::json entry = to_json(panel);
+    nlohmann::json entry = player::to_json(panel);
     entry["rigs"] = rigs_of(panel, rigs);
     json["panels"].push_back(std::move(entry));
   }
@@ -119,4 +121,4 @@ Run declare_panels(CLI::App& app) {
   };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::cli

@@ -22,15 +22,17 @@
 #include "player/session/start_history.h"
 #include "player/sources/confined_pictures.h"
 
-namespace lenticule::player {
+namespace lenticule::cli {
 namespace {
+
+using player::PlayFlags;
 
 /// Number of recent failed starts after which the player starts in safe mode.
 constexpr int kFailuresUntilSafe = 5;
 /// Number of failed starts, with those in safe mode, after which the source is suspected.
 constexpr int kFailuresUntilCard = 10;
 
-SafeStart safe_start(const PlayFlags& flags, const StartHistory& history) {
+player::SafeStart safe_start(const PlayFlags& flags, const player::StartHistory& history) {
   const int failures = history.failures();
   return {.on = flags.safe || failures >= kFailuresUntilSafe,
           .card_first = failures >= kFailuresUntilCard,
@@ -38,20 +40,22 @@ SafeStart safe_start(const PlayFlags& flags, const StartHistory& history) {
           .last_reason = history.last_reason()};
 }
 
-ExitCode play_with(const PlayFlags& flags, const ServiceManager& manager, const SafeStart& safe) {
+ExitCode play_with(const PlayFlags& flags, const player::ServiceManager& manager,
+                   const player::SafeStart& safe) {
   if (safe.failures >= kFailuresUntilSafe)
     say("{} starts failed within two minutes: starting in safe mode\n", safe.failures);
-  if (!safe.on) return PlayRun(flags, make_plan(flags, manager.present()), manager, safe).run();
-  std::optional<PlayPlan> plan = plan_when_rig_is_right(flags, manager);
-  if (!plan) return interrupt_exit_code();
-  return PlayRun(flags, std::move(*plan), manager, safe).run();
+  if (!safe.on)
+    return player::PlayRun(flags, make_plan(flags, manager.present()), manager, safe).run();
+  std::optional<player::PlayPlan> plan = plan_when_rig_is_right(flags, manager);
+  if (!plan) return player::interrupt_exit_code();
+  return player::PlayRun(flags, std::move(*plan), manager, safe).run();
 }
 
 /// Sets the rig of the flags unless a wall has the rigs.
-ChosenRig choose_rig_of(PlayFlags& flags) {
+player::ChosenRig choose_rig_of(PlayFlags& flags) {
   if (!flags.wall.empty()) return {};
-  ChosenRig rig =
-      choose_rig({.given = flags.rig, .display = flags.display, .source = flags.source});
+  player::ChosenRig rig =
+      player::choose_rig({.given = flags.rig, .display = flags.display, .source = flags.source});
   if (rig.kept && flags.trim)
     throw Error(ErrorKind::Usage, "--trim: cannot be saved in the rig that a film contains",
                 "add --rig RIG.toml");
@@ -60,13 +64,13 @@ ChosenRig choose_rig_of(PlayFlags& flags) {
 }
 
 ExitCode run_play(PlayFlags& flags) {
-  const ServiceManager manager;
+  const player::ServiceManager manager;
   if (!flags.preflight) check_display_choice(flags, manager.present());
-  const ChosenRig rig = choose_rig_of(flags);
+  const player::ChosenRig rig = choose_rig_of(flags);
   if (flags.preflight) return run_preflight(flags, make_plan(flags, false));
   const bool may_reload = manager.present() || !flags.control.empty();
-  if (may_reload && !has_terminal()) reload_at_hangup();
-  StartHistory history(runtime_folder(), time_since_boot());
+  if (may_reload && !player::has_terminal()) player::reload_at_hangup();
+  player::StartHistory history(player::runtime_folder(), player::time_since_boot());
   try {
     const ExitCode code = play_with(flags, manager, safe_start(flags, history));
     history.ended_well();
@@ -88,7 +92,7 @@ class PicturesDecodedElsewhere {
   PicturesDecodedElsewhere& operator=(const PicturesDecodedElsewhere&) = delete;
 
  private:
-  ConfinedPictures pictures_;
+  player::ConfinedPictures pictures_;
 };
 
 /// Declares the flags that most users need.
@@ -270,4 +274,4 @@ Run declare_play(CLI::App& app) {
   };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::cli

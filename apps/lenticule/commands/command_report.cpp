@@ -16,7 +16,7 @@
 #include "player/proof/proof_reader.h"
 #include "player/proof/report_formats.h"
 
-namespace lenticule::player {
+namespace lenticule::cli {
 namespace {
 
 struct ReportFlags {
@@ -24,7 +24,7 @@ struct ReportFlags {
   std::string until;
   std::string item;
   std::string hash_of;
-  JournalPlace place;
+  player::JournalPlace place;
   bool csv = false;
   bool json = false;
 };
@@ -32,15 +32,15 @@ struct ReportFlags {
 std::optional<int64_t> time_of(const char* flag, const std::string& text) {
   if (text.empty()) return std::nullopt;
   const auto now = std::chrono::system_clock::now().time_since_epoch();
-  const auto time =
-      parse_local_time(text, std::chrono::duration_cast<std::chrono::microseconds>(now).count());
+  const auto time = player::parse_local_time(
+      text, std::chrono::duration_cast<std::chrono::microseconds>(now).count());
   if (time) return time;
   throw Error(ErrorKind::Usage, fmt::format("{} '{}': not a time", flag, text),
               "write 2026-11-25, \"2026-11-25 14:30\", today or yesterday; local time");
 }
 
 ExitCode print_hash(const std::string& source) {
-  const std::string hash = content_hash(parse_source(source), std::atomic<bool>(false));
+  const std::string hash = content_hash(player::parse_source(source), std::atomic<bool>(false));
   if (hash.empty())
     throw Error(ErrorKind::Usage, source + ": has no hash, because it is not made of files",
                 "use a sequence, a picture or a video");
@@ -50,19 +50,19 @@ ExitCode print_hash(const std::string& source) {
 
 ExitCode run_report(const ReportFlags& flags) {
   if (!flags.hash_of.empty()) return print_hash(flags.hash_of);
-  ProofReport report({.since_us = time_of("--since", flags.since),
-                      .until_us = time_of("--until", flags.until),
-                      .item = flags.item});
-  JournalPlace place = flags.place;
+  player::ProofReport report({.since_us = time_of("--since", flags.since),
+                              .until_us = time_of("--until", flags.until),
+                              .item = flags.item});
+  player::JournalPlace place = flags.place;
   place.since_us = time_of("--since", flags.since);
-  read_proof(place, [&](const JournalEntry& entry) { report.add(entry); });
-  const ProofSummary summary = report.finish(is_running);
+  read_proof(place, [&](const player::JournalEntry& entry) { report.add(entry); });
+  const player::ProofSummary summary = report.finish(player::is_running);
   if (flags.json)
     print_out("{}\n", Verbatim{json_text(to_json(summary), 2)});
   else
     print_out("{}", Verbatim{flags.csv ? csv_text(summary) : table_text(summary)});
   const bool own_journal = place.folder.empty() && place.files.empty();
-  if (own_journal && !may_read_system_journal())
+  if (own_journal && !player::may_read_system_journal())
     say("only the entries of this user are read: run as root, or as a member of the group "
         "systemd-journal, for those of services\n");
   return kOk;
@@ -97,4 +97,4 @@ Run declare_report(CLI::App& app) {
   return [flags] { return run_report(*flags); };
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::cli

@@ -10,7 +10,7 @@
 #include "base/print.h"
 #include "player/process/interrupt.h"
 
-namespace lenticule::player {
+namespace lenticule::cli {
 namespace {
 
 using nlohmann::ordered_json;
@@ -69,13 +69,13 @@ std::string address_from_input() {
   return text;
 }
 
-ordered_json ask(ControlClient& client, const ordered_json& request,
+ordered_json ask(player::ControlClient& client, const ordered_json& request,
                  std::chrono::milliseconds answer_time, int stop_fd) {
   ordered_json numbered = {{"id", 1}};
   numbered.update(request);
   client.send(numbered);
   const auto answer = client.receive(answer_time, stop_fd);
-  if (!answer && stop_fd >= 0 && interrupted()) return nullptr;
+  if (!answer && stop_fd >= 0 && player::interrupted()) return nullptr;
   if (!answer)
     throw Error(ErrorKind::Failed, "ctl: no answer from the player",
                 "the player may still be working on it; --wait sets how long to wait");
@@ -87,7 +87,7 @@ ExitCode show_address(const std::string& socket, const std::string& address,
                       std::chrono::milliseconds duration, std::chrono::milliseconds answer_time) {
   // A connection that stays idle may be displaced by others.
   const auto answer_to = [&](const ordered_json& request) {
-    ControlClient client(socket, answer_time);
+    player::ControlClient client(socket, answer_time);
     return ask(client, request, answer_time, -1);
   };
   const ordered_json status = answer_to({{"do", "status"}});
@@ -97,7 +97,7 @@ ExitCode show_address(const std::string& socket, const std::string& address,
   const ordered_json before = return_request(status, answer_to({{"do", "list"}}));
   (void)answer_to({{"do", "load"}, {"source", std::string(kCode) + ":" + address}});
   say("the code is on the panel for {} s, or until Ctrl-C\n", duration.count() / 1000);
-  pollfd entry{.fd = interrupt_fd(), .events = POLLIN, .revents = 0};
+  pollfd entry{.fd = player::interrupt_fd(), .events = POLLIN, .revents = 0};
   (void)::poll(&entry, 1, static_cast<int>(duration.count()));
   // Another client may have loaded something else meanwhile.
   if (source_on_panel(answer_to({{"do", "status"}})) != kCode) return kOk;
@@ -111,4 +111,4 @@ ExitCode show_address(const std::string& socket, const std::string& address,
   return kOk;
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule::cli

@@ -8,7 +8,7 @@
 #include "base/exit_code.h"
 #include "player/control/control_client.h"
 
-namespace lenticule::player {
+namespace lenticule::cli {
 
 /// Returns the first line of standard input, an address. Throws Error(Usage) without one.
 [[nodiscard]] std::string address_from_input();
@@ -21,8 +21,8 @@ namespace lenticule::player {
 
 /// Returns the answer to the request. Throws the Error of an answer that is not ok, Error(Failed)
 /// without an answer. Returns null if `stop_fd` became readable first.
-[[nodiscard]] nlohmann::ordered_json ask(ControlClient& client,
+[[nodiscard]] nlohmann::ordered_json ask(player::ControlClient& client,
                                          const nlohmann::ordered_json& request,
                                          std::chrono::milliseconds answer_time, int stop_fd);
 
-}  // namespace lenticule::player
+}  // namespace lenticule::cli

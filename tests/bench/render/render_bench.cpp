@@ -11,11 +11,11 @@ namespace lenticule::render {
 namespace {
 
 optics::Rig bench_panel() {
-  return testing::make_rig({.width = 320, .height = 160, .pixel_mm = 0.2});
+  return test::make_rig({.width = 320, .height = 160, .pixel_mm = 0.2});
 }
 
 const SceneDescription& tiny_scene(size_t index) {
-  static const std::vector<testing::NamedScene> scenes = testing::tiny_scenes();
+  static const std::vector<test::NamedScene> scenes = test::tiny_scenes();
   return scenes[index].scene;
 }
 
@@ -23,7 +23,7 @@ void making_rays(benchmark::State& state) {
   const optics::OpticalModel model(bench_panel());
   const TilePlan plan(model.rig());
   const PrimaryRays primary(model, plan);
-  const Scene scene(tiny_scene(0), testing::make_tiny_stage(), {}, 1);
+  const Scene scene(tiny_scene(0), test::make_tiny_stage(), {}, 1);
   const Footprint centre(model, {});
   PrimaryRays::Workspace workspace;
   std::vector<PathRay> rays;
@@ -38,7 +38,7 @@ BENCHMARK(making_rays);
 /// The scenes contain spheres, cones, meshes, mirrors and glass: see tests/support/tiny_scenes.h.
 void whole_frame(benchmark::State& state) {
   const optics::OpticalModel model(bench_panel());
-  const Scene scene(tiny_scene(static_cast<size_t>(state.range(0))), testing::make_tiny_stage(), {},
+  const Scene scene(tiny_scene(static_cast<size_t>(state.range(0))), test::make_tiny_stage(), {},
                     1);
   const auto method = make_method("full", model, {.threads = 1, .cancelled = {}});
   frames::WovenFrame frame({model.rig().panel.width_px, model.rig().panel.height_px});

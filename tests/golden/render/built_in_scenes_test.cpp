@@ -12,7 +12,7 @@
 #include "tests/support/oracles/reference_renderer.h"
 #include "tests/support/tiny_scenes.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 constexpr int kMaxDepth = 2;
@@ -56,7 +56,7 @@ class BuiltInScenes : public ::testing::TestWithParam<Case> {};
 TEST_P(BuiltInScenes, AgreeWithTheReference) {
   const auto [name, size] = GetParam();
   const render::SceneDescription scene =
-      player::describe_built_in(scenes::find_scene(name), size, 40);
+      tools::describe_built_in(scenes::find_scene(name), size, 40);
   // The paper's upright lenses with parallel zones, and slanted ones for a viewer at a distance.
   const TinyRig upright{
       .pitch_subpx = 12.0, .slant = 0.0, .distance_mm = std::numeric_limits<double>::infinity()};
@@ -107,4 +107,4 @@ TEST(BuiltInScenes, AreAllTested) {
 }
 
 }  // namespace
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

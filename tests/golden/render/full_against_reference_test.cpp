@@ -10,7 +10,7 @@
 #include "tests/support/oracles/reference_renderer.h"
 #include "tests/support/tiny_scenes.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -114,4 +114,4 @@ INSTANTIATE_TEST_SUITE_P(TinyScenes, FullAgainstReference, ::testing::ValuesIn(t
                          [](const auto& instance) { return instance.param.name; });
 
 }  // namespace
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -13,7 +13,7 @@
 #include "scenes/scene_list.h"
 #include "tests/support/tiny_scenes.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 constexpr int kFirstFrame = 96;
@@ -41,7 +41,7 @@ Made last_frame(const Expected& expected, const optics::OpticalModel& model, con
   const auto method = render::make_method(name, model, options);
   Made made{frames::WovenFrame({model.rig().panel.width_px, model.rig().panel.height_px}), {}};
   for (int n = kFirstFrame; n < kFirstFrame + kFrames; ++n) {
-    const render::SceneDescription description = player::describe_built_in(scene, expected.size, n);
+    const render::SceneDescription description = tools::describe_built_in(scene, expected.size, n);
     const render::Stage stage = render::make_stage(description, model);
     method->set_frame(static_cast<uint64_t>(n));
     made.statistics = method->render(render::Scene(description, stage, {}), stage, made.frame);
@@ -95,8 +95,8 @@ INSTANTIATE_TEST_SUITE_P(Scenes, PaperMethods,
                          });
 
 TEST(PaperMethods, AreTestedOnEverySceneOfThePaper) {
-  EXPECT_EQ(player::published_times().size(), 6U);
+  EXPECT_EQ(tools::published_times().size(), 6U);
 }
 
 }  // namespace
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

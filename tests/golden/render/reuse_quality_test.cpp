@@ -7,7 +7,7 @@
 #include "render/make_method.h"
 #include "tests/support/tiny_scenes.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 struct Limits {
@@ -56,4 +56,4 @@ INSTANTIATE_TEST_SUITE_P(TinyScenes, ReuseQuality, ::testing::ValuesIn(tiny_scen
                          [](const auto& instance) { return instance.param.name; });
 
 }  // namespace
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -12,7 +12,7 @@
 #include "render/methods/reuse/micro_image_sweep.h"
 #include "render/scene/scene.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 constexpr uint64_t kFrames = 8;
@@ -26,8 +26,8 @@ struct Teapots {
   explicit Teapots(const optics::OpticalModel& model)
       : stages(scenes.at(scenes.reference_frame()), model, {}) {}
 
-  player::SceneSequence scenes{"builtin:teapot:1", {30, 1}};
-  player::StageSequence stages;
+  tools::SceneSequence scenes{"builtin:teapot:1", {30, 1}};
+  tools::StageSequence stages;
 };
 
 std::vector<float> codes_of_tile(render::MicroImageSweep& sweep, const render::Scene& scene,
@@ -97,4 +97,4 @@ INSTANTIATE_TEST_SUITE_P(TileHistory, EveryMethod,
                                            "temporal", "hybrid"));
 
 }  // namespace
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

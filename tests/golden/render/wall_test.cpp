@@ -16,7 +16,7 @@
 #include "tests/support/oracles/reference_renderer.h"
 #include "tests/support/tiny_scenes.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 frames::WovenFrame rendered(const render::SceneDescription& description, const render::Stage& stage,
@@ -324,4 +324,4 @@ TEST(WallStage, RefusesTurnedPanelsIfTheCameraCutsOffContent) {
 }
 
 }  // namespace
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

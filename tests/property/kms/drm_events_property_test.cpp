@@ -9,7 +9,7 @@
 
 #include "display/kms/device/drm_events.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 using display::DrmEvent;
@@ -91,4 +91,4 @@ TEST(DrmEvents, GarbageTerminates) {
   }
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -12,7 +12,7 @@
 #include "tests/support/fakes/fake_source.h"
 #include "tests/unit/kms/kms_stage.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 constexpr uint64_t kVblanks = 1'000'000;
@@ -107,4 +107,4 @@ TEST_F(KmsPlayback, AMillionVblanksWithJitterHaveNoGapAndConstantMemory) {
   EXPECT_TRUE(kms.hardware_clock);
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

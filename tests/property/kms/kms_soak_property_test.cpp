@@ -5,7 +5,7 @@
 
 #include "tests/unit/kms/kms_stage.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 class KmsSoak : public KmsStage {
  protected:
@@ -79,4 +79,4 @@ TEST_F(KmsSoak, JitterMakesNoGap) {
   EXPECT_EQ(show->statistics().flip_timeouts + show->statistics().stray_events, 0U);
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

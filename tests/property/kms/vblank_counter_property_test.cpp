@@ -6,7 +6,7 @@
 
 #include "display/kms/scanout/vblank_clock.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 using display::Nanoseconds;
 using display::Vblank;
@@ -60,4 +60,4 @@ TEST(VblankCounterLaw, TimeAndSequenceAreInverse) {
   }
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -16,8 +16,8 @@
 namespace lenticule::render {
 namespace {
 
-using testing::make_rig;
-using testing::make_tiny_stage;
+using test::make_rig;
+using test::make_tiny_stage;
 
 constexpr int kScenes = 12;
 
@@ -47,7 +47,7 @@ class Random {
 
  private:
   void add_sheet(SceneDescription& scene, Vec3 corner, Vec3 a, Vec3 b) {
-    TriangleMesh sheet = testing::rectangle_mesh(corner, a, b, add_material(scene));
+    TriangleMesh sheet = test::rectangle_mesh(corner, a, b, add_material(scene));
     sheet.uvs = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
     scene.meshes.push_back(sheet);
   }
@@ -63,11 +63,11 @@ class Random {
             {.centre = centre, .radius = size, .material = add_material(scene)});
         return;
       case 2:
-        scene.meshes.push_back(testing::box_mesh(
+        scene.meshes.push_back(test::box_mesh(
             centre - Vec3{size, size, size}, centre + Vec3{size, size, size}, add_material(scene)));
         return;
       default:
-        scene.meshes.push_back(testing::ball_mesh(centre, size, 14, add_material(scene)));
+        scene.meshes.push_back(test::ball_mesh(centre, size, 14, add_material(scene)));
     }
   }
 
@@ -235,7 +235,7 @@ SceneDescription noisy_wall(double noisy_part) {
       noise->rgba.push_back(row < noisy_part * noise->height ? any(engine) : 0.5F);
   scene.textures = {noise};
   scene.materials.push_back({.name = "paper", .pbr = std::make_shared<PbrMaterial>(paper)});
-  TriangleMesh sheet = testing::rectangle_mesh({-5, -9, 0}, {10, 0, 0}, {0, 18, 0}, 0);
+  TriangleMesh sheet = test::rectangle_mesh({-5, -9, 0}, {10, 0, 0}, {0, 18, 0}, 0);
   sheet.uvs = {{0, 1}, {1, 1}, {1, 0}, {0, 0}};
   scene.meshes = {sheet};
   return scene;

@@ -21,11 +21,11 @@ constexpr int kWidth = 480, kHeight = 320;
 constexpr int kEvery = 4;  // rows between fans, which are also mm, since pixels are 1 mm high
 
 optics::Rig rig() {
-  return testing::make_rig({.width = kWidth, .height = kHeight, .pixel_mm = 1.0});
+  return test::make_rig({.width = kWidth, .height = kHeight, .pixel_mm = 1.0});
 }
 
 Stage stage() {
-  return testing::make_tiny_stage({.mm_per_unit = 1.0});
+  return test::make_tiny_stage({.mm_per_unit = 1.0});
 }
 
 SceneDescription bright_on_black() {
@@ -55,7 +55,7 @@ void add_fan(TriangleMesh& mesh, Vec3 middle, std::mt19937_64& random) {
 /// Returns a small triangle near the eye: rays start there, which reduces the precision of the
 /// corners.
 TriangleMesh far_start() {
-  return testing::rectangle_mesh({0, 0, 600}, {1e-3, 0, 0}, {0, 1e-3, 0}, 0);
+  return test::rectangle_mesh({0, 0, 600}, {1e-3, 0, 0}, {0, 1e-3, 0}, 0);
 }
 
 /// A fan centred on the ray of every twelfth subpixel of every fourth row.
@@ -65,13 +65,13 @@ struct Fans {
     SceneDescription empty = bright_on_black();
     empty.meshes = {far_start()};
     const Scene committed(empty, stage(), {}, 1);
-    const PrimaryProbe probe(committed, model, best_isa());
+    const bench::PrimaryProbe probe(committed, model, best_isa());
     std::mt19937_64 random(20240607);
     TriangleMesh mesh;
-    std::vector<PrimaryProbe::Line> lines;
+    std::vector<bench::PrimaryProbe::Line> lines;
     for (int tile = 0; tile < probe.tiles(); ++tile) {
       probe.lines(tile, lines);
-      for (const PrimaryProbe::Line& line : lines) {
+      for (const bench::PrimaryProbe::Line& line : lines) {
         if (line.row % kEvery != 1 || line.subpixel % (3 * kEvery) != 4) continue;
         const double z = 2.0 * std::sin(line.row + line.subpixel);
         add_fan(mesh, {line.x_mm + z * line.tan_x, line.y_mm + z * line.tan_y, z}, random);
@@ -82,7 +82,7 @@ struct Fans {
     scene.meshes = {mesh, far_start()};
   }
   SceneDescription scene;
-  std::vector<PrimaryProbe::Line> aimed;
+  std::vector<bench::PrimaryProbe::Line> aimed;
 };
 
 RenderStatistics render(const SceneDescription& description, int threads,
@@ -100,7 +100,7 @@ TEST(HoleGuard, LeavesNoPinholesInPictures) {
   const RenderStatistics statistics = render(fans.scene, 2, frame);
   EXPECT_GT(statistics.filled_holes, 0U) << "nothing slipped";
   int holes = 0;
-  for (const PrimaryProbe::Line& line : fans.aimed)
+  for (const bench::PrimaryProbe::Line& line : fans.aimed)
     if (frame.row(line.row)[line.subpixel] == 0) ++holes;
   EXPECT_EQ(holes, 0);
 }
@@ -162,8 +162,8 @@ TEST(HoleGuard, SuspectsRaysThatContinuePastTheirNeighbours) {
 TEST(HoleGuard, KeepsTrueGapsOpen) {
   // The sheet has a slit, a twentieth of a millimetre wide, through which some rays pass.
   SceneDescription scene = bright_on_black();
-  scene.meshes = {testing::rectangle_mesh({-300, -200, 1}, {600, 0, 0}, {0, 200, 0}, 0),
-                  testing::rectangle_mesh({-300, 0.05, 1}, {600, 0, 0}, {0, 200, 0}, 0)};
+  scene.meshes = {test::rectangle_mesh({-300, -200, 1}, {600, 0, 0}, {0, 200, 0}, 0),
+                  test::rectangle_mesh({-300, 0.05, 1}, {600, 0, 0}, {0, 200, 0}, 0)};
   // Rows lie half a pixel from the middle, so the scene is turned until the slit crosses rows.
   for (TriangleMesh& mesh : scene.meshes)
     for (Vec3& p : mesh.positions) p = {0.8 * p.x - 0.6 * p.y, 0.6 * p.x + 0.8 * p.y, p.z};

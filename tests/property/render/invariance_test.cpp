@@ -7,7 +7,7 @@
 #include "render/make_method.h"
 #include "tests/support/tiny_scenes.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 frames::WovenFrame picture(const render::SceneDescription& description, const render::Stage& stage,
@@ -63,4 +63,4 @@ INSTANTIATE_TEST_SUITE_P(TinyScenes, Invariance, ::testing::ValuesIn(tiny_scenes
                          [](const auto& instance) { return instance.param.name; });
 
 }  // namespace
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -16,13 +16,13 @@
 namespace lenticule::render {
 namespace {
 
-using testing::Evaluation;
+using test::Evaluation;
 
 struct Counts {
   uint64_t subpixels = 0, seen = 0, different = 0, wrong = 0;
 };
 
-testing::SeenSurface surface_of(const SweptRow& row, size_t s) {
+test::SeenSurface surface_of(const SweptRow& row, size_t s) {
   if (row.cut[s] == SweptRow::kNothing) return {};
   const SweptCut& cut = row.cuts[static_cast<size_t>(row.cut[s])];
   return {false, cut.geometry, cut.primitive, row.z_mm[s]};
@@ -44,7 +44,7 @@ class Rows {
     worker_.sweep(j, swept_);
     tracer_.trace(j, traced_);
     for (size_t s = 0; s < traced_.hits.size(); ++s) {
-      const testing::SeenSurface seen = surface_of(swept_, s);
+      const test::SeenSurface seen = surface_of(swept_, s);
       const Hit& hit = traced_.hits[s];
       const bool nothing = hit.geometry >= Hit::kRefused;
       ++counts.subpixels;
@@ -58,9 +58,9 @@ class Rows {
   }
 
  private:
-  void evaluate_ray(int j, int s, const testing::SeenSurface& seen, Counts& counts) {
+  void evaluate_ray(int j, int s, const test::SeenSurface& seen, Counts& counts) {
     const auto hits =
-        testing::oracle_hits(scene_, testing::oracle_ray(model_, s / 3, j, s % 3), start_mm_);
+        test::oracle_hits(scene_, test::oracle_ray(model_, s / 3, j, s % 3), start_mm_);
     if (evaluate(hits, seen) != Evaluation::Wrong) return;
     if (++counts.wrong < 10)
       ADD_FAILURE() << "row " << j << " subpixel " << s << " sees "
@@ -72,8 +72,8 @@ class Rows {
   RowPlanes planes_;
   RowSweep sweep_;
   RowSweep::Worker worker_;
-  RowTracer tracer_;
-  RowTracer::Seen traced_;
+  bench::RowTracer tracer_;
+  bench::RowTracer::Seen traced_;
   SweptRow swept_;
   double start_mm_;
 };
@@ -90,9 +90,9 @@ SceneDescription crowd(std::mt19937_64& random, double extent_mm) {
   scene.materials = {Material{}};
   for (int n = 0; n < 6; ++n)
     scene.meshes.push_back(
-        testing::ball_mesh(place(0.1), extent_mm * uniform(0.02, 0.15), 8 + 4 * n, 0));
+        test::ball_mesh(place(0.1), extent_mm * uniform(0.02, 0.15), 8 + 4 * n, 0));
   const Vec3 low = place(0.2);
-  scene.meshes.push_back(testing::box_mesh(low, low + Vec3{0.2, 0.3, 0.1} * extent_mm, 0));
+  scene.meshes.push_back(test::box_mesh(low, low + Vec3{0.2, 0.3, 0.1} * extent_mm, 0));
   for (int n = 0; n < 20; ++n) {
     scene.spheres.push_back({.centre = place(0.1), .radius = extent_mm * uniform(0.003, 0.06)});
     scene.cones.push_back({.base = place(0.1),
@@ -104,9 +104,9 @@ SceneDescription crowd(std::mt19937_64& random, double extent_mm) {
 }
 
 Stage stage_for(std::mt19937_64& random) {
-  return testing::make_tiny_stage({.mm_per_unit = 1.0,
-                                   .depth_scale = random() % 2 == 0 ? 1.0 : 0.3,
-                                   .turn_degrees = static_cast<double>(random() % 90) - 45.0});
+  return test::make_tiny_stage({.mm_per_unit = 1.0,
+                                .depth_scale = random() % 2 == 0 ? 1.0 : 0.3,
+                                .turn_degrees = static_cast<double>(random() % 90) - 45.0});
 }
 
 TEST(RowSweepAgainstEmbree, AgreesOnKioskRows) {

@@ -42,7 +42,7 @@ using Away = std::function<Vec3(Vec3 normal, Sampler&)>;
 class ShadowCounter {
  public:
   ShadowCounter(const SceneDescription& description, double size, Side side, Away away)
-      : scene_(description, testing::make_tiny_stage({.mm_per_unit = 1.0}), {}, 1),
+      : scene_(description, test::make_tiny_stage({.mm_per_unit = 1.0}), {}, 1),
         size_(size),
         side_(side),
         away_(std::move(away)) {}

@@ -17,8 +17,8 @@ class Watertight : public ::testing::Test {
   Watertight() {
     SceneDescription scene;
     scene.materials = {Material{}};
-    scene.meshes = {testing::ball_mesh({0, 0, 0}, 5.0, 40, 0)};
-    scene_ = std::make_unique<Scene>(scene, testing::make_tiny_stage({.mm_per_unit = 1.0}),
+    scene.meshes = {test::ball_mesh({0, 0, 0}, 5.0, 40, 0)};
+    scene_ = std::make_unique<Scene>(scene, test::make_tiny_stage({.mm_per_unit = 1.0}),
                                      Surroundings{}, 1);
   }
 
@@ -62,20 +62,20 @@ TEST_F(Watertight, RaysAtPointsOfEdgesStayInside) {
 
 /// Exactly at a corner Embree's robust mode lets a few rays pass between the triangles around it.
 TEST_F(Watertight, RaysAtCornersAreCaughtByTheGuard) {
-  std::vector<ProbeRay> rays;
+  std::vector<bench::ProbeRay> rays;
   for (const Vec3 from : kInside)
     for (size_t k = 0; k + 1 < mesh().positions.size(); ++k) {
       const Vec3 at(mesh().positions[k]);
       rays.push_back({from, normalized(at - from)});
     }
-  const Probe probe(*scene_);
-  const auto misses_with = [&](HoleGuard guard) {
-    std::vector<ProbeHit> hits(rays.size());
+  const bench::Probe probe(*scene_);
+  const auto misses_with = [&](bench::HoleGuard guard) {
+    std::vector<bench::ProbeHit> hits(rays.size());
     (void)probe.trace(rays, guard, hits);
-    return std::ranges::count(hits, ProbeHit::What::Nothing, &ProbeHit::what);
+    return std::ranges::count(hits, bench::ProbeHit::What::Nothing, &bench::ProbeHit::what);
   };
-  EXPECT_GT(misses_with(HoleGuard::Off), 0) << "nothing to catch";
-  EXPECT_EQ(misses_with(HoleGuard::On), 0);
+  EXPECT_GT(misses_with(bench::HoleGuard::Off), 0) << "nothing to catch";
+  EXPECT_EQ(misses_with(bench::HoleGuard::On), 0);
 }
 
 }  // namespace

@@ -14,9 +14,9 @@
 namespace lenticule::render {
 namespace {
 
-using testing::make_rig;
-using testing::make_tiny_stage;
-using testing::NamedScene;
+using test::make_rig;
+using test::make_tiny_stage;
+using test::NamedScene;
 
 constexpr double kMmPerUnit = 50.0;
 
@@ -61,7 +61,7 @@ SceneDescription objects(const Materials& of) {
                      {.colour = {0.4, 0.5, 0.9}, .diffuse = 0.7}};
   scene.spheres = {{.centre = {0.3, 0, 0}, .radius = 1.0, .material = 1},
                    {.centre = {0, 0, 0}, .radius = 19.0, .inward = true, .material = 2}};
-  scene.meshes = {testing::ball_mesh({2, -0.3, -1}, 0.7, 8, 1)};
+  scene.meshes = {test::ball_mesh({2, -0.3, -1}, 0.7, 8, 1)};
   scene.cones = {{.base = {-1.7, -1, 0.2},
                   .base_radius = 0.2,
                   .apex = {-1.5, 0.6, 0},
@@ -71,7 +71,7 @@ SceneDescription objects(const Materials& of) {
 }
 
 SceneDescription on_square(SceneDescription scene, double half_size, double height = -1.0) {
-  scene.meshes.push_back(testing::rectangle_mesh(
+  scene.meshes.push_back(test::rectangle_mesh(
       {-half_size, height, half_size}, {2.0 * half_size, 0, 0}, {0, 0, -2.0 * half_size}, 0));
   return scene;
 }
@@ -106,9 +106,9 @@ TEST(WidePrimitives, AHugeWallIsMirroredCorrectly) {
   const optics::Rig rig = rig_of(96, 64);
   const auto between_walls = [](double half_size) {
     SceneDescription scene = on_square(objects(kKinds[1]), half_size);
-    scene.meshes.push_back(testing::rectangle_mesh({-half_size, -half_size, -4 - 0.01 * half_size},
-                                                   {2.0 * half_size, 0, 0.02 * half_size},
-                                                   {0, 2.0 * half_size, 0}, 1));
+    scene.meshes.push_back(test::rectangle_mesh({-half_size, -half_size, -4 - 0.01 * half_size},
+                                                {2.0 * half_size, 0, 0.02 * half_size},
+                                                {0, 2.0 * half_size, 0}, 1));
     return scene;
   };
   const frames::WovenFrame first = rendered(between_walls(1e2), rig);
@@ -154,8 +154,8 @@ bool lies_on_an_edge(const SceneDescription& scene, const Stage& stage,
                      const optics::OpticalModel& model, int i, int j, int channel, int rendered) {
   for (const double x : {-1e-2, 0.0, 1e-2})
     for (const double y : {-1e-2, 0.0, 1e-2}) {
-      const double value = testing::reference_subpixel(scene, stage, model, i, j, channel,
-                                                       {.move_x_mm = x, .move_y_mm = y});
+      const double value = test::reference_subpixel(scene, stage, model, i, j, channel,
+                                                    {.move_x_mm = x, .move_y_mm = y});
       if (std::abs(value - rendered) <= 1.0) return true;
     }
   return false;
@@ -173,7 +173,7 @@ int expect_as_the_oracle_says(const SceneDescription& scene, const std::string& 
     for (int i = 0; i < frame.width(); ++i)
       for (int channel = 0; channel < 3; ++channel) {
         const int code = frame.row(j)[3 * i + channel];
-        const double expected = testing::reference_subpixel(scene, stage, model, i, j, channel);
+        const double expected = test::reference_subpixel(scene, stage, model, i, j, channel);
         if (std::abs(expected - code) <= 1.0) continue;
         ++on_edges;
         EXPECT_TRUE(lies_on_an_edge(scene, stage, model, i, j, channel, code))

@@ -10,7 +10,7 @@
 
 #include "base/error.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 FakeDrm* the_machine = nullptr;
@@ -229,4 +229,4 @@ void FakeDrm::announce_hotplug() {
   (void)!::write(hotplug_fd_, &one, sizeof(one));
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -23,7 +23,7 @@
 #include "display/kms/device/platform.h"
 #include "display/kms/device/session.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 using display::Nanoseconds;
 
@@ -283,4 +283,4 @@ class FakeDrm {
   int map_failures_ = 0;
 };
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -9,7 +9,7 @@
 
 #include "fake_drm_internal.h"
 
-using namespace lenticule::testing;
+using namespace lenticule::test;
 
 namespace {
 

@@ -15,7 +15,7 @@
 #include "base/error.h"
 #include "fake_drm.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 template <typename Event>
@@ -444,4 +444,4 @@ int FakeCard::commit(const std::vector<std::array<uint64_t, 3>>& settings, uint3
   return 0;
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

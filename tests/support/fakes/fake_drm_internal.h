@@ -10,7 +10,7 @@
 
 #include "fake_drm.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 using Faults = std::vector<CallFault> FakeCard::*;
 
@@ -39,4 +39,4 @@ T* copied(const std::vector<T>& values) {
   return copy;
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 /// Returns Ex of the eye on the viewing line that sees a panel point at the apex line of `lens`.
@@ -68,4 +68,4 @@ std::vector<render::SubpixelPlace> beam_grid(int across, int down, int lens) {
   return places;
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -6,7 +6,7 @@
 #include "render/rays/footprint.h"
 #include "tests/support/oracles/reference_renderer.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 /// Returns the ray of a place in the beam of a subpixel. Bisection finds the eye on the viewing
 /// line that sees the place at the apex line of the subpixel's lens; the ray to that eye then
@@ -22,4 +22,4 @@ namespace lenticule::testing {
 /// Returns the middles of across * down * lens equal parts of a beam.
 [[nodiscard]] std::vector<render::SubpixelPlace> beam_grid(int across, int down, int lens);
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <map>
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 // By layer: the narrow one, the wide one.
@@ -109,4 +109,4 @@ double OracleGroundShadow::light_left(Vec3 origin, Vec3 direction) const {
          below * ((1 - right) * darkness(i, j + 1) + right * darkness(i + 1, j + 1));
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -8,7 +8,7 @@
 
 #include "render/scene/scene_description.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 /// OracleGroundShadow handles scenes of meshes without textures.
 class OracleGroundShadow {
@@ -30,4 +30,4 @@ class OracleGroundShadow {
   std::vector<double> hidden_[2];  ///< hidden share of the sky at each grid point, by layer
 };
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 using render::PbrPoint;
@@ -185,4 +185,4 @@ Vec3 oracle_pbr_neutral(Vec3 light) {
               c * (new_peak / peak), Vec3{new_peak, new_peak, new_peak}, g);
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -8,7 +8,7 @@
 
 #include "render/shading/pbr_shading.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 /// Returns the integral of the GGX lobe's reflectance times the cosine, for a Fresnel reflectance
 /// of f0 at normal and f90 at grazing incidence. Isotropic.
@@ -27,4 +27,4 @@ namespace lenticule::testing {
 /// Returns Khronos' PBR Neutral tone map.
 [[nodiscard]] Vec3 oracle_pbr_neutral(Vec3 light);
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -10,7 +10,7 @@
 #include "frames/srgb.h"
 #include "tests/support/oracles/reference_sampling.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 using render::Cone;
@@ -393,4 +393,4 @@ double reference_subpixel(const SceneDescription& scene, const render::Stage& st
   return reference_code(light, scene.colour_managed);
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

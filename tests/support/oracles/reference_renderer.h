@@ -12,7 +12,7 @@
 #include "render/scene/scene_description.h"
 #include "render/scene/stage.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 struct ReferenceOptions {
   int max_depth = 5;
@@ -48,4 +48,4 @@ struct ReferenceLine {
 /// Returns the code value of such light, not rounded.
 [[nodiscard]] double reference_code(double light, bool colour_managed);
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 constexpr uint32_t kGolden = 0x9e3779b9U;
@@ -91,4 +91,4 @@ Vec3 reference_cosine_direction(SquarePoint point, Vec3 axis) {
          axis * std::sqrt(std::max(0.0, 1.0 - at.x * at.x - at.y * at.y));
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -7,7 +7,7 @@
 
 #include "optics/vec.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 /// Path id of the eye's rays; mirrored and refracted rays have others.
 inline constexpr uint32_t kReferencePath = 1;
@@ -32,4 +32,4 @@ struct SquarePoint {
 /// Returns a unit direction about `axis`, cosine-weighted.
 [[nodiscard]] Vec3 reference_cosine_direction(SquarePoint point, Vec3 axis);
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 struct InPlane {
@@ -58,4 +58,4 @@ FoundPoint oracle_on_chords(const optics::OpticalModel& model, int row, int chan
   return best;
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -7,7 +7,7 @@
 
 #include "optics/model.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 /// The point that a subpixel shows, as its tracer found it.
 struct SeenPoint {
@@ -38,4 +38,4 @@ struct OracleRules {
                                           const std::vector<SeenPoint>& points, int target,
                                           long lens, const OracleRules& rules);
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

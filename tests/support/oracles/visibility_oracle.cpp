@@ -8,7 +8,7 @@
 #include "render/accel/quadrics.h"
 #include "render/scene/scene.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -164,4 +164,4 @@ Evaluation evaluate(const std::vector<OracleHit>& hits, const SeenSurface& seen)
   return named->z_high_mm >= certain_z ? Evaluation::Close : Evaluation::Wrong;
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -9,7 +9,7 @@
 #include "optics/model.h"
 #include "render/scene/scene.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 /// A surface that a ray hits, or may hit if it is displaced by a tolerance.
 struct OracleHit {
@@ -52,4 +52,4 @@ enum class Evaluation {
 };
 [[nodiscard]] Evaluation evaluate(const std::vector<OracleHit>& hits, const SeenSurface& seen);
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

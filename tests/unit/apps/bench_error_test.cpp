@@ -19,7 +19,7 @@
 #include "render/make_method.h"
 #include "tests/support/noise_frame.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 optics::Rig sample_rig(const std::string& name) {
@@ -202,7 +202,7 @@ void expect_figures_of_single_frames(ErrorScenario which, double turned_by_degre
   const ErrorScene scene("tree:3");
   render::RenderOptions options;
   options.threads = 1;
-  const StageSequence stages(scene.after(0), model, {}, turned_by_degrees);
+  const tools::StageSequence stages(scene.after(0), model, {}, turned_by_degrees);
   frames::WovenFrame full({.width = 48, .height = 32});
   frames::WovenFrame test = full;
   for (size_t n = 0; n < 3; ++n) {
@@ -291,7 +291,7 @@ TEST(WorstPlaces, KeepsTheWorstPlacesOfAllFramesWithoutDuplicates) {
   WorstPlaces places;
   places.add(0, full.view(), off({{50, 10}, {250, 20}}).view(), seen, seen_test);
   places.add(1, full.view(), off({{50, 200}, {250, 5}, {450, 1}}).view(), seen, seen_test);
-  const ScratchFolder folder;
+  const tools::ScratchFolder folder;
   const nlohmann::json written = places.write(folder.file("worst"), "tree:3 x");
   ASSERT_EQ(written.size(), 3U);
   const std::array<std::pair<int, int>, 3> expected = {{{1, 50}, {0, 250}, {1, 450}}};
@@ -329,4 +329,4 @@ TEST(ErrorEyes, SeeNoDifferenceBetweenEqualFramesOnly) {
 }
 
 }  // namespace
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

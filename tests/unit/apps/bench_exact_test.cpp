@@ -10,7 +10,7 @@
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-bench/harness/bench_timing.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 TEST(ExactVariants, BeginWithTheUnchangedFrameAndHaveNames) {
@@ -77,4 +77,4 @@ TEST(TimeByTurns, RunsEveryCaseInEveryRun) {
 }
 
 }  // namespace
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

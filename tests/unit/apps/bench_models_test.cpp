@@ -22,7 +22,7 @@
 #include "tests/support/scratch_folder.h"
 #include "tests/support/tiny_scenes.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 using test::error_of;
@@ -66,7 +66,7 @@ Place projected(const render::Camera& camera, Vec3 point) {
 render::SceneDescription box(Vec3 low, Vec3 high) {
   render::SceneDescription scene;
   scene.materials = {{}};
-  scene.meshes = {testing::box_mesh(low, high, 0)};
+  scene.meshes = {test::box_mesh(low, high, 0)};
   return scene;
 }
 
@@ -252,4 +252,4 @@ TEST(JudgeJobs, StateCameraEnvironmentAndPicture) {
 }
 
 }  // namespace
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -9,7 +9,7 @@
 #include "apps/lenticule-bench/harness/bench.h"
 #include "optics/rig_file.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 TEST(PaperFigures, ThePapersPsnrFollowsFromItsColumnAsSquaredError) {
@@ -72,4 +72,4 @@ TEST(PaperSummary, AddsUpFramesOfAllSpans) {
 }
 
 }  // namespace
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -10,7 +10,7 @@
 #include "apps/lenticule-bench/realtime/timed_display.h"
 #include "display/virtual/virtual_display.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 constexpr int64_t kMs = 1'000'000;
@@ -157,4 +157,4 @@ TEST(TimedDisplay, NotesTheVblankOfEachFrame) {
 }
 
 }  // namespace
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -10,7 +10,7 @@
 #include "render/scene/stage.h"
 #include "tests/support/tiny_scenes.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 TEST(Benchmarks, HaveDifferentNames) {
@@ -28,14 +28,13 @@ TEST(KioskRig, IsTheSampleRig) {
 }
 
 TEST(TimeVisibility, TracesEverySubpixel) {
-  const optics::Rig rig = testing::make_rig({.width = 50, .height = 30});
-  const render::Scene scene(testing::tiny_scenes().front().scene, testing::make_tiny_stage(), {});
-  const render::VisibilityTiming timing =
-      render::time_visibility(scene, optics::OpticalModel(rig), 2);
+  const optics::Rig rig = test::make_rig({.width = 50, .height = 30});
+  const render::Scene scene(test::tiny_scenes().front().scene, test::make_tiny_stage(), {});
+  const VisibilityTiming timing = time_visibility(scene, optics::OpticalModel(rig), 2);
   EXPECT_EQ(timing.rays, 50U * 30U * 3U);
   EXPECT_GT(timing.bare_seconds, 0.0);
   EXPECT_GT(timing.pass_seconds, 0.0);
 }
 
 }  // namespace
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -6,7 +6,7 @@
 
 #include "render/loaders/nff.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 void expect_same(const render::Material& a, const render::Material& b) {
@@ -89,4 +89,4 @@ TEST(BuiltInScene, IsTheSceneOfItsNffText) {
 }
 
 }  // namespace
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

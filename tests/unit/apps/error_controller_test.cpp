@@ -12,7 +12,7 @@
 
 #include "base/error.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 /// SimulatedRenderer takes `seconds` at an error of 1, and error^-slope times that at others, give
@@ -125,4 +125,4 @@ TEST(ErrorController, RefusesRatesThatNoRendererHas) {
 }
 
 }  // namespace
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -15,7 +15,7 @@
 #include "render/scene/stage.h"
 #include "tests/support/texels.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 render::SceneDescription built_in(const char* name, int size) {
@@ -67,7 +67,7 @@ TEST(GltfWriter, KeepsNormalsAndTexels) {
   scene.materials[static_cast<size_t>(scene.meshes[0].material)].texture = 0;
   const render::SceneDescription again = read_back(write_gltf(scene));
   ASSERT_EQ(again.textures.size(), 1U);
-  const std::vector<float> texels = testing::texels_of(*again.textures[0]);
+  const std::vector<float> texels = test::texels_of(*again.textures[0]);
   EXPECT_NEAR(texels[0], 1.0F, 1e-6F);
   EXPECT_NEAR(texels[1], 0.2159F, 1e-3F) << "linear light of code 128";
   const auto smooth = std::count_if(again.meshes.begin(), again.meshes.end(),
@@ -91,4 +91,4 @@ TEST(GltfWriter, RefusesScenesWithSpheres) {
 }
 
 }  // namespace
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

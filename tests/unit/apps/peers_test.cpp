@@ -11,7 +11,7 @@
 #include "render/loaders/nff.h"
 #include "scenes/scene_list.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 using ::testing::ElementsAre;
@@ -130,4 +130,4 @@ TEST(Peers, HaveTargetsForTheClassicScenesOnly) {
 }
 
 }  // namespace
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

@@ -11,7 +11,7 @@
 #include "optics/model.h"
 #include "tests/support/scratch_folder.h"
 
-namespace lenticule::phone_bench {
+namespace lenticule::bench {
 namespace {
 
 constexpr int kGreen = 1;
@@ -174,4 +174,4 @@ TEST(PhoneBench, AFileKeepsTheCodesAndTheFocalLength) {
 }
 
 }  // namespace
-}  // namespace lenticule::phone_bench
+}  // namespace lenticule::bench

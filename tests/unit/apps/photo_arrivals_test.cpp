@@ -10,7 +10,7 @@
 #include "base/error.h"
 #include "tests/support/scratch_folder.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 using ::testing::ElementsAre;
@@ -68,4 +68,4 @@ TEST_F(Arrivals, AMissingFolderIsAnError) {
 }
 
 }  // namespace
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

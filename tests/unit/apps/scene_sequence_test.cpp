@@ -9,17 +9,17 @@
 #include "base/error.h"
 #include "tests/support/tiny_scenes.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 TEST(FrameRange, IsHalfOpenOrOneFrame) {
-  EXPECT_EQ(parse_frame_range("3:7").begin, 3U);
-  EXPECT_EQ(parse_frame_range("3:7").end, 7U);
-  EXPECT_EQ(parse_frame_range("5").begin, 5U);
-  EXPECT_EQ(parse_frame_range("5").count(), 1U);
+  EXPECT_EQ(player::parse_frame_range("3:7").begin, 3U);
+  EXPECT_EQ(player::parse_frame_range("3:7").end, 7U);
+  EXPECT_EQ(player::parse_frame_range("5").begin, 5U);
+  EXPECT_EQ(player::parse_frame_range("5").count(), 1U);
   for (const char* text :
        {"", ":", "1:", ":2", "2:2", "3:1", "-1:2", "a:b", "1:2:3", "1.5", "0:99999999999999999999"})
-    EXPECT_THROW((void)parse_frame_range(text), Error) << text;
+    EXPECT_THROW((void)player::parse_frame_range(text), Error) << text;
 }
 
 TEST(SceneSequence, RepeatsBuiltInScenesAfterTheirLastFrame) {
@@ -76,7 +76,7 @@ TEST_F(NumberedScenes, MustAllExist) {
 }
 
 TEST(StageSequence, KeepsDepthAndPlaceFromFrameToFrame) {
-  const optics::OpticalModel model(testing::make_rig({}));
+  const optics::OpticalModel model(test::make_rig({}));
   render::SceneDescription scene;
   scene.materials = {render::Material{}};
   scene.spheres = {{.centre = {0, 0, 0}, .radius = 1}};
@@ -100,13 +100,13 @@ TEST(StageSequence, KeepsDepthAndPlaceFromFrameToFrame) {
 }
 
 TEST(FrameRange, KnowsThePartBeforeAFrame) {
-  const FrameRange range{10, 14};
+  const player::FrameRange range{10, 14};
   EXPECT_EQ(range.part_before(10), 0.0);
   EXPECT_EQ(range.part_before(13), 0.75);
 }
 
 TEST(StageSequence, TurnsTheSceneAtTheSameSizeAndPlace) {
-  const optics::OpticalModel model(testing::make_rig({}));
+  const optics::OpticalModel model(test::make_rig({}));
   render::SceneDescription scene;
   scene.materials = {render::Material{}};
   scene.spheres = {{.centre = {0, 0, 0}, .radius = 1}, {.centre = {4, 1, 0}, .radius = 1}};
@@ -128,4 +128,4 @@ TEST(StageSequence, TurnsTheSceneAtTheSameSizeAndPlace) {
 }
 
 }  // namespace
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

@@ -11,7 +11,7 @@
 #include "apps/lenticule-bench/stability/rows.h"
 #include "apps/lenticule-bench/stability/tally.h"
 
-namespace lenticule::player {
+namespace lenticule::bench {
 namespace {
 
 StabilityRow good_row() {
@@ -114,4 +114,4 @@ TEST(ForEachPart, RunsEveryPartOnceAndRethrows) {
 }
 
 }  // namespace
-}  // namespace lenticule::player
+}  // namespace lenticule::bench

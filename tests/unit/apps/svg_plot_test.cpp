@@ -8,7 +8,7 @@
 
 #include "base/error.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 using ::testing::ElementsAre;
@@ -113,4 +113,4 @@ TEST(SvgPlot, ReportsAFileThatCannotBeWritten) {
 }
 
 }  // namespace
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

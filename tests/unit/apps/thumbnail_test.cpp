@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 render::SceneDescription ball() {
@@ -65,4 +65,4 @@ TEST(FlatView, WithoutACameraTheEyeStaysBeforeTheScene) {
 }
 
 }  // namespace
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

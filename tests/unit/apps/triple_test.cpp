@@ -8,7 +8,7 @@
 
 #include "base/error.h"
 
-namespace lenticule::player {
+namespace lenticule::cli {
 namespace {
 
 TEST(ParseTriple, ReadsThreeNumbers) {
@@ -39,4 +39,4 @@ TEST(AddTriple, HelpShowsTheTypeAndWrongValuesAreErrorsOfTheCommandLine) {
 }
 
 }  // namespace
-}  // namespace lenticule::player
+}  // namespace lenticule::cli

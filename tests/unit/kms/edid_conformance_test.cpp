@@ -20,7 +20,7 @@
 #include "tests/support/process.h"
 #include "tests/support/random_edids.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -214,4 +214,4 @@ TEST_F(EdidConformance, AgreesWithEdidDecodeOnTelevisionModes) {
   }
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

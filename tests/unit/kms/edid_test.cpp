@@ -5,7 +5,7 @@
 
 #include "tests/support/fakes/fake_drm.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 using display::EdidProblem;
 using display::read_edid;
@@ -125,4 +125,4 @@ TEST(Edid, RigMatchesByEveryMemberThatItNames) {
   EXPECT_FALSE(display::matches(wanted, panel));
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

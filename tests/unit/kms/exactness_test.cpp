@@ -10,7 +10,7 @@
 #include "display/kms/device/television_modes.h"
 #include "kms_stage.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 using display::AuditOutcome;
 using display::AuditRow;
@@ -462,4 +462,4 @@ TEST(ExactnessRules, NameEachPropertyOfAnObjectOnce) {
   }
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

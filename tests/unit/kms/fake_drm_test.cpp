@@ -7,7 +7,7 @@
 
 #include <string>
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 /// Returns the libraries that the program itself links to.
@@ -40,4 +40,4 @@ TEST(FakeDrm, ImplementsEveryLibdrmCall) {
   EXPECT_EQ(needed.find("libdrm"), std::string::npos) << needed;
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

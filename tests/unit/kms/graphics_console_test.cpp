@@ -15,7 +15,7 @@
 
 #include "kms_stage.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 using display::GraphicsConsole;
 using display::restore_console_now;
@@ -228,4 +228,4 @@ TEST_F(DisplayConsole, IsOptional) {
   expect_displayed(1);
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

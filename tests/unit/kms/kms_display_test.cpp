@@ -4,7 +4,7 @@
 #include "kms_stage.h"
 #include "tests/support/turned_picture.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 class KmsDisplay : public KmsStage {
  protected:
@@ -217,4 +217,4 @@ TEST_F(KmsDisplay, RunsFor400DaysByTime) {
   expect_400_days();
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

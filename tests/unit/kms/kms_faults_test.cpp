@@ -4,7 +4,7 @@
 
 #include "kms_stage.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 class KmsFaults : public KmsStage {
  protected:
@@ -373,4 +373,4 @@ TEST_F(KmsFaults, AllFaultsTogetherStillShowTheFrame) {
   EXPECT_EQ(show->statistics().flips, 299U);
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

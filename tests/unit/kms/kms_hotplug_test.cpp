@@ -4,7 +4,7 @@
 
 #include "kms_stage.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 using display::PanelState;
 
@@ -218,4 +218,4 @@ TEST_F(KmsHotplug, AnyPanelOfTheRightSizeServesARigWithoutIdentity) {
   expect_displayed(2);
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

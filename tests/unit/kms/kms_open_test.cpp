@@ -8,7 +8,7 @@
 #include "display/kms/inspect.h"
 #include "kms_stage.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 using ::testing::HasSubstr;
 
@@ -340,4 +340,4 @@ TEST_F(KmsOpen, DiagnosisSaysThatAnotherProgramIsMaster) {
   EXPECT_THAT(diagnoses[0].problem, HasSubstr("master"));
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

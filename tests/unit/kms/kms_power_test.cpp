@@ -5,7 +5,7 @@
 #include "display/kms/scanout/takeover_state.h"
 #include "kms_stage.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 using display::Verdict;
@@ -115,4 +115,4 @@ TEST_F(KmsPower, TheNextPlayerLearnsThatTheOutputIsOff) {
 }
 
 }  // namespace
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -12,7 +12,7 @@
 #include "display/kms/scanout/kms_display.h"
 #include "tests/support/fakes/fake_drm.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 using display::DisplayEvent;
 using display::EventKind;
@@ -136,4 +136,4 @@ class KmsStage : public ::testing::Test {
   std::unique_ptr<display::KmsDisplay> show;
 };
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -8,7 +8,7 @@
 #include "display/kms/scanout/connector_prober.h"
 #include "kms_stage.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 class KmsThreads : public KmsStage {
  protected:
@@ -66,4 +66,4 @@ TEST_F(KmsThreads, FramesAreFilledOnAnotherThreadThanThePresenters) {
   frame_copier.join();
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -8,7 +8,7 @@
 #include "display/kms/tile_groups.h"
 #include "kms_stage.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -279,4 +279,4 @@ TEST_F(KmsTiles, ARefusedJointCommitNamesAllConnectors) {
 }
 
 }  // namespace
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

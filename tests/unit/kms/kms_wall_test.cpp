@@ -5,7 +5,7 @@
 #include "display/kms/inspect.h"
 #include "kms_stage.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -251,4 +251,4 @@ TEST_F(KmsWall, APictureOfTheWholeSizeFillsAllPanels) {
 }
 
 }  // namespace
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

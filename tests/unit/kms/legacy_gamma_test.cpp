@@ -9,7 +9,7 @@
 #include "display/kms/inspect.h"
 #include "kms_stage.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 using display::AuditOutcome;
 using display::AuditRow;
@@ -144,4 +144,4 @@ TEST(LinearRamp, SpansTheFullRangeForEveryLength) {
   for (size_t i = 1; i < 33; ++i) EXPECT_NEAR(ramp.red[i] - ramp.red[i - 1], 65535.0 / 32, 1.0);
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

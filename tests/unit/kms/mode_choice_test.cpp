@@ -5,7 +5,7 @@
 #include "display/kms/probe/pipe.h"
 #include "tests/support/fakes/fake_drm.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 using display::ConnectorInfo;
 using display::EdidProblem;
@@ -136,4 +136,4 @@ TEST(ModeChoice, OfEqualModesTheSlowerClockIsTaken) {
   EXPECT_EQ(choose_mode({with_clock(594000, false), reduced}, kUhd, std::nullopt)->clock, 533280U);
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -5,7 +5,7 @@
 
 #include "base/error.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 using display::OutputRequest;
 using display::parse_kms_spec;
@@ -43,4 +43,4 @@ TEST(OutputRequest, RefusesEverythingElse) {
   }
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

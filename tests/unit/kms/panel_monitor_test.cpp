@@ -5,7 +5,7 @@
 
 #include "tests/support/fakes/fake_drm.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 using display::ConnectorInfo;
 using display::evaluate_panel;
@@ -53,4 +53,4 @@ TEST_F(PanelEvaluation, ReportsAModeThatIsGoneOrWouldBeScaled) {
   EXPECT_EQ(state_of(panel), PanelState::ModeMissing);
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

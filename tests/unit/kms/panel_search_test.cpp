@@ -5,7 +5,7 @@
 #include "display/kms/inspect.h"
 #include "kms_stage.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 using display::PanelSearch;
 using ::testing::HasSubstr;
@@ -93,4 +93,4 @@ TEST_F(PanelSearchTest, NoCardIsRefused) {
   EXPECT_THAT(result.refusal.what(), HasSubstr("no graphics card"));
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -3,7 +3,7 @@
 
 #include "display/kms/scanout/page_flip.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 using display::kNever;
 using display::Nanoseconds;
@@ -87,4 +87,4 @@ TEST(PendingFlip, CanGetStuckInEveryPhase) {
   EXPECT_EQ(flip.phase(), Phase::None);
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -3,7 +3,7 @@
 // modeset.
 #include "kms_stage.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 using display::TakeoverState;
 
@@ -145,4 +145,4 @@ TEST_F(Takeover, ImplausibleBytesAreRejected) {
   EXPECT_TRUE(rejected([](TakeoverState& s) { s.card.fill('x'); }));
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

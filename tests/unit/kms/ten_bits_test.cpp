@@ -10,7 +10,7 @@
 #include "kms_stage.h"
 #include "tests/support/fakes/scanout_words.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 using display::AuditOutcome;
 using display::AuditRow;
@@ -181,4 +181,4 @@ TEST_F(TenBits, DoctorTestsTheFormatThatIsAskedFor) {
   EXPECT_EQ(found[0].exactness.verdict, Verdict::No);
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -8,7 +8,7 @@
 #include "display/kms/inspect.h"
 #include "kms_stage.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 using display::AuditOutcome;
 using display::AuditRow;
@@ -91,4 +91,4 @@ TEST_F(VariableRefresh, DoctorSaysThatItWouldBeHeldAndChangesNothing) {
   EXPECT_EQ(enabled().value, 1U);
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -3,7 +3,7 @@
 
 #include "display/kms/scanout/vblank_clock.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 using display::Nanoseconds;
 using display::Vblank;
@@ -66,4 +66,4 @@ TEST(VblankCounter, SwitchesToTimeWithoutAJump) {
   EXPECT_EQ(counter.first_from(seconds(3)).sequence, 820U);
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -142,7 +142,7 @@ TEST_F(TurningBox, TextureCoordinatesStartAtTheTop) {
     EXPECT_EQ(crate.uvs[i][1], crate.positions[i].y > 0 ? 0.0F : 1.0F);
   }
   EXPECT_EQ(front_corners, 4U);
-  const std::vector<float> texels = testing::texels_of(picture);
+  const std::vector<float> texels = test::texels_of(picture);
   const auto red = [&](int x, int y) {
     return texels[static_cast<size_t>(4 * (y * picture.width + x))];
   };

@@ -75,13 +75,13 @@ std::vector<GltfFeatureCase> gltf_material_features() {
          EXPECT_EQ(p.normal_scale, 0.5);
          EXPECT_EQ(p.occlusion_strength, 0.25);
          const auto grey = [&](const TextureUse& use, frames::TextureContent content) {
-           return testing::texels_of(*s.textures[static_cast<size_t>(use.texture)], content)[12];
+           return test::texels_of(*s.textures[static_cast<size_t>(use.texture)], content)[12];
          };
          EXPECT_NEAR(grey(p.base_colour_texture, frames::TextureContent::Colour), 0.5029, 1e-4)
              << "decoded from sRGB";
          EXPECT_NEAR(grey(p.normal_texture, frames::TextureContent::Data), 188.0 / 255.0, 1e-6)
              << "as it is";
-         EXPECT_NEAR(testing::texels_of(*s.textures[0])[11], 128.0 / 255.0, 1e-6) << "alpha";
+         EXPECT_NEAR(test::texels_of(*s.textures[0])[11], 128.0 / 255.0, 1e-6) << "alpha";
        }},
       {"TheTextureOfTheSecondCoordinates",
        [](GltfModel& m) {
@@ -147,7 +147,7 @@ std::vector<GltfFeatureCase> gltf_material_features() {
        [](const SceneDescription& s) {
          ASSERT_THAT(s.textures, SizeIs(1)) << ::testing::PrintToString(s.notes);
          EXPECT_EQ(s.textures[0]->width, 2);
-         EXPECT_NEAR(testing::texels_of(*s.textures[0])[11], 128.0 / 255.0, 1e-6);
+         EXPECT_NEAR(test::texels_of(*s.textures[0])[11], 128.0 / 255.0, 1e-6);
        }},
       {"Ktx2TexturesWithoutASubstituteAreNoted",
        [](GltfModel& m) {

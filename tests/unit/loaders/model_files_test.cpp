@@ -94,7 +94,7 @@ TEST_F(ModelFiles, MtlStatesMetallicRoughness) {
   ASSERT_GE(material.pbr->normal_texture.texture, 0);
   ASSERT_GE(material.pbr->emission_texture.texture, 0);
   ASSERT_GE(material.pbr->metallic_roughness_texture.texture, 0);
-  const std::vector<float> rough = testing::texels_of(
+  const std::vector<float> rough = test::texels_of(
       *scene.textures[static_cast<size_t>(material.pbr->metallic_roughness_texture.texture)],
       frames::TextureContent::Data);
   EXPECT_NEAR(rough.at(13), 188.0 / 255.0, 1e-6) << "roughness in green, as data";

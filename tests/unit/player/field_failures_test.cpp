@@ -20,11 +20,11 @@ using display::Verdict;
 using std::chrono::hours;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
-using testing::EdidMaker;
+using test::EdidMaker;
+using test::make_mode;
 using ::testing::HasSubstr;
-using testing::make_mode;
 
-class FieldFailures : public testing::PanelFixture {
+class FieldFailures : public test::PanelFixture {
  protected:
   /// Plays `frames` frames and expects each of them displayed, once and in order.
   void expect_all_shown(uint64_t frames = 20) {
@@ -40,8 +40,8 @@ class FieldFailures : public testing::PanelFixture {
     waiting.kms = options;
     return PanelWait(waiting).open();
   }
-  testing::FakeProperty& add_enum(uint32_t object, const std::string& name, uint64_t value,
-                                  std::vector<std::pair<std::string, uint64_t>> enums) {
+  test::FakeProperty& add_enum(uint32_t object, const std::string& name, uint64_t value,
+                               std::vector<std::pair<std::string, uint64_t>> enums) {
     return card.add_property(
         object,
         {.name = name, .flags = DRM_MODE_PROP_ENUM, .value = value, .enums = std::move(enums)});
@@ -50,12 +50,12 @@ class FieldFailures : public testing::PanelFixture {
 
 TEST_F(FieldFailures, ShowsTheFilmOnTheRigsPanelAmongSeveralMonitors) {
   card.set_edid(connector->id, EdidMaker{.manufacturer = "DEL", .serial_text = "DESK"}.bytes());
-  testing::FakeConnector& panel = card.add_connector(
-      DRM_MODE_CONNECTOR_DisplayPort, 1, make_mode(testing::kWidth, testing::kHeight, 60),
-      EdidMaker{.serial_text = "ONE"}.bytes());
-  testing::FakeConnector& third = card.add_connector(
-      DRM_MODE_CONNECTOR_HDMIA, 2, make_mode(testing::kWidth, testing::kHeight, 60),
-      EdidMaker{.serial_text = "TWO"}.bytes());
+  test::FakeConnector& panel = card.add_connector(DRM_MODE_CONNECTOR_DisplayPort, 1,
+                                                  make_mode(test::kWidth, test::kHeight, 60),
+                                                  EdidMaker{.serial_text = "ONE"}.bytes());
+  test::FakeConnector& third =
+      card.add_connector(DRM_MODE_CONNECTOR_HDMIA, 2, make_mode(test::kWidth, test::kHeight, 60),
+                         EdidMaker{.serial_text = "TWO"}.bytes());
   panel.possible_crtcs = third.possible_crtcs = 1;
   expect_all_shown();
   EXPECT_EQ(card.value(panel.id, "CRTC_ID"), crtc);
@@ -79,7 +79,7 @@ TEST_F(FieldFailures, ReadsTheEdidAgainUntilItIsComplete) {
 }
 
 TEST_F(FieldFailures, PlaysOnWhenFlipEventsAreLost) {
-  card.event_faults.assign(20, testing::EventFault::Lose);
+  card.event_faults.assign(20, test::EventFault::Lose);
   expect_all_shown();
   EXPECT_EQ(show->statistics().flip_timeouts, 20u);
 }
@@ -88,7 +88,7 @@ TEST_F(FieldFailures, WaitsForThePanelsModeAfterAPowerCycle) {
   const auto modes = connector->modes;
   on_shown = [&](uint64_t id) {
     if (id == 5) {  // after a power cycle the panel offers a fallback mode first
-      connector->modes = {make_mode(testing::kWidth / 2, testing::kHeight / 2, 60)};
+      connector->modes = {make_mode(test::kWidth / 2, test::kHeight / 2, 60)};
       connector->connected = false;
       machine.announce_hotplug();
     }
@@ -100,8 +100,8 @@ TEST_F(FieldFailures, WaitsForThePanelsModeAfterAPowerCycle) {
   };
   expect_all_shown(400);
   EXPECT_EQ(show->statistics().panel, display::PanelState::Showing);
-  EXPECT_EQ(show->mode().geometry, testing::kPanel);
-  EXPECT_EQ(card.value(card.primary_of(crtc), "CRTC_W"), uint64_t{testing::kWidth});
+  EXPECT_EQ(show->mode().geometry, test::kPanel);
+  EXPECT_EQ(card.value(card.primary_of(crtc), "CRTC_W"), uint64_t{test::kWidth});
 }
 
 TEST_F(FieldFailures, ClearsInheritedHdrAndGammaAndRestoresThemAtTheEnd) {
@@ -154,14 +154,14 @@ TEST_F(FieldFailures, ReportsUnknownExactnessForAnHdmiPanelThatAcceptsYcbcr) {
 
 TEST_F(FieldFailures, ResetsAScaledPlaneLeftByAnotherProgram) {
   card.show_console(connector->id, crtc);
-  testing::FakeObject& plane = card.object(card.primary_of(crtc));
-  plane.find("SRC_W")->value = uint64_t{testing::kWidth / 2} << 16;  // left by the program before
+  test::FakeObject& plane = card.object(card.primary_of(crtc));
+  plane.find("SRC_W")->value = uint64_t{test::kWidth / 2} << 16;  // left by the program before
   plane.find("CRTC_X")->value = 3;
   on_shown = [&](uint64_t) {
-    EXPECT_EQ(plane.value("SRC_W"), uint64_t{testing::kWidth} << 16);
-    EXPECT_EQ(plane.value("SRC_H"), uint64_t{testing::kHeight} << 16);
-    EXPECT_EQ(plane.value("CRTC_W"), uint64_t{testing::kWidth});
-    EXPECT_EQ(plane.value("CRTC_H"), uint64_t{testing::kHeight});
+    EXPECT_EQ(plane.value("SRC_W"), uint64_t{test::kWidth} << 16);
+    EXPECT_EQ(plane.value("SRC_H"), uint64_t{test::kHeight} << 16);
+    EXPECT_EQ(plane.value("CRTC_W"), uint64_t{test::kWidth});
+    EXPECT_EQ(plane.value("CRTC_H"), uint64_t{test::kHeight});
     EXPECT_EQ(plane.value("CRTC_X") + plane.value("CRTC_Y"), 0u);
     EXPECT_EQ(plane.value("SRC_X") + plane.value("SRC_Y"), 0u);
   };
@@ -169,7 +169,7 @@ TEST_F(FieldFailures, ResetsAScaledPlaneLeftByAnotherProgram) {
 }
 
 TEST_F(FieldFailures, RefusesAPanelLargerThanTheFilm) {
-  connector->modes = {make_mode(2 * testing::kWidth, 2 * testing::kHeight, 60)};
+  connector->modes = {make_mode(2 * test::kWidth, 2 * test::kHeight, 60)};
   EXPECT_THROW(open(), Error);
   EXPECT_EQ(card.modesets, 0);
 }
@@ -216,7 +216,7 @@ TEST_F(FieldFailures, KeepsTheLastFrameWhenTheRendererFreezes) {
   script.ready_at = [](uint64_t n) { return n < 6 ? seconds(0) : hours(100'000); };
   playing.stall_timeout = seconds(30);
   EXPECT_EQ(play_script().outcome, PlayOutcome::SourceStalled);
-  EXPECT_EQ(card.displayed(crtc), testing::words_of(test::numbered_frame(testing::kPanel, 5)))
+  EXPECT_EQ(card.displayed(crtc), test::words_of(test::numbered_frame(test::kPanel, 5)))
       << "the last whole frame stays";
 }
 
@@ -233,8 +233,8 @@ TEST_F(FieldFailures, StopsWatchdogPingsWhenNoFrameIsShown) {
   EXPECT_FALSE(should_ping()) << "nothing was shown, and the display was not even asked";
   card.flip_faults = {{.error = EBUSY, .until = machine.now() + hours(1)}};
   card.commit_faults = card.flip_faults;
-  EXPECT_EQ(submit(2), testing::SubmitStatus::Accepted);
-  EXPECT_EQ(wait(seconds(20)).kind, testing::EventKind::Timeout);
+  EXPECT_EQ(submit(2), test::SubmitStatus::Accepted);
+  EXPECT_EQ(wait(seconds(20)).kind, test::EventKind::Timeout);
   report.wake.count += 100;  // the thread runs, but displays no picture
   EXPECT_FALSE(should_ping());
 }
@@ -244,20 +244,20 @@ TEST_F(FieldFailures, ShowsEverySubpixelUnchanged) {
   display::ScanoutBuffer* buffer = show->acquire();
   ASSERT_NE(buffer, nullptr);
   frames::WovenFrame frame(
-      testing::kPanel);  // adjacent subpixels with the largest possible difference
+      test::kPanel);  // adjacent subpixels with the largest possible difference
   for (size_t i = 0; i < frame.bytes().size(); ++i)
     frame.bytes()[i] = (i + i / frame.geometry().row_bytes()) % 2 == 0 ? 0 : 255;
   buffer->fill(frame.view());
-  ASSERT_EQ(show->submit(buffer, 1), testing::SubmitStatus::Accepted);
-  ASSERT_EQ(wait().kind, testing::EventKind::Flip);
-  EXPECT_EQ(card.displayed(crtc), testing::words_of(frame));
+  ASSERT_EQ(show->submit(buffer, 1), test::SubmitStatus::Accepted);
+  ASSERT_EQ(wait().kind, test::EventKind::Flip);
+  EXPECT_EQ(card.displayed(crtc), test::words_of(frame));
 }
 
 TEST_F(FieldFailures, RefusesAFilmWovenForAnotherPanel) {
   options.output.identity.serial = "ANOTHER";
   EXPECT_THROW(open(), Error);
   options.output.identity.serial = "ONE";
-  script.geometry.width = testing::kWidth + 1;
+  script.geometry.width = test::kWidth + 1;
   EXPECT_THROW((void)play_script(), Error);
   EXPECT_TRUE(shown.empty());
 }

@@ -14,7 +14,7 @@ using display::Nanoseconds;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-class LostDisplayTest : public testing::PanelFixture {
+class LostDisplayTest : public test::PanelFixture {
  protected:
   LostDisplayTest() {
     playing.reconnect = [this](const LostDisplay& lost) { return replug(lost); };
@@ -132,7 +132,7 @@ TEST_F(LostDisplayTest, ADifferentRefreshAfterTheReturnRestartsPacing) {
     if (id == 9 && losses == 0) card.unplug();
   };
   meanwhile = [this] {
-    connector->modes = {testing::make_mode(testing::kWidth, testing::kHeight, 120)};
+    connector->modes = {test::make_mode(test::kWidth, test::kHeight, 120)};
     card.period = Nanoseconds(1'000'000'000 / 120);
   };
   const PlayResult result = play_script();

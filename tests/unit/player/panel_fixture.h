@@ -10,7 +10,7 @@
 #include "tests/support/fakes/fake_source.h"
 #include "tests/unit/kms/kms_stage.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 /// A displayed frame, and whether its pixels were correct.
 struct Shown {
@@ -91,4 +91,4 @@ class PanelFixture : public KmsStage {
   }
 };
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -24,7 +24,7 @@ using ::testing::HasSubstr;
 
 constexpr frames::FrameGeometry kOther{200, 120};
 
-class PanelWaitTest : public testing::KmsStage {
+class PanelWaitTest : public test::KmsStage {
  protected:
   PanelWaitTest() { waiting.rig = "lobby.toml"; }
 
@@ -54,18 +54,18 @@ class PanelWaitTest : public testing::KmsStage {
   /// Connects another panel with a mode of its own.
   void plug_other(const std::string& serial = "OTHER", frames::FrameGeometry size = kOther) {
     connector->connected = true;
-    connector->modes = {testing::make_mode(size.width, size.height, 60)};
+    connector->modes = {test::make_mode(size.width, size.height, 60)};
     card.set_edid(
         connector->id,
-        testing::EdidMaker{
+        test::EdidMaker{
             .manufacturer = "DEL", .product = 0xa0b1, .serial_text = serial, .name = "U2720Q"}
             .bytes());
     machine.announce_hotplug();
   }
   void plug_own() {
     connector->connected = true;
-    connector->modes = {testing::make_mode(testing::kWidth, testing::kHeight, 60)};
-    card.set_edid(connector->id, testing::EdidMaker{.serial_text = "ONE"}.bytes());
+    connector->modes = {test::make_mode(test::kWidth, test::kHeight, 60)};
+    card.set_edid(connector->id, test::EdidMaker{.serial_text = "ONE"}.bytes());
     machine.announce_hotplug();
   }
   void unplug_panel() {
@@ -85,7 +85,7 @@ class PanelWaitTest : public testing::KmsStage {
     const display::CardText text =
         wrong_panel_card(options.output, search, search.present.at(0), "lobby.toml");
     const frames::WovenFrame frame = draw_test_card(size, text);
-    return testing::words_of(frame);
+    return test::words_of(frame);
   }
 
   PanelWaitOptions waiting;
@@ -156,9 +156,8 @@ TEST_F(PanelWaitTest, ALateEdidShowsNoTestCardMeanwhile) {
 
 TEST_F(PanelWaitTest, TwoMatchingPanelsAreAnErrorOnACommandLine) {
   card.add_crtc();
-  card.add_connector(DRM_MODE_CONNECTOR_HDMIA, 2,
-                     testing::make_mode(testing::kWidth, testing::kHeight, 60),
-                     testing::EdidMaker{.serial_text = "TWO"}.bytes());
+  card.add_connector(DRM_MODE_CONNECTOR_HDMIA, 2, test::make_mode(test::kWidth, test::kHeight, 60),
+                     test::EdidMaker{.serial_text = "TWO"}.bytes());
   options.output.identity = {};
   waiting.at_start = seconds(60);
   const Nanoseconds before = machine.now();
@@ -231,7 +230,7 @@ TEST_F(PanelWaitTest, TheTestCardGetsAModesetForAPanelWithOtherTimings) {
   plug_other();
   at(seconds(10), [this] {
     plug_other("THIRD");
-    connector->modes = {testing::make_mode(kOther.width, kOther.height, 50)};
+    connector->modes = {test::make_mode(kOther.width, kOther.height, 50)};
   });
   std::vector<uint32_t> expected;
   int modesets = 0;
@@ -258,7 +257,7 @@ TEST_F(PanelWaitTest, AStaticTestCardProbesThePanelRarely) {
 }
 
 TEST_F(PanelWaitTest, APanelWithoutTheRigsModeShowsThatOnATestCard) {
-  connector->modes = {testing::make_mode(kOther.width, kOther.height, 60)};
+  connector->modes = {test::make_mode(kOther.width, kOther.height, 60)};
   options.output.identity = {};
   record_displayed(seconds(6));
   at(seconds(10), [this] { plug_own(); });
@@ -331,7 +330,7 @@ TEST_F(PanelReturn, AnotherPanelShowsATestCardAndTheRightOneContinues) {
   plug_other();
   idle(seconds(1));
   EXPECT_EQ(wait.refusal(), std::nullopt);
-  ASSERT_EQ(this->wait().kind, testing::EventKind::Lost);
+  ASSERT_EQ(this->wait().kind, test::EventKind::Lost);
   const auto expected = expected_card(kOther);
   record_displayed(seconds(5));
   at(seconds(10), [this] { unplug_panel(); });
@@ -381,7 +380,7 @@ TEST_F(PanelReturn, RepeatedLossesShareOneTimeout) {
   ReconnectResult result = ReconnectResult::Reconnected;
   for (; result == ReconnectResult::Reconnected && losses < 100; ++losses) {
     card.flip_faults = {{.error = EIO}};
-    EXPECT_EQ(submit(1), testing::SubmitStatus::Lost);
+    EXPECT_EQ(submit(1), test::SubmitStatus::Lost);
     result = lose_and_reconnect(wait);
   }
   EXPECT_EQ(result, ReconnectResult::GivenUp);

@@ -17,7 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
-class RigChoice : public testing::KmsStage {
+class RigChoice : public test::KmsStage {
  protected:
   fs::path folder = fs::path(::testing::TempDir()) / fmt::format("rig-choice-{}", getpid());
   fs::path users = folder / "users", systems = folder / "systems";
@@ -26,7 +26,7 @@ class RigChoice : public testing::KmsStage {
   void SetUp() override {
     fs::create_directories(users);
     fs::create_directories(systems);
-    connector->modes = {testing::make_mode(48, 32, 60)};
+    connector->modes = {test::make_mode(48, 32, 60)};
   }
   void TearDown() override { fs::remove_all(folder); }
 

@@ -17,7 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 using std::chrono::seconds;
 
-class RigError : public testing::KmsStage {
+class RigError : public test::KmsStage {
  protected:
   fs::path folder = fs::path(::testing::TempDir()) / fmt::format("rig-trouble-{}", getpid());
   PlayFlags flags;
@@ -27,7 +27,7 @@ class RigError : public testing::KmsStage {
     flags.source = "film.png";
     flags.rig = folder / "lobby.toml";
     flags.display = "kms";
-    connector->modes = {testing::make_mode(320, 200, 60)};
+    connector->modes = {test::make_mode(320, 200, 60)};
   }
   void TearDown() override { fs::remove_all(folder); }
   /// Returns the error that keeps the rig from being read.
@@ -54,7 +54,7 @@ TEST_F(RigError, IsShownOnTheConnectedPanelUntilTheRigIsRepaired) {
   const auto plan = plan_when_rig_is_right(flags, manager, options);
   ASSERT_TRUE(plan);
   EXPECT_GT(plan->display.panel.width, 0);
-  EXPECT_EQ(displayed, testing::words_of(expected));
+  EXPECT_EQ(displayed, test::words_of(expected));
   EXPECT_EQ(card.master_fd, -1) << "the card is free for the display";
   EXPECT_EQ(card.buffers.size(), 0u);
 }

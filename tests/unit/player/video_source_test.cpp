@@ -46,7 +46,7 @@ class VideoPlays : public test::VideoTest {
 };
 
 TEST_F(VideoPlays, EveryFrameOnceAndExactlyThenTheEnd) {
-  for (const VideoCodec codec : {VideoCodec::Ffv1, VideoCodec::X264Rgb}) {
+  for (const tools::VideoCodec codec : {tools::VideoCodec::Ffv1, tools::VideoCodec::X264Rgb}) {
     const auto source = open_video(request(write_clip("clip.mkv", 12, codec)));
     EXPECT_EQ(source->geometry(), kSmall);
     EXPECT_EQ(source->rate(), (frames::Rate{24000, 1001}));
@@ -280,7 +280,7 @@ class VideoResumes : public VideoPlays {
 };
 
 TEST_F(VideoResumes, AtTheExactFrameForAnyTimeStamp) {
-  for (const VideoCodec codec : {VideoCodec::Ffv1, VideoCodec::X264Rgb}) {
+  for (const tools::VideoCodec codec : {tools::VideoCodec::Ffv1, tools::VideoCodec::X264Rgb}) {
     const auto clip = write_clip("clip.mkv", 40, codec);
     // Matroska counts milliseconds: 20 * 1001 / 24 = 834.2
     for (const char* time : {"834", "835", "-5", "99999999"}) {

@@ -54,12 +54,12 @@ class VideoTest : public testing::Test {
 
   [[nodiscard]] std::filesystem::path write_clip(
       const std::string& name, uint64_t frames,
-      player::VideoCodec codec = player::VideoCodec::Ffv1) const {
-    player::VideoWriter writer({.file = file(name),
-                                .geometry = kSmall,
-                                .rate = {24000, 1001},
-                                .codec = codec,
-                                .program = LENTICULE_VIDEO_PROGRAM});
+      tools::VideoCodec codec = tools::VideoCodec::Ffv1) const {
+    tools::VideoWriter writer({.file = file(name),
+                               .geometry = kSmall,
+                               .rate = {24000, 1001},
+                               .codec = codec,
+                               .program = LENTICULE_VIDEO_PROGRAM});
     for (uint64_t k = 0; k < frames; ++k) writer.write(clip_frame(k).view());
     writer.finish();
     return file(name);

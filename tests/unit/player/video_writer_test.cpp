@@ -7,7 +7,7 @@
 #include "base/error.h"
 #include "tests/unit/player/video_stage.h"
 
-namespace lenticule::player {
+namespace lenticule::tools {
 namespace {
 
 namespace fs = std::filesystem;
@@ -69,4 +69,4 @@ TEST_F(VideoWrites, AFileWithoutFramesIsAnError) {
 }
 
 }  // namespace
-}  // namespace lenticule::player
+}  // namespace lenticule::tools

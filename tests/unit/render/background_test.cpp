@@ -60,7 +60,7 @@ void expect_bounds_hold(const optics::Rig& rig, const Scene& scene, int tile_ind
 
 TEST(Beam, HoldsTheRaysOfRandomRigs) {
   std::mt19937_64 random(20261122);
-  const Scene scene(testing::tiny_scenes().front().scene, testing::make_tiny_stage(), {});
+  const Scene scene(test::tiny_scenes().front().scene, test::make_tiny_stage(), {});
   for (int n = 0; n < 80; ++n) {
     SCOPED_TRACE(n);
     const optics::Rig rig = n == 0   ? test::kiosk_rig()
@@ -79,7 +79,7 @@ TEST(Beam, IsEmptyBesideATriangleOnly) {
   description.materials.emplace_back();
   description.meshes.push_back(
       {.positions = {{0, 0, -1}, {1, 0, -1}, {0, 1, -1}}, .triangles = {{0, 1, 2}}});
-  const Stage stage = testing::make_tiny_stage({.mm_per_unit = 10.0});
+  const Stage stage = test::make_tiny_stage({.mm_per_unit = 10.0});
   const Scene scene(description, stage, {});
   const BeamTester tester(scene);
   ASSERT_TRUE(tester.usable());
@@ -103,10 +103,10 @@ TEST(Beam, IsEmptyBesideATriangleOnly) {
 
 std::vector<optics::Rig> some_rigs() {
   std::vector<optics::Rig> rigs = {
-      testing::make_rig({.width = 300, .height = 140, .pixel_mm = 0.5}),
-      testing::make_rig({.width = 260, .height = 90, .slant = -0.2, .pixel_mm = 0.5}),
-      testing::make_rig({.width = 200, .height = 90, .layout = "cells", .pixel_mm = 0.6}),
-      testing::make_rig({.width = 200, .height = 90, .distance_mm = HUGE_VAL, .pixel_mm = 0.6})};
+      test::make_rig({.width = 300, .height = 140, .pixel_mm = 0.5}),
+      test::make_rig({.width = 260, .height = 90, .slant = -0.2, .pixel_mm = 0.5}),
+      test::make_rig({.width = 200, .height = 90, .layout = "cells", .pixel_mm = 0.6}),
+      test::make_rig({.width = 200, .height = 90, .distance_mm = HUGE_VAL, .pixel_mm = 0.6})};
   std::mt19937_64 random(5);
   rigs.push_back(rigs.front());
   rigs.back().sheet.residual = test::random_residual(random, 6, 4, 0.2);
@@ -126,7 +126,7 @@ void expect_same_bytes(const SceneDescription& description, const optics::Rig& r
                        const Surroundings& surroundings, const RenderOptions& options,
                        Counts& counts) {
   const optics::OpticalModel model(rig);
-  const Stage stage = testing::make_tiny_stage({.mm_per_unit = 6.0});
+  const Stage stage = test::make_tiny_stage({.mm_per_unit = 6.0});
   const Scene scene(description, stage, surroundings);
   const frames::FrameGeometry geometry{rig.panel.width_px, rig.panel.height_px,
                                        frames::PixelFormat::Rgb8};
@@ -149,7 +149,7 @@ void expect_same_bytes(const SceneDescription& description, const optics::Rig& r
 TEST(Background, GivesTheSameBytesAsTracing) {
   Counts flat, sky;
   for (const optics::Rig& rig : some_rigs())
-    for (const testing::NamedScene& named : testing::tiny_scenes()) {
+    for (const test::NamedScene& named : test::tiny_scenes()) {
       SCOPED_TRACE(named.name);
       expect_same_bytes(named.scene, rig, kFlat, {.cancelled = {}}, flat);
       expect_same_bytes(named.scene, rig, kSky, {.cancelled = {}}, sky);
@@ -161,7 +161,7 @@ TEST(Background, GivesTheSameBytesAsTracing) {
 
 TEST(Background, GivesTheSameBytesWithSeveralSamplesAndAGround) {
   Counts samples, ground;
-  for (const testing::NamedScene& named : testing::tiny_scenes()) {
+  for (const test::NamedScene& named : test::tiny_scenes()) {
     SCOPED_TRACE(named.name);
     expect_same_bytes(named.scene, some_rigs().front(), kSky, {.samples = 2, .cancelled = {}},
                       samples);
@@ -184,7 +184,7 @@ TEST(Background, GivesTheSameBytesAroundRandomObjects) {
       const Vec3 at{place(random), place(random) / 2.0, place(random)};
       scene.spheres.push_back({.centre = at, .radius = size(random)});
       const Vec3 low{place(random), place(random) / 2.0, place(random)};
-      scene.meshes.push_back(testing::box_mesh(low, low + Vec3{1, 1, 1} * size(random), 0));
+      scene.meshes.push_back(test::box_mesh(low, low + Vec3{1, 1, 1} * size(random), 0));
       scene.cones.push_back({.base = -at, .base_radius = size(random), .apex = low * 0.3 - at});
     }
     const std::vector<optics::Rig> rigs = some_rigs();

@@ -11,7 +11,7 @@
 namespace lenticule::render {
 namespace {
 
-using testing::make_rig;
+using test::make_rig;
 
 // The model uses the exact vertical shift where a slanted lens turns it into a horizontal one; the
 // footprint treats it as constant across the subpixel. The error may be a hundredth of a subpixel:

@@ -27,9 +27,9 @@ struct Rendered {
 };
 
 Rendered rendered(const SceneDescription& description, IdleLights idle) {
-  static const optics::Rig rig = testing::make_rig({.width = 90, .height = 60, .pixel_mm = 1.0});
+  static const optics::Rig rig = test::make_rig({.width = 90, .height = 60, .pixel_mm = 1.0});
   const optics::OpticalModel model(rig);
-  const Stage stage = testing::make_tiny_stage();
+  const Stage stage = test::make_tiny_stage();
   const Scene scene(description, stage, {}, 1, idle);
   Rendered out{frames::WovenFrame({90, 60, frames::PixelFormat::Rgb8}), {}};
   out.statistics = make_method("full", model, {.cancelled = {}})->render(scene, stage, out.frame);
@@ -47,7 +47,7 @@ uint64_t left_out(const SceneDescription& scene) {
 }
 
 TEST(IdleLights, AreSkipped) {
-  for (const testing::NamedScene& named : testing::tiny_scenes()) {
+  for (const test::NamedScene& named : test::tiny_scenes()) {
     SCOPED_TRACE(named.name);
     SceneDescription scene = named.scene;
     scene.ambient = Vec3{0.1, 0.1, 0.1};
@@ -60,7 +60,7 @@ TEST(IdleLights, AreSkipped) {
 }
 
 TEST(IdleLights, AreKeptIfTheyMightContribute) {
-  SceneDescription scene = testing::tiny_scenes().front().scene;
+  SceneDescription scene = test::tiny_scenes().front().scene;
   scene.lights = {spot({0, 0, 40}, {0, 0, -1}, 5.0),      // shines on the scene
                   spot({0, 0, 0}, {0, 0, 1}, 5.0),        // is inside the scene
                   spot({0, 40, 0}, {0, -1, 0.3}, 20.0)};  // touches the rim of the scene
@@ -74,7 +74,7 @@ TEST(IdleLights, GiveTheSameBytesOnEverySide) {
   std::normal_distribution<double> any(0.0, 1.0);
   uint64_t out = 0, lights = 0;
   for (int n = 0; n < 40; ++n) {
-    SceneDescription scene = testing::tiny_scenes()[static_cast<size_t>(n) % 5].scene;
+    SceneDescription scene = test::tiny_scenes()[static_cast<size_t>(n) % 5].scene;
     scene.lights.clear();
     for (int k = 0; k < 4; ++k) {
       const Vec3 from = normalized(Vec3{any(random), any(random), any(random)}) * (6.0 + 4.0 * k);

@@ -17,13 +17,13 @@ namespace {
 /// All inputs of one frame.
 struct Shot {
   SceneDescription scene;
-  testing::TinyStage stage{};
+  test::TinyStage stage{};
   double near_mm = HUGE_VAL;  ///< nearest distance that is shown
   Surroundings surroundings{.background = {}, .environment_file = {}};
 };
 
 const optics::Rig& rig() {
-  static const optics::Rig tiny = testing::make_rig({.width = 60, .height = 40, .pixel_mm = 1.5});
+  static const optics::Rig tiny = test::make_rig({.width = 60, .height = 40, .pixel_mm = 1.5});
   return tiny;
 }
 
@@ -34,7 +34,7 @@ class Frames {
         method_(make_method("full", model_, {.copy_unchanged = copy, .cancelled = {}})) {}
 
   RenderStatistics render(const Shot& shot) {
-    Stage stage = testing::make_tiny_stage(shot.stage);
+    Stage stage = test::make_tiny_stage(shot.stage);
     stage.near_mm = std::min(stage.near_mm, shot.near_mm);
     const Scene scene(shot.scene, stage, shot.surroundings);
     frame = frames::WovenFrame(
@@ -55,7 +55,7 @@ frames::WovenFrame fresh(const Shot& shot) {
 }
 
 TEST(LastFrame, IsCopiedWhileNothingChanges) {
-  for (const testing::NamedScene& named : testing::tiny_scenes()) {
+  for (const test::NamedScene& named : test::tiny_scenes()) {
     const Shot shot{.scene = named.scene};
     const frames::WovenFrame once = fresh(shot);
     Frames run(true);
@@ -70,9 +70,9 @@ TEST(LastFrame, IsCopiedWhileNothingChanges) {
 }
 
 TEST(LastFrame, ACopyHasTheErrorsOfTheFrame) {
-  const optics::OpticalModel model(testing::make_rig({.width = 240, .height = 140}));
-  const Stage stage = testing::make_tiny_stage();
-  const Scene scene(testing::tiny_scenes().front().scene, stage, {});
+  const optics::OpticalModel model(test::make_rig({.width = 240, .height = 140}));
+  const Stage stage = test::make_tiny_stage();
+  const Scene scene(test::tiny_scenes().front().scene, stage, {});
   const auto method = make_method("adaptive", model, {.copy_unchanged = true, .cancelled = {}});
   frames::WovenFrame frame({240, 140});
   const RenderStatistics rendered = method->render(scene, stage, frame);
@@ -84,7 +84,7 @@ TEST(LastFrame, ACopyHasTheErrorsOfTheFrame) {
 }
 
 TEST(LastFrame, IsReusedOnlyOnRequest) {
-  const Shot shot{.scene = testing::tiny_scenes().front().scene};
+  const Shot shot{.scene = test::tiny_scenes().front().scene};
   Frames run(false);
   run.render(shot);
   EXPECT_EQ(run.render(shot).copied_subpixels, 0U);
@@ -101,9 +101,9 @@ Shot all_kinds() {
   texture->rgba = {0.9F, 0.1F, 0.1F, 1.0F, 0.1F, 0.9F, 0.1F, 1.0F};
   scene.textures = {texture};
   scene.materials.push_back({.texture = 0});
-  scene.meshes = {testing::rectangle_mesh({-3, -2, -1}, {6, 0, 0}, {0, 4, 0}, 2)};
+  scene.meshes = {test::rectangle_mesh({-3, -2, -1}, {6, 0, 0}, {0, 4, 0}, 2)};
   scene.meshes.front().uvs = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
-  scene.meshes.push_back(testing::ball_mesh({-1.5, 0, 0}, 0.7, 6, 0));
+  scene.meshes.push_back(test::ball_mesh({-1.5, 0, 0}, 0.7, 6, 0));
   scene.spheres = {{.centre = {1, 0.5, 0.5}, .radius = 0.8, .material = 1}};
   scene.cones = {{.base = {1, -1.5, 0}, .base_radius = 0.6, .apex = {1, -0.5, 0}}};
   scene.lights = {{.kind = Light::Kind::Spot,

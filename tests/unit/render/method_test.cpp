@@ -11,8 +11,8 @@
 namespace lenticule::render {
 namespace {
 
-using testing::make_rig;
-using testing::make_tiny_stage;
+using test::make_rig;
+using test::make_tiny_stage;
 
 frames::WovenFrame blank(const optics::Rig& rig) {
   return frames::WovenFrame({rig.panel.width_px, rig.panel.height_px});
@@ -52,7 +52,7 @@ TEST(MakeMethod, RefusesOptionsOutOfRange) {
 /// The picture must not depend on the distribution of work to threads.
 TEST(MethodFull, GivesTheSameBytesWithAnyNumberOfThreads) {
   const optics::Rig rig = make_rig({.width = 150, .height = 70, .pixel_mm = 0.5});
-  for (const testing::NamedScene& named : testing::tiny_scenes())
+  for (const test::NamedScene& named : test::tiny_scenes())
     for (const int samples : {1, 3}) {
       const frames::WovenFrame one = rendered(named.scene, rig, make_tiny_stage(),
                                               {.threads = 1, .samples = samples, .cancelled = {}});
@@ -66,7 +66,7 @@ TEST(MethodFull, GivesTheSameBytesWithAnyNumberOfThreads) {
 /// Covers our own loops; Embree always uses the machine's best set.
 TEST(MethodFull, GivesTheSameBytesWithEveryInstructionSet) {
   const optics::Rig rig = make_rig({.width = 150, .height = 70, .pixel_mm = 0.5});
-  for (const testing::NamedScene& named : testing::tiny_scenes()) {
+  for (const test::NamedScene& named : test::tiny_scenes()) {
     const auto with = [&](Isa isa) {
       return rendered(named.scene, rig, make_tiny_stage(),
                       {.threads = 1, .isa = isa, .cancelled = {}});
@@ -82,7 +82,7 @@ TEST(MethodFull, GivesTheSameBytesWithoutSkippingEmptyShafts) {
   const optics::Rig rig = make_rig({.width = 300, .height = 140, .pixel_mm = 0.25});
   const optics::OpticalModel model(rig);
   uint64_t culled_shadow = 0, culled_secondary = 0;
-  for (const testing::NamedScene& named : testing::tiny_scenes()) {
+  for (const test::NamedScene& named : test::tiny_scenes()) {
     const Stage stage = make_tiny_stage();
     const Scene scene(named.scene, stage, {});
     frames::WovenFrame skipped = blank(rig), traced = blank(rig);
@@ -109,7 +109,7 @@ TEST(MethodFull, GivesTheSameBytesWithoutSkippingWeakRays) {
   const optics::OpticalModel model(rig);
   uint64_t left_out = 0;
   for (const bool managed : {false, true})
-    for (testing::NamedScene named : testing::tiny_scenes()) {
+    for (test::NamedScene named : test::tiny_scenes()) {
       named.scene.colour_managed = managed;
       for (Material& material : named.scene.materials) material.specular *= 0.1;
       const Stage stage = make_tiny_stage();
@@ -129,7 +129,7 @@ TEST(MethodFull, GivesTheSameBytesWithoutSkippingWeakRays) {
 
 TEST(MethodFull, GivesTheSameBytesForAnyOrderOfTiles) {
   const optics::Rig rig = make_rig({.width = 300, .height = 140, .pixel_mm = 0.25});
-  for (const testing::NamedScene& named : testing::tiny_scenes()) {
+  for (const test::NamedScene& named : test::tiny_scenes()) {
     const auto with = [&](bool backwards) {
       return rendered(named.scene, rig, make_tiny_stage(),
                       {.threads = 1, .tiles_backwards = backwards, .cancelled = {}});
@@ -140,14 +140,14 @@ TEST(MethodFull, GivesTheSameBytesForAnyOrderOfTiles) {
 
 TEST(MethodFull, GivesTheSameBytesTwice) {
   const optics::Rig rig = make_rig({.width = 64, .height = 40});
-  const SceneDescription scene = testing::tiny_scenes().front().scene;
+  const SceneDescription scene = test::tiny_scenes().front().scene;
   EXPECT_EQ(rendered(scene, rig, make_tiny_stage()), rendered(scene, rig, make_tiny_stage()));
 }
 
 TEST(MethodFull, EndsEarlyWhenCancelled) {
   const optics::Rig rig = make_rig({.width = 300, .height = 200, .pixel_mm = 0.2});
   const optics::OpticalModel model(rig);
-  const Scene scene(testing::tiny_scenes().front().scene, make_tiny_stage(), {});
+  const Scene scene(test::tiny_scenes().front().scene, make_tiny_stage(), {});
   std::atomic<int> asked{0};
   const auto method =
       make_method("full", model, {.threads = 2, .cancelled = [&] { return ++asked > 3; }});
@@ -187,8 +187,8 @@ TEST(MethodFull, ContentInThePanelsPlaneIsTheSameFromEveryView) {
   scene.ambient = Vec3{1, 1, 1};
   scene.materials = {Material{.name = "left", .colour = {1, 1, 1}},
                      Material{.name = "right", .colour = {0, 0, 0}}};
-  scene.meshes = {testing::rectangle_mesh({-50, -50, 0}, {50, 0, 0}, {0, 100, 0}, 0),
-                  testing::rectangle_mesh({0, -50, 0}, {50, 0, 0}, {0, 100, 0}, 1)};
+  scene.meshes = {test::rectangle_mesh({-50, -50, 0}, {50, 0, 0}, {0, 100, 0}, 0),
+                  test::rectangle_mesh({0, -50, 0}, {50, 0, 0}, {0, 100, 0}, 1)};
   const optics::Rig rig = make_rig({.width = 90, .height = 30, .pixel_mm = 1.0});
   const frames::WovenFrame frame = rendered(scene, rig, make_tiny_stage({.mm_per_unit = 1.0}));
   // More than a lens away from the edge, left is white and right is black in all channels.
@@ -226,7 +226,7 @@ TEST(MethodFull, DepthZeroHasNoReflections) {
   scene.materials = {Material{.diffuse = 0.0, .specular = 1.0}};
   scene.background = {0.3, 0.3, 0.3};
   scene.ambient = Vec3{};
-  scene.meshes = {testing::rectangle_mesh({-50, -50, 0}, {100, 0, 0}, {0, 100, 0}, 0)};
+  scene.meshes = {test::rectangle_mesh({-50, -50, 0}, {100, 0, 0}, {0, 100, 0}, 0)};
   const optics::Rig rig = make_rig({});
   EXPECT_EQ(rendered(scene, rig, make_tiny_stage(), {.max_depth = 0, .cancelled = {}}).row(3)[7],
             0);

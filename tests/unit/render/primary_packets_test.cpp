@@ -97,9 +97,9 @@ TEST(PrimaryPackets, UsesPolynomialsForTheKiosk) {
 
 TEST(PrimaryPackets, RandomRigsAgreeWithTheMap) {
   std::mt19937_64 random(20261121);
-  const auto description = testing::tiny_scenes().front().scene;
-  const Scene straight(description, testing::make_tiny_stage(), {});
-  const Scene turned(description, testing::make_tiny_stage({.turn_degrees = 20.0}), {});
+  const auto description = test::tiny_scenes().front().scene;
+  const Scene straight(description, test::make_tiny_stage(), {});
+  const Scene turned(description, test::make_tiny_stage({.turn_degrees = 20.0}), {});
   int fast = 0, tiles = 0;
   for (int n = 0; n < 60; ++n) {
     const optics::Rig rig = n == 0   ? test::kiosk_rig()
@@ -128,9 +128,9 @@ TEST(PrimaryPackets, RandomRigsAgreeWithTheMap) {
 }
 
 TEST(PrimaryPackets, EveryInstructionSetGivesTheSameBits) {
-  const auto description = testing::tiny_scenes().front().scene;
+  const auto description = test::tiny_scenes().front().scene;
   for (const double turn : {0.0, 20.0}) {
-    const Scene scene(description, testing::make_tiny_stage({.turn_degrees = turn}), {});
+    const Scene scene(description, test::make_tiny_stage({.turn_degrees = turn}), {});
     for (const optics::Rig& rig : {test::kiosk_rig(), test::upright_rig(), coarse_kiosk_rig()}) {
       const auto tile_bits = [&](Isa isa, int index) {
         const Bench bench(rig, isa);
@@ -157,8 +157,8 @@ TEST(PrimaryPackets, EveryInstructionSetGivesTheSameBits) {
 /// Upright lenses of a whole number of subpixels put every eighth column exactly on a border.
 TEST(PrimaryPackets, BordersFollowTheMap) {
   optics::Rig rig = test::upright_rig();
-  const auto description = testing::tiny_scenes().front().scene;
-  const Scene scene(description, testing::make_tiny_stage(), {});
+  const auto description = test::tiny_scenes().front().scene;
+  const Scene scene(description, test::make_tiny_stage(), {});
   for (const double pitch : {3.0, 6.0, 8.0, 16.0 / 3.0})
     for (const double slant : {0.0, 1.0 / 3.0, -1.0 / 6.0}) {
       rig.sheet.pitch = Subpixels{pitch};

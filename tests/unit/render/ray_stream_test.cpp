@@ -24,14 +24,14 @@ SceneDescription floor_and_sphere() {
   SceneDescription scene;
   scene.source = "test";
   scene.materials = {Material{}};
-  scene.meshes = {testing::rectangle_mesh({-9, 0, 9}, {18, 0, 0}, {0, 0, -18}, 0)};
+  scene.meshes = {test::rectangle_mesh({-9, 0, 9}, {18, 0, 0}, {0, 0, -18}, 0)};
   scene.spheres = {{.centre = {0, 3, 0}, .radius = 1}};
   return scene;
 }
 
 class RayStream : public ::testing::Test {
  protected:
-  Scene scene_{floor_and_sphere(), testing::make_tiny_stage({.mm_per_unit = 1.0}), {}, 1};
+  Scene scene_{floor_and_sphere(), test::make_tiny_stage({.mm_per_unit = 1.0}), {}, 1};
   RTCScene embree_ = scene_.embree.get();
 };
 
@@ -132,10 +132,10 @@ class ClosedBall : public ::testing::TestWithParam<double> {
     SceneDescription scene;
     scene.source = "ball";
     scene.materials = {Material{}};
-    scene.meshes = {testing::ball_mesh({}, 40.0, 60, 0)};
+    scene.meshes = {test::ball_mesh({}, 40.0, 60, 0)};
     return scene;
   }
-  Scene scene_{ball(), testing::make_tiny_stage({.mm_per_unit = 1.0}), {}, 1};
+  Scene scene_{ball(), test::make_tiny_stage({.mm_per_unit = 1.0}), {}, 1};
   RTCScene embree_ = scene_.embree.get();
 };
 

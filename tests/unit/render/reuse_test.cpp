@@ -18,8 +18,8 @@ namespace lenticule::render {
 namespace {
 
 using reprojection::Column;
-using testing::make_rig;
-using testing::make_tiny_stage;
+using test::make_rig;
+using test::make_tiny_stage;
 
 const std::vector<std::string>& reusing_methods() {
   static const std::vector<std::string> names = {"lens-view", "interpolate", "temporal", "hybrid"};
@@ -86,7 +86,7 @@ Agreement compare_with_oracle(const SceneDescription& description, const optics:
   Agreement agreement;
   for (int lane = 0; lane < tile.rows; ++lane)
     for (int channel = 0; channel < 3; ++channel) {
-      std::vector<testing::SeenPoint> points(static_cast<size_t>(rig.panel.width_px));
+      std::vector<test::SeenPoint> points(static_cast<size_t>(rig.panel.width_px));
       std::vector<int> column_of(points.size(), -1);
       for (int c = 0; c < tile.columns; ++c) {
         const int s = plan.tiles.subpixel(tile, c, lane);
@@ -106,7 +106,7 @@ Agreement compare_with_oracle(const SceneDescription& description, const optics:
         EXPECT_EQ(column.lens[lane], ray.lens);
         EXPECT_NEAR(column.panel_x[lane], ray.lens_x_mm, 1e-3);
         EXPECT_NEAR(column.tan[lane], ray.tan_x, 1e-5);
-        const testing::FoundPoint expected = testing::oracle_on_chords(
+        const test::FoundPoint expected = test::oracle_on_chords(
             model, tile.row_begin + lane, channel, points, i, static_cast<long>(ray.lens) - 1, {});
         if (expected.margin == 0.0) continue;
         alignas(64) std::array<int32_t, kPacket> wanted;
@@ -127,7 +127,7 @@ Agreement compare_with_oracle(const SceneDescription& description, const optics:
 
 TEST(Reprojection, AgreesWithTheReference) {
   Agreement all;
-  for (const testing::NamedScene& named : testing::tiny_scenes())
+  for (const test::NamedScene& named : test::tiny_scenes())
     for (const double pitch : {7.7, 24.0, 31.3})
       for (const double slant : {0.0, 1.0 / 3.0, -0.21})
         for (const char* layout : {"rgb", "bgr"}) {
@@ -145,7 +145,7 @@ TEST(Reprojection, AgreesWithTheReference) {
 }
 
 TEST(ReuseMethods, CountEverySubpixelOnce) {
-  const SceneDescription scene = testing::tiny_scenes().front().scene;
+  const SceneDescription scene = test::tiny_scenes().front().scene;
   for (const std::string& name : reusing_methods())
     for (const double slant : {0.0, 0.3}) {
       const optics::Rig rig = small_rig(slant == 0.0 ? 24.0 : 7.7, slant);
@@ -167,7 +167,7 @@ TEST(ReuseMethods, CountEverySubpixelOnce) {
 }
 
 TEST(ReuseMethods, GiveTheSameBytesWithAnyNumberOfThreadsAndInstructionSet) {
-  for (const testing::NamedScene& named : testing::tiny_scenes())
+  for (const test::NamedScene& named : test::tiny_scenes())
     for (const std::string& name : reusing_methods()) {
       const optics::Rig rig = small_rig(7.7, 1.0 / 3.0);
       const std::vector<Stage> stages = turning(3);
@@ -187,7 +187,7 @@ TEST(ReuseMethods, GiveTheSameBytesWithAnyNumberOfThreadsAndInstructionSet) {
 
 /// Frames without motion are not changed.
 TEST(ReuseMethods, OverTimeKeepStillPictures) {
-  const SceneDescription scene = testing::tiny_scenes().front().scene;
+  const SceneDescription scene = test::tiny_scenes().front().scene;
   const optics::Rig rig = small_rig();
   const std::vector<Stage> stages(4, make_tiny_stage());
   for (const char* name : {"temporal", "hybrid"}) {
@@ -198,7 +198,7 @@ TEST(ReuseMethods, OverTimeKeepStillPictures) {
 }
 
 TEST(ReuseMethods, OverTimeRestartAfterACut) {
-  const SceneDescription scene = testing::tiny_scenes().front().scene;
+  const SceneDescription scene = test::tiny_scenes().front().scene;
   const optics::Rig rig = small_rig();
   const std::vector<Stage> stages = {make_tiny_stage({.mm_per_unit = 6.0}),
                                      make_tiny_stage({.mm_per_unit = 6.0, .turn_degrees = 0.3}),
@@ -213,7 +213,7 @@ TEST(ReuseMethods, OverTimeRestartWhenAnObjectMoves) {
   const optics::Rig rig = small_rig();
   const optics::OpticalModel model(rig);
   const Stage stage = make_tiny_stage();
-  SceneDescription scene = testing::tiny_scenes().front().scene;
+  SceneDescription scene = test::tiny_scenes().front().scene;
   const auto method = make_method("temporal", model, {});
   frames::WovenFrame frame = blank(rig);
   method->render(Scene(scene, stage, {}), stage, frame);
@@ -232,7 +232,7 @@ TEST(ReuseMethods, OverTimeNeedTheFramesSinceTheLastKeyFrame) {
   EXPECT_EQ(temporal->first_needed(48), 48U);
   EXPECT_EQ(make_method("lens-view", model, {})->first_needed(35), 35U);
 
-  const SceneDescription scene = testing::tiny_scenes().front().scene;
+  const SceneDescription scene = test::tiny_scenes().front().scene;
   const std::vector<Stage> stages = turning(5);
   const Rendered whole = rendered("temporal", scene, rig, stages);
   frames::WovenFrame frame = blank(rig);
@@ -252,8 +252,8 @@ TEST(ReuseMethods, KeepTheOrderOfDepth) {
   scene.ambient = Vec3{1, 1, 1};
   scene.materials = {Material{.name = "red", .colour = {1, 0, 0}},
                      Material{.name = "blue", .colour = {0, 0, 1}}};
-  scene.meshes = {testing::rectangle_mesh({-1.5, -1, 1}, {3, 0, 0}, {0, 2, 0}, 0),
-                  testing::rectangle_mesh({-50, -50, -3}, {100, 0, 0}, {0, 100, 0}, 1)};
+  scene.meshes = {test::rectangle_mesh({-1.5, -1, 1}, {3, 0, 0}, {0, 2, 0}, 0),
+                  test::rectangle_mesh({-50, -50, -3}, {100, 0, 0}, {0, 100, 0}, 1)};
   const optics::Rig rig = small_rig();
   const optics::OpticalModel model(rig);
   const std::vector<Stage> stages = turning(3);
@@ -303,8 +303,8 @@ TEST(ReuseMethods, OverTimeOutlinesFollowSlowObjects) {
   scene.ambient = Vec3{1, 1, 1};
   scene.background = {0, 0, 1};
   scene.materials = {Material{.name = "red", .colour = {1, 0, 0}}};
-  scene.meshes = {testing::rectangle_mesh({-1.5, -1, 0}, {3, 0, 0}, {0, 1, 0}, 0),
-                  testing::rectangle_mesh({-9, 2.1, 0}, {18, 0, 0}, {0, 9, 0}, 0)};
+  scene.meshes = {test::rectangle_mesh({-1.5, -1, 0}, {3, 0, 0}, {0, 1, 0}, 0),
+                  test::rectangle_mesh({-9, 2.1, 0}, {18, 0, 0}, {0, 9, 0}, 0)};
   const optics::Rig rig = small_rig();
   std::vector<Stage> stages;
   for (int n = 0; n < 15; ++n)
@@ -339,7 +339,7 @@ TEST(ReuseMethods, EndEarlyWhenCancelled) {
   const optics::OpticalModel model(rig);
   for (const std::string& name : reusing_methods()) {
     const auto method = make_method(name, model, {.cancelled = [] { return true; }});
-    const Scene scene(testing::tiny_scenes().front().scene, make_tiny_stage(), {});
+    const Scene scene(test::tiny_scenes().front().scene, make_tiny_stage(), {});
     frames::WovenFrame frame = blank(rig);
     EXPECT_FALSE(method->render(scene, make_tiny_stage(), frame).completed);
   }

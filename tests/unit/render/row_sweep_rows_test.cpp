@@ -20,7 +20,7 @@ namespace {
 TEST(RowSweep, LeavesNoHolesInClosedMeshes) {
   // Corners and edges lie exactly on rays: the grid's corners are the rays' points in the panel's
   // plane.
-  const optics::Rig rig = testing::make_rig({.pitch_subpx = 9.0, .slant = 0.0});
+  const optics::Rig rig = test::make_rig({.pitch_subpx = 9.0, .slant = 0.0});
   const optics::OpticalModel model(rig);
   TriangleMesh grid;
   constexpr uint32_t kAcross = 36, kDown = 8;
@@ -51,9 +51,9 @@ TEST(RowSweep, LeavesNoHolesInClosedMeshes) {
 /// Cuts of two triangles that share an edge end in the same bits, so that no ray passes between
 /// them: the cut of a closed mesh is closed.
 TEST(RowSweep, CutsOfClosedMeshesAreClosed) {
-  const optics::OpticalModel model(testing::make_rig({.height = 300, .pixel_mm = 0.2}));
-  const Scene scene(scene_of({testing::ball_mesh({0.1, 0.2, 0.3}, 60.0, 60, 0)}),
-                    testing::make_tiny_stage({.mm_per_unit = 1.0, .turn_degrees = 11.0}), {}, 1);
+  const optics::OpticalModel model(test::make_rig({.height = 300, .pixel_mm = 0.2}));
+  const Scene scene(scene_of({test::ball_mesh({0.1, 0.2, 0.3}, 60.0, 60, 0)}),
+                    test::make_tiny_stage({.mm_per_unit = 1.0, .turn_degrees = 11.0}), {}, 1);
   const RowPlanes planes(model);
   const RowSweep sweep(planes, scene);
   RowSweep::Worker worker(sweep);
@@ -68,7 +68,7 @@ TEST(RowSweep, CutsOfClosedMeshesAreClosed) {
 }
 
 TEST(RowSweep, BarycentricsAgreeWithTheRay) {
-  const optics::OpticalModel model(testing::make_rig({}));
+  const optics::OpticalModel model(test::make_rig({}));
   const Vec3 a{-60, -45, -20}, b{65, -40, 10}, c{5, 80, -30};
   const Scene scene(scene_of({triangle(a, b, c)}), plain_stage(), {}, 1);
   const RowPlanes planes(model);
@@ -85,7 +85,7 @@ TEST(RowSweep, BarycentricsAgreeWithTheRay) {
       const SweptCut& cut = row.cuts[static_cast<size_t>(row.cut[at])];
       const double part = row.along[at];
       const double u = cut.u0 + part * (cut.u1 - cut.u0), v = cut.v0 + part * (cut.v1 - cut.v0);
-      const testing::OracleRay ray = testing::oracle_ray(model, s / 3, j, s % 3);
+      const test::OracleRay ray = test::oracle_ray(model, s / 3, j, s % 3);
       const Vec3 p = a * (1.0 - u - v) + b * u + c * v;
       EXPECT_NEAR(p.z, row.z_mm[at], 1e-4);
       EXPECT_NEAR(p.x, ray.x_mm + ray.tan_x * p.z, 1e-4);
@@ -97,9 +97,9 @@ TEST(RowSweep, BarycentricsAgreeWithTheRay) {
 
 TEST(RowSweep, GivesTheSameBitsOnEveryInstructionSet) {
   for (const NamedRig& rig : tiny_rigs())
-    for (const testing::NamedScene& named : testing::tiny_scenes()) {
+    for (const test::NamedScene& named : test::tiny_scenes()) {
       const optics::OpticalModel model(rig.rig);
-      const Scene scene(named.scene, testing::make_tiny_stage({.turn_degrees = 7.0}), {}, 1);
+      const Scene scene(named.scene, test::make_tiny_stage({.turn_degrees = 7.0}), {}, 1);
       const RowPlanes best(model, Isa::Baseline);
       const RowSweep sweep(best, scene);
       RowSweep::Worker worker(sweep);
@@ -122,9 +122,9 @@ TEST(RowSweep, GivesTheSameBitsOnEveryInstructionSet) {
 }
 
 TEST(RowSweep, ARowAloneEqualsTheRowOfTheFrame) {
-  const optics::OpticalModel model(testing::make_rig({.width = 30, .height = 40}));
-  const Scene scene(testing::tiny_scenes().front().scene,
-                    testing::make_tiny_stage({.mm_per_unit = 25.0}), {}, 1);
+  const optics::OpticalModel model(test::make_rig({.width = 30, .height = 40}));
+  const Scene scene(test::tiny_scenes().front().scene, test::make_tiny_stage({.mm_per_unit = 25.0}),
+                    {}, 1);
   const RowPlanes planes(model);
   const RowSweep sweep(planes, scene);
   RowSweep::Worker in_turn(sweep);
@@ -143,7 +143,7 @@ TEST(RowSweep, ARowAloneEqualsTheRowOfTheFrame) {
 TEST(RowSweep, AllocatesNothingAfterTheFirstFrame) {
   for (const NamedRig& rig : tiny_rigs()) {
     const optics::OpticalModel model(rig.rig);
-    const Scene scene(testing::tiny_scenes().front().scene, testing::make_tiny_stage(), {}, 1);
+    const Scene scene(test::tiny_scenes().front().scene, test::make_tiny_stage(), {}, 1);
     const RowPlanes planes(model);
     const RowSweep sweep(planes, scene);
     RowSweep::Worker worker(sweep);
@@ -159,14 +159,14 @@ TEST(RowSweep, AllocatesNothingAfterTheFirstFrame) {
 }
 
 TEST(RowTracer, ComparesAndTimesEveryRow) {
-  const optics::OpticalModel model(testing::make_rig({.width = 30, .height = 40}));
-  const Scene scene(testing::tiny_scenes().front().scene, testing::make_tiny_stage(), {}, 1);
+  const optics::OpticalModel model(test::make_rig({.width = 30, .height = 40}));
+  const Scene scene(test::tiny_scenes().front().scene, test::make_tiny_stage(), {}, 1);
   const RowPlanes planes(model);
-  const SweepDifference difference = compare_with_embree(planes, scene, 0, 1);
+  const bench::SweepDifference difference = bench::compare_with_embree(planes, scene, 0, 1);
   EXPECT_EQ(difference.subpixels, 30U * 40U * 3U);
   EXPECT_EQ(difference.elsewhere, 0U);
   EXPECT_LT(difference.depth_mm, 1e-3);
-  const SweepTiming timing = time_row_sweep(planes, scene, 2);
+  const bench::SweepTiming timing = bench::time_row_sweep(planes, scene, 2);
   EXPECT_EQ(timing.subpixels, 30U * 40U * 3U);
   EXPECT_GT(timing.cuts, 0U);
   EXPECT_GT(timing.seconds, timing.prepare_seconds);

@@ -25,18 +25,18 @@ struct NamedRig {
 /// Returns rigs of all kinds with a panel of a few pixels.
 inline std::vector<NamedRig> tiny_rigs() {
   std::vector<NamedRig> rigs = {
-      {"slanted", testing::make_rig({})},
-      {"upright", testing::make_rig({.pitch_subpx = 9.0, .slant = 0.0})},
-      {"eye above", testing::make_rig({.eye_height_mm = 120.0})},
-      {"parallel", testing::make_rig({.distance_mm = kInfinity, .eye_height_mm = -0.2})},
-      {"leaning left", testing::make_rig({.pitch_subpx = 5.3, .slant = -0.7})},
-      {"cells", testing::make_rig({.layout = "cells"})},
-      {"wide lenses", testing::make_rig({.pitch_subpx = 31.4, .slant = 0.2})},
-      {"narrow lenses", testing::make_rig({.pitch_subpx = 2.2, .slant = 0.2})},
-      {"near eye", testing::make_rig({.distance_mm = 90.0})},
+      {"slanted", test::make_rig({})},
+      {"upright", test::make_rig({.pitch_subpx = 9.0, .slant = 0.0})},
+      {"eye above", test::make_rig({.eye_height_mm = 120.0})},
+      {"parallel", test::make_rig({.distance_mm = kInfinity, .eye_height_mm = -0.2})},
+      {"leaning left", test::make_rig({.pitch_subpx = 5.3, .slant = -0.7})},
+      {"cells", test::make_rig({.layout = "cells"})},
+      {"wide lenses", test::make_rig({.pitch_subpx = 31.4, .slant = 0.2})},
+      {"narrow lenses", test::make_rig({.pitch_subpx = 2.2, .slant = 0.2})},
+      {"near eye", test::make_rig({.distance_mm = 90.0})},
   };
   const auto add = [&](const char* name, auto change) {
-    optics::Rig rig = testing::make_rig({});
+    optics::Rig rig = test::make_rig({});
     change(rig);
     rigs.push_back({name, rig});
   };
@@ -66,7 +66,7 @@ inline TriangleMesh triangle(Vec3 a, Vec3 b, Vec3 c) {
 }
 /// Returns a stage whose world units are millimetres of the panel.
 inline Stage plain_stage() {
-  return testing::make_tiny_stage({.mm_per_unit = 1.0});
+  return test::make_tiny_stage({.mm_per_unit = 1.0});
 }
 
 }  // namespace lenticule::render

@@ -19,8 +19,8 @@ SceneDescription strewn_objects(std::mt19937_64& random) {
   scene.materials = {Material{}};
   for (int n = 0; n < 3; ++n) {
     const Vec3 at{80.0 * any(random), 0.5 * any(random), 25.0 * any(random)};
-    scene.meshes.push_back(testing::rectangle_mesh(at, {8, any(random), any(random)},
-                                                   {any(random), 4, 6 * any(random)}, 0));
+    scene.meshes.push_back(test::rectangle_mesh(at, {8, any(random), any(random)},
+                                                {any(random), 4, 6 * any(random)}, 0));
   }
   scene.spheres = {{.centre = {80.0 * any(random), any(random), 20.0 * any(random)}, .radius = 3}};
   return scene;
@@ -28,11 +28,11 @@ SceneDescription strewn_objects(std::mt19937_64& random) {
 
 /// Returns rigs several tiles wide.
 std::vector<NamedRig> wide_rigs() {
-  const auto make = [](testing::TinyRig rig) {
+  const auto make = [](test::TinyRig rig) {
     rig.width = 1200;
     rig.height = 160;
     rig.pixel_mm = 0.15;
-    optics::Rig made = testing::make_rig(rig);
+    optics::Rig made = test::make_rig(rig);
     // Lobes of ten degrees, as kiosks have; polynomials fit lobes of thirty degrees less well.
     made.sheet.gap = Millimetres(3.0 * made.sheet.gap.value);
     return made;
@@ -89,7 +89,7 @@ TEST(RowSweep, SkipsRaysFarFromEveryObject) {
     for (int round = 0; round < 12; ++round) {
       SceneDescription objects = strewn_objects(random);
       if (round == 0) objects.meshes.clear(), objects.spheres.clear();
-      const Scene scene(objects, testing::make_tiny_stage({.mm_per_unit = 1.0}), {}, 1);
+      const Scene scene(objects, test::make_tiny_stage({.mm_per_unit = 1.0}), {}, 1);
       const RowSweep sweep(planes, scene);
       RowSweep::Worker whole(sweep), partly(sweep);
       for (int row = 70; row < 90; ++row)

@@ -14,13 +14,13 @@
 namespace lenticule::render {
 namespace {
 
-using testing::Evaluation;
+using test::Evaluation;
 
 struct Counts {
   int right = 0, close = 0, wrong = 0, seen = 0;
 };
 
-testing::SeenSurface surface_of(const SweptRow& row, size_t s) {
+test::SeenSurface surface_of(const SweptRow& row, size_t s) {
   if (row.cut[s] == SweptRow::kNothing) return {};
   const SweptCut& cut = row.cuts[static_cast<size_t>(row.cut[s])];
   return {false, cut.geometry, cut.primitive, row.z_mm[s]};
@@ -30,9 +30,8 @@ void count_row(const optics::OpticalModel& model, const Scene& scene, int j, con
                Counts& counts) {
   const double start = primary_start_mm(scene.near_mm, model.rig().viewing.distance.value);
   for (int s = 0; s < 3 * model.rig().panel.width_px; ++s) {
-    const auto hits =
-        testing::oracle_hits(scene, testing::oracle_ray(model, s / 3, j, s % 3), start);
-    const testing::SeenSurface seen = surface_of(row, static_cast<size_t>(s));
+    const auto hits = test::oracle_hits(scene, test::oracle_ray(model, s / 3, j, s % 3), start);
+    const test::SeenSurface seen = surface_of(row, static_cast<size_t>(s));
     const Evaluation evaluation = evaluate(hits, seen);
     counts.right += evaluation == Evaluation::Right ? 1 : 0;
     counts.close += evaluation == Evaluation::Close ? 1 : 0;
@@ -66,10 +65,10 @@ Counts count_frame(const optics::Rig& rig, const SceneDescription& description,
 TEST(RowSweep, AgreesWithEveryRay) {
   Counts sum;
   for (const NamedRig& rig : tiny_rigs())
-    for (const testing::NamedScene& scene : testing::tiny_scenes()) {
+    for (const test::NamedScene& scene : test::tiny_scenes()) {
       SCOPED_TRACE(rig.name + ", " + scene.name);
       const Counts counts =
-          count_frame(rig.rig, scene.scene, testing::make_tiny_stage({.turn_degrees = 7.0}));
+          count_frame(rig.rig, scene.scene, test::make_tiny_stage({.turn_degrees = 7.0}));
       EXPECT_EQ(counts.wrong, 0);
       EXPECT_GT(counts.seen, 0);
       sum.right += counts.right;
@@ -79,27 +78,27 @@ TEST(RowSweep, AgreesWithEveryRay) {
 }
 
 TEST(RowSweep, FollowsTheStage) {
-  const auto scenes = testing::tiny_scenes();
-  const testing::TinyStage stages[] = {{.depth_scale = 0.2},
-                                       {.centre = {0.5, -0.3, 2.5}, .turn_degrees = -40.0},
-                                       {.mm_per_unit = 30.0, .depth_scale = 3.0},
-                                       {.depth_scale = 0.5, .turn_degrees = 33.0}};
-  for (const testing::TinyStage& stage : stages)
-    for (const testing::NamedScene& scene : scenes) {
+  const auto scenes = test::tiny_scenes();
+  const test::TinyStage stages[] = {{.depth_scale = 0.2},
+                                    {.centre = {0.5, -0.3, 2.5}, .turn_degrees = -40.0},
+                                    {.mm_per_unit = 30.0, .depth_scale = 3.0},
+                                    {.depth_scale = 0.5, .turn_degrees = 33.0}};
+  for (const test::TinyStage& stage : stages)
+    for (const test::NamedScene& scene : scenes) {
       SCOPED_TRACE(scene.name);
       const Counts counts =
-          count_frame(testing::make_rig({}), scene.scene, testing::make_tiny_stage(stage));
+          count_frame(test::make_rig({}), scene.scene, test::make_tiny_stage(stage));
       EXPECT_EQ(counts.wrong, 0);
       EXPECT_LE(counts.close, 1);
     }
 }
 
 TEST(RowSweep, OmitsGeometryOutsideTheStage) {
-  Stage stage = testing::make_tiny_stage();
+  Stage stage = test::make_tiny_stage();
   stage.near_mm = -1.5;
-  for (const testing::NamedScene& scene : testing::tiny_scenes()) {
+  for (const test::NamedScene& scene : test::tiny_scenes()) {
     SCOPED_TRACE(scene.name);
-    const Counts counts = count_frame(testing::make_rig({}), scene.scene, stage);
+    const Counts counts = count_frame(test::make_rig({}), scene.scene, stage);
     EXPECT_EQ(counts.wrong, 0);
     EXPECT_LE(counts.close, 1);
   }
@@ -135,7 +134,7 @@ TEST(RowSweep, HandlesTrianglesThroughPanelEyeAndNearBound) {
   for (const double distance : {700.0, kInfinity})
     for (size_t n = 0; n < std::size(cases); ++n) {
       SCOPED_TRACE(n);
-      const Counts counts = count_frame(testing::make_rig({.distance_mm = distance}),
+      const Counts counts = count_frame(test::make_rig({.distance_mm = distance}),
                                         scene_of({cases[n]}), plain_stage());
       EXPECT_EQ(counts.wrong, 0);
       EXPECT_EQ(counts.close, 0);
@@ -144,7 +143,7 @@ TEST(RowSweep, HandlesTrianglesThroughPanelEyeAndNearBound) {
 
 TEST(RowSweep, ACoveringTriangleHidesTheRest) {
   const TriangleMesh wall = triangle({-1e5, -1e5, 1}, {1e5, -1e5, 2}, {0, 2e5, 0});
-  SceneDescription scene = scene_of({wall, testing::box_mesh({-20, -20, -30}, {20, 20, -5}, 0)});
+  SceneDescription scene = scene_of({wall, test::box_mesh({-20, -20, -30}, {20, 20, -5}, 0)});
   for (const NamedRig& rig : tiny_rigs()) {
     SCOPED_TRACE(rig.name);
     const Counts counts = count_frame(rig.rig, scene, plain_stage());
@@ -154,13 +153,13 @@ TEST(RowSweep, ACoveringTriangleHidesTheRest) {
 }
 
 TEST(RowSweep, ReturnsNothingForAnEmptyScene) {
-  const Counts counts = count_frame(testing::make_rig({}), scene_of({}), plain_stage());
+  const Counts counts = count_frame(test::make_rig({}), scene_of({}), plain_stage());
   EXPECT_EQ(counts.seen, 0);
   EXPECT_EQ(counts.wrong, 0);
 }
 
 TEST(RowSweep, HandlesSliversAndTrianglesSeenEdgeOn) {
-  const optics::OpticalModel model(testing::make_rig({}));
+  const optics::OpticalModel model(test::make_rig({}));
   std::vector<TriangleMesh> meshes;
   for (int n = 0; n < 24; ++n) {
     const double x = -28.0 + 2.4 * n;
@@ -174,7 +173,7 @@ TEST(RowSweep, HandlesSliversAndTrianglesSeenEdgeOn) {
     const auto at = [&](double x, double z) { return Vec3{x, ray.lens_y_mm + ray.tan_y * z, z}; };
     meshes.push_back(triangle(at(-30, -20), at(30, -20), at(0, 25)));
   }
-  const Counts counts = count_frame(testing::make_rig({}), scene_of(meshes), plain_stage());
+  const Counts counts = count_frame(test::make_rig({}), scene_of(meshes), plain_stage());
   EXPECT_EQ(counts.wrong, 0);
   EXPECT_LE(counts.close, 3);
 }

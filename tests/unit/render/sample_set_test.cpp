@@ -29,12 +29,12 @@ TEST(SampleSet, SeedsAgreeWithTheReference) {
     for (const int subpixel : {-3, 0, 5, 11519})
       for (const int sample : {0, 3})
         EXPECT_EQ(sampling::subpixel_seed(row, subpixel, sample),
-                  testing::reference_seed(row, subpixel, sample));
+                  test::reference_seed(row, subpixel, sample));
   uint32_t path = sampling::kFirstPath;
   for (const bool refracted : {false, true, true, false}) {
     const uint32_t longer = sampling::longer_path(
         path, refracted ? sampling::Turn::Refracted : sampling::Turn::Mirrored);
-    EXPECT_EQ(longer, testing::reference_path(path, refracted));
+    EXPECT_EQ(longer, test::reference_path(path, refracted));
     path = longer;
   }
 }
@@ -56,8 +56,7 @@ TEST(SampleSet, SpreadsPointsEvenly) {
         const int columns = 1 << columns_log2, rows = 1 << (k - columns_log2);
         std::set<int> boxes;
         for (uint32_t i = 0; i < 1U << k; ++i) {
-          const testing::SquarePoint at =
-              testing::reference_point(seed, testing::kReferencePath, 1, i);
+          const test::SquarePoint at = test::reference_point(seed, test::kReferencePath, 1, i);
           boxes.insert(static_cast<int>(at.u * columns) * rows + static_cast<int>(at.v * rows));
         }
         EXPECT_EQ(boxes.size(), size_t{1} << k);
@@ -121,8 +120,8 @@ class SampleRays : public ::testing::TestWithParam<Isa> {
     return {double{ray.dir_x[r]}, double{ray.dir_y[r]}, double{ray.dir_z[r]}};
   }
 
-  [[nodiscard]] testing::SquarePoint point(size_t r, uint32_t use, uint32_t index) const {
-    return testing::reference_point(seeds_[r], testing::kReferencePath, use, index);
+  [[nodiscard]] test::SquarePoint point(size_t r, uint32_t use, uint32_t index) const {
+    return test::reference_point(seeds_[r], test::kReferencePath, use, index);
   }
 
   const shading_kernel::Kernel& kernel_;
@@ -145,7 +144,7 @@ TEST_P(SampleRays, ToTheHemisphereAgreeWithTheReference) {
     clear(made);
     ASSERT_TRUE(kernel_.ambient_rays(7.0F, sampling::sample_of(set, i), surfaces_, made.rays));
     for (size_t r = 0; r < kPacket; ++r) {
-      Vec3 expected = testing::reference_cosine_direction(point(r, 0, i), smooth_[r]);
+      Vec3 expected = test::reference_cosine_direction(point(r, 0, i), smooth_[r]);
       const double height = dot(expected, geometric_[r]);
       if (height < 0.0) {
         ++below;
@@ -180,7 +179,7 @@ TEST_P(SampleRays, ToAreaLightsAgreeWithTheReference) {
                             surfaces_, weight_, made.rays);
     for (size_t r = 0; r < kPacket; ++r) {
       const Vec3 aside =
-          testing::reference_turned(testing::reference_on_disc(point(r, 3, i)), normalized(middle));
+          test::reference_turned(test::reference_on_disc(point(r, 3, i)), normalized(middle));
       const Vec3 toward = normalized(middle + aside * radius);
       const double cosine = dot(toward, smooth_[r]);
       const bool seen = cosine > 0.0 && dot(toward, geometric_[r]) > 0.0;
@@ -222,7 +221,7 @@ OverDisc over_disc(const Reflection& reflection, Vec3 middle, double radius) {
     const double at = std::sqrt((n + 0.5) / kPoints);
     const Vec3 on_disc{at * std::cos(golden * n), at * std::sin(golden * n), 0.0};
     const double light = reflection.of(
-        normalized(middle + testing::reference_turned(on_disc, normalized(middle)) * radius));
+        normalized(middle + test::reference_turned(on_disc, normalized(middle)) * radius));
     over.mean += light / kPoints;
     over.largest = std::max(over.largest, light);
     over.hidden += light == 0.0 ? 1 : 0;

@@ -22,7 +22,7 @@ SceneDescription good_scene() {
   SceneDescription scene;
   scene.source = "good.test";
   scene.materials = {Material{}};
-  scene.meshes = {testing::box_mesh({-1, -1, -1}, {1, 1, 1}, 0)};
+  scene.meshes = {test::box_mesh({-1, -1, -1}, {1, 1, 1}, 0)};
   scene.spheres = {{.centre = {3, 0, 0}, .radius = 1}};
   Cone cone;
   cone.base = {-3, 0, 0};
@@ -34,7 +34,7 @@ SceneDescription good_scene() {
 
 std::string refusal(const SceneDescription& scene, const Surroundings& surroundings = {}) {
   try {
-    const Scene committed(scene, testing::make_tiny_stage(), surroundings, 1);
+    const Scene committed(scene, test::make_tiny_stage(), surroundings, 1);
   } catch (const Error& error) {
     EXPECT_EQ(error.kind(), ErrorKind::Input);
     return error.what();
@@ -108,7 +108,7 @@ TEST(SceneCommit, RefusesImpossibleSizes) {
 }
 
 TEST(SceneCommit, RefusesAStageWithoutSize) {
-  Stage stage = testing::make_tiny_stage();
+  Stage stage = test::make_tiny_stage();
   stage.world_from_panel.column_z = {0, 0, 0};
   EXPECT_THROW(Scene(good_scene(), stage, {}, 1), Error);
 }
@@ -128,7 +128,7 @@ TEST(SceneCommit, AcceptsAnEmptyScene) {
 TEST(SceneCommit, CentresAndScalesOnTheStage) {
   SceneDescription scene;
   scene.spheres = {{.centre = {1e7 + 2.0, -1e7, 5e6}, .radius = 0.5}};
-  const Stage stage = testing::make_tiny_stage({.centre = {1e7, -1e7, 5e6}, .mm_per_unit = 20.0});
+  const Stage stage = test::make_tiny_stage({.centre = {1e7, -1e7, 5e6}, .mm_per_unit = 20.0});
   const Scene committed(scene, stage, {}, 1);
   const SphereShape& sphere = committed.spheres.at(0);
   EXPECT_NEAR(sphere.centre.x, 40.0, 1e-6);
@@ -137,7 +137,7 @@ TEST(SceneCommit, CentresAndScalesOnTheStage) {
 }
 
 TEST(SceneCommit, KnowsTheNearestPointOfEveryPrimitive) {
-  const Stage stage = testing::make_tiny_stage({.mm_per_unit = 10.0, .depth_scale = 0.5});
+  const Stage stage = test::make_tiny_stage({.mm_per_unit = 10.0, .depth_scale = 0.5});
   SceneDescription scene;
   scene.spheres = {{.centre = {0, 0, 3}, .radius = 1}};
   EXPECT_NEAR(Scene(scene, stage, {}, 1).near_mm, 20.0, 1e-9);
@@ -147,12 +147,12 @@ TEST(SceneCommit, KnowsTheNearestPointOfEveryPrimitive) {
   cone.base_radius = cone.apex_radius = 1.0;
   scene.cones = {cone};
   EXPECT_NEAR(Scene(scene, stage, {}, 1).near_mm, 30.0, 1e-9);
-  scene.meshes = {testing::box_mesh({0, 0, 0}, {1, 1, 8}, 0)};
+  scene.meshes = {test::box_mesh({0, 0, 0}, {1, 1, 8}, 0)};
   EXPECT_NEAR(Scene(scene, stage, {}, 1).near_mm, 40.0, 1e-9);
 }
 
 TEST(SceneCommit, AppliesTheStagesNearBound) {
-  Stage stage = testing::make_tiny_stage({.mm_per_unit = 10.0});
+  Stage stage = test::make_tiny_stage({.mm_per_unit = 10.0});
   SceneDescription scene;
   scene.spheres = {{.centre = {0, 0, 3}, .radius = 1}};
   stage.near_mm = 15.0;
@@ -162,16 +162,16 @@ TEST(SceneCommit, AppliesTheStagesNearBound) {
 TEST(SceneCommit, AddsLightsToASceneWithoutLights) {
   SceneDescription scene = good_scene();
   scene.lights.clear();
-  EXPECT_EQ(Scene(scene, testing::make_tiny_stage(), {}, 1).lights.size(), 1U);
+  EXPECT_EQ(Scene(scene, test::make_tiny_stage(), {}, 1).lights.size(), 1U);
   scene.ambient = Vec3{0.5, 0.5, 0.5};
-  EXPECT_EQ(Scene(scene, testing::make_tiny_stage(), {}, 1).lights.size(), 0U);
+  EXPECT_EQ(Scene(scene, test::make_tiny_stage(), {}, 1).lights.size(), 0U);
 }
 
 TEST(SceneCommit, TheDefaultSunShinesAlikeAtEveryDepthScale) {
   SceneDescription scene = good_scene();
   scene.lights.clear();
   const auto sun = [&](double depth_scale) {
-    const Stage stage = testing::make_tiny_stage({.depth_scale = depth_scale, .turn_degrees = 30});
+    const Stage stage = test::make_tiny_stage({.depth_scale = depth_scale, .turn_degrees = 30});
     return Scene(scene, stage, {}, 1).lights.at(0).direction;
   };
   EXPECT_LT(length(sun(0.02) - sun(1.0)), 1e-12);

@@ -48,9 +48,9 @@ struct alignas(64) Shaded {
   RayPacket shadow_packet, mirrored_packet;
 };
 
-class ShadingKernel : public ::testing::TestWithParam<testing::NamedScene> {
+class ShadingKernel : public ::testing::TestWithParam<test::NamedScene> {
  protected:
-  ShadingKernel() : scene_(GetParam().scene, testing::make_tiny_stage(), {}, 1) {
+  ShadingKernel() : scene_(GetParam().scene, test::make_tiny_stage(), {}, 1) {
     for (size_t r = 0; r < kPacket; ++r) weight_[r] = 0.25F + 0.01F * static_cast<float>(r);
   }
 
@@ -243,7 +243,7 @@ TEST(ShadingKernelCodes, AreThoseOfTheReference) {
     }
 }
 
-INSTANTIATE_TEST_SUITE_P(TinyScenes, ShadingKernel, ::testing::ValuesIn(testing::tiny_scenes()),
+INSTANTIATE_TEST_SUITE_P(TinyScenes, ShadingKernel, ::testing::ValuesIn(test::tiny_scenes()),
                          [](const auto& scene) { return scene.param.name; });
 
 /// Tests one lane that looks straight down at a white floor, lit from a given place.

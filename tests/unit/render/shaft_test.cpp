@@ -22,7 +22,7 @@ SceneDescription ball_over_floor() {
   SceneDescription scene;
   scene.source = "test";
   scene.materials = {Material{}};
-  scene.meshes = {testing::rectangle_mesh({-50, 0, 50}, {100, 0, 0}, {0, 0, -100}, 0)};
+  scene.meshes = {test::rectangle_mesh({-50, 0, 50}, {100, 0, 0}, {0, 0, -100}, 0)};
   scene.spheres = {{.centre = {0, 30, 0}, .radius = 10}};
   return scene;
 }
@@ -49,7 +49,7 @@ class BallOverFloor : public ::testing::Test {
     return {};
   }
 
-  Scene scene_{ball_over_floor(), testing::make_tiny_stage({.mm_per_unit = 1.0}), {}, 1};
+  Scene scene_{ball_over_floor(), test::make_tiny_stage({.mm_per_unit = 1.0}), {}, 1};
   ShaftTester tester_{scene_, *scene_.tree};
 };
 
@@ -133,9 +133,9 @@ TEST_F(BallOverFloor, TheBallDoesNotOccludeItself) {
 }
 
 /// Every conservative result must hold for all rays that it covers.
-class ShaftSoundness : public ::testing::TestWithParam<testing::NamedScene> {
+class ShaftSoundness : public ::testing::TestWithParam<test::NamedScene> {
  protected:
-  ShaftSoundness() : scene_(GetParam().scene, testing::make_tiny_stage(), {}, 1) {}
+  ShaftSoundness() : scene_(GetParam().scene, test::make_tiny_stage(), {}, 1) {}
 
   [[nodiscard]] ShaftResult result(const SurfaceCell& cell, uint64_t target,
                                    SoftSizes sizes = {}) const {
@@ -254,7 +254,7 @@ TEST_P(ShaftSoundness, HoldsForEveryRay) {
       area_lights_dark, found_around);
 }
 
-INSTANTIATE_TEST_SUITE_P(TinyScenes, ShaftSoundness, ::testing::ValuesIn(testing::tiny_scenes()),
+INSTANTIATE_TEST_SUITE_P(TinyScenes, ShaftSoundness, ::testing::ValuesIn(test::tiny_scenes()),
                          [](const auto& scene) { return scene.param.name; });
 
 }  // namespace

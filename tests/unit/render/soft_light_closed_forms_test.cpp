@@ -12,8 +12,8 @@
 namespace lenticule::render {
 namespace {
 
-using testing::make_rig;
-using testing::make_tiny_stage;
+using test::make_rig;
+using test::make_tiny_stage;
 
 /// Matte surfaces reflect no more than with all lights straight above them, and no less than
 /// without lights.
@@ -61,7 +61,7 @@ TEST(Occlusion, IsZeroForAnOpenSurface) {
 TEST(Occlusion, IsCompleteInAClosedRoom) {
   SceneDescription scene = wall_and_ball();
   scene.lights.clear();
-  scene.meshes = {testing::box_mesh({-9, -8, -4}, {9, 8, 9}, 0)};
+  scene.meshes = {test::box_mesh({-9, -8, -4}, {9, 8, 9}, 0)};
   Stage inside = make_tiny_stage();
   inside.near_mm = 20.0;
   const double inf = std::numeric_limits<double>::infinity();
@@ -84,8 +84,7 @@ TEST(EnvironmentLight, OfUniformBrightnessIsReflectedByEverySurface) {
   scene.ambient = Vec3{0.1, 0.1, 0.1};
   scene.materials = {Material{}, Material{.colour = {0.5, 0.5, 0.5}}};
   scene.spheres = {{.centre = {-2.5, 0, 0}, .radius = 1.2, .material = 1}};
-  scene.meshes = {testing::ball_mesh({2.5, 0, 0}, 1.2, 5, 1),
-                  testing::ball_mesh({0, 0, 0}, 1, 4, 0)};
+  scene.meshes = {test::ball_mesh({2.5, 0, 0}, 1.2, 5, 1), test::ball_mesh({0, 0, 0}, 1, 4, 0)};
   // One object at a time, since several would reflect each other.
   const optics::Rig rig = make_rig({});
   int half = 0;

@@ -17,8 +17,8 @@
 namespace lenticule::render {
 namespace {
 
-using testing::make_rig;
-using testing::make_tiny_stage;
+using test::make_rig;
+using test::make_tiny_stage;
 
 struct Converging {
   const char* name;
@@ -47,8 +47,8 @@ class SoftLightConverges : public ::testing::TestWithParam<Converging> {
           if (few.row(j)[3 * i + c] == more.row(j)[3 * i + c]) continue;
           if (uncertain++ % 11 != 0) continue;
           places.push_back({i, j, c,
-                            testing::reference_subpixel(wall_and_ball(), stage_, model, i, j, c,
-                                                        {.soft = GetParam().options(4096)})});
+                            test::reference_subpixel(wall_and_ball(), stage_, model, i, j, c,
+                                                     {.soft = GetParam().options(4096)})});
         }
     return places;
   }

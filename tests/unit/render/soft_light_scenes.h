@@ -41,7 +41,7 @@ inline SceneDescription wall_and_ball() {
   scene.ambient = Vec3{0.4, 0.4, 0.4};
   scene.background = {0.4, 0.4, 0.4};
   scene.materials = {Material{}};
-  scene.meshes = {testing::rectangle_mesh({-40, -40, -1}, {80, 0, 0}, {0, 80, 0}, 0)};
+  scene.meshes = {test::rectangle_mesh({-40, -40, -1}, {80, 0, 0}, {0, 80, 0}, 0)};
   scene.spheres = {{.centre = {0.1, 0.2, 0.4}, .radius = 1.0}};
   Light area_light;
   area_light.position = {1.5, 2.5, 9.0};

@@ -17,8 +17,8 @@
 namespace lenticule::render {
 namespace {
 
-using testing::make_rig;
-using testing::make_tiny_stage;
+using test::make_rig;
+using test::make_tiny_stage;
 
 /// Returns all options, in two sets because occlusion and environment exclude each other.
 std::vector<SoftLight> kinds() {
@@ -33,7 +33,7 @@ std::vector<SoftLight> kinds() {
            .environment_samples = 6}};
 }
 
-class SoftLightOfTinyScenes : public ::testing::TestWithParam<testing::NamedScene> {};
+class SoftLightOfTinyScenes : public ::testing::TestWithParam<test::NamedScene> {};
 
 /// The same samples in double precision: in one of two thousand subpixels, a sample may differ
 /// where a ray grazes an edge.
@@ -50,7 +50,7 @@ TEST_P(SoftLightOfTinyScenes, AgreesWithTheReference) {
       for (int i = 0; i < frame.width(); ++i)
         for (int c = 0; c < 3; ++c) {
           const double expected =
-              testing::reference_subpixel(GetParam().scene, stage, model, i, j, c, {.soft = soft});
+              test::reference_subpixel(GetParam().scene, stage, model, i, j, c, {.soft = soft});
           ++subpixels;
           if (std::abs(expected - frame.row(j)[3 * i + c]) > 1.0) ++different;
         }
@@ -61,7 +61,7 @@ TEST_P(SoftLightOfTinyScenes, AgreesWithTheReference) {
 }
 
 INSTANTIATE_TEST_SUITE_P(TinyScenes, SoftLightOfTinyScenes,
-                         ::testing::ValuesIn(testing::tiny_scenes()),
+                         ::testing::ValuesIn(test::tiny_scenes()),
                          [](const auto& scene) { return scene.param.name; });
 
 /// Lights without a size cast hard shadows as before.

@@ -27,7 +27,7 @@ std::shared_ptr<const Texture> panorama() {
 TEST(Backdrop, IsFlatByDefault) {
   SceneDescription scene;
   scene.background = {0.1, 0.2, 0.3};
-  const Stage stage = testing::make_tiny_stage();
+  const Stage stage = test::make_tiny_stage();
   EXPECT_EQ(backdrop_light(make_backdrop(scene, stage, {}), {0, 1, 0}, 2), 0.3);
   Surroundings surroundings;
   surroundings.background = Vec3{0.7, 0.8, 0.9};
@@ -37,7 +37,7 @@ TEST(Backdrop, IsFlatByDefault) {
 TEST(Backdrop, SkyIsBlueAboveAndDarkBelow) {
   Surroundings surroundings;
   surroundings.sky = true;
-  const Backdrop sky = make_backdrop({}, testing::make_tiny_stage(), surroundings);
+  const Backdrop sky = make_backdrop({}, test::make_tiny_stage(), surroundings);
   EXPECT_GT(backdrop_light(sky, {0, 1, 0}, 2), backdrop_light(sky, {0, 1, 0}, 0));
   EXPECT_GT(backdrop_light(sky, {1, 0, 0}, 0), backdrop_light(sky, {0, 1, 0}, 0));
   EXPECT_GT(backdrop_light(sky, {1, 0, 0}, 0), backdrop_light(sky, {0, -1, 0}, 0));
@@ -57,7 +57,7 @@ TEST(Backdrop, TheEnvironmentsMiddleIsAheadAndItsRightIsToTheRight) {
 }
 
 TEST(WorldUp, IsTheAxisNearestToThePanelsUp) {
-  Stage stage = testing::make_tiny_stage();
+  Stage stage = test::make_tiny_stage();
   EXPECT_EQ(world_up(stage), (Vec3{0, 1, 0}));
   stage.world_from_panel.column_y = {0.1, 0.2, 0.9};
   EXPECT_EQ(world_up(stage), (Vec3{0, 0, 1}));

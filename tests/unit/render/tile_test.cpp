@@ -11,7 +11,7 @@
 namespace lenticule::render {
 namespace {
 
-using testing::make_rig;
+using test::make_rig;
 
 TEST(TilePlan, CoversEverySubpixelExactlyOnce) {
   for (const int width : {1, 31, 33, 100})

@@ -17,9 +17,9 @@
 namespace lenticule::calib {
 namespace {
 
-using phone_bench::HandOutcome;
-using phone_bench::HandResult;
-using phone_bench::HandTrial;
+using bench::HandOutcome;
+using bench::HandResult;
+using bench::HandTrial;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -104,7 +104,7 @@ TEST(PhoneCalibration, TellsTheGapsOfTheColoursApart) {
   const HandTrial trial(101, test::small_workshop(3));
   const Calibration found = calibrate(trial, trial.photos());
   EXPECT_THAT(found.warnings, ElementsAre(HasSubstr("3 photographs do not show")));
-  const phone_bench::LensSection sheet(trial.workshop().build, trial.workshop().start.panel);
+  const bench::LensSection sheet(trial.workshop().build, trial.workshop().start.panel);
   const auto shift = [&](int channel) { return sheet.mean_shift(0.3, 0.0, channel).across; };
   const double green = found.rig.sheet.gap.value;
   EXPECT_NEAR(parameter(found, "gap_mm.red").estimate.value / green, shift(0) / shift(1), 8e-4);
@@ -117,7 +117,7 @@ TEST(PhoneCalibration, OnePhotographIsNotEnough) {
   photos[0].name = "photograph 1";
   photos[1].name = "photograph 2";
   photos[1].findings.refusal = "only 2 of 9 tags were found";
-  const phone_bench::Workshop workshop = draw_workshop(4, test::small_workshop(1));
+  const bench::Workshop workshop = draw_workshop(4, test::small_workshop(1));
   const Calibration found =
       calibrate_phone(photos, plan_single_photo_chart(workshop.start), {2400.0, 72.0});
   EXPECT_EQ(found.verdict, Verdict::Refused);
@@ -139,7 +139,7 @@ TEST(PhoneCalibration, AsksForABetterStartIfThePitchIsFarOff) {
 }
 
 TEST(PhoneCalibration, ReturnsNoStartWhoseChartHasNoRoomOnThePanel) {
-  const phone_bench::Workshop workshop = draw_workshop(4, test::small_workshop(1));
+  const bench::Workshop workshop = draw_workshop(4, test::small_workshop(1));
   PhotoFindings mistaken;
   mistaken.rig = workshop.start;
   mistaken.rig.sheet.pitch.value = 40.0;

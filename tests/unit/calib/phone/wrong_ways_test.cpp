@@ -11,7 +11,7 @@
 #include "tests/support/scratch_folder.h"
 #include "tests/support/small_workshop.h"
 
-namespace lenticule::phone_bench {
+namespace lenticule::bench {
 namespace {
 
 TEST(WrongWays, AMistakeInOnePhotographIsRefusedWithItsCause) {
@@ -53,4 +53,4 @@ TEST(WrongWays, SquaresThatBeatWithTheCameraAreNotTakenForAScaledChart) {
 }
 
 }  // namespace
-}  // namespace lenticule::phone_bench
+}  // namespace lenticule::bench

@@ -18,8 +18,8 @@
 namespace lenticule::render {
 namespace {
 
-using testing::make_rig;
-using testing::make_tiny_stage;
+using test::make_rig;
+using test::make_tiny_stage;
 
 struct Rendered {
   frames::WovenFrame frame;
@@ -48,7 +48,7 @@ class Jacks {
                                       Vec3{0.0, 0.0, 1.0}};
     const double block = 0.09 * size;
     const Vec3 half{block, block, block};
-    scene_.meshes.push_back(testing::box_mesh(centre - half, centre + half, 0));
+    scene_.meshes.push_back(test::box_mesh(centre - half, centre + half, 0));
     for (int n = 0; n < 6; ++n) {
       const Vec3 arm = axes[static_cast<size_t>(n / 2)] * (n % 2 == 0 ? size : -size);
       if (n % 2 == 0) add_rod(centre - arm, centre + arm, 0.04 * size);
@@ -84,7 +84,7 @@ SceneDescription jacks(double transmittance = 0.0) {
                       .refraction_index = 1.4}};
   Jacks(scene).add({0, 0, 0}, 1.7, 3);
   // A frame of small objects alone would be left to method full.
-  scene.meshes.push_back(testing::box_mesh({-20, -20, -4}, {20, 20, -3.5}, 1));
+  scene.meshes.push_back(test::box_mesh({-20, -20, -4}, {20, 20, -3.5}, 1));
   return scene;
 }
 

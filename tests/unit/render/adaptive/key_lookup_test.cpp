@@ -288,9 +288,9 @@ TEST(KeyGrid, PlacesPointsWhereTheSamplesSeeThem) {
   std::uniform_real_distribution<double> depth(-60.0, 60.0);
   for (const double distance : {700.0, std::numeric_limits<double>::infinity()}) {
     const optics::OpticalModel model(
-        testing::make_rig({.width = 120, .height = 90, .distance_mm = distance, .pixel_mm = 0.5}));
+        test::make_rig({.width = 120, .height = 90, .distance_mm = distance, .pixel_mm = 0.5}));
     const RowPlanes planes(model);
-    const KeyGrid grid(planes, testing::make_tiny_stage(), reach_of(planes), {.pictures = 3});
+    const KeyGrid grid(planes, test::make_tiny_stage(), reach_of(planes), {.pictures = 3});
     const Grid& lookup = grid.lookup();
     for (int n = 0; n < 300; ++n) {
       const int picture = static_cast<int>(random() % 3);
@@ -312,9 +312,9 @@ TEST(KeyGrid, PlacesPointsWhereTheSamplesSeeThem) {
 }
 
 TEST(KeyGrid, EveryRowLiesBetweenRowsOfSamples) {
-  const optics::OpticalModel model(testing::make_rig({.width = 30, .height = 91}));
+  const optics::OpticalModel model(test::make_rig({.width = 30, .height = 91}));
   const RowPlanes planes(model);
-  const KeyGrid grid(planes, testing::make_tiny_stage(), reach_of(planes), {.row_step = 4});
+  const KeyGrid grid(planes, test::make_tiny_stage(), reach_of(planes), {.row_step = 4});
   for (int row = 0; row < planes.rows(); ++row) {
     const KeyGrid::Between between = grid.between(row);
     for (const int odd : {0, 1}) {

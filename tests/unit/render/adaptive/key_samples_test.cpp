@@ -14,10 +14,10 @@ constexpr int kCode = lookup_kernel::kCodeParts;
 class FilledSamples : public ::testing::Test {
  protected:
   FilledSamples()
-      : rig_(testing::make_rig({.width = 96, .height = 96})),
+      : rig_(test::make_rig({.width = 96, .height = 96})),
         model_(rig_),
         planes_(model_, Isa::Baseline),
-        grid_(planes_, testing::make_tiny_stage(), reach_of(planes_),
+        grid_(planes_, test::make_tiny_stage(), reach_of(planes_),
               {.row_step = 2, .columns = 2.0, .pictures = 2}),
         samples_(grid_) {
     for (int row = 0; row < grid_.rows(); ++row)

@@ -13,18 +13,18 @@
 namespace lenticule::render {
 namespace {
 
-std::string name_of(const ::testing::TestParamInfo<testing::NamedScene>& named) {
+std::string name_of(const ::testing::TestParamInfo<test::NamedScene>& named) {
   std::string name = named.param.name;
   for (char& c : name)
     if (!std::isalnum(static_cast<unsigned char>(c))) c = '_';
   return name;
 }
 
-class KnownLight : public ::testing::TestWithParam<testing::NamedScene> {
+class KnownLight : public ::testing::TestWithParam<test::NamedScene> {
  protected:
   explicit KnownLight(const SoftLight& soft = {})
-      : scene_(GetParam().scene, testing::make_tiny_stage(), {}, 1),
-        rig_(testing::make_rig({})),
+      : scene_(GetParam().scene, test::make_tiny_stage(), {}, 1),
+        rig_(test::make_rig({})),
         plan_(rig_),
         groups_(scene_),
         tracer_(RenderOptions{.soft = soft, .cancelled = {}}) {}
@@ -252,21 +252,20 @@ TEST_P(KnownSoftLight, IntegralsAreAtLeastAsAccurateAsSums) {
   EXPECT_LE(of_integrals, 1.02 * of_sums);
 }
 
-INSTANTIATE_TEST_SUITE_P(Scenes, KnownLight, ::testing::ValuesIn(testing::tiny_scenes()), name_of);
-INSTANTIATE_TEST_SUITE_P(Scenes, KnownSoftLight, ::testing::ValuesIn(testing::tiny_scenes()),
-                         name_of);
+INSTANTIATE_TEST_SUITE_P(Scenes, KnownLight, ::testing::ValuesIn(test::tiny_scenes()), name_of);
+INSTANTIATE_TEST_SUITE_P(Scenes, KnownSoftLight, ::testing::ValuesIn(test::tiny_scenes()), name_of);
 
 /// A ball over a floor: the notes distinguish the shadow from the lit floor, and the two surfaces.
 TEST(Notes, DistinguishShadowsAndSurfaces) {
   SceneDescription description;
   description.materials = {Material{.name = "floor"}, Material{.name = "mirror", .specular = 0.5}};
-  description.meshes = {testing::rectangle_mesh({-5, 0, -5}, {0, 0, 10}, {10, 0, 0}, 0)};
+  description.meshes = {test::rectangle_mesh({-5, 0, -5}, {0, 0, 10}, {10, 0, 0}, 0)};
   description.spheres = {Sphere{.centre = {0, 2, 0}, .radius = 0.5, .material = 1}};
   description.lights = {Light{.position = {0, 50, 0}}};
-  const Stage stage = testing::make_tiny_stage();
+  const Stage stage = test::make_tiny_stage();
   const Scene scene(description, stage, {}, 1);
   const SurfaceGroups groups(scene);
-  const optics::Rig rig = testing::make_rig({});
+  const optics::Rig rig = test::make_rig({});
   const TilePlan plan(rig);
   NotingTracer tracer(RenderOptions{.cancelled = {}});
   std::vector<PathRay> rays(kPacket);

@@ -25,10 +25,10 @@ struct Corner {
 class ResolvedSamples : public ::testing::Test {
  protected:
   ResolvedSamples()
-      : rig_(testing::make_rig({.width = 60, .height = 48})),
+      : rig_(test::make_rig({.width = 60, .height = 48})),
         model_(rig_),
         planes_(model_, Isa::Baseline),
-        grid_(planes_, testing::make_tiny_stage(), reach_of(planes_),
+        grid_(planes_, test::make_tiny_stage(), reach_of(planes_),
               {.row_step = 4, .columns = 4.0, .pictures = 3}),
         samples_(grid_) {
     for (int row = 0; row < grid_.rows(); ++row)

@@ -18,8 +18,8 @@
 namespace lenticule::render {
 namespace {
 
-using testing::make_rig;
-using testing::make_tiny_stage;
+using test::make_rig;
+using test::make_tiny_stage;
 
 /// Returns a rig large enough for most subpixels to lie between samples.
 optics::Rig wide_rig() {
@@ -66,7 +66,7 @@ Difference compare(const frames::WovenFrame& a, const frames::WovenFrame& b) {
 TEST(MethodAdaptive, IsCloseToFullOnEveryScene) {
   uint64_t interpolated = 0, shaded = 0;
   for (const bool managed : {false, true})
-    for (testing::NamedScene named : testing::tiny_scenes()) {
+    for (test::NamedScene named : test::tiny_scenes()) {
       named.scene.colour_managed = managed;
       const Rendered full = rendered("full", named.scene, wide_rig());
       const Rendered adaptive = rendered("adaptive", named.scene, wide_rig());
@@ -85,7 +85,7 @@ TEST(MethodAdaptive, IsCloseToFullOnEveryScene) {
 
 /// Returns spheres that are smaller than the distances of the samples, in a loose heap.
 SceneDescription heap_of_beads() {
-  SceneDescription scene = testing::tiny_scenes().front().scene;
+  SceneDescription scene = test::tiny_scenes().front().scene;
   scene.spheres.clear();
   std::mt19937 random(5);
   std::uniform_real_distribution<double> place(-2.0, 2.0);
@@ -111,7 +111,7 @@ TEST(MethodAdaptive, LeavesAFrameOfSmallSurfacesToFullAndCopiesItWhileNothingMov
 }
 
 TEST(MethodAdaptive, WithZeroErrorHasTheBytesOfFull) {
-  for (const testing::NamedScene& named : testing::tiny_scenes()) {
+  for (const test::NamedScene& named : test::tiny_scenes()) {
     const RenderOptions exact{.tolerated_error = 0.0, .cancelled = {}};
     EXPECT_EQ(rendered("full", named.scene, wide_rig()).frame,
               rendered("adaptive", named.scene, wide_rig(), exact).frame)
@@ -120,7 +120,7 @@ TEST(MethodAdaptive, WithZeroErrorHasTheBytesOfFull) {
 }
 
 TEST(MethodAdaptive, ASmallerErrorIsCloserToFull) {
-  for (const testing::NamedScene& named : testing::tiny_scenes()) {
+  for (const test::NamedScene& named : test::tiny_scenes()) {
     const Rendered full = rendered("full", named.scene, wide_rig());
     const auto with = [&](double error) {
       return compare(full.frame, rendered("adaptive", named.scene, wide_rig(),
@@ -132,7 +132,7 @@ TEST(MethodAdaptive, ASmallerErrorIsCloserToFull) {
 }
 
 TEST(MethodAdaptive, GivesTheSameBytesForAnyThreadsTilesAndInstructionSet) {
-  for (const testing::NamedScene& named : testing::tiny_scenes()) {
+  for (const test::NamedScene& named : test::tiny_scenes()) {
     const Rendered one =
         rendered("adaptive", named.scene, wide_rig(), {.threads = 1, .cancelled = {}});
     const auto same = [&](const RenderOptions& options) {
@@ -149,7 +149,7 @@ TEST(MethodAdaptive, GivesTheSameBytesForAnyThreadsTilesAndInstructionSet) {
 /// The method requests culling tests depending on their success so far; weak rays are skipped
 /// whether or not a test was available.
 TEST(MethodAdaptive, CullingDoesNotChangeTheBytesOfSoftLight) {
-  for (testing::NamedScene& named : testing::tiny_scenes()) {
+  for (test::NamedScene& named : test::tiny_scenes()) {
     // Reflections contribute one code value at most.
     named.scene.background = {1.0, 1.0, 1.0};
     for (Material& material : named.scene.materials) material.specular = 0.0035;
@@ -187,7 +187,7 @@ TEST(MethodAdaptive, IsCloseToFullOnEveryKindOfRig) {
   rigs.back().sheet.residual = test::random_residual(random, 2, 2, 0.04);
   rigs.push_back(rigs.front());
   rigs.back().panel.layout = optics::SubpixelLayout::bgr();
-  const testing::NamedScene named = testing::tiny_scenes().front();
+  const test::NamedScene named = test::tiny_scenes().front();
   for (const optics::Rig& rig : rigs) {
     const Difference off = compare(rendered("full", named.scene, rig).frame,
                                    rendered("adaptive", named.scene, rig).frame);
@@ -228,7 +228,7 @@ SceneDescription finely_striped(const optics::Rig& rig) {
   const double width = rig.panel.width_px * rig.panel.pixel_width.value;
   const double height = rig.panel.height_px * rig.panel.pixel_height.value;
   TriangleMesh sheet =
-      testing::rectangle_mesh({-width / 2, -height / 2, 0}, {width, 0, 0}, {0, height, 0}, 0);
+      test::rectangle_mesh({-width / 2, -height / 2, 0}, {width, 0, 0}, {0, height, 0}, 0);
   for (const Vec3& p : sheet.positions)
     sheet.uvs.push_back(
         {static_cast<float>(p.x / width + 0.5), static_cast<float>(0.5 - p.y / height)});
@@ -281,9 +281,9 @@ TEST(MethodAdaptive, SoftLightIsAsAccurateAsFulls) {
                          .cancelled = {}};
   };
   const optics::Rig rig = make_rig({.width = 240, .height = 140, .pixel_mm = 0.33});
-  std::vector<testing::NamedScene> scenes = testing::tiny_scenes();
+  std::vector<test::NamedScene> scenes = test::tiny_scenes();
   scenes.resize(3);
-  for (const testing::NamedScene& named : scenes) {
+  for (const test::NamedScene& named : scenes) {
     const frames::WovenFrame ground_truth = rendered("full", named.scene, rig, with(128)).frame;
     const Rendered full = rendered("full", named.scene, rig, with(16));
     const Rendered adaptive = rendered("adaptive", named.scene, rig, with(16));
@@ -298,7 +298,7 @@ TEST(MethodAdaptive, SoftLightIsAsAccurateAsFulls) {
 /// Green decides about the light's path, and these surfaces reflect no green.
 TEST(MethodAdaptive, LightsSurfacesOfASinglePrimaryColourSoftly) {
   for (const Vec3 colour : {Vec3{0.9, 0, 0}, Vec3{0, 0, 0.9}}) {
-    SceneDescription scene = testing::tiny_scenes().front().scene;
+    SceneDescription scene = test::tiny_scenes().front().scene;
     for (Material& material : scene.materials) material.colour = colour;
     scene.ambient = {0.5, 0.5, 0.5};
     const RenderOptions options{.soft = {.shadow_samples = 16,
@@ -319,7 +319,7 @@ TEST(MethodAdaptive, CopiesFramesInWhichNothingChanges) {
   const Stage stage = make_tiny_stage();
   const auto method = make_method("adaptive", model, {.copy_unchanged = true, .cancelled = {}});
   frames::WovenFrame first({rig.panel.width_px, rig.panel.height_px}), again = first;
-  SceneDescription description = testing::tiny_scenes().front().scene;
+  SceneDescription description = test::tiny_scenes().front().scene;
   const auto render = [&](frames::WovenFrame& frame) {
     const Scene scene(description, stage, {});
     return method->render(scene, stage, frame).copied_subpixels;
@@ -335,7 +335,7 @@ TEST(MethodAdaptive, CopiesFramesInWhichNothingChanges) {
 TEST(MethodAdaptive, AgreesWithFullForUnusableRays) {
   const optics::Rig rig = make_rig({.width = 120, .height = 60, .pixel_mm = 0.6});
   const optics::OpticalModel model(rig);
-  SceneDescription description = testing::tiny_scenes().front().scene;
+  SceneDescription description = test::tiny_scenes().front().scene;
   description.background = {0.2, 0.5, 0.7};
   for (const double depth_scale : {1e-22, 3e-19, 1e-17, 1e-3}) {
     const Stage stage = make_tiny_stage({.depth_scale = depth_scale});
@@ -359,7 +359,7 @@ TEST(MethodAdaptive, EndsEarlyWhenCancelled) {
   const optics::Rig rig = wide_rig();
   const optics::OpticalModel model(rig);
   const Stage stage = make_tiny_stage();
-  const Scene scene(testing::tiny_scenes().front().scene, stage, {});
+  const Scene scene(test::tiny_scenes().front().scene, stage, {});
   std::atomic<int> asked{0};
   const auto method =
       make_method("adaptive", model, {.threads = 2, .cancelled = [&] { return ++asked > 3; }});
@@ -370,7 +370,7 @@ TEST(MethodAdaptive, EndsEarlyWhenCancelled) {
 /// Returns a scene like a fence: wires thinner than the distance of samples, and their shadows on a
 /// wall. Lookups lose wires; few subpixels are wrong, but by much.
 SceneDescription wires(double gap) {
-  SceneDescription scene = testing::tiny_scenes()[1].scene;
+  SceneDescription scene = test::tiny_scenes()[1].scene;
   scene.cones.clear();
   for (double x = -6.0; x < 6.0; x += gap) {
     Cone wire;
@@ -502,7 +502,7 @@ TEST(MethodAdaptive, ChangesItsErrorFromFrameToFrame) {
   frames::WovenFrame frame({rig.panel.width_px, rig.panel.height_px});
   std::vector<frames::WovenFrame> kinds;
   for (const double error : {8.0, 1.0, 1.0, 8.0}) {
-    const SceneDescription description = testing::tiny_scenes().front().scene;
+    const SceneDescription description = test::tiny_scenes().front().scene;
     const Scene scene(description, stage, {}, 1);
     ASSERT_TRUE(method->set_tolerated_error(error));
     ASSERT_TRUE(method->render(scene, stage, frame).completed);

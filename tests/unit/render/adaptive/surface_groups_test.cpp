@@ -25,48 +25,48 @@ std::set<uint32_t> groups_of(const SurfaceGroups& groups, uint32_t geometry, siz
 }
 
 TEST(SurfaceGroups, ABoxHasSixSurfaces) {
-  const Scene scene(scene_of({testing::box_mesh({-1, -1, -1}, {1, 2, 3}, 0)}),
-                    testing::make_tiny_stage(), {});
+  const Scene scene(scene_of({test::box_mesh({-1, -1, -1}, {1, 2, 3}, 0)}), test::make_tiny_stage(),
+                    {});
   const SurfaceGroups groups(scene);
   EXPECT_EQ(groups_of(groups, 0, 12).size(), 6U);
 }
 
 TEST(SurfaceGroups, ASmoothMeshIsOneSurface) {
-  const TriangleMesh ball = testing::ball_mesh({0, 0, 0}, 1.0, 9, 0);
+  const TriangleMesh ball = test::ball_mesh({0, 0, 0}, 1.0, 9, 0);
   const size_t triangles = ball.triangles.size();
-  const Scene scene(scene_of({ball}), testing::make_tiny_stage(), {});
+  const Scene scene(scene_of({ball}), test::make_tiny_stage(), {});
   EXPECT_EQ(groups_of(SurfaceGroups(scene), 0, triangles).size(), 1U);
 }
 
 TEST(SurfaceGroups, ASmoothMeshWithFacetedNormalsIsManySurfaces) {
-  TriangleMesh ball = testing::ball_mesh({0, 0, 0}, 1.0, 9, 0);
+  TriangleMesh ball = test::ball_mesh({0, 0, 0}, 1.0, 9, 0);
   ball.normals.clear();
   const size_t triangles = ball.triangles.size();
-  const Scene scene(scene_of({ball}), testing::make_tiny_stage(), {});
+  const Scene scene(scene_of({ball}), test::make_tiny_stage(), {});
   const size_t count = groups_of(SurfaceGroups(scene), 0, triangles).size();
   EXPECT_GT(count, triangles / 3);  // quadrilaterals may be flat
   EXPECT_LE(count, triangles);
 }
 
 TEST(SurfaceGroups, RepeatedVerticesAreMerged) {
-  TriangleMesh sheet = testing::rectangle_mesh({-1, -1, 0}, {2, 0, 0}, {0, 2, 0}, 0);
+  TriangleMesh sheet = test::rectangle_mesh({-1, -1, 0}, {2, 0, 0}, {0, 2, 0}, 0);
   TriangleMesh split;
   for (const auto& triangle : sheet.triangles) {
     const auto first = static_cast<uint32_t>(split.positions.size());
     for (const uint32_t corner : triangle) split.positions.push_back(sheet.positions[corner]);
     split.triangles.push_back({first, first + 1, first + 2});
   }
-  const Scene scene(scene_of({split}), testing::make_tiny_stage(), {});
+  const Scene scene(scene_of({split}), test::make_tiny_stage(), {});
   EXPECT_EQ(groups_of(SurfaceGroups(scene), 0, 2).size(), 1U);
 }
 
 TEST(SurfaceGroups, MeshesSpheresAndConesAreSeparateAndHaveTheirViewDependence) {
-  SceneDescription description = scene_of({testing::box_mesh({-1, -1, -1}, {1, 1, 1}, 0),
-                                           testing::box_mesh({-1, -1, -1}, {1, 1, 1}, 1)});
+  SceneDescription description = scene_of(
+      {test::box_mesh({-1, -1, -1}, {1, 1, 1}, 0), test::box_mesh({-1, -1, -1}, {1, 1, 1}, 1)});
   description.spheres = {Sphere{.centre = {3, 0, 0}, .radius = 1.0, .material = 2},
                          Sphere{.centre = {-3, 0, 0}, .radius = 1.0, .material = 0}};
   description.cones = {Cone{.base = {0, 3, 0}, .apex = {0, 4, 0}, .material = 1}};
-  const Scene scene(description, testing::make_tiny_stage(), {});
+  const Scene scene(description, test::make_tiny_stage(), {});
   const SurfaceGroups groups(scene);
   std::set<uint32_t> all;
   size_t primitives = 0;

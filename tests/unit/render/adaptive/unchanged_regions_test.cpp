@@ -14,8 +14,8 @@
 namespace lenticule::render {
 namespace {
 
-using testing::make_rig;
-using testing::make_tiny_stage;
+using test::make_rig;
+using test::make_tiny_stage;
 
 optics::Rig wide_rig() {
   return make_rig({.width = 400, .height = 240, .pixel_mm = 0.2});
@@ -33,14 +33,14 @@ SceneDescription strewn(std::mt19937_64& random, double shiny, int of_each = 5) 
                      Material{.colour = {0.3, 0.7, 0.5}, .diffuse = 0.9},
                      Material{.colour = {0.7, 0.7, 0.8}, .diffuse = 0.5, .specular = 0.4}};
   const auto material = [&] { return part(random) < shiny ? 2 : part(random) < 0.5 ? 1 : 0; };
-  scene.meshes = {testing::rectangle_mesh({-4, -2, -2}, {0, 0, 4}, {8, 0, 0}, 0),
-                  testing::rectangle_mesh({-4, -2, -2}, {8, 0, 0}, {0, 5, 0}, 1)};
+  scene.meshes = {test::rectangle_mesh({-4, -2, -2}, {0, 0, 4}, {8, 0, 0}, 0),
+                  test::rectangle_mesh({-4, -2, -2}, {8, 0, 0}, {0, 5, 0}, 1)};
   for (int n = 0; n < of_each; ++n) {
     const Vec3 at{3.5 * any(random), 1.8 * any(random), 1.2 * any(random)};
     const double size = 0.1 + 0.3 * part(random);
     scene.spheres.push_back({.centre = at, .radius = size, .material = material()});
     const Vec3 low{3.5 * any(random), 1.8 * any(random), 1.2 * any(random)};
-    scene.meshes.push_back(testing::box_mesh(low, low + Vec3{size, size, size}, material()));
+    scene.meshes.push_back(test::box_mesh(low, low + Vec3{size, size, size}, material()));
     scene.cones.push_back({.base = low + Vec3{0.5, 0, 0},
                            .base_radius = 0.5 * size,
                            .apex = low + Vec3{0.5, size, 0.2},

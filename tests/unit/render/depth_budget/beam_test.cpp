@@ -15,7 +15,7 @@
 namespace lenticule::render {
 namespace {
 
-using testing::make_rig;
+using test::make_rig;
 
 TEST(BeamSamples, StartInTheMiddleAndAreSymmetric) {
   for (const int count : {1, 3, 4, 5, 9, 17, 64, 257}) {
@@ -104,7 +104,7 @@ TEST(BeamRay, GoesToTheEyeThatSeesThePlace) {
             const optics::SubpixelRay middle = model.ray(i, 5, c);
             const PanelRay ray = footprint.displaced(
                 {middle.lens_x_mm, middle.lens_y_mm, middle.tan_x, middle.tan_y});
-            const testing::ReferenceLine line = testing::beam_line(model, i, 5, c, place);
+            const test::ReferenceLine line = test::beam_line(model, i, 5, c, place);
             EXPECT_NEAR(ray.x_mm, line.x_mm, 1e-2 * 5.0 / 3.0);
             EXPECT_NEAR(ray.y_mm, line.y_mm, 1e-9);
             EXPECT_NEAR(ray.tan_x, line.tan_x, 1e-2 * 0.55 / 7.7);

@@ -16,8 +16,8 @@
 namespace lenticule::render {
 namespace {
 
-using testing::make_rig;
-using testing::make_tiny_stage;
+using test::make_rig;
+using test::make_tiny_stage;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 TEST(DepthHistogram, CountsEachSubpixelOnce) {
@@ -59,15 +59,15 @@ TEST(MeasureDepth, AgreesWithTheReference) {
     const optics::OpticalModel model(
         make_rig({.width = 24, .height = 12, .layout = layout, .pixel_mm = 2.5}));
     const Stage stage = make_tiny_stage({.depth_scale = 6.0, .turn_degrees = 20.0});
-    for (const testing::NamedScene& named : testing::tiny_scenes()) {
+    for (const test::NamedScene& named : test::tiny_scenes()) {
       const Scene scene(named.scene, stage, {}, 1);
       const DepthOfField field(model);
       DepthHistogram expected(model.rig().sheet.pitch.value);
       for (int j = 0; j < 12; ++j)
         for (int s = 0; s < 72; ++s) {
-          const testing::OracleRay ray = testing::oracle_ray(model, s / 3, j, s % 3);
+          const test::OracleRay ray = test::oracle_ray(model, s / 3, j, s % 3);
           double z_mm = -kInfinity;
-          for (const testing::OracleHit& hit : testing::oracle_hits(scene, ray, 0.99 * 700.0))
+          for (const test::OracleHit& hit : test::oracle_hits(scene, ray, 0.99 * 700.0))
             if (hit.met) z_mm = std::max(z_mm, hit.z_mm);
           expected.add(z_mm / field.along_mm(ray.tan_x, ray.tan_y), z_mm);
         }
@@ -91,8 +91,8 @@ TEST(MeasureDepth, PicturesAgreeWithTheCounts) {
   const optics::OpticalModel model(make_rig({.width = 24, .height = 12, .pixel_mm = 2.5}));
   SceneDescription pane;
   pane.materials = {Material{}};
-  pane.meshes = {testing::rectangle_mesh({-500, -500, 0}, {500, 0, 0}, {0, 1000, 0}, 0),
-                 testing::rectangle_mesh({0, -500, -400}, {500, 0, 0}, {0, 1000, 0}, 0)};
+  pane.meshes = {test::rectangle_mesh({-500, -500, 0}, {500, 0, 0}, {0, 1000, 0}, 0),
+                 test::rectangle_mesh({0, -500, -400}, {500, 0, 0}, {0, 1000, 0}, 0)};
   pane.lights = {};
   const Scene scene(pane, make_tiny_stage({.mm_per_unit = 1.0}), {}, 1);
   frames::WovenFrame picture({24, 12, frames::PixelFormat::Rgb8});
@@ -114,7 +114,7 @@ TEST(MeasureDepth, PicturesAgreeWithTheCounts) {
 
 TEST(MeasureDepth, DoesNotDependOnThreads) {
   const optics::OpticalModel model(make_rig({.width = 60, .height = 70, .pixel_mm = 1.0}));
-  const Scene scene(testing::tiny_scenes()[0].scene, make_tiny_stage({.depth_scale = 3.0}), {}, 5);
+  const Scene scene(test::tiny_scenes()[0].scene, make_tiny_stage({.depth_scale = 3.0}), {}, 5);
   const DepthHistogram one = measure_depth(model, scene, 1);
   const DepthHistogram many = measure_depth(model, scene, 5);
   EXPECT_EQ(one.bins(), many.bins());

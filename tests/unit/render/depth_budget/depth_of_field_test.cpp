@@ -11,7 +11,7 @@
 namespace lenticule::render {
 namespace {
 
-using testing::make_rig;
+using test::make_rig;
 
 TEST(DepthOfField, StraightAheadIsGapTimesPitch) {
   const optics::OpticalModel model(make_rig({}));

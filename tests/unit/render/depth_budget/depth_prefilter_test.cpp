@@ -20,8 +20,8 @@
 namespace lenticule::render {
 namespace {
 
-using testing::make_rig;
-using testing::make_tiny_stage;
+using test::make_rig;
+using test::make_tiny_stage;
 constexpr int kThreads = 4;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
@@ -60,9 +60,9 @@ std::vector<double> depths(const SceneDescription& description, const Stage& sta
   std::vector<double> found;
   for (int j = 0; j < rig.panel.height_px; ++j)
     for (int s = 0; s < 3 * rig.panel.width_px; ++s) {
-      const testing::OracleRay ray = testing::oracle_ray(model, s / 3, j, s % 3);
+      const test::OracleRay ray = test::oracle_ray(model, s / 3, j, s % 3);
       double z_mm = -kInfinity;
-      for (const testing::OracleHit& hit : testing::oracle_hits(scene, ray, start_mm))
+      for (const test::OracleHit& hit : test::oracle_hits(scene, ray, start_mm))
         if (hit.met) z_mm = std::max(z_mm, hit.z_mm);
       found.push_back(z_mm / field.along_mm(ray.tan_x, ray.tan_y));
     }
@@ -71,7 +71,7 @@ std::vector<double> depths(const SceneDescription& description, const Stage& sta
 
 TEST(DepthPrefilter, DoesNotChangeScenesWithinTheDepthOfField) {
   const optics::OpticalModel model(make_rig({.width = 60, .height = 40}));
-  for (testing::NamedScene named : testing::tiny_scenes()) {
+  for (test::NamedScene named : test::tiny_scenes()) {
     const Stage stage = make_tiny_stage({.depth_scale = 0.5});
     named.scene.background = {};
     const Rendered off = rendered(named.scene, stage, model, with(Prefilter::Off));
@@ -91,7 +91,7 @@ TEST(DepthPrefilter, DoesNotChangeScenesWithinTheDepthOfField) {
 TEST(DepthPrefilter, KeepsSharpEdges) {
   const optics::OpticalModel model(make_rig({.width = 60, .height = 40}));
   int sharp = 0, changed = 0;
-  for (const testing::NamedScene& named : testing::tiny_scenes()) {
+  for (const test::NamedScene& named : test::tiny_scenes()) {
     const Rendered off = rendered(named.scene, deep_stage(), model, with(Prefilter::Off));
     const Rendered depth = rendered(named.scene, deep_stage(), model, with(Prefilter::Depth));
     const std::vector<double> depth_of = depths(named.scene, deep_stage(), model);
@@ -125,7 +125,7 @@ void expect_means_over_the_beam(Prefilter prefilter) {
   constexpr int kWidth = 12, kHeight = 8, kRow = 3 * kWidth;
   const optics::OpticalModel model(make_rig({}));
   uint64_t averaged = 0, left_out = 0, off = 0;
-  for (const testing::NamedScene& named : testing::tiny_scenes()) {
+  for (const test::NamedScene& named : test::tiny_scenes()) {
     const Rendered full = rendered(named.scene, deep_stage(), model, with(Prefilter::Off));
     const Rendered depth = rendered(named.scene, deep_stage(), model, with(prefilter));
     const std::vector<double> depth_of = depths(named.scene, deep_stage(), model);
@@ -142,8 +142,8 @@ void expect_means_over_the_beam(Prefilter prefilter) {
           continue;
         }
         ++of_scene;
-        const double mean = testing::beam_mean(named.scene, deep_stage(), model, s / 3, j, s % 3,
-                                               beam_samples(rays), 0.99 * 700.0);
+        const double mean = test::beam_mean(named.scene, deep_stage(), model, s / 3, j, s % 3,
+                                            beam_samples(rays), 0.99 * 700.0);
         if (std::abs(mean - int{depth.frame.row(j)[s]}) > 1.0) ++off;
       }
     averaged += of_scene;
@@ -164,7 +164,7 @@ TEST(DepthPrefilter, IsTheMeanOverTheBeam) {
 
 TEST(DepthPrefilter, GivesTheSameBytesForAnyThreadsTilesAndInstructionSet) {
   const optics::OpticalModel model(make_rig({.width = 150, .height = 40}));
-  for (const testing::NamedScene& named : testing::tiny_scenes())
+  for (const test::NamedScene& named : test::tiny_scenes())
     for (const Prefilter prefilter : {Prefilter::Depth, Prefilter::Beam, Prefilter::Exhaustive}) {
       RenderOptions options = with(prefilter, 9);
       options.threads = 1;
@@ -185,7 +185,7 @@ TEST(DepthPrefilter, GivesTheSameBytesForAnyThreadsTilesAndInstructionSet) {
 /// The subpixels with traced neighbours are counted, and compared by their bytes.
 TEST(DepthPrefilter, TracesNoExtraRaysInUniformRegions) {
   const optics::OpticalModel model(make_rig({.width = 60, .height = 40}));
-  for (const testing::NamedScene& named : testing::tiny_scenes()) {
+  for (const test::NamedScene& named : test::tiny_scenes()) {
     const Rendered full = rendered(named.scene, deep_stage(), model, with(Prefilter::Off));
     const Rendered beam = rendered(named.scene, deep_stage(), model, with(Prefilter::Beam));
     uint64_t averaged = 0;
@@ -201,7 +201,7 @@ TEST(DepthPrefilter, TracesNoExtraRaysInUniformRegions) {
 
 TEST(DepthPrefilter, CountsItsRays) {
   const optics::OpticalModel model(make_rig({.width = 60, .height = 40}));
-  const SceneDescription scene = testing::tiny_scenes()[0].scene;
+  const SceneDescription scene = test::tiny_scenes()[0].scene;
   const Rendered off = rendered(scene, deep_stage(), model, with(Prefilter::Off));
   const Rendered depth = rendered(scene, deep_stage(), model, with(Prefilter::Depth));
   const RenderStatistics& s = depth.statistics;
@@ -235,8 +235,8 @@ SceneDescription wall_of(const Grating& grating) {
   scene.materials = {Material{.name = "wall", .texture = 0}};
   scene.textures = {texture};
   const auto end = static_cast<float>(kHalf * grating.per_mm);
-  TriangleMesh wall = testing::rectangle_mesh({-kHalf, -kHalf, grating.z_mm}, {2 * kHalf, 0, 0},
-                                              {0, 2 * kHalf, 0}, 0);
+  TriangleMesh wall =
+      test::rectangle_mesh({-kHalf, -kHalf, grating.z_mm}, {2 * kHalf, 0, 0}, {0, 2 * kHalf, 0}, 0);
   wall.uvs = {{-end, 0}, {end, 0}, {end, 0}, {-end, 0}};
   scene.meshes = {wall};
   Light black;

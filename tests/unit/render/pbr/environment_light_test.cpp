@@ -13,7 +13,7 @@
 namespace lenticule::render {
 namespace {
 
-using testing::hemisphere_integral;
+using test::hemisphere_integral;
 
 Vec3 studio(Vec3 direction, double) {
   return Vec3{1, 1, 1} * studio_light(direction);

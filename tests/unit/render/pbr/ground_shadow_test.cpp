@@ -21,7 +21,7 @@
 namespace lenticule::render {
 namespace {
 
-using testing::OracleGroundShadow;
+using test::OracleGroundShadow;
 
 int add_material(SceneDescription& scene, double alpha) {
   PbrMaterial material;
@@ -39,7 +39,7 @@ SceneDescription box_scene(double bottom = 0.0) {
   SceneDescription scene;
   scene.source = "test";
   scene.meshes.push_back(
-      testing::box_mesh({-1.0, bottom, -0.8}, {1.0, bottom + 1.5, 0.8}, add_material(scene, 1.0)));
+      test::box_mesh({-1.0, bottom, -0.8}, {1.0, bottom + 1.5, 0.8}, add_material(scene, 1.0)));
   return scene;
 }
 
@@ -49,19 +49,19 @@ SceneDescription rich_scene() {
   SceneDescription scene;
   scene.source = "test";
   const int solid = add_material(scene, 1.0), veil = add_material(scene, 0.35);
-  scene.meshes.push_back(testing::box_mesh({-1.713, 0.0, -0.937}, {-0.571, 1.131, 0.419}, solid));
-  scene.meshes.push_back(testing::ball_mesh({0.513, 0.917, 0.213}, 0.611, 9, solid));
-  scene.meshes.push_back(testing::rectangle_mesh({-0.317, 0.113, -1.119}, {1.413, 0.0, 0.0},
-                                                 {0.0, 0.937, -0.819}, solid));
+  scene.meshes.push_back(test::box_mesh({-1.713, 0.0, -0.937}, {-0.571, 1.131, 0.419}, solid));
+  scene.meshes.push_back(test::ball_mesh({0.513, 0.917, 0.213}, 0.611, 9, solid));
+  scene.meshes.push_back(test::rectangle_mesh({-0.317, 0.113, -1.119}, {1.413, 0.0, 0.0},
+                                              {0.0, 0.937, -0.819}, solid));
   for (const double y : {0.117, 0.523})
     scene.meshes.push_back(
-        testing::rectangle_mesh({0.417, y, 0.613}, {1.117, 0.0, 0.213}, {0.119, 0.0, 0.817}, veil));
+        test::rectangle_mesh({0.417, y, 0.613}, {1.117, 0.0, 0.213}, {0.119, 0.0, 0.817}, veil));
   return scene;
 }
 
 /// Place shows scenes on one rig, from slightly above.
 struct Place {
-  optics::Rig of = testing::make_rig({.width = 160, .height = 100, .pixel_mm = 0.5});
+  optics::Rig of = test::make_rig({.width = 160, .height = 100, .pixel_mm = 0.5});
   optics::OpticalModel model{of};
 
   [[nodiscard]] Stage stage(const SceneDescription& description,
@@ -344,8 +344,8 @@ TEST(GroundShadow, IsSeenThroughWhatLetsLightPass) {
   const Place place;
   SceneDescription description = rich_scene();
   const frames::WovenFrame plain = place.frame(description);
-  description.meshes.push_back(testing::rectangle_mesh({-1.6, 0.02, 0.9}, {1.9, 0, 0}, {0, 1, 0},
-                                                       add_material(description, 0.0)));
+  description.meshes.push_back(test::rectangle_mesh({-1.6, 0.02, 0.9}, {1.9, 0, 0}, {0, 1, 0},
+                                                    add_material(description, 0.0)));
   EXPECT_EQ(share_beyond(place.frame(description), plain, 1.0), 0.0);
 }
 

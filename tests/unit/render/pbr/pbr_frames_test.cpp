@@ -19,9 +19,9 @@
 namespace lenticule::render {
 namespace {
 
-using testing::make_rig;
-using testing::make_tiny_stage;
-using testing::rectangle_mesh;
+using test::make_rig;
+using test::make_tiny_stage;
+using test::rectangle_mesh;
 
 constexpr Vec3 kWhite{1, 1, 1};
 
@@ -289,7 +289,7 @@ TEST(PbrFrames, VolumesAbsorbLightAlongItsWay) {
   glass.ior = 1.0;
   glass.attenuation_distance = 2.0;
   glass.attenuation_colour = {0.5, 0.25, 1.0};
-  scene.meshes.push_back(testing::box_mesh({-kHalf, -kHalf, -2.0}, {kHalf, kHalf, 0.0}, 1));
+  scene.meshes.push_back(test::box_mesh({-kHalf, -kHalf, -2.0}, {kHalf, kHalf, 0.0}, 1));
   scene.materials.push_back({.name = "glass", .pbr = std::make_shared<PbrMaterial>(glass)});
   // Oblique rays have a longer way.
   const frames::WovenFrame frame = rendered(scene);
@@ -374,7 +374,7 @@ SceneDescription rich_scene() {
   veil.alpha = 0.4;
   for (const PbrMaterial& m : {glass, metal, veil})
     scene.materials.push_back({.name = "m", .pbr = std::make_shared<PbrMaterial>(m)});
-  scene.meshes.push_back(testing::ball_mesh({-1.1, 0.1, 0.2}, 0.9, 12, 1));
+  scene.meshes.push_back(test::ball_mesh({-1.1, 0.1, 0.2}, 0.9, 12, 1));
   scene.spheres.push_back({.centre = {1.2, -0.2, 0.0}, .radius = 0.8, .material = 2});
   scene.meshes.push_back(rectangle_mesh({-2, -1, 1.2}, {3, 0, 0}, {0, 1, 0.2}, 3));
   return scene;

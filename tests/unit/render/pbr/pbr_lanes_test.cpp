@@ -24,7 +24,7 @@
 namespace lenticule::render {
 namespace {
 
-using testing::make_tiny_stage;
+using test::make_tiny_stage;
 
 class Random {
  public:
@@ -105,9 +105,9 @@ struct Result {
   std::vector<RayPacket> shadows{};
 };
 
-class PbrLanesOf : public ::testing::TestWithParam<testing::NamedScene> {
+class PbrLanesOf : public ::testing::TestWithParam<test::NamedScene> {
  protected:
-  PbrLanesOf() : beam_(TilePlan(testing::make_rig({})).beam()) {}
+  PbrLanesOf() : beam_(TilePlan(test::make_rig({})).beam()) {}
 
   void aim(const Scene& scene, Random& random) {
     std::vector<PathRay> rays(kPacket);
@@ -247,7 +247,7 @@ TEST_P(PbrLanesOf, GivesTheSameBitsOnEveryInstructionSet) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(TinyScenes, PbrLanesOf, ::testing::ValuesIn(testing::tiny_scenes()),
+INSTANTIATE_TEST_SUITE_P(TinyScenes, PbrLanesOf, ::testing::ValuesIn(test::tiny_scenes()),
                          [](const auto& scene) { return scene.param.name; });
 
 TEST(PbrLanesToneMap, IsTheOneOfSinglePoints) {

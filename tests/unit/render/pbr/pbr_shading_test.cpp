@@ -13,7 +13,7 @@
 namespace lenticule::render {
 namespace {
 
-using testing::hemisphere_integral;
+using test::hemisphere_integral;
 
 class Random {
  public:
@@ -85,7 +85,7 @@ TEST(PbrShading, AgreesWithTheReferenceForRandomMaterialsAndLights) {
     const PbrPoint point = random_point(random);
     const Vec3 light = random.direction(point.geometric, -0.3);
     const Vec3 found = PbrShader(point).of_light(light);
-    const Vec3 wanted = testing::oracle_of_light(point, light);
+    const Vec3 wanted = test::oracle_of_light(point, light);
     for (const auto& [a, b] :
          {std::pair{found.x, wanted.x}, std::pair{found.y, wanted.y}, std::pair{found.z, wanted.z}})
       EXPECT_NEAR(a, b, 0.004 + 0.012 * b) << "material " << n;
@@ -99,7 +99,7 @@ TEST(PbrShading, AgreesWithTheReferenceForAnisotropicSurfaces) {
     point.anisotropy = random.number();
     const Vec3 light = random.direction(point.normal, 0.05);
     const Vec3 found = PbrShader(point).of_light(light);
-    const Vec3 wanted = testing::oracle_of_light(point, light);
+    const Vec3 wanted = test::oracle_of_light(point, light);
     EXPECT_NEAR(found.y, wanted.y, 0.004 + 0.012 * wanted.y) << "material " << n;
   }
 }
@@ -109,12 +109,11 @@ TEST(PbrShading, LooksUpAlbedosWithinTheStatedErrors) {
   for (int n = 0; n < 60; ++n) {
     const double cosine = random.number(0.03, 1.0), roughness = random.number(0.08, 1.0);
     const GgxAlbedo albedo = ggx_albedo(cosine, roughness);
-    EXPECT_NEAR(albedo.scale + albedo.bias, testing::oracle_ggx_albedo(cosine, roughness, 1, 1),
-                0.004)
+    EXPECT_NEAR(albedo.scale + albedo.bias, test::oracle_ggx_albedo(cosine, roughness, 1, 1), 0.004)
         << cosine << ' ' << roughness;
-    EXPECT_NEAR(albedo.bias, testing::oracle_ggx_albedo(cosine, roughness, 0, 1), 0.004);
+    EXPECT_NEAR(albedo.bias, test::oracle_ggx_albedo(cosine, roughness, 0, 1), 0.004);
     EXPECT_NEAR(sheen_albedo(cosine, roughness),
-                std::min(1.0, testing::oracle_sheen_albedo(cosine, roughness)), 0.01)
+                std::min(1.0, test::oracle_sheen_albedo(cosine, roughness)), 0.01)
         << cosine << ' ' << roughness;
   }
 }

@@ -22,7 +22,7 @@ TEST(ToneMap, PbrNeutralIsKhronosFormula) {
   std::exponential_distribution<double> light(0.7);
   for (int n = 0; n < 2000; ++n) {
     const Vec3 c{light(generator), light(generator), light(generator)};
-    expect_near(tone_mapped(ToneMap::PbrNeutral, c), testing::oracle_pbr_neutral(c), 1e-12);
+    expect_near(tone_mapped(ToneMap::PbrNeutral, c), test::oracle_pbr_neutral(c), 1e-12);
   }
   // Base colours up to 0.8 lose only the reflection of a dielectric.
   expect_near(tone_mapped(ToneMap::PbrNeutral, {0.6, 0.4, 0.3}), {0.56, 0.36, 0.26}, 1e-12);
