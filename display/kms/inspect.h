@@ -14,8 +14,6 @@
 #include "display/kms/color/exactness_report.h"
 #include "display/kms/device/edid.h"
 #include "display/kms/device/platform.h"
-#include "display/kms/device/session.h"
-#include "display/kms/device/tile.h"
 #include "display/kms/probe/output_request.h"
 #include "display/kms/scanout/kms_display.h"
 #include "frames/rational.h"
@@ -104,5 +102,28 @@ struct Diagnosis {
 [[nodiscard]] std::vector<Diagnosis> diagnose(
     const std::shared_ptr<Session>& session, const OutputRequest& request,
     const std::shared_ptr<KmsPlatform>& platform = make_linux_platform());
+
+/// PlacedTile is one place of a tiled panel.
+struct PlacedTile {
+  int column = 0;
+  int row = 0;
+  std::string connector{};  ///< connector with a panel there; empty if no cable leads there
+};
+
+/// TileGroup is a panel of several tiles, as the connected ones describe it.
+struct TileGroup {
+  std::string card;    ///< path of the card's node
+  uint32_t group = 0;  ///< the kernel's number
+  int columns = 1, rows = 1;
+  int width = 0, height = 0;        ///< pixels of the whole panel
+  std::vector<PlacedTile> tiles{};  ///< every place, in rows from the top left
+
+  /// Returns true if every tile is connected.
+  [[nodiscard]] bool complete() const;
+};
+
+/// Returns the groups of the panels, in the order of their first connectors. Disconnected
+/// connectors and those whose tile is not known are left out.
+[[nodiscard]] std::vector<TileGroup> tile_groups(const std::vector<PanelInfo>& panels);
 
 }  // namespace lenticule::display

@@ -4,19 +4,184 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
+#include <condition_variable>
+#include <cstdlib>
+#include <cstring>
 #include <fstream>
+#include <memory>
+#include <mutex>
+#include <new>
 #include <optional>
+#include <thread>
 #include <utility>
 #include <vector>
 
 #include "base/error.h"
+#include "display/clock.h"
+#include "display/display.h"
 #include "display/scanout_format.h"
-#include "display/vblank_timeline.h"
-#include "display/virtual/recording_thread.h"
-#include "display/virtual/virtual_buffer.h"
+#include "display/scanout_recorder.h"
 
 namespace lenticule::display {
 namespace {
+
+/// Returns one round of the SplitMix64 generator: a random number per vblank, independent of the
+/// order of requests.
+uint64_t scramble(uint64_t value) noexcept {
+  value += 0x9E3779B97F4A7C15u;
+  value = (value ^ value >> 30) * 0xBF58476D1CE4E5B9u;
+  value = (value ^ value >> 27) * 0x94D049BB133111EBu;
+  return value ^ value >> 31;
+}
+
+}  // namespace
+
+Nanoseconds UniformJitter::event_delay(uint64_t sequence) noexcept {
+  const auto choices = static_cast<uint64_t>(most_.count()) + 1;
+  return Nanoseconds(static_cast<int64_t>(scramble(seed_ ^ scramble(sequence)) % choices));
+}
+
+namespace {
+
+enum class BufferState { Free, Acquired, Pending, Displayed };
+
+constexpr size_t kCacheLine = 64;
+
+/// Returns the words per row. Rows start on cache lines, so that streaming stores are aligned.
+size_t stride_words(frames::FrameGeometry geometry) noexcept {
+  constexpr size_t kWords = kCacheLine / sizeof(uint32_t);
+  return (static_cast<size_t>(geometry.width) + kWords - 1) / kWords * kWords;
+}
+
+/// VirtualBuffer is a scan-out buffer in ordinary memory, with the state of its use. A buffer that
+/// is being recorded is not free, even in state Free. Thread safety: the filling thread acquires
+/// it; the presenter thread makes all other transitions.
+class VirtualBuffer final : public ScanoutBuffer {
+ public:
+  /// Fills the buffer with black, which touches every page, so that page faults cannot delay a
+  /// frame.
+  explicit VirtualBuffer(const ScanoutLayout& layout)
+      : layout_(layout),
+        stride_(stride_words(layout.geometry)),
+        words_(static_cast<uint32_t*>(std::aligned_alloc(kCacheLine, bytes(layout.geometry)))) {
+    if (!words_) throw std::bad_alloc();
+    std::memset(words_.get(), 0, bytes(layout.geometry));
+  }
+
+  void fill(const frames::FrameView& frame) noexcept override {
+    LENTICULE_CHECK(layout_.takes(frame));
+    expand_frame(layout_, frame, words_.get(), stride_);
+  }
+
+  /// Changes Free to Acquired; returns false if the buffer is not free.
+  [[nodiscard]] bool try_acquire() noexcept {
+    if (state() != BufferState::Free || recording_.load(std::memory_order_acquire)) return false;
+    set_state(BufferState::Acquired);
+    return true;
+  }
+
+  void set_state(BufferState state) noexcept { state_.store(state, std::memory_order_release); }
+  [[nodiscard]] BufferState state() const noexcept {
+    return state_.load(std::memory_order_acquire);
+  }
+
+  void begin_recording() noexcept { recording_.store(true, std::memory_order_relaxed); }
+  void end_recording() noexcept { recording_.store(false, std::memory_order_release); }
+  [[nodiscard]] ScanoutView view() const noexcept {
+    return {words_.get(), stride_, layout_.geometry, layout_.depth};
+  }
+
+  /// Returns the bytes of one buffer of this size.
+  [[nodiscard]] static size_t bytes(frames::FrameGeometry geometry) noexcept {
+    return stride_words(geometry) * static_cast<size_t>(geometry.height) * sizeof(uint32_t);
+  }
+
+ private:
+  struct FreeMemory {
+    void operator()(uint32_t* words) const noexcept { std::free(words); }
+  };
+
+  ScanoutLayout layout_;
+  size_t stride_;
+  std::unique_ptr<uint32_t, FreeMemory> words_;
+  std::atomic<BufferState> state_{BufferState::Free};
+  std::atomic<bool> recording_{false};
+};
+
+/// RecordingThread passes displayed buffers to a recorder on its own thread, so that the presenter
+/// never waits for a disk.
+class RecordingThread {
+ public:
+  /// Holds at most `capacity` buffers at a time, waiting or being recorded.
+  RecordingThread(std::shared_ptr<ScanoutRecorder> recorder, size_t capacity)
+      : recorder_(std::move(recorder)), jobs_(capacity), thread_([this] { run(); }) {}
+  /// Records the waiting buffers, then ends the thread.
+  ~RecordingThread() {
+    {
+      const std::lock_guard lock(mutex_);
+      ending_ = true;
+    }
+    changed_.notify_one();
+    thread_.join();
+  }
+
+  RecordingThread(const RecordingThread&) = delete;
+  RecordingThread& operator=(const RecordingThread&) = delete;
+
+  /// Queues a buffer and returns at once. The buffer stays in use until it is recorded. Thread
+  /// safety: the presenter thread.
+  void offer(ShownFrame shown, VirtualBuffer* buffer) noexcept {
+    {
+      const std::lock_guard lock(mutex_);
+      if (count_ == jobs_.size()) {
+        ++skipped_;
+        recorder_->count_skipped();
+        return;
+      }
+      shown.skipped_before = std::exchange(skipped_, 0);
+      buffer->begin_recording();
+      jobs_[(first_ + count_) % jobs_.size()] = {shown, buffer};
+      ++count_;
+    }
+    changed_.notify_one();
+  }
+
+ private:
+  struct Job {
+    ShownFrame shown;
+    VirtualBuffer* buffer = nullptr;
+  };
+
+  void run() noexcept {
+    std::unique_lock lock(mutex_);
+    while (true) {
+      changed_.wait(lock, [this] { return count_ > 0 || ending_; });
+      if (count_ == 0) return;
+      const Job job = jobs_[first_];
+      lock.unlock();
+      recorder_->record(job.shown, job.buffer->view());
+      job.buffer->end_recording();
+      lock.lock();
+      // The job is counted until it is done, so that jobs_.size() bounds the buffers taken from the
+      // display.
+      first_ = (first_ + 1) % jobs_.size();
+      --count_;
+    }
+  }
+
+  std::shared_ptr<ScanoutRecorder> recorder_;
+  uint64_t skipped_ = 0;  ///< frames skipped since the last queued one; presenter thread only
+
+  std::mutex mutex_;  ///< guards all members below, for a few instructions at a time
+  std::condition_variable changed_;
+  std::vector<Job> jobs_;  ///< ring buffer of `capacity` jobs
+  size_t first_ = 0;
+  size_t count_ = 0;
+  bool ending_ = false;
+
+  std::thread thread_;
+};
 
 constexpr int kMinBuffers = 2;
 constexpr int kMaxBuffers = 16;

@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <string_view>
+#include <system_error>
 
 #include "player/process/interrupt.h"
 
@@ -25,6 +26,19 @@ std::optional<std::string> find_program(const std::string& name) {
     if (end > 0 && access(file.c_str(), X_OK) == 0 && std::filesystem::is_regular_file(file))
       return file.string();
     rest.remove_prefix(std::min(end + 1, rest.size()));
+  }
+  return std::nullopt;
+}
+
+namespace fs = std::filesystem;
+
+std::optional<fs::path> find_sibling_program(std::string_view name) {
+  std::error_code error;
+  const fs::path here = fs::read_symlink("/proc/self/exe", error).parent_path();
+  if (error) return std::nullopt;  // no /proc
+  for (const fs::path& folder : {here, here / "../libexec/lenticule", here / "../../bin"}) {
+    const fs::path program = folder / name;
+    if (access(program.c_str(), X_OK) == 0) return program;
   }
   return std::nullopt;
 }

@@ -9,7 +9,7 @@
 
 #include "base/unique_fd.h"
 #include "display/kms/device/graphics_console.h"
-#include "player/process/raw_terminal.h"
+#include "player/process/key_input.h"
 
 namespace lenticule::player {
 namespace {

@@ -1,13 +1,80 @@
 // SPDX-License-Identifier: Apache-2.0
+// Entries need no place in the source.
+#define SD_JOURNAL_SUPPRESS_LOCATION
+
 #include "player/proof/proof_of_play.h"
 
+#include <sys/uio.h>
+#include <systemd/sd-id128.h>
+#include <systemd/sd-journal.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <array>
+#include <atomic>
 #include <chrono>
 #include <utility>
 
+#include "base/error.h"
+#include "base/print.h"
 #include "player/proof/proof_report.h"
 
 namespace lenticule::player {
+namespace {
+
+constexpr size_t kMostWaiting = 1000;
+constexpr std::chrono::seconds kEndTimeout{2};
+
+}  // namespace
+
+struct ProofWriter::Counts {
+  std::atomic<uint64_t> written{0};
+  std::atomic<uint64_t> lost{0};
+};
+
+ProofWriter::ProofWriter(Send send)
+    : send_(std::move(send)), counts_(std::make_shared<Counts>()), worker_(kMostWaiting) {}
+
+ProofWriter::~ProofWriter() {
+  if (!worker_.wait(kEndTimeout))
+    say("proof of play: the journal does not respond; the last entries are lost\n");
+}
+
+void ProofWriter::write(const ProofEntry& entry) {
+  const bool posted = worker_.post(
+      [fields = journal_fields(entry), send = send_, counts = counts_](const auto& ending) {
+        (void)ending;
+        if (send(fields))
+          ++counts->written;
+        else if (counts->lost++ == 0)
+          say("proof of play: the journal of this machine takes no entry; 'lost' in the statistics "
+              "counts them\n");
+      });
+  if (!posted) ++counts_->lost;
+}
+
+nlohmann::ordered_json ProofWriter::statistics() const {
+  return {{"entries", counts_->written.load()}, {"lost", counts_->lost.load()}};
+}
+
+bool send_to_journal(const std::vector<std::string>& fields) {
+  // Without the journal's socket, sd_journal_sendv() reports success.
+  if (::access("/run/systemd/journal/socket", F_OK) != 0) return false;
+  std::vector<iovec> parts;
+  parts.reserve(fields.size());
+  for (const std::string& field : fields)
+    parts.push_back({.iov_base = const_cast<char*>(field.data()), .iov_len = field.size()});
+  return sd_journal_sendv(parts.data(), static_cast<int>(parts.size())) >= 0;
+}
+
+std::string new_proof_session() {
+  sd_id128_t id{};
+  if (sd_id128_randomize(&id) < 0)
+    throw Error(ErrorKind::Failed, "proof of play: the kernel gives no random number");
+  std::array<char, SD_ID128_STRING_MAX> text{};
+  return sd_id128_to_string(id, text.data());
+}
+
 namespace {
 
 using Event = ProofEntry::Event;
@@ -103,6 +170,46 @@ std::function<int64_t(uint64_t)> monotonic_to_real_time() {
         std::chrono::steady_clock::now().time_since_epoch() - std::chrono::nanoseconds(display_ns);
     return duration_cast<microseconds>(real).count() - duration_cast<microseconds>(since).count();
   };
+}
+
+namespace {
+
+ProofPanel panel_of(const display::Display& display, const display::KmsDisplay* kms) {
+  ProofPanel panel{.name = display.mode().panel};
+  if (kms == nullptr) return panel;
+  const display::KmsStatistics statistics = kms->statistics();
+  panel.exactness = display::verdict_name(kms->exactness().verdict);
+  panel.away = statistics.off || statistics.panel != display::PanelState::Showing;
+  return panel;
+}
+
+}  // namespace
+
+PlayProof::PlayProof(ProofOptions::Account account)
+    : writer_(send_to_journal),
+      proof_({.session = new_proof_session(),
+              .process_start = process_start_of(::getpid()),
+              .write = [this](const ProofEntry& entry) { writer_.write(entry); },
+              .account = std::move(account),
+              .begin_hash = [this](const SourceSpec& source) { hashes_.request(source); },
+              .hash = [this](const SourceSpec& source) { return hashes_.of(source); },
+              .real_time = monotonic_to_real_time()}) {}
+
+void PlayProof::prepare(PlaybackOptions& options) {
+  options.turns = &turns_.emplace();
+}
+
+void PlayProof::update(const display::Display& display, const display::KmsDisplay* kms, bool lost) {
+  if (!turns_) return;
+  ProofPanel panel = panel_of(display, kms);
+  panel.away |= lost;
+  proof_.update(*turns_, panel);
+}
+
+nlohmann::ordered_json PlayProof::statistics() const {
+  nlohmann::ordered_json statistics = writer_.statistics();
+  statistics["turns_lost"] = turns_ ? turns_->lost() : 0;
+  return statistics;
 }
 
 }  // namespace lenticule::player

@@ -4,14 +4,51 @@
 #pragma once
 
 #include <functional>
+#include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "display/kms/scanout/kms_display.h"
+#include "player/playback/playback.h"
 #include "player/playback/turn_log.h"
 #include "player/playlist/playlist_reporter.h"
+#include "player/process/detached_worker.h"
+#include "player/proof/content_hash.h"
 #include "player/proof/proof_entry.h"
 
 namespace lenticule::player {
+
+/// ProofWriter writes entries of the proof of play to the journal, on a thread of its own, so that
+/// a journal that does not respond cannot delay the player. Thread safety: one thread.
+class ProofWriter {
+ public:
+  /// Sends fields "NAME=value"; returns false if that fails.
+  using Send = std::function<bool(const std::vector<std::string>& fields)>;
+
+  explicit ProofWriter(Send send);
+  /// Waits at most two seconds for entries that are not sent yet.
+  ~ProofWriter();
+  ProofWriter(const ProofWriter&) = delete;
+  ProofWriter& operator=(const ProofWriter&) = delete;
+
+  /// Returns at once.
+  void write(const ProofEntry& entry);
+  /// Returns the numbers of entries that were sent and that were lost.
+  [[nodiscard]] nlohmann::ordered_json statistics() const;
+
+ private:
+  struct Counts;
+  Send send_;
+  std::shared_ptr<Counts> counts_;
+  DetachedWorker worker_;
+};
+
+/// Sends an entry to the journal of this machine. Returns false if the journal does not take it.
+[[nodiscard]] bool send_to_journal(const std::vector<std::string>& fields);
+/// Returns a new random session number.
+[[nodiscard]] std::string new_proof_session();
 
 /// The display as it is now.
 struct ProofPanel {
@@ -67,5 +104,25 @@ class ProofOfPlay {
 
 /// Returns the function for ProofOptions::real_time of a display whose clock is CLOCK_MONOTONIC.
 [[nodiscard]] std::function<int64_t(uint64_t)> monotonic_to_real_time();
+
+/// PlayProof connects the proof of play of a run with its playbacks and the journal.
+/// Thread safety: one thread.
+class PlayProof {
+ public:
+  explicit PlayProof(ProofOptions::Account account);
+
+  /// Sets the options of a playback whose items are recorded.
+  void prepare(PlaybackOptions& options);
+  /// Writes what has happened. `kms` is the display if it is a KMS display, else null. A display
+  /// that is `lost` shows nothing from now on.
+  void update(const display::Display& display, const display::KmsDisplay* kms, bool lost = false);
+  [[nodiscard]] nlohmann::ordered_json statistics() const;
+
+ private:
+  ContentHashes hashes_;
+  ProofWriter writer_;
+  ProofOfPlay proof_;
+  std::optional<TurnLog> turns_;  ///< the turns of the last playback
+};
 
 }  // namespace lenticule::player

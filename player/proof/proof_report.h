@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // ProofReport sums the entries of the proof of play by day and item. It reads no clock and no file,
-// except the machine's time zone.
+// except the machine's time zone. The functions below it read entries from a journal and format the
+// report for people, spreadsheets and programs.
 #pragma once
 
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
 #include <string>
@@ -111,5 +113,30 @@ class ProofReport {
 /// Parses "2026-11-25", "2026-11-25 14:03", "2026-11-25 14:03:05", "today" or "yesterday" as local
 /// time, in microseconds. Returns nothing for other texts.
 [[nodiscard]] std::optional<int64_t> parse_local_time(std::string_view text, int64_t now_us);
+
+[[nodiscard]] nlohmann::ordered_json to_json(const ProofSummary& summary);
+/// Returns a table with totals, and a line about each fact that the table does not show.
+[[nodiscard]] std::string table_text(const ProofSummary& summary);
+/// Returns lines of comma-separated values with a header, after RFC 4180. A text that a spreadsheet
+/// would take for a formula begins with an apostrophe.
+[[nodiscard]] std::string csv_text(const ProofSummary& summary);
+
+struct JournalPlace {
+  std::string folder{};              ///< folder of journal files; empty = the machine's journal
+  std::vector<std::string> files{};  ///< journal files, in place of a folder
+  std::string unit{};                ///< only entries of this unit; empty = all
+  std::optional<int64_t> since_us{};
+};
+
+/// Calls `take` for each entry with the MESSAGE_ID of the proof of play, oldest first. Throws
+/// Error(Input) for a journal that cannot be read.
+void read_proof(const JournalPlace& place, const std::function<void(const JournalEntry&)>& take);
+
+/// Returns true if the process that wrote the entry is still there: same machine start, same
+/// process.
+[[nodiscard]] bool is_running(const ProofEntry& entry, const ProofOrigin& origin);
+
+/// Returns true if this user may read the entries of other users and of services.
+[[nodiscard]] bool may_read_system_journal();
 
 }  // namespace lenticule::player

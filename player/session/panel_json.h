@@ -8,7 +8,6 @@
 #include "display/kms/color/exactness_report.h"
 #include "display/kms/inspect.h"
 #include "display/kms/scanout/kms_display.h"
-#include "display/kms/tile_groups.h"
 
 namespace lenticule::player {
 

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "player/session/card_texts.h"
+#include "player/session/panel_card.h"
 
 namespace lenticule::player {
 namespace {

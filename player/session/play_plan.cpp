@@ -2,6 +2,7 @@
 #include "player/session/play_plan.h"
 
 #include <fmt/format.h>
+#include <poll.h>
 
 #include <algorithm>
 #include <memory>
@@ -9,15 +10,94 @@
 #include "base/error.h"
 #include "base/numbers.h"
 #include "base/print.h"
+#include "display/kms/inspect.h"
+#include "display/scanout_format.h"
 #include "optics/trim.h"
-#include "player/control/control_peer.h"
+#include "optics/wall/wall.h"
+#include "player/control/control_server.h"
 #include "player/process/interrupt.h"
-#include "player/session/card_texts.h"
+#include "player/session/panel_card.h"
 #include "player/session/preview_window.h"
-#include "player/session/wall_plan.h"
 
 namespace lenticule::player {
 namespace {
+
+// plan_wall plans how one player shows the panels of a wall that are connected to one graphics
+// card: each plays its own film, and one commit changes all of them.
+
+/// Reads the wall of `flags` with its rigs, and sets source and display of the plan. Throws
+/// Error(Usage) for flags that need one rig, Error(Input) for files that are not valid.
+void plan_wall(const PlayFlags& flags, PlayPlan& plan);
+
+/// Drivers accept buffers of at most this width: one row of panels ends there.
+constexpr int kWidestRow = 16384;
+
+void refuse_flags(const PlayFlags& flags, const PlayPlan& plan) {
+  const auto refuse = [](const std::string& flag) {
+    throw Error(ErrorKind::Usage, flag + ": needs one rig, and a wall has several",
+                "use a player for each panel: --rig, and --step for the same moment");
+  };
+  if (!flags.rig_store.empty()) refuse("--rig-store");
+  if (flags.trim) refuse("--trim");
+  if (plan.window) refuse("--display window");
+}
+
+void require_equal_bits(const optics::PlacedPanel& a, const optics::PlacedPanel& b) {
+  const int bits_a = a.trimmed.rig.panel.bits, bits_b = b.trimmed.rig.panel.bits;
+  if (bits_a == bits_b) return;
+  throw Error(ErrorKind::Input,
+              fmt::format("panel '{}' has {} bits per colour, and panel '{}' has {}", a.name,
+                          bits_a, b.name, bits_b),
+              "set panel.bits of both rigs to 8, or use a player for each panel");
+}
+
+/// BufferLayout places the panels side by side in one buffer, in rows.
+class BufferLayout {
+ public:
+  void place(display::ScanoutPart& part) {
+    const int width = part.geometry.width;
+    if (left_ > 0 && left_ + width > kWidestRow) {
+      top_ = size_.height;
+      left_ = 0;
+    }
+    part.left_px = left_;
+    part.top_px = top_;
+    left_ += width;
+    size_.width = std::max(size_.width, left_);
+    size_.height = std::max(size_.height, top_ + part.geometry.height);
+  }
+  [[nodiscard]] frames::FrameGeometry size() const { return size_; }
+
+ private:
+  frames::FrameGeometry size_;
+  int left_ = 0, top_ = 0;
+};
+
+void plan_wall(const PlayFlags& flags, PlayPlan& plan) {
+  refuse_flags(flags, plan);
+  const optics::PlacedWall wall = optics::load_wall(flags.wall);
+  BufferLayout buffer;
+  for (const optics::PlacedPanel& panel : wall.panels) {
+    require_equal_bits(wall.panels.front(), panel);
+    const optics::Rig& rig = panel.trimmed.rig;
+    const frames::FrameGeometry seen{.width = rig.panel.width_px, .height = rig.panel.height_px};
+    display::OutputPart output{
+        .name = panel.name, .connector = panel.output, .identity = rig.identity};
+    output.place.mounting = rig.panel.mounting;
+    output.place.geometry = display::turned(seen, rig.panel.mounting);
+    buffer.place(output.place);
+    plan.display.parts.push_back(std::move(output));
+    plan.source.wall.push_back({.name = panel.name,
+                                .panel = seen,
+                                .identity = panel.trimmed.identity,
+                                .rig = rig,
+                                .card = rig_card(rig, panel.name)});
+  }
+  plan.source.panel = buffer.size();
+  plan.source.rig_name = flags.wall;
+  plan.display.panel = buffer.size();
+  plan.display.depth = display::depth_of(wall.panels.front().trimmed.rig.panel.bits);
+}
 
 using display::Nanoseconds;
 
@@ -295,6 +375,98 @@ std::optional<uint64_t> vblanks_of(std::optional<double> duration_s, frames::Rat
     throw Error(ErrorKind::Usage, fmt::format("--duration {}: too long", *duration_s),
                 "use --loop forever");
   return std::max<uint64_t>(1, static_cast<uint64_t>(*duration_s * refresh.hertz()));
+}
+
+Playlist read_playlist(const SourceSpec& source, const PlayFlags& flags, const PlayPlan& plan) {
+  if (source.kind != SourceKind::List) {
+    Playlist list = playlist_of(source, plan.playback.loops);
+    PlaylistItem& item = list.items.front();
+    if (source == plan.source.spec) item.frames = plan.source.frames;
+    // In simulated time a picture that stays would never end: there is no moment for Ctrl-C.
+    const bool stays = flags.loop.empty() && flags.clock != "simulated";
+    if (item.loops != kForever && source.has_pictures())
+      item.still_s = stays ? kUntilEnded : kStillSeconds * static_cast<double>(item.loops);
+    return list;
+  }
+  Playlist list = names_folder(source.text) ? plan.folders->read(source)
+                                            : plan.folders->with_files(load_playlist(source.text));
+  const bool says_how_often = !flags.loop.empty() || flags.duration_s;
+  if (says_how_often) list.rounds = plan.playback.loops;
+  return list;
+}
+
+ItemOpener item_opener(const SourceRequest& like) {
+  return [like](const PlaylistItem& item, uint64_t first_frame) {
+    SourceRequest request = like;
+    request.spec = item.source;
+    request.frames = item.frames;
+    if (!item.reason.empty()) {
+      request.card = error_card(like.spec.text, Error(ErrorKind::Input, item.reason));
+      for (WallPart& part : request.wall) part.card = request.card;
+    }
+    request.first_frame = first_frame;
+    request.plays_again = item.loops != 1 || item.duration_s.has_value();
+    return open_source(request);
+  };
+}
+
+namespace {
+
+using display::Nanoseconds;
+
+constexpr Nanoseconds kTryAgain = std::chrono::seconds(5);
+
+/// Returns options that accept any panel that the display's name allows.
+display::KmsOptions any_panel(const std::string& spec, display::KmsOptions options) {
+  options.output = display::parse_kms_spec(spec, options.output);
+  options.output.policy = display::IdentityPolicy::Ignore;
+  options.exit = display::ExitPolicy::Black;
+  if (!options.clock) options.clock = display::make_monotonic_clock();
+  if (!options.session) options.session = display::make_direct_session();
+  return options;
+}
+
+class ErrorOnAnyPanel {
+ public:
+  ErrorOnAnyPanel(const PlayFlags& flags, const display::KmsOptions& services)
+      : options_(any_panel(flags.display, services)), card_(options_) {}
+
+  void show(const display::CardText& text) {
+    const display::PanelSearch search = search_panel(options_, card_.display());
+    if (search.present.empty() || !card_.show(search.present.front(), text)) card_.close();
+  }
+  /// Waits until the next attempt is due, or until interrupted.
+  void wait() {
+    const Nanoseconds until = options_.clock->now() + kTryAgain;
+    if (card_.display() != nullptr)
+      (void)card_.wait(until, interrupt_fd());
+    else
+      (void)options_.clock->wait_until(until, interrupt_fd());
+  }
+
+ private:
+  display::KmsOptions options_;
+  PanelCard card_;
+};
+
+}  // namespace
+
+std::optional<PlayPlan> plan_when_rig_is_right(const PlayFlags& flags,
+                                               const ServiceManager& manager,
+                                               const display::KmsOptions& services) {
+  std::optional<ErrorOnAnyPanel> shown;
+  while (!interrupted()) {
+    try {
+      return make_plan(flags, manager.present());
+    } catch (const Error& error) {
+      if (error.kind() == ErrorKind::Usage || !display::is_kms_spec(flags.display)) throw;
+      if (!shown) shown.emplace(flags, services);
+      manager.status(std::string("test card shown: ") + error.what());
+      shown->show(error_card(flags.rig_or_wall(), error));
+    }
+    shown->wait();
+  }
+  return std::nullopt;
 }
 
 }  // namespace lenticule::player

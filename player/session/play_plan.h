@@ -15,6 +15,8 @@
 #include "optics/rig_store.h"
 #include "player/playback/playback.h"
 #include "player/playlist/folder_lists.h"
+#include "player/playlist/open_item.h"
+#include "player/session/play_service.h"
 #include "player/sources/live_trim.h"
 #include "player/sources/source_open.h"
 #include "player/step/step_link.h"
@@ -97,5 +99,19 @@ struct PlayPlan {
 /// Returns the number of whole vblanks within the duration, at least one; none without a duration.
 [[nodiscard]] std::optional<uint64_t> vblanks_of(std::optional<double> duration_s,
                                                  frames::Rate refresh);
+
+/// Returns the list to play: that of a file, or a list of one source. Throws Error.
+[[nodiscard]] Playlist read_playlist(const SourceSpec& source, const PlayFlags& flags,
+                                     const PlayPlan& plan);
+/// Returns a function that opens items as the plan's source would be opened.
+[[nodiscard]] ItemOpener item_opener(const SourceRequest& like);
+
+/// Makes the plan as make_plan() does. If the display is a panel, a missing or broken rig does not
+/// throw: its test card stays on the connected panel until the rig can be read. None when
+/// interrupted. `services` supplies the clock, session and platform; the real ones are used where
+/// they are null.
+[[nodiscard]] std::optional<PlayPlan> plan_when_rig_is_right(
+    const PlayFlags& flags, const ServiceManager& manager,
+    const display::KmsOptions& services = {});
 
 }  // namespace lenticule::player

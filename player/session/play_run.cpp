@@ -12,9 +12,9 @@
 #include "display/open/open_display.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
-#include "player/session/card_texts.h"
+#include "player/session/panel_card.h"
 #include "player/session/panel_json.h"
-#include "player/session/stored_output.h"
+#include "player/session/play_service.h"
 #include "player/sources/still_source.h"
 
 namespace lenticule::player {

@@ -13,15 +13,13 @@
 #include "base/exit_code.h"
 #include "display/kms/scanout/kms_display.h"
 #include "player/playback/playback.h"
-#include "player/proof/play_proof.h"
+#include "player/proof/proof_of_play.h"
 #include "player/session/panel_wait.h"
 #include "player/session/play_outputs.h"
 #include "player/session/play_plan.h"
 #include "player/session/play_service.h"
 #include "player/session/preview_window.h"
-#include "player/session/service_manager.h"
 #include "player/session/steered_play.h"
-#include "player/session/trim_keys.h"
 #include "player/sources/source_open.h"
 
 namespace lenticule::player {

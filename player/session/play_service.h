@@ -4,15 +4,150 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
+#include <vector>
 
+#include "base/unique_fd.h"
 #include "display/kms/scanout/kms_display.h"
 #include "player/playback/play_statistics.h"
-#include "player/session/service_manager.h"
-#include "player/session/watchdog.h"
 
 namespace lenticule::player {
+
+/// A descriptor that the previous process stored.
+struct StoredDescriptor {
+  std::string name;
+  UniqueFd fd;
+};
+
+/// ServiceManager talks to systemd: notifications, watchdog, and the fd store that keeps
+/// descriptors for the next process. No function throws if the manager does not respond: a player
+/// also plays without one. Thread safety: one thread at a time.
+class ServiceManager {
+ public:
+  /// Finds the manager by the environment ($NOTIFY_SOCKET, $WATCHDOG_USEC).
+  ServiceManager();
+
+  /// Returns false if this process is not a service; all functions below then do nothing.
+  [[nodiscard]] bool present() const noexcept { return present_; }
+  /// Returns the longest time between two pings; none = no watchdog.
+  [[nodiscard]] std::optional<std::chrono::microseconds> watchdog() const noexcept {
+    return watchdog_;
+  }
+
+  void status(const std::string& text) const noexcept;
+  void ready(const std::string& text) const noexcept;
+  void stopping(const std::string& text) const noexcept;
+  void ping() const noexcept;
+
+  /// Stores a copy of `fd` until the service is stopped, replacing the one of that name.
+  void keep(const std::string& name, int fd) const noexcept;
+  void forget(const std::string& name) const noexcept;
+
+ private:
+  void notify(const std::string& text) const noexcept;
+
+  bool present_ = false;
+  std::optional<std::chrono::microseconds> watchdog_;
+};
+
+/// Takes the descriptors that the manager passed to this process. Works once, because it clears
+/// them from the environment.
+[[nodiscard]] std::vector<StoredDescriptor> take_stored_descriptors();
+
+/// Older starts are forgotten. Long enough for five starts that a watchdog ended.
+inline constexpr std::chrono::seconds kStartsRemembered{120};
+
+/// StartHistory counts the recent starts of a service that did not end well. A player that keeps
+/// dying then starts in safe mode.
+/// Stores the starts in a small file, in a folder that outlives the process and not the machine's
+/// boot. A folder that cannot be written does not prevent a start; the history is then empty.
+/// Thread safety: one thread.
+class StartHistory {
+ public:
+  /// Records this start at once, so that a start that crashes is included. `folder` empty = no
+  /// history. `now` is from a clock that continues over restarts of the process.
+  StartHistory(const std::filesystem::path& folder, std::chrono::seconds now);
+
+  /// Returns the number of starts before this one that did not end well.
+  [[nodiscard]] int failures() const { return static_cast<int>(before_.size()); }
+  /// Returns the reason that the last of them recorded; empty if it could not record one.
+  [[nodiscard]] std::string last_reason() const;
+
+  /// Removes this start from the history.
+  void ended_well() noexcept;
+  void failed(const std::string& reason) noexcept;
+
+ private:
+  struct Start {
+    std::chrono::seconds at{0};
+    std::string reason;
+  };
+
+  void read(std::chrono::seconds now);
+  void write(const std::vector<Start>& starts) const noexcept;
+
+  std::filesystem::path file_;  ///< empty = no history
+  std::vector<Start> before_;
+  Start this_;
+};
+
+/// Returns the time since the machine was started, including time suspended.
+[[nodiscard]] std::chrono::seconds time_since_boot();
+
+/// Stores the active output in the service manager's fd store, a descriptor of the card and the
+/// state that a successor needs: the last frame of a player that dies stays displayed, and the next
+/// player continues in the same buffers.
+void store_output(const ServiceManager& manager, const display::KmsDisplay& display);
+void forget_output(const ServiceManager& manager);
+
+/// Returns the output that a previous player left; null if there is none or its state is not valid.
+/// Closes the other descriptors.
+[[nodiscard]] std::shared_ptr<display::PreviousOutput> stored_output(
+    std::vector<StoredDescriptor> descriptors);
+
+/// Monotonic counts of a running playback.
+struct ProgressSample {
+  uint64_t flips = 0;       ///< frames that were displayed
+  uint64_t vblanks = 0;     ///< events of the display that the presenter handled
+  uint64_t failures = 0;    ///< flips that were refused or never reported
+  bool panel_away = false;  ///< switched off or unplugged: no frame would be visible
+  bool stalled = false;     ///< a due frame does not come, for a reason in this process
+};
+
+/// Returns the stage of the playback that has not done what was due for two seconds; empty if none.
+[[nodiscard]] inline std::string stalled_stage(const StageDelays& delays) {
+  constexpr double kStalledS = 2.0;
+  if (delays.presenter >= kStalledS) return "the presenter stands still";
+  if (delays.display >= kStalledS) return "the display reports no vblank";
+  if (delays.frame_copier >= kStalledS) return "the frame copier stands still";
+  if (delays.source >= kStalledS) return "no frame arrives";
+  return {};
+}
+
+/// Watchdog decides whether to ping the systemd watchdog: yes if frames are displayed or none are
+/// due; no if flips fail, the display clock has stopped, or a due frame does not come.
+/// Thread safety: one thread.
+class Watchdog {
+ public:
+  /// Returns true if a frame was displayed since the last call, or if none was due: the source has
+  /// no new frame, another session is in front, or the panel is away. Returns false if the
+  /// display's flips keep failing, its clock stands still, or the playback is stalled.
+  [[nodiscard]] bool should_ping(const ProgressSample& now) noexcept {
+    const bool shown = now.flips != last_.flips;
+    const bool idle =
+        now.vblanks != last_.vblanks && now.failures == last_.failures && !now.stalled;
+    last_ = now;
+    return shown || idle || now.panel_away;
+  }
+
+ private:
+  ProgressSample last_;
+};
 
 [[nodiscard]] ProgressSample progress_sample(const PlayReport& report,
                                              const display::KmsStatistics* kms);

@@ -11,7 +11,7 @@
 #include "display/open/open_display.h"
 #include "player/playlist/source_pace.h"
 #include "player/process/interrupt.h"
-#include "player/session/play_items.h"
+#include "player/session/play_plan.h"
 
 namespace lenticule::player {
 namespace {

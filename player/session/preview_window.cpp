@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "base/error.h"
-#include "player/process/sibling_program.h"
+#include "player/process/child_process.h"
 
 namespace lenticule::player {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// SteeredPlay adds playlists and a control socket to a run of `lenticule play`.
+// SteeredPlay adds playlists, a control socket and keys to a run of `lenticule play`.
 #pragma once
 
 #include <atomic>
@@ -9,14 +9,41 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <thread>
 
+#include "base/wake_fd.h"
 #include "player/control/control_server.h"
 #include "player/control/play_controls.h"
 #include "player/playlist/playlist_source.h"
 #include "player/playlist/source_pace.h"
+#include "player/process/key_input.h"
 #include "player/session/play_plan.h"
+#include "player/sources/live_trim.h"
 
 namespace lenticule::player {
+
+/// TrimKeys reads keys from the terminal while a source plays, and applies them to the trim.
+class TrimKeys {
+ public:
+  /// Prints the trim's advice after the first change. Throws Error(Usage) if standard input is not
+  /// a terminal.
+  explicit TrimKeys(std::shared_ptr<LiveTrim> trim);
+  /// Restores the terminal.
+  ~TrimKeys();
+  TrimKeys(const TrimKeys&) = delete;
+  TrimKeys& operator=(const TrimKeys&) = delete;
+
+ private:
+  void listen() noexcept;
+  void report(const std::string& sentence);
+
+  std::shared_ptr<LiveTrim> trim_;
+  bool advised_ = false;
+  std::unique_ptr<KeyInput> keys_;
+  WakeFd wake_;
+  std::atomic<bool> ending_{false};
+  std::thread thread_;
+};
 
 /// Only measures the source's pace if the source is plain, without control socket and proof. Thread
 /// safety: the player's main thread.

@@ -19,7 +19,6 @@
 #include "base/file_mark.h"
 #include "base/text.h"
 #include "player/process/child_process.h"
-#include "player/process/sibling_program.h"
 
 namespace lenticule::player {
 namespace {

@@ -1,10 +1,98 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/step/step_member.h"
 
+#include <sys/timex.h>
+
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
+#include <ctime>
 
 namespace lenticule::player {
+namespace {
+
+using std::chrono::nanoseconds;
+
+/// Two clocks are not read at the same moment; a smaller change is no step.
+constexpr nanoseconds kLeastStep = std::chrono::milliseconds(1);
+
+nanoseconds read_clock(clockid_t clock) noexcept {
+  timespec time{};
+  (void)::clock_gettime(clock, &time);
+  return std::chrono::seconds(time.tv_sec) + nanoseconds(time.tv_nsec);
+}
+
+}  // namespace
+
+ClockReading read_clocks() noexcept {
+  return {.monotonic = read_clock(CLOCK_MONOTONIC), .real = read_clock(CLOCK_REALTIME)};
+}
+
+StepClock::StepClock(const ClockReading& start) noexcept : ahead_(start.real - start.monotonic) {}
+
+StepNow StepClock::now(const ClockReading& reading) noexcept {
+  const nanoseconds stepped = reading.real - reading.monotonic - ahead_;
+  if (std::chrono::abs(stepped - stepped_) >= kLeastStep) {
+    stepped_ = stepped;
+    ++steps_;
+  }
+  return {.monotonic = reading.monotonic, .group = reading.monotonic + ahead_, .stepped = stepped_};
+}
+
+ClockAccuracy read_clock_accuracy() noexcept {
+  timex answer{};
+  const int state = ::adjtimex(&answer);
+  if (state < 0) return {};
+  return {.known = true,
+          .synchronised = state != TIME_ERROR && (answer.status & STA_UNSYNC) == 0,
+          .offset_us = (answer.status & STA_NANO) != 0 ? answer.offset / 1000 : answer.offset,
+          .estimated_us = answer.esterror,
+          .bound_us = answer.maxerror};
+}
+
+using std::chrono::nanoseconds;
+
+/// Returns true if a newer message is known: of the same session, or of an accepted earlier one.
+bool StepPeer::is_copy(const StepMessage& message) const noexcept {
+  if (newest_ && newest_->session == message.session && message.sent <= newest_->sent) return true;
+  return heard_ && message.session != last_.session &&
+         message.sent + message.stepped <= last_.sent + last_.stepped;
+}
+
+/// Two StepClocks differ by the steps that each has left out, as long as both machines' clocks are
+/// right. If one of them was just set wrong, the previous difference still holds.
+///
+/// If this machine's clock was wrong from the start, old copies can look fresh, and fresh messages
+/// seem to come from the future. So untimely messages are remembered, too, and one from the future
+/// shows that an accepted message of its session was a copy.
+StepVerdict StepPeer::judge(const StepMessage& message, const StepNow& now) noexcept {
+  const bool same = heard_ && message.session == last_.session;
+  if (!same && alive(now)) return StepVerdict::Stranger;
+  if (is_copy(message)) return StepVerdict::Replayed;
+  newest_ = {.session = message.session, .sent = message.sent, .at = now.monotonic};
+
+  const nanoseconds by_real_time = now.stepped - message.stepped;
+  nanoseconds ahead = by_real_time;
+  age_ = now.group + ahead - message.sent;
+  if (!timely(age_)) {
+    ahead = same ? ahead_ : nanoseconds{0};
+    const nanoseconds age = now.group + ahead - message.sent;
+    if (same && age < -kOldest) heard_ = false;
+    if (!timely(age)) return StepVerdict::Untimely;
+    age_ = age;
+  }
+  ahead_ = ahead;
+  heard_ = true;
+  heard_at_ = now.monotonic;
+  last_ = message;
+  return StepVerdict::Accepted;
+}
+
+std::optional<StepTimeline> StepPeer::timeline() const noexcept {
+  if (!heard_ || !last_.timeline) return std::nullopt;
+  return last_.timeline->on_clock_ahead_by(-ahead_);
+}
+
 namespace {
 
 using std::chrono::nanoseconds;

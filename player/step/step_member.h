@@ -7,6 +7,7 @@
 // it: a leader that is started again continues the group's timeline and does not begin another.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -15,9 +16,105 @@
 
 #include "player/step/step_message.h"
 #include "player/step/step_pacing.h"
-#include "player/step/step_peer.h"
 
 namespace lenticule::player {
+
+struct ClockReading {
+  std::chrono::nanoseconds monotonic{0};
+  std::chrono::nanoseconds real{0};
+};
+[[nodiscard]] ClockReading read_clocks() noexcept;
+
+/// One moment, as messages and timelines need it.
+struct StepNow {
+  std::chrono::nanoseconds monotonic{0};
+  std::chrono::nanoseconds group{0};    ///< time of the StepClock
+  std::chrono::nanoseconds stepped{0};  ///< CLOCK_REALTIME less `group`
+};
+
+/// StepClock is the clock by which the players of a group compare times: CLOCK_REALTIME at the
+/// start of the player, continued without its steps. chrony or PTP keep it right. The kernel slews
+/// CLOCK_MONOTONIC and CLOCK_REALTIME alike, so their difference changes only when CLOCK_REALTIME
+/// is stepped. A step is counted and reported to the peers, but moves no frame. Thread safety: one
+/// thread.
+class StepClock {
+ public:
+  explicit StepClock(const ClockReading& start) noexcept;
+  StepNow now(const ClockReading& reading) noexcept;
+  /// Returns the time of this clock less CLOCK_MONOTONIC.
+  [[nodiscard]] std::chrono::nanoseconds ahead_of_monotonic() const noexcept { return ahead_; }
+  [[nodiscard]] uint64_t steps() const noexcept { return steps_; }
+
+ private:
+  std::chrono::nanoseconds ahead_;
+  std::chrono::nanoseconds stepped_{0};
+  uint64_t steps_ = 0;
+};
+
+/// The accuracy of CLOCK_REALTIME as the kernel reports it, in microseconds (adjtimex(2)).
+struct ClockAccuracy {
+  bool known = false;         ///< the kernel answered
+  bool synchronised = false;  ///< a service such as chrony disciplines the clock
+  int64_t offset_us = 0;      ///< correction that is still being made
+  int64_t estimated_us = 0;
+  int64_t bound_us = 0;  ///< largest error
+};
+[[nodiscard]] ClockAccuracy read_clock_accuracy() noexcept;
+
+enum class StepVerdict {
+  Accepted,
+  Replayed,  ///< not newer than the peer's last message: a copy, or overtaken on the way
+  Untimely,  ///< older than 250 ms, or from the future: delayed, or the clocks differ
+  Stranger,  ///< another sender, while this peer is alive
+};
+
+/// StepPeer decides whether the messages of one peer are fresh, and converts its times.
+/// Thread safety: one thread.
+class StepPeer {
+ public:
+  /// A peer that was not heard for this long is gone.
+  static constexpr std::chrono::seconds kSilence{2};
+  /// Messages are accepted at this age, by this machine's clock. The negative one allows for the
+  /// difference between the clocks.
+  static constexpr std::chrono::milliseconds kOldest{250};
+  static constexpr std::chrono::milliseconds kNewest{-5};
+
+  [[nodiscard]] StepVerdict judge(const StepMessage& message, const StepNow& now) noexcept;
+  [[nodiscard]] bool alive(const StepNow& now) const noexcept {
+    return heard_ && now.monotonic < heard_at_ + kSilence;
+  }
+  /// Returns true while the peer sends messages, accepted or untimely ones.
+  [[nodiscard]] bool sends(const StepNow& now) const noexcept {
+    return newest_ && now.monotonic < newest_->at + kSilence;
+  }
+  /// Returns the last accepted message.
+  [[nodiscard]] const StepMessage& last() const noexcept { return last_; }
+  /// Returns the timeline of the last accepted message on this machine's StepClock; none if a later
+  /// message has shown that the accepted one was a copy.
+  [[nodiscard]] std::optional<StepTimeline> timeline() const noexcept;
+  /// Returns the age of the last judged message by this machine's clock.
+  [[nodiscard]] std::chrono::nanoseconds age() const noexcept { return age_; }
+
+ private:
+  /// The newest message of a session that was not refused as a copy.
+  struct Newest {
+    uint64_t session = 0;
+    std::chrono::nanoseconds sent{0};  ///< time of sending, the sender's StepClock
+    std::chrono::nanoseconds at{0};    ///< time of arrival, CLOCK_MONOTONIC
+  };
+
+  [[nodiscard]] bool timely(std::chrono::nanoseconds age) const noexcept {
+    return age >= kNewest && age <= kOldest;
+  }
+  [[nodiscard]] bool is_copy(const StepMessage& message) const noexcept;
+
+  std::optional<Newest> newest_;
+  bool heard_ = false;
+  std::chrono::nanoseconds heard_at_{0};  ///< CLOCK_MONOTONIC
+  std::chrono::nanoseconds ahead_{0};     ///< the peer's StepClock less this machine's
+  std::chrono::nanoseconds age_{0};
+  StepMessage last_;
+};
 
 /// Numbers of received messages.
 struct StepMessageCounts {

@@ -16,7 +16,7 @@
 #include <string_view>
 #include <vector>
 
-#include "player/step/step_timeline.h"
+#include "player/step/step_pacing.h"
 
 namespace lenticule::player {
 

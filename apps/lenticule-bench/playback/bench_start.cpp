@@ -16,8 +16,8 @@
 #include "base/print.h"
 #include "frames/image_io.h"
 #include "optics/rig_file.h"
+#include "player/process/child_process.h"
 #include "player/process/interrupt.h"
-#include "player/process/sibling_program.h"
 
 namespace lenticule::bench {
 namespace {

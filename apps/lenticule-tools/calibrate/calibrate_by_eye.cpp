@@ -27,8 +27,8 @@
 #include "optics/rig_history.h"
 #include "optics/trim.h"
 #include "player/process/interrupt.h"
+#include "player/process/key_input.h"
 #include "player/process/rig_choice.h"
-#include "player/session/key_input.h"
 
 namespace lenticule::tools {
 namespace {

@@ -20,8 +20,8 @@
 #include "base/statistics.h"
 #include "farm/work_folder.h"
 #include "frames/sequence/predictor_choice.h"
+#include "player/process/child_process.h"
 #include "player/process/interrupt.h"
-#include "player/process/sibling_program.h"
 
 namespace lenticule::tools {
 namespace {

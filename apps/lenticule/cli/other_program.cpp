@@ -8,7 +8,7 @@
 #include <cstring>
 
 #include "base/error.h"
-#include "player/process/sibling_program.h"
+#include "player/process/child_process.h"
 
 namespace lenticule::cli {
 

@@ -16,10 +16,8 @@
 #include "player/process/rig_choice.h"
 #include "player/session/play_plan.h"
 #include "player/session/play_run.h"
+#include "player/session/play_service.h"
 #include "player/session/preflight.h"
-#include "player/session/rig_error.h"
-#include "player/session/service_manager.h"
-#include "player/session/start_history.h"
 #include "player/sources/confined_pictures.h"
 
 namespace lenticule::cli {

@@ -13,8 +13,7 @@
 #include "base/error.h"
 #include "base/print.h"
 #include "player/proof/content_hash.h"
-#include "player/proof/proof_reader.h"
-#include "player/proof/report_formats.h"
+#include "player/proof/proof_report.h"
 
 namespace lenticule::cli {
 namespace {

@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "base/error.h"
-#include "display/kms/device/drm_handles.h"
+#include "display/kms/device/drm_properties.h"
 
 namespace lenticule::display {
 namespace {

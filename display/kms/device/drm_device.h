@@ -2,13 +2,16 @@
 // DrmNode names a graphics card; DrmDevice is a card that is open for modesetting.
 #pragma once
 
+#include <drm_fourcc.h>
+
 #include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "base/unique_fd.h"
-#include "display/kms/device/session.h"
+#include "display/kms/device/platform.h"
+#include "display/scanout_depth.h"
 
 namespace lenticule::display {
 
@@ -62,5 +65,10 @@ class DrmDevice {
   std::string driver_;
   DrmCaps caps_;
 };
+
+/// Returns the kernel's code of the format that frames of this depth are scanned out in.
+[[nodiscard]] constexpr uint32_t drm_format(ScanoutDepth depth) {
+  return depth == ScanoutDepth::Bits10 ? DRM_FORMAT_XRGB2101010 : DRM_FORMAT_XRGB8888;
+}
 
 }  // namespace lenticule::display

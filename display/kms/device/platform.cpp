@@ -2,15 +2,53 @@
 #include "display/kms/device/platform.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
+#include <libudev.h>
 #include <sys/mman.h>
 #include <unistd.h>
+#include <xf86drm.h>
 
 #include <cerrno>
+#include <cstring>
 #include <ctime>
+#include <memory>
 
+#include "base/error.h"
 #include "base/unique_fd.h"
 
 namespace lenticule::display {
+namespace {
+
+class DirectSession final : public Session {
+ public:
+  [[nodiscard]] UniqueFd open_device(const std::string& path) override {
+    UniqueFd fd(open(path.c_str(), O_RDWR | O_CLOEXEC | O_NONBLOCK));
+    if (fd) return fd;
+    throw Error(ErrorKind::Device, fmt::format("{}: {}", path, std::strerror(errno)),
+                errno == EACCES ? "add the user to the group 'video'" : "");
+  }
+  void close_device(int fd) noexcept override { (void)fd; }
+
+  [[nodiscard]] Mastership ensure_master(int fd) noexcept override {
+    if (drmIsMaster(fd) != 0 || drmSetMaster(fd) == 0) return Mastership::Held;
+    return errno == EBUSY ? Mastership::Busy : Mastership::Denied;
+  }
+  void drop_master(int fd) noexcept override { drmDropMaster(fd); }
+};
+
+}  // namespace
+
+std::shared_ptr<Session> make_direct_session() {
+  return std::make_shared<DirectSession>();
+}
+
+#if !defined(LENTICULE_HAVE_LIBSEAT)
+std::shared_ptr<Session> make_seat_session() {
+  throw Error(ErrorKind::Device, "seat: this build has no libseat",
+              "leave the seat option out and stop the desktop session");
+}
+#endif
+
 namespace {
 
 constexpr int64_t kNanosecondsPerSecond = 1'000'000'000;
@@ -21,6 +59,49 @@ Nanoseconds read_clock(clockid_t id) noexcept {
   clock_gettime(id, &time);
   return Nanoseconds(time.tv_sec * kNanosecondsPerSecond + time.tv_nsec);
 }
+
+template <auto Release>
+struct UdevUnref {
+  template <typename Object>
+  void operator()(Object* object) const noexcept {
+    Release(object);
+  }
+};
+using Udev = std::unique_ptr<udev, UdevUnref<udev_unref>>;
+using UdevMonitor = std::unique_ptr<udev_monitor, UdevUnref<udev_monitor_unref>>;
+using UdevDevice = std::unique_ptr<udev_device, UdevUnref<udev_device_unref>>;
+
+/// UdevHotplug receives hotplug events from udev. Every "change" of a card counts: events from the
+/// kernel, `udevadm trigger` and sysfs differ only in details that are probed afterwards anyway.
+class UdevHotplug final : public HotplugMonitor {
+ public:
+  UdevHotplug() : udev_(udev_new()) {
+    if (!udev_) return;
+    monitor_.reset(udev_monitor_new_from_netlink(udev_.get(), "udev"));
+    if (!monitor_) return;
+    if (udev_monitor_filter_add_match_subsystem_devtype(monitor_.get(), "drm", nullptr) < 0 ||
+        udev_monitor_enable_receiving(monitor_.get()) < 0)
+      monitor_.reset();
+  }
+
+  [[nodiscard]] int fd() const noexcept override {
+    return monitor_ ? udev_monitor_get_fd(monitor_.get()) : -1;
+  }
+
+  [[nodiscard]] bool drain() noexcept override {
+    bool any = false;
+    while (monitor_) {
+      const UdevDevice device(udev_monitor_receive_device(monitor_.get()));
+      if (!device) break;
+      any = true;
+    }
+    return any;
+  }
+
+ private:
+  Udev udev_;
+  UdevMonitor monitor_;
+};
 
 class LinuxPlatform final : public KmsPlatform {
  public:
@@ -36,7 +117,7 @@ class LinuxPlatform final : public KmsPlatform {
     return read_clock(CLOCK_BOOTTIME) - read_clock(CLOCK_MONOTONIC);
   }
   [[nodiscard]] std::unique_ptr<HotplugMonitor> watch_hotplug() override {
-    return make_udev_monitor();
+    return std::make_unique<UdevHotplug>();
   }
   [[nodiscard]] std::optional<std::string> read_kernel_file(const std::string& path) override {
     const UniqueFd fd(open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOCTTY | O_NONBLOCK));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// KmsPlatform provides the system calls that KMS output needs beside libdrm. Tests replace it.
+// Interfaces to what KMS output needs from the system beside libdrm. Tests replace them.
 #pragma once
 
 #include <cstddef>
@@ -8,10 +8,43 @@
 #include <optional>
 #include <string>
 
+#include "base/unique_fd.h"
 #include "display/display.h"
 #include "display/kms/device/graphics_console.h"
 
 namespace lenticule::display {
+
+enum class Mastership {
+  Held,    ///< this process may commit
+  Denied,  ///< not permitted (EACCES): another session is active, or another process opened the
+           ///< card first
+  Busy,    ///< another program is DRM master (EBUSY)
+};
+
+/// Session opens cards and tracks whether this process may use them at the moment.
+/// Thread safety: one thread; open_device() may be called before that thread exists.
+class Session {
+ public:
+  virtual ~Session() = default;
+  /// Opens the device at `path`. Throws Error(Device) that names the path.
+  [[nodiscard]] virtual UniqueFd open_device(const std::string& path) = 0;
+  /// Called before the descriptor is closed.
+  virtual void close_device(int fd) noexcept = 0;
+  /// Tries to become DRM master and returns the result.
+  [[nodiscard]] virtual Mastership ensure_master(int fd) noexcept = 0;
+  virtual void drop_master(int fd) noexcept = 0;
+  /// Returns a descriptor that is readable when dispatch() should be called; -1 if never.
+  [[nodiscard]] virtual int fd() const noexcept { return -1; }
+  /// Handles messages of the seat manager. Returns false while the seat is inactive.
+  [[nodiscard]] virtual bool dispatch() noexcept { return true; }
+};
+
+/// Returns a session that opens nodes directly: the first opener is DRM master. Used by kiosks.
+[[nodiscard]] std::shared_ptr<Session> make_direct_session();
+
+/// Returns a session through libseat (seatd or logind), for a desktop's virtual terminals. Throws
+/// Error(Device) if there is no seat or this build has no libseat.
+[[nodiscard]] std::shared_ptr<Session> make_seat_session();
 
 /// HotplugMonitor reports that graphics cards may have changed. Thread safety: one thread.
 class HotplugMonitor {
@@ -24,6 +57,7 @@ class HotplugMonitor {
   [[nodiscard]] virtual bool drain() noexcept = 0;
 };
 
+/// KmsPlatform provides the system calls that KMS output needs beside libdrm. Tests replace it.
 class KmsPlatform {
  public:
   virtual ~KmsPlatform() = default;
@@ -42,8 +76,5 @@ class KmsPlatform {
 };
 
 [[nodiscard]] std::shared_ptr<KmsPlatform> make_linux_platform();
-
-/// Monitors udev events of the subsystem "drm" (hotplug.cpp).
-[[nodiscard]] std::unique_ptr<HotplugMonitor> make_udev_monitor();
 
 }  // namespace lenticule::display

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "base/error.h"
-#include "display/kms/device/session.h"
+#include "display/kms/device/platform.h"
 
 // The header of libseat 0.7 does not declare its functions extern "C".
 extern "C" {

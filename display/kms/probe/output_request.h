@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "display/scanout_layout.h"
+#include "display/scanout_format.h"
 #include "frames/frame.h"
 #include "frames/rational.h"
 #include "optics/rig.h"

@@ -3,15 +3,86 @@
 // over the buffers or the mode of the previous user of the card, or by a modeset.
 #pragma once
 
+#include <atomic>
 #include <memory>
+#include <vector>
 
+#include "display/display.h"
+#include "display/kms/device/drm_properties.h"
+#include "display/kms/device/platform.h"
 #include "display/kms/scanout/kms_display.h"
 #include "display/kms/scanout/kms_output.h"
-#include "display/kms/scanout/scanout_pool.h"
-#include "display/kms/scanout/takeover_state.h"
+#include "display/scanout_format.h"
 
 namespace lenticule::display {
 
+enum class ScanoutState { Free, Acquired, Pending, Displayed };
+
+/// ScanoutMapping owns a memory mapping and unmaps it.
+class ScanoutMapping {
+ public:
+  ScanoutMapping() = default;
+  ScanoutMapping(std::shared_ptr<KmsPlatform> platform, void* memory, size_t size);
+  ScanoutMapping(ScanoutMapping&& other) noexcept;
+  ScanoutMapping& operator=(ScanoutMapping&& other) noexcept;
+  ~ScanoutMapping();
+
+  [[nodiscard]] uint8_t* data() const { return static_cast<uint8_t*>(memory_); }
+  [[nodiscard]] size_t size() const { return size_; }
+
+ private:
+  std::shared_ptr<KmsPlatform> platform_;
+  void* memory_ = nullptr;
+  size_t size_ = 0;
+};
+
+class KmsBuffer final : public ScanoutBuffer {
+ public:
+  /// Creates a buffer and fills it with black, which touches every page. Throws Error(Failed) if
+  /// the card or the system has no memory for it; frees everything that was created before the
+  /// failure.
+  KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, const ScanoutLayout& layout);
+  /// Wraps a buffer that another process created, keeping its contents. Takes ownership of the ids
+  /// only on success.
+  KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, const ScanoutLayout& layout,
+            const TakeoverState::Buffer& buffer);
+
+  void fill(const frames::FrameView& frame) noexcept override;
+
+  /// Changes Free to Acquired; returns false if the buffer is not free. The filling thread's only
+  /// transition.
+  [[nodiscard]] bool try_acquire() noexcept;
+  void set_state(ScanoutState state) noexcept { state_.store(state, std::memory_order_release); }
+  [[nodiscard]] ScanoutState state() const noexcept {
+    return state_.load(std::memory_order_acquire);
+  }
+  [[nodiscard]] uint32_t framebuffer() const { return framebuffer_.get(); }
+  /// Returns the ids with which another process can take over the buffer.
+  [[nodiscard]] TakeoverState::Buffer takeover_buffer() const;
+  /// Unmaps the buffer, and leaves contents and ids to the process that holds the card's
+  /// descriptor.
+  void abandon() noexcept;
+
+ private:
+  ScanoutLayout layout_;
+  uint32_t pitch_ = 0;
+  uint64_t size_ = 0;
+  DumbHandle handle_;          // destroyed third
+  FramebufferId framebuffer_;  // destroyed second: the framebuffer on the handle
+  ScanoutMapping mapping_;     // destroyed first: the mapping of the handle
+  std::atomic<ScanoutState> state_{ScanoutState::Free};
+};
+
+/// ScanoutPool holds the dumb buffers that the card scans out, each with the state of its use.
+using ScanoutPool = std::vector<std::unique_ptr<KmsBuffer>>;
+
+/// Creates up to `count` buffers, as many as there is memory for. Throws Error(Failed) if fewer
+/// than two.
+[[nodiscard]] ScanoutPool make_scanout_pool(int fd, const std::shared_ptr<KmsPlatform>& platform,
+                                            const ScanoutLayout& layout, int count);
+
+/// ActiveOutput is an output that shows frames, with its scan-out buffers. It is opened by taking
+/// over the buffers or the mode of the previous user of the card, or by a modeset.
 struct ActiveOutput {
   std::unique_ptr<KmsOutput> output;
   ScanoutPool buffers;         ///< released before the output

@@ -12,10 +12,9 @@
 #include "display/clock.h"
 #include "display/display.h"
 #include "display/kms/device/drm_events.h"
-#include "display/kms/device/session.h"
+#include "display/kms/device/platform.h"
 #include "display/kms/scanout/active_output.h"
-#include "display/kms/scanout/kms_counters.h"
-#include "display/kms/scanout/scanout_pool.h"
+#include "display/kms/scanout/kms_output.h"
 #include "display/kms/scanout/vblank_clock.h"
 
 namespace lenticule::display {

@@ -1,12 +1,176 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "display/kms/scanout/panel_monitor.h"
 
+#include <poll.h>
+
 #include <algorithm>
+#include <array>
 #include <utility>
 
-#include "display/kms/probe/pipe.h"
+#include "display/kms/probe/output_choice.h"
 
 namespace lenticule::display {
+namespace {
+
+/// A panel causes bursts of hotplug events; one probe after the burst is enough.
+constexpr Nanoseconds kDebounce = std::chrono::milliseconds(200);
+/// Polling interval, in case events are lost or blocked by a sandbox.
+constexpr Nanoseconds kPollInterval = std::chrono::seconds(30);
+constexpr Nanoseconds kAuditInterval = std::chrono::seconds(3);
+constexpr Nanoseconds kLongestSleep = std::chrono::seconds(1);
+
+}  // namespace
+
+bool HotplugEvent::all_connected() const {
+  return !connectors.empty() && std::ranges::all_of(connectors, &ConnectorInfo::connected);
+}
+
+bool HotplugEvent::any_link_bad() const {
+  return std::ranges::any_of(connectors, &ConnectorInfo::link_bad);
+}
+
+ConnectorProber::ConnectorProber(int card_fd, const ConnectorInfo& seen,
+                                 std::vector<uint32_t> connectors,
+                                 std::unique_ptr<HotplugMonitor> hotplug,
+                                 std::shared_ptr<Clock> clock, Running running, Audit audit)
+    : card_fd_(card_fd),
+      connectors_(std::move(connectors)),
+      hotplug_(std::move(hotplug)),
+      clock_(std::move(clock)),
+      running_(running),
+      audit_(std::move(audit)),
+      wake_("kms"),
+      ready_("kms"),
+      connected_(seen.connected),
+      link_bad_(seen.link_bad),
+      poll_at_(clock_->now() + kPollInterval),
+      audit_at_(audit_ ? clock_->now() + kAuditInterval : kNever) {
+  if (running_ == Running::OwnThread) thread_ = std::thread([this] { run(); });
+}
+
+ConnectorProber::~ConnectorProber() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  wake_.signal();
+  if (thread_.joinable()) thread_.join();
+}
+
+int ConnectorProber::fd() const noexcept {
+  return running_ == Running::OwnThread ? ready_.fd() : hotplug_->fd();
+}
+
+Nanoseconds ConnectorProber::next_step() const noexcept {
+  if (running_ == Running::OwnThread) return kNever;
+  return std::min({probe_at_.value_or(kNever), poll_at_, audit_at_});
+}
+
+void ConnectorProber::step() noexcept {
+  if (running_ == Running::OwnThread) return;
+  try {
+    work(clock_->now());
+  } catch (...) {
+    probe_at_ = clock_->now() + kDebounce;  // out of memory: try again
+  }
+}
+
+std::optional<HotplugEvent> ConnectorProber::take_event() noexcept {
+  ready_.drain();
+  const std::lock_guard lock(mutex_);
+  return std::exchange(event_, std::nullopt);
+}
+
+bool ConnectorProber::take_modeset_request() noexcept {
+  return modeset_requested_.exchange(false, std::memory_order_relaxed);
+}
+
+void ConnectorProber::request_probe() noexcept {
+  {
+    const std::lock_guard lock(mutex_);
+    probe_requested_ = true;
+  }
+  wake_.signal();
+  step();
+}
+
+void ConnectorProber::run() noexcept {
+  while (true) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (stopping_) return;
+    }
+    const Nanoseconds now = clock_->now();
+    const Nanoseconds until = std::min({probe_at_.value_or(poll_at_), poll_at_, audit_at_});
+    const auto sleep = std::clamp(until - now, Nanoseconds{0}, kLongestSleep);
+    std::array<pollfd, 2> entries = {pollfd{.fd = wake_.fd(), .events = POLLIN, .revents = 0},
+                                     pollfd{.fd = hotplug_->fd(), .events = POLLIN, .revents = 0}};
+    (void)poll(entries.data(), entries.size(),
+               static_cast<int>(std::chrono::ceil<std::chrono::milliseconds>(sleep).count()));
+    wake_.drain();
+    try {
+      work(clock_->now());
+    } catch (...) {
+      probe_at_ = clock_->now() + kDebounce;
+    }
+  }
+}
+
+/// Does one round: reads hotplug events, and probes if a probe is due.
+void ConnectorProber::work(Nanoseconds now) {
+  const bool hotplug = hotplug_->drain();
+  if (hotplug && !probe_at_) probe_at_ = now + kDebounce;
+  audit_if_due(now, hotplug);
+  bool requested = false;
+  {
+    const std::lock_guard lock(mutex_);
+    requested = std::exchange(probe_requested_, false);
+  }
+  if (now >= poll_at_) {
+    poll_at_ = now + kPollInterval;
+    const HotplugEvent current = read(Probe::Cached);
+    if (current.all_connected() != connected_ || current.any_link_bad() != link_bad_)
+      probe_at_ = now;
+  }
+  if (!requested && (!probe_at_ || now < *probe_at_)) return;
+  probe_at_.reset();
+  report(read(Probe::Full));
+}
+
+HotplugEvent ConnectorProber::read(Probe probe) const {
+  HotplugEvent event;
+  for (const uint32_t id : connectors_) {
+    auto connector = read_connector(card_fd_, id, probe);
+    if (!connector) return {};
+    event.connectors.push_back(std::move(*connector));
+  }
+  return event;
+}
+
+/// Audits if due; after a hotplug event, as soon as its burst is over.
+void ConnectorProber::audit_if_due(Nanoseconds now, bool hotplug) {
+  if (!audit_) return;
+  if (hotplug && !audit_after_hotplug_) {
+    audit_after_hotplug_ = true;
+    audit_at_ = std::min(audit_at_, now + kDebounce);
+  }
+  if (now < audit_at_) return;
+  audit_at_ = now + kAuditInterval;
+  if (!audit_(std::exchange(audit_after_hotplug_, false))) return;
+  modeset_requested_.store(true, std::memory_order_relaxed);
+  ready_.signal();
+}
+
+void ConnectorProber::report(HotplugEvent event) {
+  connected_ = event.all_connected();
+  link_bad_ = event.any_link_bad();
+  {
+    const std::lock_guard lock(mutex_);
+    event_ = std::move(event);
+  }
+  ready_.signal();
+}
+
 namespace {
 
 constexpr Nanoseconds kCheckInterval = std::chrono::seconds(2);

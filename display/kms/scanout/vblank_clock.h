@@ -9,9 +9,7 @@
 
 #include "display/clock.h"
 #include "display/kms/device/drm_events.h"
-#include "display/kms/scanout/kms_counters.h"
 #include "display/kms/scanout/kms_output.h"
-#include "display/vblank_timeline.h"
 
 namespace lenticule::display {
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads any bytes as the kernel's text of a tile: none, or a place within its panel.
 #include "base/error.h"
-#include "display/kms/device/tile.h"
+#include "display/kms/device/edid.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const auto tile = lenticule::display::parse_tile({data, size});

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "base/error.h"
-#include "player/proof/report_formats.h"
+#include "player/proof/proof_report.h"
 
 using namespace lenticule::player;
 

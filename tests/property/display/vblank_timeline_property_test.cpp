@@ -3,7 +3,7 @@
 
 #include <random>
 
-#include "display/vblank_timeline.h"
+#include "display/clock.h"
 
 namespace lenticule::display {
 namespace {

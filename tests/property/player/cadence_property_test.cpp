@@ -3,7 +3,7 @@
 
 #include <random>
 
-#include "player/playback/cadence.h"
+#include "player/playback/pacing.h"
 
 namespace lenticule::player {
 namespace {

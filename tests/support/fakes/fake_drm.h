@@ -21,7 +21,6 @@
 
 #include "display/clock.h"
 #include "display/kms/device/platform.h"
-#include "display/kms/device/session.h"
 
 namespace lenticule::test {
 

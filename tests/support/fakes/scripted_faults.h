@@ -4,7 +4,7 @@
 
 #include <map>
 
-#include "display/virtual/virtual_faults.h"
+#include "display/virtual/virtual_display.h"
 
 namespace lenticule::test {
 

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "display/vblank_timeline.h"
-
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "display/clock.h"
 
 namespace lenticule::display {
 namespace {

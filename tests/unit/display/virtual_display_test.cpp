@@ -6,7 +6,7 @@
 #include <atomic>
 
 #include "base/error.h"
-#include "display/vblank_timeline.h"
+#include "display/clock.h"
 #include "tests/support/fakes/fake_source.h"
 #include "tests/support/fakes/scripted_faults.h"
 

@@ -15,8 +15,8 @@
 #include <string>
 #include <vector>
 
+#include "display/kms/device/connector.h"
 #include "display/kms/device/edid.h"
-#include "display/kms/device/television_modes.h"
 #include "tests/support/process.h"
 #include "tests/support/random_edids.h"
 

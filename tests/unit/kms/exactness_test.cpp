@@ -5,9 +5,8 @@
 
 #include <set>
 
-#include "display/kms/color/driver_paths.h"
 #include "display/kms/color/exactness_rules.h"
-#include "display/kms/device/television_modes.h"
+#include "display/kms/device/connector.h"
 #include "kms_stage.h"
 
 namespace lenticule::test {

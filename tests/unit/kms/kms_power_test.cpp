@@ -2,7 +2,7 @@
 // Tests an output that is switched off and on while playing.
 #include <cerrno>
 
-#include "display/kms/scanout/takeover_state.h"
+#include "display/kms/scanout/kms_display.h"
 #include "kms_stage.h"
 
 namespace lenticule::test {

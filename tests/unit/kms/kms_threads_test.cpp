@@ -5,7 +5,7 @@
 #include <atomic>
 #include <thread>
 
-#include "display/kms/scanout/connector_prober.h"
+#include "display/kms/scanout/panel_monitor.h"
 #include "kms_stage.h"
 
 namespace lenticule::test {

@@ -3,9 +3,8 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
-#include "display/kms/device/tile.h"
+#include "display/kms/device/edid.h"
 #include "display/kms/inspect.h"
-#include "display/kms/tile_groups.h"
 #include "kms_stage.h"
 
 namespace lenticule::test {

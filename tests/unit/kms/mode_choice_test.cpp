@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
-#include "display/kms/probe/pipe.h"
+#include "display/kms/probe/output_choice.h"
 #include "tests/support/fakes/fake_drm.h"
 
 namespace lenticule::test {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "player/playback/cadence.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <vector>
+
+#include "player/playback/pacing.h"
 
 namespace lenticule::player {
 namespace {

@@ -10,7 +10,6 @@
 #include "panel_fixture.h"
 #include "player/session/panel_wait.h"
 #include "player/session/play_service.h"
-#include "player/session/watchdog.h"
 
 namespace lenticule::player {
 namespace {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "player/playback/latency_histogram.h"
-
 #include <gtest/gtest.h>
+
+#include "player/playback/play_statistics.h"
 
 namespace lenticule::player {
 namespace {

@@ -17,7 +17,7 @@
 #include "base/error.h"
 #include "frames/charts/charts.h"
 #include "optics/rig_file.h"
-#include "player/process/raw_terminal.h"
+#include "player/process/key_input.h"
 #include "player/sources/followed_rig.h"
 #include "player/sources/views_source.h"
 #include "tests/support/scratch_folder.h"

@@ -10,7 +10,7 @@
 
 #include "base/wake_fd.h"
 #include "display/test_card.h"
-#include "player/session/card_texts.h"
+#include "player/session/panel_card.h"
 #include "tests/unit/kms/kms_stage.h"
 
 namespace lenticule::player {

@@ -9,7 +9,7 @@
 #include "base/error.h"
 #include "display/virtual/virtual_display.h"
 #include "player/playback/playback.h"
-#include "player/session/watchdog.h"
+#include "player/session/play_service.h"
 #include "tests/support/fakes/fake_source.h"
 
 namespace lenticule::player {

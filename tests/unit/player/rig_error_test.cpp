@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests a rig that cannot be read, so that the panel it asks for is unknown.
-#include "player/session/rig_error.h"
-
 #include <fmt/format.h>
 #include <unistd.h>
 
 #include <filesystem>
 
 #include "display/test_card.h"
-#include "player/session/card_texts.h"
+#include "player/session/panel_card.h"
+#include "player/session/play_plan.h"
 #include "tests/unit/kms/kms_stage.h"
 
 namespace lenticule::player {

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests the messages to a service manager, over a socket of the test's own.
-#include "player/session/service_manager.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -19,10 +18,8 @@
 #include <string>
 #include <vector>
 
-#include "display/kms/scanout/takeover_state.h"
+#include "display/kms/scanout/kms_display.h"
 #include "player/session/play_service.h"
-#include "player/session/stored_output.h"
-#include "player/session/watchdog.h"
 
 namespace lenticule::player {
 namespace {

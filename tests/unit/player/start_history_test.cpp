@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "player/session/start_history.h"
-
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -10,6 +8,7 @@
 #include <fstream>
 
 #include "player/process/private_folder.h"
+#include "player/session/play_service.h"
 
 namespace lenticule::player {
 namespace {

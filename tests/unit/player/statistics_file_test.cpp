@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests the file of --stats on disks that are full, removed, or come back.
-#include "player/session/statistics_file.h"
-
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -11,6 +9,7 @@
 #include <thread>
 
 #include "base/error.h"
+#include "player/session/play_outputs.h"
 #include "tests/support/scratch_folder.h"
 
 namespace lenticule::player {

@@ -5,7 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "player/control/control_peer.h"
+#include "player/control/control_server.h"
 
 namespace lenticule::player {
 namespace {

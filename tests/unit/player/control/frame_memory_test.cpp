@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "player/control/frame_memory.h"
-
 #include <gtest/gtest.h>
 #include <sys/mman.h>
 #include <unistd.h>
@@ -11,6 +9,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "player/control/play_controls.h"
 
 namespace lenticule::player {
 namespace {

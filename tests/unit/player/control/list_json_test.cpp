@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "player/control/list_json.h"
-
 #include <gtest/gtest.h>
 
 #include <filesystem>
+
+#include "player/control/play_controls.h"
 
 namespace lenticule::player {
 namespace {

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "player/proof/proof_writer.h"
-
 #include <gtest/gtest.h>
 
 #include <future>
 #include <memory>
 #include <thread>
 
+#include "player/proof/proof_of_play.h"
 #include "tests/unit/player/proof/proof_samples.h"
 
 namespace lenticule::player {

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "player/proof/report_formats.h"
-
 #include <gtest/gtest.h>
 
+#include "player/proof/proof_report.h"
 #include "tests/unit/player/proof/proof_samples.h"
 
 namespace lenticule::player {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "player/step/step_clock.h"
-
 #include <gtest/gtest.h>
+
+#include "player/step/step_member.h"
 
 namespace lenticule::player {
 namespace {

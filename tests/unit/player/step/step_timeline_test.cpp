@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "player/step/step_timeline.h"
-
 #include <gtest/gtest.h>
+
+#include "player/step/step_pacing.h"
 
 namespace lenticule::player {
 namespace {
