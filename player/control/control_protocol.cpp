@@ -234,17 +234,19 @@ std::string answer_line(const json& id, ordered_json body) {
   return dump(line);
 }
 
-std::string error_line(const json& id, const Error& error) {
+std::string error_line(const json& id, const Error& error, bool conflict) {
   const std::string what = error.what();
   const size_t colon = what.find(": ");
   const bool split = colon != std::string::npos;
-  return dump({{"id", id},
-               {"ok", false},
-               {"error",
-                {{"object", split ? what.substr(0, colon) : ""},
-                 {"cause", split ? what.substr(colon + 2) : what},
-                 {"remedy", error.hint()},
-                 {"kind", static_cast<int>(error.kind())}}}});
+  ordered_json line = {{"id", id},
+                       {"ok", false},
+                       {"error",
+                        {{"object", split ? what.substr(0, colon) : ""},
+                         {"cause", split ? what.substr(colon + 2) : what},
+                         {"remedy", error.hint()},
+                         {"kind", static_cast<int>(error.kind())}}}};
+  if (conflict) line["error"]["conflict"] = true;
+  return dump(line);
 }
 
 std::string event_line(const ordered_json& event) {

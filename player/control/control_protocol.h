@@ -72,7 +72,8 @@ struct ControlRequest {
 
 /// The functions below return one line with its line end. Invalid UTF-8 is replaced, not refused.
 [[nodiscard]] std::string answer_line(const nlohmann::json& id, nlohmann::ordered_json body);
-[[nodiscard]] std::string error_line(const nlohmann::json& id, const Error& error);
+[[nodiscard]] std::string error_line(const nlohmann::json& id, const Error& error,
+                                     bool conflict = false);
 [[nodiscard]] std::string event_line(const nlohmann::ordered_json& event);
 
 [[nodiscard]] const char* verb_name(ControlVerb verb);

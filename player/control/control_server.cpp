@@ -68,8 +68,19 @@ void report_and_close(const UniqueFd& fd, const Error& error) {
   (void)::send(fd.get(), line.data(), line.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
 }
 
+/// Returns true for verbs that open content, or write it, which may take as long as that takes.
+bool takes_content(ControlVerb verb) {
+  constexpr std::array kQuick = {ControlVerb::Status, ControlVerb::Play,  ControlVerb::Pause,
+                                 ControlVerb::Loop,   ControlVerb::Speed, ControlVerb::Power,
+                                 ControlVerb::Trim,   ControlVerb::Rig,   ControlVerb::Frame,
+                                 ControlVerb::List,   ControlVerb::Stats, ControlVerb::Doctor};
+  return std::ranges::find(kQuick, verb) == kQuick.end();
+}
+
 std::string line_of(const json& id, const ControlAnswer& answer) {
   if (const auto* const error = std::get_if<Error>(&answer)) return error_line(id, *error);
+  if (const auto* const conflict = std::get_if<ConflictAnswer>(&answer))
+    return error_line(id, conflict->error, true);
   if (const auto* const with = std::get_if<DescriptorAnswer>(&answer))
     return answer_line(id, with->body);
   return answer_line(id, std::get<ordered_json>(answer));
@@ -130,7 +141,8 @@ void ControlServer::serve() noexcept {
 /// Returns true if more may be read from the client: not while too many requests are unanswered or
 /// too much output is pending.
 bool ControlServer::reads(const Client& client) const {
-  return !client.closing && !client.sent_all && client.unanswered < options_.limits.unanswered &&
+  return !client.closing && !client.sent_all &&
+         client.unanswered.size() < options_.limits.unanswered &&
          client.out.size() < options_.limits.waiting_bytes;
 }
 
@@ -157,6 +169,7 @@ void ControlServer::serve_once() {
   if (entries[0].revents != 0) take_inbox();
   for (const auto& client : clients_) {
     take_lines(*client);
+    give_up_late(*client);
     flush(*client);
     drop_stuck(*client);
   }
@@ -213,7 +226,7 @@ bool ControlServer::make_room(ControlRights newcomer) {
   const Clock::time_point idle_since = Clock::now() - options_.limits.idle;
   const bool always = newcomer == ControlRights::Everything;
   const auto is_busy = [](const Client& client) {
-    return client.unanswered > 0 || !client.out.empty();
+    return !client.unanswered.empty() || !client.out.empty();
   };
   const auto order = [&](const std::unique_ptr<Client>& client) {
     return std::tuple(is_busy(*client), client->subscribed,
@@ -247,7 +260,8 @@ void ControlServer::receive(Client& client) {
 void ControlServer::take_lines(Client& client) {
   size_t begin = 0;
   const auto has_room = [&] {
-    return !client.dead && !client.closing && client.unanswered < options_.limits.unanswered &&
+    return !client.dead && !client.closing &&
+           client.unanswered.size() < options_.limits.unanswered &&
            client.out.size() < options_.limits.waiting_bytes;
   };
   bool more = true;
@@ -261,7 +275,7 @@ void ControlServer::take_lines(Client& client) {
     if (!line.empty()) take_line(client, line);
   }
   client.in.erase(0, begin);
-  if (client.sent_all && !more && client.unanswered == 0 && !client.subscribed)
+  if (client.sent_all && !more && client.unanswered.empty() && !client.subscribed)
     client.closing = true;
   const bool too_long = client.in.size() > kMaxControlLine &&
                         client.in.find('\n') == std::string::npos && !client.closing;
@@ -283,13 +297,16 @@ void ControlServer::take_line(Client& client, const std::string& line) {
       client.subscribed = true;
       return queue(client, answer_line(id, {{"subscribed", true}}));
     }
-    ++client.unanswered;
-    const auto answer = [inbox = inbox_, number = client.number, id](const ControlAnswer& result) {
+    const uint64_t number = next_request_++;
+    client.unanswered[number] = {.id = id, .verb = request.verb, .at = client.asked_at};
+    const auto answer = [inbox = inbox_, client = client.number, number,
+                         id](const ControlAnswer& result) {
       std::string text = line_of(id, result);
       const auto* const with = std::get_if<DescriptorAnswer>(&result);
       {
         const std::lock_guard lock(inbox->mutex);
-        inbox->answers.push_back({.client = number,
+        inbox->answers.push_back({.client = client,
+                                  .request = number,
                                   .text = std::move(text),
                                   .descriptor = with != nullptr ? with->descriptor : nullptr});
       }
@@ -320,10 +337,8 @@ void ControlServer::take_inbox() {
   }
   for (const Inbox::Line& answer : answers)
     for (const auto& client : clients_)
-      if (client->number == answer.client) {
-        --client->unanswered;
+      if (client->number == answer.client && client->unanswered.erase(answer.request) > 0)
         queue(*client, answer.text, answer.descriptor);
-      }
   for (const ordered_json& event : events)
     for (const auto& client : clients_)
       if (client->subscribed) send_event(*client, event);
@@ -396,6 +411,22 @@ void ControlServer::flush(Client& client) {
     client.took_at = Clock::now();
   }
   if (client.closing && client.out.empty()) client.dead = true;
+}
+
+/// Answers requests that the target does not answer in time; a later answer is left out. A disk or
+/// a decoder may hang for ever.
+void ControlServer::give_up_late(Client& client) {
+  const Clock::time_point now = Clock::now();
+  std::erase_if(client.unanswered, [&](const auto& entry) {
+    const auto& [id, verb, at] = entry.second;
+    const auto limit = takes_content(verb) ? options_.limits.opening : options_.limits.answer;
+    if (now - at < limit) return false;
+    queue(client, error_line(id, {ErrorKind::Failed,
+                                  fmt::format("{}: not done after {:.0f} s", verb_name(verb),
+                                              std::chrono::duration<double>(limit).count()),
+                                  "it may still be done: 'status' says what the player is doing"}));
+    return true;
+  });
 }
 
 void ControlServer::drop_stuck(Client& client) {

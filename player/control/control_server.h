@@ -9,6 +9,7 @@
 #include <chrono>
 #include <deque>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
@@ -59,8 +60,13 @@ struct DescriptorAnswer {
   std::shared_ptr<const UniqueFd> descriptor;
 };
 
+/// An error because the request does not fit what the player is doing at the moment.
+struct ConflictAnswer {
+  Error error;
+};
+
 /// The result of a verb: the answer's own keys, or the error.
-using ControlAnswer = std::variant<nlohmann::ordered_json, DescriptorAnswer, Error>;
+using ControlAnswer = std::variant<nlohmann::ordered_json, DescriptorAnswer, ConflictAnswer, Error>;
 
 /// ControlTarget carries out the verbs; the player implements it.
 class ControlTarget {
@@ -83,6 +89,10 @@ struct ControlLimits {
   std::chrono::milliseconds stuck = std::chrono::seconds(10);
   /// A client that has not sent a request for this long may be disconnected to admit another.
   std::chrono::milliseconds idle = std::chrono::seconds(2);
+  /// Time after which a request that the target has not answered gets an error; longer for verbs
+  /// that open or write content.
+  std::chrono::milliseconds answer = std::chrono::seconds(8);
+  std::chrono::milliseconds opening = std::chrono::seconds(55);
   int events_per_second = 50;  ///< limit per client; further events are counted and left out
 };
 
@@ -128,7 +138,13 @@ class ControlServer {
       std::shared_ptr<const UniqueFd> descriptor;
     };
     std::deque<Passed> passed{};
-    size_t unanswered = 0;
+    /// A request that is passed on and not answered yet.
+    struct Asked {
+      nlohmann::json id;
+      ControlVerb verb = ControlVerb::Status;
+      Clock::time_point at{};
+    };
+    std::map<uint64_t, Asked> unanswered{};  ///< the key is the number of the request
     bool subscribed = false;
     bool sent_all = false;  ///< the client has shut down its sending side and may still read
     bool closing = false;   ///< closes once `out` is sent
@@ -144,6 +160,7 @@ class ControlServer {
   struct Inbox {
     struct Line {
       uint64_t client = 0;
+      uint64_t request = 0;
       std::string text;
       std::shared_ptr<const UniqueFd> descriptor{};
     };
@@ -169,6 +186,7 @@ class ControlServer {
              const std::shared_ptr<const UniqueFd>& descriptor = nullptr);
   [[nodiscard]] static ssize_t send_some(Client& client);
   void flush(Client& client);
+  void give_up_late(Client& client);
   void drop_stuck(Client& client);
 
   const ControlServerOptions options_;
@@ -178,6 +196,7 @@ class ControlServer {
   std::shared_ptr<Inbox> inbox_;
   std::vector<std::unique_ptr<Client>> clients_;
   uint64_t next_client_ = 1;
+  uint64_t next_request_ = 1;
   Clock::time_point accepts_again_{};
   std::atomic<uint64_t> accepted_{0};
   std::atomic<uint64_t> refused_{0};

@@ -431,6 +431,9 @@ void PlayControls::blank(const Answer& answer) {
 void PlayControls::back(const Answer& answer) {
   const std::lock_guard lock(mutex_);
   if (source_ == nullptr) throw nothing_to_steer();
+  if (source_->status().interrupted.empty())
+    return answer(ConflictAnswer{{ErrorKind::Failed, "back: nothing is interrupted",
+                                  "'interrupt' and 'blank' begin an interruption"}});
   source_->return_now([answer, source = source_](const Error* error) {
     if (error != nullptr) return answer(*error);
     answer(place_json(source->status()));
@@ -459,6 +462,9 @@ void PlayControls::cue(const ControlRequest& request, const Answer& answer) {
 void PlayControls::go(const Answer& answer) {
   const std::lock_guard lock(mutex_);
   if (source_ == nullptr) throw nothing_to_steer();
+  if (source_->status().cued.empty())
+    return answer(
+        ConflictAnswer{{ErrorKind::Failed, "go: no item is cued", "cue one first: cue SOURCE"}});
   if (!playback_.time_next_cut()) return answer(ordered_json{{"already_going", true}});
   source_->go([this, answer, source = source_](const Error* error) {
     if (error == nullptr) return answer(place_json(source->status()));
@@ -490,8 +496,9 @@ ordered_json PlayControls::change_trim(const ControlRequest& request) {
                         .pitch_relative = request.pitch_relative.value_or(trim.pitch_relative)};
   });
   ordered_json json = trim_json(now);
-  json["saved"] = !options_.trim->unsaved();
-  if (!json["saved"]) json["trouble"] = options_.trim->writes().state().reason;
+  const std::string trouble = options_.trim->why_unsaved();
+  json["saved"] = trouble.empty();
+  if (!trouble.empty()) json["trouble"] = trouble;
   if (std::string advice = options_.trim->advice(); !advice.empty())
     json["advice"] = std::move(advice);
   return json;

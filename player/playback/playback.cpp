@@ -267,8 +267,7 @@ void check_sizes(const display::Display& display, const frames::FrameSource& sou
 
 void PlaybackControl::attach(Presenter& presenter, FrameCopier& frame_copier,
                              const PresenterStatistics& statistics) {
-  const std::lock_guard lock(mutex_);
-  const std::lock_guard also(statistics_mutex_);
+  const std::scoped_lock lock(copy_mutex_, mutex_);
   presenter_ = &presenter;
   frame_copier_ = &frame_copier;
   statistics_ = &statistics;
@@ -278,8 +277,7 @@ void PlaybackControl::attach(Presenter& presenter, FrameCopier& frame_copier,
 }
 
 void PlaybackControl::detach() {
-  const std::lock_guard lock(mutex_);
-  const std::lock_guard also(statistics_mutex_);
+  const std::scoped_lock lock(copy_mutex_, mutex_);
   presenter_ = nullptr;
   frame_copier_ = nullptr;
   statistics_ = nullptr;
@@ -310,7 +308,7 @@ bool PlaybackControl::switch_output(bool on, milliseconds timeout) {
 }
 
 bool PlaybackControl::is_off() const {
-  const std::lock_guard lock(statistics_mutex_);
+  const std::lock_guard lock(mutex_);
   return statistics_ != nullptr && statistics_->off.get() != 0;
 }
 
@@ -336,12 +334,12 @@ void PlaybackControl::forget_next_cut() {
 }
 
 DisplayedPlace PlaybackControl::displayed() const {
-  const std::lock_guard lock(statistics_mutex_);
+  const std::lock_guard lock(mutex_);
   return statistics_ != nullptr ? statistics_->displayed.read() : DisplayedPlace{};
 }
 
 LeftItem PlaybackControl::left_item(uint64_t item) const {
-  const std::lock_guard lock(statistics_mutex_);
+  const std::lock_guard lock(mutex_);
   if (statistics_ == nullptr) return {};
   const DisplayedPlace displayed = statistics_->displayed.read();
   if (displayed.frames > 0 && displayed.item == item)
@@ -352,8 +350,8 @@ LeftItem PlaybackControl::left_item(uint64_t item) const {
 }
 
 bool PlaybackControl::copy_shown(frames::WovenFrame& into, size_t part) {
-  const std::lock_guard lock(mutex_);
-  if (frame_copier_ == nullptr || statistics_->displayed.read().frames == 0) return false;
+  const std::lock_guard lock(copy_mutex_);
+  if (frame_copier_ == nullptr || displayed().frames == 0) return false;
   return frame_copier_->copy_shown(into, part, milliseconds(1000));
 }
 

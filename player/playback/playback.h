@@ -54,10 +54,10 @@ class PlaybackControl {
   [[nodiscard]] bool time_next_cut();
   void forget_next_cut();
   [[nodiscard]] DisplayedPlace displayed() const;
-  /// Does not wait for copy_shown(), so that the thread that copies may call it.
   [[nodiscard]] LeftItem left_item(uint64_t item) const;
   /// Copies the displayed frame, which must have the size of `into`, or one panel's part of it;
-  /// returns false if that is not possible. Waits at most a second.
+  /// returns false if that is not possible. Waits at most a second, in which only attach() and
+  /// detach() wait for it.
   [[nodiscard]] bool copy_shown(frames::WovenFrame& into, size_t part = 0);
 
   /// Called by play(): attaches the running playback, and detaches it before play() returns.
@@ -66,13 +66,13 @@ class PlaybackControl {
   void detach();
 
  private:
-  mutable std::mutex mutex_;
+  std::mutex copy_mutex_;  ///< guards frame_copier_; locked first, for as long as a frame is copied
+  FrameCopier* frame_copier_ = nullptr;
+  mutable std::mutex mutex_;  ///< guards the members below, for a few instructions at a time
   bool paused_ = false;
   bool off_ = false;
   uint32_t speed_permille_ = 1000;
   Presenter* presenter_ = nullptr;
-  FrameCopier* frame_copier_ = nullptr;
-  mutable std::mutex statistics_mutex_;  ///< guards statistics_; locked after mutex_
   const PresenterStatistics* statistics_ = nullptr;
 };
 

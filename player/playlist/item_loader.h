@@ -201,9 +201,9 @@ class ItemLoader {
   void locked_note_unplayable(bool standby, const std::string& problem);
   /// Requests a jump, replacing a pending one, for which it returns the function to call.
   [[nodiscard]] JumpDone locked_request(JumpRequest request);
-  /// Finds the progress of the interrupted item once the panel shows another item. Returns false
-  /// until then.
-  [[nodiscard]] bool locked_find_progress();
+  /// Finds the progress of the interrupted item once the panel shows another item, or at `give_up`:
+  /// a panel that is off or away shows none. Returns false until then.
+  [[nodiscard]] bool locked_find_progress(SteadyTime give_up = SteadyTime::max());
   void locked_end_interruption();
   [[nodiscard]] bool locked_follow_list(JumpRequest& cue) const;
   [[nodiscard]] std::unique_ptr<OpenItem> open_item(const PlaylistItem& item, uint64_t frame) const;

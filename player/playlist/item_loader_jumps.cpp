@@ -15,6 +15,8 @@ using SteadyClock = std::chrono::steady_clock;
 
 /// Pause before the loader looks again for something that takes a few frames.
 constexpr auto kSoon = std::chrono::milliseconds(10);
+/// Time after which the panel is not expected to show the first frame of an interruption.
+constexpr auto kLongestFlip = std::chrono::milliseconds(500);
 constexpr auto kLongestDecoding = std::chrono::seconds(30);
 
 Error about_to_end() {
@@ -71,7 +73,7 @@ bool ItemLoader::is_jumping() const {
 /// Opens the target of a jump. At most two items are open beside the displayed
 /// one, so the item that was to be next is closed.
 void ItemLoader::open_requested(Lock& lock) {
-  if (request_->returns && !locked_find_progress()) {
+  if (request_->returns && !locked_find_progress(request_->since + kLongestFlip)) {
     request_at_ = SteadyClock::now() + kSoon;
     return;
   }
@@ -159,14 +161,14 @@ void ItemLoader::fail(Arrival arrival, const Error& error) {
 
 // --- interruptions ---
 
-bool ItemLoader::locked_find_progress() {
+bool ItemLoader::locked_find_progress(SteadyTime give_up) {
   if (interrupted_.final || interrupted_.number == 0) return true;
   LeftItem left;
   if (options_.left_item)
     left = options_.left_item(interrupted_.number);
   else if (interrupted_.given > 0)
     left.last = {.index = interrupted_.given - 1, .number = interrupted_.frame};
-  if (left.still_displayed) return false;
+  if (left.still_displayed && SteadyClock::now() < give_up) return false;
   interrupted_ = progress_at(interrupted_, left);
   return true;
 }

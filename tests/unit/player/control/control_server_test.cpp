@@ -36,7 +36,9 @@ class FakePlayer final : public ControlTarget {
     rights_ = rights;
     if (request.verb == ControlVerb::Seek)
       throw Error(ErrorKind::Failed, "seek: this player cannot", "let it be");
-    if (request.verb == ControlVerb::Frame)
+    if (request.verb == ControlVerb::Back)
+      answer(ConflictAnswer{{ErrorKind::Failed, "back: nothing is interrupted"}});
+    else if (request.verb == ControlVerb::Frame)
       answer(DescriptorAnswer{.body = {{"verb", "frame"}}, .descriptor = descriptor_});
     else if (request.verb == ControlVerb::Load)
       later_.push_back(std::move(answer));
@@ -420,6 +422,30 @@ TEST_F(ControlSocket, LateAnswersArriveUnlessTheirClientIsGone) {
   const auto late = stays.receive(kTimeout);
   ASSERT_TRUE(late);
   EXPECT_EQ((*late)["id"], 2);
+}
+
+TEST_F(ControlSocket, ARequestThatThePlayerDoesNotAnswerGetsAnErrorAndItsLateAnswerIsLeftOut) {
+  serve({.limits = {.opening = std::chrono::milliseconds(50)}});
+  ControlClient one = client();
+  one.send({{"id", 1}, {"do", "load"}, {"source", "a"}});
+  const auto answer = one.receive(kTimeout);
+  ASSERT_TRUE(answer);
+  EXPECT_EQ((*answer)["id"], 1);
+  EXPECT_EQ((*answer)["error"]["object"], "load");
+  EXPECT_THAT((*answer)["error"]["cause"].get<std::string>(),
+              testing::StartsWith("not done after"));
+  player.answer_all();
+  EXPECT_EQ(ask(one, {{"id", 2}, {"do", "status"}})["id"], 2);
+}
+
+TEST_F(ControlSocket, AConflictWithWhatIsPlayingIsMarkedInItsError) {
+  serve();
+  ControlClient one = client();
+  one.send({{"id", 1}, {"do", "back"}});
+  const auto answer = one.receive(kTimeout);
+  ASSERT_TRUE(answer);
+  EXPECT_EQ((*answer)["error"]["cause"], "nothing is interrupted");
+  EXPECT_EQ((*answer)["error"]["conflict"], true);
 }
 
 TEST_F(ControlSocket, TheAnswerToTheRequestThatEndsTheServerArrives) {

@@ -305,6 +305,23 @@ TEST_F(PlaylistSteer, BackEndsAnInterruptionAtOnceAndASecondOneKeepsThePlace) {
   EXPECT_EQ(*continues, *(interrupted - 1));
 }
 
+TEST_F(PlaylistSteer, BackIsAnsweredWhileTheOutputIsOffAndShowsNoInterruption) {
+  shelf.put("a", {0, {.geometry = kItemSize, .frames = 400}});
+  shelf.put("long", {500, {.geometry = kItemSize, .frames = 90}});
+  start(playlist_of(parse_source("a"), kForever));
+  ASSERT_TRUE(is_moving());
+  ASSERT_TRUE(control.switch_output(false, kTimeout));
+  ASSERT_EQ(jump({.list = other("long"), .item = 0, .interrupts = true}), "");
+  EXPECT_TRUE(plays("a", control.displayed().number)) << "nothing is displayed meanwhile";
+  ASSERT_EQ(back(), "");
+  EXPECT_EQ(source->status().source, "a");
+  EXPECT_EQ(source->status().interrupted, "");
+  ASSERT_TRUE(control.switch_output(true, kTimeout));
+  ASSERT_TRUE(is_moving());
+  const std::vector<uint64_t> frames = displayed_frames(600);
+  EXPECT_EQ(std::ranges::count_if(frames, [](uint64_t frame) { return frame >= 500; }), 0);
+}
+
 TEST_F(PlaylistSteer, NextDuringAnInterruptionGoesToTheNextItemOfTheList) {
   for (const char* name : {"a", "b", "long"})
     shelf.put(name, {0, {.geometry = kItemSize, .frames = 400}});
