@@ -17,6 +17,7 @@
 #include "frames/sequence/sequence_reader.h"
 #include "optics/rig_file.h"
 #include "optics/trim.h"
+#include "player/process/interrupt.h"
 
 namespace lenticule::player {
 namespace {
@@ -190,6 +191,25 @@ ChosenRig choose_rig(const RigRequest& request) {
   const fs::path& sample = usual != samples.end() ? *usual : samples.front();
   say("no --rig: using the sample {}\n", sample.string());
   return {sample.string()};
+}
+
+std::optional<ChosenRig> choose_rig_when_connected(
+    const RigRequest& request, std::optional<display::Nanoseconds> longest,
+    const std::function<void(const Error& reason)>& report) {
+  constexpr display::Nanoseconds kRound = std::chrono::seconds(1);
+  const auto clock = request.kms.clock ? request.kms.clock : display::make_monotonic_clock();
+  const display::Nanoseconds begin = clock->now();
+  while (!interrupted()) {
+    try {
+      return choose_rig(request);
+    } catch (const Error& error) {
+      const bool over = longest && clock->now() - begin >= *longest;
+      if (error.kind() != ErrorKind::Device || over) throw;
+      report(error);
+    }
+    (void)clock->wait_until(clock->now() + kRound, interrupt_fd());
+  }
+  return std::nullopt;
 }
 
 }  // namespace lenticule::player

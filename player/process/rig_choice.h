@@ -4,7 +4,9 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -49,5 +51,11 @@ struct ChosenRig {
 /// Error(Usage) with the candidates if none or several are right, Error(Device) if the display is a
 /// panel that is not connected.
 [[nodiscard]] ChosenRig choose_rig(const RigRequest& request);
+
+/// Does the same, but waits at most `longest` (none = forever) for a panel that is not connected;
+/// `report` is called with the reason about every second. None when interrupted.
+[[nodiscard]] std::optional<ChosenRig> choose_rig_when_connected(
+    const RigRequest& request, std::optional<display::Nanoseconds> longest,
+    const std::function<void(const Error& reason)>& report);
 
 }  // namespace lenticule::player

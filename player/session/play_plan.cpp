@@ -117,6 +117,15 @@ uint64_t parse_loops(const PlayFlags& flags, SourceKind kind) {
               "write a number of 1 or more, or forever");
 }
 
+/// Parses the value of --fps.
+frames::Rate content_rate(const std::string& text) {
+  try {
+    return frames::parse_rate(text);
+  } catch (const Error& error) {
+    throw Error(error.kind(), std::string("--fps: ") + error.what(), error.hint());
+  }
+}
+
 /// Parses a timeout; none = forever.
 std::optional<std::chrono::nanoseconds> parse_wait(const char* flag, const std::string& text,
                                                    uint32_t least) {
@@ -155,16 +164,6 @@ display::KmsOptions kms_options(const PlayFlags& flags, bool service) {
   options.exit = exit_policy(flags.on_exit, service);
   options.allow_inexact = flags.allow_inexact;
   return options;
-}
-
-void plan_waiting(const PlayFlags& flags, bool service, PlayPlan& plan) {
-  if (!flags.wait_for_panel.empty()) {
-    plan.panel_at_start = parse_wait("--wait-for-panel", flags.wait_for_panel, 0);
-    plan.panel_after_loss = plan.panel_at_start;
-  } else if (!service) {
-    plan.panel_at_start = Nanoseconds{0};
-    plan.panel_after_loss = kPanelAfterLoss;
-  }
 }
 
 /// Returns the slots of one source. Three sources may be open at once: the playing one, the next
@@ -268,7 +267,10 @@ void plan_rig(const PlayFlags& flags, PlayPlan& plan) {
   const SourceKind kind = plan.source.spec.kind;
   const bool may_show_views =
       kind == SourceKind::RigViews || kind == SourceKind::List || !flags.control.empty();
-  if (flags.trim || may_show_views) plan.trim = std::make_shared<LiveTrim>(plan.source.rig_file);
+  if (flags.trim || may_show_views)
+    plan.trim = std::make_shared<LiveTrim>(
+        plan.source.rig_file,
+        flags.rig_of_film ? "the film contains the rig in use; play it with --rig RIG.toml" : "");
   plan.source.trim = plan.trim;
   plan.source.rig = std::make_shared<FollowedRig>(plan.source.rig_file, plan.trim);
   const optics::Rig rig = plan.source.rig->rig();
@@ -314,6 +316,11 @@ void check_display_choice(const PlayFlags& flags, bool service) {
       "panel)\n");
 }
 
+std::optional<Nanoseconds> panel_wait_at_start(const PlayFlags& flags, bool service) {
+  if (!flags.wait_for_panel.empty()) return parse_wait("--wait-for-panel", flags.wait_for_panel, 0);
+  return service ? std::nullopt : std::optional(Nanoseconds{0});
+}
+
 PlayPlan make_plan(const PlayFlags& flags, bool service) {
   PlayPlan plan;
   plan.source.spec = parse_source(flags.source, flags.content);
@@ -321,10 +328,9 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   plan.playback.loops = parse_loops(flags, kind);
   plan.playback.late = parse_late_policy(flags.late);
   const auto wait = parse_wait("--wait", flags.wait.empty() ? "60" : flags.wait, 1);
-  // A hung disk or decoder does not end a player that repeats or is controlled.
-  const bool outlasts_faults =
-      plan.playback.loops != 1 || !flags.control.empty() || kind == SourceKind::List;
-  const bool gives_up = !flags.wait.empty() || kind == SourceKind::Ring || !outlasts_faults;
+  plan.outlasts_faults = plan.playback.loops != 1 || !flags.control.empty();
+  const bool gives_up = !flags.wait.empty() || kind == SourceKind::Ring ||
+                        !(plan.outlasts_faults || kind == SourceKind::List);
   plan.playback.stall_timeout = gives_up ? wait : std::nullopt;
   plan.playback.prime = flags.prime.value_or(std::max(1, flags.slots / 2));
   if (flags.prime)  // a user who sets --prime wants to wait until that many frames are ready
@@ -332,7 +338,7 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   plan.playback.started = flags.started;
   plan.playback.source_name = flags.source;
   plan.playback.stop_fd = interrupt_fd();
-  if (!flags.fps.empty()) plan.playback.content = frames::parse_rate(flags.fps);
+  if (!flags.fps.empty()) plan.playback.content = content_rate(flags.fps);
   if (flags.clock == "simulated") {
     plan.display.clock = std::make_shared<display::SimulatedClock>();
     plan.playback.filling = Filling::InPresenter;
@@ -352,7 +358,9 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   plan.source.plays_again = plan.playback.loops != 1;
   plan.source.video_hardware = flags.video_decoder != "software";
   plan.duration_s = flags.duration_s;
-  plan_waiting(flags, service, plan);
+  plan.panel_at_start = panel_wait_at_start(flags, service);
+  const bool default_loss = flags.wait_for_panel.empty() && !service;
+  plan.panel_after_loss = default_loss ? kPanelAfterLoss : plan.panel_at_start;
   if (!flags.frames.empty()) plan.source.frames = parse_frame_range(flags.frames);
 
   plan_control(flags, plan);
@@ -368,13 +376,17 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   return plan;
 }
 
+uint64_t whole_vblanks(std::chrono::duration<double> duration, frames::Rate refresh) {
+  return static_cast<uint64_t>(std::max(1.0, duration.count() * refresh.hertz()));
+}
+
 std::optional<uint64_t> vblanks_of(std::optional<double> duration_s, frames::Rate refresh) {
   constexpr double kMaxDurationS = 1e9;
   if (!duration_s) return std::nullopt;
   if (!(*duration_s <= kMaxDurationS))
     throw Error(ErrorKind::Usage, fmt::format("--duration {}: too long", *duration_s),
                 "use --loop forever");
-  return std::max<uint64_t>(1, static_cast<uint64_t>(*duration_s * refresh.hertz()));
+  return whole_vblanks(std::chrono::duration<double>(*duration_s), refresh);
 }
 
 Playlist read_playlist(const SourceSpec& source, const PlayFlags& flags, const PlayPlan& plan) {

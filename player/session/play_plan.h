@@ -31,6 +31,7 @@ struct PlayFlags {
   std::string rig_store;
   std::string display = "virtual";
   bool display_named = false;  ///< --display was given
+  bool rig_of_film = false;    ///< `rig` is a copy of the rig that the film contains
   std::string clock = "real";
   std::string fps;
   std::string loop;
@@ -85,18 +86,27 @@ struct PlayPlan {
   /// Timeouts for the panel; none = wait forever.
   std::optional<display::Nanoseconds> panel_at_start;
   std::optional<display::Nanoseconds> panel_after_loss;
+  /// Faults of files do not end a player that repeats them or is controlled.
+  bool outlasts_faults = false;
   std::optional<double> duration_s;
   std::optional<gid_t> control_group;
   bool proof = false;               ///< writes the proof of play to the journal
   std::optional<StepOptions> step;  ///< none without --step
 };
 
+/// Returns how long to wait for the panel at the start; none = forever. Throws Error(Usage).
+[[nodiscard]] std::optional<display::Nanoseconds> panel_wait_at_start(const PlayFlags& flags,
+                                                                      bool service);
+
 /// Reads the rig and makes the plan. `service` is true if a service manager started this process:
 /// flags that were not given then have defaults for a kiosk. Throws Error(Usage) for invalid flags,
 /// Error(Input) for the rig.
 [[nodiscard]] PlayPlan make_plan(const PlayFlags& flags, bool service);
 
-/// Returns the number of whole vblanks within the duration, at least one; none without a duration.
+/// Returns the number of whole vblanks within the duration, at least one, also for a duration that
+/// is over.
+[[nodiscard]] uint64_t whole_vblanks(std::chrono::duration<double> duration, frames::Rate refresh);
+/// Returns the same for the value of --duration; none without it.
 [[nodiscard]] std::optional<uint64_t> vblanks_of(std::optional<double> duration_s,
                                                  frames::Rate refresh);
 

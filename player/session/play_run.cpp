@@ -38,11 +38,6 @@ uint64_t frames_to_show(const frames::FrameSource& source, uint64_t loops) {
   return source.frame_count().value_or(0) * loops;
 }
 
-uint64_t whole_vblanks(Nanoseconds duration, frames::Rate refresh) {
-  const double seconds = std::chrono::duration<double>(duration).count();
-  return std::max<uint64_t>(1, static_cast<uint64_t>(seconds * refresh.hertz()));
-}
-
 Error crash_loop(const SafeStart& safe) {
   const std::string last = safe.last_reason.empty() ? "it crashed or was killed" : safe.last_reason;
   return {ErrorKind::Failed,

@@ -168,7 +168,7 @@ void SteeredPlay::open(OpenedSource& opened) {
               },
           .mark_list = [folders =
                             plan_.folders](const std::string& name) { return folders->mark(name); },
-          .outlasts_faults = controls_ || plan_.playback.loops != 1,
+          .outlasts_faults = plan_.outlasts_faults,
           .left_item = controls_ ? left_item_of(controls_->playback()) : nullptr,
           .longest_wait = flags_.wait.empty() ? std::nullopt : plan_.playback.stall_timeout});
   source->open_first();

@@ -11,8 +11,9 @@
 
 namespace lenticule::player {
 
-LiveTrim::LiveTrim(std::filesystem::path rig_file)
+LiveTrim::LiveTrim(std::filesystem::path rig_file, std::string unsavable)
     : rig_file_(std::move(rig_file)),
+      unsavable_(std::move(unsavable)),
       calibrated_(optics::load_rig(rig_file_)),
       at_start_(optics::load_trim(rig_file_)),
       trim_(at_start_) {
@@ -66,12 +67,13 @@ void LiveTrim::take(const optics::Trim& wanted) {
 
 /// Call with the lock held.
 void LiveTrim::save() noexcept {
+  saved_ = false;
+  if (!unsavable_.empty()) return;
   try {
     optics::save_trim(trim_, rig_file_);
     saved_ = true;
     writes_.succeeded();
   } catch (const std::exception& error) {
-    saved_ = false;
     writes_.failed(error.what());
   }
 }
@@ -84,6 +86,12 @@ void LiveTrim::save_again() {
 std::optional<optics::Trim> LiveTrim::unsaved() const {
   const std::lock_guard lock(mutex_);
   return saved_ ? std::nullopt : std::optional(trim_);
+}
+
+std::string LiveTrim::why_unsaved() const {
+  const std::lock_guard lock(mutex_);
+  if (saved_) return {};
+  return unsavable_.empty() ? writes_.state().reason : unsavable_;
 }
 
 void LiveTrim::follow_files() {
@@ -111,6 +119,7 @@ optics::Trim LiveTrim::change(const std::function<optics::Trim(const optics::Tri
 }
 
 std::filesystem::path LiveTrim::replace_rig(const optics::Rig& rig) {
+  if (!unsavable_.empty()) throw Error(ErrorKind::Failed, "rig: not saved: " + unsavable_);
   const std::lock_guard lock(mutex_);
   if (!(rig.panel == calibrated_.panel) || !(rig.identity == calibrated_.identity))
     throw Error(ErrorKind::Input, "rig: is for another panel than the one in use",

@@ -24,8 +24,9 @@ inline constexpr double kTrimPitchStep = 1e-5;   ///< fraction of the pitch, for
 /// Thread safety: any thread.
 class LiveTrim {
  public:
-  /// Throws Error(Input) for the rig file or its trim file.
-  explicit LiveTrim(std::filesystem::path rig_file);
+  /// `unsavable` is the reason if the rig file cannot keep changes; empty if it can. Throws
+  /// Error(Input) for the rig file or its trim file.
+  explicit LiveTrim(std::filesystem::path rig_file, std::string unsavable = {});
 
   /// Applies a key press, saves the trim, and returns a sentence about the result; empty for keys
   /// without a function. Escape undoes all presses since the start. Does not throw: an invalid trim
@@ -46,6 +47,8 @@ class LiveTrim {
 
   /// Returns the trim if it is not saved yet.
   [[nodiscard]] std::optional<optics::Trim> unsaved() const;
+  /// Returns the reason why the trim is not saved; empty if it is.
+  [[nodiscard]] std::string why_unsaved() const;
   /// Saves a trim that could not be saved, if another attempt is due.
   void save_again();
   /// Returns the state of the writes.
@@ -71,6 +74,7 @@ class LiveTrim {
   [[nodiscard]] optics::Trim after(const KeyPress& press) const;
 
   std::filesystem::path rig_file_;
+  const std::string unsavable_;
   optics::Rig calibrated_;
   optics::Trim at_start_;
   mutable std::mutex mutex_;  ///< guards calibrated_ and the next three members

@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <memory>
 #include <optional>
+#include <string>
 #include <utility>
 
 #include "apps/lenticule/cli/command.h"
@@ -49,28 +50,44 @@ ExitCode play_with(const PlayFlags& flags, const player::ServiceManager& manager
   return player::PlayRun(flags, std::move(*plan), manager, safe).run();
 }
 
-/// Sets the rig of the flags unless a wall has the rigs.
-player::ChosenRig choose_rig_of(PlayFlags& flags) {
-  if (!flags.wall.empty()) return {};
-  player::ChosenRig rig =
-      player::choose_rig({.given = flags.rig, .display = flags.display, .source = flags.source});
-  if (rig.kept && flags.trim)
+/// Sets the rig of the flags unless a wall has the rigs. Waits for a panel as long as a player
+/// does; none when interrupted.
+std::optional<player::ChosenRig> choose_rig_of(PlayFlags& flags,
+                                               const player::ServiceManager& manager) {
+  if (!flags.wall.empty()) return player::ChosenRig{};
+  std::string reported;
+  const auto report = [&](const Error& reason) {
+    if (std::exchange(reported, reason.what()) != reason.what())
+      say("waiting for the panel: {}\n", reason.what());
+    manager.status(std::string("waiting for the panel: ") + reason.what());
+    manager.ping();
+  };
+  std::optional<player::ChosenRig> rig = player::choose_rig_when_connected(
+      {.given = flags.rig, .display = flags.display, .source = flags.source},
+      player::panel_wait_at_start(flags, manager.present()), report);
+  if (!rig) return std::nullopt;
+  flags.rig_of_film = rig->kept != nullptr;
+  if (flags.rig_of_film && flags.trim)
     throw Error(ErrorKind::Usage, "--trim: cannot be saved in the rig that a film contains",
                 "add --rig RIG.toml");
-  flags.rig = rig.file;
+  flags.rig = rig->file;
   return rig;
 }
 
 ExitCode run_play(PlayFlags& flags) {
   const player::ServiceManager manager;
-  if (!flags.preflight) check_display_choice(flags, manager.present());
-  const player::ChosenRig rig = choose_rig_of(flags);
-  if (flags.preflight) return run_preflight(flags, make_plan(flags, false));
+  if (flags.preflight) {
+    const auto rig = choose_rig_of(flags, manager);
+    return rig ? run_preflight(flags, make_plan(flags, false)) : player::interrupt_exit_code();
+  }
+  check_display_choice(flags, manager.present());
   const bool may_reload = manager.present() || !flags.control.empty();
   if (may_reload && !player::has_terminal()) player::reload_at_hangup();
   player::StartHistory history(player::runtime_folder(), player::time_since_boot());
   try {
-    const ExitCode code = play_with(flags, manager, safe_start(flags, history));
+    const auto rig = choose_rig_of(flags, manager);
+    const ExitCode code =
+        rig ? play_with(flags, manager, safe_start(flags, history)) : player::interrupt_exit_code();
     history.ended_well();
     return code;
   } catch (const Error& error) {
@@ -120,7 +137,7 @@ CLI::Option* declare_first_flags(CLI::App& app, PlayFlags& flags) {
   app.add_option("--fps", flags.fps, "content rate: 24, 59.94 or 24000/1001")
       ->type_name("RATE")
       ->default_str("the source's");
-  app.add_option("--loop", flags.loop, "play so many times; a picture stays for N times 10 s")
+  app.add_option("--loop", flags.loop, "play so many times; a picture then stays 10 s each time")
       ->type_name("N|forever")
       ->default_str("1, a picture until it is ended");
   app.add_option("--frames", flags.frames, "play only frames A to B - 1 of a pattern")

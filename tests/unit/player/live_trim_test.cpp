@@ -88,6 +88,16 @@ TEST_F(LiveTrimTest, AnUnsavableTrimIsAppliedAndSavedLater) {
   EXPECT_EQ(trim.writes().state().reason, "");
 }
 
+TEST_F(LiveTrimTest, ATrimOfARigThatCannotKeepItIsAppliedAndSaysWhyItIsNotSaved) {
+  LiveTrim trim(rig_file_, "the film contains the rig");
+  (void)trim.change([](const optics::Trim&) { return optics::Trim{Lenses(0.1), 0.0}; });
+  EXPECT_NEAR(trim.rig().sheet.offset.value, rig_.sheet.offset.value + 0.1, 1e-12);
+  EXPECT_EQ(trim.why_unsaved(), "the film contains the rig");
+  trim.save_again();
+  EXPECT_FALSE(fs::exists(optics::trim_file_of(rig_file_)));
+  EXPECT_THROW((void)trim.replace_rig(rig_), Error);
+}
+
 TEST_F(LiveTrimTest, FollowsFilesThatAnotherProgramReplaced) {
   LiveTrim trim(rig_file_);
   optics::save_trim({Lenses(0.25), 0.0}, rig_file_);

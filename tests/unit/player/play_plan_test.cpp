@@ -91,6 +91,24 @@ TEST_F(PlayPlanTest, ATestCardLoopsForeverByDefault) {
   EXPECT_EQ(make_plan(flags, false).playback.loops, 1u);
 }
 
+TEST_F(PlayPlanTest, ADurationThatIsOverStillHasOneVblank) {
+  EXPECT_EQ(whole_vblanks(seconds(2), {60, 1}), 120u);
+  EXPECT_EQ(whole_vblanks(seconds(0), {60, 1}), 1u);
+  EXPECT_EQ(whole_vblanks(seconds(-3), {60, 1}), 1u);
+  EXPECT_EQ(vblanks_of(std::nullopt, {60, 1}), std::nullopt);
+}
+
+TEST_F(PlayPlanTest, AnInvalidRateNamesItsFlag) {
+  flags.fps = "0";
+  try {
+    (void)make_plan(flags, false);
+    ADD_FAILURE() << "accepted";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), testing::StartsWith("--fps: "));
+    EXPECT_EQ(error.kind(), ErrorKind::Usage);
+  }
+}
+
 TEST_F(PlayPlanTest, RefusesImpossibleKmsOptionsBeforeOpeningTheCard) {
   flags.record = "png:/nowhere";
   EXPECT_EQ(failure(), ErrorKind::Usage);

@@ -95,5 +95,20 @@ TEST_F(RigChoice, IsTheUsualSampleWithoutARigOfThePanel) {
   EXPECT_THAT(choose_rig(request).file, HasSubstr("rigs/kiosk-27-4k.toml"));
 }
 
+TEST_F(RigChoice, WaitsForAPanelThatIsOffAtTheStart) {
+  const std::string lobby = write(systems / "lobby.toml", "ONE");
+  connector->connected = false;
+  machine.at(machine.now() + std::chrono::seconds(5), [this] { connector->connected = true; });
+  std::vector<std::string> reasons;
+  const auto note = [&](const Error& reason) { reasons.emplace_back(reason.what()); };
+  EXPECT_THROW((void)choose_rig_when_connected(request, std::chrono::seconds(2), note), Error);
+  const size_t before = reasons.size();
+  EXPECT_GT(before, 0u);
+  const auto chosen = choose_rig_when_connected(request, std::nullopt, note);
+  ASSERT_TRUE(chosen);
+  EXPECT_EQ(chosen->file, lobby);
+  EXPECT_GT(reasons.size(), before);
+}
+
 }  // namespace
 }  // namespace lenticule::player
