@@ -272,6 +272,11 @@ TEST_F(Ctl, ExitCodesFollowTheContract) {
   EXPECT_EQ(ctl({"load"}).exit_code, 2);
   start(film_pattern(0), {"--loop", "forever"});
   EXPECT_EQ(ctl({"seek"}).exit_code, 2);
+  const ProcessResult frame = ctl({"seek", "10"}), file = ctl({"play", "film.lts"});
+  EXPECT_EQ(frame.exit_code, 2);
+  EXPECT_NE(frame.err.find("write --frame 10"), std::string::npos) << frame.err;
+  EXPECT_EQ(file.exit_code, 2);
+  EXPECT_NE(file.err.find("lenticule ctl load film.lts"), std::string::npos) << file.err;
   EXPECT_EQ(ctl({"snapshot", path("s.gif")}).exit_code, 2);
   EXPECT_EQ(ctl({"snapshot", path("nowhere/s.png")}).exit_code, 1);
   EXPECT_EQ(run({"play", film_pattern(0), "--rig", path("rig.toml"), "--control", path("c.sock")})

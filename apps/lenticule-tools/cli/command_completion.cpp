@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "apps/lenticule/cli/command.h"
-#include "apps/lenticule/cli/command_tree.h"
+#include "apps/lenticule/cli/help.h"
 #include "base/print.h"
 
 namespace lenticule::tools {

@@ -6,7 +6,6 @@
 #include <string>
 
 #include "apps/lenticule/cli/command.h"
-#include "apps/lenticule/cli/command_tree.h"
 #include "apps/lenticule/cli/help.h"
 #include "base/print.h"
 

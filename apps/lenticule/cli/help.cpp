@@ -11,39 +11,53 @@
 namespace lenticule::cli {
 namespace {
 
+void add_once(std::vector<std::string>& words, const std::string& word) {
+  if (std::find(words.begin(), words.end(), word) == words.end()) words.push_back(word);
+}
+
+void add_flags(std::vector<std::string>& words, const CLI::App& app) {
+  for (const CLI::Option* option : flags(app))
+    for (const std::string& name : option->get_lnames()) add_once(words, "--" + name);
+}
+
+}  // namespace
+
+std::vector<const CLI::App*> visible_commands(const CLI::App& app) {
+  std::vector<const CLI::App*> result;
+  for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; }))
+    if (!sub->get_group().empty()) result.push_back(sub);
+  return result;
+}
+
+std::vector<std::string> command_names(const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const CLI::App* command : visible_commands(app)) names.push_back(command->get_name());
+  return names;
+}
+
+std::vector<const CLI::Option*> flags(const CLI::App& app) {
+  return app.get_options([](const CLI::Option* option) {
+    return option->nonpositional() && !option->get_group().empty();
+  });
+}
+
+std::vector<const CLI::Option*> positionals(const CLI::App& app) {
+  return app.get_options([](const CLI::Option* option) {
+    return option->get_positional() && !option->nonpositional();
+  });
+}
+
+std::vector<std::string> completion_words(const CLI::App& command) {
+  std::vector<std::string> words = command_names(command);
+  add_flags(words, command);
+  for (const CLI::App* sub : visible_commands(command)) add_flags(words, *sub);
+  return words;
+}
+
+namespace {
+
 constexpr size_t kTextColumn = 30;
 constexpr size_t kLineWidth = 100;
-
-/// Value describes what an option takes.
-struct Value {
-  std::string name{};    ///< "N", "real|simulated"
-  std::string limits{};  ///< "2 to 4096"
-};
-
-/// Splits CLI11's name of a type, to which it adds the checks: "INT:INT in [2 - 4096]",
-/// "TEXT:{real,simulated}", "FLOAT:POSITIVE".
-Value value_of(const CLI::Option& option) {
-  Value value;
-  std::string& name = value.name;
-  name = option.get_type_name();
-  if (const size_t words = name.find(":{"); words != std::string::npos) {
-    if (name.starts_with("TEXT:")) {
-      name = name.substr(words + 2, name.size() - words - 3);
-      std::replace(name.begin(), name.end(), ',', '|');
-    } else {
-      name.resize(words);
-    }
-  } else if (const size_t range = name.find(" in ["); range != std::string::npos) {
-    value.limits = name.substr(range + 5, name.size() - range - 6);
-    value.limits.replace(value.limits.find(" - "), 3, " to ");
-    name.resize(name.rfind(':', range));
-  } else if (name.ends_with(":POSITIVE") || name.ends_with(":NONNEGATIVE")) {
-    name.resize(name.rfind(':'));
-  }
-  if (name == "INT" || name == "UINT") name = "N";
-  if (name == "FLOAT") name = "NUMBER";
-  return value;
-}
 
 bool takes_value(const CLI::Option& option) {
   return option.get_expected_max() > 0 && option.get_type_size() != 0;
@@ -93,10 +107,37 @@ class HelpFormatter final : public CLI::Formatter {
 
 }  // namespace
 
+/// CLI11 adds the checks to the name of a type: "INT:INT in [2 - 4096]", "TEXT:{real,simulated}",
+/// "FLOAT:POSITIVE".
+ValueType value_type(const CLI::Option& option) {
+  ValueType type;
+  std::string& name = type.name;
+  name = option.get_type_name();
+  type.whole = name.starts_with("INT") || name.starts_with("UINT");
+  if (name.starts_with("UINT")) type.limits = "of 0 or more";
+  if (const size_t words = name.find(":{"); words != std::string::npos) {
+    type.words = name.substr(words + 2, name.size() - words - 3);
+    const bool is_text = name.starts_with("TEXT:");
+    name = is_text ? type.words : name.substr(0, words);
+    if (is_text) std::replace(name.begin(), name.end(), ',', '|');
+  } else if (const size_t range = name.find(" in ["); range != std::string::npos) {
+    type.range = name.substr(range + 5, name.size() - range - 6);
+    type.range.replace(type.range.find(" - "), 3, " to ");
+    type.limits = "from " + type.range;
+    name.resize(name.rfind(':', range));
+  } else if (name.ends_with(":POSITIVE") || name.ends_with(":NONNEGATIVE")) {
+    type.limits = name.ends_with(":POSITIVE") ? "above 0" : "of 0 or more";
+    name.resize(name.rfind(':'));
+  }
+  if (name == "INT" || name == "UINT") name = "N";
+  if (name == "FLOAT") name = "NUMBER";
+  return type;
+}
+
 std::string typed_form(const CLI::Option& option) {
   if (!option.nonpositional()) return option.get_name(true);
   const std::string name = option.get_name(false, true);
-  return takes_value(option) ? name + " " + value_of(option).name : name;
+  return takes_value(option) ? name + " " + value_type(option).name : name;
 }
 
 std::string explanation(const CLI::Option& option, HelpLength length) {
@@ -104,7 +145,7 @@ std::string explanation(const CLI::Option& option, HelpLength length) {
   if (length == HelpLength::Short) text = text.substr(0, text.find('\n'));
   std::vector<std::string> notes;
   if (option.get_required()) notes.emplace_back("required");
-  if (const Value value = value_of(option); !value.limits.empty()) notes.push_back(value.limits);
+  if (const ValueType type = value_type(option); !type.range.empty()) notes.push_back(type.range);
   if (!option.get_default_str().empty()) notes.push_back("default: " + option.get_default_str());
   return notes.empty() ? text : fmt::format("{} [{}]", text, fmt::join(notes, "; "));
 }

@@ -6,9 +6,21 @@
 #include <span>
 
 #include "apps/lenticule/cli/command.h"
-#include "apps/lenticule/cli/other_program.h"
 
 namespace lenticule::cli {
+
+/// OtherProgram is a program of lenticule that has a package of its own, because it needs libraries
+/// that a machine with a panel does without.
+struct OtherProgram {
+  const char* name;
+  const char* package;
+};
+
+/// Replaces this process by the program. `arguments` ends with a null pointer; arguments[0] is the
+/// name in lists of processes. Throws Error(Failed) with `command` as object if the program is not
+/// installed or cannot be started.
+[[noreturn]] void become_program(const OtherProgram& program, const char* command,
+                                 char* const* arguments);
 
 struct Program {
   std::span<const Command> commands;

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "apps/lenticule/cli/command.h"
-#include "apps/lenticule/cli/other_program.h"
+#include "apps/lenticule/cli/program.h"
 
 namespace lenticule::cli {
 namespace {
