@@ -204,6 +204,8 @@ TEST_F(Web, ABlackFrameIsShownAndThenThePlaceBefore) {
   (void)api("POST", "show", R"({"what": "black"})");
   ASSERT_TRUE(comes_true([&] { return displayed_level() == 0; }));
   ASSERT_TRUE(comes_true([&] { return api("GET", "state")["shown_instead"] == "black"; }));
+  EXPECT_EQ(api("GET", "list")["items"].size(), 2U)
+      << "the page edits the list, not the black frame";
   (void)api("POST", "show", R"({"what": "views"})");
   (void)api("POST", "show", R"({"what": "content"})");
   EXPECT_TRUE(comes_true([&] {

@@ -4,8 +4,6 @@
 #include <chrono>
 
 #include "apps/lenticule-web/http/message.h"
-#include "base/file.h"
-#include "base/text.h"
 
 namespace lenticule::web {
 namespace {
@@ -14,6 +12,8 @@ using nlohmann::ordered_json;
 using std::chrono::seconds;
 
 constexpr auto kLoadTime = seconds(60);
+/// Length of an interruption in seconds of content, the longest that the player accepts.
+constexpr double kWhile = 1e6;
 
 bool is_chart(const std::string& source) {
   return source.ends_with("/calibration/chart.png");
@@ -25,9 +25,6 @@ bool is_instead(const std::string& source) {
 }
 
 }  // namespace
-
-ShownInstead::ShownInstead(ControlLink& link, std::filesystem::path file)
-    : link_(link), file_(std::move(file)) {}
 
 std::string ShownInstead::shown(const ordered_json& status) {
   const auto place = status.is_object() ? status.find("on_glass") : status.end();
@@ -43,56 +40,22 @@ std::string ShownInstead::shown(const ordered_json& status) {
 }
 
 void ShownInstead::show_chart(const std::filesystem::path& file) {
-  const std::lock_guard lock(mutex_);
-  locked_show(file.string());
+  interrupt(file.string());
 }
 
-/// Keeps the place of the content, and shows `source`.
-void ShownInstead::locked_show(const std::string& source) {
-  const ordered_json status = link_.ask({{"do", "status"}}).body;
-  if (shown(status).empty()) {
-    const ordered_json list = link_.ask({{"do", "list"}}).body;
-    const auto place = status.value("on_glass", ordered_json());
-    ordered_json kept = {{"source", list["file"]}, {"item", 0}, {"frame", 0}};
-    if (kept["source"].is_null() && !list["items"].empty())
-      kept["source"] = list["items"][0]["source"];
-    if (place.is_object()) {
-      if (place.value("item", ordered_json()).is_number_unsigned()) kept["item"] = place["item"];
-      if (place.value("frame", ordered_json()).is_number_unsigned()) kept["frame"] = place["frame"];
-    }
-    write_text_file(file_, json_text(kept) + "\n");
-  }
-  (void)link_.ask({{"do", "load"}, {"source", source}}, kLoadTime);
+void ShownInstead::interrupt(const std::string& source) {
+  (void)link_.ask({{"do", "interrupt"}, {"source", source}, {"seconds", kWhile}}, kLoadTime);
 }
 
 void ShownInstead::show(const std::string& what) {
   if (what != "content" && what != "black" && what != "card" && what != "views")
     throw HttpError(400, "what: expected black, card, views or content");
-  const std::lock_guard lock(mutex_);
-  if (what != "content") return locked_show(what);
+  if (what != "content") return interrupt(what);
   const ordered_json status = link_.ask({{"do", "status"}}).body;
-  if (shown(status).empty()) return;
-  // 'blank' of another client: the player itself knows the place before.
-  if (status.value("interrupted", ordered_json()).is_string()) {
+  if (status.value("interrupted", ordered_json()).is_string())
     (void)link_.ask({{"do", "back"}}, kLoadTime);
-    return;
-  }
-  const ordered_json kept = std::filesystem::exists(file_)
-                                ? ordered_json::parse(read_text_file(file_, 16384), nullptr, false)
-                                : ordered_json();
-  if (!kept.is_object() || !kept.contains("source") || !kept["source"].is_string())
+  else if (!shown(status).empty())
     throw HttpError(409, "it is not known what was played before", "load a list or a file");
-  ordered_json load = {{"do", "load"}, {"source", kept["source"]}};
-  try {
-    ordered_json there = load;
-    there["item"] = kept.value("item", ordered_json(0));
-    there["frame"] = kept.value("frame", ordered_json(0));
-    (void)link_.ask(std::move(there), kLoadTime);
-  } catch (const Error& error) {
-    // The list or the film may have become shorter.
-    if (error.kind() == ErrorKind::Device) throw;
-    (void)link_.ask(std::move(load), kLoadTime);
-  }
 }
 
 }  // namespace lenticule::web

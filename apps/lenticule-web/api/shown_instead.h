@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // ShownInstead shows something else than the content for a while: a black frame, a test card, the
-// numbered views or the chart of a calibration; and returns to the place of the content.
+// numbered views or the chart of a calibration. For the player these are interruptions, after which
+// it continues with its list at the same place.
 #pragma once
 
 #include <filesystem>
-#include <mutex>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -15,8 +15,7 @@ namespace lenticule::web {
 /// Thread safety: any thread.
 class ShownInstead {
  public:
-  /// Keeps the place of the content, to which it returns, in `file`: it survives a restart.
-  ShownInstead(ControlLink& link, std::filesystem::path file);
+  explicit ShownInstead(ControlLink& link) : link_(link) {}
 
   /// Shows "black", "card" or "views", or "content" again. Throws HttpError 400 for another word,
   /// 409 if there is no place to return to.
@@ -28,11 +27,9 @@ class ShownInstead {
   [[nodiscard]] static std::string shown(const nlohmann::ordered_json& status);
 
  private:
-  void locked_show(const std::string& source);
+  void interrupt(const std::string& source);
 
   ControlLink& link_;
-  const std::filesystem::path file_;
-  std::mutex mutex_;
 };
 
 }  // namespace lenticule::web

@@ -46,7 +46,7 @@ WebSite::WebSite(WebSiteOptions options)
       link_(options_.socket),
       player_(link_, *options_.clock),
       pictures_(link_),
-      shown_instead_(link_, options_.state / "shown-before.json"),
+      shown_instead_(link_),
       trims_(options_.state / "trims.json"),
       calibration_(link_, pictures_, shown_instead_,
                    {.folder = options_.state / "calibration",

@@ -94,7 +94,7 @@ class PhotoCalibrationTest : public testing::Test {
   test::FakePlayer player_{folder_ / "c.sock"};
   ControlLink link_{folder_ / "c.sock"};
   PictureMaker pictures_{link_};
-  ShownInstead shown_{link_, folder_ / "shown.json"};
+  ShownInstead shown_{link_};
   std::unique_ptr<PhotoCalibration> calibration_;
 };
 
