@@ -189,8 +189,10 @@ int print_addresses(const Flags& flags) {
   const fs::path file = state_folder(flags) / "tokens.json";
   const std::vector<Token> tokens = read_tokens(file);
   if (tokens.empty())
-    throw Error(ErrorKind::Failed, file.string() + ": no tokens yet",
-                "the first start of the server makes one; or: lenticule web token add NAME");
+    throw Error(
+        ErrorKind::Failed, file.string() + ": no tokens yet",
+        "the first start of the server makes one; name that server's folder with --state; or: "
+        "lenticule web token add NAME");
   for (const Token& token : tokens) print_address(flags, token);
   return kOk;
 }
@@ -229,6 +231,11 @@ int run(int argc, char** argv) {
   revoked->add_option("id", flags.token_id, "as 'token list' prints it")->required();
   CLI::App* const address = app.add_subcommand("address", "print the addresses with their tokens");
   for (CLI::App* const sub : {list, added, revoked, address}) sub->fallthrough();
+  token->footer("Example:\n  lenticule web token add museum --rights see");
+  added->footer(
+      "Example:\n  lenticule web token add museum --rights see --base http://kiosk.local:8420");
+  revoked->footer("Example:\n  lenticule web token revoke 1f0c3a9e");
+  address->footer("Example:\n  lenticule web address --base http://kiosk.local:8420 --code");
   for (CLI::App* const sub : {added, address}) {
     sub->add_option("--base", flags.base, "beginning of the address")->capture_default_str();
     sub->add_flag("--code", flags.code,

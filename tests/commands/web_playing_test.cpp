@@ -138,6 +138,45 @@ TEST_F(Web, AListWithoutAnItemThatPlaysIsRefused) {
   }));
 }
 
+TEST_F(Web, AFolderThatPlaysIsShownAndItsFilesAreDeleted) {
+  start(play_words(path("media/"), {"--slots", "12"}));
+  ASSERT_TRUE(comes_true([&] { return frames_shown() > 3; }));
+  start_web();
+  connect();
+  const ordered_json list = api("GET", "list");
+  EXPECT_EQ(list["editable"], false);
+  EXPECT_EQ(list["items"].size(), 2u) << list;
+  const HttpAnswer refused = ask("PUT", "/api/v1/list", list.dump());
+  EXPECT_EQ(refused.status, 409) << refused.body;
+  EXPECT_NE(refused.body.find("plays a folder"), std::string::npos) << refused.body;
+  EXPECT_EQ(ask("PUT", "/api/v1/media/c.png", "not a picture").status, 201);
+  EXPECT_EQ(ask("DELETE", "/api/v1/media/c.png").status, 200);
+}
+
+TEST_F(Web, AListThatCannotBeReadForbidsNoDeletion) {
+  play();
+  std::filesystem::resize_file(path("media/list.toml"), (1 << 20) + 1);
+  write("media/c.lts", "not a film");
+  start_web();
+  connect();
+  EXPECT_EQ(api("GET", "list")["editable"], false);
+  EXPECT_EQ(ask("DELETE", "/api/v1/media/c.lts").status, 200);
+}
+
+TEST_F(Web, AReplacementThatACrashInterruptedIsFinished) {
+  play();
+  write("media/.kept-lost.lts", "old");  // the old file was moved away
+  write("media/new.lts", "new");         // the new file is there, the old one not in its place
+  write("media/.kept-new.lts", "old");
+  std::filesystem::create_hard_link(path("media/a.lts"), path("media/.kept-a.lts"));
+  start_web();
+  EXPECT_EQ(api("GET", "media/lost.lts")["bytes"], 3);
+  EXPECT_EQ(api("GET", "media/new.lts")["earlier"], 3);
+  EXPECT_EQ(api("GET", "media/a.lts")["earlier"], nullptr);
+  for (const auto& entry : std::filesystem::directory_iterator(path("media")))
+    EXPECT_FALSE(entry.path().filename().string().starts_with(".kept-")) << entry.path();
+}
+
 TEST_F(Web, AListThatWasNamedFromAnotherFolderIsEdited) {
   const std::string relative = std::filesystem::relative(path("media/list.toml")).string();
   start(play_words(relative, {"--slots", "12"}));

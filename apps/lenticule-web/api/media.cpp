@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <vector>
 
@@ -26,6 +27,9 @@ constexpr size_t kMaxFiles = 2000;
 constexpr uint64_t kMaxListBytes = 1u << 20;
 constexpr const char* kPart = ".upload-";      ///< begins the name of a file that is being uploaded
 constexpr const char* kEarlier = ".earlier-";  ///< begins the name of a file that was replaced
+constexpr const char* kKept = ".kept-";        ///< begins the name of a file while it is replaced
+/// Longest time to wait for other checks; with the check itself an answer stays in time.
+constexpr auto kCheckWaits = std::chrono::seconds(20);
 
 std::optional<uint64_t> size_of(const fs::path& file) {
   struct stat status {};
@@ -36,6 +40,15 @@ std::optional<uint64_t> size_of(const fs::path& file) {
 [[noreturn]] void fail_to_write(const std::string& name) {
   throw HttpError(errno == ENOSPC || errno == EDQUOT ? 507 : 500,
                   fmt::format("{}: cannot be written: {}", name, std::strerror(errno)));
+}
+
+/// Returns the text of a list; nothing if it cannot be read, which must not forbid deletions.
+std::string text_of_list(const fs::path& list) {
+  try {
+    return read_text_file(list, kMaxListBytes);
+  } catch (const Error&) {
+    return {};
+  }
 }
 
 /// Returns true if a list names the file, in its own folder or with a whole path.
@@ -107,6 +120,31 @@ Media::Media(MediaOptions options, CheckMedia check)
   if (!fs::is_directory(options_.folder))
     throw Error(ErrorKind::Usage, options_.folder.string() + ": is not a folder",
                 "create the media folder first, or name another: --media FOLDER");
+  finish_replacements();
+}
+
+/// Ends replacements that a crash interrupted: no file is lost, and none is left twice.
+void Media::finish_replacements() const {
+  for (const auto& entry : fs::directory_iterator(options_.folder)) {
+    const std::string name = entry.path().filename().string();
+    if (!name.starts_with(kKept)) continue;
+    const std::string own = name.substr(std::string_view(kKept).size());
+    const fs::path file = options_.folder / own;
+    std::error_code error;
+    if (!fs::exists(file, error))
+      fs::rename(entry.path(), file, error);
+    else if (fs::equivalent(entry.path(), file, error))
+      fs::remove(entry.path(), error);
+    else
+      fs::rename(entry.path(), options_.folder / (kEarlier + own), error);
+  }
+}
+
+/// Waits for the other checks. Throws HttpError 409 if they take too long.
+std::unique_lock<std::timed_mutex> Media::wait_for_checks() {
+  std::unique_lock one(one_check_, kCheckWaits);
+  if (!one) throw HttpError(409, "other files are being checked", "try again in half a minute");
+  return one;
 }
 
 fs::path Media::path_of(const std::string& name) const {
@@ -126,7 +164,7 @@ fs::path Media::hidden(const char* prefix, const std::string& name) const {
 void Media::put_in_place(const fs::path& from, const std::string& name) {
   const fs::path file = path_of(name);
   if (size_of(file)) {
-    const std::lock_guard one(one_check_);
+    const auto one = wait_for_checks();
     const ordered_json result = check_(from);
     if (result["plays"] != true) {
       if (from == hidden(kPart, name)) (void)::unlink(from.c_str());
@@ -136,7 +174,7 @@ void Media::put_in_place(const fs::path& from, const std::string& name) {
                                   problems.empty() ? "" : problems[0].get<std::string>()),
                       "the old file stays");
     }
-    const fs::path kept = hidden(".kept-", name);
+    const fs::path kept = hidden(kKept, name);
     (void)::unlink(kept.c_str());
     // A file system without links has no file of that name for a moment.
     if (::link(file.c_str(), kept.c_str()) != 0 && ::rename(file.c_str(), kept.c_str()) != 0)
@@ -248,7 +286,7 @@ void Media::remove(const std::string& name) {
   if (size_of(file))
     for (const auto& entry : fs::directory_iterator(options_.folder))
       if (entry.path().extension() == ".toml" && size_of(entry.path()) &&
-          list_names(read_text_file(entry.path(), kMaxListBytes), name))
+          list_names(text_of_list(entry.path()), name))
         throw HttpError(
             409, fmt::format("{}: is in the list {}", name, entry.path().filename().string()),
             "remove it from the list first");
@@ -262,7 +300,7 @@ ordered_json Media::check(const std::string& name, bool again) {
   const fs::path file = path_of(name);
   if (!size_of(file)) throw HttpError(404, name + ": there is no such file");
   const FileMark mark = mark_of(file);
-  const std::lock_guard one(one_check_);
+  const auto one = wait_for_checks();
   {
     const std::lock_guard lock(mutex_);
     const auto checked = checked_.find(name);

@@ -55,12 +55,14 @@ class Media {
   /// and 409 if a list of the folder names the file.
   void remove(const std::string& name);
   /// Checks the file: {"plays", "problems", "figures", "duration"...}; the result of an earlier
-  /// check is enough unless `again`. Waits for other checks. Throws HttpError.
+  /// check is enough unless `again`. Waits for other checks, but not for ever. Throws HttpError.
   [[nodiscard]] nlohmann::ordered_json check(const std::string& name, bool again);
 
  private:
   friend class Upload;
   [[nodiscard]] std::filesystem::path hidden(const char* prefix, const std::string& name) const;
+  void finish_replacements() const;
+  [[nodiscard]] std::unique_lock<std::timed_mutex> wait_for_checks();
   void put_in_place(const std::filesystem::path& from, const std::string& name);
   [[nodiscard]] uint64_t free_bytes() const;
   void release(const std::string& name);
@@ -74,7 +76,7 @@ class Media {
     nlohmann::ordered_json result;
   };
   std::map<std::string, Checked> checked_;
-  std::mutex one_check_;  ///< a check reads as fast as it can: one at a time
+  std::timed_mutex one_check_;  ///< a check reads as fast as it can: one at a time
 };
 
 }  // namespace lenticule::web

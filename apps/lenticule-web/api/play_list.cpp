@@ -212,8 +212,14 @@ ordered_json PlayList::locked_read() {
       result["file"].is_string() ? fs::path(result["file"].get<std::string>()) : own_file_;
   std::error_code error;
   result["editable"] = fs::equivalent(file.parent_path(), own_file_.parent_path(), error);
-  if (result["editable"] == true && result["file"].is_string() && fs::exists(file, error))
-    result["by_hand"] = !read_text_file(file, kMaxListBytes).starts_with(kHead);
+  if (result["editable"] == true && result["file"].is_string() && fs::exists(file, error)) {
+    try {
+      result["by_hand"] = !read_text_file(file, kMaxListBytes).starts_with(kHead);
+    } catch (const Error&) {
+      result["editable"] =
+          false;  // a folder, or a list that the server may not read or that is too long
+    }
+  }
   return result;
 }
 
@@ -251,11 +257,14 @@ void PlayList::keep(const std::string& toml, const std::string& who) {
 
 ordered_json PlayList::locked_write(const std::string& toml, const std::string& who,
                                     const ordered_json& now) {
-  if (!now["editable"].get<bool>())
-    throw HttpError(409, "the player plays a list outside of the media folder",
-                    "move the list and its files into the media folder");
   const bool has_list = now["file"].is_string();
   const fs::path file = has_list ? fs::path(now["file"].get<std::string>()) : own_file_;
+  if (fs::is_directory(file))
+    throw HttpError(409, "the player plays a folder, whose files are its list",
+                    "add and delete files, or load a list");
+  if (!now["editable"].get<bool>())
+    throw HttpError(409, "the list lies outside of the media folder, or the server cannot read it",
+                    "move the list and its files into the media folder");
   std::string before;
   if (has_list) {
     before = read_text_file(file, kMaxListBytes);
@@ -356,6 +365,7 @@ ordered_json PlayList::restore(const std::string& name, const std::string& who) 
 bool PlayList::names(const fs::path& file, std::string& name) {
   const ordered_json list = read();
   name = list["file"].is_string() ? list["file"].get<std::string>() : "of one source";
+  if (fs::is_directory(name)) return false;  // a file that is deleted leaves this list
   const auto is_file = [&](const ordered_json& item) {
     std::error_code error;
     return item.is_object() && item.contains("source") &&

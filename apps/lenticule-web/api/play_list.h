@@ -31,7 +31,8 @@ class PlayList {
            std::filesystem::path versions, TroubleOf trouble_of);
 
   /// Returns {"file", "version", "editable", "by_hand", "loop", "default", "items"}; `by_hand` if
-  /// the file has comments and an order that replace() does not keep.
+  /// the file has comments and an order that replace() does not keep. A folder that plays, and a
+  /// list that cannot be read, are not editable.
   [[nodiscard]] nlohmann::ordered_json read();
   /// Writes the list, waits until the player uses it, and returns read(). A list that a text
   /// editor wrote becomes a version first. Throws HttpError 409 if `version` is not the present
@@ -43,8 +44,8 @@ class PlayList {
   [[nodiscard]] nlohmann::ordered_json versions() const;
   /// Writes a kept version again, as replace() does.
   nlohmann::ordered_json restore(const std::string& name, const std::string& who);
-  /// Returns true if the list, or the source that plays without one, names the file. Puts the name
-  /// of the list into `list`.
+  /// Returns true if the list, or the source that plays without one, names the file; a folder names
+  /// none. Puts the name of the list into `list`.
   [[nodiscard]] bool names(const std::filesystem::path& file, std::string& list);
 
  private:

@@ -3,6 +3,7 @@
 
 #include <sys/socket.h>
 
+#include <set>
 #include <utility>
 
 namespace lenticule::web {
@@ -100,10 +101,15 @@ void ConnectionWatch::work() {
   std::unique_lock lock(mutex_);
   while (!stopping_) {
     changed_.wait_for(lock, kTick, [this] { return stopping_; });
+    std::set<std::string> revoked;
+    for (const auto& [fd, entry] : entries_)
+      if (!entry.token_id.empty()) revoked.insert(entry.token_id);
+    lock.unlock();  // a look into the file of tokens may take long, and holds up no connection
+    std::erase_if(revoked, is_valid_);
+    lock.lock();
     const Clock::time_point now = Clock::now();
     for (auto& [fd, entry] : entries_)
-      if (entry.deadline <= now || (!entry.token_id.empty() && !is_valid_(entry.token_id)))
-        end(fd, entry);
+      if (entry.deadline <= now || revoked.contains(entry.token_id)) end(fd, entry);
   }
 }
 

@@ -317,6 +317,7 @@ int Server::begin(Door& door, MHD_Connection* connection, const char* url, const
     // Each token has a rate of its own, so that others of the same network do not use it up.
     if (!requests_.permits(request.peer + " " + request.sender.token_id, clock_.now()))
       throw HttpError(429, "too many requests from this address", "wait some seconds");
+    if (call.wrong_credential) count_wrong_token(request.peer);
     if (has_two_lengths(connection))
       throw HttpError(400, "the request states two lengths of its body",
                       "send one Content-Length, or one Transfer-Encoding");
@@ -341,7 +342,7 @@ void Server::count_wrong_token(const std::string& peer) {
     throw HttpError(429, "too many wrong tokens from this address", "wait a minute");
 }
 
-/// Finds out who sent the request. A wrong credential counts against its sender's address.
+/// Finds out who sent the request.
 void Server::identify(Call& call) {
   Request& request = call.request;
   if (request.path == "/enter") return;  // has a token of its own
@@ -356,7 +357,6 @@ void Server::identify(Call& call) {
       call.wrong_credential = request.sender.rights == Rights::None;
     }
   }
-  if (call.wrong_credential) count_wrong_token(request.peer);
   if (request.sender.rights != Rights::None) watch_.known(call.fd, request.sender.token_id);
 }
 

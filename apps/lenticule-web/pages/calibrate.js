@@ -72,8 +72,8 @@ function showError() {
     good: "It is right for every eye" + (calibration.next ? " if nothing moved; one more photograph checks that." : "."),
     warn: "It can be kept; one more photograph makes it better.",
     bad: "That is too much to keep; take one more photograph." }[grade];
-  $("error-text").replaceChildren("Error for every eye, stated by the fit of all ",
-    `${fit.photographs} photographs: `, make("strong", { class: grade }, `${error.toFixed(3)} lens`),
+  $("error-text").replaceChildren("Error for every eye by the fit of all ",
+    `${fit.photographs} photographs, which 95 of 100 such results do not exceed: `, make("strong", { class: grade }, `${error.toFixed(3)} lens`),
     ` (wanted: ${fit.wanted_lenses}). `, grade === "warn" && !calibration.next ? "It can be kept." : words,
     grade === "bad" && result && result.photographs === 1 ? " Until then the first photograph alone gives the result." : "");
   const at = (lenses) => Math.min(1, lenses / BAR_LENSES) * BAR_PIXELS;

@@ -24,7 +24,8 @@ function showState(now) {
   $("where").textContent = !now.connected ? plain(now.trouble)
     : place ? `${status.state}, frame ${place.frame}` + (place.item === null ? ""
       : `, item ${place.item + 1} of ${status.taking ? status.taking.items : 1}`) : "";
-  $("trouble").textContent = status && status.last_trouble ? "Last trouble: " + plain(status.last_trouble) : "";
+  $("trouble").textContent = !status ? "" : status.waiting_for ? "Waiting: " + plain(status.waiting_for)
+    : status.last_trouble ? "Last trouble: " + plain(status.last_trouble) : "";
   const paused = Boolean(status && status.state === "paused");
   $("pause").textContent = paused ? "Play" : "Pause";
   $("pause").setAttribute("aria-pressed", String(paused));
@@ -119,7 +120,7 @@ function showList() {
   $("save").disabled = !changed || !may || Boolean(changedBy);
   $("reset").disabled = !changed || !may;
   $("reset").textContent = changedBy ? "Read again" : "Discard changes";
-  $("list-note").textContent = !saved.editable ? "The player plays a list outside of the media folder; it cannot be changed here."
+  $("list-note").textContent = !saved.editable ? "The player plays a folder, or a list outside of the media folder; it cannot be changed here."
     : changedBy ? `${changedBy} changed the list meanwhile. Read it again; your changes here are then lost.`
       : (changed ? "Changed, not saved. " : saved.file ? "" : "The player plays one source. A changed list begins with it. ")
         + (saved.by_hand && may ? "This list was written by hand. Saving writes it without its comments; the original stays below Earlier versions." : "");
@@ -194,7 +195,8 @@ async function readFiles() {
     if (whole) row.append(
       make("button", { "aria-label": `Check ${file.name}`, onclick: () => check(file.name) }, "Check"),
       make("button", { "aria-label": `Add ${file.name} to the list`,
-        disabled: !saved || !saved.editable,
+        disabled: !saved || !saved.editable || Boolean(file.check && !file.check.plays),
+        title: file.check && !file.check.plays ? "It does not play on this panel." : "",
         onclick: () => { edit((list) => list.push({ source: file.source })); tell(`${file.name} was added; save the list.`); } }, "Add"));
     if (file.earlier !== null) row.append(make("button", { "aria-label": `Put back the earlier ${file.name}`, onclick: async () => {
       tell(`The earlier ${file.name} is checked.`);
