@@ -25,7 +25,7 @@
 #include "player/playback/playback.h"
 #include "player/playlist/playlist.h"
 #include "player/playlist/playlist_source.h"
-#include "player/sources/live_trim.h"
+#include "player/sources/live_rig.h"
 
 namespace lenticule::player {
 
@@ -80,7 +80,7 @@ struct PlayControlsOptions {
   frames::FrameGeometry panel = {};
   std::vector<WallPanel> wall = {};  ///< empty for a player of one panel
   PlaylistReader read_playlist;
-  std::shared_ptr<LiveTrim> trim;  ///< null for a wall
+  std::shared_ptr<LiveRig> trim;  ///< null for a wall
   /// Ends the player in an orderly way. Thread safety: any thread.
   std::function<void()> quit;
 };

@@ -12,7 +12,7 @@
 #include "base/error.h"
 #include "player/playback/play_statistics.h"
 #include "player/playlist/playlist.h"
-#include "player/sources/source_open.h"
+#include "player/sources/open_source.h"
 
 namespace lenticule::player {
 

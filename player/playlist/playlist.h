@@ -12,7 +12,6 @@
 #include "base/file_mark.h"
 #include "frames/rational.h"
 #include "player/playback/frame_copier.h"
-#include "player/sources/frame_range.h"
 #include "player/sources/source_spec.h"
 
 namespace lenticule::player {

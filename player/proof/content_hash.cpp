@@ -19,7 +19,6 @@
 #include "base/file_mark.h"
 #include "frames/image_io.h"
 #include "frames/sequence/sequence_layout.h"
-#include "player/sources/followed_files.h"
 
 namespace lenticule::player {
 namespace {

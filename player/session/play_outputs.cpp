@@ -124,8 +124,7 @@ std::vector<PlayOutputs::File> PlayOutputs::files() const {
   if (!flags_.record.empty() && plan_.display.recorder)
     files.push_back({flags_.record, plan_.display.recorder->writes().state()});
   if (plan_.trim)
-    files.push_back(
-        {optics::trim_file_of(plan_.source.rig_file).string(), plan_.trim->writes().state()});
+    files.push_back({optics::trim_file_of(plan_.rig_file).string(), plan_.trim->writes().state()});
   return files;
 }
 

@@ -87,14 +87,14 @@ void plan_wall(const PlayFlags& flags, PlayPlan& plan) {
     output.place.geometry = display::turned(seen, rig.panel.mounting);
     buffer.place(output.place);
     plan.display.parts.push_back(std::move(output));
-    plan.source.wall.push_back({.name = panel.name,
-                                .panel = seen,
-                                .identity = panel.trimmed.identity,
-                                .rig = rig,
-                                .card = rig_card(rig, panel.name)});
+    plan.context.wall.push_back({.name = panel.name,
+                                 .panel = seen,
+                                 .identity = panel.trimmed.identity,
+                                 .rig = rig,
+                                 .card = rig_card(rig, panel.name)});
   }
-  plan.source.panel = buffer.size();
-  plan.source.rig_name = flags.wall;
+  plan.context.panel = buffer.size();
+  plan.context.rig_name = flags.wall;
   plan.display.panel = buffer.size();
   plan.display.depth = display::depth_of(wall.panels.front().trimmed.rig.panel.bits);
 }
@@ -235,7 +235,7 @@ void plan_step(const PlayFlags& flags, PlayPlan& plan) {
                   "add --step GROUP");
     return;
   }
-  check_step_flags(flags, plan.source.spec.kind);
+  check_step_flags(flags, plan.source.kind);
   StepOptions& step = plan.step.emplace();
   step.group = flags.step;
   step.leader = flags.leader;
@@ -251,34 +251,31 @@ void plan_step(const PlayFlags& flags, PlayPlan& plan) {
 /// Checks the flags that state how views are laid out in a single source; items of a list state
 /// that in their names.
 void plan_content(const PlayFlags& flags, PlayPlan& plan) {
-  const SourceSpec& source = plan.source.spec;
+  const SourceSpec& source = plan.source;
   ContentFlags layout = source.content;
   if (names_folder(source.text)) layout.reweave = false;  // for all of its files
-  if (layout.any() && !source.has_pictures())
+  if (layout != ContentFlags{} && !source.has_pictures())
     throw Error(ErrorKind::Usage,
                 fmt::format("{}: flags for the layout of views need a single file", source.text),
                 "items of a list state their layout in names or sidecars: docs/content/content.md");
   (void)weave_options(flags.weaving);  // called early for its errors
-  plan.source.weaving = flags.weaving;
+  plan.context.weaving = flags.weaving;
 }
 
 /// Reads the rig, which the player follows from then on.
 void plan_rig(const PlayFlags& flags, PlayPlan& plan) {
-  const SourceKind kind = plan.source.spec.kind;
+  const SourceKind kind = plan.source.kind;
   const bool may_show_views =
       kind == SourceKind::RigViews || kind == SourceKind::List || !flags.control.empty();
-  if (flags.trim || may_show_views)
-    plan.trim = std::make_shared<LiveTrim>(
-        plan.source.rig_file,
-        flags.rig_of_film ? "the film contains the rig in use; play it with --rig RIG.toml" : "");
-  plan.source.trim = plan.trim;
-  plan.source.rig = std::make_shared<FollowedRig>(plan.source.rig_file, plan.trim);
-  const optics::Rig rig = plan.source.rig->rig();
-  plan.source.panel = {.width = rig.panel.width_px, .height = rig.panel.height_px};
-  plan.source.identity = optics::load_rig_and_identity(plan.source.rig_file).identity;
-  plan.source.rig_name = rig.name;
-  plan.source.card = rig_card(rig, plan.source.rig_file);
-  plan.display.panel = plan.source.panel;
+  plan.context.rig = std::make_shared<LiveRig>(
+      plan.rig_file,
+      flags.rig_of_film ? "the film contains the rig in use; play it with --rig RIG.toml" : "");
+  if (flags.trim || may_show_views) plan.trim = plan.context.rig;
+  const optics::Rig rig = plan.context.rig->rig();
+  plan.context.panel = {.width = rig.panel.width_px, .height = rig.panel.height_px};
+  plan.context.rig_name = rig.name;
+  plan.context.card = rig_card(rig, plan.rig_file);
+  plan.display.panel = plan.context.panel;
   plan.display.mounting = rig.panel.mounting;
   plan.display.depth = display::depth_of(rig.panel.bits);
   plan.display.kms.output.identity = rig.identity;
@@ -323,8 +320,8 @@ std::optional<Nanoseconds> panel_wait_at_start(const PlayFlags& flags, bool serv
 
 PlayPlan make_plan(const PlayFlags& flags, bool service) {
   PlayPlan plan;
-  plan.source.spec = parse_source(flags.source, flags.content);
-  const SourceKind kind = plan.source.spec.kind;
+  plan.source = parse_source(flags.source, flags.content);
+  const SourceKind kind = plan.source.kind;
   plan.playback.loops = parse_loops(flags, kind);
   plan.playback.late = parse_late_policy(flags.late);
   const auto wait = parse_wait("--wait", flags.wait.empty() ? "60" : flags.wait, 1);
@@ -352,27 +349,27 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   plan.display.spec = plan.window ? virtual_display_of_window(flags) : flags.display;
   plan.display.buffers = flags.buffers;
   display::check_display_spec(plan.display.spec);
-  if (flags.wall.empty()) plan.source.rig_file = rig_file_of(flags, plan);
+  if (flags.wall.empty()) plan.rig_file = rig_file_of(flags, plan);
   plan_content(flags, plan);
-  plan.source.slots = flags.slots;
-  plan.source.plays_again = plan.playback.loops != 1;
-  plan.source.video_hardware = flags.video_decoder != "software";
+  plan.context.slots = flags.slots;
+  plan.context.plays_again = plan.playback.loops != 1;
+  plan.context.video_hardware = flags.video_decoder != "software";
   plan.duration_s = flags.duration_s;
   plan.panel_at_start = panel_wait_at_start(flags, service);
   const bool default_loss = flags.wait_for_panel.empty() && !service;
   plan.panel_after_loss = default_loss ? kPanelAfterLoss : plan.panel_at_start;
-  if (!flags.frames.empty()) plan.source.frames = parse_frame_range(flags.frames);
+  if (!flags.frames.empty()) plan.context.frames = parse_frame_range(flags.frames);
 
   plan_control(flags, plan);
   plan_proof(flags, service, plan);
   plan_step(flags, plan);
-  plan.source.warnings = std::make_shared<RigWarnings>();
+  plan.context.warnings = std::make_shared<RigWarnings>();
   if (display::is_kms_spec(flags.display)) plan.display.kms = kms_options(flags, service);
   if (flags.wall.empty())
     plan_rig(flags, plan);
   else
     plan_wall(flags, plan);
-  plan.source.slots = slots_of(flags, plan.source.panel);
+  plan.context.slots = slots_of(flags, plan.context.panel);
   return plan;
 }
 
@@ -393,7 +390,7 @@ Playlist read_playlist(const SourceSpec& source, const PlayFlags& flags, const P
   if (source.kind != SourceKind::List) {
     Playlist list = playlist_of(source, plan.playback.loops);
     PlaylistItem& item = list.items.front();
-    if (source == plan.source.spec) item.frames = plan.source.frames;
+    if (source == plan.source) item.frames = plan.context.frames;
     // In simulated time a picture that stays would never end: there is no moment for Ctrl-C.
     const bool stays = flags.loop.empty() && flags.clock != "simulated";
     if (item.loops != kForever && source.has_pictures())
@@ -407,18 +404,18 @@ Playlist read_playlist(const SourceSpec& source, const PlayFlags& flags, const P
   return list;
 }
 
-ItemOpener item_opener(const SourceRequest& like) {
-  return [like](const PlaylistItem& item, uint64_t first_frame) {
-    SourceRequest request = like;
-    request.spec = item.source;
-    request.frames = item.frames;
+ItemOpener item_opener(const PlayPlan& plan) {
+  return [name = plan.source.text, like = plan.context](const PlaylistItem& item,
+                                                        uint64_t first_frame) {
+    OpenContext context = like;
+    context.frames = item.frames;
     if (!item.reason.empty()) {
-      request.card = error_card(like.spec.text, Error(ErrorKind::Input, item.reason));
-      for (WallPart& part : request.wall) part.card = request.card;
+      context.card = error_card(name, Error(ErrorKind::Input, item.reason));
+      for (WallPart& part : context.wall) part.card = context.card;
     }
-    request.first_frame = first_frame;
-    request.plays_again = item.loops != 1 || item.duration_s.has_value();
-    return open_source(request);
+    context.first_frame = first_frame;
+    context.plays_again = item.loops != 1 || item.duration_s.has_value();
+    return open_source(item.source, context);
   };
 }
 

@@ -17,8 +17,8 @@
 #include "player/playlist/folder_lists.h"
 #include "player/playlist/open_item.h"
 #include "player/session/play_service.h"
-#include "player/sources/live_trim.h"
-#include "player/sources/source_open.h"
+#include "player/sources/live_rig.h"
+#include "player/sources/open_source.h"
 #include "player/step/step_link.h"
 
 namespace lenticule::player {
@@ -77,8 +77,10 @@ struct PlayPlan {
   std::shared_ptr<FolderLists> folders = std::make_shared<FolderLists>();
   std::optional<optics::RigStore> rig_store;  ///< none without --rig-store
   /// Null unless the trim can change while playing, or the rig's own views may be played.
-  std::shared_ptr<LiveTrim> trim;
-  SourceRequest source;  ///< its rig is null for a wall, whose rigs are read once
+  std::shared_ptr<LiveRig> trim;
+  SourceSpec source;
+  OpenContext context;
+  std::string rig_file;  ///< empty for a wall
   display::DisplayRequest display;
   /// A desktop window shows what two eyes see of the display, which is virtual.
   bool window = false;
@@ -114,7 +116,7 @@ struct PlayPlan {
 [[nodiscard]] Playlist read_playlist(const SourceSpec& source, const PlayFlags& flags,
                                      const PlayPlan& plan);
 /// Returns a function that opens items as the plan's source would be opened.
-[[nodiscard]] ItemOpener item_opener(const SourceRequest& like);
+[[nodiscard]] ItemOpener item_opener(const PlayPlan& plan);
 
 /// Makes the plan as make_plan() does. If the display is a panel, a missing or broken rig does not
 /// throw: its test card stays on the connected panel until the rig can be read. None when

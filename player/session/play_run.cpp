@@ -96,9 +96,9 @@ ExitCode PlayRun::run() {
 
 /// Opens the window on the virtual display's pictures. Closing the window ends playback.
 void PlayRun::open_window() {
-  const optics::PixelGrid sent = plan_.source.rig->rig().panel.sent_size();
+  const optics::PixelGrid sent = plan_.context.rig->rig().panel.sent_size();
   window_ = std::make_shared<PreviewWindow>(
-      plan_.source.rig_file, frames::FrameGeometry{.width = sent.width, .height = sent.height},
+      plan_.rig_file, frames::FrameGeometry{.width = sent.width, .height = sent.height},
       interrupt_fd());
   plan_.display.recorder = window_;
   plan_.playback.stop_fd = window_->stop_fd();
@@ -294,12 +294,10 @@ void PlayRun::update_proof() {
 }
 
 void PlayRun::follow_rig() {
-  if (!plan_.source.rig) return;
-  FollowedRig& rig = *plan_.source.rig;
+  if (!plan_.context.rig) return;
+  LiveRig& rig = *plan_.context.rig;
   copy_edited_rig();
   rig.look();
-  const uint64_t version = rig.version();
-  if (std::exchange(rig_version_, version) != version && plan_.trim) plan_.trim->follow_files();
   const std::string complaint = store_problem_.empty() ? rig.complaint() : store_problem_;
   if (std::exchange(rig_problem_, complaint) == complaint) return;
   if (complaint.empty())
@@ -310,7 +308,7 @@ void PlayRun::follow_rig() {
 
 /// Copies a rig that the administrator has edited, if this player uses a copy.
 void PlayRun::copy_edited_rig(bool reloading) {
-  if (!plan_.rig_store || plan_.source.rig_file != plan_.rig_store->copy()) return;
+  if (!plan_.rig_store || plan_.rig_file != plan_.rig_store->copy()) return;
   try {
     if (reloading ? plan_.rig_store->update() : plan_.rig_store->update_if_edited())
       say("{}: was edited: it replaces the calibration made during playback\n", flags_.rig);
@@ -323,7 +321,7 @@ void PlayRun::copy_edited_rig(bool reloading) {
 void PlayRun::reload() {
   say("reloading: checking rig, list and films for changes\n");
   copy_edited_rig(true);
-  if (plan_.source.rig) plan_.source.rig->read_again();
+  if (plan_.context.rig) plan_.context.rig->read_again();
   steered_->look_again();
   outputs_.try_at_once();
 }
@@ -341,7 +339,7 @@ nlohmann::ordered_json PlayRun::statistics_json(const PlayReport& report) const 
   if (opened_.source) json.update(to_json(opened_.source->damage()));
   if (std::string name = opened_.source ? opened_.source->video_decoder() : ""; !name.empty())
     json["video_decoder"] = std::move(name);
-  if (const auto warnings = plan_.source.warnings->all(); !warnings.empty())
+  if (const auto warnings = plan_.context.warnings->all(); !warnings.empty())
     json["rig_warnings"] = warnings;
   json["stall"] = stall_;
   if (proof_) json["proof"] = proof_->statistics();

@@ -20,7 +20,7 @@
 #include "player/session/play_service.h"
 #include "player/session/preview_window.h"
 #include "player/session/steered_play.h"
-#include "player/sources/source_open.h"
+#include "player/sources/open_source.h"
 
 namespace lenticule::player {
 
@@ -110,7 +110,6 @@ class PlayRun {
   std::optional<StepLink> step_;  ///< none without --step
   std::string rig_problem_;
   std::string store_problem_;  ///< why an edited rig was not copied
-  uint64_t rig_version_ = 1;
   std::string reported_exactness_;
   bool reported_off_ = false;
   std::string stall_;  ///< why a due frame has not come for two seconds; empty if none is due

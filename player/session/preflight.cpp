@@ -50,12 +50,12 @@ ordered_json examine(const PlaylistItem& item, const PlayPlan& plan) {
   // A ring's renderer determines its own pace.
   if (item.source.kind == SourceKind::Ring) return row;
   try {
-    OpenedSource opened = item_opener(plan.source)(item, 0);
+    OpenedSource opened = item_opener(plan)(item, 0);
     const frames::FrameGeometry size = opened.source->geometry();
-    if (size != plan.source.panel)
+    if (size != plan.context.panel)
       row["problems"].push_back(fmt::format("frames of {}x{} pixels, but the panel has {}x{}",
-                                            size.width, size.height, plan.source.panel.width,
-                                            plan.source.panel.height));
+                                            size.width, size.height, plan.context.panel.width,
+                                            plan.context.panel.height));
     const frames::Rate rate = needed_rate(item, *opened.source, plan);
     try {
       row["figures"] = to_json(measure_source(*opened.source, rate, kLongest));
@@ -91,7 +91,7 @@ void print_row(const ordered_json& row) {
 }  // namespace
 
 ExitCode run_preflight(const PlayFlags& flags, const PlayPlan& plan) {
-  const Playlist list = read_playlist(plan.source.spec, flags, plan);
+  const Playlist list = read_playlist(plan.source, flags, plan);
   std::vector<PlaylistItem> items = list.items;
   if (list.standby) items.push_back(*list.standby);
   ordered_json rows = ordered_json::array();

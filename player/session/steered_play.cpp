@@ -12,7 +12,6 @@
 #include "base/error.h"
 #include "base/print.h"
 #include "player/session/play_plan.h"
-#include "player/sources/followed_files.h"
 
 namespace lenticule::player {
 namespace {
@@ -26,8 +25,7 @@ std::unique_ptr<KeyInput> terminal_keys() {
 
 }  // namespace
 
-TrimKeys::TrimKeys(std::shared_ptr<LiveTrim> trim)
-    : trim_(std::move(trim)), keys_(terminal_keys()) {
+TrimKeys::TrimKeys(std::shared_ptr<LiveRig> trim) : trim_(std::move(trim)), keys_(terminal_keys()) {
   thread_ = std::thread([this] { listen(); });
 }
 
@@ -67,7 +65,7 @@ bool folder_exists(const std::filesystem::path& file) {
 
 /// Returns true if the source is a file that is shown again, which may be replaced meanwhile.
 bool is_followed(const PlayPlan& plan) {
-  return plan.playback.loops != 1 && !marks_of_source(plan.source.spec).empty();
+  return plan.playback.loops != 1 && !marks_of_source(plan.source).empty();
 }
 
 LeftItemLook left_item_of(const PlaybackControl& playback) {
@@ -89,19 +87,19 @@ void quit_in_good_order() {
 }  // namespace
 
 SteeredPlay::SteeredPlay(const PlayFlags& flags, const PlayPlan& plan)
-    : flags_(flags), plan_(plan), is_list_(plan.source.spec.kind == SourceKind::List) {
-  if (is_list_ && plan.source.frames)
+    : flags_(flags), plan_(plan), is_list_(plan.source.kind == SourceKind::List) {
+  if (is_list_ && plan.context.frames)
     throw Error(ErrorKind::Usage, "--frames: not allowed for a list",
                 "write frames = \"A:B\" in its [[item]]");
   if (plan.trim) trim_version_ = plan.trim->version();
   if (flags.control.empty()) return;
   controls_ = std::make_unique<PlayControls>(PlayControlsOptions{
-      .panel = plan.source.panel,
-      .wall = panels_of(plan.source.wall),
+      .panel = plan.context.panel,
+      .wall = panels_of(plan.context.wall),
       .read_playlist =
           [this](const std::string& text) {
             // The flags of the command line apply to its own source alone.
-            const SourceSpec& own = plan_.source.spec;
+            const SourceSpec& own = plan_.source;
             const SourceSpec source = text == own.text ? own : parse_source(text);
             Playlist list = read_playlist(source, flags_, plan_);
             // Sources loaded over the control socket loop until the next command.
@@ -142,21 +140,21 @@ void SteeredPlay::detach_source() {
 void SteeredPlay::open(OpenedSource& opened) {
   detach_source();
   if (!is_list_ && !controls_ && !plan_.proof && !is_followed(plan_)) {
-    opened = open_source(plan_.source);
+    opened = open_source(plan_.source, plan_.context);
     if (plan_.trim) plan_.trim->note_content(opened.woven_elsewhere);
     const bool still = opened.source->frame_count() == uint64_t{1};
-    if (!still || !plan_.source.spec.has_pictures()) return;
+    if (!still || !plan_.source.has_pictures()) return;
   } else {
     opened = {};
   }
   // A still picture is an item of a list, which knows how long it stays.
   const auto first = std::make_shared<OpenedSource>(std::exchange(opened, {}));
   auto source = std::make_unique<PlaylistSource>(
-      std::make_shared<const Playlist>(read_playlist(plan_.source.spec, flags_, plan_)),
+      std::make_shared<const Playlist>(read_playlist(plan_.source, flags_, plan_)),
       PlaylistSourceOptions{
-          .panel = plan_.source.panel,
+          .panel = plan_.context.panel,
           .open =
-              [first, open = item_opener(plan_.source)](const PlaylistItem& item, uint64_t frame) {
+              [first, open = item_opener(plan_)](const PlaylistItem& item, uint64_t frame) {
                 return first->source ? std::exchange(*first, {}) : open(item, frame);
               },
           .rate = plan_.playback.content,

@@ -18,7 +18,7 @@
 #include "player/playlist/source_pace.h"
 #include "player/process/key_input.h"
 #include "player/session/play_plan.h"
-#include "player/sources/live_trim.h"
+#include "player/sources/live_rig.h"
 
 namespace lenticule::player {
 
@@ -27,7 +27,7 @@ class TrimKeys {
  public:
   /// Prints the trim's advice after the first change. Throws Error(Usage) if standard input is not
   /// a terminal.
-  explicit TrimKeys(std::shared_ptr<LiveTrim> trim);
+  explicit TrimKeys(std::shared_ptr<LiveRig> trim);
   /// Restores the terminal.
   ~TrimKeys();
   TrimKeys(const TrimKeys&) = delete;
@@ -37,7 +37,7 @@ class TrimKeys {
   void listen() noexcept;
   void report(const std::string& sentence);
 
-  std::shared_ptr<LiveTrim> trim_;
+  std::shared_ptr<LiveRig> trim_;
   bool advised_ = false;
   std::unique_ptr<KeyInput> keys_;
   WakeFd wake_;

@@ -30,7 +30,7 @@
 #include "frames/image_format.h"
 #include "frames/pictures/picture_messages.h"
 #include "player/process/interrupt.h"
-#include "player/sources/video_program.h"
+#include "player/sources/video_probe.h"
 
 namespace lenticule::player {
 namespace {

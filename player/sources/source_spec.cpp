@@ -1,14 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/sources/source_spec.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
-#include <string_view>
 #include <system_error>
 #include <utility>
 
+#include "base/error.h"
+#include "base/numbers.h"
 #include "base/text.h"
+#include "frames/image_io.h"
 #include "frames/sequence/sequence_reader.h"
+#include "frames/views_input/quilt_sidecar.h"
 
 namespace lenticule::player {
 namespace {
@@ -19,6 +24,8 @@ constexpr std::string_view kRingPrefix = "ring:";
 constexpr std::string_view kViewFilesPrefix = "views:";
 constexpr std::string_view kCode = "code";
 constexpr std::string_view kCodePrefix = "code:";
+constexpr size_t kMostMarks = 256;
+constexpr uint64_t kMostFrames = 100'000'000;
 
 bool is_video_name(const fs::path& file) {
   constexpr std::array<std::string_view, 18> kNames = {
@@ -37,6 +44,35 @@ SourceKind kind_of(const std::string& text) {
   if (text.starts_with(kViewFilesPrefix)) return SourceKind::ViewFiles;
   if (lower_case(text).ends_with(".toml") || text.ends_with('/')) return SourceKind::List;
   return kind_of_file(text);
+}
+
+void add_marks_of_pattern(const std::string& text, std::vector<FileMark>& marks) {
+  const frames::FilePattern pattern(text);
+  const std::vector<uint64_t> numbers = pattern.existing();
+  marks.push_back({.size = static_cast<int64_t>(numbers.size())});
+  for (const uint64_t number : numbers) {
+    if (marks.size() >= kMostMarks) return;
+    marks.push_back(mark_of(pattern.path(number)));
+  }
+  if (!numbers.empty()) marks.push_back(mark_of(frames::sidecar_of(pattern.path(numbers.front()))));
+}
+
+void add_marks(const std::string& text, std::vector<FileMark>& marks) {
+  if (!frames::FilePattern::looks_like_pattern(text)) {
+    marks.push_back(mark_of(text));
+    marks.push_back(mark_of(frames::sidecar_of(text)));
+    return;
+  }
+  try {
+    add_marks_of_pattern(text, marks);
+  } catch (const Error&) {
+    return;  // the number is in a folder's name: not followed
+  }
+}
+
+std::optional<uint64_t> frame_number(std::string_view text) {
+  const auto number = number_from<uint64_t>(text);
+  return number.value_or(kMostFrames + 1) > kMostFrames ? std::nullopt : number;
 }
 
 }  // namespace
@@ -96,6 +132,28 @@ SourceSpec SourceSpec::in_folder(const fs::path& folder) const {
     moved.text += fs::path(name).is_relative() ? (folder / name).string() : name;
   }
   return moved;
+}
+
+std::vector<FileMark> marks_of_source(const SourceSpec& source) {
+  std::vector<FileMark> marks;
+  for (const std::string& file : source.files()) add_marks(file, marks);
+  for (const std::string& file : {source.content.depth, source.content.from_rig})
+    if (!file.empty()) add_marks(file, marks);
+  return marks;
+}
+
+FrameRange parse_frame_range(std::string_view text) {
+  const size_t colon = text.find(':');
+  const auto begin = frame_number(text.substr(0, colon));
+  const auto end = colon == std::string_view::npos ? begin : frame_number(text.substr(colon + 1));
+  if (!begin || !end)
+    throw Error(ErrorKind::Usage, fmt::format("--frames '{}': not a range of frames", text),
+                "for example --frames 0:24, which ends before frame 24");
+  const FrameRange range{*begin, colon == std::string_view::npos ? *begin + 1 : *end};
+  if (range.end <= range.begin)
+    throw Error(ErrorKind::Usage, fmt::format("--frames '{}': contains no frame", text),
+                "for example --frames 0:24, which ends before frame 24");
+  return range;
 }
 
 }  // namespace lenticule::player

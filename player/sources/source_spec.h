@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// SourceSpec is a SOURCE as the user names it. parse_source is the only place that knows by which
-// name a source is of which kind.
+// SourceSpec is a SOURCE as the user names it, with the flags that describe it. parse_source is the
+// only place that knows by which name a source is of which kind.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
-#include "player/sources/content_flags.h"
+#include "base/file_mark.h"
 
 namespace lenticule::player {
 
@@ -24,8 +27,25 @@ enum class SourceKind {
   Pictures,   ///< all other names: a picture, or a pattern such as "out/%05d.png"
 };
 
-/// The name decides the kind, unless it is that of a folder. detect_content_format() decides
-/// whether the pictures of a file are woven frames or views.
+/// The flags of play, weave and convert that state how views are laid out in a source. Each
+/// overrides names and sidecars.
+struct ContentFlags {
+  std::string grid;
+  int views = 0;
+  std::optional<double> aspect;
+  bool invert = false;
+  std::string stereo;  ///< sbs, tb, hsbs, htb, none
+  std::string depth;   ///< a file, pattern or video, or the half of the picture that holds depth
+  std::string depth_range;
+  bool invert_depth = false;
+  std::string from_rig;
+  bool reweave = false;
+
+  friend bool operator==(const ContentFlags&, const ContentFlags&) = default;
+};
+
+/// The name decides the kind, unless it is that of a folder. identify() decides whether the
+/// pictures of a file are woven frames or views.
 struct SourceSpec {
   SourceKind kind = SourceKind::Pictures;
   /// The name as it was given; "code" for a code, whose text may be secret.
@@ -54,5 +74,25 @@ struct SourceSpec {
 
 /// Returns Sequence, Video or Pictures, for a file or pattern within a source.
 [[nodiscard]] SourceKind kind_of_file(const std::filesystem::path& file);
+
+/// Returns the state of every file of a source and its sidecar; for a pattern, of the first 256
+/// files, and their number. Empty for rings and for sources generated here. Costs one stat() per
+/// file.
+[[nodiscard]] std::vector<FileMark> marks_of_source(const SourceSpec& source);
+
+/// Frame numbers [begin, end) of a sequence.
+struct FrameRange {
+  uint64_t begin = 0;
+  uint64_t end = 1;
+  [[nodiscard]] uint64_t count() const { return end - begin; }
+  /// Returns the part of the range that lies before a frame: 0 for the first, below 1 for the last.
+  [[nodiscard]] double part_before(uint64_t frame) const {
+    return static_cast<double>(frame - begin) / static_cast<double>(count());
+  }
+  friend bool operator==(const FrameRange&, const FrameRange&) = default;
+};
+
+/// Parses "A:B", or "N" for one frame. Throws Error(Usage).
+[[nodiscard]] FrameRange parse_frame_range(std::string_view text);
 
 }  // namespace lenticule::player

@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// StillSource presents one picture in memory, a test card, as a source that never ends.
+// StillSource presents one picture that is generated here, such as a test card, as a source that
+// never ends.
 #pragma once
 
+#include <map>
+#include <memory>
 #include <utility>
 
 #include "frames/frame_source.h"
+#include "player/sources/live_rig.h"
 
 namespace lenticule::player {
 
@@ -12,17 +16,18 @@ namespace lenticule::player {
 /// one thread.
 class StillSource final : public frames::FrameSource {
  public:
-  explicit StillSource(frames::WovenFrame frame) : frame_(std::move(frame)) {}
+  explicit StillSource(frames::WovenFrame frame);
+  /// Presents the numbered views of a rig for trimming, four times a second. Weaves them again
+  /// whenever the rig or its trim changes.
+  explicit StillSource(std::shared_ptr<const LiveRig> rig);
 
-  [[nodiscard]] frames::FrameGeometry geometry() const override { return frame_.geometry(); }
-  [[nodiscard]] std::optional<frames::Rate> rate() const override { return frames::Rate{1, 1}; }
-  [[nodiscard]] std::optional<uint64_t> frame_count() const override { return 1; }
-  [[nodiscard]] frames::PullStatus pull(frames::AcquiredFrame& out) override {
-    if (std::exchange(pulled_, true)) return frames::PullStatus::End;
-    out = {.frame = frame_.view(), .number = 0, .token = 0};
-    return frames::PullStatus::Ready;
+  [[nodiscard]] frames::FrameGeometry geometry() const override { return newest_->geometry(); }
+  [[nodiscard]] std::optional<frames::Rate> rate() const override {
+    return frames::Rate{rig_ ? 4 : 1, 1};
   }
-  void release(uint64_t token) override { (void)token; }
+  [[nodiscard]] std::optional<uint64_t> frame_count() const override { return 1; }
+  [[nodiscard]] frames::PullStatus pull(frames::AcquiredFrame& out) override;
+  void release(uint64_t token) override { acquired_.erase(token); }
   [[nodiscard]] int max_acquired() const override { return 1'000'000; }
   [[nodiscard]] uint64_t ready_count() const override { return pulled_ ? 0 : 1; }
   [[nodiscard]] bool saturated() const override { return true; }
@@ -32,7 +37,14 @@ class StillSource final : public frames::FrameSource {
   [[nodiscard]] std::string failure() const override { return {}; }
 
  private:
-  frames::WovenFrame frame_;
+  void weave_views();
+
+  const std::shared_ptr<const LiveRig> rig_;  ///< null: the picture never changes
+  uint64_t version_ = 0;                      ///< version of the rig of newest_
+  std::shared_ptr<const frames::WovenFrame> newest_;
+  /// Keeps frames acquired before a change alive and unchanged.
+  std::map<uint64_t, std::shared_ptr<const frames::WovenFrame>> acquired_;
+  uint64_t next_token_ = 0;
   bool pulled_ = false;
 };
 

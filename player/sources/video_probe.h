@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Parsers for the output of lenticule-video. The output is not trusted: a video file may have taken
-// over the process that wrote it.
+// probe_video asks lenticule-video about a file. The program's output is not trusted: a video file
+// may have taken over the process that wrote it.
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -56,5 +57,15 @@ struct VideoEvent {
 };
 /// Returns none if the line is not such an event. Never throws because of the line's contents.
 [[nodiscard]] std::optional<VideoEvent> parse_video_event(std::string_view line);
+
+/// Returns the program's path: beside this program, or in ../libexec/lenticule if installed. Throws
+/// Error(Failed).
+[[nodiscard]] std::filesystem::path find_video_program();
+
+/// Runs `lenticule-video probe` for at most half a minute, or returns the cached report if the file
+/// is unchanged. Throws Error(Input) with the program's message if the file is not a video,
+/// Error(Failed) if the program does not work. An empty `program` is searched for.
+[[nodiscard]] std::vector<VideoStream> probe_video(const std::filesystem::path& file,
+                                                   const std::filesystem::path& program = {});
 
 }  // namespace lenticule::player

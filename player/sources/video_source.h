@@ -13,7 +13,7 @@
 #include <string>
 
 #include "frames/frame_source.h"
-#include "player/sources/frame_range.h"
+#include "player/sources/source_spec.h"
 
 namespace lenticule::player {
 

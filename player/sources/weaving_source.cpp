@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/sources/weaving_source.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <exception>
 #include <utility>
 
 #include "base/error.h"
+#include "base/numbers.h"
 #include "base/print.h"
-#include "player/sources/content_open.h"
+#include "player/sources/pictures.h"
 
 namespace lenticule::player {
 
@@ -23,16 +26,56 @@ constexpr int kFewestSlots = 3;
 
 }  // namespace
 
+// --- weaving --------------------------------------------------------------------------------
+
+frames::WeaveOptions weave_options(const WeavingFlags& flags) {
+  frames::WeaveOptions options{.fit = frames::parse_picture_fit(flags.fit)};
+  if (!flags.filter.empty()) options.filter = frames::parse_view_filter(flags.filter);
+  return options;
+}
+
+std::optional<frames::Crosstalk> crosstalk_of(const std::string& text, const optics::Rig& rig,
+                                              int views) {
+  if (text.empty()) return std::nullopt;
+  if (text == "spot") return frames::crosstalk_of_spot(rig.sheet.spot_sigma.value * views);
+  const auto percent = number_from<double>(text);
+  if (!percent)
+    throw Error(ErrorKind::Usage, fmt::format("--crosstalk '{}': not a percentage", text),
+                "for example --crosstalk 12, or --crosstalk spot");
+  return frames::crosstalk_of_percent(*percent);
+}
+
+WeavingPipeline::WeavingPipeline(const optics::Rig& rig, const frames::ViewShape& shape,
+                                 const WeavingFlags& flags, int threads)
+    : weaver_(std::make_shared<const frames::WeavePlan>(optics::OpticalModel(rig), shape,
+                                                        weave_options(flags), threads),
+              threads),
+      crosstalk_(crosstalk_of(flags.crosstalk, rig, shape.count)) {}
+
+void WeavingPipeline::weave(const frames::ViewSet& views, frames::WovenFrame& frame) {
+  if (crosstalk_)
+    weaver_.weave(frames::compensate(views, *crosstalk_), frame);
+  else
+    weaver_.weave(views, frame);
+}
+
+// --- begin and end --------------------------------------------------------------------------
+
 WeavingSource::WeavingSource(std::unique_ptr<frames::ViewInput> input,
                              const WeavingSourceOptions& options)
     : options_(options),
       input_(std::move(input)),
       still_(input_->frame_count() == uint64_t{1}),
-      rate_(still_ ? std::optional(kStillRate) : options.rate),
-      rig_(options.rig ? options.rig : std::make_shared<FollowedRig>(options.rig_file)),
+      rate_(still_ ? std::optional(kStillRate) : input_->rate()),
+      slots_(static_cast<size_t>(std::max(options.pool_frames, kFewestSlots))),
       count_(input_->frame_count()) {
-  if (!rate_) rate_ = input_->rate();
-  start();
+  options_.rig->look();
+  rig_version_ = options_.rig->version();
+  const optics::Rig rig = options_.rig->rig();
+  geometry_ = {.width = rig.panel.width_px, .height = rig.panel.height_px};
+  pipeline_ = pipeline_for(rig);
+  plans_ = 1;
+  for (Slot& slot : slots_) slot.frame = frames::WovenFrame(geometry_);
   if (still_) weave_first_still();
   worker_ = std::thread([this] { work(); });
   watcher_ = std::thread([this] { watch(); });
@@ -48,17 +91,6 @@ WeavingSource::~WeavingSource() {
   worker_.join();
 }
 
-void WeavingSource::start() {
-  rig_->look();
-  rig_version_ = rig_->version();
-  const optics::Rig rig = rig_->rig();
-  geometry_ = {.width = rig.panel.width_px, .height = rig.panel.height_px};
-  pipeline_ = pipeline_for(rig);
-  plans_ = 1;
-  slots_.resize(static_cast<size_t>(std::max(options_.pool_frames, kFewestSlots)));
-  for (Slot& slot : slots_) slot.frame = frames::WovenFrame(geometry_);
-}
-
 void WeavingSource::weave_first_still() {
   await_first(*input_, options_.name);
   Slot& first = slots_.front();
@@ -68,7 +100,8 @@ void WeavingSource::weave_first_still() {
 }
 
 std::shared_ptr<WeavingPipeline> WeavingSource::pipeline_for(const optics::Rig& rig) const {
-  return std::make_shared<WeavingPipeline>(rig, input_->shape(), options_.pipeline);
+  return std::make_shared<WeavingPipeline>(rig, input_->shape(), options_.weaving,
+                                           options_.threads);
 }
 
 // --- watcher --------------------------------------------------------------------------------
@@ -84,17 +117,19 @@ void WeavingSource::watch() noexcept {
     try {
       look_at_rig();
     } catch (const std::exception& error) {
-      say("{}: still woven for the previous rig: {}\n", options_.rig_file, error.what());
+      say("{}: still woven for the previous rig: {}\n", options_.rig->file().string(),
+          error.what());
     }
   }
 }
 
 void WeavingSource::look_at_rig() {
-  rig_->look();
-  const uint64_t version = rig_->version();
+  LiveRig& rig = *options_.rig;
+  rig.look();
+  const uint64_t version = rig.version();
   if (version == rig_version_) return;
   rig_version_ = version;
-  std::shared_ptr<WeavingPipeline> pipeline = pipeline_for(rig_->rig());
+  std::shared_ptr<WeavingPipeline> pipeline = pipeline_for(rig.rig());
   {
     const std::lock_guard lock(mutex_);
     pipeline_.swap(pipeline);

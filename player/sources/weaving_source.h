@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// WeavingSource weaves views from any input during playback. When the rig file or its trim changes,
-// it makes a new plan in the background and uses the old one until the new one is ready.
+// WeavingPipeline weaves views into a rig's woven frames; WeavingSource does that during playback.
 #pragma once
 
 #include <atomic>
@@ -17,22 +16,55 @@
 #include "base/wake_fd.h"
 #include "frames/frame_source.h"
 #include "frames/views_input/view_input.h"
-#include "player/sources/followed_rig.h"
-#include "player/sources/weaving_pipeline.h"
+#include "frames/weaving/crosstalk.h"
+#include "frames/weaving/fast_weaver.h"
+#include "player/sources/live_rig.h"
 
 namespace lenticule::player {
 
+/// The flags of play, weave and convert that state how views are woven.
+struct WeavingFlags {
+  std::string filter;  ///< empty: the choice of frames::view_filter()
+  std::string fit = "contain";
+  std::string crosstalk;
+};
+
+/// Returns the weave options. Throws Error(Usage) for unknown values.
+[[nodiscard]] frames::WeaveOptions weave_options(const WeavingFlags& flags);
+
+/// Parses the value of --crosstalk: empty, "spot", or a percentage. Throws Error(Usage).
+[[nodiscard]] std::optional<frames::Crosstalk> crosstalk_of(const std::string& text,
+                                                            const optics::Rig& rig, int views);
+
+/// Holds the plan, the threads and the crosstalk compensation. Thread safety: one caller at a time.
+class WeavingPipeline {
+ public:
+  /// Makes the plan, which takes a fraction of a second for a 4K panel. Throws Error(Usage) for
+  /// more views than a plan can hold and for invalid flags.
+  WeavingPipeline(const optics::Rig& rig, const frames::ViewShape& shape, const WeavingFlags& flags,
+                  int threads);
+
+  /// Weaves views of that shape into a frame of the panel's size. Throws only with crosstalk
+  /// compensation: Error(Usage) for too many views, std::bad_alloc.
+  void weave(const frames::ViewSet& views, frames::WovenFrame& frame);
+
+ private:
+  frames::FastWeaver weaver_;
+  std::optional<frames::Crosstalk> crosstalk_;
+};
+
 struct WeavingSourceOptions {
-  std::string rig_file = {};
-  std::shared_ptr<FollowedRig> rig = nullptr;  ///< null = the rig of the file
-  std::string name = {};                       ///< name in messages
-  WeavingPipelineOptions pipeline = {};
-  int pool_frames = 8;                              ///< woven frames kept ready, at least 3
-  std::optional<frames::Rate> rate = std::nullopt;  ///< replaces the input's rate
+  std::string name = {};                   ///< name in messages
+  std::shared_ptr<LiveRig> rig = nullptr;  ///< must not be null
+  WeavingFlags weaving = {};
+  int threads = 1;
+  int pool_frames = 8;  ///< woven frames kept ready, at least 3
   /// Weaves on into the next round, so that rewind() is immediate.
   bool plays_again = true;
 };
 
+/// WeavingSource weaves views from any input during playback. When the rig file or its trim
+/// changes, it makes a new plan in the background and uses the old one until the new one is ready.
 /// An input with one frame is a still and is woven again when the plan changes. Thread safety: the
 /// player's calls come from one thread; they take a lock that is never held during work.
 class WeavingSource final : public frames::FrameSource {
@@ -75,7 +107,6 @@ class WeavingSource final : public frames::FrameSource {
     int acquired = 0;
     frames::WovenFrame frame;
   };
-  void start();
   void weave_first_still();
   [[nodiscard]] std::shared_ptr<WeavingPipeline> pipeline_for(const optics::Rig& rig) const;
   void watch() noexcept;
@@ -97,8 +128,7 @@ class WeavingSource final : public frames::FrameSource {
   const std::unique_ptr<frames::ViewInput> input_;  ///< used by the worker thread
   const bool still_;
   frames::FrameGeometry geometry_;
-  std::optional<frames::Rate> rate_;
-  const std::shared_ptr<FollowedRig> rig_;
+  const std::optional<frames::Rate> rate_;
   uint64_t rig_version_ = 0;  ///< rig version of the newest plan; used by the watcher thread
   WakeFd wake_;
   std::atomic<uint64_t> plans_{0};

@@ -9,7 +9,7 @@
 #include "apps/lenticule/cli/content_flags.h"
 #include "base/error.h"
 #include "player/process/rig_choice.h"
-#include "player/sources/frame_range.h"
+#include "player/sources/source_spec.h"
 #include "render/depth_budget/prefilter.h"
 #include "render/methods/adaptive/method_adaptive.h"
 

@@ -29,7 +29,7 @@
 namespace lenticule::tools {
 namespace {
 
-using Kind = player::ContentFormat::Kind;
+using Kind = player::Content::Kind;
 
 /// Length of an input that does not state it.
 constexpr uint64_t kManyFrames = uint64_t{1} << 24;
@@ -58,8 +58,8 @@ class ConvertPlan {
   explicit ConvertPlan(const ConvertFlags& flags) : flags_(flags) {
     if (!flags.rig.empty()) rig = optics::load_rig_and_identity(flags.rig);
     const bool views_wanted = flags.as == "quilt" || is_view_files(flags.output);
-    detected = detect_content_format(what(views_wanted));
-    const bool has_views = detected.kind != Kind::Woven;
+    content = identify_input(views_wanted);
+    const bool has_views = content.kind != Kind::Woven;
     if (flags.as == "woven" && has_views && !rig)
       rig = optics::load_rig_and_identity(player::choose_rig({}).file);
     result =
@@ -67,19 +67,18 @@ class ConvertPlan {
     refuse_what_makes_no_sense(has_views);
   }
 
-  [[nodiscard]] player::FormatQuery what(bool views_wanted) const {
-    player::FormatQuery request{.source = parse_source(flags_.input, flags_.content)};
-    // Woven frames of any rig are separated if views are wanted.
-    if (views_wanted) request.source.content.reweave = true;
-    if (rig && !views_wanted) request.rig_fingerprint = rig->identity.fingerprint;
-    return request;
-  }
-
   std::optional<optics::TrimmedRig> rig;
-  player::ContentFormat detected;
+  player::Content content;
   Result result = Result::Woven;
 
  private:
+  [[nodiscard]] player::Content identify_input(bool views_wanted) const {
+    player::SourceSpec source = parse_source(flags_.input, flags_.content);
+    // Woven frames of any rig are separated if views are wanted.
+    if (views_wanted) source.content.reweave = true;
+    return identify(source, rig && !views_wanted ? rig->identity.fingerprint : std::string());
+  }
+
   void refuse_what_makes_no_sense(bool has_views) const {
     if (result == Result::Quilt && !has_views)
       throw Error(ErrorKind::Usage, fmt::format("{}: woven frames, not views", flags_.input),
@@ -127,24 +126,23 @@ class ConvertRun {
   }
 
  private:
-  [[nodiscard]] player::PictureRequest how() const {
+  [[nodiscard]] player::PictureOptions picture_options() const {
     return {.frames = std::nullopt,
             .first_frame = wanted_ ? wanted_->begin : 0,
             .pool_frames = 2 * player::all_threads(),
             .decoder_threads = player::all_threads(),
+            .drawing_threads = player::all_threads(),
             .plays_again = false,
-            .before_weaving = plan_.detected.kind != Kind::Woven};
+            .before_weaving = plan_.content.kind != Kind::Woven};
   }
 
   [[nodiscard]] std::unique_ptr<ConvertInput> open_input() {
     const bool container = player::kind_of_file(flags_.input) == player::SourceKind::Sequence;
-    if (plan_.detected.kind == Kind::Woven)
-      return container ? open_container_input(flags_.input) : open_woven_input(flags_.input, how());
+    if (plan_.content.kind == Kind::Woven)
+      return container ? open_container_input(flags_.input)
+                       : open_woven_input(flags_.input, picture_options());
     if (container) refuse_damaged();
-    player::ContentRequest request{.source = plan_.what(plan_.result == Result::Quilt).source,
-                                   .how = how(),
-                                   .drawing_threads = player::all_threads()};
-    std::unique_ptr<frames::ViewInput> views = open_views(request, plan_.detected);
+    std::unique_ptr<frames::ViewInput> views = open_views(plan_.content, picture_options());
     shape_ = views->shape();
     return make_view_input(std::move(views), frames_of_views(), flags_.input);
   }
@@ -157,10 +155,8 @@ class ConvertRun {
               .layout = layout_};
     }
     const optics::Rig& rig = plan_.rig.value().rig;
-    const player::WeavingPipelineOptions options{.weave = weave_options(flags_.weaving),
-                                                 .crosstalk = flags_.weaving.crosstalk,
-                                                 .threads = player::all_threads()};
-    return {.pipeline = std::make_unique<player::WeavingPipeline>(rig, shape_, options),
+    return {.pipeline = std::make_unique<player::WeavingPipeline>(rig, shape_, flags_.weaving,
+                                                                  player::all_threads()),
             .geometry = {.width = rig.panel.width_px, .height = rig.panel.height_px},
             .layout = {}};
   }
@@ -173,7 +169,7 @@ class ConvertRun {
       layout.columns = grid.columns;
       layout.rows = grid.rows;
     };
-    if (plan_.detected.kind == Kind::Quilt) take_grid(plan_.detected.layout);
+    if (plan_.content.kind == Kind::Quilt) take_grid(plan_.content.layout);
     if (const auto named = frames::quilt_layout_of_name(flags_.output)) take_grid(*named);
     return layout;
   }

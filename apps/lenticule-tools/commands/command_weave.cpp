@@ -23,7 +23,8 @@
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 #include "player/process/rig_choice.h"
-#include "player/sources/content_open.h"
+#include "player/sources/pictures.h"
+#include "player/sources/weaving_source.h"
 
 namespace lenticule::tools {
 namespace {
@@ -42,31 +43,28 @@ struct WeaveFlags {
   bool json = false;
 };
 
-player::ContentRequest content_request(const WeaveFlags& flags) {
-  player::ContentRequest request{.source = parse_source(flags.input, flags.content),
-                                 .drawing_threads = player::all_threads()};
-  if (flags.frame.empty()) return request;
-  request.how.frames = player::parse_frame_range(flags.frame);
-  if (request.how.frames->count() != 1)
+player::PictureOptions picture_options(const WeaveFlags& flags) {
+  player::PictureOptions options{.drawing_threads = player::all_threads()};
+  if (flags.frame.empty()) return options;
+  options.frames = player::parse_frame_range(flags.frame);
+  if (options.frames->count() != 1)
     throw Error(ErrorKind::Usage, fmt::format("--frame {}: more than one frame", flags.frame),
                 "use lenticule convert for sequences");
-  return request;
+  return options;
 }
 
 /// Loads the only set of views, or the requested one.
 std::unique_ptr<frames::ViewInput> load_views(const WeaveFlags& flags, const optics::Rig& rig) {
-  const player::ContentRequest request = content_request(flags);
-  const player::ContentFormat detected =
-      player::detect_content_format({.source = request.source,
-                                     .patterns_are_views = true,
-                                     .rig_fingerprint = optics::fingerprint(rig)});
-  if (detected.kind == player::ContentFormat::Kind::Woven)
+  const player::PictureOptions options = picture_options(flags);
+  const player::Content content =
+      identify(parse_source(flags.input, flags.content), optics::fingerprint(rig), true);
+  if (content.kind == player::Content::Kind::Woven)
     throw Error(
         ErrorKind::Usage, fmt::format("{}: the layout of the views is unknown", flags.input),
         "name the file *_qs8x6a0.75.png, use --grid 8x6 (1x1 for an ordinary picture), --stereo, "
         "--depth or --from-rig, or give a pattern of views");
-  std::unique_ptr<frames::ViewInput> input = open_views(request, detected);
-  if (input->frame_count() != uint64_t{1} && !request.how.frames)
+  std::unique_ptr<frames::ViewInput> input = open_views(content, options);
+  if (input->frame_count() != uint64_t{1} && !options.frames)
     throw Error(ErrorKind::Usage, fmt::format("{}: more than one frame", flags.input),
                 "choose one with --frame N, or use lenticule convert");
   player::await_first(*input, flags.input);

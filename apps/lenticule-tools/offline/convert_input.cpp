@@ -96,9 +96,9 @@ std::unique_ptr<ConvertInput> open_container_input(const std::string& file) {
 
 /// Opens woven pictures; each is read as a quilt of one tile.
 std::unique_ptr<ConvertInput> open_woven_input(const std::string& text,
-                                               const player::PictureRequest& how) {
+                                               const player::PictureOptions& options) {
   std::vector<std::unique_ptr<frames::FrameSource>> sources;
-  sources.push_back(open_pictures(text, how));
+  sources.push_back(open_pictures(text, options));
   const frames::FrameGeometry geometry = sources.front()->geometry();
   auto arrangement = frames::arrange_pictures(geometry, 1, std::nullopt, false);
   auto views =

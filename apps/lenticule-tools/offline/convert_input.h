@@ -11,8 +11,8 @@
 #include "frames/frame.h"
 #include "frames/sequence/sequence_info.h"
 #include "frames/views_input/view_input.h"
-#include "player/sources/content_open.h"
-#include "player/sources/weaving_pipeline.h"
+#include "player/sources/pictures.h"
+#include "player/sources/weaving_source.h"
 
 namespace lenticule::tools {
 
@@ -39,7 +39,7 @@ class ConvertInput {
 
 /// Opens woven pictures or a video, read unchanged.
 [[nodiscard]] std::unique_ptr<ConvertInput> open_woven_input(const std::string& text,
-                                                             const player::PictureRequest& how);
+                                                             const player::PictureOptions& options);
 
 /// The conversion of views to frames: weaving for a rig, or tiles of a quilt.
 struct FramesOfViews {

@@ -11,7 +11,7 @@
 #include "frames/image_io.h"
 #include "frames/rational.h"
 #include "optics/model.h"
-#include "player/sources/frame_range.h"
+#include "player/sources/source_spec.h"
 #include "render/loaders/load_scene.h"
 #include "render/scene/scene_description.h"
 #include "render/scene/stage.h"

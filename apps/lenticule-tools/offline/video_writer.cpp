@@ -23,7 +23,7 @@
 #include "base/temporary.h"
 #include "base/text.h"
 #include "base/unique_fd.h"
-#include "player/sources/video_program.h"
+#include "player/sources/video_probe.h"
 
 namespace lenticule::tools {
 namespace {

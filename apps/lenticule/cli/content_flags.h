@@ -4,7 +4,8 @@
 
 #include <string>
 
-#include "player/sources/content_flags.h"
+#include "player/sources/source_spec.h"
+#include "player/sources/weaving_source.h"
 
 namespace CLI {
 class App;

@@ -24,7 +24,6 @@
 #include "player/control/control_client.h"
 #include "player/control/control_protocol.h"
 #include "player/process/interrupt.h"
-#include "player/sources/frame_range.h"
 #include "player/sources/source_spec.h"
 
 namespace lenticule::cli {

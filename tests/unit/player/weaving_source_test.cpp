@@ -18,7 +18,7 @@
 #include "frames/weaving/quilt_file.h"
 #include "optics/rig_file.h"
 #include "optics/trim.h"
-#include "player/sources/source_open.h"
+#include "player/sources/open_source.h"
 #include "tests/support/scratch_folder.h"
 
 namespace lenticule::player {
@@ -49,7 +49,7 @@ class WeavingSourceTest : public testing::Test {
   }
 
   [[nodiscard]] WeavingSourceOptions options() const {
-    return {.rig_file = rig_file_.string(), .pool_frames = 3};
+    return {.rig = std::make_shared<LiveRig>(rig_file_), .pool_frames = 3};
   }
   [[nodiscard]] static std::unique_ptr<frames::ViewInput> still(const WovenFrame& quilt) {
     return std::make_unique<frames::ViewInput>(frames::ViewSet(quilt, kLayout));
@@ -154,7 +154,7 @@ TEST_F(WeavingSourceTest, WithoutLoopingEachRoundNeedsARewind) {
 TEST_F(WeavingSourceTest, CompensatesCrosstalkOnRequest) {
   const WovenFrame quilt = noise_quilt(7);
   WeavingSourceOptions undone = options();
-  undone.pipeline.crosstalk = "12";
+  undone.weaving.crosstalk = "12";
   WeavingSource source(still(quilt), undone);
   const frames::ViewSet views(quilt, kLayout);
   EXPECT_EQ(look(source),
@@ -231,9 +231,9 @@ TEST_F(WeavingSourceTest, ABrokenQuiltFailsWhenItsTurnComes) {
 TEST_F(WeavingSourceTest, IsOpenedForAQuiltsName) {
   const std::vector<fs::path> files = write_quilts(2);
   const optics::Rig rig = optics::load_rig(rig_file_);
-  const auto opened = open_source({.spec = parse_source(files[1].string()),
-                                   .panel = {rig.panel.width_px, rig.panel.height_px},
-                                   .rig_file = rig_file_.string()});
+  const auto opened = open_source(parse_source(files[1].string()),
+                                  {.panel = {rig.panel.width_px, rig.panel.height_px},
+                                   .rig = std::make_shared<LiveRig>(rig_file_)});
   AcquiredFrame acquired;
   ASSERT_EQ(opened.source->pull(acquired), PullStatus::Ready);
   EXPECT_EQ(copy_of(acquired), expected(noise_quilt(1)));

@@ -10,7 +10,7 @@
 #include "optics/rig_file.h"
 #include "player/playback/playback.h"
 #include "player/process/interrupt.h"
-#include "player/sources/source_open.h"
+#include "player/sources/open_source.h"
 
 namespace lenticule::vm {
 namespace {
@@ -33,12 +33,11 @@ int play(const char* source, const char* rig_file) {
   const std::unique_ptr<display::KmsDisplay> display = display::open_kms_display(options);
   std::printf("opened %s\n", display->mode().name.c_str());
 
-  player::SourceRequest request;
-  request.spec = player::parse_source(source);
-  request.panel = panel;
-  request.identity = optics::identity_of(rig, {});
-  request.plays_again = true;
-  const player::OpenedSource opened = player::open_source(request);
+  player::OpenContext context;
+  context.panel = panel;
+  context.identity = optics::identity_of(rig, {});
+  context.plays_again = true;
+  const player::OpenedSource opened = player::open_source(player::parse_source(source), context);
   player::PlaybackOptions playback;
   playback.loops = player::kForever;
   playback.stop_fd = player::interrupt_fd();

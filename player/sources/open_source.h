@@ -1,24 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
-// open_source opens the SOURCE argument of `play` as a FrameSource.
+// open_source opens a SOURCE of `play` as a FrameSource: the name is parsed to a SourceSpec,
+// identify() finds out what it means, and the OpenContext states for which panel it is opened.
 #pragma once
 
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "display/test_card.h"
 #include "frames/frame_source.h"
-#include "player/sources/followed_rig.h"
-#include "player/sources/frame_range.h"
-#include "player/sources/live_trim.h"
-#include "player/sources/rig_warnings.h"
+#include "player/sources/live_rig.h"
 #include "player/sources/source_spec.h"
+#include "player/sources/weaving_source.h"
 
 namespace lenticule::player {
+
+/// RigWarnings collects the player's warnings about frames that are shown although they were woven
+/// before the rig was trimmed. It prints each warning once. Thread safety: any thread.
+class RigWarnings {
+ public:
+  void add(const std::string& warning);
+  [[nodiscard]] std::vector<std::string> all() const;
+
+ private:
+  mutable std::mutex mutex_;  ///< guards warnings_
+  std::vector<std::string> warnings_;
+};
 
 /// WallPart is one panel of a wall that one player shows.
 struct WallPart {
@@ -29,30 +40,27 @@ struct WallPart {
   display::CardText card;
 };
 
-struct SourceRequest {
-  SourceSpec spec = {};
-  WeavingFlags weaving = {};
+/// OpenContext is all that opening a source depends on, beside the source.
+struct OpenContext {
   frames::FrameGeometry panel = {};  ///< size of the frames; of a wall, of all parts together
   /// The panels of a wall: each plays its own film, whose name optics::file_of_panel() makes of the
-  /// name in `spec`. Empty for one panel.
+  /// source's name. Empty for one panel.
   std::vector<WallPart> wall = {};
-  /// Identity of the rig at the start; `trim` has the current one.
-  optics::RigIdentity identity = {};
-  std::string rig_name = {};  ///< name in messages
-  std::string rig_file = {};  ///< sources that are woven here follow changes of this file
-  /// Shared rig of that file, for all sources woven here.
-  std::shared_ptr<FollowedRig> rig = nullptr;
-  int slots = 8;  ///< frames in memory: slots of the ring or of the picture pool
+  std::shared_ptr<LiveRig> rig = nullptr;  ///< null for a wall, whose rigs are read once
+  optics::RigIdentity identity = {};       ///< identity of the rig if `rig` is null
+  std::string rig_name = {};               ///< name in messages
+  /// Receives warnings about frames that do not match the rig; may be null.
+  std::shared_ptr<RigWarnings> warnings = nullptr;
+  WeavingFlags weaving = {};
+  display::CardText card = {};  ///< text of a test card
+  int slots = 8;                ///< frames in memory: slots of the ring or of the picture pool
+  bool video_hardware = true;   ///< decodes videos in hardware where possible
+  // The members below differ from item to item of a list.
   std::optional<FrameRange> frames = std::nullopt;  ///< frames of a pattern, container or video
   /// First frame of the first round. Kinds of source that cannot start there ignore it; frames
   /// carry their numbers.
   uint64_t first_frame = 0;
-  bool video_hardware = true;                      ///< decodes videos in hardware where possible
-  bool plays_again = false;                        ///< keeps frames for the next loop if they fit
-  display::CardText card = {};                     ///< text of a test card
-  std::shared_ptr<const LiveTrim> trim = nullptr;  ///< the rig of its own views
-  /// Receives warnings about frames that do not match the rig; may be null.
-  std::shared_ptr<RigWarnings> warnings = nullptr;
+  bool plays_again = false;  ///< keeps frames for the next loop if they fit
 };
 
 struct OpenedSource {
@@ -69,6 +77,6 @@ struct OpenedSource {
 /// Opens the source. Throws Error(Usage) for a source that cannot be played, Error(Input) for
 /// pictures and videos that are missing, broken or of another size than the panel, Error(Device) or
 /// Error(Failed) for a ring that cannot be opened.
-[[nodiscard]] OpenedSource open_source(const SourceRequest& request);
+[[nodiscard]] OpenedSource open_source(const SourceSpec& source, const OpenContext& context);
 
 }  // namespace lenticule::player

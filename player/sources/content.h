@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// ContentFormat is the detected format of a source, from flags, sidecar and name, before a picture
-// is decoded.
+// Content is what a SOURCE means: woven frames or views, and how its pictures hold the views.
+// identify() finds that out from flags, sidecar, name and headers, before a picture is decoded.
 #pragma once
 
 #include <optional>
@@ -8,13 +8,14 @@
 
 #include "frames/quilt.h"
 #include "frames/views_input/content_name.h"
+#include "frames/views_input/depth_views.h"
 #include "player/sources/source_spec.h"
 
 namespace lenticule::player {
 
-struct ContentFormat {
+struct Content {
   enum class Kind {
-    Woven,      ///< pixels of a panel, shown unchanged
+    Woven,      ///< pixels of a panel, shown unchanged; also frames that are generated here
     Quilt,      ///< also a container of views
     ViewFiles,  ///< one file per view
     Stereo,
@@ -30,21 +31,16 @@ struct ContentFormat {
   std::optional<double> aspect = std::nullopt;
   bool rightmost_first = false;
   std::string rig_toml = {};  ///< rig of a container that was woven for another rig
-};
-
-struct FormatQuery {
   SourceSpec source = {};
-  /// True for `weave`, where 'view%02d.png' means views; all other commands take it for woven
-  /// frames.
-  bool patterns_are_views = false;
-  /// Fingerprint of the rig that woven frames must match; empty = any.
-  std::string rig_fingerprint = {};
 };
 
-/// Detects the format. Throws Error(Usage) for flags that contradict each other or the kind,
-/// Error(Input) for a sidecar or container that cannot be read and for a sidecar that contradicts
-/// the name.
-[[nodiscard]] ContentFormat detect_content_format(const FormatQuery& request);
+/// Returns what the source means. Woven frames in a container match the rig with this fingerprint
+/// (empty: any) or are, with --reweave, those of another rig. `patterns_are_views` is true for
+/// `weave`, where 'view%02d.png' means views; all other commands take it for woven frames. Throws
+/// Error(Usage) for flags that contradict each other or the kind, Error(Input) for a sidecar or
+/// container that cannot be read and for a sidecar that contradicts the name.
+[[nodiscard]] Content identify(const SourceSpec& source, const std::string& rig_fingerprint,
+                               bool patterns_are_views = false);
 
 /// Returns the remedy for pictures of this size that were taken for woven frames and do not fit the
 /// rig's panel.

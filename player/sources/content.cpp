@@ -1,24 +1,61 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "player/sources/content_format.h"
+#include "player/sources/content.h"
 
 #include <fmt/format.h>
 
 #include <cmath>
 #include <filesystem>
+#include <string_view>
 
 #include "base/error.h"
+#include "base/numbers.h"
 #include "frames/image_io.h"
 #include "frames/sequence/sequence_reader.h"
 #include "frames/views_input/jps_tag.h"
 #include "frames/views_input/quilt_sidecar.h"
-#include "player/sources/video_program.h"
+#include "player/sources/video_probe.h"
 
 namespace lenticule::player {
 namespace {
 
-using Kind = ContentFormat::Kind;
+using Kind = Content::Kind;
 
 constexpr double kSameAspect = 0.005;
+
+/// Parses "8x6", columns by rows, into the layout. Throws Error(Usage).
+void read_grid(const std::string& text, frames::QuiltLayout& layout) {
+  const auto grid = numbers_from<int, 2>(text, 'x');
+  if (!grid)
+    throw Error(ErrorKind::Usage, fmt::format("--grid '{}': not columns x rows", text),
+                "for example --grid 8x6, or 1x1 for an ordinary picture");
+  layout.columns = (*grid)[0];
+  layout.rows = (*grid)[1];
+}
+
+/// Parses one end of a range: a number, followed by nothing, "%" or "px". Returns false for other
+/// text.
+bool read_disparity(std::string_view text, double& value, bool& in_pixels) {
+  const auto number = take_number<double>(text);
+  if (!number) return false;
+  in_pixels = text == "px";
+  value = in_pixels ? *number : *number / 100.0;
+  return in_pixels || text.empty() || text == "%";
+}
+
+/// Parses "-2:2" in percent of a view's width, or "-20px:20px": the disparities of the farthest and
+/// the nearest depth. Throws Error(Usage).
+void read_depth_range(const std::string& text, frames::DepthOptions& options) {
+  const size_t colon = text.find(':');
+  bool back_px = false, front_px = false;
+  const std::string_view all(text);
+  if (colon != std::string::npos && read_disparity(all.substr(0, colon), options.back, back_px) &&
+      read_disparity(all.substr(colon + 1), options.front, front_px) && back_px == front_px) {
+    options.in_pixels = back_px;
+    return;
+  }
+  throw Error(ErrorKind::Usage, fmt::format("--depth-range '{}': not two disparities", text),
+              "for example --depth-range -2:2, in percent of the width, or -20px:20px");
+}
 
 /// Returns the sidecar; for a pattern, the one of its first picture.
 std::optional<frames::QuiltSidecar> find_sidecar(const std::string& text) {
@@ -55,11 +92,11 @@ void require_agreement(const std::string& text, const frames::QuiltSidecar& side
 }
 
 /// Combines the name, the sidecar and the flags; later ones override earlier ones.
-ContentFormat quilt(const SourceSpec& source, const std::optional<frames::QuiltSidecar>& sidecar) {
+Content quilt(const SourceSpec& source, const std::optional<frames::QuiltSidecar>& sidecar) {
   const ContentFlags& flags = source.content;
   const auto named = frames::quilt_layout_of_name(source.text);
-  ContentFormat detected{.kind = Kind::Quilt};
-  frames::QuiltLayout& layout = detected.layout;
+  Content content{.kind = Kind::Quilt};
+  frames::QuiltLayout& layout = content.layout;
   if (named) layout = *named;
   if (sidecar && sidecar->columns) {
     if (named) require_agreement(source.text, *sidecar, *named, flags);
@@ -67,7 +104,7 @@ ContentFormat quilt(const SourceSpec& source, const std::optional<frames::QuiltS
     layout.rows = *sidecar->rows;
     layout.views = sidecar->views.value_or(0);
     if (sidecar->aspect) layout.aspect = sidecar->aspect;
-    detected.rightmost_first = sidecar->inverted;
+    content.rightmost_first = sidecar->inverted;
   }
   if (!flags.grid.empty()) {
     read_grid(flags.grid, layout);
@@ -76,46 +113,45 @@ ContentFormat quilt(const SourceSpec& source, const std::optional<frames::QuiltS
   if (flags.views != 0) layout.views = flags.views;
   if (flags.aspect) layout.aspect = flags.aspect;
   frames::check_quilt_layout(layout, source.text);
-  return detected;
+  return content;
 }
 
-ContentFormat with_depth(const ContentFlags& flags,
-                         const std::optional<frames::QuiltSidecar>& sidecar) {
-  ContentFormat detected{.kind = Kind::DepthInside};
-  frames::DepthOptions& options = detected.depth_options;
+Content with_depth(const ContentFlags& flags, const std::optional<frames::QuiltSidecar>& sidecar) {
+  Content content{.kind = Kind::DepthInside};
+  frames::DepthOptions& options = content.depth_options;
   if (sidecar && sidecar->depth) {
-    detected.depth = *sidecar->depth;
-    detected.aspect = sidecar->aspect;
+    content.depth = *sidecar->depth;
+    content.aspect = sidecar->aspect;
     options.black_is_near = sidecar->black_is_near;
     options.back *= sidecar->depthiness;
     options.front *= sidecar->depthiness;
   }
   if (const auto place = frames::parse_depth_place(flags.depth))
-    detected.depth = *place;
+    content.depth = *place;
   else if (!flags.depth.empty())
-    detected.kind = Kind::OwnDepth;
+    content.kind = Kind::OwnDepth;
   if (!flags.depth_range.empty()) read_depth_range(flags.depth_range, options);
   options.black_is_near = options.black_is_near != flags.invert_depth;
   if (flags.views != 0) options.views = flags.views;
-  return detected;
+  return content;
 }
 
-ContentFormat stereo(const frames::StereoLayout& layout, const ContentFlags& flags) {
+Content stereo(const frames::StereoLayout& layout, const ContentFlags& flags) {
   if (flags.views != 0 && flags.views != 2)
     throw Error(ErrorKind::Usage, fmt::format("--views {}: stereo has two views", flags.views));
   return {.kind = Kind::Stereo, .stereo = layout};
 }
 
 /// Returns the stereo layout of a tag in the file: in JPEG stereo pictures and in videos.
-std::optional<ContentFormat> tagged_stereo(const SourceSpec& source) {
+std::optional<Content> tagged_stereo(const SourceSpec& source) {
   const std::string& text = source.text;
   const ContentFlags& flags = source.content;
   if (!flags.stereo.empty()) return std::nullopt;
   if (frames::is_jps_name(text)) {
     const frames::JpsTag tag = frames::read_jps_tag(text);
-    ContentFormat detected = stereo(tag.stereo, flags);
-    detected.rightmost_first = tag.right_first;
-    return detected;
+    Content content = stereo(tag.stereo, flags);
+    content.rightmost_first = tag.right_first;
+    return content;
   }
   if (source.kind != SourceKind::Video) return std::nullopt;
   const std::optional<VideoStereo> tag = probe_video(text).front().stereo;
@@ -129,9 +165,9 @@ std::optional<ContentFormat> tagged_stereo(const SourceSpec& source) {
             text, tag->layout),
         "use --stereo none to play it unchanged");
   // The shape of the pixels shows whether each eye is squeezed.
-  ContentFormat detected = stereo({.beside = beside, .half = false}, flags);
-  detected.rightmost_first = tag->right_first;
-  return detected;
+  Content content = stereo({.beside = beside, .half = false}, flags);
+  content.rightmost_first = tag->right_first;
+  return content;
 }
 
 void refuse_multi_picture(const std::string& text) {
@@ -143,43 +179,42 @@ void refuse_multi_picture(const std::string& text) {
         "separate them, for example with exiftool, and play 'views:left.jpg|right.jpg'");
 }
 
-ContentFormat other_rig(const ContentFlags& flags) {
+Content other_rig(const ContentFlags& flags) {
   if (!flags.grid.empty() || flags.aspect || flags.invert)
     throw Error(ErrorKind::Usage, "--from-rig: the input is a woven frame, not a quilt",
                 "leave out --grid, --aspect and --invert");
   return {.kind = Kind::OtherRig};
 }
 
-ContentFormat container(const FormatQuery& request) {
-  const ContentFlags& flags = request.source.content;
+Content container(const SourceSpec& source, const std::string& rig_fingerprint) {
+  const ContentFlags& flags = source.content;
   if (!flags.grid.empty() || !flags.stereo.empty() || !flags.depth.empty())
     throw Error(ErrorKind::Usage,
-                request.source.text + ": --grid, --stereo and --depth do not apply to a .lts",
+                source.text + ": --grid, --stereo and --depth do not apply to a .lts",
                 "leave them out: the file states how its views lie");
-  const frames::SequenceReader reader(request.source.text);
+  const frames::SequenceReader reader(source.text);
   const frames::SequenceInfo& info = reader.info();
   if (info.kind == frames::SequenceKind::Views) {
     LENTICULE_CHECK(info.views.has_value());
-    ContentFormat detected{.kind = Kind::Quilt};
-    detected.layout = {.columns = info.views->columns,
-                       .rows = info.views->rows,
-                       .views = info.views->count,
-                       .aspect = request.source.content.aspect};
-    if (info.views->aspect > 0.0 && !detected.layout.aspect)
-      detected.layout.aspect = info.views->aspect;
-    detected.rightmost_first = info.views->rightmost_first;
-    return detected;
+    Content content{.kind = Kind::Quilt};
+    content.layout = {.columns = info.views->columns,
+                      .rows = info.views->rows,
+                      .views = info.views->count,
+                      .aspect = flags.aspect};
+    if (info.views->aspect > 0.0 && !content.layout.aspect)
+      content.layout.aspect = info.views->aspect;
+    content.rightmost_first = info.views->rightmost_first;
+    return content;
   }
-  const bool other =
-      !info.rig_fingerprint.empty() && info.rig_fingerprint != request.rig_fingerprint;
-  if (!request.source.content.reweave || !other) return {};
-  ContentFormat detected = other_rig(request.source.content);
-  detected.rig_toml = info.rig_toml;
-  return detected;
+  const bool other = !info.rig_fingerprint.empty() && info.rig_fingerprint != rig_fingerprint;
+  if (!flags.reweave || !other) return {};
+  Content content = other_rig(flags);
+  content.rig_toml = info.rig_toml;
+  return content;
 }
 
 /// Returns the format of a source without prefix, container or --from-rig.
-ContentFormat picture(const SourceSpec& source, bool patterns_are_views) {
+Content picture(const SourceSpec& source, bool patterns_are_views) {
   const std::string& text = source.text;
   const ContentFlags& flags = source.content;
   refuse_multi_picture(text);
@@ -200,8 +235,8 @@ ContentFormat picture(const SourceSpec& source, bool patterns_are_views) {
   return {.kind = is_set ? Kind::ViewFiles : Kind::Woven};
 }
 
-ContentFormat kind_of(const FormatQuery& request) {
-  const SourceSpec& source = request.source;
+Content content_of(const SourceSpec& source, const std::string& rig_fingerprint,
+                   bool patterns_are_views) {
   if (source.kind == SourceKind::ViewFiles) {
     if (source.without_prefix().empty())
       throw Error(ErrorKind::Usage, fmt::format("source '{}': no files", source.text),
@@ -210,8 +245,8 @@ ContentFormat kind_of(const FormatQuery& request) {
   }
   if (!source.has_pictures()) return {};
   if (!source.content.from_rig.empty()) return other_rig(source.content);
-  if (source.kind == SourceKind::Sequence) return container(request);
-  return picture(source, request.patterns_are_views);
+  if (source.kind == SourceKind::Sequence) return container(source, rig_fingerprint);
+  return picture(source, patterns_are_views);
 }
 
 /// Refuses flags that would have no effect, since the user expects one.
@@ -240,16 +275,18 @@ const char* remedy_of_unwoven(const frames::FrameGeometry& size) {
          "side: --stereo sbs; woven frames: make them for this panel, as RGB or 4:4:4";
 }
 
-ContentFormat detect_content_format(const FormatQuery& request) {
-  const ContentFlags& flags = request.source.content;
+Content identify(const SourceSpec& source, const std::string& rig_fingerprint,
+                 bool patterns_are_views) {
+  const ContentFlags& flags = source.content;
   refuse_other_flags(flags);
-  ContentFormat detected = kind_of(request);
-  if (detected.kind == Kind::ViewFiles && !flags.grid.empty())
+  Content content = content_of(source, rig_fingerprint, patterns_are_views);
+  if (content.kind == Kind::ViewFiles && !flags.grid.empty())
     throw Error(ErrorKind::Usage, "--grid: the input is a pattern of views, not a quilt");
-  refuse_idle_flags(request.source, detected.kind);
-  if (flags.aspect) detected.aspect = flags.aspect;
-  if (flags.invert) detected.rightmost_first = !detected.rightmost_first;
-  return detected;
+  refuse_idle_flags(source, content.kind);
+  if (flags.aspect) content.aspect = flags.aspect;
+  if (flags.invert) content.rightmost_first = !content.rightmost_first;
+  content.source = source;
+  return content;
 }
 
 }  // namespace lenticule::player

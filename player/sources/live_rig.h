@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// LiveTrim is the trim of a rig during playback: keys change it, the file beside the rig stores it,
-// and all weaving in this process uses it at once.
+// LiveRig is the rig of a player, with its trim. It follows the rig file and the trim file while
+// other programs replace them, and keys and programs change its trim. All weaving in this process
+// uses the newest one at once.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <filesystem>
@@ -11,6 +13,7 @@
 #include <optional>
 #include <string>
 
+#include "base/file_mark.h"
 #include "base/retried_writes.h"
 #include "base/terminal_keys.h"
 #include "optics/trim.h"
@@ -22,23 +25,37 @@ inline constexpr double kTrimOffsetStep = 0.01;  ///< lenses, for left and right
 inline constexpr double kTrimPitchStep = 1e-5;   ///< fraction of the pitch, for up and down
 
 /// Thread safety: any thread.
-class LiveTrim {
+class LiveRig {
  public:
   /// `unsavable` is the reason if the rig file cannot keep changes; empty if it can. Throws
   /// Error(Input) for the rig file or its trim file.
-  explicit LiveTrim(std::filesystem::path rig_file, std::string unsavable = {});
+  explicit LiveRig(std::filesystem::path rig_file, std::string unsavable = {});
+
+  [[nodiscard]] const std::filesystem::path& file() const { return rig_file_; }
+  /// Returns the rig with its trim applied.
+  [[nodiscard]] optics::Rig rig() const;
+  [[nodiscard]] optics::RigIdentity identity() const;
+  [[nodiscard]] optics::Trim trim() const;
+  /// Returns a number that changes with every change of the rig or its trim.
+  [[nodiscard]] uint64_t version() const { return version_.load(std::memory_order_acquire); }
+
+  /// Checks the files with two stat() calls, and reads them if they were replaced. Files that
+  /// cannot be read, or a rig for another panel, change nothing; complaint() returns the reason. A
+  /// trim that is not saved yet is kept.
+  void look();
+  /// Makes the next look() read the files even if they are unchanged.
+  void read_again();
+  /// Returns the reason why the files are not followed; empty while they are.
+  [[nodiscard]] std::string complaint() const;
 
   /// Applies a key press, saves the trim, and returns a sentence about the result; empty for keys
   /// without a function. Escape undoes all presses since the start. Does not throw: an invalid trim
   /// changes nothing, a trim that cannot be saved is used and saved later; the sentence reports
   /// both.
   [[nodiscard]] std::string press(const KeyPress& press);
-
   /// Applies `changed` to the trim and returns the new trim. Throws Error(Input) and changes
   /// nothing if the result is not a valid trim of this rig.
   optics::Trim change(const std::function<optics::Trim(const optics::Trim&)>& changed);
-  [[nodiscard]] optics::Trim trim() const;
-
   /// Saves a new calibration of the same panel as the rig file, keeps the old file under a number,
   /// and removes the trim, which the new rig contains. Returns the path of the old file's copy.
   /// Throws Error(Input) for a rig of another panel, Error(Failed) if the file cannot be written;
@@ -53,32 +70,31 @@ class LiveTrim {
   void save_again();
   /// Returns the state of the writes.
   [[nodiscard]] RetriedWrites& writes() { return writes_; }
-  /// Reads the rig and its trim again after they were replaced. A trim that is not saved yet is
-  /// kept; if the files cannot be used, everything is kept.
-  void follow_files();
 
   /// States whether the present content was woven before it came here.
   void note_content(bool woven_elsewhere) { woven_elsewhere_.store(woven_elsewhere); }
   /// Returns what to do for content that a trim does not change; empty for other content.
   [[nodiscard]] std::string advice() const;
 
-  /// Returns the rig with the trim applied.
-  [[nodiscard]] optics::Rig rig() const;
-  [[nodiscard]] optics::RigIdentity identity() const;
-  /// Returns a number that changes with every change.
-  [[nodiscard]] uint64_t version() const { return version_.load(std::memory_order_acquire); }
-
  private:
-  void take(const optics::Trim& wanted);
-  void save() noexcept;
-  [[nodiscard]] optics::Trim after(const KeyPress& press) const;
+  /// State of the rig file and the trim file.
+  using Marks = std::array<FileMark, 2>;
+  [[nodiscard]] Marks marks() const { return {mark_of(rig_file_), mark_of(trim_file_)}; }
+  void locked_read();
+  void locked_use(const optics::Trim& wanted);
+  void locked_save() noexcept;
+  [[nodiscard]] std::string locked_why_unsaved() const;
+  [[nodiscard]] optics::Trim locked_after(const KeyPress& press) const;
 
-  std::filesystem::path rig_file_;
+  const std::filesystem::path rig_file_, trim_file_;
   const std::string unsavable_;
-  optics::Rig calibrated_;
-  optics::Trim at_start_;
-  mutable std::mutex mutex_;  ///< guards calibrated_ and the next three members
+  mutable std::mutex mutex_;  ///< guards the members below
+  Marks seen_;
+  bool again_ = false;
+  std::string complaint_;
+  optics::Rig calibrated_;  ///< the rig of the file, without trim
   optics::Trim trim_;
+  const optics::Trim at_start_;
   bool saved_ = true;
   RetriedWrites writes_;
   std::atomic<uint64_t> version_{1};

@@ -1,52 +1,54 @@
 // SPDX-License-Identifier: Apache-2.0
 // open_pictures opens pictures of any size as a FrameSource: a picture, a pattern, a video, or a
-// container of views.
+// container. open_views combines them to sets of views, for every kind of content that consists of
+// views: quilts, pictures and videos per view, stereo, depth, frames woven for other rigs.
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "frames/frame_source.h"
-#include "player/sources/frame_range.h"
+#include "frames/views_input/view_input.h"
+#include "player/sources/content.h"
 
 namespace lenticule::player {
 
-/// Limits for playback: a picture with more pixels is refused before memory is allocated for it. A
-/// video decoder holds many pictures, so its limit is lower.
-inline constexpr uint64_t kMostPlayedPixels = uint64_t{1} << 27;       ///< 16384 x 8192: 384 MiB
-inline constexpr uint64_t kMostPlayedVideoPixels = uint64_t{1} << 26;  ///< 8192 x 8192
-/// Limit of the pictures decoded ahead; two pictures are always allowed.
-inline constexpr uint64_t kMostBytesAhead = uint64_t{1} << 30;
-
-/// Options of open_pictures.
-struct PictureRequest {
+/// Options of reading pictures.
+struct PictureOptions {
   std::optional<FrameRange> frames = std::nullopt;  ///< frames of a pattern, container or video
   /// First frame of the first round. Kinds of source that cannot start there ignore it.
   uint64_t first_frame = 0;
   int pool_frames = 3;
   int decoder_threads = 1;
+  int drawing_threads = 1;  ///< threads that make views from depth
   bool plays_again = false;
   /// Views: accepts subsampled chroma and applies orientation tags.
   bool before_weaving = true;
   /// Size of woven frames: another size is refused before memory is allocated.
   std::optional<frames::FrameGeometry> size = std::nullopt;
-  bool plays = false;  ///< applies the playback limits above
+  bool plays = false;  ///< applies the limits of playback
   /// Decodes videos in hardware where a device can.
   bool hardware = false;
 };
 
 /// Throws Error(Usage) and Error(Input) as the functions of the individual kinds do.
 [[nodiscard]] std::unique_ptr<frames::FrameSource> open_pictures(const std::string& text,
-                                                                 const PictureRequest& request);
+                                                                 const PictureOptions& options);
 
-/// Returns all files of a pattern in a range. Throws Error(Usage) for a single picture,
-/// Error(Input) that names the first missing file.
-[[nodiscard]] std::vector<std::filesystem::path> files_in_range(const std::string& text,
-                                                                FrameRange range);
+/// Opens content that has views. Throws Error(Usage) and Error(Input) for inputs that are missing,
+/// broken, of different sizes or lengths, or too large.
+[[nodiscard]] std::unique_ptr<frames::ViewInput> open_views(const Content& content,
+                                                            const PictureOptions& options);
+
+/// Waits at most a minute for the first set of views. Throws Error(Input) with the input's error,
+/// Error(Failed) if none came or the input has no frame.
+void await_first(frames::ViewInput& input, const std::string& name);
+
+/// Returns the damage in the whole input. Waits at most a minute for the input's end; the set of
+/// views in use must be the last one needed.
+[[nodiscard]] frames::FrameDamage await_damage(frames::ViewInput& input);
 
 /// Returns the number of decoding threads beside a player; one core is left to the player.
 [[nodiscard]] int decoding_threads();

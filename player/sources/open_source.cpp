@@ -1,0 +1,260 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/sources/open_source.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <utility>
+
+#include "base/error.h"
+#include "base/print.h"
+#include "frames/qr/qr_code.h"
+#include "frames/ring/ring_player.h"
+#include "frames/sequence/sequence_source.h"
+#include "optics/rig_file.h"
+#include "optics/wall/wall.h"
+#include "player/sources/joined_source.h"
+#include "player/sources/pictures.h"
+#include "player/sources/still_source.h"
+
+namespace lenticule::player {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Bounds the memory when many renderers connect with different trims.
+constexpr size_t kMostWarnings = 100;
+
+optics::RigIdentity present_rig(const OpenContext& context) {
+  return context.rig ? context.rig->identity() : context.identity;
+}
+
+void warn(const OpenContext& context, const std::string& warning) {
+  if (context.warnings) context.warnings->add(warning);
+}
+
+// --- frames that are generated here ---------------------------------------------------------
+
+frames::WovenFrame draw_still(const SourceSpec& source, const OpenContext& context) {
+  if (source.kind == SourceKind::Card) return draw_test_card(context.panel, context.card);
+  if (source.kind == SourceKind::Black) return frames::WovenFrame(context.panel);
+  return frames::draw_qr_code(frames::qr_code_of(source.coded), context.panel);
+}
+
+OpenedSource open_still(const SourceSpec& source, const OpenContext& context, const char* what) {
+  if (context.frames)
+    throw Error(ErrorKind::Usage, fmt::format("--frames: not allowed for {}", what),
+                "use --frames with a pattern such as 'out/%05d.png'");
+  OpenedSource opened;
+  if (source.kind == SourceKind::RigViews) {
+    LENTICULE_CHECK(context.rig != nullptr);
+    opened.source = std::make_unique<StillSource>(context.rig);
+  } else {
+    opened.source = std::make_unique<StillSource>(draw_still(source, context));
+  }
+  return opened;
+}
+
+// --- frames that were woven elsewhere -------------------------------------------------------
+
+OpenedSource open_ring(const SourceSpec& source, const OpenContext& context) {
+  const std::string socket = source.without_prefix();
+  if (socket.empty())
+    throw Error(ErrorKind::Usage, "source 'ring:': no socket",
+                "for example ring:/run/user/1000/panel");
+  if (context.frames)
+    throw Error(ErrorKind::Usage,
+                "--frames: not allowed for a ring, which plays what its renderer sends",
+                "use --frames with lenticule render");
+  std::unique_ptr<frames::RingPlayer> ring =
+      frames::RingPlayer::open({.socket = socket,
+                                .geometry = context.panel,
+                                .slots = context.slots,
+                                .rig_fingerprint = optics::to_text(present_rig(context)),
+                                .on_other_trim =
+                                    [warnings = context.warnings](const std::string& difference) {
+                                      if (warnings) warnings->add(difference);
+                                    },
+                                .keep_for_loop = context.plays_again});
+  OpenedSource opened;
+  opened.loop_obstacle = [player = ring.get()] { return player->statistics().loop_obstacle; };
+  opened.source = std::move(ring);
+  opened.woven_elsewhere = true;
+  opened.stall_hint =
+      fmt::format("start a renderer: lenticule render SCENE --rig RIG -o ring:{}", socket);
+  return opened;
+}
+
+void refuse_other_kinds(const SourceSpec& source) {
+  const std::string& text = source.text;
+  const std::string extension = fs::path(text).extension().string();
+  if (source.has_pictures() && extension != ".m3u" && extension != ".json" && !text.empty()) return;
+  throw Error(ErrorKind::Usage, fmt::format("source '{}': unknown kind of source", text),
+              "use ring:SOCKET, FILE.lts, a pattern such as 'out/%05d.png', one picture, a video, "
+              "LIST.toml, a folder, card, black, views or code:TEXT");
+}
+
+/// Returns the name in the rig that a container stores.
+std::string kept_rig_name(const frames::SequenceInfo& info) {
+  try {
+    return optics::parse_rig(info.rig_toml, "rig").name;
+  } catch (const Error&) {
+    return {};
+  }
+}
+
+/// Checks a container before its pool is allocated, because an untrusted file may state any size.
+void require_frames_of_this_panel(const std::string& file, const OpenContext& context) {
+  const frames::SequenceReader reader(file);
+  const optics::RigIdentity theirs = frames::rig_of(reader.info()), ours = present_rig(context);
+  const optics::RigMatch matched = optics::match(theirs, ours);
+  if (matched == optics::RigMatch::Trimmed)
+    warn(context, fmt::format("{}: {}", file, optics::trim_difference(theirs, ours)));
+  else if (matched != optics::RigMatch::Same)
+    throw Error(
+        ErrorKind::Input,
+        fmt::format("{}: was woven for rig '{}' ({}), not for '{}' ({})", file,
+                    kept_rig_name(reader.info()), reader.info().rig_fingerprint, context.rig_name,
+                    ours.fingerprint),
+        "woven frames fit one panel: render them for this rig, or use --reweave, which weaves them "
+        "again and costs sharpness");
+  const frames::FrameGeometry size = reader.geometry();
+  if (size != context.panel)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: {}x{} pixels, but the rig's panel has {}x{}", file, size.width,
+                            size.height, context.panel.width, context.panel.height),
+                "woven frames fit one panel, pixel for pixel: render or weave them for this rig");
+}
+
+PictureOptions picture_options(const OpenContext& context) {
+  return {.frames = context.frames,
+          .first_frame = context.first_frame,
+          .pool_frames = std::max(context.slots, 2),
+          .decoder_threads = decoding_threads(),
+          .drawing_threads = decoding_threads(),
+          .plays_again = context.plays_again,
+          .before_weaving = false,
+          .plays = true,
+          .hardware = context.video_hardware};
+}
+
+OpenedSource open_woven(const SourceSpec& source, const OpenContext& context) {
+  PictureOptions options = picture_options(context);
+  if (source.kind == SourceKind::Sequence) {
+    require_frames_of_this_panel(source.text, context);
+  } else {
+    refuse_other_kinds(source);
+    options.size = context.panel;
+  }
+  OpenedSource opened;
+  opened.source = open_pictures(source.text, options);
+  opened.woven_elsewhere = true;
+  return opened;
+}
+
+// --- views ----------------------------------------------------------------------------------
+
+/// Opens views, which are woven here. Quilts are large: only a few are kept ahead, beside the
+/// requested number of woven frames.
+OpenedSource open_and_weave(const Content& content, const OpenContext& context) {
+  constexpr int kPicturesAhead = 4;
+  LENTICULE_CHECK(context.rig != nullptr);
+  PictureOptions options = picture_options(context);
+  options.pool_frames = kPicturesAhead;
+  options.before_weaving = true;
+  OpenedSource opened;
+  opened.source = std::make_unique<WeavingSource>(
+      open_views(content, options), WeavingSourceOptions{.name = content.source.text,
+                                                         .rig = context.rig,
+                                                         .weaving = context.weaving,
+                                                         .threads = decoding_threads(),
+                                                         .pool_frames = std::max(context.slots, 3),
+                                                         .plays_again = context.plays_again});
+  return opened;
+}
+
+// --- walls ----------------------------------------------------------------------------------
+
+void refuse_on_wall(const SourceSpec& source) {
+  const SourceKind kind = source.kind;
+  const bool plays = kind == SourceKind::Sequence || kind == SourceKind::Pictures ||
+                     kind == SourceKind::Card || kind == SourceKind::Black ||
+                     kind == SourceKind::Code;
+  if (!plays)
+    throw Error(ErrorKind::Usage,
+                fmt::format("source '{}': cannot be played on a wall", source.text),
+                "a wall plays films that were rendered for it: lenticule render --wall");
+}
+
+/// Views are woven for a rig of a file, and a wall gives its panels other viewing lines.
+void require_woven(const SourceSpec& source, const OpenContext& context) {
+  if (identify(source, context.identity.fingerprint).kind == Content::Kind::Woven) return;
+  throw Error(ErrorKind::Usage,
+              fmt::format("{}: has views, and the panels of a wall play woven frames", source.text),
+              "weave them for each panel: lenticule rig wall --rigs, lenticule weave");
+}
+
+OpenedSource open_on_wall(const SourceSpec& source, const OpenContext& context) {
+  refuse_on_wall(source);
+  std::vector<JoinedSource::Part> parts;
+  for (const WallPart& part : context.wall) {
+    SourceSpec own = source;
+    if (own.has_pictures()) own.text = optics::file_of_panel(own.text, part.name);
+    OpenContext panel = context;
+    panel.wall.clear();
+    panel.panel = part.panel;
+    panel.identity = part.identity;
+    panel.rig_name = part.rig.name;
+    panel.card = part.card;
+    require_woven(own, panel);
+    parts.push_back({.name = own.text, .source = open_source(own, panel).source});
+  }
+  OpenedSource opened;
+  opened.source = std::make_unique<JoinedSource>(std::move(parts), context.panel);
+  return opened;
+}
+
+}  // namespace
+
+OpenedSource open_source(const SourceSpec& source, const OpenContext& context) {
+  if (!context.wall.empty()) return open_on_wall(source, context);
+  switch (source.kind) {
+    case SourceKind::Card:
+      return open_still(source, context, "a test card");
+    case SourceKind::Black:
+      return open_still(source, context, "a black frame");
+    case SourceKind::Code:
+      return open_still(source, context, "a code");
+    case SourceKind::RigViews:
+      return open_still(source, context, "numbered views");
+    case SourceKind::Ring:
+      return open_ring(source, context);
+    case SourceKind::ViewFiles:
+    case SourceKind::List:
+    case SourceKind::Sequence:
+    case SourceKind::Video:
+    case SourceKind::Pictures:
+      break;
+  }
+  const Content content = identify(source, present_rig(context).fingerprint);
+  return content.kind == Content::Kind::Woven ? open_woven(source, context)
+                                              : open_and_weave(content, context);
+}
+
+void RigWarnings::add(const std::string& warning) {
+  {
+    const std::lock_guard lock(mutex_);
+    const bool known = std::find(warnings_.begin(), warnings_.end(), warning) != warnings_.end();
+    if (known || warnings_.size() >= kMostWarnings) return;
+    warnings_.push_back(warning);
+  }
+  say("lenticule: {}\n  render or weave it again to apply the trim\n", warning);
+}
+
+std::vector<std::string> RigWarnings::all() const {
+  const std::lock_guard lock(mutex_);
+  return warnings_;
+}
+
+}  // namespace lenticule::player

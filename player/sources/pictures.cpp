@@ -1,0 +1,396 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/sources/pictures.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <limits>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "base/error.h"
+#include "frames/image_io.h"
+#include "frames/image_sequence.h"
+#include "frames/sequence/sequence_source.h"
+#include "frames/weaving/reweave.h"
+#include "optics/rig_file.h"
+#include "optics/trim.h"
+#include "player/process/interrupt.h"
+#include "player/sources/video_source.h"
+
+namespace lenticule::player {
+namespace {
+
+namespace fs = std::filesystem;
+using frames::FrameSource;
+using frames::ViewInput;
+using Kind = Content::Kind;
+
+/// Limits for playback: a picture with more pixels is refused before memory is allocated for it. A
+/// video decoder holds many pictures, so its limit is lower.
+constexpr uint64_t kMostPlayedPixels = uint64_t{1} << 27;       ///< 16384 x 8192: 384 MiB
+constexpr uint64_t kMostPlayedVideoPixels = uint64_t{1} << 26;  ///< 8192 x 8192
+/// Limit of the pictures decoded ahead; two pictures are always allowed.
+constexpr uint64_t kMostBytesAhead = uint64_t{1} << 30;
+constexpr int kMaxDecoderThreads = 8;
+constexpr int kMaxThreads = 16;
+constexpr int kFewestFrames = 2;
+/// Limits of views per source: each film has a thread and pictures, each video a process.
+constexpr size_t kMostFilms = 128;
+constexpr size_t kMostVideos = 16;
+/// Limit for playback: 2 GiB, the size of 86 views of 3840x2160.
+constexpr uint64_t kMostPlayedViewBytes = uint64_t{2} << 30;
+constexpr auto kTimeout = std::chrono::minutes(1);
+constexpr std::chrono::milliseconds kLongestWait{100};
+
+uint64_t pixels_of(const frames::FrameGeometry& size) {
+  return uint64_t(size.width) * uint64_t(size.height);
+}
+
+void check_size(const std::string& name, const frames::FrameGeometry& size,
+                const PictureOptions& options, uint64_t most_pixels) {
+  if (options.size && size != *options.size)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: {}x{} pixels, but the rig's panel has {}x{}", name, size.width,
+                            size.height, options.size->width, options.size->height),
+                remedy_of_unwoven(size));
+  if (options.plays && pixels_of(size) > most_pixels)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: {}x{} pixels; the limit is {} million", name, size.width,
+                            size.height, most_pixels / 1'000'000),
+                "make the views smaller; a panel shows only a fraction of so many pixels");
+}
+
+/// Returns all files of a pattern in a range. Throws Error(Usage) for a single picture,
+/// Error(Input) that names the first missing file.
+std::vector<fs::path> files_in_range(const std::string& text, FrameRange range) {
+  if (!frames::FilePattern::looks_like_pattern(text))
+    throw Error(ErrorKind::Usage, fmt::format("--frames: '{}' is a single picture", text),
+                "use a pattern such as 'out/%05d.png'");
+  const frames::FilePattern pattern(text);
+  std::vector<uint64_t> numbers = pattern.existing();
+  std::erase_if(numbers, [&](uint64_t n) { return n < range.begin || n >= range.end; });
+  std::vector<fs::path> files;
+  for (uint64_t n = range.begin; n < range.end; ++n) {
+    const size_t index = static_cast<size_t>(n - range.begin);
+    if (index >= numbers.size() || numbers[index] != n)
+      throw Error(ErrorKind::Input, fmt::format("{}: no such file", pattern.path(n).string()),
+                  "use a range of existing frames");
+    files.push_back(pattern.path(n));
+  }
+  return files;
+}
+
+std::unique_ptr<FrameSource> open_files(const std::string& text, const PictureOptions& options) {
+  std::vector<fs::path> files =
+      options.frames ? files_in_range(text, *options.frames) : frames::list_frame_files(text);
+  const uint64_t first = options.first_frame < files.size() ? options.first_frame : 0;
+  frames::ImageSequenceOptions sequence{
+      .pool_frames = std::max(options.pool_frames, kFewestFrames),
+      .decoder_threads = options.decoder_threads,
+      .first = first,
+      .use = options.before_weaving ? frames::PictureUse::Views : frames::PictureUse::Woven};
+  if (options.plays) sequence.pool_bytes = kMostBytesAhead;
+  const std::string name = files.front().string();
+  sequence.accept = [&](const frames::PictureInfo& info) {
+    const auto size = frames::oriented_geometry(info.geometry, info.orientation);
+    check_size(name, size, options, kMostPlayedPixels);
+  };
+  return std::make_unique<frames::ImageSequence>(std::move(files), sequence);
+}
+
+/// Opens a container; frames keep their numbers in the rendered sequence.
+std::unique_ptr<FrameSource> open_container(const std::string& text,
+                                            const PictureOptions& options) {
+  frames::SequenceSourceOptions sequence{
+      .pool_frames = std::max(options.pool_frames, kFewestFrames),
+      .decoder_threads = options.decoder_threads,
+      .first = options.first_frame};
+  if (options.frames) {
+    const uint64_t named_first = frames::SequenceReader(text).info().first_frame;
+    if (options.frames->begin < named_first)
+      throw Error(ErrorKind::Input, fmt::format("{}: starts at frame {}", text, named_first),
+                  "use a range of existing frames");
+    sequence.begin = options.frames->begin - named_first;
+    sequence.end = options.frames->end - named_first;
+  }
+  return std::make_unique<frames::SequenceSource>(text, sequence);
+}
+
+// --- views ----------------------------------------------------------------------------------
+
+/// Expands "view%02d/%05d.png": returns the second pattern in each folder of the first.
+std::vector<std::string> in_numbered_folders(const fs::path& text) {
+  std::vector<std::string> films;
+  for (const fs::path& folder : frames::list_frame_files(text.parent_path().string()))
+    films.push_back((folder / text.filename()).string());
+  return films;
+}
+
+/// Returns one name for each view.
+std::vector<std::string> names_of_views(const SourceSpec& source) {
+  std::vector<std::string> names = source.files();
+  if (names.size() > 1) return names;
+  const std::string text = source.without_prefix();
+  if (frames::FilePattern::looks_like_pattern(fs::path(text).parent_path().string()))
+    return in_numbered_folders(text);
+  if (!frames::FilePattern::looks_like_pattern(text)) return names;
+  names.clear();
+  for (const fs::path& file : frames::list_frame_files(text)) names.push_back(file.string());
+  return names;
+}
+
+bool is_video(const std::string& name) {
+  return kind_of_file(name) == SourceKind::Video;
+}
+
+/// Refuses depth in float files: depth is read as 8-bit codes, and float files have another scale.
+void refuse_float_depth(const std::string& file) {
+  const std::string extension = fs::path(file).extension().string();
+  if (extension == ".exr" || extension == ".hdr")
+    throw Error(ErrorKind::Usage,
+                fmt::format("--depth {}: floating-point depth is not supported", file),
+                "store it as a grey picture in which white is near");
+}
+
+optics::Rig rig_of_woven(const Content& content) {
+  const SourceSpec& source = content.source;
+  const std::string& rig_file = source.content.from_rig;
+  if (rig_file.empty()) {
+    if (content.rig_toml.empty())
+      throw Error(ErrorKind::Input,
+                  fmt::format("{}: does not contain the rig that it was woven for", source.text),
+                  "use --from-rig RIG.toml");
+    return optics::parse_rig(content.rig_toml, source.text + ": its rig");
+  }
+  auto [rig, identity] = optics::load_rig_and_identity(rig_file);
+  if (source.kind != SourceKind::Sequence) return rig;
+  const frames::SequenceReader reader(source.text);
+  const frames::SequenceInfo& info = reader.info();
+  const optics::RigMatch matched = optics::match(frames::rig_of(info), identity);
+  // The frames were woven before the rig was trimmed, so the rig in the file is the correct one.
+  if (matched == optics::RigMatch::Trimmed && !info.rig_toml.empty())
+    return optics::parse_rig(info.rig_toml, source.text + ": its rig");
+  if (matched != optics::RigMatch::Same)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: was woven for another rig ({}), not for {} ({})", source.text,
+                            info.rig_fingerprint, rig_file, identity.fingerprint),
+                "use --reweave instead of --from-rig: the file contains its rig");
+  return rig;
+}
+
+/// ViewsOpener opens the pictures of one source and states where its views lie in them.
+class ViewsOpener {
+ public:
+  ViewsOpener(const Content& content, const PictureOptions& options)
+      : content_(content), name_(content.source.text), options_(options) {}
+
+  [[nodiscard]] std::unique_ptr<ViewInput> open() {
+    switch (content_.kind) {
+      case Kind::ViewFiles:
+        return open_view_files();
+      case Kind::OwnDepth:
+        return open_with_own_depth();
+      case Kind::OtherRig:
+        return open_woven();
+      case Kind::Quilt:
+        return input_of(quilt_in(add_pictures(name_)));
+      case Kind::Stereo:
+        return input_of(eyes_in(add_pictures(name_)));
+      case Kind::DepthInside:
+        return input_of(depth_in(add_pictures(name_)));
+      case Kind::Woven:
+        break;
+    }
+    LENTICULE_CHECK(content_.kind != Kind::Woven);
+    return nullptr;
+  }
+
+ private:
+  using Arrangement = std::unique_ptr<frames::ViewArrangement>;
+
+  const FrameSource& add_pictures(const std::string& name) {
+    sources_.push_back(open_pictures(name, options_));
+    return *sources_.back();
+  }
+  [[nodiscard]] std::unique_ptr<ViewInput> input_of(Arrangement arrangement) {
+    return std::make_unique<ViewInput>(std::move(sources_), std::move(arrangement), name_);
+  }
+  [[nodiscard]] uint64_t most_view_bytes() const {
+    return options_.plays ? kMostPlayedViewBytes : frames::kMostViewBytes;
+  }
+  [[nodiscard]] frames::DepthOptions depth_options() const {
+    frames::DepthOptions depth = content_.depth_options;
+    depth.threads = options_.drawing_threads;
+    depth.most_bytes = most_view_bytes();
+    return depth;
+  }
+  /// Returns the stated aspect, or that of the picture's pixels if they are not square.
+  [[nodiscard]] std::optional<double> aspect_in(const FrameSource& pictures) const {
+    return content_.aspect ? content_.aspect
+                           : frames::stated_aspect(pictures.geometry(), pictures.pixel_aspect());
+  }
+
+  [[nodiscard]] std::unique_ptr<ViewInput> open_view_files() {
+    const std::vector<std::string> names = names_of_views(content_.source);
+    const int wanted = content_.source.content.views;
+    if (wanted != 0 && static_cast<size_t>(wanted) != names.size())
+      throw Error(ErrorKind::Input,
+                  fmt::format("{}: has {} views, but --views is {}", name_, names.size(), wanted));
+    const bool films = std::any_of(names.begin(), names.end(), [](const std::string& name) {
+      return is_video(name) || frames::FilePattern::looks_like_pattern(name);
+    });
+    return films ? open_films(names) : open_still_views(names);
+  }
+
+  [[nodiscard]] std::unique_ptr<ViewInput> open_still_views(const std::vector<std::string>& names) {
+    if (options_.frames)
+      throw Error(ErrorKind::Usage, "--frames: not allowed for a single picture",
+                  "use --frames with films, such as 'views:view%02d/%05d.png'");
+    std::vector<fs::path> files(names.begin(), names.end());
+    if (content_.rightmost_first) std::reverse(files.begin(), files.end());
+    return std::make_unique<ViewInput>(frames::read_views(files, content_.source.without_prefix(),
+                                                          content_.aspect, most_view_bytes()));
+  }
+
+  [[nodiscard]] std::unique_ptr<ViewInput> open_films(const std::vector<std::string>& names) {
+    const bool videos = std::any_of(names.begin(), names.end(), is_video);
+    const size_t most = videos ? kMostVideos : kMostFilms;
+    if (names.size() > most)
+      throw Error(
+          ErrorKind::Input,
+          fmt::format("{}: {} films; at most {} can be played together", name_, names.size(), most),
+          "combine them into a quilt");
+    options_.decoder_threads = 1;
+    for (const std::string& name : names)
+      if (add_pictures(name).geometry() != sources_.front()->geometry())
+        throw Error(ErrorKind::Input,
+                    fmt::format("{}: its size differs from that of {}", name, names[0]),
+                    "all views must have the same size");
+    const FrameSource& first = *sources_.front();
+    return input_of(frames::arrange_pictures(first.geometry(), static_cast<int>(names.size()),
+                                             aspect_in(first), content_.rightmost_first));
+  }
+
+  [[nodiscard]] std::unique_ptr<ViewInput> open_with_own_depth() {
+    const std::string& depth = content_.source.content.depth;
+    refuse_float_depth(depth);
+    const FrameSource& colours = add_pictures(name_);
+    (void)add_pictures(depth);
+    return input_of(frames::arrange_depth(colours.geometry(), aspect_in(colours), depth_options()));
+  }
+
+  [[nodiscard]] std::unique_ptr<ViewInput> open_woven() {
+    const optics::OpticalModel model(rig_of_woven(content_));
+    const int wanted = content_.source.content.views;
+    options_.before_weaving = false;  // subsampled chroma mixes pixels of different views
+    const FrameSource& woven = add_pictures(name_);
+    return input_of(frames::arrange_woven(
+        woven.geometry(), model, wanted > 0 ? wanted : frames::views_in_woven(model.rig()), name_));
+  }
+
+  [[nodiscard]] Arrangement quilt_in(const FrameSource& pictures) const {
+    const frames::FrameGeometry size = pictures.geometry();
+    frames::QuiltLayout layout = content_.layout;
+    if (!layout.aspect)
+      layout.aspect = frames::stated_aspect(
+          {.width = size.width / layout.columns, .height = size.height / layout.rows},
+          pictures.pixel_aspect());
+    return frames::arrange_quilt(size, layout, content_.rightmost_first, name_);
+  }
+
+  [[nodiscard]] Arrangement eyes_in(const FrameSource& pictures) const {
+    const frames::FrameGeometry size = pictures.geometry();
+    const frames::StereoLayout& stereo = content_.stereo;
+    frames::StereoTiles tiles = frames::tiles_of(stereo, size);
+    const frames::FrameGeometry eye{
+        .width = size.width / (stereo.beside && !stereo.half ? 2 : 1),
+        .height = size.height / (!stereo.beside && !stereo.half ? 2 : 1)};
+    if (const auto stated = frames::stated_aspect(eye, pictures.pixel_aspect()))
+      tiles.layout.aspect = stated;
+    if (content_.aspect) tiles.layout.aspect = content_.aspect;
+    return frames::arrange_quilt(size, tiles.layout,
+                                 tiles.rightmost_first != content_.rightmost_first, name_);
+  }
+
+  [[nodiscard]] Arrangement depth_in(const FrameSource& pictures) const {
+    const frames::FrameGeometry size = pictures.geometry();
+    const bool beside =
+        content_.depth == frames::DepthPlace::Left || content_.depth == frames::DepthPlace::Right;
+    const frames::FrameGeometry colours{.width = size.width / (beside ? 2 : 1),
+                                        .height = size.height / (beside ? 1 : 2)};
+    const auto aspect =
+        content_.aspect ? content_.aspect : frames::stated_aspect(colours, pictures.pixel_aspect());
+    return frames::arrange_depth_in(size, content_.depth, aspect, depth_options(), name_);
+  }
+
+  const Content& content_;
+  const std::string& name_;
+  PictureOptions options_;
+  std::vector<std::unique_ptr<FrameSource>> sources_;
+};
+
+}  // namespace
+
+int decoding_threads() {
+  return std::clamp(all_threads() - 1, 1, kMaxDecoderThreads);
+}
+
+int all_threads() {
+  return std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1, kMaxThreads);
+}
+
+std::unique_ptr<FrameSource> open_pictures(const std::string& text, const PictureOptions& options) {
+  const SourceKind kind = kind_of_file(text);
+  if (kind == SourceKind::Sequence) return open_container(text, options);
+  if (kind != SourceKind::Video) return open_files(text, options);
+  return open_video(
+      {.file = text,
+       .slots = options.pool_frames,
+       .frames = options.frames,
+       .plays_again = options.plays_again,
+       .before_weaving = options.before_weaving,
+       .accept =
+           [&](const frames::FrameGeometry& size) {
+             check_size(text, size, options, kMostPlayedVideoPixels);
+           },
+       .most_bytes = options.plays ? kMostBytesAhead : std::numeric_limits<uint64_t>::max(),
+       .hardware = options.hardware});
+}
+
+std::unique_ptr<ViewInput> open_views(const Content& content, const PictureOptions& options) {
+  return ViewsOpener(content, options).open();
+}
+
+void await_first(ViewInput& input, const std::string& name) {
+  const auto deadline = std::chrono::steady_clock::now() + kTimeout;
+  while (std::chrono::steady_clock::now() < deadline && !interrupted()) {
+    switch (input.next()) {
+      case frames::PullStatus::Ready:
+        return;
+      case frames::PullStatus::End:
+        throw Error(ErrorKind::Input, fmt::format("{}: has no frames", name));
+      case frames::PullStatus::Failed:
+        throw Error(ErrorKind::Input, input.failure());
+      case frames::PullStatus::NotYet:
+        input.wait(kLongestWait);
+    }
+  }
+  throw Error(ErrorKind::Failed, fmt::format("{}: no picture arrived", name));
+}
+
+frames::FrameDamage await_damage(ViewInput& input) {
+  input.release();
+  const auto deadline = std::chrono::steady_clock::now() + kTimeout;
+  while (std::chrono::steady_clock::now() < deadline && !interrupted()) {
+    const frames::PullStatus status = input.next();
+    if (status == frames::PullStatus::Ready) input.release();
+    if (status == frames::PullStatus::NotYet) input.wait(kLongestWait);
+    if (status == frames::PullStatus::End || status == frames::PullStatus::Failed) break;
+  }
+  return input.damage();
+}
+
+}  // namespace lenticule::player
