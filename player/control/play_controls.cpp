@@ -292,9 +292,9 @@ ordered_json PlayControls::status() const {
     const auto play = static_cast<uint32_t>(displayed.item);
     const PlaylistStatus status = source_->status();
     if (displayed.frames > 0) {
-      json["on_glass"] = {{"source", source_->source_of(play)}, {"frame", displayed.number}};
-      const auto item = source_->place_of(play);
-      json["on_glass"]["item"] = item ? ordered_json(*item) : ordered_json(nullptr);
+      const ItemAccount item = source_->account_of(play).value_or(ItemAccount{});
+      json["on_glass"] = {{"source", item.source.text}, {"frame", displayed.number}};
+      json["on_glass"]["item"] = item.index ? ordered_json(*item.index) : ordered_json(nullptr);
     }
     json["taking"] = place_json(status);
     json["taking"]["frames"] = status.frames ? ordered_json(*status.frames) : ordered_json(nullptr);

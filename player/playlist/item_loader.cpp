@@ -6,21 +6,39 @@
 #include <algorithm>
 #include <utility>
 
+#include "player/playlist/folder_lists.h"
+
 namespace lenticule::player {
 namespace {
 
+using EventKind = PlaylistEvent::Kind;
 using SteadyClock = std::chrono::steady_clock;
 
-/// Pause before another attempt when no item can be played or none is
-/// scheduled.
+/// Pause before another attempt when no item can be played or none is scheduled.
 constexpr auto kRetry = std::chrono::seconds(1);
-/// Time between two checks of the files. A new state must be seen twice in a
-/// row, because the file may still be being written.
-constexpr auto kLook = std::chrono::seconds(1);
+/// Time between two checks of the files. A new state must be seen twice in a row, because the file
+/// may still be being written.
+constexpr auto kCheck = std::chrono::seconds(1);
 /// Pause in which the loader reads a list again before it tries the list's next item.
-constexpr auto kAfterLook = std::chrono::milliseconds(20);
+constexpr auto kAfterCheck = std::chrono::milliseconds(20);
+/// Pause before the loader looks again for something that takes a few frames.
+constexpr auto kSoon = std::chrono::milliseconds(10);
 /// Time after which a test card replaces the last frame of items that cannot be played any more.
 constexpr auto kUntilCard = std::chrono::seconds(10);
+/// Time after which the panel is not expected to show the first frame of an interruption.
+constexpr auto kLongestFlip = std::chrono::milliseconds(500);
+constexpr auto kLongestDecoding = std::chrono::seconds(30);
+
+/// Does work without the lock.
+template <class Work>
+auto unlocked(std::unique_lock<std::mutex>& lock, Work&& work) {
+  struct Relock {
+    std::unique_lock<std::mutex>& lock;
+    ~Relock() { lock.lock(); }
+  } relock{lock};
+  lock.unlock();
+  return work();
+}
 
 PlaylistItem card_for(const std::string& reason) {
   return {.source = parse_source("card"), .rate = frames::Rate{4, 1}, .reason = reason};
@@ -31,11 +49,29 @@ PlaylistItem black_item() {
   return {.source = parse_source("black"), .loops = kForever, .rate = frames::Rate{4, 1}};
 }
 
+/// Returns the frame at which an item is opened to continue. A ring has no earlier frames.
+uint64_t opening_frame(const PlaylistItem& item, uint64_t frame) {
+  return item.source.kind == SourceKind::Ring ? 0 : frame;
+}
+
+std::string files_to_play(size_t files) {
+  return files == 0   ? "its files are gone"
+         : files == 1 ? "1 file to play"
+                      : fmt::format("{} files to play", files);
+}
+
+void put_at(OpenItem& item, const PlaylistPlace& place) {
+  item.list = place.list;
+  item.index = place.index;
+  item.rounds_done = place.rounds_done;
+  item.interrupts = place.interrupts;
+}
+
 }  // namespace
 
-ItemLoader::ItemLoader(std::shared_ptr<const Playlist> list, ItemLoaderOptions options,
+ItemLoader::ItemLoader(std::shared_ptr<const Playlist> list, const PlaylistSourceOptions& options,
                        PlaylistReporter& reporter, WakeFd& wake)
-    : options_(std::move(options)), reporter_(reporter), wake_(wake), cursor_(std::move(list)) {
+    : options_(options), reporter_(reporter), wake_(wake), cursor_(std::move(list)) {
   thread_ = std::thread([this] { work(); });
 }
 
@@ -47,8 +83,50 @@ ItemLoader::~ItemLoader() {
   work_there_.notify_all();
   thread_.join();
   const Error ending(ErrorKind::Failed, "load: the player is ending");
-  for (const auto* request : {&request_, &cue_})
-    if (*request && (*request)->done) (*request)->done(&ending);
+  for (const JumpSlot* slot : {&jump_, &cue_})
+    if (slot->request && slot->request->done) slot->request->done(&ending);
+}
+
+// --- loader thread: opening and closing -----------------------------------------------------
+
+void ItemLoader::work() {
+  Lock lock(mutex_);
+  while (!stopping_) {
+    const SteadyTime now = SteadyClock::now();
+    if (!trash_.empty())
+      empty_trash(lock);
+    else if (jump_.is_to_open() && now >= jump_.due)
+      open_target(lock, jump_);
+    else if (cue_.is_to_open())
+      open_target(lock, cue_);
+    else if (cue_.is_to_decode() && now >= cue_.due)
+      look_at_cued(lock);
+    else if (next_.is_due() && now >= next_.retry_at)
+      open_next(lock);
+    else if (is_time_to_check())
+      check_files(lock);
+    else
+      work_there_.wait_until(lock, next_step());
+  }
+}
+
+/// Returns the time at which the loader looks for work without being woken.
+ItemLoader::SteadyTime ItemLoader::next_step() const {
+  const SteadyTime now = SteadyClock::now();
+  SteadyTime next = now + kRetry;
+  if (jump_.is_to_open()) next = std::min(next, jump_.due);
+  if (cue_.is_to_decode()) next = std::min(next, cue_.due);
+  if (next_.is_due()) next = std::min(next, next_.retry_at);
+  return std::max(next, now);
+}
+
+void ItemLoader::empty_trash(Lock& lock) {
+  std::vector<std::unique_ptr<OpenItem>> trash = std::exchange(trash_, {});
+  unlocked(lock, [&] { trash.clear(); });
+}
+
+void ItemLoader::locked_discard(std::unique_ptr<OpenItem>& item) {
+  if (item) trash_.push_back(std::move(item));
 }
 
 std::unique_ptr<OpenItem> ItemLoader::open_item(const PlaylistItem& item, uint64_t frame) const {
@@ -56,7 +134,7 @@ std::unique_ptr<OpenItem> ItemLoader::open_item(const PlaylistItem& item, uint64
   open->item = item;
   open->first_frame = frame;
   open->skips_to_first = frame > 0;
-  if (options_.look_at) open->files = options_.look_at(item);
+  if (options_.marks_of) open->files = options_.marks_of(item);
   open->opened = options_.open(item, frame);
   const std::string& name = item.source.text;
   const frames::FrameSource& source = *open->opened.source;
@@ -73,30 +151,24 @@ std::unique_ptr<OpenItem> ItemLoader::open_item(const PlaylistItem& item, uint64
 
 ItemLoader::Attempt ItemLoader::try_open(const PlaylistItem& item, uint64_t frame) const {
   try {
-    return {.item = open_item(item, frame), .error = std::nullopt};
+    return {.item = open_item(item, frame)};
   } catch (const Error& error) {
-    return {.item = nullptr, .error = error};
+    return {.error = error};
   } catch (const std::exception& error) {
-    return {.item = nullptr,
-            .error = Error(ErrorKind::Failed, item.source.text + ": " + error.what())};
+    return {.error = Error(ErrorKind::Failed, item.source.text + ": " + error.what())};
   }
 }
 
+// --- the next item --------------------------------------------------------------------------
+
 void ItemLoader::open_first() {
-  const std::shared_ptr<const Playlist> list = [this] {
-    const std::lock_guard lock(mutex_);
-    return cursor_.list();
-  }();
+  const std::shared_ptr<const Playlist> list = this->list();
   std::unique_ptr<OpenItem> first;
   if (list->is_single() && !list->items.front().schedule) first = open_item(list->items.front(), 0);
   const std::lock_guard lock(mutex_);
-  next_wanted_ = first == nullptr;
+  next_.wanted = first == nullptr;
   if (first) locked_offer(std::move(first), {.kind = NextItem::Kind::Item});
   work_there_.notify_all();
-}
-
-void ItemLoader::locked_discard(std::unique_ptr<OpenItem>& item) {
-  if (item) trash_.push_back(std::move(item));
 }
 
 void ItemLoader::locked_offer(std::unique_ptr<OpenItem> item, const NextItem& pick) {
@@ -107,299 +179,192 @@ void ItemLoader::locked_offer(std::unique_ptr<OpenItem> item, const NextItem& pi
     cursor_.choose(pick.index, pick.rounds_done);
   }
   item->rounds_done = cursor_.rounds_done();
-  next_ = std::move(item);
-  next_wanted_ = false;
+  next_.item = std::move(item);
+  next_.wanted = false;
   wake_.signal();
-}
-
-// --- loader thread ---
-
-void ItemLoader::work() {
-  Lock lock(mutex_);
-  while (!stopping_) {
-    if (!trash_.empty()) {
-      empty_trash(lock);
-    } else if (request_ && !request_->opened && SteadyClock::now() >= request_at_) {
-      open_requested(lock);
-    } else if (cue_ && !cue_->opened) {
-      open_cued(lock);
-    } else if (cue_ && cue_->item && !cue_->decoded && SteadyClock::now() >= cue_look_at_) {
-      look_at_cued(lock);
-    } else if (next_wanted_ && !next_ && !list_over_ && SteadyClock::now() >= retry_at_) {
-      open_next(lock);
-    } else if (is_time_to_look()) {
-      look_at_ = SteadyClock::now() + kLook;
-      const bool at_once = std::exchange(look_now_, false);
-      look_at_list(lock, at_once);
-      look_at_item(lock);
-    } else {
-      work_there_.wait_until(lock, next_step());
-    }
-  }
-}
-
-/// Returns the time at which the loader looks for work without being woken.
-ItemLoader::SteadyTime ItemLoader::next_step() const {
-  const SteadyTime now = SteadyClock::now();
-  SteadyTime next = now + kRetry;
-  if (request_ && !request_->opened) next = std::min(next, request_at_);
-  if (cue_ && cue_->item && !cue_->decoded) next = std::min(next, cue_look_at_);
-  if (next_wanted_ && !next_ && !list_over_) next = std::min(next, retry_at_);
-  return std::max(next, now);
-}
-
-void ItemLoader::empty_trash(Lock& lock) {
-  std::vector<std::unique_ptr<OpenItem>> trash = std::move(trash_);
-  trash_.clear();
-  lock.unlock();
-  trash.clear();
-  lock.lock();
 }
 
 void ItemLoader::open_next(Lock& lock) {
   const auto list = cursor_.list();
-  const uint64_t serial = request_serial_;
+  const uint64_t serial = jump_.serial;
+  const auto is_unwanted = [&] { return serial != jump_.serial || list != cursor_.list(); };
   const LocalTime now = options_.local_time();
   NextItem pick = cursor_.next(now);
   if (pick.kind == NextItem::Kind::End && cursor_.interrupted()) return open_interrupted(lock);
   const bool again = locked_outlasts();
   if (pick.kind == NextItem::Kind::End && again)
     pick = {.kind = NextItem::Kind::Item, .index = 0, .rounds_done = cursor_.rounds_done()};
-  nothing_for_now_ = pick.kind == NextItem::Kind::None;
-  list_over_ = pick.kind == NextItem::Kind::End;
-  const std::string why = list_over_ && shown_ ? std::string() : locked_reason_to_wait(now);
+  next_.nothing_for_now = pick.kind == NextItem::Kind::None;
+  next_.list_over = pick.kind == NextItem::Kind::End;
+  const std::string why = next_.list_over && shown_ ? std::string() : locked_reason_to_wait(now);
   const bool is_news = !why.empty() && reporter_.note_waiting(why);
-  if (list_over_) return wake_.signal();
+  if (next_.list_over) return wake_.signal();
   if (is_news) {
-    lock.unlock();
-    reporter_.waits(list->name, why);
-    lock.lock();
-    if (serial != request_serial_ || list != cursor_.list()) return;
+    unlocked(lock, [&] {
+      reporter_.report({.kind = EventKind::Waiting, .source = list->name, .detail = why});
+    });
+    if (is_unwanted()) return;
   }
   std::optional<PlaylistItem> standby;
-  if (nothing_for_now_ || locked_none_works()) standby = locked_standby_to_open();
-  if (nothing_for_now_ && !standby) {
+  if (next_.nothing_for_now || locked_none_works()) standby = locked_standby_to_open();
+  if (next_.nothing_for_now && !standby) {
     locked_pause();
     return wake_.signal();
   }
   if (standby) pick.kind = NextItem::Kind::None;
   const PlaylistItem item = standby ? *standby : list->items[pick.index];
-  lock.unlock();
-  if (again && list->items.size() == 1 && !standby && is_changing(item)) {
-    lock.lock();
-    broken_since_ = SteadyClock::now();
+  if (again && list->items.size() == 1 && !standby &&
+      unlocked(lock, [&] { return is_changing(item); })) {
+    faults_.since = SteadyClock::now();
     return locked_pause();
   }
-  Attempt attempt = try_open(item, 0);
-  // A file that was removed from a folder is no fault: the list is read again first.
-  const bool list_is_old = !attempt.item && is_list_changed(*list);
-  lock.lock();
-  if (serial != request_serial_ || list != cursor_.list()) return locked_discard(attempt.item);
+  bool list_is_old = false;
+  Attempt attempt = unlocked(lock, [&] {
+    Attempt opened = try_open(item, 0);
+    // A file that was removed from a folder is no fault: the list is read again first.
+    list_is_old = !opened.item && is_list_changed(*list);
+    return opened;
+  });
+  if (is_unwanted()) return locked_discard(attempt.item);
   if (attempt.item && again && !standby) {
-    attempt.item->loops_done = broken_loops_;
-    broken_files_.clear();  // if it breaks again, a pause comes first
+    attempt.item->loops_done = faults_.loops_done;
+    faults_.files.clear();  // if it breaks again, a pause comes first
   }
   if (attempt.item) return locked_offer(std::move(attempt.item), pick);
   if (list_is_old) {
-    look_now_ = true;
-    retry_at_ = SteadyClock::now() + kAfterLook;
+    checks_.at_once = true;
+    next_.retry_at = SteadyClock::now() + kAfterCheck;
     return;
   }
   if (!standby) cursor_.choose(pick.index, pick.rounds_done);
-  const uint64_t loops_done = again ? broken_loops_ : 0;
-  lock.unlock();
-  skip(item.source.text, with_remedy(*attempt.error), standby.has_value(), false, loops_done);
-  lock.lock();
+  const Fault fault{.source = item.source.text,
+                    .why = with_remedy(*attempt.error),
+                    .standby = standby.has_value(),
+                    .loops_done = again ? faults_.loops_done : 0};
+  unlocked(lock, [&] { skip(fault); });
+}
+
+ItemLoader::Offer ItemLoader::take_next() {
+  const std::lock_guard lock(mutex_);
+  if (!next_.item && !next_.list_over && !next_.wanted) {
+    next_.wanted = true;
+    work_there_.notify_all();
+  }
+  if (!next_.item) return {};
+  if (next_.item->item.waits_until_primed && !next_.item->opened.source->saturated())
+    return {.item = nullptr, .primes = true};
+  return {.item = std::move(next_.item)};
+}
+
+void ItemLoader::want_next() {
+  const std::lock_guard lock(mutex_);
+  next_.wanted = true;
+  work_there_.notify_all();
+}
+
+bool ItemLoader::next_is_there() const {
+  const std::lock_guard lock(mutex_);
+  return next_.item != nullptr;
+}
+
+ItemLoader::Prospect ItemLoader::prospect() {
+  const std::lock_guard lock(mutex_);
+  ended_ = next_.list_over && !jump_.request && !cue_.request && !next_.item && !held_;
+  if (ended_) return Prospect::Ended;
+  const bool idle = held_ || next_.nothing_for_now || faults_.broke_off || jump_.request ||
+                    (next_.list_over && cue_.request);
+  return idle ? Prospect::Idle : Prospect::Soon;
+}
+
+// --- faults, and times without an item ------------------------------------------------------
+
+void ItemLoader::skip(const Fault& fault) {
+  const std::string problem =
+      fault.why.starts_with(fault.source) ? fault.why : fault.source + ": " + fault.why;
+  {
+    const std::lock_guard lock(mutex_);
+    const bool is_known = !fault.played && locked_none_works() && faults_.problem == problem;
+    if (!faults_.broke_off && faults_.unplayable_in_a_row == 0) faults_.since = SteadyClock::now();
+    faults_.broke_off = true;
+    faults_.loops_done = fault.loops_done;
+    if (!fault.played) locked_note_unplayable(fault.standby, problem);
+    if (locked_outlasts()) next_.list_over = false;
+    if (is_known) return;
+  }
+  reporter_.report({.kind = EventKind::ItemSkipped, .source = fault.source, .detail = problem});
+}
+
+void ItemLoader::locked_note_unplayable(bool standby, const std::string& problem) {
+  if (standby && cursor_.list()->standby && !faults_.standby_broken) {
+    faults_.standby_broken = true;
+  } else if (standby) {  // black
+    shown_ = true;
+    locked_pause();
+  } else {
+    // Attempts after the first round have other problems, which would be reported every second.
+    if (!locked_none_works()) faults_.problem = problem;
+    ++faults_.unplayable_in_a_row;
+    if (locked_none_works() && !locked_standby_to_open()) locked_pause();
+  }
+}
+
+bool ItemLoader::locked_none_works() const {
+  const size_t scheduled = cursor_.list()->items_scheduled(options_.local_time());
+  return scheduled > 0 && faults_.unplayable_in_a_row >= scheduled;
 }
 
 bool ItemLoader::locked_outlasts() const {
   const bool repeats = options_.outlasts_faults || cursor_.list()->rounds != 1;
-  const bool is_last = broke_off_ && cursor_.list()->items.size() == 1;
+  const bool is_last = faults_.broke_off && cursor_.list()->items.size() == 1;
   return repeats && shown_ && !cursor_.interrupted() && (is_last || locked_none_works());
 }
 
 /// Returns true until two checks in a row find the files of an item unchanged.
 bool ItemLoader::is_changing(const PlaylistItem& item) {
-  if (!options_.look_at) return false;
-  std::vector<FileMark> now = options_.look_at(item);
-  return std::exchange(broken_files_, now) != now;
-}
-
-// --- times without an item ---
-
-bool ItemLoader::locked_none_works() const {
-  const size_t scheduled = cursor_.list()->items_scheduled(options_.local_time());
-  return scheduled > 0 && unplayable_in_a_row_ >= scheduled;
+  if (!options_.marks_of) return false;
+  std::vector<FileMark> now = options_.marks_of(item);
+  return std::exchange(faults_.files, now) != now;
 }
 
 std::optional<PlaylistItem> ItemLoader::locked_standby() const {
   const Playlist& list = *cursor_.list();
-  if (list.standby && !standby_broken_) return list.standby;
+  if (list.standby && !faults_.standby_broken) return list.standby;
   if (list.awaits_files || !shown_) return black_item();
-  if (locked_outlasts() && SteadyClock::now() >= broken_since_ + kUntilCard)
-    return card_for(problem_);
+  if (locked_outlasts() && SteadyClock::now() >= faults_.since + kUntilCard)
+    return card_for(faults_.problem);
   return std::nullopt;
 }
 
 std::optional<PlaylistItem> ItemLoader::locked_standby_to_open() const {
   auto standby = locked_standby();
-  return followed_.standby && standby == followed_.item ? std::nullopt : std::move(standby);
+  return playing_.standby && standby == playing_.item ? std::nullopt : std::move(standby);
 }
 
 /// Delays the next attempt when no item can be played or none is scheduled.
 void ItemLoader::locked_pause() {
-  retry_at_ = SteadyClock::now() + kRetry;
-  standby_broken_ = false;
+  next_.retry_at = SteadyClock::now() + kRetry;
+  faults_.standby_broken = false;
 }
 
 std::string ItemLoader::locked_reason_to_wait(LocalTime now) const {
   const Playlist& list = *cursor_.list();
   if (!locked_none_works()) return reason_to_wait(list, now);
   const size_t scheduled = list.items_scheduled(now);
-  if (scheduled == 1) return problem_;
-  return fmt::format("none of {} items can be played: {}", scheduled, problem_);
+  if (scheduled == 1) return faults_.problem;
+  return fmt::format("none of {} items can be played: {}", scheduled, faults_.problem);
 }
 
-// --- replaced files ---
-
-bool ItemLoader::is_time_to_look() const {
-  const bool follows = options_.look_at || options_.read_list;
-  return follows && !ended_ && (look_now_ || SteadyClock::now() >= look_at_);
-}
-
-FileMark ItemLoader::mark_of_list(const std::string& name) const {
-  return options_.mark_list ? options_.mark_list(name) : mark_of(name);
-}
-
-bool ItemLoader::is_list_changed(const Playlist& list) const {
-  return options_.read_list && list.file && mark_of_list(list.name) != *list.file;
-}
-
-/// Reads the list if its file was replaced. A list that cannot be read is not
-/// tried again until its file changes.
-void ItemLoader::look_at_list(Lock& lock, bool at_once) {
-  const auto list = cursor_.list();
-  if (!options_.read_list || !list->file) return;
-  lock.unlock();
-  const FileMark now = mark_of_list(list->name);
-  lock.lock();
-  const bool steady = std::exchange(list_seen_, now) == now;
-  const bool is_new = now != *list->file;
-  if (list != cursor_.list() || !(at_once || (is_new && steady))) return;
-  lock.unlock();
-  std::optional<Playlist> read;
-  std::string why;
-  try {
-    read = options_.read_list(list->name);
-  } catch (const std::exception& error) {
-    why = error.what();
-  }
-  lock.lock();
-  if (list != cursor_.list()) return;
-  const bool is_read = read.has_value();
-  if (is_read)
-    locked_take_list(std::move(*read));
-  else
-    cursor_.keep_list(now);
-  lock.unlock();
-  if (is_read)
-    reporter_.replaced(list->name);
-  else
-    reporter_.kept(list->name, why);
-  lock.lock();
-}
-
-/// Replaces the list. An item that the new list does not contain ends with its
-/// round.
-void ItemLoader::locked_take_list(Playlist list) {
-  const auto taken = std::make_shared<const Playlist>(std::move(list));
-  const bool plays_item = followed_.number != 0 && !followed_.standby;
-  const bool continues = cursor_.replace_list(taken, plays_item ? &followed_.item : nullptr);
-  standby_broken_ = broke_off_ = false;
-  outdated_ = plays_item ? !continues : followed_.standby && locked_standby() != followed_.item;
-  next_wanted_ = next_wanted_ || next_;
-  locked_discard(next_);
-  list_over_ = nothing_for_now_ = false;
-  retry_at_ = {};
-  unplayable_in_a_row_ = 0;
-  reporter_.take_list(taken->items.size(), cursor_.playing());
-  wake_.signal();
-}
-
-/// Opens the item again if its files were replaced. Not needed when the next
-/// item is already being opened.
-void ItemLoader::look_at_item(Lock& lock) {
-  if (!options_.look_at || followed_.number == 0 || next_ || next_wanted_ || request_ || outdated_)
-    return;
-  const uint32_t number = followed_.number;
-  const PlaylistItem item = followed_.item;
-  if (followed_.files.empty()) return;
-  lock.unlock();
-  const std::vector<FileMark> now = options_.look_at(item);
-  lock.lock();
-  if (followed_.number != number) return;
-  const bool steady = std::exchange(followed_.seen, now) == now;
-  if (!steady || now == followed_.files) return;
-  followed_.files = now;
-  lock.unlock();
-  Attempt attempt = try_open(item, 0);
-  std::unique_ptr<OpenItem>& open = attempt.item;
-  if (!open) reporter_.kept(item.source.text, attempt.error->what());
-  lock.lock();
-  if (!open) return;
-  if (followed_.number != number) return locked_discard(open);
-  open->number = number;
-  open->list = cursor_.list();
-  open->index = cursor_.playing();
-  open->rounds_done = followed_.rounds_done;
-  locked_discard(replacement_);
-  replacement_ = std::move(open);
-}
-
-// --- filler ---
-
-ItemLoader::Offer ItemLoader::take_next() {
-  const std::lock_guard lock(mutex_);
-  if (!next_ && !list_over_ && !next_wanted_) {
-    next_wanted_ = true;
-    work_there_.notify_all();
-  }
-  if (!next_) return {};
-  if (next_->item.waits_until_primed && !next_->opened.source->saturated())
-    return {.item = nullptr, .primes = true};
-  return {.item = std::move(next_), .primes = false};
-}
-
-void ItemLoader::want_next() {
-  const std::lock_guard lock(mutex_);
-  next_wanted_ = true;
-  work_there_.notify_all();
-}
-
-bool ItemLoader::next_is_there() const {
-  const std::lock_guard lock(mutex_);
-  return next_ != nullptr;
-}
-
-ItemLoader::Prospect ItemLoader::prospect() {
-  const std::lock_guard lock(mutex_);
-  ended_ = list_over_ && !request_ && !cue_ && !next_ && !held_;
-  if (ended_) return Prospect::Ended;
-  const bool waits = list_over_ && cue_;
-  const bool idle = held_ || nothing_for_now_ || broke_off_ || request_ || waits;
-  return idle ? Prospect::Idle : Prospect::Soon;
-}
+// --- the playing item -----------------------------------------------------------------------
 
 void ItemLoader::begin(const OpenItem& item) {
   const std::lock_guard lock(mutex_);
-  followed_ = {.number = item.number,
-               .standby = !item.index,
-               .rounds_done = item.rounds_done,
-               .item = item.item,
-               .files = item.files,
-               .seen = item.files};
-  outdated_ = false;
-  locked_discard(replacement_);
+  locked_discard(playing_.replacement);
+  playing_ = {.number = item.number,
+              .standby = !item.index,
+              .rounds_done = item.rounds_done,
+              .item = item.item,
+              .files = item.files,
+              .seen = item.files};
   if (item.returns && cursor_.interrupted()) locked_end_interruption();
   cursor_.begin(item.index);
   if (!item.index) locked_pause();
@@ -407,44 +372,15 @@ void ItemLoader::begin(const OpenItem& item) {
 
 void ItemLoader::leave() {
   const std::lock_guard lock(mutex_);
-  followed_ = {};
+  locked_discard(playing_.replacement);
+  playing_ = {};
 }
 
 void ItemLoader::note_first_frame(const OpenItem& item) {
   const std::lock_guard lock(mutex_);
   shown_ = true;
-  broke_off_ = false;
-  if (item.index) unplayable_in_a_row_ = 0;
-}
-
-void ItemLoader::skip(const std::string& source, const std::string& why, bool standby, bool played,
-                      uint64_t loops_done) {
-  const std::string problem = why.starts_with(source) ? why : source + ": " + why;
-  {
-    const std::lock_guard lock(mutex_);
-    const bool is_known = !played && locked_none_works() && problem_ == problem;
-    if (!broke_off_ && unplayable_in_a_row_ == 0) broken_since_ = SteadyClock::now();
-    broke_off_ = true;
-    broken_loops_ = loops_done;
-    if (!played) locked_note_unplayable(standby, problem);
-    if (locked_outlasts()) list_over_ = false;
-    if (is_known) return;
-  }
-  reporter_.skipped(source, why);
-}
-
-void ItemLoader::locked_note_unplayable(bool standby, const std::string& problem) {
-  if (standby && cursor_.list()->standby && !standby_broken_) {
-    standby_broken_ = true;
-  } else if (standby) {  // black
-    shown_ = true;
-    locked_pause();
-  } else {
-    // Attempts after the first round have other problems, which would be reported every second.
-    if (!locked_none_works()) problem_ = problem;
-    ++unplayable_in_a_row_;
-    if (locked_none_works() && !locked_standby_to_open()) locked_pause();
-  }
+  faults_.broke_off = false;
+  if (item.index) faults_.unplayable_in_a_row = 0;
 }
 
 void ItemLoader::close(std::unique_ptr<OpenItem> item) {
@@ -461,16 +397,376 @@ uint64_t ItemLoader::loops_of(const OpenItem& item) const {
 
 bool ItemLoader::is_outdated() const {
   const std::lock_guard lock(mutex_);
-  return outdated_;
+  return playing_.outdated;
 }
 
 std::unique_ptr<OpenItem> ItemLoader::take_replacement(uint32_t number) {
   const std::lock_guard lock(mutex_);
-  if (!replacement_ || replacement_->number != number) return nullptr;
-  return std::move(replacement_);
+  return playing_.number == number ? std::move(playing_.replacement) : nullptr;
 }
 
-// --- any thread ---
+// --- replaced files -------------------------------------------------------------------------
+
+bool ItemLoader::is_time_to_check() const {
+  const bool follows = options_.marks_of || options_.read_list;
+  return follows && !ended_ && (checks_.at_once || SteadyClock::now() >= checks_.due);
+}
+
+void ItemLoader::check_files(Lock& lock) {
+  checks_.due = SteadyClock::now() + kCheck;
+  check_list(lock, std::exchange(checks_.at_once, false));
+  check_item(lock);
+}
+
+FileMark ItemLoader::mark_of_list(const std::string& name) const {
+  return options_.mark_list ? options_.mark_list(name) : mark_of(name);
+}
+
+bool ItemLoader::is_list_changed(const Playlist& list) const {
+  return options_.read_list && list.file && mark_of_list(list.name) != *list.file;
+}
+
+/// Reads the list if its file was replaced. A list that cannot be read is not tried again until its
+/// file changes.
+void ItemLoader::check_list(Lock& lock, bool at_once) {
+  const auto list = cursor_.list();
+  if (!options_.read_list || !list->file) return;
+  const FileMark now = unlocked(lock, [&] { return mark_of_list(list->name); });
+  const bool steady = std::exchange(checks_.list_seen, now) == now;
+  const bool is_new = now != *list->file;
+  if (list != cursor_.list() || !(at_once || (is_new && steady))) return;
+  std::optional<Playlist> read;
+  std::string why;
+  unlocked(lock, [&] {
+    try {
+      read = options_.read_list(list->name);
+    } catch (const std::exception& error) {
+      why = error.what();
+    }
+  });
+  if (list != cursor_.list()) return;
+  if (!read) {
+    cursor_.keep_list(now);
+    return unlocked(lock, [&] {
+      reporter_.report({.kind = EventKind::Kept, .source = list->name, .detail = why});
+    });
+  }
+  PlaylistEvent replaced{.kind = EventKind::Replaced, .source = list->name};
+  if (names_folder(list->name)) replaced.detail = files_to_play(read->items.size());
+  locked_take_list(*std::move(read));
+  unlocked(lock, [&] { reporter_.report(replaced); });
+}
+
+/// Replaces the list. An item that the new list does not contain ends with its round.
+void ItemLoader::locked_take_list(Playlist list) {
+  const auto taken = std::make_shared<const Playlist>(std::move(list));
+  const bool plays_item = playing_.number != 0 && !playing_.standby;
+  const bool continues = cursor_.replace_list(taken, plays_item ? &playing_.item : nullptr);
+  faults_.standby_broken = faults_.broke_off = false;
+  faults_.unplayable_in_a_row = 0;
+  playing_.outdated =
+      plays_item ? !continues : playing_.standby && locked_standby() != playing_.item;
+  next_.wanted = next_.wanted || next_.item;
+  locked_discard(next_.item);
+  next_.list_over = next_.nothing_for_now = false;
+  next_.retry_at = {};
+  reporter_.take_list(taken->items.size(), cursor_.playing());
+  wake_.signal();
+}
+
+/// Opens the item again if its files were replaced. Not needed when the next item is already being
+/// opened.
+void ItemLoader::check_item(Lock& lock) {
+  const uint32_t number = playing_.number;
+  const bool is_leaving = next_.item || next_.wanted || jump_.request || playing_.outdated;
+  if (!options_.marks_of || number == 0 || is_leaving || playing_.files.empty()) return;
+  const PlaylistItem item = playing_.item;
+  const std::vector<FileMark> now = unlocked(lock, [&] { return options_.marks_of(item); });
+  if (playing_.number != number) return;
+  const bool steady = std::exchange(playing_.seen, now) == now;
+  if (!steady || now == playing_.files) return;
+  playing_.files = now;
+  Attempt attempt = unlocked(lock, [&] {
+    Attempt opened = try_open(item, 0);
+    if (opened.error)
+      reporter_.report({.kind = EventKind::Kept,
+                        .source = item.source.text,
+                        .detail = with_remedy(*opened.error)});
+    return opened;
+  });
+  if (!attempt.item) return;
+  if (playing_.number != number) return locked_discard(attempt.item);
+  attempt.item->list = cursor_.list();
+  attempt.item->index = cursor_.playing();
+  attempt.item->rounds_done = playing_.rounds_done;
+  locked_discard(playing_.replacement);
+  playing_.replacement = std::move(attempt.item);
+}
+
+// --- jumps ----------------------------------------------------------------------------------
+
+void ItemLoader::put_request(JumpSlot& slot, const JumpDone& done,
+                             const std::function<std::optional<JumpRequest>()>& locked_make) {
+  JumpDone replaced;
+  try {
+    const std::lock_guard lock(mutex_);
+    if (ended_)
+      throw Error(ErrorKind::Failed, "control: playback is about to end", "pause it earlier");
+    std::optional<JumpRequest> request = locked_make();
+    if (request) {
+      if (slot.request) {
+        locked_discard(slot.request->item);
+        replaced = slot.end();
+      }
+      request->serial = ++slot.serial;
+      request->done = done;
+      request->since = SteadyClock::now();
+      slot.due = {};
+      slot.request = std::move(request);
+    }
+  } catch (const Error& error) {
+    return done(&error);
+  }
+  work_there_.notify_all();
+  wake_.signal();
+  const char* const name = &slot == &cue_ ? "cue" : "load";
+  const Error superseded(ErrorKind::Failed,
+                         fmt::format("{}: replaced by a later {} before it was ready", name, name));
+  if (replaced) replaced(&superseded);
+}
+
+void ItemLoader::jump(const Jump& jump, const JumpDone& done) {
+  put_request(jump_, done,
+              [&] { return JumpRequest{.place = cursor_.target_of(jump), .frame = jump.frame}; });
+}
+
+bool ItemLoader::is_jumping() const {
+  const std::lock_guard lock(mutex_);
+  return jump_.request.has_value();
+}
+
+/// Opens the target of a jump, or a cued item. At most two items are open beside the displayed one,
+/// so a jump closes the item that was to be next.
+void ItemLoader::open_target(Lock& lock, JumpSlot& slot) {
+  if (slot.request->returns && !locked_find_progress(slot.request->since + kLongestFlip)) {
+    slot.due = SteadyClock::now() + kSoon;
+    return;
+  }
+  slot.request->opened = true;
+  const uint64_t serial = slot.request->serial;
+  const PlaylistPlace place = slot.request->place;
+  const PlaylistItem& item = place.list->items[place.index];
+  const uint64_t frame =
+      slot.request->returns ? opening_frame(item, interrupted_.frame) : slot.request->frame;
+  const bool jumps = &slot == &jump_;
+  std::unique_ptr<OpenItem> gone = jumps ? std::move(next_.item) : nullptr;
+  const bool next_was_wanted = next_.wanted || gone;
+  if (jumps) next_.wanted = false;
+  if (gone) cursor_.back_to_playing();
+  Attempt attempt = unlocked(lock, [&] {
+    gone.reset();
+    return try_open(item, frame);
+  });
+  if (!slot.holds(serial)) return locked_discard(attempt.item);
+  if (attempt.item) {
+    put_at(*attempt.item, place);
+    if (slot.request->returns) continue_item(*attempt.item, interrupted_);
+    slot.request->item = std::move(attempt.item);
+    return wake_.signal();
+  }
+  const JumpDone done = slot.end();
+  if (jumps) next_.wanted = next_was_wanted;
+  unlocked(lock, [&] {
+    done(&*attempt.error);
+    wake_.signal();
+  });
+}
+
+std::optional<ItemLoader::Arrival> ItemLoader::take_arrival() {
+  const std::lock_guard lock(mutex_);
+  if (!jump_.request || !jump_.request->item) return std::nullopt;
+  JumpRequest& request = *jump_.request;
+  return Arrival{.item = std::move(request.item), .serial = request.serial, .since = request.since};
+}
+
+void ItemLoader::put_back(Arrival arrival) {
+  const std::lock_guard lock(mutex_);
+  if (jump_.holds(arrival.serial)) jump_.request->item = std::move(arrival.item);
+  locked_discard(arrival.item);
+  work_there_.notify_all();
+}
+
+JumpDone ItemLoader::accept(uint64_t serial, const ItemProgress& leaving) {
+  const std::lock_guard lock(mutex_);
+  if (!jump_.holds(serial)) return nullptr;
+  const JumpRequest& request = *jump_.request;
+  if (request.place.interrupts && !cursor_.interrupted()) interrupted_ = leaving;
+  // A second interruption: later, the panel may no longer know the first one's predecessor.
+  if (request.place.interrupts) (void)locked_find_progress();
+  if (!request.returns) cursor_.jump(request.place);  // begin() returns
+  if (!cursor_.interrupted()) interrupted_ = {};
+  next_.list_over = next_.nothing_for_now = next_.wanted = false;
+  ++jump_.serial;  // discards the item being opened for the old place
+  locked_discard(next_.item);
+  return jump_.end();
+}
+
+void ItemLoader::fail(Arrival arrival, const Error& error) {
+  close(std::move(arrival.item));
+  JumpDone done;
+  {
+    const std::lock_guard lock(mutex_);
+    if (!jump_.holds(arrival.serial)) return;
+    done = jump_.end();
+    next_.wanted = true;
+    work_there_.notify_all();
+  }
+  done(&error);
+}
+
+// --- interruptions --------------------------------------------------------------------------
+
+bool ItemLoader::locked_find_progress(SteadyTime give_up) {
+  if (interrupted_.final || interrupted_.number == 0) return true;
+  LeftItem left;
+  if (options_.left_item)
+    left = options_.left_item(interrupted_.number);
+  else if (interrupted_.given > 0)
+    left.last = {.index = interrupted_.given - 1, .number = interrupted_.frame};
+  if (left.still_displayed && SteadyClock::now() < give_up) return false;
+  interrupted_ = progress_at(interrupted_, left);
+  return true;
+}
+
+/// Opens the interrupted item ahead of the end of the interruption. begin() then returns to its
+/// list.
+void ItemLoader::open_interrupted(Lock& lock) {
+  const InterruptedPlace place = *cursor_.interrupted();
+  if (!place.playing) return locked_end_interruption();
+  if (!locked_find_progress()) {
+    next_.retry_at = SteadyClock::now() + kSoon;
+    return;
+  }
+  const uint64_t serial = jump_.serial;
+  const auto list = cursor_.list();
+  const PlaylistItem& item = place.list->items[*place.playing];
+  const uint64_t frame = opening_frame(item, interrupted_.frame);
+  Attempt attempt = unlocked(lock, [&] { return try_open(item, frame); });
+  if (serial != jump_.serial || list != cursor_.list()) return locked_discard(attempt.item);
+  if (attempt.item) {
+    put_at(*attempt.item,
+           {.list = place.list, .index = *place.playing, .rounds_done = place.rounds_done});
+    continue_item(*attempt.item, interrupted_);
+    next_.item = std::move(attempt.item);
+    next_.wanted = false;
+    return wake_.signal();
+  }
+  locked_end_interruption();
+  const Fault fault{.source = item.source.text, .why = with_remedy(*attempt.error)};
+  unlocked(lock, [&] { skip(fault); });
+}
+
+void ItemLoader::locked_end_interruption() {
+  cursor_.end_interruption();
+  interrupted_ = {};
+}
+
+void ItemLoader::return_now(const JumpDone& done) {
+  bool is_done = false;
+  put_request(jump_, done, [&]() -> std::optional<JumpRequest> {
+    const auto& place = cursor_.interrupted();
+    if (!place)
+      throw Error(ErrorKind::Failed, "back: nothing is interrupted",
+                  "'interrupt' and 'blank' begin an interruption");
+    is_done = !place->playing;
+    if (!is_done)
+      return JumpRequest{.place = {.list = place->list,
+                                   .index = *place->playing,
+                                   .rounds_done = place->rounds_done},
+                         .returns = true};
+    locked_end_interruption();
+    playing_.outdated = next_.wanted = true;
+    locked_discard(next_.item);
+    return std::nullopt;
+  });
+  if (is_done) done(nullptr);
+}
+
+std::string ItemLoader::interrupted() const {
+  const std::lock_guard lock(mutex_);
+  const auto& place = cursor_.interrupted();
+  if (!place) return {};
+  return place->playing ? place->list->items[*place->playing].source.text : place->list->name;
+}
+
+// --- cued items -----------------------------------------------------------------------------
+
+void ItemLoader::cue(const Jump& jump, const JumpDone& done) {
+  put_request(cue_, done, [&] {
+    return JumpRequest{.place = cursor_.target_of(jump),
+                       .frame = jump.frame,
+                       .in_present_list = jump.list == nullptr};
+  });
+}
+
+/// Reports a cued item as soon as frames of it are decoded. Its source decodes on threads of its
+/// own.
+void ItemLoader::look_at_cued(Lock& lock) {
+  JumpRequest& cued = *cue_.request;
+  frames::FrameSource& source = *cued.item->opened.source;
+  source.service();
+  cue_.due = SteadyClock::now() + kSoon;
+  cued.decoded = source.saturated() || source.ready_count() > 0;
+  const bool gives_up = !cued.decoded && SteadyClock::now() - cued.since > kLongestDecoding;
+  if (!cued.decoded && !gives_up) return;
+  const JumpDone done = std::exchange(cued.done, nullptr);
+  const Error error(ErrorKind::Input, cued.item->item.source.text + ": no frame arrived");
+  if (gives_up) {
+    locked_discard(cued.item);
+    cue_.request.reset();
+  }
+  unlocked(lock, [&] { done(gives_up ? &error : nullptr); });
+}
+
+/// Finds the item in the list that is played now. Returns false if that list does not have it.
+bool ItemLoader::locked_follow_list(JumpRequest& cue) const {
+  const auto& list = cursor_.interrupted() ? cursor_.interrupted()->list : cursor_.list();
+  if (list == cue.place.list) return true;
+  const PlaylistItem& item = cue.item->item;
+  const auto& items = list->items;
+  const auto same = cue.place.index < items.size() && items[cue.place.index] == item
+                        ? items.begin() + static_cast<ptrdiff_t>(cue.place.index)
+                        : std::find(items.begin(), items.end(), item);
+  if (same == items.end()) return false;
+  cue.place.list = list;
+  cue.place.index = static_cast<size_t>(same - items.begin());
+  return true;
+}
+
+void ItemLoader::go(const JumpDone& done) {
+  put_request(jump_, done, [&] {
+    if (!cue_.request)
+      throw Error(ErrorKind::Failed, "go: no item is cued", "cue one first: cue SOURCE");
+    if (!cue_.request->decoded)
+      throw Error(ErrorKind::Failed, "go: the cued item is not decoded yet",
+                  "wait for the answer to 'cue'");
+    if (cue_.request->in_present_list && !locked_follow_list(*cue_.request))
+      throw Error(ErrorKind::Failed, "go: the list was replaced and lacks the cued item",
+                  "cue an item of the new list");
+    JumpRequest request = *std::exchange(cue_.request, std::nullopt);
+    put_at(*request.item, request.place);
+    return request;
+  });
+}
+
+std::string ItemLoader::cued() const {
+  const std::lock_guard lock(mutex_);
+  if (!cue_.request) return {};
+  const PlaylistPlace& place = cue_.request->place;
+  return place.list->items[place.index].source.text;
+}
+
+// --- any thread -----------------------------------------------------------------------------
 
 std::shared_ptr<const Playlist> ItemLoader::list() const {
   const std::lock_guard lock(mutex_);
@@ -480,7 +776,7 @@ std::shared_ptr<const Playlist> ItemLoader::list() const {
 void ItemLoader::set_loops(uint64_t loops) {
   const std::lock_guard lock(mutex_);
   cursor_.set_loops(loops);
-  list_over_ = false;
+  next_.list_over = false;
   work_there_.notify_all();
 }
 
@@ -492,7 +788,7 @@ void ItemLoader::hold(bool held) {
 
 void ItemLoader::look_again() {
   const std::lock_guard lock(mutex_);
-  look_now_ = true;
+  checks_.at_once = true;
   work_there_.notify_all();
 }
 

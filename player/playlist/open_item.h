@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// OpenItem is an item of a playlist with its open source and the progress of
-// its playback.
+// OpenItem is an item of a playlist with its open source and the progress of its playback.
 #pragma once
 
 #include <chrono>
@@ -16,8 +15,8 @@
 
 namespace lenticule::player {
 
-/// Thread safety: one thread at a time. The loader opens the item, the frame copier
-/// plays it and gives it back to the loader to be closed.
+/// Thread safety: one thread at a time. The loader opens the item, the frame copier plays it and
+/// gives it back to the loader to be closed.
 struct OpenItem {
   // Set by the loader.
   std::shared_ptr<const Playlist> list;
@@ -44,14 +43,12 @@ struct OpenItem {
   std::chrono::steady_clock::time_point waiting_since{};
 
   [[nodiscard]] bool is_still() const { return opened.source->frame_count() == uint64_t{1}; }
-  /// Returns true for the item of a list of one, which waits for frames as long
-  /// as its player does.
+  /// Returns true for the item of a list of one, which waits for frames as long as its player does.
   [[nodiscard]] bool is_alone() const { return list->is_single(); }
   /// Returns true for the black that is shown before any item or default can be.
   [[nodiscard]] bool is_placeholder() const { return !index && list->standby != item; }
   [[nodiscard]] bool waited_too_long() const;
-  /// Returns the number of frames after which the item ends at this rate; none
-  /// if loops end it.
+  /// Returns the number of frames after which the item ends at this rate; none if loops end it.
   [[nodiscard]] std::optional<uint64_t> frame_limit(frames::Rate rate) const;
 };
 
@@ -76,8 +73,8 @@ struct ItemProgress {
 /// Lets the item, which was opened at `progress.frame`, continue there.
 void continue_item(OpenItem& item, const ItemProgress& progress);
 
-/// Opens an item from its frame `first_frame` on, as open_source() does. Thread
-/// safety: any thread; may take long.
+/// Opens an item from its frame `first_frame` on, as open_source() does. Thread safety: any thread;
+/// may take long.
 using ItemOpener = std::function<OpenedSource(const PlaylistItem& item, uint64_t first_frame)>;
 
 }  // namespace lenticule::player

@@ -106,8 +106,7 @@ bool PlaylistCursor::replace_list(std::shared_ptr<const Playlist> list,
     playing_ = chosen_;
     return true;
   }
-  // Changed settings of the item take effect when it begins again, so the item
-  // itself is next.
+  // Changed settings of the item take effect when it begins again, so the item itself is next.
   const auto changed =
       nearest_place(items, near, [&](const auto& item) { return item.source == playing->source; });
   if (changed && *changed > 0) chosen_ = *changed - 1;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// PlaylistCursor is the place in a playlist: the item that plays, the item
-// chosen last, and the rounds. It follows jumps and replaced lists.
+// PlaylistCursor is the place in a playlist: the item that plays, the item chosen last, and the
+// rounds. It follows jumps and replaced lists.
 #pragma once
 
 #include <cstdint>
@@ -71,15 +71,13 @@ class PlaylistCursor {
 
   /// Sets the loops of the list, or of its only item, from now on.
   void set_loops(uint64_t loops);
-  /// Notes the state of the list's file, which is not read until it changes
-  /// again.
+  /// Notes the state of the list's file, which is not read until it changes again.
   void keep_list(const FileMark& file);
-  /// Replaces the list. If it contains `playing` (null: no item of a list is
-  /// playing), the item continues there. Otherwise the item that follows it in
-  /// the new list is next. Returns true if the item continues.
+  /// Replaces the list. If it contains `playing` (null: no item of a list is playing), the item
+  /// continues there. Otherwise the item that follows it in the new list is next. Returns true if
+  /// the item continues.
   bool replace_list(std::shared_ptr<const Playlist> list, const PlaylistItem* playing);
-  /// Returns the place of the item that plays, or that played last; none for
-  /// standby.
+  /// Returns the place of the item that plays, or that played last; none for standby.
   [[nodiscard]] std::optional<size_t> playing() const { return playing_; }
 
  private:

@@ -25,8 +25,22 @@ PlaylistReporter::PlaylistReporter(const Playlist& list, OnEvent on_event)
   status_.items = list.items.size();
 }
 
+void PlaylistReporter::report(const PlaylistEvent& event) {
+  {
+    const std::lock_guard lock(mutex_);
+    const bool is_problem = event.kind == EventKind::ItemSkipped || event.kind == EventKind::Kept;
+    if (is_problem) status_.last_problem = event.detail;
+    if (event.kind == EventKind::ItemSkipped) ++status_.skipped;
+    if (event.kind == EventKind::LoopPoint) ++status_.loop_points;
+  }
+  if (on_event_) on_event_(event);
+}
+
 void PlaylistReporter::begin(const OpenItem& item) {
   const std::lock_guard lock(mutex_);
+  // A problem of another list is over, unless that list continues after an interruption.
+  const bool is_other_list = status_.list != item.list->name && !item.interrupts && !item.returns;
+  if (is_other_list) status_.last_problem.clear();
   status_.list = item.list->name;
   status_.items = item.list->items.size();
   status_.source = item.item.source.text;
@@ -47,7 +61,9 @@ void PlaylistReporter::started(const OpenItem& item) {
     ++status_.started;
     if (item.index) status_.waiting_for.clear();
   }
-  report(EventKind::ItemStarted, item.item.source.text, {}, item.opened.woven_elsewhere);
+  report({.kind = EventKind::ItemStarted,
+          .source = item.item.source.text,
+          .woven_elsewhere = item.opened.woven_elsewhere});
 }
 
 bool PlaylistReporter::note_waiting(const std::string& why) {
@@ -55,46 +71,9 @@ bool PlaylistReporter::note_waiting(const std::string& why) {
   return std::exchange(status_.waiting_for, why) != why;
 }
 
-void PlaylistReporter::waits(const std::string& list, const std::string& why) {
-  report(EventKind::Waiting, list, why);
-}
-
-void PlaylistReporter::returned(const OpenItem& item) {
-  report(EventKind::Returned, item.item.source.text, {}, item.opened.woven_elsewhere);
-}
-
 void PlaylistReporter::loop_done() {
   const std::lock_guard lock(mutex_);
   ++status_.loops;
-}
-
-void PlaylistReporter::loop_point(const std::string& source) {
-  {
-    const std::lock_guard lock(mutex_);
-    ++status_.loop_points;
-  }
-  report(EventKind::LoopPoint, source, {});
-}
-
-void PlaylistReporter::skipped(const std::string& source, const std::string& why) {
-  {
-    const std::lock_guard lock(mutex_);
-    ++status_.skipped;
-    status_.last_problem = why;
-  }
-  report(EventKind::ItemSkipped, source, why);
-}
-
-void PlaylistReporter::replaced(const std::string& source) {
-  report(EventKind::Replaced, source, {});
-}
-
-void PlaylistReporter::kept(const std::string& source, const std::string& why) {
-  {
-    const std::lock_guard lock(mutex_);
-    status_.last_problem = why;
-  }
-  report(EventKind::Kept, source, why);
 }
 
 void PlaylistReporter::count_damage(OpenItem& item) {
@@ -123,13 +102,16 @@ void PlaylistReporter::end(const OpenItem& item, bool to_end) {
 
 void PlaylistReporter::report_damage(const OpenItem& item) {
   if (item.damage.any())
-    report(EventKind::ItemDamaged, item.item.source.text, damage_text(item.damage));
+    report({.kind = EventKind::ItemDamaged,
+            .source = item.item.source.text,
+            .detail = damage_text(item.damage)});
 }
 
 void PlaylistReporter::take_list(size_t items, std::optional<size_t> playing) {
   const std::lock_guard lock(mutex_);
   status_.items = items;
   status_.item = playing;
+  status_.last_problem.clear();
 }
 
 PlaylistStatus PlaylistReporter::status() const {
@@ -140,16 +122,6 @@ PlaylistStatus PlaylistReporter::status() const {
 frames::FrameDamage PlaylistReporter::damage() const {
   const std::lock_guard lock(mutex_);
   return status_.damage;
-}
-
-std::string PlaylistReporter::source_of(uint32_t number) const {
-  const auto account = account_of(number);
-  return account ? account->source.text : std::string();
-}
-
-std::optional<size_t> PlaylistReporter::place_of(uint32_t number) const {
-  const auto account = account_of(number);
-  return account ? account->index : std::nullopt;
 }
 
 std::optional<ItemAccount> PlaylistReporter::account_of(uint32_t number) const {
@@ -163,11 +135,6 @@ ItemAccount* PlaylistReporter::locked_account(uint32_t number) {
   for (ItemAccount& one : begun_)
     if (one.number == number) return &one;
   return nullptr;
-}
-
-void PlaylistReporter::report(PlaylistEvent::Kind kind, const std::string& source,
-                              const std::string& detail, bool woven_elsewhere) const {
-  if (on_event_) on_event_({kind, source, detail, woven_elsewhere});
 }
 
 }  // namespace lenticule::player

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// PlaylistReporter keeps the status of a playlist, and passes its events and
-// faults on.
+// PlaylistReporter keeps the status of a playlist, and passes its events and faults on.
 #pragma once
 
 #include <cstdint>
@@ -31,8 +30,8 @@ struct PlaylistEvent {
                   ///< missing or repeated
   };
   Kind kind = Kind::ItemStarted;
-  std::string source;
-  std::string detail;            ///< reason for ItemSkipped, Waiting or Kept
+  std::string source{};
+  std::string detail{};  ///< reason for ItemSkipped, Waiting or Kept; files of a folder (Replaced)
   bool woven_elsewhere = false;  ///< ItemStarted, Returned: OpenedSource::woven_elsewhere
 };
 
@@ -72,8 +71,7 @@ struct ItemAccount {
   frames::FrameDamage damage{};
 };
 
-/// Thread safety: any thread. Events are sent on the thread that reports them,
-/// without a lock.
+/// Thread safety: any thread. Events are sent on the thread that reports them, without a lock.
 class PlaylistReporter {
  public:
   using OnEvent = std::function<void(const PlaylistEvent&)>;
@@ -81,44 +79,33 @@ class PlaylistReporter {
   /// `on_event` may be null.
   PlaylistReporter(const Playlist& list, OnEvent on_event);
 
+  /// Passes the event on, and counts it.
+  void report(const PlaylistEvent& event);
   /// Reports that frames are taken from the item from now on.
   void begin(const OpenItem& item);
+  /// Reports the first frame of an item.
   void started(const OpenItem& item);
-  void returned(const OpenItem& item);
-  /// Notes why no item of the list can begin. Returns true if that is new; then call waits()
-  /// without a lock.
-  [[nodiscard]] bool note_waiting(const std::string& why);
-  void waits(const std::string& list, const std::string& why);
   void loop_done();
-  void loop_point(const std::string& source);
-  void skipped(const std::string& source, const std::string& why);
-  /// Reports a list or an item that was replaced, or whose replacement cannot
-  /// be used.
-  void replaced(const std::string& source);
-  void kept(const std::string& source, const std::string& why);
+  /// Notes why no item of the list can begin. Returns true if that is new; then report it without a
+  /// lock.
+  [[nodiscard]] bool note_waiting(const std::string& why);
   /// Adds the damage that the item's source found since the last call.
   void count_damage(OpenItem& item);
   /// Reports the whole damage of an item that ends.
   void report_damage(const OpenItem& item);
   /// Reports that no more frames of the item are handed out.
   void end(const OpenItem& item, bool to_end);
-  /// Reports the size of a new list, and the place of the playing item in it.
+  /// Reports the size of a new list, and the place of the playing item in it. A problem of the
+  /// replaced list is over.
   void take_list(size_t items, std::optional<size_t> playing);
 
   [[nodiscard]] PlaylistStatus status() const;
   [[nodiscard]] frames::FrameDamage damage() const;
-  /// Returns the source of an item by its number; empty if it is no longer
-  /// remembered.
-  [[nodiscard]] std::string source_of(uint32_t number) const;
-  /// Returns the item's place in the list, if it is remembered and in the list.
-  [[nodiscard]] std::optional<size_t> place_of(uint32_t number) const;
   /// Returns the item's account, if it is remembered.
   [[nodiscard]] std::optional<ItemAccount> account_of(uint32_t number) const;
 
  private:
   [[nodiscard]] ItemAccount* locked_account(uint32_t number);
-  void report(PlaylistEvent::Kind kind, const std::string& source, const std::string& detail,
-              bool woven_elsewhere = false) const;
 
   const OnEvent on_event_;
   mutable std::mutex mutex_;  ///< guards the members below; no other lock is taken under it

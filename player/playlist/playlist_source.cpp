@@ -14,10 +14,10 @@ namespace {
 
 using frames::AcquiredFrame;
 using frames::PullStatus;
+using EventKind = PlaylistEvent::Kind;
 using SteadyClock = std::chrono::steady_clock;
 
-/// Maximum number of item changes and skipped frames per call, so that a call
-/// stays short.
+/// Maximum number of item changes and skipped frames per call, so that a call stays short.
 constexpr int kStepsPerPull = 64;
 /// Remaining play time at which the next item is opened.
 constexpr double kAheadSeconds = 10.0;
@@ -34,24 +34,11 @@ void check(bool done) {
 
 }  // namespace
 
-PlaylistSource::PlaylistSource(std::shared_ptr<const Playlist> list,
-                               const PlaylistSourceOptions& options)
-    : panel_(options.panel),
-      fixed_rate_(options.rate),
-      local_time_(options.local_time),
-      longest_wait_(options.longest_wait),
+PlaylistSource::PlaylistSource(std::shared_ptr<const Playlist> list, PlaylistSourceOptions options)
+    : options_(std::move(options)),
       poll_(epoll_create1(EPOLL_CLOEXEC)),
-      reporter_(*list, options.on_event),
-      loader_(std::move(list),
-              {.panel = options.panel,
-               .open = options.open,
-               .local_time = options.local_time,
-               .look_at = options.look_at,
-               .read_list = options.read_list,
-               .mark_list = options.mark_list,
-               .outlasts_faults = options.outlasts_faults,
-               .left_item = options.left_item},
-              reporter_, wake_) {
+      reporter_(*list, options_.on_event),
+      loader_(std::move(list), options_, reporter_, wake_) {
   check(static_cast<bool>(poll_));
   acquired_.reserve(kMaxAcquired);
   epoll_event event{.events = EPOLLIN, .data = {.fd = wake_.fd()}};
@@ -60,7 +47,7 @@ PlaylistSource::PlaylistSource(std::shared_ptr<const Playlist> list,
 
 void PlaylistSource::open_first() {
   loader_.open_first();
-  if (longest_wait_) give_up_at_ = SteadyClock::now() + *longest_wait_;
+  if (options_.longest_wait) give_up_at_ = SteadyClock::now() + *options_.longest_wait;
 }
 
 PlaylistStatus PlaylistSource::status() const {
@@ -94,8 +81,7 @@ PullStatus PlaylistSource::pull(AcquiredFrame& out) {
   return PullStatus::NotYet;
 }
 
-/// Pulls from the current item. Returns End if the item was left or if more of
-/// it can be pulled.
+/// Pulls from the current item. Returns End if the item was left or if more of it can be pulled.
 PullStatus PlaylistSource::pull_current(AcquiredFrame& out) {
   OpenItem& item = *current_;
   if (is_over(item)) {
@@ -133,14 +119,14 @@ PullStatus PlaylistSource::pull_current(AcquiredFrame& out) {
   return PullStatus::End;
 }
 
-/// Pulls the item's next frame, skipping frames before its first one. A frame
-/// of another size is a failure.
+/// Pulls the item's next frame, skipping frames before its first one. A frame of another size is a
+/// failure.
 PullStatus PlaylistSource::pull_from(OpenItem& item, AcquiredFrame& out) {
   frames::FrameSource& source = *item.opened.source;
   for (int step = 0; step < kStepsPerPull; ++step) {
     const PullStatus status = source.pull(out);
     if (status != PullStatus::Ready) return status;
-    if (out.frame.geometry != panel_) {
+    if (out.frame.geometry != options_.panel) {
       source.release(out.token);
       return PullStatus::Failed;
     }
@@ -154,8 +140,7 @@ PullStatus PlaylistSource::pull_from(OpenItem& item, AcquiredFrame& out) {
   return PullStatus::NotYet;
 }
 
-/// Returns the status when no item is current: either the list is over, or an
-/// item is awaited.
+/// Returns the status when no item is current: either the list is over, or an item is awaited.
 PullStatus PlaylistSource::nothing_yet() {
   const ItemLoader::Prospect prospect = loader_.prospect();
   at_end_ = prospect == ItemLoader::Prospect::Ended;
@@ -221,30 +206,28 @@ void PlaylistSource::service() {
 // --- changes of items ---
 
 frames::Rate PlaylistSource::rate_of(const OpenItem& item) const {
-  if (fixed_rate_) return *fixed_rate_;
+  if (options_.rate) return *options_.rate;
   if (item.item.rate) return *item.item.rate;
   const auto own = item.opened.source->rate();
   if (own) return *own;
   return item.is_still() ? kStillRate : display_rate_;
 }
 
-/// Returns true if the item has reached its end. Standby has none: it continues
-/// until an item is ready.
+/// Returns true if the item has reached its end. Standby has none: it continues until an item is
+/// ready.
 bool PlaylistSource::is_over(const OpenItem& item) const {
   if (!item.index) return false;
   const auto limit = item.frame_limit(rate_of(item));
   return limit && item.pulled >= *limit;
 }
 
-/// Handles the end of a round. Returns true if the same item continues or
-/// turned out to be broken.
+/// Handles the end of a round. Returns true if the same item continues or turned out to be broken.
 bool PlaylistSource::goes_round(OpenItem& item) {
   ++item.loops_done;
   const bool limited = item.frame_limit(rate_of(item)).has_value() && item.index;
   const uint64_t loops = loader_.loops_of(item);
   if (std::exchange(item.pulled_this_round, 0) == 0) {
-    // The only item is a ring that plays forever: the next renderer may deliver
-    // frames.
+    // The only item is a ring that plays forever: the next renderer may deliver frames.
     item.waits_for_renderer = item.is_alone() && loops == kForever && item.opened.loop_obstacle;
     if (!item.waits_for_renderer) break_current("it contains no frame");
     return true;
@@ -254,11 +237,12 @@ bool PlaylistSource::goes_round(OpenItem& item) {
   if (!item.index)
     more = !loader_.next_is_there();
   else if (!limited && loops == kForever)
-    more = item.item.permitted(local_time_());
+    more = item.item.permitted(options_.local_time());
   if (!more || loader_.is_outdated()) return false;
   if (takes_replacement(item)) return true;
   if (item.opened.source->rewind()) {
-    if (!item.is_still()) reporter_.loop_point(item.item.source.text);
+    if (!item.is_still())
+      reporter_.report({.kind = EventKind::LoopPoint, .source = item.item.source.text});
   } else if (item.opened.loop_obstacle && (limited || loops == kForever)) {
     item.waits_for_renderer = true;
   } else {
@@ -276,7 +260,7 @@ bool PlaylistSource::takes_replacement(const OpenItem& item) {
   const std::string source = item.item.source.text;
   leave_current();
   begin(std::move(fresh));
-  reporter_.replaced(source);
+  reporter_.report({.kind = EventKind::Replaced, .source = source});
   return true;
 }
 
@@ -299,7 +283,7 @@ bool PlaylistSource::enters_next() {
   ItemLoader::Offer offer = loader_.take_next();
   idle_ = idle_ || offer.primes;
   if (!offer.item) return false;
-  if (offer.item->index && !offer.item->item.permitted(local_time_())) {
+  if (offer.item->index && !offer.item->item.permitted(options_.local_time())) {
     loader_.close(std::move(offer.item));
     return false;
   }
@@ -315,7 +299,10 @@ void PlaylistSource::begin(std::unique_ptr<OpenItem> item) {
   watch(*current_, true);
   loader_.begin(*current_);
   reporter_.begin(*current_);
-  if (current_->returns) reporter_.returned(*current_);
+  if (current_->returns)
+    reporter_.report({.kind = EventKind::Returned,
+                      .source = current_->item.source.text,
+                      .woven_elsewhere = current_->opened.woven_elsewhere});
 }
 
 /// Leaves the item to the loader to be closed, once its frames are given back.
@@ -337,13 +324,13 @@ void PlaylistSource::leave_current(bool to_end) {
 }
 
 void PlaylistSource::break_current(const std::string& why) {
-  const std::string source = current_->item.source.text;
-  const bool standby = !current_->index;
-  const bool played = current_->handed_out > 0;
-  const uint64_t loops_done = current_->loops_done;
+  const ItemLoader::Fault fault{.source = current_->item.source.text,
+                                .why = why.empty() ? "frame size differs from the panel's" : why,
+                                .standby = !current_->index,
+                                .played = current_->handed_out > 0,
+                                .loops_done = current_->loops_done};
   leave_current(false);
-  loader_.skip(source, why.empty() ? "frame size differs from the panel's" : why, standby, played,
-               loops_done);
+  loader_.skip(fault);
 }
 
 void PlaylistSource::watch(const OpenItem& item, bool on) const {
@@ -355,8 +342,7 @@ void PlaylistSource::watch(const OpenItem& item, bool on) const {
 
 // --- jumps ---
 
-/// Enters the target of a jump once its first frame is there; until then the
-/// old item continues.
+/// Enters the target of a jump once its first frame is there; until then the old item continues.
 void PlaylistSource::try_arrival() {
   if (at_end_) return;
   auto arrival = loader_.take_arrival();

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// PlaylistSource presents a playlist as one source of frames: it plays item
-// after item, skips items that cannot be played, and can jump while it plays.
+// PlaylistSource presents a playlist as one source of frames: it plays item after item, skips items
+// that cannot be played, and can jump while it plays.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -15,60 +14,32 @@
 #include "base/wake_fd.h"
 #include "frames/frame_source.h"
 #include "player/playlist/item_loader.h"
-#include "player/playlist/playlist_reporter.h"
 
 namespace lenticule::player {
 
-struct PlaylistSourceOptions {
-  frames::FrameGeometry panel = {};
-  ItemOpener open;
-  /// The rate at which all items are played, overriding their own.
-  std::optional<frames::Rate> rate = std::nullopt;
-  std::function<LocalTime()> local_time = local_time_now;
-  /// Called on the frame copier or the loader thread; must not call back into the
-  /// source.
-  PlaylistReporter::OnEvent on_event = nullptr;
-  /// These two detect replaced files within two or three seconds: a list takes
-  /// effect at once, an item at its next loop point. Null = replacements are
-  /// not detected.
-  ItemLook look_at = nullptr;
-  ListReader read_list = nullptr;
-  ListMark mark_list = nullptr;
-  /// Once a frame was played, broken files do not end the list: its items are tried again, and a
-  /// test card is shown if that does not help for ten seconds.
-  bool outlasts_faults = false;
-  /// Returns the last displayed frame of an item; null = the last one that was pulled counts as
-  /// displayed.
-  LeftItemLook left_item = nullptr;
-  /// The source ends if no item could be played for this long since open_first(); none = it shows
-  /// black and waits.
-  std::optional<std::chrono::nanoseconds> longest_wait = std::nullopt;
-};
-
-/// All frames have the panel's size; an item of another size counts as broken.
-/// The source never fails: if no item can be played, it plays the list's default, otherwise the
-/// last frame stays, which is black before the first one.
+/// All frames have the panel's size; an item of another size counts as broken. The source never
+/// fails: if no item can be played, it plays the list's default, otherwise the last frame stays,
+/// which is black before the first one.
 ///
-/// Thread safety: FrameSource's functions run on one thread, the frame copier;
-/// damage() and the functions of the second group run on any. The members
-/// belong to the frame copier, except loader_ and reporter_, which have locks of
-/// their own.
+/// Thread safety: FrameSource's functions run on one thread, the frame copier; damage() and the
+/// functions of the second group run on any. The members belong to the frame copier, except loader_
+/// and reporter_, which have locks of their own.
 class PlaylistSource final : public frames::FrameSource {
  public:
   /// Throws Error(Failed) if no descriptor is left. Opens no item yet.
-  PlaylistSource(std::shared_ptr<const Playlist> list, const PlaylistSourceOptions& options);
+  PlaylistSource(std::shared_ptr<const Playlist> list, PlaylistSourceOptions options);
   PlaylistSource(const PlaylistSource&) = delete;
   PlaylistSource& operator=(const PlaylistSource&) = delete;
 
-  /// Opens the only item of a list on the calling thread, so that a list of one
-  /// unplayable item fails at once; begins to look for the first item of other
-  /// lists. Call it before anything is pulled. Throws the item's error.
+  /// Opens the only item of a list on the calling thread, so that a list of one unplayable item
+  /// fails at once; begins to look for the first item of other lists. Call it before anything is
+  /// pulled. Throws the item's error.
   void open_first();
   /// Sets the rate of items without one; call it before anything is pulled.
   void set_display_rate(frames::Rate rate) { display_rate_ = rate; }
 
-  /// Starts a jump. Only one is pending at a time: a new jump replaces a
-  /// pending one, which then fails.
+  /// Starts a jump. Only one is pending at a time: a new jump replaces a pending one, which then
+  /// fails.
   void jump(const Jump& jump, const JumpDone& done) { loader_.jump(jump, done); }
   /// Ends an interruption at once.
   void return_now(const JumpDone& done) { loader_.return_now(done); }
@@ -78,31 +49,23 @@ class PlaylistSource final : public frames::FrameSource {
   /// States the speed at which frames are taken, as a factor, so that items are opened early
   /// enough.
   void set_speed(double factor) { speed_.store(factor); }
-  /// Sets the loops of the list, or of its only item; kForever is allowed.
-  /// Takes effect at the next loop point.
+  /// Sets the loops of the list, or of its only item; kForever is allowed. Takes effect at the next
+  /// loop point.
   void set_loops(uint64_t loops) { loader_.set_loops(loops); }
-  /// Prevents the list from ending while `held` is true: it is paused and may
-  /// jump.
+  /// Prevents the list from ending while `held` is true: it is paused and may jump.
   void hold(bool held) { loader_.hold(held); }
-  /// Checks the list and item for replaced files at once, and reads the list
-  /// even if its file is the same.
+  /// Checks the list and item for replaced files at once, and reads the list even if its file is
+  /// the same.
   void look_again() { loader_.look_again(); }
   [[nodiscard]] PlaylistStatus status() const;
   /// Returns the list that is played.
   [[nodiscard]] std::shared_ptr<const Playlist> list() const { return loader_.list(); }
-  /// Returns the source that a frame's `item` came from; empty if it is no
-  /// longer remembered.
-  [[nodiscard]] std::string source_of(uint32_t item) const { return reporter_.source_of(item); }
-  /// Returns the item's place in the list, if it is remembered and in the list.
-  [[nodiscard]] std::optional<size_t> place_of(uint32_t item) const {
-    return reporter_.place_of(item);
-  }
   /// Returns the account of the item's turn, if it is remembered.
   [[nodiscard]] std::optional<ItemAccount> account_of(uint32_t item) const {
     return reporter_.account_of(item);
   }
 
-  [[nodiscard]] frames::FrameGeometry geometry() const override { return panel_; }
+  [[nodiscard]] frames::FrameGeometry geometry() const override { return options_.panel; }
   [[nodiscard]] std::optional<frames::Rate> rate() const override { return rate_; }
   [[nodiscard]] std::optional<uint64_t> frame_count() const override { return std::nullopt; }
   [[nodiscard]] frames::PullStatus pull(frames::AcquiredFrame& out) override;
@@ -150,10 +113,7 @@ class PlaylistSource final : public frames::FrameSource {
   void try_arrival();
   void arrive(ItemLoader::Arrival arrival, frames::AcquiredFrame first);
 
-  const frames::FrameGeometry panel_;
-  const std::optional<frames::Rate> fixed_rate_;
-  const std::function<LocalTime()> local_time_;
-  const std::optional<std::chrono::nanoseconds> longest_wait_;
+  const PlaylistSourceOptions options_;
   frames::Rate display_rate_{60, 1};
   WakeFd wake_;
   UniqueFd poll_;  ///< readable when wake_ or the current item's descriptor is

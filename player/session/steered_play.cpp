@@ -68,7 +68,7 @@ bool is_followed(const PlayPlan& plan) {
   return plan.playback.loops != 1 && !marks_of_source(plan.source).empty();
 }
 
-LeftItemLook left_item_of(const PlaybackControl& playback) {
+std::function<LeftItem(uint32_t)> left_item_of(const PlaybackControl& playback) {
   return [&playback](uint32_t number) { return playback.left_item(number); };
 }
 
@@ -159,7 +159,7 @@ void SteeredPlay::open(OpenedSource& opened) {
               },
           .rate = plan_.playback.content,
           .on_event = [this](const PlaylistEvent& event) { on_item(event); },
-          .look_at = [](const PlaylistItem& item) { return marks_of_source(item.source); },
+          .marks_of = [](const PlaylistItem& item) { return marks_of_source(item.source); },
           .read_list =
               [this](const std::string& name) {
                 return read_playlist(parse_source(name), flags_, plan_);
@@ -225,7 +225,8 @@ void SteeredPlay::on_item(const PlaylistEvent& event) {
       publish({{"event", "not_replaced"}, {"source", event.source}, {"cause", event.detail}});
       return complain("the previous one continues", event);
     case Kind::Replaced:
-      say("{}: was replaced; the new version is played\n", event.source);
+      say("{}: {}\n", event.source,
+          event.detail.empty() ? "was replaced; the new version is played" : event.detail);
       return publish({{"event", "replaced"}, {"source", event.source}});
   }
 }

@@ -70,7 +70,8 @@ class PlaylistSteer : public testing::Test {
   }
   [[nodiscard]] bool plays(const std::string& name, uint64_t number) const {
     const DisplayedPlace place = control.displayed();
-    return source->source_of(static_cast<uint32_t>(place.item)) == name && place.number == number;
+    const auto item = source->account_of(static_cast<uint32_t>(place.item));
+    return item && item->source.text == name && place.number == number;
   }
   [[nodiscard]] bool is_moving() const {
     const uint64_t before = control.displayed().frames;
