@@ -9,6 +9,7 @@
 #include "base/json_output.h"
 #include "base/print.h"
 #include "display/open/open_display.h"
+#include "player/playlist/playlist_reporter.h"
 #include "player/playlist/source_pace.h"
 #include "player/process/interrupt.h"
 #include "player/session/play_plan.h"
@@ -60,13 +61,13 @@ ordered_json examine(const PlaylistItem& item, const PlayPlan& plan) {
     try {
       row["figures"] = to_json(measure_source(*opened.source, rate, kLongest));
     } catch (const Error& error) {
-      row["problems"].push_back(error.what());
+      row["problems"].push_back(with_remedy(error));
     }
     const frames::FrameDamage damage = opened.source->damage();
     row.update(to_json(damage));
     if (damage.any()) row["problems"].push_back(damage_text(damage));
   } catch (const Error& error) {
-    row["problems"].push_back(error.what());
+    row["problems"].push_back(with_remedy(error));
   }
   return row;
 }

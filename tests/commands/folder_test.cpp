@@ -66,7 +66,10 @@ TEST_F(Folder, FilmsJoinInTheOrderOfTheirNamesAndLeaveWhenTheyAreRemoved) {
   fs::remove(path("films/a.lts"));
   fs::remove(path("films/c.lts"));
   EXPECT_TRUE(comes_true([this] { return says_about("on_glass", "black"); }));
-  EXPECT_EQ(count_of(messages(), "left out"), 0u);
+  const std::string said = messages();
+  EXPECT_EQ(count_of(said, "left out"), 0u) << said;
+  EXPECT_EQ(count_of(said, "was replaced"), 0u) << said;
+  EXPECT_EQ(count_of(said, path("films/") + ": 3 files to play"), 1u) << said;
 }
 
 TEST_F(Folder, AListPlaysTheFilesOfAFolderAsTheyAreAndThenGoesOn) {
@@ -131,6 +134,11 @@ TEST_F(Folder, ABrokenFilmAndOneOfAnotherRigAreReportedOnceWithTheRemedy) {
   EXPECT_TRUE(comes_true([this] { return status().value("items_skipped", 0) >= 6; }))
       << "three rounds";
   EXPECT_TRUE(is_shown("a.lts"));
+  EXPECT_NE(status().value("last_trouble", ""), "");
+  fs::remove(path("films/broken.lts"));
+  fs::remove(path("films/other.lts"));
+  EXPECT_TRUE(comes_true([this] { return status().value("last_trouble", "") == ""; }))
+      << "the trouble of a list ends with it: " << status();
   const std::string said = messages();
   EXPECT_EQ(count_of(said, "left out: " + path("films/broken.lts")), 1u) << said;
   EXPECT_EQ(count_of(said, "left out: " + path("films/other.lts")), 1u) << said;
@@ -166,6 +174,15 @@ TEST_F(Folder, FilesThatWereCopiedJustNowAreExaminedAndPlayedInSimulatedTime) {
   const ProcessResult unfinished = run(preflight);
   EXPECT_EQ(unfinished.exit_code, 4);
   EXPECT_NE(unfinished.out.find("still being written"), std::string::npos) << unfinished.out;
+}
+
+TEST_F(Folder, APictureOfAnotherSizeIsExaminedWithTheRemedyOfPlaying) {
+  write_picture("films/photo.png", 10, {.width = 20, .height = 10});
+  const ProcessResult examined =
+      run({"play", path("films/"), "--rig", path("rig.toml"), "--preflight", "--json"});
+  EXPECT_EQ(examined.exit_code, 4) << examined.err;
+  EXPECT_NE(examined.out.find("use --grid 1x1, or _qs1x1 in its name"), std::string::npos)
+      << examined.out;
 }
 
 TEST_F(Folder, AMissingFolderIsAnError) {
