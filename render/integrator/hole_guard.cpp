@@ -7,6 +7,7 @@
 #include <cstring>
 #include <limits>
 
+#include "base/lanes.h"
 #include "render/accel/lane_masks.h"
 
 namespace lenticule::render {
@@ -31,8 +32,8 @@ constexpr double kMuchSooner = 64.0;
 
 // Four lanes: compilers generate poor code for wider vectors.
 constexpr size_t kFour = 4;
-using Floats = float __attribute__((vector_size(4 * kFour)));
-using Masks = int32_t __attribute__((vector_size(4 * kFour)));
+using Floats = lanes::Vector<float, kFour>;
+using Masks = lanes::Vector<int32_t, kFour>;
 
 /// Returns the mask of the lanes that continue past the hits of their neighbours `before` and
 /// `after`.

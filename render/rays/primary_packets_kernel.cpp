@@ -2,58 +2,43 @@
 // Computes sixteen primary rays at a time. All instruction sets give the same bits.
 #include "render/rays/primary_packets_kernel.h"
 
+#include "base/lanes.h"
+
 namespace lenticule::render::LENTICULE_ISA_NAMESPACE {
 namespace {
 
+using namespace lanes;
 using packet_kernel::Field;
 using packet_kernel::kLanes;
 using packet_kernel::Tile;
 
-constexpr uint32_t kNoGeometry = ~0U;
 constexpr int kHalf = kLanes / 2;
+using HalfFloats = Vector<float, kHalf>;
+using Doubles = Vector<double, kHalf>;
 
-// Vectors of sixteen floats and eight doubles; the compiler splits them to the width of the
-// instruction set. They may alias arrays of other types. Functions take them by reference only.
-using Floats = float __attribute__((vector_size(4 * kLanes), may_alias));
-using HalfFloats = float __attribute__((vector_size(4 * kHalf), may_alias));
-using Doubles = double __attribute__((vector_size(8 * kHalf), may_alias));
-using Words = uint32_t __attribute__((vector_size(4 * kLanes), may_alias));
-using Masks = int32_t __attribute__((vector_size(4 * kLanes), may_alias));
-
-inline const Doubles& doubles_at(const double* lanes) {
-  return *reinterpret_cast<const Doubles*>(lanes);
-}
-inline const Floats& floats_at(const float* lanes) {
-  return *reinterpret_cast<const Floats*>(lanes);
-}
 inline void store(const Floats& value, float* packet, Field field) {
-  *reinterpret_cast<Floats*>(packet + field * kLanes) = value;
+  floats_at(packet + field * kLanes) = value;
 }
 
-/// Computes the distances of eight phases from their nearest integers.
-inline void off_of_half(const double (&phase)[3][kLanes], int first, double c, HalfFloats& off) {
+/// Returns the distances of eight phases from their nearest integers.
+inline HalfFloats off_of_half(const double (&phase)[3][kLanes], int first, double c) {
   constexpr double kShift = 6755399441055744.0;  // 1.5 * 2^52: additions round to integers
-  const Doubles at = doubles_at(&phase[0][first]) +
-                     c * (doubles_at(&phase[1][first]) + c * doubles_at(&phase[2][first]));
+  const auto row = [&](int n) -> const auto& {
+    return vector_at<Doubles>(&phase[n][first]);
+  };
+  const Doubles at = row(0).v + c * (row(1).v + c * row(2).v);
   const Doubles lens = (at + kShift) - kShift;
-  off = __builtin_convertvector(at - lens, HalfFloats);
+  return __builtin_convertvector(at - lens, HalfFloats);
 }
 
-inline void off_of(const Tile& t, int column, int colour, Floats& off) {
-  const double c = column;
-  HalfFloats low, high;
-  off_of_half(t.phase[colour], 0, c, low);
-  off_of_half(t.phase[colour], kHalf, c, high);
-  off = __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+inline Floats off_of(const Tile& t, int column, int colour) {
+  const HalfFloats low = off_of_half(t.phase[colour], 0, column);
+  const HalfFloats high = off_of_half(t.phase[colour], kHalf, column);
+  return joined(low, high);
 }
 
-inline void add_unsure(const Tile& t, const Floats& off, Masks& bad) {
-  bad |= off * off > t.safe * t.safe;
-}
-inline bool any(const Masks& masks) {
-  int32_t sum = 0;
-  for (int r = 0; r < kLanes; ++r) sum |= masks[r];
-  return sum != 0;
+inline Masks unsure(const Tile& t, const Floats& off) {
+  return off * off > t.safe * t.safe;
 }
 
 template <int kCoefficients, bool kParallel>
@@ -81,8 +66,9 @@ inline void write_rays(const Tile& t, int column, int colour, const Floats& off,
     store(floats_at(t.direction0[1]) + t.across[1] * tangent, out, packet_kernel::kDirectionY);
     store(floats_at(t.direction0[2]) + t.across[2] * tangent, out, packet_kernel::kDirectionZ);
   }
-  store(Floats{} + __builtin_inff(), out, packet_kernel::kTFar);
-  *reinterpret_cast<Words*>(out + packet_kernel::kGeometry * kLanes) = Words{} + kNoGeometry;
+  store(Floats::of(__builtin_inff()), out, packet_kernel::kTFar);
+  constexpr uint32_t kNoGeometry = ~0U;
+  words_at(out + packet_kernel::kGeometry * kLanes) = Words::of(kNoGeometry);
 }
 
 template <int kCoefficients, bool kParallel>
@@ -90,9 +76,8 @@ bool make_columns(const Tile& t, int column, int count, float* out, int stride) 
   Masks bad{};
   int colour = (t.first_colour + column) % packet_kernel::kColours;
   for (int k = 0; k < count; ++k) {
-    Floats off;
-    off_of(t, column + k, colour, off);
-    add_unsure(t, off, bad);
+    const Floats off = off_of(t, column + k, colour);
+    bad = bad | unsure(t, off);
     write_rays<kCoefficients, kParallel>(t, column + k, colour, off, out + k * stride);
     colour = colour == packet_kernel::kColours - 1 ? 0 : colour + 1;
   }
@@ -125,11 +110,7 @@ bool make(const Tile& t, int column, int count, float* out, int stride) {
 }
 
 bool uncertain(const Tile& t, int column) {
-  Floats off;
-  off_of(t, column, (t.first_colour + column) % packet_kernel::kColours, off);
-  Masks bad{};
-  add_unsure(t, off, bad);
-  return any(bad);
+  return any(unsure(t, off_of(t, column, (t.first_colour + column) % packet_kernel::kColours)));
 }
 
 template <bool kParallel>

@@ -3,48 +3,27 @@
 // bits.
 #include "render/row_sweep/row_sweep_kernel.h"
 
-#include "render/accel/unaligned_vectors.h"
-
-#if defined(__AVX2__)
-#include <immintrin.h>
-#elif defined(LENTICULE_NEON)
-#include <arm_neon.h>
-#endif
+#include "base/lanes.h"
 
 namespace lenticule::render::LENTICULE_ISA_NAMESPACE {
 namespace {
 
+using namespace lanes;
 using namespace sweep_kernel;
 
 // Functions take vectors by reference.
-using Floats = float __attribute__((vector_size(4 * kLanes)));
-using Ints = int32_t __attribute__((vector_size(4 * kLanes)));
-using Doubles = double __attribute__((vector_size(8 * kBlock)));
-using Longs = int64_t __attribute__((vector_size(8 * kBlock)));
-using Eight = float __attribute__((vector_size(4 * kBlock)));
-using EightInts = int32_t __attribute__((vector_size(4 * kBlock)));
+using Floats = Vector<float, kLanes>;
+using Ints = Vector<int32_t, kLanes>;
+using Doubles = Vector<double, kBlock>;
+using DoubleMasks = Vector<int64_t, kBlock>;
+using Eight = Vector<float, kBlock>;
+using EightInts = Vector<int32_t, kBlock>;
 
 // Vectors of the instruction set's own width, since compilers split comparisons and selections of
 // wider vectors lane by lane.
-#if defined(__AVX512F__)
-constexpr int kNative = 16;
-#elif defined(__AVX2__)
-constexpr int kNative = 8;
-#else
-constexpr int kNative = 4;
-#endif
-using NativeFloats = float __attribute__((vector_size(4 * kNative)));
-using NativeInts = int32_t __attribute__((vector_size(4 * kNative)));
+using NativeFloats = Vector<float, kWidth>;
+using NativeInts = Vector<int32_t, kWidth>;
 
-/// Returns the vector that begins at an element of an array.
-template <class Vector, class Element>
-inline Unaligned<Vector>& vector_at(Element* at) {
-  return *reinterpret_cast<Unaligned<Vector>*>(at);
-}
-template <class Vector, class Element>
-inline const Unaligned<Vector>& vector_at(const Element* at) {
-  return *reinterpret_cast<const Unaligned<Vector>*>(at);
-}
 inline Unaligned<NativeFloats>& native(float* at) {
   return vector_at<NativeFloats>(at);
 }
@@ -218,7 +197,7 @@ inline void square_to_cells(const float* rays, const int32_t* first, int place, 
 
 inline float lowest(const NativeFloats& v) {
   float least = v[0];
-  for (int l = 1; l < kNative; ++l) least = v[l] < least ? v[l] : least;
+  for (int l = 1; l < kWidth; ++l) least = v[l] < least ? v[l] : least;
   return least;
 }
 
@@ -228,7 +207,7 @@ void close_place(const int32_t* first, int place, const Cells& cells, const Spre
   NativeFloats x_low = NativeFloats{} + far, x_high = -x_low, tan_low = x_low, tan_high = -x_low;
   float* x_row = cells.x + place * cells.stride;
   float* tan_row = cells.tan + place * cells.stride;
-  for (int k = 0; k < cells.stride; k += kNative) {
+  for (int k = 0; k < cells.stride; k += kWidth) {
     const NativeInts there = native(first + k + 1).v - native(first + k).v > place;
     const NativeFloats lens = __builtin_convertvector(native(kCount).v + k, NativeFloats);
     const NativeFloats x = there ? native(x_row + k).v : NativeFloats{} + nan;
@@ -374,7 +353,7 @@ __attribute__((always_inline)) inline void range_of(const Cells& cells, const Sp
 
 __attribute__((always_inline)) inline void segment_at(const Cells& cells, int at, float start,
                                                       const Segment& s, int32_t number) {
-  for (const int end = at + kLanes; at < end; at += kNative) {
+  for (const int end = at + kLanes; at < end; at += kWidth) {
     const NativeFloats x = native(cells.x + at).v;
     const NativeFloats tan = native(cells.tan + at).v;
     const NativeFloats f0 = (x + tan * s.z0) - s.x0;
@@ -450,7 +429,7 @@ inline void conic_z(const Conic& q, double start, const Doubles& x, const Double
   const Doubles s_0 = s_panel + t0 * s_step, s_1 = s_panel + t1 * s_step;
   const Doubles z0 = t0 + q.zc, z1 = t1 + q.zc;
   const Doubles none = Doubles{} - __builtin_inf();
-  const Longs real = square >= 0.0;
+  const DoubleMasks real = square >= 0.0;
   const Doubles first = (real & (s_0 >= 0.0) & (s_0 <= q.height) & (z0 <= start)) ? z0 : none;
   const Doubles second = (real & (s_1 >= 0.0) & (s_1 <= q.height) & (z1 <= start)) ? z1 : none;
   z = first > second ? first : second;

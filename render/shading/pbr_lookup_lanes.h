@@ -3,7 +3,7 @@
 // instruction set.
 #pragma once
 
-#include "render/accel/unaligned_vectors.h"
+#include "base/lanes.h"
 #include "render/shading/met_primitives.h"
 #include "render/shading/pbr_kernel.h"
 
