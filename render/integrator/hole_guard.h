@@ -6,7 +6,7 @@
 #pragma once
 
 #include "render/accel/ray_stream.h"
-#include "render/options/frame_counts.h"
+#include "render/options/render_statistics.h"
 #include "render/scene/scene.h"
 
 namespace lenticule::render {

@@ -34,7 +34,7 @@ static_assert(shading_kernel::kLanes == kPacket);
 constexpr int kFewPackets = 8;
 static_assert(TilePlan::kColumns % kFewPackets == 0);
 
-/// Computes the surface of one lane in double precision (render/shading/surface.h): near the
+/// Computes the surface of one lane in double precision (render/shading/shading.h): near the
 /// critical angle, refraction amplifies the rounding errors of single precision.
 Surface exact_surface(const Scene& scene, const RayPacket& packet, int channel, size_t r,
                       Vec3& direction) {

@@ -11,9 +11,8 @@
 
 #include "render/accel/ray_stream.h"
 #include "render/integrator/cell_culling.h"
-#include "render/options/frame_counts.h"
 #include "render/options/render_options.h"
-#include "render/options/work_clock.h"
+#include "render/options/render_statistics.h"
 #include "render/rays/primary_packets.h"
 #include "render/scene/scene.h"
 #include "render/shading/shading_kernel.h"

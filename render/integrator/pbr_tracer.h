@@ -12,9 +12,8 @@
 
 #include "render/accel/ray_stream.h"
 #include "render/integrator/light_memory.h"
-#include "render/options/frame_counts.h"
 #include "render/options/render_options.h"
-#include "render/options/work_clock.h"
+#include "render/options/render_statistics.h"
 #include "render/rays/tile.h"
 #include "render/scene/scene.h"
 #include "render/shading/pbr_lanes.h"

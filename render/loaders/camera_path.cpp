@@ -7,7 +7,7 @@
 #include "base/file.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/text_reader.h"
-#include "render/scene/camera_pose.h"
+#include "render/scene/stage.h"
 
 namespace lenticule::render {
 namespace {

@@ -1,14 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-// load_scene reads a scene file of any supported format.
+// load_scene reads a scene file of any supported format. UpAxis names the axis that points up,
+// which many formats do not state.
 #pragma once
 
 #include <filesystem>
 #include <optional>
+#include <string>
 
-#include "render/loaders/up_axis.h"
 #include "render/scene/scene_description.h"
 
 namespace lenticule::render {
+
+enum class UpAxis { X, Y, Z, MinusX, MinusY, MinusZ };
+
+/// Returns the axis named "x", "y", "z", "-x", "-y" or "-z". Throws Error(Usage) for other names.
+[[nodiscard]] UpAxis up_axis_named(const std::string& name);
+
+/// Rotates the whole scene by a multiple of a quarter turn, so that the axis points to +y.
+void turn_upright(SceneDescription& scene, UpAxis up);
 
 struct LoadOptions {
   std::optional<UpAxis> up{};  ///< the file's axis that points up; default: as the format has it

@@ -1,7 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
+// Tangents as Mikkelsen's "Simulation of Wrinkled Surfaces Revisited" (2008) defines them and tools
+// that make normal textures compute them: each face's derivative of the position by u, projected
+// into the tangent plane of the vertex and normalised, weighted by the angle of the face at the
+// vertex. Faces whose texture is mirrored do not mix with the others. Vertices of equal position,
+// normal and coordinates count as one.
 #include "render/loaders/mesh_cleanup.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <tuple>
+
+#include "render/loaders/limits.h"
+#include "render/scene/stage.h"
 
 namespace lenticule::render {
 namespace {
@@ -53,6 +67,210 @@ MeshRepairs clean(TriangleMesh& mesh) {
     ++repairs.recomputed_normals;
   }
   return repairs;
+}
+
+namespace {
+
+using Uv = std::array<float, 2>;
+using Uvs = std::vector<Uv>;
+
+template <class T>
+void select(std::vector<T>& values, const std::vector<uint32_t>& from) {
+  if (values.empty()) return;
+  std::vector<T> selected;
+  selected.reserve(from.size());
+  for (const uint32_t i : from) selected.push_back(values[i]);
+  values = std::move(selected);
+}
+
+template <class T>
+void select_groups(std::vector<T>& values, size_t per_vertex, const std::vector<uint32_t>& from) {
+  if (values.empty()) return;
+  std::vector<T> selected;
+  selected.reserve(from.size() * per_vertex);
+  for (const uint32_t i : from)
+    for (size_t k = 0; k < per_vertex; ++k) selected.push_back(values[i * per_vertex + k]);
+  values = std::move(selected);
+}
+
+/// Gives every triangle its own vertices, with the normal of its face.
+void make_flat(TriangleMesh& mesh) {
+  std::vector<uint32_t> from;
+  from.reserve(mesh.triangles.size() * 3);
+  for (auto& triangle : mesh.triangles) {
+    const auto first = static_cast<uint32_t>(from.size());
+    from.insert(from.end(), triangle.begin(), triangle.end());
+    triangle = {first, first + 1, first + 2};
+  }
+  select_vertices(mesh, from);
+  mesh.normals.resize(from.size());
+  for (const auto& [a, b, c] : mesh.triangles) {
+    const Vec3 origin = mesh.positions[a];
+    const Vec3 normal = normalized(cross(mesh.positions[b] - origin, mesh.positions[c] - origin));
+    for (const uint32_t corner : {a, b, c}) mesh.normals[corner] = normal;
+  }
+}
+
+/// Returns for each vertex the first of the vertices that are equal to it.
+std::vector<uint32_t> welded(const TriangleMesh& mesh, const Uvs& uvs) {
+  const auto key = [&](uint32_t i) {
+    const Vec3& p = mesh.positions[i];
+    const Vec3& n = mesh.normals[i];
+    return std::tuple(p.x, p.y, p.z, n.x, n.y, n.z, uvs[i][0], uvs[i][1]);
+  };
+  std::vector<uint32_t> order(mesh.positions.size());
+  std::iota(order.begin(), order.end(), 0U);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](uint32_t a, uint32_t b) { return key(a) < key(b); });
+  std::vector<uint32_t> first(order.size());
+  for (size_t i = 0; i < order.size(); ++i)
+    first[order[i]] = i > 0 && key(order[i - 1]) == key(order[i]) ? first[order[i - 1]] : order[i];
+  return first;
+}
+
+/// Orientation of the texture on a face; Degenerate where the coordinates span no area.
+enum Orientation : uint8_t { Mirrored = 0, Plain = 1, Degenerate = 2 };
+
+struct FaceTangent {
+  Vec3 direction{};
+  Orientation orientation = Degenerate;
+};
+
+FaceTangent face_tangent(const TriangleMesh& mesh, const Uvs& uvs,
+                         const std::array<uint32_t, 3>& face) {
+  const auto [a, b, c] = face;
+  const Vec3 e1 = mesh.positions[b] - mesh.positions[a];
+  const Vec3 e2 = mesh.positions[c] - mesh.positions[a];
+  const double u1 = double{uvs[b][0]} - double{uvs[a][0]};
+  const double v1 = double{uvs[b][1]} - double{uvs[a][1]};
+  const double u2 = double{uvs[c][0]} - double{uvs[a][0]};
+  const double v2 = double{uvs[c][1]} - double{uvs[a][1]};
+  const double area = u1 * v2 - u2 * v1;
+  if (area == 0.0) return {};
+  const Vec3 along_u = (e1 * v2 - e2 * v1) / area;
+  // v points down: on a plain face the area is negative.
+  return {along_u, area < 0.0 ? Plain : Mirrored};
+}
+
+/// Returns the part of `v` in the plane with the unit normal `n`, as a unit vector or zero.
+Vec3 in_plane(Vec3 v, Vec3 n) {
+  return normalized(v - n * dot(n, v));
+}
+
+/// TangentSums holds the sums of each group of equal vertices, one per orientation.
+class TangentSums {
+ public:
+  TangentSums(const TriangleMesh& mesh, const Uvs& uvs)
+      : first_(welded(mesh, uvs)), sums_(mesh.positions.size()) {
+    for (const auto& face : mesh.triangles) {
+      const FaceTangent tangent = face_tangent(mesh, uvs, face);
+      if (tangent.orientation == Degenerate) continue;
+      for (size_t k = 0; k < 3; ++k) {
+        const Vec3 n = mesh.normals[face[k]];
+        const Vec3 p = mesh.positions[face[k]];
+        const Vec3 next = in_plane(mesh.positions[face[(k + 1) % 3]] - p, n);
+        const Vec3 last = in_plane(mesh.positions[face[(k + 2) % 3]] - p, n);
+        const double angle = std::acos(std::clamp(dot(next, last), -1.0, 1.0));
+        sums_[first_[face[k]]][tangent.orientation] += in_plane(tangent.direction, n) * angle;
+      }
+    }
+  }
+
+  [[nodiscard]] std::array<float, 4> tangent(uint32_t vertex, Orientation orientation,
+                                             Vec3 normal) const {
+    Vec3 t = in_plane(sums_[first_[vertex]][orientation], normal);
+    if (t == Vec3{}) t = any_perpendicular(normal);
+    const Vec3f unit(t);
+    return {unit.x, unit.y, unit.z, orientation == Plain ? 1.0F : -1.0F};
+  }
+
+ private:
+  std::vector<uint32_t> first_;
+  std::vector<std::array<Vec3, 2>> sums_;
+};
+
+}  // namespace
+
+void select_vertices(TriangleMesh& mesh, const std::vector<uint32_t>& from) {
+  select(mesh.positions, from);
+  select(mesh.normals, from);
+  select(mesh.uvs, from);
+  select(mesh.uvs2, from);
+  select(mesh.colours, from);
+  select(mesh.tangents, from);
+  if (!mesh.deformation) return;
+  auto deformation = std::make_shared<Deformation>(*mesh.deformation);
+  select_groups(deformation->joints, deformation->joints_per_vertex, from);
+  select_groups(deformation->weights, deformation->joints_per_vertex, from);
+  for (MorphTarget& target : deformation->targets) {
+    select(target.positions, from);
+    select(target.normals, from);
+    select(target.tangents, from);
+  }
+  mesh.deformation = std::move(deformation);
+}
+
+void compute_tangents(TriangleMesh& mesh, bool use_second_uvs) {
+  const auto has_uvs = [&] { return !(use_second_uvs ? mesh.uvs2 : mesh.uvs).empty(); };
+  if (!has_uvs() || mesh.triangles.size() > kMaxVertices / 3) return;
+  if (mesh.normals.empty()) make_flat(mesh);
+  const Uvs uvs = use_second_uvs ? mesh.uvs2 : mesh.uvs;
+  const TangentSums sums(mesh, uvs);
+
+  // A vertex keeps the orientation of its first face; a copy takes the other one.
+  constexpr uint32_t kNone = ~0U;
+  const size_t count = mesh.positions.size();
+  std::vector<Orientation> orientations(count, Degenerate);
+  std::vector<uint32_t> copies(count, kNone);
+  std::vector<uint32_t> from(count);
+  std::iota(from.begin(), from.end(), 0U);
+  for (auto& face : mesh.triangles) {
+    const Orientation orientation = face_tangent(mesh, uvs, face).orientation;
+    if (orientation == Degenerate) continue;
+    for (uint32_t& corner : face) {
+      if (orientations[corner] == Degenerate) orientations[corner] = orientation;
+      if (orientations[corner] == orientation) continue;
+      if (copies[corner] == kNone) {
+        copies[corner] = static_cast<uint32_t>(from.size());
+        from.push_back(corner);
+        orientations.push_back(orientation);
+        copies.push_back(kNone);
+      }
+      corner = copies[corner];
+    }
+  }
+  if (from.size() > count) select_vertices(mesh, from);
+  mesh.tangents.resize(from.size());
+  for (size_t i = 0; i < from.size(); ++i)
+    mesh.tangents[i] =
+        sums.tangent(from[i], orientations[i] == Mirrored ? Mirrored : Plain, mesh.normals[i]);
+}
+
+void LostDigits::add(const TriangleMesh& mesh) {
+  if (mesh.positions.empty()) return;
+  Bounds bounds;
+  for (const Vec3& p : mesh.positions) bounds.extend(p);
+  const auto largest = [](Vec3 v) {
+    return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)});
+  };
+  const double size = largest(bounds.high - bounds.low);
+  const double farthest = std::max(largest(bounds.low), largest(bounds.high));
+  const double step = farthest * double{std::numeric_limits<float>::epsilon()};
+  constexpr double kVisible = 1e-4;  // about half a pixel of a mesh that fills a 4K panel
+  if (!(step > kVisible * size) || size == 0.0) return;
+  ++meshes_;
+  if (step / size <= coarsest_) return;
+  coarsest_ = step / size;
+  step_ = step;
+}
+
+void LostDigits::write(SceneDescription& scene) const {
+  if (meshes_ == 0) return;
+  scene.notes.push_back(
+      fmt::format("{} meshes lie far from the origin: in the file's single precision their "
+                  "coordinates have steps of {:.2g} units, {:.2g} % of a mesh; move them to the "
+                  "origin before exporting",
+                  meshes_, step_, 100.0 * coarsest_));
 }
 
 }  // namespace lenticule::render

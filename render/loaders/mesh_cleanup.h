@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Repairs a mesh from a file for tracing.
+// Prepares meshes from files for tracing: repairs them, computes tangents where the file has none,
+// and finds meshes so far from the origin that the single precision of their file shows.
 #pragma once
 
 #include "render/scene/scene_description.h"
@@ -14,5 +15,29 @@ struct MeshRepairs {
 /// Drops triangles without area. Replaces zero or non-finite normals by the mean of the adjacent
 /// faces' normals; normalizes all other normals. Positions must be finite, and indices in range.
 MeshRepairs clean(TriangleMesh& mesh);
+
+/// Sets the tangents from texture coordinates, `uvs` or `uvs2` of the mesh; does nothing if the
+/// mesh lacks them. The bitangent cross(normal, tangent) * sign points to decreasing v, as normal
+/// textures of glTF require. Vertices at which the texture is mirrored are split; a mesh without
+/// normals gets the faces' normals, and so three vertices per triangle.
+void compute_tangents(TriangleMesh& mesh, bool use_second_uvs);
+
+/// Makes vertex i a copy of the old vertex from[i], with all its attributes. Does not change the
+/// triangles.
+void select_vertices(TriangleMesh& mesh, const std::vector<uint32_t>& from);
+
+/// LostDigits notes meshes whose coordinates are coarse.
+class LostDigits {
+ public:
+  /// Examines a mesh whose positions come from single precision, in the file's coordinates.
+  void add(const TriangleMesh& mesh);
+  /// Adds a note about the coarsest mesh, if any is coarse.
+  void write(SceneDescription& scene) const;
+
+ private:
+  size_t meshes_ = 0;
+  double coarsest_ = 0.0;  ///< step of the coordinates, in sizes of the mesh
+  double step_ = 0.0;      ///< that step in units of the file
+};
 
 }  // namespace lenticule::render

@@ -3,17 +3,155 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <limits>
-#include <vector>
+#include <utility>
 
 #include "base/error.h"
 #include "base/file.h"
 #include "render/loaders/limits.h"
-#include "render/loaders/nff_scene.h"
+#include "render/loaders/polygon.h"
 #include "render/loaders/text_reader.h"
-#include "render/scene/camera_pose.h"
+#include "render/scene/stage.h"
 
 namespace lenticule::render {
+
+NffScene::NffScene(const std::string& source) {
+  scene_.source = source;
+  scene_.colour_managed = false;
+}
+
+SceneDescription NffScene::finish() {
+  const bool empty = scene_.meshes.empty() && scene_.spheres.empty() && scene_.cones.empty();
+  if (!empty) finish_lights();
+  write_notes();
+  if (empty) refuse_empty(scene_);
+  return std::move(scene_);
+}
+
+void NffScene::light(Vec3 position, Vec3 colour) {
+  scene_.lights.push_back({.kind = Light::Kind::Point, .position = position, .colour = colour});
+}
+
+/// Sets the lights' intensities, which the format leaves open. The usual recommendation is
+/// sqrt(n) / 2n for each of n lights, so that scenes with many lights are neither overexposed nor
+/// dark.
+void NffScene::finish_lights() {
+  const double n = static_cast<double>(scene_.lights.size());
+  const double each = n > 0 ? std::sqrt(n) / (2.0 * n) : 0.0;
+  for (Light& light : scene_.lights) light.colour = light.colour * each;
+  if (scene_.lights.empty()) {
+    scene_.notes.emplace_back("no light in the file; a default light is used");
+    return;
+  }
+  // Keeps shadows readable without washing the picture out.
+  scene_.ambient = Vec3{1, 1, 1} * (each / 4.0);
+}
+
+void NffScene::fill(Material m) {
+  // Opaque fills often state 0 here.
+  if (!(m.refraction_index > 0.0)) m.refraction_index = 1.0;
+  m.tinted_specular = false;
+  m.two_sided = true;
+  current_material_ = material_index(m);
+}
+
+/// Returns the index of a material. Equal materials are shared, since files repeat the same fill
+/// before every object, and one material each would also mean one mesh each.
+int NffScene::material_index(const Material& m) {
+  const MaterialKey key{m.colour.x, m.colour.y, m.colour.z,      m.diffuse,
+                        m.specular, m.shine,    m.transmittance, m.refraction_index};
+  const auto [place, added] = materials_.try_emplace(key, scene_.materials.size());
+  if (added) {
+    scene_.materials.push_back(m);
+    scene_.materials.back().name = fmt::format("fill {}", scene_.materials.size());
+    mesh_of_.push_back({-1, -1});
+  }
+  return static_cast<int>(place->second);
+}
+
+int NffScene::material() {
+  if (current_material_ < 0) {
+    dropped_.material_missing = true;
+    current_material_ = material_index(Material{.colour = {1, 1, 1}, .diffuse = 0.8});
+  }
+  return current_material_;
+}
+
+void NffScene::sphere(Vec3 centre, double radius) {
+  if (radius == 0.0) return void(++dropped_.empty_spheres);
+  scene_.spheres.push_back({.centre = centre,
+                            .radius = std::abs(radius),
+                            .inward = radius < 0.0,
+                            .material = material()});
+}
+
+void NffScene::cone(Vec3 base, double base_radius, Vec3 apex, double apex_radius) {
+  if ((base_radius == 0.0 && apex_radius == 0.0) || base == apex)
+    return void(++dropped_.empty_cones);
+  scene_.cones.push_back({.base = base,
+                          .base_radius = std::abs(base_radius),
+                          .apex = apex,
+                          .apex_radius = std::abs(apex_radius),
+                          .inward = base_radius < 0.0 || apex_radius < 0.0,
+                          .material = material()});
+}
+
+bool NffScene::polygon(std::span<const Vec3> corners, std::span<const Vec3> normals) {
+  const Triangulation cut = triangulate(corners);
+  if (cut.triangles.empty()) {
+    ++dropped_.flat_polygons;
+    return true;
+  }
+  if (!cut.simple) ++dropped_.crossed_polygons;
+  TriangleMesh& mesh = this->mesh(!normals.empty());
+  if (mesh.positions.size() + corners.size() > kMaxVertices) return false;
+  const auto first = static_cast<uint32_t>(mesh.positions.size());
+  mesh.positions.insert(mesh.positions.end(), corners.begin(), corners.end());
+  append_normals(mesh, corners, normals);
+  for (const auto& [a, b, c] : cut.triangles)
+    mesh.triangles.push_back({first + a, first + b, first + c});
+  return true;
+}
+
+void NffScene::append_normals(TriangleMesh& mesh, std::span<const Vec3> corners,
+                              std::span<const Vec3> normals) {
+  if (normals.empty()) return;
+  const Vec3 face = normalized(polygon_area_vector(corners));
+  for (const Vec3 normal : normals) {
+    const Vec3 unit = normalized(normal);
+    const bool usable = std::abs(length(unit) - 1.0) < 1e-6;
+    mesh.normals.push_back(usable ? unit : face);
+    dropped_.repaired_normals += usable ? 0 : 1;
+  }
+}
+
+/// Returns the mesh for the current material: one for polygons and one for patches.
+TriangleMesh& NffScene::mesh(bool smooth) {
+  const int m = material();
+  int& index = mesh_of_[static_cast<size_t>(m)][smooth ? 1 : 0];
+  if (index < 0) {
+    index = static_cast<int>(scene_.meshes.size());
+    const char* what = smooth ? "patches" : "polygons";
+    scene_.meshes.push_back({.name = fmt::format("{} of fill {}", what, m + 1), .material = m});
+  }
+  return scene_.meshes[static_cast<size_t>(index)];
+}
+
+void NffScene::note_dropped(int count, const char* what) {
+  if (count > 0) scene_.notes.push_back(fmt::format("{} {}", count, what));
+}
+
+void NffScene::write_notes() {
+  note_dropped(dropped_.flat_polygons, "polygons without an area dropped");
+  note_dropped(dropped_.crossed_polygons, "polygons whose outline crosses itself, filled roughly");
+  note_dropped(dropped_.empty_spheres, "spheres of radius 0 dropped");
+  note_dropped(dropped_.empty_cones, "cones without a surface dropped");
+  note_dropped(dropped_.repaired_normals, "normals of length 0 replaced by their polygon's");
+  if (dropped_.material_missing)
+    scene_.notes.emplace_back("objects before the first fill: rendered in white");
+}
+
 namespace {
 
 class NffParser {

@@ -10,7 +10,7 @@
 
 #include "base/error.h"
 #include "render/loaders/limits.h"
-#include "render/scene/texture_codes.h"
+#include "render/scene/texture.h"
 
 namespace lenticule::render {
 namespace {

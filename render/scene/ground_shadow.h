@@ -2,7 +2,7 @@
 // GroundShadow is the soft shadow under a model that the studio lights. The ground is not an
 // object: the shadow darkens the background where a ray that meets nothing crosses the ground from
 // above. So bounds, depths and surfaces are those of the model alone. docs/render/shading.md states
-// the formula, render/commit/cast_ground_shadow.cpp computes it.
+// the formula, render/commit_scene.cpp computes it.
 #pragma once
 
 #include <array>

@@ -5,7 +5,7 @@
 // The scene frame is the world coordinate system after three changes: the stage's centre becomes
 // the origin, the axes become the panel's axes, and one unit becomes one millimetre on the panel.
 // In the scene frame single precision resolves a fraction of a subpixel, independent of the scene's
-// units and of its distance from the world origin.
+// units and of its distance from the world origin. render/commit_scene.cpp makes the scene.
 #pragma once
 
 #include <array>
@@ -26,7 +26,7 @@
 namespace lenticule::render {
 
 /// IdleLights selects whether lights that cannot contribute to any surface are left out
-/// (render/commit/idle_lights.h). The picture is the same in both cases.
+/// (render/commit_scene.cpp). The picture is the same in both cases.
 enum class IdleLights { LeaveOut, Keep };
 
 /// MeshShape holds the buffers of one mesh. Embree reads the buffers in place.

@@ -89,6 +89,50 @@ struct PbrMaterial {
   TextureUse anisotropy_texture{};   ///< RG: direction, B: strength
 };
 
+// All numbers, colours and textures of a PbrMaterial, for what treats them alike: the fingerprint
+// and the check of committed materials. A new member needs an entry.
+inline constexpr double PbrMaterial::*kPbrNumbers[] = {&PbrMaterial::alpha,
+                                                       &PbrMaterial::metallic,
+                                                       &PbrMaterial::roughness,
+                                                       &PbrMaterial::normal_scale,
+                                                       &PbrMaterial::occlusion_strength,
+                                                       &PbrMaterial::alpha_cutoff,
+                                                       &PbrMaterial::ior,
+                                                       &PbrMaterial::specular,
+                                                       &PbrMaterial::clearcoat,
+                                                       &PbrMaterial::clearcoat_roughness,
+                                                       &PbrMaterial::sheen_roughness,
+                                                       &PbrMaterial::transmission,
+                                                       &PbrMaterial::thickness,
+                                                       &PbrMaterial::attenuation_distance,
+                                                       &PbrMaterial::iridescence,
+                                                       &PbrMaterial::iridescence_ior,
+                                                       &PbrMaterial::iridescence_thickness_min,
+                                                       &PbrMaterial::iridescence_thickness_max,
+                                                       &PbrMaterial::anisotropy,
+                                                       &PbrMaterial::anisotropy_rotation};
+inline constexpr Vec3 PbrMaterial::*kPbrColours[] = {
+    &PbrMaterial::base_colour, &PbrMaterial::emission, &PbrMaterial::specular_colour,
+    &PbrMaterial::sheen_colour, &PbrMaterial::attenuation_colour};
+inline constexpr TextureUse PbrMaterial::*kPbrTextures[] = {
+    &PbrMaterial::base_colour_texture,
+    &PbrMaterial::metallic_roughness_texture,
+    &PbrMaterial::normal_texture,
+    &PbrMaterial::occlusion_texture,
+    &PbrMaterial::emission_texture,
+    &PbrMaterial::specular_texture,
+    &PbrMaterial::specular_colour_texture,
+    &PbrMaterial::clearcoat_texture,
+    &PbrMaterial::clearcoat_roughness_texture,
+    &PbrMaterial::clearcoat_normal_texture,
+    &PbrMaterial::sheen_colour_texture,
+    &PbrMaterial::sheen_roughness_texture,
+    &PbrMaterial::transmission_texture,
+    &PbrMaterial::thickness_texture,
+    &PbrMaterial::iridescence_texture,
+    &PbrMaterial::iridescence_thickness_texture,
+    &PbrMaterial::anisotropy_texture};
+
 /// Whitted material. Colours are linear light in colour-managed formats (such as glTF) and code
 /// values in NFF; see SceneDescription::colour_managed.
 struct Material {

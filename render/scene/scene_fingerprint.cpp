@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/scene/scene_fingerprint.h"
 
-#include "render/scene/lighting.h"
-#include "render/scene/scene_mixer.h"
-
 namespace lenticule::render {
 
 Fingerprint scene_fingerprint(const SceneDescription& scene, const Surroundings& surroundings,

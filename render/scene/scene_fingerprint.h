@@ -2,12 +2,148 @@
 // Fingerprints that detect if two frames show the same scene.
 #pragma once
 
-#include "render/scene/fingerprint.h"
+#include <array>
+#include <bit>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
 #include "render/scene/scene_description.h"
 #include "render/scene/stage.h"
 #include "render/scene/surroundings.h"
 
 namespace lenticule::render {
+
+/// A 128-bit fingerprint: two independent 64-bit hashes of the same words. Equal fingerprints are
+/// taken as equal content.
+struct Fingerprint {
+  uint64_t first = 0;
+  uint64_t second = 0;
+  friend bool operator==(const Fingerprint&, const Fingerprint&) = default;
+};
+
+/// WordMixer computes a Fingerprint from a sequence of words. The order of the words matters.
+class WordMixer {
+ public:
+  void add(uint64_t word) {
+    value_.first = std::rotl(value_.first ^ word, 29) * 0x9E3779B97F4A7C15U;
+    value_.first ^= value_.first >> 32;
+    value_.second = (std::rotl(value_.second, 31) + word) * 0xC2B2AE3D27D4EB4FU;
+    value_.second ^= value_.second >> 29;
+  }
+  void add(double number) { add(std::bit_cast<uint64_t>(number)); }
+  void add(float number) { add(uint64_t{std::bit_cast<uint32_t>(number)}); }
+  void add(bool flag) { add(uint64_t{flag}); }
+  void add(int number) { add(static_cast<uint64_t>(number)); }
+  void add(uint32_t number) { add(uint64_t{number}); }
+
+  [[nodiscard]] Fingerprint value() const { return value_; }
+
+ private:
+  Fingerprint value_{0x243F6A8885A308D3U, 0x13198A2E03707344U};
+};
+
+class SceneMixer : public WordMixer {
+ public:
+  using WordMixer::add;
+  void add(const Vec3& v) {
+    add(v.x);
+    add(v.y);
+    add(v.z);
+  }
+  void add(const Vec3f& v) {
+    add(v.x);
+    add(v.y);
+    add(v.z);
+  }
+  void add(const std::string& text) { add(uint64_t{std::hash<std::string>{}(text)}); }
+  template <class T, size_t N>
+  void add(const std::array<T, N>& values) {
+    for (const T& value : values) add(value);
+  }
+  template <class T>
+  void add(const std::optional<T>& value) {
+    add(value.has_value());
+    if (value) add(*value);
+  }
+  /// Mixes the length first, so that the boundary between consecutive lists matters.
+  template <class T>
+  void add(const std::vector<T>& values) {
+    add(uint64_t{values.size()});
+    for (const T& value : values) add(value);
+  }
+
+  void add(const Material& m) {
+    add(m.colour);
+    add(m.diffuse);
+    add(m.specular);
+    add(m.shine);
+    add(m.transmittance);
+    add(m.refraction_index);
+    add(m.emission);
+    add(m.tinted_specular);
+    add(m.texture);
+    add(m.pbr != nullptr);
+    if (m.pbr) add(*m.pbr);
+  }
+  void add(const TextureUse& use) {
+    add(use.texture);
+    add(use.uv_set);
+    add(use.uv_map);
+  }
+  void add(const PbrMaterial& m) {
+    add(static_cast<int>(m.alpha_mode));
+    for (const bool flag : {m.double_sided, m.unlit}) add(flag);
+    for (const auto number : kPbrNumbers) add(m.*number);
+    for (const auto colour : kPbrColours) add(m.*colour);
+    for (const auto use : kPbrTextures) add(m.*use);
+  }
+  void add(const TriangleMesh& mesh) { add_mesh(mesh); }
+  void add(const Sphere& sphere) { add_sphere(sphere); }
+  void add(const Cone& cone) {
+    add(cone.base);
+    add(cone.base_radius);
+    add(cone.apex);
+    add(cone.apex_radius);
+    add(cone.inward);
+    add(cone.material);
+  }
+  void add(const Light& light) { add_light(light); }
+
+  /// Mixes a Light or a SceneLight.
+  template <class L>
+  void add_light(const L& light) {
+    add(static_cast<int>(light.kind));
+    add(light.position);
+    add(light.direction);
+    add(light.colour);
+    add(light.falls_off);
+    add(light.cos_inner);
+    add(light.cos_outer);
+  }
+  /// Mixes a TriangleMesh or a MeshShape.
+  template <class Mesh>
+  void add_mesh(const Mesh& mesh) {
+    add(mesh.material);
+    add(mesh.positions);
+    add(mesh.triangles);
+    add(mesh.normals);
+    add(mesh.uvs);
+    add(mesh.uvs2);
+    add(mesh.colours);
+    add(mesh.tangents);
+  }
+  /// Mixes a Sphere or a SphereShape.
+  template <class Ball>
+  void add_sphere(const Ball& sphere) {
+    add(sphere.centre);
+    add(sphere.radius);
+    add(sphere.inward);
+    add(sphere.material);
+  }
+};
 
 /// Returns a fingerprint of everything that determines the appearance of the scene's points:
 /// geometry, materials, lights and environment settings. Cameras, names, notes and texture pixels

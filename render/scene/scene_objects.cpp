@@ -3,7 +3,6 @@
 
 #include <algorithm>
 
-#include "render/scene/scene_mixer.h"
 #include "render/scene/texture.h"
 
 namespace lenticule::render {

@@ -6,8 +6,8 @@
 #include <memory>
 #include <vector>
 
-#include "render/scene/fingerprint.h"
 #include "render/scene/scene.h"
+#include "render/scene/scene_fingerprint.h"
 #include "render/scene/stage.h"
 
 namespace lenticule::render {

@@ -11,6 +11,12 @@
 
 namespace lenticule::render {
 
+/// Returns a unit vector perpendicular to `v`, which must not be zero.
+[[nodiscard]] Vec3 any_perpendicular(Vec3 v);
+
+/// Returns false if `up` is zero or, in single precision, parallel to the viewing direction.
+[[nodiscard]] bool up_is_usable(const Camera& camera);
+
 /// StageOptions holds the user's placement options. Defaults place the scene's centre on the panel
 /// and make its depth fit the budget.
 struct StageOptions {
@@ -129,5 +135,14 @@ struct Bounds {
                                       const StageOptions& options = {}) {
   return make_stage(scene, canvas_of(model), options);
 }
+
+/// Throws Error(Input) "source: nothing to see in this scene: reasons". Call it for a scene without
+/// content; `scene.notes` should say what the loader has left out or dropped.
+[[noreturn]] void refuse_empty(const SceneDescription& scene);
+
+/// Returns false if no ray of the panel can meet the scene's content, because all of it lies beside
+/// the rays, or in front of stage.near_mm. Nodes must be evaluated.
+[[nodiscard]] bool content_meets_rays(const SceneDescription& scene, const Stage& stage,
+                                      const optics::OpticalModel& model);
 
 }  // namespace lenticule::render

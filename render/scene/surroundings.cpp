@@ -1,15 +1,155 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/scene/surroundings.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
+#include <vector>
 
+#include "base/error.h"
 #include "frames/image_io.h"
 #include "frames/srgb.h"
 #include "render/scene/texture.h"
 
 namespace lenticule::render {
+namespace {
+
+double largest(Vec3 v) {
+  return std::max({v.x, v.y, v.z});
+}
+double smallest(Vec3 v) {
+  return std::min({v.x, v.y, v.z});
+}
+template <class Function>
+Vec3 each(Vec3 v, const Function& of) {
+  return {of(v.x), of(v.y), of(v.z)};
+}
+
+// Khronos PBR Neutral (https://github.com/KhronosGroup/ToneMapping). The darkest channel loses the
+// reflection of a dielectric, kFloor; above kStart the brightest channel is compressed.
+constexpr double kFloor = 0.04;
+constexpr double kStart = 0.8 - kFloor;
+constexpr double kDesaturation = 0.15;
+constexpr double kRoom = 1.0 - kStart;
+
+Vec3 neutral(Vec3 light) {
+  const double low = smallest(light);
+  const double floor = low < 2.0 * kFloor ? low - low * low / (4.0 * kFloor) : kFloor;
+  const Vec3 lowered = light - Vec3{floor, floor, floor};
+  const double peak = largest(lowered);
+  if (peak < kStart) return lowered;
+  const double shown = 1.0 - kRoom * kRoom / (peak + kRoom - kStart);
+  const double kept = 1.0 / (kDesaturation * (peak - shown) + 1.0);
+  return lowered * (shown / peak * kept) + Vec3{shown, shown, shown} * (1.0 - kept);
+}
+
+// Hill's fit works in its own primaries; the columns of both matrices.
+constexpr Affine kAcesIn{
+    {0.59719, 0.07600, 0.02840}, {0.35458, 0.90834, 0.13383}, {0.04823, 0.01566, 0.83777}, {}};
+constexpr Affine kAcesOut{{1.60475, -0.10208, -0.00327},
+                          {-0.53108, 1.10813, -0.07276},
+                          {-0.07367, -0.00605, 1.07602},
+                          {}};
+constexpr double kAcesExposure = 1.0 / 0.6;
+// The curve (v^2 + a v - b) / (c v^2 + d v + e).
+constexpr double kA = 0.0245786, kB = 0.000090537, kC = 0.983729, kD = 0.4329510, kE = 0.238081;
+
+Vec3 aces(Vec3 light) {
+  const Vec3 curved = each(kAcesIn.vector(light * kAcesExposure),
+                           [](double v) { return (v * (v + kA) - kB) / (v * (kC * v + kD) + kE); });
+  return each(kAcesOut.vector(curved), [](double v) { return std::clamp(v, 0.0, 1.0); });
+}
+
+}  // namespace
+
+ToneMap tone_map_named(const std::string& name) {
+  if (name == "none") return ToneMap::None;
+  if (name == "pbr-neutral") return ToneMap::PbrNeutral;
+  if (name == "aces") return ToneMap::Aces;
+  throw Error(ErrorKind::Usage, fmt::format("tone map '{}': unknown", name),
+              "choose none, pbr-neutral or aces");
+}
+
+Vec3 tone_mapped(ToneMap map, Vec3 light) {
+  switch (map) {
+    case ToneMap::PbrNeutral:
+      return neutral(light);
+    case ToneMap::Aces:
+      return aces(light);
+    case ToneMap::None:
+      break;
+  }
+  return light;
+}
+
+// ---- studio light
+
+namespace {
+
+/// SoftBox is a rectangle of light on the plane that touches the unit sphere at `towards`. Its
+/// edges fade over `edge` on each side.
+struct SoftBox {
+  Vec3 towards;
+  double half_width;
+  double half_height;
+  double edge;
+  double light;
+};
+
+constexpr std::array<SoftBox, 5> kBoxes{{
+    {{-0.62, 0.45, 0.64}, 0.42, 0.42, 0.12, 5.0},   // key, upper left before the model
+    {{0.80, 0.10, 0.60}, 0.22, 0.60, 0.10, 3.5},    // strip, right
+    {{0.00, 1.00, 0.00}, 0.80, 0.50, 0.20, 1.6},    // ceiling
+    {{0.70, 0.35, -0.62}, 0.30, 0.50, 0.10, 3.0},   // rim, right behind the model
+    {{-0.85, 0.10, -0.52}, 0.18, 0.60, 0.10, 3.0},  // rim, left behind the model
+}};
+
+constexpr double kFloorLight = 0.60;
+constexpr double kCeilingLight = 0.85;
+/// Sets the light of a white matt surface that faces the viewer to 1.
+constexpr double kExposure = 0.6087;
+
+double smooth_step(double low, double high, double v) {
+  const double t = std::clamp((v - low) / (high - low), 0.0, 1.0);
+  return t * t * (3.0 - 2.0 * t);
+}
+
+/// PlacedBox is a SoftBox with the axes of its plane.
+struct PlacedBox {
+  Vec3 towards, right, up;
+  SoftBox box;
+
+  explicit PlacedBox(const SoftBox& of) : towards(normalized(of.towards)), box(of) {
+    right = normalized(cross(std::abs(towards.y) > 0.99 ? Vec3{0, 0, -1} : Vec3{0, 1, 0}, towards));
+    up = cross(towards, right);
+  }
+
+  [[nodiscard]] double light(Vec3 direction) const {
+    const double along = dot(direction, towards);
+    if (along <= 0.0) return 0.0;
+    const double x = std::abs(dot(direction, right)), y = std::abs(dot(direction, up));
+    if (x >= (box.half_width + box.edge) * along || y >= (box.half_height + box.edge) * along)
+      return 0.0;
+    return box.light *
+           (1.0 - smooth_step(box.half_width - box.edge, box.half_width + box.edge, x / along)) *
+           (1.0 - smooth_step(box.half_height - box.edge, box.half_height + box.edge, y / along));
+  }
+};
+
+}  // namespace
+
+double studio_light(Vec3 direction) {
+  double light = kFloorLight + (kCeilingLight - kFloorLight) * smooth_step(-1.0, 1.0, direction.y);
+  static const std::vector<PlacedBox> boxes(kBoxes.begin(), kBoxes.end());
+  for (const PlacedBox& box : boxes) light += box.light(direction);
+  return light * kExposure;
+}
+
+// ---- surroundings
+
 namespace {
 
 // Colours of the sky, in linear light: pale at the horizon, blue overhead, brown below.

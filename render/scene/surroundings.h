@@ -1,18 +1,49 @@
 // SPDX-License-Identifier: Apache-2.0
-// Background of a scene: a flat colour, a sky gradient or an environment picture; and the ground
-// plane.
+// What surrounds a scene: a flat colour, a sky gradient, an environment picture or the studio, our
+// own light for models whose file has no lights (docs/render/shading.md states its formula); the
+// ground plane; and the tone maps, which compress light into the range that a panel shows.
 #pragma once
 
 #include <memory>
 #include <optional>
 #include <string>
 
+#include "optics/vec.h"
 #include "render/scene/ground_shadow.h"
 #include "render/scene/scene_description.h"
 #include "render/scene/stage.h"
-#include "render/scene/tone_map.h"
 
 namespace lenticule::render {
+
+enum class ToneMap {
+  None,        ///< light above 1 is clipped
+  PbrNeutral,  ///< of Khronos: keeps base colours, compresses highlights
+  Aces,        ///< fit of the ACES reference transforms by Stephen Hill, as in three.js
+};
+
+/// Returns the tone map named none, pbr-neutral or aces. Throws Error(Usage) for other names.
+[[nodiscard]] ToneMap tone_map_named(const std::string& name);
+
+/// Maps linear light to linear light that the panel shows. All three channels of the result depend
+/// on all three of `light`.
+[[nodiscard]] Vec3 tone_mapped(ToneMap map, Vec3 light);
+
+/// Flat ambient light of a scene that states none.
+inline constexpr double kDefaultAmbient = 0.12;
+
+/// Intensity of the default sun, which lights a scene with neither lights nor ambient light. Its
+/// light comes from the upper left behind the viewer; kDefaultSunDirection is the direction in
+/// which its light travels, along the panel's axes in the undistorted scene.
+inline constexpr double kDefaultSun = 0.9;
+inline constexpr Vec3 kDefaultSunDirection{0.4, -0.6, -1.0};
+
+/// Returns the light from a direction of the studio, a grey room with soft boxes. x is to the right
+/// of the viewer, y up, and z points to the viewer; `direction` is unit. A white matt surface that
+/// faces the viewer appears with a light of 1.
+[[nodiscard]] double studio_light(Vec3 direction);
+
+/// Background of the studio, as shown: a light neutral grey.
+inline constexpr Vec3 kStudioBackground{0.80, 0.80, 0.80};
 
 /// Surroundings holds environment options that add to or replace the scene file's.
 struct Surroundings {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Texture look-up, one colour channel at a time.
+// Texture look-up, one colour channel at a time, and storage of textures in a quarter of the
+// memory.
 #pragma once
 
 #include <cstddef>
@@ -28,5 +29,10 @@ namespace lenticule::render {
 /// separate files have equal copies. Two null pointers are equal.
 [[nodiscard]] bool same_texture(const std::shared_ptr<const Texture>& a,
                                 const std::shared_ptr<const Texture>& b);
+
+/// Replaces Texture::rgba by Texture::codes if that loses nothing: if each number is that of an
+/// 8-bit code. The codes of colours are sRGB-encoded, those of other data are fractions of 255.
+/// Returns true if the texture has codes afterwards.
+bool keep_codes(Texture& texture, bool is_colour);
 
 }  // namespace lenticule::render

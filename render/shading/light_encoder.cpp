@@ -4,8 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "frames/srgb.h"
-#include "render/shading/code_parts.h"
+#include "render/shading/shading_kernel.h"
 
 namespace lenticule::render {
 namespace {

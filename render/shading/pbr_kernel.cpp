@@ -1,13 +1,190 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/shading/pbr_kernel.h"
 
-#include "render/shading/arriving_light.h"
 #include "render/shading/met_points.h"
-#include "render/shading/pbr_lookup_lanes.h"
-#include "render/shading/tone_map_lanes.h"
+#include "render/shading/packet_kernel_lanes.h"
 
 namespace lenticule::render::LENTICULE_ISA_NAMESPACE {
+// ---- look-ups in the tables
+
 namespace {
+
+/// Four numbers of one lane.
+using Four = float __attribute__((vector_size(16)));
+
+inline Four four_at(const float* at) {
+  return reinterpret_cast<const Unaligned<Four>*>(at)->v;
+}
+
+struct Albedo {
+  Floats scale, bias;
+};
+
+/// Interpolates scale and bias of the GGX lobe.
+inline Albedo albedo_at(const pbr_kernel::AlbedoTable& table, const Floats& cosine,
+                        const Floats& roughness) {
+  constexpr int kSteps = pbr_kernel::AlbedoTable::kSteps;
+  constexpr int kRow = 2 * (kSteps + 1);
+  const Floats c = root(clamp01(cosine)) * float{kSteps}, r = clamp01(roughness) * float{kSteps};
+  const Masks row = clamp_index(to_integers(c), Masks::of(kSteps));
+  const Masks column = clamp_index(to_integers(r), Masks::of(kSteps));
+  const Floats part = c - to_floats(row), across = r - to_floats(column);
+  const Masks at = row * kRow + column * 2;
+  const float* const values = &table.values[0][0][0];
+  alignas(64) float knots[4][kLanes];
+  for (int n = 0; n < kLanes; ++n) {
+    const float* knot = values + at[n];
+    const Four above = four_at(knot), below = four_at(knot + kRow);
+    const Four mean = above + (below - above) * part[n];
+    for (int k = 0; k < 4; ++k) knots[k][n] = mean[k];
+  }
+  const Floats scale = floats_at(knots[0]), bias = floats_at(knots[1]);
+  return {scale + (floats_at(knots[2]) - scale) * across,
+          bias + (floats_at(knots[3]) - bias) * across};
+}
+
+/// Place is where a direction lies in the square of the unfolded octahedron; between 0 and 1.
+struct Place {
+  Floats x, y;
+};
+
+inline Place place_of(const Floats3& d) {
+  const Floats sum = absolute(d.x) + absolute(d.y) + absolute(d.z);
+  const Floats scale = select(sum > 0.0F, 1.0F / sum, Floats{});
+  const Floats x = d.x * scale, z = d.z * scale;
+  const Masks lower = d.y < 0.0F;
+  const Floats folded_x = 1.0F - absolute(z), folded_z = 1.0F - absolute(x);
+  const Floats at_x = select(lower, select(x < 0.0F, -folded_x, folded_x), x);
+  const Floats at_z = select(lower, select(z < 0.0F, -folded_z, folded_z), z);
+  return {0.5F + 0.5F * at_x, 0.5F + 0.5F * at_z};
+}
+
+/// Texels are the four that surround a place in a map of `size`.
+struct Texels {
+  Masks first;  ///< number of the first one, from the beginning of the map
+  Floats x, y;  ///< parts of the following ones
+
+  Texels(const Place& place, const Masks& size) {
+    // Measured from the border's texel, so that truncation rounds down.
+    const Floats count = to_floats(size);
+    const Floats column = place.x * count + 0.5F, row = place.y * count + 0.5F;
+    const Masks i = clamp_index(to_integers(column), size + 1);
+    const Masks k = clamp_index(to_integers(row), size + 1);
+    first = k * (size + 2) + i;
+    x = column - to_floats(i);
+    y = row - to_floats(k);
+  }
+};
+
+/// Interpolates in one lane; the last number is without meaning.
+inline Four mean_of(const pbr_kernel::Map& map, const Texels& texels, int lane) {
+  const float* upper = map.texels + 3 * texels.first[lane];
+  const float* lower = upper + 3 * (map.size + 2);
+  const Four a = four_at(upper), b = four_at(upper + 3);
+  const Four c = four_at(lower), d = four_at(lower + 3);
+  const Four above = a + (b - a) * texels.x[lane], below = c + (d - c) * texels.x[lane];
+  return above + (below - above) * texels.y[lane];
+}
+
+inline void set(const Four& rgb, int lane, float (&out)[3][kLanes]) {
+  for (int k = 0; k < 3; ++k) out[k][lane] = rgb[k];
+}
+
+inline Floats3 light_of(const pbr_kernel::Map& map, const Place& place) {
+  const Texels texels(place, Masks::of(map.size));
+  alignas(64) float light[3][kLanes];
+  for (int r = 0; r < kLanes; ++r) set(mean_of(map, texels, r), r, light);
+  return vector_at(light);
+}
+
+/// Number of the map of the next larger roughness; 0 in lanes that see the source as well.
+struct MapPlace {
+  Masks above;
+  Floats part;  ///< weight of that map
+
+  explicit MapPlace(const Floats& roughness) {
+    constexpr int kMaps = pbr_kernel::Environment::kMaps;
+    const Floats at = clamp01(roughness) * float{kMaps};
+    above = clamp_index(to_integers(at), Masks::of(kMaps));
+    part = at - to_floats(above);
+  }
+};
+
+/// Returns mirrored light. `source` is the light of the source in lanes that see it.
+inline Floats3 mirrored_light(const pbr_kernel::Map* maps, const Floats3& direction,
+                              const Floats& roughness, const float (&source)[3][kLanes]) {
+  const Place place = place_of(direction);
+  const MapPlace at(roughness);
+  const Masks below = select(at.above > 0, at.above - 1, Masks{});
+  alignas(64) int32_t above_size[kLanes], below_size[kLanes];
+  for (int r = 0; r < kLanes; ++r) {
+    above_size[r] = maps[at.above[r]].size;
+    below_size[r] = maps[below[r]].size;
+  }
+  const Texels sharper(place, masks_at(below_size)), blurrier(place, masks_at(above_size));
+  alignas(64) float light[3][kLanes];
+  for (int r = 0; r < kLanes; ++r) {
+    const Four first = at.above[r] > 0 ? mean_of(maps[below[r]], sharper, r)
+                                       : Four{source[0][r], source[1][r], source[2][r], 0.0F};
+    const Four second = mean_of(maps[at.above[r]], blurrier, r);
+    set(first + (second - first) * at.part[r], r, light);
+  }
+  return vector_at(light);
+}
+
+// ---- tone maps of render/scene/surroundings.h
+
+inline Floats largest_of(const Floats3& v) {
+  return max(max(v.x, v.y), v.z);
+}
+inline Floats smallest_of(const Floats3& v) {
+  return min(min(v.x, v.y), v.z);
+}
+inline Floats3 all(const Floats& v) {
+  return {v, v, v};
+}
+
+inline Floats3 pbr_neutral(const Floats3& light) {
+  constexpr float kFloor = 0.04F;
+  constexpr float kStart = 0.8F - kFloor;
+  constexpr float kDesaturation = 0.15F;
+  constexpr float kRoom = 1.0F - kStart;
+  const Floats low = smallest_of(light);
+  const Floats floor =
+      select(low < 2.0F * kFloor, low - low * low * (0.25F / kFloor), Floats::of(kFloor));
+  const Floats3 lowered = light - all(floor);
+  const Floats peak = largest_of(lowered);
+  const Masks bright = ~(peak < kStart);
+  if (!any(bright)) return lowered;
+  const Floats shown = 1.0F - kRoom * kRoom / (peak + (kRoom - kStart));
+  const Floats kept = 1.0F / (kDesaturation * (peak - shown) + 1.0F);
+  const Floats3 compressed = lowered * (shown / peak * kept) + all(shown * (1.0F - kept));
+  return select(bright, compressed, lowered);
+}
+
+/// Returns the product with a matrix, of which these are the columns.
+inline Floats3 product(const float (&columns)[3][3], const Floats3& v) {
+  return spread(columns[0]) * v.x + spread(columns[1]) * v.y + spread(columns[2]) * v.z;
+}
+
+inline Floats aces_curve(const Floats& v) {
+  return (v * (v + 0.0245786F) - 0.000090537F) / (v * (0.983729F * v + 0.4329510F) + 0.238081F);
+}
+
+inline Floats3 aces(const Floats3& light) {
+  constexpr float kIn[3][3] = {{0.59719F, 0.07600F, 0.02840F},
+                               {0.35458F, 0.90834F, 0.13383F},
+                               {0.04823F, 0.01566F, 0.83777F}};
+  constexpr float kOut[3][3] = {{1.60475F, -0.10208F, -0.00327F},
+                                {-0.53108F, 1.10813F, -0.07276F},
+                                {-0.07367F, -0.00605F, 1.07602F}};
+  constexpr float kExposure = 1.0F / 0.6F;
+  const Floats3 in = product(kIn, light * Floats::of(kExposure));
+  const Floats3 out = product(kOut, {aces_curve(in.x), aces_curve(in.y), aces_curve(in.z)});
+  return {clamp01(out.x), clamp01(out.y), clamp01(out.z)};
+}
+
+// ---- materials
 
 using pbr_kernel::Beam;
 using pbr_kernel::Environment;

@@ -6,7 +6,6 @@
 #include <cstring>
 
 #include "render/accel/lane_masks.h"
-#include "render/shading/pbr_scene.h"
 #include "render/shading/shading_tables.h"
 
 namespace lenticule::render {
@@ -37,12 +36,11 @@ void set_source(const Scene& scene, uint32_t lanes, const float (&mirror)[3][kPa
 
 PbrLanes::Found PbrLanes::find(const Scene& scene, const BeamSize& beam, const RayPacket& packet,
                                uint32_t lanes) {
-  const PbrTables& tables = scene.pbr->tables();
-  if (!tables.any_plain()) return {};
+  if (!scene.pbr->any_plain()) return {};
   alignas(64) int valid[kPacket];
   for (size_t r = 0; r < kPacket; ++r) valid[r] = (lanes & kLaneBit[r]) != 0 ? -1 : 0;
-  Found found{.all = kernel_.find(tables.tables(), tables.beam(beam), &packet.rays.ray.org_x[0],
-                                  valid, surfaces_, points_)};
+  Found found{.all = kernel_.find(scene.pbr->tables(), scene.pbr->beam(beam),
+                                  &packet.rays.ray.org_x[0], valid, surfaces_, points_)};
   if (found.all == 0) return found;
   for (uint32_t left = points_.textured; left != 0; left &= left - 1)
     apply_textures(scene, packet, static_cast<size_t>(std::countr_zero(left)));
@@ -81,17 +79,18 @@ void PbrLanes::apply_textures(const Scene& scene, const RayPacket& packet, size_
   const MipMaps::Value base = reader.base(material, inputs.base_colour);
   points_.alpha[lane] = static_cast<float>(base[3]);
   if (base[3] == 0.0) return;
-  const MirrorValues mirror = reader.mirror(material, inputs);
+  PbrPoint point;
+  const Vec3 mean_normal = reader.read_mirror(material, inputs, point);
   set({base[0], base[1], base[2]}, lane, points_.colour);
-  set(mirror.emission, lane, points_.emission);
-  points_.metallic[lane] = static_cast<float>(mirror.metallic);
-  points_.roughness[lane] = static_cast<float>(mirror.roughness);
-  points_.occlusion[lane] = static_cast<float>(mirror.occlusion);
-  set(dielectric_f0(material.ior, mirror.specular, mirror.specular_colour), lane, points_.f0);
-  points_.f90[lane] = static_cast<float>(mirror.specular);
+  set(point.emission, lane, points_.emission);
+  points_.metallic[lane] = static_cast<float>(point.metallic);
+  points_.roughness[lane] = static_cast<float>(point.roughness);
+  points_.occlusion[lane] = static_cast<float>(point.occlusion);
+  set(dielectric_f0(point.ior, point.specular, point.specular_colour), lane, points_.f0);
+  points_.f90[lane] = static_cast<float>(point.specular);
   if (inputs.normal.maps != nullptr) {
-    set(normalized(mirror.normal) * side, lane, points_.normal);
-    points_.spread[lane] = static_cast<float>(spread_of_normals(length(mirror.normal)));
+    set(normalized(mean_normal) * side, lane, points_.normal);
+    points_.spread[lane] = static_cast<float>(spread_of_normals(length(mean_normal)));
   }
   if (material.clearcoat > 0.0) apply_coat_textures(material, inputs, side, reader, lane);
 }
@@ -108,7 +107,7 @@ void PbrLanes::apply_coat_textures(const PbrMaterial& material, const MaterialIn
 }
 
 void PbrLanes::shade(const Scene& scene, ColourLanes& light) {
-  const pbr_kernel::Tables& tables = scene.pbr->tables().tables();
+  const pbr_kernel::Tables& tables = scene.pbr->tables();
   kernel_.aim(tables, surfaces_, points_, shaded_);
   set_source(scene, shaded_.sharp, shaded_.mirror, shaded_.source);
   set_source(scene, shaded_.coat_sharp, shaded_.coat_mirror, shaded_.coat_source);

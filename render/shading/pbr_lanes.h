@@ -5,11 +5,10 @@
 #include <cstdint>
 
 #include "render/accel/ray_stream.h"
-#include "render/options/frame_counts.h"
+#include "render/options/render_statistics.h"
 #include "render/rays/tile.h"
 #include "render/scene/scene.h"
-#include "render/shading/pbr_inputs.h"
-#include "render/shading/pbr_tables.h"
+#include "render/shading/pbr_scene.h"
 
 namespace lenticule::render {
 

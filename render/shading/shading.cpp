@@ -4,11 +4,153 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <optional>
+#include <type_traits>
 
 #include "render/scene/texture.h"
 
 namespace lenticule::render {
+namespace {
+
+// Offset of secondary rays from the surface, as a fraction of (their largest coordinate + the
+// primitive's extent there, or the reach of a wide one): 16 roundings of single precision. This
+// bounds the error of rounding the ray's start and of intersecting the same primitive again. It
+// contains no absolute length.
+constexpr double kSpawnOffset = 1.0 / (1 << 20);
+
+// Smallest sine between ray and plane at which the plane determines the intersection precisely
+// enough.
+constexpr double kGrazing = 1e-7;
+
+double largest_coordinate(Vec3 p) {
+  return std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)});
+}
+
+/// Returns the point where the ray meets the triangle's plane, clamped to the triangle: at an edge,
+/// single and double precision may choose different neighbours.
+Barycentric meet_triangle(Vec3 a, Vec3 edge1, Vec3 edge2, const PathRay& ray, float distance) {
+  const Vec3 across = cross(ray.direction, edge2);
+  const double determinant = dot(edge1, across);
+  const Vec3 from_a = ray.origin - a;
+  Barycentric at;
+  if (std::abs(determinant) > kGrazing * length(edge1) * length(edge2)) {
+    at.u = dot(from_a, across) / determinant;
+    at.v = dot(ray.direction, cross(from_a, edge1)) / determinant;
+  } else {
+    const Vec3 normal = cross(edge1, edge2);
+    const Vec3 p = from_a + ray.direction * double{distance};
+    const double area = dot(normal, normal);
+    at.u = dot(cross(p, edge2), normal) / area;
+    at.v = dot(cross(edge1, p), normal) / area;
+  }
+  at.u = std::clamp(at.u, 0.0, 1.0);
+  at.v = std::clamp(at.v, 0.0, 1.0);
+  const double sum = at.u + at.v;
+  return sum > 1.0 ? Barycentric{at.u / sum, at.v / sum} : at;
+}
+
+/// Turns both normals to the viewer's side, and sets outer_side.
+void face_viewer(Surface& surface, Vec3 direction, Vec3 outer) {
+  surface.outer_side = dot(direction, outer) <= 0.0;
+  surface.geometric_normal = surface.outer_side ? outer : -outer;
+  if (surface.shading_normal == Vec3{})
+    surface.shading_normal = surface.geometric_normal;
+  else if (dot(surface.shading_normal, surface.geometric_normal) < 0.0)
+    surface.shading_normal = -surface.shading_normal;
+}
+
+double textured_colour(const Scene& scene, const Material& material, const MeshShape& mesh,
+                       uint32_t triangle, Barycentric at, int channel) {
+  const double plain = component(material.colour, channel);
+  if (material.texture < 0) return plain;
+  return plain * texture_of_mesh(*scene.textures[static_cast<size_t>(material.texture)], mesh,
+                                 triangle, at, channel);
+}
+
+Surface on_mesh(const Scene& scene, const MeshShape& mesh, const PathRay& ray, const Hit& hit) {
+  const std::array<uint32_t, 3>& triangle = mesh.triangles[hit.primitive];
+  const std::array<Vec3, 3> corner = corners_of(scene, mesh, hit.primitive);
+  const Vec3 a = corner[0];
+  const Vec3 edge1 = corner[1] - a;
+  const Vec3 edge2 = corner[2] - a;
+  const Barycentric at = meet_triangle(a, edge1, edge2, ray, hit.distance);
+
+  Surface surface;
+  surface.mesh = &mesh;
+  surface.triangle = hit.primitive;
+  surface.at = at;
+  surface.point = a + edge1 * at.u + edge2 * at.v;
+  if (!mesh.normals.empty())
+    surface.shading_normal =
+        normalized(Vec3(mesh.normals[triangle[0]]) * (1.0 - at.u - at.v) +
+                   Vec3(mesh.normals[triangle[1]]) * at.u + Vec3(mesh.normals[triangle[2]]) * at.v);
+  face_viewer(surface, ray.direction, normalized(cross(edge1, edge2)));
+  const WideTriangle* wide = scene.wide_triangle(mesh, hit.primitive);
+  const double extent = wide != nullptr ? wide->reach : extent_of(corner);
+  surface.spawn_offset = kSpawnOffset * (largest_coordinate(surface.point) + extent);
+  surface.material = &scene.materials[static_cast<size_t>(mesh.material)];
+  surface.colour = textured_colour(scene, *surface.material, mesh, hit.primitive, at, ray.channel);
+  return surface;
+}
+
+template <class Shape>
+Surface on_shape(const Scene& scene, const Shape& shape, const PathRay& ray, const Hit& hit) {
+  // Takes the root nearest to Embree's single-precision hit. At an outline the exact ray may miss
+  // the shape; then the point nearest to Embree's hit is taken.
+  const double near = hit.distance;
+  const Roots roots = meet(shape, ray.origin, ray.direction);
+  double t = near;
+  for (int i = 0; i < roots.count; ++i)
+    if (i == 0 || std::abs(roots.t[i] - near) < std::abs(t - near)) t = roots.t[i];
+
+  Surface surface;
+  surface.point = project_onto(shape, ray.origin + ray.direction * t);
+  const Vec3 outer = outer_normal(shape, surface.point);
+  face_viewer(surface, ray.direction, outer == Vec3{} ? -ray.direction : outer);
+  surface.spawn_offset = kSpawnOffset * largest_coordinate(surface.point);
+  if constexpr (std::is_same_v<Shape, SphereShape>) surface.curvature = 1.0 / shape.radius;
+  surface.material = &scene.materials[static_cast<size_t>(shape.material)];
+  surface.colour = component(surface.material->colour, ray.channel);
+  return surface;
+}
+
+}  // namespace
+
+double texture_of_mesh(const Texture& texture, const MeshShape& mesh, uint32_t triangle,
+                       Barycentric at, int channel) {
+  if (mesh.uvs.empty()) return 1.0;
+  const std::array<uint32_t, 3>& corners = mesh.triangles[triangle];
+  const auto& a = mesh.uvs[corners[0]];
+  const auto& b = mesh.uvs[corners[1]];
+  const auto& c = mesh.uvs[corners[2]];
+  const double w = 1.0 - at.u - at.v;
+  return texture_value(texture, w * a[0] + at.u * b[0] + at.v * c[0],
+                       w * a[1] + at.u * b[1] + at.v * c[1], channel);
+}
+
+Surface surface_at(const Scene& scene, const PathRay& ray, const Hit& hit) {
+  const GeometryEntry& geometry = scene.geometries[hit.geometry];
+  switch (geometry.kind) {
+    case GeometryEntry::Kind::Spheres:
+      return on_shape(scene, scene.spheres[hit.primitive], ray, hit);
+    case GeometryEntry::Kind::Cones:
+      return on_shape(scene, scene.cones[hit.primitive], ray, hit);
+    case GeometryEntry::Kind::Mesh:
+      break;
+  }
+  return on_mesh(scene, scene.meshes[geometry.mesh], ray, hit);
+}
+
+std::optional<Surface> first_surface(const Scene& scene, Vec3 origin, Vec3 direction, double far) {
+  RTCRayHit ray = single_ray(Vec3f(origin), Vec3f(direction), static_cast<float>(far));
+  intersect1(scene.embree.get(), ray);
+  if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
+  return surface_at(
+      scene, {.origin = origin, .direction = direction},
+      {.geometry = ray.hit.geomID, .primitive = ray.hit.primID, .distance = ray.ray.tfar});
+}
+
+// ---- shading
+
 namespace {
 
 double spot_factor(const SceneLight& light, Vec3 toward_light) {
@@ -67,29 +209,6 @@ Arrival arrival(const SceneLight& light, Vec3 point, double units_per_world, int
     at.intensity /= world_distance * world_distance;
   }
   return at;
-}
-
-double own_light(const Surface& surface, Vec3 ambient, int channel) {
-  const Material& material = *surface.material;
-  return component(material.emission, channel) +
-         component(ambient, channel) * material.diffuse * surface.colour;
-}
-
-double reflected_light(const Surface& surface, Vec3 direction, const Arrival& light) {
-  const double cosine = dot(surface.shading_normal, light.toward_light);
-  if (!(cosine > 0.0) || !(dot(surface.geometric_normal, light.toward_light) > 0.0)) return 0.0;
-  const Material& material = *surface.material;
-  double reflectance = material.diffuse * surface.colour * cosine;
-  if (material.specular > 0.0) {
-    // Cosine between the light's mirror direction and the viewer: mirrored(-toward_light) .
-    // -direction.
-    const double along = dot(mirrored(light.toward_light, surface.shading_normal), direction);
-    if (along > 0.0) {
-      const double tint = material.tinted_specular ? surface.colour : 1.0;
-      reflectance += material.specular * tint * std::pow(along, material.shine);
-    }
-  }
-  return light.intensity * reflectance;
 }
 
 Continuation continuation(const Surface& surface, Vec3 direction) {

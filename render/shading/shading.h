@@ -1,12 +1,47 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whitted shading of one colour channel. docs/render/rendering.md states the formulas.
+// The point where a ray met the scene, and Whitted shading there of one colour channel.
+// docs/render/shading.md states the formulas.
 #pragma once
 
 #include <optional>
 
-#include "render/shading/surface.h"
+#include "render/accel/ray_stream.h"
+#include "render/scene/scene.h"
 
 namespace lenticule::render {
+
+struct Barycentric {
+  double u = 0.0;
+  double v = 0.0;
+};
+
+struct Surface {
+  Vec3 point;
+  Vec3 geometric_normal;      ///< unit, on the side the ray came from
+  Vec3 shading_normal;        ///< unit, interpolated if the mesh has normals, on the same side
+  bool outer_side = true;     ///< the ray came from outside: it would enter the object
+  double spawn_offset = 0.0;  ///< distance along the normal at which secondary rays start
+  const Material* material = nullptr;
+  double colour = 1.0;  ///< product of material and texture colour, in the ray's channel
+  const MeshShape* mesh = nullptr;  ///< null on spheres and cones
+  uint32_t triangle = 0;            ///< meshes only
+  Barycentric at{};                 ///< meshes only
+  double curvature = 0.0;           ///< 1 / radius; spheres only
+};
+
+/// Looks up a texture at a point of a mesh's triangle; returns 1 if the mesh has no texture
+/// coordinates.
+[[nodiscard]] double texture_of_mesh(const Texture& texture, const MeshShape& mesh,
+                                     uint32_t triangle, Barycentric at, int channel);
+
+/// Computes the surface at a hit. Only the primitive is taken from Embree; the point is computed in
+/// double precision from the ray and the primitive, so that it lies on the surface as exactly as
+/// possible.
+[[nodiscard]] Surface surface_at(const Scene& scene, const PathRay& ray, const Hit& hit);
+/// Traces a single ray; returns the first surface that it meets within the distance `far`. The
+/// direction must be unit.
+[[nodiscard]] std::optional<Surface> first_surface(const Scene& scene, Vec3 origin, Vec3 direction,
+                                                   double far);
 
 /// Arrival is the light that a light source sends to a point if unoccluded.
 struct Arrival {
@@ -16,15 +51,6 @@ struct Arrival {
 };
 [[nodiscard]] Arrival arrival(const SceneLight& light, Vec3 point, double units_per_world,
                               int channel);
-
-/// Returns the light that leaves the surface independent of the light sources: emission and
-/// reflected ambient light.
-[[nodiscard]] double own_light(const Surface& surface, Vec3 ambient, int channel);
-
-/// Returns the share of an arriving light that leaves toward the viewer: Lambert's diffuse term
-/// plus Phong's highlight. Zero if the light is behind the surface. `direction` is the viewing
-/// ray's.
-[[nodiscard]] double reflected_light(const Surface& surface, Vec3 direction, const Arrival& light);
 
 /// Continuation holds the secondary rays of a viewing ray. A weight of zero means that there is no
 /// ray.

@@ -1,19 +1,40 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shading of sixteen rays at a time, compiled once per instruction set; docs/render/rendering.md
+// Shading of sixteen rays at a time, compiled once per instruction set; docs/render/shading.md
 // states the formulas. Plain data only: this header must not bring shared inline functions into a
 // file that is compiled for AVX-512.
 //
 // Computes in single precision, in the scene frame, without fused multiplication: the same hits
-// give the same bits on every instruction set. render/shading/surface.h and
-// render/shading/shading.h compute the same ray by ray in double precision; they are the reference
-// in tests.
+// give the same bits on every instruction set. render/shading/shading.h computes
+// the same ray by ray in double precision; it is the reference in tests.
 #pragma once
 
 #include <cstdint>
 
 #include "base/cpu.h"
 #include "frames/linear_codes.h"
-#include "render/shading/sample_data.h"
+
+namespace lenticule::render {
+
+/// The unit of fine code values: 1 / kCodeParts of an 8-bit code value.
+inline constexpr int kCodeParts = 128;
+
+}  // namespace lenticule::render
+
+namespace lenticule::render::sampling {
+
+/// SampleSet holds the scrambling seeds of the points of sixteen lanes, per dimension;
+/// render/shading/soft_shader.h makes them.
+struct alignas(64) SampleSet {
+  uint32_t scramble[2][16];
+};
+
+/// Sample is one point of each lane's set.
+struct Sample {
+  const SampleSet* set;
+  uint32_t x, y;  ///< before scrambling, with the bits in reverse order
+};
+
+}  // namespace lenticule::render::sampling
 
 namespace lenticule::render::shading_kernel {
 

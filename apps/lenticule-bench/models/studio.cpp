@@ -10,7 +10,7 @@
 
 #include "base/file.h"
 #include "optics/vec.h"
-#include "render/scene/studio_light.h"
+#include "render/scene/surroundings.h"
 
 namespace lenticule::bench {
 namespace {

@@ -13,7 +13,7 @@
 #include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "apps/lenticule-tools/offline/scratch_folder.h"
 #include "optics/rig.h"
-#include "render/options/soft_light.h"
+#include "render/options/render_options.h"
 
 namespace lenticule::bench {
 

@@ -2,7 +2,7 @@
 // Declares flags for rendering with area lights and with light from the environment.
 #pragma once
 
-#include "render/options/soft_light.h"
+#include "render/options/render_options.h"
 
 namespace CLI {
 class App;

@@ -19,7 +19,7 @@
 #include "base/print.h"
 #include "frames/image_io.h"
 #include "render/loaders/load_scene.h"
-#include "render/scene/nothing_seen.h"
+#include "render/scene/stage.h"
 #include "render/scene/surroundings.h"
 #include "scenes/scene_list.h"
 

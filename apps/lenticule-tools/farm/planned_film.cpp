@@ -10,7 +10,7 @@
 #include "base/error.h"
 #include "frames/image_io.h"
 #include "frames/sequence/sequence_joiner.h"
-#include "render/scene/scene_mixer.h"
+#include "render/scene/scene_fingerprint.h"
 
 namespace lenticule::tools {
 namespace {

@@ -7,7 +7,7 @@
 #include <variant>
 
 #include "base/error.h"
-#include "render/loaders/nff_scene.h"
+#include "render/loaders/nff.h"
 
 namespace lenticule::tools {
 namespace {

@@ -10,7 +10,7 @@
 #include "base/print.h"
 #include "optics/rig_file.h"
 #include "render/loaders/camera_path.h"
-#include "render/scene/nothing_seen.h"
+#include "render/scene/stage.h"
 
 namespace lenticule::tools {
 namespace {

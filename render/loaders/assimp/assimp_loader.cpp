@@ -5,22 +5,216 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <assimp/IOStream.hpp>
+#include <assimp/IOSystem.hpp>
 #include <assimp/Importer.hpp>
+#include <charconv>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <iterator>
 #include <memory>
+#include <optional>
+#include <span>
+#include <string_view>
+#include <vector>
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/text.h"
+#include "optics/vec.h"
 #include "render/loaders/animation.h"
-#include "render/loaders/assimp/guarded_files.h"
-#include "render/loaders/assimp/obj_centre.h"
 #include "render/loaders/assimp/parts.h"
-#include "render/loaders/exposure.h"
+#include "render/loaders/file_names.h"
 #include "render/loaders/limits.h"
-#include "render/loaders/scene_extension.h"
-#include "render/scene/nothing_seen.h"
+#include "render/loaders/viewer_choices.h"
+#include "render/scene/stage.h"
 
 namespace lenticule::render {
+// ---- guarded files
+
 namespace {
+
+class BytesStream : public Assimp::IOStream {
+ public:
+  explicit BytesStream(std::vector<uint8_t> bytes) : bytes_(std::move(bytes)) {}
+
+  size_t Read(void* buffer, size_t size, size_t count) override {
+    if (size == 0) return 0;
+    const size_t whole = std::min(count, (bytes_.size() - position_) / size);
+    if (whole == 0) return 0;  // memcpy must not get the null pointer of an empty file
+    std::memcpy(buffer, bytes_.data() + position_, whole * size);
+    position_ += whole * size;
+    return whole;
+  }
+
+  aiReturn Seek(size_t offset, aiOrigin origin) override {
+    // A negative offset from aiOrigin_CUR or aiOrigin_END arrives as its two's complement, so the
+    // wrapped sum is the intended position.
+    const size_t base = origin == aiOrigin_SET   ? 0
+                        : origin == aiOrigin_CUR ? position_
+                                                 : bytes_.size();
+    const size_t place = base + offset;
+    if (place > bytes_.size()) return aiReturn_FAILURE;
+    position_ = place;
+    return aiReturn_SUCCESS;
+  }
+
+  size_t Write(const void*, size_t, size_t) override { return 0; }
+  size_t Tell() const override { return position_; }
+  size_t FileSize() const override { return bytes_.size(); }
+  void Flush() override {}
+
+ private:
+  std::vector<uint8_t> bytes_;
+  size_t position_ = 0;
+};
+
+std::filesystem::path found(const std::filesystem::path& file) {
+  std::error_code error;
+  if (std::filesystem::exists(file, error)) return file;
+  return named_file(file.parent_path(), file.filename().string());
+}
+
+/// GuardedFiles restricts the files that assimp may open to regular files of limited size,
+/// read-only. Each is read completely before assimp gets it, so that a scene can name neither an
+/// endless pipe nor a device, and cannot cause writes. Finds files whose names differ in the
+/// case of letters only.
+class GuardedFiles : public Assimp::IOSystem {
+ public:
+  GuardedFiles() = default;
+  /// Presents `bytes` as the content of one file.
+  GuardedFiles(std::string replaced, std::vector<uint8_t> bytes)
+      : replaced_(std::move(replaced)), bytes_(std::move(bytes)) {}
+
+  bool Exists(const char* file) const override {
+    std::error_code error;
+    return std::filesystem::is_regular_file(found(file), error);
+  }
+
+  char getOsSeparator() const override { return '/'; }
+
+  Assimp::IOStream* Open(const char* file, const char* mode) override {
+    if (std::string_view(mode).find_first_of("wa+") != std::string_view::npos) return nullptr;
+    try {
+      if (!replaced_.empty() && replaced_ == file)
+        return std::make_unique<BytesStream>(bytes_).release();
+      return std::make_unique<BytesStream>(read_whole_file(found(file), kMaxSceneFileBytes))
+          .release();
+    } catch (const Error&) {
+      return nullptr;  // tells assimp that the file cannot be read
+    }
+  }
+
+  void Close(Assimp::IOStream* stream) override {
+    const std::unique_ptr<Assimp::IOStream> closed(stream);
+  }
+
+ private:
+  std::string replaced_;
+  std::vector<uint8_t> bytes_;
+};
+
+// ---- OBJ files far from the origin, which are centred: assimp reads in single precision
+
+struct CentredObj {
+  std::vector<uint8_t> text;  ///< the file with all positions relative to the centre
+  Vec3 centre;
+};
+
+/// At this multiple of the size, single precision still resolves a small fraction of a pixel.
+constexpr double kFarMultiple = 64.0;
+
+/// A line with a position: its numbers, and the text after the third.
+struct Position {
+  Vec3 point;
+  std::string_view rest;
+};
+
+bool is_space(char c) {
+  return c == ' ' || c == '\t';
+}
+
+/// Takes a number from the front of the text.
+std::optional<double> take_number(std::string_view& text) {
+  while (!text.empty() && is_space(text.front())) text.remove_prefix(1);
+  double value = 0.0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc()) return std::nullopt;
+  text.remove_prefix(static_cast<size_t>(end - text.data()));
+  return value;
+}
+
+bool is_position(std::string_view line) {
+  return line.size() > 2 && line[0] == 'v' && is_space(line[1]);
+}
+
+/// Parses a line "v x y z ..."; returns nothing for one that cannot be moved.
+std::optional<Position> position_of(std::string_view line) {
+  line.remove_prefix(1);
+  const auto x = take_number(line);
+  const auto y = take_number(line);
+  const auto z = take_number(line);
+  if (!x || !y || !z || !is_finite(Vec3{*x, *y, *z})) return std::nullopt;
+  // A fourth number alone is a homogeneous coordinate; three more are a colour.
+  std::string_view rest = line;
+  const auto w = take_number(rest);
+  if (w && !take_number(rest)) return std::nullopt;
+  return Position{{*x, *y, *z}, line};
+}
+
+/// Calls visit(line, end of line) for each line; stops when it returns false.
+template <class Visit>
+bool each_line(std::string_view text, Visit visit) {
+  while (!text.empty()) {
+    const size_t size = std::min(text.find('\n'), text.size());
+    std::string_view line = text.substr(0, size);
+    text.remove_prefix(std::min(size + 1, text.size()));
+    while (!line.empty() && is_space(line.front())) line.remove_prefix(1);
+    if (!visit(line)) return false;
+  }
+  return true;
+}
+
+/// Returns the file with the middle of its positions moved to the origin, if its distance from the
+/// origin is a multiple of its size; otherwise nothing, as for files with continued lines or
+/// homogeneous coordinates.
+std::optional<CentredObj> centre_obj(std::span<const uint8_t> file) {
+  const std::string_view text(reinterpret_cast<const char*>(file.data()), file.size());
+  if (text.find("\\\n") != std::string_view::npos || text.find("\\\r") != std::string_view::npos)
+    return std::nullopt;
+  Bounds bounds;
+  const bool movable = each_line(text, [&](std::string_view line) {
+    if (!is_position(line)) return true;
+    const auto position = position_of(line);
+    if (!position) return false;
+    bounds.extend(position->point);
+    return true;
+  });
+  if (!movable || bounds.empty()) return std::nullopt;
+  const Vec3 size = bounds.high - bounds.low;
+  const Vec3 centre = bounds.low + size / 2.0;
+  const double extent = std::max({size.x, size.y, size.z});
+  const double distance = std::max({std::abs(centre.x), std::abs(centre.y), std::abs(centre.z)});
+  if (!(distance > kFarMultiple * extent) || !std::isfinite(distance)) return std::nullopt;
+
+  CentredObj centred{{}, centre};
+  centred.text.reserve(file.size());
+  auto out = std::back_inserter(centred.text);
+  each_line(text, [&](std::string_view line) {
+    if (is_position(line)) {
+      const auto position = position_of(line);
+      const Vec3 p = position->point - centre;
+      fmt::format_to(out, "v {:.9g} {:.9g} {:.9g}{}\n", p.x, p.y, p.z, position->rest);
+    } else {
+      fmt::format_to(out, "{}\n", line);
+    }
+    return true;
+  });
+  return centred;
+}
+
+// ---- loader
 
 /// Shortens assimp's messages, which are meant for programmers: first line only, printable, limited
 /// length.
@@ -88,7 +282,7 @@ SceneDescription load_with_assimp(const std::filesystem::path& file) {
   try {
     Assimp::Importer importer;
     std::optional<CentredObj> centred;
-    if (extension_of(file) == ".obj")
+    if (lower_case(file.extension().string()) == ".obj")
       centred = centre_obj(read_whole_file(file, kMaxSceneFileBytes));
     if (!centred) return convert(read(importer, file, std::make_unique<GuardedFiles>()), file, {});
     auto files = std::make_unique<GuardedFiles>(file.string(), std::move(centred->text));

@@ -14,8 +14,8 @@
 #include "render/loaders/assimp/parts.h"
 #include "render/loaders/file_names.h"
 #include "render/loaders/limits.h"
-#include "render/loaders/metallic_roughness.h"
 #include "render/loaders/textures.h"
+#include "render/loaders/viewer_choices.h"
 
 namespace lenticule::render {
 namespace {

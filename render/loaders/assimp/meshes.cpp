@@ -11,9 +11,7 @@
 #include "frames/srgb.h"
 #include "render/loaders/assimp/parts.h"
 #include "render/loaders/limits.h"
-#include "render/loaders/lost_digits.h"
 #include "render/loaders/mesh_cleanup.h"
-#include "render/loaders/tangents.h"
 
 namespace lenticule::render {
 namespace {

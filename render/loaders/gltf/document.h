@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Document holds a glTF file: its JSON, its buffers and its buffer views, decompressed.
+// Document holds a glTF file: its JSON, its buffers and its buffer views, decompressed. Accessor
+// reads the typed elements of a glTF accessor.
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -66,5 +70,68 @@ class Document {
 
 /// Returns true for "data:..." URIs.
 [[nodiscard]] bool is_data_uri(const std::string& uri);
+
+/// Values of one element, column by column for matrices.
+using Element = std::array<double, 16>;
+using TakeElement = std::function<void(size_t index, const Element& values)>;
+
+enum class Component { Int8, Uint8, Int16, Uint16, Uint32, Float };
+
+/// Converts a stored integer to the number in [-1, 1] or [0, 1] that it stands for.
+[[nodiscard]] double normalized_value(double stored, Component component);
+
+/// Accessor holds the checked properties of accessors[index]: all its elements lie inside their
+/// buffer views. Lifetime: must not outlive the document.
+class Accessor {
+ public:
+  /// Throws Error(Input) with the JSON path for every property that is out of range.
+  Accessor(Document& document, size_t index);
+
+  [[nodiscard]] size_t count() const { return count_; }
+  [[nodiscard]] size_t components() const { return components_; }
+  [[nodiscard]] Component component() const { return component_; }
+  [[nodiscard]] bool is_normalized() const { return normalized_; }
+  [[nodiscard]] const JsonAt& at() const { return at_; }
+  /// Throws unless the accessor has this type ("VEC3") and, if not 0, this number of elements.
+  void require(const char* type, size_t count = 0) const;
+
+  /// Calls `take` for every element, in order; elements of a sparse accessor come twice, the second
+  /// time with the value that counts.
+  void each(const TakeElement& take) const;
+
+ private:
+  /// Elements in memory; without bytes they are zeros.
+  struct Elements {
+    Bytes bytes;
+    size_t stride = 0;
+  };
+  struct Sparse {
+    size_t count = 0;
+    Elements indices;
+    Component index_component = Component::Uint8;
+    Elements values;
+  };
+
+  [[nodiscard]] Elements elements(Document& document, const JsonAt& owner, size_t count,
+                                  size_t element_bytes) const;
+  void check_count_of_zeros(Document& document) const;
+  void read_sparse(Document& document, const JsonAt& sparse);
+  [[nodiscard]] Element element(const Elements& elements, size_t index) const;
+
+  JsonAt at_;
+  std::string type_;
+  Component component_ = Component::Float;
+  bool normalized_ = false;
+  size_t count_ = 0;
+  size_t components_ = 1;
+  size_t rows_ = 1;          ///< components of one column
+  size_t column_bytes_ = 4;  ///< distance of columns
+  size_t element_bytes_ = 4;
+  Elements base_;
+  std::optional<Sparse> sparse_;
+};
+
+/// Reads the accessor that a JSON value names.
+[[nodiscard]] Accessor accessor_of(Document& document, const JsonAt& index);
 
 }  // namespace lenticule::render::gltf

@@ -1,15 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/loaders/gltf/materials.h"
 
-#include <fmt/format.h>
-
-#include <algorithm>
 #include <cmath>
 #include <string_view>
 
 #include "base/error.h"
 #include "render/loaders/limits.h"
-#include "render/loaders/metallic_roughness.h"
+#include "render/loaders/viewer_choices.h"
 
 namespace lenticule::render::gltf {
 namespace {

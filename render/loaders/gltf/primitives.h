@@ -5,9 +5,8 @@
 #include <map>
 #include <vector>
 
-#include "render/loaders/gltf/accessor.h"
+#include "render/loaders/gltf/document.h"
 #include "render/loaders/gltf/materials.h"
-#include "render/loaders/lost_digits.h"
 #include "render/loaders/mesh_cleanup.h"
 
 namespace lenticule::render::gltf {

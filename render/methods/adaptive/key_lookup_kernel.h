@@ -6,7 +6,7 @@
 #include <cstdint>
 
 #include "base/cpu.h"
-#include "render/shading/code_parts.h"
+#include "render/shading/shading_kernel.h"
 
 namespace lenticule::render::lookup_kernel {
 

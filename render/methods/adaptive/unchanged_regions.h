@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "render/methods/adaptive/key_grid.h"
-#include "render/options/soft_light.h"
+#include "render/options/render_options.h"
 #include "render/scene/scene_objects.h"
 
 namespace lenticule::render {

@@ -12,7 +12,7 @@
 #include "render/integrator/packet_tracer.h"
 #include "render/methods/reuse/lens_numbers.h"
 #include "render/methods/reuse/reprojection_kernel.h"
-#include "render/options/reuse_options.h"
+#include "render/options/render_options.h"
 #include "render/rays/primary_packets.h"
 #include "render/rays/tile.h"
 

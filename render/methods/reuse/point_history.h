@@ -12,7 +12,7 @@
 #include "optics/model.h"
 #include "render/methods/reuse/lens_numbers.h"
 #include "render/methods/reuse/reprojection_kernel.h"
-#include "render/options/reuse_options.h"
+#include "render/options/render_options.h"
 #include "render/rays/tile.h"
 #include "render/scene/stage.h"
 

@@ -5,7 +5,7 @@
 
 #include "base/error.h"
 #include "render/loaders/camera_path.h"
-#include "render/scene/camera_pose.h"
+#include "render/scene/stage.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace lenticule;

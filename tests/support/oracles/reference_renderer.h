@@ -8,7 +8,7 @@
 #include <cstdint>
 
 #include "optics/model.h"
-#include "render/options/soft_light.h"
+#include "render/options/render_options.h"
 #include "render/scene/scene_description.h"
 #include "render/scene/stage.h"
 

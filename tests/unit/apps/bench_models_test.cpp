@@ -17,7 +17,7 @@
 #include "optics/model.h"
 #include "render/make_method.h"
 #include "render/scene/scene.h"
-#include "render/scene/studio_light.h"
+#include "render/scene/surroundings.h"
 #include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/support/tiny_scenes.h"

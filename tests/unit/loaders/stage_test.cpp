@@ -9,7 +9,6 @@
 #include <limits>
 #include <numbers>
 
-#include "render/scene/nothing_seen.h"
 #include "tests/unit/loaders/error_of.h"
 
 namespace lenticule::render {

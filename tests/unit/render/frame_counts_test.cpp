@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests the table of a frame's counters.
-#include "render/options/frame_counts.h"
-
 #include <gtest/gtest.h>
 
 #include <set>
 #include <string>
+
+#include "render/options/render_statistics.h"
 
 namespace lenticule::render {
 namespace {

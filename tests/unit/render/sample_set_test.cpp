@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests sample points and the kernels' directions from them against the reference.
-#include "render/shading/sample_set.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -15,6 +13,7 @@
 #include "render/accel/ray_stream.h"
 #include "render/scene/texture.h"
 #include "render/shading/shading_tables.h"
+#include "render/shading/soft_shader.h"
 #include "tests/support/instruction_sets.h"
 #include "tests/support/oracles/reference_sampling.h"
 

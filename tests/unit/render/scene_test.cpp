@@ -9,7 +9,7 @@
 #include <limits>
 
 #include "base/error.h"
-#include "render/scene/lighting.h"
+#include "render/scene/surroundings.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {

@@ -7,8 +7,12 @@
 #include <limits>
 #include <numbers>
 
+#include "tests/support/oracles/whitted_light.h"
+
 namespace lenticule::render {
 namespace {
+
+using testing::reflected_light;
 
 constexpr Vec3 kUp{0, 1, 0};
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "render/make_method.h"
-#include "render/options/soft_light.h"
+#include "render/options/render_options.h"
 #include "render/scene/scene.h"
 #include "render/scene/surroundings.h"
 #include "tests/support/tiny_scenes.h"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests area lights, occlusion and environment light against the reference, and that their bytes do
 // not depend on how they are computed.
-#include "render/options/soft_light.h"
+#include "render/options/render_options.h"
 
 #include <gtest/gtest.h>
 

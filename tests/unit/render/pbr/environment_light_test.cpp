@@ -6,8 +6,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "render/scene/studio_light.h"
-#include "render/shading/pbr_brdf.h"
+#include "render/scene/surroundings.h"
+#include "render/shading/pbr_shading.h"
 #include "tests/support/oracles/pbr_oracle.h"
 
 namespace lenticule::render {

@@ -13,7 +13,7 @@
 #include "frames/srgb.h"
 #include "render/make_method.h"
 #include "render/rays/primary_rays.h"
-#include "render/scene/studio_light.h"
+#include "render/scene/surroundings.h"
 #include "tests/support/instruction_sets.h"
 #include "tests/support/oracles/ground_shadow_oracle.h"
 #include "tests/support/tiny_scenes.h"

@@ -10,9 +10,8 @@
 #include "base/error.h"
 #include "frames/srgb.h"
 #include "render/make_method.h"
-#include "render/scene/studio_light.h"
-#include "render/scene/texture_codes.h"
-#include "render/scene/tone_map.h"
+#include "render/scene/surroundings.h"
+#include "render/scene/texture.h"
 #include "render/shading/pbr_shading.h"
 #include "tests/support/tiny_scenes.h"
 

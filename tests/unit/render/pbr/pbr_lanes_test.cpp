@@ -15,7 +15,7 @@
 #include "render/accel/embree_packets.h"
 #include "render/accel/lane_masks.h"
 #include "render/rays/primary_packets.h"
-#include "render/scene/tone_map.h"
+#include "render/scene/surroundings.h"
 #include "render/shading/pbr_scene.h"
 #include "render/shading/shading.h"
 #include "tests/support/instruction_sets.h"

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/scene/texture_codes.h"
-
 #include <gtest/gtest.h>
 
 #include <random>

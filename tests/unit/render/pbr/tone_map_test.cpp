@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/scene/tone_map.h"
-
 #include <gtest/gtest.h>
 
 #include <random>
 
 #include "base/error.h"
+#include "render/scene/surroundings.h"
 #include "tests/support/oracles/pbr_oracle.h"
 
 namespace lenticule::render {

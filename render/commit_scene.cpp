@@ -1,28 +1,252 @@
 // SPDX-License-Identifier: Apache-2.0
+// Makes a Scene (render/scene/scene.h) of a description, a stage and surroundings. The Committer
+// checks every number and converts it to the scene frame, leaves out lights that cannot contribute,
+// builds Embree's structures and derives the data of shading and culling. Last, the finished scene
+// casts the shadow on the ground. This needs shading and culling, which include the scene, so it is
+// not part of render/scene.
 #include <fmt/format.h>
+#include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/task_arena.h>
 
 #include <algorithm>
-#include <initializer_list>
+#include <array>
+#include <cmath>
+#include <cstddef>
 #include <limits>
+#include <memory>
+#include <optional>
 #include <utility>
+#include <vector>
 
 #include "base/error.h"
+#include "base/interval.h"
 #include "render/accel/user_geometry.h"
-#include "render/commit/cast_ground_shadow.h"
-#include "render/commit/idle_lights.h"
 #include "render/culling/primitive_tree.h"
 #include "render/culling/shaft_cache.h"
-#include "render/scene/lighting.h"
+#include "render/scene/ground_shadow.h"
 #include "render/scene/scene.h"
 #include "render/scene/scene_fingerprint.h"
-#include "render/scene/studio_light.h"
+#include "render/scene/surroundings.h"
 #include "render/scene/texture.h"
 #include "render/shading/pbr_scene.h"
+#include "render/shading/shading.h"
 #include "render/shading/shading_tables.h"
 
 namespace lenticule::render {
+// ---- lights that cannot contribute to any surface
+
 namespace {
+
+/// Ball that contains every point where a surface can be lit.
+struct Ball {
+  Vec3 centre;
+  double radius = -1.0;  ///< negative if there is no such point
+
+  [[nodiscard]] bool holds(Vec3 p) const { return length(p - centre) <= radius; }
+};
+
+Ball ball_around(const Scene& scene) {
+  Bounds bounds;
+  const auto hold = [&](const Box& box) {
+    bounds.extend(box.low);
+    bounds.extend(box.high);
+  };
+  for (const MeshShape& mesh : scene.meshes)
+    // The last position is padding, not a vertex.
+    for (size_t i = 0; i + 1 < mesh.positions.size(); ++i) bounds.extend(Vec3(mesh.positions[i]));
+  for (const SphereShape& sphere : scene.spheres) hold(box_of(sphere));
+  for (const ConeShape& cone : scene.cones) hold(box_of(cone));
+  if (bounds.empty()) return {};
+  Ball ball{(bounds.low + bounds.high) * 0.5, length(bounds.high - bounds.low) * 0.5};
+  // Margin: secondary rays start off their surfaces, and points are rounded to single precision.
+  ball.radius += 16.0 * double{kRoundingMargin} * (length(ball.centre) + ball.radius);
+  return ball;
+}
+
+/// Returns true if zero times every reflectance of the scene is zero, which requires all of them to
+/// be finite.
+bool reflects_finitely(const Scene& scene) {
+  constexpr double kMost = 1e15;
+  const auto moderate = [](double v) { return std::abs(v) < kMost; };
+  const auto tame = [&](const Material& m) {
+    return m.shine >= 0.0 && moderate(m.shine) && moderate(m.diffuse) && moderate(m.specular) &&
+           moderate(m.colour.x) && moderate(m.colour.y) && moderate(m.colour.z);
+  };
+  const auto plain = [&](const std::shared_ptr<const Texture>& texture) {
+    return !texture || std::ranges::all_of(texture->rgba, [&](float v) { return moderate(v); });
+  };
+  return std::ranges::all_of(scene.materials, tame) && std::ranges::all_of(scene.textures, plain);
+}
+
+bool is_black(const SceneLight& light) {
+  const auto none = [](double v) { return static_cast<float>(v) == 0.0F; };
+  return none(light.colour.x) && none(light.colour.y) && none(light.colour.z);
+}
+
+/// Returns true if a spot's cone does not touch the cone around the ball as seen from the light.
+bool shines_past(const SceneLight& light, const Ball& ball) {
+  if (light.kind != Light::Kind::Spot) return false;
+  constexpr double kRounding = 1e-4;  // covers cosines in single precision, with a margin
+  const Vec3 way = ball.centre - light.position;
+  const double distance = length(way);
+  const double aside = std::acos(std::clamp(dot(way, light.direction) / distance, -1.0, 1.0));
+  const double nearest = std::max(0.0, aside - std::asin(std::min(1.0, ball.radius / distance)));
+  return std::cos(nearest) < light.cos_outer - kRounding;
+}
+
+bool is_idle(const SceneLight& light, const Ball& ball) {
+  // Close to a light that falls off, intensities are unbounded.
+  const bool apart = ball.radius >= 0.0 && !ball.holds(light.position);
+  return (is_black(light) && (apart || !light.falls_off)) || (apart && shines_past(light, ball));
+}
+
+/// Removes lights of zero colour, and spots whose cone misses the whole scene, from scene.lights;
+/// returns the number of removed lights. Each of them would have added exactly zero to every
+/// surface. Must be called before any data is derived from the lights.
+size_t remove_idle_lights(Scene& scene) {
+  const Ball ball = ball_around(scene);
+  const auto idle = [&](const SceneLight& light) { return is_idle(light, ball); };
+  // The textures are examined only if a light could be removed.
+  if (std::ranges::none_of(scene.lights, idle) || !reflects_finitely(scene)) return 0;
+  return std::erase_if(scene.lights, idle);
+}
+
+// ---- shadow on the ground
+// The shadow of a model on the ground that it stands on is the sum of two layers: a narrow one
+// where the model touches the ground, and a wide one of all of it. Each layer takes what hides the
+// sky straight above a point, less the higher it is, and blurs that with a kernel that ends at a
+// radius.
+
+/// StandingModel describes where a model stands, in the scene frame.
+struct StandingModel {
+  Vec3 up, across, along;  ///< unit, perpendicular
+  Interval x, y, z;        ///< bounds along across, along and up
+  double ground = 0.0;     ///< height of the ground along up
+  double size = 0.0;       ///< see Ground
+};
+
+/// Layer is one part of the shadow. Lengths are in sizes of the model.
+struct Layer {
+  double darkness;  ///< under a large flat model that lies on the ground
+  double radius;    ///< radius of the blur kernel
+  double height;    ///< from which on nothing casts a shadow
+};
+constexpr std::array<Layer, 2> kLayers{{{0.45, 0.08, 0.25}, {0.45, 0.25, 1.5}}};
+constexpr double kWidest = 0.25, kHighest = 1.5;
+
+/// Distance between rays in sizes of the model, and the largest number of rays along a side.
+constexpr double kCell = 0.01;
+constexpr double kMostRays = 256.0;
+/// A ray ends at the latest after this many surfaces, or when less than this share of it is left.
+constexpr int kMostPassed = 64;
+constexpr double kLeastShare = 1e-3;
+/// Distance in sizes of the model below the ground at which rays start.
+constexpr double kBelow = 1e-3;
+
+using Shares = std::array<double, kLayers.size()>;
+
+/// Adds what a surface at a height above the ground, in sizes of the model, hides of a ray.
+void add_hidden(double height, double share, Shares& hidden) {
+  for (size_t n = 0; n < kLayers.size(); ++n) {
+    const double left = 1.0 - std::max(height, 0.0) / kLayers[n].height;
+    if (left > 0.0) hidden[n] += share * left * left;
+  }
+}
+
+/// Returns what hides the ray straight up from a point, by layer.
+Shares hidden_above(const Scene& scene, const StandingModel& model, Vec3 origin) {
+  Shares hidden{};
+  double share = 1.0;
+  for (int n = 0; n < kMostPassed && share > kLeastShare; ++n) {
+    const double far = model.ground + kHighest * model.size - dot(origin, model.up);
+    if (!(far > 0.0)) break;
+    const std::optional<Surface> surface = first_surface(scene, origin, model.up, far);
+    if (!surface) break;
+    const Vec3 passed = scene.pbr->any_passes() ? scene.pbr->passed(*surface) : Vec3{};
+    const double on = share * (passed.x + passed.y + passed.z) / 3.0;
+    add_hidden((dot(surface->point, model.up) - model.ground) / model.size, share - on, hidden);
+    share = on;
+    origin = spawn_point(*surface, Side::Far);
+  }
+  return hidden;
+}
+
+/// Returns the grid around the model. Its points stay where they are if the model's bounds change.
+GroundGrid grid_around(const StandingModel& model) {
+  GroundGrid grid{.up = model.up, .across = model.across, .along = model.along};
+  grid.height = model.ground;
+  grid.cell =
+      std::max(kCell * model.size, std::max(model.x.width(), model.y.width()) / (kMostRays - 2.0));
+  const double margin = std::ceil(kWidest * model.size / grid.cell) + 1.0;
+  const auto first = [&](const Interval& bounds) {
+    return std::floor(bounds.low / grid.cell) - margin;
+  };
+  const auto count = [&](const Interval& bounds) {
+    return static_cast<int>(std::ceil(bounds.high / grid.cell) + margin - first(bounds)) + 1;
+  };
+  grid.x = first(model.x) * grid.cell;
+  grid.y = first(model.y) * grid.cell;
+  grid.columns = count(model.x);
+  grid.rows = count(model.y);
+  return grid;
+}
+
+/// Returns the values blurred along one side of the grid, where `step` is the distance between
+/// neighbours. Values near the grid's border are zero, so that none are blurred across it.
+std::vector<float> blurred(const std::vector<float>& values, int step, double radius_cells) {
+  const int reach = std::max(static_cast<int>(std::ceil(radius_cells)) - 1, 0);
+  std::vector<double> kernel;
+  double sum = 0.0;
+  for (int n = -reach; n <= reach; ++n) {
+    const double left = 1.0 - (n / radius_cells) * (n / radius_cells);
+    sum += kernel.emplace_back(left * left * left);
+  }
+  std::vector<float> out(values.size());
+  const auto count = static_cast<std::ptrdiff_t>(values.size());
+  for (int n = -reach; n <= reach; ++n) {
+    const std::ptrdiff_t shift = std::ptrdiff_t{n} * step;
+    const auto weight = static_cast<float>(kernel[static_cast<size_t>(n + reach)] / sum);
+    const std::ptrdiff_t end = std::min(count, count - shift);
+    for (std::ptrdiff_t at = std::max<std::ptrdiff_t>(0, -shift); at < end; ++at)
+      out[static_cast<size_t>(at)] += weight * values[static_cast<size_t>(at + shift)];
+  }
+  return out;
+}
+
+/// Traces rays upwards from the ground through a committed scene with metallic-roughness materials,
+/// at most 256 x 256. Returns null if the model has no size. The result does not depend on the
+/// number of threads. Call it in the arena whose threads it may use.
+std::shared_ptr<const GroundShadow> cast_ground_shadow(const Scene& scene,
+                                                       const StandingModel& model) {
+  if (!(model.size > 0.0) || !std::isfinite(model.size)) return nullptr;
+  const GroundGrid grid = grid_around(model);
+  const size_t points = static_cast<size_t>(grid.columns) * static_cast<size_t>(grid.rows);
+  std::array<std::vector<float>, kLayers.size()> hidden;
+  for (std::vector<float>& layer : hidden) layer.resize(points);
+  const double start = std::min(grid.height, model.z.low) - kBelow * model.size;
+  tbb::parallel_for(0, grid.rows, [&](int row) {
+    if (const double y = grid.y + row * grid.cell; y < model.y.low || y > model.y.high) return;
+    for (int column = 0; column < grid.columns; ++column) {
+      if (const double x = grid.x + column * grid.cell; x < model.x.low || x > model.x.high)
+        continue;
+      const Vec3 from = grid.point(column, row) + grid.up * (start - grid.height);
+      const Shares shares = hidden_above(scene, model, from);
+      for (size_t n = 0; n < kLayers.size(); ++n)
+        hidden[n][static_cast<size_t>(row) * static_cast<size_t>(grid.columns) +
+                  static_cast<size_t>(column)] = static_cast<float>(shares[n]);
+    }
+  });
+  std::vector<float> darkness(points);
+  for (size_t n = 0; n < kLayers.size(); ++n) {
+    const double radius = kLayers[n].radius * model.size / grid.cell;
+    const std::vector<float> soft = blurred(blurred(hidden[n], 1, radius), grid.columns, radius);
+    for (size_t at = 0; at < points; ++at)
+      darkness[at] += static_cast<float>(kLayers[n].darkness) * soft[at];
+  }
+  return std::make_shared<const GroundShadow>(grid, std::move(darkness));
+}
+
+// ---- commit
 
 /// Largest coordinate in scene units: beyond it, single precision is useless and Embree silently
 /// drops the primitive.
@@ -182,29 +406,20 @@ class Committer {
   }
 
   void check(const PbrMaterial& m, const std::string& object) const {
-    for (const TextureUse* use :
-         {&m.base_colour_texture, &m.metallic_roughness_texture, &m.normal_texture,
-          &m.occlusion_texture, &m.emission_texture, &m.specular_texture,
-          &m.specular_colour_texture, &m.clearcoat_texture, &m.clearcoat_roughness_texture,
-          &m.clearcoat_normal_texture, &m.sheen_colour_texture, &m.sheen_roughness_texture,
-          &m.transmission_texture, &m.thickness_texture, &m.iridescence_texture,
-          &m.iridescence_thickness_texture, &m.anisotropy_texture}) {
-      if (!is_texture(use->texture)) refuse(object, "names a texture that is not there");
-      if (!std::ranges::all_of(use->uv_map, [](double v) { return std::isfinite(v); }))
+    for (const auto texture : kPbrTextures) {
+      const TextureUse& use = m.*texture;
+      if (!is_texture(use.texture)) refuse(object, "names a texture that is not there");
+      if (!std::ranges::all_of(use.uv_map, [](double v) { return std::isfinite(v); }))
         refuse(object, "has a texture transform that is not finite");
     }
-    // The attenuation distance may be infinite.
     const bool finite =
-        is_finite(m.base_colour) && is_finite(m.emission) && is_finite(m.specular_colour) &&
-        is_finite(m.sheen_colour) && is_finite(m.attenuation_colour) &&
-        std::ranges::all_of(
-            std::initializer_list<double>{
-                m.alpha, m.metallic, m.roughness, m.normal_scale, m.occlusion_strength,
-                m.alpha_cutoff, m.ior, m.specular, m.clearcoat, m.clearcoat_roughness,
-                m.sheen_roughness, m.transmission, m.thickness, m.iridescence, m.iridescence_ior,
-                m.iridescence_thickness_min, m.iridescence_thickness_max, m.anisotropy,
-                m.anisotropy_rotation},
-            [](double v) { return std::isfinite(v); });
+        std::ranges::all_of(kPbrNumbers,
+                            [&](auto number) {
+                              // The attenuation distance may be infinite.
+                              return number == &PbrMaterial::attenuation_distance ||
+                                     std::isfinite(m.*number);
+                            }) &&
+        std::ranges::all_of(kPbrColours, [&](auto colour) { return is_finite(m.*colour); });
     if (!finite || !(m.attenuation_distance > 0.0))
       refuse(object, "has a value that is not finite");
     if (m.ior < 0.0) refuse(object, fmt::format("has a refraction index of {}", m.ior));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/options/soft_light.h"
+#include "render/options/render_options.h"
 
 #include <fmt/format.h>
 

@@ -1,0 +1,618 @@
+// SPDX-License-Identifier: Apache-2.0
+// PLY after G. Turk, "The PLY Polygon File Format" (1994): a header in text declares elements with
+// properties, and the values follow in that order. Also reads what programs added since: triangle
+// strips (Stanford: a list that -1 divides into strips), and the texture coordinates of faces and
+// "comment TextureFile" of MeshLab.
+#include "render/loaders/ply.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <charconv>
+#include <cmath>
+#include <cstddef>
+#include <cstring>
+#include <memory>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "base/numbers.h"
+#include "frames/srgb.h"
+#include "render/loaders/file_names.h"
+#include "render/loaders/limits.h"
+#include "render/loaders/mesh_cleanup.h"
+#include "render/loaders/polygon.h"
+#include "render/loaders/text_reader.h"
+#include "render/loaders/textures.h"
+#include "render/scene/stage.h"
+
+namespace lenticule::render {
+// ---- header
+
+namespace {
+
+enum class ValueType { Int8, Uint8, Int16, Uint16, Int32, Uint32, Float32, Float64 };
+
+struct Property {
+  std::string name;
+  ValueType type = ValueType::Float32;
+  bool is_list = false;
+  ValueType count_type = ValueType::Uint8;  ///< type of the number of a list's values
+};
+
+struct ElementKind {
+  std::string name;
+  uint64_t count = 0;
+  std::vector<Property> properties;
+};
+
+enum class Encoding { Text, LittleEndian, BigEndian };
+
+struct Header {
+  Encoding encoding = Encoding::Text;
+  std::vector<ElementKind> elements;
+  std::string texture;  ///< file name, or empty
+  size_t end = 0;       ///< position of the first byte after the header
+};
+
+struct TypeName {
+  std::string_view name;
+  ValueType type;
+};
+constexpr std::array<TypeName, 16> kTypeNames{{{"char", ValueType::Int8},
+                                               {"int8", ValueType::Int8},
+                                               {"uchar", ValueType::Uint8},
+                                               {"uint8", ValueType::Uint8},
+                                               {"short", ValueType::Int16},
+                                               {"int16", ValueType::Int16},
+                                               {"ushort", ValueType::Uint16},
+                                               {"uint16", ValueType::Uint16},
+                                               {"int", ValueType::Int32},
+                                               {"int32", ValueType::Int32},
+                                               {"uint", ValueType::Uint32},
+                                               {"uint32", ValueType::Uint32},
+                                               {"float", ValueType::Float32},
+                                               {"float32", ValueType::Float32},
+                                               {"double", ValueType::Float64},
+                                               {"float64", ValueType::Float64}}};
+
+std::vector<std::string_view> words_of(std::string_view line) {
+  std::vector<std::string_view> words;
+  constexpr std::string_view kSpace = " \t\r";
+  for (size_t at = line.find_first_not_of(kSpace); at != std::string_view::npos;) {
+    const size_t end = std::min(line.find_first_of(kSpace, at), line.size());
+    words.push_back(line.substr(at, end - at));
+    at = line.find_first_not_of(kSpace, end);
+  }
+  return words;
+}
+
+/// HeaderReader reads the elements that follow the header, and their properties.
+class HeaderReader {
+ public:
+  HeaderReader(std::string_view text, const std::string& source) : text_(text), source_(source) {}
+
+  /// Reads up to the line end_header. Throws Error(Input) "source:line: reason".
+  Header read() {
+    if (words_of(next_line()) != std::vector<std::string_view>{"ply"}) fail("expected 'ply'");
+    bool has_format = false;
+    while (true) {
+      const std::string_view line = next_line();
+      const auto words = words_of(line);
+      if (words.empty() || words[0] == "obj_info") continue;
+      if (words[0] == "end_header") break;
+      if (words[0] == "comment")
+        take_comment(line, words);
+      else if (words[0] == "format" && words.size() >= 2)
+        has_format = take_format(words[1]);
+      else if (words[0] == "element" && words.size() == 3)
+        take_element(words);
+      else if (words[0] == "property" && !header_.elements.empty())
+        header_.elements.back().properties.push_back(property_of(words));
+      else
+        fail(fmt::format("unexpected {}", render::quoted(line)));
+    }
+    if (!has_format) fail("the header states no format");
+    header_.end = at_;
+    return std::move(header_);
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& reason) const {
+    throw Error(ErrorKind::Input, fmt::format("{}:{}: {}", source_, line_, reason));
+  }
+
+  std::string_view next_line() {
+    ++line_;
+    size_t end = text_.find_first_of("\r\n", at_);
+    if (end == std::string_view::npos) fail("the header does not end");
+    const std::string_view line = text_.substr(at_, end - at_);
+    if (text_[end] == '\r' && end + 1 < text_.size() && text_[end + 1] == '\n') ++end;
+    at_ = end + 1;
+    return line;
+  }
+
+  void take_comment(std::string_view line, const std::vector<std::string_view>& words) {
+    constexpr std::string_view kTexture = "TextureFile";
+    if (words.size() < 3 || words[1] != kTexture) return;
+    const size_t name = line.find(words[2], line.find(kTexture) + kTexture.size());
+    header_.texture = line.substr(name);
+  }
+
+  bool take_format(std::string_view name) {
+    if (name == "ascii")
+      header_.encoding = Encoding::Text;
+    else if (name == "binary_little_endian")
+      header_.encoding = Encoding::LittleEndian;
+    else if (name == "binary_big_endian")
+      header_.encoding = Encoding::BigEndian;
+    else
+      fail(fmt::format("unknown format {}", render::quoted(name)));
+    return true;
+  }
+
+  void take_element(const std::vector<std::string_view>& words) {
+    const auto count = number_from<uint64_t>(words[2]);
+    if (!count) fail(fmt::format("{} is no number of elements", render::quoted(words[2])));
+    header_.elements.push_back({std::string(words[1]), *count, {}});
+  }
+
+  Property property_of(const std::vector<std::string_view>& words) const {
+    if (words.size() == 5 && words[1] == "list")
+      return {std::string(words[4]), type_named(words[3]), true, type_named(words[2])};
+    if (words.size() != 3) fail("expected 'property TYPE NAME' or 'property list TYPE TYPE NAME'");
+    return {std::string(words[2]), type_named(words[1])};
+  }
+
+  [[nodiscard]] ValueType type_named(std::string_view name) const {
+    const auto* const found = std::ranges::find(kTypeNames, name, &TypeName::name);
+    if (found == kTypeNames.end()) fail(fmt::format("unknown type {}", render::quoted(name)));
+    return found->type;
+  }
+
+  std::string_view text_;
+  const std::string& source_;
+  Header header_;
+  size_t at_ = 0;
+  int line_ = 0;
+};
+
+// ---- values
+
+size_t bytes_of(ValueType type) {
+  switch (type) {
+    case ValueType::Int8:
+    case ValueType::Uint8:
+      return 1;
+    case ValueType::Int16:
+    case ValueType::Uint16:
+      return 2;
+    case ValueType::Int32:
+    case ValueType::Uint32:
+    case ValueType::Float32:
+      return 4;
+    case ValueType::Float64:
+      break;
+  }
+  return 8;
+}
+
+template <class T>
+double loaded(const std::array<uint8_t, 8>& bytes) {
+  T value{};
+  std::memcpy(&value, bytes.data(), sizeof value);
+  return static_cast<double>(value);
+}
+
+/// Values reads the numbers after the header of a PLY file, in text or binary.
+/// Lifetime: must not outlive the data, the source and the element's name.
+class Values {
+ public:
+  Values(std::string_view data, Encoding encoding, const std::string& source)
+      : data_(data), encoding_(encoding), source_(source) {}
+
+  /// Throws Error(Input) at the end of the file, and for a word that is no number.
+  [[nodiscard]] double next(ValueType type) {
+    return encoding_ == Encoding::Text ? next_word() : next_binary(type);
+  }
+
+  /// Returns the number of bytes that are left: at least as many as values.
+  [[nodiscard]] size_t left() const { return data_.size() - at_; }
+  /// Names the element that is read, for messages.
+  void set_place(const std::string* element, uint64_t index) {
+    element_ = element;
+    index_ = index;
+  }
+  /// Throws Error(Input) "source: element index: reason".
+  [[noreturn]] void fail(const std::string& reason) const {
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: {} {}: {}", source_, render::quoted(*element_), index_, reason));
+  }
+
+ private:
+  [[nodiscard]] double next_word() {
+    constexpr std::string_view kSpace = " \t\r\n";
+    at_ = std::min(data_.find_first_not_of(kSpace, at_), data_.size());
+    const size_t end = std::min(data_.find_first_of(kSpace, at_), data_.size());
+    if (end == at_) fail("the file ends here");
+    double value = 0.0;
+    const char* first = data_.data() + at_;
+    const char* const last = data_.data() + end;
+    if (*first == '+') ++first;
+    const auto [stop, error] = std::from_chars(first, last, value);
+    if ((error != std::errc() && error != std::errc::result_out_of_range) || stop != last)
+      fail(fmt::format("{} is no number", render::quoted(data_.substr(at_, end - at_))));
+    at_ = end;
+    return value;
+  }
+
+  [[nodiscard]] double next_binary(ValueType type) {
+    const size_t size = bytes_of(type);
+    if (left() < size) fail("the file ends here");
+    std::array<uint8_t, 8> bytes{};
+    std::memcpy(bytes.data(), data_.data() + at_, size);
+    at_ += size;
+    if ((encoding_ == Encoding::BigEndian) == (std::endian::native == std::endian::little))
+      std::reverse(bytes.begin(), bytes.begin() + size);
+    switch (type) {
+      case ValueType::Int8:
+        return loaded<int8_t>(bytes);
+      case ValueType::Uint8:
+        return loaded<uint8_t>(bytes);
+      case ValueType::Int16:
+        return loaded<int16_t>(bytes);
+      case ValueType::Uint16:
+        return loaded<uint16_t>(bytes);
+      case ValueType::Int32:
+        return loaded<int32_t>(bytes);
+      case ValueType::Uint32:
+        return loaded<uint32_t>(bytes);
+      case ValueType::Float32:
+        return loaded<float>(bytes);
+      case ValueType::Float64:
+        break;
+    }
+    return loaded<double>(bytes);
+  }
+
+  std::string_view data_;
+  Encoding encoding_;
+  const std::string& source_;
+  size_t at_ = 0;
+  const std::string* element_ = nullptr;
+  uint64_t index_ = 0;
+};
+
+// ---- elements
+
+struct Elements {
+  TriangleMesh mesh;              ///< mesh as it is in the file, not cleaned
+  bool single_precision = false;  ///< true if the positions come from single precision
+  bool face_colours = false;      ///< true if faces have colours, which the mesh does not have
+  size_t ignored = 0;             ///< elements of other kinds, and faces with less than 3 corners
+};
+
+/// Meaning of a vertex property.
+enum Field { X, Y, Z, Nx, Ny, Nz, Red, Green, Blue, Alpha, U, V, kFields };
+
+constexpr std::array<std::pair<std::string_view, Field>, 23> kFieldNames{{
+    {"x", X},
+    {"y", Y},
+    {"z", Z},
+    {"nx", Nx},
+    {"ny", Ny},
+    {"nz", Nz},
+    {"red", Red},
+    {"green", Green},
+    {"blue", Blue},
+    {"alpha", Alpha},
+    {"r", Red},
+    {"g", Green},
+    {"b", Blue},
+    {"a", Alpha},
+    {"diffuse_red", Red},
+    {"diffuse_green", Green},
+    {"diffuse_blue", Blue},
+    {"u", U},
+    {"v", V},
+    {"s", U},
+    {"t", V},
+    {"texture_u", U},
+    {"texture_v", V},
+}};
+
+Field field_of(const std::string& name) {
+  const auto* const found =
+      std::ranges::find_if(kFieldNames, [&](const auto& field) { return field.first == name; });
+  return found == kFieldNames.end() ? kFields : found->second;
+}
+
+/// Returns the largest value of an integer colour; floats are fractions already.
+double full_scale(ValueType type) {
+  switch (type) {
+    case ValueType::Int8:
+    case ValueType::Uint8:
+      return 255.0;
+    case ValueType::Int16:
+    case ValueType::Uint16:
+      return 65535.0;
+    case ValueType::Int32:
+    case ValueType::Uint32:
+      return 4294967295.0;
+    case ValueType::Float32:
+    case ValueType::Float64:
+      break;
+  }
+  return 1.0;
+}
+
+/// ElementReader reads vertices, faces and triangle strips into a mesh.
+class ElementReader {
+ public:
+  ElementReader(const Header& header, std::string_view text, const std::string& source)
+      : source_(source),
+        header_(header),
+        values_(text.substr(header.end), header.encoding, source) {
+    out_.mesh.name = "mesh";
+  }
+
+  /// Throws Error(Input) "source: element: reason".
+  Elements read() {
+    for (const ElementKind& kind : header_.elements) {
+      if (kind.count > values_.left())
+        refuse(fmt::format("{} elements {}, but {} bytes", kind.count, render::quoted(kind.name),
+                           values_.left()));
+      if (kind.properties.empty()) continue;
+      if (kind.name == "vertex")
+        read_vertices(kind);
+      else
+        read_lists(kind);
+    }
+    finish_texture_coordinates();
+    return std::move(out_);
+  }
+
+ private:
+  [[noreturn]] void refuse(const std::string& reason) const {
+    throw Error(ErrorKind::Input, source_ + ": " + reason);
+  }
+
+  void read_vertices(const ElementKind& kind) {
+    if (kind.count > kMaxVertices) refuse(fmt::format("more than {} vertices", kMaxVertices));
+    std::array<bool, kFields> has{};
+    for (const Property& property : kind.properties)
+      if (const Field field = field_of(property.name); field != kFields && !property.is_list)
+        has[field] = true;
+    if (!has[X] || !has[Y] || !has[Z]) refuse("vertices without x, y and z");
+    out_.single_precision = header_.encoding != Encoding::Text &&
+                            std::ranges::any_of(kind.properties, [](const Property& p) {
+                              return p.name == "x" && p.type == ValueType::Float32;
+                            });
+    for (uint64_t i = 0; i < kind.count; ++i) {
+      values_.set_place(&kind.name, i);
+      std::array<double, kFields> fields{};
+      fields[Alpha] = 1.0;
+      for (const Property& property : kind.properties) {
+        if (property.is_list) {
+          read_list(property);
+          continue;
+        }
+        const Field field = field_of(property.name);
+        const double value = values_.next(property.type);
+        if (field == kFields) continue;
+        const bool colour = field >= Red && field <= Alpha;
+        fields[field] = colour ? value / full_scale(property.type) : value;
+      }
+      add_vertex(fields, has);
+    }
+  }
+
+  void add_vertex(const std::array<double, kFields>& f, const std::array<bool, kFields>& has) {
+    const Vec3 p{f[X], f[Y], f[Z]};
+    if (!is_finite(p)) values_.fail("is not finite");
+    if (std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) > kMaxCoordinate)
+      values_.fail("is too far away");
+    out_.mesh.positions.push_back(p);
+    if (has[Nx] && has[Ny] && has[Nz]) out_.mesh.normals.push_back({f[Nx], f[Ny], f[Nz]});
+    if (has[U] && has[V]) out_.mesh.uvs.push_back(uv_of(f[U], f[V]));
+    if (!has[Red] || !has[Green] || !has[Blue]) return;
+    const auto share = [](double v) { return std::isfinite(v) ? std::clamp(v, 0.0, 1.0) : 0.0; };
+    const auto light = [&](double v) {
+      return static_cast<float>(frames::linear_from_srgb(share(v)));
+    };
+    out_.mesh.colours.push_back(
+        {light(f[Red]), light(f[Green]), light(f[Blue]), static_cast<float>(share(f[Alpha]))});
+  }
+
+  /// Returns coordinates with v downward; those of files point up.
+  static std::array<float, 2> uv_of(double u, double v) {
+    constexpr double kFarthest = 1e6;
+    if (!(std::abs(u) < kFarthest && std::abs(v) < kFarthest)) return {0.0F, 0.0F};
+    return {static_cast<float>(u), static_cast<float>(1.0 - v)};
+  }
+
+  /// Reads the values of a list into list_.
+  void read_list(const Property& property) {
+    const double count = values_.next(property.count_type);
+    if (!(count >= 0.0) || count > static_cast<double>(values_.left()))
+      values_.fail(fmt::format("a list of {:g} values, {} bytes are left", count, values_.left()));
+    list_.clear();
+    for (auto left = static_cast<size_t>(count); left > 0; --left)
+      list_.push_back(values_.next(property.type));
+  }
+
+  /// Reads faces, triangle strips, and elements of other kinds.
+  void read_lists(const ElementKind& kind) {
+    const bool strips = kind.name == "tristrips" || kind.name == "tristrip";
+    const bool faces = kind.name == "face";
+    std::vector<double> corners;
+    for (uint64_t i = 0; i < kind.count; ++i) {
+      values_.set_place(&kind.name, i);
+      corners.clear();
+      coordinates_.clear();
+      for (const Property& property : kind.properties) {
+        if (!property.is_list) {
+          out_.face_colours = out_.face_colours || (faces && field_of(property.name) == Red);
+          static_cast<void>(values_.next(property.type));
+          continue;
+        }
+        read_list(property);
+        if (property.name == "vertex_indices" || property.name == "vertex_index")
+          corners = list_;
+        else if (property.name == "texcoord")
+          coordinates_ = list_;
+      }
+      if (strips) add_strips(corners);
+      if (faces) add_polygon(corners);
+      if (!strips && !faces) ++out_.ignored;
+    }
+  }
+
+  [[nodiscard]] uint32_t vertex(double index) const {
+    if (!(index >= 0.0 && index < static_cast<double>(out_.mesh.positions.size())))
+      values_.fail(fmt::format("names vertex {:g} of {}", index, out_.mesh.positions.size()));
+    return static_cast<uint32_t>(index);
+  }
+
+  void add_triangle(const std::array<uint32_t, 3>& triangle) {
+    if (out_.mesh.triangles.size() == kMaxTriangles)
+      values_.fail(fmt::format("more than {} triangles", kMaxTriangles));
+    out_.mesh.triangles.push_back(triangle);
+  }
+
+  /// Adds the triangles of strips; every second triangle of a strip is reversed.
+  void add_strips(const std::vector<double>& indices) {
+    constexpr double kRestart = -1.0;
+    std::vector<uint32_t> strip;
+    for (const double index : indices) {
+      if (index == kRestart) {
+        strip.clear();
+        continue;
+      }
+      strip.push_back(vertex(index));
+      const size_t n = strip.size();
+      if (n < 3) continue;
+      if (n % 2 == 1)
+        add_triangle({strip[n - 3], strip[n - 2], strip[n - 1]});
+      else
+        add_triangle({strip[n - 2], strip[n - 3], strip[n - 1]});
+    }
+  }
+
+  void add_polygon(const std::vector<double>& indices) {
+    if (indices.size() < 3) {
+      ++out_.ignored;
+      return;
+    }
+    if (indices.size() > size_t{kMaxPolygonVertices})
+      values_.fail(fmt::format("more than {} corners", kMaxPolygonVertices));
+    std::vector<uint32_t> corners;
+    for (const double index : indices) corners.push_back(vertex(index));
+    if (corners.size() == 3) {
+      add_face_triangle(corners, {0, 1, 2});
+      return;
+    }
+    std::vector<Vec3> outline;
+    for (const uint32_t corner : corners) outline.push_back(out_.mesh.positions[corner]);
+    for (const auto& triangle : triangulate(outline).triangles)
+      add_face_triangle(corners, triangle);
+  }
+
+  /// Adds a triangle of corners of a polygon, with the polygon's own texture coordinates.
+  void add_face_triangle(const std::vector<uint32_t>& corners,
+                         const std::array<uint32_t, 3>& triangle) {
+    add_triangle({corners[triangle[0]], corners[triangle[1]], corners[triangle[2]]});
+    if (coordinates_.size() < 2 * corners.size()) return;
+    face_uvs_.resize(3 * (out_.mesh.triangles.size() - 1));  // triangles without coordinates: zeros
+    for (const uint32_t corner : triangle)
+      face_uvs_.push_back(uv_of(coordinates_[2 * corner], coordinates_[2 * corner + 1]));
+  }
+
+  /// Gives every triangle its own vertices if faces have coordinates of their own.
+  void finish_texture_coordinates() {
+    if (face_uvs_.empty()) return;
+    face_uvs_.resize(3 * out_.mesh.triangles.size());
+    if (face_uvs_.size() > kMaxVertices) refuse(fmt::format("more than {} vertices", kMaxVertices));
+    std::vector<uint32_t> from;
+    for (auto& triangle : out_.mesh.triangles) {
+      const auto first = static_cast<uint32_t>(from.size());
+      from.insert(from.end(), triangle.begin(), triangle.end());
+      triangle = {first, first + 1, first + 2};
+    }
+    select_vertices(out_.mesh, from);
+    out_.mesh.uvs = std::move(face_uvs_);
+  }
+
+  const std::string& source_;
+  const Header& header_;
+  Values values_;
+  Elements out_;
+  std::vector<double> list_;
+  std::vector<double> coordinates_;  ///< texture coordinates of the current face's corners
+  std::vector<std::array<float, 2>> face_uvs_;
+};
+
+// ---- scene
+
+/// Returns the scene of the elements; its texture lies in `folder`.
+SceneDescription scene_of(Elements elements, const std::string& texture, const std::string& source,
+                          const std::filesystem::path& folder) {
+  TriangleMesh& mesh = elements.mesh;
+  SceneDescription scene;
+  scene.source = source;
+  const auto note = [&](size_t count, const char* items) {
+    if (count > 0) scene.notes.push_back(fmt::format("{} {}", count, items));
+  };
+  if (mesh.triangles.empty()) {
+    note(mesh.positions.size(), "points without faces left out");
+    refuse_empty(scene);
+  }
+  Material material;
+  material.name = "surface";
+  material.colour = {0.6, 0.6, 0.6};
+  material.specular = 0.06;
+  material.shine = 10.0;
+  if (!texture.empty())
+    material.texture = Textures(scene).add(
+        {.name = texture}, [&] { return frames::read_texture(named_file(folder, texture)); });
+  if (material.texture >= 0) material.colour = {1, 1, 1};
+  if (!mesh.colours.empty()) {
+    PbrMaterial pbr;
+    pbr.metallic = 0.0;
+    pbr.double_sided = true;
+    pbr.base_colour_texture.texture = material.texture;
+    material.pbr = std::make_shared<const PbrMaterial>(pbr);
+  }
+  scene.materials.push_back(material);
+  LostDigits digits;
+  if (elements.single_precision) digits.add(mesh);
+  const MeshRepairs repairs = clean(mesh);
+  note(repairs.dropped_triangles, "triangles without an area dropped");
+  if (mesh.triangles.empty()) refuse_empty(scene);
+  note(repairs.recomputed_normals, "unusable normals recomputed");
+  note(elements.ignored, "elements other than faces and triangle strips left out");
+  if (elements.face_colours) scene.notes.emplace_back("colours of faces left out");
+  digits.write(scene);
+  scene.meshes.push_back(std::move(mesh));
+  return scene;
+}
+
+}  // namespace
+
+SceneDescription parse_ply(std::span<const uint8_t> bytes, const std::string& source,
+                           const std::filesystem::path& folder) {
+  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  const Header header = HeaderReader(text, source).read();
+  return scene_of(ElementReader(header, text, source).read(), header.texture, source, folder);
+}
+
+SceneDescription load_ply(const std::filesystem::path& file) {
+  return parse_ply(read_whole_file(file, kMaxSceneFileBytes), file.string(), file.parent_path());
+}
+
+}  // namespace lenticule::render

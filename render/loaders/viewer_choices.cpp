@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/loaders/viewer_choices.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace lenticule::render {
+namespace {
+
+/// Total irradiance by all lights of a white surface at the scene's centre that faces each light.
+constexpr double kMiddleIrradiance = 1.3;
+
+/// Returns the scene's lights as placed at time 0.
+std::vector<Light> placed_lights(const SceneDescription& scene) {
+  SceneDescription lights_only;
+  lights_only.nodes = scene.nodes;
+  lights_only.lights = scene.lights;
+  return at_time(lights_only, 0.0).lights;
+}
+
+double irradiance(const Light& light, Vec3 middle, double nearest) {
+  const double strength = std::max({light.colour.x, light.colour.y, light.colour.z});
+  if (!light.falls_off) return strength;
+  // A light inside the scene must not count as infinitely near to the centre.
+  const double distance = std::max(length(light.position - middle), nearest);
+  return distance > 0.0 ? strength / (distance * distance) : 0.0;
+}
+
+}  // namespace
+
+void expose(SceneDescription& scene) {
+  const Bounds bounds = scene_bounds(scene);
+  if (scene.lights.empty() || bounds.empty()) return;
+  const Vec3 middle = bounds.low + (bounds.high - bounds.low) / 2.0;
+  const double nearest = length(bounds.high - bounds.low) / 4.0;
+  double sum = 0.0;
+  for (const Light& light : placed_lights(scene)) sum += irradiance(light, middle, nearest);
+  const double factor = kMiddleIrradiance / sum;
+  if (!std::isfinite(factor) || factor <= 0.0) return;
+  for (Light& light : scene.lights) light.colour = light.colour * factor;
+  scene.light_scale = factor;
+}
+
+namespace {
+
+constexpr double kNarrowestDegrees = 1e-3;
+constexpr double kWidestDegrees = 179.0;
+
+/// Returns the camera as placed at time 0.
+Camera placed(const Camera& camera, const SceneDescription& scene) {
+  SceneDescription only;
+  only.nodes = scene.nodes;
+  only.cameras = {camera};
+  return at_time(only, 0.0).cameras.front();
+}
+
+}  // namespace
+
+bool is_usable(const Camera& camera) {
+  const double fov = camera.vertical_fov_degrees;
+  return is_finite(camera.from) && is_finite(camera.at) && is_finite(camera.up) &&
+         !(camera.from == camera.at) && up_is_usable(camera) && fov >= kNarrowestDegrees &&
+         fov <= kWidestDegrees;
+}
+
+void focus(Camera& camera, const SceneDescription& scene, const Bounds& bounds) {
+  const Camera world = placed(camera, scene);
+  const Vec3 step = world.at - world.from;  // one local unit of distance
+  const Vec3 middle = bounds.low + (bounds.high - bounds.low) / 2.0;
+  double distance = dot(middle - world.from, step) / dot(step, step);
+  const double extent = length(bounds.high - bounds.low) / length(step);
+  // A camera inside the scene, or turned away from it, still needs a point in front of it.
+  if (!(distance > extent / 100.0)) distance = extent / 4.0;
+  if (!std::isfinite(distance) || distance <= 0.0) return;
+  camera.at = camera.from + (camera.at - camera.from) * distance;
+}
+
+void set_metallic_roughness(const MetallicRoughness& from, Material& to) {
+  constexpr double kShiniest = 1e5;
+  constexpr double kDielectricReflectance = 0.04;
+  const double smooth = 1.0 - from.roughness;
+  const double mirror =
+      from.metallic * smooth + (1.0 - from.metallic) * kDielectricReflectance * smooth;
+  to.transmittance = (1.0 - from.metallic) * from.transmission;
+  to.specular = mirror;
+  to.diffuse = std::max(0.0, 1.0 - mirror - to.transmittance);
+  // Phong exponent equivalent to a Beckmann lobe of this roughness.
+  const double alpha = std::max(from.roughness * from.roughness, 1e-3);
+  to.shine = std::clamp(2.0 / (alpha * alpha) - 2.0, 1.0, kShiniest);
+  to.tinted_specular = from.metallic > 0.5;
+  if (to.transmittance > 0.0) to.refraction_index = from.ior;
+}
+
+void set_opacity(double opacity, Material& to) {
+  to.transmittance = std::max(to.transmittance, 1.0 - opacity);
+  to.diffuse *= opacity;
+}
+
+}  // namespace lenticule::render
