@@ -432,9 +432,11 @@ void PbrTracer::note_shadows(size_t light, uint32_t wanted) {
 
 void require_supported(const Scene& scene, const RenderOptions& options) {
   if (scene.pbr == nullptr || !options.soft.any()) return;
-  throw Error(ErrorKind::Usage, "sampled light: not supported for metallic-roughness materials",
-              "render without --soft-shadows, --occlusion and --environment-light; the environment "
-              "lights such materials anyway");
+  throw Error(ErrorKind::Usage,
+              "--soft-shadows, --occlusion, --environment-light: not supported for "
+              "metallic-roughness materials",
+              "render without them: studio, sky or environment picture light such materials from "
+              "all sides");
 }
 
 }  // namespace lenticule::render

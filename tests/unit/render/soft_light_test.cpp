@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests area lights, occlusion and environment light against the reference, and that their bytes do
 // not depend on how they are computed.
-#include "render/options/render_options.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <memory>
 
 #include "base/error.h"
+#include "render/options/render_options.h"
 #include "tests/support/instruction_sets.h"
 #include "tests/support/oracles/reference_renderer.h"
 #include "tests/unit/render/soft_light_scenes.h"
@@ -144,6 +144,23 @@ TEST_P(SoftLightOfTinyScenes, OcclusionOnlyReducesAmbientLight) {
     between += some.bytes()[k] != most.bytes()[k] && some.bytes()[k] != least.bytes()[k] ? 1 : 0;
   }
   EXPECT_GT(between, 100);
+}
+
+TEST(SoftLight, IsRefusedForMetallicRoughnessMaterialsByTheNamesOfItsFlags) {
+  SceneDescription scene = wall_and_ball();
+  scene.materials.front().pbr = std::make_shared<const PbrMaterial>();
+  const optics::Rig rig = make_rig({.width = 12, .height = 8, .pixel_mm = 0.5});
+  for (const SoftLight& soft : {only_shadows(4), only_occlusion(4), only_environment(4)}) {
+    try {
+      static_cast<void>(picture(scene, rig, make_tiny_stage(), with(soft)));
+      ADD_FAILURE() << "rendered";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::Usage);
+      EXPECT_STREQ(error.what(),
+                   "--soft-shadows, --occlusion, --environment-light: not supported for "
+                   "metallic-roughness materials");
+    }
+  }
 }
 
 /// Points traced by methods that reuse points have the bytes of `full`.
