@@ -14,7 +14,7 @@
 #include "base/cpu.h"
 #include "display/scanout_depth.h"
 #include "frames/frame.h"
-#include "optics/mounting.h"
+#include "optics/panel.h"
 
 namespace lenticule::display {
 

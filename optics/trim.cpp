@@ -11,7 +11,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "optics/rig_file.h"
-#include "optics/toml_text.h"
+#include "optics/toml.h"
 
 namespace lenticule::optics {
 namespace {

@@ -22,7 +22,7 @@
 #include "base/interval.h"
 #include "render/accel/user_geometry.h"
 #include "render/culling/primitive_tree.h"
-#include "render/culling/shaft_cache.h"
+#include "render/culling/shaft.h"
 #include "render/scene/ground_shadow.h"
 #include "render/scene/scene.h"
 #include "render/scene/scene_fingerprint.h"

@@ -1,11 +1,64 @@
 // SPDX-License-Identifier: Apache-2.0
-// Scene: the sphereflake over a plain floor.
+// The sphereflake, and the two scenes that show it.
 #include <array>
+#include <cmath>
+#include <numbers>
 
 #include "scenes/scene_functions.h"
-#include "scenes/sphereflake.h"
+#include "scenes/scene_writer.h"
 
 namespace lenticule::scenes {
+namespace {
+
+struct Ball {
+  Vec3 centre;
+  double radius;
+  Vec3 pole;      ///< unit, away from the parent
+  Vec3 meridian;  ///< unit, toward the first child on the equator
+};
+
+constexpr double kShrink = 1.0 / 3.0;
+
+/// Returns the nine directions in the frame (meridian, pole x meridian, pole).
+std::array<Vec3, 9> child_directions() {
+  std::array<Vec3, 9> directions;
+  const double degree = std::numbers::pi / 180.0;
+  for (size_t i = 0; i < 6; ++i) {
+    const double turn = 60.0 * degree * static_cast<double>(i);
+    directions[i] = {std::cos(turn), std::sin(turn), 0};
+  }
+  const double rise = std::sqrt(2.0 / 3.0);  // height of a tetrahedron with unit edges
+  const double reach = std::sqrt(1.0 / 3.0);
+  for (size_t i = 0; i < 3; ++i) {
+    const double turn = (30.0 + 120.0 * static_cast<double>(i)) * degree;
+    directions[6 + i] = {reach * std::cos(turn), reach * std::sin(turn), rise};
+  }
+  return directions;
+}
+
+/// Writes (9^(generations + 1) - 1) / 8 spheres that touch but do not intersect: each carries nine
+/// of a third of its radius, six around the equator and three above it, in the positions of equal
+/// spheres in the closest packing.
+void write_sphereflake(SceneWriter& out, const Ball& ball, int generations) {
+  out.sphere(ball.centre, ball.radius);
+  if (generations == 0) return;
+  static const std::array<Vec3, 9> directions = child_directions();
+  const Vec3 third = cross(ball.pole, ball.meridian);
+  for (const Vec3 d : directions) {
+    const Vec3 away = ball.meridian * d.x + third * d.y + ball.pole * d.z;
+    const Vec3 side = normalized(cross(away, std::abs(d.z) < 0.5 ? ball.pole : third));
+    write_sphereflake(out,
+                      {.centre = ball.centre + away * (ball.radius * (1.0 + kShrink)),
+                       .radius = ball.radius * kShrink,
+                       .pole = away,
+                       .meridian = side},
+                      generations - 1);
+  }
+}
+
+}  // namespace
+
+// Scene: the sphereflake over a plain floor.
 
 View balls_camera(const SceneOptions& /*options*/) {
   return {.from = {2.1, 1.3, 1.7}, .at = {0, 0, 0}, .up = {0, 0, 1}};
@@ -25,6 +78,61 @@ void write_balls(SceneWriter& out, const SceneOptions& options) {
                          Vec3{-kFloor, -kFloor, -kRadius}, Vec3{kFloor, -kFloor, -kRadius}});
 
   out.fill({.colour = {1.0, 0.9, 0.7}, .diffuse = 0.5, .specular = 0.5, .shine = 45.0});
+  write_sphereflake(out,
+                    {.centre = {}, .radius = kRadius, .pole = {0, 0, 1}, .meridian = {1, 0, 0}},
+                    options.size);
+}
+
+// Scene: a small sphereflake of mirrors over a chequered floor, with a glass ball in front and a
+// marble ball behind.
+
+namespace {
+
+constexpr double kRadius = 0.5;
+
+void write_floor(SceneWriter& out) {
+  constexpr double kHalf = 6.0;
+  PicturedMesh floor{.fill = {.diffuse = 0.9, .specular = 0.15, .shine = 20.0},
+                     .picture = checker_picture()};
+  append_board(floor, {.corner = {-kHalf, kHalf, -kRadius},
+                       .along = {2 * kHalf, 0, 0},
+                       .across = {0, -2 * kHalf, 0},
+                       .columns = 12,
+                       .rows = 12});
+  out.pictured(std::move(floor));
+}
+
+void write_companions(SceneWriter& out) {
+  PicturedMesh marble{.fill = {.diffuse = 0.8, .specular = 0.1, .shine = 40.0},
+                      .picture = marble_picture()};
+  append_ball(marble, {-1.0, -0.75, -0.2}, 0.3, 24);
+  out.pictured(std::move(marble));
+  out.fill({.colour = {0.9, 1.0, 0.95},
+            .diffuse = 0.1,
+            .specular = 0.15,
+            .shine = 80.0,
+            .transmittance = 0.75,
+            .refraction_index = 1.5});
+  out.sphere({0.85, -0.6, -0.25}, 0.25);
+}
+
+}  // namespace
+
+View small_balls_camera(const SceneOptions& options) {
+  return turned_view({.from = {2.0, 1.5, 1.2}, .at = {0, 0, -0.05}, .angle_degrees = 42.0},
+                     options.frame, kSmallBallsFrames, 0.3, 2);
+}
+
+void write_small_balls(SceneWriter& out, const SceneOptions& options) {
+  out.comment("a small sphereflake over a chequered floor");
+  out.background({0.30, 0.42, 0.62});
+  out.light({4, 3, 8});
+  out.light({1, -4, 7});
+  out.light({-4, 1, 8});
+  out.light({0, 0, 9});
+  write_floor(out);
+  write_companions(out);
+  out.fill({.colour = {1.0, 0.85, 0.6}, .diffuse = 0.6, .specular = 0.4, .shine = 45.0});
   write_sphereflake(out,
                     {.centre = {}, .radius = kRadius, .pole = {0, 0, 1}, .meridian = {1, 0, 0}},
                     options.size);

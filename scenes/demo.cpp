@@ -5,8 +5,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "scenes/checker_board.h"
 #include "scenes/scene_functions.h"
+#include "scenes/scene_writer.h"
 #include "scenes/teapot_mesh.h"
 
 namespace lenticule::scenes {

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "scenes/camera_turn.h"
 #include "scenes/scene_functions.h"
 
 namespace lenticule::scenes {

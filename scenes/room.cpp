@@ -5,7 +5,6 @@
 #include <array>
 #include <cmath>
 
-#include "scenes/camera_turn.h"
 #include "scenes/scene_functions.h"
 #include "scenes/teapot_mesh.h"
 

@@ -69,4 +69,16 @@ class SceneWriter {
   bool said_plain_ = false;
 };
 
+struct CheckerBoard {
+  Vec3 corner;
+  Vec3 along;   ///< edge that is divided into columns
+  Vec3 across;  ///< edge that is divided into rows; the visible side is along x across
+  int columns = 1;
+  int rows = 1;
+  Fill even;  ///< fill of the square at the corner
+  Fill odd;
+};
+
+void write_checker_board(SceneWriter& out, const CheckerBoard& board);
+
 }  // namespace lenticule::scenes

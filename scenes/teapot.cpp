@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Scene: the teapot on its board, with the counts, the viewpoint and the lights of the classic test
 // scene.
-#include "scenes/camera_turn.h"
-#include "scenes/checker_board.h"
 #include "scenes/scene_functions.h"
+#include "scenes/scene_writer.h"
 #include "scenes/teapot_mesh.h"
 
 namespace lenticule::scenes {

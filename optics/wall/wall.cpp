@@ -10,6 +10,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "optics/rig_file.h"
+#include "optics/toml.h"
 #include "optics/units.h"
 
 namespace lenticule::optics {
@@ -99,6 +100,120 @@ PlacedWall load_wall(const std::filesystem::path& file) {
   for (const WallPanel& panel : wall.panels)
     placed.panels.push_back(place(panel, wall.viewer_mm, file));
   return placed;
+}
+
+namespace {
+
+constexpr size_t kMaxNameBytes = 32;
+constexpr size_t kMaxPathBytes = 1024;
+
+bool is_name(std::string_view text) {
+  constexpr std::string_view kLetters =
+      "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_";
+  return !text.empty() && text.size() <= kMaxNameBytes && text.front() != '-' &&
+         text.find_first_not_of(kLetters) == std::string_view::npos;
+}
+
+bool is_path(std::string_view text) {
+  const auto is_control = [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7F; };
+  return !text.empty() && text.size() <= kMaxPathBytes && std::ranges::none_of(text, is_control);
+}
+
+Vec3 read_point(const TomlSection& section, std::string_view key) {
+  const toml::array& list = section.array(key);
+  if (list.size() != 3)
+    section.fail(list, fmt::format("'{}' is not [x, y, z]", section.full_name(key)));
+  std::vector<double> v = section.numbers(list, key);
+  for (const double value : v) section.require_within(list, value, key, -kMaxWallMm, kMaxWallMm);
+  return {v[0], v[1], v[2]};
+}
+
+double read_angle(const TomlSection& panel, std::string_view key, double most) {
+  return panel.find(key) != nullptr ? panel.number_within(key, -most, most) : 0.0;
+}
+
+std::string read_name(const TomlSection& panel, const std::vector<WallPanel>& before) {
+  const toml::node& node = panel.get("name");
+  std::string name = panel.text_of(node, "name");
+  if (!is_name(name))
+    panel.fail(node, "'panel.name' is not one to 32 letters, digits, '-' and '_'",
+               "it becomes a part of file names: name = \"left\"");
+  if (std::ranges::find(before, name, &WallPanel::name) != before.end())
+    panel.fail(node, fmt::format("two panels are named '{}'", name));
+  return name;
+}
+
+std::string read_rig_path(const TomlSection& panel) {
+  const toml::node& node = panel.get("rig");
+  std::string path = panel.text_of(node, "rig");
+  if (!is_path(path))
+    panel.fail(node, "'panel.rig' is not the name of a file", "for example rig = \"left.toml\"");
+  return path;
+}
+
+std::string read_output(const TomlSection& panel) {
+  const toml::node* const node = panel.find("output");
+  if (node == nullptr) return {};
+  std::string output = panel.text_of(*node, "output");
+  if (!is_name(output))
+    panel.fail(*node, "'panel.output' is not the name of a connector",
+               "'lenticule panels' lists them: output = \"DP-1\"");
+  return output;
+}
+
+WallPanel read_panel(const TomlSection& panel, const std::vector<WallPanel>& before) {
+  panel.allow_only(
+      {"name", "rig", "output", "centre_mm", "turn_degrees", "tilt_degrees", "roll_degrees"});
+  return {.name = read_name(panel, before),
+          .rig = read_rig_path(panel),
+          .centre_mm = read_point(panel, "centre_mm"),
+          .turn_degrees = read_angle(panel, "turn_degrees", kMaxFacingDegrees),
+          .tilt_degrees = read_angle(panel, "tilt_degrees", kMaxFacingDegrees),
+          .roll_degrees = read_angle(panel, "roll_degrees", kMaxRollDegrees),
+          .output = read_output(panel)};
+}
+
+std::string point_text(Vec3 p) {
+  return fmt::format("[{}, {}, {}]", toml_number(p.x), toml_number(p.y), toml_number(p.z));
+}
+
+}  // namespace
+
+Wall parse_wall(std::string_view text, const std::string& source) {
+  const toml::table table = parse_toml(text, source);
+  const TomlSection root(table, {}, source);
+  root.allow_only({"format", "viewer_mm", "panel"});
+  root.require_format_1();
+  Wall wall{.viewer_mm = read_point(root, "viewer_mm"), .panels = {}};
+  const toml::node& list = root.get("panel");
+  if (list.as_array() == nullptr || list.as_array()->empty())
+    root.fail(list, "'panel' is not a list of panels", "each panel begins with [[panel]]");
+  for (const toml::node& item : *list.as_array()) {
+    if (item.as_table() == nullptr)
+      root.fail(item, "'panel' is not a list of panels", "each panel begins with [[panel]]");
+    if (wall.panels.size() == kMaxWallPanels)
+      root.fail(item, fmt::format("more than {} panels", kMaxWallPanels));
+    wall.panels.push_back(read_panel(TomlSection(*item.as_table(), "panel", source), wall.panels));
+  }
+  return wall;
+}
+
+std::string wall_to_toml(const Wall& wall) {
+  std::string out = "# A wall: several panels that show one picture.\nformat = 1\n";
+  out += fmt::format("viewer_mm = {}\n", point_text(wall.viewer_mm));
+  for (const WallPanel& panel : wall.panels) {
+    out +=
+        fmt::format("\n[[panel]]\nname = {}\nrig = {}\ncentre_mm = {}\n", toml_string(panel.name),
+                    toml_string(panel.rig), point_text(panel.centre_mm));
+    const auto add = [&](const char* key, double degrees) {
+      if (degrees != 0.0) out += fmt::format("{} = {}\n", key, toml_number(degrees));
+    };
+    add("turn_degrees", panel.turn_degrees);
+    add("tilt_degrees", panel.tilt_degrees);
+    add("roll_degrees", panel.roll_degrees);
+    if (!panel.output.empty()) out += fmt::format("output = {}\n", toml_string(panel.output));
+  }
+  return out;
 }
 
 }  // namespace lenticule::optics

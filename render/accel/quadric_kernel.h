@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Intersection of ray packets with one sphere, cone or wide triangle, compiled once per instruction
-// set. Formulas and their order are those of render/accel/quadrics.h and
-// render/accel/wide_triangle.h, so the results are bit-identical. Plain data only: this header must
+// set. Formulas and their order are those of render/accel/primitives.h and
+// render/accel/primitives.h, so the results are bit-identical. Plain data only: this header must
 // not bring shared inline functions into a file that is compiled for AVX-512.
 #pragma once
 
@@ -26,7 +26,7 @@ struct Cone {
   double slope;
 };
 
-/// See render/accel/wide_triangle.h.
+/// See render/accel/primitives.h.
 struct Triangle {
   double corner[3];
   double normal[3];

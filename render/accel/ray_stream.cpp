@@ -2,10 +2,11 @@
 #include "render/accel/ray_stream.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 #include <limits>
-
-#include "render/accel/embree_packets.h"
 
 namespace lenticule::render {
 namespace {
@@ -102,6 +103,116 @@ uint64_t add_unshadowed(RTCScene scene, std::span<const ShadowRay> rays, std::sp
       if (valid[i] != 0 && packet.tfar[i] >= 0.0F) light[lanes[i].target] += lanes[i].light;
   }
   return refused;
+}
+
+namespace {
+
+/// Returns true if Embree treats one direction component of all lanes in `valid` as positive, or of
+/// all as negative. Embree replaces components of either sign that are nearer to zero than 1e-18 by
+/// +1e-18.
+bool on_one_side(uint32_t valid, const float* components) {
+  // Nearly always all sign bits are equal, and this runs for every packet.
+  const uint32_t negative = sign_bits(components) & valid;
+  if (negative == 0) return true;
+  constexpr float kClear = 1e-17F;
+  if (negative == valid && (lanes_above(components, -kClear) & valid) == 0) return true;
+  for (uint32_t left = negative; left != 0; left &= left - 1)
+    if (!(components[std::countr_zero(left)] >= 0.0F)) return false;  // -0 is not below
+  return true;
+}
+
+}  // namespace
+
+bool in_one_octant(const int* valid, const RTCRay16& rays) {
+  const uint32_t lanes = lane_bits(valid);
+  return on_one_side(lanes, rays.dir_x) && on_one_side(lanes, rays.dir_y) &&
+         on_one_side(lanes, rays.dir_z);
+}
+
+Coherence coherence_of(const int* valid, const RTCRay16& rays) {
+  return in_one_octant(valid, rays) ? Coherence::Coherent : Coherence::Incoherent;
+}
+
+namespace {
+
+Coherence checked(Coherence wanted, const int* valid, const RTCRay16& rays) {
+  return wanted == Coherence::Coherent ? coherence_of(valid, rays) : wanted;
+}
+
+/// Calls `trace`, one of Embree's functions for packets of that width.
+template <class Trace, class Rays>
+void call(Trace* trace, const int* valid, RTCScene scene, Rays& rays, Coherence coherence) {
+#if LENTICULE_EMBREE_MAJOR >= 4
+  auto arguments = [&] {
+    if constexpr (requires { rays.hit; })
+      return intersect_arguments(coherence);
+    else
+      return occluded_arguments(coherence);
+  }();
+  trace(valid, scene, &rays, &arguments);
+#else
+  RTCIntersectContext context = query_context(coherence);
+  trace(valid, scene, &context, &rays);
+#endif
+}
+
+void query(const int* valid, RTCScene scene, RTCRayHit16& rays, Coherence coherence) {
+  call(rtcIntersect16, valid, scene, rays, coherence);
+}
+void query(const int* valid, RTCScene scene, RTCRayHit8& rays, Coherence coherence) {
+  call(rtcIntersect8, valid, scene, rays, coherence);
+}
+void query(const int* valid, RTCScene scene, RTCRayHit4& rays, Coherence coherence) {
+  call(rtcIntersect4, valid, scene, rays, coherence);
+}
+void query(const int* valid, RTCScene scene, RTCRay16& rays, Coherence coherence) {
+  call(rtcOccluded16, valid, scene, rays, coherence);
+}
+void query(const int* valid, RTCScene scene, RTCRay8& rays, Coherence coherence) {
+  call(rtcOccluded8, valid, scene, rays, coherence);
+}
+void query(const int* valid, RTCScene scene, RTCRay4& rays, Coherence coherence) {
+  call(rtcOccluded4, valid, scene, rays, coherence);
+}
+
+/// Traces sixteen rays in parts of `kLanes`. Embree's packets are arrays of four-byte numbers with
+/// one element per lane.
+template <class Part, int kLanes, class Whole>
+void query_parts(const int* valid, RTCScene scene, Whole& rays, Coherence coherence) {
+  static_assert(sizeof(Whole) * kLanes == sizeof(Part) * 16 && sizeof(Part) % (4 * kLanes) == 0);
+  constexpr size_t kFields = sizeof(Part) / (4 * kLanes);
+  auto* whole = reinterpret_cast<unsigned char*>(&rays);
+  for (int first = 0; first < 16; first += kLanes) {
+    alignas(64) int part_valid[kLanes];
+    int any = 0;
+    for (int r = 0; r < kLanes; ++r) any |= part_valid[r] = valid[first + r];
+    if (any == 0) continue;
+    Part part;
+    auto* lanes = reinterpret_cast<unsigned char*>(&part);
+    for (size_t f = 0; f < kFields; ++f)
+      std::memcpy(lanes + f * 4 * kLanes, whole + f * 64 + 4 * first, 4 * kLanes);
+    query(part_valid, scene, part, coherence);
+    for (size_t f = 0; f < kFields; ++f)
+      std::memcpy(whole + f * 64 + 4 * first, lanes + f * 4 * kLanes, 4 * kLanes);
+  }
+}
+
+template <class Eight, class Four, class Whole>
+void query_in(int width, const int* valid, RTCScene scene, Whole& rays, Coherence coherence) {
+  if (width == 16) return query(valid, scene, rays, coherence);
+  if (width == 8) return query_parts<Eight, 8>(valid, scene, rays, coherence);
+  query_parts<Four, 4>(valid, scene, rays, coherence);
+}
+
+}  // namespace
+
+void intersect16(const int* valid, RTCScene scene, RTCRayHit16& rays, Coherence coherence,
+                 int width) {
+  query_in<RTCRayHit8, RTCRayHit4>(width, valid, scene, rays, checked(coherence, valid, rays.ray));
+}
+
+void occluded16(const int* valid, RTCScene scene, RTCRay16& rays, Coherence coherence, int width) {
+  query_in<RTCRay8, RTCRay4>(width, valid, scene, rays, checked(coherence, valid, rays));
 }
 
 }  // namespace lenticule::render

@@ -6,9 +6,8 @@
 
 #include "base/cpu.h"
 #include "render/accel/embree.h"
+#include "render/accel/primitives.h"
 #include "render/accel/quadric_kernel.h"
-#include "render/accel/quadrics.h"
-#include "render/accel/wide_triangle.h"
 
 namespace lenticule::render {
 

@@ -2,13 +2,126 @@
 #include "render/culling/background.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
+#include <cmath>
 
-#include "render/accel/lane_masks.h"
-#include "render/rays/packet_backdrop.h"
+#include "render/accel/ray_stream.h"
+#include "render/rays/primary_packets.h"
 #include "render/scene/texture.h"
 
 namespace lenticule::render {
+
+// At depth z the rays of a beam lie between two bounds, which are straight lines on each side of
+// the panel: the upper bound is a convex function of z, the lower bound a concave one. So the
+// points beyond one bound form a convex set, and a shape lies in this set if its corners do.
+
+namespace {
+
+double upper(const Interval& at_panel, const Interval& slope, double z) {
+  return at_panel.high + std::max(slope.low * z, slope.high * z);
+}
+double lower(const Interval& at_panel, const Interval& slope, double z) {
+  return at_panel.low + std::min(slope.low * z, slope.high * z);
+}
+
+double largest(Vec3 v) {
+  return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)});
+}
+
+/// Returns the size to which Embree's intersection error is proportional: coordinates as seen from
+/// the start of a ray.
+double sum_of_sizes(const Beam& beam, double coordinates) {
+  return coordinates + std::abs(beam.start_mm) + beam.x_mm.largest() + beam.y_mm.largest();
+}
+
+/// Returns true if the range `shape` at depths z lies outside the beam, along one axis of the
+/// panel.
+bool beside(const Interval& at_panel, const Interval& slope, Interval shape, Interval z) {
+  return shape.low > std::max(upper(at_panel, slope, z.low), upper(at_panel, slope, z.high)) ||
+         shape.high < std::min(lower(at_panel, slope, z.low), lower(at_panel, slope, z.high));
+}
+
+/// Returns true if all corners of a flat shape lie beside the rays, in front of their start or
+/// behind it.
+template <size_t N>
+bool beside_corners(const Beam& beam, const std::array<Vec3, N>& corners, double room) {
+  const auto all = [&](const auto& holds) { return std::ranges::all_of(corners, holds); };
+  return all([&](Vec3 p) { return p.x - room > upper(beam.x_mm, beam.tan_x, p.z); }) ||
+         all([&](Vec3 p) { return p.x + room < lower(beam.x_mm, beam.tan_x, p.z); }) ||
+         all([&](Vec3 p) { return p.y - room > upper(beam.y_mm, beam.tan_y, p.z); }) ||
+         all([&](Vec3 p) { return p.y + room < lower(beam.y_mm, beam.tan_y, p.z); });
+}
+
+bool misses_triangle(const Beam& beam, const std::array<Vec3, 3>& corners, double room) {
+  const auto in_front = [&](Vec3 p) { return p.z > beam.start_mm + room; };
+  return std::ranges::all_of(corners, in_front) || beside_corners(beam, corners, room);
+}
+
+}  // namespace
+
+BeamTester::BeamTester(const Scene& scene) : scene_(scene) {
+  const Affine& map = scene.scene_from_panel;
+  const bool straight = map.column_x == Vec3{map.column_x.x, 0.0, 0.0} &&
+                        map.column_y == Vec3{0.0, map.column_y.y, 0.0} &&
+                        map.column_z == Vec3{0.0, 0.0, map.column_z.z} && map.origin == Vec3{};
+  if (!straight || !scene.tree) return;
+  panel_per_scene_ = {1.0 / map.column_x.x, 1.0 / map.column_y.y, 1.0 / map.column_z.z};
+  // Embree computes in the scene frame, where numbers may be larger. Much larger numbers may be
+  // invalid for Embree, and their rays stay black.
+  const double stretch = std::max(largest(panel_per_scene_),
+                                  largest({map.column_x.x, map.column_y.y, map.column_z.z}));
+  margin_ = double{kRoundingMargin} * stretch;
+  constexpr double kMostStretch = 1e6;
+  usable_ = stretch < kMostStretch;
+}
+
+Vec3 BeamTester::on_panel(Vec3f point) const {
+  return Vec3(point) * panel_per_scene_;
+}
+
+bool BeamTester::misses_box(const Beam& beam, Vec3f low, Vec3f high) const {
+  const Vec3 a = on_panel(low), b = on_panel(high);
+  const double room = margin_ * sum_of_sizes(beam, std::max(largest(a), largest(b)));
+  const auto along = [room](double from, double to) {
+    return Interval{std::min(from, to), std::max(from, to)}.widened(room);
+  };
+  Interval z = along(a.z, b.z);
+  if (z.low > beam.start_mm) return true;
+  z.high = std::min(z.high, beam.start_mm);
+  return beside(beam.x_mm, beam.tan_x, along(a.x, b.x), z) ||
+         beside(beam.y_mm, beam.tan_y, along(a.y, b.y), z);
+}
+
+/// Tests a primitive more closely than its box.
+bool BeamTester::misses_primitive(const Beam& beam, const PrimitiveTree::Leaf& leaf) const {
+  const GeometryEntry& entry = scene_.geometries[leaf.geometry];
+  if (entry.kind != GeometryEntry::Kind::Mesh) return false;
+  const MeshShape& mesh = scene_.meshes[entry.mesh];
+  const std::array<uint32_t, 3>& corners = mesh.triangles[leaf.primitive];
+  const std::array<Vec3, 3> corners_mm = {on_panel(mesh.positions[corners[0]]),
+                                          on_panel(mesh.positions[corners[1]]),
+                                          on_panel(mesh.positions[corners[2]])};
+  const double size =
+      std::max({largest(corners_mm[0]), largest(corners_mm[1]), largest(corners_mm[2])});
+  return misses_triangle(beam, corners_mm, margin_ * sum_of_sizes(beam, size));
+}
+
+bool misses_ground_shadow(const Scene& scene, const Beam& beam) {
+  const Affine panel_from_scene = scene.scene_from_panel.inverse();
+  std::array<Vec3, 4> corners = scene.backdrop.ground_shadow->corners();
+  for (Vec3& corner : corners) corner = panel_from_scene.point(corner);
+  return beside_corners(beam, corners, 0.0);  // the shadow fades out before its border
+}
+
+bool BeamTester::empty(const Beam& beam) const {
+  if (!usable_) return false;
+  if (!(beam.x_mm.low <= beam.x_mm.high)) return true;  // the beam has no rays
+  return !scene_.tree->search(
+      true, [&](Vec3f low, Vec3f high) { return !misses_box(beam, low, high); },
+      [&](const PrimitiveTree::Leaf& leaf) { return !misses_primitive(beam, leaf); });
+}
+
 namespace {
 
 constexpr int kFewPackets = 8;

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "render/accel/quadrics.h"
+#include "render/accel/primitives.h"
 
 namespace lenticule::render {
 namespace {

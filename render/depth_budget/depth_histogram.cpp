@@ -11,7 +11,7 @@
 
 #include "optics/row_rays.h"
 #include "render/accel/denormals.h"
-#include "render/depth_budget/depth_of_field.h"
+#include "render/depth_budget/prefilter.h"
 #include "render/row_sweep/row_sweep.h"
 
 namespace lenticule::render {

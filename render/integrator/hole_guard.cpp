@@ -8,7 +8,7 @@
 #include <limits>
 
 #include "base/lanes.h"
-#include "render/accel/lane_masks.h"
+#include "render/accel/ray_stream.h"
 
 namespace lenticule::render {
 namespace {

@@ -9,18 +9,177 @@
 
 #include "base/error.h"
 #include "frames/srgb.h"
-#include "render/accel/embree_packets.h"
-#include "render/accel/lane_masks.h"
-#include "render/integrator/depth_notes.h"
+#include "render/accel/ray_stream.h"
 #include "render/integrator/hole_guard.h"
-#include "render/integrator/light_memory.h"
+#include "render/integrator/light_cache.h"
 #include "render/integrator/pbr_tracer.h"
-#include "render/rays/packet_backdrop.h"
+#include "render/rays/primary_packets.h"
 #include "render/scene/texture.h"
 #include "render/shading/shading.h"
 #include "render/shading/shading_tables.h"
 
 namespace lenticule::render {
+
+DepthRecorder::DepthRecorder(const Scene& scene) {
+  const Affine panel_from_scene = scene.scene_from_panel.inverse();
+  z_of_scene_ = Vec3f(
+      Vec3{panel_from_scene.column_x.z, panel_from_scene.column_y.z, panel_from_scene.column_z.z});
+  z_at_origin_ = static_cast<float>(panel_from_scene.origin.z);
+}
+
+void DepthRecorder::start(const Tile& tile) {
+  columns_ = static_cast<size_t>(tile.columns);
+  z_mm_.assign(columns_ * TilePlan::kRows, -std::numeric_limits<float>::infinity());
+}
+
+void DepthRecorder::note(int column, const RayPacket& packet) {
+  const RTCRay16& ray = packet.rays.ray;
+  for (size_t r = 0; r < kPacket; ++r) {
+    if (packet.valid[r] == 0 || packet.rays.hit.geomID[r] == RTC_INVALID_GEOMETRY_ID) continue;
+    const float t = ray.tfar[r];
+    z_mm_[r * columns_ + static_cast<size_t>(column)] =
+        z_at_origin_ + z_of_scene_.x * (ray.org_x[r] + t * ray.dir_x[r]) +
+        z_of_scene_.y * (ray.org_y[r] + t * ray.dir_y[r]) +
+        z_of_scene_.z * (ray.org_z[r] + t * ray.dir_z[r]);
+  }
+}
+
+CellCulling::CellCulling(const RenderOptions& options, const SoftShader& soft)
+    : kernel_(shading_kernel_for(options.isa)),
+      enabled_(options.use_shaft_culling),
+      samples_area_lights_(soft.samples_area_lights()),
+      looks_around_(soft.looks_around()),
+      sizes_(soft.sizes()),
+      light_answers_(size_t{1} << kAnswersLog2),
+      open_answers_(size_t{1} << kAnswersLog2),
+      area_light_payoff_(static_cast<uint32_t>(options.soft.shadow_samples)),
+      around_payoff_(static_cast<uint32_t>(options.soft.occlusion_samples)) {}
+
+bool CellCulling::Payoff::worth_asking() {
+  if (pause_ == 0) return true;
+  --pause_;
+  return false;
+}
+
+void CellCulling::Payoff::asked(bool packet_saved) {
+  constexpr uint32_t kTrial = 128;
+  constexpr uint32_t kLongestPause = 64 * kTrial;
+  if (packet_saved) ++saved_;
+  if (++asked_ < kTrial) return;
+  // The pause grows, since a tile may differ from its neighbours, and a scene from other scenes.
+  const bool pays = 2 * per_answer_ * saved_ >= kTrial;
+  next_pause_ = pays ? kTrial : std::min(2 * next_pause_, kLongestPause);
+  pause_ = pays ? 0 : next_pause_;
+  asked_ = saved_ = 0;
+}
+
+void CellCulling::look_at(const Scene& scene, const RayPacket& packet,
+                          const shading_kernel::Surfaces& surfaces, Cells& cells) {
+  cells.point_lights = cells.area_lights = cells.around = cells.mirrored = false;
+  if (!enabled_ || scene.shaft_cache == nullptr) return;
+  if ((samples_area_lights_ || looks_around_) && soft_cache_ == nullptr)
+    soft_cache_ = &scene.shaft_cache->with_sizes(sizes_);
+  cells.point_lights = point_payoff_.worth_asking();
+  cells.area_lights = samples_area_lights_ && area_light_payoff_.worth_asking();
+  cells.around = looks_around_ && around_payoff_.worth_asking();
+  cells.mirrored = surfaces.any_specular != 0 && mirrored_payoff_.worth_asking();
+  if (!cells.point_lights && !cells.area_lights && !cells.around && !cells.mirrored) return;
+  cells.packet = &packet;
+  cells.surfaces = &surfaces;
+  kernel_.group_cells(&packet.rays.ray.org_x[0], surfaces, cells.groups);
+  for (int g = 0; g < cells.groups.count; ++g) {
+    const auto r = static_cast<size_t>(cells.groups.first[g]);
+    cells.numbers[g] = scene.shaft_cache->number(packet.rays.hit.geomID[r],
+                                                 packet.rays.hit.primID[r], cells.groups.place[g]);
+  }
+}
+
+KnownLanes CellCulling::point_light(const Scene& scene, const Cells& cells, size_t light,
+                                    uint32_t wanted) {
+  if (!cells.point_lights) return {};
+  const KnownLanes known = known_lanes(*scene.shaft_cache, cells, light, wanted);
+  point_payoff_.asked((known.lit | known.blocked) == wanted);
+  return known;
+}
+
+KnownLanes CellCulling::area_light(const Cells& cells, size_t light, uint32_t wanted) {
+  if (!cells.area_lights) return {};
+  const KnownLanes known = known_lanes(*soft_cache_, cells, light, wanted);
+  area_light_payoff_.asked((known.lit | known.blocked) == wanted);
+  return known;
+}
+
+uint32_t CellCulling::open_around(const Cells& cells) {
+  if (!cells.around) return 0;
+  uint32_t lanes = 0;
+  for (int g = 0; g < cells.groups.count; ++g)
+    if (open(*soft_cache_, cells, g, ShaftCache::kAround)) lanes |= cells.groups.lanes[g];
+  around_payoff_.asked(lanes == lane_bits(cells.surfaces->active));
+  return lanes;
+}
+
+uint32_t CellCulling::open_mirrored(const Scene& scene, const Cells& cells,
+                                    const shading_kernel::NewRays& rays, uint32_t wanted) {
+  if (!cells.mirrored) return 0;
+  uint32_t lanes = 0;
+  for (int g = 0; g < cells.groups.count; ++g) {
+    uint64_t last = ShaftCache::kTargets;
+    bool last_open = false;
+    for (uint32_t left = cells.groups.lanes[g] & wanted; left != 0; left &= left - 1) {
+      const int r = std::countr_zero(left);
+      const uint64_t target = ShaftCache::direction_target(rays.bin_u[r], rays.bin_v[r]);
+      if (target != last) last_open = open(*scene.shaft_cache, cells, g, target);
+      last = target;
+      if (last_open) lanes |= 1U << r;
+    }
+  }
+  mirrored_payoff_.asked(lanes == wanted);
+  return lanes;
+}
+
+KnownLanes CellCulling::known_lanes(ShaftCache& shaft_cache, const Cells& cells, size_t light,
+                                    uint32_t wanted) {
+  const shading_kernel::CellGroups& groups = cells.groups;
+  KnownLanes known;
+  for (int g = 0; g < groups.count; ++g) {
+    if ((groups.lanes[g] & wanted) == 0) continue;
+    const ShaftResult result = light_result(shaft_cache, cells, g, light);
+    known.lit |= result == ShaftResult::Empty ? groups.lanes[g] : 0;
+    known.blocked |= result == ShaftResult::Blocked ? groups.lanes[g] : 0;
+  }
+  return {.lit = known.lit & wanted, .blocked = known.blocked & wanted};
+}
+
+ShaftResult CellCulling::light_result(ShaftCache& shaft_cache, const Cells& cells, int group,
+                                      size_t light) {
+  const uint64_t number = cells.numbers[group];
+  const auto ask = [&] {
+    const auto lane = static_cast<size_t>(cells.groups.first[group]);
+    return shaft_cache.result(cell_of(cells.packet->rays, *cells.surfaces, lane), number,
+                              ShaftCache::light_target(light));
+  };
+  if (light >= kLightsPerCell) return ask();
+  LightAnswers& known = light_answers_[ShaftCache::mixed(number, kAnswersLog2)];
+  if (known.cell != number) known = {number, 0};
+  const size_t shift = 2 * light;
+  if (const uint32_t result = known.lights >> shift & 3; result != 0)
+    return static_cast<ShaftResult>(result);
+  const ShaftResult result = ask();
+  known.lights |= static_cast<uint32_t>(result) << shift;
+  return result;
+}
+
+/// Returns true if certainly no geometry lies in a bin of directions from the cell, or around the
+/// cell.
+bool CellCulling::open(ShaftCache& shaft_cache, const Cells& cells, int group, uint64_t target) {
+  const uint64_t question = cells.numbers[group] * ShaftCache::kTargets + target;
+  OpenAnswer& answer = open_answers_[ShaftCache::mixed(question, kAnswersLog2)];
+  if (answer.question == question) return answer.empty;
+  const auto lane = static_cast<size_t>(cells.groups.first[group]);
+  const SurfaceCell cell = cell_of(cells.packet->rays, *cells.surfaces, lane);
+  answer = {question, shaft_cache.result(cell, cells.numbers[group], target) == ShaftResult::Empty};
+  return answer.empty;
+}
 
 namespace {
 
@@ -220,10 +379,10 @@ void PacketTracer::shade_pbr(const Scene& scene, const TilePlan& plan, const Ray
   add_backdrop(scene, packet, weight, valid & ~met);
   std::array<float, kPacket> light{};
   pbr_->shade(scene, plan.beam(), std::span<const int32_t, kPacket>(lanes_.channel), packet, light,
-              memory_, counts_, clock_);
+              cache_, counts_, clock_);
   for (size_t r = 0; r < kPacket; ++r)
     if ((valid & met & kLaneBit[r]) != 0) lanes_.light[r] += weight[r] * light[r];
-  if (memory_ != nullptr) memory_->end_only_surfaces(lanes_.light);
+  if (cache_ != nullptr) cache_->end_only_surfaces(lanes_.light);
 }
 
 std::array<float, kPacket> PacketTracer::pbr_light(const RayPacket& packet, int channel) const {
@@ -244,7 +403,7 @@ void PacketTracer::set_colours(const Colours& colours) {
 
 namespace {
 
-LightMemory::Bounce bounce_of(uint32_t path, size_t depth) {
+LightCache::Bounce bounce_of(uint32_t path, size_t depth) {
   return {.path = path, .is_first = depth == 0};
 }
 
@@ -259,14 +418,14 @@ void PacketTracer::shade(const Scene& scene, const RayPacket& packet, const floa
                                          packet.valid, surfaces);
   add_backdrop(scene, packet, weight, lane_bits(packet.valid) & ~lane_bits(surfaces.active));
   if (!met) return;
-  if (memory_ != nullptr)
-    memory_->note_surfaces(bounce_of(generation.path, depth), packet, surfaces, weight);
+  if (cache_ != nullptr)
+    cache_->record_surfaces(bounce_of(generation.path, depth), packet, surfaces, weight);
   if (surfaces.any_textured) apply_textures(scene, packet, surfaces);
   culling_.look_at(scene, packet, surfaces, generation.cells);
   add_own_light(scene, weight, depth);
   add_lights(scene, weight, depth);
-  if (memory_ != nullptr && depth == 0)
-    weight = memory_->end_first_surfaces(kernel_, weight, lanes_.light);
+  if (cache_ != nullptr && depth == 0)
+    weight = cache_->end_first_surfaces(kernel_, weight, lanes_.light);
   if (depth + 1 == generations_.size()) return;
   if (surfaces.any_transmits)
     follow_glass(scene, packet, weight, depth);
@@ -280,19 +439,19 @@ void PacketTracer::add_own_light(const Scene& scene, const float* weight, size_t
     return kernel_.add_own_light(scene.shading->tables(), generation.surfaces, weight,
                                  lanes_.light);
   const uint32_t open = culling_.open_around(generation.cells);
-  const LightMemory::Bounce bounce = bounce_of(generation.path, depth);
-  const KnownShare known = memory_ != nullptr ? memory_->known_around(bounce) : KnownShare{};
+  const LightCache::Bounce bounce = bounce_of(generation.path, depth);
+  const KnownShare known = cache_ != nullptr ? cache_->known_around(bounce) : KnownShare{};
   alignas(64) std::array<float, kPacket> ambient;
   soft_.find_ambient(soft_packet(scene, depth), open, known, weight, lanes_.backdrop,
                      ambient.data(), clock_);
-  if (memory_ != nullptr) memory_->keep_around(bounce, soft_.share(), soft_.shares(scene));
+  if (cache_ != nullptr) cache_->keep_around(bounce, soft_.share(), soft_.shares(scene));
   kernel_.add_own_light_under(ambient.data(), generation.surfaces, weight, lanes_.light);
 }
 
 SoftPacket PacketTracer::soft_packet(const Scene& scene, size_t depth) const {
   const Generation& generation = generations_[depth];
   const bool accurate =
-      memory_ != nullptr && memory_->wants_accuracy(bounce_of(generation.path, depth));
+      cache_ != nullptr && cache_->wants_accuracy(bounce_of(generation.path, depth));
   return {.scene = scene,
           .surfaces = generation.surfaces,
           .seeds = std::span<const uint32_t, kPacket>(lanes_.seed),
@@ -343,7 +502,7 @@ void PacketTracer::add_backdrop(const Scene& scene, const RayPacket& packet, con
 
 void PacketTracer::add_lights(const Scene& scene, const float* weight, size_t depth) {
   const Generation& generation = generations_[depth];
-  const LightMemory::Bounce bounce = bounce_of(generation.path, depth);
+  const LightCache::Bounce bounce = bounce_of(generation.path, depth);
   NewRays rays;
   rays.packet = &lanes_.shadow.org_x[0];
   rays.valid = lanes_.shadow_valid;
@@ -357,7 +516,7 @@ void PacketTracer::add_lights(const Scene& scene, const float* weight, size_t de
     counts_.invalid_rays += static_cast<uint64_t>(rays.refused);
     if (!any) continue;
     const Coherence coherence = coherence_of(rays.valid, lanes_.shadow);
-    uint32_t lit = memory_ != nullptr ? memory_->take_known(bounce, light, rays.valid) : 0;
+    uint32_t lit = cache_ != nullptr ? cache_->take_known(bounce, light, rays.valid) : 0;
     leave_out_little(rays, rays.valid);
     const uint32_t unknown = lane_bits(rays.valid);
     const uint32_t wanted = lit | unknown;
@@ -369,7 +528,7 @@ void PacketTracer::add_lights(const Scene& scene, const float* weight, size_t de
     lit |= culled.lit;
     const uint32_t reached = lit | trace_shadows(scene, light, coherence, depth);
     kernel_.add_light(reached, rays.weight, lanes_.light);
-    if (memory_ != nullptr) memory_->note_shadows(bounce, light, rays.weight, wanted, reached);
+    if (cache_ != nullptr) cache_->record_shadows(bounce, light, rays.weight, wanted, reached);
   }
 }
 
@@ -377,7 +536,7 @@ void PacketTracer::add_lights(const Scene& scene, const float* weight, size_t de
 void PacketTracer::add_soft_light(const Scene& scene, size_t light, const float* weight,
                                   size_t depth) {
   const Generation& generation = generations_[depth];
-  const LightMemory::Bounce bounce = bounce_of(generation.path, depth);
+  const LightCache::Bounce bounce = bounce_of(generation.path, depth);
   KnownLanes known;
   NewRays to_middle;
   to_middle.packet = &lanes_.shadow.org_x[0];
@@ -386,12 +545,12 @@ void PacketTracer::add_soft_light(const Scene& scene, size_t light, const float*
       kernel_.shadow_rays(scene.shading->lights()[light], generation.surfaces, weight, to_middle))
     known = culling_.area_light(generation.cells, light, lane_bits(to_middle.valid));
   const KnownShare shares =
-      memory_ != nullptr
-          ? memory_->known_area_light(bounce, light, soft_.integrates_area_lights(), known)
+      cache_ != nullptr
+          ? cache_->known_area_light(bounce, light, soft_.integrates_area_lights(), known)
           : KnownShare{};
   const AreaLightSeen seen = soft_.add_area_light(soft_packet(scene, depth), light, known, shares,
                                                   weight, lanes_.light, clock_);
-  if (memory_ != nullptr) memory_->keep_area_light(bounce, light, seen);
+  if (cache_ != nullptr) cache_->keep_area_light(bounce, light, seen);
 }
 
 uint32_t PacketTracer::trace_shadows(const Scene& scene, size_t light, Coherence coherence,
@@ -399,14 +558,14 @@ uint32_t PacketTracer::trace_shadows(const Scene& scene, size_t light, Coherence
   const int* valid = lanes_.shadow_valid;
   const uint32_t lanes = lane_bits(valid);
   if (lanes == 0) return 0;
-  const LightMemory::Bounce bounce = bounce_of(generations_[depth].path, depth);
-  if (memory_ != nullptr)
-    if (const auto unoccluded = memory_->recall_shadows(bounce, light, lanes)) return *unoccluded;
+  const LightCache::Bounce bounce = bounce_of(generations_[depth].path, depth);
+  if (cache_ != nullptr)
+    if (const auto unoccluded = cache_->find_shadows(bounce, light, lanes)) return *unoccluded;
   clock_.turn_to(Work::TraceShadows);
   occluded16(valid, scene.embree.get(), lanes_.shadow, coherence);
   clock_.turn_to(Work::Shade);
   const uint32_t unoccluded = lanes & ~sign_bits(lanes_.shadow.tfar);
-  if (memory_ != nullptr) memory_->remember_shadows(bounce, light, lanes, unoccluded);
+  if (cache_ != nullptr) cache_->store_shadows(bounce, light, lanes, unoccluded);
   return unoccluded;
 }
 
@@ -496,14 +655,14 @@ void PacketTracer::follow(const Scene& scene, NewRays& rays, RayPacket& packet, 
 void PacketTracer::trace_secondary(const Scene& scene, RayPacket& packet, Coherence coherence,
                                    size_t depth) {
   const uint32_t path = generations_[depth + 1].path;
-  if (memory_ != nullptr && memory_->recall_hits(path, packet)) return;
+  if (cache_ != nullptr && cache_->find_hits(path, packet)) return;
   // Neighbouring rays diverge after two reflections at curved surfaces, and packet traversal is
   // slower.
   clock_.turn_to(Work::TraceSecondary);
   intersect16(packet.valid, scene.embree.get(), packet.rays,
               depth == 0 ? coherence : Coherence::Incoherent);
   clock_.turn_to(Work::Shade);
-  if (memory_ != nullptr) memory_->remember_hits(path, packet);
+  if (cache_ != nullptr) cache_->store_hits(path, packet);
 }
 
 }  // namespace lenticule::render

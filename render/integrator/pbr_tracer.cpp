@@ -6,8 +6,7 @@
 #include <cmath>
 
 #include "base/error.h"
-#include "render/accel/embree_packets.h"
-#include "render/accel/lane_masks.h"
+#include "render/accel/ray_stream.h"
 #include "render/rays/primary_packets.h"
 #include "render/scene/texture.h"
 #include "render/shading/shading.h"
@@ -68,9 +67,9 @@ PbrTracer::PbrTracer(int max_depth, Isa isa) : most_bends_(max_depth), plain_(is
 
 void PbrTracer::shade(const Scene& scene, const BeamSize& beam,
                       std::span<const int32_t, kPacket> channel, const RayPacket& packet,
-                      std::span<float, kPacket> light, LightMemory* memory, FrameCounts& counts,
+                      std::span<float, kPacket> light, LightCache* cache, FrameCounts& counts,
                       WorkClock& clock) {
-  memory_ = memory;
+  cache_ = cache;
   const View view{scene, *scene.pbr, beam};
   uint32_t lanes = 0;
   for (size_t r = 0; r < kPacket; ++r)
@@ -104,7 +103,7 @@ void PbrTracer::shade(const Scene& scene, const BeamSize& beam,
     const auto r = static_cast<size_t>(std::countr_zero(left));
     light[r] = result_.rgb[channel[r]][r];
   }
-  memory_ = nullptr;
+  cache_ = nullptr;
 }
 
 void PbrTracer::start_paths(const RayPacket& packet, uint32_t lanes) {
@@ -136,8 +135,8 @@ void PbrTracer::meet_plain(const View& view, uint32_t lanes) {
   }
 }
 
-void PbrTracer::note_plain(const RayPacket& packet, const PbrLanes::Found& plain) {
-  if (memory_ == nullptr) return;
+void PbrTracer::record_plain(const RayPacket& packet, const PbrLanes::Found& plain) {
+  if (cache_ == nullptr) return;
   for (uint32_t left = plain.all; left != 0; left &= left - 1) {
     const auto r = static_cast<size_t>(std::countr_zero(left));
     note(packet, r,
@@ -154,7 +153,7 @@ PbrTracer::Lanes PbrTracer::meet_all(const View& view, const RayPacket& packet, 
   if (layer_ == 0) start_paths(packet, others | plain.passing);
   Lanes found{.plain = plain.shown};
   if (plain.shown != 0) meet_plain(view, plain.shown);
-  note_plain(packet, plain);
+  record_plain(packet, plain);
   for (uint32_t left = plain.passing; left != 0; left &= left - 1) {
     const auto r = static_cast<size_t>(std::countr_zero(left));
     paths_[r].weight = paths_[r].weight * (1.0 - plain_.alpha(r));
@@ -247,9 +246,9 @@ bool PbrTracer::meet(const View& view, const RayPacket& packet, size_t lane) {
 }
 
 void PbrTracer::note(const RayPacket& packet, size_t lane, Way way) {
-  if (memory_ == nullptr) return;
-  memory_->note_surface(bounce(), lane, packet.rays.hit.geomID[lane], packet.rays.hit.primID[lane],
-                        static_cast<uint32_t>(way));
+  if (cache_ == nullptr) return;
+  cache_->record_surface(bounce(), lane, packet.rays.hit.geomID[lane], packet.rays.hit.primID[lane],
+                         static_cast<uint32_t>(way));
 }
 
 bool PbrTracer::pass(Vec3 start, Path& path) {
@@ -309,7 +308,7 @@ bool PbrTracer::exit(const View& view, const RayPacket& packet, size_t lane) {
   return bend(view, surface, out, path);
 }
 
-LightMemory::Bounce PbrTracer::bounce() const {
+LightCache::Bounce PbrTracer::bounce() const {
   return {.path = static_cast<uint32_t>(layer_) + 1, .is_first = layer_ == 0};
 }
 
@@ -403,7 +402,7 @@ void PbrTracer::add_lights(const View& view, const Lanes& lanes, FrameCounts& co
     arriving_ = {};
     const uint32_t wanted = lane_bits(shadow_valid_);
     const uint32_t known =
-        memory_ != nullptr ? memory_->take_known(bounce(), light, shadow_valid_) : 0;
+        cache_ != nullptr ? cache_->take_known(bounce(), light, shadow_valid_) : 0;
     trace_shadows(view, counts, clock);
     for (uint32_t left = known; left != 0; left &= left - 1)
       arriving_.set(static_cast<size_t>(std::countr_zero(left)), kOne);
@@ -411,13 +410,13 @@ void PbrTracer::add_lights(const View& view, const Lanes& lanes, FrameCounts& co
       for (size_t r = 0; r < kPacket; ++r)
         light_.rgb[c][r] +=
             (wanted & kLaneBit[r]) != 0 ? brings_.rgb[c][r] * arriving_.rgb[c][r] : 0.0F;
-    if (memory_ != nullptr) note_shadows(light, wanted);
+    if (cache_ != nullptr) record_shadows(light, wanted);
   }
 }
 
 /// Notes which lanes the light reaches. Where a part of it arrives, the light values themselves
 /// tell how much.
-void PbrTracer::note_shadows(size_t light, uint32_t wanted) {
+void PbrTracer::record_shadows(size_t light, uint32_t wanted) {
   std::array<float, kPacket> most{};
   uint32_t all = 0, none = 0;
   for (uint32_t left = wanted; left != 0; left &= left - 1) {
@@ -426,8 +425,8 @@ void PbrTracer::note_shadows(size_t light, uint32_t wanted) {
     if (arriving_.of(r) == kOne) all |= kLaneBit[r];
     if (arriving_.of(r) == Vec3{}) none |= kLaneBit[r];
   }
-  memory_->note_shadows(bounce(), light, most.data(), all | none, all);
-  memory_->note_partly(bounce(), light, wanted & ~(all | none));
+  cache_->record_shadows(bounce(), light, most.data(), all | none, all);
+  cache_->record_partly(bounce(), light, wanted & ~(all | none));
 }
 
 void require_supported(const Scene& scene, const RenderOptions& options) {

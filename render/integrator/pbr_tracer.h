@@ -11,7 +11,7 @@
 #include <span>
 
 #include "render/accel/ray_stream.h"
-#include "render/integrator/light_memory.h"
+#include "render/integrator/light_cache.h"
 #include "render/options/render_options.h"
 #include "render/options/render_statistics.h"
 #include "render/rays/tile.h"
@@ -28,10 +28,10 @@ class PbrTracer {
   PbrTracer(int max_depth, Isa isa);
 
   /// Shades the lanes of a packet that met a surface, and writes their light after the tone map, in
-  /// channel[r], to light[r]; other elements of `light` are unchanged. `memory` notes the paths and
+  /// channel[r], to light[r]; other elements of `light` are unchanged. `cache` notes the paths and
   /// knows lights already, unless it is null. The calling thread must flush denormals.
   void shade(const Scene& scene, const BeamSize& beam, std::span<const int32_t, kPacket> channel,
-             const RayPacket& packet, std::span<float, kPacket> light, LightMemory* memory,
+             const RayPacket& packet, std::span<float, kPacket> light, LightCache* cache,
              FrameCounts& counts, WorkClock& clock);
   /// Returns the light of a lane of the last packet that met a surface, after the tone map.
   [[nodiscard]] Vec3 light_of(size_t lane) const { return result_.of(lane); }
@@ -65,7 +65,7 @@ class PbrTracer {
   [[nodiscard]] uint32_t in_volumes(uint32_t lanes) const;
   /// Computes the light of the surfaces that plain_ has found, except that of lights.
   void meet_plain(const View& view, uint32_t lanes);
-  void note_plain(const RayPacket& packet, const PbrLanes::Found& plain);
+  void record_plain(const RayPacket& packet, const PbrLanes::Found& plain);
   /// Finds the surfaces that `lanes` met, and computes their light except that of lights.
   [[nodiscard]] Lanes meet_all(const View& view, const RayPacket& packet, uint32_t lanes);
   /// Adds the light of a layer, after the tone map, to the paths.
@@ -86,13 +86,13 @@ class PbrTracer {
   /// What became of a ray at a surface, for the path ids.
   enum class Way : uint32_t { Unseen, Front, Back, Left, Mirrored };
   void note(const RayPacket& packet, size_t lane, Way way);
-  [[nodiscard]] LightMemory::Bounce bounce() const;
+  [[nodiscard]] LightCache::Bounce bounce() const;
   /// Traces the rays of `lanes` on.
   void trace_on(const View& view, uint32_t lanes, FrameCounts& counts, WorkClock& clock);
   void add_lights(const View& view, const Lanes& lanes, FrameCounts& counts, WorkClock& clock);
   /// Sets shadow_ and brings_ for a light.
   void make_shadow_rays(const View& view, size_t light, const Lanes& lanes, FrameCounts& counts);
-  void note_shadows(size_t light, uint32_t wanted);
+  void record_shadows(size_t light, uint32_t wanted);
   /// Sets the shadow ray of a lane toward a light. Returns the light that it brings if unoccluded;
   /// zero if there is no ray.
   Vec3 shadow_ray(const View& view, size_t light, size_t lane, FrameCounts& counts);
@@ -100,8 +100,8 @@ class PbrTracer {
   void trace_shadows(const View& view, FrameCounts& counts, WorkClock& clock);
 
   int most_bends_;
-  LightMemory* memory_ = nullptr;  ///< of the packet that is being shaded
-  int layer_ = 0;                  ///< surfaces that its rays have passed
+  LightCache* cache_ = nullptr;  ///< of the packet that is being shaded
+  int layer_ = 0;                ///< surfaces that its rays have passed
   std::array<Path, kPacket> paths_;
   uint32_t with_path_ = 0;  ///< lanes of the packet whose state is in `paths_`
   std::array<Met, kPacket> met_;

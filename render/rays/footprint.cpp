@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <initializer_list>
 
 namespace lenticule::render {
 namespace {
@@ -78,6 +79,23 @@ PanelRay Footprint::through_apex(const PanelRay& centre) const {
   if (denominator > 0.0)
     ray.tan_x = shift * std::sqrt((1.0 + shape_ * ray.tan_y * ray.tan_y) / denominator);
   return ray;
+}
+
+Interval operator*(Interval a, Interval b) {
+  Interval product;
+  for (const double factor : {a.low, a.high}) {
+    product.extend(factor * b.low);
+    product.extend(factor * b.high);
+  }
+  return product;
+}
+
+void Beam::extend(const Beam& other) {
+  x_mm.extend(other.x_mm);
+  tan_x.extend(other.tan_x);
+  y_mm.extend(other.y_mm);
+  tan_y.extend(other.tan_y);
+  start_mm = other.start_mm;
 }
 
 }  // namespace lenticule::render

@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "base/interval.h"
 #include "optics/model.h"
 
 namespace lenticule::render {
@@ -57,6 +58,18 @@ class Footprint {
   double shape_;       ///< 1 - nu
   double tan_per_mm_;  ///< change of tan_x and tan_y per millimetre on the panel
   double across_lens_mm_;
+};
+
+[[nodiscard]] Interval operator*(Interval a, Interval b);
+
+/// All rays (x + tan_x z, y + tan_y z, z), z < start_mm, with parameters in these intervals, in the
+/// panel frame.
+struct Beam {
+  Interval x_mm, tan_x;
+  Interval y_mm, tan_y;
+  double start_mm = 0.0;
+
+  void extend(const Beam& other);
 };
 
 }  // namespace lenticule::render

@@ -4,15 +4,18 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <memory>
 #include <span>
 #include <vector>
 
 #include "base/cpu.h"
 #include "optics/tile_optics.h"
-#include "render/rays/beam.h"
+#include "render/accel/ray_stream.h"
+#include "render/rays/footprint.h"
 #include "render/rays/primary_packets_kernel.h"
 #include "render/rays/primary_rays.h"
+#include "render/scene/surroundings.h"
 
 namespace lenticule::render {
 
@@ -119,5 +122,11 @@ class PrimaryPackets {
 
 /// Sets the fields that are the same for all rays: t_near, time, mask, numbers.
 void init_packets(std::span<RayPacket> packets);
+
+/// Computes light_beyond() of the rays in `lanes` (bit r for lane r), each in its channel; other
+/// elements of the result are unspecified. A ray's result does not depend on the other lanes.
+void light_beyond_packet(const Backdrop& backdrop, const RayPacket& packet, uint32_t lanes,
+                         std::span<const int32_t, kPacket> channel,
+                         std::array<float, kPacket>& out);
 
 }  // namespace lenticule::render

@@ -16,8 +16,7 @@
 #include <vector>
 
 #include "render/accel/embree.h"
-#include "render/accel/quadrics.h"
-#include "render/accel/wide_triangle.h"
+#include "render/accel/primitives.h"
 #include "render/scene/scene_description.h"
 #include "render/scene/scene_fingerprint.h"
 #include "render/scene/stage.h"

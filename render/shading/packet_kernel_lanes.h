@@ -52,7 +52,7 @@ inline Floats3 spread(const float (&v)[3]) {
 }
 
 /// Finds the cell of a direction on the octahedron that is unfolded to a square
-/// (render/culling/octahedron.h) of `count` x `count` cells.
+/// (render/culling/shaft.h) of `count` x `count` cells.
 inline void octahedron_cell(const Floats3& d, const Masks& count, Masks& u, Masks& v) {
   const Floats sum = absolute(d.x) + absolute(d.y) + absolute(d.z);
   const Floats scale = select(sum > 0.0F, 1.0F / sum, Floats{});

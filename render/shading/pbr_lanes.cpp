@@ -5,7 +5,7 @@
 #include <bit>
 #include <cstring>
 
-#include "render/accel/lane_masks.h"
+#include "render/accel/ray_stream.h"
 #include "render/shading/shading_tables.h"
 
 namespace lenticule::render {

@@ -51,7 +51,7 @@ struct Material {
   int32_t textured;  ///< the caller multiplies colours
 };
 
-/// WideTriangle is shaded in double precision, see render/accel/wide_triangle.h.
+/// WideTriangle is shaded in double precision, see render/accel/primitives.h.
 struct WideTriangle {
   double corner[3];
   double edge1[3], edge2[3];
@@ -80,7 +80,7 @@ struct WideQuadric {
   double reach;
 };
 
-/// Quadric is a sphere or an open cone; see render/accel/quadrics.h.
+/// Quadric is a sphere or an open cone; see render/accel/primitives.h.
 struct Quadric {
   float centre[3];  ///< centre of the sphere or of the cone's base
   float radius;     ///< radius of the sphere or of the cone's base

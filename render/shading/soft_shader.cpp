@@ -7,8 +7,7 @@
 #include <limits>
 #include <numbers>
 
-#include "render/accel/embree_packets.h"
-#include "render/accel/lane_masks.h"
+#include "render/accel/ray_stream.h"
 #include "render/rays/primary_packets.h"
 #include "render/shading/shading_tables.h"
 

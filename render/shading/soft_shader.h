@@ -17,7 +17,7 @@
 
 #include "base/cpu.h"
 #include "render/accel/ray_stream.h"
-#include "render/culling/shaft_cache.h"
+#include "render/culling/shaft.h"
 #include "render/options/render_options.h"
 #include "render/options/render_statistics.h"
 #include "render/scene/scene.h"

@@ -9,7 +9,7 @@
 #include <span>
 
 #include "render/accel/denormals.h"
-#include "render/accel/embree_packets.h"
+#include "render/accel/ray_stream.h"
 #include "render/rays/primary_packets.h"
 
 namespace lenticule::bench {

@@ -10,7 +10,7 @@
 #include "calib/report/report_json.h"
 #include "calib/report/report_text.h"
 #include "optics/rig_file.h"
-#include "optics/rig_history.h"
+#include "optics/rig_store.h"
 #include "optics/trim.h"
 
 namespace lenticule::tools {

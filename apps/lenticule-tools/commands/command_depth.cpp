@@ -19,7 +19,7 @@
 #include "player/process/interrupt.h"
 #include "player/process/rig_choice.h"
 #include "render/depth_budget/depth_histogram.h"
-#include "render/depth_budget/depth_of_field.h"
+#include "render/depth_budget/prefilter.h"
 #include "render/scene/scene.h"
 
 namespace lenticule::tools {

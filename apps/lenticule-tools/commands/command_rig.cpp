@@ -20,7 +20,7 @@
 #include "optics/effective_sheet.h"
 #include "optics/model.h"
 #include "optics/rig_file.h"
-#include "optics/rig_history.h"
+#include "optics/rig_store.h"
 #include "optics/trim.h"
 #include "optics/turned_rig.h"
 #include "player/process/rig_choice.h"

@@ -13,7 +13,7 @@
 #include "base/file.h"
 #include "base/json_output.h"
 #include "base/print.h"
-#include "optics/rig_history.h"
+#include "optics/rig_store.h"
 #include "optics/units.h"
 #include "optics/wall/wall.h"
 

@@ -15,7 +15,7 @@
 #include "display/kms/color/exactness_report.h"
 #include "display/kms/device/platform.h"
 #include "display/kms/probe/output_request.h"
-#include "optics/mounting.h"
+#include "optics/panel.h"
 
 namespace lenticule::display {
 

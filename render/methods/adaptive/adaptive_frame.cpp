@@ -2,15 +2,221 @@
 #include "render/methods/adaptive/adaptive_frame.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
+#include <numbers>
 
-#include "render/rays/panel_rays.h"
 #include "render/rays/primary_rays.h"
+#include "render/row_sweep/row_sweep.h"
 #include "render/scene/texture.h"
 
 namespace lenticule::render {
+
+GroundRow::GroundRow(const Scene& scene, const RowPlanes& planes)
+    : scene_(scene), planes_(planes), corners_mm_(scene.backdrop.ground_shadow->corners()) {
+  const Affine panel_from_scene = scene.scene_from_panel.inverse();
+  for (Vec3& corner : corners_mm_) corner = panel_from_scene.point(corner);
+}
+
+void GroundRow::start(const RowPlane& plane, const Interval& eyes) {
+  set_range(plane, eyes);
+  if (range_mm_.empty()) return;
+  row_.emplace(*scene_.backdrop.ground_shadow, scene_.scene_from_panel, plane.lens_y_mm,
+               plane.tan_y);
+}
+
+/// The plane cuts the ground in a line, which the eyes see between its ends.
+void GroundRow::set_range(const RowPlane& plane, const Interval& eyes) {
+  const auto above_plane = [&](Vec3 p) { return p.y - plane.lens_y_mm - plane.tan_y * p.z; };
+  range_mm_ = {};
+  for (size_t n = 0; n < corners_mm_.size(); ++n) {
+    const Vec3 a = corners_mm_[n], b = corners_mm_[(n + 1) % corners_mm_.size()];
+    const double from = above_plane(a), to = above_plane(b);
+    if ((from > 0.0) == (to > 0.0)) continue;
+    const Vec3 at = a + (b - a) * (from / (from - to));
+    if (!extend_by_view({at.x, at.z}, planes_.inverse_z(), eyes, range_mm_)) {
+      range_mm_ = kEverywhere;
+      return;
+    }
+  }
+}
+
+double GroundRow::light(double x_mm, double tan_x, int channel) const {
+  return component(scene_.backdrop.colour, channel) * row_->light_left(x_mm, tan_x);
+}
+
+namespace {
+
+std::array<Vec3, 8> corners_of(const Bounds& box) {
+  std::array<Vec3, 8> corners;
+  for (size_t n = 0; n < corners.size(); ++n)
+    corners[n] = {(n & 1) != 0 ? box.high.x : box.low.x, (n & 2) != 0 ? box.high.y : box.low.y,
+                  (n & 4) != 0 ? box.high.z : box.low.z};
+  return corners;
+}
+
+Bounds overlap(const Bounds& a, const Bounds& b) {
+  return {
+      {std::max(a.low.x, b.low.x), std::max(a.low.y, b.low.y), std::max(a.low.z, b.low.z)},
+      {std::min(a.high.x, b.high.x), std::min(a.high.y, b.high.y), std::min(a.high.z, b.high.z)}};
+}
+
+/// Returns the box extended by `by` to all sides.
+Bounds widened(const Bounds& box, double by) {
+  const Vec3 all{by, by, by};
+  return {box.low - all, box.high + all};
+}
+
+bool holds_something(const Bounds& box) {
+  return box.low.x <= box.high.x && box.low.y <= box.high.y && box.low.z <= box.high.z;
+}
+
+/// Margin for a scene of a few hundred millimetres; larger than rounding errors.
+constexpr double kMarginMm = 0.2;
+
+}  // namespace
+
+UnchangedRegions::UnchangedRegions(const RowPlanes& planes, const Interval& eyes,
+                                   const Scene& scene, const SoftLight& soft,
+                                   const SceneObjects& before, const SceneObjects& now)
+    : planes_(planes),
+      eyes_(eyes),
+      panel_from_scene_(scene.scene_from_panel.inverse()),
+      bands_((planes.rows() + kBandRows - 1) / kBandRows) {
+  const optics::Panel& panel = planes.model().rig().panel;
+  const double pixel_mm = panel.pixel_width.value;
+  columns_ = (panel.width_px + kColumnPixels - 1) / kColumnPixels + 2;  // lenses extend beyond
+  columns_per_mm_ = 1.0 / (kColumnPixels * pixel_mm);
+  x_first_ = -0.5 * columns_ * kColumnPixels * pixel_mm;
+  for (int band = 0; band < bands_; ++band) {
+    Interval& y_mm = band_y_mm_.emplace_back();
+    for (const int row : {band * kBandRows - 1, (band + 1) * kBandRows})
+      y_mm.extend(planes.plane_at(row + planes.height_in_row(0)).lens_y_mm);
+  }
+  lost_.assign(static_cast<size_t>(bands_) * static_cast<size_t>(columns_), 0);
+  lost_in_band_.assign(static_cast<size_t>(bands_), 0);
+  kept_ = lost_.size();
+  if (!differ_in_objects_only(before, now))
+    mark_all_changed();
+  else if (mark_changes(scene, soft, before, now))
+    for (const SceneObjects::Object& object : now.objects)
+      if (object.depends_on_view) mark_changed(widened(object.box, kMarginMm));
+}
+
+/// Marks the old and new places of all changed objects as changed. Returns true if an object
+/// changed.
+bool UnchangedRegions::mark_changes(const Scene& scene, const SoftLight& soft,
+                                    const SceneObjects& before, const SceneObjects& now) {
+  Bounds everything;
+  for (const SceneObjects* frame : {&before, &now})
+    for (const SceneObjects::Object& object : frame->objects)
+      for (const Vec3& corner : corners_of(object.box)) everything.extend(corner);
+  const double around = soft.occlusion_samples > 0 ? soft.occlusion_distance_mm : 0.0;
+  bool any_changed = false;
+  for (size_t n = 0; n < now.objects.size(); ++n) {
+    if (now.objects[n].made_of == before.objects[n].made_of) continue;
+    any_changed = true;
+    if (soft.environment_samples > 0 || !std::isfinite(around)) mark_all_changed();
+    for (const SceneObjects* frame : {&before, &now}) {
+      if (!any()) return true;
+      const Bounds& box = frame->objects[n].box;
+      mark_changed(widened(box, around + kMarginMm));
+      for (const SceneLight& light : scene.lights)
+        mark_shadow_changed(box, light, soft, everything);
+    }
+  }
+  return any_changed;
+}
+
+bool UnchangedRegions::at(int row, double x_mm) const {
+  const int band = std::clamp(row / kBandRows, 0, bands_ - 1);
+  const double column = std::floor((x_mm - x_first_) * columns_per_mm_);
+  if (!(column >= 0.0 && column < columns_)) return false;
+  return lost_[static_cast<size_t>(band) * static_cast<size_t>(columns_) +
+               static_cast<size_t>(column)] == 0;
+}
+
+void UnchangedRegions::mark_all_changed() {
+  std::fill(lost_.begin(), lost_.end(), uint8_t{1});
+  std::fill(lost_in_band_.begin(), lost_in_band_.end(), columns_);
+  kept_ = 0;
+}
+
+void UnchangedRegions::mark_changed(const Patch& patch) {
+  const double first = (patch.x_mm.low - x_first_) * columns_per_mm_;
+  const double last = (patch.x_mm.high - x_first_) * columns_per_mm_;
+  if (!(first < columns_) || !(last >= 0.0)) return;
+  const int begin = first > 0.0 ? static_cast<int>(first) : 0;
+  const int end = last < columns_ ? static_cast<int>(last) + 1 : columns_;
+  for (int band = 0; band < bands_; ++band) {
+    const Interval& y_mm = band_y_mm_[static_cast<size_t>(band)];
+    if (y_mm.high < patch.y_mm.low || y_mm.low > patch.y_mm.high) continue;
+    for (int column = begin; column < end; ++column) {
+      uint8_t& lost = lost_[static_cast<size_t>(band) * static_cast<size_t>(columns_) +
+                            static_cast<size_t>(column)];
+      if (lost != 0) continue;
+      lost = 1;
+      ++lost_in_band_[static_cast<size_t>(band)];
+      --kept_;
+    }
+  }
+}
+
+/// Returns the region of the panel through which a box is visible. Projection from a point keeps
+/// lines straight, so the corners suffice; and the outermost viewing places bound the region for
+/// all places between them.
+UnchangedRegions::Patch UnchangedRegions::seen_through(const Bounds& box) const {
+  // Fraction of the distance to the viewing line beyond which content may be seen anywhere.
+  constexpr double kTooNear = 0.9;
+  const double inverse_z = planes_.inverse_z();
+  Patch patch;
+  for (const Vec3& corner : corners_of(box)) {
+    const Vec3 p = panel_from_scene_.point(corner);
+    const double wider = 1.0 - p.z * inverse_z;
+    if (!(wider > 1.0 - kTooNear)) return {kEverywhere, kEverywhere};
+    const double depth = inverse_z > 0.0 ? p.z * inverse_z : p.z;
+    for (const double eye : {eyes_.low, eyes_.high}) patch.x_mm.extend((p.x - eye * depth) / wider);
+    patch.y_mm.extend((p.y - planes_.eye_tan_y() * p.z) / wider);
+  }
+  return patch;
+}
+
+void UnchangedRegions::mark_changed(const Bounds& box) {
+  if (holds_something(box)) mark_changed(seen_through(box));
+}
+
+/// Marks the region behind a box as seen from a light, in pieces, as far as there is content. For
+/// an area light, the region is extended sideways by the penumbra.
+void UnchangedRegions::mark_shadow_changed(const Bounds& box, const SceneLight& light,
+                                           const SoftLight& soft, const Bounds& within) {
+  constexpr int kPieces = 48;
+  const double farthest = length(within.high - within.low);
+  const bool is_sun = light.kind == Light::Kind::Directional;
+  // The end of the shadow is expressed as a multiple of the distance from the light.
+  double nearest = 1.0;
+  if (!is_sun) {
+    const Vec3 beside{std::max({box.low.x - light.position.x, 0.0, light.position.x - box.high.x}),
+                      std::max({box.low.y - light.position.y, 0.0, light.position.y - box.high.y}),
+                      std::max({box.low.z - light.position.z, 0.0, light.position.z - box.high.z})};
+    nearest = length(beside);
+  }
+  const double size = soft.shadow_samples == 0 ? 0.0
+                      : is_sun ? std::tan(soft.sun_radius_degrees * std::numbers::pi / 180.0)
+                               : soft.light_radius_mm;
+  if (!(nearest > size)) return mark_all_changed();
+  const double whole_way = farthest / (nearest - size);
+  for (int piece = 0; piece < kPieces; ++piece) {
+    Bounds shadow;
+    const double ends[] = {whole_way * piece / kPieces, whole_way * (piece + 1) / kPieces};
+    for (const double way : ends)
+      for (const Vec3& corner : corners_of(box))
+        shadow.extend(corner + (is_sun ? light.direction : corner - light.position) * way);
+    mark_changed(overlap(widened(shadow, ends[1] * size + kMarginMm), widened(within, kMarginMm)));
+  }
+}
+
 namespace {
 
 /// Largest share of a band's subpixels that may exceed the tolerated error.
@@ -61,7 +267,7 @@ AdaptiveWorker::AdaptiveWorker(AdaptiveFrame& frame)
       sweep_(frame.sweep),
       uncertain_(frame.plan.planes, frame.plan.tiles),
       sampled_(frame.plan.full.packets(), frame.plan.tiles, frame.plan.centre),
-      resolver_(frame.samples, frame.grid, frame.plan.agreement, frame.scene.colour_managed,
+      resolver_(frame.samples, frame.grid, frame.plan.tolerances, frame.scene.colour_managed,
                 frame.plan.options.soft),
       packet_(1),
       keys_(frame.grid.row_samples()),
@@ -76,13 +282,13 @@ AdaptiveWorker::AdaptiveWorker(AdaptiveFrame& frame)
 void AdaptiveWorker::evaluate_exactly(bool exactly) {
   PacketTracer& tracer = colours_.tracer();
   tracer.multiply_samples(exactly ? kFinerAudit : 1);
-  tracer.tolerate(exactly ? 0.0F : frame_.plan.agreement.noticed(frame_.scene.colour_managed));
+  tracer.tolerate(exactly ? 0.0F : frame_.plan.tolerances.noticed(frame_.scene.colour_managed));
 }
 
-void AdaptiveWorker::set_sample(int picture, size_t lane) {
+void AdaptiveWorker::set_sample(int cache_view, size_t lane) {
   const SamplePlace& place = sample_places_[lane];
   if (found_.group[lane] == SurfaceGroups::kNothing)
-    return frame_.samples.set_nothing(place.row, picture, place.column);
+    return frame_.samples.set_nothing(place.row, cache_view, place.column);
   KeySamples::Sample sample{.group = found_.group[lane],
                             .way = found_.notes.way[lane],
                             .light = {.lit = found_.notes.lit[lane],
@@ -97,55 +303,55 @@ void AdaptiveWorker::set_sample(int picture, size_t lane) {
     sample.value[c] = frame_.encoder.parts(found_.light[c][lane]);
     sample.light.secondary[c] = found_.secondary[c][lane];
   }
-  frame_.samples.set(place.row, picture, place.column, sample);
+  frame_.samples.set(place.row, cache_view, place.column, sample);
 }
 
 /// Traces the listed samples; idle lanes repeat the last one.
-void AdaptiveWorker::trace_samples(int picture) {
+void AdaptiveWorker::trace_samples(int cache_view) {
   if (listed_ == 0) return;
   std::array<uint32_t, kPacket> seeds{};
   for (size_t lane = 0; lane < kPacket; ++lane) {
     const SamplePlace& place = sample_places_[std::min(lane, listed_ - 1)];
     packet_[0].valid[lane] = lane < listed_ ? -1 : 0;
     if (colours_.tracer().needs_seeds())
-      seeds[lane] = sampling::subpixel_seed(place.row, place.column, 1 + picture);
-    set_panel_ray(frame_.scene, frame_.start_mm, frame_.grid.ray(place.row, picture, place.column),
-                  packet_[0], lane);
+      seeds[lane] = sampling::subpixel_seed(place.row, place.column, 1 + cache_view);
+    set_panel_ray(frame_.scene, frame_.start_mm,
+                  frame_.grid.ray(place.row, cache_view, place.column), packet_[0], lane);
   }
   colours_.tracer().set_seeds(seeds);
   colours_.trace(frame_.scene, frame_.groups,
-                 frame_.plan.agreement.noticed(frame_.scene.colour_managed), packet_[0], found_);
-  for (size_t lane = 0; lane < listed_; ++lane) set_sample(picture, lane);
+                 frame_.plan.tolerances.noticed(frame_.scene.colour_managed), packet_[0], found_);
+  for (size_t lane = 0; lane < listed_; ++lane) set_sample(cache_view, lane);
   listed_ = 0;
 }
 
-void AdaptiveWorker::list_sample(int picture, SamplePlace place) {
+void AdaptiveWorker::list_sample(int cache_view, SamplePlace place) {
   if (place.row >= frame_.grid.rows() || place.column >= frame_.grid.columns()) return;
   sample_places_[listed_++] = place;
-  if (listed_ == kPacket) trace_samples(picture);
+  if (listed_ == kPacket) trace_samples(cache_view);
 }
 
-void AdaptiveWorker::list_if_changed(int picture, SamplePlace place, bool was_taken) {
-  if (!was_taken || !frame_.kept.at(frame_.grid.panel_row(place.row, picture),
-                                    frame_.grid.ray(place.row, picture, place.column).x_mm))
-    list_sample(picture, place);
+void AdaptiveWorker::list_if_changed(int cache_view, SamplePlace place, bool was_taken) {
+  if (!was_taken || !frame_.kept.at(frame_.grid.panel_row(place.row, cache_view),
+                                    frame_.grid.ray(place.row, cache_view, place.column).x_mm))
+    list_sample(cache_view, place);
 }
 
-void AdaptiveWorker::take_coarse_samples(int first_row, int picture) {
+void AdaptiveWorker::take_coarse_samples(int first_row, int cache_view) {
   constexpr int kStep = KeySamples::kCoarse;
   const AdaptiveFrame::Taken* before = frame_.kept.taken;
   const bool were_taken =
       before != nullptr && before->coarse[static_cast<size_t>(first_row / kSampleRows)] != 0;
   for (int column = 0; column < frame_.grid.columns(); column += kBlock * kStep)
     for (int n = 0; n < kBlock * kBlock; ++n)
-      list_if_changed(picture, {first_row + n / kBlock * kStep, column + n % kBlock * kStep},
+      list_if_changed(cache_view, {first_row + n / kBlock * kStep, column + n % kBlock * kStep},
                       were_taken);
-  trace_samples(picture);
+  trace_samples(cache_view);
 }
 
 /// Takes the other samples. With sampled light none is interpolated, since more samples average out
 /// the noise.
-void AdaptiveWorker::take_other_samples(int first_row, int picture) {
+void AdaptiveWorker::take_other_samples(int first_row, int cache_view) {
   constexpr int kStep = KeySamples::kCoarse;
   const bool may_fill = !frame_.plan.options.soft.any();
   const AdaptiveFrame::Taken* before = frame_.kept.taken;
@@ -154,13 +360,14 @@ void AdaptiveWorker::take_other_samples(int first_row, int picture) {
   const int end = std::min(first_row + kSampleRows, frame_.grid.rows());
   for (int row = first_row; row < end; row += kStep)
     for (int column = 0; column < frame_.grid.columns(); column += kStep) {
-      const bool were_traced = were_taken && !frame_.samples.is_filled(row, picture, column);
-      if (may_fill && frame_.samples.fill(row, picture, column, frame_.plan.agreement)) continue;
+      const bool were_traced = were_taken && !frame_.samples.is_filled(row, cache_view, column);
+      if (may_fill && frame_.samples.fill(row, cache_view, column, frame_.plan.tolerances))
+        continue;
       for (const SamplePlace& place : {SamplePlace{row, column + 1}, SamplePlace{row + 1, column},
                                        SamplePlace{row + 1, column + 1}})
-        list_if_changed(picture, place, were_traced);
+        list_if_changed(cache_view, place, were_traced);
     }
-  trace_samples(picture);
+  trace_samples(cache_view);
 }
 
 void AdaptiveWorker::render_band(int first_row) {
@@ -250,11 +457,11 @@ void AdaptiveWorker::copy_row(int first_row, int row) {
 
 /// Finds the cells around a row. The rows of even and of odd views change at different panel rows.
 void AdaptiveWorker::find_cells(const KeyGrid::Between& between) {
-  for (int picture = 0; picture < frame_.grid.pictures(); ++picture) {
-    const auto odd = static_cast<size_t>(picture % 2);
+  for (int cache_view = 0; cache_view < frame_.grid.cache_views(); ++cache_view) {
+    const auto odd = static_cast<size_t>(cache_view % 2);
     if (between.above[odd] == keys_row_[odd]) continue;
-    const auto first = static_cast<size_t>(picture * frame_.grid.stride());
-    frame_.samples.find_cells(between.above[odd], picture, frame_.plan.agreement, &keys_[first],
+    const auto first = static_cast<size_t>(cache_view * frame_.grid.stride());
+    frame_.samples.find_cells(between.above[odd], cache_view, frame_.plan.tolerances, &keys_[first],
                               &corners_[first]);
   }
   std::copy_n(between.above, 2, keys_row_.begin());
@@ -311,7 +518,7 @@ void AdaptiveWorker::look_up(const KeyGrid::Between& between) {
                                .cut = swept_.cut.data(),
                                .group = group_of_cut_.data(),
                                .count = static_cast<int>(count),
-                               .most_apart = frame_.plan.agreement.apart};
+                               .most_apart = frame_.plan.tolerances.apart};
   frame_.plan.kernel.look_up(frame_.grid.lookup(), interval, row, found_row_.arrays());
 }
 

@@ -10,20 +10,92 @@
 
 #include "frames/frame.h"
 #include "render/methods/adaptive/audit.h"
-#include "render/methods/adaptive/band_costs.h"
-#include "render/methods/adaptive/colour_tracer.h"
-#include "render/methods/adaptive/ground_row.h"
+#include "render/methods/adaptive/bands.h"
 #include "render/methods/adaptive/key_samples.h"
-#include "render/methods/adaptive/light_resolver.h"
-#include "render/methods/adaptive/sampled_subpixels.h"
-#include "render/methods/adaptive/uncertain_subpixels.h"
-#include "render/methods/adaptive/unchanged_regions.h"
-#include "render/methods/full_tiles.h"
+#include "render/methods/adaptive/retrace.h"
+#include "render/methods/method_full.h"
+#include "render/options/soft_light.h"
+#include "render/row_sweep/row_planes.h"
 #include "render/row_sweep/row_sweep.h"
+#include "render/scene/scene.h"
+#include "render/scene/scene_objects.h"
 #include "render/scene/surface_groups.h"
 #include "render/shading/light_encoder.h"
 
 namespace lenticule::render {
+
+/// GroundRow computes once per row what its subpixels share. Thread safety: used by one thread.
+/// Lifetime: the scene and the planes must outlive the object.
+class GroundRow {
+ public:
+  /// The scene must have a ground shadow.
+  GroundRow(const Scene& scene, const RowPlanes& planes);
+
+  /// Begins a row whose rays go to `eyes` on the viewing line (mm; tangents of parallel rays).
+  void start(const RowPlane& plane, const Interval& eyes);
+  /// Returns the range on the panel of the rays that may cross the shadow; empty if none does.
+  [[nodiscard]] const Interval& range_mm() const { return range_mm_; }
+  /// Returns light_beyond() of a ray of the row.
+  [[nodiscard]] double light(double x_mm, double tan_x, int channel) const;
+
+ private:
+  void set_range(const RowPlane& plane, const Interval& eyes);
+
+  const Scene& scene_;
+  const RowPlanes& planes_;
+  std::array<Vec3, 4> corners_mm_;  ///< corners of the ground, in the panel frame
+  std::optional<GroundShadow::Row> row_;
+  Interval range_mm_;
+};
+
+// UnchangedRegions finds the regions of the panel that look the same as in the previous frame: no
+// changed object is visible through the region, casts a shadow there or changes the ambient light
+// there.
+
+/// UnchangedRegions divides the panel into bands of rows and columns of some pixels. Thread safety:
+/// immutable after construction.
+class UnchangedRegions {
+ public:
+  static constexpr int kBandRows = 16;
+  static constexpr int kColumnPixels = 32;
+
+  /// Finds the unchanged regions for rays that go to `eyes` on the viewing line (mm; tangents for
+  /// parallel rays). If the frames differ in more than individual objects, no region is unchanged.
+  /// Regions that show view-dependent surfaces always count as changed, since reflections are not
+  /// followed.
+  UnchangedRegions(const RowPlanes& planes, const Interval& eyes, const Scene& scene,
+                   const SoftLight& soft, const SceneObjects& before, const SceneObjects& now);
+
+  [[nodiscard]] bool any() const { return kept_ > 0; }
+  [[nodiscard]] bool whole_band(int band) const {
+    return lost_in_band_[static_cast<size_t>(band)] == 0;
+  }
+  /// Returns true if a ray of the row that leaves the panel at x_mm is in an unchanged region.
+  [[nodiscard]] bool at(int row, double x_mm) const;
+
+ private:
+  struct Patch {
+    Interval x_mm, y_mm;
+  };
+  void mark_all_changed();
+  bool mark_changes(const Scene& scene, const SoftLight& soft, const SceneObjects& before,
+                    const SceneObjects& now);
+  void mark_changed(const Bounds& box);
+  void mark_changed(const Patch& patch);
+  void mark_shadow_changed(const Bounds& box, const SceneLight& light, const SoftLight& soft,
+                           const Bounds& within);
+  [[nodiscard]] Patch seen_through(const Bounds& box) const;
+
+  const RowPlanes& planes_;
+  Interval eyes_;
+  Affine panel_from_scene_;
+  int bands_, columns_;
+  double x_first_, columns_per_mm_;
+  std::vector<Interval> band_y_mm_;
+  std::vector<uint8_t> lost_;  ///< [band][column]; 1 = changed
+  std::vector<int> lost_in_band_;
+  size_t kept_ = 0;
+};
 
 /// AdaptivePlan holds the data for a rig's frames. Lifetime: outlives the frames.
 struct AdaptivePlan {
@@ -33,7 +105,7 @@ struct AdaptivePlan {
   const TilePlan& tiles;    ///< the tiles of `full`
   const Footprint& centre;  ///< centre of subpixels
   const lookup_kernel::Kernel& kernel;
-  Agreement agreement;
+  Tolerances tolerances;
   AuditSelection selection;
   double most_mean_square;  ///< limit of a frame's mean squared error, in code values squared
 };
@@ -109,9 +181,9 @@ class AdaptiveWorker {
   explicit AdaptiveWorker(AdaptiveFrame& frame);
 
   /// Takes the coarse samples of kSampleRows rows of one cache view.
-  void take_coarse_samples(int first_row, int picture);
+  void take_coarse_samples(int first_row, int cache_view);
   /// Takes the other samples, after the coarse ones of these rows and of the rows below.
-  void take_other_samples(int first_row, int picture);
+  void take_other_samples(int first_row, int cache_view);
   /// Renders kBand rows of the panel. A band that the audit rejects is marked for retrace_band().
   void render_band(int first_row);
   /// Counts the audited subpixels of a band that was not tried, and so has no errors.
@@ -128,10 +200,10 @@ class AdaptiveWorker {
   struct SamplePlace {
     int row, column;
   };
-  void list_sample(int picture, SamplePlace place);
-  void list_if_changed(int picture, SamplePlace place, bool was_taken);
-  void trace_samples(int picture);
-  void set_sample(int picture, size_t lane);
+  void list_sample(int cache_view, SamplePlace place);
+  void list_if_changed(int cache_view, SamplePlace place, bool was_taken);
+  void trace_samples(int cache_view);
+  void set_sample(int cache_view, size_t lane);
   void render_row(int first_row, int row);
   void copy_row(int first_row, int row);
   [[nodiscard]] bool is_whole_band_unchanged(int first_row) const;

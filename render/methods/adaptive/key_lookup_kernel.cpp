@@ -68,13 +68,13 @@ struct Place {
   Masks inside;
 };
 
-inline Place place_in(const Grid& grid, const Masks& picture, const Floats& x_panel) {
-  const Masks odd = (picture & 1) == 1;
+inline Place place_in(const Grid& grid, const Masks& cache_view, const Floats& x_panel) {
+  const Masks odd = (cache_view & 1) == 1;
   const Floats shifted = select(odd, Floats::of(0.5F), Floats{});
   const Floats column = (x_panel - grid.x_first) * grid.columns_per_mm + shifted;
   const Masks inside = (column >= 0.0F) & (column < static_cast<float>(grid.columns - 1));
   const Masks whole = select(inside, to_integers(select(inside, column, Floats{})), Masks{});
-  return {odd, picture * grid.stride + whole, column - to_floats(whole), inside};
+  return {odd, cache_view * grid.stride + whole, column - to_floats(whole), inside};
 }
 
 inline Floats mix(const Floats& a, const Floats& b, const Floats& part) {
@@ -157,9 +157,10 @@ inline Places places_of(const Grid& grid, const Row& row, int at, const Masks& s
   const Floats across = (x + tan * z) * wider;
   const Floats depth = grid.distance > 0.0F ? z * wider * grid.inverse_z : z;
   const Floats eye = grid.distance > 0.0F ? x + tan * grid.distance : tan;
-  const Floats picture = (eye - grid.eye_first) * grid.pictures_per_eye;
-  const Masks left = clamp_index(to_integers(max(picture, Floats{})), Masks::of(grid.pictures - 1));
-  const Floats part = picture - to_floats(left);
+  const Floats cache_view = (eye - grid.eye_first) * grid.cache_views_per_eye;
+  const Masks left =
+      clamp_index(to_integers(max(cache_view, Floats{})), Masks::of(grid.cache_views - 1));
+  const Floats part = cache_view - to_floats(left);
 
   const Floats first = across - (grid.eye_first + to_floats(left) * grid.eye_step) * depth;
   return {left, part, place_in(grid, left, first),

@@ -21,11 +21,11 @@ struct Grid {
   float columns_per_mm;
   float eye_first;
   float eye_step;
-  float pictures_per_eye;
+  float cache_views_per_eye;
   float near;       ///< distance, as part of a step, at which one view suffices if shiny
   float inverse_z;  ///< 1 / Z, 0 if rays are parallel
   float distance;   ///< Z, 0 if rays are parallel
-  int pictures;
+  int cache_views;
   int columns;
   int stride;
 };
@@ -41,8 +41,8 @@ struct Corners {
 /// SampleRows holds the cells around a panel row: between two rows of samples of even views, and
 /// two rows of odd views, which lie half a step higher.
 struct SampleRows {
-  const uint32_t* key;     ///< [picture][column]: the surface that a cell shows, or 0
-  const Corners* corners;  ///< [channel][picture][column]: valid if the cell shows a surface
+  const uint32_t* key;     ///< [cache_view][column]: the surface that a cell shows, or 0
+  const Corners* corners;  ///< [channel][cache_view][column]: valid if the cell shows a surface
   int plane;               ///< elements from one channel to the next
   float part[2];           ///< weight of the row below, for even and for odd views
 };

@@ -8,7 +8,117 @@
 #include <span>
 #include <utility>
 
+#include "base/error.h"
+
 namespace lenticule::render {
+namespace {
+
+/// Returns the largest distance that a point moves on the panel between neighbouring views.
+double furthest_move(const RowPlanes& planes, const Stage& stage, double eye_step) {
+  double most = 0.0;
+  for (const double z : {stage.near_mm, stage.far_mm}) {
+    const double wider =
+        planes.inverse_z() > 0.0 ? z * planes.inverse_z() / (1.0 - z * planes.inverse_z()) : z;
+    if (std::isfinite(wider)) most = std::max(most, std::abs(wider) * eye_step);
+  }
+  return most;
+}
+
+}  // namespace
+
+/// Evaluates three rows, since the others lie between them.
+RayReach reach_of(const RowPlanes& planes) {
+  const double distance = planes.inverse_z() > 0.0 ? 1.0 / planes.inverse_z() : 0.0;
+  RowPlanes::Maker maker(planes);
+  PlaneRays rays;
+  RayReach reach;
+  for (const int row : {0, planes.rows() / 2, planes.rows() - 1}) {
+    maker.make(row, 0, rays);
+    for (size_t n = 0; n < rays.end; ++n) {
+      const double x = rays.x_mm[n], tan = rays.tan_x[n];
+      if (!std::isfinite(x) || !std::isfinite(tan)) continue;
+      reach.panel_mm.extend(x);
+      reach.eyes.extend(distance > 0.0 ? x + tan * distance : tan);
+    }
+  }
+  return reach;
+}
+
+KeySpacing spacing_for(const RowPlanes& planes, const RayReach& reach, bool shiny) {
+  const double furthest_apart = shiny ? 0.18 : 0.22;  // radians
+  constexpr double kMostViews = 16.0;
+  const double wide = reach.eyes.width() * (planes.inverse_z() > 0.0 ? planes.inverse_z() : 1.0);
+  const double apart = std::clamp(std::ceil(wide / furthest_apart - 0.1), 1.0, kMostViews - 1.0);
+  return {.row_step = 4, .columns = 5.0, .cache_views = 1 + static_cast<int>(apart)};
+}
+
+KeyGrid::KeyGrid(const RowPlanes& planes, const Stage& stage, const RayReach& reach,
+                 const KeySpacing& spacing)
+    : planes_(&planes), row_step_(spacing.row_step) {
+  LENTICULE_CHECK(spacing.cache_views >= 2 && spacing.row_step >= 1 && spacing.columns > 0.0);
+  const optics::Panel& panel = planes.model().rig().panel;
+  eye_first_ = reach.eyes.low;
+  eyes_ = reach.eyes.widened(0.5 * reach.eyes.width());
+  eye_step_ = std::max(reach.eyes.width() / (spacing.cache_views - 1), 1e-6);
+  x_step_ = spacing.columns * panel.pixel_width.value;
+  // Rounded up to whole steps, so that sample positions stay the same when the nearest object moves
+  // slightly.
+  const double aside = x_step_ * std::ceil(std::min(furthest_move(planes, stage, eye_step_),
+                                                    reach.panel_mm.width() / 4) /
+                                           x_step_);
+  x_first_ = reach.panel_mm.low - aside - x_step_;
+  const int columns =
+      static_cast<int>(std::ceil((reach.panel_mm.width() + 2.0 * aside) / x_step_)) + 3;
+  constexpr int kPadding = 16;
+  rows_ = (planes.rows() - 1 + row_step_ / 2) / row_step_ + 2;
+  height_px_ = planes.height_in_row(0);
+  const double inverse_z = planes.inverse_z();
+  constexpr double kNear = 0.027;  // radians, a degree and a half
+  const double angle = eye_step_ * (inverse_z > 0.0 ? inverse_z : 1.0);
+  lookup_ = {.x_first = static_cast<float>(x_first_),
+             .columns_per_mm = static_cast<float>(1.0 / x_step_),
+             .eye_first = static_cast<float>(eye_first_),
+             .eye_step = static_cast<float>(eye_step_),
+             .cache_views_per_eye = static_cast<float>(1.0 / eye_step_),
+             .near = static_cast<float>(std::min(kNear / angle, 0.5)),
+             .inverse_z = static_cast<float>(inverse_z),
+             .distance = inverse_z > 0.0 ? static_cast<float>(1.0 / inverse_z) : 0.0F,
+             .cache_views = spacing.cache_views,
+             .columns = columns,
+             .stride = (columns + kPadding) / kPadding * kPadding};
+}
+
+KeyGrid::Between KeyGrid::between(int panel_row) const {
+  Between between{};
+  for (const int odd : {0, 1}) {
+    const int from_first = panel_row + odd * (row_step_ / 2);
+    between.above[odd] = from_first / row_step_;
+    between.part[odd] = static_cast<float>(from_first % row_step_) / static_cast<float>(row_step_);
+  }
+  return between;
+}
+
+int KeyGrid::panel_row(int row, int cache_view) const {
+  return std::clamp(row * row_step_ - cache_view % 2 * (row_step_ / 2), 0, planes_->rows() - 1);
+}
+
+bool KeyGrid::is_same(const KeyGrid& other) const {
+  return rows_ == other.rows_ && columns() == other.columns() &&
+         cache_views() == other.cache_views() && row_step_ == other.row_step_ &&
+         x_first_ == other.x_first_ && x_step_ == other.x_step_ && eye_first_ == other.eye_first_ &&
+         eye_step_ == other.eye_step_;
+}
+
+PanelRay KeyGrid::ray(int row, int cache_view, int column) const {
+  const int odd = cache_view % 2;
+  const RowPlane plane = planes_->plane_at(row * row_step_ - odd * (row_step_ / 2) + height_px_);
+  const double x = x_first_ + (column - 0.5 * odd) * x_step_;
+  const double eye = eye_first_ + cache_view * eye_step_;
+  const double inverse_z = planes_->inverse_z();
+  const double tan = inverse_z > 0.0 ? (eye - x) * inverse_z : eye;
+  return {.x_mm = x, .y_mm = plane.lens_y_mm, .tan_x = tan, .tan_y = plane.tan_y};
+}
+
 namespace {
 
 constexpr int kCode = lookup_kernel::kCodeParts;
@@ -19,7 +129,7 @@ int parts(double codes) {
 
 }  // namespace
 
-Agreement Agreement::for_error(double codes) {
+Tolerances Tolerances::for_error(double codes) {
   // Linear interpolation between samples with a second difference of b has an error of b / 8 in the
   // middle. Differences between corners or views are interpolated, so at most half of them is
   // error.
@@ -94,19 +204,19 @@ KeySamples::Sample middle(const KeySamples::Sample& a, const KeySamples::Sample&
 
 }  // namespace
 
-void KeySamples::set_nothing(int row, int picture, int column) {
-  const size_t at = index(row, picture, column);
+void KeySamples::set_nothing(int row, int cache_view, int column) {
+  const size_t at = index(row, cache_view, column);
   if (watches_changes_ && groups_[at] != SurfaceGroups::kNothing) changed_[at] = 1;
   groups_[at] = SurfaceGroups::kNothing;
 }
 
-void KeySamples::set(int row, int picture, int column, const Sample& sample) {
-  if (sample.group == SurfaceGroups::kNothing) return set_nothing(row, picture, column);
-  const size_t at = index(row, picture, column);
+void KeySamples::set(int row, int cache_view, int column, const Sample& sample) {
+  if (sample.group == SurfaceGroups::kNothing) return set_nothing(row, cache_view, column);
+  const size_t at = index(row, cache_view, column);
   std::array<uint16_t, 3> before{};
   for (size_t c = 0; c < 3; ++c) {
     uint16_t& value =
-        values_[(3 * static_cast<size_t>(row) + c) * row_samples_ + in_row(picture, column)];
+        values_[(3 * static_cast<size_t>(row) + c) * row_samples_ + in_row(cache_view, column)];
     before[c] = std::exchange(value, sample.value[c]);
   }
   if (watches_changes_ && (before != sample.value || groups_[at] != sample.group ||
@@ -169,36 +279,36 @@ std::array<KeySamples::Sample, 4> KeySamples::corners(int top, size_t in_row, in
   return corners;
 }
 
-bool KeySamples::shows_one_surface(int top, int picture, int left, int most_apart) const {
-  const size_t first = in_row(picture, 0);
+bool KeySamples::shows_one_surface(int top, int cache_view, int left, int most_apart) const {
+  const size_t first = in_row(cache_view, 0);
   return show_one_group(top, first, left) && largest_range(corners(top, first, left)) <= most_apart;
 }
 
-bool KeySamples::fill(int top, int picture, int left, const Agreement& agreement) {
+bool KeySamples::fill(int top, int cache_view, int left, const Tolerances& tolerances) {
   if (top + kCoarse >= rows_ || left + kCoarse >= columns_) return false;
-  const size_t first = in_row(picture, 0);
-  uint8_t& filled = filled_[index(top, picture, left)];
+  const size_t first = in_row(cache_view, 0);
+  uint8_t& filled = filled_[index(top, cache_view, left)];
   filled = 0;
   if (!show_one_group(top, first, left)) return false;
-  if (shows_nothing(top, picture, left)) {
+  if (shows_nothing(top, cache_view, left)) {
     filled = 1;
-    set_nothing(top, picture, left + 1);
-    set_nothing(top + 1, picture, left);
-    set_nothing(top + 1, picture, left + 1);
+    set_nothing(top, cache_view, left + 1);
+    set_nothing(top + 1, cache_view, left);
+    set_nothing(top + 1, cache_view, left + 1);
     return true;
   }
   const std::array<Sample, 4> corner = corners(top, first, left);
-  if (!show_one_way(corner, agreement.coarse) || !is_quiet(top, first, left)) return false;
+  if (!show_one_way(corner, tolerances.coarse) || !is_quiet(top, first, left)) return false;
   filled = 1;
   const Sample above = middle(corner[0], corner[1]), below = middle(corner[2], corner[3]);
-  set(top, picture, left + 1, above);
-  set(top + 1, picture, left, middle(corner[0], corner[2]));
-  set(top + 1, picture, left + 1, middle(above, below));
+  set(top, cache_view, left + 1, above);
+  set(top + 1, cache_view, left, middle(corner[0], corner[2]));
+  set(top + 1, cache_view, left + 1, middle(above, below));
   return true;
 }
 
 /// Marks bends over three consecutive samples along the row and across rows.
-void KeySamples::mark_bends(int row, const Agreement& agreement) {
+void KeySamples::mark_bends(int row, const Tolerances& tolerances) {
   const size_t first = static_cast<size_t>(row) * row_samples_;
   const size_t above = row > 0 ? first - row_samples_ : first;
   const size_t below = row + 1 < rows_ ? first + row_samples_ : first;
@@ -220,18 +330,18 @@ void KeySamples::mark_bends(int row, const Agreement& agreement) {
       if (in_column)
         most = std::max(most, bend(value - 3 * row_samples_, value, value + 3 * row_samples_));
     }
-    const uint8_t bends = most > agreement.bend ? 1 : 0;
+    const uint8_t bends = most > tolerances.bend ? 1 : 0;
     if (std::exchange(bends_[at], bends) != bends) changed_[at] = 1;
   }
 }
 
-void KeySamples::find_cells(int row, int picture, const Agreement& agreement, uint32_t* keys,
+void KeySamples::find_cells(int row, int cache_view, const Tolerances& tolerances, uint32_t* keys,
                             lookup_kernel::Corners* corners) const {
-  const size_t first = index(row, picture, 0);
+  const size_t first = index(row, cache_view, 0);
   const auto last = static_cast<size_t>(grid_->stride()) - 1;
   keys[last] = 0;
-  const size_t value = 3 * static_cast<size_t>(row) * row_samples_ + in_row(picture, 0);
-  for (size_t n = 0; n < last; ++n) keys[n] = key_of(first + n, value + n, agreement, corners + n);
+  const size_t value = 3 * static_cast<size_t>(row) * row_samples_ + in_row(cache_view, 0);
+  for (size_t n = 0; n < last; ++n) keys[n] = key_of(first + n, value + n, tolerances, corners + n);
 }
 
 namespace {
@@ -268,7 +378,7 @@ int range(const lookup_kernel::Corners& corners) {
 
 /// Returns the key of a cell and, if it shows a surface, sets its corners in the three channels.
 /// `at` is the index of its first corner, `value` that of the corner's first value.
-uint32_t KeySamples::key_of(size_t at, size_t value, const Agreement& agreement,
+uint32_t KeySamples::key_of(size_t at, size_t value, const Tolerances& tolerances,
                             lookup_kernel::Corners* corners) const {
   const std::array<size_t, 4> corner = {at, at + 1, at + row_samples_, at + row_samples_ + 1};
   const std::optional<size_t> odd =
@@ -295,7 +405,7 @@ uint32_t KeySamples::key_of(size_t at, size_t value, const Agreement& agreement,
     of_channel = {{codes[0], codes[1]}, {codes[2], codes[3]}};
     most = std::max(most, range(of_channel));
   }
-  if (most <= (even ? agreement.alike : agreement.unlike)) return group;
+  if (most <= (even ? tolerances.alike : tolerances.unlike)) return group;
   return *odd == kNoCorner ? group | lookup_kernel::kUneven : 0;
 }
 

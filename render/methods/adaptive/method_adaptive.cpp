@@ -20,8 +20,7 @@
 #include "render/culling/last_frame.h"
 #include "render/integrator/pbr_tracer.h"
 #include "render/methods/adaptive/adaptive_frame.h"
-#include "render/methods/adaptive/band_costs.h"
-#include "render/methods/adaptive/band_order.h"
+#include "render/methods/adaptive/bands.h"
 #include "render/methods/method_full.h"
 #include "render/rays/primary_rays.h"
 
@@ -119,7 +118,7 @@ class AdaptiveMethod final : public Method {
               full_tiles_->plan(),
               centre_,
               lookup_kernel_for(options.isa),
-              Agreement::for_error(options.tolerated_error),
+              Tolerances::for_error(options.tolerated_error),
               selection_for(subpixels_of(planes_), options),
               most_mean_square(options)},
         arena_(options.threads > 0 ? options.threads : tbb::task_arena::automatic) {}
@@ -128,7 +127,7 @@ class AdaptiveMethod final : public Method {
     LENTICULE_CHECK(error > 0.0 && std::isfinite(error) && options_.proven_rmse == 0.0);
     if (error == options_.tolerated_error) return true;
     options_.tolerated_error = error;
-    plan_.agreement = Agreement::for_error(error);
+    plan_.tolerances = Tolerances::for_error(error);
     plan_.most_mean_square = most_mean_square(options_);
     plan_.selection = selection_for(subpixels_of(planes_), options_);
     // Frames and samples of another error are not reused.
@@ -228,7 +227,7 @@ class AdaptiveMethod final : public Method {
     };
     if (options_.soft.any() || !is_expensive(0)) return false;
     const FlushDenormals flush;
-    NotingTracer tracer(options_);
+    RecordingTracer tracer(options_);
     SampledSubpixels some(full_tiles_->packets(), full_tiles_->plan(), centre_);
     constexpr int kOneIn = 256;
     int64_t count = 0;
@@ -412,33 +411,33 @@ class AdaptiveMethod final : public Method {
     return needed;
   }
 
-  /// Takes what is marked and not yet taken, in each of `pictures` views.
+  /// Takes what is marked and not yet taken, in each of `cache_views` views.
   template <class Take>
-  void take_marked(const std::vector<uint8_t>& marks, std::vector<uint8_t>& taken, int pictures,
+  void take_marked(const std::vector<uint8_t>& marks, std::vector<uint8_t>& taken, int cache_views,
                    const Take& take) {
-    in_parallel(static_cast<int>(marks.size()) * pictures, [&](int n) {
-      const auto at = static_cast<size_t>(n / pictures);
-      if (marks[at] != 0 && taken[at] == 0) take(n / pictures, n % pictures);
+    in_parallel(static_cast<int>(marks.size()) * cache_views, [&](int n) {
+      const auto at = static_cast<size_t>(n / cache_views);
+      if (marks[at] != 0 && taken[at] == 0) take(n / cache_views, n % cache_views);
     });
     for (size_t n = 0; n < taken.size(); ++n) taken[n] = std::max(taken[n], marks[n]);
   }
 
   void take_coarse_samples(AdaptiveFrame& frame, Workers& workers,
                            const AdaptiveFrame::Taken& samples) {
-    take_marked(samples.coarse, frame.taken.coarse, frame.grid.pictures(),
-                [&](int block, int picture) {
-                  workers.local().take_coarse_samples(block * kSampleRows, picture);
+    take_marked(samples.coarse, frame.taken.coarse, frame.grid.cache_views(),
+                [&](int block, int cache_view) {
+                  workers.local().take_coarse_samples(block * kSampleRows, cache_view);
                 });
   }
 
   void take_other_samples(AdaptiveFrame& frame, Workers& workers,
                           const AdaptiveFrame::Taken& samples) {
-    take_marked(samples.others, frame.taken.others, frame.grid.pictures(),
-                [&](int block, int picture) {
-                  workers.local().take_other_samples(block * kSampleRows, picture);
+    take_marked(samples.others, frame.taken.others, frame.grid.cache_views(),
+                [&](int block, int cache_view) {
+                  workers.local().take_other_samples(block * kSampleRows, cache_view);
                 });
     take_marked(samples.bends, frame.taken.bends, 1,
-                [&](int row, int) { frame.samples.mark_bends(row, plan_.agreement); });
+                [&](int row, int) { frame.samples.mark_bends(row, plan_.tolerances); });
   }
 
   /// Returns true if most of the coarse samples taken so far show another surface or another colour
@@ -451,18 +450,18 @@ class AdaptiveMethod final : public Method {
     if (options_.soft.any()) return false;  // each subpixel has many rays
     constexpr int kStep = KeySamples::kCoarse;
     constexpr int64_t kFew = 1024, kMany = 4096;
-    const int most_apart = std::max(plan_.agreement.alike, plan_.agreement.unlike);
+    const int most_apart = std::max(plan_.tolerances.alike, plan_.tolerances.unlike);
     int64_t seen = 0, alike = 0;
     for (int row = 0; row + kStep < frame.grid.rows(); row += kStep) {
       const auto is_taken = [&](int at) {
         return frame.taken.coarse[static_cast<size_t>(at / kSampleRows)] != 0;
       };
       if (!is_taken(row) || !is_taken(row + kStep)) continue;
-      for (int picture = 0; picture < frame.grid.pictures(); ++picture)
+      for (int cache_view = 0; cache_view < frame.grid.cache_views(); ++cache_view)
         for (int column = 0; column + kStep < frame.grid.columns(); column += kStep) {
-          if (samples_.shows_nothing(row, picture, column)) continue;
+          if (samples_.shows_nothing(row, cache_view, column)) continue;
           ++seen;
-          alike += samples_.shows_one_surface(row, picture, column, most_apart) ? 1 : 0;
+          alike += samples_.shows_one_surface(row, cache_view, column, most_apart) ? 1 : 0;
         }
     }
     return seen >= kFew && (seen < kMany ? 4 : 2) * alike < seen;

@@ -7,7 +7,7 @@
 #include <limits>
 #include <random>
 
-#include "render/accel/embree_packets.h"
+#include "render/accel/ray_stream.h"
 #include "render/shading/shading.h"
 #include "render/shading/shading_tables.h"
 #include "tests/support/tiny_scenes.h"

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "render/accel/wide_triangle.h"
+#include "render/accel/primitives.h"
 #include "render/make_method.h"
 #include "tests/support/instruction_sets.h"
 #include "tests/support/oracles/reference_renderer.h"

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "render/accel/quadrics.h"
+#include "render/accel/primitives.h"
 #include "render/scene/scene.h"
 
 namespace lenticule::test {

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "optics/mounting.h"
-
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "optics/panel.h"
 #include "optics/turned_rig.h"
 #include "tests/support/noise_frame.h"
 #include "tests/support/random_rigs.h"

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests the check before the TOML parser: characters outside ASCII are allowed only in strings and
 // comments.
-#include "optics/toml_text.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "optics/toml.h"
 
 namespace lenticule::optics {
 namespace {

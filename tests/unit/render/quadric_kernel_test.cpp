@@ -13,9 +13,8 @@
 
 #include "base/cpu.h"
 #include "render/accel/embree.h"
-#include "render/accel/quadrics.h"
+#include "render/accel/primitives.h"
 #include "render/accel/user_geometry.h"
-#include "render/accel/wide_triangle.h"
 #include "tests/support/instruction_sets.h"
 
 namespace lenticule::render {

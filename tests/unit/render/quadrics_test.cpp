@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/accel/quadrics.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <random>
+
+#include "render/accel/primitives.h"
 
 namespace lenticule::render {
 namespace {

@@ -9,7 +9,6 @@
 #include <limits>
 #include <random>
 
-#include "render/accel/embree_packets.h"
 #include "render/scene/scene.h"
 #include "tests/support/tiny_scenes.h"
 

@@ -4,7 +4,7 @@
 
 #include <random>
 
-#include "render/methods/adaptive/key_grid.h"
+#include "render/methods/adaptive/key_samples.h"
 #include "render/row_sweep/row_sweep.h"
 #include "tests/unit/render/row_sweep_scenes.h"
 

@@ -7,10 +7,7 @@
 #include <cmath>
 #include <random>
 
-#include "render/accel/embree_packets.h"
 #include "render/accel/ray_stream.h"
-#include "render/culling/octahedron.h"
-#include "render/culling/shaft_cache.h"
 #include "render/shading/shading_tables.h"
 #include "tests/support/tiny_scenes.h"
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests the estimated costs of bands.
-#include "render/methods/adaptive/band_costs.h"
-
 #include <gtest/gtest.h>
+
+#include "render/methods/adaptive/bands.h"
 
 namespace lenticule::render {
 namespace {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/methods/adaptive/band_order.h"
-
 #include <gtest/gtest.h>
 
 #include <functional>
 #include <set>
+
+#include "render/methods/adaptive/bands.h"
 
 namespace lenticule::render {
 namespace {

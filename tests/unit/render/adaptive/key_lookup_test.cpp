@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "frames/srgb.h"
-#include "render/methods/adaptive/key_grid.h"
 #include "render/methods/adaptive/key_lookup_kernel.h"
+#include "render/methods/adaptive/key_samples.h"
 #include "render/shading/light_encoder.h"
 #include "tests/support/instruction_sets.h"
 #include "tests/support/tiny_scenes.h"
@@ -44,11 +44,11 @@ Case::Case(std::mt19937_64& random, bool parallel) {
           .columns_per_mm = 0.7F,
           .eye_first = parallel ? -0.2F : -60.0F,
           .eye_step = parallel ? 0.2F : 60.0F,
-          .pictures_per_eye = parallel ? 5.0F : 1.0F / 60.0F,
+          .cache_views_per_eye = parallel ? 5.0F : 1.0F / 60.0F,
           .near = 0.25F,
           .inverse_z = parallel ? 0.0F : 1.0F / 700.0F,
           .distance = parallel ? 0.0F : 700.0F,
-          .pictures = 3,
+          .cache_views = 3,
           .columns = 71,
           .stride = 80};
   draw_samples(random);
@@ -56,7 +56,7 @@ Case::Case(std::mt19937_64& random, bool parallel) {
 }
 
 void Case::draw_samples(std::mt19937_64& random) {
-  const size_t plane = static_cast<size_t>(grid.pictures * grid.stride);
+  const size_t plane = static_cast<size_t>(grid.cache_views * grid.stride);
   keys.resize(plane);
   for (uint32_t& key : keys) {
     key = 2 + static_cast<uint32_t>(random() % 8 == 0 ? random() % 3 : 0);
@@ -100,27 +100,27 @@ struct Expected {
   double code = 0.0;
   bool close_call = false;  ///< true if rounding may change the result
   double left = 0.0, of_right = 0.0;
-  double column[2] =
-      {};  ///< columns in the pictures on both sides, counted from the left end of a row of samples
+  double column[2] = {};  ///< columns in the cache_views on both sides, counted from the left end
+                          ///< of a row of samples
 };
 
-struct InPicture {
+struct InCacheView {
   uint32_t key = 0;
   double value = 0.0;
-  double column = 0.0;  ///< -1 outside the picture
+  double column = 0.0;  ///< -1 outside the cache_view
   bool close_call = false;
 };
 
-InPicture in_picture(const Case& c, int picture, double x_panel, int channel) {
-  const int odd = picture % 2;
+InCacheView in_cache_view(const Case& c, int cache_view, double x_panel, int channel) {
+  const int odd = cache_view % 2;
   const double column =
       (x_panel - double{c.grid.x_first}) * double{c.grid.columns_per_mm} + 0.5 * odd;
   const double off = std::abs(column - std::round(column));
-  InPicture found{.column = -1.0, .close_call = off < 1e-3};
+  InCacheView found{.column = -1.0, .close_call = off < 1e-3};
   if (!(column >= 0.0) || !(column < c.grid.columns - 1)) return found;
   const auto whole = static_cast<size_t>(column);
-  const size_t at = static_cast<size_t>(picture * c.grid.stride) + whole;
-  found.column = picture * c.grid.stride + column;
+  const size_t at = static_cast<size_t>(cache_view * c.grid.stride) + whole;
+  found.column = cache_view * c.grid.stride + column;
   found.key = c.keys[at];
   const lookup_kernel::Corners& corners =
       c.corners[static_cast<size_t>(channel) * static_cast<size_t>(c.interval.plane) + at];
@@ -140,14 +140,14 @@ Expected oracle(const Case& c, int n) {
   const double eye =
       parallel ? double{c.tan[s]} : double{c.x[s]} + double{c.tan[s]} * double{c.grid.distance};
   const double number = (eye - double{c.grid.eye_first}) / double{c.grid.eye_step};
-  const int left = std::clamp(static_cast<int>(std::max(number, 0.0)), 0, c.grid.pictures - 2);
+  const int left = std::clamp(static_cast<int>(std::max(number, 0.0)), 0, c.grid.cache_views - 2);
   const double part = number - left;
-  const auto x_at = [&](int picture) {
-    const double e = double{c.grid.eye_first} + picture * double{c.grid.eye_step};
+  const auto x_at = [&](int cache_view) {
+    const double e = double{c.grid.eye_first} + cache_view * double{c.grid.eye_step};
     return parallel ? x - e * z : (x - e * z / 700.0) / (1.0 - z / 700.0);
   };
-  const InPicture a = in_picture(c, left, x_at(left), n % 3);
-  const InPicture b = in_picture(c, left + 1, x_at(left + 1), n % 3);
+  const InCacheView a = in_cache_view(c, left, x_at(left), n % 3);
+  const InCacheView b = in_cache_view(c, left + 1, x_at(left + 1), n % 3);
   const uint32_t group = c.groups[static_cast<size_t>(c.cuts[s])];
   const double apart = std::abs(a.value - b.value);
   Expected found{.close_call = a.close_call || b.close_call ||
@@ -263,11 +263,12 @@ FoundArrays look_up_alone(const Grid& grid, const PanelRay& ray, float z) {
   const std::vector<float> x(kLanes, static_cast<float>(ray.x_mm));
   const std::vector<float> tan(kLanes, static_cast<float>(ray.tan_x)), depth(kLanes, z);
   const std::vector<int32_t> cut(kLanes, 0);
-  const std::vector<uint32_t> group(1, 2), keys(static_cast<size_t>(grid.pictures * grid.stride));
+  const std::vector<uint32_t> group(1, 2),
+      keys(static_cast<size_t>(grid.cache_views * grid.stride));
   const std::vector<lookup_kernel::Corners> corners(3 * keys.size());
   const SampleRows interval{.key = keys.data(),
                             .corners = corners.data(),
-                            .plane = grid.pictures * grid.stride,
+                            .plane = grid.cache_views * grid.stride,
                             .part = {}};
   FoundArrays arrays;
   isa_baseline::kLookupKernel.look_up(grid, interval,
@@ -290,14 +291,14 @@ TEST(KeyGrid, PlacesPointsWhereTheSamplesSeeThem) {
     const optics::OpticalModel model(
         test::make_rig({.width = 120, .height = 90, .distance_mm = distance, .pixel_mm = 0.5}));
     const RowPlanes planes(model);
-    const KeyGrid grid(planes, test::make_tiny_stage(), reach_of(planes), {.pictures = 3});
+    const KeyGrid grid(planes, test::make_tiny_stage(), reach_of(planes), {.cache_views = 3});
     const Grid& lookup = grid.lookup();
     for (int n = 0; n < 300; ++n) {
-      const int picture = static_cast<int>(random() % 3);
+      const int cache_view = static_cast<int>(random() % 3);
       const int column = static_cast<int>(random() % static_cast<uint64_t>(grid.columns()));
-      const PanelRay ray = grid.ray(2, picture, column);
+      const PanelRay ray = grid.ray(2, cache_view, column);
       const auto found_arrays = look_up_alone(lookup, ray, static_cast<float>(depth(random)));
-      const int number = picture * lookup.stride + column;
+      const int number = cache_view * lookup.stride + column;
       bool found = false;
       for (const size_t side : {0U, 1U}) {
         const float of_right = found_arrays.of_right[0];

@@ -18,7 +18,7 @@ class FilledSamples : public ::testing::Test {
         model_(rig_),
         planes_(model_, Isa::Baseline),
         grid_(planes_, test::make_tiny_stage(), reach_of(planes_),
-              {.row_step = 2, .columns = 2.0, .pictures = 2}),
+              {.row_step = 2, .columns = 2.0, .cache_views = 2}),
         samples_(grid_) {
     for (int row = 0; row < grid_.rows(); ++row)
       for (int column = 0; column < grid_.columns(); ++column) set(row, column, slope(row, column));
@@ -34,10 +34,10 @@ class FilledSamples : public ::testing::Test {
             .light = {.lit = 1, .hidden = 2, .secondary = {secondary, secondary, secondary}}};
   }
   void set(int row, int column, const KeySamples::Sample& sample) {
-    samples_.set(row, kPicture, column, sample);
+    samples_.set(row, kCacheView, column, sample);
   }
   [[nodiscard]] int value(int row, int column, int channel) const {
-    const auto in_row = static_cast<size_t>(kPicture * grid_.stride() + column);
+    const auto in_row = static_cast<size_t>(kCacheView * grid_.stride() + column);
     return samples_
         .values()[static_cast<size_t>(3 * row + channel) * samples_.row_samples() + in_row];
   }
@@ -50,18 +50,18 @@ class FilledSamples : public ::testing::Test {
   [[nodiscard]] Cells find_cells() const {
     Cells cells{std::vector<uint32_t>(static_cast<size_t>(grid_.stride())),
                 std::vector<lookup_kernel::Corners>(3 * samples_.row_samples())};
-    samples_.find_cells(kTop, kPicture, agreement_, cells.keys.data(), cells.corners.data());
+    samples_.find_cells(kTop, kCacheView, tolerances_, cells.keys.data(), cells.corners.data());
     return cells;
   }
-  bool fill() { return samples_.fill(kTop, kPicture, kLeft, agreement_); }
+  bool fill() { return samples_.fill(kTop, kCacheView, kLeft, tolerances_); }
 
-  static constexpr int kPicture = 1, kTop = 16, kLeft = 20;
+  static constexpr int kCacheView = 1, kTop = 16, kLeft = 20;
   optics::Rig rig_;
   optics::OpticalModel model_;
   RowPlanes planes_;
   KeyGrid grid_;
   KeySamples samples_;
-  Agreement agreement_ = Agreement::for_error(2.0);
+  Tolerances tolerances_ = Tolerances::for_error(2.0);
 };
 
 TEST_F(FilledSamples, InterpolateTheirNeighbours) {
@@ -83,11 +83,11 @@ TEST_F(FilledSamples, ShowNothingBetweenSamplesOfNothing) {
   // The earlier values of these samples do not matter, nor do their neighbours.
   constexpr int kStep = KeySamples::kCoarse;
   for (const auto& [down, right] : {std::pair{0, 0}, {0, kStep}, {kStep, 0}, {kStep, kStep}})
-    samples_.set_nothing(kTop + down, kPicture, kLeft + right);
+    samples_.set_nothing(kTop + down, kCacheView, kLeft + right);
   ASSERT_TRUE(fill());
   for (int row = 0; row < kStep; ++row)
     for (int column = 0; column < kStep; ++column)
-      EXPECT_TRUE(samples_.shows_nothing(kTop + row, kPicture, kLeft + column));
+      EXPECT_TRUE(samples_.shows_nothing(kTop + row, kCacheView, kLeft + column));
   for (int column = 0; column < kStep; ++column)
     EXPECT_EQ(find_cells().keys[static_cast<size_t>(kLeft + column)], 0U);
   set(kTop, kLeft, slope(kTop, kLeft));
@@ -179,14 +179,14 @@ TEST_F(FilledSamples, AreTracedNearAShadow) {
 }
 
 TEST_F(FilledSamples, AreTracedAtTheBorders) {
-  EXPECT_TRUE(samples_.fill(0, kPicture, 0, agreement_));
+  EXPECT_TRUE(samples_.fill(0, kCacheView, 0, tolerances_));
   const int last_row = (grid_.rows() - 1) / 2 * 2, last_column = (grid_.columns() - 1) / 2 * 2;
-  EXPECT_FALSE(samples_.fill(last_row, kPicture, 0, agreement_));
-  EXPECT_FALSE(samples_.fill(0, kPicture, last_column, agreement_));
+  EXPECT_FALSE(samples_.fill(last_row, kCacheView, 0, tolerances_));
+  EXPECT_FALSE(samples_.fill(0, kCacheView, last_column, tolerances_));
 }
 
 TEST_F(FilledSamples, AreMarkedAsFilled) {
-  const auto is_filled = [&] { return samples_.is_filled(kTop, kPicture, kLeft); };
+  const auto is_filled = [&] { return samples_.is_filled(kTop, kCacheView, kLeft); };
   EXPECT_FALSE(is_filled());
   ASSERT_TRUE(fill());
   EXPECT_TRUE(is_filled());
@@ -206,18 +206,18 @@ class ChangedSamples : public FilledSamples {
     samples_.watch_changes();
   }
   void mark_bends() {
-    for (int row = 0; row < grid_.rows(); ++row) samples_.mark_bends(row, agreement_);
+    for (int row = 0; row < grid_.rows(); ++row) samples_.mark_bends(row, tolerances_);
   }
   [[nodiscard]] bool cell_changed(int row, int column) const {
-    return samples_.cell_changed(row, static_cast<size_t>(kPicture * grid_.stride() + column));
+    return samples_.cell_changed(row, static_cast<size_t>(kCacheView * grid_.stride() + column));
   }
 };
 
 TEST_F(ChangedSamples, IncludeThoseThatShowNothingNowOrBefore) {
-  samples_.set_nothing(kTop, kPicture, kLeft);
+  samples_.set_nothing(kTop, kCacheView, kLeft);
   EXPECT_TRUE(cell_changed(kTop, kLeft));
   samples_.watch_changes();
-  samples_.set_nothing(kTop, kPicture, kLeft);
+  samples_.set_nothing(kTop, kCacheView, kLeft);
   EXPECT_FALSE(cell_changed(kTop, kLeft));
   set(kTop, kLeft, slope(kTop, kLeft));
   EXPECT_TRUE(cell_changed(kTop, kLeft));

@@ -5,8 +5,8 @@
 #include <cstring>
 #include <random>
 
-#include "render/integrator/noting_tracer.h"
-#include "render/methods/adaptive/colour_tracer.h"
+#include "render/integrator/light_cache.h"
+#include "render/methods/adaptive/retrace.h"
 #include "render/shading/shading_tables.h"
 #include "tests/support/tiny_scenes.h"
 
@@ -20,9 +20,9 @@ std::string name_of(const ::testing::TestParamInfo<test::NamedScene>& named) {
   return name;
 }
 
-class KnownLight : public ::testing::TestWithParam<test::NamedScene> {
+class CachedLight : public ::testing::TestWithParam<test::NamedScene> {
  protected:
-  explicit KnownLight(const SoftLight& soft = {})
+  explicit CachedLight(const SoftLight& soft = {})
       : scene_(GetParam().scene, test::make_tiny_stage(), {}, 1),
         rig_(test::make_rig({})),
         plan_(rig_),
@@ -48,32 +48,32 @@ class KnownLight : public ::testing::TestWithParam<test::NamedScene> {
   optics::Rig rig_;
   TilePlan plan_;
   SurfaceGroups groups_;
-  NotingTracer tracer_;
+  RecordingTracer tracer_;
   RayPacket packet_;
   alignas(64) std::array<int32_t, kPacket> channel_{};
   alignas(64) std::array<float, kPacket> light_{}, known_light_{};
 };
 
-TEST_P(KnownLight, RecordingNotesChangesNoByte) {
+TEST_P(CachedLight, RecordingNotesChangesNoByte) {
   std::mt19937_64 random(5);
   for (int round = 0; round < 100; ++round) {
     aim(random);
     RayPacket again = packet_;
     tracer_.trace_lanes(scene_, plan_, channel_, packet_, light_);
-    tracer_.trace_noting(scene_, plan_, channel_, groups_, 0.0F, again, known_light_);
+    tracer_.trace_recording(scene_, plan_, channel_, groups_, 0.0F, again, known_light_);
     ASSERT_EQ(light_, known_light_);
   }
 }
 
 /// Known lights save rays and leave the light as it is.
-TEST_P(KnownLight, SavesRaysAndChangesNoLight) {
+TEST_P(CachedLight, SavesRaysAndChangesNoLight) {
   std::mt19937_64 random(6);
   uint64_t saved = 0;
   for (int round = 0; round < 100; ++round) {
     aim(random);
-    tracer_.trace_noting(scene_, plan_, channel_, groups_, 0.0F, packet_, light_);
-    const LightNotes notes = tracer_.notes();
-    render::KnownLight known{};
+    tracer_.trace_recording(scene_, plan_, channel_, groups_, 0.0F, packet_, light_);
+    const LightRecord notes = tracer_.notes();
+    render::CachedLight known{};
     tracer_.trace_known(scene_, plan_, channel_, known, packet_, known_light_);
     known.set_lights(notes.lit, notes.hidden);
     for (size_t r = 0; r < kPacket; ++r) {
@@ -95,15 +95,15 @@ TEST_P(KnownLight, SavesRaysAndChangesNoLight) {
 }
 
 /// The rays of one colour serve the others, for any weight of the colours.
-TEST_P(KnownLight, ServesTheOtherColours) {
+TEST_P(CachedLight, ServesTheOtherColours) {
   std::mt19937_64 random(7);
   for (int round = 0; round < 100; ++round) {
     aim(random);
     channel_.fill(1);
-    tracer_.trace_noting(scene_, plan_, channel_, groups_, 0.0F, packet_, light_);
+    tracer_.trace_recording(scene_, plan_, channel_, groups_, 0.0F, packet_, light_);
     for (const int32_t colour : {0, 2}) {
       channel_.fill(colour);
-      const render::KnownLight nothing{};
+      const render::CachedLight nothing{};
       RayPacket first = packet_, second = packet_;
       tracer_.trace_known(scene_, plan_, channel_, nothing, first, known_light_, true);
       const auto secondary = std::to_array(tracer_.notes().secondary);
@@ -115,7 +115,7 @@ TEST_P(KnownLight, ServesTheOtherColours) {
 }
 
 /// The tolerance saves rays, and no lane exceeds it: these scenes are hardly brighter than white.
-TEST_P(KnownLight, StaysWithinTheToleratedError) {
+TEST_P(CachedLight, StaysWithinTheToleratedError) {
   std::mt19937_64 random(8);
   constexpr float kBrightest = 2.0F;
   uint64_t exact_rays = 0, rays = 0;
@@ -144,7 +144,7 @@ TEST_P(KnownLight, StaysWithinTheToleratedError) {
 }
 
 /// Repeats the tests with sampled light.
-class KnownSoftLight : public KnownLight {
+class KnownSoftLight : public CachedLight {
  protected:
   static constexpr SoftLight kSoft{.shadow_samples = 16,
                                    .light_radius_mm = 8.0,
@@ -154,7 +154,7 @@ class KnownSoftLight : public KnownLight {
   /// integrated
   static constexpr double kNear = 4.0 / 255.0;
 
-  KnownSoftLight() : KnownLight(kSoft) {
+  KnownSoftLight() : CachedLight(kSoft) {
     tracer_.integrate_area_lights(true);
     std::array<uint32_t, kPacket> seeds;
     for (size_t r = 0; r < kPacket; ++r)
@@ -182,9 +182,9 @@ TEST_P(KnownSoftLight, OtherColoursNeedNoRaysToAreaLightsAndEnvironment) {
   for (int round = 0; round < 60; ++round) {
     aim(random);
     channel_.fill(1);
-    tracer_.trace_noting(scene_, plan_, channel_, groups_, 0.0F, packet_, light_);
+    tracer_.trace_recording(scene_, plan_, channel_, groups_, 0.0F, packet_, light_);
     channel_.fill(0);
-    const render::KnownLight nothing{};
+    const render::CachedLight nothing{};
     RayPacket first = packet_, second = packet_;
     const uint64_t before = traced();
     tracer_.trace_known(scene_, plan_, channel_, nothing, first, known_light_, true);
@@ -201,14 +201,14 @@ TEST_P(KnownSoftLight, SharesOfTheNotesReplaceRays) {
   std::mt19937_64 random(10);
   for (int round = 0; round < 60; ++round) {
     aim(random);
-    tracer_.trace_noting(scene_, plan_, channel_, groups_, 0.0F, packet_, light_);
-    const LightNotes& notes = tracer_.notes();
-    render::KnownLight known{};
+    tracer_.trace_recording(scene_, plan_, channel_, groups_, 0.0F, packet_, light_);
+    const LightRecord& notes = tracer_.notes();
+    render::CachedLight known{};
     for (size_t r = 0; r < kPacket; ++r) {
       known.secondary_lanes |= 1U << r;
       known.secondary[r] = notes.secondary[r];
       const auto set_known = [&](KnownShare& share, float value) {
-        if (value == LightNotes::kNoShare) return;
+        if (value == LightRecord::kNoShare) return;
         ASSERT_GE(value, 0.0F);
         ASSERT_LE(value, 1.0F);
         share.lanes |= 1U << r;
@@ -252,8 +252,9 @@ TEST_P(KnownSoftLight, IntegralsAreAtLeastAsAccurateAsSums) {
   EXPECT_LE(of_integrals, 1.02 * of_sums);
 }
 
-INSTANTIATE_TEST_SUITE_P(Scenes, KnownLight, ::testing::ValuesIn(test::tiny_scenes()), name_of);
-INSTANTIATE_TEST_SUITE_P(Scenes, KnownSoftLight, ::testing::ValuesIn(test::tiny_scenes()), name_of);
+INSTANTIATE_TEST_SUITE_P(Scenes, CachedLight, ::testing::ValuesIn(test::tiny_scenes()), name_of);
+INSTANTIATE_TEST_SUITE_P(Scenes, KnownSoftLight, ::testing::ValuesIn(test::tiny_scenes()),
+                         name_of);
 
 /// A ball over a floor: the notes distinguish the shadow from the lit floor, and the two surfaces.
 TEST(Notes, DistinguishShadowsAndSurfaces) {
@@ -267,7 +268,7 @@ TEST(Notes, DistinguishShadowsAndSurfaces) {
   const SurfaceGroups groups(scene);
   const optics::Rig rig = test::make_rig({});
   const TilePlan plan(rig);
-  NotingTracer tracer(RenderOptions{.cancelled = {}});
+  RecordingTracer tracer(RenderOptions{.cancelled = {}});
   std::vector<PathRay> rays(kPacket);
   const Affine& from_panel = scene.scene_from_panel;
   const auto aim = [&](size_t n, Vec3 world) {
@@ -284,8 +285,8 @@ TEST(Notes, DistinguishShadowsAndSurfaces) {
   load_packet(rays, packet);
   std::array<int32_t, kPacket> channel{};
   alignas(64) std::array<float, kPacket> light{};
-  tracer.trace_noting(scene, plan, channel, groups, 0.0F, packet, light);
-  const LightNotes& notes = tracer.notes();
+  tracer.trace_recording(scene, plan, channel, groups, 0.0F, packet, light);
+  const LightRecord& notes = tracer.notes();
   EXPECT_EQ(notes.way[0], notes.way[1]);
   EXPECT_NE(notes.way[0], notes.way[2]);
   EXPECT_NE(notes.way[0], notes.way[3]);

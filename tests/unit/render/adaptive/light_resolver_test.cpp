@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests the light that the samples resolve for a subpixel, against the corners evaluated one by
 // one.
-#include "render/methods/adaptive/light_resolver.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <random>
 #include <vector>
 
+#include "render/methods/adaptive/retrace.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {
@@ -29,12 +28,12 @@ class ResolvedSamples : public ::testing::Test {
         model_(rig_),
         planes_(model_, Isa::Baseline),
         grid_(planes_, test::make_tiny_stage(), reach_of(planes_),
-              {.row_step = 4, .columns = 4.0, .pictures = 3}),
+              {.row_step = 4, .columns = 4.0, .cache_views = 3}),
         samples_(grid_) {
     for (int row = 0; row < grid_.rows(); ++row)
-      for (int picture = 0; picture < grid_.pictures(); ++picture)
+      for (int cache_view = 0; cache_view < grid_.cache_views(); ++cache_view)
         for (int column = 0; column < grid_.columns(); ++column)
-          samples_.set(row, picture, column, draw_sample());
+          samples_.set(row, cache_view, column, draw_sample());
   }
 
   /// Draws a sample: surfaces 4 and 8 are adjacent; most lights and path ids are equal.
@@ -44,7 +43,7 @@ class ResolvedSamples : public ::testing::Test {
     sample.light = {.lit = one_in(8) ? 1U : 3U,
                     .hidden = one_in(8) ? 0U : 4U,
                     .secondary_way = one_in(12) ? 5U : 6U,
-                    .around = one_in(12) ? LightNotes::kNoShare
+                    .around = one_in(12) ? LightRecord::kNoShare
                                          : 0.5F + 0.05F * static_cast<float>(random_() % 6)};
     for (size_t area_light = 0; area_light < sample.light.seen.size(); ++area_light)
       sample.light.seen[area_light] = one_in(4)
@@ -54,13 +53,13 @@ class ResolvedSamples : public ::testing::Test {
       light = one_in(3) ? 0.0F : 0.02F * static_cast<float>(random_() % 5);
     return sample;
   }
-  LightResolver::Place draw_place(int picture) {
+  LightResolver::Place draw_place(int cache_view) {
     std::uniform_real_distribution<float> part(0.0F, 1.0F);
     const auto column = static_cast<int>(random_() % static_cast<uint64_t>(grid_.columns() - 1));
-    return {.cell = random_() % 16 == 0 ? -1 : picture * grid_.stride() + column,
+    return {.cell = random_() % 16 == 0 ? -1 : cache_view * grid_.stride() + column,
             .part = part(random_),
             .weight = 0.0F,
-            .odd = static_cast<size_t>(picture % 2)};
+            .odd = static_cast<size_t>(cache_view % 2)};
   }
   LightResolver::Point draw_point(int panel_row) {
     const int left = static_cast<int>(random_() % 2);
@@ -75,9 +74,9 @@ class ResolvedSamples : public ::testing::Test {
     return point;
   }
 
-  std::vector<Corner> corners_of(const LightResolver::Point& point, double& weight_of_pictures) {
+  std::vector<Corner> corners_of(const LightResolver::Point& point, double& weight_of_views) {
     std::vector<Corner> corners;
-    weight_of_pictures = 0.0;
+    weight_of_views = 0.0;
     for (const LightResolver::Place& place : point.places) {
       if (place.cell < 0) continue;
       const size_t before = corners.size();
@@ -92,15 +91,15 @@ class ResolvedSamples : public ::testing::Test {
                                            (next != 0 ? along : 1.0 - along) +
                                        1e-3});
         }
-      if (corners.size() > before) weight_of_pictures += double{place.weight};
+      if (corners.size() > before) weight_of_views += double{place.weight};
     }
     return corners;
   }
 
   void expect_resolved(const LightResolver::Point& point, const ResolvedLight& resolved,
                        const ResolvedAreaLights& area_lights, bool colour_managed) {
-    double weight_of_pictures = 0.0;
-    const std::vector<Corner> corners = corners_of(point, weight_of_pictures);
+    double weight_of_views = 0.0;
+    const std::vector<Corner> corners = corners_of(point, weight_of_views);
     if (corners.size() < 3) {
       EXPECT_EQ(resolved.lit | resolved.hidden, 0U);
       EXPECT_FALSE(resolved.secondary_known || resolved.around_known);
@@ -127,8 +126,8 @@ class ResolvedSamples : public ::testing::Test {
     EXPECT_EQ(resolved.lit, lit);
     EXPECT_EQ(resolved.hidden, hidden);
     const double apart = colour_managed ? std::sqrt(high) - std::sqrt(low) : high - low;
-    const double limit = double{agreement_.secondary} * (same_way ? 1.0 : 0.5);
-    const double missing = 1.0 - double{grid_.lookup().near} - weight_of_pictures;
+    const double limit = double{tolerances_.secondary} * (same_way ? 1.0 : 0.5);
+    const double missing = 1.0 - double{grid_.lookup().near} - weight_of_views;
     if (std::abs(apart - limit) > 1e-6 && std::abs(missing) > 1e-6) {
       EXPECT_EQ(resolved.secondary_known, missing < 0.0 && apart < limit);
     }
@@ -136,15 +135,15 @@ class ResolvedSamples : public ::testing::Test {
       EXPECT_NEAR(double{resolved.secondary}, light / sum, 1e-6);
       ++known_;
     }
-    if (std::abs(most - least - double{agreement_.around}) > 1e-6) {
-      EXPECT_EQ(resolved.around_known, least >= 0.0 && most - least < double{agreement_.around});
+    if (std::abs(most - least - double{tolerances_.around}) > 1e-6) {
+      EXPECT_EQ(resolved.around_known, least >= 0.0 && most - least < double{tolerances_.around});
     }
     if (resolved.around_known) {
       EXPECT_NEAR(double{resolved.around}, around / sum, 1e-6);
     }
     ++resolved_;
     uint8_t wanted = resolved.around_known ? ResolvedLight::kNoSamples : ResolvedLight::kAllSamples;
-    for (size_t area_light = 0; area_light < LightNotes::kAreaLights; ++area_light)
+    for (size_t area_light = 0; area_light < LightRecord::kAreaLights; ++area_light)
       if (!expect_area_light(corners, resolved, area_lights, area_light) &&
           wanted == ResolvedLight::kNoSamples)
         wanted = static_cast<uint8_t>(area_light);
@@ -171,7 +170,7 @@ class ResolvedSamples : public ::testing::Test {
       weights += corner.weight;
     }
     const double apart = static_cast<double>(high - low) / KeySamples::Light::kWholeAreaLight;
-    const bool expected = shining >= 2 && apart <= double{agreement_.seen};
+    const bool expected = shining >= 2 && apart <= double{tolerances_.seen};
     EXPECT_EQ((resolved.area_lights_known >> area_light & 1) != 0, expected);
     if (expected) {
       ++(high == low ? same_area_lights_ : other_area_lights_);
@@ -190,7 +189,7 @@ class ResolvedSamples : public ::testing::Test {
   RowPlanes planes_;
   KeyGrid grid_;
   KeySamples samples_;
-  Agreement agreement_ = Agreement::for_error(2.0);
+  Tolerances tolerances_ = Tolerances::for_error(2.0);
   std::mt19937_64 random_{3};
   std::vector<ResolvedAreaLights> area_lights_;
   int resolved_ = 0, known_ = 0, same_area_lights_ = 0, other_area_lights_ = 0;
@@ -198,7 +197,7 @@ class ResolvedSamples : public ::testing::Test {
 
 TEST_F(ResolvedSamples, AgreeWithTheirCornersIfAllCornersAgree) {
   for (const bool colour_managed : {false, true}) {
-    LightResolver resolver(samples_, grid_, agreement_, colour_managed, kSoft);
+    LightResolver resolver(samples_, grid_, tolerances_, colour_managed, kSoft);
     for (int row = 0; row < planes_.rows(); ++row)
       for (int n = 0; n < 300; ++n) {
         const LightResolver::Point point = draw_point(row);
@@ -216,11 +215,11 @@ TEST_F(ResolvedSamples, AgreeWithTheirCornersIfAllCornersAgree) {
 
 /// Cells are cached by row and surface, independently of earlier lookups.
 TEST_F(ResolvedSamples, DoNotDependOnEarlierLookups) {
-  LightResolver used(samples_, grid_, agreement_, false, kSoft);
+  LightResolver used(samples_, grid_, tolerances_, false, kSoft);
   for (int n = 0; n < 3000; ++n) {
     const auto row = static_cast<int>(random_() % static_cast<uint64_t>(planes_.rows()));
     const LightResolver::Point point = draw_point(row);
-    LightResolver fresh(samples_, grid_, agreement_, false, kSoft);
+    LightResolver fresh(samples_, grid_, tolerances_, false, kSoft);
     ResolvedLight once, again;
     used.resolve(point, once, area_lights_);
     fresh.resolve(point, again, area_lights_);
@@ -239,7 +238,7 @@ TEST_F(ResolvedSamples, DoNotDependOnEarlierLookups) {
 
 /// If occlusion is not sampled, no caller requests it.
 TEST_F(ResolvedSamples, SkipUnrequestedLight) {
-  LightResolver resolver(samples_, grid_, agreement_, false, {});
+  LightResolver resolver(samples_, grid_, tolerances_, false, {});
   for (int n = 0; n < 500; ++n) {
     ResolvedLight resolved;
     resolver.resolve(draw_point(7), resolved, area_lights_);

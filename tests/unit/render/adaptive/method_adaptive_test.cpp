@@ -259,7 +259,7 @@ TEST(MethodAdaptive, RetracesDetailMissedBySamples) {
   EXPECT_LE(off.beyond, s.beyond_bound);
   EXPECT_LT(off.beyond, 0.08);
   ASSERT_EQ(s.retraced_subpixels, s.subpixels);
-  EXPECT_EQ(full, adaptive) << "what is mended is as full renders it";
+  EXPECT_EQ(full, adaptive) << "what is retraced is as full renders it";
 }
 
 TEST(MethodAdaptive, FallsBackToFullIfMostBandsWouldBeRetraced) {

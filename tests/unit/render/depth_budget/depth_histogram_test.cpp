@@ -8,7 +8,7 @@
 #include <limits>
 #include <numeric>
 
-#include "render/depth_budget/depth_of_field.h"
+#include "render/depth_budget/prefilter.h"
 #include "render/row_sweep/row_sweep.h"
 #include "tests/support/oracles/visibility_oracle.h"
 #include "tests/support/tiny_scenes.h"

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/depth_budget/depth_of_field.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
+#include "render/depth_budget/prefilter.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {

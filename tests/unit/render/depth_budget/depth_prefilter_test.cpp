@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests methods with a prefilter: the parts that stay unchanged, and the filtered rest.
-#include "render/depth_budget/depth_prefilter.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>

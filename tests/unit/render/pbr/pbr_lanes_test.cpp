@@ -12,8 +12,7 @@
 #include <cstring>
 #include <random>
 
-#include "render/accel/embree_packets.h"
-#include "render/accel/lane_masks.h"
+#include "render/accel/ray_stream.h"
 #include "render/rays/primary_packets.h"
 #include "render/scene/surroundings.h"
 #include "render/shading/pbr_scene.h"
