@@ -12,6 +12,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 #if defined(__AVX2__)
 #include <immintrin.h>
 #elif defined(LENTICULE_NEON)
@@ -44,6 +45,18 @@ inline Unaligned<Vector>& vector_at(Element* at) {
 template <class Vector, class Element>
 inline const Unaligned<Vector>& vector_at(const Element* at) {
   return *reinterpret_cast<const Unaligned<Vector>*>(at);
+}
+
+/// Calls `call` with the constant that equals `n`, which is between kFirst and kLast: the compiler
+/// unrolls loops up to it.
+template <int kFirst, int kLast, class Call>
+inline auto with_constant(int n, const Call& call) {
+  if constexpr (kFirst == kLast)
+    return call(std::integral_constant<int, kLast>());
+  else if (n == kFirst)
+    return call(std::integral_constant<int, kFirst>());
+  else
+    return with_constant<kFirst + 1, kLast>(n, call);
 }
 
 // --- sixteen lanes

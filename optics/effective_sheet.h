@@ -14,9 +14,8 @@ struct EffectiveSheet {
   Lenses offset;
 };
 
-/// Returns the effective sheet of a rig. Paraxially, E0 = (Ex0, Ey, Z) sees phase 3 (x + m y) / (P
-/// (1
-/// + g/Z)) + offset': the slant does not change.
+/// Returns the effective sheet of a rig. Paraxially, the eye at (Ex0, Ey, Z) sees the phase
+/// 3 (x + m y) / (P (1 + g/Z)) + offset', so the slant does not change.
 [[nodiscard]] inline EffectiveSheet effective_sheet(const Rig& rig) {
   const LensSheet& sheet = rig.sheet;
   const double z = rig.viewing.distance.value;

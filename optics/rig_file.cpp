@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads rig files; rig_file_write.cpp writes them.
+// Reads and writes rig files.
 #include "optics/rig_file.h"
 
 #include <fmt/format.h>

@@ -61,24 +61,13 @@ inline void bicubic(const double* k, double t, double u, double& value, double& 
   slope = (3.0 * c3 * t + 2.0 * c2) * t + c1;
 }
 
-void spline_in_many_cells(const Constants& c, const int32_t* cell, int count, const Lane& t,
-                          const Lane& u, Lane& lenses, Lane& per_px_x) {
+/// Evaluates the spline; `cell_of(i)` gives the coefficients of point i.
+template <class CellOf>
+inline void spline(const Constants& c, const CellOf& cell_of, int count, const Lane& t,
+                   const Lane& u, Lane& lenses, Lane& per_px_x) {
   for (int i = 0; i < count; ++i) {
     double value, slope;
-    bicubic(c.residual + cell[i], t[i], u[i], value, slope);
-    lenses[i] = value;
-    per_px_x[i] = slope * c.knots_per_px_x;
-  }
-}
-
-/// Evaluates the spline for a block that lies in one cell, as most blocks do, without gathers.
-void spline_in_one_cell(const Constants& c, const double* cell, int count, const Lane& t,
-                        const Lane& u, Lane& lenses, Lane& per_px_x) {
-  double k[16];
-  for (int n = 0; n < 16; ++n) k[n] = cell[n];
-  for (int i = 0; i < count; ++i) {
-    double value, slope;
-    bicubic(k, t[i], u[i], value, slope);
+    bicubic(cell_of(i), t[i], u[i], value, slope);
     lenses[i] = value;
     per_px_x[i] = slope * c.knots_per_px_x;
   }
@@ -104,11 +93,14 @@ void residual_at(const Constants& c, int count, Lane& x, Lane& y, Lane& lenses, 
   }
   int different = 0;
   for (int i = 0; i < count; ++i) different |= cell[i] ^ cell[0];
-  if (different == 0) {
-    spline_in_one_cell(c, c.residual + cell[0], count, x, y, lenses, per_px_x);
-  } else {
-    spline_in_many_cells(c, cell, count, x, y, lenses, per_px_x);
-  }
+  if (different != 0)
+    return spline(
+        c, [&](int i) { return c.residual + cell[i]; }, count, x, y, lenses, per_px_x);
+  // Most blocks lie in one cell, which needs no gathers.
+  double k[16];
+  for (int n = 0; n < 16; ++n) k[n] = c.residual[cell[0] + n];
+  spline(
+      c, [&](int) { return k; }, count, x, y, lenses, per_px_x);
 }
 
 /// Computes Phi_E(Q) of every point.
@@ -183,32 +175,20 @@ void bend_of_residual(const Constants& c, const EyeTerms& eye, const Points& p, 
   }
 }
 
+/// Does a Newton step. For a perfect grating, without a residual, there is no division.
+template <bool kHasResidual>
 void search_step(const Constants& c, const EyeTerms& eye, int count, const Sight& sight,
                  Search& q) {
   for (int i = 0; i < count; ++i) {
     const double s = q.s[i], ty = sight.tan_y[i];
     const double d = 1.0 / (s + eye.gamma), h = s * d;
-    const double stretch = 1.0 / (1.0 + q.bend_per_shift[i]);
-    const double shift = (q.at_rest[i] + c.slope * ty * d - q.bend[i]) * stretch;
-    const double shift_per_s = -c.slope * ty * d * d * stretch;
-    const double room = 1.0 - c.kappa * shift * shift;
-    const double ky = c.kappa * ty * ty * h;
-    const double f = s * s * room - 1.0 - ky * h;
-    const double df =
-        2.0 * (s * room - c.kappa * s * s * shift * shift_per_s - ky * eye.gamma * d * d);
-    q.shift[i] = shift;
-    q.s[i] = s - f / df;
-  }
-}
-
-/// Does a search_step for a perfect grating: without a residual there is no division.
-void search_step_without_residual(const Constants& c, const EyeTerms& eye, int count,
-                                  const Sight& sight, Search& q) {
-  for (int i = 0; i < count; ++i) {
-    const double s = q.s[i], ty = sight.tan_y[i];
-    const double d = 1.0 / (s + eye.gamma), h = s * d;
-    const double shift = q.at_rest[i] + c.slope * ty * d;
-    const double shift_per_s = -c.slope * ty * d * d;
+    double shift = q.at_rest[i] + c.slope * ty * d;
+    double shift_per_s = -c.slope * ty * d * d;
+    if constexpr (kHasResidual) {
+      const double stretch = 1.0 / (1.0 + q.bend_per_shift[i]);
+      shift = (shift - q.bend[i]) * stretch;
+      shift_per_s = shift_per_s * stretch;
+    }
     const double room = 1.0 - c.kappa * shift * shift;
     const double ky = c.kappa * ty * ty * h;
     const double f = s * s * room - 1.0 - ky * h;
@@ -242,9 +222,9 @@ void rays(const Constants& c, const EyeTerms& eye, const Points& p, const Rays& 
   for (int step = 0; step < c.serve_steps; ++step) {
     if (c.residual != nullptr) {
       bend_of_residual(c, eye, p, sight, search);
-      search_step(c, eye, p.count, sight, search);
+      search_step<true>(c, eye, p.count, sight, search);
     } else {
-      search_step_without_residual(c, eye, p.count, sight, search);
+      search_step<false>(c, eye, p.count, sight, search);
     }
   }
   write_rays(c, eye, p, sight, search, out);

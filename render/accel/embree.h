@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sole wrapper of Embree: handles that release themselves, errors as exceptions, and the calls that
-// differ between Embree 3 and 4. embree_packets.h wraps the packet calls.
+// differ between Embree 3 and 4. ray_stream.h wraps the packet calls.
 #pragma once
 
 #include <cstddef>
@@ -134,5 +134,9 @@ inline void occluded1(RTCScene scene, RTCRay& ray) {
 }
 
 #endif
+
+/// Assumed relative error of positions, directions and Embree's arithmetic, which covers many
+/// single-precision roundings.
+inline constexpr float kRoundingMargin = 1.0F / (1 << 18);
 
 }  // namespace lenticule::render

@@ -9,7 +9,7 @@
 #include <cstdint>
 #include <memory>
 
-#include "render/accel/rounding_margin.h"
+#include "render/accel/embree.h"
 #include "render/scene/scene.h"
 
 namespace lenticule::render {

@@ -8,7 +8,7 @@
 #include <cstring>
 
 #include "base/error.h"
-#include "render/accel/rounding_margin.h"
+#include "render/accel/embree.h"
 #include "render/scene/texture.h"
 
 namespace lenticule::render {

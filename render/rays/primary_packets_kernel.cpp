@@ -84,61 +84,25 @@ bool make_columns(const Tile& t, int column, int count, float* out, int stride) 
   return any(bad);
 }
 
-template <bool kParallel>
-bool make_any(const Tile& t, int column, int count, float* out, int stride) {
-  switch (t.coefficients) {
-    case 2:
-      return make_columns<2, kParallel>(t, column, count, out, stride);
-    case 3:
-      return make_columns<3, kParallel>(t, column, count, out, stride);
-    case 4:
-      return make_columns<4, kParallel>(t, column, count, out, stride);
-    case 5:
-      return make_columns<5, kParallel>(t, column, count, out, stride);
-    case 6:
-      return make_columns<6, kParallel>(t, column, count, out, stride);
-    case 7:
-      return make_columns<7, kParallel>(t, column, count, out, stride);
-    default:
-      return make_columns<8, kParallel>(t, column, count, out, stride);
-  }
-}
-
 bool make(const Tile& t, int column, int count, float* out, int stride) {
-  return t.parallel ? make_any<true>(t, column, count, out, stride)
-                    : make_any<false>(t, column, count, out, stride);
+  return with_constant<2, packet_kernel::kMostCoefficients>(t.coefficients, [&](auto coefficients) {
+    return t.parallel ? make_columns<coefficients, true>(t, column, count, out, stride)
+                      : make_columns<coefficients, false>(t, column, count, out, stride);
+  });
 }
 
 bool uncertain(const Tile& t, int column) {
   return any(unsure(t, off_of(t, column, (t.first_colour + column) % packet_kernel::kColours)));
 }
 
-template <bool kParallel>
-void make_one_any(const Tile& t, int column, const Floats& off, float* out) {
-  const int colour = (t.first_colour + column) % packet_kernel::kColours;
-  switch (t.coefficients) {
-    case 2:
-      return write_rays<2, kParallel>(t, column, colour, off, out);
-    case 3:
-      return write_rays<3, kParallel>(t, column, colour, off, out);
-    case 4:
-      return write_rays<4, kParallel>(t, column, colour, off, out);
-    case 5:
-      return write_rays<5, kParallel>(t, column, colour, off, out);
-    case 6:
-      return write_rays<6, kParallel>(t, column, colour, off, out);
-    case 7:
-      return write_rays<7, kParallel>(t, column, colour, off, out);
-    default:
-      return write_rays<8, kParallel>(t, column, colour, off, out);
-  }
-}
-
 void make_one(const Tile& t, int column, const float* off, float* out) {
-  if (t.parallel)
-    make_one_any<true>(t, column, floats_at(off), out);
-  else
-    make_one_any<false>(t, column, floats_at(off), out);
+  const int colour = (t.first_colour + column) % packet_kernel::kColours;
+  with_constant<2, packet_kernel::kMostCoefficients>(t.coefficients, [&](auto coefficients) {
+    if (t.parallel)
+      write_rays<coefficients, true>(t, column, colour, floats_at(off), out);
+    else
+      write_rays<coefficients, false>(t, column, colour, floats_at(off), out);
+  });
 }
 
 }  // namespace

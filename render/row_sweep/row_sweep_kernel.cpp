@@ -129,22 +129,9 @@ bool make_columns(const RowPiece& p, int count, float* x, float* tan, int32_t* l
 }
 
 bool make_rays(const RowPiece& p, int count, float* x, float* tan, int32_t* lens) {
-  switch (p.coefficients) {
-    case 2:
-      return make_columns<2>(p, count, x, tan, lens);
-    case 3:
-      return make_columns<3>(p, count, x, tan, lens);
-    case 4:
-      return make_columns<4>(p, count, x, tan, lens);
-    case 5:
-      return make_columns<5>(p, count, x, tan, lens);
-    case 6:
-      return make_columns<6>(p, count, x, tan, lens);
-    case 7:
-      return make_columns<7>(p, count, x, tan, lens);
-    default:
-      return make_columns<8>(p, count, x, tan, lens);
-  }
+  return with_constant<2, kMostCoefficients>(p.coefficients, [&](auto coefficients) {
+    return make_columns<coefficients>(p, count, x, tan, lens);
+  });
 }
 
 bool uncertain(const RowPiece& p, int column) {

@@ -17,7 +17,6 @@
 
 #include "base/error.h"
 #include "render/accel/denormals.h"
-#include "render/culling/last_frame.h"
 #include "render/integrator/pbr_tracer.h"
 #include "render/methods/adaptive/adaptive_frame.h"
 #include "render/methods/adaptive/bands.h"
@@ -39,8 +38,8 @@ bool one_plane_a_row(const RowPlanes& planes) {
   return true;
 }
 
-/// Returns true if Embree accepts every ray of the rig as panel_rays.h makes it. The components are
-/// linear in position and direction, so the outermost rays suffice.
+/// Returns true if Embree accepts every ray of the rig as set_panel_ray() makes it. The components
+/// are linear in position and direction, so the outermost rays suffice.
 bool rays_fit(const Scene& scene, const RowPlanes& planes, const RayReach& reach) {
   const double start_mm =
       primary_start_mm(scene.near_mm, planes.model().rig().viewing.distance.value);

@@ -192,6 +192,13 @@ bool MicroImageSweep::empty_lanes(int column, int step, int first, Lanes& lanes)
   return any(lanes);
 }
 
+template <class Act>
+void MicroImageSweep::each_empty(int step, int first, const Act& act) {
+  alignas(64) Lanes lanes;
+  for (int column = 0; column < tile_.columns; ++column)
+    if (empty_lanes(column, step, first, lanes)) act(column, lanes);
+}
+
 /// Returns the distance to the fully traced micro-image on the left, in micro-images of the step,
 /// which is 1 or 2.
 int MicroImageSweep::beyond_key(int lens, int step) const {
@@ -284,14 +291,9 @@ void MicroImageSweep::trace(int column, const Lanes& lanes) {
     if (!is_made) maker_.columns(column, {&made, 1});
     is_made = true;
     const size_t q = queue_.count++;
-    RTCRay16& ray = queue_.packet.rays.ray;
     const RTCRay16& from = made.rays.ray;
-    ray.org_x[q] = from.org_x[r];
-    ray.org_y[q] = from.org_y[r];
-    ray.org_z[q] = from.org_z[r];
-    ray.dir_x[q] = from.dir_x[r];
-    ray.dir_y[q] = from.dir_y[r];
-    ray.dir_z[q] = from.dir_z[r];
+    set_lane(queue_.packet, q, {from.org_x[r], from.org_y[r], from.org_z[r]},
+             {from.dir_x[r], from.dir_y[r], from.dir_z[r]});
     queue_.rays.panel_x[q] = c.panel_x[r];
     queue_.rays.tan[q] = c.tan[r];
     queue_.column[q] = column;
@@ -310,7 +312,6 @@ void MicroImageSweep::flush() {
   alignas(64) Lanes lanes;
   for (size_t q = 0; q < kPacket; ++q) {
     lanes[q] = packet.valid[q] = q < queue_.count ? -1 : 0;
-    packet.rays.ray.tfar[q] = std::numeric_limits<float>::infinity();
     packet.rays.hit.geomID[q] = RTC_INVALID_GEOMETRY_ID;
   }
   alignas(64) std::array<float, kPacket> light;
@@ -378,16 +379,14 @@ void MicroImageSweep::sweep_chain(int step, int first) {
 }
 
 void MicroImageSweep::sweep_between_keys(int step, int first) {
-  alignas(64) Lanes lanes, keys;
-  for (int column = 0; column < tile_.columns; ++column) {
-    if (!empty_lanes(column, step, first, lanes)) continue;
+  each_empty(step, first, [&](int column, Lanes& lanes) {
+    alignas(64) Lanes keys;
     take_keys(column, step, lanes, keys);
     trace(column, keys);
-  }
+  });
   flush();
   join_all();
-  for (int column = 0; column < tile_.columns; ++column)
-    if (empty_lanes(column, step, first, lanes)) make(column, step, lanes);
+  each_empty(step, first, [&](int column, Lanes& lanes) { make(column, step, lanes); });
   flush();
 }
 
@@ -420,10 +419,8 @@ void MicroImageSweep::interpolate() {
 
 void MicroImageSweep::fill_from_neighbours() {
   join_all();
-  alignas(64) Lanes lanes;
-  Sides sides;
-  for (int column = 0; column < tile_.columns; ++column) {
-    if (!empty_lanes(column, 1, 0, lanes)) continue;
+  each_empty(1, 0, [&](int column, Lanes& lanes) {
+    Sides sides;
     const Column& c = columns_[static_cast<size_t>(column)];
     for (size_t r = 0; r < kPacket; ++r) {
       sides.left[r] = c.lens[r] - 1;
@@ -432,25 +429,19 @@ void MicroImageSweep::fill_from_neighbours() {
     }
     project(column, lanes, sides);
     note_missing(column, lanes);
-  }
+  });
 }
 
 void MicroImageSweep::note_empty() {
-  alignas(64) Lanes lanes;
-  for (int column = 0; column < tile_.columns; ++column)
-    if (empty_lanes(column, 1, 0, lanes)) note_missing(column, lanes);
+  each_empty(1, 0, [&](int column, Lanes& lanes) { note_missing(column, lanes); });
 }
 
 void MicroImageSweep::fill_with_means() {
-  alignas(64) Lanes lanes;
-  for (int column = 0; column < tile_.columns; ++column)
-    if (empty_lanes(column, 1, 0, lanes)) mean(column, lanes);
+  each_empty(1, 0, [&](int column, Lanes& lanes) { mean(column, lanes); });
 }
 
 void MicroImageSweep::trace_empty() {
-  alignas(64) Lanes lanes;
-  for (int column = 0; column < tile_.columns; ++column)
-    if (empty_lanes(column, 1, 0, lanes)) trace(column, lanes);
+  each_empty(1, 0, [&](int column, Lanes& lanes) { trace(column, lanes); });
   flush();
 }
 

@@ -108,6 +108,10 @@ class MicroImageSweep {
   [[nodiscard]] Range range_of(const Lanes& lenses, const Lanes& lanes, int column) const;
   /// Finds the empty lanes whose lens is one of first, first + step, ...; -1 each.
   [[nodiscard]] bool empty_lanes(int column, int step, int first, Lanes& lanes) const;
+  /// Calls act(column, lanes) for each column, from left to right, that has empty lanes of
+  /// empty_lanes(). `lanes` may be changed.
+  template <class Act>
+  void each_empty(int step, int first, const Act& act);
   void sweep(int step, int first);
   void sweep_chain(int step, int first);
   void sweep_between_keys(int step, int first);

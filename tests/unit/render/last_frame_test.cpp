@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests that frames without a change are copied, and frames with any change are not.
-#include "render/culling/last_frame.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,6 +7,7 @@
 #include <functional>
 
 #include "render/make_method.h"
+#include "render/methods/method_full.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {
