@@ -16,7 +16,7 @@
 #include "base/numbers.h"
 #include "base/temporary.h"
 #include "base/text.h"
-#include "farm/merge.h"
+#include "farm/work_folder.h"
 
 namespace lenticule::farm {
 namespace {

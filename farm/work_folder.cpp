@@ -7,14 +7,117 @@
 #include <cerrno>
 #include <cstdio>
 #include <system_error>
+#include <thread>
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/numbers.h"
 #include "base/text.h"
-#include "farm/json_fields.h"
 #include "frames/sequence/sequence_joiner.h"
 
 namespace lenticule::farm {
+namespace {
+
+using nlohmann::json;
+
+constexpr size_t kDigits = 16;  ///< of a band's digest
+constexpr uint64_t kAny = UINT64_MAX;
+
+std::string bands_text(const std::vector<uint64_t>& bands) {
+  std::string text;
+  for (const uint64_t band : bands) text += fmt::format("{:016x}", band);
+  return text;
+}
+
+std::vector<uint64_t> parse_bands(const JsonFields& fields, const char* key) {
+  const std::string text = fields.text(key);
+  if (text.size() % kDigits != 0) fields.fail(key, "not digests of 16 digits");
+  std::vector<uint64_t> bands;
+  for (size_t at = 0; at < text.size(); at += kDigits) {
+    const auto band = number_from<uint64_t>(std::string_view(text).substr(at, kDigits), 16);
+    if (!band) fields.fail(key, "not digests of 16 digits");
+    bands.push_back(*band);
+  }
+  return bands;
+}
+
+}  // namespace
+
+std::string chunk_report_to_json(const ChunkReport& report) {
+  const json object = {{"plan", report.plan},
+                       {"chunk", report.chunk},
+                       {"begin", report.begin},
+                       {"end", report.end},
+                       {"digest", report.digest},
+                       {"bytes", report.bytes},
+                       {"first_bands", bands_text(report.first_bands)},
+                       {"last_bands", bands_text(report.last_bands)},
+                       {"node", report.node},
+                       {"isa", report.isa},
+                       {"threads", report.threads},
+                       {"seconds", report.seconds},
+                       {"render_seconds", report.render_seconds},
+                       {"extra_seconds", report.extra_seconds},
+                       {"started", report.started}};
+  return json_text(object) + "\n";
+}
+
+ChunkReport parse_chunk_report(std::string_view text, const std::string& source) {
+  const json object = parse_json(text, source);
+  const JsonFields fields(object, source);
+  return {.plan = fields.text("plan"),
+          .chunk = fields.whole("chunk", kAny),
+          .begin = fields.whole("begin", kAny),
+          .end = fields.whole("end", kAny),
+          .digest = fields.text("digest"),
+          .bytes = fields.whole("bytes", kAny),
+          .first_bands = parse_bands(fields, "first_bands"),
+          .last_bands = parse_bands(fields, "last_bands"),
+          .node = fields.text("node"),
+          .isa = fields.text("isa"),
+          .threads = static_cast<int>(fields.whole("threads", 1U << 20U)),
+          .seconds = fields.number("seconds"),
+          .render_seconds = fields.number("render_seconds"),
+          .extra_seconds = fields.number("extra_seconds"),
+          .started = fields.number("started")};
+}
+
+std::string chunk_progress_to_json(const ChunkProgress& progress) {
+  return json_text(json{{"node", progress.node},
+                        {"chunk", progress.chunk},
+                        {"done", progress.done},
+                        {"count", progress.count},
+                        {"seconds", progress.seconds}}) +
+         "\n";
+}
+
+ChunkProgress parse_chunk_progress(std::string_view text, const std::string& source) {
+  const json object = parse_json(text, source);
+  const JsonFields fields(object, source);
+  return {.node = fields.text("node"),
+          .chunk = fields.whole("chunk", kAny),
+          .done = fields.whole("done", kAny),
+          .count = fields.whole("count", kAny),
+          .seconds = fields.number("seconds")};
+}
+
+std::string chunk_failure_to_json(const ChunkFailure& failure) {
+  return json_text(json{{"node", failure.node},
+                        {"chunk", failure.chunk},
+                        {"error", failure.error},
+                        {"hint", failure.hint}}) +
+         "\n";
+}
+
+ChunkFailure parse_chunk_failure(std::string_view text, const std::string& source) {
+  const json object = parse_json(text, source);
+  const JsonFields fields(object, source);
+  return {.node = fields.text("node"),
+          .chunk = fields.whole("chunk", kAny),
+          .error = fields.text("error"),
+          .hint = fields.text("hint")};
+}
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -211,6 +314,114 @@ void move_file(const fs::path& from, const fs::path& to) {
     throw Error(ErrorKind::Failed,
                 fmt::format("{}: cannot rename to {}: {}", from.string(), to.string(),
                             std::generic_category().message(errno)));
+}
+
+namespace {
+
+constexpr std::chrono::milliseconds kLook{500};
+
+void pause_of(const MergeOptions& options) {
+  if (options.pause) {
+    options.pause(kLook);
+  } else {
+    std::this_thread::sleep_for(kLook);
+  }
+}
+
+[[noreturn]] void refuse_missing(const WorkFolder& folder, const std::vector<uint64_t>& missing) {
+  throw Error(
+      ErrorKind::Input,
+      fmt::format("{}: {} of {} chunks are missing: {}", folder.path().string(), missing.size(),
+                  folder.plan().chunks(), shortened(ranges_text(missing), 200)),
+      "run commands.txt again, which skips what is done, or call farm submit again; --partial "
+      "joins "
+      "the frames before the first missing chunk");
+}
+
+/// Waits for missing chunks. Returns those that stay missing.
+std::vector<uint64_t> await_chunks(const WorkFolder& folder, const MergeOptions& options) {
+  std::vector<uint64_t> missing = missing_chunks(folder);
+  for (std::chrono::milliseconds waited{0}; !missing.empty() && waited < options.wait;
+       waited += kLook) {
+    if (options.stops(missing.front())) break;
+    pause_of(options);
+    std::erase_if(missing, [&](uint64_t chunk) { return folder.done(chunk).has_value(); });
+  }
+  return missing;
+}
+
+/// Refuses a chunk of which two processes rendered other bytes.
+void refuse_differing(const WorkFolder& folder, const ChunkReport& report) {
+  const auto other = folder.differing_report(report.chunk);
+  if (!other || other->digest == report.digest) return;
+  throw Error(ErrorKind::Input,
+              fmt::format("{}: chunk {}: {} and {} rendered different bytes",
+                          folder.path().string(), report.chunk, report.node, other->node),
+              fmt::format("lenticule farm verify finds the node that is wrong; then remove the two "
+                          "reports of the chunk, {} among them, and render it again",
+                          folder.report_file(report.chunk).string()));
+}
+
+}  // namespace
+
+std::vector<uint64_t> missing_chunks(const WorkFolder& folder) {
+  std::vector<uint64_t> missing;
+  for (uint64_t chunk = 0; chunk < folder.plan().chunks(); ++chunk)
+    if (!folder.done(chunk)) missing.push_back(chunk);
+  return missing;
+}
+
+MergeResult merge_film(const WorkFolder& folder, const std::filesystem::path& film,
+                       const MergeOptions& options) {
+  const std::vector<uint64_t> missing = await_chunks(folder, options);
+  MergeResult result;
+  result.chunks = missing.empty() ? folder.plan().chunks() : missing.front();
+  if (!missing.empty() && (!options.partial || result.chunks == 0)) refuse_missing(folder, missing);
+  frames::SequenceJoiner joiner(film, folder.plan().film);
+  for (uint64_t chunk = 0; chunk < result.chunks; ++chunk) {
+    if (options.stops(chunk)) return {.stopped = true};
+    const auto report = folder.done(chunk);
+    if (!report) refuse_missing(folder, {chunk});
+    refuse_differing(folder, *report);
+    const std::filesystem::path file = folder.chunk_file(*report);
+    try {
+      joiner.append({.file = file,
+                     .digest = report->digest,
+                     .first_bands = report->first_bands,
+                     .last_bands = report->last_bands});
+    } catch (const Error& error) {
+      if (error.kind() != ErrorKind::Input) throw;
+      folder.forget(chunk);
+      throw Error(
+          ErrorKind::Input, fmt::format("chunk {}: {}", chunk, error.what()),
+          fmt::format("the chunk counts as missing now: run lenticule farm render {} {}, or "
+                      "call farm submit again",
+                      folder.path().string(), chunk));
+    }
+    const uint64_t frames = folder.plan().chunk(chunk).end - folder.plan().begin;
+    if (joiner.frame_count() != frames)
+      throw Error(ErrorKind::Input,
+                  fmt::format("{}: has {} frames too few or too many", file.string(),
+                              frames > joiner.frame_count() ? frames - joiner.frame_count()
+                                                            : joiner.frame_count() - frames));
+  }
+  joiner.finish();
+  result.frames = joiner.frame_count();
+  result.bytes = joiner.bytes_written();
+  return result;
+}
+
+std::string ranges_text(const std::vector<uint64_t>& numbers) {
+  std::string text;
+  for (size_t at = 0; at < numbers.size();) {
+    size_t last = at;
+    while (last + 1 < numbers.size() && numbers[last + 1] == numbers[last] + 1) ++last;
+    text += text.empty() ? "" : ",";
+    text += last == at ? fmt::format("{}", numbers[at])
+                       : fmt::format("{}-{}", numbers[at], numbers[last]);
+    at = last + 1;
+  }
+  return text;
 }
 
 }  // namespace lenticule::farm

@@ -14,16 +14,62 @@
 //   slurm/               script, logs and job numbers
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
+#include <vector>
 
-#include "farm/chunk_report.h"
 #include "farm/plan.h"
 #include "frames/sequence/predictor_kernel.h"
 
 namespace lenticule::farm {
+
+/// ChunkReport states what a process has rendered. A chunk is done when its report is in the work
+/// folder: the report is written after the chunk's file.
+struct ChunkReport {
+  std::string plan;  ///< identity of the plan
+  uint64_t chunk = 0;
+  uint64_t begin = 0, end = 0;                        ///< frames
+  std::string digest{};                               ///< of the chunk's file
+  uint64_t bytes = 0;                                 ///< of the chunk's file
+  std::vector<uint64_t> first_bands{}, last_bands{};  ///< see frames::FilmPart
+  std::string node{};
+  std::string isa{};  ///< instruction set that rendered
+  int threads = 0;
+  double seconds = 0.0;         ///< whole process
+  double render_seconds = 0.0;  ///< frames of the chunk, with their scenes
+  double extra_seconds = 0.0;   ///< frames that others render, too
+  double started = 0.0;         ///< seconds since 1970 by the node's clock, for people only
+  friend bool operator==(const ChunkReport&, const ChunkReport&) = default;
+};
+
+[[nodiscard]] std::string chunk_report_to_json(const ChunkReport& report);
+/// Parses a report. Throws Error(Input) that begins with `source`.
+[[nodiscard]] ChunkReport parse_chunk_report(std::string_view json, const std::string& source);
+
+/// ChunkProgress is written now and then by a process that renders a chunk.
+struct ChunkProgress {
+  std::string node{};
+  uint64_t chunk = 0;
+  uint64_t done = 0, count = 0;  ///< frames
+  double seconds = 0.0;
+};
+[[nodiscard]] std::string chunk_progress_to_json(const ChunkProgress& progress);
+[[nodiscard]] ChunkProgress parse_chunk_progress(std::string_view json, const std::string& source);
+
+/// ChunkFailure is written when a process gives up a chunk.
+struct ChunkFailure {
+  std::string node{};
+  uint64_t chunk = 0;
+  std::string error;
+  std::string hint{};
+};
+[[nodiscard]] std::string chunk_failure_to_json(const ChunkFailure& failure);
+[[nodiscard]] ChunkFailure parse_chunk_failure(std::string_view json, const std::string& source);
 
 struct FileFacts {
   uint64_t bytes = 0;
@@ -108,5 +154,36 @@ class WorkFolder {
 
 /// Renames a file, which replaces `to`. Throws Error(Failed).
 void move_file(const std::filesystem::path& from, const std::filesystem::path& to);
+
+struct MergeOptions {
+  bool partial = false;  ///< join the frames before the first chunk that is not done
+  /// Longest time to wait for chunks that are missing: the folder of a network file system may show
+  /// a file some seconds late.
+  std::chrono::seconds wait{0};
+  /// Called before each chunk; returning true stops the merge.
+  std::function<bool(uint64_t chunk)> stops = [](uint64_t) { return false; };
+  /// Pauses between two looks for missing chunks; tests replace it.
+  std::function<void(std::chrono::milliseconds)> pause{};
+};
+
+struct MergeResult {
+  uint64_t frames = 0;
+  uint64_t chunks = 0;
+  uint64_t bytes = 0;
+  bool stopped = false;  ///< nothing was written
+};
+
+/// Returns the numbers of the chunks that are not done.
+[[nodiscard]] std::vector<uint64_t> missing_chunks(const WorkFolder& folder);
+
+/// Joins the chunks of a plan to the film, with the bytes that one process writes in one run. Throws Error(Input) that
+/// names the chunks if some are missing, damaged or were rendered with other bytes by two
+/// processes; a damaged chunk counts as missing from then on. Throws Error(Failed) if the film
+/// cannot be written. An existing film stays unchanged if anything fails.
+MergeResult merge_film(const WorkFolder& folder, const std::filesystem::path& film,
+                       const MergeOptions& options = {});
+
+/// Returns chunk numbers as "0-3,7".
+[[nodiscard]] std::string ranges_text(const std::vector<uint64_t>& numbers);
 
 }  // namespace lenticule::farm

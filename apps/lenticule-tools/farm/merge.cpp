@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule farm merge joins the chunks of a plan into the film.
-#include "farm/merge.h"
-
 #include <fmt/format.h>
 
 #include "apps/lenticule-tools/farm/actions.h"
@@ -9,6 +7,7 @@
 #include "base/error.h"
 #include "base/json_output.h"
 #include "base/print.h"
+#include "farm/work_folder.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 

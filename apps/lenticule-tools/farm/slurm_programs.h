@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "farm/slurm_queue.h"
+#include "farm/slurm.h"
 #include "farm/work_folder.h"
 
 namespace lenticule::tools {

@@ -9,10 +9,9 @@
 
 #include "base/error.h"
 #include "base/text.h"
-#include "farm/chunk_report.h"
 #include "farm/plan.h"
 #include "farm/slurm.h"
-#include "farm/slurm_queue.h"
+#include "farm/work_folder.h"
 #include "frames/sequence/sequence_joiner.h"
 
 namespace lenticule::farm {

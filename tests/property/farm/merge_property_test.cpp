@@ -7,8 +7,8 @@
 #include <random>
 
 #include "base/error.h"
-#include "farm/merge.h"
 #include "farm/plan.h"
+#include "farm/work_folder.h"
 #include "small_farm.h"
 
 namespace lenticule::farm {

@@ -11,7 +11,7 @@
 
 #include "base/temporary.h"
 #include "base/unique_fd.h"
-#include "farm/merge.h"
+#include "farm/work_folder.h"
 #include "frames/sequence/file_bytes.h"
 #include "frames/sequence/sequence_joiner.h"
 #include "frames/sequence/sequence_layout.h"

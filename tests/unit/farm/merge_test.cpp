@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "farm/merge.h"
-
 #include <gtest/gtest.h>
 
 #include <thread>
 
 #include "base/error.h"
+#include "farm/work_folder.h"
 #include "frames/sequence/sequence_reader.h"
 #include "small_farm.h"
 #include "tests/support/error_matchers.h"

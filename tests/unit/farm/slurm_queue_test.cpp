@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "farm/slurm_queue.h"
-
 #include <gtest/gtest.h>
+
+#include "farm/slurm.h"
 
 namespace lenticule::farm {
 namespace {

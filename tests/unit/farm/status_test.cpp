@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "base/file.h"
-#include "farm/merge.h"
+#include "farm/work_folder.h"
 #include "small_farm.h"
 
 namespace lenticule::farm {
