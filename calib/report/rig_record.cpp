@@ -13,7 +13,7 @@
 
 #include "base/numbers.h"
 #include "base/text.h"
-#include "calib/report/report_text.h"
+#include "calib/report/report.h"
 
 namespace lenticule::calib {
 namespace {

@@ -21,7 +21,7 @@
 #include "base/error.h"
 #include "base/print.h"
 #include "calib/photo/tag_chart.h"
-#include "calib/report/report_json.h"
+#include "calib/report/report.h"
 #include "display/display_sink.h"
 #include "display/open/open_display.h"
 #include "frames/image_io.h"

@@ -25,7 +25,7 @@
 #include "calib/photo/photo_folder.h"
 #include "calib/photo/single_photo.h"
 #include "calib/photo/tag_chart.h"
-#include "calib/report/report_json.h"
+#include "calib/report/report.h"
 #include "frames/image_io.h"
 #include "frames/picture_codec.h"
 #include "frames/srgb.h"

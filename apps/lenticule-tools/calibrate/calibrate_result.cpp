@@ -6,9 +6,7 @@
 
 #include "base/file.h"
 #include "base/print.h"
-#include "calib/report/report_html.h"
-#include "calib/report/report_json.h"
-#include "calib/report/report_text.h"
+#include "calib/report/report.h"
 #include "optics/rig_file.h"
 #include "optics/rig_store.h"
 #include "optics/trim.h"

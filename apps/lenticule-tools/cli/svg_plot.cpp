@@ -11,7 +11,7 @@
 #include <limits>
 
 #include "base/error.h"
-#include "calib/report/plain_text.h"
+#include "base/text.h"
 
 namespace lenticule::tools {
 namespace {
@@ -27,6 +27,33 @@ constexpr double kBottom = 56.0;
 /// white.
 constexpr std::array kColours = {"#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9",
                                  "#e69f00", "#000000", "#7f7f7f", "#882255", "#999933"};
+
+/// Returns escaped(text) with & < > " ' written as entities.
+std::string html_escaped(std::string_view text) {
+  std::string out;
+  for (const char c : escaped(text)) {
+    switch (c) {
+      case '&':
+        out += "&amp;";
+        break;
+      case '<':
+        out += "&lt;";
+        break;
+      case '>':
+        out += "&gt;";
+        break;
+      case '"':
+        out += "&quot;";
+        break;
+      case '\'':
+        out += "&#39;";
+        break;
+      default:
+        out += c;
+    }
+  }
+  return out;
+}
 
 std::vector<double> linear_ticks(double low, double high) {
   constexpr double kWanted = 6.0;
@@ -130,15 +157,15 @@ void draw_axes(SvgText& svg, const Plot& plot, const PlacedAxis& x, const Placed
   }
   svg.line(R"(<path d="M{} {}V{}H{}" fill="none" stroke="#333"/>)", kLeft, kTop, bottom, right);
   svg.line(R"(<text x="{}" y="{}" text-anchor="middle">{}</text>)", (kLeft + right) / 2,
-           kHeight - 14, calib::html_escaped(plot.x.label));
+           kHeight - 14, html_escaped(plot.x.label));
   svg.line(R"svg(<text transform="translate(20 {}) rotate(-90)" text-anchor="middle">{}</text>)svg",
-           (kTop + bottom) / 2, calib::html_escaped(plot.y.label));
+           (kTop + bottom) / 2, html_escaped(plot.y.label));
   svg.line(R"(<text x="{}" y="24" text-anchor="middle" font-size="16">{}</text>)",
-           (kLeft + right) / 2, calib::html_escaped(plot.title));
+           (kLeft + right) / 2, html_escaped(plot.title));
 }
 
 std::string title_of(const std::string& name) {
-  return name.empty() ? name : fmt::format("<title>{}</title>", calib::html_escaped(name));
+  return name.empty() ? name : fmt::format("<title>{}</title>", html_escaped(name));
 }
 
 void draw_points(SvgText& svg, const PlotSeries& series, const char* colour, const PlacedAxis& x,
@@ -162,7 +189,7 @@ void draw_legend(SvgText& svg, const PlotSeries& series, const char* colour, siz
     svg.line(R"(<path d="M{} {}h20" stroke="{}" stroke-width="2"/>)", left, row - 4, colour);
   else
     svg.line(R"(<circle cx="{}" cy="{}" r="3.5" fill="{}"/>)", left + 10, row - 4, colour);
-  svg.line(R"(<text x="{}" y="{}">{}</text>)", left + 26, row, calib::html_escaped(series.label));
+  svg.line(R"(<text x="{}" y="{}">{}</text>)", left + 26, row, html_escaped(series.label));
 }
 
 void draw_series(SvgText& svg, const Plot& plot, const PlacedAxis& x, const PlacedAxis& y) {

@@ -10,6 +10,7 @@
 #include <csignal>
 #include <fstream>
 
+#include "base/text.h"
 #include "optics/rig_file.h"
 #include "optics/rig_store.h"
 #include "sample_calibration.h"
@@ -296,6 +297,21 @@ TEST(SaveWithHistory, RefusesTargetsThatAreNotFiles) {
   std::filesystem::create_directory(folder / "rig.toml");
   EXPECT_EQ(error_of([&] { (void)save_with_history(sample_rig(), folder / "rig.toml"); }).kind(),
             ErrorKind::Input);
+}
+
+// The rig file's own rule for printable text must accept everything that escaped() returns.
+TEST(RigRecord, EveryPairOfBytesIsValidInARigFile) {
+  optics::Rig rig = test::sample_rig();
+  for (int first = 0; first < 256; ++first) {
+    std::string all;
+    for (int second = 0; second < 256; ++second) {
+      all += static_cast<char>(first);
+      all += static_cast<char>(second);
+    }
+    rig.provenance = {{"key", escaped(all)}};
+    ASSERT_FALSE(optics::find_problem(rig)) << first;
+    ASSERT_EQ(optics::parse_rig(optics::rig_to_toml(rig), "text"), rig) << first;
+  }
 }
 
 }  // namespace
