@@ -13,7 +13,7 @@
 #include <limits>
 #include <span>
 
-#include "calib/cameras/v4l2_failure.h"
+#include "calib/cameras/v4l2_device.h"
 
 namespace lenticule::calib {
 namespace {

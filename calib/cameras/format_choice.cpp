@@ -10,7 +10,7 @@
 #include <limits>
 #include <optional>
 
-#include "calib/cameras/v4l2_failure.h"
+#include "calib/cameras/v4l2_device.h"
 
 namespace lenticule::calib {
 namespace {

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "base/error.h"
 #include "calib/camera.h"
 
 namespace lenticule::calib {
@@ -65,5 +66,17 @@ class V4l2System {
 /// Does an ioctl and repeats it when a signal interrupts it, a limited number of times. Returns 0
 /// or errno.
 [[nodiscard]] int v4l2_call(V4l2Device& device, unsigned long request, void* argument) noexcept;
+
+// Translates failed camera calls to messages with a remedy.
+
+/// Returns the system's text for an errno in lower case, as in a sentence: "no such device".
+///
+/// Thread safety: any thread.
+[[nodiscard]] std::string error_text(int error);
+
+/// Returns an Error(Device) for `path` that could not be opened, or refused `doing` during setup
+/// ("set the format"). Names the programs that have the camera open, and the missing group.
+[[nodiscard]] Error camera_failure(V4l2System& system, const std::string& path,
+                                   const std::string& doing, int error);
 
 }  // namespace lenticule::calib

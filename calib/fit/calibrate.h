@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Computes a rig from the measurements of one or several viewpoints, or refuses with the reasons.
-// docs/panel/calibration.md derives the method.
+// docs/panel/calibration-method.md derives the method.
 #pragma once
 
 #include <optional>

@@ -7,7 +7,7 @@
 
 #include <vector>
 
-#include "calib/fit/pose_fit.h"
+#include "calib/fit/observations.h"
 
 namespace lenticule::calib {
 

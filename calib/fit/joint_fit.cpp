@@ -4,14 +4,327 @@
 #include <ceres/ceres.h>
 #include <ceres/normal_prior.h>
 
+#include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "base/statistics.h"
-#include "calib/fit/residuals.h"
 #include "calib/linear_algebra.h"
+#include "calib/measure/panel_map.h"
 
 namespace lenticule::calib {
+namespace {
+
+// The least-squares terms for Ceres. The caller owns a returned term and gives it to a problem.
+
+constexpr int kModelCount = kCameraCount + kOwnCount + kPoseCount + kSheetCount;
+constexpr std::array<int, 4> kModelCounts = {kCameraCount, kOwnCount, kPoseCount, kSheetCount};
+constexpr size_t kModelBlocks = kModelCounts.size();
+
+class GeometryResidual {
+ public:
+  GeometryResidual(const View& view, const GeometryPoint& point, const optics::Panel& panel)
+      : longer_px_(view.longer_px()), point_(point), panel_(&panel) {}
+
+  template <class T>
+  bool operator()(const T* common, const T* own, const T* pose, const T* sheet, T* out) const {
+    T camera[kCameraCount];
+    camera_of_view(common, own, longer_px_, camera);
+    const PlanePoint<T> lens =
+        lens_plane_point(camera, pose, point_.camera_px.x, point_.camera_px.y);
+    const PlanePoint<T> seen = wide_pattern_point(pose, sheet, *panel_, lens);
+    out[0] = (seen.x / panel_->pixel_width.value + panel_->width_px / 2.0 - point_.panel_px.x) /
+             point_.sigma_px;
+    out[1] = (panel_->height_px / 2.0 - seen.y / panel_->pixel_height.value - point_.panel_px.y) /
+             point_.sigma_px;
+    return true;
+  }
+
+ private:
+  double longer_px_;
+  GeometryPoint point_;
+  const optics::Panel* panel_;
+};
+
+/// PhaseCost is the phase term: derivatives of the model parameters by dual numbers, of the
+/// knots analytically.
+class PhaseCost final : public ceres::CostFunction {
+ public:
+  PhaseCost(const View& view, const PhaseObservation& seen, const optics::Panel& panel,
+            const std::vector<KnotWeight>& knots)
+      : longer_px_(view.longer_px()), seen_(seen), fringe_(view.fringe), panel_(panel) {
+    set_num_residuals(1);
+    mutable_parameter_block_sizes()->assign(kModelCounts.begin(), kModelCounts.end());
+    for (const KnotWeight& knot : knots) {
+      weights_.push_back(knot.weight);
+      mutable_parameter_block_sizes()->push_back(1);
+    }
+  }
+
+  bool Evaluate(const double* const* parameters, double* residual,
+                double** jacobians) const override {
+    double map = 0.0;
+    for (size_t k = 0; k < weights_.size(); ++k)
+      map += weights_[k] * parameters[kModelBlocks + k][0];
+    if (jacobians == nullptr) {
+      const double turns = model_turns(parameters[0], parameters[1], parameters[2], parameters[3]);
+      residual[0] = rest(turns - map) / seen_.sigma;
+      return std::isfinite(residual[0]);
+    }
+    using Jet = ceres::Jet<double, kModelCount>;
+    std::array<Jet, kModelCount> values;
+    int first = 0;
+    std::array<const Jet*, kModelBlocks> blocks{};
+    for (size_t block = 0; block < kModelBlocks; ++block) {
+      blocks[block] = values.data() + first;
+      for (int k = 0; k < kModelCounts[block]; ++k)
+        values[static_cast<size_t>(first + k)] = Jet(parameters[block][k], first + k);
+      first += kModelCounts[block];
+    }
+    const Jet turns = model_turns(blocks[0], blocks[1], blocks[2], blocks[3]);
+    residual[0] = rest(turns.a - map) / seen_.sigma;
+    first = 0;
+    for (size_t block = 0; block < kModelBlocks; ++block) {
+      for (int k = 0; k < kModelCounts[block] && jacobians[block] != nullptr; ++k)
+        jacobians[block][k] = -turns.v[first + k] / seen_.sigma;
+      first += kModelCounts[block];
+    }
+    for (size_t k = 0; k < weights_.size(); ++k)
+      if (jacobians[kModelBlocks + k] != nullptr)
+        jacobians[kModelBlocks + k][0] = weights_[k] / seen_.sigma;
+    return std::isfinite(residual[0]);
+  }
+
+ private:
+  template <class T>
+  T model_turns(const T* common, const T* own, const T* pose, const T* sheet) const {
+    T camera[kCameraCount];
+    camera_of_view(common, own, longer_px_, camera);
+    const PlanePoint<T> lens = lens_plane_point(camera, pose, seen_.camera_px.x, seen_.camera_px.y);
+    const PlanePoint<T> q = fringe_point(pose, sheet, panel_, lens);
+    return fringe_turns(fringe_, panel_, q) - lens_coordinate(sheet, panel_, lens);
+  }
+  [[nodiscard]] double rest(double model) const {
+    const double difference = seen_.turns - model;
+    return difference - std::round(difference);
+  }
+
+  double longer_px_;
+  PhaseObservation seen_;
+  Fringe fringe_;
+  const optics::Panel& panel_;
+  std::vector<double> weights_;
+};
+
+class LinearCost final : public ceres::CostFunction {
+ public:
+  LinearCost(const std::vector<double>& weights, double sigma) : weights_(weights) {
+    for (double& weight : weights_) {
+      weight /= sigma;
+      mutable_parameter_block_sizes()->push_back(1);
+    }
+    set_num_residuals(1);
+  }
+  bool Evaluate(const double* const* parameters, double* residual,
+                double** jacobians) const override {
+    residual[0] = 0.0;
+    for (size_t k = 0; k < weights_.size(); ++k) {
+      residual[0] += weights_[k] * parameters[k][0];
+      if (jacobians != nullptr && jacobians[k] != nullptr) jacobians[k][0] = weights_[k];
+    }
+    return true;
+  }
+
+ private:
+  std::vector<double> weights_;
+};
+
+/// CameraPrior is (value - expected) / sigma for each camera parameter.
+class CameraPrior {
+ public:
+  CameraPrior(const CameraValues& prior, const CameraValues& sigma)
+      : prior_(prior), sigma_(sigma) {}
+  template <class T>
+  bool operator()(const T* camera, T* out) const {
+    for (int k = 0; k < kCameraCount; ++k)
+      out[k] = (camera[k] - prior_[static_cast<size_t>(k)]) / sigma_[static_cast<size_t>(k)];
+    return true;
+  }
+
+ private:
+  CameraValues prior_;
+  CameraValues sigma_;
+};
+
+/// Makes a geometry term. Parameter blocks: camera, own camera, pose, sheet. Two residuals: the
+/// panel point of the model at the camera pixel minus the decoded panel point, in standard errors.
+ceres::CostFunction* geometry_cost(const View& view, const GeometryPoint& point,
+                                   const optics::Panel& panel) {
+  return new ceres::AutoDiffCostFunction<GeometryResidual, 2, kCameraCount, kOwnCount, kPoseCount,
+                                         kSheetCount>(new GeometryResidual(view, point, panel));
+}
+
+/// Makes a phase term. Parameter blocks: camera, own camera, pose, sheet, and one number for each
+/// knot weight.
+/// One residual: the observed phase minus the model's, without whole turns, in standard errors.
+ceres::CostFunction* phase_cost(const View& view, const PhaseObservation& seen,
+                                const optics::Panel& panel, const std::vector<KnotWeight>& knots) {
+  return new PhaseCost(view, seen, panel, knots);
+}
+
+/// Makes a linear term. Parameter blocks: one number for each weight. One residual: their weighted
+/// sum, over sigma.
+ceres::CostFunction* linear_cost(const std::vector<double>& weights, double sigma) {
+  return new LinearCost(weights, sigma);
+}
+
+/// Adds weak priors that hold for any camera: focal length, centre, little distortion.
+void add_camera_priors(ceres::Problem& problem, const View& view, double* camera) {
+  const double width = view.picture_width;
+  const CameraValues prior = {0.9 * width, 0.5 * width, 0.5 * view.picture_height, 0.0, 0.0};
+  const CameraValues sigma = {0.5 * width, 0.05 * width, 0.05 * width, 0.2, 0.2};
+  problem.AddResidualBlock(new ceres::AutoDiffCostFunction<CameraPrior, kCameraCount, kCameraCount>(
+                               new CameraPrior(prior, sigma)),
+                           nullptr, camera);
+}
+
+/// Adds the priors of a view's own camera, with standard deviations that are larger by a factor.
+void add_own_camera_priors(ceres::Problem& problem, double* own, double factor = 1.0) {
+  const ceres::Vector sigmas =
+      factor * Eigen::Vector3d(kOwnFocalSigma, kOwnCentreSigma, kOwnCentreSigma);
+  const ceres::Matrix weights = sigmas.cwiseInverse().asDiagonal();
+  problem.AddResidualBlock(new ceres::NormalPrior(weights, ceres::Vector::Zero(kOwnCount)), nullptr,
+                           own);
+}
+
+constexpr double kUsualFocal = 0.9;  ///< picture widths
+constexpr double kHuberPx = 3.0;     ///< standard errors
+constexpr int kRounds = 40;
+
+CameraValues plain_camera(const View& view, double focal_widths) {
+  return {focal_widths * view.picture_width, view.picture_width / 2.0, view.picture_height / 2.0,
+          0.0, 0.0};
+}
+
+/// Returns the pose of a pinhole camera from the homography panel mm -> direction in the camera's
+/// frame.
+std::optional<PoseValues> pose_of(const Eigen::Matrix3d& direction_from_panel) {
+  Eigen::Matrix3d h = direction_from_panel;
+  const double scale = 2.0 / (h.col(0).norm() + h.col(1).norm());
+  h *= scale;
+  if (h(2, 2) < 0.0) h = -h;  // the panel's centre is in front of the camera
+  Eigen::Matrix3d rotation;
+  rotation.col(0) = h.col(0);
+  rotation.col(1) = h.col(1);
+  rotation.col(2) = h.col(0).cross(h.col(1));
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(rotation, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  rotation = svd.matrixU() * svd.matrixV().transpose();
+  if (!(rotation.determinant() > 0.0)) return std::nullopt;
+  const Eigen::Vector3d pupil = -rotation.transpose() * h.col(2);
+  const Eigen::AngleAxisd turn(rotation);
+  const Eigen::Vector3d axis = turn.angle() * turn.axis();
+  PoseValues pose{axis[0], axis[1], axis[2], pupil[0], pupil[1], pupil[2]};
+  const bool good =
+      std::ranges::all_of(pose, [](double v) { return std::isfinite(v); }) && pupil[2] > 1.0;
+  return good ? std::optional(pose) : std::nullopt;
+}
+
+std::optional<PoseValues> first_pose(const View& view, const CameraValues& camera,
+                                     const optics::Panel& panel) {
+  std::vector<Sighting> sightings;
+  for (const GeometryPoint& p : view.geometry)
+    sightings.push_back({.camera_px = {panel.x_mm(p.panel_px.x), panel.y_mm(p.panel_px.y)},
+                         .panel_px = {(p.camera_px.x - camera[kCentreX]) / camera[kFocal],
+                                      (p.camera_px.y - camera[kCentreY]) / camera[kFocal]}});
+  const std::optional<Homography> h = fit_homography(sightings);
+  if (!h) return std::nullopt;
+  Eigen::Matrix3d m;
+  for (int i = 0; i < 9; ++i) m(i / 3, i % 3) = (*h)[static_cast<size_t>(i)];
+  return pose_of(m);
+}
+
+/// PoseBundle fits all views from a given initial focal length.
+class PoseBundle {
+ public:
+  PoseBundle(const std::vector<View>& views, const SheetParameters& sheet,
+             const optics::Panel& panel)
+      : views_(views), panel_(panel), sheet_(sheet) {
+    fit_.own.assign(views.size(), OwnCameraValues{});
+  }
+
+  std::optional<PoseFit> from(double focal_widths, int rounds) {
+    fit_.camera = plain_camera(views_.front(), focal_widths);
+    fit_.poses.clear();
+    for (const View& view : views_) {
+      const std::optional<PoseValues> pose = first_pose(view, fit_.camera, panel_);
+      if (!pose) return std::nullopt;
+      fit_.poses.push_back(*pose);
+    }
+    return solve(rounds, CameraSameness::Same);
+  }
+
+  /// Improves a fit of one camera by giving each view its own.
+  std::optional<PoseFit> apart_from(const PoseFit& same, int rounds) {
+    fit_ = same;
+    return solve(rounds, CameraSameness::Nearly);
+  }
+
+ private:
+  std::optional<PoseFit> solve(int rounds, CameraSameness sameness) {
+    ceres::Problem problem;
+    double* const camera = fit_.camera.data();
+    size_t residuals = 0;
+    for (size_t v = 0; v < views_.size(); ++v) {
+      // About 400 blocks per view are enough for so few parameters.
+      const size_t stride = std::max<size_t>(1, views_[v].geometry.size() / 400);
+      for (size_t n = 0; n < views_[v].geometry.size(); n += stride, residuals += 2)
+        problem.AddResidualBlock(geometry_cost(views_[v], views_[v].geometry[n], panel_),
+                                 new ceres::HuberLoss(kHuberPx), camera, fit_.own[v].data(),
+                                 fit_.poses[v].data(), sheet_.data());
+      if (sameness == CameraSameness::Nearly)
+        add_own_camera_priors(problem, fit_.own[v].data());
+      else
+        problem.SetParameterBlockConstant(fit_.own[v].data());
+    }
+    add_camera_priors(problem, views_.front(), camera);
+    problem.SetParameterBlockConstant(sheet_.data());
+    ceres::Solver::Options options;
+    options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+    options.max_num_iterations = rounds;
+    options.logging_type = ceres::SILENT;
+    ceres::Solver::Summary summary;
+    ceres::Solve(options, &problem, &summary);
+    if (!summary.IsSolutionUsable()) return std::nullopt;
+    fit_.rms_px = std::sqrt(2.0 * summary.final_cost / static_cast<double>(residuals)) *
+                  views_.front().geometry.front().sigma_px;
+    for (const PoseValues& pose : fit_.poses)
+      if (!(pose[kPupil + 2] > 1.0)) return std::nullopt;
+    return fit_;
+  }
+
+  const std::vector<View>& views_;
+  const optics::Panel& panel_;
+  SheetParameters sheet_;
+  PoseFit fit_;
+};
+
+}  // namespace
+
+std::optional<PoseFit> fit_poses(const std::vector<View>& views, const SheetParameters& sheet,
+                                 const optics::Panel& panel, CameraSameness sameness) {
+  for (const View& view : views)
+    if (view.geometry.size() < 12) return std::nullopt;
+  std::optional<PoseFit> best;
+  for (const double widths : {0.6, kUsualFocal, 1.4, 2.2}) {
+    const std::optional<PoseFit> fit = PoseBundle(views, sheet, panel).from(widths, kRounds);
+    if (fit && (!best || fit->rms_px < best->rms_px)) best = fit;
+  }
+  if (best && sameness == CameraSameness::Nearly)
+    return PoseBundle(views, sheet, panel).apart_from(*best, kRounds);
+  return best;
+}
+
 namespace {
 
 using Eigen::MatrixXd;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Fits all views together: lens sheet, residual map, camera and poses in one robust least-squares
-// fit.
+// Fits the camera's poses to the panel points that it saw, then all views together: lens sheet,
+// residual map, camera and poses in one robust least-squares fit.
 #pragma once
 
 #include <Eigen/Core>
@@ -8,9 +8,18 @@
 
 #include "calib/calibration.h"
 #include "calib/fit/gap_search.h"
-#include "calib/fit/pose_fit.h"
+#include "calib/fit/observations.h"
 
 namespace lenticule::calib {
+
+/// Fits the camera's positions and optics to the panel points that all views saw; the sheet is
+/// held. Starts from the homographies of the views, with
+/// several focal lengths. Returns nothing if no camera fits. If all views face the panel squarely,
+/// a weak prior of 0.9 picture widths determines the focal length.
+[[nodiscard]] std::optional<PoseFit> fit_poses(const std::vector<View>& views,
+                                               const SheetParameters& sheet,
+                                               const optics::Panel& panel,
+                                               CameraSameness sameness = CameraSameness::Same);
 
 struct JointOptions {
   KnotGrid grid{.columns = 24, .rows = 14};

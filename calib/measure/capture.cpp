@@ -7,7 +7,7 @@
 #include <future>
 
 #include "base/error.h"
-#include "calib/measure/mark_moves.h"
+#include "calib/measure/frame_marks.h"
 
 namespace lenticule::calib {
 namespace {

@@ -11,7 +11,6 @@
 #include "calib/camera.h"
 #include "calib/measure/frame_marks.h"
 #include "calib/measure/pattern.h"
-#include "calib/measure/rig_code.h"
 #include "frames/frame_sink.h"
 
 namespace lenticule::calib {

@@ -3,8 +3,10 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "calib/measure/grey.h"
@@ -64,5 +66,63 @@ class MarkReader {
   std::vector<EdgePixel> edges_;
   bool coded_ = false;
 };
+
+/// RigCode encodes the fingerprint of the patterns' rig as codes beside their marks: each pattern,
+/// after those that locate the cells, shows one digit of the fingerprint.
+class RigCode {
+ public:
+  /// Takes the text of optics::fingerprint(rig).
+  explicit RigCode(const std::string& fingerprint);
+
+  /// Returns the code of pattern number n.
+  [[nodiscard]] int of_pattern(size_t n) const;
+  [[nodiscard]] const std::string& fingerprint() const { return fingerprint_; }
+
+ private:
+  std::string fingerprint_;
+  std::vector<int> digits_;
+};
+
+/// RigCodeReadings collects the codes read from pictures of patterns, in their order.
+class RigCodeReadings {
+ public:
+  /// Adds a code; kNoCode if none could be read.
+  void add(int code) { codes_.push_back(code); }
+
+  /// Returns the number of pictures with a code, without those that locate the cells.
+  [[nodiscard]] size_t read() const;
+  /// Returns the number (from 0) of the first picture that shows another rig's code.
+  [[nodiscard]] std::optional<size_t> first_foreign(const RigCode& expected) const;
+  /// Returns the fingerprint shown by the pictures from number `first` on; empty unless every digit
+  /// was read and repeated readings agree.
+  [[nodiscard]] std::optional<std::string> fingerprint(size_t first = 0) const;
+
+ private:
+  std::vector<int> codes_;
+};
+
+/// Throws Error(Input) if the pictures of a place show the code of another rig: patterns of another
+/// pitch would give another pitch as the result.
+void check_codes(const RigCodeReadings& codes, const RigCode& expected, const std::string& place);
+
+// Finds out from the marks whether camera or panel moved between two pictures of one place.
+
+/// Movement of the marks, in camera pixels, from which on a place counts as knocked. Good
+/// sequences have steps of 0.02 to 0.06.
+inline constexpr double kKnockPx = 0.25;
+
+/// MarkStep is a lasting change of the marks' place.
+struct MarkStep {
+  size_t picture = 0;  ///< number, from 0, of the first picture after the step
+  double length_px = 0.0;
+};
+
+/// Returns the largest step above kKnockPx. Takes MarkReader::moved of each picture, in their
+/// order. A step needs four pictures on each side: single readings vary with the light around the
+/// marks, but medians of many do not.
+[[nodiscard]] std::optional<MarkStep> find_step(const std::vector<Vec2>& moves);
+
+/// Returns "the camera moved between photograph A and B", numbers from 1; `picture` as in MarkStep.
+[[nodiscard]] std::string moved_between(size_t picture);
 
 }  // namespace lenticule::calib

@@ -3,15 +3,79 @@
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <deque>
+#include <limits>
 #include <numbers>
 #include <unsupported/Eigen/FFT>
 
 #include "calib/linear_algebra.h"
 
 namespace lenticule::calib {
+
+PhaseSum::PhaseSum(size_t pixels, int steps) : steps_(steps), waves_(pixels), means_(pixels) {}
+
+void PhaseSum::add(const GreyPicture& picture, std::span<const uint32_t> pixels, double phase) {
+  const double angle = 2.0 * std::numbers::pi * phase;
+  const double share = 2.0 / steps_;
+  const auto cosine = static_cast<float>(share * std::cos(angle));
+  const auto sine = static_cast<float>(share * std::sin(angle));
+  const auto mean = static_cast<float>(1.0 / steps_);
+  for (size_t n = 0; n < pixels.size(); ++n) {
+    const float light = picture.light[pixels[n]];
+    waves_[n] += Complex(light * cosine, light * sine);
+    means_[n] += light * mean;
+  }
+}
+
+namespace {
+
+/// The widest period exceeds the axis by this factor, so that noise at one end cannot be mistaken
+/// for the other end.
+constexpr double kMargin = 1.15;
+constexpr double kFinestPart = 1.0 / 64.0;
+constexpr double kFewestLenses = 6.0;
+constexpr double kFinestPixels = 24.0;
+
+/// Returns turns in [0, 1).
+double turns_of(Complex wave) {
+  const double turns =
+      std::atan2(double{wave.imag()}, double{wave.real()}) / (2.0 * std::numbers::pi);
+  return turns < 0.0 ? turns + 1.0 : turns;
+}
+
+}  // namespace
+
+std::array<WaveLevel, 3> wave_levels(int axis_px, double lens_pitch_px) {
+  const double widest = kMargin * axis_px;
+  const double finest =
+      std::min(widest / 9.0,
+               std::max({axis_px * kFinestPart, kFewestLenses * lens_pitch_px, kFinestPixels}));
+  return {{{.period_px = widest, .steps = 4},
+           {.period_px = std::sqrt(widest * finest), .steps = 4},
+           {.period_px = finest, .steps = 8}}};
+}
+
+std::vector<float> decode_positions(const std::array<WaveLevel, 3>& levels,
+                                    const std::array<PhaseSum, 3>& sums, float least) {
+  const size_t count = sums[0].waves().size();
+  std::vector<float> positions(count, std::numeric_limits<float>::quiet_NaN());
+  for (size_t n = 0; n < count; ++n) {
+    if (std::abs(sums[2].waves()[n]) < least) continue;
+    double turns = turns_of(sums[0].waves()[n]);
+    // The position is slightly before the first pixel, not far beyond the last.
+    if (turns > 0.5 * (1.0 + 1.0 / kMargin)) turns -= 1.0;
+    double position = turns * levels[0].period_px;
+    for (size_t level = 1; level < levels.size(); ++level) {
+      const double period = levels[level].period_px;
+      const double part = turns_of(sums[level].waves()[n]);
+      position = (std::round(position / period - part) + part) * period;
+    }
+    positions[n] = static_cast<float>(position);
+  }
+  return positions;
+}
+
 namespace {
 
 using Complex64 = std::complex<double>;

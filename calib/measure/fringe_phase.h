@@ -5,15 +5,61 @@
 // (docs/panel/optics.md).
 #pragma once
 
+#include <array>
+#include <complex>
+#include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
+#include "calib/measure/grey.h"
 #include "calib/measure/panel_map.h"
 #include "calib/measure/pattern.h"
-#include "calib/measure/phase_sum.h"
 #include "optics/panel.h"
 
 namespace lenticule::calib {
+
+// Phase stepping: the same sinusoid shown at K phases gives, at each camera pixel, the phase and
+// the strength of the wave, independent of the background. K equal steps reject the harmonics 2 to
+// K - 2 that a camera's curve adds.
+
+using Complex = std::complex<float>;
+
+/// PhaseSum sums light A + B cos(theta - 2 pi phase) of the K phases to B e^(i theta) and A.
+class PhaseSum {
+ public:
+  PhaseSum(size_t pixels, int steps);
+
+  /// Adds one picture's light at each pixel; the picture was shown at `phase` (turns).
+  void add(const GreyPicture& picture, std::span<const uint32_t> pixels, double phase);
+
+  /// Returns B e^(i theta) of each pixel.
+  [[nodiscard]] const std::vector<Complex>& waves() const { return waves_; }
+  /// Returns A of each pixel.
+  [[nodiscard]] const std::vector<float>& means() const { return means_; }
+
+ private:
+  int steps_;
+  std::vector<Complex> waves_;
+  std::vector<float> means_;
+};
+
+// Decodes the panel point that each camera pixel sees, from wide sinusoids along both axes.
+
+/// WaveLevel is one sinusoid of a panel axis: its period and its number of phase steps.
+struct WaveLevel {
+  double period_px = 0.0;
+  int steps = 0;
+};
+
+/// Returns three levels, from one period for the whole axis down to a fine one. Each level is
+/// coarse enough to be unwrapped by the previous one, and all are much wider than a lens.
+[[nodiscard]] std::array<WaveLevel, 3> wave_levels(int axis_px, double lens_pitch_px);
+
+/// Returns positions along one axis, in pixels, from the waves of its three levels; NaN where the
+/// last level is weaker than `least` (same unit as the waves).
+[[nodiscard]] std::vector<float> decode_positions(const std::array<WaveLevel, 3>& levels,
+                                                  const std::array<PhaseSum, 3>& sums, float least);
 
 /// FringeView is one set of phase-stepped fringes in camera pixels: the wave at each of `count`
 /// pixels, and the panel points of the pixels from a smooth map. Borrowed.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Pattern describes the pictures that calibration shows on the panel, by a formula for each
-// subpixel, in linear light. docs/panel/calibration.md explains their purpose.
+// subpixel, in linear light. docs/panel/calibration-method.md explains
+// their purpose.
 #pragma once
 
 #include <array>

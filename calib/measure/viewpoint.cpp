@@ -5,19 +5,366 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <functional>
+#include <numeric>
 #include <utility>
 
 #include "base/error.h"
-#include "calib/measure/geometry.h"
-#include "calib/measure/lens_spot.h"
+#include "calib/measure/frame_marks.h"
+#include "calib/measure/grey.h"
 #include "calib/measure/link_check.h"
-#include "calib/measure/mark_moves.h"
-#include "calib/measure/pitch_search.h"
-#include "calib/measure/seen_pixels.h"
-#include "calib/measure/visible_pixels.h"
+#include "calib/measure/panel_map.h"
 #include "optics/effective_sheet.h"
+#include "optics/panel.h"
 
 namespace lenticule::calib {
+namespace {
+
+// The patterns of a viewpoint, in their order.
+
+/// Numbers of phase steps of the fringes: at the starting pitch, at its multiples, for the phases
+/// of each colour, and for green's repetition at the end.
+constexpr int kCoarseSteps = 8, kAliasSteps = 4, kFineSteps = 8, kRepeatSteps = 4;
+constexpr int kSpotBins = 16;  ///< combs for the lens spot
+/// Green comes first: its line is kept, and the longer the time until green is repeated, the more
+/// of a drift is detected.
+constexpr std::array<int, 3> kChannelOrder = {1, 2, 0};
+
+/// Returns the levels of the wide waves along one axis.
+std::array<WaveLevel, 3> levels_of(const optics::Rig& rig, bool vertical) {
+  return wave_levels(vertical ? rig.panel.height_px : rig.panel.width_px,
+                     rig.sheet.pitch.value / 3.0);
+}
+
+/// Returns the first patterns: the dark panel with marks 0, 1 and 2, and the white panel.
+std::vector<Pattern> locating_patterns() {
+  std::vector<Pattern> patterns;
+  for (int mark = 0; mark < 3; ++mark)
+    patterns.push_back({.shape = Flat{}, .channels = {}, .mark = mark});
+  patterns.push_back({.shape = Flat{{1.0, 1.0, 1.0}}, .channels = {}, .mark = 3});
+  return patterns;
+}
+
+}  // namespace
+
+int pattern_count(const MeasureOptions& options) {
+  const int geometry = 2 * (4 + 4 + 8);
+  const int aliases = options.adaptive ? 2 * kAliasSteps : 0;
+  const int link_and_spot = options.link_and_spot ? 4 + kSpotBins : 0;
+  return 4 + geometry + kCoarseSteps + aliases + 3 + link_and_spot + 3 * kFineSteps + kRepeatSteps;
+}
+
+std::vector<Pattern> photo_patterns(const optics::Rig& start) {
+  std::vector<Pattern> patterns = locating_patterns();
+  const auto step = [&](auto shape, int steps, Channels channels) {
+    for (const double phase : phase_steps(steps)) {
+      shape.phase = phase;
+      patterns.push_back({.shape = shape, .channels = channels});
+    }
+  };
+  for (const bool vertical : {false, true})
+    for (const WaveLevel& level : levels_of(start, vertical))
+      step(Wave{.vertical = vertical, .period_px = level.period_px, .phase = 0.0}, level.steps, {});
+  const Fringe fringe{.pitch_subpx = optics::effective_sheet(start).pitch.value,
+                      .slant = start.sheet.slant,
+                      .phase = 0.0};
+  step(fringe, kCoarseSteps, {});
+  for (int c = 0; c < 3; ++c)
+    patterns.push_back({.shape = Flat{{1.0, 1.0, 1.0}}, .channels = Channels::only(c)});
+  for (const int c : kChannelOrder) step(fringe, kFineSteps, Channels::only(c));
+  step(fringe, kRepeatSteps, Channels::only(1));
+  const RigCode code(optics::fingerprint(start));
+  for (size_t n = 0; n < patterns.size(); ++n) {
+    patterns[n].mark = static_cast<int>(n) % kMarkCounts;
+    patterns[n].code = code.of_pattern(n);
+  }
+  return patterns;
+}
+
+namespace {
+
+// Averages the decoded panel points of camera pixels over blocks, and selects the pixels whose
+// points agree with the smooth map.
+
+/// PictureBlocks divides a camera's picture into squares.
+struct PictureBlocks {
+  int width = 0;  ///< size of the picture
+  int height = 0;
+  int side_px = 16;
+};
+
+/// DecodedPixels holds camera pixels, as indices into their picture, and the decoded panel point of
+/// each; NaN where it could not be decoded.
+struct DecodedPixels {
+  std::vector<uint32_t> pixels;
+  std::vector<float> x;
+  std::vector<float> y;
+};
+
+/// SeenPixels holds pixels that see the panel, and their points on the smooth map.
+struct SeenPixels {
+  DecodedPixels decoded;
+  std::vector<Vec2> panel_points;
+};
+
+/// Returns the means over the blocks of which at least a third was decoded.
+std::vector<Sighting> mean_sightings(const DecodedPixels& decoded, const PictureBlocks& blocks) {
+  const auto& [pixels, x, y] = decoded;
+  const auto& [width, height, side_px] = blocks;
+  const int columns = (width + side_px - 1) / side_px;
+  const int rows = (height + side_px - 1) / side_px;
+  std::vector<std::vector<Sighting>> members(static_cast<size_t>(columns) *
+                                             static_cast<size_t>(rows));
+  for (size_t n = 0; n < pixels.size(); ++n) {
+    if (std::isnan(x[n]) || std::isnan(y[n])) continue;
+    const int i = static_cast<int>(pixels[n]) % width;
+    const int j = static_cast<int>(pixels[n]) / width;
+    members[static_cast<size_t>(j / side_px) * static_cast<size_t>(columns) +
+            static_cast<size_t>(i / side_px)]
+        .push_back({.camera_px = {i + 0.5, j + 0.5}, .panel_px = {x[n], y[n]}});
+  }
+  std::vector<Sighting> sightings;
+  for (const std::vector<Sighting>& block : members) {
+    if (static_cast<int>(block.size()) < side_px * side_px / 3) continue;
+    Sighting mean{.camera_px = {}, .panel_px = {}};
+    for (const Sighting& s : block) {
+      mean.camera_px = mean.camera_px + s.camera_px;
+      mean.panel_px = mean.panel_px + s.panel_px;
+    }
+    const double share = 1.0 / static_cast<double>(block.size());
+    mean.camera_px = mean.camera_px * share;
+    mean.panel_px = mean.panel_px * share;
+    sightings.push_back(mean);
+  }
+  return sightings;
+}
+
+/// Returns the pixels near their points on the map and inside the panel, without those that see the
+/// marks. `lens_px` is the width of a lens in panel pixels.
+SeenPixels pixels_near_map(const DecodedPixels& decoded, const PictureBlocks& blocks,
+                           const PanelMap& map, const optics::Panel& panel, double lens_px,
+                           const MarkCells& marks) {
+  const auto& [pixels, x, y] = decoded;
+  // A pixel sees, through its lens, up to half a lens beside the smooth map, and more because of
+  // noise.
+  const double limit = std::max(3.0, 1.2 * lens_px) + 6.0 * map.typical_error_px();
+  SeenPixels kept;
+  for (size_t n = 0; n < pixels.size(); ++n) {
+    const Vec2 camera{static_cast<int>(pixels[n]) % blocks.width + 0.5,
+                      static_cast<int>(pixels[n]) / blocks.width + 0.5};
+    const Vec2 p = map.at(camera);
+    const bool near = std::abs(p.x - x[n]) < limit && std::abs(p.y - y[n]) < limit;
+    const bool inside = p.x > 0.0 && p.y > 0.0 && p.x < panel.width_px && p.y < panel.height_px;
+    if (!near || !inside || marks.covers(p.x, p.y)) continue;
+    kept.decoded.pixels.push_back(pixels[n]);
+    kept.decoded.x.push_back(x[n]);
+    kept.decoded.y.push_back(y[n]);
+    kept.panel_points.push_back(p);
+  }
+  return kept;
+}
+
+// Finds the pitch of the lenses by showing fringes: near the starting pitch, and at multiples of a
+// pitch that may be an alias.
+
+/// Fraction of the light that waves or fringes must modulate.
+inline constexpr double kLeastModulation = 0.03;
+
+/// Fringes are the waves of a fringe pattern in camera pixels.
+struct Fringes {
+  Fringe fringe;
+  std::vector<Complex> waves;
+  double contrast = 0.0;
+};
+
+/// FringeTrials shows fringes.
+///
+/// Lifetime: must not outlive the panel and the points.
+struct FringeTrials {
+  const optics::Panel& panel;
+  const std::vector<Vec2>& panel_points;  ///< points of the pixels whose waves `show` returns
+  /// Shows fringes in a number of phase steps.
+  std::function<Fringes(double pitch_subpx, double slant, int steps)> show;
+};
+
+struct FoundFringes {
+  Fringes fringes;
+  FringePeak peak;
+};
+
+/// AliasFreeLine is the line of the true pitch, and the factors by which the pitch was multiplied.
+struct AliasFreeLine {
+  LinearPhase line;
+  std::vector<int> multiples;
+};
+
+constexpr int kMostMultiple = 3;  ///< largest multiple of the starting pitch that is tried
+/// Largest error of the starting pitch, relative to the number of lenses across the panel.
+constexpr double kCaptureRange = 0.13;
+constexpr double kLeastCoherent =
+    0.12;                           ///< fraction of the fringes' light that one phase must explain
+constexpr double kLeastLead = 2.0;  ///< ratio to the next best phase
+constexpr double kAliasPart =
+    0.4;  ///< fraction of the first pattern's coherence, at a multiple of its pitch
+
+/// Pitches to try when the starting one shows no fringes, as multiples of it.
+constexpr std::array<double, 5> kOtherPitches = {1.0, 0.5, 2.0, 1.0 / 3.0, 3.0};
+
+LinearPhase phase_for(double pitch, double slant) {
+  return {.constant = 0.0, .per_px_x = 3.0 / pitch, .per_px_y = 3.0 * slant / pitch};
+}
+
+std::optional<FringePeak> peak_of(const FringeTrials& trials, const Fringes& fringes,
+                                  const LinearPhase& start) {
+  const double lenses = std::abs(start.per_px_x) * trials.panel.width_px;
+  const FringeView view{fringes.fringe, fringes.waves, trials.panel_points};
+  std::optional<FringePeak> peak =
+      find_fringes(view, start, kCaptureRange * lenses + 6.0, trials.panel);
+  const bool good = peak && fringes.contrast > kLeastModulation && peak->height > kLeastCoherent &&
+                    peak->height > kLeastLead * peak->second;
+  return good ? peak : std::nullopt;
+}
+
+/// Returns true if fringes appear at a multiple of the pitch. Only at the true pitch do the slow
+/// fringes disappear when the pattern gets wider by an integer factor: neighbouring lenses then see
+/// different phases.
+bool multiple_shows_fringes(const FringeTrials& trials, const LinearPhase& line, int factor,
+                            double first_coherence) {
+  const double pitch = line.pitch_subpx() * factor;
+  if (pitch > trials.panel.width_px / 4.0) return false;
+  const double slant = line.slant();
+  const Fringes fringes = trials.show(pitch, slant, kAliasSteps);
+  const FringeView view{fringes.fringe, fringes.waves, trials.panel_points};
+  const std::optional<FringePeak> peak =
+      find_fringes(view, phase_for(pitch, slant), 6.0, trials.panel);
+  return peak && peak->height * fringes.contrast > kAliasPart * first_coherence;
+}
+
+/// Returns the fringes of the first pitch that shows some: the nominal one or, if `tries_others`,
+/// a small multiple or fraction of it.
+std::optional<FoundFringes> search_pitch(const FringeTrials& trials, double nominal_pitch_subpx,
+                                         double slant, bool tries_others) {
+  for (const double factor : kOtherPitches) {
+    const double pitch = nominal_pitch_subpx * factor;
+    if (pitch < optics::kMinPitchSubpixels || pitch > trials.panel.width_px / 4.0) continue;
+    Fringes fringes = trials.show(pitch, slant, kCoarseSteps);
+    if (const auto peak = peak_of(trials, fringes, phase_for(pitch, slant)))
+      return FoundFringes{std::move(fringes), *peak};
+    if (!tries_others) break;
+  }
+  return std::nullopt;
+}
+
+/// Leaves aliases: fringes also appear at an integer fraction of the pitch, so multiples are tried
+/// as long as fringes appear there. `first` is the fringes at which `line` was found.
+AliasFreeLine leave_aliases(const FringeTrials& trials, const LinearPhase& line,
+                            const FoundFringes& first) {
+  const double first_coherence = first.peak.height * first.fringes.contrast;
+  AliasFreeLine out{.line = line, .multiples = {}};
+  int multiple = 2;
+  while (multiple <= kMostMultiple) {
+    if (!multiple_shows_fringes(trials, out.line, multiple, first_coherence)) {
+      ++multiple;
+      continue;
+    }
+    out.multiples.push_back(multiple);
+    out.line = {.constant = out.line.constant / multiple,
+                .per_px_x = out.line.per_px_x / multiple,
+                .per_px_y = out.line.per_px_y / multiple};
+    multiple = 2;
+  }
+  return out;
+}
+
+// SpotSum measures the sharpness of lenses: the light seen while only one place under each lens is
+// lit, place after place.
+
+class SpotSum {
+ public:
+  /// Takes `blocks`, the deviation of each part of the panel from the straight phase of the combs.
+  ///
+  /// Lifetime: `blocks` must outlive the sum.
+  SpotSum(int bins, const BlockGrid& blocks, const LinearPhase& drawn, const optics::Panel& panel);
+
+  /// Adds the picture of the comb at bin (b + 1/2) / bins - 1/2.
+  void add(int bin, const GreyPicture& picture, const GreyPicture& dark,
+           const std::vector<uint32_t>& pixels, int block_px);
+
+  [[nodiscard]] LensSpot result() const;
+
+ private:
+  const BlockGrid& blocks_;
+  std::vector<double> shifts_;  ///< shift of each block, bins
+  std::vector<double> profile_;
+};
+
+/// Returns the profile's standard deviation about its middle, above its floor.
+double sigma_of(const std::vector<double>& profile, double floor) {
+  const auto bins = static_cast<double>(profile.size());
+  double sum = 0.0, square = 0.0;
+  for (size_t b = 0; b < profile.size(); ++b) {
+    const double place = (static_cast<double>(b) + 0.5) / bins - 0.5;
+    const double light = std::max(0.0, profile[b] - floor);
+    sum += light;
+    square += light * place * place;
+  }
+  // The comb itself is one bin wide.
+  const double comb = 1.0 / (12.0 * bins * bins);
+  return sum > 0.0 ? std::sqrt(std::max(square / sum - comb, 0.25 * comb)) : 0.0;
+}
+
+/// Returns the crosstalk for an eye in the middle of one of two views: the light of the other view
+/// divided by the light of its own.
+double two_view_crosstalk(const std::vector<double>& profile) {
+  const size_t bins = profile.size();
+  double own = 0.0, other = 0.0;
+  for (size_t b = 0; b < bins; ++b) {
+    const double place = (static_cast<double>(b) + 0.5) / static_cast<double>(bins) - 0.5;
+    (std::abs(place) < 0.25 ? own : other) += profile[b];
+  }
+  return own > 0.0 ? other / own : 1.0;
+}
+
+SpotSum::SpotSum(int bins, const BlockGrid& blocks, const LinearPhase& drawn,
+                 const optics::Panel& panel)
+    : blocks_(blocks), profile_(static_cast<size_t>(bins)) {
+  for (const PhaseBlock& block : blocks.blocks)
+    shifts_.push_back((block.phase - drawn.at(block.panel_px, panel)) * bins);
+}
+
+void SpotSum::add(int bin, const GreyPicture& picture, const GreyPicture& dark,
+                  const std::vector<uint32_t>& pixels, int block_px) {
+  const auto bins = static_cast<int>(profile_.size());
+  for (const uint32_t pixel : pixels) {
+    const int x = static_cast<int>(pixel) % picture.width / block_px;
+    const int y = static_cast<int>(pixel) / picture.width / block_px;
+    const auto n = static_cast<size_t>(y * blocks_.columns + x);
+    if (blocks_.blocks[n].pixels == 0) continue;
+    // A block whose phase is larger than the drawn one shows this bin at a larger place.
+    const double at = bin + shifts_[n];
+    const double whole = std::floor(at);
+    const double light = double{picture.light[pixel]} - double{dark.light[pixel]};
+    const int first = ((static_cast<int>(whole) % bins) + bins) % bins;
+    profile_[static_cast<size_t>(first)] += light * (1.0 - (at - whole));
+    profile_[static_cast<size_t>((first + 1) % bins)] += light * (at - whole);
+  }
+}
+
+LensSpot SpotSum::result() const {
+  LensSpot spot;
+  const double all = std::accumulate(profile_.begin(), profile_.end(), 0.0);
+  if (!(all > 0.0)) return spot;
+  for (const double light : profile_) spot.profile.push_back(light / all);
+  const double floor = std::max(0.0, *std::min_element(spot.profile.begin(), spot.profile.end()));
+  spot.veiling_glare = floor * static_cast<double>(spot.profile.size());
+  spot.sigma_lenses = sigma_of(spot.profile, floor);
+  spot.two_view_crosstalk = two_view_crosstalk(spot.profile);
+  return spot;
+}
+
+}  // namespace
+
 namespace {
 
 constexpr int kBlocksAcross = 80;     ///< blocks across the picture

@@ -11,10 +11,28 @@
 #include "calib/calibration.h"
 #include "calib/measure/capture.h"
 #include "calib/measure/fringe_phase.h"
-#include "calib/measure/pattern_sequence.h"
+#include "calib/measure/pattern.h"
 #include "optics/model.h"
+#include "optics/rig.h"
 
 namespace lenticule::calib {
+
+struct MeasureOptions {
+  std::string name = "centre";
+  /// True if the link and the lens spot are measured too; once per calibration is enough.
+  bool link_and_spot = true;
+  /// False if patterns cannot depend on earlier pictures (photographs): the patterns are those of
+  /// photo_patterns(), the fringes have the starting pitch, and aliases cannot be detected.
+  bool adaptive = true;
+};
+
+/// Returns the number of patterns of a measurement, for progress; a start that is an alias needs
+/// more.
+[[nodiscard]] int pattern_count(const MeasureOptions& options);
+
+/// Returns the patterns of a measurement that is not adaptive, in their order and with their marks:
+/// the patterns to be photographed, one picture each.
+[[nodiscard]] std::vector<Pattern> photo_patterns(const optics::Rig& start);
 
 /// GeometryPoint is a decoded point for locating the camera: the block mean of the wide waves'
 /// positions.

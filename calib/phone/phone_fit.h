@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "calib/calibration.h"
-#include "calib/fit/knot_weights.h"
 #include "calib/fit/observations.h"
 #include "calib/photo/single_photo.h"
 

@@ -9,7 +9,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "calib/fit/knot_weights.h"
+#include "calib/fit/observations.h"
 #include "calib/fit/projection.h"
 #include "calib/phone/phone_observations.h"
 

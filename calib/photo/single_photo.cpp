@@ -4,16 +4,538 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
-#include <optional>
+#include <limits>
 #include <utility>
 
 #include "base/error.h"
-#include "calib/photo/photo_result.h"
+#include "base/statistics.h"
+#include "calib/photo/phase_plane.h"
+#include "calib/photo/tag_finder.h"
+#include "optics/model.h"
 
 namespace lenticule::calib {
 namespace {
+
+// Averages large photographs down, so that measuring takes at most a second.
+
+/// AveragedPhoto is a photograph in which squares of pixels became one pixel each.
+struct AveragedPhoto {
+  PhotoLight light;
+  int averaged = 1;  ///< side of the squares
+
+  /// Scales priors, which refer to the photograph, to this picture.
+  [[nodiscard]] PhotoPriors scaled(PhotoPriors priors) const;
+};
+
+constexpr int kMostSide = 2600;
+
+/// Appends the mean light of a square of pixels, and that of each channel, to the picture.
+void append_mean(const CameraPicture& photograph, int left, int top, int side, PhotoLight& out) {
+  float sum = 0.0F;
+  std::array<float, 3> colours{};
+  int clipped = 0;
+  const auto channels = static_cast<size_t>(photograph.channels);
+  for (int j = top; j < top + side; ++j) {
+    const size_t row = static_cast<size_t>(j) * static_cast<size_t>(photograph.width);
+    const size_t first = (row + static_cast<size_t>(left)) * channels;
+    for (size_t k = first; k < first + static_cast<size_t>(side) * channels; ++k) {
+      sum += photograph.light[k];
+      clipped += photograph.light[k] >= kSaturatedLight ? 1 : 0;
+      if (channels == colours.size()) colours[k % channels] += photograph.light[k];
+    }
+  }
+  const int values = side * side * photograph.channels;
+  out.light.push_back(sum / static_cast<float>(values));
+  out.clipped.push_back(static_cast<uint8_t>(255 * clipped / values));
+  for (float& colour : colours) colour /= static_cast<float>(side * side);
+  if (channels == colours.size()) out.colours.push_back(colours);
+}
+
+PhotoPriors AveragedPhoto::scaled(PhotoPriors priors) const {
+  if (priors.focal_px) {
+    priors.focal_px->value /= averaged;
+    priors.focal_px->sigma /= averaged;
+  }
+  return priors;
+}
+
+/// Returns a picture of at most 2600 pixels along its longer side.
+AveragedPhoto average_down(const CameraPicture& photograph) {
+  AveragedPhoto out;
+  const int longer = std::max(photograph.width, photograph.height);
+  out.averaged = std::max((longer + kMostSide - 1) / kMostSide, 1);
+  PhotoLight& picture = out.light;
+  picture.width = photograph.width / out.averaged;
+  picture.height = photograph.height / out.averaged;
+  const size_t count = static_cast<size_t>(picture.width) * static_cast<size_t>(picture.height);
+  picture.light.reserve(count);
+  picture.clipped.reserve(count);
+  for (int j = 0; j < picture.height; ++j)
+    for (int i = 0; i < picture.width; ++i)
+      append_mean(photograph, i * out.averaged, j * out.averaged, out.averaged, picture);
+  return out;
+}
+
+// Locates the camera of a photograph by the tags of the chart.
+
+/// Refusal is the reason why a photograph cannot be used, or nothing.
+using Refusal = std::optional<std::string>;
+
+struct TaggedCamera {
+  std::vector<TagSighting> tags;
+  std::optional<PhotoPose> pose;
+};
+
+constexpr size_t kLeastTags = 5;
+constexpr double kMisplacedPx = 1.5;
+
+/// Removes tags that are partly hidden: they are found, but at a wrong position.
+std::vector<TagSighting> without_misplaced(const TaggedCamera& camera) {
+  const double most = std::max(4.0 * upper_median(camera.pose->tag_off_px), kMisplacedPx);
+  std::vector<TagSighting> kept;
+  for (size_t i = 0; i < camera.tags.size(); ++i)
+    if (camera.pose->tag_off_px[i] <= most) kept.push_back(camera.tags[i]);
+  return kept;
+}
+
+/// Returns the part of the picture's longer side that the tags extend over.
+double extent_of_tags(const AveragedPhoto& photo, const TaggedCamera& camera) {
+  Vec2 least{1e9, 1e9}, most{-1e9, -1e9};
+  for (const TagSighting& tag : camera.tags)
+    for (const Vec2& corner : tag.corners_px) {
+      least = {std::min(least.x, corner.x), std::min(least.y, corner.y)};
+      most = {std::max(most.x, corner.x), std::max(most.y, corner.y)};
+    }
+  return std::max(most.x - least.x, most.y - least.y) /
+         std::max(photo.light.width, photo.light.height);
+}
+
+/// Returns a refusal if the given camera data contradict the tags. Few pixels determine the camera
+/// badly, so that a distance appears as another contradiction.
+Refusal contradiction(const AveragedPhoto& photo, const TaggedCamera& camera,
+                      const SinglePhotoChart& chart, const PhotoPriors& priors) {
+  constexpr double kMostPull = 4.0, kLeastExtent = 0.3;
+  const bool contradicts =
+      camera.pose->axis_pull > kMostPull ||
+      (priors.focal_px && priors.distance_mm && camera.pose->prior_pull > kMostPull);
+  if (!contradicts) return std::nullopt;
+  if (const double extent = extent_of_tags(photo, camera); extent < kLeastExtent)
+    return fmt::format(
+        "the chart takes only {:.0f} % of the picture's longer side: it was taken from "
+        "too far away; go nearer",
+        100.0 * extent);
+  if (camera.pose->axis_pull > kMostPull) {
+    const Vec2 off =
+        (camera.pose->middle_px - Vec2{0.5 * photo.light.width, 0.5 * photo.light.height}) *
+        photo.averaged;
+    return fmt::format(
+        "the camera's axis is {:.0f} pixels to the side and {:.0f} down from the middle of the "
+        "picture: it was cropped; give the whole photograph",
+        off.x, off.y);
+  }
+  const auto found_without = [&](auto forget) {
+    PhotoPriors fewer = photo.scaled(priors);
+    forget(fewer);
+    return find_pose(camera.tags, chart, photo.light.width, photo.light.height, fewer);
+  };
+  const auto by_focal = found_without([](PhotoPriors& p) { p.distance_mm.reset(); });
+  const auto by_distance = found_without([](PhotoPriors& p) { p.focal_px.reset(); });
+  if (!by_focal || !by_distance) return "distance and focal length contradict the tags";
+  return fmt::format(
+      "distance and focal length contradict the picture: {:.0f} pixels of focal length give this "
+      "picture of the tags from {:.0f} mm, not {:.0f} mm, and at that distance the focal length "
+      "would be {:.0f} pixels; if both are right the panel's size in the rig is wrong by {:.0f} %",
+      priors.focal_px->value, by_focal->eye_mm.z, priors.distance_mm->value,
+      by_distance->focal_px * photo.averaged,
+      100.0 * std::abs(by_focal->eye_mm.z / priors.distance_mm->value - 1.0));
+}
+
+Refusal place_camera(const AveragedPhoto& photo, const SinglePhotoChart& chart,
+                     const PhotoPriors& priors, TaggedCamera& camera) {
+  const auto try_tags = [&] {
+    camera.pose =
+        find_pose(camera.tags, chart, photo.light.width, photo.light.height, photo.scaled(priors));
+  };
+  try_tags();
+  if (camera.pose) {
+    const std::vector<TagSighting> kept = without_misplaced(camera);
+    if (kept.size() >= kLeastTags && kept.size() < camera.tags.size()) {
+      camera.tags = kept;
+      try_tags();
+    }
+  }
+  if (!camera.pose) return "the tags fit no place of a camera in front of the panel";
+  if (Refusal refusal = contradiction(photo, camera, chart, priors)) return refusal;
+  constexpr double kMostCornerPx = 3.0;
+  if (camera.pose->corner_rms_px > kMostCornerPx)
+    return fmt::format(
+        "the tags deviate by {:.1f} pixels from a flat panel seen through a simple lens",
+        camera.pose->corner_rms_px);
+  return std::nullopt;
+}
+
+/// Returns true if tags of the chart appear when the picture is mirrored.
+bool is_mirrored(const PhotoLight& picture, const SinglePhotoChart& chart) {
+  PhotoLight mirrored{picture.width, picture.height, picture.light};
+  for (int row = 0; row < mirrored.height; ++row) {
+    const auto begin = mirrored.light.begin() + static_cast<ptrdiff_t>(row) * mirrored.width;
+    std::reverse(begin, begin + mirrored.width);
+  }
+  const std::vector<TagSighting> tags = find_tags(mirrored, kLeastTags);
+  return std::ranges::count_if(tags, [&](const TagSighting& tag) {
+           return chart.tag(tag.id) != nullptr;
+         }) >= static_cast<ptrdiff_t>(kLeastTags);
+}
+
+/// Finds tags and pose. Refuses photographs with too few tags, with tags of another rig's chart,
+/// mirrored ones, and those whose tags contradict the priors or a flat panel; `camera` then has
+/// the results until there.
+Refusal locate_camera(const AveragedPhoto& photo, const SinglePhotoChart& chart,
+                      const PhotoPriors& priors, TaggedCamera& camera) {
+  camera.tags = find_tags(photo.light, chart.tags.size());
+  const size_t foreign = std::erase_if(
+      camera.tags, [&](const TagSighting& tag) { return chart.tag(tag.id) == nullptr; });
+  if (camera.tags.size() < kLeastTags && foreign >= kLeastTags)
+    return "the chart in the photograph was made for another rig";
+  if (camera.tags.size() < kLeastTags && is_mirrored(photo.light, chart))
+    return "the photograph is mirrored: switch off the camera program's mirroring, or take the "
+           "phone's back camera";
+  if (camera.tags.size() < kLeastTags)
+    return fmt::format(
+        "only {} of {} tags were found: the panel is not completely in the picture, too small, or "
+        "out of focus",
+        camera.tags.size(), chart.tags.size());
+  return place_camera(photo, chart, priors, camera);
+}
+
+// Fits pitch, slant, offset and residual map of the sheet to the fringes that one camera saw.
+
+/// Largest residual of a sheet that counts as even.
+constexpr double kEvenLenses = 0.02;
+
+/// PlaneFit holds the steps of the fit; after a refusal those until there.
+struct PlaneFit {
+  FringeSamples fringes;
+  optics::Rig rig;  ///< the rig known so far
+  std::vector<FringeBlock> blocks;
+  PlaneCorrection correction;
+  double uneven_lenses = 0.0;  ///< residual before the sheet's shape was mapped
+
+  /// Returns the fraction of the blocks that are outliers.
+  [[nodiscard]] double left_out() const;
+};
+
+constexpr double kMostSaturated = 0.5;
+constexpr double kLeastCovered = 0.5;
+constexpr double kLeastContrast = 0.05;
+constexpr double kMostRmsLenses = 0.05;
+constexpr double kMostLeftOut = 0.2;
+
+double median_contrast(const std::vector<FringeBlock>& blocks) {
+  std::vector<double> values;
+  for (const FringeBlock& block : blocks) values.push_back(block.contrast);
+  return upper_median(std::move(values));
+}
+
+void improve(PlaneFit& fit, const LensPlane& add) {
+  LensPlane plane = plane_of(fit.rig);
+  plane.at += add.at;
+  plane.across += add.across;
+  plane.down += add.down;
+  fit.rig = with_plane(fit.rig, plane);
+}
+
+/// Refines the plane in rounds: relative to a better plane, a block's own fringes are straighter.
+void refine_plane(const SinglePhotoChart& chart, PlaneFit& fit) {
+  constexpr int kRounds = 3;
+  for (int round = 0; round < kRounds; ++round) {
+    fit.blocks = measure_blocks(fit.fringes, chart, fit.rig);
+    fit.correction = fit_plane(fit.blocks);
+    improve(fit, fit.correction.add);
+  }
+}
+
+double PlaneFit::left_out() const {
+  if (blocks.empty()) return 1.0;
+  return 1.0 - static_cast<double>(correction.used) / static_cast<double>(blocks.size());
+}
+
+/// Finds the fringes and counts them: `fit.fringes` and a first pitch and slant. Refuses
+/// photographs with clipped, missing or invisible fringes.
+Refusal locate_fringes(const PhotoLight& picture, const PhotoPose& pose,
+                       const SinglePhotoChart& chart, PlaneFit& fit) {
+  fit.fringes = collect_fringes(picture, pose, chart);
+  if (fit.fringes.saturated > kMostSaturated)
+    return fmt::format("{:.0f} % of the fringes are clipped: expose less",
+                       100.0 * fit.fringes.saturated);
+  if (fit.fringes.covered < kLeastCovered)
+    return fmt::format("only {:.0f} % of the fringes are in the picture",
+                       100.0 * fit.fringes.covered);
+  const FringeCount count = count_fringes(fit.fringes, chart);
+  if (count.prominence < kLeastProminence)
+    return "no fringes were found: the picture is blurred, the sheet is not on the panel, or its "
+           "pitch differs by more than a tenth from the rig's";
+  LensPlane plane = plane_of(chart.start);
+  plane.across += count.more_lenses.x;
+  plane.down += count.more_lenses.y;
+  fit.rig = with_plane(chart.start, plane);
+  return std::nullopt;
+}
+
+/// Fits the phases of `fit.fringes`, starting at `fit.rig`. Refuses faint fringes and those that
+/// fit no even sheet.
+Refusal fit_phases(const SinglePhotoChart& chart, PlaneFit& fit) {
+  fit.blocks = measure_blocks(fit.fringes, chart, fit.rig);
+  improve(fit, search_plane(fit.blocks));
+  refine_plane(chart, fit);
+  fit.uneven_lenses = fit.correction.max_lenses;
+  // The next map captures the part that the previous map smoothed away.
+  constexpr int kMaps = 3;
+  for (int map = 0; map < kMaps && fit.correction.max_lenses > kEvenLenses; ++map) {
+    fit.rig.sheet.residual =
+        sum_of_maps(fit.rig.sheet.residual, smooth_map(fit.blocks, fit.correction.residuals));
+    refine_plane(chart, fit);
+  }
+  if (median_contrast(fit.blocks) < kLeastContrast)
+    return "the fringes are too faint: the picture is blurred or the room too bright";
+  if (fit.left_out() > kMostLeftOut || fit.blocks.size() < 20 ||
+      fit.correction.rms_lenses > kMostRmsLenses)
+    return fmt::format(
+        "the fringes do not fit an even sheet (rms {:.3f} lenses in {} of {} blocks): the picture "
+        "is out of focus, a lamp is reflected, or the sheet came loose",
+        fit.correction.rms_lenses, fit.correction.used, fit.blocks.size());
+  return std::nullopt;
+}
+
+// Computes a calibration, with standard errors and warnings, from the measurements of a single
+// photograph.
+
+/// PhotoMeasurement holds all intermediate results, so that a refusal can report the progress.
+struct PhotoMeasurement {
+  AveragedPhoto photo;
+  TaggedCamera camera;
+  std::optional<double> squares;  ///< light_of_squares
+  PlaneFit sheet;
+  /// Change of at, across and down if the camera was one standard error further away.
+  LensPlane farther;
+};
+
+constexpr int kGreen = 1;
+
+using Matrix3 = std::array<std::array<double, 3>, 3>;
+
+/// Returns the covariance of at, across and down from the scatter of the blocks and the camera's
+/// distance.
+Matrix3 plane_covariance(const PhotoMeasurement& work) {
+  const std::array<double, 3> farther = {work.farther.at, work.farther.across, work.farther.down};
+  Matrix3 out{};
+  for (size_t i = 0; i < 3; ++i)
+    for (size_t j = 0; j < 3; ++j)
+      out[i][j] = work.sheet.correction.covariance[3 * i + j] + farther[i] * farther[j];
+  return out;
+}
+
+/// Effective holds effective pitch, slant and offset with their correlations.
+struct Effective {
+  std::array<Estimate, 3> estimates;
+  std::vector<std::vector<double>> correlations;
+};
+
+/// Transforms the covariance of at, across and down to that of pitch, slant and offset.
+Matrix3 carried_over(const Matrix3& covariance, const LensPlane& plane,
+                     const optics::Panel& panel) {
+  const double shape = double(panel.width_px) / panel.height_px;
+  const double pitch = 3.0 * panel.width_px / plane.across;
+  const Matrix3 slopes = {
+      {{0.0, -pitch / plane.across, 0.0},
+       {0.0, -plane.down * shape / (plane.across * plane.across), shape / plane.across},
+       {1.0, 0.0, 0.0}}};
+  Matrix3 out{};
+  for (size_t i = 0; i < 3; ++i)
+    for (size_t j = 0; j < 3; ++j)
+      for (size_t k = 0; k < 9; ++k)
+        out[i][j] += slopes[i][k / 3] * slopes[j][k % 3] * covariance[k / 3][k % 3];
+  return out;
+}
+
+/// Returns the plane as the eye sees the sheet: over panel points, with the effective pitch as P
+/// and the phase at the panel's centre as `at`.
+LensPlane effective_plane(const optics::Rig& rig, const Vec3& eye_mm) {
+  const optics::Panel& panel = rig.panel;
+  LensPlane plane = plane_of(rig);
+  const double wider = 1.0 + rig.sheet.gap.value / eye_mm.z;
+  plane.across /= wider;
+  plane.down /= wider;
+  const optics::OpticalModel model(rig);
+  plane.at = model.phase(0.5 * panel.width_px, 0.5 * panel.height_px, kGreen,
+                         {eye_mm.x, eye_mm.y, eye_mm.z});
+  return plane;
+}
+
+Effective effective_of(const PhotoMeasurement& work) {
+  const LensPlane plane = effective_plane(work.sheet.rig, work.camera.pose->eye_mm);
+  const optics::Panel& panel = work.sheet.rig.panel;
+  const Matrix3 covariance = carried_over(plane_covariance(work), plane, panel);
+  const double values[3] = {3.0 * panel.width_px / plane.across, work.sheet.rig.sheet.slant,
+                            plane.at - std::round(plane.at)};
+  Effective out;
+  for (size_t i = 0; i < 3; ++i) {
+    out.estimates[i] = {values[i], std::sqrt(covariance[i][i])};
+    out.correlations.emplace_back();
+    for (size_t j = 0; j < 3; ++j) {
+      const double scale = std::sqrt(covariance[i][i] * covariance[j][j]);
+      out.correlations[i].push_back(scale > 0.0 ? covariance[i][j] / scale : i == j ? 1.0 : 0.0);
+    }
+  }
+  return out;
+}
+
+PanelField residual_field(const PlaneFit& sheet) {
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  PanelField field{sheet.fringes.columns, sheet.fringes.rows, {}};
+  field.values.assign(static_cast<size_t>(field.columns) * static_cast<size_t>(field.rows), kNone);
+  // Observed minus fitted lenses: fringes have the opposite sign.
+  for (size_t i = 0; i < sheet.blocks.size(); ++i)
+    field.values[sheet.blocks[i].block] = -sheet.correction.residuals[i];
+  return field;
+}
+
+Viewpoint viewpoint_of(const PhotoMeasurement& work, const Effective& effective) {
+  const PhotoPose& pose = *work.camera.pose;
+  const PlaneFit& sheet = work.sheet;
+  Viewpoint v;
+  v.name = "photograph";
+  v.eye_mm = pose.eye_mm;
+  v.eye_sigma_mm = pose.eye_sigma_mm;
+  v.tilt_degrees = pose.tilt_degrees;
+  v.effective_pitch_subpx = effective.estimates[0];
+  v.slant = effective.estimates[1];
+  v.effective_offset_lenses = effective.estimates[2];
+  v.contrast = median_contrast(sheet.blocks);
+  v.covered = std::min(sheet.fringes.covered, 1.0);
+  v.blocks = sheet.correction.used;
+  v.rms_lenses = sheet.correction.rms_lenses;
+  v.max_lenses = sheet.correction.max_lenses;
+  v.reprojection_rms_px = pose.corner_rms_px * work.photo.averaged;
+  v.residual = residual_field(sheet);
+  return v;
+}
+
+/// Returns the variance of the phase at a panel point, for an eye at the estimated camera position,
+/// that results from the uncertainty of this position.
+double variance_of_place(const PhotoMeasurement& work, const optics::OpticalModel& model,
+                         Vec2 panel_px) {
+  const Vec3 e = work.camera.pose->eye_mm;
+  const auto phase = [&](double x, double y, double z) {
+    return model.phase(panel_px.x, panel_px.y, kGreen, {e.x + x, e.y + y, e.z + z});
+  };
+  const std::array<double, 3> slopes = {0.5 * (phase(1, 0, 0) - phase(-1, 0, 0)),
+                                        0.5 * (phase(0, 1, 0) - phase(0, -1, 0)),
+                                        0.5 * (phase(0, 0, 1) - phase(0, 0, -1))};
+  double variance = 0.0;
+  for (size_t i = 0; i < 3; ++i)
+    for (size_t j = 0; j < 3; ++j)
+      variance += slopes[i] * slopes[j] * work.camera.pose->doubted_eye[3 * i + j];
+  return variance;
+}
+
+/// Returns the drift for this eye only, since the result is valid only there. With `placed`, the
+/// eye is put at the measured millimetres; otherwise the eye is at the true position of the camera.
+DriftPrediction drift_of(const PhotoMeasurement& work, bool placed) {
+  const Matrix3 c = plane_covariance(work);
+  const optics::OpticalModel model(work.sheet.rig);
+  DriftPrediction worst;
+  worst.eye_mm = work.camera.pose->eye_mm;
+  for (const double x : {-0.5, 0.5}) {
+    for (const double y : {-0.5, 0.5}) {
+      double variance = c[0][0] + x * x * c[1][1] + y * y * c[2][2] +
+                        2.0 * (x * c[0][1] + y * c[0][2] + x * y * c[1][2]);
+      const optics::Panel& panel = work.sheet.rig.panel;
+      if (placed)
+        variance += variance_of_place(work, model,
+                                      {(x + 0.5) * panel.width_px, (y + 0.5) * panel.height_px});
+      const double off = 2.0 * std::sqrt(std::max(variance, 0.0));
+      if (off < worst.worst_lenses) continue;
+      worst.worst_lenses = off;
+      worst.panel_x_px = (x + 0.5) * work.sheet.rig.panel.width_px;
+      worst.panel_y_px = (y + 0.5) * work.sheet.rig.panel.height_px;
+    }
+  }
+  return worst;
+}
+
+void add_warnings(const PhotoMeasurement& work, const SinglePhotoChart& chart, bool confirmed,
+                  Calibration& out) {
+  const PlaneFit& sheet = work.sheet;
+  const PhotoPose& pose = *work.camera.pose;
+  if (work.camera.tags.size() < chart.tags.size())
+    out.warnings.push_back(
+        fmt::format("{} of {} tags were found", work.camera.tags.size(), chart.tags.size()));
+  if (sheet.uneven_lenses > kEvenLenses)
+    out.warnings.push_back(
+        fmt::format("the sheet is not even: up to {:.3f} lenses, which the rig's map corrects for "
+                    "this eye; {:.3f} remain",
+                    sheet.uneven_lenses, sheet.correction.max_lenses));
+  const size_t outliers = sheet.blocks.size() - static_cast<size_t>(sheet.correction.used);
+  if (20 * outliers > sheet.blocks.size())
+    out.warnings.push_back(fmt::format("{} of {} blocks did not fit and were left out", outliers,
+                                       sheet.blocks.size()));
+  if (const double sigma = pose.eye_sigma_mm.z; sigma > 0.03 * pose.eye_mm.z)
+    out.warnings.push_back(
+        fmt::format("the distance of the camera is known only to {:.0f} mm: straight ahead, focal "
+                    "length and distance cannot be separated",
+                    sigma));
+  if (!work.squares)
+    out.warnings.emplace_back(
+        "it cannot be checked whether the chart was shown pixel by pixel: the picture is too "
+        "small");
+  const double there = drift_of(work, false).worst_lenses;
+  if (out.drift.worst_lenses > std::max(kEvenLenses, 2.0 * there))
+    out.warnings.push_back(
+        fmt::format("phases are right to {:.3f} lens for an eye at the camera's place, but only to "
+                    "{:.2f} for one at the stated distance: the picture does not show whether it "
+                    "was cropped{}",
+                    there, out.drift.worst_lenses,
+                    confirmed ? ""
+                              : ", nor confirm the distance; give both "
+                                "--distance and --focal-px"));
+}
+
+/// Adds rig, viewpoint, parameters, drift, verdict and warnings of a photograph that is not
+/// refused.
+void add_findings(const PhotoMeasurement& work, const SinglePhotoChart& chart,
+                  const PhotoPriors& priors, Calibration& out) {
+  const Effective effective = effective_of(work);
+  const Vec3 eye = work.camera.pose->eye_mm;
+  out.rig = work.sheet.rig;
+  double& offset = out.rig.sheet.offset.value;
+  offset -= std::round(offset);
+  out.rig.viewing = {Millimetres(eye.y), Millimetres(eye.z)};
+  out.viewpoints = {viewpoint_of(work, effective)};
+  out.parameters = {{"effective_pitch_subpx", "subpixels", effective.estimates[0]},
+                    {"slant", "px/px", effective.estimates[1]},
+                    {"effective_offset_lenses", "lenses", effective.estimates[2]}};
+  out.correlations = effective.correlations;
+  out.drift = drift_of(work, true);
+  out.verdict = Verdict::Effective;
+  out.reasons = {
+      "one photograph determines pitch and offset only for its place; the gap is that of the "
+      "starting rig"};
+  add_warnings(work, chart, priors.focal_px && priors.distance_mm, out);
+}
+
+/// Adds the known values of the camera, also for a refusal.
+void add_camera(const PhotoMeasurement& work, Calibration& out) {
+  if (!work.camera.pose) return;
+  const PhotoPose& pose = *work.camera.pose;
+  out.camera.focal_px = pose.focal_px * work.photo.averaged;
+  out.camera.centre_x_px = pose.middle_px.x * work.photo.averaged;
+  out.camera.centre_y_px = pose.middle_px.y * work.photo.averaged;
+  out.camera.k1 = -pose.distortion;
+}
 
 /// Refuses scaled pictures. Scaling smears squares of one pixel to less light than they have. It
 /// also scales the fringes, so that the fitted pitch would belong to another size.

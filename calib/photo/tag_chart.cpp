@@ -8,7 +8,7 @@
 #include <numbers>
 
 #include "base/error.h"
-#include "calib/photo/tag_family.h"
+#include "calib/photo/tag_finder.h"
 #include "frames/srgb.h"
 
 namespace lenticule::calib {

@@ -8,7 +8,32 @@
 
 #include "optics/vec.h"
 
+struct apriltag_family;
+
 namespace lenticule::calib {
+
+/// Cells along a tag's side with its white rim, and the width of the rim.
+inline constexpr int kTagCells = 10;
+inline constexpr int kTagRimCells = 1;
+/// Ids are 0 to kTagIds - 1.
+inline constexpr int kTagIds = 587;
+
+/// TagFamily owns the library's handle of the AprilTag family 36h11.
+class TagFamily {
+ public:
+  TagFamily();
+  ~TagFamily();
+  TagFamily(const TagFamily&) = delete;
+  TagFamily& operator=(const TagFamily&) = delete;
+
+  [[nodiscard]] apriltag_family* get() const { return family_; }
+  /// Returns kTagCells rows of kTagCells cells from the top, true = white. Requires an id of the
+  /// family.
+  [[nodiscard]] std::vector<bool> cells(int id) const;
+
+ private:
+  apriltag_family* family_;
+};
 
 /// PhotoLight is the light of a photograph, rows from the top.
 struct PhotoLight {
@@ -32,5 +57,16 @@ struct TagSighting {
 ///
 /// Thread safety: any thread; starts no threads.
 [[nodiscard]] std::vector<TagSighting> find_tags(const PhotoLight& picture, size_t wanted);
+
+// Locates a tag that was found by all of its edges: the lenses make every edge coarse, so that the
+// outline alone leaves its corners uncertain.
+
+/// Moves the corners of a tag so that its cells, blurred, fit the picture best. `white` is
+/// TagFamily::cells() of its id. Returns the tag unchanged if no fit is found near it, as for a tag
+/// that is partly hidden.
+///
+/// Thread safety: any thread.
+[[nodiscard]] TagSighting aligned(const PhotoLight& picture, const TagSighting& tag,
+                                  const std::vector<bool>& white);
 
 }  // namespace lenticule::calib

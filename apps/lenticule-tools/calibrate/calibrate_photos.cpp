@@ -21,7 +21,6 @@
 #include "base/error.h"
 #include "base/print.h"
 #include "calib/fit/calibrate.h"
-#include "calib/photo/pattern_manifest.h"
 #include "calib/photo/photo_folder.h"
 #include "calib/photo/single_photo.h"
 #include "calib/photo/tag_chart.h"

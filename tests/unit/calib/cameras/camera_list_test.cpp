@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests which nodes are cameras, and which camera a name selects.
-#include "calib/cameras/camera_list.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

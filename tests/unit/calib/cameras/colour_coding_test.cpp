@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests V4L2's defaults for properties that drivers leave open, and the formulas of the standards.
-#include "calib/cameras/colour_coding.h"
-
 #include <gtest/gtest.h>
 #include <linux/videodev2.h>
 
 #include <cmath>
+
+#include "calib/cameras/pixel_unpack.h"
 
 namespace lenticule::calib {
 namespace {

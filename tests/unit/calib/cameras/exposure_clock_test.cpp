@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests times and numbers of pictures from valid and invalid timestamps of drivers.
-#include "calib/cameras/exposure_clock.h"
-
 #include <gtest/gtest.h>
 
 #include <chrono>
+
+#include "calib/cameras/capture_stream.h"
 
 namespace lenticule::calib {
 namespace {

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/fit/knot_weights.h"
-
 #include <gtest/gtest.h>
 
 #include <random>
 
+#include "calib/fit/observations.h"
 #include "optics/residual_spline.h"
 
 namespace lenticule::calib {

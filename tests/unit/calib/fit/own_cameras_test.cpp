@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests calibrations whose camera is not the same at all places, and known distances, on
 // measurements made by formula.
-#include "calib/fit/own_cameras.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "calib/fit/calibrate.h"
+#include "calib/fit/fit_search.h"
 #include "fit_stage.h"
 #include "optics/model.h"
 

@@ -7,7 +7,6 @@
 
 #include "calib/fit/gap_search.h"
 #include "calib/fit/joint_fit.h"
-#include "calib/fit/pose_fit.h"
 #include "calib/simulation/camera_rays.h"
 #include "calib/simulation/sheet_shape.h"
 #include "calib/simulation/trial.h"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/measure/mark_moves.h"
-
 #include <gtest/gtest.h>
+
+#include "calib/measure/frame_marks.h"
 
 namespace lenticule::calib {
 namespace {

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/measure/phase_sum.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -8,7 +6,7 @@
 #include <numbers>
 #include <numeric>
 
-#include "calib/measure/geometry.h"
+#include "calib/measure/fringe_phase.h"
 #include "calib/measure/pattern.h"
 
 namespace lenticule::calib {

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/measure/rig_code.h"
-
 #include <gtest/gtest.h>
 
+#include "calib/measure/frame_marks.h"
 #include "calib/measure/pattern.h"
 
 namespace lenticule::calib {

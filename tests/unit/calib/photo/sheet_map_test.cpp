@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/photo/sheet_map.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 
+#include "calib/photo/phase_plane.h"
 #include "optics/residual_spline.h"
 
 namespace lenticule::calib {

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/photo/tag_alignment.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -10,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "calib/photo/tag_family.h"
+#include "calib/photo/tag_finder.h"
 
 namespace lenticule::calib {
 namespace {

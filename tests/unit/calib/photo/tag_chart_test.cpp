@@ -8,7 +8,6 @@
 #include <numbers>
 #include <random>
 
-#include "calib/photo/tag_family.h"
 #include "calib/photo/tag_finder.h"
 #include "frames/srgb.h"
 #include "photo_stage.h"
