@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/linear_algebra.h"
 
+#include <ceres/ceres.h>
+
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <limits>
+#include <utility>
 
 namespace lenticule::calib {
 
@@ -18,6 +21,29 @@ MatrixXd solve_symmetric(const MatrixXd& a, const MatrixXd& b) {
 
 MatrixXd inverse_of_symmetric(const MatrixXd& a) {
   return solve_symmetric(a, MatrixXd::Identity(a.rows(), a.cols()));
+}
+
+MatrixXd inverse_of_normal_equations(ceres::Problem& problem, const std::vector<double*>& blocks) {
+  ceres::Problem::EvaluateOptions options;
+  options.parameter_blocks = blocks;
+  ceres::CRSMatrix jacobian;
+  problem.Evaluate(options, nullptr, nullptr, nullptr, &jacobian);
+  MatrixXd normal = MatrixXd::Zero(jacobian.num_cols, jacobian.num_cols);
+  std::vector<std::pair<int, double>> slopes;  // column and value of a row, without zeros
+  for (size_t row = 0; row < static_cast<size_t>(jacobian.num_rows); ++row) {
+    slopes.clear();
+    for (auto k = static_cast<size_t>(jacobian.rows[row]);
+         k < static_cast<size_t>(jacobian.rows[row + 1]); ++k)
+      if (jacobian.values[k] != 0.0) slopes.emplace_back(jacobian.cols[k], jacobian.values[k]);
+    for (const auto& [a, slope_a] : slopes)
+      for (const auto& [b, slope_b] : slopes) normal(a, b) += slope_a * slope_b;
+  }
+  for (Eigen::Index k = 0; k < normal.rows(); ++k)
+    if (!(normal(k, k) > 0.0)) normal(k, k) = 1e300;
+  const Eigen::VectorXd scale = normal.diagonal().array().rsqrt();
+  normal = scale.asDiagonal() * normal * scale.asDiagonal();
+  const MatrixXd inverse = inverse_of_symmetric(normal);
+  return scale.asDiagonal() * inverse * scale.asDiagonal();
 }
 
 SymmetricAxes axes_of_symmetric(const MatrixXd& a) {

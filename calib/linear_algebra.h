@@ -4,6 +4,11 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <vector>
+
+namespace ceres {
+class Problem;
+}
 
 namespace lenticule::calib {
 
@@ -13,6 +18,12 @@ namespace lenticule::calib {
 
 /// Returns the inverse of a positive definite matrix, by LDL^T.
 [[nodiscard]] Eigen::MatrixXd inverse_of_symmetric(const Eigen::MatrixXd& a);
+
+/// Returns the inverse of the normal equations of a least-squares problem at the present values:
+/// the covariance of the parameters of `blocks`, in their order, without held parameters. A
+/// parameter on which nothing depends has a variance of zero.
+[[nodiscard]] Eigen::MatrixXd inverse_of_normal_equations(ceres::Problem& problem,
+                                                          const std::vector<double*>& blocks);
 
 /// SymmetricAxes holds the eigenvalues of a symmetric matrix, smallest first, and its normalised
 /// eigenvectors in columns.

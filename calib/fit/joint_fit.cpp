@@ -604,33 +604,14 @@ class Bundle {
 
   /// Returns the inverse of the normal equations of sheet, knots and poses.
   [[nodiscard]] MatrixXd covariance() {
-    ceres::Problem::EvaluateOptions options;
-    std::vector<double*>& blocks = options.parameter_blocks;
-    blocks.push_back(fit_.values.sheet.data());
+    std::vector<double*> blocks = {fit_.values.sheet.data()};
     for (double& k : fit_.values.knots) blocks.push_back(&k);
     for (PoseValues& pose : fit_.values.poses) blocks.push_back(pose.data());
     blocks.push_back(fit_.values.camera.data());
     for (size_t v = 0; v < views_.size(); ++v)
       if (frees_own_camera(v)) blocks.push_back(fit_.values.own[v].data());
-    ceres::CRSMatrix jacobian;
-    problem_->Evaluate(options, nullptr, nullptr, nullptr, &jacobian);
-    MatrixXd normal = MatrixXd::Zero(jacobian.num_cols, jacobian.num_cols);
-    for (int r = 0; r < jacobian.num_rows; ++r) add_row(jacobian, r, normal);
     // A held parameter has no column, so its variance stays zero.
-    for (Eigen::Index k = 0; k < normal.rows(); ++k)
-      if (!(normal(k, k) > 0.0)) normal(k, k) = 1e300;
-    const VectorXd scale = normal.diagonal().array().rsqrt();
-    normal = scale.asDiagonal() * normal * scale.asDiagonal();
-    const MatrixXd inverse = inverse_of_symmetric(normal);
-    return spread(scale.asDiagonal() * inverse * scale.asDiagonal());
-  }
-
-  static void add_row(const ceres::CRSMatrix& jacobian, int r, MatrixXd& normal) {
-    const auto row = static_cast<size_t>(r);
-    for (int a = jacobian.rows[row]; a < jacobian.rows[row + 1]; ++a)
-      for (int b = jacobian.rows[row]; b < jacobian.rows[row + 1]; ++b)
-        normal(jacobian.cols[static_cast<size_t>(a)], jacobian.cols[static_cast<size_t>(b)]) +=
-            jacobian.values[static_cast<size_t>(a)] * jacobian.values[static_cast<size_t>(b)];
+    return spread(inverse_of_normal_equations(*problem_, blocks));
   }
 
   /// Expands the columns that Ceres evaluates, which exclude held parameters, to all parameters.

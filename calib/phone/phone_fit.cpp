@@ -1,23 +1,37 @@
 // SPDX-License-Identifier: Apache-2.0
-// Gauss-Newton with Levenberg's damping on dense normal equations: every observation depends on
-// camera, sheet, one photograph and at most 16 knots, so that six photographs take milliseconds a
-// step.
+// A photograph gives phases of fringes, each at a pixel, and corners of tags. All unknowns are one
+// vector: the blocks of camera and sheet (projection.h), the knots of the residual map, and one
+// block for each photograph with its pose, its own camera, the enlargement of its tags and the
+// rotation of the hand while the rows were read.
+//
+// 1. The photographs' own fits give a start. Phases are known only up to whole lenses: of many
+// gaps,
+//    the one is taken at which a single offset explains the phases of all photographs.
+// 2. Ceres minimises the squared residuals of phases, corners and priors, with Cauchy's loss at
+//    three standard errors. The standard errors are those that the residuals show, so they are
+//    computed from the fit, and the fit is repeated, three times.
+// 3. The inverse of the normal equations is the covariance of all unknowns.
+// 4. For each photograph, a fit in which the hand may have turned shows how likely that is.
+// 5. The phases of red, green and blue differ from their mean, for which the fit was made: they
+// give
+//    the gap of each colour.
 #include "calib/phone/phone_fit.h"
 
-#include <ceres/jet.h>
+#include <ceres/ceres.h>
+#include <ceres/normal_prior.h>
+#include <ceres/rotation.h>
 
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <complex>
+#include <numbers>
 #include <utility>
 
 #include "base/statistics.h"
+#include "calib/fit/projection.h"
 #include "calib/linear_algebra.h"
-#include "calib/phone/colour_gaps.h"
-#include "calib/phone/normal_equations.h"
-#include "calib/phone/phone_model.h"
-#include "calib/phone/phone_priors.h"
-#include "calib/phone/phone_start.h"
+#include "optics/model.h"
 
 namespace lenticule::calib {
 namespace {
@@ -26,10 +40,424 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr size_t kGreen = 1;
+/// FringeSeen is the phase of the chart's fringes at a pixel.
+struct FringeSeen {
+  Vec2 pixel;
+  Fringe fringe;                         ///< the chart's comb at this place
+  double turns = 0.0;                    ///< comb minus lens coordinate, up to whole lenses
+  double weight = 1.0;                   ///< relative to that of the usual block
+  std::array<double, 3> colour_turns{};  ///< turns of red, green and blue minus `turns`
+};
 
-constexpr int kLocal = kCameraCount + kSheetCount + PhoneModel::kPhotoCount;
-using Jet = ceres::Jet<double, kLocal>;
+/// CornerSeen is a corner of a tag.
+struct CornerSeen {
+  Vec2 pixel;
+  Vec2 panel_mm;
+  Vec2 from_middle_mm;  ///< from the middle of its tag
+};
+
+/// PhoneObservations are those of one photograph. Pixels are those of the averaged picture.
+struct PhoneObservations {
+  std::vector<FringeSeen> phases;  ///< one phase for each of PhotoFindings::blocks, in their order
+  std::vector<CornerSeen> corners;
+  double pixels_per_mm = 1.0;  ///< scale of the tags
+};
+
+constexpr int kGreen = 1;
+
+void add_fringes(const PhotoFindings& photo, const SinglePhotoChart& chart,
+                 PhoneObservations& out) {
+  const optics::OpticalModel model(photo.rig);
+  std::vector<double> weights;
+  for (const FringeBlock& block : photo.blocks) weights.push_back(block.weight);
+  const double usual = weights.empty() ? 1.0 : upper_median(weights);
+  for (const FringeBlock& block : photo.blocks) {
+    const auto at = photo.pose->look(block.pixel, chart.start);
+    if (!at) continue;
+    const double lens = model.lens_coordinate(at->lens_px.x, at->lens_px.y, kGreen);
+    const double comb = chart.comb_phase(at->panel_px.x, at->panel_px.y, block.detuning);
+    const double per_subpx = 1.0 / chart.centre_pitch_subpx +
+                             block.detuning * chart.fringes / (3.0 * chart.start.panel.width_px);
+    out.phases.push_back({block.pixel,
+                          {.pitch_subpx = 1.0 / per_subpx, .slant = chart.start.sheet.slant},
+                          comb - lens + block.phase,
+                          std::min(block.weight / usual, 2.0),
+                          block.colour_phase});
+  }
+}
+
+void add_corners(const PhotoFindings& photo, const SinglePhotoChart& chart,
+                 PhoneObservations& out) {
+  const optics::Panel& panel = chart.start.panel;
+  double length = 0.0, picture = 0.0;
+  for (const TagSighting& tag : photo.tags) {
+    const auto drawn = chart.tag(tag.id)->corners_px();
+    const Vec2 middle = (drawn[0] + drawn[2]) * 0.5;
+    for (size_t k = 0; k < drawn.size(); ++k) {
+      const Vec2 mm{panel.x_mm(drawn[k].x), panel.y_mm(drawn[k].y)};
+      out.corners.push_back(
+          {tag.corners_px[k], mm, mm - Vec2{panel.x_mm(middle.x), panel.y_mm(middle.y)}});
+    }
+    length += std::hypot(panel.x_mm(drawn[2].x) - panel.x_mm(drawn[0].x),
+                         panel.y_mm(drawn[2].y) - panel.y_mm(drawn[0].y));
+    picture += std::hypot(tag.corners_px[2].x - tag.corners_px[0].x,
+                          tag.corners_px[2].y - tag.corners_px[0].y);
+  }
+  out.pixels_per_mm = picture / length;
+}
+
+/// Converts the findings of a photograph that was measured without refusal.
+PhoneObservations phone_observations(const PhotoFindings& photo, const SinglePhotoChart& chart) {
+  PhoneObservations out;
+  add_fringes(photo, chart, out);
+  add_corners(photo, chart, out);
+  return out;
+}
+
+/// PhoneModel holds the observations of all photographs, and computes their residuals from the
+/// unknowns in any number type, for automatic differentiation.
+///
+/// Lifetime: must not outlive the chart. Thread safety: any thread.
+class PhoneModel {
+ public:
+  /// Indices in the block of a photograph: the pose, its own camera, the enlargement of its tags,
+  /// and the rotation from the first row read to the last.
+  static constexpr int kOwn = kPoseCount, kBreathing = kOwn + kOwnFocal,
+                       kShiftX = kOwn + kOwnCentreX, kShiftY = kOwn + kOwnCentreY,
+                       kLarger = kOwn + kOwnCount, kTurn = kLarger + 1, kPhotoCount = kTurn + 3;
+  /// Indices of blocks in the vector of all unknowns.
+  static constexpr int kSheet = kCameraCount, kKnots = kSheet + kSheetCount;
+
+  PhoneModel(const std::vector<PhotoFindings>& photos, const SinglePhotoChart& chart)
+      : panel_(chart.start.panel),
+        longer_(std::max(photos[0].width, photos[0].height)),
+        height_(photos[0].height) {
+    for (const PhotoFindings& photo : photos) seen_.push_back(phone_observations(photo, chart));
+  }
+
+  /// Returns the observations of each photograph.
+  [[nodiscard]] const std::vector<PhoneObservations>& seen() const { return seen_; }
+  [[nodiscard]] const KnotGrid& grid() const { return grid_; }
+  [[nodiscard]] double longer_px() const { return longer_; }  ///< side of the pictures
+
+  [[nodiscard]] Index size() const { return photo_at(seen_.size()); }
+  /// Returns the index of the block of photograph n.
+  [[nodiscard]] Index photo_at(size_t n) const {
+    return kKnots + grid_.count() + kPhotoCount * static_cast<Index>(n);
+  }
+
+  /// Returns the phase that the blocks of unknowns predict without the residual map, in turns, and
+  /// the point of the lens-apex plane at which it is seen.
+  template <class T>
+  T phase_of(const T* camera, const T* sheet, const T* photo, const FringeSeen& seen,
+             PlanePoint<T>& lens) const {
+    lens = seen_point(camera, photo, seen.pixel);
+    return fringe_turns(seen.fringe, panel_, fringe_point(photo, sheet, panel_, lens)) -
+           lens_coordinate(sheet, panel_, lens);
+  }
+
+  /// Returns the difference of a corner from its place on the panel, in pixels of the picture.
+  template <class T>
+  PlanePoint<T> corner_rest(const T* camera, const T* sheet, const T* photo, const CornerSeen& seen,
+                            double pixels_per_mm) const {
+    const PlanePoint<T> at =
+        wide_pattern_point(photo, sheet, panel_, seen_point(camera, photo, seen.pixel));
+    return {(at.x - seen.panel_mm.x - photo[kLarger] * seen.from_middle_mm.x) * pixels_per_mm,
+            (at.y - seen.panel_mm.y - photo[kLarger] * seen.from_middle_mm.y) * pixels_per_mm};
+  }
+
+  /// Returns the weights of the knots at a point of the panel.
+  [[nodiscard]] std::vector<KnotWeight> weights_at(double x_mm, double y_mm) const {
+    return knot_weights(grid_, {panel_.x_px(x_mm), panel_.y_px(y_mm)}, panel_.width_px,
+                        panel_.height_px);
+  }
+
+  /// Returns the residual of a phase without whole lenses. `knots` is the block of the map.
+  [[nodiscard]] double phase_rest(const double* camera, const double* sheet, const double* photo,
+                                  const double* knots, const FringeSeen& seen) const {
+    PlanePoint<double> lens{};
+    const double phase = phase_of(camera, sheet, photo, seen, lens);
+    double rest = seen.turns - phase;
+    for (const KnotWeight& w : weights_at(lens.x, lens.y)) rest += w.weight * knots[w.knot];
+    return rest - std::round(rest);
+  }
+  [[nodiscard]] double phase_rest(const VectorXd& values, size_t n, const FringeSeen& seen) const {
+    const double* all = values.data();
+    return phase_rest(all, all + kSheet, all + photo_at(n), all + kKnots, seen);
+  }
+  [[nodiscard]] std::vector<double> phase_rests(const VectorXd& values, size_t n) const {
+    std::vector<double> rests;
+    for (const FringeSeen& seen : seen_[n].phases) rests.push_back(phase_rest(values, n, seen));
+    return rests;
+  }
+  /// Returns the residuals of all corners of photograph n: x and y of each, pixels.
+  [[nodiscard]] std::vector<double> corner_rests(const VectorXd& values, size_t n) const {
+    const double* all = values.data();
+    std::vector<double> rests;
+    for (const CornerSeen& seen : seen_[n].corners) {
+      const PlanePoint<double> rest =
+          corner_rest(all, all + kSheet, all + photo_at(n), seen, seen_[n].pixels_per_mm);
+      rests.insert(rests.end(), {rest.x, rest.y});
+    }
+    return rests;
+  }
+
+ private:
+  /// Returns the point of the lens-apex plane that a pixel sees. The rows are read one after the
+  /// other while the hand turns the camera; `row` is -1/2 for the first and 1/2 for the last.
+  template <class T>
+  PlanePoint<T> seen_point(const T* common, const T* photo, Vec2 pixel) const {
+    T camera[kCameraCount];
+    camera_of_view(common, photo + kOwn, longer_, camera);
+    const PlanePoint<T> d = undistorted(camera, pixel.x, pixel.y);
+    const double row = pixel.y / height_ - 0.5;
+    const T* turn = photo + kTurn;
+    const T in_camera[3] = {d.x + row * (turn[1] - turn[2] * d.y),
+                            d.y + row * (turn[2] * d.x - turn[0]),
+                            1.0 + row * (turn[0] * d.y - turn[1] * d.x)};
+    const T back[3] = {-photo[0], -photo[1], -photo[2]};
+    T along[3];
+    ceres::AngleAxisRotatePoint(back, in_camera, along);
+    const T* pupil = photo + kPupil;
+    const T steps = -pupil[2] / along[2];
+    return {pupil[0] + steps * along[0], pupil[1] + steps * along[1]};
+  }
+
+  const optics::Panel& panel_;
+  double longer_;
+  int height_;
+  KnotGrid grid_{.columns = 13, .rows = 8};
+  std::vector<PhoneObservations> seen_;
+};
+
+constexpr double kGapSigma = 0.15;  ///< relative standard deviation of the gap's prior
+
+/// Returns the pose block of a pose whose camera looks along -z with y up.
+PoseValues pose_values(const PhotoPose& pose) {
+  PoseValues out{};
+  const auto& m = pose.panel_from_camera;
+  // Row-major camera_from_panel: transposed, with y and z turned round.
+  const std::array<double, 9> turned = {m[0], m[3], m[6], -m[1], -m[4], -m[7], -m[2], -m[5], -m[8]};
+  ceres::RotationMatrixToAngleAxis(ceres::RowMajorAdapter3x3(turned.data()), out.data());
+  out[kPupil] = pose.eye_mm.x;
+  out[kPupil + 1] = pose.eye_mm.y;
+  out[kPupil + 2] = pose.eye_mm.z;
+  return out;
+}
+
+/// Writes the gap and the offset that fit best into the values.
+void search_gap(const PhoneModel& model, VectorXd& values) {
+  constexpr int kSteps = 60;
+  const std::vector<PhoneObservations>& photos = model.seen();
+  double* sheet = values.data() + PhoneModel::kSheet;
+  const double start = sheet[kGap];
+  double best = -1.0, best_gap = start, best_offset = 0.0;
+  sheet[kOffset] = 0.0;
+  for (int k = -kSteps; k <= kSteps; ++k) {
+    sheet[kGap] = start * (1.0 + 0.3 * k / kSteps);
+    std::complex<double> sum;
+    for (size_t n = 0; n < photos.size(); ++n) {
+      std::complex<double> own;
+      for (const FringeSeen& seen : photos[n].phases)
+        own += std::polar(1.0, 2.0 * std::numbers::pi * model.phase_rest(values, n, seen));
+      sum += own / static_cast<double>(std::max<size_t>(photos[n].phases.size(), 1));
+    }
+    const double off = 0.3 * k / kSteps / kGapSigma;
+    const double score = std::abs(sum) / static_cast<double>(photos.size()) - 0.02 * off * off;
+    if (score <= best) continue;
+    best = score;
+    best_gap = sheet[kGap];
+    // rest = turns - (comb - lens) with offset 0: the offset is minus its mean.
+    best_offset = -std::arg(sum) / (2.0 * std::numbers::pi);
+  }
+  sheet[kGap] = best_gap;
+  sheet[kOffset] = best_offset;
+}
+
+/// Returns all unknowns at the start, without the gap and the offset.
+VectorXd start_values(const PhoneModel& model, const std::vector<PhotoFindings>& photos,
+                      const optics::Rig& rig) {
+  VectorXd values = VectorXd::Zero(model.size());
+  const SheetParameters sheet = sheet_start(rig).values;
+  std::copy(sheet.begin(), sheet.end(), values.data() + PhoneModel::kSheet);
+  values[kCentreX] = 0.5 * photos[0].width;
+  values[kCentreY] = 0.5 * photos[0].height;
+  double across = 0.0, down = 0.0;
+  const double share = 1.0 / static_cast<double>(photos.size());
+  for (const PhotoFindings& photo : photos) {
+    values[kFocal] += share * photo.pose->focal_px;
+    values[kRadial1] -= share * photo.pose->distortion;
+    const LensPlane plane = plane_of(photo.rig);
+    across += 0.5 * share * plane.across;
+    down += 0.5 * share * plane.down;
+  }
+  values[PhoneModel::kSheet + kAcross] = across;
+  values[PhoneModel::kSheet + kDown] = down;
+  for (size_t n = 0; n < photos.size(); ++n) {
+    const PhotoPose& pose = *photos[n].pose;
+    double* const own = values.data() + model.photo_at(n);
+    const PoseValues block = pose_values(pose);
+    std::copy(block.begin(), block.end(), own);
+    // The photographs' own poses have one focal length and principal point each.
+    own[PhoneModel::kBreathing] = pose.focal_px / values[kFocal] - 1.0;
+    own[PhoneModel::kShiftX] = (pose.middle_px.x - values[kCentreX]) / model.longer_px();
+    own[PhoneModel::kShiftY] = (pose.middle_px.y - values[kCentreY]) / model.longer_px();
+    own[PhoneModel::kLarger] = pose.tags_larger;
+  }
+  return values;
+}
+
+/// PhaseTerm is the residual of a phase in standard errors. Parameter blocks: camera, sheet,
+/// photograph, and all knots, of which a point of the panel needs at most 16.
+class PhaseTerm final : public ceres::CostFunction {
+ public:
+  PhaseTerm(const PhoneModel& model, const FringeSeen& seen, double sigma)
+      : model_(model), seen_(seen), sigma_(sigma) {
+    set_num_residuals(1);
+    *mutable_parameter_block_sizes() = {kCameraCount, kSheetCount, PhoneModel::kPhotoCount,
+                                        model.grid().count()};
+  }
+
+  bool Evaluate(const double* const* blocks, double* residual, double** jacobians) const override {
+    residual[0] = model_.phase_rest(blocks[0], blocks[1], blocks[2], blocks[3], seen_) / sigma_;
+    if (jacobians == nullptr) return std::isfinite(residual[0]);
+    std::array<Jet, kUnknowns> unknowns;
+    for (int b = 0, at = 0; b < kBlocks; ++b)
+      for (int k = 0; k < kSizes[b]; ++k, ++at)
+        unknowns[static_cast<size_t>(at)] = Jet(blocks[b][k], at);
+    const Jet* const sheet = unknowns.data() + kSizes[0];
+    PlanePoint<Jet> lens;
+    const Jet phase = model_.phase_of(unknowns.data(), sheet, sheet + kSizes[1], seen_, lens);
+    for (int b = 0, at = 0; b < kBlocks; at += kSizes[b++])
+      for (int k = 0; k < kSizes[b] && jacobians[b] != nullptr; ++k)
+        jacobians[b][k] = -phase.v[at + k] / sigma_;
+    if (double* const knots = jacobians[kBlocks]; knots != nullptr) {
+      std::fill_n(knots, model_.grid().count(), 0.0);
+      for (const KnotWeight& w : model_.weights_at(lens.x.a, lens.y.a))
+        knots[w.knot] = w.weight / sigma_;
+    }
+    return std::isfinite(residual[0]);
+  }
+
+ private:
+  static constexpr int kBlocks = 3;  ///< with derivatives by dual numbers
+  static constexpr int kSizes[kBlocks] = {kCameraCount, kSheetCount, PhoneModel::kPhotoCount};
+  static constexpr int kUnknowns = kSizes[0] + kSizes[1] + kSizes[2];
+  using Jet = ceres::Jet<double, kUnknowns>;
+
+  const PhoneModel& model_;
+  const FringeSeen& seen_;
+  double sigma_;
+};
+
+/// CornerTerm is the residual of one coordinate of a corner in standard errors.
+struct CornerTerm {
+  const PhoneModel& model;
+  const CornerSeen& seen;
+  double pixels_per_mm;
+  double sigma_px;
+  bool vertical;
+
+  template <class T>
+  bool operator()(const T* camera, const T* sheet, const T* photo, T* out) const {
+    const PlanePoint<T> rest = model.corner_rest(camera, sheet, photo, seen, pixels_per_mm);
+    out[0] = (vertical ? rest.y : rest.x) / sigma_px;
+    return true;
+  }
+};
+
+// Standard deviations of priors. Principal points of phones are within 0.8 % of the longer side.
+constexpr double kAxisSigma = 0.006;
+constexpr double kRadialSigma = 0.1, kLargerSigma = 0.1, kShapeSigma = 0.1;
+constexpr double kAberrationSigma = 0.02, kSagSigma = 0.05;
+constexpr double kBendSigma = 0.01;  ///< second differences of the map, lenses
+constexpr double kKnotSigma = 0.1;   ///< lenses; keeps plane and map apart
+
+/// Prior is the expectation of one unknown of a block.
+struct Prior {
+  int at;
+  double mean, sigma;
+};
+
+void add_priors(ceres::Problem& problem, double* block, int size,
+                const std::vector<Prior>& priors) {
+  MatrixXd weights = MatrixXd::Zero(static_cast<Index>(priors.size()), size);
+  VectorXd means = VectorXd::Zero(size);
+  for (size_t k = 0; k < priors.size(); ++k) {
+    weights(static_cast<Index>(k), priors[k].at) = 1.0 / priors[k].sigma;
+    means[priors[k].at] = priors[k].mean;
+  }
+  problem.AddResidualBlock(new ceres::NormalPrior(weights, means), nullptr, block);
+}
+
+/// Returns the weights of the map's prior: knots are small, and their second differences smaller.
+MatrixXd map_weights(const KnotGrid& grid) {
+  std::vector<VectorXd> rows;
+  const auto add = [&](int first, int step, std::initializer_list<double> weights, double sigma) {
+    rows.emplace_back(VectorXd::Zero(grid.count()));
+    for (const double weight : weights) {
+      rows.back()[first] = weight / sigma;
+      first += step;
+    }
+  };
+  for (int r = 0; r < grid.rows; ++r)
+    for (int c = 0; c < grid.columns; ++c) {
+      const int knot = r * grid.columns + c;
+      if (c + 2 < grid.columns) add(knot, 1, {1.0, -2.0, 1.0}, kBendSigma);
+      if (r + 2 < grid.rows) add(knot, grid.columns, {1.0, -2.0, 1.0}, kBendSigma);
+      add(knot, 0, {1.0}, kKnotSigma);
+    }
+  MatrixXd out(static_cast<Index>(rows.size()), grid.count());
+  for (size_t k = 0; k < rows.size(); ++k) out.row(static_cast<Index>(k)) = rows[k].transpose();
+  return out;
+}
+
+/// Returns the derivative of PhoneModel::phase_of() by the gap, lenses per mm.
+double phase_per_gap(const PhoneModel& model, const VectorXd& values, size_t n,
+                     const FringeSeen& seen) {
+  constexpr double kPart = 1e-3;
+  const double* camera = values.data();
+  const double* sheet = camera + PhoneModel::kSheet;
+  const double* photo = camera + model.photo_at(n);
+  SheetParameters more;
+  std::copy_n(sheet, kSheetCount, more.begin());
+  more[kGap] *= 1.0 + kPart;
+  PlanePoint<double> lens{};
+  return (model.phase_of(camera, more.data(), photo, seen, lens) -
+          model.phase_of(camera, sheet, photo, seen, lens)) /
+         (kPart * sheet[kGap]);
+}
+
+/// Measures the gap of red, green and blue light, mm, at the fitted values, in the order of
+/// PhoneModel. Phases move by the gap's change times their slope over it, so the colours'
+/// differences from the mean of the channels show the differences of their gaps. `gap_sigma` is the
+/// standard error of the fitted gap.
+std::array<Estimate, 3> colour_gaps(const PhoneModel& model, const VectorXd& values,
+                                    double gap_sigma) {
+  const std::vector<PhoneObservations>& photos = model.seen();
+  const double gap = values[PhoneModel::kSheet + kGap];
+  std::array<Estimate, 3> gaps;
+  for (size_t c = 0; c < gaps.size(); ++c) {
+    double product = 0.0, square = 0.0, rest = 0.0, count = 0.0;
+    const auto for_each = [&](const auto& use) {
+      for (size_t n = 0; n < photos.size(); ++n)
+        for (const FringeSeen& seen : photos[n].phases)
+          use(seen.weight, seen.colour_turns[c], phase_per_gap(model, values, n, seen));
+    };
+    for_each([&](double weight, double ahead, double slope) {
+      product += weight * ahead * slope;
+      square += weight * slope * slope;
+    });
+    const double more = square > 0.0 ? product / square : 0.0;
+    for_each([&](double weight, double ahead, double slope) {
+      rest += weight * std::pow(ahead - more * slope, 2);
+      count += 1.0;
+    });
+    const double own = square > 0.0 ? std::sqrt(rest / count / square) : 0.0;
+    gaps[c] = {gap + more, std::hypot(gap_sigma, own)};
+  }
+  return gaps;
+}
 
 /// Rotation of the hand while the rows are read, radians: 1 degree a second for 17 ms.
 constexpr double kTurnSigma = 3e-4;
@@ -47,11 +475,14 @@ class Joint {
   Joint(const std::vector<PhotoFindings>& photos, const SinglePhotoChart& chart,
         const Estimate& focal)
       : model_(photos, chart),
+        values_(start_values(model_, photos, chart.start)),
+        means_(values_),
+        focal_sigma_(focal.sigma),
         phase_sigma_(photos.size(), 0.01),
         corner_sigma_(photos.size(), 0.5) {
-    PhoneStart start = phone_start(model_, photos, chart.start, focal);
-    values_ = std::move(start.values);
-    priors_ = {std::move(start.prior), focal.sigma, usual_turns()};
+    means_[kFocal] = focal.value;
+    means_[kRadial1] = 0.0;
+    search_gap(model_, values_);
   }
 
   std::optional<PhoneFit> run() {
@@ -60,8 +491,9 @@ class Joint {
       if (!solve()) return std::nullopt;
       rescale();
     }
-    if (!solve()) return std::nullopt;
-    PhoneFit fit = finish(all().inverse());
+    const std::optional<MatrixXd> inverse = solve();
+    if (!inverse) return std::nullopt;
+    PhoneFit fit = finish(*inverse);
     const VectorXd found = values_;
     for (size_t n = 0; n < model_.seen().size(); ++n) {
       if (auto turned = turned_fit(n)) fit.turned.push_back(std::move(*turned));
@@ -71,76 +503,78 @@ class Joint {
   }
 
  private:
-  NormalEquations of_photo(size_t n) const {
-    NormalEquations normal(model_.size());
-    std::array<Jet, kLocal> jets;
-    std::vector<Index> local;
-    for (int k = 0; k < kLocal; ++k) {
-      const Index at = k < kCameraCount + kSheetCount
-                           ? k
-                           : model_.photo_at(n) + (k - kCameraCount - kSheetCount);
-      local.push_back(at);
-      jets[static_cast<size_t>(k)] = Jet(values_[at], k);
+  double* block_of(size_t n) { return values_.data() + model_.photo_at(n); }
+
+  /// Finds the unknowns, and returns their covariance; nothing if they do not settle. The hand may
+  /// have moved during photograph `moved`.
+  std::optional<MatrixXd> solve(std::optional<size_t> moved = std::nullopt) {
+    ceres::Problem problem;
+    add_priors_of_camera_and_sheet(problem);
+    for (size_t n = 0; n < model_.seen().size(); ++n) {
+      const double turn_sigma = moved == n ? kMovedTurnSigma : kTurnSigma;
+      add_photo(problem, n, turn_sigma);
     }
-    const Jet* camera = jets.data();
-    const Jet* sheet = camera + kCameraCount;
-    const Jet* own = sheet + kSheetCount;
+    ceres::Solver::Options options;
+    options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+    options.max_num_iterations = 40;
+    options.initial_trust_region_radius = 1e6;
+    options.function_tolerance = 1e-6;
+    options.parameter_tolerance = 1e-12;
+    options.num_threads = 1;  // the order of sums does not depend on the machine's load
+    options.logging_type = ceres::SILENT;
+    ceres::Solver::Summary summary;
+    ceres::Solve(options, &problem, &summary);
+    if (!summary.IsSolutionUsable()) return std::nullopt;
+    std::vector<double*> blocks = {values_.data(), values_.data() + PhoneModel::kSheet,
+                                   values_.data() + PhoneModel::kKnots};
+    for (size_t n = 0; n < model_.seen().size(); ++n) blocks.push_back(block_of(n));
+    return inverse_of_normal_equations(problem, blocks);
+  }
+
+  void add_priors_of_camera_and_sheet(ceres::Problem& problem) {
+    const double axis_sigma = kAxisSigma * model_.longer_px();
+    const auto prior = [this](int block, int at, double sigma) {
+      return Prior{at, means_[block + at], sigma};
+    };
+    constexpr int kSheet = PhoneModel::kSheet;
+    add_priors(problem, values_.data(), kCameraCount,
+               {prior(0, kFocal, focal_sigma_), prior(0, kCentreX, axis_sigma),
+                prior(0, kCentreY, axis_sigma), prior(0, kRadial1, kRadialSigma),
+                prior(0, kRadial2, kRadialSigma)});
+    add_priors(
+        problem, values_.data() + kSheet, kSheetCount,
+        {prior(kSheet, kGap, kGapSigma * means_[kSheet + kGap]), prior(kSheet, kShape, kShapeSigma),
+         prior(kSheet, kAberration, kAberrationSigma), prior(kSheet, kSag, kSagSigma)});
+    problem.AddResidualBlock(
+        new ceres::NormalPrior(map_weights(model_.grid()), VectorXd::Zero(model_.grid().count())),
+        nullptr, values_.data() + PhoneModel::kKnots);
+  }
+
+  void add_photo(ceres::Problem& problem, size_t n, double turn_sigma) {
+    using Corner = ceres::AutoDiffCostFunction<CornerTerm, 1, kCameraCount, kSheetCount,
+                                               PhoneModel::kPhotoCount>;
+    constexpr double kOutlier = 3.0;
     const PhoneObservations& photo = model_.seen()[n];
-    std::vector<double> slope;
-    for (const CornerSeen& seen : photo.corners) {
-      Jet rest[2];
-      model_.corner_rest(camera, sheet, own, seen, photo.pixels_per_mm, rest);
-      for (const Jet& r : rest) {
-        slope.assign(r.v.data(), r.v.data() + kLocal);
-        normal.add(local, slope, r.a, corner_sigma_[n], true);
-      }
-    }
-    for (const FringeSeen& seen : photo.phases) {
-      PlanePoint<Jet> lens;
-      const Jet phase = model_.phase_of<Jet>(camera, sheet, own, seen, lens);
-      const std::vector<KnotWeight> weights = model_.weights_at(lens.x.a, lens.y.a);
-      const double rest = seen.turns - phase.a + PhoneModel::map_at(values_, weights);
-      std::vector<Index> places = local;
-      slope.assign(phase.v.data(), phase.v.data() + kLocal);
-      for (double& s : slope) s = -s;
-      for (const KnotWeight& w : weights) {
-        places.push_back(PhoneModel::knots_at() + w.knot);
-        slope.push_back(w.weight);
-      }
-      normal.add(places, slope, rest - std::round(rest),
-                 phase_sigma_[n] / std::sqrt(std::max(seen.weight, 1e-3)), true);
-    }
-    return normal;
-  }
-
-  NormalEquations all() const {
-    NormalEquations sum(model_.size());
-    add_phone_priors(model_, priors_, values_, sum);
-    for (size_t n = 0; n < model_.seen().size(); ++n) sum += of_photo(n);
-    return sum;
-  }
-
-  bool solve() {
-    constexpr int kMostSteps = 40;
-    double damping = 1e-6;
-    NormalEquations now = all();
-    for (int step = 0; step < kMostSteps; ++step) {
-      const VectorXd before = values_;
-      values_ -= now.solved(damping);
-      if (!values_.allFinite()) return false;
-      NormalEquations next = all();
-      if (!(next.cost <= now.cost)) {
-        values_ = before;
-        damping *= 30.0;
-        if (damping > 1e6) return true;
-        continue;
-      }
-      const bool settled = now.cost - next.cost < 1e-6 * now.cost;
-      now = std::move(next);
-      damping = std::max(damping / 10.0, 1e-10);
-      if (settled) return true;
-    }
-    return true;
+    double* const camera = values_.data();
+    double* const sheet = camera + PhoneModel::kSheet;
+    double* const own = block_of(n);
+    for (const CornerSeen& seen : photo.corners)
+      for (const bool vertical : {false, true})
+        problem.AddResidualBlock(new Corner(new CornerTerm{model_, seen, photo.pixels_per_mm,
+                                                           corner_sigma_[n], vertical}),
+                                 new ceres::CauchyLoss(kOutlier), camera, sheet, own);
+    for (const FringeSeen& seen : photo.phases)
+      problem.AddResidualBlock(
+          new PhaseTerm(model_, seen, phase_sigma_[n] / std::sqrt(std::max(seen.weight, 1e-3))),
+          new ceres::CauchyLoss(kOutlier), camera, sheet, own, values_.data() + PhoneModel::kKnots);
+    add_priors(problem, own, PhoneModel::kPhotoCount,
+               {{PhoneModel::kBreathing, 0.0, kOwnFocalSigma},
+                {PhoneModel::kShiftX, 0.0, kOwnCentreSigma},
+                {PhoneModel::kShiftY, 0.0, kOwnCentreSigma},
+                {PhoneModel::kLarger, 0.0, kLargerSigma},
+                {PhoneModel::kTurn, 0.0, turn_sigma},
+                {PhoneModel::kTurn + 1, 0.0, turn_sigma},
+                {PhoneModel::kTurn + 2, 0.0, turn_sigma}});
   }
 
   void rescale() {
@@ -166,26 +600,19 @@ class Joint {
     return weights > 0.0 ? std::sqrt(sum / weights) : 0.0;
   }
 
-  /// Returns the standard deviations of the rotations of hands that hold still.
-  std::vector<double> usual_turns() const {
-    return std::vector<double>(model_.seen().size(), kTurnSigma);
-  }
-
   /// Fits once more with a free rotation during photograph n, which shows a hand that moved: the
   /// usual fit spreads such an error over poses, axes and sheet. The Bayes factor is that of no
   /// rotation against a prior of kMovedTurnSigma, by Savage and Dickey: the density of a Gaussian
   /// posterior at no rotation, over that of the prior.
   std::optional<TurnedFit> turned_fit(size_t n) {
-    priors_.turn_sigmas = usual_turns();
-    priors_.turn_sigmas[n] = kMovedTurnSigma;
-    if (!solve()) return std::nullopt;
-    const MatrixXd inverse = all().inverse();
+    const std::optional<MatrixXd> inverse = solve(n);
+    if (!inverse) return std::nullopt;
     const Index at = model_.photo_at(n) + PhoneModel::kTurn;
     const Eigen::Vector3d turn = values_.segment(at, 3);
-    const Eigen::Matrix3d spread = inverse.block(at, at, 3, 3);
+    const Eigen::Matrix3d spread = inverse->block(at, at, 3, 3);
     const double pull_squared = turn.dot(solve_symmetric(spread, turn).col(0));
     const double volume = spread.determinant() / std::pow(kMovedTurnSigma, 6);
-    return TurnedFit{n, turn.norm(), 0.5 * (pull_squared + std::log(volume)), finish(inverse)};
+    return TurnedFit{n, turn.norm(), 0.5 * (pull_squared + std::log(volume)), finish(*inverse)};
   }
 
   PhotoFit photo_fit(size_t n, const MatrixXd& covariance) const {
@@ -213,7 +640,7 @@ class Joint {
     const double* values = values_.data();
     std::copy_n(values, kCameraCount, fit.values.camera.begin());
     std::copy_n(values + kCameraCount, kSheetCount, fit.values.sheet.begin());
-    fit.values.knots.assign(values + PhoneModel::knots_at(), values + model_.photo_at(0));
+    fit.values.knots.assign(values + PhoneModel::kKnots, values + model_.photo_at(0));
     const Index count = kSheetCount + model_.grid().count();
     fit.covariance = inverse.block(kCameraCount, kCameraCount, count, count);
     fit.colour_gap = colour_gaps(model_, values_, std::sqrt(fit.covariance(kGap, kGap)));
@@ -228,8 +655,9 @@ class Joint {
   }
 
   PhoneModel model_;
-  PhonePriors priors_;
   VectorXd values_;
+  VectorXd means_;  ///< of the priors of camera and sheet
+  double focal_sigma_;
   std::vector<double> phase_sigma_, corner_sigma_;
 };
 
