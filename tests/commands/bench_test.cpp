@@ -55,6 +55,21 @@ TEST_F(BenchTest, ErrorMeasuresEveryMethodInBothScenarios) {
   EXPECT_GT(std::filesystem::file_size(path("error.svg")), 500U);
 }
 
+TEST_F(BenchTest, CalibratesASimulatedPanelAndSavesItsRigReportAndPictures) {
+  const ProcessResult result =
+      run({"bench", "calibrate", "--plain", "--panel-width", "640", "--camera-width", "480",
+           "--viewpoints", "1", "--noise", "0.003", "--deformation", "0", "--pictures",
+           path("seen"), "-o", path("sim.toml"), "--json"},
+          {.timeout = std::chrono::seconds(300)});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const auto json = nlohmann::json::parse(result.out);
+  EXPECT_EQ(json.at("ground_truth").at("failure"), "");
+  EXPECT_LT(json["ground_truth"].at("effective_pitch_error").get<double>(), 1e-3);
+  EXPECT_TRUE(std::filesystem::exists(path("sim.toml")));
+  EXPECT_TRUE(std::filesystem::exists(path("sim.report.html")));
+  EXPECT_TRUE(std::filesystem::exists(path("seen") + "/centre-000.png"));
+}
+
 TEST_F(BenchTest, ErrorPrintsTablesAndNamesMissingMethods) {
   const ProcessResult result =
       run({"bench", "error", "--course", "still", "--methods", "lens-view,none-such", "--no-peers",

@@ -6,9 +6,9 @@
 #include <csignal>
 #include <filesystem>
 
-#include "apps/lenticule-bench/phone/workshop.h"
 #include "base/file.h"
 #include "calib/photo/tag_chart.h"
+#include "lab/phone/workshop.h"
 #include "optics/rig_file.h"
 #include "program.h"
 #include "tests/support/small_workshop.h"
@@ -53,8 +53,8 @@ class PhoneCommand : public CommandTest {
     return read_text_file(path(name), uint64_t{100} << 20);
   }
 
-  bench::Workshop workshop_ = bench::draw_workshop(101, small_workshop(6));
-  bench::LensSection sheet_{workshop_.build, workshop_.start.panel};
+  lab::Workshop workshop_ = lab::draw_workshop(101, small_workshop(6));
+  lab::LensSection sheet_{workshop_.build, workshop_.start.panel};
 };
 
 TEST_F(PhoneCommand, EndsWithARigAPictureAndANumber) {
@@ -63,7 +63,7 @@ TEST_F(PhoneCommand, EndsWithARigAPictureAndANumber) {
                                         {.timeout = std::chrono::seconds(300)});
   ASSERT_EQ(found.exit_code, 0) << found.err << found.out;
   const optics::Rig rig = optics::load_rig(path("found.toml"));
-  EXPECT_LT(bench::worst_error(rig, sheet_, bench::judged_eyes(workshop_.start)), 0.02);
+  EXPECT_LT(lab::worst_error(rig, sheet_, lab::judged_eyes(workshop_.start)), 0.02);
   EXPECT_TRUE(std::filesystem::exists(path("found.check.png")));
   EXPECT_TRUE(std::filesystem::exists(path("found.report.html")));
   for (const char* part :

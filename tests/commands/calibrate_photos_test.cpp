@@ -6,9 +6,9 @@
 
 #include <fstream>
 
-#include "calib/simulation/trial.h"
 #include "frames/image_io.h"
 #include "frames/srgb.h"
+#include "lab/panel/trial.h"
 #include "optics/rig_file.h"
 #include "program.h"
 
@@ -16,20 +16,20 @@ namespace lenticule::test {
 namespace {
 
 using calib::CameraPicture;
-using calib::SimulatedBench;
-using calib::Trial;
+using lab::SimulatedBench;
+using lab::Trial;
 
 constexpr int kPicturesUntilSettled = 3;
 
-Trial small_panel(double white_light) {
-  Trial trial = calib::plain_trial(960, 540, 640, 360);
+lab::Trial small_panel(double white_light) {
+  lab::Trial trial = lab::plain_trial(960, 540, 640, 360);
   trial.camera.white_light = white_light;
   trial.link.response_ms = 1.0;
   trial.sheet.deformation_lenses = 0.04;
   return trial;
 }
 
-CameraPicture photographed(SimulatedBench& bench, const frames::WovenFrame& pattern) {
+CameraPicture photographed(lab::SimulatedBench& bench, const frames::WovenFrame& pattern) {
   EXPECT_EQ(bench.sink().show(pattern.view(), std::chrono::seconds(1)), frames::ShowResult::Shown);
   CameraPicture picture;
   for (int n = 0; n < kPicturesUntilSettled; ++n)
@@ -63,7 +63,7 @@ class PhotosCommand : public CommandTest {
     ASSERT_EQ(wrote.exit_code, 0) << wrote.err;
   }
   /// Photographs all patterns; the camera is displaced by `by_mm` from picture `knocked` on.
-  void photograph_all(const calib::TrialViewpoint& place, int knocked = -1, double by_mm = 0.0) {
+  void photograph_all(const lab::TrialViewpoint& place, int knocked = -1, double by_mm = 0.0) {
     bench_.move_camera(place.position_mm, place.look_at_mm, place.roll_degrees);
     const std::filesystem::path folder = folder_ / place.name;
     std::filesystem::create_directories(folder);
@@ -86,23 +86,22 @@ class PhotosCommand : public CommandTest {
     return run(all);
   }
 
-  Trial trial_;
-  SimulatedBench bench_{trial_.panel, trial_.sheet, trial_.link, trial_.camera, trial_.seed};
+  lab::Trial trial_;
+  lab::SimulatedBench bench_{trial_.panel, trial_.sheet, trial_.link, trial_.camera, trial_.seed};
 };
 
 TEST_F(PhotosCommand, FindsTheSheetFromThreeFolders) {
   write_patterns();
-  for (const calib::TrialViewpoint& place : trial_.viewpoints) photograph_all(place);
+  for (const lab::TrialViewpoint& place : trial_.viewpoints) photograph_all(place);
   std::vector<std::string> arguments = {"calibrate", "photos"};
-  for (const calib::TrialViewpoint& place : trial_.viewpoints)
-    arguments.push_back(path(place.name));
+  for (const lab::TrialViewpoint& place : trial_.viewpoints) arguments.push_back(path(place.name));
   for (const std::string& more :
        {std::string("--rig"), path("start.toml"), std::string("-o"), path("found.toml")})
     arguments.push_back(more);
   const ProcessResult found = run(arguments);
   ASSERT_EQ(found.exit_code, 0) << found.err << found.out;
   const optics::Rig rig = optics::load_rig(path("found.toml"));
-  const calib::TrialErrors errors = calib::errors_of(rig, bench_, trial_);
+  const lab::TrialErrors errors = lab::errors_of(rig, bench_, trial_);
   EXPECT_LT(errors.worst_lenses, 0.02);
   EXPECT_LT(std::abs(errors.pitch),
             4e-5);  // tolerance for a quarter of the lenses of a whole panel

@@ -37,18 +37,20 @@ MAY_INCLUDE = {
     "apps/lenticule": "base optics frames display player",
     "apps/lenticule-tools": "base optics frames scenes render display calib player farm "
                             "apps/lenticule",
+    # Only benchmarks and tests use the lab.
+    "lab": "base optics frames scenes render calib player apps/lenticule-tools",
     "apps/lenticule-bench": "base optics frames scenes render display calib player farm apps/lenticule "
-                            "apps/lenticule-tools",
+                            "apps/lenticule-tools lab",
 }
 
 # the beginning of a header's name: the modules that may name it
 LIBRARIES = {
-    "embree": "render apps/lenticule-bench",
+    "embree": "render lab",
     "OpenImageIO": "frames",
     "assimp": "render",
     "draco": "render",
     "meshoptimizer": "render",
-    "tbb": "render apps/lenticule-bench",
+    "tbb": "render lab apps/lenticule-bench",
     "toml": "optics player",
     "xf86drm": "display",
     "libudev": "display",
@@ -57,7 +59,7 @@ LIBRARIES = {
     "ceres": "calib",
     "Eigen": "calib",
     "unsupported/Eigen": "calib",
-    "turbojpeg": "calib apps/lenticule-web apps/lenticule-bench",
+    "turbojpeg": "calib apps/lenticule-web lab",
     "microhttpd": "apps/lenticule-web",
     "qrencode": "frames",
     "apriltag": "calib",
@@ -65,8 +67,8 @@ LIBRARIES = {
            "apps/lenticule-web apps/lenticule-window",
     "SDL2": "apps/lenticule-window",
     "systemd": "player",
-    "zstd": "frames apps/lenticule-bench",
-    "lz4": "frames apps/lenticule-bench",
+    "zstd": "frames lab apps/lenticule-bench",
+    "lz4": "frames lab apps/lenticule-bench",
     "libav": "apps/lenticule-video",
     "seccomp": "apps/lenticule-video",
 }

@@ -8,9 +8,9 @@
 #include <cstddef>
 #include <stdexcept>
 
-#include "calib/simulation/trial.h"
 #include "frames/frame.h"
 #include "frames/srgb.h"
+#include "lab/panel/trial.h"
 #include "optics/model.h"
 
 namespace lenticule::test {
@@ -20,7 +20,7 @@ class PhoneCamera {
   static constexpr int kPanelWidth = 3840, kPanelHeight = 2160;
 
   PhoneCamera() {
-    const calib::TrialViewpoint& place = trial_.viewpoints.front();
+    const lab::TrialViewpoint& place = trial_.viewpoints.front();
     bench_.move_camera(place.position_mm, place.look_at_mm, place.roll_degrees);
   }
 
@@ -63,14 +63,14 @@ class PhoneCamera {
   }
 
  private:
-  static calib::Trial phone_trial() {
-    calib::Trial trial = calib::plain_trial(kPanelWidth, kPanelHeight, 1280, 720);
+  static lab::Trial phone_trial() {
+    lab::Trial trial = lab::plain_trial(kPanelWidth, kPanelHeight, 1280, 720);
     trial.link.response_ms = 1.0;
     return trial;
   }
 
-  calib::Trial trial_ = phone_trial();
-  calib::SimulatedBench bench_{trial_.panel, trial_.sheet, trial_.link, trial_.camera, trial_.seed};
+  lab::Trial trial_ = phone_trial();
+  lab::SimulatedBench bench_{trial_.panel, trial_.sheet, trial_.link, trial_.camera, trial_.seed};
 };
 
 }  // namespace lenticule::test

@@ -5,12 +5,12 @@
 
 #include <filesystem>
 
-#include "apps/lenticule-bench/phone/workshop.h"
+#include "lab/phone/workshop.h"
 
 namespace lenticule::test {
 
-inline bench::WorkshopLimits small_workshop(int shots) {
-  bench::WorkshopLimits limits;
+inline lab::WorkshopLimits small_workshop(int shots) {
+  lab::WorkshopLimits limits;
   limits.panel_width = 1920;
   limits.diagonal_inches = 24.0;
   limits.phone_width = 3200;
@@ -24,32 +24,32 @@ inline bench::WorkshopLimits small_workshop(int shots) {
 class HandHeldPhone {
  public:
   explicit HandHeldPhone(uint64_t seed = kSeed)
-      : workshop_(bench::draw_workshop(seed, small_workshop(6))) {
+      : workshop_(lab::draw_workshop(seed, small_workshop(6))) {
     // A start that is more than 1 % off changes the chart after the first photograph.
     workshop_.start.sheet.pitch = Subpixels(1.004 * workshop_.build.pitch_subpx);
   }
   /// Returns the rig that the owner assumes before the calibration.
   [[nodiscard]] const optics::Rig& start() const { return workshop_.start; }
-  [[nodiscard]] const bench::Shot& shot(size_t place) const { return workshop_.shots.at(place); }
+  [[nodiscard]] const lab::Shot& shot(size_t place) const { return workshop_.shots.at(place); }
   /// Photographs the panel that shows a frame, from place 0 to 5 of draw_workshop(); if it is
   /// `cut`, with a part of the panel out of the picture.
   void photograph(const frames::WovenFrame& shown, size_t place, const std::filesystem::path& file,
                   bool cut = false) const {
-    bench::Shot shot = this->shot(place);
+    lab::Shot shot = this->shot(place);
     const optics::Panel& panel = workshop_.start.panel;
     if (cut) shot.look_at_mm.x += panel.width_px * panel.pixel_width.value;
-    write_photo(bench::photograph(sheet_, shown.view(), workshop_.phone, shot),
+    write_photo(lab::photograph(sheet_, shown.view(), workshop_.phone, shot),
                 workshop_.phone.jpeg_quality, file);
   }
   /// Returns the largest phase error of a rig over panel and viewing zone, lenses.
   [[nodiscard]] double error_of(const optics::Rig& rig) const {
-    return bench::worst_error(rig, sheet_, bench::judged_eyes(workshop_.start));
+    return lab::worst_error(rig, sheet_, lab::judged_eyes(workshop_.start));
   }
 
  private:
   static constexpr uint64_t kSeed = 102;  ///< all its photographs can be measured
-  bench::Workshop workshop_;
-  bench::LensSection sheet_{workshop_.build, workshop_.start.panel};
+  lab::Workshop workshop_;
+  lab::LensSection sheet_{workshop_.build, workshop_.start.panel};
 };
 
 }  // namespace lenticule::test

@@ -1,45 +1,75 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench calibrate calibrates randomly drawn sheets on the simulated bench (panel and
-// camera) and compares the results with the ground truth, which only the simulation knows.
+// lenticule bench calibrate calibrates sheets that only the simulation knows, and compares the
+// results with this ground truth:
+//
+//   by default  random sheets before a camera on a tripod
+//   --plain     the sheet of the sample rig, once; saves the rig and the pictures, for learning
+//   --stress    cases with one disturbance each, which must be tolerated or named
+//   --hand      random workshops with photographs that a phone takes by hand
+//   --hand --wrong-ways   the same, with a mistake that people make in each calibration
+//
+// An accepted result that is wrong is a failure; a refused one is not.
+#include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <filesystem>
 #include <memory>
 
-#include "apps/lenticule-bench/calibrate/bench_calibrate_hand.h"
-#include "apps/lenticule-bench/calibrate/bench_calibrate_stress.h"
 #include "apps/lenticule-bench/harness/bench.h"
+#include "apps/lenticule-tools/calibrate/calibrate_result.h"
+#include "apps/lenticule-tools/calibrate/camera_preview.h"
+#include "apps/lenticule-tools/cli/svg_plot.h"
 #include "base/error.h"
 #include "base/print.h"
-#include "calib/simulation/trial.h"
+#include "lab/panel/stress_cases.h"
+#include "lab/panel/trial.h"
+#include "lab/phone/hand_trial.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 
 namespace lenticule::bench {
 namespace {
 
-using calib::Trial;
-using calib::TrialResult;
 using calib::Verdict;
+using lab::HandOutcome;
+using lab::StressCase;
+using lab::StressDemand;
+using lab::Trial;
+using lab::TrialResult;
+using lab::WrongWay;
 using nlohmann::json;
-
-/// Error limit, in lenses, of a rig with verdict "intrinsic", at every place and for every eye of
-/// the zone.
-constexpr double kMostLenses = 0.02;
+using tools::PlotSeries;
 
 struct CalibrateFlags {
   int draws = 10;
   uint64_t first = 1;
   int panel_width = 3840;
-  int panel_height = 2160;
-  int camera_width = 1920;
-  int camera_height = 1080;
-  CalibrateStressFlags stress;
-  bool by_hand = false;
-  CalibrateHandFlags hand;
+  int camera_width = 0;  ///< 0: the default of the kind of camera
   bool json = false;
+
+  bool plain = false;  ///< one calibration of the sample rig's sheet
+  double noise = 0.01;
+  double deformation = 0.05;
+  int viewpoints = 3;
+  std::string pictures;
+  std::string output;
+
+  bool stress = false;
+  bool full = false;
+  std::string only;  ///< the name of one case; empty = all
+
+  bool hand = false;
+  std::vector<int> photographs = {2, 3, 4, 6};
+  std::string plot;
+  bool wrong_ways = false;
 };
+
+/// Error limit, in lenses, of a rig with verdict "intrinsic", at every place and for every eye of
+/// the zone.
+constexpr double kMostLenses = 0.02;
 
 double largest(const std::vector<double>& values) {
   double most = 0.0;
@@ -47,7 +77,7 @@ double largest(const std::vector<double>& values) {
   return most;
 }
 
-json json_of(uint64_t seed, const Trial& trial, const TrialResult& result) {
+json json_of(uint64_t seed, const lab::Trial& trial, const lab::TrialResult& result) {
   const calib::Calibration& found = result.calibration;
   json out = {{"seed", seed},
               {"pitch_subpx", trial.sheet.pitch_subpx},
@@ -180,37 +210,384 @@ void print_summary(const json& summary) {
               scatter["gap"].get<double>());
 }
 
-ExitCode run_calibrate_bench(const CalibrateFlags& flags) {
+Trial trial_of(const CalibrateFlags& flags, uint64_t seed) {
+  const int panel_height = flags.panel_width * 9 / 16;
+  const int camera_width = flags.camera_width > 0 ? flags.camera_width : 1920;
+  const int camera_height = camera_width * 9 / 16;
+  if (!flags.plain)
+    return lab::random_trial(seed, flags.panel_width, panel_height, camera_width, camera_height);
+  Trial trial = lab::plain_trial(flags.panel_width, panel_height, camera_width, camera_height);
+  trial.seed = trial.sheet.seed = seed;
+  trial.sheet.deformation_lenses = flags.deformation;
+  trial.camera.read_noise = trial.camera.shot_noise = flags.noise / std::sqrt(2.0);
+  trial.viewpoints.resize(static_cast<size_t>(flags.viewpoints));
+  return trial;
+}
+
+/// Saves the rig with its report, as `lenticule calibrate` does.
+ExitCode save_result(const CalibrateFlags& flags, const Trial& trial, const TrialResult& result) {
+  if (!result.failure.empty()) throw Error(ErrorKind::Quality, result.failure);
+  calib::RecordDetails details{.when = std::chrono::system_clock::now(),
+                               .method = "simulated",
+                               .camera = {},
+                               .temperature_celsius = {}};
+  details.camera.name = "simulated camera";
+  details.camera.width = trial.camera.width;
+  details.camera.pixel_format = "simulated";
+  tools::ResultFlags files;
+  files.output = flags.output;
+  files.json = flags.json;
+  return tools::conclude_calibration(result.calibration, details, files,
+                                     {{"ground_truth", json_of(flags.first, trial, result)}});
+}
+
+ExitCode run_calibrate_random(const CalibrateFlags& flags) {
   json draws = json::array();
-  if (!flags.json)
+  const bool listed = !flags.json;
+  if (listed)
     print_out(
         "{}\n{:>5} {:>7} {:>8} {:>6} {:>5} | {:<8} {:>7} {:>8} {:>8} {:>8} {:>7} {:>8} "
         "{:>6}\n",
         machine_text(), "seed", "pitch", "slant", "bent", "noise", "outcome", "worst", "pitch",
         "slant", "gap", "map", "single", "s");
-  for (int n = 0; n < flags.draws && !player::interrupted(); ++n) {
+  ExitCode saved = kOk;
+  for (int n = 0; n < (flags.plain ? 1 : flags.draws) && !player::interrupted(); ++n) {
     const uint64_t seed = flags.first + static_cast<uint64_t>(n);
-    Trial trial = calib::random_trial(seed, flags.panel_width, flags.panel_height,
-                                      flags.camera_width, flags.camera_height);
+    Trial trial = trial_of(flags, seed);
     trial.progress = [](size_t, int) { return !player::interrupted(); };
-    draws.push_back(json_of(seed, trial, calib::run_trial(trial)));
+    if (!flags.pictures.empty()) {
+      std::filesystem::create_directories(flags.pictures);
+      trial.before_pattern = [&](lab::SimulatedBench& bench, size_t viewpoint, int pattern) {
+        // The camera sees the previous pattern; before the first there is none.
+        if (pattern > 0)
+          tools::write_preview(bench.camera(),
+                               fmt::format("{}/{}-{:03}.png", flags.pictures,
+                                           trial.viewpoints[viewpoint].name, pattern - 1));
+      };
+    }
+    const TrialResult result = lab::run_trial(trial);
     if (player::interrupted()) break;
-    if (!flags.json) print_draw(draws.back());
+    draws.push_back(json_of(seed, trial, result));
+    if (listed) print_draw(draws.back());
     flush_results();
+    if (!flags.output.empty()) saved = save_result(flags, trial, result);
   }
+  if (player::interrupted()) return player::interrupt_exit_code();
+  if (!flags.output.empty()) return saved;
   const json summary = summary_of(draws);
   if (flags.json)
     print_json({{"machine", machine_json()}, {"draws", draws}, {"summary", summary}});
-  else
+  else if (!flags.plain)
     print_summary(summary);
-  if (player::interrupted()) return player::interrupt_exit_code();
   return summary["wrong"] == 0 ? kOk : kQuality;
+}
+
+// Stress cases.
+
+std::vector<StressCase> chosen_cases(const std::string& name) {
+  if (name.empty()) return lab::stress_cases();
+  std::string known;
+  for (const StressCase& one : lab::stress_cases()) {
+    if (name == one.name) return {one};
+    known += (known.empty() ? "" : ", ") + one.name;
+  }
+  throw Error(ErrorKind::Usage, fmt::format("--only '{}': unknown", name), "one of " + known);
+}
+
+const char* name_of(StressDemand demand) {
+  switch (demand) {
+    case StressDemand::Good:
+      return "good";
+    case StressDemand::Detected:
+      return "detected";
+    case StressDemand::GoodOrDetected:
+      return "good or detected";
+  }
+  return "";
+}
+
+json json_of(const StressCase& one, const lab::StressLimits& limits,
+             const lab::StressOutcome& outcome) {
+  json out = {{"case", one.name},           {"row", one.row},
+              {"what", one.what},           {"demand", name_of(one.demand)},
+              {"verdict", outcome.verdict}, {"said", outcome.said},
+              {"held", outcome.held},       {"wrong", outcome.wrong},
+              {"seconds", outcome.seconds}};
+  out["limits"] = {{"flat_lenses", limits.flat_lenses},
+                   {"worst_lenses", limits.worst_lenses},
+                   {"effective_pitch_error", limits.pitch},
+                   {"map_rms_lenses", limits.map_rms_lenses}};
+  if (outcome.measured)
+    out["figures"] = {
+        {"flat_lenses", outcome.flat_lenses},     {"worst_lenses", outcome.errors.worst_lenses},
+        {"effective_pitch_error", outcome.pitch}, {"map_rms_lenses", outcome.errors.map_rms_lenses},
+        {"pitch_error", outcome.errors.pitch},    {"gap_error", outcome.errors.gap}};
+  return out;
+}
+
+void print_head(bool full) {
+  print_out("machine {}, {} size\n", machine_text(), full ? "full" : "small");
+  print_out("{:<15} {:<38} {:<9} {:>7} {:>7} {:>7} {:>8} {:<16} {:>7} {:>7} {:>8} {:<6}\n", "case",
+            "what", "outcome", "flat", "worst", "map", "pitch", "demand", "flat", "worst", "pitch",
+            "held");
+}
+
+void print_case(const StressCase& one, const lab::StressLimits& limits,
+                const lab::StressOutcome& outcome) {
+  print_out("{:<15} {:<38} {:<9} ", one.name, one.what, outcome.verdict);
+  if (outcome.measured)
+    print_out("{:>7.4f} {:>7.4f} {:>7.4f} {:>8.1e} ", outcome.flat_lenses,
+              outcome.errors.worst_lenses, outcome.errors.map_rms_lenses, outcome.pitch);
+  else
+    print_out("{:>7} {:>7} {:>7} {:>8} ", "-", "-", "-", "-");
+  if (one.demand == StressDemand::Detected)
+    print_out("{:<16} {:>7} {:>7} {:>8} ", name_of(one.demand), "-", "-", "-");
+  else
+    print_out("{:<16} {:>7.4f} {:>7.4f} {:>8.1e} ", name_of(one.demand), limits.flat_lenses,
+              limits.worst_lenses, limits.pitch);
+  print_out("{}\n", outcome.held ? "yes" : "MISSED");
+  if (!outcome.held || one.demand != StressDemand::Good)
+    print_out("    {}\n", outcome.said.empty() ? "no reason is given" : outcome.said);
+  if (!outcome.held && !one.shortfall.empty()) print_out("    known: {}\n", one.shortfall);
+}
+
+ExitCode run_calibrate_stress(const CalibrateFlags& flags) {
+  const std::vector<StressCase> cases = chosen_cases(flags.only);
+  const lab::StressSize size = flags.full ? lab::StressSize::Full : lab::StressSize::Small;
+  json rows = json::array();
+  int missed = 0;
+  if (!flags.json) print_head(flags.full);
+  for (const StressCase& one : cases) {
+    const lab::StressOutcome outcome =
+        lab::run_stress_case(one, size, [] { return !player::interrupted(); });
+    if (player::interrupted()) return player::interrupt_exit_code();
+    const lab::StressLimits limits = lab::limits_at(one, size);
+    rows.push_back(json_of(one, limits, outcome));
+    if (!flags.json) print_case(one, limits, outcome);
+    flush_results();
+    missed += outcome.held ? 0 : 1;
+  }
+  if (flags.json)
+    print_json({{"machine", machine_json()}, {"full", flags.full}, {"cases", rows}});
+  else
+    print_out("\n{} cases, {} missed\n", rows.size(), missed);
+  return missed == 0 ? kOk : kQuality;
+}
+
+// Photographs by hand.
+
+json json_of(uint64_t seed, const lab::HandTrial& trial, const lab::HandResult& result) {
+  return {{"seed", seed},
+          {"pitch_subpx", trial.workshop().build.pitch_subpx},
+          {"photographs", result.photographs},
+          {"outcome", to_string(result.outcome)},
+          {"fitted", result.fitted},
+          {"error_lenses", result.error_lenses},
+          {"stated_lenses", result.stated_lenses},
+          {"reasons", result.reasons},
+          {"fit_seconds", result.fit_seconds}};
+}
+
+void print_result(const json& row) {
+  print_out("{:>5} {:>7.3f} {:>6} | {:<8}", row["seed"].get<uint64_t>(),
+            row["pitch_subpx"].get<double>(), row["photographs"].get<int>(),
+            row["outcome"].get<std::string>());
+  if (row["fitted"])
+    print_out(" {:>7.4f} {:>7.4f}", row["error_lenses"].get<double>(),
+              row["stated_lenses"].get<double>());
+  else
+    print_out(" {:>7} {:>7}", "-", "-");
+  print_out("  {}\n",
+            row["reasons"].empty() ? std::string() : row["reasons"][0].get<std::string>());
+}
+
+/// Returns the summary of all results with one number of photographs.
+json summary_of(const json& rows, int photographs) {
+  std::vector<double> errors, stated, accepted;
+  int setups = 0, covered = 0, right = 0, wrong = 0;
+  for (const json& row : rows) {
+    if (row["photographs"] != photographs) continue;
+    ++setups;
+    right += row["outcome"] == to_string(HandOutcome::Right) ? 1 : 0;
+    wrong += row["outcome"] == to_string(HandOutcome::Wrong) ? 1 : 0;
+    if (!row["fitted"]) continue;
+    errors.push_back(row["error_lenses"]);
+    stated.push_back(row["stated_lenses"]);
+    covered += errors.back() <= stated.back() ? 1 : 0;
+    if (row["outcome"] != to_string(HandOutcome::Refused)) accepted.push_back(errors.back());
+  }
+  return {{"photographs", photographs},
+          {"setups", setups},
+          {"right", right},
+          {"refused", setups - right - wrong},
+          {"wrong", wrong},
+          {"fitted", errors.size()},
+          {"covered", covered},
+          {"error_median", quantile(errors, 0.5)},
+          {"error_95", quantile(errors, 0.95)},
+          {"accepted_error_largest", quantile(accepted, 1.0)},
+          {"stated_median", quantile(stated, 0.5)}};
+}
+
+void print_hand_summary(const json& summary) {
+  print_out("\n{:>11} {:>6} {:>6} {:>8} {:>6} | {:>7} {:>7} {:>7} {:>9} | {:>9}\n", "photographs",
+            "setups", "right", "refused", "wrong", "median", "95 %", "stated", "accepted",
+            "covered");
+  for (const json& s : summary)
+    print_out(
+        "{:>11} {:>6} {:>6} {:>8} {:>6} | {:>7.4f} {:>7.4f} {:>7.4f} {:>9.4f} | {:>4}/{:>4}\n",
+        s["photographs"].get<int>(), s["setups"].get<int>(), s["right"].get<int>(),
+        s["refused"].get<int>(), s["wrong"].get<int>(), s["error_median"].get<double>(),
+        s["error_95"].get<double>(), s["stated_median"].get<double>(),
+        s["accepted_error_largest"].get<double>(), s["covered"].get<int>(), s["fitted"].get<int>());
+}
+
+void write_plot(const json& rows, const json& summary, const std::string& file) {
+  tools::Plot plot{
+      .title = "hand-held photographs: error over the panel for eyes of the viewing zone",
+      .x = {.label = "photographs", .scale = tools::AxisScale::Linear},
+      .y = {.label = "lenses", .scale = tools::AxisScale::Log},
+      .series = {}};
+  PlotSeries accepted{.label = "accepted", .points = {}, .joined = false};
+  PlotSeries refused{.label = "refused", .points = {}, .joined = false};
+  PlotSeries median{.label = "median", .points = {}}, stated{.label = "stated", .points = {}};
+  constexpr double kAside = 0.08;
+  for (const json& row : rows) {
+    if (!row["fitted"]) continue;
+    const bool out = row["outcome"] == to_string(HandOutcome::Refused);
+    (out ? refused : accepted)
+        .points.push_back({row["photographs"].get<double>() + (out ? kAside : -kAside),
+                           std::max(row["error_lenses"].get<double>(), 1e-4)});
+  }
+  for (const json& s : summary) {
+    if (s["fitted"] == 0) continue;
+    median.points.push_back({s["photographs"].get<double>(), s["error_median"].get<double>()});
+    stated.points.push_back({s["photographs"].get<double>(), s["stated_median"].get<double>()});
+  }
+  for (PlotSeries* series : {&accepted, &refused, &median, &stated})
+    if (!series->points.empty()) plot.series.push_back(std::move(*series));
+  if (!plot.series.empty()) write_svg(plot, file);
+}
+
+lab::WorkshopLimits limits_of(const CalibrateFlags& flags) {
+  lab::WorkshopLimits limits =
+      lab::limits_for(flags.panel_width, flags.camera_width > 0 ? flags.camera_width : 4000);
+  limits.shots = *std::ranges::max_element(flags.photographs);
+  return limits;
+}
+
+ExitCode run_calibrate_hand(const CalibrateFlags& flags) {
+  json rows = json::array(), summary = json::array();
+  if (!flags.json)
+    print_out("{}\n{:>5} {:>7} {:>6} | {:<8} {:>7} {:>7}\n", machine_text(), "seed", "pitch",
+              "photos", "outcome", "error", "stated");
+  for (int n = 0; n < flags.draws && !player::interrupted(); ++n) {
+    const uint64_t seed = flags.first + static_cast<uint64_t>(n);
+    const lab::HandTrial trial(seed, limits_of(flags));
+    for (const int count : flags.photographs) {
+      rows.push_back(json_of(seed, trial, trial.calibrate(count)));
+      if (!flags.json) print_result(rows.back());
+    }
+    flush_results();
+  }
+  for (const int count : flags.photographs) summary.push_back(summary_of(rows, count));
+  if (!flags.plot.empty()) write_plot(rows, summary, flags.plot);
+  if (flags.json)
+    print_json({{"machine", machine_json()}, {"results", rows}, {"summary", summary}});
+  else
+    print_hand_summary(summary);
+  if (player::interrupted()) return player::interrupt_exit_code();
+  const bool wrong = std::ranges::any_of(summary, [](const json& s) { return s["wrong"] != 0; });
+  return wrong ? kQuality : kOk;
+}
+
+// Mistakes with photographs.
+
+/// Counts holds the outcomes of one mistake.
+struct Counts {
+  int right = 0;
+  int refused = 0;  ///< the reason names the mistake
+  int other = 0;    ///< refused for another reason
+  int wrong = 0;
+  std::string other_reason;  ///< the last one
+
+  void add(const lab::WrongWayResult& result) {
+    if (result.outcome == lab::HandOutcome::Right) {
+      ++right;
+    } else if (result.outcome == lab::HandOutcome::Wrong) {
+      ++wrong;
+    } else if (result.cause_named) {
+      ++refused;
+    } else {
+      ++other;
+      other_reason = result.reason;
+    }
+  }
+};
+
+json json_of(uint64_t seed, const WrongWay& way, const lab::WrongWayResult& result) {
+  return {{"seed", seed},
+          {"mistake", way.name},
+          {"outcome", to_string(result.outcome)},
+          {"cause_named", result.cause_named},
+          {"error_lenses", result.error_lenses},
+          {"reason", result.reason}};
+}
+
+json json_of(const WrongWay& way, const Counts& counts) {
+  return {{"mistake", way.name},       {"right", counts.right},
+          {"refused", counts.refused}, {"other_reason", counts.other},
+          {"wrong", counts.wrong},     {"last_other_reason", counts.other_reason}};
+}
+
+void print_counts(std::span<const WrongWay> ways, const std::vector<Counts>& counts) {
+  print_out("\n{:<40} {:>6} {:>8} {:>6} {:>6}  {}\n", "mistake", "right", "refused", "other",
+            "WRONG", "other reason");
+  for (size_t k = 0; k < ways.size(); ++k)
+    print_out("{:<40} {:>6} {:>8} {:>6} {:>6}  {}\n", ways[k].name, counts[k].right,
+              counts[k].refused, counts[k].other, counts[k].wrong, counts[k].other_reason);
+}
+
+ExitCode run_calibrate_wrong(const CalibrateFlags& flags) {
+  // A mistake is made in the last photograph; the first one alone would be without it.
+  if (flags.photographs.size() != 1 || flags.photographs.front() < 2)
+    throw Error(ErrorKind::Usage, "--photographs: --wrong-ways takes one number, 2 or more",
+                "for example --photographs 4");
+  const std::span<const WrongWay> ways = lab::wrong_ways();
+  std::vector<Counts> counts(ways.size());
+  lab::WorkshopLimits limits = limits_of(flags);
+  limits.shots = flags.photographs.front();
+  json rows = json::array(), summary = json::array();
+  if (!flags.json) print_out("{}\n", machine_text());
+  player::Progress progress("wrong ways", "calibrations",
+                            static_cast<uint64_t>(flags.draws) * ways.size(),
+                            flags.json ? player::ProgressStyle::Off : player::ProgressStyle::Auto);
+  for (int n = 0; n < flags.draws && !player::interrupted(); ++n) {
+    const uint64_t seed = flags.first + static_cast<uint64_t>(n);
+    lab::WrongWayTrial trial(seed, limits, std::filesystem::temp_directory_path());
+    for (size_t k = 0; k < ways.size() && !player::interrupted(); ++k) {
+      const lab::WrongWayResult result = trial.calibrate(ways[k]);
+      counts[k].add(result);
+      rows.push_back(json_of(seed, ways[k], result));
+      progress.update(rows.size());
+    }
+  }
+  progress.finish();
+  for (size_t k = 0; k < ways.size(); ++k) summary.push_back(json_of(ways[k], counts[k]));
+  if (flags.json)
+    print_json({{"machine", machine_json()}, {"results", rows}, {"summary", summary}});
+  else
+    print_counts(ways, counts);
+  if (player::interrupted()) return player::interrupt_exit_code();
+  return std::ranges::any_of(counts, [](const Counts& c) { return c.wrong != 0; }) ? kQuality : kOk;
 }
 
 }  // namespace
 
 cli::Run declare_bench_calibrate(CLI::App& app) {
   const auto flags = std::make_shared<CalibrateFlags>();
+  app.footer(
+      "Example:\n  lenticule bench calibrate --plain --noise 0.03 --deformation 0.1 -o sim.toml");
   app.add_option("--draws", flags->draws, "number of random sheets and cameras")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
@@ -220,51 +597,64 @@ cli::Run declare_bench_calibrate(CLI::App& app) {
       ->capture_default_str();
   app.add_option("--camera-width", flags->camera_width, "pixels; the height is 9/16 of it")
       ->check(CLI::Range(320, 7680))
-      ->capture_default_str();
-  CLI::Option* stress = app.add_flag("--stress", flags->stress.stress,
-                                     "run the stress cases instead, each with one disturbance");
-  app.add_flag("--full", flags->stress.full,
+      ->default_str("1920, of a phone 4000");
+
+  CLI::Option* plain =
+      app.add_flag("--plain", flags->plain,
+                   "calibrate the sheet of the sample rig, once, instead of random ones");
+  app.add_option("--noise", flags->noise, "noise of the camera, as a fraction of full scale")
+      ->check(CLI::Range(0.0, 0.2))
+      ->capture_default_str()
+      ->needs(plain);
+  app.add_option("--deformation", flags->deformation, "deformation of the sheet")
+      ->type_name("LENSES")
+      ->check(CLI::Range(0.0, 0.5))
+      ->capture_default_str()
+      ->needs(plain);
+  app.add_option("--viewpoints", flags->viewpoints, "places of the camera")
+      ->check(CLI::Range(1, 3))
+      ->capture_default_str()
+      ->needs(plain);
+  app.add_option("--pictures", flags->pictures, "folder for the camera's picture of each pattern")
+      ->type_name("FOLDER")
+      ->needs(plain);
+  app.add_option("-o,--output", flags->output, "save the rig, and a report beside it")
+      ->type_name("RIG.toml")
+      ->needs(plain);
+
+  CLI::Option* stress = app.add_flag("--stress", flags->stress,
+                                     "run the stress cases instead, each with one disturbance")
+                            ->excludes(plain);
+  app.add_flag("--full", flags->full,
                "run the stress cases at the size of real panels, which takes half an hour")
       ->needs(stress);
-  app.add_option("--only", flags->stress.only, "run only this stress case")->needs(stress);
+  app.add_option("--only", flags->only, "run only this stress case")->needs(stress);
+
   CLI::Option* hand =
-      app.add_flag(
-             "--hand", flags->by_hand,
-             "calibrate from photographs that a phone takes by hand; --camera-width is that of "
-             "its pictures, 4000 by default")
-          ->excludes(stress);
+      app.add_flag("--hand", flags->hand, "calibrate from photographs that a phone takes by hand")
+          ->excludes(stress)
+          ->excludes(plain);
   const CLI::Option* photographs =
-      app.add_option("--photographs", flags->hand.photographs,
+      app.add_option("--photographs", flags->photographs,
                      "numbers of photographs to calibrate from, each once")
           ->delimiter(',')
           ->check(CLI::Range(1, 6))
           ->capture_default_str()
           ->needs(hand);
-  app.add_option("--plot", flags->hand.plot, "SVG file: error against number of photographs")
+  app.add_option("--plot", flags->plot, "SVG file: error against number of photographs")
       ->needs(hand);
   app.add_flag(
-         "--wrong-ways", flags->hand.wrong_ways,
+         "--wrong-ways", flags->wrong_ways,
          "take photographs with each of two dozen mistakes, such as a cropped file: three, or "
          "the one number of --photographs, 2 or more")
       ->needs(hand);
   app.add_flag("--json", flags->json, "print JSON");
-  const CLI::Option* camera = app.get_option("--camera-width");
-  return [flags, camera, photographs] {
-    if (flags->by_hand) {
-      if (flags->hand.wrong_ways && photographs->count() == 0) flags->hand.photographs = {3};
-      flags->hand.draws = flags->draws;
-      flags->hand.first = flags->first;
-      flags->hand.panel_width = flags->panel_width;
-      if (camera->count() > 0) flags->hand.phone_width = flags->camera_width;
-      flags->hand.json = flags->json;
-      return flags->hand.wrong_ways ? run_calibrate_wrong(flags->hand)
-                                    : run_calibrate_hand(flags->hand);
-    }
-    flags->stress.json = flags->json;
-    if (flags->stress.stress) return run_calibrate_stress(flags->stress);
-    flags->panel_height = flags->panel_width * 9 / 16;
-    flags->camera_height = flags->camera_width * 9 / 16;
-    return run_calibrate_bench(*flags);
+  return [flags, photographs] {
+    if (flags->stress) return run_calibrate_stress(*flags);
+    if (!flags->hand) return run_calibrate_random(*flags);
+    if (!flags->wrong_ways) return run_calibrate_hand(*flags);
+    if (photographs->count() == 0) flags->photographs = {3};
+    return run_calibrate_wrong(*flags);
   };
 }
 

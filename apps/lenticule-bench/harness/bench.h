@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "apps/lenticule-bench/harness/bench_rigs.h"
 #include "apps/lenticule/cli/command.h"
 #include "base/statistics.h"
+#include "lab/bench_rigs.h"
 
 namespace lenticule::bench {
 

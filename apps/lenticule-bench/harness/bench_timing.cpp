@@ -8,7 +8,7 @@
 #include <fstream>
 #include <string>
 
-#include "apps/lenticule-bench/probes/visibility_rate.h"
+#include "lab/stability/probes.h"
 #include "player/process/interrupt.h"
 
 namespace lenticule::bench {
@@ -17,8 +17,8 @@ namespace {
 void time_visibility(const TimedCase& timed, CaseTimes& times) {
   const BenchScene& scene = *timed.scene;
   reset_peak_resident();
-  const VisibilityTiming timing =
-      bench::time_visibility(scene.scene(), scene.model(), timed.options.threads);
+  const lab::VisibilityTiming timing =
+      lab::time_visibility(scene.scene(), scene.model(), timed.options.threads);
   times.visibility_peak_mib = std::max(times.visibility_peak_mib, peak_resident_mib());
   times.bare.push_back(timing.bare_seconds);
   times.visibility.push_back(timing.pass_seconds);

@@ -13,15 +13,13 @@
 
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-bench/models/contact_sheet.h"
-#include "apps/lenticule-bench/models/judge.h"
 #include "apps/lenticule-bench/models/model_files.h"
-#include "apps/lenticule-bench/models/plain_camera.h"
-#include "apps/lenticule-bench/models/studio.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/print.h"
 #include "frames/image_io.h"
 #include "frames/measures/flip.h"
+#include "lab/judges/judge.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 #include "render/loaders/load_scene.h"
@@ -56,7 +54,7 @@ struct ModelsFlags {
 /// none.
 struct ModelRow {
   ModelFile model;
-  JudgeJob job{};
+  lab::JudgeJob job{};
   std::string ours_failure{};
   std::string theirs_failure{};
   double seconds = 0.0;
@@ -70,12 +68,12 @@ class ModelsRun {
       : flags_(flags),
         folder_(flags.output),
         environment_(flags.environment),
-        model_(plain_camera_rig(flags.size_px * flags.supersample, kModelFovDegrees)) {
+        model_(lab::plain_camera_rig(flags.size_px * flags.supersample, lab::kModelFovDegrees)) {
     for (ModelFile& file : find_models(flags.places)) rows_.push_back({.model = std::move(file)});
     fs::create_directories(folder_);
     if (environment_.empty()) {
       environment_ = (folder_ / "studio.hdr").string();
-      write_studio(environment_, kStudioWidth, kStudioWidth / 2);
+      lab::write_studio(environment_, kStudioWidth, kStudioWidth / 2);
     }
   }
 
@@ -117,7 +115,7 @@ class ModelsRun {
                  .picture = fs::absolute(picture_file(row, "judge-large")).string(),
                  .side_px = model_.rig().panel.width_px,
                  .environment = fs::absolute(environment_).string(),
-                 .environment_ahead = environment_ahead()};
+                 .environment_ahead = lab::environment_ahead()};
       try {
         render(row);
       } catch (const Error& error) {
@@ -131,7 +129,7 @@ class ModelsRun {
   void render(ModelRow& row) {
     const auto start = std::chrono::steady_clock::now();
     render::SceneDescription description = render::at_time(render::load_scene(row.model.file), 0.0);
-    const render::Camera camera = framing_camera(description);
+    const render::Camera camera = lab::framing_camera(description);
     row.job.camera = camera;
     row.job.light_scale = description.light_scale * std::numbers::pi;
     description.cameras = {camera};
@@ -139,7 +137,7 @@ class ModelsRun {
     // light.
     description.ambient = description.ambient.value_or(Vec3{});
     const render::Stage stage =
-        render::make_stage(description, model_, plain_camera_stage(camera, model_.rig()));
+        render::make_stage(description, model_, lab::plain_camera_stage(camera, model_.rig()));
     render::Surroundings surroundings;
     surroundings.environment_file = environment_;
     surroundings.tone_map = render::ToneMap::PbrNeutral;  // as jobs_text() asks of the judge
@@ -160,7 +158,7 @@ class ModelsRun {
 
   void draw_all() {
     if (flags_.judge.empty()) return;
-    std::vector<JudgeJob> jobs;
+    std::vector<lab::JudgeJob> jobs;
     for (const ModelRow& row : rows_) jobs.push_back(row.job);
     const auto limit = std::chrono::seconds(flags_.limit_s) * (jobs.size() + 1);
     judge_failure_ = run_judge(flags_.judge, folder_ / "jobs.json", jobs, limit);

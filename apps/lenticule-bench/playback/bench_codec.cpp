@@ -15,16 +15,18 @@
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-bench/harness/bench_scene.h"
 #include "apps/lenticule-bench/harness/thread_clock.h"
-#include "apps/lenticule-bench/playback/codec_trial.h"
 #include "apps/lenticule-tools/offline/scratch_folder.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "frames/image_io.h"
+#include "lab/judges/codec_trial.h"
 #include "player/process/child_process.h"
 #include "player/process/interrupt.h"
 
 namespace lenticule::bench {
 namespace {
+
+using lab::TrialKind;
 
 using tools::ScratchFolder;
 
@@ -68,7 +70,7 @@ class InMemory final : public Candidate {
   }
 
  private:
-  CodecTrial trial_;
+  lab::CodecTrial trial_;
 };
 
 class PngFile final : public Candidate {
@@ -213,7 +215,8 @@ frames::WovenFrame render_scene(const std::string& scene, const optics::Rig& rig
 
 ExitCode run(const CodecFlags& flags) {
   const ScratchFolder folder;
-  const optics::Rig rig = flags.quick ? quick_rig(bench_rig(flags.rig)) : bench_rig(flags.rig);
+  const optics::Rig rig =
+      flags.quick ? quick_rig(lab::bench_rig(flags.rig)) : lab::bench_rig(flags.rig);
   const std::vector<std::unique_ptr<Candidate>> candidates = make_candidates(folder);
   nlohmann::json frames = nlohmann::json::array();
   const auto take = [&](const std::string& name, const frames::WovenFrame& frame) {

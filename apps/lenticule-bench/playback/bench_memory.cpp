@@ -38,7 +38,7 @@ struct MemoryFlags {
 /// Does everything that `render` does for one frame, except writing it.
 void render_one(const MemoryFlags& flags) {
   BenchScene bench({.scene = bench_scene_name(flags.scene),
-                    .rig = bench_rig(flags.rig),
+                    .rig = lab::bench_rig(flags.rig),
                     .threads = flags.threads});
   (void)bench.render(*bench.method(bench.options(render::RenderOptions{}.max_depth)));
 }
@@ -90,7 +90,7 @@ ExitCode measure_memory(const MemoryFlags& flags) {
     print_json({{"benchmark", "memory"},
                 {"machine", machine_json()},
                 {"scene", flags.scene},
-                {"rig", bench_rig(flags.rig).name},
+                {"rig", lab::bench_rig(flags.rig).name},
                 {"peak_resident_mib", end.peak_mib},
                 {"limit_mib", flags.limit_mib},
                 {"within_limit", within}});

@@ -168,7 +168,7 @@ ExitCode run_bench_play(const BenchFlags& flags) {
     if (player::interrupted()) return player::interrupt_exit_code();
     if (!flags.json) print_row(rows.back());
   }
-  const nlohmann::json budget = measure_vblank_budget(bench_rig(flags.rig), flags.runs);
+  const nlohmann::json budget = measure_vblank_budget(lab::bench_rig(flags.rig), flags.runs);
   if (player::interrupted()) return player::interrupt_exit_code();
   if (flags.json) {
     print_json({{"benchmark", "play"},

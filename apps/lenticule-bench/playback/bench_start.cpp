@@ -68,7 +68,7 @@ void write_noise(const optics::Rig& rig, const std::string& file) {
 
 ExitCode run(const StartFlags& flags) {
   const std::string program = find_lenticule();
-  const optics::Rig rig = bench_rig(flags.rig);
+  const optics::Rig rig = lab::bench_rig(flags.rig);
   const tools::ScratchFolder scratch;
   optics::save_rig(rig, scratch.file("rig.toml"));
   write_noise(rig, scratch.file("frame.png"));

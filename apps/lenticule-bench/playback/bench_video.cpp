@@ -168,7 +168,7 @@ ExitCode run_video(const VideoFlags& given) {
     flags.frames = kLeastFrames;
     flags.runs = 1;
   }
-  const optics::Rig rig = bench_rig(flags.rig);
+  const optics::Rig rig = lab::bench_rig(flags.rig);
   const frames::FrameGeometry geometry{.width = rig.panel.width_px, .height = rig.panel.height_px};
   const tools::ScratchFolder folder;
   std::vector<Way> ways;

@@ -196,7 +196,7 @@ void print_table(const std::vector<CaseResult>& results) {
 }
 
 ExitCode run(const WeaveBenchFlags& flags) {
-  const optics::OpticalModel model(bench_rig(flags.rig));
+  const optics::OpticalModel model(lab::bench_rig(flags.rig));
   std::vector<CaseResult> results;
   for (const Case& what : cases(flags.quick)) {
     measure(what, model, flags.runs, results);

@@ -41,8 +41,8 @@ struct RealtimeFlags {
 
 std::vector<optics::Rig> rigs_of(const RealtimeFlags& flags) {
   std::vector<optics::Rig> rigs;
-  for (const std::string& file : flags.rigs) rigs.push_back(bench_rig(file));
-  if (rigs.empty()) rigs = {coarser_rig(kiosk_rig(), 2), kiosk_rig()};
+  for (const std::string& file : flags.rigs) rigs.push_back(lab::bench_rig(file));
+  if (rigs.empty()) rigs = {lab::coarser_rig(lab::kiosk_rig(), 2), lab::kiosk_rig()};
   return rigs;
 }
 

@@ -42,12 +42,12 @@ constexpr int kQuickWidth = 480;
 
 std::vector<optics::Rig> rigs_of(const ErrorFlags& flags) {
   std::vector<optics::Rig> rigs;
-  for (const std::string& file : flags.rigs) rigs.push_back(bench_rig(file));
-  if (rigs.empty()) rigs = {kiosk_rig(), coarser_rig(kiosk_rig(), 2)};
+  for (const std::string& file : flags.rigs) rigs.push_back(lab::bench_rig(file));
+  if (rigs.empty()) rigs = {lab::kiosk_rig(), lab::coarser_rig(lab::kiosk_rig(), 2)};
   if (!flags.quick) return rigs;
   rigs.resize(1);
   const int width = rigs[0].panel.width_px;
-  return {coarser_rig(rigs[0], (width + kQuickWidth - 1) / kQuickWidth)};
+  return {lab::coarser_rig(rigs[0], (width + kQuickWidth - 1) / kQuickWidth)};
 }
 
 /// Tachyon's rate hardly depends on the number of rays; these take a second or more.

@@ -17,7 +17,7 @@ namespace lenticule::bench {
 namespace {
 
 nlohmann::json heading(const ExactFlags& flags) {
-  const optics::Rig rig = bench_rig(flags.rig);
+  const optics::Rig rig = lab::bench_rig(flags.rig);
   return {{"benchmark", "exact"},        {"machine", machine_json()},     {"rig", rig.name},
           {"width", rig.panel.width_px}, {"height", rig.panel.height_px}, {"depth", flags.depth},
           {"lights", flags.lights},      {"threads", flags.threads},      {"runs", flags.runs}};
@@ -126,7 +126,7 @@ void declare_peers(CLI::App& app, ExactFlags& flags) {
 
 BenchSetup exact_setup(const ExactFlags& flags, const std::string& scene) {
   return {.scene = scene,
-          .rig = flags.rig_instead ? *flags.rig_instead : bench_rig(flags.rig),
+          .rig = flags.rig_instead ? *flags.rig_instead : lab::bench_rig(flags.rig),
           .lights = flags.lights,
           .threads = flags.threads};
 }

@@ -10,20 +10,22 @@
 
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-bench/harness/bench_timing.h"
-#include "apps/lenticule-bench/harness/peers.h"
 #include "apps/lenticule-bench/render/bench_exact.h"
 #include "apps/lenticule-tools/offline/scratch_folder.h"
 #include "base/error.h"
 #include "base/print.h"
+#include "lab/judges/peers.h"
 #include "player/process/child_process.h"
 #include "player/process/interrupt.h"
 
 namespace lenticule::bench {
 namespace {
 
+using lab::PeerJob;
+
 /// The results of one peer; `failure` is empty if there was no error.
 struct PeerRuns {
-  const Peer* peer = nullptr;
+  const lab::Peer* peer = nullptr;
   std::string program;
   std::string scene_file;
   std::vector<double> seconds;
@@ -37,7 +39,7 @@ void write_text(const std::string& file, const std::string& text) {
   if (!out) throw Error(ErrorKind::Failed, fmt::format("{}: cannot write", file));
 }
 
-PeerRuns prepare(const Peer& peer, const render::SceneDescription& scene,
+PeerRuns prepare(const lab::Peer& peer, const render::SceneDescription& scene,
                  const tools::ScratchFolder& folder) {
   PeerRuns runs;
   runs.peer = &peer;
@@ -78,7 +80,7 @@ void keep_picture(const ExactFlags& flags, const PeerRuns& runs, const PeerJob& 
   if (flags.peer_pictures.empty() || !runs.failure.empty()) return;
   constexpr double kSmall = 640.0 * 360.0;
   PeerJob small = job;
-  const PeerJob size = peer_picture(kSmall, static_cast<double>(job.width) / job.height);
+  const PeerJob size = lab::peer_picture(kSmall, static_cast<double>(job.width) / job.height);
   small.width = size.width;
   small.height = size.height;
   const std::string name =
@@ -115,7 +117,7 @@ PeerJob job_of(const ExactFlags& flags, const BenchScene& bench) {
       panel.width_px * panel.pixel_width.value / (panel.height_px * panel.pixel_height.value);
   const double rays =
       flags.peer_mrays > 0.0 ? flags.peer_mrays * 1e6 : static_cast<double>(bench.subpixels());
-  PeerJob job = peer_picture(rays, aspect);
+  PeerJob job = lab::peer_picture(rays, aspect);
   job.max_depth = flags.depth;
   job.threads =
       flags.threads > 0 ? flags.threads : static_cast<int>(std::thread::hardware_concurrency());
@@ -129,7 +131,7 @@ nlohmann::json measure_peers(const ExactFlags& flags, const std::string& scene) 
   const PeerJob job = job_of(flags, bench);
   const tools::ScratchFolder folder;
   std::vector<PeerRuns> runs;
-  for (const Peer& peer : peers()) {
+  for (const lab::Peer& peer : lab::peers()) {
     runs.push_back(prepare(peer, bench.description(), folder));
     keep_picture(flags, runs.back(), job, short_name(scene));
   }

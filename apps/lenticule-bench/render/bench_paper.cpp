@@ -106,7 +106,7 @@ class PaperRun {
  public:
   explicit PaperRun(const PaperFlags& flags)
       : flags_(flags),
-        setup_{.rig = flags.rig.empty() ? paper_rig() : optics::load_trimmed_rig(flags.rig),
+        setup_{.rig = flags.rig.empty() ? lab::paper_rig() : optics::load_trimmed_rig(flags.rig),
                .methods = flags.methods,
                .threads = flags.threads,
                .depth = flags.depth,

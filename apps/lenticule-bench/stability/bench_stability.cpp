@@ -8,14 +8,16 @@
 #include <memory>
 
 #include "apps/lenticule-bench/harness/bench.h"
-#include "apps/lenticule-bench/stability/rows.h"
 #include "base/error.h"
 #include "base/print.h"
+#include "lab/stability/rows.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 
 namespace lenticule::bench {
 namespace {
+
+using lab::StabilityCase;
 
 struct StabilityFlags {
   bool quick = false;
@@ -26,9 +28,9 @@ struct StabilityFlags {
 };
 
 std::vector<StabilityCase> chosen_cases(const std::string& name) {
-  if (name.empty()) return stability_cases();
+  if (name.empty()) return lab::stability_cases();
   std::string known;
-  for (const StabilityCase& one : stability_cases()) {
+  for (const StabilityCase& one : lab::stability_cases()) {
     if (name == one.name) return {one};
     known += (known.empty() ? "" : ", ") + std::string(one.name);
   }
@@ -38,8 +40,8 @@ std::vector<StabilityCase> chosen_cases(const std::string& name) {
 ExitCode run_table(const StabilityFlags& flags) {
   using Clock = std::chrono::steady_clock;
   const std::vector<StabilityCase> cases = chosen_cases(flags.row);
-  const StabilitySize size{.full = flags.full, .threads = flags.threads};
-  StabilityReport report{.full = flags.full};
+  const lab::StabilitySize size{.full = flags.full, .threads = flags.threads};
+  lab::StabilityReport report{.full = flags.full};
   player::Progress progress("stability", "rows", cases.size());
   const Clock::time_point start = Clock::now();
   for (const StabilityCase& one : cases) {

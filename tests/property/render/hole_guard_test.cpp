@@ -10,12 +10,14 @@
 #include <limits>
 #include <random>
 
-#include "apps/lenticule-bench/probes/probe.h"
+#include "lab/stability/probes.h"
 #include "render/make_method.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {
 namespace {
+
+using lab::HoleGuard;
 
 constexpr int kWidth = 480, kHeight = 320;
 constexpr int kEvery = 4;  // rows between fans, which are also mm, since pixels are 1 mm high
@@ -65,13 +67,13 @@ struct Fans {
     SceneDescription empty = bright_on_black();
     empty.meshes = {far_start()};
     const Scene committed(empty, stage(), {}, 1);
-    const bench::PrimaryProbe probe(committed, model, best_isa());
+    const lab::PrimaryProbe probe(committed, model, best_isa());
     std::mt19937_64 random(20240607);
     TriangleMesh mesh;
-    std::vector<bench::PrimaryProbe::Line> lines;
+    std::vector<lab::PrimaryProbe::Line> lines;
     for (int tile = 0; tile < probe.tiles(); ++tile) {
       probe.lines(tile, lines);
-      for (const bench::PrimaryProbe::Line& line : lines) {
+      for (const lab::PrimaryProbe::Line& line : lines) {
         if (line.row % kEvery != 1 || line.subpixel % (3 * kEvery) != 4) continue;
         const double z = 2.0 * std::sin(line.row + line.subpixel);
         add_fan(mesh, {line.x_mm + z * line.tan_x, line.y_mm + z * line.tan_y, z}, random);
@@ -82,7 +84,7 @@ struct Fans {
     scene.meshes = {mesh, far_start()};
   }
   SceneDescription scene;
-  std::vector<bench::PrimaryProbe::Line> aimed;
+  std::vector<lab::PrimaryProbe::Line> aimed;
 };
 
 RenderStatistics render(const SceneDescription& description, int threads,
@@ -100,7 +102,7 @@ TEST(HoleGuard, LeavesNoPinholesInPictures) {
   const RenderStatistics statistics = render(fans.scene, 2, frame);
   EXPECT_GT(statistics.filled_holes, 0U) << "nothing slipped";
   int holes = 0;
-  for (const bench::PrimaryProbe::Line& line : fans.aimed)
+  for (const lab::PrimaryProbe::Line& line : fans.aimed)
     if (frame.row(line.row)[line.subpixel] == 0) ++holes;
   EXPECT_EQ(holes, 0);
 }

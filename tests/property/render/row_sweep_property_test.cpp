@@ -7,7 +7,7 @@
 #include <cmath>
 #include <random>
 
-#include "apps/lenticule-bench/probes/row_tracer.h"
+#include "lab/stability/probes.h"
 #include "render/rays/primary_rays.h"
 #include "tests/support/oracles/visibility_oracle.h"
 #include "tests/support/random_rigs.h"
@@ -72,8 +72,8 @@ class Rows {
   RowPlanes planes_;
   RowSweep sweep_;
   RowSweep::Worker worker_;
-  bench::RowTracer tracer_;
-  bench::RowTracer::Seen traced_;
+  lab::RowTracer tracer_;
+  lab::RowTracer::Seen traced_;
   SweptRow swept_;
   double start_mm_;
 };

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "apps/lenticule-bench/probes/probe.h"
+#include "lab/stability/probes.h"
 #include "render/accel/ray_stream.h"
 #include "render/scene/scene.h"
 #include "tests/support/tiny_scenes.h"
@@ -62,20 +62,20 @@ TEST_F(Watertight, RaysAtPointsOfEdgesStayInside) {
 
 /// Exactly at a corner Embree's robust mode lets a few rays pass between the triangles around it.
 TEST_F(Watertight, RaysAtCornersAreCaughtByTheGuard) {
-  std::vector<bench::ProbeRay> rays;
+  std::vector<lab::ProbeRay> rays;
   for (const Vec3 from : kInside)
     for (size_t k = 0; k + 1 < mesh().positions.size(); ++k) {
       const Vec3 at(mesh().positions[k]);
       rays.push_back({from, normalized(at - from)});
     }
-  const bench::Probe probe(*scene_);
-  const auto misses_with = [&](bench::HoleGuard guard) {
-    std::vector<bench::ProbeHit> hits(rays.size());
+  const lab::Probe probe(*scene_);
+  const auto misses_with = [&](lab::HoleGuard guard) {
+    std::vector<lab::ProbeHit> hits(rays.size());
     (void)probe.trace(rays, guard, hits);
-    return std::ranges::count(hits, bench::ProbeHit::What::Nothing, &bench::ProbeHit::what);
+    return std::ranges::count(hits, lab::ProbeHit::What::Nothing, &lab::ProbeHit::what);
   };
-  EXPECT_GT(misses_with(bench::HoleGuard::Off), 0) << "nothing to catch";
-  EXPECT_EQ(misses_with(bench::HoleGuard::On), 0);
+  EXPECT_GT(misses_with(lab::HoleGuard::Off), 0) << "nothing to catch";
+  EXPECT_EQ(misses_with(lab::HoleGuard::On), 0);
 }
 
 }  // namespace

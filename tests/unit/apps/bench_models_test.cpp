@@ -9,11 +9,9 @@
 #include <numbers>
 
 #include "apps/lenticule-bench/models/contact_sheet.h"
-#include "apps/lenticule-bench/models/judge.h"
 #include "apps/lenticule-bench/models/model_files.h"
-#include "apps/lenticule-bench/models/plain_camera.h"
-#include "apps/lenticule-bench/models/studio.h"
 #include "frames/image_io.h"
+#include "lab/judges/judge.h"
 #include "optics/model.h"
 #include "render/make_method.h"
 #include "render/scene/scene.h"
@@ -25,13 +23,15 @@
 namespace lenticule::bench {
 namespace {
 
+using lab::kModelFovDegrees;
+
 using test::error_of;
 
 const double kTangent = std::tan(kModelFovDegrees / 2.0 * std::numbers::pi / 180.0);
 
 TEST(PlainCameraRig, SendsTheRaysOfAllChannelsThroughOneEye) {
   for (const int side : {64, 65, 1}) {
-    const optics::Rig rig = plain_camera_rig(side, kModelFovDegrees);
+    const optics::Rig rig = lab::plain_camera_rig(side, kModelFovDegrees);
     const optics::OpticalModel model(rig);
     const double eye_mm = rig.viewing.distance.value;
     for (int j = 0; j < side; j += 7)
@@ -74,7 +74,7 @@ TEST(FramingCamera, ShowsTheMeshesAsLargeAsPossibleWithAMargin) {
   for (const Vec3 size : {Vec3{1, 1, 1}, Vec3{10, 1, 1}, Vec3{0.01, 3, 0.01}, Vec3{1, 1, 200}}) {
     const Vec3 low{7, -2, 3};
     const render::SceneDescription scene = box(low, low + size);
-    const render::Camera camera = framing_camera(scene);
+    const render::Camera camera = lab::framing_camera(scene);
     double largest = 0.0;
     for (const Vec3 corner : scene.meshes[0].positions) {
       const Place place = projected(camera, corner);
@@ -82,9 +82,9 @@ TEST(FramingCamera, ShowsTheMeshesAsLargeAsPossibleWithAMargin) {
     }
     EXPECT_NEAR(largest, 0.92, 1e-9);
   }
-  EXPECT_EQ(error_of([] { (void)framing_camera({}); }).kind(), ErrorKind::Input);
+  EXPECT_EQ(error_of([] { (void)lab::framing_camera({}); }).kind(), ErrorKind::Input);
   EXPECT_EQ(error_of([] {
-              (void)framing_camera(box({1, 1, 1}, {1, 1, 1}));
+              (void)lab::framing_camera(box({1, 1, 1}, {1, 1, 1}));
             }).kind(),
             ErrorKind::Input);
 }
@@ -102,13 +102,13 @@ render::SceneDescription ball_at(Vec3 centre, const render::Camera& camera) {
 
 TEST(PlainCamera, ShowsPointsWhereAPerspectiveProjectionPutsThem) {
   constexpr int kSide = 96;
-  const optics::Rig rig = plain_camera_rig(kSide, kModelFovDegrees);
+  const optics::Rig rig = lab::plain_camera_rig(kSide, kModelFovDegrees);
   const optics::OpticalModel model(rig);
-  const render::Camera camera = framing_camera(box({4, 0, -1}, {6, 2, 1}));
+  const render::Camera camera = lab::framing_camera(box({4, 0, -1}, {6, 2, 1}));
   for (const Vec3 centre : {Vec3{4, 0, -1}, Vec3{6, 2, -1}, Vec3{5, 1, 1}, Vec3{4, 2, 1}}) {
     const render::SceneDescription description = ball_at(centre, camera);
     const render::Stage stage =
-        render::make_stage(description, model, plain_camera_stage(camera, rig));
+        render::make_stage(description, model, lab::plain_camera_stage(camera, rig));
     const render::Scene scene(description, stage, {});
     frames::WovenFrame frame({.width = kSide, .height = kSide});
     render::make_method("full", model, {})->render(scene, stage, frame);
@@ -131,20 +131,20 @@ TEST(PlainCamera, ShowsPointsWhereAPerspectiveProjectionPutsThem) {
 }
 
 TEST(PlainCamera, HasTheMiddleOfTheEnvironmentBehindTheModel) {
-  const optics::Rig rig = plain_camera_rig(16, kModelFovDegrees);
-  const render::Camera camera = framing_camera(box({-1, -1, -1}, {1, 1, 1}));
+  const optics::Rig rig = lab::plain_camera_rig(16, kModelFovDegrees);
+  const render::Camera camera = lab::framing_camera(box({-1, -1, -1}, {1, 1, 1}));
   const render::SceneDescription description = ball_at({}, camera);
-  const render::Stage stage =
-      render::make_stage(description, optics::OpticalModel(rig), plain_camera_stage(camera, rig));
+  const render::Stage stage = render::make_stage(description, optics::OpticalModel(rig),
+                                                 lab::plain_camera_stage(camera, rig));
   const Vec3 ahead = render::make_backdrop(description, stage, {}).ahead;
-  EXPECT_NEAR(length(ahead - environment_ahead()), 0.0, 1e-12);
+  EXPECT_NEAR(length(ahead - lab::environment_ahead()), 0.0, 1e-12);
 }
 
 TEST(Studio, IsWrittenAsTheRenderersFormulaSays) {
   const test::ScratchFolder folder;
   const auto file = folder.path() / "studio.hdr";
   constexpr int kWidth = 64;
-  write_studio(file, kWidth, kWidth / 2);
+  lab::write_studio(file, kWidth, kWidth / 2);
   const frames::FloatImage image = frames::floats_of(frames::read_texture(file));
   ASSERT_EQ(image.width, kWidth);
   ASSERT_EQ(image.height, kWidth / 2);
@@ -235,11 +235,11 @@ TEST(FindModels, NamesTheFilesOfAllSubFoldersInOrder) {
 }
 
 TEST(JudgeJobs, StateCameraEnvironmentAndPicture) {
-  JudgeJob framed{.model = "m.glb", .picture = "p.png", .side_px = 9};
-  framed.camera = framing_camera(box({-1, -1, -1}, {1, 1, 1}));
+  lab::JudgeJob framed{.model = "m.glb", .picture = "p.png", .side_px = 9};
+  framed.camera = lab::framing_camera(box({-1, -1, -1}, {1, 1, 1}));
   framed.environment = "studio.hdr";
   framed.light_scale = 0.25;
-  const auto jobs = nlohmann::json::parse(jobs_text({framed, {.model = "unreadable.glb"}}));
+  const auto jobs = nlohmann::json::parse(lab::jobs_text({framed, {.model = "unreadable.glb"}}));
   ASSERT_EQ(jobs.size(), 2U);
   EXPECT_EQ(jobs[0].at("model"), "m.glb");
   EXPECT_EQ(jobs[0].at("width"), 9);
@@ -248,7 +248,7 @@ TEST(JudgeJobs, StateCameraEnvironmentAndPicture) {
   EXPECT_EQ(jobs[0].at("camera").at("vertical_fov_degrees"), kModelFovDegrees);
   EXPECT_EQ(jobs[0].at("camera").at("from")[1], framed.camera->from.y);
   EXPECT_FALSE(jobs[1].at("camera").contains("from"));
-  EXPECT_EQ(jobs[1].at("camera").at("toward")[2], toward_framing_camera().z);
+  EXPECT_EQ(jobs[1].at("camera").at("toward")[2], lab::toward_framing_camera().z);
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests the input for the reference renderers and the parsing of their output.
-#include "apps/lenticule-bench/harness/peers.h"
+#include "lab/judges/peers.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -13,6 +13,8 @@
 
 namespace lenticule::bench {
 namespace {
+
+using lab::Peer;
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -34,7 +36,7 @@ render::SceneDescription small_scene() {
 
 TEST(PlainNff, IsReadBackAsTheSameScene) {
   const render::SceneDescription scene = small_scene();
-  const render::SceneDescription again = render::parse_nff(write_plain_nff(scene), "again");
+  const render::SceneDescription again = render::parse_nff(lab::write_plain_nff(scene), "again");
   EXPECT_THAT(again.notes, ::testing::IsEmpty());
   EXPECT_EQ(again.background, scene.background);
   EXPECT_EQ(again.cameras.at(0).from, scene.cameras.at(0).from);
@@ -61,7 +63,7 @@ double triangle_area(const render::SceneDescription& scene) {
 TEST(PlainNff, KeepsEveryBuiltInScene) {
   for (const scenes::BuiltInScene& built_in : scenes::scene_list()) {
     const auto once = render::parse_nff(scenes::write_scene(built_in, 2, 5), built_in.name);
-    const auto again = render::parse_nff(write_plain_nff(once), built_in.name);
+    const auto again = render::parse_nff(lab::write_plain_nff(once), built_in.name);
     EXPECT_THAT(again.notes, ::testing::IsEmpty()) << built_in.name;
     EXPECT_EQ(again.materials.size(), once.materials.size()) << built_in.name;
     EXPECT_EQ(again.lights.size(), once.lights.size()) << built_in.name;
@@ -86,23 +88,23 @@ TEST(PlainNff, HasTheMeanColourOfTextures) {
       render::Texture{.width = 2, .height = 1, .rgba = {1, 0.5, 0, 1, 0, 0.5, 0.5, 1}}));
   scene.materials[0].colour = {1, 1, 0.5};
   scene.materials[0].texture = 0;
-  EXPECT_THAT(write_plain_nff(scene), HasSubstr("\nf 0.5 0.5 0.125 0.8 "));
+  EXPECT_THAT(lab::write_plain_nff(scene), HasSubstr("\nf 0.5 0.5 0.125 0.8 "));
 }
 
 // Some readers stop at a comment before the view.
 TEST(PlainNff, BeginsWithTheView) {
-  EXPECT_TRUE(write_plain_nff(small_scene()).starts_with("v\n"));
+  EXPECT_TRUE(lab::write_plain_nff(small_scene()).starts_with("v\n"));
 }
 
 TEST(PeerPicture, HasTheRequestedNumberOfRaysAndAspect) {
-  const PeerJob job = peer_picture(3.0 * 3840 * 2160, 16.0 / 9.0);
+  const lab::PeerJob job = lab::peer_picture(3.0 * 3840 * 2160, 16.0 / 9.0);
   EXPECT_NEAR(1.0 * job.width * job.height, 3.0 * 3840 * 2160, 3840);
   EXPECT_NEAR(1.0 * job.width / job.height, 16.0 / 9.0, 1e-3);
-  EXPECT_GE(peer_picture(1, 1000.0).height, 1);
+  EXPECT_GE(lab::peer_picture(1, 1000.0).height, 1);
 }
 
 const Peer& peer(const std::string& name) {
-  for (const Peer& each : peers())
+  for (const Peer& each : lab::peers())
     if (name == each.name) return each;
   throw std::out_of_range(name);
 }
@@ -118,7 +120,7 @@ TEST(Tachyon, IsTimedByItsOwnOutput) {
 }
 
 TEST(Tachyon, CountsCameraRaysAsOneBounce) {
-  const PeerJob job{.width = 640, .height = 360, .threads = 2, .max_depth = 1, .picture = ""};
+  const lab::PeerJob job{.width = 640, .height = 360, .threads = 2, .max_depth = 1, .picture = ""};
   EXPECT_THAT(peer("Tachyon").arguments("scene.nff", job),
               ElementsAre("scene.nff", "-res", "640", "360", "-numthreads", "2", "-raydepth", "2",
                           "-fullshade", "-nosave"));
@@ -126,7 +128,7 @@ TEST(Tachyon, CountsCameraRaysAsOneBounce) {
 
 TEST(Peers, HaveTargetsForTheClassicScenesOnly) {
   EXPECT_EQ(peer("Tachyon").target("tree"), 30.0);
-  for (const Peer& each : peers()) EXPECT_EQ(each.target("mine.nff"), 0.0);
+  for (const Peer& each : lab::peers()) EXPECT_EQ(each.target("mine.nff"), 0.0);
 }
 
 }  // namespace

@@ -7,12 +7,13 @@
 #include <set>
 #include <stdexcept>
 
-#include "apps/lenticule-bench/stability/report.h"
-#include "apps/lenticule-bench/stability/rows.h"
-#include "apps/lenticule-bench/stability/tally.h"
+#include "lab/stability/rows.h"
 
 namespace lenticule::bench {
 namespace {
+
+using lab::StabilityReport;
+using lab::StabilityRow;
 
 StabilityRow good_row() {
   return {.name = "good",
@@ -81,12 +82,12 @@ TEST(StabilityReport, TextAndJsonAgree) {
 }
 
 TEST(Tally, CountsNonFiniteNumbersAsInfiniteErrors) {
-  Tally tally;
+  lab::Tally tally;
   tally.check(true);
   tally.check(false);
   tally.error(1e-3);
   tally.error(std::numeric_limits<double>::quiet_NaN());
-  SharedTally shared;
+  lab::SharedTally shared;
   shared.add(tally);
   shared.add(tally);
   EXPECT_EQ(shared.sum().samples, 4U);
@@ -96,19 +97,20 @@ TEST(Tally, CountsNonFiniteNumbersAsInfiniteErrors) {
 
 TEST(StabilityCases, HaveDifferentNames) {
   std::set<std::string> names;
-  for (const StabilityCase& one : stability_cases()) EXPECT_TRUE(names.insert(one.name).second);
+  for (const lab::StabilityCase& one : lab::stability_cases())
+    EXPECT_TRUE(names.insert(one.name).second);
   EXPECT_GE(names.size(), 20U);
 }
 
 TEST(ForEachPart, RunsEveryPartOnceAndRethrows) {
   for (const int threads : {1, 3}) {
     std::vector<std::atomic<int>> done(100);
-    for_each_part({.threads = threads}, done.size(), [&](uint64_t k) { ++done[k]; });
+    lab::for_each_part({.threads = threads}, done.size(), [&](uint64_t k) { ++done[k]; });
     for (const auto& times : done) EXPECT_EQ(times.load(), 1);
-    EXPECT_THROW(for_each_part({.threads = threads}, 10,
-                               [](uint64_t k) {
-                                 if (k == 5) throw std::runtime_error("5");
-                               }),
+    EXPECT_THROW(lab::for_each_part({.threads = threads}, 10,
+                                    [](uint64_t k) {
+                                      if (k == 5) throw std::runtime_error("5");
+                                    }),
                  std::runtime_error);
   }
 }

@@ -8,7 +8,7 @@
 #include <set>
 #include <utility>
 
-#include "apps/lenticule-bench/probes/row_tracer.h"
+#include "lab/stability/probes.h"
 #include "render/row_sweep/row_sweep.h"
 #include "tests/support/allocation_count.h"
 #include "tests/support/oracles/visibility_oracle.h"
@@ -162,11 +162,11 @@ TEST(RowTracer, ComparesAndTimesEveryRow) {
   const optics::OpticalModel model(test::make_rig({.width = 30, .height = 40}));
   const Scene scene(test::tiny_scenes().front().scene, test::make_tiny_stage(), {}, 1);
   const RowPlanes planes(model);
-  const bench::SweepDifference difference = bench::compare_with_embree(planes, scene, 0, 1);
+  const lab::SweepDifference difference = lab::compare_with_embree(planes, scene, 0, 1);
   EXPECT_EQ(difference.subpixels, 30U * 40U * 3U);
   EXPECT_EQ(difference.elsewhere, 0U);
   EXPECT_LT(difference.depth_mm, 1e-3);
-  const bench::SweepTiming timing = bench::time_row_sweep(planes, scene, 2);
+  const lab::SweepTiming timing = lab::time_row_sweep(planes, scene, 2);
   EXPECT_EQ(timing.subpixels, 30U * 40U * 3U);
   EXPECT_GT(timing.cuts, 0U);
   EXPECT_GT(timing.seconds, timing.prepare_seconds);

@@ -20,7 +20,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/simulation/trial.h"
+#include "lab/panel/trial.h"
 #include "optics/model.h"
 #include "optics/rig_file.h"
 #include "scanned_out.h"
@@ -29,9 +29,12 @@
 namespace lenticule::vm {
 namespace {
 
+using lab::SimulatedBench;
+using lab::Trial;
+
 using calib::CameraPicture;
-using calib::SimulatedBench;
-using calib::Trial;
+using lab::SimulatedBench;
+using lab::Trial;
 
 constexpr int panel_width = 960, panel_height = 540;
 // The smallest of vivid's HDMI timings that resolves enough of the panel.
@@ -39,7 +42,7 @@ constexpr int camera_width = 640, camera_height = 480;
 
 // Six rays per pixel give a fast and noisy picture; 1 % of noise is a usual webcam's.
 Trial the_trial() {
-  Trial trial = calib::plain_trial(panel_width, panel_height, camera_width, camera_height);
+  Trial trial = lab::plain_trial(panel_width, panel_height, camera_width, camera_height);
   trial.sheet.deformation_lenses = 0.05;
   trial.camera.focal_px =
       0.85 * camera_width * 700.0 / 597.8;  // the panel nearly fills the picture
@@ -173,7 +176,7 @@ class LookingCamera {
   }
 
   void move_to(size_t viewpoint) {
-    const calib::TrialViewpoint& place = trial_.viewpoints[viewpoint];
+    const lab::TrialViewpoint& place = trial_.viewpoints[viewpoint];
     bench_.move_camera(place.position_mm, place.look_at_mm, place.roll_degrees);
     viewpoint_ = viewpoint;
     arrived_ = false;
@@ -241,7 +244,7 @@ double worst_lenses_at(const optics::OpticalModel& model, const Vec3& found_eye,
   for (int n = 0; n < 17 * 9; ++n) {
     const double x = panel.width_px * (n % 17) / 16.0, y = panel.height_px * (n / 17) / 8.0;
     const double off = model.phase(x, y, 1, {found_eye.x, found_eye.y, found_eye.z}) -
-                       bench.ground_truth_phase(x, y, 1, true_eye, calib::LightMiddle::Centroid);
+                       bench.ground_truth_phase(x, y, 1, true_eye, lab::LightMiddle::Centroid);
     worst = std::max(worst, std::abs(off - std::round(off)));
   }
   return worst;
@@ -253,7 +256,7 @@ void print_numbers(const char* name, const std::vector<double>& numbers) {
   std::printf("]");
 }
 
-void print_errors(const calib::TrialErrors& errors) {
+void print_errors(const lab::TrialErrors& errors) {
   std::printf(
       "\"worst_lenses\": %.6f, \"rms_lenses\": %.6f, \"pitch\": "
       "%.3e, \"slant\": %.3e, "
@@ -267,10 +270,10 @@ int evaluate(const std::string& file, const Vec3& found_eye) {
   const SimulatedBench bench = bench_of(trial);
   const optics::Rig rig = optics::load_rig(file);
   std::vector<double> pitches;
-  for (const calib::TrialViewpoint& place : trial.viewpoints)
+  for (const lab::TrialViewpoint& place : trial.viewpoints)
     pitches.push_back(true_effective_pitch(bench, trial, place.position_mm));
   std::printf("{");
-  print_errors(calib::errors_of(rig, bench, trial));
+  print_errors(lab::errors_of(rig, bench, trial));
   print_numbers("effective_pitch_subpx", pitches);
   print_numbers("worst_lenses_at_first", {worst_lenses_at(optics::OpticalModel(rig), found_eye,
                                                           bench, trial.viewpoints[0].position_mm)});
@@ -279,7 +282,7 @@ int evaluate(const std::string& file, const Vec3& found_eye) {
 }
 
 int rehearse() {
-  const calib::TrialResult result = calib::run_trial(the_trial());
+  const lab::TrialResult result = lab::run_trial(the_trial());
   std::printf("{\"verdict\": \"%s\", \"failure\": \"%s\", ", to_string(result.calibration.verdict),
               result.failure.c_str());
   print_errors(result.errors);

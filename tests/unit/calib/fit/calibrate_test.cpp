@@ -6,13 +6,15 @@
 
 #include <cmath>
 
-#include "calib/simulation/trial.h"
+#include "lab/panel/trial.h"
 
 namespace lenticule::calib {
 namespace {
 
+using lab::Trial;
+
 Trial small_trial() {
-  Trial trial = plain_trial(1280, 720, 640, 360);
+  Trial trial = lab::plain_trial(1280, 720, 640, 360);
   trial.camera.samples = 6;
   trial.link_and_spot = false;
   return trial;
@@ -21,7 +23,7 @@ Trial small_trial() {
 TEST(Calibrate, ThreeViewpointsFindTheSheetForEveryEye) {
   Trial trial = small_trial();
   trial.sheet.deformation_lenses = 0.08;
-  const TrialResult result = run_trial(trial);
+  const lab::TrialResult result = run_trial(trial);
   ASSERT_EQ(result.failure, "");
   EXPECT_EQ(result.calibration.verdict, Verdict::Intrinsic)
       << (result.calibration.reasons.empty() ? "" : result.calibration.reasons.front());
@@ -41,7 +43,7 @@ TEST(Calibrate, ThreeViewpointsFindTheSheetForEveryEye) {
 TEST(Calibrate, OneViewpointIsValidForItsOwnEyeOnlyAndReportsThat) {
   Trial trial = small_trial();
   trial.viewpoints.resize(1);
-  const TrialResult result = run_trial(trial);
+  const lab::TrialResult result = run_trial(trial);
   ASSERT_EQ(result.failure, "");
   EXPECT_EQ(result.calibration.verdict, Verdict::Effective);
   ASSERT_EQ(result.errors.effective_pitch.size(), 1U);

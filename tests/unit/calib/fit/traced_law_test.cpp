@@ -7,9 +7,9 @@
 
 #include "calib/fit/gap_search.h"
 #include "calib/fit/joint_fit.h"
-#include "calib/simulation/camera_rays.h"
-#include "calib/simulation/sheet_shape.h"
-#include "calib/simulation/trial.h"
+#include "lab/panel/lens_sheet.h"
+#include "lab/panel/simulated_sensor.h"
+#include "lab/panel/trial.h"
 
 namespace lenticule::test {
 namespace {
@@ -21,8 +21,9 @@ constexpr double kPointSigmaPx = 0.1;
 
 class TracedViews {
  public:
-  explicit TracedViews(const Trial& trial) : trial_(trial), shape_(trial.panel, trial.sheet, 0.0) {
-    for (const TrialViewpoint& place : trial.viewpoints) views_.push_back(view_from(place));
+  explicit TracedViews(const lab::Trial& trial)
+      : trial_(trial), shape_(trial.panel, trial.sheet, 0.0) {
+    for (const lab::TrialViewpoint& place : trial.viewpoints) views_.push_back(view_from(place));
   }
 
   [[nodiscard]] std::optional<JointFit> fit() const {
@@ -39,8 +40,8 @@ class TracedViews {
   }
 
  private:
-  [[nodiscard]] View view_from(const TrialViewpoint& place) const {
-    SimulatedCamera camera = trial_.camera;
+  [[nodiscard]] View view_from(const lab::TrialViewpoint& place) const {
+    lab::SimulatedCamera camera = trial_.camera;
     camera.position_mm = place.position_mm;
     camera.look_at_mm = place.look_at_mm;
     camera.roll_degrees = place.roll_degrees;
@@ -60,12 +61,12 @@ class TracedViews {
     return view;
   }
 
-  void add_point(Vec2 panel_px, const SimulatedCamera& camera, View& view) const {
-    const CameraRays rays(camera);
+  void add_point(Vec2 panel_px, const lab::SimulatedCamera& camera, View& view) const {
+    const lab::CameraRays rays(camera);
     const Vec2 point{trial_.panel.x_mm(panel_px.x), trial_.panel.y_mm(panel_px.y)};
     const Vec3& eye = camera.position_mm;
-    const auto middle = true_view(shape_, point, 1, eye, LightMiddle::Centroid);
-    const auto fringe = true_view(shape_, point, 1, eye, LightMiddle::FringePhase);
+    const auto middle = true_view(shape_, point, 1, eye, lab::LightMiddle::Centroid);
+    const auto fringe = true_view(shape_, point, 1, eye, lab::LightMiddle::FringePhase);
     if (!middle || !fringe) return;
     const std::optional<Vec2> at_middle = rays.project(middle->aim);
     const std::optional<Vec2> at_fringe = rays.project(fringe->aim);
@@ -78,8 +79,8 @@ class TracedViews {
                            .sigma = kPhaseSigma});
   }
 
-  const Trial& trial_;
-  SheetShape shape_;
+  const lab::Trial& trial_;
+  lab::SheetShape shape_;
   std::vector<View> views_;
 };
 
@@ -87,14 +88,14 @@ class TracedViews {
 class TracedLaw : public testing::TestWithParam<uint64_t> {};
 
 TEST_P(TracedLaw, HoldsForEveryEyeInTheZone) {
-  Trial trial = random_trial(GetParam(), 3840, 2160, 1920, 1080);
+  lab::Trial trial = lab::random_trial(GetParam(), 3840, 2160, 1920, 1080);
   trial.sheet.deformation_lenses = 0.0;
   const std::optional<JointFit> fit = TracedViews(trial).fit();
   ASSERT_TRUE(fit);
   optics::Rig rig = trial.start;
   put_sheet(fit->values.sheet, {.columns = 0, .rows = 0}, {}, trial.panel, rig.sheet);
-  const SimulatedBench bench(trial.panel, trial.sheet, trial.link, trial.camera, trial.seed);
-  const TrialErrors errors = errors_of(rig, bench, trial);
+  const lab::SimulatedBench bench(trial.panel, trial.sheet, trial.link, trial.camera, trial.seed);
+  const lab::TrialErrors errors = errors_of(rig, bench, trial);
   EXPECT_LT(errors.worst_lenses, 0.012);
   EXPECT_LT(std::abs(errors.pitch), 2e-6);
   EXPECT_LT(std::abs(errors.slant), 3e-6);

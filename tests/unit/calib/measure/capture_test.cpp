@@ -7,7 +7,7 @@
 
 #include "base/error.h"
 #include "calib/measure/viewpoint.h"
-#include "calib/simulation/trial.h"
+#include "lab/panel/trial.h"
 
 namespace lenticule::calib {
 namespace {
@@ -69,7 +69,7 @@ class CaptureTest : public testing::Test {
     return "";
   }
 
-  optics::Panel panel_ = trial_panel(320, 180);
+  optics::Panel panel_ = lab::trial_panel(320, 180);
   PlainSink sink_{panel_};
   ScriptedCamera camera_;
   int taken_ = 0;
@@ -107,7 +107,7 @@ TEST_F(CaptureTest, ALostDisplayEndsTheCapture) {
 }
 
 TEST_F(CaptureTest, AnotherSizeIsRefused) {
-  PlainSink other(trial_panel(640, 360));
+  PlainSink other(lab::trial_panel(640, 360));
   EXPECT_THROW(PatternCapture(other, camera_, panel_, {}, {}), Error);
 }
 
@@ -117,10 +117,10 @@ TEST_F(CaptureTest, CanBeInterrupted) {
 }
 
 TEST(Knock, OfALiveCameraIsNamedAndNotTakenForALongExposure) {
-  Trial trial = plain_trial(960, 540, 480, 270);
+  lab::Trial trial = lab::plain_trial(960, 540, 480, 270);
   trial.camera.samples = 2;
   trial.viewpoints.resize(1);
-  trial.before_pattern = [](SimulatedBench& bench, size_t, int pattern) {
+  trial.before_pattern = [](lab::SimulatedBench& bench, size_t, int pattern) {
     // 2 mm to the side and 0.15 degrees
     if (pattern == 10) bench.move_camera({12.0, 20.0, 700.0}, {3.8, 0.0, 0.0}, 0.0);
   };
@@ -129,11 +129,11 @@ TEST(Knock, OfALiveCameraIsNamedAndNotTakenForALongExposure) {
 
 /// The display shows nothing and records the requested patterns.
 TEST(PhotoPatterns, AreThePatternsOfANonAdaptiveMeasurement) {
-  Trial trial = plain_trial(960, 540, 480, 270);
+  lab::Trial trial = lab::plain_trial(960, 540, 480, 270);
   trial.camera.samples = 4;
   trial.start.sheet.pitch = Subpixels(trial.sheet.pitch_subpx * 1.004);
   trial.start.sheet.slant = trial.sheet.slant;
-  SimulatedBench bench(trial.panel, trial.sheet, trial.link, trial.camera, 1);
+  lab::SimulatedBench bench(trial.panel, trial.sheet, trial.link, trial.camera, 1);
   const optics::OpticalModel start(trial.start);
   CaptureOptions options;
   options.average = 1;

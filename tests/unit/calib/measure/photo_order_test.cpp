@@ -8,8 +8,8 @@
 
 #include "base/error.h"
 #include "calib/measure/viewpoint.h"
-#include "calib/simulation/trial.h"
 #include "frames/srgb.h"
+#include "lab/panel/trial.h"
 #include "tests/support/error_matchers.h"
 
 namespace lenticule::calib {
@@ -79,7 +79,7 @@ class PhotoOrder : public testing::Test {
     order_.erase(at, at + static_cast<ptrdiff_t>(count));
   }
 
-  optics::Rig rig_ = plain_trial(480, 270, 480, 270).start;
+  optics::Rig rig_ = lab::plain_trial(480, 270, 480, 270).start;
   std::vector<Pattern> patterns_ = photo_patterns(rig_);
   std::vector<size_t> order_ = std::vector<size_t>(patterns_.size());
 };

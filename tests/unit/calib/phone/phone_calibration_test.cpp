@@ -11,15 +11,17 @@
 #include <string>
 #include <vector>
 
-#include "apps/lenticule-bench/calibrate/hand_trial.h"
+#include "lab/phone/hand_trial.h"
 #include "tests/support/small_workshop.h"
 
 namespace lenticule::calib {
 namespace {
 
-using bench::HandOutcome;
-using bench::HandResult;
-using bench::HandTrial;
+using lab::HandTrial;
+
+using lab::HandOutcome;
+using lab::HandResult;
+using lab::HandTrial;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -104,7 +106,7 @@ TEST(PhoneCalibration, TellsTheGapsOfTheColoursApart) {
   const HandTrial trial(101, test::small_workshop(3));
   const Calibration found = calibrate(trial, trial.photos());
   EXPECT_THAT(found.warnings, ElementsAre(HasSubstr("3 photographs do not show")));
-  const bench::LensSection sheet(trial.workshop().build, trial.workshop().start.panel);
+  const lab::LensSection sheet(trial.workshop().build, trial.workshop().start.panel);
   const auto shift = [&](int channel) { return sheet.mean_shift(0.3, 0.0, channel).across; };
   const double green = found.rig.sheet.gap.value;
   EXPECT_NEAR(parameter(found, "gap_mm.red").estimate.value / green, shift(0) / shift(1), 8e-4);
@@ -117,7 +119,7 @@ TEST(PhoneCalibration, OnePhotographIsNotEnough) {
   photos[0].name = "photograph 1";
   photos[1].name = "photograph 2";
   photos[1].findings.refusal = "only 2 of 9 tags were found";
-  const bench::Workshop workshop = draw_workshop(4, test::small_workshop(1));
+  const lab::Workshop workshop = draw_workshop(4, test::small_workshop(1));
   const Calibration found =
       calibrate_phone(photos, plan_single_photo_chart(workshop.start), {2400.0, 72.0});
   EXPECT_EQ(found.verdict, Verdict::Refused);
@@ -139,7 +141,7 @@ TEST(PhoneCalibration, AsksForABetterStartIfThePitchIsFarOff) {
 }
 
 TEST(PhoneCalibration, ReturnsNoStartWhoseChartHasNoRoomOnThePanel) {
-  const bench::Workshop workshop = draw_workshop(4, test::small_workshop(1));
+  const lab::Workshop workshop = draw_workshop(4, test::small_workshop(1));
   PhotoFindings mistaken;
   mistaken.rig = workshop.start;
   mistaken.rig.sheet.pitch.value = 40.0;
@@ -157,12 +159,12 @@ TEST(PhoneWorkshops, MostAreRightAndNoneIsWrong) {
   uint64_t right = 0;
   for (uint64_t seed = first; seed < first + count; ++seed) {
     const HandTrial trial(seed, test::small_workshop(6));
-    const HandResult result = trial.calibrate(6);
+    const lab::HandResult result = trial.calibrate(6);
     fmt::print("workshop {}: {}, error {:.4f}, stated {:.4f} lens {}\n", seed,
                to_string(result.outcome), result.error_lenses, result.stated_lenses,
                result.reasons.empty() ? "" : result.reasons.front());
-    EXPECT_NE(result.outcome, HandOutcome::Wrong) << "workshop " << seed;
-    right += result.outcome == HandOutcome::Right ? 1 : 0;
+    EXPECT_NE(result.outcome, lab::HandOutcome::Wrong) << "workshop " << seed;
+    right += result.outcome == lab::HandOutcome::Right ? 1 : 0;
   }
   EXPECT_GE(3 * right, 2 * count);
 }

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Mistakes with photographs, from the simulator of lenticule-bench, which shares no code with the
 // fit.
-#include "apps/lenticule-bench/calibrate/wrong_ways.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <utility>
 
+#include "lab/phone/hand_trial.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/support/small_workshop.h"
 
@@ -16,13 +15,13 @@ namespace {
 
 TEST(WrongWays, AMistakeInOnePhotographIsRefusedWithItsCause) {
   const test::ScratchFolder folder;
-  WrongWayTrial trial(2001, test::small_workshop(3), folder.path());
+  lab::WrongWayTrial trial(2001, test::small_workshop(3), folder.path());
   for (const char* name : {"hand that turns by 8 degrees a second", "out of focus", "overexposed",
                            "too far away", "beside the panel", "chart scaled by 5 %"}) {
-    const auto way = std::ranges::find(wrong_ways(), name, &WrongWay::name);
-    ASSERT_NE(way, wrong_ways().end()) << name;
-    const WrongWayResult result = trial.calibrate(*way);
-    EXPECT_EQ(result.outcome, HandOutcome::Refused) << name << ": " << result.error_lenses;
+    const auto way = std::ranges::find(lab::wrong_ways(), name, &lab::WrongWay::name);
+    ASSERT_NE(way, lab::wrong_ways().end()) << name;
+    const lab::WrongWayResult result = trial.calibrate(*way);
+    EXPECT_EQ(result.outcome, lab::HandOutcome::Refused) << name << ": " << result.error_lenses;
     EXPECT_TRUE(result.cause_named) << name << ": " << result.reason;
   }
 }
@@ -31,24 +30,25 @@ TEST(WrongWays, AMistakeInOnePhotographIsRefusedWithItsCause) {
 /// most of the mistake to the sheet.
 TEST(WrongWays, AMistakeThatTheSheetTakesUpIsNotAcceptedInSilence) {
   const test::ScratchFolder folder;
-  WorkshopLimits limits = limits_for(1920, 3200);
+  lab::WorkshopLimits limits = lab::limits_for(1920, 3200);
   limits.shots = 3;
   for (const auto& [seed, name] : {std::pair(3315U, "file turned by 180 degrees"),
                                    std::pair(3314U, "other axis: another phone"),
                                    std::pair(8001U, "hand that turns by 8 degrees a second")}) {
-    const auto way = std::ranges::find(wrong_ways(), name, &WrongWay::name);
-    ASSERT_NE(way, wrong_ways().end()) << name;
-    const WrongWayResult result = WrongWayTrial(seed, limits, folder.path()).calibrate(*way);
-    EXPECT_EQ(result.outcome, HandOutcome::Refused) << name << ": " << result.error_lenses;
+    const auto way = std::ranges::find(lab::wrong_ways(), name, &lab::WrongWay::name);
+    ASSERT_NE(way, lab::wrong_ways().end()) << name;
+    const lab::WrongWayResult result =
+        lab::WrongWayTrial(seed, limits, folder.path()).calibrate(*way);
+    EXPECT_EQ(result.outcome, lab::HandOutcome::Refused) << name << ": " << result.error_lenses;
   }
 }
 
 // In the third photograph, the squares of one of the two patches beat with the camera's pixels:
 // they seem a third darker than they are.
 TEST(WrongWays, SquaresThatBeatWithTheCameraAreNotTakenForAScaledChart) {
-  WorkshopLimits limits = limits_for(1920, 3200);
+  lab::WorkshopLimits limits = lab::limits_for(1920, 3200);
   limits.shots = 3;
-  for (const calib::PhonePhoto& photo : HandTrial(12012, limits).photos())
+  for (const calib::PhonePhoto& photo : lab::HandTrial(12012, limits).photos())
     EXPECT_EQ(photo.findings.refusal, "") << photo.name;
 }
 

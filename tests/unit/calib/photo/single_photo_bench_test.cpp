@@ -6,12 +6,15 @@
 #include <cmath>
 
 #include "calib/photo/single_photo.h"
-#include "calib/simulation/simulated_bench.h"
+#include "lab/panel/simulated_bench.h"
 #include "optics/model.h"
 #include "photo_stage.h"
 
 namespace lenticule::calib {
 namespace {
+
+using lab::SimulatedBench;
+using lab::SimulatedSheet;
 
 constexpr Nanoseconds kLong = std::chrono::seconds(10);
 
@@ -23,8 +26,8 @@ SimulatedSheet bench_sheet() {
   return sheet;
 }
 
-SimulatedCamera bench_camera() {
-  SimulatedCamera camera;
+lab::SimulatedCamera bench_camera() {
+  lab::SimulatedCamera camera;
   camera.width = 960;
   camera.height = 540;
   camera.centre_x_px = 480.0;
@@ -40,7 +43,7 @@ SimulatedCamera bench_camera() {
 /// Returns the rig that a user assumes for that sheet.
 optics::Rig believed(const SimulatedSheet& sheet) {
   optics::Rig rig = test::desk_rig();
-  const ChiefRay ray = chief_ray(sheet, 1);
+  const lab::ChiefRay ray = chief_ray(sheet, 1);
   rig.sheet.gap = Millimetres(ray.gap_mm);
   rig.sheet.refraction_shape = ray.refraction_shape;
   rig.sheet.pitch = Subpixels(sheet.pitch_subpx * 1.004);

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+// The rigs that benchmarks measure with.
+#pragma once
+
+#include <string>
+
+#include "optics/rig.h"
+
+namespace lenticule::lab {
+
+/// Returns the default rig of benchmarks: the 4K kiosk of the sample rigs.
+[[nodiscard]] optics::Rig kiosk_rig();
+/// Returns the classic integral image of the sample rigs: 64 upright lenses of eight whole pixels.
+[[nodiscard]] optics::Rig paper_rig();
+/// Returns a rig with a panel of the same size whose pixels are `factor` times as wide and high,
+/// with lenses of as many subpixels on a proportionally thicker sheet, so that the viewing zones
+/// are equal. Factor 1 returns the same rig.
+[[nodiscard]] optics::Rig coarser_rig(const optics::Rig& rig, int factor);
+/// Loads `file`, or returns kiosk_rig() if it is empty.
+[[nodiscard]] optics::Rig bench_rig(const std::string& file);
+
+}  // namespace lenticule::lab

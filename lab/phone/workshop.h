@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+// Draws random workshops, each with a panel, a sheet on it and a phone in the hand, and compares
+// rigs with the ground truth of their sheet.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "lab/phone/phone_photo.h"
+#include "optics/rig.h"
+
+namespace lenticule::lab {
+
+/// Workshop holds what is there, what its owner believes, and the photographs taken.
+struct Workshop {
+  SheetBuild build;
+  optics::Rig start;  ///< values of the owner, with the exact panel
+  Phone phone;
+  std::vector<Shot> shots;
+};
+
+/// WorkshopLimits bounds the draw.
+struct WorkshopLimits {
+  int panel_width = 3840;
+  double diagonal_inches = 27.0;
+  int phone_width = 4000;  ///< longer side of the sensor
+  double least_pitch_subpx = 4.0;
+  double most_pitch_subpx = 11.0;
+  int shots = 3;
+};
+
+/// Returns the limits for a panel and a phone of other widths. The chart's tags need room: a panel
+/// of less than 3840 pixels gets only finer lenses.
+[[nodiscard]] WorkshopLimits limits_for(int panel_width, int phone_width);
+
+/// Returns the workshop of a seed. The first shots of workshops that differ only in their number
+/// are equal. The owner stands in front of the panel with the phone upside down, then holds it up
+/// at the left, then at the right, then there again upside down, then in front; every place,
+/// direction and turn is off by what a hand does.
+[[nodiscard]] Workshop draw_workshop(uint64_t seed, const WorkshopLimits& limits);
+
+/// Returns the eyes at which a rig is judged: 250 mm to each side, at 0.8, 1 and 1.2 of the
+/// viewing distance.
+[[nodiscard]] std::vector<Vec3> judged_eyes(const optics::Rig& start);
+
+/// Returns the rig that the build has by its own dimensions: pitch, slant, offset and deformation
+/// as built; gap and refraction shape as rays through whole lenses have them.
+[[nodiscard]] optics::Rig rig_of_build(const LensSection& sheet, const optics::Rig& start);
+
+/// Returns the largest difference, in lenses, between the phases of a rig and the ground truth, for
+/// green light, over the panel and the eyes. A whole number of lenses does not count.
+[[nodiscard]] double worst_error(const optics::Rig& rig, const LensSection& sheet,
+                                 const std::vector<Vec3>& eyes);
+
+}  // namespace lenticule::lab

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+// A reference implementation (oracle) of the optical model in docs/panel/optics.md, in long double
+// and in the form of that page, for `bench stability`. It shares no code with optics/ except the
+// plain data of a rig.
+#pragma once
+
+#include <cstdint>
+
+#include "lab/stability/rows.h"
+#include "optics/rig.h"
+#include "render/scene/scene_description.h"
+
+namespace lenticule::lab {
+
+using Real = long double;
+
+/// Position of a phase: in [-1/2, 1/2) of its lens, borders widened as docs/panel/optics.md states.
+struct OraclePlace {
+  int64_t lens = 0;
+  Real place = 0;
+};
+[[nodiscard]] OraclePlace oracle_place(Real phase);
+
+/// Returns the lens coordinate above a point of the panel in millimetres. For rigs without a
+/// residual map.
+[[nodiscard]] Real oracle_lens_at(const optics::Rig& rig, Real x_mm, Real y_mm, int channel);
+
+/// Returns Phi_E of the subpixel; z may be infinite, then x and y are tangents.
+struct OracleEye {
+  Real x = 0;
+  Real y = 0;
+  Real z = 0;
+};
+[[nodiscard]] Real oracle_phase(const optics::Rig& rig, int i, int j, int channel,
+                                const OracleEye& eye);
+/// Returns the centre of the viewing line.
+[[nodiscard]] OracleEye oracle_design_eye(const optics::Rig& rig);
+
+/// The ray that the subpixel sends through `lens`: x and tangent along the row.
+struct OracleRay {
+  Real lens_x_mm = 0;
+  Real tan_x = 0;
+};
+[[nodiscard]] OracleRay oracle_ray(const optics::Rig& rig, int i, int j, int channel, int64_t lens);
+
+// A reference ray tracer (oracle) in long double that tests every ray against every primitive, for
+// `bench stability`. It supports glowing, mirroring and transparent materials, and neither lights
+// nor ambient light. It shares no code with render/ except the plain data of a scene.
+
+using Real3 = Vec3T<long double>;
+
+struct OracleLine {
+  Real3 from;
+  Real3 way;  ///< direction, of any length
+};
+
+/// Returns the light along the line, for one colour channel, linear. The line starts at `from`;
+/// mirrored and refracted rays start at a distance of `start_off` from their surfaces.
+[[nodiscard]] long double oracle_light(const render::SceneDescription& scene,
+                                       const OracleLine& line, int channel, int max_depth,
+                                       long double start_off = 0);
+
+/// Returns the distance to the first surface in lengths of `way`; infinite if there is none.
+[[nodiscard]] long double oracle_distance(const render::SceneDescription& scene,
+                                          const OracleLine& line);
+
+// Compares pictures of method full with the reference implementation of rays (the oracle), subpixel
+// by subpixel.
+
+struct SubpixelCode {
+  int i = 0;
+  int j = 0;
+  int channel = 0;
+  uint8_t code = 0;
+};
+enum class OracleVerdict {
+  Same,        ///< equal within one code
+  BesideOnly,  ///< equal for a slightly moved ray, or with the renderer's start offset for later
+               ///< rays
+  Different,
+};
+/// Evaluates the oracle for one subpixel of the scene under plain_stage(). Rays may be moved by
+/// `hair_mm`.
+[[nodiscard]] OracleVerdict ask_oracle(const render::SceneDescription& scene,
+                                       const optics::Rig& rig, SubpixelCode shown, double hair_mm);
+
+/// Renders the scene with plain_stage() and compares every subpixel with the oracle. A difference
+/// of more than one code is a failure, unless the oracle gives the code for a slightly moved ray:
+/// an outline lies between the two rays. The row's note states how many subpixels needed that.
+[[nodiscard]] StabilityRow compare_with_oracle(const render::SceneDescription& scene,
+                                               const optics::Rig& rig, const StabilitySize& size);
+}  // namespace lenticule::lab
