@@ -17,7 +17,6 @@ Run declare_eye(CLI::App& app);
 Run declare_compare(CLI::App& app);
 Run declare_convert(CLI::App& app);
 Run declare_calibrate(CLI::App& app);
-Run declare_no_calibrate(CLI::App& app);
 Run declare_depth(CLI::App& app);
 Run declare_farm(CLI::App& app);
 Run declare_rig(CLI::App& app);
@@ -35,11 +34,7 @@ int main(int argc, char** argv) {
       {"eye", declare_eye},
       {"compare", declare_compare},
       {"convert", declare_convert},
-#ifdef LENTICULE_CALIBRATE
       {"calibrate", declare_calibrate},
-#else
-      {"calibrate", declare_no_calibrate},
-#endif
       {"depth", declare_depth},
       {"farm", declare_farm},
       {"rig", declare_rig},

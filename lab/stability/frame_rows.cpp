@@ -15,7 +15,7 @@
 
 #include "base/error.h"
 #include "frames/weave.h"
-#include "lab/bench_rigs.h"
+#include "lab/fixtures.h"
 #include "lab/stability/oracles.h"
 #include "lab/stability/probes.h"
 #include "lab/stability/rows.h"

@@ -14,11 +14,11 @@ std::vector<std::string> command_names_from_help(std::vector<std::string> comman
   std::vector<std::string> names;
   bool listing = false;
   for (std::string line; std::getline(help, line);) {
-    if (line.rfind("Subcommands:", 0) == 0) {
+    if (line.rfind("Subcommands", 0) == 0) {
       listing = true;
       continue;
     }
-    if (listing && line.empty()) break;
+    if (line.empty()) listing = false;
     if (!listing || line.size() < 3 || line.rfind("  ", 0) != 0 || line[2] == ' ') continue;
     names.push_back(line.substr(2, line.find(' ', 2) - 2));
   }

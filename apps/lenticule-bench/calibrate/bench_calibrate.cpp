@@ -20,7 +20,6 @@
 
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-tools/calibrate/calibrate_result.h"
-#include "apps/lenticule-tools/calibrate/camera_preview.h"
 #include "apps/lenticule-tools/cli/svg_plot.h"
 #include "base/error.h"
 #include "base/print.h"

@@ -8,7 +8,7 @@
 
 #include "apps/lenticule/cli/command.h"
 #include "base/statistics.h"
-#include "lab/bench_rigs.h"
+#include "lab/fixtures.h"
 
 namespace lenticule::bench {
 

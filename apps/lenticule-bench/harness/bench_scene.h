@@ -3,7 +3,9 @@
 // benchmark.
 #pragma once
 
+#include <ctime>
 #include <string>
+#include <vector>
 
 #include "frames/frame.h"
 #include "optics/model.h"
@@ -58,4 +60,69 @@ class BenchScene {
 /// Returns a scene name, with "builtin:" added to a built-in scene's name.
 [[nodiscard]] std::string bench_scene_name(const std::string& name);
 
+// Times the cases to compare in interleaved runs, so that other load on the machine affects all
+// cases equally.
+
+struct TimedCase {
+  BenchScene* scene = nullptr;
+  render::RenderOptions options;
+  bool with_visibility = true;  ///< also times bare Embree and visibility
+};
+
+/// One number per run, in seconds of wall time.
+struct CaseTimes {
+  std::vector<double> bare;
+  std::vector<double> visibility;
+  std::vector<double> frame;
+  render::RenderStatistics statistics;  ///< statistics of the last frame
+  /// Peak resident memory of the process during these runs, in MiB.
+  double visibility_peak_mib = 0.0;
+  double frame_peak_mib = 0.0;
+};
+
+/// Runs `runs` rounds of one run of each case. Every second round has the reverse order, because
+/// later cases find warmer caches and a warmer processor. Ends early when interrupted.
+[[nodiscard]] std::vector<CaseTimes> time_by_turns(const std::vector<TimedCase>& cases, int runs);
+
+/// Returns the peak resident memory of this process in MiB since the last reset; since the start if
+/// the kernel does not permit the reset.
+[[nodiscard]] double peak_resident_mib();
+void reset_peak_resident();
+
+/// Returns the time of a monotonic clock; only differences are meaningful.
+[[nodiscard]] double seconds_now();
+/// Returns the processor time of all threads of this process.
+[[nodiscard]] double process_cpu_seconds();
+
+[[nodiscard]] inline double mega_per_second(uint64_t count, double seconds) {
+  return seconds > 0.0 ? static_cast<double>(count) / seconds / 1e6 : 0.0;
+}
+[[nodiscard]] inline double nanoseconds_each(uint64_t count, double seconds) {
+  return count > 0 ? seconds * 1e9 / static_cast<double>(count) : 0.0;
+}
+[[nodiscard]] inline uint64_t all_rays(const render::RenderStatistics& statistics) {
+  return statistics.primary_rays + statistics.shadow_rays + statistics.secondary_rays;
+}
+
+// Measures processor time of a thread, which other programs disturb less than wall time.
+
+[[nodiscard]] inline double clock_seconds(clockid_t clock) {
+  timespec time{};
+  clock_gettime(clock, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+/// Returns the duration of `work` by a clock.
+template <class Work>
+[[nodiscard]] double seconds_by(clockid_t clock, Work&& work) {
+  const double start = clock_seconds(clock);
+  work();
+  return clock_seconds(clock) - start;
+}
+
+/// Returns the processor time that `work` takes on this thread.
+template <class Work>
+[[nodiscard]] double thread_seconds(Work&& work) {
+  return seconds_by(CLOCK_THREAD_CPUTIME_ID, work);
+}
 }  // namespace lenticule::bench

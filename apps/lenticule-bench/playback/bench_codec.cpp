@@ -14,11 +14,10 @@
 
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-bench/harness/bench_scene.h"
-#include "apps/lenticule-bench/harness/thread_clock.h"
-#include "apps/lenticule-tools/offline/scratch_folder.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "frames/image_io.h"
+#include "lab/fixtures.h"
 #include "lab/judges/codec_trial.h"
 #include "player/process/child_process.h"
 #include "player/process/interrupt.h"
@@ -28,7 +27,7 @@ namespace {
 
 using lab::TrialKind;
 
-using tools::ScratchFolder;
+using lab::ScratchFolder;
 
 /// The baseline of all ratios.
 constexpr const char* kBaseline = "row above, zstd -1";

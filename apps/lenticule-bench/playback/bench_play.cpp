@@ -1,32 +1,158 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench play measures the player's memory over many frames from a renderer process
-// through a real ring, in simulated time for maximum speed, and the cost per frame of each kind of
-// source.
+// Measures the processor time of a 4K frame on one core, from the file to the scan-out buffer,
+// relative to the time between two vblanks.
 #include <fmt/format.h>
 #include <signal.h>
+#include <sys/resource.h>
+#include <sys/types.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <thread>
 #include <vector>
 
 #include "apps/lenticule-bench/harness/bench.h"
-#include "apps/lenticule-bench/playback/vblank_budget.h"
-#include "apps/lenticule-tools/offline/scratch_folder.h"
+#include "apps/lenticule-bench/harness/bench_scene.h"
 #include "base/error.h"
+#include "base/main_function.h"
 #include "base/print.h"
+#include "display/scanout_format.h"
 #include "display/virtual/virtual_display.h"
+#include "frames/image_io.h"
 #include "frames/ring/ring_player.h"
 #include "frames/ring/ring_renderer.h"
+#include "frames/sequence/sequence_reader.h"
+#include "frames/sequence/sequence_writer.h"
+#include "frames/weaving/fast_weaver.h"
+#include "frames/weaving/quilt_file.h"
+#include "frames/weaving/reweave.h"
+#include "lab/fixtures.h"
+#include "optics/rig.h"
+#include "optics/rig_file.h"
 #include "player/playback/playback.h"
 #include "player/process/interrupt.h"
+#include "player/process/sibling_program.h"
 
 namespace lenticule::bench {
 namespace {
+
+constexpr double kVblankMs = 1e3 / 60.0;
+
+/// StoredFrame is a frame in a container, which can be decoded repeatedly.
+class StoredFrame {
+ public:
+  StoredFrame(const frames::WovenFrame& frame, const std::string& file)
+      : decoded_(frame.geometry()) {
+    frames::SequenceInfo info;
+    info.geometry = frame.geometry();
+    info.rate = {.numerator = 60, .denominator = 1};
+    frames::SequenceWriter writer(file, info);
+    writer.append(frame.view());
+    writer.finish();
+    reader_ = std::make_unique<frames::SequenceReader>(file);
+    decoder_.emplace(reader_->make_decoder());
+  }
+  void decode() { LENTICULE_CHECK(decoder_->decode(0, decoded_.bytes())); }
+
+ private:
+  frames::WovenFrame decoded_;
+  std::unique_ptr<frames::SequenceReader> reader_;
+  std::optional<frames::FrameDecoder> decoder_;
+};
+
+void copy_to_scanout(const frames::WovenFrame& frame, std::vector<uint32_t>& scanout) {
+  const auto width = static_cast<size_t>(frame.width());
+  for (int j = 0; j < frame.height(); ++j)
+    display::expand_row(display::ScanoutDepth::Bits8, frame.row(j),
+                        scanout.data() + static_cast<size_t>(j) * width, width);
+}
+
+/// Milliseconds of each step, one per run.
+struct StepTimes {
+  std::vector<double> decode_woven, decode_views, weave, copy;
+};
+
+StepTimes time_steps(const BenchScene& scene, const frames::ViewSet& views, int runs) {
+  const lab::ScratchFolder folder;
+  StoredFrame woven(scene.frame(), folder.file("woven.lts"));
+  StoredFrame quilt(frames::draw_quilt(views, frames::quilt_layout_for(views)),
+                    folder.file("views.lts"));
+  frames::FastWeaver weaver(std::make_shared<const frames::WeavePlan>(
+                                scene.model(), frames::shape_of(views), frames::WeaveOptions{}),
+                            1);
+  frames::WovenFrame frame(scene.frame().geometry());
+  std::vector<uint32_t> scanout(frame.bytes().size() / 3);
+  const auto milliseconds = [](auto&& work) { return 1e3 * thread_seconds(work); };
+  StepTimes times;
+  for (int run = 0; run < runs && !player::interrupted(); ++run) {
+    times.decode_woven.push_back(milliseconds([&] { woven.decode(); }));
+    times.decode_views.push_back(milliseconds([&] { quilt.decode(); }));
+    times.weave.push_back(milliseconds([&] { weaver.weave(views, frame); }));
+    times.copy.push_back(milliseconds([&] { copy_to_scanout(frame, scanout); }));
+  }
+  return times;
+}
+
+nlohmann::json row(const std::string& source, std::optional<double> decode,
+                   std::optional<double> weave, double copy) {
+  const auto or_null = [](std::optional<double> ms) {
+    return ms ? nlohmann::json(*ms) : nlohmann::json();
+  };
+  const double total = decode.value_or(0.0) + weave.value_or(0.0) + copy;
+  return {{"source", source},           {"decode_ms", or_null(decode)},
+          {"weave_ms", or_null(weave)}, {"copy_ms", copy},
+          {"total_ms", total},          {"part_of_vblank", total / kVblankMs}};
+}
+
+/// Renders one frame of the demo scene for `rig` and measures, in `runs` interleaved runs and in
+/// processor time of this thread: decoding it, decoding its views, weaving them, and copying a
+/// frame into a scan-out buffer. Returns an array of rows: {"source", "decode_ms", "weave_ms",
+/// "copy_ms", "total_ms", "part_of_vblank"}; null if a source has no such step. Values are medians.
+/// The array is shorter when interrupted.
+nlohmann::json measure_vblank_budget(const optics::Rig& rig, int runs) {
+  BenchScene scene({.scene = bench_scene_name("demo"), .rig = rig});
+  static_cast<void>(scene.render(*scene.method(scene.options(render::RenderOptions{}.max_depth))));
+  if (player::interrupted()) return nlohmann::json::array();
+  const frames::ViewSet views = frames::views_of_woven(scene.frame().view(), scene.model(),
+                                                       frames::views_in_woven(scene.model().rig()));
+  const StepTimes times = time_steps(scene, views, runs);
+  const double copy = median(times.copy), weave = median(times.weave);
+  const std::string shape =
+      fmt::format("{} views of {}x{}", views.count(), views.width(), views.height());
+  return {row("woven sequence", median(times.decode_woven), std::nullopt, copy),
+          row("sequence of " + shape, median(times.decode_views), weave, copy),
+          row("decoded quilts, " + shape, std::nullopt, weave, copy),
+          row("ring", std::nullopt, std::nullopt, copy)};
+}
+
+void print_vblank_budget(const nlohmann::json& rows) {
+  print_out("\none core's time per frame, and its share of a vblank at 60 Hz\n");
+  print_out("{:<36} {:>9} {:>9} {:>9} {:>9} {:>9}\n", "", "decode ms", "weave ms", "copy ms",
+            "total ms", "of vblank");
+  const auto cell = [](const nlohmann::json& value) {
+    return value.is_null() ? std::string("-") : fmt::format("{:.2f}", value.get<double>());
+  };
+  for (const nlohmann::json& row : rows)
+    print_out("{:<36} {:>9} {:>9} {:>9} {:>9} {:>8.0f}%\n", row["source"].get<std::string>(),
+              cell(row["decode_ms"]), cell(row["weave_ms"]), cell(row["copy_ms"]),
+              cell(row["total_ms"]), 100.0 * row["part_of_vblank"].get<double>());
+}
+
+// lenticule bench play measures the player's memory over many frames from a renderer process
+// through a real ring, in simulated time for maximum speed, and the cost per frame of each kind of
+// source.
 
 using std::chrono::milliseconds;
 using std::chrono::seconds;
@@ -91,7 +217,7 @@ class RendererProcess {
 };
 
 Row measure(frames::FrameGeometry geometry, uint64_t count, int slots) {
-  const tools::ScratchFolder folder;
+  const lab::ScratchFolder folder;
   const std::filesystem::path socket = folder.ring_socket();
   // Forked before this process has threads; the child waits for the socket to appear.
   const RendererProcess renderer(socket, count);
@@ -182,8 +308,6 @@ ExitCode run_bench_play(const BenchFlags& flags) {
   return within ? kOk : kQuality;
 }
 
-}  // namespace
-
 cli::Run declare_bench_play(CLI::App& app) {
   const auto flags = std::make_shared<BenchFlags>();
   app.add_option("--frames", flags->small_frames, "frames to play at 480x270")
@@ -203,4 +327,190 @@ cli::Run declare_bench_play(CLI::App& app) {
   return [flags] { return run_bench_play(*flags); };
 }
 
+// lenticule bench start measures the time from program start to the first frame on the virtual
+// display, from outside on the program itself.
+
+struct StartFlags {
+  std::string rig;
+  int runs = 5;
+  bool json = false;
+};
+
+struct ProgramOutput {
+  std::string text;
+  double seconds = 0.0;
+};
+
+std::string find_lenticule() {
+  if (const auto program = player::find_sibling_program("lenticule")) return program->string();
+  throw Error(ErrorKind::Failed, "lenticule: not found beside lenticule-bench",
+              "install the package lenticule-player");
+}
+
+/// Runs lenticule with arguments that need no quoting in a shell.
+ProgramOutput run_lenticule(const std::string& program, const std::string& arguments) {
+  const auto begin = std::chrono::steady_clock::now();
+  std::FILE* pipe = popen(fmt::format("'{}' {} 2>/dev/null", program, arguments).c_str(), "re");
+  if (pipe == nullptr) throw Error(ErrorKind::Failed, program + ": cannot start");
+  ProgramOutput output;
+  char buffer[4096];
+  for (size_t n = 0; (n = std::fread(buffer, 1, sizeof buffer, pipe)) > 0;)
+    output.text.append(buffer, n);
+  const int status = pclose(pipe);
+  const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - begin;
+  if (status != 0) throw Error(ErrorKind::Failed, fmt::format("{} {}: failed", program, arguments));
+  output.seconds = elapsed.count();
+  return output;
+}
+
+/// Writes a test picture; noise decodes as slowly as real frames.
+void write_noise(const optics::Rig& rig, const std::string& file) {
+  frames::WovenFrame frame({rig.panel.width_px, rig.panel.height_px, frames::PixelFormat::Rgb8});
+  uint32_t state = 1;
+  for (uint8_t& byte : frame.bytes()) {
+    state = state * 1664525u + 1013904223u;
+    byte = static_cast<uint8_t>(state >> 29);
+  }
+  frames::write_woven(frame.view(), file);
+}
+
+ExitCode run(const StartFlags& flags) {
+  const std::string program = find_lenticule();
+  const optics::Rig rig = lab::bench_rig(flags.rig);
+  const lab::ScratchFolder scratch;
+  optics::save_rig(rig, scratch.file("rig.toml"));
+  write_noise(rig, scratch.file("frame.png"));
+  const std::string play =
+      fmt::format("play '{}' --rig '{}' --display virtual --duration 0.1 --json",
+                  scratch.file("frame.png"), scratch.file("rig.toml"));
+  std::vector<double> loading;
+  std::vector<double> first_frame;
+  for (int i = 0; i < flags.runs && !player::interrupted(); ++i) {
+    loading.push_back(1000.0 * run_lenticule(program, "--version").seconds);
+    const auto report = nlohmann::json::parse(run_lenticule(program, play).text);
+    first_frame.push_back(report.at("first_frame_ms").get<double>());
+  }
+  if (player::interrupted()) return player::interrupt_exit_code();
+
+  const nlohmann::json result = {
+      {"machine", machine_json()},
+      {"width", rig.panel.width_px},
+      {"height", rig.panel.height_px},
+      {"runs", flags.runs},
+      {"program_ms", median(loading)},
+      {"first_frame_ms", median(first_frame)},
+      {"start_to_first_frame_ms", median(loading) + median(first_frame)}};
+  if (flags.json) {
+    print_json(result);
+    return kOk;
+  }
+  print_out("{}\n{} x {}, one PNG, virtual display, medians of {} runs\n", machine_text(),
+            rig.panel.width_px, rig.panel.height_px, flags.runs);
+  print_out("loading the program        {:7.0f} ms\n", result["program_ms"].get<double>());
+  print_out("main() to the first frame  {:7.0f} ms\n", result["first_frame_ms"].get<double>());
+  print_out("start to the first frame   {:7.0f} ms\n",
+            result["start_to_first_frame_ms"].get<double>());
+  return kOk;
+}
+
+cli::Run declare_bench_start(CLI::App& app) {
+  auto flags = std::make_shared<StartFlags>();
+  app.add_option("--rig", flags->rig, "rig file (default: the 4K kiosk)");
+  app.add_option("--runs", flags->runs, "number of runs; medians are reported")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  app.add_flag("--json", flags->json, "print as JSON");
+  return [flags] { return run(*flags); };
+}
+
+// lenticule bench memory measures the peak memory of one frame from outside, on a child process.
+
+constexpr std::chrono::milliseconds kPoll{10};
+
+struct MemoryFlags {
+  std::string rig;
+  std::string scene = "builtin:teapot";
+  int threads = 0;
+  double limit_mib = 1024.0;
+  bool json = false;
+};
+
+/// Does everything that `render` does for one frame, except writing it.
+void render_one(const MemoryFlags& flags) {
+  BenchScene bench({.scene = bench_scene_name(flags.scene),
+                    .rig = lab::bench_rig(flags.rig),
+                    .threads = flags.threads});
+  (void)bench.render(*bench.method(bench.options(render::RenderOptions{}.max_depth)));
+}
+
+struct ChildEnd {
+  int status = 0;
+  double peak_mib = 0.0;
+};
+
+/// Waits for the child in slices; a signal to this process ends the child.
+ChildEnd wait_for(pid_t child) {
+  while (true) {
+    ChildEnd end;
+    rusage usage{};
+    const pid_t ended = wait4(child, &end.status, WNOHANG, &usage);
+    if (ended < 0 && errno != EINTR)
+      throw Error(ErrorKind::Failed, fmt::format("bench memory: {}", std::strerror(errno)));
+    if (ended == child) {
+      end.peak_mib = static_cast<double>(usage.ru_maxrss) / 1024.0;
+      return end;
+    }
+    if (player::interrupted()) kill(child, SIGKILL);
+    std::this_thread::sleep_for(kPoll);
+  }
+}
+
+ExitCode measure_memory(const MemoryFlags& flags) {
+  std::fflush(nullptr);
+  const pid_t child = fork();
+  if (child < 0)
+    throw Error(ErrorKind::Failed,
+                fmt::format("bench memory: cannot start a process: {}", std::strerror(errno)));
+  if (child == 0)
+    _exit(run_reporting_errors(
+        [&] {
+          render_one(flags);
+          return kOk;
+        },
+        {.program = "lenticule"}));
+  const ChildEnd end = wait_for(child);
+  if (player::interrupted()) return player::interrupt_exit_code();
+  if (!WIFEXITED(end.status))
+    throw Error(ErrorKind::Failed, fmt::format("bench memory: the renderer was killed by signal {}",
+                                               WTERMSIG(end.status)));
+  if (WEXITSTATUS(end.status) != 0) return static_cast<ExitCode>(WEXITSTATUS(end.status));
+
+  const bool within = end.peak_mib <= flags.limit_mib;
+  if (flags.json)
+    print_json({{"benchmark", "memory"},
+                {"machine", machine_json()},
+                {"scene", flags.scene},
+                {"rig", lab::bench_rig(flags.rig).name},
+                {"peak_resident_mib", end.peak_mib},
+                {"limit_mib", flags.limit_mib},
+                {"within_limit", within}});
+  else
+    print_out("peak resident    {:.1f} MiB (limit {:.0f} MiB)\n", end.peak_mib, flags.limit_mib);
+  return within ? kOk : kQuality;
+}
+
+}  // namespace
+
+cli::Run declare_bench_memory(CLI::App& app) {
+  auto flags = std::make_shared<MemoryFlags>();
+  app.add_option("--rig", flags->rig, "rig file (default: the 4K kiosk)");
+  app.add_option("--scene", flags->scene, "as for render")->capture_default_str();
+  app.add_option("--threads", flags->threads, "0 means all cores")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  app.add_option("--limit-mib", flags->limit_mib, "limit; a larger peak gives exit code 5")
+      ->capture_default_str();
+  app.add_flag("--json", flags->json, "print as JSON");
+  return [flags]() -> ExitCode { return measure_memory(*flags); };
+}
 }  // namespace lenticule::bench

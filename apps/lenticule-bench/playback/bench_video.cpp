@@ -12,12 +12,12 @@
 #include <thread>
 
 #include "apps/lenticule-bench/harness/bench.h"
-#include "apps/lenticule-tools/offline/scratch_folder.h"
 #include "apps/lenticule-tools/offline/video_writer.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "frames/image_io.h"
 #include "frames/image_sequence.h"
+#include "lab/fixtures.h"
 #include "player/process/interrupt.h"
 #include "player/sources/video_source.h"
 
@@ -92,7 +92,7 @@ Way store_video(const VideoFlags& flags, frames::FrameGeometry geometry, VideoCo
 }
 
 Way store_pngs(const VideoFlags& flags, frames::FrameGeometry geometry,
-               const tools::ScratchFolder& folder) {
+               const lab::ScratchFolder& folder) {
   Way way{.name = "png", .open = nullptr, .rates = {}};
   std::vector<std::filesystem::path> files;
   double seconds = 0.0;
@@ -170,7 +170,7 @@ ExitCode run_video(const VideoFlags& given) {
   }
   const optics::Rig rig = lab::bench_rig(flags.rig);
   const frames::FrameGeometry geometry{.width = rig.panel.width_px, .height = rig.panel.height_px};
-  const tools::ScratchFolder folder;
+  const lab::ScratchFolder folder;
   std::vector<Way> ways;
   ways.push_back(store_pngs(flags, geometry, folder));
   ways.push_back(store_video(flags, geometry, VideoCodec::Ffv1, folder.file("ffv1.mkv")));

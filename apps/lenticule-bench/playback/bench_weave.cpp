@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "apps/lenticule-bench/harness/bench.h"
-#include "apps/lenticule-bench/harness/thread_clock.h"
+#include "apps/lenticule-bench/harness/bench_scene.h"
 #include "base/print.h"
 #include "frames/weaving/fast_weaver.h"
 #include "player/process/interrupt.h"

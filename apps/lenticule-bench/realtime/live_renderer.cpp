@@ -18,7 +18,7 @@
 #include <thread>
 #include <vector>
 
-#include "apps/lenticule-bench/harness/bench_timing.h"
+#include "apps/lenticule-bench/harness/bench_scene.h"
 #include "apps/lenticule-tools/offline/error_controller.h"
 #include "base/error.h"
 #include "base/large_memory.h"
@@ -30,6 +30,7 @@
 #include "render/make_method.h"
 
 namespace lenticule::bench {
+
 namespace {
 
 using std::chrono::milliseconds;
@@ -331,5 +332,4 @@ std::optional<nlohmann::json> RendererProcess::next_message() {
     unread_.append(text, static_cast<size_t>(length));
   }
 }
-
 }  // namespace lenticule::bench

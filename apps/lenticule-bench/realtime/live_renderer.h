@@ -1,22 +1,132 @@
 // SPDX-License-Identifier: Apache-2.0
-// The renderer of `lenticule bench realtime`: a process that renders a moving scene as fast as it
-// can into the ring of a player, always the frame that is due.
+// The two processes of `lenticule bench realtime`: the renderer, the log that it shares with the
+// player, and the display that notes when each frame appeared.
 #pragma once
 
 #include <sys/types.h>
 
+#include <atomic>
+#include <cstdint>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <span>
 #include <string>
+#include <vector>
 
-#include "apps/lenticule-bench/realtime/run_log.h"
 #include "apps/lenticule-bench/render/bench_error.h"
 #include "base/unique_fd.h"
+#include "display/display.h"
 #include "frames/rational.h"
 #include "optics/rig.h"
 
 namespace lenticule::bench {
+
+/// The frames' ids are their indices in the playback. Thread safety: as display::Display. Lifetime:
+/// must not outlive the display.
+class TimedDisplay final : public display::Display {
+ public:
+  TimedDisplay(display::Display& display, uint64_t most_frames)
+      : display_(display), shown_ns_(most_frames) {}
+
+  /// Returns the time of the first vblank that showed each frame, by index, in nanoseconds of the
+  /// display's clock; 0 if the frame was not shown. Call it after the playback.
+  [[nodiscard]] const std::vector<int64_t>& shown_ns() const { return shown_ns_; }
+
+  [[nodiscard]] const display::DisplayMode& mode() const override { return display_.mode(); }
+  [[nodiscard]] display::ScanoutBuffer* acquire() override { return display_.acquire(); }
+  void discard(display::ScanoutBuffer* buffer) override { display_.discard(buffer); }
+  [[nodiscard]] display::SubmitStatus submit(display::ScanoutBuffer* buffer,
+                                             uint64_t id) noexcept override {
+    return display_.submit(buffer, id);
+  }
+  [[nodiscard]] bool request_vblank(uint64_t sequence) noexcept override {
+    return display_.request_vblank(sequence);
+  }
+  [[nodiscard]] display::DisplayEvent wait_event(display::Nanoseconds deadline,
+                                                 int wake_fd) noexcept override {
+    const display::DisplayEvent event = display_.wait_event(deadline, wake_fd);
+    if (event.kind == display::EventKind::Flip && event.id < shown_ns_.size() &&
+        shown_ns_[event.id] == 0)
+      shown_ns_[event.id] = event.time.count();
+    return event;
+  }
+  [[nodiscard]] bool set_power(bool on) noexcept override { return display_.set_power(on); }
+  [[nodiscard]] display::Nanoseconds now() const noexcept override { return display_.now(); }
+
+ private:
+  display::Display& display_;
+  std::vector<int64_t> shown_ns_;
+};
+
+// RunLog is memory that the renderer process writes and the player process reads. It keeps what was
+// written when the renderer dies.
+
+/// FrameRecord is the course of one frame. Times are nanoseconds of CLOCK_MONOTONIC, ascending.
+struct FrameRecord {
+  uint64_t number = 0;        ///< frame number of the scene
+  int64_t due_ns = 0;         ///< instant of the scene that the frame shows
+  int64_t free_ns = 0;        ///< the renderer had finished the frame before
+  int64_t begun_ns = 0;       ///< the frame was due, and the renderer began
+  int64_t committed_ns = 0;   ///< the scene was evaluated and committed to Embree
+  int64_t rendered_ns = 0;    ///< the woven frame was complete
+  int64_t acquired_ns = 0;    ///< the ring had a free slot
+  int64_t published_ns = 0;   ///< the frame was copied into the slot and published
+  uint64_t memory_bytes = 0;  ///< memory of the renderer, without the ring
+  uint64_t in_use_bytes = 0;  ///< part that its code has allocated and not freed
+  double tolerated_error = 0.0;
+  double audited_rmse = 0.0;  ///< RMSE of the subpixels that the audit traced; 0 without an audit
+};
+
+class RunLog {
+ public:
+  /// Allocates the memory for `capacity` frames. Throws Error(Failed). Fork afterwards.
+  explicit RunLog(uint64_t capacity);
+  ~RunLog();
+  RunLog(const RunLog&) = delete;
+  RunLog& operator=(const RunLog&) = delete;
+
+  [[nodiscard]] uint64_t capacity() const { return capacity_; }
+
+  /// Takes all memory now, so that it does not count as growth. Thread safety: the renderer.
+  void prefault() noexcept;
+  /// Appends a record. The log must not be full. Thread safety: the renderer.
+  void add(const FrameRecord& record) noexcept;
+  /// Ends the renderer's part with its processor time since the first frame. Thread safety: the
+  /// renderer.
+  void finish(double cpu_s) noexcept;
+
+  /// Returns the published frames in order. Thread safety: any process.
+  [[nodiscard]] std::span<const FrameRecord> frames() const noexcept;
+  /// Returns the processor time that finish() stored; 0 before that.
+  [[nodiscard]] double cpu_s() const noexcept;
+
+  /// The player sets this when it has shown its last frame; `stop` asks the renderer to end without
+  /// comparing its samples. Thread safety: any process.
+  void set_player_finished(bool stop) noexcept;
+  [[nodiscard]] bool is_player_finished() const noexcept;
+  [[nodiscard]] bool is_stopped() const noexcept;
+
+ private:
+  struct Header {
+    std::atomic<uint64_t> count{0};
+    std::atomic<double> cpu_s{0.0};
+    std::atomic<bool> player_finished{false};
+    std::atomic<bool> stop{false};
+  };
+  static_assert(std::atomic<uint64_t>::is_always_lock_free &&
+                    std::atomic<double>::is_always_lock_free,
+                "two processes share the header");
+
+  uint64_t capacity_;
+  size_t bytes_;
+  void* memory_;
+  Header* header_;
+  FrameRecord* records_;
+};
+
+// The renderer of `lenticule bench realtime`: a process that renders a moving scene as fast as it
+// can into the ring of a player, always the frame that is due.
 
 struct LiveSetup {
   std::string scene;  ///< as ErrorScene takes it
@@ -61,5 +171,4 @@ class RendererProcess {
   std::string unread_;
   pid_t pid_ = -1;
 };
-
 }  // namespace lenticule::bench

@@ -9,7 +9,6 @@
 #include <string>
 
 #include "apps/lenticule-bench/realtime/live_renderer.h"
-#include "apps/lenticule-bench/realtime/run_log.h"
 
 namespace lenticule::bench {
 
@@ -46,5 +45,4 @@ void print_realtime_table(const nlohmann::json& runs);
 
 /// Plots rate, tolerated error and error over time.
 void plot_realtime(const nlohmann::json& run, const std::string& file);
-
 }  // namespace lenticule::bench

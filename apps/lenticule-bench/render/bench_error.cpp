@@ -1,20 +1,312 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench error measures the run time and the error of each render method.
+// Summarises the frames of a scenario for each method.
+
 #include "apps/lenticule-bench/render/bench_error.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <memory>
+#include <set>
 
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-bench/render/bench_exact.h"
-#include "apps/lenticule-tools/cli/soft_light_flags.h"
+#include "apps/lenticule-tools/cli/render_flags.h"
+#include "apps/lenticule-tools/cli/svg_plot.h"
 #include "base/print.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 #include "render/make_method.h"
 
 namespace lenticule::bench {
+
+namespace {
+
+using nlohmann::json;
+
+std::vector<double> values(const json& frames, const char* key) {
+  std::vector<double> list;
+  for (const json& frame : frames)
+    if (frame.contains(key)) list.push_back(frame[key].get<double>());
+  return list;
+}
+
+double sum(const std::vector<double>& list) {
+  double total = 0.0;
+  for (const double value : list) total += value;
+  return total;
+}
+
+json mean(const std::vector<double>& list) {
+  return list.empty() ? json() : json(sum(list) / static_cast<double>(list.size()));
+}
+
+json largest(const std::vector<double>& list) {
+  return list.empty() ? json() : json(*std::ranges::max_element(list));
+}
+
+json smallest(const std::vector<double>& list) {
+  return list.empty() ? json() : json(*std::ranges::min_element(list));
+}
+
+/// Returns the values of all eyes in all frames; `from` skips frames without a previous one.
+std::vector<double> seen(const json& frames, const char* key, size_t from = 0) {
+  std::vector<double> list;
+  for (size_t n = from; n < frames.size(); ++n)
+    for (const json& eye : frames[n]["eyes"])
+      if (!eye[key].is_null()) list.push_back(eye[key].get<double>());
+  return list;
+}
+
+json ratio(double part, double whole) {
+  return whole > 0.0 ? json(part / whole) : json();
+}
+
+json saving(double seconds, double reference) {
+  return reference > 0.0 ? json(1.0 - seconds / reference) : json();
+}
+
+std::vector<double> without_first(std::vector<double> list) {
+  if (!list.empty()) list.erase(list.begin());
+  return list;
+}
+
+void add_times(json& method, const json& reference_frames, double copy_s) {
+  const json& frames = method["frames"];
+  const std::vector<double> wall = values(frames, "wall_s");
+  const std::vector<double> wall_reference = values(reference_frames, "wall_s");
+  const double seconds = sum(wall);
+  const double subpixels = sum(values(frames, "subpixels"));
+  const double later = sum(without_first(wall));
+  method["seconds_per_frame"] = mean(wall);
+  method["first_s"] = wall.empty() ? json() : json(wall.front());
+  method["later_s"] = mean(without_first(wall));
+  method["of_full"] = ratio(seconds, sum(wall_reference));
+  method["saved"] = saving(seconds, sum(wall_reference));
+  method["later_saved"] = saving(later, sum(without_first(wall_reference)));
+  const std::vector<double> cpu = values(frames, "cpu_s");
+  const std::vector<double> cpu_reference = values(reference_frames, "cpu_s");
+  method["cpu_of_full"] = ratio(sum(cpu), sum(cpu_reference));
+  method["later_cpu_of_full"] = ratio(sum(without_first(cpu)), sum(without_first(cpu_reference)));
+  method["rays_per_subpixel"] = ratio(sum(values(frames, "rays")), subpixels);
+  method["over_copy"] = ratio(seconds, copy_s * static_cast<double>(wall.size()));
+}
+
+json mean_psnr(const std::vector<double>& mses) {
+  std::vector<double> decibels;
+  for (const double mse : mses)
+    if (mse > 0.0) decibels.push_back(psnr_or_null(mse).get<double>());
+  return mean(decibels);
+}
+
+void add_bounds(const json& frames, BoundTally& tally) {
+  for (const json& frame : frames)
+    if (frame.contains("bound") && frame.contains("share_over_e"))
+      tally.add(frame["share_over_e"].get<double>(), frame["bound"].get<double>());
+}
+
+void add_errors(json& method) {
+  const json& frames = method["frames"];
+  const std::vector<double> mses = values(frames, "mse");
+  method["psnr_mean_db"] = mean_psnr(mses);
+  method["psnr_worst_db"] = psnr_or_null(mses.empty() ? 0.0 : *std::ranges::max_element(mses));
+  const json view = largest(values(frames, "worst_view_mse"));
+  method["worst_view_psnr_db"] = psnr_or_null(view.is_null() ? 0.0 : view.get<double>());
+  method["max"] = largest(values(frames, "max"));
+  for (const char* share : {"share_over_e", "share_over_8", "share_over_32"})
+    method[share] = mean(values(frames, share));
+  BoundTally bounds;
+  add_bounds(frames, bounds);
+  method["bound"] = bounds.figures();
+}
+
+void add_seen(json& method) {
+  const json& frames = method["frames"];
+  method["ssim_mean"] = mean(seen(frames, "ssim"));
+  method["ssim_worst"] = smallest(seen(frames, "ssim"));
+  method["flip_mean"] = mean(seen(frames, "flip_mean"));
+  method["flip_p99_worst"] = largest(seen(frames, "flip_p99"));
+  method["flicker_mean"] = mean(seen(frames, "flicker_mean", 1));
+  method["flicker_largest"] = largest(seen(frames, "flicker_largest", 1));
+}
+
+}  // namespace
+
+void BoundTally::add(double true_share, double bound) {
+  ++frames_;
+  if (true_share <= bound) ++within_;
+  largest_share_ = std::max(largest_share_, true_share);
+  largest_excess_ = std::max(largest_excess_, true_share - bound);
+  bounds_ += bound;
+}
+
+json BoundTally::figures() const {
+  if (frames_ == 0) return {};
+  return {{"frames", frames_},
+          {"within_percent", 100.0 * within_ / frames_},
+          {"largest_share", largest_share_},
+          {"largest_excess", largest_excess_},
+          {"mean_bound", bounds_ / frames_}};
+}
+
+json bound_of_all(const json& scenarios) {
+  BoundTally tally;
+  for (const json& scenario : scenarios)
+    for (const json& method : scenario["methods"])
+      if (method.contains("frames")) add_bounds(method["frames"], tally);
+  return tally.figures();
+}
+
+void summarize_errors(json& scenario, const json& tachyon) {
+  const json reference_frames = scenario["methods"][0]["frames"];
+  scenario["tachyon"] = tachyon;
+  for (json& method : scenario["methods"]) {
+    if (method["missing"].get<bool>()) continue;
+    add_times(method, reference_frames, scenario["copy_s"].get<double>());
+    // Both ratios come from interleaved runs, so their quotient does not depend on other load.
+    method["over_tachyon"] = nullptr;
+    if (tachyon.contains("ours_over_theirs") && !method["of_full"].is_null())
+      method["over_tachyon"] =
+          ratio(tachyon["ours_over_theirs"].get<double>(), method["of_full"].get<double>());
+    if (&method == &scenario["methods"][0]) continue;
+    add_errors(method);
+    add_seen(method);
+  }
+}
+
+// Prints the tables of `lenticule bench error` and draws its plot.
+
+namespace {
+
+using tools::PlotSeries;
+
+using nlohmann::json;
+
+/// Returns "-" for a value that was not measured.
+std::string text(const json& figures, const char* key, const char* format, double factor = 1.0) {
+  if (!figures.contains(key) || figures[key].is_null()) return "-";
+  return fmt::format(fmt::runtime(format), factor * figures[key].get<double>());
+}
+
+constexpr const char* kTimeRow =
+    "  {:<14} {:>9} {:>9} {:>9} {:>7} {:>7} {:>7} {:>7} {:>6} {:>8} {:>7}\n";
+
+void print_times(const json& methods) {
+  print_out(kTimeRow, "time", "ms/frame", "first", "later", "saved", "later", "CPU", "later",
+            "rays", "Tachyon", "copies");
+  for (const json& m : methods) {
+    const std::string name = m["name"];
+    if (m["missing"].get<bool>()) continue;
+    print_out(kTimeRow, name, text(m, "seconds_per_frame", "{:.2f}", 1e3),
+              text(m, "first_s", "{:.2f}", 1e3), text(m, "later_s", "{:.2f}", 1e3),
+              text(m, "saved", "{:.0f} %", 100), text(m, "later_saved", "{:.0f} %", 100),
+              text(m, "cpu_of_full", "{:.0f} %", 100),
+              text(m, "later_cpu_of_full", "{:.0f} %", 100), text(m, "rays_per_subpixel", "{:.2f}"),
+              text(m, "over_tachyon", "{:.1f} x"), text(m, "over_copy", "{:.0f}"));
+  }
+}
+
+void print_missing(const json& methods) {
+  std::set<std::string> names;
+  for (const json& m : methods)
+    if (m["missing"].get<bool>()) names.insert(m["method"]);
+  if (!names.empty())
+    print_out("  not in this build: {}\n", fmt::format("{}", fmt::join(names, ", ")));
+}
+
+std::string bound_text(const json& bound) {
+  if (bound.is_null()) return "-";
+  return fmt::format("{:.0f} % of {}", bound["within_percent"].get<double>(),
+                     bound["frames"].get<int>());
+}
+
+constexpr const char* kErrorRow =
+    "  {:<14} {:>6} {:>6} {:>6} {:>4} {:>9} {:>9} {:>8} {:>8} {:>7} {:>7} {:>7} {:>7} {:>8} {:>4} "
+    "{:>12}\n";
+
+void print_errors(const json& methods) {
+  print_out(kErrorRow, "error", "PSNR", "worst", "view", "max", "over E", "bound", "over 8",
+            "over 32", "SSIM", "worst", "FLIP", "99 %", "flicker", "max", "within bound");
+  for (const json& m : methods) {
+    if (!m.contains("psnr_mean_db")) continue;
+    print_out(kErrorRow, m["name"].get<std::string>(), decibels(m["psnr_mean_db"]),
+              decibels(m["psnr_worst_db"]), decibels(m["worst_view_psnr_db"]),
+              text(m, "max", "{:.0f}"), text(m, "share_over_e", "{:.4f} %", 100),
+              text(m["bound"], "mean_bound", "{:.4f} %", 100),
+              text(m, "share_over_8", "{:.3f} %", 100), text(m, "share_over_32", "{:.3f} %", 100),
+              text(m, "ssim_mean", "{:.4f}"), text(m, "ssim_worst", "{:.4f}"),
+              text(m, "flip_mean", "{:.4f}"), text(m, "flip_p99_worst", "{:.3f}"),
+              text(m, "flicker_mean", "{:.4f}"), text(m, "flicker_largest", "{:.0f}"),
+              bound_text(m["bound"]));
+  }
+}
+
+/// Position in the plot of frames equal to full's, whose PSNR is infinite.
+constexpr double kEqualDb = 80.0;
+
+PlotSeries& series_of(tools::Plot& plot, const std::string& name) {
+  const auto found = std::ranges::find(plot.series, name, &PlotSeries::label);
+  if (found != plot.series.end()) return *found;
+  return plot.series.emplace_back(PlotSeries{.label = name, .points = {}, .joined = false});
+}
+
+std::string tachyon_text(const json& tachyon) {
+  if (tachyon.contains("mray_s"))
+    return fmt::format("; Tachyon {:.2f} Mray/s", tachyon["mray_s"].get<double>());
+  if (tachyon.contains("failure"))
+    return fmt::format("; Tachyon {}", tachyon["failure"].get<std::string>());
+  return "";
+}
+
+}  // namespace
+
+void print_error_scenario(const json& scenario) {
+  print_out("{}, {}, {}: {:.2f} M subpixels, copying them takes {:.2f} ms{}\n",
+            scenario["scene"].get<std::string>(), scenario["rig"].get<std::string>(),
+            scenario["course"].get<std::string>(), scenario["subpixels"].get<double>() / 1e6,
+            1e3 * scenario["copy_s"].get<double>(), tachyon_text(scenario["tachyon"]));
+  print_times(scenario["methods"]);
+  print_errors(scenario["methods"]);
+  print_missing(scenario["methods"]);
+  for (const json& picture : scenario["pictures"])
+    print_out("  {}: frame {}, pixel {}, {}, MSE {:.1f}\n", picture["file"].get<std::string>(),
+              picture["frame"].get<int>(), picture["x"].get<int>(), picture["y"].get<int>(),
+              picture["mse"].get<double>());
+  print_out("\n");
+}
+
+void print_bound_of_all(const json& scenarios) {
+  const json all = bound_of_all(scenarios);
+  if (all.is_null()) return;
+  print_out("the true share beyond E was within the reported bound in {:.1f} % of {} frames",
+            all["within_percent"].get<double>(), all["frames"].get<int>());
+  const double excess = all["largest_excess"].get<double>();
+  print_out("{}\n", excess > 0.0 ? fmt::format(", at most {:.4f} % above it", 100.0 * excess) : "");
+}
+
+void plot_errors(const json& scenarios, const std::string& file) {
+  tools::Plot plot{.title = "Time against error, each scene, rig and course",
+                   .x = {.label = "time, as a share of full's", .scale = tools::AxisScale::Log},
+                   .y = {.label = fmt::format("mean PSNR, dB ({:.0f}: equal, or more)", kEqualDb)},
+                   .series = {}};
+  for (const json& scenario : scenarios)
+    for (const json& m : scenario["methods"]) {
+      if (!m.contains("psnr_mean_db") || m["of_full"].is_null()) continue;
+      const json& psnr = m["psnr_mean_db"];
+      const double decibels = psnr.is_null() ? kEqualDb : std::min(kEqualDb, psnr.get<double>());
+      PlotSeries& series = series_of(plot, m["name"]);
+      series.points.push_back({m["of_full"].get<double>(), decibels});
+      series.names.push_back(fmt::format("{}, {}, {}", scenario["scene"].get<std::string>(),
+                                         scenario["rig"].get<std::string>(),
+                                         scenario["course"].get<std::string>()));
+    }
+  write_svg(plot, file);
+}
+
+// lenticule bench error measures the run time and the error of each render method.
+
 namespace {
 
 struct ErrorFlags {
@@ -222,5 +514,4 @@ cli::Run declare_bench_error(CLI::App& app) {
     return ErrorRun(*flags).run();
   };
 }
-
 }  // namespace lenticule::bench

@@ -3,6 +3,7 @@
 // frame by frame as JSON, and makes the table, plot and pictures from that.
 #pragma once
 
+#include <array>
 #include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -11,7 +12,13 @@
 #include <vector>
 
 #include "apps/lenticule-tools/offline/scene_sequence.h"
-#include "apps/lenticule-tools/offline/scratch_folder.h"
+#include "frames/frame.h"
+#include "frames/measures/flicker.h"
+#include "frames/measures/flip.h"
+#include "frames/measures/worst_tiles.h"
+#include "frames/sequence/band_workers.h"
+#include "lab/fixtures.h"
+#include "optics/model.h"
 #include "optics/rig.h"
 #include "render/options/render_options.h"
 
@@ -52,7 +59,7 @@ class ErrorScene {
   std::string name_;
   bool as_gltf_ = false;
   std::unique_ptr<tools::SceneSequence> sequence_;
-  tools::ScratchFolder folder_;
+  lab::ScratchFolder folder_;
 };
 
 /// Benchmark scenarios. Still: the same frame twice, of the same committed scene. Moving:
@@ -122,4 +129,73 @@ void print_bound_of_all(const nlohmann::json& scenarios);
 /// scenario.
 void plot_errors(const nlohmann::json& scenarios, const std::string& file);
 
+// ErrorEyes measures the visible difference of two woven frames for eyes at three places.
+
+/// The eyes are in the middle of the viewing zone and a third of the zone to each side, from left
+/// to right.
+inline constexpr int kErrorEyes = 3;
+using SeenPictures = std::array<frames::WovenFrame, kErrorEyes>;
+/// The meters of one method in one scenario.
+using EyeFlicker = std::array<frames::FlickerMeter, kErrorEyes>;
+
+/// Returns the pixels of frames::decoded_geometry() per degree, in front of the panel at the
+/// viewing distance; FLIP's default if that is infinite. Clamped to FLIP's range.
+[[nodiscard]] double seen_pixels_per_degree(const optics::Rig& rig);
+
+class ErrorEyes {
+ public:
+  /// Lifetime: both must outlive this object.
+  ErrorEyes(const optics::OpticalModel& model, frames::BandWorkers& workers);
+
+  /// Sets the frame with which the next ones are compared.
+  void set_reference(const frames::FrameView& woven);
+  /// Returns one entry per eye: {"ssim" (null for tiny pictures), "flip_mean", "flip_p99",
+  /// "flicker_mean", "flicker_largest"}.
+  [[nodiscard]] nlohmann::json compare(const frames::FrameView& woven, EyeFlicker& flicker);
+
+  [[nodiscard]] const SeenPictures& reference() const { return reference_; }
+  /// Returns the pictures of the last compare().
+  [[nodiscard]] const SeenPictures& test() const { return test_; }
+
+ private:
+  [[nodiscard]] frames::WovenFrame seen(const frames::FrameView& woven, int eye) const;
+
+  const optics::OpticalModel& model_;
+  frames::BandWorkers& workers_;
+  double pixels_per_degree_;
+  SeenPictures reference_;
+  std::vector<frames::FlipPicture> reference_flip_;
+  SeenPictures test_;
+};
+
+// WorstPlaces keeps the worst tiles of a method in a scenario as pictures for inspection.
+
+/// Returns two rows of three magnified panes: reference, test, and their difference (colours of
+/// frames::error_picture). The upper row shows the woven pixels of the tile, the lower row what an
+/// eye sees there. The eye's pictures may have any size; they show the whole panel.
+[[nodiscard]] frames::WovenFrame tile_sheet(const frames::FrameView& reference,
+                                            const frames::FrameView& test,
+                                            const frames::FrameView& seen_reference,
+                                            const frames::FrameView& seen_test,
+                                            const frames::Tile& tile);
+
+/// Keeps the worst tiles of all added frames, at most one per place.
+class WorstPlaces {
+ public:
+  void add(int frame, const frames::FrameView& reference, const frames::FrameView& test,
+           const SeenPictures& seen_reference, const SeenPictures& seen_test);
+  /// Writes FOLDER/STEM-1.png and so on, the worst first. Returns the list of files: [{"file",
+  /// "frame", "x", "y", "width", "height", "mse", "eye"}]. Throws Error(Failed) if a file cannot be
+  /// written.
+  [[nodiscard]] nlohmann::json write(const std::string& folder, const std::string& stem) const;
+
+ private:
+  struct Place {
+    frames::Tile tile;
+    int frame;
+    int eye;
+    frames::WovenFrame sheet;
+  };
+  std::vector<Place> places_;  ///< worst first
+};
 }  // namespace lenticule::bench

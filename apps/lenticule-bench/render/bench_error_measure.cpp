@@ -1,25 +1,162 @@
 // SPDX-License-Identifier: Apache-2.0
-// Renders a scenario with every method, frame by frame, and compares each with the reference.
+// The methods and scenes of `lenticule bench error`.
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
 #include <memory>
+#include <numbers>
+#include <optional>
 
 #include "apps/lenticule-bench/harness/bench.h"
-#include "apps/lenticule-bench/harness/bench_timing.h"
+#include "apps/lenticule-bench/harness/bench_scene.h"
 #include "apps/lenticule-bench/render/bench_error.h"
-#include "apps/lenticule-bench/render/bench_error_eyes.h"
-#include "apps/lenticule-bench/render/bench_error_pictures.h"
+#include "apps/lenticule-tools/offline/gltf_writer.h"
+#include "base/error.h"
 #include "frames/compare.h"
+#include "frames/decoded_view.h"
+#include "frames/image_io.h"
 #include "frames/measures/view_map.h"
+#include "frames/similarity.h"
 #include "optics/model.h"
 #include "player/process/interrupt.h"
+#include "render/loaders/load_scene.h"
 #include "render/make_method.h"
+#include "render/methods/adaptive/method_adaptive.h"
 #include "render/scene/scene.h"
 
 namespace lenticule::bench {
+
+namespace {
+
+constexpr std::string_view kGltf = "gltf:";
+constexpr std::string_view kBuiltIn = "builtin:";
+constexpr const char* kReference = "full";
+/// The method that has a tolerated error.
+constexpr const char* kTolerant = "adaptive";
+
+ErrorEntrant entrant(const std::string& method, std::optional<double> tolerated,
+                     const std::vector<std::string>& known) {
+  return {.name = tolerated ? fmt::format("{} {:g}", method, *tolerated) : method,
+          .method = method,
+          .tolerated = tolerated,
+          .proven_rmse = 0.0,
+          .exists = std::ranges::find(known, method) != known.end()};
+}
+
+render::SceneDescription read_as_gltf(const render::SceneDescription& scene,
+                                      const std::string& file) {
+  std::ofstream out(file, std::ios::binary);
+  out << tools::write_gltf(scene).json;
+  out.close();
+  if (!out) throw Error(ErrorKind::Failed, fmt::format("{}: cannot write", file));
+  return render::at_time(render::load_scene(file), 0.0);
+}
+
+}  // namespace
+
+const char* name_of(ErrorScenario scenario) {
+  return scenario == ErrorScenario::Still    ? "still"
+         : scenario == ErrorScenario::Moving ? "moving"
+                                             : "turning";
+}
+
+std::vector<ErrorEntrant> error_entrants(const std::vector<std::string>& methods,
+                                         const std::vector<double>& errors,
+                                         const std::vector<double>& psnrs,
+                                         const std::vector<std::string>& known) {
+  for (const double error : errors)
+    if (!(error >= 0.0 && error <= 255.0))
+      throw Error(ErrorKind::Usage,
+                  fmt::format("--errors {}: not in 0 ... 255 code values", error));
+  std::vector<ErrorEntrant> entrants = {entrant(kReference, {}, known)};
+  for (const std::string& method : methods) {
+    if (method == kReference) continue;
+    if (method != kTolerant) {
+      entrants.push_back(entrant(method, {}, known));
+      continue;
+    }
+    for (const double error : errors) entrants.push_back(entrant(method, error, known));
+    for (const double psnr : psnrs) {
+      render::RenderOptions options;
+      render::promise_psnr(psnr, options);
+      ErrorEntrant& added = entrants.emplace_back(entrant(method, options.tolerated_error, known));
+      added.name = fmt::format("{} {:g} dB", method, psnr);
+      added.proven_rmse = options.proven_rmse;
+    }
+  }
+  return entrants;
+}
+
+ErrorScene::ErrorScene(const std::string& name, frames::Rate rate)
+    : name_(name), as_gltf_(name.starts_with(kGltf)) {
+  const std::string source = as_gltf_ ? name.substr(kGltf.size()) : name;
+  sequence_ = std::make_unique<tools::SceneSequence>(bench_scene_name(source), rate);
+}
+
+render::SceneDescription ErrorScene::after(uint64_t frames) const {
+  render::SceneDescription scene = sequence_->at(sequence_->reference_frame() + frames);
+  return as_gltf_ ? read_as_gltf(scene, folder_.file("scene.gltf")) : scene;
+}
+
+std::optional<std::string> ErrorScene::name_for_peers() const {
+  std::string built_in = bench_scene_name(name_);
+  if (as_gltf_ || !built_in.starts_with(kBuiltIn)) return std::nullopt;
+  return built_in;
+}
+
+double seen_pixels_per_degree(const optics::Rig& rig) {
+  const double distance_mm = rig.viewing.distance.value;
+  if (std::isinf(distance_mm)) return frames::kFlipPixelsPerDegree;
+  const double width_mm = rig.panel.width_px * rig.panel.pixel_width.value;
+  const double pixel_mm = width_mm / frames::decoded_geometry(rig).width;
+  return std::clamp(distance_mm / pixel_mm * std::numbers::pi / 180.0, 1.0, 1000.0);
+}
+
+ErrorEyes::ErrorEyes(const optics::OpticalModel& model, frames::BandWorkers& workers)
+    : model_(model), workers_(workers), pixels_per_degree_(seen_pixels_per_degree(model.rig())) {}
+
+frames::WovenFrame ErrorEyes::seen(const frames::FrameView& woven, int eye) const {
+  return frames::decode_view(woven, model_, eye, kErrorEyes);
+}
+
+void ErrorEyes::set_reference(const frames::FrameView& woven) {
+  std::array<std::optional<frames::FlipPicture>, kErrorEyes> flip;
+  workers_.run(kErrorEyes, [&](int eye, int) {
+    const auto e = static_cast<size_t>(eye);
+    reference_[e] = seen(woven, eye);
+    flip[e].emplace(reference_[e].view(), pixels_per_degree_);
+  });
+  reference_flip_.clear();
+  for (auto& picture : flip) reference_flip_.push_back(std::move(*picture));
+}
+
+nlohmann::json ErrorEyes::compare(const frames::FrameView& woven, EyeFlicker& flicker) {
+  std::array<nlohmann::json, kErrorEyes> figures;
+  workers_.run(kErrorEyes, [&](int eye, int) {
+    const auto e = static_cast<size_t>(eye);
+    test_[e] = seen(woven, eye);
+    const frames::FrameView a = reference_[e].view();
+    const frames::FrameView b = test_[e].view();
+    const frames::FlipFigures flip = frames::flip_figures(
+        frames::flip_map(reference_flip_[e], frames::FlipPicture(b, pixels_per_degree_)));
+    const frames::Flicker change = flicker[e].add(a, b);
+    figures[e] = {{"ssim", nullptr},
+                  {"flip_mean", flip.mean},
+                  {"flip_p99", flip.percentile_99},
+                  {"flicker_mean", change.mean},
+                  {"flicker_largest", change.largest}};
+    if (const auto ssim = frames::structural_similarity(a, b)) figures[e]["ssim"] = *ssim;
+  });
+  return figures;
+}
+
+// Renders a scenario with every method, frame by frame, and compares each with the reference.
+
 namespace {
 
 /// A method in one run; it may keep data of its last frame. Each has its own scene, because results
@@ -243,4 +380,137 @@ nlohmann::json measure_error(const ErrorSetup& setup, const ErrorScene& scene,
   return scenario.result();
 }
 
+namespace {
+
+constexpr int kTileSide = 96;
+constexpr size_t kPlaces = 3;
+constexpr int kPaneSide = 384;
+constexpr int kGap = 8;
+constexpr uint8_t kGapGrey = 96;
+
+/// A part of a picture, in fractions of its size.
+struct Part {
+  double left, top, width, height;
+};
+
+Part part_of(const frames::Tile& tile, const frames::FrameGeometry& picture) {
+  return {.left = static_cast<double>(tile.x) / picture.width,
+          .top = static_cast<double>(tile.y) / picture.height,
+          .width = static_cast<double>(tile.width) / picture.width,
+          .height = static_cast<double>(tile.height) / picture.height};
+}
+
+/// Returns a part, magnified so that pixels stay squares with sharp edges.
+frames::WovenFrame magnified(const frames::FrameView& picture, const Part& part, int width,
+                             int height) {
+  const auto place = [](double begin, double size, int index, int count, int pixels) {
+    const double at = (begin + size * (index + 0.5) / count) * pixels;
+    return std::clamp(static_cast<int>(at), 0, pixels - 1);
+  };
+  frames::WovenFrame pane({.width = width, .height = height});
+  for (int j = 0; j < height; ++j) {
+    const uint8_t* const row =
+        picture.row(place(part.top, part.height, j, height, picture.geometry.height));
+    for (int i = 0; i < width; ++i)
+      std::copy_n(row + 3 * place(part.left, part.width, i, width, picture.geometry.width), 3,
+                  pane.row(j) + 3 * i);
+  }
+  return pane;
+}
+
+void put(const frames::WovenFrame& pane, int x, int y, frames::WovenFrame& sheet) {
+  for (int j = 0; j < pane.height(); ++j)
+    std::copy_n(pane.row(j), pane.geometry().row_bytes(), sheet.row(y + j) + 3 * x);
+}
+
+void put_row(const frames::FrameView& reference, const frames::FrameView& test, const Part& part,
+             int width, int height, int y, frames::WovenFrame& sheet) {
+  const frames::WovenFrame a = magnified(reference, part, width, height);
+  const frames::WovenFrame b = magnified(test, part, width, height);
+  put(a, 0, y, sheet);
+  put(b, width + kGap, y, sheet);
+  put(frames::error_picture(a.view(), b.view()), 2 * (width + kGap), y, sheet);
+}
+
+/// Returns the eye for which the tile differs most.
+int eye_of(const frames::Tile& tile, const frames::FrameGeometry& panel,
+           const SeenPictures& reference, const SeenPictures& test) {
+  const Part part = part_of(tile, panel);
+  double worst = -1.0;
+  int eye = 0;
+  for (size_t e = 0; e < reference.size(); ++e) {
+    const auto pane = [&](const frames::WovenFrame& seen) {
+      return magnified(seen.view(), part, tile.width, tile.height);
+    };
+    const double mse =
+        frames::compare_pictures(pane(reference[e]).view(), pane(test[e]).view()).total.mse();
+    if (mse <= worst) continue;
+    worst = mse;
+    eye = static_cast<int>(e);
+  }
+  return eye;
+}
+
+/// Returns letters, digits, dots and dashes only: a file name that is valid on any system.
+std::string file_name(std::string text) {
+  for (char& c : text)
+    if (!std::isalnum(static_cast<unsigned char>(c)) && c != '.' && c != '-') c = '-';
+  return text;
+}
+
+}  // namespace
+
+frames::WovenFrame tile_sheet(const frames::FrameView& reference, const frames::FrameView& test,
+                              const frames::FrameView& seen_reference,
+                              const frames::FrameView& seen_test, const frames::Tile& tile) {
+  const int scale = std::max(1, kPaneSide / std::max(tile.width, tile.height));
+  const int width = scale * tile.width;
+  const int height = scale * tile.height;
+  frames::WovenFrame sheet({.width = 3 * width + 2 * kGap, .height = 2 * height + kGap});
+  std::ranges::fill(sheet.bytes(), kGapGrey);
+  const Part part = part_of(tile, reference.geometry);
+  put_row(reference, test, part, width, height, 0, sheet);
+  put_row(seen_reference, seen_test, part, width, height, height + kGap, sheet);
+  return sheet;
+}
+
+void WorstPlaces::add(int frame, const frames::FrameView& reference, const frames::FrameView& test,
+                      const SeenPictures& seen_reference, const SeenPictures& seen_test) {
+  for (const frames::Tile& tile :
+       frames::worst_tiles(reference, test, kTileSide, static_cast<int>(kPlaces))) {
+    const auto here = [&](const Place& place) { return place.tile.overlaps(tile); };
+    if (std::ranges::any_of(
+            places_, [&](const Place& place) { return here(place) && place.tile.mse >= tile.mse; }))
+      continue;
+    std::erase_if(places_, here);
+    const int eye = eye_of(tile, reference.geometry, seen_reference, seen_test);
+    const auto e = static_cast<size_t>(eye);
+    places_.push_back(
+        {tile, frame, eye,
+         tile_sheet(reference, test, seen_reference[e].view(), seen_test[e].view(), tile)});
+  }
+  std::ranges::stable_sort(places_, std::ranges::greater(),
+                           [](const Place& place) { return place.tile.mse; });
+  if (places_.size() > kPlaces) places_.erase(places_.begin() + kPlaces, places_.end());
+}
+
+nlohmann::json WorstPlaces::write(const std::string& folder, const std::string& stem) const {
+  nlohmann::json written = nlohmann::json::array();
+  if (!places_.empty()) std::filesystem::create_directories(folder);
+  for (size_t n = 0; n < places_.size(); ++n) {
+    const Place& place = places_[n];
+    const std::filesystem::path file =
+        std::filesystem::path(folder) / fmt::format("{}-{}.png", file_name(stem), n + 1);
+    frames::write_woven(place.sheet.view(), file);
+    written.push_back({{"file", file.string()},
+                       {"frame", place.frame},
+                       {"x", place.tile.x},
+                       {"y", place.tile.y},
+                       {"width", place.tile.width},
+                       {"height", place.tile.height},
+                       {"mse", place.tile.mse},
+                       {"eye", place.eye}});
+  }
+  return written;
+}
 }  // namespace lenticule::bench

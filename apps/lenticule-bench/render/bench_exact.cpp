@@ -1,19 +1,552 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench exact measures the cost of an exact frame relative to Embree alone.
+// lenticule bench exact --rates measures the rates of visibility and of whole frames.
 #include "apps/lenticule-bench/render/bench_exact.h"
 
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
+#include <fstream>
 #include <memory>
+#include <string_view>
+#include <thread>
 
 #include "apps/lenticule-bench/harness/bench.h"
+#include "apps/lenticule-bench/harness/bench_scene.h"
+#include "apps/lenticule-tools/cli/svg_plot.h"
 #include "base/error.h"
 #include "base/print.h"
+#include "lab/fixtures.h"
+#include "lab/judges/peers.h"
+#include "player/process/child_process.h"
 #include "player/process/interrupt.h"
 
 namespace lenticule::bench {
+
+namespace {
+
+nlohmann::json row(const char* name, uint64_t rays, uint64_t subpixels, double seconds,
+                   double visibility, double peak_mib) {
+  return {{"name", name},
+          {"seconds", seconds},
+          {"mray_s", mega_per_second(rays, seconds)},
+          {"ns_per_subpixel", nanoseconds_each(subpixels, seconds)},
+          {"of_visibility", visibility > 0.0 ? seconds / visibility : 0.0},
+          {"peak_resident_mib", peak_mib}};
+}
+
+nlohmann::json rows(uint64_t subpixels, const std::vector<CaseTimes>& times) {
+  const CaseTimes& whole = times.front();
+  const double visibility = median(whole.visibility);
+  nlohmann::json list = nlohmann::json::array();
+  list.push_back(row("bare Embree", subpixels, subpixels, median(whole.bare), visibility,
+                     whole.visibility_peak_mib));
+  list.push_back(
+      row("visibility", subpixels, subpixels, visibility, visibility, whole.visibility_peak_mib));
+  for (size_t i = 0; i < times.size(); ++i)
+    list.push_back(row(exact_variants()[i].name, all_rays(times[i].statistics), subpixels,
+                       median(times[i].frame), visibility, times[i].frame_peak_mib));
+  return list;
+}
+
+/// Returns the shares of the workers' time by task; the last variant measures them.
+nlohmann::json shares(const render::RenderStatistics& statistics) {
+  const auto of = [&](render::Work work) { return statistics.work.at(static_cast<size_t>(work)); };
+  return {{"make_rays", of(render::Work::MakeRays)},
+          {"embree_primary", of(render::Work::TracePrimary)},
+          {"shade", of(render::Work::Shade)},
+          {"embree_shadow", of(render::Work::TraceShadows)},
+          {"embree_secondary", of(render::Work::TraceSecondary)},
+          {"write", of(render::Work::Write)}};
+}
+
+}  // namespace
+
+const std::vector<ExactVariant>& exact_variants() {
+  static const std::vector<ExactVariant> table = {
+      {"whole frame", [](render::RenderOptions&) {}},
+      {"no proofs, all rays traced",
+       [](render::RenderOptions& options) { options.use_shaft_culling = false; }},
+      {"weak rays traced, too",
+       [](render::RenderOptions& options) { options.skip_weak_rays = false; }},
+      {"background traced, too",
+       [](render::RenderOptions& options) { options.skip_background = false; }},
+      {"shading with AVX2 at most",
+       [](render::RenderOptions& options) { options.isa = std::min(options.isa, Isa::Avx2); }},
+      {"shading with SSE2", [](render::RenderOptions& options) { options.isa = Isa::Baseline; }},
+      {"with shares of time", [](render::RenderOptions& options) { options.measure_work = true; }},
+  };
+  return table;
+}
+
+nlohmann::json measure_rates(const ExactFlags& flags, const std::string& scene) {
+  BenchScene bench(exact_setup(flags, scene));
+  std::vector<TimedCase> cases;
+  for (const ExactVariant& variant : exact_variants()) {
+    TimedCase timed{.scene = &bench, .options = bench.options(flags.depth)};
+    timed.with_visibility = cases.empty();
+    variant.change(timed.options);
+    cases.push_back(std::move(timed));
+  }
+  const std::vector<CaseTimes> times = time_by_turns(cases, flags.runs);
+  const render::RenderStatistics& whole = times.front().statistics;
+  return {{"scene", scene},
+          {"primitives", bench.primitives()},
+          {"lights", bench.description().lights.size()},
+          {"lights_dropped", bench.dropped_lights()},
+          {"subpixels", bench.subpixels()},
+          {"primary_rays", whole.primary_rays},
+          {"shadow_rays", whole.shadow_rays},
+          {"secondary_rays", whole.secondary_rays},
+          {"shadow_rays_proved", whole.shadow_rays_culled},
+          {"shadow_rays_blocked", whole.shadow_rays_blocked},
+          {"secondary_rays_proved", whole.secondary_rays_culled},
+          {"shares", shares(times.back().statistics)},
+          {"rows", rows(bench.subpixels(), times)}};
+}
+
+void print_rates(const nlohmann::json& r) {
+  const auto millions = [&r](const char* key) { return r[key].get<double>() / 1e6; };
+  print_out("{}: {} primitives, {} lights", r["scene"].get<std::string>(),
+            r["primitives"].get<uint64_t>(), r["lights"].get<int>());
+  if (const int dropped = r["lights_dropped"].get<int>(); dropped > 0)
+    print_out(" ({} more dropped)", dropped);
+  print_out("; {:.3g} M primary, {:.3g} M shadow, {:.3g} M mirrored rays\n",
+            millions("primary_rays"), millions("shadow_rays"), millions("secondary_rays"));
+  print_out(
+      "  culled: {:.3g} M shadow, {:.3g} M mirrored rays that hit nothing, {:.3g} M shadow rays "
+      "that are blocked\n",
+      millions("shadow_rays_proved"), millions("secondary_rays_proved"),
+      millions("shadow_rays_blocked"));
+  const auto share = [&r](const char* key) { return 100.0 * r["shares"][key].get<double>(); };
+  print_out(
+      "  of the time: rays {:.0f} %, Embree {:.0f} % primary, {:.0f} % shadow, {:.0f} % "
+      "mirrored, shading {:.0f} %, writing {:.0f} %\n",
+      share("make_rays"), share("embree_primary"), share("embree_shadow"),
+      share("embree_secondary"), share("shade"), share("write"));
+  print_out("  {:<28} {:>8} {:>12} {:>14} {:>9}\n", "", "Mray/s", "ns/subpixel", "of visibility",
+            "peak MiB");
+  for (const auto& row : r["rows"])
+    print_out("  {:<28} {:>8.1f} {:>12.2f} {:>14.2f} {:>9.0f}\n", row["name"].get<std::string>(),
+              row["mray_s"].get<double>(), row["ns_per_subpixel"].get<double>(),
+              row["of_visibility"].get<double>(), row["peak_resident_mib"].get<double>());
+}
+
+// lenticule bench exact --upright measures the additional cost of slanted lenses of fractional
+// pitch over upright ones.
+
+namespace {
+
+constexpr double kTarget = 1.35;
+
+}  // namespace
+
+optics::Rig upright_rig(const optics::Rig& slanted) {
+  optics::Rig rig = slanted;
+  rig.name += ", upright";
+  rig.sheet.slant = 0.0;
+  const double pitch = std::ceil(slanted.sheet.pitch.value);
+  // The cone of views is pitch divided by gap.
+  rig.sheet.gap = Millimetres(slanted.sheet.gap.value * pitch / slanted.sheet.pitch.value);
+  rig.sheet.pitch = Subpixels(pitch);
+  return rig;
+}
+
+nlohmann::json measure_upright(const ExactFlags& flags, const std::string& scene) {
+  BenchSetup setup = exact_setup(flags, scene);
+  BenchScene slanted(setup);
+  setup.rig = upright_rig(setup.rig);
+  BenchScene upright(setup);
+  const std::vector<CaseTimes> times =
+      time_by_turns({{.scene = &slanted, .options = slanted.options(flags.depth)},
+                     {.scene = &upright, .options = upright.options(flags.depth)}},
+                    flags.runs);
+  const auto ns = [&](const std::vector<double>& seconds) {
+    return nanoseconds_each(slanted.subpixels(), median(seconds));
+  };
+  const double ratio = median(times[0].frame) / median(times[1].frame);
+  return {{"scene", scene},
+          {"upright_pitch_subpx", setup.rig.sheet.pitch.value},
+          {"slanted_visibility_ns", ns(times[0].visibility)},
+          {"upright_visibility_ns", ns(times[1].visibility)},
+          {"slanted_frame_ns", ns(times[0].frame)},
+          {"upright_frame_ns", ns(times[1].frame)},
+          {"slanted_over_upright", ratio},
+          {"target", kTarget},
+          {"within_target", ratio <= kTarget}};
+}
+
+void print_upright(const nlohmann::json& r) {
+  const auto number = [&r](const char* key) { return r[key].get<double>(); };
+  print_out("{}: slanted against upright with {:.0f} subpixels per lens\n",
+            r["scene"].get<std::string>(), number("upright_pitch_subpx"));
+  print_out("  visibility     {:8.2f} {:8.2f} ns/subpixel\n", number("slanted_visibility_ns"),
+            number("upright_visibility_ns"));
+  print_out("  whole frame    {:8.2f} {:8.2f} ns/subpixel, ratio {:.2f} (at most {:.2f}: {})\n",
+            number("slanted_frame_ns"), number("upright_frame_ns"), number("slanted_over_upright"),
+            number("target"), r["within_target"].get<bool>() ? "met" : "missed");
+}
+
+// lenticule bench exact --scaling and --growth measure how the cost grows with threads, subpixels,
+// triangles, lights and the pitch of the lenses.
+
+namespace {
+
+using tools::AxisScale;
+
+/// A series of setups; the growing quantity is read from the resulting scene.
+struct Growth {
+  const char* name;
+  const char* x_label;
+  AxisScale x_scale;
+  double (*x_of)(const BenchScene& scene);
+  std::vector<BenchSetup> steps;
+};
+
+void write_plot(const ExactFlags& flags, const std::string& name, const tools::Plot& plot) {
+  if (!flags.plots.empty())
+    write_svg(plot, (std::filesystem::path(flags.plots) / (name + ".svg")).string());
+}
+
+nlohmann::json row_of(double x, uint64_t subpixels, const CaseTimes& times) {
+  return {{"x", x},
+          {"subpixels", subpixels},
+          {"visibility_ns", nanoseconds_each(subpixels, median(times.visibility))},
+          {"frame_ns", nanoseconds_each(subpixels, median(times.frame))},
+          {"frame_seconds", median(times.frame)},
+          {"rays_per_subpixel", static_cast<double>(all_rays(times.statistics)) /
+                                    static_cast<double>(std::max<uint64_t>(1, subpixels))}};
+}
+
+tools::PlotSeries series_of(const nlohmann::json& rows, const char* key, std::string label) {
+  tools::PlotSeries series{.label = std::move(label), .points = {}};
+  for (const auto& row : rows)
+    series.points.push_back({row["x"].get<double>(), row[key].get<double>()});
+  return series;
+}
+
+// ---- threads
+
+std::vector<int> thread_counts() {
+  const int all = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  std::vector<int> counts;
+  for (int count = 1; count < all; count = all <= 8 ? count + 1 : 2 * count)
+    counts.push_back(count);
+  counts.push_back(all);
+  return counts;
+}
+
+nlohmann::json scale_scene(const ExactFlags& flags, const std::string& name) {
+  BenchScene bench(exact_setup(flags, name));
+  const std::vector<int> counts = thread_counts();
+  std::vector<TimedCase> cases;
+  for (const int count : counts) {
+    cases.push_back({.scene = &bench, .options = bench.options(flags.depth)});
+    cases.back().options.threads = count;
+  }
+  const std::vector<CaseTimes> times = time_by_turns(cases, flags.runs);
+  nlohmann::json rows = nlohmann::json::array();
+  for (size_t i = 0; i < cases.size(); ++i) {
+    rows.push_back(row_of(counts[i], bench.subpixels(), times[i]));
+    const double seconds = rows.back()["frame_seconds"].get<double>();
+    rows.back()["speed_up"] =
+        seconds > 0.0 ? rows.front()["frame_seconds"].get<double>() / seconds : 0.0;
+  }
+  return {{"name", "threads"}, {"scene", name}, {"x_label", "threads"}, {"rows", std::move(rows)}};
+}
+
+// ---- growth
+
+std::string built_in(const char* name, int size) {
+  return fmt::format("builtin:{}:{}", name, size);
+}
+
+Growth subpixel_growth(const BenchSetup& base) {
+  Growth growth{"subpixels",
+                "subpixels of the panel",
+                AxisScale::Log,
+                [](const BenchScene& s) { return static_cast<double>(s.subpixels()); },
+                {}};
+  for (const int part : {8, 4, 2, 1}) {
+    growth.steps.push_back(base);
+    optics::Panel& panel = growth.steps.back().rig.panel;
+    panel.width_px = std::max(1, panel.width_px / part);
+    panel.height_px = std::max(1, panel.height_px / part);
+  }
+  return growth;
+}
+
+Growth triangle_growth(const BenchSetup& base) {
+  Growth growth{"triangles",
+                "triangles of the teapot and its board",
+                AxisScale::Log,
+                [](const BenchScene& s) { return static_cast<double>(s.primitives()); },
+                {}};
+  for (const int size : {4, 6, 10, 16, 25, 40}) {
+    growth.steps.push_back(base);
+    growth.steps.back().scene = built_in("teapot", size);
+  }
+  return growth;
+}
+
+Growth light_growth(const BenchSetup& base) {
+  Growth growth{
+      "lights",
+      "lights of the tree",
+      AxisScale::Linear,
+      [](const BenchScene& s) { return static_cast<double>(s.description().lights.size()); },
+      {}};
+  for (int lights = 1; lights <= 7; ++lights) {
+    growth.steps.push_back(base);
+    growth.steps.back().scene = "builtin:tree";
+    growth.steps.back().lights = lights;
+  }
+  return growth;
+}
+
+/// Varies the pitch with a constant cone of views: the gap grows with the pitch.
+Growth pitch_growth(const BenchSetup& base) {
+  Growth growth{"pitch",
+                "subpixels per lens",
+                AxisScale::Log,
+                [](const BenchScene& s) { return s.setup().rig.sheet.pitch.value; },
+                {}};
+  for (const double factor : {0.5, 1.0, 2.0, 4.0, 8.0}) {
+    growth.steps.push_back(base);
+    optics::LensSheet& sheet = growth.steps.back().rig.sheet;
+    sheet.pitch = sheet.pitch * factor;
+    sheet.gap = sheet.gap * factor;
+  }
+  return growth;
+}
+
+nlohmann::json measure(const ExactFlags& flags, const Growth& growth) {
+  std::vector<std::unique_ptr<BenchScene>> scenes;
+  std::vector<TimedCase> cases;
+  for (const BenchSetup& step : growth.steps) {
+    scenes.push_back(std::make_unique<BenchScene>(step));
+    cases.push_back({.scene = scenes.back().get(), .options = scenes.back()->options(flags.depth)});
+  }
+  const std::vector<CaseTimes> times = time_by_turns(cases, flags.runs);
+  nlohmann::json rows = nlohmann::json::array();
+  for (size_t i = 0; i < cases.size(); ++i)
+    rows.push_back(row_of(growth.x_of(*scenes[i]), scenes[i]->subpixels(), times[i]));
+  return {{"name", growth.name},
+          {"scene", growth.steps.back().scene},
+          {"x_label", growth.x_label},
+          {"rows", std::move(rows)}};
+}
+
+void plot_growth(const ExactFlags& flags, const Growth& growth, const nlohmann::json& measured) {
+  const auto& rows = measured["rows"];
+  tools::Plot plot;
+  plot.title = fmt::format("Cost per subpixel by {}", growth.name);
+  plot.x = {.label = growth.x_label, .scale = growth.x_scale};
+  // Proportional growth along a linear x axis is visible only with a linear y axis.
+  plot.y = {.label = "ns per subpixel", .scale = growth.x_scale};
+  plot.series = {series_of(rows, "frame_ns", "whole frame"),
+                 series_of(rows, "visibility_ns", "visibility")};
+  write_plot(flags, fmt::format("growth-{}", growth.name), plot);
+}
+
+}  // namespace
+
+nlohmann::json measure_scaling(const ExactFlags& flags) {
+  nlohmann::json all = nlohmann::json::array();
+  tools::Plot plot;
+  plot.title = "Speed-up of the whole frame";
+  plot.x.label = "threads";
+  plot.y.label = "times as fast as one thread";
+  for (const std::string& scene : flags.scenes) {
+    all.push_back(scale_scene(flags, bench_scene_name(scene)));
+    if (player::interrupted()) return all;
+    plot.series.push_back(series_of(all.back()["rows"], "speed_up", scene));
+  }
+  write_plot(flags, "scaling", plot);
+  return all;
+}
+
+nlohmann::json measure_growth(const ExactFlags& flags) {
+  const BenchSetup base = exact_setup(flags, "builtin:teapot");
+  nlohmann::json all = nlohmann::json::array();
+  for (const auto& make : {subpixel_growth, triangle_growth, light_growth, pitch_growth}) {
+    const Growth growth = make(base);
+    all.push_back(measure(flags, growth));
+    if (player::interrupted()) return all;
+    plot_growth(flags, growth, all.back());
+  }
+  return all;
+}
+
+void print_growth(const nlohmann::json& growth) {
+  print_out("{}: {}\n", growth["name"].get<std::string>(), growth["scene"].get<std::string>());
+  print_out("  {:>38} {:>14} {:>11} {:>9} {:>9}\n", growth["x_label"].get<std::string>(),
+            "visibility ns", "frame ns", "frame s", "rays");
+  for (const auto& row : growth["rows"]) {
+    print_out("  {:>38.10g} {:>14.2f} {:>11.2f} {:>9.3f} {:>9.2f}", row["x"].get<double>(),
+              row["visibility_ns"].get<double>(), row["frame_ns"].get<double>(),
+              row["frame_seconds"].get<double>(), row["rays_per_subpixel"].get<double>());
+    if (row.contains("speed_up")) print_out("   {:.2f} x", row["speed_up"].get<double>());
+    print_out("\n");
+  }
+}
+
+// lenticule bench exact --peers runs another ray tracer on the same scene, interleaved with this
+// renderer.
+
+namespace {
+
+using lab::PeerJob;
+
+/// The results of one peer; `failure` is empty if there was no error.
+struct PeerRuns {
+  const lab::Peer* peer = nullptr;
+  std::string program;
+  std::string scene_file;
+  std::vector<double> seconds;
+  std::string failure;
+};
+
+void write_text(const std::string& file, const std::string& text) {
+  std::ofstream out(file, std::ios::binary);
+  out << text;
+  out.close();
+  if (!out) throw Error(ErrorKind::Failed, fmt::format("{}: cannot write", file));
+}
+
+PeerRuns prepare(const lab::Peer& peer, const render::SceneDescription& scene,
+                 const lab::ScratchFolder& folder) {
+  PeerRuns runs;
+  runs.peer = &peer;
+  const auto program = player::find_program(peer.program);
+  if (!program) {
+    runs.failure = "not installed (scripts/packages bench)";
+    return runs;
+  }
+  runs.program = *program;
+  runs.scene_file = folder.file(fmt::format("scene.{}", peer.extension));
+  write_text(runs.scene_file, peer.write_scene(scene));
+  return runs;
+}
+
+ProgramRun start_peer(const PeerRuns& runs, const PeerJob& job, int limit_s) {
+  std::vector<std::string> arguments = runs.peer->arguments(runs.scene_file, job);
+  arguments.insert(arguments.begin(), runs.program);
+  return player::run_child(arguments, std::chrono::seconds(limit_s));
+}
+
+/// Runs a peer, unless it has failed before.
+void run_peer(PeerRuns& runs, const PeerJob& job, int limit_s) {
+  if (!runs.failure.empty() || player::interrupted()) return;
+  const ProgramRun result = start_peer(runs, job, limit_s);
+  const auto seconds = runs.peer->traced_seconds(result.output);
+  if (result.timed_out)
+    runs.failure = fmt::format("ended after {} s, the limit", limit_s);
+  else if (result.exit_code != 0)
+    runs.failure = fmt::format("failed with exit code {}", result.exit_code);
+  else if (!seconds || *seconds == 0.0)
+    runs.failure = "does not report its ray tracing time";
+  else
+    runs.seconds.push_back(*seconds);
+}
+
+void keep_picture(const ExactFlags& flags, const PeerRuns& runs, const PeerJob& job,
+                  const std::string& scene) {
+  if (flags.peer_pictures.empty() || !runs.failure.empty()) return;
+  constexpr double kSmall = 640.0 * 360.0;
+  PeerJob small = job;
+  const PeerJob size = lab::peer_picture(kSmall, static_cast<double>(job.width) / job.height);
+  small.width = size.width;
+  small.height = size.height;
+  const std::string name =
+      fmt::format("{}-{}.ppm", std::filesystem::path(scene).stem().string(), runs.peer->program);
+  small.picture = (std::filesystem::path(flags.peer_pictures) / name).string();
+  (void)start_peer(runs, small, flags.peer_limit_s);
+}
+
+/// Returns "tree" for "builtin:tree" and "builtin:tree:9".
+std::string short_name(const std::string& scene) {
+  const size_t begin = scene.find(':') + 1;
+  return scene.substr(begin, scene.find(':', begin) - begin);
+}
+
+nlohmann::json row_of(const PeerRuns& runs, const PeerJob& job, double our_mray_s,
+                      const std::string& scene) {
+  nlohmann::json row = {{"name", runs.peer->name}, {"runs", runs.seconds.size()}};
+  if (!runs.failure.empty()) row["failure"] = runs.failure;
+  if (runs.seconds.empty()) return row;
+  const auto rays = static_cast<uint64_t>(job.width) * static_cast<uint64_t>(job.height);
+  const double rate = mega_per_second(rays, median(runs.seconds));
+  const double target = runs.peer->target(short_name(scene));
+  row["seconds"] = median(runs.seconds);
+  row["mray_s"] = rate;
+  row["ours_over_theirs"] = rate > 0.0 ? our_mray_s / rate : 0.0;
+  row["target"] = target;
+  row["within_target"] = our_mray_s >= target * rate;
+  return row;
+}
+
+PeerJob job_of(const ExactFlags& flags, const BenchScene& bench) {
+  const optics::Panel& panel = bench.setup().rig.panel;
+  const double aspect =
+      panel.width_px * panel.pixel_width.value / (panel.height_px * panel.pixel_height.value);
+  const double rays =
+      flags.peer_mrays > 0.0 ? flags.peer_mrays * 1e6 : static_cast<double>(bench.subpixels());
+  PeerJob job = lab::peer_picture(rays, aspect);
+  job.max_depth = flags.depth;
+  job.threads =
+      flags.threads > 0 ? flags.threads : static_cast<int>(std::thread::hardware_concurrency());
+  return job;
+}
+
+}  // namespace
+
+nlohmann::json measure_peers(const ExactFlags& flags, const std::string& scene) {
+  BenchScene bench(exact_setup(flags, scene));
+  const PeerJob job = job_of(flags, bench);
+  const lab::ScratchFolder folder;
+  std::vector<PeerRuns> runs;
+  for (const lab::Peer& peer : lab::peers()) {
+    runs.push_back(prepare(peer, bench.description(), folder));
+    keep_picture(flags, runs.back(), job, short_name(scene));
+  }
+  const auto method = bench.method(bench.options(flags.depth));
+  std::vector<double> ours;
+  for (int run = 0; run < flags.runs && !player::interrupted(); ++run) {
+    ours.push_back(bench.render(*method).seconds);
+    for (PeerRuns& peer : runs) run_peer(peer, job, flags.peer_limit_s);
+  }
+  const double our_rate = mega_per_second(bench.subpixels(), median(ours));
+  nlohmann::json rows = nlohmann::json::array();
+  for (const PeerRuns& peer : runs) rows.push_back(row_of(peer, job, our_rate, scene));
+  return {{"scene", scene},         {"width", job.width},           {"height", job.height},
+          {"threads", job.threads}, {"ours_seconds", median(ours)}, {"ours_mray_s", our_rate},
+          {"rows", std::move(rows)}};
+}
+
+void print_peers(const nlohmann::json& r) {
+  print_out("{}: {} threads each; theirs a picture of {} x {}\n", r["scene"].get<std::string>(),
+            r["threads"].get<int>(), r["width"].get<int>(), r["height"].get<int>());
+  print_out("  {:<10} {:>8.2f} M primary rays/s {:>9.2f} s\n", "ours",
+            r["ours_mray_s"].get<double>(), r["ours_seconds"].get<double>());
+  for (const auto& row : r["rows"]) {
+    print_out("  {:<10} ", row["name"].get<std::string>());
+    if (row.contains("mray_s"))
+      print_out("{:>8.3f} M primary rays/s {:>9.2f} s, ours {:.1f} x", row["mray_s"].get<double>(),
+                row["seconds"].get<double>(), row["ours_over_theirs"].get<double>());
+    if (row.contains("target") && row["target"].get<double>() > 0.0)
+      print_out(" (at least {:.0f} x: {})", row["target"].get<double>(),
+                row["within_target"].get<bool>() ? "met" : "missed");
+    if (row.contains("failure"))
+      print_out("{}{}", row.contains("mray_s") ? "; then " : "", row["failure"].get<std::string>());
+    print_out("\n");
+  }
+}
+
+// lenticule bench exact measures the cost of an exact frame relative to Embree alone.
+
 namespace {
 
 nlohmann::json heading(const ExactFlags& flags) {
@@ -154,5 +687,4 @@ cli::Run declare_bench_exact(CLI::App& app) {
   app.add_flag("--json", flags->json, "print as JSON");
   return [flags]() -> ExitCode { return run(*flags); };
 }
-
 }  // namespace lenticule::bench

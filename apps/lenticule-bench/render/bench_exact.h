@@ -63,5 +63,4 @@ void print_growth(const nlohmann::json& growth);
 /// Runs other ray tracers on the same scene, interleaved with this renderer.
 [[nodiscard]] nlohmann::json measure_peers(const ExactFlags& flags, const std::string& scene);
 void print_peers(const nlohmann::json& peers);
-
 }  // namespace lenticule::bench

@@ -93,5 +93,4 @@ void print_method_table(const nlohmann::json& summary);
 
 /// Writes one plot per scene: time of a frame against its error, a point for each method.
 void plot_summary(const nlohmann::json& summary, const std::string& folder);
-
 }  // namespace lenticule::bench

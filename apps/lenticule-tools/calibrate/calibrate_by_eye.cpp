@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "apps/lenticule-tools/calibrate/calibrate.h"
+#include "apps/lenticule-tools/calibrate/calibrate_result.h"
 #include "apps/lenticule/cli/content_flags.h"
 #include "base/error.h"
 #include "base/print.h"
@@ -303,9 +303,10 @@ class ByEyeRun {
 
 CalibrateWay declare_calibrate_by_eye(CLI::App& app) {
   const auto flags = std::make_shared<ByEyeFlags>();
-  CLI::App* way = app.add_subcommand(
-      "by-eye",
-      "measure the sheet with charts and keys, without a camera; the charts explain the steps");
+  CLI::App* way = app.add_subcommand("by-eye",
+                                     "measure the sheet with charts and keys, without a camera; "
+                                     "the charts explain the steps")
+                      ->group(kWithoutCamera);
   way->footer(kKeys);
   cli::declare_rig_flag(*way, flags->rig, "rig file to start from; a trim beside it is included");
   way->add_option("--display", flags->display,

@@ -9,6 +9,7 @@
 
 #include "apps/lenticule/cli/command.h"
 #include "calib/calibration.h"
+#include "calib/camera.h"
 #include "calib/report/rig_record.h"
 
 namespace lenticule::tools {
@@ -21,6 +22,10 @@ struct ResultFlags {
   bool json = false;
 };
 
+/// Groups of methods in the help of `calibrate`.
+inline constexpr const char* kWithCamera = "Subcommands, with a camera";
+inline constexpr const char* kWithoutCamera = "Subcommands, without a camera";
+
 void declare_result_flags(CLI::App& app, ResultFlags& flags);
 
 /// Writes the report beside the rig, saves the rig unless it was refused (the old one is kept under
@@ -30,4 +35,23 @@ ExitCode conclude_calibration(const calib::Calibration& found, calib::RecordDeta
                               const ResultFlags& flags,
                               const nlohmann::json& more = nlohmann::json::object());
 
+// The calibration methods, one file each; `lenticule calibrate` lists them.
+
+/// A method, named by the word after `calibrate`: its parsed flags and the function to run.
+struct CalibrateWay {
+  const CLI::App* app = nullptr;
+  cli::Run run;
+};
+
+// Shows the user what a camera sees: small pictures and a short text about light and framing.
+
+/// Takes one picture and writes it, at most 960 pixels wide. Returns false if no picture came
+/// within a second. Throws Error(Failed) if it cannot be written.
+bool write_preview(calib::Camera& camera, const std::string& file);
+
+/// Returns "brightest 71 %, clipped 0.0 %": percent of full scale, and the clipped part of the
+/// picture.
+[[nodiscard]] std::string light_of(const calib::CameraPicture& picture);
+/// Writes the picture as a PNG in sRGB.
+void write_picture(const calib::CameraPicture& picture, const std::string& file);
 }  // namespace lenticule::tools

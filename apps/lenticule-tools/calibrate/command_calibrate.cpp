@@ -1,13 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule calibrate selects the calibration method by its name.
+// lenticule calibrate selects the calibration method by its name. A build without the calibration
+// (LENTICULE_CALIBRATE=OFF), such as the demo's, says so.
 #include <CLI/CLI.hpp>
 
-#include "apps/lenticule-tools/calibrate/calibrate.h"
+#include "apps/lenticule/cli/command.h"
 #include "base/error.h"
+#ifdef LENTICULE_CALIBRATE
+#include "apps/lenticule-tools/calibrate/calibrate_result.h"
+#endif
 
 namespace lenticule::tools {
 
-// Each is defined in its own file, calibrate_METHOD.cpp.
+#ifdef LENTICULE_CALIBRATE
+// Each is defined in the file of its method.
 CalibrateWay declare_calibrate_camera(CLI::App& app);
 CalibrateWay declare_calibrate_photos(CLI::App& app);
 CalibrateWay declare_calibrate_phone(CLI::App& app);
@@ -26,5 +31,14 @@ cli::Run declare_calibrate(CLI::App& app) {
                 "see lenticule calibrate --help");
   };
 }
+#else
+cli::Run declare_calibrate(CLI::App& app) {
+  app.prefix_command();
+  return []() -> ExitCode {
+    throw Error(ErrorKind::Failed, "calibrate: this build has no calibration",
+                "scripts/packages && cmake --preset release && cmake --build --preset release");
+  };
+}
+#endif
 
 }  // namespace lenticule::tools

@@ -3,16 +3,21 @@
 // from them.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "apps/lenticule-tools/calibrate/calibrate_result.h"
+#include "apps/lenticule/cli/command.h"
 #include "calib/phone/phone_calibration.h"
 #include "calib/photo/photo_folder.h"
+#include "optics/rig.h"
 
 namespace lenticule::tools {
 
@@ -69,4 +74,46 @@ class HandHeldPhotos {
   calib::CameraFacts camera_;
 };
 
+// PhotoArrivals finds photographs that arrive in a folder.
+
+/// PhotoArrivals reports each photograph once, after its file has stopped growing. Hidden files,
+/// which transfers use as temporary names, do not count.
+///
+/// Thread safety: one thread.
+class PhotoArrivals {
+ public:
+  /// With `existing`, photographs that are in the folder already count as arriving. Throws
+  /// Error(Input) if the folder cannot be read.
+  explicit PhotoArrivals(std::filesystem::path folder, bool existing = false);
+
+  /// Returns the photographs whose size has not changed since the previous call, in the order of
+  /// their names. Throws Error(Input) if the folder cannot be read.
+  [[nodiscard]] std::vector<std::filesystem::path> arrived();
+
+ private:
+  [[nodiscard]] std::map<std::filesystem::path, uintmax_t> sizes() const;
+
+  std::filesystem::path folder_;
+  std::set<std::filesystem::path> known_;
+  std::map<std::filesystem::path, uintmax_t> growing_;
+};
+
+// write_photo_pack packs photographs of a calibration so that others can repeat it.
+
+/// PhotoPack is what the archive holds. The report becomes report.json.
+struct PhotoPack {
+  std::vector<std::filesystem::path> sources;  ///< photographs, or folders of photographs
+  optics::Rig start;                           ///< becomes start.toml
+  std::optional<double> focal_px;
+  std::vector<double> distances_mm;  ///< distances of the first sources from the panel
+  nlohmann::json report;
+};
+
+void declare_pack_flag(CLI::App& app, std::string& archive);
+
+/// Writes a tar archive with one folder, `calibration`, whose README.txt has the command that
+/// repeats the calibration. Sources keep their order by numbers before their names. The archive is
+/// replaced when it is complete. Throws Error(Failed) if a file cannot be read or written, or if
+/// the program tar is missing.
+void write_photo_pack(const PhotoPack& pack, const std::filesystem::path& archive);
 }  // namespace lenticule::tools

@@ -1,18 +1,39 @@
 // SPDX-License-Identifier: Apache-2.0
-// RenderFlags are the flags of `lenticule render` that determine the pixels of frames.
+// StagingFlags are the flags that place a scene in front of the panel and set its environment.
 #pragma once
 
 #include <functional>
 #include <string>
 
-#include "apps/lenticule-tools/cli/staging_flags.h"
+#include "render/loaders/load_scene.h"
 #include "render/options/render_options.h"
+#include "render/options/soft_light.h"
+#include "render/scene/scene.h"
+#include "render/scene/stage.h"
 
 namespace CLI {
 class App;
 }
 
 namespace lenticule::tools {
+
+struct StagingFlags {
+  render::LoadOptions load;
+  render::StageOptions stage;      ///< with the turn of the first frame
+  double turned_by_degrees = 0.0;  ///< over all frames
+  render::Surroundings surroundings;
+};
+
+/// Lifetime: `flags` must outlive the parser.
+void declare_stage_flags(CLI::App& app, StagingFlags& flags);
+void declare_surroundings_flags(CLI::App& app, StagingFlags& flags);
+
+// Declares flags for rendering with area lights and with light from the environment.
+
+/// Lifetime: `soft` must outlive the parser.
+void declare_soft_light_flags(CLI::App& app, render::SoftLight& soft);
+
+// RenderFlags are the flags of `lenticule render` that determine the pixels of frames.
 
 struct RenderFlags {
   std::string scene;
@@ -33,5 +54,4 @@ struct RenderFlags {
 /// rig if none is given and checks what the parser cannot, and throws Error(Usage). Lifetime:
 /// `flags` must outlive the parser.
 [[nodiscard]] std::function<void()> declare_render_flags(CLI::App& app, RenderFlags& flags);
-
 }  // namespace lenticule::tools

@@ -1,23 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule convert converts frames and views between file formats. If frames need neither weaving
-// nor separating into views, no pixel changes.
+// ConvertInput is the input of lenticule convert: frames of one size, already woven or made from
+// views.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
+#include <cstdint>
+#include <filesystem>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <system_error>
+#include <utility>
 #include <vector>
 
-#include "apps/lenticule-tools/offline/convert_input.h"
-#include "apps/lenticule-tools/offline/convert_output.h"
-#include "apps/lenticule-tools/offline/existing_output.h"
+#include "apps/lenticule-tools/offline/frame_output.h"
+#include "apps/lenticule-tools/offline/video_writer.h"
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/content_flags.h"
+#include "base/error.h"
+#include "base/file.h"
 #include "base/print.h"
+#include "frames/frame.h"
+#include "frames/image_io.h"
+#include "frames/quilt.h"
+#include "frames/sequence/sequence_info.h"
 #include "frames/sequence/sequence_reader.h"
+#include "frames/views_input/quilt_sidecar.h"
+#include "frames/views_input/view_input.h"
 #include "frames/weaving/quilt_file.h"
 #include "optics/rig_file.h"
 #include "optics/trim.h"
@@ -25,9 +37,291 @@
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 #include "player/process/rig_choice.h"
+#include "player/sources/content_open.h"
+#include "player/sources/source_spec.h"
+#include "player/sources/weaving_pipeline.h"
 
 namespace lenticule::tools {
 namespace {
+
+enum class ReadResult { Ok, Damaged, End };
+
+/// Thread safety: one thread.
+class ConvertInput {
+ public:
+  virtual ~ConvertInput() = default;
+  /// Returns the number of frames if known.
+  [[nodiscard]] virtual std::optional<uint64_t> count() const = 0;
+  /// Returns the metadata; the geometry is that of the frames.
+  [[nodiscard]] virtual frames::SequenceInfo info() const = 0;
+  /// Reads frame `number`, counted from 0; numbers must increase, except that the last one may be
+  /// repeated. Throws Error(Input) for input that cannot be read, Error(Failed) if no more frames
+  /// arrive.
+  [[nodiscard]] virtual ReadResult read(uint64_t number, frames::WovenFrame& frame) = 0;
+  /// Returns the damage, so far, that the sources left out or replaced.
+  [[nodiscard]] virtual frames::FrameDamage damage() const { return {}; }
+};
+
+/// The conversion of views to frames: weaving for a rig, or tiles of a quilt.
+struct FramesOfViews {
+  std::unique_ptr<player::WeavingPipeline> pipeline;  ///< null for quilts
+  frames::FrameGeometry geometry;
+  frames::QuiltLayout layout;  ///< used for a quilt
+};
+
+// Output of lenticule convert beyond the targets of rendered frames: videos, quilts with the layout
+// in the name, one picture per view.
+
+struct ConvertTarget {
+  OutputRequest request;
+  /// The frames are quilts of this layout; none for woven frames.
+  std::optional<frames::QuiltLayout> quilt = std::nullopt;
+};
+
+using frames::PullStatus;
+
+constexpr std::chrono::milliseconds kLook{100};
+constexpr std::chrono::minutes kTimeout{2};
+
+class ContainerInput final : public ConvertInput {
+ public:
+  explicit ContainerInput(const std::string& file)
+      : reader_(file), decoder_(reader_.make_decoder()) {
+    if (reader_.frame_count() == 0)
+      throw Error(ErrorKind::Input, fmt::format("{}: has no frames", file));
+  }
+
+  std::optional<uint64_t> count() const override { return reader_.frame_count(); }
+  frames::SequenceInfo info() const override { return reader_.info(); }
+  ReadResult read(uint64_t number, frames::WovenFrame& frame) override {
+    if (number >= reader_.frame_count()) return ReadResult::End;
+    return decoder_.decode(number, frame.bytes()) ? ReadResult::Ok : ReadResult::Damaged;
+  }
+
+ private:
+  frames::SequenceReader reader_;
+  frames::FrameDecoder decoder_;
+};
+
+class ViewFrames final : public ConvertInput {
+ public:
+  ViewFrames(std::unique_ptr<frames::ViewInput> views, FramesOfViews frames, std::string name)
+      : views_(std::move(views)), frames_(std::move(frames)), name_(std::move(name)) {}
+
+  std::optional<uint64_t> count() const override { return views_->frame_count(); }
+  frames::SequenceInfo info() const override {
+    frames::SequenceInfo info;
+    info.geometry = frames_.geometry;
+    if (const auto rate = views_->rate()) info.rate = *rate;
+    return info;
+  }
+  ReadResult read(uint64_t number, frames::WovenFrame& frame) override {
+    if (!advance_to(number)) return ReadResult::End;
+    if (frames_.pipeline)
+      frames_.pipeline->weave(views_->views(), frame);
+    else
+      frames::draw_quilt(views_->views(), frames_.layout, frame);
+    views_->release();
+    return ReadResult::Ok;
+  }
+
+  frames::FrameDamage damage() const override { return views_->damage(); }
+
+ private:
+  /// Skips frames up to the requested one; returns false at the end.
+  bool advance_to(uint64_t number) {
+    auto deadline = std::chrono::steady_clock::now() + kTimeout;
+    while (std::chrono::steady_clock::now() < deadline) {
+      const PullStatus status = views_->next();
+      if (status == PullStatus::End) return false;
+      if (status == PullStatus::Failed) throw Error(ErrorKind::Input, views_->failure());
+      if (status == PullStatus::NotYet) {
+        if (player::interrupted()) return false;
+        views_->wait(kLook);
+        continue;
+      }
+      if (views_->number() >= number) return true;
+      views_->release();
+      deadline = std::chrono::steady_clock::now() + kTimeout;
+    }
+    throw Error(ErrorKind::Failed, fmt::format("{}: no picture arrived", name_));
+  }
+
+  std::unique_ptr<frames::ViewInput> views_;
+  FramesOfViews frames_;
+  std::string name_;
+};
+
+/// Opens the woven frames of a container, readable in any order.
+std::unique_ptr<ConvertInput> open_container_input(const std::string& file) {
+  return std::make_unique<ContainerInput>(file);
+}
+
+std::unique_ptr<ConvertInput> make_view_input(std::unique_ptr<frames::ViewInput> views,
+                                              FramesOfViews frames, const std::string& name) {
+  return std::make_unique<ViewFrames>(std::move(views), std::move(frames), name);
+}
+
+/// Opens woven pictures or a video, read unchanged.
+/// Opens woven pictures; each is read as a quilt of one tile.
+std::unique_ptr<ConvertInput> open_woven_input(const std::string& text,
+                                               const player::PictureOptions& how) {
+  std::vector<std::unique_ptr<frames::FrameSource>> sources;
+  sources.push_back(open_pictures(text, how));
+  const frames::FrameGeometry geometry = sources.front()->geometry();
+  auto arrangement = frames::arrange_pictures(geometry, 1, std::nullopt, false);
+  auto views =
+      std::make_unique<frames::ViewInput>(std::move(sources), std::move(arrangement), text);
+  return make_view_input(std::move(views),
+                         {.pipeline = nullptr, .geometry = geometry, .layout = {}}, text);
+}
+
+namespace fs = std::filesystem;
+
+class VideoOutput final : public FrameOutput {
+ public:
+  explicit VideoOutput(const OutputRequest& request)
+      : writer_({.file = request.target, .geometry = request.geometry, .rate = request.rate}) {}
+
+  bool has(uint64_t) const override { return false; }
+  Delivery deliver(uint64_t, const frames::FrameView& pixels) override {
+    writer_.write(pixels);
+    return Delivery::Done;
+  }
+  void finish() override { writer_.finish(); }
+
+ private:
+  VideoWriter writer_;
+};
+
+std::unique_ptr<FrameOutput> open_video_output(const OutputRequest& request) {
+  if (request.resume)
+    throw Error(ErrorKind::Usage, "--resume: not supported for video files",
+                "convert to FILE.lts with --resume, then FILE.lts to a video");
+  if (fs::path(request.target).extension() != ".mkv")
+    throw Error(ErrorKind::Usage,
+                fmt::format("-o {}: videos are written as Matroska", request.target),
+                "use a name such as FILE.mkv");
+  require_replaceable_video(request);
+  return std::make_unique<VideoOutput>(request);
+}
+
+/// ViewFilesOutput writes one picture per view, for one frame or in one folder per view.
+class ViewFilesOutput final : public FrameOutput {
+ public:
+  ViewFilesOutput(const OutputRequest& request, const frames::QuiltLayout& layout)
+      : layout_(layout) {
+    const fs::path text(player::parse_source(request.target).without_prefix());
+    const std::string folder = text.parent_path().string();
+    const std::string name = text.filename().string();
+    if (frames::FilePattern::looks_like_pattern(folder)) {
+      views_.emplace(folder);
+      frames_.emplace(name);
+      make_folders();
+    } else {
+      views_.emplace(text.string());
+      if (request.range.count() > 1)
+        throw Error(
+            ErrorKind::Usage,
+            fmt::format("-o {}: one name for {} frames", request.target, request.range.count()),
+            "use a folder per view, for example -o 'views:view%02d/%05d.png'");
+    }
+    frames::check_writable_format(file(0, request.range.begin));
+    require_replaceable_pictures(request,
+                                 {.width = request.geometry.width / layout.columns,
+                                  .height = request.geometry.height / layout.rows},
+                                 [this](uint64_t frame) { return file(0, frame); });
+  }
+
+  /// Returns true if the last view's picture exists, because that is written last.
+  bool has(uint64_t frame) const override {
+    try {
+      (void)frames::probe_image(file(last_view(), frame));
+      return true;
+    } catch (const Error&) {
+      return false;
+    }
+  }
+  Delivery deliver(uint64_t frame, const frames::FrameView& pixels) override {
+    const frames::ViewSet views = frames::ViewSet::borrow(pixels, layout_);
+    frames::WovenFrame picture({.width = views.width(), .height = views.height()});
+    for (int view = 0; view < views.count(); ++view) {
+      for (int row = 0; row < views.height(); ++row)
+        std::copy_n(views.pixel(view, 0, row), picture.geometry().row_bytes(), picture.row(row));
+      frames::write_woven(picture.view(), file(static_cast<uint64_t>(view), frame));
+    }
+    return Delivery::Done;
+  }
+  void finish() override {}
+
+ private:
+  [[nodiscard]] uint64_t last_view() const {
+    return static_cast<uint64_t>(layout_.view_count()) - 1;
+  }
+  [[nodiscard]] fs::path file(uint64_t view, uint64_t frame) const {
+    if (!frames_) return views_->path(view);
+    return views_->path(view) / frames_->path(frame);
+  }
+  void make_folders() const {
+    for (uint64_t view = 0; view <= last_view(); ++view) {
+      std::error_code error;
+      fs::create_directory(views_->path(view), error);
+      if (error)
+        throw Error(ErrorKind::Failed,
+                    fmt::format("{}: {}", views_->path(view).string(), error.message()));
+    }
+  }
+
+  frames::QuiltLayout layout_;
+  std::optional<frames::FilePattern> views_;  ///< pattern of folders or of pictures
+  std::optional<frames::FilePattern> frames_;
+};
+
+/// Writes a sidecar with the number of used tiles, which the name does not contain.
+void write_sidecar(const std::string& target, uint64_t first, const frames::QuiltLayout& layout) {
+  const fs::path picture = frames::FilePattern::looks_like_pattern(target)
+                               ? frames::FilePattern(target).path(first)
+                               : fs::path(target);
+  nlohmann::json sidecar = {
+      {"columns", layout.columns}, {"rows", layout.rows}, {"viewCount", layout.view_count()}};
+  if (layout.aspect) sidecar["aspect"] = *layout.aspect;
+  write_text_file(frames::sidecar_of(picture), sidecar.dump(2) + "\n");
+}
+
+/// Returns true for "views:v%02d.png" and "views:view%02d/%05d.png".
+bool is_view_files(const std::string& target) {
+  return player::parse_source(target).kind == player::SourceKind::ViewFiles;
+}
+
+/// Returns the name of the target with a quilt's layout added. Throws Error(Usage) if the name
+/// states another layout.
+std::string target_name(const ConvertTarget& target) {
+  const std::string& name = target.request.target;
+  const bool named = target.quilt && !is_view_files(name) && !name.ends_with(".lts");
+  return named ? frames::quilt_name(name, *target.quilt).string() : name;
+}
+
+/// Opens the output. Throws the errors of open_output(), and Error(Usage) for options that a video
+/// or pictures per view do not support. An unfinished video is removed.
+std::unique_ptr<FrameOutput> open_convert_output(const ConvertTarget& target) {
+  OutputRequest request = target.request;
+  if (is_view_files(request.target)) {
+    LENTICULE_CHECK(target.quilt.has_value());
+    return std::make_unique<ViewFilesOutput>(request, *target.quilt);
+  }
+  request.target = target_name(target);
+  std::unique_ptr<FrameOutput> output =
+      player::kind_of_file(request.target) == player::SourceKind::Video ? open_video_output(request)
+                                                                        : open_output(request);
+  const bool tiles_left =
+      target.quilt && target.quilt->view_count() < target.quilt->columns * target.quilt->rows;
+  if (tiles_left && !request.target.ends_with(".lts"))
+    write_sidecar(request.target, request.range.begin, *target.quilt);
+  return output;
+}
+
+// lenticule convert converts frames and views between file formats. If frames need neither weaving
+// nor separating into views, no pixel changes.
 
 using Kind = player::Content::Kind;
 
@@ -386,5 +680,4 @@ cli::Run declare_convert(CLI::App& app) {
   app.add_flag("--json", flags->json, "print what was done as JSON");
   return [flags]() -> ExitCode { return ConvertRun(*flags).run(); };
 }
-
 }  // namespace lenticule::tools

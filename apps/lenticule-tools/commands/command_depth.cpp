@@ -7,7 +7,7 @@
 #include <map>
 #include <memory>
 
-#include "apps/lenticule-tools/cli/staging_flags.h"
+#include "apps/lenticule-tools/cli/render_flags.h"
 #include "apps/lenticule-tools/cli/svg_plot.h"
 #include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "apps/lenticule/cli/command.h"

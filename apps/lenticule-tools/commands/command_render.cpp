@@ -13,8 +13,6 @@
 
 #include "apps/lenticule-tools/cli/render_flags.h"
 #include "apps/lenticule-tools/offline/error_controller.h"
-#include "apps/lenticule-tools/offline/existing_output.h"
-#include "apps/lenticule-tools/offline/film_panel.h"
 #include "apps/lenticule-tools/offline/film_renderer.h"
 #include "apps/lenticule-tools/offline/frame_output.h"
 #include "apps/lenticule/cli/command.h"

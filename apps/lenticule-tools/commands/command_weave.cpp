@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-#include "apps/lenticule-tools/offline/existing_output.h"
+#include "apps/lenticule-tools/offline/frame_output.h"
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/content_flags.h"
 #include "base/print.h"

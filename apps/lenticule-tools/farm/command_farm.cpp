@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "apps/lenticule-tools/farm/actions.h"
-#include "apps/lenticule-tools/offline/existing_output.h"
+#include "apps/lenticule-tools/offline/frame_output.h"
 #include "apps/lenticule/cli/command.h"
 #include "base/error.h"
 

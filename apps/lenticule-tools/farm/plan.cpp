@@ -1,29 +1,158 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule farm plan writes the work folder of a film that many processes render.
 #include <fmt/format.h>
 #include <sys/resource.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
+#include <optional>
+#include <random>
 #include <set>
 #include <thread>
 
 #include "apps/lenticule-tools/farm/actions.h"
-#include "apps/lenticule-tools/farm/planned_film.h"
-#include "apps/lenticule-tools/offline/existing_output.h"
-#include "apps/lenticule-tools/offline/sequence_output.h"
+#include "apps/lenticule-tools/offline/frame_output.h"
 #include "base/error.h"
 #include "base/json_output.h"
 #include "base/numbers.h"
 #include "base/print.h"
 #include "base/statistics.h"
 #include "farm/work_folder.h"
+#include "frames/image_io.h"
 #include "frames/sequence/predictor_choice.h"
+#include "frames/sequence/sequence_joiner.h"
+#include "frames/sequence/sequence_reader.h"
 #include "player/process/child_process.h"
 #include "player/process/interrupt.h"
+#include "player/process/progress.h"
+#include "render/scene/scene_mixer.h"
 
 namespace lenticule::tools {
+
+namespace {
+
+constexpr const char* kBuiltIn = "builtin:";
+
+/// Mixes what the loader made of the files: also vertices in buffers and textures beside the scene.
+void mix_scene(const render::SceneDescription& scene, render::SceneMixer& mixer) {
+  mixer.add(scene.materials);
+  mixer.add(scene.meshes);
+  mixer.add(scene.spheres);
+  mixer.add(scene.cones);
+  mixer.add(scene.lights);
+  mixer.add(scene.background);
+  mixer.add(scene.ambient);
+}
+
+std::string digest_of_texture(const render::Texture& texture) {
+  const auto bytes_of = [](const auto& values) {
+    return std::string_view(reinterpret_cast<const char*>(values.data()),
+                            values.size() * sizeof(values[0]));
+  };
+  return frames::digest_of_text(bytes_of(texture.codes)) +
+         frames::digest_of_text(bytes_of(texture.rgba));
+}
+
+std::string digest_of_scene(const RenderFlags& flags, const FilmRenderer& renderer) {
+  const SceneSequence& scenes = renderer.scenes();
+  const render::SceneDescription reference = scenes.at(scenes.reference_frame());
+  render::SceneMixer mixer;
+  mix_scene(reference, mixer);
+  if (!scenes.still() && !frames::FilePattern::looks_like_pattern(flags.scene))
+    mix_scene(scenes.at(renderer.film().end - 1), mixer);
+  std::string parts = flags.scene.starts_with(kBuiltIn) ? flags.scene : std::string();
+  if (parts.empty() && !frames::FilePattern::looks_like_pattern(flags.scene))
+    parts = frames::digest_of_file(flags.scene);
+  parts += fmt::format(" {:016x}{:016x}", mixer.value().first, mixer.value().second);
+  for (const auto& texture : reference.textures) parts += " " + digest_of_texture(*texture);
+  return frames::digest_of_text(parts);
+}
+
+/// Returns the digest of what a film takes from its wall beside the rig: the place of the panel,
+/// and the canvas, which depends on all panels.
+std::string digest_of_place(const FilmPanel& panel) {
+  const render::Canvas& canvas = panel.canvas;
+  std::string text = fmt::format("{} {} {} {} {}", panel.name, canvas.width_mm, canvas.height_mm,
+                                 canvas.depth_of_field_mm, canvas.viewing_distance_mm);
+  const Affine& place = panel.canvas_from_panel;
+  for (const Vec3& v : {place.column_x, place.column_y, place.column_z, place.origin})
+    text += fmt::format(" {} {} {}", v.x, v.y, v.z);
+  return frames::digest_of_text(text);
+}
+
+}  // namespace
+
+std::string program_version() {
+  return fmt::format("lenticule {}", LENTICULE_VERSION);
+}
+
+std::map<std::string, std::string> digests_of_inputs(const RenderFlags& flags,
+                                                     const FilmRenderer& renderer) {
+  std::map<std::string, std::string> digests;
+  digests["scene"] = digest_of_scene(flags, renderer);
+  digests["rig"] = optics::fingerprint(renderer.rig());
+  if (renderer.panel().in_wall()) digests["wall"] = digest_of_place(renderer.panel());
+  if (!flags.camera.empty()) digests["camera"] = frames::digest_of_file(flags.camera);
+  const std::string& environment = flags.staging.surroundings.environment_file;
+  if (!environment.empty()) digests["environment"] = frames::digest_of_file(environment);
+  return digests;
+}
+
+std::string digest_of_chunk_inputs(const RenderFlags& flags, const farm::Chunk& chunk) {
+  if (flags.scene.starts_with(kBuiltIn) || !frames::FilePattern::looks_like_pattern(flags.scene))
+    return {};
+  const frames::FilePattern pattern(flags.scene);
+  std::string parts;
+  for (uint64_t frame = chunk.begin; frame < chunk.end; ++frame)
+    parts += frames::digest_of_file(pattern.path(frame));
+  return frames::digest_of_text(parts);
+}
+
+PlannedFilm::PlannedFilm(const farm::Plan& plan, int threads) : plan_(plan) {
+  if (plan.program != program_version())
+    throw Error(ErrorKind::Input,
+                fmt::format("the plan was made by {}, this is {}", plan.program, program_version()),
+                "install the same version on all machines, or make a new plan");
+  CLI::App app;
+  const std::function<void()> complete = declare_render_flags(app, flags_);
+  std::vector<std::string> arguments = plan.arguments;
+  arguments.push_back(fmt::format("--frames={}:{}", plan.begin, plan.end));
+  std::reverse(arguments.begin(), arguments.end());  // as CLI11 takes a list
+  try {
+    app.parse(arguments);
+  } catch (const CLI::ParseError& error) {
+    throw Error(ErrorKind::Input, fmt::format("plan.json: arguments: {}", error.what()));
+  }
+  complete();
+  flags_.options.threads = threads;
+  renderer_ = std::make_unique<FilmRenderer>(flags_, player::FrameRange{plan.begin, plan.end});
+  for (const auto& [what, digest] : digests_of_inputs(flags_, *renderer_)) {
+    const auto planned = plan.inputs.find(what);
+    if (planned == plan.inputs.end() || planned->second != digest)
+      throw Error(ErrorKind::Input,
+                  fmt::format("{}: the {} is not the one of the plan", plan.output, what),
+                  "put the planned file back, or make a new plan in a new folder");
+  }
+}
+
+int PlannedFilm::threads() const {
+  const int wanted = flags_.options.threads;
+  return wanted > 0 ? wanted : static_cast<int>(std::thread::hardware_concurrency());
+}
+
+void PlannedFilm::require_inputs_of(const farm::Chunk& chunk) const {
+  if (plan_.chunk_inputs.empty() ||
+      plan_.chunk_inputs[chunk.number] == digest_of_chunk_inputs(flags_, chunk))
+    return;
+  throw Error(ErrorKind::Input,
+              fmt::format("{}: frames {} to {} have changed since the plan was made", flags_.scene,
+                          chunk.begin, chunk.end - 1),
+              "put the planned files back, or make a new plan in a new folder");
+}
+
+// lenticule farm plan writes the work folder of a film that many processes render.
+
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -174,4 +303,115 @@ ExitCode farm_plan(const FarmPlanFlags& flags) {
   return kOk;
 }
 
+// lenticule farm verify renders some frames again and compares them with the chunks: it finds a
+// node whose processor or memory is faulty.
+
+namespace {
+
+struct DoneChunk {
+  farm::ChunkReport report;
+  bool differing = false;  ///< another process reported other bytes
+};
+
+struct Difference {
+  uint64_t frame = 0;
+  uint64_t chunk = 0;
+  std::string node;
+  uint64_t subpixels = 0;  ///< all if the chunk cannot be decoded
+};
+
+std::vector<DoneChunk> done_chunks(const farm::WorkFolder& folder) {
+  std::vector<DoneChunk> chunks;
+  for (uint64_t number = 0; number < folder.plan().chunks(); ++number) {
+    if (auto report = folder.done(number)) chunks.push_back({std::move(*report), false});
+    if (auto other = folder.differing_report(number)) chunks.push_back({std::move(*other), true});
+  }
+  return chunks;
+}
+
+/// Returns (frame, index of its chunk), in ascending order: `sample` frames at random, and the
+/// first frames of chunks that two nodes rendered with different bytes.
+std::set<std::pair<uint64_t, size_t>> choose_frames(const std::vector<DoneChunk>& chunks,
+                                                    uint64_t sample, uint64_t seed) {
+  std::vector<std::pair<uint64_t, size_t>> all;
+  std::set<std::pair<uint64_t, size_t>> chosen;
+  std::set<uint64_t> disputed;
+  for (const DoneChunk& chunk : chunks)
+    if (chunk.differing) disputed.insert(chunk.report.chunk);
+  for (size_t i = 0; i < chunks.size(); ++i) {
+    const farm::ChunkReport& report = chunks[i].report;
+    for (uint64_t frame = report.begin; frame < report.end; ++frame) {
+      all.emplace_back(frame, i);
+      if (disputed.count(report.chunk) > 0) chosen.insert(all.back());
+    }
+  }
+  std::mt19937_64 random(seed);
+  std::sample(all.begin(), all.end(), std::inserter(chosen, chosen.end()), sample, random);
+  return chosen;
+}
+
+/// Compares one frame of a chunk with the same frame rendered here.
+std::optional<Difference> compare(const farm::WorkFolder& folder, const DoneChunk& chunk,
+                                  uint64_t frame, const frames::WovenFrame& rendered) {
+  const frames::SequenceReader reader(folder.chunk_file(chunk.report));
+  frames::WovenFrame there(rendered.geometry());
+  Difference difference{
+      .frame = frame, .chunk = chunk.report.chunk, .node = chunk.report.node, .subpixels = 0};
+  const uint64_t index = frame - chunk.report.begin;
+  if (reader.geometry() != rendered.geometry() || index >= reader.frame_count() ||
+      !reader.make_decoder().decode(index, there.bytes())) {
+    difference.subpixels = rendered.bytes().size();
+    return difference;
+  }
+  for (size_t i = 0; i < rendered.bytes().size(); ++i)
+    if (rendered.bytes()[i] != there.bytes()[i]) ++difference.subpixels;
+  return difference.subpixels > 0 ? std::optional(difference) : std::nullopt;
+}
+
+nlohmann::json result_json(uint64_t checked, uint64_t seed,
+                           const std::vector<Difference>& differences) {
+  nlohmann::json out = {
+      {"frames_checked", checked}, {"seed", seed}, {"differences", nlohmann::json::array()}};
+  for (const Difference& one : differences)
+    out["differences"].push_back({{"frame", one.frame},
+                                  {"chunk", one.chunk},
+                                  {"node", one.node},
+                                  {"subpixels", one.subpixels}});
+  return out;
+}
+
+}  // namespace
+
+ExitCode farm_verify(const FarmVerifyFlags& flags) {
+  const farm::WorkFolder folder(flags.folder);
+  const std::vector<DoneChunk> chunks = done_chunks(folder);
+  if (chunks.empty())
+    throw Error(ErrorKind::Input, fmt::format("{}: no chunk is done", flags.folder));
+  const uint64_t seed = flags.seed != 0 ? flags.seed : std::random_device{}();
+  const auto chosen = choose_frames(chunks, flags.sample, seed);
+  PlannedFilm film(folder.plan(), flags.threads);
+  frames::WovenFrame rendered(film.renderer().geometry());
+  std::vector<Difference> differences;
+  player::Progress progress("verify", "frames", chosen.size());
+  uint64_t checked = 0;
+  std::optional<uint64_t> last;
+  for (const auto& [frame, index] : chosen) {
+    if (frame != last && !film.renderer().render(frame, rendered, player::interrupted))
+      return player::interrupt_exit_code();
+    last = frame;
+    if (const auto difference = compare(folder, chunks[index], frame, rendered))
+      differences.push_back(*difference);
+    progress.update(++checked);
+  }
+  progress.finish();
+  if (flags.json) {
+    print_json(result_json(checked, seed, differences));
+  } else {
+    for (const Difference& one : differences)
+      print_out("frame {}: {} subpixels differ in chunk {}, rendered by {}\n", one.frame,
+                one.subpixels, one.chunk, one.node);
+    print_out("{} frames rendered again, {} differ (seed {})\n", checked, differences.size(), seed);
+  }
+  return differences.empty() ? kOk : kQuality;
+}
 }  // namespace lenticule::tools

@@ -1,22 +1,52 @@
 // SPDX-License-Identifier: Apache-2.0
-// FilmRenderer renders frames of a film in any order. A frame's bytes depend on the film and the
-// number alone, not on which frames were rendered before.
+// FilmPanel is the panel that a film is rendered for: one alone, or one of a wall.
 #pragma once
 
 #include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "apps/lenticule-tools/cli/render_flags.h"
-#include "apps/lenticule-tools/offline/film_panel.h"
 #include "apps/lenticule-tools/offline/frame_output.h"
 #include "apps/lenticule-tools/offline/scene_sequence.h"
+#include "optics/wall/wall.h"
 #include "render/make_method.h"
 #include "render/scene/scene.h"
+#include "render/scene/stage.h"
 
 namespace lenticule::tools {
+
+struct FilmPanel {
+  optics::TrimmedRig trimmed;
+  render::Canvas canvas;  ///< the panel, or the rectangle around all panels of the wall
+  std::string name{};     ///< the panel's name in its wall; empty for a panel alone
+  Affine canvas_from_panel{};
+
+  [[nodiscard]] bool in_wall() const { return !name.empty(); }
+};
+
+/// Loads the rig of a panel alone. Throws Error(Input).
+[[nodiscard]] FilmPanel panel_of_rig(const std::string& rig_file);
+
+/// Returns a panel of a wall. The scene's centre lies in the middle of the rectangle around all
+/// panels, in the wall's plane z = 0.
+[[nodiscard]] FilmPanel panel_of_wall(const optics::PlacedWall& wall,
+                                      const optics::PlacedPanel& panel);
+
+/// Returns the panel of a rig, or the named panel of a wall if there is a wall. Throws Error(Usage)
+/// for a wall without the name of a panel, and Error(Input).
+[[nodiscard]] FilmPanel panel_of_rig_or_wall(const std::string& rig_file,
+                                             const std::string& wall_file,
+                                             const std::string& panel);
+
+/// Returns optics::file_of_panel(). Throws Error(Usage) for a target that is no file.
+[[nodiscard]] std::string target_of_panel(const std::string& target, const std::string& panel);
+
+// FilmRenderer renders frames of a film in any order. A frame's bytes depend on the film and the
+// number alone, not on which frames were rendered before.
 
 class FilmRenderer {
  public:
@@ -81,5 +111,4 @@ class FilmRenderer {
   render::Stage stage_;
   std::unique_ptr<render::Scene> scene_;
 };
-
 }  // namespace lenticule::tools

@@ -3,6 +3,9 @@
 // ring of a player.
 #pragma once
 
+#include <cstdint>
+#include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -52,4 +55,38 @@ struct OutputRequest {
 /// Error(Input) for a player that does not answer or refuses.
 [[nodiscard]] std::unique_ptr<FrameOutput> open_output(const OutputRequest& request);
 
+// Checks existing files at -o: frames of another rig or scene are replaced only with --overwrite.
+
+inline constexpr const char* kOverwriteHelp =
+    "replace existing output, even if it is of another rig or scene";
+
+/// Returns the value of OutputRequest::made_from: the names of the file and of its folder, which
+/// are the same on every machine that has the project, and those of the camera's file if there is
+/// one.
+[[nodiscard]] std::string made_from(const std::string& input, const std::string& camera = {});
+
+// The functions throw Error(Input) if an existing file is not a result of the same command. With
+// --overwrite or --resume they accept any file; when resuming, the output itself checks the file.
+
+/// Refuses FILE.lts or FILE.lts.part that is not a container, or has other frames, another rig or
+/// another scene. Another trim of the same rig is accepted, because rendering again is how a new
+/// trim takes effect.
+void require_replaceable_film(const OutputRequest& request);
+/// Refuses a file of the range that is not a picture or has another size; pictures contain no other
+/// metadata.
+void require_replaceable_pictures(const OutputRequest& request,
+                                  const frames::FrameGeometry& geometry,
+                                  const std::function<std::filesystem::path(uint64_t)>& file);
+/// Refuses any existing video, because it does not state how it was made.
+void require_replaceable_video(const OutputRequest& request);
+
+// open_sequence_output writes rendered or converted frames to a sequence container.
+
+/// Returns the metadata of the container that open_sequence_output() writes.
+[[nodiscard]] frames::SequenceInfo sequence_info_of(const OutputRequest& request);
+
+/// Returns the FrameOutput of a target that ends in ".lts". Frames must be delivered in order,
+/// without those for which has() returns true. The unfinished file is called TARGET.part. Throws
+/// the errors of open_output(), and Error(Input) if a file to resume was started with other input.
+[[nodiscard]] std::unique_ptr<FrameOutput> open_sequence_output(const OutputRequest& request);
 }  // namespace lenticule::tools

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// SceneSequence provides the scene of every frame: from one file (with or without animation),
-// numbered files, or a built-in sequence.
+// describe_built_in makes a render::SceneDescription from a built-in scene.
 #pragma once
 
 #include <memory>
@@ -18,6 +17,15 @@
 #include "scenes/scene_list.h"
 
 namespace lenticule::tools {
+
+/// Describes the scene's elements as the reader of NFF would, and adds the textured surfaces. The
+/// source of the result is "builtin:NAME". Throws as scenes::build_scene does.
+[[nodiscard]] render::SceneDescription describe_built_in(const scenes::BuiltInScene& scene,
+                                                         std::optional<int> size = {},
+                                                         int frame = 0);
+
+// SceneSequence provides the scene of every frame: from one file (with or without animation),
+// numbered files, or a built-in sequence.
 
 class SceneSequence {
  public:
@@ -76,5 +84,4 @@ class StageSequence {
   render::Stage reference_;
   render::Ground ground_;  ///< ground in the reference frame, used by all frames
 };
-
 }  // namespace lenticule::tools

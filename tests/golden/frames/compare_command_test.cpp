@@ -163,6 +163,26 @@ TEST_F(CompareCommand, ASequenceHasMeansItsWorstFrameAndItsWorstView) {
     EXPECT_NE(table.out.find(part), std::string::npos) << part << "\n" << table.out;
 }
 
+TEST_F(CompareCommand, CountsTheShareOfSubpixelsOverAGivenDifference) {
+  for (int n = 0; n < 4; ++n) {
+    (void)picture(fmt::format("a{}.png", n), kWidth, kHeight, 100);
+    (void)picture(fmt::format("b{}.png", n), kWidth, kHeight, static_cast<uint8_t>(100 + n));
+  }
+  const auto over = [&](const char* levels) {
+    const auto report =
+        json_of(compare(path("a%d.png"), path("b%d.png"), {"--over", levels, "--json"}));
+    EXPECT_EQ(report["frames"][3]["total"]["share_over"], std::string_view(levels) == "3" ? 0 : 1);
+    return report["means"]["total"]["share_over"].get<double>();
+  };
+  EXPECT_DOUBLE_EQ(over("2"), 0.25);
+  EXPECT_DOUBLE_EQ(over("1.5"), 0.5);  // of whole levels, 2 and 3 are more
+  EXPECT_DOUBLE_EQ(over("3"), 0.0);
+  const auto table = compare(path("a%d.png"), path("b%d.png"), {"--over", "1.5"});
+  for (const char* part : {"50.0000 % of the subpixels differ by more than 1.5 levels",
+                           "RMSE 1.8708: root mean square over all subpixels"})
+    EXPECT_NE(table.out.find(part), std::string::npos) << part << "\n" << table.out;
+}
+
 TEST_F(CompareCommand, TwoFoldersArePairedByName) {
   for (const char* folder : {"a", "b"}) {
     std::filesystem::create_directories(path(folder));

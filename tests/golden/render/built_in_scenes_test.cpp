@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "apps/lenticule-tools/offline/built_in_scene.h"
+#include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "render/make_method.h"
 #include "tests/support/oracles/reference_renderer.h"
 #include "tests/support/tiny_scenes.h"

@@ -7,7 +7,7 @@
 #include <limits>
 
 #include "apps/lenticule-bench/render/bench_paper.h"
-#include "apps/lenticule-tools/offline/built_in_scene.h"
+#include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "frames/compare.h"
 #include "render/make_method.h"
 #include "scenes/scene_list.h"
@@ -95,7 +95,7 @@ INSTANTIATE_TEST_SUITE_P(Scenes, PaperMethods,
                          });
 
 TEST(PaperMethods, AreTestedOnEverySceneOfThePaper) {
-  EXPECT_EQ(tools::published_times().size(), 6U);
+  EXPECT_EQ(bench::published_times().size(), 6U);
 }
 
 }  // namespace

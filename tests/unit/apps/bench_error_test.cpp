@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests how `lenticule bench error` evaluates its measurements.
+
 #include "apps/lenticule-bench/render/bench_error.h"
 
 #include <gtest/gtest.h>
@@ -10,8 +11,6 @@
 #include <limits>
 
 #include "apps/lenticule-bench/harness/bench.h"
-#include "apps/lenticule-bench/render/bench_error_eyes.h"
-#include "apps/lenticule-bench/render/bench_error_pictures.h"
 #include "base/error.h"
 #include "frames/compare.h"
 #include "frames/image_io.h"
@@ -161,9 +160,9 @@ TEST(ErrorSummary, HasNoPsnrForEqualFrames) {
 }
 
 TEST(CoarserRig, TurnsTheKioskIntoTheFullHdKiosk) {
-  EXPECT_EQ(optics::fingerprint(coarser_rig(sample_rig("kiosk-27-4k.toml"), 2)),
+  EXPECT_EQ(optics::fingerprint(lab::coarser_rig(sample_rig("kiosk-27-4k.toml"), 2)),
             optics::fingerprint(sample_rig("kiosk-27-1080.toml")));
-  EXPECT_EQ(optics::fingerprint(coarser_rig(kiosk_rig(), 1)), optics::fingerprint(kiosk_rig()));
+  EXPECT_EQ(optics::fingerprint(lab::coarser_rig(lab::kiosk_rig(), 1)), optics::fingerprint(lab::kiosk_rig()));
 }
 
 TEST(SeenPixels, PerDegreeFollowFromTheViewingDistance) {
@@ -291,7 +290,7 @@ TEST(WorstPlaces, KeepsTheWorstPlacesOfAllFramesWithoutDuplicates) {
   WorstPlaces places;
   places.add(0, full.view(), off({{50, 10}, {250, 20}}).view(), seen, seen_test);
   places.add(1, full.view(), off({{50, 200}, {250, 5}, {450, 1}}).view(), seen, seen_test);
-  const tools::ScratchFolder folder;
+  const lab::ScratchFolder folder;
   const nlohmann::json written = places.write(folder.file("worst"), "tree:3 x");
   ASSERT_EQ(written.size(), 3U);
   const std::array<std::pair<int, int>, 3> expected = {{{1, 50}, {0, 250}, {1, 450}}};

@@ -8,7 +8,7 @@
 #include <set>
 
 #include "apps/lenticule-bench/harness/bench.h"
-#include "apps/lenticule-bench/harness/bench_timing.h"
+#include "apps/lenticule-bench/harness/bench_scene.h"
 
 namespace lenticule::bench {
 namespace {
@@ -28,7 +28,7 @@ TEST(ExactVariants, BeginWithTheUnchangedFrameAndHaveNames) {
 }
 
 TEST(UprightRig, HasTheSamePanelAndConeAndAWholePitch) {
-  const optics::Rig slanted = kiosk_rig();
+  const optics::Rig slanted = lab::kiosk_rig();
   const optics::Rig upright = upright_rig(slanted);
   EXPECT_EQ(upright.panel, slanted.panel);
   EXPECT_EQ(upright.sheet.slant, 0.0);
@@ -38,7 +38,7 @@ TEST(UprightRig, HasTheSamePanelAndConeAndAWholePitch) {
 }
 
 optics::Rig small_rig() {
-  optics::Rig rig = kiosk_rig();
+  optics::Rig rig = lab::kiosk_rig();
   rig.panel.width_px = 48;
   rig.panel.height_px = 32;
   return rig;

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests the parts of `lenticule bench models`: the plain camera, the studio, jobs and pictures.
+#include "apps/lenticule-bench/models/bench_models.h"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -8,8 +10,6 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
-#include "apps/lenticule-bench/models/contact_sheet.h"
-#include "apps/lenticule-bench/models/model_files.h"
 #include "frames/image_io.h"
 #include "lab/judges/judge.h"
 #include "optics/model.h"

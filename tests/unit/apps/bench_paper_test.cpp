@@ -20,7 +20,7 @@ TEST(PaperFigures, ThePapersPsnrFollowsFromItsColumnAsSquaredError) {
 TEST(PaperFigures, TheRigIsTheSampleRig) {
   const optics::Rig file =
       optics::load_rig(std::string(LENTICULE_SOURCE_DIR) + "/scenes/rigs/paper-64.toml");
-  EXPECT_EQ(optics::fingerprint(paper_rig()), optics::fingerprint(file));
+  EXPECT_EQ(optics::fingerprint(lab::paper_rig()), optics::fingerprint(file));
 }
 
 TEST(PaperSpans, CoverASequenceOrLieEvenlyInIt) {

@@ -6,8 +6,8 @@
 #include <fstream>
 #include <vector>
 
+#include "apps/lenticule-bench/realtime/live_renderer.h"
 #include "apps/lenticule-bench/realtime/realtime.h"
-#include "apps/lenticule-bench/realtime/timed_display.h"
 #include "display/virtual/virtual_display.h"
 
 namespace lenticule::bench {

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests that a built-in scene and the NFF file written from it are the same scene.
-#include "apps/lenticule-tools/offline/built_in_scene.h"
-
 #include <gtest/gtest.h>
 
+#include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "render/loaders/nff.h"
 
 namespace lenticule::tools {

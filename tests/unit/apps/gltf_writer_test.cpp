@@ -8,9 +8,9 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "apps/lenticule-tools/offline/built_in_scene.h"
-#include "apps/lenticule-tools/offline/scratch_folder.h"
+#include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "base/error.h"
+#include "lab/fixtures.h"
 #include "render/loaders/load_scene.h"
 #include "render/scene/stage.h"
 #include "tests/support/texels.h"
@@ -23,7 +23,7 @@ render::SceneDescription built_in(const char* name, int size) {
 }
 
 render::SceneDescription read_back(const GltfText& gltf) {
-  const ScratchFolder folder;
+  const lab::ScratchFolder folder;
   const std::string file = folder.file("scene.gltf");
   std::ofstream(file) << gltf.json;
   return render::at_time(render::load_scene(file), 0.0);

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/lenticule-tools/calibrate/photo_arrivals.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
 #include <string>
 
+#include "apps/lenticule-tools/calibrate/hand_held_photos.h"
 #include "base/error.h"
 #include "tests/support/scratch_folder.h"
 

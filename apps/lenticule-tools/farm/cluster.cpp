@@ -1,23 +1,72 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule farm submit gives the chunks that are not done, and the merge, to Slurm.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <poll.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
+#include <optional>
 #include <set>
+#include <string>
 #include <utility>
 
 #include "apps/lenticule-tools/farm/actions.h"
-#include "apps/lenticule-tools/farm/slurm_programs.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/json_output.h"
 #include "base/print.h"
 #include "base/text.h"
+#include "farm/status.h"
 #include "farm/work_folder.h"
+#include "player/process/child_process.h"
+#include "player/process/interrupt.h"
 
 namespace lenticule::tools {
+
+namespace {
+
+constexpr uint64_t kMostJobsBytes = uint64_t{64} << 20;
+
+}  // namespace
+
+std::string run_slurm(const std::string& name, const std::vector<std::string>& arguments,
+                      std::chrono::seconds limit) {
+  const auto path = player::find_program(name);
+  if (!path)
+    throw Error(ErrorKind::Failed, fmt::format("{}: not found in PATH", name),
+                "install Slurm's client programs, or use another engine: each line of commands.txt "
+                "is a command");
+  std::vector<std::string> words = {*path};
+  words.insert(words.end(), arguments.begin(), arguments.end());
+  const ProgramRun run = player::run_child(words, limit);
+  if (run.exit_code == 0) return run.output;
+  if (run.timed_out)
+    throw Error(ErrorKind::Failed, fmt::format("{}: does not answer", name),
+                "see whether Slurm's controller runs: scontrol ping");
+  throw Error(ErrorKind::Failed, fmt::format("{}: {}", name, escaped(shortened(run.output, 400))));
+}
+
+std::filesystem::path slurm_jobs_file(const farm::WorkFolder& folder) {
+  return folder.path() / "slurm" / "jobs.json";
+}
+
+std::optional<farm::SlurmJobs> submitted_jobs(const farm::WorkFolder& folder) {
+  const std::filesystem::path file = slurm_jobs_file(folder);
+  std::error_code none;
+  if (!std::filesystem::exists(file, none)) return std::nullopt;
+  return farm::parse_slurm_jobs(read_text_file(file, kMostJobsBytes), file.string());
+}
+
+farm::SlurmQueue ask_slurm(const farm::SlurmJobs& jobs, std::chrono::seconds limit) {
+  const std::string output = run_slurm(
+      "squeue", {"--noheader", "--array", fmt::format("--format={}", farm::kQueueFormat)}, limit);
+  return farm::queue_of_film(jobs, farm::parse_queue(output, jobs.folder));
+}
+
+// lenticule farm submit gives the chunks that are not done, and the merge, to Slurm.
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -204,4 +253,76 @@ ExitCode farm_submit(const FarmSubmitFlags& flags) {
   return SubmitRun(flags).run();
 }
 
+// lenticule farm status shows how far a farm is, from the files of its work folder; and, if Slurm
+// runs it, which tasks Slurm holds.
+
+namespace {
+
+constexpr int kWatchMilliseconds = 2000;
+
+/// QueueLook asks Slurm for the film's tasks if they were submitted to it. The queue of a large
+/// cluster costs its controller some work, so that --watch asks seldom.
+class QueueLook {
+ public:
+  explicit QueueLook(const farm::WorkFolder& folder) : folder_(folder) {}
+
+  /// Returns "slurm" of the JSON, and the same as lines. Without a submission, or after the merge,
+  /// both are empty.
+  [[nodiscard]] std::pair<nlohmann::json, std::string> look(const farm::FarmStatus& status) {
+    if (status.complete() && status.merged) return {};
+    const auto now = std::chrono::steady_clock::now();
+    if (asked_ && now - *asked_ < kAskAgain) return answer_;
+    asked_ = now;
+    try {
+      const auto jobs = submitted_jobs(folder_);
+      if (!jobs) return answer_ = {};
+      const farm::SlurmQueue queue = ask_slurm(*jobs, kSlurmLimit);
+      answer_ = {farm::queue_json(queue), farm::queue_text(queue, folder_.path().string())};
+    } catch (const Error& error) {  // the files still say how far the farm is
+      answer_ = {{{"error", error.what()}}, fmt::format("Slurm: {}\n", escaped(error.what()))};
+    }
+    return answer_;
+  }
+
+ private:
+  static constexpr std::chrono::seconds kAskAgain{20};
+  static constexpr std::chrono::seconds kSlurmLimit{5};
+  const farm::WorkFolder& folder_;
+  std::optional<std::chrono::steady_clock::time_point> asked_;
+  std::pair<nlohmann::json, std::string> answer_;
+};
+
+void print_status(const farm::FarmStatus& status, QueueLook& queue, bool json) {
+  const auto [object, lines] = queue.look(status);
+  if (json) {
+    nlohmann::json out = farm::status_json(status);
+    out["slurm"] = object;
+    print_json(out);
+  } else {
+    print_out("{}{}", Verbatim{farm::status_text(status)}, Verbatim{lines});
+  }
+}
+
+/// Waits; returns false if interrupted.
+bool wait_for_next_look() {
+  pollfd query{.fd = player::interrupt_fd(), .events = POLLIN, .revents = 0};
+  (void)poll(&query, 1, kWatchMilliseconds);
+  return !player::interrupted();
+}
+
+}  // namespace
+
+ExitCode farm_status(const FarmStatusFlags& flags) {
+  const farm::WorkFolder folder(flags.folder);
+  QueueLook queue(folder);
+  const bool terminal = isatty(STDOUT_FILENO) == 1;
+  while (true) {
+    const farm::FarmStatus status = farm::read_status(folder, farm::folder_time(folder.path()));
+    if (flags.watch && terminal && !flags.json) print_out("{}", Verbatim{"\x1b[H\x1b[2J"});
+    print_status(status, queue, flags.json);
+    if (!flags.watch || status.complete()) return kOk;
+    flush_results();
+    if (!wait_for_next_look()) return player::interrupt_exit_code();
+  }
+}
 }  // namespace lenticule::tools

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "lab/bench_rigs.h"
+#include "lab/fixtures.h"
 
 #include <fmt/format.h>
 
+#include <filesystem>
 #include <limits>
+#include <system_error>
 
+#include "base/error.h"
 #include "optics/trim.h"
 
 namespace lenticule::lab {
@@ -56,4 +59,15 @@ optics::Rig bench_rig(const std::string& file) {
   return file.empty() ? kiosk_rig() : optics::load_trimmed_rig(file);
 }
 
+ScratchFolder::ScratchFolder() : folder_(std::filesystem::temp_directory_path()) {}
+
+std::string ScratchFolder::ring_socket() const {
+  const std::filesystem::path folder = folder_.path() / "ring";
+  std::error_code error;
+  std::filesystem::create_directory(folder, error);
+  if (error)
+    throw Error(ErrorKind::Failed,
+                folder.string() + ": cannot create the folder: " + error.message());
+  return (folder / "ring.sock").string();
+}
 }  // namespace lenticule::lab
