@@ -35,14 +35,12 @@ Nanoseconds nanoseconds_of_ms(double ms) {
   return Nanoseconds(std::llround(ms * kNanosecondsPerMs));
 }
 
-/// ShownFrame is one frame on the panel, and its light at the camera once it was requested.
-struct ShownFrame {
-  DrivenFrame driven;
-  std::vector<float>
-      light;  // light of the camera's pixels; empty = not gathered from this viewpoint yet
-};
-
-optics::Panel panel_as_built(optics::Panel panel, const SimulatedPanelLink& link) {
+/// Returns the panel with its true layout. Throws Error(Input) for an impossible set-up.
+optics::Panel checked_panel(optics::Panel panel, const SimulatedSheet& sheet,
+                            const SimulatedPanelLink& link, const SimulatedCamera& camera) {
+  check_sheet(sheet, panel);
+  check_link(link);
+  check_camera(camera);
   if (link.actual_layout) panel.layout = *link.actual_layout;
   return panel;
 }
@@ -71,77 +69,10 @@ CameraFacts facts_of(const SimulatedCamera& camera) {
 
 }  // namespace
 
-class SimulatedBench::Impl final : public frames::FrameSink, public calib::Camera {
- public:
-  Impl(const optics::Panel& panel, const SimulatedSheet& sheet, const SimulatedPanelLink& link,
-       const SimulatedCamera& camera, uint64_t seed);
-
-  [[nodiscard]] frames::FrameGeometry geometry() const override;
-  [[nodiscard]] frames::ShowResult show(const frames::FrameView& frame,
-                                        std::chrono::nanoseconds timeout) override;
-
-  [[nodiscard]] const CameraFacts& facts() const override { return facts_; }
-  [[nodiscard]] GrabStatus grab(calib::CameraPicture& out, Nanoseconds timeout,
-                                Nanoseconds not_before) override;
-  [[nodiscard]] Nanoseconds now() const override { return now_; }
-  [[nodiscard]] std::vector<std::string> drifted_controls() override { return {}; }
-  [[nodiscard]] std::string failure() const override {
-    return pictures_left_ == 0 ? "the camera was unplugged" : "";
-  }
-
-  void move_camera(Vec3 position_mm, Vec3 look_at_mm, double roll_degrees);
-  void set_thermal_stretch(double relative);
-  void unplug_after(int pictures) { pictures_left_ = std::max(0, pictures); }
-  void set_threads(int threads) { threads_ = std::clamp(threads, 1, 64); }
-  [[nodiscard]] const SimulatedCamera& ground_truth_camera() const { return camera_; }
-  [[nodiscard]] const SheetShape& shape() const { return shape_; }
-  [[nodiscard]] const optics::Panel& panel() const { return panel_; }
-
- private:
-  void make_light_table();
-  void forget_viewpoint();
-  void trace_if_needed();
-  const std::vector<float>& light_of(ShownFrame& frame);
-  void keep_leftover_of_old_frame(double ms_since_shown);
-  [[nodiscard]] double start_of_picture_ms(uint64_t picture) const;
-  [[nodiscard]] double length_of_picture_ms() const;
-  [[nodiscard]] uint64_t next_picture() const;
-  void expose(uint64_t picture);
-  void expose_row(int row, uint64_t picture, bool both_frames);
-  [[nodiscard]] double old_part_of_row(int row, uint64_t picture) const;
-  [[nodiscard]] double gain_of_row(int row, uint64_t picture) const;
-  [[nodiscard]] double row_begins_ms(int row, uint64_t picture) const;
-  void add_highlight(int row);
-
-  optics::Panel panel_;  // panel with the true layout
-  SimulatedSheet sheet_;
-  SimulatedPanelLink link_;
-  SimulatedCamera camera_;
-  uint64_t seed_;
-  int threads_ = 2;
-  SheetShape shape_;
-  SubpixelFinder finder_;
-  Sensor sensor_;
-  CameraFacts facts_;
-  std::array<float, 256> code_light_;
-  LightTable table_{};
-  std::unique_ptr<SampleMap> map_;  // map of the present viewpoint; null = not traced yet
-
-  Nanoseconds now_{0};
-  double shown_at_ms_ = 0.0;
-  uint64_t shown_frames_ = 0;
-  ShownFrame current_;
-  ShownFrame previous_;
-  std::vector<float> exposed_;
-  double camera_starts_ms_;  // start of picture 0, relative to the panel's clock
-  uint64_t pictures_ = 0;    // lower limit of the next picture's number
-  int pictures_left_ = -1;   // -1 = no limit
-};
-
-SimulatedBench::Impl::Impl(const optics::Panel& panel, const SimulatedSheet& sheet,
-                           const SimulatedPanelLink& link, const SimulatedCamera& camera,
-                           uint64_t seed)
-    : panel_(panel_as_built(panel, link)),
+SimulatedBench::SimulatedBench(const optics::Panel& panel, const SimulatedSheet& sheet,
+                               const SimulatedPanelLink& link, const SimulatedCamera& camera,
+                               uint64_t seed)
+    : panel_(checked_panel(panel, sheet, link, camera)),
       sheet_(sheet),
       link_(link),
       camera_(camera),
@@ -160,7 +91,7 @@ SimulatedBench::Impl::Impl(const optics::Panel& panel, const SimulatedSheet& she
 
 /// Makes the light table, scaled so that a white panel gives each colour of the camera its white
 /// light.
-void SimulatedBench::Impl::make_light_table() {
+void SimulatedBench::make_light_table() {
   for (size_t own = 0; own < 3; ++own) {
     const std::array<double, 3> response = response_of(camera_, own);
     const double sum = response[0] + response[1] + response[2];
@@ -176,17 +107,17 @@ void SimulatedBench::Impl::make_light_table() {
   }
 }
 
-frames::FrameGeometry SimulatedBench::Impl::geometry() const {
+frames::FrameGeometry SimulatedBench::geometry() const {
   return {panel_.width_px, panel_.height_px, frames::PixelFormat::Rgb8};
 }
 
-void SimulatedBench::Impl::forget_viewpoint() {
+void SimulatedBench::forget_viewpoint() {
   map_.reset();
   current_.light.clear();
   previous_.light.clear();
 }
 
-void SimulatedBench::Impl::move_camera(Vec3 position_mm, Vec3 look_at_mm, double roll_degrees) {
+void SimulatedBench::move_camera(Vec3 position_mm, Vec3 look_at_mm, double roll_degrees) {
   SimulatedCamera moved = camera_;
   moved.position_mm = position_mm;
   moved.look_at_mm = look_at_mm;
@@ -196,7 +127,7 @@ void SimulatedBench::Impl::move_camera(Vec3 position_mm, Vec3 look_at_mm, double
   forget_viewpoint();
 }
 
-void SimulatedBench::Impl::set_thermal_stretch(double relative) {
+void SimulatedBench::set_thermal_stretch(double relative) {
   if (!(std::abs(relative) <= 0.1)) {
     throw Error(ErrorKind::Input, "simulated sheet: thermal stretch: out of range",
                 "it must be -0.1 to 0.1");
@@ -206,7 +137,7 @@ void SimulatedBench::Impl::set_thermal_stretch(double relative) {
 }
 
 /// Adds to the current frame what a slow panel still shows of the previous one.
-void SimulatedBench::Impl::keep_leftover_of_old_frame(double ms_since_shown) {
+void SimulatedBench::keep_leftover_of_old_frame(double ms_since_shown) {
   if (current_.light.empty() || previous_.light.empty() || link_.response_ms <= 0.0) return;
   const auto left = static_cast<float>(std::exp(-ms_since_shown / link_.response_ms));
   if (double{left} < kForgotten) return;
@@ -215,8 +146,8 @@ void SimulatedBench::Impl::keep_leftover_of_old_frame(double ms_since_shown) {
   }
 }
 
-frames::ShowResult SimulatedBench::Impl::show(const frames::FrameView& frame,
-                                              std::chrono::nanoseconds timeout) {
+frames::ShowResult SimulatedBench::show(const frames::FrameView& frame,
+                                        std::chrono::nanoseconds timeout) {
   LENTICULE_CHECK(frame.geometry == geometry());
   const double period_ms = 1000.0 / link_.refresh_hz;
   const double vblank_ms = (std::floor(ms_of(now_) / period_ms + 1e-6) + 1.0) * period_ms;
@@ -237,7 +168,7 @@ frames::ShowResult SimulatedBench::Impl::show(const frames::FrameView& frame,
   return frames::ShowResult::Shown;
 }
 
-void SimulatedBench::Impl::trace_if_needed() {
+void SimulatedBench::trace_if_needed() {
   if (map_) return;
   SimulatedCamera shaken = camera_;
   if (camera_.shake_mm > 0.0) {
@@ -250,7 +181,7 @@ void SimulatedBench::Impl::trace_if_needed() {
       std::make_unique<SampleMap>(panel_, shape_, finder_, shaken, scramble(seed_ + 2), threads_);
 }
 
-const std::vector<float>& SimulatedBench::Impl::light_of(ShownFrame& frame) {
+const std::vector<float>& SimulatedBench::light_of(ShownFrame& frame) {
   trace_if_needed();
   if (frame.light.empty()) {
     Haze haze{sheet_.haze, 1.0 - sheet_.black_matrix, {}};
@@ -260,23 +191,23 @@ const std::vector<float>& SimulatedBench::Impl::light_of(ShownFrame& frame) {
   return frame.light;
 }
 
-double SimulatedBench::Impl::start_of_picture_ms(uint64_t picture) const {
+double SimulatedBench::start_of_picture_ms(uint64_t picture) const {
   return camera_starts_ms_ + static_cast<double>(picture) * 1000.0 / camera_.frames_per_second;
 }
 
-double SimulatedBench::Impl::length_of_picture_ms() const {
+double SimulatedBench::length_of_picture_ms() const {
   return camera_.exposure_ms + camera_.rolling_shutter_ms;
 }
 
 /// Returns the first picture that ends after now and was not taken yet.
-uint64_t SimulatedBench::Impl::next_picture() const {
+uint64_t SimulatedBench::next_picture() const {
   const double earliest_start = ms_of(now_) - length_of_picture_ms() - camera_starts_ms_;
   const double number = std::floor(earliest_start * camera_.frames_per_second / 1000.0) + 1.0;
   return std::max(pictures_, static_cast<uint64_t>(std::max(0.0, number)));
 }
 
-GrabStatus SimulatedBench::Impl::grab(calib::CameraPicture& out, Nanoseconds timeout,
-                                      Nanoseconds not_before) {
+GrabStatus SimulatedBench::grab(calib::CameraPicture& out, Nanoseconds timeout,
+                                Nanoseconds not_before) {
   const Nanoseconds deadline = now_ + std::max(timeout, Nanoseconds(0));
   while (true) {
     if (pictures_left_ == 0) return GrabStatus::Gone;
@@ -299,17 +230,17 @@ GrabStatus SimulatedBench::Impl::grab(calib::CameraPicture& out, Nanoseconds tim
   }
 }
 
-double SimulatedBench::Impl::row_begins_ms(int row, uint64_t picture) const {
+double SimulatedBench::row_begins_ms(int row, uint64_t picture) const {
   return start_of_picture_ms(picture) + camera_.rolling_shutter_ms * row / camera_.height;
 }
 
-double SimulatedBench::Impl::old_part_of_row(int row, uint64_t picture) const {
+double SimulatedBench::old_part_of_row(int row, uint64_t picture) const {
   const double switched = shown_at_ms_ + link_.scan_out_ms * map_->row(row).panel_y;
   return old_frame_part(row_begins_ms(row, picture), camera_.exposure_ms, switched,
                         link_.response_ms);
 }
 
-double SimulatedBench::Impl::gain_of_row(int row, uint64_t picture) const {
+double SimulatedBench::gain_of_row(int row, uint64_t picture) const {
   PortableRandom random(scramble(seed_ + 3) ^ picture);
   const double drift = 1.0 + camera_.gain_drift * random.gaussian();
   const double phase = random.uniform(0.0, 2.0 * std::numbers::pi);
@@ -319,7 +250,7 @@ double SimulatedBench::Impl::gain_of_row(int row, uint64_t picture) const {
                         link_.pwm_duty);
 }
 
-void SimulatedBench::Impl::expose(uint64_t picture) {
+void SimulatedBench::expose(uint64_t picture) {
   light_of(current_);
   bool both_frames = false;
   for (int row = 0; row < camera_.height && !both_frames; ++row) {
@@ -334,7 +265,7 @@ void SimulatedBench::Impl::expose(uint64_t picture) {
   for_rows(camera_.height, expose_one, threads_);
 }
 
-void SimulatedBench::Impl::expose_row(int row, uint64_t picture, bool both_frames) {
+void SimulatedBench::expose_row(int row, uint64_t picture, bool both_frames) {
   const size_t first = static_cast<size_t>(row) * static_cast<size_t>(camera_.width);
   const size_t last = first + static_cast<size_t>(camera_.width);
   const auto old_part = static_cast<float>(both_frames ? old_part_of_row(row, picture) : 0.0);
@@ -348,7 +279,7 @@ void SimulatedBench::Impl::expose_row(int row, uint64_t picture, bool both_frame
 }
 
 /// Adds the reflection: twice full scale inside, decreasing to zero over a tenth of the half axes.
-void SimulatedBench::Impl::add_highlight(int row) {
+void SimulatedBench::add_highlight(int row) {
   const double y = ((row + 0.5) / camera_.height - camera_.highlight_y) /
                    std::max(camera_.highlight_half_height, 1e-6);
   if (std::abs(y) > 1.1) return;
@@ -361,53 +292,20 @@ void SimulatedBench::Impl::add_highlight(int row) {
   }
 }
 
-SimulatedBench::SimulatedBench(const optics::Panel& panel, const SimulatedSheet& sheet,
-                               const SimulatedPanelLink& link, const SimulatedCamera& camera,
-                               uint64_t seed) {
-  check_sheet(sheet, panel);
-  check_link(link);
-  check_camera(camera);
-  impl_ = std::make_unique<Impl>(panel, sheet, link, camera, seed);
-}
-
-SimulatedBench::~SimulatedBench() = default;
-
-frames::FrameSink& SimulatedBench::sink() {
-  return *impl_;
-}
-calib::Camera& SimulatedBench::camera() {
-  return *impl_;
-}
-void SimulatedBench::move_camera(Vec3 position_mm, Vec3 look_at_mm, double roll_degrees) {
-  impl_->move_camera(position_mm, look_at_mm, roll_degrees);
-}
-void SimulatedBench::set_thermal_stretch(double relative) {
-  impl_->set_thermal_stretch(relative);
-}
-void SimulatedBench::unplug_after(int pictures) {
-  impl_->unplug_after(pictures);
-}
-void SimulatedBench::set_threads(int threads) {
-  impl_->set_threads(threads);
-}
-const SimulatedCamera& SimulatedBench::ground_truth_camera() const {
-  return impl_->ground_truth_camera();
-}
-
 double SimulatedBench::ground_truth_phase(double x_px, double y_px, int channel, Vec3 eye,
                                           LightMiddle middle) const {
-  const optics::Panel& panel = impl_->panel();
+  const optics::Panel& panel = panel_;
   const Vec2 point{panel.x_mm(x_px), panel.y_mm(y_px)};
-  const std::optional<TrueView> view = true_view(impl_->shape(), point, channel, eye, middle);
+  const std::optional<TrueView> view = true_view(shape_, point, channel, eye, middle);
   return view ? view->phase : std::numeric_limits<double>::quiet_NaN();
 }
 
 std::optional<Vec2> SimulatedBench::ground_truth_in_picture(double x_px, double y_px) const {
-  const optics::Panel& panel = impl_->panel();
-  const SimulatedCamera& camera = impl_->ground_truth_camera();
+  const optics::Panel& panel = panel_;
+  const SimulatedCamera& camera = camera_;
   const Vec2 point{panel.x_mm(x_px), panel.y_mm(y_px)};
   const std::optional<TrueView> view =
-      true_view(impl_->shape(), point, 1, camera.position_mm, LightMiddle::Centroid);
+      true_view(shape_, point, 1, camera.position_mm, LightMiddle::Centroid);
   if (!view) return std::nullopt;
   return CameraRays(camera).project(view->aim);
 }

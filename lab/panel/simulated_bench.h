@@ -6,12 +6,20 @@
 // neglect.
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "calib/camera.h"
 #include "frames/frame_sink.h"
+#include "lab/panel/driven_panel.h"
+#include "lab/panel/lens_sheet.h"
+#include "lab/panel/sample_map.h"
+#include "lab/panel/simulated_sensor.h"
 #include "lab/panel/simulated_setup.h"
 #include "optics/panel.h"
 #include "optics/vec.h"
@@ -23,22 +31,32 @@ namespace lenticule::lab {
 /// helpers.
 ///
 /// Thread safety: one thread; the bench starts helper threads and joins them before returning.
-class SimulatedBench {
+class SimulatedBench final : public frames::FrameSink, public calib::Camera {
  public:
   /// Takes the panel layout that the player assumes. Throws the Error(Input) of check_sheet and
   /// check_camera.
   SimulatedBench(const optics::Panel& panel, const SimulatedSheet& sheet,
                  const SimulatedPanelLink& link, const SimulatedCamera& camera, uint64_t seed);
-  ~SimulatedBench();
-  SimulatedBench(const SimulatedBench&) = delete;
-  SimulatedBench& operator=(const SimulatedBench&) = delete;
 
   /// Returns the sink, which shows Rgb8 frames of the panel's size at the next vblank of the
   /// simulated clock.
-  [[nodiscard]] frames::FrameSink& sink();
+  [[nodiscard]] frames::FrameSink& sink() { return *this; }
   /// Returns the camera. It grabs the next picture whose exposure ends after now; the exposure may
   /// have begun before the last show().
-  [[nodiscard]] calib::Camera& camera();
+  [[nodiscard]] calib::Camera& camera() { return *this; }
+
+  [[nodiscard]] frames::FrameGeometry geometry() const override;
+  [[nodiscard]] frames::ShowResult show(const frames::FrameView& frame,
+                                        std::chrono::nanoseconds timeout) override;
+
+  [[nodiscard]] const calib::CameraFacts& facts() const override { return facts_; }
+  [[nodiscard]] calib::GrabStatus grab(calib::CameraPicture& out, calib::Nanoseconds timeout,
+                                       calib::Nanoseconds not_before) override;
+  [[nodiscard]] calib::Nanoseconds now() const override { return now_; }
+  [[nodiscard]] std::vector<std::string> drifted_controls() override { return {}; }
+  [[nodiscard]] std::string failure() const override {
+    return pictures_left_ == 0 ? "the camera was unplugged" : "";
+  }
 
   /// Moves the camera. Throws Error(Input) if it is not in front of the panel.
   void move_camera(Vec3 position_mm, Vec3 look_at_mm, double roll_degrees);
@@ -46,12 +64,12 @@ class SimulatedBench {
   /// above a tenth.
   void set_thermal_stretch(double relative);
   /// Unplugs the camera after this many more pictures: the next capture returns Gone.
-  void unplug_after(int pictures);
+  void unplug_after(int pictures) { pictures_left_ = std::max(0, pictures); }
   /// Sets the number of threads that trace and gather, 1 to 64 (default 2).
-  void set_threads(int threads);
+  void set_threads(int threads) { threads_ = std::clamp(threads, 1, 64); }
 
   /// Returns the camera's true position and properties.
-  [[nodiscard]] const SimulatedCamera& ground_truth_camera() const;
+  [[nodiscard]] const SimulatedCamera& ground_truth_camera() const { return camera_; }
 
   /// Returns the ground truth of Phi: the lens coordinate of the apex line whose lens shows panel
   /// point (x_px, y_px) to `eye` (panel frame, mm) in the middle of its light. The middle is the
@@ -67,8 +85,51 @@ class SimulatedBench {
   [[nodiscard]] std::optional<Vec2> ground_truth_in_picture(double x_px, double y_px) const;
 
  private:
-  class Impl;
-  std::unique_ptr<Impl> impl_;
+  /// ShownFrame is one frame on the panel, and its light at the camera once it was requested.
+  struct ShownFrame {
+    DrivenFrame driven;
+    std::vector<float>
+        light;  // light of the camera's pixels; empty = not gathered from this viewpoint yet
+  };
+
+  void make_light_table();
+  void forget_viewpoint();
+  void trace_if_needed();
+  const std::vector<float>& light_of(ShownFrame& frame);
+  void keep_leftover_of_old_frame(double ms_since_shown);
+  [[nodiscard]] double start_of_picture_ms(uint64_t picture) const;
+  [[nodiscard]] double length_of_picture_ms() const;
+  [[nodiscard]] uint64_t next_picture() const;
+  void expose(uint64_t picture);
+  void expose_row(int row, uint64_t picture, bool both_frames);
+  [[nodiscard]] double old_part_of_row(int row, uint64_t picture) const;
+  [[nodiscard]] double gain_of_row(int row, uint64_t picture) const;
+  [[nodiscard]] double row_begins_ms(int row, uint64_t picture) const;
+  void add_highlight(int row);
+
+  optics::Panel panel_;  // panel with the true layout
+  SimulatedSheet sheet_;
+  SimulatedPanelLink link_;
+  SimulatedCamera camera_;
+  uint64_t seed_;
+  int threads_ = 2;
+  SheetShape shape_;
+  SubpixelFinder finder_;
+  Sensor sensor_;
+  calib::CameraFacts facts_;
+  std::array<float, 256> code_light_;
+  LightTable table_{};
+  std::unique_ptr<SampleMap> map_;  // map of the present viewpoint; null = not traced yet
+
+  calib::Nanoseconds now_{0};
+  double shown_at_ms_ = 0.0;
+  uint64_t shown_frames_ = 0;
+  ShownFrame current_;
+  ShownFrame previous_;
+  std::vector<float> exposed_;
+  double camera_starts_ms_;  // start of picture 0, relative to the panel's clock
+  uint64_t pictures_ = 0;    // lower limit of the next picture's number
+  int pictures_left_ = -1;   // -1 = no limit
 };
 
 }  // namespace lenticule::lab

@@ -122,10 +122,6 @@ double LensSection::ground_truth_phase(Vec2 q, int channel, const Vec3& eye) con
   return lens_coordinate(lens);
 }
 
-double LensSection::reduced_gap_mm() const {
-  return build_.sheet_mm / build_.sheet_index + build_.glass_mm / build_.glass_index;
-}
-
 ShiftTable::ShiftTable(const LensSection& sheet) : sheet_(sheet) {
   values_.resize(size_t{3} * kSteps * kSteps);
 }

@@ -73,8 +73,6 @@ class LensSection {
   [[nodiscard]] double pitch_mm() const { return pitch_mm_; }  ///< across the lenses
   [[nodiscard]] Vec2 across() const { return across_; }        ///< unit vector
   [[nodiscard]] Vec2 along() const { return {-across_.y, across_.x}; }
-  /// Returns the reduced gap of the build, the sum of thickness over index, for green light.
-  [[nodiscard]] double reduced_gap_mm() const;
 
  private:
   SheetBuild build_;

@@ -233,10 +233,6 @@ long double oracle_light(const render::SceneDescription& scene, const OracleLine
   return Tracer{scene, channel, max_depth, start_off}.light(line, 0, 0, {});
 }
 
-long double oracle_distance(const render::SceneDescription& scene, const OracleLine& line) {
-  return meet_all(scene, line, 0, {}).t;
-}
-
 namespace {
 
 constexpr int kDepth = 5;              // the default of renders

@@ -60,10 +60,6 @@ struct OracleLine {
                                        const OracleLine& line, int channel, int max_depth,
                                        long double start_off = 0);
 
-/// Returns the distance to the first surface in lengths of `way`; infinite if there is none.
-[[nodiscard]] long double oracle_distance(const render::SceneDescription& scene,
-                                          const OracleLine& line);
-
 // Compares pictures of method full with the reference implementation of rays (the oracle), subpixel
 // by subpixel.
 

@@ -178,94 +178,6 @@ void compare_row(const RowTracer::Seen& traced, const render::SweptRow& swept,
   }
 }
 
-/// SweepTimer distributes consecutive rows in bands, one per thread.
-class SweepTimer {
- public:
-  SweepTimer(const render::RowPlanes& planes, const render::Scene& scene, int threads)
-      : planes_(planes),
-        scene_(scene),
-        arena_(threads > 0 ? threads : tbb::task_arena::automatic) {}
-
-  SweepTiming run() {
-    const Clock::time_point start = Clock::now();
-    const render::RowSweep sweep(planes_, scene_);
-    SweepTiming timing;
-    timing.prepare_seconds = seconds_since(start);
-    timing.subpixels = planes_.row_subpixels() * static_cast<uint64_t>(planes_.rows());
-    tbb::enumerable_thread_specific<Work> workers([&] { return Work(sweep, planes_); });
-    arena_.execute([&] {
-      tbb::parallel_for(0, (planes_.rows() + kBand - 1) / kBand, [&](int band) {
-        const render::FlushDenormals flush;
-        workers.local().time_band(planes_, band);
-      });
-    });
-    for (const Work& work : workers) work.add_to(timing);
-    const double threads = arena_.max_concurrency();
-    timing.rays_seconds /= threads;
-    timing.write_seconds /= threads;
-    timing.seconds = timing.seconds / threads + timing.prepare_seconds;
-    return timing;
-  }
-
- private:
-  static constexpr int kBand = 16;
-
-  struct Work {
-    Work(const render::RowSweep& sweep, const render::RowPlanes& planes)
-        : worker(sweep), maker(planes) {}
-
-    void time_band(const render::RowPlanes& planes, int band) {
-      const int first = band * kBand;
-      const int end = std::min(first + kBand, planes.rows());
-      Clock::time_point start = Clock::now();
-      for (int row = first; row < end; ++row) {
-        worker.sweep(row, swept);
-        cuts += swept.cuts.size();
-      }
-      sum.seconds += seconds_since(start);
-      start = Clock::now();
-      for (int row = first; row < end; ++row) make_rays(planes, row);
-      sum.rays_seconds += seconds_since(start);
-      start = Clock::now();
-      for (int row = first; row < end; ++row) write(row);
-      sum.write_seconds += seconds_since(start);
-    }
-    void make_rays(const render::RowPlanes& planes, int row) {
-      for (size_t plane = 0; plane < planes.planes_of(row); ++plane) {
-        maker.make(row, plane, rays);
-        cells.arrange(planes.kernel(), planes.inverse_z(), rays);
-      }
-    }
-    void write(int value) {
-      std::fill(bare.cut.begin(), bare.cut.end(), value);
-      std::fill(bare.z_mm.begin(), bare.z_mm.end(), static_cast<float>(value));
-      std::fill(bare.along.begin(), bare.along.end(), static_cast<float>(value));
-      if (bare.cut.size() == swept.cut.size()) return;
-      bare.cut.resize(swept.cut.size());
-      bare.z_mm.resize(swept.cut.size());
-      bare.along.resize(swept.cut.size());
-    }
-    void add_to(SweepTiming& timing) const {
-      timing.seconds += sum.seconds;
-      timing.rays_seconds += sum.rays_seconds;
-      timing.write_seconds += sum.write_seconds;
-      timing.cuts += cuts;
-    }
-
-    render::RowSweep::Worker worker;
-    render::RowPlanes::Maker maker;
-    render::PlaneRays rays;
-    render::PlaneCells cells;
-    render::SweptRow swept, bare;
-    SweepTiming sum;
-    uint64_t cuts = 0;
-  };
-
-  const render::RowPlanes& planes_;
-  const render::Scene& scene_;
-  tbb::task_arena arena_;
-};
-
 }  // namespace
 
 RowTracer::RowTracer(const optics::OpticalModel& model, const render::Scene& scene)
@@ -310,11 +222,6 @@ SweepDifference compare_with_embree(const render::RowPlanes& planes, const rende
     compare_row(traced, swept, sum);
   }
   return sum;
-}
-
-SweepTiming time_row_sweep(const render::RowPlanes& planes, const render::Scene& scene,
-                           int threads) {
-  return SweepTimer(planes, scene, threads).run();
 }
 
 namespace {

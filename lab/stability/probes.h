@@ -122,19 +122,6 @@ struct SweepDifference {
 [[nodiscard]] SweepDifference compare_with_embree(const render::RowPlanes& planes,
                                                   const render::Scene& scene, int first, int step);
 
-struct SweepTiming {
-  uint64_t subpixels = 0;
-  double prepare_seconds = 0.0;  ///< preparation of a frame, before its rows
-  double seconds = 0.0;          ///< rows and preparation
-  double rays_seconds = 0.0;     ///< part of those: making and arranging rays, without cutting
-  double write_seconds = 0.0;    ///< writing as many numbers as the rows contain
-  uint64_t cuts = 0;
-};
-/// Sweeps every row once. `threads` 0 = all cores. Times are the sum over the threads divided by
-/// their number.
-[[nodiscard]] SweepTiming time_row_sweep(const render::RowPlanes& planes,
-                                         const render::Scene& scene, int threads);
-
 // Measures the speed of visibility against Embree alone with the same rays, for `lenticule bench
 // exact`.
 

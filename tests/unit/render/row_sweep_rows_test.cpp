@@ -158,7 +158,7 @@ TEST(RowSweep, AllocatesNothingAfterTheFirstFrame) {
   }
 }
 
-TEST(RowTracer, ComparesAndTimesEveryRow) {
+TEST(RowTracer, ComparesEveryRow) {
   const optics::OpticalModel model(test::make_rig({.width = 30, .height = 40}));
   const Scene scene(test::tiny_scenes().front().scene, test::make_tiny_stage(), {}, 1);
   const RowPlanes planes(model);
@@ -166,10 +166,6 @@ TEST(RowTracer, ComparesAndTimesEveryRow) {
   EXPECT_EQ(difference.subpixels, 30U * 40U * 3U);
   EXPECT_EQ(difference.elsewhere, 0U);
   EXPECT_LT(difference.depth_mm, 1e-3);
-  const lab::SweepTiming timing = lab::time_row_sweep(planes, scene, 2);
-  EXPECT_EQ(timing.subpixels, 30U * 40U * 3U);
-  EXPECT_GT(timing.cuts, 0U);
-  EXPECT_GT(timing.seconds, timing.prepare_seconds);
 }
 
 TEST(RowBuckets, AreTheRangesThatHoldARow) {
