@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The actions of `lenticule farm`, each in a file of its own.
+// The actions of `lenticule farm`: plan.cpp has plan and verify, work.cpp render, merge and feed,
+// cluster.cpp submit and status.
 #pragma once
 
 #include <chrono>
@@ -21,70 +22,44 @@
 
 namespace lenticule::tools {
 
-struct FarmPlanFlags {
-  RenderFlags render;
-  std::string chunk = "auto";
-  int timed_frames = 3;
-  std::string output;
-  std::string work;
+/// FarmFlags are the flags of all actions; each declares and reads its own.
+struct FarmFlags {
+  std::string folder;   ///< work folder
+  std::string output;   ///< film, or ring; of merge empty: as planned
   std::string program;  ///< lenticule as the nodes call it; empty: this program's path
+  int threads = 0;
   bool overwrite = false;
   bool json = false;
+
+  // plan
+  RenderFlags render;
   std::vector<std::string> arguments{};  ///< the flags of `render` as they were given
-};
-[[nodiscard]] ExitCode farm_plan(const FarmPlanFlags& flags);
-
-struct FarmRenderFlags {
-  std::string folder;
+  std::string chunk_frames = "auto";
+  int timed_frames = 3;
+  // render
   uint64_t chunk = 0;
-  int threads = 0;
-  bool json = false;
-};
-[[nodiscard]] ExitCode farm_render(const FarmRenderFlags& flags);
-
-struct FarmSubmitFlags {
-  std::string folder;
+  // submit
   bool slurm = false;
   bool dry_run = false;
-  bool json = false;
-  std::string program;
   farm::SlurmOptions options;
-};
-[[nodiscard]] ExitCode farm_submit(const FarmSubmitFlags& flags);
-
-struct FarmStatusFlags {
-  std::string folder;
+  // status
   bool watch = false;
-  bool json = false;
-};
-[[nodiscard]] ExitCode farm_status(const FarmStatusFlags& flags);
-
-struct FarmMergeFlags {
-  std::string folder;
-  std::string output;  ///< empty: as planned
+  // merge
   int wait_seconds = 0;
   bool partial = false;
-  bool overwrite = false;
-  bool json = false;
-};
-[[nodiscard]] ExitCode farm_merge(const FarmMergeFlags& flags);
-
-struct FarmVerifyFlags {
-  std::string folder;
+  // verify
   uint64_t sample = 8;
   uint64_t seed = 0;
-  int threads = 0;
-  bool json = false;
-};
-[[nodiscard]] ExitCode farm_verify(const FarmVerifyFlags& flags);
-
-struct FarmFeedFlags {
-  std::string folder;
-  std::string output;
+  // feed
   double ring_timeout = 10.0;
-  bool json = false;
 };
-[[nodiscard]] ExitCode farm_feed(const FarmFeedFlags& flags);
+[[nodiscard]] ExitCode farm_plan(const FarmFlags& flags);
+[[nodiscard]] ExitCode farm_render(const FarmFlags& flags);
+[[nodiscard]] ExitCode farm_submit(const FarmFlags& flags);
+[[nodiscard]] ExitCode farm_status(const FarmFlags& flags);
+[[nodiscard]] ExitCode farm_merge(const FarmFlags& flags);
+[[nodiscard]] ExitCode farm_verify(const FarmFlags& flags);
+[[nodiscard]] ExitCode farm_feed(const FarmFlags& flags);
 
 /// Returns this program's name for scripts on other machines: `given`, or the path of lenticule.
 [[nodiscard]] std::string farm_program(const std::string& given);

@@ -80,7 +80,7 @@ std::string command_line(const std::vector<std::string>& words) {
 /// SubmitRun submits array jobs of at most as many tasks as Slurm allows, then the merge.
 class SubmitRun {
  public:
-  explicit SubmitRun(const FarmSubmitFlags& flags)
+  explicit SubmitRun(const FarmFlags& flags)
       : flags_(flags),
         folder_(fs::absolute(flags.folder).lexically_normal()),
         program_(farm_program(flags.program)) {
@@ -230,7 +230,7 @@ class SubmitRun {
     return kOk;
   }
 
-  const FarmSubmitFlags& flags_;
+  const FarmFlags& flags_;
   farm::WorkFolder folder_;
   std::string program_;
   farm::SlurmJobs jobs_;
@@ -246,7 +246,7 @@ class SubmitRun {
 
 }  // namespace
 
-ExitCode farm_submit(const FarmSubmitFlags& flags) {
+ExitCode farm_submit(const FarmFlags& flags) {
   if (!flags.slurm)
     throw Error(ErrorKind::Usage, "farm submit: no engine requested",
                 "--slurm submits to Slurm; other engines run the lines of commands.txt");
@@ -312,7 +312,7 @@ bool wait_for_next_look() {
 
 }  // namespace
 
-ExitCode farm_status(const FarmStatusFlags& flags) {
+ExitCode farm_status(const FarmFlags& flags) {
   const farm::WorkFolder folder(flags.folder);
   QueueLook queue(folder);
   const bool terminal = isatty(STDOUT_FILENO) == 1;

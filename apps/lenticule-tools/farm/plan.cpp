@@ -177,7 +177,7 @@ std::set<uint64_t> frames_to_time(const player::FrameRange& film, int count) {
 }
 
 /// Renders some frames. A frame on which others depend is timed with them.
-farm::FrameTiming time_frames(FilmRenderer& renderer, const FarmPlanFlags& flags,
+farm::FrameTiming time_frames(FilmRenderer& renderer, const FarmFlags& flags,
                               double start_seconds) {
   farm::FrameTiming timing{.start_seconds = start_seconds};
   const int threads = flags.render.options.threads;
@@ -213,14 +213,14 @@ uint64_t parse_chunk(const std::string& text) {
   return *frames;
 }
 
-nlohmann::json plan_result(const FarmPlanFlags& flags, const farm::Plan& plan) {
-  return {{"work", flags.work},
+nlohmann::json plan_result(const FarmFlags& flags, const farm::Plan& plan) {
+  return {{"work", flags.folder},
           {"output", plan.output},
           {"frames", plan.end - plan.begin},
           {"chunks", plan.chunks()},
           {"chunk_frames", plan.chunk_frames},
           {"identity", plan.identity()},
-          {"commands", (std::filesystem::path(flags.work) / "commands.txt").string()},
+          {"commands", (std::filesystem::path(flags.folder) / "commands.txt").string()},
           {"frame_seconds", plan.timing.frame_seconds},
           {"start_seconds", plan.timing.start_seconds}};
 }
@@ -235,11 +235,11 @@ void print_plan(const farm::Plan& plan, const std::filesystem::path& folder) {
   print_out("commands: {}\n", folder / "commands.txt");
 }
 
-void require_film_name(const FarmPlanFlags& flags) {
+void require_film_name(const FarmFlags& flags) {
   if (!flags.output.ends_with(".lts"))
     throw Error(ErrorKind::Usage, fmt::format("-o {}: a farm makes films", flags.output),
                 "use a name that ends in .lts; lenticule convert makes pictures and videos of it");
-  if (flags.timed_frames == 0 && flags.chunk == "auto")
+  if (flags.timed_frames == 0 && flags.chunk_frames == "auto")
     throw Error(ErrorKind::Usage, "--chunk auto: needs timed frames",
                 "leave out --timed-frames 0, or give a number: --chunk 32");
 }
@@ -252,9 +252,9 @@ std::string farm_program(const std::string& given) {
   return program ? std::filesystem::weakly_canonical(*program).string() : "lenticule";
 }
 
-ExitCode farm_plan(const FarmPlanFlags& flags) {
+ExitCode farm_plan(const FarmFlags& flags) {
   require_film_name(flags);
-  const std::filesystem::path folder = std::filesystem::absolute(flags.work).lexically_normal();
+  const std::filesystem::path folder = std::filesystem::absolute(flags.folder).lexically_normal();
   const player::FrameRange range = player::parse_frame_range(flags.render.frames);
   const auto begin = Clock::now();
   FilmRenderer renderer(flags.render, range);
@@ -272,20 +272,20 @@ ExitCode farm_plan(const FarmPlanFlags& flags) {
   plan.inputs = digests_of_inputs(flags.render, renderer);
   plan.output = request.target;
   const auto there = farm::WorkFolder::plan_in(folder);
-  if (there && flags.chunk == "auto") {
+  if (there && flags.chunk_frames == "auto") {
     plan.chunk_frames = there->chunk_frames;  // the same plan again
     plan.timing = there->timing;
   } else {
     plan.timing = time_frames(renderer, flags, seconds_since(begin));
     if (player::interrupted()) return player::interrupt_exit_code();
     plan.chunk_frames =
-        flags.chunk == "auto"
+        flags.chunk_frames == "auto"
             ? farm::choose_chunk_frames(plan.timing, range.count(), method_interval(renderer))
-            : std::min(parse_chunk(flags.chunk), range.count());
+            : std::min(parse_chunk(flags.chunk_frames), range.count());
   }
   if (plan.chunks() > farm::kMostChunks)
-    throw Error(ErrorKind::Usage,
-                fmt::format("--chunk {}: more than {} chunks", flags.chunk, farm::kMostChunks));
+    throw Error(ErrorKind::Usage, fmt::format("--chunk {}: more than {} chunks", flags.chunk_frames,
+                                              farm::kMostChunks));
   for (uint64_t chunk = 0; chunk < plan.chunks(); ++chunk) {
     const std::string digest = digest_of_chunk_inputs(flags.render, plan.chunk(chunk));
     if (digest.empty()) break;
@@ -382,7 +382,7 @@ nlohmann::json result_json(uint64_t checked, uint64_t seed,
 
 }  // namespace
 
-ExitCode farm_verify(const FarmVerifyFlags& flags) {
+ExitCode farm_verify(const FarmFlags& flags) {
   const farm::WorkFolder folder(flags.folder);
   const std::vector<DoneChunk> chunks = done_chunks(folder);
   if (chunks.empty())

@@ -104,7 +104,7 @@ class Heartbeat {
 
 class ChunkRun {
  public:
-  ChunkRun(const farm::WorkFolder& folder, const FarmRenderFlags& flags)
+  ChunkRun(const farm::WorkFolder& folder, const FarmFlags& flags)
       : folder_(folder), flags_(flags), chunk_(folder.plan().chunk(flags.chunk)) {
     report_.plan = folder.identity();
     report_.chunk = chunk_.number;
@@ -275,7 +275,7 @@ class ChunkRun {
   }
 
   const farm::WorkFolder& folder_;
-  const FarmRenderFlags& flags_;
+  const FarmFlags& flags_;
   farm::Chunk chunk_;
   farm::ChunkReport report_;
   Clock::time_point begin_ = Clock::now();
@@ -285,7 +285,7 @@ class ChunkRun {
 
 }  // namespace
 
-ExitCode farm_render(const FarmRenderFlags& flags) {
+ExitCode farm_render(const FarmFlags& flags) {
   const farm::WorkFolder folder(flags.folder);
   if (flags.chunk >= folder.plan().chunks())
     throw Error(ErrorKind::Usage, fmt::format("chunk {}: the plan has chunks 0 to {}", flags.chunk,
@@ -332,7 +332,7 @@ bool deliver_chunk(const farm::WorkFolder& folder, const farm::ChunkReport& repo
 
 }  // namespace
 
-ExitCode farm_feed(const FarmFeedFlags& flags) {
+ExitCode farm_feed(const FarmFlags& flags) {
   const farm::WorkFolder folder(flags.folder);
   const farm::Plan& plan = folder.plan();
   if (player::parse_source(flags.output).kind != player::SourceKind::Ring)
@@ -364,7 +364,7 @@ ExitCode farm_feed(const FarmFeedFlags& flags) {
 
 // lenticule farm merge joins the chunks of a plan into the film.
 
-ExitCode farm_merge(const FarmMergeFlags& flags) {
+ExitCode farm_merge(const FarmFlags& flags) {
   const farm::WorkFolder folder(flags.folder);
   const farm::Plan& plan = folder.plan();
   const std::string film = flags.output.empty() ? plan.output : flags.output;
