@@ -6,32 +6,13 @@
 
 #include "frames/image_io.h"
 #include "tests/commands/program.h"
+#include "tests/support/rig_text.h"
 
 namespace lenticule::test {
 namespace {
 
 using frames::read_woven;
 using frames::WovenFrame;
-
-constexpr const char* kRig = R"(format = 1
-name = "road"
-[panel]
-width_px = 240
-height_px = 120
-pixel_width_mm = 0.5
-pixel_height_mm = 0.5
-layout = "rgb"
-[sheet]
-pitch_subpx = 8.3
-slant = 0.17
-offset_lenses = 0.25
-gap_mm = 6.0
-refraction_shape = 0.45
-spot_sigma_lenses = 0.03
-[viewing]
-distance_mm = 500.0
-height_mm = 0.0
-)";
 
 /// A red ball in front of the panel, left of a green one on it, left of a blue one behind it.
 constexpr const char* kThreeBalls = R"(b 0 0 0
@@ -55,7 +36,13 @@ class EndToEnd : public CommandTest {
  protected:
   void SetUp() override {
     CommandTest::SetUp();
-    write("rig.toml", kRig);
+    write("rig.toml",
+          rig_toml({.width_px = 240,
+                    .height_px = 120,
+                    .pitch_subpx = 8.3,
+                    .slant = 0.17,
+                    .offset_lenses = 0.25,
+                    .more_of_sheet = "refraction_shape = 0.45\nspot_sigma_lenses = 0.03\n"}));
     write("scene.nff", kThreeBalls);
   }
 

@@ -4,34 +4,22 @@
 
 #include "frames/image_io.h"
 #include "tests/commands/program.h"
+#include "tests/support/rig_text.h"
 
 namespace lenticule::test {
 namespace {
-
-constexpr const char* kRig = R"(format = 1
-[panel]
-width_px = 96
-height_px = 48
-pixel_width_mm = 0.5
-pixel_height_mm = 0.5
-layout = "rgb"
-[sheet]
-pitch_subpx = 12.3
-slant = 0.17
-offset_lenses = 0.25
-gap_mm = 6.0
-refraction_shape = 0.45
-spot_sigma_lenses = 0.03
-[viewing]
-distance_mm = 500.0
-height_mm = 0.0
-)";
 
 class ReuseCommand : public CommandTest {
  protected:
   void SetUp() override {
     CommandTest::SetUp();
-    write("rig.toml", kRig);
+    write("rig.toml",
+          rig_toml({.width_px = 96,
+                    .height_px = 48,
+                    .pitch_subpx = 12.3,
+                    .slant = 0.17,
+                    .offset_lenses = 0.25,
+                    .more_of_sheet = "refraction_shape = 0.45\nspot_sigma_lenses = 0.03\n"}));
   }
   ProcessResult render(const std::string& folder, const std::string& frames,
                        const std::vector<std::string>& more = {}) {

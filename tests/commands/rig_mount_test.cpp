@@ -5,6 +5,7 @@
 #include "frames/image_io.h"
 #include "tests/commands/program.h"
 #include "tests/support/noise_frame.h"
+#include "tests/support/rig_text.h"
 #include "tests/support/turned_picture.h"
 
 namespace lenticule::test {
@@ -14,21 +15,7 @@ class RigMount : public CommandTest {
  protected:
   void SetUp() override {
     CommandTest::SetUp();
-    write("rig.toml", R"(format = 1
-name = "small"
-[panel]
-width_px = 48
-height_px = 32
-pixel_width_mm = 0.5
-pixel_height_mm = 0.5
-[sheet]
-pitch_subpx = 7.7
-slant = 0.5
-offset_lenses = 0.1
-gap_mm = 6
-[viewing]
-distance_mm = 500
-)");
+    write("rig.toml", rig_toml({.slant = 0.5, .offset_lenses = 0.1}));
   }
 
   [[nodiscard]] ProcessResult mount(const std::string& mounting) const {

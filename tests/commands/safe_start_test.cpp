@@ -7,6 +7,7 @@
 
 #include "frames/image_io.h"
 #include "tests/commands/program.h"
+#include "tests/support/rig_text.h"
 
 namespace lenticule::test {
 namespace {
@@ -18,11 +19,12 @@ class SafeStart : public CommandTest {
   void SetUp() override {
     CommandTest::SetUp();
     write("rig.toml",
-          "format = 1\nname = \"safe\"\n[panel]\nwidth_px = 240\nheight_px = 180\n"
-          "pixel_width_mm = 0.5\npixel_height_mm = 0.5\nlayout = \"rgb\"\n[sheet]\n"
-          "pitch_subpx = 8.3\nslant = 0.17\noffset_lenses = 0.25\ngap_mm = 6.0\n"
-          "refraction_shape = 0.45\nspot_sigma_lenses = 0.03\n[viewing]\n"
-          "distance_mm = 500.0\nheight_mm = 0.0\n");
+          rig_toml({.width_px = 240,
+                    .height_px = 180,
+                    .pitch_subpx = 8.3,
+                    .slant = 0.17,
+                    .offset_lenses = 0.25,
+                    .more_of_sheet = "refraction_shape = 0.45\nspot_sigma_lenses = 0.03\n"}));
     std::filesystem::create_directories(path("run"));
   }
 

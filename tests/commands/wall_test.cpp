@@ -11,6 +11,7 @@
 
 #include "frames/image_io.h"
 #include "tests/commands/program.h"
+#include "tests/support/rig_text.h"
 
 namespace lenticule::test {
 namespace {
@@ -34,19 +35,7 @@ class WallCommand : public CommandTest {
   void SetUp() override {
     CommandTest::SetUp();
     write("scene.obj", kScene);
-    write("rig.toml", R"(format = 1
-[panel]
-width_px = 48
-height_px = 32
-pixel_width_mm = 0.5
-pixel_height_mm = 0.5
-[sheet]
-pitch_subpx = 7.7
-slant = 0.25
-gap_mm = 6
-[viewing]
-distance_mm = 500
-)");
+    write("rig.toml", rig_toml());
     write("wall.toml", R"(format = 1
 viewer_mm = [0, 0, 500]
 [[panel]]

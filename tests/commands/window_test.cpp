@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "tests/commands/player_stage.h"
+#include "tests/support/rig_text.h"
 
 namespace lenticule::test {
 namespace {
@@ -36,21 +37,12 @@ class WindowDisplay : public PlayerTest {
   /// Writes a rig with two views in a viewing zone of 130 mm: each eye is in the middle of its
   /// view.
   void write_rig(const std::string& panel_line) const {
-    write("rig.toml", R"(format = 1
-name = "two views"
-[panel]
-width_px = 96
-height_px = 54
-pixel_width_mm = 0.5
-pixel_height_mm = 0.5
-)" + panel_line +
-                          R"([sheet]
-pitch_subpx = 12
-slant = 0.25
-gap_mm = 10
-[viewing]
-distance_mm = 650
-)");
+    write("rig.toml", rig_toml({.width_px = 96,
+                                .height_px = 54,
+                                .more_of_panel = panel_line,
+                                .pitch_subpx = 12.0,
+                                .gap_mm = 10.0,
+                                .distance_mm = 650.0}));
   }
 
   void write_picture(const std::string& name, Colour colour) const {
