@@ -13,7 +13,7 @@
 #include "base/file.h"
 #include "optics/vec.h"
 #include "player/process/child_process.h"
-#include "render/scene/studio_light.h"
+#include "render/scene/surroundings.h"
 
 namespace lenticule::lab {
 

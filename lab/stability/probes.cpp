@@ -14,7 +14,7 @@
 
 #include "base/error.h"
 #include "render/accel/denormals.h"
-#include "render/accel/embree_packets.h"
+#include "render/accel/ray_stream.h"
 #include "render/integrator/hole_guard.h"
 #include "render/rays/primary_packets.h"
 #include "render/rays/primary_rays.h"

@@ -9,7 +9,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
-#include "optics/toml_text.h"
+#include "optics/toml.h"
 #include "player/playlist/folder_lists.h"
 
 namespace lenticule::player {

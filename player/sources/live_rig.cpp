@@ -8,7 +8,7 @@
 
 #include "base/error.h"
 #include "optics/rig_file.h"
-#include "optics/rig_history.h"
+#include "optics/rig_store.h"
 
 namespace lenticule::player {
 

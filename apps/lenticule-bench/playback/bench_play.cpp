@@ -42,8 +42,8 @@
 #include "optics/rig.h"
 #include "optics/rig_file.h"
 #include "player/playback/playback.h"
+#include "player/process/child_process.h"
 #include "player/process/interrupt.h"
-#include "player/process/sibling_program.h"
 
 namespace lenticule::bench {
 namespace {

@@ -100,9 +100,9 @@ nlohmann::json measure_rates(const ExactFlags& flags, const std::string& scene) 
           {"primary_rays", whole.primary_rays},
           {"shadow_rays", whole.shadow_rays},
           {"secondary_rays", whole.secondary_rays},
-          {"shadow_rays_proved", whole.shadow_rays_culled},
+          {"shadow_rays_culled", whole.shadow_rays_culled},
           {"shadow_rays_blocked", whole.shadow_rays_blocked},
-          {"secondary_rays_proved", whole.secondary_rays_culled},
+          {"secondary_rays_culled", whole.secondary_rays_culled},
           {"shares", shares(times.back().statistics)},
           {"rows", rows(bench.subpixels(), times)}};
 }
@@ -118,7 +118,7 @@ void print_rates(const nlohmann::json& r) {
   print_out(
       "  culled: {:.3g} M shadow, {:.3g} M mirrored rays that hit nothing, {:.3g} M shadow rays "
       "that are blocked\n",
-      millions("shadow_rays_proved"), millions("secondary_rays_proved"),
+      millions("shadow_rays_culled"), millions("secondary_rays_culled"),
       millions("shadow_rays_blocked"));
   const auto share = [&r](const char* key) { return 100.0 * r["shares"][key].get<double>(); };
   print_out(

@@ -7,7 +7,6 @@
 
 #include "render/loaders/load_scene.h"
 #include "render/options/render_options.h"
-#include "render/options/soft_light.h"
 #include "render/scene/scene.h"
 #include "render/scene/stage.h"
 

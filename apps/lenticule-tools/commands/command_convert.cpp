@@ -37,9 +37,9 @@
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 #include "player/process/rig_choice.h"
-#include "player/sources/content_open.h"
+#include "player/sources/pictures.h"
 #include "player/sources/source_spec.h"
-#include "player/sources/weaving_pipeline.h"
+#include "player/sources/weaving_source.h"
 
 namespace lenticule::tools {
 namespace {

@@ -17,7 +17,6 @@
 #include "base/exit_code.h"
 #include "farm/plan.h"
 #include "farm/slurm.h"
-#include "farm/slurm_queue.h"
 #include "farm/work_folder.h"
 
 namespace lenticule::tools {

@@ -26,7 +26,7 @@
 #include "player/process/child_process.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
-#include "render/scene/scene_mixer.h"
+#include "render/scene/scene_fingerprint.h"
 
 namespace lenticule::tools {
 

@@ -24,7 +24,6 @@
 #include "base/print.h"
 #include "base/temporary.h"
 #include "base/text.h"
-#include "farm/merge.h"
 #include "farm/work_folder.h"
 #include "frames/sequence/predictor_choice.h"
 #include "frames/sequence/sequence_joiner.h"

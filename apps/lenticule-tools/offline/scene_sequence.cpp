@@ -12,7 +12,7 @@
 
 #include "base/error.h"
 #include "base/numbers.h"
-#include "render/loaders/nff_scene.h"
+#include "render/loaders/nff.h"
 
 namespace lenticule::tools {
 

@@ -14,7 +14,7 @@
 #include "render/methods/adaptive/key_samples.h"
 #include "render/methods/adaptive/retrace.h"
 #include "render/methods/method_full.h"
-#include "render/options/soft_light.h"
+#include "render/options/render_options.h"
 #include "render/row_sweep/row_planes.h"
 #include "render/row_sweep/row_sweep.h"
 #include "render/scene/scene.h"

@@ -24,7 +24,7 @@
 #include "render/integrator/pbr_tracer.h"
 #include "render/methods/reuse/micro_image_sweep.h"
 #include "render/methods/reuse/reprojection_kernel.h"
-#include "render/options/reuse_options.h"
+#include "render/options/render_options.h"
 #include "render/rays/primary_rays.h"
 #include "render/rays/tile.h"
 #include "render/scene/scene.h"
