@@ -176,10 +176,10 @@ struct MergeResult {
 /// Returns the numbers of the chunks that are not done.
 [[nodiscard]] std::vector<uint64_t> missing_chunks(const WorkFolder& folder);
 
-/// Joins the chunks of a plan to the film, with the bytes that one process writes in one run. Throws Error(Input) that
-/// names the chunks if some are missing, damaged or were rendered with other bytes by two
-/// processes; a damaged chunk counts as missing from then on. Throws Error(Failed) if the film
-/// cannot be written. An existing film stays unchanged if anything fails.
+/// Joins the chunks of a plan to the film, with the bytes that one process writes in one run.
+/// Throws Error(Input) that names the chunks if some are missing, damaged or were rendered with
+/// other bytes by two processes; a damaged chunk counts as missing from then on. Throws
+/// Error(Failed) if the film cannot be written. An existing film stays unchanged if anything fails.
 MergeResult merge_film(const WorkFolder& folder, const std::filesystem::path& film,
                        const MergeOptions& options = {});
 

@@ -20,7 +20,8 @@ namespace lenticule::player {
 /// Returns the path of an executable file of that name in $PATH.
 [[nodiscard]] std::optional<std::string> find_program(const std::string& name);
 
-/// Finds the other programs of lenticule: returns the path of an executable in this program's folder, in the folder for helper programs
+/// Finds the other programs of lenticule: returns the path of an executable in this program's
+/// folder, in the folder for helper programs
 /// (../libexec/lenticule), or as a helper program in that of lenticule (../../bin); none if there
 /// is no such file.
 [[nodiscard]] std::optional<std::filesystem::path> find_sibling_program(std::string_view name);

@@ -162,7 +162,8 @@ TEST(ErrorSummary, HasNoPsnrForEqualFrames) {
 TEST(CoarserRig, TurnsTheKioskIntoTheFullHdKiosk) {
   EXPECT_EQ(optics::fingerprint(lab::coarser_rig(sample_rig("kiosk-27-4k.toml"), 2)),
             optics::fingerprint(sample_rig("kiosk-27-1080.toml")));
-  EXPECT_EQ(optics::fingerprint(lab::coarser_rig(lab::kiosk_rig(), 1)), optics::fingerprint(lab::kiosk_rig()));
+  EXPECT_EQ(optics::fingerprint(lab::coarser_rig(lab::kiosk_rig(), 1)),
+            optics::fingerprint(lab::kiosk_rig()));
 }
 
 TEST(SeenPixels, PerDegreeFollowFromTheViewingDistance) {

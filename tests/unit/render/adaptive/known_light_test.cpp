@@ -253,8 +253,7 @@ TEST_P(KnownSoftLight, IntegralsAreAtLeastAsAccurateAsSums) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, CachedLight, ::testing::ValuesIn(test::tiny_scenes()), name_of);
-INSTANTIATE_TEST_SUITE_P(Scenes, KnownSoftLight, ::testing::ValuesIn(test::tiny_scenes()),
-                         name_of);
+INSTANTIATE_TEST_SUITE_P(Scenes, KnownSoftLight, ::testing::ValuesIn(test::tiny_scenes()), name_of);
 
 /// A ball over a floor: the notes distinguish the shadow from the lit floor, and the two surfaces.
 TEST(Notes, DistinguishShadowsAndSurfaces) {
