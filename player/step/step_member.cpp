@@ -104,8 +104,7 @@ constexpr nanoseconds kRecording = std::chrono::seconds(10);
 
 /// Returns true if a player at this place can keep the timeline.
 bool fits(const StepTimeline& timeline, const StepPlace& place) {
-  const frames::Rate own{.numerator = place.rate_numerator, .denominator = place.rate_denominator};
-  const bool same_rate = std::abs(timeline.rate.hertz() / own.hertz() - 1.0) < 0.01;
+  const bool same_rate = std::abs(timeline.rate.hertz() / place.rate.hertz() - 1.0) < 0.01;
   const bool both_known = timeline.loop_frames > 0 && place.loop_frames > 0;
   return same_rate && (!both_known || timeline.loop_frames == place.loop_frames);
 }
@@ -199,11 +198,10 @@ std::optional<StepTimeline> StepLeader::timeline_of_group(const StepPlace& place
   for (const auto& [session, peer] : followers_)
     if (const auto kept = peer.timeline(); kept && fits(*kept, place)) return kept;
   if (clocks_disagree(now)) return std::nullopt;
-  return StepTimeline{
-      .frame = place.next_frame,
-      .due = nanoseconds(place.next_due_ns) + (now.group - now.monotonic),
-      .rate = {.numerator = place.rate_numerator, .denominator = place.rate_denominator},
-      .loop_frames = place.loop_frames};
+  return StepTimeline{.frame = place.next_frame,
+                      .due = nanoseconds(place.next_due_ns) + (now.group - now.monotonic),
+                      .rate = place.rate,
+                      .loop_frames = place.loop_frames};
 }
 
 size_t StepLeader::peers(const StepNow& now) const {
@@ -239,17 +237,5 @@ int64_t StepLeader::apart(const StepPlace& own, const StepNow& now) const {
 }
 
 // --- a follower -----------------------------------------------------------------------------
-
-std::optional<StepBytes> StepFollower::tick(const StepPlace& place, const StepNow& now) {
-  return sealed(place, now);
-}
-
-StepPeer* StepFollower::peer_for(const StepMessage& /*message*/, const StepNow& /*now*/) {
-  return &leader_;
-}
-
-void StepFollower::heard(const StepPeer& peer) {
-  timeline_ = peer.timeline();
-}
 
 }  // namespace lenticule::player

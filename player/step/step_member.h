@@ -210,7 +210,9 @@ class StepFollower final : public StepMember {
   explicit StepFollower(StepIdentity identity)
       : StepMember(std::move(identity), StepKind::Report) {}
 
-  std::optional<StepBytes> tick(const StepPlace& place, const StepNow& now) override;
+  std::optional<StepBytes> tick(const StepPlace& place, const StepNow& now) override {
+    return sealed(place, now);
+  }
   [[nodiscard]] size_t peers(const StepNow& now) const override {
     return leader_.alive(now) ? 1 : 0;
   }
@@ -219,8 +221,10 @@ class StepFollower final : public StepMember {
   }
 
  private:
-  StepPeer* peer_for(const StepMessage& message, const StepNow& now) override;
-  void heard(const StepPeer& peer) override;
+  StepPeer* peer_for(const StepMessage& /*message*/, const StepNow& /*now*/) override {
+    return &leader_;
+  }
+  void heard(const StepPeer& peer) override { timeline_ = peer.timeline(); }
 
   StepPeer leader_;
 };

@@ -81,23 +81,11 @@ constexpr uint64_t kDriftVblanks = 600;
 
 }  // namespace
 
-void StepPacing::follow(const StepTimeline& timeline) noexcept {
-  target_.publish({.known = 1,
-                   .frame = timeline.frame,
-                   .due_ns = timeline.due.count(),
-                   .rate_numerator = timeline.rate.numerator,
-                   .rate_denominator = timeline.rate.denominator,
-                   .loop_frames = timeline.loop_frames});
-}
-
 /// Returns the timeline of the group; its rate is 0 if it is not known.
 StepTimeline StepPacing::timeline() const noexcept {
-  const StepTarget target = target_.read();
-  if (target.known == 0) return {.rate = {.numerator = 0, .denominator = 1}};
-  return {.frame = target.frame,
-          .due = nanoseconds(target.due_ns),
-          .rate = {.numerator = target.rate_numerator, .denominator = target.rate_denominator},
-          .loop_frames = target.loop_frames > 0 ? target.loop_frames : place_.loop_frames};
+  StepTimeline timeline = target_.read();
+  if (timeline.loop_frames == 0) timeline.loop_frames = place_.loop_frames;
+  return timeline;
 }
 
 double StepPacing::correction(const StepSample& sample) noexcept {
@@ -107,8 +95,7 @@ double StepPacing::correction(const StepSample& sample) noexcept {
   place_.started = 1;
   place_.next_frame = sample.frame;
   place_.next_due_ns = sample.due.count();
-  place_.rate_numerator = sample.rate.numerator;
-  place_.rate_denominator = sample.rate.denominator;
+  place_.rate = sample.rate;
   place_.period_ns = sample.period.count();
   const StepTimeline group = timeline();
   const double shift = group.rate.numerator > 0 ? correction_to(group, sample) : 0.0;

@@ -49,8 +49,7 @@ struct StepPlace {
   uint64_t started = 0;     ///< 1 once a frame is scheduled
   uint64_t next_frame = 0;  ///< number of the next frame
   int64_t next_due_ns = 0;  ///< ideal time of that frame, CLOCK_MONOTONIC
-  int64_t rate_numerator = 60;
-  int64_t rate_denominator = 1;
+  frames::Rate rate{60, 1};
   int64_t period_ns = 0;     ///< time between two vblanks of the display
   uint64_t loop_frames = 0;  ///< learned when the sequence repeated; 0 = not yet
   uint64_t shown_frame = 0;  ///< number of the last displayed frame
@@ -67,16 +66,6 @@ struct StepPlace {
   int64_t drift_ppb = 0;
 };
 
-/// The timeline on CLOCK_MONOTONIC, in fields that LiveValue can pass on.
-struct StepTarget {
-  uint64_t known = 0;
-  uint64_t frame = 0;
-  int64_t due_ns = 0;
-  int64_t rate_numerator = 60;
-  int64_t rate_denominator = 1;
-  uint64_t loop_frames = 0;
-};
-
 /// The next frame as the presenter's schedule has it.
 struct StepSample {
   uint64_t frame = 0;               ///< number within the sequence
@@ -90,8 +79,10 @@ struct StepSample {
 /// Thread safety: the presenter, except where noted.
 class StepPacing {
  public:
+  StepPacing() noexcept { target_.publish({.rate = {.numerator = 0, .denominator = 1}}); }
+
   /// Any one thread: sets the timeline on CLOCK_MONOTONIC.
-  void follow(const StepTimeline& timeline) noexcept;
+  void follow(const StepTimeline& timeline) noexcept { target_.publish(timeline); }
   /// Any thread.
   [[nodiscard]] StepPlace place() const noexcept { return published_.read(); }
 
@@ -109,7 +100,7 @@ class StepPacing {
   void measure_drift(double late, uint64_t vblank) noexcept;
   [[nodiscard]] StepTimeline timeline() const noexcept;
 
-  LiveValue<StepTarget> target_;
+  LiveValue<StepTimeline> target_;  ///< on CLOCK_MONOTONIC; its rate is 0 until it is known
   LiveValue<StepPlace> published_;
   StepPlace place_;
   uint64_t last_index_ = 0;

@@ -20,7 +20,7 @@ StepNow at(nanoseconds time, nanoseconds stepped = nanoseconds{0}) {
 }
 /// A player that shows frame 0 of 100 at `time`.
 StepPlace playing(nanoseconds time) {
-  return {.started = 1, .next_due_ns = time.count(), .rate_numerator = 50, .loop_frames = 100};
+  return {.started = 1, .next_due_ns = time.count(), .rate = {50, 1}, .loop_frames = 100};
 }
 StepBytes announcement(uint64_t session, nanoseconds sent, uint64_t frame = 0) {
   return kKey.seal(
