@@ -69,19 +69,11 @@ std::shared_ptr<Clock> make_monotonic_clock() {
   return std::make_shared<MonotonicClock>();
 }
 
-Nanoseconds SimulatedClock::now() const noexcept {
-  return Nanoseconds(now_.load(std::memory_order_acquire));
-}
-
 WaitResult SimulatedClock::wait_until(Nanoseconds deadline, int wake_fd) noexcept {
   if (readable_now(wake_fd)) return WaitResult::Woken;
   now_.store(std::max(now_.load(std::memory_order_relaxed), deadline.count()),
              std::memory_order_release);
   return WaitResult::Reached;
-}
-
-void SimulatedClock::advance(Nanoseconds duration) noexcept {
-  now_.fetch_add(duration.count());
 }
 
 namespace {

@@ -41,12 +41,14 @@ class SimulatedClock final : public Clock {
  public:
   explicit SimulatedClock(Nanoseconds start = Nanoseconds{0}) : now_(start.count()) {}
 
-  [[nodiscard]] Nanoseconds now() const noexcept override;
+  [[nodiscard]] Nanoseconds now() const noexcept override {
+    return Nanoseconds(now_.load(std::memory_order_acquire));
+  }
   [[nodiscard]] WaitResult wait_until(Nanoseconds deadline, int wake_fd) noexcept override;
   [[nodiscard]] bool real_time() const noexcept override { return false; }
 
   /// Advances the time, as if a computation had taken so long.
-  void advance(Nanoseconds duration) noexcept;
+  void advance(Nanoseconds duration) noexcept { now_.fetch_add(duration.count()); }
 
  private:
   std::atomic<int64_t> now_;

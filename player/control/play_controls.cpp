@@ -49,10 +49,6 @@ FrameMemory::FrameMemory(const frames::FrameGeometry& geometry) : pixels_(geomet
   fd_ = std::make_shared<const UniqueFd>(std::move(fd));
 }
 
-FrameMemory::~FrameMemory() {
-  ::munmap(bytes_, kPixelsAt + pixels_ + kMaxText);
-}
-
 uint64_t FrameMemory::write(const frames::WovenFrame& frame, std::string_view text) {
   LENTICULE_CHECK(frame.bytes().size() == pixels_);
   if (text.size() > kMaxText)
@@ -271,10 +267,6 @@ void PlayControls::handle(const ControlRequest& request, ControlRights rights, A
 }
 
 // --- queries --------------------------------------------------------------------------------
-
-ordered_json PlayControls::trim_json(const optics::Trim& trim) const {
-  return {{"offset_lenses", trim.offset.value}, {"pitch_relative", trim.pitch_relative}};
-}
 
 /// Returns the frame displayed at this moment and the item being read; around a change the two
 /// differ for a few frames.

@@ -42,7 +42,7 @@ class FrameMemory {
 
   /// Throws Error(Failed) if there is no memory.
   explicit FrameMemory(const frames::FrameGeometry& geometry);
-  ~FrameMemory();
+  ~FrameMemory() { ::munmap(bytes_, kPixelsAt + pixels_ + kMaxText); }
   FrameMemory(const FrameMemory&) = delete;
   FrameMemory& operator=(const FrameMemory&) = delete;
 
@@ -133,7 +133,9 @@ class PlayControls final : public ControlTarget {
   [[nodiscard]] nlohmann::ordered_json list(const ControlRequest& request) const;
   void work_on(Answer answer, std::function<void(const Answer&)> task);
   void work() noexcept;
-  [[nodiscard]] nlohmann::ordered_json trim_json(const optics::Trim& trim) const;
+  [[nodiscard]] nlohmann::ordered_json trim_json(const optics::Trim& trim) const {
+    return {{"offset_lenses", trim.offset.value}, {"pitch_relative", trim.pitch_relative}};
+  }
 
   const PlayControlsOptions options_;
   PlaybackControl playback_;

@@ -33,14 +33,6 @@ const FilledFrame* FilledQueue::peek() const noexcept {
   return pushed_.load() == popped ? nullptr : &frames_[popped % kCapacity];
 }
 
-void FilledQueue::pop() noexcept {
-  popped_.store(popped_.load(std::memory_order_relaxed) + 1, std::memory_order_release);
-}
-
-size_t FilledQueue::size() const noexcept {
-  return pushed_.load(std::memory_order_acquire) - popped_.load(std::memory_order_acquire);
-}
-
 FrameCopier::FrameCopier(frames::FrameSource& source, display::Display& display,
                          FrameCopierStatistics& statistics, FrameCopierOptions options)
     : source_(source), display_(display), statistics_(statistics), options_(options) {}
@@ -292,10 +284,6 @@ void FrameCopier::wait_for_change(milliseconds timeout, bool for_buffer) noexcep
   (void)poll(entries, 2, static_cast<int>(nap.count()));
   freed_.drain();
   if (source_fd >= 0) source_.service();
-}
-
-void FrameCopier::notify_presenter() noexcept {
-  if (WakeFd* const wake = waiting_.exchange(nullptr)) wake->signal();
 }
 
 }  // namespace lenticule::player

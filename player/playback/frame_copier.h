@@ -37,8 +37,12 @@ class FilledQueue {
   [[nodiscard]] bool push(FilledFrame frame) noexcept;
   /// Returns the oldest frame; null if empty. Thread safety: the consumer's thread.
   [[nodiscard]] const FilledFrame* peek() const noexcept;
-  void pop() noexcept;
-  [[nodiscard]] size_t size() const noexcept;
+  void pop() noexcept {
+    popped_.store(popped_.load(std::memory_order_relaxed) + 1, std::memory_order_release);
+  }
+  [[nodiscard]] size_t size() const noexcept {
+    return pushed_.load(std::memory_order_acquire) - popped_.load(std::memory_order_acquire);
+  }
 
  private:
   std::array<FilledFrame, kCapacity> frames_{};
@@ -148,7 +152,9 @@ class FrameCopier {
   Step end(State state, const char* failure) noexcept;
   void look_at_source() noexcept;
   void wait_for_change(std::chrono::milliseconds timeout, bool for_buffer) noexcept;
-  void notify_presenter() noexcept;
+  void notify_presenter() noexcept {
+    if (WakeFd* const wake = waiting_.exchange(nullptr)) wake->signal();
+  }
 
   frames::FrameSource& source_;
   display::Display& display_;

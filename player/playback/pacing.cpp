@@ -94,10 +94,6 @@ void Cadence::advance() noexcept {
   ++frame_;
 }
 
-double Cadence::fraction() const noexcept {
-  return static_cast<double>(fraction_) / static_cast<double>(divisor_);
-}
-
 void Cadence::set_fraction(double fraction) noexcept {
   fraction_ =
       std::min(static_cast<Uint128>(fraction * static_cast<double>(divisor_)), divisor_ - 1);
@@ -205,10 +201,6 @@ int Pacer::shift(double vblanks) noexcept {
   origin_ += static_cast<uint64_t>(static_cast<int64_t>(whole));
   cadence_.set_fraction(moved - whole);
   return static_cast<int>(whole);
-}
-
-double Pacer::vblanks_to_ideal(uint64_t sequence) const noexcept {
-  return static_cast<double>(static_cast<int64_t>(due() - sequence)) + cadence_.fraction();
 }
 
 /// Classifies the vblanks after the last flip, up to `end`: planned until `expected`, then starved,

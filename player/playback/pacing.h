@@ -37,7 +37,9 @@ class Cadence {
   /// Advances to the next frame.
   void advance() noexcept;
   /// Returns the ideal time of the current frame less due(), in vblanks: 0 or more, below 1.
-  [[nodiscard]] double fraction() const noexcept;
+  [[nodiscard]] double fraction() const noexcept {
+    return static_cast<double>(fraction_) / static_cast<double>(divisor_);
+  }
   void set_fraction(double fraction) noexcept;
 
  private:
@@ -131,7 +133,9 @@ class Pacer {
   /// Returns true if due() is meaningful: the next flip begins no new schedule.
   [[nodiscard]] bool scheduled() const noexcept { return !epoch_pending_; }
   /// Returns the vblanks, with their fraction, from `sequence` to the ideal time of frame().
-  [[nodiscard]] double vblanks_to_ideal(uint64_t sequence) const noexcept;
+  [[nodiscard]] double vblanks_to_ideal(uint64_t sequence) const noexcept {
+    return static_cast<double>(static_cast<int64_t>(due() - sequence)) + cadence_.fraction();
+  }
 
   /// Reports that no more frames follow: a supposed underrun was the end of the sequence.
   void end_of_sequence() noexcept { starved_since_.reset(); }

@@ -14,7 +14,6 @@
 #include "player/playback/frame_copier.h"
 #include "player/playback/pacing.h"
 #include "player/playback/play_statistics.h"
-#include "player/playback/turn_log.h"
 #include "player/step/step_pacing.h"
 
 namespace lenticule::player {

@@ -195,10 +195,6 @@ PlayProof::PlayProof(ProofOptions::Account account)
               .hash = [this](const SourceSpec& source) { return hashes_.of(source); },
               .real_time = monotonic_to_real_time()}) {}
 
-void PlayProof::prepare(PlaybackOptions& options) {
-  options.turns = &turns_.emplace();
-}
-
 void PlayProof::update(const display::Display& display, const display::KmsDisplay* kms, bool lost) {
   if (!turns_) return;
   ProofPanel panel = panel_of(display, kms);

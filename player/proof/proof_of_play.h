@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "display/kms/scanout/kms_display.h"
+#include "player/playback/play_statistics.h"
 #include "player/playback/playback.h"
-#include "player/playback/turn_log.h"
 #include "player/playlist/playlist_reporter.h"
 #include "player/process/detached_worker.h"
 #include "player/proof/content_hash.h"
@@ -112,7 +112,7 @@ class PlayProof {
   explicit PlayProof(ProofOptions::Account account);
 
   /// Sets the options of a playback whose items are recorded.
-  void prepare(PlaybackOptions& options);
+  void prepare(PlaybackOptions& options) { options.turns = &turns_.emplace(); }
   /// Writes what has happened. `kms` is the display if it is a KMS display, else null. A display
   /// that is `lost` shows nothing from now on.
   void update(const display::Display& display, const display::KmsDisplay* kms, bool lost = false);

@@ -17,7 +17,6 @@
 #include "player/control/control_server.h"
 #include "player/process/interrupt.h"
 #include "player/session/panel_card.h"
-#include "player/session/preview_window.h"
 
 namespace lenticule::player {
 namespace {
@@ -105,6 +104,13 @@ constexpr auto kLongestPriming = std::chrono::hours(24);  // used with --wait fo
 /// Long enough to plug a loose cable back in.
 constexpr Nanoseconds kPanelAfterLoss = std::chrono::seconds(10);
 
+constexpr std::string_view kWindow = "window";
+
+/// Returns true for "window" and "window:...": a virtual display of the same form with a window.
+bool is_window_spec(std::string_view spec) {
+  return spec.substr(0, spec.find(':')) == kWindow;
+}
+
 /// Returns the loops. Test cards, black frames and numbered views loop forever by default.
 uint64_t parse_loops(const PlayFlags& flags, SourceKind kind) {
   const bool is_looked_at = kind == SourceKind::Card || kind == SourceKind::Black ||
@@ -149,7 +155,7 @@ std::string virtual_display_of_window(const PlayFlags& flags) {
   if (flags.clock != "real")
     throw Error(ErrorKind::Usage, "--clock: a window shows frames in real time",
                 "use --display virtual");
-  return virtual_spec_of_window(flags.display);
+  return "virtual" + flags.display.substr(kWindow.size());
 }
 
 /// Returns the options of a KMS display other than its name.

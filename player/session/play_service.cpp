@@ -35,23 +35,6 @@ void ServiceManager::notify(const std::string& text) const noexcept {
   if (present_) (void)sd_notify(0, text.c_str());
 }
 
-// A message consists of lines KEY=value. Escaping keeps a text from adding a line.
-void ServiceManager::status(const std::string& text) const noexcept {
-  notify("STATUS=" + escaped(text));
-}
-
-void ServiceManager::ready(const std::string& text) const noexcept {
-  notify("READY=1\nSTATUS=" + escaped(text));
-}
-
-void ServiceManager::stopping(const std::string& text) const noexcept {
-  notify("STOPPING=1\nSTATUS=" + escaped(text));
-}
-
-void ServiceManager::ping() const noexcept {
-  notify("WATCHDOG=1");
-}
-
 void ServiceManager::keep(const std::string& name, int fd) const noexcept {
   forget(name);  // the manager would keep both
   const std::string text = fmt::format("FDSTORE=1\nFDNAME={}", name);
@@ -113,14 +96,6 @@ void StartHistory::read(std::chrono::seconds now) {
     reason.remove_prefix(std::min(reason.find_first_not_of(' '), reason.size()));
     before_.push_back({when, one_line(reason)});
   }
-}
-
-std::string StartHistory::last_reason() const {
-  return before_.empty() ? std::string() : before_.back().reason;
-}
-
-void StartHistory::ended_well() noexcept {
-  write(before_);
 }
 
 void StartHistory::failed(const std::string& reason) noexcept {
@@ -235,10 +210,6 @@ std::string status_text(const PlayReport& report, const display::KmsStatistics* 
 PlayService::PlayService(const ServiceManager& manager, const display::KmsDisplay* display)
     : manager_(manager), display_(display), last_ping_(std::chrono::steady_clock::now()) {
   store_again();
-}
-
-void PlayService::store_again() {
-  if (display_ != nullptr) store_output(manager_, *display_);
 }
 
 void PlayService::report(const PlayReport& report) {

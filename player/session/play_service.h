@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "base/text.h"
 #include "base/unique_fd.h"
 #include "display/kms/scanout/kms_display.h"
 #include "player/playback/play_statistics.h"
@@ -39,10 +40,13 @@ class ServiceManager {
     return watchdog_;
   }
 
-  void status(const std::string& text) const noexcept;
-  void ready(const std::string& text) const noexcept;
-  void stopping(const std::string& text) const noexcept;
-  void ping() const noexcept;
+  // A message consists of lines KEY=value. Escaping keeps a text from adding a line.
+  void status(const std::string& text) const noexcept { notify("STATUS=" + escaped(text)); }
+  void ready(const std::string& text) const noexcept { notify("READY=1\nSTATUS=" + escaped(text)); }
+  void stopping(const std::string& text) const noexcept {
+    notify("STOPPING=1\nSTATUS=" + escaped(text));
+  }
+  void ping() const noexcept { notify("WATCHDOG=1"); }
 
   /// Stores a copy of `fd` until the service is stopped, replacing the one of that name.
   void keep(const std::string& name, int fd) const noexcept;
@@ -76,10 +80,12 @@ class StartHistory {
   /// Returns the number of starts before this one that did not end well.
   [[nodiscard]] int failures() const { return static_cast<int>(before_.size()); }
   /// Returns the reason that the last of them recorded; empty if it could not record one.
-  [[nodiscard]] std::string last_reason() const;
+  [[nodiscard]] std::string last_reason() const {
+    return before_.empty() ? std::string() : before_.back().reason;
+  }
 
   /// Removes this start from the history.
-  void ended_well() noexcept;
+  void ended_well() noexcept { write(before_); }
   void failed(const std::string& reason) noexcept;
 
  private:
@@ -167,7 +173,9 @@ class PlayService {
   /// Call about once a second while playing.
   void report(const PlayReport& report);
   /// Stores the output again after the display came back.
-  void store_again();
+  void store_again() {
+    if (display_ != nullptr) store_output(manager_, *display_);
+  }
   /// Sets an error that replaces normal playback, for the status line; empty = none.
   void set_problem(const std::string& problem) { problem_ = problem; }
   /// Sets a warning that does not affect the picture, for the end of the status line; empty = none.

@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/session/steered_play.h"
 
-#include <poll.h>
 #include <unistd.h>
 
-#include <array>
 #include <csignal>
 #include <filesystem>
 #include <utility>
@@ -14,44 +12,6 @@
 #include "player/session/play_plan.h"
 
 namespace lenticule::player {
-namespace {
-
-std::unique_ptr<KeyInput> terminal_keys() {
-  if (isatty(STDIN_FILENO) != 1)
-    throw Error(ErrorKind::Usage, "--trim: standard input is not a terminal",
-                "use lenticule rig trim RIG --offset-by 0.01");
-  return open_key_input({});
-}
-
-}  // namespace
-
-TrimKeys::TrimKeys(std::shared_ptr<LiveRig> trim) : trim_(std::move(trim)), keys_(terminal_keys()) {
-  thread_ = std::thread([this] { listen(); });
-}
-
-TrimKeys::~TrimKeys() {
-  ending_.store(true);
-  wake_.signal();
-  thread_.join();
-}
-
-void TrimKeys::listen() noexcept {
-  while (!ending_.load() && !keys_->at_end()) {
-    std::array<pollfd, 2> ready{{{.fd = keys_->fd(), .events = POLLIN, .revents = 0},
-                                 {.fd = wake_.fd(), .events = POLLIN, .revents = 0}}};
-    (void)poll(ready.data(), ready.size(), static_cast<int>(kEscapePause.count()));
-    for (const KeyPress& press : keys_->take()) report(trim_->press(press));
-  }
-}
-
-/// Prints a sentence on a line of its own, over a progress line.
-void TrimKeys::report(const std::string& sentence) {
-  if (sentence.empty()) return;
-  say("\r\x1b[K{}\n", sentence);
-  const std::string advice = trim_->advice();
-  if (!advice.empty() && !std::exchange(advised_, true)) say("{}\n", advice);
-}
-
 namespace {
 
 using nlohmann::ordered_json;
@@ -128,10 +88,6 @@ void SteeredPlay::listen() {
   }
 }
 
-SteeredPlay::~SteeredPlay() {
-  detach_source();
-}
-
 void SteeredPlay::detach_source() {
   if (controls_) controls_->steer(nullptr);
   source_ = nullptr;
@@ -186,10 +142,6 @@ void SteeredPlay::prepare(PlaybackOptions& options, frames::Rate refresh) {
   report_state("playing");
 }
 
-void SteeredPlay::begin_off() {
-  if (controls_) (void)controls_->playback().switch_output(false, std::chrono::milliseconds(0));
-}
-
 void SteeredPlay::report_state(const std::string& state) {
   if (controls_) controls_->report_state(state);
   if (std::exchange(state_, state) != state) publish({{"event", "state"}, {"state", state}});
@@ -240,10 +192,6 @@ void SteeredPlay::complain(const std::string& how, const PlaylistEvent& event) {
   if (reported_.size() < kMaxComplaints &&
       reported_.insert(damaged ? event.source : complaint).second)
     say("{}: {}\n", how, complaint);
-}
-
-void SteeredPlay::look_again() {
-  if (source_ != nullptr) source_->look_again();
 }
 
 void SteeredPlay::report(const PlayReport& report) {
@@ -303,10 +251,6 @@ void SteeredPlay::complete(ordered_json& statistics) {
                              {"displaced", counts.displaced}};
   }
   if (controls_) controls_->report_statistics(statistics);
-}
-
-std::optional<ItemAccount> SteeredPlay::account_of(uint64_t item) const {
-  return source_ == nullptr ? std::nullopt : source_->account_of(static_cast<uint32_t>(item));
 }
 
 std::string SteeredPlay::failure() const {

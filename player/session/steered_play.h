@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// SteeredPlay adds playlists, a control socket and keys to a run of `lenticule play`.
+// SteeredPlay adds playlists and a control socket to a run of `lenticule play`.
 #pragma once
 
 #include <atomic>
@@ -9,41 +9,15 @@
 #include <optional>
 #include <set>
 #include <string>
-#include <thread>
 
-#include "base/wake_fd.h"
 #include "player/control/control_server.h"
 #include "player/control/play_controls.h"
 #include "player/playlist/playlist_source.h"
 #include "player/playlist/source_pace.h"
-#include "player/process/key_input.h"
 #include "player/session/play_plan.h"
 #include "player/sources/live_rig.h"
 
 namespace lenticule::player {
-
-/// TrimKeys reads keys from the terminal while a source plays, and applies them to the trim.
-class TrimKeys {
- public:
-  /// Prints the trim's advice after the first change. Throws Error(Usage) if standard input is not
-  /// a terminal.
-  explicit TrimKeys(std::shared_ptr<LiveRig> trim);
-  /// Restores the terminal.
-  ~TrimKeys();
-  TrimKeys(const TrimKeys&) = delete;
-  TrimKeys& operator=(const TrimKeys&) = delete;
-
- private:
-  void listen() noexcept;
-  void report(const std::string& sentence);
-
-  std::shared_ptr<LiveRig> trim_;
-  bool advised_ = false;
-  std::unique_ptr<KeyInput> keys_;
-  WakeFd wake_;
-  std::atomic<bool> ending_{false};
-  std::thread thread_;
-};
 
 /// Only measures the source's pace if the source is plain, without control socket and proof. Thread
 /// safety: the player's main thread.
@@ -51,7 +25,7 @@ class SteeredPlay {
  public:
   /// Starts to listen. Throws as ControlServer does.
   SteeredPlay(const PlayFlags& flags, const PlayPlan& plan);
-  ~SteeredPlay();
+  ~SteeredPlay() { detach_source(); }
   SteeredPlay(const SteeredPlay&) = delete;
   SteeredPlay& operator=(const SteeredPlay&) = delete;
 
@@ -62,16 +36,22 @@ class SteeredPlay {
   /// Sets the playback options that lists and control need.
   void prepare(PlaybackOptions& options, frames::Rate refresh);
   /// Switches the output off after the first frame, as it was in the previous player.
-  void begin_off();
+  void begin_off() {
+    if (controls_) (void)controls_->playback().switch_output(false, std::chrono::milliseconds(0));
+  }
   /// Checks the list's and the item's files now.
-  void look_again();
+  void look_again() {
+    if (source_ != nullptr) source_->look_again();
+  }
   /// Sets the state, one word; publishes an event if it changed.
   void report_state(const std::string& state);
   /// Call about once a second: updates the statistics, warns, and publishes events.
   void report(const PlayReport& report);
   void complete(nlohmann::ordered_json& statistics);
   /// Returns the account of an item's turn, if it is remembered.
-  [[nodiscard]] std::optional<ItemAccount> account_of(uint64_t item) const;
+  [[nodiscard]] std::optional<ItemAccount> account_of(uint64_t item) const {
+    return source_ == nullptr ? std::nullopt : source_->account_of(static_cast<uint32_t>(item));
+  }
   /// Returns why the playback failed: an only item that failed, or a list without a playable item.
   /// Empty otherwise.
   [[nodiscard]] std::string failure() const;

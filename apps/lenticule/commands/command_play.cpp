@@ -44,10 +44,10 @@ ExitCode play_with(const PlayFlags& flags, const player::ServiceManager& manager
   if (safe.failures >= kFailuresUntilSafe)
     say("{} starts failed within two minutes: starting in safe mode\n", safe.failures);
   if (!safe.on)
-    return player::PlayRun(flags, make_plan(flags, manager.present()), manager, safe).run();
+    return player::run_player(flags, make_plan(flags, manager.present()), manager, safe);
   std::optional<player::PlayPlan> plan = plan_when_rig_is_right(flags, manager);
   if (!plan) return player::interrupt_exit_code();
-  return player::PlayRun(flags, std::move(*plan), manager, safe).run();
+  return player::run_player(flags, std::move(*plan), manager, safe);
 }
 
 /// Sets the rig of the flags unless a wall has the rigs. Waits for a panel as long as a player

@@ -66,10 +66,6 @@ int LegacyGamma::make_linear() const noexcept {
   return present() && found_ ? write(linear_) : 0;
 }
 
-int LegacyGamma::restore() const noexcept {
-  return present() && found_ && *found_ != linear_ ? write(*found_) : 0;
-}
-
 std::optional<AuditRow> LegacyGamma::row(bool committed) const {
   if (!present()) return std::nullopt;
   const auto text_of = [&](const std::optional<GammaRamp>& ramp) {

@@ -35,7 +35,9 @@ class LegacyGamma {
 
   int make_linear() const noexcept;
   /// Writes the ramp that was found at the start.
-  int restore() const noexcept;
+  int restore() const noexcept {
+    return present() && found_ && *found_ != linear_ ? write(*found_) : 0;
+  }
 
   /// Returns the row of the report; none if there is no ramp. `committed` is false if the ramp is
   /// only checked and not written.

@@ -96,8 +96,4 @@ DrmDevice DrmDevice::adopt(std::shared_ptr<Session> session, UniqueFd fd, std::s
   return {std::move(session), std::move(fd), std::move(path)};
 }
 
-DrmDevice::~DrmDevice() {
-  if (fd_) session_->close_device(fd_.get());
-}
-
 }  // namespace lenticule::display

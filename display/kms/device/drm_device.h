@@ -48,7 +48,9 @@ class DrmDevice {
   /// card with outputs.
   static DrmDevice adopt(std::shared_ptr<Session> session, UniqueFd fd, std::string path);
   DrmDevice(DrmDevice&& other) noexcept = default;
-  ~DrmDevice();
+  ~DrmDevice() {
+    if (fd_) session_->close_device(fd_.get());
+  }
 
   [[nodiscard]] int fd() const { return fd_.get(); }
   [[nodiscard]] const std::string& path() const { return path_; }

@@ -40,10 +40,6 @@ Property describe(const drmModePropertyRes& source, uint64_t value) {
 
 }  // namespace
 
-bool Property::writable() const {
-  return (flags & DRM_MODE_PROP_IMMUTABLE) == 0;
-}
-
 bool Property::is_blob() const {
   return type_of(flags) == DRM_MODE_PROP_BLOB;
 }
@@ -117,10 +113,6 @@ void AtomicRequest::clear() noexcept {
 void AtomicRequest::set(const PropertySetting& setting) noexcept {
   if (drmModeAtomicAddProperty(request_.get(), setting.object, setting.property, setting.value) < 0)
     complete_ = false;
-}
-
-void AtomicRequest::set(const std::vector<PropertySetting>& settings) noexcept {
-  for (const PropertySetting& setting : settings) set(setting);
 }
 
 int AtomicRequest::commit(int fd, uint32_t flags, uint64_t user_data) noexcept {

@@ -77,7 +77,7 @@ struct Property {
   uint64_t maximum = 0;
   std::vector<std::pair<std::string, uint64_t>> enums{};  ///< bit numbers for bit masks
 
-  [[nodiscard]] bool writable() const;
+  [[nodiscard]] bool writable() const { return (flags & DRM_MODE_PROP_IMMUTABLE) == 0; }
   [[nodiscard]] bool is_blob() const;
   [[nodiscard]] bool is_range() const;
   /// Returns the value (for bit masks: the mask) of the enumerator with this name.
@@ -129,7 +129,9 @@ class AtomicRequest {
 
   void clear() noexcept;
   void set(const PropertySetting& setting) noexcept;
-  void set(const std::vector<PropertySetting>& settings) noexcept;
+  void set(const std::vector<PropertySetting>& settings) noexcept {
+    for (const PropertySetting& setting : settings) set(setting);
+  }
   /// Commits and returns 0 or a negative errno. `flags` are DRM_MODE_ATOMIC_* and
   /// DRM_MODE_PAGE_FLIP_EVENT; the event carries `user_data`.
   [[nodiscard]] int commit(int fd, uint32_t flags, uint64_t user_data = 0) noexcept;

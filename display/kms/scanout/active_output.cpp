@@ -73,10 +73,6 @@ ScanoutMapping& ScanoutMapping::operator=(ScanoutMapping&& other) noexcept {
   return *this;
 }
 
-ScanoutMapping::~ScanoutMapping() {
-  if (memory_ != nullptr) platform_->unmap(memory_, size_);
-}
-
 KmsBuffer::KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, const ScanoutLayout& layout)
     : layout_(layout) {
   const frames::FrameGeometry& geometry = layout.geometry;

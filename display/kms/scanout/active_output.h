@@ -25,7 +25,9 @@ class ScanoutMapping {
   ScanoutMapping(std::shared_ptr<KmsPlatform> platform, void* memory, size_t size);
   ScanoutMapping(ScanoutMapping&& other) noexcept;
   ScanoutMapping& operator=(ScanoutMapping&& other) noexcept;
-  ~ScanoutMapping();
+  ~ScanoutMapping() {
+    if (memory_ != nullptr) platform_->unmap(memory_, size_);
+  }
 
   [[nodiscard]] uint8_t* data() const { return static_cast<uint8_t*>(memory_); }
   [[nodiscard]] size_t size() const { return size_; }

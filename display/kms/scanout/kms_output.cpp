@@ -135,10 +135,6 @@ std::vector<PropertySetting> OutputPipe::mode_settings() const {
   return settings;
 }
 
-std::pair<uint64_t, uint64_t> OutputPipe::source() const {
-  return {static_cast<uint64_t>(pipe_.left_px) << 16, static_cast<uint64_t>(pipe_.top_px) << 16};
-}
-
 std::vector<PropertySetting> OutputPipe::unlink_settings(
     const std::vector<uint32_t>& except) const {
   const auto stays = [&](uint32_t object) {
@@ -341,10 +337,6 @@ std::string KmsOutput::name() const {
   return fmt::format("{}", fmt::join(names, " and "));
 }
 
-void KmsOutput::foresee() {
-  for (const auto& pipe : pipes_) pipe->foresee();
-}
-
 std::vector<PropertySetting> KmsOutput::unlink_settings() const {
   std::vector<uint32_t> own;
   for (const auto& pipe : pipes_) {
@@ -370,10 +362,6 @@ int KmsOutput::commit(const std::vector<PropertySetting>& settings, uint32_t fla
   AtomicRequest request;
   request.set(settings);
   return request.commit(device_.fd(), flags);
-}
-
-void KmsOutput::remember(uint32_t framebuffer) {
-  for (const auto& pipe : pipes_) pipe->remember(framebuffer);
 }
 
 bool KmsOutput::take_over(uint32_t framebuffer) {
@@ -461,10 +449,6 @@ int KmsOutput::flip_one_by_one(uint32_t framebuffer, uint64_t id) noexcept {
   return 0;
 }
 
-int KmsOutput::show(uint32_t framebuffer) noexcept {
-  return commit_framebuffer(pipes_, framebuffer, 0, 0);
-}
-
 int KmsOutput::set_mode(uint32_t framebuffer) noexcept {
   try {
     const int error = commit(everything(framebuffer), kAllowModeset);
@@ -506,14 +490,6 @@ int KmsOutput::queue_sequence(uint64_t sequence, uint64_t id) const noexcept {
   const int result = drmCrtcQueueSequence(device_.fd(), pipe().crtc, DRM_CRTC_SEQUENCE_NEXT_ON_MISS,
                                           sequence, &queued, id);
   return result == 0 ? 0 : -errno;
-}
-
-void KmsOutput::settle() {
-  for (const auto& pipe : pipes_) pipe->settle();
-}
-
-void KmsOutput::update_connector(size_t n, ConnectorInfo connector) {
-  pipes_[n]->update_connector(std::move(connector));
 }
 
 bool KmsOutput::audit_again(AuditDepth depth) {

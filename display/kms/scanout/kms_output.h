@@ -110,7 +110,9 @@ class OutputPipe {
 
  private:
   /// Returns SRC_X and SRC_Y, in 1/65536 pixel.
-  [[nodiscard]] std::pair<uint64_t, uint64_t> source() const;
+  [[nodiscard]] std::pair<uint64_t, uint64_t> source() const {
+    return {static_cast<uint64_t>(pipe_.left_px) << 16, static_cast<uint64_t>(pipe_.top_px) << 16};
+  }
   [[nodiscard]] bool placed_one_to_one(const PipeTables& tables) const;
   [[nodiscard]] LinkInfo link_info() const;
   [[nodiscard]] ExactnessReport make_report(const std::optional<PipeTables>& now, AuditDepth depth);
@@ -153,7 +155,9 @@ class KmsOutput {
   [[nodiscard]] bool take_over(uint32_t framebuffer);
 
   /// Makes a report of the facts known before a test or a commit.
-  void foresee();
+  void foresee() {
+    for (const auto& pipe : pipes_) pipe->foresee();
+  }
   /// Tests with the driver what activate() would do, without doing it: returns 0 or a negative
   /// errno. The report then states which properties would be forced or refused.
   [[nodiscard]] int rehearse(uint32_t framebuffer);
@@ -167,11 +171,15 @@ class KmsOutput {
     return joint_.load(std::memory_order_relaxed);
   }
   /// Shows the framebuffer with a blocking commit, without a modeset.
-  [[nodiscard]] int show(uint32_t framebuffer) noexcept;
+  [[nodiscard]] int show(uint32_t framebuffer) noexcept {
+    return commit_framebuffer(pipes_, framebuffer, 0, 0);
+  }
   /// Shows the framebuffer with a blocking modeset.
   [[nodiscard]] int set_mode(uint32_t framebuffer) noexcept;
   /// Updates the data of the n-th pipe's connector, which reports use.
-  void update_connector(size_t n, ConnectorInfo connector);
+  void update_connector(size_t n, ConnectorInfo connector) {
+    pipes_[n]->update_connector(std::move(connector));
+  }
   /// Switches the CRTCs off.
   [[nodiscard]] int blank() noexcept;
   /// Restores the state that activate() found.
@@ -209,8 +217,12 @@ class KmsOutput {
   [[nodiscard]] int test(uint32_t framebuffer);
   void find_refused_settings(uint32_t framebuffer);
   [[noreturn]] void fail(int error) const;
-  void remember(uint32_t framebuffer);
-  void settle();
+  void remember(uint32_t framebuffer) {
+    for (const auto& pipe : pipes_) pipe->remember(framebuffer);
+  }
+  void settle() {
+    for (const auto& pipe : pipes_) pipe->settle();
+  }
 
   DrmDevice device_;
   std::vector<std::unique_ptr<OutputPipe>> pipes_;  ///< the first is the reference

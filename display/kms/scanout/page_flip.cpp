@@ -79,10 +79,6 @@ PendingFlip::Landed PendingFlip::deliver() noexcept {
 
 // --- TileEvents -----------------------------------------------------------------------------
 
-void TileEvents::start() noexcept {
-  for (std::optional<DrmEvent>& event : arrived_) event.reset();
-}
-
 bool TileEvents::add(size_t tile, const DrmEvent& event) noexcept {
   if (arrived_[tile]) return false;
   arrived_[tile] = event;
@@ -224,10 +220,6 @@ void PageFlipHandler::on_flip_event(const DrmEvent& event) noexcept {
 bool PageFlipHandler::note_tile(const DrmEvent& event) noexcept {
   const auto tile = active_.output->pipe_of_crtc(event.crtc);
   return tile && tiles_.add(*tile, event);
-}
-
-void PageFlipHandler::land(VblankClock::Landing landing) noexcept {
-  flip_.land(landing.vblank, landing.report_at);
 }
 
 DisplayEvent PageFlipHandler::deliver_flip() noexcept {

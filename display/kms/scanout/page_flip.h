@@ -85,7 +85,9 @@ class TileEvents {
   explicit TileEvents(size_t tiles) : arrived_(tiles) {}
 
   /// Forgets the events of the previous flip.
-  void start() noexcept;
+  void start() noexcept {
+    for (std::optional<DrmEvent>& event : arrived_) event.reset();
+  }
   /// Adds the event of a tile. Returns false if that tile's event has arrived already.
   [[nodiscard]] bool add(size_t tile, const DrmEvent& event) noexcept;
   [[nodiscard]] bool complete() const noexcept;
@@ -148,7 +150,9 @@ class PageFlipHandler final : private DrmEventHandler {
   void on_flip_event(const DrmEvent& event) noexcept;
   [[nodiscard]] bool note_tile(const DrmEvent& event) noexcept;
   void try_flip() noexcept;
-  void land(VblankClock::Landing landing) noexcept;
+  void land(VblankClock::Landing landing) noexcept {
+    flip_.land(landing.vblank, landing.report_at);
+  }
   DisplayEvent deliver_flip() noexcept;
 
   /// Counts a refusal and starts the reaction that it needs.

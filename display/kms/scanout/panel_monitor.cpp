@@ -21,14 +21,6 @@ constexpr Nanoseconds kLongestSleep = std::chrono::seconds(1);
 
 }  // namespace
 
-bool HotplugEvent::all_connected() const {
-  return !connectors.empty() && std::ranges::all_of(connectors, &ConnectorInfo::connected);
-}
-
-bool HotplugEvent::any_link_bad() const {
-  return std::ranges::any_of(connectors, &ConnectorInfo::link_bad);
-}
-
 ConnectorProber::ConnectorProber(int card_fd, const ConnectorInfo& seen,
                                  std::vector<uint32_t> connectors,
                                  std::unique_ptr<HotplugMonitor> hotplug,
@@ -57,10 +49,6 @@ ConnectorProber::~ConnectorProber() {
   if (thread_.joinable()) thread_.join();
 }
 
-int ConnectorProber::fd() const noexcept {
-  return running_ == Running::OwnThread ? ready_.fd() : hotplug_->fd();
-}
-
 Nanoseconds ConnectorProber::next_step() const noexcept {
   if (running_ == Running::OwnThread) return kNever;
   return std::min({probe_at_.value_or(kNever), poll_at_, audit_at_});
@@ -79,10 +67,6 @@ std::optional<HotplugEvent> ConnectorProber::take_event() noexcept {
   ready_.drain();
   const std::lock_guard lock(mutex_);
   return std::exchange(event_, std::nullopt);
-}
-
-bool ConnectorProber::take_modeset_request() noexcept {
-  return modeset_requested_.exchange(false, std::memory_order_relaxed);
 }
 
 void ConnectorProber::request_probe() noexcept {
@@ -213,14 +197,6 @@ PanelMonitor::PanelMonitor(KmsOutput& output, const OutputRequest& request,
               }),
       check_at_(kNever) {
   counters_.panel.store(PanelState::Showing, std::memory_order_relaxed);
-}
-
-Nanoseconds PanelMonitor::next_due() const noexcept {
-  return std::min(prober_.next_step(), check_at_);
-}
-
-void PanelMonitor::check_now() noexcept {
-  check_at_ = std::min(check_at_, clock_->now());
 }
 
 void PanelMonitor::check_later() noexcept {

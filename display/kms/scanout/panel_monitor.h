@@ -3,6 +3,7 @@
 // the modes, and the reaction that a change needs.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <functional>
 #include <memory>
@@ -24,8 +25,12 @@ struct HotplugEvent {
   /// The output's connectors, in its order. Empty: one of them is gone from the card.
   std::vector<ConnectorInfo> connectors;
 
-  [[nodiscard]] bool all_connected() const;
-  [[nodiscard]] bool any_link_bad() const;
+  [[nodiscard]] bool all_connected() const {
+    return !connectors.empty() && std::ranges::all_of(connectors, &ConnectorInfo::connected);
+  }
+  [[nodiscard]] bool any_link_bad() const {
+    return std::ranges::any_of(connectors, &ConnectorInfo::link_bad);
+  }
 };
 
 /// ConnectorProber probes the connectors of one output after hotplug events, and checks them slowly
@@ -50,7 +55,9 @@ class ConnectorProber {
 
   /// Returns a descriptor that is readable when take_event() or, without its own thread, step()
   /// should be called.
-  [[nodiscard]] int fd() const noexcept;
+  [[nodiscard]] int fd() const noexcept {
+    return running_ == Running::OwnThread ? ready_.fd() : hotplug_->fd();
+  }
   /// Returns, without its own thread, the time at which step() is due; otherwise never.
   [[nodiscard]] Nanoseconds next_step() const noexcept;
   void step() noexcept;
@@ -58,7 +65,9 @@ class ConnectorProber {
   /// Returns the newest change since the last call, if there was one.
   [[nodiscard]] std::optional<HotplugEvent> take_event() noexcept;
   /// Returns true once after an audit that asked for a modeset.
-  [[nodiscard]] bool take_modeset_request() noexcept;
+  [[nodiscard]] bool take_modeset_request() noexcept {
+    return modeset_requested_.exchange(false, std::memory_order_relaxed);
+  }
   /// Requests a probe now, reported even if nothing changed. Thread safety: any thread.
   void request_probe() noexcept;
 
@@ -113,9 +122,11 @@ class PanelMonitor {
   /// Returns a descriptor that is readable when handle_events() should be called; -1 if never.
   [[nodiscard]] int fd() const noexcept { return prober_.fd(); }
   /// Returns the time at which handle_events() should be called next.
-  [[nodiscard]] Nanoseconds next_due() const noexcept;
+  [[nodiscard]] Nanoseconds next_due() const noexcept {
+    return std::min(prober_.next_step(), check_at_);
+  }
   /// Requests a probe of the panel now.
-  void check_now() noexcept;
+  void check_now() noexcept { check_at_ = std::min(check_at_, clock_->now()); }
 
   enum class Action {
     None,

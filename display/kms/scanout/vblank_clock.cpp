@@ -73,10 +73,6 @@ Vblank VblankCounter::at(uint64_t sequence) const {
   return {sequence, timeline_.time_of(sequence - base_)};
 }
 
-Vblank VblankCounter::last_until(Nanoseconds time) const {
-  return at(base_ + timeline_.sequence_at(time));
-}
-
 Vblank VblankCounter::first_from(Nanoseconds time) const {
   const Vblank before = last_until(time);
   return before.time >= time ? before : at(before.sequence + 1);
@@ -118,10 +114,6 @@ VblankClock::Landing VblankClock::place(const DrmEvent& flip) noexcept {
         counter_.observe_low_bits(static_cast<uint32_t>(flip.sequence), flip.time, now));
   const bool plausible = flip.time > now - flip_timeout(period()) && flip.time <= now;
   return place_at(counter_.first_from(plausible ? flip.time : now));
-}
-
-VblankClock::Landing VblankClock::place_now() noexcept {
-  return place_at(counter_.first_from(clock_.now()));
 }
 
 VblankClock::Landing VblankClock::place_at(Vblank vblank) noexcept {

@@ -47,7 +47,9 @@ class VblankCounter {
 
   /// Return, by the clock, the first vblank at or after `time`, and the last one at or before it.
   [[nodiscard]] Vblank first_from(Nanoseconds time) const;
-  [[nodiscard]] Vblank last_until(Nanoseconds time) const;
+  [[nodiscard]] Vblank last_until(Nanoseconds time) const {
+    return at(base_ + timeline_.sequence_at(time));
+  }
   [[nodiscard]] Vblank at(uint64_t sequence) const;
   [[nodiscard]] Nanoseconds period() const { return timeline_.period(); }
   [[nodiscard]] const Vblank& last() const { return last_; }
@@ -90,7 +92,7 @@ class VblankClock {
   };
   [[nodiscard]] Landing place(const DrmEvent& flip) noexcept;
   /// Returns the landing of a flip that was completed by a blocking commit, without an event.
-  [[nodiscard]] Landing place_now() noexcept;
+  [[nodiscard]] Landing place_now() noexcept { return place_at(counter_.first_from(clock_.now())); }
 
   /// Requests the first vblank after `sequence`. The driver's event, if the driver is asked,
   /// carries `serial`. While the output is off the driver does not count, so time is used instead.

@@ -9,7 +9,7 @@
 #include <thread>
 
 #include "base/error.h"
-#include "player/session/play_outputs.h"
+#include "player/session/statistics_file.h"
 #include "tests/support/scratch_folder.h"
 
 namespace lenticule::player {
