@@ -7,7 +7,6 @@
 #include <cstring>
 #include <utility>
 
-#include "base/error.h"
 #include "display/kms/device/connector.h"
 #include "display/kms/probe/output_choice.h"
 #include "display/kms/scanout/active_output.h"

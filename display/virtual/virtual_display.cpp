@@ -9,19 +9,13 @@
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
-#include <memory>
 #include <mutex>
 #include <new>
 #include <optional>
 #include <thread>
 #include <utility>
-#include <vector>
 
 #include "base/error.h"
-#include "display/clock.h"
-#include "display/display.h"
-#include "display/scanout_format.h"
-#include "display/scanout_recorder.h"
 
 namespace lenticule::display {
 namespace {

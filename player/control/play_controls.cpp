@@ -11,8 +11,6 @@
 #include <atomic>
 #include <cerrno>
 #include <cstring>
-#include <filesystem>
-#include <string>
 #include <utility>
 
 #include "base/error.h"

@@ -5,8 +5,6 @@
 
 #include <algorithm>
 #include <cstdlib>
-#include <filesystem>
-#include <string_view>
 #include <system_error>
 
 #include "player/process/interrupt.h"

@@ -13,8 +13,6 @@
 #include <cstring>
 #include <ctime>
 #include <memory>
-#include <utility>
-#include <vector>
 
 #include "base/error.h"
 #include "base/numbers.h"
@@ -38,25 +36,16 @@ std::string formatted(int64_t time_us, const char* format) {
   return {text.data(), std::strftime(text.data(), text.size(), format, &time)};
 }
 
-void add(const ProofEntry& entry, ReportRow& row) {
-  if (!entry.hash.empty()) row.hashes.insert(entry.hash);
-  row.exactness = worse_exactness(row.exactness, entry.exactness);
-  row.whole += entry.whole;
-  row.interrupted += entry.interrupted;
-  row.frames += entry.frames;
-  row.unseen += entry.unseen;
-  row.missed += entry.missed;
-  row.damaged += entry.damaged;
-}
-
-void add(const ReportRow& row, ReportRow& total) {
-  total.exactness = worse_exactness(total.exactness, row.exactness);
-  total.whole += row.whole;
-  total.interrupted += row.interrupted;
-  total.frames += row.frames;
-  total.unseen += row.unseen;
-  total.missed += row.missed;
-  total.damaged += row.damaged;
+/// Adds the counts of an entry or of a row.
+template <class Counts>
+void add(const Counts& counts, ReportRow& row) {
+  row.exactness = worse_exactness(row.exactness, counts.exactness);
+  row.whole += counts.whole;
+  row.interrupted += counts.interrupted;
+  row.frames += counts.frames;
+  row.unseen += counts.unseen;
+  row.missed += counts.missed;
+  row.damaged += counts.damaged;
 }
 
 /// Returns the numbers of "2026-11-25" or "14:03:05", all with two digits, except the year.
@@ -168,8 +157,10 @@ void ProofReport::add(const JournalEntry& entry) {
   else
     open_.insert_or_assign(turn, proof);
   const bool counts = proof.event != ProofEntry::Event::Started;
-  if (counts && covers(proof.from_us))
-    lenticule::player::add(proof, row_of(proof.from_us, proof, entry.origin));
+  if (!counts || !covers(proof.from_us)) return;
+  ReportRow& row = row_of(proof.from_us, proof, entry.origin);
+  if (!proof.hash.empty()) row.hashes.insert(proof.hash);
+  lenticule::player::add(proof, row);
 }
 
 ProofSummary ProofReport::finish(const IsRunning& is_running) {

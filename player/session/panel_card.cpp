@@ -48,10 +48,13 @@ PanelProblem problem_with(const OutputRequest& request, const PanelSearch& searc
                   kContinues)};
 }
 
-const display::ModeInfo* preferred_mode(const PanelInfo& panel) {
+/// Returns the mode that the panel itself prefers, of all or of those that show a frame pixel for
+/// pixel; null if there is none.
+const display::ModeInfo* preferred_mode(const PanelInfo& panel, bool usable_ones) {
   const display::ModeInfo* best = nullptr;
   for (const display::ModeInfo& mode : panel.modes)
-    if (best == nullptr || (mode.preferred && !best->preferred)) best = &mode;
+    if ((mode.usable || !usable_ones) && (best == nullptr || (mode.preferred && !best->preferred)))
+      best = &mode;
   return best;
 }
 
@@ -68,7 +71,7 @@ std::string describe_found(const PanelInfo& panel) {
   std::string text = panel.connector + ": ";
   text += panel.identity ? display::to_string(*panel.identity)
                          : fmt::format("EDID {}", display::edid_problem_name(panel.edid_problem));
-  if (const display::ModeInfo* mode = preferred_mode(panel))
+  if (const display::ModeInfo* mode = preferred_mode(panel, false))
     text += fmt::format(", {}x{}@{:.6g}", mode->width, mode->height, mode->refresh.hertz());
   return text;
 }
@@ -126,18 +129,10 @@ constexpr Nanoseconds kTimeout = std::chrono::seconds(5);
 /// Longest time between two checks for hotplug events.
 constexpr Nanoseconds kNap = std::chrono::milliseconds(500);
 
-/// Returns the mode that the panel itself prefers; null if none can show a frame pixel for pixel.
-const display::ModeInfo* own_mode(const display::PanelInfo& panel) {
-  const display::ModeInfo* best = nullptr;
-  for (const display::ModeInfo& mode : panel.modes)
-    if (mode.usable && (best == nullptr || (mode.preferred && !best->preferred))) best = &mode;
-  return best;
-}
-
 }  // namespace
 
 bool PanelCard::show(const display::PanelInfo& panel, const display::CardText& text) {
-  const display::ModeInfo* const mode = own_mode(panel);
+  const display::ModeInfo* const mode = preferred_mode(panel, true);
   if (mode == nullptr) return false;
   const frames::FrameGeometry geometry{mode->width, mode->height};
   try {

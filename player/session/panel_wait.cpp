@@ -6,8 +6,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "player/session/panel_card.h"
-
 namespace lenticule::player {
 namespace {
 

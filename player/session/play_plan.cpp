@@ -5,7 +5,6 @@
 #include <poll.h>
 
 #include <algorithm>
-#include <memory>
 
 #include "base/error.h"
 #include "base/numbers.h"

@@ -14,14 +14,12 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
-#include <string>
 #include <string_view>
 #include <thread>
 #include <utility>
 #include <vector>
 
 #include "base/error.h"
-#include "base/exit_code.h"
 #include "base/json_output.h"
 #include "base/print.h"
 #include "base/retried_writes.h"
@@ -42,8 +40,6 @@
 #include "player/session/panel_card.h"
 #include "player/session/panel_json.h"
 #include "player/session/panel_wait.h"
-#include "player/session/play_plan.h"
-#include "player/session/play_service.h"
 #include "player/session/statistics_file.h"
 #include "player/session/steered_play.h"
 #include "player/sources/open_source.h"

@@ -12,14 +12,12 @@
 #include <cstdlib>
 #include <ctime>
 #include <exception>
-#include <optional>
 #include <span>
 #include <string_view>
 #include <utility>
 
 #include "base/file.h"
 #include "base/numbers.h"
-#include "base/text.h"
 
 namespace lenticule::player {
 

@@ -12,7 +12,6 @@
 #include "player/playlist/playlist_reporter.h"
 #include "player/playlist/source_pace.h"
 #include "player/process/interrupt.h"
-#include "player/session/play_plan.h"
 
 namespace lenticule::player {
 namespace {

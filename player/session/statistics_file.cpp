@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/session/statistics_file.h"
 
-#include <condition_variable>
+#include <atomic>
 #include <exception>
 #include <mutex>
 #include <optional>
@@ -20,57 +20,36 @@ constexpr std::chrono::milliseconds kLook{100};
 
 }  // namespace
 
-/// State shared by the thread and its owner; the owner may be destroyed first.
+/// State shared by the worker and its owner; the owner may be destroyed first.
 struct StatisticsFile::Shared {
-  explicit Shared(std::filesystem::path name) : file(std::move(name)) {}
-
-  void work() noexcept;
-  void write_to_disk(const std::string& text) noexcept;
-
-  const std::filesystem::path file;
-  RetriedWrites writes;
-  std::mutex mutex;  ///< guards the members below
-  std::condition_variable changed;
-  std::optional<std::string> newest;  ///< not tried yet, or failed
-  bool ending = false;
-  bool over = false;  ///< the thread has ended
-};
-
-void StatisticsFile::Shared::write_to_disk(const std::string& text) noexcept {
-  try {
-    write_text_file(file, text);
-    writes.succeeded();
-  } catch (const std::exception& error) {
-    writes.failed(error.what());
-  }
-}
-
-/// Writes the texts. A text that arrives during the pause after a failure is written when the pause
-/// ends, unless a newer one replaces it.
-void StatisticsFile::Shared::work() noexcept {
-  std::unique_lock lock(mutex);
-  while (true) {
-    if (!newest && ending) break;
-    if (!newest) {
-      changed.wait(lock);
-    } else if (!ending && !writes.due()) {
-      changed.wait_for(lock, kLook);
-    } else {
-      const std::string text = std::move(*newest);
-      newest.reset();
-      lock.unlock();
-      write_to_disk(text);
-      lock.lock();
+  /// Writes the newest text, after the pause that a failure has begun. A text that arrives
+  /// meanwhile replaces it.
+  void write_newest(const std::atomic<bool>& ending) noexcept {
+    while (!ending.load() && !finishing.load() && !writes.due()) std::this_thread::sleep_for(kLook);
+    try {
+      const std::optional<std::string> text = [this] {
+        const std::lock_guard lock(mutex);
+        return std::exchange(newest, std::nullopt);
+      }();
+      if (!text) return;
+      write_text_file(file, *text);
+      writes.succeeded();
+    } catch (const std::exception& error) {
+      writes.failed(error.what());
     }
   }
-  over = true;
-  changed.notify_all();
-}
+
+  std::filesystem::path file;
+  RetriedWrites writes{};
+  std::atomic<bool> finishing{false};
+  std::mutex mutex{};
+  std::optional<std::string> newest{};  ///< guarded by mutex; none once it was tried
+};
 
 StatisticsFile::StatisticsFile(const std::filesystem::path& file)
-    : shared_(std::make_shared<Shared>(file)) {
+    : shared_(std::make_shared<Shared>()), worker_(1) {
+  shared_->file = file;
   require_writable_place(file);
-  std::thread([shared = shared_] { shared->work(); }).detach();
 }
 
 StatisticsFile::~StatisticsFile() {
@@ -82,15 +61,14 @@ void StatisticsFile::write(std::string text) {
     const std::lock_guard lock(shared_->mutex);
     shared_->newest = std::move(text);
   }
-  shared_->changed.notify_all();
+  // A job that waits already will write this text.
+  (void)worker_.post([shared = shared_](const auto& ending) { shared->write_newest(ending); });
 }
 
 std::string StatisticsFile::finish(std::chrono::milliseconds timeout) {
-  std::unique_lock lock(shared_->mutex);
-  shared_->ending = true;
-  shared_->changed.notify_all();
-  const bool over = shared_->changed.wait_for(lock, timeout, [this] { return shared_->over; });
-  if (!over) return shared_->file.string() + ": cannot write: the disk does not respond";
+  shared_->finishing.store(true);
+  if (!worker_.wait(timeout))
+    return shared_->file.string() + ": cannot write: the disk does not respond";
   return shared_->writes.state().reason;
 }
 

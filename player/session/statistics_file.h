@@ -9,6 +9,7 @@
 #include <string>
 
 #include "base/retried_writes.h"
+#include "player/process/detached_worker.h"
 
 namespace lenticule::player {
 
@@ -33,6 +34,7 @@ class StatisticsFile {
  private:
   struct Shared;
   std::shared_ptr<Shared> shared_;
+  DetachedWorker worker_;
 };
 
 }  // namespace lenticule::player

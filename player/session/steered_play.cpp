@@ -9,7 +9,6 @@
 
 #include "base/error.h"
 #include "base/print.h"
-#include "player/session/play_plan.h"
 
 namespace lenticule::player {
 namespace {

@@ -19,7 +19,6 @@
 #include <utility>
 #include <vector>
 
-#include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/help.h"
 #include "base/error.h"
 #include "base/main_function.h"

@@ -5,11 +5,9 @@
 #include <xf86drmMode.h>
 
 #include <algorithm>
-#include <optional>
 #include <string_view>
 #include <utility>
 
-#include "display/kms/color/exactness_rules.h"
 #include "display/kms/color/legacy_gamma.h"
 #include "display/kms/device/connector.h"
 

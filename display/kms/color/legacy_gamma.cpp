@@ -6,7 +6,6 @@
 #include <cerrno>
 
 #include "display/kms/color/exactness_rules.h"
-#include "display/kms/device/drm_properties.h"
 
 namespace lenticule::display {
 namespace {

@@ -8,8 +8,6 @@
 #include <cstdlib>
 #include <numeric>
 
-#include "display/kms/device/drm_properties.h"
-
 namespace lenticule::display {
 namespace {
 

@@ -11,10 +11,8 @@
 #include <cerrno>
 #include <cstring>
 #include <ctime>
-#include <memory>
 
 #include "base/error.h"
-#include "base/unique_fd.h"
 
 namespace lenticule::display {
 namespace {

@@ -8,8 +8,6 @@
 #include <functional>
 #include <utility>
 
-#include "base/error.h"
-#include "display/kms/device/drm_device.h"
 #include "display/kms/device/drm_properties.h"
 
 namespace lenticule::display {

@@ -7,11 +7,8 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
-#include <utility>
 
 #include "base/error.h"
-#include "display/kms/device/connector.h"
-#include "display/kms/device/drm_properties.h"
 
 namespace lenticule::display {
 
