@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests the file of --stats on disks that are full, removed, or come back.
+#include "player/session/statistics_file.h"
+
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -9,7 +11,6 @@
 #include <thread>
 
 #include "base/error.h"
-#include "player/session/statistics_file.h"
 #include "tests/support/scratch_folder.h"
 
 namespace lenticule::player {
