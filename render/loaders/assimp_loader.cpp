@@ -23,11 +23,9 @@
 #include "base/file.h"
 #include "base/text.h"
 #include "optics/vec.h"
-#include "render/loaders/animation.h"
-#include "render/loaders/assimp/parts.h"
+#include "render/loaders/assimp_scene.h"
 #include "render/loaders/file_names.h"
 #include "render/loaders/limits.h"
-#include "render/loaders/viewer_choices.h"
 #include "render/scene/stage.h"
 
 namespace lenticule::render {
@@ -252,26 +250,6 @@ const aiScene& read(Assimp::Importer& importer, const std::filesystem::path& fil
   return *scene;
 }
 
-/// `origin` is the point of the file that assimp's origin stands for.
-SceneDescription convert(const aiScene& from, const std::filesystem::path& file, Vec3 origin) {
-  SceneDescription scene;
-  scene.source = file.string();
-  scene.colour_managed = true;
-  import_materials(from, file.parent_path(), scene);
-  const NodeNames nodes = import_nodes_and_meshes(from, scene);
-  if (scene.meshes.empty()) refuse_empty(scene);
-  // An OBJ file has no transforms: its nodes' coordinates are the file's.
-  if (!(origin == Vec3{}))
-    for (TriangleMesh& mesh : scene.meshes)
-      for (Vec3& p : mesh.positions) p += origin;
-  import_animation(from, nodes, scene);
-  import_lights(from, nodes, scene);
-  import_cameras(from, nodes, scene);
-  expose(scene);
-  bake_still_nodes(scene);
-  return scene;
-}
-
 }  // namespace
 
 bool assimp_reads(const std::string& extension) {
@@ -284,9 +262,10 @@ SceneDescription load_with_assimp(const std::filesystem::path& file) {
     std::optional<CentredObj> centred;
     if (lower_case(file.extension().string()) == ".obj")
       centred = centre_obj(read_whole_file(file, kMaxSceneFileBytes));
-    if (!centred) return convert(read(importer, file, std::make_unique<GuardedFiles>()), file, {});
+    if (!centred)
+      return import_scene(read(importer, file, std::make_unique<GuardedFiles>()), file, {});
     auto files = std::make_unique<GuardedFiles>(file.string(), std::move(centred->text));
-    return convert(read(importer, file, std::move(files)), file, centred->centre);
+    return import_scene(read(importer, file, std::move(files)), file, centred->centre);
   } catch (const Error&) {
     throw;
   } catch (const std::bad_alloc&) {
