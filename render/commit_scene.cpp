@@ -33,9 +33,9 @@
 #include "render/shading/shading_tables.h"
 
 namespace lenticule::render {
-// ---- lights that cannot contribute to any surface
-
 namespace {
+
+// ---- lights that cannot contribute to any surface
 
 /// Ball that contains every point where a surface can be lit.
 struct Ball {

@@ -29,9 +29,9 @@
 #include "render/scene/stage.h"
 
 namespace lenticule::render {
-// ---- guarded files
-
 namespace {
+
+// ---- guarded files
 
 class BytesStream : public Assimp::IOStream {
  public:

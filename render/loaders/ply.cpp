@@ -32,9 +32,9 @@
 #include "render/scene/stage.h"
 
 namespace lenticule::render {
-// ---- header
-
 namespace {
+
+// ---- header
 
 enum class ValueType { Int8, Uint8, Int16, Uint16, Int32, Uint32, Float32, Float64 };
 

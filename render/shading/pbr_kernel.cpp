@@ -5,9 +5,9 @@
 #include "render/shading/packet_kernel_lanes.h"
 
 namespace lenticule::render::LENTICULE_ISA_NAMESPACE {
-// ---- look-ups in the tables
-
 namespace {
+
+// ---- look-ups in the tables
 
 /// Four numbers of one lane.
 using Four = float __attribute__((vector_size(16)));

@@ -5,9 +5,9 @@
 #include "render/shading/packet_kernel_lanes.h"
 
 namespace lenticule::render::LENTICULE_ISA_NAMESPACE {
-// ---- sample points, and their maps to a disc and to a hemisphere
-
 namespace {
+
+// ---- sample points, and their maps to a disc and to a hemisphere
 
 inline Words reversed_bits(const Words& v) {
   Words x = v >> 16 | v << 16;

@@ -58,9 +58,9 @@ Sample sample_of(const SampleSet& set, uint32_t index) {
 }  // namespace lenticule::render::sampling
 
 namespace lenticule::render {
-// ---- soft shader
-
 namespace {
+
+// ---- soft shader
 
 /// Number of samples that cover all quarters of a disc: if the whole area light would shine on a
 /// point, one of them would.

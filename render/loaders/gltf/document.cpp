@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// A glTF file is JSON that names buffers, views (parts of buffers) and accessors (typed elements of
+// a view). Buffers lie in the binary chunk of a .glb, in other files or in data URIs; views may be
+// compressed by meshoptimizer. Every count and offset comes from the file, so each is compared with
+// the bytes that are there before memory is allocated for it.
 #include "render/loaders/gltf/document.h"
 
 #include <fmt/format.h>
@@ -14,10 +18,10 @@
 #include "render/loaders/limits.h"
 
 namespace lenticule::render::gltf {
+namespace {
+
 // ---- meshopt
 // Decodes buffer views of EXT_meshopt_compression.
-
-namespace {
 
 /// Decodes without a filter; returns false for damaged data. The decoders require the strides that
 /// are checked here.

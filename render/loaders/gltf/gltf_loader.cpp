@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// A glTF file becomes a scene in this order: the document (JSON and buffers, decompressed), the
+// materials with their pictures, the nodes parents first, skins, the meshes once per node that
+// shows them, the first animation, lights and cameras. Then lights are exposed, and whatever never
+// moves is baked to world coordinates. Content that is left out is counted and noted; damaged
+// content is an error with the path of its JSON value.
 #include "render/loaders/gltf_loader.h"
 
 #include <fmt/format.h>
@@ -20,9 +25,9 @@
 #include "render/scene/stage.h"
 
 namespace lenticule::render::gltf {
-// ---- nodes
-
 namespace {
+
+// ---- nodes
 
 /// Nodes imports glTF's node hierarchy with what hangs on it: meshes, skins, cameras and lights.
 /// Lifetime: must not outlive document, scene, materials and notes.
@@ -508,9 +513,9 @@ void import_animation(Document& document, const Nodes& nodes, SceneDescription& 
 }  // namespace lenticule::render::gltf
 
 namespace lenticule::render {
-// ---- loader
-
 namespace {
+
+// ---- loader
 
 using gltf::Document;
 using gltf::JsonAt;

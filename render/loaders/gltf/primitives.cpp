@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// A primitive is a list of triangles of one material. Its vertex attributes come from accessors or
+// from Draco data; strips and fans become triangles, tangents are computed where a material needs
+// them, and morph targets and the weights of joints are kept for the animation.
 #include "render/loaders/gltf/primitives.h"
 
 // The headers of the library convert between integers of different size.
@@ -22,9 +25,9 @@
 #include "render/scene/stage.h"
 
 namespace lenticule::render::gltf {
-// ---- draco mesh
-
 namespace {
+
+// ---- draco mesh
 
 /// Takes a number of seven bits per byte from the front of the data.
 uint64_t take_varint(Bytes& bytes) {

@@ -8,7 +8,7 @@
 #include "render/scene/texture.h"
 #include "render/shading/shading.h"
 
-namespace lenticule::testing {
+namespace lenticule::test {
 
 /// Returns the light that leaves the surface independent of the light sources: emission and
 /// reflected ambient light.
@@ -37,4 +37,4 @@ namespace lenticule::testing {
   return light.intensity * reflectance;
 }
 
-}  // namespace lenticule::testing
+}  // namespace lenticule::test

@@ -132,10 +132,10 @@ void ShadingKernel::expect_lane_agrees(const Shaded& shaded, size_t light, size_
   if (expected.material->texture >= 0) return;  // the tracer looks up its colour
   const double weight = double{weight_[r]};
   EXPECT_NEAR(double{shaded.own[r]},
-              weight * testing::own_light(expected, scene_.ambient, ray.channel), 1e-6);
+              weight * test::own_light(expected, scene_.ambient, ray.channel), 1e-6);
   const Arrival at = arrival(scene_.lights[light], spawn_point(expected, Side::Viewer),
                              scene_.units_per_world, ray.channel);
-  const double reflected = weight * testing::reflected_light(expected, ray.direction, at);
+  const double reflected = weight * test::reflected_light(expected, ray.direction, at);
   EXPECT_NEAR(double{shaded.shadow.weight[r]}, reflected, 2e-5);
   if (shaded.shadow_packet.valid[r] != 0) {
     EXPECT_LT(length(direction_of(shaded.shadow_packet, r) - at.toward_light), kUnit);

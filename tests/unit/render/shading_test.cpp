@@ -12,7 +12,7 @@
 namespace lenticule::render {
 namespace {
 
-using testing::reflected_light;
+using test::reflected_light;
 
 constexpr Vec3 kUp{0, 1, 0};
 
