@@ -39,9 +39,4 @@ struct EyeOptions {
 [[nodiscard]] RgbPicture simulate_eye(const OpticalModel& model, RgbView woven, const Eye& eye,
                                       const EyeOptions& options = {});
 
-/// Returns the pixel column of the subpixel of row j and `channel` that lens `lens` shows to the
-/// eye (the nearest in phase), or -1 if the lens shows no subpixel of this panel.
-[[nodiscard]] int seen_column(const OpticalModel& model, int64_t lens, int j, int channel,
-                              const Eye& eye);
-
 }  // namespace lenticule::optics

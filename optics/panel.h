@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Panel describes the LCD: number and size of the pixels, and the positions of the three subpixels
-// inside a pixel.
+// inside a pixel. Mounting says how the picture that a graphics card sends is turned when a viewer
+// sees it: a portrait panel, a panel hung upside down, a panel behind a mirror.
 #pragma once
 
 #include <array>

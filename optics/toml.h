@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Parses TOML for all our files. Include only from .cpp files that use toml++.
+// Reads and writes TOML for all our files: parse_toml(), TomlSection for a table whose members are
+// checked, and the texts of values. Include only from .cpp files that use toml++.
 #pragma once
 
 #include <fmt/format.h>

@@ -43,19 +43,4 @@ constexpr double degrees_from_radians(Radians angle) {
   return angle.value * 180.0 / std::numbers::pi;
 }
 
-namespace literals {
-constexpr Millimetres operator""_mm(long double v) {
-  return Millimetres(static_cast<double>(v));
-}
-constexpr Millimetres operator""_mm(unsigned long long v) {
-  return Millimetres(static_cast<double>(v));
-}
-constexpr Subpixels operator""_subpx(long double v) {
-  return Subpixels(static_cast<double>(v));
-}
-constexpr Lenses operator""_lenses(long double v) {
-  return Lenses(static_cast<double>(v));
-}
-}  // namespace literals
-
 }  // namespace lenticule

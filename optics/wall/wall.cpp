@@ -173,10 +173,6 @@ WallPanel read_panel(const TomlSection& panel, const std::vector<WallPanel>& bef
           .output = read_output(panel)};
 }
 
-std::string point_text(Vec3 p) {
-  return fmt::format("[{}, {}, {}]", toml_number(p.x), toml_number(p.y), toml_number(p.z));
-}
-
 }  // namespace
 
 Wall parse_wall(std::string_view text, const std::string& source) {
@@ -196,24 +192,6 @@ Wall parse_wall(std::string_view text, const std::string& source) {
     wall.panels.push_back(read_panel(TomlSection(*item.as_table(), "panel", source), wall.panels));
   }
   return wall;
-}
-
-std::string wall_to_toml(const Wall& wall) {
-  std::string out = "# A wall: several panels that show one picture.\nformat = 1\n";
-  out += fmt::format("viewer_mm = {}\n", point_text(wall.viewer_mm));
-  for (const WallPanel& panel : wall.panels) {
-    out +=
-        fmt::format("\n[[panel]]\nname = {}\nrig = {}\ncentre_mm = {}\n", toml_string(panel.name),
-                    toml_string(panel.rig), point_text(panel.centre_mm));
-    const auto add = [&](const char* key, double degrees) {
-      if (degrees != 0.0) out += fmt::format("{} = {}\n", key, toml_number(degrees));
-    };
-    add("turn_degrees", panel.turn_degrees);
-    add("tilt_degrees", panel.tilt_degrees);
-    add("roll_degrees", panel.roll_degrees);
-    if (!panel.output.empty()) out += fmt::format("output = {}\n", toml_string(panel.output));
-  }
-  return out;
 }
 
 }  // namespace lenticule::optics

@@ -44,8 +44,6 @@ inline constexpr double kMaxRollDegrees = 45.0;    ///< beyond it the mounting o
 /// Parses a wall. Every failure is an Error(Input) that starts with "source:line:". Does not read
 /// the rig files.
 [[nodiscard]] Wall parse_wall(std::string_view toml, const std::string& source);
-/// Returns the file's text; parse_wall() restores the same wall from the text, bit for bit.
-[[nodiscard]] std::string wall_to_toml(const Wall& wall);
 
 /// Returns the map from the panel's frame to the wall's: a rotation and a translation.
 [[nodiscard]] Affine wall_from_panel(const WallPanel& panel);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Intersection of rays with spheres and open cones, in closed form and double precision.
+// Intersection of rays, in closed form and double precision, with spheres, open cones, and
+// triangles that are too wide for single precision.
 #pragma once
 
 #include <algorithm>

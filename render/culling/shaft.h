@@ -26,6 +26,9 @@
 
 namespace lenticule::render {
 
+// Directions are mapped to an octahedron that is unfolded to the square [-1, 1] x [-1, 1]: the
+// upper half is the diamond in the middle of the square, the lower half its corners.
+
 /// Returns the direction, not normalized, at a point of the square.
 [[nodiscard]] inline Vec3f octahedron_direction(float x, float y) {
   const float z = 1.0F - std::abs(x) - std::abs(y);

@@ -43,8 +43,10 @@ class DepthRecorder {
   std::vector<float> z_mm_;
 };
 
-/// CellCulling serves one scene. All results are certain: the bytes of a frame do not depend on
-/// them. Thread safety: used by one thread.
+/// CellCulling finds the rays of a packet that need not be traced: it asks the shaft tests
+/// (render/culling/shaft.h) for the surface cells that the packet met. It serves one scene. All
+/// results are certain: the bytes of a frame do not depend on them. Thread safety: used by one
+/// thread.
 class CellCulling {
  public:
   CellCulling(const RenderOptions& options, const SoftShader& soft);

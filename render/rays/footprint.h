@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Footprint of a subpixel: rays of samples inside its area and across its lens.
+// Footprint of a subpixel: rays of samples inside its area and across its lens. Beam bounds a
+// bundle of primary rays.
 #pragma once
 
 #include <vector>

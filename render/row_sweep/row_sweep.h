@@ -1,7 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// RowSweep computes the exact primary visibility of whole pixel rows: it intersects the scene with
-// the common plane of a row's rays, and sweeps each cut over the rays that can meet it.
-// docs/render/row-sweep.md.
+// RowSweep computes the exact primary visibility of whole pixel rows (docs/render/row-sweep.md):
+//
+// 1. RowPlanes (row_planes.h) gives the plane that all rays of a row lie in, and these rays.
+// 2. SweepPrimitives finds the primitives that the plane may cut, and cuts them: a triangle in a
+//    segment, a sphere or a cone in a conic. In the plane, visibility has two dimensions only.
+// 3. PlaneCells arranges the rays as [place under the lens][lens], so that neighbours in memory are
+//    nearly parallel rays through neighbouring lenses.
+// 4. The kernel sweeps each cut over the cells that can meet it, a range of lenses per place, and
+//    keeps the nearest point of each ray.
+// 5. The results are put back into the order of subpixels.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +21,8 @@
 
 namespace lenticule::render {
 
-/// PlaneCells belongs to one thread and keeps its memory from plane to plane.
+/// PlaneCells holds the rays of one plane in the memory layout that the sweep needs. It belongs to
+/// one thread and keeps its memory from plane to plane.
 class PlaneCells {
  public:
   /// Arranges rays as [place under the lens][lens]; all cells are reset to seeing nothing. Adds

@@ -48,12 +48,10 @@ class GroundRow {
   Interval range_mm_;
 };
 
-// UnchangedRegions finds the regions of the panel that look the same as in the previous frame: no
-// changed object is visible through the region, casts a shadow there or changes the ambient light
-// there.
-
-/// UnchangedRegions divides the panel into bands of rows and columns of some pixels. Thread safety:
-/// immutable after construction.
+/// UnchangedRegions finds the regions of the panel that look the same as in the previous frame: no
+/// changed object is visible through the region, casts a shadow there or changes the ambient light
+/// there. The regions are bands of rows and columns of some pixels. Thread safety: immutable after
+/// construction.
 class UnchangedRegions {
  public:
   static constexpr int kBandRows = 16;

@@ -112,7 +112,8 @@ inline constexpr int kMeanSquareLooks = 6;
 /// without errors is about a third of `mean_square`: 2 to kSampledOneIn.
 [[nodiscard]] uint32_t sampled_one_in_for(double mean_square, uint64_t subpixels);
 
-/// SampledSubpixels belongs to one thread and keeps its memory from band to band. A ray that
+/// SampledSubpixels holds the subpixels of a band that the audit samples, and traces them as method
+/// full does. It belongs to one thread and keeps its memory from band to band. A ray that
 /// differs in its last bit can give a different picture after several reflections. So rays are the
 /// same as in method full, and the light of a ray does not depend on the other rays of its packet.
 class SampledSubpixels {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // BandOrder decides, step by step, which bands of a frame method adaptive tries and which it leaves
-// to method full, from what the bands tried before have gained.
+// to method full, from what the bands tried before have gained. BandCostModel estimates the gains.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
+// KeyGrid defines the sample positions of method adaptive: a few cache views of the scene, each
+// seen through the panel from a place on the viewing line, with samples on every few rows and every
+// few pixels.
+//
+// All rays of a row lie in one plane with the viewing line. So a point stays in its row in every
+// cache view and moves only along the row: an eye at e sees (x, z) at x_panel = (x - e z / Z) / (1
+// - z / Z); if rays are parallel with tangent e, at x - e z.
+//
 // KeySamples holds the samples of a frame's cache views and decides between which samples
 // interpolation is allowed.
 #pragma once
@@ -55,14 +63,6 @@ class ZeroedArray {
   std::unique_ptr<Element, Free> elements_;
   size_t size_ = 0;
 };
-
-// KeyGrid defines the sample positions of method adaptive: a few cache views of the scene, each
-// seen through the panel from a place on the viewing line, with samples on every few rows and every
-// few pixels.
-//
-// All rays of a row lie in one plane with the viewing line. So a point stays in its row in every
-// cache view and moves only along the row: an eye at e sees (x, z) at x_panel = (x - e z / Z) / (1
-// - z / Z); if rays are parallel with tangent e, at x - e z.
 
 /// Spacing of the samples. The samples of odd views lie half a step above and to the left of those
 /// of even views.

@@ -1,4 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
+// How a frame is made (docs/render/rendering-adaptive.md has the reasons and the formulas):
+//
+//   key_samples     what is sampled: a few cache views of the scene are traced on a coarse grid,
+//   and
+//                   it is decided between which samples colours may be interpolated
+//   adaptive_frame  what a frame and its threads share, which regions are as in the previous frame,
+//                   and a thread's work on a band of rows: exact visibility by a row sweep, then a
+//                   look-up of each subpixel's colour in the two nearest cache views
+//   retrace         the subpixels whose colour is uncertain are shaded on the surface that is known
+//                   already, with as much of their light as the samples around them agree on
+//   audit           a few subpixels are traced as method full does, and tell how large errors are
+//   bands           which bands are worth trying, from what the bands before have gained
+//
+// This file goes through the steps of a frame: it tries bands, leaves those to method full that the
+// audit rejects or that cost more, and lets the audit of the whole frame state its error.
 #include "render/methods/adaptive/method_adaptive.h"
 
 #include <fmt/format.h>

@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// ColourTracer traces sixteen rays in all three colours and records the paths of their light.
+// Shading of the subpixels that the cache views do not settle. ColourTracer takes the samples: it
+// traces sixteen rays in all three colours and records the paths of their light. LightResolver
+// compares the records of the samples around a subpixel: light on which they agree need not be
+// traced again. UncertainSubpixels shades the subpixels of a band in packets with what is left.
 #pragma once
 
 #include <array>
@@ -69,9 +72,9 @@ struct ResolvedLight {
   static_assert(LightRecord::kAreaLights <= 8, "a bit for each lamp");
 };
 
-/// LightResolver resolves light for subpixels of one frame. Thread safety: used by one thread. The
-/// result for the four samples around a cell is computed once for all subpixels that look up this
-/// cell.
+/// LightResolver decides, from the nearest samples, which light of a subpixel of a frame needs no
+/// rays of its own. Thread safety: used by one thread. The result for the four samples around a
+/// cell is computed once for all subpixels that look up this cell.
 class LightResolver {
  public:
   /// Lifetime: `samples` and `grid` must outlive the object and must not change. `soft` selects the
@@ -143,7 +146,9 @@ class LightResolver {
   std::vector<AreaLights> cached_area_lights_;  ///< the same for area lights, if resolved
 };
 
-/// UncertainSubpixels belongs to one thread and keeps its memory from band to band.
+/// UncertainSubpixels collects the subpixels of a band of rows that must be shaded individually,
+/// row by row, and traces them in packets of neighbours. It belongs to one thread and keeps its
+/// memory from band to band.
 class UncertainSubpixels {
  public:
   struct Subpixel {

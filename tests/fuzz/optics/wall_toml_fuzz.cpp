@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads any bytes as a wall file: the result is an Error with a line, or a wall that survives a
-// round trip and whose panels are rotated and moved, but not scaled.
+// Reads any bytes as a wall file: the result is an Error with a line, or a wall whose panels are
+// rotated and moved, but not scaled.
 #include <cmath>
 #include <string_view>
 
@@ -16,7 +16,6 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     LENTICULE_CHECK(std::string_view(error.what()).substr(0, 10) == "fuzz.toml:");
     return 0;
   }
-  LENTICULE_CHECK(parse_wall(wall_to_toml(wall), "again") == wall);
   for (const WallPanel& panel : wall.panels)
     LENTICULE_CHECK(std::abs(wall_from_panel(panel).determinant() - 1.0) < 1e-12);
   return 0;

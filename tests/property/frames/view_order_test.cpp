@@ -10,6 +10,7 @@
 #include "frames/srgb.h"
 #include "frames/weave.h"
 #include "optics/eye_simulator.h"
+#include "tests/support/oracles/seen_column.h"
 
 namespace lenticule::frames {
 namespace {

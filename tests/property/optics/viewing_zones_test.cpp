@@ -9,6 +9,7 @@
 
 #include "optics/eye_simulator.h"
 #include "optics/row_rays.h"
+#include "tests/support/oracles/seen_column.h"
 #include "tests/support/random_rigs.h"
 
 namespace lenticule::optics {

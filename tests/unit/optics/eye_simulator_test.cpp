@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "base/error.h"
+#include "tests/support/oracles/seen_column.h"
 #include "tests/support/random_rigs.h"
 
 namespace lenticule::optics {

@@ -54,13 +54,12 @@ TEST(WallFile, ReadsEveryKey) {
   EXPECT_EQ(wall.panels[1], (WallPanel{"right", "right.toml", {310, 1.5, -2}, 0.0, 0.0, 0.0}));
 }
 
-TEST(WallFile, ReadsAndWritesTheConnectorOfAPanel) {
+TEST(WallFile, ReadsTheConnectorOfAPanel) {
   const std::string text =
       with(kTwo, "rig = \"right.toml\"", "rig = \"right.toml\"\noutput = \"DP-2\"");
   const Wall wall = parse_wall(text, "w.toml");
   EXPECT_EQ(wall.panels[0].output, "");
   EXPECT_EQ(wall.panels[1].output, "DP-2");
-  EXPECT_EQ(parse_wall(wall_to_toml(wall), "again.toml"), wall);
   EXPECT_EQ(complaint(with(text, "DP-2", "DP 2")),
             "w.toml:13: 'panel.output' is not the name of a connector | 'lenticule panels' lists "
             "them: output = \"DP-1\"");
@@ -70,14 +69,6 @@ TEST(WallFile, NamesAFilmPerPanel) {
   EXPECT_EQ(file_of_panel("film", "left"), "film-left.lts");
   EXPECT_EQ(file_of_panel("a.b/film.lts", "left"), "a.b/film-left.lts");
   EXPECT_EQ(file_of_panel("out/%05d.png", "right"), "out/%05d-right.png");
-}
-
-TEST(WallFile, IsWrittenAsTextThatReadsBackTheSameBits) {
-  Wall wall = parse_wall(kTwo, "w.toml");
-  wall.viewer_mm.x = 0.1 + 0.2;
-  wall.panels[0].rig = "a \"b\"\\c.toml";
-  wall.panels[1].turn_degrees = std::nextafter(3.0, 4.0);
-  EXPECT_EQ(parse_wall(wall_to_toml(wall), "again.toml"), wall);
 }
 
 TEST(WallFile, NamesLineCauseAndRemedyOfErrors) {
