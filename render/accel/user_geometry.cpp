@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "render/accel/quadric_kernel.h"
 
@@ -85,26 +86,15 @@ Numbers numbers_of(const WideTriangle& triangle, const RTCIntersectFunctionNArgu
   return {triangle.geometry, triangle.primitive};
 }
 
-void intersect_packet(const SphereShape& shape, const RTCIntersectFunctionNArguments& arguments,
-                      const quadric_kernel::Packet& packet) {
-  kernel().intersect_sphere(lanes_shape(shape), arguments.geomID, arguments.primID, packet);
+/// Returns the functions that intersect a packet with a shape, and that test it for occlusion.
+auto functions_for(const quadric_kernel::Sphere&) {
+  return std::pair(kernel().intersect_sphere, kernel().occlude_sphere);
 }
-void intersect_packet(const ConeShape& shape, const RTCIntersectFunctionNArguments& arguments,
-                      const quadric_kernel::Packet& packet) {
-  kernel().intersect_cone(lanes_shape(shape), arguments.geomID, arguments.primID, packet);
+auto functions_for(const quadric_kernel::Cone&) {
+  return std::pair(kernel().intersect_cone, kernel().occlude_cone);
 }
-void intersect_packet(const WideTriangle& shape, const RTCIntersectFunctionNArguments&,
-                      const quadric_kernel::Packet& packet) {
-  kernel().intersect_triangle(lanes_shape(shape), shape.geometry, shape.primitive, packet);
-}
-void occlude_packet(const WideTriangle& shape, const quadric_kernel::Packet& packet) {
-  kernel().occlude_triangle(lanes_shape(shape), packet);
-}
-void occlude_packet(const SphereShape& shape, const quadric_kernel::Packet& packet) {
-  kernel().occlude_sphere(lanes_shape(shape), packet);
-}
-void occlude_packet(const ConeShape& shape, const quadric_kernel::Packet& packet) {
-  kernel().occlude_cone(lanes_shape(shape), packet);
+auto functions_for(const quadric_kernel::Triangle&) {
+  return std::pair(kernel().intersect_triangle, kernel().occlude_triangle);
 }
 
 /// AskedLanes holds a copy of the lanes that Embree asks about, which the kernel may write.
@@ -149,12 +139,14 @@ template <class Shape>
 void intersect(const RTCIntersectFunctionNArguments* arguments) {
   const Shape& shape = shape_of<Shape>(arguments->geometryUserPtr, arguments->primID);
   const unsigned n = arguments->N;
+  const Numbers numbers = numbers_of(shape, *arguments);
   if (takes_packets_of(n)) {
     AskedLanes lanes(*arguments);
-    intersect_packet(shape, *arguments, lanes.packet(n, arguments->rayhit));
+    const auto of_kernel = lanes_shape(shape);
+    functions_for(of_kernel).first(of_kernel, numbers.geometry, numbers.primitive,
+                                   lanes.packet(n, arguments->rayhit));
     return report(*arguments, lanes);
   }
-  const Numbers numbers = numbers_of(shape, *arguments);
   RTCRayN* ray = RTCRayHitN_RayN(arguments->rayhit, n);
   RTCHitN* hit = RTCRayHitN_HitN(arguments->rayhit, n);
   for (unsigned i = 0; i < n; ++i) {
@@ -179,7 +171,8 @@ void occlude(const RTCOccludedFunctionNArguments* arguments) {
   const unsigned n = arguments->N;
   if (takes_packets_of(n)) {
     AskedLanes lanes(*arguments);
-    occlude_packet(shape, lanes.packet(n, arguments->ray));
+    const auto of_kernel = lanes_shape(shape);
+    functions_for(of_kernel).second(of_kernel, lanes.packet(n, arguments->ray));
     return report(*arguments, lanes);
   }
   for (unsigned i = 0; i < n; ++i) {
