@@ -54,6 +54,53 @@ ProbeHit probe_hit(const render::RayPacket& packet,
 
 }  // namespace
 
+uint64_t intersect(RTCScene scene, std::span<const render::PathRay> rays,
+                   render::Coherence coherence, std::span<render::Hit> hits) {
+  static_assert(render::Hit::kMiss == RTC_INVALID_GEOMETRY_ID);
+  uint64_t refused = 0;
+  render::RayPacket packet;
+  for (size_t begin = 0; begin < rays.size(); begin += render::kPacket) {
+    const auto lanes = rays.subspan(begin, std::min(render::kPacket, rays.size() - begin));
+    refused += load_packet(lanes, packet);
+    intersect16(packet.valid, scene, packet.rays, coherence);
+    for (size_t i = 0; i < lanes.size(); ++i) {
+      const bool traced = packet.valid[i] != 0;
+      hits[begin + i] = {.geometry = traced ? packet.rays.hit.geomID[i] : render::Hit::kRefused,
+                         .primitive = packet.rays.hit.primID[i],
+                         .distance = packet.rays.ray.tfar[i]};
+    }
+  }
+  return refused;
+}
+
+uint64_t add_unshadowed(RTCScene scene, std::span<const ShadowRay> rays, std::span<double> light) {
+  // Fraction of the distance to a light within which an occluder counts as the light itself.
+  constexpr double kLightClearance = 1.0 / (1 << 18);
+  uint64_t refused = 0;
+  render::RayPacket packet;
+  std::vector<render::PathRay> lanes;
+  for (size_t begin = 0; begin < rays.size(); begin += render::kPacket) {
+    const auto shadow = rays.subspan(begin, std::min(render::kPacket, rays.size() - begin));
+    lanes.clear();
+    for (const ShadowRay& ray : shadow)
+      lanes.push_back({.origin = ray.origin, .direction = ray.direction, .target = 0});
+    refused += load_packet(lanes, packet);
+    for (size_t i = 0; i < shadow.size(); ++i) {
+      const auto far = static_cast<float>(shadow[i].distance * (1.0 - kLightClearance));
+      if (packet.valid[i] != 0 && !(far >= 0.0F)) {
+        packet.valid[i] = 0;
+        ++refused;
+      }
+      packet.rays.ray.tfar[i] = packet.valid[i] != 0 ? far : 0.0F;
+    }
+    occluded16(packet.valid, scene, packet.rays.ray, render::Coherence::Coherent);
+    for (size_t i = 0; i < shadow.size(); ++i)
+      if (packet.valid[i] != 0 && packet.rays.ray.tfar[i] >= 0.0F)
+        light[shadow[i].target] += shadow[i].light;
+  }
+  return refused;
+}
+
 Probe::Probe(const render::Scene& scene) : scene_(scene) {}
 
 uint64_t Probe::trace(std::span<const ProbeRay> rays, HoleGuard guard,
@@ -80,7 +127,7 @@ uint64_t Probe::trace(std::span<const ProbeRay> rays, HoleGuard guard,
 void Probe::leave(std::span<const ProbeHit> hits, std::span<const Vec3> directions,
                   std::span<uint8_t> blocked) const {
   const render::FlushDenormals flush;
-  std::vector<render::ShadowRay> rays;
+  std::vector<ShadowRay> rays;
   std::vector<double> light(hits.size(), 0.0);
   for (size_t k = 0; k < hits.size(); ++k) {
     light[k] = hits[k].what == ProbeHit::What::Surface ? 0.0 : 1.0;

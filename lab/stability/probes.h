@@ -17,6 +17,24 @@
 
 namespace lenticule::lab {
 
+/// ShadowRay is a ray toward a light. Its `light` is added to `target` if the ray is unoccluded.
+struct ShadowRay {
+  Vec3 origin;
+  Vec3 direction;  ///< unit
+  double distance = 0.0;
+  double light = 0.0;
+  uint32_t target = 0;
+};
+
+/// Intersects rays in packets of consecutive rays. Rays that Embree does not accept are not traced;
+/// returns their number.
+uint64_t intersect(RTCScene scene, std::span<const render::PathRay> rays,
+                   render::Coherence coherence, std::span<render::Hit> hits);
+
+/// Adds the light of every unoccluded ray, in the order of the rays. Returns the number of
+/// non-finite rays, which add nothing.
+uint64_t add_unshadowed(RTCScene scene, std::span<const ShadowRay> rays, std::span<double> light);
+
 /// A ray in the scene frame: millimetres on the panel; the origin is the centre of the scene
 /// placement.
 struct ProbeRay {

@@ -44,32 +44,15 @@ struct Hit {
   float distance = 0.0F;
 };
 
-/// ShadowRay is a ray toward a light. Its `light` is added to `target` if the ray is unoccluded.
-struct ShadowRay {
-  Vec3 origin;
-  Vec3 direction;  ///< unit
-  double distance = 0.0;
-  double light = 0.0;
-  uint32_t target = 0;
-};
-
 /// Returns true if Embree accepts this ray after rounding to single precision.
 [[nodiscard]] bool fit_for_embree(Vec3 origin, Vec3 direction);
-
-/// Intersects rays in packets of consecutive rays. Rays that Embree does not accept are not traced;
-/// returns their number.
-uint64_t intersect(RTCScene scene, std::span<const PathRay> rays, Coherence coherence,
-                   std::span<Hit> hits);
-
-/// Adds the light of every unoccluded ray, in the order of the rays. Returns the number of
-/// non-finite rays, which add nothing.
-uint64_t add_unshadowed(RTCScene scene, std::span<const ShadowRay> rays, std::span<double> light);
 
 /// RayPacket holds sixteen rays in Embree's layout. `valid` is 0 in inactive lanes.
 struct alignas(64) RayPacket {
   RTCRayHit16 rays;
   alignas(64) int valid[kPacket];
 };
+/// Loads up to sixteen rays. Rays that Embree does not accept are not active; returns their number.
 uint64_t load_packet(std::span<const PathRay> rays, RayPacket& packet);
 
 /// Sets a lane to a ray without an end. The lane's previous hit is kept.

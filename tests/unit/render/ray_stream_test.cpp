@@ -9,6 +9,7 @@
 #include <limits>
 #include <random>
 
+#include "lab/stability/probes.h"
 #include "render/scene/scene.h"
 #include "tests/support/tiny_scenes.h"
 
@@ -50,7 +51,7 @@ TEST_F(RayStream, NonFiniteRaysAreCountedAndNeverReachEmbree) {
                                        ray({5, 9, 0}, bad)};
     std::vector<Hit> hits(rays.size());
     for (const Coherence coherence : {Coherence::Coherent, Coherence::Incoherent}) {
-      EXPECT_EQ(intersect(embree_, rays, coherence, hits), 2U);
+      EXPECT_EQ(lab::intersect(embree_, rays, coherence, hits), 2U);
       EXPECT_EQ(hits[0].geometry, 1U);
       EXPECT_NEAR(hits[0].distance, 5.0, 1e-5);
       EXPECT_EQ(hits[1].geometry, Hit::kRefused);
@@ -62,11 +63,11 @@ TEST_F(RayStream, NonFiniteRaysAreCountedAndNeverReachEmbree) {
 TEST_F(RayStream, NonFiniteShadowRaysAddNothing) {
   std::vector<double> light(1, 0.0);
   for (const Vec3 bad : unusable_vectors()) {
-    const std::vector<ShadowRay> rays = {
+    const std::vector<lab::ShadowRay> rays = {
         {.origin = bad, .direction = {0, 1, 0}, .distance = 1.0, .light = 1.0},
         {.origin = {5, 1, 0}, .direction = bad, .distance = 1.0, .light = 1.0},
         {.origin = {5, 1, 0}, .direction = {0, 1, 0}, .distance = kNan, .light = 1.0}};
-    EXPECT_EQ(add_unshadowed(embree_, rays, light), 3U);
+    EXPECT_EQ(lab::add_unshadowed(embree_, rays, light), 3U);
     EXPECT_EQ(light[0], 0.0);
   }
 }
@@ -74,7 +75,7 @@ TEST_F(RayStream, NonFiniteShadowRaysAddNothing) {
 TEST_F(RayStream, ARayWithoutDirectionIsRefused) {
   const std::vector<PathRay> rays = {ray({0, 9, 0}, {0, 0, 0})};
   std::vector<Hit> hits(1);
-  EXPECT_EQ(intersect(embree_, rays, Coherence::Coherent, hits), 1U);
+  EXPECT_EQ(lab::intersect(embree_, rays, Coherence::Coherent, hits), 1U);
 }
 
 TEST_F(RayStream, InactiveLanesAreNeitherTracedNorCounted) {
@@ -82,7 +83,7 @@ TEST_F(RayStream, InactiveLanesAreNeitherTracedNorCounted) {
   rays[3].target = PathRay::kInactive;
   rays[3].origin = {kNan, kNan, kNan};
   std::vector<Hit> hits(rays.size());
-  EXPECT_EQ(intersect(embree_, rays, Coherence::Coherent, hits), 0U);
+  EXPECT_EQ(lab::intersect(embree_, rays, Coherence::Coherent, hits), 0U);
   EXPECT_EQ(hits[3].geometry, Hit::kRefused);
   EXPECT_EQ(hits[4].geometry, 0U);
 }
@@ -91,14 +92,14 @@ TEST_F(RayStream, TracesAnyNumberOfRays) {
   for (const size_t count : {0U, 1U, 15U, 16U, 17U, 33U}) {
     const std::vector<PathRay> rays(count, ray({5, 9, 0}, {0, -1, 0}));
     std::vector<Hit> hits(count);
-    EXPECT_EQ(intersect(embree_, rays, Coherence::Coherent, hits), 0U);
+    EXPECT_EQ(lab::intersect(embree_, rays, Coherence::Coherent, hits), 0U);
     for (const Hit& hit : hits) EXPECT_NEAR(hit.distance, 9.0, 1e-5);
   }
 }
 
 TEST_F(RayStream, LightArrivesUnlessOccluded) {
   std::vector<double> light(4, 0.0);
-  const std::vector<ShadowRay> rays = {
+  const std::vector<lab::ShadowRay> rays = {
       {.origin = {0, 1, 0}, .direction = {0, 1, 0}, .distance = 9, .light = 1, .target = 0},
       {.origin = {0, 1, 0}, .direction = {0, 1, 0}, .distance = 0.5, .light = 2, .target = 1},
       {.origin = {5, 1, 0}, .direction = {0, 1, 0}, .distance = kInfinity, .light = 4, .target = 2},
@@ -107,7 +108,7 @@ TEST_F(RayStream, LightArrivesUnlessOccluded) {
        .distance = kInfinity,
        .light = 8,
        .target = 3}};
-  EXPECT_EQ(add_unshadowed(embree_, rays, light), 0U);
+  EXPECT_EQ(lab::add_unshadowed(embree_, rays, light), 0U);
   EXPECT_EQ(light, (std::vector<double>{0, 2, 4, 0}));
 }
 
@@ -143,16 +144,16 @@ class ClosedBall : public ::testing::TestWithParam<double> {
 TEST_P(ClosedBall, StopsPacketsWithARayNearlyAlongAnAxis) {
   for (size_t axis = 0; axis < 3; ++axis) {
     std::vector<PathRay> rays;
-    std::vector<ShadowRay> shadows;
+    std::vector<lab::ShadowRay> shadows;
     for (const Vec3 way : directions_beside_an_axis(axis, GetParam())) {
       rays.push_back(ray({}, way));
       shadows.push_back({.origin = {}, .direction = way, .distance = 1e3, .light = 1.0});
     }
     std::vector<Hit> hits(rays.size());
-    EXPECT_EQ(intersect(embree_, rays, Coherence::Coherent, hits), 0U);
+    EXPECT_EQ(lab::intersect(embree_, rays, Coherence::Coherent, hits), 0U);
     for (const Hit& hit : hits) EXPECT_EQ(hit.geometry, 0U) << "axis " << axis;
     std::vector<double> light(1, 0.0);
-    EXPECT_EQ(add_unshadowed(embree_, shadows, light), 0U);
+    EXPECT_EQ(lab::add_unshadowed(embree_, shadows, light), 0U);
     EXPECT_EQ(light[0], 0.0) << "axis " << axis;
   }
 }

@@ -11,6 +11,7 @@
 #include <random>
 
 #include "frames/srgb.h"
+#include "lab/stability/probes.h"
 #include "render/make_method.h"
 #include "render/rays/primary_rays.h"
 #include "render/scene/surroundings.h"
@@ -268,7 +269,7 @@ TEST(GroundShadow, DarkensTheBackgroundBesideTheModelAsTheFormulaSays) {
       PathRay ray = rays.one(scene, row, n, centre, scratch);
       ray.target = 0;
       std::array<Hit, 1> hit;
-      intersect(scene.embree.get(), {&ray, 1}, Coherence::Coherent, hit);
+      lab::intersect(scene.embree.get(), {&ray, 1}, Coherence::Coherent, hit);
       if (hit[0].geometry != Hit::kMiss) continue;
       const double light = oracle.light_left(world_from_scene.point(ray.origin),
                                              world_from_scene.vector(ray.direction));
