@@ -77,6 +77,24 @@ using WordVector = uint32_t __attribute__((vector_size(LENTICULE_VECTOR_BYTES), 
 using MaskVector = int32_t __attribute__((vector_size(LENTICULE_VECTOR_BYTES), may_alias));
 #undef LENTICULE_VECTOR_BYTES
 
+/// As many doubles as a register holds.
+inline constexpr int kDoubles = kWidth / 2;
+using Doubles = Vector<double, kDoubles>;
+using DoubleMasks = Vector<int64_t, kDoubles>;
+
+inline Doubles root(const Doubles& v) {
+#if defined(__AVX512F__)
+  return reinterpret_cast<Doubles>(
+      _mm512_maskz_sqrt_pd(static_cast<__mmask8>(~0U), reinterpret_cast<__m512d>(v)));
+#elif defined(__AVX2__)
+  return reinterpret_cast<Doubles>(_mm256_sqrt_pd(reinterpret_cast<__m256d>(v)));
+#else
+  Doubles out;
+  for (int n = 0; n < kDoubles; ++n) out[n] = __builtin_sqrt(v[n]);
+  return out;
+#endif
+}
+
 template <class Element>
 struct RegisterOf;
 template <>

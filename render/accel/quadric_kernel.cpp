@@ -11,14 +11,7 @@ using namespace lanes;
 using namespace quadric_kernel;
 using packet_kernel::Field;
 
-// Number of lanes per step: the number of doubles in a vector of the instruction set.
-#if defined(__AVX512F__)
-constexpr int kStep = 8;
-#elif defined(__AVX2__)
-constexpr int kStep = 4;
-#else
-constexpr int kStep = 2;
-#endif
+constexpr int kStep = kDoubles;  ///< lanes per step
 constexpr int kInstance = packet_kernel::kGeometry + 1;
 constexpr uint32_t kNone = ~0U;
 
@@ -27,26 +20,12 @@ constexpr uint32_t kNone = ~0U;
 using Floats = Vector<float, kStep>;
 using Words = Vector<uint32_t, kStep>;
 using Masks = Vector<int32_t, kStep>;
-using Doubles = Vector<double, kStep>;
-using DoubleMasks = Vector<int64_t, kStep>;
 
 inline Unaligned<Floats>& floats_at(const Packet& packet, int field, int first) {
   return vector_at<Floats>(packet.rays + field * packet.lanes + first);
 }
 inline Doubles wide(const Unaligned<Floats>& floats) {
   return __builtin_convertvector(floats.v, Doubles);
-}
-inline Doubles root(const Doubles& v) {
-#if defined(__AVX512F__)
-  return reinterpret_cast<Doubles>(
-      _mm512_maskz_sqrt_pd(static_cast<__mmask8>(~0U), reinterpret_cast<__m512d>(v)));
-#elif defined(__AVX2__)
-  return reinterpret_cast<Doubles>(_mm256_sqrt_pd(reinterpret_cast<__m256d>(v)));
-#else
-  Doubles out;
-  for (int r = 0; r < kStep; ++r) out[r] = __builtin_sqrt(v[r]);
-  return out;
-#endif
 }
 
 struct Doubles3 {

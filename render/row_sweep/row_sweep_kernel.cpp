@@ -14,8 +14,7 @@ using namespace sweep_kernel;
 // Functions take vectors by reference.
 using Floats = Vector<float, kLanes>;
 using Ints = Vector<int32_t, kLanes>;
-using Doubles = Vector<double, kBlock>;
-using DoubleMasks = Vector<int64_t, kBlock>;
+using EightDoubles = Vector<double, kBlock>;
 using Eight = Vector<float, kBlock>;
 using EightInts = Vector<int32_t, kBlock>;
 
@@ -60,13 +59,14 @@ void set_pattern(const RowPiece& p, int first_colour, Pattern& out) {
 }
 
 /// Computes the lens of eight columns and the distance of their phase from it.
-inline void off_of_half(const Pattern& t, int half, const Doubles& c, Eight& off, EightInts& lens) {
+inline void off_of_half(const Pattern& t, int half, const EightDoubles& c, Eight& off,
+                        EightInts& lens) {
   constexpr double kShift = 6755399441055744.0;  // 1.5 * 2^52: additions round to integers
   const auto at = [&](int n) -> const auto& {
-    return vector_at<Doubles>(&t.phase[n][half]);
+    return vector_at<EightDoubles>(&t.phase[n][half]);
   };
-  const Doubles phase = at(0).v + c * (at(1).v + c * at(2).v);
-  const Doubles nearest = (phase + kShift) - kShift;
+  const EightDoubles phase = at(0).v + c * (at(1).v + c * at(2).v);
+  const EightDoubles nearest = (phase + kShift) - kShift;
   off = __builtin_convertvector(phase - nearest, Eight);
   lens = __builtin_convertvector(nearest, EightInts);
 }
@@ -78,8 +78,8 @@ inline void off_of(const Pattern& t, int column, Floats& off, Ints& lens) {
   const EightInts high_c = __builtin_shufflevector(number, number, 8, 9, 10, 11, 12, 13, 14, 15);
   Eight low, high;
   EightInts low_lens, high_lens;
-  off_of_half(t, 0, __builtin_convertvector(low_c, Doubles), low, low_lens);
-  off_of_half(t, kBlock, __builtin_convertvector(high_c, Doubles), high, high_lens);
+  off_of_half(t, 0, __builtin_convertvector(low_c, EightDoubles), low, low_lens);
+  off_of_half(t, kBlock, __builtin_convertvector(high_c, EightDoubles), high, high_lens);
   off = __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
   lens = __builtin_shufflevector(low_lens, high_lens, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13,
                                  14, 15);
@@ -389,25 +389,14 @@ void segments(const Cells& cells, const Spread& spread, float start, const Segme
   }
 }
 
-inline void root(const Doubles& v, Doubles& out) {
-#if defined(__AVX512F__)
-  out = reinterpret_cast<Doubles>(
-      _mm512_maskz_sqrt_pd(static_cast<__mmask8>(~0U), reinterpret_cast<__m512d>(v)));
-#else
-  for (int l = 0; l < kBlock; ++l) out[l] = __builtin_sqrt(v[l]);
-#endif
-}
-
-/// Sets `z` to the nearer of the valid roots, -infinity if there is none.
-inline void conic_z(const Conic& q, double start, const Doubles& x, const Doubles& tan,
-                    Doubles& z) {
+/// Returns the nearer of the valid roots, -infinity if there is none.
+inline Doubles conic_z(const Conic& q, double start, const Doubles& x, const Doubles& tan) {
   const Doubles v = (x + tan * q.zc) - q.xc;
   const Doubles a = q.a0 + tan * (q.a1 + tan * q.a2);
   const Doubles b = (q.b0 + q.b1 * tan) + v * (q.b2 + q.b3 * tan);
   const Doubles c = q.c0 + v * (q.c1 + v * q.c2);
   const Doubles square = b * b - a * c;
-  Doubles half;
-  root(square > 0.0 ? square : Doubles{}, half);
+  const Doubles half = root(square > 0.0 ? square : Doubles{});
   // Both terms have the same sign, so nothing cancels.
   const Doubles sum = -(b + (b < 0.0 ? -half : half));
   const Doubles t0 = sum / a, t1 = c / sum;
@@ -419,22 +408,24 @@ inline void conic_z(const Conic& q, double start, const Doubles& x, const Double
   const DoubleMasks real = square >= 0.0;
   const Doubles first = (real & (s_0 >= 0.0) & (s_0 <= q.height) & (z0 <= start)) ? z0 : none;
   const Doubles second = (real & (s_1 >= 0.0) & (s_1 <= q.height) & (z1 <= start)) ? z1 : none;
-  z = first > second ? first : second;
+  return first > second ? first : second;
 }
 
 inline void conic_at(const Cells& cells, int at, double start, const Conic& q, int32_t number) {
-  const Doubles x = __builtin_convertvector(vector_at<Eight>(cells.x + at).v, Doubles);
-  const Doubles tan = __builtin_convertvector(vector_at<Eight>(cells.tan + at).v, Doubles);
-  Doubles exact;
-  conic_z(q, start, x, tan, exact);
-  const Eight z = __builtin_convertvector(exact, Eight);
-  auto& best = vector_at<Eight>(cells.z + at);
-  auto& along = vector_at<Eight>(cells.along + at);
-  auto& cut = vector_at<EightInts>(cells.cut + at);
-  const EightInts met = z > best.v;
-  best.v = met ? z : best.v;
-  along.v = met ? Eight{} : along.v;
-  cut.v = met ? EightInts{} + number : cut.v;
+  using Part = Vector<float, kDoubles>;
+  using PartInts = Vector<int32_t, kDoubles>;
+  for (const int end = at + kBlock; at < end; at += kDoubles) {
+    const Doubles x = __builtin_convertvector(vector_at<Part>(cells.x + at).v, Doubles);
+    const Doubles tan = __builtin_convertvector(vector_at<Part>(cells.tan + at).v, Doubles);
+    const Part z = __builtin_convertvector(conic_z(q, start, x, tan), Part);
+    auto& best = vector_at<Part>(cells.z + at);
+    auto& along = vector_at<Part>(cells.along + at);
+    auto& cut = vector_at<PartInts>(cells.cut + at);
+    const PartInts met = z > best.v;
+    best.v = met ? z : best.v;
+    along.v = met ? Part{} : along.v;
+    cut.v = met ? PartInts{} + number : cut.v;
+  }
 }
 
 void conics(const Cells& cells, const Spread& spread, float start, const Conic* list, int count,
