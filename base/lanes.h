@@ -233,6 +233,21 @@ inline Masks to_integers(const Floats& v) {
   return out;
 }
 
+/// Load and store sixteen elements at any address.
+template <class E>
+inline Lanes<E> load(const E* at) {
+  Lanes<E> out;
+  for (int p = 0; p < kParts; ++p)
+    out.part[p] = vector_at<typename Lanes<E>::Vector>(at + p * kWidth).v;
+  return out;
+}
+template <class E>
+inline void store(const Lanes<E>& lanes, E* at) {
+  for (int p = 0; p < kParts; ++p)
+    vector_at<typename Lanes<E>::Vector>(at + p * kWidth).v = lanes.part[p];
+}
+
+/// Return the lanes in an array at a multiple of 64 bytes.
 inline const Floats& floats_at(const float* lanes) {
   return *reinterpret_cast<const Floats*>(lanes);
 }
@@ -292,7 +307,8 @@ inline uint32_t bits(const Masks& masks) {
   return vaddvq_u32(sum);
 #else
   uint32_t sum = 0;
-  for (int r = 0; r < 16; ++r) sum |= static_cast<uint32_t>(masks[r] & 1) << r;
+  // Counts down, since GCC 12 with sanitizers miscompiles shifts by a counter.
+  for (int r = 16; r-- > 0;) sum = 2 * sum + static_cast<uint32_t>(masks[r] & 1);
   return sum;
 #endif
 }

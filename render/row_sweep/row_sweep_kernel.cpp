@@ -11,15 +11,9 @@ namespace {
 using namespace lanes;
 using namespace sweep_kernel;
 
-// Functions take vectors by reference.
-using Floats = Vector<float, kLanes>;
-using Ints = Vector<int32_t, kLanes>;
 using EightDoubles = Vector<double, kBlock>;
 using Eight = Vector<float, kBlock>;
 using EightInts = Vector<int32_t, kBlock>;
-
-// Vectors of the instruction set's own width, since compilers split comparisons and selections of
-// wider vectors lane by lane.
 using NativeFloats = Vector<float, kWidth>;
 using NativeInts = Vector<int32_t, kWidth>;
 
@@ -33,10 +27,8 @@ inline Unaligned<NativeInts>& native(int32_t* at) {
   return vector_at<NativeInts>(at);
 }
 
-constexpr int32_t kCount[kLanes] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
-inline void count_up(int first, Ints& out) {
-  out = vector_at<Ints>(kCount).v + first;
-}
+alignas(64) constexpr int32_t kCount[kLanes] = {0, 1, 2,  3,  4,  5,  6,  7,
+                                                8, 9, 10, 11, 12, 13, 14, 15};
 
 // --- rays
 
@@ -58,55 +50,40 @@ void set_pattern(const RowPiece& p, int first_colour, Pattern& out) {
   }
 }
 
-/// Computes the lens of eight columns and the distance of their phase from it.
-inline void off_of_half(const Pattern& t, int half, const EightDoubles& c, Eight& off,
-                        EightInts& lens) {
+/// Computes the lens of eight columns, beginning with the given one, and the distance of their
+/// phase from it.
+inline Eight off_of_half(const Pattern& t, int half, int column, int32_t* lens) {
   constexpr double kShift = 6755399441055744.0;  // 1.5 * 2^52: additions round to integers
   const auto at = [&](int n) -> const auto& {
     return vector_at<EightDoubles>(&t.phase[n][half]);
   };
+  const EightInts number = vector_at<EightInts>(kCount + half).v + column;
+  const EightDoubles c = __builtin_convertvector(number, EightDoubles);
   const EightDoubles phase = at(0).v + c * (at(1).v + c * at(2).v);
   const EightDoubles nearest = (phase + kShift) - kShift;
-  off = __builtin_convertvector(phase - nearest, Eight);
-  lens = __builtin_convertvector(nearest, EightInts);
+  vector_at<EightInts>(lens + half).v = __builtin_convertvector(nearest, EightInts);
+  return __builtin_convertvector(phase - nearest, Eight);
 }
 
-inline void off_of(const Pattern& t, int column, Floats& off, Ints& lens) {
-  Ints number;
-  count_up(column, number);
-  const EightInts low_c = __builtin_shufflevector(number, number, 0, 1, 2, 3, 4, 5, 6, 7);
-  const EightInts high_c = __builtin_shufflevector(number, number, 8, 9, 10, 11, 12, 13, 14, 15);
-  Eight low, high;
-  EightInts low_lens, high_lens;
-  off_of_half(t, 0, __builtin_convertvector(low_c, EightDoubles), low, low_lens);
-  off_of_half(t, kBlock, __builtin_convertvector(high_c, EightDoubles), high, high_lens);
-  off = __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-  lens = __builtin_shufflevector(low_lens, high_lens, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13,
-                                 14, 15);
+inline Floats off_of(const Pattern& t, int column, int32_t* lens) {
+  const Eight low = off_of_half(t, 0, column, lens);
+  const Eight high = off_of_half(t, kBlock, column, lens);
+  return joined(low, high);
 }
 
 template <int kCoefficients>
 inline void ray_of(const RowPiece& p, const Pattern& t, int column, const Floats& off, Floats& x,
                    Floats& tan) {
-  Ints number;
-  count_up(column, number);
-  const Floats c = __builtin_convertvector(number, Floats);
-  const Floats y = (vector_at<Floats>(t.bend[0]).v +
-                    c * (vector_at<Floats>(t.bend[1]).v + c * vector_at<Floats>(t.bend[2]).v)) -
+  const Floats c = to_floats(masks_at(kCount) + column);
+  const Floats y = (floats_at(t.bend[0]) + c * (floats_at(t.bend[1]) + c * floats_at(t.bend[2]))) -
                    p.lens_step * off;
-  tan = Floats{} + p.tangent[kCoefficients - 1];
+  tan = Floats::of(p.tangent[kCoefficients - 1]);
 #pragma GCC unroll 8
   for (int n = kCoefficients - 2; n >= 0; --n) tan = tan * y + p.tangent[n];
-  Floats shift = Floats{} + p.shift[kShiftCoefficients - 1];
+  Floats shift = Floats::of(p.shift[kShiftCoefficients - 1]);
 #pragma GCC unroll 8
   for (int n = kShiftCoefficients - 2; n >= 0; --n) shift = shift * y + p.shift[n];
-  x = vector_at<Floats>(t.x0).v + (shift + p.x_step * c);
-}
-
-inline bool any(const Ints& masks) {
-  int32_t sum = 0;
-  for (int l = 0; l < kLanes; ++l) sum |= masks[l];
-  return sum != 0;
+  x = floats_at(t.x0) + (shift + p.x_step * c);
 }
 
 template <int kCoefficients>
@@ -114,16 +91,14 @@ bool make_columns(const RowPiece& p, int count, float* x, float* tan, int32_t* l
   Pattern patterns[kColours];
   const int different = p.colours_alike ? 1 : kColours;
   for (int n = 0; n < different; ++n) set_pattern(p, n * kLanes % kColours, patterns[n]);
-  Ints bad{};
+  Masks bad{};
   for (int c = 0, n = 0; c < count; c += kLanes, n = n + 1 < different ? n + 1 : 0) {
-    Floats off, x16, tan16;
-    Ints lens16;
-    off_of(patterns[n], c, off, lens16);
-    bad |= off * off > p.safe * p.safe;
+    const Floats off = off_of(patterns[n], c, lens + c);
+    bad = bad | (off * off > p.safe * p.safe);
+    Floats x16, tan16;
     ray_of<kCoefficients>(p, patterns[n], c, off, x16, tan16);
-    vector_at<Floats>(x + c).v = x16;
-    vector_at<Floats>(tan + c).v = tan16;
-    vector_at<Ints>(lens + c).v = lens16;
+    store(x16, x + c);
+    store(tan16, tan + c);
   }
   return any(bad);
 }
@@ -137,9 +112,8 @@ bool make_rays(const RowPiece& p, int count, float* x, float* tan, int32_t* lens
 bool uncertain(const RowPiece& p, int column) {
   Pattern t;
   set_pattern(p, column % kColours, t);
-  Floats off;
-  Ints lens;
-  off_of(t, column, off, lens);
+  int32_t lens[kLanes];
+  const Floats off = off_of(t, column, lens);
   return off[0] * off[0] > p.safe * p.safe;
 }
 
@@ -149,7 +123,7 @@ void make_ray(const RowPiece& p, int column, float off, float* x, float* tan) {
   Pattern t;
   set_pattern(p, column % kColours, t);
   Floats x16, tan16;
-  ray_of<kMostCoefficients>(all, t, column, Floats{} + off, x16, tan16);
+  ray_of<kMostCoefficients>(all, t, column, Floats::of(off), x16, tan16);
   *x = x16[0];
   *tan = tan16[0];
 }
@@ -216,11 +190,10 @@ void close_place(const int32_t* first, int place, const Cells& cells, const Spre
 
 void see_nothing(const Cells& cells) {
   const int count = cells.places * cells.stride;
-  const Floats nothing = Floats{} - __builtin_inff();
-  for (int k = 0; k < count; k += kLanes) {
-    vector_at<Floats>(cells.z + k).v = nothing;
-    vector_at<Floats>(cells.along + k).v = Floats{};
-    vector_at<Ints>(cells.cut + k).v = Ints{} - 1;
+  for (int k = 0; k < count; k += kWidth) {
+    native(cells.z + k).v = NativeFloats{} - __builtin_inff();
+    native(cells.along + k).v = NativeFloats{};
+    native(cells.cut + k).v = NativeInts{} - 1;
   }
 }
 
@@ -268,34 +241,7 @@ struct alignas(64) Range {
 
 /// Returns a bit mask of the places whose range is not empty.
 inline uint32_t places_of(const Range& range) {
-#if defined(__AVX512F__)
-  return _mm512_cmple_epi32_mask(_mm512_load_si512(range.first), _mm512_load_si512(range.last));
-#elif defined(__AVX2__)
-  uint32_t empty = 0;
-  for (int half = 0; half < 2; ++half) {
-    const auto at = [&](const int32_t* v) {
-      return _mm256_load_si256(reinterpret_cast<const __m256i*>(v + half * kBlock));
-    };
-    const __m256i none = _mm256_cmpgt_epi32(at(range.first), at(range.last));
-    empty |= static_cast<uint32_t>(_mm256_movemask_ps(_mm256_castsi256_ps(none)))
-             << (half * kBlock);
-  }
-  return ~empty & 0xffffU;
-#elif defined(LENTICULE_NEON)
-  static constexpr uint32_t kFirst[4] = {1, 2, 4, 8};
-  const uint32x4_t bit = vld1q_u32(kFirst);
-  uint32x4_t places = vdupq_n_u32(0);
-  for (int n = 0; n < kLanes; n += 4) {
-    const uint32x4_t filled = vcleq_s32(vld1q_s32(range.first + n), vld1q_s32(range.last + n));
-    places = vorrq_u32(places, vshlq_u32(vandq_u32(filled, bit), vdupq_n_s32(n)));
-  }
-  return vaddvq_u32(places);
-#else
-  // Counts down, since GCC 12 with sanitizers miscompiles shifts by a counter.
-  uint32_t bits = 0;
-  for (int n = kLanes; n-- > 0;) bits = 2 * bits + (range.first[n] <= range.last[n] ? 1U : 0U);
-  return bits;
-#endif
+  return bits(masks_at(range.first) <= masks_at(range.last));
 }
 
 /// Computes the lenses that can meet a cut. The signed distance between a ray and an end of a cut
@@ -304,15 +250,14 @@ __attribute__((always_inline)) inline void range_of(const Cells& cells, const Sp
                                                     const Reach& reach, int place, Range& out) {
   constexpr float kRounding = 4e-7F;  // a few roundings of the largest term
   constexpr float kTouch = 1e-3F;     // lenses
-  const Floats tan_low = vector_at<Floats>(s.tan_low + place).v;
-  const Floats tan_high = vector_at<Floats>(s.tan_high + place).v;
-  Floats low = Floats{} + 3e38F, high = -low;
+  const Floats tan_low = load(s.tan_low + place), tan_high = load(s.tan_high + place);
+  Floats low = Floats::of(3e38F), high = -low;
   for (int e = 0; e < 2; ++e) {
     const float z = reach.z[e];
     const float step = s.x_step + s.tan_step * z;
     if (!(step > 0.0F)) {
       low = Floats{};
-      high = Floats{} + static_cast<float>(cells.lenses);
+      high = Floats::of(static_cast<float>(cells.lenses));
       break;
     }
     const Floats a = tan_low * z, b = tan_high * z;
@@ -321,21 +266,14 @@ __attribute__((always_inline)) inline void range_of(const Cells& cells, const Sp
     const float left = reach.x_low[e] < 0.0F ? -reach.x_low[e] : reach.x_low[e];
     const float right = reach.x_high[e] < 0.0F ? -reach.x_high[e] : reach.x_high[e];
     const float slack = kTouch + kRounding * per * (left + right + s.x_far + s.tan_far * depth);
-    const Floats from =
-        (reach.x_low[e] - vector_at<Floats>(s.x_high + place).v - (a > b ? a : b)) * per - slack;
-    const Floats to =
-        (reach.x_high[e] - vector_at<Floats>(s.x_low + place).v - (a < b ? a : b)) * per + slack;
-    low = from < low ? from : low;
-    high = to > high ? to : high;
+    const Floats from = (reach.x_low[e] - load(s.x_high + place) - max(a, b)) * per - slack;
+    const Floats to = (reach.x_high[e] - load(s.x_low + place) - min(a, b)) * per + slack;
+    low = min(from, low);
+    high = max(to, high);
   }
-  const auto end = static_cast<float>(cells.lenses);
-  const Floats first = low + 1.0F, last = high + 1.0F;
-  const Floats first_in = first > 0.0F ? first : Floats{};
-  const Floats last_in = last < end ? last : Floats{} + end;
-  vector_at<Ints>(out.first).v =
-      __builtin_convertvector(first_in < end ? first_in : Floats{} + end, Ints);
-  vector_at<Ints>(out.last).v =
-      __builtin_convertvector(last_in > 0.0F ? last_in : Floats{}, Ints) - 1;
+  const Floats none{}, end = Floats::of(static_cast<float>(cells.lenses));
+  masks_at(out.first) = to_integers(min(max(low + 1.0F, none), end));
+  masks_at(out.last) = to_integers(max(min(high + 1.0F, end), none)) - 1;
 }
 
 __attribute__((always_inline)) inline void segment_at(const Cells& cells, int at, float start,

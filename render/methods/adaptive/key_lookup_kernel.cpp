@@ -116,23 +116,6 @@ inline void write(const Masks& values, uint8_t* out) {
 #endif
 }
 
-inline Floats load(const float* from) {
-  Floats out;
-  __builtin_memcpy(&out, from, sizeof out);
-  return out;
-}
-inline Masks load(const int32_t* from) {
-  Masks out;
-  __builtin_memcpy(&out, from, sizeof out);
-  return out;
-}
-inline void store(const Floats& values, float* to) {
-  __builtin_memcpy(to, &values, sizeof values);
-}
-inline void store(const Masks& values, int32_t* to) {
-  __builtin_memcpy(to, &values, sizeof values);
-}
-
 /// Places holds the positions of sixteen points in the two views next to theirs.
 struct Places {
   Masks left;
