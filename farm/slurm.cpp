@@ -56,7 +56,7 @@ std::vector<std::string> common_arguments(const WorkFolder& folder, const SlurmO
 }
 
 /// Returns the text before the first line end, and removes it.
-std::string_view take_line(std::string_view& text) {
+std::string_view next_line(std::string_view& text) {
   return take_until(text, '\n');
 }
 
@@ -133,13 +133,13 @@ std::vector<std::string> slurm_merge_arguments(const WorkFolder& folder,
 }
 
 std::optional<uint64_t> parse_sbatch_id(std::string_view output) {
-  std::string_view line = trimmed(take_line(output));
+  std::string_view line = trimmed(next_line(output));
   return number_from<uint64_t>(take_until(line, ';'));
 }
 
 uint64_t parse_max_array_size(std::string_view output) {
   while (!output.empty()) {
-    std::string_view line = take_line(output);
+    std::string_view line = next_line(output);
     if (trimmed(take_until(line, '=')) != "MaxArraySize") continue;
     const auto size = number_from<uint64_t>(trimmed(line));
     if (size && *size > 0) return *size;

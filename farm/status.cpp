@@ -69,7 +69,7 @@ std::vector<DoneChunk> read_reports(const WorkFolder& folder, double now) {
     for (uint64_t chunk = next++; chunk < chunks.size(); chunk = next++) {
       chunks[chunk].report = folder.done(chunk);
       if (!chunks[chunk].report) continue;
-      const auto facts = folder.files().look(folder.report_file(chunk));
+      const auto facts = folder.files().facts(folder.report_file(chunk));
       chunks[chunk].time = facts ? facts->changed : now;
     }
   };
@@ -81,14 +81,21 @@ std::vector<DoneChunk> read_reports(const WorkFolder& folder, double now) {
   return chunks;
 }
 
-/// Returns the chunks that two processes rendered with other bytes. A listing that is late only
-/// delays what is shown.
+/// Returns the entries of a folder; those that can be read if the folder cannot be read to its end.
+/// A listing that is late only delays what is shown.
+std::vector<fs::path> entries_of(const fs::path& folder) {
+  std::vector<fs::path> entries;
+  std::error_code error;
+  for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error))
+    entries.push_back(at->path());
+  return entries;
+}
+
+/// Returns the chunks that two processes rendered with other bytes.
 std::vector<uint64_t> differing_chunks(const WorkFolder& folder) {
   std::vector<uint64_t> chunks;
-  std::error_code error;
-  for (fs::directory_iterator at(folder.path() / "reports", error), end; !error && at != end;
-       at.increment(error)) {
-    const std::string name = at->path().filename().string();
+  for (const fs::path& file : entries_of(folder.path() / "reports")) {
+    const std::string name = file.filename().string();
     if (!name.ends_with(".differs.json")) continue;
     const auto chunk = number_from<uint64_t>(name.substr(0, name.find('.')));
     if (chunk && *chunk < folder.plan().chunks() && folder.differing_report(*chunk))
@@ -100,11 +107,9 @@ std::vector<uint64_t> differing_chunks(const WorkFolder& folder) {
 
 /// Adds what the processes of one chunk report.
 void add_attempts(const WorkFolder& folder, uint64_t chunk, double now, FarmStatus& status) {
-  std::error_code error;
-  for (fs::directory_iterator at(folder.attempts_folder(chunk), error), end; !error && at != end;
-       at.increment(error)) {
-    const fs::path file = at->path() / "progress.json";
-    const auto facts = folder.files().look(file);
+  for (const fs::path& attempt : entries_of(folder.attempts_folder(chunk))) {
+    const fs::path file = attempt / "progress.json";
+    const auto facts = folder.files().facts(file);
     if (!facts) continue;
     const double silent = std::max(0.0, now - facts->changed);
     if (silent > kSilentSeconds) continue;
@@ -118,13 +123,11 @@ void add_attempts(const WorkFolder& folder, uint64_t chunk, double now, FarmStat
   }
 }
 
-/// Returns the chunks in progress. A listing that is late only delays what is shown.
+/// Returns the chunks in progress.
 std::vector<uint64_t> chunks_in_progress(const WorkFolder& folder, const std::vector<bool>& done) {
   std::vector<uint64_t> chunks;
-  std::error_code error;
-  for (fs::directory_iterator at(folder.path() / "attempts", error), end; !error && at != end;
-       at.increment(error)) {
-    const auto chunk = number_from<uint64_t>(at->path().filename().string());
+  for (const fs::path& attempts : entries_of(folder.path() / "attempts")) {
+    const auto chunk = number_from<uint64_t>(attempts.filename().string());
     if (chunk && *chunk < done.size() && !done[*chunk]) chunks.push_back(*chunk);
   }
   std::sort(chunks.begin(), chunks.end());
@@ -237,7 +240,7 @@ FarmStatus read_status(const WorkFolder& folder, double now) {
   } else if (status.frames_per_second > 0.0) {
     status.seconds_left = static_cast<double>(frames_left) / status.frames_per_second;
   }
-  status.merged = folder.files().look(plan.output).has_value();
+  status.merged = folder.files().facts(plan.output).has_value();
   return status;
 }
 

@@ -163,7 +163,7 @@ std::optional<std::string> FolderFiles::read(const fs::path& file) const {
   return read_text_file(file, kMostPlanBytes);
 }
 
-std::optional<FileFacts> FolderFiles::look(const fs::path& file) const {
+std::optional<FileFacts> FolderFiles::facts(const fs::path& file) const {
   struct stat status {};
   if (::stat(file.c_str(), &status) != 0) return std::nullopt;
   return FileFacts{.bytes = static_cast<uint64_t>(status.st_size),
@@ -251,7 +251,7 @@ std::optional<ChunkReport> WorkFolder::differing_report(uint64_t chunk) const {
 std::optional<ChunkReport> WorkFolder::done(uint64_t chunk) const {
   auto found = report(chunk);
   if (!found) return std::nullopt;
-  const auto file = files_.look(chunk_file(*found));
+  const auto file = files_.facts(chunk_file(*found));
   return file && file->bytes == found->bytes ? found : std::nullopt;
 }
 

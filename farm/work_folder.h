@@ -86,7 +86,7 @@ class FolderFiles {
   /// Returns the text, or none if there is no such file. Throws Error(Input) for other failures.
   [[nodiscard]] virtual std::optional<std::string> read(const std::filesystem::path& file) const;
   /// Returns size and time, or none if there is no such file.
-  [[nodiscard]] virtual std::optional<FileFacts> look(const std::filesystem::path& file) const;
+  [[nodiscard]] virtual std::optional<FileFacts> facts(const std::filesystem::path& file) const;
 };
 
 /// Thread safety: any thread.

@@ -13,6 +13,10 @@
 namespace lenticule::calib {
 namespace {
 
+using frames::kBands;
+
+// Changes of the values by one press of a key.
+
 /// Two distances with a smaller ratio do not determine the gap.
 constexpr double kLeastDistanceRatio = 1.05;
 constexpr double kFirstSecondDistance = 1.5;
@@ -27,8 +31,17 @@ double gap_of_pitches(const ProcedureState& state, const FirstLook& first) {
                             state.second_distance_mm, state.second_pitch_subpx);
 }
 
-}  // namespace
+/// Predicts the pitch from the second distance from pitch and gap, unless the user has set it. A
+/// change of the first pitch makes a new look from the second distance necessary.
+void predict_second(ProcedureState& state, const FirstLook& first) {
+  if (state.second_was_seen && state.step == Step::GapByDistance) return;
+  state.second_was_seen = false;
+  const double pitch =
+      state.sheet.effective_pitch_subpx / (1.0 + state.sheet.gap_mm / first.distance_mm);
+  state.second_pitch_subpx = pitch * (1.0 + state.sheet.gap_mm / state.second_distance_mm);
+}
 
+/// Returns the values of the rig. The distance is one from which the rig can be viewed.
 ProcedureState first_state(const FirstLook& first) {
   ProcedureState state;
   state.sheet = sheet_values(first.rig, first.distance_mm);
@@ -38,10 +51,13 @@ ProcedureState first_state(const FirstLook& first) {
   return state;
 }
 
+/// Returns the rig with the values of a state.
 optics::Rig rig_of(const ProcedureState& state, const FirstLook& first) {
   return with_sheet_values(first.rig, state.sheet, first.distance_mm);
 }
 
+/// Returns the problem of a state; empty if there is none. The rig must be valid at its viewing
+/// line and at every eye position of the procedure.
 std::string problem_of(const ProcedureState& state, const FirstLook& first) {
   const optics::Rig rig = rig_of(state, first);
   for (const optics::Rig& seen :
@@ -49,14 +65,6 @@ std::string problem_of(const ProcedureState& state, const FirstLook& first) {
     if (const auto problem = optics::find_problem(seen))
       return problem->key + ": " + problem->cause;
   return "";
-}
-
-void predict_second(ProcedureState& state, const FirstLook& first) {
-  if (state.second_was_seen && state.step == Step::GapByDistance) return;
-  state.second_was_seen = false;
-  const double pitch =
-      state.sheet.effective_pitch_subpx / (1.0 + state.sheet.gap_mm / first.distance_mm);
-  state.second_pitch_subpx = pitch * (1.0 + state.sheet.gap_mm / state.second_distance_mm);
 }
 
 void change_slant(ProcedureState& state, double presses, const FirstLook& first) {
@@ -71,6 +79,7 @@ void change_spacing(ProcedureState& state, double presses, const FirstLook& firs
   predict_second(state, first);
 }
 
+/// Returns false, without a change, if the two distances would not determine the gap.
 bool change_second_distance(ProcedureState& state, double presses, const FirstLook& first) {
   const double distance_mm = state.second_distance_mm + presses * kDistanceStepMm;
   const double ratio = distance_mm / first.distance_mm;
@@ -82,6 +91,8 @@ bool change_second_distance(ProcedureState& state, double presses, const FirstLo
   return true;
 }
 
+/// Changes the second pitch. The picture from the first distance stays unchanged; the gap absorbs
+/// the difference.
 void change_second_pitch(ProcedureState& state, double presses, const FirstLook& first) {
   state.second_pitch_subpx *= 1.0 + presses * kPitchStep;
   state.second_was_seen = true;
@@ -91,50 +102,14 @@ void change_second_pitch(ProcedureState& state, double presses, const FirstLook&
     state.spacing_mm = spacing_of_gap(first.rig, state.sheet, first.distance_mm);
 }
 
+/// Swaps left and right eye by a shift of half a lens.
 void turn_eyes(ProcedureState& state) {
   const double offset = state.sheet.effective_offset_lenses;
   state.sheet.effective_offset_lenses = offset > 0.0 ? offset - 0.5 : offset + 0.5;
 }
 
-namespace {
-
-constexpr size_t kMaxUndo = 10'000;
-
-}  // namespace
-
-void UndoHistory::add(const ProcedureState& before) {
-  if (done_.size() >= kMaxUndo) done_.erase(done_.begin());
-  done_.push_back(before);
-  undone_.clear();
-}
-
-bool UndoHistory::undo(ProcedureState& state) {
-  return travel(state, done_, undone_);
-}
-
-bool UndoHistory::redo(ProcedureState& state) {
-  return travel(state, undone_, done_);
-}
-
-void UndoHistory::clear() {
-  done_.clear();
-  undone_.clear();
-}
-
-bool UndoHistory::travel(ProcedureState& state, std::vector<ProcedureState>& from,
-                         std::vector<ProcedureState>& to) {
-  if (from.empty()) return false;
-  to.push_back(state);
-  state = from.back();
-  from.pop_back();
-  return true;
-}
-
-namespace {
-
-using frames::kBands;
-
 constexpr int kMostCoarse = 2;
+constexpr size_t kMostUndo = 10'000;
 /// Ladders farther from one plane than this are doubtful.
 constexpr double kMostMisfitLenses = 0.03;
 
@@ -242,11 +217,11 @@ void Procedure::press_control(Key key) {
       return;
     case Key::Undo:
       shows_old_ = false;
-      if (!history_.undo(state_)) note_ = "nothing to undo";
+      if (!travel(done_, undone_)) note_ = "nothing to undo";
       return;
     case Key::Redo:
       shows_old_ = false;
-      if (!history_.redo(state_)) note_ = "nothing to redo";
+      if (!travel(undone_, done_)) note_ = "nothing to redo";
       return;
     case Key::Compare:
       shows_old_ = !shows_old_;
@@ -298,7 +273,7 @@ bool Procedure::press_question(const KeyPress& press) {
       move_mark(bands);
       return true;
     case Key::Next:
-      questions_.is_done() ? finish_questions() : take_answer();
+      questions_.is_done() ? finish_questions() : accept_answer();
       return true;
     case Key::Back:
     case Key::Undo:
@@ -332,7 +307,7 @@ void Procedure::move_mark(int bands) {
   if (cursor_ < 0 || cursor_ == kBands) note_ = "ENTER: none of them";
 }
 
-void Procedure::take_answer() {
+void Procedure::accept_answer() {
   const bool fits = questions_.answer(cursor_);
   show_question();
   if (!fits) note_ = "this does not fit an earlier answer; please look once more";
@@ -356,7 +331,8 @@ void Procedure::finish_questions() {
   state_.sheet = questions_.values();
   if (!is_settled()) return;
   predict_second(state_, first_);
-  history_.clear();
+  done_.clear();
+  undone_.clear();
   enter(Step::Offset);
 }
 
@@ -414,9 +390,19 @@ bool Procedure::change_to(const State& state) {
     note_ = "limit reached: " + problem;
     return false;
   }
-  history_.add(state_);
+  if (done_.size() >= kMostUndo) done_.erase(done_.begin());
+  done_.push_back(state_);
+  undone_.clear();
   state_ = state;
   shows_old_ = false;
+  return true;
+}
+
+bool Procedure::travel(std::vector<State>& from, std::vector<State>& to) {
+  if (from.empty()) return false;
+  to.push_back(state_);
+  state_ = from.back();
+  from.pop_back();
   return true;
 }
 

@@ -20,9 +20,6 @@
 
 namespace lenticule::calib {
 
-// ProcedureState holds the values that a user of calibration by eye edits; the functions change
-// them as one press of a key does.
-
 enum class Step {
   Prepare,        ///< distance, warm panel, unchanged pixels
   RoughPitch,     ///< questions: bands of different pitch
@@ -59,50 +56,6 @@ struct ProcedureState {
 struct FirstLook {
   optics::Rig rig;
   double distance_mm = 0.0;
-};
-
-/// Returns the values of the rig. The distance is one from which the rig can be viewed.
-[[nodiscard]] ProcedureState first_state(const FirstLook& first);
-
-/// Returns the rig with the values of a state.
-[[nodiscard]] optics::Rig rig_of(const ProcedureState& state, const FirstLook& first);
-
-/// Returns the problem of a state; empty if there is none. The rig must be valid at its viewing
-/// line and at every eye position of the procedure.
-[[nodiscard]] std::string problem_of(const ProcedureState& state, const FirstLook& first);
-
-/// Predicts the pitch from the second distance from pitch and gap, unless the user has set it. A
-/// change of the first pitch makes a new look from the second distance necessary.
-void predict_second(ProcedureState& state, const FirstLook& first);
-
-void change_slant(ProcedureState& state, double presses, const FirstLook& first);
-void change_spacing(ProcedureState& state, double presses, const FirstLook& first);
-/// Returns false, without a change, if the two distances would not determine the gap.
-[[nodiscard]] bool change_second_distance(ProcedureState& state, double presses,
-                                          const FirstLook& first);
-/// Changes the second pitch. The picture from the first distance stays unchanged; the gap absorbs
-/// the difference.
-void change_second_pitch(ProcedureState& state, double presses, const FirstLook& first);
-/// Swaps left and right eye by a shift of half a lens.
-void turn_eyes(ProcedureState& state);
-
-/// UndoHistory remembers the states of a procedure before its changes.
-class UndoHistory {
- public:
-  /// Remembers a state that is about to change; what was undone cannot be done again.
-  void add(const ProcedureState& before);
-  /// Goes to the state before the last change. Returns false if there is none.
-  [[nodiscard]] bool undo(ProcedureState& state);
-  /// Goes back to the state that was undone last. Returns false if there is none.
-  [[nodiscard]] bool redo(ProcedureState& state);
-  void clear();
-
- private:
-  static bool travel(ProcedureState& state, std::vector<ProcedureState>& from,
-                     std::vector<ProcedureState>& to);
-
-  std::vector<ProcedureState> done_;
-  std::vector<ProcedureState> undone_;
 };
 
 using frames::Chart;
@@ -164,7 +117,7 @@ class Procedure {
 
   bool press_question(const KeyPress& press);
   void move_mark(int bands);
-  void take_answer();
+  void accept_answer();
   void finish_questions();
   void show_question();
   void press_arrow(const KeyPress& press);
@@ -175,6 +128,8 @@ class Procedure {
   void enter(Step step);
   /// Saves the old state for undo and sets the new one, unless the new state gives no valid rig.
   bool change_to(const State& state);
+  /// Goes to the last state of `from` and saves the present one. Returns false if there is none.
+  bool travel(std::vector<State>& from, std::vector<State>& to);
 
   [[nodiscard]] double presses_of(const KeyPress& press) const;
   [[nodiscard]] ChartPattern pattern() const;
@@ -185,9 +140,10 @@ class Procedure {
   std::string asked_;  ///< the doubt that the last press of enter reported
   State start_;
   State state_;
-  int cursor_ = 0;  ///< the marked band of a question
-  UndoHistory history_;
-  int coarseness_ = 0;  ///< powers of ten
+  int cursor_ = 0;             ///< the marked band of a question
+  std::vector<State> done_;    ///< states before the changes, for undo
+  std::vector<State> undone_;  ///< states that were undone, the last one at the end
+  int coarseness_ = 0;         ///< powers of ten
   bool shows_old_ = false;
   bool other_pattern_ = false;
   bool magnifier_ = false;

@@ -157,7 +157,7 @@ bool Ladders::add(int rung) {
   ++answers_;
   if (rung < 0 || rung >= kBands) {
     ++place.blanks;
-    look_wider(place);
+    widen(place);
     return false;
   }
   place.blanks = 0;
@@ -169,13 +169,13 @@ bool Ladders::add(int rung) {
   }
   place.readings.push_back({frames::rung_y(asked.y, rung), lenses});
   const bool fits = agreeing(index).size() == place.readings.size();
-  if (++place.tries >= kMostTries && !is_settled(index)) look_wider(place);
+  if (++place.tries >= kMostTries && !is_settled(index)) widen(place);
   if (is_done() && needed_ < kMostNeeded && misfit() > kSuspiciousMisfit) ++needed_;
   return fits;
 }
 
 /// Makes the next ladder at this place one of all offsets.
-void Ladders::look_wider(Place& place) {
+void Ladders::widen(Place& place) {
   place.rough.reset();
   place.is_predictable = false;
   place.tries = 0;

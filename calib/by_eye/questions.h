@@ -108,7 +108,7 @@ class Ladders {
   [[nodiscard]] bool is_known(size_t place) const;
   [[nodiscard]] bool is_settled(size_t place) const;
   [[nodiscard]] int known_places() const;
-  void look_wider(Place& place);
+  void widen(Place& place);
 
   std::array<Place, kPlaces> places_;
   int answers_ = 0;

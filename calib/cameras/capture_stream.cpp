@@ -130,11 +130,11 @@ void CaptureStream::start(V4l2System& system, const std::string& path) {
   running_ = std::make_unique<Running>(device_);
 }
 
-GrabStatus CaptureStream::take(CapturedBuffer& out, Nanoseconds deadline) {
+GrabStatus CaptureStream::acquire(CapturedBuffer& out, Nanoseconds deadline) {
   if (!failure_.empty()) return GrabStatus::Gone;
   for (int looks = 0; looks < kMostEmptyLooks; ++looks) {
     const Nanoseconds left = std::max(deadline - device_.now(), Nanoseconds{0});
-    switch (look(out, left)) {
+    switch (dequeue(out, left)) {
       case Step::Taken:
         losses_in_a_row_ = 0;
         return GrabStatus::Ready;
@@ -150,7 +150,7 @@ GrabStatus CaptureStream::take(CapturedBuffer& out, Nanoseconds deadline) {
   return GrabStatus::TimedOut;
 }
 
-CaptureStream::Step CaptureStream::look(CapturedBuffer& out, Nanoseconds left) {
+CaptureStream::Step CaptureStream::dequeue(CapturedBuffer& out, Nanoseconds left) {
   const int events = device_.poll(left);
   if (events < 0) return gone(-events);
   if (events == 0) return Step::Nothing;

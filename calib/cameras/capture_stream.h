@@ -80,7 +80,7 @@ class CaptureStream {
   /// Waits until `deadline` on the device's clock for the oldest filled buffer. Ready: the caller
   /// must give the buffer back after reading. Corrupt: the driver lost a picture, and there is no
   /// buffer to give back. Gone: failure() has the cause, and all later calls return Gone too.
-  [[nodiscard]] GrabStatus take(CapturedBuffer& out, Nanoseconds deadline);
+  [[nodiscard]] GrabStatus acquire(CapturedBuffer& out, Nanoseconds deadline);
   /// Returns a buffer to the driver, to be filled again. Returns false if the camera is gone.
   [[nodiscard]] bool give_back(uint32_t index);
   [[nodiscard]] const std::string& failure() const { return failure_; }
@@ -110,7 +110,7 @@ class CaptureStream {
   [[nodiscard]] int map_buffer(uint32_t index);
   [[nodiscard]] int queue(uint32_t index);
   enum class Step { Taken, Nothing, Lost, Gone };
-  [[nodiscard]] Step look(CapturedBuffer& out, Nanoseconds left);
+  [[nodiscard]] Step dequeue(CapturedBuffer& out, Nanoseconds left);
   [[nodiscard]] Step nothing_dequeued(int error, bool broken);
   Step gone(int error);
 

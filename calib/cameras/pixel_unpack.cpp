@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 #include <linux/videodev2.h>
+#include <turbojpeg.h>
 
 #include <algorithm>
 #include <cmath>
@@ -214,6 +215,13 @@ size_t picture_bytes(const PixelLayout& layout, int width, int height, size_t by
 
 namespace {
 
+/// Returns true for a harmless warning. The library keeps its first warning; if that warning is
+/// about bytes before the end marker, the picture was complete.
+bool is_harmless(tjhandle handle) {
+  if (tjGetErrorCode(handle) != TJERR_WARNING) return false;
+  return std::string_view(tjGetErrorStr2(handle)).ends_with("extraneous bytes before marker 0xd9");
+}
+
 // Interpolates the colours of a sensor with a Bayer mosaic of filters.
 
 /// BayerOrder is the position of the first red pixel: column and row, 0 or 1 each.
@@ -246,7 +254,7 @@ struct Surroundings {
   }
 };
 
-void put_pixel(const Surroundings& at, bool red_column, bool red_row, float* rgb) {
+void set_pixel(const Surroundings& at, bool red_column, bool red_row, float* rgb) {
   if (red_column == red_row) {  // pixel under a red or blue filter
     rgb[0] = red_row ? at.here[at.x] : at.corners();
     rgb[1] = at.cross();
@@ -274,7 +282,7 @@ void interpolate_bayer(std::span<const float> mosaic, int width, int height, Bay
     const float* const below = &mosaic[static_cast<size_t>(mirrored(y + 1, height)) * width];
     for (int x = 0; x < width; ++x, out += 3) {
       const Surroundings at{above, here, below, mirrored(x - 1, width), x, mirrored(x + 1, width)};
-      put_pixel(at, (x & 1) == order.red_column, (y & 1) == order.red_row, out);
+      set_pixel(at, (x & 1) == order.red_column, (y & 1) == order.red_row, out);
     }
   }
 }
@@ -333,7 +341,9 @@ PixelUnpacker::PixelUnpacker(const RawFormat& format, const std::string& camera)
     chroma_of_code_[code] =
         static_cast<float>((value - scale.chroma_middle) * scale.chroma_per_code);
   }
-  if (layout_.packing == Packing::Jpeg) jpeg_.emplace();
+  if (layout_.packing != Packing::Jpeg) return;
+  jpeg_.reset(tjInitDecompress());
+  if (!jpeg_) throw Error(ErrorKind::Failed, "jpeg decoder: out of memory");
 }
 
 bool PixelUnpacker::unpack(std::span<const uint8_t> bytes, CameraPicture& out) {
@@ -398,7 +408,7 @@ void PixelUnpacker::unpack_bayer(std::span<const uint8_t> bytes, std::span<float
                     {.red_column = layout_.red_column, .red_row = layout_.red_row}, light);
 }
 
-void PixelUnpacker::put_ycbcr(uint8_t luma, uint8_t cb, uint8_t cr, float* rgb) const {
+void PixelUnpacker::set_ycbcr(uint8_t luma, uint8_t cb, uint8_t cr, float* rgb) const {
   const float y = encoded_of_luma_[luma];
   const float blue = chroma_of_code_[cb];
   const float red = chroma_of_code_[cr];
@@ -415,7 +425,7 @@ void PixelUnpacker::unpack_yuv422(std::span<const uint8_t> bytes, std::span<floa
     for (int x = 0; x < format_.width; ++x, out += 3) {
       const uint8_t* const pair = codes + static_cast<ptrdiff_t>(x / 2) * 4;
       const uint8_t luma = pair[layout_.luma_byte + 2 * (x & 1)];
-      put_ycbcr(luma, pair[layout_.chroma_byte], pair[layout_.chroma_byte + 2], out);
+      set_ycbcr(luma, pair[layout_.chroma_byte], pair[layout_.chroma_byte + 2], out);
     }
   }
 }
@@ -427,7 +437,7 @@ void PixelUnpacker::unpack_nv12(std::span<const uint8_t> bytes, std::span<float>
     const uint8_t* const chroma = row(bytes, format_.height + y / 2);
     for (int x = 0; x < format_.width; ++x, out += 3) {
       const uint8_t* const pair = chroma + static_cast<ptrdiff_t>(x / 2) * 2;
-      put_ycbcr(luma[x], pair[0], pair[1], out);
+      set_ycbcr(luma[x], pair[0], pair[1], out);
     }
   }
 }
@@ -444,11 +454,24 @@ void PixelUnpacker::unpack_rgb(std::span<const uint8_t> bytes, std::span<float> 
   }
 }
 
+void PixelUnpacker::CloseJpeg::operator()(void* handle) const noexcept {
+  tjDestroy(handle);
+}
+
 bool PixelUnpacker::unpack_jpeg(std::span<const uint8_t> bytes, std::span<float> light) {
-  const std::span<const uint8_t> rgb = jpeg_->decode(bytes, format_.width, format_.height);
-  if (rgb.size() != light.size()) return false;
-  std::transform(rgb.begin(), rgb.end(), light.begin(),
-                 [this](uint8_t code) { return light_of_code_[code]; });
+  int width = 0, height = 0, subsampling = 0, colorspace = 0;
+  if (bytes.empty() || tjDecompressHeader3(jpeg_.get(), bytes.data(), bytes.size(), &width, &height,
+                                           &subsampling, &colorspace) != 0)
+    return false;
+  const bool has_rgb =
+      colorspace == TJCS_YCbCr || colorspace == TJCS_GRAY || colorspace == TJCS_RGB;
+  if (width != format_.width || height != format_.height || !has_rgb) return false;
+  rgb_.resize(light.size());
+  const int failed = tjDecompress2(jpeg_.get(), bytes.data(), bytes.size(), rgb_.data(), width, 0,
+                                   height, TJPF_RGB, TJFLAG_LIMITSCANS | TJFLAG_ACCURATEDCT);
+  if (failed != 0 && !is_harmless(jpeg_.get())) return false;
+  std::ranges::transform(rgb_, light.begin(),
+                         [this](uint8_t code) { return light_of_code_[code]; });
   return true;
 }
 

@@ -1,27 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-// PixelUnpacker converts a camera's bytes to pictures in linear light.
+// PixelUnpacker converts a camera's bytes to pictures in linear light: the format's layout says
+// where the codes are, its colour coding which light they mean.
 #pragma once
 
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <optional>
+#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "calib/camera.h"
-#include "calib/cameras/jpeg_unpack.h"
 
 namespace lenticule::calib {
 
-// Interprets a camera's code values: V4L2's colour space, Y'CbCr encoding, quantization and
-// transfer function, with V4L2's rules for values that a driver leaves open (the kernel's
-// documentation, "Defining Colorspaces" and the macros V4L2_MAP_*_DEFAULT).
-
-/// ColourCoding holds the driver's values; 0 is "default" in every field. Values that V4L2 does not
-/// define count as 0.
+/// ColourCoding says how codes mean colours: V4L2's colour space, Y'CbCr encoding, quantization and
+/// transfer function, with V4L2's rules for values that a driver leaves open (the kernel's
+/// documentation, "Defining Colorspaces" and the macros V4L2_MAP_*_DEFAULT). The values are the
+/// driver's; 0 is "default" in every field. Values that V4L2 does not define count as 0.
 struct ColourCoding {
   uint32_t colorspace = 0;
   uint32_t ycbcr_enc = 0;
@@ -163,8 +161,10 @@ class PixelUnpacker {
   void unpack_yuv422(std::span<const uint8_t> bytes, std::span<float> light) const;
   void unpack_nv12(std::span<const uint8_t> bytes, std::span<float> light) const;
   void unpack_rgb(std::span<const uint8_t> bytes, std::span<float> light) const;
+  /// Accepts a picture of exactly this size, also with extra bytes between picture and end marker,
+  /// which many cameras send.
   [[nodiscard]] bool unpack_jpeg(std::span<const uint8_t> bytes, std::span<float> light);
-  void put_ycbcr(uint8_t luma, uint8_t cb, uint8_t cr, float* rgb) const;
+  void set_ycbcr(uint8_t luma, uint8_t cb, uint8_t cr, float* rgb) const;
 
   PixelLayout layout_;
   RawFormat format_;
@@ -176,8 +176,12 @@ class PixelUnpacker {
   float wide_black_ = 0.0F;                   // scale of samples of more than 8 bits
   float wide_per_code_ = 1.0F;
   YcbcrMatrix matrix_;
+  struct CloseJpeg {
+    void operator()(void* handle) const noexcept;
+  };
   std::vector<float> mosaic_;
-  std::optional<JpegDecoder> jpeg_;
+  std::unique_ptr<void, CloseJpeg> jpeg_;  ///< handle of libjpeg-turbo, for JPEG alone
+  std::vector<uint8_t> rgb_;
 };
 
 }  // namespace lenticule::calib

@@ -26,6 +26,28 @@ std::string text_of(const uint8_t (&bytes)[N]) {
   return {text, strnlen(text, N)};
 }
 
+/// NodeFacts describes a video node.
+struct NodeFacts {
+  std::string name;
+  std::string bus;
+  bool captures = false;  ///< captures pictures into mapped memory
+};
+
+/// Queries the node's own capabilities, not those of the whole device: USB cameras have a second
+/// node that is not a camera. Returns 0 or errno.
+int ask_node(V4l2Device& device, NodeFacts& facts) {
+  v4l2_capability capability{};
+  const int error = v4l2_call(device, VIDIOC_QUERYCAP, &capability);
+  if (error != 0) return error;
+  const bool own = (capability.capabilities & V4L2_CAP_DEVICE_CAPS) != 0;
+  const uint32_t can = own ? capability.device_caps : capability.capabilities;
+  constexpr uint32_t kNeeded = V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING;
+  facts = {.name = text_of(capability.card),
+           .bus = text_of(capability.bus_info),
+           .captures = (can & kNeeded) == kNeeded};
+  return 0;
+}
+
 std::vector<CameraFormat> formats_of(V4l2Device& device) {
   std::vector<CameraFormat> formats;
   for (const FormatOffer& offer : offered_formats(device)) {
@@ -78,19 +100,6 @@ std::string leaf(const std::string& path) {
 }
 
 }  // namespace
-
-int ask_node(V4l2Device& device, NodeFacts& facts) {
-  v4l2_capability capability{};
-  const int error = v4l2_call(device, VIDIOC_QUERYCAP, &capability);
-  if (error != 0) return error;
-  const bool own = (capability.capabilities & V4L2_CAP_DEVICE_CAPS) != 0;
-  const uint32_t can = own ? capability.device_caps : capability.capabilities;
-  constexpr uint32_t kNeeded = V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING;
-  facts = {.name = text_of(capability.card),
-           .bus = text_of(capability.bus_info),
-           .captures = (can & kNeeded) == kNeeded};
-  return 0;
-}
 
 V4l2Node find_camera(V4l2System& system, const std::string& wanted) {
   if (wanted.empty()) return only_camera(system);
@@ -169,8 +178,8 @@ class V4l2Camera final : public Camera {
  private:
   void lock_controls(V4l2System& system);
   void collect_facts(const NodeFacts& node, const AgreedFormat& agreed);
-  [[nodiscard]] GrabStatus take_picture(CameraPicture& out, Nanoseconds deadline,
-                                        Nanoseconds not_before);
+  [[nodiscard]] GrabStatus acquire_picture(CameraPicture& out, Nanoseconds deadline,
+                                           Nanoseconds not_before);
   [[nodiscard]] bool unpack(const CapturedBuffer& buffer, CameraPicture& out);
   void stamp(const BufferStamp& stamp, CameraPicture& out);
   void close();
@@ -234,20 +243,20 @@ GrabStatus V4l2Camera::grab(CameraPicture& out, Nanoseconds timeout, Nanoseconds
   if (!stream_) return GrabStatus::Gone;
   const Nanoseconds deadline = now() + std::clamp(timeout, Nanoseconds{0}, kLongestGrab);
   early_ = false;
-  GrabStatus status = take_picture(out, deadline, not_before);
+  GrabStatus status = acquire_picture(out, deadline, not_before);
   while ((to_skip_ > 0 || early_) &&
          (status == GrabStatus::Ready || status == GrabStatus::Corrupt)) {
     if (to_skip_ > 0) --to_skip_;
-    status = take_picture(out, deadline, not_before);
+    status = acquire_picture(out, deadline, not_before);
   }
   if (status == GrabStatus::Gone) close();
   return status;
 }
 
-GrabStatus V4l2Camera::take_picture(CameraPicture& out, Nanoseconds deadline,
-                                    Nanoseconds not_before) {
+GrabStatus V4l2Camera::acquire_picture(CameraPicture& out, Nanoseconds deadline,
+                                       Nanoseconds not_before) {
   CapturedBuffer buffer;
-  const GrabStatus status = stream_->take(buffer, deadline);
+  const GrabStatus status = stream_->acquire(buffer, deadline);
   if (status != GrabStatus::Ready) return status;
   stamp(buffer.stamp, out);
   early_ = out.time < not_before;

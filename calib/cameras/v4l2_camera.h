@@ -13,23 +13,9 @@
 
 namespace lenticule::calib {
 
-// Finds the video nodes that are cameras.
-
-struct NodeFacts {
-  std::string name;
-  std::string bus;
-  bool captures = false;  ///< captures pictures into mapped memory
-};
-
-/// Queries the node's own capabilities, not those of the whole device: USB cameras have a second
-/// node that is not a camera. Returns 0 or errno.
-[[nodiscard]] int ask_node(V4l2Device& device, NodeFacts& facts);
-
 /// Returns the node that the user's text names; see V4l2Options::device. Throws Error(Device) when
 /// there is no camera, Error(Usage) when there are several and none is named.
 [[nodiscard]] V4l2Node find_camera(V4l2System& system, const std::string& wanted);
-
-class V4l2System;
 
 struct V4l2Options {
   /// "/dev/video2", "video2", or a name in /dev/v4l/by-id or by-path; empty: the only camera.

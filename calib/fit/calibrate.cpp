@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// The best fit of all views is searched, and repeated with the distances that the user measured.
+// Its description follows: the offsets of red and blue, viewpoints, parameters and their
+// correlations, the prediction of each viewpoint from the others, and the largest error that is to
+// be expected. Then the findings decide: a refusal if a measurement or the model cannot be trusted,
+// a restriction to the measured eyes if the viewpoints do not determine the phases of others.
 #include "calib/fit/calibrate.h"
 
 #include <fmt/format.h>
@@ -300,7 +305,7 @@ void judge(const CalibrationEvidence& evidence, Findings& findings) {
 }
 
 /// Writes verdict, reasons and warnings into a calibration.
-void put_verdict(Findings findings, Calibration& result) {
+void set_verdict(Findings findings, Calibration& result) {
   result.verdict = !findings.refusals.empty()       ? Verdict::Refused
                    : !findings.restrictions.empty() ? Verdict::Effective
                                                     : Verdict::Intrinsic;
@@ -337,7 +342,7 @@ class Calibrator {
     const auto begin = std::chrono::steady_clock::now();
     carry_over();
     if (fit()) {
-      put_rig();
+      set_rig();
       measure_colours();
       describe_viewpoints();
       describe_parameters();
@@ -345,7 +350,7 @@ class Calibrator {
       predict();
       judge({measured_, problem_, found_, options_, result_}, findings_);
     }
-    put_verdict(std::move(findings_), result_);
+    set_verdict(std::move(findings_), result_);
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - begin;
     result_.seconds_computing = elapsed.count();
     return std::move(result_);
@@ -373,7 +378,7 @@ class Calibrator {
 
   bool fit();
   void use_distances();
-  void put_rig();
+  void set_rig();
   void measure_colours();
   void describe_viewpoints();
   [[nodiscard]] Viewpoint description_of(size_t v, const Prediction& predicted) const;
@@ -452,9 +457,9 @@ void Calibrator::use_distances() {
         fit_jointly(views, *found_.poses, problem_.start, found_.gap, problem_.panel, options);
 }
 
-void Calibrator::put_rig() {
+void Calibrator::set_rig() {
   const FitValues& values = fitted().values;
-  put_sheet(values.sheet, problem_.grid, values.knots, problem_.panel, result_.rig.sheet);
+  set_sheet(values.sheet, problem_.grid, values.knots, problem_.panel, result_.rig.sheet);
   if (result_.spot && result_.spot->sigma_lenses > 0.0)
     result_.rig.sheet.spot_sigma = Lenses(result_.spot->sigma_lenses);
   const CameraValues& camera = values.camera;

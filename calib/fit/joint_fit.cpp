@@ -1,4 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+// Both fits are least squares by Ceres over the terms below. The poses come first, from
+// homographies and several focal lengths, with the sheet held. The joint fit frees all: sheet, map,
+// camera and poses. A phase is known up to whole lenses, so the start must be right within half a
+// lens: the candidate of the gap gives it. The standard errors of phases and panel points are
+// rescaled by their residuals and the fit is repeated, since the scatter inside a block omits
+// errors that change from block to block. The inverse of the normal equations is the covariance.
 #include "calib/fit/joint_fit.h"
 
 #include <ceres/ceres.h>

@@ -22,7 +22,7 @@ SheetStart sheet_start(const optics::Rig& rig) {
   return start;
 }
 
-void put_sheet(const SheetParameters& values, const KnotGrid& grid,
+void set_sheet(const SheetParameters& values, const KnotGrid& grid,
                const std::vector<double>& knots, const optics::Panel& panel,
                optics::LensSheet& sheet) {
   sheet.pitch = Subpixels(1.5 * panel.width_px / values[kAcross]);

@@ -85,7 +85,7 @@ struct FitValues {
 
 [[nodiscard]] SheetStart sheet_start(const optics::Rig& rig);
 /// Writes pitch, slant, offset, gap, shape and residual map into a sheet.
-void put_sheet(const SheetParameters& values, const KnotGrid& grid,
+void set_sheet(const SheetParameters& values, const KnotGrid& grid,
                const std::vector<double>& knots, const optics::Panel& panel,
                optics::LensSheet& sheet);
 

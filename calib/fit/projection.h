@@ -68,17 +68,23 @@ PlanePoint<T> undistorted(const T* camera, double u, double v) {
   return {ux, uy};
 }
 
-/// Returns the point of the lens-apex plane, mm, that the camera pixel sees.
+/// Returns the point of the lens-apex plane, mm, that a camera sees in a direction of its frame.
 template <class T>
-PlanePoint<T> lens_plane_point(const T* camera, const T* pose, double u, double v) {
-  const PlanePoint<T> d = undistorted(camera, u, v);
-  const T in_camera[3] = {d.x, d.y, T(1.0)};
+PlanePoint<T> lens_plane_along(const T* pose, const T* in_camera) {
   const T back[3] = {-pose[0], -pose[1], -pose[2]};
   T along[3];
   ceres::AngleAxisRotatePoint(back, in_camera, along);
   const T* pupil = pose + kPupil;
   const T steps = -pupil[2] / along[2];
   return {pupil[0] + steps * along[0], pupil[1] + steps * along[1]};
+}
+
+/// Returns the point of the lens-apex plane, mm, that the camera pixel sees.
+template <class T>
+PlanePoint<T> lens_plane_point(const T* camera, const T* pose, double u, double v) {
+  const PlanePoint<T> d = undistorted(camera, u, v);
+  const T in_camera[3] = {d.x, d.y, T(1.0)};
+  return lens_plane_along(pose, in_camera);
 }
 
 /// Returns the unit vector across the lenses, in the direction of a growing lens coordinate.

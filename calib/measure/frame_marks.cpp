@@ -22,12 +22,6 @@ constexpr double kDark = 0.25;
 constexpr double kBrightest = 1.8;
 constexpr double kDarkest = -0.4;
 
-double mean_light(const GreyPicture& picture, const std::vector<uint32_t>& pixels) {
-  double sum = 0.0;
-  for (const uint32_t i : pixels) sum += picture.light[i];
-  return pixels.empty() ? 0.0 : sum / static_cast<double>(pixels.size());
-}
-
 /// CellMap assigns each pixel to a cell by the pictures in which it is lit; -1 for none.
 class CellMap {
  public:
@@ -42,26 +36,15 @@ class CellMap {
     }
   }
 
-  /// Returns the pixels of a cell and their neighbours.
-  [[nodiscard]] std::vector<uint32_t> pixels_around(int cell) const {
-    std::vector<uint32_t> found;
-    const auto width = static_cast<size_t>(width_);
-    for (size_t i = width + 1; i + width + 1 < cells_.size(); ++i) {
-      const std::array<size_t, 5> around = {i, i - 1, i + 1, i - width, i + width};
-      if (std::ranges::any_of(around, [&](size_t k) { return cells_[k] == cell; }))
-        found.push_back(static_cast<uint32_t>(i));
-    }
-    return found;
-  }
-
-  /// Returns the pixels of a cell whose neighbours belong to the cell too, because blur mixes the
+  /// Returns the pixels of which, together with their four neighbours, at least `least` belong to a
+  /// cell: 1 for the cell and its surroundings, 5 for its inner part, because blur mixes the
   /// borders.
-  [[nodiscard]] std::vector<uint32_t> inner_pixels(int cell) const {
+  [[nodiscard]] std::vector<uint32_t> pixels(int cell, ptrdiff_t least) const {
     std::vector<uint32_t> found;
     const auto width = static_cast<size_t>(width_);
     for (size_t i = width + 1; i + width + 1 < cells_.size(); ++i) {
       const std::array<size_t, 5> around = {i, i - 1, i + 1, i - width, i + width};
-      if (std::ranges::all_of(around, [&](size_t k) { return cells_[k] == cell; }))
+      if (std::ranges::count_if(around, [&](size_t k) { return cells_[k] == cell; }) >= least)
         found.push_back(static_cast<uint32_t>(i));
     }
     return found;
@@ -95,16 +78,16 @@ std::optional<MarkReader> MarkReader::find(const std::array<GreyPicture, 3>& dar
   reader.coded_ = true;
   for (size_t cell = 0; cell < MarkCells::kMost; ++cell) {
     std::vector<uint32_t>& pixels = reader.pixels_[cell];
-    pixels = map.inner_pixels(static_cast<int>(cell));
+    pixels = map.pixels(static_cast<int>(cell), 5);
     if (pixels.size() < kFewestPixels) {
       if (cell < MarkCells::kMarks) return std::nullopt;
       reader.coded_ = false;
       continue;
     }
-    reader.lit_[cell] = mean_light(dark_marks[kLitPicture[cell]], pixels);
-    reader.dark_[cell] = cell == 0 ? 0.0 : mean_light(dark_marks[kDarkPicture[cell]], pixels);
+    reader.lit_[cell] = mean_of(dark_marks[kLitPicture[cell]], pixels);
+    reader.dark_[cell] = cell == 0 ? 0.0 : mean_of(dark_marks[kDarkPicture[cell]], pixels);
   }
-  reader.find_edges(dark_marks[0], map.pixels_around(0));
+  reader.find_edges(dark_marks[0], map.pixels(0, 1));
   return reader;
 }
 
@@ -132,7 +115,7 @@ void MarkReader::find_edges(const GreyPicture& dark, const std::vector<uint32_t>
 }
 
 Vec2 MarkReader::moved(const GreyPicture& picture) const {
-  const double white = mean_light(picture, pixels_[0]);
+  const double white = mean_of(picture, pixels_[0]);
   if (!(white > 0.0)) return {};
   const double gain = lit_[0] / white;
   double xx = 0.0, xy = 0.0, yy = 0.0, x = 0.0, y = 0.0;
@@ -151,13 +134,13 @@ Vec2 MarkReader::moved(const GreyPicture& picture) const {
 
 /// Returns 0 for the light of the dark cell, 1 for the light of the lit cell.
 double MarkReader::part_lit(const GreyPicture& picture, size_t cell, double gain) const {
-  const double light = mean_light(picture, pixels_[cell]) / gain;
+  const double light = mean_of(picture, pixels_[cell]) / gain;
   return (light - dark_[cell]) / (lit_[cell] - dark_[cell]);
 }
 
 MarkReading MarkReader::read(const GreyPicture& picture) const {
   MarkReading reading;
-  reading.white = mean_light(picture, pixels_[0]);
+  reading.white = mean_of(picture, pixels_[0]);
   // The gain may drift, so light is measured relative to the cell that is always lit.
   const double gain = lit_[0] > 0.0 ? reading.white / lit_[0] : 0.0;
   if (!(gain > 0.2)) return reading;

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// A place is measured in this order: marks and visible pixels; the panel point of each pixel, from
+// wide waves; the pitch of the lenses, from fringes at the starting pitch and its multiples; the
+// colours of panel and link; the phases of the fringes of each colour at the found pitch; the light
+// under a lens, from combs; and green's fringes once more, which shows whether something moved.
+// docs/panel/calibration-method.md explains each pattern.
 #include "calib/measure/viewpoint.h"
 
 #include <fmt/format.h>
@@ -6,7 +11,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <functional>
 #include <numeric>
 #include <utility>
 
@@ -84,8 +88,7 @@ std::vector<Pattern> photo_patterns(const optics::Rig& start) {
 
 namespace {
 
-// Averages the decoded panel points of camera pixels over blocks, and selects the pixels whose
-// points agree with the smooth map.
+// The pixels that see the panel, and their panel points.
 
 /// PictureBlocks divides a camera's picture into squares.
 struct PictureBlocks {
@@ -165,39 +168,10 @@ SeenPixels pixels_near_map(const DecodedPixels& decoded, const PictureBlocks& bl
   return kept;
 }
 
-// Finds the pitch of the lenses by showing fringes: near the starting pitch, and at multiples of a
-// pitch that may be an alias.
+// The search of the pitch.
 
 /// Fraction of the light that waves or fringes must modulate.
-inline constexpr double kLeastModulation = 0.03;
-
-/// Fringes are the waves of a fringe pattern in camera pixels.
-struct Fringes {
-  Fringe fringe;
-  std::vector<Complex> waves;
-  double contrast = 0.0;
-};
-
-/// FringeTrials shows fringes.
-///
-/// Lifetime: must not outlive the panel and the points.
-struct FringeTrials {
-  const optics::Panel& panel;
-  const std::vector<Vec2>& panel_points;  ///< points of the pixels whose waves `show` returns
-  /// Shows fringes in a number of phase steps.
-  std::function<Fringes(double pitch_subpx, double slant, int steps)> show;
-};
-
-struct FoundFringes {
-  Fringes fringes;
-  FringePeak peak;
-};
-
-/// AliasFreeLine is the line of the true pitch, and the factors by which the pitch was multiplied.
-struct AliasFreeLine {
-  LinearPhase line;
-  std::vector<int> multiples;
-};
+constexpr double kLeastModulation = 0.03;
 
 constexpr int kMostMultiple = 3;  ///< largest multiple of the starting pitch that is tried
 /// Largest error of the starting pitch, relative to the number of lenses across the panel.
@@ -215,88 +189,16 @@ LinearPhase phase_for(double pitch, double slant) {
   return {.constant = 0.0, .per_px_x = 3.0 / pitch, .per_px_y = 3.0 * slant / pitch};
 }
 
-std::optional<FringePeak> peak_of(const FringeTrials& trials, const Fringes& fringes,
-                                  const LinearPhase& start) {
-  const double lenses = std::abs(start.per_px_x) * trials.panel.width_px;
-  const FringeView view{fringes.fringe, fringes.waves, trials.panel_points};
-  std::optional<FringePeak> peak =
-      find_fringes(view, start, kCaptureRange * lenses + 6.0, trials.panel);
-  const bool good = peak && fringes.contrast > kLeastModulation && peak->height > kLeastCoherent &&
-                    peak->height > kLeastLead * peak->second;
-  return good ? peak : std::nullopt;
-}
+/// Fringes are the waves of a fringe pattern in camera pixels.
+struct Fringes {
+  Fringe fringe;
+  std::vector<Complex> waves;
+  double contrast = 0.0;
+};
 
-/// Returns true if fringes appear at a multiple of the pitch. Only at the true pitch do the slow
-/// fringes disappear when the pattern gets wider by an integer factor: neighbouring lenses then see
-/// different phases.
-bool multiple_shows_fringes(const FringeTrials& trials, const LinearPhase& line, int factor,
-                            double first_coherence) {
-  const double pitch = line.pitch_subpx() * factor;
-  if (pitch > trials.panel.width_px / 4.0) return false;
-  const double slant = line.slant();
-  const Fringes fringes = trials.show(pitch, slant, kAliasSteps);
-  const FringeView view{fringes.fringe, fringes.waves, trials.panel_points};
-  const std::optional<FringePeak> peak =
-      find_fringes(view, phase_for(pitch, slant), 6.0, trials.panel);
-  return peak && peak->height * fringes.contrast > kAliasPart * first_coherence;
-}
-
-/// Returns the fringes of the first pitch that shows some: the nominal one or, if `tries_others`,
-/// a small multiple or fraction of it.
-std::optional<FoundFringes> search_pitch(const FringeTrials& trials, double nominal_pitch_subpx,
-                                         double slant, bool tries_others) {
-  for (const double factor : kOtherPitches) {
-    const double pitch = nominal_pitch_subpx * factor;
-    if (pitch < optics::kMinPitchSubpixels || pitch > trials.panel.width_px / 4.0) continue;
-    Fringes fringes = trials.show(pitch, slant, kCoarseSteps);
-    if (const auto peak = peak_of(trials, fringes, phase_for(pitch, slant)))
-      return FoundFringes{std::move(fringes), *peak};
-    if (!tries_others) break;
-  }
-  return std::nullopt;
-}
-
-/// Leaves aliases: fringes also appear at an integer fraction of the pitch, so multiples are tried
-/// as long as fringes appear there. `first` is the fringes at which `line` was found.
-AliasFreeLine leave_aliases(const FringeTrials& trials, const LinearPhase& line,
-                            const FoundFringes& first) {
-  const double first_coherence = first.peak.height * first.fringes.contrast;
-  AliasFreeLine out{.line = line, .multiples = {}};
-  int multiple = 2;
-  while (multiple <= kMostMultiple) {
-    if (!multiple_shows_fringes(trials, out.line, multiple, first_coherence)) {
-      ++multiple;
-      continue;
-    }
-    out.multiples.push_back(multiple);
-    out.line = {.constant = out.line.constant / multiple,
-                .per_px_x = out.line.per_px_x / multiple,
-                .per_px_y = out.line.per_px_y / multiple};
-    multiple = 2;
-  }
-  return out;
-}
-
-// SpotSum measures the sharpness of lenses: the light seen while only one place under each lens is
-// lit, place after place.
-
-class SpotSum {
- public:
-  /// Takes `blocks`, the deviation of each part of the panel from the straight phase of the combs.
-  ///
-  /// Lifetime: `blocks` must outlive the sum.
-  SpotSum(int bins, const BlockGrid& blocks, const LinearPhase& drawn, const optics::Panel& panel);
-
-  /// Adds the picture of the comb at bin (b + 1/2) / bins - 1/2.
-  void add(int bin, const GreyPicture& picture, const GreyPicture& dark,
-           const std::vector<uint32_t>& pixels, int block_px);
-
-  [[nodiscard]] LensSpot result() const;
-
- private:
-  const BlockGrid& blocks_;
-  std::vector<double> shifts_;  ///< shift of each block, bins
-  std::vector<double> profile_;
+struct FoundFringes {
+  Fringes fringes;
+  FringePeak peak;
 };
 
 /// Returns the profile's standard deviation about its middle, above its floor.
@@ -326,46 +228,55 @@ double two_view_crosstalk(const std::vector<double>& profile) {
   return own > 0.0 ? other / own : 1.0;
 }
 
-SpotSum::SpotSum(int bins, const BlockGrid& blocks, const LinearPhase& drawn,
-                 const optics::Panel& panel)
-    : blocks_(blocks), profile_(static_cast<size_t>(bins)) {
-  for (const PhaseBlock& block : blocks.blocks)
-    shifts_.push_back((block.phase - drawn.at(block.panel_px, panel)) * bins);
-}
-
-void SpotSum::add(int bin, const GreyPicture& picture, const GreyPicture& dark,
-                  const std::vector<uint32_t>& pixels, int block_px) {
-  const auto bins = static_cast<int>(profile_.size());
-  for (const uint32_t pixel : pixels) {
-    const int x = static_cast<int>(pixel) % picture.width / block_px;
-    const int y = static_cast<int>(pixel) / picture.width / block_px;
-    const auto n = static_cast<size_t>(y * blocks_.columns + x);
-    if (blocks_.blocks[n].pixels == 0) continue;
-    // A block whose phase is larger than the drawn one shows this bin at a larger place.
-    const double at = bin + shifts_[n];
-    const double whole = std::floor(at);
-    const double light = double{picture.light[pixel]} - double{dark.light[pixel]};
-    const int first = ((static_cast<int>(whole) % bins) + bins) % bins;
-    profile_[static_cast<size_t>(first)] += light * (1.0 - (at - whole));
-    profile_[static_cast<size_t>((first + 1) % bins)] += light * (at - whole);
+/// SpotSum measures the sharpness of lenses: the light seen while only one place under each lens is
+/// lit, place after place.
+class SpotSum {
+ public:
+  /// Takes `blocks`, the deviation of each part of the panel from the straight phase of the combs.
+  ///
+  /// Lifetime: `blocks` must outlive the sum.
+  SpotSum(int bins, const BlockGrid& blocks, const LinearPhase& drawn, const optics::Panel& panel)
+      : blocks_(blocks), profile_(static_cast<size_t>(bins)) {
+    for (const PhaseBlock& block : blocks.blocks)
+      shifts_.push_back((block.phase - drawn.at(block.panel_px, panel)) * bins);
   }
-}
 
-LensSpot SpotSum::result() const {
-  LensSpot spot;
-  const double all = std::accumulate(profile_.begin(), profile_.end(), 0.0);
-  if (!(all > 0.0)) return spot;
-  for (const double light : profile_) spot.profile.push_back(light / all);
-  const double floor = std::max(0.0, *std::min_element(spot.profile.begin(), spot.profile.end()));
-  spot.veiling_glare = floor * static_cast<double>(spot.profile.size());
-  spot.sigma_lenses = sigma_of(spot.profile, floor);
-  spot.two_view_crosstalk = two_view_crosstalk(spot.profile);
-  return spot;
-}
+  /// Adds the picture of the comb at bin (b + 1/2) / bins - 1/2.
+  void add(int bin, const GreyPicture& picture, const GreyPicture& dark,
+           const std::vector<uint32_t>& pixels, int block_px) {
+    const auto bins = static_cast<int>(profile_.size());
+    for (const uint32_t pixel : pixels) {
+      const int x = static_cast<int>(pixel) % picture.width / block_px;
+      const int y = static_cast<int>(pixel) / picture.width / block_px;
+      const auto n = static_cast<size_t>(y * blocks_.columns + x);
+      if (blocks_.blocks[n].pixels == 0) continue;
+      // A block whose phase is larger than the drawn one shows this bin at a larger place.
+      const double at = bin + shifts_[n];
+      const double whole = std::floor(at);
+      const double light = double{picture.light[pixel]} - double{dark.light[pixel]};
+      const int first = ((static_cast<int>(whole) % bins) + bins) % bins;
+      profile_[static_cast<size_t>(first)] += light * (1.0 - (at - whole));
+      profile_[static_cast<size_t>((first + 1) % bins)] += light * (at - whole);
+    }
+  }
 
-}  // namespace
+  [[nodiscard]] LensSpot result() const {
+    LensSpot spot;
+    const double all = std::accumulate(profile_.begin(), profile_.end(), 0.0);
+    if (!(all > 0.0)) return spot;
+    for (const double light : profile_) spot.profile.push_back(light / all);
+    const double floor = std::max(0.0, *std::min_element(spot.profile.begin(), spot.profile.end()));
+    spot.veiling_glare = floor * static_cast<double>(spot.profile.size());
+    spot.sigma_lenses = sigma_of(spot.profile, floor);
+    spot.two_view_crosstalk = two_view_crosstalk(spot.profile);
+    return spot;
+  }
 
-namespace {
+ private:
+  const BlockGrid& blocks_;
+  std::vector<double> shifts_;  ///< shift of each block, bins
+  std::vector<double> profile_;
+};
 
 constexpr int kBlocksAcross = 80;     ///< blocks across the picture
 constexpr double kLeastPart = 0.02;   ///< fraction of the camera's picture that shows the panel
@@ -465,9 +376,14 @@ class ViewpointRun {
   void find_panel();
   void check_rig();
   void decode_geometry();
-  [[nodiscard]] Fringes show_fringes(double pitch, double slant, int steps, Channels channels,
-                                     const ChannelWeights& weights);
+  [[nodiscard]] Fringes show_fringes(double pitch, double slant, int steps, Channels channels = {},
+                                     const ChannelWeights& weights = kEqualWeights);
   void find_pitch();
+  [[nodiscard]] std::optional<FringePeak> peak_of(const Fringes& fringes,
+                                                  const LinearPhase& start) const;
+  [[nodiscard]] std::optional<FoundFringes> search_pitch(double nominal_pitch, double slant);
+  [[nodiscard]] bool multiple_shows_fringes(int factor, double first_coherence);
+  void leave_aliases(const FoundFringes& first);
   void refine_line(const Fringes& fringes);
 
   void measure_colours();
@@ -580,13 +496,66 @@ Fringes ViewpointRun::show_fringes(double pitch, double slant, int steps, Channe
   return fringes;
 }
 
+/// Returns the peak of fringes near a start; nothing if they are too weak or ambiguous.
+std::optional<FringePeak> ViewpointRun::peak_of(const Fringes& fringes,
+                                                const LinearPhase& start) const {
+  const double lenses = std::abs(start.per_px_x) * panel_.width_px;
+  std::optional<FringePeak> peak = find_fringes({fringes.fringe, fringes.waves, panel_points_},
+                                                start, kCaptureRange * lenses + 6.0, panel_);
+  const bool good = peak && fringes.contrast > kLeastModulation && peak->height > kLeastCoherent &&
+                    peak->height > kLeastLead * peak->second;
+  return good ? peak : std::nullopt;
+}
+
+/// Returns the fringes of the first pitch that shows some: the nominal one or, if patterns may
+/// depend on pictures, a small multiple or fraction of it.
+std::optional<FoundFringes> ViewpointRun::search_pitch(double nominal_pitch, double slant) {
+  for (const double factor : kOtherPitches) {
+    const double pitch = nominal_pitch * factor;
+    if (pitch < optics::kMinPitchSubpixels || pitch > panel_.width_px / 4.0) continue;
+    Fringes fringes = show_fringes(pitch, slant, kCoarseSteps);
+    if (const auto peak = peak_of(fringes, phase_for(pitch, slant)))
+      return FoundFringes{std::move(fringes), *peak};
+    if (!options_.adaptive) break;
+  }
+  return std::nullopt;
+}
+
+/// Returns true if fringes appear at a multiple of the pitch. Only at the true pitch do the slow
+/// fringes disappear when the pattern gets wider by an integer factor: neighbouring lenses then see
+/// different phases.
+bool ViewpointRun::multiple_shows_fringes(int factor, double first_coherence) {
+  const double pitch = result_.line.pitch_subpx() * factor;
+  if (pitch > panel_.width_px / 4.0) return false;
+  const double slant = result_.line.slant();
+  const Fringes fringes = show_fringes(pitch, slant, kAliasSteps);
+  const std::optional<FringePeak> peak = find_fringes(
+      {fringes.fringe, fringes.waves, panel_points_}, phase_for(pitch, slant), 6.0, panel_);
+  return peak && peak->height * fringes.contrast > kAliasPart * first_coherence;
+}
+
+/// Leaves aliases: fringes also appear at an integer fraction of the pitch, so multiples are tried
+/// as long as fringes appear there. `first` is the fringes at which the line was found.
+void ViewpointRun::leave_aliases(const FoundFringes& first) {
+  const double first_coherence = first.peak.height * first.fringes.contrast;
+  LinearPhase& line = result_.line;
+  for (int multiple = 2; multiple <= kMostMultiple;) {
+    if (!multiple_shows_fringes(multiple, first_coherence)) {
+      ++multiple;
+      continue;
+    }
+    result_.warnings.push_back(
+        fmt::format("the starting pitch was an alias: the lenses are {} times as wide", multiple));
+    line = {.constant = line.constant / multiple,
+            .per_px_x = line.per_px_x / multiple,
+            .per_px_y = line.per_px_y / multiple};
+    multiple = 2;
+  }
+}
+
 void ViewpointRun::find_pitch() {
-  const FringeTrials trials{panel_, panel_points_, [&](double pitch, double slant, int steps) {
-                              return show_fringes(pitch, slant, steps, Channels{}, kEqualWeights);
-                            }};
   const std::optional<FoundFringes> found =
-      search_pitch(trials, optics::effective_sheet(start_.rig()).pitch.value,
-                   start_.rig().sheet.slant, options_.adaptive);
+      search_pitch(optics::effective_sheet(start_.rig()).pitch.value, start_.rig().sheet.slant);
   if (!found)
     fail(
         "no fringes are visible: the lens pitch is far from the starting one, or the pattern does "
@@ -594,12 +563,7 @@ void ViewpointRun::find_pitch() {
         "use a rig with a better pitch and slant, or check that the sheet is in focus");
   result_.line = found->peak.phase;
   refine_line(found->fringes);
-  if (!options_.adaptive) return;
-  const AliasFreeLine free = leave_aliases(trials, result_.line, *found);
-  for (const int multiple : free.multiples)
-    result_.warnings.push_back(
-        fmt::format("the starting pitch was an alias: the lenses are {} times as wide", multiple));
-  result_.line = free.line;
+  if (options_.adaptive) leave_aliases(*found);
 }
 
 BlockGrid ViewpointRun::blocks_of(const Fringes& fringes) const {

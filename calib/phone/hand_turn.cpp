@@ -24,7 +24,7 @@ constexpr double kMostExpectedLenses = 0.00075;
 
 optics::Rig rig_of(const PhoneFit& fit, const optics::Rig& start) {
   optics::Rig rig = start;
-  put_sheet(fit.values.sheet, fit.grid, fit.values.knots, start.panel, rig.sheet);
+  set_sheet(fit.values.sheet, fit.grid, fit.values.knots, start.panel, rig.sheet);
   return rig;
 }
 

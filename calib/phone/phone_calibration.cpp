@@ -279,14 +279,14 @@ std::vector<PhonePhoto> usable_photos(const std::vector<PhonePhoto>& photos, Cal
 }
 
 /// Writes the rig of a fit, its stated error and its description.
-void put_result(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
+void set_result(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
                 const optics::Rig& start, Calibration& out) {
   JointFit spread;
   spread.values = fit.values;
   spread.covariance = fit.covariance;
   constexpr LawError kLaw{.pitch_lenses = 0.0005, .slant_lenses = 0.0002, .gap_part = 0.0008};
   const Prediction prediction(spread, fit.grid, start.panel, kLaw);
-  put_sheet(fit.values.sheet, fit.grid, fit.values.knots, start.panel, out.rig.sheet);
+  set_sheet(fit.values.sheet, fit.grid, fit.values.knots, start.panel, out.rig.sheet);
   describe(photos, fit, prediction, out);
   out.drift = prediction.likely_largest_drift(zone_of(start));
   // Shifts that are larger than their prior says make all errors larger.
@@ -360,7 +360,7 @@ Calibration calibrate_phone(const std::vector<PhonePhoto>& photos, const SingleP
     return out;
   }
   const PhoneFit mean = averaged_over_turns(*fit);
-  put_result(usable, mean, chart.start, out);
+  set_result(usable, mean, chart.start, out);
   out.seconds_computing =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
   if (const std::string reason = misfit(usable, *fit, chart.start); !reason.empty()) {

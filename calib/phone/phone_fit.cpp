@@ -72,7 +72,7 @@ void add_fringes(const PhotoFindings& photo, const SinglePhotoChart& chart,
   for (const FringeBlock& block : photo.blocks) weights.push_back(block.weight);
   const double usual = weights.empty() ? 1.0 : upper_median(weights);
   for (const FringeBlock& block : photo.blocks) {
-    const auto at = photo.pose->look(block.pixel, chart.start);
+    const auto at = photo.pose->seen_point(block.pixel, chart.start);
     if (!at) continue;
     const double lens = model.lens_coordinate(at->lens_px.x, at->lens_px.y, kGreen);
     const double comb = chart.comb_phase(at->panel_px.x, at->panel_px.y, block.detuning);
@@ -215,12 +215,7 @@ class PhoneModel {
     const T in_camera[3] = {d.x + row * (turn[1] - turn[2] * d.y),
                             d.y + row * (turn[2] * d.x - turn[0]),
                             1.0 + row * (turn[0] * d.y - turn[1] * d.x)};
-    const T back[3] = {-photo[0], -photo[1], -photo[2]};
-    T along[3];
-    ceres::AngleAxisRotatePoint(back, in_camera, along);
-    const T* pupil = photo + kPupil;
-    const T steps = -pupil[2] / along[2];
-    return {pupil[0] + steps * along[0], pupil[1] + steps * along[1]};
+    return lens_plane_along(photo, in_camera);
   }
 
   const optics::Panel& panel_;

@@ -210,7 +210,7 @@ FringeSamples collect_fringes(const PhotoLight& picture, const PhotoPose& pose,
   size_t clipped = 0, on_panel = 0;  // clipped in 255ths
   for (int j = 0; j < picture.height; ++j) {
     for (int i = 0; i < picture.width; ++i) {
-      const auto point = pose.look({i + 0.5, j + 0.5}, chart.start);
+      const auto point = pose.seen_point({i + 0.5, j + 0.5}, chart.start);
       if (!point || !grid.is_on_panel(point->panel_px)) continue;
       const size_t at =
           static_cast<size_t>(j) * static_cast<size_t>(picture.width) + static_cast<size_t>(i);
@@ -239,7 +239,7 @@ std::optional<double> light_of_squares(const PhotoLight& picture, const PhotoPos
   std::vector<Halves> sums(chart.patches.size());
   for (int j = 0; j < picture.height; ++j) {
     for (int i = 0; i < picture.width; ++i) {
-      const auto point = pose.look({i + 0.5, j + 0.5}, chart.start);
+      const auto point = pose.seen_point({i + 0.5, j + 0.5}, chart.start);
       if (!point) continue;
       for (size_t k = 0; k < sums.size(); ++k) {
         const int half = chart.patches[k].half_at(point->panel_px);

@@ -32,7 +32,7 @@ std::string lower(std::string text) {
 }
 
 /// Removes the digits at the start of `text` and returns them without leading zeros.
-std::string_view take_number(std::string_view& text) {
+std::string_view pop_number(std::string_view& text) {
   size_t end = 0;
   while (end < text.size() && is_digit(text[end])) ++end;
   std::string_view digits = text.substr(0, end);
@@ -45,7 +45,7 @@ std::string_view take_number(std::string_view& text) {
 int compare_naturally(std::string_view a, std::string_view b) {
   while (!a.empty() && !b.empty()) {
     if (is_digit(a[0]) && is_digit(b[0])) {
-      const std::string_view x = take_number(a), y = take_number(b);
+      const std::string_view x = pop_number(a), y = pop_number(b);
       if (x.size() != y.size()) return x.size() < y.size() ? -1 : 1;
       if (const int order = x.compare(y); order != 0) return order < 0 ? -1 : 1;
       continue;

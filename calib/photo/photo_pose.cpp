@@ -263,7 +263,7 @@ PhotoPose pose_of(const Unknowns& unknowns, Vec2 middle_px) {
 double corner_off_px(const PhotoPose& pose, const Corner& corner, const optics::Rig& rig,
                      double pixels_per_mm) {
   const Vec2 expected = corner.panel_mm + corner.from_middle_mm * pose.tags_larger;
-  const auto seen = pose.look(corner.pixel, rig);
+  const auto seen = pose.seen_point(corner.pixel, rig);
   if (!seen) return std::numeric_limits<double>::infinity();
   return pixels_per_mm * std::hypot(rig.panel.x_mm(seen->panel_px.x) - expected.x,
                                     rig.panel.y_mm(seen->panel_px.y) - expected.y);
@@ -285,7 +285,7 @@ void measure_corners(PhotoPose& pose, const std::vector<Corner>& corners, const 
 
 }  // namespace
 
-std::optional<SheetPoint> PhotoPose::look(Vec2 pixel, const optics::Rig& rig) const {
+std::optional<SheetPoint> PhotoPose::seen_point(Vec2 pixel, const optics::Rig& rig) const {
   double in_camera[3], in_panel[3];
   const double from_axis[2] = {pixel.x - middle_px.x, pixel.y - middle_px.y};
   camera_direction(from_axis, focal_px, distortion, in_camera);

@@ -43,7 +43,7 @@ struct PhotoPose {
       tag_off_px;  ///< largest error of each tag's corners, in the order of the tags
 
   /// Returns the point that a pixel sees; nothing if the pixel looks past the panel's plane.
-  [[nodiscard]] std::optional<SheetPoint> look(Vec2 pixel, const optics::Rig& rig) const;
+  [[nodiscard]] std::optional<SheetPoint> seen_point(Vec2 pixel, const optics::Rig& rig) const;
 };
 
 /// PhotoPriors holds prior knowledge about the camera, with its standard error.

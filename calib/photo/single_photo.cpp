@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// A photograph is averaged down; its tags give the camera's place; the squares of one pixel show
+// whether the chart was scaled; the spectrum of the fringes gives a first pitch and slant, and
+// their phases, block by block, the exact ones and the shape of the sheet. Each step may refuse the
+// photograph. The result states errors from the scatter of the blocks and from how well the picture
+// determines the camera's distance, for which the fit is repeated from a little further away.
 #include "calib/photo/single_photo.h"
 
 #include <fmt/format.h>

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Gauss-Newton steps on a projective map, two lights and a blur. Each value of the model is a sum
-// of few cells, so that a tag takes a few milliseconds.
+// libapriltag finds tags by their outline. The lenses make every edge coarse, so that the outline
+// alone leaves the corners uncertain: then all cells of a tag, blurred, are fitted to the picture
+// by Gauss-Newton steps on a projective map, two lights and a blur. Each value of the model is a
+// sum of few cells, so that a tag takes a few milliseconds.
 #include "calib/photo/tag_finder.h"
 
 #include <apriltag/apriltag.h>

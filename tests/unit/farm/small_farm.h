@@ -52,9 +52,9 @@ class LateFiles : public farm::FolderFiles {
   [[nodiscard]] std::optional<std::string> read(const std::filesystem::path& file) const override {
     return is_late(file) ? std::nullopt : FolderFiles::read(file);
   }
-  [[nodiscard]] std::optional<farm::FileFacts> look(
+  [[nodiscard]] std::optional<farm::FileFacts> facts(
       const std::filesystem::path& file) const override {
-    return is_late(file) ? std::nullopt : FolderFiles::look(file);
+    return is_late(file) ? std::nullopt : FolderFiles::facts(file);
   }
 
  private:

@@ -46,7 +46,7 @@ class FitStage {
   [[nodiscard]] optics::Rig start_rig() const {
     optics::Rig rig;
     rig.panel = panel_;
-    put_sheet(start(0.9).values, {}, {}, panel_, rig.sheet);
+    set_sheet(start(0.9).values, {}, {}, panel_, rig.sheet);
     return rig;
   }
   /// Returns the views as measurements of green; red and blue are not measured.

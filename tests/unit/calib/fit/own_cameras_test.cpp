@@ -41,7 +41,7 @@ std::string said(const Calibration& found) {
 /// Returns the largest phase error of a rig at panel points, for eyes of the zone.
 double worst_error(const optics::Rig& found, const FitStage& stage) {
   optics::Rig right = stage.start_rig();
-  put_sheet(stage.ground_truth(), {}, {}, stage.panel(), right.sheet);
+  set_sheet(stage.ground_truth(), {}, {}, stage.panel(), right.sheet);
   const optics::OpticalModel a(found), b(right);
   double worst = 0.0;
   for (const double eye : {-250.0, 0.0, 250.0})

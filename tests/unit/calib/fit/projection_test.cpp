@@ -71,7 +71,7 @@ TEST(Projection, AStraightCameraLooksStraight) {
 TEST(Observations, ConvertSheetsToParametersAndBack) {
   const optics::Rig rig = rig_with_map();
   optics::LensSheet back;
-  put_sheet(sheet_start(rig).values, {}, {}, rig.panel, back);
+  set_sheet(sheet_start(rig).values, {}, {}, rig.panel, back);
   EXPECT_NEAR(back.pitch.value, rig.sheet.pitch.value, 1e-12);
   EXPECT_NEAR(back.slant, rig.sheet.slant, 1e-14);
   EXPECT_NEAR(back.offset.value, rig.sheet.offset.value, 1e-12);

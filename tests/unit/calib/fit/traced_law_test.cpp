@@ -93,7 +93,7 @@ TEST_P(TracedLaw, HoldsForEveryEyeInTheZone) {
   const std::optional<JointFit> fit = TracedViews(trial).fit();
   ASSERT_TRUE(fit);
   optics::Rig rig = trial.start;
-  put_sheet(fit->values.sheet, {.columns = 0, .rows = 0}, {}, trial.panel, rig.sheet);
+  set_sheet(fit->values.sheet, {.columns = 0, .rows = 0}, {}, trial.panel, rig.sheet);
   const lab::SimulatedBench bench(trial.panel, trial.sheet, trial.link, trial.camera, trial.seed);
   const lab::TrialErrors errors = errors_of(rig, bench, trial);
   EXPECT_LT(errors.worst_lenses, 0.012);
