@@ -31,7 +31,7 @@ struct StressLimits {
 
 struct StressCase {
   std::string name;  ///< name for --only
-  int row = 0;       ///< row in the list of cases in docs/panel/calibration.md
+  int row = 0;       ///< number of the case, as `bench calibrate --stress` prints it
   std::string what;  ///< the tested fault, for people
   Trial (*trial)(StressSize size);
   StressDemand demand = StressDemand::Good;
