@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The rigs that benchmarks measure with.
+// The rigs that benchmarks measure with, and the folder for their files.
 #pragma once
 
 #include <string>

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// A judge is a program that draws pictures of models with another renderer. It is called with one
-// argument, the file of jobs (scripts/three-judge/draw-pictures states the format), and writes for
-// each job either its picture or, in PICTURE.txt, the reason why there is none.
+// Counterparts of the renderer in `lenticule bench models`: a plain camera, so that pictures can be
+// compared with those of another renderer, the studio as a picture, and the judge, a program that
+// draws pictures with that renderer. A judge is called with one argument, the file of jobs
+// (scripts/three-judge/draw-pictures states the format), and writes for each job either its picture
+// or, in PICTURE.txt, the reason why there is none.
 #pragma once
 
 #include <chrono>

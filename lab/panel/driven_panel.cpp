@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Converts code values to the light of single subpixels.
+// Converts code values to the light of single subpixels, now and while the panel changes its frame.
 #include "lab/panel/driven_panel.h"
 
 #include <algorithm>

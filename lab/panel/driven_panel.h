@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// DrivenFrame simulates the driven panel: the true positions of its subpixels, and the light of
-// each subpixel for a frame.
+// DrivenFrame simulates the driven panel: the true positions of its subpixels, the light of each
+// subpixel for a frame, and how much of it an exposure during a change of frames gets.
 #pragma once
 
 #include <array>

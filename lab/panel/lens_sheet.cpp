@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Refracts rays at the surface of one cylinder lens and at the flat faces under or above it.
+// Refracts rays at the surface of one lens and at the flat faces under or above it (vector form of
+// Snell's law), places the lenses of a deformed, bent and scratched sheet, and averages the light
+// that an eye sees through one lens.
 #include "lab/panel/lens_sheet.h"
 
 #include <algorithm>

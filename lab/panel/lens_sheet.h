@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Traces one ray through one cylinder lens and the layers under it. Coordinates of a lens: u across
-// it from its apex line, v along the apex line, z toward the viewer with the apex at 0;
-// millimetres.
+// The lens sheet as rays meet it: LensStack is one lens and the layers under it; SheetShape is the
+// deformed grating of lenses and its position in space; true_view() is the ground truth of
+// calibrations.
 #pragma once
 
 #include <cstdint>
@@ -13,6 +13,10 @@
 #include "optics/vec.h"
 
 namespace lenticule::lab {
+
+// Traces one ray through one cylinder lens and the layers under it. Coordinates of a lens: u across
+// it from its apex line, v along the apex line, z toward the viewer with the apex at 0;
+// millimetres.
 
 struct LensStack {
   double pitch_mm = 0.0;  ///< width of a lens, across it

@@ -80,7 +80,7 @@ class SimulatedBench final : public frames::FrameSink, public calib::Camera {
                                           LightMiddle middle = LightMiddle::Centroid) const;
 
   /// Returns the picture point at which the undisturbed camera sees a panel point through the
-  /// lenses in green light; picture coordinates (simulated_camera.h). Returns nothing if no light
+  /// lenses in green light; picture coordinates (SimulatedCamera). Returns nothing if no light
   /// passes.
   [[nodiscard]] std::optional<Vec2> ground_truth_in_picture(double x_px, double y_px) const;
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Implements a pinhole camera with Brown's radial distortion.
+// Implements a pinhole camera with Brown's radial distortion, its noise and codes, and its JPEG
+// compression.
 #include "lab/panel/simulated_sensor.h"
 
 #include <turbojpeg.h>

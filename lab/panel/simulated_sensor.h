@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// CameraRays is the geometry of the simulated camera: the direction of the light of each picture
-// point.
+// The simulated camera: CameraRays is its geometry, Sensor turns the light on its pixels into the
+// light that a program reads.
 #pragma once
 
 #include <cstdint>
@@ -12,6 +12,9 @@
 #include "optics/vec.h"
 
 namespace lenticule::lab {
+
+// CameraRays is the geometry of the simulated camera: the direction of the light of each picture
+// point.
 
 class CameraRays {
  public:

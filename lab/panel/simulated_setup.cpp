@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Checks that sheets and cameras are possible.
+// Checks that sheets, links and cameras are possible, and computes the chief ray of a sheet.
 #include "lab/panel/simulated_setup.h"
 
 #include <fmt/format.h>

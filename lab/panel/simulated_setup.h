@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// SimulatedSheet describes the lens sheet of the simulated bench, including the deviations of a
-// real sheet from a perfect grating.
+// The parts of the simulated bench as their makers and owners would describe them: sheet, link from
+// the player to the panel, camera.
 #pragma once
 
 #include <array>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Trial is a whole calibration on the simulated bench, with the errors of its result relative to
-// the ground truth.
+// the ground truth; random trials draw realistic sheets, cameras and links.
 #pragma once
 
 #include <functional>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // HandTrial calibrates a simulated workshop from photographs taken by hand and compares the result
-// with the ground truth.
+// with the ground truth; WrongWayTrial does so with one of the mistakes that people make.
 #pragma once
 
 #include <cstdint>

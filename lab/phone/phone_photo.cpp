@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Takes a photograph in four steps: rays of the sensor's pixels start at the moving hand
+// (CameraRays); they reach lit pixels through the lens sheet, and the sensor adds its noise
+// (expose); the phone merges, interpolates, maps and sharpens (develop); the file gets its EXIF
+// data (write_photo).
 #include "lab/phone/phone_photo.h"
 
 #include <turbojpeg.h>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests phases over a panel 15360 pixels wide, in every precision in use, against the oracle.
+// Rows of whole pictures: phases over a panel 15360 pixels wide in every precision in use,
+// refraction, outlines, the independence of origin and unit, and degenerate scenes.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -24,6 +25,8 @@
 #include "render/loaders/load_scene.h"
 
 namespace lenticule::lab {
+
+// Tests phases over a panel 15360 pixels wide, in every precision in use, against the oracle.
 
 namespace {
 

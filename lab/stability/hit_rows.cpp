@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests rational pitches and slants: whole columns of subpixels lie exactly on the borders of
-// lenses and views, and integer arithmetic gives the correct lens and view.
+// Rows of single rays: at the borders of lenses and views, on planes and at grazing angles, at
+// corners and edges that must have no hole, and at surfaces that must not shadow themselves.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -16,6 +16,9 @@
 #include "optics/row_rays.h"
 
 namespace lenticule::lab {
+
+// Tests rational pitches and slants: whole columns of subpixels lie exactly on the borders of
+// lenses and views, and integer arithmetic gives the correct lens and view.
 
 namespace {
 

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// A reference implementation (oracle) of the optical model in docs/panel/optics.md, in long double
-// and in the form of that page, for `bench stability`. It shares no code with optics/ except the
-// plain data of a rig.
+// Reference implementations (oracles) in long double for `bench stability`: the optical model in
+// the form of docs/panel/optics.md, a ray tracer that tests every ray against every primitive, and
+// the picture that both make. They share no code with optics/ and render/ except the plain data of
+// rigs and scenes. The ray tracer supports glowing, mirroring and transparent materials, and
+// neither lights nor ambient light.
 #pragma once
 
 #include <cstdint>

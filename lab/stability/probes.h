@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Probe traces single rays through a committed scene as method full does, to test for holes, false
-// shadows and wrong rays.
+// Other ways to the visibility that method full computes: Probe traces single rays through a
+// committed scene, RowTracer a row of pixels with Embree, and time_visibility() measures the speed
+// against Embree alone.
 #pragma once
 
 #include <cstdint>
@@ -34,6 +35,9 @@ uint64_t intersect(RTCScene scene, std::span<const render::PathRay> rays,
 /// Adds the light of every unoccluded ray, in the order of the rays. Returns the number of
 /// non-finite rays, which add nothing.
 uint64_t add_unshadowed(RTCScene scene, std::span<const ShadowRay> rays, std::span<double> light);
+
+// Probe traces single rays through a committed scene as method full does, to test for holes, false
+// shadows and wrong rays.
 
 /// A ray in the scene frame: millimetres on the panel; the origin is the centre of the scene
 /// placement.

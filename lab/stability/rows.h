@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// StabilityRow is a measurement of `lenticule bench stability` with its limits.
+// StabilityRow is a measurement of `lenticule bench stability` with its limits; a StabilityCase
+// measures one. Tally counts its failures, and the small scenes are what it renders.
 #pragma once
 
 #include <algorithm>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // BenchScene is a scene prepared for one rig as `render` does it, the start of every rendering
-// benchmark.
+// benchmark; time_by_turns() times cases beside each other; the functions after it read clocks and
+// memory.
 #pragma once
 
 #include <ctime>

@@ -98,8 +98,6 @@ std::string decibels(const nlohmann::json& psnr) {
   return psnr.is_null() ? "equal" : fmt::format("{:.1f}", psnr.get<double>());
 }
 
-// lenticule bench lists and runs the benchmarks of benchmarks.cpp.
-
 namespace {
 
 cli::Run declare_list(CLI::App& app) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures of compared models: smaller copies, maps of FLIP in colours, and contact sheets.
+// The parts of `lenticule bench models` that tests check: smaller copies of pictures, maps of FLIP
+// in colours and contact sheets, and the names of models.
 #pragma once
 
 #include <filesystem>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Measures the processor time of a 4K frame on one core, from the file to the scan-out buffer,
-// relative to the time between two vblanks.
+// Benchmarks of the player: the processor time of a frame between two vblanks, the memory of a
+// player over many frames of a ring (play), the time from its start to the first frame (start), and
+// the peak memory of rendering a frame (memory).
 #include <fmt/format.h>
 #include <signal.h>
 #include <sys/resource.h>
@@ -47,6 +48,9 @@
 
 namespace lenticule::bench {
 namespace {
+
+// Measures the processor time of a 4K frame on one core, from the file to the scan-out buffer,
+// relative to the time between two vblanks.
 
 constexpr double kVblankMs = 1e3 / 60.0;
 

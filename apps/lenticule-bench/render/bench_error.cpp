@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Summarises the frames of a scenario for each method.
+// lenticule bench error summarises the frames of a scenario for each method, prints the tables and
+// draws the plot, and has the flags.
 
 #include "apps/lenticule-bench/render/bench_error.h"
 

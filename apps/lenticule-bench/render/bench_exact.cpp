@@ -1,5 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench exact --rates measures the rates of visibility and of whole frames.
+// lenticule bench exact measures method full against what limits it:
+//
+//   --rates    bare Embree, visibility and whole frames
+//   --upright  a rig with upright lenses of whole pixels
+//   --growth   time and memory against the number of primitives
+//   --peers    other ray tracers on pictures of as many rays
+//
+// Each part measures into JSON and prints its text from that.
 #include "apps/lenticule-bench/render/bench_exact.h"
 
 #include <fmt/format.h>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule calibrate camera shows patterns on the panel and photographs them with a V4L2 camera
-// from several viewpoints.
+// from several viewpoints; lenticule calibrate show shows one pattern.
 #include <fmt/format.h>
 #include <poll.h>
 #include <unistd.h>

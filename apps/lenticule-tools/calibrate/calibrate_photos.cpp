@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule calibrate photos calibrates from photographs: one photograph of the photo chart, or
-// folders with photographs of all patterns.
+// lenticule calibrate photos calibrates from photographs: one photograph of the photo chart,
+// several of it by hand, or folders with photographs of all patterns. lenticule calibrate phone
+// shows that chart and waits for the photographs.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>

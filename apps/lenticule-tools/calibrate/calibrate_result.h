@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// conclude_calibration ends every calibration: it prints the result, writes the report and saves
-// the rig.
+// Common parts of the methods of `lenticule calibrate`: their entry in its list, the end of a
+// calibration, and pictures of what a camera sees.
 #pragma once
 
 #include <nlohmann/json.hpp>

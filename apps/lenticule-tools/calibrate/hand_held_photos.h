@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // HandHeldPhotos collects photographs of the photo chart that were taken by hand, and calibrates
-// from them.
+// from them; PhotoArrivals finds them in a folder, and a pack keeps them for a report of a fault.
 #pragma once
 
 #include <cstdint>

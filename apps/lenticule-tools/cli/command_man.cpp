@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule man prints the manual page, generated from the same tables as --help.
+// lenticule man prints the manual page, and lenticule completion a script for a shell, both
+// generated from the tables of --help.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>

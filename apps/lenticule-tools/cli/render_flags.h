@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// StagingFlags are the flags that place a scene in front of the panel and set its environment.
+// RenderFlags are the flags of `lenticule render` that determine the pixels of frames; among them
+// StagingFlags, which place a scene in front of the panel and set its environment.
 #pragma once
 
 #include <functional>

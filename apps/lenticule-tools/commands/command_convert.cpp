@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// ConvertInput is the input of lenticule convert: frames of one size, already woven or made from
-// views.
+// lenticule convert converts frames and views between file formats. ConvertInput opens what is
+// read, as frames of one size; the outputs add videos, quilts and one picture per view to the
+// targets of rendered frames; ConvertRun passes frames from one to the other. If they need neither
+// weaving nor separating into views, no pixel changes.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>

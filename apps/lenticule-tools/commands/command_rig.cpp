@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule rig wall shows a wall: its panels, the gaps between them, and a drawing; and writes the
-// rigs with which players show the films of the panels.
+// lenticule rig show|check|import|export|trim|mount|wall shows, checks, converts, trims and turns
+// rig files. rig wall shows the panels of a wall, the gaps between them and a drawing, and writes
+// the rigs with which players show the films of the panels.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>

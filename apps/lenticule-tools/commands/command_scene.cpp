@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reports what a scene file holds and what of it is shown.
+// lenticule scene lists and writes the built-in scenes, and reports what a scene file holds and
+// what of it is shown.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// lenticule farm submit gives the chunks to Slurm, and lenticule farm status shows how far they
+// are.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <poll.h>

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// lenticule farm plan divides a film into chunks and writes the work folder; lenticule farm verify
+// renders some of its frames again. PlannedFilm renders frames of a plan and refuses changed
+// inputs.
 #include <fmt/format.h>
 #include <sys/resource.h>
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule farm render renders one chunk of a plan. It may be called any number of times, also at
 // the same time on several machines, and be killed at any moment: a chunk appears in the work
-// folder as a whole or not at all.
+// folder as a whole or not at all. lenticule farm feed passes the frames to a player while they are
+// made, and farm merge joins the chunks.
 #include <fmt/format.h>
 #include <poll.h>
 #include <unistd.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// FilmPanel is the panel that a film is rendered for: one alone, or one of a wall.
+// FilmRenderer renders the frames of a film for a FilmPanel: one alone, or one of a wall.
 #pragma once
 
 #include <cstdint>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // FrameOutput is the destination of rendered frames: picture files, a sequence container, or the
-// ring of a player.
+// ring of a player. Existing files of another rig or scene are replaced only with --overwrite.
 #pragma once
 
 #include <cstdint>
