@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Takes a photograph in four steps: rays of the sensor's pixels start at the moving hand
-// (CameraRays); they reach lit pixels through the lens sheet, and the sensor adds its noise
+// (ShotRays); they reach lit pixels through the lens sheet, and the sensor adds its noise
 // (expose); the phone merges, interpolates, maps and sharpens (develop); the file gets its EXIF
 // data (write_photo).
 #include "lab/phone/phone_photo.h"
@@ -32,24 +32,35 @@ int orientation_of(double roll_degrees) {
   return kOrientations[static_cast<size_t>((quarter % 4 + 4) % 4)];
 }
 
-}  // namespace
-
-Photo photograph(const LensSection& sheet, const frames::FrameView& shown, const Phone& phone,
-                 const Shot& shot) {
-  Photo photo = develop(expose(sheet, shown, phone, shot), phone, shot.hdr);
-  // 35 mm film has a longer side of 36 mm.
-  photo.stated_focal_35mm = std::round(36.0 * phone.focal * phone.stated_focal);
-  photo.orientation = orientation_of(shot.roll_degrees);
-  return photo;
-}
-
-namespace {
-
 constexpr double kDegree = std::numbers::pi / 180.0;
 
-}  // namespace
+/// ShotRays returns the ray of each pixel of one photograph: pose, focal length, distortion, and
+/// the motion of the hand while the rows are read.
+///
+/// Lifetime: must not outlive phone and shot. Thread safety: any thread.
+class ShotRays {
+ public:
+  ShotRays(const Phone& phone, const Shot& shot);
 
-CameraRays::CameraRays(const Phone& phone, const Shot& shot)
+  /// Ray starts at the eye of the camera. Panel frame, mm.
+  struct Ray {
+    Vec3 eye;
+    Vec3 direction;
+  };
+  /// Returns the ray of the point (u, v) of the sensor, pixels.
+  [[nodiscard]] Ray ray(double u, double v) const;
+  /// Returns the pixel at which a panel point appears, without distortion and motion.
+  [[nodiscard]] Vec2 about(Vec2 panel_mm) const;
+
+ private:
+  const Phone& phone_;
+  const Shot& shot_;
+  double longer_, focal_px_ = 0.0;
+  Vec2 axis_px_;
+  Vec3 forward_, right_, down_;
+};
+
+ShotRays::ShotRays(const Phone& phone, const Shot& shot)
     : phone_(phone), shot_(shot), longer_(std::max(phone.width, phone.height)) {
   focal_px_ = phone.focal * longer_ * (1.0 + shot.breathing);
   axis_px_ = {0.5 * phone.width + (phone.axis.x + shot.stabilisation.x) * longer_,
@@ -63,7 +74,7 @@ CameraRays::CameraRays(const Phone& phone, const Shot& shot)
   down_ = c * down - s * right;
 }
 
-CameraRays::Ray CameraRays::ray(double u, double v) const {
+ShotRays::Ray ShotRays::ray(double u, double v) const {
   // Radius r of the tangent from its distorted value.
   const double x = (u - axis_px_.x) / focal_px_, y = (v - axis_px_.y) / focal_px_;
   const double distorted = std::hypot(x, y);
@@ -82,13 +93,31 @@ CameraRays::Ray CameraRays::ray(double u, double v) const {
           right_ * camera.x + down_ * camera.y + forward_ * camera.z};
 }
 
-Vec2 CameraRays::about(Vec2 panel_mm) const {
+Vec2 ShotRays::about(Vec2 panel_mm) const {
   const Vec3 d = Vec3(panel_mm.x, panel_mm.y, 0.0) - shot_.eye_mm;
   const double z = std::max(dot(d, forward_), 1.0);
   return {axis_px_.x + focal_px_ * dot(d, right_) / z, axis_px_.y + focal_px_ * dot(d, down_) / z};
 }
 
-namespace {
+constexpr float kWallLight = 0.03F;  ///< light of the wall around the panel
+
+/// SensorWindow is the part of the sensor on which the panel appears, in pixels.
+struct SensorWindow {
+  int left = 0, top = 0, right = 0, bottom = 0;
+  [[nodiscard]] int width() const { return right - left; }
+  [[nodiscard]] int height() const { return bottom - top; }
+};
+
+/// Mosaic is the linear light of each pixel of a window, in its own channel.
+struct Mosaic {
+  SensorWindow window;
+  std::vector<float> light;
+};
+
+/// Returns the channel of a pixel of the sensor's mosaic: RGGB.
+int mosaic_channel(int i, int j) {
+  return j % 2 == 0 ? i % 2 : 1 + i % 2;
+}
 
 constexpr int kCell = 8;  ///< side of the squares of pixels in which rays are interpolated
 /// Samples per pixel and axis. A pixel of a camera has no random samples: with two instead of four,
@@ -190,7 +219,7 @@ class LitPixels {
   float open_ = 1.0F;
 };
 
-SensorWindow window_of(const CameraRays& rays, const optics::Panel& panel, const Phone& phone) {
+SensorWindow window_of(const ShotRays& rays, const optics::Panel& panel, const Phone& phone) {
   const double x = 0.5 * panel.width_px * panel.pixel_width.value;
   const double y = 0.5 * panel.height_px * panel.pixel_height.value;
   Vec2 least{1e9, 1e9}, most{-1e9, -1e9};
@@ -247,7 +276,7 @@ class Exposure {
     return row;
   }
   [[nodiscard]] Node node(double u, double v) const {
-    const CameraRays::Ray ray = rays_.ray(u, v);
+    const ShotRays::Ray ray = rays_.ray(u, v);
     Node n;
     if (!(ray.direction.z < -1e-3)) return n;
     n.in_front = true;
@@ -345,20 +374,17 @@ class Exposure {
   LitPixels pixels_;
   const Phone& phone_;
   const Shot& shot_;
-  CameraRays rays_;
+  ShotRays rays_;
   SensorWindow window_;
   ShiftTable shifts_;
   std::array<ShiftTable::Table, 3> tables_{};
 };
 
-}  // namespace
-
+/// Returns the exposure of the pixels near the panel that shows `shown` (RGB codes, sRGB).
 Mosaic expose(const LensSection& sheet, const frames::FrameView& shown, const Phone& phone,
               const Shot& shot) {
   return Exposure(sheet, shown, phone, shot).expose();
 }
-
-namespace {
 
 /// Picture is linear light with three channels.
 struct Picture {
@@ -496,8 +522,8 @@ void sharpen_into(Picture& codes, double strength, const SensorWindow& window, P
   }
 }
 
-}  // namespace
-
+/// Returns the photograph of an exposure, with the wall around its window; EXIF data are missing.
+/// `hdr` merges two exposures and maps the tones strongly.
 Photo develop(Mosaic mosaic, const Phone& phone, bool hdr) {
   if (hdr) merge_moved(mosaic);
   Picture picture = without_mosaic(mosaic);
@@ -512,8 +538,6 @@ Photo develop(Mosaic mosaic, const Phone& phone, bool hdr) {
   sharpen_into(picture, phone.sharpening, mosaic.window, photo);
   return photo;
 }
-
-namespace {
 
 struct Close {
   void operator()(void* handle) const { tjDestroy(handle); }
@@ -581,6 +605,15 @@ std::string exif_segment(const Photo& photo) {
 }
 
 }  // namespace
+
+Photo photograph(const LensSection& sheet, const frames::FrameView& shown, const Phone& phone,
+                 const Shot& shot) {
+  Photo photo = develop(expose(sheet, shown, phone, shot), phone, shot.hdr);
+  // 35 mm film has a longer side of 36 mm.
+  photo.stated_focal_35mm = std::round(36.0 * phone.focal * phone.stated_focal);
+  photo.orientation = orientation_of(shot.roll_degrees);
+  return photo;
+}
 
 void write_photo(const Photo& photo, int quality, const std::filesystem::path& file) {
   std::string bytes = compressed(photo, quality);
