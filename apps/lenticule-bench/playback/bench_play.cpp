@@ -312,6 +312,8 @@ ExitCode run_bench_play(const BenchFlags& flags) {
   return within ? kOk : kQuality;
 }
 
+}  // namespace
+
 cli::Run declare_bench_play(CLI::App& app) {
   const auto flags = std::make_shared<BenchFlags>();
   app.add_option("--frames", flags->small_frames, "frames to play at 480x270")
@@ -330,6 +332,8 @@ cli::Run declare_bench_play(CLI::App& app) {
   app.add_flag("--json", flags->json, "print as JSON");
   return [flags] { return run_bench_play(*flags); };
 }
+
+namespace {
 
 // lenticule bench start measures the time from program start to the first frame on the virtual
 // display, from outside on the program itself.
@@ -417,6 +421,8 @@ ExitCode run(const StartFlags& flags) {
   return kOk;
 }
 
+}  // namespace
+
 cli::Run declare_bench_start(CLI::App& app) {
   auto flags = std::make_shared<StartFlags>();
   app.add_option("--rig", flags->rig, "rig file (default: the 4K kiosk)");
@@ -426,6 +432,8 @@ cli::Run declare_bench_start(CLI::App& app) {
   app.add_flag("--json", flags->json, "print as JSON");
   return [flags] { return run(*flags); };
 }
+
+namespace {
 
 // lenticule bench memory measures the peak memory of one frame from outside, on a child process.
 
