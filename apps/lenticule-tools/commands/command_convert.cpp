@@ -48,7 +48,7 @@ namespace {
 
 enum class ReadResult { Ok, Damaged, End };
 
-/// Thread safety: one thread.
+/// ConvertInput reads the frames. Thread safety: one thread.
 class ConvertInput {
  public:
   virtual ~ConvertInput() = default;
@@ -71,9 +71,6 @@ struct FramesOfViews {
   frames::QuiltLayout layout;  ///< used for a quilt
 };
 
-// Output of lenticule convert beyond the targets of rendered frames: videos, quilts with the layout
-// in the name, one picture per view.
-
 struct ConvertTarget {
   OutputRequest request;
   /// The frames are quilts of this layout; none for woven frames.
@@ -85,6 +82,7 @@ using frames::PullStatus;
 constexpr std::chrono::milliseconds kLook{100};
 constexpr std::chrono::minutes kTimeout{2};
 
+/// ContainerInput reads the woven frames of a container, in any order.
 class ContainerInput final : public ConvertInput {
  public:
   explicit ContainerInput(const std::string& file)
@@ -154,18 +152,7 @@ class ViewFrames final : public ConvertInput {
   std::string name_;
 };
 
-/// Opens the woven frames of a container, readable in any order.
-std::unique_ptr<ConvertInput> open_container_input(const std::string& file) {
-  return std::make_unique<ContainerInput>(file);
-}
-
-std::unique_ptr<ConvertInput> make_view_input(std::unique_ptr<frames::ViewInput> views,
-                                              FramesOfViews frames, const std::string& name) {
-  return std::make_unique<ViewFrames>(std::move(views), std::move(frames), name);
-}
-
-/// Opens woven pictures or a video, read unchanged.
-/// Opens woven pictures; each is read as a quilt of one tile.
+/// Opens woven pictures or a video, which are not changed: each is read as a quilt of one tile.
 std::unique_ptr<ConvertInput> open_woven_input(const std::string& text,
                                                const player::PictureOptions& how) {
   std::vector<std::unique_ptr<frames::FrameSource>> sources;
@@ -174,8 +161,9 @@ std::unique_ptr<ConvertInput> open_woven_input(const std::string& text,
   auto arrangement = frames::arrange_pictures(geometry, 1, std::nullopt, false);
   auto views =
       std::make_unique<frames::ViewInput>(std::move(sources), std::move(arrangement), text);
-  return make_view_input(std::move(views),
-                         {.pipeline = nullptr, .geometry = geometry, .layout = {}}, text);
+  return std::make_unique<ViewFrames>(
+      std::move(views), FramesOfViews{.pipeline = nullptr, .geometry = geometry, .layout = {}},
+      text);
 }
 
 namespace fs = std::filesystem;
@@ -322,9 +310,6 @@ std::unique_ptr<FrameOutput> open_convert_output(const ConvertTarget& target) {
   return output;
 }
 
-// lenticule convert converts frames and views between file formats. If frames need neither weaving
-// nor separating into views, no pixel changes.
-
 using Kind = player::Content::Kind;
 
 /// Length of an input that does not state it.
@@ -435,12 +420,12 @@ class ConvertRun {
   [[nodiscard]] std::unique_ptr<ConvertInput> open_input() {
     const bool container = player::kind_of_file(flags_.input) == player::SourceKind::Sequence;
     if (plan_.content.kind == Kind::Woven)
-      return container ? open_container_input(flags_.input)
+      return container ? std::make_unique<ContainerInput>(flags_.input)
                        : open_woven_input(flags_.input, picture_options());
     if (container) refuse_damaged();
     std::unique_ptr<frames::ViewInput> views = open_views(plan_.content, picture_options());
     shape_ = views->shape();
-    return make_view_input(std::move(views), frames_of_views(), flags_.input);
+    return std::make_unique<ViewFrames>(std::move(views), frames_of_views(), flags_.input);
   }
 
   [[nodiscard]] FramesOfViews frames_of_views() {
