@@ -56,6 +56,13 @@ double spot_weight(double distance, double nearest, double sigma) {
   return std::exp(-(distance * distance - nearest * nearest) / (2.0 * sigma * sigma));
 }
 
+const weave_kernel::RunKernel& run_kernel(WeaveKernel kernel) {
+  const Isa isa = kernel == WeaveKernel::Avx2   ? Isa::Avx2
+                  : kernel == WeaveKernel::Neon ? Isa::Neon
+                                                : Isa::Baseline;
+  return LENTICULE_SELECT_KERNEL(isa, kRunKernel);
+}
+
 void swap_red_and_blue(uint8_t* codes, int pixels) {
   for (int i = 0; i < pixels; ++i) std::swap(codes[3 * i], codes[3 * i + 2]);
 }
@@ -96,7 +103,10 @@ WeaveKernel best_kernel(const WeavePlan& plan, Isa isa) {
 }
 
 BlockWeaver::BlockWeaver(std::shared_ptr<const WeavePlan> plan, WeaveKernel kernel)
-    : plan_(std::move(plan)), kernel_(kernel), transposed_(nullptr, std::free) {
+    : plan_(std::move(plan)),
+      kernel_(kernel),
+      run_kernel_(&run_kernel(kernel)),
+      transposed_(nullptr, std::free) {
   if (!kernel_suits(kernel, *plan_))
     throw Error(ErrorKind::Usage,
                 fmt::format("weaving kernel {}: not supported by this machine or this plan",
@@ -181,13 +191,8 @@ void BlockWeaver::transpose(int row, uint8_t* transposed) const noexcept {
 #if defined(__x86_64__)
   if (kernel_ == WeaveKernel::Permute)
     return weave_kernel::transpose_row(terms_, pictures_, row, lanes_, transposed);
-  if (kernel_ == WeaveKernel::Avx2)
-    return weave_kernel::turn_light_avx2(terms_, pictures_, row, lanes_, light);
-#elif defined(__aarch64__)
-  if (kernel_ == WeaveKernel::Neon)
-    return weave_kernel::turn_light_neon(terms_, pictures_, row, lanes_, light);
 #endif
-  weave_kernel::turn_light_plainly(terms_, pictures_, row, lanes_, light);
+  run_kernel_->turn_light(terms_, pictures_, row, lanes_, light);
 }
 
 const uint8_t* BlockWeaver::transposed_row(int row) noexcept {
@@ -220,15 +225,8 @@ void BlockWeaver::mix_set(const Set& set, const weave_kernel::Quad* quads,
 #if defined(__x86_64__)
   if (kernel_ == WeaveKernel::Permute)
     return weave_kernel::mix_set_by_permuting(terms_, rows, set, quads, target);
-  if (kernel_ == WeaveKernel::Avx2 && terms_.spot.weights != nullptr)
-    return weave_kernel::mix_spot_set_avx2(terms_, rows, set, quads, target);
-  if (kernel_ == WeaveKernel::Avx2)
-    return weave_kernel::mix_set_avx2(terms_, rows, set, quads, target);
-#elif defined(__aarch64__)
-  if (kernel_ == WeaveKernel::Neon && terms_.spot.weights == nullptr)
-    return weave_kernel::mix_set_neon(terms_, rows, set, quads, target);
 #endif
-  weave_kernel::mix_set_transposed(terms_, rows, set, quads, target);
+  run_kernel_->mix_set(terms_, rows, set, quads, target);
 }
 
 void BlockWeaver::blacken(const WeavePlan::Block& block) noexcept {

@@ -24,7 +24,7 @@ enum class WeaveKernel {
   Plain,       ///< any processor and plan, pixel by pixel
   Transposed,  ///< any processor and plan: picture rows are first transposed, views side by side in
                ///< linear light
-  Neon,        ///< the same with NEON, except for mixing under Gauss
+  Neon,        ///< the same with NEON
   Avx2,        ///< the same with AVX2
   Permute,     ///< AVX-512 with byte permutes (VBMI): stripes, up to 64 views, not for Gauss
 };
@@ -68,6 +68,7 @@ class BlockWeaver {
 
   std::shared_ptr<const WeavePlan> plan_;
   WeaveKernel kernel_;
+  const weave_kernel::RunKernel* run_kernel_;  ///< used by the kernels of transposed light
   weave_kernel::Terms terms_{};
   std::vector<const uint8_t*> first_pixels_;
   weave_kernel::Pictures pictures_{};

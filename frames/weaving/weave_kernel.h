@@ -12,6 +12,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "base/cpu.h"
+
 namespace lenticule::frames::weave_kernel {
 
 inline constexpr int kRows = 4;        ///< panel rows of a block
@@ -93,8 +95,8 @@ void mix_set_plainly(const Terms& terms, const Pictures& pictures, const Set& se
 void encode_plainly(const Terms& terms, const uint16_t* light, size_t count,
                     uint8_t* codes) noexcept;
 
-/// TransposedRows holds the transposed picture rows of a set, with the views side by side, as one
-/// of the turn_...() functions wrote them; aligned to 64.
+/// TransposedRows holds the transposed picture rows of a set, with the views side by side, as
+/// turn_light() or transpose_row() wrote them; aligned to 64.
 struct TransposedRows {
   const void* upper[kRows];
   const void* lower[kRows];
@@ -103,30 +105,19 @@ struct TransposedRows {
 
 /// The lanes of an entry are a multiple of kLaneStep; the lanes after the last view repeat it.
 inline constexpr size_t kLaneStep = 16;
-/// Transposes a picture row: puts the light of its views side by side. Entry (3 column + channel)
-/// lanes + view is two words, the light at the column and at the next column. There are as many
-/// pointers to views as lanes.
-void turn_light_plainly(const Terms& terms, const Pictures& pictures, int row, size_t lanes,
-                        uint16_t* light) noexcept;
-void mix_set_transposed(const Terms& terms, const TransposedRows& rows, const Set& set,
-                        const Quad* quads, const Target& target) noexcept;
 
-/// Do the same with AVX2. mix_set_avx2() mixes sets without a spot, mix_spot_set_avx2() sets with a
-/// spot.
-void turn_light_avx2(const Terms& terms, const Pictures& pictures, int row, size_t lanes,
+/// RunKernel mixes runs of transposed picture rows in linear light, for every rig.
+struct RunKernel {
+  /// Transposes a picture row: puts the light of its views side by side. Entry (3 column + channel)
+  /// lanes + view is two words, the light at the column and at the next column. There are as many
+  /// pointers to views as lanes.
+  void (*turn_light)(const Terms& terms, const Pictures& pictures, int row, size_t lanes,
                      uint16_t* light) noexcept;
-void mix_set_avx2(const Terms& terms, const TransposedRows& rows, const Set& set, const Quad* quads,
+  void (*mix_set)(const Terms& terms, const TransposedRows& rows, const Set& set, const Quad* quads,
                   const Target& target) noexcept;
-void mix_spot_set_avx2(const Terms& terms, const TransposedRows& rows, const Set& set,
-                       const Quad* quads, const Target& target) noexcept;
+};
 
-/// Do the same with NEON, for sets without a spot.
-void turn_light_neon(const Terms& terms, const Pictures& pictures, int row, size_t lanes,
-                     uint16_t* light) noexcept;
-void mix_set_neon(const Terms& terms, const TransposedRows& rows, const Set& set, const Quad* quads,
-                  const Target& target) noexcept;
-
-/// Do the same by permuting bytes, for at most kViewLanes views and sets of stride 1.
+/// The following mix by permuting bytes, for at most kViewLanes views and sets of stride 1.
 /// transpose_row() puts the codes of a picture row's views side by side: width + 1 pixels, the last
 /// one twice, of `lanes` views, each of three codes in the order of the places' colours and a byte
 /// without meaning. Lanes after the last view hold anything.
@@ -141,3 +132,7 @@ void stream_row(const uint8_t* codes, size_t count, uint8_t* to) noexcept;
 void end_streaming() noexcept;
 
 }  // namespace lenticule::frames::weave_kernel
+
+namespace lenticule::frames {
+LENTICULE_DECLARE_KERNEL(weave_kernel::RunKernel, kRunKernel)
+}
