@@ -10,7 +10,6 @@
 #include <system_error>
 
 #include "base/error.h"
-#include "base/file_kind.h"
 #include "base/temporary.h"
 #include "base/unique_fd.h"
 

@@ -3,6 +3,8 @@
 // sync, then rename.
 #pragma once
 
+#include <sys/stat.h>
+
 #include <cstdint>
 #include <filesystem>
 #include <span>
@@ -13,6 +15,17 @@
 #include "base/unique_fd.h"
 
 namespace lenticule {
+
+// Names kinds of files, for messages about files that are not regular.
+
+/// Returns "a folder", "a pipe", "a socket", "a device" or "a regular file".
+[[nodiscard]] inline const char* kind_of_file(mode_t mode) noexcept {
+  if (S_ISREG(mode)) return "a regular file";
+  if (S_ISDIR(mode)) return "a folder";
+  if (S_ISFIFO(mode)) return "a pipe";
+  if (S_ISSOCK(mode)) return "a socket";
+  return "a device";
+}
 
 /// Replaces `file` with `bytes`; a reader sees either the old file or the whole new file. A
 /// symbolic link keeps its target's name. Throws Error(Failed) that names the file and the cause,
@@ -42,5 +55,34 @@ struct OpenedFile {
 /// Do the same as read_whole_file() and write_file_atomically() for text.
 [[nodiscard]] std::string read_text_file(const std::filesystem::path& file, uint64_t limit_bytes);
 void write_text_file(const std::filesystem::path& file, std::string_view text);
+
+/// FileMark detects that a file was replaced or written to.
+///
+/// FileMark identifies the content of a file. Two marks of one name are equal as long as the name
+/// refers to the same file with the same content.
+struct FileMark {
+  bool there = false;
+  uint64_t device = 0, inode = 0;
+  int64_t size = 0;
+  int64_t written_s = 0, written_ns = 0;
+  int64_t changed_s = 0,
+          changed_ns =
+              0;  ///< unlike the modification time, this time cannot be set back by a program
+  friend bool operator==(const FileMark&, const FileMark&) = default;
+};
+
+/// Returns the mark of `file`. Costs one stat().
+[[nodiscard]] inline FileMark mark_of(const std::filesystem::path& file) noexcept {
+  struct stat status {};
+  if (::stat(file.c_str(), &status) != 0) return {};
+  return {.there = true,
+          .device = status.st_dev,
+          .inode = status.st_ino,
+          .size = status.st_size,
+          .written_s = status.st_mtim.tv_sec,
+          .written_ns = status.st_mtim.tv_nsec,
+          .changed_s = status.st_ctim.tv_sec,
+          .changed_ns = status.st_ctim.tv_nsec};
+}
 
 }  // namespace lenticule

@@ -14,7 +14,7 @@
 #include <thread>
 
 #include "base/error.h"
-#include "base/file_kind.h"
+#include "base/file.h"
 #include "base/text.h"
 #include "base/unix_address.h"
 

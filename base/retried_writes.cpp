@@ -8,7 +8,7 @@
 #include <exception>
 
 #include "base/error.h"
-#include "base/file_kind.h"
+#include "base/file.h"
 
 namespace lenticule {
 

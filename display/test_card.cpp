@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "frames/bitmap_font.h"
+#include "frames/text.h"
 
 namespace lenticule::display {
 namespace {

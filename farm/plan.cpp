@@ -9,7 +9,7 @@
 
 #include "base/error.h"
 #include "base/text.h"
-#include "frames/sequence/predictor_choice.h"
+#include "frames/sequence/band_codec.h"
 #include "frames/sequence/sequence_format.h"
 #include "frames/sequence/sequence_joiner.h"
 

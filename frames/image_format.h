@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <span>
+#include <string>
 #include <string_view>
 
 namespace lenticule::frames {
@@ -28,5 +29,14 @@ enum class ImageFormat { Unknown, Png, Jpeg, Tiff, Exr, Pnm, Bmp, Targa, Hdr, We
 /// Returns false if an EXR's header states attributes longer than the file, for which its decoder
 /// would allocate memory. Always true for other formats.
 [[nodiscard]] bool header_fits(ImageFormat format, std::span<const uint8_t> bytes);
+
+// Checks a picture's header before memory is allocated for its pixels.
+
+/// Throws Error(Input), beginning with `name`, if a side or the number of pixels is out of range.
+void check_picture_size(const std::string& name, uint64_t width, uint64_t height,
+                        uint64_t max_pixels);
+
+/// Returns the aspect of a pixel that a header states as width by height; 1 if it is implausible.
+[[nodiscard]] double plausible_pixel_aspect(double aspect);
 
 }  // namespace lenticule::frames

@@ -11,7 +11,7 @@
 
 #include "base/error.h"
 #include "frames/exif_tags.h"
-#include "frames/picture_limits.h"
+#include "frames/image_format.h"
 #include "frames/srgb.h"
 
 namespace lenticule::frames {

@@ -11,7 +11,7 @@
 #include <array>
 #include <filesystem>
 
-#include "base/file_mark.h"
+#include "base/file.h"
 #include "optics/rig.h"
 
 namespace lenticule::optics {

@@ -15,7 +15,7 @@
 #include "base/terminal_keys.h"
 #include "calib/by_eye/questions.h"
 #include "calib/by_eye/sheet_values.h"
-#include "frames/charts/chart.h"
+#include "frames/charts/charts.h"
 #include "optics/rig.h"
 
 namespace lenticule::calib {

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "calib/by_eye/sheet_values.h"
-#include "frames/charts/chart.h"
+#include "frames/charts/charts.h"
 #include "optics/rig.h"
 
 namespace lenticule::calib {

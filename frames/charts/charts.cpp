@@ -11,7 +11,6 @@
 
 #include "base/error.h"
 #include "base/parallel_rows.h"
-#include "frames/bitmap_font.h"
 #include "frames/compare.h"
 #include "frames/text.h"
 #include "optics/effective_sheet.h"

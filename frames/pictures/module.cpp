@@ -1,12 +1,398 @@
 // SPDX-License-Identifier: Apache-2.0
-// Exports the one function of the lazily loaded library.
+// The picture codec that the lazily loaded library exports: decodes and encodes pictures with
+// OpenImageIO, in memory. Every feature that would change a code value is off; a single place of
+// the caller writes encoded bytes to the disk and detects every failure.
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
 #include <string_view>
 
-#include "frames/pictures/decode.h"
-#include "frames/pictures/encode.h"
+#include "base/error.h"
+#include "frames/image_format.h"
+#include "frames/picture_codec.h"
+#include "frames/srgb.h"
 
 namespace lenticule::frames::pictures {
 namespace {
+
+/// Configures OpenImageIO, for the whole process, to start no threads and to refuse huge
+/// allocations. Cheap after the first call.
+///
+/// Thread safety: any thread.
+void set_up_oiio() {
+  static std::once_flag once;
+  std::call_once(once, [] {
+    OIIO::attribute("threads", 1);
+    OIIO::attribute("exr_threads", -1);
+    OIIO::attribute("limits:imagesize_MB", 8192);
+    OIIO::attribute("limits:channels", 64);
+  });
+}
+
+// --- decoding
+
+constexpr int kMaxReadChannels = 4;
+
+/// Sample is the type of decoded samples, after the decoder's own widening of odd bit depths.
+enum class Sample { U8, U16, F32 };
+
+/// Band holds rows [y, y + rows) with `channels` interleaved samples per pixel.
+struct Band {
+  int y = 0;
+  int rows = 0;
+  int channels = 0;
+  Sample sample = Sample::U8;
+  const uint8_t* data = nullptr;
+
+  /// Returns `count` rows from row `first` on.
+  [[nodiscard]] Band part(int first, int count, int width) const {
+    const size_t sample_bytes = sample == Sample::U8 ? 1 : sample == Sample::U16 ? 2 : 4;
+    const size_t row = static_cast<size_t>(width) * static_cast<size_t>(channels) * sample_bytes;
+    return {y + first, count, channels, sample, data + static_cast<size_t>(first) * row};
+  }
+  /// Returns the channel of red, green or blue: one or two channels are grey (and alpha).
+  [[nodiscard]] int colour_channel(int c) const { return channels >= 3 ? c : 0; }
+};
+
+/// PictureMemory records a read beyond the end: libtiff, reading through a proxy, takes the old
+/// content of its buffer for the missing bytes.
+class PictureMemory final : public OIIO::Filesystem::IOMemReader {
+ public:
+  using IOMemReader::IOMemReader;
+
+  size_t read(void* out, size_t size) override { return note(IOMemReader::read(out, size), size); }
+  size_t pread(void* out, size_t size, int64_t offset) override {
+    return note(IOMemReader::pread(out, size, offset), size);
+  }
+  [[nodiscard]] bool ran_out() const { return ran_out_; }
+
+ private:
+  size_t note(size_t got, size_t wanted) {
+    ran_out_ = ran_out_ || got < wanted;
+    return got;
+  }
+  bool ran_out_ = false;
+};
+
+const char* unknown_kind(std::span<const uint8_t> bytes) {
+  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  if (text.empty()) return "empty file";
+  if (text.substr(0, 4) == "\x89LTS" || text.substr(0, 4) == "\x1A\x45\xDF\xA3")
+    return "a film, not a picture; 'lenticule convert' takes frames out of it";
+  if (text.size() < 12 || text.substr(4, 4) != "ftyp") return "not a picture of a known format";
+  for (const std::string_view brand : {"heic", "heix", "hevc", "mif1", "msf1", "avif", "avis"})
+    if (text.substr(8, 4) == brand)
+      return "HEIF and AVIF are not supported, nor are their stereo tags";
+  return "a film, not a picture; 'lenticule convert' takes frames out of it";
+}
+
+class PictureReader {
+ public:
+  /// Opens the picture and checks its header against the limits.
+  ///
+  /// Lifetime: `bytes` must outlive the reader.
+  PictureReader(std::span<const uint8_t> bytes, std::string name, uint64_t max_pixels)
+      : name_(std::move(name)), memory_(bytes.data(), bytes.size()) {
+    set_up_oiio();
+    format_ = detect_format(bytes, name_);
+    if (format_ == ImageFormat::Unknown) fail(unknown_kind(bytes));
+    // glTF has textures in WebP; frames are not read from that format.
+    if (format_ == ImageFormat::WebP && max_pixels != kMaxTexturePixels)
+      fail("WebP pictures are read as textures only");
+    if (!reaches_end_mark(format_, bytes)) fail("truncated");
+    if (!header_fits(format_, bytes)) fail("its header states more bytes than the file has");
+    open();
+    check_header(max_pixels);
+  }
+
+  [[nodiscard]] int width() const { return spec().width; }
+  [[nodiscard]] int height() const { return spec().height; }
+  [[nodiscard]] PictureInfo info() const {
+    return {.geometry = {.width = width(), .height = height()},
+            .orientation = orientation(),
+            .pixel_aspect = pixel_aspect()};
+  }
+  /// Returns the index of alpha among a band's channels, or -1.
+  [[nodiscard]] int alpha_channel() const {
+    return spec().alpha_channel < channels_read() ? spec().alpha_channel : -1;
+  }
+
+  /// Decodes from the top in bands. The first band comes before the caller allocates its result, so
+  /// that a header with a false size costs little.
+  template <class Sink>
+  void read(Sink&& sink) {
+    constexpr int kScanlinesPerBand = 64;
+    const int rows_per_band = spec().tile_width > 0 ? spec().tile_height : kScanlinesPerBand;
+    const size_t row_bytes =
+        static_cast<size_t>(width()) * static_cast<size_t>(channels_read()) * sample_type().size();
+    std::vector<uint8_t> buffer(row_bytes * static_cast<size_t>(std::min(rows_per_band, height())));
+    for (int y = 0; y < height(); y += rows_per_band) {
+      const int rows = std::min(rows_per_band, height() - y);
+      if (!decode(y, rows, buffer.data())) fail_decoding();
+      if (format_ == ImageFormat::Tiff && memory_.ran_out()) fail("truncated");
+      if (format_ == ImageFormat::Jpeg && warns_of_damage()) fail_decoding();
+      sink(Band{y, rows, channels_read(), sample_, buffer.data()});
+    }
+  }
+
+  [[noreturn]] void fail(const std::string& cause) const {
+    throw Error(ErrorKind::Input, fmt::format("{}: {}", name_, cause), kPictureRemedy);
+  }
+
+ private:
+  [[nodiscard]] const OIIO::ImageSpec& spec() const { return input_->spec(); }
+  [[nodiscard]] int channels_read() const { return std::min(spec().nchannels, kMaxReadChannels); }
+  [[nodiscard]] OIIO::TypeDesc sample_type() const {
+    if (sample_ == Sample::U8) return OIIO::TypeDesc::UINT8;
+    return sample_ == Sample::U16 ? OIIO::TypeDesc::UINT16 : OIIO::TypeDesc::FLOAT;
+  }
+
+  /// Returns the orientation; Upright if the tag is missing or invalid.
+  [[nodiscard]] Orientation orientation() const {
+    // The reader of Targa has already applied the orientation.
+    if (format_ == ImageFormat::Targa) return Orientation::Upright;
+    const int tag = spec().get_int_attribute("Orientation", 1);
+    return tag >= 1 && tag <= 8 ? static_cast<Orientation>(tag) : Orientation::Upright;
+  }
+
+  /// Returns the pixel aspect, from pixels per length in formats that state them. Returns 1 for
+  /// implausible tags.
+  [[nodiscard]] double pixel_aspect() const {
+    const float across = spec().get_float_attribute("XResolution", 0.0f);
+    const float down = spec().get_float_attribute("YResolution", 0.0f);
+    const double aspect =
+        across > 0.0f && down > 0.0f && format_ != ImageFormat::Exr
+            ? static_cast<double>(down) / static_cast<double>(across)
+            : static_cast<double>(spec().get_float_attribute("PixelAspectRatio", 1.0f));
+    return plausible_pixel_aspect(aspect);
+  }
+
+  void open() {
+    OIIO::ImageSpec config;
+    config.attribute("oiio:UnassociatedAlpha", 1);  // never multiply alpha into the code values
+    input_ = OIIO::ImageInput::create(plugin_name(format_));
+    if (!input_) fail(fmt::format("this OpenImageIO cannot read {}", plugin_name(format_)));
+    input_->threads(1);
+    OIIO::ImageSpec ignored;
+    input_->set_ioproxy(&memory_);
+    if (!input_->open(name_, ignored, config)) fail_decoding();
+  }
+
+  void check_header(uint64_t max_pixels) {
+    const OIIO::ImageSpec& s = spec();
+    if (s.width < 1 || s.height < 1 || s.depth > 1 || s.nchannels < 1 || s.deep)
+      fail("not a two-dimensional picture with pixels");
+    check_picture_size(name_, static_cast<uint64_t>(s.width), static_cast<uint64_t>(s.height),
+                       max_pixels);
+    if (s.tile_width > kMaxImageSide || s.tile_height > kMaxImageSide ||
+        s.tile_bytes() > (size_t{1} << 28))
+      fail("tile size out of range");
+    const auto sample = sample_of(s);
+    if (!sample) fail("its samples are neither integers of 8 or 16 bits nor floats");
+    sample_ = *sample;
+  }
+
+  static std::optional<Sample> sample_of(const OIIO::ImageSpec& s) {
+    const auto is_float = [](OIIO::TypeDesc type) {
+      return type == OIIO::TypeDesc::HALF || type == OIIO::TypeDesc::FLOAT ||
+             type == OIIO::TypeDesc::DOUBLE;
+    };
+    if (is_float(s.format)) return Sample::F32;
+    if (!s.channelformats.empty()) return std::nullopt;
+    if (s.format == OIIO::TypeDesc::UINT8) return Sample::U8;
+    if (s.format == OIIO::TypeDesc::UINT16) return Sample::U16;
+    return std::nullopt;
+  }
+
+  bool decode(int y, int rows, uint8_t* out) {
+    const int x0 = spec().x;
+    const int y0 = spec().y + y;
+    const int channels = channels_read();
+    if (spec().tile_width > 0)
+      return input_->read_tiles(0, 0, x0, x0 + width(), y0, y0 + rows, spec().z, spec().z + 1, 0,
+                                channels, sample_type(), out);
+    return input_->read_scanlines(0, 0, y0, y0 + rows, spec().z, 0, channels, sample_type(), out);
+  }
+
+  /// Returns true if libjpeg filled in missing or damaged data. OpenImageIO counts that as success
+  /// and keeps the first warning. Bytes between the data and the next marker change no pixel.
+  [[nodiscard]] bool warns_of_damage() const {
+    if (!input_->has_error()) return false;
+    const std::string warning = input_->geterror(false);
+    const auto says = [&](const char* words) { return warning.find(words) != std::string::npos; };
+    return says("Premature end") || (says("Corrupt JPEG data") && !says("extraneous bytes"));
+  }
+
+  [[noreturn]] void fail_decoding() const {
+    std::string cause = input_->geterror();
+    std::replace(cause.begin(), cause.end(), '\n', ' ');
+    while (!cause.empty() && cause.back() == ' ') cause.pop_back();
+    if (cause.empty()) cause = "no reason given";
+    fail("truncated or damaged: " + cause);
+  }
+
+  std::string name_;
+  PictureMemory memory_;
+  ImageFormat format_ = ImageFormat::Unknown;
+  Sample sample_ = Sample::U8;
+  std::unique_ptr<OIIO::ImageInput>
+      input_;  // must follow memory_, which it reads from until destroyed
+};
+
+/// Calls `convert` on each pixel's samples, typed; Out is the number of results per pixel.
+template <class Source, class Target, class Convert>
+void convert_band(const Band& band, int width, Target* out, int per_pixel, Convert convert) {
+  const auto* in = reinterpret_cast<const Source*>(band.data);
+  const size_t pixels = static_cast<size_t>(width) * static_cast<size_t>(band.rows);
+  for (size_t p = 0; p < pixels; ++p, in += band.channels, out += per_pixel) convert(in, out);
+}
+
+void codes_from_band(const Band& band, int width, uint8_t* out) {
+  const int r = band.colour_channel(0), g = band.colour_channel(1), b = band.colour_channel(2);
+  const auto with = [=](auto code) {
+    return [=](const auto* in, uint8_t* rgb) {
+      rgb[0] = code(in[r]);
+      rgb[1] = code(in[g]);
+      rgb[2] = code(in[b]);
+    };
+  };
+  switch (band.sample) {
+    case Sample::U8:
+      return convert_band<uint8_t>(band, width, out, 3, with([](uint8_t v) { return v; }));
+    case Sample::U16:
+      return convert_band<uint16_t>(band, width, out, 3, with(code_from_16_bits));
+    case Sample::F32:
+      return convert_band<float>(band, width, out, 3,
+                                 with([](float v) { return code_from_linear(v); }));
+  }
+}
+
+void texels_from_band(const Band& band, int width, int alpha, TextureContent content, float* out) {
+  const int r = band.colour_channel(0), g = band.colour_channel(1), b = band.colour_channel(2);
+  const auto with = [=](auto light, auto coverage) {
+    return [=](const auto* in, float* rgba) {
+      rgba[0] = light(in[r]);
+      rgba[1] = light(in[g]);
+      rgba[2] = light(in[b]);
+      rgba[3] = alpha >= 0 ? coverage(in[alpha]) : 1.0f;
+    };
+  };
+  switch (band.sample) {
+    case Sample::U8:
+      break;  // texel_codes_from_band()
+    case Sample::U16: {
+      if (content == TextureContent::Data)
+        return convert_band<uint16_t>(band, width, out, 4,
+                                      with(fraction_of_16_bits, fraction_of_16_bits));
+      return convert_band<uint16_t>(band, width, out, 4,
+                                    with(linear_from_16_bits, fraction_of_16_bits));
+    }
+    case Sample::F32: {
+      const auto same = [](float v) { return v; };
+      return convert_band<float>(band, width, out, 4, with(same, same));
+    }
+  }
+}
+
+void texel_codes_from_band(const Band& band, int width, int alpha, uint8_t* out) {
+  const int r = band.colour_channel(0), g = band.colour_channel(1), b = band.colour_channel(2);
+  convert_band<uint8_t>(band, width, out, 4, [=](const uint8_t* in, uint8_t* rgba) {
+    rgba[0] = in[r];
+    rgba[1] = in[g];
+    rgba[2] = in[b];
+    rgba[3] = alpha >= 0 ? in[alpha] : uint8_t{255};
+  });
+}
+
+PictureInfo probe(std::span<const uint8_t> bytes, const std::string& name) {
+  return PictureReader(bytes, name, kMaxImagePixels).info();
+}
+
+void decode_codes(std::span<const uint8_t> bytes, const std::string& name, PictureSink& sink) {
+  PictureReader reader(bytes, name, kMaxImagePixels);
+  sink.accept(reader.info());
+  reader.read([&](const Band& band) {
+    const size_t row = size_t{3} * static_cast<size_t>(reader.width());
+    for (int done = 0; done < band.rows;) {
+      const std::span<uint8_t> out = sink.rows(band.y + done, band.rows - done);
+      const Band part = band.part(done, static_cast<int>(out.size() / row), reader.width());
+      codes_from_band(part, reader.width(), out.data());
+      done += part.rows;
+    }
+  });
+}
+
+TextureImage decode_texture(std::span<const uint8_t> bytes, const std::string& name,
+                            TextureContent content) {
+  PictureReader reader(bytes, name, kMaxTexturePixels);
+  TextureImage image{reader.width(), reader.height(), {}, {}};
+  const size_t row = static_cast<size_t>(image.width) * 4;
+  const size_t size = row * static_cast<size_t>(image.height);
+  reader.read([&](const Band& band) {
+    if (band.sample == Sample::U8) {
+      image.codes.resize(size);
+      return texel_codes_from_band(band, image.width, reader.alpha_channel(),
+                                   image.codes.data() + row * static_cast<size_t>(band.y));
+    }
+    image.rgba.resize(size);
+    texels_from_band(band, image.width, reader.alpha_channel(), content,
+                     image.rgba.data() + row * static_cast<size_t>(band.y));
+  });
+  return image;
+}
+
+// --- encoding
+
+OIIO::ImageSpec output_spec(const FrameGeometry& geometry, ImageFormat format) {
+  OIIO::ImageSpec spec(geometry.width, geometry.height, 3,
+                       format == ImageFormat::Exr ? OIIO::TypeDesc::HALF : OIIO::TypeDesc::UINT8);
+  spec.attribute("oiio:dither", 0);
+  if (format == ImageFormat::Tiff) spec.attribute("compression", "lzw");
+  if (format == ImageFormat::Exr) spec.attribute("compression", "zip");
+  // The same pixels must give the same bytes, but these formats would record the time of day.
+  if (format == ImageFormat::Tiff || format == ImageFormat::Exr)
+    spec.attribute("DateTime", "1970:01:01 00:00:00");
+  return spec;
+}
+
+std::vector<float> light_of(std::span<const uint8_t> codes) {
+  const auto& table = linear_of_codes();
+  std::vector<float> light(codes.size());
+  std::transform(codes.begin(), codes.end(), light.begin(),
+                 [&](uint8_t code) { return static_cast<float>(table[code]); });
+  return light;
+}
+
+bool write_pixels(OIIO::ImageOutput& output, const FrameView& frame, ImageFormat format) {
+  if (format != ImageFormat::Exr)
+    return output.write_image(OIIO::TypeDesc::UINT8, frame.bytes.data());
+  return output.write_image(OIIO::TypeDesc::FLOAT, light_of(frame.bytes).data());
+}
+
+std::vector<uint8_t> encode(const FrameView& frame, ImageFormat format, const std::string& name) {
+  set_up_oiio();
+  std::vector<uint8_t> bytes;
+  OIIO::Filesystem::IOVecOutput memory(bytes);
+  const auto fail = [&](const std::string& cause) {
+    throw Error(ErrorKind::Failed, fmt::format("{}: cannot encode: {}", name, cause));
+  };
+  const std::unique_ptr<OIIO::ImageOutput> output = OIIO::ImageOutput::create(plugin_name(format));
+  if (!output) fail(fmt::format("this OpenImageIO cannot write {}", plugin_name(format)));
+  output->threads(1);
+  output->set_ioproxy(&memory);
+  const bool done = output->open(name, output_spec(frame.geometry, format)) &&
+                    write_pixels(*output, frame, format) && output->close();
+  if (!done) fail(output->geterror());
+  return bytes;
+}
+
+// --- the codec
 
 class OiioCodec final : public PictureCodec {
  public:

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "frames/ring/ring_player.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
 #include <sys/epoll.h>
 #include <sys/eventfd.h>
+#include <sys/mman.h>
 #include <sys/socket.h>
 #include <sys/syscall.h>
 #include <unistd.h>
@@ -13,17 +15,66 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
-#include <vector>
+#include <fstream>
+#include <new>
 
 #include "base/error.h"
-#include "frames/ring/listen_socket.h"
-#include "frames/ring/ring_memory.h"
-#include "frames/ring/ring_protocol.h"
-#include "frames/ring/slot_table.h"
-#include "optics/trim.h"
 
 namespace lenticule::frames {
 namespace {
+
+/// Returns the bytes available without swapping, from /proc/meminfo; 0 if unknown.
+size_t available_memory() {
+  std::ifstream meminfo("/proc/meminfo");
+  std::string key;
+  size_t kibibytes = 0;
+  std::string unit;
+  while (meminfo >> key >> kibibytes) {
+    if (key == "MemAvailable:") return kibibytes * 1024;
+    std::getline(meminfo, unit);
+  }
+  return 0;
+}
+
+constexpr size_t kMebibyte = size_t{1} << 20;
+
+std::string mebibytes(size_t bytes) {
+  return std::to_string((bytes + kMebibyte - 1) / kMebibyte) + " MiB";
+}
+
+[[noreturn]] void fail(const char* what) {
+  throw Error(ErrorKind::Failed, std::string("ring: ") + what + ": " + std::strerror(errno));
+}
+
+void refuse_too_much(const RingLayout& layout) {
+  const size_t available = available_memory();
+  if (available == 0 || layout.memory_bytes <= available / 2) return;
+  throw Error(ErrorKind::Failed,
+              "ring: " + std::to_string(layout.slots) + " slots take " +
+                  mebibytes(layout.memory_bytes) + ", more than half of the free " +
+                  mebibytes(available),
+              "use at most " + std::to_string(available / 2 / layout.slot_stride) + " slots");
+}
+
+UniqueFd create_memory(size_t bytes) {
+  UniqueFd fd(::memfd_create("lenticule-ring", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+  if (!fd) fail("cannot create shared memory");
+  if (::ftruncate(fd.get(), static_cast<off_t>(bytes)) != 0) fail("cannot size shared memory");
+  // The seals keep a renderer from shrinking the memory while it is mapped here: the next read
+  // would raise SIGBUS.
+  if (::fcntl(fd.get(), F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL) != 0)
+    fail("cannot seal shared memory");
+  return fd;
+}
+
+/// Allocates the pages now, so that a machine with too little memory fails here and not during
+/// playback, and the first cycle through the ring has no page faults.
+void take_pages(int fd, const Mapping& pixels, size_t bytes) {
+  if (::fallocate(fd, 0, 0, static_cast<off_t>(bytes)) != 0) fail("cannot get shared memory");
+#ifdef MADV_POPULATE_READ
+  ::madvise(pixels.bytes().data(), pixels.bytes().size(), MADV_POPULATE_READ);  // else: lazily
+#endif
+}
 
 // Limits of one service() call, so that a flood of connections or messages cannot delay it.
 constexpr size_t kMaxHandshakes = 4;
@@ -49,28 +100,6 @@ std::optional<ucred> credentials(const UniqueFd& socket) {
   return peer;
 }
 
-/// Connection is the connection to the renderer.
-struct Connection {
-  UniqueFd socket;
-  UniqueFd published;  ///< eventfd; only armed edge-triggered and never read, because the peer can
-                       ///< make reads of a shared description block
-  UniqueFd process;    ///< pidfd
-};
-
-/// Departed is a renderer that has disconnected but may still be writing.
-struct Departed {
-  Epoch epoch;
-  UniqueFd process;
-};
-
-/// Standing is the state of a connection after a message.
-enum class Standing { Connected, SaidGoodbye, Lost };
-
-struct Refusal {
-  RefuseReason reason;
-  std::string text;
-};
-
 RingLayout checked_layout(const RingOptions& options) {
   if (const char* problem = geometry_problem(options.geometry, options.slots))
     throw Error(ErrorKind::Usage, std::string("ring: ") + problem);
@@ -79,73 +108,52 @@ RingLayout checked_layout(const RingOptions& options) {
   return plan_layout(options.geometry, options.slots);
 }
 
-class Player final : public RingPlayer {
- public:
-  explicit Player(const RingOptions& options)
-      : options_(options),
-        memory_(checked_layout(options), options.prefault),
-        slot_table_(memory_.table(), options.keep_for_loop ? LoopKeeping::On : LoopKeeping::Off),
-        listener_(options.socket),
-        events_(::epoll_create1(EPOLL_CLOEXEC)) {
-    memory_.header().epoch.store(slot_table_.epoch(), std::memory_order_relaxed);
-    if (!events_ || !watch(listener_.fd(), EPOLLIN))
-      throw Error(ErrorKind::Failed,
-                  std::string("ring: cannot wait for renderers: ") + std::strerror(errno));
-    handshakes_.reserve(kMaxHandshakes + 1);
-    departed_.reserve(static_cast<size_t>(options.slots));
-  }
+}  // namespace
 
-  [[nodiscard]] FrameGeometry geometry() const override { return memory_.layout().geometry; }
-  [[nodiscard]] std::optional<Rate> rate() const override { return hello_.rate; }
-  [[nodiscard]] std::optional<uint64_t> frame_count() const override { return hello_.frame_count; }
-  [[nodiscard]] PullStatus pull(AcquiredFrame& out) override;
-  void release(uint64_t token) override;
-  [[nodiscard]] int max_acquired() const override { return slot_table_.max_acquired(); }
-  [[nodiscard]] uint64_t ready_count() const override { return slot_table_.ready_count(); }
-  [[nodiscard]] bool saturated() const override { return slot_table_.saturated(); }
-  [[nodiscard]] bool rewind() override { return slot_table_.rewind(); }
-  [[nodiscard]] int wake_fd() const override { return events_.get(); }
-  [[nodiscard]] bool waits_for_others() const override { return true; }
-  void service() override;
-  [[nodiscard]] std::string failure() const override { return {}; }
-  [[nodiscard]] RingStatistics statistics() const override;
+RingMemory::RingMemory(const RingLayout& layout, RingPrefault prefault) : layout_(layout) {
+  refuse_too_much(layout);
+  fd_ = create_memory(layout.memory_bytes);
+  control_ = Mapping(fd_.get(), 0, layout.slots_offset, PROT_READ | PROT_WRITE);
+  if (!control_) fail("cannot map the slot table");
+  pixels_ =
+      Mapping(fd_.get(), layout.slots_offset, layout.memory_bytes - layout.slots_offset, PROT_READ);
+  if (!pixels_) fail("cannot map the slots");
+  ::madvise(pixels_.bytes().data(), pixels_.bytes().size(),
+            MADV_HUGEPAGE);  // ignored if not allowed
+  if (prefault == RingPrefault::AtStart) take_pages(fd_.get(), pixels_, layout.memory_bytes);
+  write_header(layout, *new (control_.bytes().data()) RingHeader());
+  for (int slot = 0; slot < layout.slots; ++slot) new (&table()[slot]) SlotEntry();
+}
 
- private:
-  [[nodiscard]] bool watch(int fd, uint32_t events) const noexcept;
-  void clear_wake() const noexcept;
-  void welcome();
-  void answer_handshakes();
-  [[nodiscard]] bool answer(UniqueFd& socket);
-  void answer_hello(UniqueFd socket, const Packet& packet);
-  [[nodiscard]] std::optional<Refusal> reason_to_refuse(const UniqueFd& socket,
-                                                        const Packet& packet,
-                                                        RendererHello& hello) const;
-  [[nodiscard]] bool is_rig_welcome(const RendererHello& hello) const;
-  void report_other_trim(const RendererHello& hello) const;
-  [[nodiscard]] std::optional<Refusal> let_in(UniqueFd& socket, RendererHello hello);
-  void serve_connection();
-  [[nodiscard]] Standing obey(const Packet& packet);
-  void send_away_if_misbehaved();
-  void end_connection(Standing why);
-  void recover_departed();
-  void send_freed() const noexcept;
+RingHeader& RingMemory::header() const {
+  return *std::launder(reinterpret_cast<RingHeader*>(control_.bytes().data()));
+}
 
-  const RingOptions options_;
-  const optics::RigIdentity rig_ = optics::parse_identity(options_.rig_fingerprint);
-  RingMemory memory_;
-  SlotTable slot_table_;
-  ListenSocket listener_;
-  UniqueFd events_;
-  std::vector<UniqueFd> handshakes_;  ///< connections that have sent no message yet; oldest first
-  std::optional<Connection> connection_;
-  std::vector<Departed> departed_;
-  RendererHello hello_{.name = {}, .rig_fingerprint = {}, .rate = {}, .frame_count = {}};
-  uint64_t renderers_ = 0;
-  uint64_t refused_ = 0;
-  uint64_t deaths_ = 0;
-};
+std::span<SlotEntry> RingMemory::table() const {
+  auto* first = reinterpret_cast<SlotEntry*>(control_.bytes().data() + layout_.table_offset);
+  return {first, static_cast<size_t>(layout_.slots)};
+}
 
-bool Player::watch(int fd, uint32_t events) const noexcept {
+FrameView RingMemory::frame(int slot) const {
+  const size_t offset = static_cast<size_t>(slot) * layout_.slot_stride;
+  return {layout_.geometry, pixels_.bytes().subspan(offset, layout_.geometry.frame_bytes())};
+}
+
+RingPlayer::RingPlayer(const RingOptions& options)
+    : options_(options),
+      memory_(checked_layout(options), options.prefault),
+      slot_table_(memory_.table(), options.keep_for_loop ? LoopKeeping::On : LoopKeeping::Off),
+      listener_(options.socket),
+      events_(::epoll_create1(EPOLL_CLOEXEC)) {
+  memory_.header().epoch.store(slot_table_.epoch(), std::memory_order_relaxed);
+  if (!events_ || !watch(listener_.fd(), EPOLLIN))
+    throw Error(ErrorKind::Failed,
+                std::string("ring: cannot wait for renderers: ") + std::strerror(errno));
+  handshakes_.reserve(kMaxHandshakes + 1);
+  departed_.reserve(static_cast<size_t>(options.slots));
+}
+
+bool RingPlayer::watch(int fd, uint32_t events) const noexcept {
   epoll_event event = {};
   event.events = events;
   event.data.fd = fd;
@@ -154,10 +162,10 @@ bool Player::watch(int fd, uint32_t events) const noexcept {
 
 // --- frames ------------------------------------------------------------------------------------
 
-PullStatus Player::pull(AcquiredFrame& out) {
+PullStatus RingPlayer::pull(AcquiredFrame& out) {
   SlotTable::Frame frame;
   const PullStatus status = slot_table_.pull(frame);
-  send_away_if_misbehaved();
+  drop_if_malformed();
   if (status == PullStatus::Ready)
     out = {.frame = memory_.frame(frame.slot),
            .number = frame.number,
@@ -165,15 +173,15 @@ PullStatus Player::pull(AcquiredFrame& out) {
   return status;
 }
 
-void Player::release(uint64_t token) {
+void RingPlayer::release(uint64_t token) {
   LENTICULE_CHECK(token < static_cast<uint64_t>(options_.slots));
   if (slot_table_.release(static_cast<int>(token))) send_freed();
-  send_away_if_misbehaved();
+  drop_if_malformed();
 }
 
 /// Reports a free slot over the socket and not over an eventfd, which the renderer could make us
 /// block on. If the queue is full of wake-ups, the renderer wakes anyway.
-void Player::send_freed() const noexcept {
+void RingPlayer::send_freed() const noexcept {
   if (connection_) (void)send_message(connection_->socket.get(), make_wake(MessageKind::Freed));
 }
 
@@ -181,22 +189,22 @@ void Player::send_freed() const noexcept {
 
 /// Examines everything in every call: a handful of system calls that never wait, and no state that
 /// could miss an event. The renderer comes first, so that new connections see its end.
-void Player::service() {
+void RingPlayer::service() {
   clear_wake();
   recover_departed();
   serve_connection();
-  welcome();
+  accept();
   answer_handshakes();
   slot_table_.take_published();
-  send_away_if_misbehaved();
+  drop_if_malformed();
 }
 
-void Player::clear_wake() const noexcept {
+void RingPlayer::clear_wake() const noexcept {
   std::array<epoll_event, 16> events;
   (void)::epoll_wait(events_.get(), events.data(), static_cast<int>(events.size()), 0);
 }
 
-void Player::recover_departed() {
+void RingPlayer::recover_departed() {
   std::erase_if(departed_, [this](const Departed& renderer) {
     if (!is_dead(renderer.process)) return false;
     slot_table_.recover(renderer.epoch);
@@ -205,7 +213,7 @@ void Player::recover_departed() {
   });
 }
 
-void Player::welcome() {
+void RingPlayer::accept() {
   for (int i = 0; i < kMaxAccepts; ++i) {
     UniqueFd socket = listener_.accept();
     if (!socket) return;
@@ -216,12 +224,12 @@ void Player::welcome() {
   }
 }
 
-void Player::answer_handshakes() {
+void RingPlayer::answer_handshakes() {
   std::erase_if(handshakes_, [this](UniqueFd& socket) { return answer(socket); });
 }
 
 /// Returns true when the handshake is complete, accepted or refused.
-bool Player::answer(UniqueFd& socket) {
+bool RingPlayer::answer(UniqueFd& socket) {
   Packet packet;
   switch (receive_packet(socket.get(), packet, PassedFds::Ignore)) {
     case Transfer::WouldBlock:
@@ -235,31 +243,32 @@ bool Player::answer(UniqueFd& socket) {
   return true;
 }
 
-void Player::answer_hello(UniqueFd socket, const Packet& packet) {
+void RingPlayer::answer_hello(UniqueFd socket, const Packet& packet) {
   RendererHello hello;
   std::optional<Refusal> refusal = reason_to_refuse(socket, packet, hello);
-  if (!refusal) refusal = let_in(socket, std::move(hello));
+  if (!refusal) refusal = admit(socket, std::move(hello));
   if (!refusal) return;
   ++refused_;
   (void)send_message(socket.get(), make_refuse(refusal->reason, refusal->text));
 }
 
-bool Player::is_rig_welcome(const RendererHello& hello) const {
+bool RingPlayer::is_rig_accepted(const RendererHello& hello) const {
   if (rig_.fingerprint.empty()) return true;
   if (hello.rig_fingerprint.empty()) return false;
   return optics::match(optics::parse_identity(hello.rig_fingerprint), rig_) !=
          optics::RigMatch::Other;
 }
 
-void Player::report_other_trim(const RendererHello& hello) const {
+void RingPlayer::report_other_trim(const RendererHello& hello) const {
   const optics::RigIdentity theirs = optics::parse_identity(hello.rig_fingerprint);
   if (options_.on_other_trim && optics::match(theirs, rig_) == optics::RigMatch::Trimmed)
     options_.on_other_trim(
         fmt::format("renderer '{}': {}", hello.name, optics::trim_difference(theirs, rig_)));
 }
 
-std::optional<Refusal> Player::reason_to_refuse(const UniqueFd& socket, const Packet& packet,
-                                                RendererHello& hello) const {
+std::optional<RingPlayer::Refusal> RingPlayer::reason_to_refuse(const UniqueFd& socket,
+                                                                const Packet& packet,
+                                                                RendererHello& hello) const {
   const auto peer = credentials(socket);
   if (!peer || (peer->uid != ::geteuid() && peer->uid != 0))
     return Refusal{RefuseReason::Forbidden, "the player belongs to another user"};
@@ -274,7 +283,7 @@ std::optional<Refusal> Player::reason_to_refuse(const UniqueFd& socket, const Pa
   }
   if (const char* problem = read_hello(packet.bytes(), hello))
     return Refusal{RefuseReason::BadHello, std::string("bad hello: ") + problem};
-  if (!is_rig_welcome(hello))
+  if (!is_rig_accepted(hello))
     return Refusal{
         RefuseReason::OtherRig,
         "the player's rig is " + rig_.fingerprint + ", the renderer's is " +
@@ -287,7 +296,7 @@ std::optional<Refusal> Player::reason_to_refuse(const UniqueFd& socket, const Pa
   return std::nullopt;
 }
 
-std::optional<Refusal> Player::let_in(UniqueFd& socket, RendererHello hello) {
+std::optional<RingPlayer::Refusal> RingPlayer::admit(UniqueFd& socket, RendererHello hello) {
   const auto peer = credentials(socket);
   // The previous renderer could still write there after it was disconnected; this must not affect
   // the next renderer.
@@ -313,7 +322,7 @@ std::optional<Refusal> Player::let_in(UniqueFd& socket, RendererHello hello) {
   return std::nullopt;
 }
 
-void Player::serve_connection() {
+void RingPlayer::serve_connection() {
   if (!connection_) return;
   // Checked before the messages are read: all messages of a process that is dead now are in the
   // queue.
@@ -322,12 +331,12 @@ void Player::serve_connection() {
     Packet packet;
     const Transfer transfer = receive_packet(connection_->socket.get(), packet, PassedFds::Ignore);
     if (transfer == Transfer::WouldBlock && !dead) return;
-    const Standing standing = transfer == Transfer::Done ? obey(packet) : Standing::Lost;
+    const Standing standing = transfer == Transfer::Done ? handle(packet) : Standing::Lost;
     if (standing != Standing::Connected) return end_connection(standing);
   }
 }
 
-Standing Player::obey(const Packet& packet) {
+RingPlayer::Standing RingPlayer::handle(const Packet& packet) {
   MessagePrefix prefix;
   uint64_t published = 0;
   if (read_prefix(packet.bytes(), prefix) == nullptr && prefix.kind == MessageKind::Wanted) {
@@ -341,11 +350,11 @@ Standing Player::obey(const Packet& packet) {
   return Standing::SaidGoodbye;
 }
 
-void Player::send_away_if_misbehaved() {
+void RingPlayer::drop_if_malformed() {
   if (slot_table_.misbehaved()) end_connection(Standing::Lost);
 }
 
-void Player::end_connection(Standing why) {
+void RingPlayer::end_connection(Standing why) {
   if (why == Standing::Lost) ++deaths_;
   // The order matters: once the process is known to be dead, its last write to the table is final.
   const bool dead = is_dead(connection_->process);
@@ -356,7 +365,7 @@ void Player::end_connection(Standing why) {
   memory_.header().epoch.store(slot_table_.epoch(), std::memory_order_relaxed);
 }
 
-RingStatistics Player::statistics() const {
+RingStatistics RingPlayer::statistics() const {
   return {.renderers = renderers_,
           .renderers_refused = refused_,
           .renderer_deaths = deaths_,
@@ -371,10 +380,8 @@ RingStatistics Player::statistics() const {
           .loop_obstacle = slot_table_.loop_obstacle()};
 }
 
-}  // namespace
-
 std::unique_ptr<RingPlayer> RingPlayer::open(const RingOptions& options) {
-  return std::make_unique<Player>(options);
+  return std::unique_ptr<RingPlayer>(new RingPlayer(options));
 }
 
 }  // namespace lenticule::frames

@@ -7,9 +7,18 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
+#include <vector>
 
+#include "base/unique_fd.h"
 #include "frames/frame_source.h"
+#include "frames/ring/listen_socket.h"
+#include "frames/ring/mapping.h"
+#include "frames/ring/ring_layout.h"
+#include "frames/ring/ring_protocol.h"
+#include "frames/ring/slot_table.h"
+#include "optics/trim.h"
 
 namespace lenticule::frames {
 
@@ -54,6 +63,30 @@ struct RingStatistics {
   std::string loop_obstacle;  ///< reason why rewind() cannot work; empty if it may
 };
 
+/// RingMemory is the player's mapping of a ring: a sealed memfd, its header and table writable, its
+/// slots read-only.
+class RingMemory {
+ public:
+  /// Throws Error(Usage) for a geometry that no ring can have, Error(Failed) when the ring would
+  /// need more than half of the free memory or the kernel refuses.
+  RingMemory(const RingLayout& layout, RingPrefault prefault);
+
+  [[nodiscard]] const RingLayout& layout() const { return layout_; }
+  [[nodiscard]] int fd() const { return fd_.get(); }
+  [[nodiscard]] RingHeader& header() const;
+  [[nodiscard]] std::span<SlotEntry> table() const;
+  /// Rewrites the constant fields.
+  void restore_header() const { write_header(layout_, header()); }
+  /// Returns the whole frame in a slot, with its present bytes.
+  [[nodiscard]] FrameView frame(int slot) const;
+
+ private:
+  RingLayout layout_;
+  UniqueFd fd_;
+  Mapping control_;  ///< header and table
+  Mapping pixels_;   ///< slots, read-only: the player cannot damage a frame
+};
+
 /// RingPlayer is a FrameSource over a ring.
 ///
 /// Renderers connect and disconnect, one at a time; pull() reports sequences, not renderers:
@@ -70,13 +103,83 @@ struct RingStatistics {
 /// service() handles connections and deaths.
 ///
 /// Thread safety: one thread, except where FrameSource states otherwise.
-class RingPlayer : public FrameSource {
+class RingPlayer final : public FrameSource {
  public:
   /// Throws Error(Usage) for invalid options, Error(Failed) when memory or socket are unavailable,
   /// Error(Device) when another player listens on the socket.
   [[nodiscard]] static std::unique_ptr<RingPlayer> open(const RingOptions& options);
 
-  [[nodiscard]] virtual RingStatistics statistics() const = 0;
+  [[nodiscard]] FrameGeometry geometry() const override { return memory_.layout().geometry; }
+  [[nodiscard]] std::optional<Rate> rate() const override { return hello_.rate; }
+  [[nodiscard]] std::optional<uint64_t> frame_count() const override { return hello_.frame_count; }
+  [[nodiscard]] PullStatus pull(AcquiredFrame& out) override;
+  void release(uint64_t token) override;
+  [[nodiscard]] int max_acquired() const override { return slot_table_.max_acquired(); }
+  [[nodiscard]] uint64_t ready_count() const override { return slot_table_.ready_count(); }
+  [[nodiscard]] bool saturated() const override { return slot_table_.saturated(); }
+  [[nodiscard]] bool rewind() override { return slot_table_.rewind(); }
+  [[nodiscard]] int wake_fd() const override { return events_.get(); }
+  [[nodiscard]] bool waits_for_others() const override { return true; }
+  void service() override;
+  [[nodiscard]] std::string failure() const override { return {}; }
+  [[nodiscard]] RingStatistics statistics() const;
+
+ private:
+  /// Connection is the connection to the renderer.
+  struct Connection {
+    UniqueFd socket;
+    UniqueFd published;  ///< eventfd; only armed edge-triggered and never read, because the peer
+                         ///< can make reads of a shared description block
+    UniqueFd process;    ///< pidfd
+  };
+
+  /// Departed is a renderer that has disconnected but may still be writing.
+  struct Departed {
+    Epoch epoch;
+    UniqueFd process;
+  };
+
+  /// Standing is the state of a connection after a message.
+  enum class Standing { Connected, SaidGoodbye, Lost };
+
+  struct Refusal {
+    RefuseReason reason;
+    std::string text;
+  };
+
+  explicit RingPlayer(const RingOptions& options);
+  [[nodiscard]] bool watch(int fd, uint32_t events) const noexcept;
+  void clear_wake() const noexcept;
+  void accept();
+  void answer_handshakes();
+  [[nodiscard]] bool answer(UniqueFd& socket);
+  void answer_hello(UniqueFd socket, const Packet& packet);
+  [[nodiscard]] std::optional<Refusal> reason_to_refuse(const UniqueFd& socket,
+                                                        const Packet& packet,
+                                                        RendererHello& hello) const;
+  [[nodiscard]] bool is_rig_accepted(const RendererHello& hello) const;
+  void report_other_trim(const RendererHello& hello) const;
+  [[nodiscard]] std::optional<Refusal> admit(UniqueFd& socket, RendererHello hello);
+  void serve_connection();
+  [[nodiscard]] Standing handle(const Packet& packet);
+  void drop_if_malformed();
+  void end_connection(Standing why);
+  void recover_departed();
+  void send_freed() const noexcept;
+
+  const RingOptions options_;
+  const optics::RigIdentity rig_ = optics::parse_identity(options_.rig_fingerprint);
+  RingMemory memory_;
+  SlotTable slot_table_;
+  ListenSocket listener_;
+  UniqueFd events_;
+  std::vector<UniqueFd> handshakes_;  ///< connections that have sent no message yet; oldest first
+  std::optional<Connection> connection_;
+  std::vector<Departed> departed_;
+  RendererHello hello_{.name = {}, .rig_fingerprint = {}, .rate = {}, .frame_count = {}};
+  uint64_t renderers_ = 0;
+  uint64_t refused_ = 0;
+  uint64_t deaths_ = 0;
 };
 
 }  // namespace lenticule::frames

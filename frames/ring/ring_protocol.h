@@ -12,8 +12,8 @@
 #include <type_traits>
 
 #include "base/unique_fd.h"
+#include "frames/ring/ring_layout.h"
 #include "frames/ring/ring_renderer.h"
-#include "frames/ring/slot_entry.h"
 
 namespace lenticule::frames {
 

@@ -15,11 +15,18 @@
 #include "base/error.h"
 #include "base/unix_address.h"
 #include "frames/ring/listen_socket.h"
-#include "frames/ring/mapping.h"
-#include "frames/ring/ring_layout.h"
 #include "frames/ring/ring_protocol.h"
 
 namespace lenticule::frames {
+
+/// RingAdmission holds the resources that the player granted.
+struct RingAdmission {
+  UniqueFd socket;
+  UniqueFd memory;
+  UniqueFd published;
+  AcceptMessage accept;
+};
+
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -51,14 +58,6 @@ void wait_for(int fd, short events, milliseconds timeout) {
   (void)::poll(&query, 1, static_cast<int>(timeout.count()));
 }
 
-/// Admission holds the resources that the player granted.
-struct Admission {
-  UniqueFd socket;
-  UniqueFd memory;
-  UniqueFd published;
-  AcceptMessage accept;
-};
-
 /// Obstacle is the reason why an attempt failed that may succeed later.
 struct Obstacle {
   std::string cause;
@@ -74,7 +73,7 @@ struct Obstacle {
   throw Error(kind, path + ": the player refused: " + text, hint);
 }
 
-[[noreturn]] void throw_nonsense(const std::string& path, const char* problem) {
+[[noreturn]] void throw_protocol_error(const std::string& path, const char* problem) {
   throw Error(ErrorKind::Input,
               path + ": the other end does not speak the ring protocol: " + problem);
 }
@@ -86,7 +85,7 @@ class Attempt {
 
   /// Connects and sends Hello. Sets an Obstacle for failures that may disappear; throws for others.
   /// At first, `obstacle` is that of the attempt before.
-  [[nodiscard]] std::optional<Admission> run(const HelloMessage& hello, Obstacle& obstacle) {
+  [[nodiscard]] std::optional<RingAdmission> run(const HelloMessage& hello, Obstacle& obstacle) {
     UniqueFd socket(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
     if (!socket) throw Error(ErrorKind::Failed, path_ + ": " + std::strerror(errno));
     if (::connect(socket.get(), address_.get(), address_.bytes) != 0) {
@@ -102,7 +101,7 @@ class Attempt {
   }
 
  private:
-  [[nodiscard]] std::optional<Admission> read_answer(UniqueFd socket, Obstacle& obstacle) {
+  [[nodiscard]] std::optional<RingAdmission> read_answer(UniqueFd socket, Obstacle& obstacle) {
     // The last attempt may have too little time for an answer; the answer before it still holds.
     if (obstacle.cause.empty() || time_left(deadline_) >= kTimeToAnswer)
       obstacle = {"the player does not answer",
@@ -118,10 +117,10 @@ class Attempt {
       obstacle = {"the player is " + text, "stop the other renderer, or wait for it"};
       return std::nullopt;
     }
-    Admission admission;
+    RingAdmission admission;
     if (const char* problem = read_accept(packet.bytes(), admission.accept))
-      throw_nonsense(path_, problem);
-    if (!packet.fds[0] || !packet.fds[1]) throw_nonsense(path_, "it sent no memory");
+      throw_protocol_error(path_, problem);
+    if (!packet.fds[0] || !packet.fds[1]) throw_protocol_error(path_, "it sent no memory");
     admission.socket = std::move(socket);
     admission.memory = std::move(packet.fds[0]);
     admission.published = std::move(packet.fds[1]);
@@ -133,8 +132,8 @@ class Attempt {
   Clock::time_point deadline_;
 };
 
-Admission be_admitted(const std::filesystem::path& path, const HelloMessage& hello,
-                      milliseconds timeout) {
+RingAdmission handshake(const std::filesystem::path& path, const HelloMessage& hello,
+                        milliseconds timeout) {
   const Clock::time_point deadline = deadline_after(timeout);
   Attempt attempt(path, deadline);
   Obstacle obstacle;
@@ -148,20 +147,22 @@ Admission be_admitted(const std::filesystem::path& path, const HelloMessage& hel
 }
 
 /// Maps the whole memory, after checking that no process can shrink it.
-Mapping map_memory(const std::string& path, const Admission& admission, RingLayout& layout) {
+Mapping map_memory(const std::string& path, const RingAdmission& admission, RingLayout& layout) {
   struct stat status;
   const int fd = admission.memory.get();
   const uint64_t promised = admission.accept.memory_bytes;
   if (::fstat(fd, &status) != 0 || status.st_size < 0 ||
       static_cast<uint64_t>(status.st_size) != promised || promised < kHeaderBytes)
-    throw_nonsense(path, "the size of the memory differs from the announced one");
+    throw_protocol_error(path, "the size of the memory differs from the announced one");
   const int seals = ::fcntl(fd, F_GET_SEALS);
-  if (seals < 0 || (seals & F_SEAL_SHRINK) == 0) throw_nonsense(path, "the memory is not sealed");
+  if (seals < 0 || (seals & F_SEAL_SHRINK) == 0)
+    throw_protocol_error(path, "the memory is not sealed");
   {
     const Mapping header(fd, 0, kHeaderBytes, PROT_READ);
     if (!header) throw Error(ErrorKind::Failed, path + ": cannot map the ring");
     const auto* fields = std::launder(reinterpret_cast<const RingHeader*>(header.bytes().data()));
-    if (const char* problem = read_header(*fields, promised, layout)) throw_nonsense(path, problem);
+    if (const char* problem = read_header(*fields, promised, layout))
+      throw_protocol_error(path, problem);
   }
   Mapping memory(fd, 0, layout.memory_bytes, PROT_READ | PROT_WRITE);
   if (!memory)
@@ -170,48 +171,23 @@ Mapping map_memory(const std::string& path, const Admission& admission, RingLayo
   return memory;
 }
 
-class Renderer final : public RingRenderer {
- public:
-  Renderer(const std::string& path, Admission admission)
-      : socket_(std::move(admission.socket)),
-        published_event_(std::move(admission.published)),
-        epoch_(admission.accept.epoch),
-        memory_(map_memory(path, admission, layout_)) {
-    table_ = {reinterpret_cast<SlotEntry*>(memory_.bytes().data() + layout_.table_offset),
-              static_cast<size_t>(layout_.slots)};
-  }
-  ~Renderer() override { Renderer::abandon(); }
+}  // namespace
 
-  [[nodiscard]] FrameGeometry geometry() const override { return layout_.geometry; }
-  [[nodiscard]] int slots() const override { return layout_.slots; }
-  [[nodiscard]] RingStatus acquire(uint64_t number, milliseconds timeout,
-                                   std::span<uint8_t>& pixels) override;
-  [[nodiscard]] RingStatus publish() override;
-  void abandon() override;
-  void finish() override;
+RingRenderer::RingRenderer(const std::string& path, RingAdmission admission)
+    : socket_(std::move(admission.socket)),
+      published_event_(std::move(admission.published)),
+      epoch_(admission.accept.epoch),
+      memory_(map_memory(path, admission, layout_)) {
+  table_ = {reinterpret_cast<SlotEntry*>(memory_.bytes().data() + layout_.table_offset),
+            static_cast<size_t>(layout_.slots)};
+}
 
- private:
-  [[nodiscard]] bool take_slot() noexcept;
-  void read_messages() noexcept;
-  void beat() noexcept;
-  void ask_for_slot() noexcept;
+RingRenderer::~RingRenderer() {
+  abandon();
+}
 
-  RingLayout layout_;
-  UniqueFd socket_;
-  UniqueFd published_event_;
-  Epoch epoch_;
-  Mapping memory_;
-  std::span<SlotEntry> table_;
-  std::optional<int> held_;  ///< the slot being written
-  uint64_t number_ = 0;      ///< number of the frame in the slot
-  uint64_t published_ = 0;
-  int cursor_ =
-      0;  ///< the slot after the last one taken: cyclic order keeps the player's search short
-  bool asked_ = false;
-  bool gone_ = false;
-};
-
-RingStatus Renderer::acquire(uint64_t number, milliseconds timeout, std::span<uint8_t>& pixels) {
+RingStatus RingRenderer::acquire(uint64_t number, milliseconds timeout,
+                                 std::span<uint8_t>& pixels) {
   LENTICULE_CHECK(!held_);
   const Clock::time_point deadline = deadline_after(timeout);
   for (;;) {
@@ -229,7 +205,7 @@ RingStatus Renderer::acquire(uint64_t number, milliseconds timeout, std::span<ui
   return RingStatus::Ok;
 }
 
-bool Renderer::take_slot() noexcept {
+bool RingRenderer::take_slot() noexcept {
   for (int i = 0; i < layout_.slots; ++i) {
     const int slot = (cursor_ + i) % layout_.slots;
     if (!take_free_slot(table_[slot], epoch_)) continue;
@@ -242,7 +218,7 @@ bool Renderer::take_slot() noexcept {
 }
 
 /// Reads wake-ups, which carry no data; the purpose is to detect that the player has exited.
-void Renderer::read_messages() noexcept {
+void RingRenderer::read_messages() noexcept {
   Packet packet;
   Transfer transfer = Transfer::Done;
   while (transfer == Transfer::Done && !gone_)
@@ -250,18 +226,18 @@ void Renderer::read_messages() noexcept {
   if (transfer == Transfer::Closed) gone_ = true;
 }
 
-void Renderer::beat() noexcept {
+void RingRenderer::beat() noexcept {
   auto* header = std::launder(reinterpret_cast<RingHeader*>(memory_.bytes().data()));
   header->heartbeat.fetch_add(1, std::memory_order_relaxed);
 }
 
 /// Asks once per slot: the player answers as soon as one is free.
-void Renderer::ask_for_slot() noexcept {
+void RingRenderer::ask_for_slot() noexcept {
   if (asked_) return;
   asked_ = send_message(socket_.get(), make_wake(MessageKind::Wanted)) == Transfer::Done;
 }
 
-RingStatus Renderer::publish() {
+RingStatus RingRenderer::publish() {
   LENTICULE_CHECK(held_);
   const bool ours = publish_slot(table_[*held_], epoch_, number_, published_);
   held_.reset();
@@ -276,12 +252,12 @@ RingStatus Renderer::publish() {
   return RingStatus::Ok;
 }
 
-void Renderer::abandon() {
+void RingRenderer::abandon() {
   if (held_) abandon_slot(table_[*held_], epoch_);
   held_.reset();
 }
 
-void Renderer::finish() {
+void RingRenderer::finish() {
   abandon();
   const Clock::time_point deadline = deadline_after(kGoodbyeTimeout);
   while (!gone_ && send_message(socket_.get(), make_goodbye(published_)) == Transfer::WouldBlock) {
@@ -292,13 +268,11 @@ void Renderer::finish() {
   socket_.reset();
 }
 
-}  // namespace
-
 std::unique_ptr<RingRenderer> RingRenderer::connect(const std::filesystem::path& socket,
                                                     const RendererHello& hello,
                                                     milliseconds timeout) {
-  return std::make_unique<Renderer>(socket.string(),
-                                    be_admitted(socket, make_hello(hello), timeout));
+  return std::unique_ptr<RingRenderer>(
+      new RingRenderer(socket.string(), handshake(socket, make_hello(hello), timeout)));
 }
 
 }  // namespace lenticule::frames

@@ -10,8 +10,11 @@
 #include <span>
 #include <string>
 
+#include "base/unique_fd.h"
 #include "frames/frame.h"
 #include "frames/rational.h"
+#include "frames/ring/mapping.h"
+#include "frames/ring/ring_layout.h"
 
 namespace lenticule::frames {
 
@@ -28,6 +31,8 @@ enum class RingStatus {
   Gone,      ///< the player has exited; connect again
 };
 
+struct RingAdmission;
+
 /// RingRenderer is one connection.
 ///
 /// Thread safety: one thread.
@@ -39,22 +44,45 @@ class RingRenderer {
   [[nodiscard]] static std::unique_ptr<RingRenderer> connect(const std::filesystem::path& socket,
                                                              const RendererHello& hello,
                                                              std::chrono::milliseconds timeout);
-  virtual ~RingRenderer() = default;
+  ~RingRenderer();
+  RingRenderer(const RingRenderer&) = delete;
+  RingRenderer& operator=(const RingRenderer&) = delete;
 
   /// Returns the geometry that the player requires.
-  [[nodiscard]] virtual FrameGeometry geometry() const = 0;
-  [[nodiscard]] virtual int slots() const = 0;
+  [[nodiscard]] FrameGeometry geometry() const { return layout_.geometry; }
+  [[nodiscard]] int slots() const { return layout_.slots; }
 
   /// Acquires a free slot for frame `number`; its bytes are undefined. At most one slot at a time.
-  [[nodiscard]] virtual RingStatus acquire(uint64_t number, std::chrono::milliseconds timeout,
-                                           std::span<uint8_t>& pixels) = 0;
+  [[nodiscard]] RingStatus acquire(uint64_t number, std::chrono::milliseconds timeout,
+                                   std::span<uint8_t>& pixels);
   /// Publishes the acquired slot. Frames are shown in the order of publishing.
-  [[nodiscard]] virtual RingStatus publish() = 0;
+  [[nodiscard]] RingStatus publish();
   /// Releases the acquired slot without publishing it.
-  virtual void abandon() = 0;
+  void abandon();
 
   /// Completes the sequence, then sends the Goodbye message.
-  virtual void finish() = 0;
+  void finish();
+
+ private:
+  RingRenderer(const std::string& path, RingAdmission admission);
+  [[nodiscard]] bool take_slot() noexcept;
+  void read_messages() noexcept;
+  void beat() noexcept;
+  void ask_for_slot() noexcept;
+
+  RingLayout layout_;
+  UniqueFd socket_;
+  UniqueFd published_event_;
+  Epoch epoch_;
+  Mapping memory_;
+  std::span<SlotEntry> table_;
+  std::optional<int> held_;  ///< the slot being written
+  uint64_t number_ = 0;      ///< number of the frame in the slot
+  uint64_t published_ = 0;
+  int cursor_ =
+      0;  ///< the slot after the last one taken: cyclic order keeps the player's search short
+  bool asked_ = false;
+  bool gone_ = false;
 };
 
 }  // namespace lenticule::frames

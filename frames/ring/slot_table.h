@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "frames/frame_source.h"
-#include "frames/ring/slot_entry.h"
+#include "frames/ring/ring_layout.h"
 
 namespace lenticule::frames {
 

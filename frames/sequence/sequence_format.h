@@ -7,12 +7,49 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "frames/frame.h"
 #include "frames/sequence/band_codec.h"
+#include "frames/sequence/sequence_info.h"
 
 namespace lenticule::frames {
+
+// Reads and writes integers as little-endian bytes, on machines of any byte order.
+
+[[nodiscard]] inline uint64_t load_little(const uint8_t* from, int bytes) noexcept {
+  uint64_t value = 0;
+  for (int i = bytes - 1; i >= 0; --i) value = value << 8 | from[i];
+  return value;
+}
+[[nodiscard]] inline uint32_t load_u32(const uint8_t* from) noexcept {
+  return static_cast<uint32_t>(load_little(from, 4));
+}
+[[nodiscard]] inline uint64_t load_u64(const uint8_t* from) noexcept {
+  return load_little(from, 8);
+}
+
+inline void append_little(std::vector<uint8_t>& to, uint64_t value, int bytes) {
+  for (int i = 0; i < bytes; ++i) to.push_back(static_cast<uint8_t>(value >> 8 * i));
+}
+inline void append_u32(std::vector<uint8_t>& to, uint32_t value) {
+  append_little(to, value, 4);
+}
+inline void append_u64(std::vector<uint8_t>& to, uint64_t value) {
+  append_little(to, value, 8);
+}
+
+// Reads and writes whole byte ranges of a file at 64-bit offsets.
+
+/// Returns the size of an open file; 0 if the size is unknown.
+[[nodiscard]] uint64_t size_of(int fd) noexcept;
+
+/// Returns false at the end of the file and for errors; `to` is undefined then.
+[[nodiscard]] bool read_at(int fd, uint64_t offset, std::span<uint8_t> to) noexcept;
+
+/// Returns false if not all bytes could be written; errno has the cause.
+[[nodiscard]] bool write_at(int fd, uint64_t offset, std::span<const uint8_t> from) noexcept;
 
 inline constexpr uint32_t kSequenceVersion = 1;
 inline constexpr size_t kFileHeaderBytes = 64;
@@ -101,5 +138,31 @@ enum class HeaderFlaw { None, NoSequence, OtherVersion, Damaged, OutOfRange };
 
 /// Returns the four bytes at the start of a frame.
 [[nodiscard]] std::span<const uint8_t> frame_magic() noexcept;
+
+/// SequenceLayout holds the offsets of all parts of a sequence container: from its index, or from
+/// the frames themselves if the index is missing (writing was interrupted) or damaged.
+struct SequenceLayout {
+  FileHeader header;
+  SequenceInfo info;
+  std::vector<uint64_t> frames;  ///< offsets of the frame headers; 0 for a damaged frame
+  uint64_t data_end = 0;         ///< end of the last frame, where the next frame would be appended
+  bool from_index = false;       ///< false: the frames were found by scanning the file
+  bool has_every_frame = false;  ///< false: the file ends after some frame, without its index
+};
+
+/// Append what precedes the frames of a new file, whose header this sets, and what follows them.
+void append_file_start(const SequenceInfo& info, FileHeader& header, std::vector<uint8_t>& to);
+void append_index(const std::vector<uint64_t>& frames, uint64_t data_end, std::vector<uint8_t>& to);
+
+/// Reads the header, the metadata and the index of an open file. Throws Error(Input) that begins
+/// with `source` for a file that is not a sequence, has another version, or has a damaged header or
+/// damaged metadata. Other damage loses frames, not the file. Memory is bounded by the file's size.
+[[nodiscard]] SequenceLayout read_sequence_layout(int fd, const std::string& source);
+
+/// Reads the band table of one frame. Returns false if the table is damaged or points beyond the
+/// frame's end. `entries` has header.bands() elements; `scratch` is at least table_bytes() long.
+[[nodiscard]] bool read_band_table(int fd, const SequenceLayout& layout, uint64_t frame,
+                                   std::span<BandEntry> entries,
+                                   std::span<uint8_t> scratch) noexcept;
 
 }  // namespace lenticule::frames

@@ -20,7 +20,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
-#include "frames/sequence/file_bytes.h"
+#include "frames/sequence/sequence_format.h"
 
 namespace lenticule::frames {
 namespace {

@@ -16,7 +16,7 @@
 
 #include "base/temporary.h"
 #include "frames/frame.h"
-#include "frames/sequence/sequence_layout.h"
+#include "frames/sequence/sequence_format.h"
 
 namespace lenticule::frames {
 

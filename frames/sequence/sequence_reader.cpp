@@ -2,16 +2,56 @@
 #include "frames/sequence/sequence_reader.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <limits>
+#include <memory>
 #include <string>
+#include <utility>
+#include <vector>
 
+#include "base/error.h"
 #include "base/file.h"
 #include "base/text.h"
-#include "frames/sequence/file_bytes.h"
+#include "frames/sequence/sequence_format.h"
 
 namespace lenticule::frames {
+
+FrameDecoder::FrameDecoder(int fd, const SequenceLayout& layout)
+    : fd_(fd),
+      layout_(layout),
+      decoder_(layout.header.band_bytes(0)),
+      entries_(static_cast<size_t>(layout.header.bands())),
+      table_(layout.header.table_bytes()),
+      payload_(layout.header.band_bytes(0)) {}
+
+bool FrameDecoder::read_payload(const BandEntry& entry) noexcept {
+  const std::span<uint8_t> payload = std::span(payload_).first(entry.bytes);
+  return read_at(fd_, entry.offset, payload) && checksum_of(payload) == entry.checksum;
+}
+
+bool FrameDecoder::decode(uint64_t frame, std::span<uint8_t> to) noexcept {
+  if (!read_band_table(fd_, layout_, frame, entries_, table_)) return false;
+  for (int band = 0; band < layout_.header.bands(); ++band) {
+    const BandEntry& entry = entries_[static_cast<size_t>(band)];
+    const std::span<uint8_t> pixels =
+        to.subspan(layout_.header.band_offset(band), layout_.header.band_bytes(band));
+    if (!read_payload(entry) ||
+        !decoder_.decode(entry.codec, std::span(payload_).first(entry.bytes), pixels))
+      return false;
+  }
+  return true;
+}
+
+bool FrameDecoder::check(uint64_t frame) noexcept {
+  if (!read_band_table(fd_, layout_, frame, entries_, table_)) return false;
+  for (const BandEntry& entry : entries_) {
+    if (!read_payload(entry)) return false;
+  }
+  return true;
+}
 
 namespace {
 
@@ -68,6 +108,113 @@ std::vector<uint64_t> SequenceReader::find_damaged(
     if (progress && !progress(number)) break;
   }
   return damaged;
+}
+
+namespace {
+
+constexpr uint64_t kMaxDistance = 64;  ///< largest distance of a replacement in frames
+
+uint64_t checked_end(const std::filesystem::path& file, const SequenceSourceOptions& options,
+                     uint64_t count) {
+  if (count == 0)
+    throw Error(ErrorKind::Input, fmt::format("{}: has no frames", file.string()),
+                "its writer was stopped before the first frame: continue with --resume");
+  const uint64_t end = options.end.value_or(count);
+  if (options.begin < end && end <= count) return end;
+  throw Error(ErrorKind::Input,
+              fmt::format("{}: has frames 0 to {}, not {} to {}", file.string(), count - 1,
+                          options.begin, end - 1),
+              "use a range of existing frames");
+}
+
+}  // namespace
+
+/// Frames holds the file and a decoder per thread.
+class SequenceSource::Frames final : public FrameDecoding {
+ public:
+  Frames(const std::filesystem::path& file, const SequenceSourceOptions& options)
+      : reader_(file),
+        options_(options),
+        end_(checked_end(file, options, reader_.frame_count())),
+        spare_cache_(reader_.file_bytes() > options.cached_file_bytes) {
+    const int threads = std::clamp(options.decoder_threads, 1, kMaxDecoderThreads);
+    decoders_.reserve(static_cast<size_t>(threads));
+    for (int t = 0; t < threads; ++t) decoders_.push_back(reader_.make_decoder());
+  }
+
+  [[nodiscard]] const SequenceInfo& info() const { return reader_.info(); }
+  [[nodiscard]] uint64_t damaged() const { return damaged_.load(); }
+  [[nodiscard]] uint64_t missing() const { return options_.end ? 0 : reader_.missing_frames(); }
+  [[nodiscard]] DecodedRounds rounds() const override;
+
+  std::string decode(int thread, uint64_t frame, uint64_t next, WovenFrame& to) override {
+    reader_.will_need(next);
+    if (to.geometry() != reader_.geometry()) to = WovenFrame(reader_.geometry());
+    const bool decoded = decode_or_replace(decoders_[static_cast<size_t>(thread)], frame, to);
+    if (spare_cache_) reader_.done_with(frame);
+    return decoded ? std::string()
+                   : fmt::format("frame {}: neither this frame nor one near it can be read", frame);
+  }
+
+ private:
+  [[nodiscard]] bool decode_or_replace(FrameDecoder& decoder, uint64_t frame, WovenFrame& to);
+
+  SequenceReader reader_;
+  SequenceSourceOptions options_;
+  uint64_t end_;
+  bool spare_cache_;
+  std::atomic<uint64_t> damaged_{0};
+  std::vector<FrameDecoder> decoders_;
+};
+
+DecodedRounds SequenceSource::Frames::rounds() const {
+  DecodedRounds rounds{.geometry = reader_.geometry(),
+                       .rate = info().rate,
+                       .first = options_.begin,
+                       .loop = options_.begin,
+                       .last = end_,
+                       .pool_frames = options_.pool_frames,
+                       .decoder_threads = options_.decoder_threads};
+  const bool whole = options_.begin == 0 && !options_.end;
+  if (whole && info().loop_begin < end_) {  // a truncated file may end before its loop does
+    rounds.last = std::min(end_, info().loop_end.value_or(end_));
+    rounds.loop = info().loop_begin;
+  }
+  rounds.skipped = options_.first < rounds.last - rounds.first ? options_.first : 0;
+  return rounds;
+}
+
+bool SequenceSource::Frames::decode_or_replace(FrameDecoder& decoder, uint64_t frame,
+                                               WovenFrame& to) {
+  if (decoder.decode(frame, to.bytes())) return true;
+  damaged_.fetch_add(1);
+  const uint64_t back = std::min(frame, kMaxDistance);
+  for (uint64_t distance = 1; distance <= back; ++distance) {
+    if (decoder.decode(frame - distance, to.bytes())) return true;
+  }
+  const uint64_t ahead = std::min(reader_.frame_count() - 1 - frame, kMaxDistance);
+  for (uint64_t distance = 1; distance <= ahead; ++distance) {
+    if (decoder.decode(frame + distance, to.bytes())) return true;
+  }
+  return false;
+}
+
+SequenceSource::SequenceSource(const std::filesystem::path& file,
+                               const SequenceSourceOptions& options)
+    : DecodedSource("sequence", std::make_unique<Frames>(file, options)),
+      frames_(static_cast<const Frames&>(decoding())) {}
+
+const SequenceInfo& SequenceSource::info() const {
+  return frames_.info();
+}
+
+uint64_t SequenceSource::damaged_frames() const {
+  return frames_.damaged();
+}
+
+FrameDamage SequenceSource::damage() const {
+  const uint64_t damaged = frames_.damaged();
+  return {.damaged = damaged, .missing = frames_.missing(), .repeated = damaged};
 }
 
 }  // namespace lenticule::frames

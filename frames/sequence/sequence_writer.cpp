@@ -13,9 +13,9 @@
 
 #include "base/error.h"
 #include "base/file.h"
-#include "frames/sequence/file_bytes.h"
-#include "frames/sequence/frame_decoder.h"
-#include "frames/sequence/predictor_choice.h"
+#include "frames/sequence/band_codec.h"
+#include "frames/sequence/sequence_format.h"
+#include "frames/sequence/sequence_reader.h"
 
 namespace lenticule::frames {
 namespace {

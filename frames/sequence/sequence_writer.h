@@ -13,7 +13,7 @@
 #include "frames/frame.h"
 #include "frames/sequence/band_codec.h"
 #include "frames/sequence/band_workers.h"
-#include "frames/sequence/sequence_layout.h"
+#include "frames/sequence/sequence_format.h"
 
 namespace lenticule::frames {
 

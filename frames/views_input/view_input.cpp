@@ -8,8 +8,171 @@
 #include <utility>
 
 #include "base/error.h"
+#include "frames/weave.h"
+#include "frames/weaving/reweave.h"
 
 namespace lenticule::frames {
+namespace {
+
+ViewSet in_order(ViewSet views, bool rightmost_first) {
+  return rightmost_first ? std::move(views).reversed() : std::move(views);
+}
+
+double natural_aspect(int width, int height) {
+  return static_cast<double>(width) / height;
+}
+
+class QuiltTiles final : public ViewArrangement {
+ public:
+  QuiltTiles(const FrameGeometry& picture, const QuiltLayout& layout, bool rightmost_first,
+             const std::string& name)
+      : layout_(layout), rightmost_first_(rightmost_first) {
+    const TileSize tile = tile_size(picture, layout, name);
+    shape_ = {.count = layout.view_count(),
+              .width = tile.width,
+              .height = tile.height,
+              .aspect = layout.aspect.value_or(natural_aspect(tile.width, tile.height))};
+  }
+  ViewShape shape() const override { return shape_; }
+  ViewSet arrange(std::span<const FrameView> pictures) override {
+    return in_order(ViewSet::borrow(pictures.front(), layout_), rightmost_first_);
+  }
+
+ private:
+  QuiltLayout layout_;
+  bool rightmost_first_;
+  ViewShape shape_;
+};
+
+class Pictures final : public ViewArrangement {
+ public:
+  Pictures(const FrameGeometry& picture, int count, std::optional<double> aspect,
+           bool rightmost_first)
+      : shape_{.count = count,
+               .width = picture.width,
+               .height = picture.height,
+               .aspect = aspect.value_or(natural_aspect(picture.width, picture.height))},
+        rightmost_first_(rightmost_first) {}
+  ViewShape shape() const override { return shape_; }
+  ViewSet arrange(std::span<const FrameView> pictures) override {
+    return in_order(ViewSet::borrow(pictures, shape_.aspect), rightmost_first_);
+  }
+
+ private:
+  ViewShape shape_;
+  bool rightmost_first_;
+};
+
+/// Halves describes the colour and the depth part of one picture.
+struct Halves {
+  QuiltLayout layout;
+  int colour = 0;  ///< tile
+};
+Halves halves_of(DepthPlace place) {
+  const bool beside = place == DepthPlace::Left || place == DepthPlace::Right;
+  return {.layout =
+              beside ? QuiltLayout{.columns = 2, .rows = 1} : QuiltLayout{.columns = 1, .rows = 2},
+          .colour = place == DepthPlace::Left || place == DepthPlace::Bottom ? 1 : 0};
+}
+
+class ColourAndDepth final : public ViewArrangement {
+ public:
+  ColourAndDepth(const TileSize& colour, std::optional<DepthPlace> place,
+                 std::optional<double> aspect, const DepthOptions& options)
+      : place_(place),
+        drawn_(colour.width, colour.height, options),
+        shape_{.count = options.views,
+               .width = colour.width,
+               .height = colour.height,
+               .aspect = aspect.value_or(natural_aspect(colour.width, colour.height))} {}
+  ViewShape shape() const override { return shape_; }
+  ViewSet arrange(std::span<const FrameView> pictures) override {
+    const auto views = place_ ? draw_halves(pictures.front())
+                              : drawn_.draw(window_of(pictures[0]), window_of(pictures[1]));
+    return ViewSet::borrow(views, shape_.aspect);
+  }
+
+ private:
+  std::span<const FrameView> draw_halves(const FrameView& picture) {
+    const Halves halves = halves_of(*place_);
+    const ViewSet tiles = ViewSet::borrow(picture, halves.layout);
+    const auto window = [&](int tile) {
+      return PictureWindow{.pixels = tiles.pixel(tile, 0, 0),
+                           .stride_bytes = tiles.stride_bytes(),
+                           .width = tiles.width(),
+                           .height = tiles.height()};
+    };
+    return drawn_.draw(window(halves.colour), window(1 - halves.colour));
+  }
+
+  std::optional<DepthPlace> place_;
+  DepthViews drawn_;
+  ViewShape shape_;
+};
+
+class WovenForAnotherRig final : public ViewArrangement {
+ public:
+  WovenForAnotherRig(const optics::OpticalModel& model, int views) : model_(model), views_(views) {
+    const optics::Panel& panel = model.rig().panel;
+    const FrameGeometry view = decoded_geometry(model.rig());
+    shape_ = {.count = views,
+              .width = view.width,
+              .height = view.height,
+              .aspect = panel.width_px * panel.pixel_width.value /
+                        (panel.height_px * panel.pixel_height.value)};
+  }
+  ViewShape shape() const override { return shape_; }
+  ViewSet arrange(std::span<const FrameView> pictures) override {
+    return views_of_woven(pictures.front(), model_, views_);
+  }
+
+ private:
+  optics::OpticalModel model_;
+  int views_;
+  ViewShape shape_;
+};
+
+}  // namespace
+
+std::unique_ptr<ViewArrangement> arrange_quilt(const FrameGeometry& picture,
+                                               const QuiltLayout& layout, bool rightmost_first,
+                                               const std::string& name) {
+  return std::make_unique<QuiltTiles>(picture, layout, rightmost_first, name);
+}
+
+std::unique_ptr<ViewArrangement> arrange_pictures(const FrameGeometry& picture, int count,
+                                                  std::optional<double> aspect,
+                                                  bool rightmost_first) {
+  return std::make_unique<Pictures>(picture, count, aspect, rightmost_first);
+}
+
+std::unique_ptr<ViewArrangement> arrange_depth(const FrameGeometry& colour,
+                                               std::optional<double> aspect,
+                                               const DepthOptions& options) {
+  return std::make_unique<ColourAndDepth>(TileSize{.width = colour.width, .height = colour.height},
+                                          std::nullopt, aspect, options);
+}
+
+std::unique_ptr<ViewArrangement> arrange_depth_in(const FrameGeometry& picture, DepthPlace place,
+                                                  std::optional<double> aspect,
+                                                  const DepthOptions& options,
+                                                  const std::string& name) {
+  const TileSize half = tile_size(picture, halves_of(place).layout, name);
+  return std::make_unique<ColourAndDepth>(half, place, aspect, options);
+}
+
+std::unique_ptr<ViewArrangement> arrange_woven(const FrameGeometry& picture,
+                                               const optics::OpticalModel& woven_for, int views,
+                                               const std::string& name) {
+  const optics::Panel& panel = woven_for.rig().panel;
+  if (picture != FrameGeometry{.width = panel.width_px, .height = panel.height_px})
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: {}x{} pixels, but the panel of the rig that it was woven for has "
+                            "{}x{}",
+                            name, picture.width, picture.height, panel.width_px, panel.height_px),
+                "use the rig that it was woven for");
+  return std::make_unique<WovenForAnotherRig>(woven_for, views);
+}
 
 ViewInput::ViewInput(std::vector<std::unique_ptr<FrameSource>> pictures,
                      std::unique_ptr<ViewArrangement> arrangement, std::string name)

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "base/error.h"
-#include "frames/decoded_view.h"
 #include "frames/srgb.h"
 #include "frames/weave.h"
 #include "optics/row_rays.h"

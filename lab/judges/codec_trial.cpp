@@ -9,7 +9,6 @@
 
 #include "base/error.h"
 #include "frames/sequence/band_codec.h"
-#include "frames/sequence/predictor_choice.h"
 #include "frames/sequence/sequence_format.h"
 
 namespace lenticule::lab {

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "base/file_mark.h"
+#include "base/file.h"
 #include "base/unique_fd.h"
 #include "player/playlist/playlist.h"
 

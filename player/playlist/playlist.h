@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "base/file_mark.h"
+#include "base/file.h"
 #include "frames/rational.h"
 #include "player/playback/frame_copier.h"
 #include "player/sources/source_spec.h"

@@ -16,9 +16,8 @@
 
 #include "base/error.h"
 #include "base/file.h"
-#include "base/file_mark.h"
 #include "frames/image_io.h"
-#include "frames/sequence/sequence_layout.h"
+#include "frames/sequence/sequence_format.h"
 
 namespace lenticule::player {
 namespace {

@@ -11,7 +11,7 @@
 #include "base/numbers.h"
 #include "frames/image_io.h"
 #include "frames/sequence/sequence_reader.h"
-#include "frames/views_input/jps_tag.h"
+#include "frames/views_input/content_name.h"
 #include "frames/views_input/quilt_sidecar.h"
 #include "player/sources/video_probe.h"
 

@@ -8,7 +8,7 @@
 #include <algorithm>
 
 #include "base/error.h"
-#include "frames/sequence/little_endian.h"
+#include "frames/sequence/sequence_format.h"
 
 namespace lenticule::player {
 namespace {

@@ -7,9 +7,9 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "frames/decoded_view.h"
 #include "frames/image_io.h"
 #include "frames/quilt.h"
+#include "frames/weave.h"
 #include "frames/weaving/fast_weaver.h"
 #include "optics/rig_file.h"
 #include "tests/commands/program.h"

@@ -23,7 +23,7 @@
 #include "base/statistics.h"
 #include "farm/work_folder.h"
 #include "frames/image_io.h"
-#include "frames/sequence/predictor_choice.h"
+#include "frames/sequence/band_codec.h"
 #include "frames/sequence/sequence_joiner.h"
 #include "frames/sequence/sequence_reader.h"
 #include "player/process/child_process.h"

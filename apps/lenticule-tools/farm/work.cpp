@@ -26,7 +26,7 @@
 #include "base/temporary.h"
 #include "base/text.h"
 #include "farm/work_folder.h"
-#include "frames/sequence/predictor_choice.h"
+#include "frames/sequence/band_codec.h"
 #include "frames/sequence/sequence_joiner.h"
 #include "frames/sequence/sequence_reader.h"
 #include "frames/sequence/sequence_writer.h"

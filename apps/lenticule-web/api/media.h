@@ -15,7 +15,7 @@
 
 #include "apps/lenticule-web/http/message.h"
 #include "apps/lenticule-web/http/parse.h"
-#include "base/file_mark.h"
+#include "base/file.h"
 
 namespace lenticule::web {
 

@@ -10,9 +10,8 @@
 
 #include "base/error.h"
 #include "base/unique_fd.h"
-#include "frames/sequence/file_bytes.h"
-#include "frames/sequence/frame_decoder.h"
-#include "frames/sequence/little_endian.h"
+#include "frames/sequence/sequence_format.h"
+#include "frames/sequence/sequence_reader.h"
 
 namespace lenticule::frames {
 namespace {

@@ -9,7 +9,7 @@
 #include <optional>
 #include <string>
 
-#include "frames/bitmap_font.h"
+#include "frames/text.h"
 
 namespace lenticule::display {
 namespace {

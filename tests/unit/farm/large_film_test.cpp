@@ -12,9 +12,8 @@
 #include "base/temporary.h"
 #include "base/unique_fd.h"
 #include "farm/work_folder.h"
-#include "frames/sequence/file_bytes.h"
+#include "frames/sequence/sequence_format.h"
 #include "frames/sequence/sequence_joiner.h"
-#include "frames/sequence/sequence_layout.h"
 #include "small_farm.h"
 
 namespace lenticule::farm {

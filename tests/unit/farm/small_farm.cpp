@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "small_farm.h"
 
-#include "frames/sequence/predictor_choice.h"
+#include "frames/sequence/band_codec.h"
 #include "frames/sequence/sequence_format.h"
 #include "frames/sequence/sequence_joiner.h"
 #include "frames/sequence/sequence_writer.h"

@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests SSIM, MSE and PSNR against their definitions, and the views that eyes see.
-#include "frames/similarity.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
 #include "frames/compare.h"
-#include "frames/decoded_view.h"
+#include "frames/weave.h"
 #include "tests/support/error_matchers.h"
 #include "tests/support/noise_frame.h"
 #include "tests/support/oracles/picture_oracle.h"

@@ -8,8 +8,6 @@
 #include <numeric>
 #include <set>
 
-#include "frames/bitmap_font.h"
-
 namespace lenticule::frames {
 namespace {
 

@@ -10,7 +10,6 @@
 #include <tuple>
 
 #include "band_oracle.h"
-#include "frames/sequence/predictor_choice.h"
 #include "small_sequences.h"
 #include "tests/support/instruction_sets.h"
 

@@ -8,8 +8,8 @@
 
 #include <set>
 
-#include "frames/sequence/file_bytes.h"
-#include "frames/sequence/sequence_source.h"
+#include "frames/sequence/sequence_format.h"
+#include "frames/sequence/sequence_reader.h"
 #include "frames/sequence/sequence_writer.h"
 #include "small_sequences.h"
 #include "tests/support/error_matchers.h"

@@ -8,7 +8,7 @@
 #include <random>
 
 #include "base/error.h"
-#include "frames/sequence/predictor_choice.h"
+#include "frames/sequence/band_codec.h"
 #include "frames/sequence/sequence_reader.h"
 #include "frames/sequence/sequence_writer.h"
 #include "small_sequences.h"

@@ -4,8 +4,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include "frames/sequence/file_bytes.h"
-#include "frames/sequence/little_endian.h"
+#include "frames/sequence/sequence_format.h"
 #include "frames/sequence/sequence_reader.h"
 #include "frames/sequence/sequence_writer.h"
 #include "small_sequences.h"

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests that a container plays in order, without a gap at its loop points, from a pool of bounded
 // size.
-#include "frames/sequence/sequence_source.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <poll.h>
@@ -11,6 +9,7 @@
 #include <deque>
 #include <filesystem>
 
+#include "frames/sequence/sequence_reader.h"
 #include "frames/sequence/sequence_writer.h"
 #include "small_sequences.h"
 #include "tests/support/error_matchers.h"
