@@ -3,24 +3,24 @@
 // includes this file.
 #pragma once
 
-// NOLINTBEGIN
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wconversion"
-#pragma GCC diagnostic ignored "-Wold-style-cast"
-#pragma GCC diagnostic ignored "-Wpedantic"
-extern "C" {
 #include <libavcodec/avcodec.h>
 #include <libavformat/avformat.h>
 #include <libavutil/imgutils.h>
 #include <libavutil/opt.h>
 #include <libavutil/pixdesc.h>
 #include <libavutil/stereo3d.h>
-}
-#pragma GCC diagnostic pop
-// NOLINTEND
 
 #include <memory>
 #include <string>
+
+// NOLINTBEGIN
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wconversion"
+#pragma GCC diagnostic ignored "-Wold-style-cast"
+#pragma GCC diagnostic ignored "-Wpedantic"
+extern "C" {}
+#pragma GCC diagnostic pop
+// NOLINTEND
 
 namespace lenticule::video {
 
@@ -58,5 +58,11 @@ using AvOutput = std::unique_ptr<AVFormatContext, FreeFormat>;
   av_strerror(error, text, sizeof text);
   return text;
 }
+
+// Lets FFmpeg read and write an open descriptor instead of a named file.
+
+/// Lifetime: the descriptor stays its owner's and must outlive the result. Throws Error(Failed).
+[[nodiscard]] AvIo read_descriptor(const int& fd);
+[[nodiscard]] AvIo write_descriptor(const int& fd);
 
 }  // namespace lenticule::video

@@ -2,6 +2,8 @@
 // ClipReader decodes one video stream of a file, frame after frame in display order.
 #pragma once
 
+#include <chrono>
+#include <condition_variable>
 #include <cstdarg>
 #include <cstdint>
 #include <functional>
@@ -10,14 +12,56 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "apps/lenticule-video/av_handles.h"
 #include "apps/lenticule-video/hardware_decoders.h"
 #include "apps/lenticule-video/stream_pixels.h"
-#include "apps/lenticule-video/watchdog.h"
 
 namespace lenticule::video {
+
+/// Watchdog acts when a call of a library does not return in time.
+///
+/// Watchdog calls `expired` on a thread of its own when a Watch lasts longer than `limit`. Signals
+/// would not do: FFmpeg repeats an interrupted poll(). The time is counted in short waits of that
+/// thread, so that a machine that was suspended, or gives the process no time, does not count.
+///
+/// Thread safety: one thread makes watches, one at a time.
+class Watchdog {
+ public:
+  /// `expired` should end the process; it is called at most once.
+  Watchdog(std::chrono::milliseconds limit, std::function<void()> expired);
+  ~Watchdog();
+  Watchdog(const Watchdog&) = delete;
+  Watchdog& operator=(const Watchdog&) = delete;
+
+  /// Watch limits the time of its scope. Lifetime: must not outlive the watchdog.
+  class Watch {
+   public:
+    /// Watches nothing without a watchdog.
+    explicit Watch(Watchdog* watchdog);
+    ~Watch();
+    Watch(const Watch&) = delete;
+    Watch& operator=(const Watch&) = delete;
+
+   private:
+    Watchdog* watchdog_;
+  };
+
+ private:
+  void watch(bool on);
+  void count();
+
+  const int most_waits_;
+  const std::function<void()> expired_;
+  std::mutex mutex_;
+  std::condition_variable stopped_;
+  bool watching_ = false;
+  int waits_ = 0;  ///< number of waits in the present watch
+  bool stopping_ = false;
+  std::thread thread_;  // last member: the thread uses everything above
+};
 
 /// Return the demuxers and decoders that may be used; the other hundreds in FFmpeg are not.
 [[nodiscard]] const char* allowed_containers();

@@ -2,30 +2,215 @@
 #include "apps/lenticule-video/confinement.h"
 
 #include <fcntl.h>
+#include <linux/landlock.h>
+#include <linux/sched.h>
 #include <linux/seccomp.h>
 #include <sched.h>
+#include <seccomp.h>
+#include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <cerrno>
 #include <csignal>
+#include <cstdint>
 #include <cstdio>
 #include <cstring>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "apps/lenticule-video/landlock_rules.h"
-#include "apps/lenticule-video/seccomp_filter.h"
 #include "base/error.h"
 #include "base/unique_fd.h"
 
 namespace lenticule::video {
+namespace {
+
+// Rights that are younger than the headers of Debian 12.
+constexpr uint64_t kTruncate = uint64_t{1} << 14;
+constexpr uint64_t kControlDevice = uint64_t{1} << 15;
+
+constexpr uint64_t kFirstRights = (LANDLOCK_ACCESS_FS_MAKE_SYM << 1) - 1;
+constexpr int kVersionWithRefer = 2;
+constexpr int kVersionWithTruncate = 3;
+constexpr int kVersionWithControl = 5;
+
+/// Returns all rights on files that this version of the interface knows.
+uint64_t rights_of(long version) {
+  uint64_t rights = kFirstRights;
+  if (version >= kVersionWithRefer) rights |= LANDLOCK_ACCESS_FS_REFER;
+  if (version >= kVersionWithTruncate) rights |= kTruncate;
+  if (version >= kVersionWithControl) rights |= kControlDevice;
+  return rights;
+}
+
+}  // namespace
+
+std::optional<LandlockRules> LandlockRules::create() {
+  const long version =
+      ::syscall(SYS_landlock_create_ruleset, nullptr, 0, LANDLOCK_CREATE_RULESET_VERSION);
+  if (version < 1) return std::nullopt;
+  // Kernels accept this first version of the structure, which has rights on files only.
+  const uint64_t handled = rights_of(version);
+  const struct { uint64_t handled_access_fs; } attributes{handled};
+  UniqueFd rules(
+      static_cast<int>(::syscall(SYS_landlock_create_ruleset, &attributes, sizeof attributes, 0)));
+  if (!rules) return std::nullopt;
+  return LandlockRules(std::move(rules), handled);
+}
+
+LandlockRules::LandlockRules(UniqueFd rules, uint64_t handled)
+    : rules_(std::move(rules)), handled_(handled) {}
+
+bool LandlockRules::allow_device(const std::string& node) {
+  return allow(node, LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_WRITE_FILE | kControlDevice);
+}
+
+bool LandlockRules::allow_listing(const std::string& folder) {
+  return allow(folder, LANDLOCK_ACCESS_FS_READ_DIR);
+}
+
+bool LandlockRules::allow(const std::string& path, uint64_t rights) {
+  const UniqueFd target(::open(path.c_str(), O_PATH | O_CLOEXEC));
+  if (!target) return false;
+  landlock_path_beneath_attr rule{};
+  rule.allowed_access = rights & handled_;
+  rule.parent_fd = target.get();
+  return ::syscall(SYS_landlock_add_rule, rules_.get(), LANDLOCK_RULE_PATH_BENEATH, &rule, 0) == 0;
+}
+
+bool LandlockRules::enforce() const {
+  return ::syscall(SYS_landlock_restrict_self, rules_.get(), 0) == 0;
+}
+
+namespace {
+
+/// Calls for open descriptors, memory, threads, time and exit. libseccomp skips those that the
+/// architecture does not have.
+constexpr std::array kAllowed = {
+    SCMP_SYS(read),
+    SCMP_SYS(pread64),
+    SCMP_SYS(readv),
+    SCMP_SYS(write),
+    SCMP_SYS(writev),
+    SCMP_SYS(lseek),
+    SCMP_SYS(close),
+    SCMP_SYS(fstat),
+    SCMP_SYS(sendmsg),
+    SCMP_SYS(recvmsg),
+    SCMP_SYS(poll),
+    SCMP_SYS(ppoll),
+    SCMP_SYS(munmap),
+    SCMP_SYS(mremap),
+    SCMP_SYS(madvise),
+    SCMP_SYS(brk),
+    SCMP_SYS(futex),
+    SCMP_SYS(rseq),
+    SCMP_SYS(rt_sigaction),
+    SCMP_SYS(rt_sigprocmask),
+    SCMP_SYS(rt_sigreturn),
+    SCMP_SYS(sigaltstack),
+    SCMP_SYS(set_robust_list),
+    SCMP_SYS(sched_yield),
+    SCMP_SYS(sched_getaffinity),
+    SCMP_SYS(getpid),
+    SCMP_SYS(gettid),
+    SCMP_SYS(getrandom),
+    SCMP_SYS(clock_gettime),
+    SCMP_SYS(clock_nanosleep),
+    SCMP_SYS(nanosleep),
+    SCMP_SYS(gettimeofday),
+    SCMP_SYS(restart_syscall),
+    SCMP_SYS(exit),
+    SCMP_SYS(exit_group),
+};
+
+constexpr uint32_t kDenied = SCMP_ACT_ERRNO(EPERM);
+/// Interface of Linux 4.14, the first one with SCMP_ACT_KILL_PROCESS. Detecting the interface would
+/// call seccomp(2), which systemd services may not call by default.
+constexpr unsigned kInterface = 3;
+
+/// Throws for a negative errno value.
+void check(int result) {
+  if (result < 0)
+    throw Error(ErrorKind::Failed,
+                std::string("decoder: cannot create the filter of system calls: ") +
+                    std::strerror(-result));
+}
+
+class Rules {
+ public:
+  Rules() {
+    check(seccomp_api_set(kInterface));
+    context_.reset(seccomp_init(kDenied));
+    if (!context_) check(-ENOMEM);
+    check(seccomp_attr_set(context_.get(), SCMP_FLTATR_ACT_BADARCH, SCMP_ACT_KILL_PROCESS));
+  }
+
+  void add(int call, uint32_t action) {
+    check(seccomp_rule_add_array(context_.get(), action, call, 0, nullptr));
+  }
+  /// Allows the call if the bits `mask` of an argument are `value`.
+  void allow_if(int call, unsigned argument, uint32_t mask, uint32_t value) {
+    const scmp_arg_cmp condition{argument, SCMP_CMP_MASKED_EQ, mask, value};
+    check(seccomp_rule_add_array(context_.get(), SCMP_ACT_ALLOW, call, 1, &condition));
+  }
+
+  [[nodiscard]] std::vector<sock_filter> program() const {
+    const UniqueFd file(memfd_create("lenticule-filter", MFD_CLOEXEC));
+    if (!file) check(-errno);
+    check(seccomp_export_bpf(context_.get(), file.get()));
+    const off_t bytes = lseek(file.get(), 0, SEEK_END);
+    std::vector<sock_filter> code(bytes > 0 ? static_cast<size_t>(bytes) / sizeof(sock_filter) : 0);
+    if (bytes <= 0 || pread(file.get(), code.data(), static_cast<size_t>(bytes), 0) != bytes)
+      check(-EIO);
+    return code;
+  }
+
+ private:
+  struct Release {
+    void operator()(scmp_filter_ctx context) const { seccomp_release(context); }
+  };
+  std::unique_ptr<void, Release> context_;
+};
+
+/// Requests of V4L2 have the type 'V' in bits 8 to 15.
+constexpr uint32_t kRequestType = 0xff00;
+constexpr uint32_t kVideoRequest = uint32_t{'V'} << 8;
+
+/// Allows what opening a device takes: listing /dev, where the C library asks for the type of the
+/// open folder, and opening and controlling the device.
+void allow_video_devices(Rules& rules) {
+  rules.add(SCMP_SYS(openat), SCMP_ACT_ALLOW);
+  rules.add(SCMP_SYS(getdents64), SCMP_ACT_ALLOW);
+  rules.allow_if(SCMP_SYS(newfstatat), 3, UINT32_MAX, AT_EMPTY_PATH);
+  rules.allow_if(SCMP_SYS(ioctl), 1, kRequestType, kVideoRequest);
+}
+
+}  // namespace
+
+std::vector<sock_filter> decoder_filter(Devices devices) {
+  Rules rules;
+  for (const int call : kAllowed) rules.add(call, SCMP_ACT_ALLOW);
+  // Code injection needs executable memory.
+  rules.allow_if(SCMP_SYS(mmap), 2, PROT_EXEC, 0);
+  rules.allow_if(SCMP_SYS(mprotect), 2, PROT_EXEC, 0);
+  rules.allow_if(SCMP_SYS(clone), 0, CLONE_THREAD, CLONE_THREAD);
+  // clone3 takes its flags in memory, which a filter cannot read; with ENOSYS the C library falls
+  // back to clone.
+  rules.add(SCMP_SYS(clone3), SCMP_ACT_ERRNO(ENOSYS));
+  rules.allow_if(SCMP_SYS(prctl), 0, UINT32_MAX, PR_SET_NAME);
+  if (devices == Devices::Video) allow_video_devices(rules);
+  return rules.program();
+}
+
 namespace {
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)

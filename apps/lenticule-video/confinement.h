@@ -2,13 +2,61 @@
 // Confines a process before it reads an untrusted file.
 #pragma once
 
+#include <linux/filter.h>
 #include <sys/types.h>
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "base/unique_fd.h"
+
 namespace lenticule::video {
+
+/// LandlockRules restricts which files a process may open, by the kernel's Landlock.
+///
+/// LandlockRules is a set of files that stay accessible. After enforce() every other access to
+/// files by name that the kernel's Landlock knows is refused; open descriptors keep their rights.
+class LandlockRules {
+ public:
+  /// Returns an empty set; none if the kernel has no Landlock, or a service manager forbids it
+  /// (errno states which).
+  [[nodiscard]] static std::optional<LandlockRules> create();
+
+  /// Allows to open this device for reading and writing, and to control it. Returns false if the
+  /// device is gone.
+  [[nodiscard]] bool allow_device(const std::string& node);
+  /// Allows to list this folder and those below it.
+  [[nodiscard]] bool allow_listing(const std::string& folder);
+
+  /// Restricts the process permanently, which must have no_new_privs and a single thread. Returns
+  /// false, and restricts nothing, if the kernel refuses.
+  [[nodiscard]] bool enforce() const;
+
+ private:
+  LandlockRules(UniqueFd rules, uint64_t handled);
+  [[nodiscard]] bool allow(const std::string& path, uint64_t rights);
+
+  UniqueFd rules_;
+  uint64_t handled_;  ///< rights that this kernel knows
+};
+
+// decoder_filter lists the system calls that a decoder may make, as a classic BPF program.
+
+/// Devices that a decoder may open beside the descriptors that it has.
+enum class Devices {
+  None,
+  /// Opening files and listing folders, which Landlock must restrict, and controlling video devices
+  /// (VIDIOC_...).
+  Video,
+};
+
+/// Returns a filter in which calls that are not listed fail with EPERM, and calls of a foreign
+/// architecture kill the process. Signals to other processes, connecting, executing, changing
+/// identity or scheduling, and executable memory are not allowed; neither is opening without
+/// devices. Uses one descriptor while it runs. Throws Error(Failed).
+[[nodiscard]] std::vector<sock_filter> decoder_filter(Devices devices = Devices::None);
 
 /// Makes the kernel kill this process when the parent's thread that started it ends. Returns false
 /// if the parent is gone already.

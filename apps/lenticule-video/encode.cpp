@@ -13,8 +13,8 @@
 #include <tuple>
 #include <vector>
 
+#include "apps/lenticule-video/av_handles.h"
 #include "apps/lenticule-video/confinement.h"
-#include "apps/lenticule-video/descriptor_io.h"
 #include "apps/lenticule-video/pixel_convert.h"
 #include "apps/lenticule-video/stream_pixels.h"
 #include "apps/lenticule-video/subcommands.h"

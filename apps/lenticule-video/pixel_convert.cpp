@@ -72,8 +72,7 @@ PixelConverter::PixelConverter(const PixelLayout& layout, int width, int height,
                     std::all_of(layout.components.begin(), layout.components.end(), is_whole_byte)),
       values_(static_cast<size_t>(width)),
       second_(static_cast<size_t>(width)),
-      kernel_(&LENTICULE_SELECT_KERNEL(isa, kPixelKernel)),
-      subsampled_kernel_(&subsampled_kernel(isa)) {
+      kernel_(&pixel_kernel(isa)) {
   LENTICULE_CHECK(width > 0 && height > 0);
   for (const PixelComponent& c : layout.components) LENTICULE_CHECK(c.depth >= 1 && c.depth <= 16);
   const bool limited = layout.model == ColourModel::Grey && !layout.full_range;
@@ -364,7 +363,7 @@ void PixelConverter::short_chroma_row(const PicturePlanes& picture, int componen
       const auto plane = static_cast<size_t>(c.plane);
       return picture.data[plane] + from * picture.stride[plane] + c.offset;
     };
-    subsampled_kernel_->mix_bytes(samples(down.first), samples(down.second), weights, count, mixed);
+    kernel_->mix_bytes(samples(down.first), samples(down.second), weights, count, mixed);
   } else {
     unpack(picture, component, down.first, count, values_.data());
     unpack(picture, component, down.second, count, second_.data());
@@ -381,8 +380,8 @@ void PixelConverter::short_yuv_row(const PicturePlanes& picture, int row, uint8_
   const auto plane = static_cast<size_t>(c.plane);
   const uint8_t* const luma = picture.data[plane] + row * picture.stride[plane] + c.offset;
   const auto convert = [&](const uint8_t* y, int from, int count, uint8_t* rgb) {
-    subsampled_kernel_->convert(short_sums_, y, fast_cb_.data() + 1 + from / 2,
-                                fast_cr_.data() + 1 + from / 2, count, rgb);
+    kernel_->convert_short(short_sums_, y, fast_cb_.data() + 1 + from / 2,
+                           fast_cr_.data() + 1 + from / 2, count, rgb);
   };
   const int whole = width_ / kPixelPadding * kPixelPadding;
   convert(luma, 0, whole, out);
@@ -395,11 +394,11 @@ void PixelConverter::short_yuv_row(const PicturePlanes& picture, int row, uint8_
   std::memcpy(out + 3 * whole, rgb, 3 * rest);
 }
 
-const SubsampledKernel& subsampled_kernel(Isa isa) {
+const PixelKernel& pixel_kernel(Isa isa) {
 #if defined(__x86_64__)
   if (!__builtin_cpu_supports("avx512vbmi")) isa = std::min(isa, Isa::Avx2);
 #endif
-  return LENTICULE_SELECT_KERNEL(isa, kSubsampledKernel);
+  return LENTICULE_SELECT_KERNEL(isa, kPixelKernel);
 }
 
 }  // namespace lenticule::video

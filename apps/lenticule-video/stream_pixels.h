@@ -6,7 +6,7 @@
 #include <string>
 
 #include "apps/lenticule-video/av_handles.h"
-#include "apps/lenticule-video/pixel_layout.h"
+#include "apps/lenticule-video/pixel_convert.h"
 
 namespace lenticule::video {
 

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Opens files in child processes that Landlock restricts to one device. /dev/null stands for a
 // video device. The tests need a kernel with Landlock, as Debian's is.
-#include "apps/lenticule-video/landlock_rules.h"
-
 #include <dirent.h>
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -14,6 +12,8 @@
 
 #include <cerrno>
 #include <functional>
+
+#include "apps/lenticule-video/confinement.h"
 
 namespace lenticule::video {
 namespace {

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Makes system calls in child processes that run under the decoder's filter.
-#include "apps/lenticule-video/seccomp_filter.h"
-
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <linux/audit.h>
@@ -26,6 +24,8 @@
 #include <functional>
 #include <set>
 #include <vector>
+
+#include "apps/lenticule-video/confinement.h"
 
 namespace lenticule::video {
 namespace {

@@ -336,14 +336,14 @@ int short_product(int a, int b) {
   return static_cast<int>(std::floor((a * b + 16384.0) / 32768.0));
 }
 
-/// Computes one channel as subsampled_kernel.h defines it.
+/// Computes one channel as pixel_kernel.h defines it.
 uint8_t short_code(const ShortSums& sums, int luma, int first, int second) {
   const int sum = short_product(128 * luma, sums.luma) + sums.constant + first + second;
   return static_cast<uint8_t>(std::clamp(static_cast<int>(std::floor(sum / 64.0)), 0, 255));
 }
 
 /// Compares all variants of the kernel with its definition, also for the outermost sums.
-TEST(SubsampledKernel, AllVariantsComputeTheDefinedSums) {
+TEST(PixelKernel, AllVariantsComputeTheDefinedSums) {
   constexpr int kColumns = 4096, kSamples = kColumns / 2 + 2;
   const ShortSums sums{.luma = 19077,
                        .constant = -1161,
@@ -371,8 +371,8 @@ TEST(SubsampledKernel, AllVariantsComputeTheDefinedSums) {
   };
   for (const Isa isa : test::every_instruction_set()) {
     std::vector<uint8_t> rgb(size_t{3} * kColumns);
-    subsampled_kernel(isa).convert(sums, y.data(), cb.data() + 1, cr.data() + 1, kColumns,
-                                   rgb.data());
+    pixel_kernel(isa).convert_short(sums, y.data(), cb.data() + 1, cr.data() + 1, kColumns,
+                                    rgb.data());
     for (int x = 0; x < kColumns; ++x) {
       const int luma = y[static_cast<size_t>(x)];
       const int blue = grey_distance(cb, x), red = grey_distance(cr, x);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/lenticule-video/descriptor_io.h"
+#include "apps/lenticule-video/av_handles.h"
 
 #include <sys/stat.h>
 #include <unistd.h>
