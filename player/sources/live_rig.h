@@ -13,7 +13,7 @@
 #include <optional>
 #include <string>
 
-#include "base/file_mark.h"
+#include "base/file.h"
 #include "base/retried_writes.h"
 #include "base/terminal_keys.h"
 #include "optics/trim.h"

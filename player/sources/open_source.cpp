@@ -11,7 +11,7 @@
 #include "base/print.h"
 #include "frames/qr/qr_code.h"
 #include "frames/ring/ring_player.h"
-#include "frames/sequence/sequence_source.h"
+#include "frames/sequence/sequence_reader.h"
 #include "optics/rig_file.h"
 #include "optics/wall/wall.h"
 #include "player/sources/joined_source.h"

@@ -13,7 +13,7 @@
 #include "base/error.h"
 #include "frames/image_io.h"
 #include "frames/image_sequence.h"
-#include "frames/sequence/sequence_source.h"
+#include "frames/sequence/sequence_reader.h"
 #include "frames/weaving/reweave.h"
 #include "optics/rig_file.h"
 #include "optics/trim.h"

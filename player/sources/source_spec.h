@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "base/file_mark.h"
+#include "base/file.h"
 
 namespace lenticule::player {
 

@@ -11,7 +11,7 @@
 
 #include "base/error.h"
 #include "base/exit_code.h"
-#include "base/file_mark.h"
+#include "base/file.h"
 #include "base/text.h"
 #include "frames/ring/ring_layout.h"
 #include "optics/json_fields.h"

@@ -19,7 +19,7 @@
 #include "base/file.h"
 #include "base/print.h"
 #include "base/text.h"
-#include "frames/bitmap_font.h"
+#include "frames/charts/charts.h"
 #include "frames/image_io.h"
 #include "frames/measures/flip.h"
 #include "frames/srgb.h"
