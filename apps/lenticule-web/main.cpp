@@ -229,7 +229,8 @@ int run(int argc, char** argv) {
   added->add_option("--rights", flags.rights, "see or change")->capture_default_str();
   CLI::App* const revoked = token->add_subcommand("revoke", "revoke a token and its cookies");
   revoked->add_option("id", flags.token_id, "as 'token list' prints it")->required();
-  CLI::App* const address = app.add_subcommand("address", "print the addresses with their tokens");
+  CLI::App* const address = app.add_subcommand(
+      "address", "print the addresses with their tokens; --state as for the server");
   for (CLI::App* const sub : {list, added, revoked, address}) sub->fallthrough();
   token->footer("Example:\n  lenticule web token add museum --rights see");
   added->footer(

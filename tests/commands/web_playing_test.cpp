@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests `lenticule web` beside players on the virtual display: the list, uploads, pictures, trims,
 // and what the player notices of the server: nothing.
+#include <fmt/chrono.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -132,7 +134,16 @@ TEST_F(Web, AListWithoutAnItemThatPlaysIsRefused) {
   EXPECT_EQ(ask("PUT", "/api/v1/list", list.dump()).status, 422);
   EXPECT_EQ(api("GET", "list")["items"], before);
   list["items"].push_back(before[0]);
-  EXPECT_EQ(api("PUT", "list", list.dump())["items"].size(), 2u) << "one of two plays";
+  ordered_json saved = api("PUT", "list", list.dump());
+  EXPECT_EQ(saved["items"].size(), 2u) << "one of two plays";
+  ASSERT_EQ(saved["warnings"].size(), 1u) << saved;
+  EXPECT_NE(saved["warnings"].dump().find("missing.lts"), std::string::npos) << saved;
+  list = saved;
+  list.erase("warnings");
+  list["items"] = {before[0], {{"source", path("media/no.lts")}}};
+  saved = api("PUT", "list", list.dump());
+  EXPECT_NE(saved["warnings"].dump().find("no.lts"), std::string::npos)
+      << "was checked before: " << saved;
   EXPECT_TRUE(comes_true([&] {
     return api("GET", "health")["sentences"].dump().find("last trouble: ") != std::string::npos;
   }));
@@ -251,6 +262,32 @@ TEST_F(Web, ABlackFrameIsShownAndThenThePlaceBefore) {
     const ordered_json place = api("GET", "state")["status"]["on_glass"];
     return place["source"] == path("media/b.lts") && place["item"] == 1;
   }));
+}
+
+TEST_F(Web, BackWithoutAnInterruptionIsAConflict) {
+  play();
+  start_web();
+  connect();
+  const HttpAnswer back = ask("POST", "/api/v1/back");
+  EXPECT_EQ(back.status, 409) << back.body;
+  EXPECT_NE(back.body.find("nothing is interrupted"), std::string::npos) << back.body;
+  EXPECT_EQ(ask("POST", "/api/v1/show", R"({"what": "content"})").status, 200);
+}
+
+TEST_F(Web, AListThatWaitsForItsScheduleSaysSo) {
+  const auto in_twelve_hours = std::chrono::system_clock::to_time_t(
+      std::chrono::system_clock::now() + std::chrono::hours(12));
+  const std::string hour = fmt::format("{:%H}", fmt::localtime(in_twelve_hours));
+  write("media/list.toml",
+        "loop = \"forever\"\n[[item]]\nsource = \"a.lts\"\n[item.schedule]\nfrom = \"" + hour +
+            ":00\"\nto = \"" + hour + ":59\"\n");
+  start(play_words(path("media/list.toml"), {"--slots", "12"}));
+  start_web();
+  connect();
+  EXPECT_TRUE(comes_true([&] {
+    return api("GET", "health")["sentences"].dump().find("no item is scheduled") !=
+           std::string::npos;
+  })) << api("GET", "health");
 }
 
 TEST_F(Web, ABlankPanelOfAnotherClientEndsOnThePage) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Starts `lenticule web` beside a player, sends it requests, and compares its answers with
-// openapi.json.
+// Starts `lenticule web` beside a player, sends it requests, and compares its answers with the
+// description of the API.
 #pragma once
 
 #include <unistd.h>
@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/lenticule-web/api/routes.h"
 #include "apps/lenticule-web/http/access.h"
 #include "apps/lenticule-web/http/listener.h"
 #include "base/error.h"
@@ -48,7 +49,7 @@ inline void compare(const nlohmann::ordered_json& value, const nlohmann::ordered
     for (const nlohmann::ordered_json& one : value)
       compare(one, schema["items"], description, place + "[]", wrong);
   if (type != "object" || !schema.contains("properties")) return;
-  for (const auto& required : schema["required"]) {
+  for (const auto& required : schema.value("required", nlohmann::ordered_json::array())) {
     const auto key = required.get<std::string>();
     if (!value.contains(key)) wrong += place + ": no " + key + "\n";
   }
@@ -99,10 +100,7 @@ class WebTest : public PlayerTest {
   void connect() {
     ASSERT_TRUE(comes_true([&] { return api("GET", "state")["connected"] == true; }));
   }
-  static nlohmann::ordered_json description() {
-    return nlohmann::ordered_json::parse(
-        std::ifstream(source_file("apps/lenticule-web/api/openapi.json")));
-  }
+  static nlohmann::ordered_json description() { return web::api_description(); }
   /// Returns a port that no other program uses, from a part of the ports below those that the
   /// kernel names, which a connection of another test could get before the server listens.
   static uint16_t free_port() {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests `lenticule web` as a process: the API as openapi.json describes it, pages, events, metrics,
+// Tests `lenticule web` as a process: the API as it describes itself, pages, events, metrics,
 // tokens and flags.
 #include <gtest/gtest.h>
 
@@ -10,7 +10,8 @@
 #include <set>
 #include <sstream>
 
-#include "apps/lenticule-web/api/web_site.h"
+#include "apps/lenticule-web/api/routes.h"
+#include "base/text.h"
 #include "frames/qr/qr_code.h"
 #include "tests/commands/web_films.h"
 
@@ -22,16 +23,24 @@ using nlohmann::ordered_json;
 TEST_F(Web, TheDescriptionListsEveryAddressWithItsRights) {
   std::set<std::string> served, described;
   for (const web::Route& route : web::routes()) {
-    std::string method = route.method;
-    std::transform(method.begin(), method.end(), method.begin(),
-                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-    served.insert(method + " " + route.path + " " + web::rights_name(route.rights));
+    served.insert(lower_case(route.method) + " " + route.path + " " +
+                  web::rights_name(route.rights));
   }
-  const ordered_json document = description();
+  start_web();
+  const HttpAnswer answer = HttpClient(port_).ask("GET", "/api/v1/openapi.json");
+  ASSERT_EQ(answer.status, 200) << "also without a token";
+  const ordered_json document = ordered_json::parse(answer.body);
+  EXPECT_EQ(document, description());
   for (const auto& [address, methods] : document["paths"].items())
     for (const auto& [method, operation] : methods.items())
       described.insert(method + " " + address + " " + operation["x-rights"].get<std::string>());
   EXPECT_EQ(served, described);
+  const std::string text = document.dump();
+  const std::string begin = "\"#/components/";
+  for (size_t at = text.find(begin); at != std::string::npos; at = text.find(begin, at + 1)) {
+    const std::string pointer = text.substr(at + 2, text.find('"', at + 1) - at - 2);
+    EXPECT_TRUE(document.contains(ordered_json::json_pointer(pointer))) << pointer;
+  }
 }
 
 TEST_F(Web, EveryAnswerIsAsTheDescriptionSays) {
@@ -85,7 +94,10 @@ TEST_F(Web, EveryAnswerIsAsTheDescriptionSays) {
       const bool is_expected =
           refusals.contains(key) ? refusals.at(key) == answer.status : responses.contains(status);
       if (!is_expected) wrong += key + ": status " + status + " " + answer.body + "\n";
-      const ordered_json response = responses[responses.contains(status) ? status : "default"];
+      ordered_json response = responses[responses.contains(status) ? status : "default"];
+      if (response.contains("$ref"))
+        response =
+            document[ordered_json::json_pointer(response["$ref"].get<std::string>().substr(1))];
       if (!is_expected || !response.contains("content")) continue;
       const auto content = response["content"].items().begin();
       if (!answer.header("Content-Type").starts_with(content.key()))

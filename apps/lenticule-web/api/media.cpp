@@ -12,9 +12,11 @@
 #include <cstring>
 #include <vector>
 
+#include "apps/lenticule-web/http/clock.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/numbers.h"
+#include "base/print.h"
 #include "base/unique_fd.h"
 
 namespace lenticule::web {
@@ -46,7 +48,8 @@ std::optional<uint64_t> size_of(const fs::path& file) {
 std::string text_of_list(const fs::path& list) {
   try {
     return read_text_file(list, kMaxListBytes);
-  } catch (const Error&) {
+  } catch (const Error& error) {
+    say("web: {}; files that this list names can be deleted\n", error.what());
     return {};
   }
 }
@@ -142,7 +145,7 @@ void Media::finish_replacements() const {
 
 /// Waits for the other checks. Throws HttpError 409 if they take too long.
 std::unique_lock<std::timed_mutex> Media::wait_for_checks() {
-  std::unique_lock one(one_check_, kCheckWaits);
+  std::unique_lock one(one_check_, AnswerTime::at_most(kCheckWaits));
   if (!one) throw HttpError(409, "other files are being checked", "try again in half a minute");
   return one;
 }

@@ -126,6 +126,8 @@ void add_sentences(const ordered_json& state, const ordered_json& statistics,
   if (late > 0)
     say(fmt::format("{} in the last hour the next frame was not ready in time.",
                     late == 1 ? "Once" : fmt::format("{} times", late)));
+  if (const std::string why = text_of(inner(status, "waiting_for")); !why.empty())
+    say("Nothing of the list plays now: " + why + ".");
   if (const std::string trouble = text_of(inner(status, "last_trouble")); !trouble.empty())
     say("The player's last trouble: " + trouble + ".");
   if (number_at(statistics, "damaged_frames").value_or(0) > 0)

@@ -1,16 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/lenticule-web/api/photo_calibration.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
+#include <algorithm>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
 #include <string_view>
+#include <utility>
 
-#include "apps/lenticule-web/api/comb_picture.h"
-#include "apps/lenticule-web/api/photo_upload.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "base/subprocess.h"
 #include "base/temporary.h"
+#include "base/unique_fd.h"
 #include "optics/rig_file.h"
 
 namespace lenticule::web {
@@ -20,7 +26,7 @@ namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 using std::chrono::seconds;
 
-constexpr auto kJudgeTime = seconds(50);
+constexpr auto kJudgeTime = seconds(50), kDrawTime = seconds(50);
 /// A chart for a pitch that is further off has fringes of which many cannot be measured.
 constexpr double kFarPitch = 0.01;
 
@@ -42,21 +48,156 @@ std::string without_folder(std::string message, const CalibrationFolder& folder)
   return message;
 }
 
+double number_at(const ordered_json& list, size_t k) {
+  return list.is_array() && list.size() > k && list[k].is_number() ? list[k].get<double>() : NAN;
+}
+
+/// Returns the first reason of a report.
+std::string first_reason(const ordered_json& report) {
+  const ordered_json reasons = report.value("reasons", ordered_json::array());
+  return reasons.is_array() && !reasons.empty() && reasons[0].is_string()
+             ? reasons[0].get<std::string>()
+             : std::string();
+}
+
+/// Returns the extension of a picture file by its first bytes, as the command expects it.
+const char* extension_of(const fs::path& file) {
+  const UniqueFd fd(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
+  unsigned char begin[4] = {};
+  if (fd && ::read(fd.get(), begin, sizeof begin) == static_cast<ssize_t>(sizeof begin)) {
+    if (std::memcmp(begin, "\x89PNG", 4) == 0) return ".png";
+    if (std::memcmp(begin, "II*\0", 4) == 0 || std::memcmp(begin, "MM\0*", 4) == 0) return ".tif";
+  }
+  return ".jpg";
+}
+
+[[noreturn]] void fail_to_write() {
+  throw HttpError(errno == ENOSPC || errno == EDQUOT ? 507 : 500,
+                  fmt::format("photograph: cannot be written: {}", std::strerror(errno)));
+}
+
+/// Claim marks work that only one thread may do at a time.
+class Claim {
+ public:
+  /// Throws HttpError 409 if another thread does it.
+  explicit Claim(std::atomic<bool>& claimed) : claimed_(&claimed) {
+    if (!claimed.exchange(true)) return;
+    claimed_ = nullptr;
+    throw HttpError(409, "a photograph is being judged, or sent", "try again in some seconds");
+  }
+  Claim(Claim&& other) noexcept : claimed_(std::exchange(other.claimed_, nullptr)) {}
+  Claim& operator=(Claim&&) = delete;
+  ~Claim() {
+    if (claimed_ != nullptr) claimed_->store(false);
+  }
+
+ private:
+  std::atomic<bool>* claimed_;
+};
+
+/// PhotoUpload writes a photograph that arrives to a file, which is then judged. It keeps its claim
+/// until it is destroyed, and then removes its file, unless `judge` moved the file elsewhere.
+class PhotoUpload final : public BodySink {
+ public:
+  /// Takes the whole photograph, whose file has the extension of its format, and returns the
+  /// answer.
+  using Judge = std::function<Response(const fs::path& file)>;
+
+  /// `path` has no extension; its folder is made. Throws HttpError 500 or 507 if the file cannot be
+  /// written.
+  PhotoUpload(Claim claim, fs::path path, Judge judge)
+      : claim_(std::move(claim)), path_(std::move(path)), judge_(std::move(judge)) {
+    fs::create_directories(path_.parent_path());
+    constexpr int kFlags = O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW;
+    file_ = UniqueFd(::open(path_.c_str(), kFlags, 0600));
+    if (!file_) fail_to_write();
+  }
+  ~PhotoUpload() override { (void)::unlink(path_.c_str()); }
+
+  void take(std::span<const uint8_t> bytes) override {
+    while (!bytes.empty()) {
+      const ssize_t written = ::write(file_.get(), bytes.data(), bytes.size());
+      if (written < 0 && errno == EINTR) continue;
+      if (written <= 0) fail_to_write();
+      bytes = bytes.subspan(static_cast<size_t>(written));
+    }
+  }
+  Response finish() override {
+    file_ = UniqueFd();
+    fs::path named = path_;
+    named.replace_extension(extension_of(path_));
+    fs::rename(path_, named);
+    path_ = named;
+    return judge_(path_);
+  }
+
+ private:
+  const Claim claim_;
+  fs::path path_;
+  UniqueFd file_;
+  const Judge judge_;
+};
+
 }  // namespace
 
 PhotoCalibration::PhotoCalibration(ControlLink& link, PictureMaker& pictures,
-                                   ShownInstead& shown_instead, PhotoCalibrationOptions options,
-                                   Clock& clock)
+                                   PhotoCalibrationOptions options, Clock& clock)
     : link_(link),
       clock_(clock),
       pictures_(pictures),
-      shown_instead_(shown_instead),
-      command_(std::move(options.program), std::move(options.stops)),
-      folder_{std::move(options.folder)},
-      try_folder_(options.history.parent_path()),
-      history_(options.history) {
+      options_(std::move(options)),
+      folder_{options_.folder},
+      history_(options_.history) {
   clear_folder();
 }
+
+// --- the command ----------------------------------------------------------------------------
+
+/// Throws HttpError 422 with the command's message.
+void PhotoCalibration::draw_chart(const fs::path& rig, const fs::path& output) const {
+  const ProgramRun run =
+      run_and_capture({options_.program.string(), "calibrate", "show", "photo-chart", "--rig",
+                       rig.string(), "-o", output.string()},
+                      AnswerTime::at_most(kDrawTime), options_.stops);
+  if (run.exit_code != 0)
+    throw HttpError(422, run.timed_out ? "drawing the chart took too long"
+                                       : parse_calibration_output(run.output).message);
+}
+
+/// Fits the photographs, at least one: one for its place, several for every eye.
+CalibrationFit PhotoCalibration::fit_photos(const std::vector<PhotoFile>& photos,
+                                            Deadline deadline) const {
+  const fs::path output = folder_.found();
+  fs::remove(output);
+  std::vector<std::string> words = {options_.program.string(), "calibrate", "photos"};
+  for (const PhotoFile& photo : photos) words.push_back(photo.file.string());
+  words.insert(words.end(),
+               {"--rig", folder_.start().string(), "-o", output.string(), "--json", "--confined"});
+  if (photos.size() > 1)
+    words.insert(words.end(), {"--largest-error", std::to_string(PhotoSession::kUsableLenses)});
+  else if (photos.front().distance_mm)
+    words.insert(words.end(), {"--distance", fmt::format("{:.1f}", *photos.front().distance_mm)});
+  const auto left =
+      std::chrono::duration_cast<seconds>(deadline - std::chrono::steady_clock::now());
+  const ProgramRun run =
+      run_and_capture(words, AnswerTime::at_most(std::max(left, seconds(1))), options_.stops);
+  CalibrationOutput printed = parse_calibration_output(run.output);
+  CalibrationFit fit{
+      .report = std::move(printed.report), .message = std::move(printed.message), .found = {}};
+  if (run.timed_out) fit.message = "judging the photographs took too long";
+  if (fit.report.is_null()) return fit;
+  fit.message = first_reason(fit.report);
+  if (run.exit_code != 0) return fit;
+  const ordered_json eye = shown_part(fit.report)["eye_mm"];
+  fit.found =
+      FoundSheet{.before = optics::load_rig(folder_.before()),
+                 .after = optics::load_rig(output),
+                 .eye = {.x = number_at(eye, 0), .y = number_at(eye, 1), .z_mm = number_at(eye, 2)},
+                 .photographs = photos.size()};
+  return fit;
+}
+
+// --- the calibration ------------------------------------------------------------------------
 
 void PhotoCalibration::clear_folder() const {
   fs::remove_all(folder_.path);
@@ -89,10 +230,10 @@ std::string PhotoCalibration::obstacle() {
   const std::string toml = pictures_.rig_toml();
   const std::lock_guard lock(trying_);
   if (toml == tried_rig_) return obstacle_;
-  const TemporaryFolder folder(try_folder_);
+  const TemporaryFolder folder(options_.history.parent_path());
   write_text_file(folder.path() / "rig.toml", toml);
   try {
-    command_.draw_chart(folder.path() / "rig.toml", folder.path() / "chart.png");
+    draw_chart(folder.path() / "rig.toml", folder.path() / "chart.png");
     obstacle_.clear();
   } catch (const HttpError& error) {
     const std::string message = error.what();  // its other lines are a remedy for a terminal
@@ -112,8 +253,8 @@ void PhotoCalibration::begin() {
   const std::string toml = pictures_.rig_toml();
   write_text_file(folder_.before(), toml);
   write_text_file(folder_.start(), toml);
-  command_.draw_chart(folder_.start(), folder_.chart());
-  shown_instead_.show_chart(folder_.chart());
+  draw_chart(folder_.start(), folder_.chart());
+  interrupt_with(link_, folder_.chart().string());
   planned_again_ = false;
   set_stage("chart", "", nullptr, std::nullopt);
 }
@@ -158,11 +299,11 @@ std::string PhotoCalibration::refusal_of(const CalibrationFit& fit, size_t place
 }
 
 void PhotoCalibration::judge(size_t place, const PhotoFile& photo) {
-  const CalibrateCommand::Deadline deadline = std::chrono::steady_clock::now() + kJudgeTime;
+  const Deadline deadline = std::chrono::steady_clock::now() + kJudgeTime;
   Photos photos = photos_;
   photos[place] = photo;
   const std::vector<PhotoFile> list = list_of(photos);
-  CalibrationFit fit = command_.fit(folder_, list, deadline);
+  CalibrationFit fit = fit_photos(list, deadline);
   if (std::string refusal = refusal_of(fit, place, list.size()); !refusal.empty()) {
     const std::lock_guard lock(mutex_);
     session_.refuse(place, std::move(refusal));
@@ -194,13 +335,13 @@ void PhotoCalibration::remove(const std::string& name) {
   }
   const std::vector<PhotoFile> list = list_of(photos_);
   if (list.empty()) return set_stage("chart", "", nullptr, std::nullopt);
-  const CalibrateCommand::Deadline deadline = std::chrono::steady_clock::now() + kJudgeTime;
-  settle(command_.fit(folder_, list, deadline), deadline);
+  const Deadline deadline = std::chrono::steady_clock::now() + kJudgeTime;
+  settle(fit_photos(list, deadline), deadline);
 }
 
 /// Takes over the fit of all photographs. If several state too large an error, the first of them
 /// alone gives the result.
-void PhotoCalibration::settle(CalibrationFit fit, CalibrateCommand::Deadline deadline) {
+void PhotoCalibration::settle(CalibrationFit fit, Deadline deadline) {
   const std::vector<PhotoFile> list = list_of(photos_);
   if (list.size() > 1 && !fit.report.is_null()) {
     const std::lock_guard lock(mutex_);
@@ -210,8 +351,7 @@ void PhotoCalibration::settle(CalibrationFit fit, CalibrateCommand::Deadline dea
     single_ = fit;
     single_number_ = list.front().number;
   } else if (!fit.found) {
-    if (single_number_ != list.front().number)
-      single_ = command_.fit(folder_, {list.front()}, deadline);
+    if (single_number_ != list.front().number) single_ = fit_photos({list.front()}, deadline);
     single_number_ = list.front().number;
     fit = single_;
   }
@@ -237,10 +377,10 @@ bool PhotoCalibration::plan_again() {
   rig.sheet.slant = sheet.slant;
   const fs::path better = folder_.path / "better.toml", drawn = folder_.path / "better.png";
   optics::save_rig(rig, better);
-  command_.draw_chart(better, drawn);
+  draw_chart(better, drawn);
   fs::rename(better, folder_.start());
   fs::rename(drawn, folder_.chart());
-  shown_instead_.show_chart(folder_.chart());
+  interrupt_with(link_, folder_.chart().string());
   planned_again_ = true;
   clear_photos();
   return true;
@@ -278,7 +418,7 @@ void PhotoCalibration::replace_rig(const std::string& toml, const std::string& w
     message += " The old one is " + old.get<std::string>() + ".";
   // Films that were woven for the old rig are refused from now on.
   try {
-    shown_instead_.show("content");
+    show(link_, "content");
   } catch (const Error& error) {
     message += std::string(" The content is not shown again: ") + error.what() + ".";
   }
@@ -306,7 +446,7 @@ void PhotoCalibration::discard() {
   const Claim claim(working_);
   clear_photos();
   set_stage("idle", "", nullptr, std::nullopt);
-  shown_instead_.show("content");
+  show(link_, "content");
   clear_folder();
 }
 

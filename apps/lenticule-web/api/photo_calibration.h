@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // PhotoCalibration calibrates the lens sheet from one to four photographs: it shows the chart, lets
-// `lenticule calibrate photos` judge the photographs, and saves nothing before keep().
+// `lenticule calibrate photos` judge the photographs, in a process of its own, and saves nothing
+// before keep().
 #pragma once
 
 #include <array>
 #include <atomic>
+#include <chrono>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -14,16 +16,52 @@
 #include <string>
 #include <vector>
 
-#include "apps/lenticule-web/api/calibrate_command.h"
 #include "apps/lenticule-web/api/history.h"
 #include "apps/lenticule-web/api/photo_session.h"
 #include "apps/lenticule-web/api/pictures.h"
-#include "apps/lenticule-web/api/shown_instead.h"
 #include "apps/lenticule-web/http/clock.h"
 #include "apps/lenticule-web/http/message.h"
 #include "apps/lenticule-web/link/control_link.h"
+#include "optics/model.h"
+#include "optics/rig.h"
 
 namespace lenticule::web {
+
+/// CalibrationFolder names the files of a calibration.
+struct CalibrationFolder {
+  std::filesystem::path path;
+
+  [[nodiscard]] std::filesystem::path chart() const { return path / "chart.png"; }
+  /// Returns the file of the rig of before the calibration.
+  [[nodiscard]] std::filesystem::path before() const { return path / "before.toml"; }
+  /// Returns the file of the rig for which the chart was drawn.
+  [[nodiscard]] std::filesystem::path start() const { return path / "rig.toml"; }
+  /// Returns the file of the rig that the command found.
+  [[nodiscard]] std::filesystem::path found() const { return path / "found.toml"; }
+  /// Returns the folder of photographs that are not accepted yet.
+  [[nodiscard]] std::filesystem::path incoming() const { return path / "incoming"; }
+};
+
+/// PhotoFile is a photograph in a file.
+struct PhotoFile {
+  std::filesystem::path file;
+  std::optional<double> distance_mm;  ///< from the panel to the camera
+  uint64_t number = 0;                ///< another one for each photograph
+};
+
+struct FoundSheet {
+  optics::Rig before;
+  optics::Rig after;
+  optics::Eye eye;  ///< place of the first photograph's camera
+  size_t photographs = 0;
+};
+
+/// CalibrationFit is what the command found in some photographs.
+struct CalibrationFit {
+  nlohmann::ordered_json report;    ///< null if the command failed
+  std::string message;              ///< reason why there is no report, or why the rig is refused
+  std::optional<FoundSheet> found;  ///< none if the rig is refused
+};
 
 struct PhotoCalibrationOptions {
   std::filesystem::path folder;   ///< no other object uses it; the player reads the chart from it
@@ -44,8 +82,8 @@ struct PhotoRequest {
 /// Thread safety: any thread. One photograph is judged at a time.
 class PhotoCalibration {
  public:
-  PhotoCalibration(ControlLink& link, PictureMaker& pictures, ShownInstead& shown_instead,
-                   PhotoCalibrationOptions options, Clock& clock = machine_clock());
+  PhotoCalibration(ControlLink& link, PictureMaker& pictures, PhotoCalibrationOptions options,
+                   Clock& clock = machine_clock());
 
   static constexpr uint64_t kLargestPhoto = uint64_t{64} << 20;
 
@@ -82,10 +120,14 @@ class PhotoCalibration {
 
  private:
   using Photos = std::array<std::optional<PhotoFile>, kPhotoPlaces.size()>;
+  using Deadline = std::chrono::steady_clock::time_point;
+  void draw_chart(const std::filesystem::path& rig, const std::filesystem::path& output) const;
+  [[nodiscard]] CalibrationFit fit_photos(const std::vector<PhotoFile>& photos,
+                                          Deadline deadline) const;
   void judge(size_t place, const PhotoFile& photo);
   [[nodiscard]] std::string refusal_of(const CalibrationFit& fit, size_t place,
                                        size_t photographs) const;
-  void settle(CalibrationFit fit, CalibrateCommand::Deadline deadline);
+  void settle(CalibrationFit fit, Deadline deadline);
   [[nodiscard]] bool plan_again();
   void clear_photos();
   void set_stage(const char* stage, std::string message, nlohmann::ordered_json result,
@@ -97,11 +139,9 @@ class PhotoCalibration {
   ControlLink& link_;
   Clock& clock_;
   PictureMaker& pictures_;
-  ShownInstead& shown_instead_;
-  const CalibrateCommand command_;
+  const PhotoCalibrationOptions options_;
   const CalibrationFolder folder_;
-  const std::filesystem::path try_folder_;  ///< folder of charts that are drawn as a trial
-  std::atomic<bool> working_{false};        ///< true while an action uses the folder
+  std::atomic<bool> working_{false};  ///< true while an action uses the folder
   // These four belong to the action that uses the folder.
   Photos photos_;
   uint64_t newest_ = 0;         ///< number of the newest photograph

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "apps/lenticule-web/http/message.h"
+#include "base/text.h"
 
 namespace lenticule::web {
 namespace {
@@ -74,7 +75,45 @@ ordered_json list_in(const ordered_json& value) {
   return value.is_array() ? value : ordered_json::array();
 }
 
+constexpr size_t kMaxLine = 400, kMaxMessage = 2000;
+
 }  // namespace
+
+CalibrationOutput parse_calibration_output(const std::string& output) {
+  CalibrationOutput parsed;
+  size_t begin = output.starts_with("{\n") ? 0 : output.find("\n{\n");
+  if (begin != std::string::npos)
+    parsed.report = ordered_json::parse(output.substr(begin), nullptr, false);
+  if (!parsed.report.is_object()) {
+    parsed.report = nullptr;
+    begin = output.size();
+  }
+  const std::string_view before = std::string_view(output).substr(0, begin);
+  for (size_t at = 0; at < before.size() && parsed.message.size() < kMaxMessage;) {
+    const size_t end = std::min(before.find('\n', at), before.size());
+    // Progress rewrites its line after '\r': only the last state counts.
+    std::string_view line = before.substr(at, end - at);
+    line.remove_prefix(std::min(line.size(), line.rfind('\r') + 1));
+    if (!line.empty())
+      parsed.message +=
+          (parsed.message.empty() ? "" : "\n") + shortened(escaped(std::string(line)), kMaxLine);
+    at = end + 1;
+  }
+  return parsed;
+}
+
+ordered_json shown_part(const ordered_json& report) {
+  ordered_json result;
+  for (const char* key : {"verdict", "reasons", "warnings", "advice", "parameters"})
+    result[key] = report.value(key, ordered_json());
+  const ordered_json viewpoints = report.value("viewpoints", ordered_json::array());
+  const ordered_json place =
+      viewpoints.is_array() && !viewpoints.empty() ? viewpoints[0] : ordered_json::object();
+  for (const char* key : {"eye_mm", "covered", "rms_lenses", "max_lenses", "residual_lenses"})
+    result[key] = place.value(key, ordered_json());
+  result["photographs"] = viewpoints.size();
+  return result;
+}
 
 size_t PhotoSession::place_of(std::string_view name) {
   for (size_t k = 0; k < kPhotoPlaces.size(); ++k)

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // PhotoSession keeps which photographs of a calibration are used, why others are not, the error
-// that their fit states, and the place of the next photograph. It holds no files.
+// that their fit states, and the place of the next photograph. It holds no files. The reports of
+// the fits come from `lenticule calibrate photos`.
 #pragma once
 
 #include <array>
@@ -10,6 +11,15 @@
 #include <string_view>
 
 namespace lenticule::web {
+
+/// CalibrationOutput is what `lenticule calibrate photos --json` printed.
+struct CalibrationOutput {
+  nlohmann::ordered_json report;  ///< null if it printed no report
+  std::string message;            ///< printable lines on standard error
+};
+[[nodiscard]] CalibrationOutput parse_calibration_output(const std::string& output);
+/// Returns the part of a report that the page shows.
+[[nodiscard]] nlohmann::ordered_json shown_part(const nlohmann::ordered_json& report);
 
 /// PhotoPlace is a place from which a photograph is asked for.
 struct PhotoPlace {

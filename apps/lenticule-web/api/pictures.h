@@ -15,6 +15,7 @@
 #include "frames/frame.h"
 #include "optics/eye_simulator.h"
 #include "optics/model.h"
+#include "optics/rig.h"
 
 namespace lenticule::web {
 
@@ -33,6 +34,11 @@ struct SharedFrame {
 /// Returns the picture with the average of each block of pixels; `width` is at most the frame's.
 [[nodiscard]] optics::RgbPicture reduced(const SharedFrame& frame, int width);
 [[nodiscard]] std::string jpeg_of(const optics::RgbPicture& picture, int quality);
+
+/// Returns, as JPEG, what the eye sees of a chart that is white for this eye only. The chart is
+/// woven with the rig `woven` and seen through the sheet of the rig `seen`, to compare both.
+[[nodiscard]] std::string comb_picture(const optics::Rig& woven, const optics::Rig& seen,
+                                       const optics::Eye& eye);
 
 /// Thread safety: any thread. One picture is made at a time, so that pages take at most one core.
 class PictureMaker {

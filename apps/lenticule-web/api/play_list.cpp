@@ -216,8 +216,8 @@ ordered_json PlayList::locked_read() {
     try {
       result["by_hand"] = !read_text_file(file, kMaxListBytes).starts_with(kHead);
     } catch (const Error&) {
-      result["editable"] =
-          false;  // a folder, or a list that the server may not read or that is too long
+      // A folder, or a list that is too long or that the server may not read.
+      result["editable"] = false;
     }
   }
   return result;
@@ -274,7 +274,7 @@ ordered_json PlayList::locked_write(const std::string& toml, const std::string& 
   write_text_file(file, toml);
   fs::permissions(file, fs::perms::group_read | fs::perms::others_read, fs::perm_options::add);
   if (!has_list) {
-    (void)link_.ask({{"do", "load"}, {"source", file.string()}}, seconds(60));
+    (void)link_.ask({{"do", "load"}, {"source", file.string()}}, kOpeningTime);
   } else if (before != toml) {
     std::string detail;
     const auto taken =
@@ -296,36 +296,45 @@ ordered_json PlayList::locked_write(const std::string& toml, const std::string& 
   return locked_read();
 }
 
-/// Throws HttpError 422 with the reason of the first item if every item is a file of the media
-/// folder that is missing or does not play. A long list is not examined to its end.
-void PlayList::require_an_item_that_plays(const ordered_json& list) const {
+/// Returns why items will not play, as far as that is known: files that are missing, or did not
+/// pass their last check. Files are checked until one plays. Throws HttpError 422 if none does.
+std::vector<std::string> PlayList::troubles_of(const ordered_json& list) const {
   const auto end = std::chrono::steady_clock::now() + kLongestCheck;
-  std::string trouble;
+  std::vector<std::string> troubles;
+  bool plays = false;
   for (const ordered_json& item : list["items"]) {
     const fs::path file(item["source"].get<std::string>());
+    std::optional<std::string> trouble;
     std::error_code error;
-    if (file.parent_path() != own_file_.parent_path()) return;
-    if (std::chrono::steady_clock::now() > end) return;
-    const std::string one = fs::is_regular_file(file, error)
-                                ? trouble_of_(file)
-                                : file.filename().string() + ": there is no such file";
-    if (one.empty()) return;
-    if (trouble.empty()) trouble = one;
+    if (file.parent_path() != own_file_.parent_path())
+      trouble = "";  // made by the player, or from elsewhere
+    else if (fs::is_regular_file(file, error))
+      trouble = trouble_of_(file, !plays && std::chrono::steady_clock::now() < end);
+    else
+      trouble = file.filename().string() + ": there is no such file";
+    // A long list is not examined to its end: what is not known may play.
+    plays = plays || !trouble || trouble->empty();
+    if (trouble && !trouble->empty() && std::ranges::find(troubles, *trouble) == troubles.end())
+      troubles.push_back(std::move(*trouble));
   }
-  throw HttpError(422, "the player cannot play any item of this list: " + trouble,
-                  "the list stays as it was");
+  if (!plays)
+    throw HttpError(422, "the player cannot play any item of this list: " + troubles.front(),
+                    "the list stays as it was");
+  return troubles;
 }
 
 ordered_json PlayList::replace(const ordered_json& list, const std::string& version,
                                const std::string& who) {
   const std::string toml = list_toml(list);
-  require_an_item_that_plays(list);  // takes seconds, and holds up no other request
+  const std::vector<std::string> troubles = troubles_of(list);  // takes seconds: not locked
   const std::lock_guard lock(mutex_);
   const ordered_json now = locked_read();
   if (!version.empty() && now["version"] != version)
     throw HttpError(409, "the list was changed meanwhile", "read it again");
   require_own_sources(list, now, own_file_.parent_path());
-  return locked_write(toml, who, now);
+  ordered_json result = locked_write(toml, who, now);
+  result["warnings"] = troubles;
+  return result;
 }
 
 ordered_json PlayList::versions() const {
@@ -363,15 +372,16 @@ ordered_json PlayList::restore(const std::string& name, const std::string& who) 
 }
 
 bool PlayList::names(const fs::path& file, std::string& name) {
-  const ordered_json list = read();
-  name = list["file"].is_string() ? list["file"].get<std::string>() : "of one source";
+  const ordered_json list = ask_list();
+  const ordered_json own = list.value("file", ordered_json());
+  name = own.is_string() ? own.get<std::string>() : "of one source";
   if (fs::is_directory(name)) return false;  // a file that is deleted leaves this list
   const auto is_file = [&](const ordered_json& item) {
     std::error_code error;
     return item.is_object() && item.contains("source") &&
            fs::equivalent(item["source"].get<std::string>(), file, error);
   };
-  return is_file(list["default"]) ||
+  return is_file(list.value("default", ordered_json())) ||
          std::any_of(list["items"].begin(), list["items"].end(), is_file);
 }
 

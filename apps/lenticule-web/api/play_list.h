@@ -7,6 +7,7 @@
 #include <functional>
 #include <mutex>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -19,8 +20,10 @@ namespace lenticule::web {
 /// HttpError 422 for a key or a value that a list does not have; the player checks the rest.
 [[nodiscard]] std::string list_toml(const nlohmann::ordered_json& list);
 
-/// Returns why a file does not play on this panel; empty if it does. Throws Error.
-using TroubleOf = std::function<std::string(const std::filesystem::path& file)>;
+/// Returns why a file does not play on this panel; empty if it does, none if it was not checked
+/// before, and `checks` is false. Throws Error.
+using TroubleOf =
+    std::function<std::optional<std::string>(const std::filesystem::path& file, bool checks)>;
 
 /// Thread safety: any thread.
 class PlayList {
@@ -37,7 +40,7 @@ class PlayList {
   /// Writes the list, waits until the player uses it, and returns read(). A list that a text
   /// editor wrote becomes a version first. Throws HttpError 409 if `version` is not the present
   /// one, and 422 with the reason if the player cannot play the list or any item of it; the list
-  /// before is then put back.
+  /// before is then put back. "warnings" of the answer say which items will not play.
   nlohmann::ordered_json replace(const nlohmann::ordered_json& list, const std::string& version,
                                  const std::string& who);
   /// Returns the kept versions, newest first: {"versions": [{"name", "time", "who", "items"}]}.
@@ -53,7 +56,7 @@ class PlayList {
   [[nodiscard]] nlohmann::ordered_json locked_read();
   nlohmann::ordered_json locked_write(const std::string& toml, const std::string& who,
                                       const nlohmann::ordered_json& now);
-  void require_an_item_that_plays(const nlohmann::ordered_json& list) const;
+  [[nodiscard]] std::vector<std::string> troubles_of(const nlohmann::ordered_json& list) const;
   void keep_other(const std::string& toml);
   void keep(const std::string& toml, const std::string& who);
 

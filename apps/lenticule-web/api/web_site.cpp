@@ -1,17 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/lenticule-web/api/web_site.h"
 
+#include <algorithm>
 #include <chrono>
 #include <utility>
-#include <vector>
 
-#include "apps/lenticule-web/api/calibration_routes.h"
-#include "apps/lenticule-web/api/content_routes.h"
-#include "apps/lenticule-web/api/page_routes.h"
-#include "apps/lenticule-web/api/picture_routes.h"
-#include "apps/lenticule-web/api/playing_routes.h"
-#include "apps/lenticule-web/api/state_routes.h"
-#include "apps/lenticule-web/api/trim_routes.h"
+#include "apps/lenticule-web/api/routes.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/subprocess.h"
@@ -23,32 +17,18 @@ namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::ordered_json;
-using std::chrono::seconds;
 
-std::vector<Route> all_routes() {
-  std::vector<Route> all;
-  for (const std::span<const Route> some :
-       {page_routes(), state_routes(), playing_routes(), picture_routes(), content_routes(),
-        trim_routes(), calibration_routes()})
-    all.insert(all.end(), some.begin(), some.end());
-  return all;
-}
+constexpr auto kCheckTime = std::chrono::seconds(30);
 
 }  // namespace
-
-std::span<const Route> routes() {
-  static const std::vector<Route> all = all_routes();
-  return all;
-}
 
 WebSite::WebSite(WebSiteOptions options)
     : options_(std::move(options)),
       link_(options_.socket),
       player_(link_, *options_.clock),
       pictures_(link_),
-      shown_instead_(link_),
       trims_(options_.state / "trims.json"),
-      calibration_(link_, pictures_, shown_instead_,
+      calibration_(link_, pictures_,
                    {.folder = options_.state / "calibration",
                     .program = options_.program,
                     .stops = [this] { return player_.stopped(); },
@@ -64,10 +44,14 @@ WebSite::WebSite(WebSiteOptions options)
                                                 .keeps_free = options_.keeps_free},
                                    [this](const fs::path& file) { return check(file); });
   list_ = std::make_unique<PlayList>(
-      link_, player_, folder / "list.toml", options_.state / "lists", [this](const fs::path& file) {
-        const ordered_json result = media_->check(file.filename().string(), false);
+      link_, player_, folder / "list.toml", options_.state / "lists",
+      [this](const fs::path& file, bool checks) -> std::optional<std::string> {
+        const std::string name = file.filename();
+        const ordered_json result =
+            checks ? media_->check(name, false) : media_->info(name)["check"];
+        if (result.is_null()) return std::nullopt;
         const auto& problems = result["problems"];
-        if (result["plays"] == true || problems.empty()) return std::string();
+        if (result["plays"] == true || problems.empty()) return "";
         return problems[0].get<std::string>();
       });
 }
@@ -87,9 +71,10 @@ ordered_json WebSite::check(const fs::path& file) {
   const TemporaryFolder folder(options_.state);
   const fs::path rig = folder.path() / "rig.toml";
   write_text_file(rig, pictures_.rig_toml());
-  const ProgramRun run = run_and_capture({options_.program.string(), "play", file.string(), "--rig",
-                                          rig.string(), "--preflight", "--json"},
-                                         seconds(30), [this] { return player_.stopped(); });
+  const ProgramRun run =
+      run_and_capture({options_.program.string(), "play", file.string(), "--rig", rig.string(),
+                       "--preflight", "--json"},
+                      AnswerTime::at_most(kCheckTime), [this] { return player_.stopped(); });
   // The messages on standard error come before the JSON.
   const size_t begin = run.output.find("[\n");
   const ordered_json rows = begin == std::string::npos
@@ -113,23 +98,23 @@ ordered_json WebSite::check(const fs::path& file) {
 
 Rights WebSite::needed(const std::string& method, const std::string& path) const {
   if (!asset_of(path).empty()) return Rights::None;
-  const FoundRoute found = find_route(routes(), method, path);
+  const FoundRoute found = find_route(method, path);
   return found.route != nullptr ? found.route->rights : Rights::See;
 }
 
 uint64_t WebSite::largest_body(const std::string& method, const std::string& path) const {
-  const FoundRoute found = find_route(routes(), method, path);
+  const FoundRoute found = find_route(method, path);
   return found.route != nullptr ? found.route->largest_body : 0;
 }
 
 std::unique_ptr<BodySink> WebSite::sink(const Request& request) {
-  const FoundRoute found = find_route(routes(), request.method, request.path);
+  const FoundRoute found = find_route(request.method, request.path);
   if (found.route == nullptr || found.route->sink == nullptr) return nullptr;
   return found.route->sink(*this, request, found.name);
 }
 
 Response WebSite::answer(const Request& request) {
-  const FoundRoute found = find_route(routes(), request.method, request.path);
+  const FoundRoute found = find_route(request.method, request.path);
   if (found.route != nullptr) return found.route->answer(*this, request, found.name);
   if (found.other_method) throw HttpError(405, request.method + " is not possible here");
   const std::string_view asset = asset_of(request.path);

@@ -1,21 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// WebSite serves the pages and the HTTP API of a player. api/openapi.json describes the API.
+// WebSite serves the pages and the HTTP API of a player. api/routes.cpp has the table of
+// addresses.
 #pragma once
 
 #include <filesystem>
 #include <memory>
 #include <optional>
-#include <span>
 #include <string>
-#include <vector>
 
 #include "apps/lenticule-web/api/history.h"
 #include "apps/lenticule-web/api/media.h"
 #include "apps/lenticule-web/api/photo_calibration.h"
 #include "apps/lenticule-web/api/pictures.h"
 #include "apps/lenticule-web/api/play_list.h"
-#include "apps/lenticule-web/api/route.h"
-#include "apps/lenticule-web/api/shown_instead.h"
 #include "apps/lenticule-web/http/clock.h"
 #include "apps/lenticule-web/http/message.h"
 #include "apps/lenticule-web/link/control_link.h"
@@ -34,9 +31,6 @@ struct WebSiteOptions {
   Clock* clock = &machine_clock();
 };
 
-/// Returns all addresses of the API and of the pages.
-[[nodiscard]] std::span<const Route> routes();
-
 class WebSite final : public Site {
  public:
   /// Throws Error if a folder cannot be used.
@@ -54,7 +48,6 @@ class WebSite final : public Site {
   [[nodiscard]] ControlLink& link() { return link_; }
   [[nodiscard]] PlayerState& player() { return player_; }
   [[nodiscard]] PictureMaker& pictures() { return pictures_; }
-  [[nodiscard]] ShownInstead& shown_instead() { return shown_instead_; }
   [[nodiscard]] TrimHistory& trims() { return trims_; }
   [[nodiscard]] PhotoCalibration& calibration() { return calibration_; }
   /// Throw HttpError 404 without a media folder.
@@ -68,7 +61,6 @@ class WebSite final : public Site {
   ControlLink link_;
   PlayerState player_;
   PictureMaker pictures_;
-  ShownInstead shown_instead_;
   TrimHistory trims_;
   PhotoCalibration calibration_;
   std::unique_ptr<Media> media_;

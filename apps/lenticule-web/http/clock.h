@@ -3,6 +3,7 @@
 // own, and so lets a day pass in seconds.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <condition_variable>
 #include <ctime>
@@ -36,5 +37,27 @@ class Clock {
   static Clock clock;
   return clock;
 }
+
+/// AnswerTime bounds what this thread does for one answer, however many requests and programs that
+/// takes, so that the client gets a status before its connection ends.
+class AnswerTime {
+ public:
+  using Milliseconds = std::chrono::milliseconds;
+
+  explicit AnswerTime(Milliseconds time) { end_ = std::chrono::steady_clock::now() + time; }
+  ~AnswerTime() { end_ = std::chrono::steady_clock::time_point::max(); }
+  AnswerTime(const AnswerTime&) = delete;
+  AnswerTime& operator=(const AnswerTime&) = delete;
+
+  /// Returns `time`, or what is left of the answer's time if that is less.
+  [[nodiscard]] static Milliseconds at_most(Milliseconds time) {
+    const auto left = end_ - std::chrono::steady_clock::now();
+    return std::clamp(std::chrono::ceil<Milliseconds>(left), Milliseconds(0), time);
+  }
+
+ private:
+  inline static thread_local std::chrono::steady_clock::time_point end_ =
+      std::chrono::steady_clock::time_point::max();
+};
 
 }  // namespace lenticule::web

@@ -39,7 +39,4 @@ inline constexpr size_t kMaxMediaName = 120;
 /// not end with a blank, and contains none of / \ % | < > " ' & : * ?
 [[nodiscard]] bool is_media_name(std::string_view name);
 
-/// Escapes text for HTML content and attribute values.
-[[nodiscard]] std::string html_text(std::string_view text);
-
 }  // namespace lenticule::web

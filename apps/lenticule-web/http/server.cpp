@@ -405,6 +405,8 @@ int Server::finish(MHD_Connection* connection, Call& call) {
 
 Response Server::response_of(Call& call) {
   if (call.refusal) return std::move(*call.refusal);
+  // A quarter of the time is for what cannot be interrupted, and for sending the answer.
+  const AnswerTime time(limits_.answer_time * 3 / 4);
   try {
     if (call.request.path == "/enter") {
       if (call.request.method != "GET") throw HttpError(405, "only GET is possible here");

@@ -14,10 +14,9 @@
 
 #include "apps/lenticule-web/http/access.h"
 #include "apps/lenticule-web/http/clock.h"
-#include "apps/lenticule-web/http/connection_watch.h"
+#include "apps/lenticule-web/http/limits.h"
 #include "apps/lenticule-web/http/listener.h"
 #include "apps/lenticule-web/http/message.h"
-#include "apps/lenticule-web/http/rate_limit.h"
 
 struct MHD_Connection;
 struct MHD_Daemon;

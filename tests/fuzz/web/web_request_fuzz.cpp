@@ -24,6 +24,5 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     LENTICULE_CHECK(joined.lexically_normal().parent_path() == "/media");
     LENTICULE_CHECK(joined.filename().native() == text);
   }
-  LENTICULE_CHECK(html_text(text).find_first_of("<>\"'") == std::string::npos);
   return 0;
 }

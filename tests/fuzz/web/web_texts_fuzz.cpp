@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "apps/lenticule-web/api/photo_calibration.h"
+#include "apps/lenticule-web/api/photo_session.h"
 #include "apps/lenticule-web/api/play_list.h"
 #include "apps/lenticule-web/http/message.h"
 #include "base/error.h"

@@ -6,8 +6,8 @@
 
 #include <fstream>
 
+#include "apps/lenticule-web/http/limits.h"
 #include "apps/lenticule-web/http/listener.h"
-#include "apps/lenticule-web/http/rate_limit.h"
 #include "base/error.h"
 #include "tests/support/scratch_folder.h"
 

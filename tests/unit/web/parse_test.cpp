@@ -41,9 +41,5 @@ TEST(WebParse, AMediaNameIsOneHarmlessPathComponent) {
   EXPECT_FALSE(is_media_name(std::string_view("a\0b", 3)));
 }
 
-TEST(WebParse, EscapesEveryCharacterWithAMeaningInHtml) {
-  EXPECT_EQ(html_text("<a href=\"x\">&'"), "&lt;a href=&quot;x&quot;&gt;&amp;&#39;");
-}
-
 }  // namespace
 }  // namespace lenticule::web

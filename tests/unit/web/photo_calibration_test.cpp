@@ -68,7 +68,7 @@ class PhotoCalibrationTest : public testing::Test {
     std::ofstream(folder_ / "program") << kProgram;
     std::filesystem::permissions(folder_ / "program", std::filesystem::perms::owner_all);
     calibration_ = std::make_unique<PhotoCalibration>(
-        link_, pictures_, shown_,
+        link_, pictures_,
         PhotoCalibrationOptions{.folder = folder_ / "calibration",
                                 .program = folder_ / "program",
                                 .stops = [] { return false; },
@@ -94,7 +94,6 @@ class PhotoCalibrationTest : public testing::Test {
   test::FakePlayer player_{folder_ / "c.sock"};
   ControlLink link_{folder_ / "c.sock"};
   PictureMaker pictures_{link_};
-  ShownInstead shown_{link_};
   std::unique_ptr<PhotoCalibration> calibration_;
 };
 

@@ -75,6 +75,10 @@ class RecordingSite final : public Site {
   }
   Response answer(const Request& request) override {
     ++answered;
+    if (request.path == "/waits") {
+      std::this_thread::sleep_for(AnswerTime::at_most(std::chrono::hours(1)));
+      throw Error(ErrorKind::Device, "no answer from the player");
+    }
     if (request.path == "/fails") throw std::runtime_error("a secret reason");
     if (request.path == "/events" || request.path == "/forever") {
       Response response;
@@ -247,6 +251,13 @@ TEST_F(WebServer, AFailureTellsStrangersNothing) {
   const HttpAnswer failed = ask("GET", "/fails", bearer(see_));
   EXPECT_EQ(failed.status, 500);
   EXPECT_EQ(failed.body.find("secret reason"), std::string::npos);
+}
+
+TEST_F(WebServer, AnAnswerThatWouldTakeTooLongIsAStatusInTime) {
+  serve({.answer_time = seconds(2)});
+  EXPECT_EQ(ask("GET", "/waits", bearer(see_)).status, 502);
+  EXPECT_EQ(AnswerTime::at_most(std::chrono::hours(1)), std::chrono::hours(1))
+      << "other threads have no limit";
 }
 
 TEST_F(WebServer, AStreamContinuesUntilItsEnd) {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// ConnectionWatch ends connections that take too long, whose token was revoked, or that take the
-// room of others. The HTTP library ends connections on which nothing moves; a client that sends one
-// byte now and then would keep its connection forever.
+// RateLimit and ConnectionWatch bound what strangers can take from the server: requests, and
+// connections.
 #pragma once
 
 #include <chrono>
@@ -12,9 +11,45 @@
 #include <mutex>
 #include <string>
 #include <thread>
+#include <unordered_map>
 
 namespace lenticule::web {
 
+/// RateLimit counts events per address in token buckets.
+///
+/// Thread safety: any thread.
+class RateLimit {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  /// Permits `burst` events at once and `per_second` on average, for each address.
+  RateLimit(double burst, double per_second) : burst_(burst), per_second_(per_second) {}
+
+  /// Counts one event; returns false, and counts nothing, if it is beyond the limit.
+  [[nodiscard]] bool permits(const std::string& address, Clock::time_point now = Clock::now());
+  /// Returns the number of addresses that are remembered; at most kMaxAddresses.
+  [[nodiscard]] size_t addresses() const;
+
+  static constexpr size_t kMaxAddresses = 4096;
+
+ private:
+  struct Bucket {
+    double tokens = 0.0;
+    Clock::time_point at{};
+  };
+  [[nodiscard]] double tokens_of(const Bucket& bucket, Clock::time_point now) const;
+  void forget_full(Clock::time_point now);
+
+  const double burst_;
+  const double per_second_;
+  mutable std::mutex mutex_;
+  std::unordered_map<std::string, Bucket> buckets_;
+};
+
+/// ConnectionWatch ends connections that take too long, whose token was revoked, or that take the
+/// room of others. The HTTP library ends connections on which nothing moves; a client that sends
+/// one byte now and then would keep its connection forever.
+///
 /// Thread safety: any thread.
 class ConnectionWatch {
  public:
@@ -22,7 +57,7 @@ class ConnectionWatch {
 
   /// When `crowded` connections are open, or `crowded_address` of one address, a new one ends the
   /// oldest of them that has not sent a permitted request. `is_valid` returns true if the token
-  /// with that id was not revoked; it is called while the watch is locked.
+  /// with that id was not revoked; it may take long.
   ConnectionWatch(size_t crowded, size_t crowded_address,
                   std::function<bool(const std::string& token_id)> is_valid);
   ~ConnectionWatch();
