@@ -176,6 +176,9 @@ test("Now: a phone pauses, continues, goes on and shows a black frame", { timeou
   await page.tap("#black");
   await comesTrue(() => ctl("status").on_glass.source === "black", "black");
   await says(page, "playing", "black");
+  const other = await open("desktop", "/");
+  await other.page.waitForFunction(() => document.querySelectorAll("#list li").length === 3);
+  await other.close();
   await page.tap("#black");
   await comesTrue(() => ctl("status").on_glass.item === (item + 1) % 3, "the place before");
   assert.deepEqual(wrong, []);

@@ -69,7 +69,7 @@ function showError() {
   const error = fit.stated_lenses;
   const grade = error <= fit.wanted_lenses ? "good" : error <= fit.usable_lenses ? "warn" : "bad";
   const words = {
-    good: "It is right for every eye" + (calibration.next ? " if nothing moved; one more photograph checks that." : "."),
+    good: "It is small enough for every eye" + (calibration.next ? " if nothing moved; one more photograph checks that." : "."),
     warn: "It can be kept; one more photograph makes it better.",
     bad: "That is too much to keep; take one more photograph." }[grade];
   $("error-text").replaceChildren("Error for every eye by the fit of all ",

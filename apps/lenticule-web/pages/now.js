@@ -10,6 +10,7 @@ let saved = null;   // the list as the player has it
 let items = null;   // the list as it is edited
 let saving = false;
 let changedBy = ""; // who changed the list since it was read
+let silent = [];    // why items of the saved list will not play
 let upload = null;
 
 // --- playback ---
@@ -124,7 +125,8 @@ function showList() {
     : changedBy ? `${changedBy} changed the list meanwhile. Read it again; your changes here are then lost.`
       : (changed ? "Changed, not saved. " : saved.file ? "" : "The player plays one source. A changed list begins with it. ")
         + (saved.by_hand && may ? "This list was written by hand. Saving writes it without its comments; the original stays below Earlier versions." : "");
-  $("list-note").className = changedBy ? "warn" : "soft";
+  if (silent.length && !changed) $("list-note").textContent += `Will not play: ${silent.map(plain).join("; ")}.`;
+  $("list-note").className = changedBy || (silent.length && !changed) ? "warn" : "soft";
   markPlaying();
 }
 
@@ -139,6 +141,7 @@ async function readList(force) {
     }
   });
   if (!list || (!force && saved && items !== saved.items)) return;
+  if (!saved || saved.version !== list.version) silent = [];
   saved = list;
   items = list.items;
   changedBy = "";
@@ -158,7 +161,12 @@ $("save").onclick = async () => {
     throw error;
   }));
   saving = false;
-  if (done) { tell("Saved; the player plays this list."); await readList(true); } else showList();
+  if (done) {
+    tell(done.warnings.length ? "Saved; not every item will play." : "Saved; the player plays this list.");
+    await readList(true);
+    silent = done.warnings;
+  }
+  showList();
 };
 $("reset").onclick = () => readList(true);
 $("restore").onclick = async () => {
@@ -196,7 +204,7 @@ async function readFiles() {
       make("button", { "aria-label": `Check ${file.name}`, onclick: () => check(file.name) }, "Check"),
       make("button", { "aria-label": `Add ${file.name} to the list`,
         disabled: !saved || !saved.editable || Boolean(file.check && !file.check.plays),
-        title: file.check && !file.check.plays ? "It does not play on this panel." : "",
+        title: !file.check || file.check.plays ? null : "It does not play on this panel.",
         onclick: () => { edit((list) => list.push({ source: file.source })); tell(`${file.name} was added; save the list.`); } }, "Add"));
     if (file.earlier !== null) row.append(make("button", { "aria-label": `Put back the earlier ${file.name}`, onclick: async () => {
       tell(`The earlier ${file.name} is checked.`);
