@@ -10,7 +10,6 @@
 // four registers, and functions pass them by reference. In all masks, -1 is true.
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <type_traits>
 #if defined(__AVX2__)

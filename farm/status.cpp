@@ -12,7 +12,6 @@
 #include <thread>
 
 #include "base/error.h"
-#include "base/json_output.h"
 #include "base/numbers.h"
 #include "base/temporary.h"
 #include "base/text.h"

@@ -7,8 +7,6 @@
 // estimate a number.
 #pragma once
 
-#include <cstddef>
-#include <optional>
 #include <string>
 #include <vector>
 

@@ -8,8 +8,6 @@
 #include <cerrno>
 #include <chrono>
 
-#include "base/error.h"
-
 namespace lenticule::calib {
 namespace {
 

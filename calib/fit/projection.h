@@ -7,7 +7,6 @@
 #include <ceres/rotation.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "calib/measure/pattern.h"

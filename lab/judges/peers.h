@@ -3,7 +3,6 @@
 // comparison.
 #pragma once
 
-#include <chrono>
 #include <optional>
 #include <string>
 #include <vector>

@@ -3,7 +3,6 @@
 // The functions write the texts of the cards.
 #pragma once
 
-#include <cstdint>
 #include <memory>
 #include <string>
 

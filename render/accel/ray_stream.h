@@ -7,7 +7,6 @@
 #include <cstdint>
 #include <limits>
 #include <span>
-#include <vector>
 
 #if defined(__SSE2__)
 #include <emmintrin.h>

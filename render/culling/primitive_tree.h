@@ -9,7 +9,6 @@
 #include <cstdint>
 #include <memory>
 
-#include "render/accel/embree.h"
 #include "render/scene/scene.h"
 
 namespace lenticule::render {

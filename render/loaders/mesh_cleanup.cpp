@@ -14,7 +14,6 @@
 #include <numeric>
 #include <tuple>
 
-#include "render/loaders/limits.h"
 #include "render/scene/stage.h"
 
 namespace lenticule::render {

@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "base/error.h"
-#include "render/loaders/limits.h"
 #include "render/scene/texture.h"
 
 namespace lenticule::render {

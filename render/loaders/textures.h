@@ -2,7 +2,6 @@
 // Textures adds the textures of a scene file to the scene, each once.
 #pragma once
 
-#include <filesystem>
 #include <functional>
 #include <map>
 #include <string>

@@ -7,7 +7,6 @@
 // plane per height.
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>

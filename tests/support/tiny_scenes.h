@@ -5,7 +5,6 @@
 #include <string>
 #include <vector>
 
-#include "optics/model.h"
 #include "render/scene/scene_description.h"
 #include "render/scene/stage.h"
 

@@ -2,7 +2,6 @@
 // Provides rigs, difficult pictures and settings for tests of weaving.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <span>
 

@@ -2,7 +2,6 @@
 // Request, Response and the interfaces between the HTTP server and what it serves.
 #pragma once
 
-#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>

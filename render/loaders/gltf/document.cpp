@@ -16,7 +16,6 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "render/loaders/file_names.h"
-#include "render/loaders/limits.h"
 
 namespace lenticule::render::gltf {
 

@@ -7,7 +7,6 @@
 
 #include "lab/stability/probes.h"
 #include "optics/rig_file.h"
-#include "render/scene/stage.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::bench {

@@ -7,7 +7,6 @@
 
 #include <memory>
 
-#include "base/error.h"
 #include "render/loaders/nff.h"
 #include "scenes/scene_list.h"
 

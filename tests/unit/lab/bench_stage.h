@@ -3,9 +3,7 @@
 #pragma once
 
 #include <cmath>
-#include <complex>
 #include <numbers>
-#include <vector>
 
 #include "frames/frame.h"
 #include "frames/srgb.h"

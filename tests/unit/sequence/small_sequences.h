@@ -2,9 +2,7 @@
 // Writes small containers for tests, and makes frames of every kind for them.
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
-#include <vector>
 
 #include "frames/frame.h"
 #include "frames/sequence/sequence_info.h"

@@ -5,7 +5,6 @@
 #pragma once
 
 #include <random>
-#include <vector>
 
 #include "calib/by_eye/procedure.h"
 
