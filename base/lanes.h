@@ -270,18 +270,23 @@ inline Masks& masks_at(int32_t* lanes) {
   return *reinterpret_cast<Masks*>(lanes);
 }
 
-/// Returns lanes 0 to 7 and 8 to 15 as one vector.
-inline Floats joined(const Vector<float, 8>& low, const Vector<float, 8>& high) {
+/// Rounds doubles to floats; `part(n)` returns those of the lanes from n on.
+template <class Part>
+inline Floats narrowed(const Part& part) {
+  using Half = Vector<float, kDoubles>;
   Floats out;
+  for (int p = 0; p < kParts; ++p) {
+    const Half low = __builtin_convertvector(part(p * kWidth), Half);
+    const Half high = __builtin_convertvector(part(p * kWidth + kDoubles), Half);
 #if defined(__AVX512F__)
-  out.part[0] =
-      __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    out.part[p] =
+        __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+#elif defined(__AVX2__)
+    out.part[p] = __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7);
 #else
-  for (int p = 0; p < kParts / 2; ++p) {
-    out.part[p] = reinterpret_cast<const FloatVector*>(&low)[p];
-    out.part[p + kParts / 2] = reinterpret_cast<const FloatVector*>(&high)[p];
-  }
+    out.part[p] = __builtin_shufflevector(low, high, 0, 1, 2, 3);
 #endif
+  }
   return out;
 }
 

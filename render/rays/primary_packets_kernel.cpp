@@ -12,29 +12,22 @@ using packet_kernel::Field;
 using packet_kernel::kLanes;
 using packet_kernel::Tile;
 
-constexpr int kHalf = kLanes / 2;
-using HalfFloats = Vector<float, kHalf>;
-using Doubles = Vector<double, kHalf>;
-
 inline void store(const Floats& value, float* packet, Field field) {
   floats_at(packet + field * kLanes) = value;
 }
 
-/// Returns the distances of eight phases from their nearest integers.
-inline HalfFloats off_of_half(const double (&phase)[3][kLanes], int first, double c) {
-  constexpr double kShift = 6755399441055744.0;  // 1.5 * 2^52: additions round to integers
-  const auto row = [&](int n) -> const auto& {
-    return vector_at<Doubles>(&phase[n][first]);
-  };
-  const Doubles at = row(0).v + c * (row(1).v + c * row(2).v);
-  const Doubles lens = (at + kShift) - kShift;
-  return __builtin_convertvector(at - lens, HalfFloats);
-}
-
+/// Returns the distances of the phases from their nearest integers.
 inline Floats off_of(const Tile& t, int column, int colour) {
-  const HalfFloats low = off_of_half(t.phase[colour], 0, column);
-  const HalfFloats high = off_of_half(t.phase[colour], kHalf, column);
-  return joined(low, high);
+  constexpr double kShift = 6755399441055744.0;  // 1.5 * 2^52: additions round to integers
+  const double c = column;
+  return narrowed([&](int row) {
+    const auto term = [&](int n) -> const auto& {
+      return vector_at<Doubles>(&t.phase[colour][n][row]);
+    };
+    const Doubles at = term(0).v + c * (term(1).v + c * term(2).v);
+    const Doubles lens = (at + kShift) - kShift;
+    return at - lens;
+  });
 }
 
 inline Masks unsure(const Tile& t, const Floats& off) {

@@ -11,9 +11,7 @@ namespace {
 using namespace lanes;
 using namespace sweep_kernel;
 
-using EightDoubles = Vector<double, kBlock>;
 using Eight = Vector<float, kBlock>;
-using EightInts = Vector<int32_t, kBlock>;
 using NativeFloats = Vector<float, kWidth>;
 using NativeInts = Vector<int32_t, kWidth>;
 
@@ -50,25 +48,22 @@ void set_pattern(const RowPiece& p, int first_colour, Pattern& out) {
   }
 }
 
-/// Computes the lens of eight columns, beginning with the given one, and the distance of their
-/// phase from it.
-inline Eight off_of_half(const Pattern& t, int half, int column, int32_t* lens) {
-  constexpr double kShift = 6755399441055744.0;  // 1.5 * 2^52: additions round to integers
-  const auto at = [&](int n) -> const auto& {
-    return vector_at<EightDoubles>(&t.phase[n][half]);
-  };
-  const EightInts number = vector_at<EightInts>(kCount + half).v + column;
-  const EightDoubles c = __builtin_convertvector(number, EightDoubles);
-  const EightDoubles phase = at(0).v + c * (at(1).v + c * at(2).v);
-  const EightDoubles nearest = (phase + kShift) - kShift;
-  vector_at<EightInts>(lens + half).v = __builtin_convertvector(nearest, EightInts);
-  return __builtin_convertvector(phase - nearest, Eight);
-}
-
+/// Computes the lenses of sixteen columns, beginning with the given one, and the distances of their
+/// phases from them.
 inline Floats off_of(const Pattern& t, int column, int32_t* lens) {
-  const Eight low = off_of_half(t, 0, column, lens);
-  const Eight high = off_of_half(t, kBlock, column, lens);
-  return joined(low, high);
+  using Numbers = Vector<int32_t, kDoubles>;
+  constexpr double kShift = 6755399441055744.0;  // 1.5 * 2^52: additions round to integers
+  return narrowed([&](int first) {
+    const auto term = [&](int n) -> const auto& {
+      return vector_at<Doubles>(&t.phase[n][first]);
+    };
+    const Numbers number = vector_at<Numbers>(kCount + first).v + column;
+    const Doubles c = __builtin_convertvector(number, Doubles);
+    const Doubles phase = term(0).v + c * (term(1).v + c * term(2).v);
+    const Doubles nearest = (phase + kShift) - kShift;
+    vector_at<Numbers>(lens + first).v = __builtin_convertvector(nearest, Numbers);
+    return phase - nearest;
+  });
 }
 
 template <int kCoefficients>
