@@ -8,6 +8,7 @@
 
 #include "optics/model.h"
 #include "render/methods/method.h"
+#include "render/options/render_options.h"
 
 namespace lenticule::render {
 

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "render/methods/method.h"
+#include "render/options/render_options.h"
 
 namespace lenticule::render {
 
