@@ -88,7 +88,9 @@ class WebTest : public PlayerTest {
                  const std::string& body = {},
                  std::map<std::string, std::string> headers = {}) const {
     headers["Authorization"] = "Bearer " + token_;
-    return HttpClient(port_).ask(method, address, headers, body);
+    // Longer than the server may take.
+    return HttpClient(port_, "127.0.0.1", std::chrono::seconds(70))
+        .ask(method, address, headers, body);
   }
   nlohmann::ordered_json api(const std::string& method, const std::string& address,
                              const std::string& body = {}) const {
