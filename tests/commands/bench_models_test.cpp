@@ -3,8 +3,8 @@
 // are scripts that copy a picture.
 #include <nlohmann/json.hpp>
 
+#include "frames/flip.h"
 #include "frames/image_io.h"
-#include "frames/measures/flip.h"
 #include "tests/commands/program.h"
 
 namespace lenticule::test {

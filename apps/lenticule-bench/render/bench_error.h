@@ -12,12 +12,11 @@
 #include <vector>
 
 #include "apps/lenticule-tools/offline/scene_sequence.h"
+#include "frames/flip.h"
 #include "frames/frame.h"
-#include "frames/measures/flicker.h"
-#include "frames/measures/flip.h"
-#include "frames/measures/worst_tiles.h"
 #include "frames/sequence/band_workers.h"
 #include "lab/fixtures.h"
+#include "lab/measures.h"
 #include "optics/model.h"
 #include "optics/rig.h"
 #include "render/options/render_options.h"
@@ -136,7 +135,7 @@ void plot_errors(const nlohmann::json& scenarios, const std::string& file);
 inline constexpr int kErrorEyes = 3;
 using SeenPictures = std::array<frames::WovenFrame, kErrorEyes>;
 /// The meters of one method in one scenario.
-using EyeFlicker = std::array<frames::FlickerMeter, kErrorEyes>;
+using EyeFlicker = std::array<lab::FlickerMeter, kErrorEyes>;
 
 /// Returns the pixels of frames::decoded_geometry() per degree, in front of the panel at the
 /// viewing distance; FLIP's default if that is infinite. Clamped to FLIP's range.

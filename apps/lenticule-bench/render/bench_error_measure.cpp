@@ -21,7 +21,6 @@
 #include "base/error.h"
 #include "frames/compare.h"
 #include "frames/image_io.h"
-#include "frames/measures/view_map.h"
 #include "frames/weave.h"
 #include "optics/model.h"
 #include "player/process/interrupt.h"
@@ -145,7 +144,7 @@ nlohmann::json ErrorEyes::compare(const frames::FrameView& woven, EyeFlicker& fl
     const frames::FrameView b = test_[e].view();
     const frames::FlipFigures flip = frames::flip_figures(
         frames::flip_map(reference_flip_[e], frames::FlipPicture(b, pixels_per_degree_)));
-    const frames::Flicker change = flicker[e].add(a, b);
+    const lab::Flicker change = flicker[e].add(a, b);
     figures[e] = {{"ssim", nullptr},
                   {"flip_mean", flip.mean},
                   {"flip_p99", flip.percentile_99},
@@ -361,7 +360,7 @@ class ScenarioRun {
   std::function<void()> done_;
   optics::OpticalModel model_;
   frames::BandWorkers workers_;
-  frames::ViewMap views_;
+  lab::ViewMap views_;
   ErrorEyes eyes_;
   tools::StageSequence stages_;
   render::SceneDescription description_;
@@ -394,7 +393,7 @@ struct Part {
   double left, top, width, height;
 };
 
-Part part_of(const frames::Tile& tile, const frames::FrameGeometry& picture) {
+Part part_of(const lab::Tile& tile, const frames::FrameGeometry& picture) {
   return {.left = static_cast<double>(tile.x) / picture.width,
           .top = static_cast<double>(tile.y) / picture.height,
           .width = static_cast<double>(tile.width) / picture.width,
@@ -434,8 +433,8 @@ void put_row(const frames::FrameView& reference, const frames::FrameView& test, 
 }
 
 /// Returns the eye for which the tile differs most.
-int eye_of(const frames::Tile& tile, const frames::FrameGeometry& panel,
-           const SeenPictures& reference, const SeenPictures& test) {
+int eye_of(const lab::Tile& tile, const frames::FrameGeometry& panel, const SeenPictures& reference,
+           const SeenPictures& test) {
   const Part part = part_of(tile, panel);
   double worst = -1.0;
   int eye = 0;
@@ -463,7 +462,7 @@ std::string file_name(std::string text) {
 
 frames::WovenFrame tile_sheet(const frames::FrameView& reference, const frames::FrameView& test,
                               const frames::FrameView& seen_reference,
-                              const frames::FrameView& seen_test, const frames::Tile& tile) {
+                              const frames::FrameView& seen_test, const lab::Tile& tile) {
   const int scale = std::max(1, kPaneSide / std::max(tile.width, tile.height));
   const int width = scale * tile.width;
   const int height = scale * tile.height;
@@ -477,8 +476,8 @@ frames::WovenFrame tile_sheet(const frames::FrameView& reference, const frames::
 
 void WorstPlaces::add(int frame, const frames::FrameView& reference, const frames::FrameView& test,
                       const SeenPictures& seen_reference, const SeenPictures& seen_test) {
-  for (const frames::Tile& tile :
-       frames::worst_tiles(reference, test, kTileSide, static_cast<int>(kPlaces))) {
+  for (const lab::Tile& tile :
+       lab::worst_tiles(reference, test, kTileSide, static_cast<int>(kPlaces))) {
     const auto here = [&](const Place& place) { return place.tile.overlaps(tile); };
     if (std::ranges::any_of(
             places_, [&](const Place& place) { return here(place) && place.tile.mse >= tile.mse; }))

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "frames/measures/worst_tiles.h"
 
 #include <gtest/gtest.h>
 
@@ -7,12 +6,14 @@
 #include <optional>
 #include <random>
 
+#include "lab/measures.h"
 #include "tests/support/error_matchers.h"
 #include "tests/support/oracles/picture_oracle.h"
 
-namespace lenticule::frames {
+namespace lenticule::lab {
 namespace {
 
+using frames::WovenFrame;
 using test::error_of;
 
 WovenFrame cut(const WovenFrame& picture, const Tile& tile) {
@@ -93,4 +94,4 @@ TEST(WorstTiles, RefusesOtherSizes) {
 }
 
 }  // namespace
-}  // namespace lenticule::frames
+}  // namespace lenticule::lab

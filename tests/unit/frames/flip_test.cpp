@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests FLIP against its definition in long double, and its basic properties.
-#include "frames/measures/flip.h"
+#include "frames/flip.h"
 
 #include <gtest/gtest.h>
 

@@ -2,14 +2,14 @@
 // Tests flicker, and view differences that are prepared once for many frames.
 #include <gtest/gtest.h>
 
-#include "frames/measures/flicker.h"
-#include "frames/measures/view_map.h"
+#include "lab/measures.h"
 #include "tests/support/error_matchers.h"
 #include "tests/support/noise_frame.h"
 
-namespace lenticule::frames {
+namespace lenticule::lab {
 namespace {
 
+using frames::WovenFrame;
 using test::error_of;
 
 WovenFrame plus(WovenFrame frame, int levels) {
@@ -99,4 +99,4 @@ TEST(ViewMap, RefusesOtherPicturesAndNoViews) {
 }
 
 }  // namespace
-}  // namespace lenticule::frames
+}  // namespace lenticule::lab

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "frames/measures/flip.h"
+#include "frames/flip.h"
 
 #include <fmt/format.h>
 
