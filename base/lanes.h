@@ -10,6 +10,7 @@
 // four registers, and functions pass them by reference. In all masks, -1 is true.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <type_traits>
 #if defined(__AVX2__)

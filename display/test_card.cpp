@@ -2,6 +2,7 @@
 #include "display/test_card.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "frames/text.h"
 

@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "base/error.h"
+#include "base/json_output.h"
 #include "base/numbers.h"
 #include "base/temporary.h"
 #include "base/text.h"

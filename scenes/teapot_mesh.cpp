@@ -2,6 +2,7 @@
 #include "scenes/teapot_mesh.h"
 
 #include <array>
+#include <cmath>
 
 namespace lenticule::scenes {
 namespace {

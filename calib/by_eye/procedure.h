@@ -7,6 +7,8 @@
 // estimate a number.
 #pragma once
 
+#include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 

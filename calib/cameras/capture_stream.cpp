@@ -8,6 +8,8 @@
 #include <cerrno>
 #include <chrono>
 
+#include "base/error.h"
+
 namespace lenticule::calib {
 namespace {
 

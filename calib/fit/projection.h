@@ -7,6 +7,7 @@
 #include <ceres/rotation.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "calib/measure/pattern.h"

@@ -4,6 +4,8 @@
 #include <chrono>
 #include <exception>
 #include <memory>
+#include <new>
+#include <string>
 
 #include "base/error.h"
 #include "frames/ring/ring_renderer.h"

@@ -7,6 +7,7 @@
 // the panel's range. e = 0 where W is well-conditioned.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "frames/quilt.h"

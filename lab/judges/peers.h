@@ -3,6 +3,7 @@
 // comparison.
 #pragma once
 
+#include <chrono>
 #include <optional>
 #include <string>
 #include <vector>

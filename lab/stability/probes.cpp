@@ -12,6 +12,7 @@
 #include <limits>
 #include <span>
 
+#include "base/error.h"
 #include "render/accel/denormals.h"
 #include "render/accel/ray_stream.h"
 #include "render/integrator/hole_guard.h"

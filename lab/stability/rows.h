@@ -15,6 +15,7 @@
 
 #include "frames/frame.h"
 #include "optics/rig.h"
+#include "render/make_method.h"
 #include "render/scene/scene.h"
 #include "render/scene/scene_description.h"
 #include "render/scene/stage.h"

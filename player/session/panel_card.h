@@ -3,6 +3,7 @@
 // The functions write the texts of the cards.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 

@@ -15,6 +15,7 @@
 #include "player/playlist/playlist_source.h"
 #include "player/playlist/source_pace.h"
 #include "player/session/play_plan.h"
+#include "player/sources/live_rig.h"
 
 namespace lenticule::player {
 

@@ -10,6 +10,7 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <string>
 
 #include "frames/frame_source.h"
 #include "player/sources/source_spec.h"

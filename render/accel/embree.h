@@ -3,6 +3,7 @@
 // differ between Embree 3 and 4. ray_stream.h wraps the packet calls.
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <string>
 #include <type_traits>

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <memory>
 
+#include "render/accel/embree.h"
 #include "render/scene/scene.h"
 
 namespace lenticule::render {

@@ -8,6 +8,7 @@
 #include "base/error.h"
 #include "render/accel/ray_stream.h"
 #include "render/rays/primary_packets.h"
+#include "render/scene/texture.h"
 #include "render/shading/shading.h"
 
 namespace lenticule::render {

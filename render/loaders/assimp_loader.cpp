@@ -25,6 +25,7 @@
 #include "optics/vec.h"
 #include "render/loaders/assimp_scene.h"
 #include "render/loaders/file_names.h"
+#include "render/loaders/limits.h"
 #include "render/scene/stage.h"
 
 namespace lenticule::render {

@@ -14,6 +14,7 @@
 #include <numeric>
 #include <tuple>
 
+#include "render/loaders/limits.h"
 #include "render/scene/stage.h"
 
 namespace lenticule::render {

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "render/loaders/limits.h"
 #include "render/scene/texture.h"
 
 namespace lenticule::render {

@@ -2,6 +2,7 @@
 // Textures adds the textures of a scene file to the scene, each once.
 #pragma once
 
+#include <filesystem>
 #include <functional>
 #include <map>
 #include <string>

@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "frames/frame.h"
+#include "render/options/render_options.h"
 #include "render/options/render_statistics.h"
 #include "render/scene/scene.h"
 #include "render/scene/stage.h"

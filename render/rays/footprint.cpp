@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/rays/footprint.h"
 
+#include <algorithm>
 #include <cmath>
+#include <initializer_list>
 
 namespace lenticule::render {
 namespace {

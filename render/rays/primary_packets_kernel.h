@@ -3,6 +3,8 @@
 // header must not bring shared inline functions into a file that is compiled for AVX-512.
 #pragma once
 
+#include <cstdint>
+
 #include "base/cpu.h"
 #include "render/accel/packet_fields.h"
 

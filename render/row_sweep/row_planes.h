@@ -7,6 +7,7 @@
 // plane per height.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>

@@ -3,7 +3,9 @@
 // (split sum: Karis, "Real Shading in Unreal Engine 4", 2013).
 #pragma once
 
+#include <cstdint>
 #include <functional>
+#include <memory>
 #include <vector>
 
 #include "optics/vec.h"

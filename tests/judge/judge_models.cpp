@@ -4,6 +4,7 @@
 // Usage: judge_models FOLDER
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>

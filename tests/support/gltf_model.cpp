@@ -10,6 +10,7 @@
 
 #include <meshoptimizer.h>
 
+#include <array>
 #include <string_view>
 
 #include "base/error.h"

@@ -10,6 +10,7 @@
 #include <array>
 #include <csignal>
 #include <stdexcept>
+#include <thread>
 
 namespace lenticule::test {
 namespace {

@@ -2,6 +2,7 @@
 #include "tests/support/random_rigs.h"
 
 #include <array>
+#include <limits>
 
 namespace lenticule::test {
 namespace {

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "optics/model.h"
 #include "render/scene/scene_description.h"
 #include "render/scene/stage.h"
 

@@ -2,6 +2,7 @@
 // Provides rigs, difficult pictures and settings for tests of weaving.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 

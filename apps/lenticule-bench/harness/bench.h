@@ -7,6 +7,8 @@
 #include <vector>
 
 #include "apps/lenticule/cli/command.h"
+#include "base/statistics.h"
+#include "lab/fixtures.h"
 
 namespace lenticule::bench {
 

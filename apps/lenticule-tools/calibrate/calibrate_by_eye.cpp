@@ -23,6 +23,7 @@
 #include "display/display_sink.h"
 #include "display/open/open_display.h"
 #include "frames/charts/charts.h"
+#include "optics/rig_file.h"
 #include "optics/rig_store.h"
 #include "optics/trim.h"
 #include "player/process/interrupt.h"

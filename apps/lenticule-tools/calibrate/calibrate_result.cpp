@@ -13,6 +13,7 @@
 #include "calib/report/report.h"
 #include "frames/image_io.h"
 #include "frames/srgb.h"
+#include "optics/rig_file.h"
 #include "optics/rig_store.h"
 #include "optics/trim.h"
 

@@ -8,6 +8,7 @@
 
 #include "render/loaders/load_scene.h"
 #include "render/options/render_options.h"
+#include "render/scene/scene.h"
 #include "render/scene/stage.h"
 
 namespace CLI {

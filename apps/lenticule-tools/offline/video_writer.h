@@ -2,6 +2,7 @@
 // VideoWriter writes woven frames to a lossless video file through lenticule-video.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 

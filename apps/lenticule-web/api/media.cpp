@@ -15,6 +15,7 @@
 #include "apps/lenticule-web/http/clock.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "base/numbers.h"
 #include "base/print.h"
 #include "base/unique_fd.h"
 

@@ -2,6 +2,7 @@
 // Request, Response and the interfaces between the HTTP server and what it serves.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>

@@ -4,10 +4,12 @@
 #pragma once
 
 #include <chrono>
+#include <mutex>
 #include <nlohmann/json.hpp>
 #include <semaphore>
 #include <string>
 
+#include "base/error.h"
 #include "base/json_line_socket.h"
 #include "base/unique_fd.h"
 

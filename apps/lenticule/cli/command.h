@@ -8,6 +8,7 @@
 #include <span>
 
 #include "base/exit_code.h"
+#include "base/json_output.h"
 
 // CLI11's header takes seconds to compile, so only files that declare flags include it.
 namespace CLI {

@@ -16,6 +16,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "render/loaders/file_names.h"
+#include "render/loaders/limits.h"
 
 namespace lenticule::render::gltf {
 

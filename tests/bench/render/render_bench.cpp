@@ -4,6 +4,7 @@
 
 #include "render/make_method.h"
 #include "render/rays/primary_rays.h"
+#include "render/shading/shading.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {

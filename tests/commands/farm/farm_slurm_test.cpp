@@ -8,6 +8,7 @@
 #include <fstream>
 #include <functional>
 #include <memory>
+#include <optional>
 
 #include "farm_fixture.h"
 #include "slurm_cluster.h"

@@ -3,6 +3,7 @@
 #include <drm.h>
 #include <gtest/gtest.h>
 
+#include <cstring>
 #include <random>
 #include <vector>
 

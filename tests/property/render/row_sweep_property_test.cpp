@@ -4,6 +4,7 @@
 // surfaces meet.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <random>
 
 #include "lab/stability/probes.h"

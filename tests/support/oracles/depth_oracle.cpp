@@ -2,6 +2,7 @@
 #include "tests/support/oracles/depth_oracle.h"
 
 #include <cmath>
+#include <optional>
 
 #include "frames/srgb.h"
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/support/oracles/optics_oracle.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace lenticule::test {

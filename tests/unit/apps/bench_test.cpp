@@ -7,6 +7,7 @@
 
 #include "lab/stability/probes.h"
 #include "optics/rig_file.h"
+#include "render/scene/stage.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::bench {

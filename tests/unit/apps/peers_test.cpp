@@ -7,6 +7,7 @@
 
 #include <memory>
 
+#include "base/error.h"
 #include "render/loaders/nff.h"
 #include "scenes/scene_list.h"
 

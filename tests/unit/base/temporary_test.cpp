@@ -12,6 +12,7 @@
 #include <atomic>
 #include <csignal>
 #include <functional>
+#include <string>
 #include <thread>
 
 #include "base/error.h"

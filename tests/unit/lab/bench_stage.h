@@ -3,7 +3,9 @@
 #pragma once
 
 #include <cmath>
+#include <complex>
 #include <numbers>
+#include <vector>
 
 #include "frames/frame.h"
 #include "frames/srgb.h"

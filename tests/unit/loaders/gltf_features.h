@@ -9,6 +9,7 @@
 #include <functional>
 #include <vector>
 
+#include "render/loaders/gltf_loader.h"
 #include "tests/support/gltf_model.h"
 
 namespace lenticule::render {

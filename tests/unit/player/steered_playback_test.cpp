@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <functional>
+#include <utility>
 
 #include "display/virtual/virtual_display.h"
 #include "player/playback/playback.h"

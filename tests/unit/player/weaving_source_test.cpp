@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -14,6 +15,7 @@
 
 #include "frames/image_io.h"
 #include "frames/image_sequence.h"
+#include "frames/weaving/quilt_file.h"
 #include "optics/rig_file.h"
 #include "optics/trim.h"
 #include "player/sources/open_source.h"

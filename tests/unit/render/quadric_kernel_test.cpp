@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "base/cpu.h"
+#include "render/accel/embree.h"
 #include "render/accel/primitives.h"
 #include "render/accel/user_geometry.h"
 #include "tests/support/instruction_sets.h"

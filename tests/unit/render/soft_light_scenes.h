@@ -2,6 +2,8 @@
 // A small scene for soft light, and pictures of any scene with it.
 #pragma once
 
+#include <vector>
+
 #include "render/make_method.h"
 #include "render/options/render_options.h"
 #include "render/scene/scene.h"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests the primitive counts of each generator against formulas, and that closed shapes are closed.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <array>

@@ -3,6 +3,7 @@
 // openings.
 #include "scenes/teapot_mesh.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -2,7 +2,9 @@
 // Writes small containers for tests, and makes frames of every kind for them.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <vector>
 
 #include "frames/frame.h"
 #include "frames/sequence/sequence_info.h"

@@ -8,6 +8,7 @@
 
 #include <fstream>
 #include <set>
+#include <span>
 
 #include "tests/support/scratch_folder.h"
 #include "tests/unit/web/fake_player.h"

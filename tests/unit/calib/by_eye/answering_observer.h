@@ -5,6 +5,7 @@
 #pragma once
 
 #include <random>
+#include <vector>
 
 #include "calib/by_eye/procedure.h"
 
