@@ -14,7 +14,6 @@
 #include <set>
 #include <string>
 #include <system_error>
-#include <utility>
 
 #include "base/error.h"
 #include "base/file.h"

@@ -2,7 +2,6 @@
 #include "display/test_card.h"
 
 #include <algorithm>
-#include <utility>
 
 #include "frames/text.h"
 

@@ -4,10 +4,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <exception>
 #include <limits>
-#include <system_error>
 #include <utility>
 
 #include "base/error.h"

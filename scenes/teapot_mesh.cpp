@@ -2,7 +2,6 @@
 #include "scenes/teapot_mesh.h"
 
 #include <array>
-#include <cmath>
 
 namespace lenticule::scenes {
 namespace {

@@ -4,8 +4,6 @@
 #include <chrono>
 #include <exception>
 #include <memory>
-#include <new>
-#include <string>
 
 #include "base/error.h"
 #include "frames/ring/ring_renderer.h"

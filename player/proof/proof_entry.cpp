@@ -7,7 +7,6 @@
 #include <array>
 #include <fstream>
 #include <iterator>
-#include <limits>
 #include <utility>
 
 #include "base/numbers.h"

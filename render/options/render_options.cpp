@@ -3,8 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <limits>
-
 #include "base/error.h"
 
 namespace lenticule::render {

@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/rays/footprint.h"
 
-#include <algorithm>
 #include <cmath>
-#include <initializer_list>
 
 namespace lenticule::render {
 namespace {

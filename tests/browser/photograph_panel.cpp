@@ -9,7 +9,6 @@
 //     does the same with a part of the panel out of the picture
 //   photograph_panel error RIG.toml
 //     prints the largest phase error of a rig, in lenses
-#include <fmt/format.h>
 
 #include <exception>
 #include <string>

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // `lenticule calibrate by-eye` with scripted keys on a virtual display, and `lenticule rig trim`.
 #include <cmath>
-#include <csignal>
 #include <nlohmann/json.hpp>
 
 #include "frames/image_io.h"

@@ -4,8 +4,6 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include <fstream>
-
 #include "frames/image_io.h"
 #include "frames/srgb.h"
 #include "lab/panel/trial.h"

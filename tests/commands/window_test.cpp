@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests `lenticule play --display window` on an X server in memory: screenshots, mouse and keys.
-#include <algorithm>
 #include <array>
-#include <cstring>
 #include <sstream>
 
 #include "tests/commands/player_stage.h"

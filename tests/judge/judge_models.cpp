@@ -4,7 +4,6 @@
 // Usage: judge_models FOLDER
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>

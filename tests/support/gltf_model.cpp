@@ -10,7 +10,6 @@
 
 #include <meshoptimizer.h>
 
-#include <array>
 #include <string_view>
 
 #include "base/error.h"

@@ -10,7 +10,6 @@
 #include <array>
 #include <csignal>
 #include <stdexcept>
-#include <thread>
 
 namespace lenticule::test {
 namespace {

@@ -2,7 +2,6 @@
 #include "tests/support/random_rigs.h"
 
 #include <array>
-#include <limits>
 
 namespace lenticule::test {
 namespace {

@@ -2,12 +2,10 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <map>
 #include <memory>
-#include <string_view>
 #include <thread>
 
 #include "apps/lenticule-bench/harness/bench.h"

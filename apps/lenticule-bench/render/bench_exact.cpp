@@ -17,7 +17,6 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
-#include <string_view>
 #include <thread>
 
 #include "apps/lenticule-bench/harness/bench.h"

@@ -8,7 +8,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <memory>
 
 #include "apps/lenticule-tools/calibrate/calibrate_result.h"

@@ -13,7 +13,6 @@
 #include <optional>
 #include <span>
 #include <system_error>
-#include <utility>
 #include <vector>
 
 #include "apps/lenticule-tools/calibrate/calibrate_result.h"

@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "display/kms/color/legacy_gamma.h"
 
-#include <algorithm>
 #include <bit>
-#include <cerrno>
 
 #include "display/kms/color/exactness_rules.h"
 

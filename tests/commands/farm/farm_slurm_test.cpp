@@ -8,7 +8,6 @@
 #include <fstream>
 #include <functional>
 #include <memory>
-#include <optional>
 
 #include "farm_fixture.h"
 #include "slurm_cluster.h"

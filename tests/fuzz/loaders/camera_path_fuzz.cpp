@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads any text as a camera path: the result is an Error, or poses from which a stage can be made.
 #include <cstdint>
-#include <string_view>
 
 #include "base/error.h"
 #include "render/loaders/camera_path.h"

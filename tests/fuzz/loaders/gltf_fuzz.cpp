@@ -3,7 +3,6 @@
 // be traced at any time.
 #include <cstdint>
 #include <optional>
-#include <vector>
 
 #include "render/loaders/gltf_loader.h"
 #include "tests/fuzz/loaders/scene_checks.h"

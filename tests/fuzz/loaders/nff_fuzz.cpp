@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads any text as a scene: the result is an Error, or a scene that can be traced.
 #include <cstdint>
-#include <string_view>
 
 #include "render/loaders/nff.h"
 #include "tests/fuzz/loaders/scene_checks.h"

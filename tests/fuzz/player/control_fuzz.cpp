@@ -2,7 +2,6 @@
 // Reads any bytes as a request: the result is an Error, or a request whose numbers are within their
 // limits. In both cases the answer is one line of JSON.
 #include <cmath>
-#include <string_view>
 
 #include "player/control/control_protocol.h"
 

@@ -3,7 +3,6 @@
 #include <drm.h>
 #include <gtest/gtest.h>
 
-#include <cstring>
 #include <random>
 #include <vector>
 

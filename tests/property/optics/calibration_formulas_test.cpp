@@ -3,7 +3,6 @@
 // published.
 #include <gtest/gtest.h>
 
-#include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <random>

@@ -4,7 +4,6 @@
 // surfaces meet.
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <random>
 
 #include "lab/stability/probes.h"

@@ -2,9 +2,7 @@
 // Tests that rays leaving a surface do not hit it again at their start.
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <functional>
-#include <limits>
 #include <random>
 
 #include "render/accel/ray_stream.h"

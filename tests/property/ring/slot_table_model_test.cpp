@@ -2,7 +2,6 @@
 // Tests random histories of renderers and a player against a simple model: a std::deque of frames.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <deque>
 #include <map>
 #include <random>

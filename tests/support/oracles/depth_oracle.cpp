@@ -2,7 +2,6 @@
 #include "tests/support/oracles/depth_oracle.h"
 
 #include <cmath>
-#include <optional>
 
 #include "frames/srgb.h"
 

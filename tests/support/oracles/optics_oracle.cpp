@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/support/oracles/optics_oracle.h"
 
-#include <algorithm>
 #include <cmath>
 
 namespace lenticule::test {

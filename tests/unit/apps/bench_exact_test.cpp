@@ -2,7 +2,6 @@
 // Tests the parts of `lenticule bench exact` that need no clock.
 #include "apps/lenticule-bench/render/bench_exact.h"
 
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <set>

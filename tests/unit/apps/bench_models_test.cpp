@@ -2,7 +2,6 @@
 // Tests the parts of `lenticule bench models`: the plain camera, the studio, jobs and pictures.
 #include "apps/lenticule-bench/models/bench_models.h"
 
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>

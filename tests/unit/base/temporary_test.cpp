@@ -12,7 +12,6 @@
 #include <atomic>
 #include <csignal>
 #include <functional>
-#include <string>
 #include <thread>
 
 #include "base/error.h"

@@ -3,8 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <cmath>
-
 #include "frames/image_io.h"
 #include "frames/srgb.h"
 #include "png_maker.h"

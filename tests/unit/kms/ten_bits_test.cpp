@@ -3,8 +3,6 @@
 // exactness, and cards that lack the format.
 #include <gmock/gmock.h>
 
-#include <algorithm>
-
 #include "display/kms/color/exactness_rules.h"
 #include "display/kms/inspect.h"
 #include "kms_stage.h"

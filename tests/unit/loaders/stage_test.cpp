@@ -2,7 +2,6 @@
 // Tests the stage: orientation, size and depth, at any scale and place of the scene.
 #include "render/scene/stage.h"
 
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>

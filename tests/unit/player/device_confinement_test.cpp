@@ -2,7 +2,6 @@
 // Confines child processes that may open one device, on kernels with and without Landlock.
 // /dev/null stands for a video device.
 #include <fcntl.h>
-#include <gmock/gmock.h>
 #include <linux/filter.h>
 #include <linux/seccomp.h>
 #include <sys/ioctl.h>

@@ -5,8 +5,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <utility>
-
 #include "base/error.h"
 #include "display/virtual/virtual_display.h"
 #include "frames/decoded_source.h"

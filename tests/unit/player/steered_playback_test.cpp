@@ -5,7 +5,6 @@
 #include <gtest/gtest.h>
 
 #include <functional>
-#include <utility>
 
 #include "display/virtual/virtual_display.h"
 #include "player/playback/playback.h"

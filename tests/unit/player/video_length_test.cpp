@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests which frames count as missing: those that a film's container promises to present. The films
 // are written here byte by byte, since an encoder makes no such containers.
-#include <gmock/gmock.h>
 
 #include <bit>
 

@@ -3,8 +3,6 @@
 #include <gmock/gmock.h>
 
 #include <cmath>
-#include <cstring>
-#include <optional>
 
 #include "apps/lenticule-video/pixel_convert.h"
 #include "base/error.h"

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests the primitive counts of each generator against formulas, and that closed shapes are closed.
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <array>

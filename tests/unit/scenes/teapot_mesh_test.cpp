@@ -3,7 +3,6 @@
 // openings.
 #include "scenes/teapot_mesh.h"
 
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>

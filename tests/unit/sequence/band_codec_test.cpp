@@ -7,7 +7,6 @@
 
 #include <algorithm>
 #include <random>
-#include <tuple>
 
 #include "band_oracle.h"
 #include "small_sequences.h"

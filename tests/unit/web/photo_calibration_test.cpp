@@ -8,7 +8,6 @@
 
 #include <fstream>
 #include <set>
-#include <span>
 
 #include "tests/support/scratch_folder.h"
 #include "tests/unit/web/fake_player.h"

@@ -5,7 +5,6 @@
 //   vm_camera_probe send OUTPUT FORMAT        sends eight patches of colour, 1280x720, until killed
 //   vm_camera_probe watch DEVICE FORMAT WIDTH HEIGHT RATE COUNT
 // `watch` grabs COUNT pictures and prints a report. If the camera is lost, it is reopened once.
-#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>

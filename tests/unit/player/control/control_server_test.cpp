@@ -9,7 +9,6 @@
 #include <sys/socket.h>
 #include <sys/stat.h>
 
-#include <condition_variable>
 #include <cstring>
 #include <filesystem>
 #include <thread>

@@ -2,7 +2,6 @@
 // Tests when a source is reported as too slow, and with which figures.
 #include "player/playlist/source_pace.h"
 
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "base/error.h"

@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/proof/proof_entry.h"
 
-#include <gmock/gmock.h>
 #include <unistd.h>
-
-#include <algorithm>
 
 #include "tests/unit/player/proof/proof_samples.h"
 

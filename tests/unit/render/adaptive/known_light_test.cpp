@@ -2,7 +2,6 @@
 // Tests the notes that a traced packet records about its light, and the rays that the notes save.
 #include <gtest/gtest.h>
 
-#include <cstring>
 #include <random>
 
 #include "render/integrator/light_cache.h"
