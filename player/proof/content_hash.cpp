@@ -80,7 +80,7 @@ bool add_bytes(Digest& digest, int fd, uint64_t from, uint64_t count,
   return count == 0;
 }
 
-[[noreturn]] void refuse(const std::string& file) {
+[[noreturn]] void fail_to_read(const std::string& file) {
   throw Error(ErrorKind::Input, file + ": cannot read the whole file");
 }
 
@@ -89,7 +89,7 @@ std::string hash_of_file(const std::string& file, const std::atomic<bool>& endin
   Digest digest(speed);
   if (!add_bytes(digest, opened.descriptor.get(), 0, opened.bytes, ending)) {
     if (ending.load()) return {};
-    refuse(file);
+    fail_to_read(file);
   }
   return "sha256:" + digest.hex();
 }
@@ -100,12 +100,13 @@ std::string hash_of_sequence(const std::string& file, const std::atomic<bool>& e
   const int fd = opened.descriptor.get();
   const frames::SequenceLayout layout = frames::read_sequence_layout(fd, file);
   Digest digest(speed);
-  if (!add_bytes(digest, fd, 0, layout.header.data_begin(), ending) && !ending.load()) refuse(file);
+  if (!add_bytes(digest, fd, 0, layout.header.data_begin(), ending) && !ending.load())
+    fail_to_read(file);
   const uint64_t head_bytes = frames::kFrameHeaderBytes + layout.header.table_bytes();
   for (const uint64_t offset : layout.frames) {
     digest.add_number(offset);  // 0 for a damaged frame, which has no table
     if (offset != 0 && !add_bytes(digest, fd, offset, head_bytes, ending) && !ending.load())
-      refuse(file);
+      fail_to_read(file);
     if (ending.load()) return {};
   }
   return "lts-sha256:" + digest.hex();
