@@ -176,7 +176,7 @@ class ErrorEyes {
                                             const frames::FrameView& test,
                                             const frames::FrameView& seen_reference,
                                             const frames::FrameView& seen_test,
-                                            const frames::Tile& tile);
+                                            const lab::Tile& tile);
 
 /// Keeps the worst tiles of all added frames, at most one per place.
 class WorstPlaces {
@@ -190,7 +190,7 @@ class WorstPlaces {
 
  private:
   struct Place {
-    frames::Tile tile;
+    lab::Tile tile;
     int frame;
     int eye;
     frames::WovenFrame sheet;

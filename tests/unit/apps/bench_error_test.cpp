@@ -257,7 +257,7 @@ TEST(TileSheet, ShowsTheTileAndTheEyesView) {
   const frames::WovenFrame b = test::noise_frame(200, 100, 2);
   const frames::WovenFrame eye_a = test::noise_frame(50, 20, 3);
   const frames::WovenFrame eye_b = test::noise_frame(50, 20, 4);
-  const frames::Tile tile{.x = 40, .y = 0, .width = 96, .height = 96, .mse = 1.0};
+  const lab::Tile tile{.x = 40, .y = 0, .width = 96, .height = 96, .mse = 1.0};
   const frames::WovenFrame sheet = tile_sheet(a.view(), b.view(), eye_a.view(), eye_b.view(), tile);
   EXPECT_EQ(sheet.width(), 3 * 384 + 2 * 8);
   EXPECT_EQ(sheet.height(), 2 * 384 + 8);
