@@ -10,9 +10,9 @@
 
 #include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "base/error.h"
-#include "lab/fixtures.h"
 #include "render/loaders/load_scene.h"
 #include "render/scene/stage.h"
+#include "tests/support/scratch_folder.h"
 #include "tests/support/texels.h"
 
 namespace lenticule::tools {
@@ -23,8 +23,8 @@ render::SceneDescription built_in(const char* name, int size) {
 }
 
 render::SceneDescription read_back(const GltfText& gltf) {
-  const lab::ScratchFolder folder;
-  const std::string file = folder.file("scene.gltf");
+  const test::ScratchFolder folder;
+  const std::string file = (folder / "scene.gltf").string();
   std::ofstream(file) << gltf.json;
   return render::at_time(render::load_scene(file), 0.0);
 }
