@@ -264,11 +264,13 @@ class ViewsOpener {
           fmt::format("{}: {} films; at most {} can be played together", name_, names.size(), most),
           "combine them into a quilt");
     options_.decoder_threads = 1;
-    for (const std::string& name : names)
-      if (add_pictures(name).geometry() != sources_.front()->geometry())
+    for (const std::string& name : names) {
+      const FrameSource& film = add_pictures(name);
+      if (film.geometry() != sources_.front()->geometry())
         throw Error(ErrorKind::Input,
                     fmt::format("{}: its size differs from that of {}", name, names[0]),
                     "all views must have the same size");
+    }
     const FrameSource& first = *sources_.front();
     return input_of(frames::arrange_pictures(first.geometry(), static_cast<int>(names.size()),
                                              aspect_in(first), content_.rightmost_first));

@@ -90,8 +90,7 @@ TEST_F(CompareCommand, FindsTheWorstFrameOfASequence) {
 TEST_F(CompareCommand, NamesBothReadingsOfAPublishedRmse) {
   const auto done =
       compare(picture("a.png", kWidth, kHeight, 100), picture("b.png", kWidth, kHeight, 105));
-  EXPECT_NE(done.out.find("with 5.0000, or with 25.0000 if its PSNR shows that it is a mean"),
-            std::string::npos)
+  EXPECT_NE(done.out.find("is a mean square; compare it with MSE 25.0000"), std::string::npos)
       << done.out;
   EXPECT_NE(done.out.find("100.000 %"), std::string::npos) << "all are over 1";
 }
