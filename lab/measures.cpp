@@ -56,7 +56,8 @@ ViewMap::ViewMap(const optics::OpticalModel& model, int views, BandWorkers& work
       views_(views),
       view_(geometry_.frame_bytes()) {
   if (views < 1 || views > frames::kMaxViews)
-    throw Error(ErrorKind::Usage, fmt::format("{} views: not in 1 ... {}", views, frames::kMaxViews));
+    throw Error(ErrorKind::Usage,
+                fmt::format("{} views: not in 1 ... {}", views, frames::kMaxViews));
   const optics::RowRayEvaluator evaluator(model);
   std::vector<optics::RowRays> rays(static_cast<size_t>(workers.count()));
   workers.run(kBands, [&](int band, int worker) {
@@ -66,8 +67,8 @@ ViewMap::ViewMap(const optics::OpticalModel& model, int views, BandWorkers& work
       evaluator.evaluate(j, 0, geometry_.width, row);
       uint16_t* const out = view_.data() + static_cast<size_t>(j) * geometry_.row_bytes();
       for (size_t s = 0; s < row.size(); ++s)
-        out[s] =
-            static_cast<uint16_t>(frames::nearest_view(optics::view_number(row.place[s], views), views));
+        out[s] = static_cast<uint16_t>(
+            frames::nearest_view(optics::view_number(row.place[s], views), views));
     }
   });
 }
