@@ -5,16 +5,14 @@
 // rotation of the hand while the rows were read.
 //
 // 1. The photographs' own fits give a start. Phases are known only up to whole lenses: of many
-// gaps,
-//    the one is taken at which a single offset explains the phases of all photographs.
+//    gaps, the one is taken at which a single offset explains the phases of all photographs.
 // 2. Ceres minimises the squared residuals of phases, corners and priors, with Cauchy's loss at
 //    three standard errors. The standard errors are those that the residuals show, so they are
 //    computed from the fit, and the fit is repeated, three times.
 // 3. The inverse of the normal equations is the covariance of all unknowns.
 // 4. For each photograph, a fit in which the hand may have turned shows how likely that is.
 // 5. The phases of red, green and blue differ from their mean, for which the fit was made: they
-// give
-//    the gap of each colour.
+//    give the gap of each colour.
 #include "calib/phone/phone_fit.h"
 
 #include <ceres/ceres.h>

@@ -452,10 +452,12 @@ void PlayControls::cue(const ControlRequest& request, const Answer& answer) {
 void PlayControls::go(const Answer& answer) {
   const std::lock_guard lock(mutex_);
   if (source_ == nullptr) throw nothing_to_steer();
-  if (source_->status().cued.empty())
+  if (!playback_.time_next_cut()) return answer(ordered_json{{"already_going", true}});
+  if (source_->status().cued.empty()) {
+    playback_.forget_next_cut();
     return answer(
         ConflictAnswer{{ErrorKind::Failed, "go: no item is cued", "cue one first: cue SOURCE"}});
-  if (!playback_.time_next_cut()) return answer(ordered_json{{"already_going", true}});
+  }
   source_->go([this, answer, source = source_](const Error* error) {
     if (error == nullptr) return answer(place_json(source->status()));
     playback_.forget_next_cut();

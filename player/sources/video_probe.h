@@ -62,7 +62,7 @@ struct VideoEvent {
 /// Error(Failed).
 [[nodiscard]] std::filesystem::path find_video_program();
 
-/// Runs `lenticule-video probe` for at most half a minute, or returns the cached report if the file
+/// Runs `lenticule-video probe` for at most a minute, or returns the cached report if the file
 /// is unchanged. Throws Error(Input) with the program's message if the file is not a video,
 /// Error(Failed) if the program does not work. An empty `program` is searched for.
 [[nodiscard]] std::vector<VideoStream> probe_video(const std::filesystem::path& file,

@@ -258,7 +258,8 @@ ordered_json PlayList::locked_write(const std::string& toml, const std::string& 
                                     const ordered_json& now) {
   const bool has_list = now["file"].is_string();
   const fs::path file = has_list ? fs::path(now["file"].get<std::string>()) : own_file_;
-  if (fs::is_directory(file))
+  std::error_code error;  // the server may not be allowed to look
+  if (fs::is_directory(file, error))
     throw HttpError(409, "the player plays a folder, whose files are its list",
                     "add and delete files, or load a list");
   if (!now["editable"].get<bool>())
@@ -302,14 +303,15 @@ std::vector<std::string> PlayList::troubles_of(const ordered_json& list) const {
   std::vector<std::string> troubles;
   bool plays = false;
   for (const ordered_json& item : list["items"]) {
-    const fs::path file(item["source"].get<std::string>());
-    std::optional<std::string> trouble;
+    const auto source = item["source"].get<std::string>();
+    const fs::path file(source);
+    std::optional<std::string> trouble;  // none for folders and patterns, which are not examined
     std::error_code error;
     if (file.parent_path() != own_file_.parent_path())
       trouble = "";  // made by the player, or from elsewhere
     else if (fs::is_regular_file(file, error))
       trouble = trouble_of_(file, !plays && std::chrono::steady_clock::now() < end);
-    else
+    else if (!fs::exists(file, error) && source.find('%') == std::string::npos)
       trouble = file.filename().string() + ": there is no such file";
     // A long list is not examined to its end: what is not known may play.
     plays = plays || !trouble || trouble->empty();
@@ -374,9 +376,9 @@ bool PlayList::names(const fs::path& file, std::string& name) {
   const ordered_json list = ask_list();
   const ordered_json own = list.value("file", ordered_json());
   name = own.is_string() ? own.get<std::string>() : "of one source";
-  if (fs::is_directory(name)) return false;  // a file that is deleted leaves this list
+  std::error_code error;
+  if (fs::is_directory(name, error)) return false;  // a file that is deleted leaves this list
   const auto is_file = [&](const ordered_json& item) {
-    std::error_code error;
     return item.is_object() && item.contains("source") &&
            fs::equivalent(item["source"].get<std::string>(), file, error);
   };

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "apps/lenticule-web/api/routes.h"
+#include "apps/lenticule-web/http/parse.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/subprocess.h"
@@ -47,6 +48,7 @@ WebSite::WebSite(WebSiteOptions options)
       link_, player_, folder / "list.toml", options_.state / "lists",
       [this](const fs::path& file, bool checks) -> std::optional<std::string> {
         const std::string name = file.filename();
+        if (!is_media_name(name)) return std::nullopt;  // written into the list by hand
         const ordered_json result =
             checks ? media_->check(name, false) : media_->info(name)["check"];
         if (result.is_null()) return std::nullopt;

@@ -2,8 +2,7 @@
 // How a frame is made (docs/render/rendering-adaptive.md has the reasons and the formulas):
 //
 //   key_samples     what is sampled: a few cache views of the scene are traced on a coarse grid,
-//   and
-//                   it is decided between which samples colours may be interpolated
+//                   and it is decided between which samples colours may be interpolated
 //   adaptive_frame  what a frame and its threads share, which regions are as in the previous frame,
 //                   and a thread's work on a band of rows: exact visibility by a row sweep, then a
 //                   look-up of each subpixel's colour in the two nearest cache views
