@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads the declared commands and explains their options, so that the manual and the completion
 // scripts are generated from the same tables as --help. The description of an option is one line
-// for
-// --help, which may be followed by a line break and a longer text for the manual.
+// for --help, which may be followed by a line break and a longer text for the manual.
 #pragma once
 
 #include <memory>
