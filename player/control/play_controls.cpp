@@ -382,6 +382,8 @@ std::shared_ptr<const Playlist> PlayControls::interruption_of(const ControlReque
     list = {.name = playing->name, .items = {playing->items[*request.item]}, .standby = {}};
   } else {
     list = options_.read_playlist(request.source);
+    // A source is shown once, however often the player repeats its own; a list says how often.
+    if (!list.file && list.items.size() == 1) list.items.front().loops = 1;
     list.file.reset();
     list.standby.reset();
     list.awaits_files = false;
@@ -395,6 +397,7 @@ std::shared_ptr<const Playlist> PlayControls::interruption_of(const ControlReque
     PlaylistItem& item = list.items.front();
     item.loops = std::max<uint64_t>(item.loops, 1);  // once instead of forever
     if (request.seconds) item.duration_s = request.seconds;
+    item.still_s.reset();
     if (!item.duration_s && item.loops == 1) item.still_s = kStillSeconds;
   }
   return std::make_shared<const Playlist>(std::move(list));

@@ -164,7 +164,10 @@ ItemLoader::Attempt ItemLoader::try_open(const PlaylistItem& item, uint64_t fram
 void ItemLoader::open_first() {
   const std::shared_ptr<const Playlist> list = this->list();
   std::unique_ptr<OpenItem> first;
-  if (list->is_single() && !list->items.front().schedule) first = open_item(list->items.front(), 0);
+  // A list that repeats waits for its only item, as for one of several.
+  const bool waits = list->file && (options_.outlasts_faults || list->rounds != 1);
+  if (list->is_single() && !list->items.front().schedule && !waits)
+    first = open_item(list->items.front(), 0);
   const std::lock_guard lock(mutex_);
   next_.wanted = first == nullptr;
   if (first) locked_offer(std::move(first), {.kind = NextItem::Kind::Item});
@@ -574,8 +577,17 @@ void ItemLoader::open_target(Lock& lock, JumpSlot& slot) {
     slot.request->item = std::move(attempt.item);
     return wake_.signal();
   }
+  const bool returns = slot.request->returns;
   const JumpDone done = slot.end();
   if (jumps) next_.wanted = next_was_wanted;
+  if (returns) {
+    const Fault fault{.source = item.source.text, .why = with_remedy(*attempt.error)};
+    locked_leave_interruption();
+    return unlocked(lock, [&] {
+      skip(fault);
+      done(nullptr);
+    });
+  }
   unlocked(lock, [&] {
     done(&*attempt.error);
     wake_.signal();
@@ -671,6 +683,15 @@ void ItemLoader::locked_end_interruption() {
   interrupted_ = {};
 }
 
+/// Ends the interruption without its predecessor: the list, which may have changed meanwhile, goes
+/// on with its next item that plays, or with its card.
+void ItemLoader::locked_leave_interruption() {
+  locked_end_interruption();
+  playing_.outdated = next_.wanted = checks_.at_once = true;
+  locked_discard(next_.item);
+  wake_.signal();
+}
+
 void ItemLoader::return_now(const JumpDone& done) {
   bool is_done = false;
   put_request(jump_, done, [&]() -> std::optional<JumpRequest> {
@@ -684,9 +705,7 @@ void ItemLoader::return_now(const JumpDone& done) {
                                    .index = *place->playing,
                                    .rounds_done = place->rounds_done},
                          .returns = true};
-    locked_end_interruption();
-    playing_.outdated = next_.wanted = true;
-    locked_discard(next_.item);
+    locked_leave_interruption();
     return std::nullopt;
   });
   if (is_done) done(nullptr);

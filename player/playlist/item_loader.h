@@ -266,6 +266,7 @@ class ItemLoader {
   /// a panel that is off or away shows none. Returns false until then.
   [[nodiscard]] bool locked_find_progress(SteadyTime give_up = SteadyTime::max());
   void locked_end_interruption();
+  void locked_leave_interruption();
   [[nodiscard]] bool locked_follow_list(JumpRequest& cue) const;
 
   const PlaylistSourceOptions& options_;

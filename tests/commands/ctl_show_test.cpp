@@ -45,6 +45,26 @@ TEST_F(CtlShow, ABlankPanelIsBlackUntilBack) {
   EXPECT_TRUE(comes_true([this] { return shows("film"); }));
 }
 
+TEST_F(CtlShow, APictureThatInterruptsEndsAfterItsSeconds) {
+  write_film("poster", 9);
+  ASSERT_TRUE(asked({"interrupt", path("poster/000.png"), "--seconds", "1"}).is_object());
+  EXPECT_TRUE(comes_true([this] { return shows("film") && status()["interrupted"].is_null(); }));
+}
+
+TEST_F(CtlShow, BackEndsABlankPanelAlsoIfWhatWasPlayedIsGone) {
+  std::filesystem::create_directory(path("stick"));
+  std::filesystem::copy(path("film.lts"), path("stick/old.lts"));
+  // A file is played when it has not grown for two seconds.
+  ASSERT_TRUE(comes_true([this] { return asked({"load", path("stick/")}).is_object(); }));
+  ASSERT_TRUE(comes_true([this] { return shows("stick/old"); }));
+  ASSERT_TRUE(asked({"blank"}).is_object());
+  ASSERT_TRUE(comes_true([this] { return says_about("on_glass", "black"); }));
+  std::filesystem::remove(path("stick/old.lts"));
+  std::filesystem::copy(path("alarm.lts"), path("stick/new.lts"));
+  ASSERT_TRUE(asked({"back"}).is_object());
+  EXPECT_TRUE(comes_true([this] { return shows("stick/new"); })) << status().dump();
+}
+
 TEST_F(CtlShow, ACuedItemIsShownByGoAndAGoWithoutCueNamesTheRemedy) {
   const ProcessResult nothing = ctl({"go"});
   EXPECT_EQ(nothing.exit_code, 1);

@@ -244,6 +244,17 @@ TEST_F(Ctl, AListWithoutAPlayableItemShowsItsDefaultAndSaysWhy) {
   EXPECT_NE(quit().err.find(path("gone.toml") + ": " + why), std::string::npos);
 }
 
+TEST_F(Ctl, AListOfOneItemIsTriedAgain) {
+  write("one.toml", "loop = \"forever\"\n[[item]]\nsource = \"late.png\"\n");
+  start(path("one.toml"));
+  EXPECT_EQ(displayed()["source"], "black");
+  EXPECT_NE(answer({"status"})["waiting_for"].get<std::string>().find("late.png"),
+            std::string::npos);
+  std::filesystem::copy(film_pattern(0).replace(film_pattern(0).find("%03d"), 4, "004"),
+                        path("late.png"));
+  EXPECT_TRUE(comes_true([&] { return displayed()["source"] == path("late.png"); }));
+}
+
 TEST_F(Ctl, SubscribePrintsOneLinePerEventAndEndsAtItsCount) {
   start(path("list.toml"));
   BackgroundProcess listener(
