@@ -124,7 +124,7 @@ function showList() {
   $("list-note").textContent = !saved.editable ? "The player plays a folder, or a list outside of the media folder; it cannot be changed here."
     : changedBy ? `${changedBy} changed the list meanwhile. Read it again; your changes here are then lost.`
       : (changed ? "Changed, not saved. " : saved.file ? "" : "The player plays one source. A changed list begins with it. ")
-        + (saved.by_hand && may ? "This list was written by hand. Saving writes it without its comments; the original stays below Earlier versions." : "");
+        + (saved.by_hand && may ? "This list was written by hand. Saving writes it without its comments, and the files of a folder one by one; the original stays below Earlier versions." : "");
   if (silent.length && !changed) $("list-note").textContent += `Will not play: ${silent.map(plain).join("; ")}.`;
   $("list-note").className = changedBy || (silent.length && !changed) ? "warn" : "soft";
   markPlaying();
