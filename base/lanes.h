@@ -77,7 +77,7 @@ using WordVector = uint32_t __attribute__((vector_size(LENTICULE_VECTOR_BYTES), 
 using MaskVector = int32_t __attribute__((vector_size(LENTICULE_VECTOR_BYTES), may_alias));
 #undef LENTICULE_VECTOR_BYTES
 
-/// As many doubles as a register holds.
+/// Number of doubles that a register holds.
 inline constexpr int kDoubles = kWidth / 2;
 using Doubles = Vector<double, kDoubles>;
 using DoubleMasks = Vector<int64_t, kDoubles>;

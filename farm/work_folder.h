@@ -34,8 +34,8 @@ struct ChunkReport {
   std::string plan;  ///< identity of the plan
   uint64_t chunk = 0;
   uint64_t begin = 0, end = 0;                        ///< frames
-  std::string digest{};                               ///< of the chunk's file
-  uint64_t bytes = 0;                                 ///< of the chunk's file
+  std::string digest{};                               ///< digest of the chunk's file
+  uint64_t bytes = 0;                                 ///< size of the chunk's file
   std::vector<uint64_t> first_bands{}, last_bands{};  ///< see frames::FilmPart
   std::string node{};
   std::string isa{};  ///< instruction set that rendered

@@ -649,7 +649,7 @@ class Joint {
 
   PhoneModel model_;
   VectorXd values_;
-  VectorXd means_;  ///< of the priors of camera and sheet
+  VectorXd means_;  ///< means of the priors of camera and sheet
   double focal_sigma_;
   std::vector<double> phase_sigma_, corner_sigma_;
 };

@@ -199,7 +199,7 @@ class ItemLoader {
     bool outdated = false;  ///< the new list no longer contains the item unchanged
   };
 
-  /// What went wrong since the last item that could be played.
+  /// Faults describes what went wrong since the last item that could be played.
   struct Faults {
     bool broke_off = false;          ///< the last item broke, and no other has begun
     size_t unplayable_in_a_row = 0;  ///< items without a frame that could be shown

@@ -100,7 +100,7 @@ class PbrTracer {
   void trace_shadows(const View& view, FrameCounts& counts, WorkClock& clock);
 
   int most_bends_;
-  LightCache* cache_ = nullptr;  ///< of the packet that is being shaded
+  LightCache* cache_ = nullptr;  ///< cache of the packet that is being shaded
   int layer_ = 0;                ///< surfaces that its rays have passed
   std::array<Path, kPacket> paths_;
   uint32_t with_path_ = 0;  ///< lanes of the packet whose state is in `paths_`
