@@ -44,7 +44,8 @@ class HandTrial {
 
   [[nodiscard]] const Workshop& workshop() const { return workshop_; }
   [[nodiscard]] const calib::SinglePhotoChart& chart() const { return chart_; }
-  [[nodiscard]] const std::vector<calib::PhonePhoto>& photos() const { return photos_; }
+  [[nodiscard]] const std::vector<calib::PhonePhoto>& photos() const& { return photos_; }
+  const std::vector<calib::PhonePhoto>& photos() const&& = delete;
   [[nodiscard]] const calib::Estimate& focal_px() const { return focal_px_; }
 
   /// Returns the largest phase error of a rig over the panel, for the judged eyes.

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests rendering with methods that reuse points on the command line.
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "frames/image_io.h"
@@ -53,13 +54,17 @@ TEST_F(ReuseCommand, ResumesToTheSameBytes) {
 }
 
 TEST_F(ReuseCommand, PaintsAndCountsMissingSubpixels) {
-  const ProcessResult result = render("out", "0:2", {"--missing", path("missing/%02d.png")});
+  const ProcessResult result =
+      render("out", "0:2", {"--turn", "0:10", "--missing", path("missing/%02d.png")});
   ASSERT_EQ(result.exit_code, 0) << result.err;
   const auto report = nlohmann::json::parse(result.out);
   EXPECT_NE(result.err.find("missing after reprojection"), std::string::npos) << result.err;
   uint64_t white = 0;
-  for (const char* name : {"missing/00.png", "missing/01.png"})
-    for (const uint8_t code : frame(name).bytes()) white += code == 255 ? 1 : 0;
+  for (const char* name : {"missing/00.png", "missing/01.png"}) {
+    const frames::WovenFrame missing = frame(name);
+    white += static_cast<uint64_t>(std::ranges::count(missing.bytes(), 255));
+  }
+  EXPECT_GT(white, 0U);
   EXPECT_EQ(report["missing_subpixels"], white);
   EXPECT_EQ(run({"render", "builtin:balls:2", "--rig", path("rig.toml"), "-o", path("a.png"),
                  "--missing", path("m.png")})

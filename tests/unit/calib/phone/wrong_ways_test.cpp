@@ -48,7 +48,8 @@ TEST(WrongWays, AMistakeThatTheSheetTakesUpIsNotAcceptedInSilence) {
 TEST(WrongWays, SquaresThatBeatWithTheCameraAreNotTakenForAScaledChart) {
   lab::WorkshopLimits limits = lab::limits_for(1920, 3200);
   limits.shots = 3;
-  for (const calib::PhonePhoto& photo : lab::HandTrial(12012, limits).photos())
+  const lab::HandTrial trial(12012, limits);
+  for (const calib::PhonePhoto& photo : trial.photos())
     EXPECT_EQ(photo.findings.refusal, "") << photo.name;
 }
 
