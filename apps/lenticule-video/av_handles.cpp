@@ -26,7 +26,7 @@ int read_some(void* opaque, uint8_t* out, int bytes) {
   return n == 0 ? AVERROR_EOF : static_cast<int>(n);
 }
 
-int write_all(void* opaque, uint8_t* in, int bytes) {
+int write_all(void* opaque, AvioBytes* in, int bytes) {
   for (int done = 0; done < bytes;) {
     const ssize_t n = ::write(fd_of(opaque), in + done, static_cast<size_t>(bytes - done));
     if (n < 0 && errno == EINTR) continue;

@@ -1,26 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Includes FFmpeg's headers and defines one deleter for each of its types. Only lenticule-video
-// includes this file.
+// Defines one deleter for each of FFmpeg's types, and FFmpeg's reading and writing of descriptors.
 #pragma once
-
-// NOLINTBEGIN
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wconversion"
-#pragma GCC diagnostic ignored "-Wold-style-cast"
-#pragma GCC diagnostic ignored "-Wpedantic"
-extern "C" {
-#include <libavcodec/avcodec.h>
-#include <libavformat/avformat.h>
-#include <libavutil/imgutils.h>
-#include <libavutil/opt.h>
-#include <libavutil/pixdesc.h>
-#include <libavutil/stereo3d.h>
-}
-#pragma GCC diagnostic pop
-// NOLINTEND
 
 #include <memory>
 #include <string>
+
+#include "apps/lenticule-video/ffmpeg.h"
 
 namespace lenticule::video {
 

@@ -321,8 +321,16 @@ SliceErrors::SliceErrors() {
 void SliceErrors::watch(AVCodecContext& codec) {
   const std::lock_guard lock(mutex_);
   packets_.clear();
-  codec.opaque = this;
-  codec.reordered_opaque = 0;
+  begun_.assign(1, {.errors = this, .number = 0});
+  codec.opaque = &begun_.back();
+}
+
+void SliceErrors::begin(AVCodecContext& codec, AVPacket& packet) {
+  const std::lock_guard lock(mutex_);
+  begun_.push_back({.errors = this, .number = begun_.back().number + 1});
+  if (begun_.size() > kMostAtOnce) begun_.pop_front();
+  codec.opaque = &begun_.back();
+  number_packet(codec, packet, begun_.back().number);
 }
 
 bool SliceErrors::take(int64_t packet) {
@@ -338,9 +346,9 @@ void SliceErrors::hear(void* source, int /*level*/, const char* format, va_list 
   const auto& codec = *static_cast<const AVCodecContext*>(source);
   if (codec.opaque == nullptr || !std::string_view(format).starts_with("slice CRC mismatch"))
     return;
-  auto& errors = *static_cast<SliceErrors*>(codec.opaque);
-  const std::lock_guard lock(errors.mutex_);
-  errors.packets_.insert(codec.reordered_opaque);
+  const Packet packet = *static_cast<const Packet*>(codec.opaque);
+  const std::lock_guard lock(packet.errors->mutex_);
+  packet.errors->packets_.insert(packet.number);
 }
 
 // --- frames --------------------------------------------------------------------------------------
@@ -550,8 +558,8 @@ ClipReader::Step ClipReader::next_in_software() {
 
 /// Returns true if the frame has a damaged slice, or depends on a frame that had one.
 bool ClipReader::is_spoilt() {
-  const bool damaged = slice_errors_.take(frame_->reordered_opaque);
-  awaits_key_ = damaged || (awaits_key_ && frame_->key_frame == 0);
+  const bool damaged = slice_errors_.take(packet_number(*frame_));
+  awaits_key_ = damaged || (awaits_key_ && !is_key_frame(*frame_));
   return awaits_key_;
 }
 
@@ -592,7 +600,7 @@ bool ClipReader::feed() {
     draining_ = true;
     return send(nullptr) == 0;
   }
-  ++codec_->reordered_opaque;
+  if (!in_hardware_) slice_errors_.begin(*codec_, *packet_);
   const int sent = send(packet_.get());
   packet_waits_ = in_hardware_ && sent == AVERROR(EAGAIN);
   if (packet_waits_) return true;

@@ -6,6 +6,7 @@
 #include <condition_variable>
 #include <cstdarg>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -111,17 +112,27 @@ class SliceErrors {
   SliceErrors(const SliceErrors&) = delete;
   SliceErrors& operator=(const SliceErrors&) = delete;
 
-  /// Listens to this decoder and to its copies in other threads; takes its members `opaque` and
-  /// `reordered_opaque`, the number of the packet.
+  /// Listens to this decoder and to its copies in other threads, whose member `opaque` it takes.
   void watch(AVCodecContext& codec);
+  /// Numbers the packet that is sent to the decoder next.
+  void begin(AVCodecContext& codec, AVPacket& packet);
   /// Returns true if the packet of that number was damaged; forgets it and all before it.
   [[nodiscard]] bool take(int64_t packet);
 
  private:
   static void hear(void* source, int level, const char* format, va_list arguments);
 
+  /// Packet is what the decoder that works on a packet points to.
+  struct Packet {
+    SliceErrors* errors = nullptr;
+    int64_t number = 0;
+  };
+  /// More than a decoder works on at once: one for each of its threads.
+  static constexpr size_t kMostAtOnce = 1024;
+
   std::mutex mutex_;
-  std::set<int64_t> packets_;
+  std::set<int64_t> packets_;  ///< the damaged ones
+  std::deque<Packet> begun_;
 };
 
 /// The decoder in use, and the reason for a change.

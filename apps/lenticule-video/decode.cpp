@@ -283,7 +283,7 @@ void Feed::report_position(uint64_t frame) {
   const Clock::time_point now = Clock::now();
   const int64_t previous = std::exchange(previous_time_, clip_.time());
   if (now - last_report_ < kReportInterval) return;
-  if (clip_.frame().key_frame == 0 && published_ > 0) return;
+  if (!is_key_frame(clip_.frame()) && published_ > 0) return;
   if (clip_.time() <= previous && published_ > 0) return;
   last_report_ = now;
   json event = {{"event", "position"}, {"frame", frame}, {"time", nullptr}};

@@ -10,6 +10,7 @@
 #include <csignal>
 #include <cstring>
 #include <optional>
+#include <span>
 #include <tuple>
 #include <vector>
 
@@ -49,9 +50,8 @@ AVPixelFormat input_format(const EncodeRequest& request) {
 /// Returns the encoder's format: the input's own, or for 8-bit RGB any order of channels.
 AVPixelFormat encoder_format(const AVCodec& encoder, AVPixelFormat input) {
   const auto takes = [&encoder](AVPixelFormat wanted) {
-    for (const AVPixelFormat* f = encoder.pix_fmts; f != nullptr && *f != AV_PIX_FMT_NONE; ++f)
-      if (*f == wanted) return true;
-    return false;
+    const std::span<const AVPixelFormat> formats = encoder_formats(encoder);
+    return std::ranges::find(formats, wanted) != formats.end();
   };
   if (takes(input)) return input;
   if (input == AV_PIX_FMT_RGB24)

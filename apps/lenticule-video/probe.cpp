@@ -6,6 +6,7 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <span>
 #include <string_view>
 
 #include "apps/lenticule-video/clip_reader.h"
@@ -40,11 +41,10 @@ json duration(const AVFormatContext& format, const AVStream& stream) {
 
 /// Returns the EXIF number of the orientation, or null for angles other than quarter turns.
 json orientation(const AVStream& stream) {
-  size_t bytes = 0;
-  const uint8_t* const data = av_stream_get_side_data(&stream, AV_PKT_DATA_DISPLAYMATRIX, &bytes);
-  if (data == nullptr || bytes < 9 * sizeof(int32_t)) return 1;
+  const std::span<const uint8_t> data = side_data(stream, AV_PKT_DATA_DISPLAYMATRIX);
+  if (data.size() < 9 * sizeof(int32_t)) return 1;
   std::array<int32_t, 9> m{};
-  std::memcpy(m.data(), data, sizeof m);
+  std::memcpy(m.data(), data.data(), sizeof m);
   struct Turn {
     int a, b, c, d;
     int orientation;
@@ -67,15 +67,14 @@ json orientation(const AVStream& stream) {
 
 /// Returns {"layout": "side by side", "right_first": ...}, or null if there is no tag.
 json stereo(const AVStream& stream) {
-  size_t bytes = 0;
-  const uint8_t* const data = av_stream_get_side_data(&stream, AV_PKT_DATA_STEREO3D, &bytes);
+  const std::span<const uint8_t> data = side_data(stream, AV_PKT_DATA_STEREO3D);
   const AVDictionaryEntry* const mode = av_dict_get(stream.metadata, "stereo_mode", nullptr, 0);
-  if (data == nullptr || bytes < sizeof(AVStereo3D)) {
+  if (data.size() < sizeof(AVStereo3D)) {
     if (mode == nullptr || std::string_view(mode->value) == "mono") return nullptr;
     return {{"layout", mode->value}, {"right_first", false}};
   }
   AVStereo3D tag{};
-  std::memcpy(&tag, data, sizeof tag);
+  std::memcpy(&tag, data.data(), sizeof tag);
   if (tag.type == AV_STEREO3D_2D) return nullptr;
   return {{"layout", av_stereo3d_type_name(tag.type)},
           {"right_first", (tag.flags & AV_STEREO3D_FLAG_INVERT) != 0}};

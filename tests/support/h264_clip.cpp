@@ -46,9 +46,7 @@ class Bits {
   [[nodiscard]] Bytes unit(uint8_t header) {
     put_bit(true);
     align();
-    Bytes out;
-    out.reserve(2 * bytes_.size() + 1);
-    out.push_back(header);
+    Bytes out = {header};
     int zeros = 0;
     for (const uint8_t byte : bytes_) {
       if (zeros == 2 && byte <= 3) {
