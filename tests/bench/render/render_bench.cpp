@@ -43,7 +43,7 @@ void whole_frame(benchmark::State& state) {
   const auto method = make_method("full", model, {.threads = 1, .cancelled = {}});
   frames::WovenFrame frame({model.rig().panel.width_px, model.rig().panel.height_px});
   for (auto _ : state) {
-    const RenderStatistics statistics = method->render(scene, {}, frame);
+    RenderStatistics statistics = method->render(scene, {}, frame);
     benchmark::DoNotOptimize(statistics.primary_rays);
   }
   state.SetItemsProcessed(state.iterations() * static_cast<int64_t>(frame.bytes().size()));
@@ -55,7 +55,7 @@ void meeting_a_sphere(benchmark::State& state) {
   Vec3 origin{20, 1, 2};
   for (auto _ : state) {
     benchmark::DoNotOptimize(origin);
-    const Roots roots = meet(sphere, origin, {-1, 0.02, 0.03});
+    Roots roots = meet(sphere, origin, {-1, 0.02, 0.03});
     benchmark::DoNotOptimize(roots);
   }
 }

@@ -21,6 +21,11 @@ int check_counting(FakeCard* card, uint32_t crtc) {
 
 }  // namespace
 
+/// The values of a ramp, which newer versions of libdrm take as constants.
+template <class Value>
+Value& value_of(int (*)(int, uint32_t, uint32_t, Value*, Value*, Value*));
+using RampValue = std::remove_reference_t<decltype(value_of(drmModeCrtcSetGamma))>;
+
 extern "C" {
 
 struct _drmModeAtomicReq {
@@ -58,8 +63,8 @@ int drmModeDestroyPropertyBlob(int fd, uint32_t id) {
   return 0;
 }
 
-int drmModeCrtcSetGamma(int fd, uint32_t crtc, uint32_t size, uint16_t* red, uint16_t* green,
-                        uint16_t* blue) {
+int drmModeCrtcSetGamma(int fd, uint32_t crtc, uint32_t size, RampValue* red, RampValue* green,
+                        RampValue* blue) {
   FakeCard* card = card_of(fd);
   if (const int error = begin_call(card, &FakeCard::set_gamma_faults); error != 0) return error;
   if (card->master_fd != fd || card->foreign_master) return -EACCES;
