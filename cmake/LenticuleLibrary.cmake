@@ -1,23 +1,71 @@
 # SPDX-License-Identifier: Apache-2.0
-# lenticule_library(NAME SOURCES ... [DEPENDS ...] [PRIVATE_DEPENDS ...])
-#   Adds the static library lenticule_NAME (alias lenticule::NAME) for one folder.
+# lenticule_sources(RESULT PATTERN ... [EXCEPT FILE ...])
+#   Lists sources relative to the current folder. A pattern with a star stands for the files of its folder
+#   and those below it that no earlier target of the same CMakeLists.txt has, without main.cpp and kernels
+#   (*_kernel.cpp). The next build finds a new file.
+function(lenticule_sources result)
+  cmake_parse_arguments(SOURCES "" "" "EXCEPT" ${ARGN})
+  set(named ${SOURCES_UNPARSED_ARGUMENTS})
+  set(patterns ${named})
+  list(FILTER named EXCLUDE REGEX "\\*")
+  list(FILTER patterns INCLUDE REGEX "\\*")
+  set(found "")
+  if(patterns)
+    file(GLOB_RECURSE found CONFIGURE_DEPENDS RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} ${patterns})
+    list(FILTER found EXCLUDE REGEX "(_kernel|^main)\\.cpp$")
+    get_property(taken DIRECTORY PROPERTY LENTICULE_TAKEN)
+    list(REMOVE_ITEM found ${taken} ${named} ${SOURCES_EXCEPT})
+  endif()
+  list(APPEND found ${named})
+  set_property(DIRECTORY APPEND PROPERTY LENTICULE_TAKEN ${found})
+  set(${result} ${found} PARENT_SCOPE)
+endfunction()
+
+# lenticule_library(NAME [LIGHT] [SOURCES PATTERN ...] [EXCEPT FILE ...] [DEPENDS ...] [PRIVATE_DEPENDS ...])
+#   Adds the static library lenticule_NAME (alias lenticule::NAME) of the current folder.
+#   LIGHT: the library does not compute much; -O1 and precompiled headers save a fifth of its build time.
 function(lenticule_library name)
-  cmake_parse_arguments(LIBRARY "" "" "SOURCES;DEPENDS;PRIVATE_DEPENDS" ${ARGN})
-  add_library(lenticule_${name} STATIC ${LIBRARY_SOURCES})
+  cmake_parse_arguments(LIBRARY "LIGHT" "" "SOURCES;EXCEPT;DEPENDS;PRIVATE_DEPENDS" ${ARGN})
+  if(NOT LIBRARY_SOURCES)
+    set(LIBRARY_SOURCES *.cpp)
+  endif()
+  lenticule_sources(sources ${LIBRARY_SOURCES} EXCEPT ${LIBRARY_EXCEPT})
+  add_library(lenticule_${name} STATIC ${sources})
   add_library(lenticule::${name} ALIAS lenticule_${name})
   target_link_libraries(lenticule_${name}
     PUBLIC lenticule_options ${LIBRARY_DEPENDS}
     PRIVATE ${LIBRARY_PRIVATE_DEPENDS})
+  if(LIBRARY_LIGHT)
+    lenticule_heavy_headers(lenticule_${name})
+    # Most of the time goes into templates of these headers, once for each batch.
+    set_target_properties(lenticule_${name} PROPERTIES LENTICULE_LONGEST_BATCH 30)
+  endif()
 endfunction()
 
-# lenticule_isa_variants(NAME KERNEL.cpp [FLAG ...])
-#   Compiles one kernel source once per instruction set into the library NAME, for AVX-512 with the
+# lenticule_program(NAME COMPONENT [DEPENDS ...] [SOURCES PATTERN ...])
+#   Adds the program lenticule-NAME (target lenticule_NAME_program) of main.cpp and the sources. It is built
+#   beside lenticule, and installed into the folder for helper programs.
+function(lenticule_program name component)
+  cmake_parse_arguments(PROGRAM "" "" "SOURCES;DEPENDS" ${ARGN})
+  lenticule_sources(sources main.cpp ${PROGRAM_SOURCES})
+  add_executable(lenticule_${name}_program ${sources})
+  set_target_properties(lenticule_${name}_program PROPERTIES
+    OUTPUT_NAME lenticule-${name} RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}
+    INSTALL_RPATH $ORIGIN/../../${LENTICULE_INSTALL_MODULE_FOLDER})
+  target_link_libraries(lenticule_${name}_program PRIVATE ${PROGRAM_DEPENDS})
+  install(TARGETS lenticule_${name}_program
+    RUNTIME DESTINATION ${CMAKE_INSTALL_LIBEXECDIR}/lenticule COMPONENT ${component})
+endfunction()
+
+# lenticule_isa_variants(NAME KERNEL.cpp ... [AVX512 FLAG ...])
+#   Compiles kernel sources once per instruction set into the library NAME, for AVX-512 with the
 #   flags: extensions which the code that selects the variant must ask for. The source puts its
 #   functions into `namespace LENTICULE_ISA_NAMESPACE` (isa_baseline, isa_avx2, isa_avx512, isa_neon) and must
 #   include nothing that defines non-inline or inline functions shared with other files, so that the
 #   linker cannot choose an AVX-512 copy of a shared inline function.
 #   base/cpu.h declares the variants and selects among them at run time.
-function(lenticule_isa_variants name kernel)
+function(lenticule_isa_variants name)
+  cmake_parse_arguments(KERNELS "" "" "AVX512" ${ARGN})
   set(variants baseline)
   if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
     list(APPEND variants avx2 avx512)
@@ -27,30 +75,23 @@ function(lenticule_isa_variants name kernel)
   set(flags_baseline "")
   set(flags_avx2 -mavx2 -mbmi2)
   set(flags_neon -DLENTICULE_NEON)  # every processor has NEON; only this variant uses its intrinsics
-  set(flags_avx512 -mavx512f -mavx512dq -mavx512bw -mavx512vl -mprefer-vector-width=512 ${ARGN})
-  get_filename_component(stem ${kernel} NAME_WE)
-  foreach(variant IN LISTS variants)
-    set(object lenticule_${name}_${stem}_${variant})
-    add_library(${object} OBJECT ${kernel})
-    target_link_libraries(${object} PRIVATE lenticule_options)
-    target_compile_options(${object} PRIVATE ${LENTICULE_KERNEL_OPTIMISATION} -Wno-psabi ${flags_${variant}})
-    target_compile_definitions(${object} PRIVATE LENTICULE_ISA_NAMESPACE=isa_${variant})
-    target_sources(lenticule_${name} PRIVATE $<TARGET_OBJECTS:${object}>)
+  set(flags_avx512 -mavx512f -mavx512dq -mavx512bw -mavx512vl -mprefer-vector-width=512 ${KERNELS_AVX512})
+  foreach(kernel IN LISTS KERNELS_UNPARSED_ARGUMENTS)
+    get_filename_component(stem ${kernel} NAME_WE)
+    foreach(variant IN LISTS variants)
+      set(object lenticule_${name}_${stem}_${variant})
+      add_library(${object} OBJECT ${kernel})
+      target_link_libraries(${object} PRIVATE lenticule_options)
+      target_compile_options(${object} PRIVATE
+        ${LENTICULE_KERNEL_OPTIMISATION} -Wno-psabi ${flags_${variant}})
+      target_compile_definitions(${object} PRIVATE LENTICULE_ISA_NAMESPACE=isa_${variant})
+      target_sources(lenticule_${name} PRIVATE $<TARGET_OBJECTS:${object}>)
+    endforeach()
   endforeach()
 endfunction()
 
-# lenticule_command_line(LIBRARY FLAGS): sets how a library of commands is compiled, and the sources in
-# FLAGS, which declare flags.
-function(lenticule_command_line library flags)
-  # A command line is not performance critical; -O1 saves a fifth of the build time.
-  target_compile_options(${library} PRIVATE $<$<CONFIG:Release>:-O1>)
-  target_compile_options(${flags} PRIVATE $<$<CONFIG:Release>:-O1>)
-  lenticule_heavy_headers(${library})
-  lenticule_heavy_headers(${flags})
-endfunction()
-
-# lenticule_heavy_headers(NAME): gives a target that is compiled with -O1 the headers that take most of the
-# compile time of the sources that include them, precompiled once for all such targets.
+# lenticule_heavy_headers(NAME): compiles a target with -O1, and with the headers that take most of the compile
+# time of the sources that include them, precompiled once for all such targets.
 function(lenticule_heavy_headers name)
   if(NOT TARGET lenticule_heavy_headers)
     set(source ${PROJECT_BINARY_DIR}/heavy_headers.cpp)
@@ -64,18 +105,8 @@ function(lenticule_heavy_headers name)
     target_precompile_headers(lenticule_heavy_headers PRIVATE
       <CLI/CLI.hpp> <fmt/format.h> <nlohmann/json.hpp>)
   endif()
+  target_compile_options(${name} PRIVATE $<$<CONFIG:Release>:-O1>)
   target_precompile_headers(${name} REUSE_FROM lenticule_heavy_headers)
-endfunction()
-
-# lenticule_main(PROGRAM): compiles the main.cpp of a program as a command line is compiled: it declares
-# flags, and what takes time is in the libraries that the program is linked with.
-function(lenticule_main program)
-  get_target_property(libraries ${program} LINK_LIBRARIES)
-  add_library(${program}_main OBJECT main.cpp)
-  target_link_libraries(${program}_main PRIVATE ${libraries})
-  target_compile_options(${program}_main PRIVATE $<$<CONFIG:Release>:-O1>)
-  lenticule_heavy_headers(${program}_main)
-  target_sources(${program} PRIVATE $<TARGET_OBJECTS:${program}_main>)
 endfunction()
 
 # lenticule_test_options(NAME): sets how much a test program is optimised: less than the libraries,
@@ -120,15 +151,17 @@ function(lenticule_test_headers name)
   target_precompile_headers(${name} REUSE_FROM lenticule_test_headers)
 endfunction()
 
-# lenticule_test(NAME KIND [FAST] [THREADED] [SLOW FILTER] [TIMEOUT SECONDS] SOURCES ... DEPENDS ...)
+# lenticule_test(NAME KIND [FAST] [THREADED] [SLOW FILTER] [TIMEOUT SECONDS] SOURCES PATTERN ... DEPENDS ...
+#                [RUNS TARGET ...])
 #   One GoogleTest program; KIND (unit, property, golden, ...) becomes its CTest label.
 #   FAST: the program takes seconds as a whole. It is one CTest entry, which saves a process per case,
 #   with the label quick.
 #   SLOW: a GoogleTest filter; its cases have the label slow and run in scripts/test --all only; with
 #   FAST they are one more entry, NAME.slow.
 #   THREADED: the program is run under the thread sanitizer, too.
+#   RUNS: programs and libraries that the tests start or load; the macro TARGET, in upper case, has the path.
 function(lenticule_test name kind)
-  cmake_parse_arguments(TEST "FAST;THREADED" "SLOW;TIMEOUT" "SOURCES;DEPENDS" ${ARGN})
+  cmake_parse_arguments(TEST "FAST;THREADED" "SLOW;TIMEOUT" "SOURCES;DEPENDS;RUNS" ${ARGN})
   set(label ${kind})
   if(TEST_THREADED)
     set(label ${kind}-threaded)  # ctest -L matches parts: the label stands for both
@@ -141,8 +174,16 @@ function(lenticule_test name kind)
   if(kind STREQUAL unit)
     set_property(GLOBAL APPEND PROPERTY LENTICULE_UNIT_TESTS ${name})
   endif()
-  add_executable(${name} ${TEST_SOURCES})
+  lenticule_sources(sources ${TEST_SOURCES})
+  add_executable(${name} ${sources})
   target_link_libraries(${name} PRIVATE lenticule_options ${TEST_DEPENDS} GTest::gmock_main)
+  foreach(target IN LISTS TEST_RUNS)
+    if(TARGET ${target})
+      string(TOUPPER ${target} macro)
+      add_dependencies(${name} ${target})
+      target_compile_definitions(${name} PRIVATE ${macro}="$<TARGET_FILE:${target}>")
+    endif()
+  endforeach()
   lenticule_test_headers(${name})
   target_compile_definitions(${name} PRIVATE
     LENTICULE_SOURCE_DIR="${PROJECT_SOURCE_DIR}" LENTICULE_BINARY_DIR="${PROJECT_BINARY_DIR}")

@@ -14,7 +14,6 @@ import sys
 DECLARED = re.compile(r"\bTEST(?:_F|_P)?\(\s*(\w+),\s*(\w+)\s*\)")
 TYPED = re.compile(r"\bTYPED_TEST(?:_P)?\(\s*(\w+),\s*(\w+)\s*\)")
 VM_TEST = re.compile(r"@vm_test\([^@]*?\)\ndef (\w+)\(")
-FUZZ = re.compile(r"lenticule_fuzz\((\w+)")
 SLOW = re.compile(r'\bSLOW "([^"]+)"')
 GOOGLE = re.compile(r"(?:\w+/)?([A-Z]\w*)\.([A-Z]\w+)")
 
@@ -28,8 +27,7 @@ def existing(source):
             names.add(".".join(found.groups()))
     for path in (source / "tests" / "vm").glob("test_*.py"):
         names |= {f"{path.stem}.{name}" for name in VM_TEST.findall(path.read_text())}
-    for path in (source / "tests").rglob("CMakeLists.txt"):
-        names |= {f"fuzz.replay.{name}" for name in FUZZ.findall(path.read_text())}
+    names |= {f"fuzz.replay.{path.stem.removesuffix('_fuzz')}" for path in (source / "tests" / "fuzz").rglob("*_fuzz.cpp")}
     names |= {f"scripts/{path.name}" for path in (source / "scripts").glob("*")}
     return names
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The files of the pages are part of the program: embed_pages.cmake writes them into a source.
+// The files of the pages are part of the program: its CMakeLists.txt writes them into a source.
 #pragma once
 
 #include <span>

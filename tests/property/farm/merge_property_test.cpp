@@ -9,7 +9,7 @@
 #include "base/error.h"
 #include "farm/plan.h"
 #include "farm/work_folder.h"
-#include "small_farm.h"
+#include "tests/unit/farm/small_farm.h"
 
 namespace lenticule::farm {
 namespace {
