@@ -6,6 +6,7 @@
 #include <xf86drmMode.h>
 
 #include <array>
+#include <type_traits>
 
 #include "fake_drm_internal.h"
 
