@@ -23,7 +23,6 @@
 #include "render/accel/user_geometry.h"
 #include "render/culling/primitive_tree.h"
 #include "render/culling/shaft.h"
-#include "render/scene/ground_shadow.h"
 #include "render/scene/scene.h"
 #include "render/scene/scene_fingerprint.h"
 #include "render/scene/surroundings.h"

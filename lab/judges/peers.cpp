@@ -10,7 +10,7 @@
 #include "base/error.h"
 #include "base/numbers.h"
 #include "render/scene/texture.h"
-#include "scenes/nff_writer.h"
+#include "scenes/scene_writer.h"
 
 namespace lenticule::lab {
 namespace {

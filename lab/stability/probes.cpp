@@ -15,7 +15,7 @@
 #include "base/error.h"
 #include "render/accel/denormals.h"
 #include "render/accel/ray_stream.h"
-#include "render/integrator/hole_guard.h"
+#include "render/integrator/packet_tracer.h"
 #include "render/rays/primary_packets.h"
 #include "render/rays/primary_rays.h"
 #include "render/scene/scene.h"

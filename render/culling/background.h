@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "render/culling/primitive_tree.h"
-#include "render/rays/footprint.h"
 #include "render/rays/primary_packets.h"
+#include "render/rays/primary_rays.h"
 
 namespace lenticule::render {
 

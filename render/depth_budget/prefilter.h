@@ -23,9 +23,8 @@
 #include "optics/model.h"
 #include "render/integrator/packet_tracer.h"
 #include "render/options/render_options.h"
-#include "render/rays/footprint.h"
 #include "render/rays/primary_packets.h"
-#include "render/rays/tile.h"
+#include "render/rays/primary_rays.h"
 #include "render/shading/light_encoder.h"
 
 namespace lenticule::render {

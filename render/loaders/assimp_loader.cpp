@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/loaders/assimp_loader.h"
 
+#include <assimp/GltfMaterial.h>
+#include <assimp/ObjMaterial.h>
 #include <assimp/postprocess.h>
+#include <assimp/scene.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -12,24 +15,770 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <filesystem>
 #include <iterator>
+#include <map>
 #include <memory>
+#include <numbers>
 #include <optional>
 #include <span>
+#include <string>
 #include <string_view>
+#include <unordered_map>
 #include <vector>
 
 #include "base/error.h"
 #include "base/file.h"
 #include "base/text.h"
+#include "frames/image_io.h"
+#include "frames/srgb.h"
 #include "optics/vec.h"
-#include "render/loaders/assimp_scene.h"
+#include "render/loaders/animation.h"
 #include "render/loaders/file_names.h"
 #include "render/loaders/limits.h"
+#include "render/loaders/mesh_cleanup.h"
+#include "render/loaders/textures.h"
+#include "render/loaders/viewer_choices.h"
+#include "render/scene/scene_description.h"
 #include "render/scene/stage.h"
 
 namespace lenticule::render {
 namespace {
+
+/// Throws Error(Input) with the mesh and the vertex or face that is invalid.
+void check_meshes(const aiScene& from, const std::string& source);
+
+/// Converts the scene of a file. `origin` is the point of the file that assimp's origin stands for.
+[[nodiscard]] SceneDescription import_scene(const aiScene& from, const std::filesystem::path& file,
+                                            Vec3 origin);
+
+// Converts assimp's scene to a SceneDescription: nodes and meshes, materials with their textures
+// (docs/render/scenes.md has a table of the conversions), and what refers to nodes by their names:
+// key frames, lights and cameras. All values are checked, since assimp's importers pass on
+// unchecked file content.
+
+template <class V>
+Vec3 vec3(const V& v) {
+  return {static_cast<double>(v.x), static_cast<double>(v.y), static_cast<double>(v.z)};
+}
+Vec3 colour_of(const aiColor3D& c) {
+  return Vec3(Vec3f(c.r, c.g, c.b));
+}
+
+/// Index of the first node of each name.
+using NodeNames = std::unordered_map<std::string, int>;
+
+[[noreturn]] void refuse(const std::string& source, const std::string& reason) {
+  throw Error(ErrorKind::Input, source + ": " + reason);
+}
+
+// ---- checks
+
+bool usable_coordinate(Vec3 p) {
+  return std::abs(p.x) <= kMaxCoordinate && std::abs(p.y) <= kMaxCoordinate &&
+         std::abs(p.z) <= kMaxCoordinate;  // false for NaN
+}
+
+void check_mesh(const aiMesh& mesh, const std::string& label, const std::string& source) {
+  if (mesh.mNumVertices > kMaxVertices)
+    refuse(source, fmt::format("{} has more than {} vertices", label, kMaxVertices));
+  if (mesh.mNumFaces > kMaxTriangles)
+    refuse(source, fmt::format("{} has more than {} faces", label, kMaxTriangles));
+  if (mesh.mNumVertices > 0 && mesh.mVertices == nullptr)
+    refuse(source, fmt::format("{} has no positions", label));
+  for (unsigned i = 0; i < mesh.mNumVertices; ++i) {
+    const Vec3 p = vec3(mesh.mVertices[i]);
+    if (!is_finite(p)) refuse(source, fmt::format("{} vertex {} is not finite", label, i));
+    if (!usable_coordinate(p))
+      refuse(source, fmt::format("{} vertex {} is too far away", label, i));
+  }
+  for (unsigned f = 0; f < mesh.mNumFaces; ++f) {
+    const aiFace& face = mesh.mFaces[f];
+    for (const unsigned index : std::span(face.mIndices, face.mNumIndices))
+      if (index >= mesh.mNumVertices)
+        refuse(source, fmt::format("{} face {} refers to vertex {} of {}", label, f, index,
+                                   mesh.mNumVertices));
+  }
+}
+
+std::string label_of(const aiMesh& mesh, unsigned index) {
+  const std::string name = mesh.mName.C_Str();
+  return name.empty() ? fmt::format("mesh {}", index) : fmt::format("mesh '{}'", name);
+}
+
+// ---- nodes
+
+Affine affine_of(const aiMatrix4x4& m) {
+  return {Vec3(Vec3f(m.a1, m.b1, m.c1)), Vec3(Vec3f(m.a2, m.b2, m.c2)),
+          Vec3(Vec3f(m.a3, m.b3, m.c3)), Vec3(Vec3f(m.a4, m.b4, m.c4))};
+}
+
+Node node_of(const aiNode& from, int parent, const std::string& source) {
+  Node node;
+  node.name = from.mName.C_Str();
+  node.parent = parent;
+  node.local = affine_of(from.mTransformation);
+  const Affine& a = node.local;
+  if (!is_finite(a.column_x) || !is_finite(a.column_y) || !is_finite(a.column_z) ||
+      !is_finite(a.origin))
+    refuse(source, fmt::format("node '{}' has a transform that is not finite", node.name));
+  aiVector3D scale;
+  aiVector3D translation;
+  aiQuaternion rotation;
+  from.mTransformation.Decompose(scale, rotation, translation);
+  node.scale = vec3(scale);
+  node.rotation = {rotation.x, rotation.y, rotation.z, rotation.w};
+  node.translation = vec3(translation);
+  return node;
+}
+
+// ---- meshes
+
+std::vector<Vec3> vectors(const aiVector3D* from, unsigned count) {
+  std::vector<Vec3> to;
+  to.reserve(count);
+  for (const aiVector3D& v : std::span(from, count)) to.push_back(vec3(v));
+  return to;
+}
+
+/// Returns the set of texture coordinates that the base-colour texture uses, which may not be the
+/// first.
+unsigned uv_set(const aiMaterial& material) {
+  int set = 0;
+  if (material.GetTextureCount(aiTextureType_BASE_COLOR) > 0)
+    material.Get(AI_MATKEY_UVWSRC(aiTextureType_BASE_COLOR, 0), set);
+  else
+    material.Get(AI_MATKEY_UVWSRC(aiTextureType_DIFFUSE, 0), set);
+  return set >= 0 && set < AI_MAX_NUMBER_OF_TEXTURECOORDS ? static_cast<unsigned>(set) : 0;
+}
+
+std::vector<std::array<float, 2>> uvs_of(const aiMesh& mesh, unsigned set) {
+  if (!mesh.HasTextureCoords(set)) return {};
+  constexpr float kFarthest = 1e6F;
+  std::vector<std::array<float, 2>> uvs;
+  uvs.reserve(mesh.mNumVertices);
+  for (const aiVector3D& uv : std::span(mesh.mTextureCoords[set], mesh.mNumVertices)) {
+    const bool usable = std::abs(uv.x) < kFarthest && std::abs(uv.y) < kFarthest;
+    uvs.push_back(usable ? std::array{uv.x, uv.y} : std::array{0.0F, 0.0F});
+  }
+  return uvs;
+}
+
+/// Returns the vertex colours, which these formats store as code values.
+std::vector<std::array<float, 4>> colours_of(const aiMesh& mesh) {
+  std::vector<std::array<float, 4>> colours;
+  if (!mesh.HasVertexColors(0)) return colours;
+  colours.reserve(mesh.mNumVertices);
+  const auto share = [](float v) { return std::isfinite(v) ? std::clamp(v, 0.0F, 1.0F) : 0.0F; };
+  const auto light = [&](float v) {
+    return static_cast<float>(frames::linear_from_srgb(double{share(v)}));
+  };
+  for (const aiColor4D& c : std::span(mesh.mColors[0], mesh.mNumVertices))
+    colours.push_back({light(c.r), light(c.g), light(c.b), share(c.a)});
+  return colours;
+}
+
+/// Valid content that the import leaves out.
+struct LeftOut {
+  bool points_or_lines = false;
+  bool skins = false;
+  LostDigits digits;
+  MeshRepairs repairs;
+};
+
+TriangleMesh mesh_of(const aiScene& scene, const aiMesh& from, LeftOut& left_out) {
+  TriangleMesh mesh;
+  mesh.name = from.mName.C_Str();
+  mesh.material = static_cast<int>(from.mMaterialIndex);
+  mesh.positions = vectors(from.mVertices, from.mNumVertices);
+  if (from.HasNormals()) mesh.normals = vectors(from.mNormals, from.mNumVertices);
+  mesh.uvs = uvs_of(from, uv_set(*scene.mMaterials[from.mMaterialIndex]));
+  mesh.colours = colours_of(from);
+  mesh.triangles.reserve(from.mNumFaces);
+  for (const aiFace& face : std::span(from.mFaces, from.mNumFaces))
+    if (face.mNumIndices == 3)
+      mesh.triangles.push_back({face.mIndices[0], face.mIndices[1], face.mIndices[2]});
+  left_out.skins |= from.HasBones() || from.mNumAnimMeshes > 0;
+  left_out.digits.add(mesh);
+  const MeshRepairs repairs = clean(mesh);
+  left_out.repairs.dropped_triangles += repairs.dropped_triangles;
+  left_out.repairs.recomputed_normals += repairs.recomputed_normals;
+  return mesh;
+}
+
+/// ColouredMaterials makes the materials that show vertex colours: white where the file has no
+/// texture, since the colours take the place of the material's.
+class ColouredMaterials {
+ public:
+  explicit ColouredMaterials(SceneDescription& scene) : scene_(scene) {}
+
+  int index(int material) {
+    const auto [known, added] =
+        known_.try_emplace(material, static_cast<int>(scene_.materials.size()));
+    if (!added) return known->second;
+    Material coloured = scene_.materials[static_cast<size_t>(material)];
+    coloured.pbr = std::make_shared<const PbrMaterial>(with_white(coloured));
+    scene_.materials.push_back(std::move(coloured));
+    return known->second;
+  }
+
+ private:
+  static PbrMaterial with_white(const Material& material) {
+    PbrMaterial pbr;
+    if (material.pbr) {
+      pbr = *material.pbr;
+    } else {
+      pbr.metallic = 0.0;
+      pbr.double_sided = true;
+      pbr.emission = material.emission;
+      pbr.base_colour_texture.texture = material.texture;
+    }
+    pbr.base_colour = {1, 1, 1};
+    return pbr;
+  }
+
+  SceneDescription& scene_;
+  std::map<int, int> known_;
+};
+
+/// Converts every mesh once; those without triangles stay empty.
+std::vector<TriangleMesh> all_meshes(const aiScene& from, SceneDescription& scene) {
+  LeftOut left_out;
+  ColouredMaterials coloured(scene);
+  std::vector<TriangleMesh> meshes(from.mNumMeshes);
+  for (unsigned i = 0; i < from.mNumMeshes; ++i) {
+    const aiMesh& mesh = *from.mMeshes[i];
+    if (mesh.mMaterialIndex >= from.mNumMaterials)
+      refuse(scene.source, fmt::format("{} has no material", label_of(mesh, i)));
+    if (mesh.mPrimitiveTypes & aiPrimitiveType_TRIANGLE)
+      meshes[i] = mesh_of(from, mesh, left_out);
+    else
+      left_out.points_or_lines = true;
+    TriangleMesh& to = meshes[i];
+    if (!to.colours.empty()) to.material = coloured.index(to.material);
+    const auto& pbr = scene.materials[static_cast<size_t>(to.material)].pbr;
+    if (pbr && pbr->normal_texture.texture >= 0) compute_tangents(to, false);
+  }
+  const auto note = [&](const std::string& text) { scene.notes.push_back(text); };
+  if (const size_t n = left_out.repairs.dropped_triangles)
+    note(fmt::format("{} triangles without an area dropped", n));
+  if (const size_t n = left_out.repairs.recomputed_normals)
+    note(fmt::format("{} unusable normals recomputed", n));
+  if (left_out.points_or_lines) note("points and lines left out");
+  if (left_out.skins) note("bones and morph targets left out: those meshes keep their rest shape");
+  left_out.digits.write(scene);
+  return meshes;
+}
+
+/// MeshPlacer adds meshes to the scene, once per node that shows them.
+class MeshPlacer {
+ public:
+  MeshPlacer(std::vector<TriangleMesh> meshes, SceneDescription& scene)
+      : meshes_(std::move(meshes)), scene_(scene) {}
+
+  void place(const aiNode& from, int node) {
+    for (const unsigned index : std::span(from.mMeshes, from.mNumMeshes)) {
+      if (index >= meshes_.size())
+        refuse(scene_.source, fmt::format("node '{}' refers to mesh {} of {}", from.mName.C_Str(),
+                                          index, meshes_.size()));
+      const TriangleMesh& mesh = meshes_[index];
+      if (mesh.triangles.empty()) continue;
+      vertices_ += mesh.positions.size();
+      triangles_ += mesh.triangles.size();
+      if (vertices_ > kMaxVertices || triangles_ > kMaxTriangles)
+        refuse(scene_.source,
+               fmt::format("more than {} triangles or {} vertices", kMaxTriangles, kMaxVertices));
+      scene_.meshes.push_back(mesh);
+      scene_.meshes.back().node = node;
+    }
+  }
+
+ private:
+  std::vector<TriangleMesh> meshes_;
+  SceneDescription& scene_;
+  size_t vertices_ = 0;
+  size_t triangles_ = 0;
+};
+
+/// Imports nodes, parents first, with the meshes attached to them.
+NodeNames import_nodes_and_meshes(const aiScene& from, SceneDescription& scene) {
+  NodeNames names;
+  if (from.mRootNode == nullptr) return names;
+  MeshPlacer placer(all_meshes(from, scene), scene);
+  // Breadth first: parents come before children, and a deep tree needs no deep stack.
+  std::vector<const aiNode*> order{from.mRootNode};
+  std::vector<int> parents{-1};
+  for (size_t i = 0; i < order.size(); ++i) {
+    const aiNode& node = *order[i];
+    scene.nodes.push_back(node_of(node, parents[i], scene.source));
+    names.try_emplace(scene.nodes.back().name, static_cast<int>(i));
+    placer.place(node, static_cast<int>(i));
+    for (const aiNode* child : std::span(node.mChildren, node.mNumChildren)) {
+      order.push_back(child);
+      parents.push_back(static_cast<int>(i));
+    }
+    if (order.size() > kMaxNodes)
+      refuse(scene.source, fmt::format("more than {} nodes", kMaxNodes));
+  }
+  return names;
+}
+
+// ---- materials
+
+constexpr double kShiniest = 1e5;
+constexpr double kUsualIndex = 1.5;
+
+double luminance(Vec3 c) {
+  return 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z;
+}
+
+double clamped(double value, double low, double high) {
+  return std::isfinite(value) ? std::clamp(value, low, high) : low;
+}
+
+/// Properties gives typed access to one material's properties; non-finite values count as absent.
+class Properties {
+ public:
+  explicit Properties(const aiMaterial& material) : material_(material) {}
+
+  [[nodiscard]] std::optional<double> number(const char* key, unsigned type, unsigned index) const {
+    float value = 0.0F;
+    if (material_.Get(key, type, index, value) != aiReturn_SUCCESS || !std::isfinite(value))
+      return std::nullopt;
+    return static_cast<double>(value);
+  }
+  [[nodiscard]] std::optional<Vec3> colour(const char* key, unsigned type, unsigned index) const {
+    aiColor4D value;  // accepts three components as well
+    if (material_.Get(key, type, index, value) != aiReturn_SUCCESS) return std::nullopt;
+    const Vec3 c(Vec3f(value.r, value.g, value.b));
+    if (!is_finite(c)) return std::nullopt;
+    return Vec3{std::clamp(c.x, 0.0, 1e6), std::clamp(c.y, 0.0, 1e6), std::clamp(c.z, 0.0, 1e6)};
+  }
+  [[nodiscard]] std::string text(const char* key, unsigned type, unsigned index) const {
+    aiString value;
+    return material_.Get(key, type, index, value) == aiReturn_SUCCESS ? value.C_Str() : "";
+  }
+  [[nodiscard]] std::optional<int> integer(const char* key, unsigned type, unsigned index) const {
+    int value = 0;
+    if (material_.Get(key, type, index, value) != aiReturn_SUCCESS) return std::nullopt;
+    return value;
+  }
+
+ private:
+  const aiMaterial& material_;
+};
+
+/// Converts the classic ambient-diffuse-specular model. Files state a specular colour for
+/// highlights; in OBJ only illumination models 3 and above mean mirrors.
+void set_classic(const Properties& from, Material& to) {
+  const double specular = luminance(from.colour(AI_MATKEY_COLOR_SPECULAR).value_or(Vec3{}));
+  const int illumination = from.integer(AI_MATKEY_OBJ_ILLUM).value_or(0);
+  constexpr double kHighlightOnly = 0.1;
+  const bool mirror = illumination >= 3;
+  to.specular = clamped(specular, 0.0, 1.0) * (mirror ? 1.0 : kHighlightOnly);
+  to.shine = clamped(from.number(AI_MATKEY_SHININESS).value_or(10.0), 1.0, kShiniest);
+  const bool refracts = illumination == 6 || illumination == 7;
+  if (refracts) to.refraction_index = from.number(AI_MATKEY_REFRACTI).value_or(1.0);
+}
+
+double opacity_of(const Properties& from) {
+  return clamped(from.number(AI_MATKEY_OPACITY).value_or(1.0), 0.0, 1.0);
+}
+
+Material material_of(const aiMaterial& material, const std::optional<MetallicRoughness>& pbr) {
+  const Properties from(material);
+  Material to;
+  to.name = material.GetName().C_Str();
+  to.colour = from.colour(AI_MATKEY_BASE_COLOR)
+                  .value_or(from.colour(AI_MATKEY_COLOR_DIFFUSE).value_or(Vec3{0.8, 0.8, 0.8}));
+  if (pbr)
+    set_metallic_roughness(*pbr, to);
+  else
+    set_classic(from, to);
+  set_opacity(opacity_of(from), to);
+  to.refraction_index = clamped(to.refraction_index, 0.1, 100.0);
+  to.emission = from.colour(AI_MATKEY_COLOR_EMISSIVE).value_or(Vec3{}) *
+                clamped(from.number(AI_MATKEY_EMISSIVE_INTENSITY).value_or(1.0), 0.0, 1e6);
+  to.two_sided = true;
+  return to;
+}
+
+// ---- textures
+
+/// MaterialTextures finds the textures of one material.
+class MaterialTextures {
+ public:
+  MaterialTextures(const aiScene& from, const aiMaterial& material,
+                   const std::filesystem::path& folder, const std::string& source,
+                   Textures& textures)
+      : from_(from), material_(material), folder_(folder), source_(source), textures_(textures) {}
+
+  /// Returns the index of the texture of the first type that the material has, or -1.
+  int find(std::initializer_list<aiTextureType> types, frames::TextureContent content) {
+    for (const aiTextureType type : types) {
+      const std::string name = name_of(type);
+      if (name.empty()) continue;
+      return textures_.add({.name = name,
+                            .wrap_u = wrap_of(AI_MATKEY_MAPPINGMODE_U(type, 0)),
+                            .wrap_v = wrap_of(AI_MATKEY_MAPPINGMODE_V(type, 0)),
+                            .content = content},
+                           [&] { return read(name, content); });
+    }
+    return -1;
+  }
+
+  /// Returns one texture made of those of roughness and metalness, which may be separate grey
+  /// pictures: roughness in green, metalness in blue.
+  int find_metallic_roughness() {
+    constexpr auto kData = frames::TextureContent::Data;
+    const std::string rough = name_of(aiTextureType_DIFFUSE_ROUGHNESS);
+    const std::string metal = name_of(aiTextureType_METALNESS);
+    if (rough.empty() && metal.empty()) return -1;
+    const auto wrapped = rough.empty() ? aiTextureType_METALNESS : aiTextureType_DIFFUSE_ROUGHNESS;
+    return textures_.add({.name = rough + " + " + metal,
+                          .wrap_u = wrap_of(AI_MATKEY_MAPPINGMODE_U(wrapped, 0)),
+                          .wrap_v = wrap_of(AI_MATKEY_MAPPINGMODE_V(wrapped, 0)),
+                          .content = kData},
+                         [&] {
+                           if (rough == metal) return read(rough, kData);
+                           return combined(rough, metal);
+                         });
+  }
+
+  [[nodiscard]] bool has(aiTextureType type) const { return !name_of(type).empty(); }
+
+ private:
+  [[nodiscard]] std::string name_of(aiTextureType type) const {
+    aiString name;
+    if (material_.GetTextureCount(type) == 0) return "";
+    return material_.GetTexture(type, 0, &name) == aiReturn_SUCCESS ? name.C_Str() : "";
+  }
+
+  [[nodiscard]] TextureWrap wrap_of(const char* key, unsigned type, unsigned index) const {
+    int value = aiTextureMapMode_Wrap;
+    material_.Get(key, type, index, value);
+    return value == aiTextureMapMode_Wrap     ? TextureWrap::Repeat
+           : value == aiTextureMapMode_Mirror ? TextureWrap::Mirror
+                                              : TextureWrap::Clamp;
+  }
+
+  frames::TextureImage read(const std::string& name, frames::TextureContent content) {
+    if (const aiTexture* embedded = from_.GetEmbeddedTexture(name.c_str()))
+      return read_embedded(*embedded, name, content);
+    return frames::read_texture(named_file(folder_, name), content);
+  }
+
+  frames::TextureImage read_embedded(const aiTexture& embedded, const std::string& name,
+                                     frames::TextureContent content) {
+    const std::string label = fmt::format("{}: embedded texture {}", source_, name);
+    if (embedded.pcData == nullptr) throw Error(ErrorKind::Input, label + ": empty");
+    if (embedded.mHeight == 0)
+      return frames::read_texture(
+          std::span(reinterpret_cast<const uint8_t*>(embedded.pcData), embedded.mWidth), label,
+          content);
+    const size_t texels = static_cast<size_t>(embedded.mWidth) * embedded.mHeight;
+    if (texels > kMaxTextureBytes / 4) throw Error(ErrorKind::Input, label + ": too large");
+    frames::TextureImage image{
+        static_cast<int>(embedded.mWidth), static_cast<int>(embedded.mHeight), {}, {}};
+    image.codes.reserve(texels * 4);
+    for (const aiTexel& t : std::span(embedded.pcData, texels))
+      image.codes.insert(image.codes.end(), {t.r, t.g, t.b, t.a});
+    return image;
+  }
+
+  /// Returns the larger size of both pictures; a missing one counts as white.
+  frames::TextureImage combined(const std::string& rough, const std::string& metal) {
+    const auto picture = [&](const std::string& name) {
+      return name.empty() ? frames::FloatImage{1, 1, {1, 1, 1, 1}}
+                          : frames::floats_of(read(name, frames::TextureContent::Data),
+                                              frames::TextureContent::Data);
+    };
+    const frames::FloatImage roughness = picture(rough);
+    const frames::FloatImage metalness = picture(metal);
+    frames::TextureImage both{std::max(roughness.width, metalness.width),
+                              std::max(roughness.height, metalness.height),
+                              {},
+                              {}};
+    const auto grey = [&](const frames::FloatImage& image, int x, int y) {
+      const auto column = static_cast<int64_t>(x) * image.width / both.width;
+      const auto row = static_cast<int64_t>(y) * image.height / both.height;
+      return image.rgba[static_cast<size_t>(row * image.width + column) * 4];
+    };
+    both.rgba.reserve(static_cast<size_t>(both.width) * static_cast<size_t>(both.height) * 4);
+    for (int y = 0; y < both.height; ++y)
+      for (int x = 0; x < both.width; ++x)
+        both.rgba.insert(both.rgba.end(),
+                         {1.0F, grey(roughness, x, y), grey(metalness, x, y), 1.0F});
+    return both;
+  }
+
+  const aiScene& from_;
+  const aiMaterial& material_;
+  const std::filesystem::path& folder_;
+  const std::string& source_;
+  Textures& textures_;
+};
+
+// ---- metallic-roughness materials
+
+/// Returns the factors if the file states any of them, or textures of them.
+std::optional<MetallicRoughness> metallic_roughness_of(const Properties& from,
+                                                       const MaterialTextures& textures) {
+  const auto metallic = from.number(AI_MATKEY_METALLIC_FACTOR);
+  const auto roughness = from.number(AI_MATKEY_ROUGHNESS_FACTOR);
+  const bool metal_texture = textures.has(aiTextureType_METALNESS);
+  const bool rough_texture = textures.has(aiTextureType_DIFFUSE_ROUGHNESS);
+  if (!metallic && !roughness && !metal_texture && !rough_texture) return std::nullopt;
+  return MetallicRoughness{
+      .metallic = clamped(metallic.value_or(metal_texture ? 1.0 : 0.0), 0.0, 1.0),
+      .roughness = clamped(roughness.value_or(1.0), 0.0, 1.0),
+      .transmission = clamped(from.number(AI_MATKEY_TRANSMISSION_FACTOR).value_or(0.0), 0.0, 1.0),
+      .ior = from.number(AI_MATKEY_REFRACTI).value_or(kUsualIndex)};
+}
+
+std::shared_ptr<const PbrMaterial> pbr_of(const Properties& from, const MetallicRoughness& factors,
+                                          const Material& whitted, MaterialTextures& textures) {
+  constexpr auto kData = frames::TextureContent::Data;
+  PbrMaterial to;
+  to.base_colour = whitted.colour;
+  to.alpha = opacity_of(from);
+  if (to.alpha < 1.0) to.alpha_mode = PbrMaterial::AlphaMode::Blend;
+  to.base_colour_texture.texture = whitted.texture;
+  to.metallic = factors.metallic;
+  to.roughness = factors.roughness;
+  to.metallic_roughness_texture.texture = textures.find_metallic_roughness();
+  to.normal_texture.texture = textures.find({aiTextureType_NORMALS}, kData);
+  to.emission = whitted.emission;
+  to.emission_texture.texture = textures.find(
+      {aiTextureType_EMISSION_COLOR, aiTextureType_EMISSIVE}, frames::TextureContent::Colour);
+  // A file with a texture and no colour, or black, means the texture.
+  if (to.emission_texture.texture >= 0 && to.emission == Vec3{}) to.emission = {1, 1, 1};
+  to.double_sided = true;
+  to.transmission = factors.transmission;
+  to.ior = clamped(factors.ior, 1.0, 100.0);
+  to.clearcoat = clamped(from.number(AI_MATKEY_CLEARCOAT_FACTOR).value_or(0.0), 0.0, 1.0);
+  to.clearcoat_roughness =
+      clamped(from.number(AI_MATKEY_CLEARCOAT_ROUGHNESS_FACTOR).value_or(0.0), 0.0, 1.0);
+  to.sheen_colour = from.colour(AI_MATKEY_SHEEN_COLOR_FACTOR).value_or(Vec3{});
+  return std::make_shared<const PbrMaterial>(to);
+}
+
+/// Imports materials with their base-colour textures. Relative file names start at `folder`.
+void import_materials(const aiScene& from, const std::filesystem::path& folder,
+                      SceneDescription& scene) {
+  if (from.mNumMaterials > kMaxMaterials)
+    refuse(scene.source, fmt::format("more than {} materials", kMaxMaterials));
+  Textures all(scene);
+  for (const aiMaterial* material : std::span(from.mMaterials, from.mNumMaterials)) {
+    const Properties properties(*material);
+    MaterialTextures textures(from, *material, folder, scene.source, all);
+    const auto factors = metallic_roughness_of(properties, textures);
+    Material to = material_of(*material, factors);
+    to.texture = textures.find({aiTextureType_BASE_COLOR, aiTextureType_DIFFUSE},
+                               frames::TextureContent::Colour);
+    if (factors) to.pbr = pbr_of(properties, *factors, to, textures);
+    scene.materials.push_back(std::move(to));
+  }
+}
+
+// ---- animation
+
+constexpr double kTicksPerSecondUnlessStated = 25.0;
+constexpr double kLongestSeconds = 1e7;
+
+Vec3 value_of(const aiVectorKey& key) {
+  return vec3(key.mValue);
+}
+std::array<double, 4> value_of(const aiQuatKey& key) {
+  return {key.mValue.x, key.mValue.y, key.mValue.z, key.mValue.w};
+}
+
+bool finite(Vec3 v) {
+  return is_finite(v);
+}
+bool finite(const std::array<double, 4>& q) {
+  return std::all_of(q.begin(), q.end(), [](double v) { return std::isfinite(v); });
+}
+
+class AnimationImport {
+ public:
+  AnimationImport(const aiAnimation& from, SceneDescription& scene) : scene_(scene) {
+    if (std::isfinite(from.mTicksPerSecond) && from.mTicksPerSecond > 0.0)
+      ticks_per_second_ = from.mTicksPerSecond;
+  }
+
+  void add(const aiNodeAnim& from, Node& node) {
+    read(std::span(from.mPositionKeys, from.mNumPositionKeys), node, node.translations);
+    read(std::span(from.mRotationKeys, from.mNumRotationKeys), node, node.rotations);
+    read(std::span(from.mScalingKeys, from.mNumScalingKeys), node, node.scales);
+    node.animated = !node.translations.times.empty() || !node.rotations.times.empty() ||
+                    !node.scales.times.empty();
+  }
+
+  void finish() {
+    if (dropped_keys_ > 0)
+      scene_.notes.push_back(fmt::format("{} key frames out of order dropped", dropped_keys_));
+  }
+
+ private:
+  template <class Key, class T>
+  void read(std::span<Key> keys, const Node& node, Channel<T>& channel) {
+    if ((keys_ += keys.size()) > kMaxKeys)
+      refuse(scene_.source, fmt::format("more than {} key frames", kMaxKeys));
+    for (const Key& key : keys) {
+      const double seconds = key.mTime / ticks_per_second_;
+      const T value = value_of(key);
+      if (!(std::abs(seconds) <= kLongestSeconds) || !finite(value))
+        refuse(scene_.source,
+               fmt::format("node '{}' has a key frame that is not finite", node.name));
+      if (!channel.times.empty() && seconds <= channel.times.back()) {
+        ++dropped_keys_;
+        continue;
+      }
+      channel.times.push_back(seconds);
+      channel.values.push_back(value);
+      scene_.duration_seconds = std::max(scene_.duration_seconds, seconds);
+    }
+  }
+
+  SceneDescription& scene_;
+  double ticks_per_second_ = kTicksPerSecondUnlessStated;
+  size_t keys_ = 0;
+  size_t dropped_keys_ = 0;
+};
+
+/// Imports the key frames of the first animation.
+void import_animation(const aiScene& from, const NodeNames& nodes, SceneDescription& scene) {
+  if (from.mNumAnimations == 0) return;
+  if (from.mNumAnimations > 1)
+    scene.notes.push_back(
+        fmt::format("{} animations; only the first is used", from.mNumAnimations));
+  const aiAnimation& animation = *from.mAnimations[0];
+  AnimationImport import(animation, scene);
+  for (const aiNodeAnim* channel : std::span(animation.mChannels, animation.mNumChannels)) {
+    const auto node = nodes.find(channel->mNodeName.C_Str());
+    if (node != nodes.end()) import.add(*channel, scene.nodes[static_cast<size_t>(node->second)]);
+  }
+  import.finish();
+}
+
+// ---- lights
+
+double cosine(double angle) {
+  constexpr double kWidest = std::numbers::pi / 2.0;
+  return std::isfinite(angle) ? std::cos(std::clamp(angle, 0.0, kWidest)) : 0.0;
+}
+
+Light light_of(const aiLight& from) {
+  Light light;
+  light.kind = from.mType == aiLightSource_DIRECTIONAL ? Light::Kind::Directional
+               : from.mType == aiLightSource_SPOT      ? Light::Kind::Spot
+                                                       : Light::Kind::Point;
+  light.position = vec3(from.mPosition);
+  light.direction = normalized(vec3(from.mDirection));
+  light.colour = colour_of(from.mColorDiffuse);
+  light.falls_off = light.kind != Light::Kind::Directional && from.mAttenuationQuadratic > 0.0F;
+  constexpr double kHalf = 0.5;  // the importers state full angles
+  light.cos_inner = cosine(from.mAngleInnerCone * kHalf);
+  light.cos_outer = std::min(cosine(from.mAngleOuterCone * kHalf), light.cos_inner);
+  return light;
+}
+
+bool usable(const Light& light) {
+  const double strength = light.colour.x + light.colour.y + light.colour.z;
+  const bool aimed =
+      light.kind == Light::Kind::Point || std::abs(length(light.direction) - 1.0) < 1e-6;
+  return is_finite(light.colour) && strength > 0.0 && is_finite(light.position) && aimed;
+}
+
+void import_lights(const aiScene& from, const NodeNames& nodes, SceneDescription& scene) {
+  size_t unusable = 0;
+  for (const aiLight* light : std::span(from.mLights, from.mNumLights)) {
+    if (light->mType == aiLightSource_AMBIENT) {
+      scene.ambient = scene.ambient.value_or(Vec3{}) + colour_of(light->mColorAmbient);
+      continue;
+    }
+    if (scene.lights.size() == kMaxLights)
+      refuse(scene.source, fmt::format("more than {} lights", kMaxLights));
+    Light to = light_of(*light);
+    if (!usable(to)) {
+      ++unusable;
+      continue;
+    }
+    const auto node = nodes.find(light->mName.C_Str());
+    to.node = node == nodes.end() ? -1 : node->second;
+    scene.lights.push_back(to);
+  }
+  if (unusable > 0) scene.notes.push_back(fmt::format("{} unusable lights left out", unusable));
+  if (scene.ambient && !is_finite(*scene.ambient)) scene.ambient.reset();
+}
+
+// ---- cameras
+
+/// Returns the vertical angle; assimp states the horizontal angle.
+double vertical_fov_degrees(const aiCamera& from) {
+  const double aspect = from.mAspect > 0.0F ? from.mAspect : 1.0;
+  const double vertical = 2.0 * std::atan(std::tan(from.mHorizontalFOV / 2.0) / aspect);
+  return vertical * 180.0 / std::numbers::pi;
+}
+
+/// Converts a camera; it looks at a point at distance 1 until focus() moves that point.
+Camera camera_of(const aiCamera& from) {
+  Camera camera;
+  camera.name = from.mName.C_Str();
+  camera.from = vec3(from.mPosition);
+  camera.at = camera.from + normalized(vec3(from.mLookAt));
+  camera.up = vec3(from.mUp);
+  camera.vertical_fov_degrees = vertical_fov_degrees(from);
+  camera.hither = std::isfinite(from.mClipPlaneNear) ? std::max(0.0F, from.mClipPlaneNear) : 0.0F;
+  return camera;
+}
+
+/// Imports cameras. Requires the meshes to be in place: a file states the direction in which a
+/// camera looks, but not the distance.
+void import_cameras(const aiScene& from, const NodeNames& nodes, SceneDescription& scene) {
+  if (from.mNumCameras == 0) return;
+  const Bounds bounds = scene_bounds(scene);
+  size_t unusable = 0;
+  for (const aiCamera* camera : std::span(from.mCameras, from.mNumCameras)) {
+    Camera to = camera_of(*camera);
+    const auto node = nodes.find(to.name);
+    to.node = node == nodes.end() ? -1 : node->second;
+    if (!is_usable(to) || bounds.empty()) {
+      ++unusable;
+      continue;
+    }
+    if (camera->mOrthographicWidth > 0.0F && scene.cameras.empty())
+      scene.notes.emplace_back("orthographic camera treated as a perspective one");
+    focus(to, scene, bounds);
+    scene.cameras.push_back(to);
+  }
+  if (unusable > 0) scene.notes.push_back(fmt::format("{} unusable cameras left out", unusable));
+}
+
+void check_meshes(const aiScene& from, const std::string& source) {
+  for (unsigned i = 0; i < from.mNumMeshes; ++i)
+    check_mesh(*from.mMeshes[i], label_of(*from.mMeshes[i], i), source);
+}
+
+SceneDescription import_scene(const aiScene& from, const std::filesystem::path& file, Vec3 origin) {
+  SceneDescription scene;
+  scene.source = file.string();
+  scene.colour_managed = true;
+  import_materials(from, file.parent_path(), scene);
+  const NodeNames nodes = import_nodes_and_meshes(from, scene);
+  if (scene.meshes.empty()) refuse_empty(scene);
+  // An OBJ file has no transforms: its nodes' coordinates are the file's.
+  if (!(origin == Vec3{}))
+    for (TriangleMesh& mesh : scene.meshes)
+      for (Vec3& p : mesh.positions) p += origin;
+  import_animation(from, nodes, scene);
+  import_lights(from, nodes, scene);
+  import_cameras(from, nodes, scene);
+  expose(scene);
+  bake_still_nodes(scene);
+  return scene;
+}
 
 // ---- guarded files
 

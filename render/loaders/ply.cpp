@@ -26,7 +26,6 @@
 #include "render/loaders/file_names.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/mesh_cleanup.h"
-#include "render/loaders/polygon.h"
 #include "render/loaders/text_reader.h"
 #include "render/loaders/textures.h"
 #include "render/scene/stage.h"

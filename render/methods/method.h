@@ -6,7 +6,6 @@
 
 #include "frames/frame.h"
 #include "render/options/render_options.h"
-#include "render/options/render_statistics.h"
 #include "render/scene/scene.h"
 #include "render/scene/stage.h"
 

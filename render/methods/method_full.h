@@ -13,7 +13,7 @@
 #include "render/depth_budget/prefilter.h"
 #include "render/integrator/packet_tracer.h"
 #include "render/methods/method.h"
-#include "render/options/render_statistics.h"
+#include "render/options/render_options.h"
 #include "render/rays/primary_packets.h"
 #include "render/scene/scene.h"
 #include "render/shading/shading_kernel.h"

@@ -12,7 +12,6 @@
 #include "base/cpu.h"
 #include "optics/tile_optics.h"
 #include "render/accel/ray_stream.h"
-#include "render/rays/footprint.h"
 #include "render/rays/primary_packets_kernel.h"
 #include "render/rays/primary_rays.h"
 #include "render/scene/surroundings.h"

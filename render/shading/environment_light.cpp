@@ -7,6 +7,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "render/rays/primary_rays.h"
+
 namespace lenticule::render {
 namespace {
 
@@ -39,14 +41,6 @@ Vec2 place_of(Vec3 direction) {
 
 Vec2 middle(int x, int y, int size) {
   return {(x + 0.5) / size, (y + 0.5) / size};
-}
-
-/// Returns the radical inverse of i in base 2.
-double radical_inverse(unsigned i) {
-  double value = 0.0;
-  for (double digit = 0.5; i != 0; i >>= 1, digit *= 0.5)
-    if (i & 1U) value += digit;
-  return value;
 }
 
 /// Size of the map for a roughness: some texels across the lobe.

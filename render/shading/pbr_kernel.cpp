@@ -192,7 +192,7 @@ using pbr_kernel::LightRays;
 using pbr_kernel::Points;
 using pbr_kernel::Shaded;
 
-// These constants have the values of pbr_scene.cpp and pbr_shading.cpp.
+// These constants have the values of pbr_scene.cpp.
 constexpr float kInversePi = 0.318309886F;
 constexpr float kGrazing = 0.02F;
 constexpr float kMostBend = 0.18F;

@@ -6,7 +6,7 @@
 // for AVX-512.
 //
 // Computes in single precision without fused multiplication, as render/shading/shading_kernel.h
-// does. render/shading/pbr_shading.h computes the same point by point in double precision; it is
+// does. render/shading/pbr_scene.h computes the same point by point in double precision; it is
 // the reference in tests.
 #pragma once
 

@@ -5,8 +5,8 @@
 #include <cstdint>
 
 #include "render/accel/ray_stream.h"
-#include "render/options/render_statistics.h"
-#include "render/rays/tile.h"
+#include "render/options/render_options.h"
+#include "render/rays/primary_rays.h"
 #include "render/scene/scene.h"
 #include "render/shading/pbr_scene.h"
 

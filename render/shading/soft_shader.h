@@ -19,7 +19,6 @@
 #include "render/accel/ray_stream.h"
 #include "render/culling/shaft.h"
 #include "render/options/render_options.h"
-#include "render/options/render_statistics.h"
 #include "render/scene/scene.h"
 #include "render/shading/shading_kernel.h"
 

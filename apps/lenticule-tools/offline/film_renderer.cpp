@@ -11,7 +11,7 @@
 #include "base/print.h"
 #include "optics/rig_file.h"
 #include "player/sources/source_spec.h"
-#include "render/loaders/camera_path.h"
+#include "render/loaders/animation.h"
 #include "render/scene/stage.h"
 
 namespace lenticule::tools {

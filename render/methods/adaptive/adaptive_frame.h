@@ -10,7 +10,6 @@
 
 #include "frames/frame.h"
 #include "render/methods/adaptive/audit.h"
-#include "render/methods/adaptive/bands.h"
 #include "render/methods/adaptive/key_samples.h"
 #include "render/methods/adaptive/retrace.h"
 #include "render/methods/method_full.h"

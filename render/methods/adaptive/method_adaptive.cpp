@@ -33,7 +33,7 @@
 #include "render/accel/denormals.h"
 #include "render/integrator/pbr_tracer.h"
 #include "render/methods/adaptive/adaptive_frame.h"
-#include "render/methods/adaptive/bands.h"
+#include "render/methods/adaptive/audit.h"
 #include "render/methods/method_full.h"
 #include "render/rays/primary_rays.h"
 

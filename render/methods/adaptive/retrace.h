@@ -13,7 +13,7 @@
 
 #include "render/integrator/light_cache.h"
 #include "render/methods/adaptive/key_samples.h"
-#include "render/rays/tile.h"
+#include "render/rays/primary_rays.h"
 #include "render/row_sweep/row_planes.h"
 #include "render/scene/surface_groups.h"
 

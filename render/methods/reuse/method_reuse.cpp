@@ -26,7 +26,6 @@
 #include "render/methods/reuse/reprojection_kernel.h"
 #include "render/options/render_options.h"
 #include "render/rays/primary_rays.h"
-#include "render/rays/tile.h"
 #include "render/scene/scene.h"
 #include "render/scene/stage.h"
 #include "render/scene/texture.h"

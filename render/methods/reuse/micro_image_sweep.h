@@ -13,7 +13,7 @@
 #include "render/methods/reuse/reprojection_kernel.h"
 #include "render/options/render_options.h"
 #include "render/rays/primary_packets.h"
-#include "render/rays/tile.h"
+#include "render/rays/primary_rays.h"
 
 namespace lenticule::render {
 

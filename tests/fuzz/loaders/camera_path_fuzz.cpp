@@ -3,7 +3,7 @@
 #include <cstdint>
 
 #include "base/error.h"
-#include "render/loaders/camera_path.h"
+#include "render/loaders/animation.h"
 #include "render/scene/stage.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <random>
 
-#include "render/loaders/polygon.h"
+#include "render/loaders/mesh_cleanup.h"
 
 namespace lenticule::render {
 namespace {

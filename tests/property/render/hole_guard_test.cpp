@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests that pictures have no pinholes at corners that lie exactly on the rays of subpixels, and
 // that the crack filter changes nothing else.
-#include "render/integrator/hole_guard.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -11,6 +9,7 @@
 #include <random>
 
 #include "lab/stability/probes.h"
+#include "render/integrator/packet_tracer.h"
 #include "render/make_method.h"
 #include "tests/support/tiny_scenes.h"
 

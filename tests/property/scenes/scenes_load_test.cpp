@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "render/loaders/camera_path.h"
+#include "render/loaders/animation.h"
 #include "render/loaders/nff.h"
 #include "scenes/scene_list.h"
 

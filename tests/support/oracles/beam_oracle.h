@@ -3,7 +3,7 @@
 // light over all rays between its lens and the eyes that see it there.
 #pragma once
 
-#include "render/rays/footprint.h"
+#include "render/rays/primary_rays.h"
 #include "tests/support/oracles/reference_renderer.h"
 
 namespace lenticule::test {

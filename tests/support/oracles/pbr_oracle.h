@@ -6,7 +6,7 @@
 
 #include <functional>
 
-#include "render/shading/pbr_shading.h"
+#include "render/shading/pbr_scene.h"
 
 namespace lenticule::test {
 

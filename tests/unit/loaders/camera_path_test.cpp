@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/loaders/camera_path.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
 #include <fstream>
 
+#include "render/loaders/animation.h"
 #include "tests/unit/loaders/error_of.h"
 
 namespace lenticule::render {

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests the triangulation of polygons that fans and naive ear clipping get wrong.
-#include "render/loaders/polygon.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
+
+#include "render/loaders/mesh_cleanup.h"
 
 namespace lenticule::render {
 namespace {

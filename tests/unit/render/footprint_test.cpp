@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/rays/footprint.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
+#include "render/rays/primary_rays.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {

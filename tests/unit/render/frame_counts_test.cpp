@@ -5,7 +5,7 @@
 #include <set>
 #include <string>
 
-#include "render/options/render_statistics.h"
+#include "render/options/render_options.h"
 
 namespace lenticule::render {
 namespace {

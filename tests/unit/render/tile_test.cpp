@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/rays/tile.h"
-
 #include <gtest/gtest.h>
 
 #include <limits>
 
+#include "render/rays/primary_rays.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {

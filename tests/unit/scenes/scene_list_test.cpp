@@ -10,7 +10,7 @@
 #include <sstream>
 
 #include "base/error.h"
-#include "scenes/nff_writer.h"
+#include "scenes/scene_writer.h"
 
 namespace lenticule::scenes {
 namespace {

@@ -2,7 +2,7 @@
 // Tests the estimated costs of bands.
 #include <gtest/gtest.h>
 
-#include "render/methods/adaptive/bands.h"
+#include "render/methods/adaptive/audit.h"
 
 namespace lenticule::render {
 namespace {

@@ -4,7 +4,7 @@
 #include <functional>
 #include <set>
 
-#include "render/methods/adaptive/bands.h"
+#include "render/methods/adaptive/audit.h"
 
 namespace lenticule::render {
 namespace {

@@ -7,7 +7,7 @@
 #include <numbers>
 
 #include "render/scene/surroundings.h"
-#include "render/shading/pbr_shading.h"
+#include "render/shading/pbr_scene.h"
 #include "tests/support/oracles/pbr_oracle.h"
 
 namespace lenticule::render {

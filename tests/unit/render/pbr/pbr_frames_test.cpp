@@ -12,7 +12,7 @@
 #include "render/make_method.h"
 #include "render/scene/surroundings.h"
 #include "render/scene/texture.h"
-#include "render/shading/pbr_shading.h"
+#include "render/shading/pbr_scene.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/shading/pbr_shading.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -8,6 +6,7 @@
 #include <numbers>
 #include <random>
 
+#include "render/shading/pbr_scene.h"
 #include "tests/support/oracles/pbr_oracle.h"
 
 namespace lenticule::render {
