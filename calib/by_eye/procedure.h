@@ -14,7 +14,6 @@
 
 #include "base/terminal_keys.h"
 #include "calib/by_eye/questions.h"
-#include "calib/by_eye/sheet_values.h"
 #include "frames/charts/charts.h"
 #include "optics/rig.h"
 
@@ -70,7 +69,7 @@ struct Guide {
 };
 
 /// Doubts selects the reaction to an implausible value at the end of a step (doubt_of in
-/// sheet_values.h).
+/// questions.h).
 enum class Doubts {
   Ask,     ///< the first enter shows the reason, the second enter accepts the value
   Refuse,  ///< the procedure ends with Status::Refused

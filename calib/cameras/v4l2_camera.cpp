@@ -3,20 +3,689 @@
 
 #include <fmt/format.h>
 #include <linux/videodev2.h>
+#include <poll.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <cmath>
 #include <cstring>
+#include <initializer_list>
+#include <limits>
+#include <optional>
+#include <span>
 #include <utility>
 
 #include "base/error.h"
-#include "calib/cameras/camera_controls.h"
-#include "calib/cameras/capture_stream.h"
-#include "calib/cameras/format_choice.h"
 #include "calib/cameras/pixel_unpack.h"
+#include "calib/cameras/v4l2_device.h"
 
 namespace lenticule::calib {
+
+// ---- running capture
+
+namespace {
+
+constexpr Nanoseconds kOldestStamp = std::chrono::seconds{10};
+/// Tolerance in addition to the time of a frame: some drivers compute the expected end of the
+/// frame.
+constexpr Nanoseconds kAheadAllowed = std::chrono::milliseconds{5};
+
+}  // namespace
+
+Nanoseconds ExposureClock::exposed_at(const BufferStamp& stamp, Nanoseconds now) {
+  const bool plausible = stamp.monotonic && stamp.time <= now + frame_ + kAheadAllowed &&
+                         stamp.time > now - kOldestStamp && stamp.time >= last_stamp_;
+  const Nanoseconds half = (frame_ + exposure_) / 2;
+  if (!plausible) {
+    unreliable_ = true;
+    return now - half;
+  }
+  last_stamp_ = stamp.time;
+  return std::min(stamp.start_of_exposure ? stamp.time + half : stamp.time - half, now);
+}
+
+uint64_t ExposureClock::count(uint32_t sequence) {
+  if (!last_sequence_) {
+    count_ = sequence;
+  } else {
+    const uint32_t gone_on = sequence - *last_sequence_;
+    const bool backwards = gone_on == 0 || gone_on > UINT32_MAX / 2;
+    count_ += backwards ? 1 : gone_on;
+  }
+  last_sequence_ = sequence;
+  return count_;
+}
+
+namespace {
+
+constexpr uint32_t kWantedBuffers = 6;
+constexpr uint32_t kFewestBuffers = 2;
+constexpr uint32_t kMostBuffers = 64;
+constexpr size_t kLargestBuffer = size_t{1} << 30;
+constexpr int kMostLossesInARow = 64;
+/// Limits the retries with a driver that reports "ready" without a picture, or during a flood of
+/// signals.
+constexpr int kMostEmptyLooks = 1000;
+
+v4l2_buffer buffer_number(uint32_t index) {
+  v4l2_buffer buffer{};
+  buffer.index = index;
+  buffer.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
+  buffer.memory = V4L2_MEMORY_MMAP;
+  return buffer;
+}
+
+int request_buffers(V4l2Device& device, uint32_t& count) {
+  v4l2_requestbuffers request{};
+  request.count = count;
+  request.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
+  request.memory = V4L2_MEMORY_MMAP;
+  const int error = v4l2_call(device, VIDIOC_REQBUFS, &request);
+  count = request.count;
+  return error;
+}
+
+BufferStamp stamp_of(const v4l2_buffer& buffer) {
+  const auto clock = buffer.flags & V4L2_BUF_FLAG_TIMESTAMP_MASK;
+  const auto source = buffer.flags & V4L2_BUF_FLAG_TSTAMP_SRC_MASK;
+  // Drivers may return any value; values that would overflow are implausible and clamped.
+  const int64_t seconds = std::clamp<int64_t>(buffer.timestamp.tv_sec, 0, int64_t{1} << 32);
+  const int64_t micros = std::clamp<int64_t>(buffer.timestamp.tv_usec, 0, 999'999);
+  return {.sequence = buffer.sequence,
+          .time = std::chrono::seconds{seconds} + std::chrono::microseconds{micros},
+          .monotonic = clock == V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC,
+          .start_of_exposure = source == V4L2_BUF_FLAG_TSTAMP_SRC_SOE};
+}
+
+}  // namespace
+
+CaptureStream::Reservation::~Reservation() {
+  uint32_t none = 0;
+  (void)request_buffers(device, none);
+}
+
+CaptureStream::Running::~Running() {
+  int type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
+  (void)v4l2_call(device, VIDIOC_STREAMOFF, &type);
+}
+
+CaptureStream::CaptureStream(V4l2Device& device, V4l2System& system, const std::string& path)
+    : device_(device), reservation_(device) {
+  uint32_t count = kWantedBuffers;
+  int error = request_buffers(device_, count);
+  if (error == 0 && (count < kFewestBuffers || count > kMostBuffers)) error = ENOMEM;
+  for (uint32_t i = 0; error == 0 && i < count; ++i) error = map_buffer(i);
+  for (uint32_t i = 0; error == 0 && i < count; ++i) error = queue(i);
+  if (error != 0) throw camera_failure(system, path, "get buffers", error);
+}
+
+int CaptureStream::map_buffer(uint32_t index) {
+  v4l2_buffer buffer = buffer_number(index);
+  const int error = v4l2_call(device_, VIDIOC_QUERYBUF, &buffer);
+  if (error != 0) return error;
+  if (buffer.length == 0 || buffer.length > kLargestBuffer) return ENOMEM;
+  void* const memory = device_.map(buffer.length, buffer.m.offset);
+  if (memory == nullptr) return ENOMEM;
+  buffers_.emplace_back(memory, Unmap{.device = &device_, .size = buffer.length});
+  return 0;
+}
+
+int CaptureStream::queue(uint32_t index) {
+  v4l2_buffer buffer = buffer_number(index);
+  return v4l2_call(device_, VIDIOC_QBUF, &buffer);
+}
+
+void CaptureStream::start(V4l2System& system, const std::string& path) {
+  int type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
+  const int error = v4l2_call(device_, VIDIOC_STREAMON, &type);
+  if (error != 0) throw camera_failure(system, path, "start the stream", error);
+  running_ = std::make_unique<Running>(device_);
+}
+
+GrabStatus CaptureStream::acquire(CapturedBuffer& out, Nanoseconds deadline) {
+  if (!failure_.empty()) return GrabStatus::Gone;
+  for (int looks = 0; looks < kMostEmptyLooks; ++looks) {
+    const Nanoseconds left = std::max(deadline - device_.now(), Nanoseconds{0});
+    switch (dequeue(out, left)) {
+      case Step::Taken:
+        losses_in_a_row_ = 0;
+        return GrabStatus::Ready;
+      case Step::Lost:
+        return GrabStatus::Corrupt;
+      case Step::Gone:
+        return GrabStatus::Gone;
+      case Step::Nothing:
+        break;
+    }
+    if (device_.now() >= deadline) break;
+  }
+  return GrabStatus::TimedOut;
+}
+
+CaptureStream::Step CaptureStream::dequeue(CapturedBuffer& out, Nanoseconds left) {
+  const int events = device_.poll(left);
+  if (events < 0) return gone(-events);
+  if (events == 0) return Step::Nothing;
+  const bool broken = (events & (POLLERR | POLLHUP | POLLNVAL)) != 0;
+  v4l2_buffer buffer = buffer_number(0);
+  const int error = v4l2_call(device_, VIDIOC_DQBUF, &buffer);
+  if (error != 0) return nothing_dequeued(error, broken);
+  if (buffer.index >= buffers_.size()) return gone(EBADMSG);
+  const Mapping& memory = buffers_[buffer.index];
+  const size_t room = memory.get_deleter().size;
+  const bool flagged = (buffer.flags & V4L2_BUF_FLAG_ERROR) != 0;
+  out.index = buffer.index;
+  out.damaged = flagged || buffer.bytesused > room;
+  out.bytes = {static_cast<const uint8_t*>(memory.get()), std::min<size_t>(buffer.bytesused, room)};
+  out.stamp = stamp_of(buffer);
+  return Step::Taken;
+}
+
+/// Decides the next step after a failed dequeue. The kernel's documentation uses EIO for temporary
+/// errors too, such as a lost signal; if the stream itself is broken, poll() reports an error as
+/// well.
+CaptureStream::Step CaptureStream::nothing_dequeued(int error, bool broken) {
+  if (error == EAGAIN || error == EINTR) return broken ? gone(EIO) : Step::Nothing;
+  if (error == EIO && !broken && ++losses_in_a_row_ < kMostLossesInARow) return Step::Lost;
+  return gone(error);
+}
+
+CaptureStream::Step CaptureStream::gone(int error) {
+  failure_ = error == ENODEV ? "unplugged" : "the stream broke: " + error_text(error);
+  return Step::Gone;
+}
+
+bool CaptureStream::give_back(uint32_t index) {
+  const int error = queue(index);
+  if (error != 0) gone(error);
+  return error == 0;
+}
+
+namespace {
+
+constexpr uint32_t kMostFormats = 256;
+constexpr uint32_t kMostSizes = 256;
+constexpr FrameSize kUsualSize{.width = 1920, .height = 1080};
+
+FrameSize wanted_size(const FormatRequest& request) {
+  return request.width > 0 && request.height > 0 ? FrameSize{request.width, request.height}
+                                                 : kUsualSize;
+}
+
+double pixels(const FrameSize& size) {
+  return static_cast<double>(size.width) * size.height;
+}
+
+/// Converts a driver's number; returns 0 if it does not fit.
+int side(uint32_t length) {
+  return length <= static_cast<uint32_t>(std::numeric_limits<int>::max()) ? static_cast<int>(length)
+                                                                          : 0;
+}
+
+/// Returns the difference of two sizes, as factors of width and height.
+double unlikeness(const FrameSize& a, const FrameSize& b) {
+  if (a.width <= 0 || a.height <= 0) return std::numeric_limits<double>::infinity();
+  return std::abs(std::log(static_cast<double>(a.width) / b.width)) +
+         std::abs(std::log(static_cast<double>(a.height) / b.height));
+}
+
+std::vector<FrameSize> offered_sizes(V4l2Device& device, uint32_t fourcc) {
+  std::vector<FrameSize> sizes;
+  for (uint32_t i = 0; i < kMostSizes; ++i) {
+    v4l2_frmsizeenum size{};
+    size.index = i;
+    size.pixel_format = fourcc;
+    if (v4l2_call(device, VIDIOC_ENUM_FRAMESIZES, &size) != 0) break;
+    if (size.type == V4L2_FRMSIZE_TYPE_DISCRETE) {
+      sizes.push_back({side(size.discrete.width), side(size.discrete.height)});
+      continue;
+    }
+    sizes.push_back({side(size.stepwise.max_width), side(size.stepwise.max_height)});
+    break;
+  }
+  return sizes;
+}
+
+v4l2_format asked_format(uint32_t fourcc, const FrameSize& size) {
+  v4l2_format format{};
+  format.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
+  format.fmt.pix.width = static_cast<uint32_t>(size.width);
+  format.fmt.pix.height = static_cast<uint32_t>(size.height);
+  format.fmt.pix.pixelformat = fourcc;
+  format.fmt.pix.field = V4L2_FIELD_NONE;
+  format.fmt.pix.priv = V4L2_PIX_FMT_PRIV_MAGIC;  // declares that we use the extended fields
+  return format;
+}
+
+/// Returns the size nearest to the requested one: as the driver answers, unless the driver only
+/// lists discrete sizes.
+FrameSize nearest_size(V4l2Device& device, const FormatOffer& offer, const FrameSize& wanted) {
+  v4l2_format format = asked_format(offer.fourcc, wanted);
+  FrameSize best{};
+  if (v4l2_call(device, VIDIOC_TRY_FMT, &format) == 0 && format.fmt.pix.pixelformat == offer.fourcc)
+    best = {side(format.fmt.pix.width), side(format.fmt.pix.height)};
+  for (const FrameSize& size : offer.sizes)
+    if (unlikeness(size, wanted) < unlikeness(best, wanted)) best = size;
+  return best.width > 0 ? best : wanted;
+}
+
+struct Candidate {
+  uint32_t fourcc;
+  FrameSize size;
+  bool large_enough;
+};
+
+/// Returns the candidates in the order in which they are tried.
+std::vector<Candidate> candidates(V4l2Device& device, const FormatRequest& request) {
+  const std::vector<FormatOffer> offers = offered_formats(device);
+  const FrameSize wanted = wanted_size(request);
+  std::vector<Candidate> found;
+  for (const PixelLayout& layout : supported_layouts()) {
+    if (!request.pixel_format.empty() && fourcc_name(layout.fourcc) != request.pixel_format)
+      continue;
+    for (const FormatOffer& offer : offers) {
+      if (offer.fourcc != layout.fourcc) continue;
+      const FrameSize size = nearest_size(device, offer, wanted);
+      found.push_back({offer.fourcc, size, pixels(size) >= 0.5 * pixels(wanted)});
+      break;
+    }
+  }
+  std::stable_partition(found.begin(), found.end(),
+                        [](const Candidate& candidate) { return candidate.large_enough; });
+  return found;
+}
+
+[[noreturn]] void refuse_offer(V4l2Device& device, const std::string& path,
+                               const FormatRequest& request) {
+  std::string names;
+  for (const FormatOffer& offer : offered_formats(device))
+    names += (names.empty() ? "" : ", ") + fourcc_name(offer.fourcc);
+  if (names.empty()) names = "nothing";
+  const std::string wanted =
+      request.pixel_format.empty() ? "no known pixel format" : "no " + request.pixel_format;
+  throw Error(ErrorKind::Device, fmt::format("{}: {} among {}", path, wanted, names),
+              request.pixel_format.empty() ? "use another camera" : "use one of those");
+}
+
+/// Sets inputs for HDMI and similar to the size of the arriving signal, which they adopt only on
+/// request.
+void follow_signal(V4l2Device& device, V4l2System& system, const std::string& path) {
+  v4l2_dv_timings timings{};
+  const int error = v4l2_call(device, VIDIOC_QUERY_DV_TIMINGS, &timings);
+  if (error == ENOLINK || error == ENOLCK || error == ERANGE)
+    throw Error(ErrorKind::Device, path + ": no usable signal: " + error_text(error),
+                "switch on the device that is connected to this input");
+  if (error != 0) return;  // a camera with its own timing
+  const int refused = v4l2_call(device, VIDIOC_S_DV_TIMINGS, &timings);
+  if (refused != 0) throw camera_failure(system, path, "follow the signal", refused);
+}
+
+void require_progressive(const v4l2_pix_format& got, const std::string& path) {
+  if (got.field == V4L2_FIELD_NONE || got.field == V4L2_FIELD_ANY) return;
+  throw Error(ErrorKind::Device, path + ": the pictures are interlaced",
+              "choose a progressive mode, or use another camera");
+}
+
+RawFormat raw_format(const v4l2_pix_format& got) {
+  const bool extended =
+      got.priv == V4L2_PIX_FMT_PRIV_MAGIC;  // else the extended fields are undefined
+  return {.fourcc = got.pixelformat,
+          .width = side(got.width),
+          .height = side(got.height),
+          .bytes_per_line = got.bytesperline,
+          .coding = {.colorspace = got.colorspace,
+                     .ycbcr_enc = extended ? got.ycbcr_enc : 0,
+                     .quantization = extended ? got.quantization : 0,
+                     .xfer_func = extended ? got.xfer_func : 0}};
+}
+
+/// Returns the format that the driver made of the request; none if that format cannot be unpacked.
+std::optional<RawFormat> try_candidate(V4l2Device& device, V4l2System& system,
+                                       const std::string& path, const Candidate& candidate) {
+  v4l2_format format = asked_format(candidate.fourcc, candidate.size);
+  const int error = v4l2_call(device, VIDIOC_S_FMT, &format);
+  if (error == EINVAL) return std::nullopt;
+  if (error != 0) throw camera_failure(system, path, "set the format", error);
+  if (layout_of(format.fmt.pix.pixelformat) == nullptr) return std::nullopt;
+  require_progressive(format.fmt.pix, path);
+  return raw_format(format.fmt.pix);
+}
+
+double agree_on_rate(V4l2Device& device, double wanted) {
+  v4l2_streamparm parameters{};
+  parameters.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
+  v4l2_fract& interval = parameters.parm.capture.timeperframe;
+  interval = {.numerator = 1000,
+              .denominator = static_cast<uint32_t>(std::clamp(wanted, 0.1, 1000.0) * 1000.0)};
+  if (v4l2_call(device, VIDIOC_S_PARM, &parameters) != 0) return 0.0;
+  if ((parameters.parm.capture.capability & V4L2_CAP_TIMEPERFRAME) == 0) return 0.0;
+  if (interval.numerator == 0 || interval.denominator == 0) return 0.0;
+  return static_cast<double>(interval.denominator) / interval.numerator;
+}
+
+}  // namespace
+
+std::vector<FormatOffer> offered_formats(V4l2Device& device) {
+  std::vector<FormatOffer> offers;
+  for (uint32_t i = 0; i < kMostFormats; ++i) {
+    v4l2_fmtdesc description{};
+    description.index = i;
+    description.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
+    if (v4l2_call(device, VIDIOC_ENUM_FMT, &description) != 0) break;
+    offers.push_back({.fourcc = description.pixelformat,
+                      .sizes = offered_sizes(device, description.pixelformat)});
+  }
+  return offers;
+}
+
+AgreedFormat agree_on_format(V4l2Device& device, V4l2System& system, const std::string& path,
+                             const FormatRequest& request) {
+  follow_signal(device, system, path);
+  for (const Candidate& candidate : candidates(device, request)) {
+    const std::optional<RawFormat> raw = try_candidate(device, system, path, candidate);
+    if (!raw || (!request.pixel_format.empty() && fourcc_name(raw->fourcc) != request.pixel_format))
+      continue;
+    return {.raw = *raw, .frames_per_second = agree_on_rate(device, request.frames_per_second)};
+  }
+  refuse_offer(device, path, request);
+}
+
+// ---- choice of the format
+
+namespace {
+
+constexpr int kMostControls = 1024;
+constexpr double kExposureUnitsPerSecond = 10000.0;
+constexpr double kPartOfRefreshAllowed = 0.02;
+constexpr uint32_t kUnsettable =
+    V4L2_CTRL_FLAG_READ_ONLY | V4L2_CTRL_FLAG_INACTIVE | V4L2_CTRL_FLAG_GRABBED;
+
+int64_t clipped(int64_t value) {
+  return std::clamp<int64_t>(value, std::numeric_limits<int32_t>::min(),
+                             std::numeric_limits<int32_t>::max());
+}
+
+bool is_number(uint32_t type) {
+  return type == V4L2_CTRL_TYPE_INTEGER || type == V4L2_CTRL_TYPE_BOOLEAN ||
+         type == V4L2_CTRL_TYPE_MENU || type == V4L2_CTRL_TYPE_INTEGER_MENU ||
+         type == V4L2_CTRL_TYPE_BITMASK;
+}
+
+/// Returns the nearest value that the control supports.
+int64_t within(const ControlInfo& control, int64_t value) {
+  if (control.maximum <= control.minimum) return control.minimum;
+  const int64_t held = std::clamp(value, control.minimum, control.maximum);
+  if (control.type != V4L2_CTRL_TYPE_INTEGER) return held;
+  const int64_t steps = (held - control.minimum + control.step / 2) / control.step;
+  const int64_t last = (control.maximum - control.minimum) / control.step;
+  return control.minimum + std::min(steps, last) * control.step;
+}
+
+bool has_any(std::span<const ControlInfo> controls, std::initializer_list<uint32_t> ids) {
+  return std::any_of(controls.begin(), controls.end(), [&](const ControlInfo& control) {
+    return std::find(ids.begin(), ids.end(), control.id) != ids.end();
+  });
+}
+
+}  // namespace
+
+int64_t whole_refreshes(const ControlInfo& exposure, double refresh_hz, int periods) {
+  const double period = kExposureUnitsPerSecond / refresh_hz;
+  const auto most =
+      static_cast<int64_t>(std::floor(static_cast<double>(exposure.maximum) / period));
+  const auto fewest =
+      static_cast<int64_t>(std::ceil(static_cast<double>(exposure.minimum) / period));
+  const int64_t lowest = std::max<int64_t>(fewest, 1);
+  const int64_t count = std::clamp<int64_t>(periods, lowest, std::max(lowest, most));
+  return within(exposure, std::llround(static_cast<double>(count) * period));
+}
+
+/// Rule is the treatment of one control, if a camera has it. Rules are applied in their order.
+struct CameraControls::Rule {
+  enum class Aim {
+    Set,         ///< sets `value`
+    Minimum,     ///< the smallest value
+    Everything,  ///< all bits
+    Keep,        ///< the present value
+    Exposure,    ///< the requested value, as for the next three
+    Gain,
+    Kelvin,
+    Focus,
+  };
+  uint32_t id;
+  Aim aim;
+  int64_t value = 0;
+};
+
+bool CameraControls::is_essential(const Rule& rule) {
+  using enum Rule::Aim;
+  return rule.aim == Exposure || rule.aim == Gain || rule.aim == Kelvin || rule.aim == Focus;
+}
+
+const std::vector<CameraControls::Rule>& CameraControls::rules() {
+  using enum Rule::Aim;
+  static const std::vector<Rule> rules{
+      {V4L2_CID_SCENE_MODE, Set, V4L2_SCENE_MODE_NONE},
+      {V4L2_CID_EXPOSURE_AUTO, Set, V4L2_EXPOSURE_MANUAL},
+      {V4L2_CID_EXPOSURE_AUTO_PRIORITY, Set, 0},
+      {V4L2_CID_AUTOGAIN, Set, 0},
+      {V4L2_CID_ISO_SENSITIVITY_AUTO, Set, V4L2_ISO_SENSITIVITY_MANUAL},
+      {V4L2_CID_AUTO_WHITE_BALANCE, Set, 0},
+      {V4L2_CID_AUTO_N_PRESET_WHITE_BALANCE, Set, V4L2_WHITE_BALANCE_MANUAL},
+      {V4L2_CID_FOCUS_AUTO, Set, 0},
+      {V4L2_CID_HUE_AUTO, Set, 0},
+      {V4L2_CID_AUTOBRIGHTNESS, Set, 0},
+      {V4L2_CID_WIDE_DYNAMIC_RANGE, Set, 0},
+      {V4L2_CID_IMAGE_STABILIZATION, Set, 0},
+      {V4L2_CID_BACKLIGHT_COMPENSATION, Minimum},
+      {V4L2_CID_POWER_LINE_FREQUENCY, Set, V4L2_CID_POWER_LINE_FREQUENCY_DISABLED},
+      {V4L2_CID_SHARPNESS, Minimum},
+      {V4L2_CID_EXPOSURE_ABSOLUTE, Exposure},
+      {V4L2_CID_EXPOSURE, Keep},
+      {V4L2_CID_GAIN, Gain},
+      {V4L2_CID_ANALOGUE_GAIN, Keep},
+      {V4L2_CID_DIGITAL_GAIN, Keep},
+      {V4L2_CID_ISO_SENSITIVITY, Keep},
+      {V4L2_CID_WHITE_BALANCE_TEMPERATURE, Kelvin},
+      {V4L2_CID_RED_BALANCE, Keep},
+      {V4L2_CID_BLUE_BALANCE, Keep},
+      {V4L2_CID_FOCUS_ABSOLUTE, Focus},
+      {V4L2_CID_IRIS_ABSOLUTE, Keep},
+      {V4L2_CID_ZOOM_ABSOLUTE, Keep},
+      {V4L2_CID_PAN_ABSOLUTE, Keep},
+      {V4L2_CID_TILT_ABSOLUTE, Keep},
+      {V4L2_CID_BRIGHTNESS, Keep},
+      {V4L2_CID_CONTRAST, Keep},
+      {V4L2_CID_SATURATION, Keep},
+      {V4L2_CID_HUE, Keep},
+      {V4L2_CID_GAMMA, Keep},
+      {V4L2_CID_3A_LOCK, Everything},
+  };
+  return rules;
+}
+
+CameraControls::CameraControls(V4l2Device& device, const ControlRequests& requests)
+    : device_(device), requests_(requests) {}
+
+std::optional<ControlInfo> CameraControls::query(uint32_t id_and_flags) {
+  v4l2_query_ext_ctrl asked{};
+  asked.id = id_and_flags;
+  if (v4l2_call(device_, VIDIOC_QUERY_EXT_CTRL, &asked) != 0) return std::nullopt;
+  const uint64_t step = std::clamp<uint64_t>(asked.step, 1, std::numeric_limits<int32_t>::max());
+  return ControlInfo{.id = asked.id,
+                     .type = asked.type,
+                     .flags = asked.flags,
+                     .name = {asked.name, strnlen(asked.name, sizeof asked.name)},
+                     .minimum = clipped(asked.minimum),
+                     .maximum = clipped(asked.maximum),
+                     .step = static_cast<int64_t>(step)};
+}
+
+std::vector<ControlInfo> CameraControls::enumerate() {
+  std::vector<ControlInfo> controls;
+  uint32_t last = 0;
+  for (int i = 0; i < kMostControls; ++i) {
+    const std::optional<ControlInfo> next = query(last | V4L2_CTRL_FLAG_NEXT_CTRL);
+    if (!next || next->id <= last) break;  // guards against a driver that repeats itself endlessly
+    last = next->id;
+    if (is_number(next->type) && (next->flags & V4L2_CTRL_FLAG_DISABLED) == 0)
+      controls.push_back(*next);
+  }
+  return controls;
+}
+
+int CameraControls::read(uint32_t id, int64_t& value) {
+  v4l2_ext_control control{};
+  control.id = id;
+  v4l2_ext_controls controls{};
+  controls.which = V4L2_CTRL_WHICH_CUR_VAL;
+  controls.count = 1;
+  controls.controls = &control;
+  const int error = v4l2_call(device_, VIDIOC_G_EXT_CTRLS, &controls);
+  value = control.value;
+  return error;
+}
+
+int CameraControls::write(uint32_t id, int64_t value) {
+  v4l2_ext_control control{};
+  control.id = id;
+  control.value = static_cast<int32_t>(clipped(value));
+  v4l2_ext_controls controls{};
+  controls.which = V4L2_CTRL_WHICH_CUR_VAL;
+  controls.count = 1;
+  controls.controls = &control;
+  return v4l2_call(device_, VIDIOC_S_EXT_CTRLS, &controls);
+}
+
+int CameraControls::lock() {
+  locked_.clear();
+  unlocked_.clear();
+  exposure_.reset();
+  const std::vector<ControlInfo> controls = enumerate();
+  for (const Rule& rule : rules())
+    if (has_any(controls, {rule.id}) && apply(rule) == ENODEV) return ENODEV;
+  say_what_is_missing(controls);
+  // Enumerating always ends with an error, so a capability query detects a camera that is gone.
+  v4l2_capability capability{};
+  return v4l2_call(device_, VIDIOC_QUERYCAP, &capability) == ENODEV ? ENODEV : 0;
+}
+
+std::optional<int64_t> CameraControls::wanted_value(const Rule& rule, const ControlInfo& control) {
+  switch (rule.aim) {
+    case Rule::Aim::Set:
+      return rule.value;
+    case Rule::Aim::Minimum:
+      return control.minimum;
+    case Rule::Aim::Everything:
+      return control.maximum;
+    case Rule::Aim::Exposure:
+      return whole_refreshes(control, requests_.refresh_hz, requests_.exposure_periods);
+    case Rule::Aim::Gain:
+      return requests_.gain;
+    case Rule::Aim::Kelvin:
+      return requests_.white_balance_kelvin;
+    case Rule::Aim::Focus:
+      return requests_.focus;
+    case Rule::Aim::Keep:
+      break;
+  }
+  return std::nullopt;
+}
+
+/// Returns ENODEV if the camera is gone, else 0.
+int CameraControls::apply(const Rule& rule) {
+  // Queried again, because switching off another control may have made this one active.
+  const std::optional<ControlInfo> control = query(rule.id);
+  if (!control) return 0;
+  const std::optional<int64_t> wanted = wanted_value(rule, *control);
+  return wanted ? set(rule, *control, *wanted) : keep(rule, *control);
+}
+
+int CameraControls::set(const Rule& rule, const ControlInfo& control, int64_t wanted) {
+  const bool inactive = (control.flags & V4L2_CTRL_FLAG_INACTIVE) != 0;
+  if (inactive && !is_essential(rule)) return 0;  // the control has no effect in this state
+  int error = EACCES;
+  if ((control.flags & kUnsettable) == 0) error = write(rule.id, wanted);
+  if (error == ENODEV) return ENODEV;
+  int64_t got = 0;
+  if (error == 0) error = read(rule.id, got);
+  if (error != 0) {
+    unlocked_.push_back(fmt::format("{} cannot be set: {}", control.name,
+                                    inactive ? "it is automatic" : error_text(error)));
+    return error == ENODEV ? ENODEV : 0;
+  }
+  locked_.push_back({.id = rule.id, .name = control.name, .value = got});
+  evaluate(rule, control, wanted, got);
+  return 0;
+}
+
+int CameraControls::keep(const Rule& rule, const ControlInfo& control) {
+  constexpr uint32_t kMoving = V4L2_CTRL_FLAG_INACTIVE | V4L2_CTRL_FLAG_VOLATILE;
+  if ((control.flags & kMoving) != 0) {
+    if (is_essential(rule)) unlocked_.push_back(control.name + " is automatic");
+    return 0;
+  }
+  int64_t value = 0;
+  const int error = read(rule.id, value);
+  if (error == 0) locked_.push_back({.id = rule.id, .name = control.name, .value = value});
+  return error == ENODEV ? ENODEV : 0;
+}
+
+void CameraControls::evaluate(const Rule& rule, const ControlInfo& control, int64_t wanted,
+                              int64_t got) {
+  if (rule.aim == Rule::Aim::Exposure) {
+    evaluate_exposure(got);
+  } else if (got != wanted) {
+    unlocked_.push_back(
+        fmt::format("{}: set to {}, but the camera has {}", control.name, wanted, got));
+  }
+}
+
+void CameraControls::evaluate_exposure(int64_t got) {
+  exposure_ = std::chrono::microseconds{100 * got};
+  const double refreshes =
+      static_cast<double>(got) / kExposureUnitsPerSecond * requests_.refresh_hz;
+  // The control's unit alone gives an error of half of 100 us.
+  const double allowed =
+      kPartOfRefreshAllowed + 0.5 / kExposureUnitsPerSecond * requests_.refresh_hz;
+  if (refreshes > 0.5 && std::abs(refreshes - std::round(refreshes)) <= allowed) return;
+  unlocked_.push_back(
+      fmt::format("exposures of {:.1f} ms are not whole refreshes of {:.2f} ms: bands may move "
+                  "through the pictures",
+                  static_cast<double>(got) / 10.0, 1000.0 / requests_.refresh_hz));
+}
+
+void CameraControls::say_what_is_missing(const std::vector<ControlInfo>& controls) {
+  if (!has_any(controls, {V4L2_CID_EXPOSURE_ABSOLUTE}))
+    unlocked_.emplace_back(
+        has_any(controls, {V4L2_CID_EXPOSURE})
+            ? "no exposure control in seconds: bands may move through the pictures"
+            : "no manual exposure");
+  if (!has_any(controls, {V4L2_CID_GAIN, V4L2_CID_ANALOGUE_GAIN, V4L2_CID_ISO_SENSITIVITY}))
+    unlocked_.emplace_back("no manual gain");
+  if (!has_any(controls, {V4L2_CID_WHITE_BALANCE_TEMPERATURE, V4L2_CID_RED_BALANCE}))
+    unlocked_.emplace_back("no manual white balance");
+  if (!has_any(controls, {V4L2_CID_FOCUS_ABSOLUTE})) unlocked_.emplace_back("no manual focus");
+}
+
+std::vector<std::string> CameraControls::drifted() {
+  std::vector<std::string> changes;
+  for (const Locked& locked : locked_) {
+    int64_t value = 0;
+    const int error = read(locked.id, value);
+    if (error != 0) {
+      changes.push_back(fmt::format("{} cannot be read: {}", locked.name, error_text(error)));
+      if (error == ENODEV) break;  // all other controls would fail too
+    } else if (value != locked.value) {
+      changes.push_back(fmt::format("{} was {} and is now {}", locked.name, locked.value, value));
+    }
+  }
+  return changes;
+}
+
+// ---- controls
+
 namespace {
 
 template <size_t N>
@@ -125,6 +794,8 @@ std::vector<CameraListing> list_cameras(V4l2System& system) {
   }
   return cameras;
 }
+
+// ---- camera
 
 namespace {
 

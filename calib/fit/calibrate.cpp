@@ -15,7 +15,7 @@
 #include <numbers>
 #include <string>
 
-#include "calib/fit/fit_search.h"
+#include "calib/fit/joint_fit.h"
 #include "calib/fit/prediction.h"
 #include "calib/measure/frame_marks.h"
 

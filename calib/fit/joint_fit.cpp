@@ -9,13 +9,18 @@
 
 #include <ceres/ceres.h>
 #include <ceres/normal_prior.h>
+#include <fmt/format.h>
 
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
 #include <Eigen/Dense>
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include "base/statistics.h"
+#include "calib/fit/projection.h"
 #include "calib/linear_algebra.h"
 #include "calib/measure/panel_map.h"
 
@@ -673,6 +678,462 @@ std::optional<JointFit> fit_jointly(const std::vector<View>& views, const PoseFi
                                     const SheetStart& start, const std::optional<GapCandidate>& gap,
                                     const optics::Panel& panel, const JointOptions& options) {
   return Bundle(views, poses, start, panel, options).run(gap);
+}
+
+// ---- gap
+
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// Grid of the sheet's own phase, any smooth function: fine enough for real deformations.
+constexpr KnotGrid kSmooth{.columns = 16, .rows = 9};
+constexpr size_t kMostPerView = 700;
+constexpr double kShapeStep = 0.02;
+constexpr double kSmallestGapPart = 0.2;
+constexpr double kLargestGapPart = 4.0;
+constexpr size_t kMostCandidates = 6;
+
+struct Row {
+  size_t view = 0;
+  PlanePoint<double> lens{};
+  double turns = 0.0;
+};
+
+/// SmoothSheet holds all rows, and a projector that removes the part that a smooth sheet can
+/// explain.
+class SmoothSheet {
+ public:
+  SmoothSheet(const std::vector<View>& views, const PoseFit& poses, const optics::Panel& panel)
+      : views_(views), poses_(poses), panel_(panel) {
+    collect();
+    basis_ = MatrixXd::Zero(static_cast<Eigen::Index>(rows_.size()), kSmooth.count());
+    for (size_t n = 0; n < rows_.size(); ++n) {
+      const Vec2 at{panel.x_px(rows_[n].lens.x), panel.y_px(rows_[n].lens.y)};
+      for (const KnotWeight& k : knot_weights(kSmooth, at, panel.width_px, panel.height_px))
+        basis_(static_cast<Eigen::Index>(n), k.knot) += k.weight;
+    }
+    MatrixXd normal = basis_.transpose() * basis_;
+    normal.diagonal().array() += 1e-6 * normal.diagonal().maxCoeff();
+    solver_.compute(normal);
+  }
+
+  [[nodiscard]] VectorXd project(const VectorXd& v) const {
+    return v - basis_ * solver_.solve(basis_.transpose() * v);
+  }
+
+  /// Returns the lens coordinates that the rows show for a gap of zero.
+  [[nodiscard]] VectorXd without_gap() const {
+    return each([&](const Row& row) {
+      return fringe_turns(views_[row.view].fringe, panel_, row.lens) - row.turns;
+    });
+  }
+  /// Returns the contribution of each millimetre of gap.
+  [[nodiscard]] VectorXd per_gap(double shape) const {
+    return each([&](const Row& row) {
+      const PoseValues& pose = poses_.poses[row.view];
+      const double rx = pose[kPupil] - row.lens.x, ry = pose[kPupil + 1] - row.lens.y;
+      const double part = 1.0 / std::sqrt(pose[kPupil + 2] * pose[kPupil + 2] +
+                                          (1.0 - shape) * (rx * rx + ry * ry));
+      return -fringe_turns(views_[row.view].fringe, panel_,
+                           PlanePoint<double>{part * rx, part * ry});
+    });
+  }
+  [[nodiscard]] VectorXd one_in_view(size_t view) const {
+    return each([&](const Row& row) { return row.view == view ? 1.0 : 0.0; });
+  }
+  [[nodiscard]] size_t count() const { return rows_.size(); }
+
+ private:
+  void collect() {
+    for (size_t v = 0; v < views_.size(); ++v) {
+      const CameraValues camera = camera_of(poses_.camera, poses_.own[v], views_[v]);
+      const std::vector<PhaseObservation>& phases = views_[v].phases;
+      const size_t stride = std::max<size_t>(1, phases.size() / kMostPerView);
+      for (size_t n = 0; n < phases.size(); n += stride)
+        rows_.push_back({.view = v,
+                         .lens = lens_plane_point(camera.data(), poses_.poses[v].data(),
+                                                  phases[n].camera_px.x, phases[n].camera_px.y),
+                         .turns = phases[n].turns});
+    }
+  }
+  template <class Value>
+  [[nodiscard]] VectorXd each(const Value& value) const {
+    VectorXd v(static_cast<Eigen::Index>(rows_.size()));
+    for (size_t n = 0; n < rows_.size(); ++n) v[static_cast<Eigen::Index>(n)] = value(rows_[n]);
+    return v;
+  }
+
+  const std::vector<View>& views_;
+  const PoseFit& poses_;
+  const optics::Panel& panel_;
+  std::vector<Row> rows_;
+  MatrixXd basis_;
+  Eigen::LDLT<MatrixXd> solver_;
+};
+
+class GapSearch {
+ public:
+  GapSearch(const std::vector<View>& views, const PoseFit& poses, const SheetStart& start,
+            const optics::Panel& panel)
+      : sheet_(views, poses, panel), start_(start), views_(views.size()) {
+    base_ = sheet_.project(sheet_.without_gap());
+    for (size_t v = 1; v < views_; ++v) ones_.push_back(sheet_.project(sheet_.one_in_view(v)));
+  }
+
+  std::vector<GapCandidate> run() {
+    for (double shape = 0.0; shape <= 1.0 + 1e-9; shape += kShapeStep) try_shape(shape);
+    weigh();
+    return std::move(found_);
+  }
+
+ private:
+  /// Steps through gaps and records the whole numbers nearest to the views' remaining offsets.
+  void try_shape(double shape) {
+    const VectorXd per_gap = sheet_.project(sheet_.per_gap(shape));
+    const double gap0 = start_.values[kGap];
+    const double step = 0.02 * gap0;
+    std::vector<int> before;
+    for (double gap = kSmallestGapPart * gap0; gap < kLargestGapPart * gap0; gap += step) {
+      const std::vector<int> wholes = lacking(base_ + gap * per_gap);
+      if (wholes != before) try_wholes(wholes, per_gap, shape);
+      before = wholes;
+    }
+  }
+
+  /// Returns the views' offsets by least squares, rounded.
+  [[nodiscard]] std::vector<int> lacking(const VectorXd& rest) const {
+    const auto count = static_cast<Eigen::Index>(ones_.size());
+    MatrixXd normal(count, count);
+    VectorXd right(count);
+    for (Eigen::Index a = 0; a < count; ++a) {
+      for (Eigen::Index b = 0; b < count; ++b)
+        normal(a, b) = ones_[static_cast<size_t>(a)].dot(ones_[static_cast<size_t>(b)]);
+      right[a] = -ones_[static_cast<size_t>(a)].dot(rest);
+    }
+    const VectorXd offsets = solve_symmetric(normal, right);
+    std::vector<int> wholes{0};
+    for (Eigen::Index a = 0; a < count; ++a)
+      wholes.push_back(static_cast<int>(std::lround(offsets[a])));
+    return wholes;
+  }
+
+  void try_wholes(const std::vector<int>& wholes, const VectorXd& per_gap, double shape) {
+    VectorXd rest = base_;
+    for (size_t v = 1; v < views_; ++v) rest += wholes[v] * ones_[v - 1];
+    const double gap = -rest.dot(per_gap) / per_gap.squaredNorm();
+    if (!(gap > kSmallestGapPart * start_.values[kGap] &&
+          gap < kLargestGapPart * start_.values[kGap]))
+      return;
+    rest += gap * per_gap;
+    keep({.whole_lenses = wholes,
+          .gap_mm = gap,
+          .shape = shape,
+          .rms_lenses = std::sqrt(rest.squaredNorm() / static_cast<double>(sheet_.count()))});
+  }
+
+  /// Keeps one entry per combination: its best shape.
+  void keep(const GapCandidate& candidate) {
+    for (GapCandidate& known : found_) {
+      if (known.whole_lenses != candidate.whole_lenses) continue;
+      if (candidate.rms_lenses < known.rms_lenses) known = candidate;
+      return;
+    }
+    found_.push_back(candidate);
+  }
+
+  void weigh() {
+    double least = 1e9;
+    for (const GapCandidate& c : found_) least = std::min(least, c.rms_lenses);
+    least = std::max(least, 1e-4);
+    for (GapCandidate& c : found_) {
+      const double misfit = c.rms_lenses / least;
+      const double gap = std::log(c.gap_mm / start_.values[kGap]) / start_.gap_tolerance;
+      const double shape = (c.shape - start_.values[kShape]) / start_.shape_tolerance;
+      c.chi_squared =
+          misfit * misfit * static_cast<double>(sheet_.count()) + gap * gap + shape * shape;
+    }
+    std::ranges::sort(found_, {}, &GapCandidate::chi_squared);
+    if (found_.size() > kMostCandidates) found_.resize(kMostCandidates);
+  }
+
+  SmoothSheet sheet_;
+  SheetStart start_;
+  size_t views_;
+  VectorXd base_;
+  std::vector<VectorXd> ones_;
+  std::vector<GapCandidate> found_;
+};
+
+}  // namespace
+
+std::vector<GapCandidate> search_gaps(const std::vector<View>& views, const PoseFit& poses,
+                                      const SheetStart& start, const optics::Panel& panel) {
+  if (views.size() < 2) return {};
+  return GapSearch(views, poses, start, panel).run();
+}
+
+// ---- search for the best fit
+
+namespace {
+
+/// Pulls are differences in standard deviations of the priors. Below this pull the phases change by
+/// less than 0.004 lens.
+constexpr double kNotablePull = 0.5;
+constexpr double kMostFocalPull = 3.0;
+/// A shift of the axis along the line of the places may have happened at any of them; above this
+/// pull the phases could be off by more than 0.02 lens.
+constexpr double kMostCentrePull = 1.6;
+
+double focal_pull(const OwnCameraValues& own) {
+  return std::abs(own[kOwnFocal]) / kOwnFocalSigma;
+}
+double centre_pull(const OwnCameraValues& own) {
+  return std::hypot(own[kOwnCentreX], own[kOwnCentreY]) / kOwnCentreSigma;
+}
+double pull(const OwnCameraValues& own) {
+  return std::max(focal_pull(own), centre_pull(own));
+}
+bool zoomed(const OwnCameraValues& own) {
+  return focal_pull(own) >= centre_pull(own);
+}
+
+/// Returns the difference between a view's camera and the mean of the others.
+OwnCameraValues apart_from_others(const std::vector<OwnCameraValues>& own, size_t view) {
+  OwnCameraValues apart = own[view];
+  const double others = static_cast<double>(own.size() - 1);
+  for (size_t v = 0; v < own.size(); ++v)
+    for (size_t k = 0; v != view && k < apart.size(); ++k) apart[k] -= own[v][k] / others;
+  return apart;
+}
+
+/// Returns a difference in words, without the name of the view.
+std::string words_for(const OwnCameraValues& apart) {
+  if (zoomed(apart))
+    return fmt::format("the focal length is {:.1f} % {} than at the other places",
+                       100.0 * std::abs(apart[kOwnFocal]),
+                       apart[kOwnFocal] > 0.0 ? "longer" : "shorter");
+  return fmt::format(
+      "the axis of the camera is {:.2f} % of the picture's longer side from where it is at the "
+      "other places",
+      100.0 * std::hypot(apart[kOwnCentreX], apart[kOwnCentreY]));
+}
+
+}  // namespace
+
+bool differ_notably(const std::vector<OwnCameraValues>& own) {
+  return std::ranges::any_of(own, [](const auto& one) { return pull(one) > kNotablePull; });
+}
+
+bool contradict(const std::vector<OwnCameraValues>& own) {
+  return std::ranges::any_of(own, [](const auto& one) {
+    return focal_pull(one) > kMostFocalPull || centre_pull(one) > kMostCentrePull;
+  });
+}
+
+std::string sentence_about(const std::vector<Suspect>& suspects) {
+  if (suspects.empty())
+    return "the camera differs from place to place: photograph all places again, with the same "
+           "zoom, focus and size of the pictures";
+  std::string all;
+  for (const Suspect& suspect : suspects)
+    all +=
+        fmt::format("{}{}: {}", all.empty() ? "" : ", or ", suspect.name, words_for(suspect.own));
+  const bool zoom = zoomed(suspects.front().own);
+  return fmt::format("{}: {}; photograph {} again", all,
+                     zoom ? "the camera zoomed, focused anew, or uses another lens"
+                          : "the pictures are cropped, or the stabiliser moved the lens",
+                     suspects.size() == 1 ? "this place" : "these places");
+}
+
+std::vector<std::string> notes_of(const std::vector<View>& views,
+                                  const std::vector<OwnCameraValues>& own) {
+  // If one of three views differs, the common camera is in between, and the others are off by half.
+  constexpr double kOutstanding = 0.6;
+  const double most = pull(*std::ranges::max_element(own, {}, pull));
+  std::vector<std::string> notes;
+  for (size_t v = 0; v < own.size(); ++v)
+    if (pull(own[v]) > std::max(kNotablePull, kOutstanding * most))
+      notes.push_back(fmt::format("{}: {}; the fit takes this into account", views[v].name,
+                                  words_for(apart_from_others(own, v))));
+  return notes;
+}
+
+PanelField mean_over_cells(const View& view, const PoseValues& pose, const CameraValues& camera,
+                           const std::vector<double>& rests, const optics::Panel& panel,
+                           const CellGrid& grid) {
+  PanelField field{.columns = grid.columns, .rows = grid.rows, .values = {}};
+  const auto cells = static_cast<size_t>(field.columns * field.rows);
+  std::vector<double> sums(cells, 0.0), counts(cells, 0.0);
+  for (size_t n = 0; n < rests.size(); ++n) {
+    const Vec2 pixel = view.phases[n].camera_px;
+    const auto lens = lens_plane_point(camera.data(), pose.data(), pixel.x, pixel.y);
+    const int column = static_cast<int>(panel.x_px(lens.x) / panel.width_px * field.columns);
+    const int row = static_cast<int>(panel.y_px(lens.y) / panel.height_px * field.rows);
+    if (column < 0 || row < 0 || column >= field.columns || row >= field.rows) continue;
+    const auto cell = static_cast<size_t>(row * field.columns + column);
+    sums[cell] += rests[n];
+    counts[cell] += 1.0;
+  }
+  for (size_t cell = 0; cell < cells; ++cell)
+    field.values.push_back(counts[cell] >= grid.least_blocks
+                               ? sums[cell] / counts[cell]
+                               : std::numeric_limits<double>::quiet_NaN());
+  return field;
+}
+
+namespace {
+
+constexpr double kMostGeometryPart = 1e-3;  ///< geometry residual, relative to the panel's width
+constexpr size_t kMostGaps = 3;  ///< gaps that are fitted if the camera differs from view to view
+/// Ratio of costs up to which noise alone explains that cameras differ: simulated noise gives at
+/// most 1.009, a shift by 0.1 % of the picture 1.04.
+constexpr double kNoise = 1.015;
+constexpr int kRoundsForSuspects = 12;  ///< a view that is no suspect converges slowly
+constexpr double kAboutAsGood = 1.03;   ///< ratio of costs
+constexpr double kAmbiguity = 60.0;     ///< chi-squared by which the best gap must lead
+/// Wide patterns are decoded through a smooth map, so their errors are correlated and their many
+/// points count as few.
+constexpr double kGeometryScatter = 4.0;
+
+/// Searches poses and gaps twice: a wrong gap puts the camera at a slightly wrong distance.
+FoundFit attempt(const FitProblem& problem, CameraSameness sameness) {
+  const std::vector<View>& views = problem.views;
+  const SheetStart& start = problem.start;
+  const optics::Panel& panel = problem.panel;
+  FoundFit out;
+  out.sameness = sameness;
+  SheetParameters sheet = start.values;
+  out.poses = fit_poses(views, sheet, panel, sameness);
+  if (!out.poses) return out;
+  JointOptions options = problem.joint_options();
+  options.sameness = sameness;
+  if (!problem.several()) {
+    out.fit = fit_jointly(views, *out.poses, start, std::nullopt, panel, options);
+    return out;
+  }
+  std::vector<GapCandidate> gaps = search_gaps(views, *out.poses, start, panel);
+  if (gaps.empty()) return out;
+  sheet[kGap] = gaps.front().gap_mm;
+  sheet[kShape] = gaps.front().shape;
+  if (std::optional<PoseFit> again = fit_poses(views, sheet, panel, sameness)) out.poses = again;
+  gaps = search_gaps(views, *out.poses, start, panel);
+  if (gaps.empty()) return out;
+  out.gap = gaps.front();
+  if (gaps.size() > 1 && gaps[1].chi_squared - gaps[0].chi_squared < kAmbiguity)
+    out.rival = gaps[1];
+  // The search of gaps does not know the shifts of the cameras' axes, which only phases show.
+  const size_t tried = sameness == CameraSameness::Same ? 1 : std::min(kMostGaps, gaps.size());
+  for (size_t n = 0; n < tried; ++n) {
+    std::optional<JointFit> fit = fit_jointly(views, *out.poses, start, gaps[n], panel, options);
+    if (!fit || (out.fit && out.fit->cost <= fit->cost)) continue;
+    out.fit = std::move(fit);
+    out.gap = gaps[n];
+  }
+  return out;
+}
+
+/// Returns true if the cameras differ by an amount that matters, and not because of noise.
+bool cameras_differ(const FoundFit& nearly, const FoundFit& same) {
+  return nearly.fit && differ_notably(nearly.fit->values.own) &&
+         (!same.fit || same.fit->cost > kNoise * nearly.fit->cost);
+}
+
+/// Gives each view its own camera. Starts from the fit of one camera, and anew if the cameras
+/// differ: then the places and the gap of that fit may be wrong.
+FoundFit with_own_cameras(const FitProblem& problem, const FoundFit& same) {
+  FoundFit near = same;
+  near.sameness = CameraSameness::Nearly;
+  if (same.fit) {
+    JointOptions options = problem.joint_options();
+    options.sameness = CameraSameness::Nearly;
+    near.fit =
+        fit_jointly(problem.views, *same.poses, problem.start, same.gap, problem.panel, options);
+    if (near.fit && !cameras_differ(near, same)) return near;
+  }
+  FoundFit anew = attempt(problem, CameraSameness::Nearly);
+  return !near.fit || (anew.fit && anew.fit->cost < near.fit->cost) ? anew : near;
+}
+
+}  // namespace
+
+JointOptions FitProblem::joint_options() const {
+  return {.grid = grid,
+          .free_gap = several(),
+          .free_poses = true,
+          .geometry_scatter = kGeometryScatter};
+}
+
+FoundFit search_fit(const FitProblem& problem) {
+  FoundFit same = attempt(problem, CameraSameness::Same);
+  if (!problem.several()) return same;
+  FoundFit nearly = with_own_cameras(problem, same);
+  if (!cameras_differ(nearly, same)) return same;
+  nearly.contradicts = contradict(nearly.fit->values.own);
+  return nearly;
+}
+
+std::vector<Suspect> find_suspects(const FitProblem& problem, const FoundFit& nearly) {
+  const std::vector<View>& views = problem.views;
+  std::vector<Suspect> all;
+  std::vector<double> costs;
+  for (size_t v = 0; v < views.size(); ++v) {
+    PoseFit poses{.camera = nearly.fit->values.camera,
+                  .own = std::vector<OwnCameraValues>(views.size()),
+                  .poses = nearly.fit->values.poses};
+    poses.own[v] = nearly.fit->values.own[v];
+    JointOptions options = problem.joint_options();
+    options.sameness = CameraSameness::Nearly;
+    options.only_view = v;
+    options.most_rounds = kRoundsForSuspects;
+    const auto fit = fit_jointly(views, poses, problem.start, nearly.gap, problem.panel, options);
+    if (!fit) continue;
+    all.push_back({views[v].name, fit->values.own[v]});
+    costs.push_back(fit->cost);
+  }
+  std::vector<Suspect> likely;
+  for (size_t n = 0; n < all.size(); ++n)
+    if (costs[n] <= kAboutAsGood * std::ranges::min(costs)) likely.push_back(all[n]);
+  return likely;
+}
+
+bool is_flat(const JointFit& fit, const optics::Panel& panel) {
+  return fit.geometry_rms_px <= kMostGeometryPart * panel.width_px;
+}
+
+std::optional<double> error_from_other_views(const FitProblem& problem, const FoundFit& found,
+                                             size_t out) {
+  const FitValues& all = found.fit->values;
+  SheetStart start = problem.start;
+  start.values = all.sheet;
+  std::vector<View> others = problem.views;
+  PoseFit poses{.camera = all.camera, .own = all.own, .poses = all.poses};
+  GapCandidate gap = *found.gap;
+  const auto at = static_cast<ptrdiff_t>(out);
+  others.erase(others.begin() + at);
+  poses.own.erase(poses.own.begin() + at);
+  poses.poses.erase(poses.poses.begin() + at);
+  gap.whole_lenses.erase(gap.whole_lenses.begin() + at);
+  for (int& whole : gap.whole_lenses) whole -= out == 0 ? found.gap->whole_lenses[1] : 0;
+  gap.gap_mm = all.sheet[kGap];
+  gap.shape = all.sheet[kShape];
+  JointOptions options = problem.joint_options();
+  options.free_poses = false;
+  const std::optional<JointFit> part =
+      fit_jointly(others, poses, start, gap, problem.panel, options);
+  if (!part) return std::nullopt;
+  FitValues values = part->values;
+  values.camera = all.camera;
+  const View& view = problem.views[out];
+  const PanelField missed = mean_over_cells(
+      view, all.poses[out], camera_of(all.camera, all.own[out], view),
+      rests_of(view, all.own[out], all.poses[out], values, problem.grid, problem.panel),
+      problem.panel, kEvaluatedCells);
+  double worst = 0.0;
+  for (const double lenses : missed.values)
+    if (std::isfinite(lenses)) worst = std::max(worst, std::abs(lenses));
+  return worst;
 }
 
 }  // namespace lenticule::calib

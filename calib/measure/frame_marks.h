@@ -9,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#include "calib/measure/grey.h"
 #include "calib/measure/pattern.h"
 #include "optics/vec.h"
 

@@ -12,7 +12,6 @@
 #include <span>
 #include <vector>
 
-#include "calib/measure/grey.h"
 #include "calib/measure/panel_map.h"
 #include "calib/measure/pattern.h"
 #include "optics/panel.h"

@@ -12,7 +12,6 @@
 
 #include "calib/fit/prediction.h"
 #include "calib/fit/projection.h"
-#include "calib/phone/hand_turn.h"
 #include "calib/phone/phone_fit.h"
 
 namespace lenticule::calib {

@@ -19,7 +19,7 @@
 #include "base/error.h"
 #include "base/print.h"
 #include "calib/by_eye/procedure.h"
-#include "calib/report/rig_record.h"
+#include "calib/report/report.h"
 #include "display/display_sink.h"
 #include "display/open/open_display.h"
 #include "frames/charts/charts.h"

@@ -10,7 +10,7 @@
 #include "apps/lenticule/cli/command.h"
 #include "calib/calibration.h"
 #include "calib/camera.h"
-#include "calib/report/rig_record.h"
+#include "calib/report/report.h"
 
 namespace lenticule::tools {
 

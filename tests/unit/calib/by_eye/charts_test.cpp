@@ -9,7 +9,7 @@
 #include <random>
 
 #include "base/error.h"
-#include "calib/by_eye/sheet_values.h"
+#include "calib/by_eye/questions.h"
 #include "optics/eye_simulator.h"
 #include "optics/model.h"
 

@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/cameras/format_choice.h"
+#include "calib/cameras/v4l2_camera.h"
 #include "calib/cameras/v4l2_device.h"
 
 namespace lenticule::test {

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests the format requested from a driver, and the checks of its answers.
-#include "calib/cameras/format_choice.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "calib/cameras/v4l2_camera.h"
 #include "fake_v4l2.h"
 #include "tests/support/error_matchers.h"
 

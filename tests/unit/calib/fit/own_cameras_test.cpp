@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "calib/fit/calibrate.h"
-#include "calib/fit/fit_search.h"
+#include "calib/fit/joint_fit.h"
 #include "fit_stage.h"
 #include "optics/model.h"
 

@@ -5,7 +5,6 @@
 
 #include <cmath>
 
-#include "calib/fit/gap_search.h"
 #include "calib/fit/joint_fit.h"
 #include "lab/panel/lens_sheet.h"
 #include "lab/panel/simulated_sensor.h"

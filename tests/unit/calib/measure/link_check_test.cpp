@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/measure/link_check.h"
-
 #include <gtest/gtest.h>
+
+#include "calib/measure/viewpoint.h"
 
 namespace lenticule::calib {
 namespace {

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/phone/hand_turn.h"
-
 #include <gtest/gtest.h>
 
+#include "calib/phone/phone_fit.h"
 #include "optics/model.h"
 
 namespace lenticule::calib {

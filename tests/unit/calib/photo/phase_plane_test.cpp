@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/photo/phase_plane.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <random>
+
+#include "calib/photo/single_photo.h"
 
 namespace lenticule::calib {
 namespace {

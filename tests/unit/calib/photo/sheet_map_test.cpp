@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "calib/photo/phase_plane.h"
+#include "calib/photo/single_photo.h"
 #include "optics/residual_spline.h"
 
 namespace lenticule::calib {

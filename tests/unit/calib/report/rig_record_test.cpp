@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/report/rig_record.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -11,6 +9,7 @@
 #include <fstream>
 
 #include "base/text.h"
+#include "calib/report/report.h"
 #include "optics/rig_file.h"
 #include "optics/rig_store.h"
 #include "sample_calibration.h"

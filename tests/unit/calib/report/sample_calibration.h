@@ -7,7 +7,7 @@
 #include <string>
 
 #include "calib/calibration.h"
-#include "calib/report/rig_record.h"
+#include "calib/report/report.h"
 
 namespace lenticule::test {
 
