@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// UniqueFd owns one file descriptor and closes it.
+// UniqueFd owns one file descriptor and closes it; WakeFd owns one that wakes a thread.
 #pragma once
 
 #include <unistd.h>
@@ -27,6 +27,22 @@ class UniqueFd {
 
  private:
   int fd_ = -1;
+};
+
+class WakeFd {
+ public:
+  /// Throws Error(Failed) "OWNER: no eventfd: cause" when the process has no free descriptor.
+  explicit WakeFd(const char* owner = "player");
+  WakeFd(const WakeFd&) = delete;
+  WakeFd& operator=(const WakeFd&) = delete;
+
+  /// Returns the descriptor, which is readable between signal() and drain().
+  [[nodiscard]] int fd() const noexcept { return fd_.get(); }
+  void signal() const noexcept;
+  void drain() const noexcept;
+
+ private:
+  UniqueFd fd_;
 };
 
 }  // namespace lenticule

@@ -4,7 +4,7 @@
 #pragma once
 
 #include "display/display.h"
-#include "frames/frame_sink.h"
+#include "frames/frame_source.h"
 
 namespace lenticule::display {
 

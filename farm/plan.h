@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-#include "frames/sequence/sequence_info.h"
+#include "frames/sequence/sequence_format.h"
 
 namespace lenticule::farm {
 

@@ -13,7 +13,7 @@
 #include <thread>
 #include <vector>
 
-#include "base/wake_fd.h"
+#include "base/unique_fd.h"
 #include "frames/frame_source.h"
 
 namespace lenticule::frames {

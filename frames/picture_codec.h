@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// PictureCodec decodes and encodes pictures. PNG is part of the program (frames/png_codec.h). Other
-// formats are in a library (frames/pictures) that is loaded when the first such picture is read or
-// written: loading OpenImageIO and its dependencies takes longer than a player takes to show its
-// first frame.
+// PictureCodec decodes and encodes pictures. PNG is part of the program.
+// Other formats are in a library (frames/pictures) that is loaded when the first such picture is
+// read or written: loading OpenImageIO and its dependencies takes longer than a player takes to
+// show its first frame.
 #pragma once
 
 #include <cstdint>
@@ -82,5 +82,14 @@ class PictureFileReader {
 ///
 /// Lifetime: `reader` must live until the process ends or null is set.
 void use_picture_reader(const PictureFileReader* reader) noexcept;
+
+// Decodes and encodes PNG, the format of most pictures, with a library that loads in a millisecond:
+// OpenImageIO and what it depends on take half a second.
+
+/// Returns the codec. Its functions take PNG only, and change no code value: chunks that describe
+/// colours are ignored.
+///
+/// Thread safety: any thread.
+[[nodiscard]] const PictureCodec& png_codec();
 
 }  // namespace lenticule::frames

@@ -8,7 +8,7 @@
 
 #include "frames/compare.h"
 #include "frames/frame.h"
-#include "frames/sequence/band_workers.h"
+#include "frames/sequence/band_codec.h"
 
 namespace lenticule::lab {
 

@@ -17,8 +17,8 @@
 #include <optional>
 
 #include "base/error.h"
-#include "optics/effective_sheet.h"
 #include "optics/json_fields.h"
+#include "optics/rig.h"
 
 namespace lenticule::optics {
 namespace {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -106,5 +107,47 @@ void validate_rig(const Rig& rig, const std::string& context);
 /// viewing line, but not name, identity or provenance). Equal rigs have equal fingerprints on every
 /// machine.
 [[nodiscard]] std::string fingerprint(const Rig& rig);
+
+// turned_rig computes the rig of a panel that is hung in another way than the one in which it was
+// measured.
+
+/// Returns the rig for a viewer who sees the panel with this mounting. The panel, its sheet and its
+/// residual map are turned from rig.panel.mounting; the viewing line, which belongs to the viewer,
+/// stays. Every phase is kept except for its sign and rounding (in a quarter turn of a sheet with a
+/// residual map, the map is read at points that differ by the channel offsets). Throws Error(Input)
+/// if the lenses would lie across the viewer's eyes: beyond the slants that a rig can have.
+[[nodiscard]] Rig turned_rig(const Rig& rig, const Mounting& mounting);
+
+/// Returns the layout of a panel of size `sent` as seen with this mounting.
+[[nodiscard]] SubpixelLayout turned_layout(const SubpixelLayout& layout, const Mounting& mounting,
+                                           PixelGrid sent);
+
+// EffectiveSheet describes a sheet for systems without a viewing distance: the distance is folded
+// into pitch and offset.
+
+struct EffectiveSheet {
+  Subpixels pitch;
+  Lenses offset;
+};
+
+/// Returns the effective sheet of a rig. Paraxially, the eye at (Ex0, Ey, Z) sees the phase
+/// 3 (x + m y) / (P (1 + g/Z)) + offset', so the slant does not change.
+[[nodiscard]] inline EffectiveSheet effective_sheet(const Rig& rig) {
+  const LensSheet& sheet = rig.sheet;
+  const double z = rig.viewing.distance.value;
+  if (std::isinf(z)) return {sheet.pitch, sheet.offset};
+  const double gap = sheet.gap.value;
+  const double moved = gap / (z + gap);
+  const double right_px = moved * rig.viewing.centre.value / rig.panel.pixel_width.value;
+  const double rise_px = moved * rig.viewing.height.value / rig.panel.pixel_height.value;
+  return {.pitch = sheet.pitch * (1.0 + gap / z),
+          .offset = Lenses(sheet.offset.value +
+                           3.0 * (right_px - sheet.slant * rise_px) / sheet.pitch.value)};
+}
+
+/// Returns the phase without its whole lenses, in [-1/2, 1/2].
+[[nodiscard]] inline double without_whole_lenses(double phase) {
+  return phase - std::round(phase);
+}
 
 }  // namespace lenticule::optics

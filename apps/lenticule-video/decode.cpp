@@ -25,7 +25,7 @@
 #include "base/text.h"
 #include "base/unique_fd.h"
 #include "frames/image_io.h"
-#include "frames/ring/frame_number.h"
+#include "frames/ring/ring_layout.h"
 #include "frames/ring/ring_renderer.h"
 
 namespace lenticule::video {

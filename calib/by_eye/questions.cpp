@@ -10,7 +10,7 @@
 #include <numeric>
 
 #include "calib/linear_algebra.h"
-#include "optics/effective_sheet.h"
+#include "optics/rig.h"
 
 namespace lenticule::calib {
 

@@ -24,7 +24,7 @@ namespace lenticule::calib {
 // effective values, and the sheet is computed from them: changing the gap does not change the
 // picture for that eye.
 
-/// Formulas: paraxial, see optics/effective_sheet.h. All values are for distance D on the rig's
+/// Formulas: paraxial, see optics/rig.h. All values are for distance D on the rig's
 /// viewing height.
 struct SheetValues {
   double effective_pitch_subpx = 0.0;    ///< P (1 + g / D)

@@ -11,7 +11,7 @@
 #include "calib/camera.h"
 #include "calib/measure/frame_marks.h"
 #include "calib/measure/pattern.h"
-#include "frames/frame_sink.h"
+#include "frames/frame_source.h"
 
 namespace lenticule::calib {
 

@@ -19,8 +19,8 @@
 #include "calib/measure/frame_marks.h"
 #include "calib/measure/panel_map.h"
 #include "calib/measure/pattern.h"
-#include "optics/effective_sheet.h"
 #include "optics/panel.h"
+#include "optics/rig.h"
 
 namespace lenticule::calib {
 namespace {

@@ -24,7 +24,6 @@
 #include "calib/linear_algebra.h"
 #include "calib/photo/tag_finder.h"
 #include "optics/model.h"
-#include "optics/residual_spline.h"
 
 namespace lenticule::calib {
 namespace {

@@ -13,7 +13,7 @@
 #include "base/parallel_rows.h"
 #include "frames/compare.h"
 #include "frames/text.h"
-#include "optics/effective_sheet.h"
+#include "optics/rig.h"
 #include "optics/row_rays.h"
 
 namespace lenticule::frames {

@@ -14,7 +14,6 @@
 #include "base/unique_fd.h"
 #include "frames/frame_source.h"
 #include "frames/ring/listen_socket.h"
-#include "frames/ring/mapping.h"
 #include "frames/ring/ring_layout.h"
 #include "frames/ring/ring_protocol.h"
 #include "frames/ring/slot_table.h"

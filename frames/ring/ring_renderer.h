@@ -13,7 +13,6 @@
 #include "base/unique_fd.h"
 #include "frames/frame.h"
 #include "frames/rational.h"
-#include "frames/ring/mapping.h"
 #include "frames/ring/ring_layout.h"
 
 namespace lenticule::frames {

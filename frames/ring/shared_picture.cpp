@@ -24,7 +24,7 @@ static_assert(std::atomic<uint64_t>::is_always_lock_free);
 
 namespace {
 
-constexpr size_t kHeaderBytes = 64;
+constexpr size_t kPictureHeaderBytes = 64;
 constexpr int kAttempts = 3;  // a writer that overtakes a reader so often is faster than displays
 
 size_t picture_bytes(size_t words) {
@@ -37,7 +37,7 @@ SharedPictureWriter::SharedPictureWriter(int width, int height)
     : width_(static_cast<size_t>(width)),
       height_(static_cast<size_t>(height)),
       fd_(::memfd_create("lenticule-picture", MFD_CLOEXEC)) {
-  const size_t bytes = kHeaderBytes + 2 * picture_bytes(width_ * height_);
+  const size_t bytes = kPictureHeaderBytes + 2 * picture_bytes(width_ * height_);
   if (fd_ && ::ftruncate(fd_.get(), static_cast<off_t>(bytes)) == 0)
     mapping_ = Mapping(fd_.get(), 0, bytes, PROT_READ | PROT_WRITE);
   if (!mapping_)
@@ -51,7 +51,7 @@ void SharedPictureWriter::publish(const uint32_t* words, size_t stride) noexcept
   header_->begun.store(number, std::memory_order_relaxed);
   std::atomic_thread_fence(std::memory_order_release);
   uint8_t* to =
-      mapping_.bytes().data() + kHeaderBytes + number % 2 * picture_bytes(width_ * height_);
+      mapping_.bytes().data() + kPictureHeaderBytes + number % 2 * picture_bytes(width_ * height_);
   for (size_t j = 0; j < height_; ++j, to += picture_bytes(width_))
     std::memcpy(to, words + j * stride, picture_bytes(width_));
   header_->published.store(number, std::memory_order_release);
@@ -59,7 +59,7 @@ void SharedPictureWriter::publish(const uint32_t* words, size_t stride) noexcept
 
 SharedPictureReader::SharedPictureReader(int fd, int width, int height)
     : words_(static_cast<size_t>(width) * static_cast<size_t>(height)) {
-  const size_t bytes = kHeaderBytes + 2 * picture_bytes(words_);
+  const size_t bytes = kPictureHeaderBytes + 2 * picture_bytes(words_);
   struct stat status {};
   if (::fstat(fd, &status) == 0 && status.st_size >= static_cast<off_t>(bytes))
     mapping_ = Mapping(fd, 0, bytes, PROT_READ);
@@ -75,7 +75,7 @@ bool SharedPictureReader::read(std::vector<uint32_t>& words) {
     if (number == read_) return false;
     words.resize(words_);
     std::memcpy(words.data(),
-                mapping_.bytes().data() + kHeaderBytes + number % 2 * picture_bytes(words_),
+                mapping_.bytes().data() + kPictureHeaderBytes + number % 2 * picture_bytes(words_),
                 picture_bytes(words_));
     std::atomic_thread_fence(std::memory_order_acquire);
     // The slot is used again by the picture after the next.

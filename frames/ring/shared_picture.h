@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "base/unique_fd.h"
-#include "frames/ring/mapping.h"
+#include "frames/ring/ring_layout.h"
 
 namespace lenticule::frames {
 

@@ -12,7 +12,6 @@
 #include "base/unique_fd.h"
 #include "frames/frame.h"
 #include "frames/sequence/band_codec.h"
-#include "frames/sequence/band_workers.h"
 #include "frames/sequence/sequence_format.h"
 
 namespace lenticule::frames {

@@ -15,7 +15,7 @@
 
 #include "frames/frame.h"
 #include "frames/quilt.h"
-#include "frames/sequence/band_workers.h"
+#include "frames/sequence/band_codec.h"
 
 namespace lenticule::frames {
 

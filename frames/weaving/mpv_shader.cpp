@@ -4,7 +4,7 @@
 #include <fmt/format.h>
 
 #include "base/error.h"
-#include "optics/effective_sheet.h"
+#include "optics/rig.h"
 
 namespace lenticule::frames {
 namespace {

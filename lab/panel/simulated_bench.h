@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "calib/camera.h"
-#include "frames/frame_sink.h"
+#include "frames/frame_source.h"
 #include "lab/panel/driven_panel.h"
 #include "lab/panel/lens_sheet.h"
 #include "lab/panel/sample_map.h"

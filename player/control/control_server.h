@@ -19,7 +19,7 @@
 #include <variant>
 #include <vector>
 
-#include "base/wake_fd.h"
+#include "base/unique_fd.h"
 #include "frames/ring/listen_socket.h"
 #include "player/control/control_protocol.h"
 

@@ -12,7 +12,7 @@
 #include <optional>
 #include <string>
 
-#include "base/wake_fd.h"
+#include "base/unique_fd.h"
 #include "display/display.h"
 #include "frames/frame_source.h"
 #include "player/playback/play_statistics.h"

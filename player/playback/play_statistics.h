@@ -14,7 +14,7 @@
 #include <utility>
 
 #include "base/live_value.h"
-#include "base/wake_fd.h"
+#include "base/unique_fd.h"
 #include "display/clock.h"
 #include "frames/frame.h"
 #include "frames/frame_source.h"

@@ -9,7 +9,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "base/wake_fd.h"
+#include "base/unique_fd.h"
 #include "display/display.h"
 #include "player/playback/frame_copier.h"
 #include "player/playback/pacing.h"

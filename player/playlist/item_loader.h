@@ -19,7 +19,7 @@
 #include <vector>
 
 #include "base/error.h"
-#include "base/wake_fd.h"
+#include "base/unique_fd.h"
 #include "player/playlist/open_item.h"
 #include "player/playlist/playlist_cursor.h"
 #include "player/playlist/playlist_reporter.h"

@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "base/unique_fd.h"
-#include "base/wake_fd.h"
 #include "frames/frame_source.h"
 #include "player/playlist/item_loader.h"
 

@@ -24,7 +24,6 @@
 #include "base/retried_writes.h"
 #include "base/subprocess.h"
 #include "base/unique_fd.h"
-#include "base/wake_fd.h"
 #include "display/kms/scanout/kms_display.h"
 #include "display/open/open_display.h"
 #include "display/scanout_recorder.h"

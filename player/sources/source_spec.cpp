@@ -13,7 +13,7 @@
 #include "base/text.h"
 #include "frames/image_io.h"
 #include "frames/sequence/sequence_reader.h"
-#include "frames/views_input/quilt_sidecar.h"
+#include "frames/views_input/content_name.h"
 
 namespace lenticule::player {
 namespace {

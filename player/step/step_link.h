@@ -19,7 +19,6 @@
 #include <vector>
 
 #include "base/unique_fd.h"
-#include "base/wake_fd.h"
 #include "frames/ring/listen_socket.h"
 #include "player/step/step_member.h"
 #include "player/step/step_message.h"

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <string>
 
-#include "frames/sequence/sequence_info.h"
+#include "frames/sequence/sequence_format.h"
 #include "frames/sequence/sequence_writer.h"
 #include "optics/trim.h"
 

@@ -36,7 +36,6 @@
 #include "frames/sequence/sequence_reader.h"
 #include "frames/sequence/sequence_writer.h"
 #include "frames/weaving/fast_weaver.h"
-#include "frames/weaving/quilt_file.h"
 #include "frames/weaving/reweave.h"
 #include "lab/fixtures.h"
 #include "optics/rig.h"

@@ -14,7 +14,7 @@
 #include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "frames/flip.h"
 #include "frames/frame.h"
-#include "frames/sequence/band_workers.h"
+#include "frames/sequence/band_codec.h"
 #include "lab/fixtures.h"
 #include "lab/measures.h"
 #include "optics/model.h"

@@ -21,7 +21,7 @@
 #include "display/display_sink.h"
 #include "display/open/open_display.h"
 #include "frames/image_io.h"
-#include "optics/effective_sheet.h"
+#include "optics/rig.h"
 #include "optics/trim.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"

@@ -17,7 +17,7 @@
 #include "frames/weave.h"
 #include "frames/weaving/crosstalk.h"
 #include "frames/weaving/fast_weaver.h"
-#include "frames/weaving/quilt_file.h"
+#include "frames/weaving/reweave.h"
 #include "optics/trim.h"
 #include "player/playback/play_statistics.h"
 #include "player/process/interrupt.h"

@@ -13,7 +13,7 @@
 #include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "frames/frame.h"
 #include "frames/rational.h"
-#include "frames/sequence/sequence_info.h"
+#include "frames/sequence/sequence_format.h"
 #include "optics/trim.h"
 
 namespace lenticule::tools {

@@ -13,7 +13,7 @@
 
 #include "base/error.h"
 #include "base/text.h"
-#include "frames/png_codec.h"
+#include "frames/picture_codec.h"
 #include "frames/srgb.h"
 #include "render/scene/texture.h"
 

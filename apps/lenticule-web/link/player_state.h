@@ -18,7 +18,7 @@
 
 #include "apps/lenticule-web/http/clock.h"
 #include "apps/lenticule-web/link/control_link.h"
-#include "base/wake_fd.h"
+#include "base/unique_fd.h"
 
 namespace lenticule::web {
 

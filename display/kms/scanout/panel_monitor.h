@@ -12,7 +12,7 @@
 #include <thread>
 #include <vector>
 
-#include "base/wake_fd.h"
+#include "base/unique_fd.h"
 #include "display/clock.h"
 #include "display/kms/device/connector.h"
 #include "display/kms/device/platform.h"

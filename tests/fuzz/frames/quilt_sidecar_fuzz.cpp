@@ -4,7 +4,7 @@
 #include <string_view>
 
 #include "base/error.h"
-#include "frames/views_input/quilt_sidecar.h"
+#include "frames/views_input/content_name.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace lenticule::frames;

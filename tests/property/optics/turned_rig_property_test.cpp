@@ -9,8 +9,8 @@
 
 #include "base/error.h"
 #include "optics/eye_simulator.h"
+#include "optics/rig.h"
 #include "optics/row_rays.h"
-#include "optics/turned_rig.h"
 #include "tests/support/noise_frame.h"
 #include "tests/support/oracles/optics_oracle.h"
 #include "tests/support/random_rigs.h"

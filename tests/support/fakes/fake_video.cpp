@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "frames/ring/frame_number.h"
+#include "frames/ring/ring_layout.h"
 #include "frames/ring/ring_renderer.h"
 
 namespace {

@@ -12,7 +12,6 @@
 #include <vector>
 
 #include "base/unique_fd.h"
-#include "frames/ring/mapping.h"
 #include "frames/ring/ring_layout.h"
 #include "frames/ring/ring_player.h"
 #include "frames/ring/ring_renderer.h"

@@ -3,7 +3,7 @@
 
 #include "base/error.h"
 #include "optics/panel.h"
-#include "optics/turned_rig.h"
+#include "optics/rig.h"
 #include "tests/support/noise_frame.h"
 #include "tests/support/random_rigs.h"
 #include "tests/support/turned_picture.h"

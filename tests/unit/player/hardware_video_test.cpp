@@ -10,7 +10,7 @@
 #include <sstream>
 
 #include "base/exit_code.h"
-#include "frames/ring/frame_number.h"
+#include "frames/ring/ring_layout.h"
 #include "frames/ring/ring_player.h"
 #include "tests/support/fakes/fake_v4l2_pictures.h"
 #include "tests/support/h264_clip.h"

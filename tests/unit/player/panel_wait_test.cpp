@@ -8,7 +8,7 @@
 #include <functional>
 #include <vector>
 
-#include "base/wake_fd.h"
+#include "base/unique_fd.h"
 #include "display/test_card.h"
 #include "player/session/panel_card.h"
 #include "tests/unit/kms/kms_stage.h"

@@ -10,7 +10,7 @@
 #include <csignal>
 
 #include "base/error.h"
-#include "frames/ring/frame_number.h"
+#include "frames/ring/ring_layout.h"
 #include "frames/ring/ring_player.h"
 #include "tests/unit/player/video_stage.h"
 

@@ -14,7 +14,7 @@
 
 #include "frames/image_io.h"
 #include "frames/image_sequence.h"
-#include "frames/weaving/quilt_file.h"
+#include "frames/weaving/reweave.h"
 #include "optics/rig_file.h"
 #include "optics/trim.h"
 #include "player/sources/open_source.h"

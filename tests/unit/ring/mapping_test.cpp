@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "frames/ring/mapping.h"
-
 #include <gtest/gtest.h>
 #include <sys/mman.h>
 
@@ -8,6 +6,7 @@
 #include <vector>
 
 #include "base/unique_fd.h"
+#include "frames/ring/ring_layout.h"
 
 namespace lenticule::frames {
 namespace {

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests that the metadata survive the conversion to JSON and back, and that errors name their key.
-#include "frames/sequence/sequence_info.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "frames/sequence/sequence_format.h"
 #include "small_sequences.h"
 #include "tests/support/error_matchers.h"
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "frames/frame.h"
-#include "frames/sequence/sequence_info.h"
+#include "frames/sequence/sequence_format.h"
 
 namespace lenticule::test {
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "optics/effective_sheet.h"
+#include "optics/rig.h"
 #include "tests/support/oracles/optics_oracle.h"
 
 namespace lenticule::calib::test {

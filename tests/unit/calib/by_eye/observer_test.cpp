@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "optics/effective_sheet.h"
+#include "optics/rig.h"
 #include "optics/rig_file.h"
 #include "tests/unit/calib/by_eye/scripted_observer.h"
 

@@ -11,8 +11,8 @@
 #include <random>
 
 #include "base/error.h"
-#include "optics/effective_sheet.h"
 #include "optics/model.h"
+#include "optics/rig.h"
 
 namespace lenticule::calib {
 namespace {

@@ -4,7 +4,7 @@
 #include <random>
 
 #include "calib/fit/observations.h"
-#include "optics/residual_spline.h"
+#include "optics/model.h"
 
 namespace lenticule::calib {
 namespace {

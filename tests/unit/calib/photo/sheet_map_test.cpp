@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "calib/photo/single_photo.h"
-#include "optics/residual_spline.h"
+#include "optics/model.h"
 
 namespace lenticule::calib {
 namespace {

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "frames/views_input/quilt_sidecar.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
 
+#include "frames/views_input/content_name.h"
 #include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"
 

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "frames/weaving/quilt_file.h"
-
 #include <gtest/gtest.h>
 
+#include "frames/weaving/reweave.h"
 #include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"
 

@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "base/error.h"
-#include "frames/sequence/sequence_info.h"
+#include "frames/sequence/sequence_format.h"
 #include "frames/sequence/sequence_writer.h"
 #include "tests/support/scratch_folder.h"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "base/wake_fd.h"
+#include "base/unique_fd.h"
 
 #include <fmt/format.h>
 #include <sys/eventfd.h>
