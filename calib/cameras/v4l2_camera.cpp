@@ -836,23 +836,111 @@ std::unique_ptr<V4l2Device> open_node(V4l2System& system, const V4l2Node& node, 
 
 class V4l2Camera final : public Camera {
  public:
-  V4l2Camera(const V4l2Options& options, V4l2System& system, V4l2Node node);
+  V4l2Camera(const V4l2Options& options, V4l2System& system, V4l2Node node)
+      : node_(std::move(node)), to_skip_(options.skipped_pictures) {
+    NodeFacts about;
+    device_ = open_node(system, node_, about);
+    const AgreedFormat agreed = agree_on_format(*device_, system, node_.path,
+                                                {.width = options.width,
+                                                 .height = options.height,
+                                                 .frames_per_second = options.frames_per_second,
+                                                 .pixel_format = options.pixel_format});
+    unpacker_ = std::make_unique<PixelUnpacker>(agreed.raw, node_.path);
+    controls_ = std::make_unique<CameraControls>(
+        *device_, ControlRequests{.refresh_hz = options.refresh_hz,
+                                  .exposure_periods = options.exposure_periods,
+                                  .gain = options.gain,
+                                  .white_balance_kelvin = options.white_balance_kelvin,
+                                  .focus = options.focus});
+    lock_controls(system);
+    stream_ = std::make_unique<CaptureStream>(*device_, system, node_.path);
+    stream_->start(system, node_.path);
+    lock_controls(system);  // some cameras forget the values at the start
+    collect_facts(about, agreed);
+    clock_.emplace(controls_->exposure(), frame_time(agreed.frames_per_second));
+  }
 
   [[nodiscard]] const CameraFacts& facts() const override { return facts_; }
+
   [[nodiscard]] GrabStatus grab(CameraPicture& out, Nanoseconds timeout,
-                                Nanoseconds not_before) override;
-  [[nodiscard]] Nanoseconds now() const override;
-  [[nodiscard]] std::vector<std::string> drifted_controls() override;
+                                Nanoseconds not_before) override {
+    if (!stream_) return GrabStatus::Gone;
+    const Nanoseconds deadline = now() + std::clamp(timeout, Nanoseconds{0}, kLongestGrab);
+    early_ = false;
+    GrabStatus status = acquire_picture(out, deadline, not_before);
+    while ((to_skip_ > 0 || early_) &&
+           (status == GrabStatus::Ready || status == GrabStatus::Corrupt)) {
+      if (to_skip_ > 0) --to_skip_;
+      status = acquire_picture(out, deadline, not_before);
+    }
+    if (status == GrabStatus::Gone) close();
+    return status;
+  }
+
+  [[nodiscard]] Nanoseconds now() const override {
+    if (device_) return device_->now();
+    return std::chrono::steady_clock::now().time_since_epoch();
+  }
+
+  [[nodiscard]] std::vector<std::string> drifted_controls() override {
+    if (!controls_) return {failure_};
+    return controls_->drifted();
+  }
+
   [[nodiscard]] std::string failure() const override { return failure_; }
 
  private:
-  void lock_controls(V4l2System& system);
-  void collect_facts(const NodeFacts& node, const AgreedFormat& agreed);
+  void lock_controls(V4l2System& system) {
+    const int error = controls_->lock();
+    if (error != 0) throw camera_failure(system, node_.path, "lock its controls", error);
+  }
+
+  void collect_facts(const NodeFacts& node, const AgreedFormat& agreed) {
+    facts_ = {.name = node.name,
+              .identity = node_.stable_path.empty() ? node.bus : node_.stable_path,
+              .width = agreed.raw.width,
+              .height = agreed.raw.height,
+              .channels = unpacker_->channels(),
+              .frames_per_second = agreed.frames_per_second,
+              .pixel_format = fourcc_name(agreed.raw.fourcc),
+              .unlocked = controls_->unlocked()};
+    if (agreed.frames_per_second == 0.0)
+      facts_.unlocked.emplace_back("the frame rate is not known");
+  }
+
   [[nodiscard]] GrabStatus acquire_picture(CameraPicture& out, Nanoseconds deadline,
-                                           Nanoseconds not_before);
-  [[nodiscard]] bool unpack(const CapturedBuffer& buffer, CameraPicture& out);
-  void stamp(const BufferStamp& stamp, CameraPicture& out);
-  void close();
+                                           Nanoseconds not_before) {
+    CapturedBuffer buffer;
+    const GrabStatus status = stream_->acquire(buffer, deadline);
+    if (status != GrabStatus::Ready) return status;
+    stamp(buffer.stamp, out);
+    early_ = out.time < not_before;
+    const bool whole = unpack(buffer, out);
+    if (!stream_->give_back(buffer.index)) return GrabStatus::Gone;
+    return whole ? GrabStatus::Ready : GrabStatus::Corrupt;
+  }
+
+  [[nodiscard]] bool unpack(const CapturedBuffer& buffer, CameraPicture& out) {
+    if (buffer.damaged) return false;
+    return to_skip_ > 0 || early_ || unpacker_->unpack(buffer.bytes, out);
+  }
+
+  void stamp(const BufferStamp& stamp, CameraPicture& out) {
+    out.sequence = clock_->count(stamp.sequence);
+    out.time = clock_->exposed_at(stamp, now());
+    if (!clock_->unreliable() || clock_reported_) return;
+    clock_reported_ = true;
+    facts_.unlocked.emplace_back(
+        "no usable timestamps: the time of arrival is used, which may be late");
+  }
+
+  /// Returns all resources to the driver, so that the camera can be opened again.
+  void close() {
+    failure_ = fmt::format("{}: {}", node_.path, stream_->failure());
+    stream_.reset();
+    controls_.reset();
+    device_.reset();
+  }
 
   // Members are destroyed from the last to the first: the stream before its device.
   V4l2Node node_;
@@ -867,105 +955,6 @@ class V4l2Camera final : public Camera {
   bool early_ = false;  ///< the last picture was exposed before the requested time
   bool clock_reported_ = false;
 };
-
-V4l2Camera::V4l2Camera(const V4l2Options& options, V4l2System& system, V4l2Node node)
-    : node_(std::move(node)), to_skip_(options.skipped_pictures) {
-  NodeFacts about;
-  device_ = open_node(system, node_, about);
-  const AgreedFormat agreed = agree_on_format(*device_, system, node_.path,
-                                              {.width = options.width,
-                                               .height = options.height,
-                                               .frames_per_second = options.frames_per_second,
-                                               .pixel_format = options.pixel_format});
-  unpacker_ = std::make_unique<PixelUnpacker>(agreed.raw, node_.path);
-  controls_ = std::make_unique<CameraControls>(
-      *device_, ControlRequests{.refresh_hz = options.refresh_hz,
-                                .exposure_periods = options.exposure_periods,
-                                .gain = options.gain,
-                                .white_balance_kelvin = options.white_balance_kelvin,
-                                .focus = options.focus});
-  lock_controls(system);
-  stream_ = std::make_unique<CaptureStream>(*device_, system, node_.path);
-  stream_->start(system, node_.path);
-  lock_controls(system);  // some cameras forget the values at the start
-  collect_facts(about, agreed);
-  clock_.emplace(controls_->exposure(), frame_time(agreed.frames_per_second));
-}
-
-void V4l2Camera::lock_controls(V4l2System& system) {
-  const int error = controls_->lock();
-  if (error != 0) throw camera_failure(system, node_.path, "lock its controls", error);
-}
-
-void V4l2Camera::collect_facts(const NodeFacts& node, const AgreedFormat& agreed) {
-  facts_ = {.name = node.name,
-            .identity = node_.stable_path.empty() ? node.bus : node_.stable_path,
-            .width = agreed.raw.width,
-            .height = agreed.raw.height,
-            .channels = unpacker_->channels(),
-            .frames_per_second = agreed.frames_per_second,
-            .pixel_format = fourcc_name(agreed.raw.fourcc),
-            .unlocked = controls_->unlocked()};
-  if (agreed.frames_per_second == 0.0) facts_.unlocked.emplace_back("the frame rate is not known");
-}
-
-GrabStatus V4l2Camera::grab(CameraPicture& out, Nanoseconds timeout, Nanoseconds not_before) {
-  if (!stream_) return GrabStatus::Gone;
-  const Nanoseconds deadline = now() + std::clamp(timeout, Nanoseconds{0}, kLongestGrab);
-  early_ = false;
-  GrabStatus status = acquire_picture(out, deadline, not_before);
-  while ((to_skip_ > 0 || early_) &&
-         (status == GrabStatus::Ready || status == GrabStatus::Corrupt)) {
-    if (to_skip_ > 0) --to_skip_;
-    status = acquire_picture(out, deadline, not_before);
-  }
-  if (status == GrabStatus::Gone) close();
-  return status;
-}
-
-GrabStatus V4l2Camera::acquire_picture(CameraPicture& out, Nanoseconds deadline,
-                                       Nanoseconds not_before) {
-  CapturedBuffer buffer;
-  const GrabStatus status = stream_->acquire(buffer, deadline);
-  if (status != GrabStatus::Ready) return status;
-  stamp(buffer.stamp, out);
-  early_ = out.time < not_before;
-  const bool whole = unpack(buffer, out);
-  if (!stream_->give_back(buffer.index)) return GrabStatus::Gone;
-  return whole ? GrabStatus::Ready : GrabStatus::Corrupt;
-}
-
-bool V4l2Camera::unpack(const CapturedBuffer& buffer, CameraPicture& out) {
-  if (buffer.damaged) return false;
-  return to_skip_ > 0 || early_ || unpacker_->unpack(buffer.bytes, out);
-}
-
-void V4l2Camera::stamp(const BufferStamp& stamp, CameraPicture& out) {
-  out.sequence = clock_->count(stamp.sequence);
-  out.time = clock_->exposed_at(stamp, now());
-  if (!clock_->unreliable() || clock_reported_) return;
-  clock_reported_ = true;
-  facts_.unlocked.emplace_back(
-      "no usable timestamps: the time of arrival is used, which may be late");
-}
-
-/// Returns all resources to the driver, so that the camera can be opened again.
-void V4l2Camera::close() {
-  failure_ = fmt::format("{}: {}", node_.path, stream_->failure());
-  stream_.reset();
-  controls_.reset();
-  device_.reset();
-}
-
-Nanoseconds V4l2Camera::now() const {
-  if (device_) return device_->now();
-  return std::chrono::steady_clock::now().time_since_epoch();
-}
-
-std::vector<std::string> V4l2Camera::drifted_controls() {
-  if (!controls_) return {failure_};
-  return controls_->drifted();
-}
 
 }  // namespace
 

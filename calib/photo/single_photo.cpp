@@ -252,7 +252,13 @@ struct AveragedPhoto {
   int averaged = 1;  ///< side of the squares
 
   /// Scales priors, which refer to the photograph, to this picture.
-  [[nodiscard]] PhotoPriors scaled(PhotoPriors priors) const;
+  [[nodiscard]] PhotoPriors scaled(PhotoPriors priors) const {
+    if (priors.focal_px) {
+      priors.focal_px->value /= averaged;
+      priors.focal_px->sigma /= averaged;
+    }
+    return priors;
+  }
 };
 
 constexpr int kMostSide = 2600;
@@ -277,14 +283,6 @@ void append_mean(const CameraPicture& photograph, int left, int top, int side, P
   out.clipped.push_back(static_cast<uint8_t>(255 * clipped / values));
   for (float& colour : colours) colour /= static_cast<float>(side * side);
   if (channels == colours.size()) out.colours.push_back(colours);
-}
-
-PhotoPriors AveragedPhoto::scaled(PhotoPriors priors) const {
-  if (priors.focal_px) {
-    priors.focal_px->value /= averaged;
-    priors.focal_px->sigma /= averaged;
-  }
-  return priors;
 }
 
 /// Returns a picture of at most 2600 pixels along its longer side.
@@ -450,7 +448,10 @@ struct PlaneFit {
   double uneven_lenses = 0.0;  ///< residual before the sheet's shape was mapped
 
   /// Returns the fraction of the blocks that are outliers.
-  [[nodiscard]] double left_out() const;
+  [[nodiscard]] double left_out() const {
+    if (blocks.empty()) return 1.0;
+    return 1.0 - static_cast<double>(correction.used) / static_cast<double>(blocks.size());
+  }
 };
 
 constexpr double kMostSaturated = 0.5;
@@ -481,11 +482,6 @@ void refine_plane(const SinglePhotoChart& chart, PlaneFit& fit) {
     fit.correction = fit_plane(fit.blocks);
     improve(fit, fit.correction.add);
   }
-}
-
-double PlaneFit::left_out() const {
-  if (blocks.empty()) return 1.0;
-  return 1.0 - static_cast<double>(correction.used) / static_cast<double>(blocks.size());
 }
 
 /// Finds the fringes and counts them: `fit.fringes` and a first pitch and slant. Refuses

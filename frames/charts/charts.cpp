@@ -117,15 +117,113 @@ struct ChartPainter::Prepared {
         centre_phase(model.phase(source.rig.panel.width_px / 2.0, source.rig.panel.height_px / 2.0,
                                  kGreen, model.design_eye())) {}
 
-  void comb_row(const std::vector<double>& phase, uint8_t* row) const;
-  void band_row(const std::vector<double>& phase, int j, uint8_t* row) const;
-  void slant_band_row(const std::vector<double>& phase, int j, uint8_t* row) const;
-  void ladder_row(std::vector<double>& phase, int j, uint8_t* row) const;
-  void mark(int begin, int end, uint8_t* row) const;
-  void two_view_row(const std::vector<double>& phase, uint8_t* row, int begin, int end) const;
-  void number_row(const std::vector<double>& phase, int j, uint8_t* row) const;
-  void line_row(int j, uint8_t* row) const;
-  void magnify(WovenFrame& frame) const;
+  void comb_row(const std::vector<double>& phase, uint8_t* row) const {
+    for (size_t s = 0; s < phase.size(); ++s)
+      row[s] = std::abs(place_of(phase[s])) < kCombHalfWidth ? kLit : 0;
+  }
+
+  /// Draws a row of a band. A pitch that differs by a factor only scales the phase around the
+  /// panel's centre.
+  void band_row(const std::vector<double>& phase, int j, uint8_t* row) const {
+    const int height = chart.rig.panel.height_px, width = chart.rig.panel.width_px;
+    const int band = std::min(kBands - 1, static_cast<int>(int64_t{j} * kBands / height));
+    const int top = height * band / kBands, rows = std::max(1, height / kBands);
+    if (rows >= 8 && j - top < rows / 8) return;  // a black line above each band
+    const double scale = 1.0 / band_scale(band, chart.band_reach);
+    for (size_t s = 0; s < phase.size(); ++s) {
+      const double scaled = centre_phase + (phase[s] - centre_phase) * scale;
+      row[s] = std::abs(place_of(scaled)) < kCombHalfWidth ? kLit : 0;
+    }
+    if (band != chart.cursor) return;
+    const int blue = std::max(1, width / 24);
+    mark(0, blue, row);
+    mark(width - blue, width, row);
+  }
+
+  /// Draws a row of columns with different slants. A slant that differs a little moves the phase in
+  /// proportion to the distance from the panel's middle row.
+  void slant_band_row(const std::vector<double>& phase, int j, uint8_t* row) const {
+    const int height = chart.rig.panel.height_px, width = chart.rig.panel.width_px;
+    const double lenses_per_slant =
+        3.0 * (j + 0.5 - height / 2.0) / optics::effective_sheet(chart.rig).pitch.value;
+    const int blue = std::max(1, height / 24);
+    for (int band = 0; band < kBands; ++band) {
+      const int left = width * band / kBands, right = width * (band + 1) / kBands;
+      const double shift =
+          lenses_per_slant * band_shift(ChartPattern::SlantBands, band, chart.band_reach);
+      const int line = right - left >= 8 ? (right - left) / 8 : 0;  // black, between the columns
+      for (int s = 3 * (left + line); s < 3 * right; ++s)
+        row[s] =
+            std::abs(place_of(phase[static_cast<size_t>(s)] + shift)) < kCombHalfWidth ? kLit : 0;
+      if (band == chart.cursor && (j < blue || j >= height - blue)) mark(left, right, row);
+    }
+  }
+
+  /// Draws a row of a ladder: one rung in red and green, each side of the marked rung in blue.
+  void ladder_row(std::vector<double>& phase, int j, uint8_t* row) const {
+    const int height = chart.rig.panel.height_px, width = chart.rig.panel.width_px;
+    const double place = ((j + 0.5) / height - 0.5 - chart.ladder_y) / kLadderHeight + 0.5;
+    const int rung = static_cast<int>(std::floor(place * kBands));
+    if (rung < 0 || rung >= kBands) return;
+    const double middle = width * (0.5 + chart.ladder_x), half = 0.5 * width * kLadderWidth;
+    const int left = std::max(0, static_cast<int>(middle - half));
+    const int right = std::min(width, static_cast<int>(middle + half));
+    for (double& value : phase) value += band_shift(ChartPattern::Ladder, rung, chart.band_reach);
+    two_view_row(phase, row, left, right);
+    if (rung != chart.cursor) return;
+    const int blue = std::max(1, width / 24);
+    mark(left - blue, left, row);
+    mark(right, right + blue, row);
+  }
+
+  void mark(int begin, int end, uint8_t* row) const {
+    for (int i = std::max(0, begin); i < std::min(end, chart.rig.panel.width_px); ++i)
+      std::copy(kBlue.begin(), kBlue.end(), row + 3 * i);
+  }
+
+  /// Draws the pixels [begin, end).
+  void two_view_row(const std::vector<double>& phase, uint8_t* row, int begin, int end) const {
+    for (size_t s = 3 * static_cast<size_t>(begin); s < 3 * static_cast<size_t>(end); s += 3) {
+      row[s + kRed] = place_of(phase[s + kRed]) > 0.0 ? kLit : 0;
+      row[s + kGreen] = place_of(phase[s + kGreen]) < 0.0 ? kLit : 0;
+    }
+  }
+
+  void number_row(const std::vector<double>& phase, int j, uint8_t* row) const {
+    std::vector<uint8_t> lit;
+    numbers.row(j, lit);
+    const size_t width = static_cast<size_t>(numbers.width());
+    size_t column = 0;
+    for (size_t s = 0; s < phase.size(); ++s) {
+      const double number = optics::view_number(place_of(phase[s]), views);
+      const auto view = static_cast<size_t>(std::clamp(static_cast<int>(number), 0, views - 1));
+      row[s] = lit[view * width + column];
+      if (s % 3 == 2 && ++column == width) column = 0;
+    }
+  }
+
+  void line_row(int j, uint8_t* row) const {
+    const int width = chart.rig.panel.width_px;
+    for (int i = 0; i < width; ++i) row[3 * i + (i < width / 2 ? i : j) % 3] = kLit;
+  }
+
+  /// Draws the pixels around the panel's centre as squares in the upper left corner.
+  void magnify(WovenFrame& frame) const {
+    constexpr int kAcross = 24, kDown = 16;
+    const int zoom = std::max(2, std::min(frame.width() / 3 / kAcross, frame.height() / 3 / kDown));
+    const int x0 = std::max(0, (frame.width() - kAcross) / 2);
+    const int y0 = std::max(0, (frame.height() - kDown) / 2);
+    std::array<Colour, static_cast<size_t>(kAcross) * kDown> seen{};
+    for (int j = 0; j < std::min(kDown, frame.height()); ++j)
+      for (int i = 0; i < std::min(kAcross, frame.width()); ++i)
+        std::copy_n(frame.row(y0 + j) + 3 * static_cast<ptrdiff_t>(x0 + i), 3,
+                    seen.at(static_cast<size_t>(j * kAcross + i)).begin());
+    frames::fill_box(frame, {0, 0, kAcross * zoom + 2 * zoom, kDown * zoom + 2 * zoom}, kWhite);
+    for (int j = 0; j < kDown; ++j)
+      for (int i = 0; i < kAcross; ++i)
+        frames::fill_box(frame, {(i + 1) * zoom, (j + 1) * zoom, zoom, zoom},
+                         seen.at(static_cast<size_t>(j * kAcross + i)));
+  }
 
   Chart chart;
   optics::OpticalModel model;
@@ -134,99 +232,6 @@ struct ChartPainter::Prepared {
   NumberCells numbers;
   double centre_phase;
 };
-
-void ChartPainter::Prepared::comb_row(const std::vector<double>& phase, uint8_t* row) const {
-  for (size_t s = 0; s < phase.size(); ++s)
-    row[s] = std::abs(place_of(phase[s])) < kCombHalfWidth ? kLit : 0;
-}
-
-/// Draws a row of a band. A pitch that differs by a factor only scales the phase around the panel's
-/// centre.
-void ChartPainter::Prepared::band_row(const std::vector<double>& phase, int j, uint8_t* row) const {
-  const int height = chart.rig.panel.height_px, width = chart.rig.panel.width_px;
-  const int band = std::min(kBands - 1, static_cast<int>(int64_t{j} * kBands / height));
-  const int top = height * band / kBands, rows = std::max(1, height / kBands);
-  if (rows >= 8 && j - top < rows / 8) return;  // a black line above each band
-  const double scale = 1.0 / band_scale(band, chart.band_reach);
-  for (size_t s = 0; s < phase.size(); ++s) {
-    const double scaled = centre_phase + (phase[s] - centre_phase) * scale;
-    row[s] = std::abs(place_of(scaled)) < kCombHalfWidth ? kLit : 0;
-  }
-  if (band != chart.cursor) return;
-  const int blue = std::max(1, width / 24);
-  mark(0, blue, row);
-  mark(width - blue, width, row);
-}
-
-void ChartPainter::Prepared::mark(int begin, int end, uint8_t* row) const {
-  for (int i = std::max(0, begin); i < std::min(end, chart.rig.panel.width_px); ++i)
-    std::copy(kBlue.begin(), kBlue.end(), row + 3 * i);
-}
-
-/// Draws a row of columns with different slants. A slant that differs a little moves the phase in
-/// proportion to the distance from the panel's middle row.
-void ChartPainter::Prepared::slant_band_row(const std::vector<double>& phase, int j,
-                                            uint8_t* row) const {
-  const int height = chart.rig.panel.height_px, width = chart.rig.panel.width_px;
-  const double lenses_per_slant =
-      3.0 * (j + 0.5 - height / 2.0) / optics::effective_sheet(chart.rig).pitch.value;
-  const int blue = std::max(1, height / 24);
-  for (int band = 0; band < kBands; ++band) {
-    const int left = width * band / kBands, right = width * (band + 1) / kBands;
-    const double shift =
-        lenses_per_slant * band_shift(ChartPattern::SlantBands, band, chart.band_reach);
-    const int line = right - left >= 8 ? (right - left) / 8 : 0;  // black, between the columns
-    for (int s = 3 * (left + line); s < 3 * right; ++s)
-      row[s] =
-          std::abs(place_of(phase[static_cast<size_t>(s)] + shift)) < kCombHalfWidth ? kLit : 0;
-    if (band == chart.cursor && (j < blue || j >= height - blue)) mark(left, right, row);
-  }
-}
-
-/// Draws a row of a ladder: one rung in red and green, each side of the marked rung in blue.
-void ChartPainter::Prepared::ladder_row(std::vector<double>& phase, int j, uint8_t* row) const {
-  const int height = chart.rig.panel.height_px, width = chart.rig.panel.width_px;
-  const double place = ((j + 0.5) / height - 0.5 - chart.ladder_y) / kLadderHeight + 0.5;
-  const int rung = static_cast<int>(std::floor(place * kBands));
-  if (rung < 0 || rung >= kBands) return;
-  const double middle = width * (0.5 + chart.ladder_x), half = 0.5 * width * kLadderWidth;
-  const int left = std::max(0, static_cast<int>(middle - half));
-  const int right = std::min(width, static_cast<int>(middle + half));
-  for (double& value : phase) value += band_shift(ChartPattern::Ladder, rung, chart.band_reach);
-  two_view_row(phase, row, left, right);
-  if (rung != chart.cursor) return;
-  const int blue = std::max(1, width / 24);
-  mark(left - blue, left, row);
-  mark(right, right + blue, row);
-}
-
-/// Draws the pixels [begin, end).
-void ChartPainter::Prepared::two_view_row(const std::vector<double>& phase, uint8_t* row, int begin,
-                                          int end) const {
-  for (size_t s = 3 * static_cast<size_t>(begin); s < 3 * static_cast<size_t>(end); s += 3) {
-    row[s + kRed] = place_of(phase[s + kRed]) > 0.0 ? kLit : 0;
-    row[s + kGreen] = place_of(phase[s + kGreen]) < 0.0 ? kLit : 0;
-  }
-}
-
-void ChartPainter::Prepared::number_row(const std::vector<double>& phase, int j,
-                                        uint8_t* row) const {
-  std::vector<uint8_t> lit;
-  numbers.row(j, lit);
-  const size_t width = static_cast<size_t>(numbers.width());
-  size_t column = 0;
-  for (size_t s = 0; s < phase.size(); ++s) {
-    const double number = optics::view_number(place_of(phase[s]), views);
-    const auto view = static_cast<size_t>(std::clamp(static_cast<int>(number), 0, views - 1));
-    row[s] = lit[view * width + column];
-    if (s % 3 == 2 && ++column == width) column = 0;
-  }
-}
-
-void ChartPainter::Prepared::line_row(int j, uint8_t* row) const {
-  const int width = chart.rig.panel.width_px;
-  for (int i = 0; i < width; ++i) row[3 * i + (i < width / 2 ? i : j) % 3] = kLit;
-}
 
 ChartPainter::ChartPainter(const Chart& chart)
     : prepared_(std::make_unique<const Prepared>(chart)) {}
@@ -293,24 +298,6 @@ void draw_words(const Chart& chart, WovenFrame& frame) {
 }
 
 }  // namespace
-
-/// Draws the pixels around the panel's centre as squares in the upper left corner.
-void ChartPainter::Prepared::magnify(WovenFrame& frame) const {
-  constexpr int kAcross = 24, kDown = 16;
-  const int zoom = std::max(2, std::min(frame.width() / 3 / kAcross, frame.height() / 3 / kDown));
-  const int x0 = std::max(0, (frame.width() - kAcross) / 2);
-  const int y0 = std::max(0, (frame.height() - kDown) / 2);
-  std::array<Colour, static_cast<size_t>(kAcross) * kDown> seen{};
-  for (int j = 0; j < std::min(kDown, frame.height()); ++j)
-    for (int i = 0; i < std::min(kAcross, frame.width()); ++i)
-      std::copy_n(frame.row(y0 + j) + 3 * static_cast<ptrdiff_t>(x0 + i), 3,
-                  seen.at(static_cast<size_t>(j * kAcross + i)).begin());
-  frames::fill_box(frame, {0, 0, kAcross * zoom + 2 * zoom, kDown * zoom + 2 * zoom}, kWhite);
-  for (int j = 0; j < kDown; ++j)
-    for (int i = 0; i < kAcross; ++i)
-      frames::fill_box(frame, {(i + 1) * zoom, (j + 1) * zoom, zoom, zoom},
-                       seen.at(static_cast<size_t>(j * kAcross + i)));
-}
 
 void ChartPainter::paint_words(WovenFrame& frame) const {
   if (prepared_->chart.magnifier) prepared_->magnify(frame);

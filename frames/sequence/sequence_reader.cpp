@@ -144,7 +144,23 @@ class SequenceSource::Frames final : public FrameDecoding {
   [[nodiscard]] const SequenceInfo& info() const { return reader_.info(); }
   [[nodiscard]] uint64_t damaged() const { return damaged_.load(); }
   [[nodiscard]] uint64_t missing() const { return options_.end ? 0 : reader_.missing_frames(); }
-  [[nodiscard]] DecodedRounds rounds() const override;
+
+  [[nodiscard]] DecodedRounds rounds() const override {
+    DecodedRounds rounds{.geometry = reader_.geometry(),
+                         .rate = info().rate,
+                         .first = options_.begin,
+                         .loop = options_.begin,
+                         .last = end_,
+                         .pool_frames = options_.pool_frames,
+                         .decoder_threads = options_.decoder_threads};
+    const bool whole = options_.begin == 0 && !options_.end;
+    if (whole && info().loop_begin < end_) {  // a truncated file may end before its loop does
+      rounds.last = std::min(end_, info().loop_end.value_or(end_));
+      rounds.loop = info().loop_begin;
+    }
+    rounds.skipped = options_.first < rounds.last - rounds.first ? options_.first : 0;
+    return rounds;
+  }
 
   std::string decode(int thread, uint64_t frame, uint64_t next, WovenFrame& to) override {
     reader_.will_need(next);
@@ -156,7 +172,19 @@ class SequenceSource::Frames final : public FrameDecoding {
   }
 
  private:
-  [[nodiscard]] bool decode_or_replace(FrameDecoder& decoder, uint64_t frame, WovenFrame& to);
+  [[nodiscard]] bool decode_or_replace(FrameDecoder& decoder, uint64_t frame, WovenFrame& to) {
+    if (decoder.decode(frame, to.bytes())) return true;
+    damaged_.fetch_add(1);
+    const uint64_t back = std::min(frame, kMaxDistance);
+    for (uint64_t distance = 1; distance <= back; ++distance) {
+      if (decoder.decode(frame - distance, to.bytes())) return true;
+    }
+    const uint64_t ahead = std::min(reader_.frame_count() - 1 - frame, kMaxDistance);
+    for (uint64_t distance = 1; distance <= ahead; ++distance) {
+      if (decoder.decode(frame + distance, to.bytes())) return true;
+    }
+    return false;
+  }
 
   SequenceReader reader_;
   SequenceSourceOptions options_;
@@ -165,38 +193,6 @@ class SequenceSource::Frames final : public FrameDecoding {
   std::atomic<uint64_t> damaged_{0};
   std::vector<FrameDecoder> decoders_;
 };
-
-DecodedRounds SequenceSource::Frames::rounds() const {
-  DecodedRounds rounds{.geometry = reader_.geometry(),
-                       .rate = info().rate,
-                       .first = options_.begin,
-                       .loop = options_.begin,
-                       .last = end_,
-                       .pool_frames = options_.pool_frames,
-                       .decoder_threads = options_.decoder_threads};
-  const bool whole = options_.begin == 0 && !options_.end;
-  if (whole && info().loop_begin < end_) {  // a truncated file may end before its loop does
-    rounds.last = std::min(end_, info().loop_end.value_or(end_));
-    rounds.loop = info().loop_begin;
-  }
-  rounds.skipped = options_.first < rounds.last - rounds.first ? options_.first : 0;
-  return rounds;
-}
-
-bool SequenceSource::Frames::decode_or_replace(FrameDecoder& decoder, uint64_t frame,
-                                               WovenFrame& to) {
-  if (decoder.decode(frame, to.bytes())) return true;
-  damaged_.fetch_add(1);
-  const uint64_t back = std::min(frame, kMaxDistance);
-  for (uint64_t distance = 1; distance <= back; ++distance) {
-    if (decoder.decode(frame - distance, to.bytes())) return true;
-  }
-  const uint64_t ahead = std::min(reader_.frame_count() - 1 - frame, kMaxDistance);
-  for (uint64_t distance = 1; distance <= ahead; ++distance) {
-    if (decoder.decode(frame + distance, to.bytes())) return true;
-  }
-  return false;
-}
 
 SequenceSource::SequenceSource(const std::filesystem::path& file,
                                const SequenceSourceOptions& options)

@@ -192,8 +192,30 @@ inline Shorts mix(const Shorts& a, const Shorts& b, const Shorts& weight) {
 
 /// RunTerms holds the values that are constant for all records of a set.
 struct RunTerms {
+  /// Subpixels of a stripe are adjacent; subpixels of a single colour are a stride apart.
   explicit RunTerms(const Terms& terms, const TransposedRows& rows, const Set& set,
-                    const Target& target);
+                    const Target& target)
+      : view_most(terms.view_most),
+        weight_mask(terms.weight_mask),
+        column_bytes(3 * rows.lanes * 4) {
+    for (int n = 0; n < kRun; ++n) {
+      const int part = n / kPartRun, at = n % kPartRun;
+      along[part][at] = n;
+      along_pairs[part][2 * at] = along_pairs[part][2 * at + 1] = static_cast<int16_t>(n);
+      for (uint32_t begin = 0; begin < 4; ++begin) {
+        const uint32_t colour =
+            (set.first + (set.stride == 1 ? begin + static_cast<uint32_t>(n) : 0)) % 3;
+        colours[begin][part][at] =
+            static_cast<int32_t>((terms.blue_first ? 2 - colour : colour) * rows.lanes * 4);
+      }
+    }
+    for (int r = 0; r < kRows; ++r) {
+      row_weight[r] = Shorts{} + set.row_share[r];
+      upper[r] = static_cast<const uint8_t*>(rows.upper[r]);
+      lower[r] = static_cast<const uint8_t*>(rows.lower[r]);
+      out[r] = target.light + static_cast<size_t>(r) * target.stride + set.first;
+    }
+  }
 
   int32_t view_most, weight_mask;
   Words along[kParts];         ///< numbers of the subpixels of each part
@@ -206,29 +228,6 @@ struct RunTerms {
   uint16_t* out[kRows];  ///< place 0
   size_t column_bytes;
 };
-
-/// Subpixels of a stripe are adjacent; subpixels of a single colour are a stride apart.
-RunTerms::RunTerms(const Terms& terms, const TransposedRows& rows, const Set& set,
-                   const Target& target)
-    : view_most(terms.view_most), weight_mask(terms.weight_mask), column_bytes(3 * rows.lanes * 4) {
-  for (int n = 0; n < kRun; ++n) {
-    const int part = n / kPartRun, at = n % kPartRun;
-    along[part][at] = n;
-    along_pairs[part][2 * at] = along_pairs[part][2 * at + 1] = static_cast<int16_t>(n);
-    for (uint32_t begin = 0; begin < 4; ++begin) {
-      const uint32_t colour =
-          (set.first + (set.stride == 1 ? begin + static_cast<uint32_t>(n) : 0)) % 3;
-      colours[begin][part][at] =
-          static_cast<int32_t>((terms.blue_first ? 2 - colour : colour) * rows.lanes * 4);
-    }
-  }
-  for (int r = 0; r < kRows; ++r) {
-    row_weight[r] = Shorts{} + set.row_share[r];
-    upper[r] = static_cast<const uint8_t*>(rows.upper[r]);
-    lower[r] = static_cast<const uint8_t*>(rows.lower[r]);
-    out[r] = target.light + static_cast<size_t>(r) * target.stride + set.first;
-  }
-}
 
 /// Loads the entries of subpixels n and n + 1 of each lane.
 inline Shorts two_entries(const uint8_t* row, const uint32_t* offset) {

@@ -96,20 +96,141 @@ class PlanBuilder {
 
   /// Returns the step from place to place in the panel's middle; all other steps differ little from
   /// it.
-  [[nodiscard]] int32_t usual_step();
-  void build(int first_block, int end_block, WeavePlan::Part& part);
+  [[nodiscard]] int32_t usual_step() {
+    const optics::Panel& panel = model_.rig().panel;
+    const int begin = std::max(0, panel.width_px / 2 - 32),
+              end = std::min(panel.width_px, begin + 64);
+    rays_.evaluate(panel.height_px / 2, begin, end, rows_[0]);
+    Line& line = lines_[0];
+    read_line(rows_[0], 0, line);
+    std::vector<double> steps;
+    for (size_t n = 1; n < static_cast<size_t>(line.places); ++n)
+      if (line.lens[n] == line.lens[n - 1]) steps.push_back(line.view[n] - line.view[n - 1]);
+    if (steps.empty()) return 0;
+    const double step = upper_median(std::move(steps)) * kViewUnit;
+    return std::abs(step) < (1 << 27) ? rounded(step) : 0;
+  }
+
+  void build(int first_block, int end_block, WeavePlan::Part& part) {
+    const int segments = (plan_.geometry_.width + segment() - 1) / segment();
+    sets_to_follow_ = static_cast<size_t>(end_block - first_block) * static_cast<size_t>(segments) *
+                      plan_.stride_;
+    for (int block = first_block; block < end_block; ++block) build_block(block, part);
+  }
+
   [[nodiscard]] int most_rows() const { return most_rows_; }
 
  private:
-  [[nodiscard]] size_t subpixel_of(uint32_t offset, size_t place) const;
-  void read_line(const optics::RowRays& rays, uint32_t offset, Line& line);
-  [[nodiscard]] int segment() const;
-  void build_block(int block, WeavePlan::Part& part);
-  void build_segment(int block, int i_begin, int i_end, WeavePlan::Part& part);
-  void build_set(int rows, int i_begin, uint32_t offset, WeavePlan::Part& part);
-  void note_bars(const Line& line, int r, const Set& set, WeavePlan::Part& part) const;
-  void find_runs(size_t r);
-  void join_rows(WeavePlan::Part& part);
+  /// Returns the subpixel of a place: every stride-th one, in stripes from red to blue.
+  [[nodiscard]] size_t subpixel_of(uint32_t offset, size_t place) const {
+    return plan_.blue_first_ ? place + 2 - 2 * (place % 3) : offset + place * plan_.stride_;
+  }
+
+  void read_line(const optics::RowRays& rays, uint32_t offset, Line& line) {
+    const uint32_t stride = plan_.stride_;
+    const size_t subpixels = rays.size();
+    const size_t count = offset < subpixels ? (subpixels - offset + stride - 1) / stride : 0;
+    line.resize(count);
+    if (count == 0) return;
+    plan_kernel::Places places{rays.lens_x_mm.data(), rays.lens_y_mm.data(), rays.place.data(),
+                               line.places};
+    if (stride == 1 && !plan_.blue_first_) {
+      std::copy(rays.lens.begin(), rays.lens.end(), line.lens.begin());
+    } else {
+      const std::array<const std::vector<double>*, 3> from = {&rays.lens_x_mm, &rays.lens_y_mm,
+                                                              &rays.place};
+      for (size_t k = 0; k < from.size(); ++k) {
+        places_[k].resize(count);
+        for (size_t n = 0; n < count; ++n) places_[k][n] = (*from[k])[subpixel_of(offset, n)];
+      }
+      for (size_t n = 0; n < count; ++n) line.lens[n] = rays.lens[subpixel_of(offset, n)];
+      places = {places_[0].data(), places_[1].data(), places_[2].data(), line.places};
+    }
+    kernel_.read_places(picture_, places, line.view.data(), line.column.data(), line.black.data());
+    const double v = place_.v(places.lens_y_mm[count - 1]);
+    const int height = plan_.shape_.height;
+    line.row = std::clamp(v * height - 0.5, 0.0, height - 1.0);
+  }
+
+  /// Returns the pixels of a segment of a row.
+  [[nodiscard]] int segment() const {
+    const int columns = model_.rig().panel.layout.columns();
+    return kSegmentPixels / columns * columns;
+  }
+
+  void build_block(int block, WeavePlan::Part& part) {
+    const int step = segment();
+    for (int i = 0; i < plan_.geometry_.width; i += step)
+      build_segment(block, i, std::min(i + step, plan_.geometry_.width), part);
+    part.blocks.push_back({part.sets.size(), part.bars.size()});
+  }
+
+  void build_segment(int block, int i_begin, int i_end, WeavePlan::Part& part) {
+    const int rows = std::min(kRows, plan_.geometry_.height - block * kRows);
+    for (int r = 0; r < rows; ++r)
+      rays_.evaluate(block * kRows + r, i_begin, i_end, rows_[static_cast<size_t>(r)]);
+    const auto subpixels = static_cast<uint32_t>(3 * (i_end - i_begin));
+    for (uint32_t offset = 0; offset < std::min(plan_.stride_, subpixels); ++offset)
+      build_set(rows, i_begin, offset, part);
+  }
+
+  void build_set(int rows, int i_begin, uint32_t offset, WeavePlan::Part& part) {
+    sets_to_follow_ -= sets_to_follow_ > 0 ? 1 : 0;
+    Set set{};
+    set.first = static_cast<uint32_t>(3 * i_begin) + offset;
+    set.stride = plan_.stride_;
+    set.quads_begin = static_cast<uint32_t>(part.count);
+    int top = plan_.shape_.height, bottom = 0;
+    for (int r = 0; r < kRows; ++r) {
+      const auto k = static_cast<size_t>(r);
+      counts_[k] = 0;
+      if (r < rows) {
+        read_line(rows_[k], offset, lines_[k]);
+        find_runs(k);
+        note_bars(lines_[k], r, set, part);
+      }
+      const int row = rounded(lines_[r < rows ? k : 0].row * kColumnUnit);
+      set.row[r] = row >> kWeightBits;
+      set.row_share[r] = static_cast<int16_t>(row & ((1 << kWeightBits) - 1));
+      top = std::min(top, set.row[r]);
+      bottom = std::max(bottom, set.row[r] + 1);
+    }
+    join_rows(part);
+    set.quads_end = static_cast<uint32_t>(part.count);
+    part.sets.push_back(set);
+    most_rows_ = std::max(most_rows_, bottom - top + 1);
+  }
+
+  void note_bars(const Line& line, int r, const Set& set, WeavePlan::Part& part) const {
+    const auto places = static_cast<size_t>(line.places);
+    for (size_t begin = 0; begin < places;) {
+      size_t end = begin;
+      while (end < places && line.black[end] == line.black[begin]) ++end;
+      if (line.black[begin] != 0)
+        part.bars.push_back({r, set.first + static_cast<uint32_t>(begin) * set.stride, set.stride,
+                             static_cast<uint32_t>(end - begin)});
+      begin = end;
+    }
+  }
+
+  void find_runs(size_t r) {
+    runs_[r].resize(static_cast<size_t>(lines_[r].places));
+    counts_[r] = kernel_.find_runs(terms_, lines_[r].terms(), runs_[r].data());
+  }
+
+  void join_rows(WeavePlan::Part& part) {
+    const auto line = [&](size_t r) { return lines_[r].terms(); };
+    // Most records have a run in each row, and the other sets of the part are like this one.
+    const auto runs = static_cast<size_t>(counts_[0] + counts_[1] + counts_[2] + counts_[3]);
+    part.make_room(runs, runs / kRows * sets_to_follow_);
+    const int made =
+        kernel_.join_runs(terms_, {line(0), line(1), line(2), line(3)},
+                          {runs_[0].data(), runs_[1].data(), runs_[2].data(), runs_[3].data()},
+                          {counts_[0], counts_[1], counts_[2], counts_[3]}, lines_[0].places,
+                          part.quads() + part.count);
+    LENTICULE_CHECK(made >= 0);
+    part.count += static_cast<size_t>(made);
+  }
 
   WeavePlan& plan_;
   const optics::OpticalModel& model_;
@@ -126,139 +247,6 @@ class PlanBuilder {
   size_t sets_to_follow_ = 0;  ///< sets that the part lacks after the present one
   int most_rows_ = 2;
 };
-
-int32_t PlanBuilder::usual_step() {
-  const optics::Panel& panel = model_.rig().panel;
-  const int begin = std::max(0, panel.width_px / 2 - 32),
-            end = std::min(panel.width_px, begin + 64);
-  rays_.evaluate(panel.height_px / 2, begin, end, rows_[0]);
-  Line& line = lines_[0];
-  read_line(rows_[0], 0, line);
-  std::vector<double> steps;
-  for (size_t n = 1; n < static_cast<size_t>(line.places); ++n)
-    if (line.lens[n] == line.lens[n - 1]) steps.push_back(line.view[n] - line.view[n - 1]);
-  if (steps.empty()) return 0;
-  const double step = upper_median(std::move(steps)) * kViewUnit;
-  return std::abs(step) < (1 << 27) ? rounded(step) : 0;
-}
-
-/// Returns the subpixel of a place: every stride-th one, in stripes from red to blue.
-size_t PlanBuilder::subpixel_of(uint32_t offset, size_t place) const {
-  return plan_.blue_first_ ? place + 2 - 2 * (place % 3) : offset + place * plan_.stride_;
-}
-
-void PlanBuilder::read_line(const optics::RowRays& rays, uint32_t offset, Line& line) {
-  const uint32_t stride = plan_.stride_;
-  const size_t subpixels = rays.size();
-  const size_t count = offset < subpixels ? (subpixels - offset + stride - 1) / stride : 0;
-  line.resize(count);
-  if (count == 0) return;
-  plan_kernel::Places places{rays.lens_x_mm.data(), rays.lens_y_mm.data(), rays.place.data(),
-                             line.places};
-  if (stride == 1 && !plan_.blue_first_) {
-    std::copy(rays.lens.begin(), rays.lens.end(), line.lens.begin());
-  } else {
-    const std::array<const std::vector<double>*, 3> from = {&rays.lens_x_mm, &rays.lens_y_mm,
-                                                            &rays.place};
-    for (size_t k = 0; k < from.size(); ++k) {
-      places_[k].resize(count);
-      for (size_t n = 0; n < count; ++n) places_[k][n] = (*from[k])[subpixel_of(offset, n)];
-    }
-    for (size_t n = 0; n < count; ++n) line.lens[n] = rays.lens[subpixel_of(offset, n)];
-    places = {places_[0].data(), places_[1].data(), places_[2].data(), line.places};
-  }
-  kernel_.read_places(picture_, places, line.view.data(), line.column.data(), line.black.data());
-  const double v = place_.v(places.lens_y_mm[count - 1]);
-  const int height = plan_.shape_.height;
-  line.row = std::clamp(v * height - 0.5, 0.0, height - 1.0);
-}
-
-void PlanBuilder::find_runs(size_t r) {
-  runs_[r].resize(static_cast<size_t>(lines_[r].places));
-  counts_[r] = kernel_.find_runs(terms_, lines_[r].terms(), runs_[r].data());
-}
-
-void PlanBuilder::note_bars(const Line& line, int r, const Set& set, WeavePlan::Part& part) const {
-  const auto places = static_cast<size_t>(line.places);
-  for (size_t begin = 0; begin < places;) {
-    size_t end = begin;
-    while (end < places && line.black[end] == line.black[begin]) ++end;
-    if (line.black[begin] != 0)
-      part.bars.push_back({r, set.first + static_cast<uint32_t>(begin) * set.stride, set.stride,
-                           static_cast<uint32_t>(end - begin)});
-    begin = end;
-  }
-}
-
-void PlanBuilder::join_rows(WeavePlan::Part& part) {
-  const auto line = [&](size_t r) { return lines_[r].terms(); };
-  // Most records have a run in each row, and the other sets of the part are like this one.
-  const auto runs = static_cast<size_t>(counts_[0] + counts_[1] + counts_[2] + counts_[3]);
-  part.make_room(runs, runs / kRows * sets_to_follow_);
-  const int made =
-      kernel_.join_runs(terms_, {line(0), line(1), line(2), line(3)},
-                        {runs_[0].data(), runs_[1].data(), runs_[2].data(), runs_[3].data()},
-                        {counts_[0], counts_[1], counts_[2], counts_[3]}, lines_[0].places,
-                        part.quads() + part.count);
-  LENTICULE_CHECK(made >= 0);
-  part.count += static_cast<size_t>(made);
-}
-
-void PlanBuilder::build_set(int rows, int i_begin, uint32_t offset, WeavePlan::Part& part) {
-  sets_to_follow_ -= sets_to_follow_ > 0 ? 1 : 0;
-  Set set{};
-  set.first = static_cast<uint32_t>(3 * i_begin) + offset;
-  set.stride = plan_.stride_;
-  set.quads_begin = static_cast<uint32_t>(part.count);
-  int top = plan_.shape_.height, bottom = 0;
-  for (int r = 0; r < kRows; ++r) {
-    const auto k = static_cast<size_t>(r);
-    counts_[k] = 0;
-    if (r < rows) {
-      read_line(rows_[k], offset, lines_[k]);
-      find_runs(k);
-      note_bars(lines_[k], r, set, part);
-    }
-    const int row = rounded(lines_[r < rows ? k : 0].row * kColumnUnit);
-    set.row[r] = row >> kWeightBits;
-    set.row_share[r] = static_cast<int16_t>(row & ((1 << kWeightBits) - 1));
-    top = std::min(top, set.row[r]);
-    bottom = std::max(bottom, set.row[r] + 1);
-  }
-  join_rows(part);
-  set.quads_end = static_cast<uint32_t>(part.count);
-  part.sets.push_back(set);
-  most_rows_ = std::max(most_rows_, bottom - top + 1);
-}
-
-void PlanBuilder::build_segment(int block, int i_begin, int i_end, WeavePlan::Part& part) {
-  const int rows = std::min(kRows, plan_.geometry_.height - block * kRows);
-  for (int r = 0; r < rows; ++r)
-    rays_.evaluate(block * kRows + r, i_begin, i_end, rows_[static_cast<size_t>(r)]);
-  const auto subpixels = static_cast<uint32_t>(3 * (i_end - i_begin));
-  for (uint32_t offset = 0; offset < std::min(plan_.stride_, subpixels); ++offset)
-    build_set(rows, i_begin, offset, part);
-}
-
-/// Returns the pixels of a segment of a row.
-int PlanBuilder::segment() const {
-  const int columns = model_.rig().panel.layout.columns();
-  return kSegmentPixels / columns * columns;
-}
-
-void PlanBuilder::build_block(int block, WeavePlan::Part& part) {
-  const int step = segment();
-  for (int i = 0; i < plan_.geometry_.width; i += step)
-    build_segment(block, i, std::min(i + step, plan_.geometry_.width), part);
-  part.blocks.push_back({part.sets.size(), part.bars.size()});
-}
-
-void PlanBuilder::build(int first_block, int end_block, WeavePlan::Part& part) {
-  const int segments = (plan_.geometry_.width + segment() - 1) / segment();
-  sets_to_follow_ =
-      static_cast<size_t>(end_block - first_block) * static_cast<size_t>(segments) * plan_.stride_;
-  for (int block = first_block; block < end_block; ++block) build_block(block, part);
-}
 
 void WeavePlan::Part::make_room(size_t records, size_t likely_to_follow) {
   const size_t needed = (count + records) * sizeof(Quad);

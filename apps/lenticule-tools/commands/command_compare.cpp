@@ -38,59 +38,6 @@ struct PicturePair {
   std::filesystem::path test;
 };
 
-/// CompareReport measures pairs and accumulates the results. Figures of a set of samples are "mse",
-/// "rmse", "psnr_db" (null if equal), "max", and "over_N" and "share_over_N": how many differ by
-/// more than N levels. Totals have the same share for the given number of levels, "share_over".
-/// FLIP of a frame is "flip" {"mean", "percentile_99", "pixels_per_degree"}.
-class CompareReport {
- public:
-  /// `model` may be null; then there are no figures per view. Lifetime: it must outlive the report.
-  /// With `flip_pixels_per_degree`, frames have FLIP too.
-  CompareReport(const optics::OpticalModel* model, int views,
-                std::optional<double> flip_pixels_per_degree, std::optional<double> over);
-
-  /// Adds a pair. Throws the errors of reading and comparing pictures.
-  void add(const PicturePair& files);
-
-  /// Returns the added pair with the largest total MSE.
-  [[nodiscard]] size_t worst_frame() const { return worst_frame_; }
-  /// Returns "frames", "worst_frame", "worst" (a copy of that frame), "means" (with FLIP as "flip",
-  /// the mean over frames) and, with a rig,
-  /// "worst_view" {"frame", "view", ...}: the view with the largest difference in any frame.
-  [[nodiscard]] nlohmann::json json() const;
-
- private:
-  /// Figures of a picture in its three channels, pooled over frames.
-  struct Pooled {
-    frames::PictureDifference difference;
-    double psnr_sum = 0.0;
-    size_t psnr_count = 0;  ///< number of frames that differ
-    double rmse_sum = 0.0;
-    double ssim_sum = 0.0;
-    size_t ssim_count = 0;
-    size_t frames = 0;
-
-    void add(const frames::PictureDifference& frame, std::optional<double> ssim);
-    [[nodiscard]] nlohmann::json figures(std::optional<double> over) const;
-  };
-
-  nlohmann::json measure_flip(const frames::FrameView& reference, const frames::FrameView& test);
-  nlohmann::json measure_view(const frames::FrameView& reference, const frames::FrameView& test,
-                              const frames::Difference& subpixels, int view);
-  void note_worst_view(const nlohmann::json& views);
-
-  const optics::OpticalModel* model_;
-  int views_;
-  std::optional<double> flip_pixels_per_degree_;
-  std::optional<double> over_;
-  double flip_sum_ = 0.0;
-  std::vector<nlohmann::json> frames_;
-  size_t worst_frame_ = 0;
-  Pooled whole_;
-  std::vector<Pooled> seen_;  ///< per view, as an eye sees it
-  nlohmann::json worst_view_;
-};
-
 std::vector<PicturePair> pairs_by_number(const std::string& reference_text,
                                          const std::string& test_text) {
   const frames::FilePattern reference(reference_text), test(test_text);
@@ -294,6 +241,126 @@ void print_sequence(const json& report, std::optional<double> over) {
   print_readings(report["means"], over);
 }
 
+/// CompareReport measures pairs and accumulates the results. Figures of a set of samples are "mse",
+/// "rmse", "psnr_db" (null if equal), "max", and "over_N" and "share_over_N": how many differ by
+/// more than N levels. Totals have the same share for the given number of levels, "share_over".
+/// FLIP of a frame is "flip" {"mean", "percentile_99", "pixels_per_degree"}.
+class CompareReport {
+ public:
+  /// `model` may be null; then there are no figures per view. Lifetime: it must outlive the report.
+  /// With `flip_pixels_per_degree`, frames have FLIP too.
+  CompareReport(const optics::OpticalModel* model, int views,
+                std::optional<double> flip_pixels_per_degree, std::optional<double> over)
+      : model_(model),
+        views_(views),
+        flip_pixels_per_degree_(flip_pixels_per_degree),
+        over_(over),
+        seen_(model ? static_cast<size_t>(views) : 0) {}
+
+  /// Adds a pair. Throws the errors of reading and comparing pictures.
+  void add(const PicturePair& files) {
+    const frames::WovenFrame reference = frames::read_woven(files.reference);
+    frames::WovenFrame test(reference.geometry());
+    frames::read_woven_into(files.test, test);
+
+    const auto difference = frames::compare_pictures(reference.view(), test.view());
+    nlohmann::json frame = figures_of(difference, over_);
+    frame["reference"] = files.reference.string();
+    frame["test"] = files.test.string();
+    if (flip_pixels_per_degree_) frame["flip"] = measure_flip(reference.view(), test.view());
+    if (model_) {
+      const auto by_view = frames::compare_views(reference.view(), test.view(), *model_, views_);
+      for (int view = 0; view < views_; ++view)
+        frame["views"].push_back(
+            measure_view(reference.view(), test.view(), by_view[static_cast<size_t>(view)], view));
+      frame["worst_view"] = frames::worst_view(by_view);
+      note_worst_view(frame["views"]);
+    }
+    whole_.add(difference, std::nullopt);
+    const auto mse = [](const nlohmann::json& one) { return one["total"]["mse"].get<double>(); };
+    if (!frames_.empty() && mse(frame) > mse(frames_[worst_frame_])) worst_frame_ = frames_.size();
+    frames_.push_back(std::move(frame));
+  }
+
+  /// Returns the added pair with the largest total MSE.
+  [[nodiscard]] size_t worst_frame() const { return worst_frame_; }
+
+  /// Returns "frames", "worst_frame", "worst" (a copy of that frame), "means" (with FLIP as "flip",
+  /// the mean over frames) and, with a rig,
+  /// "worst_view" {"frame", "view", ...}: the view with the largest difference in any frame.
+  [[nodiscard]] nlohmann::json json() const {
+    nlohmann::json report = {{"frames", frames_},
+                             {"worst_frame", worst_frame_},
+                             {"worst", frames_.at(worst_frame_)},
+                             {"means", whole_.figures(over_)}};
+    if (flip_pixels_per_degree_)
+      report["means"]["flip"] = flip_sum_ / static_cast<double>(frames_.size());
+    for (const Pooled& view : seen_) report["means"]["views"].push_back(view.figures(over_));
+    if (!worst_view_.is_null()) report["worst_view"] = worst_view_;
+    return report;
+  }
+
+ private:
+  /// Figures of a picture in its three channels, pooled over frames.
+  struct Pooled {
+    frames::PictureDifference difference;
+    double psnr_sum = 0.0;
+    size_t psnr_count = 0;  ///< number of frames that differ
+    double rmse_sum = 0.0;
+    double ssim_sum = 0.0;
+    size_t ssim_count = 0;
+    size_t frames = 0;
+
+    void add(const frames::PictureDifference& frame, std::optional<double> ssim);
+    [[nodiscard]] nlohmann::json figures(std::optional<double> over) const;
+  };
+
+  nlohmann::json measure_flip(const frames::FrameView& reference, const frames::FrameView& test) {
+    const frames::FlipFigures flip = frames::flip_figures(
+        frames::flip_map({reference, *flip_pixels_per_degree_}, {test, *flip_pixels_per_degree_}));
+    flip_sum_ += flip.mean;
+    return {{"mean", flip.mean},
+            {"percentile_99", flip.percentile_99},
+            {"pixels_per_degree", *flip_pixels_per_degree_}};
+  }
+
+  nlohmann::json measure_view(const frames::FrameView& reference, const frames::FrameView& test,
+                              const frames::Difference& subpixels, int view) {
+    const frames::WovenFrame a = frames::decode_view(reference, *model_, view, views_);
+    const frames::WovenFrame b = frames::decode_view(test, *model_, view, views_);
+    const auto difference = frames::compare_pictures(a.view(), b.view());
+    const auto ssim = frames::structural_similarity(a.view(), b.view());
+    seen_[static_cast<size_t>(view)].add(difference, ssim);
+    nlohmann::json figures = figures_of(subpixels);
+    figures["seen"] = figures_of(difference, over_);
+    figures["seen"]["ssim"] = number_or_null(ssim);
+    return figures;
+  }
+
+  void note_worst_view(const nlohmann::json& views) {
+    const auto mse = [](const nlohmann::json& view) {
+      return view["seen"]["total"]["mse"].get<double>();
+    };
+    for (size_t view = 0; view < views.size(); ++view) {
+      if (!worst_view_.is_null() && mse(views[view]) <= mse(worst_view_)) continue;
+      worst_view_ = views[view];
+      worst_view_["view"] = view;
+      worst_view_["frame"] = frames_.size();
+    }
+  }
+
+  const optics::OpticalModel* model_;
+  int views_;
+  std::optional<double> flip_pixels_per_degree_;
+  std::optional<double> over_;
+  double flip_sum_ = 0.0;
+  std::vector<nlohmann::json> frames_;
+  size_t worst_frame_ = 0;
+  Pooled whole_;
+  std::vector<Pooled> seen_;  ///< per view, as an eye sees it
+  nlohmann::json worst_view_;
+};
+
 void CompareReport::Pooled::add(const frames::PictureDifference& frame,
                                 std::optional<double> ssim) {
   for (size_t c = 0; c < frame.channels.size(); ++c) difference.channels[c].add(frame.channels[c]);
@@ -317,87 +384,6 @@ nlohmann::json CompareReport::Pooled::figures(std::optional<double> over) const 
   if (psnr_count > 0) figures["mean_psnr_db"] = psnr_sum / static_cast<double>(psnr_count);
   if (ssim_count > 0) figures["ssim"] = ssim_sum / static_cast<double>(ssim_count);
   return figures;
-}
-
-CompareReport::CompareReport(const optics::OpticalModel* model, int views,
-                             std::optional<double> flip_pixels_per_degree,
-                             std::optional<double> over)
-    : model_(model),
-      views_(views),
-      flip_pixels_per_degree_(flip_pixels_per_degree),
-      over_(over),
-      seen_(model ? static_cast<size_t>(views) : 0) {}
-
-nlohmann::json CompareReport::measure_flip(const frames::FrameView& reference,
-                                           const frames::FrameView& test) {
-  const frames::FlipFigures flip = frames::flip_figures(
-      frames::flip_map({reference, *flip_pixels_per_degree_}, {test, *flip_pixels_per_degree_}));
-  flip_sum_ += flip.mean;
-  return {{"mean", flip.mean},
-          {"percentile_99", flip.percentile_99},
-          {"pixels_per_degree", *flip_pixels_per_degree_}};
-}
-
-nlohmann::json CompareReport::measure_view(const frames::FrameView& reference,
-                                           const frames::FrameView& test,
-                                           const frames::Difference& subpixels, int view) {
-  const frames::WovenFrame a = frames::decode_view(reference, *model_, view, views_);
-  const frames::WovenFrame b = frames::decode_view(test, *model_, view, views_);
-  const auto difference = frames::compare_pictures(a.view(), b.view());
-  const auto ssim = frames::structural_similarity(a.view(), b.view());
-  seen_[static_cast<size_t>(view)].add(difference, ssim);
-  nlohmann::json figures = figures_of(subpixels);
-  figures["seen"] = figures_of(difference, over_);
-  figures["seen"]["ssim"] = number_or_null(ssim);
-  return figures;
-}
-
-void CompareReport::note_worst_view(const nlohmann::json& views) {
-  const auto mse = [](const nlohmann::json& view) {
-    return view["seen"]["total"]["mse"].get<double>();
-  };
-  for (size_t view = 0; view < views.size(); ++view) {
-    if (!worst_view_.is_null() && mse(views[view]) <= mse(worst_view_)) continue;
-    worst_view_ = views[view];
-    worst_view_["view"] = view;
-    worst_view_["frame"] = frames_.size();
-  }
-}
-
-void CompareReport::add(const PicturePair& files) {
-  const frames::WovenFrame reference = frames::read_woven(files.reference);
-  frames::WovenFrame test(reference.geometry());
-  frames::read_woven_into(files.test, test);
-
-  const auto difference = frames::compare_pictures(reference.view(), test.view());
-  nlohmann::json frame = figures_of(difference, over_);
-  frame["reference"] = files.reference.string();
-  frame["test"] = files.test.string();
-  if (flip_pixels_per_degree_) frame["flip"] = measure_flip(reference.view(), test.view());
-  if (model_) {
-    const auto by_view = frames::compare_views(reference.view(), test.view(), *model_, views_);
-    for (int view = 0; view < views_; ++view)
-      frame["views"].push_back(
-          measure_view(reference.view(), test.view(), by_view[static_cast<size_t>(view)], view));
-    frame["worst_view"] = frames::worst_view(by_view);
-    note_worst_view(frame["views"]);
-  }
-  whole_.add(difference, std::nullopt);
-  const auto mse = [](const nlohmann::json& one) { return one["total"]["mse"].get<double>(); };
-  if (!frames_.empty() && mse(frame) > mse(frames_[worst_frame_])) worst_frame_ = frames_.size();
-  frames_.push_back(std::move(frame));
-}
-
-nlohmann::json CompareReport::json() const {
-  nlohmann::json report = {{"frames", frames_},
-                           {"worst_frame", worst_frame_},
-                           {"worst", frames_.at(worst_frame_)},
-                           {"means", whole_.figures(over_)}};
-  if (flip_pixels_per_degree_)
-    report["means"]["flip"] = flip_sum_ / static_cast<double>(frames_.size());
-  for (const Pooled& view : seen_) report["means"]["views"].push_back(view.figures(over_));
-  if (!worst_view_.is_null()) report["worst_view"] = worst_view_;
-  return report;
 }
 
 /// Prints the table for people, made from the JSON.

@@ -44,18 +44,96 @@ constexpr size_t kMostWords = 4096;
 
 class VideoWriter::Encoder {
  public:
-  explicit Encoder(const VideoWriterOptions& options);
+  explicit Encoder(const VideoWriterOptions& options) : options_(options), file_(options.file) {
+    if (options_.program.empty()) options_.program = player::find_video_program();
+    start();
+  }
 
-  void write(std::span<const uint8_t> bytes);
-  void finish();
+  void write(std::span<const uint8_t> bytes) {
+    const Clock::time_point deadline = Clock::now() + kTimeout;
+    while (!bytes.empty()) {
+      const ssize_t n = ::send(input_.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
+      if (n > 0) {
+        bytes = bytes.subspan(static_cast<size_t>(n));
+        continue;
+      }
+      if (errno == EINTR) continue;
+      if (errno != EAGAIN || Clock::now() >= deadline) give_up();
+      hear();
+      pollfd room{.fd = input_.get(), .events = POLLOUT, .revents = 0};
+      (void)poll(&room, 1, 200);
+    }
+  }
+
+  void finish() {
+    input_.reset();
+    const auto ended = wait_until(Clock::now() + kTimeout);
+    if (!ended || ended->exit_code != 0) give_up();
+    file_.replace_target();
+  }
+
   [[nodiscard]] const frames::FrameGeometry& geometry() const { return options_.geometry; }
 
  private:
-  void start();
-  [[nodiscard]] std::vector<std::string> arguments() const;
-  void hear();
-  [[nodiscard]] std::optional<ProcessEnd> wait_until(Clock::time_point deadline);
-  [[noreturn]] void give_up();
+  void start() {
+    std::array<int, 2> in{};
+    // A socket instead of a pipe: writing to a dead encoder then returns an error instead of
+    // raising a signal.
+    if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, in.data()) != 0)
+      cannot_write(options_.file, std::strerror(errno));
+    const UniqueFd child_in(in[0]);
+    input_ = UniqueFd(in[1]);
+    Pipe errors = make_pipe();
+    errors_ = std::move(errors.reading);
+    fcntl(input_.get(), F_SETFL, O_NONBLOCK);
+    fcntl(errors_.get(), F_SETFL, O_NONBLOCK);
+    try {
+      process_ = Subprocess(arguments(), {{child_in.get(), STDIN_FILENO},
+                                          {file_.fd(), STDOUT_FILENO},
+                                          {errors.writing.get(), STDERR_FILENO}});
+    } catch (const Error& error) {
+      cannot_write(options_.file, error.what());
+    }
+  }
+
+  [[nodiscard]] std::vector<std::string> arguments() const {
+    return {options_.program.string(),
+            "encode",
+            "--width",
+            std::to_string(options_.geometry.width),
+            "--height",
+            std::to_string(options_.geometry.height),
+            "--rate",
+            frames::to_string(options_.rate),
+            "--codec",
+            options_.codec == VideoCodec::Ffv1 ? "ffv1" : "x264rgb",
+            "-"};
+  }
+
+  void hear() {
+    std::array<char, 1024> buffer;
+    ssize_t n = 0;
+    while ((n = ::read(errors_.get(), buffer.data(), buffer.size())) > 0)
+      if (words_.size() < kMostWords) words_.append(buffer.data(), static_cast<size_t>(n));
+  }
+
+  [[nodiscard]] std::optional<ProcessEnd> wait_until(Clock::time_point deadline) {
+    while (true) {
+      hear();  // an encoder with too much to say would wait
+      if (const auto ended = process_.wait_until(std::min(deadline, Clock::now() + kLook))) {
+        hear();
+        return ended;
+      }
+      if (Clock::now() >= deadline) return std::nullopt;
+    }
+  }
+
+  /// Reports the encoder's reason if it gave one; a broken pipe is only the consequence.
+  [[noreturn]] void give_up() {
+    if (process_ && !wait_until(Clock::now() + 1s)) words_ += "the encoder does not respond";
+    const std::string line = words_.substr(0, words_.find('\n'));
+    cannot_write(options_.file, line.empty() ? "the encoder crashed" : escaped(line));
+  }
 
   VideoWriterOptions options_;
   TemporaryFile file_;
@@ -64,95 +142,6 @@ class VideoWriter::Encoder {
   std::string words_;
   Subprocess process_;
 };
-
-VideoWriter::Encoder::Encoder(const VideoWriterOptions& options)
-    : options_(options), file_(options.file) {
-  if (options_.program.empty()) options_.program = player::find_video_program();
-  start();
-}
-
-std::vector<std::string> VideoWriter::Encoder::arguments() const {
-  return {options_.program.string(),
-          "encode",
-          "--width",
-          std::to_string(options_.geometry.width),
-          "--height",
-          std::to_string(options_.geometry.height),
-          "--rate",
-          frames::to_string(options_.rate),
-          "--codec",
-          options_.codec == VideoCodec::Ffv1 ? "ffv1" : "x264rgb",
-          "-"};
-}
-
-void VideoWriter::Encoder::start() {
-  std::array<int, 2> in{};
-  // A socket instead of a pipe: writing to a dead encoder then returns an error instead of raising
-  // a signal.
-  if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, in.data()) != 0)
-    cannot_write(options_.file, std::strerror(errno));
-  const UniqueFd child_in(in[0]);
-  input_ = UniqueFd(in[1]);
-  Pipe errors = make_pipe();
-  errors_ = std::move(errors.reading);
-  fcntl(input_.get(), F_SETFL, O_NONBLOCK);
-  fcntl(errors_.get(), F_SETFL, O_NONBLOCK);
-  try {
-    process_ = Subprocess(arguments(), {{child_in.get(), STDIN_FILENO},
-                                        {file_.fd(), STDOUT_FILENO},
-                                        {errors.writing.get(), STDERR_FILENO}});
-  } catch (const Error& error) {
-    cannot_write(options_.file, error.what());
-  }
-}
-
-void VideoWriter::Encoder::hear() {
-  std::array<char, 1024> buffer;
-  ssize_t n = 0;
-  while ((n = ::read(errors_.get(), buffer.data(), buffer.size())) > 0)
-    if (words_.size() < kMostWords) words_.append(buffer.data(), static_cast<size_t>(n));
-}
-
-void VideoWriter::Encoder::write(std::span<const uint8_t> bytes) {
-  const Clock::time_point deadline = Clock::now() + kTimeout;
-  while (!bytes.empty()) {
-    const ssize_t n = ::send(input_.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
-    if (n > 0) {
-      bytes = bytes.subspan(static_cast<size_t>(n));
-      continue;
-    }
-    if (errno == EINTR) continue;
-    if (errno != EAGAIN || Clock::now() >= deadline) give_up();
-    hear();
-    pollfd room{.fd = input_.get(), .events = POLLOUT, .revents = 0};
-    (void)poll(&room, 1, 200);
-  }
-}
-
-std::optional<ProcessEnd> VideoWriter::Encoder::wait_until(Clock::time_point deadline) {
-  while (true) {
-    hear();  // an encoder with too much to say would wait
-    if (const auto ended = process_.wait_until(std::min(deadline, Clock::now() + kLook))) {
-      hear();
-      return ended;
-    }
-    if (Clock::now() >= deadline) return std::nullopt;
-  }
-}
-
-void VideoWriter::Encoder::finish() {
-  input_.reset();
-  const auto ended = wait_until(Clock::now() + kTimeout);
-  if (!ended || ended->exit_code != 0) give_up();
-  file_.replace_target();
-}
-
-/// Reports the encoder's reason if it gave one; a broken pipe is only the consequence.
-void VideoWriter::Encoder::give_up() {
-  if (process_ && !wait_until(Clock::now() + 1s)) words_ += "the encoder does not respond";
-  const std::string line = words_.substr(0, words_.find('\n'));
-  cannot_write(options_.file, line.empty() ? "the encoder crashed" : escaped(line));
-}
 
 VideoWriter::VideoWriter(const VideoWriterOptions& options)
     : encoder_(std::make_unique<Encoder>(options)) {}

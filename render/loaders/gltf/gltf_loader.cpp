@@ -40,43 +40,6 @@
 namespace lenticule::render::gltf {
 namespace {
 
-/// MeshBudget limits the vertices and triangles of a scene before memory is allocated for them.
-class MeshBudget {
- public:
-  /// Throws Error(Input) through `where` if the total exceeds a limit.
-  void take(size_t vertices, size_t triangles, const JsonAt& where);
-
- private:
-  size_t vertices_ = 0;
-  size_t triangles_ = 0;
-};
-
-/// Lifetime: must not outlive document, materials and notes.
-class Primitives {
- public:
-  Primitives(Document& document, Materials& materials, Notes& notes)
-      : document_(document), materials_(materials), notes_(notes) {}
-
-  /// Returns the primitives of meshes[index] that have triangles, in the mesh's coordinates. A
-  /// deformation has no skin yet.
-  [[nodiscard]] const std::vector<TriangleMesh>& of_mesh(size_t index);
-  /// Returns the number of morph targets of meshes[index].
-  [[nodiscard]] size_t targets(size_t index);
-  /// Notes repaired triangles and normals, and meshes whose coordinates are coarse.
-  void note_repairs(SceneDescription& scene) const;
-
- private:
-  [[nodiscard]] TriangleMesh read(const JsonAt& primitive, const std::string& name);
-
-  Document& document_;
-  Materials& materials_;
-  Notes& notes_;
-  std::map<size_t, std::vector<TriangleMesh>> meshes_;
-  MeshBudget budget_;
-  MeshRepairs repairs_;
-  LostDigits digits_;
-};
-
 // A primitive is a list of triangles of one material. Its vertex attributes come from accessors or
 // from Draco data; strips and fans become triangles, tangents are computed where a material needs
 // them, and morph targets and the weights of joints are kept for the animation.
@@ -407,136 +370,128 @@ std::vector<Vec3f> offsets_of(Document& document, const JsonAt& target, const ch
   return offsets;
 }
 
-void MeshBudget::take(size_t vertices, size_t triangles, const JsonAt& where) {
-  vertices_ += vertices;
-  triangles_ += triangles;
-  if (vertices_ > kMaxVertices || triangles_ > kMaxTriangles)
-    where.fail(fmt::format("more than {} triangles or {} vertices in the scene", kMaxTriangles,
-                           kMaxVertices));
-}
-
-TriangleMesh Primitives::read(const JsonAt& primitive, const std::string& name) {
-  TriangleMesh mesh;
-  mesh.name = name;
-  const Attributes attributes(document_, primitive);
-  const size_t vertices = attributes.count("POSITION");
-  const std::vector<JsonAt> targets = primitive.list("targets");
-  // Counts the vertices of morph targets as well.
-  constexpr size_t kMostTargets = size_t{1} << 16;
-  if (targets.size() > kMostTargets)
-    primitive.at("targets").fail(fmt::format("more than {} morph targets", kMostTargets));
-  budget_.take(vertices * (1 + targets.size()), 0, primitive);
-
-  mesh.material = materials_.index(
-      primitive.find_index("material", document_.list("materials").size(), "materials"));
-  const MaterialInput& input = materials_.input(mesh.material);
-  mesh.positions = positions_of(attributes, vertices, name);
-  digits_.add(mesh);
-  mesh.normals = normals_of(attributes, vertices);
-  mesh.tangents = tangents_of(attributes, vertices, mesh.normals);
-  mesh.uvs = uvs_of(attributes, vertices, input.uv_sets[0]);
-  if (input.uv_sets.size() > 1) mesh.uvs2 = uvs_of(attributes, vertices, input.uv_sets[1]);
-  mesh.colours = colours_of(attributes, vertices);
-
-  const std::vector<uint32_t> corners = indices_of(document_, primitive, attributes, vertices);
-  const uint64_t mode = attributes.draco() != nullptr ? Triangles : primitive.whole("mode", 4);
-  budget_.take(0, mode == Triangles ? corners.size() / 3 : corners.size(), primitive);
-  mesh.triangles = triangles_of(mode, corners);
-
-  auto deformation = std::make_shared<Deformation>();
-  read_joints(attributes, vertices, *deformation);
-  for (const JsonAt& target : targets)
-    deformation->targets.push_back({offsets_of(document_, target, "POSITION", vertices),
-                                    offsets_of(document_, target, "NORMAL", vertices),
-                                    offsets_of(document_, target, "TANGENT", vertices)});
-  const bool deformed = !deformation->targets.empty() || deformation->joints_per_vertex > 0;
-  if (deformed) {
-    // The deformation may give a triangle an area, so all stay. Each frame's mesh is cleaned later.
-    for (Vec3& normal : mesh.normals) normal = normalized(is_finite(normal) ? normal : Vec3{});
-    mesh.deformation = std::move(deformation);
-  } else {
-    const MeshRepairs repairs = clean(mesh);
-    repairs_.dropped_triangles += repairs.dropped_triangles;
-    repairs_.recomputed_normals += repairs.recomputed_normals;
-  }
-  if (mesh.tangents.empty() && input.tangent_uvs) compute_tangents(mesh, *input.tangent_uvs == 1);
-  return mesh;
-}
-
-const std::vector<TriangleMesh>& Primitives::of_mesh(size_t index) {
-  const auto [known, added] = meshes_.try_emplace(index);
-  if (!added) return known->second;
-  const JsonAt& mesh = document_.list("meshes")[index];
-  const std::string name = mesh.text("name", mesh.path());
-  const JsonAt primitives = mesh.at("primitives");
-  for (size_t i = 0; i < primitives.size(); ++i) {
-    const JsonAt primitive = primitives[i];
-    const uint64_t mode = primitive.whole("mode", Triangles);
-    if (mode > kLastMode) primitive.at("mode").fail(fmt::format("{} of 7 modes", mode));
-    if (mode < Triangles) {
-      notes_.count("primitives of points or lines left out");
-      continue;
-    }
-    if (!primitive.at("attributes").find("POSITION")) {
-      notes_.count("primitives without positions left out");
-      continue;
-    }
-    TriangleMesh triangles = read(primitive, name);
-    if (!triangles.triangles.empty()) known->second.push_back(std::move(triangles));
-  }
-  return known->second;
-}
-
-size_t Primitives::targets(size_t index) {
-  const JsonAt primitives = document_.list("meshes")[index].at("primitives");
-  return primitives.size() == 0 ? 0 : primitives[0].list("targets").size();
-}
-
-void Primitives::note_repairs(SceneDescription& scene) const {
-  notes_.count("triangles without an area dropped", repairs_.dropped_triangles);
-  notes_.count("unusable normals recomputed", repairs_.recomputed_normals);
-  digits_.write(scene);
-}
-
-// ---- nodes
-
-/// Nodes imports glTF's node hierarchy with what hangs on it: meshes, skins, cameras and lights.
-/// Lifetime: must not outlive document, scene, materials and notes.
-class Nodes {
+/// MeshBudget limits the vertices and triangles of a scene before memory is allocated for them.
+class MeshBudget {
  public:
-  /// Imports the hierarchy, parents first. Throws Error(Input) for a node with two parents and for
-  /// one that is its own ancestor.
-  Nodes(Document& document, SceneDescription& scene, Notes& notes);
-
-  /// Returns the index in the scene of nodes[index].
-  [[nodiscard]] int index(size_t index) const { return places_[index]; }
-
-  void import_skins();
-  void import_meshes(Materials& materials);
-  void import_lights();
-  /// Requires the meshes to be in place: a file states the direction in which a camera looks, but
-  /// not the distance.
-  void import_cameras();
+  /// Throws Error(Input) through `where` if the total exceeds a limit.
+  void take(size_t vertices, size_t triangles, const JsonAt& where) {
+    vertices_ += vertices;
+    triangles_ += triangles;
+    if (vertices_ > kMaxVertices || triangles_ > kMaxTriangles)
+      where.fail(fmt::format("more than {} triangles or {} vertices in the scene", kMaxTriangles,
+                             kMaxVertices));
+  }
 
  private:
-  void import_hierarchy();
-  void mark_shown();
-  /// Adds the meshes to the scene, once per instance.
-  void show(size_t node, const std::vector<TriangleMesh>& meshes);
-  [[nodiscard]] std::vector<int> instances(const JsonAt& node, int place);
-  [[nodiscard]] std::shared_ptr<const Deformation> with_skin(
-      const std::shared_ptr<const Deformation>& deformation, const JsonAt& node,
-      const std::string& mesh) const;
+  size_t vertices_ = 0;
+  size_t triangles_ = 0;
+};
+
+/// Lifetime: must not outlive document, materials and notes.
+class Primitives {
+ public:
+  Primitives(Document& document, Materials& materials, Notes& notes)
+      : document_(document), materials_(materials), notes_(notes) {}
+
+  /// Returns the primitives of meshes[index] that have triangles, in the mesh's coordinates. A
+  /// deformation has no skin yet.
+  [[nodiscard]] const std::vector<TriangleMesh>& of_mesh(size_t index) {
+    const auto [known, added] = meshes_.try_emplace(index);
+    if (!added) return known->second;
+    const JsonAt& mesh = document_.list("meshes")[index];
+    const std::string name = mesh.text("name", mesh.path());
+    const JsonAt primitives = mesh.at("primitives");
+    for (size_t i = 0; i < primitives.size(); ++i) {
+      const JsonAt primitive = primitives[i];
+      const uint64_t mode = primitive.whole("mode", Triangles);
+      if (mode > kLastMode) primitive.at("mode").fail(fmt::format("{} of 7 modes", mode));
+      if (mode < Triangles) {
+        notes_.count("primitives of points or lines left out");
+        continue;
+      }
+      if (!primitive.at("attributes").find("POSITION")) {
+        notes_.count("primitives without positions left out");
+        continue;
+      }
+      TriangleMesh triangles = read(primitive, name);
+      if (!triangles.triangles.empty()) known->second.push_back(std::move(triangles));
+    }
+    return known->second;
+  }
+
+  /// Returns the number of morph targets of meshes[index].
+  [[nodiscard]] size_t targets(size_t index) {
+    const JsonAt primitives = document_.list("meshes")[index].at("primitives");
+    return primitives.size() == 0 ? 0 : primitives[0].list("targets").size();
+  }
+
+  /// Notes repaired triangles and normals, and meshes whose coordinates are coarse.
+  void note_repairs(SceneDescription& scene) const {
+    notes_.count("triangles without an area dropped", repairs_.dropped_triangles);
+    notes_.count("unusable normals recomputed", repairs_.recomputed_normals);
+    digits_.write(scene);
+  }
+
+ private:
+  [[nodiscard]] TriangleMesh read(const JsonAt& primitive, const std::string& name) {
+    TriangleMesh mesh;
+    mesh.name = name;
+    const Attributes attributes(document_, primitive);
+    const size_t vertices = attributes.count("POSITION");
+    const std::vector<JsonAt> targets = primitive.list("targets");
+    // Counts the vertices of morph targets as well.
+    constexpr size_t kMostTargets = size_t{1} << 16;
+    if (targets.size() > kMostTargets)
+      primitive.at("targets").fail(fmt::format("more than {} morph targets", kMostTargets));
+    budget_.take(vertices * (1 + targets.size()), 0, primitive);
+
+    mesh.material = materials_.index(
+        primitive.find_index("material", document_.list("materials").size(), "materials"));
+    const MaterialInput& input = materials_.input(mesh.material);
+    mesh.positions = positions_of(attributes, vertices, name);
+    digits_.add(mesh);
+    mesh.normals = normals_of(attributes, vertices);
+    mesh.tangents = tangents_of(attributes, vertices, mesh.normals);
+    mesh.uvs = uvs_of(attributes, vertices, input.uv_sets[0]);
+    if (input.uv_sets.size() > 1) mesh.uvs2 = uvs_of(attributes, vertices, input.uv_sets[1]);
+    mesh.colours = colours_of(attributes, vertices);
+
+    const std::vector<uint32_t> corners = indices_of(document_, primitive, attributes, vertices);
+    const uint64_t mode = attributes.draco() != nullptr ? Triangles : primitive.whole("mode", 4);
+    budget_.take(0, mode == Triangles ? corners.size() / 3 : corners.size(), primitive);
+    mesh.triangles = triangles_of(mode, corners);
+
+    auto deformation = std::make_shared<Deformation>();
+    read_joints(attributes, vertices, *deformation);
+    for (const JsonAt& target : targets)
+      deformation->targets.push_back({offsets_of(document_, target, "POSITION", vertices),
+                                      offsets_of(document_, target, "NORMAL", vertices),
+                                      offsets_of(document_, target, "TANGENT", vertices)});
+    const bool deformed = !deformation->targets.empty() || deformation->joints_per_vertex > 0;
+    if (deformed) {
+      // The deformation may give a triangle an area, so all stay. Each frame's mesh is cleaned
+      // later.
+      for (Vec3& normal : mesh.normals) normal = normalized(is_finite(normal) ? normal : Vec3{});
+      mesh.deformation = std::move(deformation);
+    } else {
+      const MeshRepairs repairs = clean(mesh);
+      repairs_.dropped_triangles += repairs.dropped_triangles;
+      repairs_.recomputed_normals += repairs.recomputed_normals;
+    }
+    if (mesh.tangents.empty() && input.tangent_uvs) compute_tangents(mesh, *input.tangent_uvs == 1);
+    return mesh;
+  }
 
   Document& document_;
-  SceneDescription& scene_;
+  Materials& materials_;
   Notes& notes_;
-  const std::vector<JsonAt>& nodes_;
-  std::vector<int> places_;    ///< indices in the scene
-  std::vector<bool> shown_;    ///< the node belongs to the scene that is shown
-  std::vector<size_t> order_;  ///< parents first
+  std::map<size_t, std::vector<TriangleMesh>> meshes_;
   MeshBudget budget_;
+  MeshRepairs repairs_;
+  LostDigits digits_;
 };
+
+// ---- nodes
 
 constexpr size_t kNone = ~size_t{0};
 
@@ -562,273 +517,300 @@ std::vector<size_t> children_of(const JsonAt& node, size_t nodes) {
   return children;
 }
 
-Nodes::Nodes(Document& document, SceneDescription& scene, Notes& notes)
-    : document_(document), scene_(scene), notes_(notes), nodes_(document.list("nodes")) {
-  if (nodes_.size() > kMaxNodes)
-    document.root().at("nodes").fail(fmt::format("more than {} nodes", kMaxNodes));
-  import_hierarchy();
-  mark_shown();
-}
-
-void Nodes::import_hierarchy() {
-  std::vector<size_t> parents(nodes_.size(), kNone);
-  std::vector<std::vector<size_t>> children(nodes_.size());
-  for (size_t i = 0; i < nodes_.size(); ++i) {
-    children[i] = children_of(nodes_[i], nodes_.size());
-    for (const size_t child : children[i]) {
-      if (parents[child] != kNone)
-        nodes_[i]
-            .at("children")
-            .fail(fmt::format("node {} is also a child of node {}", child, parents[child]));
-      parents[child] = i;
-    }
-  }
-  places_.assign(nodes_.size(), -1);
-  for (size_t i = 0; i < nodes_.size(); ++i)
-    if (parents[i] == kNone) order_.push_back(i);
-  for (size_t next = 0; next < order_.size(); ++next) {
-    const size_t i = order_[next];
-    places_[i] = static_cast<int>(next);
-    scene_.nodes.push_back(node_of(nodes_[i]));
-    scene_.nodes.back().parent = parents[i] == kNone ? -1 : places_[parents[i]];
-    order_.insert(order_.end(), children[i].begin(), children[i].end());
-  }
-  for (size_t i = 0; i < nodes_.size(); ++i)
-    if (places_[i] < 0) nodes_[i].fail("is its own ancestor");
-}
-
-/// Marks the nodes of the scene that the file names, or of its first; without scenes, all.
-void Nodes::mark_shown() {
-  const std::vector<JsonAt>& scenes = document_.list("scenes");
-  shown_.assign(nodes_.size(), scenes.empty());
-  if (scenes.empty()) return;
-  const size_t which = document_.root().find_index("scene", scenes.size(), "scenes").value_or(0);
-  notes_.count("further scenes in the file left out", scenes.size() - 1);
-  for (const JsonAt& root : scenes[which].list("nodes"))
-    shown_[root.index(nodes_.size(), "nodes")] = true;
-  for (const size_t i : order_)
-    if (shown_[i])
-      for (const size_t child : children_of(nodes_[i], nodes_.size())) shown_[child] = true;
-}
-
 // ---- meshes
-
-void Nodes::import_skins() {
-  size_t joints = 0;
-  for (const JsonAt& from : document_.list("skins")) {
-    Skin skin;
-    const JsonAt list = from.at("joints");
-    joints += list.size();
-    if (joints > kMaxNodes) list.fail(fmt::format("more than {} joints", kMaxNodes));
-    for (size_t i = 0; i < list.size(); ++i)
-      skin.joints.push_back(places_[list[i].index(nodes_.size(), "nodes")]);
-    skin.joint_from_mesh.resize(skin.joints.size());
-    if (const auto matrices = from.find("inverseBindMatrices")) {
-      const Accessor accessor = accessor_of(document_, *matrices);
-      accessor.require("MAT4");
-      if (accessor.count() < skin.joints.size())
-        matrices->fail(
-            fmt::format("{} matrices for {} joints", accessor.count(), skin.joints.size()));
-      accessor.each([&](size_t i, const Element& m) {
-        if (!std::ranges::all_of(m, [](double v) { return std::isfinite(v); }))
-          matrices->fail(fmt::format("matrix {} is not finite", i));
-        if (i < skin.joints.size())
-          skin.joint_from_mesh[i] = {
-              {m[0], m[1], m[2]}, {m[4], m[5], m[6]}, {m[8], m[9], m[10]}, {m[12], m[13], m[14]}};
-      });
-    }
-    scene_.skins.push_back(std::move(skin));
-  }
-}
-
-/// Returns the deformation of a mesh with the skin of a node, if the node has one.
-std::shared_ptr<const Deformation> Nodes::with_skin(
-    const std::shared_ptr<const Deformation>& deformation, const JsonAt& node,
-    const std::string& mesh) const {
-  const auto skin = node.find_index("skin", scene_.skins.size(), "skins");
-  if (!deformation || !skin || deformation->joints_per_vertex == 0) return deformation;
-  const size_t joints = scene_.skins[*skin].joints.size();
-  for (size_t i = 0; i < deformation->joints.size(); ++i)
-    if (deformation->joints[i] >= joints)
-      node.at("skin").fail(fmt::format("mesh '{}' vertex {}: joint {} of {} joints", mesh,
-                                       i / deformation->joints_per_vertex, deformation->joints[i],
-                                       joints));
-  auto skinned = std::make_shared<Deformation>(*deformation);
-  skinned->skin = static_cast<int>(*skin);
-  return skinned;
-}
-
-/// Returns the nodes that show a node's mesh: the node itself, or one more node for each instance
-/// of EXT_mesh_gpu_instancing.
-std::vector<int> Nodes::instances(const JsonAt& node, int place) {
-  const auto instancing = node.extension("EXT_mesh_gpu_instancing");
-  if (!instancing) return {place};
-  const JsonAt attributes = instancing->at("attributes");
-  const auto accessor = [&](const char* name) {
-    std::optional<Accessor> found;
-    if (const auto member = attributes.find(name)) found = accessor_of(document_, *member);
-    return found;
-  };
-  const auto translations = accessor("TRANSLATION");
-  const auto rotations = accessor("ROTATION");
-  const auto scales = accessor("SCALE");
-  const Accessor* const first = translations ? &*translations
-                                : rotations  ? &*rotations
-                                : scales     ? &*scales
-                                             : nullptr;
-  if (first == nullptr) attributes.fail("neither TRANSLATION, ROTATION nor SCALE");
-  const size_t count = first->count();
-  if (scene_.nodes.size() + count > kMaxNodes)
-    attributes.fail(fmt::format("more than {} nodes and instances", kMaxNodes));
-  std::vector<Node> nodes(count);
-  const auto read = [&](const std::optional<Accessor>& from, const char* type, auto set) {
-    if (!from) return;
-    from->require(type, count);
-    from->each([&](size_t i, const Element& e) {
-      if (!std::all_of(e.begin(), e.begin() + 4, [](double v) { return std::isfinite(v); }))
-        attributes.fail(fmt::format("instance {} is not finite", i));
-      set(nodes[i], e);
-    });
-  };
-  read(translations, "VEC3", [](Node& n, const Element& e) { n.translation = {e[0], e[1], e[2]}; });
-  read(scales, "VEC3", [](Node& n, const Element& e) { n.scale = {e[0], e[1], e[2]}; });
-  read(rotations, "VEC4",
-       [](Node& n, const Element& e) { std::copy_n(e.begin(), 4, n.rotation.begin()); });
-  std::vector<int> places;
-  for (Node& instance : nodes) {
-    instance.parent = place;
-    instance.local = compose(instance.translation, instance.rotation, instance.scale);
-    instance.morph_weights = scene_.nodes[static_cast<size_t>(place)].morph_weights;
-    places.push_back(static_cast<int>(scene_.nodes.size()));
-    scene_.nodes.push_back(std::move(instance));
-  }
-  return places;
-}
-
-void Nodes::show(size_t node, const std::vector<TriangleMesh>& meshes) {
-  const std::vector<int> places = instances(nodes_[node], places_[node]);
-  for (const TriangleMesh& from : meshes) {
-    // A skin needs a copy of the deformation, with its morph targets.
-    const size_t copies = from.deformation ? 1 + from.deformation->targets.size() : 1;
-    budget_.take(from.positions.size() * (places.size() + copies - 1),
-                 from.triangles.size() * places.size(), nodes_[node]);
-    const auto deformation = with_skin(from.deformation, nodes_[node], from.name);
-    for (const int place : places) {
-      scene_.meshes.push_back(from);
-      TriangleMesh& shown = scene_.meshes.back();
-      shown.node = place;
-      shown.deformation = deformation;
-    }
-  }
-}
-
-void Nodes::import_meshes(Materials& materials) {
-  Primitives primitives(document_, materials, notes_);
-  const std::vector<JsonAt>& meshes = document_.list("meshes");
-  for (const size_t i : order_) {
-    const auto mesh = nodes_[i].find_index("mesh", meshes.size(), "meshes");
-    if (!mesh || !shown_[i]) continue;
-    const size_t targets = primitives.targets(*mesh);
-    if (targets > 0) {
-      auto weights = nodes_[i].numbers("weights", targets);
-      if (!weights) weights = meshes[*mesh].numbers("weights", targets);
-      scene_.nodes[static_cast<size_t>(places_[i])].morph_weights =
-          weights.value_or(std::vector<double>(targets));
-    }
-    show(i, primitives.of_mesh(*mesh));
-  }
-  primitives.note_repairs(scene_);
-  const std::vector<Affine> world = world_from_nodes(scene_.nodes, 0.0);
-  for (TriangleMesh& mesh : scene_.meshes) {
-    const double volume = std::abs(world[static_cast<size_t>(mesh.node)].determinant());
-    if (std::isfinite(volume) && volume > 0.0)
-      mesh.material = materials.magnified(mesh.material, std::cbrt(volume));
-  }
-}
 
 // ---- lights and cameras
 
-void Nodes::import_lights() {
-  const auto extension = document_.root().extension("KHR_lights_punctual");
-  const std::vector<JsonAt> lights = extension ? extension->list("lights") : std::vector<JsonAt>();
-  for (const size_t i : order_) {
-    const auto use = nodes_[i].extension("KHR_lights_punctual");
-    if (!use || !shown_[i]) continue;
-    const JsonAt& from = lights[use->at("light").index(lights.size(), "lights")];
-    Light light;
-    light.node = places_[i];
-    const std::string type = from.at("type").text();
-    if (type == "directional") {
-      light.kind = Light::Kind::Directional;
-    } else if (type == "spot") {
-      light.kind = Light::Kind::Spot;
-      const auto spot = from.find("spot");
-      constexpr double kWidest = std::numbers::pi / 2.0;
-      const auto angle = [&](const char* key, double otherwise) {
-        return spot ? spot->number_within(key, otherwise, 0.0, kWidest) : otherwise;
-      };
-      light.cos_inner = std::cos(angle("innerConeAngle", 0.0));
-      light.cos_outer =
-          std::min(std::cos(angle("outerConeAngle", std::numbers::pi / 4.0)), light.cos_inner);
-    } else if (type != "point") {
-      from.at("type").fail("expected directional, point or spot");
-    }
-    light.falls_off = light.kind != Light::Kind::Directional;
-    constexpr double kBrightest = 1e12;
-    light.colour =
-        from.vector("color", {1, 1, 1}) * from.number_within("intensity", 1.0, 0.0, kBrightest);
-    if (from.find("range")) notes_.count("light ranges ignored: light falls off by distance alone");
-    if (!(light.colour.x + light.colour.y + light.colour.z > 0.0)) {
-      notes_.count("lights that shine on nothing");
-      continue;
-    }
-    if (scene_.lights.size() == kMaxLights)
-      nodes_[i].fail(fmt::format("more than {} lights", kMaxLights));
-    scene_.lights.push_back(light);
+/// Nodes imports glTF's node hierarchy with what hangs on it: meshes, skins, cameras and lights.
+/// Lifetime: must not outlive document, scene, materials and notes.
+class Nodes {
+ public:
+  /// Imports the hierarchy, parents first. Throws Error(Input) for a node with two parents and for
+  /// one that is its own ancestor.
+  Nodes(Document& document, SceneDescription& scene, Notes& notes)
+      : document_(document), scene_(scene), notes_(notes), nodes_(document.list("nodes")) {
+    if (nodes_.size() > kMaxNodes)
+      document.root().at("nodes").fail(fmt::format("more than {} nodes", kMaxNodes));
+    import_hierarchy();
+    mark_shown();
   }
-}
 
-void Nodes::import_cameras() {
-  const std::vector<JsonAt>& cameras = document_.list("cameras");
-  // In the order of the file's cameras, then of the nodes that use one.
-  std::vector<std::pair<size_t, size_t>> uses;
-  for (size_t i = 0; i < nodes_.size(); ++i)
-    if (const auto camera = nodes_[i].find_index("camera", cameras.size(), "cameras"))
-      if (shown_[i]) uses.emplace_back(*camera, i);
-  std::ranges::sort(uses);
-  const Bounds bounds = uses.empty() ? Bounds{} : scene_bounds(scene_);
-  for (const auto& [index, node] : uses) {
-    const JsonAt& from = cameras[index];
-    Camera camera;
-    camera.name = nodes_[node].text("name", from.text("name", from.path()));
-    camera.node = places_[node];
-    camera.from = {0, 0, 0};
-    camera.at = {0, 0, -1};
-    camera.up = {0, 1, 0};
-    const std::string type = from.at("type").text();
-    if (type != "perspective" && type != "orthographic")
-      from.at("type").fail("expected perspective or orthographic");
-    const JsonAt lens = from.at(type == "orthographic" ? "orthographic" : "perspective");
-    camera.hither = std::max(0.0, lens.number("znear", 0.0));
-    constexpr double kDegrees = 180.0 / std::numbers::pi;
-    if (type == "perspective") camera.vertical_fov_degrees = lens.at("yfov").number() * kDegrees;
-    if (!is_usable(camera) || bounds.empty()) {
-      notes_.count("unusable cameras left out");
-      continue;
+  /// Returns the index in the scene of nodes[index].
+  [[nodiscard]] int index(size_t index) const { return places_[index]; }
+
+  void import_skins() {
+    size_t joints = 0;
+    for (const JsonAt& from : document_.list("skins")) {
+      Skin skin;
+      const JsonAt list = from.at("joints");
+      joints += list.size();
+      if (joints > kMaxNodes) list.fail(fmt::format("more than {} joints", kMaxNodes));
+      for (size_t i = 0; i < list.size(); ++i)
+        skin.joints.push_back(places_[list[i].index(nodes_.size(), "nodes")]);
+      skin.joint_from_mesh.resize(skin.joints.size());
+      if (const auto matrices = from.find("inverseBindMatrices")) {
+        const Accessor accessor = accessor_of(document_, *matrices);
+        accessor.require("MAT4");
+        if (accessor.count() < skin.joints.size())
+          matrices->fail(
+              fmt::format("{} matrices for {} joints", accessor.count(), skin.joints.size()));
+        accessor.each([&](size_t i, const Element& m) {
+          if (!std::ranges::all_of(m, [](double v) { return std::isfinite(v); }))
+            matrices->fail(fmt::format("matrix {} is not finite", i));
+          if (i < skin.joints.size())
+            skin.joint_from_mesh[i] = {
+                {m[0], m[1], m[2]}, {m[4], m[5], m[6]}, {m[8], m[9], m[10]}, {m[12], m[13], m[14]}};
+        });
+      }
+      scene_.skins.push_back(std::move(skin));
     }
-    focus(camera, scene_, bounds);
-    if (type == "orthographic") {
-      // The perspective view that shows the same height at the look-at point.
-      const double distance = length(camera.at - camera.from);
-      const double half_height = std::abs(lens.at("ymag").number());
-      camera.vertical_fov_degrees =
-          std::clamp(2.0 * std::atan(half_height / distance) * kDegrees, 1e-3, 179.0);
-      scene_.notes.push_back(
-          fmt::format("orthographic camera '{}' treated as a perspective one", camera.name));
-    }
-    scene_.cameras.push_back(camera);
   }
-}
+
+  void import_meshes(Materials& materials) {
+    Primitives primitives(document_, materials, notes_);
+    const std::vector<JsonAt>& meshes = document_.list("meshes");
+    for (const size_t i : order_) {
+      const auto mesh = nodes_[i].find_index("mesh", meshes.size(), "meshes");
+      if (!mesh || !shown_[i]) continue;
+      const size_t targets = primitives.targets(*mesh);
+      if (targets > 0) {
+        auto weights = nodes_[i].numbers("weights", targets);
+        if (!weights) weights = meshes[*mesh].numbers("weights", targets);
+        scene_.nodes[static_cast<size_t>(places_[i])].morph_weights =
+            weights.value_or(std::vector<double>(targets));
+      }
+      show(i, primitives.of_mesh(*mesh));
+    }
+    primitives.note_repairs(scene_);
+    const std::vector<Affine> world = world_from_nodes(scene_.nodes, 0.0);
+    for (TriangleMesh& mesh : scene_.meshes) {
+      const double volume = std::abs(world[static_cast<size_t>(mesh.node)].determinant());
+      if (std::isfinite(volume) && volume > 0.0)
+        mesh.material = materials.magnified(mesh.material, std::cbrt(volume));
+    }
+  }
+
+  void import_lights() {
+    const auto extension = document_.root().extension("KHR_lights_punctual");
+    const std::vector<JsonAt> lights =
+        extension ? extension->list("lights") : std::vector<JsonAt>();
+    for (const size_t i : order_) {
+      const auto use = nodes_[i].extension("KHR_lights_punctual");
+      if (!use || !shown_[i]) continue;
+      const JsonAt& from = lights[use->at("light").index(lights.size(), "lights")];
+      Light light;
+      light.node = places_[i];
+      const std::string type = from.at("type").text();
+      if (type == "directional") {
+        light.kind = Light::Kind::Directional;
+      } else if (type == "spot") {
+        light.kind = Light::Kind::Spot;
+        const auto spot = from.find("spot");
+        constexpr double kWidest = std::numbers::pi / 2.0;
+        const auto angle = [&](const char* key, double otherwise) {
+          return spot ? spot->number_within(key, otherwise, 0.0, kWidest) : otherwise;
+        };
+        light.cos_inner = std::cos(angle("innerConeAngle", 0.0));
+        light.cos_outer =
+            std::min(std::cos(angle("outerConeAngle", std::numbers::pi / 4.0)), light.cos_inner);
+      } else if (type != "point") {
+        from.at("type").fail("expected directional, point or spot");
+      }
+      light.falls_off = light.kind != Light::Kind::Directional;
+      constexpr double kBrightest = 1e12;
+      light.colour =
+          from.vector("color", {1, 1, 1}) * from.number_within("intensity", 1.0, 0.0, kBrightest);
+      if (from.find("range"))
+        notes_.count("light ranges ignored: light falls off by distance alone");
+      if (!(light.colour.x + light.colour.y + light.colour.z > 0.0)) {
+        notes_.count("lights that shine on nothing");
+        continue;
+      }
+      if (scene_.lights.size() == kMaxLights)
+        nodes_[i].fail(fmt::format("more than {} lights", kMaxLights));
+      scene_.lights.push_back(light);
+    }
+  }
+
+  /// Requires the meshes to be in place: a file states the direction in which a camera looks, but
+  /// not the distance.
+  void import_cameras() {
+    const std::vector<JsonAt>& cameras = document_.list("cameras");
+    // In the order of the file's cameras, then of the nodes that use one.
+    std::vector<std::pair<size_t, size_t>> uses;
+    for (size_t i = 0; i < nodes_.size(); ++i)
+      if (const auto camera = nodes_[i].find_index("camera", cameras.size(), "cameras"))
+        if (shown_[i]) uses.emplace_back(*camera, i);
+    std::ranges::sort(uses);
+    const Bounds bounds = uses.empty() ? Bounds{} : scene_bounds(scene_);
+    for (const auto& [index, node] : uses) {
+      const JsonAt& from = cameras[index];
+      Camera camera;
+      camera.name = nodes_[node].text("name", from.text("name", from.path()));
+      camera.node = places_[node];
+      camera.from = {0, 0, 0};
+      camera.at = {0, 0, -1};
+      camera.up = {0, 1, 0};
+      const std::string type = from.at("type").text();
+      if (type != "perspective" && type != "orthographic")
+        from.at("type").fail("expected perspective or orthographic");
+      const JsonAt lens = from.at(type == "orthographic" ? "orthographic" : "perspective");
+      camera.hither = std::max(0.0, lens.number("znear", 0.0));
+      constexpr double kDegrees = 180.0 / std::numbers::pi;
+      if (type == "perspective") camera.vertical_fov_degrees = lens.at("yfov").number() * kDegrees;
+      if (!is_usable(camera) || bounds.empty()) {
+        notes_.count("unusable cameras left out");
+        continue;
+      }
+      focus(camera, scene_, bounds);
+      if (type == "orthographic") {
+        // The perspective view that shows the same height at the look-at point.
+        const double distance = length(camera.at - camera.from);
+        const double half_height = std::abs(lens.at("ymag").number());
+        camera.vertical_fov_degrees =
+            std::clamp(2.0 * std::atan(half_height / distance) * kDegrees, 1e-3, 179.0);
+        scene_.notes.push_back(
+            fmt::format("orthographic camera '{}' treated as a perspective one", camera.name));
+      }
+      scene_.cameras.push_back(camera);
+    }
+  }
+
+ private:
+  void import_hierarchy() {
+    std::vector<size_t> parents(nodes_.size(), kNone);
+    std::vector<std::vector<size_t>> children(nodes_.size());
+    for (size_t i = 0; i < nodes_.size(); ++i) {
+      children[i] = children_of(nodes_[i], nodes_.size());
+      for (const size_t child : children[i]) {
+        if (parents[child] != kNone)
+          nodes_[i]
+              .at("children")
+              .fail(fmt::format("node {} is also a child of node {}", child, parents[child]));
+        parents[child] = i;
+      }
+    }
+    places_.assign(nodes_.size(), -1);
+    for (size_t i = 0; i < nodes_.size(); ++i)
+      if (parents[i] == kNone) order_.push_back(i);
+    for (size_t next = 0; next < order_.size(); ++next) {
+      const size_t i = order_[next];
+      places_[i] = static_cast<int>(next);
+      scene_.nodes.push_back(node_of(nodes_[i]));
+      scene_.nodes.back().parent = parents[i] == kNone ? -1 : places_[parents[i]];
+      order_.insert(order_.end(), children[i].begin(), children[i].end());
+    }
+    for (size_t i = 0; i < nodes_.size(); ++i)
+      if (places_[i] < 0) nodes_[i].fail("is its own ancestor");
+  }
+
+  /// Marks the nodes of the scene that the file names, or of its first; without scenes, all.
+  void mark_shown() {
+    const std::vector<JsonAt>& scenes = document_.list("scenes");
+    shown_.assign(nodes_.size(), scenes.empty());
+    if (scenes.empty()) return;
+    const size_t which = document_.root().find_index("scene", scenes.size(), "scenes").value_or(0);
+    notes_.count("further scenes in the file left out", scenes.size() - 1);
+    for (const JsonAt& root : scenes[which].list("nodes"))
+      shown_[root.index(nodes_.size(), "nodes")] = true;
+    for (const size_t i : order_)
+      if (shown_[i])
+        for (const size_t child : children_of(nodes_[i], nodes_.size())) shown_[child] = true;
+  }
+
+  /// Adds the meshes to the scene, once per instance.
+  void show(size_t node, const std::vector<TriangleMesh>& meshes) {
+    const std::vector<int> places = instances(nodes_[node], places_[node]);
+    for (const TriangleMesh& from : meshes) {
+      // A skin needs a copy of the deformation, with its morph targets.
+      const size_t copies = from.deformation ? 1 + from.deformation->targets.size() : 1;
+      budget_.take(from.positions.size() * (places.size() + copies - 1),
+                   from.triangles.size() * places.size(), nodes_[node]);
+      const auto deformation = with_skin(from.deformation, nodes_[node], from.name);
+      for (const int place : places) {
+        scene_.meshes.push_back(from);
+        TriangleMesh& shown = scene_.meshes.back();
+        shown.node = place;
+        shown.deformation = deformation;
+      }
+    }
+  }
+
+  /// Returns the nodes that show a node's mesh: the node itself, or one more node for each instance
+  /// of EXT_mesh_gpu_instancing.
+  [[nodiscard]] std::vector<int> instances(const JsonAt& node, int place) {
+    const auto instancing = node.extension("EXT_mesh_gpu_instancing");
+    if (!instancing) return {place};
+    const JsonAt attributes = instancing->at("attributes");
+    const auto accessor = [&](const char* name) {
+      std::optional<Accessor> found;
+      if (const auto member = attributes.find(name)) found = accessor_of(document_, *member);
+      return found;
+    };
+    const auto translations = accessor("TRANSLATION");
+    const auto rotations = accessor("ROTATION");
+    const auto scales = accessor("SCALE");
+    const Accessor* const first = translations ? &*translations
+                                  : rotations  ? &*rotations
+                                  : scales     ? &*scales
+                                               : nullptr;
+    if (first == nullptr) attributes.fail("neither TRANSLATION, ROTATION nor SCALE");
+    const size_t count = first->count();
+    if (scene_.nodes.size() + count > kMaxNodes)
+      attributes.fail(fmt::format("more than {} nodes and instances", kMaxNodes));
+    std::vector<Node> nodes(count);
+    const auto read = [&](const std::optional<Accessor>& from, const char* type, auto set) {
+      if (!from) return;
+      from->require(type, count);
+      from->each([&](size_t i, const Element& e) {
+        if (!std::all_of(e.begin(), e.begin() + 4, [](double v) { return std::isfinite(v); }))
+          attributes.fail(fmt::format("instance {} is not finite", i));
+        set(nodes[i], e);
+      });
+    };
+    read(translations, "VEC3", [](Node& n, const Element& e) {
+      n.translation = {e[0], e[1], e[2]};
+    });
+    read(scales, "VEC3", [](Node& n, const Element& e) { n.scale = {e[0], e[1], e[2]}; });
+    read(rotations, "VEC4",
+         [](Node& n, const Element& e) { std::copy_n(e.begin(), 4, n.rotation.begin()); });
+    std::vector<int> places;
+    for (Node& instance : nodes) {
+      instance.parent = place;
+      instance.local = compose(instance.translation, instance.rotation, instance.scale);
+      instance.morph_weights = scene_.nodes[static_cast<size_t>(place)].morph_weights;
+      places.push_back(static_cast<int>(scene_.nodes.size()));
+      scene_.nodes.push_back(std::move(instance));
+    }
+    return places;
+  }
+
+  /// Returns the deformation of a mesh with the skin of a node, if the node has one.
+  [[nodiscard]] std::shared_ptr<const Deformation> with_skin(
+      const std::shared_ptr<const Deformation>& deformation, const JsonAt& node,
+      const std::string& mesh) const {
+    const auto skin = node.find_index("skin", scene_.skins.size(), "skins");
+    if (!deformation || !skin || deformation->joints_per_vertex == 0) return deformation;
+    const size_t joints = scene_.skins[*skin].joints.size();
+    for (size_t i = 0; i < deformation->joints.size(); ++i)
+      if (deformation->joints[i] >= joints)
+        node.at("skin").fail(fmt::format("mesh '{}' vertex {}: joint {} of {} joints", mesh,
+                                         i / deformation->joints_per_vertex, deformation->joints[i],
+                                         joints));
+    auto skinned = std::make_shared<Deformation>(*deformation);
+    skinned->skin = static_cast<int>(*skin);
+    return skinned;
+  }
+
+  Document& document_;
+  SceneDescription& scene_;
+  Notes& notes_;
+  const std::vector<JsonAt>& nodes_;
+  std::vector<int> places_;    ///< indices in the scene
+  std::vector<bool> shown_;    ///< the node belongs to the scene that is shown
+  std::vector<size_t> order_;  ///< parents first
+  MeshBudget budget_;
+};
 
 // ---- animations
 // Imports key frames from glTF.
