@@ -1,18 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // How a frame is made (docs/render/rendering-adaptive.md has the reasons and the formulas):
 //
-//   key_samples     what is sampled: a few cache views of the scene are traced on a coarse grid,
-//                   and it is decided between which samples colours may be interpolated
-//   adaptive_frame  what a frame and its threads share, which regions are as in the previous frame,
-//                   and a thread's work on a band of rows: exact visibility by a row sweep, then a
-//                   look-up of each subpixel's colour in the two nearest cache views
-//   retrace         the subpixels whose colour is uncertain are shaded on the surface that is known
-//                   already, with as much of their light as the samples around them agree on
-//   audit           a few subpixels are traced as method full does, and tell how large errors are
-//   bands           which bands are worth trying, from what the bands before have gained
+//   key_samples        what is sampled: a few cache views of the scene are traced on a coarse
+//                      grid, and it is decided between which samples colours may be interpolated
+//   unchanged_regions  which regions of the panel are as in the previous frame
+//   retrace            the subpixels whose colour is uncertain are shaded on the surface that is
+//                      known already, with as much of their light as the samples around them agree
+//                      on
+//   audit              a few subpixels are traced as method full does, and tell how large errors
+//                      are and which bands are worth trying
 //
-// This file goes through the steps of a frame: it tries bands, leaves those to method full that the
-// audit rejects or that cost more, and lets the audit of the whole frame state its error.
+// This file has what a frame and its threads share, and a thread's work on a band of rows: exact
+// visibility by a row sweep, then a look-up of each subpixel's colour in the two nearest cache
+// views. Then it goes through the steps of a frame: it tries bands, leaves those to method full
+// that the audit rejects or that cost more, and lets the audit of the whole frame state its error.
 #include "render/methods/adaptive/method_adaptive.h"
 
 #include <fmt/format.h>
@@ -21,24 +22,733 @@
 #include <oneapi/tbb/task_arena.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <cstdint>
+#include <cstdlib>
+#include <cstring>
 #include <functional>
+#include <memory>
+#include <numbers>
 #include <optional>
 #include <utility>
 #include <vector>
 
 #include "base/error.h"
+#include "frames/frame.h"
 #include "render/accel/denormals.h"
 #include "render/integrator/pbr_tracer.h"
-#include "render/methods/adaptive/adaptive_frame.h"
 #include "render/methods/adaptive/audit.h"
+#include "render/methods/adaptive/key_samples.h"
+#include "render/methods/adaptive/retrace.h"
+#include "render/methods/adaptive/unchanged_regions.h"
 #include "render/methods/method_full.h"
+#include "render/options/render_options.h"
 #include "render/rays/primary_rays.h"
+#include "render/row_sweep/row_planes.h"
+#include "render/row_sweep/row_sweep.h"
+#include "render/scene/scene.h"
+#include "render/scene/surface_groups.h"
+#include "render/scene/texture.h"
+#include "render/shading/light_encoder.h"
 
 namespace lenticule::render {
 namespace {
+
+// ---- a frame and the work of each thread on it
+
+constexpr int kBand = TilePlan::kRows;  ///< rows
+constexpr int kBlock = 4;               ///< rows and columns of coarse samples in a packet
+constexpr int kSampleRows = kBlock * KeySamples::kCoarse;
+/// Factor of the number of soft-light rays for audited subpixels, so that their own noise does
+/// not distort the audit.
+constexpr int kFinerAudit = 4;
+/// Largest share of a band's subpixels that may exceed the tolerated error.
+constexpr double kMostBeyond = 0.03;
+/// Largest mean square of a band's errors, as a multiple of the frame's: bands with less make up
+/// for it.
+constexpr double kMostOfBand = 2.0;
+
+/// GroundRow computes once per row what its subpixels share. Thread safety: used by one thread.
+/// Lifetime: the scene and the planes must outlive the object.
+class GroundRow {
+ public:
+  /// The scene must have a ground shadow.
+  GroundRow(const Scene& scene, const RowPlanes& planes)
+      : scene_(scene), planes_(planes), corners_mm_(scene.backdrop.ground_shadow->corners()) {
+    const Affine panel_from_scene = scene.scene_from_panel.inverse();
+    for (Vec3& corner : corners_mm_) corner = panel_from_scene.point(corner);
+  }
+
+  /// Begins a row whose rays go to `eyes` on the viewing line (mm; tangents of parallel rays).
+  void start(const RowPlane& plane, const Interval& eyes) {
+    set_range(plane, eyes);
+    if (range_mm_.empty()) return;
+    row_.emplace(*scene_.backdrop.ground_shadow, scene_.scene_from_panel, plane.lens_y_mm,
+                 plane.tan_y);
+  }
+
+  /// Returns the range on the panel of the rays that may cross the shadow; empty if none does.
+  [[nodiscard]] const Interval& range_mm() const { return range_mm_; }
+
+  /// Returns light_beyond() of a ray of the row.
+  [[nodiscard]] double light(double x_mm, double tan_x, int channel) const {
+    return component(scene_.backdrop.colour, channel) * row_->light_left(x_mm, tan_x);
+  }
+
+ private:
+  /// The plane cuts the ground in a line, which the eyes see between its ends.
+  void set_range(const RowPlane& plane, const Interval& eyes) {
+    const auto above_plane = [&](Vec3 p) { return p.y - plane.lens_y_mm - plane.tan_y * p.z; };
+    range_mm_ = {};
+    for (size_t n = 0; n < corners_mm_.size(); ++n) {
+      const Vec3 a = corners_mm_[n], b = corners_mm_[(n + 1) % corners_mm_.size()];
+      const double from = above_plane(a), to = above_plane(b);
+      if ((from > 0.0) == (to > 0.0)) continue;
+      const Vec3 at = a + (b - a) * (from / (from - to));
+      if (!extend_by_view({at.x, at.z}, planes_.inverse_z(), eyes, range_mm_)) {
+        range_mm_ = kEverywhere;
+        return;
+      }
+    }
+  }
+
+  const Scene& scene_;
+  const RowPlanes& planes_;
+  std::array<Vec3, 4> corners_mm_;  ///< corners of the ground, in the panel frame
+  std::optional<GroundShadow::Row> row_;
+  Interval range_mm_;
+};
+
+/// AdaptivePlan holds the data for a rig's frames. Lifetime: outlives the frames.
+struct AdaptivePlan {
+  const RenderOptions& options;
+  const RowPlanes& planes;
+  const FullTiles& full;
+  const TilePlan& tiles;    ///< the tiles of `full`
+  const Footprint& centre;  ///< centre of subpixels
+  const lookup_kernel::Kernel& kernel;
+  Tolerances tolerances;
+  AuditSelection selection;
+  double most_mean_square;  ///< limit of a frame's mean squared error, in code values squared
+};
+
+/// AdaptiveFrame is shared by the threads. The steps are: take samples, mark bends, render bands of
+/// rows.
+struct AdaptiveFrame {
+  /// Reuses `memory` for the samples.
+  AdaptiveFrame(const AdaptivePlan& of, const KeyGrid& keys, const Scene& whole, KeySamples& memory,
+                frames::WovenFrame& frame)
+      : plan(of),
+        grid(keys),
+        scene(whole),
+        out(frame),
+        samples(memory),
+        groups(whole),
+        sweep(of.planes, whole),
+        encoder(whole.colour_managed),
+        start_mm(primary_start_mm(scene.near_mm, of.planes.model().rig().viewing.distance.value)),
+        beams(whole),
+        costs{.subpixels = of.planes.row_subpixels() * size_t{kBand},
+              .has_pbr = whole.pbr != nullptr,
+              .is_soft = of.options.soft.any()} {
+    for (size_t at = 0; at < backdrop.size(); ++at)
+      backdrop[at] = encoder.code(
+          static_cast<float>(component(scene.backdrop.colour, static_cast<int>(at % 3))));
+    if (scene.backdrop.flat() || scene.backdrop.ground_shadow) eyes = keys.eyes();
+    samples.begin(keys);
+    const auto parts = [](int all, int part) {
+      return static_cast<size_t>((all + part - 1) / part);
+    };
+    bands.resize(parts(of.planes.rows(), kBand));
+    for (auto* blocks : {&taken.coarse, &taken.others})
+      blocks->resize(parts(keys.rows(), kSampleRows));
+    taken.bends.resize(static_cast<size_t>(keys.rows()));
+  }
+
+  const AdaptivePlan& plan;
+  const KeyGrid& grid;
+  const Scene& scene;
+  frames::WovenFrame& out;
+  KeySamples& samples;
+  SurfaceGroups groups;
+  RowSweep sweep;
+  LightEncoder encoder;
+  double start_mm;
+  BeamTester beams;
+  BandCostModel costs;
+  std::array<uint8_t, 24> backdrop{};  ///< codes of eight pixels in rows of one backdrop colour
+  /// Places on the viewing line to which rays go, if the backdrop has one colour beside the shadow
+  /// on the ground: rays far from that and from all objects are not made.
+  std::optional<Interval> eyes;
+
+  /// Audit results and costs of a band of rows.
+  struct Band {
+    AuditErrors retracing, evaluation;
+    bool tried = false;     ///< rendered by this method
+    bool retraced = false;  ///< left to method full, or tried and rejected
+    BandCounts counts;
+  };
+  std::vector<Band> bands;
+
+  /// Marks of the samples that were taken: the coarse ones and the others of blocks of
+  /// kSampleRows rows of samples, and the bends of rows.
+  struct Taken {
+    std::vector<uint8_t> coarse, others, bends;
+  };
+  Taken taken;
+
+  /// Unchanged regions, which reuse the samples in `memory` from the previous frame.
+  struct Kept {
+    const UnchangedRegions* parts = nullptr;  ///< null: no unchanged regions
+    const frames::WovenFrame* frame = nullptr;
+    const std::vector<Band>* bands = nullptr;
+    const Taken* taken = nullptr;
+
+    [[nodiscard]] bool at(int row, double x_mm) const {
+      return parts != nullptr && parts->at(row, x_mm);
+    }
+  };
+  Kept kept;
+
+  /// Sets the unchanged regions. Lifetime: the objects that `what` points to must outlive the
+  /// frame.
+  void keep(const Kept& what) {
+    kept = what;
+    samples.watch_changes();
+  }
+};
+
+/// AdaptiveWorker renders bands of one frame. The calling thread must flush denormals. Thread
+/// safety: used by one thread.
+class AdaptiveWorker {
+ public:
+  /// Lifetime: `frame` must outlive the object.
+  explicit AdaptiveWorker(AdaptiveFrame& frame)
+      : frame_(frame),
+        colours_(frame.plan.options, frame.plan.tiles),
+        sweep_(frame.sweep),
+        uncertain_(frame.plan.planes, frame.plan.tiles),
+        sampled_(frame.plan.full.packets(), frame.plan.tiles, frame.plan.centre),
+        resolver_(frame.samples, frame.grid, frame.plan.tolerances, frame.scene.colour_managed,
+                  frame.plan.options.soft),
+        packet_(1),
+        keys_(frame.grid.row_samples()),
+        corners_(3 * frame.grid.row_samples()),
+        found_row_(frame.plan.planes.row_subpixels()) {
+    init_packets(packet_);
+    if (frame.scene.backdrop.ground_shadow) ground_.emplace(frame.scene, frame.plan.planes);
+    colours_.tracer().integrate_area_lights(true);
+    evaluate_exactly(false);
+  }
+
+  /// Takes the coarse samples of kSampleRows rows of one cache view.
+  void take_coarse_samples(int first_row, int cache_view) {
+    constexpr int kStep = KeySamples::kCoarse;
+    const AdaptiveFrame::Taken* before = frame_.kept.taken;
+    const bool were_taken =
+        before != nullptr && before->coarse[static_cast<size_t>(first_row / kSampleRows)] != 0;
+    for (int column = 0; column < frame_.grid.columns(); column += kBlock * kStep)
+      for (int n = 0; n < kBlock * kBlock; ++n)
+        list_if_changed(cache_view, {first_row + n / kBlock * kStep, column + n % kBlock * kStep},
+                        were_taken);
+    trace_samples(cache_view);
+  }
+
+  /// Takes the other samples, after the coarse ones of these rows and of the rows below.
+  /// Takes the other samples. With sampled light none is interpolated, since more samples average
+  /// out the noise.
+  void take_other_samples(int first_row, int cache_view) {
+    constexpr int kStep = KeySamples::kCoarse;
+    const bool may_fill = !frame_.plan.options.soft.any();
+    const AdaptiveFrame::Taken* before = frame_.kept.taken;
+    const bool were_taken =
+        before != nullptr && before->others[static_cast<size_t>(first_row / kSampleRows)] != 0;
+    const int end = std::min(first_row + kSampleRows, frame_.grid.rows());
+    for (int row = first_row; row < end; row += kStep)
+      for (int column = 0; column < frame_.grid.columns(); column += kStep) {
+        const bool were_traced = were_taken && !frame_.samples.is_filled(row, cache_view, column);
+        if (may_fill && frame_.samples.fill(row, cache_view, column, frame_.plan.tolerances))
+          continue;
+        for (const SamplePlace& place : {SamplePlace{row, column + 1}, SamplePlace{row + 1, column},
+                                         SamplePlace{row + 1, column + 1}})
+          list_if_changed(cache_view, place, were_traced);
+      }
+    trace_samples(cache_view);
+  }
+
+  /// Renders kBand rows of the panel. A band that the audit rejects is marked for retrace_band().
+  void render_band(int first_row) {
+    band_ = {};
+    band_.tried = true;
+    uncertain_.clear();
+    sampled_.clear();
+    const int end = std::min(first_row + kBand, frame_.plan.planes.rows());
+    const bool is_unchanged = is_whole_band_unchanged(first_row);
+    for (int row = first_row; row < end; ++row)
+      is_unchanged ? copy_row(first_row, row) : render_row(first_row, row);
+    evaluate_exactly(true);
+    const FrameCounts before = colours_.tracer().counts();
+    sampled_.trace(frame_.scene, first_row, colours_.tracer());
+    const FrameCounts after = colours_.tracer().counts();
+    band_.counts.audited = static_cast<uint32_t>(sampled_.subpixels().size());
+    band_.counts.rays =
+        after.shadow_rays + after.secondary_rays - before.shadow_rays - before.secondary_rays;
+    evaluate_exactly(false);
+    const bool given_up =
+        !is_unchanged && (are_lookups_rejected(first_row) || is_shading_expensive());
+    if (given_up) {
+      band_.counts.shaded = 0;
+    } else {
+      uncertain_.shade(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
+      write_uncertain(first_row);
+    }
+    audit_band(first_row, given_up,
+               is_unchanged ? (*frame_.kept.bands)[static_cast<size_t>(first_row / kBand)]
+                            : AdaptiveFrame::Band{});
+  }
+
+  /// Counts the audited subpixels of a band that was not tried, and so has no errors.
+  /// Notes that a band that was not tried has no errors: it is left to method full.
+  void audit_untried_band(int first_row) {
+    sampled_.clear();
+    const int end = std::min(first_row + kBand, frame_.plan.planes.rows());
+    for (int row = first_row; row < end; ++row) add_sampled(first_row, row, true);
+    frame_.bands[static_cast<size_t>(first_row / kBand)].evaluation.add_exact(
+        static_cast<uint64_t>(std::ranges::count(sampled_.subpixels(), Draw::Evaluation,
+                                                 &SampledSubpixels::Subpixel::draw)));
+  }
+
+  /// Renders the band with method full's exact bytes.
+  /// Renders a band as method full does.
+  void retrace_band(int first_row) {
+    if (!full_)
+      full_ = std::make_unique<FullTiles::Worker>(frame_.plan.full, frame_.scene, frame_.beams);
+    const TilePlan& plan = frame_.plan.tiles;
+    const int first_tile = first_row / kBand * plan.per_band();
+    for (int n = 0; n < plan.per_band(); ++n) full_->render(plan.tile(first_tile + n), frame_.out);
+    const int end = std::min(first_row + kBand, frame_.plan.planes.rows());
+    const size_t subpixels =
+        static_cast<size_t>(end - first_row) * frame_.plan.planes.row_subpixels();
+    counts_.retraced_subpixels += subpixels;
+    AdaptiveFrame::Band& band = frame_.bands[static_cast<size_t>(first_row / kBand)];
+    band.retraced = true;
+    if (!band.tried) counts_.traced_subpixels += subpixels;
+  }
+
+  /// Returns the counters of the bands rendered so far.
+  [[nodiscard]] FrameCounts counts() {
+    FrameCounts counts = counts_;
+    counts += colours_.tracer().counts();
+    if (full_) counts += full_->counts();
+    return counts;
+  }
+
+ private:
+  /// Selects exact tracing for the audit; otherwise weak rays are skipped.
+  void evaluate_exactly(bool exactly) {
+    PacketTracer& tracer = colours_.tracer();
+    tracer.multiply_samples(exactly ? kFinerAudit : 1);
+    tracer.tolerate(exactly ? 0.0F : frame_.plan.tolerances.noticed(frame_.scene.colour_managed));
+  }
+
+  struct SamplePlace {
+    int row, column;
+  };
+
+  void list_sample(int cache_view, SamplePlace place) {
+    if (place.row >= frame_.grid.rows() || place.column >= frame_.grid.columns()) return;
+    sample_places_[listed_++] = place;
+    if (listed_ == kPacket) trace_samples(cache_view);
+  }
+
+  void list_if_changed(int cache_view, SamplePlace place, bool was_taken) {
+    if (!was_taken || !frame_.kept.at(frame_.grid.panel_row(place.row, cache_view),
+                                      frame_.grid.ray(place.row, cache_view, place.column).x_mm))
+      list_sample(cache_view, place);
+  }
+
+  /// Traces the listed samples; idle lanes repeat the last one.
+  void trace_samples(int cache_view) {
+    if (listed_ == 0) return;
+    std::array<uint32_t, kPacket> seeds{};
+    for (size_t lane = 0; lane < kPacket; ++lane) {
+      const SamplePlace& place = sample_places_[std::min(lane, listed_ - 1)];
+      packet_[0].valid[lane] = lane < listed_ ? -1 : 0;
+      if (colours_.tracer().needs_seeds())
+        seeds[lane] = sampling::subpixel_seed(place.row, place.column, 1 + cache_view);
+      set_panel_ray(frame_.scene, frame_.start_mm,
+                    frame_.grid.ray(place.row, cache_view, place.column), packet_[0], lane);
+    }
+    colours_.tracer().set_seeds(seeds);
+    colours_.trace(frame_.scene, frame_.groups,
+                   frame_.plan.tolerances.noticed(frame_.scene.colour_managed), packet_[0], found_);
+    for (size_t lane = 0; lane < listed_; ++lane) set_sample(cache_view, lane);
+    listed_ = 0;
+  }
+
+  void set_sample(int cache_view, size_t lane) {
+    const SamplePlace& place = sample_places_[lane];
+    if (found_.group[lane] == SurfaceGroups::kNothing)
+      return frame_.samples.set_nothing(place.row, cache_view, place.column);
+    KeySamples::Sample sample{.group = found_.group[lane],
+                              .way = found_.notes.way[lane],
+                              .light = {.lit = found_.notes.lit[lane],
+                                        .hidden = found_.notes.hidden[lane],
+                                        .secondary_way = found_.notes.secondary_way[lane],
+                                        .around = found_.notes.around[lane]}};
+    if (frame_.plan.options.soft.shadow_samples > 0)
+      for (size_t area_light = 0; area_light < sample.light.seen.size(); ++area_light)
+        sample.light.seen[area_light] =
+            KeySamples::Light::parts_of_area_light(found_.notes.seen[area_light][lane]);
+    for (size_t c = 0; c < 3; ++c) {
+      sample.value[c] = frame_.encoder.parts(found_.light[c][lane]);
+      sample.light.secondary[c] = found_.secondary[c][lane];
+    }
+    frame_.samples.set(place.row, cache_view, place.column, sample);
+  }
+
+  void render_row(int first_row, int row) {
+    const KeyGrid::Between between = frame_.grid.between(row);
+    find_cells(between);
+    flat_row_ = frame_.scene.backdrop.flat();
+    if (ground_) {
+      ground_->start(plane_of(row), *frame_.eyes);
+      flat_row_ = ground_->range_mm().empty();
+    }
+    sweep_.sweep(row, swept_, frame_.eyes, ground_ ? ground_->range_mm() : Interval{});
+    arrange_rays();
+    group_of_cut_.clear();
+    for (const SweptCut& cut : swept_.cuts)
+      group_of_cut_.push_back(frame_.groups.of(cut.geometry, cut.primitive));
+    band_.counts.cuts += static_cast<uint32_t>(swept_.cuts.size());
+    group_of_cut_.push_back(SurfaceGroups::kNothing);  // read, but not used, in lanes without a cut
+    look_up(between);
+    add_sampled(first_row, row, false);
+    sort_row(first_row, row, between);
+    std::copy_n(found_row_.codes.data(), frame_.plan.planes.row_subpixels(), frame_.out.row(row));
+  }
+
+  void copy_row(int first_row, int row) {
+    const size_t count = frame_.plan.planes.row_subpixels();
+    std::copy_n(frame_.kept.frame->row(row), count, frame_.out.row(row));
+    counts_.copied_subpixels += count;
+    add_sampled(first_row, row, true);
+  }
+
+  /// Returns true if the band can be copied: no content that its subpixels see and no sample that
+  /// they are interpolated from has changed. Retraced bands are not copied, since rendering again
+  /// would give other bytes.
+  [[nodiscard]] bool is_whole_band_unchanged(int first_row) const {
+    const int band = first_row / kBand;
+    const AdaptiveFrame::Kept& kept = frame_.kept;
+    if (kept.parts == nullptr || !kept.parts->whole_band(band)) return false;
+    if ((*kept.bands)[static_cast<size_t>(band)].retraced) return false;
+    const KeyGrid::Between first = frame_.grid.between(first_row);
+    const KeyGrid::Between last =
+        frame_.grid.between(std::min(first_row + kBand, frame_.plan.planes.rows()) - 1);
+    return !frame_.samples.rows_changed(std::min(first.above[0], first.above[1]),
+                                        std::max(last.above[0], last.above[1]) + 1);
+  }
+
+  /// Returns true if a single subpixel can be copied. Subpixels selected by the audit cannot, since
+  /// the previous frame holds their exact code instead of the interpolated one.
+  [[nodiscard]] bool is_unchanged(int row, size_t at, const KeyGrid::Between& between) const {
+    if (!frame_.kept.at(row, double{x_mm_[at]})) return false;
+    if ((*frame_.kept.bands)[static_cast<size_t>(row / kBand)].retraced) return false;
+    const auto n = static_cast<uint32_t>(at);
+    const AuditSelection& selection = frame_.plan.selection;
+    const SampledPair sampled = selection.pair(static_cast<uint32_t>(row), n / selection.one_in());
+    if (n == sampled.retracing || n == sampled.evaluation) return false;
+    return resolver_.is_as_before(between, found_row_.places(at));
+  }
+
+  /// Arranges the rays by subpixel, if they are ordered by lens.
+  void arrange_rays() {
+    const PlaneRays& rays = sweep_.rays();
+    x_mm_ = rays.x_mm.data();
+    tan_x_ = rays.tan_x.data();
+    if (rays.subpixel.empty()) return;
+    arranged_x_.resize(rays.end + lookup_kernel::kLanes);
+    arranged_tan_.resize(rays.end + lookup_kernel::kLanes);
+    for (size_t n = 0; n < rays.end; ++n) {
+      const auto at = static_cast<size_t>(rays.subpixel[n]);
+      arranged_x_[at] = rays.x_mm[n];
+      arranged_tan_[at] = rays.tan_x[n];
+    }
+    x_mm_ = arranged_x_.data();
+    tan_x_ = arranged_tan_.data();
+  }
+
+  void look_up(const KeyGrid::Between& between) {
+    const size_t count = frame_.plan.planes.row_subpixels();
+    const lookup_kernel::SampleRows interval{
+        .key = keys_.data(),
+        .corners = corners_.data(),
+        .plane = static_cast<int>(frame_.samples.row_samples()),
+        .part = {between.part[0], between.part[1]}};
+    const lookup_kernel::Row row{.x = x_mm_,
+                                 .tan = tan_x_,
+                                 .z = swept_.z_mm.data(),
+                                 .cut = swept_.cut.data(),
+                                 .group = group_of_cut_.data(),
+                                 .count = static_cast<int>(count),
+                                 .most_apart = frame_.plan.tolerances.apart};
+    frame_.plan.kernel.look_up(frame_.grid.lookup(), interval, row, found_row_.arrays());
+  }
+
+  /// Finds the cells around a row. The rows of even and of odd views change at different panel
+  /// rows.
+  void find_cells(const KeyGrid::Between& between) {
+    for (int cache_view = 0; cache_view < frame_.grid.cache_views(); ++cache_view) {
+      const auto odd = static_cast<size_t>(cache_view % 2);
+      if (between.above[odd] == keys_row_[odd]) continue;
+      const auto first = static_cast<size_t>(cache_view * frame_.grid.stride());
+      frame_.samples.find_cells(between.above[odd], cache_view, frame_.plan.tolerances,
+                                &keys_[first], &corners_[first]);
+    }
+    std::copy_n(between.above, 2, keys_row_.begin());
+  }
+
+  void add_sampled(int first_row, int row, bool copied) {
+    const auto count = static_cast<uint32_t>(frame_.plan.planes.row_subpixels());
+    const auto add = [&](uint32_t at, Draw draw) {
+      if (at < count)
+        sampled_.add({.at = static_cast<int32_t>(at),
+                      .row = static_cast<uint16_t>(row - first_row),
+                      .draw = draw,
+                      .is_shaded = !copied && found_row_.states[at] == lookup_kernel::kUnknown});
+    };
+    const AuditSelection& selection = frame_.plan.selection;
+    for (uint32_t stretch = 0; stretch * selection.one_in() < count; ++stretch) {
+      const SampledPair sampled = selection.pair(static_cast<uint32_t>(row), stretch);
+      add(sampled.retracing, Draw::Retracing);
+      add(sampled.evaluation, Draw::Evaluation);
+    }
+  }
+
+  void add_uncertain(int first_row, int row, size_t at, const KeyGrid::Between& between) {
+    const auto cut_number = static_cast<size_t>(swept_.cut[at]);
+    const SweptCut& cut = swept_.cuts[cut_number];
+    const uint32_t group = group_of_cut_[cut_number];
+    UncertainSubpixels::Subpixel& added = uncertain_.add();
+    added.at = static_cast<int32_t>(at);
+    added.row = static_cast<uint16_t>(row - first_row);
+    added.x_mm = x_mm_[at];
+    added.tan_x = tan_x_[at];
+    added.z_mm = swept_.z_mm[at];
+    added.geometry = cut.geometry;
+    added.primitive = cut.primitive;
+    added.group = group;
+    resolver_.resolve({.rows = between,
+                       .places = found_row_.places(at),
+                       .group = group,
+                       .channel = static_cast<int>(at % 3)},
+                      added.resolved, uncertain_.area_lights());
+  }
+
+  /// Writes the colours of subpixels that see nothing, and lists the unresolved ones.
+  void sort_row(int first_row, int row, const KeyGrid::Between& between) {
+    static_assert(lookup_kernel::kFound == 0 && lookup_kernel::kNothing == 1);
+    constexpr uint64_t kAllNothing = 0x0101010101010101;
+    const bool may_keep = frame_.kept.parts != nullptr;
+    const size_t count = frame_.plan.planes.row_subpixels();
+    uint64_t unknown = 0, copied = 0, nothing = 0;
+    for (size_t first = 0; first < count; first += sizeof(uint64_t)) {
+      uint64_t eight;  // states; the array is slightly longer than the row
+      std::memcpy(&eight, found_row_.states.data() + first, sizeof eight);
+      if (eight == 0) continue;
+      const bool is_flat = flat_row_ || (ground_ && !is_made(first, first + sizeof eight));
+      if (is_flat && eight == kAllNothing) {
+        std::memcpy(found_row_.codes.data() + first,
+                    frame_.backdrop.data() + first % frame_.backdrop.size(), sizeof eight);
+        nothing += std::min(sizeof eight, count - first);
+        continue;
+      }
+      const size_t end = std::min(first + sizeof eight, count);
+      for (size_t at = first; at < end; ++at) {
+        if (found_row_.states[at] == lookup_kernel::kNothing) {
+          found_row_.codes[at] = backdrop_code(row, at);
+          ++nothing;
+        }
+        if (found_row_.states[at] != lookup_kernel::kUnknown) continue;
+        if (may_keep && is_unchanged(row, at, between)) {
+          found_row_.codes[at] = frame_.kept.frame->row(row)[at];
+          ++copied;
+          continue;
+        }
+        add_uncertain(first_row, row, at, between);
+        ++unknown;
+      }
+    }
+    counts_.traced_subpixels += unknown;
+    counts_.copied_subpixels += copied;
+    counts_.interpolated_subpixels += count - unknown - copied;
+    band_.counts.seen += static_cast<uint32_t>(count - nothing);
+    band_.counts.shaded += static_cast<uint32_t>(unknown + copied);
+  }
+
+  [[nodiscard]] RowPlane plane_of(int row) const {
+    const RowPlanes& planes = frame_.plan.planes;
+    return planes.plane_at(row + planes.height_in_row(0));
+  }
+
+  /// Returns the code of a subpixel that meets nothing. Rays that were not made see no shadow.
+  [[nodiscard]] uint8_t backdrop_code(int row, size_t at) const {
+    if (flat_row_ || (ground_ && !is_made(at, at + 1))) return frame_.backdrop[at % 3];
+    const auto channel = static_cast<int>(at % 3);
+    const double x = double{x_mm_[at]}, tan = double{tan_x_[at]};
+    if (ground_) return frame_.encoder.code(static_cast<float>(ground_->light(x, tan, channel)));
+    const Scene& scene = frame_.scene;
+    const RowPlane plane = plane_of(row);
+    const Vec3 from = scene.scene_from_panel.point({x, plane.lens_y_mm, 0.0});
+    const Vec3 way = scene.scene_from_panel.vector({-tan, -plane.tan_y, -1.0});
+    return frame_.encoder.code(
+        static_cast<float>(light_beyond(scene.backdrop, from, way, channel)));
+  }
+
+  /// Returns true if any of the subpixels [begin, end) has a ray.
+  [[nodiscard]] bool is_made(size_t begin, size_t end) const {
+    const PlaneRays& rays = sweep_.rays();
+    return !rays.subpixel.empty() || (end > rays.first && begin < rays.end);
+  }
+
+  /// Returns true if shading the other subpixels of a band would take longer than method full takes
+  /// for all of it.
+  [[nodiscard]] bool is_shading_expensive() const {
+    const BandCosts costs = frame_.costs.costs(band_.counts);
+    return costs.shading > costs.full;
+  }
+
+  /// Returns true if the audit rejects a band for its lookups alone, so that the other subpixels
+  /// need not be shaded.
+  [[nodiscard]] bool are_lookups_rejected(int first_row) const {
+    if (frame_.plan.options.soft.any()) return false;  // noise is subtracted from the audit
+    AuditErrors retracing;
+    for (const SampledSubpixels::Subpixel& s : sampled_.subpixels()) {
+      if (s.draw != Draw::Retracing) continue;
+      const uint8_t exact = frame_.encoder.code(s.light);
+      retracing.add(s.is_shaded ? exact : frame_.out.row(first_row + s.row)[s.at], exact);
+    }
+    return is_rejected(retracing);
+  }
+
+  /// Returns true if a band has errors that full() should remove: too many beyond the tolerated
+  /// error, of which `noise` would be there in any case, or too large ones.
+  [[nodiscard]] bool is_rejected(const AuditErrors& retracing, uint64_t noise = 0) const {
+    AuditCounts counts = retracing.counts(frame_.plan.options.tolerated_error);
+    counts.beyond -= std::min(counts.beyond, noise);
+    if (needs_retracing(counts, kMostBeyond)) return true;
+    // With soft light, method full itself is off by its noise.
+    return !frame_.plan.options.soft.any() &&
+           retracing.mean_square() - 2.0 * retracing.standard_error() >
+               kMostOfBand * frame_.plan.most_mean_square;
+  }
+
+  void write_uncertain(int first_row) {
+    for (const UncertainSubpixels::Subpixel& s : uncertain_.subpixels())
+      frame_.out.row(first_row + s.row)[s.at] = frame_.encoder.code(s.light);
+  }
+
+  /// Audits a band. If it is `given_up`, not all of its subpixels have been shaded, and method full
+  /// will render it.
+  /// Audits a band whose sampled subpixels are traced. `known` holds the results of a copied band,
+  /// in which all audited subpixels are already exact.
+  void audit_band(int first_row, bool given_up, const AdaptiveFrame::Band& known) {
+    AuditErrors retracing, evaluation;
+    for (const SampledSubpixels::Subpixel& s : sampled_.subpixels()) {
+      uint8_t& code = frame_.out.row(first_row + s.row)[s.at];
+      const uint8_t exact = frame_.encoder.code(s.light);
+      (s.draw == Draw::Retracing ? retracing : evaluation).add(code, exact);
+      code = exact;
+    }
+    if (known.tried) {
+      band_ = known;
+    } else {
+      band_.retracing = retracing;
+      band_.evaluation = evaluation;
+    }
+    band_.retraced = given_up || is_rejected(band_.retracing);
+    if (band_.retraced && !given_up && frame_.plan.options.soft.any())
+      band_.retraced = is_rejected(band_.retracing, count_noise(first_row));
+    frame_.bands[static_cast<size_t>(first_row / kBand)] = band_;
+  }
+
+  [[nodiscard]] bool is_beyond(uint8_t code, uint8_t exact) const {
+    return std::abs(int{code} - int{exact}) > frame_.plan.options.tolerated_error;
+  }
+
+  /// Returns the number of samples of Draw::Retracing whose code under method full exceeds the
+  /// tolerated error due to sampling noise alone. The audited subpixels are exact in the frame.
+  uint64_t count_noise(int first_row) {
+    colours_.tracer().tolerate(0.0F);
+    colours_.tracer().integrate_area_lights(false);
+    sampled_.trace(frame_.scene, first_row, colours_.tracer());
+    colours_.tracer().integrate_area_lights(true);
+    evaluate_exactly(false);
+    uint64_t beyond = 0;
+    for (const SampledSubpixels::Subpixel& s : sampled_.subpixels())
+      if (s.draw == Draw::Retracing &&
+          is_beyond(frame_.encoder.code(s.light), frame_.out.row(first_row + s.row)[s.at]))
+        ++beyond;
+    return beyond;
+  }
+
+  AdaptiveFrame& frame_;
+  ColourTracer colours_;
+  ColourTracer::Colours found_;
+  RowSweep::Worker sweep_;
+  SweptRow swept_;
+  std::optional<GroundRow> ground_;
+  bool flat_row_ = true;         ///< the backdrop shows one colour in all of the row
+  const float* x_mm_ = nullptr;  ///< per subpixel of the last swept row
+  const float* tan_x_ = nullptr;
+  std::vector<float> arranged_x_, arranged_tan_;
+  UncertainSubpixels uncertain_;
+  SampledSubpixels sampled_;
+  std::unique_ptr<FullTiles::Worker> full_;  ///< created when a band is retraced
+  LightResolver resolver_;
+  std::vector<RayPacket> packet_;  ///< a single packet
+  std::array<SamplePlace, kPacket> sample_places_{};
+  size_t listed_ = 0;                            ///< elements of sample_places_ in use
+  std::vector<uint32_t> keys_;                   ///< see lookup_kernel::SampleRows
+  std::vector<lookup_kernel::Corners> corners_;  ///< corners of the same cells
+  std::array<int, 2> keys_row_{-1, -1};
+  std::vector<uint32_t> group_of_cut_;
+  /// Look-up results of a row, see lookup_kernel::Found.
+  struct FoundRow {
+    std::vector<uint8_t> codes, states;
+    std::vector<int32_t> left, cell[2];
+    std::vector<float> of_right, part[2];
+
+    explicit FoundRow(size_t subpixels) {
+      const size_t room = subpixels + lookup_kernel::kLanes;
+      for (auto* bytes : {&codes, &states}) bytes->resize(room);
+      for (auto* numbers : {&left, &cell[0], &cell[1]}) numbers->resize(room);
+      for (auto* parts : {&of_right, &part[0], &part[1]}) parts->resize(room);
+    }
+    [[nodiscard]] lookup_kernel::Found arrays() {
+      return {.codes = codes.data(),
+              .states = states.data(),
+              .left = left.data(),
+              .of_right = of_right.data(),
+              .cell = {cell[0].data(), cell[1].data()},
+              .part = {part[0].data(), part[1].data()}};
+    }
+    [[nodiscard]] std::array<LightResolver::Place, 2> places(size_t at) const {
+      const auto odd = static_cast<size_t>(left[at] & 1);
+      return {LightResolver::Place{cell[0][at], part[0][at], 1.0F - of_right[at], odd},
+              LightResolver::Place{cell[1][at], part[1][at], of_right[at], 1 - odd}};
+    }
+  };
+  FoundRow found_row_;
+  AdaptiveFrame::Band band_;  ///< costs of the band so far
+  FrameCounts counts_;        ///< origin of the colours of the subpixels
+};
+
+// ---- the method
 
 const lookup_kernel::Kernel& lookup_kernel_for(Isa isa) {
   return LENTICULE_SELECT_KERNEL(isa, kLookupKernel);
@@ -254,9 +964,6 @@ class AdaptiveMethod final : public Method {
     return is_expensive(static_cast<int64_t>(16 * (counts.shadow_rays + counts.secondary_rays)) /
                         std::max<int64_t>(count, 1));
   }
-
-  static constexpr int kBand = AdaptiveWorker::kBand;
-  static constexpr int kSampleRows = AdaptiveWorker::kSampleRows;
 
   /// Tries bands in steps, of which each decides where the next one is worth it. Returns false if
   /// the frame is to be left to method full as a whole: if hardly anything could be interpolated,

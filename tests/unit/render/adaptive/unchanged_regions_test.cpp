@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests that regions marked as unchanged between two frames look the same in both.
+#include "render/methods/adaptive/unchanged_regions.h"
+
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -7,7 +9,6 @@
 #include <random>
 
 #include "render/make_method.h"
-#include "render/methods/adaptive/adaptive_frame.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {
