@@ -277,17 +277,18 @@ ordered_json PlayControls::status() const {
                        {"speed", playback_.speed_permille() / 1000.0},
                        {"frames_shown", displayed.frames},
                        {"log_lines_dropped", dropped_log_lines()}};
-  json["on_glass"] = nullptr;
+  json["displayed"] = nullptr;
   if (source_ != nullptr) {
     const auto play = static_cast<uint32_t>(displayed.item);
     const PlaylistStatus status = source_->status();
     if (displayed.frames > 0) {
       const ItemAccount item = source_->account_of(play).value_or(ItemAccount{});
-      json["on_glass"] = {{"source", item.source.text}, {"frame", displayed.number}};
-      json["on_glass"]["item"] = item.index ? ordered_json(*item.index) : ordered_json(nullptr);
+      json["displayed"] = {{"source", item.source.text}, {"frame", displayed.number}};
+      json["displayed"]["item"] = item.index ? ordered_json(*item.index) : ordered_json(nullptr);
     }
-    json["taking"] = place_json(status);
-    json["taking"]["frames"] = status.frames ? ordered_json(*status.frames) : ordered_json(nullptr);
+    json["reading"] = place_json(status);
+    json["reading"]["frames"] =
+        status.frames ? ordered_json(*status.frames) : ordered_json(nullptr);
     json["rounds_done"] = status.rounds_done;
     json["opening"] = status.opening;
     for (const auto& [key, text] :
@@ -295,15 +296,15 @@ ordered_json PlayControls::status() const {
           std::pair("waiting_for", status.waiting_for)})
       json[key] = text.empty() ? ordered_json(nullptr) : ordered_json(text);
     json["items_skipped"] = status.skipped;
-    json["last_trouble"] = status.last_problem;
+    json["last_problem"] = status.last_problem;
     json.update(to_json(status.damage));
   }
   if (options_.trim) json["trim"] = trim_json(options_.trim->trim());
-  for (const char* key : {"write_trouble", "rig_trouble"})
+  for (const char* key : {"write_problems", "rig_problem"})
     if (statistics_.contains(key)) json[key] = statistics_[key];
   // Before the first report there are no statistics.
   if (statistics_.contains("stall") && statistics_["stall"] != "")
-    json["last_trouble"] = statistics_["stall"];
+    json["last_problem"] = statistics_["stall"];
   return json;
 }
 
@@ -491,9 +492,9 @@ ordered_json PlayControls::change_trim(const ControlRequest& request) {
                         .pitch_relative = request.pitch_relative.value_or(trim.pitch_relative)};
   });
   ordered_json json = trim_json(now);
-  const std::string trouble = options_.trim->why_unsaved();
-  json["saved"] = trouble.empty();
-  if (!trouble.empty()) json["trouble"] = trouble;
+  const std::string problem = options_.trim->why_unsaved();
+  json["saved"] = problem.empty();
+  if (!problem.empty()) json["problem"] = problem;
   if (std::string advice = options_.trim->advice(); !advice.empty())
     json["advice"] = std::move(advice);
   return json;

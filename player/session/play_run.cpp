@@ -196,14 +196,14 @@ class PlayOutputs {
   void write_statistics(const ordered_json& statistics) {
     if (statistics_) statistics_->write(json_text(statistics, 2) + "\n");
   }
-  /// Adds the key `write_trouble`.
+  /// Adds the key `write_problems`.
   void describe_problems(ordered_json& statistics) const {
-    statistics["write_trouble"] = ordered_json::array();
+    statistics["write_problems"] = ordered_json::array();
     for (const File& file : files())
       if (file.state.failures > 0)
-        statistics["write_trouble"].push_back({{"object", file.name},
-                                               {"cause", file.state.reason},
-                                               {"failures", file.state.failures}});
+        statistics["write_problems"].push_back({{"object", file.name},
+                                                {"cause", file.state.reason},
+                                                {"failures", file.state.failures}});
   }
 
   /// Reports each file once when writing begins to fail, and once when it works again. Returns all
@@ -500,7 +500,7 @@ class PlayRun {
       update_proof();
       steered_->report(report);
       report_stall(report);
-      if (step_) step_->report_trouble();
+      if (step_) step_->report_problem();
       write_stats(statistics_json(report));
       service_->report(report);
       report_power(report);
@@ -646,7 +646,7 @@ class PlayRun {
 
   void write_stats(nlohmann::ordered_json statistics) {
     outputs_.describe_problems(statistics);
-    statistics["rig_trouble"] = rig_problem_;
+    statistics["rig_problem"] = rig_problem_;
     steered_->complete(statistics);
     outputs_.write_statistics(statistics);
   }
@@ -668,8 +668,8 @@ class PlayRun {
     if (proof_) json["proof"] = proof_->statistics();
     if (step_) json["step"] = step_->statistics();
     if (safe_.on) {
-      json["safe_start"] = {{"failed_starts", safe_.failures}, {"trouble", nullptr}};
-      if (source_error_) json["safe_start"]["trouble"] = source_error_->what();
+      json["safe_start"] = {{"failed_starts", safe_.failures}, {"problem", nullptr}};
+      if (source_error_) json["safe_start"]["problem"] = source_error_->what();
     }
     return json;
   }

@@ -233,7 +233,7 @@ void SteeredPlay::complete(ordered_json& statistics) {
                               {"items_started", status.started},
                               {"seams", status.loop_points},
                               {"items_skipped", status.skipped},
-                              {"last_trouble", status.last_problem},
+                              {"last_problem", status.last_problem},
                               {"waiting_for", status.waiting_for},
                               {"damaged_items", ordered_json::array()}};
     for (const auto& [source, damage] : status.damaged_items) {

@@ -159,7 +159,7 @@ constexpr size_t kLeastKeyBytes = 32;
 constexpr uint64_t kMostKeyBytes = 4096;
 constexpr double kMillion = 1e6;
 /// The time for which a refusal is worth a report.
-constexpr nanoseconds kTroubleLasts = std::chrono::seconds(5);
+constexpr nanoseconds kProblemLasts = std::chrono::seconds(5);
 
 uint64_t random_session() {
   uint64_t session = 0;
@@ -289,7 +289,7 @@ void StepLink::tick(const StepNow& now) {
 void StepLink::update_status(const StepPlace& place, const StepNow& now) {
   Status status = this->status();
   if (member_->counts().refused_untimely > status.counts.refused_untimely)
-    untimely_until_ = now.monotonic + kTroubleLasts;
+    untimely_until_ = now.monotonic + kProblemLasts;
   status.counts = member_->counts();
   status.peers = member_->peers(now);
   if (leader_ != nullptr) status.apart = leader_->apart(place, now);
@@ -297,34 +297,34 @@ void StepLink::update_status(const StepPlace& place, const StepNow& now) {
   status.clock_steps = clock_.steps();
   status.ahead_of_monotonic = clock_.ahead_of_monotonic();
   status.accuracy = read_clock_accuracy();
-  status.trouble.clear();
+  status.problem.clear();
   status.remedy.clear();
-  find_trouble(place, now, status);
+  find_problem(place, now, status);
   const std::lock_guard lock(mutex_);
   status_ = std::move(status);
 }
 
 /// Names the first thing that keeps the players apart, and its remedy.
-void StepLink::find_trouble(const StepPlace& place, const StepNow& now, Status& status) const {
+void StepLink::find_problem(const StepPlace& place, const StepNow& now, Status& status) const {
   const nanoseconds half_vblank{place.period_ns / 2};
   const auto bound = std::chrono::microseconds(status.accuracy.bound_us);
   const uint64_t frames = member_->timeline() ? member_->timeline()->loop_frames : 0;
   if (frames > 0 && place.loop_frames > 0 && frames != place.loop_frames) {
-    status.trouble =
+    status.problem =
         fmt::format("this film has {} frames, that of the group has {}", place.loop_frames, frames);
     status.remedy = "play films of the same length and rate on all players";
   } else if (options_.address.is_unix) {
     return;  // one machine has one clock
   } else if (now.monotonic < untimely_until_) {
-    status.trouble = fmt::format(
+    status.problem = fmt::format(
         "messages are {:.0f} ms old by this machine's clock, and refused: the clocks differ",
         milli(member_->untimely_age()));
     status.remedy = "let chrony or PTP set the clock of each machine; see: chronyc tracking";
   } else if (!status.accuracy.synchronised) {
-    status.trouble = "the clock of this machine is not synchronised";
+    status.problem = "the clock of this machine is not synchronised";
     status.remedy = "run chrony or PTP on each machine; see: chronyc tracking";
   } else if (half_vblank > nanoseconds{0} && bound > half_vblank) {
-    status.trouble = fmt::format(
+    status.problem = fmt::format(
         "the clock of this machine may be wrong by {:.1f} ms, more than half a "
         "vblank ({:.1f} ms)",
         milli(bound), milli(half_vblank));
@@ -337,14 +337,14 @@ StepLink::Status StepLink::status() const {
   return status_;
 }
 
-void StepLink::report_trouble() {
+void StepLink::report_problem() {
   const Status now = status();
-  // The figures in a text change all the time; a kind of trouble is reported once.
+  // The figures in a text change all the time; a kind of problem is reported once.
   if (std::exchange(reported_, now.remedy) == now.remedy) return;
-  if (now.trouble.empty())
+  if (now.problem.empty())
     say("step: the group can be followed again\n");
   else
-    say("step: {}; {}\n", now.trouble, now.remedy);
+    say("step: {}; {}\n", now.problem, now.remedy);
 }
 
 ordered_json StepLink::statistics() const {
@@ -370,7 +370,7 @@ ordered_json StepLink::statistics() const {
                      {"time_ns", place.shown_ns + now.ahead_of_monotonic.count()}};
   json["messages"] = json_of(now.counts, now.sent);
   json["clock"] = json_of(now.accuracy, now.clock_steps);
-  json["trouble"] = now.trouble;
+  json["problem"] = now.problem;
   return json;
 }
 

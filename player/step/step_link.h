@@ -96,7 +96,7 @@ class StepLink {
   /// Returns the figures for the statistics. Thread safety: any thread.
   [[nodiscard]] nlohmann::ordered_json statistics() const;
   /// Prints what hinders the group, once per change. Thread safety: one thread.
-  void report_trouble();
+  void report_problem();
 
  private:
   /// Status holds the figures of the thread that the statistics print.
@@ -109,7 +109,7 @@ class StepLink {
     uint64_t clock_steps = 0;
     std::chrono::nanoseconds ahead_of_monotonic{0};
     ClockAccuracy accuracy;
-    std::string trouble;
+    std::string problem;
     std::string remedy;
   };
 
@@ -117,7 +117,7 @@ class StepLink {
   void receive_waiting(const StepNow& now);
   void tick(const StepNow& now);
   void update_status(const StepPlace& place, const StepNow& now);
-  void find_trouble(const StepPlace& place, const StepNow& now, Status& status) const;
+  void find_problem(const StepPlace& place, const StepNow& now, Status& status) const;
   [[nodiscard]] Status status() const;
 
   const StepOptions options_;
@@ -131,7 +131,7 @@ class StepLink {
 
   mutable std::mutex mutex_;  ///< guards status_
   Status status_;
-  std::string reported_;  ///< remedy of the trouble that was printed last
+  std::string reported_;  ///< remedy of the problem that was printed last
 
   WakeFd wake_{"step"};
   std::atomic<bool> stopping_{false};

@@ -169,18 +169,18 @@ test("Now: a phone pauses, continues, goes on and shows a black frame", { timeou
   await says(page, "pause", "Play");
   await page.tap("#pause");
   await comesTrue(() => ctl("status").state === "playing", "playing");
-  const item = ctl("status").on_glass.item;
+  const item = ctl("status").displayed.item;
   await page.tap("#next");
-  await comesTrue(() => ctl("status").on_glass.item === (item + 1) % 3, "the next item");
+  await comesTrue(() => ctl("status").displayed.item === (item + 1) % 3, "the next item");
   await page.waitForSelector(`#list li:nth-child(${(item + 1) % 3 + 1}).now[aria-current]`);
   await page.tap("#black");
-  await comesTrue(() => ctl("status").on_glass.source === "black", "black");
+  await comesTrue(() => ctl("status").displayed.source === "black", "black");
   await says(page, "playing", "black");
   const other = await open("desktop", "/");
   await other.page.waitForFunction(() => document.querySelectorAll("#list li").length === 3);
   await other.close();
   await page.tap("#black");
-  await comesTrue(() => ctl("status").on_glass.item === (item + 1) % 3, "the place before");
+  await comesTrue(() => ctl("status").displayed.item === (item + 1) % 3, "the place before");
   assert.deepEqual(wrong, []);
   await close();
 });
@@ -395,7 +395,7 @@ test("Trim: a phone shows the chart, changes pitch and offset, undoes, saves and
   const trim = () => ctl("status").trim;
   await says(page, "present", "offset");
   await page.tap("#chart");
-  await comesTrue(() => ctl("status").on_glass.source === "views", "the chart is on the panel");
+  await comesTrue(() => ctl("status").displayed.source === "views", "the chart is on the panel");
   await page.tap("[data-by=offset][data-sign='1']");
   await comesTrue(() => Math.abs(trim().offset_lenses - 0.01) < 1e-9, "offset");
   await page.tap("[data-by=pitch][data-sign='1']");
@@ -407,7 +407,7 @@ test("Trim: a phone shows the chart, changes pitch and offset, undoes, saves and
   await page.tap("#undo");
   await comesTrue(() => trim().offset_lenses === 0 && trim().pitch_relative === 0, "undone");
   await page.tap("#chart");
-  await comesTrue(() => ctl("status").on_glass.source !== "views", "the content is back");
+  await comesTrue(() => ctl("status").displayed.source !== "views", "the content is back");
   assert.deepEqual(wrong, []);
   await close();
 });
@@ -494,8 +494,8 @@ for (const name of ["now", "eye", "health"]) {
     // The state changes every minute, with an event; the page's own timers are many more.
     const hour = () => page.evaluate(async () => {
       for (let k = 0; k < 60; ++k) {
-        window.emit("state", { connected: true, rights: "change", trouble: "", shown_instead: "",
-          status: { state: "playing", frames_shown: k, on_glass: { source: "/m/teapot.lts", item: k % 3, frame: k }, taking: { items: 3 } } });
+        window.emit("state", { connected: true, rights: "change", problem: "", shown_instead: "",
+          status: { state: "playing", frames_shown: k, displayed: { source: "/m/teapot.lts", item: k % 3, frame: k }, reading: { items: 3 } } });
         window.emit("item_started", { item: k % 3, source: "/m/teapot.lts" });
         if (k % 15 === 0) window.emit("bad_item", { source: "/m/broken.lts", cause: "damaged" });
         await window.pass(60_000);
@@ -568,16 +568,16 @@ test("Calibrate: a phone goes from the code on the panel to a saved rig", { time
   const { ctl, folder } = site;
   const address = `http://127.0.0.1:${site.port}/enter?token=${site.token}`;
   const shown = spawn(program, ["ctl", "--socket", site.socket, "show-address", address, "--seconds", "120"], { stdio: "ignore" });
-  await comesTrue(() => ctl("status").on_glass.source === "code", "the code is on the panel");
+  await comesTrue(() => ctl("status").displayed.source === "code", "the code is on the panel");
   const { page, wrong, close } = await open("phone", "/calibrate", "light", site);
   assert.equal(await codeOnPanel(page), address);
   shown.kill("SIGINT");
-  await comesTrue(() => ctl("status").on_glass.source !== "code", "the content is back");
+  await comesTrue(() => ctl("status").displayed.source !== "code", "the content is back");
 
   await page.waitForFunction(() => Number(document.getElementById("distance").value) > 100 && !document.getElementById("begin").disabled);
   await page.tap("#begin");
   await says(page, "chart-state", "on the panel");
-  assert.match(ctl("status").on_glass.source, /chart\.png$/);
+  assert.match(ctl("status").displayed.source, /chart\.png$/);
   ctl("snapshot", join(folder, "panel.png"));
   const before = readFileSync(join(folder, "rig.toml"), "utf8");
   const input = await page.$("#photo");
@@ -650,7 +650,7 @@ test("Calibrate: a phone goes from the code on the panel to a saved rig", { time
   console.log(`# stated ${two}, ${three}; the saved rig is off by ${error} lens`);
   assert.ok(error < three, `${error}`);
   await picture("kept");
-  await comesTrue(() => ctl("status").on_glass.source === site.still, "the content is back");
+  await comesTrue(() => ctl("status").displayed.source === site.still, "the content is back");
   assert.deepEqual(wrong, []);
   await close();
 });

@@ -20,14 +20,14 @@ class CtlShow : public PlayerTest {
     ASSERT_TRUE(comes_true([this] { return frames_shown() > 3; }));
   }
   [[nodiscard]] bool shows(const std::string& film) const {
-    return says_about("on_glass", path(film + ".lts"));
+    return says_about("displayed", path(film + ".lts"));
   }
 };
 
 TEST_F(CtlShow, AnInterruptionIsPlayedOnceAndThenTheListContinues) {
   ASSERT_EQ(asked({"interrupt", path("alarm.lts")})["source"], path("alarm.lts"));
   EXPECT_TRUE(comes_true([this] { return shows("film") && status()["interrupted"].is_null(); }));
-  EXPECT_EQ(status()["on_glass"]["item"], 0);
+  EXPECT_EQ(status()["displayed"]["item"], 0);
   ASSERT_TRUE(asked({"interrupt", "--item", "1", "--seconds", "3600"}).is_object());
   EXPECT_TRUE(comes_true([this] { return shows("alarm"); }));
   EXPECT_EQ(status()["interrupted"], path("film.lts"));
@@ -40,7 +40,7 @@ TEST_F(CtlShow, AnInterruptionIsPlayedOnceAndThenTheListContinues) {
 
 TEST_F(CtlShow, ABlankPanelIsBlackUntilBack) {
   ASSERT_TRUE(asked({"blank"}).is_object());
-  EXPECT_TRUE(comes_true([this] { return says_about("on_glass", "black"); }));
+  EXPECT_TRUE(comes_true([this] { return says_about("displayed", "black"); }));
   ASSERT_TRUE(asked({"back"}).is_object());
   EXPECT_TRUE(comes_true([this] { return shows("film"); }));
 }
@@ -58,7 +58,7 @@ TEST_F(CtlShow, BackEndsABlankPanelAlsoIfWhatWasPlayedIsGone) {
   ASSERT_TRUE(comes_true([this] { return asked({"load", path("stick/")}).is_object(); }));
   ASSERT_TRUE(comes_true([this] { return shows("stick/old"); }));
   ASSERT_TRUE(asked({"blank"}).is_object());
-  ASSERT_TRUE(comes_true([this] { return says_about("on_glass", "black"); }));
+  ASSERT_TRUE(comes_true([this] { return says_about("displayed", "black"); }));
   std::filesystem::remove(path("stick/old.lts"));
   std::filesystem::copy(path("alarm.lts"), path("stick/new.lts"));
   ASSERT_TRUE(asked({"back"}).is_object());

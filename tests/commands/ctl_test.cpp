@@ -87,7 +87,7 @@ class Ctl : public CommandTest {
   [[nodiscard]] json displayed() const {
     const ProcessResult result = ctl({"status"});
     if (result.exit_code != 0) return json::object();
-    const json place = json::parse(result.out).value("on_glass", json());
+    const json place = json::parse(result.out).value("displayed", json());
     return place.is_object() ? place : json::object();
   }
   template <typename Condition>

@@ -96,7 +96,7 @@ TEST_F(ExternalFaults, AFullRuntimeFolderIsReportedOnceAndTheFilmContinues) {
     fill(seen + "/fill");
   else
     limit_files(16);
-  ASSERT_TRUE(comes_true([&] { return says_about("write_trouble", "stats.json: cannot write"); }));
+  ASSERT_TRUE(comes_true([&] { return says_about("write_problems", "stats.json: cannot write"); }));
   EXPECT_TRUE(film_continues());
   if (mounts)
     fs::remove(seen + "/fill");
@@ -131,14 +131,14 @@ TEST_F(ExternalFaults, PlaysOnAReadOnlyRoot) {
   socket_ = mounts ? seen_by_player(socket) : socket;
   ASSERT_TRUE(has_started());
   if (!mounts) limit_files(0);
-  ASSERT_TRUE(comes_true([&] { return says_about("write_trouble", "stats.json"); }));
+  ASSERT_TRUE(comes_true([&] { return says_about("write_problems", "stats.json"); }));
   const json trim = asked({"trim", "--offset-by", "0.25"});
   EXPECT_EQ(trim.value("saved", true), false) << trim.dump();
   EXPECT_EQ(trim.value("offset_lenses", 0.0), 0.25) << "it holds all the same";
   EXPECT_EQ(ctl({"snapshot", path("snap.png")}).exit_code, 1);
   EXPECT_TRUE(film_continues());
   if (mounts) {
-    EXPECT_TRUE(says_about("write_trouble", "sums"));
+    EXPECT_TRUE(says_about("write_problems", "sums"));
   }
   const ProcessResult played = quit();
   EXPECT_EQ(played.exit_code, 1) << "an output is incomplete: " << played.err;
@@ -239,7 +239,7 @@ TEST_F(ExternalFaults, PlaysOnWhenTheStatisticsFolderIsRemoved) {
   start(play_words(film(), {"--loop", "forever", "--stats", path("out/stats.json")}));
   ASSERT_TRUE(has_started());
   fs::remove_all(path("out"));
-  ASSERT_TRUE(comes_true([&] { return says_about("write_trouble", "stats.json"); }));
+  ASSERT_TRUE(comes_true([&] { return says_about("write_problems", "stats.json"); }));
   EXPECT_TRUE(film_continues());
   EXPECT_EQ(quit().exit_code, 1) << "the statistics are missing";
 }
@@ -387,8 +387,8 @@ class DamagedFilm : public ExternalFaults {
     start(play_words(path(film), std::move(more)));
     ASSERT_TRUE(has_started());
   }
-  [[nodiscard]] bool has_trouble() const {
-    return comes_true([&] { return status().value("last_trouble", "") != ""; });
+  [[nodiscard]] bool has_problem() const {
+    return comes_true([&] { return status().value("last_problem", "") != ""; });
   }
   [[nodiscard]] bool shows_new() const {
     return comes_true([this] { return displayed_level() >= kNewLevel; });
@@ -400,7 +400,7 @@ TEST_F(DamagedFilm, StaysOnThePanelUntilTheNewOneIsWhole) {
     start_film(film, {"--loop", film == "film.lts" ? "1000" : "forever"});
     EXPECT_TRUE(comes_true([&] { return asked({"stats"})["statistics"].value("loops", 0) > 1; }));
     overwrite_with_noise(film);
-    EXPECT_TRUE(has_trouble()) << film;
+    EXPECT_TRUE(has_problem()) << film;
     EXPECT_LT(displayed_level(), kNewLevel) << film;
     overwrite(film, [](const std::string&) { return ""; });
     overwrite_with_new(film);
@@ -413,9 +413,9 @@ TEST_F(DamagedFilm, StaysOnThePanelUntilTheNewOneIsWhole) {
 TEST_F(DamagedFilm, WithoutAReplacementIsFollowedByATestCard) {
   start_film("film.lts", {"--loop", "forever"});
   overwrite("film.lts", [](const std::string&) { return ""; });
-  EXPECT_TRUE(comes_true([&] { return status()["on_glass"]["source"] == "card"; })) << status();
+  EXPECT_TRUE(comes_true([&] { return status()["displayed"]["source"] == "card"; })) << status();
   overwrite_with_new("film.lts");
-  EXPECT_TRUE(comes_true([&] { return status()["on_glass"]["source"] != "card"; })) << status();
+  EXPECT_TRUE(comes_true([&] { return status()["displayed"]["source"] != "card"; })) << status();
   EXPECT_EQ(quit().exit_code, 143);
 }
 
@@ -454,7 +454,7 @@ TEST_F(EmptySequence, ALoopingRingWaitsForTheNextRenderer) {
   EXPECT_EQ(quit().exit_code, 143);
 }
 
-TEST_F(EmptySequence, ARendererThatFreezesIsTroubleUntilItContinues) {
+TEST_F(EmptySequence, ARendererThatFreezesIsAProblemUntilItContinues) {
   start(play_words("ring:" + path("ring.sock"), {"--loop", "forever", "--wait", "forever"}));
   wait_for_ring();
   const auto one = renderer();
@@ -465,7 +465,7 @@ TEST_F(EmptySequence, ARendererThatFreezesIsTroubleUntilItContinues) {
   };
   send(0);
   EXPECT_TRUE(comes_true([this] { return status()["state"] == "stalled"; }));
-  EXPECT_TRUE(says_about("last_trouble", "no frame arrives"));
+  EXPECT_TRUE(says_about("last_problem", "no frame arrives"));
   for (uint64_t number = 1; status()["state"] == "stalled"; ++number) send(number);
   EXPECT_EQ(status()["state"], "playing");
   const ProcessResult played = quit();

@@ -37,7 +37,7 @@ class Folder : public PlayerTest {
     return comes_true([&] { return items() == names; });
   }
   [[nodiscard]] bool is_shown(const std::string& name) const {
-    return comes_true([&] { return says_about("on_glass", path("films/" + name)); });
+    return comes_true([&] { return says_about("displayed", path("films/" + name)); });
   }
   /// Ends the player and returns its standard error.
   [[nodiscard]] std::string messages() { return quit().err; }
@@ -52,7 +52,7 @@ size_t count_of(const std::string& all, const std::string& text) {
 
 TEST_F(Folder, FilmsJoinInTheOrderOfTheirNamesAndLeaveWhenTheyAreRemoved) {
   play();
-  EXPECT_TRUE(comes_true([this] { return says_about("on_glass", "black"); }))
+  EXPECT_TRUE(comes_true([this] { return says_about("displayed", "black"); }))
       << "an empty folder is black";
   put("b.lts", 20);
   EXPECT_TRUE(is_shown("b.lts"));
@@ -65,7 +65,7 @@ TEST_F(Folder, FilmsJoinInTheOrderOfTheirNamesAndLeaveWhenTheyAreRemoved) {
   for (const char* name : {"a.lts", "c.lts", "a.lts"}) EXPECT_TRUE(is_shown(name)) << name;
   fs::remove(path("films/a.lts"));
   fs::remove(path("films/c.lts"));
-  EXPECT_TRUE(comes_true([this] { return says_about("on_glass", "black"); }));
+  EXPECT_TRUE(comes_true([this] { return says_about("displayed", "black"); }));
   const std::string said = messages();
   EXPECT_EQ(count_of(said, "left out"), 0u) << said;
   EXPECT_EQ(count_of(said, "was replaced"), 0u) << said;
@@ -81,7 +81,7 @@ TEST_F(Folder, AListPlaysTheFilesOfAFolderAsTheyAreAndThenGoesOn) {
   start(play_words(path("day.toml")));
   ASSERT_TRUE(is_shown("a.lts"));
   EXPECT_EQ(items(), (std::vector<std::string>{"a.lts", "last.lts"}));
-  EXPECT_TRUE(comes_true([this] { return says_about("on_glass", path("last.lts")); }));
+  EXPECT_TRUE(comes_true([this] { return says_about("displayed", path("last.lts")); }));
   put("b.lts", 20);
   ASSERT_TRUE(has_items({"a.lts", "b.lts", "last.lts"}));
   EXPECT_TRUE(is_shown("b.lts"));
@@ -134,11 +134,11 @@ TEST_F(Folder, ABrokenFilmAndOneOfAnotherRigAreReportedOnceWithTheRemedy) {
   EXPECT_TRUE(comes_true([this] { return status().value("items_skipped", 0) >= 6; }))
       << "three rounds";
   EXPECT_TRUE(is_shown("a.lts"));
-  EXPECT_NE(status().value("last_trouble", ""), "");
+  EXPECT_NE(status().value("last_problem", ""), "");
   fs::remove(path("films/broken.lts"));
   fs::remove(path("films/other.lts"));
-  EXPECT_TRUE(comes_true([this] { return status().value("last_trouble", "") == ""; }))
-      << "the trouble of a list ends with it: " << status();
+  EXPECT_TRUE(comes_true([this] { return status().value("last_problem", "") == ""; }))
+      << "the problem of a list ends with it: " << status();
   const std::string said = messages();
   EXPECT_EQ(count_of(said, "left out: " + path("films/broken.lts")), 1u) << said;
   EXPECT_EQ(count_of(said, "left out: " + path("films/other.lts")), 1u) << said;

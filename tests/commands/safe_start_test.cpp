@@ -61,7 +61,7 @@ TEST_F(SafeStart, ShowsATestCardWithTheReasonIfTheSourceCannotBeOpened) {
   EXPECT_EQ(played.exit_code, 4) << played.err;
   EXPECT_NE(played.err.find("film.png"), std::string::npos) << played.err;
   EXPECT_TRUE(is_card("shown/00000000.png"));
-  EXPECT_NE(stats().at("safe_start").at("trouble").get<std::string>().find("film.png"),
+  EXPECT_NE(stats().at("safe_start").at("problem").get<std::string>().find("film.png"),
             std::string::npos);
   EXPECT_EQ(stats().at("real_time_priority"), false);
 }
@@ -74,7 +74,7 @@ TEST_F(SafeStart, PlaysTheFilmAsSoonAsItCanBeOpened) {
   const ProcessResult played = player.wait(std::chrono::seconds(60));
   EXPECT_EQ(played.exit_code, 0) << played.err;
   EXPECT_FALSE(is_card("shown/00000001.png")) << "the second frame of the film";
-  EXPECT_TRUE(stats().at("safe_start").at("trouble").is_null());
+  EXPECT_TRUE(stats().at("safe_start").at("problem").is_null());
 }
 
 TEST_F(SafeStart, AnInvalidFlagIsStillAnError) {

@@ -245,7 +245,7 @@ TEST_F(Step, PlayersOfOneMachineNeedOnlyAUnixSocket) {
   start_player("leader", "--leader", path("step.sock"), false);
   ASSERT_TRUE(comes_true([&] { return all_are("in step"); }));
   expect_same_frames();
-  EXPECT_EQ(step_of("follower").value("trouble", "?"), "");
+  EXPECT_EQ(step_of("follower").value("problem", "?"), "");
   const ProcessResult second =
       run(words("second", {"--leader", "--step-address", path("step.sock")}));
   EXPECT_EQ(second.exit_code, 3) << second.err;
@@ -258,7 +258,7 @@ TEST_F(Step, AFilmOfAnotherLengthIsNamed) {
       words("shorter", {"--follow", "--step-address", path("step.sock"), "--frames", "0:20"});
   players_["shorter"] = std::make_unique<BackgroundProcess>(program(shorter));
   EXPECT_TRUE(comes_true([&] {
-    return step_of("shorter").value("trouble", "") ==
+    return step_of("shorter").value("problem", "") ==
            "this film has 20 frames, that of the group has 24";
   }));
 }

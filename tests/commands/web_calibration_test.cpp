@@ -61,7 +61,7 @@ class PhoneCalibration : public WebTest {
   /// Shows the chart, sends its photograph and keeps the rig; returns the last answer.
   ordered_json calibrate_and_keep() {
     EXPECT_EQ(calibration("POST", "/begin")["stage"], "chart");
-    EXPECT_TRUE(comes_true([&] { return says_about("on_glass", "chart.png"); }));
+    EXPECT_TRUE(comes_true([&] { return says_about("displayed", "chart.png"); }));
     const std::string distance = std::to_string(std::lround(camera_.distance_mm()));
     EXPECT_EQ(calibration("PUT", "/photograph?distance=" + distance, photographed_panel())["stage"],
               "found");
@@ -138,7 +138,7 @@ class HandHeldCalibration : public PhoneCalibration {
   /// Shows the chart and keeps the frame that the panel then shows.
   void begin() {
     ASSERT_EQ(calibration("POST", "/begin")["stage"], "chart");
-    ASSERT_TRUE(comes_true([&] { return says_about("on_glass", "chart.png"); }));
+    ASSERT_TRUE(comes_true([&] { return says_about("displayed", "chart.png"); }));
     keep_frame();
   }
   void keep_frame() {
@@ -191,7 +191,7 @@ TEST_F(PhoneCalibration, LeadsFromTheAddressToASavedRig) {
   EXPECT_NE(page.body.find(R"(accept="image/*" capture="environment")"), std::string::npos);
   EXPECT_EQ(calibration("GET", "")["stage"], "idle");
   ASSERT_EQ(calibration("POST", "/begin")["stage"], "chart");
-  ASSERT_TRUE(comes_true([&] { return says_about("on_glass", "chart.png"); }));
+  ASSERT_TRUE(comes_true([&] { return says_about("displayed", "chart.png"); }));
 
   const std::string old_rig = bytes_of("rig.toml");
   const std::string distance = std::to_string(std::lround(camera_.distance_mm()));
@@ -212,7 +212,7 @@ TEST_F(PhoneCalibration, LeadsFromTheAddressToASavedRig) {
   const optics::Rig rig = optics::load_rig(path("rig.toml"));
   EXPECT_GT(camera_.worst_phase(camera_.start()), 0.2) << "the start is wrong";
   EXPECT_LT(camera_.worst_phase(rig), 0.05);
-  EXPECT_TRUE(comes_true([&] { return says_about("on_glass", "still.png"); })) << status().dump();
+  EXPECT_TRUE(comes_true([&] { return says_about("displayed", "still.png"); })) << status().dump();
 }
 
 TEST_F(KioskCalibration, KeepsTheRigForGoodAndLeadsBackToAnyOther) {
@@ -259,7 +259,7 @@ TEST_F(PhoneCalibration, RefusesWithTheWordsOfTheCommandAndSavesNothing) {
   EXPECT_EQ(phone("POST", "/api/v1/calibration/keep").status, 409);
   EXPECT_EQ(phone("GET", "/api/v1/calibration/rig.toml").status, 404);
   EXPECT_EQ(calibration("POST", "/discard")["stage"], "idle");
-  EXPECT_TRUE(comes_true([&] { return says_about("on_glass", "still.png"); })) << status().dump();
+  EXPECT_TRUE(comes_true([&] { return says_about("displayed", "still.png"); })) << status().dump();
   EXPECT_EQ(bytes_of("rig.toml"), old_rig);
   EXPECT_FALSE(std::filesystem::exists(path("rig.1.toml")));
 }

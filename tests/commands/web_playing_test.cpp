@@ -145,7 +145,7 @@ TEST_F(Web, AListWithoutAnItemThatPlaysIsRefused) {
   EXPECT_NE(saved["warnings"].dump().find("no.lts"), std::string::npos)
       << "was checked before: " << saved;
   EXPECT_TRUE(comes_true([&] {
-    return api("GET", "health")["sentences"].dump().find("last trouble: ") != std::string::npos;
+    return api("GET", "health")["sentences"].dump().find("last problem: ") != std::string::npos;
   }));
 }
 
@@ -254,7 +254,7 @@ TEST_F(Web, ABlackFrameIsShownAndThenThePlaceBefore) {
   connect();
   (void)api("POST", "pause");
   EXPECT_EQ(api("POST", "seek", R"({"item": 1})")["item"], 1);
-  ASSERT_TRUE(comes_true([&] { return says_about("on_glass", "b.lts"); }));
+  ASSERT_TRUE(comes_true([&] { return says_about("displayed", "b.lts"); }));
   (void)api("POST", "show", R"({"what": "black"})");
   ASSERT_TRUE(comes_true([&] { return displayed_level() == 0; }));
   ASSERT_TRUE(comes_true([&] { return api("GET", "state")["shown_instead"] == "black"; }));
@@ -263,7 +263,7 @@ TEST_F(Web, ABlackFrameIsShownAndThenThePlaceBefore) {
   (void)api("POST", "show", R"({"what": "views"})");
   (void)api("POST", "show", R"({"what": "content"})");
   EXPECT_TRUE(comes_true([&] {
-    const ordered_json place = api("GET", "state")["status"]["on_glass"];
+    const ordered_json place = api("GET", "state")["status"]["displayed"];
     return place["source"] == path("media/b.lts") && place["item"] == 1;
   }));
 }
@@ -301,7 +301,7 @@ TEST_F(Web, ABlankPanelOfAnotherClientEndsOnThePage) {
   ASSERT_TRUE(asked({"blank"}).is_object());
   ASSERT_TRUE(comes_true([&] { return api("GET", "state")["shown_instead"] == "black"; }));
   (void)api("POST", "show", R"({"what": "content"})");
-  EXPECT_TRUE(comes_true([&] { return says_about("on_glass", ".lts"); }));
+  EXPECT_TRUE(comes_true([&] { return says_about("displayed", ".lts"); }));
   EXPECT_EQ(status()["interrupted"], nullptr);
 }
 
@@ -358,7 +358,7 @@ TEST_F(Web, ACodeOnThePanelNamesNoTokenAndIsWithheldFromGuests) {
   EXPECT_EQ(api("POST", "seek", R"({"item": 1})")["item"], 1);
   BackgroundProcess shown({LENTICULE_PROGRAM, "ctl", "--socket", path("c.sock"), "show-address",
                            text, "--seconds", "600"});
-  ASSERT_TRUE(comes_true([&] { return says_about("on_glass", R"("source":"code")"); }));
+  ASSERT_TRUE(comes_true([&] { return says_about("displayed", R"("source":"code")"); }));
   EXPECT_EQ(ctl({"show-address", "again"}).exit_code, 1) << "a code is shown already";
   const frames::QrCode code = frames::qr_code_of(text);
   ASSERT_EQ(ctl({"snapshot", path("snap.png")}).exit_code, 0);
@@ -371,7 +371,7 @@ TEST_F(Web, ACodeOnThePanelNamesNoTokenAndIsWithheldFromGuests) {
   }
   shown.signal(SIGINT);
   EXPECT_EQ(shown.wait(kPlayerTimeout).exit_code, 0);
-  EXPECT_TRUE(comes_true([&] { return says_about("on_glass", "b.lts"); })) << status().dump();
+  EXPECT_TRUE(comes_true([&] { return says_about("displayed", "b.lts"); })) << status().dump();
   EXPECT_TRUE(film_continues());
 }
 

@@ -57,7 +57,7 @@ inline void compare(const nlohmann::ordered_json& value, const nlohmann::ordered
     if (schema["properties"].contains(key))
       compare(inner, schema["properties"][key], description, place + "." + key, wrong);
     else if (&schema != &description && !schema["properties"].empty() && key != "saved" &&
-             key != "advice" && key != "trouble")
+             key != "advice" && key != "problem")
       wrong += place + ": undocumented " + key + "\n";
   }
 }

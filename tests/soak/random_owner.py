@@ -8,7 +8,7 @@ page. Two rules hold all the time:
 
 - the player never ends;
 - while it says that it plays, the panel never stands still for more than 2 s unless the status names a
-  trouble and the log has a line of it.
+  problem and the log has a line of it.
 
 With --clock simulated, which cannot be controlled, the owner only meddles with files and decoders, and the
 state is read from the statistics.
@@ -279,14 +279,14 @@ class Stage:
         return self.random.choice(actions)()
 
     def status(self):
-        """Returns a function that asks for the number of shown frames, the state and the trouble."""
+        """Returns a function that asks for the number of shown frames, the state and the problem."""
         if self.controlled:
             return lambda connection=Control(self.socket): connection.ask("status")
 
         def from_statistics():
             statistics = json.loads((self.statistics / "stats.json").read_text())
             return {"frames_shown": statistics["shown"], "state": statistics["outcome"],
-                    "last_trouble": statistics.get("playlist", {}).get("last_trouble")}
+                    "last_problem": statistics.get("playlist", {}).get("last_problem")}
         return from_statistics
 
     def close(self):
@@ -327,17 +327,17 @@ class Watch(threading.Thread):
                 shown, since, told = status["frames_shown"], now, False
                 continue
             still = now - since
-            trouble = status.get("last_trouble")
+            problem = status.get("last_problem")
             line = self.stage.log.since(since - NOTICE)
             if still > STILL_LIMIT + NOTICE and not told:
                 told = True
-                if trouble and line:
+                if problem and line:
                     self.explained += 1
                 else:
                     self.faults.append(
                         f"still for {still:.1f} s in state {status['state']}, "
-                        f"trouble {trouble!r}, log {line}, status {json.dumps(status)}")
-            if not (trouble and line):
+                        f"problem {problem!r}, log {line}, status {json.dumps(status)}")
+            if not (problem and line):
                 self.longest = max(self.longest, still)
 
 

@@ -102,15 +102,15 @@ void add_sentences(const ordered_json& state, const ordered_json& statistics,
   const auto say = [&](const std::string& text) { sentences.push_back(text); };
   const ordered_json status = inner(state, "status");
   if (state["connected"] != true) {
-    say("The player does not answer: " + state["trouble"].get<std::string>() + ".");
+    say("The player does not answer: " + state["problem"].get<std::string>() + ".");
     return;
   }
   const ordered_json doing = inner(status, "state");
   if (doing.is_string() && doing != "playing" && doing != "paused")
     say("The player does not play; its state is: " + doing.get<std::string>() + ".");
-  const ordered_json rig = inner(status, "rig_trouble");
+  const ordered_json rig = inner(status, "rig_problem");
   if (rig.is_string() && rig != "") say("The rig file is not followed: " + text_of(rig) + ".");
-  const ordered_json writes = inner(status, "write_trouble");
+  const ordered_json writes = inner(status, "write_problems");
   for (const ordered_json& write : writes.is_array() ? writes : ordered_json::array())
     if (inner(write, "cause").is_string() && write["cause"] != "")
       say("A file cannot be written: " + text_of(inner(write, "object")) + ": " +
@@ -128,8 +128,8 @@ void add_sentences(const ordered_json& state, const ordered_json& statistics,
                     late == 1 ? "Once" : fmt::format("{} times", late)));
   if (const std::string why = text_of(inner(status, "waiting_for")); !why.empty())
     say("Nothing of the list plays now: " + why + ".");
-  if (const std::string trouble = text_of(inner(status, "last_trouble")); !trouble.empty())
-    say("The player's last trouble: " + trouble + ".");
+  if (const std::string problem = text_of(inner(status, "last_problem")); !problem.empty())
+    say("The player's last problem: " + problem + ".");
   if (number_at(statistics, "damaged_frames").value_or(0) > 0)
     say("Some frames of the content are damaged. The faults below name the files.");
   if (number_at(status, "items_skipped").value_or(0) > 0)

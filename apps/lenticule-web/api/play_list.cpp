@@ -167,12 +167,12 @@ std::string list_toml(const ordered_json& list) {
 }
 
 PlayList::PlayList(ControlLink& link, PlayerState& state, fs::path own_file, fs::path versions,
-                   TroubleOf trouble_of)
+                   ProblemOf problem_of)
     : link_(link),
       state_(state),
       own_file_(std::move(own_file)),
       versions_(std::move(versions)),
-      trouble_of_(std::move(trouble_of)) {
+      problem_of_(std::move(problem_of)) {
   fs::create_directories(versions_);
 }
 
@@ -298,43 +298,43 @@ ordered_json PlayList::locked_write(const std::string& toml, const std::string& 
 
 /// Returns why items will not play, as far as that is known: files that are missing, or did not
 /// pass their last check. Files are checked until one plays. Throws HttpError 422 if none does.
-std::vector<std::string> PlayList::troubles_of(const ordered_json& list) const {
+std::vector<std::string> PlayList::problems_of(const ordered_json& list) const {
   const auto end = std::chrono::steady_clock::now() + kLongestCheck;
-  std::vector<std::string> troubles;
+  std::vector<std::string> problems;
   bool plays = false;
   for (const ordered_json& item : list["items"]) {
     const auto source = item["source"].get<std::string>();
     const fs::path file(source);
-    std::optional<std::string> trouble;  // none for folders and patterns, which are not examined
+    std::optional<std::string> problem;  // none for folders and patterns, which are not examined
     std::error_code error;
     if (file.parent_path() != own_file_.parent_path())
-      trouble = "";  // made by the player, or from elsewhere
+      problem = "";  // made by the player, or from elsewhere
     else if (fs::is_regular_file(file, error))
-      trouble = trouble_of_(file, !plays && std::chrono::steady_clock::now() < end);
+      problem = problem_of_(file, !plays && std::chrono::steady_clock::now() < end);
     else if (!fs::exists(file, error) && source.find('%') == std::string::npos)
-      trouble = file.filename().string() + ": there is no such file";
+      problem = file.filename().string() + ": there is no such file";
     // A long list is not examined to its end: what is not known may play.
-    plays = plays || !trouble || trouble->empty();
-    if (trouble && !trouble->empty() && std::ranges::find(troubles, *trouble) == troubles.end())
-      troubles.push_back(std::move(*trouble));
+    plays = plays || !problem || problem->empty();
+    if (problem && !problem->empty() && std::ranges::find(problems, *problem) == problems.end())
+      problems.push_back(std::move(*problem));
   }
   if (!plays)
-    throw HttpError(422, "the player cannot play any item of this list: " + troubles.front(),
+    throw HttpError(422, "the player cannot play any item of this list: " + problems.front(),
                     "the list stays as it was");
-  return troubles;
+  return problems;
 }
 
 ordered_json PlayList::replace(const ordered_json& list, const std::string& version,
                                const std::string& who) {
   const std::string toml = list_toml(list);
-  const std::vector<std::string> troubles = troubles_of(list);  // takes seconds: not locked
+  const std::vector<std::string> problems = problems_of(list);  // takes seconds: not locked
   const std::lock_guard lock(mutex_);
   const ordered_json now = locked_read();
   if (!version.empty() && now["version"] != version)
     throw HttpError(409, "the list was changed meanwhile", "read it again");
   require_own_sources(list, now, own_file_.parent_path());
   ordered_json result = locked_write(toml, who, now);
-  result["warnings"] = troubles;
+  result["warnings"] = problems;
   return result;
 }
 

@@ -22,7 +22,7 @@ namespace lenticule::web {
 
 /// Returns why a file does not play on this panel; empty if it does, none if it was not checked
 /// before, and `checks` is false. Throws Error.
-using TroubleOf =
+using ProblemOf =
     std::function<std::optional<std::string>(const std::filesystem::path& file, bool checks)>;
 
 /// Thread safety: any thread.
@@ -31,7 +31,7 @@ class PlayList {
   /// `own_file` is the list that is written if the player plays no list; versions are kept in
   /// `versions`.
   PlayList(ControlLink& link, PlayerState& state, std::filesystem::path own_file,
-           std::filesystem::path versions, TroubleOf trouble_of);
+           std::filesystem::path versions, ProblemOf problem_of);
 
   /// Returns {"file", "version", "editable", "by_hand", "loop", "default", "items"}; `by_hand` if
   /// the file has comments and an order that replace() does not keep. A folder that plays, and a
@@ -56,7 +56,7 @@ class PlayList {
   [[nodiscard]] nlohmann::ordered_json locked_read();
   nlohmann::ordered_json locked_write(const std::string& toml, const std::string& who,
                                       const nlohmann::ordered_json& now);
-  [[nodiscard]] std::vector<std::string> troubles_of(const nlohmann::ordered_json& list) const;
+  [[nodiscard]] std::vector<std::string> problems_of(const nlohmann::ordered_json& list) const;
   void keep_other(const std::string& toml);
   void keep(const std::string& toml, const std::string& who);
 
@@ -64,7 +64,7 @@ class PlayList {
   PlayerState& state_;
   const std::filesystem::path own_file_;
   const std::filesystem::path versions_;
-  const TroubleOf trouble_of_;
+  const ProblemOf problem_of_;
   std::mutex mutex_;  ///< one change at a time
 };
 

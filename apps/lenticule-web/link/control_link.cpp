@@ -82,14 +82,14 @@ ControlLink::Answer ControlLink::ask(ordered_json request, std::chrono::millisec
 // --- what is shown instead of the content ---------------------------------------------------
 
 std::string shown_instead(const ordered_json& status) {
-  const auto place = status.is_object() ? status.find("on_glass") : status.end();
+  const auto place = status.is_object() ? status.find("displayed") : status.end();
   if (!status.is_object() || place == status.end() || !place->is_object() ||
       !place->contains("source") || !(*place)["source"].is_string())
     return {};
   const auto source = (*place)["source"].get<std::string>();
   // An item of a list may be black, too.
-  const bool in_list = status.contains("taking") && status["taking"].is_object() &&
-                       status["taking"].value("items", 0) > 1;
+  const bool in_list = status.contains("reading") && status["reading"].is_object() &&
+                       status["reading"].value("items", 0) > 1;
   if (in_list) return {};
   if (is_chart(source)) return "chart";
   const bool is_instead =

@@ -77,7 +77,7 @@ bool PlayerState::stopped() const {
 
 ordered_json PlayerState::state() const {
   const std::lock_guard lock(mutex_);
-  return {{"connected", connected_}, {"status", status_}, {"trouble", trouble_}};
+  return {{"connected", connected_}, {"status", status_}, {"problem", problem_}};
 }
 
 ordered_json PlayerState::statistics() const {
@@ -149,16 +149,16 @@ void PlayerState::locked_publish(const std::string& name, std::string text) {
   if (messages_.size() > kKeptMessages) messages_.pop_front();
 }
 
-void PlayerState::lost(const std::string& trouble) {
+void PlayerState::lost(const std::string& problem) {
   {
     const std::lock_guard lock(mutex_);
-    trouble_ = trouble;
+    problem_ = problem;
     if (!connected_ && !messages_.empty()) return;
     connected_ = false;
     status_ = nullptr;
     statistics_ = nullptr;
     locked_publish("state", json_text(ordered_json{
-                                {"connected", false}, {"status", nullptr}, {"trouble", trouble_}}));
+                                {"connected", false}, {"status", nullptr}, {"problem", problem_}}));
   }
   changed_.notify_all();
 }
@@ -170,9 +170,9 @@ void PlayerState::poll_status() {
     if (connected_ && status == status_) return;
     status_ = std::move(status);
     connected_ = true;
-    trouble_.clear();
+    problem_.clear();
     locked_publish("state", json_text(ordered_json{
-                                {"connected", true}, {"status", status_}, {"trouble", ""}}));
+                                {"connected", true}, {"status", status_}, {"problem", ""}}));
   }
   changed_.notify_all();
 }

@@ -60,7 +60,7 @@ class PlayerState {
   PlayerState(const PlayerState&) = delete;
   PlayerState& operator=(const PlayerState&) = delete;
 
-  /// Returns {"connected", "status", "trouble"}.
+  /// Returns {"connected", "status", "problem"}.
   [[nodiscard]] nlohmann::ordered_json state() const;
   /// Returns the player's newest statistics; null without a player.
   [[nodiscard]] nlohmann::ordered_json statistics() const;
@@ -95,7 +95,7 @@ class PlayerState {
   void poll_status();
   void poll_statistics();
   void locked_publish(const std::string& name, std::string text);
-  void lost(const std::string& trouble);
+  void lost(const std::string& problem);
 
   ControlLink& link_;
   Clock& clock_;
@@ -104,7 +104,7 @@ class PlayerState {
   std::condition_variable changed_;
   nlohmann::ordered_json status_;
   nlohmann::ordered_json statistics_;
-  std::string trouble_ = "not asked yet";
+  std::string problem_ = "not asked yet";
   bool connected_ = false;
   HourHistory history_;
   std::deque<Message> messages_;

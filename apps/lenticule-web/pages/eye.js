@@ -70,10 +70,10 @@ function drawCrosstalk() {
 
 const reload = refreshPicture($("seen"), () =>
   `/api/v1/eye.jpg?x=${eye.x.toFixed(1)}&y=${eye.y.toFixed(1)}&z=${eye.z.toFixed(1)}&width=${innerWidth < 700 ? 640 : 960}`, 500,
-(trouble, ms) => {
+(problem, ms) => {
   const side = `${Math.abs(eye.x).toFixed(0)} mm ${eye.x < 0 ? "left" : "right"}`;
   const height = `${Math.abs(eye.y).toFixed(0)} mm ${eye.y < 0 ? "down" : "up"}`;
-  $("caption").textContent = trouble || `${side}, ${height}, ${eye.z.toFixed(0)} mm away; the picture took ${ms.toFixed(0)} ms`;
+  $("caption").textContent = problem || `${side}, ${height}, ${eye.z.toFixed(0)} mm away; the picture took ${ms.toFixed(0)} ms`;
 });
 
 function moveTo(x, z) {

@@ -18,15 +18,15 @@ let upload = null;
 function showState(now) {
   state = now;
   const status = now.status;
-  const place = status && status.on_glass;
+  const place = status && status.displayed;
   $("playing").textContent = !now.connected ? "The player does not answer"
     : now.shown_instead ? "Shown instead of the content: " + (INSTEAD[now.shown_instead] || now.shown_instead)
       : place ? baseName(place.source) : "Nothing is playing";
-  $("where").textContent = !now.connected ? plain(now.trouble)
+  $("where").textContent = !now.connected ? plain(now.problem)
     : place ? `${status.state}, frame ${place.frame}` + (place.item === null ? ""
-      : `, item ${place.item + 1} of ${status.taking ? status.taking.items : 1}`) : "";
-  $("trouble").textContent = !status ? "" : status.waiting_for ? "Waiting: " + plain(status.waiting_for)
-    : status.last_trouble ? "Last trouble: " + plain(status.last_trouble) : "";
+      : `, item ${place.item + 1} of ${status.reading ? status.reading.items : 1}`) : "";
+  $("problem").textContent = !status ? "" : status.waiting_for ? "Waiting: " + plain(status.waiting_for)
+    : status.last_problem ? "Last problem: " + plain(status.last_problem) : "";
   const paused = Boolean(status && status.state === "paused");
   $("pause").textContent = paused ? "Play" : "Pause";
   $("pause").setAttribute("aria-pressed", String(paused));
@@ -39,7 +39,7 @@ function showState(now) {
 }
 
 function markPlaying() {
-  const place = state.status && state.status.on_glass;
+  const place = state.status && state.status.displayed;
   [...$("list").children].forEach((row, k) => {
     const playing = Boolean(place && !state.shown_instead && items === saved.items && place.item === k);
     row.classList.toggle("now", playing);
@@ -282,7 +282,7 @@ $("stop").onclick = () => upload && upload.request && upload.request.abort();
 addEventListener("beforeunload", (event) => { if (upload || (saved && items !== saved.items)) event.preventDefault(); });
 
 refreshPicture($("woven"), () => "/api/v1/frame.jpg?width=640", 1000,
-  (trouble) => { $("woven-state").textContent = trouble; });
+  (problem) => { $("woven-state").textContent = problem; });
 let eye = null;
 attempt(async () => { eye = await api("GET", "optics"); });
 refreshPicture($("seen"), () =>

@@ -66,8 +66,8 @@ export function make(tag, attributes = {}, ...children) {
 
 /** Says what is shown instead of the content, as the server's field "shown_instead" does. */
 function insteadOf(status) {
-  const place = status && status.on_glass;
-  if (!place || (status.taking && status.taking.items > 1)) return "";
+  const place = status && status.displayed;
+  if (!place || (status.reading && status.reading.items > 1)) return "";
   if (place.source.endsWith("/calibration/chart.png")) return "chart";
   return ["black", "card", "views", "code"].includes(place.source) ? place.source : "";
 }

@@ -53,7 +53,7 @@ follow((now) => {
   $("chart").setAttribute("aria-pressed", String(shown));
   $("chart").textContent = shown ? "Back to the content" : "Show the chart";
   if (now.connected && connected !== true) read();
-  if (!now.connected) $("present").textContent = plain(now.trouble);
+  if (!now.connected) $("present").textContent = plain(now.problem);
   $("history").inert = !now.connected;
   connected = now.connected;
 }, (name) => { if (name === "trim_changed") read(); });

@@ -49,7 +49,7 @@ constexpr const char* kCode = "code";
 }
 
 std::string source_on_panel(const ordered_json& status) {
-  const ordered_json place = status.value("on_glass", ordered_json());
+  const ordered_json place = status.value("displayed", ordered_json());
   return place.is_object() ? place.value("source", std::string()) : std::string();
 }
 
@@ -59,7 +59,7 @@ ordered_json return_request(const ordered_json& status, const ordered_json& list
   const ordered_json items = list.value("items", ordered_json::array());
   if (request["source"].is_null() && !items.empty())
     request["source"] = items.front().value("source", ordered_json());
-  const ordered_json place = status.value("on_glass", ordered_json());
+  const ordered_json place = status.value("displayed", ordered_json());
   for (const char* key : {"item", "frame"})
     if (place.is_object() && place.value(key, ordered_json()).is_number_unsigned())
       request[key] = place[key];
@@ -202,7 +202,7 @@ ordered_json request_of(const std::string& verb, const CtlFlags& flags) {
   return request;
 }
 
-/// Prints "taking.source: a/%05d.png", one value per line.
+/// Prints "reading.source: a/%05d.png", one value per line.
 void print_text(const ordered_json& value, const std::string& name) {
   if (value.is_object())
     for (const auto& [key, inner] : value.items())

@@ -18,7 +18,7 @@ using std::chrono::seconds;
 
 class RigError : public test::KmsStage {
  protected:
-  fs::path folder = fs::path(::testing::TempDir()) / fmt::format("rig-trouble-{}", getpid());
+  fs::path folder = fs::path(::testing::TempDir()) / fmt::format("rig-problem-{}", getpid());
   PlayFlags flags;
   ServiceManager manager;
   void SetUp() override {

@@ -113,8 +113,8 @@ class FakePlayer {
     const uint64_t now = ++statuses_;
     reply["state"] = "playing";
     reply["frames_shown"] = now * 60;
-    reply["on_glass"] = {{"source", "/media/film.lts"}, {"item", item()}, {"frame", now}};
-    reply["taking"] = {{"items", 3}};
+    reply["displayed"] = {{"source", "/media/film.lts"}, {"item", item()}, {"frame", now}};
+    reply["reading"] = {{"items", 3}};
   }
   void tell(const nlohmann::ordered_json& event) {
     for (Peer& peer : peers_)
