@@ -9,9 +9,9 @@
 
 #include "base/error.h"
 #include "base/text.h"
+#include "farm/sequence_joiner.h"
 #include "frames/sequence/band_codec.h"
 #include "frames/sequence/sequence_format.h"
-#include "frames/sequence/sequence_joiner.h"
 
 namespace lenticule::farm {
 
@@ -171,7 +171,7 @@ Chunk Plan::chunk(uint64_t number) const {
 }
 
 std::string Plan::identity() const {
-  return frames::digest_of_text(json_text(result_json(*this)));
+  return digest_of_text(json_text(result_json(*this)));
 }
 
 std::string plan_to_json(const Plan& plan) {

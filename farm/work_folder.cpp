@@ -13,7 +13,7 @@
 #include "base/file.h"
 #include "base/numbers.h"
 #include "base/text.h"
-#include "frames/sequence/sequence_joiner.h"
+#include "farm/sequence_joiner.h"
 
 namespace lenticule::farm {
 namespace {
@@ -276,8 +276,7 @@ std::optional<frames::PredictorTable> WorkFolder::predictors(uint64_t frame) con
       table.distance[++table.count] = distance.get<uint32_t>();
     }
     const std::string checked = predictors_text(identity_, frame, distances);
-    if (fields.text("digest") != frames::digest_of_text(checked) || !is_valid(table))
-      return std::nullopt;
+    if (fields.text("digest") != digest_of_text(checked) || !is_valid(table)) return std::nullopt;
     return table;
   } catch (const Error&) {
     return std::nullopt;  // the frame is rendered again
@@ -288,7 +287,7 @@ void WorkFolder::publish_predictors(uint64_t frame, const frames::PredictorTable
                                     const fs::path& attempt) const {
   json distances = json::array();
   for (int i = 1; i <= predictors.count; ++i) distances.push_back(predictors.distance[i]);
-  const std::string digest = frames::digest_of_text(predictors_text(identity_, frame, distances));
+  const std::string digest = digest_of_text(predictors_text(identity_, frame, distances));
   const fs::path made = attempt / "predictors.json";
   write_text_file(made, json_text(json{{"distances", distances}, {"digest", digest}}) + "\n");
   move_file(made, predictors_file(frame));
@@ -377,7 +376,7 @@ MergeResult merge_film(const WorkFolder& folder, const std::filesystem::path& fi
   MergeResult result;
   result.chunks = missing.empty() ? folder.plan().chunks() : missing.front();
   if (!missing.empty() && (!options.partial || result.chunks == 0)) refuse_missing(folder, missing);
-  frames::SequenceJoiner joiner(film, folder.plan().film);
+  SequenceJoiner joiner(film, folder.plan().film);
   for (uint64_t chunk = 0; chunk < result.chunks; ++chunk) {
     if (options.stops(chunk)) return {.stopped = true};
     const auto report = folder.done(chunk);

@@ -36,7 +36,7 @@ struct ChunkReport {
   uint64_t begin = 0, end = 0;                        ///< frames
   std::string digest{};                               ///< digest of the chunk's file
   uint64_t bytes = 0;                                 ///< size of the chunk's file
-  std::vector<uint64_t> first_bands{}, last_bands{};  ///< see frames::FilmPart
+  std::vector<uint64_t> first_bands{}, last_bands{};  ///< see FilmPart
   std::string node{};
   std::string isa{};  ///< instruction set that rendered
   int threads = 0;

@@ -16,7 +16,7 @@ namespace {
 
 using packet_kernel::kLanes;
 
-static_assert(TilePlan::kRows == kLanes && optics::TileOptics::kRows == kLanes);
+static_assert(TilePlan::kRows == kLanes && TileOptics::kRows == kLanes);
 
 constexpr bool lies_at(size_t offset, packet_kernel::Field field) {
   return offset == sizeof(float) * kLanes * static_cast<size_t>(field);
@@ -81,7 +81,7 @@ void init_packets(std::span<RayPacket> packets) {
 PrimaryPackets::PrimaryPackets(const optics::OpticalModel& model, const TilePlan& plan, Isa isa)
     : plan_(plan),
       exact_(model, plan),
-      optics_(optics::TileOptics::make_first(model, kPieceColumns, shifts_of(plan))),
+      optics_(TileOptics::make_first(model, kPieceColumns, shifts_of(plan))),
       kernel_(kernel_for(isa)) {}
 
 PrimaryPackets::Maker::Maker(const PrimaryPackets& packets) : packets_(packets) {
@@ -165,8 +165,8 @@ bool PrimaryPackets::Maker::set_pieces(const Scene& scene) {
 /// Combines a piece's optics with the start of the rays and the map to the scene.
 bool PrimaryPackets::Maker::combine(const Scene& scene, Piece& piece) const {
   packet_kernel::Tile& out = piece.kernel;
-  const optics::TileOptics& rig = *packets_.optics_;
-  const optics::TileOptics::Tile& in = piece.optics;
+  const TileOptics& rig = *packets_.optics_;
+  const TileOptics::Tile& in = piece.optics;
   // Rays point away from the viewer, so the direction is -tan per millimetre of depth.
   for (size_t n = 0; n < static_cast<size_t>(rig.coefficients()); ++n)
     for (size_t r = 0; r < kLanes; ++r) out.tangent[n][r] = -in.tangent[n][r];
@@ -189,8 +189,8 @@ bool PrimaryPackets::Maker::combine(const Scene& scene, Piece& piece) const {
 
 /// Computes the bounds of a piece. Rows outside the panel are included, so the bounds may be wider
 /// than necessary.
-void PrimaryPackets::Maker::set_bounds(const optics::TileOptics& rig,
-                                       const optics::TileOptics::Tile& in, PieceBounds& out) {
+void PrimaryPackets::Maker::set_bounds(const TileOptics& rig, const TileOptics::Tile& in,
+                                       PieceBounds& out) {
   out = {};
   for (size_t r = 0; r < kLanes; ++r) {
     for (size_t colour = 0; colour < 3; ++colour) {
@@ -251,7 +251,7 @@ Interval values_of(const std::array<Interval, kCount>& coefficients, size_t used
 
 void PrimaryPackets::Maker::add_to_beam(const Piece& piece, ColumnRange columns, Beam& out) const {
   if (!piece.touches_panel) return;
-  const optics::TileOptics& rig = *packets_.optics_;
+  const TileOptics& rig = *packets_.optics_;
   const PieceBounds& of = piece.bounds;
   constexpr double kMostOff = 0.501;  // largest distance from the nearest lens, in lenses
   constexpr double kRounding = 1e-6;

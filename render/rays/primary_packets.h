@@ -10,18 +10,18 @@
 #include <vector>
 
 #include "base/cpu.h"
-#include "optics/tile_optics.h"
 #include "render/accel/ray_stream.h"
 #include "render/rays/primary_packets_kernel.h"
 #include "render/rays/primary_rays.h"
+#include "render/rays/tile_optics.h"
 #include "render/scene/surroundings.h"
 
 namespace lenticule::render {
 
 /// PrimaryPackets makes primary rays for one rig. If the rig's map is smooth across a tile, the
-/// rays come from polynomials (optics/tile_optics.h); otherwise, and for samples off a subpixel's
-/// centre, from the map itself, which is ten times slower. Thread safety: immutable after
-/// construction, usable from any thread.
+/// rays come from polynomials (render/rays/tile_optics.h); otherwise, and for samples off a
+/// subpixel's centre, from the map itself, which is ten times slower. Thread safety: immutable
+/// after construction, usable from any thread.
 class PrimaryPackets {
  public:
   /// Lifetime: `model` and `plan` must outlive the object.
@@ -62,8 +62,8 @@ class PrimaryPackets {
     /// Bounds of a piece's polynomials, over its rows and colours.
     struct PieceBounds {
       std::array<Interval, 3> bend;
-      std::array<Interval, optics::TileOptics::kMostCoefficients> tangent;
-      std::array<Interval, optics::TileOptics::kShiftCoefficients> shift_mm;
+      std::array<Interval, TileOptics::kMostCoefficients> tangent;
+      std::array<Interval, TileOptics::kShiftCoefficients> shift_mm;
       Interval x0_mm, y_mm, tan_y;
     };
     /// Piece is a part of a tile as wide as the range of the rig's polynomials. A piece that does
@@ -71,14 +71,13 @@ class PrimaryPackets {
     struct Piece {
       bool touches_panel = false;
       PieceBounds bounds;
-      optics::TileOptics::Tile optics;
+      TileOptics::Tile optics;
       packet_kernel::Tile kernel;
     };
     void begin(const Scene& scene, const Tile& tile, const Footprint& footprint);
     bool set_pieces(const Scene& scene);
     bool combine(const Scene& scene, Piece& piece) const;
-    static void set_bounds(const optics::TileOptics& rig, const optics::TileOptics::Tile& in,
-                           PieceBounds& out);
+    static void set_bounds(const TileOptics& rig, const TileOptics::Tile& in, PieceBounds& out);
     void add_to_beam(const Piece& piece, ColumnRange columns, Beam& out) const;
     void add_exact_to_beam(ColumnRange columns, Beam& out) const;
     bool set_shared(const Scene& scene, Piece& piece) const;
@@ -111,7 +110,7 @@ class PrimaryPackets {
  private:
   const TilePlan& plan_;
   PrimaryRays exact_;
-  std::unique_ptr<optics::TileOptics> optics_;
+  std::unique_ptr<TileOptics> optics_;
   const packet_kernel::Kernel& kernel_;
 };
 

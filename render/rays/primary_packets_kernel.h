@@ -14,7 +14,7 @@ inline constexpr int kColours = 3;
 inline constexpr int kMostCoefficients = 8;
 inline constexpr int kShiftCoefficients = 4;
 
-/// Tile holds the polynomials of optics::TileOptics for one tile, already combined with the start
+/// Tile holds the polynomials of TileOptics for one tile, already combined with the start
 /// of the rays. Arrays run over the sixteen rows; the colour is the column's. For column c:
 ///   phase    = phase[0] + c (phase[1] + c phase[2]); its lens is the nearest integer;
 ///   argument = bend[0] + c (bend[1] + c bend[2]) - lens_step (phase - lens);

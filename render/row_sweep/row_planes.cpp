@@ -41,7 +41,6 @@ RowBuckets::RowBuckets(int rows, std::span<const RowRange> ranges)
 
 namespace {
 
-using optics::TileOptics;
 using sweep_kernel::RowPiece;
 
 const sweep_kernel::Kernel& kernel_for(Isa isa) {

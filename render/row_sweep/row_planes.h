@@ -16,7 +16,7 @@
 
 #include "base/interval.h"
 #include "optics/row_rays.h"
-#include "optics/tile_optics.h"
+#include "render/rays/tile_optics.h"
 #include "render/row_sweep/row_sweep_kernel.h"
 
 namespace lenticule::render {
@@ -68,9 +68,9 @@ struct PlaneRays {
   std::vector<int32_t> subpixel;  ///< index in the row; empty if ray n belongs to subpixel n
 };
 
-/// RowPlanes makes rays for one rig. If the rig's map is smooth (optics/tile_optics.h), the rays
-/// come from polynomials and equal those of method full; otherwise from the map itself, which is
-/// ten times slower. Thread safety: immutable after construction, usable from any thread.
+/// RowPlanes makes rays for one rig. If the rig's map is smooth (render/rays/tile_optics.h), the
+/// rays come from polynomials and equal those of method full; otherwise from the map itself, which
+/// is ten times slower. Thread safety: immutable after construction, usable from any thread.
 class RowPlanes {
  public:
   /// Throws Error(Usage) for an instruction set that this machine does not support. Lifetime: the
@@ -130,7 +130,7 @@ class RowPlanes {
     void make_exact(int row, size_t plane, PlaneRays& out);
 
     const RowPlanes& planes_;
-    std::vector<optics::TileOptics::Tile> tiles_;  ///< tiles of one band of rows
+    std::vector<TileOptics::Tile> tiles_;  ///< tiles of one band of rows
     int band_ = -1;
     int in_band_ = 0;  ///< last row made, counted in the band
     bool band_smooth_ = false;
@@ -152,8 +152,8 @@ class RowPlanes {
   const optics::OpticalModel& model_;
   const sweep_kernel::Kernel& kernel_;
   optics::RowRayEvaluator evaluator_;
-  std::unique_ptr<optics::TileOptics> smooth_;  ///< null if the map is not smooth
-  size_t columns_ = 0;                          ///< columns of its tiles
+  std::unique_ptr<TileOptics> smooth_;  ///< null if the map is not smooth
+  size_t columns_ = 0;                  ///< columns of its tiles
   std::vector<LayoutRow> layout_;
   double inverse_z_;
   double eye_tan_y_;

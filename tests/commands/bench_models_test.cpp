@@ -3,7 +3,7 @@
 // are scripts that copy a picture.
 #include <nlohmann/json.hpp>
 
-#include "frames/flip.h"
+#include "apps/lenticule-tools/offline/flip.h"
 #include "frames/image_io.h"
 #include "tests/commands/program.h"
 
@@ -93,8 +93,8 @@ TEST_F(BenchModels, ComparesEveryModelWithTheJudgesPicture) {
   EXPECT_EQ(theirs.width(), 32);
   EXPECT_EQ(theirs.bytes()[0], 128);
   const double flip =
-      frames::flip_figures(frames::flip_map({ours.view(), frames::kFlipPixelsPerDegree},
-                                            {theirs.view(), frames::kFlipPixelsPerDegree}))
+      tools::flip_figures(tools::flip_map({ours.view(), tools::kFlipPixelsPerDegree},
+                                          {theirs.view(), tools::kFlipPixelsPerDegree}))
           .mean;
   EXPECT_GT(flip, 0.01);
   EXPECT_NEAR(models[1].at("flip_mean").get<double>(), flip, 1e-6);

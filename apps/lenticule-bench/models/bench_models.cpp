@@ -15,12 +15,12 @@
 #include <optional>
 
 #include "apps/lenticule-bench/harness/bench.h"
+#include "apps/lenticule-tools/offline/flip.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/print.h"
 #include "base/text.h"
 #include "frames/charts/charts.h"
-#include "frames/flip.h"
 #include "frames/image_io.h"
 #include "frames/srgb.h"
 #include "frames/text.h"
@@ -177,7 +177,7 @@ struct ModelsFlags {
   int size_px = 512;
   int supersample = 2;
   int light_samples = 32;
-  double pixels_per_degree = frames::kFlipPixelsPerDegree;
+  double pixels_per_degree = tools::kFlipPixelsPerDegree;
   int limit_s = 120;
   int threads = 0;
   bool json = false;
@@ -192,7 +192,7 @@ struct ModelRow {
   std::string theirs_failure{};
   double seconds = 0.0;
   ContactEntry entry{};
-  std::optional<frames::FlipFigures> flip{};
+  std::optional<tools::FlipFigures> flip{};
 };
 
 class ModelsRun {
@@ -317,11 +317,11 @@ class ModelsRun {
     entry.caption = row.model.name;
     if (entry.ours.bytes().empty() || entry.theirs.bytes().empty()) return;
     const std::vector<float> map =
-        frames::flip_map(frames::FlipPicture(entry.theirs.view(), flags_.pixels_per_degree),
-                         frames::FlipPicture(entry.ours.view(), flags_.pixels_per_degree));
+        tools::flip_map(tools::FlipPicture(entry.theirs.view(), flags_.pixels_per_degree),
+                        tools::FlipPicture(entry.ours.view(), flags_.pixels_per_degree));
     entry.flip = flip_picture(map, flags_.size_px, flags_.size_px);
     frames::write_woven(entry.flip.view(), picture_file(row, "flip"));
-    row.flip = frames::flip_figures(map);
+    row.flip = tools::flip_figures(map);
     entry.caption = fmt::format("{:.3f} {}", row.flip->mean, row.model.name);
   }
 

@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
+#include "apps/lenticule-tools/offline/flip.h"
 #include "apps/lenticule-tools/offline/scene_sequence.h"
-#include "frames/flip.h"
 #include "frames/frame.h"
 #include "frames/sequence/band_codec.h"
 #include "lab/fixtures.h"
@@ -163,7 +163,7 @@ class ErrorEyes {
   frames::BandWorkers& workers_;
   double pixels_per_degree_;
   SeenPictures reference_;
-  std::vector<frames::FlipPicture> reference_flip_;
+  std::vector<tools::FlipPicture> reference_flip_;
   SeenPictures test_;
 };
 

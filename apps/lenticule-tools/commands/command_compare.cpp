@@ -15,11 +15,11 @@
 #include <system_error>
 #include <vector>
 
+#include "apps/lenticule-tools/offline/flip.h"
 #include "apps/lenticule/cli/command.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "frames/compare.h"
-#include "frames/flip.h"
 #include "frames/image_format.h"
 #include "frames/image_io.h"
 #include "frames/quilt.h"
@@ -316,8 +316,8 @@ class CompareReport {
   };
 
   nlohmann::json measure_flip(const frames::FrameView& reference, const frames::FrameView& test) {
-    const frames::FlipFigures flip = frames::flip_figures(
-        frames::flip_map({reference, *flip_pixels_per_degree_}, {test, *flip_pixels_per_degree_}));
+    const FlipFigures flip = flip_figures(
+        flip_map({reference, *flip_pixels_per_degree_}, {test, *flip_pixels_per_degree_}));
     flip_sum_ += flip.mean;
     return {{"mean", flip.mean},
             {"percentile_99", flip.percentile_99},
@@ -406,7 +406,7 @@ struct CompareFlags {
   std::optional<double> limit_psnr_db;
   std::optional<double> over;
   bool flip = false;
-  double pixels_per_degree = frames::kFlipPixelsPerDegree;
+  double pixels_per_degree = kFlipPixelsPerDegree;
   bool json = false;
 };
 

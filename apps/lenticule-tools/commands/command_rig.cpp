@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/lenticule-tools/offline/mpv_shader.h"
 #include "apps/lenticule/cli/command.h"
 #include "base/error.h"
 #include "base/exit_code.h"
@@ -21,7 +22,6 @@
 #include "base/json_output.h"
 #include "base/print.h"
 #include "frames/quilt.h"
-#include "frames/weaving/mpv_shader.h"
 #include "optics/calibration_import.h"
 #include "optics/model.h"
 #include "optics/rig.h"
@@ -480,7 +480,7 @@ frames::QuiltLayout quilt_layout(const std::string& text) {
 ExitCode export_shader(const RigOptions& options) {
   const Rig rig = optics::load_trimmed_rig(options.file);
   const frames::QuiltLayout layout = quilt_layout(options.quilt);
-  write_text_file(options.mpv_shader, frames::mpv_shader(rig, layout));
+  write_text_file(options.mpv_shader, mpv_shader(rig, layout));
   print_result({{"output", options.mpv_shader},
                 {"columns", layout.columns},
                 {"rows", layout.rows},

@@ -21,10 +21,10 @@
 #include "base/numbers.h"
 #include "base/print.h"
 #include "base/statistics.h"
+#include "farm/sequence_joiner.h"
 #include "farm/work_folder.h"
 #include "frames/image_io.h"
 #include "frames/sequence/band_codec.h"
-#include "frames/sequence/sequence_joiner.h"
 #include "frames/sequence/sequence_reader.h"
 #include "player/process/child_process.h"
 #include "player/process/interrupt.h"
@@ -53,8 +53,8 @@ std::string digest_of_texture(const render::Texture& texture) {
     return std::string_view(reinterpret_cast<const char*>(values.data()),
                             values.size() * sizeof(values[0]));
   };
-  return frames::digest_of_text(bytes_of(texture.codes)) +
-         frames::digest_of_text(bytes_of(texture.rgba));
+  return farm::digest_of_text(bytes_of(texture.codes)) +
+         farm::digest_of_text(bytes_of(texture.rgba));
 }
 
 std::string digest_of_scene(const RenderFlags& flags, const FilmRenderer& renderer) {
@@ -66,10 +66,10 @@ std::string digest_of_scene(const RenderFlags& flags, const FilmRenderer& render
     mix_scene(scenes.at(renderer.film().end - 1), mixer);
   std::string parts = flags.scene.starts_with(kBuiltIn) ? flags.scene : std::string();
   if (parts.empty() && !frames::FilePattern::looks_like_pattern(flags.scene))
-    parts = frames::digest_of_file(flags.scene);
+    parts = farm::digest_of_file(flags.scene);
   parts += fmt::format(" {:016x}{:016x}", mixer.value().first, mixer.value().second);
   for (const auto& texture : reference.textures) parts += " " + digest_of_texture(*texture);
-  return frames::digest_of_text(parts);
+  return farm::digest_of_text(parts);
 }
 
 /// Returns the digest of what a film takes from its wall beside the rig: the place of the panel,
@@ -81,7 +81,7 @@ std::string digest_of_place(const FilmPanel& panel) {
   const Affine& place = panel.canvas_from_panel;
   for (const Vec3& v : {place.column_x, place.column_y, place.column_z, place.origin})
     text += fmt::format(" {} {} {}", v.x, v.y, v.z);
-  return frames::digest_of_text(text);
+  return farm::digest_of_text(text);
 }
 
 }  // namespace
@@ -96,9 +96,9 @@ std::map<std::string, std::string> digests_of_inputs(const RenderFlags& flags,
   digests["scene"] = digest_of_scene(flags, renderer);
   digests["rig"] = optics::fingerprint(renderer.rig());
   if (renderer.panel().in_wall()) digests["wall"] = digest_of_place(renderer.panel());
-  if (!flags.camera.empty()) digests["camera"] = frames::digest_of_file(flags.camera);
+  if (!flags.camera.empty()) digests["camera"] = farm::digest_of_file(flags.camera);
   const std::string& environment = flags.staging.surroundings.environment_file;
-  if (!environment.empty()) digests["environment"] = frames::digest_of_file(environment);
+  if (!environment.empty()) digests["environment"] = farm::digest_of_file(environment);
   return digests;
 }
 
@@ -108,8 +108,8 @@ std::string digest_of_chunk_inputs(const RenderFlags& flags, const farm::Chunk& 
   const frames::FilePattern pattern(flags.scene);
   std::string parts;
   for (uint64_t frame = chunk.begin; frame < chunk.end; ++frame)
-    parts += frames::digest_of_file(pattern.path(frame));
-  return frames::digest_of_text(parts);
+    parts += farm::digest_of_file(pattern.path(frame));
+  return farm::digest_of_text(parts);
 }
 
 PlannedFilm::PlannedFilm(const farm::Plan& plan, int threads) : plan_(plan) {

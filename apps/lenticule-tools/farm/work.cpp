@@ -25,9 +25,9 @@
 #include "base/print.h"
 #include "base/temporary.h"
 #include "base/text.h"
+#include "farm/sequence_joiner.h"
 #include "farm/work_folder.h"
 #include "frames/sequence/band_codec.h"
-#include "frames/sequence/sequence_joiner.h"
 #include "frames/sequence/sequence_reader.h"
 #include "frames/sequence/sequence_writer.h"
 #include "player/process/interrupt.h"
@@ -153,7 +153,7 @@ class ChunkRun {
     const fs::path file = attempt.path() / "chunk.lts";
     if (!render_to(film.renderer(), attempt.path(), file, heartbeat))
       return player::interrupt_exit_code();
-    report_.digest = frames::digest_of_file(file);
+    report_.digest = farm::digest_of_file(file);
     report_.bytes = open_regular_file(file, UINT64_MAX).bytes;
     report_.seconds = seconds_since(begin_);
     agrees_ = folder_.finish_chunk(attempt.path(), file, report_);
@@ -184,8 +184,8 @@ class ChunkRun {
     for (uint64_t number = chunk_.begin; number < chunk_.end; ++number) {
       if (!render_frame(renderer, number, frame)) return false;
       writer.append(frame.view());
-      if (number == chunk_.begin) report_.first_bands = frames::band_digests(frame.view());
-      if (number + 1 == chunk_.end) report_.last_bands = frames::band_digests(frame.view());
+      if (number == chunk_.begin) report_.first_bands = farm::band_digests(frame.view());
+      if (number + 1 == chunk_.end) report_.last_bands = farm::band_digests(frame.view());
       publish_own_predictors(number, attempt, frame);
       heartbeat.frame_done();
       progress.update(number - chunk_.begin + 1);

@@ -10,9 +10,9 @@
 #include "base/error.h"
 #include "base/text.h"
 #include "farm/plan.h"
+#include "farm/sequence_joiner.h"
 #include "farm/slurm.h"
 #include "farm/work_folder.h"
-#include "frames/sequence/sequence_joiner.h"
 
 namespace lenticule::farm {
 namespace {
@@ -28,7 +28,7 @@ void check_plan(std::string_view text) {
 std::string with_identity(std::string_view text) {
   nlohmann::json object = nlohmann::json::parse(text, nullptr, false);
   if (!object.is_object() || !object.contains("result")) return std::string(text);
-  object["identity"] = frames::digest_of_text(json_text(object["result"]));
+  object["identity"] = farm::digest_of_text(json_text(object["result"]));
   return json_text(object);
 }
 

@@ -11,9 +11,9 @@
 
 #include "base/temporary.h"
 #include "base/unique_fd.h"
+#include "farm/sequence_joiner.h"
 #include "farm/work_folder.h"
 #include "frames/sequence/sequence_format.h"
-#include "frames/sequence/sequence_joiner.h"
 #include "small_farm.h"
 
 namespace lenticule::farm {
@@ -75,9 +75,9 @@ void finish_sparse_chunk(const WorkFolder& folder, uint64_t number) {
   report.begin = chunk.begin;
   report.end = chunk.end;
   report.node = "node";
-  report.digest = frames::digest_of_file(file);
+  report.digest = digest_of_file(file);
   report.bytes = fs::file_size(file);
-  const size_t bands = frames::band_digests(frames::WovenFrame(info.geometry).view()).size();
+  const size_t bands = band_digests(frames::WovenFrame(info.geometry).view()).size();
   report.first_bands = std::vector<uint64_t>(bands, 2 * number);
   report.last_bands = std::vector<uint64_t>(bands, 2 * number + 1);
   ASSERT_TRUE(folder.finish_chunk(attempt.path(), file, report));

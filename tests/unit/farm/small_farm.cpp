@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "small_farm.h"
 
+#include "farm/sequence_joiner.h"
 #include "frames/sequence/band_codec.h"
 #include "frames/sequence/sequence_format.h"
-#include "frames/sequence/sequence_joiner.h"
 #include "frames/sequence/sequence_writer.h"
 
 namespace lenticule::test {
@@ -81,11 +81,11 @@ bool SmallFarm::render(uint64_t number, const std::string& node, bool other_byte
     frames::WovenFrame frame = farm_frame(n);
     if (other_bytes) frame.bytes()[7] ^= 1;
     writer.append(frame.view());
-    if (n == chunk.begin) report.first_bands = frames::band_digests(frame.view());
-    report.last_bands = frames::band_digests(frame.view());
+    if (n == chunk.begin) report.first_bands = farm::band_digests(frame.view());
+    report.last_bands = farm::band_digests(frame.view());
   }
   writer.finish();
-  report.digest = frames::digest_of_file(file);
+  report.digest = farm::digest_of_file(file);
   report.bytes = std::filesystem::file_size(file);
   return work_.finish_chunk(attempt.path(), file, report);
 }

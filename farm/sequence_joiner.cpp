@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "frames/sequence/sequence_joiner.h"
+#include "farm/sequence_joiner.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -22,7 +22,7 @@
 #include "base/file.h"
 #include "frames/sequence/sequence_format.h"
 
-namespace lenticule::frames {
+namespace lenticule::farm {
 namespace {
 
 constexpr size_t kPiece = size_t{1} << 20;       ///< bytes read at a time
@@ -55,7 +55,7 @@ class RunningDigest {
 }
 
 /// Returns the first property in which a part differs from the film; null if there is none.
-const char* difference(const SequenceInfo& part, const SequenceInfo& film) {
+const char* difference(const frames::SequenceInfo& part, const frames::SequenceInfo& film) {
   if (part.geometry != film.geometry) return "frames of another size";
   if (part.kind != film.kind || part.views != film.views) return "another kind of frames";
   if (rig_of(part) != rig_of(film)) return "made for another rig";
@@ -67,14 +67,14 @@ const char* difference(const SequenceInfo& part, const SequenceInfo& film) {
 
 }  // namespace
 
-std::vector<uint64_t> band_digests(const FrameView& frame) {
-  FileHeader header;
+std::vector<uint64_t> band_digests(const frames::FrameView& frame) {
+  frames::FileHeader header;
   header.geometry = frame.geometry;
   header.band_rows = choose_band_rows(frame.geometry);
   std::vector<uint64_t> digests;
   for (int band = 0; band < header.bands(); ++band)
-    digests.push_back(
-        checksum_of(frame.bytes.subspan(header.band_offset(band), header.band_bytes(band))));
+    digests.push_back(frames::checksum_of(
+        frame.bytes.subspan(header.band_offset(band), header.band_bytes(band))));
   return digests;
 }
 
@@ -90,7 +90,8 @@ std::string digest_of_file(const std::filesystem::path& file) {
   std::vector<uint8_t> piece(std::min<uint64_t>(kPiece, opened.bytes));
   for (uint64_t at = 0; at < opened.bytes; at += piece.size()) {
     const auto bytes = std::span(piece).first(std::min<uint64_t>(piece.size(), opened.bytes - at));
-    if (!read_at(opened.descriptor.get(), at, bytes)) refuse(file, "cannot read the whole file");
+    if (!frames::read_at(opened.descriptor.get(), at, bytes))
+      refuse(file, "cannot read the whole file");
     digest.add(bytes);
   }
   return digest.value();
@@ -179,14 +180,14 @@ class SequenceJoiner::PartStream {
   /// of both.
   bool read_piece(uint64_t begin, std::span<uint8_t> to) {
     errno = 0;
-    if (read_at(opened_.descriptor.get(), begin, to)) return true;
+    if (frames::read_at(opened_.descriptor.get(), begin, to)) return true;
     if (errno != ESTALE) return false;
     try {
       opened_.descriptor = open_regular_file(file_, kAnySize).descriptor;
     } catch (const Error&) {
       return false;
     }
-    return read_at(opened_.descriptor.get(), begin, to);
+    return frames::read_at(opened_.descriptor.get(), begin, to);
   }
 
   std::filesystem::path file_;
@@ -212,7 +213,7 @@ class SequenceJoiner::PartReader {
       : file_(file) {
     OpenedFile opened = open_regular_file(file, kAnySize);
     bytes_ = opened.bytes;
-    layout_ = read_sequence_layout(opened.descriptor.get(), file.string());
+    layout_ = frames::read_sequence_layout(opened.descriptor.get(), file.string());
     entries_.resize(static_cast<size_t>(layout_.header.bands()));
     table_.resize(layout_.header.table_bytes());
     if (!layout_.from_index) damaged("its index is missing or damaged");
@@ -223,8 +224,8 @@ class SequenceJoiner::PartReader {
   [[noreturn]] void damaged(const std::string& cause) const {
     refuse(file_, fmt::format("damaged: {}", cause));
   }
-  [[nodiscard]] const SequenceLayout& layout() const { return layout_; }
-  [[nodiscard]] const std::vector<BandEntry>& entries() const { return entries_; }
+  [[nodiscard]] const frames::SequenceLayout& layout() const { return layout_; }
+  [[nodiscard]] const std::vector<frames::BandEntry>& entries() const { return entries_; }
 
   /// Passes the next `bytes` bytes to `sink` in spans.
   template <class Sink>
@@ -254,16 +255,17 @@ class SequenceJoiner::PartReader {
   /// Reads the header and the table of a frame, which must begin here.
   void read_head(uint64_t frame) {
     if (layout_.frames[frame] != position_) damaged("bytes between frames");
-    std::array<uint8_t, kFrameHeaderBytes> head{};
+    std::array<uint8_t, frames::kFrameHeaderBytes> head{};
     read(head);
-    const auto parsed = parse_frame_header(head, layout_.header.bands());
+    const auto parsed = frames::parse_frame_header(head, layout_.header.bands());
     read(table_);
-    if (!parsed || parsed->number != frame || parsed->table_checksum != checksum_of(table_))
+    if (!parsed || parsed->number != frame || parsed->table_checksum != frames::checksum_of(table_))
       damaged(fmt::format("frame {}", frame));
-    const std::vector<BandEntry> before = entries_;
+    const std::vector<frames::BandEntry> before = entries_;
     uint64_t next = position_;
     for (size_t band = 0; band < entries_.size(); ++band) {
-      const auto entry = parse_band_entry(std::span(table_).subspan(band * kBandEntryBytes));
+      const auto entry =
+          frames::parse_band_entry(std::span(table_).subspan(band * frames::kBandEntryBytes));
       if (!entry || entry->bytes > layout_.header.band_bytes(static_cast<int>(band)))
         damaged(fmt::format("frame {}", frame));
       entries_[band] = *entry;
@@ -284,14 +286,14 @@ class SequenceJoiner::PartReader {
  private:
   std::filesystem::path file_;
   uint64_t bytes_ = 0;
-  SequenceLayout layout_;
-  std::vector<BandEntry> entries_;
+  frames::SequenceLayout layout_;
+  std::vector<frames::BandEntry> entries_;
   std::vector<uint8_t> table_;
   std::optional<PartStream> stream_;
   uint64_t position_ = 0;
 };
 
-SequenceJoiner::SequenceJoiner(std::filesystem::path film, const SequenceInfo& info)
+SequenceJoiner::SequenceJoiner(std::filesystem::path film, const frames::SequenceInfo& info)
     : film_(std::move(film)),
       info_(info),
       file_(film_),
@@ -305,7 +307,7 @@ SequenceJoiner::~SequenceJoiner() = default;
 
 void SequenceJoiner::append(const FilmPart& part) {
   PartReader reader(part.file, buffers_);
-  const SequenceLayout& layout = reader.layout();
+  const frames::SequenceLayout& layout = reader.layout();
   if (const char* other = difference(layout.info, info_)) refuse(part.file, other);
   if (layout.header.band_rows != header_.band_rows) refuse(part.file, "bands of another height");
   if (layout.info.first_frame != info_.first_frame + frame_count())
@@ -313,9 +315,9 @@ void SequenceJoiner::append(const FilmPart& part) {
                                   layout.info.first_frame, info_.first_frame + frame_count()));
   if (part.first_bands.size() != bands_.size() || part.last_bands.size() != bands_.size())
     refuse(part.file, "digests of another number of bands");
-  if (frame_count() + layout.frames.size() > kMaxSequenceFrames)
+  if (frame_count() + layout.frames.size() > frames::kMaxSequenceFrames)
     throw Error(ErrorKind::Failed, fmt::format("{}: full: {} frames are the limit", film_.string(),
-                                               kMaxSequenceFrames));
+                                               frames::kMaxSequenceFrames));
   reader.skip_to(layout.header.data_begin());
   for (uint64_t frame = 0; frame < layout.frames.size(); ++frame) append_frame(reader, frame, part);
   reader.skip_to_end();
@@ -329,7 +331,7 @@ bool SequenceJoiner::repeats(const FilmPart& about, size_t band) const {
 
 void SequenceJoiner::append_frame(PartReader& part, uint64_t frame, const FilmPart& about) {
   part.read_head(frame);
-  const uint64_t payload = end_ + kFrameHeaderBytes + header_.table_bytes();
+  const uint64_t payload = end_ + frames::kFrameHeaderBytes + header_.table_bytes();
   uint64_t next = payload;
   std::vector<bool> fresh(bands_.size());
   std::vector<bool> copied(bands_.size());
@@ -345,10 +347,10 @@ void SequenceJoiner::append_frame(PartReader& part, uint64_t frame, const FilmPa
     append_band_entry(bands_[band], table);
   }
   frames_.push_back(end_);
-  append_frame_header({.number = frames_.size() - 1,
-                       .payload_bytes = next - payload,
-                       .table_checksum = checksum_of(table)},
-                      header_.bands(), out_);
+  frames::append_frame_header({.number = frames_.size() - 1,
+                               .payload_bytes = next - payload,
+                               .table_checksum = frames::checksum_of(table)},
+                              header_.bands(), out_);
   out_.insert(out_.end(), table.begin(), table.end());
   for (size_t band = 0; band < bands_.size(); ++band) {
     if (!fresh[band]) continue;
@@ -375,7 +377,7 @@ void SequenceJoiner::write_out() {
 }
 
 void SequenceJoiner::write(std::span<const uint8_t> bytes) {
-  if (!write_at(file_.fd(), written_, bytes))
+  if (!frames::write_at(file_.fd(), written_, bytes))
     throw Error(
         ErrorKind::Failed,
         fmt::format("{}: cannot write: {}", film_.string(), std::generic_category().message(errno)),
@@ -389,10 +391,10 @@ void SequenceJoiner::write(std::span<const uint8_t> bytes) {
 }
 
 void SequenceJoiner::finish() {
-  append_index(frames_, end_, out_);
+  frames::append_index(frames_, end_, out_);
   write_out();
   end_ = written_;
   file_.replace_target();
 }
 
-}  // namespace lenticule::frames
+}  // namespace lenticule::farm

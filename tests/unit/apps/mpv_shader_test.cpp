@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Evaluates the shader's arithmetic in single precision from the constants in its text, and
 // compares the result with the weaver and with numbered views.
-#include "frames/weaving/mpv_shader.h"
+#include "apps/lenticule-tools/offline/mpv_shader.h"
 
 #include <gtest/gtest.h>
 
@@ -12,7 +12,7 @@
 #include "frames/weave.h"
 #include "tests/support/error_matchers.h"
 
-namespace lenticule::frames {
+namespace lenticule::tools {
 namespace {
 
 using test::error_of;
@@ -61,12 +61,13 @@ TEST(MpvShader, ShowsTheSameViewsAsTheWeaver) {
        {SubpixelLayout::rgb(), SubpixelLayout::bgr(), SubpixelLayout::vrgb()})
     for (const auto& [width, height] : {std::pair{320, 90}, std::pair{91, 320}}) {
       const optics::Rig rig = rig_of(width, height, layout);
-      WovenFrame quilt({.width = 9, .height = 5});
+      frames::WovenFrame quilt({.width = 9, .height = 5});
       for (int view = 0; view < 45; ++view)
         for (int c = 0; c < 3; ++c) quilt.row(4 - view / 9)[view % 9 * 3 + c] = uint8_t(5 * view);
-      const QuiltLayout tiles{.columns = 9, .rows = 5};
-      const WovenFrame woven = weave(ViewSet(quilt, tiles), optics::OpticalModel(rig),
-                                     {.filter = ViewFilter::Nearest, .fit = PictureFit::Stretch});
+      const frames::QuiltLayout tiles{.columns = 9, .rows = 5};
+      const frames::WovenFrame woven =
+          weave(frames::ViewSet(quilt, tiles), optics::OpticalModel(rig),
+                {.filter = frames::ViewFilter::Nearest, .fit = frames::PictureFit::Stretch});
       auto constants = constants_of(mpv_shader(rig, tiles));
       int undecided = 0;
       for (int j = 0; j < height; ++j)
@@ -105,4 +106,4 @@ TEST(MpvShader, RefusesUnsupportedRigsAndLayouts) {
 }
 
 }  // namespace
-}  // namespace lenticule::frames
+}  // namespace lenticule::tools

@@ -11,7 +11,7 @@
 
 #include "optics/model.h"
 
-namespace lenticule::optics {
+namespace lenticule::render {
 
 /// TileOptics expands tiles of one rig. A tile is sixteen rows high. Column c of the tile is, in
 /// row r, subpixel column_begin + c - shifts[r]: a column follows a slanted lens from row to row.
@@ -46,11 +46,12 @@ class TileOptics {
 
   /// Returns null if the map is not smooth enough across a tile (a residual map) or the subpixels
   /// of a pixel do not lie side by side. `columns` is the width of a tile.
-  [[nodiscard]] static std::unique_ptr<TileOptics> make(const OpticalModel& model, int columns,
+  [[nodiscard]] static std::unique_ptr<TileOptics> make(const optics::OpticalModel& model,
+                                                        int columns,
                                                         std::span<const int, kRows> shifts);
   /// Makes the first of these widths that make() accepts, or returns null. Large pixels bend the
   /// phase more along a tile; narrower tiles cost more time, but far less than the exact map.
-  [[nodiscard]] static std::unique_ptr<TileOptics> make_first(const OpticalModel& model,
+  [[nodiscard]] static std::unique_ptr<TileOptics> make_first(const optics::OpticalModel& model,
                                                               std::span<const int> widths,
                                                               std::span<const int, kRows> shifts);
   ~TileOptics();
@@ -76,4 +77,4 @@ class TileOptics {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace lenticule::optics
+}  // namespace lenticule::render

@@ -18,10 +18,10 @@
 #include "frames/frame.h"
 #include "frames/sequence/sequence_format.h"
 
-namespace lenticule::frames {
+namespace lenticule::farm {
 
 /// Returns the XXH3 of the pixels of each band that a container would have for the frame.
-[[nodiscard]] std::vector<uint64_t> band_digests(const FrameView& frame);
+[[nodiscard]] std::vector<uint64_t> band_digests(const frames::FrameView& frame);
 
 /// Returns the 128-bit XXH3 of a file in 32 hexadecimal digits. Throws Error(Input).
 [[nodiscard]] std::string digest_of_file(const std::filesystem::path& file);
@@ -41,7 +41,7 @@ struct FilmPart {
 class SequenceJoiner {
  public:
   /// Throws Error(Failed) if the film cannot be written.
-  SequenceJoiner(std::filesystem::path film, const SequenceInfo& info);
+  SequenceJoiner(std::filesystem::path film, const frames::SequenceInfo& info);
   ~SequenceJoiner();
 
   [[nodiscard]] uint64_t frame_count() const { return frames_.size(); }
@@ -68,11 +68,11 @@ class SequenceJoiner {
   void write(std::span<const uint8_t> bytes);
 
   std::filesystem::path film_;
-  SequenceInfo info_;
-  FileHeader header_;
+  frames::SequenceInfo info_;
+  frames::FileHeader header_;
   TemporaryFile file_;
   std::vector<uint64_t> frames_;
-  std::vector<BandEntry> bands_;               ///< bands of the film's last frame
+  std::vector<frames::BandEntry> bands_;       ///< bands of the film's last frame
   std::vector<uint64_t> last_digests_{};       ///< digests of the last part's last bands
   std::vector<uint8_t> out_;                   ///< bytes before end_ that are not yet written
   std::vector<std::vector<uint8_t>> buffers_;  ///< pieces of the part that is read ahead
@@ -81,4 +81,4 @@ class SequenceJoiner {
   uint64_t end_ = 0;
 };
 
-}  // namespace lenticule::frames
+}  // namespace lenticule::farm

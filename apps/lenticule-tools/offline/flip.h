@@ -8,7 +8,7 @@
 
 #include "frames/frame.h"
 
-namespace lenticule::frames {
+namespace lenticule::tools {
 
 /// Default of FLIP's authors: a 4K monitor of 0.7 m width, seen from 0.7 m.
 inline constexpr double kFlipPixelsPerDegree = 67.0206432765823;
@@ -19,12 +19,12 @@ inline constexpr double kFlipPixelsPerDegree = 67.0206432765823;
 class FlipPicture {
  public:
   /// Takes 8-bit sRGB codes. Throws Error(Usage) unless 1 <= pixels_per_degree <= 1000.
-  FlipPicture(const FrameView& picture, double pixels_per_degree);
+  FlipPicture(const frames::FrameView& picture, double pixels_per_degree);
 
  private:
   friend std::vector<float> flip_map(const FlipPicture& reference, const FlipPicture& test);
 
-  FrameGeometry geometry_;
+  frames::FrameGeometry geometry_;
   double pixels_per_degree_;
   std::array<std::vector<float>, 3> colour_;
   std::vector<float> edges_;
@@ -44,4 +44,4 @@ struct FlipFigures {
 /// Returns zeros for an empty map.
 [[nodiscard]] FlipFigures flip_figures(std::vector<float> map);
 
-}  // namespace lenticule::frames
+}  // namespace lenticule::tools

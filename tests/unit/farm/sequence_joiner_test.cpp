@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests that parts of a film are joined to the bytes that one writer writes.
-#include "frames/sequence/sequence_joiner.h"
+#include "farm/sequence_joiner.h"
 
 #include <gtest/gtest.h>
 
@@ -14,7 +14,7 @@
 #include "small_sequences.h"
 #include "tests/support/scratch_folder.h"
 
-namespace lenticule::frames {
+namespace lenticule::farm {
 namespace {
 
 using test::Content;
@@ -22,33 +22,33 @@ using test::info_of;
 using test::make_frame;
 using test::ScratchFolder;
 
-constexpr FrameGeometry kGeometry{60, 40};
+constexpr frames::FrameGeometry kGeometry{60, 40};
 constexpr uint64_t kFirst = 7;  ///< number of the film's first frame
 constexpr uint64_t kFrames = 100;
 
 /// Returns frame n of a film that tries every way to store a band: many frames repeat all or some
 /// bands of the frame before, also from one part to the next, and the predictors change.
-WovenFrame film_frame(uint64_t n) {
+frames::WovenFrame film_frame(uint64_t n) {
   const Content content = n / 20 % 2 == 0 ? Content::Lenses : Content::Ramp;
-  WovenFrame frame = make_frame(kGeometry, content, static_cast<int>(n / 4));
+  frames::WovenFrame frame = make_frame(kGeometry, content, static_cast<int>(n / 4));
   if (n % 3 == 0) frame.row(kGeometry.height - 1)[5] = static_cast<uint8_t>(n);
   return frame;
 }
 
-SequenceInfo film_info(uint64_t first = kFirst) {
-  SequenceInfo info = info_of(kGeometry);
+frames::SequenceInfo film_info(uint64_t first = kFirst) {
+  frames::SequenceInfo info = info_of(kGeometry);
   info.first_frame = first;
   return info;
 }
 
 void write_whole(const std::filesystem::path& file) {
-  SequenceWriter writer(file, film_info(), {.threads = 2});
+  frames::SequenceWriter writer(file, film_info(), {.threads = 2});
   for (uint64_t n = 0; n < kFrames; ++n) writer.append(film_frame(n).view());
   writer.finish();
 }
 
-SequencePart part_at(uint64_t begin) {
-  const WovenFrame key = film_frame(begin - begin % kPredictorInterval);
+frames::SequencePart part_at(uint64_t begin) {
+  const frames::WovenFrame key = film_frame(begin - begin % frames::kPredictorInterval);
   return {.first = begin, .predictors = choose_predictors(key.view(), choose_band_rows(kGeometry))};
 }
 
@@ -58,8 +58,8 @@ FilmPart write_part(const ScratchFolder& folder, uint64_t begin, uint64_t end,
   const auto file = folder / ("part" + std::to_string(begin) + ".lts");
   const uint64_t stop = resumed ? (begin + end) / 2 : end;
   for (const uint64_t until : {stop, end}) {
-    SequenceWriter writer(file, film_info(kFirst + begin),
-                          {.resume = true, .threads = 1, .part_of_film = part_at(begin)});
+    frames::SequenceWriter writer(file, film_info(kFirst + begin),
+                                  {.resume = true, .threads = 1, .part_of_film = part_at(begin)});
     for (uint64_t n = begin + writer.frame_count(); n < until; ++n)
       writer.append(film_frame(n).view());
     if (until == end) writer.finish();
@@ -111,10 +111,10 @@ TEST(SequenceJoiner, PartsOfAnyLengthGiveTheBytesOfOneRun) {
 TEST(SequenceJoiner, APartIsAFilmThatCanBeRead) {
   const ScratchFolder folder;
   const FilmPart part = write_part(folder, 10, 20);
-  const SequenceReader reader(part.file);
+  const frames::SequenceReader reader(part.file);
   ASSERT_EQ(reader.frame_count(), 10U);
-  FrameDecoder decoder = reader.make_decoder();
-  WovenFrame frame(kGeometry);
+  frames::FrameDecoder decoder = reader.make_decoder();
+  frames::WovenFrame frame(kGeometry);
   for (uint64_t n = 0; n < 10; ++n) {
     ASSERT_TRUE(decoder.decode(n, frame.bytes()));
     EXPECT_EQ(frame, film_frame(10 + n));
@@ -153,7 +153,7 @@ TEST(SequenceJoiner, RefusesPartsThatAreNotTheNext) {
   const FilmPart third = write_part(folder, 10, 15);
   EXPECT_THROW(join(folder / "film.lts", {first, third}), Error);
   EXPECT_THROW(join(folder / "film.lts", {third}), Error);
-  SequenceInfo other = film_info();
+  frames::SequenceInfo other = film_info();
   other.rig_fingerprint = "fedcba9876543210";
   SequenceJoiner joiner(folder / "film.lts", other);
   EXPECT_THROW(joiner.append(first), Error);
@@ -166,12 +166,12 @@ TEST(SequenceJoiner, FindsRepeatedBandsByTheirDigestsOnly) {
   const FilmPart second = write_part(folder, 5, 9);
   first.last_bands = second.first_bands;
   join(folder / "film.lts", {first, second});
-  const SequenceReader reader(folder / "film.lts");
-  FrameDecoder decoder = reader.make_decoder();
-  WovenFrame frame(kGeometry);
+  const frames::SequenceReader reader(folder / "film.lts");
+  frames::FrameDecoder decoder = reader.make_decoder();
+  frames::WovenFrame frame(kGeometry);
   ASSERT_TRUE(decoder.decode(5, frame.bytes()));
   EXPECT_EQ(frame, film_frame(4));
 }
 
 }  // namespace
-}  // namespace lenticule::frames
+}  // namespace lenticule::farm

@@ -10,7 +10,7 @@
 #include "frames/quilt.h"
 #include "optics/rig.h"
 
-namespace lenticule::frames {
+namespace lenticule::tools {
 
 /// Returns the shader's text. Its constants have the form `const float NAME = value;`. The
 /// subpixel's view is
@@ -19,6 +19,6 @@ namespace lenticule::frames {
 /// for the subpixel's centre (x, y) in pixels, y down. A finite viewing distance is folded into
 /// pitch and offset, paraxially. Throws Error(Input) for a residual map or a cell table,
 /// Error(Usage) for an invalid layout.
-[[nodiscard]] std::string mpv_shader(const optics::Rig& rig, const QuiltLayout& layout);
+[[nodiscard]] std::string mpv_shader(const optics::Rig& rig, const frames::QuiltLayout& layout);
 
-}  // namespace lenticule::frames
+}  // namespace lenticule::tools

@@ -4,7 +4,7 @@
 // fits this term to a billionth of a lens. And without a residual map the ray of a subpixel
 // depends, in its row, on one number only, the distance `rest` from the panel point to the apex
 // line of its lens: one polynomial per row and range of `rest` serves the whole row.
-#include "optics/tile_optics.h"
+#include "render/rays/tile_optics.h"
 
 #include <algorithm>
 #include <cmath>
@@ -15,7 +15,7 @@
 #include "base/error.h"
 #include "optics/row_rays.h"
 
-namespace lenticule::optics {
+namespace lenticule::render {
 namespace {
 
 constexpr int kMost = TileOptics::kMostCoefficients;
@@ -73,21 +73,21 @@ double value_of(const Polynomial& p, double y) {
 }
 
 /// Returns true if x alone determines the position of a subpixel in its row.
-bool serves(const Rig& rig) {
-  const SubpixelLayout& layout = rig.panel.layout;
+bool serves(const optics::Rig& rig) {
+  const optics::SubpixelLayout& layout = rig.panel.layout;
   if (layout.columns() != 1 || layout.rows() != 1 || !rig.sheet.residual.empty()) return false;
   if (!(rig.sheet.gap.value > 0.0)) return false;
-  const PixelCell& cell = layout.table().front();
+  const optics::PixelCell& cell = layout.table().front();
   return cell[0].y_px == cell[1].y_px && cell[1].y_px == cell[2].y_px;
 }
 
 }  // namespace
 
 struct TileOptics::Impl {
-  Impl(const OpticalModel& m, int tile_columns, std::span<const int, kRows> tile_shifts)
+  Impl(const optics::OpticalModel& m, int tile_columns, std::span<const int, kRows> tile_shifts)
       : model(m), phases(m, m.design_eye()), columns(tile_columns) {
     std::copy(tile_shifts.begin(), tile_shifts.end(), shifts.begin());
-    const Rig& rig = model.rig();
+    const optics::Rig& rig = model.rig();
     lenses_per_px = 3.0 / rig.sheet.pitch.value;
     rests_per_lens = model.pitch_mm() / rig.sheet.gap.value;
     gamma =
@@ -101,7 +101,9 @@ struct TileOptics::Impl {
                     alike(channel_px[0], channel_px[1]) && alike(channel_px[1], channel_px[2]);
   }
 
-  [[nodiscard]] const PixelCell& cell() const { return model.rig().panel.layout.table().front(); }
+  [[nodiscard]] const optics::PixelCell& cell() const {
+    return model.rig().panel.layout.table().front();
+  }
 
   /// Returns the colour of row r in a column whose colour in row 0 is `colour`.
   [[nodiscard]] size_t channel_of(int colour, size_t r) const {
@@ -113,13 +115,13 @@ struct TileOptics::Impl {
   [[nodiscard]] double y_px(int j) const { return j + cell()[0].y_px; }
 
   [[nodiscard]] double centre_tan_y(double y) const {
-    const Eye& eye = model.design_eye();
+    const optics::Eye& eye = model.design_eye();
     return std::isinf(eye.z_mm) ? eye.y : (eye.y - model.rig().panel.y_mm(y)) / eye.z_mm;
   }
 
   /// Returns the phase of the ideal grating, without a colour's offset.
   [[nodiscard]] double ideal_phase(double x, double y) const {
-    const Rig& rig = model.rig();
+    const optics::Rig& rig = model.rig();
     return ((x - rig.panel.width_px / 2.0) + rig.sheet.slant * (y - rig.panel.height_px / 2.0)) *
                lenses_per_px +
            rig.sheet.offset.value;
@@ -130,7 +132,7 @@ struct TileOptics::Impl {
 
   /// Divides the range of rests into overlapping pieces, so that each tile lies in one piece.
   void set_pieces() {
-    const Panel& panel = model.rig().panel;
+    const optics::Panel& panel = model.rig().panel;
     double low = std::numeric_limits<double>::infinity(), high = -low;
     constexpr int kGrid = 24;
     for (int a = 0; a <= kGrid; ++a)
@@ -174,7 +176,7 @@ struct TileOptics::Impl {
     constexpr int kTrials = 16;
     for (int k = 0; k <= kTrials; ++k) {
       const double y = 2.0 * k / kTrials - 1.0;
-      const OpticalModel::Bend exact = model.bend(middle(piece) + piece_half * y, tan_y);
+      const optics::OpticalModel::Bend exact = model.bend(middle(piece) + piece_half * y, tan_y);
       const double tangent = std::abs(value_of(law.tangent, y) - exact.tan_x);
       const double shift_mm =
           std::abs(value_of(law.shift_mm, y) - model.rig().sheet.gap.value * exact.shift);
@@ -282,7 +284,7 @@ struct TileOptics::Impl {
 
   /// Measures the error of the parabolas between the columns that they interpolate.
   void measure_phase_error() {
-    const Panel& panel = model.rig().panel;
+    const optics::Panel& panel = model.rig().panel;
     constexpr int kAcross = 16, kDown = 12;
     const int bands = (panel.height_px + kRows - 1) / kRows;
     double largest = 0.0;
@@ -306,7 +308,7 @@ struct TileOptics::Impl {
   [[nodiscard]] bool expand(int row_begin, int column_begin, Tile& out) const {
     std::array<Parabola, kRows> fitted;
     fit_phases(row_begin, column_begin, fitted);
-    const Panel& panel = model.rig().panel;
+    const optics::Panel& panel = model.rig().panel;
     const double gap = model.rig().sheet.gap.value;
     const double ideal_step = lenses_per_px / 3.0;
     std::array<double, kRows> ideal{};
@@ -351,7 +353,8 @@ struct TileOptics::Impl {
       // rest of a subpixel in the middle under its lens
       const double rest =
           rests_per_lens * (phase.c0 - ideal[r] - nudge_px[channel] * lenses_per_px);
-      out.phase[colour][0][r] = phase.c0 + (channel_px[channel] * lenses_per_px + kBorderTolerance);
+      out.phase[colour][0][r] =
+          phase.c0 + (channel_px[channel] * lenses_per_px + optics::kBorderTolerance);
       out.phase[colour][1][r] = phase.c1;
       out.phase[colour][2][r] = phase.c2;
       out.bend[colour][0][r] = static_cast<float>((rest - middle(piece)) * scale);
@@ -393,8 +396,8 @@ struct TileOptics::Impl {
     std::array<Polynomial, kMost> tangent, shift_mm;
   };
 
-  OpticalModel model;
-  RowPhaseEvaluator phases;
+  optics::OpticalModel model;
+  optics::RowPhaseEvaluator phases;
   int columns;
   std::array<int, kRows> shifts{};
   double lenses_per_px = 0.0;
@@ -415,7 +418,7 @@ struct TileOptics::Impl {
   std::vector<PieceLaw> laws;
 };
 
-std::unique_ptr<TileOptics> TileOptics::make(const OpticalModel& model, int columns,
+std::unique_ptr<TileOptics> TileOptics::make(const optics::OpticalModel& model, int columns,
                                              std::span<const int, kRows> shifts) {
   LENTICULE_CHECK(columns >= 2);
   if (!serves(model.rig())) return nullptr;
@@ -427,7 +430,7 @@ std::unique_ptr<TileOptics> TileOptics::make(const OpticalModel& model, int colu
   return std::unique_ptr<TileOptics>(new TileOptics(std::move(impl)));
 }
 
-std::unique_ptr<TileOptics> TileOptics::make_first(const OpticalModel& model,
+std::unique_ptr<TileOptics> TileOptics::make_first(const optics::OpticalModel& model,
                                                    std::span<const int> widths,
                                                    std::span<const int, kRows> shifts) {
   for (const int columns : widths)
@@ -461,11 +464,11 @@ bool TileOptics::expand(int row_begin, int column_begin, Tile& out) const {
 double TileOptics::exact_off(const Tile& tile, int column, int row) const {
   const int subpixel = tile.column_begin + column - impl_->shifts[static_cast<size_t>(row)];
   const int channel = (subpixel % 3 + 3) % 3;
-  const SubpixelOffset& at = impl_->cell()[static_cast<size_t>(channel)];
+  const optics::SubpixelOffset& at = impl_->cell()[static_cast<size_t>(channel)];
   const double x = (subpixel - channel) / 3 + at.x_px;
   const double phase =
       impl_->model.phase(x, tile.row_begin + row + at.y_px, channel, impl_->model.design_eye());
-  return phase - static_cast<double>(split_phase(phase).lens);
+  return phase - static_cast<double>(optics::split_phase(phase).lens);
 }
 
-}  // namespace lenticule::optics
+}  // namespace lenticule::render

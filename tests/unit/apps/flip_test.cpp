@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests FLIP against its definition in long double, and its basic properties.
-#include "frames/flip.h"
+#include "apps/lenticule-tools/offline/flip.h"
 
 #include <gtest/gtest.h>
 
@@ -11,15 +11,15 @@
 #include "tests/support/error_matchers.h"
 #include "tests/support/oracles/picture_oracle.h"
 
-namespace lenticule::frames {
+namespace lenticule::tools {
 namespace {
 
 using test::error_of;
 
 /// Returns soft coloured waves with an edge and noise of the given strength.
-WovenFrame scene(int width, int height, double noise, unsigned seed = 1) {
+frames::WovenFrame scene(int width, int height, double noise, unsigned seed = 1) {
   std::mt19937 random(seed);
-  WovenFrame frame({.width = width, .height = height});
+  frames::WovenFrame frame({.width = width, .height = height});
   for (int j = 0; j < height; ++j)
     for (int i = 0; i < width; ++i)
       for (int c = 0; c < 3; ++c) {
@@ -31,16 +31,16 @@ WovenFrame scene(int width, int height, double noise, unsigned seed = 1) {
   return frame;
 }
 
-std::vector<float> map_of(const WovenFrame& a, const WovenFrame& b, double ppd) {
+std::vector<float> map_of(const frames::WovenFrame& a, const frames::WovenFrame& b, double ppd) {
   return flip_map(FlipPicture(a.view(), ppd), FlipPicture(b.view(), ppd));
 }
 
-double mean_of(const WovenFrame& a, const WovenFrame& b, double ppd = 30.0) {
+double mean_of(const frames::WovenFrame& a, const frames::WovenFrame& b, double ppd = 30.0) {
   return flip_figures(map_of(a, b, ppd)).mean;
 }
 
-WovenFrame flat(uint8_t r, uint8_t g, uint8_t b) {
-  WovenFrame frame({.width = 20, .height = 12});
+frames::WovenFrame flat(uint8_t r, uint8_t g, uint8_t b) {
+  frames::WovenFrame frame({.width = 20, .height = 12});
   for (size_t i = 0; i < frame.bytes().size(); i += 3) {
     frame.bytes()[i] = r;
     frame.bytes()[i + 1] = g;
@@ -52,8 +52,8 @@ WovenFrame flat(uint8_t r, uint8_t g, uint8_t b) {
 TEST(Flip, AgreesWithItsDefinition) {
   for (const double ppd : {7.0, 30.6, kFlipPixelsPerDegree}) {
     for (const double noise : {2.0, 20.0, 255.0}) {
-      const WovenFrame a = scene(19, 14, 0);
-      const WovenFrame b = scene(19, 14, noise, 7);
+      const frames::WovenFrame a = scene(19, 14, 0);
+      const frames::WovenFrame b = scene(19, 14, noise, 7);
       const std::vector<float> map = map_of(a, b, ppd);
       for (int j = 0; j < 14; j += 3)
         for (int i = 0; i < 19; i += 3)
@@ -66,7 +66,8 @@ TEST(Flip, AgreesWithItsDefinition) {
 }
 
 TEST(Flip, IsScaledAsPublishedForTheFurthestColours) {
-  const auto everywhere = [](const WovenFrame& a, const WovenFrame& b, double expected) {
+  const auto everywhere = [](const frames::WovenFrame& a, const frames::WovenFrame& b,
+                             double expected) {
     for (const float value : map_of(a, b, 30.0)) ASSERT_NEAR(value, expected, 1e-4);
   };
   everywhere(flat(0, 255, 0), flat(0, 0, 255), 1.0);
@@ -78,9 +79,9 @@ TEST(Flip, IsScaledAsPublishedForTheFurthestColours) {
 }
 
 TEST(Flip, IsZeroForEqualPicturesOnly) {
-  const WovenFrame a = scene(40, 30, 0);
+  const frames::WovenFrame a = scene(40, 30, 0);
   for (const float value : map_of(a, a, 30.0)) ASSERT_EQ(value, 0.0F);
-  WovenFrame b = a;
+  frames::WovenFrame b = a;
   b.row(15)[3 * 20 + 1] ^= 8U;
   const std::vector<float> map = map_of(a, b, 30.0);
   EXPECT_GT(map[15 * 40 + 20], 0.0F);
@@ -88,13 +89,13 @@ TEST(Flip, IsZeroForEqualPicturesOnly) {
 }
 
 TEST(Flip, IsSymmetric) {
-  const WovenFrame a = scene(33, 21, 0);
-  const WovenFrame b = scene(33, 21, 30);
+  const frames::WovenFrame a = scene(33, 21, 0);
+  const frames::WovenFrame b = scene(33, 21, 30);
   EXPECT_EQ(map_of(a, b, 30.0), map_of(b, a, 30.0));
 }
 
 TEST(Flip, GrowsWithNoiseAndWithNearness) {
-  const WovenFrame a = scene(60, 40, 0);
+  const frames::WovenFrame a = scene(60, 40, 0);
   double before = 0.0;
   for (const double noise : {1.0, 4.0, 16.0, 64.0}) {
     const double now = mean_of(a, scene(60, 40, noise));
@@ -107,8 +108,8 @@ TEST(Flip, GrowsWithNoiseAndWithNearness) {
 
 TEST(Flip, StaysBetweenZeroAndOne) {
   std::mt19937 random(3);
-  WovenFrame a({.width = 50, .height = 40});
-  WovenFrame b = a;
+  frames::WovenFrame a({.width = 50, .height = 40});
+  frames::WovenFrame b = a;
   for (uint8_t& byte : a.bytes()) byte = random() % 2U ? 255 : 0;
   for (uint8_t& byte : b.bytes()) byte = random() % 2U ? 255 : 0;
   for (const double ppd : {1.0, 10.0, 100.0})
@@ -129,7 +130,7 @@ TEST(Flip, FiguresAreMeanAndPercentile) {
 }
 
 TEST(Flip, RefusesIncomparablePictures) {
-  const WovenFrame a = scene(20, 10, 0);
+  const frames::WovenFrame a = scene(20, 10, 0);
   EXPECT_EQ(error_of([&] { (void)FlipPicture(a.view(), 0.0); }).kind(), ErrorKind::Usage);
   EXPECT_EQ(error_of([&] { (void)FlipPicture(a.view(), std::nan("")); }).kind(), ErrorKind::Usage);
   EXPECT_EQ(error_of([&] { (void)map_of(a, scene(10, 20, 0), 30.0); }).kind(), ErrorKind::Input);
@@ -140,4 +141,4 @@ TEST(Flip, RefusesIncomparablePictures) {
 }
 
 }  // namespace
-}  // namespace lenticule::frames
+}  // namespace lenticule::tools

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "frames/weaving/mpv_shader.h"
+#include "apps/lenticule-tools/offline/mpv_shader.h"
 
 #include <fmt/format.h>
 
 #include "base/error.h"
 #include "optics/rig.h"
 
-namespace lenticule::frames {
+namespace lenticule::tools {
 namespace {
 
 void refuse(const char* key, const char* cause) {
@@ -14,7 +14,7 @@ void refuse(const char* key, const char* cause) {
               "use lenticule play, which weaves for such a rig");
 }
 
-std::string constants(const optics::Rig& rig, const QuiltLayout& layout) {
+std::string constants(const optics::Rig& rig, const frames::QuiltLayout& layout) {
   const optics::EffectiveSheet sheet = optics::effective_sheet(rig);
   const double per_pixel = 3.0 / sheet.pitch.value;
   std::string text;
@@ -64,7 +64,7 @@ vec4 hook() {
 
 }  // namespace
 
-std::string mpv_shader(const optics::Rig& rig, const QuiltLayout& layout) {
+std::string mpv_shader(const optics::Rig& rig, const frames::QuiltLayout& layout) {
   check_quilt_layout(layout, "mpv shader");
   if (!rig.panel.mounting.upright())
     refuse("panel.mounting", "a picture that is turned after weaving");
@@ -80,4 +80,4 @@ std::string mpv_shader(const optics::Rig& rig, const QuiltLayout& layout) {
          constants(rig, layout) + kBody;
 }
 
-}  // namespace lenticule::frames
+}  // namespace lenticule::tools

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "frames/flip.h"
+#include "apps/lenticule-tools/offline/flip.h"
 
 #include <fmt/format.h>
 
@@ -12,7 +12,7 @@
 #include "frames/compare.h"
 #include "frames/srgb.h"
 
-namespace lenticule::frames {
+namespace lenticule::tools {
 namespace {
 
 /// Taps are the weights of a filter, odd in number; the middle one belongs to the pixel itself.
@@ -239,8 +239,8 @@ struct Opponents {
   Plane grey, red_green, blue_yellow;
 };
 
-Opponents opponents_of(const FrameView& picture) {
-  const auto& light = linear_of_codes();
+Opponents opponents_of(const frames::FrameView& picture) {
+  const auto& light = frames::linear_of_codes();
   const int width = picture.geometry.width;
   const int height = picture.geometry.height;
   Opponents planes{Plane(width, height), Plane(width, height), Plane(width, height)};
@@ -256,7 +256,7 @@ Opponents opponents_of(const FrameView& picture) {
 
 }  // namespace
 
-FlipPicture::FlipPicture(const FrameView& picture, double pixels_per_degree)
+FlipPicture::FlipPicture(const frames::FrameView& picture, double pixels_per_degree)
     : geometry_(picture.geometry), pixels_per_degree_(pixels_per_degree) {
   if (!(pixels_per_degree >= 1.0 && pixels_per_degree <= 1000.0))
     throw Error(ErrorKind::Usage,
@@ -279,7 +279,7 @@ FlipPicture::FlipPicture(const FrameView& picture, double pixels_per_degree)
 }
 
 std::vector<float> flip_map(const FlipPicture& reference, const FlipPicture& test) {
-  require_same_size({reference.geometry_, {}}, {test.geometry_, {}});
+  frames::require_same_size({reference.geometry_, {}}, {test.geometry_, {}});
   if (reference.pixels_per_degree_ != test.pixels_per_degree_)
     throw Error(ErrorKind::Usage,
                 fmt::format("pictures at {} and {} pixels per degree: not comparable",
@@ -308,4 +308,4 @@ FlipFigures flip_figures(std::vector<float> map) {
   return {.mean = mean, .percentile_99 = value_in_order(std::move(map), place)};
 }
 
-}  // namespace lenticule::frames
+}  // namespace lenticule::tools
