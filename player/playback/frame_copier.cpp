@@ -34,7 +34,7 @@ const FilledFrame* FilledQueue::peek() const noexcept {
 }
 
 FrameCopier::FrameCopier(frames::FrameSource& source, display::Display& display,
-                         FrameCopierStatistics& statistics, FrameCopierOptions options)
+                         FrameCopierStatistics& statistics, const PlaybackOptions& options)
     : source_(source), display_(display), statistics_(statistics), options_(options) {}
 
 FrameCopier::~FrameCopier() {
@@ -175,7 +175,9 @@ void FrameCopier::fill(display::ScanoutBuffer& buffer, const frames::FrameView& 
 void FrameCopier::keep_or_release(const frames::AcquiredFrame& acquired, bool keep) {
   const size_t limit = keep ? keep_limit() : 0;
   const uint64_t displayed = displayed_.load(std::memory_order_acquire);
-  const auto is_over = [&] { return options_.keep_shown && kept_.front().index < displayed; };
+  const auto is_over = [&] {
+    return options_.control != nullptr && kept_.front().index < displayed;
+  };
   if (keep)
     while (kept_count_ > 0 && (kept_count_ >= limit || is_over())) release_oldest();
   if (limit == 0) return source_.release(acquired.token);
@@ -186,8 +188,8 @@ void FrameCopier::keep_or_release(const frames::AcquiredFrame& acquired, bool ke
 /// next pull.
 size_t FrameCopier::keep_limit() const {
   const auto spare = static_cast<size_t>(std::max(0, source_.max_acquired() - 1));
-  if (options_.keep_shown) return std::min(spare, kept_.size());
-  return options_.keep_newest ? std::min<size_t>(spare, 1) : 0;
+  if (options_.control != nullptr) return std::min(spare, kept_.size());
+  return options_.reconnect ? std::min<size_t>(spare, 1) : 0;
 }
 
 void FrameCopier::release_oldest() noexcept {

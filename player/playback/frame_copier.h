@@ -15,7 +15,7 @@
 #include "base/unique_fd.h"
 #include "display/display.h"
 #include "frames/frame_source.h"
-#include "player/playback/play_statistics.h"
+#include "player/playback/playback_options.h"
 
 namespace lenticule::player {
 
@@ -50,28 +50,15 @@ class FilledQueue {
   std::atomic<size_t> popped_{0};
 };
 
-/// Number of loops that means "without end".
-inline constexpr uint64_t kForever = 0;
-
-struct FrameCopierOptions {
-  uint64_t loops = 1;  ///< or kForever
-  uint64_t prime = 1;  ///< frames that must be ready before playing starts
-  /// Keeps the newest frame acquired, if the source allows two, so that begin_again() can fill it
-  /// again after a lost display returns.
-  bool keep_newest = false;
-  /// Releases a frame only when it is no longer displayed, so that copy_shown() can copy the
-  /// displayed frame; earlier if the source allows no more frames at once.
-  bool keep_shown = false;
-};
-
 /// Thread safety: the source belongs to the filling thread, which is the thread of run(), or the
 /// presenter's if the presenter calls pump(). The presenter calls the functions marked "Presenter".
 class FrameCopier {
  public:
   enum class State { Running, Ended, Failed };
 
+  /// Lifetime: all arguments must outlive the frame copier.
   FrameCopier(frames::FrameSource& source, display::Display& display,
-              FrameCopierStatistics& statistics, FrameCopierOptions options);
+              FrameCopierStatistics& statistics, const PlaybackOptions& options);
   /// Returns every buffer to the display. No thread may run the frame copier any more.
   ~FrameCopier();
   FrameCopier(const FrameCopier&) = delete;
@@ -159,7 +146,7 @@ class FrameCopier {
   frames::FrameSource& source_;
   display::Display& display_;
   FrameCopierStatistics& statistics_;
-  const FrameCopierOptions options_;
+  const PlaybackOptions& options_;
 
   // Filling thread only.
   display::ScanoutBuffer* buffer_ = nullptr;  ///< acquired and not filled yet

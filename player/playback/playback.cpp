@@ -37,20 +37,8 @@ class Threads {
       : statistics_(statistics),
         own_copier_thread_(options.filling == Filling::OwnThread),
         real_time_(options.real_time_priority),
-        frame_copier_(source, display, statistics.frame_copier,
-                      {.loops = options.loops,
-                       .prime = options.prime,
-                       .keep_newest = options.reconnect != nullptr,
-                       .keep_shown = options.control != nullptr}),
-        presenter_(display, frame_copier_, statistics.presenter,
-                   {.content = options.content,
-                    .late = options.late,
-                    .vblanks = options.vblanks,
-                    .prime_timeout = options.prime_timeout,
-                    .stall_timeout = options.stall_timeout,
-                    .filling = options.filling,
-                    .step = options.step,
-                    .turns = options.turns}),
+        frame_copier_(source, display, statistics.frame_copier, options),
+        presenter_(display, frame_copier_, statistics.presenter, options),
         control_(options.control) {
     if (control_ != nullptr) control_->attach(presenter_, frame_copier_, statistics_.presenter);
   }

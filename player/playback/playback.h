@@ -3,36 +3,14 @@
 #pragma once
 
 #include <chrono>
-#include <functional>
 #include <mutex>
-#include <optional>
 #include <string>
 
 #include "display/display.h"
 #include "frames/frame_source.h"
-#include "player/playback/play_statistics.h"
 #include "player/playback/presenter.h"
 
 namespace lenticule::player {
-
-/// The state passed to PlaybackOptions::reconnect. Used on the thread of play(); no other
-/// thread uses the display or the source meanwhile.
-struct LostDisplay {
-  const PlayReport& report;
-  /// Time until the requested vblanks are over; none = no end.
-  std::optional<std::chrono::nanoseconds> time_left;
-  /// Keeps the source's peers connected; call it about every second.
-  std::function<void()> serve_source;
-};
-
-enum class ReconnectResult {
-  Reconnected,  ///< the display works again with frames of the same size: playing continues
-  GivenUp,      ///< the outcome is DisplayLost
-  Stopped,      ///< the outcome is Stopped
-  TimeOver,     ///< LostDisplay::time_left is over: the outcome is Finished
-};
-
-class FrameCopier;
 
 /// PlaybackControl lets other threads control a playback. While no playback is attached, pausing is
 /// remembered and everything else reports that nothing is displayed. Lifetime: must outlive the
@@ -74,41 +52,6 @@ class PlaybackControl {
   uint32_t speed_permille_ = 1000;
   Presenter* presenter_ = nullptr;
   const PresenterStatistics* statistics_ = nullptr;
-};
-
-struct PlaybackOptions {
-  /// Content rate; none = the source's own rate, else the display's refresh.
-  std::optional<frames::Rate> content = std::nullopt;
-  LatePolicy late = LatePolicy::Slip;
-  uint64_t loops = 1;  ///< or kForever
-  uint64_t prime = 1;  ///< frames that must be ready before the first is shown
-  std::optional<uint64_t> vblanks = std::nullopt;
-  std::chrono::nanoseconds prime_timeout = std::chrono::seconds(2);
-  std::optional<std::chrono::nanoseconds> stall_timeout = std::chrono::seconds(60);
-  Filling filling = Filling::OwnThread;
-  /// Requests real-time priority for the presenter; continues without it if not permitted.
-  bool real_time_priority = false;
-
-  /// May be null. If set, frames stay acquired until they are no longer displayed.
-  PlaybackControl* control = nullptr;
-  /// PresenterOptions::step.
-  StepPacing* step = nullptr;
-  /// PresenterOptions::turns.
-  TurnLog* turns = nullptr;
-  /// Called on the thread of play() when a turn has begun or ended, except the last end.
-  std::function<void()> on_turn = nullptr;
-
-  /// Readable = stop; -1 = never.
-  int stop_fd = -1;
-  /// Called about once a second on the thread of play(); an exception from it ends the playback and
-  /// leaves play().
-  std::function<void(const PlayReport&)> on_report = nullptr;
-  /// Reconnects a lost display. The source's newest frame is then shown again and the sequence
-  /// continues from there. Null = a lost display ends the playback.
-  std::function<ReconnectResult(const LostDisplay&)> reconnect = nullptr;
-  /// Reference time of PlayReport::first_frame_ms, and the source's name in the report.
-  std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
-  std::string source_name = {};
 };
 
 struct PlayResult {

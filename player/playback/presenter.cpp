@@ -70,7 +70,7 @@ Nanoseconds period_of(frames::Rate refresh) {
 }  // namespace
 
 Presenter::Presenter(display::Display& display, FrameCopier& frame_copier,
-                     PresenterStatistics& statistics, const PresenterOptions& options)
+                     PresenterStatistics& statistics, const PlaybackOptions& options)
     : display_(display),
       frame_copier_(frame_copier),
       statistics_(statistics),

@@ -12,9 +12,6 @@
 #include "base/unique_fd.h"
 #include "display/display.h"
 #include "player/playback/frame_copier.h"
-#include "player/playback/pacing.h"
-#include "player/playback/play_statistics.h"
-#include "player/step/step_pacing.h"
 
 namespace lenticule::player {
 
@@ -53,12 +50,6 @@ class VblankCount {
   bool restarts_ = false;
 };
 
-enum class Filling {
-  OwnThread,    ///< another thread executes FrameCopier::run()
-  InPresenter,  ///< the presenter fills between vblanks: for simulated time, which stands still
-                ///< meanwhile
-};
-
 enum class PlayOutcome {
   Finished,       ///< the sequence or the requested time is over
   Stopped,        ///< request_stop()
@@ -67,28 +58,12 @@ enum class PlayOutcome {
   DisplayLost,
 };
 
-struct PresenterOptions {
-  /// Content rate; none = the source's own rate, else the display's refresh.
-  std::optional<frames::Rate> content = std::nullopt;
-  LatePolicy late = LatePolicy::Slip;
-  /// Vblanks to play, counted from the first flip; none = to the end.
-  std::optional<uint64_t> vblanks = std::nullopt;
-  /// Timeout for complete priming once the first frame is there.
-  display::Nanoseconds prime_timeout = std::chrono::seconds(2);
-  /// Timeout for the next frame if none is ready; none = no timeout.
-  std::optional<display::Nanoseconds> stall_timeout = std::chrono::seconds(60);
-  Filling filling = Filling::OwnThread;
-  /// Keeps the schedule with a group of players; null = the display's clock alone.
-  StepPacing* step = nullptr;
-  /// Records the turns of the items; may be null.
-  TurnLog* turns = nullptr;
-};
-
 /// Thread safety: the presenter's thread, except where noted.
 class Presenter {
  public:
+  /// Lifetime: all arguments must outlive the presenter.
   Presenter(display::Display& display, FrameCopier& frame_copier, PresenterStatistics& statistics,
-            const PresenterOptions& options);
+            const PlaybackOptions& options);
 
   /// Runs the playback. Returns DisplayLost as soon as the display reports that state.
   [[nodiscard]] PlayOutcome run() noexcept;
@@ -164,7 +139,7 @@ class Presenter {
   display::Display& display_;
   FrameCopier& frame_copier_;
   PresenterStatistics& statistics_;
-  const PresenterOptions options_;
+  const PlaybackOptions& options_;
   VblankCount vblanks_;
   Pacer pacer_;
   uint64_t first_frame_ = 0;  ///< not 0 if the display was lost before it showed a frame

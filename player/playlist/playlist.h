@@ -11,7 +11,7 @@
 
 #include "base/file.h"
 #include "frames/rational.h"
-#include "player/playback/frame_copier.h"
+#include "player/playback/playback_options.h"
 #include "player/sources/source_spec.h"
 
 namespace lenticule::player {

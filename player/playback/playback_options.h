@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+// PlaybackOptions states what play() shows of a source, when, and whom it tells about it.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "player/playback/pacing.h"
+#include "player/playback/play_statistics.h"
+#include "player/step/step_pacing.h"
+
+namespace lenticule::player {
+
+class PlaybackControl;
+
+/// Number of loops that means "without end".
+inline constexpr uint64_t kForever = 0;
+
+enum class Filling {
+  OwnThread,    ///< another thread executes FrameCopier::run()
+  InPresenter,  ///< the presenter fills between vblanks: for simulated time, which stands still
+                ///< meanwhile
+};
+
+/// The state passed to PlaybackOptions::reconnect. Used on the thread of play(); no other
+/// thread uses the display or the source meanwhile.
+struct LostDisplay {
+  const PlayReport& report;
+  /// Time until the requested vblanks are over; none = no end.
+  std::optional<std::chrono::nanoseconds> time_left;
+  /// Keeps the source's peers connected; call it about every second.
+  std::function<void()> serve_source;
+};
+
+enum class ReconnectResult {
+  Reconnected,  ///< the display works again with frames of the same size: playing continues
+  GivenUp,      ///< the outcome is DisplayLost
+  Stopped,      ///< the outcome is Stopped
+  TimeOver,     ///< LostDisplay::time_left is over: the outcome is Finished
+};
+
+struct PlaybackOptions {
+  /// Content rate; none = the source's own rate, else the display's refresh.
+  std::optional<frames::Rate> content = std::nullopt;
+  LatePolicy late = LatePolicy::Slip;
+  uint64_t loops = 1;  ///< or kForever
+  uint64_t prime = 1;  ///< frames that must be ready before the first is shown
+  /// Vblanks to play, counted from the first flip; none = to the end.
+  std::optional<uint64_t> vblanks = std::nullopt;
+  /// Timeout for complete priming once the first frame is there.
+  std::chrono::nanoseconds prime_timeout = std::chrono::seconds(2);
+  /// Timeout for the next frame if none is ready; none = no timeout.
+  std::optional<std::chrono::nanoseconds> stall_timeout = std::chrono::seconds(60);
+  Filling filling = Filling::OwnThread;
+  /// Requests real-time priority for the presenter; continues without it if not permitted.
+  bool real_time_priority = false;
+
+  /// May be null. If set, a frame is released only when it is no longer displayed, so that it can
+  /// be copied; earlier if the source allows no more frames at once.
+  PlaybackControl* control = nullptr;
+  /// Keeps the schedule with a group of players; null = the display's clock alone.
+  StepPacing* step = nullptr;
+  /// Records the turns of the items; may be null.
+  TurnLog* turns = nullptr;
+  /// Called on the thread of play() when a turn has begun or ended, except the last end.
+  std::function<void()> on_turn = nullptr;
+
+  /// Readable = stop; -1 = never.
+  int stop_fd = -1;
+  /// Called about once a second on the thread of play(); an exception from it ends the playback and
+  /// leaves play().
+  std::function<void(const PlayReport&)> on_report = nullptr;
+  /// Reconnects a lost display. The source's newest frame is then shown again, if the
+  /// source lends two frames, and the sequence continues from there. Null = a lost display ends the
+  /// playback.
+  std::function<ReconnectResult(const LostDisplay&)> reconnect = nullptr;
+  /// Reference time of PlayReport::first_frame_ms, and the source's name in the report.
+  std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
+  std::string source_name = {};
+};
+
+}  // namespace lenticule::player
