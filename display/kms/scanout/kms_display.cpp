@@ -5,6 +5,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cstring>
 #include <utility>
 
@@ -66,6 +67,11 @@ void discard_buffers(int fd, const TakeoverState& state) noexcept {
 namespace {
 
 constexpr Nanoseconds kSleepNoticed = std::chrono::milliseconds(500);
+constexpr int kBlockingCommitsBeforeModeset = 2;
+constexpr Nanoseconds kShortestBackoff = std::chrono::milliseconds(50);
+constexpr Nanoseconds kLongestBackoff = std::chrono::seconds(1);
+constexpr Nanoseconds kFirstResume = std::chrono::milliseconds(100);
+constexpr Nanoseconds kLongestResume = std::chrono::seconds(2);
 
 KmsOptions with_services(KmsOptions options) {
   if (!options.clock) options.clock = make_monotonic_clock();
@@ -81,6 +87,297 @@ void check_options(const KmsOptions& options) {
     throw Error(ErrorKind::Usage, fmt::format("kms: {} scan-out buffers", options.buffers),
                 fmt::format("use {} to {}", kMinScanoutBuffers, kMaxScanoutBuffers));
 }
+
+/// The reasons for which the kernel refuses a commit, by the reaction that each needs.
+enum class CommitFailure {
+  Busy,    ///< a commit is pending: try again later
+  Denied,  ///< another process is DRM master at the moment: wait
+  Gone,    ///< the card is gone
+  Wrong,   ///< the output's state is not the expected one
+};
+
+/// Returns the class of `error`, a negative errno.
+CommitFailure classify(int error) noexcept {
+  switch (-error) {
+    case EBUSY:
+      return CommitFailure::Busy;
+    case EACCES:
+    case EPERM:
+      return CommitFailure::Denied;
+    case ENODEV:
+    case EIO:
+    case ENXIO:
+    case EBADF:
+      return CommitFailure::Gone;
+    default:
+      return CommitFailure::Wrong;
+  }
+}
+
+/// PageFlipHandler flips frames on one active output. It repeats commits for which the kernel was
+/// busy, replaces lost events by blocking commits and failed ones by modesets, and pauses while
+/// another session owns the card or the output is switched off. Allocates memory only for modesets.
+/// Thread safety: the presenter's thread.
+class PageFlipHandler final : private DrmEventHandler {
+ public:
+  /// Lifetime: `active`, whose front buffer the handler keeps up to date, and `counters` must
+  /// outlive the handler.
+  PageFlipHandler(ActiveOutput& active, std::shared_ptr<Session> session,
+                  std::shared_ptr<Clock> clock, frames::Rate refresh, KmsCounters& counters)
+      : active_(active),
+        session_(std::move(session)),
+        clock_(std::move(clock)),
+        counters_(counters),
+        vblanks_(*active.output, refresh, *clock_, counters),
+        // The start value differs from the serial numbers of a previous user of the card.
+        next_serial_(static_cast<uint64_t>(clock_->now().count()) | 1),
+        tiles_(active.output->pipe_count()),
+        backoff_(kShortestBackoff),
+        resume_backoff_(kFirstResume) {}
+
+  /// See Display::submit() and request_vblank().
+  [[nodiscard]] SubmitStatus submit(KmsBuffer* buffer, uint64_t id) noexcept {
+    if (lost_) return SubmitStatus::Lost;
+    if (paused_ || off_ || flip_.phase() == PendingFlip::Phase::Stuck) return SubmitStatus::Paused;
+    if (flip_.phase() != PendingFlip::Phase::None) return SubmitStatus::Busy;
+
+    buffer->set_state(ScanoutState::Pending);
+    flip_.queue(buffer, id);
+    if (needs_modeset_)
+      flip_.stick(recover_at_);
+    else
+      try_flip();
+    if (!lost_ && !paused_) return SubmitStatus::Accepted;
+    buffer->set_state(ScanoutState::Acquired);
+    flip_.withdraw();
+    return lost_ ? SubmitStatus::Lost : SubmitStatus::Paused;
+  }
+  [[nodiscard]] bool request_vblank(uint64_t sequence) noexcept {
+    if (lost_) return false;
+    vblanks_.request(sequence, next_serial_++, !paused_ && !off_);
+    return true;
+  }
+  /// See Display::set_power(). Switching on is a modeset, with a new audit; if the kernel refuses
+  /// it, it is tried again like any other. A modeset that is needed while the output is off waits.
+  [[nodiscard]] bool set_power(bool on) noexcept {
+    if (on != off_) return true;
+    if (on) {
+      off_ = false;
+      request_modeset();
+      if (!paused_ && !lost_) recover();
+    } else {
+      // While another session owns the card, the output is switched off when the card is back.
+      if (lost_ || (!paused_ && active_.output->blank() != 0)) return false;
+      off_ = true;
+    }
+    counters_.off.store(off_, std::memory_order_relaxed);
+    return true;
+  }
+  /// Returns the next event that is due, one per call.
+  [[nodiscard]] std::optional<DisplayEvent> take_event() noexcept {
+    if (flip_.is_due(PendingFlip::Phase::Landed, now())) return deliver_flip();
+    if (const auto tick = vblanks_.take_tick())
+      return DisplayEvent{
+          .kind = EventKind::Vblank, .sequence = tick->sequence, .time = tick->time};
+    return std::nullopt;
+  }
+
+  /// Returns the time at which run_timers() or take_event() is due.
+  [[nodiscard]] Nanoseconds next_due() const noexcept {
+    Nanoseconds next = vblanks_.due();
+    const bool flips = !paused_ && !off_;
+    if (flip_.phase() == PendingFlip::Phase::Landed || flips) next = std::min(next, flip_.due());
+    if (paused_) return std::min(next, resume_at_);
+    if (only_modeset_pending()) next = std::min(next, recover_at_);
+    return next;
+  }
+  void run_timers() noexcept {
+    using enum PendingFlip::Phase;
+    if (paused_ && now() >= resume_at_) try_resume();
+    if (!paused_ && !off_ && !lost_) {
+      if (flip_.is_due(Queued, now())) try_flip();
+      if (flip_.is_due(Armed, now())) {
+        counters_.flip_timeouts.add();
+        flip_.stick(now());
+      }
+      if (flip_.is_due(Stuck, now()) || (only_modeset_pending() && now() >= recover_at_)) recover();
+    }
+    vblanks_.run_timers();
+  }
+  /// Call when the card's descriptor is readable.
+  void read_events() noexcept {
+    const EventRead result = read_drm_events(active_.output->device().fd(), *this);
+    if (result == EventRead::Truncated) counters_.truncated_reads.add();
+    if (result == EventRead::Gone) mark_lost();
+  }
+  /// Call when the seat manager took the card away or gave it back.
+  void set_session_ours(bool ours) noexcept {
+    if (!ours) return pause();
+    if (paused_) resume_at_ = now();
+  }
+
+  /// Requests a modeset, because the output may be in any state. The modeset also shows the pending
+  /// flip, if there is one.
+  void request_modeset() noexcept {
+    needs_modeset_ = true;
+    if (!paused_) recover_at(now());
+  }
+  /// Marks the display as lost: the card, or the right to use this panel, is gone permanently.
+  void mark_lost() noexcept { lost_ = true; }
+  [[nodiscard]] bool lost() const noexcept { return lost_; }
+  [[nodiscard]] bool counts_by_hardware() const noexcept { return vblanks_.is_hardware(); }
+  /// Returns true once after a failure that a change of the panel could explain: the panel should
+  /// be checked.
+  [[nodiscard]] bool take_panel_check() noexcept { return std::exchange(panel_check_due_, false); }
+
+ private:
+  void on_drm_event(const DrmEvent& event) noexcept override {
+    if (event.kind == DrmEvent::Kind::Flip) return on_flip_event(event);
+    if (!vblanks_.observe(event)) counters_.stray_events.add();
+  }
+  void on_flip_event(const DrmEvent& event) noexcept {
+    if (!flip_.awaits(event.id) || !note_tile(event)) return counters_.stray_events.add();
+    if (!tiles_.complete()) return;
+    recovery_attempts_ = 0;
+    counters_.note_skew(tiles_.skew());
+    land(vblanks_.place(tiles_.first()));
+  }
+  /// Adds the event of a flip of this output. Returns false for an event that does not belong to
+  /// it.
+  [[nodiscard]] bool note_tile(const DrmEvent& event) noexcept {
+    const auto tile = active_.output->pipe_of_crtc(event.crtc);
+    return tile && tiles_.add(*tile, event);
+  }
+  void try_flip() noexcept {
+    const uint64_t serial = next_serial_++;
+    tiles_.start();
+    const int error = active_.output->flip(flip_.buffer()->framebuffer(), serial);
+    if (error == 0) return flip_.arm(serial, now() + flip_timeout(vblanks_.period()));
+    const CommitFailure failure = note_failure(error);
+    if (failure == CommitFailure::Busy) flip_.put_off(now() + vblanks_.period());
+    if (failure == CommitFailure::Wrong) flip_.stick(now());
+  }
+  void land(VblankClock::Landing landing) noexcept {
+    flip_.land(landing.vblank, landing.report_at);
+  }
+  DisplayEvent deliver_flip() noexcept {
+    const PendingFlip::Landed flip = flip_.deliver();
+    if (active_.front != nullptr) active_.front->set_state(ScanoutState::Free);
+    active_.front = flip.buffer;
+    active_.front->set_state(ScanoutState::Displayed);
+    counters_.flips.add();
+    return {.kind = EventKind::Flip,
+            .id = flip.id,
+            .sequence = flip.vblank.sequence,
+            .time = flip.vblank.time};
+  }
+
+  /// Counts a refusal and starts the reaction that it needs.
+  CommitFailure note_failure(int error) noexcept {
+    const CommitFailure failure = classify(error);
+    switch (failure) {
+      case CommitFailure::Busy:
+        counters_.busy.add();
+        break;
+      case CommitFailure::Denied:
+        counters_.denied.add();
+        pause();
+        break;
+      case CommitFailure::Gone:
+        mark_lost();
+        break;
+      case CommitFailure::Wrong:
+        counters_.refused.add();
+        needs_modeset_ = true;
+        break;
+    }
+    return failure;
+  }
+  /// Recovers a flip whose event is missing. A blocking commit returns when the frame is displayed,
+  /// so its success replaces the lost event. If blocking commits fail, a modeset is tried, and then
+  /// again after growing pauses.
+  void recover() noexcept {
+    const bool modeset = needs_modeset_ || ++recovery_attempts_ > kBlockingCommitsBeforeModeset;
+    const int error = modeset ? set_mode() : active_.output->show(wanted_on_panel());
+    if (error == 0) return recovered();
+    const CommitFailure failure = note_failure(error);
+    if (failure == CommitFailure::Wrong) panel_check_due_ = true;
+    if (failure != CommitFailure::Busy && failure != CommitFailure::Wrong) return;
+    recover_at(now() + backoff_);
+    backoff_ = std::min(2 * backoff_, kLongestBackoff);
+  }
+  void recovered() noexcept {
+    recovery_attempts_ = 0;
+    backoff_ = kShortestBackoff;
+    counters_.recoveries.add();
+    if (flip_.phase() == PendingFlip::Phase::Stuck) land(vblanks_.place_now());
+  }
+  [[nodiscard]] int set_mode() noexcept {
+    counters_.modesets.add();
+    const int error = active_.output->set_mode(wanted_on_panel());
+    if (error != 0) return error;
+    needs_modeset_ = false;
+    vblanks_.rebase();
+    return 0;
+  }
+  void recover_at(Nanoseconds when) noexcept {
+    recover_at_ = when;
+    flip_.stick(when);
+  }
+  void pause() noexcept {
+    if (paused_) return;
+    paused_ = true;
+    counters_.pauses.add();
+    resume_backoff_ = kFirstResume;
+    resume_at_ = now() + resume_backoff_;
+    flip_.stick(resume_at_);
+  }
+  /// Tries to resume after a pause. The output's state may have changed meanwhile, so this takes a
+  /// whole modeset, or switches the output off again.
+  void try_resume() noexcept {
+    if (session_->ensure_master(active_.output->device().fd()) == Mastership::Held) {
+      const int error = off_ ? active_.output->blank() : set_mode();
+      if (error == 0) {
+        paused_ = false;
+        resume_at_ = kNever;
+        panel_check_due_ = true;
+        return recovered();
+      }
+      if (classify(error) == CommitFailure::Gone) return mark_lost();
+    }
+    resume_backoff_ = std::min(2 * resume_backoff_, kLongestResume);
+    resume_at_ = now() + resume_backoff_;
+  }
+
+  [[nodiscard]] Nanoseconds now() const noexcept { return clock_->now(); }
+  /// Returns true if a modeset is due without a pending flip.
+  [[nodiscard]] bool only_modeset_pending() const noexcept {
+    return needs_modeset_ && !off_ && !flip_.under_way();
+  }
+  [[nodiscard]] uint32_t wanted_on_panel() const noexcept {
+    return (flip_.buffer() != nullptr ? flip_.buffer() : active_.front)->framebuffer();
+  }
+
+  ActiveOutput& active_;
+  std::shared_ptr<Session> session_;
+  std::shared_ptr<Clock> clock_;
+  KmsCounters& counters_;
+  VblankClock vblanks_;
+  PendingFlip flip_;
+  uint64_t next_serial_;
+  TileEvents tiles_;
+
+  int recovery_attempts_ = 0;
+  Nanoseconds backoff_;
+  bool needs_modeset_ = false;
+  Nanoseconds recover_at_{0};
+  bool panel_check_due_ = false;
+  bool lost_ = false;
+  bool off_ = false;
+  bool paused_ = false;
+  Nanoseconds resume_at_ = kNever;
+  Nanoseconds resume_backoff_;
+};
 
 /// AtomicKmsDisplay combines an active output, the handler of its page flips, the monitor of its
 /// panel, and the waiter for all of their descriptors.
