@@ -8,9 +8,12 @@
 
 #include "display/display.h"
 #include "frames/frame_source.h"
-#include "player/playback/presenter.h"
+#include "player/playback/playback_options.h"
 
 namespace lenticule::player {
+
+class FrameCopier;
+class Presenter;
 
 /// PlaybackControl lets other threads control a playback. While no playback is attached, pausing is
 /// remembered and everything else reports that nothing is displayed. Lifetime: must outlive the
@@ -52,6 +55,14 @@ class PlaybackControl {
   uint32_t speed_permille_ = 1000;
   Presenter* presenter_ = nullptr;
   const PresenterStatistics* statistics_ = nullptr;
+};
+
+enum class PlayOutcome {
+  Finished,       ///< the sequence or the requested time is over
+  Stopped,        ///< the stop descriptor became readable
+  SourceFailed,   ///< the last frame stays until the end of its time
+  SourceStalled,  ///< no frame came for stall_timeout
+  DisplayLost,
 };
 
 struct PlayResult {

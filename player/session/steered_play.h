@@ -11,7 +11,6 @@
 #include <string>
 
 #include "player/control/control_server.h"
-#include "player/control/play_controls.h"
 #include "player/playlist/playlist_source.h"
 #include "player/playlist/source_pace.h"
 #include "player/session/play_plan.h"
@@ -19,13 +18,15 @@
 
 namespace lenticule::player {
 
+class PlayControls;
+
 /// Only measures the source's pace if the source is plain, without control socket and proof. Thread
 /// safety: the player's main thread.
 class SteeredPlay {
  public:
   /// Starts to listen. Throws as ControlServer does.
   SteeredPlay(const PlayFlags& flags, const PlayPlan& plan);
-  ~SteeredPlay() { detach_source(); }
+  ~SteeredPlay();
   SteeredPlay(const SteeredPlay&) = delete;
   SteeredPlay& operator=(const SteeredPlay&) = delete;
 
@@ -36,9 +37,7 @@ class SteeredPlay {
   /// Sets the playback options that lists and control need.
   void prepare(PlaybackOptions& options, frames::Rate refresh);
   /// Switches the output off after the first frame, as it was in the previous player.
-  void begin_off() {
-    if (controls_) (void)controls_->playback().switch_output(false, std::chrono::milliseconds(0));
-  }
+  void begin_off();
   /// Checks the list's and the item's files now.
   void look_again() {
     if (source_ != nullptr) source_->look_again();

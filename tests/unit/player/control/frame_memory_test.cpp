@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "base/error.h"
-#include "player/control/play_controls.h"
+#include "player/control/control_answers.h"
 
 namespace lenticule::player {
 namespace {

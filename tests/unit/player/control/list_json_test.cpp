@@ -3,7 +3,7 @@
 
 #include <filesystem>
 
-#include "player/control/play_controls.h"
+#include "player/control/control_answers.h"
 
 namespace lenticule::player {
 namespace {
