@@ -15,7 +15,7 @@
 #include <utility>
 
 #include "base/error.h"
-#include "base/wake_fd.h"
+#include "base/unique_fd.h"
 #include "player/playback/frame_copier.h"
 
 namespace lenticule::player {
