@@ -65,18 +65,4 @@ TEST_F(KmsSoak, EveryFrameIsReportedOnceInOrderDespiteFaults) {
   EXPECT_GT(show->statistics().recoveries, 100U);
 }
 
-TEST_F(KmsSoak, JitterMakesNoGap) {
-  std::mt19937 random(8);
-  card.event_delay = [&] { return Nanoseconds(random() % 15'000'000); };
-  open();
-  uint64_t last = flip(1).sequence;
-  for (int i = 0; i < 20'000; ++i) {
-    display::ScanoutBuffer* buffer = show->acquire();
-    ASSERT_NE(buffer, nullptr);
-    ASSERT_EQ(show->submit(buffer, 2), SubmitStatus::Accepted);
-    ASSERT_EQ(wait().sequence, ++last);
-  }
-  EXPECT_EQ(show->statistics().flip_timeouts + show->statistics().stray_events, 0U);
-}
-
 }  // namespace lenticule::test

@@ -81,12 +81,6 @@ TEST_F(Console, GraphicsModeOfAnotherProgramStays) {
   EXPECT_TRUE(terminal->modes_set().empty());
 }
 
-TEST_F(Console, SecondConsoleLeavesTheFirstOneAlone) {
-  const GraphicsConsole first(terminal);
-  EXPECT_FALSE(GraphicsConsole(terminal).active());
-  EXPECT_EQ(terminal->mode, KD_GRAPHICS);
-}
-
 TEST_F(Console, HandlerThatExitsAtOnceRestoresOnlyOnce) {
   {
     const GraphicsConsole console(terminal);
@@ -219,13 +213,6 @@ TEST_F(DisplayConsole, StaysInGraphicsModeWhileTheLastFrameIsHeld) {
   flip(1);
   show.reset();
   EXPECT_TRUE(machine.terminal->modes_set().empty()) << "text mode would take the panel";
-}
-
-TEST_F(DisplayConsole, IsOptional) {
-  machine.terminal->open_error = ENXIO;
-  open();
-  flip(1);
-  expect_displayed(1);
 }
 
 }  // namespace lenticule::test

@@ -232,12 +232,6 @@ TEST_F(KmsTiles, DoctorListsAMissingTile) {
   EXPECT_FALSE(groups[0].complete());
 }
 
-TEST_F(KmsTiles, DoctorListsNoGroupsForOrdinaryPanels) {
-  std::vector<display::PanelInfo> panels = display::inspect_cards(machine.session()).panels;
-  for (display::PanelInfo& panel : panels) panel.tile.reset();
-  EXPECT_TRUE(display::tile_groups(panels).empty());
-}
-
 TEST_F(KmsTiles, DoctorTestsAllTilesInOneCommit) {
   for (const char* spec : {"auto", "HDMI-A-1", "HDMI-A-2"}) {
     card.tests = 0;

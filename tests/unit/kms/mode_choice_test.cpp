@@ -104,12 +104,6 @@ TEST(ModeChoice, TimingOfTheEdidCountsWithoutAPreferredMode) {
   EXPECT_FALSE(display::choose_mode(panel, {1920, 1080, frames::PixelFormat::Rgb8}, std::nullopt));
 }
 
-TEST(ModeChoice, PanelThatPrefersTwoSizesHasBoth) {
-  const ConnectorInfo panel =
-      panel_of({with_clock(594000, true), with_clock(297000, true), make_mode(5120, 2880, 60)});
-  EXPECT_EQ(display::native_sizes(panel), std::vector<PixelSize>({{3840, 2160}, {5120, 2880}}));
-}
-
 TEST(ModeChoice, WithoutAnEdidAnyListedSizeFitsAndThePreferredModeWins) {
   // Drivers of virtual machines list sizes and prefer one of them.
   for (const EdidProblem problem : {EdidProblem::Absent, EdidProblem::BadChecksum}) {
@@ -121,11 +115,6 @@ TEST(ModeChoice, WithoutAnEdidAnyListedSizeFitsAndThePreferredModeWins) {
   }
   const ConnectorInfo output{.modes = {with_clock(594000, false), with_clock(297000, true)}};
   EXPECT_EQ(display::choose_mode(output, kUhd, std::nullopt)->clock, 297000U);
-}
-
-TEST(ModeChoice, EdidThatStatesNoSizeLeavesEveryListedOne) {
-  const ConnectorInfo panel = panel_of({with_clock(594000, false)});
-  EXPECT_TRUE(display::choose_mode(panel, kUhd, std::nullopt));
 }
 
 TEST(ModeChoice, OfEqualModesTheSlowerClockIsTaken) {

@@ -85,12 +85,4 @@ TEST_F(PanelSearchTest, ProbesAnActiveDisplaysCardThroughThatDisplay) {
   expect_displayed(2);
 }
 
-TEST_F(PanelSearchTest, NoCardIsRefused) {
-  card.gone = true;
-  const PanelSearch result = search();
-  EXPECT_FALSE(result.found);
-  EXPECT_TRUE(result.present.empty());
-  EXPECT_THAT(result.refusal.what(), HasSubstr("no graphics card"));
-}
-
 }  // namespace lenticule::test

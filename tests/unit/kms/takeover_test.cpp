@@ -51,22 +51,6 @@ TEST_F(TakeoverOfTenBits, ByARigOfEightBitsFreesTheOldBuffers) {
   EXPECT_EQ(card.buffers.size(), 3U);
 }
 
-TEST_F(Takeover, FiftyDeathsLeakNoBuffer) {
-  for (unsigned i = 0; i < 50; ++i) {
-    options.previous = die_after(i);
-    open();
-    EXPECT_EQ(card.buffers.size(), 3U);
-    EXPECT_EQ(card.framebuffers.size(), 3U);
-    EXPECT_EQ(card.modesets, 0);
-    options.exit = display::ExitPolicy::Restore;
-    // The next iteration opens the card itself.
-    show.reset();
-    while (!card.ends.empty()) card.closed(card.ends.begin()->first);
-    card.buffers.clear();
-    card.framebuffers.clear();
-  }
-}
-
 TEST_F(Takeover, EventForTheDeadPlayerIsIgnored) {
   auto left = die_after(1);
   card.schedule_flip_event(crtc, 4711);
