@@ -18,20 +18,6 @@ std::unique_ptr<RingHeader> header_of(const RingLayout& layout) {
   return header;
 }
 
-TEST(RingLayout, PutsLargeFramesOnHugePages) {
-  const RingLayout layout = plan_layout(kKiosk, 40);
-  EXPECT_EQ(layout.table_offset, 4096u);
-  EXPECT_EQ(layout.slots_offset, size_t{2} << 20);
-  EXPECT_EQ(layout.slot_stride, size_t{24} << 20) << "24883200 bytes rounded up";
-  EXPECT_EQ(layout.memory_bytes, (size_t{2} << 20) + 40 * (size_t{24} << 20));
-}
-
-TEST(RingLayout, PutsSmallFramesOnPages) {
-  const RingLayout layout = plan_layout(kSmall, 100);
-  EXPECT_EQ(layout.slots_offset, 4096u + 8192u) << "100 entries of 64 bytes take two pages";
-  EXPECT_EQ(layout.slot_stride, 61440u);
-}
-
 TEST(RingLayout, SlotsNeitherOverlapNorLeaveTheMemory) {
   for (const int slots : {3, 64, 65, 4096})
     for (const int width : {1, 683, 700, 32768}) {
@@ -95,43 +81,6 @@ TEST(RingLayout, NamesTheInvalidFieldOfAHeader) {
         &RingHeader::memory_bytes})
     EXPECT_EQ(problem([field](RingHeader& h) { h.*field += 4096; }),
               "inconsistent offsets or sizes");
-}
-
-TEST(RingLayout, RejectsAHeaderLargerThanItsMemory) {
-  const RingLayout layout = plan_layout(kSmall, 8);
-  RingLayout read;
-  EXPECT_STREQ(read_header(*header_of(layout), layout.memory_bytes - 1, read),
-               "memory smaller than the header says");
-}
-
-TEST(SlotWord, EpochsWrapAroundWithoutZero) {
-  EXPECT_EQ(next_epoch(1), 2u);
-  EXPECT_EQ(next_epoch(kMaxEpoch), 1u);
-  EXPECT_NE(slot_word(SlotState::Free, kMaxEpoch), slot_word(SlotState::Free, 1));
-}
-
-TEST(SlotWord, LetsOnlyTheRightEpochTakeASlot) {
-  SlotEntry entry{};
-  entry.word = slot_word(SlotState::Free, 7);
-  EXPECT_FALSE(take_free_slot(entry, 6));
-  EXPECT_TRUE(take_free_slot(entry, 7));
-  EXPECT_FALSE(take_free_slot(entry, 7)) << "it is taken";
-  EXPECT_FALSE(publish_slot(entry, 6, 0, 0));
-  EXPECT_TRUE(publish_slot(entry, 7, 0, 0));
-  EXPECT_FALSE(publish_slot(entry, 7, 0, 0)) << "it is handed over";
-  abandon_slot(entry, 7);
-  EXPECT_EQ(entry.word, slot_word(SlotState::Ready, 7));
-}
-
-TEST(StampedFrame, DetectsASingleForeignByteAnywhere) {
-  std::vector<uint8_t> frame(57600 + 5);
-  test::stamp_frame(frame, 0x1122334455667788);
-  EXPECT_EQ(test::stamped_id(frame), 0x1122334455667788u);
-  for (size_t at = 0; at < frame.size(); at += 509) {
-    frame[at] ^= 1;
-    EXPECT_EQ(test::stamped_id(frame), std::nullopt) << at;
-    frame[at] ^= 1;
-  }
 }
 
 }  // namespace

@@ -37,13 +37,6 @@ class Ring : public testing::Test {
   std::unique_ptr<RingPlayer> player_;
 };
 
-TEST_F(Ring, PassesThePlayersGeometryToTheRenderer) {
-  open();
-  const auto renderer = connect();
-  EXPECT_EQ(renderer->geometry(), player_->geometry());
-  EXPECT_EQ(renderer->slots(), 4);
-}
-
 TEST_F(Ring, PassesTheRenderersHelloToThePlayer) {
   open();
   EXPECT_EQ(player_->rate(), std::nullopt);
@@ -52,38 +45,6 @@ TEST_F(Ring, PassesTheRenderersHelloToThePlayer) {
   EXPECT_EQ(player_->rate(), (Rate{24000, 1001}));
   EXPECT_EQ(player_->frame_count(), 77u);
   EXPECT_EQ(player_->statistics().renderer_name, "teapot");
-}
-
-TEST_F(Ring, HandsFramesOverInTheOrderOfPublishing) {
-  open();
-  const auto renderer = connect();
-  for (uint64_t k = 0; k < 100; ++k) {
-    ASSERT_EQ(push_frame(*renderer, 2 * k, 1000 + k), RingStatus::Ok);
-    AcquiredFrame frame;
-    ASSERT_EQ(pull(frame), PullStatus::Ready);
-    EXPECT_EQ(frame.number, 2 * k);
-    EXPECT_EQ(stamped_id(frame.frame.bytes), 1000 + k);
-    player_->release(frame.token);
-  }
-  EXPECT_EQ(player_->statistics().frames_accepted, 100u);
-  EXPECT_EQ(player_->statistics().violations, 0u);
-}
-
-TEST_F(Ring, ReturnsNotYetBeforeTheFirstFrame) {
-  open();
-  AcquiredFrame frame;
-  EXPECT_EQ(pull(frame), PullStatus::NotYet);
-  const auto renderer = connect();
-  EXPECT_EQ(pull(frame), PullStatus::NotYet);
-}
-
-TEST_F(Ring, DoesNotShowAFrameThatIsBeingWritten) {
-  open();
-  const auto renderer = connect();
-  std::span<uint8_t> pixels;
-  ASSERT_EQ(renderer->acquire(0, milliseconds(0), pixels), RingStatus::Ok);
-  AcquiredFrame frame;
-  EXPECT_EQ(pull(frame), PullStatus::NotYet);
 }
 
 TEST_F(Ring, GivesAnAbandonedSlotToTheNextFrame) {
@@ -231,17 +192,6 @@ TEST_F(Ring, ReportsEndOnceBetweenSequencesThatFollowClosely) {
   EXPECT_EQ(pull(frame), PullStatus::NotYet);
 }
 
-TEST_F(Ring, ReportsALostPlayerToTheRenderer) {
-  open();
-  const auto renderer = connect();
-  std::span<uint8_t> pixels;
-  ASSERT_EQ(renderer->acquire(0, milliseconds(0), pixels), RingStatus::Ok);
-  player_.reset();
-  test::stamp_frame(pixels, 1);  // the memory stays mapped: writing must not crash
-  EXPECT_EQ(renderer->publish(), RingStatus::Gone);
-  EXPECT_EQ(renderer->acquire(1, std::chrono::hours(1), pixels), RingStatus::Gone);
-}
-
 TEST_F(Ring, WakesAWaitingRendererWhenThePlayerGoes) {
   open();
   const auto renderer = connect();
@@ -351,22 +301,6 @@ TEST_F(Ring, RefusesImpossibleOptions) {
   options.geometry = {.width = 32768, .height = 32768, .format = PixelFormat::Rgb8};
   options.slots = 4096;
   EXPECT_EQ(kind_of(options), ErrorKind::Failed) << "12 TiB are more than half of the memory";
-}
-
-TEST_F(Ring, LargeFramesAreAlignedAndComplete) {
-  RingOptions options = small_ring(folder_.socket());
-  options.geometry = {.width = 1280, .height = 800, .format = PixelFormat::Rgb8};
-  options.prefault = RingPrefault::Lazily;
-  open(options);
-  const auto renderer = connect();
-  for (uint64_t k = 0; k < 6; ++k) {
-    ASSERT_EQ(push_frame(*renderer, k, 0xabcd0000 + k), RingStatus::Ok);
-    AcquiredFrame frame;
-    ASSERT_EQ(pull(frame), PullStatus::Ready);
-    EXPECT_EQ(stamped_id(frame.frame.bytes), 0xabcd0000 + k);
-    EXPECT_EQ(frame.frame.bytes.size(), size_t{1280} * 800 * 3);
-    player_->release(frame.token);
-  }
 }
 
 /// The threads share only the ring, which a thread sanitizer run verifies.
