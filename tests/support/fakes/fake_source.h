@@ -22,6 +22,21 @@ namespace lenticule::test {
 /// Returns XXH64 of a frame's RGB bytes.
 [[nodiscard]] uint64_t checksum_of(const frames::FrameView& frame);
 
+/// A source without an end, of which every frame is ready. A test overrides what it is about.
+class PlainSource : public frames::FrameSource {
+ public:
+  [[nodiscard]] std::optional<frames::Rate> rate() const override { return std::nullopt; }
+  [[nodiscard]] std::optional<uint64_t> frame_count() const override { return std::nullopt; }
+  void release(uint64_t /*token*/) override {}
+  [[nodiscard]] int max_acquired() const override { return 1; }
+  [[nodiscard]] uint64_t ready_count() const override { return 1; }
+  [[nodiscard]] bool saturated() const override { return true; }
+  [[nodiscard]] bool rewind() override { return false; }
+  [[nodiscard]] int wake_fd() const override { return -1; }
+  void service() override {}
+  [[nodiscard]] std::string failure() const override { return "the fake source broke"; }
+};
+
 struct FakeSourceScript {
   frames::FrameGeometry geometry{.width = 16, .height = 8};
   uint64_t frames = 10;
@@ -34,7 +49,7 @@ struct FakeSourceScript {
   std::optional<uint64_t> fails_after = std::nullopt;
 };
 
-class FakeSource final : public frames::FrameSource {
+class FakeSource final : public PlainSource {
  public:
   explicit FakeSource(FakeSourceScript script);
 
@@ -45,11 +60,7 @@ class FakeSource final : public frames::FrameSource {
   void release(uint64_t token) override;
   [[nodiscard]] int max_acquired() const override { return 2; }
   [[nodiscard]] uint64_t ready_count() const override { return next_is_ready() ? 1 : 0; }
-  [[nodiscard]] bool saturated() const override { return true; }
   [[nodiscard]] bool rewind() override;
-  [[nodiscard]] int wake_fd() const override { return -1; }
-  void service() override {}
-  [[nodiscard]] std::string failure() const override { return "the fake source broke"; }
 
   [[nodiscard]] uint64_t acquired() const { return acquired_; }
 

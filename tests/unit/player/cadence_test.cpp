@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <vector>
@@ -10,36 +9,6 @@ namespace lenticule::player {
 namespace {
 
 using frames::Rate;
-using testing::ElementsAre;
-
-std::vector<uint64_t> stays(Rate content, Rate refresh, int frames) {
-  Cadence cadence(locked_rate(content, refresh), refresh);
-  std::vector<uint64_t> result;
-  for (int k = 0; k < frames; ++k) {
-    const uint64_t due = cadence.due();
-    cadence.advance();
-    result.push_back(cadence.due() - due);
-  }
-  return result;
-}
-
-TEST(Cadence, FilmOn60HertzAlternatesTwoAndThree) {
-  EXPECT_THAT(stays({24, 1}, {60, 1}, 6), ElementsAre(2, 3, 2, 3, 2, 3));
-}
-
-TEST(Cadence, TwentyFiveOn60Hertz) {
-  EXPECT_THAT(stays({25, 1}, {60, 1}, 10), ElementsAre(2, 2, 3, 2, 3, 2, 2, 3, 2, 3));
-}
-
-TEST(Cadence, WholeFractionsStayEqual) {
-  EXPECT_THAT(stays({30, 1}, {60, 1}, 4), ElementsAre(2, 2, 2, 2));
-  EXPECT_THAT(stays({60, 1}, {60, 1}, 4), ElementsAre(1, 1, 1, 1));
-  EXPECT_THAT(stays({24, 1}, {120, 1}, 3), ElementsAre(5, 5, 5));
-}
-
-TEST(Cadence, FasterContentSharesVblanks) {
-  EXPECT_THAT(stays({120, 1}, {60, 1}, 6), ElementsAre(0, 1, 0, 1, 0, 1));
-}
 
 TEST(LockedRate, HoldsContentWithinHalfAPercentToTheDisplay) {
   EXPECT_EQ(locked_rate({60, 1}, {60000, 1001}), (Rate{60000, 1001}));

@@ -43,11 +43,6 @@ class ConfinedPicturesTest : public test::VideoTest {
   ConfinedPictures pictures_{LENTICULE_VIDEO_PROGRAM};
 };
 
-TEST_F(ConfinedPicturesTest, OneDecoderReadsPictureAfterPicture) {
-  for (int i = 0; i < 5; ++i) expect_picture();
-  EXPECT_EQ(pictures_.started(), 1u);
-}
-
 TEST_F(ConfinedPicturesTest, OtherFormatsHaveADecoderOfTheirOwn) {
   frames::write_woven(clip_frame(2).view(), file("good.tif"));
   for (int i = 0; i < 2; ++i) {

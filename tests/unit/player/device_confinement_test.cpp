@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Confines child processes that may open one device, on kernels with and without Landlock.
 // /dev/null stands for a video device.
+#include <dirent.h>
 #include <fcntl.h>
 #include <linux/filter.h>
 #include <linux/seccomp.h>
@@ -62,6 +63,14 @@ TEST(ConfineWithDevices, AllowsTheDeviceAndNoOtherFile) {
   EXPECT_TRUE(holds_with_device([] { return error_of_opening(kDevice) == 0; }));
   for (const char* const path : {"/dev/zero", "/etc/passwd", "/proc/self/mem"})
     EXPECT_TRUE(holds_with_device([path] { return error_of_opening(path) == EACCES; })) << path;
+}
+
+TEST(ConfineWithDevices, AllowsToListDevicesAndNoOtherFolder) {
+  EXPECT_TRUE(holds_with_device([] { return ::opendir("/dev") != nullptr; }));
+  for (const char* const folder : {"/", "/etc", "/tmp", "/proc/self/fd"})
+    EXPECT_TRUE(holds_with_device([folder] {
+      return ::opendir(folder) == nullptr && errno == EACCES;
+    })) << folder;
 }
 
 TEST(ConfineWithDevices, AllowsFewDescriptors) {

@@ -48,23 +48,6 @@ class Joined : public ::testing::Test {
   FakeSource* right = nullptr;
 };
 
-TEST_F(Joined, GivesTheFramesOfOneNumberTogetherOverAllLoops) {
-  JoinedSource source = join({.frames = 3}, {.frames = 3});
-  EXPECT_EQ(source.frame_count(), 3U);
-  for (int loop = 0; loop < 3; ++loop) {
-    AcquiredFrame frame;
-    for (uint64_t number = 0; number < 3; ++number) {
-      ASSERT_EQ(source.pull(frame), PullStatus::Ready);
-      expect_frame(frame, number);
-      source.release(frame.token);
-    }
-    EXPECT_EQ(source.pull(frame), PullStatus::End);
-    EXPECT_TRUE(source.rewind());
-  }
-  EXPECT_EQ(left->acquired(), 0U);
-  EXPECT_EQ(right->acquired(), 0U);
-}
-
 TEST_F(Joined, FramesStayValidUntilEachIsReleasedInAnyOrder) {
   JoinedSource source = join({}, {});
   EXPECT_EQ(source.max_acquired(), 2);
@@ -99,13 +82,6 @@ TEST_F(Joined, APartThatFailsIsNamed) {
   source.release(frame.token);
   EXPECT_EQ(source.pull(frame), PullStatus::Failed);
   EXPECT_EQ(source.failure(), "right: the fake source broke");
-}
-
-TEST_F(Joined, PartsOfOtherLengthOrRateAreRefused) {
-  EXPECT_THROW((void)join({.frames = 3}, {.frames = 4}), Error);
-  EXPECT_THROW((void)join({.rate = frames::Rate{24, 1}}, {.rate = frames::Rate{25, 1}}), Error);
-  EXPECT_EQ(join({.rate = frames::Rate{24, 1}}, {.rate = frames::Rate{24, 1}}).rate(),
-            (frames::Rate{24, 1}));
 }
 
 }  // namespace

@@ -45,11 +45,6 @@ class SourceOpen : public testing::Test {
   }
 };
 
-TEST_F(SourceOpen, OpensAllFramesOfAPattern) {
-  const OpenedSource opened = open_source(parse_source(pattern()), {.panel = kSmall});
-  EXPECT_EQ(opened.source->frame_count(), 5u);
-}
-
 TEST_F(SourceOpen, BeginsAtALaterFrameAndLoopsFromTheFirst) {
   for (const int slots : {2, 3, 8}) {
     const OpenedSource opened =
@@ -71,12 +66,6 @@ TEST_F(SourceOpen, BeginsAtALaterFrameAndLoopsFromTheFirst) {
     }
     EXPECT_THAT(numbers, testing::ElementsAre(3, 4, 0, 1, 2, 3, 4)) << slots << " slots";
   }
-}
-
-TEST_F(SourceOpen, OpensARangeOfAPattern) {
-  const OpenedSource opened =
-      open_source(parse_source(pattern()), {.panel = kSmall, .frames = FrameRange{4, 7}});
-  EXPECT_EQ(opened.source->frame_count(), 3u);
 }
 
 TEST_F(SourceOpen, OpensABlackFrameOfThePanelsSize) {
@@ -108,12 +97,6 @@ TEST_F(SourceOpen, OpensATestCardOfThePanelsSizeThatNeverEnds) {
             ErrorKind::Usage);
 }
 
-TEST_F(SourceOpen, OpensOnePicture) {
-  const OpenedSource opened =
-      open_source(parse_source((folder / "005.png").string()), {.panel = kSmall});
-  EXPECT_EQ(opened.source->frame_count(), 1u);
-}
-
 TEST_F(SourceOpen, NamesTheFirstMissingFrameOfARange) {
   EXPECT_EQ(failure(pattern(), {.panel = kSmall, .frames = FrameRange{4, 10}}, "008.png"),
             ErrorKind::Input);
@@ -121,12 +104,6 @@ TEST_F(SourceOpen, NamesTheFirstMissingFrameOfARange) {
             ErrorKind::Input);
   const FrameRange endless{4, ~uint64_t{0}};
   EXPECT_EQ(failure(pattern(), {.panel = kSmall, .frames = endless}, "008.png"), ErrorKind::Input);
-}
-
-TEST_F(SourceOpen, NamesBothSizesOfAFrameForAnotherPanel) {
-  const OpenContext larger{.panel = {.width = 20, .height = 10}};
-  EXPECT_EQ(failure(pattern(), larger, "16x8"), ErrorKind::Input);
-  EXPECT_EQ(failure(pattern(), larger, "20x10"), ErrorKind::Input);
 }
 
 TEST_F(SourceOpen, RefusesUnplayableSources) {

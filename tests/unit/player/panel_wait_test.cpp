@@ -129,14 +129,6 @@ TEST_F(PanelWaitTest, WaitsForAPanelThatIsOffAtStart) {
   expect_displayed(1);
 }
 
-TEST_F(PanelWaitTest, WaitsForAGraphicsCardThatAppearsLate) {
-  card.gone = true;
-  waiting.at_start = seconds(60);
-  at(seconds(5), [this] { card.gone = false; });
-  show = make().open();
-  flip(1);
-}
-
 TEST_F(PanelWaitTest, WaitingEndsInAnErrorIfNoPanelComes) {
   connector->connected = false;
   waiting.at_start = seconds(30);
@@ -215,17 +207,6 @@ TEST_F(PanelWaitTest, TheTestCardFollowsPluggedPanels) {
   EXPECT_EQ(displayed[1], expected);
 }
 
-TEST_F(PanelWaitTest, TheTestCardIsRedrawnForAnotherPanelOfTheSameSize) {
-  plug_other();
-  std::vector<uint32_t> expected;
-  at(seconds(10), [this] { plug_other("THIRD"); });
-  at(seconds(12), [&] { expected = expected_card(kOther); });
-  record_displayed(seconds(15));
-  at(seconds(20), [this] { plug_own(); });
-  show = make().open();
-  EXPECT_EQ(displayed.at(0), expected);
-}
-
 TEST_F(PanelWaitTest, TheTestCardGetsAModesetForAPanelWithOtherTimings) {
   plug_other();
   at(seconds(10), [this] {
@@ -287,13 +268,6 @@ TEST_F(PanelWaitTest, WaitingContinuesIfTheTestCardCannotBeShown) {
   show = make().open();
   EXPECT_FALSE(card_shown);
   flip(1);
-}
-
-TEST_F(PanelWaitTest, AServiceReleasesDescriptorsThatWouldStayMaster) {
-  connector->connected = false;
-  at(seconds(3), [this] { connector->connected = true; });
-  show = make().open();
-  EXPECT_GE(release_stored, 1);
 }
 
 class PanelReturn : public PanelWaitTest {

@@ -95,7 +95,7 @@ enum class Stage { Source, FrameCopier, Presenter, Display };
 
 /// Plays with one stage that stops after a few frames until a report names the stage that stands
 /// still, and returns that text.
-class HaltingPlayback final : public frames::FrameSource, public display::VirtualFaults {
+class HaltingPlayback final : public test::PlainSource, public display::VirtualFaults {
  public:
   explicit HaltingPlayback(Stage halts) : halts_(halts) {}
 
@@ -117,22 +117,12 @@ class HaltingPlayback final : public frames::FrameSource, public display::Virtua
   }
 
   [[nodiscard]] frames::FrameGeometry geometry() const override { return kSmall; }
-  [[nodiscard]] std::optional<frames::Rate> rate() const override { return std::nullopt; }
-  [[nodiscard]] std::optional<uint64_t> frame_count() const override { return std::nullopt; }
   [[nodiscard]] frames::PullStatus pull(frames::AcquiredFrame& out) override {
     if (number_ >= 2 && halts_ == Stage::Source) return frames::PullStatus::NotYet;
     if (number_ >= 2 && halts_ == Stage::FrameCopier) is_over_.wait();
     out = {.frame = pixels_.view(), .number = number_++};
     return frames::PullStatus::Ready;
   }
-  void release(uint64_t) override {}
-  [[nodiscard]] int max_acquired() const override { return 1; }
-  [[nodiscard]] uint64_t ready_count() const override { return 1; }
-  [[nodiscard]] bool saturated() const override { return true; }
-  [[nodiscard]] bool rewind() override { return false; }
-  [[nodiscard]] int wake_fd() const override { return -1; }
-  void service() override {}
-  [[nodiscard]] std::string failure() const override { return {}; }
 
   [[nodiscard]] display::EventFate fate(uint64_t sequence) noexcept override {
     const bool dropped = halts_ == Stage::Display && sequence > 5;

@@ -218,28 +218,17 @@ TEST(StoredOutput, IsEmptyIfAnythingIsInconsistent) {
   EXPECT_EQ(stored_output(kept(changed)), nullptr) << "not a state";
 }
 
-TEST(Watchdog, PingsWhileFramesAreDisplayed) {
-  Watchdog watchdog;
-  EXPECT_TRUE(watchdog.should_ping({.flips = 10, .vblanks = 10}));
-  EXPECT_TRUE(watchdog.should_ping({.flips = 20, .vblanks = 20, .failures = 3}));
-}
-
-TEST(Watchdog, PingsWhileNoFrameIsDue) {
-  Watchdog watchdog;
-  EXPECT_TRUE(watchdog.should_ping({.flips = 10, .vblanks = 10}));
-  EXPECT_TRUE(watchdog.should_ping({.flips = 10, .vblanks = 300}));
-}
-
-TEST(Watchdog, StopsWithTheDisplaysClock) {
-  Watchdog watchdog;
-  EXPECT_TRUE(watchdog.should_ping({.flips = 10, .vblanks = 10}));
-  EXPECT_FALSE(watchdog.should_ping({.flips = 10, .vblanks = 10}));
-}
-
-TEST(Watchdog, StopsWhenEveryFlipFails) {
-  Watchdog watchdog;
-  EXPECT_TRUE(watchdog.should_ping({.flips = 10, .vblanks = 10}));
-  EXPECT_FALSE(watchdog.should_ping({.flips = 10, .vblanks = 300, .failures = 4}));
+TEST(Watchdog, PingsWhileTheDisplayRunsOrItsPanelIsAway) {
+  const auto pings_at = [](const ProgressSample& next) {
+    Watchdog watchdog;
+    EXPECT_TRUE(watchdog.should_ping({.flips = 10, .vblanks = 10}));
+    return watchdog.should_ping(next);
+  };
+  EXPECT_TRUE(pings_at({.flips = 20, .vblanks = 20, .failures = 3}));
+  EXPECT_TRUE(pings_at({.flips = 10, .vblanks = 300})) << "no frame was due";
+  EXPECT_FALSE(pings_at({.flips = 10, .vblanks = 10})) << "the display's clock stands still";
+  EXPECT_FALSE(pings_at({.flips = 10, .vblanks = 300, .failures = 4})) << "every flip fails";
+  EXPECT_TRUE(pings_at({.flips = 10, .vblanks = 10, .failures = 4, .panel_away = true}));
 }
 
 TEST(Watchdog, StopsWhenADueFrameDoesNotComeForAReasonOfThisProcess) {
@@ -261,13 +250,6 @@ TEST(Watchdog, StopsWhenADueFrameDoesNotComeForAReasonOfThisProcess) {
   EXPECT_FALSE(should_ping());
   report.off = true;
   EXPECT_TRUE(should_ping());
-}
-
-TEST(Watchdog, PingsWhileThePanelIsAway) {
-  Watchdog watchdog;
-  EXPECT_TRUE(watchdog.should_ping({.flips = 10, .vblanks = 10}));
-  EXPECT_TRUE(
-      watchdog.should_ping({.flips = 10, .vblanks = 10, .failures = 4, .panel_away = true}));
 }
 
 TEST(PlayService, IsReadyWithTheFirstPicture) {

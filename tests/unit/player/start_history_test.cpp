@@ -24,25 +24,12 @@ class StartHistoryTest : public testing::Test {
   void write(const std::string& text) const { std::ofstream(folder / "starts") << text; }
 };
 
-TEST_F(StartHistoryTest, CountsStartsThatCrashed) {
-  for (int i = 0; i < 7; ++i)
-    EXPECT_EQ(StartHistory(folder, seconds(1000 + i)).failures(), i) << "none ended in order";
-}
-
 TEST_F(StartHistoryTest, CountsStartsThatFailedAndKeepsTheReason) {
   StartHistory(folder, seconds(1000)).failed("film/%05d.png: no such file\nreally");
   const StartHistory next(folder, seconds(1001));
   EXPECT_EQ(next.failures(), 1);
   EXPECT_EQ(next.last_reason(), "film/%05d.png: no such file really");
   EXPECT_EQ(StartHistory(folder, seconds(1002)).last_reason(), "") << "a crash has no last words";
-}
-
-TEST_F(StartHistoryTest, DoesNotCountOrderlyEnds) {
-  for (int i = 0; i < 10; ++i) {
-    StartHistory history(folder, seconds(1000 + i));
-    EXPECT_EQ(history.failures(), 0) << "restarted by hand";
-    history.ended_well();
-  }
 }
 
 TEST_F(StartHistoryTest, ForgetsOldStarts) {

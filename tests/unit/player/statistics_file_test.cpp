@@ -39,13 +39,6 @@ class StatisticsFileTest : public testing::Test {
   fs::path folder_ = scratch_.path();
 };
 
-TEST_F(StatisticsFileTest, HoldsTheNewestTextAtTheEnd) {
-  StatisticsFile file(folder_ / "stats.json");
-  for (int k = 0; k < 100; ++k) file.write(std::to_string(k));
-  EXPECT_EQ(file.finish(seconds(60)), "");
-  EXPECT_EQ(text(), "99");
-}
-
 TEST_F(StatisticsFileTest, WritesAgainWhenARemovedFolderReturns) {
   StatisticsFile file(folder_ / "stats.json");
   fs::remove_all(folder_);

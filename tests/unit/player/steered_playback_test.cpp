@@ -32,7 +32,7 @@ class VblankHook final : public display::VirtualFaults {
 };
 
 /// A source that jumps to frame kAfterCut when the test calls go().
-class CutSource final : public frames::FrameSource {
+class CutSource final : public test::PlainSource {
  public:
   explicit CutSource(std::optional<frames::Rate> rate) : rate_(rate) {}
   void go() {
@@ -42,7 +42,6 @@ class CutSource final : public frames::FrameSource {
   }
   [[nodiscard]] frames::FrameGeometry geometry() const override { return kSmall; }
   [[nodiscard]] std::optional<frames::Rate> rate() const override { return rate_; }
-  [[nodiscard]] std::optional<uint64_t> frame_count() const override { return std::nullopt; }
   [[nodiscard]] frames::PullStatus pull(frames::AcquiredFrame& out) override {
     if (cut_ > 0 && pulled_after_cut_ == 20) return frames::PullStatus::End;
     pixels_ = test::numbered_frame(kSmall, number_);
@@ -50,14 +49,6 @@ class CutSource final : public frames::FrameSource {
     ++pulled_after_cut_;
     return frames::PullStatus::Ready;
   }
-  void release(uint64_t) override {}
-  [[nodiscard]] int max_acquired() const override { return 1; }
-  [[nodiscard]] uint64_t ready_count() const override { return 1; }
-  [[nodiscard]] bool saturated() const override { return true; }
-  [[nodiscard]] bool rewind() override { return false; }
-  [[nodiscard]] int wake_fd() const override { return -1; }
-  void service() override {}
-  [[nodiscard]] std::string failure() const override { return {}; }
   [[nodiscard]] uint64_t cut() const override { return cut_; }
 
  private:

@@ -181,35 +181,6 @@ TEST_F(VideoPixels, LinearAndFilmTransferFunctionsAreRefused) {
               testing::HasSubstr("smpte2084"));
 }
 
-/// Tries every code of one component with a coarse grid of the other two.
-TEST(PixelConverter, AgreesWithTheFormulaOverTheWholeCube) {
-  PixelLayout layout;
-  layout.model = ColourModel::Yuv;
-  layout.full_range = false;
-  for (int i = 0; i < 3; ++i) layout.components[static_cast<size_t>(i)].plane = i;
-  PixelConverter converter(layout, 256, 1);
-  std::vector<uint8_t> y(256);
-  std::vector<uint8_t> cb(256);
-  std::vector<uint8_t> cr(256);
-  std::vector<uint8_t> rgb(768);
-  for (size_t i = 0; i < 256; ++i) y[i] = static_cast<uint8_t>(i);
-  for (int u = 0; u < 256; u += 5)
-    for (int v = 0; v < 256; v += 3) {
-      std::ranges::fill(cb, static_cast<uint8_t>(u));
-      std::ranges::fill(cr, static_cast<uint8_t>(v));
-      converter.convert({.data = {y.data(), cb.data(), cr.data(), nullptr},
-                         .stride = {256, 256, 256, 0},
-                         .width = 256,
-                         .height = 1},
-                        rgb);
-      for (size_t i = 0; i < 256; ++i) {
-        const auto exact = Formula{0.2126, 0.0722, false, 8}.rgb(static_cast<double>(i), u, v);
-        for (size_t c = 0; c < 3; ++c)
-          ASSERT_TRUE(is_rounded(exact[c], rgb[3 * i + c], kExact)) << i << " " << u << " " << v;
-      }
-    }
-}
-
 /// Converts planes of random samples by every instruction set and expects the formula.
 void expect_formula_everywhere(const PixelLayout& layout, const Size& size,
                                const Sampling& sampling) {
@@ -327,61 +298,6 @@ TEST(PixelConverter, SubsampledColoursAreCloseAndGreysExact) {
             ASSERT_TRUE(is_rounded(exact[c], rgb[3 * i + c], error)) << i << " " << u << " " << v;
         }
       }
-  }
-}
-
-int short_product(int a, int b) {
-  return static_cast<int>(std::floor((a * b + 16384.0) / 32768.0));
-}
-
-/// Computes one channel as pixel_kernel.h defines it.
-uint8_t short_code(const ShortSums& sums, int luma, int first, int second) {
-  const int sum = short_product(128 * luma, sums.luma) + sums.constant + first + second;
-  return static_cast<uint8_t>(std::clamp(static_cast<int>(std::floor(sum / 64.0)), 0, 255));
-}
-
-/// Compares all variants of the kernel with its definition, also for the outermost sums.
-TEST(PixelKernel, AllVariantsComputeTheDefinedSums) {
-  constexpr int kColumns = 4096, kSamples = kColumns / 2 + 2;
-  const ShortSums sums{.luma = 19077,
-                       .constant = -1161,
-                       .red_cr = 14686,
-                       .green_cb = -1747,
-                       .green_cr = -4366,
-                       .blue_cb = 17304,
-                       .even = {16, 48},
-                       .odd = {48, 16}};
-  const std::vector<uint8_t> y = test::random_bytes(kColumns, 13);
-  const auto samples = [](unsigned seed) {
-    const std::vector<uint8_t> bytes = test::random_bytes(2 * kSamples, seed);
-    std::vector<int16_t> all;
-    for (size_t k = 0; k < kSamples; ++k) {
-      const int value = (bytes[2 * k] + 256 * bytes[2 * k + 1]) % 1021;
-      all.push_back(static_cast<int16_t>(value < 300 ? 0 : value > 720 ? 1020 : value));
-    }
-    return all;
-  };
-  const std::vector<int16_t> cb = samples(14), cr = samples(15);
-  const auto grey_distance = [&](const std::vector<int16_t>& chroma, int x) {
-    const auto k = static_cast<size_t>(x / 2 + 1);
-    return x % 2 == 0 ? sums.even.first * chroma[k - 1] + sums.even.second * chroma[k] - 32768
-                      : sums.odd.first * chroma[k] + sums.odd.second * chroma[k + 1] - 32768;
-  };
-  for (const Isa isa : test::every_instruction_set()) {
-    std::vector<uint8_t> rgb(size_t{3} * kColumns);
-    pixel_kernel(isa).convert_short(sums, y.data(), cb.data() + 1, cr.data() + 1, kColumns,
-                                    rgb.data());
-    for (int x = 0; x < kColumns; ++x) {
-      const int luma = y[static_cast<size_t>(x)];
-      const int blue = grey_distance(cb, x), red = grey_distance(cr, x);
-      const std::array<uint8_t, 3> codes = {
-          short_code(sums, luma, 0, short_product(red, sums.red_cr)),
-          short_code(sums, luma, short_product(blue, sums.green_cb),
-                     short_product(red, sums.green_cr)),
-          short_code(sums, luma, 0, short_product(blue, sums.blue_cb))};
-      for (size_t c = 0; c < 3; ++c)
-        ASSERT_EQ(rgb[static_cast<size_t>(3 * x) + c], codes[c]) << isa_name(isa) << " " << x;
-    }
   }
 }
 

@@ -328,13 +328,6 @@ TEST_F(FakeVideo, DetectsASkippedFrame) {
   EXPECT_THAT(source->failure(), testing::HasSubstr("frame 3 instead of 2"));
 }
 
-TEST_F(FakeVideo, ADecodersDeathAfterAFrameLosesNoFrame) {
-  const auto source = open("5-dies.mkv", false);
-  for (uint64_t k = 0; k < 5; ++k) ASSERT_EQ(pull_number(*source, k), PullStatus::Ready);
-  EXPECT_EQ(pull_number(*source, 0), PullStatus::End);
-  EXPECT_EQ(source->statistics().restarts, 1u);
-}
-
 TEST_F(FakeVideo, ADecodersFailureAfterItsLastFrameIsIgnored) {
   const auto source = open("3-stumbles.mkv", false);
   for (int loop = 0; loop < 2; ++loop) {

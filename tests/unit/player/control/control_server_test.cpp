@@ -437,16 +437,6 @@ TEST_F(ControlSocket, ARequestThatThePlayerDoesNotAnswerGetsAnErrorAndItsLateAns
   EXPECT_EQ(ask(one, {{"id", 2}, {"do", "status"}})["id"], 2);
 }
 
-TEST_F(ControlSocket, AConflictWithWhatIsPlayingIsMarkedInItsError) {
-  serve();
-  ControlClient one = client();
-  one.send({{"id", 1}, {"do", "back"}});
-  const auto answer = one.receive(kTimeout);
-  ASSERT_TRUE(answer);
-  EXPECT_EQ((*answer)["error"]["cause"], "nothing is interrupted");
-  EXPECT_EQ((*answer)["error"]["conflict"], true);
-}
-
 TEST_F(ControlSocket, TheAnswerToTheRequestThatEndsTheServerArrives) {
   serve();
   ControlClient one = client();
@@ -484,15 +474,6 @@ TEST_F(ControlSocket, SurplusEventsAreCountedInsteadOfSent) {
     return left_out > 100;
   }));
   EXPECT_LE(heard, 100u);
-}
-
-TEST(ControlClients, AMissingPlayerIsADeviceError) {
-  try {
-    const ControlClient client("/nonexistent/c.sock", seconds(1));
-    FAIL();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::Device);
-  }
 }
 
 }  // namespace

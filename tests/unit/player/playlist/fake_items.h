@@ -19,7 +19,7 @@ namespace lenticule::test {
 inline constexpr frames::FrameGeometry kItemSize{.width = 16, .height = 8};
 
 /// Frame k of a source whose numbers begin at `base` has the pixels of numbered_frame(base + k).
-class OffsetSource final : public frames::FrameSource {
+class OffsetSource final : public PlainSource {
  public:
   OffsetSource(uint64_t base, FakeSourceScript script, bool count_at_end)
       : script_(std::move(script)), count_at_end_(count_at_end) {
@@ -39,17 +39,12 @@ class OffsetSource final : public frames::FrameSource {
     ++position_;
     return frames::PullStatus::Ready;
   }
-  void release(uint64_t token) override { (void)token; }
   [[nodiscard]] int max_acquired() const override { return 100; }
   [[nodiscard]] uint64_t ready_count() const override { return script_.frames - position_; }
-  [[nodiscard]] bool saturated() const override { return true; }
   [[nodiscard]] bool rewind() override {
     position_ = 0;
     return script_.can_rewind;
   }
-  [[nodiscard]] int wake_fd() const override { return -1; }
-  void service() override {}
-  [[nodiscard]] std::string failure() const override { return "the fake source broke"; }
 
  private:
   FakeSourceScript script_;

@@ -111,10 +111,6 @@ TEST_F(FolderWatchTest, AFolderThatIsGoneIsEmptyUntilItIsBack) {
       << "the folder is watched again";
 }
 
-TEST_F(FolderWatchTest, AMissingFolderIsAnError) {
-  EXPECT_THROW(FolderWatch((scratch / "gone").string() + "/", now), Error);
-}
-
 TEST_F(FolderWatchTest, TheListHasTheFilesInOrderAndItsMarkFollowsTheirNames) {
   for (const char* name : {"b.lts", "a.png"}) write(name);
   age("a.png");

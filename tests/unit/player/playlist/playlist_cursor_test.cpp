@@ -63,12 +63,6 @@ TEST_F(PlaylistCursorTest, AnItemWithChangedSettingsIsPlayedAgain) {
   EXPECT_EQ(next(), "b");
 }
 
-TEST_F(PlaylistCursorTest, AListWithoutThePlayingItemBeginsAtItsFirstItem) {
-  play(2);
-  EXPECT_FALSE(cursor.replace_list(list({"x", "y"}), &playing));
-  EXPECT_EQ(next(), "x");
-}
-
 TEST_F(PlaylistCursorTest, AShorterListIsFollowedFromItsFirstItemIfNothingPlays) {
   cursor.choose(2, 0);
   EXPECT_FALSE(cursor.replace_list(list({"x", "y"}), nullptr));
@@ -80,16 +74,6 @@ TEST_F(PlaylistCursorTest, AnItemThatWasChosenAheadAndClosedIsChosenAgain) {
   cursor.choose(1, 0);
   cursor.back_to_playing();
   EXPECT_EQ(next(), "b");
-}
-
-TEST_F(PlaylistCursorTest, JumpsWrapAroundAndRefuseItemsThatTheListDoesNotHave) {
-  play(2);
-  EXPECT_EQ(cursor.target_of({.item = 1, .relative = true}).index, 0u);
-  EXPECT_EQ(cursor.target_of({.item = -3, .relative = true}).index, 2u);
-  EXPECT_EQ(cursor.target_of({}).index, 2u);
-  EXPECT_EQ(cursor.target_of({.list = list({"x"})}).index, 0u);
-  EXPECT_THROW((void)cursor.target_of({.item = 3}), Error);
-  EXPECT_THROW((void)cursor.target_of({.item = -1}), Error);
 }
 
 }  // namespace

@@ -70,19 +70,6 @@ loops = "forever"
   EXPECT_EQ(list.items[2].source.text, "ring:/run/ring.sock");
 }
 
-TEST(PlaylistFile, FilesAreRelativeToTheListsFolder) {
-  const auto source_of = [](const std::string& source) {
-    return parse("[[item]]\nsource = \"" + source + "\"\n").items.front().source.text;
-  };
-  EXPECT_EQ(source_of("a_qs8x6.png"), "/films/a_qs8x6.png");
-  EXPECT_EQ(source_of("/a.lts"), "/a.lts");
-  EXPECT_EQ(source_of("views"), "views");
-  EXPECT_EQ(source_of("views:v%02d/%05d.png"), "views:/films/v%02d/%05d.png");
-  EXPECT_EQ(source_of("views:left.mkv|/b/right.mkv"), "views:/films/left.mkv|/b/right.mkv");
-  EXPECT_EQ(source_of("views:|"), "views:/films/|/films/");
-  EXPECT_EQ(source_of("ring:/run/ring.sock"), "ring:/run/ring.sock");
-}
-
 TEST(PlaylistFile, ErrorsNameTheLineAndTheReason) {
   const std::string item = "[[item]]\nsource = \"a.png\"\n";
   EXPECT_EQ(complaint(""), "list.toml:1: no [[item]]");

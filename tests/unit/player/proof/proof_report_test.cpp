@@ -29,13 +29,6 @@ ProofSummary report_of(const std::vector<ProofEntry>& entries, const ReportFilte
   return report.finish(none_runs);
 }
 
-TEST(ProofReport, IsEmptyForAnEmptyJournal) {
-  const ProofSummary summary = report_of({});
-  EXPECT_TRUE(summary.rows.empty());
-  EXPECT_TRUE(summary.unended.empty());
-  EXPECT_EQ(summary.total.plays(), 0u);
-}
-
 TEST(ProofReport, SumsThePlaysOfAnItem) {
   ProofEntry second = whole_play(2, "a.lts", kNoon + kSecond);
   second.whole = 2;

@@ -38,18 +38,6 @@ TEST(ProofWriter, AJournalThatHangsDelaysNothingAndLosesCountedEntries) {
   answer->set_value();
 }
 
-TEST(ProofWriter, CountsEntriesThatTheJournalRefuses) {
-  std::promise<void> sent;
-  ProofWriter writer([&](const std::vector<std::string>& /*fields*/) {
-    sent.set_value();
-    return false;
-  });
-  writer.write(test::whole_play(1, "a"));
-  sent.get_future().wait();
-  while (writer.statistics()["lost"] != 1) std::this_thread::yield();
-  EXPECT_EQ(writer.statistics()["entries"], 0);
-}
-
 TEST(ProofSession, IsANewNumberEachTime) {
   const std::string session = new_proof_session();
   EXPECT_EQ(session.size(), 32u);

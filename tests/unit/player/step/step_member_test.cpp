@@ -33,17 +33,6 @@ StepBytes announcement(uint64_t session, nanoseconds sent, uint64_t frame = 0) {
       "lobby");
 }
 
-TEST(StepFollower, TakesTheTimelineOfItsLeader) {
-  StepFollower follower(identity(2));
-  EXPECT_FALSE(follower.timeline());
-  EXPECT_TRUE(follower.receive(announcement(1, seconds(1), 42), at(seconds(1) + milliseconds(9))));
-  ASSERT_TRUE(follower.timeline());
-  EXPECT_EQ(follower.timeline()->lateness(42, seconds(1001)), nanoseconds{0});
-  EXPECT_EQ(follower.peers(at(seconds(2))), 1u);
-  EXPECT_EQ(follower.peers(at(seconds(4))), 0u);
-  EXPECT_TRUE(follower.timeline());
-}
-
 TEST(StepFollower, RefusesAndCountsReplayedAndOvertakenMessages) {
   StepFollower follower(identity(2));
   EXPECT_TRUE(follower.receive(announcement(1, seconds(2)), at(seconds(2))));
@@ -77,27 +66,6 @@ TEST(StepFollower, IgnoresASecondLeaderWhileTheFirstIsAlive) {
   EXPECT_FALSE(follower.receive(announcement(3, seconds(2), 50), at(seconds(2))));
   EXPECT_EQ(follower.counts().refused_stranger, 1u);
   EXPECT_TRUE(follower.receive(announcement(3, seconds(4), 50), at(seconds(4))));
-}
-
-TEST(StepFollower, IgnoresOtherFollowers) {
-  StepFollower follower(identity(2));
-  StepFollower other(identity(3));
-  EXPECT_FALSE(follower.receive(*other.tick({}, at(seconds(1))), at(seconds(1))));
-  EXPECT_EQ(follower.counts().refused_group, 1u);
-}
-
-TEST(StepFollower, AStepOfEitherClockChangesNothing) {
-  StepFollower follower(identity(2));
-  StepLeader leader(identity(1), at(seconds(0)));
-  const auto exchange = [&](nanoseconds time, nanoseconds leader_step, nanoseconds own_step) {
-    const auto bytes = leader.tick(playing(seconds(1)), at(time, leader_step));
-    return bytes && follower.receive(*bytes, at(time + milliseconds(1), own_step));
-  };
-  EXPECT_TRUE(exchange(seconds(1), {}, {}));
-  EXPECT_TRUE(exchange(seconds(2), seconds(2), {}));
-  EXPECT_TRUE(exchange(seconds(3), seconds(2), seconds(-2)));
-  EXPECT_TRUE(exchange(seconds(4), {}, {}));
-  EXPECT_EQ(follower.timeline()->lateness(0, seconds(1001)), nanoseconds{0});
 }
 
 TEST(StepFollower, ACorrectedClockAgreesWithTheLeadersAgain) {
@@ -151,17 +119,6 @@ TEST(StepLeader, ListensBeforeItBeginsATimeline) {
   EXPECT_FALSE(leader.tick({}, at(milliseconds(600))));
   EXPECT_TRUE(leader.tick(playing(milliseconds(620)), at(milliseconds(600))));
   EXPECT_EQ(leader.timeline()->lateness(0, seconds(1000) + milliseconds(620)), nanoseconds{0});
-}
-
-TEST(StepLeader, ContinuesTheTimelineThatItsFollowersKept) {
-  StepFollower follower(identity(2));
-  EXPECT_TRUE(follower.receive(announcement(1, seconds(1), 30), at(seconds(1))));
-  StepLeader leader(identity(5), at(seconds(5)));
-  EXPECT_TRUE(leader.receive(*follower.tick({}, at(milliseconds(5100))), at(milliseconds(5100))));
-  EXPECT_TRUE(leader.tick(playing(seconds(6)), at(seconds(6))));
-  EXPECT_EQ(leader.timeline()->lateness(30, seconds(1001)), nanoseconds{0});
-  EXPECT_EQ(leader.peers(at(seconds(6))), 1u);
-  EXPECT_TRUE(leader.alive(2, at(seconds(6))));
 }
 
 TEST(StepLeader, BeginsAnotherTimelineForAnotherFilm) {

@@ -40,15 +40,6 @@ TEST(StepMessage, EveryChangedBitIsRefused) {
   }
 }
 
-TEST(StepMessage, AnotherLengthIsRefused) {
-  const StepBytes bytes = kKey.seal(kMessage, "lobby");
-  for (size_t length = 0; length < bytes.size(); ++length)
-    EXPECT_FALSE(kKey.open(std::span(bytes).first(length), "lobby").message) << length;
-  std::vector<uint8_t> longer(bytes.begin(), bytes.end());
-  longer.push_back(0);
-  EXPECT_EQ(kKey.open(longer, "lobby").refusal, Refusal::Format);
-}
-
 TEST(StepMessage, AnotherKeyOrGroupIsRefused) {
   const StepBytes bytes = kKey.seal(kMessage, "lobby");
   for (const StepKey& other : {StepKey(std::vector<uint8_t>(32, 8)), StepKey()}) {
