@@ -64,17 +64,6 @@ TEST(Procedure, WithoutChangesGivesTheSameSheet) {
   EXPECT_EQ(procedure.status(), Procedure::Status::Saved);
 }
 
-TEST(Procedure, StepsFollowInOrder) {
-  Procedure procedure(small_rig(), kDistance);
-  std::vector<Step> seen = {procedure.step()};
-  for (int n = 0; n < 100; ++n) {
-    press(procedure, Key::Next);
-    if (procedure.step() != seen.back()) seen.push_back(procedure.step());
-  }
-  ASSERT_EQ(seen.size(), size_t{kSteps});
-  for (size_t n = 0; n < seen.size(); ++n) EXPECT_EQ(static_cast<size_t>(seen[n]), n);
-}
-
 TEST(Procedure, ArrowsMoveOneValueByTheirStride) {
   Procedure procedure = at(Step::Check);
   const SheetValues before = sheet_values(procedure.rig(), kDistance);
@@ -124,15 +113,6 @@ TEST(SheetValues, SpacingAndGapAgreeWithTheOpticalModel) {
     const double left = model.phase(160, 100, 1, {-0.5 * spacing, 0, kDistance});
     const double right = model.phase(160, 100, 1, {0.5 * spacing, 0, kDistance});
     EXPECT_NEAR(right - left, 1.0, 2.0 * gap / kDistance) << "but for Z against Z + g";
-  }
-}
-
-TEST(SheetValues, TwoPitchesDetermineTheGap) {
-  const optics::Rig rig = small_rig();
-  for (const double second : {400.0, 1000.0}) {
-    const double near = sheet_values(rig, kDistance).effective_pitch_subpx;
-    const double other = sheet_values(rig, second).effective_pitch_subpx;
-    EXPECT_NEAR(gap_of_two_pitches(kDistance, near, second, other), rig.sheet.gap.value, 1e-9);
   }
 }
 
@@ -289,18 +269,6 @@ TEST(Procedure, EveryStepsInstructionsUseThePanelsFont) {
     for (const std::string& sentence : guide.wrong) all += sentence;
     for (const char c : all) EXPECT_TRUE(c >= ' ' && c <= '~') << guide.title;
     EXPECT_EQ(all.find('{'), std::string::npos) << guide.title;
-  }
-}
-
-TEST(Procedure, RefusesInvalidDistances) {
-  for (const double distance :
-       {0.0, -1.0, 0.5, std::nan(""), 1e300, std::numeric_limits<double>::infinity()}) {
-    try {
-      const Procedure procedure(small_rig(), distance);
-      FAIL() << distance;
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), ErrorKind::Usage) << error.what();
-    }
   }
 }
 

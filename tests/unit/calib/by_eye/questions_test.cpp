@@ -92,15 +92,6 @@ void expect_found(const Questions& questions) {
   EXPECT_NEAR(offset - std::round(offset), 0.0, 0.01);
 }
 
-TEST(Questions, FindTheSheetFromRightAnswers) {
-  Questions questions(kiosk(), kDistance);
-  answer_all(questions, {});
-  expect_found(questions);
-  EXPECT_LE(questions.answers(), 25);
-  EXPECT_EQ(questions.contradictions(), 0);
-  EXPECT_LT(questions.misfit(), 0.01);
-}
-
 TEST(Questions, FindTheSheetAlthoughAnyOneAnswerIsWrong) {
   int noticed = 0;
   for (int wrong = 0; wrong < 20; ++wrong) {
@@ -111,15 +102,6 @@ TEST(Questions, FindTheSheetAlthoughAnyOneAnswerIsWrong) {
     noticed += questions.contradictions() > 0 ? 1 : 0;
   }
   EXPECT_GT(noticed, 10) << "the user is told";
-}
-
-TEST(Questions, FindTheSheetAfterTwoWrongAnswersInARow) {
-  for (int wrong = 0; wrong < 20; ++wrong) {
-    SCOPED_TRACE(wrong);
-    Questions questions(kiosk(), kDistance);
-    answer_all(questions, {wrong, wrong + 1});
-    expect_found(questions);
-  }
 }
 
 TEST(Questions, UndoForgetsTheLastAnswer) {

@@ -3,8 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <complex>
-#include <numbers>
 #include <string>
 
 #include "frames/charts/charts.h"
@@ -13,53 +11,11 @@
 namespace lenticule::calib::test {
 namespace {
 
-using Complex = std::complex<double>;
-
 double linear(uint8_t code) {
   return std::pow(code / 255.0, 2.2);
 }
 
-Complex turn(double cycles) {
-  return std::polar(1.0, -2.0 * std::numbers::pi * cycles);
-}
-
-/// Returns the strength of a stripe pattern with `cycles` over the row.
-double strength(const std::vector<double>& row, double cycles) {
-  const Complex step = turn(cycles / static_cast<double>(row.size()));
-  Complex at = 1.0, sum = 0.0;
-  for (const double value : row) {
-    sum += value * at;
-    at *= step;
-  }
-  return std::abs(sum) / static_cast<double>(row.size());
-}
-
-void take_mean_away(std::vector<double>& row) {
-  double mean = 0.0;
-  for (const double value : row) mean += value / static_cast<double>(row.size());
-  for (double& value : row) value -= mean;
-}
-
-/// Returns the number of stripes in a row; 0 if the row is even.
-double stripes_in(std::vector<double> row, double most) {
-  constexpr double kFaint = 0.05;
-  take_mean_away(row);
-  double best = 0.0, strongest = kFaint;
-  for (double cycles = 0.5; cycles < most; cycles += 0.5) {
-    const double s = strength(row, cycles);
-    if (s <= strongest) continue;
-    strongest = s;
-    best = cycles;
-  }
-  return best;
-}
-
 }  // namespace
-
-double Glimpse::light(int column, int row) const {
-  const auto n = static_cast<size_t>(row * columns + column);
-  return (red[n] + green[n] + blue[n]) / 3.0;
-}
 
 double Glimpse::redness(double x0, double x1, double y0, double y1) const {
   double r = 0.0, g = 0.0;
@@ -131,83 +87,6 @@ void ScriptedObserver::null(const std::function<double()>& measure, double press
     before = after;
   }
 }
-
-// --- questions --------------------------------------------------------------------------------
-
-/// Returns the band with the fewest stripes; the middle one of several equal ones.
-int fewest_stripes(const std::vector<double>& counts) {
-  const double fewest = *std::min_element(counts.begin(), counts.end());
-  std::vector<int> best;
-  for (int band = 0; band < frames::kBands; ++band)
-    if (counts[static_cast<size_t>(band)] <= fewest + 0.25) best.push_back(band);
-  return best[best.size() / 2];
-}
-
-int ScriptedObserver::best_band() {
-  constexpr int kColumns = 1024;
-  const Glimpse seen = look(0.0, kColumns, frames::kBands);
-  std::vector<double> counts;
-  for (int band = 0; band < frames::kBands; ++band) {
-    std::vector<double> row;
-    for (int u = kColumns / 16; u < kColumns - kColumns / 16; ++u)
-      row.push_back(seen.light(u, band));
-    counts.push_back(stripes_in(std::move(row), 400.0));
-  }
-  return fewest_stripes(counts);
-}
-
-int ScriptedObserver::best_column() {
-  constexpr int kSamples = 8, kRows = 480;
-  const Glimpse seen = look(0.0, kSamples * frames::kBands, kRows);
-  std::vector<double> counts;
-  for (int band = 0; band < frames::kBands; ++band) {
-    std::vector<double> column(kRows);
-    for (int v = 0; v < kRows; ++v)
-      for (int u = 2; u < kSamples - 1; ++u)
-        column[static_cast<size_t>(v)] += seen.light(band * kSamples + u, v) / (kSamples - 3);
-    counts.push_back(stripes_in(std::move(column), 100.0));
-  }
-  return fewest_stripes(counts);
-}
-
-/// Returns the rung nearest to the turn from red above to green below; none if the colours are
-/// faint.
-int ScriptedObserver::turning_rung() {
-  const frames::Chart chart = procedure_.chart();
-  const Glimpse seen = look(0.0, 960, 600);
-  const double left = 0.5 + chart.ladder_x - 0.4 * frames::kLadderWidth;
-  const double right = 0.5 + chart.ladder_x + 0.4 * frames::kLadderWidth;
-  std::vector<double> colours;
-  for (int rung = 0; rung < frames::kBands; ++rung) {
-    const double y = 0.5 + frames::rung_y(chart.ladder_y, rung);
-    const double half = 0.45 * frames::kLadderHeight / frames::kBands;
-    colours.push_back(seen.redness(left, right, y - half, y + half));
-  }
-  constexpr double kDistinct = 0.1;
-  const auto [greenest, reddest] = std::minmax_element(colours.begin(), colours.end());
-  if (*reddest < kDistinct || *greenest > -kDistinct) return -1;
-  for (size_t rung = 1; rung < colours.size(); ++rung) {
-    const double above = colours[rung - 1], below = colours[rung];
-    if (above < 0.0 || below >= 0.0 || above - below > 1.0) continue;
-    return static_cast<int>(above < -below ? rung - 1 : rung);
-  }
-  return -1;
-}
-
-void ScriptedObserver::answer_questions() {
-  constexpr int kMost = 60;
-  for (int n = 0; n < kMost && procedure_.is_asking() && !procedure_.questions().is_done(); ++n) {
-    const frames::Chart chart = procedure_.chart();
-    const int band = chart.pattern == frames::ChartPattern::Bands        ? best_band()
-                     : chart.pattern == frames::ChartPattern::SlantBands ? best_column()
-                                                                         : turning_rung();
-    for (int k = chart.cursor; k < band; ++k) press(Key::Down);
-    for (int k = chart.cursor; k > band; --k) press(Key::Up);
-    press(Key::Next);
-  }
-}
-
-// --- gap --------------------------------------------------------------------------------------
 
 /// Returns the place where the middle turns from red to green.
 double ScriptedObserver::crossing(double from_mm, double to_mm) {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Simulates a user who calibrates by eye: the observer sees the charts through the true lens sheet,
-// and presses keys by properties that a person sees as well: the number and direction of stripes,
-// and which side is brighter or greener. The observer never reads a rig.
+// Simulates a user who looks for the gap by eye: the observer sees the charts through the true lens
+// sheet, and presses keys by what a person sees as well: which side is redder or greener.
 #pragma once
 
 #include <functional>
@@ -19,7 +18,6 @@ struct Glimpse {
   int rows = 0;
   std::vector<double> red, green, blue;
 
-  [[nodiscard]] double light(int column, int row) const;
   /// Returns (red - green) / (red + green) over the part [x0, x1) x [y0, y1) of the picture, 0 ...
   /// 1 each.
   [[nodiscard]] double redness(double x0, double x1, double y0, double y1) const;
@@ -29,8 +27,6 @@ class ScriptedObserver {
  public:
   ScriptedObserver(const optics::Rig& ground_truth, Procedure& procedure);
 
-  /// Answers all questions.
-  void answer_questions();
   void find_gap_by_flips();
   void find_gap_by_distance();
   void press(Key key, Stride stride = Stride::Normal) { procedure_.press({key, stride}); }
@@ -39,9 +35,6 @@ class ScriptedObserver {
   [[nodiscard]] Glimpse look(double x_mm, int columns, int rows);
 
  private:
-  [[nodiscard]] int best_band();
-  [[nodiscard]] int best_column();
-  [[nodiscard]] int turning_rung();
   [[nodiscard]] double crossing(double from_mm, double to_mm);
 
   /// Presses `more` or `less` until the measure is nearly 0, and finds out by trying which of both

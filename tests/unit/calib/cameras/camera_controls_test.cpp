@@ -160,24 +160,6 @@ TEST_F(Locking, DetectsDrift) {
   EXPECT_THAT(controls.drifted(), IsEmpty());
 }
 
-TEST_F(Locking, DetectsUnplugAtEveryCall) {
-  for (int calls = 0;; ++calls) {
-    test::OneCamera stage;
-    stage.camera.controls = webcam_controls();
-    stage.camera.on_set = release_manual_ones;
-    stage.camera.calls_until_unplugged = calls;
-    const std::unique_ptr<V4l2Device> device = stage.system.open("/dev/video0").device;
-    CameraControls controls(*device, {.gain = 7});
-    const int error = controls.lock();
-    if (!stage.camera.unplugged) {
-      EXPECT_EQ(error, 0);
-      EXPECT_GT(calls, 20);
-      break;
-    }
-    EXPECT_EQ(error, ENODEV) << "at call " << calls;
-  }
-}
-
 TEST_F(Locking, AnUnpluggedCameraHasDrifted) {
   CameraControls controls = with({});
   ASSERT_EQ(controls.lock(), 0);

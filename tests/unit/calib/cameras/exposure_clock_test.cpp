@@ -18,12 +18,6 @@ BufferStamp stamped(Nanoseconds time) {
   return {.sequence = 0, .time = time, .monotonic = true};
 }
 
-TEST(ExposureClock, CountsBackFromTheEndOfTheReadout) {
-  ExposureClock clock(milliseconds{20}, milliseconds{30});
-  EXPECT_EQ(clock.exposed_at(stamped(kNow - milliseconds{5}), kNow), kNow - milliseconds{30});
-  EXPECT_FALSE(clock.unreliable());
-}
-
 TEST(ExposureClock, CountsForwardFromTheStartOfTheExposure) {
   ExposureClock clock(milliseconds{20}, milliseconds{30});
   BufferStamp stamp = stamped(kNow - milliseconds{60});
@@ -34,14 +28,6 @@ TEST(ExposureClock, CountsForwardFromTheStartOfTheExposure) {
 TEST(ExposureClock, AnUnknownExposureLastsAsLongAsAFrame) {
   ExposureClock clock(std::nullopt, milliseconds{30});
   EXPECT_EQ(clock.exposed_at(stamped(kNow), kNow), kNow - milliseconds{30});
-}
-
-TEST(ExposureClock, ReplacesTimestampsOfAnotherClock) {
-  ExposureClock clock(milliseconds{20}, milliseconds{30});
-  BufferStamp stamp = stamped(kNow - seconds{1});
-  stamp.monotonic = false;
-  EXPECT_EQ(clock.exposed_at(stamp, kNow), kNow - milliseconds{25});
-  EXPECT_TRUE(clock.unreliable());
 }
 
 TEST(ExposureClock, ReplacesImpossibleTimestamps) {
@@ -61,13 +47,6 @@ TEST(ExposureClock, AcceptsATimestampSlightlyAheadButNoPictureAhead) {
   EXPECT_EQ(clock.exposed_at(stamped(kNow + milliseconds{30}), kNow + milliseconds{10}),
             kNow + milliseconds{5});
   EXPECT_FALSE(clock.unreliable());
-}
-
-TEST(ExposureClock, CountsLostPictures) {
-  ExposureClock clock(std::nullopt, Nanoseconds{0});
-  EXPECT_EQ(clock.count(7), 7U);
-  EXPECT_EQ(clock.count(8), 8U);
-  EXPECT_EQ(clock.count(12), 12U);
 }
 
 TEST(ExposureClock, ContinuesCountingWhenTheCounterRestarts) {

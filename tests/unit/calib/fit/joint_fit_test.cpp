@@ -54,23 +54,6 @@ TEST(GapSearch, FindsTheRightWholeLensesFromAFarStart) {
   }
 }
 
-TEST(JointFit, IsWithinItsOwnStandardErrors) {
-  const FitStage stage(3);
-  const std::optional<JointFit> fit = fitted(stage, 0.9);
-  ASSERT_TRUE(fit);
-  for (int k = 0; k < kSheetCount; ++k) {
-    const double sigma = std::sqrt(fit->covariance(k, k));
-    EXPECT_GT(sigma, 0.0);
-    EXPECT_LT(std::abs(fit->values.sheet[static_cast<size_t>(k)] -
-                       stage.ground_truth()[static_cast<size_t>(k)]),
-              4.5 * sigma)
-        << k;
-  }
-  EXPECT_NEAR(fit->phase_rms, 0.004, 0.001);
-  EXPECT_NEAR(fit->geometry_rms_px, 0.1, 0.02);
-  EXPECT_NEAR(fit->phase_scale, 1.0, 0.1);
-}
-
 TEST(JointFit, StandardErrorsAgreeWithTheScatter) {
   // 40 runs give a standard deviation to 11 %.
   constexpr int kTimes = 40;

@@ -104,20 +104,5 @@ TEST_P(TracedLaw, HoldsForEveryEyeInTheZone) {
 
 INSTANTIATE_TEST_SUITE_P(RandomSheets, TracedLaw, testing::Values(1, 2, 8, 17, 24));
 
-TEST(WidePatterns, LengthenTheGapLessAlongTheLensesThanAcross) {
-  optics::Panel panel;
-  panel.width_px = 1000;
-  panel.height_px = 1000;
-  panel.pixel_width = panel.pixel_height = Millimetres(0.1);
-  const PoseValues pose{0, 0, 0, 200.0, 100.0, 500.0};
-  SheetParameters sheet{250.0, 0.0, 0.0, 2.0, 0.4, 0.0, 0.0};  // upright
-  const PlanePoint<double> lens{10.0, -20.0};
-  const PlanePoint<double> plain = panel_point(pose.data(), sheet.data(), lens);
-  sheet[kSag] = 0.03;
-  const auto wide = wide_pattern_point(pose.data(), sheet.data(), panel, lens);
-  EXPECT_NEAR(wide.x - lens.x, 1.03 * (plain.x - lens.x), 1e-12);
-  EXPECT_NEAR(wide.y - lens.y, 1.01 * (plain.y - lens.y), 1e-12);
-}
-
 }  // namespace
 }  // namespace lenticule::test

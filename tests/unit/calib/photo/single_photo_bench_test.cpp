@@ -5,9 +5,11 @@
 
 #include <cmath>
 
+#include "calib/photo/phase_plane.h"
 #include "calib/photo/single_photo.h"
 #include "lab/panel/simulated_bench.h"
 #include "optics/model.h"
+#include "optics/residual_spline.h"
 #include "photo_stage.h"
 
 namespace lenticule::calib {
@@ -104,6 +106,22 @@ TEST(SinglePhotoOnTheBench, MapsAnUnevenSheet) {
   EXPECT_FALSE(found.rig.sheet.residual.empty());
   EXPECT_FALSE(optics::find_problem(found.rig));
   EXPECT_LT(worst_phase(found, bench), 0.05);  // worst in the corners, under the tags
+}
+
+TEST(SheetMap, EqualsTheSumOfItsPartsEverywhere) {
+  optics::ResidualMap coarse{3, 2, {0.0, 0.1, 0.05, -0.1, 0.0, 0.2}};
+  optics::ResidualMap fine{5, 4, {}};
+  for (int i = 0; i < 20; ++i) fine.lenses.push_back(0.01 * std::sin(i));
+  const optics::ResidualMap sum = sum_of_maps(coarse, fine);
+  ASSERT_EQ(sum.columns, 5);
+  ASSERT_EQ(sum.rows, 4);
+  const optics::ResidualSpline a(coarse, 400, 300), b(fine, 400, 300), both(sum, 400, 300);
+  for (int r = 0; r < 4; ++r)
+    for (int c = 0; c < 5; ++c)
+      EXPECT_NEAR(both.at(100 * c, 100 * r).lenses,
+                  a.at(100 * c, 100 * r).lenses + b.at(100 * c, 100 * r).lenses, 1e-12);
+  EXPECT_EQ(sum_of_maps({}, fine), fine);
+  EXPECT_EQ(sum_of_maps(fine, {}), fine);
 }
 
 }  // namespace

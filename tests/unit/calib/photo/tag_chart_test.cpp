@@ -42,51 +42,6 @@ const frames::WovenFrame& desk_frame() {
   return kFrame;
 }
 
-TEST(TagChart, IsPlannedForTheRig) {
-  const SinglePhotoChart chart = plan_single_photo_chart(desk_rig());
-  EXPECT_GE(chart.fringes, 30);
-  EXPECT_LE(chart.fringes, 60);
-  EXPECT_NEAR(chart.centre_pitch_subpx, 7.70123 * (1.0 + 2.2 / 700.0), 1e-12);
-  ASSERT_EQ(chart.tags.size(), 9U);
-  for (const ChartTag& tag : chart.tags) {
-    EXPECT_GE(tag.cell_px, 20.0);
-    EXPECT_GE(tag.cell_px, 12.0 * 7.70123 / 3.0);
-    EXPECT_GE(tag.left_px, 0.0);
-    EXPECT_LE(tag.left_px + 10.0 * tag.cell_px, 3840.0);
-    EXPECT_LE(tag.top_px + 10.0 * tag.cell_px, 2160.0);
-  }
-  EXPECT_TRUE(chart.tags[4].covers({1920.0, 1080.0}, 0.0)) << "the one in the centre";
-  EXPECT_FALSE(chart.tags[4].covers({960.0, 1080.0}, 0.0));
-}
-
-// The two combs beat with the lenses F times across the panel, in opposite directions.
-TEST(TagChart, CombsAreDetunedInOppositeDirections) {
-  const SinglePhotoChart chart = plan_single_photo_chart(desk_rig());
-  for (const double direction : {1.0, -1.0}) {
-    const double across =
-        chart.comb_phase(3840.0, 700.0, direction) - chart.comb_phase(0.0, 700.0, direction);
-    EXPECT_NEAR(across - 3.0 * 3840.0 / chart.centre_pitch_subpx, direction * chart.fringes, 1e-9);
-  }
-  EXPECT_EQ(chart.band_at(0.0), 0);
-  EXPECT_EQ(chart.band_at(2159.9), chart.bands - 1);
-  EXPECT_EQ(chart.band_at(2160.0), chart.bands - 1);
-}
-
-TEST(TagChart, DrawsTheCombInLinearLight) {
-  const SinglePhotoChart chart = plan_single_photo_chart(desk_rig());
-  const frames::WovenFrame& frame = desk_frame();
-  const int j = 700;  // a row between the tags
-  double worst = 0.0;
-  for (int k = 3 * 100; k < 3 * 300; ++k) {
-    const double x = (k + 0.5) / 3.0;
-    const double direction = SinglePhotoChart::detuning(chart.band_at(j + 0.5));
-    const double wave = std::cos(2.0 * std::numbers::pi * chart.comb_phase(x, j + 0.5, direction));
-    const double light = frames::linear_of_codes()[frame.row(j)[k]];
-    worst = std::max(worst, std::abs(light - (0.5 + 0.45 * wave)));
-  }
-  EXPECT_LT(worst, 0.006);  // half a code near white
-}
-
 TEST(TagChart, TagsAreFoundWhereTheyAreDrawn) {
   const SinglePhotoChart chart = plan_single_photo_chart(desk_rig());
   const auto tags = find_tags(as_seen_without_a_sheet(desk_frame()), 9);
@@ -99,16 +54,6 @@ TEST(TagChart, TagsAreFoundWhereTheyAreDrawn) {
       EXPECT_NEAR(tags[t].corners_px[i].x, corners[i].x / kPixelsSeenAsOne, 0.3) << t;
       EXPECT_NEAR(tags[t].corners_px[i].y, corners[i].y / kPixelsSeenAsOne, 0.3) << t;
     }
-  }
-}
-
-TEST(TagChart, EachTagHasAWhiteRimAndABlackFrame) {
-  const TagFamily family;
-  for (const int id : {0, 8, 586}) {
-    const std::vector<bool> white = family.cells(id);
-    ASSERT_EQ(white.size(), 100U);
-    for (size_t c = 0; c < 10; ++c) EXPECT_TRUE(white[c]);
-    for (size_t c = 1; c < 9; ++c) EXPECT_FALSE(white[10 + c]);
   }
 }
 
