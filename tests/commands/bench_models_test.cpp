@@ -13,7 +13,6 @@ namespace {
 class BenchModels : public CommandTest {
  protected:
   void SetUp() override {
-    CommandTest::SetUp();
     std::filesystem::create_directory(path("models"));
     std::filesystem::copy(source_file("tests/data/textured-quad.gltf"), path("models/quad.gltf"));
     std::filesystem::copy(source_file("tests/data/crate.png"), path("models/crate.png"));
@@ -37,14 +36,6 @@ class BenchModels : public CommandTest {
 
   [[nodiscard]] std::string out(const std::string& name) const { return path("out/" + name); }
 };
-
-TEST_F(BenchModels, HelpHasAnExample) {
-  const ProcessResult result = run({"bench", "models", "--help"});
-  EXPECT_EQ(result.exit_code, 0);
-  EXPECT_NE(result.out.find("lenticule bench models ~/models"), std::string::npos);
-  for (const char* flag : {"--judge", "--environment", "--size", "--supersample", "--json"})
-    EXPECT_NE(result.out.find(flag), std::string::npos) << flag;
-}
 
 TEST_F(BenchModels, RendersWithoutAJudgeAndNamesWhatItCannotRead) {
   const ProcessResult result = compare({"--json"});

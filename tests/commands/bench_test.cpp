@@ -20,15 +20,6 @@ std::vector<std::string> bench_exact(std::vector<std::string> more) {
   return arguments;
 }
 
-TEST_F(BenchTest, ErrorHelpListsItsFlags) {
-  const ProcessResult result = run({"bench", "error", "--help"});
-  EXPECT_EQ(result.exit_code, 0);
-  EXPECT_NE(result.out.find("Example:\n  lenticule bench error tree"), std::string::npos);
-  for (const char* flag :
-       {"--rig", "--methods", "--errors", "--frames", "--runs", "--quick", "--svg", "--pictures"})
-    EXPECT_NE(result.out.find(flag), std::string::npos) << flag;
-}
-
 TEST_F(BenchTest, ErrorMeasuresEveryMethodInBothScenarios) {
   const ProcessResult result =
       run({"bench", "error", "--quick", "--rig", source_file("scenes/rigs/tiny.toml"), "--methods",
@@ -70,16 +61,6 @@ TEST_F(BenchTest, CalibratesASimulatedPanelAndSavesItsRigReportAndPictures) {
   EXPECT_TRUE(std::filesystem::exists(path("seen") + "/centre-000.png"));
 }
 
-TEST_F(BenchTest, ErrorPrintsTablesAndNamesMissingMethods) {
-  const ProcessResult result =
-      run({"bench", "error", "--course", "still", "--methods", "lens-view,none-such", "--no-peers",
-           "--rig", source_file("scenes/rigs/tiny.toml"), "tree:3"});
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  for (const char* text :
-       {"tree:3, tiny, still", "lens-view", "FLIP", "not in this build: none-such"})
-    EXPECT_NE(result.out.find(text), std::string::npos) << text;
-}
-
 TEST_F(BenchTest, ErrorRefusesUnknownScenesErrorsAndScenarios) {
   EXPECT_EQ(run({"bench", "error", "no-such-scene"}).exit_code, 4);
   EXPECT_EQ(run({"bench", "error", "--errors", "-1"}).exit_code, 2);
@@ -87,15 +68,6 @@ TEST_F(BenchTest, ErrorRefusesUnknownScenesErrorsAndScenarios) {
   EXPECT_EQ(run({"bench", "error", "gltf:balls", "--rig", source_file("scenes/rigs/tiny.toml")})
                 .exit_code,
             2);
-}
-
-TEST_F(BenchTest, ExactHelpListsItsFlags) {
-  const ProcessResult result = run({"bench", "exact", "--help"});
-  EXPECT_EQ(result.exit_code, 0);
-  EXPECT_NE(result.out.find("Example:\n  lenticule bench exact"), std::string::npos);
-  for (const char* flag : {"--scene", "--depth", "--lights", "--upright", "--scaling", "--growth",
-                           "--peers", "--plots"})
-    EXPECT_NE(result.out.find(flag), std::string::npos) << flag;
 }
 
 TEST_F(BenchTest, ExactMeasuresTheClassicScenesWithTwoLightsAndOneMirror) {

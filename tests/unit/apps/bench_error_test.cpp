@@ -25,41 +25,6 @@ optics::Rig sample_rig(const std::string& name) {
   return optics::load_rig(std::string(LENTICULE_SOURCE_DIR) + "/scenes/rigs/" + name);
 }
 
-TEST(ErrorEntrants, BeginWithFullAndContainOnePerToleratedError) {
-  const auto entrants = error_entrants({"temporal", "full", "adaptive"}, {0.5, 2}, {40}, {"full"});
-  ASSERT_EQ(entrants.size(), 5U);
-  EXPECT_EQ(entrants[4].name, "adaptive 40 dB");
-  EXPECT_DOUBLE_EQ(entrants[4].proven_rmse, 2.55);
-  EXPECT_EQ(entrants[3].proven_rmse, 0.0);
-  EXPECT_EQ(entrants[0].name, "full");
-  EXPECT_TRUE(entrants[0].exists);
-  EXPECT_FALSE(entrants[0].tolerated.has_value());
-  EXPECT_EQ(entrants[1].name, "temporal");
-  EXPECT_FALSE(entrants[1].exists);
-  EXPECT_EQ(entrants[2].name, "adaptive 0.5");
-  EXPECT_EQ(entrants[3].name, "adaptive 2");
-  EXPECT_EQ(entrants[3].method, "adaptive");
-  EXPECT_EQ(entrants[3].tolerated, 2.0);
-  EXPECT_THROW((void)error_entrants({"adaptive"}, {-1}, {}, {}), Error);
-  EXPECT_THROW((void)error_entrants({"adaptive"}, {std::nan("")}, {}, {}), Error);
-  EXPECT_THROW((void)error_entrants({"adaptive"}, {}, {400}, {}), Error);
-}
-
-TEST(BoundTally, CountsTheFramesWhoseShareIsWithinTheBound) {
-  BoundTally tally;
-  EXPECT_TRUE(tally.figures().is_null());
-  tally.add(0.0, 0.0);
-  tally.add(0.125, 0.25);
-  tally.add(0.5, 0.5);
-  tally.add(0.75, 0.25);
-  const nlohmann::json figures = tally.figures();
-  EXPECT_EQ(figures["frames"], 4);
-  EXPECT_DOUBLE_EQ(figures["within_percent"], 75.0);
-  EXPECT_DOUBLE_EQ(figures["largest_share"], 0.75);
-  EXPECT_DOUBLE_EQ(figures["largest_excess"], 0.5);
-  EXPECT_DOUBLE_EQ(figures["mean_bound"], 0.25);
-}
-
 nlohmann::json frame_of(double wall) {
   return {{"wall_s", wall}, {"cpu_s", 2 * wall}, {"rays", 30}, {"subpixels", 10}, {"traced", 4}};
 }
@@ -148,24 +113,6 @@ TEST(ErrorSummary, AddsUpErrorsAndLeavesEqualFramesOutOfTheMeanPsnr) {
   EXPECT_TRUE(bound_of_all(nlohmann::json::array()).is_null());
 }
 
-TEST(ErrorSummary, HasNoPsnrForEqualFrames) {
-  nlohmann::json scenario = small_scenario();
-  scenario["methods"][1]["frames"] = nlohmann::json::array({frame_of(1, 0, 0)});
-  summarize_errors(scenario, {});
-  const nlohmann::json& m = scenario["methods"][1];
-  EXPECT_TRUE(m["psnr_mean_db"].is_null());
-  EXPECT_TRUE(m["worst_view_psnr_db"].is_null());
-  EXPECT_TRUE(m["later_s"].is_null());
-  EXPECT_TRUE(m["flicker_mean"].is_null());
-}
-
-TEST(CoarserRig, TurnsTheKioskIntoTheFullHdKiosk) {
-  EXPECT_EQ(optics::fingerprint(lab::coarser_rig(sample_rig("kiosk-27-4k.toml"), 2)),
-            optics::fingerprint(sample_rig("kiosk-27-1080.toml")));
-  EXPECT_EQ(optics::fingerprint(lab::coarser_rig(lab::kiosk_rig(), 1)),
-            optics::fingerprint(lab::kiosk_rig()));
-}
-
 TEST(SeenPixels, PerDegreeFollowFromTheViewingDistance) {
   const optics::Rig rig = sample_rig("kiosk-27-4k.toml");
   // A lens is 7.701 / 3 pixels of 0.15567 mm wide; a degree is 12.217 mm at 700 mm.
@@ -230,24 +177,6 @@ TEST(ErrorScenarios, FiguresAgreeWithFramesMeasuredOneByOne) {
 
 TEST(ErrorScenarios, ATurningSceneTurnsOnceOverItsFrames) {
   expect_figures_of_single_frames(ErrorScenario::Turning, 360.0);
-}
-
-TEST(ErrorScenarios, AStillFrameIsRenderedTwiceByEachMethod) {
-  const nlohmann::json scenario = measured("gltf:teapot:1", ErrorScenario::Still, 1);
-  const nlohmann::json& temporal = scenario["methods"][2]["frames"];
-  ASSERT_EQ(temporal.size(), 2U);
-  EXPECT_EQ(temporal[0]["traced"], temporal[0]["subpixels"]);
-  EXPECT_LT(temporal[1]["traced"], temporal[0]["traced"]) << "it remembers the first";
-  const nlohmann::json& lens_view = scenario["methods"][1]["frames"];
-  EXPECT_EQ(lens_view[0]["mse"], lens_view[1]["mse"]) << "it remembers nothing";
-  EXPECT_EQ(lens_view[1]["eyes"][1]["flicker_largest"], 0);
-}
-
-TEST(ErrorScenes, AsGltfAreNotGivenToTachyon) {
-  EXPECT_EQ(ErrorScene("tree:3").name_for_peers(), "builtin:tree:3");
-  EXPECT_FALSE(ErrorScene("gltf:teapot:1").name_for_peers().has_value());
-  EXPECT_FALSE(ErrorScene("tree:3").still());
-  EXPECT_THROW((void)ErrorScene("gltf:balls:1").after(0), Error) << "glTF has no spheres";
 }
 
 // ---- pictures

@@ -5,7 +5,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <numbers>
 
@@ -27,23 +26,6 @@ using lab::kModelFovDegrees;
 using test::error_of;
 
 const double kTangent = std::tan(kModelFovDegrees / 2.0 * std::numbers::pi / 180.0);
-
-TEST(PlainCameraRig, SendsTheRaysOfAllChannelsThroughOneEye) {
-  for (const int side : {64, 65, 1}) {
-    const optics::Rig rig = lab::plain_camera_rig(side, kModelFovDegrees);
-    const optics::OpticalModel model(rig);
-    const double eye_mm = rig.viewing.distance.value;
-    for (int j = 0; j < side; j += 7)
-      for (int i = 0; i < side; i += 3)
-        for (int c = 0; c < 3; ++c) {
-          const optics::SubpixelRay ray = model.ray(i, j, c);
-          EXPECT_NEAR(ray.lens_x_mm + eye_mm * ray.tan_x, 0.0, 1e-9) << i << ", " << j;
-          EXPECT_NEAR(ray.lens_y_mm + eye_mm * ray.tan_y, 0.0, 1e-9) << i << ", " << j;
-          EXPECT_NEAR(-ray.tan_x, kTangent * (2.0 * (i + 0.5) / side - 1.0), 1e-12);
-          EXPECT_NEAR(-ray.tan_y, kTangent * (1.0 - 2.0 * (j + 0.5) / side), 1e-12);
-        }
-  }
-}
 
 /// A place in a picture, as fractions of half its side: x to the right, y up.
 struct Place {
@@ -129,16 +111,6 @@ TEST(PlainCamera, ShowsPointsWhereAPerspectiveProjectionPutsThem) {
   }
 }
 
-TEST(PlainCamera, HasTheMiddleOfTheEnvironmentBehindTheModel) {
-  const optics::Rig rig = lab::plain_camera_rig(16, kModelFovDegrees);
-  const render::Camera camera = lab::framing_camera(box({-1, -1, -1}, {1, 1, 1}));
-  const render::SceneDescription description = ball_at({}, camera);
-  const render::Stage stage = render::make_stage(description, optics::OpticalModel(rig),
-                                                 lab::plain_camera_stage(camera, rig));
-  const Vec3 ahead = render::make_backdrop(description, stage, {}).ahead;
-  EXPECT_NEAR(length(ahead - lab::environment_ahead()), 0.0, 1e-12);
-}
-
 TEST(Studio, IsWrittenAsTheRenderersFormulaSays) {
   const test::ScratchFolder folder;
   const auto file = folder.path() / "studio.hdr";
@@ -173,81 +145,6 @@ TEST(Averaged, MixesLightAndNotCodes) {
   for (const uint8_t code : grey.bytes()) EXPECT_EQ(code, 188) << "half of the light";
   EXPECT_EQ(averaged(checks.view(), 1), checks);
   EXPECT_EQ(error_of([&] { (void)averaged(checks.view(), 5); }).kind(), ErrorKind::Usage);
-}
-
-TEST(FlipPicture, IsBrighterWhereTheErrorIsLarger) {
-  std::vector<float> map(101);
-  for (size_t n = 0; n < map.size(); ++n) map[n] = static_cast<float>(n) / 100.0F;
-  const frames::WovenFrame picture = flip_picture(map, 101, 1);
-  int before = -1;
-  for (int i = 0; i < 101; ++i) {
-    const int sum = picture.row(0)[3 * i] + picture.row(0)[3 * i + 1] + picture.row(0)[3 * i + 2];
-    EXPECT_GE(sum, before) << i;
-    before = sum;
-  }
-}
-
-frames::WovenFrame flat(int side, uint8_t code) {
-  frames::WovenFrame frame({.width = side, .height = side});
-  std::ranges::fill(frame.bytes(), code);
-  return frame;
-}
-
-TEST(ContactSheet, PutsOursTheirsAndFlipBesideEachOther) {
-  constexpr int kPane = 40;
-  std::vector<ContactEntry> entries(4);
-  for (ContactEntry& entry : entries)
-    entry = {.caption = "0.123 model",
-             .ours = flat(kPane, 200),
-             .theirs = flat(kPane, 150),
-             .flip = flat(kPane, 10)};
-  entries[3].theirs = {};
-  const frames::WovenFrame sheet = contact_sheet(entries, kPane);
-  const auto code = [&](int i, int j) { return sheet.row(j)[3 * i]; };
-  const int first = sheet.height() / 2 - 12;  // a row of pixels in the upper row of panes
-  const int second = first + sheet.height() / 2;
-  for (const int row : {first, second}) {
-    EXPECT_EQ(code(20, row), 200);
-    EXPECT_EQ(code(20 + 2 * (kPane + 8), row), 10);
-  }
-  EXPECT_EQ(code(20 + kPane + 8, first), 150);
-  EXPECT_EQ(code(20 + kPane + 8, second), 96) << "a missing picture leaves its place grey";
-}
-
-TEST(FindModels, NamesTheFilesOfAllSubFoldersInOrder) {
-  const test::ScratchFolder folder;
-  std::filesystem::create_directories(folder.path() / "b/deep");
-  for (const char* name : {"b/deep/x y.glb", "a.GLTF", "b/z.glb", "b/readme.md"})
-    std::ofstream(folder.path() / name) << "-";
-  const auto models = find_models({folder.path().string(), (folder.path() / "b/z.glb").string()});
-  ASSERT_EQ(models.size(), 4U);
-  EXPECT_EQ(models[0].name, "a");
-  EXPECT_EQ(models[1].name, "b/deep/x y");
-  EXPECT_EQ(models[1].stem, "002-b-deep-x-y");
-  EXPECT_EQ(models[2].name, "b/z");
-  EXPECT_EQ(models[3].name, "b/z");
-  EXPECT_EQ(error_of([&] { (void)find_models({(folder.path() / "none").string()}); }).kind(),
-            ErrorKind::Input);
-  std::filesystem::create_directory(folder.path() / "empty");
-  EXPECT_EQ(error_of([&] { (void)find_models({(folder.path() / "empty").string()}); }).kind(),
-            ErrorKind::Input);
-}
-
-TEST(JudgeJobs, StateCameraEnvironmentAndPicture) {
-  lab::JudgeJob framed{.model = "m.glb", .picture = "p.png", .side_px = 9};
-  framed.camera = lab::framing_camera(box({-1, -1, -1}, {1, 1, 1}));
-  framed.environment = "studio.hdr";
-  framed.light_scale = 0.25;
-  const auto jobs = nlohmann::json::parse(lab::jobs_text({framed, {.model = "unreadable.glb"}}));
-  ASSERT_EQ(jobs.size(), 2U);
-  EXPECT_EQ(jobs[0].at("model"), "m.glb");
-  EXPECT_EQ(jobs[0].at("width"), 9);
-  EXPECT_EQ(jobs[0].at("environment"), "studio.hdr");
-  EXPECT_EQ(jobs[0].at("light_scale"), 0.25);
-  EXPECT_EQ(jobs[0].at("camera").at("vertical_fov_degrees"), kModelFovDegrees);
-  EXPECT_EQ(jobs[0].at("camera").at("from")[1], framed.camera->from.y);
-  EXPECT_FALSE(jobs[1].at("camera").contains("from"));
-  EXPECT_EQ(jobs[1].at("camera").at("toward")[2], lab::toward_framing_camera().z);
 }
 
 }  // namespace

@@ -34,21 +34,6 @@ render::SceneDescription small_scene() {
       "small");
 }
 
-TEST(PlainNff, IsReadBackAsTheSameScene) {
-  const render::SceneDescription scene = small_scene();
-  const render::SceneDescription again = render::parse_nff(lab::write_plain_nff(scene), "again");
-  EXPECT_THAT(again.notes, ::testing::IsEmpty());
-  EXPECT_EQ(again.background, scene.background);
-  EXPECT_EQ(again.cameras.at(0).from, scene.cameras.at(0).from);
-  EXPECT_EQ(again.cameras.at(0).vertical_fov_degrees, scene.cameras.at(0).vertical_fov_degrees);
-  EXPECT_EQ(again.lights.at(0).colour, scene.lights.at(0).colour);
-  EXPECT_EQ(again.materials.size(), scene.materials.size());
-  EXPECT_EQ(again.meshes.at(0).positions, scene.meshes.at(0).positions);
-  EXPECT_EQ(again.meshes.at(1).normals, scene.meshes.at(1).normals);
-  EXPECT_EQ(again.spheres.size(), 1U);
-  EXPECT_EQ(again.cones.size(), 2U);
-}
-
 double triangle_area(const render::SceneDescription& scene) {
   double area = 0.0;
   for (const auto& mesh : scene.meshes)
@@ -91,32 +76,10 @@ TEST(PlainNff, HasTheMeanColourOfTextures) {
   EXPECT_THAT(lab::write_plain_nff(scene), HasSubstr("\nf 0.5 0.5 0.125 0.8 "));
 }
 
-// Some readers stop at a comment before the view.
-TEST(PlainNff, BeginsWithTheView) {
-  EXPECT_TRUE(lab::write_plain_nff(small_scene()).starts_with("v\n"));
-}
-
-TEST(PeerPicture, HasTheRequestedNumberOfRaysAndAspect) {
-  const lab::PeerJob job = lab::peer_picture(3.0 * 3840 * 2160, 16.0 / 9.0);
-  EXPECT_NEAR(1.0 * job.width * job.height, 3.0 * 3840 * 2160, 3840);
-  EXPECT_NEAR(1.0 * job.width / job.height, 16.0 / 9.0, 1e-3);
-  EXPECT_GE(lab::peer_picture(1, 1000.0).height, 1);
-}
-
 const Peer& peer(const std::string& name) {
   for (const Peer& each : lab::peers())
     if (name == each.name) return each;
   throw std::out_of_range(name);
-}
-
-TEST(Tachyon, IsTimedByItsOwnOutput) {
-  const Peer& tachyon = peer("Tachyon");
-  EXPECT_EQ(tachyon.traced_seconds("Preprocessing Time:     0.0017 seconds\n"
-                                   "\r  Ray Tracing Time:     2.4236 seconds\n"
-                                   "    Image I/O Time:     0.0017 seconds\n"),
-            2.4236);
-  EXPECT_EQ(tachyon.traced_seconds("segmentation fault"), std::nullopt);
-  EXPECT_EQ(tachyon.traced_seconds("Ray Tracing Time: soon"), std::nullopt);
 }
 
 TEST(Tachyon, CountsCameraRaysAsOneBounce) {

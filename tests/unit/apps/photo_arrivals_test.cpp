@@ -62,9 +62,5 @@ TEST_F(Arrivals, OtherFilesDoNotCount) {
   EXPECT_THAT(arrivals.arrived(), IsEmpty());
 }
 
-TEST_F(Arrivals, AMissingFolderIsAnError) {
-  EXPECT_THROW(PhotoArrivals(folder() / "nowhere"), Error);
-}
-
 }  // namespace
 }  // namespace lenticule::tools

@@ -3,10 +3,10 @@
 
 #include <gtest/gtest.h>
 
-#include <filesystem>
 #include <fstream>
 
 #include "base/error.h"
+#include "tests/support/scratch_folder.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::tools {
@@ -40,20 +40,15 @@ TEST(SceneSequence, RefusesUnknownScenesAndSizes) {
 class NumberedScenes : public ::testing::Test {
  protected:
   void SetUp() override {
-    folder_ = std::filesystem::path(::testing::TempDir()) /
-              ("scenes-" + std::to_string(::getpid()) + "-" +
-               ::testing::UnitTest::GetInstance()->current_test_info()->name());
-    std::filesystem::create_directories(folder_);
     for (const int number : {3, 4, 6}) {
       std::ofstream file(folder_ / ("s-0" + std::to_string(number) + ".nff"));
       file << "f 1 1 1 1 0 0 0 1\ns " << number << " 0 0 1\n";
     }
   }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
 
   [[nodiscard]] std::string pattern() const { return (folder_ / "s-%02d.nff").string(); }
 
-  std::filesystem::path folder_;
+  test::ScratchFolder folder_;
 };
 
 TEST_F(NumberedScenes, AreLoadedFrameByFrame) {
