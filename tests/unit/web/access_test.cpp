@@ -91,16 +91,6 @@ TEST(WebAccess, SecretsAreComparedAsAWhole) {
   EXPECT_TRUE(equal_secrets("", ""));
 }
 
-TEST(WebRateLimit, CountsEachAddressAndFillsUpAgain) {
-  RateLimit limit(3, 1.0);
-  const auto start = RateLimit::Clock::now();
-  for (int k = 0; k < 3; ++k) EXPECT_TRUE(limit.permits("a", start));
-  EXPECT_FALSE(limit.permits("a", start));
-  EXPECT_TRUE(limit.permits("b", start));
-  EXPECT_TRUE(limit.permits("a", start + seconds(1)));
-  EXPECT_FALSE(limit.permits("a", start + seconds(1)));
-}
-
 TEST(WebRateLimit, RemembersABoundedNumberOfAddresses) {
   RateLimit limit(3, 0.001);
   const auto start = RateLimit::Clock::now();

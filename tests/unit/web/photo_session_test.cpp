@@ -40,53 +40,6 @@ ordered_json entry(const PhotoSession& session, size_t place) {
   return session.to_json()["photographs"][place];
 }
 
-TEST(PhotoSession, AsksForEveryPlaceUntilTheErrorIsSmallEnough) {
-  PhotoSession session;
-  EXPECT_EQ(session.next(), kMiddle);
-  EXPECT_EQ(session.to_json()["fit"]["stated_lenses"], nullptr);
-  session.accept(kMiddle);
-  EXPECT_EQ(session.next(), kLeft);
-  session.accept(kLeft);
-  session.take_report(report(0.08, {photo("middle", 5, 180), photo("left", -350, 2)}));
-  EXPECT_EQ(session.next(), kRight);
-  EXPECT_EQ(session.to_json()["fit"]["stated_lenses"], 0.08);
-  EXPECT_EQ(session.to_json()["fit"]["photographs"], 2);
-  session.accept(kRight);
-  session.take_report(
-      report(0.03, {photo("middle", 5, 180), photo("left", -350, 2), photo("right", 350, -1)}));
-  EXPECT_EQ(session.to_json()["next"], "right-again");
-  session.take_report(
-      report(0.019, {photo("middle", 5, 180), photo("left", -350, 2), photo("right", 350, -1)}));
-  EXPECT_EQ(session.next(), kRightAgain) << "three do not check each other";
-  session.accept(kRightAgain);
-  session.take_report(report(0.019, {photo("middle", 5, 180), photo("left", -350, 2),
-                                     photo("right", 350, -1), photo("right-again", 350, 180)}));
-  EXPECT_EQ(session.next(), std::nullopt);
-  EXPECT_EQ(session.to_json()["next"], nullptr);
-}
-
-TEST(PhotoSession, ARefusedPhotographLeavesTheEarlierOneOfItsPlace) {
-  PhotoSession session;
-  session.accept(kMiddle);
-  session.refuse(kMiddle, "only 2 of 9 tags were found");
-  EXPECT_TRUE(session.used(kMiddle));
-  EXPECT_EQ(entry(session, kMiddle)["refusal"], "only 2 of 9 tags were found");
-  EXPECT_EQ(session.next(), kLeft);
-  session.accept(kMiddle);
-  EXPECT_EQ(entry(session, kMiddle)["refusal"], "") << "a good one replaces it";
-}
-
-TEST(PhotoSession, ARemovedPhotographIsAskedForAgainAndItsFitForgotten) {
-  PhotoSession session;
-  session.accept(kMiddle);
-  session.accept(kLeft);
-  session.take_report(report(0.08, {photo("middle", 5, 180), photo("left", -350, 2)}));
-  session.remove(kMiddle);
-  EXPECT_EQ(session.next(), kMiddle);
-  EXPECT_EQ(session.count(), 1U);
-  EXPECT_EQ(session.to_json()["fit"]["stated_lenses"], nullptr);
-}
-
 TEST(PhotoSession, AWrongPlaceOrTurnIsNotedAndAskedForAgainAtTheEnd) {
   PhotoSession session;
   for (size_t place = 0; place < kPhotoPlaces.size(); ++place) session.accept(place);
@@ -147,12 +100,6 @@ TEST(PhotoSession, ReportsOfAnyFormAreNoCrash) {
     (void)PhotoSession::refusal(odd, kMiddle);
     EXPECT_EQ(session.to_json()["photographs"].size(), kPhotoPlaces.size());
   }
-}
-
-TEST(PhotoSession, OnlyKnownPlacesHaveANumber) {
-  EXPECT_EQ(PhotoSession::place_of("right-again"), kRightAgain);
-  for (const char* name : {"", "middle.jpg", "../left", "up"})
-    EXPECT_THROW((void)PhotoSession::place_of(name), HttpError) << name;
 }
 
 }  // namespace
