@@ -44,7 +44,6 @@ s 0 0 0 1
 class BadInput : public CommandTest {
  protected:
   void SetUp() override {
-    CommandTest::SetUp();
     write("rig.toml", kTinyRig);
     write("scene.nff", kTinyScene);
   }

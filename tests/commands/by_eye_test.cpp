@@ -16,7 +16,6 @@ using nlohmann::json;
 class ByEyeCommand : public CommandTest {
  protected:
   void SetUp() override {
-    CommandTest::SetUp();
     rig_ = optics::load_rig(source_file("scenes/rigs/tiny.toml"));
     rig_.viewing.distance = Millimetres(500.0);
     optics::save_rig(rig_, path("rig.toml"));

@@ -19,7 +19,6 @@ namespace {
 class PhoneCommand : public CommandTest {
  protected:
   void SetUp() override {
-    CommandTest::SetUp();
     std::filesystem::create_directories(path("inbox"));
     // A start that is more than 1 % off changes the chart after the first photograph.
     workshop_.start.sheet.pitch = Subpixels(1.004 * workshop_.build.pitch_subpx);

@@ -51,10 +51,7 @@ frames::WovenFrame coded(const CameraPicture& picture) {
 class PhotosCommand : public CommandTest {
  protected:
   explicit PhotosCommand(double white_light = 0.7) : trial_(small_panel(white_light)) {}
-  void SetUp() override {
-    CommandTest::SetUp();
-    optics::save_rig(trial_.start, path("start.toml"));
-  }
+  void SetUp() override { optics::save_rig(trial_.start, path("start.toml")); }
   void write_patterns() const {
     const ProcessResult wrote = run(
         {"calibrate", "photos", "--rig", path("start.toml"), "--write-patterns", path("patterns")});

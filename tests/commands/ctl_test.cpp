@@ -1,22 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests `lenticule ctl` with players on the virtual display.
 #include <chrono>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
-#include <nlohmann/json.hpp>
+#include <optional>
 #include <sstream>
 #include <thread>
 
-#include "frames/image_io.h"
-#include "tests/commands/program.h"
+#include "tests/commands/player_stage.h"
 
 namespace lenticule::test {
 namespace {
 
-using nlohmann::json;
-
-constexpr frames::FrameGeometry kPanel{.width = 48, .height = 32};
 constexpr int kFrames = 20;
 
 /// Returns the value of every pixel of frame k of film `film`.
@@ -24,18 +19,17 @@ uint8_t level(int film, uint64_t k) {
   return static_cast<uint8_t>(100 * film + static_cast<int>(k));
 }
 
-class Ctl : public CommandTest {
+class Ctl : public PlayerTest {
  protected:
   /// Written once for all tests: writing pictures safely takes longer than most tests.
   static void SetUpTestSuite() {
-    films_ = std::filesystem::temp_directory_path() /
-             ("lenticule-ctl-films-" + std::to_string(getpid()));
+    films_.emplace();
     for (int film = 0; film < 2; ++film) {
-      std::filesystem::create_directories(films_ / film_name(film));
-      for (uint64_t k = 0; k < kFrames; ++k) write_frame(film, k, films_ / film_name(film));
+      std::filesystem::create_directories(films_->path() / film_name(film));
+      for (uint64_t k = 0; k < kFrames; ++k) write_frame(film, k, films_->path() / film_name(film));
     }
   }
-  static void TearDownTestSuite() { std::filesystem::remove_all(films_); }
+  static void TearDownTestSuite() { films_.reset(); }
 
   static void write_frame(int film, uint64_t k, const std::filesystem::path& folder) {
     frames::WovenFrame frame(kPanel);
@@ -44,39 +38,26 @@ class Ctl : public CommandTest {
   }
 
   void SetUp() override {
-    CommandTest::SetUp();
-    std::filesystem::copy_file(source_file("scenes/rigs/tiny.toml"), path("rig.toml"));
+    PlayerTest::SetUp();
+    socket_ = path("c.sock");
     for (const char* film : {"a", "b"})
-      std::filesystem::create_directory_symlink(films_ / film, path(film));
+      std::filesystem::create_directory_symlink(films_->path() / film, path(film));
     write("list.toml",
           "loop = \"forever\"\n[[item]]\nsource = \"a/%03d.png\"\n"
           "loops = \"forever\"\n[[item]]\nsource = \"b/%03d.png\"\n"
           "loops = \"forever\"\n");
-  }
-  void TearDown() override {
-    player_.reset();  // the player writes into the folder
-    CommandTest::TearDown();
   }
   static std::string film_name(int film) { return film == 0 ? "a" : "b"; }
   [[nodiscard]] std::string film_pattern(int film) const {
     return path(film_name(film) + "/%03d.png");
   }
   void start(const std::string& source, std::vector<std::string> more = {}) {
-    std::vector<std::string> words = {"play",      source,
-                                      "--rig",     path("rig.toml"),
-                                      "--display", "virtual:48x32@60",
-                                      "--control", path("c.sock"),
-                                      "--record",  "checksums:" + path("sums"),
-                                      "--stats",   path("stats.json")};
-    words.insert(words.end(), more.begin(), more.end());
-    player_ = std::make_unique<BackgroundProcess>(program(words));
+    more.insert(more.end(),
+                {"--record", "checksums:" + path("sums"), "--stats", path("stats.json")});
+    PlayerTest::start(play_words(source, more));
     ASSERT_TRUE(comes_true([this] {
       return std::filesystem::exists(path("c.sock")) && displayed().contains("frame");
     }));
-  }
-  [[nodiscard]] ProcessResult ctl(std::vector<std::string> words) const {
-    words.insert(words.begin(), {"ctl", "--json", "--socket", path("c.sock")});
-    return run(words);
   }
   /// Returns the answer to a verb and expects success.
   [[nodiscard]] json answer(const std::vector<std::string>& words) const {
@@ -90,39 +71,15 @@ class Ctl : public CommandTest {
     const json place = json::parse(result.out).value("displayed", json());
     return place.is_object() ? place : json::object();
   }
-  template <typename Condition>
-  [[nodiscard]] static bool comes_true(Condition condition) {
-    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(60);
-    while (!condition())
-      if (std::chrono::steady_clock::now() > deadline)
-        return false;
-      else
-        std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    return true;
-  }
   [[nodiscard]] bool shows(int film, uint64_t frame) const {
     const json place = displayed();
     return place.value("frame", uint64_t{9999}) == frame &&
            place.value("source", "") == film_pattern(film);
   }
-  /// Returns the pixel value of a snapshot and expects equal pixels.
-  [[nodiscard]] int displayed_level() const {
-    (void)answer({"snapshot", path("snap.png")});
-    const frames::WovenFrame snap = frames::read_woven(path("snap.png"));
-    for (const uint8_t byte : snap.bytes()) EXPECT_EQ(byte, snap.bytes()[0]);
-    return snap.bytes()[0];
-  }
   void pause_still() const {
     EXPECT_EQ(answer({"pause"})["paused"], true);
     std::this_thread::sleep_for(
         std::chrono::milliseconds(50));  // time for a pending flip to complete
-  }
-  [[nodiscard]] uint64_t frames_shown() const {
-    return answer({"status"})["frames_shown"].get<uint64_t>();
-  }
-  ProcessResult quit() {
-    EXPECT_EQ(answer({"quit"})["quitting"], true);
-    return player_->wait(std::chrono::seconds(60));
   }
   [[nodiscard]] std::vector<std::string> recorded() const {
     std::vector<std::string> lines;
@@ -132,8 +89,7 @@ class Ctl : public CommandTest {
     return lines;
   }
 
-  inline static std::filesystem::path films_;
-  std::unique_ptr<BackgroundProcess> player_;
+  inline static std::optional<ScratchFolder> films_;
 };
 
 TEST_F(Ctl, APauseStopsDisplayedFrames) {

@@ -35,7 +35,6 @@ s 3 0 -2 0.8
 class EndToEnd : public CommandTest {
  protected:
   void SetUp() override {
-    CommandTest::SetUp();
     write("rig.toml",
           rig_toml({.width_px = 240,
                     .height_px = 120,

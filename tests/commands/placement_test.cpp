@@ -24,10 +24,7 @@ f 1 2 3 4
 
 class Placement : public CommandTest {
  protected:
-  void SetUp() override {
-    CommandTest::SetUp();
-    write("plate.obj", kPlate);
-  }
+  void SetUp() override { write("plate.obj", kPlate); }
 
   [[nodiscard]] nlohmann::json render(const std::string& output,
                                       std::vector<std::string> more = {}) const {

@@ -4,16 +4,15 @@
 #pragma once
 
 #include <chrono>
-#include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
-#include <thread>
 #include <utility>
 #include <vector>
 
 #include "frames/image_io.h"
 #include "tests/commands/program.h"
+#include "tests/support/comes_true.h"
 
 namespace lenticule::test {
 
@@ -27,12 +26,7 @@ class PlayerTest : public CommandTest {
   static constexpr int kFilmFrames = 6;
 
   void SetUp() override {
-    CommandTest::SetUp();
     std::filesystem::copy_file(source_file("scenes/rigs/tiny.toml"), path("rig.toml"));
-  }
-  void TearDown() override {
-    player_.reset();  // the player writes into the folder
-    CommandTest::TearDown();
   }
 
   /// Writes a picture whose pixels all have the value `level`; replaces an existing file.
@@ -79,14 +73,6 @@ class PlayerTest : public CommandTest {
   }
   [[nodiscard]] uint64_t frames_shown() const {
     return status().value("frames_shown", uint64_t{0});
-  }
-  [[nodiscard]] static bool comes_true(const std::function<bool()>& condition) {
-    const auto deadline = std::chrono::steady_clock::now() + kPlayerTimeout;
-    while (!condition()) {
-      if (std::chrono::steady_clock::now() > deadline) return false;
-      std::this_thread::sleep_for(std::chrono::milliseconds(20));
-    }
-    return true;
   }
   /// Returns true once `frames` more frames are displayed.
   [[nodiscard]] bool film_continues(uint64_t frames = 30) const {

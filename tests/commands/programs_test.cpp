@@ -12,7 +12,6 @@ namespace {
 class LonePlayer : public CommandTest {
  protected:
   void SetUp() override {
-    CommandTest::SetUp();
     std::filesystem::create_directories(path("usr/bin"));
     std::filesystem::copy_file(LENTICULE_PROGRAM, path("usr/bin/lenticule"));
   }

@@ -25,7 +25,6 @@ class Report : public PlayerTest {
   void TearDown() override {
     player_.reset();
     journal.reset();
-    PlayerTest::TearDown();
   }
   void write_list(const std::string& more = {}) const {
     write("day.toml",

@@ -13,7 +13,6 @@ namespace {
 class ReuseCommand : public CommandTest {
  protected:
   void SetUp() override {
-    CommandTest::SetUp();
     write("rig.toml",
           rig_toml({.width_px = 96,
                     .height_px = 48,

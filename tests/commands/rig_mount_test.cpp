@@ -13,10 +13,7 @@ namespace {
 
 class RigMount : public CommandTest {
  protected:
-  void SetUp() override {
-    CommandTest::SetUp();
-    write("rig.toml", rig_toml({.slant = 0.5, .offset_lenses = 0.1}));
-  }
+  void SetUp() override { write("rig.toml", rig_toml({.slant = 0.5, .offset_lenses = 0.1})); }
 
   [[nodiscard]] ProcessResult mount(const std::string& mounting) const {
     return run({"rig", "mount", path("rig.toml"), mounting, "-o", path("hung.toml"), "--json"});

@@ -17,7 +17,6 @@ class SafeStart : public CommandTest {
   static constexpr frames::FrameGeometry kPanel{240, 180};
 
   void SetUp() override {
-    CommandTest::SetUp();
     write("rig.toml",
           rig_toml({.width_px = 240,
                     .height_px = 180,

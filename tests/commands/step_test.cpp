@@ -123,10 +123,6 @@ class Step : public PlayerTest {
     write("step.key", std::string(32, 'k'));
     std::filesystem::permissions(path("step.key"), std::filesystem::perms::owner_read);
   }
-  void TearDown() override {
-    players_.clear();
-    PlayerTest::TearDown();
-  }
 
   static std::string fmt_name(const std::string& folder, int number) {
     return folder + (number < 10 ? "0" : "") + std::to_string(number) + ".png";

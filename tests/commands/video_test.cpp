@@ -6,10 +6,10 @@
 #include <chrono>
 #include <csignal>
 #include <nlohmann/json.hpp>
-#include <thread>
 
 #include "frames/frame.h"
 #include "tests/commands/program.h"
+#include "tests/support/comes_true.h"
 
 namespace lenticule::test {
 namespace {
@@ -123,20 +123,15 @@ TEST_F(VideoCommands, TheDecoderEndsWithThePlayer) {
   std::string command = "echo $$ > " + path("pid") + "; exec";
   for (const std::string& word : program(words)) command += " '" + word + "'";
   const BackgroundProcess player({"/bin/sh", "-c", command});
-  const auto deadline = std::chrono::steady_clock::now() + 60s;
   pid_t decoder = 0;
-  while (decoder == 0) {
-    ASSERT_LT(std::chrono::steady_clock::now(), deadline);
-    std::this_thread::sleep_for(5ms);
+  ASSERT_TRUE(comes_true([&] {
     pid_t pid = 0;
     std::ifstream(path("pid")) >> pid;
     if (pid > 0) decoder = decoder_of(pid);
-  }
+    return decoder != 0;
+  }));
   player.signal(SIGKILL);
-  while (runs(decoder)) {
-    ASSERT_LT(std::chrono::steady_clock::now(), deadline) << "decoder " << decoder << " lives on";
-    std::this_thread::sleep_for(5ms);
-  }
+  EXPECT_TRUE(comes_true([&] { return !runs(decoder); })) << "decoder " << decoder << " lives on";
 }
 
 }  // namespace

@@ -3,14 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <thread>
 
 #include "frames/image_io.h"
 #include "tests/commands/program.h"
+#include "tests/support/comes_true.h"
 #include "tests/support/rig_text.h"
 
 namespace lenticule::test {
@@ -33,7 +32,6 @@ f 5 6 7
 class WallCommand : public CommandTest {
  protected:
   void SetUp() override {
-    CommandTest::SetUp();
     write("scene.obj", kScene);
     write("rig.toml", rig_toml());
     write("wall.toml", R"(format = 1
@@ -207,11 +205,9 @@ TEST_F(WallPlay, ASnapshotShowsOnePanelAndWhatAnEyeSeesOnIt) {
     words.insert(words.begin(), {"ctl", "--socket", path("c.sock"), "snapshot"});
     return run(words);
   };
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(60);
-  while (snapshot({path("left.png"), "--panel", "left"}).exit_code != 0) {
-    ASSERT_LT(std::chrono::steady_clock::now(), deadline);
-    std::this_thread::sleep_for(std::chrono::milliseconds(20));
-  }
+  ASSERT_TRUE(comes_true([&] {
+    return snapshot({path("left.png"), "--panel", "left"}).exit_code == 0;
+  }));
   for (const std::string name : {"left", "right"}) {
     EXPECT_EQ(snapshot({path(name + ".png"), "--panel", name}).exit_code, 0);
     EXPECT_TRUE(std::ranges::equal(frames::read_woven(path(name + ".png")).bytes(),

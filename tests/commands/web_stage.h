@@ -68,10 +68,6 @@ class WebTest : public PlayerTest {
     PlayerTest::SetUp();
     std::filesystem::create_directories(path("media"));
   }
-  void TearDown() override {
-    web_.reset();
-    PlayerTest::TearDown();
-  }
   void start_web(const std::vector<std::string>& more = {}, const char* socket = "c.sock") {
     std::vector<std::string> words = {LENTICULE_PROGRAM, "web",
                                       "--socket",        path(socket),

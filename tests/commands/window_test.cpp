@@ -17,7 +17,6 @@ class WindowDisplay : public PlayerTest {
   static constexpr int kScreenWidth = 1280, kScreenHeight = 360;  // as large as the window
 
   void SetUp() override {
-    CommandTest::SetUp();
     write_rig({});
     write_picture("view00.png", kRed);
     write_picture("view01.png", kBlue);

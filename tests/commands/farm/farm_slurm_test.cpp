@@ -21,7 +21,6 @@ constexpr std::chrono::seconds kLongest{300};  ///< longest time for anything
 class FarmSlurm : public FarmTest {
  protected:
   void SetUp() override {
-    FarmTest::SetUp();
     if (!SlurmCluster::installed()) GTEST_SKIP() << "Slurm is not installed: scripts/packages farm";
     cluster_ = std::make_unique<SlurmCluster>(node_seconds_);
   }
@@ -29,7 +28,6 @@ class FarmSlurm : public FarmTest {
     for (const Task& task : tasks()) kill(task.pid, SIGKILL);  // orphans, which Slurm has forgotten
     if (HasFailure() && cluster_) GTEST_LOG_(INFO) << cluster_->logs() << job_logs();
     cluster_.reset();
-    FarmTest::TearDown();
   }
 
   [[nodiscard]] ProcessResult submit(const std::vector<std::string>& more = {}) const {
@@ -66,7 +64,8 @@ class FarmSlurm : public FarmTest {
     auto changed = begin;
     std::string last;
     while (true) {
-      if (wait_until(condition, std::chrono::seconds(2))) return testing::AssertionSuccess();
+      if (comes_true(condition, kPause, std::chrono::seconds(2)))
+        return testing::AssertionSuccess();
       const auto now = std::chrono::steady_clock::now();
       if (const std::string state = cluster_->overview() + progress_texts(); state != last) {
         last = state;

@@ -12,7 +12,6 @@
 #include <iterator>
 #include <random>
 #include <stdexcept>
-#include <thread>
 
 namespace lenticule::test {
 namespace {
@@ -56,15 +55,6 @@ std::string text_of(const fs::path& file) {
 
 }  // namespace
 
-bool wait_until(const std::function<bool()>& condition, std::chrono::seconds timeout) {
-  const auto deadline = std::chrono::steady_clock::now() + timeout;
-  while (std::chrono::steady_clock::now() < deadline) {
-    if (condition()) return true;
-    std::this_thread::sleep_for(std::chrono::milliseconds(300));
-  }
-  return condition();
-}
-
 bool SlurmCluster::installed() {
   constexpr std::array kPrograms = {"/usr/sbin/munged", "/usr/sbin/slurmctld", "/usr/sbin/slurmd",
                                     "/usr/bin/sbatch"};
@@ -89,12 +79,12 @@ SlurmCluster::SlurmCluster(int node_seconds)
   start("munged", "/usr/sbin/munged --foreground --force --key-file=" + files +
                       "key --socket=" + files + "sock --pid-file=" + files +
                       "pid --log-file=" + files + "log --seed-file=" + files + "seed");
-  if (!wait_until([&] { return fs::exists(files + "sock"); }, kStart))
+  if (!comes_true([&] { return fs::exists(files + "sock"); }, kPause, kStart))
     throw std::runtime_error("munged does not start: " + logs());
   start_controller();
   for (const char* node : kNodes) start_node(node);
   const auto idle = [&] { return run({"/usr/bin/sinfo", "-h", "-t", "idle", "-o", "%D"}).out; };
-  if (!wait_until([&] { return idle() == "2\n"; }, kStart))
+  if (!comes_true([&] { return idle() == "2\n"; }, kPause, kStart))
     throw std::runtime_error("Slurm does not start: " + logs());
 }
 
@@ -102,7 +92,7 @@ SlurmCluster::~SlurmCluster() {
   // Tasks outlive their daemons, so they must end first.
   (void)run({"/usr/bin/scancel", "--user=" + output_of("id -un"), "--signal=KILL"});
   (void)run({"/usr/bin/scancel", "--user=" + output_of("id -un")});
-  (void)wait_until([&] { return queued() == 0; }, std::chrono::seconds(10));
+  (void)comes_true([&] { return queued() == 0; }, kPause, std::chrono::seconds(10));
 }
 
 /// Timeouts are as short as Slurm allows. A job that lost its node begins again when its credential

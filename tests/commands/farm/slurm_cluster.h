@@ -5,12 +5,12 @@
 
 #include <chrono>
 #include <filesystem>
-#include <functional>
 #include <map>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "tests/support/comes_true.h"
 #include "tests/support/process.h"
 #include "tests/support/scratch_folder.h"
 
@@ -69,7 +69,7 @@ class SlurmCluster {
   std::map<std::string, std::unique_ptr<BackgroundProcess>> daemons_;
 };
 
-/// Waits until `condition` is true; returns false after the timeout.
-[[nodiscard]] bool wait_until(const std::function<bool()>& condition, std::chrono::seconds timeout);
+/// The pause between two questions to Slurm.
+inline constexpr std::chrono::milliseconds kPause{300};
 
 }  // namespace lenticule::test

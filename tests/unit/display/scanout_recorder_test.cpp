@@ -6,7 +6,6 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <csignal>
 #include <fstream>
@@ -17,6 +16,7 @@
 #include "display/scanout_format.h"
 #include "frames/image_io.h"
 #include "tests/support/fakes/fake_source.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::display {
 namespace {
@@ -44,11 +44,8 @@ struct Scanout {
 
 class Recorder : public testing::Test {
  protected:
-  fs::path folder = fs::path(testing::TempDir()) /
-                    fmt::format("recorder-{}-{}", getpid(),
-                                testing::UnitTest::GetInstance()->current_test_info()->name());
-  void SetUp() override { fs::create_directories(folder); }
-  void TearDown() override { fs::remove_all(folder); }
+  test::ScratchFolder scratch;
+  fs::path folder = scratch.path();
 
   [[nodiscard]] std::vector<std::string> listing() const {
     std::vector<std::string> names;

@@ -19,6 +19,7 @@
 #include "display/kms/device/edid.h"
 #include "tests/support/process.h"
 #include "tests/support/random_edids.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::test {
 namespace {
@@ -131,9 +132,6 @@ Evaluation evaluate(const fs::path& file) {
 
 class EdidConformance : public ::testing::Test {
  protected:
-  EdidConformance()
-      : file_(fs::temp_directory_path() / ("lenticule-edid-" + std::to_string(getpid()))) {}
-  ~EdidConformance() override { fs::remove(file_); }
   void SetUp() override {
     const auto version = test::run_process({kEdidDecode, "--version"});
     ASSERT_EQ(version.exit_code, 0) << "scripts/packages test installs edid-decode";
@@ -179,7 +177,8 @@ class EdidConformance : public ::testing::Test {
     }
   }
 
-  fs::path file_;
+  test::ScratchFolder folder_;
+  fs::path file_ = folder_ / "edid";
   int compared_ = 0;
 };
 

@@ -4,13 +4,13 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 
 #include "base/error.h"
 #include "frames/image_io.h"
 #include "tests/support/fakes/fake_source.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::player {
 namespace {
@@ -21,14 +21,13 @@ constexpr frames::FrameGeometry kSmall{.width = 16, .height = 8};
 
 class SourceOpen : public testing::Test {
  protected:
-  fs::path folder = fs::path(testing::TempDir()) / fmt::format("source-open-{}", getpid());
+  test::ScratchFolder scratch;
+  fs::path folder = scratch.path();
   void SetUp() override {
-    fs::create_directories(folder);
     for (uint64_t k = 3; k < 8; ++k)
       frames::write_woven(test::numbered_frame(kSmall, k).view(),
                           folder / fmt::format("{:03}.png", k));
   }
-  void TearDown() override { fs::remove_all(folder); }
 
   [[nodiscard]] std::string pattern() const { return (folder / "%03d.png").string(); }
 

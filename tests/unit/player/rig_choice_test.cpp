@@ -2,13 +2,13 @@
 // Tests which rig a command takes that is given none.
 #include "player/process/rig_choice.h"
 
-#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <unistd.h>
 
 #include <filesystem>
 
 #include "optics/rig_file.h"
+#include "tests/support/scratch_folder.h"
 #include "tests/unit/kms/kms_stage.h"
 
 namespace lenticule::player {
@@ -19,7 +19,8 @@ using ::testing::HasSubstr;
 
 class RigChoice : public test::KmsStage {
  protected:
-  fs::path folder = fs::path(::testing::TempDir()) / fmt::format("rig-choice-{}", getpid());
+  test::ScratchFolder scratch;
+  fs::path folder = scratch.path();
   fs::path users = folder / "users", systems = folder / "systems";
   RigRequest request{.display = "kms", .folders = {users, systems}, .kms = options};
 
@@ -28,7 +29,6 @@ class RigChoice : public test::KmsStage {
     fs::create_directories(systems);
     connector->modes = {test::make_mode(48, 32, 60)};
   }
-  void TearDown() override { fs::remove_all(folder); }
 
   /// Writes a rig of a panel of 48x32 pixels with this serial number.
   std::string write(const fs::path& file, const std::string& serial,

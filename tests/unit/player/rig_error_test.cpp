@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests a rig that cannot be read, so that the panel it asks for is unknown.
-#include <fmt/format.h>
-#include <unistd.h>
 
 #include <filesystem>
 
 #include "display/test_card.h"
 #include "player/session/panel_card.h"
 #include "player/session/play_plan.h"
+#include "tests/support/scratch_folder.h"
 #include "tests/unit/kms/kms_stage.h"
 
 namespace lenticule::player {
@@ -18,17 +17,16 @@ using std::chrono::seconds;
 
 class RigError : public test::KmsStage {
  protected:
-  fs::path folder = fs::path(::testing::TempDir()) / fmt::format("rig-problem-{}", getpid());
+  test::ScratchFolder scratch;
+  fs::path folder = scratch.path();
   PlayFlags flags;
   ServiceManager manager;
   void SetUp() override {
-    fs::create_directories(folder);
     flags.source = "film.png";
     flags.rig = folder / "lobby.toml";
     flags.display = "kms";
     connector->modes = {test::make_mode(320, 200, 60)};
   }
-  void TearDown() override { fs::remove_all(folder); }
   /// Returns the error that keeps the rig from being read.
   [[nodiscard]] Error rig_error() const {
     try {

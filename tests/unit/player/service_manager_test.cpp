@@ -14,12 +14,12 @@
 #include <array>
 #include <cstdlib>
 #include <cstring>
-#include <filesystem>
 #include <string>
 #include <vector>
 
 #include "display/kms/scanout/kms_display.h"
 #include "player/session/play_service.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::player {
 namespace {
@@ -35,19 +35,15 @@ struct Message {
 class ListeningManager {
  public:
   ListeningManager() : socket_(::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
-    folder_ = std::filesystem::temp_directory_path() / ("notify-" + std::to_string(getpid()));
-    std::filesystem::create_directory(folder_);
     const std::string path = folder_ / "socket";
     sockaddr_un address{};
     address.sun_family = AF_UNIX;
     std::strncpy(address.sun_path, path.c_str(), sizeof(address.sun_path) - 1);
-    unlink(path.c_str());
     EXPECT_EQ(bind(socket_.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address)), 0);
     setenv("NOTIFY_SOCKET", path.c_str(), 1);
   }
   ~ListeningManager() {
     for (const char* name : {"NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"}) unsetenv(name);
-    std::filesystem::remove_all(folder_);
   }
   ListeningManager(const ListeningManager&) = delete;
   ListeningManager& operator=(const ListeningManager&) = delete;
@@ -83,7 +79,7 @@ class ListeningManager {
 
  private:
   UniqueFd socket_;
-  std::filesystem::path folder_;
+  test::ScratchFolder folder_;
 };
 
 UniqueFd memory_file(const std::vector<uint8_t>& bytes) {

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -9,6 +8,7 @@
 
 #include "player/process/private_folder.h"
 #include "player/session/play_service.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::player {
 namespace {
@@ -18,9 +18,8 @@ using std::chrono::seconds;
 
 class StartHistoryTest : public testing::Test {
  protected:
-  fs::path folder = fs::path(testing::TempDir()) / fmt::format("starts-{}", getpid());
-  void SetUp() override { fs::create_directories(folder); }
-  void TearDown() override { fs::remove_all(folder); }
+  test::ScratchFolder scratch;
+  fs::path folder = scratch.path();
   void write(const std::string& text) const { std::ofstream(folder / "starts") << text; }
 };
 

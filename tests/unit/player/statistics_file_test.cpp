@@ -8,9 +8,9 @@
 
 #include <fstream>
 #include <sstream>
-#include <thread>
 
 #include "base/error.h"
+#include "tests/support/comes_true.h"
 #include "tests/support/scratch_folder.h"
 
 namespace lenticule::player {
@@ -27,13 +27,6 @@ class StatisticsFileTest : public testing::Test {
     text << std::ifstream(folder_ / "stats.json").rdbuf();
     return text.str();
   }
-  template <typename Condition>
-  [[nodiscard]] static bool comes_true(Condition condition) {
-    const auto deadline = std::chrono::steady_clock::now() + seconds(60);
-    while (!condition() && std::chrono::steady_clock::now() < deadline)
-      std::this_thread::sleep_for(milliseconds(5));
-    return condition();
-  }
 
   test::ScratchFolder scratch_;
   fs::path folder_ = scratch_.path();
@@ -43,11 +36,11 @@ TEST_F(StatisticsFileTest, WritesAgainWhenARemovedFolderReturns) {
   StatisticsFile file(folder_ / "stats.json");
   fs::remove_all(folder_);
   file.write("a");
-  ASSERT_TRUE(comes_true([&] { return file.state().failures == 1; }));
+  ASSERT_TRUE(test::comes_true([&] { return file.state().failures == 1; }));
   EXPECT_NE(file.state().reason.find("stats.json"), std::string::npos) << file.state().reason;
   fs::create_directories(folder_);
   file.write("b");
-  ASSERT_TRUE(comes_true([&] { return file.state().reason.empty(); }));
+  ASSERT_TRUE(test::comes_true([&] { return file.state().reason.empty(); }));
   EXPECT_EQ(text(), "b");
 }
 

@@ -18,6 +18,7 @@
 #include "apps/lenticule-tools/offline/video_writer.h"
 #include "player/sources/video_source.h"
 #include "tests/support/process.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::test {
 
@@ -33,14 +34,9 @@ inline std::vector<uint8_t> random_bytes(size_t count, unsigned seed) {
 
 class VideoTest : public testing::Test {
  protected:
-  std::filesystem::path folder =
-      std::filesystem::path(testing::TempDir()) /
-      fmt::format("video-{}-{}", testing::UnitTest::GetInstance()->current_test_info()->name(),
-                  getpid());
+  ScratchFolder scratch;
+  std::filesystem::path folder = scratch.path();
   static constexpr frames::FrameGeometry kSmall{.width = 34, .height = 22};
-
-  void SetUp() override { std::filesystem::create_directories(folder); }
-  void TearDown() override { std::filesystem::remove_all(folder); }
 
   [[nodiscard]] std::filesystem::path file(const std::string& name) const { return folder / name; }
 

@@ -8,7 +8,6 @@
 #include <chrono>
 #include <filesystem>
 #include <fstream>
-#include <functional>
 #include <string>
 #include <thread>
 
@@ -18,6 +17,7 @@
 #include "optics/rig_file.h"
 #include "optics/trim.h"
 #include "player/sources/open_source.h"
+#include "tests/support/comes_true.h"
 #include "tests/support/scratch_folder.h"
 
 namespace lenticule::player {
@@ -90,14 +90,6 @@ PullStatus pull_soon(WeavingSource& source, AcquiredFrame& out) {
   return PullStatus::NotYet;
 }
 
-bool soon(const std::function<bool()>& true_at_last) {
-  for (int n = 0; n < 2000; ++n) {
-    if (true_at_last()) return true;
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  }
-  return false;
-}
-
 WovenFrame copy_of(const AcquiredFrame& acquired) {
   WovenFrame frame(acquired.frame.geometry);
   std::copy(acquired.frame.bytes.begin(), acquired.frame.bytes.end(), frame.bytes().begin());
@@ -144,7 +136,7 @@ TEST_F(WeavingSourceTest, WithoutLoopingEachRoundNeedsARewind) {
       source.release(acquired.token);
     }
     EXPECT_EQ(pull_soon(source, acquired), PullStatus::End);
-    EXPECT_TRUE(soon([&] { return source.saturated(); }));
+    EXPECT_TRUE(test::comes_true([&] { return source.saturated(); }));
     EXPECT_EQ(source.ready_count(), 0U);
     ASSERT_TRUE(source.rewind());
   }
@@ -174,7 +166,7 @@ TEST_F(WeavingSourceTest, WeavesAStillAgainWhenItsTrimChanges) {
   optics::save_trim({Lenses(0.3), 0.0}, rig_file_);
   const WovenFrame after = expected(quilt);
   ASSERT_NE(after, before);
-  EXPECT_TRUE(soon([&] { return look(source) == after; }));
+  EXPECT_TRUE(test::comes_true([&] { return look(source) == after; }));
   EXPECT_EQ(copy_of(held), before) << "a lent frame stays as it was";
   source.release(held.token);
 }

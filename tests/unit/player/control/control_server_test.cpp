@@ -15,6 +15,8 @@
 
 #include "base/unix_address.h"
 #include "player/control/control_client.h"
+#include "tests/support/comes_true.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::player {
 namespace {
@@ -83,19 +85,12 @@ class FakePlayer final : public ControlTarget {
 
 class ControlSocket : public testing::Test {
  protected:
-  fs::path folder = fs::path(testing::TempDir()) / ("control-" + std::to_string(getpid()));
+  test::ScratchFolder scratch;
+  fs::path folder = scratch.path();
   std::string socket = (folder / "c.sock").string();
   FakePlayer player;
   std::unique_ptr<ControlServer> server;
 
-  void SetUp() override {
-    fs::remove_all(folder);
-    fs::create_directories(folder);
-  }
-  void TearDown() override {
-    server.reset();
-    fs::remove_all(folder);
-  }
   void serve(ControlServerOptions options = {}) {
     options.socket = socket;
     server = std::make_unique<ControlServer>(std::move(options), player);
@@ -127,16 +122,6 @@ class ControlSocket : public testing::Test {
     const auto answer = client.receive(kTimeout);
     EXPECT_TRUE(answer);
     return answer ? json(*answer) : json();
-  }
-  template <typename Condition>
-  [[nodiscard]] static bool within_timeout(Condition condition) {
-    const auto deadline = std::chrono::steady_clock::now() + kTimeout;
-    while (!condition())
-      if (std::chrono::steady_clock::now() > deadline)
-        return false;
-      else
-        std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    return true;
   }
 };
 
@@ -280,12 +265,12 @@ TEST_F(ControlSocket, AThousandClientsAreServedOrTurnedAway) {
     say(fd, "{\"do\":\"status\"}\n");
     if (all.size() < 100) all.push_back(std::move(fd));
   }
-  ASSERT_TRUE(within_timeout([&] {
+  ASSERT_TRUE(test::comes_true([&] {
     const ControlCounts counts = server->counts();
     return counts.accepted + counts.refused == 1000;
   }));
   all.clear();
-  ASSERT_TRUE(within_timeout([&] {
+  ASSERT_TRUE(test::comes_true([&] {
     try {
       ControlClient after = client();
       return ask(after, {{"do", "status"}})["ok"] == true;
@@ -348,7 +333,7 @@ TEST_F(ControlSocket, WithOnlyBusyClientsAGroupMemberIsRefusedAndTheOwnerIsNot) 
   for (int k = 0; k < 4; ++k) {
     all.push_back(client());
     all.back().send({{"do", "load"}, {"source", "a"}});
-    ASSERT_TRUE(within_timeout([&] { return player.waiting() == static_cast<size_t>(k) + 1; }));
+    ASSERT_TRUE(test::comes_true([&] { return player.waiting() == static_cast<size_t>(k) + 1; }));
   }
   EXPECT_THAT(hear_all(raw()), testing::HasSubstr("connected and busy"));
   EXPECT_EQ(server->counts().refused, 1u);
@@ -396,7 +381,7 @@ TEST_F(ControlSocket, RequestsOfAClientThatNeverReadsAreReadUpToALimit) {
   ASSERT_EQ(::fcntl(deaf.get(), F_SETFL, O_NONBLOCK), 0);
   const std::string request = "{\"do\":\"status\"}\n";
   uint64_t sent = 0;
-  ASSERT_TRUE(within_timeout([&] {
+  ASSERT_TRUE(test::comes_true([&] {
     const ssize_t more = ::send(deaf.get(), request.data(), request.size(), MSG_NOSIGNAL);
     sent += more > 0 ? 1 : 0;
     return more < 0 && errno == EAGAIN;
@@ -411,11 +396,11 @@ TEST_F(ControlSocket, LateAnswersArriveUnlessTheirClientIsGone) {
   {
     ControlClient gone = client();
     gone.send({{"id", 1}, {"do", "load"}, {"source", "a"}});
-    ASSERT_TRUE(within_timeout([&] { return player.waiting() == 1; }));
+    ASSERT_TRUE(test::comes_true([&] { return player.waiting() == 1; }));
   }
   ControlClient stays = client();
   stays.send({{"id", 2}, {"do", "load"}, {"source", "b"}});
-  ASSERT_TRUE(within_timeout([&] { return player.waiting() == 2; }));
+  ASSERT_TRUE(test::comes_true([&] { return player.waiting() == 2; }));
   EXPECT_EQ(ask(stays, {{"id", 3}, {"do", "status"}})["id"], 3) << "others are not held up";
   player.answer_all();
   const auto late = stays.receive(kTimeout);
@@ -441,7 +426,7 @@ TEST_F(ControlSocket, TheAnswerToTheRequestThatEndsTheServerArrives) {
   serve();
   ControlClient one = client();
   one.send({{"do", "quit"}});
-  ASSERT_TRUE(within_timeout([&] { return player.quits(); }));
+  ASSERT_TRUE(test::comes_true([&] { return player.quits(); }));
   server.reset();
   const auto answer = one.receive(kTimeout);
   ASSERT_TRUE(answer);
@@ -452,7 +437,7 @@ TEST_F(ControlSocket, AnswersAfterTheServersEndAreDropped) {
   serve();
   ControlClient one = client();
   one.send({{"do", "load"}, {"source", "a"}});
-  ASSERT_TRUE(within_timeout([&] { return player.waiting() == 1; }));
+  ASSERT_TRUE(test::comes_true([&] { return player.waiting() == 1; }));
   server.reset();
   player.answer_all();
   EXPECT_THROW((void)one.receive(kTimeout), Error);
@@ -465,7 +450,7 @@ TEST_F(ControlSocket, SurplusEventsAreCountedInsteadOfSent) {
   for (int k = 0; k < 200; ++k) server->publish({{"event", "seam"}, {"n", k}});
   uint64_t left_out = 0;
   uint64_t heard = 0;
-  ASSERT_TRUE(within_timeout([&] {
+  ASSERT_TRUE(test::comes_true([&] {
     server->publish({{"event", "last"}});
     while (const auto event = listener.receive(std::chrono::milliseconds(20))) {
       left_out += event->value("left_out", uint64_t{0});

@@ -13,6 +13,7 @@
 #include "display/virtual/virtual_display.h"
 #include "player/playback/playback.h"
 #include "player/playlist/playlist_source.h"
+#include "tests/support/comes_true.h"
 #include "tests/unit/player/playlist/fake_items.h"
 
 namespace lenticule::player {
@@ -58,16 +59,6 @@ class PlaylistSteer : public testing::Test {
     EXPECT_EQ(pace.vblanks, pace.shown + pace.repeated_planned + pace.repeated_underrun +
                                 pace.missed + pace.held);
   }
-  template <typename Condition>
-  [[nodiscard]] static bool within_timeout(Condition condition) {
-    const auto deadline = std::chrono::steady_clock::now() + kTimeout;
-    while (!condition())
-      if (std::chrono::steady_clock::now() > deadline)
-        return false;
-      else
-        std::this_thread::sleep_for(milliseconds(1));
-    return true;
-  }
   [[nodiscard]] bool plays(const std::string& name, uint64_t number) const {
     const DisplayedPlace place = control.displayed();
     const auto item = source->account_of(static_cast<uint32_t>(place.item));
@@ -75,7 +66,7 @@ class PlaylistSteer : public testing::Test {
   }
   [[nodiscard]] bool is_moving() const {
     const uint64_t before = control.displayed().frames;
-    return within_timeout([&] { return control.displayed().frames > before; });
+    return test::comes_true([&] { return control.displayed().frames > before; });
   }
   /// Returns an empty text, or the reason why the old place stays.
   [[nodiscard]] std::string jump(const Jump& where) const {
@@ -137,7 +128,7 @@ TEST_F(PlaylistSteer, APauseHoldsThePictureAndPlayingContinuesWithTheNextFrame) 
   const size_t before = recorder->shown().size();
   control.pause(false);
   ASSERT_TRUE(is_moving());
-  ASSERT_TRUE(within_timeout([&] { return recorder->shown().size() > before + 2; }));
+  ASSERT_TRUE(test::comes_true([&] { return recorder->shown().size() > before + 2; }));
   const auto shown = recorder->shown();
   for (size_t k = 1; k < shown.size(); ++k) EXPECT_EQ(shown[k].id, shown[k - 1].id + 1);
 }
@@ -149,7 +140,7 @@ TEST_F(PlaylistSteer, ASeekWhilePausedShowsExactlyThatFrame) {
   pause_still();
   for (const uint64_t frame : {500u, 7u, 0u, 999u}) {
     ASSERT_EQ(jump({.frame = frame}), "");
-    ASSERT_TRUE(within_timeout([&] { return plays("a", frame); })) << frame;
+    ASSERT_TRUE(test::comes_true([&] { return plays("a", frame); })) << frame;
     std::this_thread::sleep_for(milliseconds(20));
     EXPECT_TRUE(plays("a", frame)) << "one frame, and no more";
     frames::WovenFrame copy(kItemSize);
@@ -172,10 +163,10 @@ TEST_F(PlaylistSteer, AJumpDiscardsFramesFilledBefore) {
   shelf.put("slow", {0, {.geometry = kItemSize, .frames = 100, .rate = frames::Rate{1, 2}}});
   shelf.put("b", {500, {.geometry = kItemSize, .frames = 50}});
   start(playlist_of(parse_source("slow"), kForever));
-  ASSERT_TRUE(within_timeout([&] { return plays("slow", 0); }));
+  ASSERT_TRUE(test::comes_true([&] { return plays("slow", 0); }));
   ASSERT_EQ(jump({.list = other("b")}), "");
-  ASSERT_TRUE(within_timeout([&] { return control.displayed().frames > 1; }));
-  ASSERT_TRUE(within_timeout([&] { return recorder->shown().size() > 1; }));
+  ASSERT_TRUE(test::comes_true([&] { return control.displayed().frames > 1; }));
+  ASSERT_TRUE(test::comes_true([&] { return recorder->shown().size() > 1; }));
   EXPECT_EQ(recorder->shown()[1].checksum,
             test::checksum_of(test::numbered_frame(kItemSize, 500).view()))
       << "the slow one's frames 1 and 2 were in the scan-out buffers";
@@ -221,8 +212,8 @@ TEST_F(PlaylistSteer, TheLastOfManyJumpsCounts) {
   constexpr int kJumps = 200;
   for (uint64_t frame = 0; frame < kJumps; ++frame)
     source->jump({.frame = frame}, [&](const Error*) { ++answers; });
-  ASSERT_TRUE(within_timeout([&] { return answers.load() == kJumps; }));
-  EXPECT_TRUE(within_timeout([&] { return plays("a", kJumps - 1); }));
+  ASSERT_TRUE(test::comes_true([&] { return answers.load() == kJumps; }));
+  EXPECT_TRUE(test::comes_true([&] { return plays("a", kJumps - 1); }));
 }
 
 TEST_F(PlaylistSteer, TheNumberOfLoopsCanBeReduced) {
@@ -244,8 +235,8 @@ TEST_F(PlaylistSteer, AnInterruptionReturnsToTheDisplayedFrame) {
     const size_t before = recorder->shown().size();
     auto alarm = std::make_shared<const Playlist>(playlist_of(parse_source("alarm"), 1));
     ASSERT_EQ(jump({.list = alarm, .item = 0, .interrupts = true}), "");
-    ASSERT_TRUE(within_timeout([&] { return recorder->shown().size() > before + 20; }));
-    ASSERT_TRUE(within_timeout([&] { return source->status().source == "a"; }));
+    ASSERT_TRUE(test::comes_true([&] { return recorder->shown().size() > before + 20; }));
+    ASSERT_TRUE(test::comes_true([&] { return source->status().source == "a"; }));
   }
   EXPECT_EQ(source->status().interrupted, "");
   EXPECT_EQ(source->status().item, 0u);
@@ -291,14 +282,14 @@ TEST_F(PlaylistSteer, BackEndsAnInterruptionAtOnceAndASecondOneKeepsThePlace) {
   EXPECT_EQ(back(), "back: nothing is interrupted");
   for (int k = 0; k < 2; ++k) {
     ASSERT_EQ(jump({.list = other("long"), .item = 0, .interrupts = true}), "");
-    ASSERT_TRUE(within_timeout([&] { return displays(503, 599); }));
+    ASSERT_TRUE(test::comes_true([&] { return displays(503, 599); }));
     EXPECT_EQ(source->status().interrupted, "a");
     EXPECT_EQ(source->list()->name, "a") << "the list that continues";
     EXPECT_FALSE(source->status().item) << "what interrupts is not in the list";
   }
   ASSERT_EQ(back(), "");
   EXPECT_EQ(source->status().source, "a");
-  ASSERT_TRUE(within_timeout([&] { return displays(0, 399); }));
+  ASSERT_TRUE(test::comes_true([&] { return displays(0, 399); }));
   const std::vector<uint64_t> frames = displayed_frames(600);
   const auto interrupted = std::find(frames.begin(), frames.end(), 500u);
   const auto continues =
@@ -347,7 +338,7 @@ TEST_F(PlaylistSteer, ACuedItemIsDecodedOnceAndShownByGo) {
   ASSERT_TRUE(is_moving());
   EXPECT_EQ(source->status().source, "a");
   ASSERT_EQ(go(), "");
-  ASSERT_TRUE(within_timeout([&] { return displays(500, 599); }));
+  ASSERT_TRUE(test::comes_true([&] { return displays(500, 599); }));
   EXPECT_EQ(shelf.opened(), opened);
   EXPECT_EQ(source->status().cued, "");
   EXPECT_EQ(go(), "go: no item is cued");
@@ -359,7 +350,7 @@ TEST_F(PlaylistSteer, AListDoesNotEndWhileAnItemIsCued) {
   start(playlist_of(parse_source("a"), 1));
   auto last = std::make_shared<const Playlist>(playlist_of(parse_source("b"), 1));
   ASSERT_EQ(cue({.list = last, .item = 0}), "");
-  ASSERT_TRUE(within_timeout([&] { return plays("a", 39); }));
+  ASSERT_TRUE(test::comes_true([&] { return plays("a", 39); }));
   std::this_thread::sleep_for(milliseconds(50));
   EXPECT_TRUE(plays("a", 39)) << "the last frame stays";
   ASSERT_EQ(go(), "");

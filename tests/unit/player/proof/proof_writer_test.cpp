@@ -3,7 +3,6 @@
 
 #include <future>
 #include <memory>
-#include <thread>
 
 #include "player/proof/proof_of_play.h"
 #include "tests/unit/player/proof/proof_samples.h"
