@@ -12,6 +12,7 @@
 #include "base/error.h"
 #include "render/loaders/load_scene.h"
 #include "render/scene/stage.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/support/texels.h"
 
@@ -77,13 +78,9 @@ TEST(GltfWriter, KeepsNormalsAndTexels) {
 
 TEST(GltfWriter, RefusesScenesWithSpheres) {
   for (const char* name : {"balls", "tree", "mount", "lattice", "room"}) {
-    try {
-      (void)write_gltf(built_in(name, 1));
-      FAIL() << name;
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), ErrorKind::Usage);
-      EXPECT_THAT(error.what(), ::testing::HasSubstr("spheres"));
-    }
+    const Error error = test::error_of([&] { (void)write_gltf(built_in(name, 1)); });
+    EXPECT_EQ(error.kind(), ErrorKind::Usage) << name;
+    EXPECT_THAT(error.what(), ::testing::HasSubstr("spheres"));
   }
   const GltfText tetra = write_gltf(built_in("tetra", 1));
   EXPECT_THAT(tetra.notes, ::testing::Contains(::testing::HasSubstr("fall off")));

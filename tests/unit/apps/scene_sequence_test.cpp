@@ -6,6 +6,7 @@
 #include <fstream>
 
 #include "base/error.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/support/tiny_scenes.h"
 
@@ -61,12 +62,8 @@ TEST_F(NumberedScenes, AreLoadedFrameByFrame) {
 TEST_F(NumberedScenes, MustAllExist) {
   const SceneSequence scenes(pattern(), frames::Rate{});
   EXPECT_NO_THROW(scenes.require({3, 5}));
-  try {
-    scenes.require({3, 7});
-    FAIL();
-  } catch (const Error& error) {
-    EXPECT_NE(std::string(error.what()).find("s-05.nff"), std::string::npos);
-  }
+  const Error error = test::error_of([&] { scenes.require({3, 7}); });
+  EXPECT_NE(std::string(error.what()).find("s-05.nff"), std::string::npos);
   EXPECT_THROW(SceneSequence((folder_ / "t-%02d.nff").string(), frames::Rate{}), Error);
 }
 

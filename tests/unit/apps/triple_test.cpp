@@ -7,6 +7,7 @@
 #include <CLI/CLI.hpp>
 
 #include "base/error.h"
+#include "tests/support/error_matchers.h"
 
 namespace lenticule::cli {
 namespace {
@@ -29,13 +30,9 @@ TEST(AddTriple, HelpShowsTheTypeAndWrongValuesAreErrorsOfTheCommandLine) {
   EXPECT_THAT(app.help(), ::testing::HasSubstr("--centre X,Y,Z"));
   app.parse("--centre -1,2.5,3");
   EXPECT_EQ(centre, (Vec3{-1, 2.5, 3}));
-  try {
-    app.parse("--centre 1,2");
-    FAIL();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::Usage);
-    EXPECT_STREQ(error.what(), "--centre '1,2': not three numbers");
-  }
+  const Error error = test::error_of([&] { app.parse("--centre 1,2"); });
+  EXPECT_EQ(error.kind(), ErrorKind::Usage);
+  EXPECT_STREQ(error.what(), "--centre '1,2': not three numbers");
 }
 
 }  // namespace

@@ -15,6 +15,7 @@
 #include "base/error.h"
 #include "display/scanout_format.h"
 #include "frames/image_io.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/fakes/fake_source.h"
 #include "tests/support/scratch_folder.h"
 
@@ -113,12 +114,7 @@ TEST_F(Recorder, WritesPicturesOfDisplayedFrames) {
 
 TEST_F(Recorder, RefusesInvalidPathsAndFormats) {
   const auto kind_of = [](const std::string& spec) {
-    try {
-      (void)open_recorder(spec);
-    } catch (const Error& error) {
-      return error.kind();
-    }
-    return ErrorKind::Quality;
+    return test::error_of([&] { (void)open_recorder(spec); }).kind();
   };
   for (const char* spec : {"", "checksums", "checksums:", "png:", "film:x", "/tmp/x"})
     EXPECT_EQ(kind_of(spec), ErrorKind::Usage) << spec;

@@ -7,6 +7,7 @@
 
 #include "base/error.h"
 #include "display/clock.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/fakes/fake_source.h"
 #include "tests/support/fakes/scripted_faults.h"
 
@@ -193,21 +194,16 @@ TEST_F(VirtualDisplayTest, IsExactAfter400Days) {
 }
 
 TEST(VirtualDisplayOpening, RefusesAbsurdOptions) {
-  const auto kind_of = [](VirtualDisplayOptions options) {
-    try {
-      (void)open_virtual_display(options);
-    } catch (const Error& error) {
-      return error.kind();
-    }
-    return ErrorKind::Quality;
+  const auto expect_refusal = [](const VirtualDisplayOptions& options) {
+    const Error error = test::error_of([&] { (void)open_virtual_display(options); });
+    EXPECT_EQ(error.kind(), ErrorKind::Usage);
   };
-  EXPECT_EQ(kind_of({.geometry = {.width = 0, .height = 5}}), ErrorKind::Usage);
-  EXPECT_EQ(kind_of({.geometry = {.width = 5, .height = -1}}), ErrorKind::Usage);
-  EXPECT_EQ(kind_of({.geometry = {.width = 32769, .height = 5}}), ErrorKind::Usage);
-  EXPECT_EQ(kind_of({.geometry = kSmall, .buffers = 1}), ErrorKind::Usage);
-  EXPECT_EQ(kind_of({.geometry = kSmall, .buffers = 17}), ErrorKind::Usage);
-  EXPECT_EQ(kind_of({.geometry = {.width = 8, .height = 8, .format = frames::PixelFormat::Rgb10}}),
-            ErrorKind::Usage);
+  expect_refusal({.geometry = {.width = 0, .height = 5}});
+  expect_refusal({.geometry = {.width = 5, .height = -1}});
+  expect_refusal({.geometry = {.width = 32769, .height = 5}});
+  expect_refusal({.geometry = kSmall, .buffers = 1});
+  expect_refusal({.geometry = kSmall, .buffers = 17});
+  expect_refusal({.geometry = {.width = 8, .height = 8, .format = frames::PixelFormat::Rgb10}});
 }
 
 /// Shows frames 0 ... `frames` - 1 as fast as the display accepts them.

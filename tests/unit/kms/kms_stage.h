@@ -10,6 +10,7 @@
 
 #include "base/error.h"
 #include "display/kms/scanout/kms_display.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/fakes/fake_drm.h"
 
 namespace lenticule::test {
@@ -61,13 +62,7 @@ class KmsStage : public ::testing::Test {
   void open() { show = display::open_kms_display(options); }
   /// Returns the error with which the display cannot be opened.
   [[nodiscard]] Error failure() {
-    try {
-      open();
-    } catch (const Error& error) {
-      return error;
-    }
-    ADD_FAILURE() << "opened";
-    return {ErrorKind::Failed, ""};
+    return error_of([this] { open(); });
   }
 
   [[nodiscard]] SubmitStatus submit(unsigned seed) {

@@ -3,6 +3,7 @@
 
 #include "base/error.h"
 #include "display/kms/probe/output_choice.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/fakes/fake_drm.h"
 
 namespace lenticule::test {
@@ -77,16 +78,13 @@ TEST(ModeChoice, ListedSizeThatIsNotThePanelsOwnIsNeverUsed) {
   EXPECT_TRUE(display::choose_mode(panel, kUhd, std::nullopt));
   EXPECT_FALSE(display::choose_mode(panel, full_hd, std::nullopt));
   EXPECT_FALSE(display::offers_mode(panel, make_mode(1920, 1080, 60)));
-  try {
-    (void)display::require_mode(panel, full_hd, std::nullopt);
-    FAIL();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::Input);
-    EXPECT_STREQ(error.what(),
-                 "HDMI-A-1: the panel would scale 1920x1080 to its own 3840x2160, which would "
-                 "destroy the views");
-    EXPECT_NE(error.hint().find("own rig"), std::string::npos);
-  }
+  const Error error =
+      test::error_of([&] { (void)display::require_mode(panel, full_hd, std::nullopt); });
+  EXPECT_EQ(error.kind(), ErrorKind::Input);
+  EXPECT_STREQ(error.what(),
+               "HDMI-A-1: the panel would scale 1920x1080 to its own 3840x2160, which would "
+               "destroy the views");
+  EXPECT_NE(error.hint().find("own rig"), std::string::npos);
 }
 
 TEST(ModeChoice, KernelsPreferenceCountsBeforeTheEdidsTiming) {

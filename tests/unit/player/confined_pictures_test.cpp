@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "frames/image_io.h"
+#include "tests/support/error_matchers.h"
 #include "tests/unit/player/video_stage.h"
 
 namespace lenticule::player {
@@ -75,13 +76,9 @@ TEST_F(ConfinedPicturesTest, ADamagedPictureIsNamedAndTheNextOneIsRead) {
   std::filesystem::copy_file(file("good.png"), file("cut.png"));
   std::filesystem::resize_file(file("cut.png"), 500);
   Rows rows;
-  try {
-    pictures_.read(file("cut.png"), rows);
-    ADD_FAILURE() << "was read";
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::Input);
-    EXPECT_THAT(error.what(), testing::HasSubstr("cut.png: truncated"));
-  }
+  const Error error = test::error_of([&] { pictures_.read(file("cut.png"), rows); });
+  EXPECT_EQ(error.kind(), ErrorKind::Input);
+  EXPECT_THAT(error.what(), testing::HasSubstr("cut.png: truncated"));
   expect_picture();
 }
 

@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "frames/image_io.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/fakes/fake_source.h"
 #include "tests/support/scratch_folder.h"
 
@@ -33,14 +34,9 @@ class SourceOpen : public testing::Test {
 
   static ErrorKind failure(const std::string& source, const OpenContext& context,
                            const char* named) {
-    try {
-      (void)open_source(parse_source(source), context);
-    } catch (const Error& error) {
-      EXPECT_THAT(error.what(), testing::HasSubstr(named));
-      return error.kind();
-    }
-    ADD_FAILURE() << source << " was opened";
-    return ErrorKind::Quality;
+    const Error error = test::error_of([&] { (void)open_source(parse_source(source), context); });
+    EXPECT_THAT(error.what(), testing::HasSubstr(named));
+    return error.kind();
   }
 };
 

@@ -11,6 +11,7 @@
 #include "base/unique_fd.h"
 #include "display/test_card.h"
 #include "player/session/panel_card.h"
+#include "tests/support/error_matchers.h"
 #include "tests/unit/kms/kms_stage.h"
 
 namespace lenticule::player {
@@ -42,13 +43,7 @@ class PanelWaitTest : public test::KmsStage {
 
   Error failure() {
     PanelWait wait = make();
-    try {
-      show = wait.open();
-    } catch (const Error& error) {
-      return error;
-    }
-    ADD_FAILURE() << "opened";
-    return {ErrorKind::Failed, ""};
+    return test::error_of([&] { show = wait.open(); });
   }
 
   /// Connects another panel with a mode of its own.

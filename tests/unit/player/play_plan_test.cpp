@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "tests/support/error_matchers.h"
 
 namespace lenticule::player {
 namespace {
@@ -20,13 +21,7 @@ class PlayPlanTest : public testing::Test {
     flags.display = "kms";
   }
   [[nodiscard]] ErrorKind failure() const {
-    try {
-      (void)make_plan(flags, false);
-    } catch (const Error& error) {
-      return error.kind();
-    }
-    ADD_FAILURE() << "accepted";
-    return ErrorKind::Failed;
+    return test::error_of([this] { (void)make_plan(flags, false); }).kind();
   }
 };
 
@@ -100,13 +95,9 @@ TEST_F(PlayPlanTest, ADurationThatIsOverStillHasOneVblank) {
 
 TEST_F(PlayPlanTest, AnInvalidRateNamesItsFlag) {
   flags.fps = "0";
-  try {
-    (void)make_plan(flags, false);
-    ADD_FAILURE() << "accepted";
-  } catch (const Error& error) {
-    EXPECT_THAT(error.what(), testing::StartsWith("--fps: "));
-    EXPECT_EQ(error.kind(), ErrorKind::Usage);
-  }
+  const Error error = test::error_of([this] { (void)make_plan(flags, false); });
+  EXPECT_THAT(error.what(), testing::StartsWith("--fps: "));
+  EXPECT_EQ(error.kind(), ErrorKind::Usage);
 }
 
 TEST_F(PlayPlanTest, RefusesImpossibleKmsOptionsBeforeOpeningTheCard) {

@@ -6,6 +6,7 @@
 #include "display/test_card.h"
 #include "player/session/panel_card.h"
 #include "player/session/play_plan.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/unit/kms/kms_stage.h"
 
@@ -29,13 +30,7 @@ class RigError : public test::KmsStage {
   }
   /// Returns the error that keeps the rig from being read.
   [[nodiscard]] Error rig_error() const {
-    try {
-      (void)make_plan(flags, false);
-    } catch (const Error& error) {
-      return error;
-    }
-    ADD_FAILURE() << "there is none";
-    return {ErrorKind::Failed, ""};
+    return test::error_of([this] { (void)make_plan(flags, false); });
   }
   void put_right() const {
     fs::copy_file(std::string(LENTICULE_SOURCE_DIR) + "/scenes/rigs/tiny.toml", flags.rig);

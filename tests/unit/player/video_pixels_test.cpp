@@ -6,6 +6,7 @@
 
 #include "apps/lenticule-video/pixel_convert.h"
 #include "base/error.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/instruction_sets.h"
 #include "tests/unit/player/video_stage.h"
 
@@ -120,13 +121,11 @@ class VideoPixels : public test::VideoTest {
 
   [[nodiscard]] std::string refusal(const std::vector<uint8_t>& raw,
                                     const std::string& flags) const {
-    try {
+    const Error error = test::error_of([&] {
       (void)player::open_video(request(encode("clip.mkv", kWidth, kHeight, raw, flags)));
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), ErrorKind::Input);
-      return std::string(error.what()) + " / " + error.hint();
-    }
-    return "was opened";
+    });
+    EXPECT_EQ(error.kind(), ErrorKind::Input);
+    return std::string(error.what()) + " / " + error.hint();
   }
 };
 

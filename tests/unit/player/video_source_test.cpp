@@ -12,6 +12,7 @@
 #include "base/error.h"
 #include "frames/ring/ring_layout.h"
 #include "frames/ring/ring_player.h"
+#include "tests/support/error_matchers.h"
 #include "tests/unit/player/video_stage.h"
 
 namespace lenticule::player {
@@ -34,14 +35,9 @@ class VideoPlays : public test::VideoTest {
   }
 
   static std::string refusal(const VideoRequest& wanted, ErrorKind kind = ErrorKind::Input) {
-    try {
-      (void)open_video(wanted);
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), kind);
-      return error.what();
-    }
-    ADD_FAILURE() << "was opened";
-    return {};
+    const Error error = test::error_of([&] { (void)open_video(wanted); });
+    EXPECT_EQ(error.kind(), kind);
+    return error.what();
   }
 };
 

@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 
 #include "base/error.h"
+#include "tests/support/error_matchers.h"
 #include "tests/unit/player/video_stage.h"
 
 namespace lenticule::tools {
@@ -59,12 +60,7 @@ TEST_F(VideoWrites, AnEncoderThatEndsIsReported) {
 
 TEST_F(VideoWrites, AFileWithoutFramesIsAnError) {
   VideoWriter writer(options("clip.mkv"));
-  try {
-    writer.finish();
-    FAIL();
-  } catch (const Error& error) {
-    EXPECT_THAT(error.what(), testing::HasSubstr("no frame"));
-  }
+  EXPECT_THAT(test::error_of([&] { writer.finish(); }).what(), testing::HasSubstr("no frame"));
   EXPECT_FALSE(fs::exists(file("clip.mkv")));
 }
 

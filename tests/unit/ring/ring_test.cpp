@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "base/error.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/fakes/ring_peer.h"
 
 namespace lenticule::frames {
@@ -207,13 +208,10 @@ TEST_F(Ring, RefusesASecondRendererWhileOneIsConnected) {
   open();
   const auto first =
       connect({.name = "first", .rig_fingerprint = {}, .rate = {}, .frame_count = {}});
-  try {
-    (void)connect_to(*player_, folder_.socket(), {}, milliseconds(400));
-    FAIL() << "two renderers at a time";
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::Device);
-    EXPECT_NE(std::string(error.what()).find("busy: 'first'"), std::string::npos) << error.what();
-  }
+  const Error error = test::error_of(
+      [this] { (void)connect_to(*player_, folder_.socket(), {}, milliseconds(400)); });
+  EXPECT_EQ(error.kind(), ErrorKind::Device);
+  EXPECT_NE(std::string(error.what()).find("busy: 'first'"), std::string::npos) << error.what();
   EXPECT_EQ(push_frame(*first, 0, 0), RingStatus::Ok) << "the first one must not notice";
 }
 
@@ -235,13 +233,11 @@ TEST_F(Ring, RefusesFramesForAnotherRig) {
   options.rig_fingerprint = "0123456789abcdef";
   open(options);
   for (const char* theirs : {"", "fedcba9876543210"}) {
-    try {
+    const Error error = test::error_of([&] {
       (void)connect({.name = "x", .rig_fingerprint = theirs, .rate = {}, .frame_count = {}});
-      FAIL() << "let in with rig '" << theirs << "'";
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), ErrorKind::Input);
-      EXPECT_NE(std::string(error.what()).find("0123456789abcdef"), std::string::npos);
-    }
+    });
+    EXPECT_EQ(error.kind(), ErrorKind::Input);
+    EXPECT_NE(std::string(error.what()).find("0123456789abcdef"), std::string::npos);
   }
   EXPECT_NO_THROW((void)connect(
       {.name = "x", .rig_fingerprint = "0123456789abcdef", .rate = {}, .frame_count = {}}));

@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "base/terminal_keys.h"
+#include "tests/support/error_matchers.h"
 
 namespace lenticule::calib {
 namespace {
@@ -84,13 +85,10 @@ TEST(KeyScript, ReadsCountsAndComments) {
 TEST(KeyScript, ErrorsNameTheirLine) {
   for (const std::string bad : {"lift", "left*0", "left*-1", "left*", "left*2x", "shift+",
                                 "left*99999999999", "left*60000 left*60000", "\x01"}) {
-    try {
-      (void)parse_key_script("enter\n" + bad, "keys.txt");
-      FAIL() << bad;
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), ErrorKind::Input);
-      EXPECT_THAT(error.what(), HasSubstr("keys.txt:2:")) << bad;
-    }
+    const Error error =
+        test::error_of([&] { (void)parse_key_script("enter\n" + bad, "keys.txt"); });
+    EXPECT_EQ(error.kind(), ErrorKind::Input);
+    EXPECT_THAT(error.what(), HasSubstr("keys.txt:2:")) << bad;
   }
 }
 
