@@ -38,9 +38,7 @@ class BenchModels : public CommandTest {
 };
 
 TEST_F(BenchModels, RendersWithoutAJudgeAndNamesWhatItCannotRead) {
-  const ProcessResult result = compare({"--json"});
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  const auto json = nlohmann::json::parse(result.out);
+  const auto json = results_of(compare({"--json"}));
   EXPECT_TRUE(json.at("flip_mean").is_null());
   ASSERT_EQ(json.at("models").size(), 2U);
   EXPECT_EQ(json["models"][0].at("name"), "quad");
@@ -111,16 +109,14 @@ TEST_F(BenchModels, HasAFlipOfZeroForEqualPictures) {
 TEST_F(BenchModels, ReportsAJudgeThatFailsAfterTheTable) {
   const ProcessResult result =
       compare({"--judge", judge("echo 'chromium: not installed' >&2; exit 3")});
-  EXPECT_EQ(result.exit_code, 1);
-  EXPECT_NE(result.err.find("judge: chromium: not installed"), std::string::npos) << result.err;
+  expect_end(result, 1, "judge: chromium: not installed");
   EXPECT_NE(result.out.find("0 of 2 models compared"), std::string::npos);
 }
 
 TEST_F(BenchModels, RefusesFoldersWithoutModels) {
   std::filesystem::create_directory(path("empty"));
-  const ProcessResult result = run({"bench", "models", path("empty"), "-o", out("")});
-  EXPECT_EQ(result.exit_code, 4);
-  EXPECT_NE(result.err.find("no model; expected .glb or .gltf files"), std::string::npos);
+  expect_end(run({"bench", "models", path("empty"), "-o", out("")}), 4,
+             "no model; expected .glb or .gltf files");
 }
 
 }  // namespace

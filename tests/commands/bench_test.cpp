@@ -21,12 +21,10 @@ std::vector<std::string> bench_exact(std::vector<std::string> more) {
 }
 
 TEST_F(BenchTest, ErrorMeasuresEveryMethodInBothScenarios) {
-  const ProcessResult result =
-      run({"bench", "error", "--quick", "--rig", source_file("scenes/rigs/tiny.toml"), "--methods",
-           "interpolate,temporal,none-such", "--frames", "3", "--no-peers", "--json", "--svg",
-           path("error.svg"), "--pictures", path("worst")});
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  const auto json = nlohmann::json::parse(result.out);
+  const auto json =
+      results_of(run({"bench", "error", "--quick", "--rig", source_file("scenes/rigs/tiny.toml"),
+                      "--methods", "interpolate,temporal,none-such", "--frames", "3", "--no-peers",
+                      "--json", "--svg", path("error.svg"), "--pictures", path("worst")}));
   ASSERT_EQ(json.at("courses").size(), 2U);
   for (const auto& scenario : json["courses"]) {
     EXPECT_EQ(scenario.at("scene"), "teapot");
@@ -47,13 +45,11 @@ TEST_F(BenchTest, ErrorMeasuresEveryMethodInBothScenarios) {
 }
 
 TEST_F(BenchTest, CalibratesASimulatedPanelAndSavesItsRigReportAndPictures) {
-  const ProcessResult result =
-      run({"bench", "calibrate", "--plain", "--panel-width", "640", "--camera-width", "480",
-           "--viewpoints", "1", "--noise", "0.003", "--deformation", "0", "--pictures",
-           path("seen"), "-o", path("sim.toml"), "--json"},
-          {.timeout = std::chrono::seconds(300)});
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  const auto json = nlohmann::json::parse(result.out);
+  const auto json =
+      results_of(run({"bench", "calibrate", "--plain", "--panel-width", "640", "--camera-width",
+                      "480", "--viewpoints", "1", "--noise", "0.003", "--deformation", "0",
+                      "--pictures", path("seen"), "-o", path("sim.toml"), "--json"},
+                     {.timeout = std::chrono::seconds(300)}));
   EXPECT_EQ(json.at("ground_truth").at("failure"), "");
   EXPECT_LT(json["ground_truth"].at("effective_pitch_error").get<double>(), 1e-3);
   EXPECT_TRUE(std::filesystem::exists(path("sim.toml")));
@@ -71,9 +67,7 @@ TEST_F(BenchTest, ErrorRefusesUnknownScenesErrorsAndScenarios) {
 }
 
 TEST_F(BenchTest, ExactMeasuresTheClassicScenesWithTwoLightsAndOneMirror) {
-  const ProcessResult result = run(bench_exact({}));
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  const auto json = nlohmann::json::parse(result.out);
+  const auto json = results_of(run(bench_exact({})));
   EXPECT_EQ(json.at("depth"), 1);
   ASSERT_EQ(json.at("scenes").size(), 3U);
   EXPECT_EQ(json["scenes"][2].at("scene"), "builtin:tree");
@@ -87,10 +81,8 @@ TEST_F(BenchTest, ExactMeasuresTheClassicScenesWithTwoLightsAndOneMirror) {
 }
 
 TEST_F(BenchTest, ExactPlotsGrowthAndScaling) {
-  const ProcessResult result =
-      run(bench_exact({"--scene", "tree:2", "--scaling", "--growth", "--plots", path("plots")}));
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  const auto json = nlohmann::json::parse(result.out);
+  const auto json = results_of(
+      run(bench_exact({"--scene", "tree:2", "--scaling", "--growth", "--plots", path("plots")})));
   EXPECT_FALSE(json.contains("scenes"));
   EXPECT_EQ(json.at("growth").size(), 4U);
   EXPECT_EQ(json.at("growth")[2].at("rows").size(), 7U);
@@ -101,16 +93,15 @@ TEST_F(BenchTest, ExactPlotsGrowthAndScaling) {
 }
 
 TEST_F(BenchTest, ExactComparesWithAnUprightRig) {
-  const ProcessResult result = run(bench_exact({"--scene", "teapot:2", "--upright"}));
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_GT(nlohmann::json::parse(result.out).at("upright")[0].at("slanted_over_upright"), 0.0);
+  EXPECT_GT(results_of(run(bench_exact({"--scene", "teapot:2", "--upright"})))
+                .at("upright")[0]
+                .at("slanted_over_upright"),
+            0.0);
 }
 
 TEST_F(BenchTest, StartMeasuresTheProgramAndItsFirstFrame) {
-  const ProcessResult result = run(
-      {"bench", "start", "--rig", source_file("scenes/rigs/tiny.toml"), "--runs", "1", "--json"});
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  const auto json = nlohmann::json::parse(result.out);
+  const auto json = results_of(run(
+      {"bench", "start", "--rig", source_file("scenes/rigs/tiny.toml"), "--runs", "1", "--json"}));
   EXPECT_GT(json.at("program_ms").get<double>(), 0.0);
   EXPECT_GT(json.at("first_frame_ms").get<double>(), 0.0);
 }
@@ -122,10 +113,11 @@ void write_program(const std::string& file, const std::string& script) {
 }
 
 TEST_F(BenchTest, PlayMeasuresTheMemoryOfAPlayer) {
-  const ProcessResult result = run({"bench", "play", "--frames", "60", "--frames-4k", "2", "--rig",
-                                    source_file("scenes/rigs/tiny.toml"), "--runs", "1", "--json"});
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_EQ(nlohmann::json::parse(result.out).at("rows").size(), 2U);
+  EXPECT_EQ(results_of(run({"bench", "play", "--frames", "60", "--frames-4k", "2", "--rig",
+                            source_file("scenes/rigs/tiny.toml"), "--runs", "1", "--json"}))
+                .at("rows")
+                .size(),
+            2U);
 }
 
 std::vector<std::string> bench_realtime(std::vector<std::string> more) {
@@ -169,11 +161,9 @@ TEST_F(BenchTest, RealtimeShowsFramesOfEachError) {
   rig.replace(rig.find("width_px = 48"), 13, "width_px = 480");
   rig.replace(rig.find("height_px = 32"), 14, "height_px = 288");
   write("rig.toml", rig);
-  const ProcessResult result =
-      run({"bench", "realtime", "teapot", "--rig", path("rig.toml"), "--seconds", "2", "--errors",
-           "0,8", "--samples", "2", "--plots", path("plots"), "--json"});
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  const auto json = nlohmann::json::parse(result.out);
+  const auto json =
+      results_of(run({"bench", "realtime", "teapot", "--rig", path("rig.toml"), "--seconds", "2",
+                      "--errors", "0,8", "--samples", "2", "--plots", path("plots"), "--json"}));
   ASSERT_EQ(json.at("runs").size(), 2U);
   for (const auto& one : json["runs"]) expect_consistent(one);
   EXPECT_EQ(json["runs"][0].at("method"), "adaptive 0");
@@ -187,10 +177,10 @@ TEST_F(BenchTest, RealtimeShowsFramesOfEachError) {
 
 TEST_F(BenchTest, RealtimeAdaptsTheError) {
   // A rate that the tiny rig exceeds by far, so the error falls to its limit.
-  const ProcessResult result =
-      run(bench_realtime({"teapot", "--seconds", "2", "--adapt-error", "0.5", "--samples", "2"}));
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  const auto one = nlohmann::json::parse(result.out).at("runs").at(0);
+  const auto one = results_of(run(bench_realtime({"teapot", "--seconds", "2", "--adapt-error",
+                                                  "0.5", "--samples", "2"})))
+                       .at("runs")
+                       .at(0);
   expect_consistent(one);
   EXPECT_EQ(one.at("adapt_rate"), 0.5);
   EXPECT_EQ(one.at("error_range").at("last"), 0.5);
@@ -226,9 +216,7 @@ TEST_F(BenchTest, RealtimeFailsWhenItsRendererDies) {
   }
   ASSERT_GT(renderer, 0);
   ASSERT_EQ(kill(renderer, SIGKILL), 0);
-  const ProcessResult result = bench.wait(std::chrono::seconds(60));
-  EXPECT_EQ(result.exit_code, 1);
-  EXPECT_NE(result.err.find("the renderer process ended"), std::string::npos) << result.err;
+  expect_end(bench.wait(std::chrono::seconds(60)), 1, "the renderer process ended");
 }
 
 TEST_F(BenchTest, RealtimeNamesWhatItCannotMeasure) {
@@ -248,9 +236,7 @@ TEST_F(BenchTest, ReportsAPeerThatIsMissingOrFails) {
   write_program(path("tachyon"), "echo 'no memory' >&2; exit 9");
   std::vector<std::string> arguments = program(bench_exact({"--scene", "teapot:2", "--peers"}));
   arguments.insert(arguments.begin(), {"/usr/bin/env", "PATH=" + path("")});
-  const ProcessResult result = run_process(arguments);
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  const auto json = nlohmann::json::parse(result.out);
+  const auto json = results_of(run_process(arguments));
   const auto& rows = json.at("peers")[0].at("rows");
   ASSERT_EQ(rows.size(), 1U);
   EXPECT_EQ(rows[0].at("failure"), "failed with exit code 9");
@@ -285,9 +271,8 @@ class BenchPaper : public CommandTest {
 };
 
 TEST_F(BenchPaper, MeasuresASpanOfEachSceneWithEachMethod) {
-  const ProcessResult result = run(arguments({"--scene", "teapot", "--scene", "room", "--json"}));
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  const nlohmann::json out = nlohmann::json::parse(result.out);
+  const nlohmann::json out =
+      results_of(run(arguments({"--scene", "teapot", "--scene", "room", "--json"})));
   ASSERT_EQ(out.at("scenes").size(), 2U);
   for (const nlohmann::json& scene : out["scenes"]) {
     EXPECT_EQ(scene.at("frames"), 16);
@@ -312,24 +297,15 @@ TEST_F(BenchPaper, ContinuesFromItsStateAndRefusesAnother) {
 
   std::vector<std::string> other = first;
   other.insert(other.end(), {"--threads", "1"});
-  const ProcessResult refused = run(other);
-  EXPECT_EQ(refused.exit_code, 4);
-  EXPECT_NE(refused.err.find("state.json: the state file is of a run with other settings"),
-            std::string::npos);
+  expect_end(run(other), 4, "state.json: the state file is of a run with other settings");
 
   write("state.json", "{\"spans\": 3}");
-  const ProcessResult broken = run(first);
-  EXPECT_EQ(broken.exit_code, 4);
-  EXPECT_NE(broken.err.find("not a state file"), std::string::npos);
+  expect_end(run(first), 4, "not a state file");
 }
 
 TEST_F(BenchPaper, NamesUnknownScenesAndMethods) {
-  const ProcessResult scene = run(arguments({"--scene", "kettle"}));
-  EXPECT_EQ(scene.exit_code, 2);
-  EXPECT_NE(scene.err.find("kettle"), std::string::npos);
-  const ProcessResult method = run(arguments({"--method", "guess"}));
-  EXPECT_EQ(method.exit_code, 2);
-  EXPECT_NE(method.err.find("--method 'guess': unknown"), std::string::npos);
+  expect_end(run(arguments({"--scene", "kettle"})), 2, "kettle");
+  expect_end(run(arguments({"--method", "guess"})), 2, "--method 'guess': unknown");
 }
 
 }  // namespace

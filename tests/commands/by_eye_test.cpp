@@ -68,24 +68,16 @@ TEST_F(ByEyeCommand, MergesTheTrimIntoTheRigAndClearsIt) {
 
 TEST_F(ByEyeCommand, LeavesTheRigAloneUnlessItIsSaved) {
   const std::vector<std::string> before = {"keys.txt", "rig.toml"};
-  const ProcessResult left = calibrate("enter*4 up*5 q");
-  EXPECT_EQ(left.exit_code, 0) << left.err;
-  EXPECT_EQ(json::parse(left.out).at("saved"), false);
-  const ProcessResult ended = calibrate("enter*4 up*5");
-  EXPECT_EQ(ended.exit_code, 1) << ended.err;
-  EXPECT_NE(ended.err.find("keys ended"), std::string::npos) << ended.err;
-  const ProcessResult bad = calibrate("enter\nentre");
-  EXPECT_EQ(bad.exit_code, 4);
-  EXPECT_NE(bad.err.find("keys.txt:2: unknown key 'entre'"), std::string::npos) << bad.err;
+  EXPECT_EQ(results_of(calibrate("enter*4 up*5 q")).at("saved"), false);
+  expect_end(calibrate("enter*4 up*5"), 1, "keys ended");
+  expect_end(calibrate("enter\nentre"), 4, "keys.txt:2: unknown key 'entre'");
   EXPECT_EQ(listing(), before);
   EXPECT_EQ(optics::load_rig(path("rig.toml")), rig_);
 }
 
 TEST_F(ByEyeCommand, ShowsEveryChartOfItsSteps) {
-  const ProcessResult result =
-      calibrate("enter*100", {"--record", "png:" + path("charts"), "--distance", "600"});
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  const json done = json::parse(result.out);
+  const json done = results_of(
+      calibrate("enter*100", {"--record", "png:" + path("charts"), "--distance", "600"}));
   EXPECT_EQ(done.at("distance_mm"), 600.0);
   int charts = 0;
   for (const auto& chart : std::filesystem::directory_iterator(path("charts"))) {
@@ -100,27 +92,20 @@ TEST_F(ByEyeCommand, FailsWithoutStandardInput) {
   const std::string command = std::string(LENTICULE_PROGRAM) + " calibrate by-eye --rig " +
                               path("rig.toml") + " --display virtual -o " + path("new.toml") +
                               " 0<&-";
-  const ProcessResult result = run_process({"/bin/sh", "-c", command});
-  EXPECT_EQ(result.exit_code, 1) << result.err;
-  EXPECT_NE(result.err.find("keys ended"), std::string::npos) << result.err;
+  expect_end(run_process({"/bin/sh", "-c", command}), 1, "keys ended");
 }
 
 TEST_F(ByEyeCommand, RefusesInvalidDistances) {
   EXPECT_EQ(calibrate("q", {"--distance", "-5"}).exit_code, 2);
   rig_.viewing.distance = Millimetres(std::numeric_limits<double>::infinity());
   optics::save_rig(rig_, path("rig.toml"));
-  const ProcessResult parallel = calibrate("q");
-  EXPECT_EQ(parallel.exit_code, 2);
-  EXPECT_NE(parallel.err.find("--distance"), std::string::npos) << parallel.err;
+  expect_end(calibrate("q"), 2, "--distance");
 }
 
 TEST_F(ByEyeCommand, AScriptNeedsInsistToSaveAnImplausibleGap) {
   // Moves to the zones, then enters 25 mm where the rig says 107 mm.
   const std::string keys = kToTheOffset + "enter*2 shift+left*8 left*2 enter*4";
-  const ProcessResult refused = calibrate(keys);
-  EXPECT_EQ(refused.exit_code, 5) << refused.err;
-  EXPECT_NE(refused.err.find("6.00 mm of the start"), std::string::npos) << refused.err;
-  EXPECT_NE(refused.err.find("--insist"), std::string::npos) << refused.err;
+  expect_end(calibrate(keys), 5, "6.00 mm of the start", "--insist");
   EXPECT_EQ(optics::load_rig(path("rig.toml")), rig_);
   const ProcessResult insisted = calibrate(keys, {"--insist"});
   EXPECT_EQ(insisted.exit_code, 0) << insisted.err;
@@ -130,16 +115,13 @@ TEST_F(ByEyeCommand, AScriptNeedsInsistToSaveAnImplausibleGap) {
 TEST_F(ByEyeCommand, ScriptsAnswerQuestions) {
   // The middle band is always right: the start is the sheet. The keys end at some question.
   const ProcessResult ended = calibrate("enter # prepared\nenter*4");
-  EXPECT_EQ(ended.exit_code, 1) << ended.err;
-  EXPECT_NE(ended.err.find("mark the column"), std::string::npos) << ended.err;
+  expect_end(ended, 1, "mark the column");
   const json report = json::parse(ended.out);
   EXPECT_EQ(report.at("questions").at("answers"), 4);
   EXPECT_EQ(report.at("saved"), false);
 
   // The second ladder at a place is shifted by a few rungs: its middle is nearly right, too.
-  const ProcessResult all = calibrate("enter*100");
-  ASSERT_EQ(all.exit_code, 0) << all.err;
-  const json done = json::parse(all.out);
+  const json done = results_of(calibrate("enter*100"));
   EXPECT_EQ(done.at("saved"), true);
   EXPECT_LT(done.at("questions").at("answers"), 60);
   EXPECT_NEAR(done.at("after").at("effective_pitch_subpx").get<double>() /
@@ -192,10 +174,7 @@ TEST_F(ByEyeCommand, EveryCommandAppliesTheTrim) {
         {"play", "card", "--rig", path("rig.toml"), "--display", "virtual"},
         {"weave", path("black.png"), "--grid", "1x1", "--rig", path("rig.toml"), "-o",
          path("w.png")}}) {
-    const ProcessResult result = run(command);
-    EXPECT_EQ(result.exit_code, 4) << command.front() << result.err;
-    EXPECT_NE(result.err.find("rig.trim.toml:1: unknown key 'offset'"), std::string::npos)
-        << result.err;
+    expect_end(run(command), 4, "rig.trim.toml:1: unknown key 'offset'");
   }
 }
 

@@ -95,16 +95,12 @@ TEST_F(PhoneCommand, PlansTheChartAgainIfThePitchIsFarOff) {
   optics::save_rig(workshop_.start, path("start.toml"));
   workshop_.shots.resize(1);
   photograph_all();
-  const ProcessResult result = calibrate({"--existing", "--minutes", "0.1"});
-  EXPECT_EQ(result.exit_code, 5) << result.err << result.out;
-  EXPECT_NE(result.err.find("the chart has changed"), std::string::npos) << result.err;
+  expect_end(calibrate({"--existing", "--minutes", "0.1"}), 5, "the chart has changed");
 }
 
 TEST_F(PhoneCommand, NamesWhatCannotBeUsedAndGivesUpInTime) {
   write("inbox/notes.jpg", "no picture");
-  const ProcessResult result = calibrate({"--existing", "--minutes", "0.03"});
-  EXPECT_EQ(result.exit_code, 5) << result.err << result.out;
-  EXPECT_NE(result.err.find("notes.jpg: not used"), std::string::npos) << result.err;
+  expect_end(calibrate({"--existing", "--minutes", "0.03"}), 5, "notes.jpg: not used");
   EXPECT_FALSE(std::filesystem::exists(path("found.toml")));
 }
 
@@ -117,9 +113,7 @@ TEST_F(PhoneCommand, AnInterruptionSavesNothing) {
 
 TEST_F(PhoneCommand, AMissingFolderIsNamed) {
   std::filesystem::remove(path("inbox"));
-  const ProcessResult result = calibrate({});
-  EXPECT_EQ(result.exit_code, 4) << result.err;
-  EXPECT_NE(result.err.find("inbox"), std::string::npos) << result.err;
+  expect_end(calibrate({}), 4, "inbox");
 }
 
 }  // namespace

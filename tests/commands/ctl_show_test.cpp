@@ -33,9 +33,7 @@ TEST_F(CtlShow, AnInterruptionIsPlayedOnceAndThenTheListContinues) {
   EXPECT_EQ(status()["interrupted"], path("film.lts"));
   ASSERT_TRUE(asked({"back"}).is_object());
   EXPECT_TRUE(comes_true([this] { return shows("film"); }));
-  const ProcessResult nothing = ctl({"back"});
-  EXPECT_EQ(nothing.exit_code, 1);
-  EXPECT_NE(nothing.err.find("nothing is interrupted"), std::string::npos) << nothing.err;
+  expect_end(ctl({"back"}), 1, "nothing is interrupted");
 }
 
 TEST_F(CtlShow, ABlankPanelIsBlackUntilBack) {
@@ -66,10 +64,7 @@ TEST_F(CtlShow, BackEndsABlankPanelAlsoIfWhatWasPlayedIsGone) {
 }
 
 TEST_F(CtlShow, ACuedItemIsShownByGoAndAGoWithoutCueNamesTheRemedy) {
-  const ProcessResult nothing = ctl({"go"});
-  EXPECT_EQ(nothing.exit_code, 1);
-  EXPECT_NE(nothing.err.find("no item is cued"), std::string::npos) << nothing.err;
-  EXPECT_NE(nothing.err.find("cue SOURCE"), std::string::npos) << nothing.err;
+  expect_end(ctl({"go"}), 1, "no item is cued", "cue SOURCE");
   EXPECT_EQ(ctl({"cue"}).exit_code, 2);
   EXPECT_EQ(ctl({"cue", path("missing.lts")}).exit_code, 1);
   ASSERT_EQ(asked({"cue", path("alarm.lts"), "--then-back"})["cued"], path("alarm.lts"));

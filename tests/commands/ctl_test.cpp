@@ -132,9 +132,7 @@ TEST_F(Ctl, AFailedLoadLeavesTheOldSourcePlaying) {
   write("broken.png", "no picture");
   write("broken.toml", "loop = never\n");
   for (const char* bad : {"broken.png", "missing.png", "broken.toml", "missing.toml"}) {
-    const ProcessResult refused = ctl({"load", path(bad)});
-    EXPECT_EQ(refused.exit_code, 1) << bad << refused.out;
-    EXPECT_NE(refused.err.find(bad), std::string::npos) << refused.err;
+    expect_end(ctl({"load", path(bad)}), 1, bad);
   }
   const uint64_t before = frames_shown();
   EXPECT_TRUE(comes_true([&] { return frames_shown() > before; }));
@@ -180,9 +178,7 @@ TEST_F(Ctl, APictureStaysUntilItIsEnded) {
     std::vector<std::string> words = {"play",      path("a/004.png"),  "--rig", path("rig.toml"),
                                       "--display", "virtual:48x32@60", "--json"};
     words.insert(words.end(), more.begin(), more.end());
-    const ProcessResult played = run(words);
-    EXPECT_EQ(played.exit_code, 0) << played.err;
-    return json::parse(played.out).value("vblanks", 0);
+    return results_of(run(words)).value("vblanks", 0);
   };
   EXPECT_EQ(vblanks({"--clock", "simulated"}), 600) << "ten seconds";
   EXPECT_EQ(vblanks({"--clock", "simulated", "--loop", "2"}), 1200);
@@ -239,11 +235,8 @@ TEST_F(Ctl, ExitCodesFollowTheContract) {
   EXPECT_EQ(ctl({"load"}).exit_code, 2);
   start(film_pattern(0), {"--loop", "forever"});
   EXPECT_EQ(ctl({"seek"}).exit_code, 2);
-  const ProcessResult frame = ctl({"seek", "10"}), file = ctl({"play", "film.lts"});
-  EXPECT_EQ(frame.exit_code, 2);
-  EXPECT_NE(frame.err.find("write --frame 10"), std::string::npos) << frame.err;
-  EXPECT_EQ(file.exit_code, 2);
-  EXPECT_NE(file.err.find("lenticule ctl load film.lts"), std::string::npos) << file.err;
+  expect_end(ctl({"seek", "10"}), 2, "write --frame 10");
+  expect_end(ctl({"play", "film.lts"}), 2, "lenticule ctl load film.lts");
   EXPECT_EQ(ctl({"snapshot", path("s.gif")}).exit_code, 2);
   EXPECT_EQ(ctl({"snapshot", path("nowhere/s.png")}).exit_code, 1);
   EXPECT_EQ(run({"play", film_pattern(0), "--rig", path("rig.toml"), "--control", path("c.sock")})
@@ -261,17 +254,15 @@ TEST_F(Ctl, AListPlaysItsItemsAndNamesSkippedOnes) {
   const ProcessResult played =
       run({"play", path("short.toml"), "--rig", path("rig.toml"), "--display", "virtual:48x32@60",
            "--clock", "simulated", "--record", "checksums:" + path("sums"), "--json"});
-  ASSERT_EQ(played.exit_code, 0) << played.err;
-  EXPECT_NE(played.err.find("left out: " + path("gone.png")), std::string::npos) << played.err;
+  expect_end(played, 0, "left out: " + path("gone.png"));
   const json stats = json::parse(played.out);
   EXPECT_EQ(stats["shown"], kFrames + 10);
   EXPECT_EQ(stats["vblanks"], kFrames + 20);
   EXPECT_EQ(stats["repeated_underrun"], 0);
   EXPECT_EQ(stats["playlist"]["items_skipped"], 1);
   write("wrong.toml", "[[item]]\nsource = \"a.png\"\nspeed = 2\n");
-  const ProcessResult wrong = run({"play", path("wrong.toml"), "--rig", path("rig.toml")});
-  EXPECT_EQ(wrong.exit_code, 4);
-  EXPECT_NE(wrong.err.find("wrong.toml:3: unknown key 'speed'"), std::string::npos) << wrong.err;
+  expect_end(run({"play", path("wrong.toml"), "--rig", path("rig.toml")}), 4,
+             "wrong.toml:3: unknown key 'speed'");
 }
 
 /// Changes the byte in the middle of a file.
@@ -295,8 +286,7 @@ TEST_F(Ctl, AFilmWithoutAGoodFrameIsReportedAsLeftOutOnly) {
   const ProcessResult played =
       run({"play", path("list.toml"), "--rig", path("rig.toml"), "--display", "virtual:48x32@60",
            "--clock", "simulated", "--json"});
-  ASSERT_EQ(played.exit_code, 0) << played.err;
-  EXPECT_NE(played.err.find("left out: " + film), std::string::npos) << played.err;
+  expect_end(played, 0, "left out: " + film);
   EXPECT_EQ(played.err.find("damaged: " + film), std::string::npos) << played.err;
   EXPECT_EQ(json::parse(played.out)["damaged_frames"], 0);
 }
@@ -326,9 +316,7 @@ TEST_F(Ctl, PreflightReportsIfTheSourceIsFastEnough) {
     return run({"play", path("own/%03d.png"), "--rig", path("rig.toml"), "--preflight", "--fps",
                 fps, "--slots", "2", "--json"});
   };
-  const ProcessResult slow = preflight("0.01");
-  EXPECT_EQ(slow.exit_code, 0) << slow.err;
-  EXPECT_EQ(json::parse(slow.out)[0]["figures"]["too_slow"], false);
+  EXPECT_EQ(results_of(preflight("0.01"))[0]["figures"]["too_slow"], false);
   write("own/004.png", "no picture");
   EXPECT_EQ(preflight("0.01").exit_code, 4);
 }

@@ -27,17 +27,13 @@ class DepthCommand : public CommandTest {
 };
 
 TEST_F(DepthCommand, ReportsTheDepthOfAScene) {
-  const ProcessResult flat = depth("builtin:tree:3", {"--json", "--depth-scale", "0.1"});
-  ASSERT_EQ(flat.exit_code, 0) << flat.err;
-  const auto fits = nlohmann::json::parse(flat.out);
+  const auto fits = results_of(depth("builtin:tree:3", {"--json", "--depth-scale", "0.1"}));
   EXPECT_DOUBLE_EQ(fits.at("depth_of_field_mm"), 6.0 * 7.7);
   EXPECT_LT(fits.at("depth_of_field_at_edge_mm"), fits["depth_of_field_mm"]);
   EXPECT_EQ(fits.at("subpixels"), 48 * 32 * 3);
-  const ProcessResult deep =
-      depth("builtin:tree:3", {"--json", "--depth-budget", "6", "--svg", path("depth.svg"),
-                               "--picture", path("depth.png")});
-  ASSERT_EQ(deep.exit_code, 0) << deep.err;
-  const auto json = nlohmann::json::parse(deep.out);
+  const auto json =
+      results_of(depth("builtin:tree:3", {"--json", "--depth-budget", "6", "--svg",
+                                          path("depth.svg"), "--picture", path("depth.png")}));
   EXPECT_LT(json.at("share_within"), fits.at("share_within"));
   const auto share = [&](const char* key) { return json.at(key).get<double>(); };
   EXPECT_NEAR(share("share_within") + share("share_in_front") + share("share_behind") +
@@ -56,8 +52,7 @@ TEST_F(DepthCommand, PrintsATableAndAddsUpFrames) {
   ASSERT_EQ(one.exit_code, 0) << one.err;
   for (const char* text : {"depth of field", "in front of it", "at the panel", "share"})
     EXPECT_NE(one.out.find(text), std::string::npos) << text;
-  const ProcessResult two = depth("builtin:teapot:2", {"--frames", "0:2", "--json"});
-  const auto json = nlohmann::json::parse(two.out);
+  const auto json = results_of(depth("builtin:teapot:2", {"--frames", "0:2", "--json"}));
   EXPECT_EQ(json.at("frames"), 2);
   EXPECT_EQ(json.at("subpixels"), 2 * 48 * 32 * 3);
 }
@@ -86,9 +81,7 @@ TEST_F(DepthCommand, RefusesInvalidPrefilterOptions) {
             "samples 4: cannot be combined with a prefilter"},
            {{"--prefilter", "depth", "--prefilter-samples", "1"},
             "prefilter samples 1: not in 3 ... 1024"}}) {
-    const ProcessResult result = render("x.png", more);
-    EXPECT_EQ(result.exit_code, 2);
-    EXPECT_NE(result.err.find(said), std::string::npos) << result.err;
+    expect_end(render("x.png", more), 2, said);
   }
   EXPECT_EQ(depth("builtin:none-such", {}).exit_code, 2);
   EXPECT_EQ(depth("builtin:teapot:2", {"--depth-budget", "-1"}).exit_code, 2);

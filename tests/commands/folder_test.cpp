@@ -149,9 +149,8 @@ TEST_F(Folder, AnEmptyFolderSaysThatItWaits) {
   play();
   EXPECT_TRUE(comes_true([this] { return says_about("waiting_for", "no file to play yet"); }));
   EXPECT_EQ(count_of(messages(), path("films/") + ": no file to play yet"), 1u);
-  const ProcessResult timed = run_process(play_words(path("films/"), {"--duration", "0.1"}));
-  EXPECT_EQ(timed.exit_code, 4) << timed.err;
-  EXPECT_NE(timed.err.find("no file to play yet"), std::string::npos) << timed.err;
+  expect_end(run_process(play_words(path("films/"), {"--duration", "0.1"})), 4,
+             "no file to play yet");
 }
 
 TEST_F(Folder, FilesThatWereCopiedJustNowAreExaminedAndPlayedInSimulatedTime) {
@@ -161,16 +160,12 @@ TEST_F(Folder, FilesThatWereCopiedJustNowAreExaminedAndPlayedInSimulatedTime) {
   preflight.insert(preflight.end(), {"--preflight", "--json"});
   simulated.insert(simulated.end(),
                    {"--display", "virtual", "--clock", "simulated", "--duration", "15", "--json"});
-  const ProcessResult examined = run(preflight);
-  ASSERT_EQ(examined.exit_code, 0) << examined.err;
-  const json rows = json::parse(examined.out);
+  const json rows = results_of(run(preflight));
   ASSERT_EQ(rows.size(), 1u) << "only the folder's files: " << rows;
   EXPECT_EQ(rows[0]["source"], path("films/a.png"));
   write_picture("films/b.png", 20);
   write("films/c.png", "");
-  const ProcessResult played = run(simulated);
-  ASSERT_EQ(played.exit_code, 0) << played.err;
-  EXPECT_EQ(json::parse(played.out)["playlist"]["items_started"], 2);
+  EXPECT_EQ(results_of(run(simulated))["playlist"]["items_started"], 2);
   const ProcessResult unfinished = run(preflight);
   EXPECT_EQ(unfinished.exit_code, 4);
   EXPECT_NE(unfinished.out.find("still being written"), std::string::npos) << unfinished.out;
@@ -186,9 +181,7 @@ TEST_F(Folder, APictureOfAnotherSizeIsExaminedWithTheRemedyOfPlaying) {
 }
 
 TEST_F(Folder, AMissingFolderIsAnError) {
-  const ProcessResult result = run_process(play_words(path("gone/")));
-  EXPECT_EQ(result.exit_code, 4);
-  EXPECT_NE(result.err.find("no such folder"), std::string::npos) << result.err;
+  expect_end(run_process(play_words(path("gone/"))), 4, "no such folder");
 }
 
 }  // namespace

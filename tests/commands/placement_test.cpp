@@ -32,9 +32,7 @@ class Placement : public CommandTest {
         "render", path("plate.obj"), "--rig", source_file("scenes/rigs/tiny.toml"),
         "-o",     path(output),      "--json"};
     arguments.insert(arguments.end(), more.begin(), more.end());
-    const ProcessResult done = run(arguments);
-    EXPECT_EQ(done.exit_code, 0) << done.err;
-    return nlohmann::json::parse(done.out);
+    return results_of(run(arguments));
   }
 
   /// Returns the code in the middle of a frame.

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,20 @@ inline std::vector<std::string> program(std::vector<std::string> arguments) {
 
 inline ProcessResult run(std::vector<std::string> arguments, const ProcessLimits& limits = {}) {
   return run_process(program(std::move(arguments)), limits);
+}
+
+/// Expects that a program ends with this code, and that its messages have all these texts.
+template <typename... Text>
+void expect_end(const ProcessResult& result, int exit_code, const Text&... texts) {
+  EXPECT_EQ(result.exit_code, exit_code) << result.err << result.out;
+  for (const std::string& text : {std::string(texts)...})
+    EXPECT_NE(result.err.find(text), std::string::npos) << text << " is not in: " << result.err;
+}
+
+/// Expects success and returns what a program wrote with --json.
+inline nlohmann::json results_of(const ProcessResult& result) {
+  EXPECT_EQ(result.exit_code, 0) << result.err << result.out;
+  return nlohmann::json::parse(result.out, nullptr, false);
 }
 
 /// Returns the path of a file of the source tree.

@@ -42,9 +42,7 @@ TEST_F(ReuseCommand, ResumesToTheSameBytes) {
   ASSERT_EQ(render("broken", "3:20").exit_code, 0);
   for (const char* name : {"broken/09.png", "broken/10.png", "broken/18.png"})
     std::filesystem::remove(path(name));
-  const ProcessResult again = render("broken", "3:20", {"--resume", "--threads", "1"});
-  ASSERT_EQ(again.exit_code, 0) << again.err;
-  const auto report = nlohmann::json::parse(again.out);
+  const auto report = results_of(render("broken", "3:20", {"--resume", "--threads", "1"}));
   EXPECT_EQ(report["frames_rendered"], 3);
   EXPECT_EQ(report["frames_rendered_again"], 6 + 2);
   EXPECT_GT(report["projected_subpixels"], 0);

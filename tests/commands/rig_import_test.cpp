@@ -38,19 +38,16 @@ TEST_F(RigImport, GivesNoHintForTheUsualViewOrder) {
 TEST_F(RigImport, KeepsTheOldRig) {
   ASSERT_EQ(import("").exit_code, 0);
   ASSERT_EQ(run({"rig", "trim", path("rig.toml"), "--offset-by", "0.1"}).exit_code, 0);
-  const ProcessResult second = import(R"(, "flipImageX": 1)");
-  ASSERT_EQ(second.exit_code, 0) << second.err;
-  const auto done = nlohmann::json::parse(second.out);
+  const auto done = results_of(import(R"(, "flipImageX": 1)"));
   EXPECT_EQ(done.at("old_rig_kept_as"), path("rig.1.toml"));
   EXPECT_EQ(listing(), (std::vector<std::string>{"rig.1.toml", "rig.toml", "visual.json"}));
-  const ProcessResult shown = run({"rig", "show", path("rig.toml"), "--json"});
-  EXPECT_EQ(nlohmann::json::parse(shown.out).at("fingerprint"), done.at("fingerprint"))
+  EXPECT_EQ(results_of(run({"rig", "show", path("rig.toml"), "--json"})).at("fingerprint"),
+            done.at("fingerprint"))
       << "the trim of the rig before is not one of this rig";
 }
 
 TEST_F(RigImport, NamesAnOldRigOnlyIfThereWasOne) {
-  const ProcessResult first = import("");
-  EXPECT_TRUE(nlohmann::json::parse(first.out).at("old_rig_kept_as").is_null()) << first.out;
+  EXPECT_TRUE(results_of(import("")).at("old_rig_kept_as").is_null());
   const auto imported_to = [&](const std::string& name) {
     return run({"rig", "import", path("visual.json"), "-o", path(name)}).out;
   };

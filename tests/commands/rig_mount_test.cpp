@@ -34,9 +34,7 @@ TEST_F(RigMount, StatesThePanelAsTheViewerSeesIt) {
 }
 
 TEST_F(RigMount, RefusesUnknownMountingsAndNamesTheKnownOnes) {
-  const ProcessResult result = mount("upside down");
-  EXPECT_EQ(result.exit_code, 4) << result.err;
-  EXPECT_NE(result.err.find("180"), std::string::npos) << result.err;
+  expect_end(mount("upside down"), 4, "180");
   EXPECT_EQ(listing(), std::vector<std::string>{"rig.toml"});
 }
 

@@ -26,8 +26,7 @@ frames::WovenFrame drawn(uint64_t number) {
 class RingExamples : public CommandTest {
  protected:
   static std::string fingerprint() {
-    const ProcessResult shown = run({"rig", "show", kTiny, "--json"});
-    return nlohmann::json::parse(shown.out).at("fingerprint").get<std::string>();
+    return results_of(run({"rig", "show", kTiny, "--json"})).at("fingerprint").get<std::string>();
   }
 
   void expect_shown(std::vector<std::string> renderer) const {
@@ -73,9 +72,7 @@ TEST_F(RingExamples, AreRefusedForAnotherRig) {
        {std::vector<std::string>{RING_RENDERER_EXAMPLE},
         {"/usr/bin/python3", source_file("docs/examples/ring_renderer.py")}}) {
     renderer.insert(renderer.end(), {socket, "3", "0123456789abcdef"});
-    const ProcessResult refused = run_process(renderer);
-    EXPECT_EQ(refused.exit_code, 1);
-    EXPECT_NE(refused.err.find("the player's rig is"), std::string::npos) << refused.err;
+    expect_end(run_process(renderer), 1, "the player's rig is");
   }
 }
 

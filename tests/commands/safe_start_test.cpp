@@ -55,10 +55,8 @@ class SafeStart : public CommandTest {
 };
 
 TEST_F(SafeStart, ShowsATestCardWithTheReasonIfTheSourceCannotBeOpened) {
-  const ProcessResult played =
-      run_process(play({"--safe", "--duration", "1", "--record", "png:" + path("shown")}));
-  EXPECT_EQ(played.exit_code, 4) << played.err;
-  EXPECT_NE(played.err.find("film.png"), std::string::npos) << played.err;
+  expect_end(run_process(play({"--safe", "--duration", "1", "--record", "png:" + path("shown")})),
+             4, "film.png");
   EXPECT_TRUE(is_card("shown/00000000.png"));
   EXPECT_NE(stats().at("safe_start").at("problem").get<std::string>().find("film.png"),
             std::string::npos);

@@ -48,10 +48,8 @@ TEST_F(SceneCommand, ListsThePrimitivesOfEachScene) {
 }
 
 TEST_F(SceneCommand, TheSequenceIsOneFileAndItsCameraPath) {
-  const ProcessResult done = run({"scene", "tree", "--size", "2", "-o", path("tree.nff"),
-                                  "--camera", path("tree.camera"), "--json"});
-  ASSERT_EQ(done.exit_code, 0) << done.err;
-  const auto json = nlohmann::json::parse(done.out);
+  const auto json = results_of(run({"scene", "tree", "--size", "2", "-o", path("tree.nff"),
+                                    "--camera", path("tree.camera"), "--json"}));
   EXPECT_EQ(json["frames"], 612);
   EXPECT_EQ(json["primitives"], 15);
   EXPECT_EQ(json["camera"], path("tree.camera"));
@@ -100,10 +98,8 @@ TEST_F(SceneCommand, WritesMeshesAsGltfAndRefusesSpheres) {
 // ---- lenticule scene show
 
 TEST_F(SceneCommand, ShowsWhatAFileHolds) {
-  const ProcessResult result =
-      run({"scene", "show", source_file("tests/data/turning-box.gltf"), "--json"});
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  const auto json = nlohmann::json::parse(result.out);
+  const auto json =
+      results_of(run({"scene", "show", source_file("tests/data/turning-box.gltf"), "--json"}));
   EXPECT_GT(json["triangles"], 10);
   EXPECT_GT(json["vertices"], json["triangles"].get<int>() / 2);
   EXPECT_EQ(json["cameras"].size(), 1U);

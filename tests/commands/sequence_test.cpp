@@ -25,9 +25,7 @@ class SequenceCommand : public CommandTest {
 
 TEST_F(SequenceCommand, IsRenderedInTwoRunsAndConvertedToTheSamePictures) {
   ASSERT_EQ(render("3:5", "film.lts").exit_code, 0);
-  const ProcessResult second = render("3:7", "film.lts");
-  ASSERT_EQ(second.exit_code, 0) << second.err;
-  EXPECT_EQ(nlohmann::json::parse(second.out)["frames_skipped"], 2);
+  EXPECT_EQ(results_of(render("3:7", "film.lts"))["frames_skipped"], 2);
   ASSERT_EQ(render("3:7", "%02d.png").exit_code, 0);
   ASSERT_EQ(run({"convert", path("film.lts"), "-o", path("out%02d.png")}).exit_code, 0);
   EXPECT_FALSE(std::filesystem::exists(path("film.lts.part")));
@@ -42,11 +40,9 @@ TEST_F(SequenceCommand, IsPlayedAtItsRateAndCountsDamagedFrames) {
     file.seekp(static_cast<std::streamoff>(std::filesystem::file_size(path("film.lts"))) - 300);
     file.put('x');
   }
-  const ProcessResult played =
-      run({"play", path("film.lts"), "--rig", kTiny, "--display", "virtual", "--clock", "simulated",
-           "--loop", "2", "--slots", "2", "--json"});
-  ASSERT_EQ(played.exit_code, 0) << played.err;
-  const auto report = nlohmann::json::parse(played.out);
+  const auto report =
+      results_of(run({"play", path("film.lts"), "--rig", kTiny, "--display", "virtual", "--clock",
+                      "simulated", "--loop", "2", "--slots", "2", "--json"}));
   EXPECT_EQ(report["shown"], 8);
   EXPECT_EQ(report["content_rate"], "24");
   EXPECT_EQ(report["damaged_frames"], 2);
@@ -54,11 +50,8 @@ TEST_F(SequenceCommand, IsPlayedAtItsRateAndCountsDamagedFrames) {
 
 TEST_F(SequenceCommand, RefusesAnotherRigNamingBoth) {
   ASSERT_EQ(render("0:2", "film.lts").exit_code, 0);
-  const ProcessResult played =
-      run({"play", path("film.lts"), "--rig", kOther, "--display", "virtual"});
-  EXPECT_EQ(played.exit_code, 4);
-  EXPECT_NE(played.err.find("'tiny'"), std::string::npos) << played.err;
-  EXPECT_NE(played.err.find("'64 lenses"), std::string::npos) << played.err;
+  expect_end(run({"play", path("film.lts"), "--rig", kOther, "--display", "virtual"}), 4, "'tiny'",
+             "'64 lenses");
   EXPECT_EQ(render("0:4", "film.lts", kOther).exit_code, 4);
   EXPECT_TRUE(std::filesystem::exists(path("film.lts")));
 }
@@ -98,10 +91,7 @@ TEST_F(SequenceCommand, PlaysAFilmThatWasWovenBeforeTheRigWasTrimmed) {
       << "another trim is no other rig";
   EXPECT_EQ(run(play).err.find("trim"), std::string::npos);
   ASSERT_EQ(run({"rig", "trim", rig, "--reset"}).exit_code, 0);
-  const ProcessResult reset = run(play);
-  EXPECT_EQ(reset.exit_code, 0);
-  EXPECT_NE(reset.err.find("before the rig was trimmed by -0.01 lens"), std::string::npos)
-      << reset.err;
+  expect_end(run(play), 0, "before the rig was trimmed by -0.01 lens");
   // A film of another rig is still refused.
   EXPECT_EQ(run({"play", path("film.lts"), "--rig", kOther, "--display", "virtual"}).exit_code, 4);
 }
@@ -115,9 +105,7 @@ TEST_F(SequenceCommand, ARendererWithoutThePlayersTrimIsAccepted) {
                                       "--ring-timeout", "60", "-o", "ring:" + path("ring")});
   EXPECT_EQ(rendered.exit_code, 0) << rendered.err;
   const ProcessResult played = player.wait(std::chrono::seconds(60));
-  EXPECT_EQ(played.exit_code, 0) << played.err;
-  EXPECT_NE(played.err.find("before the rig was trimmed by +0.02 lens"), std::string::npos)
-      << played.err;
+  expect_end(played, 0, "before the rig was trimmed by +0.02 lens");
   const auto warnings = nlohmann::json::parse(played.out).at("rig_warnings");
   EXPECT_EQ(warnings.size(), 1u) << played.out;
 }
@@ -137,9 +125,7 @@ TEST_F(SequenceCommand, ALiveRendererAdaptsItsErrorToTheRate) {
   EXPECT_EQ(adapted.at("last_error"), 0.5);
   EXPECT_NE(rendered.err.find("tolerated error: 0.50 to 2.00 code values"), std::string::npos)
       << rendered.err;
-  const ProcessResult played = player.wait(std::chrono::seconds(60));
-  EXPECT_EQ(played.exit_code, 0) << played.err;
-  EXPECT_EQ(nlohmann::json::parse(played.out).at("shown"), 24);
+  EXPECT_EQ(results_of(player.wait(std::chrono::seconds(60))).at("shown"), 24);
 }
 
 TEST_F(SequenceCommand, AnotherFilmIsReplacedOnlyWithOverwrite) {
@@ -156,11 +142,8 @@ TEST_F(SequenceCommand, AnotherFilmIsReplacedOnlyWithOverwrite) {
     std::ifstream now(path("film.lts"), std::ios::binary);
     return std::string{std::istreambuf_iterator<char>(now), {}} == bytes;
   };
-  const ProcessResult scene = again("builtin:rings", kTiny, "film.lts");
-  EXPECT_EQ(scene.exit_code, 4);
-  EXPECT_NE(scene.err.find("made from builtin:demo, not from builtin:rings"), std::string::npos)
-      << scene.err;
-  EXPECT_NE(scene.err.find("--overwrite"), std::string::npos) << scene.err;
+  expect_end(again("builtin:rings", kTiny, "film.lts"), 4,
+             "made from builtin:demo, not from builtin:rings", "--overwrite");
   EXPECT_EQ(again("builtin:demo", kOther, "film.lts").exit_code, 4);
   EXPECT_TRUE(unchanged());
   EXPECT_EQ(again("builtin:rings", kTiny, "film.lts", {"--resume", "--overwrite"}).exit_code, 2);
@@ -183,9 +166,7 @@ TEST_F(SequenceCommand, PicturesOfAnotherPanelAndVideosAreReplacedOnlyWithOverwr
     return run(more);
   };
   EXPECT_EQ(again(kTiny).exit_code, 0);
-  const ProcessResult other = again(kOther);
-  EXPECT_EQ(other.exit_code, 4);
-  EXPECT_NE(other.err.find("00.png: exists already"), std::string::npos) << other.err;
+  expect_end(again(kOther), 4, "00.png: exists already");
   EXPECT_EQ(again(kOther, {"--overwrite"}).exit_code, 0);
   write("01.png", "not a picture");
   EXPECT_EQ(again(kOther).exit_code, 4);
@@ -252,17 +233,15 @@ TEST_F(SequenceCommand, TheNextRunRemovesFilesOfKilledWriters) {
 TEST_F(SequenceCommand, ConvertKeepsTheRigAndRefusesAWrongOne) {
   ASSERT_EQ(render("0:3", "%02d.png").exit_code, 0);
   EXPECT_EQ(run({"convert", path("%02d.png"), "--rig", kOther, "-o", path("a.lts")}).exit_code, 4);
-  const ProcessResult converted = run({"convert", path("%02d.png"), "--rig", kTiny, "--rate",
-                                       "24000/1001", "--json", "-o", path("a.lts")});
-  ASSERT_EQ(converted.exit_code, 0) << converted.err;
-  EXPECT_EQ(nlohmann::json::parse(converted.out)["frames_converted"], 3);
+  EXPECT_EQ(results_of(run({"convert", path("%02d.png"), "--rig", kTiny, "--rate", "24000/1001",
+                            "--json", "-o", path("a.lts")}))["frames_converted"],
+            3);
   EXPECT_EQ(run({"convert", path("a.lts"), "--frames", "1:9", "-o", path("b.lts")}).exit_code, 4);
   ASSERT_EQ(run({"convert", path("a.lts"), "--frames", "1:3", "-o", path("b.lts")}).exit_code, 0);
-  const ProcessResult played =
-      run({"play", path("b.lts"), "--rig", kTiny, "--frames", "2:3", "--display", "virtual",
-           "--clock", "simulated", "--duration", "0.01", "--json"});
-  ASSERT_EQ(played.exit_code, 0) << played.err;
-  EXPECT_EQ(nlohmann::json::parse(played.out)["shown"], 1);
+  EXPECT_EQ(
+      results_of(run({"play", path("b.lts"), "--rig", kTiny, "--frames", "2:3", "--display",
+                      "virtual", "--clock", "simulated", "--duration", "0.01", "--json"}))["shown"],
+      1);
 }
 
 TEST_F(SequenceCommand, TheCodecIsMeasured) {

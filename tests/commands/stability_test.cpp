@@ -26,9 +26,7 @@ TEST(Stability, PrintsOneRowOnRequest) {
 }
 
 TEST(Stability, AnUnknownRowIsAUsageErrorThatListsTheKnownOnes) {
-  const ProcessResult result = run({"bench", "stability", "--row", "weather"});
-  EXPECT_EQ(result.exit_code, 2);
-  EXPECT_NE(result.err.find("corners"), std::string::npos) << result.err;
+  expect_end(run({"bench", "stability", "--row", "weather"}), 2, "corners");
 }
 
 }  // namespace

@@ -242,10 +242,8 @@ TEST_F(Step, PlayersOfOneMachineNeedOnlyAUnixSocket) {
   ASSERT_TRUE(comes_true([&] { return all_are("in step"); }));
   expect_same_frames();
   EXPECT_EQ(step_of("follower").value("problem", "?"), "");
-  const ProcessResult second =
-      run(words("second", {"--leader", "--step-address", path("step.sock")}));
-  EXPECT_EQ(second.exit_code, 3) << second.err;
-  EXPECT_NE(second.err.find("already in use"), std::string::npos) << second.err;
+  expect_end(run(words("second", {"--leader", "--step-address", path("step.sock")})), 3,
+             "already in use");
 }
 
 TEST_F(Step, AFilmOfAnotherLengthIsNamed) {
@@ -264,9 +262,7 @@ TEST_F(Step, WrongFlagsAreRefusedWithTheRemedy) {
   write("short.key", "1234");
   write("list.toml", "[[item]]\nsource = \"film/%02d.png\"\n");
   const auto expect = [&](const std::vector<std::string>& step, int code, const std::string& text) {
-    const ProcessResult result = run(words("none", step));
-    EXPECT_EQ(result.exit_code, code) << result.err;
-    EXPECT_NE(result.err.find(text), std::string::npos) << result.err;
+    expect_end(run(words("none", step)), code, text);
   };
   expect({"--step-address", "127.0.0.1:7070"}, 2, "--step: needs either --leader or --follow");
   expect({"--leader", "--follow", "--step-address", "127.0.0.1:7070"}, 2, "needs either");
@@ -283,14 +279,12 @@ TEST_F(Step, WrongFlagsAreRefusedWithTheRemedy) {
          "other users of this machine may use the key");
   expect({"--leader", "--step-address", "./s", "--late", "hold"}, 2, "--late hold");
   expect({"--leader", "--step-address", "./s", "--clock", "simulated"}, 2, "--clock simulated");
-  const ProcessResult list = run({"play", path("list.toml"), "--rig", path("rig.toml"), "--step",
-                                  "wall", "--leader", "--step-address", "./s"});
-  EXPECT_EQ(list.exit_code, 2);
-  EXPECT_NE(list.err.find("is a list"), std::string::npos) << list.err;
-  const ProcessResult no_group = run({"play", path("film/%02d.png"), "--rig", path("rig.toml"),
-                                      "--leader", "--step-address", "./s"});
-  EXPECT_EQ(no_group.exit_code, 2);
-  EXPECT_NE(no_group.err.find("add --step GROUP"), std::string::npos) << no_group.err;
+  expect_end(run({"play", path("list.toml"), "--rig", path("rig.toml"), "--step", "wall",
+                  "--leader", "--step-address", "./s"}),
+             2, "is a list");
+  expect_end(run({"play", path("film/%02d.png"), "--rig", path("rig.toml"), "--leader",
+                  "--step-address", "./s"}),
+             2, "add --step GROUP");
 }
 
 }  // namespace

@@ -16,10 +16,10 @@ class TestCardCommand : public CommandTest {
 };
 
 TEST_F(TestCardCommand, IsShownOnAVirtualDisplayInThePanelsSize) {
-  const ProcessResult played = run({"play", "card", "--rig", rig, "--display", "virtual", "--loop",
-                                    "1", "--record", "png:" + path("shown"), "--json"});
-  ASSERT_EQ(played.exit_code, 0) << played.err;
-  EXPECT_EQ(nlohmann::json::parse(played.out).at("shown"), 1);
+  EXPECT_EQ(results_of(run({"play", "card", "--rig", rig, "--display", "virtual", "--loop", "1",
+                            "--record", "png:" + path("shown"), "--json"}))
+                .at("shown"),
+            1);
   const frames::WovenFrame card = frames::read_woven(path("shown/00000000.png"));
   ASSERT_EQ(card.width(), 1920);
   ASSERT_EQ(card.height(), 1080);
@@ -45,18 +45,15 @@ TEST_F(TestCardCommand, RecordingReportsTheNumberOfMissedFrames) {
 }
 
 TEST_F(TestCardCommand, IsShownUntilInterrupted) {
-  const ProcessResult played =
-      run({"play", "card", "--rig", rig, "--display", "virtual"},
-          {.interrupt_signal = SIGINT, .interrupt_after = std::chrono::milliseconds(1500)});
-  EXPECT_EQ(played.exit_code, 130) << played.err;
-  EXPECT_NE(played.err.find("interrupted"), std::string::npos) << played.err;
+  expect_end(run({"play", "card", "--rig", rig, "--display", "virtual"},
+                 {.interrupt_signal = SIGINT, .interrupt_after = std::chrono::milliseconds(1500)}),
+             130, "interrupted");
 }
 
 TEST_F(TestCardCommand, TimesOutIfTheNamedPanelIsMissing) {
-  const ProcessResult played = run({"play", "card", "--rig", rig, "--display", "kms:HDMI-A-99",
-                                    "--wait-for-panel", "1", "--stats", path("stats.json")});
-  EXPECT_EQ(played.exit_code, 3) << played.err;
-  EXPECT_NE(played.err.find("waiting for the panel"), std::string::npos) << played.err;
+  expect_end(run({"play", "card", "--rig", rig, "--display", "kms:HDMI-A-99", "--wait-for-panel",
+                  "1", "--stats", path("stats.json")}),
+             3, "waiting for the panel");
   const nlohmann::json stats = nlohmann::json::parse(std::ifstream(path("stats.json")));
   EXPECT_EQ(stats.at("outcome"), "waiting for the panel");
   EXPECT_EQ(stats.at("waiting_for").at("panel_missing"), true);

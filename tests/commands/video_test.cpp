@@ -74,9 +74,7 @@ TEST_F(VideoCommands, PlayShowsEveryFrameInEveryLoop) {
   make_clip("clip.mkv", kWidth, kHeight, 10);
   std::vector<std::string> words = play("clip.mkv");
   words.insert(words.end(), {"--clock", "simulated", "--loop", "3", "--json"});
-  const ProcessResult played = run(words);
-  ASSERT_EQ(played.exit_code, 0) << played.err;
-  const json statistics = json::parse(played.out);
+  const json statistics = results_of(run(words));
   EXPECT_EQ(statistics["shown"], 30);
   EXPECT_EQ(statistics["loops"], 3);
   EXPECT_EQ(statistics["content_rate"], "30");
@@ -93,9 +91,7 @@ TEST_F(VideoCommands, PlayRefusesOtherSizesAndSubsampledChroma) {
 
 TEST_F(VideoCommands, ProbeDescribesAClip) {
   make_clip("clip.mkv", 20, 10, 3, "--pixels yuv444p --matrix bt709 --range tv");
-  const ProcessResult probed = video({"probe", path("clip.mkv")});
-  ASSERT_EQ(probed.exit_code, 0) << probed.err;
-  const json stream = json::parse(probed.out)["streams"][0];
+  const json stream = results_of(video({"probe", path("clip.mkv")}))["streams"][0];
   EXPECT_EQ(stream["width"], 20);
   EXPECT_EQ(stream["rate"], json::parse("[30, 1]"));
   EXPECT_EQ(stream["sampling"], "4:4:4");

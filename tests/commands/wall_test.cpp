@@ -57,9 +57,8 @@ turn_degrees = -3
 };
 
 TEST_F(WallCommand, RendersOneSequencePerPanel) {
-  const ProcessResult result = render({"--frames", "0:2", "-o", path("film"), "--json"});
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  const json panels = json::parse(result.out).at("panels");
+  const json panels =
+      results_of(render({"--frames", "0:2", "-o", path("film"), "--json"})).at("panels");
   ASSERT_EQ(panels.size(), 2U);
   for (const json& panel : panels) {
     const std::string name = panel.at("panel");
@@ -84,10 +83,8 @@ TEST_F(WallCommand, RendersOnePanelWithTheBytesThatTheWholeWallHas) {
 
 TEST_F(WallCommand, WritesTheRigsThatTheFilmsAreMadeFor) {
   ASSERT_EQ(render({"-o", path("film"), "--json"}).exit_code, 0);
-  const ProcessResult result = run({"rig", "wall", path("wall.toml"), "--rigs", path("rigs"),
-                                    "--svg", path("wall.svg"), "--json"});
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  const json wall = json::parse(result.out);
+  const json wall = results_of(run({"rig", "wall", path("wall.toml"), "--rigs", path("rigs"),
+                                    "--svg", path("wall.svg"), "--json"}));
   EXPECT_EQ(wall.at("gaps").size(), 1U);
   // 25 mm between the centres, less the width of a turned panel.
   EXPECT_NEAR(wall.at("gaps")[0].at("gap_mm"), 25.0 - 24.0 * std::cos(3.0 * 3.14159265 / 180.0),
@@ -139,10 +136,10 @@ class WallPlay : public WallCommand {
 };
 
 TEST_F(WallPlay, OnePlayerShowsTheFilmsOfAllPanels) {
-  const ProcessResult result =
-      play_wall({path("film.lts"), "--loop", "2", "--record", "png:" + path("shown"), "--json"});
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_EQ(json::parse(result.out).at("shown"), 6);
+  EXPECT_EQ(results_of(play_wall({path("film.lts"), "--loop", "2", "--record",
+                                  "png:" + path("shown"), "--json"}))
+                .at("shown"),
+            6);
   ASSERT_EQ(run({"rig", "wall", path("wall.toml"), "--rigs", path("rigs")}).exit_code, 0);
   for (const std::string name : {"left", "right"}) {
     const ProcessResult alone =
@@ -174,25 +171,17 @@ TEST_F(WallPlay, ListsAndBlackFramesAreForAllPanels) {
 TEST_F(WallPlay, FilmsThatDoNotBelongTogetherAreRefused) {
   ASSERT_EQ(render({"--panel", "right", "--frames", "0:2", "-o", path("short.lts")}).exit_code, 0);
   std::filesystem::rename(path("short-right.lts"), path("film-right.lts"));
-  const ProcessResult shorter = play_wall({path("film.lts")});
-  EXPECT_EQ(shorter.exit_code, 4);
-  EXPECT_NE(shorter.err.find("film-left.lts has 3 frames, and "), std::string::npos) << shorter.err;
+  expect_end(play_wall({path("film.lts")}), 4, "film-left.lts has 3 frames, and ");
   std::filesystem::copy_file(path("film-left.lts"), path("film-right.lts"),
                              std::filesystem::copy_options::overwrite_existing);
-  const ProcessResult other = play_wall({path("film.lts")});
-  EXPECT_EQ(other.exit_code, 4);
-  EXPECT_NE(other.err.find("film-right.lts: was woven for rig"), std::string::npos) << other.err;
+  expect_end(play_wall({path("film.lts")}), 4, "film-right.lts: was woven for rig");
 }
 
 TEST_F(WallPlay, RefusesWhatNeedsOneRig) {
   for (const std::string source : {"views", "ring:socket", "film.mkv"}) {
-    const ProcessResult result = play_wall({source});
-    EXPECT_EQ(result.exit_code, 2) << source << ": " << result.err;
-    EXPECT_NE(result.err.find("cannot be played on a wall"), std::string::npos) << result.err;
+    expect_end(play_wall({source}), 2, "cannot be played on a wall");
   }
-  const ProcessResult trim = play_wall({path("film.lts"), "--trim"});
-  EXPECT_EQ(trim.exit_code, 2);
-  EXPECT_NE(trim.err.find("--trim: needs one rig"), std::string::npos) << trim.err;
+  expect_end(play_wall({path("film.lts"), "--trim"}), 2, "--trim: needs one rig");
   EXPECT_EQ(play_wall({path("film.lts"), "--rig", path("rig.toml")}).exit_code, 2);
 }
 
@@ -220,20 +209,14 @@ TEST_F(WallPlay, ASnapshotShowsOnePanelAndWhatAnEyeSeesOnIt) {
        {std::vector<std::string>{}, {"--panel", "middle"}}) {
     std::vector<std::string> words = wrong;
     words.insert(words.begin(), path("wrong.png"));
-    const ProcessResult result = snapshot(words);
-    EXPECT_EQ(result.exit_code, 2) << result.err;
-    EXPECT_NE(result.err.find("left, right"), std::string::npos) << result.err;
+    expect_end(snapshot(words), 2, "left, right");
   }
 }
 
 TEST_F(WallCommand, ExplainsWrongFlags) {
   EXPECT_EQ(render({"--rig", path("rig.toml"), "-o", path("a.png")}).exit_code, 2);
-  const ProcessResult unknown = render({"--panel", "middle", "-o", path("a.png")});
-  EXPECT_EQ(unknown.exit_code, 2);
-  EXPECT_NE(unknown.err.find("left, right"), std::string::npos) << unknown.err;
-  const ProcessResult ring = render({"-o", "ring:" + path("socket")});
-  EXPECT_EQ(ring.exit_code, 2);
-  EXPECT_NE(ring.err.find("--panel"), std::string::npos) << ring.err;
+  expect_end(render({"--panel", "middle", "-o", path("a.png")}), 2, "left, right");
+  expect_end(render({"-o", "ring:" + path("socket")}), 2, "--panel");
 }
 
 }  // namespace

@@ -15,7 +15,6 @@ class Web : public WebTest {
  protected:
   void SetUp() override {
     WebTest::SetUp();
-    std::filesystem::create_directories(path("media"));
     write_film("film", 10);
     ASSERT_EQ(run({"convert", path("film/%03d.png"), "--rig", path("rig.toml"), "-o",
                    path("media/a.lts")})
@@ -26,9 +25,16 @@ class Web : public WebTest {
           "loop = \"forever\"\n[[item]]\nsource = \"a.lts\"\nloops = 5\n"
           "[[item]]\nsource = \"b.lts\"\nloops = 5\n");
   }
-  void play() {
-    start(play_words(path("media/list.toml"), {"--slots", "12"}));
+  void play() { play(path("media/list.toml")); }
+  void play(const std::string& source) {
+    start(play_words(source, {"--slots", "12"}));
     ASSERT_TRUE(comes_true([&] { return frames_shown() > 3; }));
+  }
+  /// Starts the server beside the player, which plays the list unless it plays already.
+  void serve(const std::vector<std::string>& more = {}) {
+    if (!player_) play();
+    start_web(more);
+    connect();
   }
 };
 

@@ -22,9 +22,7 @@ namespace {
 using nlohmann::ordered_json;
 
 TEST_F(Web, AnUploadContinuesWhereItEnded) {
-  play();
-  start_web();
-  connect();
+  serve();
   std::ifstream in(path("media/a.lts"), std::ios::binary);
   const std::string film((std::istreambuf_iterator<char>(in)), {});
   const std::string total = std::to_string(film.size());
@@ -67,9 +65,7 @@ TEST_F(Web, AnUploadContinuesWhereItEnded) {
 }
 
 TEST_F(Web, AnUploadReplacesAFileOnDemandIfItPlaysAndKeepsTheOldOne) {
-  play();
-  start_web();
-  connect();
+  serve();
   write_film("other", 5);
   ASSERT_EQ(
       run({"convert", path("other/%03d.png"), "--rig", path("rig.toml"), "-o", path("new.lts")})
@@ -99,9 +95,7 @@ TEST_F(Web, AListThatSomebodyWroteIsKeptAsItWas) {
   for (int k = 10; k < 30; ++k)
     write("state/lists/10000000000" + std::to_string(k) + ".toml", "# 0 desk\n[[item]]\n");
   write("media/list.toml", by_hand + "source = \"a.lts\"\n");
-  play();
-  start_web();
-  connect();
+  serve();
   ordered_json list = api("GET", "list");
   EXPECT_EQ(list["by_hand"], true);
   for (int k = 0; k < 2; ++k) {
@@ -120,9 +114,7 @@ TEST_F(Web, AListThatSomebodyWroteIsKeptAsItWas) {
 }
 
 TEST_F(Web, AListWithoutAnItemThatPlaysIsRefused) {
-  play();
-  start_web();
-  connect();
+  serve();
   write("media/no.lts", "not a film");
   ordered_json list = api("GET", "list");
   const ordered_json before = list["items"];
@@ -150,10 +142,8 @@ TEST_F(Web, AListWithoutAnItemThatPlaysIsRefused) {
 }
 
 TEST_F(Web, AFolderThatPlaysIsShownAndItsFilesAreDeleted) {
-  start(play_words(path("media/"), {"--slots", "12"}));
-  ASSERT_TRUE(comes_true([&] { return frames_shown() > 3; }));
-  start_web();
-  connect();
+  play(path("media/"));
+  serve();
   ordered_json list;
   // The player plays a file that is new in the folder when it has stopped growing.
   ASSERT_TRUE(comes_true([&] {
@@ -172,8 +162,7 @@ TEST_F(Web, AListThatCannotBeReadForbidsNoDeletion) {
   play();
   std::filesystem::resize_file(path("media/list.toml"), (1 << 20) + 1);
   write("media/c.lts", "not a film");
-  start_web();
-  connect();
+  serve();
   EXPECT_EQ(api("GET", "list")["editable"], false);
   EXPECT_EQ(ask("DELETE", "/api/v1/media/c.lts").status, 200);
 }
@@ -194,10 +183,8 @@ TEST_F(Web, AReplacementThatACrashInterruptedIsFinished) {
 
 TEST_F(Web, AListThatWasNamedFromAnotherFolderIsEdited) {
   const std::string relative = std::filesystem::relative(path("media/list.toml")).string();
-  start(play_words(relative, {"--slots", "12"}));
-  ASSERT_TRUE(comes_true([&] { return frames_shown() > 3; }));
-  start_web();
-  connect();
+  play(relative);
+  serve();
   ordered_json list = api("GET", "list");
   EXPECT_EQ(list["editable"], true);
   EXPECT_EQ(list["items"][0]["source"], path("media/a.lts"));
@@ -226,9 +213,7 @@ TEST_F(Web, AFileAboveTheLimitIsRefused) {
 }
 
 TEST_F(Web, AListIsReorderedAndABrokenOnePutBack) {
-  play();
-  start_web();
-  connect();
+  serve();
   ordered_json list = api("GET", "list");
   ASSERT_EQ(list["items"].size(), 2u);
   EXPECT_EQ(list["editable"], true);
@@ -249,9 +234,7 @@ TEST_F(Web, AListIsReorderedAndABrokenOnePutBack) {
 }
 
 TEST_F(Web, ABlackFrameIsShownAndThenThePlaceBefore) {
-  play();
-  start_web();
-  connect();
+  serve();
   (void)api("POST", "pause");
   EXPECT_EQ(api("POST", "seek", R"({"item": 1})")["item"], 1);
   ASSERT_TRUE(comes_true([&] { return says_about("displayed", "b.lts"); }));
@@ -269,9 +252,7 @@ TEST_F(Web, ABlackFrameIsShownAndThenThePlaceBefore) {
 }
 
 TEST_F(Web, BackWithoutAnInterruptionIsAConflict) {
-  play();
-  start_web();
-  connect();
+  serve();
   const HttpAnswer back = ask("POST", "/api/v1/back");
   EXPECT_EQ(back.status, 409) << back.body;
   EXPECT_NE(back.body.find("nothing is interrupted"), std::string::npos) << back.body;
@@ -286,8 +267,7 @@ TEST_F(Web, AListThatWaitsForItsScheduleSaysSo) {
         "loop = \"forever\"\n[[item]]\nsource = \"a.lts\"\n[item.schedule]\nfrom = \"" + hour +
             ":00\"\nto = \"" + hour + ":59\"\n");
   start(play_words(path("media/list.toml"), {"--slots", "12"}));
-  start_web();
-  connect();
+  serve();
   EXPECT_TRUE(comes_true([&] {
     return api("GET", "health")["sentences"].dump().find("no item is scheduled") !=
            std::string::npos;
@@ -295,9 +275,7 @@ TEST_F(Web, AListThatWaitsForItsScheduleSaysSo) {
 }
 
 TEST_F(Web, ABlankPanelOfAnotherClientEndsOnThePage) {
-  play();
-  start_web();
-  connect();
+  serve();
   ASSERT_TRUE(asked({"blank"}).is_object());
   ASSERT_TRUE(comes_true([&] { return api("GET", "state")["shown_instead"] == "black"; }));
   (void)api("POST", "show", R"({"what": "content"})");
@@ -306,9 +284,7 @@ TEST_F(Web, ABlankPanelOfAnotherClientEndsOnThePage) {
 }
 
 TEST_F(Web, TrimsAreUndoneNamedAndRestored) {
-  play();
-  start_web();
-  connect();
+  serve();
   const double before = api("GET", "trim")["offset_lenses"].get<double>();
   EXPECT_NEAR(api("POST", "trim", R"({"offset_by_lenses": 0.05})")["offset_lenses"].get<double>(),
               before + 0.05, 1e-9);
@@ -324,9 +300,7 @@ TEST_F(Web, TrimsAreUndoneNamedAndRestored) {
 }
 
 TEST_F(Web, PicturesShowTheDisplayedFrame) {
-  play();
-  start_web();
-  connect();
+  serve();
   for (const char* address : {"/api/v1/frame.jpg?width=64", "/api/v1/eye.jpg?x=5&z=500&width=64"}) {
     const HttpAnswer answer = ask("GET", address);
     ASSERT_EQ(answer.status, 200) << answer.body;
@@ -344,9 +318,7 @@ TEST_F(Web, PicturesShowTheDisplayedFrame) {
 }
 
 TEST_F(Web, ACodeOnThePanelNamesNoTokenAndIsWithheldFromGuests) {
-  play();
-  start_web();
-  connect();
+  serve();
   const std::string text = "token=01234567";  // a longer one does not fit into 32 rows
   const ProcessResult guest = run({"web", "token", "add", "guest", "--rights", "see", "--state",
                                    path("state"), "--base", "http://panel"});

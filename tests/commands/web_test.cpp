@@ -44,9 +44,7 @@ TEST_F(Web, TheDescriptionListsEveryAddressWithItsRights) {
 }
 
 TEST_F(Web, EveryAnswerIsAsTheDescriptionSays) {
-  play();
-  start_web();
-  connect();
+  serve();
   const ordered_json document = description();
   const std::map<std::string, std::string> bodies = {
       {"post /api/v1/seek", R"({"item": 1, "frame": 2})"},
@@ -148,9 +146,7 @@ TEST_F(Web, PagesAreSmallAndReferToThisServerOnly) {
 }
 
 TEST_F(Web, PathsLeadNowhereElse) {
-  play();
-  start_web();
-  connect();
+  serve();
   write("secret.lts", "secret");
   for (const std::string name :
        {"..%2Fsecret.lts", "%2e%2e%2fsecret.lts", "../secret.lts", "..", ".", "%2Fetc%2Fpasswd",
@@ -177,9 +173,7 @@ TEST_F(Web, PathsLeadNowhereElse) {
 }
 
 TEST_F(Web, EventsTellWhatChanges) {
-  play();
-  start_web();
-  connect();
+  serve();
   HttpClient page(port_);
   page.say("GET /api/v1/events HTTP/1.1\r\nHost: a\r\nAuthorization: Bearer " + token_ +
            "\r\n\r\n");
@@ -193,9 +187,7 @@ TEST_F(Web, EventsTellWhatChanges) {
 }
 
 TEST_F(Web, MetricsHaveTheFormOfPrometheus) {
-  play();
-  start_web({"--textfile", path("lenticule.prom")});
-  connect();
+  serve({"--textfile", path("lenticule.prom")});
   std::string text;
   ASSERT_TRUE(comes_true([&] {
     text = ask("GET", "/metrics").body;
@@ -245,13 +237,8 @@ TEST_F(Web, TokensAreAddedListedAndRevoked) {
 }
 
 TEST_F(Web, AnAddressBeforeTheFirstStartSaysWhatIsMissing) {
-  const ProcessResult none = run({"web", "address", "--state", path("state")});
-  EXPECT_EQ(none.exit_code, 1);
-  EXPECT_NE(none.err.find("no tokens yet"), std::string::npos) << none.err;
-  EXPECT_NE(none.err.find("token add"), std::string::npos) << none.err;
-  const ProcessResult shown = run({"ctl", "--socket", path("c.sock"), "show-address"});
-  EXPECT_EQ(shown.exit_code, 2);
-  EXPECT_NE(shown.err.find("before the pipe"), std::string::npos) << shown.err;
+  expect_end(run({"web", "address", "--state", path("state")}), 1, "no tokens yet", "token add");
+  expect_end(run({"ctl", "--socket", path("c.sock"), "show-address"}), 2, "before the pipe");
 }
 
 TEST_F(Web, TheCodeInATerminalIsThatOfTheAddress) {
@@ -264,10 +251,9 @@ TEST_F(Web, TheCodeInATerminalIsThatOfTheAddress) {
 }
 
 TEST_F(Web, FlagsThatOpenTheServerNeedLan) {
-  const ProcessResult refused =
-      run({"web", "--socket", path("c.sock"), "--state", path("state"), "--listen", "0.0.0.0:0"});
-  EXPECT_EQ(refused.exit_code, 2);
-  EXPECT_NE(refused.err.find("--lan"), std::string::npos) << refused.err;
+  expect_end(
+      run({"web", "--socket", path("c.sock"), "--state", path("state"), "--listen", "0.0.0.0:0"}),
+      2, "--lan");
   EXPECT_EQ(run({"web", "--state", path("state")}).exit_code, 2) << "no player named";
 }
 

@@ -128,12 +128,10 @@ TEST_F(WindowDisplay, ClosesWithThePlayer) {
 }
 
 TEST_F(WindowDisplay, NeedsADesktop) {
-  const ProcessResult result =
-      run_process({"/usr/bin/env", "-u", "DISPLAY", "-u", "WAYLAND_DISPLAY", "-u",
-                   "SDL_VIDEODRIVER", LENTICULE_PROGRAM, "play", path("woven.png"), "--rig",
-                   path("rig.toml"), "--display", "window"});
-  EXPECT_EQ(result.exit_code, 3) << result.err;
-  EXPECT_NE(result.err.find("desktop session"), std::string::npos) << result.err;
+  expect_end(run_process({"/usr/bin/env", "-u", "DISPLAY", "-u", "WAYLAND_DISPLAY", "-u",
+                          "SDL_VIDEODRIVER", LENTICULE_PROGRAM, "play", path("woven.png"), "--rig",
+                          path("rig.toml"), "--display", "window"}),
+             3, "desktop session");
 }
 
 TEST_F(WindowDisplay, RefusesFlagsThatAWindowCannotFollow) {
@@ -143,9 +141,7 @@ TEST_F(WindowDisplay, RefusesFlagsThatAWindowCannotFollow) {
     std::vector<std::string> words = {"play",           path("woven.png"), "--rig",
                                       path("rig.toml"), "--display",       "window"};
     words.insert(words.end(), more.begin(), more.end());
-    const ProcessResult result = run(words);
-    EXPECT_EQ(result.exit_code, 2) << result.err;
-    EXPECT_NE(result.err.find(more[0]), std::string::npos) << result.err;
+    expect_end(run(words), 2, more[0]);
   }
 }
 

@@ -67,16 +67,11 @@ TEST_F(FarmCommand, AScenePictureOrRigThatChangesAfterThePlanIsRefused) {
   ASSERT_EQ(planned.exit_code, 0) << planned.err;
   ASSERT_EQ(render_chunk(0).exit_code, 0);
   ASSERT_EQ(run({"rig", "trim", path("rig.toml"), "--offset-by", "0.01"}).exit_code, 0);
-  const ProcessResult trimmed = render_chunk(1);
-  EXPECT_EQ(trimmed.exit_code, 4);
-  EXPECT_NE(trimmed.err.find("the rig is not the one of the plan"), std::string::npos)
-      << trimmed.err;
+  expect_end(render_chunk(1), 4, "the rig is not the one of the plan");
   EXPECT_EQ(status().at("chunks_failed"), 1);
   ASSERT_EQ(run({"rig", "trim", path("rig.toml"), "--reset"}).exit_code, 0);
   ASSERT_EQ(run({"scene", "rings", "-o", path("scene.nff")}).exit_code, 0);
-  const ProcessResult other = render_chunk(1);
-  EXPECT_EQ(other.exit_code, 4);
-  EXPECT_NE(other.err.find("the scene is not the one of the plan"), std::string::npos) << other.err;
+  expect_end(render_chunk(1), 4, "the scene is not the one of the plan");
 }
 
 TEST_F(FarmCommand, PlanningAgainKeepsThePlanAndAnotherFilmIsRefused) {
@@ -92,9 +87,7 @@ TEST_F(FarmCommand, PlanningAgainKeepsThePlanAndAnotherFilmIsRefused) {
 }
 
 TEST_F(FarmCommand, AutomaticChunksAreChosenFromTimedFrames) {
-  const ProcessResult result = run(plan_words("0:40", "auto", {"--json"}));
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  const json planned = json::parse(result.out);
+  const json planned = results_of(run(plan_words("0:40", "auto", {"--json"})));
   EXPECT_GT(planned.at("frame_seconds"), 0.0);
   EXPECT_EQ(planned.at("chunks"), 1) << "40 small frames take no minutes";
   EXPECT_EQ(run(plan_words("0:40", "auto", {"--timed-frames", "0"})).exit_code, 2);
@@ -168,10 +161,7 @@ TEST_F(FarmCommand, RenderHasAnExitCodeOfItsOwnWhenAnotherNodesBytesDiffer) {
   std::ofstream(work() + "/chunks/000000-" + std::string(32, '0') + ".lts") << "abc";
   std::ofstream(report_file) << other.dump();
   slow.signal(SIGCONT);
-  const ProcessResult differs = slow.wait(std::chrono::seconds(300));
-  EXPECT_EQ(differs.exit_code, 5) << differs.err;
-  EXPECT_NE(differs.err.find("other bytes than node-with-a-fault"), std::string::npos)
-      << differs.err;
+  expect_end(slow.wait(std::chrono::seconds(300)), 5, "other bytes than node-with-a-fault");
   const json now = status();
   EXPECT_EQ(now.at("differing"), json::array({0}));
   EXPECT_EQ(now.at("nodes").at(0).at("node"), "node-with-a-fault") << "the first result stays";
@@ -218,9 +208,7 @@ TEST_F(FarmCommand, FeedShowsTheFirstChunkWhileTheOthersAreMissing) {
                "simulated", "--prime", "1", "--wait", "600", "--duration", "2", "--json"}));
   BackgroundProcess feed(
       program({"farm", "feed", work(), "ring:" + path("ring"), "--ring-timeout", "600", "--json"}));
-  const ProcessResult played = player.wait(std::chrono::seconds(600));
-  ASSERT_EQ(played.exit_code, 0) << played.err;
-  EXPECT_GT(json::parse(played.out).at("shown"), 0);
+  EXPECT_GT(results_of(player.wait(std::chrono::seconds(600))).at("shown"), 0);
   feed.signal(SIGINT);
   const ProcessResult fed = feed.wait(std::chrono::seconds(60));
   EXPECT_EQ(fed.exit_code, 130) << fed.err;

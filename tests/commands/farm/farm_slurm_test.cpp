@@ -177,9 +177,7 @@ TEST_F(FarmSlurm, RendersAndMergesAFilmOnTwoNodes) {
   EXPECT_EQ(jobs.at("array_jobs").size(), 2U);
   ASSERT_TRUE(jobs.at("merge_job").is_number());
   // What is in the queue is not submitted twice.
-  const ProcessResult again = submit();
-  ASSERT_EQ(again.exit_code, 0) << again.err;
-  EXPECT_LT(json::parse(again.out).at("chunks_submitted"), 4) << again.out;
+  EXPECT_LT(results_of(submit()).at("chunks_submitted"), 4);
   ASSERT_TRUE(queue_becomes_empty());
   const json done = status();
   EXPECT_EQ(done.at("complete"), true) << done.dump(1);
@@ -196,9 +194,7 @@ TEST_F(FarmSlurm, SubmitsOnlyWhatIsMissing) {
   EXPECT_NE(dry.out.find("--array=0-2"), std::string::npos) << dry.out;
   EXPECT_NE(dry.out.find("#SBATCH --requeue"), std::string::npos) << dry.out;
   EXPECT_EQ(cluster_->queued(), 0);
-  const ProcessResult submitted = submit();
-  ASSERT_EQ(submitted.exit_code, 0) << submitted.err;
-  EXPECT_EQ(json::parse(submitted.out).at("chunks_submitted"), 3);
+  EXPECT_EQ(results_of(submit()).at("chunks_submitted"), 3);
   ASSERT_TRUE(queue_becomes_empty());
   EXPECT_EQ(film(), film_of_one_run("0:40"));
 }
@@ -294,8 +290,7 @@ TEST_F(FarmSlurm, SubmitCancelsHeldTasksThatTheUserMayNotReleaseAndSubmitsTheirC
   cluster_->let_launches_fail(false);
   cluster_->resume_drained_nodes();
   const ProcessResult again = submit_without_right_to_release();
-  ASSERT_EQ(again.exit_code, 0) << again.err;
-  EXPECT_NE(again.err.find("permission denied"), std::string::npos) << again.err;
+  expect_end(again, 0, "permission denied");
   const json report = json::parse(again.out);
   EXPECT_EQ(report.at("tasks_released"), 0) << again.out;
   EXPECT_GE(report.at("tasks_cancelled"), 1) << again.out;
@@ -314,8 +309,7 @@ TEST_F(FarmSlurm, AFailedChunkIsNamedByTheMergeAndSubmittedAgain) {
   EXPECT_EQ(status().at("chunks_failed"), 1);
   EXPECT_FALSE(std::filesystem::exists(path("film.lts")));
   std::filesystem::remove(work() + "/reports/000003.json");
-  const ProcessResult submitted = submit();
-  EXPECT_EQ(json::parse(submitted.out).at("chunks_submitted"), 1) << submitted.err;
+  EXPECT_EQ(results_of(submit()).at("chunks_submitted"), 1);
   ASSERT_TRUE(queue_becomes_empty());
   EXPECT_EQ(film(), film_of_one_run("0:40"));
 }

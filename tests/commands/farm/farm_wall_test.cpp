@@ -53,18 +53,14 @@ TEST_F(FarmWall, TheFilmOfAPanelHasTheBytesOfOneRun) {
 }
 
 TEST_F(FarmWall, WithoutTheNameOfAPanelThePlanIsRefused) {
-  const ProcessResult planned = plan_panel({});
-  EXPECT_EQ(planned.exit_code, 2);
-  EXPECT_NE(planned.err.find("--panel NAME"), std::string::npos) << planned.err;
+  expect_end(plan_panel({}), 2, "--panel NAME");
 }
 
 /// The scene is placed on the rectangle around all panels.
 TEST_F(FarmWall, AChunkIsRefusedAfterAnotherPanelWasMoved) {
   ASSERT_EQ(plan_panel({"--panel", "right"}).exit_code, 0);
   write_wall(-13.0);
-  const ProcessResult chunk = render_chunk(0);
-  EXPECT_EQ(chunk.exit_code, 4);
-  EXPECT_NE(chunk.err.find("the wall is not the one of the plan"), std::string::npos) << chunk.err;
+  expect_end(render_chunk(0), 4, "the wall is not the one of the plan");
 }
 
 }  // namespace
