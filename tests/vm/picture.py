@@ -31,13 +31,6 @@ class Picture:
         at = (y * self.width + x) * 3
         return Picture(self.width, self.height, self.rgb[:at] + bytes(colour) + self.rgb[at + 3:])
 
-    def xrgb(self):
-        """Returns the bytes of a tightly packed XRGB8888 buffer: blue, green, red, 255."""
-        packed = bytearray(b"\xff") * (self.width * self.height * 4)
-        for channel in range(3):
-            packed[2 - channel::4] = self.rgb[channel::3]
-        return bytes(packed)
-
     def ppm(self):
         return b"P6\n%d %d\n255\n" % (self.width, self.height) + self.rgb
 

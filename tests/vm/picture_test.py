@@ -72,9 +72,6 @@ class Pictures(unittest.TestCase):
     def test_another_size_differs_everywhere(self):
         self.assertEqual(picture.differing_pixels(picture.noise(4, 2, 1), picture.noise(2, 4, 1)), 8)
 
-    def test_xrgb_is_blue_green_red_in_memory(self):
-        self.assertEqual(picture.Picture(1, 1, bytes([1, 2, 3])).xrgb(), bytes([3, 2, 1, 255]))
-
 
 if __name__ == "__main__":
     unittest.main()

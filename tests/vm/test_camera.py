@@ -164,31 +164,28 @@ def restarted_counters_continue_counting(vm):
     set_control(vm, camera, "Wrap Sequence Number", 0)
 
 
-@vm_test(VIVID)
-def a_fatal_error_ends_the_stream_and_the_camera_opens_again(vm):
+def is_lost_and_opens_again(vm, button, said):
     camera = node_called(vm, WEBCAM)
     watching = watch(vm, camera, count=100000)
     watching.wait_for_line("streaming", 60)
-    set_control(vm, camera, "Inject Fatal Streaming Error", 1)
+    set_control(vm, camera, button, 1)
     result = watching.wait(60)
     assert result.code == 0, result
     report = Report(result.stdout)
-    assert report.one("gone") == f"{camera}: the stream broke: input/output error", report.text
+    assert report.one("gone") == f"{camera}: {said}", report.text
     assert report.one("ready") == "5, corrupt 0, timed out 0", report.text
+
+
+@vm_test(VIVID)
+def a_fatal_error_ends_the_stream_and_the_camera_opens_again(vm):
+    is_lost_and_opens_again(vm, "Inject Fatal Streaming Error",
+                            "the stream broke: input/output error")
 
 
 @vm_test(VIVID)
 def an_unplugged_camera_is_lost_and_opens_again(vm):
-    camera = node_called(vm, WEBCAM)
-    watching = watch(vm, camera, count=100000)
-    watching.wait_for_line("streaming", 60)
     # vivid connects itself again only after the last user has closed it.
-    set_control(vm, camera, "Disconnect", 1)
-    result = watching.wait(60)
-    assert result.code == 0, result
-    report = Report(result.stdout)
-    assert report.one("gone") == f"{camera}: unplugged", report.text
-    assert report.one("ready") == "5, corrupt 0, timed out 0", report.text
+    is_lost_and_opens_again(vm, "Disconnect", "unplugged")
 
 
 @vm_test(VIVID)

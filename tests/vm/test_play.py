@@ -5,7 +5,6 @@ import json
 import signal
 
 import picture
-import vkms
 from content import Content
 from playing import play, play_command, stats, wait_until_shown
 from vm_test import Machine, require_program, vm_test
@@ -43,16 +42,6 @@ def counts_each_frame_of_a_sequence_once(vm):
     assert done["outcome"] == "finished" and done["shown"] == 12, done
     assert done["kms"]["flips"] == 12, done["kms"]
     assert done["dropped"] == 0 and done["kms"]["modesets"] == 0, done
-
-
-@vm_test(Machine(display="bochs"))
-def bochs_shows_a_held_frame_exactly(vm):
-    check_held_frame(vm, Content(vm, 1920, 1080, 3), 2)
-
-
-@vm_test(Machine(display="virtio-gpu", width=3840, height=2160))
-def virtio_shows_a_held_frame_exactly_at_4k(vm):
-    check_held_frame(vm, Content(vm, 3840, 2160, 1), 0)
 
 
 @vm_test(VIRTIO)
@@ -97,18 +86,3 @@ def refuses_a_rig_of_another_size(vm):
     result = vm.run(play_command(vm, Content(vm, 1000, 712, 1)), 60)
     assert result.code == 4, result
     assert "1920x1080" in result.stderr, result.stderr
-
-
-# -- vkms ------------------------------------------------------------------------------------------
-
-VKMS = Machine(modules=("vkms",))
-
-
-@vm_test(VKMS)
-def vkms_writes_back_the_frame_that_is_held(vm):
-    capture = require_program(vm, "vm_writeback_capture")
-    content = Content(vm, 1920, 1080, 3)
-    player = play(vm, content, "--frames", "1:2", "--loop", "forever", "--fps", "0.1")
-    wait_until_shown(vm, player)
-    picture.assert_same(vkms.writeback(vm, player.pid, capture), content.frame(1))
-    assert player.running()

@@ -29,9 +29,6 @@
 namespace lenticule::vm {
 namespace {
 
-using lab::SimulatedBench;
-using lab::Trial;
-
 using calib::CameraPicture;
 using lab::SimulatedBench;
 using lab::Trial;
@@ -106,7 +103,7 @@ class PictureSender {
     output_.call(VIDIOC_S_DV_TIMINGS, &timings, "timings of the output");
     choose_format();
     output_.map_buffers();
-    output_.start(&bytes_);
+    output_.start(bytes_);
   }
 
   void send(const CameraPicture& picture) {

@@ -123,10 +123,10 @@ int send(const std::string& path, const std::string& format_name) {
   for (int y = 0; y < output_height; ++y)
     for (int x = 0; x < output_width; ++x) put_pixel(picture, got, x, y);
   output.map_buffers();
-  output.start(&picture);
+  output.start(picture);
   std::printf("sending\n");
   std::fflush(stdout);
-  while (true) output.next(false);
+  while (true) output.next();
 }
 
 // ---- watching -----------------------------------------------------------------------------------

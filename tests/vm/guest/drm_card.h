@@ -35,8 +35,6 @@ struct Freed {
 using Resources = std::unique_ptr<drmModeRes, Freed<drmModeFreeResources>>;
 using Connector = std::unique_ptr<drmModeConnector, Freed<drmModeFreeConnector>>;
 using Crtc = std::unique_ptr<drmModeCrtc, Freed<drmModeFreeCrtc>>;
-using PlaneResources = std::unique_ptr<drmModePlaneRes, Freed<drmModeFreePlaneResources>>;
-using Plane = std::unique_ptr<drmModePlane, Freed<drmModeFreePlane>>;
 using Properties = std::unique_ptr<drmModeObjectProperties, Freed<drmModeFreeObjectProperties>>;
 using Property = std::unique_ptr<drmModePropertyRes, Freed<drmModeFreeProperty>>;
 using AtomicRequest = std::unique_ptr<drmModeAtomicReq, Freed<drmModeAtomicFree>>;

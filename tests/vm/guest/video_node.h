@@ -61,8 +61,6 @@ class VideoNode {
     return got;
   }
 
-  [[nodiscard]] uint32_t frame_bytes() const { return frame_bytes_; }
-
   void map_buffers() {
     v4l2_requestbuffers request{};
     request.count = buffer_count;
@@ -79,22 +77,19 @@ class VideoNode {
     }
   }
 
-  void start(const std::vector<uint8_t>* contents) {
+  void start(const std::vector<uint8_t>& contents) {
     for (uint32_t i = 0; i < mapped_.size(); ++i) {
-      if (contents) std::memcpy(mapped_[i], contents->data(), contents->size());
+      std::memcpy(mapped_[i], contents.data(), contents.size());
       v4l2_buffer buffer = buffer_number(i);
       call(VIDIOC_QBUF, &buffer, "queue a buffer");
     }
     call(VIDIOC_STREAMON, &type_, "start");
   }
 
-  // Waits for the next completed buffer, returns it to the driver, and returns its pixels.
-  std::vector<uint8_t> next(bool copy) {
+  // Waits for the next completed buffer and returns it to the driver.
+  void next() {
     v4l2_buffer buffer = take_done();
-    std::vector<uint8_t> pixels;
-    if (copy) pixels.assign(mapped_[buffer.index], mapped_[buffer.index] + frame_bytes_);
     call(VIDIOC_QBUF, &buffer, "queue a buffer");
-    return pixels;
   }
 
   // Sends one picture. An output repeats its newest picture until the next one.
