@@ -174,6 +174,13 @@ std::array<float, 256> light_of_codes(const SimulatedPanelLink& link) {
   return light;
 }
 
+uint32_t haze_block(const optics::Panel& panel, double x_px, double y_px) {
+  const auto x = static_cast<int>(std::clamp(x_px, 0.0, panel.width_px - 1.0));
+  const auto y = static_cast<int>(std::clamp(y_px, 0.0, panel.height_px - 1.0));
+  const int columns = (panel.width_px + kHazeBlock - 1) / kHazeBlock;
+  return static_cast<uint32_t>(y / kHazeBlock * columns + x / kHazeBlock);
+}
+
 std::vector<float> block_light(const DrivenFrame& frame, const optics::Panel& panel,
                                const std::array<float, 256>& light) {
   const int columns = (panel.width_px + kHazeBlock - 1) / kHazeBlock;

@@ -54,8 +54,9 @@ void add_logo(const SimulatedPanelLink& link, const optics::Panel& panel, Driven
 [[nodiscard]] std::array<float, 256> light_of_codes(const SimulatedPanelLink& link);
 
 /// Side of the squares of block_light(), in pixels; block_light() returns the mean light of the
-/// squares, three channels each, row by row.
+/// squares, three channels each, row by row, and haze_block() the number of the square at a point.
 inline constexpr int kHazeBlock = 32;
+[[nodiscard]] uint32_t haze_block(const optics::Panel& panel, double x_px, double y_px);
 [[nodiscard]] std::vector<float> block_light(const DrivenFrame& frame, const optics::Panel& panel,
                                              const std::array<float, 256>& light);
 

@@ -33,18 +33,21 @@ struct Incidence {
 
 /// Traces the light behind the curved surface, down to the pixels.
 std::optional<Vec2> land_from_surface(const LensStack& stack, const Incidence& at) {
-  const double ratio = stack.lens_toward_panel ? stack.index : 1.0 / stack.index;
+  if (std::abs(at.point.x) > stack.pitch_mm / 2.0 * (1.0 - stack.valley) * (1.0 + 1e-12))
+    return std::nullopt;
+  const double into_gap = stack.index / stack.gap_index;
+  const double ratio = stack.lens_toward_panel ? into_gap : 1.0 / stack.index;
   const std::optional<Vec3> bent = refract(at.direction, at.normal, ratio);
   if (!bent || !(bent->z < 0)) return std::nullopt;
   if (stack.lens_toward_panel) {
-    const Vec3 landing = go_to_plane(at.point, *bent, -stack.air_gap_mm);
+    const Vec3 landing = go_to_plane(at.point, *bent, -stack.gap_mm);
     return Vec2{landing.x, landing.y};
   }
   const Vec3 face = go_to_plane(at.point, *bent, -stack.thickness_mm);
-  if (stack.air_gap_mm == 0.0) return Vec2{face.x, face.y};
-  const std::optional<Vec3> out = refract(*bent, kFlat, stack.index);
+  if (stack.gap_mm == 0.0) return Vec2{face.x, face.y};
+  const std::optional<Vec3> out = refract(*bent, kFlat, into_gap);
   if (!out) return std::nullopt;
-  const Vec3 landing = go_to_plane(face, *out, -stack.thickness_mm - stack.air_gap_mm);
+  const Vec3 landing = go_to_plane(face, *out, -stack.thickness_mm - stack.gap_mm);
   return Vec2{landing.x, landing.y};
 }
 
@@ -244,10 +247,24 @@ SheetShape::SheetShape(const optics::Panel& panel, const SimulatedSheet& sheet,
   if (sheet.bubbles > 0.0 || sheet.scratches > 0) scatter_bubbles();
 }
 
+SmoothField::Value SheetShape::deformation_at(double x, double y) const {
+  SmoothField::Value sum = deformation_.at(x, y);
+  const auto& b = sheet_.bend_lenses;
+  constexpr double kPi = std::numbers::pi;
+  const double sine = std::sin(2.0 * kPi * x), cosine = std::cos(kPi * y);
+  sum.value += b[0] * x * x + b[1] * x * y + b[2] * y * y + b[3] * x * x * x + b[4] * y * y * y +
+               b[5] * sine * cosine;
+  sum.slope_x += 2.0 * b[0] * x + b[1] * y + 3.0 * b[3] * x * x +
+                 b[5] * 2.0 * kPi * std::cos(2.0 * kPi * x) * cosine;
+  sum.slope_y +=
+      b[1] * x + 2.0 * b[2] * y + 3.0 * b[4] * y * y - b[5] * kPi * sine * std::sin(kPi * y);
+  return sum;
+}
+
 LocalLenses SheetShape::lenses_at(Vec2 point, int channel) const {
   const double x = point.x / half_width_mm_;
   const double y = point.y / half_height_mm_;
-  const SmoothField::Value deformed = deformation_.at(x, y);
+  const SmoothField::Value deformed = deformation_at(x, y);
   LocalLenses local;
   local.coordinate =
       gradient_.x * point.x + gradient_.y * point.y + sheet_.offset_lenses + deformed.value;
@@ -255,12 +272,14 @@ LocalLenses SheetShape::lenses_at(Vec2 point, int channel) const {
                     gradient_.y + deformed.slope_y / half_height_mm_};
   // 1/3 is the mean of (x^2 + y^2) / 2 over the panel.
   const double thicker = 1.0 + sheet_.gap_bow * (1.0 / 3.0 - (x * x + y * y) / 2.0);
-  local.stack = {1.0 / std::hypot(local.gradient.x, local.gradient.y),
-                 sheet_.radius_mm,
-                 sheet_.thickness_mm * thicker,
-                 sheet_.air_gap_mm * thicker,
-                 sheet_.index[static_cast<size_t>(channel)],
-                 sheet_.lens_toward_panel};
+  local.stack = {.pitch_mm = 1.0 / std::hypot(local.gradient.x, local.gradient.y),
+                 .radius_mm = sheet_.radius_mm,
+                 .thickness_mm = sheet_.thickness_mm * thicker,
+                 .index = sheet_.index[static_cast<size_t>(channel)],
+                 .gap_mm = sheet_.gap_mm * thicker,
+                 .gap_index = sheet_.gap_index,
+                 .lens_toward_panel = sheet_.lens_toward_panel,
+                 .valley = sheet_.valley};
   return local;
 }
 
@@ -384,7 +403,7 @@ Landings land_over_aperture(const LensStack& stack, Vec3 eye) {
   Landings landings;
   for (const Node& node : kHalfNodes) {
     for (const double side : {-1.0, 1.0}) {
-      const double height = side * node.place * stack.pitch_mm / 2.0;
+      const double height = side * node.place * (1.0 - stack.valley) * stack.pitch_mm / 2.0;
       const std::optional<ApertureRay> ray = aperture_ray(stack, height, eye);
       if (ray) landings.rays[landings.count++] = {ray->landing, ray->weight * node.weight};
     }

@@ -22,9 +22,11 @@ struct LensStack {
   double pitch_mm = 0.0;  ///< width of a lens, across it
   double radius_mm = 0.0;
   double thickness_mm = 0.0;
-  double air_gap_mm = 0.0;
   double index = 1.5;
+  double gap_mm = 0.0;  ///< between the sheet and the pixels
+  double gap_index = 1.0;
   bool lens_toward_panel = false;
+  double valley = 0.0;  ///< fraction of the pitch, around the borders, through which no ray passes
 };
 
 /// Returns the direction behind a surface with unit `normal` (against the ray), from index n1 into
@@ -104,9 +106,10 @@ struct Stance {
 /// up.
 class SheetShape {
  public:
-  SheetShape(const optics::Panel& panel, const SimulatedSheet& sheet, double thermal_stretch);
+  SheetShape(const optics::Panel& panel, const SimulatedSheet& sheet, double thermal_stretch = 0.0);
 
   [[nodiscard]] const SimulatedSheet& sheet() const { return sheet_; }
+  [[nodiscard]] const optics::Panel& panel() const { return panel_; }
   [[nodiscard]] LocalLenses lenses_at(Vec2 point, int channel) const;
   [[nodiscard]] Stance stance_at(Vec2 point) const;
   /// Returns the point where a line in space, coming from the viewer's side, meets the apex
@@ -119,6 +122,8 @@ class SheetShape {
     Vec2 centre;
     double radius = 0.0;
   };
+  /// Returns the deformation at a point with coordinates from -1 to 1.
+  [[nodiscard]] SmoothField::Value deformation_at(double x, double y) const;
   void scatter_bubbles();
   void mark_bubble(const Bubble& bubble);
   void scratch();

@@ -242,14 +242,6 @@ Footprint footprint_of(Vec2 top_left, Vec2 top_right, Vec2 bottom_left, Vec2 bot
           (bottom_left + bottom_right - top_left - top_right) * 0.5};
 }
 
-uint32_t haze_block_at(const optics::Panel& panel, Vec2 point) {
-  const double x = std::clamp(panel.x_px(point.x), 0.0, panel.width_px - 1.0);
-  const double y = std::clamp(panel.y_px(point.y), 0.0, panel.height_px - 1.0);
-  const int columns = (panel.width_px + kHazeBlock - 1) / kHazeBlock;
-  return static_cast<uint32_t>(static_cast<int>(y) / kHazeBlock * columns +
-                               static_cast<int>(x) / kHazeBlock);
-}
-
 float scale_of(const Scene& scene, int column, int row) {
   double scale = 1.0 / scene.camera.samples;
   if (scene.camera.vignetting) {
@@ -283,7 +275,8 @@ SampleRow trace_row(const Scene& scene, int row) {
     if (seen++ == 0) samples.first = column;
     samples.lit.push_back(PixelTracer(scene, footprint, column, row).trace(samples.subpixels));
     samples.scale.push_back(scale_of(scene, column, row));
-    samples.haze_block.push_back(haze_block_at(scene.panel, footprint.centre));
+    samples.haze_block.push_back(haze_block(scene.panel, scene.panel.x_px(footprint.centre.x),
+                                            scene.panel.y_px(footprint.centre.y)));
     panel_y += scene.panel.y_px(footprint.centre.y) / scene.panel.height_px;
   }
   if (seen > 0) samples.panel_y = std::clamp(panel_y / seen, 0.0, 1.0);

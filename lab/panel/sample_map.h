@@ -14,11 +14,6 @@
 
 namespace lenticule::lab {
 
-/// Light of each code of each display channel in each colour of the camera, per hit, if all rays of
-/// the pixel (samples) hit. With a mosaic, the value of the pixel's own colour is divided by
-/// kMosaicCopies.
-using LightTable = std::array<std::array<std::array<float, 256>, 3>, 3>;
-
 /// Number of copies of every ray of a mosaic pixel, moved along the lens, which is uniform along
 /// its axis. Without copies most rays would be lost on the two other colours, and white would look
 /// coarse. Rays that hit another colour than the pixel's are kept only once.
@@ -35,13 +30,6 @@ struct SampleRow {
   double panel_y =
       0.5;  ///< mean height on the panel of the points that the row sees, 0 top, 1 bottom
 };
-
-/// Returns the colour of a mosaic pixel (RGGB): 0 red, 1 green, 2 blue; green for a camera without
-/// mosaic.
-[[nodiscard]] inline int mosaic_colour(const SimulatedCamera& camera, int column, int row) {
-  if (!camera.bayer) return 1;
-  return (row & 1) + (column & 1);
-}
 
 /// Haze is scattered light: it reaches the camera from the neighbourhood instead of straight
 /// through the lens.

@@ -45,16 +45,6 @@ optics::Panel checked_panel(optics::Panel panel, const SimulatedSheet& sheet,
   return panel;
 }
 
-/// Returns the response of one colour of the camera to the colours of the display.
-std::array<double, 3> response_of(const SimulatedCamera& camera, size_t own) {
-  if (camera.bayer) return camera.response[own];
-  std::array<double, 3> sum{};
-  for (const std::array<double, 3>& row : camera.response) {
-    for (size_t channel = 0; channel < 3; ++channel) sum[channel] += row[channel];
-  }
-  return sum;
-}
-
 CameraFacts facts_of(const SimulatedCamera& camera) {
   CameraFacts facts;
   facts.name = "simulated camera";
@@ -82,29 +72,15 @@ SimulatedBench::SimulatedBench(const optics::Panel& panel, const SimulatedSheet&
       sensor_(camera, scramble(seed + 1)),
       facts_(facts_of(camera)),
       code_light_(light_of_codes(link)),
+      table_(light_table(camera, code_light_, 1.0 - sheet.black_matrix)),
       camera_starts_ms_(PortableRandom(seed).uniform(0.0, 1000.0 / camera.frames_per_second)) {
   const frames::WovenFrame black(geometry());
   current_.driven = drive(black.view(), Chroma::Full);
   previous_.driven = current_.driven;
-  make_light_table();
-}
-
-/// Makes the light table, scaled so that a white panel gives each colour of the camera its white
-/// light.
-void SimulatedBench::make_light_table() {
-  for (size_t own = 0; own < 3; ++own) {
-    const std::array<double, 3> response = response_of(camera_, own);
-    const double sum = response[0] + response[1] + response[2];
-    const double white = sum / 3.0 * (1.0 - sheet_.black_matrix);
-    const double scale = white > 0.0 ? camera_.white_light / white : 0.0;
-    for (size_t channel = 0; channel < 3; ++channel) {
-      const double hits = camera_.bayer && channel == own ? kMosaicCopies : 1.0;
-      for (size_t code = 0; code < 256; ++code) {
-        table_[own][channel][code] =
-            static_cast<float>(scale / hits * response[channel] * double{code_light_[code]});
-      }
-    }
-  }
+  // Hits of a mosaic pixel's own colour count in every copy.
+  if (camera.bayer)
+    for (size_t own = 0; own < 3; ++own)
+      for (float& light : table_[own][own]) light /= static_cast<float>(kMosaicCopies);
 }
 
 frames::FrameGeometry SimulatedBench::geometry() const {
@@ -225,8 +201,8 @@ GrabStatus SimulatedBench::grab(calib::CameraPicture& out, Nanoseconds timeout,
     out.time = nanoseconds_of_ms(start_ms + length_of_picture_ms() / 2.0);
     if (out.time < not_before) continue;
     expose(picture);
-    return sensor_.develop(exposed_, picture, out, threads_) ? GrabStatus::Ready
-                                                             : GrabStatus::Corrupt;
+    sensor_.develop(exposed_, picture, out, threads_);
+    return GrabStatus::Ready;
   }
 }
 

@@ -92,7 +92,6 @@ class SimulatedBench final : public frames::FrameSink, public calib::Camera {
         light;  // light of the camera's pixels; empty = not gathered from this viewpoint yet
   };
 
-  void make_light_table();
   void forget_viewpoint();
   void trace_if_needed();
   const std::vector<float>& light_of(ShownFrame& frame);
@@ -118,7 +117,7 @@ class SimulatedBench final : public frames::FrameSink, public calib::Camera {
   Sensor sensor_;
   calib::CameraFacts facts_;
   std::array<float, 256> code_light_;
-  LightTable table_{};
+  LightTable table_;                // light of a hit if all rays of the pixel (samples) hit
   std::unique_ptr<SampleMap> map_;  // map of the present viewpoint; null = not traced yet
 
   calib::Nanoseconds now_{0};

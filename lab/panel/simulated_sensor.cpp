@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Implements a pinhole camera with Brown's radial distortion, its noise and codes, and its JPEG
-// compression.
+// Implements a pinhole camera with Brown's radial distortion, its mosaic, noise and codes, and its
+// JPEG compression.
 #include "lab/panel/simulated_sensor.h"
 
 #include <turbojpeg.h>
@@ -10,10 +10,10 @@
 #include <memory>
 #include <numbers>
 
+#include "base/error.h"
 #include "base/parallel_rows.h"
 #include "frames/srgb.h"
 #include "lab/panel/portable_random.h"
-#include "lab/panel/sample_map.h"
 
 namespace lenticule::lab {
 
@@ -59,40 +59,89 @@ std::optional<Vec2> CameraRays::project(Vec3 point) const {
   return centre_px_ + tangent * (bent * focal_px_);
 }
 
-// Compresses and decompresses with libjpeg-turbo.
+LightTable light_table(const SimulatedCamera& camera, const std::array<float, 256>& light_of_codes,
+                       double lit_area) {
+  LightTable table{};
+  for (size_t own = 0; own < 3; ++own) {
+    std::array<double, 3> response{};
+    // A camera without mosaic has the sum of the responses of all colours.
+    for (size_t row = 0; row < 3; ++row)
+      for (size_t c = 0; c < 3; ++c)
+        if (row == own || !camera.bayer) response[c] += camera.response[row][c];
+    const double white = (response[0] + response[1] + response[2]) / 3.0 * lit_area;
+    const double scale = white > 0.0 ? camera.white_light / white : 0.0;
+    for (size_t c = 0; c < 3; ++c)
+      for (size_t code = 0; code < 256; ++code)
+        table[own][c][code] =
+            static_cast<float>(scale * response[c] * double{light_of_codes[code]});
+  }
+  return table;
+}
 
 namespace {
 
+/// Mirrors an index beyond the border, which keeps the mosaic's order.
+size_t mirrored(int index, int count) {
+  if (index < 0) return static_cast<size_t>(-index);
+  return static_cast<size_t>(index < count ? index : 2 * count - 2 - index);
+}
+
 struct CloseJpeg {
   void operator()(void* handle) const { tjDestroy(handle); }
-};
-using JpegHandle = std::unique_ptr<void, CloseJpeg>;
-
-struct FreeJpeg {
   void operator()(unsigned char* bytes) const { tjFree(bytes); }
 };
 
 }  // namespace
 
-bool jpeg_round_trip(std::vector<uint8_t>& codes, int width, int height, int channels,
-                     int quality) {
-  const int format = channels == 1 ? TJPF_GRAY : TJPF_RGB;
-  const int chroma = channels == 1 ? TJSAMP_GRAY : TJSAMP_420;
-  const JpegHandle writer(tjInitCompress());
-  const JpegHandle reader(tjInitDecompress());
-  if (!writer || !reader) return false;
-  unsigned char* made = nullptr;
-  unsigned long size = 0;
-  const int written = tjCompress2(writer.get(), codes.data(), width, 0, height, format, &made,
-                                  &size, chroma, quality, 0);
-  const std::unique_ptr<unsigned char, FreeJpeg> bytes(made);
-  if (written != 0) return false;
-  return tjDecompress2(reader.get(), bytes.get(), size, codes.data(), width, 0, height, format,
-                       0) == 0;
+void demosaic_row(const std::vector<float>& mosaic, int width, int height, int row, float* rgb) {
+  const auto stride = static_cast<size_t>(width);
+  const float* above = &mosaic[mirrored(row - 1, height) * stride];
+  const float* own = &mosaic[static_cast<size_t>(row) * stride];
+  const float* below = &mosaic[mirrored(row + 1, height) * stride];
+  for (int column = 0; column < width; ++column, rgb += 3) {
+    const size_t left = mirrored(column - 1, width);
+    const size_t right = mirrored(column + 1, width);
+    const auto at = static_cast<size_t>(column);
+    const float beside = (own[left] + own[right]) / 2.0F;
+    const float over = (above[at] + below[at]) / 2.0F;
+    const int colour = (row & 1) + (column & 1);
+    if (colour == 1) {  // green pixel: between two reds on even rows, between two blues on odd ones
+      rgb[0] = row % 2 == 0 ? beside : over;
+      rgb[1] = own[at];
+      rgb[2] = row % 2 == 0 ? over : beside;
+      continue;
+    }
+    rgb[colour] = own[at];
+    rgb[1] = (beside + over) / 2.0F;
+    rgb[2 - colour] = (above[left] + above[right] + below[left] + below[right]) / 4.0F;
+  }
 }
 
-// Simulates noise on the raw mosaic, bilinear colours, the camera's curve, eight bits, JPEG, and
-// the conversion back to light.
+std::string compress_jpeg(const std::vector<uint8_t>& codes, int width, int height, int channels,
+                          int quality) {
+  const std::unique_ptr<void, CloseJpeg> writer(tjInitCompress());
+  unsigned char* made = nullptr;
+  unsigned long size = 0;
+  const int failed = tjCompress2(writer.get(), codes.data(), width, 0, height,
+                                 channels == 1 ? TJPF_GRAY : TJPF_RGB, &made, &size,
+                                 channels == 1 ? TJSAMP_GRAY : TJSAMP_420, quality, 0);
+  const std::unique_ptr<unsigned char, CloseJpeg> bytes(made);
+  if (failed != 0) throw Error(ErrorKind::Failed, "cannot compress a simulated picture");
+  return {reinterpret_cast<const char*>(bytes.get()), size};
+}
+
+void jpeg_round_trip(std::vector<uint8_t>& codes, int width, int height, int channels,
+                     int quality) {
+  const std::string bytes = compress_jpeg(codes, width, height, channels, quality);
+  const std::unique_ptr<void, CloseJpeg> reader(tjInitDecompress());
+  if (tjDecompress2(reader.get(), reinterpret_cast<const unsigned char*>(bytes.data()),
+                    bytes.size(), codes.data(), width, 0, height,
+                    channels == 1 ? TJPF_GRAY : TJPF_RGB, 0) != 0)
+    throw Error(ErrorKind::Failed, "cannot decompress a simulated picture");
+}
+
+// Simulates noise on the raw mosaic, the camera's curve, eight bits, JPEG, and the conversion back
+// to light.
 
 namespace {
 
@@ -132,12 +181,6 @@ float looked_up(const std::vector<float>& table, float place) {
   return table[below] + (table[below + 1] - table[below]) * part;
 }
 
-/// Mirrors an index beyond the border, which keeps the mosaic's order.
-size_t mirrored(int index, int count) {
-  if (index < 0) return static_cast<size_t>(-index);
-  return static_cast<size_t>(index < count ? index : 2 * count - 2 - index);
-}
-
 }  // namespace
 
 Sensor::Sensor(const SimulatedCamera& camera, uint64_t seed)
@@ -171,32 +214,6 @@ void Sensor::add_noise(int row, uint64_t picture, std::vector<float>& light) con
   }
 }
 
-void Sensor::demosaic_row(int row, const std::vector<float>& mosaic, CameraPicture& out) const {
-  const auto width = static_cast<size_t>(camera_.width);
-  const float* above = &mosaic[mirrored(row - 1, camera_.height) * width];
-  const float* own = &mosaic[static_cast<size_t>(row) * width];
-  const float* below = &mosaic[mirrored(row + 1, camera_.height) * width];
-  float* rgb = &out.light[static_cast<size_t>(row) * width * 3];
-  for (int column = 0; column < camera_.width; ++column, rgb += 3) {
-    const size_t left = mirrored(column - 1, camera_.width);
-    const size_t right = mirrored(column + 1, camera_.width);
-    const auto at = static_cast<size_t>(column);
-    const float beside = (own[left] + own[right]) / 2.0F;
-    const float over = (above[at] + below[at]) / 2.0F;
-    const int colour = mosaic_colour(camera_, column, row);
-    if (colour == 1) {  // green pixel: between two reds on even rows, between two blues on odd ones
-      rgb[0] = row % 2 == 0 ? beside : over;
-      rgb[1] = own[at];
-      rgb[2] = row % 2 == 0 ? over : beside;
-      continue;
-    }
-    const float diagonal = (above[left] + above[right] + below[left] + below[right]) / 4.0F;
-    rgb[colour] = own[at];
-    rgb[1] = (beside + over) / 2.0F;
-    rgb[2 - colour] = diagonal;
-  }
-}
-
 void Sensor::encode_row(int row, CameraPicture& out) const {
   const size_t count = static_cast<size_t>(out.width) * static_cast<size_t>(out.channels);
   float* values = &out.light[static_cast<size_t>(row) * count];
@@ -213,19 +230,14 @@ void Sensor::decode_row(int row, CameraPicture& out) const {
   for (size_t i = 0; i < count; ++i) values[i] = looked_up(decoded_, values[i]);
 }
 
-bool Sensor::pass_through_jpeg(CameraPicture& out) const {
+void Sensor::pass_through_jpeg(CameraPicture& out) const {
   std::vector<uint8_t> codes(out.light.size());
   for (size_t i = 0; i < codes.size(); ++i) codes[i] = frames::code_from_encoded(out.light[i]);
-  if (!jpeg_round_trip(codes, out.width, out.height, out.channels, camera_.jpeg_quality)) {
-    return false;
-  }
-  for (size_t i = 0; i < codes.size(); ++i) {
-    out.light[i] = static_cast<float>(codes[i]) / 255.0F;
-  }
-  return true;
+  jpeg_round_trip(codes, out.width, out.height, out.channels, camera_.jpeg_quality);
+  for (size_t i = 0; i < codes.size(); ++i) out.light[i] = static_cast<float>(codes[i]) / 255.0F;
 }
 
-bool Sensor::develop(std::vector<float>& light, uint64_t picture, CameraPicture& out,
+void Sensor::develop(std::vector<float>& light, uint64_t picture, CameraPicture& out,
                      int threads) const {
   out.width = camera_.width;
   out.height = camera_.height;
@@ -235,13 +247,15 @@ bool Sensor::develop(std::vector<float>& light, uint64_t picture, CameraPicture&
   out.light.resize(light.size() * static_cast<size_t>(out.channels));
   if (!camera_.bayer) std::copy(light.begin(), light.end(), out.light.begin());
   const auto encode = [&](int row) {
-    if (camera_.bayer) demosaic_row(row, light, out);
+    if (camera_.bayer)
+      demosaic_row(light, out.width, out.height, row,
+                   &out.light[static_cast<size_t>(row) * static_cast<size_t>(out.width) * 3]);
     encode_row(row, out);
   };
   for_rows(camera_.height, encode, threads);
-  if (camera_.jpeg_quality > 0 && !pass_through_jpeg(out)) return false;
+  if (camera_.jpeg_quality > 0) pass_through_jpeg(out);
   for_rows(
       camera_.height, [&](int row) { decode_row(row, out); }, threads);
-  return true;
 }
+
 }  // namespace lenticule::lab

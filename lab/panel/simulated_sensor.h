@@ -3,8 +3,10 @@
 // light that a program reads.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "calib/camera.h"
@@ -29,6 +31,10 @@ class CameraRays {
   [[nodiscard]] Vec3 pupil_point(double x, double y) const {
     return position_ + (right_ * x + down_ * y) * pupil_radius_mm_;
   }
+  /// Returns a vector whose components are along right, down and forward of the camera.
+  [[nodiscard]] Vec3 from_camera(Vec3 v) const {
+    return right_ * v.x + down_ * v.y + forward_ * v.z;
+  }
   /// Returns the cosine of the angle between a direction and the camera's axis.
   [[nodiscard]] double cosine(Vec3 direction) const { return dot(direction, forward_); }
 
@@ -48,13 +54,32 @@ class CameraRays {
   double pupil_radius_mm_;
 };
 
-// Simulates the JPEG compression of a camera. This is the simulation's sole wrapper of
-// libjpeg-turbo.
+/// Returns the colour of a mosaic pixel (RGGB): 0 red, 1 green, 2 blue; green for a camera without
+/// mosaic.
+[[nodiscard]] inline int mosaic_colour(const SimulatedCamera& camera, int column, int row) {
+  if (!camera.bayer) return 1;
+  return (row & 1) + (column & 1);
+}
 
-/// Compresses (chroma at half width and height) and decompresses in place. `codes` are rows from
-/// the top of 1 or 3 channels; quality 1 to 100. Returns false if the library fails.
-[[nodiscard]] bool jpeg_round_trip(std::vector<uint8_t>& codes, int width, int height, int channels,
-                                   int quality);
+/// Light of each code of each display channel in each colour of the camera.
+using LightTable = std::array<std::array<std::array<float, 256>, 3>, 3>;
+/// Returns the table with which the mean over the points of a white panel, of whose area the
+/// fraction `lit_area` is lit, is the camera's white light in each colour.
+[[nodiscard]] LightTable light_table(const SimulatedCamera& camera,
+                                     const std::array<float, 256>& light_of_codes, double lit_area);
+
+/// Interpolates the three colours of a row bilinearly. `mosaic` holds the light of `height` rows
+/// of pixels in their own colours, beginning with a red one.
+void demosaic_row(const std::vector<float>& mosaic, int width, int height, int row, float* rgb);
+
+// Simulates the JPEG compression of a camera: chroma at half width and height. `codes` are rows
+// from the top of 1 or 3 channels; quality 1 to 100. Both throw Error(Failed) if libjpeg-turbo
+// fails.
+
+[[nodiscard]] std::string compress_jpeg(const std::vector<uint8_t>& codes, int width, int height,
+                                        int channels, int quality);
+/// Compresses and decompresses in place.
+void jpeg_round_trip(std::vector<uint8_t>& codes, int width, int height, int channels, int quality);
 
 // Sensor simulates the conversion from the light on the sensor to the light that a program reads:
 // noise, mosaic, curve, codes, JPEG.
@@ -65,15 +90,14 @@ class Sensor {
 
   /// Develops a picture: fills width, height, channels and light of `out`. `light` holds one value
   /// per pixel in the pixel's own colour, 1 = full scale, and is overwritten. `picture` selects the
-  /// noise. Returns false if the picture could not be compressed.
-  [[nodiscard]] bool develop(std::vector<float>& light, uint64_t picture, calib::CameraPicture& out,
-                             int threads) const;
+  /// noise.
+  void develop(std::vector<float>& light, uint64_t picture, calib::CameraPicture& out,
+               int threads) const;
 
  private:
   void add_noise(int row, uint64_t picture, std::vector<float>& light) const;
-  void demosaic_row(int row, const std::vector<float>& mosaic, calib::CameraPicture& out) const;
   void encode_row(int row, calib::CameraPicture& out) const;
-  [[nodiscard]] bool pass_through_jpeg(calib::CameraPicture& out) const;
+  void pass_through_jpeg(calib::CameraPicture& out) const;
   void decode_row(int row, calib::CameraPicture& out) const;
 
   SimulatedCamera camera_;

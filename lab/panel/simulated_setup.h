@@ -23,13 +23,18 @@ struct SimulatedSheet {
   double thickness_mm = 3.3;  ///< distance from the apices to the other, flat face of the sheet
   std::array<double, 3> index{1.50, 1.50,
                               1.50};  ///< refractive index for red, green and blue light
-  double air_gap_mm = 0.0;            ///< gap between the sheet and the plane of the pixels
-  /// The apices face the panel: the light crosses the air gap, a lens, and then the flat slab.
+  double gap_mm = 0.0;                ///< distance from the sheet to the plane of the pixels
+  double gap_index = 1.0;  ///< refractive index of the gap: air; glass and polariser have some 1.52
+  /// The apices face the panel: the light crosses the gap, a lens, and then the flat slab.
   bool lens_toward_panel = false;
+  double valley = 0.0;  ///< fraction of the pitch, around the borders of lenses, that only scatters
 
   /// Largest deviation of the lens coordinate from a perfect grating: a smooth random field without
   /// constant and linear part, so that pitch, slant and offset keep their meaning.
   double deformation_lenses = 0.0;
+  /// Amplitudes of a deformation that need not keep that meaning, lenses: x^2, xy, y^2, x^3, y^3
+  /// and sin(2 pi x) cos(pi y); x and y from -1 to 1 over the panel, right and up.
+  std::array<double, 6> bend_lenses{};
   /// Relative extra thickness of the stack in the middle compared with the corners; the mean stays.
   double gap_bow = 0.0;
   double curve_radius_mm =
@@ -51,7 +56,7 @@ enum class LightMiddle {
 };
 
 /// ChiefRay holds gap and refraction shape of the chief ray, the expected calibration result for
-/// thin lenses. g = t/n (+ air gap), nu = D3/D1 with D1 = sum t/n, D3 = sum t/n^3.
+/// thin lenses. g = D1, nu = D3/D1 with D1 = sum t/n, D3 = sum t/n^3 over sheet and gap.
 struct ChiefRay {
   double gap_mm = 0.0;
   double refraction_shape = 1.0;

@@ -324,7 +324,7 @@ Trial lens_in(StressSize size) {
   Trial trial = base(size);
   const double gap_mm = trial.start.sheet.gap.value / 0.9;
   trial.sheet.lens_toward_panel = true;
-  trial.sheet.air_gap_mm = gap_mm;
+  trial.sheet.gap_mm = gap_mm;
   trial.sheet.radius_mm = gap_mm * 0.5;
   trial.sheet.thickness_mm *= 0.3;
   trial.viewpoints = {{"centre", {10, 20, 700}, {0, 0, 0}, 0.0},

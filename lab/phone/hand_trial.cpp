@@ -42,7 +42,7 @@ const char* to_string(HandOutcome outcome) {
 
 HandTrial::HandTrial(uint64_t seed, const WorkshopLimits& limits)
     : workshop_(draw_workshop(seed, limits)),
-      sheet_(workshop_.build, workshop_.start.panel),
+      sheet_(workshop_.start.panel, workshop_.build),
       chart_(calib::plan_single_photo_chart(workshop_.start)) {
   take(workshop_.shots.front());
   // The owner obeys the program, which asks for a new start if the pitch is far off.
@@ -277,7 +277,7 @@ std::span<const WrongWay> wrong_ways() {
 WrongWayTrial::WrongWayTrial(uint64_t seed, const WorkshopLimits& limits,
                              const std::filesystem::path& parent)
     : workshop_(draw_workshop(seed, limits)),
-      sheet_(workshop_.build, workshop_.start.panel),
+      sheet_(workshop_.start.panel, workshop_.build),
       folder_(parent) {}
 
 std::filesystem::path WrongWayTrial::photograph_of(size_t number, const optics::Rig& shown,
@@ -292,7 +292,7 @@ std::filesystem::path WrongWayTrial::photograph_of(size_t number, const optics::
   if (way == nullptr && std::filesystem::exists(file)) return file;
   Taking taking{workshop_.build, workshop_.phone, workshop_.shots[number], shown};
   if (way != nullptr && way->before != nullptr) way->before(taking, workshop_);
-  const LensSection sheet(taking.build, workshop_.start.panel);
+  const SheetShape sheet(workshop_.start.panel, taking.build);
   frames::WovenFrame chart =
       calib::draw_single_photo_chart(calib::plan_single_photo_chart(taking.shown));
   if (taking.chart_scale != 1.0) chart = scaled(chart, taking.chart_scale);

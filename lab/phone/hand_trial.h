@@ -59,7 +59,7 @@ class HandTrial {
   [[nodiscard]] HandResult calibrate_single() const;
 
   Workshop workshop_;
-  LensSection sheet_;
+  SheetShape sheet_;
   calib::SinglePhotoChart chart_;
   calib::CameraPicture first_picture_;
   std::vector<calib::PhonePhoto> photos_;
@@ -71,7 +71,7 @@ class HandTrial {
 
 /// Taking is what a photograph depends on.
 struct Taking {
-  SheetBuild build;
+  SimulatedSheet build;
   Phone phone;
   Shot shot;
   optics::Rig shown;  ///< the rig whose chart the panel shows
@@ -111,7 +111,7 @@ class WrongWayTrial {
                                                     const WrongWay* way);
 
   Workshop workshop_;
-  LensSection sheet_;
+  SheetShape sheet_;
   TemporaryFolder folder_;
 };
 }  // namespace lenticule::lab

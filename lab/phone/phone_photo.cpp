@@ -1,24 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
-// Takes a photograph in four steps: rays of the sensor's pixels start at the moving hand
-// (ShotRays); they reach lit pixels through the lens sheet, and the sensor adds its noise
-// (expose); the phone merges, interpolates, maps and sharpens (develop); the file gets its EXIF
-// data (write_photo).
+// Takes a photograph in three steps: rays of the sensor's pixels start at the moving hand, reach
+// lit subpixels through the lens sheet, and the sensor adds its noise (Exposure); the phone merges,
+// interpolates, maps and sharpens (develop); the file gets its EXIF data (write_photo). Sheet,
+// camera geometry, subpixels, haze and mosaic are those of the simulated bench.
+//
+// A photograph has a hundred times as many rays as a picture of the bench, and is taken once. So
+// rays are not stored for further frames, and only those at the corners of small squares of pixels
+// are traced: between them, the position on the sheet and the way through a lens (ShiftTable) are
+// interpolated.
 #include "lab/phone/phone_photo.h"
-
-#include <turbojpeg.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <memory>
 #include <numbers>
+#include <optional>
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
 #include "base/file.h"
 #include "frames/srgb.h"
-#include "lab/phone/lens_section.h"
+#include "lab/panel/driven_panel.h"
+#include "lab/panel/portable_random.h"
+#include "lab/panel/simulated_sensor.h"
 
 namespace lenticule::lab {
 
@@ -33,70 +37,27 @@ int orientation_of(double roll_degrees) {
 }
 
 constexpr double kDegree = std::numbers::pi / 180.0;
+constexpr double kFilterLeak = 0.03;  ///< transmission of a colour filter for another channel
 
-/// ShotRays returns the ray of each pixel of one photograph: pose, focal length, distortion, and
-/// the motion of the hand while the rows are read.
-///
-/// Lifetime: must not outlive phone and shot. Thread safety: any thread.
-class ShotRays {
- public:
-  ShotRays(const Phone& phone, const Shot& shot);
-
-  /// Ray starts at the eye of the camera. Panel frame, mm.
-  struct Ray {
-    Vec3 eye;
-    Vec3 direction;
-  };
-  /// Returns the ray of the point (u, v) of the sensor, pixels.
-  [[nodiscard]] Ray ray(double u, double v) const;
-  /// Returns the pixel at which a panel point appears, without distortion and motion.
-  [[nodiscard]] Vec2 about(Vec2 panel_mm) const;
-
- private:
-  const Phone& phone_;
-  const Shot& shot_;
-  double longer_, focal_px_ = 0.0;
-  Vec2 axis_px_;
-  Vec3 forward_, right_, down_;
-};
-
-ShotRays::ShotRays(const Phone& phone, const Shot& shot)
-    : phone_(phone), shot_(shot), longer_(std::max(phone.width, phone.height)) {
-  focal_px_ = phone.focal * longer_ * (1.0 + shot.breathing);
-  axis_px_ = {0.5 * phone.width + (phone.axis.x + shot.stabilisation.x) * longer_,
-              0.5 * phone.height + (phone.axis.y + shot.stabilisation.y) * longer_};
-  forward_ = normalized(Vec3(shot.look_at_mm.x, shot.look_at_mm.y, 0.0) - shot.eye_mm);
-  const Vec3 right = normalized(cross(forward_, Vec3(0.0, 1.0, 0.0)));
-  const Vec3 down = cross(forward_, right);
-  const double c = std::cos(shot.roll_degrees * kDegree);
-  const double s = std::sin(shot.roll_degrees * kDegree);
-  right_ = c * right + s * down;
-  down_ = c * down - s * right;
-}
-
-ShotRays::Ray ShotRays::ray(double u, double v) const {
-  // Radius r of the tangent from its distorted value.
-  const double x = (u - axis_px_.x) / focal_px_, y = (v - axis_px_.y) / focal_px_;
-  const double distorted = std::hypot(x, y);
-  double r = distorted;
-  for (int k = 0; k < 6; ++k) {
-    const double square = r * r;
-    const double value =
-        r * (1.0 + square * (phone_.radial1 + phone_.radial2 * square)) - distorted;
-    r -= value / (1.0 + square * (3.0 * phone_.radial1 + 5.0 * phone_.radial2 * square));
-  }
-  const double part = distorted > 0.0 ? r / distorted : 1.0;
-  Vec3 camera{x * part, y * part, 1.0};
-  const double seconds = phone_.readout_s * (v / phone_.height - 0.5);
-  camera += cross(shot_.turn_degrees_s * (kDegree * seconds), camera);
-  return {shot_.eye_mm + shot_.drift_mm_s * seconds,
-          right_ * camera.x + down_ * camera.y + forward_ * camera.z};
-}
-
-Vec2 ShotRays::about(Vec2 panel_mm) const {
-  const Vec3 d = Vec3(panel_mm.x, panel_mm.y, 0.0) - shot_.eye_mm;
-  const double z = std::max(dot(d, forward_), 1.0);
-  return {axis_px_.x + focal_px_ * dot(d, right_) / z, axis_px_.y + focal_px_ * dot(d, down_) / z};
+/// Returns the phone as it is held for the shot, without the hand's motion.
+SimulatedCamera camera_of(const Phone& phone, const Shot& shot) {
+  const double longer = std::max(phone.width, phone.height);
+  SimulatedCamera camera;
+  camera.width = phone.width;
+  camera.height = phone.height;
+  camera.focal_px = phone.focal * longer * (1.0 + shot.breathing);
+  camera.centre_x_px = 0.5 * phone.width + (phone.axis.x + shot.stabilisation.x) * longer;
+  camera.centre_y_px = 0.5 * phone.height + (phone.axis.y + shot.stabilisation.y) * longer;
+  camera.k1 = phone.radial1;
+  camera.k2 = phone.radial2;
+  camera.position_mm = shot.eye_mm;
+  camera.look_at_mm = {shot.look_at_mm.x, shot.look_at_mm.y, 0.0};
+  camera.roll_degrees = shot.roll_degrees;
+  camera.white_light = 1.0;
+  for (size_t own = 0; own < 3; ++own)
+    for (size_t c = 0; c < 3; ++c)
+      camera.response[own][c] = own == c ? 1.0 - 2.0 * kFilterLeak : kFilterLeak;
+  return camera;
 }
 
 constexpr float kWallLight = 0.03F;  ///< light of the wall around the panel
@@ -114,39 +75,115 @@ struct Mosaic {
   std::vector<float> light;
 };
 
-/// Returns the channel of a pixel of the sensor's mosaic: RGGB.
-int mosaic_channel(int i, int j) {
-  return j % 2 == 0 ? i % 2 : 1 + i % 2;
-}
-
 constexpr int kCell = 8;  ///< side of the squares of pixels in which rays are interpolated
 /// Samples per pixel and axis. A pixel of a camera has no random samples: with two instead of four,
 /// their noise doubles the scatter of the measured phases.
 constexpr int kSide = 4;
 
-/// Random is a counter-based generator: the numbers of a pixel do not depend on the order.
-class Random {
- public:
-  explicit Random(uint64_t seed) : state_(mixed(seed + 0x9e3779b97f4a7c15ULL)) {}
-  float uniform() {
-    state_ += 0x9e3779b97f4a7c15ULL;
-    return static_cast<float>(mixed(state_) >> 40) * 0x1p-24F;
+SensorWindow window_of(SimulatedCamera camera, const optics::Panel& panel) {
+  camera.k1 = camera.k2 = 0.0;
+  const CameraRays rays(camera);
+  const double x = 0.5 * panel.width_px * panel.pixel_width.value;
+  const double y = 0.5 * panel.height_px * panel.pixel_height.value;
+  Vec2 least{1e6, 1e6}, most{-1e6, -1e6};
+  for (const Vec3& corner : {Vec3{-x, -y, 0}, Vec3{x, -y, 0}, Vec3{-x, y, 0}, Vec3{x, y, 0}}) {
+    const std::optional<Vec2> at = rays.project(corner);
+    if (!at) return {0, 0, camera.width, camera.height};
+    least = {std::clamp(at->x, -1e6, least.x), std::clamp(at->y, -1e6, least.y)};
+    most = {std::clamp(at->x, most.x, 1e6), std::clamp(at->y, most.y, 1e6)};
   }
-  float normal() {  // Irwin-Hall: four uniform numbers have variance 1/3
-    state_ += 0x9e3779b97f4a7c15ULL;
-    const uint64_t bits = mixed(state_);
-    float sum = 0.0F;
-    for (int k = 0; k < 4; ++k) sum += static_cast<float>((bits >> (16 * k)) & 0xffffU);
-    return (sum * 0x1p-16F - 2.0F) * 1.7320508F;
+  constexpr double kMargin = 0.03;  // distortion, sharpening
+  const double margin = kMargin * std::max(camera.width, camera.height);
+  const auto down = [](double at, int size) {
+    return std::clamp(static_cast<int>(at) / kCell * kCell, 0, size);
+  };
+  return {down(least.x - margin, camera.width), down(least.y - margin, camera.height),
+          std::clamp(static_cast<int>(most.x + margin), 0, camera.width),
+          std::clamp(static_cast<int>(most.y + margin), 0, camera.height)};
+}
+
+/// ShiftTable holds, for directions in steps, where rays of all places under a lens arrive relative
+/// to the ray through the apex. A ray that does not arrive has a NaN.
+///
+/// Thread safety: one thread, because tables are traced when they are first used.
+class ShiftTable {
+ public:
+  static constexpr size_t kPlaces = 256;  ///< number of places under a lens
+
+  /// Shift between two points of the pixels, in panel pixels.
+  struct Offset {
+    float x = 0.0F, y = 0.0F;
+  };
+  using Table = std::array<Offset, kPlaces>;
+
+  explicit ShiftTable(const SheetShape& sheet)
+      : panel_(sheet.panel()),
+        lenses_{sheet.lenses_at({}, 0), sheet.lenses_at({}, 1), sheet.lenses_at({}, 2)},
+        across_(lenses_[1].across()),
+        tables_(size_t{3} * kSteps * kSteps) {}
+
+  /// Returns the tangents of a direction across and along the lenses.
+  [[nodiscard]] Vec2 in_lens(Vec2 v) const {
+    return {across_.x * v.x + across_.y * v.y, across_.x * v.y - across_.y * v.x};
+  }
+
+  /// Returns the way to the point of the pixels, in panel pixels, of a ray that crosses the plane
+  /// of the apices at `place` pitches from an apex and goes on to an eye in the direction (across,
+  /// along, 1).
+  [[nodiscard]] std::optional<Vec2> shift(double place, Vec2 tangents, size_t channel) const {
+    const LensStack& stack = lenses_[channel].stack;
+    const double u = place * stack.pitch_mm;
+    const std::optional<Vec2> at =
+        land(stack, {u, 0.0}, normalized(Vec3{-tangents.x, -tangents.y, -1.0}));
+    if (!at) return std::nullopt;
+    const Vec2 way{at->x - u, at->y};
+    return Vec2{(way.x * across_.x - way.y * across_.y) / panel_.pixel_width.value,
+                -(way.x * across_.y + way.y * across_.x) / panel_.pixel_height.value};
+  }
+
+  /// Interpolates the table of a direction.
+  void evaluate(Vec2 tangents, size_t channel, Table& out) {
+    const double a = std::clamp(tangents.x / kStep + kSteps / 2.0, 0.0, kSteps - 2.0);
+    const double b = std::clamp(tangents.y / kStep + kSteps / 2.0, 0.0, kSteps - 2.0);
+    const auto i = static_cast<size_t>(a), j = static_cast<size_t>(b);
+    const auto fa = static_cast<float>(a - std::floor(a)),
+               fb = static_cast<float>(b - std::floor(b));
+    const auto& v00 = table(i, j, channel);
+    const auto& v10 = table(i + 1, j, channel);
+    const auto& v01 = table(i, j + 1, channel);
+    const auto& v11 = table(i + 1, j + 1, channel);
+    const float w00 = (1 - fa) * (1 - fb), w10 = fa * (1 - fb), w01 = (1 - fa) * fb, w11 = fa * fb;
+    for (size_t k = 0; k < kPlaces; ++k) {
+      out[k].x = w00 * v00[k].x + w10 * v10[k].x + w01 * v01[k].x + w11 * v11[k].x;
+      out[k].y = w00 * v00[k].y + w10 * v10[k].y + w01 * v01[k].y + w11 * v11[k].y;
+    }
   }
 
  private:
-  static uint64_t mixed(uint64_t z) {
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ULL;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebULL;
-    return z ^ (z >> 31);
+  static constexpr size_t kSteps = 120;
+  static constexpr double kStep = 0.02;
+
+  const Table& table(size_t i, size_t j, size_t channel) {
+    std::optional<Table>& made = tables_[(channel * kSteps + j) * kSteps + i];
+    if (made) return *made;
+    made.emplace();
+    const Vec2 tangents{(static_cast<double>(i) - kSteps / 2.0) * kStep,
+                        (static_cast<double>(j) - kSteps / 2.0) * kStep};
+    const std::optional<Vec2> apex = shift(0.0, tangents, channel);
+    for (size_t k = 0; k < kPlaces; ++k) {
+      const double place = (static_cast<double>(k) + 0.5) / kPlaces - 0.5;
+      const std::optional<Vec2> way = shift(place, tangents, channel);
+      (*made)[k] = way && apex ? Offset{static_cast<float>(way->x - apex->x),
+                                        static_cast<float>(way->y - apex->y)}
+                               : Offset{std::nanf(""), std::nanf("")};
+    }
+    return *made;
   }
-  uint64_t state_;
+
+  optics::Panel panel_;
+  std::array<LocalLenses, 3> lenses_;
+  Vec2 across_;
+  std::vector<std::optional<Table>> tables_;
 };
 
 /// Node is a corner of a cell: what its ray meets. Positions in panel pixels.
@@ -154,102 +191,28 @@ struct Node {
   double lens = 0.0;
   std::array<Vec2, 3>
       seen;  ///< point of the pixels that a ray through an apex reaches, per channel
-  double tan_across = 0.0;
-  double tan_along = 0.0;
+  Vec2 tangents;
   bool in_front = false;
 };
-
-/// LitPixels returns the light of panel points.
-class LitPixels {
- public:
-  LitPixels(const LensSection& sheet, const frames::FrameView& shown)
-      : build_(sheet.build()),
-        shown_(shown),
-        width_(shown.geometry.width),
-        height_(shown.geometry.height) {
-    for (size_t k = 0; k < 256; ++k) linear_[k] = static_cast<float>(frames::linear_of_codes()[k]);
-    columns_ = (width_ + kArea - 1) / kArea;
-    rows_ = (height_ + kArea - 1) / kArea;
-    means_.assign(static_cast<size_t>(columns_ * rows_) * 3, 0.0F);
-    std::vector<float> counts(means_.size());
-    for (int j = 0; j < height_; ++j)
-      for (int i = 0; i < width_; i += 3)
-        for (int c = 0; c < 3; ++c) {
-          const size_t k = area(i, j, c);
-          means_[k] += linear_[shown_.row(j)[3 * i + c]];
-          counts[k] += 1.0F;
-        }
-    for (size_t k = 0; k < means_.size(); ++k) means_[k] /= std::max(counts[k], 1.0F);
-    open_ = static_cast<float>((1.0 - 6.0 * build_.matrix_x) * (1.0 - 2.0 * build_.matrix_y));
-  }
-  /// Returns the light of one point, as a camera pixel with the filter of `channel` sees it; 1 is
-  /// the mean light of a white panel.
-  [[nodiscard]] float at(float x, float y, int channel) const {
-    if (!(x >= 0.0F && y >= 0.0F)) return 0.0F;
-    const int i = static_cast<int>(x), j = static_cast<int>(y);
-    if (i >= width_ || j >= height_) return 0.0F;
-    const float in_y = y - static_cast<float>(j);
-    if (std::abs(in_y - 0.5F) > 0.5F - static_cast<float>(build_.matrix_y)) return 0.0F;
-    const float thirds = 3.0F * (x - static_cast<float>(i));
-    const int s = std::min(static_cast<int>(thirds), 2);
-    if (std::abs(thirds - static_cast<float>(s) - 0.5F) >
-        0.5F - 3.0F * static_cast<float>(build_.matrix_x))
-      return 0.0F;
-    const float light = linear_[shown_.row(j)[3 * i + s]];
-    const auto leak = static_cast<float>(build_.filter_leak);
-    return light * 3.0F / open_ * (s == channel ? 1.0F - 2.0F * leak : leak);
-  }
-  /// Returns the mean light around a point.
-  [[nodiscard]] float around(float x, float y, int channel) const {
-    const int i = std::clamp(static_cast<int>(x), 0, width_ - 1);
-    const int j = std::clamp(static_cast<int>(y), 0, height_ - 1);
-    return means_[area(i, j, channel)];
-  }
-
- private:
-  static constexpr int kArea = 48;
-  [[nodiscard]] size_t area(int i, int j, int c) const {
-    return static_cast<size_t>((j / kArea * columns_ + i / kArea) * 3 + c);
-  }
-  const SheetBuild& build_;
-  const frames::FrameView& shown_;
-  int width_, height_, columns_ = 0, rows_ = 0;
-  std::array<float, 256> linear_{};
-  std::vector<float> means_;
-  float open_ = 1.0F;
-};
-
-SensorWindow window_of(const ShotRays& rays, const optics::Panel& panel, const Phone& phone) {
-  const double x = 0.5 * panel.width_px * panel.pixel_width.value;
-  const double y = 0.5 * panel.height_px * panel.pixel_height.value;
-  Vec2 least{1e9, 1e9}, most{-1e9, -1e9};
-  for (const Vec2 corner : {Vec2{-x, -y}, Vec2{x, -y}, Vec2{-x, y}, Vec2{x, y}}) {
-    const Vec2 at = rays.about(corner);
-    least = {std::min(least.x, at.x), std::min(least.y, at.y)};
-    most = {std::max(most.x, at.x), std::max(most.y, at.y)};
-  }
-  constexpr double kMargin = 0.03;  // distortion, sharpening
-  const double margin = kMargin * std::max(phone.width, phone.height);
-  const auto down = [](double at, int size) {
-    return std::clamp(static_cast<int>(at) / kCell * kCell, 0, size);
-  };
-  return {down(least.x - margin, phone.width), down(least.y - margin, phone.height),
-          std::clamp(static_cast<int>(most.x + margin), 0, phone.width),
-          std::clamp(static_cast<int>(most.y + margin), 0, phone.height)};
-}
 
 /// Exposure traces the rays of one photograph, in squares of pixels.
 class Exposure {
  public:
-  Exposure(const LensSection& sheet, const frames::FrameView& shown, const Phone& phone,
+  Exposure(const SheetShape& sheet, const frames::FrameView& shown, const Phone& phone,
            const Shot& shot)
       : sheet_(sheet),
-        pixels_(sheet, shown),
+        panel_(sheet.panel()),
         phone_(phone),
         shot_(shot),
-        rays_(phone, shot),
-        window_(window_of(rays_, sheet.panel(), phone)),
-        shifts_(sheet) {}
+        camera_(camera_of(phone, shot)),
+        rays_(camera_),
+        turn_(rays_.from_camera(shot.turn_degrees_s * kDegree)),
+        window_(window_of(camera_, panel_)),
+        shifts_(sheet),
+        driven_(drive(shown, Chroma::Full)),
+        finder_(panel_, sheet.sheet().black_matrix),
+        table_(light_table(camera_, light_of_codes({}), 1.0 - sheet.sheet().black_matrix)),
+        haze_(block_light(driven_, panel_, light_of_codes({}))) {}
 
   /// Returns the light of each pixel of the window, in its own channel.
   [[nodiscard]] Mosaic expose() {
@@ -275,116 +238,106 @@ class Exposure {
     for (int u = window_.left; u <= window_.right + kCell; u += kCell) row.push_back(node(u, v));
     return row;
   }
+  /// Traces the ray of a point of the sensor, whose rows are read while the hand moves.
   [[nodiscard]] Node node(double u, double v) const {
-    const ShotRays::Ray ray = rays_.ray(u, v);
+    const double seconds = phone_.readout_s * (v / phone_.height - 0.5);
+    Vec3 direction = rays_.direction({u, v});
+    direction += cross(turn_ * seconds, direction);
+    const Vec3 eye = shot_.eye_mm + shot_.drift_mm_s * seconds;
     Node n;
-    if (!(ray.direction.z < -1e-3)) return n;
+    if (!(direction.z < -1e-3)) return n;
     n.in_front = true;
-    const double steps = -ray.eye.z / ray.direction.z;
-    const Vec2 at{ray.eye.x + steps * ray.direction.x, ray.eye.y + steps * ray.direction.y};
-    const double x = (ray.eye.x - at.x) / ray.eye.z, y = (ray.eye.y - at.y) / ray.eye.z;
-    const Vec2 across = sheet_.across(), along = sheet_.along();
-    n.tan_across = across.x * x + across.y * y;
-    n.tan_along = along.x * x + along.y * y;
-    n.lens = sheet_.lens_coordinate(at);
-    const optics::Panel& panel = sheet_.panel();
-    for (int c = 0; c < 3; ++c) {
-      const auto shift =
-          sheet_.trace(0.0, n.tan_across, n.tan_along, c).value_or(LensSection::Shift{});
-      n.seen[static_cast<size_t>(c)] = {
-          panel.x_px(at.x + shift.across * across.x + shift.along * along.x),
-          panel.y_px(at.y + shift.across * across.y + shift.along * along.y)};
-    }
+    const Vec2 at = *sheet_.meet(eye, direction);
+    n.tangents = shifts_.in_lens({(eye.x - at.x) / eye.z, (eye.y - at.y) / eye.z});
+    n.lens = sheet_.lenses_at(at, 1).coordinate;
+    for (size_t c = 0; c < 3; ++c)
+      n.seen[c] = Vec2{panel_.x_px(at.x), panel_.y_px(at.y)} +
+                  shifts_.shift(0.0, n.tangents, c).value_or(Vec2{});
     return n;
   }
 
   void fill(const Corners& corners, int left, int top, std::vector<float>& light) {
     bool near = true;
     for (const Node* n : corners) near = near && n->in_front;
-    Random random(shot_.seed * 1000003 + static_cast<uint64_t>(top) * 65536 +
-                  static_cast<uint64_t>(left));
+    PortableRandom random(shot_.seed * 1000003 + static_cast<uint64_t>(top) * 65536 +
+                          static_cast<uint64_t>(left));
     if (near) {
-      const double across = 0.5 * (corners[0]->tan_across + corners[3]->tan_across);
-      const double along = 0.5 * (corners[0]->tan_along + corners[3]->tan_along);
+      const Vec2 tangents = (corners[0]->tangents + corners[3]->tangents) * 0.5;
       constexpr double kSteepest = 1.15;
-      near = std::abs(across) < kSteepest && std::abs(along) < kSteepest;
+      near = std::abs(tangents.x) < kSteepest && std::abs(tangents.y) < kSteepest;
       const Vec2 a = corners[0]->seen[1];
-      const optics::Panel& panel = sheet_.panel();
       constexpr double kRim = 60.0;  // pixels
-      near = near && a.x > -kRim && a.y > -kRim && a.x < panel.width_px + kRim &&
-             a.y < panel.height_px + kRim;
+      near = near && a.x > -kRim && a.y > -kRim && a.x < panel_.width_px + kRim &&
+             a.y < panel_.height_px + kRim;
       if (near)
-        for (int c = 0; c < 3; ++c)
-          shifts_.evaluate(across, along, c, tables_[static_cast<size_t>(c)]);
+        for (size_t c = 0; c < 3; ++c) shifts_.evaluate(tangents, c, tables_[c]);
     }
     for (int j = top; j < std::min(top + kCell, window_.bottom); ++j)
       for (int i = left; i < std::min(left + kCell, window_.right); ++i) {
-        const float seen =
-            near ? pixel(corners, i - left, j - top, mosaic_channel(i, j), random) : kWallLight;
+        const auto channel = static_cast<size_t>(mosaic_colour(camera_, i, j));
+        const float seen = near ? pixel(corners, i - left, j - top, channel, random) : kWallLight;
         light[static_cast<size_t>(j - window_.top) * static_cast<size_t>(window_.width()) +
               static_cast<size_t>(i - window_.left)] = noisy(seen, i, j, random);
       }
   }
 
-  float pixel(const Corners& corners, int i, int j, int channel, Random& random) const {
-    const auto c = static_cast<size_t>(channel);
-    const auto& table = tables_[c];
+  /// Returns the light of a pixel, relative to the mean of a white panel.
+  float pixel(const Corners& corners, int i, int j, size_t c, PortableRandom& random) const {
     const Node &n0 = *corners[0], &n1 = *corners[1], &n2 = *corners[2], &n3 = *corners[3];
-    const auto haze = static_cast<float>(sheet_.build().haze);
-    const auto blur = static_cast<float>(phone_.blur_px);
+    const auto haze = static_cast<float>(sheet_.sheet().haze);
+    const double blur = phone_.blur_px;
     float sum = 0.0F;
     for (int s = 0; s < kSide * kSide; ++s) {
-      const float du = (static_cast<float>(s % kSide) + random.uniform()) / kSide - 0.5F;
-      const float dv = (static_cast<float>(s / kSide) + random.uniform()) / kSide - 0.5F;
-      const double u = double{static_cast<float>(i) + 0.5F + blur * du} / kCell;
-      const double v = double{static_cast<float>(j) + 0.5F + blur * dv} / kCell;
+      const double du = (s % kSide + random.uniform()) / kSide - 0.5;
+      const double dv = (s / kSide + random.uniform()) / kSide - 0.5;
+      const double u = (i + 0.5 + blur * du) / kCell, v = (j + 0.5 + blur * dv) / kCell;
       const double w0 = (1 - u) * (1 - v), w1 = u * (1 - v), w2 = (1 - u) * v, w3 = u * v;
       const double lens = w0 * n0.lens + w1 * n1.lens + w2 * n2.lens + w3 * n3.lens;
-      const auto x = static_cast<float>(w0 * n0.seen[c].x + w1 * n1.seen[c].x + w2 * n2.seen[c].x +
-                                        w3 * n3.seen[c].x);
-      const auto y = static_cast<float>(w0 * n0.seen[c].y + w1 * n1.seen[c].y + w2 * n2.seen[c].y +
-                                        w3 * n3.seen[c].y);
-      const double place = lens + 0.5 - std::floor(lens + 0.5);
-      const ShiftTable::Offset& o = table[std::min(static_cast<size_t>(place * ShiftTable::kPlaces),
-                                                   size_t{ShiftTable::kPlaces - 1})];
-      const bool on_panel = x >= 0.0F && y >= 0.0F &&
-                            x < static_cast<float>(sheet_.panel().width_px) &&
-                            y < static_cast<float>(sheet_.panel().height_px);
-      if (!on_panel) {
+      const Vec2 at = n0.seen[c] * w0 + n1.seen[c] * w1 + n2.seen[c] * w2 + n3.seen[c] * w3;
+      if (!(at.x >= 0.0 && at.y >= 0.0 && at.x < panel_.width_px && at.y < panel_.height_px)) {
         sum += kWallLight;
         continue;
       }
-      const float around = pixels_.around(x, y, channel);
-      const float sharp = std::isnan(o.x) ? around : pixels_.at(x + o.x, y + o.y, channel);
+      const double place = lens + 0.5 - std::floor(lens + 0.5);
+      const ShiftTable::Offset& o = tables_[c][std::min(
+          static_cast<size_t>(place * ShiftTable::kPlaces), ShiftTable::kPlaces - 1)];
+      const float around = haze_[haze_block(panel_, at.x, at.y) * 3 + c];
+      const float sharp =
+          std::isnan(o.x) ? around : light_at(at.x + double{o.x}, at.y + double{o.y}, c);
       sum += (1.0F - haze) * sharp + haze * around + static_cast<float>(shot_.room_light);
     }
     return sum / (kSide * kSide);
   }
 
-  float noisy(float light, int i, int j, Random& random) const {
-    const double x = 2.0 * i / phone_.width - 1.0, y = 2.0 * j / phone_.height - 1.0;
-    const auto exposed = static_cast<float>(light * phone_.exposure *
-                                            (1.0 - phone_.vignetting * 0.5 * (x * x + y * y)));
-    const float variance = exposed * static_cast<float>(phone_.shot_noise * phone_.shot_noise) +
-                           static_cast<float>(phone_.read_noise * phone_.read_noise);
-    return exposed + std::sqrt(variance) * random.normal();
+  float light_at(double x, double y, size_t own) const {
+    const std::optional<SubpixelId> hit = finder_.find(x, y);
+    return hit ? table_[own][*hit % 4][driven_.codes[*hit]] : 0.0F;
   }
 
-  const LensSection& sheet_;
-  LitPixels pixels_;
+  float noisy(float light, int i, int j, PortableRandom& random) const {
+    const double x = 2.0 * i / phone_.width - 1.0, y = 2.0 * j / phone_.height - 1.0;
+    const double exposed =
+        double{light} * phone_.exposure * (1.0 - phone_.vignetting * 0.5 * (x * x + y * y));
+    const double deviation = std::sqrt(exposed * phone_.shot_noise * phone_.shot_noise +
+                                       phone_.read_noise * phone_.read_noise);
+    return static_cast<float>(exposed + deviation * random.gaussian());
+  }
+
+  const SheetShape& sheet_;
+  const optics::Panel& panel_;
   const Phone& phone_;
   const Shot& shot_;
-  ShotRays rays_;
+  SimulatedCamera camera_;
+  CameraRays rays_;
+  Vec3 turn_;  ///< radians per second, panel frame
   SensorWindow window_;
   ShiftTable shifts_;
+  DrivenFrame driven_;
+  SubpixelFinder finder_;
+  LightTable table_;
+  std::vector<float> haze_;
   std::array<ShiftTable::Table, 3> tables_{};
 };
-
-/// Returns the exposure of the pixels near the panel that shows `shown` (RGB codes, sRGB).
-Mosaic expose(const LensSection& sheet, const frames::FrameView& shown, const Phone& phone,
-              const Shot& shot) {
-  return Exposure(sheet, shown, phone, shot).expose();
-}
 
 /// Picture is linear light with three channels.
 struct Picture {
@@ -408,39 +361,6 @@ void merge_moved(Mosaic& mosaic) {
                         static_cast<size_t>(i - kRight);
       light[at] = 0.5F * (light[at] + light[from]);
     }
-}
-
-/// Interpolates the mosaic bilinearly.
-Picture without_mosaic(const Mosaic& mosaic) {
-  const SensorWindow& window = mosaic.window;
-  const std::vector<float>& light = mosaic.light;
-  Picture out{window.width(), window.height(), {}};
-  out.light.resize(light.size() * 3);
-  const auto inside = [](int k, int size) {  // mirrors, so that the channel stays the same
-    return k < 0 ? -k : k >= size ? 2 * size - 2 - k : k;
-  };
-  const auto raw = [&](int i, int j) {
-    return light[static_cast<size_t>(inside(j, out.height)) * static_cast<size_t>(out.width) +
-                 static_cast<size_t>(inside(i, out.width))];
-  };
-  for (int j = 0; j < out.height; ++j)
-    for (int i = 0; i < out.width; ++i) {
-      const int own = mosaic_channel(i + window.left, j + window.top);
-      const float sides = 0.5F * (raw(i - 1, j) + raw(i + 1, j));
-      const float ends = 0.5F * (raw(i, j - 1) + raw(i, j + 1));
-      float* p = out.at(i, j);
-      p[own] = raw(i, j);
-      if (own == 1) {
-        const bool red_beside = (j + window.top) % 2 == 0;
-        p[0] = red_beside ? sides : ends;
-        p[2] = red_beside ? ends : sides;
-      } else {
-        p[1] = 0.5F * (sides + ends);
-        p[2 - own] =
-            0.25F * (raw(i - 1, j - 1) + raw(i + 1, j - 1) + raw(i - 1, j + 1) + raw(i + 1, j + 1));
-      }
-    }
-  return out;
 }
 
 /// Brightens dark regions as phones do: by a power of the mean light around each pixel, which is
@@ -476,27 +396,18 @@ void map_tones(Picture& picture, double exponent) {
     }
 }
 
-/// CodeCurve converts light to codes between 0 and 255: sRGB, then an S-shaped curve.
-class CodeCurve {
- public:
-  explicit CodeCurve(double strength) {
-    for (size_t k = 0; k < values_.size(); ++k) {
-      const double light = static_cast<double>(k) / static_cast<double>(values_.size() - 1);
-      const double code =
-          light <= 0.0031308 ? 12.92 * light : 1.055 * std::pow(light, 1 / 2.4) - 0.055;
-      values_[k] =
-          static_cast<float>(255.0 * (code - strength * std::sin(2.0 * std::numbers::pi * code) /
-                                                 (2.0 * std::numbers::pi) * 2.0));
-    }
+/// Returns the codes, between 0 and 255, of equal steps of light from 0 to 1: sRGB, then an
+/// S-shaped curve.
+std::vector<float> code_curve(double strength) {
+  std::vector<float> codes(1 << 14);
+  for (size_t k = 0; k < codes.size(); ++k) {
+    const double code =
+        frames::srgb_from_linear(static_cast<double>(k) / static_cast<double>(codes.size() - 1));
+    codes[k] = static_cast<float>(
+        255.0 * (code - strength * std::sin(2.0 * std::numbers::pi * code) / std::numbers::pi));
   }
-  [[nodiscard]] float code(float light) const {
-    const float at = std::clamp(light, 0.0F, 1.0F) * static_cast<float>(values_.size() - 1);
-    return values_[static_cast<size_t>(at + 0.5F)];
-  }
-
- private:
-  std::array<float, 1 << 14> values_{};
-};
+  return codes;
+}
 
 /// Sharpens the codes of a window and writes them into the photograph.
 void sharpen_into(Picture& codes, double strength, const SensorWindow& window, Photo& photo) {
@@ -526,89 +437,50 @@ void sharpen_into(Picture& codes, double strength, const SensorWindow& window, P
 /// `hdr` merges two exposures and maps the tones strongly.
 Photo develop(Mosaic mosaic, const Phone& phone, bool hdr) {
   if (hdr) merge_moved(mosaic);
-  Picture picture = without_mosaic(mosaic);
+  Picture picture{mosaic.window.width(), mosaic.window.height(), {}};
+  picture.light.resize(mosaic.light.size() * 3);
+  for (int j = 0; j < picture.height; ++j)
+    demosaic_row(mosaic.light, picture.width, picture.height, j, picture.at(0, j));
   map_tones(picture, hdr ? 0.5 : phone.tone_mapping);
-  const CodeCurve curve(phone.curve);
-  for (float& value : picture.light) value = curve.code(value);
+  const std::vector<float> curve = code_curve(phone.curve);
+  const auto code = [&](float light) {
+    return curve[static_cast<size_t>(
+        std::clamp(light, 0.0F, 1.0F) * static_cast<float>(curve.size() - 1) + 0.5F)];
+  };
+  for (float& value : picture.light) value = code(value);
   Photo photo;
   photo.width = phone.width;
   photo.height = phone.height;
   photo.codes.assign(static_cast<size_t>(phone.width) * static_cast<size_t>(phone.height) * 3,
-                     static_cast<uint8_t>(curve.code(kWallLight)));
+                     static_cast<uint8_t>(code(kWallLight)));
   sharpen_into(picture, phone.sharpening, mosaic.window, photo);
   return photo;
 }
 
-struct Close {
-  void operator()(void* handle) const { tjDestroy(handle); }
-  void operator()(unsigned char* bytes) const { tjFree(bytes); }
-};
-
-std::string compressed(const Photo& photo, int quality) {
-  const std::unique_ptr<void, Close> writer(tjInitCompress());
-  unsigned char* made = nullptr;
-  unsigned long size = 0;
-  const int failed = tjCompress2(writer.get(), photo.codes.data(), photo.width, 0, photo.height,
-                                 TJPF_RGB, &made, &size, TJSAMP_420, quality, 0);
-  const std::unique_ptr<unsigned char, Close> bytes(made);
-  if (failed != 0) throw Error(ErrorKind::Failed, "cannot compress a photograph");
-  return {reinterpret_cast<const char*>(bytes.get()), size};
-}
-
-/// TiffBlock writes big-endian EXIF entries.
-class TiffBlock {
- public:
-  void two(unsigned value) {
-    bytes_ += static_cast<char>(value >> 8);
-    bytes_ += static_cast<char>(value & 255U);
-  }
-  void four(unsigned value) {
-    two(value >> 16);
-    two(value & 0xffffU);
-  }
-  void entry(unsigned tag, unsigned type, unsigned value) {
-    two(tag);
-    two(type);
-    four(1);
-    if (type == kShort) {
-      two(value);
-      two(0);
-    } else {
-      four(value);
-    }
-  }
-  static constexpr unsigned kShort = 3, kLong = 4;
-  [[nodiscard]] const std::string& bytes() const { return bytes_; }
-
- private:
-  std::string bytes_;
-};
-
 /// Returns an APP1 segment with the orientation and the focal length on 35 mm film (EXIF 2.3).
 std::string exif_segment(const Photo& photo) {
-  TiffBlock tiff;
-  tiff.two(0x4d4d);  // "MM"
-  tiff.two(42);
-  tiff.four(8);
-  tiff.two(2);
-  tiff.entry(0x0112, TiffBlock::kShort, static_cast<unsigned>(photo.orientation));
-  tiff.entry(0x8769, TiffBlock::kLong, 8 + 2 + 2 * 12 + 4);
-  tiff.four(0);
-  tiff.two(1);
-  tiff.entry(0xa405, TiffBlock::kShort,
-             static_cast<unsigned>(std::lround(photo.stated_focal_35mm)));
-  tiff.four(0);
-  TiffBlock segment;
-  segment.two(0xffe1);
-  segment.two(static_cast<unsigned>(2 + 6 + tiff.bytes().size()));
-  return segment.bytes() + std::string("Exif\0\0", 6) + tiff.bytes();
+  const auto orientation = static_cast<uint8_t>(photo.orientation);
+  const auto focal = static_cast<unsigned>(std::lround(photo.stated_focal_35mm));
+  const auto high = static_cast<uint8_t>(focal >> 8), low = static_cast<uint8_t>(focal & 255U);
+  const std::array<uint8_t, 66> bytes = {
+      0xff, 0xe1, 0, 64, 'E', 'x', 'i', 'f', 0,    0,  // marker, length, name
+      'M',  'M',  0, 42, 0,   0,   0,   8,   0,    2,  // big-endian; two entries at 8
+      0x01, 0x12, 0, 3,  0,   0,   0,   1,   0,    orientation,
+      0,    0,  // a short
+      0x87, 0x69, 0, 4,  0,   0,   0,   1,   0,    0,
+      0,    38,                   // the EXIF entries are at 38
+      0,    0,    0, 0,  0,   1,  // no further list; one entry
+      0xa4, 0x05, 0, 3,  0,   0,   0,   1,   high, low,
+      0,    0,  // a short
+      0,    0,    0, 0};
+  return {bytes.begin(), bytes.end()};
 }
 
 }  // namespace
 
-Photo photograph(const LensSection& sheet, const frames::FrameView& shown, const Phone& phone,
+Photo photograph(const SheetShape& sheet, const frames::FrameView& shown, const Phone& phone,
                  const Shot& shot) {
-  Photo photo = develop(expose(sheet, shown, phone, shot), phone, shot.hdr);
+  Photo photo = develop(Exposure(sheet, shown, phone, shot).expose(), phone, shot.hdr);
   // 35 mm film has a longer side of 36 mm.
   photo.stated_focal_35mm = std::round(36.0 * phone.focal * phone.stated_focal);
   photo.orientation = orientation_of(shot.roll_degrees);
@@ -616,17 +488,12 @@ Photo photograph(const LensSection& sheet, const frames::FrameView& shown, const
 }
 
 void write_photo(const Photo& photo, int quality, const std::filesystem::path& file) {
-  std::string bytes = compressed(photo, quality);
+  std::string bytes = compress_jpeg(photo.codes, photo.width, photo.height, 3, quality);
   bytes.insert(2, exif_segment(photo));  // after the marker that starts the picture
   write_text_file(file, bytes);
 }
 
 void round_trip(Photo& photo, int quality) {
-  const std::string bytes = compressed(photo, quality);
-  const std::unique_ptr<void, Close> reader(tjInitDecompress());
-  if (tjDecompress2(reader.get(), reinterpret_cast<const unsigned char*>(bytes.data()),
-                    bytes.size(), photo.codes.data(), photo.width, 0, photo.height, TJPF_RGB,
-                    0) != 0)
-    throw Error(ErrorKind::Failed, "cannot decompress a photograph");
+  jpeg_round_trip(photo.codes, photo.width, photo.height, 3, quality);
 }
 }  // namespace lenticule::lab

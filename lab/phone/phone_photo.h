@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Simulates photographs that a phone takes of a panel under a lens sheet: rays of the pixels are
-// traced through the cross-section of the sheet (lens_section.h), then go through the processing of
-// a phone. Shares no code with the calibration.
+// Simulates photographs that a phone takes by hand of a panel under a lens sheet: the light of the
+// sheet's lenses (lens_sheet.h) goes through the processing of a phone. Shares no formula with the
+// calibration.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "frames/frame.h"
-#include "lab/phone/lens_section.h"
+#include "lab/panel/lens_sheet.h"
 
 namespace lenticule::lab {
 
@@ -61,7 +61,7 @@ struct Photo {
 
 /// Takes a photograph of the panel that shows `shown` (RGB codes, sRGB). Only pixels near the panel
 /// are computed; a dark wall is around it. Equal arguments give equal codes.
-[[nodiscard]] Photo photograph(const LensSection& sheet, const frames::FrameView& shown,
+[[nodiscard]] Photo photograph(const SheetShape& sheet, const frames::FrameView& shown,
                                const Phone& phone, const Shot& shot);
 
 /// Writes a JPEG file with EXIF data. Throws Error(Failed).

@@ -2,9 +2,11 @@
 #include "lab/phone/workshop.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <optional>
 #include <random>
 
 #include "optics/model.h"
@@ -36,27 +38,42 @@ optics::Panel panel_of(const WorkshopLimits& limits) {
   return panel;
 }
 
-SheetBuild build_of(Draws& draw, const WorkshopLimits& limits, const optics::Panel& panel) {
-  SheetBuild build;
+/// Returns the index at red (610 nm), green (546 nm) or blue (460 nm), by Cauchy's formula A + B /
+/// wavelength^2 with B from the Abbe number (n_d - 1) / (n_F - n_C), lines of 588, 486 and 656 nm.
+std::array<double, 3> indices_of(double green, double abbe) {
+  const auto term = [](double micrometres) { return 1.0 / (micrometres * micrometres); };
+  const double b = (green - 1.0) / abbe / (term(0.486) - term(0.656));
+  return {green + b * (term(0.610) - term(0.546)), green, green + b * (term(0.460) - term(0.546))};
+}
+
+SimulatedSheet build_of(Draws& draw, const WorkshopLimits& limits, const optics::Panel& panel) {
+  SimulatedSheet build;
   build.pitch_subpx = draw.between(limits.least_pitch_subpx, limits.most_pitch_subpx);
   build.slant = draw.around(0.4);
   build.offset_lenses = draw.around(0.5);
-  build.abbe = draw.between(35.0, 57.0);
-  build.sheet_index = draw.between(1.49, 1.57);
+  const double abbe = draw.between(35.0, 57.0);  // PETG, acrylic
+  const double green = draw.between(1.49, 1.57);
+  build.index = indices_of(green, abbe);
   const double cone = draw.between(9.0, 16.0) * std::numbers::pi / 180.0;
   const double pitch_mm =
       build.pitch_subpx * panel.pixel_width.value / 3.0 / std::hypot(1.0, build.slant);
   const double gap = pitch_mm / (2.0 * std::tan(0.5 * cone));
-  build.glass_mm = std::min(draw.between(0.4, 0.7), 0.5 * gap * build.glass_index);
-  build.sheet_mm = (gap - build.glass_mm / build.glass_index) * build.sheet_index;
-  build.defocus = draw.around(0.08);
+  // Glass and polariser are between sheet and pixels.
+  build.gap_index = 1.52;
+  build.gap_mm = std::min(draw.between(0.4, 0.7), 0.5 * gap * build.gap_index);
+  build.thickness_mm = (gap - build.gap_mm / build.gap_index) * green;
+  // A single surface focuses at n R / (n - 1) in its medium; the pixels are beyond by up to 8 %.
+  const double defocus = draw.around(0.08);
+  const double length = build.thickness_mm + build.gap_mm * green / build.gap_index;
+  build.radius_mm = std::max(length / (1.0 + defocus) * (green - 1.0) / green, 0.55 * pitch_mm);
   build.valley = draw.between(0.02, 0.06);
   build.haze = draw.between(0.02, 0.08);
-  for (double& amplitude : build.deformation) amplitude = draw.around(0.03);
+  build.black_matrix = 0.36;
+  for (double& amplitude : build.bend_lenses) amplitude = draw.around(0.03);
   return build;
 }
 
-optics::Rig start_of(Draws& draw, const SheetBuild& build, const optics::Panel& panel,
+optics::Rig start_of(Draws& draw, const SimulatedSheet& build, const optics::Panel& panel,
                      double distance) {
   optics::Rig start;
   start.name = "workshop";
@@ -64,8 +81,7 @@ optics::Rig start_of(Draws& draw, const SheetBuild& build, const optics::Panel& 
   start.viewing.distance = Millimetres(distance);
   start.sheet.pitch = Subpixels(build.pitch_subpx * (1.0 + draw.around(0.03)));
   start.sheet.slant = build.slant + draw.around(0.01);
-  const double gap = build.sheet_mm / build.sheet_index + build.glass_mm / build.glass_index;
-  start.sheet.gap = Millimetres(gap * (1.0 + draw.around(0.1)));
+  start.sheet.gap = Millimetres(chief_ray(build, 1).gap_mm * (1.0 + draw.around(0.1)));
   start.sheet.refraction_shape = 0.45;
   return start;
 }
@@ -153,69 +169,7 @@ std::vector<Vec3> judged_eyes(const optics::Rig& start) {
   return eyes;
 }
 
-namespace {
-
-/// Fits g t / sqrt(1 + (1 - nu) (t^2 + v^2)), the law of rigs, to the light's way through whole
-/// lenses, for tangents t across the lenses up to 0.9 and v along them up to 0.4.
-void fit_law(const LensSection& sheet, optics::LensSheet& out) {
-  constexpr int kGreen = 1;
-  struct Seen {
-    double across, along, shift;
-  };
-  std::vector<Seen> seen;
-  for (const double along : {0.0, 0.2, 0.4})
-    for (int k = -18; k <= 18; ++k)
-      if (k != 0)
-        seen.push_back({0.05 * k, along, -sheet.mean_shift(0.05 * k, along, kGreen).across});
-  double best = std::numeric_limits<double>::infinity();
-  for (double shape = 0.0; shape <= 1.0; shape += 0.002) {
-    const auto term = [&](const Seen& s) {
-      return s.across / std::sqrt(1.0 + (1.0 - shape) * (s.across * s.across + s.along * s.along));
-    };
-    double product = 0.0, square = 0.0, rest = 0.0;
-    for (const Seen& s : seen) {
-      product += s.shift * term(s);
-      square += term(s) * term(s);
-    }
-    const double gap = product / square;
-    for (const Seen& s : seen) rest += std::pow(s.shift - gap * term(s), 2);
-    if (rest >= best) continue;
-    best = rest;
-    out.gap = Millimetres(gap);
-    out.refraction_shape = shape;
-  }
-}
-
-}  // namespace
-
-optics::Rig rig_of_build(const LensSection& sheet, const optics::Rig& start) {
-  const SheetBuild& build = sheet.build();
-  optics::Rig rig = start;
-  rig.sheet.pitch = Subpixels(build.pitch_subpx);
-  rig.sheet.slant = build.slant;
-  rig.sheet.offset = Lenses(build.offset_lenses);
-  fit_law(sheet, rig.sheet);
-  optics::ResidualMap map;
-  map.columns = 24;
-  map.rows = 14;
-  const auto along = [](int k, int count, double size_mm) {
-    return size_mm * (static_cast<double>(k) / (count - 1) - 0.5);
-  };
-  SheetBuild flat = build;
-  flat.deformation.fill(0.0);
-  const LensSection plane(flat, sheet.panel());
-  for (int r = 0; r < map.rows; ++r)
-    for (int c = 0; c < map.columns; ++c) {
-      const Vec2 at{along(c, map.columns, rig.panel.width_px * rig.panel.pixel_width.value),
-                    -along(r, map.rows, rig.panel.height_px * rig.panel.pixel_height.value)};
-      map.lenses.push_back(sheet.lens_coordinate(at) - plane.lens_coordinate(at));
-    }
-  rig.sheet.residual = map;
-  return rig;
-}
-
-double worst_error(const optics::Rig& rig, const LensSection& sheet,
-                   const std::vector<Vec3>& eyes) {
+double worst_error(const optics::Rig& rig, const SheetShape& sheet, const std::vector<Vec3>& eyes) {
   constexpr int kColumns = 13, kRows = 9, kGreen = 1;
   const optics::OpticalModel model(rig);
   const optics::Panel& panel = rig.panel;
@@ -225,8 +179,10 @@ double worst_error(const optics::Rig& rig, const LensSection& sheet,
       for (int c = 0; c < kColumns; ++c) {
         const double x = panel.width_px * (0.01 + 0.98 * c / (kColumns - 1));
         const double y = panel.height_px * (0.01 + 0.98 * r / (kRows - 1));
-        const double off = model.phase(x, y, kGreen, {eye.x, eye.y, eye.z}) -
-                           sheet.ground_truth_phase({panel.x_mm(x), panel.y_mm(y)}, kGreen, eye);
+        const std::optional<TrueView> seen =
+            true_view(sheet, {panel.x_mm(x), panel.y_mm(y)}, kGreen, eye, LightMiddle::Centroid);
+        if (!seen) return std::numeric_limits<double>::infinity();
+        const double off = model.phase(x, y, kGreen, {eye.x, eye.y, eye.z}) - seen->phase;
         worst = std::max(worst, std::abs(off - std::round(off)));
       }
   return worst;

@@ -13,7 +13,7 @@ namespace lenticule::lab {
 
 /// Workshop holds what is there, what its owner believes, and the photographs taken.
 struct Workshop {
-  SheetBuild build;
+  SimulatedSheet build;
   optics::Rig start;  ///< values of the owner, with the exact panel
   Phone phone;
   std::vector<Shot> shots;
@@ -43,13 +43,9 @@ struct WorkshopLimits {
 /// viewing distance.
 [[nodiscard]] std::vector<Vec3> judged_eyes(const optics::Rig& start);
 
-/// Returns the rig that the build has by its own dimensions: pitch, slant, offset and deformation
-/// as built; gap and refraction shape as rays through whole lenses have them.
-[[nodiscard]] optics::Rig rig_of_build(const LensSection& sheet, const optics::Rig& start);
-
 /// Returns the largest difference, in lenses, between the phases of a rig and the ground truth, for
 /// green light, over the panel and the eyes. A whole number of lenses does not count.
-[[nodiscard]] double worst_error(const optics::Rig& rig, const LensSection& sheet,
+[[nodiscard]] double worst_error(const optics::Rig& rig, const SheetShape& sheet,
                                  const std::vector<Vec3>& eyes);
 
 }  // namespace lenticule::lab

@@ -53,7 +53,7 @@ class PhoneCommand : public CommandTest {
   }
 
   lab::Workshop workshop_ = lab::draw_workshop(101, small_workshop(6));
-  lab::LensSection sheet_{workshop_.build, workshop_.start.panel};
+  lab::SheetShape sheet_{workshop_.start.panel, workshop_.build};
 };
 
 TEST_F(PhoneCommand, EndsWithARigAPictureAndANumber) {

@@ -49,7 +49,7 @@ class HandHeldPhone {
  private:
   static constexpr uint64_t kSeed = 102;  ///< all its photographs can be measured
   lab::Workshop workshop_;
-  lab::LensSection sheet_{workshop_.build, workshop_.start.panel};
+  lab::SheetShape sheet_{workshop_.start.panel, workshop_.build};
 };
 
 }  // namespace lenticule::test

@@ -75,7 +75,7 @@ bool follow(const SimulatedSheet& sheet, int channel, Real half_pitch, Real u, V
     drop_to(ray, sheet.thickness_mm);
     if (!bend(ray, 0, 1, 1, index)) return false;
   }
-  if (!walk_to_surface(sheet, half_pitch, ray)) return false;
+  if (!walk_to_surface(sheet, half_pitch * (1 - Real{sheet.valley}), ray)) return false;
   const Real side = sheet.lens_toward_panel ? -1 : 1;
   const Real radius = sheet.radius_mm;
   const Real normal_u = side * ray.u / radius;
@@ -84,10 +84,10 @@ bool follow(const SimulatedSheet& sheet, int channel, Real half_pitch, Real u, V
   if (!bend(ray, normal_u, normal_z, enters ? 1 : index, enters ? index : 1)) return false;
   if (enters) {
     drop_to(ray, -sheet.thickness_mm);
-    if (sheet.air_gap_mm > 0 && !bend(ray, 0, 1, index, 1)) return false;
-    drop_to(ray, -Real{sheet.thickness_mm} - sheet.air_gap_mm);
+    if (sheet.gap_mm > 0 && !bend(ray, 0, 1, index, sheet.gap_index)) return false;
+    drop_to(ray, -Real{sheet.thickness_mm} - sheet.gap_mm);
   } else {
-    drop_to(ray, -sheet.air_gap_mm);
+    drop_to(ray, -sheet.gap_mm);
   }
   at_u = ray.u;
   at_v = ray.v;
@@ -187,14 +187,23 @@ TEST(GroundTruthPhase, AgreesWithASlowTracer) {
 TEST(GroundTruthPhase, AgreesWithASlowTracerBehindAnAirGap) {
   SimulatedSheet sheet = focused_sheet(small_panel(), 9.1, -0.4, 16.0);
   sheet.thickness_mm *= 0.6;
-  sheet.air_gap_mm = 0.5;
+  sheet.gap_mm = 0.5;
+  expect_slow_tracer_agrees(sheet, 1);
+}
+
+TEST(GroundTruthPhase, AgreesWithASlowTracerOverGlassAndBetweenValleys) {
+  SimulatedSheet sheet = focused_sheet(small_panel(), 7.7, 0.25, 16.0);
+  sheet.thickness_mm *= 0.7;
+  sheet.gap_mm = 0.5;
+  sheet.gap_index = 1.52;
+  sheet.valley = 0.06;
   expect_slow_tracer_agrees(sheet, 1);
 }
 
 TEST(GroundTruthPhase, AgreesWithASlowTracerWhenTheLensesFaceThePanel) {
   SimulatedSheet sheet = focused_sheet(small_panel(), 7.7, 0.2, 16.0);
   sheet.lens_toward_panel = true;
-  sheet.air_gap_mm = sheet.radius_mm / (sheet.index[1] - 1.0) * 0.95;
+  sheet.gap_mm = sheet.radius_mm / (sheet.index[1] - 1.0) * 0.95;
   sheet.thickness_mm = 2.0;
   expect_slow_tracer_agrees(sheet, 0);
 }

@@ -116,7 +116,7 @@ TEST(TracedPicture, ShowsTheTruePhaseOfLensesThatFaceThePanel) {
   const optics::Panel panel = small_panel();
   SimulatedSheet sheet = focused_sheet(panel, 7.7, 0.25);
   sheet.lens_toward_panel = true;
-  sheet.air_gap_mm = sheet.radius_mm / (sheet.index[1] - 1.0);
+  sheet.gap_mm = sheet.radius_mm / (sheet.index[1] - 1.0);
   EXPECT_LT(phase_error(panel, sheet, oblique_camera(), 1), kMostError);
 }
 

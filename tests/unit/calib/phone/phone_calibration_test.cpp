@@ -106,8 +106,15 @@ TEST(PhoneCalibration, TellsTheGapsOfTheColoursApart) {
   const HandTrial trial(101, test::small_workshop(3));
   const Calibration found = calibrate(trial, trial.photos());
   EXPECT_THAT(found.warnings, ElementsAre(HasSubstr("3 photographs do not show")));
-  const lab::LensSection sheet(trial.workshop().build, trial.workshop().start.panel);
-  const auto shift = [&](int channel) { return sheet.mean_shift(0.3, 0.0, channel).across; };
+  const lab::Workshop& workshop = trial.workshop();
+  const lab::SheetShape sheet(workshop.start.panel, workshop.build);
+  const Vec2 across = sheet.lenses_at({}, 1).across();
+  const auto shift = [&](int channel) {
+    const double far = 1e7;
+    const Vec3 eye{0.3 * far * across.x, 0.3 * far * across.y, far};
+    return true_view(sheet, {}, channel, eye, lab::LightMiddle::Centroid)->phase -
+           sheet.lenses_at({}, 1).coordinate;
+  };
   const double green = found.rig.sheet.gap.value;
   EXPECT_NEAR(parameter(found, "gap_mm.red").estimate.value / green, shift(0) / shift(1), 8e-4);
   EXPECT_NEAR(parameter(found, "gap_mm.blue").estimate.value / green, shift(2) / shift(1), 8e-4);
