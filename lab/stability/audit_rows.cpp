@@ -156,25 +156,9 @@ struct Audits {
   double found = 0.0;
   double expected = 0.0;
   double variance = 0.0;
-
-  Audits& operator+=(const Audits& other);
 };
 
-Audits& Audits::operator+=(const Audits& other) {
-  frames += other.frames;
-  broken += other.broken;
-  beyond_aim += other.beyond_aim;
-  sampled_less += other.sampled_less;
-  retraced += other.retraced;
-  true_share += other.true_share;
-  bound += other.bound;
-  found += other.found;
-  expected += other.expected;
-  variance += other.variance;
-  return *this;
-}
-
-Audits audit_of(uint64_t seed) {
+void audit(uint64_t seed, std::mutex& mutex, Audits& sum) {
   RandomScene source(seed);
   const optics::Rig rig = source.rig();
   const optics::OpticalModel model(rig);
@@ -187,7 +171,7 @@ Audits audit_of(uint64_t seed) {
     return next_frame(*render::make_method(name, model, options), scene, stage, rig);
   };
   const SmallFrame full = make("full"), adaptive = make("adaptive");
-  if (player::interrupted()) return {};
+  if (player::interrupted()) return;
   const frames::Difference off =
       frames::compare_pictures(full.frame.view(), adaptive.frame.view()).total;
   const render::RenderStatistics& said = adaptive.statistics;
@@ -197,44 +181,41 @@ Audits audit_of(uint64_t seed) {
   const auto sampled = static_cast<double>(said.audited_subpixels);
   const double of_rest = static_cast<double>(off.count_over(limit)) /
                          (static_cast<double>(off.samples()) - 2.0 * sampled);
-  return {.frames = 1,
-          .broken = share > said.beyond_bound || off.rmse() > said.rmse_bound + kRounding ? 1U : 0U,
-          .beyond_aim = off.rmse() > 2.0 * error ? 1U : 0U,
-          .sampled_less = off.rmse() > 2.0 * said.audited_rmse ? 1U : 0U,
-          .retraced = said.retraced_subpixels > 0 ? 1U : 0U,
-          .true_share = share,
-          .bound = said.beyond_bound,
-          .found = static_cast<double>(said.audited_beyond),
-          .expected = of_rest * sampled,
-          .variance = of_rest * (1.0 - of_rest) * sampled};
+  const std::lock_guard lock(mutex);
+  ++sum.frames;
+  sum.broken += share > said.beyond_bound || off.rmse() > said.rmse_bound + kRounding ? 1 : 0;
+  sum.beyond_aim += off.rmse() > 2.0 * error ? 1 : 0;
+  sum.sampled_less += off.rmse() > 2.0 * said.audited_rmse ? 1 : 0;
+  sum.retraced += said.retraced_subpixels > 0 ? 1 : 0;
+  sum.true_share += share;
+  sum.bound += said.beyond_bound;
+  sum.found += static_cast<double>(said.audited_beyond);
+  sum.expected += of_rest * sampled;
+  sum.variance += of_rest * (1.0 - of_rest) * sampled;
 }
 
-}  // namespace
-
-StabilityRow stability_audit(const StabilitySize& size) {
+StabilityRow audits(const StabilitySize& size) {
   std::mutex mutex;
   Audits sum;
-  for_each_part(size, size.samples(100, 4'000), [&](uint64_t seed) {
-    const Audits one = audit_of(seed);
-    const std::lock_guard lock(mutex);
-    sum += one;
-  });
+  for_each_part(size, size.samples(100, 4'000), [&](uint64_t seed) { audit(seed, mutex, sum); });
   const auto frames = static_cast<double>(sum.frames);
   return {
-      .stressed = "random scenes: what method adaptive reports about its frames, against full",
-      .samples = sum.frames,
-      .samples_are = "frames",
-      .failures = sum.broken,
+      .tally = {.samples = sum.frames,
+                .failures = sum.broken,
+                .worst = std::abs(sum.found - sum.expected) / std::sqrt(sum.variance)},
       .failures_allowed = sum.frames / 100,
-      .failures_are = "bounds that do not hold",
-      .worst = std::abs(sum.found - sum.expected) / std::sqrt(sum.variance),
-      .bound = 4.0,
-      .unit = "deviations of the number found",
       .note = fmt::format("over E: {:.2f} % on average, bounds {:.2f} %; {} found of {:.0f} "
                           "expected; {} frames retraced; RMSE of {} frames above 2 E, of {} "
                           "more than twice that of the samples",
                           100.0 * sum.true_share / frames, 100.0 * sum.bound / frames, sum.found,
                           sum.expected, sum.retraced, sum.beyond_aim, sum.sampled_less)};
+}
+
+}  // namespace
+
+std::vector<StabilityCase> audit_cases() {
+  return {{"audit", "random scenes: what method adaptive reports about its frames, against full",
+           "frames", "bounds that do not hold", audits, 4.0, "deviations of the number found"}};
 }
 
 }  // namespace lenticule::lab

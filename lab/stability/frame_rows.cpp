@@ -2,13 +2,11 @@
 // Rows of whole pictures: phases over a panel 15360 pixels wide in every precision in use,
 // refraction, outlines, the independence of origin and unit, and degenerate scenes.
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
-#include <filesystem>
 #include <fstream>
 #include <functional>
 #include <limits>
@@ -71,37 +69,20 @@ int row_number(const optics::Rig& rig, uint64_t count, uint64_t k) {
   return static_cast<int>(k * static_cast<uint64_t>(rig.panel.height_px - 1) / (count - 1));
 }
 
-StabilityRow filled(const char* stressed, const Tally& tally) {
-  return {.stressed = stressed,
-          .samples = tally.samples,
-          .samples_are = "subpixels",
-          .failures = tally.failures,
-          .failures_are = "wrong lenses or views",
-          .worst = tally.worst,
-          .bound = 1e-9,
-          .unit = "lens"};
-}
-
-}  // namespace
-
-StabilityRow stability_phase_scalar(const StabilitySize& size) {
+StabilityRow phase_scalar(const StabilitySize& size) {
   const optics::Rig rig = large_rig();
   const optics::OpticalModel model(rig);
   const uint64_t rows = row_count(rig, size);
-  SharedTally shared;
-  for_each_part(size, rows, [&](uint64_t k) {
-    Tally tally;
-    const int j = row_number(rig, rows, k);
-    for (int s = 0; s < 3 * rig.panel.width_px; ++s) {
-      const optics::SubpixelRay ray = model.ray(s / 3, j, s % 3);
-      compare(expected(rig, s / 3, j, s % 3), ray.lens, ray.place, tally);
-    }
-    shared.add(tally);
-  });
-  return filled("scalar double, 15360x8640, 45 views, seen from 700 mm", shared.sum());
+  return {.tally = tally_parts(size, rows, [&](uint64_t k, Tally& tally) {
+            const int j = row_number(rig, rows, k);
+            for (int s = 0; s < 3 * rig.panel.width_px; ++s) {
+              const optics::SubpixelRay ray = model.ray(s / 3, j, s % 3);
+              compare(expected(rig, s / 3, j, s % 3), ray.lens, ray.place, tally);
+            }
+          })};
 }
 
-StabilityRow stability_phase_kernels(const StabilitySize& size) {
+StabilityRow phase_kernels(const StabilitySize& size) {
   const optics::Rig rig = large_rig();
   const optics::OpticalModel model(rig);
   std::vector<optics::RowRayEvaluator> kernels;
@@ -112,9 +93,7 @@ StabilityRow stability_phase_kernels(const StabilitySize& size) {
     names += (names.empty() ? "" : ", ") + std::string(isa_name(isa));
   }
   const uint64_t rows = row_count(rig, size);
-  SharedTally shared;
-  for_each_part(size, rows, [&](uint64_t k) {
-    Tally tally;
+  const Tally all = tally_parts(size, rows, [&](uint64_t k, Tally& tally) {
     const int j = row_number(rig, rows, k);
     static thread_local std::vector<optics::RowRays> rays;
     rays.resize(kernels.size());
@@ -125,14 +104,11 @@ StabilityRow stability_phase_kernels(const StabilitySize& size) {
       const auto at = static_cast<size_t>(s);
       for (const optics::RowRays& row : rays) compare(oracle, row.lens[at], row.place[at], tally);
     }
-    shared.add(tally);
   });
-  StabilityRow row = filled("vector kernels, the same panel", shared.sum());
-  row.note = "instruction sets: " + names;
-  return row;
+  return {.tally = all, .note = "instruction sets: " + names};
 }
 
-StabilityRow stability_phase_tiles(const StabilitySize& size) {
+StabilityRow phase_tiles(const StabilitySize& size) {
   optics::Rig rig = large_rig();
   // The cones of views would not fit at less than a panel's width.
   rig.viewing.distance = Millimetres(1500.0);
@@ -141,9 +117,7 @@ StabilityRow stability_phase_tiles(const StabilitySize& size) {
   const PrimaryProbe probe(plain.scene, model, best_isa());
   const auto tiles = static_cast<uint64_t>(probe.tiles());
   const uint64_t step = size.samples(599, 1);  // prime, so that all columns and bands are covered
-  SharedTally shared;
-  for_each_part(size, (tiles + step - 1) / step, [&](uint64_t k) {
-    Tally tally;
+  Tally all = tally_parts(size, (tiles + step - 1) / step, [&](uint64_t k, Tally& tally) {
     static thread_local std::vector<PrimaryProbe::Line> lines;
     probe.lines(static_cast<int>(k * step), lines);
     uint64_t n = 0;
@@ -160,21 +134,13 @@ StabilityRow stability_phase_tiles(const StabilitySize& size) {
       const OracleRay oracle = oracle_ray(rig, i, line.row, channel, at.lens);
       tally.error(static_cast<double>(std::fabs(Real(line.tan_x) - oracle.tan_x)));
     }
-    shared.add(tally);
   });
-  StabilityRow row = filled(
-      "polynomials of tiles, as the renderer uses them, the same panel from 1500 mm", shared.sum());
-  row.failures_are = "wrong lenses";
-  if (!probe.fast()) row.samples = 0;  // these rays came from the optical map itself
-  row.bound = 4e-7;
-  row.unit = "of a direction";
-  return row;
+  if (!probe.fast()) all.samples = 0;  // these rays came from the optical map itself
+  return {.tally = all};
 }
 
 // Tests total internal reflection and nested transparent objects against Snell's law in long
 // double.
-
-namespace {
 
 render::Material glass(double index) {
   return {.name = "glass",
@@ -214,20 +180,16 @@ render::TriangleMesh turned_box() {
   return box;
 }
 
-}  // namespace
-
-StabilityRow stability_total_reflection(const StabilitySize& size) {
+StabilityRow total_reflection(const StabilitySize& size) {
   render::SceneDescription scene = dark_scene({0.2, 0.25, 0.3});
   scene.materials = {glass(1.52), glass(2.42)};
   scene.meshes = {turned_box()};
   scene.spheres = {{.centre = {19.7, 1.3, 2.1}, .radius = 14.9, .material = 1}};
   add_stripes(scene);
-  StabilityRow row = compare_with_oracle(scene, rig_of(size), size);
-  row.stressed = "a rotated box of glass and a ball of diamond: total internal reflection";
-  return row;
+  return compare_with_oracle(scene, rig_of(size), size);
 }
 
-StabilityRow stability_nested_glass(const StabilitySize& size) {
+StabilityRow nested_glass(const StabilitySize& size) {
   render::SceneDescription scene = dark_scene({0.2, 0.25, 0.3});
   scene.materials = {glass(1.5), glass(2.0)};
   // A glass ball that contains a bubble, which contains a ball of denser glass; and beside it the
@@ -239,15 +201,11 @@ StabilityRow stability_nested_glass(const StabilitySize& size) {
                    {.centre = {19.1, -0.9, 1.7}, .radius = 12.001, .inward = true, .material = 0},
                    {.centre = {19.1, -0.9, 1.7}, .radius = 12.0, .material = 1}};
   add_stripes(scene);
-  StabilityRow row = compare_with_oracle(scene, rig_of(size), size);
-  row.stressed = "glass in bubbles in glass, one a thousandth of a millimetre thin";
-  return row;
+  return compare_with_oracle(scene, rig_of(size), size);
 }
 
 // Tests outlines of every slope, each exactly through the ray of a subpixel: method adaptive
 // against full.
-
-namespace {
 
 constexpr double kPaneMm = 12.0;   // distance in front of the panel
 constexpr double kWallMm = -21.0;  // behind the panel
@@ -365,41 +323,24 @@ Tally compare(const optics::OpticalModel& model, const Outline& outline, const P
   return tally;
 }
 
-}  // namespace
-
-StabilityRow stability_outline_slopes(const StabilitySize& size) {
+StabilityRow outline_slopes(const StabilitySize& size) {
   const optics::OpticalModel model(finer(small_rig(), size.full ? 2 : 1));
   const std::vector<double> degrees = slopes(model.rig(), size.full ? 10.0 : 0.5);
-  SharedTally shared;
   Beyond beyond;
-  for_each_part(size, degrees.size(), [&](uint64_t k) {
+  Tally all = tally_parts(size, degrees.size(), [&](uint64_t k, Tally& tally) {
     const Outline outline = outline_at(model, degrees[k]);
     const Pictures pictures = pictures_of(model, outline);
-    if (!player::interrupted()) shared.add(compare(model, outline, pictures, beyond));
+    if (!player::interrupted()) tally = compare(model, outline, pictures, beyond);
   });
-  // The row sweep's tolerance for points on an outline, docs/render/row-sweep.md: 4e-7 of
-  // coordinates.
-  const double coordinates = std::hypot(kFarOff, kFarOff);
-  StabilityRow row{
-      .stressed = "outlines at every slope through a subpixel's ray, adaptive against full",
-      .samples = shared.sum().samples,
-      .samples_are = "subpixels",
-      .failures = shared.sum().failures,
-      .failures_are = "show no surface",
-      .worst = shared.sum().worst,
-      .bound = 4e-7 * coordinates,
-      .unit = "mm off the outline",
-      .note = fmt::format("{} outlines, {} subpixels on them; {} off by more than {} codes, at "
-                          "most {} according to the frames",
-                          degrees.size(), beyond.on_outline.load(), beyond.subpixels.load(), kError,
-                          beyond.allowed.load())};
-  if (beyond.subpixels > beyond.allowed) ++row.failures;
-  return row;
+  if (beyond.subpixels > beyond.allowed) ++all.failures;
+  return {.tally = all,
+          .note = fmt::format("{} outlines, {} subpixels on them; {} off by more than {} codes, at "
+                              "most {} according to the frames",
+                              degrees.size(), beyond.on_outline.load(), beyond.subpixels.load(),
+                              kError, beyond.allowed.load())};
 }
 
 // Tests that the picture depends neither on the position of the world's origin nor on the unit.
-
-namespace {
 
 constexpr double kMmPerUnit = 12.0;
 
@@ -422,49 +363,34 @@ Tally difference(const frames::WovenFrame& a, const frames::WovenFrame& b) {
   return tally;
 }
 
-/// Returns a row with a small number of allowed failures: rounded world coordinates may move the
-/// outline of an object across a subpixel's ray.
-StabilityRow filled(const Tally& tally, const char* stressed, std::string note) {
-  return {.stressed = stressed,
-          .samples = tally.samples,
-          .samples_are = "subpixels",
-          .failures = tally.failures,
-          .failures_allowed = tally.samples / 20000,
-          .failures_are = "other by more than one code",
-          .note = std::move(note)};
+/// Compares the picture at home with those at each scale or offset. A small number of failures is
+/// allowed: rounded world coordinates may move the outline of an object across a subpixel's ray.
+StabilityRow compare_places(const StabilitySize& size, const std::vector<double>& places,
+                            const std::function<frames::WovenFrame(double)>& picture_at) {
+  const frames::WovenFrame at_home = picture(size, 1.0, {});
+  StabilityRow row{.note = "in turn:"};
+  for (const double place : places) {
+    const Tally tally = difference(at_home, picture_at(place));
+    row.note += fmt::format(" {}", tally.failures);
+    row.tally += tally;
+  }
+  row.failures_allowed = row.tally.samples / 20000;
+  return row;
 }
 
-}  // namespace
-
-StabilityRow stability_offsets(const StabilitySize& size) {
-  const frames::WovenFrame at_home = picture(size, 1.0, {});
-  Tally sum;
-  std::string note = "by offset:";
-  for (const double offset : {1e3, 1e4, 1e5, 1e6, 1e7}) {
-    const Tally tally =
-        difference(at_home, picture(size, 1.0, Vec3{offset, -0.7 * offset, 0.4 * offset}));
-    note += fmt::format(" {}", tally.failures);
-    sum += tally;
-  }
-  return filled(sum, "a scene 6 units wide moved by 10^3 to 10^7 units", note);
+StabilityRow offsets(const StabilitySize& size) {
+  return compare_places(size, {1e3, 1e4, 1e5, 1e6, 1e7}, [&](double offset) {
+    return picture(size, 1.0, Vec3{offset, -0.7 * offset, 0.4 * offset});
+  });
 }
 
-StabilityRow stability_scales(const StabilitySize& size) {
-  const frames::WovenFrame at_home = picture(size, 1.0, {});
-  Tally sum;
-  std::string note = "by scale:";
-  for (const double scale : {1e-6, 1e-3, 7.0, 1e3, 1e6}) {
-    const Tally tally = difference(at_home, picture(size, scale, {}));
-    note += fmt::format(" {}", tally.failures);
-    sum += tally;
-  }
-  return filled(sum, "the same scene in units of 10^-6 to 10^6", note);
+StabilityRow scales(const StabilitySize& size) {
+  return compare_places(size, {1e-6, 1e-3, 7.0, 1e3, 1e6},
+                        [&](double scale) { return picture(size, scale, {}); });
 }
 
 // Tests degenerate geometry: values that are not finite are refused with a clear error, and
 // primitives without area change nothing. A run that ends by a signal here has failed too.
-
-namespace {
 
 using render::SceneDescription;
 
@@ -489,40 +415,41 @@ SceneDescription ball_scene() {
   return scene;
 }
 
-void refuse_values(double bad, NamedFailures& failures) {
-  const auto expect = [&](const char* name, const std::function<void(SceneDescription&)>& spoil) {
-    SceneDescription scene = ball_scene();
-    spoil(scene);
-    failures.check(fmt::format("{} {}", name, bad),
-                   refuses([&] { (void)render_small(scene, plain_stage(), small_rig(), 1); }));
-  };
-  expect("vertex", [&](auto& s) { s.meshes[0].positions[7].y = bad; });
-  expect("unused vertex", [&](auto& s) { s.meshes[0].positions.push_back({bad, 0, 0}); });
-  expect("normal", [&](auto& s) {
-    s.meshes[0].normals.assign(s.meshes[0].positions.size(), {0, 1, 0});
-    s.meshes[0].normals[3].z = bad;
-  });
-  expect("sphere's centre", [&](auto& s) { s.spheres = {{.centre = {bad, 0, 0}}}; });
-  expect("sphere's radius", [&](auto& s) { s.spheres = {{.radius = bad}}; });
-  expect("cone's base", [&](auto& s) { s.cones = {{.base = {0, bad, 0}, .apex = {1, 2, 3}}}; });
-  expect("cone's radius", [&](auto& s) { s.cones = {{.base_radius = bad, .apex = {1, 2, 3}}}; });
-  expect("colour", [&](auto& s) { s.materials[0].colour.x = bad; });
-  expect("index of refraction", [&](auto& s) { s.materials[0].refraction_index = bad; });
-  expect("ambient light", [&](auto& s) { s.ambient = Vec3{0, bad, 0}; });
-  expect("lamp", [&](auto& s) {
-    render::Light light;
-    light.position = {0, 0, bad};
-    s.lights = {light};
-  });
-}
-
-void refuse_shapes(NamedFailures& failures) {
-  const auto expect = [&](const char* name, const std::function<void(SceneDescription&)>& spoil) {
+void refuse_scenes(NamedFailures& failures) {
+  const auto expect = [&](const std::string& name,
+                          const std::function<void(SceneDescription&)>& spoil) {
     SceneDescription scene = ball_scene();
     spoil(scene);
     failures.check(name,
                    refuses([&] { (void)render_small(scene, plain_stage(), small_rig(), 1); }));
   };
+  for (const double bad : {kNan, kInfinity, -kInfinity}) {
+    const auto expect_bad = [&](const char* name, const auto& spoil) {
+      expect(fmt::format("{} {}", name, bad), spoil);
+    };
+    expect_bad("vertex", [&](auto& s) { s.meshes[0].positions[7].y = bad; });
+    expect_bad("unused vertex", [&](auto& s) { s.meshes[0].positions.push_back({bad, 0, 0}); });
+    expect_bad("normal", [&](auto& s) {
+      s.meshes[0].normals.assign(s.meshes[0].positions.size(), {0, 1, 0});
+      s.meshes[0].normals[3].z = bad;
+    });
+    expect_bad("sphere's centre", [&](auto& s) { s.spheres = {{.centre = {bad, 0, 0}}}; });
+    expect_bad("sphere's radius", [&](auto& s) { s.spheres = {{.radius = bad}}; });
+    expect_bad("cone's base", [&](auto& s) {
+      s.cones = {{.base = {0, bad, 0}, .apex = {1, 2, 3}}};
+    });
+    expect_bad("cone's radius", [&](auto& s) {
+      s.cones = {{.base_radius = bad, .apex = {1, 2, 3}}};
+    });
+    expect_bad("colour", [&](auto& s) { s.materials[0].colour.x = bad; });
+    expect_bad("index of refraction", [&](auto& s) { s.materials[0].refraction_index = bad; });
+    expect_bad("ambient light", [&](auto& s) { s.ambient = Vec3{0, bad, 0}; });
+    expect_bad("lamp", [&](auto& s) {
+      render::Light light;
+      light.position = {0, 0, bad};
+      s.lights = {light};
+    });
+  }
   expect("vertex at 1e30", [](auto& s) { s.meshes[0].positions[7].y = 1e30; });
   expect("missing vertex", [](auto& s) { s.meshes[0].triangles[5][1] = 1U << 30U; });
   expect("missing material", [](auto& s) { s.meshes[0].material = 7; });
@@ -564,34 +491,16 @@ void compare_with_clean(NamedFailures& failures) {
                  std::ranges::equal(clean.bytes(), without.bytes()));
 }
 
-/// Files tests that broken files cause an error with the file's name, or a note about a repair.
-class Files {
- public:
-  Files()
-      : folder_(std::filesystem::temp_directory_path() /
-                fmt::format("lenticule-stability-{}", getpid())) {
-    std::filesystem::create_directories(folder_);
-  }
-  ~Files() {
-    std::error_code ignored;
-    std::filesystem::remove_all(folder_, ignored);
-  }
-  Files(const Files&) = delete;
-  Files& operator=(const Files&) = delete;
-
-  SceneDescription load(const char* name, const char* text) const {
-    std::ofstream(folder_ / name) << text;
-    return render::load_scene(folder_ / name);
-  }
-
- private:
-  std::filesystem::path folder_;
-};
-
+/// Tests that broken files cause an error with the file's name, or a note about a repair.
 void load_files(NamedFailures& failures) {
-  const Files files;
+  const ScratchFolder folder;
+  const auto load = [&](const char* name, const char* text) {
+    const std::string file = folder.file(name);
+    std::ofstream(file) << text;
+    return render::load_scene(file);
+  };
   const auto refused = [&](const char* name, const char* text) {
-    failures.check(name, refuses([&] { (void)files.load(name, text); }));
+    failures.check(name, refuses([&] { (void)load(name, text); }));
   };
   refused("nan.obj", "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
   refused("inf.obj", "v inf 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
@@ -600,7 +509,7 @@ void load_files(NamedFailures& failures) {
   const auto noted = [&](const char* name, const char* text) {
     bool good = false;
     try {
-      good = !files.load(name, text).notes.empty();
+      good = !load(name, text).notes.empty();
     } catch (const Error& error) {
       good = error.kind() == ErrorKind::Input;
     }
@@ -611,19 +520,42 @@ void load_files(NamedFailures& failures) {
   noted("normal.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 0\nvn nan 0 0\nf 1//1 2//2 3//1\n");
 }
 
-}  // namespace
-
-StabilityRow stability_degenerate(const StabilitySize&) {
+StabilityRow degenerate(const StabilitySize&) {
   NamedFailures failures;
-  for (const double bad : {kNan, kInfinity, -kInfinity}) refuse_values(bad, failures);
-  refuse_shapes(failures);
+  refuse_scenes(failures);
   compare_with_clean(failures);
   load_files(failures);
-  return {.stressed = "NaN, infinity, 1e30, missing corners; slivers, duplicates, no area; files",
-          .samples = failures.tally.samples,
-          .samples_are = "cases",
-          .failures = failures.tally.failures,
-          .failures_are = "neither refused nor harmless",
-          .note = failures.names()};
+  return {.tally = failures.tally, .note = failures.names()};
+}
+
+}  // namespace
+
+std::vector<StabilityCase> frame_cases() {
+  const char* subpixels = "subpixels";
+  const char* wrong = "wrong lenses or views";
+  const char* off = "off by more than one code";
+  return {
+      {"phase-scalar", "scalar double, 15360x8640, 45 views, seen from 700 mm", subpixels, wrong,
+       phase_scalar, 1e-9, "lens"},
+      {"phase-kernels", "vector kernels, the same panel", subpixels, wrong, phase_kernels, 1e-9,
+       "lens"},
+      {"phase-tiles",
+       "polynomials of tiles, as the renderer uses them, the same panel from 1500 mm", subpixels,
+       "wrong lenses", phase_tiles, 4e-7, "of a direction"},
+      {"offsets", "a scene 6 units wide moved by 10^3 to 10^7 units", subpixels, off, offsets},
+      {"scales", "the same scene in units of 10^-6 to 10^6", subpixels, off, scales},
+      {"degenerate", "NaN, infinity, 1e30, missing corners; slivers, duplicates, no area; files",
+       "cases", "neither refused nor harmless", degenerate},
+      {"total-reflection",
+       "a rotated box of glass and a ball of diamond: total internal reflection", subpixels, off,
+       total_reflection},
+      {"nested-glass", "glass in bubbles in glass, one a thousandth of a millimetre thin",
+       subpixels, off, nested_glass},
+      // The row sweep's tolerance for points on an outline, docs/render/row-sweep.md: 4e-7 of
+      // coordinates.
+      {"outline-slopes", "outlines at every slope through a subpixel's ray, adaptive against full",
+       subpixels, "show no surface", outline_slopes, 4e-7 * std::hypot(kFarOff, kFarOff),
+       "mm off the outline"},
+  };
 }
 }  // namespace lenticule::lab

@@ -114,13 +114,8 @@ class Owners {
   std::vector<Owner> of_rest_;
 };
 
-constexpr const char* kStressed =
-    "pitches 2, 3, 6, 7, 15/2, 23/3, 3000 with slants 0, 1/3, 1, -1 on 15360x8640";
-
-}  // namespace
-
-StabilityRow stability_borders(const StabilitySize& size) {
-  SharedTally shared;
+StabilityRow borders(const StabilitySize& size) {
+  StabilityRow row;
   std::atomic<uint64_t> on_border{0};
   const int step = static_cast<int>(size.samples(619, 1));
   for (const RationalSheet& sheet : sheets()) {
@@ -129,14 +124,14 @@ StabilityRow stability_borders(const StabilitySize& size) {
     std::vector<optics::RowRayEvaluator> kernels;
     for (const Isa isa : {Isa::Baseline, Isa::Neon, Isa::Avx2, Isa::Avx512})
       if (isa_supported(isa)) kernels.emplace_back(model, isa);
-    for_each_part(size, static_cast<uint64_t>((kHeight + step - 1) / step), [&](uint64_t k) {
-      Tally tally;
-      uint64_t borders = 0;
+    const auto rows = static_cast<uint64_t>((kHeight + step - 1) / step);
+    row.tally += tally_parts(size, rows, [&](uint64_t k, Tally& tally) {
       const int j = static_cast<int>(k) * step;
       // Reused for all rows, because allocating a megabyte for each costs more than filling it.
       static thread_local std::vector<optics::RowRays> rays;
       rays.resize(kernels.size());
       for (size_t n = 0; n < kernels.size(); ++n) kernels[n].evaluate(j, 0, kWidth, rays[n]);
+      uint64_t borders = 0;
       owners.row(j, [&](int s, const Owner& ground_truth) {
         borders += ground_truth.on_border ? 1 : 0;
         const auto check = [&](int64_t lens, double place) {
@@ -145,26 +140,20 @@ StabilityRow stability_borders(const StabilitySize& size) {
                       frames::nearest_view(number, sheet.views) == ground_truth.view);
         };
         const auto at = static_cast<size_t>(s);
-        for (const optics::RowRays& row : rays) check(row.lens[at], row.place[at]);
+        for (const optics::RowRays& ray : rays) check(ray.lens[at], ray.place[at]);
         if (s % 16 != 0) return;
         const optics::SubpixelRay ray = model.ray(s / 3, j, s % 3);
         check(ray.lens, ray.place);
       });
       on_border += borders;
-      shared.add(tally);
     });
   }
-  return {
-      .stressed = kStressed,
-      .samples = shared.sum().samples,
-      .samples_are = "phases",
-      .failures = shared.sum().failures,
-      .failures_are = "wrong lenses or views",
-      .note = fmt::format("{} subpixels exactly on a border of a lens or view", on_border.load())};
+  row.note = fmt::format("{} subpixels exactly on a border of a lens or view", on_border.load());
+  return row;
 }
 
-StabilityRow stability_borders_tiles(const StabilitySize& size) {
-  SharedTally shared;
+StabilityRow borders_tiles(const StabilitySize& size) {
+  StabilityRow row;
   const uint64_t step = size.samples(4099, 1);
   int by_polynomials = 0;
   for (const RationalSheet& sheet : sheets()) {
@@ -175,8 +164,7 @@ StabilityRow stability_borders_tiles(const StabilitySize& size) {
     const PrimaryProbe probe(plain.scene, model, best_isa());
     by_polynomials += probe.fast() ? 1 : 0;
     const auto tiles = static_cast<uint64_t>(probe.tiles());
-    for_each_part(size, (tiles + step - 1) / step, [&](uint64_t k) {
-      Tally tally;
+    row.tally += tally_parts(size, (tiles + step - 1) / step, [&](uint64_t k, Tally& tally) {
       static thread_local std::vector<PrimaryProbe::Line> lines;
       probe.lines(static_cast<int>(k * step), lines);
       for (const auto& line : lines) {
@@ -184,21 +172,16 @@ StabilityRow stability_borders_tiles(const StabilitySize& size) {
         const Real through = oracle_lens_at(rig, line.x_mm, line.y_mm, line.subpixel % 3);
         tally.check(std::fabs(through - static_cast<Real>(lens)) < Real(0.25));
       }
-      shared.add(tally);
     });
   }
-  return {.stressed = "the same through the polynomials of tiles",
-          .samples = shared.sum().samples,
-          .samples_are = "rays",
-          .failures = shared.sum().failures,
-          .failures_are = "through the wrong lens",
-          .note = fmt::format("{} of {} sheets by polynomials", by_polynomials, sheets().size())};
+  row.note = fmt::format("{} of {} sheets by polynomials", by_polynomials, sheets().size());
+  return row;
 }
 
 // Tests coplanar surfaces, grazing rays, eyes on the panel, and objects that cross the panel and
 // the eye's plane.
 
-StabilityRow stability_coplanar(const StabilitySize& size) {
+StabilityRow coplanar(const StabilitySize& size) {
   render::SceneDescription scene = dark_scene({0, 0, 0});
   scene.materials = {glowing({0.4, 0.4, 0.4}), glowing({0.8, 0.8, 0.8})};
   for (const int material : {0, 1, 0}) {
@@ -216,14 +199,10 @@ StabilityRow stability_coplanar(const StabilitySize& size) {
     for (size_t k = 0; k < first.bytes().size(); ++k)
       tally.check(again.bytes()[k] == first.bytes()[k]);
   }
-  return {.stressed = "three sheets in one plane: one of them, and the same for 1, 2, 3, 8 threads",
-          .samples = tally.samples,
-          .samples_are = "subpixels",
-          .failures = tally.failures,
-          .failures_are = "holes or changes"};
+  return {.tally = tally};
 }
 
-StabilityRow stability_grazing(const StabilitySize& size) {
+StabilityRow grazing(const StabilitySize& size) {
   constexpr double kReach = 3000.0;
   // A rounded height moves the intersection of a ray with a plane along the ray, by an amount
   // proportional to 1 / slope. Near an edge of the triangle the point cannot move along, and is at
@@ -239,8 +218,7 @@ StabilityRow stability_grazing(const StabilitySize& size) {
   const std::vector<Vec3> corners = probe.corners(0);
   const Vec3 normal =
       normalized(cross(corners[65 * 64] - corners.front(), corners[64] - corners.front()));
-  SharedTally shared;
-  for_each_part(size, size.samples(200, 20'000), [&](uint64_t part) {
+  const auto shoot = [&](uint64_t part, Tally& tally) {
     std::mt19937_64 random(part);
     std::uniform_real_distribution<double> unit(-1.0, 1.0);
     std::vector<ProbeRay> rays;
@@ -260,7 +238,6 @@ StabilityRow stability_grazing(const StabilitySize& size) {
     }
     std::vector<ProbeHit> hits(rays.size());
     (void)probe.trace(rays, HoleGuard::On, hits);
-    Tally tally;
     for (size_t k = 0; k < rays.size(); ++k) {
       tally.check(hits[k].what == ProbeHit::What::Surface);
       if (hits[k].what != ProbeHit::What::Surface) continue;
@@ -268,28 +245,16 @@ StabilityRow stability_grazing(const StabilitySize& size) {
       const Vec3 off = cross(hits[k].point - rays[k].origin, rays[k].direction);
       tally.error(length(off) * std::min(1.0, slopes[k] / kGrazing));
     }
-    shared.add(tally);
-  });
-  return {.stressed =
-              "rays at slopes of 0.3 to 0.00003 over a plane of 6 m: hit, with the hit point on "
-              "the ray",
-          .samples = shared.sum().samples,
-          .samples_are = "rays",
-          .failures = shared.sum().failures,
-          .failures_are = "misses",
-          .worst = shared.sum().worst,
-          .bound = 0.01,
-          .unit = "mm"};
+  };
+  return {.tally = tally_parts(size, size.samples(200, 20'000), shoot)};
 }
 
-StabilityRow stability_eye_on_panel(const StabilitySize& size) {
+StabilityRow eye_on_panel(const StabilitySize& size) {
   const optics::Rig rig = small_rig();
   const optics::OpticalModel model(rig);
-  SharedTally shared;
-  for_each_part(size, size.samples(200, 20'000), [&](uint64_t part) {
+  const auto look = [&](uint64_t part, Tally& tally) {
     std::mt19937_64 random(part);
     std::uniform_real_distribution<double> unit(-1.0, 1.0);
-    Tally tally;
     for (int k = 0; k < 64; ++k) {
       const int i = static_cast<int>(random() % 160), j = static_cast<int>(random() % 96);
       const optics::Eye eye{40.0 * unit(random), 24.0 * unit(random),
@@ -302,19 +267,11 @@ StabilityRow stability_eye_on_panel(const StabilitySize& size) {
         tally.error(static_cast<double>(std::fabs(Real(phase) - ground_truth)));
       }
     }
-    shared.add(tally);
-  });
-  return {.stressed = "eyes from a metre down to a millionth of a millimetre in front of the panel",
-          .samples = shared.sum().samples,
-          .samples_are = "phases",
-          .failures = shared.sum().failures,
-          .failures_are = "not finite",
-          .worst = shared.sum().worst,
-          .bound = 1e-9,
-          .unit = "lens"};
+  };
+  return {.tally = tally_parts(size, size.samples(200, 20'000), look)};
 }
 
-StabilityRow stability_through_eye(const StabilitySize& size) {
+StabilityRow through_eye(const StabilitySize& size) {
   render::SceneDescription scene = dark_scene({0.05, 0.1, 0.15});
   scene.materials = {glowing({0.9, 0.5, 0.3}), glowing({0.2, 0.6, 0.8}), glowing({0.5, 0.5, 0.1}),
                      glowing({0.4, 0.8, 0.6})};
@@ -328,15 +285,11 @@ StabilityRow stability_through_eye(const StabilitySize& size) {
   scene.spheres = {{.centre = {21.1, 3.3, 0.9}, .radius = 9.7, .material = 3}};
   optics::Rig rig = small_rig();
   if (size.full) rig = finer(rig, 4);
-  StabilityRow row = compare_with_oracle(scene, rig, size);
-  row.stressed = "a beam, walls and a ball through the panel plane and the plane of the eyes";
-  return row;
+  return compare_with_oracle(scene, rig, size);
 }
 
 // Shoots rays at corners and edges of regular closed meshes, from outside and from inside: none may
 // pass through.
-
-namespace {
 
 constexpr double kRadius = 40.0;
 constexpr size_t kRaysPerPart = 4096;
@@ -393,46 +346,24 @@ std::vector<ProbeRay> rays_from_inside(const Target& target, Aim aim, uint64_t p
   return rays;
 }
 
-StabilityRow count_holes(const StabilitySize& size, Aim aim, const char* stressed) {
+template <Aim kAim>
+StabilityRow count_holes(const StabilitySize& size) {
   const std::array<Target, 3> targets{Target(16), Target(60), Target(250)};
   const uint64_t parts = size.samples(1'500'000, 100'000'000) / kRaysPerPart + 1;
-  SharedTally shared;
   std::atomic<uint64_t> filled{0};
-  for_each_part(size, parts, [&](uint64_t part) {
+  const Tally all = tally_parts(size, parts, [&](uint64_t part, Tally& tally) {
     const Target& target = targets[part % targets.size()];
-    const std::vector<ProbeRay> rays = rays_from_inside(target, aim, part);
+    const std::vector<ProbeRay> rays = rays_from_inside(target, kAim, part);
     std::vector<ProbeHit> hits(rays.size());
     filled += target.probe.trace(rays, HoleGuard::On, hits);
-    Tally tally;
     // A ray from inside that hits no surface has passed through a hole.
     for (const ProbeHit& hit : hits) tally.check(hit.what == ProbeHit::What::Surface);
-    shared.add(tally);
   });
-  return {.stressed = stressed,
-          .samples = shared.sum().samples,
-          .samples_are = "rays",
-          .failures = shared.sum().failures,
-          .failures_are = "holes",
+  return {.tally = all,
           .note = fmt::format("{} rays passed through cracks and were caught", filled.load())};
 }
 
-}  // namespace
-
-StabilityRow stability_corners(const StabilitySize& size) {
-  return count_holes(size, Aim::Corners, "rays exactly at corners of closed meshes, from inside");
-}
-
-StabilityRow stability_edges(const StabilitySize& size) {
-  return count_holes(size, Aim::Edges, "rays exactly at edges of closed meshes, from inside");
-}
-
-StabilityRow stability_inside(const StabilitySize& size) {
-  return count_holes(size, Aim::Anywhere, "rays anywhere from inside closed meshes: none escapes");
-}
-
 // Tests single convex objects: no surface can lie between the lit side and the light.
-
-namespace {
 
 constexpr size_t kRaysPerShadowPart = 2048;
 constexpr double kSize = 50.0;  // size of the object, mm on the panel
@@ -511,57 +442,70 @@ Tally count_at(const StabilitySize& size, Kind kind, Place place, double offset,
   const bool moved = place == Place::InTheWorld;
   const render::Scene scene(object(kind, at), plain_stage(moved ? at : Vec3{}), {}, 1);
   const Probe probe(scene);
-  SharedTally shared;
-  for_each_part(size, rays / kRaysPerShadowPart + 1,
-                [&](uint64_t part) { shared.add(count(probe, moved ? Vec3{} : at, part)); });
-  return shared.sum();
+  return tally_parts(size, rays / kRaysPerShadowPart + 1, [&](uint64_t part, Tally& tally) {
+    tally = count(probe, moved ? Vec3{} : at, part);
+  });
 }
 
-StabilityRow shadows(const StabilitySize& size, Kind kind, const char* stressed) {
-  Tally sum;
+template <Kind kKind>
+StabilityRow shadows(const StabilitySize& size) {
+  StabilityRow row;
   const uint64_t rays = size.samples(400'000, 250'000'000) / 8;
   for (const double offset : {0.0, 1e3, 1e5, 1e6, 1e7})
-    sum += count_at(size, kind, Place::InTheWorld, offset, rays);
+    row.tally += count_at(size, kKind, Place::InTheWorld, offset, rays);
   for (const double offset : {1e3, 1e4, 1e5})
-    sum += count_at(size, kind, Place::OffTheStage, offset, rays);
-  return {.stressed = stressed,
-          .samples = sum.samples,
-          .samples_are = "rays",
-          .failures = sum.failures,
-          .failures_are = "false shadows"};
+    row.tally += count_at(size, kKind, Place::OffTheStage, offset, rays);
+  return row;
 }
 
-}  // namespace
-
-StabilityRow stability_shadow_triangle(const StabilitySize& size) {
-  return shadows(size, Kind::Triangle,
-                 "tetrahedron 50 mm, 0 to 10^7 units off in the world, to 10^5 mm off the stage");
-}
-StabilityRow stability_shadow_sphere(const StabilitySize& size) {
-  return shadows(size, Kind::Sphere, "the same with a sphere");
-}
-StabilityRow stability_shadow_cone(const StabilitySize& size) {
-  return shadows(size, Kind::Cone, "the same with the outside of a cone");
-}
-StabilityRow stability_shadow_cylinder(const StabilitySize& size) {
-  return shadows(size, Kind::Cylinder, "the same with the outside of a cylinder");
-}
-
-StabilityRow stability_shadow_far(const StabilitySize& size) {
-  Tally sum;
-  std::string note;
+StabilityRow shadows_far(const StabilitySize& size) {
+  StabilityRow row;
   const uint64_t rays = size.samples(400'000, 40'000'000) / 8;
   for (const double offset : {1e6, 1e7})
     for (const Kind kind : {Kind::Triangle, Kind::Sphere, Kind::Cone, Kind::Cylinder}) {
       const Tally tally = count_at(size, kind, Place::OffTheStage, offset, rays);
-      note += fmt::format("{}{} of {}", note.empty() ? "" : ", ", tally.failures, tally.samples);
-      sum += tally;
+      row.note +=
+          fmt::format("{}{} of {}", row.note.empty() ? "" : ", ", tally.failures, tally.samples);
+      row.tally += tally;
     }
-  return {.stressed = "all four 10^6 and 10^7 mm off the middle of the stage",
-          .samples = sum.samples,
-          .samples_are = "rays",
-          .failures = sum.failures,
-          .failures_are = "false shadows",
-          .note = note};
+  return row;
+}
+
+}  // namespace
+
+std::vector<StabilityCase> hit_cases() {
+  const char* rays = "rays";
+  const char* shadowed = "false shadows";
+  return {
+      {"borders", "pitches 2, 3, 6, 7, 15/2, 23/3, 3000 with slants 0, 1/3, 1, -1 on 15360x8640",
+       "phases", "wrong lenses or views", borders},
+      {"borders-tiles", "the same through the polynomials of tiles", rays, "through the wrong lens",
+       borders_tiles},
+      {"corners", "rays exactly at corners of closed meshes, from inside", rays, "holes",
+       count_holes<Aim::Corners>},
+      {"edges", "rays exactly at edges of closed meshes, from inside", rays, "holes",
+       count_holes<Aim::Edges>},
+      {"inside", "rays anywhere from inside closed meshes: none escapes", rays, "holes",
+       count_holes<Aim::Anywhere>},
+      {"shadow-triangle",
+       "tetrahedron 50 mm, 0 to 10^7 units off in the world, to 10^5 mm off the stage", rays,
+       shadowed, shadows<Kind::Triangle>},
+      {"shadow-sphere", "the same with a sphere", rays, shadowed, shadows<Kind::Sphere>},
+      {"shadow-cone", "the same with the outside of a cone", rays, shadowed, shadows<Kind::Cone>},
+      {"shadow-cylinder", "the same with the outside of a cylinder", rays, shadowed,
+       shadows<Kind::Cylinder>},
+      {"shadow-far", "all four 10^6 and 10^7 mm off the middle of the stage", rays, shadowed,
+       shadows_far},
+      {"coplanar", "three sheets in one plane: one of them, and the same for 1, 2, 3, 8 threads",
+       "subpixels", "holes or changes", coplanar},
+      {"grazing",
+       "rays at slopes of 0.3 to 0.00003 over a plane of 6 m: hit, with the hit point on the ray",
+       rays, "misses", grazing, 0.01, "mm"},
+      {"eye-on-glass",
+       "eyes from a metre down to a millionth of a millimetre in front of the panel", "phases",
+       "not finite", eye_on_panel, 1e-9, "lens"},
+      {"through-eye", "a beam, walls and a ball through the panel plane and the plane of the eyes",
+       "subpixels", "off by more than one code", through_eye},
+  };
 }
 }  // namespace lenticule::lab

@@ -288,23 +288,17 @@ OracleVerdict ask_oracle(const render::SceneDescription& scene, const optics::Ri
 StabilityRow compare_with_oracle(const render::SceneDescription& scene, const optics::Rig& rig,
                                  const StabilitySize& size) {
   const frames::WovenFrame frame = render_small(scene, plain_stage(), rig, size.threads);
-  SharedTally shared;
   std::atomic<uint64_t> beside{0};
-  for_each_part(size, static_cast<uint64_t>(rig.panel.height_px), [&](uint64_t row) {
-    Tally tally;
-    const int j = static_cast<int>(row);
-    for (int s = 0; s < 3 * rig.panel.width_px; ++s) {
-      const OracleVerdict verdict =
-          ask_oracle(scene, rig, {s / 3, j, s % 3, frame.row(j)[s]}, kHair);
-      tally.check(verdict != OracleVerdict::Different);
-      if (verdict == OracleVerdict::BesideOnly) ++beside;
-    }
-    shared.add(tally);
-  });
-  return {.samples = shared.sum().samples,
-          .samples_are = "subpixels",
-          .failures = shared.sum().failures,
-          .failures_are = "off by more than one code",
-          .note = fmt::format("{} lie on an outline", beside.load())};
+  const Tally tally =
+      tally_parts(size, static_cast<uint64_t>(rig.panel.height_px), [&](uint64_t row, Tally& part) {
+        const int j = static_cast<int>(row);
+        for (int s = 0; s < 3 * rig.panel.width_px; ++s) {
+          const OracleVerdict verdict =
+              ask_oracle(scene, rig, {s / 3, j, s % 3, frame.row(j)[s]}, kHair);
+          part.check(verdict != OracleVerdict::Different);
+          if (verdict == OracleVerdict::BesideOnly) ++beside;
+        }
+      });
+  return {.tally = tally, .note = fmt::format("{} lie on an outline", beside.load())};
 }
 }  // namespace lenticule::lab

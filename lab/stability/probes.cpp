@@ -16,8 +16,6 @@
 #include "render/accel/denormals.h"
 #include "render/accel/ray_stream.h"
 #include "render/integrator/packet_tracer.h"
-#include "render/rays/primary_packets.h"
-#include "render/rays/primary_rays.h"
 #include "render/scene/scene.h"
 #include "render/shading/shading_tables.h"
 
@@ -149,36 +147,14 @@ std::vector<Vec3> Probe::corners(size_t mesh) const {
   return corners;
 }
 
-struct PrimaryProbe::Impl {
-  Impl(const render::Scene& committed, const optics::OpticalModel& model, Isa isa)
-      : scene(committed), plan(model.rig()), packets(model, plan, isa), footprint(model, {}) {}
-
-  const render::Scene& scene;
-  render::TilePlan plan;
-  render::PrimaryPackets packets;
-  render::Footprint footprint;
-};
-
-PrimaryProbe::PrimaryProbe(const render::Scene& scene, const optics::OpticalModel& model, Isa isa)
-    : impl_(std::make_unique<Impl>(scene, model, isa)) {}
-PrimaryProbe::~PrimaryProbe() = default;
-
-int PrimaryProbe::tiles() const {
-  return impl_->plan.count();
-}
-
-bool PrimaryProbe::fast() const {
-  return impl_->packets.fast();
-}
-
 void PrimaryProbe::lines(int tile_index, std::vector<Line>& out) const {
   const render::FlushDenormals flush;
-  const render::Tile tile = impl_->plan.tile(tile_index);
-  const Affine panel_from_scene = impl_->scene.scene_from_panel.inverse();
-  render::PrimaryPackets::Maker maker(impl_->packets);
+  const render::Tile tile = plan_.tile(tile_index);
+  const Affine panel_from_scene = scene_.scene_from_panel.inverse();
+  render::PrimaryPackets::Maker maker(packets_);
   std::vector<render::RayPacket> packets(1);
   init_packets(packets);
-  maker.start(impl_->scene, tile, impl_->footprint);
+  maker.start(scene_, tile, footprint_);
   maker.prepare(packets);
   out.clear();
   for (int column = 0; column < tile.columns; ++column) {
@@ -187,7 +163,7 @@ void PrimaryProbe::lines(int tile_index, std::vector<Line>& out) const {
       if (packets[0].valid[r] == 0) continue;
       const render::PanelRay line = panel_ray(panel_from_scene, packets[0], r);
       out.push_back({.row = tile.row_begin + static_cast<int>(r),
-                     .subpixel = impl_->plan.subpixel(tile, column, static_cast<int>(r)),
+                     .subpixel = plan_.subpixel(tile, column, static_cast<int>(r)),
                      .x_mm = line.x_mm,
                      .y_mm = line.y_mm,
                      .tan_x = line.tan_x,

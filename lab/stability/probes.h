@@ -5,7 +5,6 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <span>
 #include <vector>
 
@@ -13,6 +12,8 @@
 #include "optics/model.h"
 #include "optics/row_rays.h"
 #include "render/accel/ray_stream.h"
+#include "render/rays/primary_packets.h"
+#include "render/rays/primary_rays.h"
 #include "render/row_sweep/row_sweep.h"
 #include "render/scene/scene.h"
 
@@ -85,10 +86,8 @@ class Probe {
 /// thread.
 class PrimaryProbe {
  public:
-  PrimaryProbe(const render::Scene& scene, const optics::OpticalModel& model, Isa isa);
-  ~PrimaryProbe();
-  PrimaryProbe(const PrimaryProbe&) = delete;
-  PrimaryProbe& operator=(const PrimaryProbe&) = delete;
+  PrimaryProbe(const render::Scene& scene, const optics::OpticalModel& model, Isa isa)
+      : scene_(scene), plan_(model.rig()), packets_(model, plan_, isa), footprint_(model, {}) {}
 
   struct Line {
     int row = 0;
@@ -96,17 +95,19 @@ class PrimaryProbe {
     double x_mm = 0.0, y_mm = 0.0;
     double tan_x = 0.0, tan_y = 0.0;
   };
-  [[nodiscard]] int tiles() const;
+  [[nodiscard]] int tiles() const { return plan_.count(); }
   /// Returns true if the rays come from this rig's polynomials, false if from the optical map
   /// itself.
-  [[nodiscard]] bool fast() const;
+  [[nodiscard]] bool fast() const { return packets_.fast(); }
   /// Returns one line for each subpixel of the tile that is on the panel; every subpixel is in
   /// exactly one tile.
   void lines(int tile, std::vector<Line>& out) const;
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  const render::Scene& scene_;
+  render::TilePlan plan_;
+  render::PrimaryPackets packets_;
+  render::Footprint footprint_;
 };
 
 // RowTracer traces a pixel row with Embree, as a reference for the row sweep.

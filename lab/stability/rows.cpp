@@ -10,6 +10,7 @@
 #include <limits>
 #include <mutex>
 #include <numbers>
+#include <string_view>
 #include <thread>
 
 #include "base/error.h"
@@ -25,27 +26,11 @@ std::string grouped(uint64_t number) {
   return fmt::format("{} {:03}", grouped(number / 1000), number % 1000);
 }
 
-std::string error_text(const StabilityRow& row) {
-  if (row.unit.empty()) return {};
-  return fmt::format("; error {:.2g} of {:.2g} {}", row.worst, row.bound, row.unit);
-}
-
-std::string failures_text(const StabilityRow& row) {
-  std::string text = fmt::format("{} {}", grouped(row.failures), row.failures_are);
-  if (row.failures_allowed > 0) text += fmt::format(" of {}", grouped(row.failures_allowed));
-  return text;
-}
-
-size_t longest_name(const StabilityReport& report) {
-  size_t longest = 0;
-  for (const StabilityRow& row : report.rows) longest = std::max(longest, row.name.size());
-  return longest;
-}
-
 }  // namespace
 
 bool passes(const StabilityRow& row) {
-  return row.samples > 0 && row.failures <= row.failures_allowed && row.worst <= row.bound;
+  return row.tally.samples > 0 && row.tally.failures <= row.failures_allowed &&
+         row.tally.worst <= row.of->bound;
 }
 
 bool passes(const StabilityReport& report) {
@@ -56,16 +41,16 @@ bool passes(const StabilityReport& report) {
 nlohmann::json to_json(const StabilityReport& report) {
   nlohmann::json rows = nlohmann::json::array();
   for (const StabilityRow& row : report.rows)
-    rows.push_back({{"name", row.name},
-                    {"stressed", row.stressed},
-                    {"samples", row.samples},
-                    {"samples_are", row.samples_are},
-                    {"failures", row.failures},
+    rows.push_back({{"name", row.of->name},
+                    {"stressed", row.of->stressed},
+                    {"samples", row.tally.samples},
+                    {"samples_are", row.of->samples_are},
+                    {"failures", row.tally.failures},
                     {"failures_allowed", row.failures_allowed},
-                    {"failures_are", row.failures_are},
-                    {"worst", row.worst},
-                    {"bound", row.bound},
-                    {"unit", row.unit},
+                    {"failures_are", row.of->failures_are},
+                    {"worst", row.tally.worst},
+                    {"bound", row.of->bound},
+                    {"unit", row.of->unit},
                     {"note", row.note},
                     {"passes", passes(row)}});
   return {{"benchmark", "stability"},
@@ -76,72 +61,39 @@ nlohmann::json to_json(const StabilityReport& report) {
 }
 
 std::string to_text(const StabilityReport& report) {
-  const size_t width = longest_name(report);
+  size_t width = 0;
+  for (const StabilityRow& row : report.rows)
+    width = std::max(width, std::string_view(row.of->name).size());
   std::string text;
   uint64_t passed = 0;
   for (const StabilityRow& row : report.rows) {
-    text += fmt::format("{} {:<{}}  {} {}: {}{}\n", passes(row) ? "pass" : "FAIL", row.name, width,
-                        grouped(row.samples), row.samples_are, failures_text(row), error_text(row));
-    text += fmt::format("{:{}}  {}\n", "", width + 5, row.stressed);
+    const StabilityCase& of = *row.of;
+    text += fmt::format("{} {:<{}}  {} {}: {} {}", passes(row) ? "pass" : "FAIL", of.name, width,
+                        grouped(row.tally.samples), of.samples_are, grouped(row.tally.failures),
+                        of.failures_are);
+    if (row.failures_allowed > 0) text += " of " + grouped(row.failures_allowed);
+    if (of.bound > 0.0)
+      text += fmt::format("; error {:.2g} of {:.2g} {}", row.tally.worst, of.bound, of.unit);
+    text += fmt::format("\n{:{}}  {}\n", "", width + 5, of.stressed);
     if (!row.note.empty()) text += fmt::format("{:{}}  {}\n", "", width + 5, row.note);
-    if (passes(row)) ++passed;
+    passed += passes(row) ? 1 : 0;
   }
   return text +
          fmt::format("{} of {} rows pass, {:.0f} s\n", passed, report.rows.size(), report.seconds);
 }
 
-StabilityRow stability_phase_scalar(const StabilitySize& size);
-StabilityRow stability_phase_kernels(const StabilitySize& size);
-StabilityRow stability_phase_tiles(const StabilitySize& size);
-StabilityRow stability_borders(const StabilitySize& size);
-StabilityRow stability_borders_tiles(const StabilitySize& size);
-StabilityRow stability_offsets(const StabilitySize& size);
-StabilityRow stability_scales(const StabilitySize& size);
-StabilityRow stability_degenerate(const StabilitySize& size);
-StabilityRow stability_corners(const StabilitySize& size);
-StabilityRow stability_edges(const StabilitySize& size);
-StabilityRow stability_inside(const StabilitySize& size);
-StabilityRow stability_shadow_triangle(const StabilitySize& size);
-StabilityRow stability_shadow_sphere(const StabilitySize& size);
-StabilityRow stability_shadow_cone(const StabilitySize& size);
-StabilityRow stability_shadow_cylinder(const StabilitySize& size);
-StabilityRow stability_shadow_far(const StabilitySize& size);
-StabilityRow stability_coplanar(const StabilitySize& size);
-StabilityRow stability_grazing(const StabilitySize& size);
-StabilityRow stability_eye_on_panel(const StabilitySize& size);
-StabilityRow stability_through_eye(const StabilitySize& size);
-StabilityRow stability_total_reflection(const StabilitySize& size);
-StabilityRow stability_nested_glass(const StabilitySize& size);
-StabilityRow stability_outline_slopes(const StabilitySize& size);
-StabilityRow stability_audit(const StabilitySize& size);
+// Each part of the table is at the end of the file of its cases.
+std::vector<StabilityCase> frame_cases();
+std::vector<StabilityCase> hit_cases();
+std::vector<StabilityCase> audit_cases();
 
 const std::vector<StabilityCase>& stability_cases() {
-  static const std::vector<StabilityCase> table = {
-      {"phase-scalar", stability_phase_scalar},
-      {"phase-kernels", stability_phase_kernels},
-      {"phase-tiles", stability_phase_tiles},
-      {"borders", stability_borders},
-      {"borders-tiles", stability_borders_tiles},
-      {"offsets", stability_offsets},
-      {"scales", stability_scales},
-      {"degenerate", stability_degenerate},
-      {"corners", stability_corners},
-      {"edges", stability_edges},
-      {"inside", stability_inside},
-      {"shadow-triangle", stability_shadow_triangle},
-      {"shadow-sphere", stability_shadow_sphere},
-      {"shadow-cone", stability_shadow_cone},
-      {"shadow-cylinder", stability_shadow_cylinder},
-      {"shadow-far", stability_shadow_far},
-      {"coplanar", stability_coplanar},
-      {"grazing", stability_grazing},
-      {"eye-on-glass", stability_eye_on_panel},
-      {"through-eye", stability_through_eye},
-      {"total-reflection", stability_total_reflection},
-      {"nested-glass", stability_nested_glass},
-      {"outline-slopes", stability_outline_slopes},
-      {"audit", stability_audit},
-  };
+  static const std::vector<StabilityCase> table = [] {
+    std::vector<StabilityCase> all = frame_cases();
+    for (const auto& part : {hit_cases(), audit_cases()})
+      all.insert(all.end(), part.begin(), part.end());
+    return all;
+  }();
   return table;
 }
 
@@ -166,6 +118,19 @@ void for_each_part(const StabilitySize& size, uint64_t count,
   run();
   others.clear();
   if (first_error) std::rethrow_exception(first_error);
+}
+
+Tally tally_parts(const StabilitySize& size, uint64_t count,
+                  const std::function<void(uint64_t, Tally&)>& work) {
+  std::mutex mutex;
+  Tally sum;
+  for_each_part(size, count, [&](uint64_t k) {
+    Tally part;
+    work(k, part);
+    const std::lock_guard lock(mutex);
+    sum += part;
+  });
+  return sum;
 }
 
 namespace {

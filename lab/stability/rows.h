@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// StabilityRow is a measurement of `lenticule bench stability` with its limits; a StabilityCase
-// measures one. Tally counts its failures, and the small scenes are what it renders.
+// StabilityCase is an entry of the table of `lenticule bench stability`, StabilityRow what one run
+// of it found. Tally counts failures, and the small scenes are what the cases render.
 #pragma once
 
 #include <algorithm>
@@ -8,7 +8,6 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
-#include <mutex>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -22,42 +21,6 @@
 
 namespace lenticule::lab {
 
-struct StabilityRow {
-  std::string name{};      ///< name for --row
-  std::string stressed{};  ///< stressed property, for people
-  uint64_t samples = 0;
-  std::string samples_are{};  ///< "rays", "subpixels"
-  /// Failures must not exceed the allowed number.
-  uint64_t failures = 0;
-  uint64_t failures_allowed = 0;
-  std::string failures_are{};  ///< "wrong lenses"
-  /// The largest error relative to the oracle, and its limit; both zero if the row only counts
-  /// failures.
-  double worst = 0.0;
-  double bound = 0.0;
-  std::string unit{};  ///< unit of the error
-  std::string note{};  ///< further figures; empty = none
-};
-
-/// Returns true if the row is within its limits. A row without samples and an error that is NaN do
-/// not pass.
-[[nodiscard]] bool passes(const StabilityRow& row);
-
-struct StabilityReport {
-  bool full = false;
-  double seconds = 0.0;
-  std::vector<StabilityRow> rows{};
-};
-
-/// Returns true if there are rows and all of them pass.
-[[nodiscard]] bool passes(const StabilityReport& report);
-
-[[nodiscard]] nlohmann::json to_json(const StabilityReport& report);
-/// Returns one line per row and a summary line.
-[[nodiscard]] std::string to_text(const StabilityReport& report);
-
-// The rows of `lenticule bench stability`: one function each, one line each in rows.cpp.
-
 struct StabilitySize {
   bool full = false;
   int threads = 0;  ///< 0 = all cores
@@ -68,22 +31,7 @@ struct StabilitySize {
   }
 };
 
-struct StabilityCase {
-  const char* name;
-  /// Fills in everything except the name. Throws Error(Failed) if the measurement is not possible.
-  StabilityRow (*run)(const StabilitySize& size);
-};
-
-/// Returns every row, in the order of the table.
-[[nodiscard]] const std::vector<StabilityCase>& stability_cases();
-
-/// Calls work(k) for k in [0, count) from several threads, in any order; stops early when the
-/// program is interrupted. Rethrows the first exception.
-void for_each_part(const StabilitySize& size, uint64_t count,
-                   const std::function<void(uint64_t)>& work);
-
-// Tally sums up the parts of a row on which several threads work.
-
+/// Tally counts the samples of a row that failed, and has the largest error.
 struct Tally {
   uint64_t samples = 0;
   uint64_t failures = 0;
@@ -105,6 +53,55 @@ struct Tally {
   }
 };
 
+struct StabilityCase;
+
+struct StabilityRow {
+  const StabilityCase* of = nullptr;
+  Tally tally{};
+  uint64_t failures_allowed = 0;
+  std::string note{};  ///< further figures; empty = none
+};
+
+struct StabilityCase {
+  const char* name;          ///< name for --row
+  const char* stressed;      ///< stressed property, for people
+  const char* samples_are;   ///< "rays", "subpixels"
+  const char* failures_are;  ///< "wrong lenses"
+  /// Throws Error(Failed) if the measurement is not possible.
+  StabilityRow (*run)(const StabilitySize& size);
+  double bound = 0.0;     ///< limit of the largest error; 0 if the row only counts failures
+  const char* unit = "";  ///< unit of the error
+};
+
+/// Returns every case, in the order of the table.
+[[nodiscard]] const std::vector<StabilityCase>& stability_cases();
+
+/// Returns true if the row is within its limits. A row without samples and an error that is NaN do
+/// not pass.
+[[nodiscard]] bool passes(const StabilityRow& row);
+
+struct StabilityReport {
+  bool full = false;
+  double seconds = 0.0;
+  std::vector<StabilityRow> rows{};
+};
+
+/// Returns true if there are rows and all of them pass.
+[[nodiscard]] bool passes(const StabilityReport& report);
+
+[[nodiscard]] nlohmann::json to_json(const StabilityReport& report);
+/// Returns one line per row and a summary line.
+[[nodiscard]] std::string to_text(const StabilityReport& report);
+
+/// Calls work(k) for k in [0, count) from several threads, in any order; stops early when the
+/// program is interrupted. Rethrows the first exception.
+void for_each_part(const StabilitySize& size, uint64_t count,
+                   const std::function<void(uint64_t)>& work);
+/// Does the same and adds up the tallies of the parts. The result does not depend on the order:
+/// sums of integers, and a maximum.
+[[nodiscard]] Tally tally_parts(const StabilitySize& size, uint64_t count,
+                                const std::function<void(uint64_t, Tally&)>& work);
+
 /// NamedFailures records checks with names, for the note of a row.
 class NamedFailures {
  public:
@@ -119,21 +116,6 @@ class NamedFailures {
 
  private:
   std::string names_;
-};
-
-/// SharedTally adds up parts from several threads. The result does not depend on the order: sums of
-/// integers, and a maximum.
-class SharedTally {
- public:
-  void add(const Tally& part) {
-    const std::lock_guard lock(mutex_);
-    sum_ += part;
-  }
-  [[nodiscard]] const Tally& sum() const { return sum_; }
-
- private:
-  std::mutex mutex_;
-  Tally sum_;
 };
 
 // Scenes, scene placements and rigs that the rows of `bench stability` share.

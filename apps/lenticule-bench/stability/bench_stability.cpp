@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <memory>
+#include <span>
 
 #include "apps/lenticule-bench/harness/bench.h"
 #include "base/error.h"
@@ -27,11 +28,12 @@ struct StabilityFlags {
   bool json = false;
 };
 
-std::vector<StabilityCase> chosen_cases(const std::string& name) {
-  if (name.empty()) return lab::stability_cases();
+std::span<const StabilityCase> chosen_cases(const std::string& name) {
+  const std::vector<StabilityCase>& all = lab::stability_cases();
+  if (name.empty()) return all;
   std::string known;
-  for (const StabilityCase& one : lab::stability_cases()) {
-    if (name == one.name) return {one};
+  for (const StabilityCase& one : all) {
+    if (name == one.name) return {&one, 1};
     known += (known.empty() ? "" : ", ") + std::string(one.name);
   }
   throw Error(ErrorKind::Usage, fmt::format("--row '{}': unknown", name), "one of " + known);
@@ -39,7 +41,7 @@ std::vector<StabilityCase> chosen_cases(const std::string& name) {
 
 ExitCode run_table(const StabilityFlags& flags) {
   using Clock = std::chrono::steady_clock;
-  const std::vector<StabilityCase> cases = chosen_cases(flags.row);
+  const std::span<const StabilityCase> cases = chosen_cases(flags.row);
   const lab::StabilitySize size{.full = flags.full, .threads = flags.threads};
   lab::StabilityReport report{.full = flags.full};
   player::Progress progress("stability", "rows", cases.size());
@@ -47,7 +49,7 @@ ExitCode run_table(const StabilityFlags& flags) {
   for (const StabilityCase& one : cases) {
     progress.update(report.rows.size(), one.name);
     report.rows.push_back(one.run(size));
-    report.rows.back().name = one.name;
+    report.rows.back().of = &one;
     if (player::interrupted()) return player::interrupt_exit_code();
   }
   report.seconds = std::chrono::duration<double>(Clock::now() - start).count();

@@ -14,15 +14,11 @@ namespace {
 using lab::StabilityReport;
 using lab::StabilityRow;
 
+constexpr lab::StabilityCase kGood = {"good", "nothing", "rays", "holes", nullptr, 1e-9, "lens"};
+constexpr lab::StabilityCase kBad = {"bad", "nothing", "rays", "holes", nullptr, 1e-9, "lens"};
+
 StabilityRow good_row() {
-  return {.name = "good",
-          .stressed = "nothing",
-          .samples = 12345678,
-          .samples_are = "rays",
-          .failures_are = "holes",
-          .worst = 1e-12,
-          .bound = 1e-9,
-          .unit = "lens"};
+  return {.of = &kGood, .tally = {.samples = 12345678, .failures = 0, .worst = 1e-12}};
 }
 
 TEST(StabilityRow, PassesWithinItsBoundsIfItWasMeasured) {
@@ -32,18 +28,18 @@ TEST(StabilityRow, PassesWithinItsBoundsIfItWasMeasured) {
     return passes(row);
   };
   EXPECT_TRUE(passes_with([](StabilityRow&) {}));
-  EXPECT_TRUE(passes_with([](StabilityRow& row) { row.worst = row.bound; }));
-  EXPECT_TRUE(passes_with([](StabilityRow& row) { row.failures = row.failures_allowed = 3; }));
-  EXPECT_FALSE(passes_with([](StabilityRow& row) { row.failures = 1; }));
-  EXPECT_FALSE(passes_with([](StabilityRow& row) { row.worst = 1.1e-9; }));
-  EXPECT_FALSE(passes_with([](StabilityRow& row) { row.samples = 0; }));
-  EXPECT_FALSE(passes_with([](StabilityRow& row) { row.worst = std::nan(""); }));
+  EXPECT_TRUE(passes_with([](StabilityRow& row) { row.tally.worst = kGood.bound; }));
+  EXPECT_TRUE(passes_with([](StabilityRow& row) { row.tally.failures = row.failures_allowed = 3; }));
+  EXPECT_FALSE(passes_with([](StabilityRow& row) { row.tally.failures = 1; }));
+  EXPECT_FALSE(passes_with([](StabilityRow& row) { row.tally.worst = 1.1e-9; }));
+  EXPECT_FALSE(passes_with([](StabilityRow& row) { row.tally.samples = 0; }));
+  EXPECT_FALSE(passes_with([](StabilityRow& row) { row.tally.worst = std::nan(""); }));
 }
 
 TEST(StabilityReport, TextAndJsonAgree) {
   StabilityReport report{.seconds = 1.0, .rows = {good_row(), good_row()}};
-  report.rows[1].name = "bad";
-  report.rows[1].failures = 7;
+  report.rows[1].of = &kBad;
+  report.rows[1].tally.failures = 7;
   const std::string text = to_text(report);
   EXPECT_NE(text.find("pass good  12 345 678 rays: 0 holes; error 1e-12 of 1e-09 lens"),
             std::string::npos)
@@ -63,12 +59,11 @@ TEST(Tally, CountsNonFiniteNumbersAsInfiniteErrors) {
   tally.check(false);
   tally.error(1e-3);
   tally.error(std::numeric_limits<double>::quiet_NaN());
-  lab::SharedTally shared;
-  shared.add(tally);
-  shared.add(tally);
-  EXPECT_EQ(shared.sum().samples, 4U);
-  EXPECT_EQ(shared.sum().failures, 2U);
-  EXPECT_EQ(shared.sum().worst, std::numeric_limits<double>::infinity());
+  const lab::Tally sum =
+      lab::tally_parts({.threads = 2}, 2, [&](uint64_t, lab::Tally& part) { part = tally; });
+  EXPECT_EQ(sum.samples, 4U);
+  EXPECT_EQ(sum.failures, 2U);
+  EXPECT_EQ(sum.worst, std::numeric_limits<double>::infinity());
 }
 
 TEST(ForEachPart, RunsEveryPartOnceAndRethrows) {
