@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Measures of frames of an approximate method beside exact ones: flicker, differences seen in
-// views, and the places of the largest differences.
+// Measures of frames of an approximate method beside exact ones: flicker, and the places of the
+// largest differences.
 #pragma once
 
 #include <cstdint>
@@ -12,8 +12,6 @@
 
 namespace lenticule::lab {
 
-using frames::BandWorkers;
-using frames::Difference;
 using frames::FrameGeometry;
 using frames::FrameView;
 
@@ -35,24 +33,6 @@ class FlickerMeter {
  private:
   FrameGeometry geometry_;
   std::vector<int16_t> before_;
-};
-
-/// ViewMap assigns each subpixel of a panel to a view. It is computed once and used to compare many
-/// frames.
-class ViewMap {
- public:
-  /// Uses two bytes per subpixel. Throws Error(Usage) unless 1 <= views <= 4096.
-  ViewMap(const optics::OpticalModel& model, int views, BandWorkers& workers);
-
-  /// Returns one Difference per view, like compare_views(); their sum is the difference of the
-  /// whole frames. Throws Error(Input) if a picture does not have the panel's size.
-  [[nodiscard]] std::vector<Difference> compare(const FrameView& reference, const FrameView& test,
-                                                BandWorkers& workers) const;
-
- private:
-  FrameGeometry geometry_;
-  int views_;
-  std::vector<uint16_t> view_;
 };
 
 /// A place of a picture with a large error, for inspection.

@@ -15,52 +15,6 @@
 namespace lenticule::lab {
 namespace {
 
-/// Returns the number that follows the last occurrence of `before` in the text.
-std::optional<double> number_after(const std::string& text, std::string_view before) {
-  const size_t place = text.rfind(before);
-  if (place == std::string::npos) return std::nullopt;
-  std::string_view rest = std::string_view(text).substr(place + before.size());
-  rest.remove_prefix(std::min(rest.find_first_not_of(" \t\r\n"), rest.size()));
-  const auto number = take_number<double>(rest);
-  return number.value_or(-1.0) < 0.0 ? std::nullopt : number;
-}
-
-// ---- Tachyon
-
-/// Returns the scene. Tachyon always uses a field of view of 53 degrees and mirrors the picture: it
-/// shows slightly more background than this renderer, which is to Tachyon's advantage.
-std::string tachyon_scene(const render::SceneDescription& scene) {
-  return write_plain_nff(scene);
-}
-
-/// Returns the arguments. Tachyon's depth counts the camera rays as the first level.
-std::vector<std::string> tachyon_arguments(const std::string& file, const PeerJob& job) {
-  std::vector<std::string> arguments = {file,
-                                        "-res",
-                                        std::to_string(job.width),
-                                        std::to_string(job.height),
-                                        "-numthreads",
-                                        std::to_string(job.threads),
-                                        "-raydepth",
-                                        std::to_string(job.max_depth + 1),
-                                        "-fullshade"};
-  if (job.picture.empty())
-    arguments.emplace_back("-nosave");
-  else
-    arguments.insert(arguments.end(), {"-format", "PPM", "-o", job.picture});
-  return arguments;
-}
-
-std::optional<double> tachyon_seconds(const std::string& output) {
-  return number_after(output, "Ray Tracing Time:");
-}
-
-double tachyon_target(const std::string& scene) {
-  if (scene == "teapot") return 6.0;
-  if (scene == "balls") return 12.0;
-  return scene == "tree" ? 30.0 : 0.0;
-}
-
 /// Returns the mean colour of a texture, its appearance from far away.
 Vec3 mean_colour(const render::Texture& texture) {
   Vec3 sum;
@@ -95,12 +49,33 @@ void write_mesh(scenes::NffWriter& out, const render::TriangleMesh& mesh) {
 
 }  // namespace
 
-const std::vector<Peer>& peers() {
-  static const std::vector<Peer> table = {
-      {"Tachyon", "tachyon", "nff", tachyon_scene, tachyon_arguments, tachyon_seconds,
-       tachyon_target},
-  };
-  return table;
+std::vector<std::string> tachyon_arguments(const std::string& scene_file, const PeerJob& job) {
+  std::vector<std::string> arguments = {
+      scene_file, "-res", std::to_string(job.width), std::to_string(job.height), "-numthreads",
+      std::to_string(job.threads),
+      // The camera rays count as the first level.
+      "-raydepth", std::to_string(job.max_depth + 1), "-fullshade"};
+  if (job.picture.empty())
+    arguments.emplace_back("-nosave");
+  else
+    arguments.insert(arguments.end(), {"-format", "PPM", "-o", job.picture});
+  return arguments;
+}
+
+std::optional<double> tachyon_seconds(const std::string& output) {
+  constexpr std::string_view kBefore = "Ray Tracing Time:";
+  const size_t place = output.rfind(kBefore);
+  if (place == std::string::npos) return std::nullopt;
+  std::string_view rest = std::string_view(output).substr(place + kBefore.size());
+  rest.remove_prefix(std::min(rest.find_first_not_of(" \t\r\n"), rest.size()));
+  const auto number = take_number<double>(rest);
+  return number.value_or(-1.0) < 0.0 ? std::nullopt : number;
+}
+
+double tachyon_target(const std::string& scene) {
+  if (scene == "teapot") return 6.0;
+  if (scene == "balls") return 12.0;
+  return scene == "tree" ? 30.0 : 0.0;
 }
 
 std::string write_plain_nff(const render::SceneDescription& scene) {

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Other ray tracers (peers) that `lenticule bench exact --peers` runs as child processes for
+// Tachyon, another ray tracer, which `lenticule bench exact --peers` runs as a child process for
 // comparison.
 #pragma once
 
-#include <chrono>
 #include <optional>
 #include <string>
 #include <vector>
@@ -22,25 +21,18 @@ struct PeerJob {
   std::string picture;
 };
 
-struct Peer {
-  const char* name;
-  const char* program;    ///< searched for in $PATH
-  const char* extension;  ///< extension of its scene files
-  std::string (*write_scene)(const render::SceneDescription& scene);
-  /// Returns the arguments without the program itself.
-  std::vector<std::string> (*arguments)(const std::string& scene_file, const PeerJob& job);
-  /// Returns the seconds of ray tracing, without parsing and preparation, from the program's
-  /// output.
-  std::optional<double> (*traced_seconds)(const std::string& output);
-  /// Returns the intended speed ratio of this renderer to the peer, by the built-in scene's name; 0
-  /// = no target.
-  double (*target)(const std::string& scene);
-};
-
-[[nodiscard]] const std::vector<Peer>& peers();
+/// Returns Tachyon's arguments without the program itself.
+[[nodiscard]] std::vector<std::string> tachyon_arguments(const std::string& scene_file,
+                                                         const PeerJob& job);
+/// Returns the seconds of ray tracing, without parsing and preparation, from Tachyon's output.
+[[nodiscard]] std::optional<double> tachyon_seconds(const std::string& output);
+/// Returns the intended speed ratio of this renderer to Tachyon for a built-in scene; 0 = none.
+[[nodiscard]] double tachyon_target(const std::string& scene);
 
 /// Returns the scene as NFF for any reader: without comments and colours of lights, with triangles,
-/// and with the mean colour of textures. Throws Error(Usage) for a scene without a camera.
+/// and with the mean colour of textures. Tachyon always uses a field of view of 53 degrees and
+/// mirrors the picture: it shows slightly more background than this renderer, which is to its
+/// advantage. Throws Error(Usage) for a scene without a camera.
 [[nodiscard]] std::string write_plain_nff(const render::SceneDescription& scene);
 
 /// Returns the size of a picture of about `rays` pixels with this aspect; both sides are at least

@@ -3,7 +3,9 @@
 // benchmarks.cpp.
 #pragma once
 
+#include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "apps/lenticule/cli/command.h"
@@ -29,5 +31,30 @@ struct Benchmark {
 [[nodiscard]] nlohmann::json psnr_or_null(double mse);
 /// Formats such a number with one decimal, or as "equal".
 [[nodiscard]] std::string decibels(const nlohmann::json& psnr);
+
+/// Column is one of a table's columns.
+struct Column {
+  const char* head;
+  const char* key;  ///< of a row, which is a JSON object; with a slash for a key inside another one
+  const char* format = "{:.0f}";  ///< of numbers
+  double factor = 1.0;            ///< of numbers
+  const char* null = "-";         ///< stands for null and for a missing key
+};
+/// Prints the rows below the heads of their columns. Columns of text are aligned to the left.
+void print_table(const nlohmann::json& rows, std::span<const Column> columns,
+                 std::string_view indent = "");
+
+/// RunFlags are flags of most benchmarks.
+struct RunFlags {
+  std::string rig;
+  int runs = 5;
+  int threads = 0;  ///< 0 = all cores
+  bool json = false;
+};
+/// Declares --rig, --runs and --json.
+void declare_run_flags(CLI::App& app, RunFlags& flags);
+void declare_threads(CLI::App& app, int& threads);
+/// Declares the number of bounces of mirrored and refracted rays.
+void declare_depth(CLI::App& app, const char* name, int& depth);
 
 }  // namespace lenticule::bench

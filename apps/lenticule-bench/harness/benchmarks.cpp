@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <map>
@@ -96,6 +97,51 @@ std::string decibels(const nlohmann::json& psnr) {
   return psnr.is_null() ? "equal" : fmt::format("{:.1f}", psnr.get<double>());
 }
 
+void print_table(const nlohmann::json& rows, std::span<const Column> columns,
+                 std::string_view indent) {
+  std::vector<std::string> lines(rows.size() + 1, std::string(indent));
+  for (const Column& column : columns) {
+    const nlohmann::json::json_pointer place(std::string("/") + column.key);
+    std::vector<std::string> cells = {column.head};
+    bool is_text = false;
+    for (const nlohmann::json& row : rows) {
+      const nlohmann::json value = row.contains(place) ? row.at(place) : nlohmann::json();
+      is_text = is_text || value.is_string();
+      cells.push_back(value.is_null()     ? column.null
+                      : value.is_string() ? value.get<std::string>()
+                                          : fmt::format(fmt::runtime(column.format),
+                                                        column.factor * value.get<double>()));
+    }
+    const size_t width = std::ranges::max(cells, {}, &std::string::size).size();
+    for (size_t n = 0; n < cells.size(); ++n) {
+      if (lines[n].size() > indent.size()) lines[n] += "  ";
+      lines[n] +=
+          is_text ? fmt::format("{:<{}}", cells[n], width) : fmt::format("{:>{}}", cells[n], width);
+    }
+  }
+  for (const std::string& line : lines) print_out("{}\n", line);
+}
+
+void declare_run_flags(CLI::App& app, RunFlags& flags) {
+  app.add_option("--rig", flags.rig, "rig file (default: the 4K kiosk)");
+  app.add_option("--runs", flags.runs, "number of interleaved runs; medians are reported")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  app.add_flag("--json", flags.json, "print as JSON");
+}
+
+void declare_threads(CLI::App& app, int& threads) {
+  app.add_option("--threads", threads, "0 means all cores")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+}
+
+void declare_depth(CLI::App& app, const char* name, int& depth) {
+  app.add_option(name, depth, "number of bounces of mirrored and refracted rays")
+      ->check(CLI::Range(0, 64))
+      ->capture_default_str();
+}
+
 namespace {
 
 cli::Run declare_list(CLI::App& app) {
@@ -109,9 +155,8 @@ cli::Run declare_list(CLI::App& app) {
       print_json(list);
       return kOk;
     }
-    for (const auto& entry : list)
-      print_out("{:<10} {}\n", entry["name"].get<std::string>(),
-                entry["summary"].get<std::string>());
+    constexpr Column kColumns[] = {{"benchmark", "name"}, {"", "summary"}};
+    print_table(list, kColumns);
     return kOk;
   };
 }

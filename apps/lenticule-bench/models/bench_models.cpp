@@ -445,9 +445,7 @@ cli::Run declare_bench_models(CLI::App& app) {
   app.add_option("--limit", flags->limit_s, "seconds that the judge may take per model, on average")
       ->check(CLI::Range(1, 86400))
       ->capture_default_str();
-  app.add_option("--threads", flags->threads, "0 means all cores")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
+  declare_threads(app, flags->threads);
   app.add_flag("--json", flags->json, "print as JSON");
   return [flags] { return ModelsRun(*flags).run(); };
 }

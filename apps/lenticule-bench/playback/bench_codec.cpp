@@ -33,13 +33,10 @@ constexpr const char* kBaseline = "row above, zstd -1";
 constexpr const char* kContainer = "container";
 constexpr std::chrono::seconds kFfmpegLimit{120};
 
-struct CodecFlags {
+struct CodecFlags : RunFlags {
   std::vector<std::string> scenes = {"demo", "balls", "gears", "mount", "rings", "tree"};
   std::vector<std::string> pictures;
-  std::string rig;
-  int runs = 7;
   bool quick = false;
-  bool json = false;
 };
 
 /// Candidate is a way to store a frame.
@@ -189,13 +186,13 @@ nlohmann::json frame_json(const std::string& name, const frames::WovenFrame& fra
 void print_frame(const nlohmann::json& frame) {
   print_out("\n{} ({} x {})\n", frame["frame"].get<std::string>(), frame["width"].get<int>(),
             frame["height"].get<int>());
-  print_out("{:<20} {:>9} {:>10} {:>10} {:>8} {:>8}\n", "", "MB", "encode ms", "decode ms", "size",
-            "decode");
-  for (const auto& row : frame["codecs"])
-    print_out("{:<20} {:>9.2f} {:>10.1f} {:>10.1f} {:>8.2f} {:>8.2f}\n",
-              row["codec"].get<std::string>(), 1e-6 * row["bytes"].get<double>(),
-              row["encode_ms"].get<double>(), row["decode_ms"].get<double>(),
-              row["size_to_baseline"].get<double>(), row["decode_to_baseline"].get<double>());
+  constexpr Column kColumns[] = {{"", "codec"},
+                                 {"MB", "bytes", "{:.2f}", 1e-6},
+                                 {"encode ms", "encode_ms", "{:.1f}"},
+                                 {"decode ms", "decode_ms", "{:.1f}"},
+                                 {"size", "size_to_baseline", "{:.2f}"},
+                                 {"decode", "decode_to_baseline", "{:.2f}"}};
+  print_table(frame["codecs"], kColumns);
 }
 
 /// Returns a quarter of the panel: same pixels per lens, a quarter of the time.
@@ -245,12 +242,9 @@ cli::Run declare_bench_codec(CLI::App& app) {
       ->delimiter(',')
       ->capture_default_str();
   app.add_option("--picture", flags->pictures, "woven frames in files to use instead of scenes");
-  app.add_option("--rig", flags->rig, "rig file (default: the 27-inch 4K kiosk)");
-  app.add_option("--runs", flags->runs, "number of rounds; medians are reported")
-      ->check(CLI::Range(1, 1000))
-      ->capture_default_str();
+  flags->runs = 7;
+  declare_run_flags(app, *flags);
   app.add_flag("--quick", flags->quick, "use a quarter of the panel");
-  app.add_flag("--json", flags->json, "print as JSON");
   return [flags]() -> ExitCode { return run(*flags); };
 }
 

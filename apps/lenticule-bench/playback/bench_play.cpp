@@ -141,15 +141,13 @@ nlohmann::json measure_vblank_budget(const optics::Rig& rig, int runs) {
 
 void print_vblank_budget(const nlohmann::json& rows) {
   print_out("\none core's time per frame, and its share of a vblank at 60 Hz\n");
-  print_out("{:<36} {:>9} {:>9} {:>9} {:>9} {:>9}\n", "", "decode ms", "weave ms", "copy ms",
-            "total ms", "of vblank");
-  const auto cell = [](const nlohmann::json& value) {
-    return value.is_null() ? std::string("-") : fmt::format("{:.2f}", value.get<double>());
-  };
-  for (const nlohmann::json& row : rows)
-    print_out("{:<36} {:>9} {:>9} {:>9} {:>9} {:>8.0f}%\n", row["source"].get<std::string>(),
-              cell(row["decode_ms"]), cell(row["weave_ms"]), cell(row["copy_ms"]),
-              cell(row["total_ms"]), 100.0 * row["part_of_vblank"].get<double>());
+  constexpr Column kColumns[] = {{"", "source"},
+                                 {"decode ms", "decode_ms", "{:.2f}"},
+                                 {"weave ms", "weave_ms", "{:.2f}"},
+                                 {"copy ms", "copy_ms", "{:.2f}"},
+                                 {"total ms", "total_ms", "{:.2f}"},
+                                 {"of vblank", "part_of_vblank", "{:.0f}%", 100.0}};
+  print_table(rows, kColumns);
 }
 
 // lenticule bench play measures the player's memory over many frames from a renderer process
@@ -163,13 +161,10 @@ constexpr uint64_t kMebibyte = uint64_t{1} << 20;
 constexpr uint64_t kAllowance = 64 * kMebibyte;
 constexpr uint64_t kAllowedFrames = 4;
 
-struct BenchFlags {
+struct BenchFlags : RunFlags {
   uint64_t small_frames = 100'000;
   uint64_t large_frames = 300;
   int slots = 8;
-  int runs = 15;
-  std::string rig;
-  bool json = false;
 };
 
 struct Row {
@@ -323,11 +318,8 @@ cli::Run declare_bench_play(CLI::App& app) {
   app.add_option("--slots", flags->slots, "slots of the ring")
       ->check(CLI::Range(3, 4096))
       ->capture_default_str();
-  app.add_option("--rig", flags->rig, "rig file for the costs of frames (default: the 4K kiosk)");
-  app.add_option("--runs", flags->runs, "interleaved runs of each step of a frame")
-      ->check(CLI::Range(1, 1000))
-      ->capture_default_str();
-  app.add_flag("--json", flags->json, "print as JSON");
+  flags->runs = 15;
+  declare_run_flags(app, *flags);
   return [flags] { return run_bench_play(*flags); };
 }
 
@@ -335,12 +327,6 @@ namespace {
 
 // lenticule bench start measures the time from program start to the first frame on the virtual
 // display, from outside on the program itself.
-
-struct StartFlags {
-  std::string rig;
-  int runs = 5;
-  bool json = false;
-};
 
 struct ProgramOutput {
   std::string text;
@@ -380,7 +366,7 @@ void write_noise(const optics::Rig& rig, const std::string& file) {
   frames::write_woven(frame.view(), file);
 }
 
-ExitCode run(const StartFlags& flags) {
+ExitCode run_bench_start(const RunFlags& flags) {
   const std::string program = find_lenticule();
   const optics::Rig rig = lab::bench_rig(flags.rig);
   const lab::ScratchFolder scratch;
@@ -422,13 +408,9 @@ ExitCode run(const StartFlags& flags) {
 }  // namespace
 
 cli::Run declare_bench_start(CLI::App& app) {
-  auto flags = std::make_shared<StartFlags>();
-  app.add_option("--rig", flags->rig, "rig file (default: the 4K kiosk)");
-  app.add_option("--runs", flags->runs, "number of runs; medians are reported")
-      ->check(CLI::Range(1, 1000))
-      ->capture_default_str();
-  app.add_flag("--json", flags->json, "print as JSON");
-  return [flags] { return run(*flags); };
+  auto flags = std::make_shared<RunFlags>();
+  declare_run_flags(app, *flags);
+  return [flags] { return run_bench_start(*flags); };
 }
 
 namespace {
@@ -515,9 +497,7 @@ cli::Run declare_bench_memory(CLI::App& app) {
   auto flags = std::make_shared<MemoryFlags>();
   app.add_option("--rig", flags->rig, "rig file (default: the 4K kiosk)");
   app.add_option("--scene", flags->scene, "as for render")->capture_default_str();
-  app.add_option("--threads", flags->threads, "0 means all cores")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
+  declare_threads(app, flags->threads);
   app.add_option("--limit-mib", flags->limit_mib, "limit; a larger peak gives exit code 5")
       ->capture_default_str();
   app.add_flag("--json", flags->json, "print as JSON");

@@ -35,12 +35,9 @@ constexpr int kLeastFrames = 10;
 constexpr uint64_t kWarmUp = 12;  ///< more than any pool holds when the measurement begins
 constexpr auto kTimeout = 120s;   ///< timeout for one frame
 
-struct VideoFlags {
-  std::string rig;
+struct VideoFlags : RunFlags {
   int frames = 16;
-  int runs = 3;
   bool quick = false;
-  bool json = false;
 };
 
 /// A way to store the frames.
@@ -154,12 +151,12 @@ double frames_per_second(const Way& way, int frames) {
 void print_ways(const nlohmann::json& report) {
   print_out("machine   {}\nframes    {}x{}\n\n", machine_text(), report["width"].get<int>(),
             report["height"].get<int>());
-  print_out("{:<8} {:>9} {:>11} {:>10} {:>7}\n", "stored", "MB/frame", "written/s", "decoded/s",
-            "x png");
-  for (const auto& row : report["rows"])
-    print_out("{:<8} {:>9.1f} {:>11.1f} {:>10.1f} {:>7.2f}\n", row["name"].get<std::string>(),
-              row["megabytes_per_frame"].get<double>(), row["written_per_s"].get<double>(),
-              row["decoded_per_s"].get<double>(), row["times_png"].get<double>());
+  constexpr Column kColumns[] = {{"stored", "name"},
+                                 {"MB/frame", "megabytes_per_frame", "{:.1f}"},
+                                 {"written/s", "written_per_s", "{:.1f}"},
+                                 {"decoded/s", "decoded_per_s", "{:.1f}"},
+                                 {"x png", "times_png", "{:.2f}"}};
+  print_table(report["rows"], kColumns);
 }
 
 ExitCode run_video(const VideoFlags& given) {
@@ -190,11 +187,10 @@ ExitCode run_video(const VideoFlags& given) {
                                  {"width", geometry.width},
                                  {"height", geometry.height},
                                  {"rows", rows}};
-  if (flags.json) {
+  if (flags.json)
     print_json(report);
-  } else {
+  else
     print_ways(report);
-  }
   return kOk;
 }
 
@@ -202,15 +198,12 @@ ExitCode run_video(const VideoFlags& given) {
 
 cli::Run declare_bench_video(CLI::App& app) {
   const auto flags = std::make_shared<VideoFlags>();
-  app.add_option("--rig", flags->rig, "rig file (default: the 4K kiosk)");
+  flags->runs = 3;
+  declare_run_flags(app, *flags);
   app.add_option("--frames", flags->frames, "number of frames of the clip")
       ->check(CLI::Range(kLeastFrames, 10000))
       ->capture_default_str();
-  app.add_option("--runs", flags->runs, "number of runs; rates are medians")
-      ->check(CLI::Range(1, 1000))
-      ->capture_default_str();
   app.add_flag("--quick", flags->quick, "use few frames, as a functional check only");
-  app.add_flag("--json", flags->json, "print as JSON");
   return [flags] { return run_video(*flags); };
 }
 

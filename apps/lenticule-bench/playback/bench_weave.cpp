@@ -23,11 +23,8 @@ namespace {
 using frames::ViewFilter;
 using Clock = std::chrono::steady_clock;
 
-struct WeaveBenchFlags {
-  std::string rig;
-  int runs = 15;
+struct WeaveBenchFlags : RunFlags {
   bool quick = false;
-  bool json = false;
 };
 
 struct Case {
@@ -161,6 +158,7 @@ std::vector<Case> cases(bool quick) {
 
 nlohmann::json to_json(const CaseResult& r) {
   return {{"views", r.what.columns * r.what.rows},
+          {"view_size", fmt::format("{}x{}", r.what.width, r.what.height)},
           {"view_width", r.what.width},
           {"view_height", r.what.height},
           {"filter", frames::to_string(r.what.filter)},
@@ -171,28 +169,28 @@ nlohmann::json to_json(const CaseResult& r) {
           {"copy_thread_ms", r.copy_thread_ms},
           {"weave_thread_ms", r.weave_thread_ms},
           {"weave_per_copy", r.ratio},
+          {"weave_per_copy_thread", r.weave_thread_ms / r.copy_thread_ms},
           {"reference_ms", r.reference_ms},
           {"plan_ms", r.plan_ms},
           {"plan_mib", r.plan_mib}};
 }
 
-void print_table(const std::vector<CaseResult>& results) {
-  print_out(
-      "{:>5} {:>10} {:>8} {:>7} {:>8} | {:>8} {:>9} {:>7} | {:>8} {:>9} {:>7} | {:>9} {:>8}\n", "",
-      "", "", "", "", "median", "of clock", "", "least of", "a thread", "", "", "");
-  print_out(
-      "{:>5} {:>10} {:>8} {:>7} {:>8} | {:>8} {:>9} {:>7} | {:>8} {:>9} {:>7} | {:>9} {:>8}\n",
-      "views", "of", "filter", "threads", "kernel", "copy ms", "weave ms", "ratio", "copy ms",
-      "weave ms", "ratio", "reference", "plan ms");
-  for (const CaseResult& r : results)
-    print_out(
-        "{:>5} {:>10} {:>8} {:>7} {:>8} | {:>8.2f} {:>9.2f} {:>7.2f} | {:>8.2f} {:>9.2f} {:>7.2f} "
-        "| "
-        "{:>9.0f} {:>8.0f}\n",
-        r.what.columns * r.what.rows, fmt::format("{}x{}", r.what.width, r.what.height),
-        frames::to_string(r.what.filter), r.what.threads, r.kernel, r.copy_ms, r.weave_ms, r.ratio,
-        r.copy_thread_ms, r.weave_thread_ms, r.weave_thread_ms / r.copy_thread_ms, r.reference_ms,
-        r.plan_ms);
+void print_cases(const nlohmann::json& cases) {
+  print_out("Times of the clock are medians, those of a thread the least ones.\n");
+  constexpr Column kColumns[] = {{"views", "views"},
+                                 {"of", "view_size"},
+                                 {"filter", "filter"},
+                                 {"threads", "threads"},
+                                 {"kernel", "kernel"},
+                                 {"copy ms", "copy_ms", "{:.2f}"},
+                                 {"weave ms", "weave_ms", "{:.2f}"},
+                                 {"ratio", "weave_per_copy", "{:.2f}"},
+                                 {"thread: copy ms", "copy_thread_ms", "{:.2f}"},
+                                 {"weave ms", "weave_thread_ms", "{:.2f}"},
+                                 {"ratio", "weave_per_copy_thread", "{:.2f}"},
+                                 {"reference", "reference_ms"},
+                                 {"plan ms", "plan_ms"}};
+  print_table(cases, kColumns);
 }
 
 ExitCode run(const WeaveBenchFlags& flags) {
@@ -202,9 +200,9 @@ ExitCode run(const WeaveBenchFlags& flags) {
     measure(what, model, flags.runs, results);
     if (player::interrupted()) return player::interrupt_exit_code();
   }
+  nlohmann::json rows = nlohmann::json::array();
+  for (const CaseResult& result : results) rows.push_back(to_json(result));
   if (flags.json) {
-    nlohmann::json rows = nlohmann::json::array();
-    for (const CaseResult& result : results) rows.push_back(to_json(result));
     print_json({{"benchmark", "weave"},
                 {"machine", machine_json()},
                 {"rig", model.rig().name},
@@ -215,7 +213,7 @@ ExitCode run(const WeaveBenchFlags& flags) {
   }
   print_out("{}\n{}, {} x {}\n", machine_text(), model.rig().name, model.rig().panel.width_px,
             model.rig().panel.height_px);
-  print_table(results);
+  print_cases(rows);
   return kOk;
 }
 
@@ -223,12 +221,9 @@ ExitCode run(const WeaveBenchFlags& flags) {
 
 cli::Run declare_bench_weave(CLI::App& app) {
   auto flags = std::make_shared<WeaveBenchFlags>();
-  app.add_option("--rig", flags->rig, "rig file (default: the 4K kiosk)");
-  app.add_option("--runs", flags->runs, "interleaved runs of weaving and copying")
-      ->check(CLI::Range(1, 1000))
-      ->capture_default_str();
+  flags->runs = 15;
+  declare_run_flags(app, *flags);
   app.add_flag("--quick", flags->quick, "measure only 45 views with the linear filter");
-  app.add_flag("--json", flags->json, "print as JSON");
   return [flags]() -> ExitCode { return run(*flags); };
 }
 

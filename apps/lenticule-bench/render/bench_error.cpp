@@ -27,13 +27,6 @@ namespace {
 
 using nlohmann::json;
 
-std::vector<double> values(const json& frames, const char* key) {
-  std::vector<double> list;
-  for (const json& frame : frames)
-    if (frame.contains(key)) list.push_back(frame[key].get<double>());
-  return list;
-}
-
 double sum(const std::vector<double>& list) {
   double total = 0.0;
   for (const double value : list) total += value;
@@ -65,34 +58,9 @@ json ratio(double part, double whole) {
   return whole > 0.0 ? json(part / whole) : json();
 }
 
-json saving(double seconds, double reference) {
-  return reference > 0.0 ? json(1.0 - seconds / reference) : json();
-}
-
 std::vector<double> without_first(std::vector<double> list) {
   if (!list.empty()) list.erase(list.begin());
   return list;
-}
-
-void add_times(json& method, const json& reference_frames, double copy_s) {
-  const json& frames = method["frames"];
-  const std::vector<double> wall = values(frames, "wall_s");
-  const std::vector<double> wall_reference = values(reference_frames, "wall_s");
-  const double seconds = sum(wall);
-  const double subpixels = sum(values(frames, "subpixels"));
-  const double later = sum(without_first(wall));
-  method["seconds_per_frame"] = mean(wall);
-  method["first_s"] = wall.empty() ? json() : json(wall.front());
-  method["later_s"] = mean(without_first(wall));
-  method["of_full"] = ratio(seconds, sum(wall_reference));
-  method["saved"] = saving(seconds, sum(wall_reference));
-  method["later_saved"] = saving(later, sum(without_first(wall_reference)));
-  const std::vector<double> cpu = values(frames, "cpu_s");
-  const std::vector<double> cpu_reference = values(reference_frames, "cpu_s");
-  method["cpu_of_full"] = ratio(sum(cpu), sum(cpu_reference));
-  method["later_cpu_of_full"] = ratio(sum(without_first(cpu)), sum(without_first(cpu_reference)));
-  method["rays_per_subpixel"] = ratio(sum(values(frames, "rays")), subpixels);
-  method["over_copy"] = ratio(seconds, copy_s * static_cast<double>(wall.size()));
 }
 
 json mean_psnr(const std::vector<double>& mses) {
@@ -102,26 +70,81 @@ json mean_psnr(const std::vector<double>& mses) {
   return mean(decibels);
 }
 
-void add_bounds(const json& frames, BoundTally& tally) {
+/// Collects the frames that have a bound.
+struct Bounds {
+  int frames = 0, within = 0;
+  double largest_share = 0.0, largest_excess = 0.0, sum = 0.0;
+
+  void add(const json& of) {
+    for (const json& frame : of) {
+      if (!frame.contains("bound") || !frame.contains("share_over_e")) continue;
+      const double share = frame["share_over_e"], bound = frame["bound"];
+      ++frames;
+      within += share <= bound ? 1 : 0;
+      largest_share = std::max(largest_share, share);
+      largest_excess = std::max(largest_excess, share - bound);
+      sum += bound;
+    }
+  }
+  [[nodiscard]] json figures() const {
+    if (frames == 0) return {};
+    return {{"frames", frames},
+            {"within_percent", 100.0 * within / frames},
+            {"largest_share", largest_share},
+            {"largest_excess", largest_excess},
+            {"mean_bound", sum / frames}};
+  }
+};
+
+}  // namespace
+
+json saving(double seconds, double reference) {
+  return reference > 0.0 ? json(1.0 - seconds / reference) : json();
+}
+
+std::vector<double> values_of(const json& frames, const char* key) {
+  std::vector<double> list;
   for (const json& frame : frames)
-    if (frame.contains("bound") && frame.contains("share_over_e"))
-      tally.add(frame["share_over_e"].get<double>(), frame["bound"].get<double>());
+    if (frame.contains(key)) list.push_back(frame[key].get<double>());
+  return list;
+}
+
+void add_times(json& method, const json& reference_frames) {
+  const json& frames = method["frames"];
+  const std::vector<double> wall = values_of(frames, "wall_s");
+  const std::vector<double> wall_reference = values_of(reference_frames, "wall_s");
+  const double seconds = sum(wall);
+  const double subpixels = sum(values_of(frames, "subpixels"));
+  const double later = sum(without_first(wall));
+  method["seconds_per_frame"] = mean(wall);
+  method["first_s"] = wall.empty() ? json() : json(wall.front());
+  method["later_s"] = mean(without_first(wall));
+  method["of_full"] = ratio(seconds, sum(wall_reference));
+  method["saved"] = saving(seconds, sum(wall_reference));
+  method["later_saved"] = saving(later, sum(without_first(wall_reference)));
+  const std::vector<double> cpu = values_of(frames, "cpu_s");
+  const std::vector<double> cpu_reference = values_of(reference_frames, "cpu_s");
+  method["cpu_of_full"] = ratio(sum(cpu), sum(cpu_reference));
+  method["later_cpu_of_full"] = ratio(sum(without_first(cpu)), sum(without_first(cpu_reference)));
+  method["rays_per_subpixel"] = ratio(sum(values_of(frames, "rays")), subpixels);
 }
 
 void add_errors(json& method) {
   const json& frames = method["frames"];
-  const std::vector<double> mses = values(frames, "mse");
+  const std::vector<double> mses = values_of(frames, "mse");
   method["psnr_mean_db"] = mean_psnr(mses);
   method["psnr_worst_db"] = psnr_or_null(mses.empty() ? 0.0 : *std::ranges::max_element(mses));
-  const json view = largest(values(frames, "worst_view_mse"));
+  const json view = largest(values_of(frames, "worst_view_mse"));
   method["worst_view_psnr_db"] = psnr_or_null(view.is_null() ? 0.0 : view.get<double>());
-  method["max"] = largest(values(frames, "max"));
+  method["max"] = largest(values_of(frames, "max"));
   for (const char* share : {"share_over_e", "share_over_8", "share_over_32"})
-    method[share] = mean(values(frames, share));
-  BoundTally bounds;
-  add_bounds(frames, bounds);
+    method[share] = mean(values_of(frames, share));
+  Bounds bounds;
+  bounds.add(frames);
   method["bound"] = bounds.figures();
 }
+
+namespace {
 
 void add_seen(json& method) {
   const json& frames = method["frames"];
@@ -135,29 +158,12 @@ void add_seen(json& method) {
 
 }  // namespace
 
-void BoundTally::add(double true_share, double bound) {
-  ++frames_;
-  if (true_share <= bound) ++within_;
-  largest_share_ = std::max(largest_share_, true_share);
-  largest_excess_ = std::max(largest_excess_, true_share - bound);
-  bounds_ += bound;
-}
-
-json BoundTally::figures() const {
-  if (frames_ == 0) return {};
-  return {{"frames", frames_},
-          {"within_percent", 100.0 * within_ / frames_},
-          {"largest_share", largest_share_},
-          {"largest_excess", largest_excess_},
-          {"mean_bound", bounds_ / frames_}};
-}
-
 json bound_of_all(const json& scenarios) {
-  BoundTally tally;
+  Bounds bounds;
   for (const json& scenario : scenarios)
     for (const json& method : scenario["methods"])
-      if (method.contains("frames")) add_bounds(method["frames"], tally);
-  return tally.figures();
+      if (method.contains("frames")) bounds.add(method["frames"]);
+  return bounds.figures();
 }
 
 void summarize_errors(json& scenario, const json& tachyon) {
@@ -165,7 +171,8 @@ void summarize_errors(json& scenario, const json& tachyon) {
   scenario["tachyon"] = tachyon;
   for (json& method : scenario["methods"]) {
     if (method["missing"].get<bool>()) continue;
-    add_times(method, reference_frames, scenario["copy_s"].get<double>());
+    add_times(method, reference_frames);
+    method["over_copy"] = ratio(method["seconds_per_frame"].get<double>(), scenario["copy_s"]);
     // Both ratios come from interleaved runs, so their quotient does not depend on other load.
     method["over_tachyon"] = nullptr;
     if (tachyon.contains("ours_over_theirs") && !method["of_full"].is_null())
@@ -183,30 +190,22 @@ namespace {
 
 using tools::PlotSeries;
 
-using nlohmann::json;
-
-/// Returns "-" for a value that was not measured.
-std::string text(const json& figures, const char* key, const char* format, double factor = 1.0) {
-  if (!figures.contains(key) || figures[key].is_null()) return "-";
-  return fmt::format(fmt::runtime(format), factor * figures[key].get<double>());
-}
-
-constexpr const char* kTimeRow =
-    "  {:<14} {:>9} {:>9} {:>9} {:>7} {:>7} {:>7} {:>7} {:>6} {:>8} {:>7}\n";
-
 void print_times(const json& methods) {
-  print_out(kTimeRow, "time", "ms/frame", "first", "later", "saved", "later", "CPU", "later",
-            "rays", "Tachyon", "copies");
-  for (const json& m : methods) {
-    const std::string name = m["name"];
-    if (m["missing"].get<bool>()) continue;
-    print_out(kTimeRow, name, text(m, "seconds_per_frame", "{:.2f}", 1e3),
-              text(m, "first_s", "{:.2f}", 1e3), text(m, "later_s", "{:.2f}", 1e3),
-              text(m, "saved", "{:.0f} %", 100), text(m, "later_saved", "{:.0f} %", 100),
-              text(m, "cpu_of_full", "{:.0f} %", 100),
-              text(m, "later_cpu_of_full", "{:.0f} %", 100), text(m, "rays_per_subpixel", "{:.2f}"),
-              text(m, "over_tachyon", "{:.1f} x"), text(m, "over_copy", "{:.0f}"));
-  }
+  constexpr Column kColumns[] = {{"time", "name"},
+                                 {"ms/frame", "seconds_per_frame", "{:.2f}", 1e3},
+                                 {"first", "first_s", "{:.2f}", 1e3},
+                                 {"later", "later_s", "{:.2f}", 1e3},
+                                 {"saved", "saved", "{:.0f} %", 100.0},
+                                 {"later", "later_saved", "{:.0f} %", 100.0},
+                                 {"CPU", "cpu_of_full", "{:.0f} %", 100.0},
+                                 {"later", "later_cpu_of_full", "{:.0f} %", 100.0},
+                                 {"rays", "rays_per_subpixel", "{:.2f}"},
+                                 {"Tachyon", "over_tachyon", "{:.1f} x"},
+                                 {"copies", "over_copy"}};
+  json rows = json::array();
+  for (const json& m : methods)
+    if (!m["missing"].get<bool>()) rows.push_back(m);
+  print_table(rows, kColumns, "  ");
 }
 
 void print_missing(const json& methods) {
@@ -217,31 +216,28 @@ void print_missing(const json& methods) {
     print_out("  not in this build: {}\n", fmt::format("{}", fmt::join(names, ", ")));
 }
 
-std::string bound_text(const json& bound) {
-  if (bound.is_null()) return "-";
-  return fmt::format("{:.0f} % of {}", bound["within_percent"].get<double>(),
-                     bound["frames"].get<int>());
-}
-
-constexpr const char* kErrorRow =
-    "  {:<14} {:>6} {:>6} {:>6} {:>4} {:>9} {:>9} {:>8} {:>8} {:>7} {:>7} {:>7} {:>7} {:>8} {:>4} "
-    "{:>12}\n";
-
 void print_errors(const json& methods) {
-  print_out(kErrorRow, "error", "PSNR", "worst", "view", "max", "over E", "bound", "over 8",
-            "over 32", "SSIM", "worst", "FLIP", "99 %", "flicker", "max", "within bound");
-  for (const json& m : methods) {
-    if (!m.contains("psnr_mean_db")) continue;
-    print_out(kErrorRow, m["name"].get<std::string>(), decibels(m["psnr_mean_db"]),
-              decibels(m["psnr_worst_db"]), decibels(m["worst_view_psnr_db"]),
-              text(m, "max", "{:.0f}"), text(m, "share_over_e", "{:.4f} %", 100),
-              text(m["bound"], "mean_bound", "{:.4f} %", 100),
-              text(m, "share_over_8", "{:.3f} %", 100), text(m, "share_over_32", "{:.3f} %", 100),
-              text(m, "ssim_mean", "{:.4f}"), text(m, "ssim_worst", "{:.4f}"),
-              text(m, "flip_mean", "{:.4f}"), text(m, "flip_p99_worst", "{:.3f}"),
-              text(m, "flicker_mean", "{:.4f}"), text(m, "flicker_largest", "{:.0f}"),
-              bound_text(m["bound"]));
-  }
+  constexpr Column kColumns[] = {{"error", "name"},
+                                 {"PSNR", "psnr_mean_db", "{:.1f}", 1.0, "equal"},
+                                 {"worst", "psnr_worst_db", "{:.1f}", 1.0, "equal"},
+                                 {"view", "worst_view_psnr_db", "{:.1f}", 1.0, "equal"},
+                                 {"max", "max"},
+                                 {"over E", "share_over_e", "{:.4f} %", 100.0},
+                                 {"bound", "bound/mean_bound", "{:.4f} %", 100.0},
+                                 {"over 8", "share_over_8", "{:.3f} %", 100.0},
+                                 {"over 32", "share_over_32", "{:.3f} %", 100.0},
+                                 {"SSIM", "ssim_mean", "{:.4f}"},
+                                 {"worst", "ssim_worst", "{:.4f}"},
+                                 {"FLIP", "flip_mean", "{:.4f}"},
+                                 {"99 %", "flip_p99_worst", "{:.3f}"},
+                                 {"flicker", "flicker_mean", "{:.4f}"},
+                                 {"max", "flicker_largest"},
+                                 {"within bound", "bound/within_percent", "{:.0f} %"},
+                                 {"of", "bound/frames"}};
+  json rows = json::array();
+  for (const json& m : methods)
+    if (m.contains("psnr_mean_db")) rows.push_back(m);
+  print_table(rows, kColumns, "  ");
 }
 
 /// Position in the plot of frames equal to full's, whose PSNR is infinite.
@@ -260,8 +256,6 @@ std::string tachyon_text(const json& tachyon) {
     return fmt::format("; Tachyon {}", tachyon["failure"].get<std::string>());
   return "";
 }
-
-}  // namespace
 
 void print_error_scenario(const json& scenario) {
   print_out("{}, {}, {}: {:.2f} M subpixels, copying them takes {:.2f} ms{}\n",
@@ -307,8 +301,6 @@ void plot_errors(const json& scenarios, const std::string& file) {
 }
 
 // lenticule bench error measures the run time and the error of each render method.
-
-namespace {
 
 struct ErrorFlags {
   std::vector<std::string> scenes = {"teapot", "room",  "small-balls", "primitives",
@@ -453,7 +445,11 @@ class ErrorRun {
   nlohmann::json scenarios_ = nlohmann::json::array();
 };
 
-void declare_what(CLI::App& app, ErrorFlags& flags) {
+}  // namespace
+
+cli::Run declare_bench_error(CLI::App& app) {
+  auto shared = std::make_shared<ErrorFlags>();
+  ErrorFlags& flags = *shared;
   app.add_option("scenes", flags.scenes,
                  "built-in scenes, as for render, or gltf:NAME for one that is written as glTF")
       ->capture_default_str();
@@ -481,38 +477,27 @@ void declare_what(CLI::App& app, ErrorFlags& flags) {
   app.add_option("--frames", flags.frames, "number of frames of a moving or turning course")
       ->check(CLI::Range(1, 10000))
       ->capture_default_str();
-}
-
-}  // namespace
-
-cli::Run declare_bench_error(CLI::App& app) {
-  auto flags = std::make_shared<ErrorFlags>();
-  declare_what(app, *flags);
-  app.add_option("--runs", flags->runs, "number of runs; medians of times are reported")
+  app.add_option("--runs", flags.runs, "number of runs; medians of times are reported")
       ->check(CLI::Range(1, 100))
       ->capture_default_str();
-  app.add_option("--max-depth", flags->depth, "largest number of reflections and refractions")
-      ->check(CLI::Range(0, 64))
-      ->capture_default_str();
-  app.add_option("--threads", flags->threads, "0 means all cores")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
-  app.add_flag("--quick", flags->quick,
+  declare_depth(app, "--max-depth", flags.depth);
+  declare_threads(app, flags.threads);
+  app.add_flag("--quick", flags.quick,
                "measure only the first scene on the first rig, with larger pixels");
-  app.add_flag("--no-peers", flags->no_peers,
+  app.add_flag("--no-peers", flags.no_peers,
                "leave out Tachyon (scripts/packages bench installs it)");
-  app.add_option("--svg", flags->svg, "file for a plot of time against error");
-  app.add_option("--pictures", flags->pictures,
+  app.add_option("--svg", flags.svg, "file for a plot of time against error");
+  app.add_option("--pictures", flags.pictures,
                  "folder for pictures of the worst places: reference, test, difference; below, "
                  "what an eye sees");
-  app.add_flag("--json", flags->json, "print as JSON");
-  tools::declare_soft_light_flags(app, flags->soft);
+  app.add_flag("--json", flags.json, "print as JSON");
+  tools::declare_soft_light_flags(app, flags.soft);
   app.footer(
       "Example:\n  lenticule bench error tree gears --rig kiosk-27-1080.toml --errors 1,4 "
       "--svg error.svg --pictures worst");
-  return [flags]() -> ExitCode {
-    if (flags->quick) flags->scenes.resize(std::min<size_t>(1, flags->scenes.size()));
-    return ErrorRun(*flags).run();
+  return [shared]() -> ExitCode {
+    if (shared->quick) shared->scenes.resize(std::min<size_t>(1, shared->scenes.size()));
+    return ErrorRun(*shared).run();
   };
 }
 }  // namespace lenticule::bench

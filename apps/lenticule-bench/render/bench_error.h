@@ -30,6 +30,7 @@ struct ErrorEntrant {
   std::optional<double> tolerated;  ///< E in code values; none if the method has no such option
   double proven_rmse = 0.0;         ///< 0: none
   bool exists = true;               ///< available in this build
+  render::ReuseOptions reuse{};
 };
 
 /// Returns "full" first, even if it is not in `methods`, then the others in their order. `known`
@@ -77,56 +78,45 @@ struct ErrorSetup {
   render::SoftLight soft{};
   int runs = 1;            ///< times are medians of these
   std::string pictures{};  ///< folder for the worst tiles; empty = none
+  int first = 0;           ///< number of scene frames before the first one
+  bool eyes = true;        ///< also compares what eyes see
 };
 
 /// Renders and compares all methods. Returns {"scene", "rig", "course", "subpixels", "copy_s",
 /// "pictures": [...], "methods": [{"name", "method", "tolerated_error", "missing"} or with
-/// "frames": [{"wall_s", "cpu_s", "rays", "traced", "subpixels", and except for the reference
-/// "mse", "max", "share_over_e", "share_over_8", "share_over_32", "worst_view_mse", "eyes":
-/// [{"ssim", "flip_mean", "flip_p99", "flicker_mean", "flicker_largest"}], and if audited
-/// "audited", "audited_beyond", "bound", "rmse_bound"}]}]}. `done` is called after each rendered
-/// and measured frame. Null if interrupted.
+/// "frames": [{"wall_s", "cpu_s", "build_s" (committing the scene; 0 if it was committed before),
+/// "rays", "traced", "missing", "subpixels", and except for the reference "mse", "channel_mses",
+/// "max", "share_over_e", "share_over_8", "share_over_32", "worst_view_mse", "eyes": [{"ssim",
+/// "flip_mean", "flip_p99", "flicker_mean", "flicker_largest"}], and if audited "audited",
+/// "audited_beyond", "bound", "rmse_bound"}]}]}. `done` is called after each rendered and measured
+/// frame. Null if interrupted.
 [[nodiscard]] nlohmann::json measure_error(const ErrorSetup& setup, const ErrorScene& scene,
                                            const std::function<void()>& done);
 
-/// BoundTally counts how often the true share of subpixels with an error above E was within the
-/// reported upper bound.
-class BoundTally {
- public:
-  /// Adds a frame. Both values are from 0 to 1; a share equal to the bound is within it.
-  void add(double true_share, double bound);
-  /// Returns {"frames", "within_percent", "largest_share", "largest_excess", "mean_bound"}; null
-  /// without a frame. The excess is share minus bound if that is positive.
-  [[nodiscard]] nlohmann::json figures() const;
+/// Returns 1 - seconds / reference; null if the reference is 0.
+[[nodiscard]] nlohmann::json saving(double seconds, double reference);
+/// Returns the values of `key` in those frames that have it.
+[[nodiscard]] std::vector<double> values_of(const nlohmann::json& frames, const char* key);
 
- private:
-  int frames_ = 0;
-  int within_ = 0;
-  double largest_share_ = 0.0;
-  double largest_excess_ = 0.0;
-  double bounds_ = 0.0;
-};
+/// Adds to a method of measure_error()'s result, over its frames: "seconds_per_frame", "first_s",
+/// "later_s" (null for one frame), "of_full", "cpu_of_full" and "later_cpu_of_full" (time as a
+/// share of the reference's), "saved" (1 - of_full), "later_saved", "rays_per_subpixel".
+void add_times(nlohmann::json& method, const nlohmann::json& reference_frames);
+/// Adds "psnr_mean_db" (over frames that differ), "psnr_worst_db", "worst_view_psnr_db" (null if
+/// equal), "max", "share_over_e", "share_over_8", "share_over_32" and "bound" (bounds_of()).
+void add_errors(nlohmann::json& method);
 
-/// Adds to each method of measure_error()'s result, over its frames: "seconds_per_frame",
-/// "first_s", "later_s" (null for one frame), "of_full", "cpu_of_full" and "later_cpu_of_full"
-/// (time as a share of the reference's), "saved" (1 - of_full), "later_saved", "rays_per_subpixel",
-/// "over_copy", "over_tachyon" (rate over Tachyon's), "psnr_mean_db" (over frames that differ),
-/// "psnr_worst_db", "worst_view_psnr_db" (null if equal), "max", "share_over_e", "share_over_8",
-/// "share_over_32", "ssim_mean", "ssim_worst", "flip_mean", "flip_p99_worst", "flicker_mean",
-/// "flicker_largest", "bound" (BoundTally's figures). `tachyon` is stored as "tachyon": null, or
-/// the result of measure_peers(); its "ours_over_theirs" is full's rate over Tachyon's.
+/// Adds these to each method, and "over_copy" and "over_tachyon" (rate over Tachyon's),
+/// "ssim_mean", "ssim_worst", "flip_mean", "flip_p99_worst", "flicker_mean", "flicker_largest".
+/// `tachyon` is stored as "tachyon": null, or the result of measure_peers(); its "ours_over_theirs"
+/// is full's rate over Tachyon's.
 void summarize_errors(nlohmann::json& scenario, const nlohmann::json& tachyon);
 
-/// Returns BoundTally's figures over all frames of all methods and scenarios.
+/// Returns how often the true share of subpixels with an error above E was within the reported
+/// bound, over all frames of all methods of scenarios: {"frames", "within_percent",
+/// "largest_share", "largest_excess", "mean_bound"}; null without a frame. The excess is share
+/// minus bound if that is positive.
 [[nodiscard]] nlohmann::json bound_of_all(const nlohmann::json& scenarios);
-
-void print_error_scenario(const nlohmann::json& scenario);
-/// Prints nothing if no method reported a bound.
-void print_bound_of_all(const nlohmann::json& scenarios);
-
-/// Plots time as a share of full's against PSNR, with a mark for each method, scene, rig and
-/// scenario.
-void plot_errors(const nlohmann::json& scenarios, const std::string& file);
 
 // ErrorEyes measures the visible difference of two woven frames for eyes at three places.
 

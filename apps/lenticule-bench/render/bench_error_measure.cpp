@@ -170,7 +170,8 @@ struct Racer {
 struct Contestant {
   const ErrorEntrant* entrant = nullptr;
   std::vector<Racer> racers;
-  std::vector<double> wall_s, cpu_s;  ///< times of the current frame, one number for each run
+  std::vector<double> wall_s, cpu_s,
+      build_s;  ///< times of the current frame, one number for each run
   render::RenderStatistics statistics;
   EyeFlicker flicker;
   WorstPlaces worst;
@@ -185,7 +186,6 @@ class ScenarioRun {
         done_(std::move(done)),
         model_(setup.rig),
         workers_(setup.threads),
-        views_(model_, frames::native_view_count(setup.rig), workers_),
         eyes_(model_, workers_),
         stages_(scene.after(0), model_, {}, setup.scenario == ErrorScenario::Turning ? 360.0 : 0.0),
         reference_(geometry()),
@@ -200,7 +200,8 @@ class ScenarioRun {
     const int frames = moving ? setup_.frames : 2;
     for (int n = 0; n < frames && !player::interrupted(); ++n) {
       if (moving || n == 0)
-        set_scene(scene_.after(static_cast<uint64_t>(n)), static_cast<double>(n) / frames);
+        set_scene(scene_.after(static_cast<uint64_t>(setup_.first + n)),
+                  static_cast<double>(n) / frames);
       frame(n);
     }
     return !player::interrupted();
@@ -248,6 +249,7 @@ class ScenarioRun {
     options.cancelled = [] { return player::interrupted(); };
     if (entrant.tolerated) options.tolerated_error = *entrant.tolerated;
     options.proven_rmse = entrant.proven_rmse;
+    options.reuse = entrant.reuse;
     Contestant& one = contestants_.emplace_back();
     one.entrant = &entrant;
     for (int run = 0; run < setup_.runs; ++run)
@@ -268,7 +270,7 @@ class ScenarioRun {
   /// Measures a frame. The reference is first in the first run, because the others are compared
   /// with it; after that the runs are interleaved, every second one in reverse order.
   void frame(int number) {
-    for (Contestant& one : contestants_) one.wall_s = one.cpu_s = {};
+    for (Contestant& one : contestants_) one.wall_s = one.cpu_s = one.build_s = {};
     for (int run = 0; run < setup_.runs; ++run) {
       time_copies();
       for (size_t i = 0; i < contestants_.size(); ++i) {
@@ -281,6 +283,7 @@ class ScenarioRun {
     for (Contestant& one : contestants_) {
       one.frames.back()["wall_s"] = median(one.wall_s);
       one.frames.back()["cpu_s"] = median(one.cpu_s);
+      one.frames.back()["build_s"] = median(one.build_s);
     }
   }
 
@@ -288,10 +291,12 @@ class ScenarioRun {
   /// timed.
   [[nodiscard]] bool race(Contestant& one, int run, int number) {
     Racer& racer = one.racers[static_cast<size_t>(run)];
+    const double begin = seconds_now();
     if (!racer.scene)
       racer.scene = std::make_unique<render::Scene>(description_, stage_, render::Surroundings{},
                                                     setup_.threads);
-    racer.method->set_frame(static_cast<uint64_t>(number));
+    one.build_s.push_back(seconds_now() - begin);
+    racer.method->set_frame(static_cast<uint64_t>(setup_.first + number));
     const double cpu = process_cpu_seconds();
     const double start = seconds_now();
     one.statistics = racer.method->render(*racer.scene, stage_, frame_);
@@ -321,8 +326,10 @@ class ScenarioRun {
 
   void measure(Contestant& one, int number) {
     const render::RenderStatistics& s = one.statistics;
-    nlohmann::json figures = {
-        {"rays", all_rays(s)}, {"traced", s.traced_subpixels}, {"subpixels", s.subpixels}};
+    nlohmann::json figures = {{"rays", all_rays(s)},
+                              {"traced", s.traced_subpixels},
+                              {"missing", s.missing_subpixels},
+                              {"subpixels", s.subpixels}};
     if (s.audited_subpixels > 0)
       figures.update({{"audited", s.audited_subpixels},
                       {"audited_beyond", s.audited_beyond},
@@ -330,10 +337,10 @@ class ScenarioRun {
                       {"rmse_bound", s.rmse_bound}});
     if (&one == contestants_.data()) {
       std::swap(reference_, frame_);
-      eyes_.set_reference(reference_.view());
+      if (setup_.eyes) eyes_.set_reference(reference_.view());
     } else {
       add_errors(one, figures);
-      figures["eyes"] = eyes_.compare(frame_.view(), one.flicker);
+      if (setup_.eyes) figures["eyes"] = eyes_.compare(frame_.view(), one.flicker);
       if (!setup_.pictures.empty())
         one.worst.add(number, reference_.view(), frame_.view(), eyes_.reference(), eyes_.test());
     }
@@ -341,11 +348,14 @@ class ScenarioRun {
   }
 
   void add_errors(const Contestant& one, nlohmann::json& figures) {
-    const std::vector<frames::Difference> views =
-        views_.compare(reference_.view(), frame_.view(), workers_);
-    frames::Difference total;
-    for (const frames::Difference& view : views) total.add(view);
+    const std::vector<frames::Difference> views = frames::compare_views(
+        reference_.view(), frame_.view(), model_, frames::native_view_count(setup_.rig));
+    const frames::PictureDifference off =
+        frames::compare_pictures(reference_.view(), frame_.view());
+    const frames::Difference& total = off.total;
     figures["mse"] = total.mse();
+    for (const frames::Difference& channel : off.channels)
+      figures["channel_mses"].push_back(channel.mse());
     figures["max"] = total.max();
     figures["share_over_8"] = total.share_over(8);
     figures["share_over_32"] = total.share_over(32);
@@ -360,7 +370,6 @@ class ScenarioRun {
   std::function<void()> done_;
   optics::OpticalModel model_;
   frames::BandWorkers workers_;
-  lab::ViewMap views_;
   ErrorEyes eyes_;
   tools::StageSequence stages_;
   render::SceneDescription description_;

@@ -4,7 +4,7 @@
 //   --rates    bare Embree, visibility and whole frames
 //   --upright  a rig with upright lenses of whole pixels
 //   --growth   time and memory against the number of primitives
-//   --peers    other ray tracers on pictures of as many rays
+//   --peers    Tachyon on pictures of as many rays
 //
 // Each part measures into JSON and prints its text from that.
 #include "apps/lenticule-bench/render/bench_exact.h"
@@ -15,7 +15,6 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 #include <thread>
 
@@ -23,6 +22,7 @@
 #include "apps/lenticule-bench/harness/bench_scene.h"
 #include "apps/lenticule-tools/cli/svg_plot.h"
 #include "base/error.h"
+#include "base/file.h"
 #include "base/print.h"
 #include "lab/fixtures.h"
 #include "lab/judges/peers.h"
@@ -32,6 +32,13 @@
 namespace lenticule::bench {
 
 namespace {
+
+BenchSetup exact_setup(const ExactFlags& flags, const std::string& scene) {
+  return {.scene = scene,
+          .rig = flags.rig_instead ? *flags.rig_instead : lab::bench_rig(flags.rig),
+          .lights = flags.lights,
+          .threads = flags.threads};
+}
 
 nlohmann::json row(const char* name, uint64_t rays, uint64_t subpixels, double seconds,
                    double visibility, double peak_mib) {
@@ -87,6 +94,19 @@ const std::vector<ExactVariant>& exact_variants() {
   return table;
 }
 
+optics::Rig upright_rig(const optics::Rig& slanted) {
+  optics::Rig rig = slanted;
+  rig.name += ", upright";
+  rig.sheet.slant = 0.0;
+  const double pitch = std::ceil(slanted.sheet.pitch.value);
+  // The cone of views is pitch divided by gap.
+  rig.sheet.gap = Millimetres(slanted.sheet.gap.value * pitch / slanted.sheet.pitch.value);
+  rig.sheet.pitch = Subpixels(pitch);
+  return rig;
+}
+
+namespace {
+
 nlohmann::json measure_rates(const ExactFlags& flags, const std::string& scene) {
   BenchScene bench(exact_setup(flags, scene));
   std::vector<TimedCase> cases;
@@ -132,33 +152,18 @@ void print_rates(const nlohmann::json& r) {
       "mirrored, shading {:.0f} %, writing {:.0f} %\n",
       share("make_rays"), share("embree_primary"), share("embree_shadow"),
       share("embree_secondary"), share("shade"), share("write"));
-  print_out("  {:<28} {:>8} {:>12} {:>14} {:>9}\n", "", "Mray/s", "ns/subpixel", "of visibility",
-            "peak MiB");
-  for (const auto& row : r["rows"])
-    print_out("  {:<28} {:>8.1f} {:>12.2f} {:>14.2f} {:>9.0f}\n", row["name"].get<std::string>(),
-              row["mray_s"].get<double>(), row["ns_per_subpixel"].get<double>(),
-              row["of_visibility"].get<double>(), row["peak_resident_mib"].get<double>());
+  constexpr Column kColumns[] = {{"", "name"},
+                                 {"Mray/s", "mray_s", "{:.1f}"},
+                                 {"ns/subpixel", "ns_per_subpixel", "{:.2f}"},
+                                 {"of visibility", "of_visibility", "{:.2f}"},
+                                 {"peak MiB", "peak_resident_mib"}};
+  print_table(r["rows"], kColumns, "  ");
 }
 
 // lenticule bench exact --upright measures the additional cost of slanted lenses of fractional
 // pitch over upright ones.
 
-namespace {
-
 constexpr double kTarget = 1.35;
-
-}  // namespace
-
-optics::Rig upright_rig(const optics::Rig& slanted) {
-  optics::Rig rig = slanted;
-  rig.name += ", upright";
-  rig.sheet.slant = 0.0;
-  const double pitch = std::ceil(slanted.sheet.pitch.value);
-  // The cone of views is pitch divided by gap.
-  rig.sheet.gap = Millimetres(slanted.sheet.gap.value * pitch / slanted.sheet.pitch.value);
-  rig.sheet.pitch = Subpixels(pitch);
-  return rig;
-}
 
 nlohmann::json measure_upright(const ExactFlags& flags, const std::string& scene) {
   BenchSetup setup = exact_setup(flags, scene);
@@ -197,8 +202,6 @@ void print_upright(const nlohmann::json& r) {
 
 // lenticule bench exact --scaling and --growth measure how the cost grows with threads, subpixels,
 // triangles, lights and the pitch of the lenses.
-
-namespace {
 
 using tools::AxisScale;
 
@@ -265,67 +268,51 @@ nlohmann::json scale_scene(const ExactFlags& flags, const std::string& name) {
 
 // ---- growth
 
-std::string built_in(const char* name, int size) {
-  return fmt::format("builtin:{}:{}", name, size);
-}
-
-Growth subpixel_growth(const BenchSetup& base) {
-  Growth growth{"subpixels",
-                "subpixels of the panel",
-                AxisScale::Log,
-                [](const BenchScene& s) { return static_cast<double>(s.subpixels()); },
-                {}};
+/// Returns the growths of subpixels, triangles, lights and the lens pitch. The cone of views is the
+/// same for every pitch: the gap grows with it.
+std::vector<Growth> all_growths(const BenchSetup& base) {
+  std::vector<Growth> all = {
+      {"subpixels",
+       "subpixels of the panel",
+       AxisScale::Log,
+       [](const BenchScene& s) { return static_cast<double>(s.subpixels()); },
+       {}},
+      {"triangles",
+       "triangles of the teapot and its board",
+       AxisScale::Log,
+       [](const BenchScene& s) { return static_cast<double>(s.primitives()); },
+       {}},
+      {"lights",
+       "lights of the tree",
+       AxisScale::Linear,
+       [](const BenchScene& s) { return static_cast<double>(s.description().lights.size()); },
+       {}},
+      {"pitch",
+       "subpixels per lens",
+       AxisScale::Log,
+       [](const BenchScene& s) { return s.setup().rig.sheet.pitch.value; },
+       {}}};
+  const auto step = [&](size_t growth) -> BenchSetup& {
+    return all[growth].steps.emplace_back(base);
+  };
   for (const int part : {8, 4, 2, 1}) {
-    growth.steps.push_back(base);
-    optics::Panel& panel = growth.steps.back().rig.panel;
+    optics::Panel& panel = step(0).rig.panel;
     panel.width_px = std::max(1, panel.width_px / part);
     panel.height_px = std::max(1, panel.height_px / part);
   }
-  return growth;
-}
-
-Growth triangle_growth(const BenchSetup& base) {
-  Growth growth{"triangles",
-                "triangles of the teapot and its board",
-                AxisScale::Log,
-                [](const BenchScene& s) { return static_cast<double>(s.primitives()); },
-                {}};
-  for (const int size : {4, 6, 10, 16, 25, 40}) {
-    growth.steps.push_back(base);
-    growth.steps.back().scene = built_in("teapot", size);
-  }
-  return growth;
-}
-
-Growth light_growth(const BenchSetup& base) {
-  Growth growth{
-      "lights",
-      "lights of the tree",
-      AxisScale::Linear,
-      [](const BenchScene& s) { return static_cast<double>(s.description().lights.size()); },
-      {}};
+  for (const int size : {4, 6, 10, 16, 25, 40})
+    step(1).scene = fmt::format("builtin:teapot:{}", size);
   for (int lights = 1; lights <= 7; ++lights) {
-    growth.steps.push_back(base);
-    growth.steps.back().scene = "builtin:tree";
-    growth.steps.back().lights = lights;
+    BenchSetup& tree = step(2);
+    tree.scene = "builtin:tree";
+    tree.lights = lights;
   }
-  return growth;
-}
-
-/// Varies the pitch with a constant cone of views: the gap grows with the pitch.
-Growth pitch_growth(const BenchSetup& base) {
-  Growth growth{"pitch",
-                "subpixels per lens",
-                AxisScale::Log,
-                [](const BenchScene& s) { return s.setup().rig.sheet.pitch.value; },
-                {}};
   for (const double factor : {0.5, 1.0, 2.0, 4.0, 8.0}) {
-    growth.steps.push_back(base);
-    optics::LensSheet& sheet = growth.steps.back().rig.sheet;
+    optics::LensSheet& sheet = step(3).rig.sheet;
     sheet.pitch = sheet.pitch * factor;
     sheet.gap = sheet.gap * factor;
   }
-  return growth;
+  return all;
 }
 
 nlohmann::json measure(const ExactFlags& flags, const Growth& growth) {
@@ -357,8 +344,6 @@ void plot_growth(const ExactFlags& flags, const Growth& growth, const nlohmann::
   write_plot(flags, fmt::format("growth-{}", growth.name), plot);
 }
 
-}  // namespace
-
 nlohmann::json measure_scaling(const ExactFlags& flags) {
   nlohmann::json all = nlohmann::json::array();
   tools::Plot plot;
@@ -375,10 +360,8 @@ nlohmann::json measure_scaling(const ExactFlags& flags) {
 }
 
 nlohmann::json measure_growth(const ExactFlags& flags) {
-  const BenchSetup base = exact_setup(flags, "builtin:teapot");
   nlohmann::json all = nlohmann::json::array();
-  for (const auto& make : {subpixel_growth, triangle_growth, light_growth, pitch_growth}) {
-    const Growth growth = make(base);
+  for (const Growth& growth : all_growths(exact_setup(flags, "builtin:teapot"))) {
     all.push_back(measure(flags, growth));
     if (player::interrupted()) return all;
     plot_growth(flags, growth, all.back());
@@ -388,89 +371,15 @@ nlohmann::json measure_growth(const ExactFlags& flags) {
 
 void print_growth(const nlohmann::json& growth) {
   print_out("{}: {}\n", growth["name"].get<std::string>(), growth["scene"].get<std::string>());
-  print_out("  {:>38} {:>14} {:>11} {:>9} {:>9}\n", growth["x_label"].get<std::string>(),
-            "visibility ns", "frame ns", "frame s", "rays");
-  for (const auto& row : growth["rows"]) {
-    print_out("  {:>38.10g} {:>14.2f} {:>11.2f} {:>9.3f} {:>9.2f}", row["x"].get<double>(),
-              row["visibility_ns"].get<double>(), row["frame_ns"].get<double>(),
-              row["frame_seconds"].get<double>(), row["rays_per_subpixel"].get<double>());
-    if (row.contains("speed_up")) print_out("   {:.2f} x", row["speed_up"].get<double>());
-    print_out("\n");
-  }
+  const auto x_label = growth["x_label"].get<std::string>();
+  const Column columns[] = {
+      {x_label.c_str(), "x", "{:.10g}"},       {"visibility ns", "visibility_ns", "{:.2f}"},
+      {"frame ns", "frame_ns", "{:.2f}"},      {"frame s", "frame_seconds", "{:.3f}"},
+      {"rays", "rays_per_subpixel", "{:.2f}"}, {"speed-up", "speed_up", "{:.2f} x"}};
+  print_table(growth["rows"], columns, "  ");
 }
 
-// lenticule bench exact --peers runs another ray tracer on the same scene, interleaved with this
-// renderer.
-
-namespace {
-
-using lab::PeerJob;
-
-/// The results of one peer; `failure` is empty if there was no error.
-struct PeerRuns {
-  const lab::Peer* peer = nullptr;
-  std::string program;
-  std::string scene_file;
-  std::vector<double> seconds;
-  std::string failure;
-};
-
-void write_text(const std::string& file, const std::string& text) {
-  std::ofstream out(file, std::ios::binary);
-  out << text;
-  out.close();
-  if (!out) throw Error(ErrorKind::Failed, fmt::format("{}: cannot write", file));
-}
-
-PeerRuns prepare(const lab::Peer& peer, const render::SceneDescription& scene,
-                 const lab::ScratchFolder& folder) {
-  PeerRuns runs;
-  runs.peer = &peer;
-  const auto program = player::find_program(peer.program);
-  if (!program) {
-    runs.failure = "not installed (scripts/packages bench)";
-    return runs;
-  }
-  runs.program = *program;
-  runs.scene_file = folder.file(fmt::format("scene.{}", peer.extension));
-  write_text(runs.scene_file, peer.write_scene(scene));
-  return runs;
-}
-
-ProgramRun start_peer(const PeerRuns& runs, const PeerJob& job, int limit_s) {
-  std::vector<std::string> arguments = runs.peer->arguments(runs.scene_file, job);
-  arguments.insert(arguments.begin(), runs.program);
-  return player::run_child(arguments, std::chrono::seconds(limit_s));
-}
-
-/// Runs a peer, unless it has failed before.
-void run_peer(PeerRuns& runs, const PeerJob& job, int limit_s) {
-  if (!runs.failure.empty() || player::interrupted()) return;
-  const ProgramRun result = start_peer(runs, job, limit_s);
-  const auto seconds = runs.peer->traced_seconds(result.output);
-  if (result.timed_out)
-    runs.failure = fmt::format("ended after {} s, the limit", limit_s);
-  else if (result.exit_code != 0)
-    runs.failure = fmt::format("failed with exit code {}", result.exit_code);
-  else if (!seconds || *seconds == 0.0)
-    runs.failure = "does not report its ray tracing time";
-  else
-    runs.seconds.push_back(*seconds);
-}
-
-void keep_picture(const ExactFlags& flags, const PeerRuns& runs, const PeerJob& job,
-                  const std::string& scene) {
-  if (flags.peer_pictures.empty() || !runs.failure.empty()) return;
-  constexpr double kSmall = 640.0 * 360.0;
-  PeerJob small = job;
-  const PeerJob size = lab::peer_picture(kSmall, static_cast<double>(job.width) / job.height);
-  small.width = size.width;
-  small.height = size.height;
-  const std::string name =
-      fmt::format("{}-{}.ppm", std::filesystem::path(scene).stem().string(), runs.peer->program);
-  small.picture = (std::filesystem::path(flags.peer_pictures) / name).string();
-  (void)start_peer(runs, small, flags.peer_limit_s);
-}
+// lenticule bench exact --peers runs Tachyon on the same scene, interleaved with this renderer.
 
 /// Returns "tree" for "builtin:tree" and "builtin:tree:9".
 std::string short_name(const std::string& scene) {
@@ -478,59 +387,110 @@ std::string short_name(const std::string& scene) {
   return scene.substr(begin, scene.find(':', begin) - begin);
 }
 
-nlohmann::json row_of(const PeerRuns& runs, const PeerJob& job, double our_mray_s,
-                      const std::string& scene) {
-  nlohmann::json row = {{"name", runs.peer->name}, {"runs", runs.seconds.size()}};
-  if (!runs.failure.empty()) row["failure"] = runs.failure;
-  if (runs.seconds.empty()) return row;
-  const auto rays = static_cast<uint64_t>(job.width) * static_cast<uint64_t>(job.height);
-  const double rate = mega_per_second(rays, median(runs.seconds));
-  const double target = runs.peer->target(short_name(scene));
-  row["seconds"] = median(runs.seconds);
-  row["mray_s"] = rate;
-  row["ours_over_theirs"] = rate > 0.0 ? our_mray_s / rate : 0.0;
-  row["target"] = target;
-  row["within_target"] = our_mray_s >= target * rate;
-  return row;
-}
-
-PeerJob job_of(const ExactFlags& flags, const BenchScene& bench) {
+lab::PeerJob job_of(const ExactFlags& flags, const BenchScene& bench) {
   const optics::Panel& panel = bench.setup().rig.panel;
   const double aspect =
       panel.width_px * panel.pixel_width.value / (panel.height_px * panel.pixel_height.value);
   const double rays =
       flags.peer_mrays > 0.0 ? flags.peer_mrays * 1e6 : static_cast<double>(bench.subpixels());
-  PeerJob job = lab::peer_picture(rays, aspect);
+  lab::PeerJob job = lab::peer_picture(rays, aspect);
   job.max_depth = flags.depth;
   job.threads =
       flags.threads > 0 ? flags.threads : static_cast<int>(std::thread::hardware_concurrency());
   return job;
 }
 
+/// Tachyon renders one scene with it, until it fails.
+class Tachyon {
+ public:
+  Tachyon(const render::SceneDescription& scene, int limit_s) : limit_s_(limit_s) {
+    const auto program = player::find_program("tachyon");
+    if (!program) {
+      failure_ = "not installed (scripts/packages bench)";
+      return;
+    }
+    program_ = *program;
+    write_text_file(scene_file_, lab::write_plain_nff(scene));
+  }
+
+  void keep_picture(const lab::PeerJob& job, const std::string& file) const {
+    if (!failure_.empty()) return;
+    constexpr double kSmall = 640.0 * 360.0;
+    lab::PeerJob small = lab::peer_picture(kSmall, static_cast<double>(job.width) / job.height);
+    small.threads = job.threads;
+    small.max_depth = job.max_depth;
+    small.picture = file;
+    (void)start(small);
+  }
+
+  void run(const lab::PeerJob& job) {
+    if (!failure_.empty() || player::interrupted()) return;
+    const ProgramRun result = start(job);
+    const auto seconds = lab::tachyon_seconds(result.output);
+    if (result.timed_out)
+      failure_ = fmt::format("ended after {} s, the limit", limit_s_);
+    else if (result.exit_code != 0)
+      failure_ = fmt::format("failed with exit code {}", result.exit_code);
+    else if (!seconds || *seconds == 0.0)
+      failure_ = "does not report its ray tracing time";
+    else
+      seconds_.push_back(*seconds);
+  }
+
+  [[nodiscard]] nlohmann::json row(const lab::PeerJob& job, double our_mray_s,
+                                   double target) const {
+    nlohmann::json row = {{"name", "Tachyon"}, {"runs", seconds_.size()}};
+    if (!failure_.empty()) row["failure"] = failure_;
+    if (seconds_.empty()) return row;
+    const auto rays = static_cast<uint64_t>(job.width) * static_cast<uint64_t>(job.height);
+    const double rate = mega_per_second(rays, median(seconds_));
+    row.update({{"seconds", median(seconds_)},
+                {"mray_s", rate},
+                {"ours_over_theirs", rate > 0.0 ? our_mray_s / rate : 0.0},
+                {"target", target},
+                {"within_target", our_mray_s >= target * rate}});
+    return row;
+  }
+
+ private:
+  [[nodiscard]] ProgramRun start(const lab::PeerJob& job) const {
+    std::vector<std::string> arguments = lab::tachyon_arguments(scene_file_, job);
+    arguments.insert(arguments.begin(), program_);
+    return player::run_child(arguments, std::chrono::seconds(limit_s_));
+  }
+
+  lab::ScratchFolder folder_;
+  std::string scene_file_ = folder_.file("scene.nff");
+  std::string program_;
+  int limit_s_;
+  std::vector<double> seconds_;
+  std::string failure_;
+};
+
 }  // namespace
 
 nlohmann::json measure_peers(const ExactFlags& flags, const std::string& scene) {
   BenchScene bench(exact_setup(flags, scene));
-  const PeerJob job = job_of(flags, bench);
-  const lab::ScratchFolder folder;
-  std::vector<PeerRuns> runs;
-  for (const lab::Peer& peer : lab::peers()) {
-    runs.push_back(prepare(peer, bench.description(), folder));
-    keep_picture(flags, runs.back(), job, short_name(scene));
-  }
+  const lab::PeerJob job = job_of(flags, bench);
+  Tachyon tachyon(bench.description(), flags.peer_limit_s);
+  if (!flags.peer_pictures.empty())
+    tachyon.keep_picture(job,
+                         fmt::format("{}/{}-tachyon.ppm", flags.peer_pictures, short_name(scene)));
   const auto method = bench.method(bench.options(flags.depth));
   std::vector<double> ours;
   for (int run = 0; run < flags.runs && !player::interrupted(); ++run) {
     ours.push_back(bench.render(*method).seconds);
-    for (PeerRuns& peer : runs) run_peer(peer, job, flags.peer_limit_s);
+    tachyon.run(job);
   }
   const double our_rate = mega_per_second(bench.subpixels(), median(ours));
   nlohmann::json rows = nlohmann::json::array();
-  for (const PeerRuns& peer : runs) rows.push_back(row_of(peer, job, our_rate, scene));
+  rows.push_back(tachyon.row(job, our_rate, lab::tachyon_target(short_name(scene))));
   return {{"scene", scene},         {"width", job.width},           {"height", job.height},
           {"threads", job.threads}, {"ours_seconds", median(ours)}, {"ours_mray_s", our_rate},
           {"rows", std::move(rows)}};
 }
+
+namespace {
 
 void print_peers(const nlohmann::json& r) {
   print_out("{}: {} threads each; theirs a picture of {} x {}\n", r["scene"].get<std::string>(),
@@ -552,8 +512,6 @@ void print_peers(const nlohmann::json& r) {
 }
 
 // lenticule bench exact measures the cost of an exact frame relative to Embree alone.
-
-namespace {
 
 nlohmann::json heading(const ExactFlags& flags) {
   const optics::Rig rig = lab::bench_rig(flags.rig);
@@ -636,61 +594,38 @@ ExitCode run(ExactFlags flags) {
   return kOk;
 }
 
-void declare_parts(CLI::App& app, ExactFlags& flags) {
-  app.add_flag(
-      "--rates", flags.rates,
-      "measure bare Embree, visibility and whole frames (default if no other part is requested)");
-  app.add_flag("--upright", flags.upright, "compare the slanted rig with an upright one");
-  app.add_flag("--scaling", flags.scaling, "measure 1, 2, ... all threads");
-  app.add_flag("--growth", flags.growth,
-               "measure growing numbers of subpixels, triangles, lights and subpixels per lens");
-  app.add_flag("--peers", flags.peers, "compare with Tachyon (scripts/packages bench installs it)");
-}
-
-void declare_peers(CLI::App& app, ExactFlags& flags) {
-  app.add_option(
-         "--peer-mrays", flags.peer_mrays,
-         "million primary rays of the other ray tracers' pictures; 0 means as many as subpixels")
-      ->check(CLI::Range(0.0, 1000.0))
-      ->capture_default_str();
-  app.add_option("--peer-limit", flags.peer_limit_s,
-                 "seconds after which a run of another ray tracer is ended")
-      ->check(CLI::Range(1, 86400))
-      ->capture_default_str();
-  app.add_option("--peer-pictures", flags.peer_pictures,
-                 "folder for a small picture of each scene by each other ray tracer");
-}
-
 }  // namespace
-
-BenchSetup exact_setup(const ExactFlags& flags, const std::string& scene) {
-  return {.scene = scene,
-          .rig = flags.rig_instead ? *flags.rig_instead : lab::bench_rig(flags.rig),
-          .lights = flags.lights,
-          .threads = flags.threads};
-}
 
 cli::Run declare_bench_exact(CLI::App& app) {
   auto flags = std::make_shared<ExactFlags>();
   app.add_option("--scene", flags->scenes, "a built-in NAME[:SIZE], or as for render; repeatable")
       ->capture_default_str();
-  app.add_option("--rig", flags->rig, "rig file (default: the 4K kiosk)");
-  app.add_option("--depth", flags->depth, "number of bounces of mirrored and refracted rays")
-      ->check(CLI::Range(0, 64))
-      ->capture_default_str();
+  declare_run_flags(app, *flags);
+  declare_depth(app, "--depth", flags->depth);
   app.add_option("--lights", flags->lights, "use at most this many lights; 0 uses all")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
-  app.add_option("--runs", flags->runs, "number of runs; medians are reported")
-      ->check(CLI::Range(1, 1000))
+  declare_threads(app, flags->threads);
+  app.add_flag(
+      "--rates", flags->rates,
+      "measure bare Embree, visibility and whole frames (default if no other part is requested)");
+  app.add_flag("--upright", flags->upright, "compare the slanted rig with an upright one");
+  app.add_flag("--scaling", flags->scaling, "measure 1, 2, ... all threads");
+  app.add_flag("--growth", flags->growth,
+               "measure growing numbers of subpixels, triangles, lights and subpixels per lens");
+  app.add_flag("--peers", flags->peers,
+               "compare with Tachyon (scripts/packages bench installs it)");
+  app.add_option("--peer-mrays", flags->peer_mrays,
+                 "million primary rays of Tachyon's pictures; 0 means as many as subpixels")
+      ->check(CLI::Range(0.0, 1000.0))
       ->capture_default_str();
-  app.add_option("--threads", flags->threads, "0 means all cores")
-      ->check(CLI::Range(0, 1024))
+  app.add_option("--peer-limit", flags->peer_limit_s,
+                 "seconds after which a run of Tachyon is ended")
+      ->check(CLI::Range(1, 86400))
       ->capture_default_str();
-  declare_parts(app, *flags);
-  declare_peers(app, *flags);
+  app.add_option("--peer-pictures", flags->peer_pictures,
+                 "folder for a small picture of each scene by Tachyon");
   app.add_option("--plots", flags->plots, "folder for plots of scaling and growth as SVG");
-  app.add_flag("--json", flags->json, "print as JSON");
   return [flags]() -> ExitCode { return run(*flags); };
 }
 }  // namespace lenticule::bench

@@ -9,195 +9,50 @@
 #include <array>
 #include <cmath>
 #include <filesystem>
-#include <map>
 #include <memory>
+#include <numeric>
+#include <string_view>
 
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-bench/harness/bench_scene.h"
+#include "apps/lenticule-bench/render/bench_error.h"
 #include "apps/lenticule-bench/render/bench_exact.h"
 #include "apps/lenticule-tools/cli/svg_plot.h"
-#include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/print.h"
-#include "frames/compare.h"
-#include "optics/model.h"
 #include "optics/trim.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 #include "render/make_method.h"
-#include "render/scene/scene.h"
 #include "scenes/scene_list.h"
 
 namespace lenticule::bench {
 
 namespace {
 
-/// One method in one run; it may keep data of its last frame.
-struct Contestant {
-  std::unique_ptr<render::Method> method;
-  frames::WovenFrame frame;
-};
+constexpr std::string_view kLiteral = "-literal";
 
-/// The measurements of all runs of one method for one frame.
-struct Taken {
-  std::vector<double> wall_s, cpu_s, build_s;
-  render::RenderStatistics statistics;
-};
-
-class SpanRun {
- public:
-  SpanRun(const PaperSetup& setup, const PaperSpan& span)
-      : setup_(setup),
-        model_(setup.rig),
-        scene_(scenes::find_scene(span.scene)),
-        stages_(tools::describe_built_in(scene_), model_, {}) {
-    const frames::FrameGeometry geometry{setup.rig.panel.width_px, setup.rig.panel.height_px,
-                                         frames::PixelFormat::Rgb8};
-    render::RenderOptions options;
-    options.threads = setup.threads;
-    options.max_depth = setup.depth;
-    options.cancelled = [] { return player::interrupted(); };
-    for (int run = 0; run < setup.runs; ++run)
-      for (const std::string& name : setup.methods) {
-        const PaperMethod one{name};
-        options.reuse = one.literal() ? render::literal_reuse() : render::ReuseOptions{};
-        contestants_.push_back(
-            {render::make_method(one.method(), model_, options), frames::WovenFrame(geometry)});
-      }
-  }
-
-  nlohmann::json frame(int number) {
-    const render::SceneDescription description = tools::describe_built_in(scene_, {}, number);
-    const render::Stage stage = stages_.at(description);
-    std::vector<Taken> taken(setup_.methods.size());
-    const size_t rounds = contestants_.size();
-    for (size_t turn = 0; turn < rounds && !player::interrupted(); ++turn) {
-      // Each frame starts with another method, because later ones find warmer caches.
-      const size_t i = (turn + static_cast<size_t>(number)) % rounds;
-      contestants_[i].method->set_frame(static_cast<uint64_t>(number));
-      race(contestants_[i], description, stage, taken[i % setup_.methods.size()]);
-    }
-    nlohmann::json methods;
-    for (size_t m = 0; m < setup_.methods.size(); ++m)
-      methods[setup_.methods[m]] = figures(taken[m], m);
-    return {{"frame", number}, {"methods", std::move(methods)}};
-  }
-
- private:
-  /// Renders one frame. Each method has its own scene, because results of culling are stored in the
-  /// scene.
-  void race(Contestant& one, const render::SceneDescription& description,
-            const render::Stage& stage, Taken& taken) const {
-    const double start = seconds_now();
-    const render::Scene scene(description, stage, {}, setup_.threads);
-    taken.build_s.push_back(seconds_now() - start);
-    const double cpu = process_cpu_seconds();
-    const double begin = seconds_now();
-    taken.statistics = one.method->render(scene, stage, one.frame);
-    taken.wall_s.push_back(seconds_now() - begin);
-    taken.cpu_s.push_back(process_cpu_seconds() - cpu);
-  }
-
-  nlohmann::json figures(const Taken& taken, size_t m) const {
-    const render::RenderStatistics& s = taken.statistics;
-    nlohmann::json out = {
-        {"wall_s", median(taken.wall_s)},     {"cpu_s", median(taken.cpu_s)},
-        {"build_s", median(taken.build_s)},   {"rays", all_rays(s)},
-        {"subpixels", s.subpixels},           {"traced", s.traced_subpixels},
-        {"projected", s.projected_subpixels}, {"interpolated", s.interpolated_subpixels},
-        {"missing", s.missing_subpixels}};
-    if (m != 0) add_errors(contestants_[m].frame, out);
-    return out;
-  }
-
-  void add_errors(const frames::WovenFrame& frame, nlohmann::json& out) const {
-    const frames::FrameView reference = contestants_.front().frame.view();
-    const frames::PictureDifference off = frames::compare_pictures(reference, frame.view());
-    const std::vector<frames::Difference> views = frames::compare_views(
-        reference, frame.view(), model_, frames::native_view_count(setup_.rig));
-    out["mse"] = {off.channels[0].mse(), off.channels[1].mse(), off.channels[2].mse()};
-    out["max"] = off.total.max();
-    out["share_over_8"] = off.total.share_over(8);
-    out["share_over_32"] = off.total.share_over(32);
-    out["worst_view_mse"] = views[static_cast<size_t>(frames::worst_view(views))].mse();
-  }
-
-  const PaperSetup& setup_;
-  optics::OpticalModel model_;
-  const scenes::BuiltInScene& scene_;
-  tools::StageSequence stages_;
-  std::vector<Contestant> contestants_;  ///< run by run, in the order of the methods
-};
-
-double mean_of(const nlohmann::json& mse) {
-  return (mse[0].get<double>() + mse[1].get<double>() + mse[2].get<double>()) / 3.0;
+ErrorEntrant entrant_of(const std::string& name) {
+  ErrorEntrant entrant{.name = name, .method = name, .tolerated = {}};
+  if (!name.ends_with(kLiteral)) return entrant;
+  entrant.method.resize(name.size() - kLiteral.size());
+  entrant.reuse = render::literal_reuse();
+  return entrant;
 }
 
-/// Sums of one method over all frames.
-struct Sums {
-  int frames = 0, differing = 0, max = 0, worst_frame = 0;
-  double wall_s = 0, cpu_s = 0, build_s = 0, rays = 0, subpixels = 0, traced = 0, missing = 0;
-  double psnr = 0, worst_mse = 0, worst_view_mse = 0, over_8 = 0, over_32 = 0;
-
-  void add(int frame, const nlohmann::json& f) {
-    ++frames;
-    wall_s += f["wall_s"].get<double>();
-    cpu_s += f["cpu_s"].get<double>();
-    build_s += f["build_s"].get<double>();
-    rays += f["rays"].get<double>();
-    subpixels += f["subpixels"].get<double>();
-    traced += f["traced"].get<double>();
-    missing += f["missing"].get<double>();
-    if (f.contains("mse")) add_errors(frame, f);
-  }
-
-  void add_errors(int frame, const nlohmann::json& f) {
-    const double mse = mean_of(f["mse"]);
-    if (mse > 0.0) {
-      ++differing;
-      psnr += 10.0 * std::log10(255.0 * 255.0 / mse);
-    }
-    if (mse > worst_mse) {
-      worst_mse = mse;
-      worst_frame = frame;
-    }
-    worst_view_mse = std::max(worst_view_mse, f["worst_view_mse"].get<double>());
-    max = std::max(max, f["max"].get<int>());
-    over_8 += f["share_over_8"].get<double>();
-    over_32 += f["share_over_32"].get<double>();
-  }
-};
-
-nlohmann::json figures_of(const std::string& name, const Sums& s, double reference_s) {
-  return {{"name", name},
-          {"seconds_per_frame", s.wall_s / s.frames},
-          {"cpu_seconds_per_frame", s.cpu_s / s.frames},
-          {"build_seconds_per_frame", s.build_s / s.frames},
-          {"saved", reference_s > 0.0 ? 1.0 - s.wall_s / reference_s : 0.0},
-          {"rays_per_subpixel", s.rays / s.subpixels},
-          {"traced", s.traced / s.subpixels},
-          {"missing", s.missing / s.subpixels},
-          {"psnr_mean_db", s.differing > 0 ? nlohmann::json(s.psnr / s.differing) : nullptr},
-          {"psnr_worst_db", psnr_or_null(s.worst_mse)},
-          {"worst_frame", s.worst_frame},
-          {"worst_view_psnr_db", psnr_or_null(s.worst_view_mse)},
-          {"max", s.max},
-          {"share_over_8", s.over_8 / s.frames},
-          {"share_over_32", s.over_32 / s.frames}};
+double sum_of(const nlohmann::json& frames, const char* key) {
+  const std::vector<double> values = values_of(frames, key);
+  return std::accumulate(values.begin(), values.end(), 0.0);
 }
 
 }  // namespace
-
-std::string PaperMethod::method() const {
-  return literal() ? name.substr(0, name.size() - kLiteral.size()) : name;
-}
 
 const std::vector<std::string>& paper_method_names() {
   static const std::vector<std::string> names = [] {
     std::vector<std::string> all = render::method_names();
     for (const char* of_the_paper : {"lens-view", "interpolate", "hybrid"})
-      all.push_back(std::string(of_the_paper) + std::string(PaperMethod::kLiteral));
+      all.push_back(std::string(of_the_paper) + std::string(kLiteral));
     return all;
   }();
   return names;
@@ -215,44 +70,33 @@ std::vector<PaperSpan> spans_of(const std::string& scene, int frames, int length
   return list;
 }
 
-nlohmann::json measure_span(const PaperSetup& setup, const PaperSpan& span,
-                            const std::function<void()>& done) {
-  SpanRun run(setup, span);
-  nlohmann::json frames = nlohmann::json::array();
-  for (int i = 0; i < span.count; ++i) {
-    frames.push_back(run.frame(span.first + i));
-    if (player::interrupted()) return {};
-    done();
-  }
-  return {{"scene", span.scene}, {"first", span.first}, {"frames", std::move(frames)}};
-}
-
 nlohmann::json summarize(const std::string& scene, const std::vector<nlohmann::json>& spans) {
-  std::map<std::string, Sums> by_name;
-  int frames = 0;
-  for (const nlohmann::json& span : spans)
-    for (const nlohmann::json& frame : span["frames"]) {
-      ++frames;
-      for (const auto& [name, figures] : frame["methods"].items())
-        by_name[name].add(frame["frame"].get<int>(), figures);
-    }
-  const auto full = by_name.find("full");
-  const double reference_s = full == by_name.end() ? 0.0 : full->second.wall_s;
   nlohmann::json methods = nlohmann::json::array();
-  for (const std::string& name : paper_method_names())
-    if (const auto found = by_name.find(name); found != by_name.end())
-      methods.push_back(figures_of(name, found->second, reference_s));
+  for (const nlohmann::json& span : spans)
+    for (size_t m = 0; m < span["methods"].size(); ++m) {
+      if (m == methods.size()) methods.push_back({{"name", span["methods"][m]["name"]}});
+      for (const nlohmann::json& frame : span["methods"][m]["frames"])
+        methods[m]["frames"].push_back(frame);
+    }
+  const nlohmann::json reference = methods[0]["frames"];
+  for (nlohmann::json& method : methods) {
+    const nlohmann::json& frames = method["frames"];
+    add_times(method, reference);
+    const double count = static_cast<double>(frames.size());
+    const double subpixels = sum_of(frames, "subpixels");
+    method["cpu_seconds_per_frame"] = sum_of(frames, "cpu_s") / count;
+    method["build_seconds_per_frame"] = sum_of(frames, "build_s") / count;
+    method["traced"] = sum_of(frames, "traced") / subpixels;
+    method["missing"] = sum_of(frames, "missing") / subpixels;
+    if (&method != &methods[0]) add_errors(method);
+  }
   return {{"scene", scene},
-          {"frames", frames},
+          {"frames", reference.size()},
           {"frames_of_sequence", scenes::find_scene(scene).frames},
           {"methods", std::move(methods)}};
 }
 
 namespace {
-
-double psnr_of(double mse) {
-  return 10.0 * std::log10(255.0 * 255.0 / mse);
-}
 
 const nlohmann::json* method_of(const nlohmann::json& summary, const std::string& name) {
   for (const nlohmann::json& method : summary["methods"])
@@ -271,19 +115,24 @@ std::string published_saving(const PublishedTimes& times, double seconds) {
 
 /// Prints the error of one frame of the teapot, for the method in the paper's table.
 void print_quality_row(const PublishedQuality& published, const nlohmann::json& figures) {
-  const auto mse = [&](size_t c) { return figures["mse"][c].get<double>(); };
-  const double mean = (mse(0) + mse(1) + mse(2)) / 3.0;
+  const auto channels = figures["channel_mses"].get<std::vector<double>>();
+  const double mean = figures["mse"];
   print_out("  {:>5} {:>10.2f} {:>7.2f} {:>9.2f} {:>7.2f} {:>7.2f} {:>7.2f} {:>7.2f} {:>7.2f}\n",
             published.frame, published.column, published.psnr_db, std::sqrt(published.column), mean,
-            std::sqrt(mean), mean > 0.0 ? psnr_of(mean) : INFINITY,
-            std::sqrt(std::max({mse(0), mse(1), mse(2)})),
+            std::sqrt(mean), mean > 0.0 ? psnr_or_null(mean).get<double>() : INFINITY,
+            std::sqrt(std::ranges::max(channels)),
             std::sqrt(figures["worst_view_mse"].get<double>()));
 }
 
-const nlohmann::json* frame_of(const std::vector<nlohmann::json>& spans, int number) {
+/// Returns the figures of a method for a frame of the scene; null if they were not measured.
+const nlohmann::json* frame_of(const std::vector<nlohmann::json>& spans, const std::string& method,
+                               int number) {
   for (const nlohmann::json& span : spans)
-    for (const nlohmann::json& frame : span["frames"])
-      if (frame["frame"] == number) return &frame;
+    for (const nlohmann::json& one : span["methods"]) {
+      const int place = number - span["first"].get<int>();
+      if (one["name"] == method && place >= 0 && place < static_cast<int>(one["frames"].size()))
+        return &one["frames"][static_cast<size_t>(place)];
+    }
   return nullptr;
 }
 
@@ -318,6 +167,8 @@ std::span<const PublishedQuality> published_quality() {
   return table;
 }
 
+namespace {
+
 void print_quality_table(const std::vector<nlohmann::json>& teapot_spans) {
   for (const char* method : {"hybrid", "hybrid-literal"}) {
     print_out("table 1: teapot, {} against full\n", method);
@@ -327,9 +178,9 @@ void print_quality_table(const std::vector<nlohmann::json>& teapot_spans) {
               "PSNR", "root", "MSE", "RMSE", "PSNR", "channel", "view");
     bool any = false;
     for (const PublishedQuality& published : published_quality()) {
-      const nlohmann::json* frame = frame_of(teapot_spans, published.frame);
-      if (!frame || !(*frame)["methods"].contains(method)) continue;
-      print_quality_row(published, (*frame)["methods"][method]);
+      const nlohmann::json* frame = frame_of(teapot_spans, method, published.frame);
+      if (!frame) continue;
+      print_quality_row(published, *frame);
       any = true;
     }
     if (!any) print_out("  none of its frames were rendered\n");
@@ -374,24 +225,21 @@ void print_time_table(const nlohmann::json& summaries) {
 void print_method_table(const nlohmann::json& summary) {
   print_out("{}: {} of {} frames measured\n", summary["scene"].get<std::string>(),
             summary["frames"].get<int>(), summary["frames_of_sequence"].get<int>());
-  print_out(
-      "  {:<19} {:>9} {:>9} {:>9} {:>6} {:>6} {:>7} {:>7} {:>6} {:>11} {:>6} {:>4} {:>7} {:>7}\n",
-      "", "ms/frame", "CPU ms", "build ms", "saved", "rays", "traced", "missing", "PSNR",
-      "worst frame", "view", "max", "over 8", "over 32");
-  for (const nlohmann::json& m : summary["methods"]) {
-    const auto number = [&m](const char* key) { return m[key].get<double>(); };
-    print_out("  {:<19} {:>9.2f} {:>9.2f} {:>9.2f} {:>4.0f} % {:>6.2f} {:>5.1f} % {:>5.1f} % ",
-              m["name"].get<std::string>(), 1e3 * number("seconds_per_frame"),
-              1e3 * number("cpu_seconds_per_frame"), 1e3 * number("build_seconds_per_frame"),
-              100 * number("saved"), number("rays_per_subpixel"), 100 * number("traced"),
-              100 * number("missing"));
-    if (m["name"] == "full")
-      print_out("{:>6}\n", "-");
-    else
-      print_out("{:>6} {:>11} {:>6} {:>4} {:>5.2f} % {:>5.2f} %\n", decibels(m["psnr_mean_db"]),
-                decibels(m["psnr_worst_db"]), decibels(m["worst_view_psnr_db"]),
-                m["max"].get<int>(), 100 * number("share_over_8"), 100 * number("share_over_32"));
-  }
+  constexpr Column kColumns[] = {{"", "name"},
+                                 {"ms/frame", "seconds_per_frame", "{:.2f}", 1e3},
+                                 {"CPU ms", "cpu_seconds_per_frame", "{:.2f}", 1e3},
+                                 {"build ms", "build_seconds_per_frame", "{:.2f}", 1e3},
+                                 {"saved", "saved", "{:.0f} %", 100.0},
+                                 {"rays", "rays_per_subpixel", "{:.2f}"},
+                                 {"traced", "traced", "{:.1f} %", 100.0},
+                                 {"missing", "missing", "{:.1f} %", 100.0},
+                                 {"PSNR", "psnr_mean_db", "{:.1f}", 1.0, "equal"},
+                                 {"worst frame", "psnr_worst_db", "{:.1f}", 1.0, "equal"},
+                                 {"view", "worst_view_psnr_db", "{:.1f}", 1.0, "equal"},
+                                 {"max", "max"},
+                                 {"over 8", "share_over_8", "{:.2f} %", 100.0},
+                                 {"over 32", "share_over_32", "{:.2f} %", 100.0}};
+  print_table(summary["methods"], kColumns, "  ");
   print_out("\n");
 }
 
@@ -402,9 +250,8 @@ void plot_summary(const nlohmann::json& summary, const std::string& folder) {
       .y = {.label = "RMSE of the mean PSNR, code values"},
       .series = {}};
   for (const nlohmann::json& m : summary["methods"]) {
-    const double rmse = m["psnr_mean_db"].is_null()
-                            ? 0.0
-                            : 255.0 * std::pow(10.0, -m["psnr_mean_db"].get<double>() / 20.0);
+    const nlohmann::json psnr = m.value("psnr_mean_db", nlohmann::json());
+    const double rmse = psnr.is_null() ? 0.0 : 255.0 * std::pow(10.0, -psnr.get<double>() / 20.0);
     plot.series.push_back({m["name"], {{1e3 * m["seconds_per_frame"].get<double>(), rmse}}});
   }
   std::filesystem::create_directories(folder);
@@ -415,24 +262,18 @@ void plot_summary(const nlohmann::json& summary, const std::string& folder) {
 // lenticule bench paper measures the methods of the paper on which this renderer is based, and
 // prints the paper's two tables.
 
-namespace {
-
 constexpr int kSpanLength = 16;
 constexpr uint64_t kMostStateBytes = uint64_t{1} << 30;
 
-struct PaperFlags {
+struct PaperFlags : RunFlags {
   std::vector<std::string> scenes;
-  std::string rig;
   std::vector<std::string> methods;
-  int threads = 0;
   int depth = 5;
-  int runs = 3;
   int spans = 0;
   bool quick = false;
   bool no_peers = false;
   std::string state;
   std::string plots;
-  bool json = false;
 };
 
 std::vector<std::string> paper_scenes() {
@@ -500,11 +341,7 @@ class PaperRun {
  public:
   explicit PaperRun(const PaperFlags& flags)
       : flags_(flags),
-        setup_{.rig = flags.rig.empty() ? lab::paper_rig() : optics::load_trimmed_rig(flags.rig),
-               .methods = flags.methods,
-               .threads = flags.threads,
-               .depth = flags.depth,
-               .runs = flags.runs},
+        rig_(flags.rig.empty() ? lab::paper_rig() : optics::load_trimmed_rig(flags.rig)),
         state_(flags.state, settings()) {}
 
   ExitCode run() {
@@ -525,10 +362,31 @@ class PaperRun {
 
  private:
   [[nodiscard]] nlohmann::json settings() const {
-    return {{"machine", machine_json()},   {"rig", optics::fingerprint(setup_.rig)},
-            {"methods", setup_.methods},   {"threads", setup_.threads},
-            {"depth", setup_.depth},       {"runs", setup_.runs},
+    return {{"machine", machine_json()},   {"rig", optics::fingerprint(rig_)},
+            {"methods", flags_.methods},   {"threads", flags_.threads},
+            {"depth", flags_.depth},       {"runs", flags_.runs},
             {"version", LENTICULE_VERSION}};
+  }
+
+  /// Renders every frame of the span with every method, interleaved, and compares it with the
+  /// reference. Null if interrupted.
+  [[nodiscard]] nlohmann::json measure_span(const PaperSpan& span,
+                                            const std::function<void()>& frame_done) const {
+    ErrorSetup setup{.rig = rig_,
+                     .entrants = {},
+                     .frames = span.count,
+                     .threads = flags_.threads,
+                     .depth = flags_.depth,
+                     .runs = flags_.runs,
+                     .first = span.first,
+                     .eyes = false};
+    for (const std::string& name : flags_.methods) setup.entrants.push_back(entrant_of(name));
+    size_t renders = 0;
+    nlohmann::json measured = measure_error(setup, ErrorScene(span.scene), [&] {
+      if (++renders % setup.entrants.size() == 0) frame_done();
+    });
+    if (!measured.is_null()) measured["first"] = span.first;
+    return measured;
   }
 
   void measure(const std::vector<PaperSpan>& spans, player::Progress& progress) {
@@ -537,7 +395,7 @@ class PaperRun {
       const std::string key = fmt::format("{}/{}+{}", span.scene, span.first, span.count);
       const nlohmann::json* known = state_.find(key);
       const auto step = [&] { progress.update(++frames_done_, span.scene); };
-      nlohmann::json figures = known ? *known : measure_span(setup_, span, step);
+      nlohmann::json figures = known ? *known : measure_span(span, step);
       if (figures.is_null()) return;
       if (known)
         for (int i = 0; i < span.count; ++i) step();
@@ -558,8 +416,7 @@ class PaperRun {
 
   [[nodiscard]] std::string tachyon_rate(const std::string& scene) const {
     ExactFlags flags;
-    flags.rig = flags_.rig;
-    flags.rig_instead = setup_.rig;
+    flags.rig_instead = rig_;
     flags.depth = flags_.depth;
     flags.lights = 0;
     flags.runs = flags_.runs;
@@ -577,25 +434,25 @@ class PaperRun {
       for (const nlohmann::json& summary : summaries_) plot_summary(summary, flags_.plots);
     if (flags_.json) {
       print_json({{"machine", machine_json()},
-                  {"rig", setup_.rig.name},
-                  {"runs", setup_.runs},
+                  {"rig", rig_.name},
+                  {"runs", flags_.runs},
                   {"scenes", summaries_},
                   {"teapot", teapot_}});
       return;
     }
-    print_out("machine   {}\nrig       {}, {}x{}\n", machine_text(), setup_.rig.name,
-              setup_.rig.panel.width_px, setup_.rig.panel.height_px);
+    print_out("machine   {}\nrig       {}, {}x{}\n", machine_text(), rig_.name, rig_.panel.width_px,
+              rig_.panel.height_px);
     print_out(
         "frames    spans of {} consecutive frames, medians of {} interleaved run(s); the time to "
         "rebuild the scene is shown separately\n\n",
-        flags_.quick ? "8 to 14" : "16", setup_.runs);
+        flags_.quick ? "8 to 14" : "16", flags_.runs);
     for (const nlohmann::json& summary : summaries_) print_method_table(summary);
     if (!teapot_.empty()) print_quality_table(teapot_);
     print_time_table(summaries_);
   }
 
   const PaperFlags& flags_;
-  PaperSetup setup_;
+  optics::Rig rig_;
   PaperState state_;
   uint64_t frames_done_ = 0;
   nlohmann::json summaries_ = nlohmann::json::array();
@@ -618,12 +475,14 @@ void check(PaperFlags& flags) {
 
 cli::Run declare_bench_paper(CLI::App& app) {
   auto flags = std::make_shared<PaperFlags>();
+  flags->runs = 3;
   flags->scenes = paper_scenes();
   flags->methods = paper_method_names();
   app.add_option("--scene", flags->scenes, "a built-in scene; repeatable")->capture_default_str();
   app.add_option("--method", flags->methods, "methods beside full; repeatable")
       ->capture_default_str();
-  app.add_option("--rig", flags->rig, "rig file (default: 64 upright lenses of 8 pixels)");
+  declare_run_flags(app, *flags);
+  app.get_option("--rig")->description("rig file (default: 64 upright lenses of 8 pixels)");
   app.add_flag(
       "--quick", flags->quick,
       "measure eight frames of each scene in one run, fourteen of the teapot: some minutes");
@@ -631,22 +490,15 @@ cli::Run declare_bench_paper(CLI::App& app) {
                  "number of evenly spaced spans of 16 frames; 0 measures whole sequences")
       ->check(CLI::Range(0, 1000))
       ->capture_default_str();
-  app.add_option("--depth", flags->depth, "number of bounces of mirrored and refracted rays")
-      ->check(CLI::Range(0, 64))
-      ->capture_default_str();
-  const CLI::Option* runs =
-      app.add_option("--runs", flags->runs, "number of runs; medians are reported; 1 with --quick")
-          ->check(CLI::Range(1, 100))
-          ->capture_default_str();
-  app.add_option("--threads", flags->threads, "0 means all cores")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
+  declare_depth(app, "--depth", flags->depth);
+  const CLI::Option* runs = app.get_option("--runs")->description(
+      "number of interleaved runs; medians are reported; 1 with --quick");
+  declare_threads(app, flags->threads);
   app.add_flag("--no-peers", flags->no_peers,
                "leave out Tachyon (scripts/packages bench installs it)");
   app.add_option("--state", flags->state,
                  "file for intermediate results; a later run continues from it");
   app.add_option("--plots", flags->plots, "folder for plots of time against error as SVG");
-  app.add_flag("--json", flags->json, "print as JSON");
   return [flags, runs]() -> ExitCode {
     check(*flags);
     if (flags->quick && runs->empty()) flags->runs = 1;

@@ -4,14 +4,10 @@
 // that.
 #pragma once
 
-#include <functional>
 #include <nlohmann/json.hpp>
 #include <span>
 #include <string>
-#include <string_view>
 #include <vector>
-
-#include "optics/rig.h"
 
 namespace lenticule::bench {
 
@@ -34,27 +30,10 @@ struct PublishedQuality {
 };
 [[nodiscard]] std::span<const PublishedQuality> published_quality();
 
-/// A method with its defaults, or in the literal reading of the paper: each micro-image from the
-/// previous one, every point assigned to the nearest subpixel.
-struct PaperMethod {
-  std::string name;  ///< ends with kLiteral for the literal reading
-  static constexpr std::string_view kLiteral = "-literal";
-
-  [[nodiscard]] bool literal() const { return name.ends_with(kLiteral); }
-  /// Returns the name for make_method().
-  [[nodiscard]] std::string method() const;
-};
-/// Returns every method of this build, and the literal readings of the paper's methods.
+/// Returns every method of this build, and with "-literal" at the end of their names the literal
+/// readings of the paper's methods: each micro-image from the previous one, every point assigned to
+/// the nearest subpixel.
 [[nodiscard]] const std::vector<std::string>& paper_method_names();
-
-struct PaperSetup {
-  optics::Rig rig;
-  /// Names from paper_method_names(); the first is the reference.
-  std::vector<std::string> methods;
-  int threads = 0;  ///< 0 = all cores
-  int depth = 5;
-  int runs = 3;  ///< times are medians of these
-};
 
 /// Consecutive frames of a sequence. Methods that keep data of the last frame start from scratch
 /// with each span.
@@ -69,28 +48,10 @@ struct PaperSpan {
 [[nodiscard]] std::vector<PaperSpan> spans_of(const std::string& scene, int frames, int length,
                                               int spans);
 
-/// Renders every frame of the span with every method, interleaved, and compares it with the
-/// reference. Returns {"scene", "first", "frames": [{"frame", "methods": {NAME: {"wall_s", "cpu_s",
-/// "build_s", "rays", "subpixels", "traced", "projected", "interpolated", "missing", "mse": [r, g,
-/// b], "max", "share_over_8", "share_over_32", "worst_view_mse"}}}]}; the reference has no errors.
-/// `done` is called after each frame. Empty if interrupted.
-[[nodiscard]] nlohmann::json measure_span(const PaperSetup& setup, const PaperSpan& span,
-                                          const std::function<void()>& done);
-
-/// Returns, per method over all frames of a scene's spans: {"scene", "frames",
-/// "frames_of_sequence", "primitives", "methods": [{"name", "seconds_per_frame",
-/// "cpu_seconds_per_frame", "build_seconds_per_frame", "saved", "rays_per_subpixel", "traced",
-/// "missing", "psnr_mean_db", "psnr_worst_db", "worst_frame", "worst_view_psnr_db", "max",
-/// "share_over_8", "share_over_32"}]}; shares and "saved" are from 0 to 1, PSNR is null if equal.
+/// Returns, per method over all frames of a scene's spans, which are measure_error()'s results with
+/// "first": {"scene", "frames", "frames_of_sequence", "methods": [{"name", "frames": [...],
+/// "cpu_seconds_per_frame", "build_seconds_per_frame", "traced", "missing", and what add_times()
+/// and add_errors() add}]}; shares and savings are from 0 to 1, a PSNR is null if equal.
 [[nodiscard]] nlohmann::json summarize(const std::string& scene,
                                        const std::vector<nlohmann::json>& spans);
-
-/// Print the paper's tables with the measured values beside the published ones, from the summaries
-/// and spans.
-void print_quality_table(const std::vector<nlohmann::json>& teapot_spans);
-void print_time_table(const nlohmann::json& summaries);
-void print_method_table(const nlohmann::json& summary);
-
-/// Writes one plot per scene: time of a frame against its error, a point for each method.
-void plot_summary(const nlohmann::json& summary, const std::string& folder);
 }  // namespace lenticule::bench

@@ -76,9 +76,7 @@ cli::Run declare_bench_stability(CLI::App& app) {
                "use hundreds of millions of samples and whole 15360x8640 panels; takes an hour")
       ->excludes(quick);
   app.add_option("--row", flags->row, "run only this row of the table");
-  app.add_option("--threads", flags->threads, "0 means all cores")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
+  declare_threads(app, flags->threads);
   app.add_flag("--json", flags->json, "print as JSON");
   app.footer(
       "Exit code 0 if every row passes, 5 if one does not.\n"

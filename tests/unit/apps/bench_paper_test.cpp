@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <nlohmann/json.hpp>
+#include <optional>
 
 #include "apps/lenticule-bench/harness/bench.h"
 #include "optics/rig_file.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests the input for the reference renderers and the parsing of their output.
+// Tests the input for Tachyon and the parsing of its output.
 #include "lab/judges/peers.h"
 
 #include <gmock/gmock.h>
@@ -13,8 +13,6 @@
 
 namespace lenticule::bench {
 namespace {
-
-using lab::Peer;
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -76,22 +74,11 @@ TEST(PlainNff, HasTheMeanColourOfTextures) {
   EXPECT_THAT(lab::write_plain_nff(scene), HasSubstr("\nf 0.5 0.5 0.125 0.8 "));
 }
 
-const Peer& peer(const std::string& name) {
-  for (const Peer& each : lab::peers())
-    if (name == each.name) return each;
-  throw std::out_of_range(name);
-}
-
 TEST(Tachyon, CountsCameraRaysAsOneBounce) {
   const lab::PeerJob job{.width = 640, .height = 360, .threads = 2, .max_depth = 1, .picture = ""};
-  EXPECT_THAT(peer("Tachyon").arguments("scene.nff", job),
+  EXPECT_THAT(lab::tachyon_arguments("scene.nff", job),
               ElementsAre("scene.nff", "-res", "640", "360", "-numthreads", "2", "-raydepth", "2",
                           "-fullshade", "-nosave"));
-}
-
-TEST(Peers, HaveTargetsForTheClassicScenesOnly) {
-  EXPECT_EQ(peer("Tachyon").target("tree"), 30.0);
-  for (const Peer& each : lab::peers()) EXPECT_EQ(each.target("mine.nff"), 0.0);
 }
 
 }  // namespace

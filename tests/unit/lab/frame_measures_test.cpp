@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests flicker, and view differences that are prepared once for many frames.
+// Tests flicker.
 #include <gtest/gtest.h>
 
 #include "lab/measures.h"
@@ -55,47 +55,6 @@ TEST(Flicker, RefusesAnotherSize) {
   const WovenFrame b = test::noise_frame(9, 8, 1);
   EXPECT_EQ(error_of([&] { (void)meter.add(b.view(), b.view()); }).kind(), ErrorKind::Input);
   EXPECT_EQ(error_of([&] { (void)meter.add(a.view(), b.view()); }).kind(), ErrorKind::Input);
-}
-
-optics::Rig small_rig() {
-  optics::Rig rig;
-  rig.name = "small";
-  rig.panel.width_px = 61;
-  rig.panel.height_px = 43;
-  rig.panel.pixel_width = Millimetres(0.2);
-  rig.panel.pixel_height = Millimetres(0.2);
-  rig.sheet.pitch = Subpixels(7.7);
-  rig.sheet.slant = 0.25;
-  rig.sheet.gap = Millimetres(1.2);
-  rig.viewing.distance = Millimetres(600.0);
-  return rig;
-}
-
-TEST(ViewMap, AgreesWithTheViewsOneByOne) {
-  const optics::OpticalModel model(small_rig());
-  const WovenFrame a = test::noise_frame(61, 43, 1);
-  const WovenFrame b = test::noise_frame(61, 43, 2);
-  for (const int threads : {1, 3}) {
-    BandWorkers workers(threads);
-    for (const int views : {1, 8, 45}) {
-      const auto slow = compare_views(a.view(), b.view(), model, views);
-      const auto fast = ViewMap(model, views, workers).compare(a.view(), b.view(), workers);
-      ASSERT_EQ(fast.size(), slow.size());
-      for (size_t v = 0; v < slow.size(); ++v)
-        for (int level = -1; level < 255; ++level)
-          ASSERT_EQ(fast[v].count_over(level), slow[v].count_over(level)) << v << ", " << level;
-    }
-  }
-}
-
-TEST(ViewMap, RefusesOtherPicturesAndNoViews) {
-  const optics::OpticalModel model(small_rig());
-  BandWorkers workers(1);
-  EXPECT_EQ(error_of([&] { ViewMap(model, 0, workers); }).kind(), ErrorKind::Usage);
-  const ViewMap map(model, 8, workers);
-  const WovenFrame a = test::noise_frame(43, 61, 1);
-  EXPECT_EQ(error_of([&] { (void)map.compare(a.view(), a.view(), workers); }).kind(),
-            ErrorKind::Input);
 }
 
 }  // namespace
