@@ -15,6 +15,7 @@
 #include <cstring>
 #include <functional>
 #include <memory>
+#include <new>
 #include <thread>
 #include <vector>
 
@@ -95,14 +96,14 @@ class LiveRun {
       if (controller_) controller_->add_frame(work_seconds(record));
       free_ns = now_ns();
     }
-    log_.finish(process_cpu_seconds() - cpu_s);
+    log_.state().cpu_s = process_cpu_seconds() - cpu_s;
     ring_->finish();
   }
 
   /// Compares the samples with method full, and passes a message about each to `send`.
   void compare(const std::function<void(const nlohmann::json&)>& send) {
     const Clock::time_point deadline = Clock::now() + kPlayerTimeout;
-    while (!log_.is_player_finished() && !stops() && Clock::now() < deadline)
+    while (!log_.state().player_finished && !stops() && Clock::now() < deadline)
       std::this_thread::sleep_for(milliseconds(10));
     method_ = render::make_method("full", model_, options_of_reference());
     controller_.reset();
@@ -129,7 +130,7 @@ class LiveRun {
     bool taken = false;
   };
 
-  [[nodiscard]] bool stops() const { return player::interrupted() || log_.is_stopped(); }
+  [[nodiscard]] bool stops() const { return player::interrupted() || log_.state().stop; }
 
   [[nodiscard]] frames::FrameGeometry geometry() const {
     return {setup_.rig.panel.width_px, setup_.rig.panel.height_px, frames::PixelFormat::Rgb8};
@@ -282,6 +283,18 @@ void send_line(int fd, const nlohmann::json& message) noexcept {
 }
 
 }  // namespace
+
+RunLog::RunLog(uint64_t capacity) : capacity_(capacity) {
+  constexpr size_t kStateBytes = 64;
+  static_assert(sizeof(State) <= kStateBytes && kStateBytes % alignof(FrameRecord) == 0);
+  bytes_ = kStateBytes + capacity * sizeof(FrameRecord);
+  memory_ = mmap(nullptr, bytes_, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+  if (memory_ == MAP_FAILED)
+    throw Error(ErrorKind::Failed, "bench realtime: no memory for the records of all frames",
+                "measure fewer --seconds");
+  state_ = new (memory_) State;
+  records_ = reinterpret_cast<FrameRecord*>(static_cast<char*>(memory_) + kStateBytes);
+}
 
 uint64_t most_frames(const LiveSetup& setup) {
   return static_cast<uint64_t>(std::max(1.0, std::ceil(setup.seconds * setup.fps.hertz() - 1e-6)));

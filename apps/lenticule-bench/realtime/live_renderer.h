@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // The two processes of `lenticule bench realtime`: the renderer, the log that it shares with the
-// player, and the display that notes when each frame appeared.
+// player, the display that notes when each frame appeared, and the figures of a run.
 #pragma once
 
+#include <sys/mman.h>
 #include <sys/types.h>
 
 #include <atomic>
 #include <cstdint>
+#include <cstring>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -15,6 +17,7 @@
 #include <vector>
 
 #include "apps/lenticule-bench/render/bench_error.h"
+#include "base/error.h"
 #include "base/unique_fd.h"
 #include "display/display.h"
 #include "frames/rational.h"
@@ -80,48 +83,47 @@ struct FrameRecord {
 
 class RunLog {
  public:
+  /// State is written by one process and read by the other.
+  struct State {
+    std::atomic<uint64_t> count{0};  ///< number of published frames
+    std::atomic<double> cpu_s{0.0};  ///< processor time of the renderer since the first frame
+    std::atomic<bool> player_finished{false};  ///< the player has shown its last frame
+    std::atomic<bool> stop{false};  ///< asks the renderer to end without comparing its samples
+  };
+  static_assert(std::atomic<uint64_t>::is_always_lock_free &&
+                    std::atomic<double>::is_always_lock_free,
+                "two processes share the state");
+
   /// Allocates the memory for `capacity` frames. Throws Error(Failed). Fork afterwards.
   explicit RunLog(uint64_t capacity);
-  ~RunLog();
+  ~RunLog() { munmap(memory_, bytes_); }
   RunLog(const RunLog&) = delete;
   RunLog& operator=(const RunLog&) = delete;
 
   [[nodiscard]] uint64_t capacity() const { return capacity_; }
+  [[nodiscard]] State& state() const { return *state_; }
 
   /// Takes all memory now, so that it does not count as growth. Thread safety: the renderer.
-  void prefault() noexcept;
+  void prefault() noexcept {
+    std::memset(static_cast<void*>(records_), 0, capacity_ * sizeof(FrameRecord));
+  }
   /// Appends a record. The log must not be full. Thread safety: the renderer.
-  void add(const FrameRecord& record) noexcept;
-  /// Ends the renderer's part with its processor time since the first frame. Thread safety: the
-  /// renderer.
-  void finish(double cpu_s) noexcept;
-
+  void add(const FrameRecord& record) noexcept {
+    const uint64_t count = state_->count;
+    LENTICULE_CHECK(count < capacity_);
+    records_[count] = record;
+    state_->count = count + 1;
+  }
   /// Returns the published frames in order. Thread safety: any process.
-  [[nodiscard]] std::span<const FrameRecord> frames() const noexcept;
-  /// Returns the processor time that finish() stored; 0 before that.
-  [[nodiscard]] double cpu_s() const noexcept;
-
-  /// The player sets this when it has shown its last frame; `stop` asks the renderer to end without
-  /// comparing its samples. Thread safety: any process.
-  void set_player_finished(bool stop) noexcept;
-  [[nodiscard]] bool is_player_finished() const noexcept;
-  [[nodiscard]] bool is_stopped() const noexcept;
+  [[nodiscard]] std::span<const FrameRecord> frames() const noexcept {
+    return {records_, state_->count};
+  }
 
  private:
-  struct Header {
-    std::atomic<uint64_t> count{0};
-    std::atomic<double> cpu_s{0.0};
-    std::atomic<bool> player_finished{false};
-    std::atomic<bool> stop{false};
-  };
-  static_assert(std::atomic<uint64_t>::is_always_lock_free &&
-                    std::atomic<double>::is_always_lock_free,
-                "two processes share the header");
-
   uint64_t capacity_;
   size_t bytes_;
   void* memory_;
-  Header* header_;
+  State* state_;
   FrameRecord* records_;
 };
 
@@ -171,4 +173,21 @@ class RendererProcess {
   std::string unread_;
   pid_t pid_ = -1;
 };
+
+/// Returns the figures of one run: {"frames_rendered", "frames_shown", "seconds_shown",
+/// "frames_per_s", "latency_ms": {"p50", "p99", "max", "mean"}, "latency_parts_ms": {"begin",
+/// "scene", "render", "ring", "copy", "panel"} (means, which add up to the mean), "shares":
+/// {"scene", "render", "ring", "copy", "wait", "other"} (of the renderer's time, which add up to
+/// 1), "bound" (the largest share's name), "memory_mib": {"start", "tenth" and "end" (means of the
+/// second and the last tenth of the frames), "peak", "in_use_tenth", "in_use_end" (allocated and
+/// not freed)}, "error_range": {"least", "median", "most", "last"} (tolerated errors of all
+/// frames), "course":
+/// [{"at_s", "frames_per_s", "latency_ms", "tolerated_error", "audited_rmse"}]}.
+/// `shown_ns` has the time at which each of `frames` appeared, 0 for never; further ones are
+/// ignored. Figures of no frame are 0, and "bound" is "nothing".
+[[nodiscard]] nlohmann::json live_figures(std::span<const FrameRecord> frames,
+                                          std::span<const int64_t> shown_ns);
+
+/// Plots rate, tolerated error and error over time.
+void plot_realtime(const nlohmann::json& run, const std::string& file);
 }  // namespace lenticule::bench

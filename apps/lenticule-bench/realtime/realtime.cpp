@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/lenticule-bench/realtime/realtime.h"
+// lenticule bench realtime renders moving scenes into the ring of a player, and measures frames per
+// second, latency, missed vblanks, error and memory.
 
 #include <fmt/format.h>
 #include <sys/epoll.h>
-#include <sys/mman.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -15,7 +15,6 @@
 #include <cstring>
 #include <filesystem>
 #include <memory>
-#include <new>
 #include <numeric>
 #include <string>
 #include <vector>
@@ -35,64 +34,6 @@
 #include "render/make_method.h"
 
 namespace lenticule::bench {
-
-namespace {
-
-constexpr size_t kHeaderBytes = 64;
-
-}  // namespace
-
-RunLog::RunLog(uint64_t capacity)
-    : capacity_(capacity),
-      bytes_(kHeaderBytes + capacity * sizeof(FrameRecord)),
-      memory_(mmap(nullptr, bytes_, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0)) {
-  static_assert(sizeof(Header) <= kHeaderBytes && kHeaderBytes % alignof(FrameRecord) == 0);
-  if (memory_ == MAP_FAILED)
-    throw Error(ErrorKind::Failed, "bench realtime: no memory for the records of all frames",
-                "measure fewer --seconds");
-  header_ = new (memory_) Header;
-  records_ = reinterpret_cast<FrameRecord*>(static_cast<char*>(memory_) + kHeaderBytes);
-}
-
-RunLog::~RunLog() {
-  munmap(memory_, bytes_);
-}
-
-void RunLog::prefault() noexcept {
-  std::memset(static_cast<void*>(records_), 0, capacity_ * sizeof(FrameRecord));
-}
-
-void RunLog::add(const FrameRecord& record) noexcept {
-  const uint64_t count = header_->count.load(std::memory_order_relaxed);
-  LENTICULE_CHECK(count < capacity_);
-  records_[count] = record;
-  header_->count.store(count + 1, std::memory_order_release);
-}
-
-void RunLog::finish(double cpu_s) noexcept {
-  header_->cpu_s.store(cpu_s, std::memory_order_release);
-}
-
-std::span<const FrameRecord> RunLog::frames() const noexcept {
-  return {records_, header_->count.load(std::memory_order_acquire)};
-}
-
-double RunLog::cpu_s() const noexcept {
-  return header_->cpu_s.load(std::memory_order_acquire);
-}
-
-void RunLog::set_player_finished(bool stop) noexcept {
-  header_->stop.store(stop, std::memory_order_relaxed);
-  header_->player_finished.store(true, std::memory_order_release);
-}
-
-bool RunLog::is_player_finished() const noexcept {
-  return header_->player_finished.load(std::memory_order_acquire);
-}
-
-bool RunLog::is_stopped() const noexcept {
-  return header_->stop.load(std::memory_order_acquire);
-}
 
 namespace {
 
@@ -336,6 +277,19 @@ json live_figures(std::span<const FrameRecord> frames, std::span<const int64_t> 
   return figures;
 }
 
+namespace {
+
+struct PlayerSetup {
+  frames::Rate refresh{60, 1};
+  int slots = 3;
+};
+
+/// Plays the frames of a renderer process on a virtual display, in this process. Returns
+/// live_figures() with {"scene", "rig", "width", "height", "method", "tolerated_error",
+/// "proven_rmse", "adapt_rate" (null: none), "interrupted", "player": {...}, "samples": [...],
+/// "rmse", "psnr_db", "psnr_worst_db", "max"}; the last four are null if no sample was compared,
+/// and a PSNR is null if the frames are equal. This process must not have other threads. Throws the
+/// renderer's errors.
 json measure_realtime(const LiveSetup& setup, const PlayerSetup& player) {
   const frames::FrameGeometry geometry = {setup.rig.panel.width_px, setup.rig.panel.height_px,
                                           frames::PixelFormat::Rgb8};
@@ -366,7 +320,8 @@ json measure_realtime(const LiveSetup& setup, const PlayerSetup& player) {
                         },
                     .source_name = "ring"});
   const double player_cpu_s = process_cpu_seconds() - cpu_s;
-  log.set_player_finished(player::interrupted());
+  log.state().stop = player::interrupted();
+  log.state().player_finished = true;
   if (first.memory.total == 0) first = result.report;
 
   json figures = live_figures(log.frames(), display.shown_ns());
@@ -385,7 +340,7 @@ json measure_realtime(const LiveSetup& setup, const PlayerSetup& player) {
     figures["tolerated_error"] = *setup.entrant.tolerated;
   add_samples(renderer, log.frames(), figures);
   figures["cpu_s_per_frame"] =
-      log.frames().empty() ? 0.0 : log.cpu_s() / static_cast<double>(log.frames().size());
+      log.frames().empty() ? 0.0 : log.state().cpu_s / static_cast<double>(log.frames().size());
   figures["interrupted"] = player::interrupted();
   if (log.frames().empty() && !player::interrupted())
     throw Error(ErrorKind::Failed,
@@ -394,8 +349,6 @@ json measure_realtime(const LiveSetup& setup, const PlayerSetup& player) {
                 "the renderer process ended, or took more than ten minutes for a frame");
   return figures;
 }
-
-namespace {
 
 using tools::PlotSeries;
 
@@ -430,8 +383,6 @@ PlotSeries course_series(const json& run, const char* label, const char* key) {
       series.points.push_back({number(point, "at_s"), value});
   return series;
 }
-
-}  // namespace
 
 void print_realtime(const json& run) {
   const json& latency = run.at("latency_ms");
@@ -480,20 +431,23 @@ void print_realtime(const json& run) {
       number(player.at("memory_mib"), "start"), number(player.at("memory_mib"), "end"));
 }
 
+/// Prints a row per run, if there are several.
 void print_realtime_table(const json& runs) {
   if (runs.size() < 2) return;
-  print_out("{:<14} {:<16} {:>8} {:>8} {:>8} {:>7} {:>7}  {:<7} {:>6}\n", "scene", "method",
-            "frames/s", "ms p50", "ms p99", "missed", "dB", "bound", "MiB +");
-  for (const json& run : runs)
-    print_out("{:<14} {:<16} {:>8.2f} {:>8.0f} {:>8.0f} {:>7} {:>7}  {:<7} {:>6.0f}\n",
-              run.at("scene").get<std::string>(), run.at("method").get<std::string>(),
-              number(run, "frames_per_s"), number(run.at("latency_ms"), "p50"),
-              number(run.at("latency_ms"), "p99"),
-              run.at("player").at("missed_vblanks").get<uint64_t>(),
-              run.at("rmse").is_null() ? "-" : decibels(run.at("psnr_db")),
-              run.at("bound").get<std::string>(),
-              number(run.at("memory_mib"), "end") - number(run.at("memory_mib"), "tenth"));
+  constexpr Column kColumns[] = {{"scene", "scene"},
+                                 {"method", "method"},
+                                 {"frames/s", "frames_per_s", "{:.2f}"},
+                                 {"ms p50", "latency_ms/p50"},
+                                 {"ms p99", "latency_ms/p99"},
+                                 {"missed", "player/missed_vblanks"},
+                                 {"dB", "psnr_db", "{:.1f}"},
+                                 {"bound", "bound"},
+                                 {"MiB", "memory_mib/tenth"},
+                                 {"end", "memory_mib/end"}};
+  print_table(runs, kColumns);
 }
+
+}  // namespace
 
 void plot_realtime(const json& run, const std::string& file) {
   tools::Plot plot{.title = fmt::format("{}, {} x {}, {}", run.at("scene").get<std::string>(),
@@ -512,9 +466,6 @@ void plot_realtime(const json& run, const std::string& file) {
   std::erase_if(plot.series, [](const PlotSeries& series) { return series.points.empty(); });
   if (!plot.series.empty()) write_svg(plot, file);
 }
-
-// lenticule bench realtime renders moving scenes into the ring of a player, and measures frames per
-// second, latency, missed vblanks, error and memory.
 
 namespace {
 
@@ -647,38 +598,29 @@ class RealtimeRun {
   nlohmann::json runs_ = nlohmann::json::array();
 };
 
-void declare_what(CLI::App& app, RealtimeFlags& flags) {
+}  // namespace
+
+cli::Run declare_bench_realtime(CLI::App& app) {
+  auto shared = std::make_shared<RealtimeFlags>();
+  RealtimeFlags& flags = *shared;
+  const auto list = [&](const char* name, auto& values, const char* help) {
+    return app.add_option(name, values, help)->allow_extra_args(false)->delimiter(',');
+  };
   app.add_option("scenes", flags.scenes,
                  "built-in scenes, as for render, or gltf:NAME for one that is written as glTF")
       ->capture_default_str();
   app.add_option("--rig", flags.rigs,
                  "rig file; repeatable (default: the Full HD and the 4K kiosk)")
       ->allow_extra_args(false);
-  app.add_option("--methods", flags.methods, "render methods")
-      ->allow_extra_args(false)
-      ->delimiter(',')
+  list("--methods", flags.methods, "render methods")->capture_default_str();
+  list("--errors", flags.errors,
+       "error that adaptive may make, in code values; without the default --psnrs")
       ->capture_default_str();
-  app.add_option("--errors", flags.errors,
-                 "error that adaptive may make, in code values; without the default --psnrs")
-      ->allow_extra_args(false)
-      ->delimiter(',')
+  list("--psnrs", flags.psnrs, "PSNR that adaptive must prove, in dB; without the default --errors")
       ->capture_default_str();
-  app.add_option("--psnrs", flags.psnrs,
-                 "PSNR that adaptive must prove, in dB; without the default --errors")
-      ->allow_extra_args(false)
-      ->delimiter(',')
-      ->capture_default_str();
-}
-
-void declare_adapting(CLI::App& app, RealtimeFlags& flags) {
-  app.add_option("--adapt-error", flags.adapt_rates,
-                 "frames per second that adaptive holds by choosing the error of each frame, 0.5 "
-                 "to 16 code values; instead of --errors and --psnrs unless these are given")
-      ->allow_extra_args(false)
-      ->delimiter(',');
-}
-
-void declare_how(CLI::App& app, RealtimeFlags& flags) {
+  list("--adapt-error", flags.adapt_rates,
+       "frames per second that adaptive holds by choosing the error of each frame, 0.5 to 16 code "
+       "values; instead of --errors and --psnrs unless these are given");
   app.add_option("--seconds", flags.seconds, "length of each run")
       ->check(CLI::Range(0.1, 86400.0))
       ->capture_default_str();
@@ -694,33 +636,20 @@ void declare_how(CLI::App& app, RealtimeFlags& flags) {
   app.add_option("--slots", flags.slots, "slots of the ring")
       ->check(CLI::Range(3, 64))
       ->capture_default_str();
-  app.add_option("--max-depth", flags.depth, "largest number of reflections and refractions")
-      ->check(CLI::Range(0, 64))
-      ->capture_default_str();
-  app.add_option("--threads", flags.threads, "threads of the renderer; 0 means all cores")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
+  declare_depth(app, "--max-depth", flags.depth);
+  declare_threads(app, flags.threads);
   app.add_option("--plots", flags.plots,
                  "folder for a plot of each run: rate, tolerated error and error over time");
   app.add_flag("--json", flags.json, "print as JSON");
-}
-
-}  // namespace
-
-cli::Run declare_bench_realtime(CLI::App& app) {
-  auto flags = std::make_shared<RealtimeFlags>();
-  declare_what(app, *flags);
-  declare_adapting(app, *flags);
-  declare_how(app, *flags);
   app.footer(
       "Example:\n  lenticule bench realtime teapot --rig scenes/rigs/kiosk-27-4k.toml --errors 2 "
       "--psnrs 40\n");
-  return [flags, &app] {
+  return [shared, &app] {
     const bool errors = app.count("--errors") > 0;
     const bool psnrs = app.count("--psnrs") > 0;
-    if (psnrs && !errors) flags->errors.clear();
-    if (errors && !psnrs) flags->psnrs.clear();
-    return RealtimeRun(*flags, errors || psnrs).run();
+    if (psnrs && !errors) shared->errors.clear();
+    if (errors && !psnrs) shared->psnrs.clear();
+    return RealtimeRun(*shared, errors || psnrs).run();
   };
 }
 }  // namespace lenticule::bench

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "apps/lenticule-bench/realtime/live_renderer.h"
-#include "apps/lenticule-bench/realtime/realtime.h"
 #include "display/virtual/virtual_display.h"
 #include "tests/support/scratch_folder.h"
 
