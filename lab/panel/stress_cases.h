@@ -33,7 +33,7 @@ struct StressCase {
   std::string name;  ///< name for --only
   int row = 0;       ///< number of the case, as `bench calibrate --stress` prints it
   std::string what;  ///< the tested fault, for people
-  Trial (*trial)(StressSize size);
+  void (*change)(Trial& trial, bool full);  ///< adds the fault to a trial without one
   StressDemand demand = StressDemand::Good;
   StressLimits limits{};   ///< limits at full size
   std::string named_by{};  ///< a part of the sentence that names the fault
@@ -45,6 +45,8 @@ struct StressCase {
 
 /// Returns every case, in the order of the table; names are unique.
 [[nodiscard]] const std::vector<StressCase>& stress_cases();
+
+[[nodiscard]] Trial trial_of(const StressCase& one, StressSize size);
 
 /// Returns the limits at a size. Full size: the limits of the case. Small size: noise has a larger
 /// effect. At each panel position it grows in inverse proportion to the camera's columns, which is
