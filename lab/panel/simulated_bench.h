@@ -18,13 +18,14 @@
 #include "frames/frame_source.h"
 #include "lab/panel/driven_panel.h"
 #include "lab/panel/lens_sheet.h"
-#include "lab/panel/sample_map.h"
 #include "lab/panel/simulated_sensor.h"
 #include "lab/panel/simulated_setup.h"
 #include "optics/panel.h"
 #include "optics/vec.h"
 
 namespace lenticule::lab {
+
+class SampleMap;
 
 /// SimulatedBench has a sink and a camera with one simulated clock, which only show() and grab()
 /// advance: no call waits. The same arguments and calls give the same pictures, for any number of
@@ -37,6 +38,7 @@ class SimulatedBench final : public frames::FrameSink, public calib::Camera {
   /// check_camera.
   SimulatedBench(const optics::Panel& panel, const SimulatedSheet& sheet,
                  const SimulatedPanelLink& link, const SimulatedCamera& camera, uint64_t seed);
+  ~SimulatedBench() override;
 
   /// Returns the sink, which shows Rgb8 frames of the panel's size at the next vblank of the
   /// simulated clock.
