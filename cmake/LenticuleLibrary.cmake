@@ -156,7 +156,7 @@ endfunction()
 #   One GoogleTest program; KIND (unit, property, golden, ...) becomes its CTest label.
 #   FAST: the program takes seconds as a whole. It is one CTest entry, which saves a process per case,
 #   with the label quick.
-#   SLOW: a GoogleTest filter; its cases have the label slow and run in scripts/test --all only; with
+#   SLOW: a GoogleTest filter; its cases have the label slow and run in scripts/test --slow only; with
 #   FAST they are one more entry, NAME.slow.
 #   THREADED: the program is run under the thread sanitizer, too.
 #   RUNS: programs and libraries that the tests start or load; the macro TARGET, in upper case, has the path.
