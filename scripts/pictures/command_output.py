@@ -10,7 +10,7 @@ import os
 import shutil
 import time
 
-from pictures.rigs import KIOSK_4K, ROOT
+from pictures.studio import KIOSK_4K, ROOT
 
 
 def terminal(command, output):
@@ -61,6 +61,14 @@ def farm_status(studio):
         os.utime(file, (ended, ended))
         chunk += 1
     return terminal("lenticule farm status work", studio.run("farm", "status", work))
+
+
+def hand_held(studio):
+    """Errors of hand-held calibrations; takes some ten minutes."""
+    plot = studio.folder / "hand-held.svg"
+    studio.run("bench", "calibrate", "--hand", "--panel-width", "1920", "--camera-width", "3200",
+               "--photographs", "1,2,3,4,6", "--draws", "10", "--first", "7201", "--plot", plot)
+    return plot.read_text()
 
 
 def wall(studio):

@@ -11,8 +11,7 @@ import time
 import numpy
 
 from pictures.raster import (brightest, crop, larger, outline, read, read_xwd, sheet, smaller, write)
-from pictures.rigs import KIOSK_1080, KIOSK_4K
-from pictures.studio import enlarged_part
+from pictures.studio import KIOSK_1080, KIOSK_4K, enlarged_part
 
 
 def guide(picture, x):

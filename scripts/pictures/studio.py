@@ -2,6 +2,7 @@
 """Frames and pictures that lenticule makes, and parts of woven frames, enlarged."""
 
 import functools
+import pathlib
 import re
 import subprocess
 import sys
@@ -9,7 +10,16 @@ import sys
 import numpy
 
 from pictures.raster import crop, read, smaller, subpixels
-from pictures.rigs import KIOSK_4K, numbers_of
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+KIOSK_4K = ROOT / "scenes/rigs/kiosk-27-4k.toml"
+KIOSK_1080 = ROOT / "scenes/rigs/kiosk-27-1080.toml"
+
+
+def numbers_of(rig):
+    """Returns the numbers of a rig file."""
+    found = re.findall(r"^(\w+) = ([\d.]+)$", rig.read_text(), re.MULTILINE)
+    return {name: float(value) for name, value in found}
 
 
 class Studio:
@@ -17,10 +27,11 @@ class Studio:
 
     def __init__(self, program, folder):
         self.program, self.folder = program, folder
+        (folder / "scenes").symlink_to(ROOT / "scenes")  # for pictures that name a rig's file
 
-    def run(self, *arguments):
+    def run(self, *arguments, keys=None):
         command = [str(self.program), *(str(a) for a in arguments)]
-        done = subprocess.run(command, cwd=self.folder, capture_output=True, text=True, check=False)
+        done = subprocess.run(command, cwd=self.folder, input=keys, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             sys.exit(f"{' '.join(command)}\n{done.stderr}")
         return done.stdout
