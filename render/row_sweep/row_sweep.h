@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// RowSweep computes the exact primary visibility of whole pixel rows (docs/render/row-sweep.md):
+// RowSweep computes the exact primary visibility of whole pixel rows (docs/render/methods.md):
 //
 // 1. RowPlanes (row_planes.h) gives the plane that all rays of a row lie in, and these rays.
 // 2. SweepPrimitives finds the primitives that the plane may cut, and cuts them: a triangle in a

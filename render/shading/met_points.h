@@ -170,7 +170,7 @@ inline void write_paint(const Paint& paint, Surfaces& out) {
 
 /// Offset of secondary rays from the surface, as a fraction of (largest coordinate + extent of the
 /// primitive, or the reach of a wide one); covers roundings of single precision, see
-/// docs/render/rendering-exact.md.
+/// docs/render/methods.md.
 constexpr float kSpawnOffset = 1.0F / (1 << 19);
 
 inline Floats largest(const Floats3& v) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a frame is made (docs/render/rendering-adaptive.md has the reasons and the formulas):
+// How a frame is made (docs/render/adaptive.md has the reasons and the formulas):
 //
 //   key_samples        what is sampled: a few cache views of the scene are traced on a coarse
 //                      grid, and it is decided between which samples colours may be interpolated
