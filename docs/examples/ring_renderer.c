@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A renderer that implements docs/content/ring-protocol.md by itself, without lenticule.h:
+/* A renderer that implements docs/content/ring.md by itself, without lenticule.h:
  *   cc -std=c11 ring_renderer.c -o ring_renderer
  *   ./ring_renderer SOCKET FRAMES FINGERPRINT     `lenticule rig show` prints the fingerprint
  * Byte x of row y of frame n is x + 3 y + 7 n, modulo 256. */
@@ -57,9 +57,9 @@ struct entry {
   uint8_t unused[40];
 };
 _Static_assert(sizeof(struct hello) == 240 && sizeof(struct answer) == 256,
-               "see docs/content/ring-protocol.md");
+               "see docs/content/ring.md");
 _Static_assert(sizeof(struct header) == 88 && sizeof(struct entry) == 64,
-               "see docs/content/ring-protocol.md");
+               "see docs/content/ring.md");
 
 static int player = -1, memory = -1, published = -1;
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""A renderer that implements docs/content/ring-protocol.md by itself.
+"""A renderer that implements docs/content/ring.md by itself.
 
     ring_renderer.py SOCKET FRAMES FINGERPRINT    `lenticule rig show` prints the fingerprint
 
