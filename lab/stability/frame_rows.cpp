@@ -551,7 +551,7 @@ std::vector<StabilityCase> frame_cases() {
        total_reflection},
       {"nested-glass", "glass in bubbles in glass, one a thousandth of a millimetre thin",
        subpixels, off, nested_glass},
-      // The row sweep's tolerance for points on an outline, docs/render/row-sweep.md: 4e-7 of
+      // The row sweep's tolerance for points on an outline, docs/render/methods.md: 4e-7 of
       // coordinates.
       {"outline-slopes", "outlines at every slope through a subpixel's ray, adaptive against full",
        subpixels, "show no surface", outline_slopes, 4e-7 * std::hypot(kFarOff, kFarOff),
