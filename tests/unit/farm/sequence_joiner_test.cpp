@@ -11,8 +11,8 @@
 #include "frames/sequence/band_codec.h"
 #include "frames/sequence/sequence_reader.h"
 #include "frames/sequence/sequence_writer.h"
-#include "small_sequences.h"
 #include "tests/support/scratch_folder.h"
+#include "tests/unit/sequence/small_sequences.h"
 
 namespace lenticule::farm {
 namespace {

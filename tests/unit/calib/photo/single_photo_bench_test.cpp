@@ -5,7 +5,6 @@
 
 #include <cmath>
 
-#include "calib/photo/phase_plane.h"
 #include "calib/photo/single_photo.h"
 #include "lab/panel/simulated_bench.h"
 #include "optics/model.h"
