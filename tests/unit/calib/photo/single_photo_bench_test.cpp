@@ -8,7 +8,6 @@
 #include "calib/photo/single_photo.h"
 #include "lab/panel/simulated_bench.h"
 #include "optics/model.h"
-#include "optics/residual_spline.h"
 #include "photo_stage.h"
 
 namespace lenticule::calib {
