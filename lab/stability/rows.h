@@ -14,7 +14,7 @@
 
 #include "frames/frame.h"
 #include "optics/rig.h"
-#include "render/make_method.h"
+#include "render/methods/method.h"
 #include "render/scene/scene.h"
 #include "render/scene/scene_description.h"
 #include "render/scene/stage.h"

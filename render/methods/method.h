@@ -1,10 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // Method is the interface of the render methods, which render a scene to a woven frame.
+// make_method() creates one by its name.
 #pragma once
 
 #include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
 
 #include "frames/frame.h"
+#include "optics/model.h"
 #include "render/options/render_options.h"
 #include "render/scene/scene.h"
 #include "render/scene/stage.h"
@@ -36,5 +43,36 @@ class Method {
   /// re-projection.
   [[nodiscard]] virtual const frames::WovenFrame* missing_subpixels() const { return nullptr; }
 };
+
+/// Creates the method called `name`, one of method_names(). Throws Error(Usage) with the list of
+/// names for any other name. Lifetime: the model must outlive the method.
+[[nodiscard]] std::unique_ptr<Method> make_method(const std::string& name,
+                                                  const optics::OpticalModel& model,
+                                                  const RenderOptions& options);
+[[nodiscard]] const std::vector<std::string>& method_names();
+
+// Method "adaptive": visibility is exact; shading is sampled and interpolated where it is smooth,
+// and traced elsewhere.
+
+/// Makes method adaptive. RenderOptions::tolerated_error is the tolerated error in code values.
+/// Throws Error(Usage) if it is negative or not finite.
+[[nodiscard]] std::unique_ptr<Method> make_method_adaptive(const optics::OpticalModel& model,
+                                                           const RenderOptions& options);
+
+/// Makes method adaptive prove a PSNR of each frame, in dB: sets RenderOptions::proven_rmse, and a
+/// tolerated error of single subpixels that suits it. Throws Error(Usage) outside 20 ... 70 dB.
+void promise_psnr(double db, RenderOptions& options);
+
+// The methods that reuse points: from neighbouring micro-images, from the previous frame, or both.
+
+enum class Reuse { LensView, Interpolate, Temporal, Hybrid };
+
+[[nodiscard]] std::optional<Reuse> reuse_named(std::string_view name);
+
+/// Makes a method that reuses points. Requires options.samples == 1. Lifetime: the model must
+/// outlive the method.
+[[nodiscard]] std::unique_ptr<Method> make_method_reuse(Reuse reuse,
+                                                        const optics::OpticalModel& model,
+                                                        const RenderOptions& options);
 
 }  // namespace lenticule::render

@@ -11,7 +11,7 @@
 #include "frames/frame.h"
 #include "optics/model.h"
 #include "optics/rig.h"
-#include "render/make_method.h"
+#include "render/methods/method.h"
 #include "render/scene/scene.h"
 #include "render/scene/stage.h"
 

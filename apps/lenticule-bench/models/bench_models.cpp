@@ -28,7 +28,7 @@
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 #include "render/loaders/load_scene.h"
-#include "render/make_method.h"
+#include "render/methods/method.h"
 #include "render/scene/scene.h"
 
 namespace lenticule::bench {

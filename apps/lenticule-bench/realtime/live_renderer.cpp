@@ -28,7 +28,7 @@
 #include "optics/model.h"
 #include "player/playback/play_statistics.h"
 #include "player/process/interrupt.h"
-#include "render/make_method.h"
+#include "render/methods/method.h"
 
 namespace lenticule::bench {
 

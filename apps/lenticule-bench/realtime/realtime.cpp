@@ -31,7 +31,7 @@
 #include "lab/fixtures.h"
 #include "player/playback/playback.h"
 #include "player/process/interrupt.h"
-#include "render/make_method.h"
+#include "render/methods/method.h"
 
 namespace lenticule::bench {
 

@@ -19,7 +19,7 @@
 #include "base/print.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
-#include "render/make_method.h"
+#include "render/methods/method.h"
 
 namespace lenticule::bench {
 

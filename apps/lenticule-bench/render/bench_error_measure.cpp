@@ -25,8 +25,7 @@
 #include "optics/model.h"
 #include "player/process/interrupt.h"
 #include "render/loaders/load_scene.h"
-#include "render/make_method.h"
-#include "render/methods/adaptive/method_adaptive.h"
+#include "render/methods/method.h"
 #include "render/scene/scene.h"
 
 namespace lenticule::bench {

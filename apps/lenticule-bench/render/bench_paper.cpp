@@ -24,7 +24,8 @@
 #include "optics/trim.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
-#include "render/make_method.h"
+#include "render/methods/method.h"
+#include "render/scene/scene.h"
 #include "scenes/scene_list.h"
 
 namespace lenticule::bench {

@@ -12,7 +12,7 @@
 #include "player/process/rig_choice.h"
 #include "player/sources/source_spec.h"
 #include "render/depth_budget/prefilter.h"
-#include "render/methods/adaptive/method_adaptive.h"
+#include "render/methods/method.h"
 
 namespace lenticule::tools {
 

@@ -13,7 +13,7 @@
 #include "apps/lenticule-tools/offline/frame_output.h"
 #include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "optics/wall/wall.h"
-#include "render/make_method.h"
+#include "render/methods/method.h"
 #include "render/scene/scene.h"
 #include "render/scene/stage.h"
 

@@ -10,7 +10,7 @@
 #include <numbers>
 
 #include "frames/image_io.h"
-#include "render/make_method.h"
+#include "render/methods/method.h"
 #include "render/scene/scene.h"
 
 namespace lenticule::tools {

@@ -14,8 +14,6 @@
 // visibility by a row sweep, then a look-up of each subpixel's colour in the two nearest cache
 // views. Then it goes through the steps of a frame: it tries bands, leaves those to method full
 // that the audit rejects or that cost more, and lets the audit of the whole frame state its error.
-#include "render/methods/adaptive/method_adaptive.h"
-
 #include <fmt/format.h>
 #include <oneapi/tbb/enumerable_thread_specific.h>
 #include <oneapi/tbb/parallel_for.h>
@@ -44,6 +42,7 @@
 #include "render/methods/adaptive/key_samples.h"
 #include "render/methods/adaptive/retrace.h"
 #include "render/methods/adaptive/unchanged_regions.h"
+#include "render/methods/method.h"
 #include "render/methods/method_full.h"
 #include "render/options/render_options.h"
 #include "render/rays/primary_rays.h"

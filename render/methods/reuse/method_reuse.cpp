@@ -19,10 +19,11 @@
 #include <vector>
 
 #include "base/error.h"
+#include "frames/srgb.h"
 #include "optics/model.h"
 #include "render/accel/denormals.h"
 #include "render/integrator/pbr_tracer.h"
-#include "render/methods/reuse/micro_image_sweep.h"
+#include "render/methods/method.h"
 #include "render/methods/reuse/reprojection_kernel.h"
 #include "render/options/render_options.h"
 #include "render/rays/primary_rays.h"
@@ -31,9 +32,444 @@
 #include "render/scene/texture.h"
 
 namespace lenticule::render {
+
+LensNumbers::LensNumbers(const optics::OpticalModel& model, const TilePlan& plan)
+    : model_(model), plan_(plan), straight_(model.rig().sheet.residual.empty()) {
+  if (!straight_) return;
+  const optics::Panel& panel = model.rig().panel;
+  lines_.reserve(static_cast<size_t>(panel.height_px) * 3);
+  for (int row = 0; row < panel.height_px; ++row)
+    for (int channel = 0; channel < 3; ++channel)
+      lines_.push_back(line(row, channel, panel.width_px / 2, panel.width_px / 2));
+}
+
+/// Fits the line through two rays. Rays pass the panel on the apex line of their lens, which is a
+/// point in one row. A residual map shifts these points; over the width of a tile the shift is
+/// close enough to linear.
+LensNumbers::Line LensNumbers::line(int row, int channel, int left_px, int right_px) const {
+  const optics::SubpixelRay left = model_.ray(left_px, row, channel);
+  const optics::SubpixelRay right = model_.ray(right_px, row, channel);
+  Line line{.per_mm = 1.0 / model_.pitch_mm()};
+  if (right.lens != left.lens)
+    line.per_mm = static_cast<double>(right.lens - left.lens) / (right.lens_x_mm - left.lens_x_mm);
+  line.offset = static_cast<double>(left.lens) - line.per_mm * left.lens_x_mm;
+  return line;
+}
+
+LensNumbers::Line LensNumbers::line_at(int row, int channel, double x_mm) const {
+  if (straight_) return lines_[static_cast<size_t>(3 * row + channel)];
+  constexpr int kNear = 32;
+  const optics::Panel& panel = model_.rig().panel;
+  const int last_px = panel.width_px - 1;
+  const int px = std::clamp(static_cast<int>(panel.x_px(x_mm)), 0, last_px);
+  return line(row, channel, std::max(px - kNear, 0), std::min(px + kNear, last_px));
+}
+
+void LensNumbers::expand(const Tile& tile, Maps& maps) const {
+  const optics::Panel& panel = model_.rig().panel;
+  for (int k = 0; k < 3; ++k)
+    for (int lane = 0; lane < TilePlan::kRows; ++lane) {
+      const int row = std::min(tile.row_begin + lane, panel.height_px - 1);
+      const int first = plan_.subpixel(tile, 0, lane);
+      const int channel = ((first + k) % 3 + 3) % 3;
+      const int last_px = panel.width_px - 1;
+      const Line found = straight_ ? lines_[static_cast<size_t>(3 * row + channel)]
+                                   : line(row, channel, std::clamp(first / 3, 0, last_px),
+                                          std::clamp((first + tile.columns) / 3, 0, last_px));
+      reprojection::LensMap& map = maps[static_cast<size_t>(k)];
+      map.offset[lane] = static_cast<float>(found.offset);
+      map.per_mm[lane] = static_cast<float>(found.per_mm);
+    }
+}
+
 namespace {
 
 using reprojection::Column;
+using reprojection::Found;
+using reprojection::kChannels;
+
+static_assert(reprojection::kLanes == kPacket);
+
+constexpr int kPacketsAtOnce = 8;
+static_assert(TilePlan::kColumns % kPacketsAtOnce == 0);
+
+const reprojection::Kernel& kernel_for(Isa isa) {
+  return LENTICULE_SELECT_KERNEL(isa, kReprojectionKernel);
+}
+
+reprojection::Rules rules_of(const ReuseOptions& reuse, const optics::Rig& rig) {
+  const double gap_mm = rig.sheet.gap.value;
+  return {
+      .occlusion = reuse.occlusion,
+      .steepest = reuse.steepest,
+      .agreement = reuse.agreement,
+      .slot_tan = gap_mm > 0.0 ? static_cast<float>(rig.panel.pixel_width.value / gap_mm) : 0.0F,
+      .within = reuse.within,
+      .one_side = reuse.one_side};
+}
+
+reprojection::PanelMap panel_map(const Scene& scene) {
+  const Affine panel = scene.scene_from_panel.inverse();
+  const auto f = [](double value) { return static_cast<float>(value); };
+  return {.x = {f(panel.column_x.x), f(panel.column_y.x), f(panel.column_z.x)},
+          .z = {f(panel.column_x.z), f(panel.column_y.z), f(panel.column_z.z)}};
+}
+
+/// Returns the code value as method full writes it.
+float code_of(float light, bool colour_managed) {
+  return static_cast<float>(colour_managed ? frames::code_from_linear(double{light})
+                                           : frames::code_from_encoded(light));
+}
+
+bool any(const std::array<int32_t, kPacket>& lanes) {
+  int32_t all = 0;
+  for (const int32_t lane : lanes) all |= lane;
+  return all != 0;
+}
+
+}  // namespace
+
+SweepPlan::SweepPlan(const optics::OpticalModel& model, const RenderOptions& options)
+    : tiles(model.rig()),
+      packets(model, tiles, options.isa),
+      lenses(model, tiles),
+      kernel(kernel_for(options.isa)),
+      rules(rules_of(options.reuse, model.rig())),
+      centre(model, {}) {}
+
+MicroImageSweep::MicroImageSweep(const SweepPlan& plan, const RenderOptions& options)
+    : plan_(plan),
+      options_(options.reuse),
+      maker_(plan.packets),
+      tracer_(options),
+      packets_(kPacketsAtOnce),
+      columns_(TilePlan::kColumns) {
+  init_packets(packets_);
+  init_packets({&queue_.packet, 1});
+}
+
+void MicroImageSweep::start(const Scene& scene, const Tile& tile) {
+  scene_ = &scene;
+  tile_ = tile;
+  panel_ = panel_map(scene);
+  plan_.lenses.expand(tile, lens_maps_);
+  maker_.start(scene, tile, plan_.centre);
+  maker_.prepare(packets_);
+  for (int column = 0; column < tile.columns; column += kPacketsAtOnce) {
+    maker_.columns(column, packets_);
+    for (int k = 0; k < kPacketsAtOnce; ++k) {
+      const RayPacket& packet = packets_[static_cast<size_t>(k)];
+      Column& out = columns_[static_cast<size_t>(column + k)];
+      plan_.kernel.place(panel_, lens_maps_[static_cast<size_t>((column + k) % kChannels)],
+                         &packet.rays.ray.org_x[0], out);
+      for (size_t r = 0; r < kPacket; ++r)
+        out.flag[r] = packet.valid[r] != 0 ? reprojection::kEmpty : reprojection::kOutside;
+    }
+  }
+  find_ranges();
+}
+
+void MicroImageSweep::find_ranges() {
+  int low = std::numeric_limits<int>::max(), high = std::numeric_limits<int>::min();
+  const auto each = [this](auto&& act) {
+    for (size_t c = 0; c < columns_.size(); ++c)
+      for (size_t r = 0; r < kPacket; ++r)
+        if (columns_[c].flag[r] != reprojection::kOutside)
+          act(static_cast<int>(c), columns_[c].lens[r]);
+  };
+  each([&](int, int lens) {
+    low = std::min(low, lens);
+    high = std::max(high, lens);
+  });
+  lens_base_ = low;
+  ranges_.assign(low <= high ? static_cast<size_t>(high - low) + 1 : 0, {tile_.columns, 0});
+  each([&](int column, int lens) {
+    Range& range = ranges_[static_cast<size_t>(lens - lens_base_)];
+    range.first = std::min(range.first, column);
+    range.end = std::max(range.end, column + 1);
+  });
+}
+
+/// Returns the columns of `column`'s channels that contain the lanes' lenses.
+MicroImageSweep::Range MicroImageSweep::range_of(const Lanes& lenses, const Lanes& lanes,
+                                                 int column) const {
+  Range all{tile_.columns, 0};
+  int last = std::numeric_limits<int>::min();
+  for (size_t r = 0; r < kPacket; ++r) {
+    if (lanes[r] == 0 || lenses[r] == last) continue;
+    last = lenses[r];
+    const int index = last - lens_base_;
+    if (index < 0 || index >= static_cast<int>(ranges_.size())) continue;
+    all.first = std::min(all.first, ranges_[static_cast<size_t>(index)].first);
+    all.end = std::max(all.end, ranges_[static_cast<size_t>(index)].end);
+  }
+  const int behind = ((column - all.first) % kChannels + kChannels) % kChannels;
+  return {all.first + behind, all.end};
+}
+
+bool MicroImageSweep::empty_lanes(int column, int step, int first, Lanes& lanes) const {
+  const Column& c = columns_[static_cast<size_t>(column)];
+  for (size_t r = 0; r < kPacket; ++r) {
+    const int32_t of_step = ((c.lens[r] ^ first) & (step - 1)) == 0 ? -1 : 0;
+    lanes[r] = c.flag[r] == reprojection::kEmpty ? of_step : 0;
+  }
+  return any(lanes);
+}
+
+template <class Act>
+void MicroImageSweep::each_empty(int step, int first, const Act& act) {
+  alignas(64) Lanes lanes;
+  for (int column = 0; column < tile_.columns; ++column)
+    if (empty_lanes(column, step, first, lanes)) act(column, lanes);
+}
+
+/// Returns the distance to the fully traced micro-image on the left, in micro-images of the step,
+/// which is 1 or 2.
+int MicroImageSweep::beyond_key(int lens, int step) const {
+  constexpr int kPositive = 1 << 30;  // lenses left of the centre have negative numbers
+  const auto index = static_cast<uint32_t>((lens >> (step - 1)) + kPositive);
+  const auto every = static_cast<uint32_t>(options_.key_every);
+  return static_cast<int>((every & (every - 1)) == 0 ? index & (every - 1) : index % every);
+}
+
+void MicroImageSweep::take_keys(int column, int step, Lanes& lanes, Lanes& keys) const {
+  const Column& c = columns_[static_cast<size_t>(column)];
+  for (size_t r = 0; r < kPacket; ++r) {
+    const bool key =
+        options_.key_every > 0 ? beyond_key(c.lens[r], step) == 0 : c.lens[r] - step < lens_base_;
+    keys[r] = key ? lanes[r] : 0;
+    lanes[r] &= ~keys[r];
+  }
+}
+
+void MicroImageSweep::sides_of(int column, int step, const Lanes& lanes, Sides& sides) const {
+  const Column& c = columns_[static_cast<size_t>(column)];
+  for (size_t r = 0; r < kPacket; ++r) {
+    const int every = options_.key_every;
+    const int beyond = every > 0 ? beyond_key(c.lens[r], step) : 1;
+    sides.left[r] = c.lens[r] - step * beyond;
+    sides.right[r] = every > 0 && lanes[r] != 0 ? sides.left[r] + step * every : sides.left[r];
+    sides.part[r] = every > 0 ? static_cast<float>(beyond) / static_cast<float>(every) : 0.0F;
+  }
+}
+
+void MicroImageSweep::look(int column, const Lanes& lanes, const Lanes& lenses,
+                           Found& found) const {
+  const Range range = range_of(lenses, lanes, column);
+  const auto search = options_.reconstruction == ReuseOptions::Reconstruction::Nearest
+                          ? plan_.kernel.nearest
+                          : plan_.kernel.on_chords;
+  search(columns_.data(), range.first, range.end, lenses.data(),
+         columns_[static_cast<size_t>(column)], plan_.rules, found);
+}
+
+void MicroImageSweep::project(int column, const Lanes& lanes, const Sides& sides) {
+  Found found;
+  look(column, lanes, sides.left, found);
+  if (sides.left != sides.right) {
+    Found other;
+    look(column, lanes, sides.right, other);
+    plan_.kernel.merge(other, sides.part.data(), plan_.rules, found);
+  }
+  plan_.kernel.put(found, lanes.data(), reprojection::kProjected,
+                   columns_[static_cast<size_t>(column)]);
+}
+
+void MicroImageSweep::note_missing(int column, const Lanes& lanes) {
+  Column& c = columns_[static_cast<size_t>(column)];
+  for (size_t r = 0; r < kPacket; ++r)
+    c.missing[r] |= c.flag[r] == reprojection::kEmpty ? lanes[r] : 0;
+}
+
+void MicroImageSweep::mean(int column, const Lanes& lanes) {
+  Column& c = columns_[static_cast<size_t>(column)];
+  alignas(64) Lanes left, right;
+  alignas(64) std::array<float, kPacket> half;
+  half.fill(0.5F);
+  for (size_t r = 0; r < kPacket; ++r) {
+    left[r] = c.lens[r] - 1;
+    right[r] = c.lens[r] + 1;
+  }
+  Found one, other;
+  const Range left_range = range_of(left, lanes, column);
+  const Range right_range = range_of(right, lanes, column);
+  plan_.kernel.same_place(columns_.data(), left_range.first, left_range.end, left.data(), c,
+                          plan_.rules, one);
+  plan_.kernel.same_place(columns_.data(), right_range.first, right_range.end, right.data(), c,
+                          plan_.rules, other);
+  reprojection::Rules both = plan_.rules;
+  both.one_side = false;
+  both.agreement = options_.mean_agreement;
+  plan_.kernel.merge(other, half.data(), both, one);
+  for (size_t r = 0; r < kPacket; ++r)
+    if (one.known[r] != 0) one.z[r] = std::numeric_limits<float>::quiet_NaN();
+  plan_.kernel.put(one, lanes.data(), reprojection::kInterpolated, c);
+}
+
+void MicroImageSweep::trace(int column, const Lanes& lanes) {
+  const Column& c = columns_[static_cast<size_t>(column)];
+  RayPacket& made = packets_.front();
+  bool is_made = false;
+  for (size_t r = 0; r < kPacket; ++r) {
+    if (lanes[r] == 0 || c.flag[r] != reprojection::kEmpty) continue;
+    if (!is_made) maker_.columns(column, {&made, 1});
+    is_made = true;
+    const size_t q = queue_.count++;
+    const RTCRay16& from = made.rays.ray;
+    set_lane(queue_.packet, q, {from.org_x[r], from.org_y[r], from.org_z[r]},
+             {from.dir_x[r], from.dir_y[r], from.dir_z[r]});
+    queue_.rays.panel_x[q] = c.panel_x[r];
+    queue_.rays.tan[q] = c.tan[r];
+    queue_.column[q] = column;
+    queue_.lane[q] = r;
+    const int row = static_cast<int>(r);
+    const int subpixel = plan_.tiles.subpixel(tile_, column, row);
+    queue_.channel[q] = (subpixel % kChannels + kChannels) % kChannels;
+    queue_.seed[q] = sampling::subpixel_seed(tile_.row_begin + row, subpixel, 0);
+    if (queue_.count == kPacket) flush();
+  }
+}
+
+void MicroImageSweep::flush() {
+  if (queue_.count == 0) return;
+  RayPacket& packet = queue_.packet;
+  alignas(64) Lanes lanes;
+  for (size_t q = 0; q < kPacket; ++q) {
+    lanes[q] = packet.valid[q] = q < queue_.count ? -1 : 0;
+    packet.rays.hit.geomID[q] = RTC_INVALID_GEOMETRY_ID;
+  }
+  alignas(64) std::array<float, kPacket> light;
+  tracer_.set_seeds(queue_.seed);
+  tracer_.trace_lanes(*scene_, plan_.tiles, queue_.channel, packet, light);
+  plan_.kernel.take_hits(panel_, &packet.rays.ray.org_x[0], lanes.data(), queue_.rays);
+  for (size_t q = 0; q < queue_.count; ++q) take(q, light[q]);
+  queue_.count = 0;
+}
+
+void MicroImageSweep::take(size_t queued, float light) {
+  Column& c = columns_[static_cast<size_t>(queue_.column[queued])];
+  const size_t r = queue_.lane[queued];
+  const RTCHit16& hit = queue_.packet.rays.hit;
+  c.flag[r] = reprojection::kTraced;
+  c.x[r] = queue_.rays.x[queued];
+  c.z[r] = queue_.rays.z[queued];
+  c.code[r] = code_of(light, scene_->colour_managed);
+  c.surface[r] = surface_of(hit.geomID[queued], hit.primID[queued], queue_.column[queued]);
+}
+
+/// Returns a number that differs between neighbours that do not belong together.
+int32_t MicroImageSweep::surface_of(uint32_t geometry, uint32_t primitive, int number) const {
+  if (geometry == RTC_INVALID_GEOMETRY_ID) return reprojection::kSky;
+  const GeometryEntry& entry = scene_->geometries[geometry];
+  const bool mesh = entry.kind == GeometryEntry::Kind::Mesh;
+  if (!options_.reuse_glossy) {
+    const int material = mesh ? scene_->meshes[entry.mesh].material
+                         : entry.kind == GeometryEntry::Kind::Spheres
+                             ? scene_->spheres[primitive].material
+                             : scene_->cones[primitive].material;
+    const Material& m = scene_->materials[static_cast<size_t>(material)];
+    if (m.specular > 0.0 || m.transmittance > 0.0) return -2 - number;
+  }
+  const uint32_t own = mesh ? 0 : primitive + 1;
+  // Fits in a byte. Two surfaces that touch may occasionally share a number, which the limit on the
+  // chords' steepness makes harmless.
+  constexpr uint32_t kNumbers = 254;
+  const uint32_t mixed = (geometry * 0x9E3779B1U) ^ (own * 0x85EBCA77U);
+  return static_cast<int32_t>((mixed >> 8) % kNumbers);
+}
+
+void MicroImageSweep::join(int column) {
+  if (column < kChannels) return;
+  plan_.kernel.join(columns_[static_cast<size_t>(column - kChannels)], plan_.rules,
+                    columns_[static_cast<size_t>(column)]);
+}
+
+void MicroImageSweep::join_all() {
+  for (int column = 0; column < tile_.columns; ++column) join(column);
+}
+
+/// Goes from left to right, so that the preceding micro-image is always complete.
+void MicroImageSweep::sweep_chain(int step, int first) {
+  alignas(64) Lanes lanes, keys;
+  for (int column = 0; column < tile_.columns; ++column) {
+    if (empty_lanes(column, step, first, lanes)) {
+      take_keys(column, step, lanes, keys);
+      trace(column, keys);
+      make(column, step, lanes);
+      flush();
+    }
+    join(column);
+  }
+}
+
+void MicroImageSweep::sweep_between_keys(int step, int first) {
+  each_empty(step, first, [&](int column, Lanes& lanes) {
+    alignas(64) Lanes keys;
+    take_keys(column, step, lanes, keys);
+    trace(column, keys);
+  });
+  flush();
+  join_all();
+  each_empty(step, first, [&](int column, Lanes& lanes) { make(column, step, lanes); });
+  flush();
+}
+
+void MicroImageSweep::make(int column, int step, const Lanes& lanes) {
+  if (!any(lanes)) return;
+  Sides sides;
+  sides_of(column, step, lanes, sides);
+  project(column, lanes, sides);
+  note_missing(column, lanes);
+  trace(column, lanes);
+}
+
+void MicroImageSweep::sweep(int step, int first) {
+  if (options_.key_every == 0)
+    sweep_chain(step, first);
+  else
+    sweep_between_keys(step, first);
+}
+
+void MicroImageSweep::lens_view() {
+  sweep(1, 0);
+}
+
+void MicroImageSweep::interpolate() {
+  sweep(2, 1);
+  fill_from_neighbours();
+  fill_with_means();
+  trace_empty();
+}
+
+void MicroImageSweep::fill_from_neighbours() {
+  join_all();
+  each_empty(1, 0, [&](int column, Lanes& lanes) {
+    Sides sides;
+    const Column& c = columns_[static_cast<size_t>(column)];
+    for (size_t r = 0; r < kPacket; ++r) {
+      sides.left[r] = c.lens[r] - 1;
+      sides.right[r] = c.lens[r] + 1;
+      sides.part[r] = 0.5F;
+    }
+    project(column, lanes, sides);
+    note_missing(column, lanes);
+  });
+}
+
+void MicroImageSweep::note_empty() {
+  each_empty(1, 0, [&](int column, Lanes& lanes) { note_missing(column, lanes); });
+}
+
+void MicroImageSweep::fill_with_means() {
+  each_empty(1, 0, [&](int column, Lanes& lanes) { mean(column, lanes); });
+}
+
+void MicroImageSweep::trace_empty() {
+  each_empty(1, 0, [&](int column, Lanes& lanes) { trace(column, lanes); });
+  flush();
+}
+
+namespace {
 
 constexpr float kNoPoint = std::numeric_limits<float>::quiet_NaN();
 constexpr uint64_t kNothing = ~uint64_t{0};
@@ -315,8 +751,6 @@ class PointHistory {
   /// arrival.
   std::unique_ptr<std::atomic<uint64_t>[]> arrived_;
 };
-
-using reprojection::Column;
 
 /// Counts the subpixels of a tile by the origin of their colour.
 FrameCounts count_flags(std::span<const Column> columns) {

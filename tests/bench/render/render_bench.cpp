@@ -2,7 +2,7 @@
 // Measures parts of the renderer on small inputs; `lenticule bench exact` measures whole frames.
 #include <benchmark/benchmark.h>
 
-#include "render/make_method.h"
+#include "render/methods/method.h"
 #include "render/rays/primary_rays.h"
 #include "render/shading/shading.h"
 #include "tests/support/tiny_scenes.h"

@@ -8,7 +8,7 @@
 #include <limits>
 
 #include "apps/lenticule-tools/offline/scene_sequence.h"
-#include "render/make_method.h"
+#include "render/methods/method.h"
 #include "tests/support/oracles/reference_renderer.h"
 #include "tests/support/tiny_scenes.h"
 

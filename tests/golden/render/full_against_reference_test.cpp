@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "render/make_method.h"
+#include "render/methods/method.h"
 #include "tests/support/oracles/reference_renderer.h"
 #include "tests/support/tiny_scenes.h"
 

@@ -9,7 +9,7 @@
 #include "apps/lenticule-bench/render/bench_paper.h"
 #include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "frames/compare.h"
-#include "render/make_method.h"
+#include "render/methods/method.h"
 #include "scenes/scene_list.h"
 #include "tests/support/tiny_scenes.h"
 

@@ -8,8 +8,8 @@
 #include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "optics/rig_file.h"
 #include "render/accel/denormals.h"
-#include "render/make_method.h"
-#include "render/methods/reuse/micro_image_sweep.h"
+#include "render/methods/method.h"
+#include "render/methods/reuse/method_reuse.h"
 #include "render/scene/scene.h"
 
 namespace lenticule::test {

@@ -10,7 +10,7 @@
 
 #include "base/error.h"
 #include "optics/eye_simulator.h"
-#include "render/make_method.h"
+#include "render/methods/method.h"
 #include "render/scene/surroundings.h"
 #include "tests/support/oracles/reference_renderer.h"
 #include "tests/support/tiny_scenes.h"

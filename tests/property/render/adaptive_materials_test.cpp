@@ -8,8 +8,8 @@
 #include <memory>
 #include <random>
 
-#include "render/make_method.h"
 #include "render/methods/adaptive/audit.h"
+#include "render/methods/method.h"
 #include "tests/support/instruction_sets.h"
 #include "tests/support/tiny_scenes.h"
 

@@ -10,7 +10,7 @@
 
 #include "lab/stability/probes.h"
 #include "render/integrator/packet_tracer.h"
-#include "render/make_method.h"
+#include "render/methods/method.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {

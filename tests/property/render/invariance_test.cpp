@@ -4,7 +4,7 @@
 
 #include <cstdlib>
 
-#include "render/make_method.h"
+#include "render/methods/method.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::test {

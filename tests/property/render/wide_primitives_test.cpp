@@ -6,7 +6,7 @@
 #include <cstdlib>
 
 #include "render/accel/primitives.h"
-#include "render/make_method.h"
+#include "render/methods/method.h"
 #include "tests/support/instruction_sets.h"
 #include "tests/support/oracles/reference_renderer.h"
 #include "tests/support/tiny_scenes.h"

@@ -15,7 +15,7 @@
 #include "frames/compare.h"
 #include "frames/image_io.h"
 #include "optics/rig_file.h"
-#include "render/make_method.h"
+#include "render/methods/method.h"
 #include "tests/support/noise_frame.h"
 
 namespace lenticule::bench {

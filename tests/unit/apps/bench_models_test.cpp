@@ -11,7 +11,7 @@
 #include "frames/image_io.h"
 #include "lab/judges/judge.h"
 #include "optics/model.h"
-#include "render/make_method.h"
+#include "render/methods/method.h"
 #include "render/scene/scene.h"
 #include "render/scene/surroundings.h"
 #include "tests/support/error_matchers.h"

@@ -8,7 +8,7 @@
 #include <cmath>
 #include <random>
 
-#include "render/make_method.h"
+#include "render/methods/method.h"
 #include "tests/support/random_rigs.h"
 #include "tests/support/tiny_scenes.h"
 

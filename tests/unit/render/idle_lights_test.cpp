@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "render/make_method.h"
+#include "render/methods/method.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <functional>
 
-#include "render/make_method.h"
+#include "render/methods/method.h"
 #include "render/methods/method_full.h"
 #include "tests/support/tiny_scenes.h"
 

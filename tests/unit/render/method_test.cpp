@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "render/methods/method.h"
+
 #include <gtest/gtest.h>
 
 #include <atomic>
 #include <cmath>
 
 #include "base/error.h"
-#include "render/make_method.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {

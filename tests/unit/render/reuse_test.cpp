@@ -9,8 +9,8 @@
 #include "base/error.h"
 #include "optics/eye_simulator.h"
 #include "render/accel/denormals.h"
-#include "render/make_method.h"
-#include "render/methods/reuse/micro_image_sweep.h"
+#include "render/methods/method.h"
+#include "render/methods/reuse/method_reuse.h"
 #include "tests/support/oracles/reprojection_oracle.h"
 #include "tests/support/tiny_scenes.h"
 

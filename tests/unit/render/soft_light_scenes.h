@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "render/make_method.h"
+#include "render/methods/method.h"
 #include "render/options/render_options.h"
 #include "render/scene/scene.h"
 #include "render/scene/surroundings.h"

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "render/make_method.h"
 #include "render/methods/adaptive/audit.h"
+#include "render/methods/method.h"
 #include "tests/support/instruction_sets.h"
 #include "tests/support/random_rigs.h"
 #include "tests/support/tiny_scenes.h"

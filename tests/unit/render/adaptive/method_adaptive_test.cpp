@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/methods/adaptive/method_adaptive.h"
-
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -9,8 +7,8 @@
 #include <random>
 
 #include "base/error.h"
-#include "render/make_method.h"
 #include "render/methods/adaptive/audit.h"
+#include "render/methods/method.h"
 #include "tests/support/instruction_sets.h"
 #include "tests/support/random_rigs.h"
 #include "tests/support/tiny_scenes.h"

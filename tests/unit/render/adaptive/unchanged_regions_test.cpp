@@ -8,7 +8,7 @@
 #include <memory>
 #include <random>
 
-#include "render/make_method.h"
+#include "render/methods/method.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {

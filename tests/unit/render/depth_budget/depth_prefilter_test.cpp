@@ -9,7 +9,7 @@
 #include "base/error.h"
 #include "frames/srgb.h"
 #include "render/depth_budget/prefilter.h"
-#include "render/make_method.h"
+#include "render/methods/method.h"
 #include "tests/support/instruction_sets.h"
 #include "tests/support/oracles/beam_oracle.h"
 #include "tests/support/oracles/visibility_oracle.h"

@@ -12,7 +12,7 @@
 
 #include "frames/srgb.h"
 #include "lab/stability/probes.h"
-#include "render/make_method.h"
+#include "render/methods/method.h"
 #include "render/rays/primary_rays.h"
 #include "render/scene/surroundings.h"
 #include "tests/support/instruction_sets.h"

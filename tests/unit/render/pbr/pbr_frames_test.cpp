@@ -9,7 +9,7 @@
 
 #include "base/error.h"
 #include "frames/srgb.h"
-#include "render/make_method.h"
+#include "render/methods/method.h"
 #include "render/scene/surroundings.h"
 #include "render/scene/texture.h"
 #include "render/shading/pbr_scene.h"

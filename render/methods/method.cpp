@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/make_method.h"
+#include "render/methods/method.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include "base/error.h"
-#include "render/methods/adaptive/method_adaptive.h"
 #include "render/methods/method_full.h"
-#include "render/methods/reuse/method_reuse.h"
 
 namespace lenticule::render {
 namespace {
