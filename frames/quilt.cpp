@@ -9,7 +9,7 @@
 #include "base/error.h"
 #include "base/numbers.h"
 #include "base/text.h"
-#include "frames/image_sequence.h"
+#include "frames/decoded_source.h"
 
 namespace lenticule::frames {
 namespace {

@@ -21,7 +21,6 @@
 #include "base/error.h"
 #include "base/interval.h"
 #include "render/accel/user_geometry.h"
-#include "render/culling/primitive_tree.h"
 #include "render/culling/shaft.h"
 #include "render/scene/scene.h"
 #include "render/scene/scene_fingerprint.h"

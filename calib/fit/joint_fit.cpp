@@ -22,7 +22,7 @@
 #include "base/statistics.h"
 #include "calib/fit/projection.h"
 #include "calib/linear_algebra.h"
-#include "calib/measure/panel_map.h"
+#include "calib/measure/fringe_phase.h"
 
 namespace lenticule::calib {
 namespace {

@@ -17,7 +17,7 @@
 
 #include "base/error.h"
 #include "calib/measure/frame_marks.h"
-#include "calib/measure/panel_map.h"
+#include "calib/measure/fringe_phase.h"
 #include "calib/measure/pattern.h"
 #include "optics/panel.h"
 #include "optics/rig.h"

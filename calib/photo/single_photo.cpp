@@ -22,7 +22,7 @@
 #include "base/error.h"
 #include "base/statistics.h"
 #include "calib/linear_algebra.h"
-#include "calib/photo/tag_finder.h"
+#include "calib/photo/tag_chart.h"
 #include "optics/model.h"
 
 namespace lenticule::calib {

@@ -10,7 +10,6 @@
 #include "calib/calibration.h"
 #include "calib/camera.h"
 #include "calib/photo/fringe_blocks.h"
-#include "calib/photo/photo_pose.h"
 #include "calib/photo/tag_chart.h"
 
 namespace lenticule::calib {

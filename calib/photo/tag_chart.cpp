@@ -1,14 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
+// libapriltag finds tags by their outline. The lenses make every edge coarse, so that the outline
+// alone leaves the corners uncertain: then all cells of a tag, blurred, are fitted to the picture
+// by Gauss-Newton steps on a projective map, two lights and a blur. Each value of the model is a
+// sum of few cells, so that a tag takes a few milliseconds.
 #include "calib/photo/tag_chart.h"
 
+#include <apriltag/apriltag.h>
+#include <apriltag/tag36h11.h>
 #include <fmt/format.h>
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <map>
+#include <memory>
 #include <numbers>
+#include <optional>
+#include <utility>
 
 #include "base/error.h"
-#include "calib/photo/tag_finder.h"
+#include "base/statistics.h"
 #include "frames/srgb.h"
 
 namespace lenticule::calib {
@@ -226,6 +238,356 @@ frames::WovenFrame draw_single_photo_chart(const SinglePhotoChart& chart) {
   for (const ChartTag& tag : chart.tags) draw_tag(tag, family, frame);
   for (const ScalePatch& patch : chart.patches) draw_patch(patch, frame);
   return frame;
+}
+
+TagFamily::TagFamily() : family_(tag36h11_create()) {
+  LENTICULE_CHECK(family_ != nullptr && family_->total_width == kTagCells &&
+                  family_->ncodes == kTagIds);
+}
+
+TagFamily::~TagFamily() {
+  tag36h11_destroy(family_);
+}
+
+std::vector<bool> TagFamily::cells(int id) const {
+  LENTICULE_CHECK(id >= 0 && id < kTagIds);
+  const std::unique_ptr<image_u8_t, decltype(&image_u8_destroy)> picture(
+      apriltag_to_image(family_, id), image_u8_destroy);
+  LENTICULE_CHECK(picture && picture->width == kTagCells && picture->height == kTagCells);
+  std::vector<bool> white;
+  for (int r = 0; r < kTagCells; ++r)
+    for (int c = 0; c < kTagCells; ++c)
+      white.push_back(picture->buf[r * picture->stride + c] > 127);
+  return white;
+}
+
+namespace {
+
+struct Release {
+  void operator()(image_u8_t* picture) const { image_u8_destroy(picture); }
+  void operator()(apriltag_detector_t* detector) const { apriltag_detector_destroy(detector); }
+  void operator()(zarray_t* detections) const { apriltag_detections_destroy(detections); }
+};
+template <class T>
+using Owned = std::unique_ptr<T, Release>;
+
+/// Returns the light that a two hundredth of the pixels exceeds: white, even with glints.
+float white_level(const PhotoLight& picture) {
+  std::vector<float> light;
+  for (const float value : picture.light)
+    if (std::isfinite(value)) light.push_back(value);
+  if (light.empty()) return 1.0F;
+  const size_t place = light.size() - 1 - light.size() / 200;
+  return std::max(value_in_order(std::move(light), place), 1e-6F);
+}
+
+/// Converts to eight bits of linear light: another curve would move the edges of blurred tags.
+Owned<image_u8_t> eight_bits(const PhotoLight& picture) {
+  Owned<image_u8_t> out(
+      image_u8_create(static_cast<unsigned>(picture.width), static_cast<unsigned>(picture.height)));
+  LENTICULE_CHECK(out != nullptr);
+  const float white = white_level(picture);
+  for (int j = 0; j < picture.height; ++j) {
+    for (int i = 0; i < picture.width; ++i) {
+      const float light =
+          picture.light[static_cast<size_t>(j) * static_cast<size_t>(picture.width) +
+                        static_cast<size_t>(i)];
+      const float share = light > 0.0F ? std::min(light / white, 1.0F) : 0.0F;  // NaN: black
+      out->buf[j * out->stride + i] = static_cast<uint8_t>(std::lround(255.0F * share));
+    }
+  }
+  return out;
+}
+
+TagSighting sighting_of(const apriltag_detection_t& detection) {
+  TagSighting sighting;
+  sighting.id = detection.id;
+  for (size_t corner = 0; corner < 4; ++corner)
+    sighting.corners_px[corner] = {detection.p[corner][0], detection.p[corner][1]};
+  return sighting;
+}
+
+bool is_credible(const apriltag_detection_t& detection) {
+  constexpr int kMostWrongBits = 1;
+  constexpr float kLeastMargin = 15.0F;
+  return detection.id >= 0 && detection.id < kTagIds && detection.hamming <= kMostWrongBits &&
+         detection.decision_margin >= kLeastMargin;
+}
+
+/// Best holds the clearest sighting of each tag.
+using Best = std::map<int, std::pair<float, TagSighting>>;
+
+Best detect(apriltag_detector_t& detector, image_u8_t& picture) {
+  const Owned<zarray_t> found(apriltag_detector_detect(&detector, &picture));
+  Best best;
+  for (int i = 0; found && i < zarray_size(found.get()); ++i) {
+    apriltag_detection_t* detection = nullptr;
+    zarray_get(found.get(), i, &detection);
+    if (!is_credible(*detection)) continue;
+    auto& [margin, sighting] = best[detection->id];
+    if (margin >= detection->decision_margin) continue;
+    margin = detection->decision_margin;
+    sighting = sighting_of(*detection);
+  }
+  return best;
+}
+
+}  // namespace
+
+std::vector<TagSighting> find_tags(const PhotoLight& picture, size_t wanted) {
+  constexpr int kLeastSide = 32;  // the library requires a minimum size
+  if (picture.width < kLeastSide || picture.height < kLeastSide) return {};
+  const TagFamily family;  // outlives its detector
+  const Owned<apriltag_detector_t> detector(apriltag_detector_create());
+  LENTICULE_CHECK(detector != nullptr);
+  apriltag_detector_add_family_bits(detector.get(), family.get(), 1);
+  detector->nthreads = 1;
+  detector->quad_decimate = 1.0F;
+  const Owned<image_u8_t> grey = eight_bits(picture);
+  Best all;
+  // The sharp picture is searched first; tags hidden by noise are searched in blurred pictures.
+  // Corners are always refined in the sharp picture.
+  for (const float blur_px : {0.0F, 0.8F, 1.6F, 2.4F}) {
+    detector->quad_sigma = blur_px;
+    all.merge(detect(*detector, *grey));
+    if (all.size() >= wanted) break;
+  }
+  std::vector<TagSighting> tags;
+  for (const auto& [id, sighting] : all)
+    tags.push_back(aligned(picture, sighting.second, family.cells(id)));
+  return tags;
+}
+
+namespace {
+
+/// Unknowns: the map to cells of the tag from pixels, the light of black, that of white minus that
+/// of black, and the standard deviation of the blur in cells.
+constexpr int kMapCount = 8, kBlack = 8, kRise = 9, kBlur = 10, kCount = 11;
+using Unknowns = Eigen::Matrix<double, kCount, 1>;
+using Square = Eigen::Matrix<double, kCount, kCount>;
+
+constexpr double kLeastBlur = 0.05, kMostBlur = 0.6;
+
+/// Places of the corners in cells, in the order of TagSighting.
+constexpr double kNear = kTagRimCells, kFar = kTagCells - kTagRimCells;
+constexpr std::array<Vec2, 4> kCorners = {
+    {{kNear, kFar}, {kFar, kFar}, {kFar, kNear}, {kNear, kNear}}};
+
+/// Normalized converts pixels to numbers near 1, for the sake of the equations.
+struct Normalized {
+  Vec2 middle;
+  double scale = 1.0;
+
+  [[nodiscard]] Vec2 of(Vec2 pixel) const { return (pixel - middle) * (1.0 / scale); }
+  [[nodiscard]] Vec2 pixel(Vec2 at) const { return at * scale + middle; }
+};
+
+/// Weights holds the parts that the cells around a place have in its blurred light, along one side
+/// of the tag, and their derivatives by the place and by the blur.
+struct Weights {
+  static constexpr int kSpan = 5;
+  int first = 0;
+  std::array<double, kSpan> value{}, by_place{}, by_blur{};
+};
+
+Weights weights_at(double place, double blur) {
+  Weights out;
+  out.first = static_cast<int>(std::floor(place)) - Weights::kSpan / 2;
+  std::array<double, Weights::kSpan + 1> below{}, density{}, moment{};
+  for (int k = 0; k <= Weights::kSpan; ++k) {
+    const auto at = static_cast<size_t>(k);
+    const double z = (out.first + k - place) / blur;
+    below[at] = 0.5 * std::erfc(-z / std::numbers::sqrt2);
+    density[at] = std::exp(-0.5 * z * z) / (blur * std::numbers::sqrt2 / std::numbers::inv_sqrtpi);
+    moment[at] = -z * density[at];
+  }
+  below.front() = 0.0;  // the outer cells stand for all that are further away
+  below.back() = 1.0;
+  for (size_t k = 0; k < Weights::kSpan; ++k) {
+    out.value[k] = below[k + 1] - below[k];
+    out.by_place[k] = density[k] - density[k + 1];
+    out.by_blur[k] = moment[k + 1] - moment[k];
+  }
+  return out;
+}
+
+/// Returns the light of a cell, 1 for white. Outside the tag are fringes, half as light.
+double light_of(const std::vector<bool>& white, int column, int row) {
+  constexpr double kFringes = 0.5;
+  if (std::min(column, row) < 0 || std::max(column, row) >= kTagCells) return kFringes;
+  return white[static_cast<size_t>(row * kTagCells + column)] ? 1.0 : 0.0;
+}
+
+/// Pattern is the light of the blurred tag.
+struct Pattern {
+  double value = 0.0, by_x = 0.0, by_y = 0.0, by_blur = 0.0;
+};
+
+Pattern pattern_at(const std::vector<bool>& white, Vec2 cell, double blur) {
+  const Weights across = weights_at(cell.x, blur), down = weights_at(cell.y, blur);
+  Pattern out;
+  for (size_t j = 0; j < Weights::kSpan; ++j)
+    for (size_t i = 0; i < Weights::kSpan; ++i) {
+      const double light =
+          light_of(white, across.first + static_cast<int>(i), down.first + static_cast<int>(j));
+      if (light == 0.0) continue;
+      out.value += light * across.value[i] * down.value[j];
+      out.by_x += light * across.by_place[i] * down.value[j];
+      out.by_y += light * across.value[i] * down.by_place[j];
+      out.by_blur +=
+          light * (across.by_blur[i] * down.value[j] + across.value[i] * down.by_blur[j]);
+    }
+  return out;
+}
+
+/// Returns the map that takes the four corners to kCorners, if they are no degenerate square.
+std::optional<Unknowns> start_of(const TagSighting& tag, const Normalized& normalized) {
+  Eigen::Matrix<double, kMapCount, kMapCount> equations;
+  Eigen::Matrix<double, kMapCount, 1> wanted;
+  for (int k = 0; k < 4; ++k) {
+    const Vec2 p = normalized.of(tag.corners_px[static_cast<size_t>(k)]);
+    const Vec2 q = kCorners[static_cast<size_t>(k)];
+    equations.row(2 * k) << p.x, p.y, 1.0, 0.0, 0.0, 0.0, -q.x * p.x, -q.x * p.y;
+    equations.row(2 * k + 1) << 0.0, 0.0, 0.0, p.x, p.y, 1.0, -q.y * p.x, -q.y * p.y;
+    wanted[2 * k] = q.x;
+    wanted[2 * k + 1] = q.y;
+  }
+  Unknowns out = Unknowns::Zero();
+  out.head<kMapCount>() = equations.fullPivLu().solve(wanted);
+  if (!out.allFinite()) return std::nullopt;
+  return out;
+}
+
+/// Returns the pixel of a place in cells.
+Vec2 pixel_of(const Unknowns& u, Vec2 cell, const Normalized& normalized) {
+  Eigen::Matrix2d lines;
+  lines << u[0] - cell.x * u[6], u[1] - cell.x * u[7], u[3] - cell.y * u[6], u[4] - cell.y * u[7];
+  const Eigen::Vector2d at = lines.inverse() * Eigen::Vector2d(cell.x - u[2], cell.y - u[5]);
+  return normalized.pixel({at.x(), at.y()});
+}
+
+/// Part is a rectangle of pixels.
+struct Part {
+  int left, top, right, bottom;  ///< right and bottom are excluded
+};
+
+Part around(const PhotoLight& picture, const TagSighting& tag) {
+  Vec2 least = tag.corners_px[0], most = least;
+  for (const Vec2& corner : tag.corners_px) {
+    least = {std::min(least.x, corner.x), std::min(least.y, corner.y)};
+    most = {std::max(most.x, corner.x), std::max(most.y, corner.y)};
+  }
+  const double rim = 0.2 * std::max(most.x - least.x, most.y - least.y);
+  return {std::max(static_cast<int>(least.x - rim), 0),
+          std::max(static_cast<int>(least.y - rim), 0),
+          std::min(static_cast<int>(most.x + rim), picture.width),
+          std::min(static_cast<int>(most.y + rim), picture.height)};
+}
+
+/// Alignment is the fit of one tag.
+class Alignment {
+ public:
+  Alignment(const PhotoLight& picture, const TagSighting& tag, const std::vector<bool>& white,
+            const Normalized& normalized)
+      : picture_(picture), white_(white), normalized_(normalized), part_(around(picture, tag)) {}
+
+  /// Sums the normal equations at the unknowns. Returns the mean squared residual.
+  double equations(const Unknowns& u, Square& square, Unknowns& right) const {
+    square.setZero();
+    right.setZero();
+    double sum = 0.0;
+    int count = 0;
+    for (int j = part_.top; j < part_.bottom; ++j)
+      for (int i = part_.left; i < part_.right; ++i) {
+        const double light =
+            picture_.light[static_cast<size_t>(j) * static_cast<size_t>(picture_.width) +
+                           static_cast<size_t>(i)];
+        if (!std::isfinite(light)) continue;
+        Unknowns slope;
+        const auto expected = value(u, normalized_.of({i + 0.5, j + 0.5}), slope);
+        if (!expected) continue;
+        const double rest = light - *expected;
+        square.noalias() += slope * slope.transpose();
+        right += slope * rest;
+        sum += rest * rest;
+        ++count;
+      }
+    return count > kCount ? sum / count : std::numeric_limits<double>::infinity();
+  }
+
+ private:
+  /// Returns the light that the unknowns predict, with its derivatives; nothing outside the middle
+  /// of the rim, where fringes begin.
+  std::optional<double> value(const Unknowns& u, Vec2 p, Unknowns& slope) const {
+    constexpr double kMargin = 0.5 * kTagRimCells;
+    const double w = u[6] * p.x + u[7] * p.y + 1.0;
+    const Vec2 q{(u[0] * p.x + u[1] * p.y + u[2]) / w, (u[3] * p.x + u[4] * p.y + u[5]) / w};
+    if (!(std::min(q.x, q.y) > kMargin && std::max(q.x, q.y) < kTagCells - kMargin))
+      return std::nullopt;
+    const Pattern at = pattern_at(white_, q, u[kBlur]);
+    const double x = u[kRise] * at.by_x / w, y = u[kRise] * at.by_y / w;
+    const double both = x * q.x + y * q.y;
+    slope << x * p.x, x * p.y, x, y * p.x, y * p.y, y, -both * p.x, -both * p.y, 1.0, at.value,
+        u[kRise] * at.by_blur;
+    return u[kBlack] + u[kRise] * at.value;
+  }
+
+  const PhotoLight& picture_;
+  const std::vector<bool>& white_;
+  Normalized normalized_;
+  Part part_;
+};
+
+/// Returns the unknowns of the best fit; nothing if the steps do not settle.
+std::optional<Unknowns> settled(const Alignment& alignment, Unknowns u) {
+  constexpr int kMostSteps = 12;
+  constexpr double kSettled = 1e-4;
+  constexpr double kStartBlur = 0.2;
+  u[kBlur] = kStartBlur;
+  Square square;
+  Unknowns right;
+  // The lights alone first: they enter linearly.
+  u[kRise] = 1.0;
+  if (!std::isfinite(alignment.equations(u, square, right))) return std::nullopt;
+  const Eigen::Vector2d lights =
+      square.block<2, 2>(kBlack, kBlack).ldlt().solve(right.segment<2>(kBlack));
+  u[kBlack] = lights[0];
+  u[kRise] = 1.0 + lights[1];
+  double before = alignment.equations(u, square, right);
+  for (int step = 0; step < kMostSteps; ++step) {
+    const Unknowns change = square.ldlt().solve(right);
+    Unknowns next = u + change;
+    next[kBlur] = std::clamp(next[kBlur], kLeastBlur, kMostBlur);
+    if (!next.allFinite() || !(next[kRise] > 0.0)) return std::nullopt;
+    const double now = alignment.equations(next, square, right);
+    if (!(now < 4.0 * before)) return std::nullopt;
+    u = next;
+    if (std::abs(now - before) <= kSettled * before) return u;
+    before = now;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+TagSighting aligned(const PhotoLight& picture, const TagSighting& tag,
+                    const std::vector<bool>& white) {
+  constexpr double kMostCells = 0.5;  ///< farthest move of a corner
+  const Vec2 diagonal = tag.corners_px[2] - tag.corners_px[0];
+  const Normalized normalized{(tag.corners_px[0] + tag.corners_px[2]) * 0.5,
+                              std::max(std::hypot(diagonal.x, diagonal.y), 1.0)};
+  const auto start = start_of(tag, normalized);
+  if (!start) return tag;
+  const auto found = settled(Alignment(picture, tag, white, normalized), *start);
+  if (!found) return tag;
+  TagSighting out = tag;
+  const double most_px = kMostCells * normalized.scale / (std::numbers::sqrt2 * (kFar - kNear));
+  for (size_t k = 0; k < kCorners.size(); ++k) {
+    out.corners_px[k] = pixel_of(*found, kCorners[k], normalized);
+    const Vec2 moved = out.corners_px[k] - tag.corners_px[k];
+    if (!(std::hypot(moved.x, moved.y) <= most_px)) return tag;
+  }
+  return out;
 }
 
 }  // namespace lenticule::calib

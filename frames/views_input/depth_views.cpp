@@ -9,7 +9,7 @@
 
 #include "base/error.h"
 #include "frames/quilt.h"
-#include "frames/weaving/fixed_light.h"
+#include "frames/weaving/crosstalk.h"
 
 namespace lenticule::frames {
 namespace {

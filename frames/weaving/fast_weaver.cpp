@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "base/error.h"
-#include "frames/weaving/fixed_light.h"
+#include "frames/weaving/crosstalk.h"
 
 namespace lenticule::frames {
 

@@ -12,7 +12,7 @@
 #include <string>
 
 #include "display/open/open_display.h"
-#include "optics/rig_store.h"
+#include "optics/rig_file.h"
 #include "player/playback/playback.h"
 #include "player/playlist/folder_lists.h"
 #include "player/playlist/open_item.h"

@@ -8,7 +8,6 @@
 
 #include "base/error.h"
 #include "optics/rig_file.h"
-#include "optics/rig_store.h"
 
 namespace lenticule::player {
 

@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "base/error.h"
+#include "frames/decoded_source.h"
 #include "frames/image_io.h"
-#include "frames/image_sequence.h"
 #include "frames/sequence/sequence_reader.h"
 #include "frames/weaving/reweave.h"
 #include "optics/rig_file.h"

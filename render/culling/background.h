@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "render/culling/primitive_tree.h"
+#include "render/culling/shaft.h"
 #include "render/rays/primary_packets.h"
 #include "render/rays/primary_rays.h"
 

@@ -34,7 +34,6 @@
 #include "frames/srgb.h"
 #include "optics/vec.h"
 #include "render/loaders/animation.h"
-#include "render/loaders/file_names.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/mesh_cleanup.h"
 #include "render/loaders/textures.h"

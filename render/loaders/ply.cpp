@@ -23,7 +23,6 @@
 #include "base/file.h"
 #include "base/numbers.h"
 #include "frames/srgb.h"
-#include "render/loaders/file_names.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/mesh_cleanup.h"
 #include "render/loaders/text_reader.h"

@@ -20,7 +20,7 @@
 #include <vector>
 
 #include "apps/lenticule-bench/harness/bench_scene.h"
-#include "apps/lenticule-tools/offline/error_controller.h"
+#include "apps/lenticule-tools/offline/film_renderer.h"
 #include "base/error.h"
 #include "base/large_memory.h"
 #include "frames/compare.h"

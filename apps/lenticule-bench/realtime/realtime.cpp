@@ -23,7 +23,7 @@
 #include "apps/lenticule-bench/harness/bench_scene.h"
 #include "apps/lenticule-bench/realtime/live_renderer.h"
 #include "apps/lenticule-tools/cli/svg_plot.h"
-#include "apps/lenticule-tools/offline/error_controller.h"
+#include "apps/lenticule-tools/offline/film_renderer.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "display/virtual/virtual_display.h"

@@ -24,7 +24,6 @@
 #include "display/open/open_display.h"
 #include "frames/charts/charts.h"
 #include "optics/rig_file.h"
-#include "optics/rig_store.h"
 #include "optics/trim.h"
 #include "player/process/interrupt.h"
 #include "player/process/key_input.h"

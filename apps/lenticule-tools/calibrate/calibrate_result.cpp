@@ -14,7 +14,6 @@
 #include "frames/image_io.h"
 #include "frames/srgb.h"
 #include "optics/rig_file.h"
-#include "optics/rig_store.h"
 #include "optics/trim.h"
 
 namespace lenticule::tools {

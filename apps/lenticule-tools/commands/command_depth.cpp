@@ -18,7 +18,6 @@
 #include "optics/trim.h"
 #include "player/process/interrupt.h"
 #include "player/process/rig_choice.h"
-#include "render/depth_budget/depth_histogram.h"
 #include "render/depth_budget/prefilter.h"
 #include "render/scene/scene.h"
 

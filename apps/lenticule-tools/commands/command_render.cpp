@@ -12,12 +12,11 @@
 #include <thread>
 
 #include "apps/lenticule-tools/cli/render_flags.h"
-#include "apps/lenticule-tools/offline/error_controller.h"
 #include "apps/lenticule-tools/offline/film_renderer.h"
 #include "apps/lenticule-tools/offline/frame_output.h"
 #include "apps/lenticule/cli/command.h"
 #include "base/print.h"
-#include "optics/rig_store.h"
+#include "optics/rig_file.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 #include "player/sources/source_spec.h"

@@ -26,7 +26,6 @@
 #include "optics/model.h"
 #include "optics/rig.h"
 #include "optics/rig_file.h"
-#include "optics/rig_store.h"
 #include "optics/trim.h"
 #include "optics/units.h"
 #include "optics/wall/wall.h"

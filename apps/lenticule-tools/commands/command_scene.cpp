@@ -15,7 +15,6 @@
 
 #include "apps/lenticule-tools/offline/gltf_writer.h"
 #include "apps/lenticule-tools/offline/scene_sequence.h"
-#include "apps/lenticule-tools/offline/thumbnail.h"
 #include "apps/lenticule/cli/command.h"
 #include "base/error.h"
 #include "base/file.h"

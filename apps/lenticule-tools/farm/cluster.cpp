@@ -20,7 +20,6 @@
 #include "base/json_output.h"
 #include "base/print.h"
 #include "base/text.h"
-#include "farm/status.h"
 #include "farm/work_folder.h"
 #include "player/process/child_process.h"
 #include "player/process/interrupt.h"

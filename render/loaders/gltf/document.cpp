@@ -15,8 +15,8 @@
 
 #include "base/error.h"
 #include "base/file.h"
-#include "render/loaders/file_names.h"
 #include "render/loaders/limits.h"
+#include "render/loaders/textures.h"
 
 namespace lenticule::render::gltf {
 

@@ -8,8 +8,8 @@
 #include <random>
 
 #include "frames/srgb.h"
+#include "frames/weaving/crosstalk.h"
 #include "frames/weaving/fast_weaver.h"
-#include "frames/weaving/fixed_light.h"
 #include "tests/support/weave_rigs.h"
 
 namespace lenticule::frames {

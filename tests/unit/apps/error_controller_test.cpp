@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests the choice of the tolerated error on a simulated renderer, whose frames take less time with
 // a larger error.
-#include "apps/lenticule-tools/offline/error_controller.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -10,6 +8,7 @@
 #include <random>
 #include <vector>
 
+#include "apps/lenticule-tools/offline/film_renderer.h"
 #include "base/error.h"
 
 namespace lenticule::tools {

@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests that a sequence plays in order, without a gap at the loop point, from a pool of bounded
 // size.
-#include "frames/image_sequence.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <poll.h>
 
 #include <deque>
 
+#include "frames/decoded_source.h"
 #include "frames/image_io.h"
 #include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"

@@ -9,8 +9,8 @@
 #include <filesystem>
 #include <fstream>
 
-#include "render/loaders/file_names.h"
 #include "render/loaders/load_scene.h"
+#include "render/loaders/textures.h"
 #include "tests/support/gltf_model.h"
 #include "tests/support/texels.h"
 #include "tests/unit/loaders/error_of.h"

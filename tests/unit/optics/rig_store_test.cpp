@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "optics/rig_store.h"
 
 #include <gtest/gtest.h>
 

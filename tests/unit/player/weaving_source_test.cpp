@@ -11,8 +11,8 @@
 #include <string>
 #include <thread>
 
+#include "frames/decoded_source.h"
 #include "frames/image_io.h"
-#include "frames/image_sequence.h"
 #include "frames/weaving/reweave.h"
 #include "optics/rig_file.h"
 #include "optics/trim.h"

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <random>
 
-#include "calib/photo/tag_finder.h"
 #include "frames/srgb.h"
 #include "photo_stage.h"
 #include "tests/support/error_matchers.h"

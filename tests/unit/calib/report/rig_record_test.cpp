@@ -11,7 +11,6 @@
 #include "base/text.h"
 #include "calib/report/report.h"
 #include "optics/rig_file.h"
-#include "optics/rig_store.h"
 #include "sample_calibration.h"
 #include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"

@@ -5,8 +5,8 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include "frames/decoded_source.h"
 #include "frames/image_io.h"
-#include "frames/image_sequence.h"
 #include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"
 

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/depth_budget/depth_histogram.h"
 
 #include <gtest/gtest.h>
 

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests sixteen lanes in single precision against the formulas in double, and the instruction sets
 // against each other.
-#include "render/shading/pbr_lanes.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -12,6 +10,7 @@
 #include <random>
 
 #include "render/accel/ray_stream.h"
+#include "render/integrator/pbr_tracer.h"
 #include "render/rays/primary_packets.h"
 #include "render/scene/surroundings.h"
 #include "render/shading/pbr_scene.h"
