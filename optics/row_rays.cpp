@@ -222,10 +222,7 @@ struct RowRayEvaluator::Impl {
 };
 
 RowRayEvaluator::RowRayEvaluator(const OpticalModel& model, Isa isa)
-    : impl_(std::make_unique<Impl>(model, isa)) {}
-RowRayEvaluator::~RowRayEvaluator() = default;
-RowRayEvaluator::RowRayEvaluator(RowRayEvaluator&&) noexcept = default;
-RowRayEvaluator& RowRayEvaluator::operator=(RowRayEvaluator&&) noexcept = default;
+    : impl_(std::make_shared<const Impl>(model, isa)) {}
 
 const OpticalModel& RowRayEvaluator::model() const {
   return impl_->model;
@@ -273,10 +270,7 @@ struct RowPhaseEvaluator::Impl {
 };
 
 RowPhaseEvaluator::RowPhaseEvaluator(const OpticalModel& model, const Eye& eye, Isa isa)
-    : impl_(std::make_unique<Impl>(model, eye, isa)) {}
-RowPhaseEvaluator::~RowPhaseEvaluator() = default;
-RowPhaseEvaluator::RowPhaseEvaluator(RowPhaseEvaluator&&) noexcept = default;
-RowPhaseEvaluator& RowPhaseEvaluator::operator=(RowPhaseEvaluator&&) noexcept = default;
+    : impl_(std::make_shared<const Impl>(model, eye, isa)) {}
 
 void RowPhaseEvaluator::evaluate(int j, int i_begin, int i_end, std::vector<double>& phase) const {
   check_range(impl_->model.rig().panel, j, i_begin, i_end);

@@ -36,9 +36,6 @@ class RowRayEvaluator {
  public:
   /// Throws Error(Usage) for an instruction set that this machine cannot run.
   explicit RowRayEvaluator(const OpticalModel& model, Isa isa = best_isa());
-  ~RowRayEvaluator();
-  RowRayEvaluator(RowRayEvaluator&&) noexcept;
-  RowRayEvaluator& operator=(RowRayEvaluator&&) noexcept;
 
   /// Computes the rays of pixels [i_begin, i_end) of row j, all three channels. Every instruction
   /// set gives the same bits. The phase differs from OpticalModel::ray by less than 1e-9 lens
@@ -49,7 +46,7 @@ class RowRayEvaluator {
 
  private:
   struct Impl;
-  std::unique_ptr<Impl> impl_;
+  std::shared_ptr<const Impl> impl_;
 };
 
 /// RowPhaseEvaluator computes OpticalModel::phase for one eye: Phi_E of every subpixel of a row.
@@ -60,9 +57,6 @@ class RowPhaseEvaluator {
   /// Requires eye.z_mm > 0. Throws Error(Usage) for an instruction set that this machine cannot
   /// run.
   RowPhaseEvaluator(const OpticalModel& model, const Eye& eye, Isa isa = best_isa());
-  ~RowPhaseEvaluator();
-  RowPhaseEvaluator(RowPhaseEvaluator&&) noexcept;
-  RowPhaseEvaluator& operator=(RowPhaseEvaluator&&) noexcept;
 
   /// Sets element s - 3 * i_begin of `phase` to Phi_E of subpixel s = 3 i + channel of row j.
   void evaluate(int j, int i_begin, int i_end, std::vector<double>& phase) const;
@@ -74,7 +68,7 @@ class RowPhaseEvaluator {
 
  private:
   struct Impl;
-  std::unique_ptr<Impl> impl_;
+  std::shared_ptr<const Impl> impl_;
 };
 
 }  // namespace lenticule::optics

@@ -64,7 +64,6 @@ class PatternCapture {
   void show_code(const RigCode& code) { code_ = code; }
   /// Starts the check of the marks in pictures.
   void check_marks(MarkReader reader);
-  [[nodiscard]] bool checks_marks() const { return marks_.has_value(); }
   /// Returns the codes of the pictures taken so far, one for each pattern.
   [[nodiscard]] const RigCodeReadings& codes() const { return codes_; }
   /// Returns MarkReader::moved of each pattern's first picture; zero until marks are checked.

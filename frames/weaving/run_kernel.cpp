@@ -143,7 +143,9 @@ inline Shorts packed(const Words& a, const Words& b) {
 inline Shorts pair_weights(const Shorts& weight) {
   const Shorts negated = zip_low(Shorts{}, Shorts{} - 1);
   const Shorts added = zip_low(Shorts{} + INT16_MIN, Shorts{} + 1);
-  return (weight ^ negated) + added;
+  // without a sign, because a signed sum must not overflow
+  return reinterpret_cast<Shorts>(reinterpret_cast<LightWords>(weight ^ negated) +
+                                  reinterpret_cast<LightWords>(added));
 }
 inline Words mix_pairs(const Shorts& pairs, const Shorts& weights) {
   return ((1 << (kWeightBits - 1)) - pair_sums(pairs, weights)) >> kWeightBits;

@@ -110,10 +110,6 @@ inline void intersect1(RTCScene scene, RTCRayHit& ray) {
   RTCIntersectArguments arguments = intersect_arguments(Coherence::Incoherent);
   rtcIntersect1(scene, &ray, &arguments);
 }
-inline void occluded1(RTCScene scene, RTCRay& ray) {
-  RTCOccludedArguments arguments = occluded_arguments(Coherence::Incoherent);
-  rtcOccluded1(scene, &ray, &arguments);
-}
 
 #else
 
@@ -127,10 +123,6 @@ inline void occluded1(RTCScene scene, RTCRay& ray) {
 inline void intersect1(RTCScene scene, RTCRayHit& ray) {
   RTCIntersectContext context = query_context(Coherence::Incoherent);
   rtcIntersect1(scene, &context, &ray);
-}
-inline void occluded1(RTCScene scene, RTCRay& ray) {
-  RTCIntersectContext context = query_context(Coherence::Incoherent);
-  rtcOccluded1(scene, &context, &ray);
 }
 
 #endif
