@@ -159,7 +159,7 @@ class PlayControls final : public ControlTarget {
       case ControlVerb::Loop:
         return answer(set_loops(request.loops));
       case ControlVerb::Trim:
-        return answer(change_trim(request));
+        return work_on(answer, [this, request](const Answer& done) { done(change_trim(request)); });
       case ControlVerb::Rig:
         return work_on(answer, [this, request](const Answer& done) { done(replace_rig(request)); });
       case ControlVerb::Snapshot:

@@ -40,19 +40,21 @@ optics::Trim LiveRig::trim() const {
 // --- files that other programs replace ------------------------------------------------------
 
 void LiveRig::look() {
-  const std::lock_guard lock(mutex_);
+  const std::lock_guard files(files_mutex_);
   const Marks now = marks();
-  if (seen_ == now && !std::exchange(again_, false)) return;
+  if (!again_.exchange(false) && seen_ == now) return;
   seen_ = now;
-  complaint_.clear();
+  std::string complaint;
   try {
-    locked_read();
+    read_files();
   } catch (const std::exception& error) {
-    complaint_ = error.what();
+    complaint = error.what();
   }
+  const std::lock_guard lock(mutex_);
+  complaint_ = std::move(complaint);
 }
 
-void LiveRig::locked_read() {
+void LiveRig::read_files() {
   optics::Rig calibrated = optics::load_rig(rig_file_);
   const optics::Trim trim = saved_ ? optics::load_trim(rig_file_) : trim_;
   optics::validate_rig(optics::trimmed(calibrated, trim), trim_file_.string());
@@ -67,14 +69,14 @@ void LiveRig::locked_read() {
                 fmt::format("{}: has another panel.{}, which a player reads at its start", file,
                             theirs.bits != ours.bits ? "bits" : "mounting"));
   if (calibrated == calibrated_ && trim == trim_) return;
+  set(std::move(calibrated), trim);
+}
+
+void LiveRig::set(optics::Rig calibrated, const optics::Trim& trim) {
+  const std::lock_guard lock(mutex_);
   calibrated_ = std::move(calibrated);
   trim_ = trim;
   version_.fetch_add(1, std::memory_order_release);
-}
-
-void LiveRig::read_again() {
-  const std::lock_guard lock(mutex_);
-  again_ = true;
 }
 
 std::string LiveRig::complaint() const {
@@ -84,7 +86,7 @@ std::string LiveRig::complaint() const {
 
 // --- changes by this player -----------------------------------------------------------------
 
-optics::Trim LiveRig::locked_after(const KeyPress& press) const {
+optics::Trim LiveRig::trim_after(const KeyPress& press) const {
   const double stride = press.stride == Stride::Coarse ? 10.0
                         : press.stride == Stride::Fine ? 0.1
                                                        : 1.0;
@@ -105,77 +107,69 @@ optics::Trim LiveRig::locked_after(const KeyPress& press) const {
 }
 
 std::string LiveRig::press(const KeyPress& press) {
-  const std::lock_guard lock(mutex_);
-  const optics::Trim wanted = locked_after(press);
+  const std::lock_guard files(files_mutex_);
+  const optics::Trim wanted = trim_after(press);
   if (wanted == trim_) return {};
   try {
-    locked_use(wanted);
+    use(wanted);
   } catch (const std::exception& error) {
     return fmt::format("the trim is unchanged: {}", error.what());
   }
   const std::string numbers = fmt::format("trim: offset {:+.3f} lenses, pitch {:+.1e}",
                                           wanted.offset.value, wanted.pitch_relative);
-  if (!saved_) return fmt::format("{}, not saved yet: {}", numbers, locked_why_unsaved());
+  if (!saved_) return fmt::format("{}, not saved yet: {}", numbers, why_unsaved());
   return fmt::format("{}, in {}", numbers, trim_file_.string());
 }
 
 optics::Trim LiveRig::change(const std::function<optics::Trim(const optics::Trim&)>& changed) {
-  const std::lock_guard lock(mutex_);
+  const std::lock_guard files(files_mutex_);
   const optics::Trim wanted = changed(trim_);
-  if (!(wanted == trim_)) locked_use(wanted);
+  if (!(wanted == trim_)) use(wanted);
   return trim_;
 }
 
-void LiveRig::locked_use(const optics::Trim& wanted) {
+void LiveRig::use(const optics::Trim& wanted) {
   optics::validate_trim(wanted, rig_file_.string());
   optics::validate_rig(optics::trimmed(calibrated_, wanted), rig_file_.string());
-  trim_ = wanted;
-  locked_save();
-  version_.fetch_add(1, std::memory_order_release);
+  set(calibrated_, wanted);
+  save();
 }
 
 std::filesystem::path LiveRig::replace_rig(const optics::Rig& rig) {
   if (!unsavable_.empty()) throw Error(ErrorKind::Failed, "rig: not saved: " + unsavable_);
-  const std::lock_guard lock(mutex_);
+  const std::lock_guard files(files_mutex_);
   if (!(rig.panel == calibrated_.panel) || !(rig.identity == calibrated_.identity))
     throw Error(ErrorKind::Input, "rig: is for another panel than the one in use",
                 fmt::format("start from the rig of '{}'", calibrated_.name));
   std::filesystem::path kept = optics::save_with_history(rig, rig_file_);
-  calibrated_ = rig;
-  trim_ = {};
-  locked_save();
-  version_.fetch_add(1, std::memory_order_release);
+  set(rig, {});
+  save();
   return kept;
 }
 
-void LiveRig::locked_save() noexcept {
-  saved_ = false;
-  if (!unsavable_.empty()) return;
-  try {
-    optics::save_trim(trim_, rig_file_);
-    saved_ = true;
-    writes_.succeeded();
-  } catch (const std::exception& error) {
-    writes_.failed(error.what());
+void LiveRig::save() noexcept {
+  bool saved = false;
+  if (unsavable_.empty()) {
+    try {
+      optics::save_trim(trim_, rig_file_);
+      saved = true;
+      writes_.succeeded();
+    } catch (const std::exception& error) {
+      writes_.failed(error.what());
+    }
   }
+  const std::lock_guard lock(mutex_);
+  saved_ = saved;
 }
 
 void LiveRig::save_again() {
-  const std::lock_guard lock(mutex_);
-  if (!saved_ && writes_.due()) locked_save();
-}
-
-std::optional<optics::Trim> LiveRig::unsaved() const {
-  const std::lock_guard lock(mutex_);
-  return saved_ ? std::nullopt : std::optional(trim_);
+  const std::lock_guard files(files_mutex_);
+  if (!saved_ && writes_.due()) save();
 }
 
 std::string LiveRig::why_unsaved() const {
   const std::lock_guard lock(mutex_);
-  return saved_ ? std::string() : locked_why_unsaved();
-}
-
-std::string LiveRig::locked_why_unsaved() const {
+  if (saved_) return {};
   return unsavable_.empty() ? writes_.state().reason : unsavable_;
 }
 

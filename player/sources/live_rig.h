@@ -44,7 +44,7 @@ class LiveRig {
   /// trim that is not saved yet is kept.
   void look();
   /// Makes the next look() read the files even if they are unchanged.
-  void read_again();
+  void read_again() { again_.store(true); }
   /// Returns the reason why the files are not followed; empty while they are.
   [[nodiscard]] std::string complaint() const;
 
@@ -62,8 +62,6 @@ class LiveRig {
   /// nothing changes then.
   std::filesystem::path replace_rig(const optics::Rig& rig);
 
-  /// Returns the trim if it is not saved yet.
-  [[nodiscard]] std::optional<optics::Trim> unsaved() const;
   /// Returns the reason why the trim is not saved; empty if it is.
   [[nodiscard]] std::string why_unsaved() const;
   /// Saves a trim that could not be saved, if another attempt is due.
@@ -80,23 +78,28 @@ class LiveRig {
   /// State of the rig file and the trim file.
   using Marks = std::array<FileMark, 2>;
   [[nodiscard]] Marks marks() const { return {mark_of(rig_file_), mark_of(trim_file_)}; }
-  void locked_read();
-  void locked_use(const optics::Trim& wanted);
-  void locked_save() noexcept;
-  [[nodiscard]] std::string locked_why_unsaved() const;
-  [[nodiscard]] optics::Trim locked_after(const KeyPress& press) const;
+  // The functions below are called with files_mutex_ locked.
+  void read_files();
+  void use(const optics::Trim& wanted);
+  void set(optics::Rig calibrated, const optics::Trim& trim);
+  void save() noexcept;
+  [[nodiscard]] optics::Trim trim_after(const KeyPress& press) const;
 
   const std::filesystem::path rig_file_, trim_file_;
   const std::string unsavable_;
-  mutable std::mutex mutex_;  ///< guards the members below
+  /// Held while files are read or written, which may take for ever; locked before mutex_. Whoever
+  /// holds it may read the members below.
+  std::mutex files_mutex_;
   Marks seen_;
-  bool again_ = false;
+  /// Guards the members below, for a few instructions at a time; they change while both are held.
+  mutable std::mutex mutex_;
   std::string complaint_;
   optics::Rig calibrated_;  ///< the rig of the file, without trim
   optics::Trim trim_;
   const optics::Trim at_start_;
   bool saved_ = true;
   RetriedWrites writes_;
+  std::atomic<bool> again_{false};
   std::atomic<uint64_t> version_{1};
   std::atomic<bool> woven_elsewhere_{false};
 };

@@ -12,7 +12,9 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <future>
 #include <string>
+#include <thread>
 
 #include "base/error.h"
 #include "frames/charts/charts.h"
@@ -77,13 +79,13 @@ TEST_F(LiveRigTest, AnUnsavableTrimIsAppliedAndSavedLater) {
   fs::rename(folder_, away);
   EXPECT_THAT(trim.press({Key::Left}), HasSubstr("not saved yet"));
   EXPECT_NEAR(trim.rig().sheet.offset.value, rig_.sheet.offset.value - 0.01, 1e-12);
-  EXPECT_EQ(trim.unsaved(), (optics::Trim{Lenses(-0.01), 0.0}));
+  EXPECT_NE(trim.why_unsaved(), "");
   EXPECT_EQ(trim.writes().state().failures, 1u);
   fs::rename(away, folder_);
   trim.writes().try_at_once();
   trim.save_again();
   EXPECT_EQ(optics::load_trim(rig_file_), (optics::Trim{Lenses(-0.01), 0.0}));
-  EXPECT_EQ(trim.unsaved(), std::nullopt);
+  EXPECT_EQ(trim.why_unsaved(), "");
   EXPECT_EQ(trim.writes().state().reason, "");
 }
 
@@ -95,6 +97,25 @@ TEST_F(LiveRigTest, ATrimOfARigThatCannotKeepItIsAppliedAndSaysWhyItIsNotSaved) 
   trim.save_again();
   EXPECT_FALSE(fs::exists(optics::trim_file_of(rig_file_)));
   EXPECT_THROW((void)trim.replace_rig(rig_), Error);
+}
+
+TEST_F(LiveRigTest, CanBeReadWhileAChangeTakesLong) {
+  LiveRig rig(rig_file_);
+  std::promise<void> begun, ended;
+  std::thread changing([&] {
+    (void)rig.change([&](const optics::Trim& trim) {
+      begun.set_value();
+      ended.get_future().wait();
+      return trim;
+    });
+  });
+  begun.get_future().wait();
+  EXPECT_EQ(rig.trim(), optics::Trim{});
+  EXPECT_EQ(rig.rig(), rig_);
+  EXPECT_EQ(rig.complaint(), "");
+  EXPECT_EQ(rig.why_unsaved(), "");
+  ended.set_value();
+  changing.join();
 }
 
 TEST_F(LiveRigTest, FollowsFilesThatAnotherProgramReplaced) {
