@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
@@ -29,6 +30,9 @@ namespace fs = std::filesystem;
 
 constexpr ErrorStyle kErrors{.program = "lenticule web"};
 constexpr int kTextfileEvery_ms = 15'000;
+/// File of the state folder with the address at which the server listens.
+constexpr const char* kAddressFile = "address";
+constexpr const char* kUsualAddress = "http://127.0.0.1:8420";
 
 struct Flags {
   std::string socket;
@@ -42,7 +46,7 @@ struct Flags {
   std::string token_name;
   std::string rights = "change";
   std::string token_id;
-  std::string base = "http://127.0.0.1:8420";
+  std::string base;
   bool code = false;
 };
 
@@ -98,6 +102,26 @@ std::vector<Listener> open_listeners(const Flags& flags) {
   return listeners;
 }
 
+/// Writes the address that `lenticule web address` prints. A disk that is full must not prevent the
+/// server from starting.
+void write_address(const fs::path& state, const std::vector<Listener>& listeners) {
+  const auto tcp = std::ranges::find(listeners, false, &Listener::is_unix);
+  const std::string name = tcp == listeners.end() ? "" : reachable_names(*tcp).front();
+  try {
+    write_text_file(state / kAddressFile, name.empty() ? "" : "http://" + name + "\n");
+  } catch (const Error& error) {
+    say("{}; use lenticule web address --base\n", error.what());
+  }
+}
+
+/// Returns the beginning of the address: --base, or where the server of the state folder listens.
+std::string base_of(const Flags& flags) {
+  if (!flags.base.empty()) return flags.base;
+  const fs::path file = state_folder(flags) / kAddressFile;
+  const std::string text = fs::exists(file) ? read_text_file(file, 4096) : std::string();
+  return text.empty() ? kUsualAddress : text.substr(0, text.find('\n'));
+}
+
 void write_textfile(const Flags& flags, const WebSite& site, bool& failed) {
   if (flags.textfile.empty()) return;
   try {
@@ -148,6 +172,7 @@ int serve(const Flags& flags) {
     for (const std::string& name : reachable_names(listener))
       print_address(address_of("http://" + name, read_tokens(tokens).front()), true);
   }
+  write_address(state, listeners);
   flush_results();
   const Server server(std::move(listeners), site, access);
   bool textfile_failed = false;
@@ -166,7 +191,7 @@ int print_tokens(const Flags& flags) {
 }
 
 void print_address(const Flags& flags, const Token& token) {
-  print_address(address_of(flags.base, token), flags.code || is_terminal());
+  print_address(address_of(base_of(flags), token), flags.code || is_terminal());
 }
 
 int add(const Flags& flags) {
@@ -236,7 +261,8 @@ int run(int argc, char** argv) {
   revoked->footer("Example:\n  lenticule web token revoke 1f0c3a9e");
   address->footer("Example:\n  lenticule web address --base http://kiosk.local:8420 --code");
   for (CLI::App* const sub : {added, address}) {
-    sub->add_option("--base", flags.base, "beginning of the address")->capture_default_str();
+    sub->add_option("--base", flags.base, "beginning of the address")
+        ->default_str("where the server of this state folder listens");
     sub->add_flag("--code", flags.code,
                   "print the QR code of the address, also if the output is not a terminal");
   }

@@ -241,12 +241,13 @@ TEST_F(Web, AnAddressBeforeTheFirstStartSaysWhatIsMissing) {
   expect_end(run({"ctl", "--socket", path("c.sock"), "show-address"}), 2, "before the pipe");
 }
 
-TEST_F(Web, TheCodeInATerminalIsThatOfTheAddress) {
+TEST_F(Web, TheAddressIsThatOfTheServerAndTheCodeOfTheAddress) {
   start_web();
   const ProcessResult plain = run({"web", "address", "--state", path("state")});
   const ProcessResult coded = run({"web", "address", "--state", path("state"), "--code"});
   ASSERT_EQ(plain.exit_code, 0) << plain.err;
   const std::string address = plain.out.substr(0, plain.out.find('\n'));
+  EXPECT_TRUE(address.starts_with("http://127.0.0.1:" + std::to_string(port_) + "/")) << address;
   EXPECT_EQ(coded.out, address + "\n" + frames::qr_terminal_text(frames::qr_code_of(address)));
 }
 
