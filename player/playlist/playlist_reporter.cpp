@@ -29,7 +29,13 @@ void PlaylistReporter::report(const PlaylistEvent& event) {
   {
     const std::lock_guard lock(mutex_);
     const bool is_problem = event.kind == EventKind::ItemSkipped || event.kind == EventKind::Kept;
-    if (is_problem) status_.last_problem = event.detail;
+    const bool is_replaced = event.kind == EventKind::Replaced &&
+                             problem_.kind == EventKind::Kept && problem_.source == event.source;
+    if (is_replaced) status_.last_problem.clear();
+    if (is_problem) {
+      status_.last_problem = event.detail;
+      problem_ = event;
+    }
     if (event.kind == EventKind::ItemSkipped) ++status_.skipped;
     if (event.kind == EventKind::LoopPoint) ++status_.loop_points;
   }
@@ -71,9 +77,16 @@ bool PlaylistReporter::note_waiting(const std::string& why) {
   return std::exchange(status_.waiting_for, why) != why;
 }
 
-void PlaylistReporter::loop_done() {
+void PlaylistReporter::loop_done(const OpenItem& item) {
   const std::lock_guard lock(mutex_);
   ++status_.loops;
+  locked_played_whole(item);
+}
+
+/// Ends the problem of an item that was left out before, and now played without a break.
+void PlaylistReporter::locked_played_whole(const OpenItem& item) {
+  if (problem_.kind == EventKind::ItemSkipped && problem_.source == item.item.source.text)
+    status_.last_problem.clear();
 }
 
 void PlaylistReporter::count_damage(OpenItem& item) {
@@ -94,6 +107,7 @@ void PlaylistReporter::count_damage(OpenItem& item) {
 
 void PlaylistReporter::end(const OpenItem& item, bool to_end) {
   const std::lock_guard lock(mutex_);
+  if (to_end && item.handed_out > 0) locked_played_whole(item);
   ItemAccount* const account = locked_account(item.number);
   if (account == nullptr) return;
   account->to_end = to_end;

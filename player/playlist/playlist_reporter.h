@@ -50,7 +50,7 @@ struct PlaylistStatus {
   uint64_t loop_points = 0;
   uint64_t loops = 0;  ///< times that an item was complete
   uint64_t skipped = 0;
-  std::string last_problem{};
+  std::string last_problem{};    ///< empty again once the content that caused it plays
   std::string waiting_for{};     ///< why no item of the list can begin; empty if one plays
   frames::FrameDamage damage{};  ///< total over all items so far
   /// The damaged items, by source.
@@ -85,7 +85,8 @@ class PlaylistReporter {
   void begin(const OpenItem& item);
   /// Reports the first frame of an item.
   void started(const OpenItem& item);
-  void loop_done();
+  /// Reports that a round of the item is complete.
+  void loop_done(const OpenItem& item);
   /// Notes why no item of the list can begin. Returns true if that is new; then report it without a
   /// lock.
   [[nodiscard]] bool note_waiting(const std::string& why);
@@ -106,10 +107,12 @@ class PlaylistReporter {
 
  private:
   [[nodiscard]] ItemAccount* locked_account(uint32_t number);
+  void locked_played_whole(const OpenItem& item);
 
   const OnEvent on_event_;
   mutable std::mutex mutex_;  ///< guards the members below; no other lock is taken under it
   PlaylistStatus status_;
+  PlaylistEvent problem_;  ///< event of status_.last_problem
   std::deque<ItemAccount> begun_;
 };
 

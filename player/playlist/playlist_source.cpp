@@ -232,7 +232,7 @@ bool PlaylistSource::goes_round(OpenItem& item) {
     if (!item.waits_for_renderer) break_current("it contains no frame");
     return true;
   }
-  reporter_.loop_done();
+  reporter_.loop_done(item);
   bool more = limited || loops == kForever || item.loops_done < loops;
   if (!item.index)
     more = !loader_.next_is_there();

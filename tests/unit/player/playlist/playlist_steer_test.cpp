@@ -159,6 +159,14 @@ TEST_F(PlaylistSteer, ASeekBeyondTheEndNamesTheFramesAlsoIfOnlyTheEndTellsTheirN
   EXPECT_TRUE(is_moving());
 }
 
+TEST_F(PlaylistSteer, TheLastProblemEndsWhenItsItemPlaysWhole) {
+  shelf.put("a", {0, {.geometry = kItemSize, .frames = 10}});
+  start(list_of({"a", "b"}, kForever));
+  ASSERT_TRUE(within_timeout([&] { return source->status().last_problem.starts_with("b: "); }));
+  shelf.put("b", {500, {.geometry = kItemSize, .frames = 10}});
+  EXPECT_TRUE(within_timeout([&] { return source->status().last_problem.empty(); }));
+}
+
 TEST_F(PlaylistSteer, AJumpDiscardsFramesFilledBefore) {
   shelf.put("slow", {0, {.geometry = kItemSize, .frames = 100, .rate = frames::Rate{1, 2}}});
   shelf.put("b", {500, {.geometry = kItemSize, .frames = 50}});
