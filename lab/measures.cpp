@@ -33,75 +33,21 @@ Flicker FlickerMeter::add(const FrameView& reference, const FrameView& test) {
 
 namespace {
 
-constexpr int kStep = 8;
-
-/// SquareSums is a summed-area table of squared differences: the sum above and to the left of each
-/// pixel corner.
-class SquareSums {
- public:
-  SquareSums(const FrameView& a, const FrameView& b)
-      : stride_(static_cast<size_t>(a.geometry.width) + 1),
-        sums_(stride_ * (static_cast<size_t>(a.geometry.height) + 1)) {
-    for (int j = 0; j < a.geometry.height; ++j) {
-      const uint64_t* const above = sums_.data() + static_cast<size_t>(j) * stride_;
-      uint64_t* const here = sums_.data() + static_cast<size_t>(j + 1) * stride_;
-      uint64_t row = 0;
-      for (int i = 0; i < a.geometry.width; ++i) {
-        row += squares(a.row(j) + 3 * i, b.row(j) + 3 * i);
-        here[i + 1] = above[i + 1] + row;
-      }
-    }
-  }
-
-  [[nodiscard]] uint64_t of(const Tile& tile) const {
-    const auto at = [this](int x, int y) {
-      return sums_[static_cast<size_t>(y) * stride_ + static_cast<size_t>(x)];
-    };
-    const int right = tile.x + tile.width;
-    const int bottom = tile.y + tile.height;
-    return at(right, bottom) - at(tile.x, bottom) - at(right, tile.y) + at(tile.x, tile.y);
-  }
-
- private:
-  static uint64_t squares(const uint8_t* a, const uint8_t* b) {
-    uint64_t sum = 0;
-    for (int c = 0; c < 3; ++c) {
-      const int distance = int{a[c]} - int{b[c]};
+uint64_t squares_in(const FrameView& a, const FrameView& b, const Tile& tile) {
+  uint64_t sum = 0;
+  for (int j = tile.y; j < tile.y + tile.height; ++j)
+    for (int s = 3 * tile.x; s < 3 * (tile.x + tile.width); ++s) {
+      const int distance = int{a.row(j)[s]} - int{b.row(j)[s]};
       sum += static_cast<uint64_t>(distance * distance);
     }
-    return sum;
-  }
-
-  size_t stride_;
-  std::vector<uint64_t> sums_;
-};
+  return sum;
+}
 
 std::vector<int> beginnings(int whole, int part) {
   std::vector<int> places;
-  for (int place = 0; place < whole - part; place += kStep) places.push_back(place);
+  for (int place = 0; place < whole - part; place += std::max(1, part / 2)) places.push_back(place);
   places.push_back(whole - part);
   return places;
-}
-
-struct Candidate {
-  Tile tile;
-  uint64_t squares;
-};
-
-std::vector<Candidate> candidates(const SquareSums& sums, const FrameGeometry& geometry, int side) {
-  Tile tile{.width = std::min(side, geometry.width), .height = std::min(side, geometry.height)};
-  const double samples = 3.0 * tile.width * tile.height;
-  std::vector<Candidate> found;
-  for (const int y : beginnings(geometry.height, tile.height))
-    for (const int x : beginnings(geometry.width, tile.width)) {
-      tile.x = x;
-      tile.y = y;
-      const uint64_t squares = sums.of(tile);
-      if (squares == 0) continue;
-      tile.mse = static_cast<double>(squares) / samples;
-      found.push_back({tile, squares});
-    }
-  return found;
 }
 
 }  // namespace
@@ -112,14 +58,21 @@ std::vector<Tile> worst_tiles(const FrameView& reference, const FrameView& test,
   if (side < 1)
     throw Error(ErrorKind::Usage, fmt::format("tiles of {} pixels: must have at least 1", side));
   if (reference.bytes.empty()) return {};
-  std::vector<Candidate> left = candidates(SquareSums(reference, test), reference.geometry, side);
+  Tile tile{.width = std::min(side, reference.geometry.width),
+            .height = std::min(side, reference.geometry.height)};
+  std::vector<Tile> left;
+  for (const int y : beginnings(reference.geometry.height, tile.height))
+    for (const int x : beginnings(reference.geometry.width, tile.width)) {
+      tile.x = x;
+      tile.y = y;
+      tile.mse =
+          static_cast<double>(squares_in(reference, test, tile)) / (3.0 * tile.width * tile.height);
+      if (tile.mse > 0.0) left.push_back(tile);
+    }
   std::vector<Tile> worst;
   while (static_cast<int>(worst.size()) < count && !left.empty()) {
-    const auto next = std::max_element(
-        left.begin(), left.end(),
-        [](const Candidate& a, const Candidate& b) { return a.squares < b.squares; });
-    worst.push_back(next->tile);
-    std::erase_if(left, [&](const Candidate& one) { return one.tile.overlaps(worst.back()); });
+    worst.push_back(*std::ranges::max_element(left, {}, &Tile::mse));
+    std::erase_if(left, [&](const Tile& one) { return one.overlaps(worst.back()); });
   }
   return worst;
 }

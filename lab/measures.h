@@ -50,10 +50,10 @@ struct Tile {
 };
 
 /// Returns up to `count` tiles of side x side pixels that do not overlap, in descending order of
-/// MSE. The candidates begin at multiples of eight or end at the picture's border; among candidates
-/// of equal MSE the upper, then the left one comes first. Tiles are clipped to a picture smaller
-/// than a tile. Tiles without a difference are omitted. Throws Error(Input) if the sizes differ,
-/// Error(Usage) for a side below 1.
+/// MSE. The candidates begin at multiples of half a side or end at the picture's border; among
+/// those of equal MSE the upper, then the left one comes first. Tiles are clipped to a picture
+/// smaller than a tile. Tiles without a difference are omitted. Throws Error(Input) if the sizes
+/// differ, Error(Usage) for a side below 1.
 [[nodiscard]] std::vector<Tile> worst_tiles(const FrameView& reference, const FrameView& test,
                                             int side, int count);
 

@@ -69,35 +69,24 @@ double HandTrial::error_of(const optics::Rig& rig) const {
   return worst_error(rig, sheet_, judged_eyes(workshop_.start));
 }
 
-HandResult HandTrial::calibrate_single() const {
-  const calib::Calibration found = calib::fit_single_photo(
-      first_picture_, chart_, {.focal_px = focal_px_, .distance_mm = std::nullopt});
-  HandResult out;
-  out.photographs = 1;
-  out.reasons = found.reasons;
-  out.fit_seconds = found.seconds_computing;
-  out.fitted = found.verdict != calib::Verdict::Refused;
-  if (!out.fitted) return out;
-  out.error_lenses = worst_error(found.rig, sheet_, {workshop_.shots.front().eye_mm});
-  out.stated_lenses = found.drift.worst_lenses;
-  if (out.stated_lenses <= kMostLenses)
-    out.outcome = out.error_lenses <= kMostLenses ? HandOutcome::Right : HandOutcome::Wrong;
-  return out;
-}
-
 HandResult HandTrial::calibrate(int photographs) const {
-  if (photographs == 1) return calibrate_single();
+  const bool single = photographs == 1;
   const calib::Calibration found =
-      calib::calibrate_phone({photos_.begin(), photos_.begin() + photographs}, chart_, focal_px_);
+      single ? calib::fit_single_photo(first_picture_, chart_,
+                                       {.focal_px = focal_px_, .distance_mm = std::nullopt})
+             : calib::calibrate_phone({photos_.begin(), photos_.begin() + photographs}, chart_,
+                                      focal_px_);
+  const bool refused = found.verdict == calib::Verdict::Refused;
   HandResult out;
   out.photographs = photographs;
   out.reasons = found.reasons;
   out.fit_seconds = found.seconds_computing;
-  out.fitted = !found.viewpoints.empty() && !optics::find_problem(found.rig);
+  out.fitted = single ? !refused : !found.viewpoints.empty() && !optics::find_problem(found.rig);
   if (!out.fitted) return out;
-  out.error_lenses = error_of(found.rig);
+  out.error_lenses = single ? worst_error(found.rig, sheet_, {workshop_.shots.front().eye_mm})
+                            : error_of(found.rig);
   out.stated_lenses = found.drift.worst_lenses;
-  if (found.verdict != calib::Verdict::Refused)
+  if (single ? out.stated_lenses <= kMostLenses : !refused)
     out.outcome = out.error_lenses <= kMostLenses ? HandOutcome::Right : HandOutcome::Wrong;
   return out;
 }

@@ -56,7 +56,6 @@ class HandTrial {
 
  private:
   void take(const Shot& shot);
-  [[nodiscard]] HandResult calibrate_single() const;
 
   Workshop workshop_;
   SheetShape sheet_;

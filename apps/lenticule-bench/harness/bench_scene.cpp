@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/lenticule-bench/harness/bench_scene.h"
 
-#include <time.h>
-
 #include <algorithm>
-#include <chrono>
 #include <fstream>
 #include <string>
 #include <string_view>
@@ -114,17 +111,6 @@ double peak_resident_mib() {
   for (std::string line; std::getline(status, line);)
     if (line.starts_with(key)) return std::stod(line.substr(key.size())) / 1024.0;
   return 0.0;
-}
-
-double seconds_now() {
-  const auto now = std::chrono::steady_clock::now().time_since_epoch();
-  return std::chrono::duration<double>(now).count();
-}
-
-double process_cpu_seconds() {
-  timespec now{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
 void reset_peak_resident() {

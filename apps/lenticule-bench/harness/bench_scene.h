@@ -90,11 +90,6 @@ struct CaseTimes {
 [[nodiscard]] double peak_resident_mib();
 void reset_peak_resident();
 
-/// Returns the time of a monotonic clock; only differences are meaningful.
-[[nodiscard]] double seconds_now();
-/// Returns the processor time of all threads of this process.
-[[nodiscard]] double process_cpu_seconds();
-
 [[nodiscard]] inline double mega_per_second(uint64_t count, double seconds) {
   return seconds > 0.0 ? static_cast<double>(count) / seconds / 1e6 : 0.0;
 }
@@ -105,12 +100,19 @@ void reset_peak_resident();
   return statistics.primary_rays + statistics.shadow_rays + statistics.secondary_rays;
 }
 
-// Measures processor time of a thread, which other programs disturb less than wall time.
-
+/// Returns the time of a clock; only differences are meaningful. CLOCK_MONOTONIC is wall time,
+/// CLOCK_PROCESS_CPUTIME_ID and CLOCK_THREAD_CPUTIME_ID are processor time, which other programs
+/// disturb less.
 [[nodiscard]] inline double clock_seconds(clockid_t clock) {
   timespec time{};
   clock_gettime(clock, &time);
   return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+[[nodiscard]] inline double seconds_now() {
+  return clock_seconds(CLOCK_MONOTONIC);
+}
+[[nodiscard]] inline double process_cpu_seconds() {
+  return clock_seconds(CLOCK_PROCESS_CPUTIME_ID);
 }
 
 /// Returns the duration of `work` by a clock.
@@ -121,9 +123,4 @@ template <class Work>
   return clock_seconds(clock) - start;
 }
 
-/// Returns the processor time that `work` takes on this thread.
-template <class Work>
-[[nodiscard]] double thread_seconds(Work&& work) {
-  return seconds_by(CLOCK_THREAD_CPUTIME_ID, work);
-}
 }  // namespace lenticule::bench

@@ -119,7 +119,8 @@ void print_table(const nlohmann::json& rows, std::span<const Column> columns,
           is_text ? fmt::format("{:<{}}", cells[n], width) : fmt::format("{:>{}}", cells[n], width);
     }
   }
-  for (const std::string& line : lines) print_out("{}\n", line);
+  for (const std::string& line : lines)
+    print_out("{}\n", line.substr(0, line.find_last_not_of(' ') + 1));
 }
 
 void declare_run_flags(CLI::App& app, RunFlags& flags) {

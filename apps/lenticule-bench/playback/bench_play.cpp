@@ -96,7 +96,9 @@ StepTimes time_steps(const BenchScene& scene, const frames::ViewSet& views, int 
                             1);
   frames::WovenFrame frame(scene.frame().geometry());
   std::vector<uint32_t> scanout(frame.bytes().size() / 3);
-  const auto milliseconds = [](auto&& work) { return 1e3 * thread_seconds(work); };
+  const auto milliseconds = [](auto&& work) {
+    return 1e3 * seconds_by(CLOCK_THREAD_CPUTIME_ID, work);
+  };
   StepTimes times;
   for (int run = 0; run < runs && !player::interrupted(); ++run) {
     times.decode_woven.push_back(milliseconds([&] { woven.decode(); }));
@@ -167,15 +169,6 @@ struct BenchFlags : RunFlags {
   int slots = 8;
 };
 
-struct Row {
-  frames::FrameGeometry geometry;
-  player::PlayReport report;
-  uint64_t early_bytes = 0;  ///< resident at the first report: own, ring and library pages
-  uint64_t late_bytes = 0;   ///< resident at the end
-  uint64_t allowed_bytes = 0;
-  double seconds = 0;
-};
-
 /// Publishes frames of one changing grey until the player has all of them. Runs in the child
 /// process.
 [[noreturn]] void run_renderer(const std::filesystem::path& socket, uint64_t count) noexcept {
@@ -213,54 +206,46 @@ class RendererProcess {
   pid_t pid_;
 };
 
-Row measure(frames::FrameGeometry geometry, uint64_t count, int slots) {
+nlohmann::json measure(frames::FrameGeometry geometry, uint64_t count, int slots) {
   const lab::ScratchFolder folder;
   const std::filesystem::path socket = folder.ring_socket();
   // Forked before this process has threads; the child waits for the socket to appear.
   const RendererProcess renderer(socket, count);
-  const auto begin = std::chrono::steady_clock::now();
+  const double begin = seconds_now();
   const auto ring = frames::RingPlayer::open(
       {.socket = socket, .geometry = geometry, .slots = slots, .rig_fingerprint = {}});
   const auto display = display::open_virtual_display(
       {.geometry = geometry, .clock = std::make_shared<display::SimulatedClock>()});
 
-  Row row;
-  row.geometry = geometry;
-  row.allowed_bytes = static_cast<uint64_t>(slots) * geometry.frame_bytes() +
-                      kAllowedFrames * geometry.frame_bytes() + kAllowance;
+  const uint64_t allowed =
+      (static_cast<uint64_t>(slots) + kAllowedFrames) * geometry.frame_bytes() + kAllowance;
+  uint64_t early = 0;  // resident at the first report: own, ring and library pages
   const player::PlayResult result = player::play(*display, *ring,
                                                  {.prime = static_cast<uint64_t>(slots) / 2,
                                                   .filling = player::Filling::InPresenter,
                                                   .stop_fd = player::interrupt_fd(),
                                                   .on_report =
-                                                      [&row](const player::PlayReport& report) {
-                                                        if (row.early_bytes == 0)
-                                                          row.early_bytes = report.memory.total;
+                                                      [&early](const player::PlayReport& report) {
+                                                        if (early == 0) early = report.memory.total;
                                                       },
                                                   .source_name = "ring"});
   if (result.report.pace.shown != count && !player::interrupted())
     throw Error(ErrorKind::Failed,
                 fmt::format("bench play: {} of {} frames shown: {} {}", result.report.pace.shown,
                             count, outcome_name(result.outcome), result.failure));
-  row.report = result.report;
-  row.late_bytes = result.report.memory.total;
-  if (row.early_bytes == 0) row.early_bytes = row.late_bytes;
-  row.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  return row;
-}
-
-nlohmann::json row_json(const Row& row) {
-  return {{"width", row.geometry.width},
-          {"height", row.geometry.height},
-          {"frames", row.report.pace.shown},
-          {"frames_per_s", static_cast<double>(row.report.pace.shown) / row.seconds},
-          {"copy_us_p50", row.report.copy.p50_us},
-          {"copy_us_p99", row.report.copy.p99_us},
-          {"memory_early_bytes", row.early_bytes},
-          {"memory_late_bytes", row.late_bytes},
-          {"memory_allowed_bytes", row.allowed_bytes},
-          {"own_and_ring_bytes", row.report.memory.anonymous + row.report.memory.shared},
-          {"within_limit", row.late_bytes <= row.allowed_bytes}};
+  const player::PlayReport& report = result.report;
+  const uint64_t late = report.memory.total;
+  return {{"width", geometry.width},
+          {"height", geometry.height},
+          {"frames", report.pace.shown},
+          {"frames_per_s", static_cast<double>(report.pace.shown) / (seconds_now() - begin)},
+          {"copy_us_p50", report.copy.p50_us},
+          {"copy_us_p99", report.copy.p99_us},
+          {"memory_early_bytes", early == 0 ? late : early},
+          {"memory_late_bytes", late},
+          {"memory_allowed_bytes", allowed},
+          {"own_and_ring_bytes", report.memory.anonymous + report.memory.shared},
+          {"within_limit", late <= allowed}};
 }
 
 void print_row(const nlohmann::json& row) {
@@ -286,7 +271,7 @@ ExitCode run_bench_play(const BenchFlags& flags) {
                           {{.width = 3840, .height = 2160}, flags.large_frames}};
   bool within = true;
   for (const Panel& panel : panels) {
-    rows.push_back(row_json(measure(panel.geometry, panel.frames, flags.slots)));
+    rows.push_back(measure(panel.geometry, panel.frames, flags.slots));
     within = within && rows.back()["within_limit"].get<bool>();
     if (player::interrupted()) return player::interrupt_exit_code();
     if (!flags.json) print_row(rows.back());
@@ -341,7 +326,7 @@ std::string find_lenticule() {
 
 /// Runs lenticule with arguments that need no quoting in a shell.
 ProgramOutput run_lenticule(const std::string& program, const std::string& arguments) {
-  const auto begin = std::chrono::steady_clock::now();
+  const double begin = seconds_now();
   std::FILE* pipe = popen(fmt::format("'{}' {} 2>/dev/null", program, arguments).c_str(), "re");
   if (pipe == nullptr) throw Error(ErrorKind::Failed, program + ": cannot start");
   ProgramOutput output;
@@ -349,9 +334,8 @@ ProgramOutput run_lenticule(const std::string& program, const std::string& argum
   for (size_t n = 0; (n = std::fread(buffer, 1, sizeof buffer, pipe)) > 0;)
     output.text.append(buffer, n);
   const int status = pclose(pipe);
-  const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - begin;
+  output.seconds = seconds_now() - begin;
   if (status != 0) throw Error(ErrorKind::Failed, fmt::format("{} {}: failed", program, arguments));
-  output.seconds = elapsed.count();
   return output;
 }
 

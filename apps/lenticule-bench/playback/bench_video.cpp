@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "apps/lenticule-bench/harness/bench.h"
+#include "apps/lenticule-bench/harness/bench_scene.h"
 #include "apps/lenticule-tools/offline/video_writer.h"
 #include "base/error.h"
 #include "base/print.h"
@@ -72,13 +73,9 @@ Way store_video(const VideoFlags& flags, frames::FrameGeometry geometry, VideoCo
   tools::VideoWriter writer({.file = file, .geometry = geometry, .rate = {60, 1}, .codec = codec});
   for (int k = 0; k < flags.frames; ++k) {
     const frames::WovenFrame frame = woven_like(geometry, k);
-    const Clock::time_point begin = Clock::now();
-    writer.write(frame.view());
-    seconds += std::chrono::duration<double>(Clock::now() - begin).count();
+    seconds += seconds_by(CLOCK_MONOTONIC, [&] { writer.write(frame.view()); });
   }
-  const Clock::time_point begin = Clock::now();
-  writer.finish();
-  seconds += std::chrono::duration<double>(Clock::now() - begin).count();
+  seconds += seconds_by(CLOCK_MONOTONIC, [&] { writer.finish(); });
   way.written_per_s = flags.frames / seconds;
   way.megabytes_per_frame =
       static_cast<double>(std::filesystem::file_size(file)) / 1e6 / flags.frames;
@@ -97,9 +94,8 @@ Way store_pngs(const VideoFlags& flags, frames::FrameGeometry geometry,
   for (int k = 0; k < flags.frames; ++k) {
     files.emplace_back(folder.file(fmt::format("{:05}.png", k)));
     const frames::WovenFrame frame = woven_like(geometry, k);
-    const Clock::time_point begin = Clock::now();
-    frames::write_woven(frame.view(), files.back());
-    seconds += std::chrono::duration<double>(Clock::now() - begin).count();
+    seconds +=
+        seconds_by(CLOCK_MONOTONIC, [&] { frames::write_woven(frame.view(), files.back()); });
     bytes += static_cast<double>(std::filesystem::file_size(files.back()));
   }
   way.written_per_s = flags.frames / seconds;
@@ -143,9 +139,8 @@ void pull_frames(frames::FrameSource& source, uint64_t count) {
 double frames_per_second(const Way& way, int frames) {
   const auto source = way.open();
   pull_frames(*source, kWarmUp);
-  const Clock::time_point begin = Clock::now();
-  pull_frames(*source, static_cast<uint64_t>(frames));
-  return frames / std::chrono::duration<double>(Clock::now() - begin).count();
+  return frames /
+         seconds_by(CLOCK_MONOTONIC, [&] { pull_frames(*source, static_cast<uint64_t>(frames)); });
 }
 
 void print_ways(const nlohmann::json& report) {

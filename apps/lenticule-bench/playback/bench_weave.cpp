@@ -5,7 +5,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <chrono>
 #include <cstring>
 #include <memory>
 #include <thread>
@@ -21,7 +20,6 @@ namespace lenticule::bench {
 namespace {
 
 using frames::ViewFilter;
-using Clock = std::chrono::steady_clock;
 
 struct WeaveBenchFlags : RunFlags {
   bool quick = false;
@@ -46,10 +44,8 @@ struct CaseResult {
 };
 
 template <class Work>
-double milliseconds(const Work& work) {
-  const auto begin = Clock::now();
-  work();
-  return std::chrono::duration<double, std::milli>(Clock::now() - begin).count();
+double milliseconds(const Work& work, clockid_t clock = CLOCK_MONOTONIC) {
+  return 1e3 * seconds_by(clock, work);
 }
 
 frames::ViewSet noise_views(const Case& what) {
@@ -97,12 +93,11 @@ void time_kernel(const frames::ViewSet& views, std::shared_ptr<const frames::Wea
   std::vector<double> weave_thread_ms, copy_thread_ms;
   for (int run = 0; run < runs && !player::interrupted(); ++run) {
     weave_thread_ms.push_back(
-        1e3 * thread_seconds(
-                  [&] { weave_ms.push_back(milliseconds([&] { weaver.weave(views, frame); })); }));
-    copy_thread_ms.push_back(1e3 * thread_seconds([&] {
-                               copy_ms.push_back(
-                                   milliseconds([&] { copy_by_threads(frame, copy, threads); }));
-                             }));
+        milliseconds([&] { weave_ms.push_back(milliseconds([&] { weaver.weave(views, frame); })); },
+                     CLOCK_THREAD_CPUTIME_ID));
+    copy_thread_ms.push_back(milliseconds(
+        [&] { copy_ms.push_back(milliseconds([&] { copy_by_threads(frame, copy, threads); })); },
+        CLOCK_THREAD_CPUTIME_ID));
     ratios.push_back(weave_ms.back() / copy_ms.back());
   }
   if (ratios.empty()) return;
