@@ -38,7 +38,7 @@ struct Column {
   const char* key;  ///< of a row, which is a JSON object; with a slash for a key inside another one
   const char* format = "{:.0f}";  ///< of numbers
   double factor = 1.0;            ///< of numbers
-  const char* null = "-";         ///< stands for null and for a missing key
+  const char* null = "-";         ///< stands for null; a missing key is "-"
 };
 /// Prints the rows below the heads of their columns. Columns of text are aligned to the left.
 void print_table(const nlohmann::json& rows, std::span<const Column> columns,

@@ -105,12 +105,14 @@ void print_table(const nlohmann::json& rows, std::span<const Column> columns,
     std::vector<std::string> cells = {column.head};
     bool is_text = false;
     for (const nlohmann::json& row : rows) {
-      const nlohmann::json value = row.contains(place) ? row.at(place) : nlohmann::json();
+      std::string& cell = cells.emplace_back("-");
+      if (!row.contains(place)) continue;
+      const nlohmann::json& value = row.at(place);
       is_text = is_text || value.is_string();
-      cells.push_back(value.is_null()     ? column.null
-                      : value.is_string() ? value.get<std::string>()
-                                          : fmt::format(fmt::runtime(column.format),
-                                                        column.factor * value.get<double>()));
+      cell = value.is_null() ? column.null
+             : value.is_string()
+                 ? value.get<std::string>()
+                 : fmt::format(fmt::runtime(column.format), column.factor * value.get<double>());
     }
     const size_t width = std::ranges::max(cells, {}, &std::string::size).size();
     for (size_t n = 0; n < cells.size(); ++n) {
