@@ -45,8 +45,7 @@ std::string last_line(std::string text) {
   return text.substr(text.rfind('\n') + 1);
 }
 
-}  // namespace
-
+/// Returns the file of jobs.
 std::string jobs_text(const std::vector<JudgeJob>& jobs) {
   json list = json::array();
   for (const JudgeJob& job : jobs)
@@ -64,6 +63,8 @@ std::string jobs_text(const std::vector<JudgeJob>& jobs) {
                     {"exposure", 1.0}});
   return list.dump(1) + '\n';
 }
+
+}  // namespace
 
 std::string run_judge(const std::string& program, const std::filesystem::path& jobs_file,
                       const std::vector<JudgeJob>& jobs, std::chrono::seconds limit) {

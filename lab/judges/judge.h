@@ -32,9 +32,6 @@ struct JudgeJob {
   double light_scale = 1.0;
 };
 
-/// Returns the file of jobs.
-[[nodiscard]] std::string jobs_text(const std::vector<JudgeJob>& jobs);
-
 /// Removes older pictures of the jobs, writes `jobs_file` and runs the judge. Returns an empty
 /// text, or why the judge as a whole failed: its last line of output, or that it exceeded the time.
 /// Throws Error(Failed) if it cannot be started or the file cannot be written.

@@ -206,8 +206,7 @@ void measure_all(const Trial& trial, SimulatedBench& bench, TrialResult& result)
   }
 }
 
-}  // namespace
-
+/// Returns eyes all over the viewing zone of the options, at three distances.
 std::vector<Vec3> zone_eyes(const Trial& trial) {
   const Vec3 middle = middle_eye(trial);
   std::vector<Vec3> eyes;
@@ -216,6 +215,8 @@ std::vector<Vec3> zone_eyes(const Trial& trial) {
       eyes.push_back({side * trial.options.zone_half_width_mm, 0.0, part * middle.z});
   return eyes;
 }
+
+}  // namespace
 
 TrialErrors errors_of(const optics::Rig& found, const SimulatedBench& bench, const Trial& trial) {
   const optics::OpticalModel model(found);
@@ -336,31 +337,7 @@ Trial plain_trial(int panel_width, int panel_height, int camera_width, int camer
   return trial;
 }
 
-Trial random_trial(uint64_t seed, int panel_width, int panel_height, int camera_width,
-                   int camera_height) {
-  PortableRandom random(scramble(seed));
-  Trial trial;
-  trial.seed = random.bits();
-  trial.panel = trial_panel(panel_width, panel_height);
-  trial.sheet = random_sheet(random, trial.panel);
-  trial.link = random_link(random);
-  trial.camera = random_camera(random, trial.panel, 1);
-  scale_camera(camera_width, camera_height, trial.camera);
-  // The middle viewpoint comes first, because it is also used alone.
-  constexpr std::array<int, 3> kOrder = {1, 0, 2};
-  constexpr std::array<const char*, 3> kNames = {"left", "centre", "right"};
-  for (const int place : kOrder) {
-    SimulatedCamera there = trial.camera;
-    random_place(random, place, there);
-    trial.viewpoints.push_back({kNames[static_cast<size_t>(place)], there.position_mm,
-                                there.look_at_mm, there.roll_degrees});
-  }
-  trial.start = nominal_rig(trial, random.uniform(0.9, 1.1), random.uniform(-0.02, 0.02),
-                            random.uniform(0.75, 1.25));
-  return trial;
-}
-
-// Draws random sheets, cameras and links.
+// Draws random sheets and cameras.
 
 namespace {
 
@@ -396,6 +373,16 @@ void draw_sensor(PortableRandom& random, SimulatedCamera& camera) {
   camera.exposure_ms = 1000.0 / 60.0;
 }
 
+/// Sets only position_mm, look_at_mm and roll_degrees, as in random_camera.
+void random_place(PortableRandom& random, int viewpoint, SimulatedCamera& camera) {
+  LENTICULE_CHECK(viewpoint >= 0 && viewpoint < 3);
+  const double sideways = kSidewaysMm[static_cast<size_t>(viewpoint)];
+  camera.position_mm = {sideways + random.uniform(-30.0, 30.0), random.uniform(-30.0, 30.0),
+                        kDistanceMm + random.uniform(-30.0, 30.0)};
+  camera.look_at_mm = {random.uniform(-20.0, 20.0), random.uniform(-20.0, 20.0), 0.0};
+  camera.roll_degrees = random.uniform(-3.0, 3.0);
+}
+
 }  // namespace
 
 SimulatedSheet random_sheet(PortableRandom& random, const optics::Panel& panel) {
@@ -409,15 +396,6 @@ SimulatedSheet random_sheet(PortableRandom& random, const optics::Panel& panel) 
   sheet.black_matrix = random.uniform(0.1, 0.5);
   sheet.seed = random.bits();
   return sheet;
-}
-
-void random_place(PortableRandom& random, int viewpoint, SimulatedCamera& camera) {
-  LENTICULE_CHECK(viewpoint >= 0 && viewpoint < 3);
-  const double sideways = kSidewaysMm[static_cast<size_t>(viewpoint)];
-  camera.position_mm = {sideways + random.uniform(-30.0, 30.0), random.uniform(-30.0, 30.0),
-                        kDistanceMm + random.uniform(-30.0, 30.0)};
-  camera.look_at_mm = {random.uniform(-20.0, 20.0), random.uniform(-20.0, 20.0), 0.0};
-  camera.roll_degrees = random.uniform(-3.0, 3.0);
 }
 
 SimulatedCamera random_camera(PortableRandom& random, const optics::Panel& panel, int viewpoint) {
@@ -434,9 +412,27 @@ SimulatedCamera random_camera(PortableRandom& random, const optics::Panel& panel
   return camera;
 }
 
-SimulatedPanelLink random_link(PortableRandom& random) {
-  SimulatedPanelLink link;
-  link.response_ms = random.uniform(5.0, 10.0);
-  return link;
+Trial random_trial(uint64_t seed, int panel_width, int panel_height, int camera_width,
+                   int camera_height) {
+  PortableRandom random(scramble(seed));
+  Trial trial;
+  trial.seed = random.bits();
+  trial.panel = trial_panel(panel_width, panel_height);
+  trial.sheet = random_sheet(random, trial.panel);
+  trial.link.response_ms = random.uniform(5.0, 10.0);
+  trial.camera = random_camera(random, trial.panel, 1);
+  scale_camera(camera_width, camera_height, trial.camera);
+  // The middle viewpoint comes first, because it is also used alone.
+  constexpr std::array<int, 3> kOrder = {1, 0, 2};
+  constexpr std::array<const char*, 3> kNames = {"left", "centre", "right"};
+  for (const int place : kOrder) {
+    SimulatedCamera there = trial.camera;
+    random_place(random, place, there);
+    trial.viewpoints.push_back({kNames[static_cast<size_t>(place)], there.position_mm,
+                                there.look_at_mm, there.roll_degrees});
+  }
+  trial.start = nominal_rig(trial, random.uniform(0.9, 1.1), random.uniform(-0.02, 0.02),
+                            random.uniform(0.75, 1.25));
+  return trial;
 }
 }  // namespace lenticule::lab

@@ -71,9 +71,6 @@ struct TrialResult {
   double shown_seconds = 0.0;  ///< time on the simulated clock, longest viewpoint
 };
 
-/// Returns eyes all over the viewing zone of the options, at three distances.
-[[nodiscard]] std::vector<Vec3> zone_eyes(const Trial& trial);
-
 /// Returns the errors of a rig on a bench.
 [[nodiscard]] TrialErrors errors_of(const optics::Rig& found, const SimulatedBench& bench,
                                     const Trial& trial);
@@ -97,7 +94,7 @@ void evaluate_trial(const Trial& trial, const SimulatedBench& bench, TrialResult
 [[nodiscard]] Trial random_trial(uint64_t seed, int panel_width, int panel_height, int camera_width,
                                  int camera_height);
 
-// Draws random but realistic sheets, cameras and links, for tests over many of them.
+// Draws random but realistic sheets and cameras, for tests over many of them.
 
 /// Returns a sheet with 4 to 40 subpixels per lens, a slant up to 30 degrees, a viewing cone of 8
 /// to 24 degrees, nearly in focus, deformed by up to 0.15 lens.
@@ -105,14 +102,9 @@ void evaluate_trial(const Trial& trial, const SimulatedBench& bench, TrialResult
 
 /// Returns an ordinary webcam on a tripod, viewpoint 0 (left), 1 (middle) or 2 (right): about 700
 /// mm away and 250 mm to the side, looking roughly at the middle, with the panel over 55 to 80 % of
-/// the picture's width. Lens and sensor are random too: for one camera at several viewpoints, call
-/// this function once and use random_place for the others.
+/// the picture's width. Lens and sensor are random too: for one camera at several viewpoints,
+/// random_trial draws only the places of the others.
 [[nodiscard]] SimulatedCamera random_camera(PortableRandom& random, const optics::Panel& panel,
                                             int viewpoint);
 
-/// Sets only position_mm, look_at_mm and roll_degrees, as in random_camera.
-void random_place(PortableRandom& random, int viewpoint, SimulatedCamera& camera);
-
-/// Returns a link without faults to a panel with a response time of 5 to 10 ms.
-[[nodiscard]] SimulatedPanelLink random_link(PortableRandom& random);
 }  // namespace lenticule::lab

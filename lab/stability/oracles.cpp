@@ -120,7 +120,12 @@ OracleRay oracle_ray(const optics::Rig& rig, int i, int j, int channel, int64_t 
 
 namespace {
 
-using Real = long double;
+using Real3 = Vec3T<Real>;
+
+struct OracleLine {
+  Real3 from;
+  Real3 way;  ///< direction, of any length
+};
 
 constexpr Real kFar = std::numeric_limits<Real>::infinity();
 
@@ -188,6 +193,9 @@ Real channel_of(const Vec3& colour, int channel) {
   return channel == 0 ? colour.x : channel == 1 ? colour.y : colour.z;
 }
 
+/// Tracer tests every ray against every primitive. It supports glowing, mirroring and transparent
+/// materials, and neither lights nor ambient light. Mirrored and refracted rays start at a distance
+/// of `start_off` from their surfaces.
 struct Tracer {
   const render::SceneDescription& scene;
   int channel;
@@ -226,15 +234,6 @@ struct Tracer {
   static constexpr Real kLeast = 1e-11L;
 };
 
-}  // namespace
-
-long double oracle_light(const render::SceneDescription& scene, const OracleLine& line, int channel,
-                         int max_depth, long double start_off) {
-  return Tracer{scene, channel, max_depth, start_off}.light(line, 0, 0, {});
-}
-
-namespace {
-
 constexpr int kDepth = 5;              // the default of renders
 constexpr double kHair = 2e-5;         // mm
 constexpr Real kMostStartOff = 5e-5L;  // mm: 2^-20 of (largest coordinate + radius), 50 mm
@@ -264,14 +263,26 @@ OracleLine line_of(const optics::Rig& rig, int i, int j, int channel, Move move)
 
 Real code_of(const render::SceneDescription& scene, const OracleLine& line, int channel,
              Real start_off) {
-  return 255 * std::clamp(oracle_light(scene, line, channel, kDepth, start_off), Real(0), Real(1));
+  return 255 * std::clamp(Tracer{scene, channel, kDepth, start_off}.light(line, 0, 0, {}), Real(0),
+                          Real(1));
 }
 
-}  // namespace
+enum class OracleVerdict {
+  Same,        ///< equal within one code
+  BesideOnly,  ///< equal for a slightly moved ray, or with the renderer's start offset for later
+               ///< rays
+  Different,
+};
 
+struct SubpixelCode {
+  int i, j, channel;
+  uint8_t code;
+};
+
+/// Evaluates the oracle for one subpixel of the scene under plain_stage().
 OracleVerdict ask_oracle(const render::SceneDescription& scene, const optics::Rig& rig,
-                         SubpixelCode shown, double hair_mm) {
-  const Real hair = hair_mm;
+                         SubpixelCode shown) {
+  const Real hair = kHair;
   const auto same = [&](Move move, Real start_off = 0) {
     const OracleLine line = line_of(rig, shown.i, shown.j, shown.channel, move);
     return std::fabs(code_of(scene, line, shown.channel, start_off) - Real(shown.code)) <= 1;
@@ -285,6 +296,8 @@ OracleVerdict ask_oracle(const render::SceneDescription& scene, const optics::Ri
   return OracleVerdict::Different;
 }
 
+}  // namespace
+
 StabilityRow compare_with_oracle(const render::SceneDescription& scene, const optics::Rig& rig,
                                  const StabilitySize& size) {
   const frames::WovenFrame frame = render_small(scene, plain_stage(), rig, size.threads);
@@ -293,8 +306,7 @@ StabilityRow compare_with_oracle(const render::SceneDescription& scene, const op
       tally_parts(size, static_cast<uint64_t>(rig.panel.height_px), [&](uint64_t row, Tally& part) {
         const int j = static_cast<int>(row);
         for (int s = 0; s < 3 * rig.panel.width_px; ++s) {
-          const OracleVerdict verdict =
-              ask_oracle(scene, rig, {s / 3, j, s % 3, frame.row(j)[s]}, kHair);
+          const OracleVerdict verdict = ask_oracle(scene, rig, {s / 3, j, s % 3, frame.row(j)[s]});
           part.check(verdict != OracleVerdict::Different);
           if (verdict == OracleVerdict::BesideOnly) ++beside;
         }

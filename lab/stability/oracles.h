@@ -45,43 +45,6 @@ struct OracleRay {
 };
 [[nodiscard]] OracleRay oracle_ray(const optics::Rig& rig, int i, int j, int channel, int64_t lens);
 
-// A reference ray tracer (oracle) in long double that tests every ray against every primitive, for
-// `bench stability`. It supports glowing, mirroring and transparent materials, and neither lights
-// nor ambient light. It shares no code with render/ except the plain data of a scene.
-
-using Real3 = Vec3T<long double>;
-
-struct OracleLine {
-  Real3 from;
-  Real3 way;  ///< direction, of any length
-};
-
-/// Returns the light along the line, for one colour channel, linear. The line starts at `from`;
-/// mirrored and refracted rays start at a distance of `start_off` from their surfaces.
-[[nodiscard]] long double oracle_light(const render::SceneDescription& scene,
-                                       const OracleLine& line, int channel, int max_depth,
-                                       long double start_off = 0);
-
-// Compares pictures of method full with the reference implementation of rays (the oracle), subpixel
-// by subpixel.
-
-struct SubpixelCode {
-  int i = 0;
-  int j = 0;
-  int channel = 0;
-  uint8_t code = 0;
-};
-enum class OracleVerdict {
-  Same,        ///< equal within one code
-  BesideOnly,  ///< equal for a slightly moved ray, or with the renderer's start offset for later
-               ///< rays
-  Different,
-};
-/// Evaluates the oracle for one subpixel of the scene under plain_stage(). Rays may be moved by
-/// `hair_mm`.
-[[nodiscard]] OracleVerdict ask_oracle(const render::SceneDescription& scene,
-                                       const optics::Rig& rig, SubpixelCode shown, double hair_mm);
-
 /// Renders the scene with plain_stage() and compares every subpixel with the oracle. A difference
 /// of more than one code is a failure, unless the oracle gives the code for a slightly moved ray:
 /// an outline lies between the two rays. The row's note states how many subpixels needed that.

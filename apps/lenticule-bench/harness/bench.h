@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Benchmark is an entry of the table of `lenticule bench`: one file per benchmark, one line in
-// benchmarks.cpp.
+// What all benchmarks share: the machine's name, tables and flags. Each has one file, and one line
+// in benchmarks.cpp.
 #pragma once
 
 #include <span>
@@ -13,15 +13,6 @@
 #include "lab/fixtures.h"
 
 namespace lenticule::bench {
-
-struct Benchmark {
-  const char* name;
-  const char* summary;
-  cli::Declare declare;  ///< declares the flags of `lenticule bench NAME`, as for a command
-};
-
-/// Returns all benchmarks, in the order in which `bench list` prints them.
-[[nodiscard]] const std::vector<Benchmark>& benchmarks();
 
 /// Returns the machine on which the numbers were measured: {"cpu", "hardware_threads", "isa"}.
 [[nodiscard]] nlohmann::json machine_json();

@@ -7,7 +7,6 @@
 #include <string_view>
 
 #include "apps/lenticule-tools/offline/scene_sequence.h"
-#include "lab/stability/probes.h"
 #include "player/process/interrupt.h"
 #include "scenes/scene_list.h"
 
@@ -66,43 +65,6 @@ std::string bench_scene_name(const std::string& name) {
   const bool built_in = std::any_of(list.begin(), list.end(),
                                     [base](const auto& scene) { return base == scene.name; });
   return built_in ? "builtin:" + name : name;
-}
-
-namespace {
-
-void time_visibility(const TimedCase& timed, CaseTimes& times) {
-  const BenchScene& scene = *timed.scene;
-  reset_peak_resident();
-  const lab::VisibilityTiming timing =
-      lab::time_visibility(scene.scene(), scene.model(), timed.options.threads);
-  times.visibility_peak_mib = std::max(times.visibility_peak_mib, peak_resident_mib());
-  times.bare.push_back(timing.bare_seconds);
-  times.visibility.push_back(timing.pass_seconds);
-}
-
-void time_frame(const TimedCase& timed, render::Method& method, CaseTimes& times) {
-  reset_peak_resident();
-  times.statistics = timed.scene->render(method);
-  times.frame_peak_mib = std::max(times.frame_peak_mib, peak_resident_mib());
-  times.frame.push_back(times.statistics.seconds);
-}
-
-}  // namespace
-
-std::vector<CaseTimes> time_by_turns(const std::vector<TimedCase>& cases, int runs) {
-  std::vector<std::unique_ptr<render::Method>> methods;
-  methods.reserve(cases.size());
-  for (const TimedCase& timed : cases) methods.push_back(timed.scene->method(timed.options));
-  std::vector<CaseTimes> times(cases.size());
-  for (int run = 0; run < runs; ++run) {
-    for (size_t i = 0; i < cases.size(); ++i) {
-      if (player::interrupted()) return times;
-      const size_t turn = run % 2 == 0 ? i : cases.size() - 1 - i;
-      if (cases[turn].with_visibility) time_visibility(cases[turn], times[turn]);
-      time_frame(cases[turn], *methods[turn], times[turn]);
-    }
-  }
-  return times;
 }
 
 double peak_resident_mib() {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // BenchScene is a scene prepared for one rig as `render` does it, the start of every rendering
-// benchmark; time_by_turns() times cases beside each other; the functions after it read clocks and
-// memory.
+// benchmark; the functions after it read clocks and memory.
 #pragma once
 
 #include <ctime>
@@ -60,30 +59,6 @@ class BenchScene {
 
 /// Returns a scene name, with "builtin:" added to a built-in scene's name.
 [[nodiscard]] std::string bench_scene_name(const std::string& name);
-
-// Times the cases to compare in interleaved runs, so that other load on the machine affects all
-// cases equally.
-
-struct TimedCase {
-  BenchScene* scene = nullptr;
-  render::RenderOptions options;
-  bool with_visibility = true;  ///< also times bare Embree and visibility
-};
-
-/// One number per run, in seconds of wall time.
-struct CaseTimes {
-  std::vector<double> bare;
-  std::vector<double> visibility;
-  std::vector<double> frame;
-  render::RenderStatistics statistics;  ///< statistics of the last frame
-  /// Peak resident memory of the process during these runs, in MiB.
-  double visibility_peak_mib = 0.0;
-  double frame_peak_mib = 0.0;
-};
-
-/// Runs `runs` rounds of one run of each case. Every second round has the reverse order, because
-/// later cases find warmer caches and a warmer processor. Ends early when interrupted.
-[[nodiscard]] std::vector<CaseTimes> time_by_turns(const std::vector<TimedCase>& cases, int runs);
 
 /// Returns the peak resident memory of this process in MiB since the last reset; since the start if
 /// the kernel does not permit the reset.

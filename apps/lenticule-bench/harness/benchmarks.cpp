@@ -44,8 +44,13 @@ std::string cpu_name() {
   return "unknown";
 }
 
-}  // namespace
+struct Benchmark {
+  const char* name;
+  const char* summary;
+  cli::Declare declare;  ///< declares the flags of `lenticule bench NAME`, as for a command
+};
 
+/// Returns all benchmarks, in the order in which `bench list` prints them.
 const std::vector<Benchmark>& benchmarks() {
   static const std::vector<Benchmark> table = {
       {"codec", "size and speed of the sequence container, compared with other lossless formats",
@@ -77,6 +82,8 @@ const std::vector<Benchmark>& benchmarks() {
   };
   return table;
 }
+
+}  // namespace
 
 nlohmann::json machine_json() {
   return {{"cpu", cpu_name()},

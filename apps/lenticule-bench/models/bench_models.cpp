@@ -70,6 +70,9 @@ frames::WovenFrame averaged(const frames::FrameView& picture, int factor) {
   return result;
 }
 
+namespace {
+
+/// Returns the values 0 to 1 of a map as colours from black over purple and orange to light yellow.
 frames::WovenFrame flip_picture(const std::vector<float>& map, int width, int height) {
   LENTICULE_CHECK(map.size() == static_cast<size_t>(width) * static_cast<size_t>(height));
   frames::WovenFrame picture({.width = width, .height = height});
@@ -86,6 +89,19 @@ frames::WovenFrame flip_picture(const std::vector<float>& map, int width, int he
   return picture;
 }
 
+/// ContactEntry is one model of a sheet.
+struct ContactEntry {
+  std::string caption{};
+  /// Squares of `pane_px`; an empty frame leaves its place grey.
+  frames::WovenFrame ours{}, theirs{}, flip{};
+};
+
+/// Number of models on one sheet.
+inline constexpr int kSheetColumns = 3;
+inline constexpr int kSheetRows = 6;
+
+/// Returns the entries from left to right and from top to bottom, each as ours | theirs | FLIP
+/// below its caption.
 frames::WovenFrame contact_sheet(const std::vector<ContactEntry>& entries, int pane_px) {
   const int columns = std::min(static_cast<int>(entries.size()), kSheetColumns);
   const int rows = (static_cast<int>(entries.size()) + kSheetColumns - 1) / kSheetColumns;
@@ -110,9 +126,13 @@ frames::WovenFrame contact_sheet(const std::vector<ContactEntry>& entries, int p
   return sheet;
 }
 
-namespace {
-
 namespace fs = std::filesystem;
+
+struct ModelFile {
+  std::filesystem::path file;
+  std::string name;  ///< path below the folder it was found in, or its last two parts; no extension
+  std::string stem;  ///< begins the names of its pictures: different for every model
+};
 
 bool is_model(const fs::path& file) {
   const std::string extension = lower_case(file.extension().string());
@@ -133,8 +153,9 @@ void add(const fs::path& file, const fs::path& name, std::vector<ModelFile>& mod
                     .stem = fmt::format("{:03}-{}", models.size() + 1, plain_name(text))});
 }
 
-}  // namespace
-
+/// Returns the .glb and .gltf files among `places`: files, and folders with all their sub-folders,
+/// each folder's files sorted by name. Throws Error(Input) for a place that does not exist, and if
+/// there is no model at all.
 std::vector<ModelFile> find_models(const std::vector<std::string>& places) {
   std::vector<ModelFile> models;
   for (const std::string& place : places) {
@@ -160,8 +181,6 @@ std::vector<ModelFile> find_models(const std::vector<std::string>& places) {
 
 // lenticule bench models renders glTF models as a plain camera sees them, lets a judge (another
 // renderer) draw the same pictures, and measures the differences with FLIP.
-
-namespace {
 
 using nlohmann::json;
 

@@ -26,6 +26,7 @@
 #include "base/print.h"
 #include "lab/fixtures.h"
 #include "lab/judges/peers.h"
+#include "lab/stability/probes.h"
 #include "player/process/child_process.h"
 #include "player/process/interrupt.h"
 
@@ -38,6 +39,85 @@ BenchSetup exact_setup(const ExactFlags& flags, const std::string& scene) {
           .rig = flags.rig_instead ? *flags.rig_instead : lab::bench_rig(flags.rig),
           .lights = flags.lights,
           .threads = flags.threads};
+}
+
+// Times the cases to compare in interleaved runs, so that other load on the machine affects all
+// cases equally.
+
+struct TimedCase {
+  BenchScene* scene = nullptr;
+  render::RenderOptions options;
+  bool with_visibility = true;  ///< also times bare Embree and visibility
+};
+
+/// One number per run, in seconds of wall time.
+struct CaseTimes {
+  std::vector<double> bare;
+  std::vector<double> visibility;
+  std::vector<double> frame;
+  render::RenderStatistics statistics;  ///< statistics of the last frame
+  /// Peak resident memory of the process during these runs, in MiB.
+  double visibility_peak_mib = 0.0;
+  double frame_peak_mib = 0.0;
+};
+
+void time_visibility(const TimedCase& timed, CaseTimes& times) {
+  const BenchScene& scene = *timed.scene;
+  reset_peak_resident();
+  const lab::VisibilityTiming timing =
+      lab::time_visibility(scene.scene(), scene.model(), timed.options.threads);
+  times.visibility_peak_mib = std::max(times.visibility_peak_mib, peak_resident_mib());
+  times.bare.push_back(timing.bare_seconds);
+  times.visibility.push_back(timing.pass_seconds);
+}
+
+void time_frame(const TimedCase& timed, render::Method& method, CaseTimes& times) {
+  reset_peak_resident();
+  times.statistics = timed.scene->render(method);
+  times.frame_peak_mib = std::max(times.frame_peak_mib, peak_resident_mib());
+  times.frame.push_back(times.statistics.seconds);
+}
+
+/// Runs `runs` rounds of one run of each case. Every second round has the reverse order, because
+/// later cases find warmer caches and a warmer processor. Ends early when interrupted.
+std::vector<CaseTimes> time_by_turns(const std::vector<TimedCase>& cases, int runs) {
+  std::vector<std::unique_ptr<render::Method>> methods;
+  methods.reserve(cases.size());
+  for (const TimedCase& timed : cases) methods.push_back(timed.scene->method(timed.options));
+  std::vector<CaseTimes> times(cases.size());
+  for (int run = 0; run < runs; ++run) {
+    for (size_t i = 0; i < cases.size(); ++i) {
+      if (player::interrupted()) return times;
+      const size_t turn = run % 2 == 0 ? i : cases.size() - 1 - i;
+      if (cases[turn].with_visibility) time_visibility(cases[turn], times[turn]);
+      time_frame(cases[turn], *methods[turn], times[turn]);
+    }
+  }
+  return times;
+}
+
+/// A variant of the whole frame: one step turned off or done differently.
+struct ExactVariant {
+  const char* name;
+  void (*change)(render::RenderOptions& options);
+};
+
+/// Returns the variants; the first is the whole frame as `render` makes it.
+const std::vector<ExactVariant>& exact_variants() {
+  static const std::vector<ExactVariant> table = {
+      {"whole frame", [](render::RenderOptions&) {}},
+      {"no proofs, all rays traced",
+       [](render::RenderOptions& options) { options.use_shaft_culling = false; }},
+      {"weak rays traced, too",
+       [](render::RenderOptions& options) { options.skip_weak_rays = false; }},
+      {"background traced, too",
+       [](render::RenderOptions& options) { options.skip_background = false; }},
+      {"shading with AVX2 at most",
+       [](render::RenderOptions& options) { options.isa = std::min(options.isa, Isa::Avx2); }},
+      {"shading with SSE2", [](render::RenderOptions& options) { options.isa = Isa::Baseline; }},
+      {"with shares of time", [](render::RenderOptions& options) { options.measure_work = true; }},
+  };
+  return table;
 }
 
 nlohmann::json row(const char* name, uint64_t rays, uint64_t subpixels, double seconds,
@@ -75,25 +155,8 @@ nlohmann::json shares(const render::RenderStatistics& statistics) {
           {"write", of(render::Work::Write)}};
 }
 
-}  // namespace
-
-const std::vector<ExactVariant>& exact_variants() {
-  static const std::vector<ExactVariant> table = {
-      {"whole frame", [](render::RenderOptions&) {}},
-      {"no proofs, all rays traced",
-       [](render::RenderOptions& options) { options.use_shaft_culling = false; }},
-      {"weak rays traced, too",
-       [](render::RenderOptions& options) { options.skip_weak_rays = false; }},
-      {"background traced, too",
-       [](render::RenderOptions& options) { options.skip_background = false; }},
-      {"shading with AVX2 at most",
-       [](render::RenderOptions& options) { options.isa = std::min(options.isa, Isa::Avx2); }},
-      {"shading with SSE2", [](render::RenderOptions& options) { options.isa = Isa::Baseline; }},
-      {"with shares of time", [](render::RenderOptions& options) { options.measure_work = true; }},
-  };
-  return table;
-}
-
+/// Returns the rig with upright lenses of a whole number of subpixels (8 for the kiosk), with the
+/// same panel and cone of views.
 optics::Rig upright_rig(const optics::Rig& slanted) {
   optics::Rig rig = slanted;
   rig.name += ", upright";
@@ -104,8 +167,6 @@ optics::Rig upright_rig(const optics::Rig& slanted) {
   rig.sheet.pitch = Subpixels(pitch);
   return rig;
 }
-
-namespace {
 
 nlohmann::json measure_rates(const ExactFlags& flags, const std::string& scene) {
   BenchScene bench(exact_setup(flags, scene));

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "apps/lenticule-bench/harness/bench.h"
-#include "apps/lenticule-bench/harness/bench_scene.h"
 
 namespace lenticule::bench {
 
@@ -26,19 +25,6 @@ struct ExactFlags : RunFlags {
   std::string peer_pictures;
   std::string plots;  ///< folder; empty = none
 };
-
-/// A variant of the whole frame: one step turned off or done differently.
-struct ExactVariant {
-  const char* name;
-  void (*change)(render::RenderOptions& options);
-};
-
-/// Returns the variants; the first is the whole frame as `render` makes it.
-[[nodiscard]] const std::vector<ExactVariant>& exact_variants();
-
-/// Returns the rig with upright lenses of a whole number of subpixels (8 for the kiosk), with the
-/// same panel and cone of views.
-[[nodiscard]] optics::Rig upright_rig(const optics::Rig& slanted);
 
 /// Runs Tachyon on the same scene, interleaved with this renderer. Returns {"scene", "width",
 /// "height", "threads", "ours_seconds", "ours_mray_s", "rows": [{"name", "runs", "seconds",

@@ -47,8 +47,9 @@ double sum_of(const nlohmann::json& frames, const char* key) {
   return std::accumulate(values.begin(), values.end(), 0.0);
 }
 
-}  // namespace
-
+/// Returns every method of this build, and with "-literal" at the end of their names the literal
+/// readings of the paper's methods: each micro-image from the previous one, every point assigned to
+/// the nearest subpixel.
 const std::vector<std::string>& paper_method_names() {
   static const std::vector<std::string> names = [] {
     std::vector<std::string> all = render::method_names();
@@ -58,6 +59,8 @@ const std::vector<std::string>& paper_method_names() {
   }();
   return names;
 }
+
+}  // namespace
 
 std::vector<PaperSpan> spans_of(const std::string& scene, int frames, int length, int spans) {
   const int most = (frames + length - 1) / length;
@@ -71,6 +74,12 @@ std::vector<PaperSpan> spans_of(const std::string& scene, int frames, int length
   return list;
 }
 
+namespace {
+
+/// Returns, per method over all frames of a scene's spans, which are measure_error()'s results with
+/// "first": {"scene", "frames", "frames_of_sequence", "methods": [{"name", "frames": [...],
+/// "cpu_seconds_per_frame", "build_seconds_per_frame", "traced", "missing", and what add_times()
+/// and add_errors() add}]}; shares and savings are from 0 to 1, a PSNR is null if equal.
 nlohmann::json summarize(const std::string& scene, const std::vector<nlohmann::json>& spans) {
   nlohmann::json methods = nlohmann::json::array();
   for (const nlohmann::json& span : spans)
@@ -96,8 +105,6 @@ nlohmann::json summarize(const std::string& scene, const std::vector<nlohmann::j
           {"frames_of_sequence", scenes::find_scene(scene).frames},
           {"methods", std::move(methods)}};
 }
-
-namespace {
 
 const nlohmann::json* method_of(const nlohmann::json& summary, const std::string& name) {
   for (const nlohmann::json& method : summary["methods"])

@@ -4,7 +4,6 @@
 // that.
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <span>
 #include <string>
 #include <vector>
@@ -30,11 +29,6 @@ struct PublishedQuality {
 };
 [[nodiscard]] std::span<const PublishedQuality> published_quality();
 
-/// Returns every method of this build, and with "-literal" at the end of their names the literal
-/// readings of the paper's methods: each micro-image from the previous one, every point assigned to
-/// the nearest subpixel.
-[[nodiscard]] const std::vector<std::string>& paper_method_names();
-
 /// Consecutive frames of a sequence. Methods that keep data of the last frame start from scratch
 /// with each span.
 struct PaperSpan {
@@ -48,10 +42,4 @@ struct PaperSpan {
 [[nodiscard]] std::vector<PaperSpan> spans_of(const std::string& scene, int frames, int length,
                                               int spans);
 
-/// Returns, per method over all frames of a scene's spans, which are measure_error()'s results with
-/// "first": {"scene", "frames", "frames_of_sequence", "methods": [{"name", "frames": [...],
-/// "cpu_seconds_per_frame", "build_seconds_per_frame", "traced", "missing", and what add_times()
-/// and add_errors() add}]}; shares and savings are from 0 to 1, a PSNR is null if equal.
-[[nodiscard]] nlohmann::json summarize(const std::string& scene,
-                                       const std::vector<nlohmann::json>& spans);
 }  // namespace lenticule::bench
