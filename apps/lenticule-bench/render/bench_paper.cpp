@@ -370,10 +370,10 @@ class PaperRun {
 
  private:
   [[nodiscard]] nlohmann::json settings() const {
-    return {{"machine", machine_json()},   {"rig", optics::fingerprint(rig_)},
-            {"methods", flags_.methods},   {"threads", flags_.threads},
-            {"depth", flags_.depth},       {"runs", flags_.runs},
-            {"version", LENTICULE_VERSION}};
+    return {{"machine", machine_json()},    {"rig", optics::fingerprint(rig_)},
+            {"methods", flags_.methods},    {"threads", flags_.threads},
+            {"depth", flags_.depth},        {"runs", flags_.runs},
+            {"version", LENTICULE_VERSION}, {"format", 2}};
   }
 
   /// Renders every frame of the span with every method, interleaved, and compares it with the
