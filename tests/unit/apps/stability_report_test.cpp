@@ -29,7 +29,8 @@ TEST(StabilityRow, PassesWithinItsBoundsIfItWasMeasured) {
   };
   EXPECT_TRUE(passes_with([](StabilityRow&) {}));
   EXPECT_TRUE(passes_with([](StabilityRow& row) { row.tally.worst = kGood.bound; }));
-  EXPECT_TRUE(passes_with([](StabilityRow& row) { row.tally.failures = row.failures_allowed = 3; }));
+  EXPECT_TRUE(
+      passes_with([](StabilityRow& row) { row.tally.failures = row.failures_allowed = 3; }));
   EXPECT_FALSE(passes_with([](StabilityRow& row) { row.tally.failures = 1; }));
   EXPECT_FALSE(passes_with([](StabilityRow& row) { row.tally.worst = 1.1e-9; }));
   EXPECT_FALSE(passes_with([](StabilityRow& row) { row.tally.samples = 0; }));
