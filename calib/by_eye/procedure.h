@@ -101,8 +101,6 @@ class Procedure {
   [[nodiscard]] std::string numbers() const;
   /// Returns the reason why the last press had no effect, or its invisible effect; may be empty.
   [[nodiscard]] const std::string& note() const { return note_; }
-  /// Returns true if the chart shows the rig as it was at the start.
-  [[nodiscard]] bool shows_old() const { return shows_old_; }
   /// Returns true if the gap was calibrated, not taken from the original rig.
   [[nodiscard]] bool gap_was_found() const { return state_.gap_found; }
   /// Returns the reason why the value of this step is implausible; empty if it is plausible.

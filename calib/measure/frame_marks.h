@@ -41,8 +41,6 @@ class MarkReader {
   [[nodiscard]] static std::optional<MarkReader> find(const std::array<GreyPicture, 3>& dark_marks,
                                                       const GreyPicture& white);
 
-  [[nodiscard]] bool reads_codes() const { return coded_; }
-
   [[nodiscard]] MarkReading read(const GreyPicture& picture) const;
   /// Returns how far the picture's marks have moved since they were found, in camera pixels: least
   /// squares over the edges of the cell that is always lit, valid for a few pixels. Zero without

@@ -198,12 +198,6 @@ const char* verb_name(ControlVerb verb) {
   return row != verbs().end() ? row->name : "?";
 }
 
-std::optional<ControlVerb> verb_of(std::string_view name) {
-  for (const VerbRow& row : verbs())
-    if (name == row.name) return row.verb;
-  return std::nullopt;
-}
-
 ControlRequest parse_control_request(std::string_view text, json& id) {
   id = nullptr;
   const json line = json::parse(text, nullptr, false);

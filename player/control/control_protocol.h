@@ -77,7 +77,5 @@ struct ControlRequest {
 [[nodiscard]] std::string event_line(const nlohmann::ordered_json& event);
 
 [[nodiscard]] const char* verb_name(ControlVerb verb);
-/// Returns the verb; none if there is no verb of that name.
-[[nodiscard]] std::optional<ControlVerb> verb_of(std::string_view name);
 
 }  // namespace lenticule::player

@@ -435,13 +435,6 @@ bool matches(const optics::PanelIdentity& wanted, const EdidIdentity& panel) {
   return wanted.edid_sha256.empty() || same_hex(wanted.edid_sha256, panel.sha256);
 }
 
-optics::PanelIdentity identity_for_rig(const EdidIdentity& panel) {
-  return {.manufacturer = panel.manufacturer,
-          .product = panel.product,
-          .serial = panel.serial(),
-          .edid_sha256 = panel.sha256};
-}
-
 std::string to_string(const EdidIdentity& panel) {
   std::string text = fmt::format("{} 0x{:04x}", panel.manufacturer, panel.product);
   if (const std::string serial = panel.serial(); !serial.empty())

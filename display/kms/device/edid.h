@@ -91,9 +91,6 @@ struct EdidReading {
 /// panel.
 [[nodiscard]] bool matches(const optics::PanelIdentity& wanted, const EdidIdentity& panel);
 
-/// Returns the identity to store in a rig for this panel.
-[[nodiscard]] optics::PanelIdentity identity_for_rig(const EdidIdentity& panel);
-
 /// Return "LGD 0x1234 serial 42 'name'".
 [[nodiscard]] std::string to_string(const EdidIdentity& panel);
 [[nodiscard]] std::string to_string(const optics::PanelIdentity& identity);
