@@ -78,8 +78,7 @@ class BadInput : public CommandTest {
 };
 
 TEST_F(BadInput, RendersUndamagedInputs) {
-  const ProcessResult result = render(path("scene.nff"), path("rig.toml"), path("out.png"));
-  EXPECT_EQ(result.exit_code, 0) << result.err;
+  expect_end(render(path("scene.nff"), path("rig.toml"), path("out.png")), 0);
   EXPECT_TRUE(std::filesystem::exists(path("out.png")));
 }
 
@@ -194,9 +193,9 @@ TEST_F(BadInput, SaysWhyThereIsNothingToSee) {
   // The remedies that the message names succeed: --fit moves the scene into view, and --sky alone
   // fills the picture.
   for (const char* flag : {"--fit", "--sky"}) {
-    const ProcessResult result = run({"render", path("away.nff"), "--rig", path("rig.toml"), flag,
-                                      "-o", path("o.png"), "--overwrite"});
-    EXPECT_EQ(result.exit_code, 0) << flag << ": " << result.err;
+    expect_end(run({"render", path("away.nff"), "--rig", path("rig.toml"), flag, "-o",
+                    path("o.png"), "--overwrite"}),
+               0);
   }
   const ProcessResult beside =
       run({"render", path("scene.nff"), "--rig", path("rig.toml"), "--fit", "--mm-per-unit", "1",
@@ -223,8 +222,7 @@ TEST_F(BadInput, NamesAllMissingFlagsAndTheCommand) {
 TEST_F(BadInput, ScenesOfAnySizeRender) {
   for (const char* scale : {"1e-6", "1e6"}) {
     write("sized.obj", std::string("v 0 0 0\nv ") + scale + " 0 0\nv 0 " + scale + " 0\nf 1 2 3\n");
-    const ProcessResult result = render(path("sized.obj"), path("rig.toml"), path("sized.png"));
-    EXPECT_EQ(result.exit_code, 0) << scale << result.err;
+    expect_end(render(path("sized.obj"), path("rig.toml"), path("sized.png")), 0);
   }
 }
 
@@ -255,11 +253,10 @@ TEST_F(BadInput, AFullDiskLeavesNoPartialFiles) {
 
 TEST_F(BadInput, RefusesInvalidArguments) {
   const auto usage = [&](std::vector<std::string> extra) {
-    std::vector<std::string> all = {"render", path("scene.nff"), "--rig", path("rig.toml"),
-                                    "-o",     path("o.png")};
-    all.insert(all.end(), extra.begin(), extra.end());
-    const ProcessResult result = run(all);
-    EXPECT_EQ(result.exit_code, 2) << extra.front() << " " << extra.back() << ": " << result.err;
+    expect_end(
+        run(joined({"render", path("scene.nff"), "--rig", path("rig.toml"), "-o", path("o.png")},
+                   extra)),
+        2);
     EXPECT_FALSE(std::filesystem::exists(path("o.png")));
   };
   usage({"--method", "magic"});
@@ -291,10 +288,10 @@ TEST_F(BadInput, RefusesInvalidArguments) {
 
 TEST_F(BadInput, RefusesFlagsWithoutEffect) {
   const auto refused = [&](std::vector<std::string> extra, const std::string& object) {
-    std::vector<std::string> all = {"render", path("scene.nff"), "--rig", path("rig.toml"),
-                                    "-o",     path("o.png")};
-    all.insert(all.end(), extra.begin(), extra.end());
-    expect_clear_error(run(all), 2, object);
+    expect_clear_error(
+        run(joined({"render", path("scene.nff"), "--rig", path("rig.toml"), "-o", path("o.png")},
+                   extra)),
+        2, object);
     EXPECT_FALSE(std::filesystem::exists(path("o.png")));
   };
   for (const char* method : {"full", "lens-view", "interpolate", "temporal", "hybrid"})
@@ -335,8 +332,8 @@ TEST_F(BadInput, NamesTheRemedyOfLikelyMistakes) {
     const char* remedy;
   };
   const auto play = [&](const std::string& source, std::vector<std::string> more = {}) {
-    std::vector<std::string> words = {"play", source, "--rig", rig, "--display", "virtual"};
-    words.insert(words.end(), more.begin(), more.end());
+    const std::vector<std::string> words =
+        joined({"play", source, "--rig", rig, "--display", "virtual"}, more);
     return words;
   };
   for (const Case& one : std::vector<Case>{

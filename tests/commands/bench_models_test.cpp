@@ -28,10 +28,9 @@ class BenchModels : public CommandTest {
   }
 
   [[nodiscard]] ProcessResult compare(std::vector<std::string> more) const {
-    std::vector<std::string> arguments = {"bench",  "models", path("models"),    "-o", out(""),
-                                          "--size", "32",     "--light-samples", "2"};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return run(arguments);
+    return run(joined(
+        {"bench", "models", path("models"), "-o", out(""), "--size", "32", "--light-samples", "2"},
+        more));
   }
 
   [[nodiscard]] std::string out(const std::string& name) const { return path("out/" + name); }

@@ -14,9 +14,9 @@ namespace {
 class BenchTest : public CommandTest {};
 
 std::vector<std::string> bench_exact(std::vector<std::string> more) {
-  std::vector<std::string> arguments = {
-      "bench", "exact", "--rig", source_file("scenes/rigs/tiny.toml"), "--runs", "1", "--json"};
-  arguments.insert(arguments.end(), more.begin(), more.end());
+  const std::vector<std::string> arguments = joined(
+      {"bench", "exact", "--rig", source_file("scenes/rigs/tiny.toml"), "--runs", "1", "--json"},
+      more);
   return arguments;
 }
 
@@ -121,9 +121,8 @@ TEST_F(BenchTest, PlayMeasuresTheMemoryOfAPlayer) {
 }
 
 std::vector<std::string> bench_realtime(std::vector<std::string> more) {
-  std::vector<std::string> arguments = {"bench", "realtime", "--rig",
-                                        source_file("scenes/rigs/tiny.toml"), "--json"};
-  arguments.insert(arguments.end(), more.begin(), more.end());
+  const std::vector<std::string> arguments =
+      joined({"bench", "realtime", "--rig", source_file("scenes/rigs/tiny.toml"), "--json"}, more);
   return arguments;
 }
 
@@ -261,11 +260,10 @@ TEST_F(BenchTest, ComputesTheRatioFromThePeersOwnTime) {
 class BenchPaper : public CommandTest {
  protected:
   [[nodiscard]] static std::vector<std::string> arguments(std::vector<std::string> more) {
-    std::vector<std::string> all = {
-        "bench",   "paper", "--rig",     source_file("scenes/rigs/tiny.toml"),
-        "--runs",  "1",     "--spans",   "1",
-        "--depth", "1",     "--no-peers"};
-    all.insert(all.end(), more.begin(), more.end());
+    const std::vector<std::string> all =
+        joined({"bench", "paper", "--rig", source_file("scenes/rigs/tiny.toml"), "--runs", "1",
+                "--spans", "1", "--depth", "1", "--no-peers"},
+               more);
     return all;
   }
 };

@@ -23,11 +23,9 @@ class ByEyeCommand : public CommandTest {
   [[nodiscard]] ProcessResult calibrate(const std::string& keys,
                                         std::vector<std::string> more = {}) const {
     write("keys.txt", keys);
-    std::vector<std::string> all = {"calibrate", "by-eye",         "--rig", path("rig.toml"),
-                                    "--display", "virtual",        "-o",    path("rig.toml"),
-                                    "--keys",    path("keys.txt"), "--json"};
-    all.insert(all.end(), more.begin(), more.end());
-    return run(all);
+    return run(joined({"calibrate", "by-eye", "--rig", path("rig.toml"), "--display", "virtual",
+                       "-o", path("rig.toml"), "--keys", path("keys.txt"), "--json"},
+                      more));
   }
 
   optics::Rig rig_;
@@ -107,8 +105,7 @@ TEST_F(ByEyeCommand, AScriptNeedsInsistToSaveAnImplausibleGap) {
   const std::string keys = kToTheOffset + "enter*2 shift+left*8 left*2 enter*4";
   expect_end(calibrate(keys), 5, "6.00 mm of the start", "--insist");
   EXPECT_EQ(optics::load_rig(path("rig.toml")), rig_);
-  const ProcessResult insisted = calibrate(keys, {"--insist"});
-  EXPECT_EQ(insisted.exit_code, 0) << insisted.err;
+  expect_end(calibrate(keys, {"--insist"}), 0);
   EXPECT_GT(optics::load_rig(path("rig.toml")).sheet.gap.value, 20.0);
 }
 
@@ -179,14 +176,13 @@ TEST_F(ByEyeCommand, EveryCommandAppliesTheTrim) {
 }
 
 TEST_F(ByEyeCommand, NumberedViewsArePlayedAndTrimmingNeedsATerminal) {
-  const ProcessResult played =
-      run({"play", "views", "--rig", path("rig.toml"), "--display", "virtual", "--loop", "1",
-           "--record", "png:" + path("shown"), "--json"});
-  ASSERT_EQ(played.exit_code, 0) << played.err;
+  expect_end(run({"play", "views", "--rig", path("rig.toml"), "--display", "virtual", "--loop", "1",
+                  "--record", "png:" + path("shown"), "--json"}),
+             0);
   EXPECT_EQ(frames::read_woven(path("shown/00000000.png")).width(), rig_.panel.width_px);
-  const ProcessResult trimmed = run({"play", "views", "--rig", path("rig.toml"), "--display",
-                                     "virtual", "--loop", "1", "--trim"});
-  EXPECT_EQ(trimmed.exit_code, 2) << trimmed.err;
+  expect_end(run({"play", "views", "--rig", path("rig.toml"), "--display", "virtual", "--loop", "1",
+                  "--trim"}),
+             2);
 }
 
 }  // namespace

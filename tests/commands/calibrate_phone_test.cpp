@@ -33,19 +33,10 @@ class PhoneCommand : public CommandTest {
   }
   [[nodiscard]] ProcessResult calibrate(std::vector<std::string> more,
                                         const ProcessLimits& limits = {}) const {
-    std::vector<std::string> all = {"calibrate",
-                                    "phone",
-                                    path("inbox"),
-                                    "--rig",
-                                    path("start.toml"),
-                                    "-o",
-                                    path("found.toml"),
-                                    "--display",
-                                    "virtual",
-                                    "--seconds",
-                                    "0"};
-    all.insert(all.end(), more.begin(), more.end());
-    return run(all, limits);
+    return run(joined({"calibrate", "phone", path("inbox"), "--rig", path("start.toml"), "-o",
+                       path("found.toml"), "--display", "virtual", "--seconds", "0"},
+                      more),
+               limits);
   }
 
   [[nodiscard]] std::string bytes_of(const std::string& name) const {
@@ -76,9 +67,7 @@ TEST_F(PhoneCommand, EndsWithARigAPictureAndANumber) {
 TEST_F(PhoneCommand, PacksThePhotographsWithTheCommandThatRepeatsTheCalibration) {
   workshop_.shots.resize(2);
   photograph_all();
-  const ProcessResult result =
-      calibrate({"--existing", "--minutes", "0.1", "--pack", path("pack.tar")});
-  EXPECT_EQ(result.exit_code, 5) << result.err << result.out;
+  expect_end(calibrate({"--existing", "--minutes", "0.1", "--pack", path("pack.tar")}), 5);
   ASSERT_EQ(run_process({"/bin/tar", "-xf", path("pack.tar"), "-C", path("")}).exit_code, 0);
   EXPECT_EQ(bytes_of("calibration/01-1.jpg"), bytes_of("inbox/1.jpg"));
   EXPECT_EQ(bytes_of("calibration/02-2.jpg"), bytes_of("inbox/2.jpg"));
@@ -105,9 +94,8 @@ TEST_F(PhoneCommand, NamesWhatCannotBeUsedAndGivesUpInTime) {
 }
 
 TEST_F(PhoneCommand, AnInterruptionSavesNothing) {
-  const ProcessResult result =
-      calibrate({}, {.interrupt_signal = SIGINT, .interrupt_after = std::chrono::seconds(2)});
-  EXPECT_EQ(result.exit_code, 130) << result.err << result.out;
+  expect_end(
+      calibrate({}, {.interrupt_signal = SIGINT, .interrupt_after = std::chrono::seconds(2)}), 130);
   EXPECT_FALSE(std::filesystem::exists(path("found.toml")));
 }
 

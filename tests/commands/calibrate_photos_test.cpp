@@ -53,9 +53,9 @@ class PhotosCommand : public CommandTest {
   explicit PhotosCommand(double white_light = 0.7) : trial_(small_panel(white_light)) {}
   void SetUp() override { optics::save_rig(trial_.start, path("start.toml")); }
   void write_patterns() const {
-    const ProcessResult wrote = run(
-        {"calibrate", "photos", "--rig", path("start.toml"), "--write-patterns", path("patterns")});
-    ASSERT_EQ(wrote.exit_code, 0) << wrote.err;
+    expect_end(run({"calibrate", "photos", "--rig", path("start.toml"), "--write-patterns",
+                    path("patterns")}),
+               0);
   }
   /// Photographs all patterns; the camera is displaced by `by_mm` from picture `knocked` on.
   void photograph_all(const lab::TrialViewpoint& place, int knocked = -1, double by_mm = 0.0) {
@@ -75,10 +75,9 @@ class PhotosCommand : public CommandTest {
   }
   [[nodiscard]] ProcessResult calibrate_centre(const std::string& rig,
                                                std::vector<std::string> more = {}) const {
-    std::vector<std::string> all = {"calibrate", "photos", path("centre"),    "--rig",
-                                    path(rig),   "-o",     path("found.toml")};
-    all.insert(all.end(), more.begin(), more.end());
-    return run(all);
+    return run(joined(
+        {"calibrate", "photos", path("centre"), "--rig", path(rig), "-o", path("found.toml")},
+        more));
   }
 
   lab::Trial trial_;
@@ -118,9 +117,7 @@ TEST_F(PhotosCommand, RefusesPhotographsOfAnotherRigsPatterns) {
 TEST_F(PhotosCommand, RefusesADistanceThatThePhotographsContradict) {
   write_patterns();
   photograph_all(trial_.viewpoints.front());
-  const ProcessResult right =
-      calibrate_centre("start.toml", {"--distance", "700", "--pack", path("pack.tar")});
-  EXPECT_EQ(right.exit_code, 0) << right.err << right.out;
+  expect_end(calibrate_centre("start.toml", {"--distance", "700", "--pack", path("pack.tar")}), 0);
   const ProcessResult packed =
       run_process({"/bin/tar", "-xOf", path("pack.tar"), "calibration/README.txt"});
   EXPECT_NE(packed.out.find("--distance 700"), std::string::npos) << packed.out << packed.err;
@@ -152,8 +149,7 @@ class DimPanel : public PhotosCommand {
 TEST_F(DimPanel, IsRefused) {
   write_patterns();
   photograph_all(trial_.viewpoints.front());
-  const ProcessResult result = calibrate_centre("start.toml");
-  EXPECT_EQ(result.exit_code, 5) << result.err << result.out;
+  expect_end(calibrate_centre("start.toml"), 5);
 }
 
 TEST_F(PhotosCommand, NamesAFolderWithoutPhotographs) {

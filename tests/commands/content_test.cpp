@@ -55,12 +55,10 @@ class ContentCommand : public CommandTest {
                                                std::vector<std::string> more = {},
                                                const std::string& rig = kTiny) const {
     fs::remove_all(path("glass"));
-    std::vector<std::string> words = {
-        "play",    source,    "--rig",     rig,        "--display",
-        "virtual", "--clock", "simulated", "--record", "png:" + path("glass")};
-    words.insert(words.end(), more.begin(), more.end());
-    const ProcessResult result = run(words);
-    EXPECT_EQ(result.exit_code, 0) << result.err;
+    expect_end(run(joined({"play", source, "--rig", rig, "--display", "virtual", "--clock",
+                           "simulated", "--record", "png:" + path("glass")},
+                          more)),
+               0);
     std::map<std::string, WovenFrame> shown;
     if (fs::exists(path("glass")))
       for (const auto& entry : fs::directory_iterator(path("glass")))
@@ -79,8 +77,7 @@ class ContentCommand : public CommandTest {
   [[nodiscard]] WovenFrame woven_by_command(std::vector<std::string> words) const {
     words.insert(words.begin(), "weave");
     words.insert(words.end(), {"--rig", kTiny, "-o", path("woven.png")});
-    const ProcessResult result = run(words);
-    EXPECT_EQ(result.exit_code, 0) << result.err;
+    expect_end(run(words), 0);
     return frames::read_woven(path("woven.png"));
   }
 };
@@ -119,12 +116,12 @@ TEST_F(ContentCommand, AQuiltVideoMayHaveChromaOfHalfResolution) {
       std::fill_n(quilt.row(y) + x * 3, 3, code);
     }
   write("raw", raw);
-  const ProcessResult made =
+  expect_end(
       run_process({"/bin/sh", "-c",
                    std::string("exec ") + LENTICULE_VIDEO_PROGRAM +
                        " encode --rate 30 --width 36 --height 16 --pixels yuv420p --range tv " +
-                       path("q_qs3x2a1.5.mkv") + " < " + path("raw")});
-  ASSERT_EQ(made.exit_code, 0) << made.err;
+                       path("q_qs3x2a1.5.mkv") + " < " + path("raw")}),
+      0);
   EXPECT_EQ(played(path("q_qs3x2a1.5.mkv")), std::vector<WovenFrame>{woven(quilt, kGrid)});
 }
 
@@ -148,9 +145,7 @@ TEST_F(ContentCommand, AnIncompleteLastRowSurvivesEveryFormat) {
   std::vector<WovenFrame> expected = {woven(quilt_picture(3, 2, 0), five),
                                       woven(quilt_picture(3, 2, 1), five)};
   const std::vector<std::string> how = {"--grid", "3x2", "--views", "5", "--aspect", "1.5"};
-  std::vector<std::string> words = {path("p_%d.png"), "-o", path("film.lts")};
-  words.insert(words.end(), how.begin(), how.end());
-  succeed(convert(words));
+  succeed(convert(joined({path("p_%d.png"), "-o", path("film.lts")}, how)));
   EXPECT_EQ(played(path("film.lts")), expected) << "a container of views";
   succeed(convert({path("film.lts"), "-o", path("again_%d.png")}));
   EXPECT_EQ(played(path("again_%d_qs3x2a1.5.png")), expected) << "the sidecar has the count";
@@ -260,10 +255,7 @@ TEST_F(ContentCommand, NearObjectsMoveAgainstTheEyeAndFarOnesWithIt) {
   save("near_rgbd.png", column_with_depth(255, 127));
   const std::vector<std::string> how = {"--views", "5", "--depth-range", "-6px:6px"};
   const auto drawn = [&](const std::string& name, std::vector<std::string> more = {}) {
-    std::vector<std::string> words = {path(name), "-o", "views:" + path("v%d.png")};
-    words.insert(words.end(), how.begin(), how.end());
-    words.insert(words.end(), more.begin(), more.end());
-    succeed(convert(words));
+    succeed(convert(joined(joined({path(name), "-o", "views:" + path("v%d.png")}, how), more)));
     return middle_of_light(frames::read_woven(path("v4.png"))) -
            middle_of_light(frames::read_woven(path("v0.png")));
   };

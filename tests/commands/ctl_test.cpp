@@ -175,10 +175,10 @@ TEST_F(Ctl, APictureStaysUntilItIsEnded) {
   EXPECT_TRUE(comes_true([&] { return frames_shown() >= shown + 8; })) << "four times a second";
   EXPECT_EQ(quit().exit_code, 143);
   const auto vblanks = [&](const std::vector<std::string>& more) {
-    std::vector<std::string> words = {"play",      path("a/004.png"),  "--rig", path("rig.toml"),
-                                      "--display", "virtual:48x32@60", "--json"};
-    words.insert(words.end(), more.begin(), more.end());
-    return results_of(run(words)).value("vblanks", 0);
+    return results_of(run(joined({"play", path("a/004.png"), "--rig", path("rig.toml"), "--display",
+                                  "virtual:48x32@60", "--json"},
+                                 more)))
+        .value("vblanks", 0);
   };
   EXPECT_EQ(vblanks({"--clock", "simulated"}), 600) << "ten seconds";
   EXPECT_EQ(vblanks({"--clock", "simulated", "--loop", "2"}), 1200);

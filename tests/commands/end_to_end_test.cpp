@@ -47,10 +47,9 @@ class EndToEnd : public CommandTest {
 
   [[nodiscard]] WovenFrame eye_picture(double x_mm) const {
     const std::string file = path("eye.png");
-    const ProcessResult result =
-        run({"eye", path("frame.png"), "--rig", path("rig.toml"), "--eye",
-             std::to_string(x_mm) + ",0,500", "--size", "240x120", "-o", file});
-    EXPECT_EQ(result.exit_code, 0) << result.err;
+    expect_end(run({"eye", path("frame.png"), "--rig", path("rig.toml"), "--eye",
+                    std::to_string(x_mm) + ",0,500", "--size", "240x120", "-o", file}),
+               0);
     return read_woven(file);
   }
 };
@@ -110,11 +109,10 @@ TEST_F(EndToEnd, FramesGoThroughTheRingUnchanged) {
       program({"play", "ring:" + path("ring.sock"), "--rig", path("rig.toml"), "--display",
                "virtual:240x120@60", "--fps", "30", "--slots", "8", "--prime", "6", "--record",
                "png:" + path("shown"), "--stats", path("stats.json")}));
-  const ProcessResult renderer = run({"render", scene, "--rig", path("rig.toml"), "--frames", "0:6",
-                                      "-o", "ring:" + path("ring.sock")});
-  EXPECT_EQ(renderer.exit_code, 0) << renderer.err;
-  const ProcessResult played = player.wait(std::chrono::seconds(60));
-  ASSERT_EQ(played.exit_code, 0) << played.err;
+  expect_end(run({"render", scene, "--rig", path("rig.toml"), "--frames", "0:6", "-o",
+                  "ring:" + path("ring.sock")}),
+             0);
+  expect_end(player.wait(std::chrono::seconds(60)), 0);
 
   std::vector<std::filesystem::path> shown;
   for (const auto& entry : std::filesystem::directory_iterator(path("shown")))
@@ -132,11 +130,10 @@ TEST_F(EndToEnd, FramesGoThroughTheRingUnchanged) {
 
 TEST_F(EndToEnd, InterruptionKeepsWhatIsFinished) {
   std::filesystem::create_directories(path("out"));
-  const ProcessResult result =
-      run({"render", "builtin:demo", "--rig", path("rig.toml"), "--frames", "0:5000", "-o",
-           path("out/%05d.png")},
-          {.interrupt_signal = SIGINT, .interrupt_after = std::chrono::milliseconds(1500)});
-  EXPECT_EQ(result.exit_code, 130) << result.err;
+  expect_end(run({"render", "builtin:demo", "--rig", path("rig.toml"), "--frames", "0:5000", "-o",
+                  path("out/%05d.png")},
+                 {.interrupt_signal = SIGINT, .interrupt_after = std::chrono::milliseconds(1500)}),
+             130);
   const auto finished = frames::FilePattern(path("out/%05d.png")).existing();
   ASSERT_FALSE(finished.empty());
   for (const uint64_t number : finished)
@@ -144,10 +141,10 @@ TEST_F(EndToEnd, InterruptionKeepsWhatIsFinished) {
   EXPECT_EQ(finished.size(), static_cast<size_t>(std::distance(
                                  std::filesystem::directory_iterator(path("out")), {})));
 
-  const ProcessResult resumed =
+  expect_end(
       run({"render", "builtin:demo", "--rig", path("rig.toml"), "--frames",
-           "0:" + std::to_string(finished.size() + 2), "--resume", "-o", path("out/%05d.png")});
-  EXPECT_EQ(resumed.exit_code, 0) << resumed.err;
+           "0:" + std::to_string(finished.size() + 2), "--resume", "-o", path("out/%05d.png")}),
+      0);
   EXPECT_EQ(frames::FilePattern(path("out/%05d.png")).existing().size(), finished.size() + 2);
 }
 

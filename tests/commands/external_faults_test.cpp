@@ -43,14 +43,10 @@ class ExternalFaults : public PlayerTest {
   /// Returns a command that runs `words` after `mounts` in a mount namespace of their own.
   [[nodiscard]] static std::vector<std::string> among(const std::string& mounts,
                                                       const std::vector<std::string>& words) {
-    std::vector<std::string> all = {"/usr/bin/env",
-                                    "unshare",
-                                    "-m",
-                                    "sh",
-                                    "-c",
-                                    "mount --make-rprivate / && " + mounts + " && exec \"$@\"",
-                                    "sh"};
-    all.insert(all.end(), words.begin(), words.end());
+    const std::vector<std::string> all =
+        joined({"/usr/bin/env", "unshare", "-m", "sh", "-c",
+                "mount --make-rprivate / && " + mounts + " && exec \"$@\"", "sh"},
+               words);
     return all;
   }
   /// Returns the path of a file in the player's mount namespace.
@@ -140,17 +136,14 @@ TEST_F(ExternalFaults, PlaysOnAReadOnlyRoot) {
   if (mounts) {
     EXPECT_TRUE(says_about("write_problems", "sums"));
   }
-  const ProcessResult played = quit();
-  EXPECT_EQ(played.exit_code, 1) << "an output is incomplete: " << played.err;
+  expect_end(quit(), 1);
 }
 
 TEST_F(ExternalFaults, PlaysVideosWithoutTmp) {
-  const ProcessResult made = run({"convert", film(), "-o", path("clip.mkv"), "--rate", "30"});
-  ASSERT_EQ(made.exit_code, 0) << made.err;
-  std::vector<std::string> words = {"/usr/bin/env", "-u", "XDG_RUNTIME_DIR", "-u",
-                                    "RUNTIME_DIRECTORY"};
-  const std::vector<std::string> play = play_words(path("clip.mkv"), {"--loop", "forever"});
-  words.insert(words.end(), play.begin(), play.end());
+  expect_end(run({"convert", film(), "-o", path("clip.mkv"), "--rate", "30"}), 0);
+  std::vector<std::string> words =
+      joined({"/usr/bin/env", "-u", "XDG_RUNTIME_DIR", "-u", "RUNTIME_DIRECTORY"},
+             play_words(path("clip.mkv"), {"--loop", "forever"}));
   if (may_mount()) {
     // The test's folder and the programs may lie in /tmp, so they are mounted at /mnt; /tmp itself
     // is empty.
@@ -174,11 +167,10 @@ TEST_F(ExternalFaults, PlaysVideosWithoutTmp) {
 
 TEST_F(ExternalFaults, PlaysOnWhenTheLogsDiskIsFull) {
   const std::string log = may_mount() ? path("run/log") : "/dev/full";
-  std::vector<std::string> words = {"/bin/sh", "-c", "exec \"$@\" 2>" + log, "sh"};
   // SIGHUP would end a player that has a controlling terminal.
-  words.insert(words.end(), {"/usr/bin/env", "setsid"});
-  const std::vector<std::string> play = play_words(film(), {"--loop", "forever"});
-  words.insert(words.end(), play.begin(), play.end());
+  std::vector<std::string> words =
+      joined({"/bin/sh", "-c", "exec \"$@\" 2>" + log, "sh", "/usr/bin/env", "setsid"},
+             play_words(film(), {"--loop", "forever"}));
   if (may_mount()) words = among("mount -t tmpfs -o size=16k none " + path("run"), words);
   start(words);
   ASSERT_TRUE(has_started());
@@ -217,8 +209,7 @@ TEST_F(ExternalFaults, PlaysOnWhileTheControlSocketIsFlooded) {
   for (std::thread& attacker : attackers) attacker.join();
   EXPECT_TRUE(film_continues());
   ASSERT_TRUE(comes_true([&] { return ctl({"status"}).exit_code == 0; }));
-  const ProcessResult played = quit();
-  EXPECT_EQ(played.exit_code, 143) << played.err;
+  expect_end(quit(), 143);
 }
 
 TEST_F(ExternalFaults, SixteenIdleClientsDoNotBlockANewOne) {
@@ -246,13 +237,10 @@ TEST_F(ExternalFaults, PlaysOnWhenTheStatisticsFolderIsRemoved) {
 
 TEST_F(ExternalFaults, AnIncompleteOutputAtTheEndIsExitCodeOne) {
   const auto play = [&](std::vector<std::string> more) {
-    std::vector<std::string> words = {"play",       "card",
-                                      "--rig",      path("rig.toml"),
-                                      "--display",  "virtual:48x32@60",
-                                      "--clock",    "simulated",
-                                      "--duration", "1"};
-    words.insert(words.end(), more.begin(), more.end());
-    return run(words, {.largest_file_bytes = 10});
+    return run(joined({"play", "card", "--rig", path("rig.toml"), "--display", "virtual:48x32@60",
+                       "--clock", "simulated", "--duration", "1"},
+                      more),
+               {.largest_file_bytes = 10});
   };
   for (const std::vector<std::string>& output :
        {std::vector<std::string>{"--stats", path("stats.json")},
@@ -272,10 +260,8 @@ TEST_F(ExternalFaults, RefusesUnwritableOutputsBeforePlaying) {
         {"--record", "checksums:" + path("none/sums")},
         {"--record", "checksums:" + path("pipe")},
         {"--record", "png:" + path("pipe")}}) {
-    std::vector<std::string> words = {"play",           film(),      "--rig",
-                                      path("rig.toml"), "--display", "virtual:48x32@60"};
-    words.insert(words.end(), output.begin(), output.end());
-    const ProcessResult played = run(words);
+    const ProcessResult played = run(joined(
+        {"play", film(), "--rig", path("rig.toml"), "--display", "virtual:48x32@60"}, output));
     expect_end(played, 1, "cannot write");
     EXPECT_EQ(played.err.find("playback continues"), std::string::npos) << played.err;
   }
@@ -310,21 +296,17 @@ TEST_F(ExternalFaults, AClosedTerminalEndsThePlayerCleanly) {
 }
 
 TEST_F(ExternalFaults, AHangupEndsAPlayerWithoutAControlSocket) {
-  const ProcessResult played =
-      run({"play", film(), "--rig", path("rig.toml"), "--display", "virtual:48x32@60", "--loop",
-           "forever", "--stats", path("stats.json")},
-          {.interrupt_signal = SIGHUP, .interrupt_after = std::chrono::milliseconds(1500)});
-  EXPECT_EQ(played.exit_code, 129) << played.err;
+  expect_end(run({"play", film(), "--rig", path("rig.toml"), "--display", "virtual:48x32@60",
+                  "--loop", "forever", "--stats", path("stats.json")},
+                 {.interrupt_signal = SIGHUP, .interrupt_after = std::chrono::milliseconds(1500)}),
+             129);
   EXPECT_EQ(stats(path("stats.json")).value("outcome", ""), "interrupted");
 }
 
 TEST_F(ExternalFaults, WithoutATerminalAHangupReloadsTheList) {
   write_picture("other.png", 7);
   write("list.toml", "loop = \"forever\"\n[[item]]\nsource = \"film/%03d.png\"\n");
-  std::vector<std::string> words = {"/usr/bin/env", "setsid"};
-  const std::vector<std::string> play = play_words(path("list.toml"));
-  words.insert(words.end(), play.begin(), play.end());
-  start(words);
+  start(joined({"/usr/bin/env", "setsid"}, play_words(path("list.toml"))));
   ASSERT_TRUE(has_started());
   write("list.toml", "loop = \"forever\"\n[[item]]\nsource = \"other.png\"\n");
   player_->signal(SIGHUP);
@@ -345,9 +327,7 @@ class DamagedFilm : public ExternalFaults {
     for (const auto& [name, level] : {std::pair("film", 100), {"new", kNewLevel}}) {
       const std::string film = path(name);
       write_sequence(film + ".lts", path("rig.toml"), static_cast<uint8_t>(level));
-      const ProcessResult made =
-          run({"convert", film + "/%03d.png", "-o", film + ".mkv", "--rate", "30"});
-      ASSERT_EQ(made.exit_code, 0) << made.err;
+      expect_end(run({"convert", film + "/%03d.png", "-o", film + ".mkv", "--rate", "30"}), 0);
     }
   }
   [[nodiscard]] std::vector<std::string> files(const std::string& film) const {

@@ -154,15 +154,12 @@ TEST(Help, ManualNamesEveryCommand) {
 }
 
 TEST(Help, AFullStandardOutputIsAFailureNotASuccess) {
-  const ProcessResult result =
-      run_process({"/bin/sh", "-c", std::string(LENTICULE_PROGRAM) + " man > /dev/full"});
-  EXPECT_EQ(result.exit_code, 1) << result.err;
+  expect_end(run_process({"/bin/sh", "-c", std::string(LENTICULE_PROGRAM) + " man > /dev/full"}),
+             1);
 }
 
 void expect_refuses_the_instruction_set(const std::vector<std::string>& command) {
-  std::vector<std::string> arguments = {"/usr/bin/env", "LENTICULE_ISA=sse2"};
-  arguments.insert(arguments.end(), command.begin(), command.end());
-  const ProcessResult result = run_process(arguments);
+  const ProcessResult result = run_process(joined({"/usr/bin/env", "LENTICULE_ISA=sse2"}, command));
   EXPECT_EQ(result.exit_code, 2) << command[1] << ": signal " << result.signal;
   EXPECT_TRUE(result.out.empty()) << result.out;
   EXPECT_NE(result.err.find("LENTICULE_ISA: no instruction set 'sse2'"), std::string::npos)
@@ -177,11 +174,10 @@ TEST(Environment, AnUnknownInstructionSetIsAUsageErrorOfEveryCommand) {
 }
 
 TEST(Environment, AnInstructionSetThatTheProcessorLacksGivesTheBestBelowIt) {
-  const ProcessResult result =
-      run_process({"/usr/bin/env", "LENTICULE_ISA=avx512", LENTICULE_PROGRAM, "render",
-                   "builtin:demo", "--rig", source_file("scenes/rigs/tiny.toml"), "-o",
-                   ::testing::TempDir() + "lenticule-isa.png", "--overwrite"});
-  EXPECT_EQ(result.exit_code, 0) << result.signal << ": " << result.err;
+  expect_end(run_process({"/usr/bin/env", "LENTICULE_ISA=avx512", LENTICULE_PROGRAM, "render",
+                          "builtin:demo", "--rig", source_file("scenes/rigs/tiny.toml"), "-o",
+                          ::testing::TempDir() + "lenticule-isa.png", "--overwrite"}),
+             0);
 }
 
 }  // namespace

@@ -38,8 +38,7 @@ constexpr const char* kPlay =
     R"("$1" play card --rig "$2" --display virtual --duration 1 --stats "$3/stats.json")";
 
 TEST_F(Output, PlayingContinuesWhenTheLogsDiskIsFull) {
-  const ProcessResult played = shell(std::string(kPlay) + " 2>/dev/full");
-  EXPECT_EQ(played.exit_code, 0) << played.signal;
+  expect_end(shell(std::string(kPlay) + " 2>/dev/full"), 0);
   const json stats = json::parse(std::ifstream(path("stats.json")));
   EXPECT_EQ(stats.at("outcome"), "finished");
 }
@@ -54,10 +53,9 @@ TEST_F(Output, PlayingContinuesWhenTheLogsReaderIsGone) {
 
 TEST_F(Output, DroppedLogLinesAreCountedInTheStatistics) {
   // The picture is read before the panel is found; only then is a line due.
-  const ProcessResult played =
-      shell(R"("$1" play card --rig "$2" --display kms:HDMI-A-99 --wait-for-panel 1 )"
-            R"(--stats "$3/stats.json" 2>/dev/full)");
-  EXPECT_EQ(played.exit_code, 3) << played.signal;
+  expect_end(shell(R"("$1" play card --rig "$2" --display kms:HDMI-A-99 --wait-for-panel 1 )"
+                   R"(--stats "$3/stats.json" 2>/dev/full)"),
+             3);
   const json stats = json::parse(std::ifstream(path("stats.json")));
   EXPECT_GE(stats.at("log_lines_dropped").get<int>(), 1) << stats.dump(1);
 }
@@ -229,8 +227,7 @@ TEST_F(Output, ThePageOfStatisticsNamesEveryKeyAndNoOther) {
   const auto play = [&](std::vector<std::string> words, int exit_code) {
     words.insert(words.begin(), "play");
     words.insert(words.end(), {"--duration", "0.5", "--stats", path("stats.json")});
-    const ProcessResult played = run(words);
-    EXPECT_EQ(played.exit_code, exit_code) << words[1] << played.err;
+    expect_end(run(words), exit_code);
     add_keys(json::parse(std::ifstream(path("stats.json"))), "", keys);
   };
   play({path("film.lts"), "--rig", tiny, "--display", "virtual", "--clock", "simulated", "--safe",

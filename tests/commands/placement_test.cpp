@@ -28,11 +28,10 @@ class Placement : public CommandTest {
 
   [[nodiscard]] nlohmann::json render(const std::string& output,
                                       std::vector<std::string> more = {}) const {
-    std::vector<std::string> arguments = {
-        "render", path("plate.obj"), "--rig", source_file("scenes/rigs/tiny.toml"),
-        "-o",     path(output),      "--json"};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return results_of(run(arguments));
+    return results_of(
+        run(joined({"render", path("plate.obj"), "--rig", source_file("scenes/rigs/tiny.toml"),
+                    "-o", path(output), "--json"},
+                   more)));
   }
 
   /// Returns the code in the middle of a frame.
@@ -86,13 +85,9 @@ TEST_F(Placement, APointHasTheSameCodeAtEveryDepthBudget) {
 TEST_F(Placement, ASequenceTurnsOnceRound) {
   const std::vector<std::string> place = {"--mm-per-unit", "2",     "--depth-scale", "0.5",
                                           "--centre",      "0,0,0", "--pitch",       "20"};
-  const auto with = [&](std::vector<std::string> more) {
-    more.insert(more.end(), place.begin(), place.end());
-    return more;
-  };
-  (void)render("turn-%d.ppm", with({"--turn", "10:370", "--frames", "0:4"}));
-  (void)render("still.ppm", with({"--turn", "10"}));
-  (void)render("quarter.ppm", with({"--turn", "100"}));
+  (void)render("turn-%d.ppm", joined({"--turn", "10:370", "--frames", "0:4"}, place));
+  (void)render("still.ppm", joined({"--turn", "10"}, place));
+  (void)render("quarter.ppm", joined({"--turn", "100"}, place));
   EXPECT_EQ(read_woven(path("turn-0.ppm")), read_woven(path("still.ppm")));
   EXPECT_EQ(read_woven(path("turn-1.ppm")), read_woven(path("quarter.ppm")));
   EXPECT_FALSE(read_woven(path("turn-0.ppm")) == read_woven(path("turn-1.ppm")));

@@ -48,10 +48,10 @@ class PlayerTest : public CommandTest {
   /// begins the command.
   [[nodiscard]] std::vector<std::string> play_words(const std::string& source,
                                                     std::vector<std::string> more = {}) const {
-    std::vector<std::string> words = {
-        LENTICULE_PROGRAM,  "play",      source,        "--rig", path("rig.toml"), "--display",
-        "virtual:48x32@60", "--control", path("c.sock")};
-    words.insert(words.end(), more.begin(), more.end());
+    const std::vector<std::string> words =
+        joined({LENTICULE_PROGRAM, "play", source, "--rig", path("rig.toml"), "--display",
+                "virtual:48x32@60", "--control", path("c.sock")},
+               more);
     return words;
   }
   void start(const std::vector<std::string>& words) {

@@ -22,6 +22,13 @@ inline std::vector<std::string> program(std::vector<std::string> arguments) {
   return arguments;
 }
 
+/// Returns the words of both.
+inline std::vector<std::string> joined(std::vector<std::string> words,
+                                       const std::vector<std::string>& more) {
+  words.insert(words.end(), more.begin(), more.end());
+  return words;
+}
+
 inline ProcessResult run(std::vector<std::string> arguments, const ProcessLimits& limits = {}) {
   return run_process(program(std::move(arguments)), limits);
 }
@@ -30,7 +37,7 @@ inline ProcessResult run(std::vector<std::string> arguments, const ProcessLimits
 template <typename... Text>
 void expect_end(const ProcessResult& result, int exit_code, const Text&... texts) {
   EXPECT_EQ(result.exit_code, exit_code) << result.err << result.out;
-  for (const std::string& text : {std::string(texts)...})
+  for (const std::string& text : std::vector<std::string>{texts...})
     EXPECT_NE(result.err.find(text), std::string::npos) << text << " is not in: " << result.err;
 }
 

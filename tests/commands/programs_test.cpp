@@ -76,8 +76,7 @@ TEST_F(LonePlayer, PlaysASequenceWithoutDecoders) {
   ASSERT_EQ(run({"render", "builtin:demo", "--rig", rig, "--frames", "0:2", "-o", path("film.lts")})
                 .exit_code,
             0);
-  const ProcessResult result = run_alone(play(path("film.lts")));
-  EXPECT_EQ(result.exit_code, 0) << result.err;
+  expect_end(run_alone(play(path("film.lts"))), 0);
   expect_end(run_alone({"play", path("film.lts"), "--clock", "simulated"}), 0, "virtual 48x32");
 }
 

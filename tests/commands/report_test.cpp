@@ -37,8 +37,7 @@ class Report : public PlayerTest {
   /// Plays to the end.
   void play_once(const std::vector<std::string>& more) {
     play(path("day.toml"), more);
-    const ProcessResult result = player_->wait(kPlayerTimeout);
-    EXPECT_EQ(result.exit_code, 0) << result.err;
+    expect_end(player_->wait(kPlayerTimeout), 0);
   }
   [[nodiscard]] ProcessResult report(std::vector<std::string> words = {}) const {
     words.insert(words.begin(), {"report", "--directory", journal->folder()});
@@ -186,12 +185,10 @@ TEST_F(Report, EntriesThatNoJournalTakesAreCountedAsLostAndReportedOnce) {
 TEST_F(Report, ErrorsNameTheObjectAndTheRemedy) {
   expect_end(run({"report", "--since", "now"}), 2, "--since 'now': not a time");
   expect_end(run({"report", "--directory", path("missing")}), 4, path("missing"));
-  const ProcessResult hash = run({"report", "--hash-of", "card"});
-  EXPECT_EQ(hash.exit_code, 2);
-  const ProcessResult clock =
-      run({"play", path("a.lts"), "--rig", path("rig.toml"), "--display", "virtual:48x32@60",
-           "--clock", "simulated", "--proof", "journal"});
-  EXPECT_EQ(clock.exit_code, 2);
+  expect_end(run({"report", "--hash-of", "card"}), 2);
+  expect_end(run({"play", path("a.lts"), "--rig", path("rig.toml"), "--display", "virtual:48x32@60",
+                  "--clock", "simulated", "--proof", "journal"}),
+             2);
 }
 
 }  // namespace

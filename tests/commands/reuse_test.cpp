@@ -23,14 +23,9 @@ class ReuseCommand : public CommandTest {
   }
   ProcessResult render(const std::string& folder, const std::string& frames,
                        const std::vector<std::string>& more = {}) {
-    std::vector<std::string> command = {"render",   "builtin:balls:2",
-                                        "--rig",    path("rig.toml"),
-                                        "--method", "temporal",
-                                        "--frames", frames,
-                                        "-o",       path(folder + "/%02d.png"),
-                                        "--json"};
-    command.insert(command.end(), more.begin(), more.end());
-    return run(command);
+    return run(joined({"render", "builtin:balls:2", "--rig", path("rig.toml"), "--method",
+                       "temporal", "--frames", frames, "-o", path(folder + "/%02d.png"), "--json"},
+                      more));
   }
   frames::WovenFrame frame(const std::string& name) { return frames::read_woven(path(name)); }
 };

@@ -21,8 +21,7 @@ class RigMount : public CommandTest {
 };
 
 TEST_F(RigMount, StatesThePanelAsTheViewerSeesIt) {
-  const ProcessResult result = mount("90");
-  ASSERT_EQ(result.exit_code, 0) << result.err;
+  expect_end(mount("90"), 0);
   const auto shown =
       nlohmann::json::parse(run({"rig", "show", path("hung.toml"), "--json"}).out).at("panel");
   EXPECT_EQ(shown.at("mounting"), "90");
@@ -43,10 +42,10 @@ TEST_F(RigMount, OfAPlayingPanelSendsThePictureThatItsViewerSees) {
     ASSERT_EQ(mount(mounting).exit_code, 0) << mounting;
     const frames::WovenFrame sent = noise_frame(48, 32, 6);
     frames::write_woven(seen_of(sent, mounting).view(), path("frame.png"));
-    const ProcessResult played =
+    expect_end(
         run({"play", path("frame.png"), "--rig", path("hung.toml"), "--display", "virtual",
-             "--clock", "simulated", "--duration", "0.1", "--record", "png:" + path("shown")});
-    ASSERT_EQ(played.exit_code, 0) << mounting << ": " << played.err;
+             "--clock", "simulated", "--duration", "0.1", "--record", "png:" + path("shown")}),
+        0);
     EXPECT_EQ(frames::read_woven(path("shown/00000000.png")), sent) << mounting;
     std::filesystem::remove_all(path("shown"));
   }

@@ -36,8 +36,7 @@ class RingExamples : public CommandTest {
                  "--record", "png:" + path("shown"), "--json", "--wait", "60"}));
     for (int tries = 0; tries < 3000 && !std::filesystem::exists(socket); ++tries) usleep(10000);
     renderer.insert(renderer.end(), {socket, std::to_string(kFrames), fingerprint()});
-    const ProcessResult drew = run_process(renderer);
-    ASSERT_EQ(drew.exit_code, 0) << drew.err;
+    expect_end(run_process(renderer), 0);
     const ProcessResult played = player.wait(std::chrono::seconds(60));
     ASSERT_EQ(played.exit_code, 0) << played.err;
     const auto report = nlohmann::json::parse(played.out);

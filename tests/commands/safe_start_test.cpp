@@ -28,13 +28,11 @@ class SafeStart : public CommandTest {
   }
 
   [[nodiscard]] std::vector<std::string> play(std::vector<std::string> flags) const {
-    std::vector<std::string> words = {"/usr/bin/env",    "RUNTIME_DIRECTORY=" + path("run"),
-                                      LENTICULE_PROGRAM, "play",
-                                      path("film.png"),  "--rig",
-                                      path("rig.toml"),  "--display",
-                                      "virtual",         "--stats",
-                                      path("stats.json")};
-    words.insert(words.end(), flags.begin(), flags.end());
+    const std::vector<std::string> words =
+        joined({"/usr/bin/env", "RUNTIME_DIRECTORY=" + path("run"), LENTICULE_PROGRAM, "play",
+                path("film.png"), "--rig", path("rig.toml"), "--display", "virtual", "--stats",
+                path("stats.json")},
+               flags);
     return words;
   }
   void write_film() const {
@@ -68,8 +66,7 @@ TEST_F(SafeStart, PlaysTheFilmAsSoonAsItCanBeOpened) {
   for (int i = 0; i < 3000 && !std::filesystem::exists(path("stats.json")); ++i)
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   write_film();
-  const ProcessResult played = player.wait(std::chrono::seconds(60));
-  EXPECT_EQ(played.exit_code, 0) << played.err;
+  expect_end(player.wait(std::chrono::seconds(60)), 0);
   EXPECT_FALSE(is_card("shown/00000001.png")) << "the second frame of the film";
   EXPECT_TRUE(stats().at("safe_start").at("problem").is_null());
 }
@@ -108,8 +105,7 @@ TEST_F(SafeStart, DelaysASourceThatCrashedEveryPlayer) {
 TEST_F(SafeStart, OrderlyEndsDoNotCountAsFailures) {
   write_film();
   for (int start = 0; start < 7; ++start) {
-    const ProcessResult played = run_process(play({"--duration", "0.1"}));
-    EXPECT_EQ(played.exit_code, 0) << played.err;
+    expect_end(run_process(play({"--duration", "0.1"})), 0);
   }
   EXPECT_FALSE(stats().contains("safe_start"));
 }

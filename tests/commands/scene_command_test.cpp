@@ -24,10 +24,9 @@ class SceneCommand : public CommandTest {
   }
   [[nodiscard]] ProcessResult render(const std::string& scene, const std::string& output,
                                      std::vector<std::string> more = {}) const {
-    std::vector<std::string> arguments = {
-        "render", scene, "--rig", source_file("scenes/rigs/tiny.toml"), "-o", path(output)};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return run(arguments);
+    return run(
+        joined({"render", scene, "--rig", source_file("scenes/rigs/tiny.toml"), "-o", path(output)},
+               more));
   }
 };
 
@@ -133,8 +132,7 @@ TEST_F(SceneCommand, ShowsThatACameraLooksAway) {
 }
 
 TEST_F(SceneCommand, AThumbnailIsOneViewOfTheScene) {
-  const ProcessResult done = run({"scene", "show", "builtin:teapot:2", "-o", path("pot.png")});
-  ASSERT_EQ(done.exit_code, 0) << done.err;
+  expect_end(run({"scene", "show", "builtin:teapot:2", "-o", path("pot.png")}), 0);
   const frames::WovenFrame picture = frames::read_woven(path("pot.png"));
   EXPECT_EQ(picture.width(), 480);
   EXPECT_EQ(picture.height(), 360);

@@ -101,9 +101,9 @@ TEST_F(SequenceCommand, ARendererWithoutThePlayersTrimIsAccepted) {
   ASSERT_EQ(run({"rig", "trim", path("trimmed.toml"), "--offset-by", "0.02"}).exit_code, 0);
   BackgroundProcess player(program({"play", "ring:" + path("ring"), "--rig", path("trimmed.toml"),
                                     "--display", "virtual", "--json"}));
-  const ProcessResult rendered = run({"render", "builtin:demo", "--rig", kTiny, "--frames", "0:5",
-                                      "--ring-timeout", "60", "-o", "ring:" + path("ring")});
-  EXPECT_EQ(rendered.exit_code, 0) << rendered.err;
+  expect_end(run({"render", "builtin:demo", "--rig", kTiny, "--frames", "0:5", "--ring-timeout",
+                  "60", "-o", "ring:" + path("ring")}),
+             0);
   const ProcessResult played = player.wait(std::chrono::seconds(60));
   expect_end(played, 0, "before the rig was trimmed by +0.02 lens");
   const auto warnings = nlohmann::json::parse(played.out).at("rig_warnings");
@@ -174,8 +174,7 @@ TEST_F(SequenceCommand, PicturesOfAnotherPanelAndVideosAreReplacedOnlyWithOverwr
 
   const std::vector<std::string> convert = {"convert", path("%02d.png"), "-o", path("film.mkv")};
   ASSERT_EQ(run(convert).exit_code, 0);
-  const ProcessResult video = run(convert);
-  EXPECT_EQ(video.exit_code, 4) << video.err;
+  expect_end(run(convert), 4);
   std::vector<std::string> overwrite = convert;
   overwrite.emplace_back("--overwrite");
   EXPECT_EQ(run(overwrite).exit_code, 0);
@@ -220,8 +219,7 @@ TEST_F(SequenceCommand, TheNextRunRemovesFilesOfKilledWriters) {
   // The encoder of a killed run may take a moment to notice the end of its input.
   size_t left = 1;
   for (int tries = 0; tries < 50 && left > 0; ++tries) {
-    const ProcessResult again = run_process(video);
-    ASSERT_EQ(again.exit_code, 0) << again.err;
+    expect_end(run_process(video), 0);
     const std::vector<std::string> names = listing();
     left = static_cast<size_t>(std::count_if(names.begin(), names.end(), [](const auto& name) {
       return name.find(".lenticule") != std::string::npos;

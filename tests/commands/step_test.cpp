@@ -129,14 +129,10 @@ class Step : public PlayerTest {
   }
   [[nodiscard]] std::vector<std::string> words(const std::string& name,
                                                const std::vector<std::string>& step) const {
-    std::vector<std::string> all = {"play",      path("film/%02d.png"),
-                                    "--rig",     path("rig.toml"),
-                                    "--display", "virtual:48x32@20",
-                                    "--fps",     "20",
-                                    "--loop",    "forever",
-                                    "--stats",   path(name + ".json"),
-                                    "--step",    "wall"};
-    all.insert(all.end(), step.begin(), step.end());
+    const std::vector<std::string> all = joined(
+        {"play", path("film/%02d.png"), "--rig", path("rig.toml"), "--display", "virtual:48x32@20",
+         "--fps", "20", "--loop", "forever", "--stats", path(name + ".json"), "--step", "wall"},
+        step);
     return all;
   }
   void start_player(const std::string& name, const char* role, const std::string& address,

@@ -33,12 +33,12 @@ class VideoCommands : public CommandTest {
     std::string raw(static_cast<size_t>(width * height * 3 * frames), '\0');
     for (size_t i = 0; i < raw.size(); ++i) raw[i] = static_cast<char>(i * i >> 3);
     write("raw", raw);
-    const ProcessResult made =
+    expect_end(
         run_process({"/bin/sh", "-c",
                      std::string("exec ") + LENTICULE_VIDEO_PROGRAM + " encode --rate 30 --width " +
                          std::to_string(width) + " --height " + std::to_string(height) + " " +
-                         flags + " " + path(name) + " < " + path("raw")});
-    ASSERT_EQ(made.exit_code, 0) << made.err;
+                         flags + " " + path(name) + " < " + path("raw")}),
+        0);
   }
 
   [[nodiscard]] std::vector<std::string> play(const std::string& name) const {

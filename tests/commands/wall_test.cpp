@@ -50,9 +50,7 @@ turn_degrees = -3
   }
 
   [[nodiscard]] ProcessResult render(std::vector<std::string> more) const {
-    std::vector<std::string> arguments = {"render", path("scene.obj"), "--wall", path("wall.toml")};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return run(arguments);
+    return run(joined({"render", path("scene.obj"), "--wall", path("wall.toml")}, more));
   }
 };
 
@@ -93,9 +91,9 @@ TEST_F(WallCommand, WritesTheRigsThatTheFilmsAreMadeFor) {
   const ProcessResult play = run({"play", path("film-left.lts"), "--rig", path("rigs/left.toml"),
                                   "--display", "virtual", "--duration", "0.1"});
   EXPECT_EQ(play.exit_code, 0) << play.err;
-  const ProcessResult other = run({"play", path("film-left.lts"), "--rig", path("rigs/right.toml"),
-                                   "--display", "virtual", "--duration", "0.1"});
-  EXPECT_EQ(other.exit_code, 4) << other.err;
+  expect_end(run({"play", path("film-left.lts"), "--rig", path("rigs/right.toml"), "--display",
+                  "virtual", "--duration", "0.1"}),
+             4);
 }
 
 /// Returns the checksums of the frames that a recording lists, in order.
@@ -114,8 +112,7 @@ class WallPlay : public WallCommand {
     ASSERT_EQ(render({"--frames", "0:3", "-o", path("film")}).exit_code, 0);
   }
   [[nodiscard]] ProcessResult play(const std::vector<std::string>& words) const {
-    std::vector<std::string> arguments = {"play"};
-    arguments.insert(arguments.end(), words.begin(), words.end());
+    std::vector<std::string> arguments = joined({"play"}, words);
     for (const char* word : {"--display", "virtual", "--clock", "simulated"})
       arguments.emplace_back(word);
     return run(arguments);
@@ -142,10 +139,9 @@ TEST_F(WallPlay, OnePlayerShowsTheFilmsOfAllPanels) {
             6);
   ASSERT_EQ(run({"rig", "wall", path("wall.toml"), "--rigs", path("rigs")}).exit_code, 0);
   for (const std::string name : {"left", "right"}) {
-    const ProcessResult alone =
-        play({path("film-" + name + ".lts"), "--rig", path("rigs/" + name + ".toml"), "--record",
-              "png:" + path(name)});
-    ASSERT_EQ(alone.exit_code, 0) << alone.err;
+    expect_end(play({path("film-" + name + ".lts"), "--rig", path("rigs/" + name + ".toml"),
+                     "--record", "png:" + path(name)}),
+               0);
     for (const int frame : {0, 1, 2, 3, 5}) {
       const std::string file = fmt::format("{:08}.png", frame);
       const std::string own = fmt::format("{:08}.png", frame % 3);
@@ -160,9 +156,9 @@ TEST_F(WallPlay, ListsAndBlackFramesAreForAllPanels) {
   write("list.toml",
         "[[item]]\nsource = \"film.lts\"\n[[item]]\nsource = \"black\"\n"
         "duration_s = 1\n");
-  const ProcessResult result = play_wall(
-      {path("list.toml"), "--loop", "1", "--record", "checksums:" + path("sums.txt"), "--json"});
-  ASSERT_EQ(result.exit_code, 0) << result.err;
+  expect_end(play_wall({path("list.toml"), "--loop", "1", "--record",
+                        "checksums:" + path("sums.txt"), "--json"}),
+             0);
   const std::vector<std::string> sums = checksums(path("sums.txt"));
   ASSERT_EQ(sums.size(), 4U);
   EXPECT_NE(sums[2], sums[3]);

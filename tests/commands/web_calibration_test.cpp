@@ -410,9 +410,7 @@ TEST_F(HandHeldCalibration, TheConfinedDecoderShowsTheSensorsPictureWhateverTheT
     phone_.photograph(shown_, shot, words.back());
   }
   const auto fit = [&](const std::vector<std::string>& more) {
-    std::vector<std::string> all = words;
-    all.insert(all.end(), more.begin(), more.end());
-    const ProcessResult result = run(all, {.timeout = std::chrono::seconds(300)});
+    const ProcessResult result = run(joined(words, more), {.timeout = std::chrono::seconds(300)});
     EXPECT_EQ(result.exit_code, 0) << result.err << result.out;
     return ordered_json::parse(result.out, nullptr, false);
   };

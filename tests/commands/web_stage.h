@@ -69,13 +69,10 @@ class WebTest : public PlayerTest {
     std::filesystem::create_directories(path("media"));
   }
   void start_web(const std::vector<std::string>& more = {}, const char* socket = "c.sock") {
-    std::vector<std::string> words = {LENTICULE_PROGRAM, "web",
-                                      "--socket",        path(socket),
-                                      "--state",         path("state"),
-                                      "--media",         path("media"),
-                                      "--listen",        "127.0.0.1:" + std::to_string(port_)};
-    words.insert(words.end(), more.begin(), more.end());
-    web_ = std::make_unique<BackgroundProcess>(words);
+    web_ = std::make_unique<BackgroundProcess>(
+        joined({LENTICULE_PROGRAM, "web", "--socket", path(socket), "--state", path("state"),
+                "--media", path("media"), "--listen", "127.0.0.1:" + std::to_string(port_)},
+               more));
     ASSERT_TRUE(comes_true([&] { return HttpClient(port_).connected(); }));
     const auto tokens = web::read_tokens(path("state") + "/tokens.json");
     ASSERT_FALSE(tokens.empty()) << "another program listens at port " << port_;

@@ -20,9 +20,9 @@ class WindowDisplay : public PlayerTest {
     write_rig({});
     write_picture("view00.png", kRed);
     write_picture("view01.png", kBlue);
-    const ProcessResult woven = run({"weave", path("view%02d.png"), "--filter", "nearest", "--rig",
-                                     path("rig.toml"), "-o", path("woven.png")});
-    ASSERT_EQ(woven.exit_code, 0) << woven.err;
+    expect_end(run({"weave", path("view%02d.png"), "--filter", "nearest", "--rig", path("rig.toml"),
+                    "-o", path("woven.png")}),
+               0);
     server_ = std::make_unique<BackgroundProcess>(std::vector<std::string>{
         "/bin/sh", "-c",
         "exec Xvfb -displayfd 1 -nolisten tcp -screen 0 " + std::to_string(kScreenWidth) + "x" +
@@ -56,23 +56,13 @@ class WindowDisplay : public PlayerTest {
   }
 
   void play(std::vector<std::string> more = {}) {
-    std::vector<std::string> words = {"/usr/bin/env",
-                                      "DISPLAY=" + display(),
-                                      "SDL_VIDEODRIVER=x11",
-                                      LENTICULE_PROGRAM,
-                                      "play",
-                                      path("woven.png"),
-                                      "--rig",
-                                      path("rig.toml"),
-                                      "--display",
-                                      "window"};
-    words.insert(words.end(), more.begin(), more.end());
-    start(words);
+    start(joined({"/usr/bin/env", "DISPLAY=" + display(), "SDL_VIDEODRIVER=x11", LENTICULE_PROGRAM,
+                  "play", path("woven.png"), "--rig", path("rig.toml"), "--display", "window"},
+                 more));
   }
   void xdotool(std::vector<std::string> words) const {
     words.insert(words.begin(), {"/usr/bin/env", "DISPLAY=" + display(), "xdotool"});
-    const ProcessResult result = run_process(words);
-    EXPECT_EQ(result.exit_code, 0) << result.err;
+    expect_end(run_process(words), 0);
   }
 
   /// Returns the colour of a pixel of the screen, from the server's file in the format XWD.
@@ -111,8 +101,7 @@ TEST_F(WindowDisplay, ShowsWhatTwoEyesSeeWhereTheMousePutsThem) {
   xdotool({"key", "a"});
   EXPECT_TRUE(shows(kMagenta, kMagenta)) << "red from the left eye, blue from the right one";
   xdotool({"key", "q"});
-  const ProcessResult ended = player_->wait(kPlayerTimeout);
-  EXPECT_EQ(ended.exit_code, 0) << ended.err;
+  expect_end(player_->wait(kPlayerTimeout), 0);
 }
 
 TEST_F(WindowDisplay, ShowsATurnedPanelAsItsViewerSeesIt) {
@@ -138,10 +127,10 @@ TEST_F(WindowDisplay, RefusesFlagsThatAWindowCannotFollow) {
   for (const std::vector<std::string>& more :
        {std::vector<std::string>{"--clock", "simulated"},
         std::vector<std::string>{"--record", "checksums:" + path("sums.txt")}}) {
-    std::vector<std::string> words = {"play",           path("woven.png"), "--rig",
-                                      path("rig.toml"), "--display",       "window"};
-    words.insert(words.end(), more.begin(), more.end());
-    expect_end(run(words), 2, more[0]);
+    expect_end(
+        run(joined({"play", path("woven.png"), "--rig", path("rig.toml"), "--display", "window"},
+                   more)),
+        2, more[0]);
   }
 }
 

@@ -44,12 +44,11 @@ TEST_F(FarmCommand, NumberedScenesAndRelativeNamesWorkFromAnyFolder) {
     return run_process(
         {"/bin/sh", "-c", "cd \"$2\" && " + script, "sh", LENTICULE_PROGRAM, folder_.string()});
   };
-  const ProcessResult planned = shell(
-      "\"$1\" farm plan \"it's a scene/demo-%d.nff\" --rig rig.toml --frames 0:12 --chunk 5 "
-      "--timed-frames 1 -o film.lts --work 'w o;rk'");
-  ASSERT_EQ(planned.exit_code, 0) << planned.err;
-  const ProcessResult rendered = shell("cd / && sh \"$2/w o;rk/commands.txt\"");
-  ASSERT_EQ(rendered.exit_code, 0) << rendered.err;
+  expect_end(
+      shell("\"$1\" farm plan \"it's a scene/demo-%d.nff\" --rig rig.toml --frames 0:12 --chunk 5 "
+            "--timed-frames 1 -o film.lts --work 'w o;rk'"),
+      0);
+  expect_end(shell("cd / && sh \"$2/w o;rk/commands.txt\""), 0);
   ASSERT_EQ(shell("\"$1\" farm merge 'w o;rk'").exit_code, 0);
   ASSERT_EQ(shell("\"$1\" render \"it's a scene/demo-%d.nff\" --rig rig.toml --frames 0:12 "
                   "-o whole.lts")
@@ -61,10 +60,9 @@ TEST_F(FarmCommand, NumberedScenesAndRelativeNamesWorkFromAnyFolder) {
 TEST_F(FarmCommand, AScenePictureOrRigThatChangesAfterThePlanIsRefused) {
   ASSERT_EQ(run({"scene", "teapot", "-o", path("scene.nff")}).exit_code, 0);
   std::filesystem::copy_file(rig_, path("rig.toml"));
-  const ProcessResult planned =
-      run({"farm", "plan", path("scene.nff"), "--rig", path("rig.toml"), "--frames", "0:4",
-           "--chunk", "2", "--timed-frames", "0", "-o", path("film.lts"), "--work", work()});
-  ASSERT_EQ(planned.exit_code, 0) << planned.err;
+  expect_end(run({"farm", "plan", path("scene.nff"), "--rig", path("rig.toml"), "--frames", "0:4",
+                  "--chunk", "2", "--timed-frames", "0", "-o", path("film.lts"), "--work", work()}),
+             0);
   ASSERT_EQ(render_chunk(0).exit_code, 0);
   ASSERT_EQ(run({"rig", "trim", path("rig.toml"), "--offset-by", "0.01"}).exit_code, 0);
   expect_end(render_chunk(1), 4, "the rig is not the one of the plan");
@@ -191,8 +189,7 @@ TEST_F(FarmCommand, FeedPlaysEachFrameOnceInOrderWhileChunksCome) {
   const ProcessResult fed = feed.wait(std::chrono::seconds(600));
   ASSERT_EQ(fed.exit_code, 0) << fed.err;
   EXPECT_EQ(json::parse(fed.out).at("frames_delivered"), 40);
-  const ProcessResult played = player.wait(std::chrono::seconds(600));
-  ASSERT_EQ(played.exit_code, 0) << played.err;
+  expect_end(player.wait(std::chrono::seconds(600)), 0);
   // The merged film is shown in the same way.
   ASSERT_EQ(merge().exit_code, 0);
   ASSERT_EQ(run_process(play(path("film.lts"), "film.txt")).exit_code, 0);

@@ -25,9 +25,7 @@ TEST_F(FarmEngines, AShellRunsTheList) {
 
 TEST_F(FarmEngines, XargsRunsTheListInParallel) {
   plan("0:24", "5");
-  const ProcessResult result =
-      shell("shuf \"$1/commands.txt\" | tr '\\n' '\\0' | xargs -0 -n 1 -P 3 sh -c");
-  ASSERT_EQ(result.exit_code, 0) << result.err;
+  expect_end(shell("shuf \"$1/commands.txt\" | tr '\\n' '\\0' | xargs -0 -n 1 -P 3 sh -c"), 0);
   expect_the_film();
 }
 
@@ -35,20 +33,19 @@ TEST_F(FarmEngines, GnuParallelRunsTheList) {
   if (!std::filesystem::exists("/usr/bin/parallel"))
     GTEST_SKIP() << "GNU parallel is not installed: scripts/packages farm";
   plan("0:24", "5");
-  const ProcessResult result =
-      shell("parallel --will-cite --jobs 2 --joblog \"$1/log\" <\"$1/commands.txt\"");
-  ASSERT_EQ(result.exit_code, 0) << result.err;
+  expect_end(shell("parallel --will-cite --jobs 2 --joblog \"$1/log\" <\"$1/commands.txt\""), 0);
   expect_the_film();
 }
 
 /// The habit of Blender's users: the number of the array's task is the number of the frame.
 TEST_F(FarmEngines, RenderTakesTheNumberOfAnArraysTaskAsTheFrame) {
-  const ProcessResult result = run_process(
-      {"/bin/sh", "-c",
-       "for SLURM_ARRAY_TASK_ID in 4 5; do \"$1\" render builtin:teapot --rig \"$2\" --frames "
-       "$SLURM_ARRAY_TASK_ID -o \"$3/%03d.png\"; done",
-       "sh", LENTICULE_PROGRAM, rig_, folder_.string()});
-  ASSERT_EQ(result.exit_code, 0) << result.err;
+  expect_end(
+      run_process(
+          {"/bin/sh", "-c",
+           "for SLURM_ARRAY_TASK_ID in 4 5; do \"$1\" render builtin:teapot --rig \"$2\" --frames "
+           "$SLURM_ARRAY_TASK_ID -o \"$3/%03d.png\"; done",
+           "sh", LENTICULE_PROGRAM, rig_, folder_.string()}),
+      0);
   EXPECT_EQ(listing(), (std::vector<std::string>{"004.png", "005.png"}));
 }
 

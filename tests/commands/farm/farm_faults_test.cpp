@@ -26,8 +26,7 @@ TEST_F(FarmFaults, AChunkThatIsTruncatedByHandIsRenderedAgain) {
 
 TEST_F(FarmFaults, AFileThatCannotGrowFailsTheChunkAndTheNextCallSucceeds) {
   plan();
-  const ProcessResult full = run_process(chunk_words(0), {.largest_file_bytes = 3000});
-  EXPECT_EQ(full.exit_code, 1) << full.err;
+  expect_end(run_process(chunk_words(0), {.largest_file_bytes = 3000}), 1);
   EXPECT_EQ(status().at("chunks_failed"), 1);
   EXPECT_TRUE(std::filesystem::is_empty(work() + "/chunks"));
   render_all();
@@ -70,8 +69,7 @@ TEST_F(FarmFaults, ANodeWhoseClockIsTenMinutesLateChangesNothing) {
   plan();
   std::vector<std::string> late = {"/usr/bin/env", std::string("LD_PRELOAD=") + FARM_CLOCK_OFF};
   const auto with_late_clock = [&](const std::vector<std::string>& words) {
-    std::vector<std::string> all = late;
-    all.insert(all.end(), words.begin(), words.end());
+    const std::vector<std::string> all = joined(late, words);
     return all;
   };
   ASSERT_EQ(run_process(with_late_clock({"/bin/date", "+%s"})).exit_code, 0);
@@ -98,9 +96,10 @@ TEST_F(FarmFaults, ANodeWhoseClockIsTenMinutesLateChangesNothing) {
 /// Returns the words that run a program on a folder which shows files of others two seconds late,
 /// and takes opened files away.
 std::vector<std::string> on_network_folder(const std::vector<std::string>& words) {
-  std::vector<std::string> all = {"/usr/bin/env", std::string("LD_PRELOAD=") + FARM_NETWORK_FOLDER,
-                                  "FARM_LATE_MS=2000", "FARM_STALE=1"};
-  all.insert(all.end(), words.begin(), words.end());
+  const std::vector<std::string> all =
+      joined({"/usr/bin/env", std::string("LD_PRELOAD=") + FARM_NETWORK_FOLDER, "FARM_LATE_MS=2000",
+              "FARM_STALE=1"},
+             words);
   return all;
 }
 
@@ -123,9 +122,7 @@ TEST_F(FarmFaults, AFolderThatShowsFilesLateAndTakesOpenedFilesAwayMakesTheFilm)
     EXPECT_EQ(first.wait(std::chrono::seconds(300)).exit_code, 0);
     EXPECT_EQ(second.wait(std::chrono::seconds(300)).exit_code, 0);
   }
-  const ProcessResult merged =
-      run_process(on_network_folder(program({"farm", "merge", work(), "--wait", "60"})));
-  ASSERT_EQ(merged.exit_code, 0) << merged.err;
+  expect_end(run_process(on_network_folder(program({"farm", "merge", work(), "--wait", "60"}))), 0);
   EXPECT_EQ(film(), film_of_one_run("0:40"));
   EXPECT_EQ(status().at("complete"), true);
   EXPECT_TRUE(status().at("differing").empty());
@@ -165,10 +162,9 @@ TEST_F(FarmFaults, TwoProcessesOfTheSameChunkDoNoHarm) {
 
 TEST_F(FarmFaults, AnInterruptedProcessLeavesNothingAndIsNoFailure) {
   plan("0:2000", "2000");
-  const ProcessResult stopped = run_process(
-      chunk_words(0),
-      {.interrupt_signal = SIGTERM, .interrupt_after = std::chrono::milliseconds(1500)});
-  EXPECT_EQ(stopped.exit_code, 143) << stopped.err;
+  expect_end(run_process(chunk_words(0), {.interrupt_signal = SIGTERM,
+                                          .interrupt_after = std::chrono::milliseconds(1500)}),
+             143);
   EXPECT_EQ(status().at("chunks_failed"), 0);
   EXPECT_EQ(status().at("chunks_missing"), 1);
   EXPECT_TRUE(std::filesystem::is_empty(work() + "/attempts/000000"));

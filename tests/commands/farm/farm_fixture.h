@@ -23,17 +23,15 @@ class FarmTest : public CommandTest {
   /// Makes the plan of film.lts in the folder "work"; `more` are further flags.
   void plan(const std::string& frames = "0:40", const std::string& chunk = "8",
             const std::vector<std::string>& more = {}) const {
-    const ProcessResult result = run(plan_words(frames, chunk, more));
-    ASSERT_EQ(result.exit_code, 0) << result.err;
+    expect_end(run(plan_words(frames, chunk, more)), 0);
   }
   [[nodiscard]] std::vector<std::string> plan_words(
       const std::string& frames, const std::string& chunk,
       const std::vector<std::string>& more = {}) const {
-    std::vector<std::string> words = {
-        "farm",     "plan", "builtin:teapot", "--rig",  rig_,
-        "--frames", frames, "--chunk",        chunk,    "--timed-frames",
-        "1",        "-o",   path("film.lts"), "--work", work()};
-    words.insert(words.end(), more.begin(), more.end());
+    const std::vector<std::string> words =
+        joined({"farm", "plan", "builtin:teapot", "--rig", rig_, "--frames", frames, "--chunk",
+                chunk, "--timed-frames", "1", "-o", path("film.lts"), "--work", work()},
+               more);
     return words;
   }
 
@@ -50,9 +48,7 @@ class FarmTest : public CommandTest {
     return json::parse(std::ifstream(work() + "/plan.json")).at("chunks").get<uint64_t>();
   }
   [[nodiscard]] ProcessResult merge(const std::vector<std::string>& more = {}) const {
-    std::vector<std::string> words = {"farm", "merge", work()};
-    words.insert(words.end(), more.begin(), more.end());
-    return run(words);
+    return run(joined({"farm", "merge", work()}, more));
   }
   [[nodiscard]] json status() const {
     const ProcessResult result = run({"farm", "status", work(), "--json"});
@@ -62,11 +58,11 @@ class FarmTest : public CommandTest {
   /// Returns the bytes of the film as one process writes it.
   [[nodiscard]] std::vector<uint8_t> film_of_one_run(
       const std::string& frames, const std::vector<std::string>& more = {}) const {
-    std::vector<std::string> words = {"render",   "builtin:teapot", "--rig", rig_,
-                                      "--frames", frames,           "-o",    path("whole.lts")};
-    words.insert(words.end(), more.begin(), more.end());
-    const ProcessResult result = run(words, {.timeout = std::chrono::seconds(600)});
-    EXPECT_EQ(result.exit_code, 0) << result.err;
+    expect_end(run(joined({"render", "builtin:teapot", "--rig", rig_, "--frames", frames, "-o",
+                           path("whole.lts")},
+                          more),
+                   {.timeout = std::chrono::seconds(600)}),
+               0);
     std::vector<uint8_t> bytes = read_bytes(path("whole.lts"));
     std::filesystem::remove(path("whole.lts"));
     return bytes;

@@ -31,9 +31,7 @@ class FarmSlurm : public FarmTest {
   }
 
   [[nodiscard]] ProcessResult submit(const std::vector<std::string>& more = {}) const {
-    std::vector<std::string> words = submission();
-    words.insert(words.end(), more.begin(), more.end());
-    return cluster_->run(words);
+    return cluster_->run(joined(submission(), more));
   }
   /// Submits as a user to whom Slurm refuses the release of tasks.
   [[nodiscard]] ProcessResult submit_without_right_to_release() const {

@@ -31,18 +31,15 @@ turn_degrees = -3
   }
 
   [[nodiscard]] ProcessResult plan_panel(const std::vector<std::string>& more) const {
-    std::vector<std::string> words = {
-        "farm",     "plan",           "builtin:teapot", "--wall", path("wall.toml"), "--fit",
-        "--frames", "0:12",           "--chunk",        "5",      "--timed-frames",  "1",
-        "-o",       path("film.lts"), "--work",         work()};
-    words.insert(words.end(), more.begin(), more.end());
-    return run(words);
+    return run(joined(
+        {"farm", "plan", "builtin:teapot", "--wall", path("wall.toml"), "--fit", "--frames", "0:12",
+         "--chunk", "5", "--timed-frames", "1", "-o", path("film.lts"), "--work", work()},
+        more));
   }
 };
 
 TEST_F(FarmWall, TheFilmOfAPanelHasTheBytesOfOneRun) {
-  const ProcessResult planned = plan_panel({"--panel", "right"});
-  ASSERT_EQ(planned.exit_code, 0) << planned.err;
+  expect_end(plan_panel({"--panel", "right"}), 0);
   render_all();
   ASSERT_EQ(merge().exit_code, 0);
   const ProcessResult whole =
