@@ -85,9 +85,9 @@ TEST(OpenDisplay, OfAPanelOfTenBitsHasThemInScanoutMemory) {
 }
 
 TEST(OpenDisplay, RefusesAMissingPanel) {
-  const Error error =
-      test::error_of([] { (void)open_display({.spec = "kms:Nonsense-77", .panel = kPanel}); });
-  EXPECT_EQ(error.kind(), ErrorKind::Device) << error.what();
+  test::expect_error(
+      test::error_of([] { (void)open_display({.spec = "kms:Nonsense-77", .panel = kPanel}); }),
+      ErrorKind::Device);
 }
 
 TEST(OpenDisplay, RefusesInvalidKmsSpecs) {

@@ -195,8 +195,8 @@ TEST_F(VirtualDisplayTest, IsExactAfter400Days) {
 
 TEST(VirtualDisplayOpening, RefusesAbsurdOptions) {
   const auto expect_refusal = [](const VirtualDisplayOptions& options) {
-    const Error error = test::error_of([&] { (void)open_virtual_display(options); });
-    EXPECT_EQ(error.kind(), ErrorKind::Usage);
+    test::expect_error(test::error_of([&] { (void)open_virtual_display(options); }),
+                       ErrorKind::Usage);
   };
   expect_refusal({.geometry = {.width = 0, .height = 5}});
   expect_refusal({.geometry = {.width = 5, .height = -1}});

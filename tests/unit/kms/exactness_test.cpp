@@ -31,10 +31,7 @@ class Exactness : public KmsStage {
   }
   /// Expects opening to fail for this reason, and the panel to show nothing of ours.
   void expect_refused(const std::string& reason) {
-    const Error error = failure();
-    EXPECT_EQ(error.kind(), ErrorKind::Quality);
-    EXPECT_THAT(error.what(), HasSubstr(reason));
-    EXPECT_THAT(error.hint(), HasSubstr("--allow-inexact"));
+    expect_error(failure(), ErrorKind::Quality, reason, "--allow-inexact");
   }
   void become_edp_of_i915() {
     card.driver = "i915";

@@ -7,6 +7,7 @@
 #include "base/error.h"
 #include "display/kms/inspect.h"
 #include "kms_stage.h"
+#include "tests/support/error_matchers.h"
 
 namespace lenticule::test {
 
@@ -36,18 +37,12 @@ TEST_F(KmsOpen, ThreeConnectorsInTheWrongOrderStillShowTheRigsPanel) {
 TEST_F(KmsOpen, TwoMatchingPanelsAreAnErrorThatListsThem) {
   add_panel(2, "TWO");
   options.output.identity = {};
-  const Error error = failure();
-  EXPECT_EQ(error.kind(), ErrorKind::Device);
-  EXPECT_THAT(error.what(), HasSubstr("HDMI-A-1"));
-  EXPECT_THAT(error.what(), HasSubstr("HDMI-A-2"));
+  expect_error(failure(), ErrorKind::Device, "HDMI-A-1", "HDMI-A-2");
 }
 
 TEST_F(KmsOpen, AnotherPanelThanTheRigsIsRefused) {
   options.output.identity.serial = "OTHER";
-  const Error error = failure();
-  EXPECT_EQ(error.kind(), ErrorKind::Input);
-  EXPECT_THAT(error.what(), HasSubstr("serial ONE"));
-  EXPECT_THAT(error.what(), HasSubstr("serial OTHER"));
+  expect_error(failure(), ErrorKind::Input, "serial ONE", "serial OTHER");
 }
 
 TEST_F(KmsOpen, AnotherPanelMayShowATestCard) {
@@ -96,9 +91,7 @@ TEST_F(KmsOpen, UnreadableEdidNeverMatchesTheRigsPanel) {
       {damaged, "EDID wrong checksum"}};
   for (const auto& [edid, text] : cases) {
     card.set_edid(connector->id, edid);
-    const Error error = failure();
-    EXPECT_EQ(error.kind(), ErrorKind::Input);
-    EXPECT_THAT(error.what(), HasSubstr(text));
+    expect_error(failure(), ErrorKind::Input, text);
   }
 }
 
@@ -114,18 +107,14 @@ TEST_F(KmsOpen, CardWithoutPermissionIsNamed) {
 
 TEST_F(KmsOpen, ForeignMasterIsOneClearError) {
   card.foreign_master = true;
-  const Error error = failure();
-  EXPECT_EQ(error.kind(), ErrorKind::Device);
-  EXPECT_THAT(error.what(), HasSubstr("cannot become DRM master"));
+  expect_error(failure(), ErrorKind::Device, "cannot become DRM master");
   EXPECT_EQ(card.buffers.size(), 0U);
 }
 
 TEST_F(KmsOpen, NoSpaceAtTheTestIsAnErrorNotASmallerMode) {
   connector->modes.push_back(make_mode(kWidth / 2, kHeight / 2, 60, false));
   card.test_faults = {{.count = 100, .error = ENOSPC}};
-  const Error error = failure();
-  EXPECT_EQ(error.kind(), ErrorKind::Device);
-  EXPECT_THAT(error.hint(), HasSubstr("bandwidth"));
+  expect_error(failure(), ErrorKind::Device, "bandwidth");
   EXPECT_EQ(card.modesets, 0);
   EXPECT_EQ(card.buffers.size(), 0U);
 }
@@ -151,9 +140,7 @@ TEST_F(KmsOpen, BusyModesetIsTriedAgain) {
 
 TEST_F(KmsOpen, PanelWithoutTheRigsSizeIsRefusedWithItsModes) {
   connector->modes = {make_mode(kWidth * 2, kHeight * 2, 60)};
-  const Error error = failure();
-  EXPECT_EQ(error.kind(), ErrorKind::Input);
-  EXPECT_THAT(error.what(), HasSubstr("48x12@59.8"));
+  expect_error(failure(), ErrorKind::Input, "48x12@59.8");
 }
 
 TEST_F(KmsOpen, PanelThatWouldScaleIsRefusedThoughItListsTheSize) {

@@ -4,6 +4,7 @@
 
 #include "display/kms/inspect.h"
 #include "kms_stage.h"
+#include "tests/support/error_matchers.h"
 
 namespace lenticule::test {
 namespace {
@@ -191,9 +192,7 @@ TEST_F(KmsWall, APanelRunsAtARateThatItDoesNotPreferIfTheOtherHasNoOther) {
 
 TEST_F(KmsWall, PanelsWithoutACommonRateAreRefused) {
   right->modes = {make_mode(kRightWidth, kRightHeight, 50)};
-  const Error error = failure();
-  EXPECT_EQ(error.kind(), ErrorKind::Input);
-  EXPECT_THAT(error.hint(), HasSubstr("same refresh rate"));
+  expect_error(failure(), ErrorKind::Input, "same refresh rate");
 }
 
 TEST_F(KmsWall, APanelWithoutTheModeIsAnError) {

@@ -55,10 +55,7 @@ class TenBits : public KmsStage {
         "DSC_Enabled: no\n";
   }
   void expect_refused(const std::string& reason, const std::string& remedy) {
-    const Error error = failure();
-    EXPECT_EQ(error.kind(), ErrorKind::Quality);
-    EXPECT_THAT(error.what(), HasSubstr(reason));
-    EXPECT_THAT(error.hint(), HasSubstr(remedy));
+    expect_error(failure(), ErrorKind::Quality, reason, remedy);
   }
 };
 

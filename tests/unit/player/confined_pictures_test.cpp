@@ -76,9 +76,8 @@ TEST_F(ConfinedPicturesTest, ADamagedPictureIsNamedAndTheNextOneIsRead) {
   std::filesystem::copy_file(file("good.png"), file("cut.png"));
   std::filesystem::resize_file(file("cut.png"), 500);
   Rows rows;
-  const Error error = test::error_of([&] { pictures_.read(file("cut.png"), rows); });
-  EXPECT_EQ(error.kind(), ErrorKind::Input);
-  EXPECT_THAT(error.what(), testing::HasSubstr("cut.png: truncated"));
+  test::expect_error(test::error_of([&] { pictures_.read(file("cut.png"), rows); }),
+                     ErrorKind::Input, "cut.png: truncated");
   expect_picture();
 }
 

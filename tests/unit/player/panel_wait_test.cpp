@@ -103,9 +103,8 @@ TEST_F(PanelWaitTest, WithoutWaitingAnotherPanelIsAnErrorThatListsPresentPanels)
   plug_other();
   waiting.at_start = seconds(0);
   const Nanoseconds before = machine.now();
-  const Error error = failure();
-  EXPECT_EQ(error.kind(), ErrorKind::Input);
-  EXPECT_THAT(error.what(), HasSubstr("HDMI-A-1 on /dev/dri/card0: DEL 0xa0b1 serial OTHER"));
+  test::expect_error(failure(), ErrorKind::Input,
+                     "HDMI-A-1 on /dev/dri/card0: DEL 0xa0b1 serial OTHER");
   EXPECT_EQ(machine.now(), before);
   EXPECT_EQ(card.modesets, 0) << "nothing was shown on another owner's panel";
 }

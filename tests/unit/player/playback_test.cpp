@@ -355,10 +355,8 @@ TEST_F(Playback, AnEmptySequenceIsAnError) {
 
 TEST_F(Playback, RefusesFramesOfAnotherSize) {
   script.geometry.width = 15;
-  const Error error = test::error_of([this] { (void)play_script(); });
-  EXPECT_EQ(error.kind(), ErrorKind::Input);
-  EXPECT_THAT(error.what(), testing::HasSubstr("15x8"));
-  EXPECT_THAT(error.what(), testing::HasSubstr("16x8"));
+  test::expect_error(test::error_of([this] { (void)play_script(); }), ErrorKind::Input, "15x8",
+                     "16x8");
 }
 
 TEST_F(Playback, TheJsonReportHasTheReportsNumbers) {

@@ -69,18 +69,12 @@ TEST_F(RigChoice, IsAlsoTheRigOfATurnedPanel) {
 
 TEST_F(RigChoice, ListsTheRigsIfSeveralNameThePanel) {
   const std::string a = write(systems / "a.toml", "ONE"), b = write(systems / "b.toml", "ONE");
-  const Error error = refusal();
-  EXPECT_EQ(error.kind(), ErrorKind::Usage);
-  EXPECT_THAT(error.what(), HasSubstr("HDMI-A-1: LGD 0x1234"));
-  EXPECT_THAT(error.hint(), HasSubstr(a + ", " + b));
+  test::expect_error(refusal(), ErrorKind::Usage, "HDMI-A-1: LGD 0x1234", a + ", " + b);
 }
 
 TEST_F(RigChoice, IsNeverASampleForAPanel) {
   const std::string other = write(systems / "other.toml", "TWO");
-  const Error error = refusal();
-  EXPECT_EQ(error.kind(), ErrorKind::Usage);
-  EXPECT_THAT(error.hint(), HasSubstr(other));
-  EXPECT_THAT(error.hint(), HasSubstr("lenticule panels"));
+  test::expect_error(refusal(), ErrorKind::Usage, other, "lenticule panels");
   connector->connected = false;
   EXPECT_EQ(refusal().kind(), ErrorKind::Device);
 }

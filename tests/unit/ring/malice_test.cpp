@@ -96,11 +96,11 @@ TEST_F(RingMalice, SlotsOfDisconnectedRenderersRunOutWithAReason) {
     player_->service();
     ASSERT_EQ(player_->statistics().slots_shut, round + 1);
   }
-  const Error error = test::error_of([this] {
-    (void)test::connect_to(*player_, folder_.socket(), {}, std::chrono::milliseconds(50));
-  });
-  EXPECT_EQ(error.kind(), ErrorKind::Device);
-  EXPECT_NE(std::string(error.what()).find("hold 3 of 4 slots"), std::string::npos) << error.what();
+  test::expect_error(test::error_of([this] {
+                       (void)test::connect_to(*player_, folder_.socket(), {},
+                                              std::chrono::milliseconds(50));
+                     }),
+                     ErrorKind::Device, "hold 3 of 4 slots");
 }
 
 TEST_F(RingMalice, InvalidMessagesEndTheConnection) {

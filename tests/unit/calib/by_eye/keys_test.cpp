@@ -85,10 +85,9 @@ TEST(KeyScript, ReadsCountsAndComments) {
 TEST(KeyScript, ErrorsNameTheirLine) {
   for (const std::string bad : {"lift", "left*0", "left*-1", "left*", "left*2x", "shift+",
                                 "left*99999999999", "left*60000 left*60000", "\x01"}) {
-    const Error error =
-        ::lenticule::test::error_of([&] { (void)parse_key_script("enter\n" + bad, "keys.txt"); });
-    EXPECT_EQ(error.kind(), ErrorKind::Input);
-    EXPECT_THAT(error.what(), HasSubstr("keys.txt:2:")) << bad;
+    ::lenticule::test::expect_error(
+        ::lenticule::test::error_of([&] { (void)parse_key_script("enter\n" + bad, "keys.txt"); }),
+        ErrorKind::Input, "keys.txt:2:");
   }
 }
 

@@ -68,20 +68,17 @@ TEST_F(Listing, FindsByPathNumberAndIdentity) {
 }
 
 TEST_F(Listing, RefusesAnUnknownName) {
-  const Error error = test::error_of([&] { (void)find_camera(system_, "usb-Nobody"); });
-  EXPECT_EQ(error.kind(), ErrorKind::Device);
-  EXPECT_THAT(error.what(), HasSubstr("none is called 'usb-Nobody'"));
+  test::expect_error(test::error_of([&] { (void)find_camera(system_, "usb-Nobody"); }),
+                     ErrorKind::Device, "none is called 'usb-Nobody'");
 }
 
 TEST_F(Listing, WithoutANameExactlyOneCameraMustExist) {
-  const Error several = test::error_of([&] { (void)find_camera(system_, ""); });
-  EXPECT_EQ(several.kind(), ErrorKind::Usage);
-  EXPECT_THAT(several.hint(), HasSubstr("/dev/v4l/by-id/usb-First-index0, /dev/video2"));
+  test::expect_error(test::error_of([&] { (void)find_camera(system_, ""); }), ErrorKind::Usage,
+                     "/dev/v4l/by-id/usb-First-index0, /dev/video2");
   system_.entries.pop_back();
   EXPECT_EQ(find_camera(system_, "").path, "/dev/video0");
   system_.entries.clear();
-  const Error none = test::error_of([&] { (void)find_camera(system_, ""); });
-  EXPECT_EQ(none.kind(), ErrorKind::Device);
+  test::expect_error(test::error_of([&] { (void)find_camera(system_, ""); }), ErrorKind::Device);
 }
 
 TEST(RealSystem, WorksWithoutACamera) {
@@ -95,9 +92,8 @@ TEST(RealSystem, WorksWithoutACamera) {
 TEST(RealSystem, RefusesADeviceThatIsNotACamera) {
   V4l2Options options;
   options.device = "/dev/null";
-  const Error error = test::error_of([&] { (void)open_v4l2_camera(options); });
-  EXPECT_EQ(error.kind(), ErrorKind::Device);
-  EXPECT_THAT(error.what(), HasSubstr("/dev/null: cannot open it: not a video device"));
+  test::expect_error(test::error_of([&] { (void)open_v4l2_camera(options); }), ErrorKind::Device,
+                     "/dev/null: cannot open it: not a video device");
 }
 
 }  // namespace

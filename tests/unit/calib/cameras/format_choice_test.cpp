@@ -117,9 +117,7 @@ TEST_F(Choosing, InputsFollowTheirSignal) {
   (void)agreed();
   EXPECT_EQ(camera_.log.front(), "S_DV_TIMINGS") << "before the format, which depends on it";
   camera_.signal_error = ENOLINK;
-  const Error error = refusal();
-  EXPECT_EQ(error.kind(), ErrorKind::Device);
-  EXPECT_THAT(error.what(), HasSubstr("/dev/video0: no usable signal"));
+  test::expect_error(refusal(), ErrorKind::Device, "/dev/video0: no usable signal");
 }
 
 TEST_F(Choosing, RefusesInterlacedPictures) {

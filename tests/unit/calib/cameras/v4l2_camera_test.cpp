@@ -154,8 +154,8 @@ TEST_F(OpenCamera, RefusesOptionsOutOfRange) {
   const auto refused = [&](auto change) {
     V4l2Options options = options_;
     change(options);
-    const Error error = test::error_of([&] { (void)open_v4l2_camera(options, stage_.system); });
-    EXPECT_EQ(error.kind(), ErrorKind::Usage);
+    test::expect_error(test::error_of([&] { (void)open_v4l2_camera(options, stage_.system); }),
+                       ErrorKind::Usage);
   };
   refused([](V4l2Options& options) { options.refresh_hz = 0.0; });
   refused([](V4l2Options& options) { options.refresh_hz = NAN; });

@@ -52,10 +52,7 @@ TEST_F(CameraFaults, ATakenCameraNamesTheProgram) {
   stage_.system.holder = "zoom (77)";
   for (const unsigned long request : {VIDIOC_S_FMT, VIDIOC_REQBUFS, VIDIOC_QBUF, VIDIOC_STREAMON}) {
     camera_.errors[request] = {EBUSY};
-    const Error error = refusal();
-    EXPECT_EQ(error.kind(), ErrorKind::Device);
-    EXPECT_THAT(error.what(), HasSubstr("in use by another program"));
-    EXPECT_THAT(error.hint(), HasSubstr("zoom (77)"));
+    test::expect_error(refusal(), ErrorKind::Device, "in use by another program", "zoom (77)");
     EXPECT_TRUE(camera_.released());
   }
   stage_.system.holder.clear();

@@ -89,9 +89,8 @@ TEST(PhotoFolder, AllPhotographsHaveOneSize) {
   const ScratchFolder folder;
   write_plain(folder / "a.png", 1);
   write_plain(folder / "b.png", 1, 3, 4);
-  const Error error = error_of([&] { PhotoFolder(folder.path(), 2); });
-  EXPECT_EQ(error.kind(), ErrorKind::Input);
-  EXPECT_THAT(error.what(), HasSubstr("b.png: 3 x 4 pixels where the first photograph has 4 x 3"));
+  test::expect_error(error_of([&] { PhotoFolder(folder.path(), 2); }), ErrorKind::Input,
+                     "b.png: 3 x 4 pixels where the first photograph has 4 x 3");
 }
 
 TEST(PhotoFolder, ABrokenPhotographIsNamed) {

@@ -84,9 +84,8 @@ TEST(TagChart, RefusesAPanelTooSmallForTags) {
   optics::Rig rig = desk_rig();
   rig.panel.width_px = 1024;
   rig.panel.height_px = 600;
-  const Error error = test::error_of([&] { (void)plan_single_photo_chart(rig); });
-  EXPECT_EQ(error.kind(), ErrorKind::Input);
-  EXPECT_THAT(error.what(), ::testing::HasSubstr("too few for nine tags"));
+  test::expect_error(test::error_of([&] { (void)plan_single_photo_chart(rig); }), ErrorKind::Input,
+                     "too few for nine tags");
 }
 
 TEST(TagFinder, FindsTagsInNoise) {

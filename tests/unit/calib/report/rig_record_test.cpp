@@ -240,11 +240,11 @@ TEST(SaveWithHistory, AFullDiskChangesNothing) {
   std::ofstream(file) << "old";
   // Space for neither file; space for the copy, but not for the new rig.
   for (const rlim_t room : {0, 100}) {
-    const Error error = error_of([&] {
-      const FullDisk full(room);
-      (void)save_with_history(sample_rig(), file);
-    });
-    EXPECT_EQ(error.kind(), ErrorKind::Failed);
+    test::expect_error(error_of([&] {
+                         const FullDisk full(room);
+                         (void)save_with_history(sample_rig(), file);
+                       }),
+                       ErrorKind::Failed);
     EXPECT_EQ(content(file), "old");
     EXPECT_EQ(folder.entries(), 1U) << room;
   }
@@ -255,8 +255,8 @@ TEST(SaveWithHistory, AFailedCopyChangesNothing) {
   const std::string long_name =
       std::string(250, 'r') + ".toml";  // no space for a number in the name
   std::ofstream(folder / long_name) << "old";
-  const Error error = error_of([&] { (void)save_with_history(sample_rig(), folder / long_name); });
-  EXPECT_EQ(error.kind(), ErrorKind::Failed);
+  test::expect_error(error_of([&] { (void)save_with_history(sample_rig(), folder / long_name); }),
+                     ErrorKind::Failed);
   EXPECT_EQ(content(folder / long_name), "old");
   EXPECT_EQ(folder.entries(), 1U);
 }
@@ -267,9 +267,8 @@ TEST(SaveWithHistory, AnInvalidRigReplacesNothing) {
   std::ofstream(file) << "old";
   optics::Rig rig = sample_rig();
   rig.sheet.pitch = Subpixels(std::nan(""));
-  const Error error = error_of([&] { (void)save_with_history(rig, file); });
-  EXPECT_EQ(error.kind(), ErrorKind::Input);
-  EXPECT_THAT(error.what(), HasSubstr("pitch_subpx"));
+  test::expect_error(error_of([&] { (void)save_with_history(rig, file); }), ErrorKind::Input,
+                     "pitch_subpx");
   EXPECT_EQ(content(file), "old");
   EXPECT_EQ(folder.entries(), 1U);
 }
