@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "tests/commands/program.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::test {
 namespace {
@@ -130,8 +131,7 @@ TEST_F(BadInput, RefusesImpossibleRigsAndNamesFileAndKey) {
 
 TEST_F(BadInput, RefusesTruncatedPictures) {
   ASSERT_EQ(render(path("scene.nff"), path("rig.toml"), path("whole.png")).exit_code, 0);
-  std::ifstream in(path("whole.png"), std::ios::binary);
-  const std::string whole{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  const std::string whole = read_text(path("whole.png"));
   for (const size_t keep :
        {size_t{0}, size_t{7}, size_t{40}, whole.size() / 2, whole.size() - 20}) {
     write("cut-001.png", whole.substr(0, keep));

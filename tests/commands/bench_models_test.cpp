@@ -6,6 +6,7 @@
 #include "apps/lenticule-tools/offline/flip.h"
 #include "frames/image_io.h"
 #include "tests/commands/program.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::test {
 namespace {
@@ -101,8 +102,7 @@ TEST_F(BenchModels, HasAFlipOfZeroForEqualPictures) {
   EXPECT_NE(result.out.find("| quad | 0.0000 | 0.000 |"), std::string::npos) << result.out;
   EXPECT_NE(result.out.find("judge: no picture"), std::string::npos) << result.out;
   EXPECT_NE(result.out.find("1 of 2 models compared, mean FLIP 0.0000"), std::string::npos);
-  std::ifstream table(out("models.md"));
-  EXPECT_EQ(std::string(std::istreambuf_iterator<char>(table), {}), result.out);
+  EXPECT_EQ(read_text(out("models.md")), result.out);
 }
 
 TEST_F(BenchModels, ReportsAJudgeThatFailsAfterTheTable) {

@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "tests/commands/program.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::test {
 namespace {
@@ -155,8 +156,7 @@ void expect_consistent(const nlohmann::json& run) {
 
 TEST_F(BenchTest, RealtimeShowsFramesOfEachError) {
   // On the tiny rig method adaptive leaves everything to method full.
-  std::ifstream tiny(source_file("scenes/rigs/tiny.toml"));
-  std::string rig{std::istreambuf_iterator<char>(tiny), {}};
+  std::string rig = read_text(source_file("scenes/rigs/tiny.toml"));
   rig.replace(rig.find("width_px = 48"), 13, "width_px = 480");
   rig.replace(rig.find("height_px = 32"), 14, "height_px = 288");
   write("rig.toml", rig);

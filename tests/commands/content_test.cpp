@@ -13,6 +13,7 @@
 #include "frames/weaving/fast_weaver.h"
 #include "optics/rig_file.h"
 #include "tests/commands/program.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::test {
 namespace {
@@ -361,10 +362,7 @@ TEST_F(ContentCommand, ResumesAnInterruptedContainer) {
   succeed(rest);
   EXPECT_EQ(nlohmann::json::parse(rest.out)["frames_skipped"], 3);
   EXPECT_EQ(nlohmann::json::parse(rest.out)["frames_converted"], 3);
-  std::ifstream part(path("part.lts"), std::ios::binary),
-      whole(path("whole.lts"), std::ios::binary);
-  const std::string bytes((std::istreambuf_iterator<char>(part)), {});
-  EXPECT_EQ(bytes, std::string((std::istreambuf_iterator<char>(whole)), {}));
+  EXPECT_EQ(read_text(path("part.lts")), read_text(path("whole.lts")));
 }
 
 TEST_F(ContentCommand, AListDetectsEachItemsFormatByItsName) {

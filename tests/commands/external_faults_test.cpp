@@ -17,6 +17,7 @@
 #include "optics/rig_file.h"
 #include "tests/commands/player_stage.h"
 #include "tests/commands/sequence_films.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::test {
 namespace {
@@ -351,10 +352,8 @@ class DamagedFilm : public ExternalFaults {
     });
   }
   void overwrite_with_new(const std::string& film) const {
-    overwrite(film, [this](const std::string& file) {
-      std::ifstream from(path("new" + file.substr(4)), std::ios::binary);
-      return std::string(std::istreambuf_iterator<char>(from), {});
-    });
+    overwrite(film,
+              [this](const std::string& file) { return read_text(path("new" + file.substr(4))); });
   }
   void start_film(const std::string& film, std::vector<std::string> more) {
     more.insert(more.end(), {"--slots", film.ends_with(".mkv") ? "8" : "5"});

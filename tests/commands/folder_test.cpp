@@ -2,6 +2,7 @@
 // Tests `lenticule play FOLDER/` while films are added, replaced, broken and removed.
 #include "tests/commands/player_stage.h"
 #include "tests/commands/sequence_films.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::test {
 namespace {
@@ -105,8 +106,7 @@ TEST_F(Folder, AFilmThatIsStillWrittenWaitsForItsEnd) {
   write_sequence(path("whole.lts"), path("rig.toml"), 50);
   play();
   ASSERT_TRUE(is_shown("a.lts"));
-  std::ifstream whole(path("whole.lts"), std::ios::binary);
-  const std::string bytes((std::istreambuf_iterator<char>(whole)), {});
+  const std::string bytes = read_text(path("whole.lts"));
   std::ofstream copy(path("films/b.lts"), std::ios::binary);
   copy << bytes.substr(0, bytes.size() / 2) << std::flush;
   EXPECT_TRUE(film_continues(200));
@@ -123,8 +123,7 @@ TEST_F(Folder, ABrokenFilmAndOneOfAnotherRigAreReportedOnceWithTheRemedy) {
   ASSERT_TRUE(is_shown("a.lts"));
   write("broken.lts", "no film");
   fs::rename(path("broken.lts"), path("films/broken.lts"));
-  std::ifstream rig(path("rig.toml"));
-  std::string text((std::istreambuf_iterator<char>(rig)), {});
+  std::string text = read_text(path("rig.toml"));
   const size_t slant = text.find("slant = 0.25");
   ASSERT_NE(slant, std::string::npos);
   text.replace(slant, 12, "slant = 0.20");

@@ -5,6 +5,7 @@
 #include <set>
 
 #include "tests/commands/program.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::test {
 namespace {
@@ -121,8 +122,7 @@ TEST_F(Output, APlaylistsTitlesAndItemsAreEscaped) {
   EXPECT_NE(played.exit_code, 0);
   expect_harmless(played.err);
   expect_harmless(played.out);
-  std::ifstream stats(path("stats.json"));
-  expect_harmless({std::istreambuf_iterator<char>(stats), {}});
+  expect_harmless(read_text(path("stats.json")));
 }
 
 TEST_F(Output, ErrorsAreJsonOnRequest) {
@@ -197,8 +197,7 @@ void add_keys(const json& object, const std::string& outer, std::set<std::string
 }
 
 std::string page(const std::string& name) {
-  std::ifstream in(source_file("docs/play/" + name));
-  return {std::istreambuf_iterator<char>(in), {}};
+  return read_text(source_file("docs/play/" + name));
 }
 
 /// Returns the names in the first cells of the page's tables.

@@ -3,12 +3,11 @@
 // programs.
 #include <gmock/gmock.h>
 
-#include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "frames/image_io.h"
 #include "tests/commands/program.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::test {
 namespace {
@@ -17,11 +16,6 @@ using ::testing::HasSubstr;
 
 class SceneCommand : public CommandTest {
  protected:
-  [[nodiscard]] std::string text_of(const std::string& name) const {
-    std::ostringstream text;
-    text << std::ifstream(path(name)).rdbuf();
-    return text.str();
-  }
   [[nodiscard]] ProcessResult render(const std::string& scene, const std::string& output,
                                      std::vector<std::string> more = {}) const {
     return run(
@@ -66,7 +60,7 @@ TEST_F(SceneCommand, ACameraPathAloneWritesNoScene) {
   EXPECT_EQ(done.exit_code, 0) << done.err;
   EXPECT_EQ(done.out, "");
   EXPECT_EQ(listing(), (std::vector<std::string>{"room.camera"}));
-  const std::string path_text = text_of("room.camera");
+  const std::string path_text = read_text(path("room.camera"));
   EXPECT_EQ(std::count(path_text.begin(), path_text.end(), '\n'), 634 + 1);
 }
 
@@ -75,7 +69,7 @@ TEST_F(SceneCommand, WarnsThatNffLosesTextures) {
   EXPECT_EQ(room.exit_code, 0);
   EXPECT_THAT(room.err, HasSubstr("NFF has no textures"));
   EXPECT_EQ(nlohmann::json::parse(room.out)["notes"].size(), 1U);
-  EXPECT_THAT(text_of("room.nff"), HasSubstr("# NFF has no pictures"));
+  EXPECT_THAT(read_text(path("room.nff")), HasSubstr("# NFF has no pictures"));
   const ProcessResult tree = run({"scene", "tree", "-o", path("tree.nff")});
   EXPECT_EQ(tree.err, "");
 }

@@ -7,6 +7,7 @@
 
 #include "frames/image_io.h"
 #include "tests/commands/program.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::test {
 namespace {
@@ -136,12 +137,8 @@ TEST_F(SequenceCommand, AnotherFilmIsReplacedOnlyWithOverwrite) {
   };
   ASSERT_EQ(again("builtin:demo", kTiny, "film.lts").exit_code, 0);
   EXPECT_EQ(again("builtin:demo", kTiny, "film.lts").exit_code, 0) << "the same film";
-  std::ifstream kept(path("film.lts"), std::ios::binary);
-  const std::string bytes{std::istreambuf_iterator<char>(kept), {}};
-  const auto unchanged = [&] {
-    std::ifstream now(path("film.lts"), std::ios::binary);
-    return std::string{std::istreambuf_iterator<char>(now), {}} == bytes;
-  };
+  const std::string bytes = read_text(path("film.lts"));
+  const auto unchanged = [&] { return read_text(path("film.lts")) == bytes; };
   expect_end(again("builtin:rings", kTiny, "film.lts"), 4,
              "made from builtin:demo, not from builtin:rings", "--overwrite");
   EXPECT_EQ(again("builtin:demo", kOther, "film.lts").exit_code, 4);
@@ -193,10 +190,7 @@ TEST_F(SequenceCommand, KilledAtAnyMomentAndResumedTheFileHasTheBytesOfOneRun) {
     (void)writer.wait(std::chrono::seconds(60));
   }
   ASSERT_EQ(run_process(arguments("film.lts")).exit_code, 0);
-  const auto bytes = [&](const std::string& name) {
-    std::ifstream file(path(name), std::ios::binary);
-    return std::string{std::istreambuf_iterator<char>(file), {}};
-  };
+  const auto bytes = [&](const std::string& name) { return read_text(path(name)); };
   EXPECT_TRUE(bytes("film.lts") == bytes("whole.lts"));
   EXPECT_EQ(listing(), (std::vector<std::string>{"film.lts", "whole.lts"}));
 }

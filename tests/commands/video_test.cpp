@@ -10,6 +10,7 @@
 #include "frames/frame.h"
 #include "tests/commands/program.h"
 #include "tests/support/comes_true.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::test {
 namespace {
@@ -63,8 +64,7 @@ class VideoCommands : public CommandTest {
 
   /// Returns true if the process exists and is not a zombie.
   [[nodiscard]] static bool runs(pid_t process) {
-    std::ifstream in("/proc/" + std::to_string(process) + "/stat");
-    const std::string text((std::istreambuf_iterator<char>(in)), {});
+    const std::string text = read_text("/proc/" + std::to_string(process) + "/stat");
     const size_t state = text.rfind(')') + 2;
     return state < text.size() && text[state] != 'Z' && text[state] != 'X';
   }

@@ -14,6 +14,7 @@
 #include "optics/rig_file.h"
 #include "tests/commands/web_stage.h"
 #include "tests/support/phone_camera.h"
+#include "tests/support/scratch_folder.h"
 #include "tests/support/small_workshop.h"
 
 namespace lenticule::test {
@@ -102,8 +103,7 @@ class PhoneCalibration : public WebTest {
     return connection.receive(kPlayerTimeout).value_or(ordered_json::object());
   }
   [[nodiscard]] std::string bytes_of(const std::string& name) const {
-    std::ifstream file(path(name), std::ios::binary);
-    return {std::istreambuf_iterator<char>(file), {}};
+    return read_text(path(name));
   }
 
   /// Returns the rig that the player uses, as the server knows it.

@@ -23,8 +23,7 @@ using nlohmann::ordered_json;
 
 TEST_F(Web, AnUploadContinuesWhereItEnded) {
   serve();
-  std::ifstream in(path("media/a.lts"), std::ios::binary);
-  const std::string film((std::istreambuf_iterator<char>(in)), {});
+  const std::string film = read_text(path("media/a.lts"));
   const std::string total = std::to_string(film.size());
   const auto part = [&](size_t from, size_t to) {
     return ask("PUT", "/api/v1/media/c.lts", film.substr(from, to - from),
@@ -228,8 +227,7 @@ TEST_F(Web, AListIsReorderedAndABrokenOnePutBack) {
   EXPECT_EQ(broken.status, 422) << broken.body;
   EXPECT_NE(broken.body.find("fps"), std::string::npos) << broken.body;
   EXPECT_EQ(api("GET", "list")["items"], after["items"]);
-  std::ifstream file(path("media/list.toml"));
-  EXPECT_EQ(std::string(std::istreambuf_iterator<char>(file), {}).find("never"), std::string::npos);
+  EXPECT_EQ(read_text(path("media/list.toml")).find("never"), std::string::npos);
   EXPECT_TRUE(film_continues());
 }
 

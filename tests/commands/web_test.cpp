@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cctype>
-#include <fstream>
 #include <map>
 #include <set>
 #include <sstream>
@@ -14,6 +13,7 @@
 #include "base/text.h"
 #include "frames/qr/qr_code.h"
 #include "tests/commands/web_films.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::test {
 namespace {
@@ -160,8 +160,7 @@ TEST_F(Web, PathsLeadNowhereElse) {
     }
   EXPECT_EQ(ask("GET", "/../../etc/passwd").status, 404);
   EXPECT_EQ(ask("GET", "/page_files.cpp.css").status, 404);
-  std::ifstream secret(path("secret.lts"));
-  EXPECT_EQ(std::string(std::istreambuf_iterator<char>(secret), {}), "secret");
+  EXPECT_EQ(read_text(path("secret.lts")), "secret");
   // A link in the media folder is not followed.
   std::filesystem::create_symlink(path("secret.lts"), path("media/.upload-link.lts"));
   EXPECT_GE(ask("PUT", "/api/v1/media/link.lts", "overwritten").status, 400);
@@ -206,9 +205,7 @@ TEST_F(Web, MetricsHaveTheFormOfPrometheus) {
     EXPECT_EQ(used, value.size()) << line;
   }
   EXPECT_NE(text.find("lenticule_up 1\n"), std::string::npos);
-  std::ifstream file(path("lenticule.prom"));
-  EXPECT_NE(std::string(std::istreambuf_iterator<char>(file), {}).find("lenticule_up"),
-            std::string::npos);
+  EXPECT_NE(read_text(path("lenticule.prom")).find("lenticule_up"), std::string::npos);
   (void)quit();
   EXPECT_TRUE(comes_true(
       [&] { return ask("GET", "/metrics").body.find("lenticule_up 0\n") != std::string::npos; }));

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests `lenticule play --display window` on an X server in memory: screenshots, mouse and keys.
 #include <array>
-#include <sstream>
 
 #include "tests/commands/player_stage.h"
 #include "tests/support/rig_text.h"
@@ -67,10 +66,7 @@ class WindowDisplay : public PlayerTest {
 
   /// Returns the colour of a pixel of the screen, from the server's file in the format XWD.
   [[nodiscard]] Colour colour_at(int x, int y) const {
-    std::ifstream file(path("Xvfb_screen0"), std::ios::binary);
-    std::stringstream bytes;
-    bytes << file.rdbuf();
-    const std::string dump = bytes.str();
+    const std::string dump = read_text(path("Xvfb_screen0"));
     const auto word = [&](size_t n) {
       uint32_t value = 0;
       for (size_t k = 0; k < 4; ++k) value = value << 8 | static_cast<uint8_t>(dump.at(4 * n + k));

@@ -44,6 +44,11 @@ inline void write_bytes(const std::filesystem::path& file, const std::vector<uin
              static_cast<std::streamsize>(bytes.size()));
 }
 
+inline std::string read_text(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
 inline std::vector<uint8_t> read_bytes(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
   return {std::istreambuf_iterator<char>(in), {}};

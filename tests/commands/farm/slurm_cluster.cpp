@@ -13,6 +13,8 @@
 #include <random>
 #include <stdexcept>
 
+#include "tests/support/scratch_folder.h"
+
 namespace lenticule::test {
 namespace {
 
@@ -46,11 +48,6 @@ int free_port() {
   for (int trial = 0; trial < 100; ++trial)
     if (const int port = any(random); is_free(port)) return port;
   throw std::runtime_error("no free port");
-}
-
-std::string text_of(const fs::path& file) {
-  std::ifstream in(file);
-  return {std::istreambuf_iterator<char>(in), {}};
 }
 
 }  // namespace
@@ -205,7 +202,7 @@ void SlurmCluster::let_launches_fail(bool fail) const {
 std::string SlurmCluster::logs() const {
   std::string text;
   for (const auto& entry : fs::directory_iterator(folder_ / "log"))
-    text += "--- " + entry.path().filename().string() + "\n" + text_of(entry.path());
+    text += "--- " + entry.path().filename().string() + "\n" + read_text(entry.path());
   return text;
 }
 

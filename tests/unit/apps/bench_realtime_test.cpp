@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
-#include <fstream>
 #include <vector>
 
 #include "apps/lenticule-bench/realtime/live_renderer.h"
@@ -93,8 +92,7 @@ TEST(RealtimePlot, StaysSmallForALongRun) {
   const std::filesystem::path file = folder / "plot.svg";
   plot_realtime(run, file.string());
   EXPECT_LT(std::filesystem::file_size(file), 200'000U);
-  std::ifstream svg(file);
-  const std::string text{std::istreambuf_iterator<char>(svg), {}};
+  const std::string text = test::read_text(file);
   for (const char* label : {"frames/s", "tolerated E", "RMSE, audit", "RMSE, measured"})
     EXPECT_NE(text.find(label), std::string::npos) << label;
 }

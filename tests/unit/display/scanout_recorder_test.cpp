@@ -9,7 +9,6 @@
 
 #include <csignal>
 #include <fstream>
-#include <sstream>
 #include <vector>
 
 #include "base/error.h"
@@ -65,12 +64,11 @@ TEST_F(Recorder, WritesOneChecksumLinePerFrame) {
   recorder->record({.sequence = 12, .id = 5, .skipped_before = 3}, second.view());
   recorder->finish();
 
-  std::stringstream text;
-  text << std::ifstream(path("sums.txt")).rdbuf();
-  EXPECT_EQ(text.str(), fmt::format("# vblank frame xxh64-of-rgb\n10 4 {:016x}\n"
-                                    "# 3 not recorded\n12 5 {:016x}\n",
-                                    test::checksum_of(first.frame.view()),
-                                    test::checksum_of(second.frame.view())));
+  const std::string text = test::read_text(path("sums.txt"));
+  EXPECT_EQ(text, fmt::format("# vblank frame xxh64-of-rgb\n10 4 {:016x}\n"
+                              "# 3 not recorded\n12 5 {:016x}\n",
+                              test::checksum_of(first.frame.view()),
+                              test::checksum_of(second.frame.view())));
   EXPECT_THAT(listing(), testing::ElementsAre("sums.txt"));
 }
 
@@ -79,10 +77,8 @@ TEST_F(Recorder, WritesTheTimeOfEachFrameAtOnce) {
   const Scanout scanout(1);
   recorder->record({.sequence = 10, .id = 4, .time = std::chrono::milliseconds(167)},
                    scanout.view());
-  std::stringstream text;
-  text << std::ifstream(path("times.txt")).rdbuf();
-  EXPECT_EQ(text.str(),
-            fmt::format("10 4 {:016x} 167000000\n", test::checksum_of(scanout.frame.view())));
+  const std::string text = test::read_text(path("times.txt"));
+  EXPECT_EQ(text, fmt::format("10 4 {:016x} 167000000\n", test::checksum_of(scanout.frame.view())));
   recorder->finish();
   EXPECT_THROW((void)open_recorder("times:" + path("none/times.txt")), Error);
 }
@@ -92,10 +88,9 @@ TEST_F(Recorder, ReportsTheNumberOfMissedFramesAtTheEnd) {
   for (int i = 0; i < 5; ++i) recorder->count_skipped();
   recorder->record({.sequence = 12, .id = 5, .skipped_before = 3}, Scanout(1).view());
   recorder->finish();
-  std::stringstream text;
-  text << std::ifstream(path("sums.txt")).rdbuf();
-  EXPECT_THAT(text.str(), testing::HasSubstr("# 3 not recorded\n12 5"));
-  EXPECT_THAT(text.str(), testing::EndsWith("\n# 2 not recorded\n"));
+  const std::string text = test::read_text(path("sums.txt"));
+  EXPECT_THAT(text, testing::HasSubstr("# 3 not recorded\n12 5"));
+  EXPECT_THAT(text, testing::EndsWith("\n# 2 not recorded\n"));
   EXPECT_EQ(recorder->skipped(), 5u);
 }
 

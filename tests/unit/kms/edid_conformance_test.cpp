@@ -2,12 +2,10 @@
 // Compares our EDID reader with Debian's edid-decode on a few thousand random EDIDs and on every
 // file of the folders named below or in LENTICULE_EDIDS.
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <iterator>
 #include <optional>
 #include <regex>
@@ -138,9 +136,7 @@ class EdidConformance : public ::testing::Test {
   }
 
   void compare(const std::vector<uint8_t>& bytes, const std::string& name) {
-    std::ofstream(file_, std::ios::binary)
-        .write(reinterpret_cast<const char*>(bytes.data()),
-               static_cast<std::streamsize>(bytes.size()));
+    write_bytes(file_, bytes);
     const Evaluation said = evaluate(file_);
     const display::EdidReading read = display::read_edid(bytes);
     ASSERT_TRUE(read.identity) << name << ": " << display::edid_problem_name(read.problem);
@@ -169,8 +165,7 @@ class EdidConformance : public ::testing::Test {
     std::error_code error;
     for (const auto& entry : fs::recursive_directory_iterator(folder, error)) {
       if (!entry.is_regular_file()) continue;
-      std::ifstream stream(entry.path(), std::ios::binary);
-      const std::vector<uint8_t> bytes{std::istreambuf_iterator<char>(stream), {}};
+      const std::vector<uint8_t> bytes = read_bytes(entry.path());
       // The folders hold other files and damaged EDIDs, which our reader rejects.
       if (display::read_edid(bytes).problem != display::EdidProblem::None) continue;
       compare(bytes, entry.path().string());

@@ -14,6 +14,7 @@
 #include "frames/ring/ring_player.h"
 #include "tests/support/fakes/fake_v4l2_pictures.h"
 #include "tests/support/h264_clip.h"
+#include "tests/support/scratch_folder.h"
 #include "tests/unit/player/video_stage.h"
 
 namespace lenticule::player {
@@ -286,8 +287,7 @@ TEST_F(HardwareVideo, OnlyADecoderWithADeviceMayOpenDescriptors) {
     return opened;
   };
   const auto read = [](const VideoSource& playing, const char* name) {
-    std::ifstream in(fmt::format("/proc/{}/{}", playing.statistics().decoder, name));
-    return std::string(std::istreambuf_iterator<char>(in), {});
+    return test::read_text(fmt::format("/proc/{}/{}", playing.statistics().decoder, name));
   };
   const auto hardware = source(kGood);
   EXPECT_THAT(read(*hardware, "status"), testing::HasSubstr("Seccomp:\t2"));

@@ -7,7 +7,6 @@
 #include <unistd.h>
 
 #include <fstream>
-#include <sstream>
 
 #include "base/error.h"
 #include "tests/support/comes_true.h"
@@ -22,11 +21,7 @@ using std::chrono::seconds;
 
 class StatisticsFileTest : public testing::Test {
  protected:
-  [[nodiscard]] std::string text() const {
-    std::stringstream text;
-    text << std::ifstream(folder_ / "stats.json").rdbuf();
-    return text.str();
-  }
+  [[nodiscard]] std::string text() const { return test::read_text(folder_ / "stats.json"); }
 
   test::ScratchFolder scratch_;
   fs::path folder_ = scratch_.path();

@@ -13,6 +13,7 @@
 #include "frames/ring/ring_layout.h"
 #include "frames/ring/ring_player.h"
 #include "tests/support/error_matchers.h"
+#include "tests/support/scratch_folder.h"
 #include "tests/unit/player/video_stage.h"
 
 namespace lenticule::player {
@@ -175,20 +176,14 @@ int damaged_clips() {
 }
 
 TEST_F(VideoPlays, DamagedFilesEndOrFailAndNeverHang) {
-  std::vector<uint8_t> clip;
-  {
-    std::ifstream in(write_clip("whole.mkv", 6), std::ios::binary);
-    clip.assign(std::istreambuf_iterator<char>(in), {});
-  }
+  const std::vector<uint8_t> clip = test::read_bytes(write_clip("whole.mkv", 6));
   std::mt19937 random(11);
   for (int i = 0; i < damaged_clips(); ++i) {
     std::vector<uint8_t> bytes = clip;
     const size_t place = random() % (i % 3 == 0 ? 600 : bytes.size());
     if (i % 2 == 0) bytes.resize(place);
     if (i % 2 == 1) bytes[place] ^= static_cast<uint8_t>(1 + random() % 255);
-    std::ofstream(file("damaged.mkv"), std::ios::binary)
-        .write(reinterpret_cast<const char*>(bytes.data()),
-               static_cast<std::streamsize>(bytes.size()));
+    test::write_bytes(file("damaged.mkv"), bytes);
     try {
       const auto source = open_video(request(file("damaged.mkv")));
       PullStatus status = PullStatus::Ready;
@@ -206,18 +201,12 @@ TEST_F(VideoPlays, DamagedFilesEndOrFailAndNeverHang) {
 
 TEST_F(VideoPlays, ADamagedFrameIsLeftOutAndCounted) {
   constexpr uint64_t kFrames = 6;
-  std::vector<uint8_t> clip;
-  {
-    std::ifstream in(write_clip("whole.mkv", kFrames), std::ios::binary);
-    clip.assign(std::istreambuf_iterator<char>(in), {});
-  }
+  const std::vector<uint8_t> clip = test::read_bytes(write_clip("whole.mkv", kFrames));
   uint64_t all_damaged = 0;
   for (size_t place = 1000; place + 500 < clip.size(); place += clip.size() / 16) {
     std::vector<uint8_t> bytes = clip;
     bytes[place] ^= 0xff;
-    std::ofstream(file("damaged.mkv"), std::ios::binary)
-        .write(reinterpret_cast<const char*>(bytes.data()),
-               static_cast<std::streamsize>(bytes.size()));
+    test::write_bytes(file("damaged.mkv"), bytes);
     const auto source = open_video(request(file("damaged.mkv")));
     uint64_t next = 0, shown = 0;
     frames::AcquiredFrame acquired;
@@ -241,10 +230,7 @@ TEST_F(VideoPlays, TheDecoderIsSandboxed) {
   const auto source = open_video(wanted);
   expect_frame(*source, 0);
   const std::string process = fmt::format("/proc/{}", source->statistics().decoder);
-  const auto read = [&process](const char* name) {
-    std::ifstream in(process + name);
-    return std::string(std::istreambuf_iterator<char>(in), {});
-  };
+  const auto read = [&process](const char* name) { return test::read_text(process + name); };
   const int filtered = LENTICULE_VIDEO_SANITIZED ? 0 : 2;
   EXPECT_THAT(read("/status"), testing::HasSubstr(fmt::format("Seccomp:\t{}", filtered)));
   if (LENTICULE_VIDEO_SANITIZED) return;

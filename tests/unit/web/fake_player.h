@@ -12,10 +12,8 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <list>
 #include <nlohmann/json.hpp>
-#include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
@@ -23,6 +21,7 @@
 #include "base/text.h"
 #include "base/unique_fd.h"
 #include "frames/ring/listen_socket.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::test {
 
@@ -32,10 +31,7 @@ class FakePlayer {
  public:
   explicit FakePlayer(const std::filesystem::path& socket)
       : listening_(socket, {.type = SOCK_STREAM}) {
-    const std::ifstream file(std::string(LENTICULE_SOURCE_DIR) + "/scenes/rigs/tiny.toml");
-    std::stringstream text;
-    text << file.rdbuf();
-    rig_ = text.str();
+    rig_ = read_text(LENTICULE_SOURCE_DIR "/scenes/rigs/tiny.toml");
     memory_ = UniqueFd(::memfd_create("frame", MFD_CLOEXEC));
     std::string bytes(kPixelsAt + kPixelBytes, '\x7f');
     std::memset(bytes.data(), 0, kPixelsAt);
