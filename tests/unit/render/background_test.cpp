@@ -73,34 +73,6 @@ TEST(Beam, HoldsTheRaysOfRandomRigs) {
   }
 }
 
-/// The scene is one small triangle: beams that surround it are not empty, beams beside it are.
-TEST(Beam, IsEmptyBesideATriangleOnly) {
-  SceneDescription description;
-  description.materials.emplace_back();
-  description.meshes.push_back(
-      {.positions = {{0, 0, -1}, {1, 0, -1}, {0, 1, -1}}, .triangles = {{0, 1, 2}}});
-  const Stage stage = test::make_tiny_stage({.mm_per_unit = 10.0});
-  const Scene scene(description, stage, {});
-  const BeamTester tester(scene);
-  ASSERT_TRUE(tester.usable());
-  const auto empty = [&](double x, double y, double start) {
-    return tester.empty({.x_mm = {x - 1.0, x + 1.0},
-                         .tan_x = {-0.1, 0.1},
-                         .y_mm = {y - 1.0, y + 1.0},
-                         .tan_y = {-0.1, 0.1},
-                         .start_mm = start});
-  };
-  EXPECT_FALSE(empty(3.0, 3.0, 5.0));
-  EXPECT_FALSE(empty(11.9, 0.0, 5.0)) << "2 mm aside, of which 1 is the beam's and 1 its angle's";
-  EXPECT_TRUE(empty(12.1, 0.0, 5.0));
-  EXPECT_FALSE(empty(-1.9, 0.0, 5.0));
-  EXPECT_TRUE(empty(-2.1, 0.0, 5.0));
-  EXPECT_TRUE(empty(3.0, -2.1, 5.0));
-  EXPECT_TRUE(empty(3.0, 12.1, 5.0));
-  EXPECT_TRUE(empty(3.0, 3.0, -10.1)) << "starts behind it";
-  EXPECT_FALSE(empty(3.0, 3.0, -9.9));
-}
-
 std::vector<optics::Rig> some_rigs() {
   std::vector<optics::Rig> rigs = {
       test::make_rig({.width = 300, .height = 140, .pixel_mm = 0.5}),

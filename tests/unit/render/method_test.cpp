@@ -139,12 +139,6 @@ TEST(MethodFull, GivesTheSameBytesForAnyOrderOfTiles) {
   }
 }
 
-TEST(MethodFull, GivesTheSameBytesTwice) {
-  const optics::Rig rig = make_rig({.width = 64, .height = 40});
-  const SceneDescription scene = test::tiny_scenes().front().scene;
-  EXPECT_EQ(rendered(scene, rig, make_tiny_stage()), rendered(scene, rig, make_tiny_stage()));
-}
-
 TEST(MethodFull, EndsEarlyWhenCancelled) {
   const optics::Rig rig = make_rig({.width = 300, .height = 200, .pixel_mm = 0.2});
   const optics::OpticalModel model(rig);

@@ -162,32 +162,6 @@ INSTANTIATE_TEST_SUITE_P(Nearly, ClosedBall,
                          ::testing::Values(0.0, -0.0, 1e-30, -1e-30, -6.9e-19, -1.1e-18, -1e-12,
                                            1e-19, 1e-12, 1e-3));
 
-TEST(InOneOctant, UsesTheSignsThatEmbreeUses) {
-  alignas(64) int valid[kPacket];
-  RTCRay16 rays{};
-  const auto all = [&](float most, float one) {
-    for (size_t r = 0; r < kPacket; ++r) {
-      valid[r] = -1;
-      rays.dir_x[r] = r == 7 ? one : most;
-      rays.dir_y[r] = -0.0F;
-      rays.dir_z[r] = -1.0F;
-    }
-    return in_one_octant(valid, rays);
-  };
-  EXPECT_TRUE(all(0.5F, 0.25F));
-  EXPECT_TRUE(all(-0.5F, -0.25F));
-  EXPECT_TRUE(all(0.5F, -0.0F));
-  EXPECT_TRUE(all(0.5F, 1e-30F));
-  EXPECT_FALSE(all(0.5F, -0.25F));
-  EXPECT_FALSE(all(-0.5F, 0.25F));
-  EXPECT_FALSE(all(-0.5F, 0.0F));
-  EXPECT_FALSE(all(-0.5F, -0.0F));
-  EXPECT_FALSE(all(-0.5F, -6.9e-19F));
-  EXPECT_FALSE(all(-0.5F, 0.25F));
-  valid[7] = 0;
-  EXPECT_TRUE(in_one_octant(valid, rays)) << "an empty lane counts";
-}
-
 /// A component of the valid lanes has one side if none is below zero, or if all are, by more than
 /// 1e-17.
 bool on_one_side_plainly(const int* valid, const float* components) {

@@ -4,11 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <map>
-#include <random>
-#include <set>
 #include <utility>
 
-#include "lab/stability/probes.h"
 #include "render/row_sweep/row_sweep.h"
 #include "tests/support/allocation_count.h"
 #include "tests/support/oracles/visibility_oracle.h"
@@ -121,25 +118,6 @@ TEST(RowSweep, GivesTheSameBitsOnEveryInstructionSet) {
     }
 }
 
-TEST(RowSweep, ARowAloneEqualsTheRowOfTheFrame) {
-  const optics::OpticalModel model(test::make_rig({.width = 30, .height = 40}));
-  const Scene scene(test::tiny_scenes().front().scene, test::make_tiny_stage({.mm_per_unit = 25.0}),
-                    {}, 1);
-  const RowPlanes planes(model);
-  const RowSweep sweep(planes, scene);
-  RowSweep::Worker in_turn(sweep);
-  SweptRow row, alone;
-  for (int j = 0; j < 40; ++j) {
-    in_turn.sweep(j, row);
-    RowSweep::Worker worker(sweep);
-    worker.sweep(j, alone);
-    for (size_t s = 0; s < planes.row_subpixels(); ++s) {
-      ASSERT_EQ(row.cut[s], alone.cut[s]);
-      ASSERT_EQ(row.z_mm[s], alone.z_mm[s]);
-    }
-  }
-}
-
 TEST(RowSweep, AllocatesNothingAfterTheFirstFrame) {
   for (const NamedRig& rig : tiny_rigs()) {
     const optics::OpticalModel model(rig.rig);
@@ -155,35 +133,6 @@ TEST(RowSweep, AllocatesNothingAfterTheFirstFrame) {
     const long before = allocations.load();
     all();
     EXPECT_EQ(allocations.load(), before) << rig.name;
-  }
-}
-
-TEST(RowTracer, ComparesEveryRow) {
-  const optics::OpticalModel model(test::make_rig({.width = 30, .height = 40}));
-  const Scene scene(test::tiny_scenes().front().scene, test::make_tiny_stage(), {}, 1);
-  const RowPlanes planes(model);
-  const lab::SweepDifference difference = lab::compare_with_embree(planes, scene, 0, 1);
-  EXPECT_EQ(difference.subpixels, 30U * 40U * 3U);
-  EXPECT_EQ(difference.elsewhere, 0U);
-  EXPECT_LT(difference.depth_mm, 1e-3);
-}
-
-TEST(RowBuckets, AreTheRangesThatHoldARow) {
-  std::mt19937_64 random(3);
-  for (const int rows : {1, 2, 7, 64, 100}) {
-    std::vector<RowRange> ranges;
-    for (int n = 0; n < 60; ++n) {
-      const int first = static_cast<int>(random() % 120) - 10;
-      ranges.push_back({first, first + static_cast<int>(random() % 30) - 3});
-    }
-    const RowBuckets buckets(rows, ranges);
-    for (int row = 0; row < rows; ++row) {
-      std::multiset<uint32_t> found, expected;
-      buckets.visit(row, [&](uint32_t n) { found.insert(n); });
-      for (uint32_t n = 0; n < ranges.size(); ++n)
-        if (ranges[n].first <= row && row <= ranges[n].last) expected.insert(n);
-      EXPECT_EQ(found, expected) << row << " of " << rows;
-    }
   }
 }
 

@@ -2,13 +2,11 @@
 // Tests sample points and the kernels' directions from them against the reference.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
 #include <numbers>
 #include <random>
-#include <set>
 
 #include "render/accel/ray_stream.h"
 #include "render/scene/texture.h"
@@ -36,30 +34,6 @@ TEST(SampleSet, SeedsAgreeWithTheReference) {
     EXPECT_EQ(longer, test::reference_path(path, refracted));
     path = longer;
   }
-}
-
-TEST(SampleSet, SeedsOfNeighboursDiffer) {
-  std::set<uint32_t> seeds;
-  for (int row = 0; row < 200; ++row)
-    for (int subpixel = 0; subpixel < 600; ++subpixel)
-      seeds.insert(sampling::subpixel_seed(row, subpixel, 0));
-  // One or two pairs of 120 000 seeds of 32 bits are equal by chance.
-  EXPECT_GT(seeds.size(), 120000U - 20U);
-}
-
-/// Each equal box whose sides are powers of two contains exactly one of 2^k points.
-TEST(SampleSet, SpreadsPointsEvenly) {
-  for (const uint32_t seed : {1U, 77U, 0xdeadbeefU})
-    for (int k = 1; k <= 8; ++k)
-      for (int columns_log2 = 0; columns_log2 <= k; ++columns_log2) {
-        const int columns = 1 << columns_log2, rows = 1 << (k - columns_log2);
-        std::set<int> boxes;
-        for (uint32_t i = 0; i < 1U << k; ++i) {
-          const test::SquarePoint at = test::reference_point(seed, test::kReferencePath, 1, i);
-          boxes.insert(static_cast<int>(at.u * columns) * rows + static_cast<int>(at.v * rows));
-        }
-        EXPECT_EQ(boxes.size(), size_t{1} << k);
-      }
 }
 
 /// Tests sixteen lanes at surfaces of any orientation.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests the position of points in cache views, and the lookup kernel against double precision.
+// Tests the lookup kernel against double precision.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -9,10 +9,8 @@
 
 #include "frames/srgb.h"
 #include "render/methods/adaptive/key_lookup_kernel.h"
-#include "render/methods/adaptive/key_samples.h"
 #include "render/shading/light_encoder.h"
 #include "tests/support/instruction_sets.h"
-#include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {
 namespace {
@@ -256,78 +254,6 @@ TEST_P(KeyLookup, GivesTheSameBytesAsThePlainKernel) {
 INSTANTIATE_TEST_SUITE_P(InstructionSets, KeyLookup,
                          ::testing::ValuesIn(test::every_instruction_set()),
                          [](const auto& isa) { return std::string(isa_name(isa.param)); });
-
-/// Returns the result for one point of a ray, without matching samples.
-FoundArrays look_up_alone(const Grid& grid, const PanelRay& ray, float z) {
-  constexpr size_t kLanes = lookup_kernel::kLanes;
-  const std::vector<float> x(kLanes, static_cast<float>(ray.x_mm));
-  const std::vector<float> tan(kLanes, static_cast<float>(ray.tan_x)), depth(kLanes, z);
-  const std::vector<int32_t> cut(kLanes, 0);
-  const std::vector<uint32_t> group(1, 2),
-      keys(static_cast<size_t>(grid.cache_views * grid.stride));
-  const std::vector<lookup_kernel::Corners> corners(3 * keys.size());
-  const SampleRows interval{.key = keys.data(),
-                            .corners = corners.data(),
-                            .plane = grid.cache_views * grid.stride,
-                            .part = {}};
-  FoundArrays arrays;
-  isa_baseline::kLookupKernel.look_up(grid, interval,
-                                      {.x = x.data(),
-                                       .tan = tan.data(),
-                                       .z = depth.data(),
-                                       .cut = cut.data(),
-                                       .group = group.data(),
-                                       .count = kLanes,
-                                       .most_apart = 0.0F},
-                                      arrays.found());
-  return arrays;
-}
-
-/// A point on a sample's ray is found exactly at that sample.
-TEST(KeyGrid, PlacesPointsWhereTheSamplesSeeThem) {
-  std::mt19937_64 random(7);
-  std::uniform_real_distribution<double> depth(-60.0, 60.0);
-  for (const double distance : {700.0, std::numeric_limits<double>::infinity()}) {
-    const optics::OpticalModel model(
-        test::make_rig({.width = 120, .height = 90, .distance_mm = distance, .pixel_mm = 0.5}));
-    const RowPlanes planes(model);
-    const KeyGrid grid(planes, test::make_tiny_stage(), reach_of(planes), {.cache_views = 3});
-    const Grid& lookup = grid.lookup();
-    for (int n = 0; n < 300; ++n) {
-      const int cache_view = static_cast<int>(random() % 3);
-      const int column = static_cast<int>(random() % static_cast<uint64_t>(grid.columns()));
-      const PanelRay ray = grid.ray(2, cache_view, column);
-      const auto found_arrays = look_up_alone(lookup, ray, static_cast<float>(depth(random)));
-      const int number = cache_view * lookup.stride + column;
-      bool found = false;
-      for (const size_t side : {0U, 1U}) {
-        const float of_right = found_arrays.of_right[0];
-        const int off = found_arrays.cell[side][0] - number;
-        found |= found_arrays.cell[side][0] >= 0 &&
-                 (side == 0 ? 1.0F - of_right : of_right) > 0.99F &&
-                 std::abs(static_cast<float>(off) + found_arrays.part[side][0]) < 1e-2F;
-      }
-      EXPECT_TRUE(found || column == 0 || column + 1 == grid.columns());
-    }
-  }
-}
-
-TEST(KeyGrid, EveryRowLiesBetweenRowsOfSamples) {
-  const optics::OpticalModel model(test::make_rig({.width = 30, .height = 91}));
-  const RowPlanes planes(model);
-  const KeyGrid grid(planes, test::make_tiny_stage(), reach_of(planes), {.row_step = 4});
-  for (int row = 0; row < planes.rows(); ++row) {
-    const KeyGrid::Between between = grid.between(row);
-    for (const int odd : {0, 1}) {
-      ASSERT_GE(between.above[odd], 0);
-      ASSERT_LT(between.above[odd] + 1, grid.rows());
-      const double above = grid.ray(between.above[odd], odd, 0).y_mm;
-      const double below = grid.ray(between.above[odd] + 1, odd, 0).y_mm;
-      EXPECT_NEAR(std::lerp(above, below, double{between.part[odd]}),
-                  planes.plane_at(row + planes.height_in_row(0)).lens_y_mm, 1e-6);
-    }
-  }
-}
 
 TEST(LightEncoder, IsCloseToTheExactCurve) {
   const LightEncoder managed(true), straight(false);
