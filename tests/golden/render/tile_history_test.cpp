@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Checks that the bytes of a tile depend neither on the tiles that the same thread has rendered
+// Checks that the bytes of frames depend neither on the tiles that the same thread has rendered
 // before, nor on the rays that culling saves.
 #include <gtest/gtest.h>
 
@@ -7,7 +7,6 @@
 
 #include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "optics/rig_file.h"
-#include "render/accel/denormals.h"
 #include "render/methods/method.h"
 #include "render/methods/reuse/method_reuse.h"
 #include "render/scene/scene.h"
@@ -29,38 +28,6 @@ struct Teapots {
   tools::SceneSequence scenes{"builtin:teapot:1", {30, 1}};
   tools::StageSequence stages;
 };
-
-std::vector<float> codes_of_tile(render::MicroImageSweep& sweep, const render::Scene& scene,
-                                 const render::Tile& tile) {
-  sweep.start(scene, tile);
-  sweep.lens_view();
-  std::vector<float> codes;
-  for (const render::reprojection::Column& column : sweep.columns())
-    for (int r = 0; r < tile.rows; ++r)
-      if (column.flag[r] != render::reprojection::kOutside) codes.push_back(column.code[r]);
-  return codes;
-}
-
-TEST(TileHistory, DoesNotChangeATile) {
-  const optics::OpticalModel model(tiny_rig());
-  const render::RenderOptions options;
-  const render::SweepPlan plan(model, options);
-  const render::FlushDenormals flush;
-  ASSERT_GE(plan.tiles.count(), 2);
-  const Teapots teapots(model);
-  for (uint64_t frame = 0; frame < kFrames; ++frame) {
-    const render::SceneDescription description = teapots.scenes.at(frame);
-    const render::Scene scene(description, teapots.stages.at(description), {});
-    render::MicroImageSweep busy(plan, options);
-    for (int round = 0; round < 2; ++round)
-      for (int t = 0; t < plan.tiles.count(); ++t) {
-        render::MicroImageSweep fresh(plan, options);
-        const render::Tile tile = plan.tiles.tile(t);
-        EXPECT_TRUE(codes_of_tile(busy, scene, tile) == codes_of_tile(fresh, scene, tile))
-            << "frame " << frame << " tile " << t;
-      }
-  }
-}
 
 class EveryMethod : public ::testing::TestWithParam<const char*> {};
 

@@ -31,19 +31,6 @@ TEST(EffectivePitch, IsThePitchTimesOnePlusGapOverDistance) {
   EXPECT_NEAR(effective_subpx, sheet.pitch.value * (1.0 + sheet.gap.value / eye.z_mm), 1e-9);
 }
 
-TEST(EffectivePitch, IsWrongByTenToTheMinusFiveIfTheTwoFormsAreMixed) {
-  // The formula has Ez + g from the panel point and Ez from the lens point.
-  const OpticalModel model(straight_kiosk());
-  const double gap = model.rig().sheet.gap.value, z = 700.0;
-  const double lenses =
-      phase_at(model, 3000.0, 1080.0, {0, 0, z}) - phase_at(model, 1000.0, 1080.0, {0, 0, z});
-  const double from_lens_point = 1.0 - gap / (z + gap);  // d lambda(L) / d lambda(Q)
-  const double mixed = 1.0 - gap / z;
-  const double ideal_lenses = 3.0 * 2000.0 / model.rig().sheet.pitch.value;
-  EXPECT_NEAR(lenses / ideal_lenses, from_lens_point, 1e-12);
-  EXPECT_NEAR(mixed / from_lens_point - 1.0, -1.02e-5, 0.02e-5);
-}
-
 TEST(Lobe, IsAsWideAsThePitchTimesDistanceOverGap) {
   const OpticalModel model(straight_kiosk());
   const double z = 700.0, lobe = model.lobe_width_mm(z);

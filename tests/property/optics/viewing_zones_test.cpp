@@ -73,55 +73,6 @@ TEST(NumberedViews, AreSeenByTheSimulatorFromTheirEyes) {
   }
 }
 
-TEST(NumberedViews, OfAStereoKioskAreSeenInEveryLens) {
-  const OpticalModel kiosk(test::kiosk_rig());
-  const Frame stereo = numbered_frame(kiosk, 2);
-  for (int k = 0; k < 2; ++k) {
-    const RgbPicture picture = simulate_eye(kiosk, stereo.view(), eye_of_view(kiosk, k, 2));
-    EXPECT_GE(share_showing(picture, k), 0.999) << "view " << k;
-  }
-}
-
-/// Returns the number that `lens` shows near row j: within a few rows a slanted lens has a subpixel
-/// exactly in its focus.
-int shown_number(const OpticalModel& model, const Frame& frame, int64_t lens, int j,
-                 const Eye& eye) {
-  double best = 1.0;
-  int number = -1;
-  for (int row = j; row < j + 12; ++row) {
-    for (int c = 0; c < 3; ++c) {
-      const int i = seen_column(model, lens, row, c, eye);
-      if (i < 0) continue;
-      const Vec2 q = model.rig().panel.subpixel_centre_px(i, row, c);
-      const double off = std::abs(model.phase(q.x, q.y, c, eye) - static_cast<double>(lens));
-      if (off >= best) continue;
-      best = off;
-      number = (frame.pixels[static_cast<size_t>(3 * (row * frame.width + i) + c)] - 40) / 20;
-    }
-  }
-  return number;
-}
-
-TEST(NumberedViews, OfASixViewKioskAreInTheFocusOfEveryLens) {
-  constexpr int kViews = 6;
-  const OpticalModel model(test::kiosk_rig());
-  const Frame frame = numbered_frame(model, kViews);
-  long lenses = 0, right = 0;
-  for (const int j : {0, 700, 1500, 2140}) {
-    for (int k = 0; k < kViews; ++k) {
-      const Eye eye = eye_of_view(model, k, kViews);
-      const auto first = static_cast<int64_t>(model.phase(0, j, 1, eye)) + 1;
-      const auto last = static_cast<int64_t>(model.phase(3840, j, 1, eye)) - 1;
-      for (int64_t lens = first; lens < last; lens += 3) {
-        ++lenses;
-        right += shown_number(model, frame, lens, j, eye) == k ? 1 : 0;
-      }
-    }
-  }
-  EXPECT_GT(lenses, 10000);
-  EXPECT_GE(static_cast<double>(right), 0.999 * static_cast<double>(lenses));
-}
-
 /// Returns the share of lenses that show `expected`. Looks at the views of a stereo pair that the
 /// lenses at the left and right 5 % of the panel show to the eye at `x_mm`, with lobes chosen by
 /// `place_of(i, j, c)`.
@@ -150,16 +101,6 @@ TEST(LeftAndRight, KeepTheirOrderAtTheEdgesOfAWidePanel) {
   const auto place = [&](int i, int j, int c) { return model.ray(i, j, c).place; };
   EXPECT_GE(share_at_edges(model, -32.0, 0, place), 0.999);
   EXPECT_GE(share_at_edges(model, 32.0, 1, place), 0.999);
-}
-
-TEST(LeftAndRight, AreMixedAtTheEdgesIfTheViewingDistanceIsIgnored) {
-  const OpticalModel model(test::kiosk_rig());
-  const auto place = [&](int i, int j, int c) {
-    const Vec2 q = model.rig().panel.subpixel_centre_px(i, j, c);
-    return split_phase(model.lens_coordinate(q.x, q.y, c)).place;
-  };
-  EXPECT_LT(share_at_edges(model, -32.0, 0, place), 0.75);
-  EXPECT_LT(share_at_edges(model, 32.0, 1, place), 0.75);
 }
 
 TEST(ViewNumber, GrowsWithTheViewersXAcrossOneLens) {

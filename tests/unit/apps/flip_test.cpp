@@ -35,10 +35,6 @@ std::vector<float> map_of(const frames::WovenFrame& a, const frames::WovenFrame&
   return flip_map(FlipPicture(a.view(), ppd), FlipPicture(b.view(), ppd));
 }
 
-double mean_of(const frames::WovenFrame& a, const frames::WovenFrame& b, double ppd = 30.0) {
-  return flip_figures(map_of(a, b, ppd)).mean;
-}
-
 frames::WovenFrame flat(uint8_t r, uint8_t g, uint8_t b) {
   frames::WovenFrame frame({.width = 20, .height = 12});
   for (size_t i = 0; i < frame.bytes().size(); i += 3) {
@@ -86,37 +82,6 @@ TEST(Flip, IsZeroForEqualPicturesOnly) {
   const std::vector<float> map = map_of(a, b, 30.0);
   EXPECT_GT(map[15 * 40 + 20], 0.0F);
   EXPECT_EQ(map[0], 0.0F) << "what is far away is not touched";
-}
-
-TEST(Flip, IsSymmetric) {
-  const frames::WovenFrame a = scene(33, 21, 0);
-  const frames::WovenFrame b = scene(33, 21, 30);
-  EXPECT_EQ(map_of(a, b, 30.0), map_of(b, a, 30.0));
-}
-
-TEST(Flip, GrowsWithNoiseAndWithNearness) {
-  const frames::WovenFrame a = scene(60, 40, 0);
-  double before = 0.0;
-  for (const double noise : {1.0, 4.0, 16.0, 64.0}) {
-    const double now = mean_of(a, scene(60, 40, noise));
-    EXPECT_GT(now, before) << noise;
-    before = now;
-  }
-  // A larger distance gives more pixels per degree, and the eye blurs more of the noise.
-  EXPECT_LT(mean_of(a, scene(60, 40, 16), 60.0), mean_of(a, scene(60, 40, 16), 15.0));
-}
-
-TEST(Flip, StaysBetweenZeroAndOne) {
-  std::mt19937 random(3);
-  frames::WovenFrame a({.width = 50, .height = 40});
-  frames::WovenFrame b = a;
-  for (uint8_t& byte : a.bytes()) byte = random() % 2U ? 255 : 0;
-  for (uint8_t& byte : b.bytes()) byte = random() % 2U ? 255 : 0;
-  for (const double ppd : {1.0, 10.0, 100.0})
-    for (const float value : map_of(a, b, ppd)) {
-      ASSERT_GE(value, 0.0F);
-      ASSERT_LE(value, 1.0F);
-    }
 }
 
 TEST(Flip, FiguresAreMeanAndPercentile) {

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
-#include <thread>
-
 #include "base/error.h"
 #include "farm/work_folder.h"
 #include "frames/sequence/sequence_reader.h"
@@ -97,20 +95,6 @@ TEST(Merge, WaitsForFilesThatTheFolderShowsLate) {
   const LateFiles never(1 << 20);
   const WorkFolder empty(farm.work(), never);
   EXPECT_THROW((void)merge_film(empty, farm.film(), options), Error);
-}
-
-TEST(Merge, TwoAtOnceMakeTheSameFilm) {
-  const SmallFarm farm(small_plan(0, 70, 4));
-  farm.render_all();
-  const std::vector<uint8_t> expected = farm.film_of_one_run();
-  for (int trial = 0; trial < 3; ++trial) {
-    {
-      const std::jthread other([&] { (void)merge_film(farm.folder(), farm.film()); });
-      (void)merge_film(farm.folder(), farm.film());
-      EXPECT_EQ(test::read_bytes(farm.film()), expected);
-    }
-    EXPECT_EQ(test::read_bytes(farm.film()), expected);
-  }
 }
 
 TEST(Merge, StopsOnRequestWithoutAFilm) {

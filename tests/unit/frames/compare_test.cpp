@@ -3,7 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <numeric>
 
 #include "frames/weave.h"
@@ -32,30 +31,6 @@ optics::Rig small_rig(int width, int height) {
   rig.sheet.slant = 0.2;
   rig.sheet.gap = Millimetres(1.2);
   return rig;
-}
-
-TEST(Compare, EqualPicturesHaveNoPsnr) {
-  const WovenFrame frame = grey(4, 3, 90);
-  const PictureDifference d = compare_pictures(frame.view(), frame.view());
-  EXPECT_EQ(d.total.mse(), 0.0);
-  EXPECT_EQ(d.total.max(), 0);
-  EXPECT_FALSE(d.total.psnr_db().has_value());
-  EXPECT_EQ(d.total.samples(), 36u);
-  EXPECT_EQ(d.total.count_over(0), 0u);
-}
-
-TEST(Compare, BlackAgainstWhiteIsZeroDecibel) {
-  const PictureDifference d = compare_pictures(grey(2, 2, 0).view(), grey(2, 2, 255).view());
-  EXPECT_EQ(d.total.rmse(), 255.0);
-  EXPECT_DOUBLE_EQ(*d.total.psnr_db(), 0.0);
-  EXPECT_EQ(d.total.count_over(254), 12u);
-  EXPECT_EQ(d.total.count_over(255), 0u);
-}
-
-TEST(Compare, OneLevelEverywhereIs48Decibel) {
-  const PictureDifference d = compare_pictures(grey(5, 5, 7).view(), grey(5, 5, 8).view());
-  EXPECT_DOUBLE_EQ(*d.total.psnr_db(), 20.0 * std::log10(255.0));
-  EXPECT_EQ(d.total.count_over(1), 0u) << "over one level, not from one level on";
 }
 
 TEST(Compare, ChannelsAreSeparateAndTheTotalIsTheirMean) {

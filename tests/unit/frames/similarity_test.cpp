@@ -51,28 +51,6 @@ TEST(Similarity, AgreesWithItsDefinition) {
   }
 }
 
-// Only the first factor remains for two flat pictures; it is computed by hand.
-TEST(Similarity, ComparesTheMeansOfFlatPictures) {
-  WovenFrame a({.width = 16, .height = 16});
-  WovenFrame b = a;
-  std::fill(a.bytes().begin(), a.bytes().end(), uint8_t{100});
-  std::fill(b.bytes().begin(), b.bytes().end(), uint8_t{150});
-  EXPECT_NEAR(*structural_similarity(a.view(), b.view()),
-              (2 * 100.0 * 150.0 + 6.5025) / (100.0 * 100.0 + 150.0 * 150.0 + 6.5025), 1e-9);
-}
-
-TEST(Similarity, IsSymmetricAndFallsWithTheError) {
-  const WovenFrame a = waves(40, 30, 0);
-  double before = 1.0;
-  for (const double error : {1.0, 4.0, 16.0, 60.0}) {
-    const WovenFrame b = waves(40, 30, error);
-    const double now = *structural_similarity(a.view(), b.view());
-    EXPECT_LT(now, before) << error;
-    EXPECT_NEAR(now, *structural_similarity(b.view(), a.view()), 1e-12);
-    before = now;
-  }
-}
-
 TEST(Similarity, NeedsPicturesOfAtLeastOneWindow) {
   const WovenFrame small = test::noise_frame(10, 40, 1);
   EXPECT_FALSE(structural_similarity(small.view(), small.view()).has_value());

@@ -5,8 +5,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <numeric>
-
 #include "tests/support/error_matchers.h"
 
 namespace lenticule::frames {
@@ -185,21 +183,6 @@ TEST(Weave, MixesInLinearLight) {
   EXPECT_EQ(woven.row(0)[4], 188) << "the code of half the light, not 128";
 }
 
-std::vector<double> weights_at(double v, int views, ViewFilter filter, double sigma = 0.5) {
-  std::vector<double> few;
-  const int first = view_weights(v, views, filter, sigma, few);
-  std::vector<double> all(static_cast<size_t>(views), 0.0);
-  for (size_t w = 0; w < few.size(); ++w) all.at(static_cast<size_t>(first) + w) = few[w];
-  return all;
-}
-
-TEST(ViewWeights, NearestSpansAreOpenOnTheLeft) {
-  EXPECT_THAT(weights_at(1e-9, 3, ViewFilter::Nearest), ElementsAre(1, 0, 0));
-  EXPECT_THAT(weights_at(1.0, 3, ViewFilter::Nearest), ElementsAre(1, 0, 0));
-  EXPECT_THAT(weights_at(1.0 + 1e-9, 3, ViewFilter::Nearest), ElementsAre(0, 1, 0));
-  EXPECT_THAT(weights_at(3.0, 3, ViewFilter::Nearest), ElementsAre(0, 0, 1));
-}
-
 TEST(NearestView, IsNotMovedOverABorderByRounding) {
   // Whole columns lie on the borders of 6 views at pitch 6 and slant 1/3.
   for (int border = 1; border < 6; ++border) {
@@ -209,31 +192,6 @@ TEST(NearestView, IsNotMovedOverABorderByRounding) {
   }
   EXPECT_EQ(nearest_view(0.0, 6), 0);
   EXPECT_EQ(nearest_view(6.0, 6), 5);
-}
-
-TEST(ViewWeights, LinearMixesNeighboursAndStopsAtTheEnds) {
-  EXPECT_THAT(weights_at(1.5, 3, ViewFilter::Linear), ElementsAre(0, 1, 0));
-  EXPECT_THAT(weights_at(1.75, 3, ViewFilter::Linear), ElementsAre(0, 0.75, 0.25));
-  EXPECT_THAT(weights_at(0.1, 3, ViewFilter::Linear), ElementsAre(1, 0, 0));
-  EXPECT_THAT(weights_at(3.0, 3, ViewFilter::Linear), ElementsAre(0, 0, 1));
-  EXPECT_THAT(weights_at(0.7, 1, ViewFilter::Linear), ElementsAre(1));
-}
-
-TEST(ViewWeights, GaussIsSymmetricAndNeverWraps) {
-  const auto middle = weights_at(2.5, 5, ViewFilter::Gauss);
-  EXPECT_DOUBLE_EQ(middle[1], middle[3]);
-  EXPECT_THAT(middle[1] / middle[2], DoubleNear(std::exp(-2.0), 1e-12));
-  const auto end = weights_at(0.01, 5, ViewFilter::Gauss);
-  EXPECT_EQ(end[4], 0.0);
-  for (double v = 0.05; v <= 5.0; v += 0.05) {
-    const auto w = weights_at(v, 5, ViewFilter::Gauss);
-    EXPECT_THAT(std::accumulate(w.begin(), w.end(), 0.0), DoubleNear(1.0, 1e-12));
-  }
-}
-
-TEST(ViewWeights, AVanishingSpotIsTheNearestView) {
-  for (const double sigma : {0.0, 1e-300, 1e-6})
-    EXPECT_THAT(weights_at(2.7, 4, ViewFilter::Gauss, sigma), ElementsAre(0, 0, 1, 0));
 }
 
 TEST(WeaveNames, AreReadAndWritten) {

@@ -39,13 +39,6 @@ SceneDescription moving_triangle() {
   return scene;
 }
 
-TEST(AtTime, ASceneWithoutNodesComesBackUnchanged) {
-  SceneDescription scene = moving_triangle();
-  scene.nodes.clear();
-  scene.meshes[0].node = -1;
-  EXPECT_EQ(at_time(scene, 3.0).meshes[0].positions, scene.meshes[0].positions);
-}
-
 TEST(AtTime, BlendsTranslationsLinearlyAndHoldsBeyondTheEnds) {
   SceneDescription scene = moving_triangle();
   scene.nodes[0].translations = {.times = {1, 3}, .values = {{0, 0, 0}, {4, 8, 0}}};
@@ -54,13 +47,6 @@ TEST(AtTime, BlendsTranslationsLinearlyAndHoldsBeyondTheEnds) {
   expect_near(first(1.5), {2, 2, 0});
   expect_near(first(3), {5, 8, 0});
   expect_near(first(100), {5, 8, 0});
-}
-
-TEST(AtTime, SteppedKeysHoldUntilTheNext) {
-  SceneDescription scene = moving_triangle();
-  scene.nodes[0].translations = {.times = {0, 1}, .values = {{0, 0, 0}, {9, 0, 0}}, .steps = true};
-  expect_near(at_time(scene, 0.99).meshes[0].positions[0], {1, 0, 0});
-  expect_near(at_time(scene, 1.0).meshes[0].positions[0], {10, 0, 0});
 }
 
 TEST(AtTime, RotationsTakeTheShorterArc) {
@@ -74,16 +60,6 @@ TEST(AtTime, RotationsTakeTheShorterArc) {
   expect_near(half.meshes[0].normals[0], {c, 0, -c});
 }
 
-TEST(AtTime, ChildrenFollowTheirParents) {
-  SceneDescription scene = moving_triangle();
-  scene.nodes.resize(2);
-  scene.nodes[0].rotations = {.times = {0, 1}, .values = {about_y(0), about_y(90)}};
-  scene.nodes[1].parent = 0;
-  scene.nodes[1].local.origin = {2, 0, 0};
-  scene.meshes[0].node = 1;
-  expect_near(at_time(scene, 1).meshes[0].positions[0], {0, 0, -3});
-}
-
 TEST(AtTime, NormalsStayAtRightAnglesUnderUnevenScale) {
   SceneDescription scene = moving_triangle();
   scene.nodes[0].scales = {.times = {0}, .values = {{4, 1, 1}}};
@@ -95,17 +71,6 @@ TEST(AtTime, NormalsStayAtRightAnglesUnderUnevenScale) {
   EXPECT_NEAR(dot(baked.normals[0], baked.positions[1] - baked.positions[0]), 0.0, 1e-12);
   EXPECT_NEAR(dot(baked.normals[0], baked.positions[2] - baked.positions[0]), 0.0, 1e-12);
   EXPECT_NEAR(length(baked.normals[0]), 1.0, 1e-12);
-}
-
-TEST(AtTime, AMirroringNodeKeepsFacesOutward) {
-  SceneDescription scene = moving_triangle();
-  scene.nodes[0].animated = false;
-  scene.nodes[0].local.column_x = {-1, 0, 0};
-  const TriangleMesh baked = at_time(scene, 0).meshes[0];
-  const auto [a, b, c] = baked.triangles[0];
-  const Vec3 face =
-      cross(baked.positions[b] - baked.positions[a], baked.positions[c] - baked.positions[a]);
-  EXPECT_GT(dot(face, baked.normals[0] + baked.normals[1] + baked.normals[2]), 0.0);
 }
 
 TEST(AtTime, MovesLightsAndCameras) {
@@ -155,14 +120,6 @@ TEST(BakeStillNodes, KeepsOnlyMovingNodes) {
   EXPECT_EQ(scene.meshes[1].node, -1);
   expect_near(scene.meshes[1].positions[0], {8, 0, 0});
   EXPECT_EQ(scene.meshes[2].node, 2);
-}
-
-TEST(BakeStillNodes, DropsTheNodesOfAStillScene) {
-  SceneDescription scene = moving_triangle();
-  scene.nodes[0].animated = false;
-  bake_still_nodes(scene);
-  EXPECT_TRUE(scene.nodes.empty());
-  EXPECT_EQ(scene.meshes[0].node, -1);
 }
 
 }  // namespace

@@ -4,11 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 #include "base/error.h"
-#include "tests/support/oracles/seen_column.h"
 #include "tests/support/random_rigs.h"
 
 namespace lenticule::optics {
@@ -127,37 +125,6 @@ TEST(EyePicture, RefusesEyesThatAreNotInFrontOfThePanel) {
   }
   EXPECT_THROW((void)simulate_eye(model, frame.view(), {0, 0, 500}, {.width = -1}), Error);
   EXPECT_THROW((void)simulate_eye(model, frame.view(), {0, 0, 500}, {.width = 1 << 20}), Error);
-}
-
-TEST(SeenColumn, HasThePhaseNearestToTheLens) {
-  std::mt19937_64 random(55);
-  for (int r = 0; r < 100; ++r) {
-    Rig rig = test::random_rig(random);
-    const OpticalModel model(rig);
-    const Eye eye{40.0, 10.0, 800.0};
-    const int width = rig.panel.width_px, j = rig.panel.height_px / 2;
-    if (width < 50) continue;
-    const auto lens = static_cast<int64_t>(std::llround(model.phase(width / 3.0, j + 0.5, 1, eye)));
-    const int found = seen_column(model, lens, j, 1, eye);
-    const auto off = [&](int i) {
-      const Vec2 q = rig.panel.subpixel_centre_px(i, j, 1);
-      return std::abs(model.phase(q.x, q.y, 1, eye) - static_cast<double>(lens));
-    };
-    int best = 0;
-    for (int i = 0; i < std::min(width, 3000); ++i) {
-      if (off(i) < off(best)) best = i;
-    }
-    if (best == 2999) continue;  // the lens is further right than the search range
-    ASSERT_GE(found, 0);
-    ASSERT_LE(off(found), off(best) + 1e-12);
-  }
-}
-
-TEST(SeenColumn, IsMinusOneForLensesThatShowNothingOfThePanel) {
-  const OpticalModel model(test::kiosk_rig());
-  EXPECT_EQ(seen_column(model, 5000, 100, 0, {0, 0, 700}), -1);
-  EXPECT_EQ(seen_column(model, -5000, 100, 0, {0, 0, 700}), -1);
-  EXPECT_EQ(seen_column(model, std::numeric_limits<int64_t>::max(), 100, 0, {0, 0, 700}), -1);
 }
 
 }  // namespace

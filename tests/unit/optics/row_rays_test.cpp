@@ -83,13 +83,6 @@ TEST(RowRays, DoNotAllocateOnceTheyHaveTheirSize) {
   }
 }
 
-TEST(RowRays, AreEmptyForAnEmptyRange) {
-  const RowRayEvaluator evaluator{OpticalModel(test::kiosk_rig())};
-  RowRays rays;
-  evaluator.evaluate(0, 5, 5, rays);
-  EXPECT_EQ(rays.size(), 0u);
-}
-
 TEST(RowPhases, AgreeWithTheModel) {
   std::mt19937_64 random(80);
   std::vector<double> phase;
@@ -147,31 +140,11 @@ TEST(RowPhases, AgreeWithTheModelCloseToTheSheet) {
   }
 }
 
-TEST(BestIsa, CanBeLimited) {
-  const ForcedIsa forced("baseline");
-  EXPECT_EQ(best_isa(), Isa::Baseline);
-}
-
-TEST(BestIsa, NeverExceedsTheMachine) {
-  const ForcedIsa forced("avx512");
-  EXPECT_TRUE(isa_supported(best_isa()));
-}
-
 TEST(BestIsa, IsASetOfThisMachineForEveryName) {
   for (const char* name : {"baseline", "neon", "avx2", "avx512"}) {
     const ForcedIsa forced(name);
     EXPECT_TRUE(isa_supported(best_isa())) << name;
   }
-}
-
-TEST(BestIsa, IsNeonOnArm) {
-#if defined(__aarch64__)
-  const Isa expected = Isa::Neon;
-#else
-  const Isa expected = Isa::Baseline;  // the only smaller set of x86
-#endif
-  const ForcedIsa forced("neon");
-  EXPECT_EQ(best_isa(), expected);
 }
 
 TEST(BestIsa, RefusesUnknownNames) {

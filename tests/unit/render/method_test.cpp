@@ -128,17 +128,6 @@ TEST(MethodFull, GivesTheSameBytesWithoutSkippingWeakRays) {
   EXPECT_GT(left_out, 1000U);
 }
 
-TEST(MethodFull, GivesTheSameBytesForAnyOrderOfTiles) {
-  const optics::Rig rig = make_rig({.width = 300, .height = 140, .pixel_mm = 0.25});
-  for (const test::NamedScene& named : test::tiny_scenes()) {
-    const auto with = [&](bool backwards) {
-      return rendered(named.scene, rig, make_tiny_stage(),
-                      {.threads = 1, .tiles_backwards = backwards, .cancelled = {}});
-    };
-    EXPECT_EQ(with(false), with(true)) << named.name;
-  }
-}
-
 TEST(MethodFull, EndsEarlyWhenCancelled) {
   const optics::Rig rig = make_rig({.width = 300, .height = 200, .pixel_mm = 0.2});
   const optics::OpticalModel model(rig);

@@ -15,27 +15,6 @@ namespace {
 using test::make_rig;
 using test::make_tiny_stage;
 
-/// Matte surfaces reflect no more than with all lights straight above them, and no less than
-/// without lights.
-TEST(SoftShadows, StayBetweenNoLightAndFullLight) {
-  const optics::Rig rig = make_rig({.width = 60, .height = 40, .pixel_mm = 1.0});
-  const auto codes = [&](const SceneDescription& scene, const SoftLight& soft) {
-    return picture(scene, rig, make_tiny_stage(), with(soft)).frame;
-  };
-  SceneDescription unlit = wall_and_ball();
-  unlit.lights.clear();
-  const frames::WovenFrame least = codes(unlit, {});
-  for (const double radius : {1.0, 30.0, 500.0}) {
-    const frames::WovenFrame some =
-        codes(wall_and_ball(), {.shadow_samples = 8, .light_radius_mm = radius});
-    for (size_t k = 0; k < some.bytes().size(); ++k) ASSERT_GE(some.bytes()[k], least.bytes()[k]);
-  }
-  SceneDescription halved = wall_and_ball();
-  for (Light& area_light : halved.lights) area_light.colour = area_light.colour * 0.5;
-  const frames::WovenFrame dim = codes(halved, only_shadows(8));
-  for (const uint8_t code : dim.bytes()) ASSERT_LE(code, 179);
-}
-
 /// No point of the light is visible from the wall behind a wide screen.
 TEST(SoftShadows, AreCompleteBehindAScreen) {
   SceneDescription scene = wall_and_ball();

@@ -1,16 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests the samples of soft light: the convergence of their errors, and their seeds in packets.
+// Tests the samples of soft light: the convergence of their errors.
 #include <gtest/gtest.h>
 
-#include <array>
 #include <cmath>
 #include <cstdio>
 #include <functional>
 #include <string>
 
-#include "render/accel/denormals.h"
-#include "render/integrator/packet_tracer.h"
-#include "render/rays/primary_packets.h"
 #include "tests/support/oracles/reference_renderer.h"
 #include "tests/unit/render/soft_light_scenes.h"
 
@@ -117,93 +113,6 @@ TEST_P(SoftLightConverges, WithUncorrelatedErrors) {
                 product / squares, pairs);
     EXPECT_LT(std::abs(product / squares), 0.1) << step.to;
   }
-}
-
-/// Traces one tile of a wall and a ball as the methods do.
-class SoftTile : public ::testing::Test {
- protected:
-  SoftTile()
-      : rig_(make_rig({.width = 150, .height = 70, .pixel_mm = 0.5})),
-        model_(rig_),
-        scene_(wall_and_ball(), make_tiny_stage(), {}, 1),
-        plan_(rig_),
-        tile_(plan_.tile(4)),  // the left tile of the middle row
-        packets_(model_, plan_, best_isa()),
-        maker_(packets_),
-        centre_(model_, {}) {
-    maker_.start(scene_, tile_, centre_);
-  }
-
-  std::vector<float> whole(PacketTracer& tracer) {
-    std::vector<float> light(static_cast<size_t>(tile_.columns) * TilePlan::kRows, 0.0F);
-    tracer.trace(scene_, plan_, tile_, {0, tile_.columns}, {}, maker_, light);
-    return light;
-  }
-
-  const FlushDenormals flush_;
-  optics::Rig rig_;
-  optics::OpticalModel model_;
-  Scene scene_;
-  TilePlan plan_;
-  Tile tile_;
-  PrimaryPackets packets_;
-  PrimaryPackets::Maker maker_;
-  Footprint centre_;
-};
-
-TEST_F(SoftTile, MultipliedSamplesEqualMoreSamples) {
-  for (const auto& kind : {only_shadows, only_occlusion, only_environment}) {
-    PacketTracer many(with(kind(12))), few(with(kind(3)));
-    const std::vector<float> expected = whole(many);
-    EXPECT_NE(whole(few), expected);
-    few.multiply_samples(4);
-    EXPECT_EQ(whole(few), expected);
-    few.multiply_samples(1);
-    EXPECT_NE(whole(few), expected);
-  }
-}
-
-/// Lanes keep their own seeds in any packet.
-TEST_F(SoftTile, PacketsOfSeveralColumnsGiveTheSameLanes) {
-  SoftLight soft = only_occlusion(5);
-  soft.shadow_samples = 6;
-  PacketTracer tracer(with(soft));
-  const std::vector<float> expected = whole(tracer);
-  std::vector<RayPacket> columns(16);
-  init_packets(columns);
-  maker_.prepare(columns);
-  // A column in the middle of the panel.
-  const int first = 225 - plan_.subpixel(tile_, 0, 0);
-  ASSERT_TRUE(first >= 0 && first + 16 <= tile_.columns);
-  maker_.columns(first, columns);
-  RayPacket mixed = columns.front();
-  std::array<int32_t, kPacket> channel;
-  std::array<uint32_t, kPacket> seeds;
-  for (size_t r = 0; r < kPacket; ++r) {
-    const RTCRay16& from = columns[r].rays.ray;
-    mixed.valid[r] = columns[r].valid[r];
-    mixed.rays.ray.org_x[r] = from.org_x[r];
-    mixed.rays.ray.org_y[r] = from.org_y[r];
-    mixed.rays.ray.org_z[r] = from.org_z[r];
-    mixed.rays.ray.dir_x[r] = from.dir_x[r];
-    mixed.rays.ray.dir_y[r] = from.dir_y[r];
-    mixed.rays.ray.dir_z[r] = from.dir_z[r];
-    const int row = static_cast<int>(r);
-    const int subpixel = plan_.subpixel(tile_, first + row, row);
-    channel[r] = (subpixel % 3 + 3) % 3;
-    seeds[r] = sampling::subpixel_seed(tile_.row_begin + row, subpixel, 0);
-  }
-  std::array<float, kPacket> light;
-  tracer.set_seeds(seeds);
-  tracer.trace_lanes(scene_, plan_, channel, mixed, light);
-  int lit = 0;
-  for (size_t r = 0; r < kPacket; ++r) {
-    EXPECT_EQ(light[r],
-              expected[r * static_cast<size_t>(tile_.columns) + static_cast<size_t>(first) + r])
-        << r;
-    lit += light[r] > 0.0F ? 1 : 0;
-  }
-  EXPECT_GT(lit, 10);
 }
 
 }  // namespace

@@ -127,25 +127,6 @@ TEST_P(SoftLightOfTinyScenes, HasTheSameBytesWithoutCulling) {
   }
 }
 
-TEST_P(SoftLightOfTinyScenes, OcclusionOnlyReducesAmbientLight) {
-  const optics::Rig rig = make_rig({.width = 100, .height = 60, .pixel_mm = 0.6});
-  SceneDescription dark = GetParam().scene;
-  dark.ambient = Vec3{};
-  const auto codes = [&](const SceneDescription& scene, const SoftLight& soft) {
-    return picture(scene, rig, make_tiny_stage(), with(soft)).frame;
-  };
-  const frames::WovenFrame most = codes(GetParam().scene, {});
-  const frames::WovenFrame least = codes(dark, {});
-  const frames::WovenFrame some = codes(GetParam().scene, only_occlusion(8));
-  int between = 0;
-  for (size_t k = 0; k < some.bytes().size(); ++k) {
-    ASSERT_LE(some.bytes()[k], most.bytes()[k]);
-    ASSERT_GE(some.bytes()[k], least.bytes()[k]);
-    between += some.bytes()[k] != most.bytes()[k] && some.bytes()[k] != least.bytes()[k] ? 1 : 0;
-  }
-  EXPECT_GT(between, 100);
-}
-
 TEST(SoftLight, IsRefusedForMetallicRoughnessMaterialsByTheNamesOfItsFlags) {
   SceneDescription scene = wall_and_ball();
   scene.materials.front().pbr = std::make_shared<const PbrMaterial>();

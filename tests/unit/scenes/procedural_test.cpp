@@ -5,7 +5,6 @@
 #include <array>
 #include <cmath>
 #include <map>
-#include <set>
 #include <sstream>
 
 #include "scenes/scene_list.h"
@@ -168,34 +167,6 @@ TEST(TetraScene, IsClosedAndFacesOutward) {
               1e-6);
 }
 
-// Checks that no two teeth of one layer overlap: each gear's outline against its neighbour's.
-TEST(GearsScene, NeighboursMeshWithoutTouching) {
-  const std::vector<Polygon> polygons = plain_polygons(write_scene(find_scene("gears"), 2));
-  const auto inside = [](const Polygon& p, Vec3 q) {
-    for (size_t i = 0; i < p.size(); ++i) {
-      const Vec3 edge = p[(i + 1) % p.size()] - p[i];
-      if (edge.x * (q.y - p[i].y) - edge.y * (q.x - p[i].x) <= 1e-6) return false;
-    }
-    return true;
-  };
-  std::vector<Polygon> faces;  // upper faces of the lowest layer, counter-clockwise
-  for (const Polygon& p : polygons)
-    if (p.size() == 4 && std::abs(p[0].z - 0.4) < 1e-6 && std::abs(p[2].z - 0.4) < 1e-6)
-      faces.push_back(p);
-  ASSERT_EQ(faces.size(), 4U * 24 * 3);
-  for (const Polygon& face : faces)
-    for (const Polygon& other : faces)
-      for (const Vec3 corner : other) ASSERT_FALSE(inside(face, corner));
-}
-
-TEST(MountScene, AFinerOneHasTheCornersOfACoarserOne) {
-  std::set<std::array<long, 3>> fine;
-  for (const Polygon& p : plain_polygons(write_scene(find_scene("mount"), 5)))
-    for (const Vec3 corner : p) fine.insert(key(corner));
-  for (const Polygon& p : plain_polygons(write_scene(find_scene("mount"), 3)))
-    for (const Vec3 corner : p) EXPECT_TRUE(fine.contains(key(corner)));
-}
-
 // ---- pictures
 
 TEST(Pictures, AreCodeValuesAndContinueAtTheRepeat) {
@@ -216,11 +187,6 @@ TEST(Pictures, AreCodeValuesAndContinueAtTheRepeat) {
     }
     EXPECT_LE(seam / static_cast<float>(picture->height), within + 1e-6F) << picture->name;
   }
-}
-
-TEST(Pictures, ComputeTheirMean) {
-  const Picture two{.name = "two", .width = 2, .height = 1, .rgb = {0, 0.5F, 1, 1, 0.5F, 0}};
-  EXPECT_EQ(two.mean(), (Vec3{0.5, 0.5, 0.5}));
 }
 
 // ---- the two forms of a scene
@@ -247,32 +213,6 @@ TEST(SceneParts, CommentsComeLastForReadersThatStopAtOne) {
     }
     EXPECT_TRUE(comment_seen);
   }
-}
-
-TEST(PicturedMesh, ABoardsPictureIsUpright) {
-  PicturedMesh mesh;
-  append_board(mesh, {.corner = {0, 0, 1}, .along = {2, 0, 0}, .across = {0, 0, -1}, .columns = 3});
-  ASSERT_EQ(mesh.positions.size(), 4U);
-  for (size_t i = 0; i < 4; ++i) {
-    EXPECT_FLOAT_EQ(mesh.uvs[i][0], static_cast<float>(mesh.positions[i].x * 1.5));
-    EXPECT_FLOAT_EQ(mesh.uvs[i][1], static_cast<float>(1.0 - mesh.positions[i].z));
-  }
-}
-
-TEST(PicturedMesh, BallsAndBoxesFaceOutward) {
-  PicturedMesh ball;
-  append_ball(ball, {1, 2, 3}, 0.5, 6);
-  EXPECT_EQ(ball.triangles.size(), 4U * 6 * 5);
-  PicturedMesh box;
-  append_box(box, {0, 0, 0}, {1, 2, 3}, 1.0);
-  const auto volume_of = [](const PicturedMesh& mesh) {
-    double six = 0.0;
-    for (const auto& [a, b, c] : mesh.triangles)
-      six += dot(mesh.positions[a], cross(mesh.positions[b], mesh.positions[c]));
-    return six / 6.0;
-  };
-  EXPECT_NEAR(volume_of(ball), 0.4665, 0.001);  // an exact sphere has 0.5236
-  EXPECT_NEAR(volume_of(box), 6.0, 1e-12);
 }
 
 }  // namespace

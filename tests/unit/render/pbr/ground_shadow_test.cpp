@@ -126,65 +126,6 @@ TEST(GroundShadow, AgreesWithASlowEvaluation) {
   }
 }
 
-/// Packets of rays and rows of the panel are evaluated by other formulas than single rays.
-TEST(GroundShadow, IsTheSameForRaysInPacketsAndInRows) {
-  const Place place;
-  const SceneDescription description = rich_scene();
-  const Stage stage = place.stage(description);
-  const Scene scene(description, stage, {}, 1);
-  const GroundShadow& shadow = *scene.backdrop.ground_shadow;
-  constexpr size_t kRays = GroundShadow::kRays;
-  std::mt19937 random(11);
-  std::uniform_real_distribution<double> x_mm(-40.0, 40.0), tan_x(-0.4, 0.4), y_mm(-25.0, 25.0);
-  int dark = 0;
-  for (int n = 0; n < 100; ++n) {
-    const double y = y_mm(random), tan_y = 0.1 * tan_x(random);
-    const GroundShadow::Row row(shadow, scene.scene_from_panel, y, tan_y);
-    std::array<std::array<float, kRays>, 6> packet;
-    std::array<double, kRays> single, batch;
-    for (size_t r = 0; r < kRays; ++r) {
-      const double x = x_mm(random), tan = tan_x(random);
-      const Vec3f origin(scene.scene_from_panel.point({x, y, 0.0}));
-      const Vec3f direction(scene.scene_from_panel.vector({-tan, -tan_y, -1.0}));
-      const float numbers[] = {origin.x, origin.y, origin.z, direction.x, direction.y, direction.z};
-      for (size_t c = 0; c < packet.size(); ++c) packet[c][r] = numbers[c];
-      single[r] = shadow.light_left(Vec3(origin), Vec3(direction));
-      EXPECT_NEAR(row.light_left(x, tan), single[r], 1e-5);
-      dark += single[r] < 0.95 ? 1 : 0;
-    }
-    shadow.light_left({.origin_x = packet[0].data(),
-                       .origin_y = packet[1].data(),
-                       .origin_z = packet[2].data(),
-                       .direction_x = packet[3].data(),
-                       .direction_y = packet[4].data(),
-                       .direction_z = packet[5].data()},
-                      batch);
-    EXPECT_EQ(batch, single);
-  }
-  EXPECT_GT(dark, 50);
-}
-
-TEST(GroundShadow, IsDarkestUnderAStandingBoxAndEndsWithinAQuarterOfItsSize) {
-  const SceneDescription description = box_scene();
-  const Place place;
-  const Stage stage = place.stage(description);
-  const Scene scene(description, stage, {}, 1);
-  const double size = std::cbrt(2.0 * 1.6 * 1.5);
-  EXPECT_NEAR(light_at(scene, stage, 0.0, 0.0), 1.0 - 0.45 - 0.45, 0.01);
-  for (const Vec3 way : {Vec3{1, 0, 0}, Vec3{-1, 0, 0}, Vec3{0, 0, 1}, Vec3{0, 0, -1}}) {
-    const double wall = std::abs(way.x) + 0.8 * std::abs(way.z);
-    double last = light_at(scene, stage, 0.0, 0.0);
-    for (double far = 0.0; far < 3.0; far += 0.02) {
-      const double light = light_at(scene, stage, way.x * far, way.z * far);
-      EXPECT_GE(light, last - 1e-6) << far;
-      last = light;
-    }
-    EXPECT_LT(light_at(scene, stage, way.x * wall, way.z * wall), 0.65);
-    const double end = wall + 0.27 * size;
-    EXPECT_EQ(light_at(scene, stage, way.x * end, way.z * end), 1.0);
-  }
-}
-
 TEST(GroundShadow, IsFainterUnderAModelThatHasLeftTheGround) {
   const Place place;
   const SceneDescription standing = box_scene();

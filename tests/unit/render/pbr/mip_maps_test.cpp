@@ -122,16 +122,6 @@ TEST(MipMaps, ChangeLittleFromFootprintToFootprint) {
   }
 }
 
-TEST(MipMaps, MirrorEverySecondRepetition) {
-  const auto texture = noise(8, 8);
-  texture->mirror_u = true;
-  const MipMaps maps(texture, Data);
-  for (double u = 0.02; u < 1.0; u += 0.07) {
-    EXPECT_NEAR(maps.value({2.0 - u, 0.4}, {})[0], maps.value({u, 0.4}, {})[0], 1e-9);
-    EXPECT_NEAR(maps.value({2.0 + u, 0.4}, {})[0], maps.value({u, 0.4}, {})[0], 1e-9);
-  }
-}
-
 /// Differing normals average to a shorter vector, which makes the surface rougher.
 TEST(MipMaps, OfNormalsKnowHowMuchTheyDiffer) {
   const double tilt = 0.6;
@@ -160,14 +150,6 @@ TEST(MipMaps, TakeAnyNumbers) {
         EXPECT_GE(v, 0.0);
         EXPECT_LE(v, 1.0);
       }
-}
-
-/// Ten textures of 4096 x 4096 texels fit into 2.5 GB: a texture takes 64 MiB, its levels a third
-/// of that.
-TEST(MipMaps, HaveALevelForEachHalving) {
-  EXPECT_EQ(MipMaps(noise(64, 64), Data).level_count(), 7U);
-  EXPECT_EQ(MipMaps(noise(37, 11), Data).level_count(), 6U);
-  EXPECT_EQ(MipMaps(noise(1, 1), Data).level_count(), 1U);
 }
 
 }  // namespace

@@ -419,21 +419,6 @@ TEST(PbrFrames, OtherMaterialsOfTheSceneAreConverted) {
   expect_colour(rendered(scene), {0.4, 0.48, 0.56});
 }
 
-TEST(PbrFrames, SampledLightIsRefusedByName) {
-  SceneDescription scene;
-  add_quad(scene, 0.0);
-  RenderOptions options;
-  options.soft.shadow_samples = 8;
-  for (const char* method : {"full", "adaptive", "lens-view"}) {
-    try {
-      (void)rendered(scene, {}, method, options);
-      FAIL() << method;
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), ErrorKind::Usage);
-    }
-  }
-}
-
 TEST(PbrFrames, AToneMapNeedsMetallicRoughnessMaterials) {
   SceneDescription scene = dark_scene();
   scene.materials.push_back({.name = "plain"});

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
-#include <random>
-
 #include "frames/srgb.h"
 #include "render/scene/texture.h"
 
@@ -17,21 +15,6 @@ Texture all_codes(bool is_colour) {
     for (int c = 0; c < 4; ++c) texture.rgba.push_back(is_colour && c < 3 ? light : share);
   }
   return texture;
-}
-
-TEST(TextureCodes, LookUpGivesTheSameNumbersAsFloats) {
-  const Texture floats = all_codes(true);
-  Texture codes = floats;
-  ASSERT_TRUE(keep_codes(codes, true));
-  EXPECT_TRUE(codes.rgba.empty());
-  EXPECT_TRUE(is_complete(codes));
-  std::mt19937 generator(1);
-  std::uniform_real_distribution<double> place(-3.0, 3.0);
-  for (int n = 0; n < 1000; ++n) {
-    const double u = place(generator), v = place(generator);
-    for (int channel = 0; channel < 3; ++channel)
-      EXPECT_EQ(texture_value(floats, u, v, channel), texture_value(codes, u, v, channel));
-  }
 }
 
 TEST(TextureCodes, HoldData) {
