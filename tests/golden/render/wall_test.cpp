@@ -9,7 +9,6 @@
 #include <cmath>
 
 #include "base/error.h"
-#include "optics/eye_simulator.h"
 #include "render/methods/method.h"
 #include "render/scene/surroundings.h"
 #include "tests/support/oracles/reference_renderer.h"
@@ -170,33 +169,6 @@ optics::OpticalModel whole_model() {
   return optics::OpticalModel(Half::seen_by(whole_rig(), kViewer, {}));
 }
 
-/// Returns a scene without light: its surfaces have the colours of their materials.
-render::SceneDescription flat_scene() {
-  render::SceneDescription scene;
-  scene.source = "flat";
-  scene.background = {0.1, 0.2, 0.3};
-  for (int n = 0; n < 6; ++n) {
-    render::Material material;
-    material.name = "flat";
-    material.diffuse = 0.0;
-    material.emission = {0.15 * n, 0.9 - 0.1 * n, 0.4};
-    scene.materials.push_back(material);
-    scene.spheres.push_back({.centre = {-2.5 + n, 0.4 * (n % 3) - 0.3, 0.5 * (n % 4) - 0.8},
-                             .radius = 0.6,
-                             .material = n});
-  }
-  return scene;
-}
-
-TEST(WallOfTwoHalves, HasTheBytesOfTheWholePanel) {
-  const render::Stage canvas = make_tiny_stage();
-  const CutWall wall(canvas);
-  const auto pair = joined(rendered(flat_scene(), wall.left.stage, wall.left.model),
-                           rendered(flat_scene(), wall.right.stage, wall.right.model));
-  EXPECT_TRUE(
-      std::ranges::equal(pair.bytes(), rendered(flat_scene(), canvas, whole_model()).bytes()));
-}
-
 TEST(WallOfTwoHalves, DiffersFromTheWholePanelByRoundingOnly) {
   for (const NamedScene& named : tiny_scenes()) {
     const render::Stage canvas = make_tiny_stage({.depth_scale = 0.7, .turn_degrees = 10.0});
@@ -215,77 +187,6 @@ TEST(WallOfTwoHalves, DiffersFromTheWholePanelByRoundingOnly) {
     EXPECT_LE(differ, static_cast<int>(whole.bytes().size() / 500)) << named.name;
     EXPECT_LE(by_more, 3) << named.name;  // on edges
   }
-}
-
-/// A slope of light behind the wall, 90 mm wide: the light grows steadily to the right.
-render::SceneDescription slope_scene() {
-  render::SceneDescription scene;
-  scene.source = "slope";
-  constexpr int kStripes = 400;
-  for (int n = 0; n < kStripes; ++n) {
-    render::Material material;
-    material.name = "stripe";
-    material.diffuse = 0.0;
-    const double light = (n + 0.5) / kStripes;
-    material.emission = {light, light, light};
-    scene.materials.push_back(material);
-    const double x = -5.0 + 10.0 * n / kStripes;
-    scene.meshes.push_back(
-        rectangle_mesh({x, -5.0, -1.0}, {10.0 / kStripes, 0, 0}, {0, 10.0, 0}, n));
-  }
-  scene.colour_managed = false;
-  return scene;
-}
-
-/// Returns the code value that the wall's viewer should see of slope_scene() through a point.
-double slope_code(Vec3 on_wall) {
-  constexpr double kSlopeZ = -9.0, kHalfWidth = 45.0;
-  const double part = (kSlopeZ - kViewer.z) / (on_wall.z - kViewer.z);
-  const double x = kViewer.x + part * (on_wall.x - kViewer.x);
-  return 255.0 * (x + kHalfWidth) / (2.0 * kHalfWidth);
-}
-
-/// Returns the largest difference between what the wall's viewer sees of slope_scene() on a panel
-/// and what the slope is there. The outermost lens is left out: it lies partly beside the panel.
-double largest_error(const Half& half) {
-  const frames::WovenFrame frame = rendered(slope_scene(), half.stage, half.model);
-  const optics::Panel& panel = half.model.rig().panel;
-  const Vec3 eye = half.wall_from_panel.inverse().point(kViewer);
-  const optics::RgbPicture seen = optics::simulate_eye(
-      half.model,
-      {.pixels = frame.bytes().data(),
-       .width = frame.width(),
-       .height = frame.height(),
-       .stride_bytes = frame.geometry().row_bytes()},
-      {.x = eye.x, .y = eye.y, .z_mm = eye.z}, {.width = frame.width(), .height = frame.height()});
-  const int lens_px = static_cast<int>(std::ceil(half.model.rig().sheet.pitch.value / 3.0));
-  double worst = 0.0;
-  for (int j = 4; j < seen.height - 4; ++j)
-    for (int i = lens_px; i < seen.width - lens_px; ++i) {
-      const Vec3 point{panel.x_mm(i + 0.5), panel.y_mm(j + 0.5), 0.0};
-      const double code = seen.pixels[3 * (static_cast<size_t>(j * seen.width + i)) + 1];
-      worst = std::max(worst, std::abs(code - slope_code(half.wall_from_panel.point(point))));
-    }
-  return worst;
-}
-
-TEST(WallOfTwoHalves, ShowsTheViewerOneContinuousPictureFromPanelToPanel) {
-  // The slope rises by two codes over a lens, and by two from one view to the next.
-  const optics::Rig fine =
-      make_rig({.width = 96, .height = 64, .pitch_subpx = 7.2, .pixel_mm = 0.3125});
-  const render::Stage canvas = make_tiny_stage();
-  for (const double turn : {0.0, 12.0})
-    for (const double side : {-1.0, 1.0}) {
-      const Half half(fine,
-                      {.name = "half",
-                       .rig = "",
-                       .centre_mm = {side * 15.0, 0.0, 0.0},
-                       .turn_degrees = -side * turn,
-                       .tilt_degrees = 0.0,
-                       .roll_degrees = 0.0},
-                      kViewer, canvas);
-      EXPECT_LT(largest_error(half), 6.0) << "turn " << turn << ", side " << side;
-    }
 }
 
 TEST(WallStage, LightAndBackdropAreTheSameOnAllPanels) {

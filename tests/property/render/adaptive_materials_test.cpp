@@ -241,17 +241,6 @@ SceneDescription noisy_wall(double noisy_part) {
   return scene;
 }
 
-TEST(AdaptiveMaterials, FullRendersFramesWhoseTrialBandsCostMoreThanWithFull) {
-  const Place place{.of = make_rig({.width = 160, .height = 800, .pixel_mm = 0.2})};
-  const SceneDescription scene = noisy_wall(1.0);
-  const Place::Rendered full = place.render("full", scene, {});
-  const Place::Rendered adaptive =
-      place.render("adaptive", scene, {.tolerated_error = 1.0, .cancelled = {}});
-  EXPECT_EQ(full.frame, adaptive.frame);
-  EXPECT_EQ(adaptive.statistics.traced_subpixels, adaptive.statistics.subpixels);
-  EXPECT_EQ(adaptive.statistics.audited_subpixels, 0U);
-}
-
 TEST(AdaptiveMaterials, FullRendersThePartOfAFrameWhereItIsFaster) {
   const Place place{.of = make_rig({.width = 160, .height = 1600, .pixel_mm = 0.1})};
   const SceneDescription scene = noisy_wall(0.3);

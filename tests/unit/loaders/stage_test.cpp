@@ -140,13 +140,6 @@ TEST(StageWithoutACamera, FitsAtEveryTurnIfItTurns) {
   EXPECT_GT(deepest, 0.9 * rig.depth_of_field_mm());
 }
 
-TEST(StageWithoutACamera, FitsWhicheverSideIsTighter) {
-  SceneDescription scene = ball_scene();
-  scene.spheres.clear();
-  scene.meshes = {quad({-5, -1, 0}, {5, -1, 0}, {5, 1, 0}, {-5, 1, 0})};
-  EXPECT_NEAR(make_stage(scene, model()).mm_per_unit, 0.9 * kWidth / 10.0, 1e-9);
-}
-
 TEST(StageWithoutACamera, ShrinksTheDepthOnlyToTheBudget) {
   const optics::OpticalModel rig = model();
   const Stage deep = make_stage(ball_scene(), rig);

@@ -3,7 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <atomic>
 #include <cmath>
 
 #include "base/error.h"
@@ -126,19 +125,6 @@ TEST(MethodFull, GivesTheSameBytesWithoutSkippingWeakRays) {
       EXPECT_EQ(all, fewer) << named.name << (managed ? ", managed" : "");
     }
   EXPECT_GT(left_out, 1000U);
-}
-
-TEST(MethodFull, EndsEarlyWhenCancelled) {
-  const optics::Rig rig = make_rig({.width = 300, .height = 200, .pixel_mm = 0.2});
-  const optics::OpticalModel model(rig);
-  const Scene scene(test::tiny_scenes().front().scene, make_tiny_stage(), {});
-  std::atomic<int> asked{0};
-  const auto method =
-      make_method("full", model, {.threads = 2, .cancelled = [&] { return ++asked > 3; }});
-  frames::WovenFrame frame = blank(rig);
-  const RenderStatistics statistics = method->render(scene, make_tiny_stage(), frame);
-  EXPECT_FALSE(statistics.completed);
-  EXPECT_LT(statistics.primary_rays, frame.bytes().size());
 }
 
 TEST(MethodFull, FillsTheFrameOfAnEmptySceneWithBackground) {

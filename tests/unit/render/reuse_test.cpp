@@ -334,10 +334,10 @@ TEST(ReuseMethods, AllowOneSampleOnly) {
     EXPECT_THROW((void)make_method(name, model, {.samples = 4, .cancelled = {}}), Error);
 }
 
-TEST(ReuseMethods, EndEarlyWhenCancelled) {
+TEST(EveryMethod, EndsEarlyWhenCancelled) {
   const optics::Rig rig = small_rig();
   const optics::OpticalModel model(rig);
-  for (const std::string& name : reusing_methods()) {
+  for (const std::string& name : method_names()) {
     const auto method = make_method(name, model, {.cancelled = [] { return true; }});
     const Scene scene(test::tiny_scenes().front().scene, make_tiny_stage(), {});
     frames::WovenFrame frame = blank(rig);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
-#include <atomic>
 #include <cmath>
 #include <limits>
 #include <random>
@@ -114,18 +113,6 @@ TEST(MethodAdaptive, WithZeroErrorHasTheBytesOfFull) {
     EXPECT_EQ(rendered("full", named.scene, wide_rig()).frame,
               rendered("adaptive", named.scene, wide_rig(), exact).frame)
         << named.name;
-  }
-}
-
-TEST(MethodAdaptive, ASmallerErrorIsCloserToFull) {
-  for (const test::NamedScene& named : test::tiny_scenes()) {
-    const Rendered full = rendered("full", named.scene, wide_rig());
-    const auto with = [&](double error) {
-      return compare(full.frame, rendered("adaptive", named.scene, wide_rig(),
-                                          {.tolerated_error = error, .cancelled = {}})
-                                     .frame);
-    };
-    EXPECT_GE(with(0.5).psnr, with(8.0).psnr) << named.name;
   }
 }
 
@@ -311,24 +298,6 @@ TEST(MethodAdaptive, LightsSurfacesOfASinglePrimaryColourSoftly) {
   }
 }
 
-TEST(MethodAdaptive, CopiesFramesInWhichNothingChanges) {
-  const optics::Rig rig = wide_rig();
-  const optics::OpticalModel model(rig);
-  const Stage stage = make_tiny_stage();
-  const auto method = make_method("adaptive", model, {.copy_unchanged = true, .cancelled = {}});
-  frames::WovenFrame first({rig.panel.width_px, rig.panel.height_px}), again = first;
-  SceneDescription description = test::tiny_scenes().front().scene;
-  const auto render = [&](frames::WovenFrame& frame) {
-    const Scene scene(description, stage, {});
-    return method->render(scene, stage, frame).copied_subpixels;
-  };
-  EXPECT_EQ(render(first), 0U);
-  EXPECT_EQ(render(again), first.bytes().size());
-  EXPECT_EQ(first, again);
-  description.materials.front().colour = {0.1, 0.2, 0.3};
-  EXPECT_EQ(render(again), 0U);
-}
-
 /// Embree accepts no ray of a stage that is squeezed too flat: subpixels are black, not background.
 TEST(MethodAdaptive, AgreesWithFullForUnusableRays) {
   const optics::Rig rig = make_rig({.width = 120, .height = 60, .pixel_mm = 0.6});
@@ -351,18 +320,6 @@ TEST(MethodAdaptive, AgreesWithFullForUnusableRays) {
       EXPECT_GT(compare(full, adaptive).psnr, 33.0) << depth_scale;
     }
   }
-}
-
-TEST(MethodAdaptive, EndsEarlyWhenCancelled) {
-  const optics::Rig rig = wide_rig();
-  const optics::OpticalModel model(rig);
-  const Stage stage = make_tiny_stage();
-  const Scene scene(test::tiny_scenes().front().scene, stage, {});
-  std::atomic<int> asked{0};
-  const auto method =
-      make_method("adaptive", model, {.threads = 2, .cancelled = [&] { return ++asked > 3; }});
-  frames::WovenFrame frame({rig.panel.width_px, rig.panel.height_px});
-  EXPECT_FALSE(method->render(scene, stage, frame).completed);
 }
 
 /// Returns a scene like a fence: wires thinner than the distance of samples, and their shadows on a
@@ -509,12 +466,6 @@ TEST(MethodAdaptive, ChangesItsErrorFromFrameToFrame) {
     kinds.push_back(frame);
   }
   EXPECT_NE(kinds[0], kinds[1]);
-}
-
-TEST(MethodAdaptive, IsTheOnlyMethodWhoseErrorChanges) {
-  const optics::OpticalModel model(wide_rig());
-  for (const std::string& name : method_names())
-    EXPECT_EQ(make_method(name, model, {})->set_tolerated_error(4.0), name == "adaptive") << name;
 }
 
 }  // namespace

@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests that regions marked as unchanged between two frames look the same in both.
-#include "render/methods/adaptive/unchanged_regions.h"
-
+// Tests that copying unchanged regions of the frame before does not change a byte.
 #include <gtest/gtest.h>
 
-#include <limits>
 #include <memory>
 #include <random>
 
@@ -119,88 +116,6 @@ class Frames {
   Stage stage_ = make_tiny_stage();
   std::unique_ptr<Method> method_;
 };
-
-/// Method full renders both frames: through unchanged regions no byte differs.
-TEST(UnchangedRegions, AreEqualInBothFramesOfFull) {
-  const optics::Rig rig = wide_rig();
-  const optics::OpticalModel model(rig);
-  const RowPlanes planes(model);
-  const Interval eyes = reach_of(planes).eyes;
-  const Stage stage = make_tiny_stage();
-  std::mt19937_64 random(3);
-  const SoftLight hard, soft{.shadow_samples = 4,
-                             .light_radius_mm = 25.0,
-                             .sun_radius_degrees = 12.0,
-                             .occlusion_samples = 4,
-                             .occlusion_distance_mm = 4.0};
-  uint64_t kept = 0, compared = 0;
-  for (int round = 0; round < 24; ++round) {
-    const SoftLight& light = round % 2 == 0 ? hard : soft;
-    SceneDescription description = strewn(random, round % 4 < 2 ? 0.0 : 0.3);
-    Frames full("full", {.threads = 1, .soft = light, .cancelled = {}});
-    const Scene first(description, stage, {}, 1);
-    const frames::WovenFrame before = full.render(description);
-    for (int n = 0; n <= round % 2; ++n) stir(description, random);
-    const Scene second(description, stage, {}, 1);
-    const frames::WovenFrame after = full.render(description);
-    const UnchangedRegions parts(planes, eyes, second, light, SceneObjects(first),
-                                 SceneObjects(second));
-    RowPlanes::Maker maker(planes);
-    PlaneRays rays;
-    for (int row = 0; row < planes.rows(); ++row) {
-      maker.make(row, 0, rays);
-      for (size_t n = rays.first; n < rays.end; ++n) {
-        const size_t at = rays.subpixel.empty() ? n : static_cast<size_t>(rays.subpixel[n]);
-        ++compared;
-        if (!parts.at(row, double{rays.x_mm[n]})) continue;
-        ++kept;
-        ASSERT_EQ(before.row(row)[at], after.row(row)[at])
-            << "round " << round << ", row " << row << ", subpixel " << at;
-      }
-    }
-  }
-  EXPECT_GT(kept, compared / 5);
-}
-
-TEST(UnchangedRegions, AreEmptyIfMoreThanObjectsChanged) {
-  const optics::Rig rig = wide_rig();
-  const optics::OpticalModel model(rig);
-  const RowPlanes planes(model);
-  const Interval eyes = reach_of(planes).eyes;
-  std::mt19937_64 random(4);
-  const SceneDescription description = strewn(random, 0.0);
-  const Stage stage = make_tiny_stage();
-  const Scene scene(description, stage, {}, 1);
-  const SceneObjects objects(scene);
-  const auto kept = [&](const SceneDescription& other, const Stage& other_stage,
-                        const SoftLight& soft = {}) {
-    const Scene next(other, other_stage, {}, 1);
-    return UnchangedRegions(planes, eyes, next, soft, objects, SceneObjects(next)).any();
-  };
-  EXPECT_TRUE(kept(description, stage));
-  EXPECT_FALSE(kept(description, make_tiny_stage({.mm_per_unit = 9.1})));
-  SceneDescription other = description;
-  other.lights[0].position.x += 0.01;
-  EXPECT_FALSE(kept(other, stage));
-  other = description;
-  other.materials[1].diffuse = 0.3;
-  EXPECT_FALSE(kept(other, stage));
-  other = description;
-  other.background.x += 0.01;
-  EXPECT_FALSE(kept(other, stage));
-  other = description;
-  other.spheres.pop_back();
-  EXPECT_FALSE(kept(other, stage));
-  other = description;
-  other.spheres[0].radius *= 1.1;
-  EXPECT_TRUE(kept(other, stage));
-  EXPECT_FALSE(kept(other, stage, {.environment_samples = 4}));
-  EXPECT_FALSE(kept(
-      other, stage,
-      {.occlusion_samples = 4, .occlusion_distance_mm = std::numeric_limits<double>::infinity()}));
-  const optics::OpticalModel same(rig);
-  EXPECT_FALSE(UnchangedRegions(planes, eyes, scene, {}, {}, objects).any());
-}
 
 struct Scenario {
   double shiny;
