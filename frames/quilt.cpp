@@ -153,11 +153,6 @@ void ViewSet::set_aspect(std::optional<double> aspect, const std::string& name) 
                 "the aspect of a view is its width over its height, for example 0.75");
 }
 
-ViewSet read_quilt(const std::filesystem::path& file, const QuiltLayout& layout) {
-  check_quilt_layout(layout, file.string());
-  return ViewSet(read_woven(file, PictureUse::Views), layout, file.string());
-}
-
 ViewSet read_views(const FilePattern& pattern, std::optional<double> aspect) {
   return read_views(list_frame_files(pattern.text()), pattern.text(), aspect);
 }

@@ -112,9 +112,6 @@ class ViewSet {
 /// Memory limit of all views of one moment together, unless a caller sets a lower limit.
 inline constexpr uint64_t kMostViewBytes = uint64_t{8} << 30;
 
-/// Reads a quilt file and divides it into views.
-[[nodiscard]] ViewSet read_quilt(const std::filesystem::path& file, const QuiltLayout& layout);
-
 /// Reads one picture per view, the leftmost camera's first. Throws Error(Input) for sizes that
 /// differ or more than `most_bytes` of pixels; messages about the whole set begin with `name`.
 /// Pictures are rotated as their tags state, and the shape of their pixels sets the aspect unless

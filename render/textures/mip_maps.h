@@ -61,7 +61,6 @@ class MipMaps {
   [[nodiscard]] Content content() const { return content_; }
   /// Returns the number of owners of the texture.
   [[nodiscard]] long owners() const { return texture_.use_count(); }
-  [[nodiscard]] size_t level_count() const { return levels_.size() + 1; }
 
  private:
   /// Level holds one of the copies: `codes` or `values`, four channels per texel.

@@ -106,19 +106,6 @@ TEST(HoleGuard, LeavesNoPinholesInPictures) {
   EXPECT_EQ(holes, 0);
 }
 
-TEST(HoleGuard, GivesTheSameBytesForEveryNumberOfThreads) {
-  const Fans fans;
-  frames::WovenFrame one({kWidth, kHeight});
-  const RenderStatistics alone = render(fans.scene, 1, one);
-  for (const int threads : {2, 5}) {
-    frames::WovenFrame other({kWidth, kHeight});
-    const RenderStatistics statistics = render(fans.scene, threads, other);
-    EXPECT_EQ(statistics.suspected_holes, alone.suspected_holes);
-    EXPECT_EQ(statistics.filled_holes, alone.filled_holes);
-    EXPECT_TRUE(std::ranges::equal(one.bytes(), other.bytes()));
-  }
-}
-
 /// Counts the lanes that end 16 steps behind the nearer of their neighbours or a step behind both,
 /// lane by lane. Neighbours that do not exist or are inactive are infinitely far.
 uint64_t suspects_plainly(const RayPacket& packet, float step) {

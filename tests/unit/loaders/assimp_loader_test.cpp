@@ -10,7 +10,6 @@
 
 #include "render/loaders/load_scene.h"
 #include "render/scene/stage.h"
-#include "tests/support/texels.h"
 #include "tests/unit/loaders/error_of.h"
 
 namespace lenticule::render {
@@ -79,27 +78,6 @@ TEST_F(TurningBox, ReadsItsExternalAndItsEmbeddedTexture) {
   EXPECT_EQ(texture_of("crate")->width, 128);
   EXPECT_EQ(texture_of("tiles")->width, 32);
   EXPECT_EQ(texture_of("crate")->codes.size(), 128U * 128U * 4U);
-}
-
-// The crate's picture has a white arrow to its top-right corner: the top is v = 0.
-TEST_F(TurningBox, TextureCoordinatesStartAtTheTop) {
-  const TriangleMesh& crate = mesh_named(scene_, "crate");
-  const Texture& picture =
-      *scene_.textures[static_cast<size_t>(material_named(scene_, "crate").texture)];
-  size_t front_corners = 0;
-  for (size_t i = 0; i < crate.positions.size(); ++i) {
-    if (crate.normals[i].z < 0.9) continue;  // still in the node's own coordinates
-    ++front_corners;
-    EXPECT_EQ(crate.uvs[i][0], crate.positions[i].x > 0 ? 1.0F : 0.0F);
-    EXPECT_EQ(crate.uvs[i][1], crate.positions[i].y > 0 ? 0.0F : 1.0F);
-  }
-  EXPECT_EQ(front_corners, 4U);
-  const std::vector<float> texels = test::texels_of(picture);
-  const auto red = [&](int x, int y) {
-    return texels[static_cast<size_t>(4 * (y * picture.width + x))];
-  };
-  EXPECT_GT(red(90, 36), 0.8F) << "the arrow's head, upper right";
-  EXPECT_LT(red(36, 36), 0.8F);
 }
 
 TEST_F(TurningBox, MaterialsFollowMetalnessAndRoughness) {

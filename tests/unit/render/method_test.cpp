@@ -204,20 +204,5 @@ TEST(MethodFull, DepthZeroHasNoReflections) {
             0);
 }
 
-TEST(MethodFull, GroundAndSkyFillTheBackground) {
-  const optics::Rig rig = make_rig({.width = 60, .height = 40, .pixel_mm = 1.0});
-  SceneDescription scene;
-  scene.background = {0, 0, 0};
-  scene.materials = {Material{}};
-  scene.spheres = {{.centre = {0, 0, 0}, .radius = 1}};
-  Surroundings surroundings;
-  surroundings.sky = true;
-  surroundings.ground = true;
-  surroundings.ground_colour = {1, 0, 0};
-  const frames::WovenFrame frame = rendered(scene, rig, make_tiny_stage(), {}, surroundings);
-  EXPECT_GT(frame.row(0)[2], 150);                     // sky above
-  EXPECT_GT(frame.row(39)[0], frame.row(39)[1] + 50);  // red ground below
-}
-
 }  // namespace
 }  // namespace lenticule::render

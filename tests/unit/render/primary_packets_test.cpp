@@ -86,15 +86,6 @@ optics::Rig coarse_kiosk_rig() {
   return rig;
 }
 
-TEST(PrimaryPackets, UsesPolynomialsForTheKiosk) {
-  const Bench kiosk(test::kiosk_rig());
-  EXPECT_TRUE(kiosk.packets.fast());
-  const Bench upright(test::upright_rig());
-  EXPECT_TRUE(upright.packets.fast());
-  const Bench coarse(coarse_kiosk_rig());
-  EXPECT_TRUE(coarse.packets.fast());
-}
-
 TEST(PrimaryPackets, RandomRigsAgreeWithTheMap) {
   std::mt19937_64 random(20261121);
   const auto description = test::tiny_scenes().front().scene;

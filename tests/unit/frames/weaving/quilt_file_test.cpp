@@ -29,7 +29,7 @@ TEST(QuiltFile, IsReadBackAsTheSameViewsForAnyViewCount) {
     ASSERT_TRUE(layout.has_value()) << file;
     EXPECT_DOUBLE_EQ(layout->aspect.value_or(0.0), 0.75);
     layout->views = count;  // a name does not state how many tiles are in use
-    const ViewSet back = read_quilt(file, *layout);
+    const ViewSet back(read_woven(file), *layout);
     ASSERT_EQ(back.width(), 5);
     ASSERT_EQ(back.height(), 7);
     for (int view = 0; view < count; ++view)
