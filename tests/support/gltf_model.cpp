@@ -10,6 +10,8 @@
 
 #include <meshoptimizer.h>
 
+#include <fstream>
+#include <map>
 #include <string_view>
 
 #include "base/error.h"
@@ -60,6 +62,67 @@ void add_draco_attribute(draco::Mesh& mesh, draco::GeometryAttribute::Type type,
                                           values.data() + i * static_cast<uint32_t>(components));
 }
 
+template <class T>
+ByteVector bytes_from(const json& values) {
+  return bytes_of(values.get<std::vector<T>>());
+}
+
+struct Component {
+  ComponentCode code;
+  ByteVector (*bytes_from)(const json& values);
+};
+
+const Component& component(const std::string& name) {
+  static const std::map<std::string, Component> components{
+      {"byte", {kByte, bytes_from<int8_t>}},    {"ubyte", {kUbyte, bytes_from<uint8_t>}},
+      {"short", {kShort, bytes_from<int16_t>}}, {"ushort", {kUshort, bytes_from<uint16_t>}},
+      {"uint", {kUint, bytes_from<uint32_t>}},  {"float", {kFloat, bytes_from<float>}}};
+  return components.at(name);
+}
+
+json resolved(GltfModel& model, const json& value);
+
+int add_accessor(GltfModel& model, json value) {
+  const auto type = value.at("accessor").get<std::string>();
+  const Component& of = component(value.at("of"));
+  int view = value.value("view", -1);
+  size_t count = value.value("count", size_t{0});
+  if (value.contains("values")) {
+    view = model.add_view(of.bytes_from(value["values"]), value.value("stride", 0));
+    if (count == 0) count = value["values"].size() / components_of(type);
+  }
+  for (const char* key : {"accessor", "of", "view", "count", "values", "stride"}) value.erase(key);
+  return model.add_accessor_at(view, count, type.c_str(), of.code, resolved(model, value));
+}
+
+/// Replaces accessors and buffer views by their numbers.
+json resolved(GltfModel& model, const json& value) {
+  if (value.is_object() && value.contains("accessor")) return add_accessor(model, value);
+  if (value.is_object() && value.value("of", std::string()) == "draco quad")
+    return model.add_view(draco_quad());
+  if (value.is_object() && value.contains("of"))
+    return model.add_view(component(value["of"]).bytes_from(value["values"]));
+  if (!value.is_structured()) return value;
+  json out = value;
+  for (auto& part : out) part = resolved(model, part);
+  return out;
+}
+
+void set(GltfModel& model, const std::string& path, const json& value) {
+  const size_t slash = path.find('/');
+  const std::string root = path.substr(0, slash);
+  json& from = root == "node"         ? model.node()
+               : root == "primitive"  ? model.primitive()
+               : root == "attributes" ? model.attributes()
+               : root == "material"   ? model.material()
+                                      : model.json;
+  const json::json_pointer pointer(path.substr(slash));
+  if (value.is_null())
+    from[pointer.parent_pointer()].erase(pointer.back());
+  else
+    from[pointer] = value;
+}
+
 }  // namespace
 
 GltfModel::GltfModel() {
@@ -77,6 +140,32 @@ GltfModel::GltfModel() {
        {"primitives",
         {{{"attributes", {{"POSITION", positions}, {"NORMAL", normals}, {"TEXCOORD_0", uvs}}},
           {"indices", indices}}}}});
+}
+
+GltfModel::GltfModel(const nlohmann::ordered_json& changes) : GltfModel() {
+  for (const auto& [key, change] : changes.items()) {
+    const nlohmann::json value = resolved(*this, nlohmann::json::parse(change.dump()));
+    if (key == "nodes") {
+      for (const nlohmann::json& node : value) add_node(node);
+    } else if (key == "textures") {
+      for (const nlohmann::json& sampler : value)
+        add_texture(sampler.empty() ? nlohmann::json() : sampler);
+    } else if (key == "require") {
+      for (const nlohmann::json& extension : value) require(extension);
+    } else if (key == "use") {
+      json["extensionsUsed"] = value;
+    } else if (key == "animate") {
+      animate(value[0], value[1], value[2], value[3], value[4].get<std::string>().c_str(),
+              value[5]);
+    } else {
+      set(*this, key, value);
+    }
+  }
+}
+
+std::vector<nlohmann::ordered_json> gltf_cases(const std::string& file) {
+  std::ifstream in(file);
+  return nlohmann::ordered_json::parse(in).get<std::vector<nlohmann::ordered_json>>();
 }
 
 nlohmann::json& GltfModel::material() {

@@ -38,6 +38,13 @@ template <class T>
 class GltfModel {
  public:
   GltfModel();
+  /// Changes the quad as a case of tests/data/gltf-*.json says:
+  ///   - a path such as "node/scale" or "/scenes/0/nodes" names a value of the JSON; null removes
+  ///   it
+  ///   - {"accessor": TYPE, "of": COMPONENT, "values": [...]} is the number of a new accessor, and
+  ///     {"of": COMPONENT, "values": [...]} that of a new buffer view
+  ///   - "nodes" and "textures" (by their samplers) are added to those of the quad.
+  explicit GltfModel(const nlohmann::ordered_json& changes);
 
   nlohmann::json json;  ///< all but `buffers`
 
@@ -83,6 +90,9 @@ class GltfModel {
 
   ByteVector buffer_;
 };
+
+/// Returns the cases of a file.
+[[nodiscard]] std::vector<nlohmann::ordered_json> gltf_cases(const std::string& file);
 
 [[nodiscard]] std::string base64(const ByteVector& bytes);
 [[nodiscard]] ByteVector small_png();

@@ -1,17 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests the import of glTF with small generated models: one case of tests/data/gltf-features.json
 // per feature. `model` is what a case changes of the quad of test::GltfModel, `shows` is a part of
-// what the loader makes of it. In a model,
-//   - a path such as "node/scale" or "/scenes/0/nodes" names a value of the JSON; null removes it
-//   - {"accessor": TYPE, "of": COMPONENT, "values": [...]} is the number of a new accessor, and
-//     {"of": COMPONENT, "values": [...]} that of a new buffer view
-//   - "nodes" and "textures" (by their samplers) are added to those of the quad.
+// what the loader makes of it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <fstream>
-#include <map>
 #include <optional>
 #include <string>
 
@@ -26,92 +20,6 @@ using nlohmann::json;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
 using namespace lenticule::test;
-
-// --- the model of a case
-
-template <class T>
-ByteVector bytes_from(const json& values) {
-  return bytes_of(values.get<std::vector<T>>());
-}
-
-struct Component {
-  ComponentCode code;
-  size_t bytes;
-  ByteVector (*bytes_from)(const json& values);
-};
-
-const Component& component(const std::string& name) {
-  static const std::map<std::string, Component> components{
-      {"byte", {kByte, 1, bytes_from<int8_t>}},    {"ubyte", {kUbyte, 1, bytes_from<uint8_t>}},
-      {"short", {kShort, 2, bytes_from<int16_t>}}, {"ushort", {kUshort, 2, bytes_from<uint16_t>}},
-      {"uint", {kUint, 4, bytes_from<uint32_t>}},  {"float", {kFloat, 4, bytes_from<float>}}};
-  return components.at(name);
-}
-
-json resolved(GltfModel& model, const json& value);
-
-int add_accessor(GltfModel& model, json value) {
-  static const std::map<std::string, size_t> numbers{
-      {"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4}, {"MAT4", 16}};
-  const auto type = value.at("accessor").get<std::string>();
-  const Component& of = component(value.at("of"));
-  int view = value.value("view", -1);
-  size_t count = value.value("count", size_t{0});
-  if (value.contains("values")) {
-    view = model.add_view(of.bytes_from(value["values"]), value.value("stride", 0));
-    if (count == 0) count = value["values"].size() / numbers.at(type);
-  }
-  for (const char* key : {"accessor", "of", "view", "count", "values", "stride"}) value.erase(key);
-  return model.add_accessor_at(view, count, type.c_str(), of.code, resolved(model, value));
-}
-
-/// Replaces accessors and buffer views by their numbers.
-json resolved(GltfModel& model, const json& value) {
-  if (value.is_object() && value.contains("accessor")) return add_accessor(model, value);
-  if (value.is_object() && value.contains("of"))
-    return model.add_view(component(value["of"]).bytes_from(value["values"]));
-  if (!value.is_structured()) return value;
-  json out = value;
-  for (auto& part : out) part = resolved(model, part);
-  return out;
-}
-
-void set(GltfModel& model, const std::string& path, const json& value) {
-  const size_t slash = path.find('/');
-  const std::string root = path.substr(0, slash);
-  json& from = root == "node"         ? model.node()
-               : root == "primitive"  ? model.primitive()
-               : root == "attributes" ? model.attributes()
-               : root == "material"   ? model.material()
-                                      : model.json;
-  const json::json_pointer pointer(path.substr(slash));
-  if (value.is_null())
-    from[pointer.parent_pointer()].erase(pointer.back());
-  else
-    from[pointer] = value;
-}
-
-GltfModel model_of(const nlohmann::ordered_json& changes) {
-  GltfModel model;
-  for (const auto& [key, change] : changes.items()) {
-    const json value = resolved(model, json::parse(change.dump()));
-    if (key == "nodes") {
-      for (const json& node : value) model.add_node(node);
-    } else if (key == "textures") {
-      for (const json& sampler : value) model.add_texture(sampler.empty() ? json() : sampler);
-    } else if (key == "require") {
-      for (const json& extension : value) model.require(extension);
-    } else if (key == "use") {
-      model.json["extensionsUsed"] = value;
-    } else if (key == "animate") {
-      model.animate(value[0], value[1], value[2], value[3], value[4].get<std::string>().c_str(),
-                    value[5]);
-    } else {
-      set(model, key, value);
-    }
-  }
-  return model;
-}
 
 // --- what the loader makes of it
 
@@ -271,23 +179,19 @@ void expect_scene(const SceneDescription& scene, json wanted) {
   expect_part(described(scene), wanted, "");
 }
 
-std::vector<nlohmann::ordered_json> features() {
-  std::ifstream file(LENTICULE_SOURCE_DIR "/tests/data/gltf-features.json");
-  return nlohmann::ordered_json::parse(file).get<std::vector<nlohmann::ordered_json>>();
-}
-
 class GltfFeature : public ::testing::TestWithParam<nlohmann::ordered_json> {};
 
 TEST_P(GltfFeature, IsReadFromTextAndBinary) {
-  const GltfModel model = model_of(GetParam()["model"]);
+  const GltfModel model(GetParam()["model"]);
   const json shows = json::parse(GetParam()["shows"].dump());
   expect_scene(parse_gltf(model.gltf(), "model.gltf", std::nullopt), shows);
   expect_scene(parse_gltf(model.glb(), "model.glb", std::nullopt), shows);
 }
 
-INSTANTIATE_TEST_SUITE_P(File, GltfFeature, ::testing::ValuesIn(features()), [](const auto& info) {
-  return info.param["name"].template get<std::string>();
-});
+INSTANTIATE_TEST_SUITE_P(
+    File, GltfFeature,
+    ::testing::ValuesIn(gltf_cases(LENTICULE_SOURCE_DIR "/tests/data/gltf-features.json")),
+    [](const auto& info) { return info.param["name"].template get<std::string>(); });
 
 // --- compressed meshes and pictures
 
