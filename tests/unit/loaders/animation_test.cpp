@@ -9,10 +9,12 @@
 #include <limits>
 #include <numbers>
 
-#include "tests/unit/loaders/error_of.h"
+#include "tests/support/error_matchers.h"
 
 namespace lenticule::render {
 namespace {
+
+using test::error_of;
 
 using Quaternion = std::array<double, 4>;
 

@@ -10,11 +10,12 @@
 
 #include "render/loaders/load_scene.h"
 #include "render/scene/stage.h"
-#include "tests/unit/loaders/error_of.h"
+#include "tests/support/error_matchers.h"
 
 namespace lenticule::render {
 namespace {
 
+using test::error_of;
 using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;

@@ -6,11 +6,12 @@
 #include <fstream>
 
 #include "render/loaders/animation.h"
-#include "tests/unit/loaders/error_of.h"
+#include "tests/support/error_matchers.h"
 
 namespace lenticule::render {
 namespace {
 
+using test::error_of;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
 using ::testing::StartsWith;

@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "render/loaders/gltf_loader.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/gltf_model.h"
-#include "tests/unit/loaders/error_of.h"
 
 namespace lenticule::render {
 namespace {

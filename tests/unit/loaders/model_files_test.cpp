@@ -11,13 +11,14 @@
 
 #include "render/loaders/load_scene.h"
 #include "render/loaders/textures.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/gltf_model.h"
 #include "tests/support/texels.h"
-#include "tests/unit/loaders/error_of.h"
 
 namespace lenticule::render {
 namespace {
 
+using test::error_of;
 using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;

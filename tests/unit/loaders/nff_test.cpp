@@ -11,11 +11,12 @@
 
 #include "render/loaders/limits.h"
 #include "render/loaders/load_scene.h"
-#include "tests/unit/loaders/error_of.h"
+#include "tests/support/error_matchers.h"
 
 namespace lenticule::render {
 namespace {
 
+using test::error_of;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;

@@ -8,10 +8,12 @@
 #include <limits>
 #include <numbers>
 
-#include "tests/unit/loaders/error_of.h"
+#include "tests/support/error_matchers.h"
 
 namespace lenticule::render {
 namespace {
+
+using test::error_of;
 
 constexpr double kWidth = 600.0;
 constexpr double kHeight = 300.0;
