@@ -7,6 +7,7 @@
 #include "frames/srgb.h"
 #include "png_maker.h"
 #include "tests/support/error_matchers.h"
+#include "tests/support/noise_frame.h"
 #include "tests/support/scratch_folder.h"
 
 namespace lenticule::frames {
@@ -32,16 +33,6 @@ class ImageRead : public ::testing::Test {
 
   ScratchFolder folder_;
 };
-
-WovenFrame noise_frame(int width, int height) {
-  WovenFrame frame({.width = width, .height = height});
-  uint32_t state = 12345;
-  for (uint8_t& byte : frame.bytes()) {
-    state = state * 1664525u + 1013904223u;
-    byte = static_cast<uint8_t>(state >> 24);
-  }
-  return frame;
-}
 
 TEST_F(ImageRead, GreyIsRepeated) {
   EXPECT_THAT(codes(PngMaker(2, 1, 8, PngColour::Grey).rows({0, 7, 200}).finish()),
@@ -171,7 +162,7 @@ class ImageCut : public ImageRead, public ::testing::WithParamInterface<const ch
 
 TEST_P(ImageCut, AnywhereIsAnErrorOrKeepsThePixels) {
   const auto whole = folder_ / (std::string("whole") + GetParam());
-  write_woven(noise_frame(5, 4).view(), whole);
+  write_woven(test::noise_frame(5, 4, 1).view(), whole);
   const auto file = test::read_bytes(whole);
   ASSERT_EQ(read(file, whole.filename().string()).width(), 5);
   for (size_t size = 0; size < file.size(); ++size) {
@@ -180,7 +171,7 @@ TEST_P(ImageCut, AnywhereIsAnErrorOrKeepsThePixels) {
       // A format may end with redundant bytes; if they are cut, the pixels must be right.
       const auto frame = read({file.begin(), file.begin() + std::ptrdiff_t(size)},
                               std::string("cut") + GetParam());
-      EXPECT_EQ(frame, noise_frame(5, 4));
+      EXPECT_EQ(frame, test::noise_frame(5, 4, 1));
     } catch (const Error& error) {
       EXPECT_EQ(error.kind(), ErrorKind::Input);
     }

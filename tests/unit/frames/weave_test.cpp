@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/error_matchers.h"
+#include "tests/support/noise_frame.h"
 
 namespace lenticule::frames {
 namespace {
@@ -30,16 +31,6 @@ optics::Rig one_lens_per_pixel(int width, int height) {
   return rig;
 }
 
-WovenFrame noise(int width, int height) {
-  WovenFrame frame({.width = width, .height = height});
-  uint32_t state = 99;
-  for (uint8_t& byte : frame.bytes()) {
-    state = state * 1664525u + 1013904223u;
-    byte = static_cast<uint8_t>(state >> 24);
-  }
-  return frame;
-}
-
 /// Returns views of one pixel each, whose code is their index + 1, so that 0 means outside.
 ViewSet coded_views(int count) {
   std::vector<WovenFrame> views;
@@ -62,7 +53,7 @@ class PanelShape : public ::testing::TestWithParam<Size> {};
 TEST_P(PanelShape, APictureOfThePanelsSizeIsUnchanged) {
   const auto [width, height] = GetParam();
   const optics::OpticalModel model(one_lens_per_pixel(width, height));
-  const WovenFrame picture = noise(width, height);
+  const WovenFrame picture = test::noise_frame(width, height, 99);
   const ViewSet views(std::vector<WovenFrame>{picture});
   for (const ViewFilter filter : {ViewFilter::Nearest, ViewFilter::Linear, ViewFilter::Gauss})
     for (const PictureFit fit : {PictureFit::Contain, PictureFit::Cover, PictureFit::Stretch})
@@ -76,7 +67,7 @@ TEST_P(PanelShape, AHalvedPanelShowsTheMeansOfTheRightPixels) {
   // The picture has twice the panel's pixels: each panel pixel's centre is the corner of four
   // picture pixels.
   WovenFrame picture({.width = 2 * width, .height = 2 * height});
-  const WovenFrame expected = noise(width, height);
+  const WovenFrame expected = test::noise_frame(width, height, 99);
   for (int y = 0; y < picture.height(); ++y)
     for (int x = 0; x < picture.width() * 3; ++x)
       picture.row(y)[x] = expected.row(y / 2)[x / 6 * 3 + x % 3];
