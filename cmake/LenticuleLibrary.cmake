@@ -1,4 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
+# What modules and programs are made of: lists of sources, libraries, programs, and kernels for each instruction set.
+
+# The headers that take most of the compile time of the sources that include them, precompiled once for all
+# libraries that are LIGHT.
+file(CONFIGURE OUTPUT heavy_headers.cpp CONTENT "// Carries the precompiled headers.\n")
+add_library(lenticule_heavy_headers OBJECT ${CMAKE_CURRENT_BINARY_DIR}/heavy_headers.cpp)
+target_link_libraries(lenticule_heavy_headers PRIVATE
+  lenticule_options CLI11::CLI11 fmt::fmt nlohmann_json::nlohmann_json)
+target_compile_options(lenticule_heavy_headers PRIVATE $<$<CONFIG:Release>:-O1>)
+target_precompile_headers(lenticule_heavy_headers PRIVATE <CLI/CLI.hpp> <fmt/format.h> <nlohmann/json.hpp>)
+
 # lenticule_sources(RESULT PATTERN ... [EXCEPT FILE ...])
 #   Lists sources relative to the current folder. A pattern with a star stands for the files of its folder
 #   and those below it that no earlier target of the same CMakeLists.txt has, without main.cpp and kernels
@@ -36,9 +47,11 @@ function(lenticule_library name)
     PUBLIC lenticule_options ${LIBRARY_DEPENDS}
     PRIVATE ${LIBRARY_PRIVATE_DEPENDS})
   if(LIBRARY_LIGHT)
-    lenticule_heavy_headers(lenticule_${name})
-    # Most of the time goes into templates of these headers, once for each batch.
-    set_target_properties(lenticule_${name} PROPERTIES LENTICULE_LONGEST_BATCH 30)
+    target_compile_options(lenticule_${name} PRIVATE $<$<CONFIG:Release>:-O1>)
+    target_precompile_headers(lenticule_${name} REUSE_FROM lenticule_heavy_headers)
+    lenticule_batches(lenticule_${name} 30)
+  else()
+    lenticule_batches(lenticule_${name} 14)
   endif()
 endfunction()
 
@@ -53,6 +66,7 @@ function(lenticule_program name component)
     OUTPUT_NAME lenticule-${name} RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}
     INSTALL_RPATH $ORIGIN/../../${LENTICULE_INSTALL_MODULE_FOLDER})
   target_link_libraries(lenticule_${name}_program PRIVATE ${PROGRAM_DEPENDS})
+  lenticule_batches(lenticule_${name}_program 30)
   install(TARGETS lenticule_${name}_program
     RUNTIME DESTINATION ${CMAKE_INSTALL_LIBEXECDIR}/lenticule COMPONENT ${component})
 endfunction()
@@ -88,123 +102,4 @@ function(lenticule_isa_variants name)
       target_sources(lenticule_${name} PRIVATE $<TARGET_OBJECTS:${object}>)
     endforeach()
   endforeach()
-endfunction()
-
-# lenticule_heavy_headers(NAME): compiles a target with -O1, and with the headers that take most of the compile
-# time of the sources that include them, precompiled once for all such targets.
-function(lenticule_heavy_headers name)
-  if(NOT TARGET lenticule_heavy_headers)
-    set(source ${PROJECT_BINARY_DIR}/heavy_headers.cpp)
-    if(NOT EXISTS ${source})
-      file(WRITE ${source} "// Carries the precompiled headers.\n")
-    endif()
-    add_library(lenticule_heavy_headers OBJECT ${source})
-    target_link_libraries(lenticule_heavy_headers PRIVATE
-      lenticule_options CLI11::CLI11 fmt::fmt nlohmann_json::nlohmann_json)
-    target_compile_options(lenticule_heavy_headers PRIVATE $<$<CONFIG:Release>:-O1>)
-    target_precompile_headers(lenticule_heavy_headers PRIVATE
-      <CLI/CLI.hpp> <fmt/format.h> <nlohmann/json.hpp>)
-  endif()
-  target_compile_options(${name} PRIVATE $<$<CONFIG:Release>:-O1>)
-  target_precompile_headers(${name} REUSE_FROM lenticule_heavy_headers)
-endfunction()
-
-# lenticule_test_options(NAME): sets how much a test program is optimised: less than the libraries,
-# because compiling a test takes longer than running its own code.
-function(lenticule_test_options name)
-  if(LENTICULE_CLANG_TESTS)
-    set_target_properties(${name} PROPERTIES LENTICULE_UNOPTIMISED ON)
-    target_compile_options(${name} PRIVATE $<$<CONFIG:Release>:-O0>)
-    return()
-  endif()
-  if(LENTICULE_BUILD_FUZZ)
-    set_target_properties(${name} PROPERTIES LENTICULE_UNOPTIMISED ON)
-    target_compile_options(${name} PRIVATE -O0)  # clang instruments unoptimised code in half the time
-    return()
-  endif()
-  # Three warnings of gcc are false at -O1: it inlines only one of an allocation and its release, and
-  # misestimates the length of short strings.
-  target_compile_options(${name} PRIVATE $<$<CONFIG:Release>:-O1>
-    $<$<CXX_COMPILER_ID:GNU>:-Wno-mismatched-new-delete;-Wno-array-bounds;-Wno-stringop-overflow>)
-endfunction()
-
-# GoogleTest's headers and those of JSON take most of the time of compiling a test, so they are
-# precompiled once for all test programs.
-function(lenticule_test_headers name)
-  lenticule_test_options(${name})
-  if(NOT TARGET lenticule_test_headers)
-    set(source ${PROJECT_BINARY_DIR}/test_headers.cpp)
-    if(NOT EXISTS ${source})
-      file(WRITE ${source} "// Carries the precompiled headers.\n")
-    endif()
-    add_library(lenticule_test_headers OBJECT ${source})
-    target_link_libraries(lenticule_test_headers PRIVATE
-      lenticule_options GTest::gmock fmt::fmt nlohmann_json::nlohmann_json)
-    lenticule_test_options(lenticule_test_headers)
-    target_compile_options(lenticule_test_headers PRIVATE -fPIE)
-    target_compile_definitions(lenticule_test_headers PRIVATE
-      LENTICULE_SOURCE_DIR="${PROJECT_SOURCE_DIR}" LENTICULE_BINARY_DIR="${PROJECT_BINARY_DIR}")
-    target_precompile_headers(lenticule_test_headers PRIVATE
-      <fmt/format.h> <gmock/gmock.h> <gtest/gtest.h> <nlohmann/json.hpp>
-      <filesystem> <fstream> <thread>)
-  endif()
-  target_precompile_headers(${name} REUSE_FROM lenticule_test_headers)
-endfunction()
-
-# lenticule_test(NAME KIND [FAST] [THREADED] [SLOW FILTER] [TIMEOUT SECONDS] SOURCES PATTERN ... DEPENDS ...
-#                [RUNS TARGET ...])
-#   One GoogleTest program; KIND (unit, property, golden, ...) becomes its CTest label.
-#   FAST: the program takes seconds as a whole. It is one CTest entry, which saves a process per case,
-#   with the label quick.
-#   SLOW: a GoogleTest filter; its cases have the label slow and run in scripts/test --slow only; with
-#   FAST they are one more entry, NAME.slow.
-#   THREADED: the program is run under the thread sanitizer, too.
-#   RUNS: programs and libraries that the tests start or load; the macro TARGET, in upper case, has the path.
-function(lenticule_test name kind)
-  cmake_parse_arguments(TEST "FAST;THREADED" "SLOW;TIMEOUT" "SOURCES;DEPENDS;RUNS" ${ARGN})
-  set(label ${kind})
-  if(TEST_THREADED)
-    set(label ${kind}-threaded)  # ctest -L matches parts: the label stands for both
-    set_property(GLOBAL APPEND PROPERTY LENTICULE_THREADED_TESTS ${name})
-  endif()
-  if(NOT TEST_TIMEOUT)
-    set(TEST_TIMEOUT 300)
-  endif()
-  math(EXPR slow_timeout "3 * ${TEST_TIMEOUT}")  # slow tests get the processor time that others leave
-  if(kind STREQUAL unit)
-    set_property(GLOBAL APPEND PROPERTY LENTICULE_UNIT_TESTS ${name})
-  endif()
-  lenticule_sources(sources ${TEST_SOURCES})
-  add_executable(${name} ${sources})
-  target_link_libraries(${name} PRIVATE lenticule_options ${TEST_DEPENDS} GTest::gmock_main)
-  foreach(target IN LISTS TEST_RUNS)
-    if(TARGET ${target})
-      string(TOUPPER ${target} macro)
-      add_dependencies(${name} ${target})
-      target_compile_definitions(${name} PRIVATE ${macro}="$<TARGET_FILE:${target}>")
-    endif()
-  endforeach()
-  lenticule_test_headers(${name})
-  target_compile_definitions(${name} PRIVATE
-    LENTICULE_SOURCE_DIR="${PROJECT_SOURCE_DIR}" LENTICULE_BINARY_DIR="${PROJECT_BINARY_DIR}")
-  set(skipped "\\[  SKIPPED \\]")
-  if(TEST_FAST)
-    add_test(NAME ${name} COMMAND ${name} --gtest_filter=-${TEST_SLOW})
-    set_tests_properties(${name} PROPERTIES LABELS "${label};quick" TIMEOUT ${TEST_TIMEOUT}
-      SKIP_REGULAR_EXPRESSION "${skipped}")
-    if(TEST_SLOW)
-      add_test(NAME ${name}.slow COMMAND ${name} --gtest_filter=${TEST_SLOW})
-      set_tests_properties(${name}.slow PROPERTIES LABELS ${label}-slow TIMEOUT ${slow_timeout}
-        SKIP_REGULAR_EXPRESSION "${skipped}")
-    endif()
-    return()
-  endif()
-  set(discovery DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60)
-  gtest_discover_tests(${name} ${discovery} TEST_FILTER "-${TEST_SLOW}"
-    PROPERTIES LABELS ${label} TIMEOUT ${TEST_TIMEOUT} SKIP_REGULAR_EXPRESSION "${skipped}")
-  if(TEST_SLOW)
-    gtest_discover_tests(${name} ${discovery} TEST_FILTER "${TEST_SLOW}"
-      PROPERTIES LABELS ${label}-slow TIMEOUT ${slow_timeout}
-      SKIP_REGULAR_EXPRESSION "${skipped}")
-  endif()
 endfunction()
