@@ -162,9 +162,9 @@ TEST_F(PlaylistSteer, ASeekBeyondTheEndNamesTheFramesAlsoIfOnlyTheEndTellsTheirN
 TEST_F(PlaylistSteer, TheLastProblemEndsWhenItsItemPlaysWhole) {
   shelf.put("a", {0, {.geometry = kItemSize, .frames = 10}});
   start(list_of({"a", "b"}, kForever));
-  ASSERT_TRUE(within_timeout([&] { return source->status().last_problem.starts_with("b: "); }));
+  ASSERT_TRUE(test::comes_true([&] { return source->status().last_problem.starts_with("b: "); }));
   shelf.put("b", {500, {.geometry = kItemSize, .frames = 10}});
-  EXPECT_TRUE(within_timeout([&] { return source->status().last_problem.empty(); }));
+  EXPECT_TRUE(test::comes_true([&] { return source->status().last_problem.empty(); }));
 }
 
 TEST_F(PlaylistSteer, AJumpDiscardsFramesFilledBefore) {
