@@ -64,6 +64,11 @@ inline void compare(const nlohmann::ordered_json& value, const nlohmann::ordered
 
 class WebTest : public PlayerTest {
  protected:
+  /// Asks seldom enough for the server's limit of requests.
+  template <typename Condition>
+  [[nodiscard]] static bool comes_true(const Condition& condition) {
+    return test::comes_true(condition, std::chrono::milliseconds(100));
+  }
   void SetUp() override {
     PlayerTest::SetUp();
     std::filesystem::create_directories(path("media"));
