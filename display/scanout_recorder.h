@@ -52,14 +52,15 @@ class ScanoutRecorder {
   /// recording did not reach the disk. If finish() is not called, an unfinished file is removed.
   virtual void finish() = 0;
 
-  /// Any thread: returns the number of displayed frames that came too fast to be recorded.
+  /// Returns the number of displayed frames that came too fast to be recorded. Thread safety: any
+  /// thread.
   [[nodiscard]] uint64_t skipped() const noexcept {
     return skipped_.load(std::memory_order_relaxed);
   }
   void count_skipped() noexcept { skipped_.fetch_add(1, std::memory_order_relaxed); }
-  /// Any thread: returns the number of frames that the disk did not take.
+  /// Returns the number of frames that the disk did not take. Thread safety: any thread.
   [[nodiscard]] uint64_t lost() const noexcept { return lost_.load(std::memory_order_relaxed); }
-  /// Any thread: returns the state of the writes.
+  /// Returns the state of the writes. Thread safety: any thread.
   [[nodiscard]] RetriedWrites& writes() noexcept { return writes_; }
 
  protected:

@@ -147,36 +147,40 @@ class FrameCopier {
     return newest.index;
   }
 
-  /// Presenter: returns the next filled frame, or null.
+  /// Returns the next filled frame, or null. Thread safety: presenter only.
   [[nodiscard]] const FilledFrame* peek() const noexcept { return queue_.peek(); }
-  /// Presenter: removes that frame from the queue.
+  /// Removes that frame from the queue. Thread safety: presenter only.
   void pop() noexcept { queue_.pop(); }
-  /// Presenter: reports that a buffer may be free again.
+  /// Reports that a buffer may be free again. Thread safety: presenter only.
   void buffer_freed() noexcept { freed_.signal(); }
-  /// Presenter: frames before `index` will not be shown and need not be copied.
+  /// Allows skipping the frames before `index`: they will not be shown. Thread safety: presenter
+  /// only.
   void skip_before(uint64_t index) noexcept {
     skip_before_.store(index, std::memory_order_relaxed);
   }
-  /// Presenter: frame `index` is displayed.
+  /// Reports that frame `index` is displayed. Thread safety: presenter only.
   void shown(uint64_t index) noexcept { displayed_.store(index, std::memory_order_release); }
-  /// Presenter: signals `wake` whenever cut() grows. Call it before any thread runs.
+  /// Signals `wake` whenever cut() grows. Call it before any thread runs. Thread safety: presenter
+  /// only.
   void wake_at_cuts(WakeFd& wake) noexcept { cut_wake_ = &wake; }
-  /// Presenter: asks that `wake` be signalled at the next change. Check the state again after
-  /// calling it.
+  /// Asks that `wake` be signalled at the next change. Check the state again after calling it.
+  /// Thread safety: presenter only.
   void wake_at_next_change(WakeFd& wake) noexcept { waiting_.store(&wake); }
 
-  /// Any thread. In Ended and Failed no more frames are pushed; queued frames are still to be
-  /// shown.
+  /// Returns the state. In Ended and Failed no more frames are pushed; queued frames are still to
+  /// be shown. Thread safety: any thread.
   [[nodiscard]] State state() const noexcept { return state_.load(); }
-  /// Any thread: returns true if as many frames are ready as requested, or as possible.
+  /// Returns true if as many frames are ready as requested, or as possible. Thread safety: any
+  /// thread.
   [[nodiscard]] bool primed() const noexcept { return primed_.load(); }
-  /// Any thread: returns true if, playing forever, the sequence is over and cannot be repeated, but
-  /// another one may follow. No frame is due meanwhile.
+  /// Returns true if, playing forever, the sequence is over and cannot be repeated, but another one
+  /// may follow. No frame is due meanwhile. Thread safety: any thread.
   [[nodiscard]] bool between_sequences() const noexcept { return between_sequences_.load(); }
-  /// Any thread: returns true while the source has no frame due (paused, or between playlist
-  /// items); this is not an underrun.
+  /// Returns true while the source has no frame due (paused, or between playlist items); this is
+  /// not an underrun. Thread safety: any thread.
   [[nodiscard]] bool idle() const noexcept { return idle_.load(); }
-  /// Any thread: returns the discontinuity number; frames with a smaller one need not be shown.
+  /// Returns the discontinuity number; frames with a smaller one need not be shown. Thread safety:
+  /// any thread.
   [[nodiscard]] uint64_t cut() const noexcept { return cut_.load(); }
   /// Copies the displayed frame into `into`, which must have its size; of a frame for several
   /// panels the picture with the index `part`. Returns false if the frame was not kept or the frame

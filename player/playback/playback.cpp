@@ -170,26 +170,26 @@ class Presenter {
     if (options_.turns != nullptr) options_.turns->finish(vblanks_.last_time(), pacer_.counts());
     publish();
   }
-  /// Any thread: completes the pending flip and ends run().
+  /// Completes the pending flip and ends run(). Thread safety: any thread.
   void request_stop() noexcept {
     stopping_.store(true, std::memory_order_release);
     wake_.signal();
   }
-  /// Any thread: keeps the displayed frame, except that one frame is shown after every
-  /// discontinuity of the source.
+  /// Keeps the displayed frame, except that one frame is shown after every discontinuity of the
+  /// source. Thread safety: any thread.
   void set_paused(bool paused) noexcept {
     paused_.store(paused, std::memory_order_release);
     wake_.signal();
   }
-  /// Any thread: switches the output off between two flips, once the first frame has been shown, or
-  /// on again. The vblanks in between count as held.
+  /// Switches the output off between two flips, once the first frame has been shown, or on again.
+  /// The vblanks in between count as held. Thread safety: any thread.
   void set_off(bool off) noexcept {
     off_wanted_.store(off, std::memory_order_release);
     wake_.signal();
   }
-  /// Any thread: requests that the first frame after the next discontinuity of the source is shown
-  /// at the second vblank from now, or as soon as it is ready after that. Returns false while an
-  /// earlier request is not fulfilled.
+  /// Requests that the first frame after the next discontinuity of the source is shown at the
+  /// second vblank from now, or as soon as it is ready after that. Returns false while an earlier
+  /// request is not fulfilled. Thread safety: any thread.
   [[nodiscard]] bool time_next_cut() noexcept {
     int64_t none = 0;
     const int64_t now = std::max<int64_t>(1, display_.now().count());
@@ -197,9 +197,10 @@ class Presenter {
     wake_.signal();
     return asked;
   }
-  /// Any thread: withdraws that request.
+  /// Withdraws that request. Thread safety: any thread.
   void forget_next_cut() noexcept { cut_asked_at_.store(0, std::memory_order_release); }
-  /// Any thread: plays the content at this many thousandths of its rate, from the next frame on.
+  /// Plays the content at this many thousandths of its rate, from the next frame on. Thread safety:
+  /// any thread.
   void set_speed(uint32_t permille) noexcept {
     speed_permille_.store(permille, std::memory_order_release);
     wake_.signal();

@@ -76,14 +76,14 @@ struct StepSample {
   frames::Rate rate{60, 1};
 };
 
-/// Thread safety: the presenter, except where noted.
+/// Thread safety: presenter only, except where stated.
 class StepPacing {
  public:
   StepPacing() noexcept { target_.publish({.rate = {.numerator = 0, .denominator = 1}}); }
 
-  /// Any one thread: sets the timeline on CLOCK_MONOTONIC.
+  /// Sets the timeline on CLOCK_MONOTONIC. Thread safety: any one thread.
   void follow(const StepTimeline& timeline) noexcept { target_.publish(timeline); }
-  /// Any thread.
+  /// Returns the place in the timeline. Thread safety: any thread.
   [[nodiscard]] StepPlace place() const noexcept { return published_.read(); }
 
   /// Returns the vblanks by which the schedule must move now, -1 to 1; usually 0.
