@@ -405,8 +405,7 @@ class VirtualDisplay final : public Display {
   bool unplugged_ = false;
   bool off_ = false;
 
-  /// Last member: ends before the buffers are destroyed.
-  std::unique_ptr<RecordingThread> recording_;
+  std::unique_ptr<RecordingThread> recording_;  // last member: the thread uses the buffers
 };
 
 }  // namespace

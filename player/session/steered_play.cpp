@@ -530,7 +530,7 @@ class PlayControls final : public ControlTarget {
   std::condition_variable task_there_;
   std::deque<Task> tasks_;
   bool stopping_ = false;
-  std::thread worker_;  // last member
+  std::thread worker_;  // last member: the thread uses everything above
 };
 
 SteeredPlay::SteeredPlay(const PlayFlags& flags, const PlayPlan& plan)

@@ -101,7 +101,7 @@ class ConnectionWatch {
   std::condition_variable changed_;
   std::map<int, Entry> entries_;
   bool stopping_ = false;
-  std::thread thread_;  // last member
+  std::thread thread_;  // last member: the thread uses everything above
 };
 
 }  // namespace lenticule::web

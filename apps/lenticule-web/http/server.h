@@ -79,7 +79,7 @@ class Server {
   RateLimit wrong_tokens_;
   ConnectionWatch watch_;
   std::atomic<unsigned> streams_{0};
-  std::vector<std::unique_ptr<Door>> doors_;  // last member
+  std::vector<std::unique_ptr<Door>> doors_;  // last member: their threads use all above
 };
 
 }  // namespace lenticule::web

@@ -111,7 +111,7 @@ class PlayerState {
   std::deque<nlohmann::ordered_json> faults_;
   uint64_t newest_ = 0;
   bool stopping_ = false;
-  std::thread thread_;  // last member
+  std::thread thread_;  // last member: the thread uses everything above
 };
 
 }  // namespace lenticule::web

@@ -141,7 +141,7 @@ class FakePlayer {
   std::list<Peer> peers_;
   std::atomic<uint64_t> statuses_{0};
   std::atomic<bool> stopping_{false};
-  std::thread thread_;  // last member
+  std::thread thread_;  // last member: the thread uses everything above
 };
 
 }  // namespace lenticule::test
