@@ -38,7 +38,7 @@ class RigStoreTest : public testing::Test {
   Rig rig_;
 };
 
-TEST_F(RigStoreTest, TheRigIsUsedUntilThereIsACopy) {
+TEST_F(RigStoreTest, UsesTheGivenRigUntilItHasMadeACopy) {
   EXPECT_EQ(store().in_use(), given_);
   save_trim({Lenses(0.25), 1e-5}, given_);
   EXPECT_TRUE(store().update());

@@ -234,7 +234,7 @@ TEST(QuestionKeys, TheMarkLeavesTheChartForNoneOfTheBands) {
   EXPECT_EQ(procedure.chart().cursor, kBands / 2);
 }
 
-TEST(QuestionKeys, BackspaceForgetsAnswersAndEscapeAllOfThem) {
+TEST(QuestionKeys, BackspaceForgetsTheLastAnswerAndEscapeAllAnswers) {
   Procedure procedure = asking();
   procedure.press({Key::Next});
   procedure.press({Key::Next});
