@@ -195,7 +195,7 @@ Plan parse_plan(std::string_view text, const std::string& source) {
   constexpr auto kMost = static_cast<uint64_t>(frames::kMaxSequencePixels);
   const frames::FrameGeometry geometry{.width = static_cast<int>(result.whole("width", kMost)),
                                        .height = static_cast<int>(result.whole("height", kMost))};
-  if (!frames::can_hold(geometry)) result.fail("width", "no size of frames");
+  if (!frames::can_hold(geometry)) result.fail("width", "frames cannot have this width and height");
   plan.film = frames::parse_sequence_info(json_text(result.need("film")), geometry, source);
   parse_inputs(result, plan);
   plan.output = fields.text("output");

@@ -306,7 +306,10 @@ RawFormat checked_format(RawFormat format, const PixelLayout& layout, const std:
   const int smallest = layout.packing == Packing::Bayer8 ? 2 : 1;
   if (format.width < smallest || format.height < smallest || format.width > kMaxSide ||
       format.height > kMaxSide || int64_t{format.width} * format.height > kMaxPixels)
-    refuse(camera, fmt::format("pictures of {}x{} cannot be used", format.width, format.height));
+    refuse(camera,
+           fmt::format("pictures of {}x{} pixels; expected {}x{} to {}x{}, at most {} pixels",
+                       format.width, format.height, smallest, smallest, kMaxSide, kMaxSide,
+                       kMaxPixels));
   const size_t packed = row_bytes(layout, format.width);
   if (format.bytes_per_line == 0 || layout.packing == Packing::Jpeg) format.bytes_per_line = packed;
   if (format.bytes_per_line < packed || format.bytes_per_line > kMaxBytesPerLine)

@@ -357,7 +357,7 @@ std::vector<std::string> warnings_about(const OpticalModel& model) {
   };
   warn(std::abs(aspect - 1.0) > 0.01, "panel: the pixels are not square");
   warn(rig.panel.pixel_width.value < 0.02 || rig.panel.pixel_width.value > 2.0,
-       "panel.pixel_width_mm: no usual pixel size");
+       "panel.pixel_width_mm: unusual; most panels have 0.02 to 2");
   warn(std::abs(sheet.slant * aspect) > 1.0, "sheet.slant: steeper than 45 degrees");
   warn(sheet.pitch.value < 4.0, "sheet.pitch_subpx: fewer than four subpixels per lens");
   warn(std::isfinite(lobe) && lobe < kEyesMm,

@@ -584,7 +584,8 @@ void Accessor::read_sparse(Document& document, const JsonAt& sparse) {
   replaced.count = count_of(sparse, count_);
   const JsonAt indices = sparse.at("indices");
   replaced.index_component = component_of(indices.at("componentType"));
-  if (replaced.index_component == Component::Float) indices.at("componentType").fail("no integers");
+  if (replaced.index_component == Component::Float)
+    indices.at("componentType").fail("the type of indices is float; expected integers");
   replaced.indices =
       elements(document, indices, replaced.count, bytes_of(replaced.index_component));
   replaced.values = elements(document, sparse.at("values"), replaced.count, element_bytes_);

@@ -35,7 +35,7 @@ TextureWrap wrap_of(const JsonAt& sampler, const char* key) {
     case kRepeat:
       return TextureWrap::Repeat;
     default:
-      sampler.at(key).fail("no wrapping mode");
+      sampler.at(key).fail("unknown wrapping mode; expected 33071, 33648 or 10497");
   }
 }
 
