@@ -4,8 +4,8 @@
 
 namespace lenticule {
 
-/// The sets of a machine are those of its kind of processor, in ascending order. Baseline is code
-/// without intrinsics.
+/// Isa is the instruction set that a kernel is written for. A machine can run Baseline (code
+/// without intrinsics), and either Neon or, in ascending order, Avx2 and Avx512.
 enum class Isa { Baseline, Neon, Avx2, Avx512 };
 
 /// Returns the best instruction set that the processor and the operating system support. The

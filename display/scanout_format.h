@@ -29,7 +29,7 @@ void pack_row(ScanoutDepth depth, const uint32_t* words, uint8_t* rgb, size_t pi
 void expand_frame(ScanoutDepth depth, const frames::FrameView& frame,
                   const optics::Mounting& mounting, uint32_t* words, size_t stride) noexcept;
 
-/// Same with the given instruction set, or the best below it that the machine has.
+/// Do the same with the given instruction set, or the best below it that the machine has.
 void expand_row(Isa isa, ScanoutDepth depth, const uint8_t* rgb, uint32_t* words,
                 size_t pixels) noexcept;
 void pack_row(Isa isa, ScanoutDepth depth, const uint32_t* words, uint8_t* rgb,

@@ -22,7 +22,7 @@ namespace {
 
 constexpr ErrorStyle kErrors{.program = "lenticule-window"};
 constexpr int kFirstWidth = 1280;
-constexpr int kPollMs = 10;  ///< how often a new picture is looked for
+constexpr int kPollMs = 10;  ///< time between two checks for a new picture
 
 struct Flags {
   std::string rig;

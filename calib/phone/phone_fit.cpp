@@ -664,8 +664,9 @@ std::optional<PhoneFit> fit_phone(const std::vector<PhotoFindings>& photos,
 
 namespace {
 
-/// Largest evidence of a rotation that is accepted. Four and more photographs determine rotations
-/// better than the law of rigs holds.
+/// Largest evidence of a rotation with which a result is accepted. The limit is higher for more
+/// than kFewPhotos photographs: they determine rotations more exactly than the model of a rig is
+/// valid.
 constexpr double kMostEvidence = 11.5, kMostEvidenceOfFew = 4.0;
 /// Evidence at which a moved hand is as likely as one that held still: users are asked to hold the
 /// phone still, so few photographs have one.

@@ -78,7 +78,7 @@ class WeavePlan {
   friend class PlanBuilder;
   /// Part holds several blocks, built by one thread.
   struct Part {
-    LargeMemory memory;  ///< of the records, the first `count` of which are made
+    LargeMemory memory;  ///< room for records; the first `count` are set
     size_t count = 0;
     std::vector<weave_kernel::Set> sets;
     std::vector<Bar> bars;

@@ -75,10 +75,11 @@ std::optional<ChosenRig> rig_of_film(const fs::path& film) {
 
 /// RigsOfPanels holds the connected panels that a request allows, and the rigs that name them.
 struct RigsOfPanels {
-  std::vector<std::string> known{};    ///< all rigs of the folders
-  std::vector<std::string> fitting{};  ///< those of the first folder in which one names a panel
-  std::vector<std::string> panels{};   ///< "HDMI-A-1: LGD 0x1234"
-  std::optional<Error> refusal{};      ///< set if no panel is connected
+  std::vector<std::string> known{};  ///< all rigs of the folders
+  /// Rigs that name a connected panel, in the first folder that has any.
+  std::vector<std::string> fitting{};
+  std::vector<std::string> panels{};  ///< "HDMI-A-1: LGD 0x1234"
+  std::optional<Error> refusal{};     ///< set if no panel is connected
 };
 
 RigsOfPanels rigs_of_panels(const RigRequest& request, bool needs_panel) {

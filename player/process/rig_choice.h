@@ -48,7 +48,7 @@ struct ChosenRig {
 };
 
 /// Returns the given rig, or chooses one and names it in a line on standard error. Throws
-/// Error(Usage) with the candidates if none or several are right, Error(Device) if the display is a
+/// Error(Usage) with the candidates if none or several fit, Error(Device) if the display is a
 /// panel that is not connected.
 [[nodiscard]] ChosenRig choose_rig(const RigRequest& request);
 

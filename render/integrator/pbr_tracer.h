@@ -96,7 +96,7 @@ class PbrTracer {
     Vec3 weight{1, 1, 1};                 ///< share of the light ahead that reaches the viewer
     Vec3 light{};                         ///< light so far
     const PbrMaterial* medium = nullptr;  ///< volume that the ray is in
-    double roughness = 0.0;               ///< of the surfaces that transmitted the ray
+    double roughness = 0.0;               ///< largest, of the surfaces that transmitted the ray
     int bends = 0;
   };
   /// Met is a surface that a lane met and that is shaded alone.
@@ -135,7 +135,7 @@ class PbrTracer {
   [[nodiscard]] bool bend(const View& view, const Surface& surface, std::optional<Vec3> through,
                           Path& path) const;
   static void leave(const View& view, Path& path);
-  /// What became of a ray at a surface, for the path ids.
+  /// Way is the event that a ray had at a surface; it becomes part of the path id.
   enum class Way : uint32_t { Unseen, Front, Back, Left, Mirrored };
   void note(const RayPacket& packet, size_t lane, Way way);
   [[nodiscard]] LightCache::Bounce bounce() const;

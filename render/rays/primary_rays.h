@@ -112,7 +112,7 @@ struct BeamSize {
   double lens_mm = 0.0;            ///< width of a lens along a row
   double row_mm = 0.0;             ///< height of a row
   double subpixels_per_gap = 0.0;  ///< tangent of the angle between neighbouring views
-  double inverse_distance = 0.0;   ///< of the viewing line
+  double inverse_distance = 0.0;   ///< 1 / distance of the viewing line
 
   /// Returns the distance between neighbouring lenses, or between neighbouring views where those
   /// are farther apart.

@@ -174,7 +174,7 @@ struct Deformation {
   int skin = -1;  ///< index into SceneDescription::skins, or -1
   size_t joints_per_vertex = 0;
   std::vector<uint16_t> joints{};  ///< indices into Skin::joints, joints_per_vertex of each vertex
-  std::vector<float> weights{};    ///< of those joints; their sum is 1 for each vertex
+  std::vector<float> weights{};    ///< weight of each joint; their sum is 1 for each vertex
 };
 
 struct TriangleMesh {
@@ -257,7 +257,7 @@ struct Node {
   Channel<Vec3> translations{};
   Channel<std::array<double, 4>> rotations{};
   Channel<Vec3> scales{};
-  std::vector<double> morph_weights{};  ///< of the morph targets of the node's meshes
+  std::vector<double> morph_weights{};  ///< weights of the morph targets of the node's meshes
   Channel<std::vector<double>> morph_weight_keys{};
 };
 

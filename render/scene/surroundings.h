@@ -91,7 +91,7 @@ class GroundShadow::Row {
 
 enum class ToneMap {
   None,        ///< light above 1 is clipped
-  PbrNeutral,  ///< of Khronos: keeps base colours, compresses highlights
+  PbrNeutral,  ///< Khronos' neutral map: keeps base colours, compresses highlights
   Aces,        ///< fit of the ACES reference transforms by Stephen Hill, as in three.js
 };
 
@@ -128,8 +128,8 @@ struct Surroundings {
   Vec3 ground_colour{0.5, 0.5, 0.5};
   /// Scenes that the studio lights cast a shadow on the ground, unless `ground` is set.
   bool ground_shadow = true;
-  /// Of scenes with metallic-roughness materials. Default: ToneMap::PbrNeutral in the light of the
-  /// studio, otherwise none.
+  /// Tone map of scenes with metallic-roughness materials. Default: ToneMap::PbrNeutral in the
+  /// light of the studio, otherwise none.
   std::optional<ToneMap> tone_map{};
 };
 

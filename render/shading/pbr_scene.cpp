@@ -333,7 +333,7 @@ Vec3 with_film(Vec3 f0, const PbrPoint& point, double view_cosine) {
 struct Mirror {
   Vec3 f0{}, f90{};
   Vec3 single{};    ///< albedo of light that is reflected once
-  Vec3 multiple{};  ///< of light that is reflected between microfacets
+  Vec3 multiple{};  ///< albedo of light that is reflected between microfacets
 
   Mirror() = default;
   Mirror(Vec3 at_normal, Vec3 at_grazing, GgxAlbedo albedo)

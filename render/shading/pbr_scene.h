@@ -71,7 +71,7 @@ inline constexpr double kSmallestSheenRoughness = 0.07;
 struct PbrPoint {
   Vec3 view{};       ///< toward the viewer
   Vec3 geometric{};  ///< normal of the primitive
-  Vec3 normal{};     ///< of the normal map
+  Vec3 normal{};     ///< normal that the normal map gives
   Vec3 tangent{};    ///< direction of anisotropy; perpendicular to `normal`
   Vec3 coat_normal{};
   Vec3 colour{1, 1, 1};  ///< base colour

@@ -10,7 +10,7 @@
 
 namespace lenticule::render::texel_kernel {
 
-/// Largest number of places.
+/// Largest number of places in a texture whose texels one look-up averages.
 inline constexpr int kPlaces = 16;
 
 /// The meaning of the texels, see MipMaps::Content.

@@ -25,7 +25,7 @@ struct RigEntry {
   uint64_t number = 0;
   int64_t time = 0;  ///< seconds since 1970
   std::string who{};
-  std::string what{};  ///< where the rig comes from
+  std::string what{};  ///< origin of the rig
   std::string toml{};
 };
 

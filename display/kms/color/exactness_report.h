@@ -29,11 +29,11 @@ enum class AuditOutcome {
 struct AuditRow {
   std::string object;    ///< "connector", "crtc", "plane" or "link"
   std::string property;  ///< the kernel's name
-  std::string found;     ///< value before this process wrote to it
+  std::string found;     ///< the property's value before this process changed it
   std::string wanted;
   std::string now;
   AuditOutcome outcome = AuditOutcome::Neutral;
-  bool alters_pixels = false;  ///< if it is not neutral
+  bool alters_pixels = false;  ///< a value that is not neutral changes pixels
   std::string effect;
   std::string remedy;
 };

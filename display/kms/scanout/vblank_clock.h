@@ -39,7 +39,7 @@ class VblankCounter {
   /// Extends the low 32 bits of a flip event. Corrects a sequence from the past and a zero or
   /// impossible timestamp.
   Vblank observe_low_bits(uint32_t sequence, Nanoseconds time, Nanoseconds now);
-  /// Same for the driver's 64-bit sequence.
+  /// Does the same with the driver's 64-bit sequence, which needs no extension.
   Vblank observe(uint64_t driver_sequence, Nanoseconds time, Nanoseconds now);
 
   /// Returns the driver's number for the vblank `sequence` of this counter.

@@ -128,7 +128,7 @@ class AuditSelection {
 
 struct AuditCounts {
   uint64_t sampled = 0;
-  uint64_t beyond = 0;  ///< the error exceeds the tolerated error
+  uint64_t beyond = 0;  ///< part of `sampled` whose error exceeds the tolerated error
   AuditCounts& operator+=(const AuditCounts& other) {
     sampled += other.sampled;
     beyond += other.beyond;

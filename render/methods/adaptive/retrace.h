@@ -56,7 +56,7 @@ struct ResolvedAreaLights {
 struct ResolvedLight {
   uint32_t lit = 0, hidden = 0;  ///< bits of LightRecord on which all samples agree
   float secondary = 0.0F;        ///< valid if secondary_known
-  float around = 0.0F;           ///< valid if around_known
+  float around = 0.0F;           ///< unoccluded share of the hemisphere; valid if around_known
   uint32_t area_lights = 0;      ///< index of its ResolvedAreaLights, if any area light is known
   bool secondary_known = false;
   bool around_known = false;
