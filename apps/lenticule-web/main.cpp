@@ -107,6 +107,8 @@ std::vector<Listener> open_listeners(const Flags& flags) {
 void write_address(const fs::path& state, const std::vector<Listener>& listeners) {
   const auto tcp = std::ranges::find(listeners, false, &Listener::is_unix);
   const std::string name = tcp == listeners.end() ? "" : reachable_names(*tcp).front();
+  std::error_code ignored;
+  fs::remove(state / kAddressFile, ignored);  // an earlier server's
   try {
     write_text_file(state / kAddressFile, name.empty() ? "" : "http://" + name + "\n");
   } catch (const Error& error) {

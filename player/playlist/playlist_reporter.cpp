@@ -46,7 +46,10 @@ void PlaylistReporter::begin(const OpenItem& item) {
   const std::lock_guard lock(mutex_);
   // A problem of another list is over, unless that list continues after an interruption.
   const bool is_other_list = status_.list != item.list->name && !item.interrupts && !item.returns;
-  if (is_other_list) status_.last_problem.clear();
+  // An item that is opened anew is no longer its copy of before a change of the file.
+  const bool is_opened_anew =
+      problem_.kind == EventKind::Kept && problem_.source == item.item.source.text && !item.returns;
+  if (is_other_list || is_opened_anew) status_.last_problem.clear();
   status_.list = item.list->name;
   status_.items = item.list->items.size();
   status_.source = item.item.source.text;

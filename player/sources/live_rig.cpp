@@ -69,11 +69,12 @@ void LiveRig::read_files() {
                 fmt::format("{}: has another panel.{}, which a player reads at its start", file,
                             theirs.bits != ours.bits ? "bits" : "mounting"));
   if (calibrated == calibrated_ && trim == trim_) return;
-  set(std::move(calibrated), trim);
+  set(std::move(calibrated), trim, saved_);
 }
 
-void LiveRig::set(optics::Rig calibrated, const optics::Trim& trim) {
+void LiveRig::set(optics::Rig calibrated, const optics::Trim& trim, bool saved) {
   const std::lock_guard lock(mutex_);
+  saved_ = saved;
   calibrated_ = std::move(calibrated);
   trim_ = trim;
   version_.fetch_add(1, std::memory_order_release);
@@ -131,7 +132,7 @@ optics::Trim LiveRig::change(const std::function<optics::Trim(const optics::Trim
 void LiveRig::use(const optics::Trim& wanted) {
   optics::validate_trim(wanted, rig_file_.string());
   optics::validate_rig(optics::trimmed(calibrated_, wanted), rig_file_.string());
-  set(calibrated_, wanted);
+  set(calibrated_, wanted, false);
   save();
 }
 
@@ -142,7 +143,7 @@ std::filesystem::path LiveRig::replace_rig(const optics::Rig& rig) {
     throw Error(ErrorKind::Input, "rig: is for another panel than the one in use",
                 fmt::format("start from the rig of '{}'", calibrated_.name));
   std::filesystem::path kept = optics::save_with_history(rig, rig_file_);
-  set(rig, {});
+  set(rig, {}, false);
   save();
   return kept;
 }
@@ -170,7 +171,9 @@ void LiveRig::save_again() {
 std::string LiveRig::why_unsaved() const {
   const std::lock_guard lock(mutex_);
   if (saved_) return {};
-  return unsavable_.empty() ? writes_.state().reason : unsavable_;
+  if (!unsavable_.empty()) return unsavable_;
+  const std::string reason = writes_.state().reason;
+  return reason.empty() ? "is being written" : reason;
 }
 
 std::string LiveRig::advice() const {

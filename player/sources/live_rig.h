@@ -81,7 +81,7 @@ class LiveRig {
   // The functions below are called with files_mutex_ locked.
   void read_files();
   void use(const optics::Trim& wanted);
-  void set(optics::Rig calibrated, const optics::Trim& trim);
+  void set(optics::Rig calibrated, const optics::Trim& trim, bool saved);
   void save() noexcept;
   [[nodiscard]] optics::Trim trim_after(const KeyPress& press) const;
 

@@ -227,7 +227,7 @@ std::optional<Error> value_error(const Chain& chain, const std::string& object,
       if (option->count() == 0)
         return Error(ErrorKind::Usage,
                      fmt::format("{}{}: its value is missing", object, typed_name(*option)), help);
-      if (static_cast<int>(option->count()) > option->get_items_expected_max())
+      if (static_cast<int>(option->count()) > std::max(1, option->get_items_expected_max()))
         return Error(ErrorKind::Usage,
                      fmt::format("{}{}: given more than once", object, typed_name(*option)), help);
       const std::string& value = option->results().back();
