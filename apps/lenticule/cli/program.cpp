@@ -227,6 +227,9 @@ std::optional<Error> value_error(const Chain& chain, const std::string& object,
       if (option->count() == 0)
         return Error(ErrorKind::Usage,
                      fmt::format("{}{}: its value is missing", object, typed_name(*option)), help);
+      if (option->get_items_expected_max() == 0)
+        return Error(ErrorKind::Usage,
+                     fmt::format("{}{}: takes no value", object, typed_name(*option)), help);
       if (static_cast<int>(option->count()) > std::max(1, option->get_items_expected_max()))
         return Error(ErrorKind::Usage,
                      fmt::format("{}{}: given more than once", object, typed_name(*option)), help);
