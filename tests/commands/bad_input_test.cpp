@@ -347,7 +347,7 @@ TEST_F(BadInput, NamesTheRemedyOfLikelyMistakes) {
            {play("card", {"--duration", "0,5"}), 2, "'0,5': expected a number above 0", "a point"},
            {play("card", {"--slots", "1"}), 2, "expected a whole number from 2 to 4096", "--help"},
            {play("card", {"--slots", "8", "--slots", "9"}), 2, "given more than once", "--help"},
-           {play("card", {"--json=yes"}), 2, "--json: takes no value", "--help"},
+           {play("card", {"--json=abc"}), 2, "--json: takes no value", "--help"},
            {play("card", {"--clock", "x"}), 2, "expected one of real,simulated", "--help"},
            {{"play", "card", "--rig"}, 2, "--rig: its value is missing", "--help"},
            {{"play", "-dash.lts", "--rig", rig}, 2, "no flag '-dash.lts'", "./-dash.lts"},
