@@ -3,11 +3,13 @@
 // /dev/null stands for a video device.
 #include <dirent.h>
 #include <fcntl.h>
+#include <gtest/gtest.h>
 #include <linux/filter.h>
 #include <linux/seccomp.h>
 #include <sys/ioctl.h>
 #include <sys/prctl.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -41,8 +43,8 @@ bool holds_with_device(const std::function<bool()>& body) {
       [&] { return confine_with_devices(kMemory, 0, {kDevice}).empty() && body(); });
 }
 
-int error_of_opening(const char* path) {
-  const int fd = ::open(path, O_RDWR | O_CLOEXEC);
+int error_of_opening(const char* path, int flags = O_RDWR) {
+  const int fd = ::open(path, flags | O_CLOEXEC, S_IRUSR);
   return fd < 0 ? errno : 0;
 }
 
@@ -61,8 +63,12 @@ bool hide_landlock() {
 
 TEST(ConfineWithDevices, AllowsTheDeviceAndNoOtherFile) {
   EXPECT_TRUE(holds_with_device([] { return error_of_opening(kDevice) == 0; }));
-  for (const char* const path : {"/dev/zero", "/etc/passwd", "/proc/self/mem"})
-    EXPECT_TRUE(holds_with_device([path] { return error_of_opening(path) == EACCES; })) << path;
+  for (const int flags : {O_RDWR, O_RDONLY})
+    for (const char* const path : {"/dev/zero", "/etc/passwd", "/proc/self/mem"})
+      EXPECT_TRUE(holds_with_device([&] { return error_of_opening(path, flags) == EACCES; }))
+          << path << " with flags " << flags;
+  EXPECT_TRUE(holds_with_device(
+      [] { return error_of_opening("/dev/shm/lenticule-new", O_RDWR | O_CREAT) == EACCES; }));
 }
 
 TEST(ConfineWithDevices, AllowsToListDevicesAndNoOtherFolder) {

@@ -30,6 +30,14 @@ TEST(ExposureClock, AnUnknownExposureLastsAsLongAsAFrame) {
   EXPECT_EQ(clock.exposed_at(stamped(kNow), kNow), kNow - milliseconds{30});
 }
 
+TEST(ExposureClock, ReplacesTimestampsOfAnotherClock) {
+  ExposureClock clock(milliseconds{20}, milliseconds{30});
+  BufferStamp stamp = stamped(kNow - seconds{1});
+  stamp.monotonic = false;
+  EXPECT_EQ(clock.exposed_at(stamp, kNow), kNow - milliseconds{25});
+  EXPECT_TRUE(clock.unreliable());
+}
+
 TEST(ExposureClock, ReplacesImpossibleTimestamps) {
   for (const Nanoseconds bad : {Nanoseconds{0}, kNow - seconds{11}, kNow + milliseconds{6}}) {
     ExposureClock clock(milliseconds{0}, milliseconds{0});

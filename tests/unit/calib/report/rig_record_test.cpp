@@ -88,6 +88,14 @@ TEST(RigRecord, EarlierOriginsBecomeHistory) {
   EXPECT_EQ(entry(rig, "history_3"), "none");
 }
 
+TEST(RigRecord, LongOriginsAreShortened) {
+  Calibration c = sample_calibration();
+  c.rig.provenance = {{"note", std::string(4000, 'x')}, {"more", std::string(4000, 'y')}};
+  const optics::Rig rig = with_record(c, sample_details());
+  EXPECT_FALSE(optics::find_problem(rig));
+  EXPECT_EQ(entry(rig, "history_1").size(), 4096U);
+}
+
 TEST(RigRecord, ThreeHundredCalibrationsDropTheOldestAndCountThem) {
   Calibration c = sample_calibration();
   RecordDetails details = sample_details();
