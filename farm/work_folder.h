@@ -214,13 +214,13 @@ struct FarmStatus {
   uint64_t chunks = 0, frames = 0;
   uint64_t chunks_done = 0, frames_done = 0;
   uint64_t bytes_done = 0;
-  std::vector<RunningChunk> running{};  ///< of chunks that are not done
+  std::vector<RunningChunk> running{};  ///< the chunks that are not done
   std::vector<ChunkFailure> failed{};   ///< not done and not running
   std::vector<uint64_t> missing{};      ///< not done, not running and not failed
   std::vector<uint64_t> differing{};    ///< rendered with other bytes by two processes
   std::vector<SlowChunk> slowest{};     ///< the slowest first
   std::vector<NodeStatus> nodes{};      ///< by name
-  double frames_per_second = 0.0;       ///< of the last ten minutes; 0: unknown
+  double frames_per_second = 0.0;       ///< mean of the last ten minutes; 0: unknown
   std::optional<double> seconds_left{};
   bool merged = false;  ///< the film exists
 

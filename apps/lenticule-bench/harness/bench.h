@@ -26,9 +26,9 @@ namespace lenticule::bench {
 /// Column is one of a table's columns.
 struct Column {
   const char* head;
-  const char* key;  ///< of a row, which is a JSON object; with a slash for a key inside another one
-  const char* format = "{:.0f}";  ///< of numbers
-  double factor = 1.0;            ///< of numbers
+  const char* key;  ///< names a value of a row, a JSON object; a slash leads into another object
+  const char* format = "{:.0f}";  ///< shows a number
+  double factor = 1.0;            ///< multiplies a number before it is shown
   const char* null = "-";         ///< stands for null; a missing key is "-"
 };
 /// Prints the rows below the heads of their columns. Columns of text are aligned to the left.

@@ -165,7 +165,7 @@ TEST(Procedure, CompareShowsTheOldRigAndChangesNothing) {
   press(procedure, Key::Compare);
   EXPECT_EQ(procedure.chart().rig.sheet, small_rig().sheet);
   press(procedure, Key::Right);
-  EXPECT_EQ(procedure.rig(), edited) << "nobody edits what is not shown";
+  EXPECT_EQ(procedure.rig(), edited) << "an edit needs the step on the panel";
   EXPECT_EQ(procedure.chart().rig.sheet, edited.sheet);
 }
 
