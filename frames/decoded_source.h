@@ -26,7 +26,7 @@ namespace lenticule::frames {
 struct DecodedRounds {
   FrameGeometry geometry;
   std::optional<Rate> rate = std::nullopt;
-  /// The first round is [first, last), every later one [loop, last). Not empty.
+  /// The first round is [first, last), every later one [loop, last); neither may be empty.
   uint64_t first = 0, loop = 0, last = 0;
   /// Number of frames omitted at the start of the first round; less than last - first.
   uint64_t skipped = 0;

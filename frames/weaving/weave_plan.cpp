@@ -27,8 +27,8 @@ using weave_kernel::Set;
 namespace {
 
 constexpr int kBlocksPerPart = 44;
-/// Places of a set have 16 bits; the segment is the largest multiple of the layout's columns below
-/// this limit.
+/// Upper limit of a segment's length, with which the places of a set fit in 16 bits. A segment is
+/// the largest multiple of the layout's columns below it.
 constexpr int kSegmentPixels = 16384;
 constexpr double kViewUnit = 1 << kViewBits;
 constexpr double kColumnUnit = 1 << kWeightBits;

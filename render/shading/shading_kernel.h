@@ -104,7 +104,7 @@ struct Light {
   float direction[3];
   float colour[3];
   float cos_outer;
-  float cos_width;  ///< between the outer and the inner cone
+  float cos_width;  ///< cosine of the inner cone minus cos_outer
   int32_t falls_off;
   float world_units_squared;  ///< scene units per world unit, squared
 };

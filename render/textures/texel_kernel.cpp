@@ -141,7 +141,7 @@ void find(const Path& path, Lookup& lookup) {
   for (int n = 0; n < lookup.places; ++n) {
     Coordinates place = middle + length * ((n + 0.5) / lookup.places - 0.5);
     move_into_picture(wraps, place);
-    // Measured from half a texel before the first one, so that truncation rounds down.
+    // Texels are counted from half a texel before the first texel, so that truncation rounds down.
     const Coordinates texel = place * sizes + 0.5;
     Coordinates whole = texel;
     truncate(whole);

@@ -256,9 +256,8 @@ class AdaptiveWorker {
     trace_samples(cache_view);
   }
 
-  /// Takes the other samples, after the coarse ones of these rows and of the rows below.
-  /// Takes the other samples. With sampled light none is interpolated, since more samples average
-  /// out the noise.
+  /// Takes the other samples, after the coarse ones of these rows and of the rows below. With
+  /// sampled light none is interpolated, since more samples average out the noise.
   void take_other_samples(int first_row, int cache_view) {
     constexpr int kStep = KeySamples::kCoarse;
     const bool may_fill = !frame_.plan.options.soft.any();

@@ -371,8 +371,8 @@ int32_t MicroImageSweep::surface_of(uint32_t geometry, uint32_t primitive, int n
     if (m.specular > 0.0 || m.transmittance > 0.0) return -2 - number;
   }
   const uint32_t own = mesh ? 0 : primitive + 1;
-  // Fits in a byte. Two surfaces that touch may occasionally share a number, which the limit on the
-  // chords' steepness makes harmless.
+  // A surface's number fits in a byte. Two surfaces that touch may share one, which is harmless,
+  // because the lines between their points are too steep to be used.
   constexpr uint32_t kNumbers = 254;
   const uint32_t mixed = (geometry * 0x9E3779B1U) ^ (own * 0x85EBCA77U);
   return static_cast<int32_t>((mixed >> 8) % kNumbers);

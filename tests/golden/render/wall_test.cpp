@@ -26,7 +26,7 @@ frames::WovenFrame rendered(const render::SceneDescription& description, const r
   return frame;
 }
 
-/// A panel of a wall with its own stage.
+/// Half is one panel of a wall, with its own stage.
 struct Half {
   Half(const optics::Rig& rig, const optics::WallPanel& place, Vec3 viewer_mm,
        const render::Stage& canvas)
