@@ -219,7 +219,7 @@ struct FarmStatus {
   std::vector<uint64_t> missing{};      ///< not done, not running and not failed
   std::vector<uint64_t> differing{};    ///< rendered with other bytes by two processes
   std::vector<SlowChunk> slowest{};     ///< the slowest first
-  std::vector<NodeStatus> nodes{};      ///< by name
+  std::vector<NodeStatus> nodes{};      ///< sorted by name
   double frames_per_second = 0.0;       ///< mean of the last ten minutes; 0: unknown
   std::optional<double> seconds_left{};
   bool merged = false;  ///< the film exists

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What all benchmarks share: the machine's name, tables and flags. Each has one file, and one line
-// in benchmarks.cpp.
+// Declares what all benchmarks share: the machine's name, tables and flags. Each benchmark has one
+// file, and one line in benchmarks.cpp.
 #pragma once
 
 #include <span>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What tests and other benchmarks use of `lenticule bench exact`.
+// Declares the parts of `lenticule bench exact` that tests and other benchmarks use.
 #pragma once
 
 #include <optional>
