@@ -36,7 +36,7 @@ def elapses(timer, zone):
             env=dict(os.environ, TZ=zone), capture_output=True, text=True, check=True).stdout
         # The zone UTC has no second line "(in UTC)".
         pattern = (r"\(in UTC\): \w+ (\S+ \S+) UTC" if zone != "UTC"
-                   else r"(?:Next elapse|Iter\. #\d+): \w+ (\S+ \S+) UTC")
+                   else r"(?:Next elapse|Iter\. #\d+|Iteration #\d+): \w+ (\S+ \S+) UTC")
         for found in re.findall(pattern, text):
             time = datetime.datetime.strptime(found, "%Y-%m-%d %H:%M:%S")
             seconds.add(time.replace(tzinfo=datetime.timezone.utc).timestamp())
