@@ -4,6 +4,8 @@
 // Thread safety: any thread.
 #pragma once
 
+#include <string.h>
+
 #include <cstddef>
 #include <optional>
 #include <span>
@@ -19,6 +21,13 @@ namespace lenticule {
 
 /// Returns the text with the letters A to Z in lower case.
 [[nodiscard]] std::string lower_case(std::string text);
+
+/// Orders the names of files as people count them: "a2" before "a10".
+struct NaturalOrder {
+  bool operator()(const std::string& a, const std::string& b) const {
+    return strverscmp(a.c_str(), b.c_str()) < 0;
+  }
+};
 
 /// Returns at most `bytes` bytes of `text`; longer text is cut after a whole character and ends in
 /// "...". `text` must be UTF-8 and `bytes` at least 3.

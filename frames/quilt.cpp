@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <utility>
 
 #include "base/error.h"
@@ -31,11 +32,33 @@ bool take(std::string_view& text, char c) {
   return true;
 }
 
-/// Removes a number such as "0.75" from the front; no exponent, so that letters after the number
-/// keep their own meaning.
+/// Removes a number such as "0.75", or a ratio such as "3:4", from the front; no exponent, so that
+/// letters after the number keep their own meaning.
 std::optional<double> take_aspect(std::string_view& text) {
-  const auto aspect = take_number<double>(text, std::chars_format::fixed);
+  auto aspect = take_number<double>(text, std::chars_format::fixed);
+  if (aspect && take(text, ':')) {
+    const auto height = take_number<double>(text, std::chars_format::fixed);
+    aspect = height ? std::optional(*aspect / *height) : std::nullopt;
+  }
   return aspect && sensible_aspect(*aspect) ? aspect : std::nullopt;
+}
+
+/// Parses what follows "qs" in a name.
+std::optional<QuiltLayout> take_layout(std::string_view text) {
+  const auto columns = take_number<int>(text);
+  const auto rows = columns && take(text, 'x') ? take_number<int>(text) : std::nullopt;
+  if (!rows || !sensible_grid(*columns, *rows)) return std::nullopt;
+  QuiltLayout layout{.columns = *columns, .rows = *rows};
+  if (take(text, 'v')) {
+    const auto views = take_number<int>(text);
+    if (!views || *views < 1 || *views > *columns * *rows) return std::nullopt;
+    layout.views = *views;
+  }
+  if (take(text, 'a')) {
+    layout.aspect = take_aspect(text);
+    if (!layout.aspect) return std::nullopt;
+  }
+  return layout;
 }
 
 }  // namespace
@@ -58,20 +81,13 @@ void check_quilt_layout(const QuiltLayout& layout, const std::string& context) {
 
 std::optional<QuiltLayout> quilt_layout_of_name(const std::filesystem::path& file) {
   const std::string stem = lower_case(file.stem().string());
-  const size_t mark = stem.rfind("_qs");
-  if (mark == std::string::npos) return std::nullopt;
-  std::string_view text = std::string_view(stem).substr(mark + 3);
-  const auto columns = take_number<int>(text);
-  const auto rows = columns && take(text, 'x') ? take_number<int>(text) : std::nullopt;
-  if (!rows || !sensible_grid(*columns, *rows)) return std::nullopt;
-  QuiltLayout layout;
-  layout.columns = *columns;
-  layout.rows = *rows;
-  if (take(text, 'a')) {
-    layout.aspect = take_aspect(text);
-    if (!layout.aspect) return std::nullopt;
+  for (size_t at = stem.rfind("qs"); at != std::string::npos;
+       at = at == 0 ? std::string::npos : stem.rfind("qs", at - 1)) {
+    const bool begins_word = at == 0 || std::isalnum(static_cast<unsigned char>(stem[at - 1])) == 0;
+    if (!begins_word) continue;
+    if (const auto layout = take_layout(std::string_view(stem).substr(at + 2))) return layout;
   }
-  return layout;
+  return std::nullopt;
 }
 
 TileSize tile_size(const FrameGeometry& quilt, const QuiltLayout& layout, const std::string& name) {

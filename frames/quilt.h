@@ -37,9 +37,9 @@ struct QuiltLayout {
 /// Throws Error(Usage), its message starting with `context`, for a layout that no picture can have.
 void check_quilt_layout(const QuiltLayout& layout, const std::string& context);
 
-/// Parses the layout in a file's name, "city_qs8x6a0.75.png": 8 columns, 6 rows, aspect 0.75
-/// (optional). Ignores the rest of the name. Returns nothing if the name has no layout or an
-/// invalid one.
+/// Parses the layout in a file's name, "city_qs8x6v45a0.75.png": 8 columns, 6 rows, 45 views and
+/// aspect 0.75 (or 3:4), both optional. The last valid layout of a name counts; the rest of the
+/// name is ignored. Returns nothing if the name has no layout or an invalid one.
 [[nodiscard]] std::optional<QuiltLayout> quilt_layout_of_name(const std::filesystem::path& file);
 
 struct TileSize {

@@ -20,15 +20,44 @@
 namespace lenticule::frames {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, StereoLayout>, 4> kStereoWords{{
-    {"sbs", {.beside = true, .half = false}},
-    {"tb", {.beside = false, .half = false}},
+/// The first four are also the values of --stereo.
+constexpr std::pair<std::string_view, StereoLayout> kStereoWords[] = {
+    {"sbs", {.beside = true}},
+    {"tb", {.beside = false}},
     {"hsbs", {.beside = true, .half = true}},
     {"htb", {.beside = false, .half = true}},
-}};
+    {"fsbs", {.beside = true}},
+    {"lr", {.beside = true}},
+    {"lrh", {.beside = true, .half = true}},
+    {"lrq", {.beside = true, .half = true}},
+    {"2x1", {.beside = true}},
+    {"3dh", {.beside = true}},
+    {"sidebyside", {.beside = true}},
+    {"leftright", {.beside = true}},
+    {"rl", {.beside = true, .right_first = true}},
+    {"rlh", {.beside = true, .half = true, .right_first = true}},
+    {"rlq", {.beside = true, .half = true, .right_first = true}},
+    {"rightleft", {.beside = true, .right_first = true}},
+    {"tab", {.beside = false}},
+    {"ftab", {.beside = false}},
+    {"ou", {.beside = false}},
+    {"fou", {.beside = false}},
+    {"1x2", {.beside = false}},
+    {"3dv", {.beside = false}},
+    {"topbottom", {.beside = false}},
+    {"overunder", {.beside = false}},
+    {"htab", {.beside = false, .half = true}},
+    {"hou", {.beside = false, .half = true}},
+    {"tbh", {.beside = false, .half = true}},
+    {"tbq", {.beside = false, .half = true}},
+    {"bt", {.beside = false, .right_first = true}},
+    {"bottomtop", {.beside = false, .right_first = true}},
+};
 
-std::optional<StereoLayout> stereo_word(std::string_view word) {
-  for (const auto& [name, layout] : kStereoWords)
+std::optional<StereoLayout> stereo_word(
+    std::string_view word,
+    std::span<const std::pair<std::string_view, StereoLayout>> words = kStereoWords) {
+  for (const auto& [name, layout] : words)
     if (word == name) return layout;
   return std::nullopt;
 }
@@ -36,13 +65,19 @@ std::optional<StereoLayout> stereo_word(std::string_view word) {
 /// Returns the words of the name in lower case, without the extension.
 std::vector<std::string> words_of(const std::filesystem::path& file) {
   std::vector<std::string> words(1);
-  for (const char c : lower_case(file.stem().string())) {
-    if (c == '_' || c == '-' || c == '.' || c == ' ')
-      words.emplace_back();
-    else
-      words.back() += c;
+  bool small = false;
+  for (const char c : file.stem().string()) {
+    const bool capital = c >= 'A' && c <= 'Z';
+    const bool between = c == '_' || c == '-' || c == '.' || c == ' ';
+    if (between || (small && capital)) words.emplace_back();
+    if (!between) words.back() += capital ? static_cast<char>(c - 'A' + 'a') : c;
+    small = c >= 'a' && c <= 'z';
   }
   return words;
+}
+
+bool has_extension(const std::filesystem::path& file, std::string_view extension) {
+  return lower_case(file.extension().string()) == extension;
 }
 
 bool means_half(const std::vector<std::string>& words, size_t at) {
@@ -52,7 +87,7 @@ bool means_half(const std::vector<std::string>& words, size_t at) {
 }  // namespace
 
 StereoLayout parse_stereo(const std::string& text) {
-  if (const auto layout = stereo_word(text)) return *layout;
+  if (const auto layout = stereo_word(text, std::span(kStereoWords).first<4>())) return *layout;
   throw Error(ErrorKind::Usage, fmt::format("--stereo '{}': unknown", text),
               "use sbs, tb, hsbs (half width), htb (half height) or none");
 }
@@ -61,10 +96,13 @@ std::optional<StereoLayout> stereo_of_name(const std::filesystem::path& file) {
   const std::vector<std::string> words = words_of(file);
   for (size_t at = 1; at < words.size(); ++at) {
     std::optional<StereoLayout> layout = stereo_word(words[at]);
+    if (!layout && at + 1 < words.size()) layout = stereo_word(words[at] + words[at + 1]);
     if (!layout) continue;
     layout->half = layout->half || means_half(words, at - 1) || means_half(words, at + 1);
     return layout;
   }
+  // As in .jps without a tag, the right eye's picture is on the left.
+  if (has_extension(file, ".pns")) return StereoLayout{.beside = true, .right_first = true};
   return std::nullopt;
 }
 
@@ -72,7 +110,7 @@ StereoTiles tiles_of(const StereoLayout& stereo, const FrameGeometry& picture) {
   StereoTiles tiles;
   tiles.layout =
       stereo.beside ? QuiltLayout{.columns = 2, .rows = 1} : QuiltLayout{.columns = 1, .rows = 2};
-  tiles.rightmost_first = !stereo.beside;
+  tiles.rightmost_first = stereo.beside == stereo.right_first;
   if (stereo.half) tiles.layout.aspect = static_cast<double>(picture.width) / picture.height;
   return tiles;
 }
@@ -117,17 +155,16 @@ std::span<const uint8_t> descriptor_of(std::span<const uint8_t> head) {
 }  // namespace
 
 bool is_jps_name(const std::filesystem::path& file) {
-  const std::string extension = file.extension().string();
-  return extension == ".jps" || extension == ".JPS";
+  return has_extension(file, ".jps");
 }
 
-JpsTag parse_jps_tag(std::span<const uint8_t> head, const std::string& name) {
+StereoLayout parse_jps_tag(std::span<const uint8_t> head, const std::string& name) {
   // Two bytes of length, then separation, flags, layout and type.
   constexpr size_t kDescriptorBytes = 6;
   constexpr uint8_t kHalfHeight = 1, kHalfWidth = 2, kLeftFirst = 4;
   constexpr uint8_t kStereoscopic = 1, kBeside = 2, kAbove = 3;
   const std::span<const uint8_t> descriptor = descriptor_of(head);
-  if (descriptor.size() < kDescriptorBytes) return {};
+  if (descriptor.size() < kDescriptorBytes) return {.right_first = true};
   const uint8_t flags = descriptor[3], layout = descriptor[4], type = descriptor[5];
   if (type != kStereoscopic)
     throw Error(ErrorKind::Input, fmt::format("{}: its tag says that it is not stereoscopic", name),
@@ -140,10 +177,10 @@ JpsTag parse_jps_tag(std::span<const uint8_t> head, const std::string& name) {
         "convert it to side by side");
   const bool beside = layout == kBeside;
   const bool half = (flags & (beside ? kHalfWidth : kHalfHeight)) != 0;
-  return {.stereo = {.beside = beside, .half = half}, .right_first = (flags & kLeftFirst) == 0};
+  return {.beside = beside, .half = half, .right_first = (flags & kLeftFirst) == 0};
 }
 
-JpsTag read_jps_tag(const std::filesystem::path& file) {
+StereoLayout read_jps_tag(const std::filesystem::path& file) {
   const OpenedFile opened = open_regular_file(file, kMostBytes);
   std::vector<uint8_t> head(std::min<uint64_t>(opened.bytes, kHeadBytes));
   const ssize_t n = ::pread(opened.descriptor.get(), head.data(), head.size(), 0);

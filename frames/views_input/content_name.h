@@ -15,20 +15,23 @@
 
 namespace lenticule::frames {
 
-/// StereoLayout describes a left and a right eye's picture in one picture. Side by side, the left
-/// eye's picture is on the left; top and bottom, the left eye's picture is on top.
+/// StereoLayout describes a left and a right eye's picture in one picture, side by side, or top and
+/// bottom.
 struct StereoLayout {
   bool beside = true;
   /// Each picture is squeezed to half, so that both together have the aspect of one picture.
   bool half = false;
+  bool right_first = false;  ///< the right eye's picture is the left or the upper one
   friend bool operator==(const StereoLayout&, const StereoLayout&) = default;
 };
 
 /// Parses "sbs", "tb", "hsbs", "htb". Throws Error(Usage) for other texts.
 [[nodiscard]] StereoLayout parse_stereo(const std::string& text);
 
-/// Finds one of these four words in a file's name, between "_", "-", "." or the name's ends, in any
-/// case. "half" or "h" as the word before or after selects the half layout.
+/// Finds the layout in a file's name: one of the words that cameras, players and users write, after
+/// the first word, in any case. docs/content/content.md lists them. Words end at "_", "-", ".", " "
+/// and where a capital follows a small letter. "half" or "h" as the word before or after selects
+/// the half layout. Names of stereo PNGs end in .pns.
 [[nodiscard]] std::optional<StereoLayout> stereo_of_name(const std::filesystem::path& file);
 
 /// StereoTiles holds two tiles and the order of their cameras.
@@ -49,21 +52,16 @@ enum class DepthPlace { Right, Left, Bottom, Top };
 
 // Reads the stereo layout of a JPEG with two eyes' pictures (.jps) from the file's own tag.
 
-struct JpsTag {
-  StereoLayout stereo;
-  bool right_first = true;  ///< the right eye's picture is the left or the upper one
-};
-
 /// Returns true for a name that ends in .jps.
 [[nodiscard]] bool is_jps_name(const std::filesystem::path& file);
 
 /// Parses the stereoscopic descriptor in the first bytes of the file. Without a descriptor, returns
 /// the format's usual layout: side by side, the right eye's picture on the left. Throws
 /// Error(Input) "name: cause" for unsupported layouts, such as interlaced rows.
-[[nodiscard]] JpsTag parse_jps_tag(std::span<const uint8_t> head, const std::string& name);
+[[nodiscard]] StereoLayout parse_jps_tag(std::span<const uint8_t> head, const std::string& name);
 
 /// Reads the tag of a file. Throws Error(Input) also for a file that cannot be read.
-[[nodiscard]] JpsTag read_jps_tag(const std::filesystem::path& file);
+[[nodiscard]] StereoLayout read_jps_tag(const std::filesystem::path& file);
 
 // Reads the JSON file beside a quilt or a picture with depth, as tools for Looking Glass displays
 // and their users write it, in the spellings in use.

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "base/file.h"
+#include "base/text.h"
 #include "base/unique_fd.h"
 #include "player/playlist/playlist.h"
 
@@ -62,7 +63,7 @@ class FolderWatch {
   const std::string folder_;
   UniqueFd inotify_;    ///< invalid where the kernel cannot watch the folder
   FileMark watched_{};  ///< the folder that inotify_ watches
-  std::map<std::string, File> files_;
+  std::map<std::string, File, NaturalOrder> files_;
 };
 
 /// The folders that a player reads as lists. Thread safety: any thread.

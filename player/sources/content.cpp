@@ -146,12 +146,7 @@ std::optional<Content> tagged_stereo(const SourceSpec& source) {
   const std::string& text = source.text;
   const ContentFlags& flags = source.content;
   if (!flags.stereo.empty()) return std::nullopt;
-  if (frames::is_jps_name(text)) {
-    const frames::JpsTag tag = frames::read_jps_tag(text);
-    Content content = stereo(tag.stereo, flags);
-    content.rightmost_first = tag.right_first;
-    return content;
-  }
+  if (frames::is_jps_name(text)) return stereo(frames::read_jps_tag(text), flags);
   if (source.kind != SourceKind::Video) return std::nullopt;
   const std::optional<VideoStereo> tag = probe_video(text).front().stereo;
   if (!tag) return std::nullopt;
@@ -164,9 +159,7 @@ std::optional<Content> tagged_stereo(const SourceSpec& source) {
             text, tag->layout),
         "use --stereo none to play it unchanged");
   // The shape of the pixels shows whether each eye is squeezed.
-  Content content = stereo({.beside = beside, .half = false}, flags);
-  content.rightmost_first = tag->right_first;
-  return content;
+  return stereo({.beside = beside, .half = false, .right_first = tag->right_first}, flags);
 }
 
 void refuse_multi_picture(const std::string& text) {

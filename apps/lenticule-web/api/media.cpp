@@ -17,6 +17,7 @@
 #include "base/file.h"
 #include "base/numbers.h"
 #include "base/print.h"
+#include "base/text.h"
 #include "base/unique_fd.h"
 
 namespace lenticule::web {
@@ -232,7 +233,7 @@ ordered_json Media::list() const {
     if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
     if (names.size() >= kMaxFiles) break;
   }
-  std::sort(names.begin(), names.end());
+  std::sort(names.begin(), names.end(), NaturalOrder());
   ordered_json result = {{"files", ordered_json::array()}, {"free_bytes", free_bytes()}};
   for (const std::string& name : names) {
     try {

@@ -35,13 +35,24 @@ TEST(QuiltName, IsColumnsRowsAspect) {
             (QuiltLayout{.columns = 4, .rows = 3, .views = 0, .aspect = std::nullopt}));
   EXPECT_EQ(quilt_layout_of_name("CITY_QS8X6A0.75.PNG")->rows, 6) << "capitals";
   EXPECT_EQ(quilt_layout_of_name("a_qs2x2a1_qs4x3a1.png")->columns, 4) << "the last one counts";
+  EXPECT_EQ(quilt_layout_of_name("a_qs8x6v45a0.75.png"),
+            (QuiltLayout{.columns = 8, .rows = 6, .views = 45, .aspect = 0.75}));
+  for (const char* const name :
+       {"qs8x6a0.75.png", "q qs8x6a0.75.png", "q_qs08x06a0.75.png", "q_qs8X6a0.75.png",
+        "q_qs8x6a.75.png", "q_qs8x6a3:4.png", "q_qs8x6a0.75 (1).png", "q_qs8x6a0.75-loop.png",
+        "q_qs8x6a0.75.q.png", "q_qs8x6a0.75_1.png", "q_qs8x6a0.75f0.2z1.png", "q_qs8x6a0.75_qs.png",
+        "q_qs8x6a0.75_qs8.png"})
+    EXPECT_EQ(quilt_layout_of_name(name),
+              (QuiltLayout{.columns = 8, .rows = 6, .views = 0, .aspect = 0.75}))
+        << name;
 }
 
 TEST(QuiltName, RefusesInvalidLayouts) {
   for (const char* name :
-       {"a.png", "qs8x6a0.75.png", "a_qs8.png", "a_qsx6a1.png", "a_qs0x6a1.png", "a_qs8x-6a1.png",
-        "a_qs8x6a0.png", "a_qs8x6anan.png", "a_qs8x6a-1.png", "a_qs99999x99999a1.png",
-        "a_qs99999999999x1a1.png", "a_qs8x6a1000.png", "a_qs8x6ainf.png", "a_qs", ""})
+       {"a.png", "q_8x6_qs.png", "seqs8x6.png", "a_qs8x6v49.png", "a_qs8x6a3:0.png", "a_qs8.png",
+        "a_qsx6a1.png", "a_qs0x6a1.png", "a_qs8x-6a1.png", "a_qs8x6a0.png", "a_qs8x6anan.png",
+        "a_qs8x6a-1.png", "a_qs99999x99999a1.png", "a_qs99999999999x1a1.png", "a_qs8x6a1000.png",
+        "a_qs8x6ainf.png", "a_qs", ""})
     EXPECT_FALSE(quilt_layout_of_name(name)) << name;
 }
 

@@ -22,9 +22,30 @@ TEST(ContentName, FindsStereoLayoutsInNames) {
       {"film.half-sbs.mkv", {.beside = true, .half = true}},
       {"film_sbs_half.png", {.beside = true, .half = true}},
       {"film_tb.png", {.beside = false, .half = false}},
-      {"film_htb.png", {.beside = false, .half = true}}};
+      {"film_htb.png", {.beside = false, .half = true}},
+      {"a-hsbs.png", {.beside = true, .half = true}},
+      {"a.left-right.png", {.beside = true}},
+      {"aSBS.png", {.beside = true}},
+      {"a_180_sbs.png", {.beside = true}},
+      {"a_2x1.png", {.beside = true}},
+      {"a_half_2x1.png", {.beside = true, .half = true}},
+      {"a_3dh.png", {.beside = true}},
+      {"a_3DV.mp4", {.beside = false}},
+      {"a_FSBS.png", {.beside = true}},
+      {"a_LR.png", {.beside = true}},
+      {"a_LRQ.png", {.beside = true, .half = true}},
+      {"a_RL.png", {.beside = true, .right_first = true}},
+      {"a_OU.png", {.beside = false}},
+      {"a_over-under.png", {.beside = false}},
+      {"a_hou.png", {.beside = false, .half = true}},
+      {"a_half-tab.mkv", {.beside = false, .half = true}},
+      {"a_SBS_3840.png", {.beside = true}},
+      {"a_full_sbs.png", {.beside = true}},
+      {"a_sidebyside.png", {.beside = true}},
+      {"a.pns", {.beside = true, .right_first = true}}};
   for (const auto& [name, layout] : names) EXPECT_EQ(stereo_of_name(name), layout) << name;
-  for (const char* const name : {"sbs.png", "film.png", "sbs/film.png", "filmsbs.png", "half.png"})
+  for (const char* const name : {"sbs.png", "film.png", "sbs/film.png", "filmsbs.png", "half.png",
+                                 "my-left-foot.png", "table_top.png", "12x1.png", "colour.png"})
     EXPECT_FALSE(stereo_of_name(name)) << name;
   EXPECT_TRUE(is_rgbd_name("cat_rgbd.png"));
   EXPECT_TRUE(is_rgbd_name("cat_RGBD_%03d.png"));
@@ -37,9 +58,10 @@ TEST(ContentName, TheLeftEyeIsTheFirstView) {
     for (int byte = 0; byte < 12; ++byte)
       picture.row(row)[byte] = static_cast<uint8_t>((row / 2) * 100 + byte / 6);
   const auto first = [&](const char* word, bool inverted) {
-    const StereoTiles tiles = tiles_of(parse_stereo(word), picture.geometry());
-    auto arranged =
-        arrange_quilt(picture.geometry(), tiles.layout, tiles.rightmost_first != inverted, "film");
+    StereoLayout stereo = parse_stereo(word);
+    stereo.right_first = inverted;
+    const StereoTiles tiles = tiles_of(stereo, picture.geometry());
+    auto arranged = arrange_quilt(picture.geometry(), tiles.layout, tiles.rightmost_first, "film");
     const FrameView pictures[] = {picture.view()};
     return int{*arranged->arrange(pictures).pixel(0, 0, 0)};
   };

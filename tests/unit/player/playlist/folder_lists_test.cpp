@@ -52,6 +52,16 @@ TEST_F(FolderWatchTest, FilesThatWereThereAreWholeUnlessTheyAreNew) {
   EXPECT_THAT(watch.whole_files(now + seconds(3)), ElementsAre("a.lts", "b.lts", "c.lts"));
 }
 
+TEST_F(FolderWatchTest, NamesAreInTheOrderOfTheirNumbers) {
+  for (const char* name : {"a10.lts", "a9.lts", "a2b.lts", "a2.lts", "b1.lts"}) {
+    write(name);
+    age(name);
+  }
+  FolderWatch watch(folder, now);
+  EXPECT_THAT(watch.whole_files(now),
+              ElementsAre("a2.lts", "a2b.lts", "a9.lts", "a10.lts", "b1.lts"));
+}
+
 TEST_F(FolderWatchTest, AFileIsWholeWhenItsWriterClosesIt) {
   FolderWatch watch(folder, now);
   std::ofstream file(folder + "a.lts");
