@@ -330,6 +330,9 @@ std::optional<QuiltSidecar> parse_quilt_sidecar(std::string_view json, const std
 }
 
 std::filesystem::path sidecar_of(const std::filesystem::path& picture) {
+  const std::filesystem::path appended = picture.string() + ".json";
+  std::error_code ignored;
+  if (std::filesystem::exists(appended, ignored)) return appended;
   return std::filesystem::path(picture).replace_extension(".json");
 }
 

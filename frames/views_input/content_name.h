@@ -85,7 +85,7 @@ struct QuiltSidecar {
 [[nodiscard]] std::optional<QuiltSidecar> parse_quilt_sidecar(std::string_view json,
                                                               const std::string& source);
 
-/// Returns "city.json" for "city.png".
+/// Returns "city.png.json" for "city.png" if that file exists, otherwise "city.json".
 [[nodiscard]] std::filesystem::path sidecar_of(const std::filesystem::path& picture);
 
 /// Reads the file beside `picture`; returns nothing if there is none. Throws the errors of

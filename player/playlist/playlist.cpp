@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/numbers.h"
 #include "optics/toml.h"
 #include "player/playlist/folder_lists.h"
 
@@ -108,6 +109,8 @@ class Reader {
       : name_(std::move(name)), folder_(std::move(folder)) {}
 
   [[nodiscard]] Playlist read(std::string_view text) const;
+  /// Reads an M3U list: a file per line, after an optional "#EXTINF:SECONDS,TITLE".
+  [[nodiscard]] Playlist read_m3u(std::string_view text) const;
 
  private:
   [[noreturn]] void fail(const toml::node& node, const std::string& cause,
@@ -121,7 +124,7 @@ class Reader {
   }
   [[nodiscard]] PlaylistItem item(const toml::node& node) const;
   void item_key(std::string_view key, const toml::node& node, PlaylistItem& item) const;
-  [[nodiscard]] SourceSpec source(const toml::node& node) const;
+  [[nodiscard]] SourceSpec source(const std::string& name, toml::source_index line) const;
   [[nodiscard]] std::string text(const toml::node& node) const;
   [[nodiscard]] double seconds(const toml::node& node) const;
   [[nodiscard]] uint64_t loops(const toml::node& node) const;
@@ -163,6 +166,30 @@ Playlist Reader::read(std::string_view text) const {
   return list;
 }
 
+Playlist Reader::read_m3u(std::string_view text) const {
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF", kSeconds = "#EXTINF:";
+  Playlist list{.name = name_, .items = {}, .standby = {}, .rounds = kForever};
+  double still_s = kStillSeconds;
+  if (text.starts_with(kByteOrderMark)) text.remove_prefix(kByteOrderMark.size());
+  for (toml::source_index number = 1; !text.empty(); ++number) {
+    std::string_view line = text.substr(0, text.find('\n'));
+    text.remove_prefix(std::min(text.size(), line.size() + 1));
+    if (line.ends_with('\r')) line.remove_suffix(1);
+    if (line.starts_with(kSeconds)) {
+      line.remove_prefix(kSeconds.size());
+      const auto seconds = take_number<double>(line);  // 0 and -1: not stated
+      if (seconds && *seconds > 0.0 && *seconds <= kMaxSeconds) still_s = *seconds;
+    }
+    if (line.empty() || line.starts_with('#')) continue;
+    if (list.items.size() == kMaxPlaylistItems)
+      fail_at(number, fmt::format("more than {} files", kMaxPlaylistItems));
+    list.items.push_back({.source = source(std::string(line), number), .still_s = still_s});
+    still_s = kStillSeconds;
+  }
+  if (list.items.empty()) fail_at(1, "no file", "an M3U list has a file's name per line");
+  return list;
+}
+
 void Reader::items(const toml::node& node, Playlist& list) const {
   const toml::array* const array = node.as_array();
   if (array == nullptr) fail(node, "item: not an array of tables", "write [[item]]");
@@ -191,7 +218,7 @@ PlaylistItem Reader::item(const toml::node& node) const {
 void Reader::item_key(std::string_view key, const toml::node& node, PlaylistItem& item) const {
   try {
     if (key == "source") {
-      item.source = source(node);
+      item.source = source(text(node), node.source().begin.line);
     } else if (key == "loops") {
       item.loops = loops(node);
     } else if (key == "duration_s") {
@@ -230,13 +257,12 @@ bool Reader::waits_until_primed(const toml::node& node) const {
   return cut == "primed";
 }
 
-SourceSpec Reader::source(const toml::node& node) const {
-  const std::string name = text(node);
+SourceSpec Reader::source(const std::string& name, toml::source_index line) const {
   if (name.empty() || name.size() > kMaxSourceBytes || name.find('\0') != std::string::npos)
-    fail(node, "source: not a valid name");
+    fail_at(line, "source: not a valid name");
   const SourceSpec source = parse_source(name, {}, folder_);
   if (source.kind == SourceKind::List && !names_folder(source.text))
-    fail(node, "source: a list cannot contain a list");
+    fail_at(line, "source: a list cannot contain a list");
   return source.in_folder(folder_);
 }
 
@@ -306,9 +332,10 @@ int Reader::minute(const toml::node& node) const {
 
 }  // namespace
 
-Playlist parse_playlist(std::string_view toml, const std::string& name,
+Playlist parse_playlist(std::string_view text, const std::string& name,
                         const std::filesystem::path& folder) {
-  return Reader(name, folder).read(toml);
+  const Reader reader(name, folder);
+  return is_m3u_name(name) ? reader.read_m3u(text) : reader.read(text);
 }
 
 Playlist load_playlist(const std::filesystem::path& file) {

@@ -77,9 +77,9 @@ inline constexpr size_t kMaxPlaylistItems = 1000;
 inline constexpr double kStillSeconds = 10.0;
 inline constexpr double kUntilEnded = 1e9;  ///< seconds, longer than any panel lasts
 
-/// Parses a playlist; docs/play/control.md lists the keys. Files are relative to `folder`. Throws
-/// Error(Input) that begins with "name:LINE: ".
-[[nodiscard]] Playlist parse_playlist(std::string_view toml, const std::string& name,
+/// Parses a playlist, in M3U if its name says so, otherwise in TOML; docs/play/control.md lists the
+/// keys. Files are relative to `folder`. Throws Error(Input) that begins with "name:LINE: ".
+[[nodiscard]] Playlist parse_playlist(std::string_view text, const std::string& name,
                                       const std::filesystem::path& folder);
 /// Reads and parses a file. Throws Error(Input), also for a file that cannot be read.
 [[nodiscard]] Playlist load_playlist(const std::filesystem::path& file);

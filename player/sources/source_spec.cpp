@@ -42,7 +42,8 @@ SourceKind kind_of(const std::string& text) {
   if (text == kCode || text.starts_with(kCodePrefix)) return SourceKind::Code;
   if (text.starts_with(kRingPrefix)) return SourceKind::Ring;
   if (text.starts_with(kViewFilesPrefix)) return SourceKind::ViewFiles;
-  if (lower_case(text).ends_with(".toml") || text.ends_with('/')) return SourceKind::List;
+  if (lower_case(text).ends_with(".toml") || is_m3u_name(text) || text.ends_with('/'))
+    return SourceKind::List;
   return kind_of_file(text);
 }
 
@@ -76,6 +77,11 @@ std::optional<uint64_t> frame_number(std::string_view text) {
 }
 
 }  // namespace
+
+bool is_m3u_name(const std::string& file) {
+  const std::string extension = lower_case(fs::path(file).extension().string());
+  return extension == ".m3u" || extension == ".m3u8";
+}
 
 SourceKind kind_of_file(const fs::path& file) {
   if (frames::is_sequence_name(file)) return SourceKind::Sequence;

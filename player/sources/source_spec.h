@@ -72,6 +72,8 @@ struct SourceSpec {
 [[nodiscard]] SourceSpec parse_source(std::string text, ContentFlags content = {},
                                       const std::filesystem::path& folder = {});
 
+/// Returns true for a name that ends in .m3u or .m3u8, in any case.
+[[nodiscard]] bool is_m3u_name(const std::string& file);
 /// Returns Sequence, Video or Pictures, for a file or pattern within a source.
 [[nodiscard]] SourceKind kind_of_file(const std::filesystem::path& file);
 

@@ -210,7 +210,9 @@ ordered_json PlayList::locked_read() {
   const fs::path file =
       result["file"].is_string() ? fs::path(result["file"].get<std::string>()) : own_file_;
   std::error_code error;
-  result["editable"] = fs::equivalent(file.parent_path(), own_file_.parent_path(), error);
+  // What the page saves is TOML.
+  result["editable"] = !file.extension().string().starts_with(".m3u") &&
+                       fs::equivalent(file.parent_path(), own_file_.parent_path(), error);
   if (result["editable"] == true && result["file"].is_string() && fs::exists(file, error)) {
     try {
       result["by_hand"] = !read_text_file(file, kMaxListBytes).starts_with(kHead);

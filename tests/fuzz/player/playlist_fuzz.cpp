@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads any bytes as a playlist: the result is an Error with a line, or a valid list.
+#include <string>
 #include <string_view>
 
 #include "base/error.h"
@@ -7,9 +8,10 @@
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace lenticule::player;
+  const std::string_view text(reinterpret_cast<const char*>(data), size);
+  const char* const name = text.starts_with("#EXT") ? "fuzz.m3u" : "fuzz.toml";
   try {
-    const Playlist list =
-        parse_playlist({reinterpret_cast<const char*>(data), size}, "fuzz.toml", "/folder");
+    const Playlist list = parse_playlist(text, name, "/folder");
     LENTICULE_CHECK(!list.items.empty() && list.items.size() <= kMaxPlaylistItems);
     for (const PlaylistItem& item : list.items) LENTICULE_CHECK(!item.source.text.empty());
     std::optional<size_t> at;
@@ -22,7 +24,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
       rounds = next.rounds_done;
     }
   } catch (const lenticule::Error& error) {
-    LENTICULE_CHECK(std::string_view(error.what()).substr(0, 10) == "fuzz.toml:");
+    LENTICULE_CHECK(std::string_view(error.what()).starts_with(std::string(name) + ':'));
   }
   return 0;
 }

@@ -30,6 +30,26 @@ TEST(PlaylistOrder, AListWithoutItemsWaitsForThem) {
   EXPECT_EQ(reason_to_wait(list, {}), "no file to play yet");
 }
 
+TEST(PlaylistFile, ReadsTheListsOfOtherPlayers) {
+  const Playlist list = parse_playlist(
+      "\xEF\xBB\xBF#EXTM3U\r\n#EXTINF:12.5,City\r\ncity_qs8x6.png\r\n\r\n#EXTINF:-1\r\n/b/c.mp4",
+      "list.M3U8", "/films");
+  ASSERT_EQ(list.items.size(), 2u);
+  EXPECT_EQ(list.items[0].source.text, "/films/city_qs8x6.png");
+  EXPECT_EQ(list.items[0].still_s, 12.5);
+  EXPECT_EQ(list.items[1].source.text, "/b/c.mp4");
+  EXPECT_EQ(list.items[1].still_s, kStillSeconds);
+  EXPECT_EQ(list.rounds, kForever);
+  for (const auto& [text, line] : {std::pair("#EXTM3U\n", "1"), {"a.png\n\nother.toml\n", "3"}}) {
+    try {
+      (void)parse_playlist(text, "list.m3u", "/films");
+      ADD_FAILURE() << text;
+    } catch (const Error& error) {
+      EXPECT_EQ(std::string(error.what()).rfind(std::string("list.m3u:") + line, 0), 0u);
+    }
+  }
+}
+
 TEST(PlaylistFile, ReadsEveryKey) {
   const Playlist list = parse(R"(format = 1
 loop = "forever"
