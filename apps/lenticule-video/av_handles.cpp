@@ -45,7 +45,9 @@ int64_t seek(void* opaque, int64_t offset, int whence) {
   return at < 0 ? AVERROR(errno) : at;
 }
 
-AvIo make(const int& fd, bool writes) {
+}  // namespace
+
+AvIo make_io(const int& fd, bool writes) {
   auto* const buffer = static_cast<uint8_t*>(av_malloc(kBufferBytes));
   auto* const opaque = const_cast<int*>(&fd);
   AVIOContext* const io = buffer == nullptr
@@ -57,16 +59,6 @@ AvIo make(const int& fd, bool writes) {
     throw Error(ErrorKind::Failed, "video: out of memory");
   }
   return AvIo(io);
-}
-
-}  // namespace
-
-AvIo read_descriptor(const int& fd) {
-  return make(fd, false);
-}
-
-AvIo write_descriptor(const int& fd) {
-  return make(fd, true);
 }
 
 }  // namespace lenticule::video

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Defines one deleter for each of FFmpeg's types, and FFmpeg's reading and writing of descriptors.
+// Defines owners of FFmpeg's types, and FFmpeg's reading and writing of descriptors.
 #pragma once
 
 #include <memory>
@@ -9,14 +9,10 @@
 
 namespace lenticule::video {
 
-struct FreeFrame {
-  void operator()(AVFrame* frame) const { av_frame_free(&frame); }
-};
-struct FreePacket {
-  void operator()(AVPacket* packet) const { av_packet_free(&packet); }
-};
-struct FreeCodec {
-  void operator()(AVCodecContext* codec) const { avcodec_free_context(&codec); }
+/// Calls a function that frees an object and clears the pointer to it.
+template <auto kFree>
+struct Free {
+  void operator()(auto* object) const { kFree(&object); }
 };
 struct FreeIo {
   void operator()(AVIOContext* io) const {
@@ -24,18 +20,15 @@ struct FreeIo {
     avio_context_free(&io);
   }
 };
-struct CloseInput {
-  void operator()(AVFormatContext* format) const { avformat_close_input(&format); }
-};
 struct FreeFormat {
   void operator()(AVFormatContext* format) const { avformat_free_context(format); }
 };
 
-using AvFrame = std::unique_ptr<AVFrame, FreeFrame>;
-using AvPacket = std::unique_ptr<AVPacket, FreePacket>;
-using AvCodec = std::unique_ptr<AVCodecContext, FreeCodec>;
+using AvFrame = std::unique_ptr<AVFrame, Free<av_frame_free>>;
+using AvPacket = std::unique_ptr<AVPacket, Free<av_packet_free>>;
+using AvCodec = std::unique_ptr<AVCodecContext, Free<avcodec_free_context>>;
 using AvIo = std::unique_ptr<AVIOContext, FreeIo>;
-using AvInput = std::unique_ptr<AVFormatContext, CloseInput>;
+using AvInput = std::unique_ptr<AVFormatContext, Free<avformat_close_input>>;
 using AvOutput = std::unique_ptr<AVFormatContext, FreeFormat>;
 
 [[nodiscard]] inline std::string av_reason(int error) {
@@ -44,10 +37,8 @@ using AvOutput = std::unique_ptr<AVFormatContext, FreeFormat>;
   return text;
 }
 
-// Lets FFmpeg read and write an open descriptor instead of a named file.
-
-/// Lifetime: the descriptor stays its owner's and must outlive the result. Throws Error(Failed).
-[[nodiscard]] AvIo read_descriptor(const int& fd);
-[[nodiscard]] AvIo write_descriptor(const int& fd);
+/// Lets FFmpeg read or write an open descriptor instead of a named file. Lifetime: the descriptor
+/// stays its owner's and must outlive the result. Throws Error(Failed).
+[[nodiscard]] AvIo make_io(const int& fd, bool writes);
 
 }  // namespace lenticule::video

@@ -237,7 +237,7 @@ int open_clip_file(const std::string& name) {
 }
 
 Container::Container(const int& fd, std::string name)
-    : name_(std::move(name)), io_(read_descriptor(fd)) {
+    : name_(std::move(name)), io_(make_io(fd, false)) {
   if (::lseek(fd, 0, SEEK_SET) != 0) fail(name_, "cannot seek to its start");
   AVFormatContext* format = avformat_alloc_context();
   if (format == nullptr) throw Error(ErrorKind::Failed, "video: out of memory");

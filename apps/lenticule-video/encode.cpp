@@ -104,7 +104,7 @@ class Encoder {
 Encoder::Encoder(const EncodeRequest& request, const int& fd)
     : request_(request),
       input_(input_format(request)),
-      io_(write_descriptor(fd)),
+      io_(make_io(fd, true)),
       frame_(av_frame_alloc()),
       packet_(av_packet_alloc()) {
   const bool x264 = request.codec == "x264rgb";

@@ -92,6 +92,13 @@ int main(int argc, char** argv) {
   CLI::App app{"Reads and writes video files for lenticule, in a process of its own."};
   app.name("lenticule-video");
   app.set_version_flag("--version", std::string("lenticule-video ") + LENTICULE_VERSION);
+  std::string player;
+  app.add_option("--for", player, "version of the program that starts this one")
+      ->check([](const std::string& version) -> std::string {
+        if (version == LENTICULE_VERSION) return {};
+        return "this is version " LENTICULE_VERSION " of the decoders, and version " + version +
+               " of the player runs: restart the player";
+      });
   app.require_subcommand(1);
   std::map<const CLI::App*, Run> runs;
   CLI::App* const probe = app.add_subcommand("probe", "print the contents of a file as JSON");

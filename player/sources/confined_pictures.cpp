@@ -113,7 +113,7 @@ class Decoder {
       throw no_decoder(errno);
     socket_ = UniqueFd(ends[0]);
     const UniqueFd theirs(ends[1]);
-    std::vector<std::string> command = {program.string(), "pictures", "--parent",
+    std::vector<std::string> command = {program.string(), kForThisVersion, "pictures", "--parent",
                                         std::to_string(getpid())};
     if (formats == Formats::Png) command.emplace_back("--png");
     process_ = Subprocess(
@@ -321,8 +321,10 @@ class Decoder {
     throw Error(ready_ ? ErrorKind::Input : ErrorKind::Failed,
                 ready_ ? fmt::format("{}: its decoder {}", file.string(), how)
                        : fmt::format("lenticule-video: {} before its first picture", how),
-                ready_ ? "the file is broken; convert it again"
-                       : "reinstall lenticule-media, or use a kernel with seccomp filters");
+                ready_
+                    ? "the file is broken; convert it again"
+                    : "restart the player if it was upgraded; else reinstall lenticule-media, or "
+                      "use a kernel with seccomp filters");
   }
 
   const PictureLimits limits_;

@@ -224,7 +224,8 @@ std::vector<VideoStream> probe_video(const fs::path& file, const fs::path& progr
   const std::string path = (program.empty() ? find_video_program() : program).string();
   const FileMark mark = mark_of(file);
   if (const auto known = remembered(mark, path)) return *known;
-  const ProgramRun result = run_child({path, "probe", "--", file.string()}, kProbeLimit);
+  const ProgramRun result =
+      run_child({path, kForThisVersion, "probe", "--", file.string()}, kProbeLimit);
   if (result.exit_code == kOk) {
     std::vector<VideoStream> streams = parse_video_probe(result.output, file.string());
     // A file that changed during the probe is probed again the next time.
@@ -232,7 +233,8 @@ std::vector<VideoStream> probe_video(const fs::path& file, const fs::path& progr
     return streams;
   }
   if (result.exit_code == kInput) throw reported_error(ErrorKind::Input, result.output);
-  if (result.exit_code == kFailed) throw reported_error(ErrorKind::Failed, result.output);
+  // Also the message of the dynamic linker, if libraries are missing in the middle of an upgrade.
+  if (result.exit_code > 0) throw reported_error(ErrorKind::Failed, result.output);
   throw Error(ErrorKind::Input,
               fmt::format("{}: the program that examines it {}", file.string(),
                           result.timed_out ? "does not end" : "crashed"),

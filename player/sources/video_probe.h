@@ -58,6 +58,10 @@ struct VideoEvent {
 /// Returns none if the line is not such an event. Never throws because of the line's contents.
 [[nodiscard]] std::optional<VideoEvent> parse_video_event(std::string_view line);
 
+/// The program's first argument: it refuses to work for a player of another version, whose package
+/// was upgraded while it ran.
+inline constexpr const char* kForThisVersion = "--for=" LENTICULE_VERSION;
+
 /// Returns the program's path: beside this program, or in ../libexec/lenticule if installed. Throws
 /// Error(Failed).
 [[nodiscard]] std::filesystem::path find_video_program();

@@ -72,8 +72,8 @@ class VideoChild {
   VideoChild(const VideoChild&) = delete;
   VideoChild& operator=(const VideoChild&) = delete;
 
-  /// Starts the program arguments[0], passing "--parent PID" to its subcommand arguments[1]. The
-  /// previous child must have ended and its end must have been taken.
+  /// Starts the program arguments[0]. The previous child must have ended and its end must have been
+  /// taken.
   void start(std::vector<std::string> arguments);
   void kill() {
     {
@@ -165,11 +165,10 @@ VideoChild::~VideoChild() {
 }
 
 void VideoChild::start(std::vector<std::string> arguments) {
-  LENTICULE_CHECK(!present_ && arguments.size() >= 2);
+  LENTICULE_CHECK(!present_);
   present_ = true;
   broken_.store(0);
   rounds_.store(0);
-  arguments.insert(arguments.begin() + 2, {"--parent", std::to_string(getpid())});
   {
     const std::lock_guard lock(mutex_);
     arguments_ = std::move(arguments);
@@ -527,7 +526,8 @@ void Source::begin_child() {
   const FrameRange range =
       request_.frames.value_or(FrameRange{0, std::numeric_limits<uint64_t>::max()});
   std::vector<std::string> arguments = {
-      program_.string(), "decode",
+      program_.string(), kForThisVersion,
+      "decode",          "--parent=" + std::to_string(getpid()),
       "--ring",          (folder_.path() / "ring").string(),
       "--stream",        std::to_string(stream_.index),
       "--begin",         std::to_string(range.begin),

@@ -25,6 +25,14 @@ class LonePlayer : public CommandTest {
     return {"play",      source,    "--rig",  source_file("scenes/rigs/tiny.toml"),
             "--display", "virtual", "--wait", "5"};
   }
+
+  /// Writes a shell script as a helper program of the installation.
+  void install_helper(const std::string& name, const std::string& script) const {
+    std::filesystem::create_directories(path("usr/libexec/lenticule"));
+    write("usr/libexec/lenticule/" + name, "#!/bin/sh\n" + script);
+    std::filesystem::permissions(path("usr/libexec/lenticule/" + name),
+                                 std::filesystem::perms::owner_all);
+  }
 };
 
 TEST_F(LonePlayer, ListsEveryCommand) {
@@ -63,6 +71,21 @@ TEST_F(LonePlayer, NamesThePackageThatReadsPicturesAndVideos) {
   }
 }
 
+// An upgrade replaces the decoders of a player that still runs.
+TEST_F(LonePlayer, AsksForARestartWhenItsDecodersAreOfAnotherVersion) {
+  write("film.mkv", "not read");
+  install_helper("lenticule-video",
+                 std::string("shift\nexec ") + LENTICULE_VIDEO_PROGRAM + " --for=0.0.1 \"$@\"\n");
+  for (const std::string& source : {source_file("tests/data/crate.png"), path("film.mkv")})
+    expect_end(run_alone(play(source)), 1, "restart the player");
+}
+
+TEST_F(LonePlayer, ReportsWhyItsDecodersCannotStart) {
+  write("film.mkv", "not read");
+  install_helper("lenticule-video", "echo libavformat.so.61: not found >&2\nexit 127\n");
+  expect_end(run_alone(play(path("film.mkv"))), 1, "libavformat.so.61: not found");
+}
+
 TEST_F(LonePlayer, TakesASampleRigOfItsInstallation) {
   const std::string rig = path("usr/share/lenticule/rigs/tiny.toml");
   std::filesystem::create_directories(path("usr/share/lenticule/rigs"));
@@ -83,11 +106,7 @@ TEST_F(LonePlayer, PlaysASequenceWithoutDecoders) {
 // The folders are those of an installation: /usr/bin/lenticule starts
 // /usr/libexec/lenticule/lenticule-tools.
 TEST_F(LonePlayer, FindsOtherProgramsInTheFolderForHelperPrograms) {
-  std::filesystem::create_directories(path("usr/libexec/lenticule"));
-  std::ofstream(path("usr/libexec/lenticule/lenticule-tools"))
-      << "#!/bin/sh\nprintf '%s,' \"$@\"\nexit 5\n";
-  std::filesystem::permissions(path("usr/libexec/lenticule/lenticule-tools"),
-                               std::filesystem::perms::owner_all);
+  install_helper("lenticule-tools", "printf '%s,' \"$@\"\nexit 5\n");
   const ProcessResult result = run_alone({"--json", "scene", "--", "a b", ""});
   EXPECT_EQ(result.exit_code, 5);
   EXPECT_EQ(result.out, "--json,scene,--,a b,,");

@@ -98,6 +98,7 @@ class VideoWriter::Encoder {
 
   [[nodiscard]] std::vector<std::string> arguments() const {
     return {options_.program.string(),
+            player::kForThisVersion,
             "encode",
             "--width",
             std::to_string(options_.geometry.width),

@@ -87,5 +87,5 @@ int decode(const Arguments& arguments) {
 
 int main(int argc, char** argv) {
   const std::vector<std::string> words(argv + 1, argv + argc);
-  return words.at(0) == "probe" ? probe() : decode(parse(words));
+  return words.at(1) == "probe" ? probe() : decode(parse(words));
 }
