@@ -19,7 +19,13 @@ set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+# Packages of a later Debian are newer, so that apt replaces them when the system is upgraded. Debian's
+# next release has no number yet, and is newer than all.
+cmake_host_system_information(RESULT debian QUERY DISTRIB_VERSION_ID)
 set(CPACK_DEBIAN_PACKAGE_RELEASE 1)
+if(debian)
+  string(APPEND CPACK_DEBIAN_PACKAGE_RELEASE "~deb${debian}")
+endif()
 set(CPACK_DEBIAN_PACKAGE_SECTION graphics)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS ON)
@@ -28,15 +34,12 @@ set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_PRE_BUILD_SCRIPTS ${PROJECT_SOURCE_DIR}/cmake/LenticulePackageTree.cmake)
 
 set(same "(= ${PROJECT_VERSION}-${CPACK_DEBIAN_PACKAGE_RELEASE})")
-# Up to this version one package had the files of all.
-set(one_package "lenticule (<< 0.1.0-1)")
 
 # lenticule_package(COMPONENT PACKAGE SUMMARY TEXT [DEPENDS ...] [RECOMMENDS ...] [SECTION ...]
-#                   [SCRIPTS ...] [KEEPS_NAME])
-#   Describes the package of a component. KEEPS_NAME: the package follows the one that had all files, or
-#   has none of them.
+#                   [SCRIPTS ...])
+#   Describes the package of a component.
 macro(lenticule_package component package summary text)
-  cmake_parse_arguments(PACKAGE KEEPS_NAME "SECTION;RECOMMENDS" "DEPENDS;SCRIPTS" ${ARGN})
+  cmake_parse_arguments(PACKAGE "" "SECTION;RECOMMENDS" "DEPENDS;SCRIPTS" ${ARGN})
   string(TOUPPER ${component} upper)
   list(APPEND CPACK_COMPONENTS_ALL ${component})
   set(CPACK_DEBIAN_${upper}_PACKAGE_NAME ${package})
@@ -50,10 +53,6 @@ macro(lenticule_package component package summary text)
   endif()
   if(PACKAGE_SECTION)
     set(CPACK_DEBIAN_${upper}_PACKAGE_SECTION ${PACKAGE_SECTION})
-  endif()
-  if(NOT PACKAGE_KEEPS_NAME)
-    set(CPACK_DEBIAN_${upper}_PACKAGE_BREAKS "${one_package}")
-    set(CPACK_DEBIAN_${upper}_PACKAGE_REPLACES "${one_package}")
   endif()
 endmacro()
 
@@ -83,7 +82,7 @@ Pages on which a phone or a browser watches and controls the player of a
 kiosk: what plays, the list and its files, the picture that an eye sees, the
 trim of the lens sheet, and metrics for Prometheus."
     DEPENDS "lenticule-player ${same}" RECOMMENDS "lenticule-media ${same}"
-    SCRIPTS web/postinst web/prerm web/postrm KEEPS_NAME)
+    SCRIPTS web/postinst web/prerm web/postrm)
 endif()
 if(SDL2_FOUND)
   lenticule_package(window lenticule-window "preview window for lenticular 3-D displays"
@@ -91,14 +90,14 @@ if(SDL2_FOUND)
 .
 Shows on a desktop what two eyes in front of a panel see, side by side or for
 red-cyan glasses, for authors without a panel."
-    DEPENDS "lenticule-player ${same}" KEEPS_NAME)
+    DEPENDS "lenticule-player ${same}")
 endif()
 if(LENTICULE_RENDER)
   lenticule_package(tools lenticule "renderer and tools for lenticular 3-D displays"
 "Renders scenes, and weaves other people's pictures and videos for a display
 behind a sheet of cylinder lenses. Finds the lens sheet with a camera, from
 photographs or by eye."
-    DEPENDS "lenticule-player ${same}" "lenticule-media ${same}" KEEPS_NAME)
+    DEPENDS "lenticule-player ${same}" "lenticule-media ${same}")
 endif()
 if(LENTICULE_BUILD_BENCH)
   lenticule_package(bench lenticule-bench "benchmarks for lenticular 3-D displays"
