@@ -2,10 +2,13 @@
 """Prepares the files of the virtual machines in build/vm: Debian's kernel, two more drivers, an initramfs.
 
 The kernel package is unpacked, never installed on this machine. vkms, the driver with a timer's
-vblanks and a writeback connector, and gpio-sim, whose lines are set by files, are not in Debian's
-kernel and are built from its source.
+vblanks and a writeback connector, and gpio-sim, whose lines are set by files, are not in all of Debian's
+kernels and are built from its source.
 Does nothing if all files exist: the kernel's part is made again when its version or LAYOUT changes,
 the initramfs when guest_init does.
+
+The kernel of another Debian is prepared in a root of that suite (scripts/in-debian), because its modules
+need its own compiler; the machines read the result there.
 """
 
 import contextlib
@@ -14,6 +17,7 @@ import hashlib
 import lzma
 import os
 import pathlib
+import platform
 import shutil
 import struct
 import subprocess
@@ -21,12 +25,13 @@ import sys
 
 HERE = pathlib.Path(__file__).resolve().parent
 OUTPUT = pathlib.Path(os.environ.get("LENTICULE_VM_DIR", HERE.parents[1] / "build" / "vm"))
-LAYOUT = 2  # to be raised with every change of make_kernel's output
+LAYOUT = 3  # to be raised with every change of make_kernel's output
 HEADERS = pathlib.Path("/usr/src")
 VKMS_SOURCE = "drivers/gpu/drm/vkms"
 GPIO_SIM_SOURCE = "drivers/gpio/gpio-sim.c"
 GPIO_HEADER = "drivers/gpio/gpiolib.h"
 IRQ_SIM_SOURCE = "kernel/irq/irq_sim.c"
+SUITES = {"6.1": "bookworm", "6.12": "trixie"}  # that have this series of the kernel
 BUSYBOX = pathlib.Path("/bin/busybox")
 
 # Modules of the guest's first process before it can read the host's files; every other module is
@@ -42,15 +47,15 @@ def say(text):
     print(f"vm: {text}", file=sys.stderr, flush=True)
 
 
-def run(command, hint, **options):
+def run(command, hint, minutes=10, **options):
     """Runs a command and hides its output unless it fails."""
     try:
         done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                              timeout=600, **options)
+                              timeout=60 * minutes, **options)
     except FileNotFoundError:
         raise Unprepared(f"{command[0]} is not installed; {hint}") from None
     except subprocess.TimeoutExpired:
-        raise Unprepared(f"{' '.join(map(str, command))} took more than 10 minutes") from None
+        raise Unprepared(f"{' '.join(map(str, command))} took more than {minutes} minutes") from None
     if done.returncode != 0:
         output = done.stdout.decode(errors="replace").strip()
         raise Unprepared(f"{' '.join(map(str, command))} failed; {hint}\n{output[-4000:]}")
@@ -77,19 +82,24 @@ def package_version(package):
 
 
 def fetch_kernel(release):
-    """Unpacks the image package that the headers belong to into OUTPUT/kernel."""
+    """Unpacks the image package that the headers belong to, and its parts, into OUTPUT/kernel."""
     version = package_version(f"linux-headers-{release}")
-    package = f"linux-image-{release}" + (f"={version}" if version else "")
-    say(f"fetching {package}")
+    image = f"linux-image-{release}"
+    hint = "is a Debian mirror reachable, and are the package lists fresh (apt-get update)?"
+    # Since Linux 7.2 the image package is empty and depends on packages with kernel and modules.
+    needed = run(["apt-cache", "depends", "--important", image], hint).split()
+    packages = [f"{package}={version}" if version else package
+                for package in [image, *(word for word in needed[1:] if word.endswith(f"-{release}"))]]
+    say(f"fetching {' '.join(packages)}")
     download = OUTPUT / "download"
     download.mkdir()
     # apt would drop its rights to a user who cannot write here.
-    run(["apt-get", "-o", "APT::Sandbox::User=", "download", package],
-        "is a Debian mirror reachable, and are the package lists fresh (apt-get update)?",
-        cwd=download)
-    [archive] = download.glob("*.deb")
-    run(["dpkg-deb", "-x", archive, OUTPUT / "kernel"], "is there room on the disk?")
+    run(["apt-get", "-o", "APT::Sandbox::User=", "download", *packages], hint, cwd=download)
+    for archive in download.glob("*.deb"):
+        run(["dpkg-deb", "-x", archive, OUTPUT / "kernel"], "is there room on the disk?")
     shutil.rmtree(download)
+    if not (OUTPUT / "kernel" / "lib").exists():  # since Debian 13
+        (OUTPUT / "kernel" / "lib").symlink_to("usr/lib")
 
 
 def unpack_kernel(release):
@@ -98,16 +108,25 @@ def unpack_kernel(release):
     QEMU starts it directly (PVH); emulating the decompression would take several seconds a boot.
     Offsets are those of the Linux boot protocol: setup_sects, payload_offset, payload_length.
     """
-    image = (OUTPUT / "kernel" / "boot" / f"vmlinuz-{release}").read_bytes()
+    image = kernel_image(release).read_bytes()
     start = (image[0x1F1] + 1) * 512
     offset, length = struct.unpack_from("<II", image, 0x248)
-    payload = image[start + offset:start + offset + length]
-    try:
-        kernel = lzma.LZMADecompressor().decompress(payload)
-    except lzma.LZMAError as problem:
-        raise Unprepared(f"the kernel of {release} is not packed with xz ({problem}); "
-                         "unpack_kernel must learn its format") from None
-    (OUTPUT / "vmlinux").write_bytes(kernel)
+    payload = image[start + offset:start + offset + length - 4]  # its last word is the size of the kernel
+    if payload.startswith(b"\xfd7zXZ"):
+        (OUTPUT / "vmlinux").write_bytes(lzma.decompress(payload))
+    elif payload.startswith(b"\x28\xb5\x2f\xfd"):
+        (OUTPUT / "vmlinux.zst").write_bytes(payload)
+        run(["zstd", "-d", "--rm", "-q", OUTPUT / "vmlinux.zst"], "run scripts/packages vm")
+    else:
+        raise Unprepared(f"the kernel of {release} is packed with neither xz nor zstd; "
+                         "unpack_kernel must learn its format")
+
+
+def kernel_image(release):
+    """Returns the path of the bootable image, which is beside the modules since Linux 7.2."""
+    kernel = OUTPUT / "kernel"
+    image = kernel / "boot" / f"vmlinuz-{release}"
+    return image if image.exists() else kernel / "lib" / "modules" / release / "vmlinuz"
 
 
 def kernel_sources(release):
@@ -134,8 +153,16 @@ def build_module(release, source, modules, name, *settings):
 
 
 def build_modules(release, modules):
+    """Builds the drivers that the kernel's packages lack."""
     tree = kernel_sources(release)
-    build_module(release, tree / VKMS_SOURCE, modules, "vkms", "CONFIG_DRM_VKMS=m")
+    if not any(modules.rglob("vkms.ko*")):
+        build_module(release, tree / VKMS_SOURCE, modules, "vkms", "CONFIG_DRM_VKMS=m")
+    if not any(modules.rglob("gpio-sim.ko*")):
+        build_gpio_sim(release, tree, modules)
+    shutil.rmtree(tree)
+
+
+def build_gpio_sim(release, tree, modules):
     # gpio-sim needs simulated interrupts, which are a part of other kernels and no module: a module
     # finds an interrupt by its number only.
     folder = (tree / GPIO_SIM_SOURCE).parent
@@ -145,7 +172,6 @@ def build_modules(release, modules):
         interrupts.replace("handle_simple_irq(irq_to_desc(irqnum))", "generic_handle_irq(irqnum)"))
     (folder / "Kbuild").write_text("obj-m := gpio-sim.o\ngpio-sim-y := gpio-sim-lines.o irq-sim.o\n")
     build_module(release, folder, modules, "gpio-sim")
-    shutil.rmtree(tree)
 
 
 def boot_modules(release):
@@ -172,8 +198,12 @@ def make_initramfs(release):
     (root / "init").chmod(0o755)
     modules = boot_modules(release)
     for module in modules:
-        shutil.copy(module, root / "modules")
-    (root / "modules" / "order").write_text("".join(f"{module.name}\n" for module in modules))
+        if module.suffix == ".xz":  # which busybox's insmod does not read
+            (root / "modules" / module.stem).write_bytes(lzma.decompress(module.read_bytes()))
+        else:
+            shutil.copy(module, root / "modules")
+    (root / "modules" / "order").write_text(
+        "".join(f"{module.name.removesuffix('.xz')}\n" for module in modules))
     names = "\0".join(sorted(str(path.relative_to(root)) for path in root.rglob("*")))
     with open(OUTPUT / "initramfs.cpio", "wb") as archive:
         done = subprocess.run(["cpio", "-o", "-0", "-H", "newc", "--quiet", "-R", "0:0"], cwd=root,
@@ -183,13 +213,12 @@ def make_initramfs(release):
     shutil.rmtree(root)
 
 
-def check_tools():
-    needed = {"qemu-system-x86_64": "qemu-system-x86", "cpio": "cpio", "depmod": "kmod",
-              "modprobe": "kmod", "make": "make", "dpkg-deb": "dpkg", "apt-get": "apt"}
+def check_tools(needed):
+    """needed: the package of each tool."""
     path = f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin"
     os.environ["PATH"] = path
     missing = {package for tool, package in needed.items() if not shutil.which(tool)}
-    if not BUSYBOX.exists() or b"/lib64/ld-linux" in BUSYBOX.read_bytes():
+    if "cpio" in needed and (not BUSYBOX.exists() or b"/lib64/ld-linux" in BUSYBOX.read_bytes()):
         missing.add("busybox-static")
     if missing:
         raise Unprepared(f"not installed: {', '.join(sorted(missing))}; run scripts/packages vm")
@@ -231,7 +260,8 @@ def one_at_a_time():
 
 def prepare(force=False):
     """Makes OUTPUT complete and returns it; raises Unprepared with a remedy."""
-    check_tools()
+    check_tools({"cpio": "cpio", "depmod": "kmod", "modprobe": "kmod", "make": "make", "zstd": "zstd",
+                 "dpkg-deb": "dpkg", "apt-get": "apt"})
     release = kernel_release()
     kernel = digest_of(release, package_version(f"linux-headers-{release}"), str(LAYOUT))
     initramfs = digest_of(kernel, (HERE / "guest_init").read_bytes(), *BOOT_MODULES)
@@ -244,3 +274,31 @@ def prepare(force=False):
             make_initramfs(release)
             (OUTPUT / "initramfs.stamp").write_text(initramfs)
     return OUTPUT
+
+
+def own_suite():
+    """Returns the name of this machine's Debian, for example bookworm."""
+    return platform.freedesktop_os_release().get("VERSION_CODENAME", "")
+
+
+def prepare_other(suite):
+    """Prepares the kernel of another Debian in its root and returns the folder."""
+    root = pathlib.Path(os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache")
+    say(f"preparing the kernel of {suite}, in a root that is made first if there is none: minutes")
+    with one_at_a_time():
+        run([HERE.parents[1] / "scripts" / "in-debian", suite, "sh", "-c",
+             "scripts/packages kernel && tests/vm/prepare"], f"is there a Debian called {suite}?", minutes=60)
+    return root / "lenticule" / f"debian-{suite}" / "src" / "build" / "vm"
+
+
+def files_of(kernel=None):
+    """Returns the folder with the files of a kernel, made if needed. kernel: a suite of Debian or a key
+    of SUITES; none is this machine's own."""
+    check_tools({"qemu-system-x86_64": "qemu-system-x86"})
+    suite = SUITES.get(kernel, kernel)
+    return prepare() if suite in (None, own_suite()) else prepare_other(suite)
+
+
+def release_of(files):
+    """Returns the release of a folder's kernel, for example 6.12.94+deb13-amd64."""
+    return (files / "release").read_text()

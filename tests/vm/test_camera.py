@@ -78,7 +78,7 @@ def cameras_are_listed_and_outputs_are_not(vm):
 @vm_test(VIVID)
 def received_colours_match_sent_ones(vm):
     camera, output = node_called(vm, INPUT), node_called(vm, OUTPUT)
-    set_control(vm, camera, "Loop Video", 1)
+    vm.check([probe(vm), "loop", camera, "1"])
     set_control(vm, camera, "OSD Text Mode", 2)
     for pixel_format in ("RGB3", "YUYV", "NV12", "GREY"):
         sender = vm.start([probe(vm), "send", output, pixel_format])
@@ -90,7 +90,7 @@ def received_colours_match_sent_ones(vm):
         assert report.one("disorders") == "0", report.text
         for colour, seen in zip(SENT, report.patches(), strict=True):
             assert_near(seen, expected_light(colour, len(seen), linear_bt709), 0.02, pixel_format)
-    set_control(vm, camera, "Loop Video", 0)
+    vm.check([probe(vm), "loop", camera, "0"])
 
 
 def assert_bars(vm, camera, pixel_format):

@@ -23,6 +23,7 @@ import subprocess
 import tempfile
 import time
 
+import guest_files
 import picture
 import qmp
 
@@ -167,7 +168,7 @@ class VirtualMachine:
 
     def __init__(self, machine, files, build=None, accelerator="tcg", boot_seconds=BOOT_SECONDS,
                  boots=2):
-        """files: the result of guest_files.prepare(). build: a build tree for the guest.
+        """files: the result of guest_files.files_of(). build: a build tree for the guest.
 
         boots: how often it may be booted until the agent answers. An emulated processor now and then
         loses a timer before any of our code runs, and the kernel waits for it for ever.
@@ -276,9 +277,9 @@ class VirtualMachine:
         names = self.check("grep -H . /sys/kernel/debug/dri/*/name").stdout
         for line in names.splitlines():
             path, _, name = line.partition(":")
-            number = int(path.split("/")[5])
-            if name.split()[0] == driver and number < 64:
-                return number
+            number = path.split("/")[5]  # newer kernels also have folders with the devices' names
+            if name.split()[0] == driver and number.isdigit() and int(number) < 64:
+                return int(number)
         raise CommandFailed(f"no card is served by {driver}:\n{names}")
 
     def start_udev(self):
@@ -456,7 +457,8 @@ class VirtualMachine:
                 time.sleep(0.02)
 
     def _command(self, accelerator):
-        modules = self.files / "kernel" / "lib" / "modules" / self._release()
+        release = guest_files.release_of(self.files)
+        modules = self.files / "kernel" / "lib" / "modules" / release
         visible = [SOURCE, self.files] + ([self.build] if self.build else [])
         arguments = (f"{KERNEL_ARGUMENTS} {self.machine.kernel} vm_agent={HERE}/guest_agent "
                      f"vm_modules={modules} vm_visible={':'.join(map(str, visible))}")
@@ -474,9 +476,6 @@ class VirtualMachine:
             *_shared_folder("exchange", self.exchange, "readonly=off"),
             *_disk_arguments(self.machine, self.folder),
             *_display_arguments(self.machine)]
-
-    def _release(self):
-        return (self.files / "release").read_text()
 
 
 def _shared_folder(tag, path, access):
@@ -540,7 +539,7 @@ def choose_accelerator(files):
     if not os.access("/dev/kvm", os.R_OK | os.W_OK):
         return "tcg"
     boot = pathlib.Path("/proc/sys/kernel/random/boot_id").read_text().strip()
-    memory = pathlib.Path(files) / "accelerator"
+    memory = guest_files.OUTPUT.with_suffix(".accelerator")
     if memory.exists() and memory.read_text().split()[1:] == [boot]:
         return memory.read_text().split()[0]
     try:

@@ -23,18 +23,21 @@ class Test:
     machine: Machine
     fresh: bool
     slow: bool
+    since: tuple
     function: typing.Callable
 
 
-def vm_test(machine, fresh=False, slow=False):
+def vm_test(machine, fresh=False, slow=False, since=()):
     """Registers a test.
 
     fresh: the test gets its own machine, because it leaves the machine changed.
     slow: the test takes minutes, and --quick skips it; a quick test covers the same with less.
+    since: the series of the kernel that first has what is tested, for example (6, 19). An older kernel
+    does not run the test.
     """
     def register(function):
         file = function.__module__.removeprefix("test_")
-        ALL_TESTS.append(Test(f"{file}.{function.__name__}", machine, fresh, slow,
+        ALL_TESTS.append(Test(f"{file}.{function.__name__}", machine, fresh, slow, since,
                               function))
         return function
     return register

@@ -95,7 +95,7 @@ class PictureSender {
   PictureSender(const std::string& output, const std::string& input)
       : output_(output, V4L2_BUF_TYPE_VIDEO_OUTPUT), bytes_(frame_bytes) {
     VideoNode loop(input, V4L2_BUF_TYPE_VIDEO_CAPTURE);
-    loop.set_control("Loop Video", 1);
+    loop.set_loop(true);
     loop.set_control("OSD Text Mode", 2);  // no text
     v4l2_dv_timings timings = camera_timings(output_);
     // The input does not follow the output's timings, and shows noise if they differ.

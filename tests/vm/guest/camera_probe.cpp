@@ -2,6 +2,7 @@
 // Runs in the guest: captures from a camera as a calibration does, or sends pictures to it.
 //   vm_camera_probe list                      paths and names of the cameras
 //   vm_camera_probe set DEVICE NAME VALUE     sets a control, or presses a button
+//   vm_camera_probe loop INPUT 0|1            connects vivid's HDMI input to its output, or not
 //   vm_camera_probe send OUTPUT FORMAT        sends eight patches of colour, 1280x720, until killed
 //   vm_camera_probe watch DEVICE FORMAT WIDTH HEIGHT RATE COUNT
 // `watch` grabs COUNT pictures and prints a report. If the camera is lost, it is reopened once.
@@ -239,6 +240,10 @@ int run(const std::vector<std::string>& words) {
   if (words.size() == 3 && words[0] == "send") return send(words[1], words[2]);
   if (words.size() == 4 && words[0] == "set") {
     VideoNode(words[1], V4L2_BUF_TYPE_VIDEO_CAPTURE).set_control(words[2], std::stoi(words[3]));
+    return 0;
+  }
+  if (words.size() == 3 && words[0] == "loop") {
+    VideoNode(words[1], V4L2_BUF_TYPE_VIDEO_CAPTURE).set_loop(words[2] == "1");
     return 0;
   }
   if (words.size() == 7 && words[0] == "watch") {

@@ -9,6 +9,7 @@
 
 #include <cstdint>
 #include <cstring>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -37,13 +38,19 @@ class VideoNode {
 
   // Sets a control, or presses a button.
   void set_control(const std::string& name, int value) {
-    v4l2_query_ext_ctrl control{};
-    do {
-      control.id |= V4L2_CTRL_FLAG_NEXT_CTRL;
-      call(VIDIOC_QUERY_EXT_CTRL, &control, ("no control '" + name + "'").c_str());
-    } while (control.name != name);
-    v4l2_control setting{control.id, value};
+    const auto id = control_called(name);
+    if (!id) throw std::runtime_error("no control '" + name + "'");
+    v4l2_control setting{*id, value};
     call(VIDIOC_S_CTRL, &setting, name.c_str());
+  }
+
+  // Connects the HDMI input to the output of the same vivid, or to the driver's test picture.
+  void set_loop(bool looped) {
+    // Before Linux 6.12 a switch; since then a list: test picture, nothing, the outputs.
+    if (control_called("Loop Video"))
+      set_control("Loop Video", looped ? 1 : 0);
+    else
+      set_control("HDMI 000-0 Is Connected To", looped ? 2 : 0);
   }
 
   // Sets a format; fields not set in `wanted` keep the driver's values. Returns the driver's
@@ -101,6 +108,15 @@ class VideoNode {
   }
 
  private:
+  std::optional<uint32_t> control_called(const std::string& name) const {
+    v4l2_query_ext_ctrl control{};
+    do {
+      control.id |= V4L2_CTRL_FLAG_NEXT_CTRL;
+      if (ioctl(fd_.get(), VIDIOC_QUERY_EXT_CTRL, &control) != 0) return std::nullopt;
+    } while (control.name != name);
+    return control.id;
+  }
+
   v4l2_buffer take_done() {
     const auto event = static_cast<short>(type_ == V4L2_BUF_TYPE_VIDEO_CAPTURE ? POLLIN : POLLOUT);
     pollfd waiting{fd_.get(), event, 0};
