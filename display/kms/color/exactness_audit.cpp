@@ -20,13 +20,18 @@ constexpr const char* kLateRemedy =
 /// A file that contains one value.
 struct LinkFile {
   const char* row;
-  const char* path;    ///< {0}: the card's name, {1}: its number, {2}: the connector's name
+  /// {0}: the card's name, {1}: its number, {2}: the connector's name, {3}: the CRTC's number
+  const char* path;
   const char* before;  ///< the value follows this text and ends with its line
   const char* wanted;
   bool alters_pixels;
   const char* effect;
   const char* remedy;
 };
+
+constexpr const char* kSlowRemedy =
+    "set the driver to one refresh rate (i915: drrs in its debug files)";
+constexpr const char* kSlow = "the refresh rate drops while the picture does not change";
 
 constexpr LinkFile kSysfs[] = {
     {"panel_power_savings", "/sys/class/drm/{0}-{2}/amdgpu/panel_power_savings", "", "0", true,
@@ -52,6 +57,9 @@ constexpr LinkFile kDebugfs[] = {
     // psr_get(), same file as for force_yuv420_output
     {"PSR", "/sys/kernel/debug/dri/{1}/{2}/psr_state", "", "0", false,
      "the panel refreshes itself, and a picture may be a vblank late", kLateRemedy},
+    // intel_drrs.c of Linux 6.12, intel_drrs_debugfs_status_show(); before: drrs_row()
+    {"DRRS", "/sys/kernel/debug/dri/{1}/crtc-{3}/i915_drrs_status", "DRRS enabled: ", "no", false,
+     kSlow, kSlowRemedy},
 };
 
 /// Returns "card1" and "1" for "/dev/dri/card1".
@@ -90,8 +98,8 @@ std::vector<AuditRow> read_files(KmsPlatform& platform, const LinkPlace& place,
   const auto names = card_names(place.card);
   if (!names) return rows;
   for (const LinkFile& file : files) {
-    const auto text = platform.read_kernel_file(
-        fmt::format(fmt::runtime(file.path), names->first, names->second, place.connector));
+    const auto text = platform.read_kernel_file(fmt::format(
+        fmt::runtime(file.path), names->first, names->second, place.connector, place.crtc_number));
     const std::string value = text ? line_after(*text, file.before) : std::string();
     if (!value.empty()) rows.push_back(row_for(file, value));
   }
@@ -123,7 +131,7 @@ std::optional<AuditRow> depth_row(KmsPlatform& platform, const LinkPlace& place,
                  value);
 }
 
-/// Parses "DRRS Enabled: no" of i915_drrs_status(), same file.
+/// Parses "DRRS Enabled: no" of i915_drrs_status(), same file, of Linux 6.1.
 std::optional<AuditRow> drrs_row(KmsPlatform& platform, const LinkPlace& place,
                                  const std::string& number) {
   const auto text =
@@ -131,10 +139,7 @@ std::optional<AuditRow> drrs_row(KmsPlatform& platform, const LinkPlace& place,
   if (!text) return std::nullopt;
   const std::string value = line_after(section_of(*text, place.crtc), "DRRS Enabled: ");
   if (value.empty()) return std::nullopt;
-  return row_for(
-      {"DRRS", "", "", "no", false, "the refresh rate drops while the picture does not change",
-       "set the driver to one refresh rate (i915: drrs in its debug files)"},
-      value);
+  return row_for({"DRRS", "", "", "no", false, kSlow, kSlowRemedy}, value);
 }
 
 }  // namespace

@@ -25,6 +25,7 @@ struct LinkPlace {
   std::string card;       ///< path of the card's node, /dev/dri/cardN
   std::string connector;  ///< "eDP-1"
   uint32_t crtc = 0;
+  int crtc_number = 0;                       ///< place of the CRTC in the card's list
   ScanoutDepth depth = ScanoutDepth::Bits8;  ///< depth of the frames that are scanned out
 };
 

@@ -16,6 +16,8 @@ namespace lenticule::display {
 namespace {
 
 constexpr int kMaxDevices = 64;
+/// DRM_CLIENT_CAP_PLANE_COLOR_PIPELINE of Linux 6.19; older kernels and headers lack it.
+constexpr uint64_t kPlaneColorPipeline = 7;
 
 std::string bus_of(const drmDevice& device) {
   switch (device.bustype) {
@@ -40,6 +42,8 @@ uint64_t capability(int fd, uint64_t which) {
 DrmCaps read_caps(int fd) {
   const bool planes = drmSetClientCap(fd, DRM_CLIENT_CAP_UNIVERSAL_PLANES, 1) == 0;
   const bool atomic = drmSetClientCap(fd, DRM_CLIENT_CAP_ATOMIC, 1) == 0;
+  // Without it the kernel hides, and keeps in effect, a colour pipeline that another program chose.
+  (void)drmSetClientCap(fd, kPlaneColorPipeline, 1);
   return {.dumb_buffers = capability(fd, DRM_CAP_DUMB_BUFFER) == 1,
           .prefer_shadow = capability(fd, DRM_CAP_DUMB_PREFER_SHADOW) == 1,
           .monotonic_timestamps = capability(fd, DRM_CAP_TIMESTAMP_MONOTONIC) == 1,

@@ -164,7 +164,7 @@ std::optional<Pipe> choose_pipe(int fd, const ConnectorInfo& connector, const dr
   const auto current = static_cast<uint32_t>(connector.properties.value("CRTC_ID"));
   const std::vector<uint32_t> taken = crtcs_taken(fd, connector.id);
 
-  uint32_t best_crtc = 0;
+  int best_crtc = 0;
   uint32_t best_plane = 0;
   int best_rank = 0;
   for (int i = 0; i < resources->count_crtcs && i < 32; ++i) {
@@ -176,7 +176,7 @@ std::optional<Pipe> choose_pipe(int fd, const ConnectorInfo& connector, const dr
     if (rank <= best_rank) continue;
     const auto plane = primary_plane_for(fd, crtc, i, depth, before);
     if (!plane) continue;
-    best_crtc = crtc;
+    best_crtc = i;
     best_plane = *plane;
     best_rank = rank;
   }
@@ -184,7 +184,8 @@ std::optional<Pipe> choose_pipe(int fd, const ConnectorInfo& connector, const dr
   const Tile tile = connector.tile.value_or(Tile{});
   return Pipe{.connector = connector,
               .mode = mode,
-              .crtc = best_crtc,
+              .crtc = resources->crtcs[best_crtc],
+              .crtc_number = best_crtc,
               .plane = best_plane,
               .left_px = tile.column * tile.width,
               .top_px = tile.row * tile.height,

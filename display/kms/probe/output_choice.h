@@ -28,6 +28,7 @@ struct Pipe {
   ConnectorInfo connector;
   drmModeModeInfo mode{};
   uint32_t crtc = 0;
+  int crtc_number = 0;  ///< place of the CRTC in the card's list
   uint32_t plane = 0;
   /// Position in the frame of a tile, or of a wall's panel; 0 for a panel with one connector.
   int left_px = 0;

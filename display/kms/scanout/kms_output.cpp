@@ -103,6 +103,7 @@ OutputPipe::OutputPipe(const DrmDevice& device, Pipe pipe, std::shared_ptr<KmsPl
       place_{.card = device_.path(),
              .connector = pipe_.connector.name,
              .crtc = pipe_.crtc,
+             .crtc_number = pipe_.crtc_number,
              .depth = pipe_.depth} {}
 
 std::vector<PropertySetting> OutputPipe::plane_settings(uint32_t framebuffer) const {

@@ -167,6 +167,7 @@ class FakeCard {
   std::string path;
   std::string driver;
   bool atomic = true;
+  bool shows_color_pipelines = false;  ///< a client asked for the property of Linux 6.19
   bool counts_vblanks = true;
   uint64_t sequence_base = 0;  ///< value of the driver's counter at time 0
   Nanoseconds period{16'666'667};

@@ -80,9 +80,12 @@ void drmFreeVersion(drmVersionPtr version) {
 }
 
 int drmSetClientCap(int fd, uint64_t capability, uint64_t value) {
-  (void)value;
   FakeCard* card = card_of(fd);
   if (card == nullptr) return -ENODEV;
+  if (capability == 7) {  // DRM_CLIENT_CAP_PLANE_COLOR_PIPELINE
+    card->shows_color_pipelines = value == 1;
+    return 0;
+  }
   return capability == DRM_CLIENT_CAP_ATOMIC && !card->atomic ? -EOPNOTSUPP : 0;
 }
 
@@ -207,12 +210,12 @@ drmModeObjectPropertiesPtr drmModeObjectGetProperties(int fd, uint32_t id, uint3
   if (card == nullptr || card->objects.count(id) == 0) return nullptr;
   const FakeObject& object = card->objects.at(id);
   auto* const list = zeroed<drmModeObjectProperties>();
-  list->count_props = static_cast<uint32_t>(object.properties.size());
   list->props = zeroed<uint32_t>(object.properties.size());
   list->prop_values = zeroed<uint64_t>(object.properties.size());
-  for (size_t i = 0; i < object.properties.size(); ++i) {
-    list->props[i] = object.properties[i].id;
-    list->prop_values[i] = object.properties[i].value;
+  for (const FakeProperty& property : object.properties) {
+    if (property.name == "COLOR_PIPELINE" && !card->shows_color_pipelines) continue;
+    list->props[list->count_props] = property.id;
+    list->prop_values[list->count_props++] = property.value;
   }
   return list;
 }

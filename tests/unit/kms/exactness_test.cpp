@@ -33,8 +33,8 @@ class Exactness : public KmsStage {
   void expect_refused(const std::string& reason) {
     expect_error(failure(), ErrorKind::Quality, reason, "--allow-inexact");
   }
-  void become_edp_of_i915() {
-    card.driver = "i915";
+  void become_edp_of(const std::string& intel_driver) {
+    card.driver = intel_driver;
     connector->type = DRM_MODE_CONNECTOR_eDP;
   }
   [[nodiscard]] std::string debugfs(const std::string& file) const {
@@ -104,6 +104,60 @@ TEST_F(Exactness, InheritedColourStateIsClearedAndRestored) {
   EXPECT_EQ(card.blobs[static_cast<uint32_t>(card.value(connector->id, "HDR_OUTPUT_METADATA"))],
             (std::vector<uint8_t>{9, 9}));
   EXPECT_EQ(card.value(connector->id, "Colorspace"), 9U);
+}
+
+TEST_F(Exactness, PlaneColourPipelineOfAnotherProgramIsBypassedAndRestored) {
+  const uint32_t plane = card.primary_of(crtc);
+  card.show_console(connector->id, crtc);
+  add_enum(plane, "COLOR_PIPELINE", 41, {{"Bypass", 0}, {"Color Pipeline 41", 41}});
+  open();
+  EXPECT_EQ(card.value(plane, "COLOR_PIPELINE"), 0U);
+  EXPECT_EQ(row("COLOR_PIPELINE").found, "Color Pipeline 41");
+  EXPECT_EQ(row("COLOR_PIPELINE").outcome, AuditOutcome::Forced);
+  EXPECT_EQ(show->exactness().verdict, Verdict::Yes);
+  show.reset();
+  EXPECT_EQ(card.value(plane, "COLOR_PIPELINE"), 41U);
+}
+
+TEST_F(Exactness, PlaneColourPipelineWithoutBypassIsUnknown) {
+  add_enum(card.primary_of(crtc), "COLOR_PIPELINE", 41, {{"Color Pipeline 41", 41}});
+  open();
+  EXPECT_EQ(row("COLOR_PIPELINE").outcome, AuditOutcome::Foreign);
+  EXPECT_EQ(show->exactness().verdict, Verdict::Unknown);
+}
+
+// Since Linux 6.11 the kernel itself adds "Broadcast RGB" to connectors of vc4, and later of
+// others.
+TEST_F(Exactness, FullRangeIsForcedOnEveryDriverOfHdmi) {
+  connector->type = DRM_MODE_CONNECTOR_HDMIA;
+  for (const char* driver : {"vc4", "amdgpu", "brandnew"}) {
+    card.driver = driver;
+    FakeProperty& range = add_enum(connector->id, "Broadcast RGB", 2,
+                                   {{"Automatic", 0}, {"Full", 1}, {"Limited 16:235", 2}});
+    open();
+    EXPECT_EQ(range.value, 1U) << driver;
+    EXPECT_THAT(show->exactness().verified, Contains(HasSubstr("full range"))) << driver;
+    show.reset();
+    card.object(connector->id).properties.pop_back();
+  }
+}
+
+TEST_F(Exactness, BacklightThatSysfsControlsIsSwitchedOff) {
+  add_enum(connector->id, "adaptive backlight modulation", 5,
+           {{"sysfs", 5}, {"off", 0}, {"min", 1}, {"max", 4}});
+  open();
+  EXPECT_EQ(card.value(connector->id, "adaptive backlight modulation"), 0U);
+  EXPECT_EQ(row("adaptive backlight modulation").outcome, AuditOutcome::Forced);
+}
+
+TEST_F(Exactness, DitheringPropertiesOfEveryDriverAreSwitchedOff) {
+  add_enum(connector->id, "dither", 1, {{"off", 0}, {"on", 1}});
+  add_enum(connector->id, "dithering mode", 2, {{"auto", 2}, {"off", 0}});
+  add_enum(connector->id, "dithering depth", 3, {{"auto", 3}, {"off", 0}, {"8 bpc", 1}});
+  open();
+  for (const char* name : {"dither", "dithering mode", "dithering depth"})
+    EXPECT_EQ(card.value(connector->id, name), 0U) << name;
+  EXPECT_EQ(show->exactness().verdict, Verdict::Yes);
 }
 
 TEST_F(Exactness, EnumeratorsAreFoundByNameForAnyNumber) {
@@ -280,7 +334,7 @@ TEST_F(Exactness, ExactVerdictListsItsEvidence) {
 // --- not covered by any property ------------------------------------------------------------
 
 TEST_F(Exactness, RealLinkIsExactOnlyIfTheDriverReportsEverything) {
-  become_edp_of_i915();
+  become_edp_of("i915");
   open();
   EXPECT_EQ(show->exactness().verdict, Verdict::Unknown);
   EXPECT_THAT(show->exactness().unseen, Contains(HasSubstr("DSC")));
@@ -291,8 +345,15 @@ TEST_F(Exactness, RealLinkIsExactOnlyIfTheDriverReportsEverything) {
   EXPECT_EQ(show->exactness().summary(), "EXACT yes");
 }
 
+TEST_F(Exactness, RealLinkOfXeIsExactIfTheDriverReportsEverything) {
+  become_edp_of("xe");
+  report_all_in_debugfs();
+  open();
+  EXPECT_EQ(show->exactness().summary(), "EXACT yes");
+}
+
 TEST_F(Exactness, CompressedLinkIsNotExact) {
-  become_edp_of_i915();
+  become_edp_of("i915");
   report_all_in_debugfs();
   machine.kernel_files[debugfs("eDP-1/i915_dsc_fec_support")] = "DSC_Enabled: yes\n";
   expect_refused("'DSC' is yes");
@@ -303,7 +364,7 @@ TEST_F(Exactness, CompressedLinkIsNotExact) {
 }
 
 TEST_F(Exactness, DitheredOrShallowLinkIsNotExact) {
-  become_edp_of_i915();
+  become_edp_of("i915");
   report_all_in_debugfs();
   machine.kernel_files[debugfs("i915_display_info")] = crtc_section("dither=yes, bpp=18");
   expect_refused("dither");
@@ -327,7 +388,7 @@ TEST_F(Exactness, PowerSavingThatFollowsThePictureIsNotExact) {
 }
 
 TEST_F(Exactness, SelfRefreshIsReportedAndStaysExact) {
-  become_edp_of_i915();
+  become_edp_of("i915");
   report_all_in_debugfs();
   machine.kernel_files[debugfs("eDP-1/i915_psr_status")] =
       "Sink support: yes\nPSR mode: PSR1 enabled\n";
@@ -335,6 +396,16 @@ TEST_F(Exactness, SelfRefreshIsReportedAndStaysExact) {
   open();
   EXPECT_EQ(show->exactness().verdict, Verdict::Yes);
   EXPECT_THAT(show->exactness().remarks, Contains(HasSubstr("PSR")));
+  EXPECT_THAT(show->exactness().remarks, Contains(HasSubstr("DRRS")));
+}
+
+TEST_F(Exactness, ReducedRefreshIsAlsoReadFromTheFileOfTheCrtc) {
+  become_edp_of("i915");
+  report_all_in_debugfs();
+  machine.kernel_files[debugfs("crtc-0/i915_drrs_status")] =
+      "DRRS capable: yes\nDRRS enabled: yes\nDRRS active: yes\n";
+  open();
+  EXPECT_EQ(show->exactness().verdict, Verdict::Yes);
   EXPECT_THAT(show->exactness().remarks, Contains(HasSubstr("DRRS")));
 }
 
