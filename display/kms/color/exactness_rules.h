@@ -3,6 +3,7 @@
 // driver, and every KMS property, with its neutral value.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -60,7 +61,7 @@ struct ExactnessRule {
   const char* property;
   Neutral neutral;
   uint64_t number;
-  const char* names[4];
+  std::array<const char*, 4> names;
   Harm harm;
   const char* effect;  ///< effect of any other value
   const char* remedy;  ///< remedy if it cannot be set
