@@ -597,7 +597,7 @@ class Committer {
     if (!scene_.cones.empty())
       attach(make_cone_geometry(device, scene_.cones), {GeometryEntry::Kind::Cones});
     if (!scene_.wide_triangles.empty())
-      attach_last(make_wide_geometry(device, scene_.wide_triangles));
+      attach_last(make_wide_geometry(device, scene_.wide_triangles), SceneFeature::UserGeometry);
     rtcCommitScene(scene_.embree.get());
     scene_.device.check(description_.source);
     scene_.shading = std::make_unique<const ShadingTables>(scene_);
@@ -649,16 +649,17 @@ class Committer {
   }
 
   void attach(EmbreeGeometry geometry, GeometryEntry entry) {
-    attach_last(std::move(geometry));
+    attach_last(std::move(geometry), entry.kind == GeometryEntry::Kind::Mesh
+                                         ? SceneFeature::Triangles
+                                         : SceneFeature::UserGeometry);
     scene_.geometries.push_back(entry);
   }
 
   /// Attaches a geometry without a GeometryEntry: its hits report the numbers of other geometries.
-  void attach_last(EmbreeGeometry geometry) {
+  void attach_last(EmbreeGeometry geometry, SceneFeature feature) {
     scene_.device.check(description_.source);
     LENTICULE_CHECK(geometry != nullptr);
-    rtcAttachGeometryByID(scene_.embree.get(), geometry.get(),
-                          static_cast<unsigned>(scene_.geometries.size()));
+    scene_.embree.attach(geometry.get(), static_cast<unsigned>(scene_.geometries.size()), feature);
   }
 
   const SceneDescription& description_;

@@ -52,7 +52,7 @@ ProbeHit probe_hit(const render::RayPacket& packet,
 
 }  // namespace
 
-uint64_t intersect(RTCScene scene, std::span<const render::PathRay> rays,
+uint64_t intersect(const render::EmbreeScene& scene, std::span<const render::PathRay> rays,
                    render::Coherence coherence, std::span<render::Hit> hits) {
   static_assert(render::Hit::kMiss == RTC_INVALID_GEOMETRY_ID);
   uint64_t refused = 0;
@@ -71,7 +71,8 @@ uint64_t intersect(RTCScene scene, std::span<const render::PathRay> rays,
   return refused;
 }
 
-uint64_t add_unshadowed(RTCScene scene, std::span<const ShadowRay> rays, std::span<double> light) {
+uint64_t add_unshadowed(const render::EmbreeScene& scene, std::span<const ShadowRay> rays,
+                        std::span<double> light) {
   // Fraction of the distance to a light within which an occluder counts as the light itself.
   constexpr double kLightClearance = 1.0 / (1 << 18);
   uint64_t refused = 0;
@@ -113,7 +114,7 @@ uint64_t Probe::trace(std::span<const ProbeRay> rays, HoleGuard guard,
     for (const ProbeRay& ray : rays.subspan(begin, std::min(render::kPacket, rays.size() - begin)))
       lanes.push_back(path_ray(ray));
     (void)load_packet(lanes, packet);
-    intersect16(packet.valid, scene_.embree.get(), packet.rays, render::Coherence::Coherent);
+    intersect16(packet.valid, scene_.embree, packet.rays, render::Coherence::Coherent);
     if (guard == HoleGuard::On) fill_holes(scene_, kStepMm, packet, counts);
     render::shading_kernel_for(best_isa())
         .find_surfaces(scene_.shading->tables(), &packet.rays.ray.org_x[0], packet.valid, surfaces);
@@ -136,7 +137,7 @@ void Probe::leave(std::span<const ProbeHit> hits, std::span<const Vec3> directio
                     .light = 1.0,
                     .target = static_cast<uint32_t>(k)});
   }
-  (void)add_unshadowed(scene_.embree.get(), rays, light);
+  (void)add_unshadowed(scene_.embree, rays, light);
   for (size_t k = 0; k < hits.size(); ++k) blocked[k] = light[k] == 0.0 ? 1 : 0;
 }
 
@@ -226,7 +227,7 @@ void RowTracer::trace(int row, Seen& out) {
     ray.direction = normalized(way(s));
     ray.target = 0;
   }
-  (void)intersect(scene_.embree.get(), rays_, render::Coherence::Incoherent, out.hits);
+  (void)intersect(scene_.embree, rays_, render::Coherence::Incoherent, out.hits);
   for (size_t s = 0; s < count; ++s)
     out.z_mm[s] = start_mm_ - static_cast<double>(out.hits[s].distance) / length(way(s));
 }
@@ -289,7 +290,7 @@ class VisibilityTimer {
   };
 
   void intersect(render::RayPacket& packet) {
-    intersect16(packet.valid, scene_.embree.get(), packet.rays, render::Coherence::Coherent);
+    intersect16(packet.valid, scene_.embree, packet.rays, render::Coherence::Coherent);
   }
 
   /// Runs both methods one after the other, so that other load on the machine affects both equally;

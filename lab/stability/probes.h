@@ -30,12 +30,13 @@ struct ShadowRay {
 
 /// Intersects rays in packets of consecutive rays. Rays that Embree does not accept are not traced;
 /// returns their number.
-uint64_t intersect(RTCScene scene, std::span<const render::PathRay> rays,
+uint64_t intersect(const render::EmbreeScene& scene, std::span<const render::PathRay> rays,
                    render::Coherence coherence, std::span<render::Hit> hits);
 
 /// Adds the light of every unoccluded ray, in the order of the rays. Returns the number of
 /// non-finite rays, which add nothing.
-uint64_t add_unshadowed(RTCScene scene, std::span<const ShadowRay> rays, std::span<double> light);
+uint64_t add_unshadowed(const render::EmbreeScene& scene, std::span<const ShadowRay> rays,
+                        std::span<double> light);
 
 // Probe traces single rays through a committed scene as method full does, to test for holes, false
 // shadows and wrong rays.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sole wrapper of Embree: handles that release themselves, errors as exceptions, and the calls that
-// differ between Embree 3 and 4. ray_stream.h wraps the packet calls.
+// differ between Embree 3 and 4, of which no other file knows. ray_stream.h wraps the packet calls.
 #pragma once
 
 #include <cstddef>
@@ -25,8 +25,37 @@ struct EmbreeRelease {
 };
 template <class Handle>
 using EmbreeHandle = std::unique_ptr<std::remove_pointer_t<Handle>, EmbreeRelease>;
-using EmbreeScene = EmbreeHandle<RTCScene>;
 using EmbreeGeometry = EmbreeHandle<RTCGeometry>;
+
+#if LENTICULE_EMBREE_MAJOR >= 4
+enum class SceneFeature : unsigned {
+  Triangles = RTC_FEATURE_FLAG_TRIANGLE,
+  UserGeometry = RTC_FEATURE_FLAG_USER_GEOMETRY_CALLBACK_IN_GEOMETRY,
+};
+/// Embree 4 reads from `valid` which lanes a callback of a user geometry has hit. For Embree 3,
+/// `valid` is read-only.
+inline constexpr bool kCallbacksReportHits = true;
+#else
+enum class SceneFeature : unsigned { Triangles = 1, UserGeometry = 2 };
+inline constexpr bool kCallbacksReportHits = false;
+#endif
+
+/// EmbreeScene owns a scene and records which features of Embree its geometries need.
+class EmbreeScene {
+ public:
+  void reset(RTCScene scene) { scene_.reset(scene); }
+  [[nodiscard]] RTCScene get() const { return scene_.get(); }
+  [[nodiscard]] unsigned features() const { return features_; }
+
+  void attach(RTCGeometry geometry, unsigned number, SceneFeature feature) {
+    rtcAttachGeometryByID(get(), geometry, number);
+    features_ |= static_cast<unsigned>(feature);
+  }
+
+ private:
+  EmbreeHandle<RTCScene> scene_;
+  unsigned features_ = 0;
+};
 
 /// EmbreeDevice owns a device and remembers the first error that Embree reported through its
 /// callback.
@@ -88,44 +117,39 @@ enum class Coherence { Coherent, Incoherent };
   return ray;
 }
 
+/// Calls `function`, one of Embree's functions for a single ray or, with the mask of the active
+/// lanes in `valid`, for packets.
+template <class Function, class Rays, class... Valid>
+void query(Function* function, const EmbreeScene& scene, Rays& rays, Coherence coherence,
+           Valid... valid) {
+  const bool coherent = coherence == Coherence::Coherent;
 #if LENTICULE_EMBREE_MAJOR >= 4
-
-[[nodiscard]] inline RTCRayQueryFlags query_flags(Coherence coherence) {
-  return coherence == Coherence::Coherent ? RTC_RAY_QUERY_FLAG_COHERENT
-                                          : RTC_RAY_QUERY_FLAG_INCOHERENT;
-}
-[[nodiscard]] inline RTCIntersectArguments intersect_arguments(Coherence coherence) {
-  RTCIntersectArguments arguments;
-  rtcInitIntersectArguments(&arguments);
-  arguments.flags = query_flags(coherence);
-  return arguments;
-}
-[[nodiscard]] inline RTCOccludedArguments occluded_arguments(Coherence coherence) {
-  RTCOccludedArguments arguments;
-  rtcInitOccludedArguments(&arguments);
-  arguments.flags = query_flags(coherence);
-  return arguments;
-}
-inline void intersect1(RTCScene scene, RTCRayHit& ray) {
-  RTCIntersectArguments arguments = intersect_arguments(Coherence::Incoherent);
-  rtcIntersect1(scene, &ray, &arguments);
-}
-
+  auto arguments = [] {
+    if constexpr (requires(Rays r) { r.hit; }) {
+      RTCIntersectArguments out;
+      rtcInitIntersectArguments(&out);
+      return out;
+    } else {
+      RTCOccludedArguments out;
+      rtcInitOccludedArguments(&out);
+      return out;
+    }
+  }();
+  arguments.flags = coherent ? RTC_RAY_QUERY_FLAG_COHERENT : RTC_RAY_QUERY_FLAG_INCOHERENT;
+  arguments.feature_mask = static_cast<RTCFeatureFlags>(scene.features());
+  function(valid..., scene.get(), &rays, &arguments);
 #else
-
-[[nodiscard]] inline RTCIntersectContext query_context(Coherence coherence) {
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
-  context.flags = coherence == Coherence::Coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT
-                                                   : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
-  return context;
-}
-inline void intersect1(RTCScene scene, RTCRayHit& ray) {
-  RTCIntersectContext context = query_context(Coherence::Incoherent);
-  rtcIntersect1(scene, &context, &ray);
+  context.flags =
+      coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
+  function(valid..., scene.get(), &context, &rays);
+#endif
 }
 
-#endif
+inline void intersect1(const EmbreeScene& scene, RTCRayHit& ray) {
+  query(rtcIntersect1, scene, ray, Coherence::Incoherent);
+}
 
 /// Assumed relative error of positions, directions and Embree's arithmetic, which covers many
 /// single-precision roundings.

@@ -71,46 +71,11 @@ Coherence checked(Coherence wanted, const int* valid, const RTCRay16& rays) {
   return wanted == Coherence::Coherent ? coherence_of(valid, rays) : wanted;
 }
 
-/// Calls `trace`, one of Embree's functions for packets of that width.
-template <class Trace, class Rays>
-void call(Trace* trace, const int* valid, RTCScene scene, Rays& rays, Coherence coherence) {
-#if LENTICULE_EMBREE_MAJOR >= 4
-  auto arguments = [&] {
-    if constexpr (requires { rays.hit; })
-      return intersect_arguments(coherence);
-    else
-      return occluded_arguments(coherence);
-  }();
-  trace(valid, scene, &rays, &arguments);
-#else
-  RTCIntersectContext context = query_context(coherence);
-  trace(valid, scene, &context, &rays);
-#endif
-}
-
-void query(const int* valid, RTCScene scene, RTCRayHit16& rays, Coherence coherence) {
-  call(rtcIntersect16, valid, scene, rays, coherence);
-}
-void query(const int* valid, RTCScene scene, RTCRayHit8& rays, Coherence coherence) {
-  call(rtcIntersect8, valid, scene, rays, coherence);
-}
-void query(const int* valid, RTCScene scene, RTCRayHit4& rays, Coherence coherence) {
-  call(rtcIntersect4, valid, scene, rays, coherence);
-}
-void query(const int* valid, RTCScene scene, RTCRay16& rays, Coherence coherence) {
-  call(rtcOccluded16, valid, scene, rays, coherence);
-}
-void query(const int* valid, RTCScene scene, RTCRay8& rays, Coherence coherence) {
-  call(rtcOccluded8, valid, scene, rays, coherence);
-}
-void query(const int* valid, RTCScene scene, RTCRay4& rays, Coherence coherence) {
-  call(rtcOccluded4, valid, scene, rays, coherence);
-}
-
 /// Traces sixteen rays in parts of `kLanes`. Embree's packets are arrays of four-byte numbers with
 /// one element per lane.
-template <class Part, int kLanes, class Whole>
-void query_parts(const int* valid, RTCScene scene, Whole& rays, Coherence coherence) {
+template <class Part, int kLanes, class Function, class Whole>
+void query_parts(Function* function, const EmbreeScene& scene, Whole& rays, Coherence coherence,
+                 const int* valid) {
   static_assert(sizeof(Whole) * kLanes == sizeof(Part) * 16 && sizeof(Part) % (4 * kLanes) == 0);
   constexpr size_t kFields = sizeof(Part) / (4 * kLanes);
   auto* whole = reinterpret_cast<unsigned char*>(&rays);
@@ -123,28 +88,28 @@ void query_parts(const int* valid, RTCScene scene, Whole& rays, Coherence cohere
     auto* lanes = reinterpret_cast<unsigned char*>(&part);
     for (size_t f = 0; f < kFields; ++f)
       std::memcpy(lanes + f * 4 * kLanes, whole + f * 64 + 4 * first, 4 * kLanes);
-    query(part_valid, scene, part, coherence);
+    query(function, scene, part, coherence, part_valid);
     for (size_t f = 0; f < kFields; ++f)
       std::memcpy(whole + f * 64 + 4 * first, lanes + f * 4 * kLanes, 4 * kLanes);
   }
 }
 
-template <class Eight, class Four, class Whole>
-void query_in(int width, const int* valid, RTCScene scene, Whole& rays, Coherence coherence) {
-  if (width == 16) return query(valid, scene, rays, coherence);
-  if (width == 8) return query_parts<Eight, 8>(valid, scene, rays, coherence);
-  query_parts<Four, 4>(valid, scene, rays, coherence);
-}
-
 }  // namespace
 
-void intersect16(const int* valid, RTCScene scene, RTCRayHit16& rays, Coherence coherence,
+void intersect16(const int* valid, const EmbreeScene& scene, RTCRayHit16& rays, Coherence coherence,
                  int width) {
-  query_in<RTCRayHit8, RTCRayHit4>(width, valid, scene, rays, checked(coherence, valid, rays.ray));
+  coherence = checked(coherence, valid, rays.ray);
+  if (width == 16) return query(rtcIntersect16, scene, rays, coherence, valid);
+  if (width == 8) return query_parts<RTCRayHit8, 8>(rtcIntersect8, scene, rays, coherence, valid);
+  query_parts<RTCRayHit4, 4>(rtcIntersect4, scene, rays, coherence, valid);
 }
 
-void occluded16(const int* valid, RTCScene scene, RTCRay16& rays, Coherence coherence, int width) {
-  query_in<RTCRay8, RTCRay4>(width, valid, scene, rays, checked(coherence, valid, rays));
+void occluded16(const int* valid, const EmbreeScene& scene, RTCRay16& rays, Coherence coherence,
+                int width) {
+  coherence = checked(coherence, valid, rays);
+  if (width == 16) return query(rtcOccluded16, scene, rays, coherence, valid);
+  if (width == 8) return query_parts<RTCRay8, 8>(rtcOccluded8, scene, rays, coherence, valid);
+  query_parts<RTCRay4, 4>(rtcOccluded4, scene, rays, coherence, valid);
 }
 
 }  // namespace lenticule::render

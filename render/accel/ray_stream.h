@@ -70,10 +70,10 @@ inline void set_lane(RayPacket& packet, size_t lane, Vec3f origin, Vec3f directi
 /// Traces a packet. `valid` is -1 in active lanes and 0 in inactive lanes, which are not changed. A
 /// packet that is not in_one_octant() is traced as incoherent, regardless of `coherence`. `width`
 /// is 16, 8 or 4. Thread safety: any thread.
-void intersect16(const int* valid, RTCScene scene, RTCRayHit16& rays, Coherence coherence,
+void intersect16(const int* valid, const EmbreeScene& scene, RTCRayHit16& rays, Coherence coherence,
                  int width = widest_packet());
 /// Tests a packet for occlusion: sets t_far to -infinity in occluded lanes.
-void occluded16(const int* valid, RTCScene scene, RTCRay16& rays, Coherence coherence,
+void occluded16(const int* valid, const EmbreeScene& scene, RTCRay16& rays, Coherence coherence,
                 int width = widest_packet());
 
 /// Returns true if a packet may be traced as coherent. For coherent packets, Embree first

@@ -114,15 +114,9 @@ bool takes_packets_of(unsigned lanes) {
   return lanes <= quadric_kernel::kMostLanes && lanes % static_cast<unsigned>(kernel().step) == 0;
 }
 
-/// Writes the hit lanes back as Embree 4 requires. In Embree 3, `valid` is read-only.
 template <class Arguments>
 void report(const Arguments& arguments, const AskedLanes& met) {
-#if LENTICULE_EMBREE_MAJOR >= 4
-  std::copy_n(met.valid.begin(), arguments.N, arguments.valid);
-#else
-  static_cast<void>(arguments);
-  static_cast<void>(met);
-#endif
+  if (kCallbacksReportHits) std::copy_n(met.valid.begin(), arguments.N, arguments.valid);
 }
 
 /// Returns the distance to the shape along ray i of a packet, or the ray's own end.
@@ -154,9 +148,7 @@ void intersect(const RTCIntersectFunctionNArguments* arguments) {
     const auto t = static_cast<float>(distance(shape, ray, n, i));
     // Rounding to single precision may put t behind the current hit.
     const bool met = t < RTCRayN_tfar(ray, n, i);
-#if LENTICULE_EMBREE_MAJOR >= 4
-    arguments->valid[i] = met ? -1 : 0;
-#endif
+    if (kCallbacksReportHits) arguments->valid[i] = met ? -1 : 0;
     if (!met) continue;
     RTCRayN_tfar(ray, n, i) = t;
     RTCHitN_geomID(hit, n, i) = numbers.geometry;
@@ -178,9 +170,7 @@ void occlude(const RTCOccludedFunctionNArguments* arguments) {
   for (unsigned i = 0; i < n; ++i) {
     if (arguments->valid[i] == 0) continue;
     const bool met = distance(shape, arguments->ray, n, i) < RTCRayN_tfar(arguments->ray, n, i);
-#if LENTICULE_EMBREE_MAJOR >= 4
-    arguments->valid[i] = met ? -1 : 0;
-#endif
+    if (kCallbacksReportHits) arguments->valid[i] = met ? -1 : 0;
     if (met) RTCRayN_tfar(arguments->ray, n, i) = -std::numeric_limits<float>::infinity();
   }
 }

@@ -87,7 +87,7 @@ Vec3 across(Vec3 unit) {
 
 RTCRayHit trace(const Scene& scene, const Line& line) {
   RTCRayHit found = single_ray(Vec3f(line.origin), Vec3f(line.direction), kInfinity);
-  intersect1(scene.embree.get(), found);
+  intersect1(scene.embree, found);
   return found;
 }
 
@@ -527,7 +527,7 @@ void PacketTracer::shade_lanes(const Scene& scene, const TilePlan& plan,
 void PacketTracer::trace_packet(const Scene& scene, const TilePlan& plan, const Colours& colours,
                                 const float* weight, RayPacket& packet) {
   clock_.turn_to(Work::TracePrimary);
-  intersect16(packet.valid, scene.embree.get(), packet.rays, Coherence::Coherent);
+  intersect16(packet.valid, scene.embree, packet.rays, Coherence::Coherent);
   fill_holes(scene, plan.row_mm(), packet, counts_);
   clock_.turn_to(Work::Shade);
   counts_.primary_rays += count_lanes(packet.valid);
@@ -729,7 +729,7 @@ uint32_t PacketTracer::trace_shadows(const Scene& scene, size_t light, Coherence
   if (cache_ != nullptr)
     if (const auto unoccluded = cache_->find_shadows(bounce, light, lanes)) return *unoccluded;
   clock_.turn_to(Work::TraceShadows);
-  occluded16(valid, scene.embree.get(), lanes_.shadow, coherence);
+  occluded16(valid, scene.embree, lanes_.shadow, coherence);
   clock_.turn_to(Work::Shade);
   const uint32_t unoccluded = lanes & ~sign_bits(lanes_.shadow.tfar);
   if (cache_ != nullptr) cache_->store_shadows(bounce, light, lanes, unoccluded);
@@ -826,7 +826,7 @@ void PacketTracer::trace_secondary(const Scene& scene, RayPacket& packet, Cohere
   // Neighbouring rays diverge after two reflections at curved surfaces, and packet traversal is
   // slower.
   clock_.turn_to(Work::TraceSecondary);
-  intersect16(packet.valid, scene.embree.get(), packet.rays,
+  intersect16(packet.valid, scene.embree, packet.rays,
               depth == 0 ? coherence : Coherence::Incoherent);
   clock_.turn_to(Work::Shade);
   if (cache_ != nullptr) cache_->store_hits(path, packet);

@@ -319,7 +319,7 @@ void PbrTracer::trace_on(const View& view, uint32_t lanes, FrameCounts& counts, 
   }
   counts.secondary_rays += count_lanes(next_.valid);
   clock.turn_to(Work::TraceSecondary);
-  intersect16(next_.valid, view.scene.embree.get(), next_.rays, Coherence::Coherent);
+  intersect16(next_.valid, view.scene.embree, next_.rays, Coherence::Coherent);
   clock.turn_to(Work::Shade);
 }
 
@@ -502,7 +502,7 @@ void PbrTracer::trace_shadows(const View& view, FrameCounts& counts, WorkClock& 
                    {double{shadow_.dir_x[r]}, double{shadow_.dir_y[r]}, double{shadow_.dir_z[r]}},
                    double{shadow_.tfar[r]}));
   } else {
-    occluded16(shadow_valid_, view.scene.embree.get(), shadow_, Coherence::Coherent);
+    occluded16(shadow_valid_, view.scene.embree, shadow_, Coherence::Coherent);
     for (auto& channel : arriving_.rgb)
       for (size_t r = 0; r < kPacket; ++r)
         channel[r] = shadow_valid_[r] != 0 && shadow_.tfar[r] >= 0.0F ? 1.0F : 0.0F;

@@ -142,7 +142,7 @@ Surface surface_at(const Scene& scene, const PathRay& ray, const Hit& hit) {
 
 std::optional<Surface> first_surface(const Scene& scene, Vec3 origin, Vec3 direction, double far) {
   RTCRayHit ray = single_ray(Vec3f(origin), Vec3f(direction), static_cast<float>(far));
-  intersect1(scene.embree.get(), ray);
+  intersect1(scene.embree, ray);
   if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
   return surface_at(
       scene, {.origin = origin, .direction = direction},

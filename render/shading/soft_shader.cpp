@@ -111,7 +111,7 @@ uint32_t SoftShader::unblocked(const Scene& scene, Coherence coherence, WorkCloc
   const uint32_t traced = lane_bits(rays_.valid);
   if (traced == 0) return 0;
   clock.turn_to(Work::TraceShadows);
-  occluded16(rays_.valid, scene.embree.get(), rays_.rays.ray, coherence);
+  occluded16(rays_.valid, scene.embree, rays_.rays.ray, coherence);
   clock.turn_to(Work::Shade);
   uint32_t free = 0;
   for (uint32_t r = 0; r < kPacket; ++r)

@@ -61,7 +61,7 @@ class ShadowCounter {
     }
     RayPacket packet;
     EXPECT_EQ(load_packet(rays, packet), 0U);
-    const RTCScene embree = scene_.embree.get();
+    const EmbreeScene& embree = scene_.embree;
     intersect16(packet.valid, embree, packet.rays, Coherence::Incoherent);
     shading_kernel::Surfaces surfaces{};
     if (!isa_baseline::kShadingKernel.find_surfaces(

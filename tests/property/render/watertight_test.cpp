@@ -34,7 +34,7 @@ class Watertight : public ::testing::Test {
 
   [[nodiscard]] size_t misses(Coherence coherence) const {
     std::vector<Hit> hits(rays_.size());
-    EXPECT_EQ(lab::intersect(scene_->embree.get(), rays_, coherence, hits), 0U);
+    EXPECT_EQ(lab::intersect(scene_->embree, rays_, coherence, hits), 0U);
     size_t count = 0;
     for (const Hit& hit : hits)
       if (hit.geometry == Hit::kMiss) ++count;

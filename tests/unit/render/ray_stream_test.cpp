@@ -32,7 +32,7 @@ SceneDescription floor_and_sphere() {
 class RayStream : public ::testing::Test {
  protected:
   Scene scene_{floor_and_sphere(), test::make_tiny_stage({.mm_per_unit = 1.0}), {}, 1};
-  RTCScene embree_ = scene_.embree.get();
+  const EmbreeScene& embree_ = scene_.embree;
 };
 
 PathRay ray(Vec3 origin, Vec3 direction) {
@@ -136,7 +136,7 @@ class ClosedBall : public ::testing::TestWithParam<double> {
     return scene;
   }
   Scene scene_{ball(), test::make_tiny_stage({.mm_per_unit = 1.0}), {}, 1};
-  RTCScene embree_ = scene_.embree.get();
+  const EmbreeScene& embree_ = scene_.embree;
 };
 
 // Embree treats these components as positive; beside negative ones, its bounds of the packet would

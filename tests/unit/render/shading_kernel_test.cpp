@@ -65,7 +65,7 @@ class ShadingKernel : public ::testing::TestWithParam<test::NamedScene> {
       ray.target = random() % 8 == 0 ? PathRay::kInactive : 0;
     }
     load_packet(rays_, packet_);
-    intersect16(packet_.valid, scene_.embree.get(), packet_.rays, Coherence::Incoherent);
+    intersect16(packet_.valid, scene_.embree, packet_.rays, Coherence::Incoherent);
   }
 
   /// Shades the packet; returns false if no ray hits.

@@ -30,7 +30,7 @@ class ShaftSoundness : public ::testing::TestWithParam<test::NamedScene> {
         std::vector<PathRay>{{.origin = Vec3(origin), .direction = Vec3(direction), .target = 0}},
         packet);
     packet.rays.ray.tfar[0] = far;
-    occluded16(packet.valid, scene_.embree.get(), packet.rays.ray, Coherence::Incoherent);
+    occluded16(packet.valid, scene_.embree, packet.rays.ray, Coherence::Incoherent);
     return packet.rays.ray.tfar[0] < 0.0F;
   }
 
@@ -52,7 +52,7 @@ TEST_P(ShaftSoundness, HoldsForEveryRay) {
     }
     RayPacket packet;
     load_packet(rays, packet);
-    intersect16(packet.valid, scene_.embree.get(), packet.rays, Coherence::Incoherent);
+    intersect16(packet.valid, scene_.embree, packet.rays, Coherence::Incoherent);
     shading_kernel::Surfaces s{};
     if (!isa_baseline::kShadingKernel.find_surfaces(scene_.shading->tables(),
                                                     &packet.rays.ray.org_x[0], packet.valid, s))

@@ -210,7 +210,7 @@ TEST(GroundShadow, DarkensTheBackgroundBesideTheModelAsTheFormulaSays) {
       PathRay ray = rays.one(scene, row, n, centre, scratch);
       ray.target = 0;
       std::array<Hit, 1> hit;
-      lab::intersect(scene.embree.get(), {&ray, 1}, Coherence::Coherent, hit);
+      lab::intersect(scene.embree, {&ray, 1}, Coherence::Coherent, hit);
       if (hit[0].geometry != Hit::kMiss) continue;
       const double light = oracle.light_left(world_from_scene.point(ray.origin),
                                              world_from_scene.vector(ray.direction));

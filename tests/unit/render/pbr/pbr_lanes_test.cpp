@@ -114,7 +114,7 @@ class PbrLanesOf : public ::testing::TestWithParam<test::NamedScene> {
       ray.target = random.one_in(8) ? PathRay::kInactive : 0;
     }
     load_packet(rays, packet_);
-    intersect16(packet_.valid, scene.embree.get(), packet_.rays, Coherence::Incoherent);
+    intersect16(packet_.valid, scene.embree, packet_.rays, Coherence::Incoherent);
   }
 
   [[nodiscard]] uint32_t met() const {
