@@ -10,7 +10,8 @@ Fails with a list of the places where
 - sub-folders of a module include each other in a cycle,
 - a folder, also one of tests, holds more than MOST_FILES sources,
 - a source prints without base/print.h,
-- a kernel for one instruction set is named outside of base/cpu.h, which asks the processor.
+- a kernel for one instruction set is named outside of base/cpu.h, which asks the processor,
+- the preprocessor is asked for the version of a library outside of that library's one header.
 """
 
 import collections
@@ -79,6 +80,8 @@ PRINTS = re.compile(r"fmt::print *\(|std::(cout|cerr|clog)"
                     r"|[^a-z_](stdout|stderr)[^a-z_]")
 MAY_PRINT = {"base/print.cpp", "base/error.cpp"}  # error.cpp: a failed check prints, then aborts
 INCLUDE = re.compile(r'^\s*#\s*include\s+(?:"([^"]+)"|<([^>]+)>)')
+VERSION = re.compile(r"^\s*#\s*(if|elif).*(_VERSION|_MAJOR)")
+MAY_ASK_VERSION = {"render/accel/embree.h", "apps/lenticule-video/ffmpeg.h"}
 KERNEL = re.compile(r"isa_(avx[0-9]+|neon)::")
 
 
@@ -118,6 +121,8 @@ def check_line(file, module, line, wrong):
         wrong.append(f"{file} may not print by itself, use base/print.h: {line.strip()}")
     if KERNEL.search(line) and file != "base/cpu.h":
         wrong.append(f"{file} may not name kernels of one instruction set")
+    if VERSION.search(line) and file not in MAY_ASK_VERSION:
+        wrong.append(f"{file} may not depend on a library's version: {line.strip()}")
     include = INCLUDE.match(line)
     if not include:
         return None
