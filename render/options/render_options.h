@@ -2,8 +2,6 @@
 // Options of the render methods; docs/render/soft-light.md explains those of soft light.
 #pragma once
 
-#include <x86intrin.h>
-
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -15,6 +13,7 @@
 #include "base/cpu.h"
 
 #if defined(__x86_64__)
+#include <x86intrin.h>
 #endif
 
 namespace lenticule::render {
