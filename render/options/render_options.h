@@ -219,23 +219,12 @@ struct ReuseOptions {
   /// one was not traced.
   int key_every = 2;
   bool occlusion = true;  ///< the nearest point or chord wins and occludes the others
-  /// Points on reflective, transparent and highlighted surfaces are reused like others.
-  bool reuse_glossy = true;
-  bool one_side = true;  ///< content that only one of the two neighbours shows is used
   /// Largest difference in code values between the two points of a chord, or between the two
   /// neighbours.
   float agreement = 16.0F;
   /// Largest difference in code values between the two neighbours whose mean is taken; above it,
   /// the subpixel is traced.
   float mean_agreement = 16.0F;
-  float steepest = 4.0F;  ///< largest depth per width of a chord
-  /// Every key_frames-th frame is traced completely, counted from frame 0, so that a sequence has
-  /// the same traced frames no matter at which frame it is started.
-  int key_frames = 16;
-  /// A picture that moves farther than this fraction of the panel's diagonal between two frames is
-  /// treated as a new picture.
-  double cut = 1.0 / 16.0;
-  float within = 0.5F;  ///< Nearest: largest distance of a point from the ray, in slots
 };
 
 /// Returns the most literal reading of the paper: each micro-image is made from the one before it,

@@ -93,6 +93,13 @@ static_assert(reprojection::kLanes == kPacket);
 constexpr int kPacketsAtOnce = 8;
 static_assert(TilePlan::kColumns % kPacketsAtOnce == 0);
 
+/// Every so many frames one is traced completely, counted from frame 0, so that a sequence has the
+/// same traced frames no matter at which frame it is started.
+constexpr uint64_t kKeyFrames = 16;
+/// A picture that moves farther than this fraction of the panel's diagonal between two frames is
+/// treated as a new picture.
+constexpr double kCut = 1.0 / 16.0;
+
 const reprojection::Kernel& kernel_for(Isa isa) {
   return LENTICULE_SELECT_KERNEL(isa, kReprojectionKernel);
 }
@@ -101,11 +108,11 @@ reprojection::Rules rules_of(const ReuseOptions& reuse, const optics::Rig& rig) 
   const double gap_mm = rig.sheet.gap.value;
   return {
       .occlusion = reuse.occlusion,
-      .steepest = reuse.steepest,
+      .steepest = 4.0F,
       .agreement = reuse.agreement,
       .slot_tan = gap_mm > 0.0 ? static_cast<float>(rig.panel.pixel_width.value / gap_mm) : 0.0F,
-      .within = reuse.within,
-      .one_side = reuse.one_side};
+      .within = 0.5F,
+      .one_side = true};
 }
 
 reprojection::PanelMap panel_map(const Scene& scene) {
@@ -354,23 +361,14 @@ void MicroImageSweep::take(size_t queued, float light) {
   c.x[r] = queue_.rays.x[queued];
   c.z[r] = queue_.rays.z[queued];
   c.code[r] = code_of(light, scene_->colour_managed);
-  c.surface[r] = surface_of(hit.geomID[queued], hit.primID[queued], queue_.column[queued]);
+  c.surface[r] = surface_of(hit.geomID[queued], hit.primID[queued]);
 }
 
 /// Returns a number that differs between neighbours that do not belong together.
-int32_t MicroImageSweep::surface_of(uint32_t geometry, uint32_t primitive, int number) const {
+int32_t MicroImageSweep::surface_of(uint32_t geometry, uint32_t primitive) const {
   if (geometry == RTC_INVALID_GEOMETRY_ID) return reprojection::kSky;
-  const GeometryEntry& entry = scene_->geometries[geometry];
-  const bool mesh = entry.kind == GeometryEntry::Kind::Mesh;
-  if (!options_.reuse_glossy) {
-    const int material = mesh ? scene_->meshes[entry.mesh].material
-                         : entry.kind == GeometryEntry::Kind::Spheres
-                             ? scene_->spheres[primitive].material
-                             : scene_->cones[primitive].material;
-    const Material& m = scene_->materials[static_cast<size_t>(material)];
-    if (m.specular > 0.0 || m.transmittance > 0.0) return -2 - number;
-  }
-  const uint32_t own = mesh ? 0 : primitive + 1;
+  const uint32_t own =
+      scene_->geometries[geometry].kind == GeometryEntry::Kind::Mesh ? 0 : primitive + 1;
   // A surface's number fits in a byte. Two surfaces that touch may share one, which is harmless,
   // because the lines between their points are too steep to be used.
   constexpr uint32_t kNumbers = 254;
@@ -591,7 +589,7 @@ class PointHistory {
                               (double{column.panel_x[lane]} + double{column.tan[lane]} * double{z});
         Point& point = next_[index(tile.row_begin + lane, subpixel)];
         point = {.z = kNoPoint};
-        if (!(z == z) || column.surface[lane] < reprojection::kSky) continue;
+        if (!(z == z)) continue;
         point = {.z = z,
                  .across = stepped(beside / reach(double{z})),
                  .down = stepped(double{column.down[lane]}),
@@ -767,7 +765,7 @@ FrameCounts count_flags(std::span<const Column> columns) {
 /// Returns true if the picture moves so far between two stages that it counts as a new picture.
 /// Tested at the panel's corners, on the panel and half the panel's height in front of and behind
 /// it.
-bool is_cut(const Affine& next_from_last, const optics::Panel& panel, double most) {
+bool is_cut(const Affine& next_from_last, const optics::Panel& panel) {
   const double width = panel.width_px * panel.pixel_width.value;
   const double height = panel.height_px * panel.pixel_height.value;
   for (const double x : {-0.5, 0.5})
@@ -776,7 +774,7 @@ bool is_cut(const Affine& next_from_last, const optics::Panel& panel, double mos
         const Vec3 corner{x * width, y * height, z * height};
         const double moves = length(next_from_last.point(corner) - corner);
         // NaN counts as a cut.
-        if (!(moves <= most * std::hypot(width, height))) return true;
+        if (!(moves <= kCut * std::hypot(width, height))) return true;
       }
   return false;
 }
@@ -798,7 +796,7 @@ class ReuseMethod final : public Method {
 
   uint64_t first_needed(uint64_t number) const override {
     const bool continues = last_ && last_->number + 1 == number;
-    return !over_time() || continues ? number : number - number % key_frames();
+    return !over_time() || continues ? number : number - number % kKeyFrames;
   }
 
   RenderStatistics render(const Scene& scene, const Stage& stage,
@@ -857,19 +855,16 @@ class ReuseMethod final : public Method {
   [[nodiscard]] bool over_time() const {
     return reuse_ == Reuse::Temporal || reuse_ == Reuse::Hybrid;
   }
-  [[nodiscard]] uint64_t key_frames() const {
-    return static_cast<uint64_t>(std::max(options_.reuse.key_frames, 1));
-  }
 
   /// Returns true if the frame can be made from the previous one.
   bool start_history(const Scene& scene, const Stage& stage) {
     if (!history_) history_ = std::make_unique<PointHistory>(model_, plan_.tiles);
-    if (!last_ || last_->number + 1 != number_ || number_ % key_frames() == 0 ||
+    if (!last_ || last_->number + 1 != number_ || number_ % kKeyFrames == 0 ||
         last_->content != scene.content ||
         !std::ranges::equal(last_->textures, scene.textures, same_texture))
       return false;
     const Affine next_from_last = stage.panel_from_world * last_->world_from_panel;
-    if (is_cut(next_from_last, model_.rig().panel, options_.reuse.cut)) return false;
+    if (is_cut(next_from_last, model_.rig().panel)) return false;
     history_->begin(next_from_last);
     return true;
   }

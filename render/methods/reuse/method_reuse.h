@@ -129,7 +129,7 @@ class MicroImageSweep {
   void trace(int column, const Lanes& lanes);
   void flush();
   void take(size_t queued, float light);
-  [[nodiscard]] int32_t surface_of(uint32_t geometry, uint32_t primitive, int number) const;
+  [[nodiscard]] int32_t surface_of(uint32_t geometry, uint32_t primitive) const;
   void join(int column);
   void join_all();
 

@@ -40,7 +40,7 @@ struct alignas(64) Column {
   float z[kLanes];          ///< NaN if there is no point
   float down[kLanes];       ///< rows between the point and the subpixel's own row, positive below
   float code[kLanes];       ///< displayed code value, 0 ... 255
-  int32_t surface[kLanes];  ///< 0 ... 253 or kSky; other values match no surface
+  int32_t surface[kLanes];  ///< 0 ... 253 or kSky
   /// Relation to the point three columns to the left, the neighbour in the same channel. chord: -1
   /// if both are seen through one lens. linked: -1 if both belong together.
   int32_t chord[kLanes];
