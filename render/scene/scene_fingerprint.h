@@ -24,8 +24,8 @@ struct Fingerprint {
   friend bool operator==(const Fingerprint&, const Fingerprint&) = default;
 };
 
-/// WordMixer computes a Fingerprint from a sequence of words. The order of the words matters.
-class WordMixer {
+/// SceneMixer computes a Fingerprint from a sequence of words. The order of the words matters.
+class SceneMixer {
  public:
   void add(uint64_t word) {
     value_.first = std::rotl(value_.first ^ word, 29) * 0x9E3779B97F4A7C15U;
@@ -39,24 +39,15 @@ class WordMixer {
   void add(int number) { add(static_cast<uint64_t>(number)); }
   void add(uint32_t number) { add(uint64_t{number}); }
 
-  [[nodiscard]] Fingerprint value() const { return value_; }
-
- private:
-  Fingerprint value_{0x243F6A8885A308D3U, 0x13198A2E03707344U};
-};
-
-class SceneMixer : public WordMixer {
- public:
-  using WordMixer::add;
-  void add(const Vec3& v) {
-    add(v.x);
-    add(v.y);
-    add(v.z);
+  template <class First, class Second, class... More>
+  void add(const First& first, const Second& second, const More&... more) {
+    add(first);
+    add(second);
+    (add(more), ...);
   }
-  void add(const Vec3f& v) {
-    add(v.x);
-    add(v.y);
-    add(v.z);
+  template <class T>
+  void add(const Vec3T<T>& v) {
+    add(v.x, v.y, v.z);
   }
   void add(const std::string& text) { add(uint64_t{std::hash<std::string>{}(text)}); }
   template <class T, size_t N>
@@ -76,26 +67,13 @@ class SceneMixer : public WordMixer {
   }
 
   void add(const Material& m) {
-    add(m.colour);
-    add(m.diffuse);
-    add(m.specular);
-    add(m.shine);
-    add(m.transmittance);
-    add(m.refraction_index);
-    add(m.emission);
-    add(m.tinted_specular);
-    add(m.texture);
-    add(m.pbr != nullptr);
+    add(m.colour, m.diffuse, m.specular, m.shine, m.transmittance, m.refraction_index, m.emission,
+        m.tinted_specular, m.texture, m.pbr != nullptr);
     if (m.pbr) add(*m.pbr);
   }
-  void add(const TextureUse& use) {
-    add(use.texture);
-    add(use.uv_set);
-    add(use.uv_map);
-  }
+  void add(const TextureUse& use) { add(use.texture, use.uv_set, use.uv_map); }
   void add(const PbrMaterial& m) {
-    add(static_cast<int>(m.alpha_mode));
-    for (const bool flag : {m.double_sided, m.unlit}) add(flag);
+    add(static_cast<int>(m.alpha_mode), m.double_sided, m.unlit);
     for (const auto number : kPbrNumbers) add(m.*number);
     for (const auto colour : kPbrColours) add(m.*colour);
     for (const auto use : kPbrTextures) add(m.*use);
@@ -103,46 +81,32 @@ class SceneMixer : public WordMixer {
   void add(const TriangleMesh& mesh) { add_mesh(mesh); }
   void add(const Sphere& sphere) { add_sphere(sphere); }
   void add(const Cone& cone) {
-    add(cone.base);
-    add(cone.base_radius);
-    add(cone.apex);
-    add(cone.apex_radius);
-    add(cone.inward);
-    add(cone.material);
+    add(cone.base, cone.base_radius, cone.apex, cone.apex_radius, cone.inward, cone.material);
   }
   void add(const Light& light) { add_light(light); }
 
   /// Mixes a Light or a SceneLight.
   template <class L>
   void add_light(const L& light) {
-    add(static_cast<int>(light.kind));
-    add(light.position);
-    add(light.direction);
-    add(light.colour);
-    add(light.falls_off);
-    add(light.cos_inner);
-    add(light.cos_outer);
+    add(static_cast<int>(light.kind), light.position, light.direction, light.colour,
+        light.falls_off, light.cos_inner, light.cos_outer);
   }
   /// Mixes a TriangleMesh or a MeshShape.
   template <class Mesh>
   void add_mesh(const Mesh& mesh) {
-    add(mesh.material);
-    add(mesh.positions);
-    add(mesh.triangles);
-    add(mesh.normals);
-    add(mesh.uvs);
-    add(mesh.uvs2);
-    add(mesh.colours);
-    add(mesh.tangents);
+    add(mesh.material, mesh.positions, mesh.triangles, mesh.normals, mesh.uvs, mesh.uvs2,
+        mesh.colours, mesh.tangents);
   }
   /// Mixes a Sphere or a SphereShape.
   template <class Ball>
   void add_sphere(const Ball& sphere) {
-    add(sphere.centre);
-    add(sphere.radius);
-    add(sphere.inward);
-    add(sphere.material);
+    add(sphere.centre, sphere.radius, sphere.inward, sphere.material);
   }
+
+  [[nodiscard]] Fingerprint value() const { return value_; }
+
+ private:
+  Fingerprint value_{0x243F6A8885A308D3U, 0x13198A2E03707344U};
 };
 
 /// Returns a fingerprint of everything that determines the appearance of the scene's points:
