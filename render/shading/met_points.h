@@ -184,11 +184,6 @@ struct Point {
   Masks cell_u, cell_v, cell_w, divisions, divisions_along;
 };
 
-/// Sixteen points in double precision. Loops over lanes are vectorized for the instruction set.
-struct alignas(64) DoublePoints {
-  double x[kLanes], y[kLanes], z[kLanes];
-};
-
 /// Points where rays met wide shapes.
 struct WidePoints {
   Masks lanes;
@@ -200,105 +195,99 @@ struct WidePoints {
 /// shape are unspecified.
 struct alignas(64) WideLanes {
   float at[3][kLanes], outer[3][kLanes];
-  float u[kLanes], v[kLanes];
+  float u[kLanes] = {}, v[kLanes] = {};
 };
 
-inline void find_met(const float* packet, DoublePoints& met) {
-  const auto at = [packet](Field which, int r) { return double{packet[which * kLanes + r]}; };
-  for (int r = 0; r < kLanes; ++r) {
-    const double t = at(packet_kernel::kTFar, r);
-    met.x[r] = at(packet_kernel::kOriginX, r) + at(packet_kernel::kDirectionX, r) * t;
-    met.y[r] = at(packet_kernel::kOriginY, r) + at(packet_kernel::kDirectionY, r) * t;
-    met.z[r] = at(packet_kernel::kOriginZ, r) + at(packet_kernel::kDirectionZ, r) * t;
-  }
+/// Double3 is a point of one lane. Loops over lanes are vectorized for the instruction set.
+struct Double3 {
+  double x, y, z;
+};
+inline Double3 operator+(const Double3& a, const Double3& b) {
+  return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+inline Double3 operator-(const Double3& a, const Double3& b) {
+  return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
+inline Double3 operator*(const Double3& a, double s) {
+  return {a.x * s, a.y * s, a.z * s};
+}
+inline double dot(const Double3& a, const Double3& b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+inline Double3 point(const double (&v)[3]) {
+  return {v[0], v[1], v[2]};
+}
+/// Normalizes; the zero vector stays zero.
+inline Double3 unit(const Double3& v) {
+  const double length = __builtin_sqrt(dot(v, v));
+  return v * (length > 0.0 ? 1.0 / length : 0.0);
+}
+inline void put(const Double3& v, int r, float (&out)[3][kLanes]) {
+  out[0][r] = static_cast<float>(v.x);
+  out[1][r] = static_cast<float>(v.y);
+  out[2][r] = static_cast<float>(v.z);
+}
+
+inline Double3 met_point(const float* packet, int r) {
+  const auto at = [&](int field) { return double{packet[field * kLanes + r]}; };
+  const auto vector = [&](int field) { return Double3{at(field), at(field + 1), at(field + 2)}; };
+  return vector(packet_kernel::kOriginX) +
+         vector(packet_kernel::kDirectionX) * at(packet_kernel::kTFar);
 }
 
 inline double clamped01(double v) {
   return v > 0.0 ? (v < 1.0 ? v : 1.0) : 0.0;
 }
 
-inline void put(WideLanes& out, int r, double x, double y, double z) {
-  out.at[0][r] = static_cast<float>(x);
-  out.at[1][r] = static_cast<float>(y);
-  out.at[2][r] = static_cast<float>(z);
-}
-inline void put_outer(WideLanes& out, int r, double x, double y, double z) {
-  out.outer[0][r] = static_cast<float>(x);
-  out.outer[1][r] = static_cast<float>(y);
-  out.outer[2][r] = static_cast<float>(z);
-}
-
 /// Projects the points into the triangle's plane and clamps them to the triangle.
-inline void on_wide_triangle(const WideTriangle& t, const DoublePoints& met, WideLanes& out) {
+inline void on_wide_triangle(const WideTriangle& t, const float* packet, WideLanes& out) {
   for (int r = 0; r < kLanes; ++r) {
-    const double x = met.x[r] - t.corner[0], y = met.y[r] - t.corner[1], z = met.z[r] - t.corner[2];
-    const double u = clamped01(x * t.u_axis[0] + y * t.u_axis[1] + z * t.u_axis[2]);
-    const double v = clamped01(x * t.v_axis[0] + y * t.v_axis[1] + z * t.v_axis[2]);
+    const Double3 from = met_point(packet, r) - point(t.corner);
+    const double u = clamped01(dot(from, point(t.u_axis)));
+    const double v = clamped01(dot(from, point(t.v_axis)));
     const double sum = u + v;
     const double shrink = sum > 1.0 ? 1.0 / sum : 1.0;
     const double a = u * shrink, b = v * shrink;
-    put(out, r, t.corner[0] + (t.edge1[0] * a + t.edge2[0] * b),
-        t.corner[1] + (t.edge1[1] * a + t.edge2[1] * b),
-        t.corner[2] + (t.edge1[2] * a + t.edge2[2] * b));
-    put_outer(out, r, t.normal[0], t.normal[1], t.normal[2]);
+    put(point(t.corner) + (point(t.edge1) * a + point(t.edge2) * b), r, out.at);
+    put(point(t.normal), r, out.outer);
     out.u[r] = static_cast<float>(a);
     out.v[r] = static_cast<float>(b);
   }
 }
 
-inline double per_length(double x, double y, double z) {
-  const double length = __builtin_sqrt(x * x + y * y + z * z);
-  return length > 0.0 ? 1.0 / length : 0.0;
-}
-
-inline void on_wide_sphere(const WideQuadric& s, float outward, const DoublePoints& met,
+inline void on_wide_sphere(const WideQuadric& s, float outward, const float* packet,
                            WideLanes& out) {
-  const double side = outward;
   for (int r = 0; r < kLanes; ++r) {
-    const double x = met.x[r] - s.centre[0], y = met.y[r] - s.centre[1], z = met.z[r] - s.centre[2];
-    const double scale = per_length(x, y, z);
-    const double nx = x * scale, ny = y * scale, nz = z * scale;
-    put(out, r, s.centre[0] + nx * s.radius, s.centre[1] + ny * s.radius,
-        s.centre[2] + nz * s.radius);
-    put_outer(out, r, nx * side, ny * side, nz * side);
-    out.u[r] = out.v[r] = 0.0F;
+    const Double3 normal = unit(met_point(packet, r) - point(s.centre));
+    put(point(s.centre) + normal * s.radius, r, out.at);
+    put(normal * double{outward}, r, out.outer);
   }
 }
 
 /// Computes points on a cone. The normal is zero at the tip.
-inline void on_wide_cone(const WideQuadric& c, float outward, const DoublePoints& met,
-                         WideLanes& out) {
+inline void on_wide_cone(const WideQuadric& c, float outward, const float* packet, WideLanes& out) {
   for (int r = 0; r < kLanes; ++r) {
-    const double x = met.x[r] - c.centre[0], y = met.y[r] - c.centre[1], z = met.z[r] - c.centre[2];
-    const double along = x * c.axis[0] + y * c.axis[1] + z * c.axis[2];
-    const double ax = x - c.axis[0] * along, ay = y - c.axis[1] * along, az = z - c.axis[2] * along;
-    const double scale = per_length(ax, ay, az);
-    const double nx = ax * scale, ny = ay * scale, nz = az * scale;
+    const Double3 axis = point(c.axis), from = met_point(packet, r) - point(c.centre);
+    const double along = dot(from, axis);
+    const Double3 across = unit(from - axis * along);
     const double low = along > 0.0 ? along : 0.0;
     const double s = low < c.height ? low : c.height;
-    const double radius = c.radius + c.slope * s;
-    put(out, r, c.centre[0] + (c.axis[0] * s + nx * radius),
-        c.centre[1] + (c.axis[1] * s + ny * radius), c.centre[2] + (c.axis[2] * s + nz * radius));
-    const double ox = nx - c.axis[0] * c.slope, oy = ny - c.axis[1] * c.slope,
-                 oz = nz - c.axis[2] * c.slope;
-    const double side = scale > 0.0 ? per_length(ox, oy, oz) * double{outward} : 0.0;
-    put_outer(out, r, ox * side, oy * side, oz * side);
-    out.u[r] = out.v[r] = 0.0F;
+    put(point(c.centre) + (axis * s + across * (c.radius + c.slope * s)), r, out.at);
+    const bool tip = dot(across, across) == 0.0;
+    put(unit(across - axis * c.slope) * (tip ? 0.0 : double{outward}), r, out.outer);
   }
 }
 
 inline void find_wide_points(const float* packet, const WideShapes& shapes, WidePoints& out) {
-  DoublePoints met;
-  find_met(packet, met);
   for (int n = 0; n < shapes.count; ++n) {
     const WideShapes::One& one = shapes.shape[n];
     WideLanes lanes;
     if (one.triangle != nullptr)
-      on_wide_triangle(*one.triangle, met, lanes);
+      on_wide_triangle(*one.triangle, packet, lanes);
     else if (one.is_cone)
-      on_wide_cone(*one.quadric, one.outward, met, lanes);
+      on_wide_cone(*one.quadric, one.outward, packet, lanes);
     else
-      on_wide_sphere(*one.quadric, one.outward, met, lanes);
+      on_wide_sphere(*one.quadric, one.outward, packet, lanes);
     const double reach = one.triangle != nullptr ? one.triangle->reach : one.quadric->reach;
     out.lanes = out.lanes | one.lanes;
     out.at = select(one.lanes, vector_at(lanes.at), out.at);
