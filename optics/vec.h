@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Two- and three-vectors and affine maps, for any scalar type.
+// Two- and three-vectors, for any scalar type; boxes and affine maps.
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
+#include <limits>
 
 namespace lenticule {
 
@@ -57,6 +61,28 @@ Vec3T<T> normalized(Vec3T<T> a) {
   const T l = length(a);
   return l > T(0) ? a / l : a;
 }
+/// Returns the smaller one of each component.
+template <class T>
+Vec3T<T> min(Vec3T<T> a, Vec3T<T> b) {
+  return {std::min(a.x, b.x), std::min(a.y, b.y), std::min(a.z, b.z)};
+}
+template <class T>
+Vec3T<T> max(Vec3T<T> a, Vec3T<T> b) {
+  return {std::max(a.x, b.x), std::max(a.y, b.y), std::max(a.z, b.z)};
+}
+template <class T>
+T smallest(Vec3T<T> a) {
+  return std::min({a.x, a.y, a.z});
+}
+template <class T>
+T largest(Vec3T<T> a) {
+  return std::max({a.x, a.y, a.z});
+}
+/// Returns the largest absolute component.
+template <class T>
+T largest_size(Vec3T<T> a) {
+  return std::max({std::abs(a.x), std::abs(a.y), std::abs(a.z)});
+}
 template <class T>
 bool is_finite(Vec3T<T> a) {
   return std::isfinite(a.x) && std::isfinite(a.y) && std::isfinite(a.z);
@@ -65,6 +91,36 @@ bool is_finite(Vec3T<T> a) {
 using Vec2 = Vec2T<double>;
 using Vec3 = Vec3T<double>;
 using Vec3f = Vec3T<float>;
+
+/// Box is parallel to the axes, and empty until its first extend().
+struct Box {
+  Vec3 low = Vec3{1, 1, 1} * std::numeric_limits<double>::infinity();
+  Vec3 high = -low;
+
+  void extend(Vec3 p) {
+    low = min(low, p);
+    high = max(high, p);
+  }
+  void extend(const Box& box) {
+    low = min(low, box.low);
+    high = max(high, box.high);
+  }
+  [[nodiscard]] bool empty() const {
+    return !(low.x <= high.x && low.y <= high.y && low.z <= high.z);
+  }
+  /// Returns the box extended by `by` to all sides.
+  [[nodiscard]] Box widened(double by) const {
+    const Vec3 all{by, by, by};
+    return {low - all, high + all};
+  }
+  [[nodiscard]] std::array<Vec3, 8> corners() const {
+    std::array<Vec3, 8> out;
+    for (size_t n = 0; n < out.size(); ++n)
+      out[n] = {(n & 1) != 0 ? high.x : low.x, (n & 2) != 0 ? high.y : low.y,
+                (n & 4) != 0 ? high.z : low.z};
+    return out;
+  }
+};
 
 /// Affine maps p -> column_x p.x + column_y p.y + column_z p.z + origin. Variables are named
 /// target_from_source.

@@ -44,16 +44,12 @@ struct Ball {
 };
 
 Ball ball_around(const Scene& scene) {
-  Bounds bounds;
-  const auto hold = [&](const Box& box) {
-    bounds.extend(box.low);
-    bounds.extend(box.high);
-  };
+  Box bounds;
   for (const MeshShape& mesh : scene.meshes)
     // The last position is padding, not a vertex.
     for (size_t i = 0; i + 1 < mesh.positions.size(); ++i) bounds.extend(Vec3(mesh.positions[i]));
-  for (const SphereShape& sphere : scene.spheres) hold(box_of(sphere));
-  for (const ConeShape& cone : scene.cones) hold(box_of(cone));
+  for (const SphereShape& sphere : scene.spheres) bounds.extend(box_of(sphere));
+  for (const ConeShape& cone : scene.cones) bounds.extend(box_of(cone));
   if (bounds.empty()) return {};
   Ball ball{(bounds.low + bounds.high) * 0.5, length(bounds.high - bounds.low) * 0.5};
   // Margin: secondary rays start off their surfaces, and points are rounded to single precision.
@@ -348,7 +344,7 @@ class Committer {
     const Vec3 p = turned(world - centre_) * units_per_world_;
     if (!is_finite(world))
       refuse(fmt::format("{} '{}'", what, name), "has a position that is not finite");
-    if (!(std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) < kFarthest))
+    if (!(largest_size(p) < kFarthest))
       refuse(fmt::format("{} '{}'", what, name), "is too far from the stage");
     return p;
   }
@@ -545,7 +541,7 @@ class Committer {
 
   void add_ground(const Surroundings& surroundings) {
     if (!is_finite(surroundings.ground_colour)) refuse("ground", "has a colour that is not finite");
-    const Bounds bounds = scene_bounds(description_);
+    const Box bounds = scene_bounds(description_);
     if (bounds.empty()) return;
     scene_.materials.push_back({.name = "ground", .colour = surroundings.ground_colour});
     if (is_pbr_)
@@ -612,7 +608,7 @@ class Committer {
   }
 
   void add_ground_shadow() {
-    const Bounds bounds = scene_bounds(description_);
+    const Box bounds = scene_bounds(description_);
     if (bounds.empty()) return;
     const Ground ground = stage_.ground.value_or(ground_under(bounds));
     const auto scaled = [this](double low, double high, double centre) {

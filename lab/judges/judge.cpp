@@ -142,7 +142,7 @@ Vec3 environment_ahead() {
 }
 
 render::Camera framing_camera(const render::SceneDescription& scene) {
-  const render::Bounds bounds = render::scene_bounds(scene);
+  const Box bounds = render::scene_bounds(scene);
   const Vec3 toward = toward_framing_camera();
   const Vec3 right = normalized(cross(Vec3{0, 1, 0}, toward));
   const Vec3 up = cross(toward, right);

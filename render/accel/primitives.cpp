@@ -52,18 +52,10 @@ Box box_of(const ConeShape& cone) {
   const Vec3 apex = cone.base + cone.axis * cone.height;
   const Vec3 at_base = disc_extent(cone.axis, cone.base_radius);
   const Vec3 at_apex = disc_extent(cone.axis, cone.base_radius + cone.slope * cone.height);
-  const auto least = [](Vec3 a, Vec3 b) {
-    return Vec3{std::fmin(a.x, b.x), std::fmin(a.y, b.y), std::fmin(a.z, b.z)};
-  };
-  return {least(cone.base - at_base, apex - at_apex),
-          -least(-(cone.base + at_base), -(apex + at_apex))};
+  return {min(cone.base - at_base, apex - at_apex), max(cone.base + at_base, apex + at_apex)};
 }
 
 namespace {
-
-double largest_part(Vec3 v) {
-  return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)});
-}
 
 /// Returns the distance from zero to the nearest number in [low, high].
 double distance_to_range(double low, double high) {
@@ -73,13 +65,12 @@ double distance_to_range(double low, double high) {
 }  // namespace
 
 double extent_of(const std::array<Vec3, 3>& corner) {
-  return std::max(largest_part(corner[1] - corner[0]), largest_part(corner[2] - corner[0]));
+  return std::max(largest_size(corner[1] - corner[0]), largest_size(corner[2] - corner[0]));
 }
 
 Box box_of(const WideTriangle& triangle) {
   const auto& [a, b, c] = triangle.corner;
-  return {{std::min({a.x, b.x, c.x}), std::min({a.y, b.y, c.y}), std::min({a.z, b.z, c.z})},
-          {std::max({a.x, b.x, c.x}), std::max({a.y, b.y, c.y}), std::max({a.z, b.z, c.z})}};
+  return {min(min(a, b), c), max(max(a, b), c)};
 }
 
 bool is_wide(const std::array<Vec3, 3>& corner) {

@@ -70,10 +70,6 @@ struct Roots {
 /// Returns half the size of the box around a disc, along each axis.
 [[nodiscard]] Vec3 disc_extent(Vec3 unit_normal, double radius);
 
-struct Box {
-  Vec3 low;
-  Vec3 high;
-};
 [[nodiscard]] Box box_of(const SphereShape& sphere);
 [[nodiscard]] Box box_of(const ConeShape& cone);
 
@@ -167,7 +163,7 @@ inline constexpr double kEdgeRoom = 0x1p-21;
   const double t = -dot(from_corner, triangle.normal) / dot(direction, triangle.normal);
   const Vec3 at = from_corner + direction * t;
   const Vec3 p = at + triangle.corner[0];
-  const double room = kEdgeRoom * std::max(std::max(std::abs(p.x), std::abs(p.y)), std::abs(p.z));
+  const double room = kEdgeRoom * largest_size(p);
   const double u = dot(at, triangle.u_axis);
   const double v = dot(at, triangle.v_axis);
   // False if t is NaN.

@@ -25,10 +25,6 @@ double lower(const Interval& at_panel, const Interval& slope, double z) {
   return at_panel.low + std::min(slope.low * z, slope.high * z);
 }
 
-double largest(Vec3 v) {
-  return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)});
-}
-
 /// Returns the size to which Embree's intersection error is proportional: coordinates as seen from
 /// the start of a ray.
 double sum_of_sizes(const Beam& beam, double coordinates) {
@@ -69,8 +65,9 @@ BeamTester::BeamTester(const Scene& scene) : scene_(scene) {
   panel_per_scene_ = {1.0 / map.column_x.x, 1.0 / map.column_y.y, 1.0 / map.column_z.z};
   // Embree computes in the scene frame, where numbers may be larger. Much larger numbers may be
   // invalid for Embree, and their rays stay black.
-  const double stretch = std::max(largest(panel_per_scene_),
-                                  largest({map.column_x.x, map.column_y.y, map.column_z.z}));
+  const double stretch =
+      std::max(largest_size(panel_per_scene_),
+               largest_size(Vec3{map.column_x.x, map.column_y.y, map.column_z.z}));
   margin_ = double{kRoundingMargin} * stretch;
   constexpr double kMostStretch = 1e6;
   usable_ = stretch < kMostStretch;
@@ -82,7 +79,7 @@ Vec3 BeamTester::on_panel(Vec3f point) const {
 
 bool BeamTester::misses_box(const Beam& beam, Vec3f low, Vec3f high) const {
   const Vec3 a = on_panel(low), b = on_panel(high);
-  const double room = margin_ * sum_of_sizes(beam, std::max(largest(a), largest(b)));
+  const double room = margin_ * sum_of_sizes(beam, std::max(largest_size(a), largest_size(b)));
   const auto along = [room](double from, double to) {
     return Interval{std::min(from, to), std::max(from, to)}.widened(room);
   };
@@ -102,8 +99,8 @@ bool BeamTester::misses_primitive(const Beam& beam, const PrimitiveTree::Leaf& l
   const std::array<Vec3, 3> corners_mm = {on_panel(mesh.positions[corners[0]]),
                                           on_panel(mesh.positions[corners[1]]),
                                           on_panel(mesh.positions[corners[2]])};
-  const double size =
-      std::max({largest(corners_mm[0]), largest(corners_mm[1]), largest(corners_mm[2])});
+  const double size = std::max(
+      {largest_size(corners_mm[0]), largest_size(corners_mm[1]), largest_size(corners_mm[2])});
   return misses_triangle(beam, corners_mm, margin_ * sum_of_sizes(beam, size));
 }
 

@@ -12,10 +12,6 @@
 namespace lenticule::render {
 namespace {
 
-float largest(Vec3f v) {
-  return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)});
-}
-
 /// Returns the boxes of all primitives, for Embree's builder.
 std::vector<RTCBuildPrimitive> boxes_of(const Scene& scene) {
   std::vector<RTCBuildPrimitive> boxes;
@@ -31,13 +27,13 @@ std::vector<RTCBuildPrimitive> boxes_of(const Scene& scene) {
   };
   const auto add_ball = [&](size_t geometry, size_t primitive, Vec3 middle, double radius) {
     const double reach =
-        radius + double{kRoundingMargin} * (radius + double{largest(Vec3f(middle))});
+        radius + double{kRoundingMargin} * (radius + double{largest_size(Vec3f(middle))});
     const Vec3 half{reach, reach, reach};
     add(geometry, primitive, Vec3f(middle - half), Vec3f(middle + half));
   };
   const auto add_with_room = [&](size_t geometry, size_t primitive, const Box& box) {
-    const double margin =
-        double{kRoundingMargin} * double{largest(Vec3f(box.low)) + largest(Vec3f(box.high))};
+    const double margin = double{kRoundingMargin} *
+                          double{largest_size(Vec3f(box.low)) + largest_size(Vec3f(box.high))};
     const Vec3 room{margin, margin, margin};
     add(geometry, primitive, Vec3f(box.low - room), Vec3f(box.high + room));
   };
@@ -58,8 +54,7 @@ std::vector<RTCBuildPrimitive> boxes_of(const Scene& scene) {
       const Vec3f a = mesh.positions[mesh.triangles[i][0]];
       const Vec3f b = mesh.positions[mesh.triangles[i][1]];
       const Vec3f c = mesh.positions[mesh.triangles[i][2]];
-      add(g, i, {std::min({a.x, b.x, c.x}), std::min({a.y, b.y, c.y}), std::min({a.z, b.z, c.z})},
-          {std::max({a.x, b.x, c.x}), std::max({a.y, b.y, c.y}), std::max({a.z, b.z, c.z})});
+      add(g, i, min(min(a, b), c), max(max(a, b), c));
     }
   }
   return boxes;
@@ -157,17 +152,17 @@ Sized triangle_patch(const Scene& scene, const MeshShape& mesh, const SurfaceCel
       patch.radius = std::max(patch.radius, length(at(du, dv) - patch.centre));
   const Vec3 outer = wide != nullptr ? wide->normal : normalized(cross(Vec3(edge1), Vec3(edge2)));
   const Vec3 normal = cell.outer_side ? outer : -outer;
-  const float extent = std::max(largest(edge1), largest(edge2));
+  const float extent = std::max(largest_size(edge1), largest_size(edge2));
   patch.normal = Vec3f(normal);
   // Rays start closer to a wide triangle than its extent suggests.
   const float reach = wide != nullptr ? static_cast<float>(wide->reach) : extent;
-  const float near = std::max(0.0F, largest(patch.centre) - patch.radius);
+  const float near = std::max(0.0F, largest_size(patch.centre) - patch.radius);
   const Vec3 corner = wide != nullptr ? wide->corner[0] : Vec3(a);
-  const float rises = kFlatness * ((wide != nullptr ? near : largest(patch.centre)) + reach);
+  const float rises = kFlatness * ((wide != nullptr ? near : largest_size(patch.centre)) + reach);
   patch.exact_normal = normal;
   patch.exact_height = dot(normal, corner) + double{rises};
   patch.height = static_cast<float>(dot(normal, corner)) + rises;
-  patch.level = kLevel * (largest(patch.centre) - patch.radius + reach);
+  patch.level = kLevel * (largest_size(patch.centre) - patch.radius + reach);
   return {patch, extent};
 }
 
@@ -225,7 +220,7 @@ Patch patch_of(const Scene& scene, const SurfaceCell& cell) {
       break;
   }
   Patch& patch = sized.patch;
-  patch.radius += kMargin * (largest(patch.centre) + patch.radius + sized.extent);
+  patch.radius += kMargin * (largest_size(patch.centre) + patch.radius + sized.extent);
   patch.geometry = cell.geometry;
   patch.primitive = cell.primitive;
   return patch;
@@ -280,7 +275,8 @@ class Hull {
     const float start = dot(shaft_.from.centre, n) + shaft_.from.radius;
     if (shaft_.within > 0.0F) return start;
     if (shaft_.to_point)
-      return std::max(start, dot(shaft_.point, n) + shaft_.ball + kMargin * largest(shaft_.point));
+      return std::max(start,
+                      dot(shaft_.point, n) + shaft_.ball + kMargin * largest_size(shaft_.point));
     return dot(shaft_.axis, n) <= -shaft_.sine + kUnitRounding ? start : kInfinity;
   }
 
@@ -315,7 +311,8 @@ class Hull {
     if (above_ && std::max({dot(from.exact_normal, a), dot(from.exact_normal, b),
                             dot(from.exact_normal, c)}) <= from.exact_height)
       return true;
-    const float room = kMargin * (largest(Vec3f(a)) + largest(Vec3f(b)) + largest(Vec3f(c)));
+    const float room =
+        kMargin * (largest_size(Vec3f(a)) + largest_size(Vec3f(b)) + largest_size(Vec3f(c)));
     return passes_triangle(Vec3f(a), Vec3f(b), Vec3f(c), room);
   }
 
@@ -403,7 +400,7 @@ class Obstacles {
   /// Returns true if a point of each ray lies inside the sphere, and both ends of each ray lie
   /// outside.
   [[nodiscard]] bool behind_sphere(Vec3f centre, float radius) const {
-    const float margin = kMargin * (radius + largest(centre) + largest(point_));
+    const float margin = kMargin * (radius + largest_size(centre) + largest_size(point_));
     const float part_way = dot(centre - from_.centre, way_) / squared_;
     if (!(part_way > 0.0F && part_way < 1.0F)) return false;
     const float off = length(from_.centre + way_ * part_way - centre);
@@ -422,8 +419,9 @@ class Obstacles {
     const float beyond = dot(normal, a - point_);
     if (!(std::abs(beyond) > kNear * std::abs(dot(normal, way_)))) return false;
     const Vec3f outward = beyond > 0.0F ? normal : -normal;
-    const float margin = from_.radius + kMargin * (largest(a) + largest(b) + largest(c) +
-                                                   largest(point_) + largest(from_.centre));
+    const float margin =
+        from_.radius + kMargin * (largest_size(a) + largest_size(b) + largest_size(c) +
+                                  largest_size(point_) + largest_size(from_.centre));
     if (!(std::abs(beyond) > margin && dot(outward, from_.centre - a) > margin)) return false;
     const auto inside = [&](Vec3f p, Vec3f q, Vec3f opposite) {
       const Vec3f n = normalized(cross(p - point_, q - point_));
@@ -439,8 +437,8 @@ class Obstacles {
   /// Returns true if patch and ball lie inside the prism that extends the triangle along the middle
   /// ray, on different sides of the triangle.
   [[nodiscard]] bool along_prism(Vec3f a, Vec3f b, Vec3f c) const {
-    const float margin =
-        kMargin * (largest(a) + largest(b) + largest(c) + largest(point_) + largest(from_.centre));
+    const float margin = kMargin * (largest_size(a) + largest_size(b) + largest_size(c) +
+                                    largest_size(point_) + largest_size(from_.centre));
     const Vec3f normal = normalized(cross(b - a, c - a));
     const float before = dot(normal, from_.centre - a), beyond = dot(normal, point_ - a);
     if ((before > 0.0F) == (beyond > 0.0F) || !(std::abs(before) > from_.radius + margin) ||
@@ -469,7 +467,7 @@ class Obstacles {
 
 float grown(const SphereShape& sphere) {
   const auto radius = static_cast<float>(sphere.radius);
-  return radius + kMargin * (radius + largest(Vec3f(sphere.centre)));
+  return radius + kMargin * (radius + largest_size(Vec3f(sphere.centre)));
 }
 
 bool blocks(const Scene& scene, const Obstacles& obstacles, const PrimitiveTree::Leaf& leaf) {

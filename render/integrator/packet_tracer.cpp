@@ -118,7 +118,7 @@ class SecondLook {
     const Vec3 from{double{rays.org_x[lane]}, double{rays.org_y[lane]}, double{rays.org_z[lane]}};
     stretch_ = length(way);
     line_ = {from, way / stretch_};
-    size_ = std::max({std::abs(from.x), std::abs(from.y), std::abs(from.z)}) + reach * stretch_;
+    size_ = largest_size(from) + reach * stretch_;
   }
 
   /// Returns true if the ray had passed through a pinhole; the lane then holds the repaired hit.

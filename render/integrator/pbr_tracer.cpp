@@ -149,10 +149,6 @@ constexpr double kLeastWeight = 1e-4;
 constexpr double kLightClearance = 1.0 / (1 << 18);
 constexpr Vec3 kOne{1, 1, 1};
 
-double largest(Vec3 v) {
-  return std::max({v.x, v.y, v.z});
-}
-
 bool is_volume(const PbrMaterial& material) {
   return material.transmission > 0.0 && material.thickness > 0.0;
 }

@@ -737,7 +737,7 @@ Camera camera_of(const aiCamera& from) {
 /// camera looks, but not the distance.
 void import_cameras(const aiScene& from, const NodeNames& nodes, SceneDescription& scene) {
   if (from.mNumCameras == 0) return;
-  const Bounds bounds = scene_bounds(scene);
+  const Box bounds = scene_bounds(scene);
   size_t unusable = 0;
   for (const aiCamera* camera : std::span(from.mCameras, from.mNumCameras)) {
     Camera to = camera_of(*camera);
@@ -929,7 +929,7 @@ std::optional<CentredObj> centre_obj(std::span<const uint8_t> file) {
   const std::string_view text(reinterpret_cast<const char*>(file.data()), file.size());
   if (text.find("\\\n") != std::string_view::npos || text.find("\\\r") != std::string_view::npos)
     return std::nullopt;
-  Bounds bounds;
+  Box bounds;
   const bool movable = each_line(text, [&](std::string_view line) {
     if (!is_position(line)) return true;
     const auto position = position_of(line);

@@ -182,13 +182,9 @@ std::vector<uint32_t> distinct_corners(std::span<const Vec3> corners) {
 }
 
 double largest_extent(std::span<const Vec3> corners) {
-  Vec3 low = corners[0];
-  Vec3 high = corners[0];
-  for (const Vec3 p : corners) {
-    low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
-    high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
-  }
-  return std::max({high.x - low.x, high.y - low.y, high.z - low.z});
+  Box box;
+  for (const Vec3 p : corners) box.extend(p);
+  return largest(box.high - box.low);
 }
 
 /// Returns true if the polygon is convex and winds once, so that a triangle fan covers it.
@@ -464,13 +460,10 @@ void compute_tangents(TriangleMesh& mesh, bool use_second_uvs) {
 
 void LostDigits::add(const TriangleMesh& mesh) {
   if (mesh.positions.empty()) return;
-  Bounds bounds;
+  Box bounds;
   for (const Vec3& p : mesh.positions) bounds.extend(p);
-  const auto largest = [](Vec3 v) {
-    return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)});
-  };
-  const double size = largest(bounds.high - bounds.low);
-  const double farthest = std::max(largest(bounds.low), largest(bounds.high));
+  const double size = largest_size(bounds.high - bounds.low);
+  const double farthest = std::max(largest_size(bounds.low), largest_size(bounds.high));
   const double step = farthest * double{std::numeric_limits<float>::epsilon()};
   constexpr double kVisible = 1e-4;  // about half a pixel of a mesh that fills a 4K panel
   if (!(step > kVisible * size) || size == 0.0) return;

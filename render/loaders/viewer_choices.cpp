@@ -29,7 +29,7 @@ double irradiance(const Light& light, Vec3 middle, double nearest) {
 }  // namespace
 
 void expose(SceneDescription& scene) {
-  const Bounds bounds = scene_bounds(scene);
+  const Box bounds = scene_bounds(scene);
   if (scene.lights.empty() || bounds.empty()) return;
   const Vec3 middle = bounds.low + (bounds.high - bounds.low) / 2.0;
   const double nearest = length(bounds.high - bounds.low) / 4.0;
@@ -63,7 +63,7 @@ bool is_usable(const Camera& camera) {
          fov <= kWidestDegrees;
 }
 
-void focus(Camera& camera, const SceneDescription& scene, const Bounds& bounds) {
+void focus(Camera& camera, const SceneDescription& scene, const Box& bounds) {
   const Camera world = placed(camera, scene);
   const Vec3 step = world.at - world.from;  // one local unit of distance
   const Vec3 middle = bounds.low + (bounds.high - bounds.low) / 2.0;

@@ -17,7 +17,7 @@ void expose(SceneDescription& scene);
 
 /// Moves `at` along the view to the depth of the middle of `bounds`, the bounds of the scene, where
 /// the panel will be.
-void focus(Camera& camera, const SceneDescription& scene, const Bounds& bounds);
+void focus(Camera& camera, const SceneDescription& scene, const Box& bounds);
 
 struct MetallicRoughness {
   double metallic = 1.0;

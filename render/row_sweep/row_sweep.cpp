@@ -136,19 +136,10 @@ float above(double v) {
   return -below(-v);
 }
 
-Vec3 corner_of(const Box& box, int n) {
-  return {(n & 1) != 0 ? box.high.x : box.low.x, (n & 2) != 0 ? box.high.y : box.low.y,
-          (n & 4) != 0 ? box.high.z : box.low.z};
-}
-
 /// Returns the axis-parallel box around a mapped box.
 Box mapped(const Affine& map, const Box& box) {
-  Box out{map.point(box.low), map.point(box.low)};
-  for (int n = 1; n < 8; ++n) {
-    const Vec3 p = map.point(corner_of(box, n));
-    out.low = {std::min(out.low.x, p.x), std::min(out.low.y, p.y), std::min(out.low.z, p.z)};
-    out.high = {std::max(out.high.x, p.x), std::max(out.high.y, p.y), std::max(out.high.z, p.z)};
-  }
+  Box out;
+  for (const Vec3& corner : box.corners()) out.extend(map.point(corner));
   return out;
 }
 
@@ -338,15 +329,6 @@ struct SweepPrimitives::Quadric {
   }
 };
 
-struct SweepPrimitives::Heights {
-  double low = kInfinity;
-  double high = -kInfinity;
-  void extend(double height) {
-    low = std::min(low, height);
-    high = std::max(high, height);
-  }
-};
-
 SweepPrimitives::SweepPrimitives(const Scene& scene, const RowPlanes& planes, double start_mm)
     : scene_(scene),
       planes_(planes),
@@ -360,8 +342,10 @@ SweepPrimitives::SweepPrimitives(const Scene& scene, const RowPlanes& planes, do
     if (entry.kind == GeometryEntry::Kind::Spheres) sphere_geometry_ = number;
     if (entry.kind == GeometryEntry::Kind::Cones) cone_geometry_ = number;
   }
-  for (const SphereShape& sphere : scene.spheres) add_quadric(box_of(sphere));
-  for (const ConeShape& cone : scene.cones) add_quadric(box_of(cone));
+  for (const SphereShape& sphere : scene.spheres)
+    boxes_.push_back(mapped(panel_from_scene_, box_of(sphere)));
+  for (const ConeShape& cone : scene.cones)
+    boxes_.push_back(mapped(panel_from_scene_, box_of(cone)));
   find_rows();
 }
 
@@ -384,10 +368,6 @@ void SweepPrimitives::add_mesh(const MeshShape& mesh, uint32_t geometry) {
   }
 }
 
-void SweepPrimitives::add_quadric(const Box& box) {
-  boxes_.push_back(mapped(panel_from_scene_, box));
-}
-
 void SweepPrimitives::find_rows() {
   std::vector<RowRange> ranges;
   ranges.reserve(triangles_.size() + boxes_.size());
@@ -404,9 +384,9 @@ double SweepPrimitives::height_of(double y, double z) const {
   return (y - planes_.eye_tan_y() * z) / (1.0 - planes_.inverse_z() * z);
 }
 
-SweepPrimitives::Heights SweepPrimitives::heights_of(
-    const Triangle& triangle, const std::vector<double>& corner_heights) const {
-  Heights out;
+Interval SweepPrimitives::heights_of(const Triangle& triangle,
+                                     const std::vector<double>& corner_heights) const {
+  Interval out;
   for (int n = 0; n < 3; ++n) {
     const Vec3& a = corners_[triangle.corner[n]];
     const Vec3& b = corners_[triangle.corner[(n + 1) % 3]];
@@ -418,18 +398,15 @@ SweepPrimitives::Heights SweepPrimitives::heights_of(
   return out;
 }
 
-SweepPrimitives::Heights SweepPrimitives::heights_of(const Box& panel_box) const {
-  Heights out;
+Interval SweepPrimitives::heights_of(const Box& panel_box) const {
+  Interval out;
   if (panel_box.low.z > start_mm_) return out;
-  for (int n = 0; n < 8; ++n) {
-    const Vec3 p = corner_of(panel_box, n);
-    out.extend(height_of(p.y, std::min(p.z, start_mm_)));
-  }
+  for (const Vec3& p : panel_box.corners()) out.extend(height_of(p.y, std::min(p.z, start_mm_)));
   return out;
 }
 
-RowRange SweepPrimitives::rows_of(const Heights& heights) const {
-  if (!(heights.low <= heights.high)) return {};
+RowRange SweepPrimitives::rows_of(const Interval& heights) const {
+  if (heights.empty()) return {};
   return planes_.rows_between(heights.low, heights.high);
 }
 

@@ -89,15 +89,14 @@ class SweepPrimitives {
   struct Quadric;
 
   void add_mesh(const MeshShape& mesh, uint32_t geometry);
-  void add_quadric(const Box& box);
   void find_rows();
-  /// Range of heights on the panel, projected from the viewing line, of the part behind start.
-  struct Heights;
-  [[nodiscard]] Heights heights_of(const Triangle& triangle,
-                                   const std::vector<double>& corner_heights) const;
-  [[nodiscard]] Heights heights_of(const Box& panel_box) const;
+  /// Returns the range of heights on the panel, projected from the viewing line, of the part behind
+  /// start.
+  [[nodiscard]] Interval heights_of(const Triangle& triangle,
+                                    const std::vector<double>& corner_heights) const;
+  [[nodiscard]] Interval heights_of(const Box& panel_box) const;
   [[nodiscard]] double height_of(double y, double z) const;
-  [[nodiscard]] RowRange rows_of(const Heights& heights) const;
+  [[nodiscard]] RowRange rows_of(const Interval& heights) const;
 
   void cut_triangle(const Triangle& triangle, const RowPlane& plane, PlaneCuts& out,
                     std::vector<SweptCut>& described) const;

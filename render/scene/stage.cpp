@@ -103,13 +103,6 @@ Orientation pitched(const Orientation& o, double degrees) {
   return {o.right, o.up * c - o.toward * s, o.toward * c + o.up * s};
 }
 
-std::array<Vec3, 8> corners(const Bounds& b) {
-  std::array<Vec3, 8> out;
-  for (size_t i = 0; i < 8; ++i)
-    out[i] = {i & 1 ? b.high.x : b.low.x, i & 2 ? b.high.y : b.low.y, i & 4 ? b.high.z : b.low.z};
-  return out;
-}
-
 // ---- extent of the content, for scenes that are fitted as a whole
 
 /// Extent computes how far content reaches from the centre of the panel along the panel's axes, in
@@ -222,7 +215,7 @@ Extent extent_of(const Placing& placing, Vec3 centre) {
   return extent;
 }
 
-Framing frame_scene(const Placing& placing, const Bounds& bounds) {
+Framing frame_scene(const Placing& placing, const Box& bounds) {
   const auto& [scene, camera, canvas, options, pitch] = placing;
   Framing framing;
   framing.orientation = pitched(upright_orientation(placing), pitch);
@@ -338,14 +331,14 @@ Interval depth_seen_by(const Camera& camera, const SceneDescription& scene, cons
 // ---- depth
 
 /// Returns the range of panel z of the content, in mm before depth scaling.
-Interval depth_of_content(const Placing& placing, const Bounds& bounds, const Framing& framing) {
+Interval depth_of_content(const Placing& placing, const Box& bounds, const Framing& framing) {
   const double scale = framing.mm_per_unit;
   if (placing.fits_content()) {
     const Interval z = extent_of(placing, framing.centre).depth();
     return {z.low * scale, z.high * scale};
   }
   Interval z;
-  for (const Vec3 corner : corners(bounds))
+  for (const Vec3 corner : bounds.corners())
     z.extend(framing.orientation.turned(corner - framing.centre).z * scale);
   return z;
 }
@@ -402,7 +395,7 @@ Affine world_from_panel(const Framing& framing, double depth_scale) {
           framing.orientation.toward / (s * depth_scale), framing.centre};
 }
 
-void extend_disc(Bounds& bounds, Vec3 centre, Vec3 axis, double radius) {
+void extend_disc(Box& bounds, Vec3 centre, Vec3 axis, double radius) {
   const Vec3 n = normalized(axis);
   const auto reach = [&](double along) {
     return radius * std::sqrt(std::max(0.0, 1 - along * along));
@@ -450,22 +443,15 @@ Stage stage_of_panel(const Stage& canvas, const Affine& canvas_from_panel,
   return stage;
 }
 
-void Bounds::extend(Vec3 p) {
-  const bool first = empty();
-  low = first ? p : Vec3{std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
-  high = first ? p : Vec3{std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
-}
-
-Bounds scene_bounds(const SceneDescription& scene) {
+Box scene_bounds(const SceneDescription& scene) {
   if (!scene.nodes.empty()) return scene_bounds(at_time(scene, 0.0));
-  Bounds bounds;
+  Box bounds;
   for (const TriangleMesh& mesh : scene.meshes)
     for (const auto& triangle : mesh.triangles)
       for (const uint32_t corner : triangle) bounds.extend(mesh.positions[corner]);
   for (const Sphere& s : scene.spheres) {
     const Vec3 half{s.radius, s.radius, s.radius};
-    bounds.extend(s.centre - half);
-    bounds.extend(s.centre + half);
+    bounds.extend(Box{s.centre - half, s.centre + half});
   }
   for (const Cone& c : scene.cones) {
     extend_disc(bounds, c.base, c.apex - c.base, c.base_radius);
@@ -474,7 +460,7 @@ Bounds scene_bounds(const SceneDescription& scene) {
   return bounds;
 }
 
-Ground ground_under(const Bounds& bounds) {
+Ground ground_under(const Box& bounds) {
   const Vec3 size = bounds.high - bounds.low;
   const double longer = std::max(size.x, size.z);
   return {.y = bounds.low.y,
@@ -484,7 +470,7 @@ Ground ground_under(const Bounds& bounds) {
 Stage make_stage(const SceneDescription& scene, const Canvas& canvas, const StageOptions& options) {
   validate(options);
   if (!scene.nodes.empty()) return make_stage(at_time(scene, 0.0), canvas, options);
-  const Bounds bounds = scene_bounds(scene);
+  const Box bounds = scene_bounds(scene);
   if (bounds.empty()) refuse_empty(scene);
   const Camera* camera = placing_camera(scene, options);
   const Placing placing{.scene = scene,
@@ -540,34 +526,23 @@ class RayVolume {
   }
 
   /// Returns false if no ray passes through the box (panel coordinates).
-  [[nodiscard]] bool meets(const Interval& x, const Interval& y, const Interval& z) const {
-    if (z.low > near_mm_) return false;
-    const double depth = std::max(std::abs(z.low), std::abs(std::min(z.high, near_mm_)));
-    return overlaps(x, half_width_ + tan_x_ * depth) && overlaps(y, half_height_ + tan_y_ * depth);
+  [[nodiscard]] bool meets(const Box& box) const {
+    const auto& [low, high] = box;
+    if (low.z > near_mm_) return false;
+    const double depth = std::max(std::abs(low.z), std::abs(std::min(high.z, near_mm_)));
+    const double half_width = half_width_ + tan_x_ * depth;
+    const double half_height = half_height_ + tan_y_ * depth;
+    return low.x <= half_width && high.x >= -half_width && low.y <= half_height &&
+           high.y >= -half_height;
   }
 
  private:
   static constexpr double kSteepInSheet = 0.6;
   static constexpr double kInAir = 1.5;
 
-  static bool overlaps(const Interval& content, double reach) {
-    return content.low <= reach && content.high >= -reach;
-  }
-
   double near_mm_;
   double half_width_, half_height_;
   double tan_x_, tan_y_;
-};
-
-/// PanelBox is a box in panel coordinates.
-struct PanelBox {
-  Interval x, y, z;
-
-  void extend(Vec3 p, Vec3 half = {}) {
-    x.extend(Interval{p.x - half.x, p.x + half.x});
-    y.extend(Interval{p.y - half.y, p.y + half.y});
-    z.extend(Interval{p.z - half.z, p.z + half.z});
-  }
 };
 
 }  // namespace
@@ -584,27 +559,27 @@ bool content_meets_rays(const SceneDescription& scene, const Stage& stage,
                         const optics::OpticalModel& model) {
   const RayVolume rays(model, stage.near_mm);
   const Affine& map = stage.panel_from_world;
-  const auto meets = [&](const PanelBox& box) { return rays.meets(box.x, box.y, box.z); };
-  const auto ball = [&](PanelBox& box, Vec3 centre, double radius) {
+  const auto ball = [&](Box& box, Vec3 centre, double radius) {
     const double r = radius * stage.mm_per_unit;
-    box.extend(map.point(centre), {r, r, r * stage.depth_scale});
+    const Vec3 half{r, r, r * stage.depth_scale};
+    box.extend(Box{map.point(centre) - half, map.point(centre) + half});
   };
   for (const TriangleMesh& mesh : scene.meshes)
     for (const auto& triangle : mesh.triangles) {
-      PanelBox box;
+      Box box;
       for (const uint32_t corner : triangle) box.extend(map.point(mesh.positions[corner]));
-      if (meets(box)) return true;
+      if (rays.meets(box)) return true;
     }
   for (const Sphere& sphere : scene.spheres) {
-    PanelBox box;
+    Box box;
     ball(box, sphere.centre, sphere.radius);
-    if (meets(box)) return true;
+    if (rays.meets(box)) return true;
   }
   for (const Cone& cone : scene.cones) {
-    PanelBox box;
+    Box box;
     ball(box, cone.base, cone.base_radius);
     ball(box, cone.apex, cone.apex_radius);
-    if (meets(box)) return true;
+    if (rays.meets(box)) return true;
   }
   return false;
 }

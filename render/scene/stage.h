@@ -103,17 +103,11 @@ struct Stage {
 [[nodiscard]] Stage stage_of_panel(const Stage& canvas, const Affine& canvas_from_panel,
                                    const std::string& panel);
 
-/// World-space bounds of all visible content (infinite planes excepted).
-struct Bounds {
-  Vec3 low{1, 1, 1};
-  Vec3 high{-1, -1, -1};
-  [[nodiscard]] bool empty() const { return !(low.x <= high.x); }
-  void extend(Vec3 p);
-};
-[[nodiscard]] Bounds scene_bounds(const SceneDescription& scene);
+/// Returns the world-space bounds of all visible content (infinite planes excepted).
+[[nodiscard]] Box scene_bounds(const SceneDescription& scene);
 
 /// Returns the ground of a model with these bounds, which must not be empty.
-[[nodiscard]] Ground ground_under(const Bounds& bounds);
+[[nodiscard]] Ground ground_under(const Box& bounds);
 
 /// Computes the placement of a scene. The orientation comes from the scene's first camera if it has
 /// one (its view direction points into the panel, its up vector is up); otherwise world y is up,

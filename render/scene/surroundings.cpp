@@ -104,12 +104,6 @@ double GroundShadow::Row::light_left(double x, double tan_x) const {
 
 namespace {
 
-double largest(Vec3 v) {
-  return std::max({v.x, v.y, v.z});
-}
-double smallest(Vec3 v) {
-  return std::min({v.x, v.y, v.z});
-}
 template <class Function>
 Vec3 each(Vec3 v, const Function& of) {
   return {of(v.x), of(v.y), of(v.z)};
@@ -331,7 +325,7 @@ double light_beyond(const Backdrop& backdrop, Vec3 origin, Vec3 direction, int c
          backdrop.ground_shadow->light_left(origin, direction);
 }
 
-TriangleMesh ground_plane(const Bounds& bounds, Vec3 up, int material) {
+TriangleMesh ground_plane(const Box& bounds, Vec3 up, int material) {
   const Vec3 size = bounds.high - bounds.low;
   const double reach = kGroundExtent * std::max({size.x, size.y, size.z, 1e-9});
   const Vec3 middle = (bounds.low + bounds.high) * 0.5;

@@ -169,6 +169,6 @@ struct Backdrop {
 [[nodiscard]] Vec3 world_up(const Stage& stage);
 
 /// Returns a large square under the scene's bounds, facing up, in world coordinates.
-[[nodiscard]] TriangleMesh ground_plane(const Bounds& bounds, Vec3 up, int material);
+[[nodiscard]] TriangleMesh ground_plane(const Box& bounds, Vec3 up, int material);
 
 }  // namespace lenticule::render

@@ -157,7 +157,7 @@ double smith_visibility(LocalVec view, LocalVec light, double alpha_t, double al
 Vec3 dielectric_f0(double ior, double specular, Vec3 specular_colour) {
   const double ratio = (ior - 1.0) / (ior + 1.0);
   const Vec3 plain = specular_colour * (ratio * ratio);
-  return Vec3{std::min(plain.x, 1.0), std::min(plain.y, 1.0), std::min(plain.z, 1.0)} * specular;
+  return min(plain, Vec3{1, 1, 1}) * specular;
 }
 
 Vec3 schlick(Vec3 f0, Vec3 f90, double cosine) {
@@ -293,10 +293,6 @@ constexpr Vec3 kWhite{1, 1, 1};
 constexpr Vec3 kCoatF0{0.04, 0.04, 0.04};
 /// Normal maps may turn a normal away from the viewer.
 constexpr double kSmallestCosine = 1e-3;
-
-double largest(Vec3 v) {
-  return std::max({v.x, v.y, v.z});
-}
 
 Vec3 mixed(Vec3 a, Vec3 b, double part) {
   return a + (b - a) * part;

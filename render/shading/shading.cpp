@@ -21,10 +21,6 @@ constexpr double kSpawnOffset = 1.0 / (1 << 20);
 // enough.
 constexpr double kGrazing = 1e-7;
 
-double largest_coordinate(Vec3 p) {
-  return std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)});
-}
-
 /// Returns the point where the ray meets the triangle's plane, clamped to the triangle: at an edge,
 /// single and double precision may choose different neighbours.
 Barycentric meet_triangle(Vec3 a, Vec3 edge1, Vec3 edge2, const PathRay& ray, float distance) {
@@ -86,7 +82,7 @@ Surface on_mesh(const Scene& scene, const MeshShape& mesh, const PathRay& ray, c
   face_viewer(surface, ray.direction, normalized(cross(edge1, edge2)));
   const WideTriangle* wide = scene.wide_triangle(mesh, hit.primitive);
   const double extent = wide != nullptr ? wide->reach : extent_of(corner);
-  surface.spawn_offset = kSpawnOffset * (largest_coordinate(surface.point) + extent);
+  surface.spawn_offset = kSpawnOffset * (largest_size(surface.point) + extent);
   surface.material = &scene.materials[static_cast<size_t>(mesh.material)];
   surface.colour = textured_colour(scene, *surface.material, mesh, hit.primitive, at, ray.channel);
   return surface;
@@ -106,7 +102,7 @@ Surface on_shape(const Scene& scene, const Shape& shape, const PathRay& ray, con
   surface.point = project_onto(shape, ray.origin + ray.direction * t);
   const Vec3 outer = outer_normal(shape, surface.point);
   face_viewer(surface, ray.direction, outer == Vec3{} ? -ray.direction : outer);
-  surface.spawn_offset = kSpawnOffset * largest_coordinate(surface.point);
+  surface.spawn_offset = kSpawnOffset * largest_size(surface.point);
   if constexpr (std::is_same_v<Shape, SphereShape>) surface.curvature = 1.0 / shape.radius;
   surface.material = &scene.materials[static_cast<size_t>(shape.material)];
   surface.colour = component(surface.material->colour, ray.channel);

@@ -134,45 +134,43 @@ shading_kernel::Geometry table_entry(const MeshShape& mesh,
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-float largest(Vec3 v) {
-  return static_cast<float>(std::max({v.x, v.y, v.z}));
-}
-float smallest(Vec3 v) {
-  return static_cast<float>(std::min({v.x, v.y, v.z}));
+float largest_part(Vec3 v) {
+  return static_cast<float>(largest(v));
 }
 
 /// Returns an upper bound of the light from all light sources together; infinite if one of them
 /// falls off, since its intensity is unbounded.
 float most_arriving(const std::vector<SceneLight>& lights) {
   float sum = 0.0F;
-  for (const SceneLight& light : lights) sum += light.falls_off ? kInfinity : largest(light.colour);
+  for (const SceneLight& light : lights)
+    sum += light.falls_off ? kInfinity : largest_part(light.colour);
   return sum;
 }
 
 /// Returns true if no light can be negative. Environment pictures and textures may contain negative
 /// numbers, and arbitrarily large ones.
 bool no_light_is_negative(const Scene& scene) {
-  const auto positive = [](const auto& object) { return smallest(object.colour) >= 0.0F; };
+  const auto positive = [](const auto& object) { return smallest(object.colour) >= 0.0; };
   const auto only_adds = [&](const Material& m) {
-    return m.texture < 0 && positive(m) && smallest(m.emission) >= 0.0F && m.diffuse >= 0.0 &&
+    return m.texture < 0 && positive(m) && smallest(m.emission) >= 0.0 && m.diffuse >= 0.0 &&
            m.specular >= 0.0 && m.transmittance >= 0.0;
   };
   return std::ranges::all_of(scene.lights, positive) &&
-         std::ranges::all_of(scene.materials, only_adds) && smallest(scene.ambient) >= 0.0F &&
+         std::ranges::all_of(scene.materials, only_adds) && smallest(scene.ambient) >= 0.0 &&
          positive(scene.backdrop) && !scene.backdrop.environment;
 }
 
 float most_from(const Material& m, float arriving, float ambient) {
-  const auto diffuse = static_cast<float>(m.diffuse) * largest(m.colour);
-  const float tint = m.tinted_specular ? largest(m.colour) : 1.0F;
-  return largest(m.emission) + ambient * diffuse +
+  const auto diffuse = static_cast<float>(m.diffuse) * largest_part(m.colour);
+  const float tint = m.tinted_specular ? largest_part(m.colour) : 1.0F;
+  return largest_part(m.emission) + ambient * diffuse +
          arriving * (diffuse + static_cast<float>(m.specular) * tint);
 }
 
 float kept_by(const Material& m) {
-  const float tint = m.tinted_specular ? largest(m.colour) : 1.0F;
+  const float tint = m.tinted_specular ? largest_part(m.colour) : 1.0F;
   return static_cast<float>(m.specular) * tint +
-         static_cast<float>(m.transmittance) * largest(m.colour);
+         static_cast<float>(m.transmittance) * largest_part(m.colour);
 }
 
 }  // namespace
@@ -187,9 +185,9 @@ float ShadingTables::most_light(int generations) const {
 ShadingTables::ShadingTables(const Scene& scene) {
   light_only_adds_ = no_light_is_negative(scene);
   const float arriving = most_arriving(scene.lights);
-  most_direct_ = scene.backdrop.flat() ? largest(scene.backdrop.colour) : kInfinity;
+  most_direct_ = scene.backdrop.flat() ? largest_part(scene.backdrop.colour) : kInfinity;
   for (const Material& m : scene.materials) {
-    most_direct_ = std::max(most_direct_, most_from(m, arriving, largest(scene.ambient)));
+    most_direct_ = std::max(most_direct_, most_from(m, arriving, largest_part(scene.ambient)));
     most_kept_ = std::max(most_kept_, kept_by(m));
   }
   for (const Material& material : scene.materials) materials_.push_back(table_entry(material));

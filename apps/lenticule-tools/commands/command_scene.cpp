@@ -149,7 +149,7 @@ json scene_report(const render::SceneDescription& scene, Vec3 up) {
   }
   const auto moving = std::count_if(scene.nodes.begin(), scene.nodes.end(),
                                     [](const render::Node& node) { return node.animated; });
-  const render::Bounds bounds = render::scene_bounds(scene);
+  const Box bounds = render::scene_bounds(scene);
   return {{"scene", scene.source},
           {"meshes", scene.meshes.size()},
           {"triangles", triangles},

@@ -642,7 +642,7 @@ class Nodes {
       if (const auto camera = nodes_[i].find_index("camera", cameras.size(), "cameras"))
         if (shown_[i]) uses.emplace_back(*camera, i);
     std::ranges::sort(uses);
-    const Bounds bounds = uses.empty() ? Bounds{} : scene_bounds(scene_);
+    const Box bounds = uses.empty() ? Box{} : scene_bounds(scene_);
     for (const auto& [index, node] : uses) {
       const JsonAt& from = cameras[index];
       Camera camera;

@@ -10,10 +10,6 @@
 namespace lenticule::render {
 namespace {
 
-Vec3 in_double(const Vec3f& v) {
-  return {double{v.x}, double{v.y}, double{v.z}};
-}
-
 Fingerprint made_of(const Scene& scene, const MeshShape& mesh) {
   SceneMixer mixer;
   mixer.add_mesh(mesh);
@@ -31,43 +27,30 @@ Fingerprint made_of(const Scene&, const SphereShape& sphere) {
 
 Fingerprint made_of(const Scene&, const ConeShape& cone) {
   SceneMixer mixer;
-  for (const Vec3& v : {cone.base, cone.axis}) mixer.add(v);
-  for (const double number : {cone.height, cone.base_radius, cone.slope}) mixer.add(number);
-  mixer.add(cone.inward);
-  mixer.add(cone.material);
+  mixer.add(cone.base, cone.axis, cone.height, cone.base_radius, cone.slope, cone.inward,
+            cone.material);
   return mixer.value();
 }
 
 /// Returns the bounds of a mesh. The last position is padding for Embree, not a vertex.
-Bounds bounds_of(const MeshShape& mesh) {
-  Bounds box;
-  for (size_t n = 0; n + 1 < mesh.positions.size(); ++n) box.extend(in_double(mesh.positions[n]));
+Box box_of(const MeshShape& mesh) {
+  Box box;
+  for (size_t n = 0; n + 1 < mesh.positions.size(); ++n) box.extend(Vec3(mesh.positions[n]));
   return box;
-}
-
-/// Returns the bounds of a sphere or cone.
-template <class Shape>
-Bounds bounds_of(const Shape& shape) {
-  const Box box = box_of(shape);
-  return {box.low, box.high};
 }
 
 /// Fingerprints all scene data outside the objects. The start of the rays is left out: no content
 /// lies in front of it, or the camera determines it, and then it is part of the map.
 Fingerprint rest_of(const Scene& scene) {
   SceneMixer mixer;
-  mixer.add(scene.materials);
-  mixer.add(uint64_t{scene.lights.size()});
+  mixer.add(scene.materials, uint64_t{scene.lights.size()});
   for (const SceneLight& light : scene.lights) mixer.add_light(light);
   const Affine& map = scene.scene_from_panel;
-  for (const Vec3& v : {scene.ambient, scene.backdrop.colour, scene.backdrop.up,
-                        scene.backdrop.ahead, map.column_x, map.column_y, map.column_z, map.origin})
-    mixer.add(v);
-  mixer.add(scene.backdrop.sky);
-  mixer.add(scene.colour_managed);
-  mixer.add(scene.units_per_world);
-  for (const uint64_t count : {scene.meshes.size(), scene.spheres.size(), scene.cones.size()})
-    mixer.add(count);
+  mixer.add(scene.ambient, scene.backdrop.colour, scene.backdrop.up, scene.backdrop.ahead,
+            map.column_x, map.column_y, map.column_z, map.origin);
+  mixer.add(scene.backdrop.sky, scene.colour_managed, scene.units_per_world);
+  mixer.add(uint64_t{scene.meshes.size()}, uint64_t{scene.spheres.size()},
+            uint64_t{scene.cones.size()});
   return mixer.value();
 }
 
@@ -84,7 +67,7 @@ SceneObjects::SceneObjects(const Scene& scene)
       const Material& material = scene.materials[static_cast<size_t>(shape.material)];
       objects.push_back(
           {.made_of = render::made_of(scene, shape),
-           .box = bounds_of(shape),
+           .box = box_of(shape),
            .depends_on_view = material.specular > 0.0 || material.transmittance > 0.0});
     }
   };
@@ -101,28 +84,8 @@ bool differ_in_objects_only(const SceneObjects& a, const SceneObjects& b) {
 
 namespace {
 
-std::array<Vec3, 8> corners_of(const Bounds& box) {
-  std::array<Vec3, 8> corners;
-  for (size_t n = 0; n < corners.size(); ++n)
-    corners[n] = {(n & 1) != 0 ? box.high.x : box.low.x, (n & 2) != 0 ? box.high.y : box.low.y,
-                  (n & 4) != 0 ? box.high.z : box.low.z};
-  return corners;
-}
-
-Bounds overlap(const Bounds& a, const Bounds& b) {
-  return {
-      {std::max(a.low.x, b.low.x), std::max(a.low.y, b.low.y), std::max(a.low.z, b.low.z)},
-      {std::min(a.high.x, b.high.x), std::min(a.high.y, b.high.y), std::min(a.high.z, b.high.z)}};
-}
-
-/// Returns the box extended by `by` to all sides.
-Bounds widened(const Bounds& box, double by) {
-  const Vec3 all{by, by, by};
-  return {box.low - all, box.high + all};
-}
-
-bool holds_something(const Bounds& box) {
-  return box.low.x <= box.high.x && box.low.y <= box.high.y && box.low.z <= box.high.z;
+Box overlap(const Box& a, const Box& b) {
+  return {max(a.low, b.low), min(a.high, b.high)};
 }
 
 /// Margin for a scene of a few hundred millimetres; larger than rounding errors.
@@ -154,17 +117,16 @@ UnchangedRegions::UnchangedRegions(const RowPlanes& planes, const Interval& eyes
     mark_all_changed();
   else if (mark_changes(scene, soft, before, now))
     for (const SceneObjects::Object& object : now.objects)
-      if (object.depends_on_view) mark_changed(widened(object.box, kMarginMm));
+      if (object.depends_on_view) mark_changed(object.box.widened(kMarginMm));
 }
 
 /// Marks the old and new places of all changed objects as changed. Returns true if an object
 /// changed.
 bool UnchangedRegions::mark_changes(const Scene& scene, const SoftLight& soft,
                                     const SceneObjects& before, const SceneObjects& now) {
-  Bounds everything;
+  Box everything;
   for (const SceneObjects* frame : {&before, &now})
-    for (const SceneObjects::Object& object : frame->objects)
-      for (const Vec3& corner : corners_of(object.box)) everything.extend(corner);
+    for (const SceneObjects::Object& object : frame->objects) everything.extend(object.box);
   const double around = soft.occlusion_samples > 0 ? soft.occlusion_distance_mm : 0.0;
   bool any_changed = false;
   for (size_t n = 0; n < now.objects.size(); ++n) {
@@ -173,8 +135,8 @@ bool UnchangedRegions::mark_changes(const Scene& scene, const SoftLight& soft,
     if (soft.environment_samples > 0 || !std::isfinite(around)) mark_all_changed();
     for (const SceneObjects* frame : {&before, &now}) {
       if (!any()) return true;
-      const Bounds& box = frame->objects[n].box;
-      mark_changed(widened(box, around + kMarginMm));
+      const Box& box = frame->objects[n].box;
+      mark_changed(box.widened(around + kMarginMm));
       for (const SceneLight& light : scene.lights)
         mark_shadow_changed(box, light, soft, everything);
     }
@@ -219,12 +181,12 @@ void UnchangedRegions::mark_changed(const Patch& patch) {
 /// Returns the region of the panel through which a box is visible. Projection from a point keeps
 /// lines straight, so the corners suffice; and the outermost viewing places bound the region for
 /// all places between them.
-UnchangedRegions::Patch UnchangedRegions::seen_through(const Bounds& box) const {
+UnchangedRegions::Patch UnchangedRegions::seen_through(const Box& box) const {
   // Fraction of the distance to the viewing line beyond which content may be seen anywhere.
   constexpr double kTooNear = 0.9;
   const double inverse_z = planes_.inverse_z();
   Patch patch;
-  for (const Vec3& corner : corners_of(box)) {
+  for (const Vec3& corner : box.corners()) {
     const Vec3 p = panel_from_scene_.point(corner);
     const double wider = 1.0 - p.z * inverse_z;
     if (!(wider > 1.0 - kTooNear)) return {kEverywhere, kEverywhere};
@@ -235,37 +197,33 @@ UnchangedRegions::Patch UnchangedRegions::seen_through(const Bounds& box) const 
   return patch;
 }
 
-void UnchangedRegions::mark_changed(const Bounds& box) {
-  if (holds_something(box)) mark_changed(seen_through(box));
+void UnchangedRegions::mark_changed(const Box& box) {
+  if (!box.empty()) mark_changed(seen_through(box));
 }
 
 /// Marks the region behind a box as seen from a light, in pieces, as far as there is content. For
 /// an area light, the region is extended sideways by the penumbra.
-void UnchangedRegions::mark_shadow_changed(const Bounds& box, const SceneLight& light,
-                                           const SoftLight& soft, const Bounds& within) {
+void UnchangedRegions::mark_shadow_changed(const Box& box, const SceneLight& light,
+                                           const SoftLight& soft, const Box& within) {
   constexpr int kPieces = 48;
   const double farthest = length(within.high - within.low);
   const bool is_sun = light.kind == Light::Kind::Directional;
   // The end of the shadow is expressed as a multiple of the distance from the light.
   double nearest = 1.0;
-  if (!is_sun) {
-    const Vec3 beside{std::max({box.low.x - light.position.x, 0.0, light.position.x - box.high.x}),
-                      std::max({box.low.y - light.position.y, 0.0, light.position.y - box.high.y}),
-                      std::max({box.low.z - light.position.z, 0.0, light.position.z - box.high.z})};
-    nearest = length(beside);
-  }
+  if (!is_sun)
+    nearest = length(max(max(box.low - light.position, Vec3{}), light.position - box.high));
   const double size = soft.shadow_samples == 0 ? 0.0
                       : is_sun ? std::tan(soft.sun_radius_degrees * std::numbers::pi / 180.0)
                                : soft.light_radius_mm;
   if (!(nearest > size)) return mark_all_changed();
   const double whole_way = farthest / (nearest - size);
   for (int piece = 0; piece < kPieces; ++piece) {
-    Bounds shadow;
+    Box shadow;
     const double ends[] = {whole_way * piece / kPieces, whole_way * (piece + 1) / kPieces};
     for (const double way : ends)
-      for (const Vec3& corner : corners_of(box))
+      for (const Vec3& corner : box.corners())
         shadow.extend(corner + (is_sun ? light.direction : corner - light.position) * way);
-    mark_changed(overlap(widened(shadow, ends[1] * size + kMarginMm), widened(within, kMarginMm)));
+    mark_changed(overlap(shadow.widened(ends[1] * size + kMarginMm), within.widened(kMarginMm)));
   }
 }
 

@@ -20,7 +20,7 @@ namespace lenticule::render {
 struct SceneObjects {
   struct Object {
     Fingerprint made_of;
-    Bounds box;                    ///< scene frame, millimetres on the panel
+    Box box;                       ///< scene frame, millimetres on the panel
     bool depends_on_view = false;  ///< the object is reflective, has highlights or is transparent
   };
 
@@ -67,11 +67,11 @@ class UnchangedRegions {
   void mark_all_changed();
   bool mark_changes(const Scene& scene, const SoftLight& soft, const SceneObjects& before,
                     const SceneObjects& now);
-  void mark_changed(const Bounds& box);
+  void mark_changed(const Box& box);
   void mark_changed(const Patch& patch);
-  void mark_shadow_changed(const Bounds& box, const SceneLight& light, const SoftLight& soft,
-                           const Bounds& within);
-  [[nodiscard]] Patch seen_through(const Bounds& box) const;
+  void mark_shadow_changed(const Box& box, const SceneLight& light, const SoftLight& soft,
+                           const Box& within);
+  [[nodiscard]] Patch seen_through(const Box& box) const;
 
   const RowPlanes& planes_;
   Interval eyes_;

@@ -86,7 +86,7 @@ TEST(StageProperty, TheStageFollowsTheCamera) {
   for (int round = 0; round < 200; ++round) {
     const optics::OpticalModel model = random_model(random);
     SceneDescription scene = random_scene(random);
-    const Bounds b = scene_bounds(scene);
+    const Box b = scene_bounds(scene);
     const double size = length(b.high - b.low);
     Camera camera;
     camera.at = (b.low + b.high) / 2.0;

@@ -66,7 +66,7 @@ class Oracle {
 
   template <class Shape>
   void curved(const Shape& shape, OracleHit hit) {
-    const render::Box box = render::box_of(shape);
+    const Box box = render::box_of(shape);
     const double size = std::max({size_of(origin_), size_of(panel_from_scene_.point(box.low)),
                                   size_of(panel_from_scene_.point(box.high))});
     const double by = tolerance_.ray_mm + tolerance_.relative * size;

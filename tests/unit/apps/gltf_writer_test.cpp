@@ -51,8 +51,8 @@ TEST(GltfWriter, GearsAreReadBackWithEveryTriangleLightAndTexture) {
 TEST(GltfWriter, ConvertsTheUpAxis) {
   const render::SceneDescription gears = built_in("gears", 1);
   const render::SceneDescription again = read_back(write_gltf(gears));
-  const render::Bounds before = render::scene_bounds(gears);
-  const render::Bounds after = render::scene_bounds(again);
+  const Box before = render::scene_bounds(gears);
+  const Box after = render::scene_bounds(again);
   EXPECT_NEAR(after.high.y, before.high.z, 1e-5);
   EXPECT_NEAR(after.low.y, before.low.z, 1e-5);
   EXPECT_NEAR(after.high.x, before.high.x, 1e-5);

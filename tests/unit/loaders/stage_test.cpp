@@ -78,7 +78,7 @@ TEST(StageBounds, CoverSpheresConesAndUsedVertices) {
   scene.cones = {cone};
   scene.meshes = {card(-1)};
   scene.meshes[0].positions.push_back({999, 999, 999});  // not used by any triangle
-  const Bounds b = scene_bounds(scene);
+  const Box b = scene_bounds(scene);
   expect_near(b.low, {-3, -3, -2});
   expect_near(b.high, {12, 3, 5});
 }

@@ -67,7 +67,7 @@ TEST(WorldUp, IsTheAxisNearestToThePanelsUp) {
 
 TEST(GroundPlane, LiesUnderTheSceneAndFacesUp) {
   for (const Vec3 up : {Vec3{0, 1, 0}, Vec3{0, 0, 1}, Vec3{1, 0, 0}, Vec3{0, -1, 0}}) {
-    const Bounds bounds{.low = {-1, -2, -3}, .high = {3, 2, 1}};
+    const Box bounds{.low = {-1, -2, -3}, .high = {3, 2, 1}};
     const TriangleMesh ground = ground_plane(bounds, up, 0);
     double lowest = dot(bounds.low, up);
     lowest = std::min(lowest, dot(bounds.high, up));
