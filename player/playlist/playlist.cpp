@@ -176,8 +176,8 @@ Playlist Reader::read_m3u(std::string_view text) const {
     text.remove_prefix(std::min(text.size(), line.size() + 1));
     if (line.ends_with('\r')) line.remove_suffix(1);
     if (line.starts_with(kSeconds)) {
-      line.remove_prefix(kSeconds.size());
-      const auto seconds = take_number<double>(line);  // 0 and -1: not stated
+      std::string_view rest = line.substr(kSeconds.size());
+      const auto seconds = take_number<double>(rest);  // 0 and -1: not stated
       if (seconds && *seconds > 0.0 && *seconds <= kMaxSeconds) still_s = *seconds;
     }
     if (line.empty() || line.starts_with('#')) continue;
