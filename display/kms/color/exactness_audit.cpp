@@ -92,14 +92,15 @@ AuditRow row_for(const LinkFile& file, const std::string& value) {
 }
 
 template <size_t N>
-std::vector<AuditRow> read_files(KmsPlatform& platform, const LinkPlace& place,
+std::vector<AuditRow> read_files(KmsPlatform& platform, const std::string& card, const Pipe& pipe,
                                  const LinkFile (&files)[N]) {
   std::vector<AuditRow> rows;
-  const auto names = card_names(place.card);
+  const auto names = card_names(card);
   if (!names) return rows;
   for (const LinkFile& file : files) {
-    const auto text = platform.read_kernel_file(fmt::format(
-        fmt::runtime(file.path), names->first, names->second, place.connector, place.crtc_number));
+    const auto text =
+        platform.read_kernel_file(fmt::format(fmt::runtime(file.path), names->first, names->second,
+                                              pipe.connector.name, pipe.crtc_number));
     const std::string value = text ? line_after(*text, file.before) : std::string();
     if (!value.empty()) rows.push_back(row_for(file, value));
   }
@@ -115,14 +116,14 @@ std::string_view section_of(std::string_view text, uint32_t crtc) {
 }
 
 /// Parses "dither=no, bpp=24" of i915/display/intel_display_debugfs.c, intel_crtc_info().
-std::optional<AuditRow> depth_row(KmsPlatform& platform, const LinkPlace& place,
+std::optional<AuditRow> depth_row(KmsPlatform& platform, const Pipe& pipe,
                                   const std::string& number) {
   const auto text =
       platform.read_kernel_file(fmt::format("/sys/kernel/debug/dri/{}/i915_display_info", number));
   if (!text) return std::nullopt;
-  const std::string value = line_after(section_of(*text, place.crtc), "dither=");
+  const std::string value = line_after(section_of(*text, pipe.crtc), "dither=");
   if (value.empty()) return std::nullopt;
-  const bool deep = place.depth == ScanoutDepth::Bits10;
+  const bool deep = pipe.depth == ScanoutDepth::Bits10;
   return row_for({kDepthRow, "", "", deep ? "no, bpp=30" : "no, bpp=24", true,
                   "low bits are cut off or dithered",
                   deep ? "use a mode that the link carries with 10 bits per colour, or state "
@@ -132,28 +133,30 @@ std::optional<AuditRow> depth_row(KmsPlatform& platform, const LinkPlace& place,
 }
 
 /// Parses "DRRS Enabled: no" of i915_drrs_status(), same file, of Linux 6.1.
-std::optional<AuditRow> drrs_row(KmsPlatform& platform, const LinkPlace& place,
+std::optional<AuditRow> drrs_row(KmsPlatform& platform, const Pipe& pipe,
                                  const std::string& number) {
   const auto text =
       platform.read_kernel_file(fmt::format("/sys/kernel/debug/dri/{}/i915_drrs_status", number));
   if (!text) return std::nullopt;
-  const std::string value = line_after(section_of(*text, place.crtc), "DRRS Enabled: ");
+  const std::string value = line_after(section_of(*text, pipe.crtc), "DRRS Enabled: ");
   if (value.empty()) return std::nullopt;
   return row_for({"DRRS", "", "", "no", false, kSlow, kSlowRemedy}, value);
 }
 
 }  // namespace
 
-std::vector<AuditRow> read_sysfs_rows(KmsPlatform& platform, const LinkPlace& place) {
-  return read_files(platform, place, kSysfs);
+std::vector<AuditRow> read_sysfs_rows(KmsPlatform& platform, const std::string& card,
+                                      const Pipe& pipe) {
+  return read_files(platform, card, pipe, kSysfs);
 }
 
-std::vector<AuditRow> read_debugfs_rows(KmsPlatform& platform, const LinkPlace& place) {
-  std::vector<AuditRow> rows = read_files(platform, place, kDebugfs);
-  const auto names = card_names(place.card);
+std::vector<AuditRow> read_debugfs_rows(KmsPlatform& platform, const std::string& card,
+                                        const Pipe& pipe) {
+  std::vector<AuditRow> rows = read_files(platform, card, pipe, kDebugfs);
+  const auto names = card_names(card);
   if (!names) return rows;
-  if (auto row = depth_row(platform, place, names->second)) rows.push_back(std::move(*row));
-  if (auto row = drrs_row(platform, place, names->second)) rows.push_back(std::move(*row));
+  if (auto row = depth_row(platform, pipe, names->second)) rows.push_back(std::move(*row));
+  if (auto row = drrs_row(platform, pipe, names->second)) rows.push_back(std::move(*row));
   return rows;
 }
 
@@ -247,49 +250,51 @@ bool any_row(const ExactnessReport& report, const Test& test) {
   return std::any_of(report.rows.begin(), report.rows.end(), test);
 }
 
-void evaluate_driver(ExactnessReport& report, const LinkInfo& link) {
-  const DriverPath* const path = find_driver_path(link.driver);
+void evaluate_driver(ExactnessReport& report, const std::string& driver, const Pipe& pipe) {
+  const DriverPath* const path = find_driver_path(driver);
   if (path == nullptr) {
-    if (link.connector_type == DRM_MODE_CONNECTOR_SPI)
-      return add_wrong(
-          report, fmt::format("driver {}: panels on SPI get 16-bit colours (RGB565)", link.driver),
-          kOtherOutput);
+    if (pipe.connector.type == DRM_MODE_CONNECTOR_SPI)
+      return add_wrong(report,
+                       fmt::format("driver {}: panels on SPI get 16-bit colours (RGB565)", driver),
+                       kOtherOutput);
     return add_unseen(
         report,
-        fmt::format("driver {}: it is not known whether the driver converts frames", link.driver),
-        "");
+        fmt::format("driver {}: it is not known whether the driver converts frames", driver), "");
   }
-  const std::string fact = fmt::format("driver {}: {}", link.driver, path->fact);
+  const std::string fact = fmt::format("driver {}: {}", driver, path->fact);
   if (path->kind == PathKind::Alters) return add_wrong(report, fact, kOtherOutput);
-  if (link.depth == ScanoutDepth::Bits8) return report.verified.push_back(fact);
+  if (pipe.depth == ScanoutDepth::Bits8) return report.verified.push_back(fact);
   if (path->fact_of_ten_bits != nullptr)
-    return report.verified.push_back(
-        fmt::format("driver {}: {}", link.driver, path->fact_of_ten_bits));
+    return report.verified.push_back(fmt::format("driver {}: {}", driver, path->fact_of_ten_bits));
   add_unseen(report,
-             fmt::format("driver {}: it is not known whether the driver converts {} frames",
-                         link.driver, format_name(link.depth)),
+             fmt::format("driver {}: it is not known whether the driver converts {} frames", driver,
+                         format_name(pipe.depth)),
              "");
 }
 
 /// States whether frames leave memory with the bits that the rig states.
-void evaluate_format(ExactnessReport& report, const LinkInfo& link) {
-  if (link.depth != link.wanted)
+void evaluate_format(ExactnessReport& report, const Pipe& pipe) {
+  if (pipe.depth != pipe.wanted)
     return add_wrong(
         report,
         fmt::format("the driver cannot scan out {} bits per colour ({}): the panel gets {}",
-                    bits_of(link.wanted), format_name(link.wanted), bits_of(link.depth)),
+                    bits_of(pipe.wanted), format_name(pipe.wanted), bits_of(pipe.depth)),
         "use a card whose driver can, or state panel.bits = 8 in the rig");
-  if (link.depth == ScanoutDepth::Bits8) return;
+  if (pipe.depth == ScanoutDepth::Bits8) return;
   report.verified.push_back(fmt::format("frames are scanned out with {} bits per colour ({})",
-                                        bits_of(link.depth), format_name(link.depth)));
+                                        bits_of(pipe.depth), format_name(pipe.depth)));
   if (any_row(report, [](const AuditRow& row) { return row.property == kGammaRampRow; }))
     add_unseen(report, "the gamma ramp of the CRTC has an entry for each 8-bit value only",
                "state panel.bits = 8 in the rig");
 }
 
-void evaluate_placement(ExactnessReport& report, const LinkInfo& link) {
-  if (!link.one_to_one) return;
-  if (*link.one_to_one)
+void evaluate_placement(ExactnessReport& report, const Pipe& pipe, const PropertyTable& plane) {
+  const uint64_t width = pipe.mode.hdisplay;
+  const uint64_t height = pipe.mode.vdisplay;
+  if (plane.value("SRC_X") == pipe.source_x() && plane.value("SRC_Y") == pipe.source_y() &&
+      plane.value("CRTC_X") == 0 && plane.value("CRTC_Y") == 0 &&
+      plane.value("SRC_W") == width << 16 && plane.value("SRC_H") == height << 16 &&
+      plane.value("CRTC_W") == width && plane.value("CRTC_H") == height)
     report.verified.emplace_back("the plane shows the frame pixel for pixel");
   else
     add_wrong(report, "the plane does not show the frame pixel for pixel", "");
@@ -301,20 +306,21 @@ bool has_link_row(const ExactnessReport& report, std::string_view property) {
   });
 }
 
-void evaluate_encoding(ExactnessReport& report, const LinkInfo& link) {
+void evaluate_encoding(ExactnessReport& report, const Pipe& pipe) {
   if (any_row(report, names_encoding)) {
     report.verified.emplace_back("the driver is set to send RGB");
     return;
   }
-  if (link.only_as_420)
+  const EdidReading& edid = pipe.connector.edid;
+  if (is_one_of(pipe.mode, edid.only_as_420))
     return add_wrong(report, "the panel accepts this mode as YCbCr 4:2:0 only",
                      "use a lower refresh rate, or use DisplayPort");
-  if (link.edid_known && !link.offers_ycbcr) {
+  if (edid.identity && !edid.offers_ycbcr) {
     report.verified.emplace_back("the panel accepts RGB only");
     return;
   }
   add_unseen(report,
-             link.edid_known
+             edid.identity
                  ? "the panel also accepts YCbCr, and the driver does not report what it sends"
                  : "without a valid EDID it is not known what the link carries",
              "use DisplayPort, or an EDID that offers RGB only (drm.edid_firmware=)");
@@ -322,17 +328,17 @@ void evaluate_encoding(ExactnessReport& report, const LinkInfo& link) {
 
 /// States that a panel which can vary its refresh keeps the rate of the mode. A driver that refuses
 /// is a remark of evaluate_row().
-void evaluate_refresh(ExactnessReport& report, const LinkInfo& link) {
+void evaluate_refresh(ExactnessReport& report, const Pipe& pipe) {
   const auto holds = [](const AuditRow& row) {
     return row.property == "VRR_ENABLED" && is_held(row);
   };
-  if (link.variable_refresh && any_row(report, holds))
+  if (pipe.connector.variable_refresh && any_row(report, holds))
     report.verified.emplace_back(
         "the panel could vary its refresh, which is held at the rate of the mode");
 }
 
-void evaluate_range(ExactnessReport& report, const LinkInfo& link) {
-  if (!is_hdmi(link.connector_type)) return;
+void evaluate_range(ExactnessReport& report, const Pipe& pipe) {
+  if (!is_hdmi(pipe.connector.type)) return;
   if (any_row(report, forces_full_range)) {
     report.verified.emplace_back("the driver is set to send the full range of values");
     return;
@@ -342,43 +348,61 @@ void evaluate_range(ExactnessReport& report, const LinkInfo& link) {
              "one");
 }
 
-void evaluate_depth(ExactnessReport& report, const LinkInfo& link) {
-  const int bits = bits_of(link.depth);
+/// Returns the bits per colour that the panel accepts, as its EDID states them. For an HDMI input,
+/// more than 8 bits must be stated by the HDMI data block; the base block alone does not suffice.
+std::optional<int> bits_accepted(const ConnectorInfo& connector) {
+  const EdidReading& edid = connector.edid;
+  if (!edid.identity || !is_hdmi(connector.type)) return edid.bits_per_colour;
+  return edid.deep_colour ? 10 : std::min(edid.bits_per_colour.value_or(8), 8);
+}
+
+std::optional<uint64_t> most_bits(const PropertyTable& connector) {
+  const Property* const limit = connector.find("max bpc");
+  if (limit == nullptr || !limit->is_range() || limit->maximum == 0) return std::nullopt;
+  return limit->maximum;
+}
+
+void evaluate_depth(ExactnessReport& report, const Pipe& pipe) {
+  const int bits = bits_of(pipe.depth);
   const char* const remedy = bits > 8 ? "state panel.bits = 8 in the rig, or use a panel and a "
                                         "connector of 10 bits per colour"
                                       : "use a panel of 8 bits per colour";
-  if (link.bits_per_colour && *link.bits_per_colour < bits)
+  const std::optional<int> accepted = bits_accepted(pipe.connector);
+  if (accepted && *accepted < bits)
     add_wrong(report,
               fmt::format("the panel accepts {} bits per colour: low bits are cut off or dithered",
-                          *link.bits_per_colour),
+                          *accepted),
               remedy);
-  if (link.most_bits && *link.most_bits < bits)
+  const std::optional<uint64_t> most = most_bits(pipe.connector.properties);
+  if (most && *most < static_cast<uint64_t>(bits))
     add_wrong(report,
               fmt::format("the link carries at most {} bits per colour: low bits are cut off or "
                           "dithered",
-                          *link.most_bits),
+                          *most),
               remedy);
   constexpr const char* kLook =
       "run 'lenticule doctor' as root, which can read more of the driver; look at a test card of "
       "single-step ramps";
   if (!has_link_row(report, kDepthRow))
     add_unseen(report, "bits per colour and dithering of the link cannot be read back", kLook);
-  if (may_compress(link.connector_type) && !has_link_row(report, kCompressionRow))
+  if (may_compress(pipe.connector.type) && !has_link_row(report, kCompressionRow))
     add_unseen(report, "whether the link compresses the picture (DSC) cannot be read back", kLook);
 }
 
-void evaluate_link(ExactnessReport& report, const LinkInfo& link) {
-  if (!has_link(link.connector_type)) {
+void evaluate_link(ExactnessReport& report, const Pipe& pipe) {
+  if (!has_link(pipe.connector.type)) {
     report.verified.emplace_back("a virtual output has no link");
     return;
   }
-  if (is_analogue(link.connector_type))
+  if (is_analogue(pipe.connector.type))
     add_wrong(report, "the link is analogue: the panel digitises the values again",
               "use a digital connector");
-  evaluate_encoding(report, link);
-  evaluate_range(report, link);
-  evaluate_depth(report, link);
-  if (link.other_native_size)
+  evaluate_encoding(report, pipe);
+  evaluate_range(report, pipe);
+  evaluate_depth(report, pipe);
+  const PixelSize size{pipe.mode.hdisplay, pipe.mode.vdisplay};
+  const std::vector<PixelSize> native = pipe.connector.edid.native_sizes();
+  if (!native.empty() && std::find(native.begin(), native.end(), size) == native.end())
     add_unseen(report, "the EDID states another native size: a bridge or an adapter may scale",
                "connect the panel without an adapter, or load an EDID with the size that is sent "
                "(drm.edid_firmware=)");
@@ -514,18 +538,19 @@ AuditRow ExactnessAudit::row_of(const Leftover& leftover,
           .remedy = leftover.rule->remedy};
 }
 
-ExactnessReport ExactnessAudit::report(const LinkInfo& link, const std::optional<PipeTables>& now,
+ExactnessReport ExactnessAudit::report(const Pipe& pipe, const std::string& driver,
+                                       const std::optional<PipeTables>& now,
                                        const std::vector<AuditRow>& further) const {
   ExactnessReport report;
   for (const Item& item : items_) report.rows.push_back(row_of(item, now));
   for (const Leftover& leftover : leftovers_) report.rows.push_back(row_of(leftover, now));
   report.rows.insert(report.rows.end(), further.begin(), further.end());
   for (const AuditRow& row : report.rows) evaluate_row(report, row);
-  evaluate_driver(report, link);
-  evaluate_format(report, link);
-  evaluate_placement(report, link);
-  evaluate_link(report, link);
-  evaluate_refresh(report, link);
+  evaluate_driver(report, driver, pipe);
+  evaluate_format(report, pipe);
+  if (now) evaluate_placement(report, pipe, now->plane);
+  evaluate_link(report, pipe);
+  evaluate_refresh(report, pipe);
   report.conclude();
   return report;
 }

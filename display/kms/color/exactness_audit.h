@@ -13,6 +13,7 @@
 #include "display/kms/color/exactness_rules.h"
 #include "display/kms/device/drm_properties.h"
 #include "display/kms/device/platform.h"
+#include "display/kms/probe/output_choice.h"
 #include "display/scanout_depth.h"
 
 namespace lenticule::display {
@@ -21,20 +22,14 @@ namespace lenticule::display {
 inline constexpr const char* kDepthRow = "depth and dithering";
 inline constexpr const char* kCompressionRow = "DSC";
 
-struct LinkPlace {
-  std::string card;       ///< path of the card's node, /dev/dri/cardN
-  std::string connector;  ///< "eDP-1"
-  uint32_t crtc = 0;
-  int crtc_number = 0;                       ///< place of the CRTC in the card's list
-  ScanoutDepth depth = ScanoutDepth::Bits8;  ///< depth of the frames that are scanned out
-};
-
-/// Returns a row for each sysfs file that could be read and parsed.
-[[nodiscard]] std::vector<AuditRow> read_sysfs_rows(KmsPlatform& platform, const LinkPlace& place);
+/// Returns a row for each sysfs file that could be read and parsed. `card` is the path of the
+/// card's node, /dev/dri/cardN.
+[[nodiscard]] std::vector<AuditRow> read_sysfs_rows(KmsPlatform& platform, const std::string& card,
+                                                    const Pipe& pipe);
 /// Returns a row for each debugfs file that could be read and parsed. The driver takes locks to
 /// answer, so call it only while no flips are pending.
 [[nodiscard]] std::vector<AuditRow> read_debugfs_rows(KmsPlatform& platform,
-                                                      const LinkPlace& place);
+                                                      const std::string& card, const Pipe& pipe);
 
 struct PipeTables {
   PropertyTable connector;
@@ -45,27 +40,6 @@ struct PipeTables {
   /// Reads the properties; none if one of the objects no longer exists.
   [[nodiscard]] static std::optional<PipeTables> read(int fd, uint32_t connector, uint32_t crtc,
                                                       uint32_t plane);
-};
-
-/// Data about the driver, the link and the panel that are not KMS properties.
-struct LinkInfo {
-  uint32_t connector_type = 0;  ///< DRM_MODE_CONNECTOR_*
-  std::string driver;
-  bool edid_known = false;
-  bool offers_ycbcr = false;
-  /// The panel accepts this mode only as YCbCr 4:2:0.
-  bool only_as_420 = false;
-  std::optional<int> bits_per_colour;  ///< bits that the EDID states
-  /// Limit of the connector's property "max bpc"; none if there is no such property.
-  std::optional<int> most_bits;
-  ScanoutDepth depth = ScanoutDepth::Bits8;   ///< depth of the frames that are scanned out
-  ScanoutDepth wanted = ScanoutDepth::Bits8;  ///< depth that the rig states
-  /// The EDID states another native size.
-  bool other_native_size = false;
-  /// The panel and its link can vary the refresh (property "vrr_capable").
-  bool variable_refresh = false;
-  /// None if there was no commit.
-  std::optional<bool> one_to_one;
 };
 
 /// Returns true if a property that was neutral in `before` is not neutral in `after`.
@@ -86,7 +60,8 @@ class ExactnessAudit {
 
   /// Returns the report. `now` holds the properties read after the commit; none if there was no
   /// commit (`doctor`). `further` are rows about facts that are not properties.
-  [[nodiscard]] ExactnessReport report(const LinkInfo& link, const std::optional<PipeTables>& now,
+  [[nodiscard]] ExactnessReport report(const Pipe& pipe, const std::string& driver,
+                                       const std::optional<PipeTables>& now,
                                        const std::vector<AuditRow>& further) const;
 
  private:

@@ -35,6 +35,10 @@ struct Pipe {
   int top_px = 0;
   ScanoutDepth depth = ScanoutDepth::Bits8;   ///< depth of the frames that are scanned out
   ScanoutDepth wanted = ScanoutDepth::Bits8;  ///< depth that the rig states
+
+  /// Return the values of SRC_X and SRC_Y, in 1/65536 pixel.
+  [[nodiscard]] uint64_t source_x() const { return static_cast<uint64_t>(left_px) << 16; }
+  [[nodiscard]] uint64_t source_y() const { return static_cast<uint64_t>(top_px) << 16; }
 };
 
 /// Returns the panel's native sizes; the panel would scale a picture of any other size, even one

@@ -66,20 +66,6 @@ BlobId make_mode_blob(int fd, const drmModeModeInfo& mode) {
   return {fd, id};
 }
 
-/// Returns the bits per colour that the panel accepts, as its EDID states them. For an HDMI input,
-/// more than 8 bits must be stated by the HDMI data block; the base block alone does not suffice.
-std::optional<int> bits_accepted(const ConnectorInfo& connector) {
-  const EdidReading& edid = connector.edid;
-  if (!edid.identity || !is_hdmi(connector.type)) return edid.bits_per_colour;
-  return edid.deep_colour ? 10 : std::min(edid.bits_per_colour.value_or(8), 8);
-}
-
-std::optional<int> most_bits(const PropertyTable& connector) {
-  const Property* const limit = connector.find("max bpc");
-  if (limit == nullptr || !limit->is_range() || limit->maximum == 0) return std::nullopt;
-  return static_cast<int>(std::min<uint64_t>(limit->maximum, 64));
-}
-
 /// Unlinks the objects other than `except` whose CRTC_ID is `crtc`.
 void unlink(std::vector<PropertySetting>& settings, const PropertyTable& table, uint32_t crtc,
             bool is_plane) {
@@ -98,13 +84,7 @@ OutputPipe::OutputPipe(const DrmDevice& device, Pipe pipe, std::shared_ptr<KmsPl
       gamma_(device_.fd(), tables_.crtc),
       mode_blob_(make_mode_blob(device_.fd(), pipe_.mode)),
       framebuffer_property_(tables_.plane.require("FB_ID")),
-      platform_(std::move(platform)),
-      link_(link_info()),
-      place_{.card = device_.path(),
-             .connector = pipe_.connector.name,
-             .crtc = pipe_.crtc,
-             .crtc_number = pipe_.crtc_number,
-             .depth = pipe_.depth} {}
+      platform_(std::move(platform)) {}
 
 std::vector<PropertySetting> OutputPipe::plane_settings(uint32_t framebuffer) const {
   const PropertyTable& plane = tables_.plane;
@@ -113,10 +93,15 @@ std::vector<PropertySetting> OutputPipe::plane_settings(uint32_t framebuffer) co
   const auto set = [&](const char* name, uint64_t value) {
     return PropertySetting{plane.object(), plane.require(name), value};
   };
-  const auto [left, top] = source();
-  return {set("FB_ID", framebuffer), set("CRTC_ID", pipe_.crtc), set("SRC_X", left),
-          set("SRC_Y", top),         set("SRC_W", width << 16),  set("SRC_H", height << 16),
-          set("CRTC_X", 0),          set("CRTC_Y", 0),           set("CRTC_W", width),
+  return {set("FB_ID", framebuffer),
+          set("CRTC_ID", pipe_.crtc),
+          set("SRC_X", pipe_.source_x()),
+          set("SRC_Y", pipe_.source_y()),
+          set("SRC_W", width << 16),
+          set("SRC_H", height << 16),
+          set("CRTC_X", 0),
+          set("CRTC_Y", 0),
+          set("CRTC_W", width),
           set("CRTC_H", height)};
 }
 
@@ -175,69 +160,31 @@ bool OutputPipe::restore() noexcept {
   return (saved_.empty() || saved_.restore(device_.fd())) && ramp_is_back;
 }
 
-bool OutputPipe::placed_one_to_one(const PipeTables& tables) const {
-  const uint64_t width = pipe_.mode.hdisplay;
-  const uint64_t height = pipe_.mode.vdisplay;
-  const PropertyTable& plane = tables.plane;
-  const auto [left, top] = source();
-  return plane.value("SRC_X") == left && plane.value("SRC_Y") == top &&
-         plane.value("CRTC_X") == 0 && plane.value("CRTC_Y") == 0 &&
-         plane.value("SRC_W") == width << 16 && plane.value("SRC_H") == height << 16 &&
-         plane.value("CRTC_W") == width && plane.value("CRTC_H") == height;
-}
-
 /// Completes an accepted commit: sets the legacy gamma ramp and updates the report.
 void OutputPipe::settle() {
   (void)gamma_.make_linear();  // the report states whether it is linear
   update_report(PipeTables::read(device_.fd(), pipe_.connector.id, pipe_.crtc, pipe_.plane));
 }
 
-LinkInfo OutputPipe::link_info() const {
-  const EdidReading& edid = pipe_.connector.edid;
-  const PixelSize size{pipe_.mode.hdisplay, pipe_.mode.vdisplay};
-  const std::vector<PixelSize> native = edid.native_sizes();
-  return {.connector_type = pipe_.connector.type,
-          .driver = device_.driver(),
-          .edid_known = edid.identity.has_value(),
-          .offers_ycbcr = edid.offers_ycbcr,
-          .only_as_420 = is_one_of(pipe_.mode, edid.only_as_420),
-          .bits_per_colour = bits_accepted(pipe_.connector),
-          .most_bits = most_bits(tables_.connector),
-          .depth = pipe_.depth,
-          .wanted = pipe_.wanted,
-          .other_native_size =
-              !native.empty() && std::find(native.begin(), native.end(), size) == native.end(),
-          .variable_refresh = pipe_.connector.variable_refresh,
-          .one_to_one = std::nullopt};
-}
-
 void OutputPipe::update_connector(ConnectorInfo connector) {
-  pipe_.connector = std::move(connector);
-  LinkInfo info = link_info();
   const std::lock_guard lock(mutex_);
-  link_ = std::move(info);
+  pipe_.connector = std::move(connector);
 }
 
 ExactnessReport OutputPipe::make_report(const std::optional<PipeTables>& now, AuditDepth depth) {
-  LinkInfo link;
-  LinkPlace place;
-  std::vector<AuditRow> debugfs_rows;
-  {
-    const std::lock_guard lock(mutex_);
-    link = link_;
-    place = place_;
-    debugfs_rows = debugfs_rows_;
-  }
-  if (now) link.one_to_one = placed_one_to_one(*now);
-  std::vector<AuditRow> further = read_sysfs_rows(*platform_, place);
+  std::unique_lock reading(mutex_);
+  const Pipe pipe = pipe_;
+  std::vector<AuditRow> debugfs_rows = debugfs_rows_;
+  reading.unlock();
+  std::vector<AuditRow> further = read_sysfs_rows(*platform_, device_.path(), pipe);
   if (depth == AuditDepth::Everything) {
-    debugfs_rows = read_debugfs_rows(*platform_, place);
+    debugfs_rows = read_debugfs_rows(*platform_, device_.path(), pipe);
     const std::lock_guard lock(mutex_);
     debugfs_rows_ = debugfs_rows;
   }
   further.insert(further.end(), debugfs_rows.begin(), debugfs_rows.end());
   if (const auto ramp = gamma_.row(now.has_value())) further.push_back(*ramp);
-  return audit_.report(link, now, further);
+  return audit_.report(pipe, device_.driver(), now, further);
 }
 
 void OutputPipe::update_report(const std::optional<PipeTables>& now) {

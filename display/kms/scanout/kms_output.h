@@ -109,12 +109,6 @@ class OutputPipe {
   [[nodiscard]] bool audit_again(AuditDepth depth);
 
  private:
-  /// Returns SRC_X and SRC_Y, in 1/65536 pixel.
-  [[nodiscard]] std::pair<uint64_t, uint64_t> source() const {
-    return {static_cast<uint64_t>(pipe_.left_px) << 16, static_cast<uint64_t>(pipe_.top_px) << 16};
-  }
-  [[nodiscard]] bool placed_one_to_one(const PipeTables& tables) const;
-  [[nodiscard]] LinkInfo link_info() const;
   [[nodiscard]] ExactnessReport make_report(const std::optional<PipeTables>& now, AuditDepth depth);
   void update_report(const std::optional<PipeTables>& now);
 
@@ -128,9 +122,8 @@ class OutputPipe {
   uint32_t framebuffer_property_ = 0;
   std::shared_ptr<KmsPlatform> platform_;
 
-  mutable std::mutex mutex_;  ///< guards the members below
-  LinkInfo link_;
-  LinkPlace place_;
+  /// Guards the members below, and pipe_.connector, which only the owner's thread writes.
+  mutable std::mutex mutex_;
   std::vector<AuditRow> debugfs_rows_;
   ExactnessReport report_;
   /// Counts the owner's reports; an audit that began before the newest one is discarded.
