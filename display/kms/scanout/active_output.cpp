@@ -53,25 +53,10 @@ ScanoutMapping map_buffer(int fd, const std::shared_ptr<KmsPlatform>& platform, 
   if (const int error = drmModeMapDumbBuffer(fd, handle, &offset); error != 0) fail("map", -error);
   void* const memory = platform->map(fd, offset, size);
   if (memory == nullptr) fail("map", errno);
-  return {platform, memory, size};
+  return {memory, {platform, size}};
 }
 
 }  // namespace
-
-ScanoutMapping::ScanoutMapping(std::shared_ptr<KmsPlatform> platform, void* memory, size_t size)
-    : platform_(std::move(platform)), memory_(memory), size_(size) {}
-
-ScanoutMapping::ScanoutMapping(ScanoutMapping&& other) noexcept
-    : platform_(std::move(other.platform_)),
-      memory_(std::exchange(other.memory_, nullptr)),
-      size_(std::exchange(other.size_, 0)) {}
-
-ScanoutMapping& ScanoutMapping::operator=(ScanoutMapping&& other) noexcept {
-  std::swap(platform_, other.platform_);
-  std::swap(memory_, other.memory_);
-  std::swap(size_, other.size_);
-  return *this;
-}
 
 KmsBuffer::KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, const ScanoutLayout& layout)
     : layout_(layout) {
@@ -87,7 +72,7 @@ KmsBuffer::KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, const Scanou
   mapping_ = map_buffer(fd, platform, handle, size_);
   // Clears old contents of other programs, and touches every page so that no page fault delays a
   // frame.
-  std::memset(mapping_.data(), 0, size_);
+  std::memset(mapping_.get(), 0, size_);
 }
 
 KmsBuffer::KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, const ScanoutLayout& layout,
@@ -101,8 +86,7 @@ KmsBuffer::KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, const Scanou
 
 void KmsBuffer::fill(const frames::FrameView& frame) noexcept {
   LENTICULE_CHECK(layout_.takes(frame));
-  expand_frame(layout_, frame, reinterpret_cast<uint32_t*>(mapping_.data()),
-               pitch_ / sizeof(uint32_t));
+  expand_frame(layout_, frame, static_cast<uint32_t*>(mapping_.get()), pitch_ / sizeof(uint32_t));
 }
 
 bool KmsBuffer::try_acquire() noexcept {

@@ -18,25 +18,13 @@ namespace lenticule::display {
 
 enum class ScanoutState { Free, Acquired, Pending, Displayed };
 
-/// ScanoutMapping owns a memory mapping and unmaps it.
-class ScanoutMapping {
- public:
-  ScanoutMapping() = default;
-  ScanoutMapping(std::shared_ptr<KmsPlatform> platform, void* memory, size_t size);
-  ScanoutMapping(ScanoutMapping&& other) noexcept;
-  ScanoutMapping& operator=(ScanoutMapping&& other) noexcept;
-  ~ScanoutMapping() {
-    if (memory_ != nullptr) platform_->unmap(memory_, size_);
-  }
-
-  [[nodiscard]] uint8_t* data() const { return static_cast<uint8_t*>(memory_); }
-  [[nodiscard]] size_t size() const { return size_; }
-
- private:
-  std::shared_ptr<KmsPlatform> platform_;
-  void* memory_ = nullptr;
-  size_t size_ = 0;
+struct ScanoutUnmap {
+  std::shared_ptr<KmsPlatform> platform;
+  size_t size = 0;
+  void operator()(void* memory) const noexcept { platform->unmap(memory, size); }
 };
+/// ScanoutMapping owns the memory mapping of a scan-out buffer.
+using ScanoutMapping = std::unique_ptr<void, ScanoutUnmap>;
 
 class KmsBuffer final : public ScanoutBuffer {
  public:

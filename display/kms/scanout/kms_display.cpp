@@ -170,7 +170,7 @@ class PageFlipHandler final : private DrmEventHandler {
       if (lost_ || (!paused_ && active_.output->blank() != 0)) return false;
       off_ = true;
     }
-    counters_.off.store(off_, std::memory_order_relaxed);
+    counters_.off = off_;
     return true;
   }
   /// Returns the next event that is due, one per call.
@@ -197,7 +197,7 @@ class PageFlipHandler final : private DrmEventHandler {
     if (!paused_ && !off_ && !lost_) {
       if (flip_.is_due(Queued, now())) try_flip();
       if (flip_.is_due(Armed, now())) {
-        counters_.flip_timeouts.add();
+        ++counters_.flip_timeouts;
         flip_.stick(now());
       }
       if (flip_.is_due(Stuck, now()) || (only_modeset_pending() && now() >= recover_at_)) recover();
@@ -207,7 +207,7 @@ class PageFlipHandler final : private DrmEventHandler {
   /// Call when the card's descriptor is readable.
   void read_events() noexcept {
     const EventRead result = read_drm_events(active_.output->device().fd(), *this);
-    if (result == EventRead::Truncated) counters_.truncated_reads.add();
+    if (result == EventRead::Truncated) ++counters_.truncated_reads;
     if (result == EventRead::Gone) mark_lost();
   }
   /// Call when the seat manager took the card away or gave it back.
@@ -233,13 +233,14 @@ class PageFlipHandler final : private DrmEventHandler {
  private:
   void on_drm_event(const DrmEvent& event) noexcept override {
     if (event.kind == DrmEvent::Kind::Flip) return on_flip_event(event);
-    if (!vblanks_.observe(event)) counters_.stray_events.add();
+    if (!vblanks_.observe(event)) ++counters_.stray_events;
   }
   void on_flip_event(const DrmEvent& event) noexcept {
-    if (!flip_.awaits(event.id) || !note_tile(event)) return counters_.stray_events.add();
-    if (!tiles_.complete()) return;
+    const bool expected = flip_.awaits(event.id) && note_tile(event);
+    if (!expected) ++counters_.stray_events;
+    if (!expected || !tiles_.complete()) return;
     recovery_attempts_ = 0;
-    counters_.note_skew(tiles_.skew());
+    counters_.largest_skew = std::max(counters_.largest_skew.load(), tiles_.skew());
     land(vblanks_.place(tiles_.first()));
   }
   /// Adds the event of a flip of this output. Returns false for an event that does not belong to
@@ -265,7 +266,7 @@ class PageFlipHandler final : private DrmEventHandler {
     if (active_.front != nullptr) active_.front->set_state(ScanoutState::Free);
     active_.front = flip.buffer;
     active_.front->set_state(ScanoutState::Displayed);
-    counters_.flips.add();
+    ++counters_.flips;
     return {.kind = EventKind::Flip,
             .id = flip.id,
             .sequence = flip.vblank.sequence,
@@ -277,17 +278,17 @@ class PageFlipHandler final : private DrmEventHandler {
     const CommitFailure failure = classify(error);
     switch (failure) {
       case CommitFailure::Busy:
-        counters_.busy.add();
+        ++counters_.busy;
         break;
       case CommitFailure::Denied:
-        counters_.denied.add();
+        ++counters_.denied;
         pause();
         break;
       case CommitFailure::Gone:
         mark_lost();
         break;
       case CommitFailure::Wrong:
-        counters_.refused.add();
+        ++counters_.refused;
         needs_modeset_ = true;
         break;
     }
@@ -309,11 +310,11 @@ class PageFlipHandler final : private DrmEventHandler {
   void recovered() noexcept {
     recovery_attempts_ = 0;
     backoff_ = kShortestBackoff;
-    counters_.recoveries.add();
+    ++counters_.recoveries;
     if (flip_.phase() == PendingFlip::Phase::Stuck) land(vblanks_.place_now());
   }
   [[nodiscard]] int set_mode() noexcept {
-    counters_.modesets.add();
+    ++counters_.modesets;
     const int error = active_.output->set_mode(wanted_on_panel());
     if (error != 0) return error;
     needs_modeset_ = false;
@@ -327,7 +328,7 @@ class PageFlipHandler final : private DrmEventHandler {
   void pause() noexcept {
     if (paused_) return;
     paused_ = true;
-    counters_.pauses.add();
+    ++counters_.pauses;
     resume_backoff_ = kFirstResume;
     resume_at_ = now() + resume_backoff_;
     flip_.stick(resume_at_);
@@ -450,7 +451,7 @@ class AtomicKmsDisplay final : public KmsDisplay {
   [[nodiscard]] TakeoverState takeover_state() const noexcept override {
     if (!active_.output) return {};
     TakeoverState state = takeover_state_of(active_, options_.output.panel);
-    state.off = counters_.off.load(std::memory_order_relaxed) ? 1 : 0;
+    state.off = counters_.off ? 1 : 0;
     return state;
   }
 
@@ -569,7 +570,7 @@ class AtomicKmsDisplay final : public KmsDisplay {
     const bool slept = asleep > asleep_ + kSleepNoticed;
     asleep_ = asleep;
     if (!slept) return;
-    counters_.suspends.add();
+    ++counters_.suspends;
     monitor_->check_now();
     flips_->request_modeset();
   }

@@ -13,24 +13,24 @@
 namespace lenticule::display {
 
 KmsStatistics KmsCounters::snapshot() const noexcept {
-  return {.flips = flips.get(),
-          .busy = busy.get(),
-          .denied = denied.get(),
-          .refused = refused.get(),
-          .flip_timeouts = flip_timeouts.get(),
-          .stray_events = stray_events.get(),
-          .truncated_reads = truncated_reads.get(),
-          .recoveries = recoveries.get(),
-          .modesets = modesets.get(),
-          .hotplugs = hotplugs.get(),
-          .links_bad = links_bad.get(),
-          .suspends = suspends.get(),
-          .pauses = pauses.get(),
-          .lost_ticks = lost_ticks.get(),
-          .largest_skew = Nanoseconds(largest_skew_ns.load(std::memory_order_relaxed)),
-          .panel = panel.load(std::memory_order_relaxed),
-          .hardware_clock = hardware_clock.load(std::memory_order_relaxed),
-          .off = off.load(std::memory_order_relaxed)};
+  return {.flips = flips,
+          .busy = busy,
+          .denied = denied,
+          .refused = refused,
+          .flip_timeouts = flip_timeouts,
+          .stray_events = stray_events,
+          .truncated_reads = truncated_reads,
+          .recoveries = recoveries,
+          .modesets = modesets,
+          .hotplugs = hotplugs,
+          .links_bad = links_bad,
+          .suspends = suspends,
+          .pauses = pauses,
+          .lost_ticks = lost_ticks,
+          .largest_skew = largest_skew,
+          .panel = panel,
+          .hardware_clock = hardware_clock,
+          .off = off};
 }
 
 const char* panel_state_name(PanelState state) {

@@ -27,33 +27,14 @@
 
 namespace lenticule::display {
 
-/// Thread safety: one writer, any number of readers.
-class Count {
- public:
-  void add() noexcept { value_.fetch_add(1, std::memory_order_relaxed); }
-  [[nodiscard]] uint64_t get() const noexcept { return value_.load(std::memory_order_relaxed); }
-
- private:
-  std::atomic<uint64_t> value_{0};
-};
-
 /// KmsCounters holds the counters of a running KMS display. docs/play/kms.md explains each figure.
-/// Thread safety: written by the presenter thread, read by any; updates of different counters are
-/// not ordered.
+/// Thread safety: written by the presenter thread, read by any.
 struct KmsCounters {
-  Count flips, busy, denied, refused, flip_timeouts, stray_events, truncated_reads, recoveries,
-      modesets, hotplugs, links_bad, suspends, pauses, lost_ticks;
-  std::atomic<PanelState> panel{PanelState::Showing};
-  std::atomic<bool> hardware_clock{false};
-  std::atomic<bool> off{false};
-
-  std::atomic<Nanoseconds::rep> largest_skew_ns{0};
-
-  /// Notes by how much the tiles of a panel began to show a frame at different times.
-  void note_skew(Nanoseconds skew) noexcept {
-    if (skew.count() > largest_skew_ns.load(std::memory_order_relaxed))
-      largest_skew_ns.store(skew.count(), std::memory_order_relaxed);
-  }
+  std::atomic<uint64_t> flips, busy, denied, refused, flip_timeouts, stray_events, truncated_reads,
+      recoveries, modesets, hotplugs, links_bad, suspends, pauses, lost_ticks;
+  std::atomic<Nanoseconds> largest_skew;
+  std::atomic<PanelState> panel;
+  std::atomic<bool> hardware_clock, off;
 
   [[nodiscard]] KmsStatistics snapshot() const noexcept;
 };

@@ -23,12 +23,11 @@ constexpr Nanoseconds kLongestSleep = std::chrono::seconds(1);
 ConnectorProber::ConnectorProber(int card_fd, const ConnectorInfo& seen,
                                  std::vector<uint32_t> connectors,
                                  std::unique_ptr<HotplugMonitor> hotplug,
-                                 std::shared_ptr<Clock> clock, Running running, Audit audit)
+                                 std::shared_ptr<Clock> clock, Audit audit)
     : card_fd_(card_fd),
       connectors_(std::move(connectors)),
       hotplug_(std::move(hotplug)),
       clock_(std::move(clock)),
-      running_(running),
       audit_(std::move(audit)),
       wake_("kms"),
       ready_("kms"),
@@ -36,7 +35,7 @@ ConnectorProber::ConnectorProber(int card_fd, const ConnectorInfo& seen,
       link_bad_(seen.link_bad),
       poll_at_(clock_->now() + kPollInterval),
       audit_at_(audit_ ? clock_->now() + kAuditInterval : kNever) {
-  if (running_ == Running::OwnThread) thread_ = std::thread([this] { run(); });
+  if (clock_->real_time()) thread_ = std::thread([this] { run(); });
 }
 
 ConnectorProber::~ConnectorProber() {
@@ -49,12 +48,12 @@ ConnectorProber::~ConnectorProber() {
 }
 
 Nanoseconds ConnectorProber::next_step() const noexcept {
-  if (running_ == Running::OwnThread) return kNever;
+  if (clock_->real_time()) return kNever;
   return std::min({probe_at_.value_or(kNever), poll_at_, audit_at_});
 }
 
 void ConnectorProber::step() noexcept {
-  if (running_ == Running::OwnThread) return;
+  if (clock_->real_time()) return;
   try {
     work(clock_->now());
   } catch (...) {
@@ -164,10 +163,6 @@ bool is_expected(const ConnectorInfo& connector, const OutputRequest& request, s
          (connector.edid.identity && matches(identity, *connector.edid.identity));
 }
 
-ConnectorProber::Running running_by(const Clock& clock) {
-  return clock.real_time() ? ConnectorProber::Running::OwnThread : ConnectorProber::Running::InStep;
-}
-
 }  // namespace
 
 PanelState evaluate_panel(const ConnectorInfo& connector, const OutputRequest& request, size_t n,
@@ -189,13 +184,13 @@ PanelMonitor::PanelMonitor(KmsOutput& output, const OutputRequest& request,
       clock_(std::move(clock)),
       counters_(counters),
       prober_(output.device().fd(), output.pipe().connector, output.connectors(),
-              std::move(hotplug), clock_, running_by(*clock_),
+              std::move(hotplug), clock_,
               [&output](bool after_hotplug) {
                 return output.audit_again(after_hotplug ? AuditDepth::Everything
                                                         : AuditDepth::Properties);
               }),
       check_at_(kNever) {
-  counters_.panel.store(PanelState::Showing, std::memory_order_relaxed);
+  counters_.panel = PanelState::Showing;
 }
 
 void PanelMonitor::check_later() noexcept {
@@ -212,7 +207,7 @@ PanelMonitor::Action PanelMonitor::handle_events(bool event_waiting) noexcept {
   const Action without_event = prober_.take_modeset_request() ? Action::SetMode : Action::None;
   const auto event = prober_.take_event();
   if (!event) return without_event;
-  counters_.hotplugs.add();
+  ++counters_.hotplugs;
   try {
     const Action action = on_event(*event);
     return action == Action::None ? without_event : action;
@@ -239,7 +234,7 @@ PanelState PanelMonitor::worst_state(const HotplugEvent& event) const {
 /// panel that is only switched off and on then needs no modeset.
 PanelMonitor::Action PanelMonitor::on_event(const HotplugEvent& event) {
   const PanelState state = worst_state(event);
-  const PanelState before = counters_.panel.exchange(state, std::memory_order_relaxed);
+  const PanelState before = counters_.panel.exchange(state);
   switch (state) {
     case PanelState::Disconnected:
       return Action::None;
@@ -253,7 +248,7 @@ PanelMonitor::Action PanelMonitor::on_event(const HotplugEvent& event) {
       break;
   }
   const bool link_bad = event.any_link_bad();
-  if (link_bad) counters_.links_bad.add();
+  if (link_bad) ++counters_.links_bad;
   const bool needs_modeset = before != PanelState::Showing || link_bad;
   for (size_t n = 0; n < event.connectors.size(); ++n)
     output_.update_connector(n, event.connectors[n]);

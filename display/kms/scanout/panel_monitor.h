@@ -39,7 +39,6 @@ struct HotplugEvent {
 /// in simulated time inside step(). Lifetime: the card's descriptor must outlive this object.
 class ConnectorProber {
  public:
-  enum class Running { OwnThread, InStep };
   /// Called every few seconds, and with `after_hotplug` soon after a hotplug event. Returns true if
   /// a modeset would help.
   using Audit = std::function<bool(bool after_hotplug)>;
@@ -48,7 +47,7 @@ class ConnectorProber {
   /// Error(Failed) if there are no descriptors or threads.
   ConnectorProber(int card_fd, const ConnectorInfo& seen, std::vector<uint32_t> connectors,
                   std::unique_ptr<HotplugMonitor> hotplug, std::shared_ptr<Clock> clock,
-                  Running running, Audit audit = nullptr);
+                  Audit audit = nullptr);
   ~ConnectorProber();
   ConnectorProber(const ConnectorProber&) = delete;
   ConnectorProber& operator=(const ConnectorProber&) = delete;
@@ -56,7 +55,7 @@ class ConnectorProber {
   /// Returns a descriptor that is readable when take_event() or, without its own thread, step()
   /// should be called.
   [[nodiscard]] int fd() const noexcept {
-    return running_ == Running::OwnThread ? ready_.fd() : hotplug_->fd();
+    return clock_->real_time() ? ready_.fd() : hotplug_->fd();
   }
   /// Returns, without its own thread, the time at which step() is due; otherwise never.
   [[nodiscard]] Nanoseconds next_step() const noexcept;
@@ -82,7 +81,6 @@ class ConnectorProber {
   std::vector<uint32_t> connectors_;
   std::unique_ptr<HotplugMonitor> hotplug_;
   std::shared_ptr<Clock> clock_;
-  Running running_;
   Audit audit_;
   WakeFd wake_;   ///< request_probe() and the end
   WakeFd ready_;  ///< an event or a modeset request can be taken

@@ -84,26 +84,27 @@ Nanoseconds flip_timeout(Nanoseconds period) noexcept {
   return std::max<Nanoseconds>(4 * period, std::chrono::milliseconds(200));
 }
 
-VblankClock::Start VblankClock::first_reading(const KmsOutput& output, Nanoseconds now) {
+namespace {
+
+VblankCounter first_count(const KmsOutput& output, frames::Rate refresh, Nanoseconds now) {
+  using enum VblankCounter::Source;
   uint64_t sequence = 0;
   Nanoseconds time{0};
-  if (output.read_sequence(sequence, time) != 0) return {VblankCounter::Source::Software, {0, now}};
+  if (output.read_sequence(sequence, time) != 0) return {Software, refresh, {0, now}};
   const bool plausible = time > Nanoseconds{0} && time <= now;
-  return {VblankCounter::Source::Hardware, {sequence, plausible ? time : now}};
+  return {Hardware, refresh, {sequence, plausible ? time : now}};
 }
+
+}  // namespace
 
 VblankClock::VblankClock(const KmsOutput& output, frames::Rate refresh, Clock& clock,
                          KmsCounters& counters)
-    : VblankClock(output, refresh, clock, counters, first_reading(output, clock.now())) {}
-
-VblankClock::VblankClock(const KmsOutput& output, frames::Rate refresh, Clock& clock,
-                         KmsCounters& counters, Start start)
     : output_(output),
       clock_(clock),
       counters_(counters),
-      counter_(start.source, refresh, start.vblank),
-      last_flip_sequence_(start.vblank.sequence) {
-  counters_.hardware_clock.store(is_hardware(), std::memory_order_relaxed);
+      counter_(first_count(output, refresh, clock.now())),
+      last_flip_sequence_(counter_.last().sequence) {
+  counters_.hardware_clock = is_hardware();
 }
 
 VblankClock::Landing VblankClock::place(const DrmEvent& flip) noexcept {
@@ -130,7 +131,7 @@ void VblankClock::watch_sequences(uint64_t sequence) noexcept {
   last_driver_sequence_ = sequence;
   if (same_sequences_ < kSameSequencesBeforeSoftware || !is_hardware()) return;
   counter_.use_software(clock_.now());
-  counters_.hardware_clock.store(false, std::memory_order_relaxed);
+  counters_.hardware_clock = false;
 }
 
 void VblankClock::request(uint64_t sequence, uint64_t serial, bool may_ask_driver) noexcept {
@@ -164,7 +165,7 @@ void VblankClock::run_timers() noexcept {
   const Nanoseconds now = clock_.now();
   if (now < due()) return;
   if (tick_.phase == Tick::Phase::Awaited) {
-    counters_.lost_ticks.add();
+    ++counters_.lost_ticks;
     tick_.vblank = counter_.last_until(now);
   } else {
     tick_.vblank = counter_.at(tick_.sequence);

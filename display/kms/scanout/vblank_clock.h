@@ -115,24 +115,15 @@ class VblankClock {
     Nanoseconds due{0};
     Vblank vblank{};
   };
-  struct Start {
-    VblankCounter::Source source;
-    Vblank vblank;
-  };
-  [[nodiscard]] static Start first_reading(const KmsOutput& output, Nanoseconds now);
-
   void watch_sequences(uint64_t sequence) noexcept;
   [[nodiscard]] Landing place_at(Vblank vblank) noexcept;
-
-  VblankClock(const KmsOutput& output, frames::Rate refresh, Clock& clock, KmsCounters& counters,
-              Start start);
 
   const KmsOutput& output_;
   Clock& clock_;
   KmsCounters& counters_;
   VblankCounter counter_;
   Tick tick_;
-  uint64_t last_flip_sequence_ = 0;
+  uint64_t last_flip_sequence_;
   uint64_t last_driver_sequence_ = 0;
   int same_sequences_ = 0;
 };

@@ -24,8 +24,7 @@ TEST_F(KmsThreads, PanelIsProbedOnItsOwnThread) {
   ASSERT_TRUE(seen);
   {
     display::ConnectorProber prober(fd.get(), *seen, {seen->id}, options.platform->watch_hotplug(),
-                                    display::make_monotonic_clock(),
-                                    display::ConnectorProber::Running::OwnThread);
+                                    display::make_monotonic_clock());
     for (int i = 0; i < 3; ++i) {
       machine.announce_hotplug();
       ASSERT_TRUE(readable_within(prober.fd(), 20'000));
