@@ -10,6 +10,8 @@ namespace {
 using enum PathKind;
 
 constexpr const char* kRgb565 = "24-bit colours are cut to 16 bits (RGB565)";
+constexpr const char* kCirrus =
+    "24-bit colours are cut to 16 bits (RGB565) unless lines are short enough for 24";
 constexpr const char* kMipi = "drm_mipi_dbi.c, mipi_dbi_buf_copy()";
 constexpr const char* kFirmware =
     "frames are converted to the format, size and scaling that the firmware set";
@@ -31,10 +33,8 @@ constexpr std::array kPaths = {
                "i915/display/skl_universal_plane.c of Linux 6.8, which xe shares",
                "the display engine scans XRGB2101010 out of memory"},
 
-    DriverPath{"cirrus", Alters,
-               "24-bit colours are cut to 16 bits (RGB565) unless lines are short enough for 24",
-               "tiny/cirrus.c, cirrus_fb_blit_rect()"},
-    DriverPath{"cirrus-qemu", Alters, "24-bit colours are cut to 16 bits (RGB565)",
+    DriverPath{"cirrus", Alters, kCirrus, "tiny/cirrus.c, cirrus_fb_blit_rect()"},
+    DriverPath{"cirrus-qemu", Alters, kCirrus,
                "tiny/cirrus-qemu.c of Linux 6.14, the driver cirrus by its new name"},
     DriverPath{"simpledrm", Alters, kFirmware,
                "tiny/simpledrm.c, simpledrm_primary_plane_helper_atomic_update()"},

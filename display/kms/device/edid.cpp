@@ -8,7 +8,6 @@
 #include <array>
 #include <numeric>
 #include <string_view>
-#include <utility>
 
 #include "base/numbers.h"
 #include "base/text.h"
@@ -44,18 +43,7 @@ std::optional<Tile> parse_tile(std::span<const uint8_t> blob) {
 
 namespace {
 
-/// EdidExtensions holds the parts of an EDID's extension blocks (CTA-861, DisplayID) that determine
-/// a link's encoding.
-struct EdidExtensions {
-  bool offers_ycbcr = false;
-  bool deep_colour = false;  ///< the HDMI input accepts RGB of 10 bits per colour
-  /// VICs (numbers of television modes) that the sink accepts as YCbCr 4:2:0 only.
-  std::vector<uint8_t> only_as_420;
-  /// Size in DisplayID's display parameters.
-  std::optional<PixelSize> displayid_native;
-  /// Size of the first progressive timing that DisplayID prefers.
-  std::optional<PixelSize> displayid_preferred;
-};
+// The extension blocks (CTA-861, DisplayID) determine a link's encoding and state native sizes.
 
 using Bytes = std::span<const uint8_t>;
 
@@ -82,7 +70,7 @@ bool accepts_30_bits(Bytes block) {
          (block[kFlags] & kThirtyBits) != 0;
 }
 
-void read_cta_data_block(Bytes block, EdidExtensions& found) {
+void read_cta_data_block(Bytes block, EdidReading& found) {
   constexpr uint8_t kVendor = 3;
   constexpr uint8_t kExtended = 7;
   constexpr uint8_t kVideo420 = 14;
@@ -97,7 +85,7 @@ void read_cta_data_block(Bytes block, EdidExtensions& found) {
       found.only_as_420.push_back(vic_of(descriptor));
 }
 
-void read_cta_data_blocks(Bytes blocks, EdidExtensions& found) {
+void read_cta_data_blocks(Bytes blocks, EdidReading& found) {
   while (!blocks.empty()) {
     const size_t size = 1 + (blocks[0] & 0x1fU);
     if (size > blocks.size()) return;
@@ -108,7 +96,7 @@ void read_cta_data_blocks(Bytes blocks, EdidExtensions& found) {
 
 /// Parses a CTA block. Data blocks precede the offset of the timings; revision 1 has no flags,
 /// revision 2 no data blocks.
-void read_cta(Bytes block, EdidExtensions& found) {
+void read_cta(Bytes block, EdidReading& found) {
   constexpr uint8_t kYcbcr444And422 = 0x30;
   constexpr size_t kHeader = 4;
   const uint8_t revision = block[1];
@@ -166,18 +154,18 @@ ListedTiming type_6(Bytes x) {
           .size = {1 + (x[3] | (x[4] & 0x3f) << 8), 1 + (x[5] | (x[6] & 0x3f) << 8)}};
 }
 
-void note_timing(const ListedTiming& timing, EdidExtensions& found) {
+void note_timing(const ListedTiming& timing, EdidReading& found) {
   if (timing.preferred && !timing.interlaced && !found.displayid_preferred)
     found.displayid_preferred = timing.size;
 }
 
 template <typename Read>
-void read_timings(Bytes payload, size_t size, const Read& read, EdidExtensions& found) {
+void read_timings(Bytes payload, size_t size, const Read& read, EdidReading& found) {
   for (; payload.size() >= size; payload = payload.subspan(size))
     note_timing(read(payload.first(size)), found);
 }
 
-void read_type_6_timings(Bytes payload, EdidExtensions& found) {
+void read_type_6_timings(Bytes payload, EdidReading& found) {
   while (payload.size() >= 14) {
     // Size with or without the image's size.
     const size_t size = (payload[2] & 0x40) != 0 ? 17 : 14;
@@ -186,7 +174,7 @@ void read_type_6_timings(Bytes payload, EdidExtensions& found) {
   }
 }
 
-void note_native(Bytes pixels, EdidExtensions& found) {
+void note_native(Bytes pixels, EdidReading& found) {
   const PixelSize size{little_endian_16(pixels), little_endian_16(pixels.subspan(2))};
   if (size.width > 0 && size.height > 0 && !found.displayid_native) found.displayid_native = size;
 }
@@ -195,8 +183,7 @@ bool any_bit(Bytes bytes) {
   return std::any_of(bytes.begin(), bytes.end(), [](uint8_t byte) { return byte != 0; });
 }
 
-void read_displayid_data_block(uint8_t tag, uint8_t revision, Bytes payload,
-                               EdidExtensions& found) {
+void read_displayid_data_block(uint8_t tag, uint8_t revision, Bytes payload, EdidReading& found) {
   const unsigned level = revision & 7U;
   switch (tag) {
     case 0x01:  // display parameters
@@ -237,7 +224,7 @@ void read_displayid_data_block(uint8_t tag, uint8_t revision, Bytes payload,
   }
 }
 
-void read_displayid(Bytes block, EdidExtensions& found) {
+void read_displayid(Bytes block, EdidReading& found) {
   constexpr size_t kHeader = 5;
   constexpr size_t kMostBytes = 121;
   Bytes rest = block.subspan(kHeader, std::min<size_t>(block[2], kMostBytes));
@@ -252,14 +239,12 @@ void read_displayid(Bytes block, EdidExtensions& found) {
 
 /// Parses every complete block after the first. Never throws because of the contents; incomplete
 /// blocks and data blocks are skipped.
-EdidExtensions read_extensions(Bytes edid) {
-  EdidExtensions found;
+void read_extensions(Bytes edid, EdidReading& found) {
   for (size_t at = kEdidBlockBytes; at + kEdidBlockBytes <= edid.size(); at += kEdidBlockBytes) {
     const Bytes block = edid.subspan(at, kEdidBlockBytes);
     if (block[0] == kCtaBlock) read_cta(block, found);
     if (block[0] == kDisplayIdBlock) read_displayid(block, found);
   }
-  return found;
 }
 
 constexpr std::array<uint8_t, 8> kHeader = {0, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0};
@@ -414,14 +399,10 @@ EdidReading read_edid(std::span<const uint8_t> bytes) {
                                   .serial_text = text_with_tag(block, kTagSerial),
                                   .name = text_with_tag(block, kTagName),
                                   .sha256 = sha256_hex(block)};
-  EdidExtensions extensions = read_extensions(bytes);
-  reading.offers_ycbcr = base_offers_ycbcr(block) || extensions.offers_ycbcr;
-  reading.only_as_420 = std::move(extensions.only_as_420);
+  reading.offers_ycbcr = base_offers_ycbcr(block);
   reading.bits_per_colour = bits_per_colour(block);
-  reading.deep_colour = extensions.deep_colour;
   reading.base_native = base_native(block);
-  reading.displayid_native = extensions.displayid_native;
-  reading.displayid_preferred = extensions.displayid_preferred;
+  read_extensions(bytes, reading);
   return reading;
 }
 

@@ -75,8 +75,9 @@ struct EdidReading {
   bool deep_colour = false;              ///< the HDMI input accepts RGB of 10 bits per colour
   /// Size of the first detailed timing, if the EDID calls it native; none if it is interlaced.
   std::optional<PixelSize> base_native{};
-  std::optional<PixelSize> displayid_native{};
-  std::optional<PixelSize> displayid_preferred{};  ///< first progressive preferred timing
+  std::optional<PixelSize> displayid_native{};  ///< size in DisplayID's display parameters
+  /// Size of the first progressive timing that DisplayID prefers.
+  std::optional<PixelSize> displayid_preferred{};
 
   /// Returns the panel's native sizes: DisplayID's first, then the first detailed timing's if it
   /// differs. Empty if the EDID does not state any.
