@@ -62,20 +62,29 @@ def reports_that_cirrus_reduces_colours(vm):
     assert any("RGB565" in reason for reason in output["exactness"]["reasons"]), output
 
 
+def cirrus_size(vm):
+    """Returns a size whose lines are too long for 24 bits; a shorter one where the driver lists none, as
+    since Linux 6.12."""
+    listed = vm.check("cat /sys/class/drm/card0-*/modes").stdout.split()
+    return (1600, 900) if "1600x900" in listed else (800, 600)
+
+
 @vm_test(Machine(display="cirrus"))
 def refuses_to_play_with_reduced_colours(vm):
-    content = Content(vm, 1600, 900, 2)
+    size = cirrus_size(vm)
+    content = Content(vm, *size, 2)
     command = play_command(vm, content, "--frames", "1:2", "--duration", "2")
     refused = vm.run(command, 60)
     assert refused.code == INEXACT and "RGB565" in refused.stderr, refused
     assert "--allow-inexact" in refused.stderr, refused
-    # The refusal was right: with the flag that allows it, most pixels differ.
+    # The refusal was right: with the flag that allows it, most pixels of long lines differ.
     player = play(vm, content, "--frames", "1:2", "--loop", "forever", "--allow-inexact")
     wait_until_shown(vm, player)
     assert stats(vm)["exactness"]["exact"] == "no"
     shown, meant = vm.screendump(), content.frame(1)
-    assert (shown.width, shown.height) == (1600, 900), (shown.width, shown.height)
-    assert picture.differing_pixels(shown, meant) > 1600 * 900 // 2
+    assert (shown.width, shown.height) == size, (shown.width, shown.height)
+    differing = picture.differing_pixels(shown, meant)
+    assert differing > 1600 * 900 // 2 if size == (1600, 900) else differing == 0, (size, differing)
     player.send(signal.SIGTERM)
     player.wait(30)
 
