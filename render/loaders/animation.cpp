@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
+#include <span>
 
 #include "base/error.h"
 #include "base/file.h"
@@ -218,15 +220,18 @@ Affine plus(const Affine& a, const Affine& b, double weight) {
           a.column_z + b.column_z * weight, a.origin + b.origin * weight};
 }
 
-/// Moves every vertex by the weighted mean of the maps of its joints.
+/// Moves every vertex by the weighted mean of the maps of its joints. Weights in 8 bits or in
+/// single precision rarely add up to 1: far from the origin, a part in a million moves a vertex.
 void skin(TriangleMesh& mesh, const Deformation& deformation, const std::vector<Affine>& joints) {
   constexpr Affine kZero{{0, 0, 0}, {0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
   const size_t per_vertex = deformation.joints_per_vertex;
   for (size_t i = 0; i < mesh.positions.size(); ++i) {
+    const auto weights = std::span(deformation.weights).subspan(i * per_vertex, per_vertex);
+    const double sum = std::accumulate(weights.begin(), weights.end(), 0.0);
     Affine map = kZero;
-    for (size_t k = i * per_vertex; k < (i + 1) * per_vertex; ++k)
-      if (deformation.weights[k] != 0.0F)
-        map = plus(map, joints[deformation.joints[k]], double{deformation.weights[k]});
+    for (size_t k = 0; k < per_vertex; ++k)
+      if (weights[k] != 0.0F)
+        map = plus(map, joints[deformation.joints[i * per_vertex + k]], weights[k] / sum);
     mesh.positions[i] = map.point(mesh.positions[i]);
     if (!mesh.normals.empty()) mesh.normals[i] = turned_normal(map, mesh.normals[i]);
     if (!mesh.tangents.empty()) turn_tangent(mesh.tangents[i], map, map.determinant() < 0.0);

@@ -194,7 +194,7 @@ class Runner(unittest.TestCase):
 
         tally, printed = runner.Tally(), io.StringIO()
         with contextlib.redirect_stdout(printed):
-            runner.run_test(Test("a.b", Machine(), False, False, function), bench, tally)
+            runner.run_test(Test("a.b", Machine(), False, False, (), function), bench, tally)
             tally.close()
         counts = tally.counts
         return counts["passed"], counts["failed"], bench.booted, printed.getvalue()

@@ -289,7 +289,8 @@ Chunks chunks_of(Bytes file, const std::string& source) {
   return chunks;
 }
 
-/// Decodes base64; returns nothing for a character that does not belong to it.
+/// Decodes base64, also of several lines; returns nothing for a character that does not belong to
+/// it.
 std::optional<std::vector<uint8_t>> base64_decoded(std::string_view text) {
   constexpr std::string_view kDigits =
       "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -303,6 +304,7 @@ std::optional<std::vector<uint8_t>> base64_decoded(std::string_view text) {
   uint32_t bits = 0;
   int count = 0;
   for (const char c : text) {
+    if (c == '\n' || c == '\r' || c == ' ' || c == '\t') continue;
     const int value = value_of[static_cast<uint8_t>(c)];
     if (value < 0) return std::nullopt;
     bits = bits << 6 | static_cast<uint32_t>(value);

@@ -75,6 +75,24 @@ TEST(AtTime, NormalsStayAtRightAnglesUnderUnevenScale) {
   EXPECT_NEAR(length(baked.normals[0]), 1.0, 1e-12);
 }
 
+TEST(AtTime, ASkinKeepsItsShapeFarFromTheOrigin) {
+  SceneDescription scene = moving_triangle();
+  scene.nodes.resize(3);
+  scene.skins = {{.joints = {1, 2}, .joint_from_mesh = std::vector<Affine>(2)}};
+  for (const size_t joint : {1, 2}) {
+    scene.nodes[joint].animated = true;
+    scene.nodes[joint].translations = {.times = {0}, .values = {{1e6, 0, 0}}};
+  }
+  // Weights of single precision, whose sum is not exactly 1.
+  const std::vector<float> weights = {0.1F, 0.9F, 0.3F, 0.7F, 1.0F / 3.0F, 2.0F / 3.0F};
+  ASSERT_NE(double{weights[0]} + double{weights[1]}, 1.0);
+  scene.meshes[0].deformation = std::make_shared<Deformation>(Deformation{
+      .skin = 0, .joints_per_vertex = 2, .joints = {0, 1, 0, 1, 0, 1}, .weights = weights});
+  const auto at = at_time(scene, 0).meshes[0].positions;
+  for (size_t i = 0; i < 3; ++i)
+    EXPECT_LT(length(at[i] - (moving_triangle().meshes[0].positions[i] + Vec3{1e6, 0, 0})), 1e-9);
+}
+
 TEST(AtTime, MovesLightsAndCameras) {
   SceneDescription scene = moving_triangle();
   scene.nodes[0].rotations = {.times = {0, 1}, .values = {about_y(0), about_y(90)}};
