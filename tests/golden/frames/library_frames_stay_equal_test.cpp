@@ -1,13 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frames that the libraries weave, convert from video, send to a panel and read from a committed
-// film have the bytes that are committed in hashes/, with every kernel of this machine.
+// Frames that the libraries render, weave, convert from video and send to a panel have the bytes
+// that are committed in hashes/, with every kernel of this machine. Starts no other program, so
+// that it also runs where another processor is emulated.
+#include <cstdlib>
+
 #include "apps/lenticule-video/pixel_convert.h"
 #include "display/scanout_format.h"
 #include "frames/weaving/crosstalk.h"
 #include "frames/weaving/fast_weaver.h"
+#include "render/methods/method.h"
 #include "tests/golden/frames/golden_hashes.h"
 #include "tests/support/instruction_sets.h"
 #include "tests/support/noise_frame.h"
+#include "tests/support/tiny_scenes.h"
 #include "tests/support/turned_picture.h"
 #include "tests/support/weave_rigs.h"
 
@@ -25,6 +30,42 @@ void note(Hashes& hashes, const std::string& name, std::span<const uint8_t> byte
   if (!is_new) {
     EXPECT_EQ(at->second, hash_of(bytes)) << name << " by " << kernel;
   }
+}
+
+/// Textured and metallic, beside materials that are converted.
+NamedScene metallic_scene() {
+  std::vector<NamedScene> scenes = tiny_scenes();
+  NamedScene out = *std::ranges::find(scenes, "meshes", &NamedScene::name);
+  out.name = "metallic";
+  out.scene.materials[1].pbr = std::make_shared<render::PbrMaterial>(render::PbrMaterial{
+      .base_colour_texture = {.texture = 0}, .metallic = 0.7, .roughness = 0.3});
+  return out;
+}
+
+TEST(LibraryFramesStayEqual, OfEveryMethodInstructionSetAndNumberOfThreads) {
+  ASSERT_EQ(setenv("LENTICULE_EMBREE_ISA", "sse2", 1), 0);
+  const optics::OpticalModel model(make_rig({.width = 96, .height = 64, .pixel_mm = 0.6}));
+  std::vector<NamedScene> scenes = tiny_scenes();
+  scenes.push_back(metallic_scene());
+  Hashes hashes;
+  WovenFrame frame({.width = 96, .height = 64});
+  for (const NamedScene& named : scenes)
+    for (const std::string& name : render::method_names())
+      for (const Isa isa : every_instruction_set())
+        for (const int threads : {1, 3}) {
+          if (!isa_supported(isa)) continue;
+          const auto method =
+              render::make_method(name, model, {.threads = threads, .isa = isa, .cancelled = {}});
+          for (int n = 0; n < 2; ++n) {
+            const render::Stage stage =
+                make_tiny_stage({.mm_per_unit = 7.0, .turn_degrees = 0.4 * n});
+            const render::Scene scene(named.scene, stage, {}, threads);
+            ASSERT_TRUE(method->render(scene, stage, frame).completed);
+            note(hashes, fmt::format("{} {} {}", named.name, name, n), frame.bytes(),
+                 fmt::format("{}, {} threads", isa_name(isa), threads));
+          }
+        }
+  expect_committed("rendered", hashes);
 }
 
 void weave_by_all(Hashes& hashes, const std::string& name, const optics::Rig& rig,
