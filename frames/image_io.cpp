@@ -46,9 +46,11 @@ class InThisProcess final : public PictureFileReader {
     const auto bytes = read_whole_file(file, kMaxFileBytes);
     return picture_codec(bytes).probe(bytes, file.string());
   }
-  void read(const std::filesystem::path& file, PictureSink& sink) const override {
-    const auto bytes = read_whole_file(file, kMaxFileBytes);
-    picture_codec(bytes).decode_codes(bytes, file.string(), sink);
+  void read(const EncodedPicture& picture, PictureSink& sink, PictureValues values) const override {
+    std::vector<uint8_t> file;
+    if (!picture.file.empty()) file = read_whole_file(picture.file, kMaxFileBytes);
+    const std::span<const uint8_t> bytes = picture.file.empty() ? picture.bytes : file;
+    picture_codec(bytes).decode(bytes, picture.name, values, sink);
   }
 };
 
@@ -117,6 +119,38 @@ class FrameSink final : public PictureSink {
   WovenFrame stored_;
 };
 
+/// TextureSink fills a texture, which it also allocates only when the first rows are decoded.
+class TextureSink final : public PictureSink {
+ public:
+  explicit TextureSink(TextureImage& image) : image_(image) {}
+
+  void accept(const PictureInfo& info) override {
+    image_ = {info.geometry.width, info.geometry.height, {}, {}};
+    row_ = static_cast<size_t>(info.geometry.width) * info.pixel_bytes;
+    has_codes_ = info.pixel_bytes == 4;
+  }
+  std::span<uint8_t> rows(int y, int rows) override {
+    const size_t values =
+        static_cast<size_t>(image_.width) * static_cast<size_t>(image_.height) * 4;
+    if (has_codes_) image_.codes.resize(values);
+    if (!has_codes_) image_.rgba.resize(values);
+    auto* const first =
+        has_codes_ ? image_.codes.data() : reinterpret_cast<uint8_t*>(image_.rgba.data());
+    return {first + row_ * static_cast<size_t>(y), row_ * static_cast<size_t>(rows)};
+  }
+
+ private:
+  TextureImage& image_;
+  size_t row_ = 0;
+  bool has_codes_ = false;
+};
+
+TextureImage texture_of(const EncodedPicture& picture, TextureContent content, TexelPlace place) {
+  return reader().texture(
+      picture, content == TextureContent::Colour ? PictureValues::Colours : PictureValues::Data,
+      place);
+}
+
 void read_into(const std::filesystem::path& file, WovenFrame& frame, PictureUse use,
                std::optional<FrameGeometry> expected) {
   FrameSink sink(file, frame, use, expected);
@@ -125,6 +159,14 @@ void read_into(const std::filesystem::path& file, WovenFrame& frame, PictureUse 
 }
 
 }  // namespace
+
+TextureImage PictureFileReader::texture(const EncodedPicture& picture, PictureValues values,
+                                        TexelPlace) const {
+  TextureImage image;
+  TextureSink sink(image);
+  read(picture, sink, values);
+  return image;
+}
 
 void use_picture_reader(const PictureFileReader* reader) noexcept {
   chosen_reader.store(reader);
@@ -192,13 +234,14 @@ void turn_upright(std::span<const uint8_t> stored, const FrameGeometry& geometry
   }
 }
 
-TextureImage read_texture(const std::filesystem::path& file, TextureContent content) {
-  return read_texture(read_whole_file(file, kMaxFileBytes), file.string(), content);
+TextureImage read_texture(const std::filesystem::path& file, TextureContent content,
+                          TexelPlace place) {
+  return texture_of(file, content, place);
 }
 
 TextureImage read_texture(std::span<const uint8_t> encoded, const std::string& name,
-                          TextureContent content) {
-  return picture_codec(encoded).decode_texture(encoded, name, content);
+                          TextureContent content, TexelPlace place) {
+  return texture_of({encoded, name}, content, place);
 }
 
 FloatImage floats_of(TextureImage image, TextureContent content) {

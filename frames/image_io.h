@@ -34,6 +34,13 @@ struct TextureImage {
   int height = 0;
   std::vector<float> rgba;
   std::vector<uint8_t> codes;
+  int held = -1;  ///< number of the texels in another process, if both vectors are empty
+};
+
+/// TexelPlace says where the texels of a texture may be.
+enum class TexelPlace : uint32_t {
+  Here,
+  Anywhere,  ///< also in another process, which passes them on
 };
 
 /// Orientation is the EXIF orientation: the transform that makes the stored picture upright.
@@ -53,6 +60,7 @@ struct PictureInfo {
   FrameGeometry geometry;  ///< stored size, before rotation
   Orientation orientation = Orientation::Upright;
   double pixel_aspect = 1.0;  ///< a pixel's width divided by its height
+  size_t pixel_bytes = 3;     ///< size of a decoded pixel: see PictureValues
   friend bool operator==(const PictureInfo&, const PictureInfo&) = default;
 };
 
@@ -107,10 +115,12 @@ enum class TextureContent { Colour, Data };
 
 /// Reads a texture. Float files hold linear light or data as they are.
 [[nodiscard]] TextureImage read_texture(const std::filesystem::path& file,
-                                        TextureContent content = TextureContent::Colour);
+                                        TextureContent content = TextureContent::Colour,
+                                        TexelPlace place = TexelPlace::Here);
 /// Reads a texture from bytes in memory, as glTF embeds them; `name` is for messages.
 [[nodiscard]] TextureImage read_texture(std::span<const uint8_t> encoded, const std::string& name,
-                                        TextureContent content = TextureContent::Colour);
+                                        TextureContent content = TextureContent::Colour,
+                                        TexelPlace place = TexelPlace::Here);
 /// Returns the texture's values: linear light of colours, fractions of data, alpha as it is.
 [[nodiscard]] FloatImage floats_of(TextureImage image,
                                    TextureContent content = TextureContent::Colour);

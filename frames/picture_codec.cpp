@@ -137,14 +137,17 @@ constexpr size_t kWideChannels = 4;
 /// RowsOfSink hands out single rows of a sink that returns several at a time.
 class RowsOfSink {
  public:
-  RowsOfSink(PictureSink& sink, const FrameGeometry& geometry)
-      : sink_(sink), height_(geometry.height), row_bytes_(geometry.row_bytes()) {}
+  RowsOfSink(PictureSink& sink, const PictureInfo& info)
+      : sink_(sink),
+        height_(info.geometry.height),
+        row_bytes_(static_cast<size_t>(info.geometry.width) * info.pixel_bytes) {}
   uint8_t* row(int y) {
     if (left_.empty()) left_ = sink_.rows(y, height_ - y);
     uint8_t* const row = left_.data();
     left_ = left_.subspan(row_bytes_);
     return row;
   }
+  [[nodiscard]] size_t row_bytes() const { return row_bytes_; }
 
  private:
   PictureSink& sink_;
@@ -160,50 +163,25 @@ class PngCodec final : public PictureCodec {
     return PngReader(bytes, name, kMaxImagePixels).info();
   }
 
-  void decode_codes(std::span<const uint8_t> bytes, const std::string& name,
-                    PictureSink& sink) const override {
-    PngReader reader(bytes, name, kMaxImagePixels);
-    const PictureInfo info = reader.info();
+  void decode(std::span<const uint8_t> bytes, const std::string& name, PictureValues values,
+              PictureSink& sink) const override {
+    const bool codes = values == PictureValues::Codes;
+    PngReader reader(bytes, name, codes ? kMaxImagePixels : kMaxTexturePixels);
+    PictureInfo info = reader.info();
+    if (!codes) info.pixel_bytes = reader.has_16_bits() ? 4 * sizeof(float) : 4;
     sink.accept(info);
-    RowsOfSink out(sink, info.geometry);
+    RowsOfSink out(sink, info);
     if (!reader.has_16_bits())
-      return reader.decode(SPNG_FMT_RGB8, info.geometry.row_bytes(),
+      return reader.decode(codes ? SPNG_FMT_RGB8 : SPNG_FMT_RGBA8, out.row_bytes(),
                            [&](int y) { return out.row(y); });
     decode_wide(reader, [&](int y, std::span<const uint16_t> rgba) {
-      uint8_t* rgb = out.row(y);
-      for (size_t at = 0; at < rgba.size(); at += kWideChannels)
-        for (size_t c = 0; c < 3; ++c) *rgb++ = code_from_16_bits(rgba[at + c]);
-    });
-  }
-
-  [[nodiscard]] TextureImage decode_texture(std::span<const uint8_t> bytes, const std::string& name,
-                                            TextureContent content) const override {
-    PngReader reader(bytes, name, kMaxTexturePixels);
-    TextureImage image{reader.width(), reader.height(), {}, {}};
-    const size_t row = static_cast<size_t>(image.width) * 4;
-    const size_t size = row * static_cast<size_t>(image.height);
-    const auto grow = [&](auto& texels) {
-      // The first row comes before the memory, so that a header with a false size costs little.
-      if (texels.empty()) texels.resize(size);
-    };
-    if (!reader.has_16_bits()) {
-      std::vector<uint8_t> first(row);
-      reader.decode(SPNG_FMT_RGBA8, row, [&](int y) {
-        if (y == 1) grow(image.codes);
-        return y == 0 ? first.data() : image.codes.data() + row * static_cast<size_t>(y);
-      });
-      grow(image.codes);
-      std::copy(first.begin(), first.end(), image.codes.begin());
-      return image;
-    }
-    decode_wide(reader, [&](int y, std::span<const uint16_t> rgba) {
-      grow(image.rgba);
-      float* out = image.rgba.data() + row * static_cast<size_t>(y);
+      uint8_t* const row = out.row(y);
+      if (codes) return codes_of(rgba, row);
+      auto* texel = reinterpret_cast<float*>(row);
       for (size_t at = 0; at < rgba.size(); ++at)
-        *out++ = content == TextureContent::Colour && at % 4 != 3 ? linear_from_16_bits(rgba[at])
-                                                                  : fraction_of_16_bits(rgba[at]);
+        *texel++ = values == PictureValues::Colours && at % 4 != 3 ? linear_from_16_bits(rgba[at])
+                                                                   : fraction_of_16_bits(rgba[at]);
     });
-    return image;
   }
 
   [[nodiscard]] std::vector<uint8_t> encode(const FrameView& frame, ImageFormat format,
@@ -244,6 +222,11 @@ class PngCodec final : public PictureCodec {
   }
 
  private:
+  static void codes_of(std::span<const uint16_t> rgba, uint8_t* rgb) {
+    for (size_t at = 0; at < rgba.size(); at += kWideChannels)
+      for (size_t c = 0; c < 3; ++c) *rgb++ = code_from_16_bits(rgba[at + c]);
+  }
+
   /// Calls take_row(y, samples) for each row, in order.
   template <class TakeRow>
   static void decode_wide(PngReader& reader, TakeRow&& take_row) {

@@ -21,15 +21,22 @@ namespace lenticule::frames {
 inline constexpr const char* kPictureRemedy =
     "save it again as PNG; the names of films end in .lts, .mkv, .mp4 or the like";
 
-/// PictureSink receives the code values of one picture, in one thread.
+/// PictureValues says which values of a picture are wanted.
+enum class PictureValues : uint32_t {
+  Codes,    ///< RGB code values, as read_woven() returns them
+  Colours,  ///< RGBA of a colour texture, as TextureImage has them: four bytes or four floats
+  Data,     ///< RGBA of another texture
+};
+
+/// PictureSink receives the pixels of one picture, in one thread.
 class PictureSink {
  public:
   virtual ~PictureSink() = default;
   /// Called once with the header's properties, before the pixels are decoded; throws to refuse the
   /// picture.
   virtual void accept(const PictureInfo& info) = 0;
-  /// Returns the memory for packed RGB rows from row `y` on: for at least one row and at most
-  /// `rows` rows. The rows of the previous call are complete by then. May throw.
+  /// Returns the memory for packed rows from row `y` on: for at least one row and at most `rows`
+  /// rows. The rows of the previous call are complete by then. May throw.
   [[nodiscard]] virtual std::span<uint8_t> rows(int y, int rows) = 0;
 };
 
@@ -44,11 +51,8 @@ class PictureCodec {
 
   [[nodiscard]] virtual PictureInfo probe(std::span<const uint8_t> bytes,
                                           const std::string& name) const = 0;
-  virtual void decode_codes(std::span<const uint8_t> bytes, const std::string& name,
-                            PictureSink& sink) const = 0;
-  [[nodiscard]] virtual TextureImage decode_texture(std::span<const uint8_t> bytes,
-                                                    const std::string& name,
-                                                    TextureContent content) const = 0;
+  virtual void decode(std::span<const uint8_t> bytes, const std::string& name, PictureValues values,
+                      PictureSink& sink) const = 0;
   [[nodiscard]] virtual std::vector<uint8_t> encode(const FrameView& frame, ImageFormat format,
                                                     const std::string& name) const = 0;
 };
@@ -66,19 +70,34 @@ class PictureCodec {
 using PictureCodecEntry = const PictureCodec* (*)(const char* version) noexcept;
 inline constexpr const char* kPictureCodecEntry = "lenticule_picture_codec";
 
-/// PictureFileReader reads the code values of picture files. Every function throws the errors of
-/// probe_picture() and read_woven().
+/// EncodedPicture is a picture file, or one in memory, as models embed them.
+struct EncodedPicture {
+  EncodedPicture(const std::filesystem::path& path) : file(path), name(path.string()) {}
+  EncodedPicture(std::span<const uint8_t> encoded, std::string label)
+      : bytes(encoded), name(std::move(label)) {}
+
+  std::filesystem::path file;  ///< empty if the picture is in memory
+  std::span<const uint8_t> bytes;
+  std::string name;  ///< for messages
+};
+
+/// PictureFileReader reads pictures. Every function throws the errors of probe_picture(),
+/// read_woven() and read_texture().
 ///
 /// Thread safety: any thread.
 class PictureFileReader {
  public:
   virtual ~PictureFileReader() = default;
   [[nodiscard]] virtual PictureInfo probe(const std::filesystem::path& file) const = 0;
-  virtual void read(const std::filesystem::path& file, PictureSink& sink) const = 0;
+  virtual void read(const EncodedPicture& picture, PictureSink& sink,
+                    PictureValues values = PictureValues::Codes) const = 0;
+  /// Reads the Colours or the Data of a texture, by read() unless a reader does it otherwise.
+  [[nodiscard]] virtual TextureImage texture(const EncodedPicture& picture, PictureValues values,
+                                             TexelPlace place) const;
 };
 
-/// Makes image_io.h read code values through `reader`; with null, this process decodes the files
-/// itself (the default).
+/// Makes image_io.h read pictures through `reader`; with null, this process decodes them itself
+/// (the default).
 ///
 /// Lifetime: `reader` must live until the process ends or null is set.
 void use_picture_reader(const PictureFileReader* reader) noexcept;

@@ -3,7 +3,6 @@
 // it, which passes descriptors over a socket and reads rows from shared memory.
 #include <malloc.h>
 #include <sys/mman.h>
-#include <sys/socket.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -19,6 +18,7 @@
 #include "apps/lenticule-video/confinement.h"
 #include "apps/lenticule-video/subcommands.h"
 #include "base/error.h"
+#include "base/packet.h"
 #include "base/unique_fd.h"
 #include "frames/picture_codec.h"
 #include "frames/pictures/picture_messages.h"
@@ -43,37 +43,14 @@ struct Received {
 
 Received receive() {
   Received received;
-  iovec part{.iov_base = &received.message, .iov_len = sizeof received.message};
-  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(int))> control{};
-  msghdr header{};
-  header.msg_iov = &part;
-  header.msg_iovlen = 1;
-  header.msg_control = control.data();
-  header.msg_controllen = control.size();
-  ssize_t n = 0;
-  do {
-    n = ::recvmsg(kPictureSocket, &header, MSG_CMSG_CLOEXEC);
-  } while (n < 0 && errno == EINTR);
-  if (n != sizeof received.message) throw PlayerGone();
-  const cmsghdr* const passed = CMSG_FIRSTHDR(&header);
-  if (passed != nullptr && passed->cmsg_level == SOL_SOCKET && passed->cmsg_type == SCM_RIGHTS) {
-    int fd = -1;
-    std::memcpy(&fd, CMSG_DATA(passed), sizeof fd);
-    received.file = UniqueFd(fd);
-  }
+  if (receive_packet(kPictureSocket, &received.message, sizeof received.message, &received.file) !=
+      sizeof received.message)
+    throw PlayerGone();
   return received;
 }
 
 void send(const PictureReplyMessage& message) {
-  iovec part{.iov_base = const_cast<PictureReplyMessage*>(&message), .iov_len = sizeof message};
-  msghdr header{};
-  header.msg_iov = &part;
-  header.msg_iovlen = 1;
-  ssize_t n = 0;
-  do {
-    n = ::sendmsg(kPictureSocket, &header, MSG_NOSIGNAL);
-  } while (n < 0 && errno == EINTR);
-  if (n != sizeof message) throw PlayerGone();
+  if (!send_packet(kPictureSocket, &message, sizeof message)) throw PlayerGone();
 }
 
 void await_continue() {
@@ -88,6 +65,7 @@ PictureReplyMessage header_of(const frames::PictureInfo& info) {
           .width = info.geometry.width,
           .height = info.geometry.height,
           .orientation = static_cast<int32_t>(info.orientation),
+          .pixel_bytes = static_cast<uint32_t>(info.pixel_bytes),
           .pixel_aspect = info.pixel_aspect};
 }
 
@@ -98,7 +76,7 @@ class RowsToPlayer final : public frames::PictureSink {
   explicit RowsToPlayer(std::span<uint8_t> memory) : memory_(memory) {}
 
   void accept(const frames::PictureInfo& info) override {
-    row_bytes_ = info.geometry.row_bytes();
+    row_bytes_ = static_cast<size_t>(info.geometry.width) * info.pixel_bytes;
     send(header_of(info));
     await_continue();
   }
@@ -165,7 +143,7 @@ void serve(const Received& received, std::span<uint8_t> memory) {
     return;
   }
   RowsToPlayer sink(memory);
-  frames::picture_codec(bytes).decode_codes(bytes, name, sink);
+  frames::picture_codec(bytes).decode(bytes, name, received.message.values, sink);
   sink.finish();
   send({.reply = PictureReply::Done});
 }

@@ -112,6 +112,7 @@ class PictureReader {
 
   [[nodiscard]] int width() const { return spec().width; }
   [[nodiscard]] int height() const { return spec().height; }
+  [[nodiscard]] bool has_8_bits() const { return sample_ == Sample::U8; }
   [[nodiscard]] PictureInfo info() const {
     return {.geometry = {.width = width(), .height = height()},
             .orientation = orientation(),
@@ -272,7 +273,7 @@ void codes_from_band(const Band& band, int width, uint8_t* out) {
   }
 }
 
-void texels_from_band(const Band& band, int width, int alpha, TextureContent content, float* out) {
+void texels_from_band(const Band& band, int width, int alpha, PictureValues values, float* out) {
   const int r = band.colour_channel(0), g = band.colour_channel(1), b = band.colour_channel(2);
   const auto with = [=](auto light, auto coverage) {
     return [=](const auto* in, float* rgba) {
@@ -286,7 +287,7 @@ void texels_from_band(const Band& band, int width, int alpha, TextureContent con
     case Sample::U8:
       break;  // texel_codes_from_band()
     case Sample::U16: {
-      if (content == TextureContent::Data)
+      if (values == PictureValues::Data)
         return convert_band<uint16_t>(band, width, out, 4,
                                       with(fraction_of_16_bits, fraction_of_16_bits));
       return convert_band<uint16_t>(band, width, out, 4,
@@ -313,37 +314,29 @@ PictureInfo probe(std::span<const uint8_t> bytes, const std::string& name) {
   return PictureReader(bytes, name, kMaxImagePixels).info();
 }
 
-void decode_codes(std::span<const uint8_t> bytes, const std::string& name, PictureSink& sink) {
-  PictureReader reader(bytes, name, kMaxImagePixels);
-  sink.accept(reader.info());
+void decode(std::span<const uint8_t> bytes, const std::string& name, PictureValues values,
+            PictureSink& sink) {
+  const bool codes = values == PictureValues::Codes;
+  PictureReader reader(bytes, name, codes ? kMaxImagePixels : kMaxTexturePixels);
+  PictureInfo info = reader.info();
+  if (!codes) info.pixel_bytes = reader.has_8_bits() ? 4 : 4 * sizeof(float);
+  sink.accept(info);
+  const int width = reader.width();
+  const size_t row = info.pixel_bytes * static_cast<size_t>(width);
   reader.read([&](const Band& band) {
-    const size_t row = size_t{3} * static_cast<size_t>(reader.width());
     for (int done = 0; done < band.rows;) {
       const std::span<uint8_t> out = sink.rows(band.y + done, band.rows - done);
-      const Band part = band.part(done, static_cast<int>(out.size() / row), reader.width());
-      codes_from_band(part, reader.width(), out.data());
+      const Band part = band.part(done, static_cast<int>(out.size() / row), width);
+      if (codes)
+        codes_from_band(part, width, out.data());
+      else if (reader.has_8_bits())
+        texel_codes_from_band(part, width, reader.alpha_channel(), out.data());
+      else
+        texels_from_band(part, width, reader.alpha_channel(), values,
+                         reinterpret_cast<float*>(out.data()));
       done += part.rows;
     }
   });
-}
-
-TextureImage decode_texture(std::span<const uint8_t> bytes, const std::string& name,
-                            TextureContent content) {
-  PictureReader reader(bytes, name, kMaxTexturePixels);
-  TextureImage image{reader.width(), reader.height(), {}, {}};
-  const size_t row = static_cast<size_t>(image.width) * 4;
-  const size_t size = row * static_cast<size_t>(image.height);
-  reader.read([&](const Band& band) {
-    if (band.sample == Sample::U8) {
-      image.codes.resize(size);
-      return texel_codes_from_band(band, image.width, reader.alpha_channel(),
-                                   image.codes.data() + row * static_cast<size_t>(band.y));
-    }
-    image.rgba.resize(size);
-    texels_from_band(band, image.width, reader.alpha_channel(), content,
-                     image.rgba.data() + row * static_cast<size_t>(band.y));
-  });
-  return image;
 }
 
 // --- encoding
@@ -398,13 +391,9 @@ class OiioCodec final : public PictureCodec {
   PictureInfo probe(std::span<const uint8_t> bytes, const std::string& name) const override {
     return pictures::probe(bytes, name);
   }
-  void decode_codes(std::span<const uint8_t> bytes, const std::string& name,
-                    PictureSink& sink) const override {
-    pictures::decode_codes(bytes, name, sink);
-  }
-  TextureImage decode_texture(std::span<const uint8_t> bytes, const std::string& name,
-                              TextureContent content) const override {
-    return pictures::decode_texture(bytes, name, content);
+  void decode(std::span<const uint8_t> bytes, const std::string& name, PictureValues values,
+              PictureSink& sink) const override {
+    pictures::decode(bytes, name, values, sink);
   }
   std::vector<uint8_t> encode(const FrameView& frame, ImageFormat format,
                               const std::string& name) const override {

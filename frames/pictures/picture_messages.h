@@ -7,7 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "frames/image_io.h"
+#include "frames/picture_codec.h"
 
 namespace lenticule::frames::confined {
 
@@ -18,7 +18,9 @@ inline constexpr int kPictureMemory = 3;
 /// The memory has two halves, which carry rows of one picture alternately.
 inline constexpr size_t kHalfBytes = size_t{4} << 20;
 inline constexpr size_t kMemoryBytes = 2 * kHalfBytes;
-static_assert(kHalfBytes >= size_t{3} * frames::kMaxImageSide);
+/// Size of a texel of four floats, the largest decoded pixel.
+inline constexpr size_t kLargestPixel = 4 * sizeof(float);
+static_assert(kHalfBytes >= kLargestPixel * frames::kMaxImageSide);
 
 /// Limit of the memory for decoding one picture, in addition to the memory of the idle decoder.
 inline constexpr uint64_t kPictureMemoryLimit = uint64_t{1} << 30;
@@ -30,6 +32,7 @@ enum class PictureRequest : uint32_t { Probe, Decode, Continue, Stop };
 /// PictureRequestMessage is a request. A Probe or a Decode carries the file's descriptor.
 struct PictureRequestMessage {
   PictureRequest request = PictureRequest::Probe;
+  PictureValues values = PictureValues::Codes;  ///< which values a Decode asks for
   uint64_t file_bytes = 0;
   std::array<char, 16> extension = {};  ///< extension of the file's name, zero-terminated
 };
@@ -43,6 +46,7 @@ struct PictureReplyMessage {
   int32_t width = 0;
   int32_t height = 0;
   int32_t orientation = 1;
+  uint32_t pixel_bytes = 3;
   double pixel_aspect = 1.0;
   int32_t first_row = 0;
   int32_t rows = 0;

@@ -38,7 +38,8 @@ class ConfinedPictures final : public frames::PictureFileReader {
   ConfinedPictures& operator=(const ConfinedPictures&) = delete;
 
   [[nodiscard]] frames::PictureInfo probe(const std::filesystem::path& file) const override;
-  void read(const std::filesystem::path& file, frames::PictureSink& sink) const override;
+  void read(const frames::EncodedPicture& picture, frames::PictureSink& sink,
+            frames::PictureValues values = frames::PictureValues::Codes) const override;
 
   /// Returns the process ids of idle decoders.
   [[nodiscard]] std::vector<pid_t> idle() const;
@@ -48,7 +49,7 @@ class ConfinedPictures final : public frames::PictureFileReader {
  private:
   class Pool;
   template <class Use>
-  auto with_decoder(const std::filesystem::path& file, Use&& use) const;
+  auto with_decoder(const frames::EncodedPicture& picture, Use&& use) const;
 
   std::unique_ptr<Pool> png_;  ///< decoders for PNG only, which start at once
   std::unique_ptr<Pool> all_;

@@ -400,7 +400,7 @@ TEST_F(HandHeldCalibration, AStartThatIsFarOffChangesTheChart) {
 
 // The tag of the first file says that the picture is upside down. Turned upright, it would show the
 // axis of the camera at another place than the other files do.
-TEST_F(HandHeldCalibration, TheConfinedDecoderShowsTheSensorsPictureWhateverTheTagOfTheFileSays) {
+TEST_F(HandHeldCalibration, PhotographsAreTheSensorsPicturesWhateverTheTagOfTheFileSays) {
   begin();
   std::vector<std::string> words = {"calibrate", "photos",           "--rig",  path("rig.toml"),
                                     "-o",        path("found.toml"), "--json", "--largest-error",
@@ -409,22 +409,14 @@ TEST_F(HandHeldCalibration, TheConfinedDecoderShowsTheSensorsPictureWhateverTheT
     words.push_back(path(std::to_string(shot) + ".jpg"));
     phone_.photograph(shown_, shot, words.back());
   }
-  const auto fit = [&](const std::vector<std::string>& more) {
-    const ProcessResult result = run(joined(words, more), {.timeout = std::chrono::seconds(300)});
-    EXPECT_EQ(result.exit_code, 0) << result.err << result.out;
-    return ordered_json::parse(result.out, nullptr, false);
-  };
-  const ordered_json here = fit({}), confined = fit({"--confined"});
-  const auto stated = [](const ordered_json& report) {
-    return report["drift"]["worst_lenses"].get<double>();
-  };
-  EXPECT_EQ(here["verdict"], stated(here) > 0.02 ? "effective" : "intrinsic");
-  EXPECT_NEAR(stated(confined), stated(here), 0.001);
-  for (const char* axis : {"centre_x_px", "centre_y_px"})
-    EXPECT_NEAR(confined["camera"][axis].get<double>(), here["camera"][axis].get<double>(), 1.0);
-  ASSERT_EQ(confined["photographs"].size(), 3U);
+  const ProcessResult result = run(words, {.timeout = std::chrono::seconds(300)});
+  EXPECT_EQ(result.exit_code, 0) << result.err << result.out;
+  const ordered_json fit = ordered_json::parse(result.out, nullptr, false);
+  const double stated = fit["drift"]["worst_lenses"].get<double>();
+  EXPECT_EQ(fit["verdict"], stated > 0.02 ? "effective" : "intrinsic");
+  ASSERT_EQ(fit["photographs"].size(), 3U);
   for (size_t shot = 0; shot < 3; ++shot) {
-    const ordered_json& photo = confined["photographs"][shot];
+    const ordered_json& photo = fit["photographs"][shot];
     EXPECT_EQ(photo["name"], std::to_string(shot) + ".jpg");
     EXPECT_EQ(photo["used"], true) << photo;
     EXPECT_NEAR(photo["eye_mm"][0].get<double>(), phone_.shot(shot).eye_mm.x, 6.0);

@@ -28,14 +28,11 @@
 #include "display/display_sink.h"
 #include "display/open/open_display.h"
 #include "frames/image_io.h"
-#include "frames/picture_codec.h"
-#include "frames/srgb.h"
 #include "optics/model.h"
 #include "optics/trim.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 #include "player/process/rig_choice.h"
-#include "player/sources/confined_pictures.h"
 
 namespace lenticule::tools {
 
@@ -52,7 +49,6 @@ struct PhotosFlags {
   std::vector<double> distances_mm;  ///< distances of the first sources from the panel
   std::optional<double> focal_px;
   double most_lenses = 0.0;
-  bool confined = false;
   ResultFlags result;
 };
 
@@ -101,47 +97,6 @@ calib::PhotoPriors priors_of(const PhotosFlags& flags) {
   return priors;
 }
 
-/// StoredPicture takes a picture with its pixels in the order of the file. Its orientation tag is
-/// ignored: turned upright, pictures would show the axis of the camera at several places.
-class StoredPicture final : public frames::PictureSink {
- public:
-  void accept(const frames::PictureInfo& info) override { geometry_ = info.geometry; }
-  std::span<uint8_t> rows(int y, int rows) override {
-    // A header with a false size costs no memory.
-    if (frame_.geometry() != geometry_) frame_ = frames::WovenFrame(geometry_);
-    const size_t row = geometry_.row_bytes();
-    return frame_.bytes().subspan(static_cast<size_t>(y) * row, static_cast<size_t>(rows) * row);
-  }
-  [[nodiscard]] const frames::WovenFrame& frame() const { return frame_; }
-
- private:
-  frames::FrameGeometry geometry_;
-  frames::WovenFrame frame_;
-};
-
-/// Lets a confined process decode a photograph whose origin is not known.
-calib::CameraPicture confined_photograph(const player::ConfinedPictures& decoder,
-                                         const fs::path& file) {
-  StoredPicture decoded;
-  decoder.read(file, decoded);
-  calib::CameraPicture picture;
-  picture.width = decoded.frame().width();
-  picture.height = decoded.frame().height();
-  picture.channels = 3;
-  picture.light.reserve(decoded.frame().bytes().size());
-  for (const uint8_t code : decoded.frame().bytes())
-    picture.light.push_back(static_cast<float>(frames::linear_of_codes()[code]));
-  return picture;
-}
-
-/// Both readers ignore the orientation that the file states.
-PhotoReader reader_of(const PhotosFlags& flags) {
-  if (!flags.confined) return calib::read_photograph;
-  return [decoder = std::make_shared<player::ConfinedPictures>()](const fs::path& file) {
-    return confined_photograph(*decoder, file);
-  };
-}
-
 /// Ends the calibration, and packs the photographs if that is wanted.
 ExitCode conclude(const PhotosFlags& flags, const optics::Rig& start,
                   const calib::Calibration& found, const calib::RecordDetails& details,
@@ -159,7 +114,7 @@ ExitCode conclude(const PhotosFlags& flags, const optics::Rig& start,
 
 ExitCode from_one(const PhotosFlags& flags, const optics::Rig& rig) {
   const calib::SinglePhotoChart chart = calib::plan_single_photo_chart(rig);
-  const calib::CameraPicture photograph = reader_of(flags)(flags.sources.front());
+  const calib::CameraPicture photograph = calib::read_photograph(flags.sources.front());
   const calib::Calibration found = calib::fit_single_photo(photograph, chart, priors_of(flags));
   calib::CameraFacts camera;
   camera.name = flags.sources.front();
@@ -172,7 +127,7 @@ ExitCode from_one(const PhotosFlags& flags, const optics::Rig& rig) {
 
 /// Calibrates from several photographs of the photo chart, taken by hand from different places.
 ExitCode from_several(const PhotosFlags& flags, const optics::Rig& rig) {
-  HandHeldPhotos photos(rig, flags.focal_px, reader_of(flags));
+  HandHeldPhotos photos(rig, flags.focal_px);
   player::Progress progress("measuring", "photographs", flags.sources.size());
   // The result names the photographs that cannot be used.
   photos.add_all({flags.sources.begin(), flags.sources.end()}, [&](size_t added) {
@@ -262,8 +217,6 @@ void require_length(const char* flag, double value) {
 ExitCode run_photos(const PhotosFlags& flags) {
   const bool files = std::ranges::none_of(
       flags.sources, [](const std::string& source) { return fs::is_directory(source); });
-  if (flags.confined && !files)
-    throw Error(ErrorKind::Usage, "--confined: only for files, not for folders");
   const optics::Rig rig = optics::load_trimmed_rig(flags.rig);
   for (const double distance : flags.distances_mm) require_length("--distance", distance);
   if (flags.focal_px) require_length("--focal-px", *flags.focal_px);
@@ -324,9 +277,6 @@ CalibrateWay declare_calibrate_photos(CLI::App& app) {
       ->type_name("LENSES")
       ->default_str("0.02")
       ->check(CLI::Range(0.02, 0.5));
-  way->add_flag("--confined", flags->confined,
-                "decode photographs of unknown origin in a confined process\n"
-                "It needs the package lenticule-media.");
   declare_pack_flag(*way, flags->pack);
   declare_result_flags(*way, flags->result);
   way->get_option("--output")->required(false);

@@ -42,17 +42,14 @@ calib::Estimate focal_of(std::optional<double> given_px, const std::filesystem::
 
 }  // namespace
 
-HandHeldPhotos::HandHeldPhotos(const optics::Rig& rig, std::optional<double> focal_px,
-                               PhotoReader read)
-    : chart_(calib::plan_single_photo_chart(rig)),
-      given_focal_px_(focal_px),
-      read_(std::move(read)) {
+HandHeldPhotos::HandHeldPhotos(const optics::Rig& rig, std::optional<double> focal_px)
+    : chart_(calib::plan_single_photo_chart(rig)), given_focal_px_(focal_px) {
   camera_.channels = 3;
   camera_.pixel_format = "photograph";
 }
 
 HandHeldPhotos::Measured HandHeldPhotos::measure(const std::filesystem::path& file) const {
-  const calib::CameraPicture photograph = read_(file);
+  const calib::CameraPicture photograph = calib::read_photograph(file);
   const calib::Estimate focal =
       focal_of(given_focal_px_, file, std::max(photograph.width, photograph.height));
   return {.photo = {.name = file.filename().string(),

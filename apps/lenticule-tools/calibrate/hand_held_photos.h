@@ -21,17 +21,12 @@
 
 namespace lenticule::tools {
 
-/// PhotoReader reads a photograph with its pixels in the order of the file: the axis of the camera
-/// is then at one place in all photographs of a phone.
-using PhotoReader = std::function<calib::CameraPicture(const std::filesystem::path&)>;
-
 /// Thread safety: one thread.
 class HandHeldPhotos {
  public:
   /// `focal_px` is the camera's focal length in pixels; without it, the photographs' EXIF data are
   /// used. Throws Error(Input) for a rig whose panel is too small for the chart.
-  explicit HandHeldPhotos(const optics::Rig& rig, std::optional<double> focal_px = {},
-                          PhotoReader read = calib::read_photograph);
+  explicit HandHeldPhotos(const optics::Rig& rig, std::optional<double> focal_px = {});
 
   [[nodiscard]] const calib::SinglePhotoChart& chart() const { return chart_; }
 
@@ -67,7 +62,6 @@ class HandHeldPhotos {
 
   calib::SinglePhotoChart chart_;
   std::optional<double> given_focal_px_;
-  PhotoReader read_;
   calib::Estimate focal_px_;
   std::vector<calib::PhonePhoto> photos_;
   std::vector<std::filesystem::path> files_;

@@ -171,8 +171,7 @@ CalibrationFit PhotoCalibration::fit_photos(const std::vector<PhotoFile>& photos
   fs::remove(output);
   std::vector<std::string> words = {options_.program.string(), "calibrate", "photos"};
   for (const PhotoFile& photo : photos) words.push_back(photo.file.string());
-  words.insert(words.end(),
-               {"--rig", folder_.start().string(), "-o", output.string(), "--json", "--confined"});
+  words.insert(words.end(), {"--rig", folder_.start().string(), "-o", output.string(), "--json"});
   if (photos.size() > 1)
     words.insert(words.end(), {"--largest-error", std::to_string(PhotoSession::kUsableLenses)});
   else if (photos.front().distance_mm)

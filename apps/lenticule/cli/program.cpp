@@ -25,8 +25,10 @@
 #include "base/numbers.h"
 #include "base/print.h"
 #include "base/text.h"
+#include "frames/picture_codec.h"
 #include "player/process/child_process.h"
 #include "player/process/interrupt.h"
+#include "player/sources/confined_pictures.h"
 
 namespace lenticule::cli {
 namespace {
@@ -353,6 +355,11 @@ int run_program(const Program& program, int argc, char** argv) {
   } catch (const Error& error) {  // the value of a flag
     return report_error(error, style);
   }
+#ifdef LENTICULE_VIDEO
+  // This process has the rights of its user, so other processes without rights decode pictures.
+  const player::ConfinedPictures pictures;
+  frames::use_picture_reader(&pictures);
+#endif
   return run_reporting_errors(runs.at(app.get_subcommands().front()), style);
 }
 

@@ -11,7 +11,6 @@
 #include "apps/lenticule/cli/content_flags.h"
 #include "base/error.h"
 #include "base/print.h"
-#include "frames/picture_codec.h"
 #include "player/process/interrupt.h"
 #include "player/process/private_folder.h"
 #include "player/process/rig_choice.h"
@@ -19,7 +18,6 @@
 #include "player/session/play_run.h"
 #include "player/session/play_service.h"
 #include "player/session/preflight.h"
-#include "player/sources/confined_pictures.h"
 
 namespace lenticule::cli {
 namespace {
@@ -95,20 +93,6 @@ ExitCode run_play(PlayFlags& flags) {
     throw;
   }
 }
-
-/// PicturesDecodedElsewhere makes pictures be decoded in confined processes while it exists,
-/// because a player shows untrusted files for days. Commands run by hand decode in their own
-/// process.
-class PicturesDecodedElsewhere {
- public:
-  PicturesDecodedElsewhere() { frames::use_picture_reader(&pictures_); }
-  ~PicturesDecodedElsewhere() { frames::use_picture_reader(nullptr); }
-  PicturesDecodedElsewhere(const PicturesDecodedElsewhere&) = delete;
-  PicturesDecodedElsewhere& operator=(const PicturesDecodedElsewhere&) = delete;
-
- private:
-  player::ConfinedPictures pictures_;
-};
 
 /// Declares the flags that most users need.
 CLI::Option* declare_first_flags(CLI::App& app, PlayFlags& flags) {
@@ -283,10 +267,7 @@ Run declare_play(CLI::App& app) {
   declare_step_flags(app, *flags);
   declare_control_flags(app, *flags);
   declare_service_flags(app, *flags, rig);
-  return [flags] {
-    const PicturesDecodedElsewhere confined;
-    return run_play(*flags);
-  };
+  return [flags] { return run_play(*flags); };
 }
 
 }  // namespace lenticule::cli

@@ -5,11 +5,17 @@
 #include <gmock/gmock.h>
 #include <sys/wait.h>
 
+#include <atomic>
+#include <chrono>
 #include <csignal>
+#include <thread>
 
 #include "base/error.h"
+#include "base/file.h"
 #include "frames/image_io.h"
 #include "tests/support/error_matchers.h"
+#include "tests/support/scratch_folder.h"
+#include "tests/unit/frames/png_maker.h"
 #include "tests/unit/player/video_stage.h"
 
 namespace lenticule::player {
@@ -93,6 +99,95 @@ TEST_F(ConfinedPicturesTest, AnIdleDecoderThatWasKilledIsReplaced) {
   }
   expect_picture();
   EXPECT_EQ(pictures_.started(), 6u);
+}
+
+TEST_F(ConfinedPicturesTest, TexturesHaveTheTexelsThatThisProcessWouldDecode) {
+  test::write_bytes(file("deep.png"), test::PngMaker(2, 2, 16, test::PngColour::Grey)
+                                          .rows({0, 0, 1, 128, 2, 0, 255, 3, 4, 5})
+                                          .finish());
+  frames::write_woven(clip_frame(2).view(), file("good.tif"));
+  frames::write_woven(clip_frame(3).view(), file("light.exr"));
+  for (const char* name : {"good.png", "deep.png", "good.tif", "light.exr"})
+    for (const auto content : {frames::TextureContent::Colour, frames::TextureContent::Data}) {
+      const std::vector<uint8_t> bytes = read_whole_file(file(name), 1 << 20);
+      const frames::TextureImage here = frames::read_texture(file(name), content);
+      frames::use_picture_reader(&pictures_);
+      const frames::TextureImage from_file = frames::read_texture(file(name), content);
+      const frames::TextureImage embedded = frames::read_texture(bytes, name, content);
+      frames::use_picture_reader(nullptr);
+      for (const frames::TextureImage* there : {&from_file, &embedded}) {
+        EXPECT_EQ(there->width, here.width) << name;
+        EXPECT_EQ(there->height, here.height) << name;
+        EXPECT_EQ(there->codes, here.codes) << name;
+        EXPECT_EQ(there->rgba, here.rgba) << name;
+      }
+    }
+  EXPECT_EQ(pictures_.started(), 2u) << "textures do not share their decoders";
+}
+
+TEST_F(ConfinedPicturesTest, ManyPicturesAtOnceHaveAFewDecoders) {
+  std::vector<std::thread> threads;
+  std::atomic<int> wrong{0};
+  for (int n = 0; n < 24; ++n)
+    threads.emplace_back([&] {
+      Rows rows;
+      pictures_.read(file("good.png"), rows);
+      if (rows.frame != clip_frame(1)) ++wrong;
+    });
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(wrong.load(), 0);
+  EXPECT_LE(pictures_.started(), 8u);
+}
+
+// The reader is the fake decoder, which does what the text of the file says.
+class FaultyDecoderTest : public ConfinedPicturesTest {
+ protected:
+  Error error_of(const std::string& what) {
+    write_text_file(file("picture.tif"), what);
+    const auto begin = std::chrono::steady_clock::now();
+    const Error error = test::error_of([&] {
+      Rows rows;
+      faulty_.read(file("picture.tif"), rows);
+    });
+    EXPECT_LT(std::chrono::steady_clock::now() - begin, test::kVideoDeadline) << what;
+    expect_well();
+    return error;
+  }
+  void expect_well() {
+    write_text_file(file("well.tif"), "well");
+    Rows rows;
+    faulty_.read(file("well.tif"), rows);
+    EXPECT_THAT(rows.frame.bytes(), testing::ElementsAre(1, 2, 3, 4, 5, 6));
+  }
+
+  ConfinedPictures faulty_{LENTICULE_FAKE_PICTURES,
+                           {.processor_time = std::chrono::milliseconds(500),
+                            .silence = std::chrono::milliseconds(2000)}};
+};
+
+TEST_F(FaultyDecoderTest, ADecoderThatEndsOrHangsIsAnErrorOfItsPicture) {
+  expect_well();
+  struct {
+    const char* what;
+    const char* message;
+  } const kFaults[] = {{"crash", "picture.tif: its decoder was ended by signal 6"},
+                       {"leave", "picture.tif: its decoder ended with exit code 0"},
+                       {"stop", "picture.tif: its decoder did not respond for 2 s"},
+                       {"spin", "picture.tif: not read after 0.5 s of processor time"}};
+  for (const auto& [what, message] : kFaults)
+    test::expect_error(error_of(what), ErrorKind::Input, message, "save it again as PNG");
+}
+
+TEST_F(FaultyDecoderTest, ADecoderThatLiesIsAnErrorOfItsPicture) {
+  for (const char* lie :
+       {"lies about the width", "lies about the area", "lies about the pixels",
+        "lies about the aspect", "lies about the orientation", "answers with a number",
+        "sends rows first", "sends too many rows", "sends no rows", "sends rows below",
+        "sends rows from nowhere", "ends early", "short"}) {
+    SCOPED_TRACE(lie);
+    test::expect_error(error_of(lie), ErrorKind::Input,
+                       "picture.tif: its decoder answered out of order", "save it again as PNG");
+  }
 }
 
 }  // namespace
