@@ -973,7 +973,7 @@ namespace {
 using gltf::Document;
 using gltf::JsonAt;
 
-constexpr std::array<std::string_view, 18> kExtensions{"EXT_mesh_gpu_instancing",
+constexpr std::array<std::string_view, 19> kExtensions{"EXT_mesh_gpu_instancing",
                                                        "EXT_meshopt_compression",
                                                        "EXT_texture_webp",
                                                        "KHR_draco_mesh_compression",
@@ -988,6 +988,7 @@ constexpr std::array<std::string_view, 18> kExtensions{"EXT_mesh_gpu_instancing"
                                                        "KHR_materials_specular",
                                                        "KHR_materials_transmission",
                                                        "KHR_materials_unlit",
+                                                       "KHR_materials_variants",
                                                        "KHR_materials_volume",
                                                        "KHR_mesh_quantization",
                                                        "KHR_texture_transform"};

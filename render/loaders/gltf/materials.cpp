@@ -104,6 +104,8 @@ Materials::Materials(Document& document, SceneDescription& scene, Notes& notes)
 
 void Materials::add_all() {
   const std::vector<JsonAt>& materials = document_.list("materials");
+  for (const JsonAt& name : document_.list("extensionsRequired"))
+    if (name.text() == "KHR_materials_pbrSpecularGlossiness") requires_specular_glossiness_ = true;
   if (materials.size() > kMaxMaterials)
     document_.root().at("materials").fail(fmt::format("more than {} materials", kMaxMaterials));
   for (const JsonAt& material : materials) add(material);
@@ -216,7 +218,12 @@ TextureUse Materials::texture(const JsonAt& owner, const char* key, TextureConte
 // ---- properties
 
 void Materials::read_core(const JsonAt& from, PbrMaterial& to, MaterialInput& input) {
-  if (const auto pbr = from.find("pbrMetallicRoughness")) {
+  // A file that does not require the older model states its material in both, and ours is exact.
+  const auto pbr = from.find("pbrMetallicRoughness");
+  const auto old = from.extension("KHR_materials_pbrSpecularGlossiness");
+  if (old && (!pbr || requires_specular_glossiness_)) {
+    read_specular_glossiness(*old, to, input);
+  } else if (pbr) {
     if (const auto colour = pbr->numbers("baseColorFactor", 4)) {
       to.base_colour = clamped({(*colour)[0], (*colour)[1], (*colour)[2]}, 1.0);
       to.alpha = std::clamp((*colour)[3], 0.0, 1.0);
@@ -226,8 +233,6 @@ void Materials::read_core(const JsonAt& from, PbrMaterial& to, MaterialInput& in
     to.roughness = share(*pbr, "roughnessFactor", 1.0);
     to.metallic_roughness_texture =
         texture(*pbr, "metallicRoughnessTexture", TextureContent::Data, input);
-  } else if (const auto old = from.extension("KHR_materials_pbrSpecularGlossiness")) {
-    read_specular_glossiness(*old, to, input);
   }
   to.normal_texture = texture(from, "normalTexture", TextureContent::Data, input);
   if (to.normal_texture.texture >= 0) {

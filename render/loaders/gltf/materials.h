@@ -87,6 +87,7 @@ class Materials {
   Textures textures_;
   std::vector<MaterialInput> inputs_;
   std::optional<int> default_;
+  bool requires_specular_glossiness_ = false;
   std::map<std::pair<int, double>, int> magnified_;
 };
 
