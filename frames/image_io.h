@@ -61,6 +61,7 @@ struct PictureInfo {
   Orientation orientation = Orientation::Upright;
   double pixel_aspect = 1.0;  ///< a pixel's width divided by its height
   size_t pixel_bytes = 3;     ///< size of a decoded pixel: see PictureValues
+  bool two_eyes = false;      ///< a file for two eyes: the left half is the left eye's picture
   friend bool operator==(const PictureInfo&, const PictureInfo&) = default;
 };
 

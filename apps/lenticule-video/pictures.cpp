@@ -66,6 +66,7 @@ PictureReplyMessage header_of(const frames::PictureInfo& info) {
           .height = info.geometry.height,
           .orientation = static_cast<int32_t>(info.orientation),
           .pixel_bytes = static_cast<uint32_t>(info.pixel_bytes),
+          .two_eyes = info.two_eyes ? 1U : 0U,
           .pixel_aspect = info.pixel_aspect};
 }
 

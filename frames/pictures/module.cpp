@@ -11,6 +11,8 @@
 #include <mutex>
 #include <optional>
 #include <string_view>
+#include <tuple>
+#include <vector>
 
 #include "base/error.h"
 #include "frames/image_format.h"
@@ -70,6 +72,8 @@ class PictureMemory final : public OIIO::Filesystem::IOMemReader {
     return note(IOMemReader::pread(out, size, offset), size);
   }
   [[nodiscard]] bool ran_out() const { return ran_out_; }
+  /// Forgets what the header's reader looked for beyond the end.
+  void forget() { ran_out_ = false; }
 
  private:
   size_t note(size_t got, size_t wanted) {
@@ -91,32 +95,106 @@ const char* unknown_kind(std::span<const uint8_t> bytes) {
   return "a film, not a picture; 'lenticule convert' takes frames out of it";
 }
 
+/// Part is one of the pictures in a file.
+struct Part {
+  std::span<const uint8_t> bytes;
+  int subimage = 0;
+  int channel = 0;  ///< the first one
+};
+
+/// Returns the pictures of the left and the right eye in a camera's file of several JPEGs (CIPA
+/// DC-007, multi-picture format): the first two that its index calls a disparity.
+std::vector<Part> eyes_in_jpeg(std::span<const uint8_t> file) {
+  constexpr uint16_t kEntries = 0xB002;
+  constexpr uint32_t kKind = 0xFFFFFF, kDisparity = 0x020002;
+  constexpr size_t kEntryBytes = 16, kFieldBytes = 12;
+  const std::string_view text(reinterpret_cast<const char*>(file.data()), file.size());
+  const size_t mark = text.find(std::string_view("MPF\0", 4));
+  if (mark == std::string_view::npos || mark > (size_t{1} << 20)) return {};
+  const size_t base = mark + 4;  // the index counts from here
+  const bool little = text.substr(base, 2) == "II";
+  const auto number = [&](size_t at, size_t bytes) -> size_t {
+    size_t value = 0;
+    for (size_t i = 0; i < bytes && base + at + bytes <= file.size(); ++i)
+      value = value << 8 | file[base + at + (little ? bytes - 1 - i : i)];
+    return value;
+  };
+  std::vector<Part> eyes;
+  const size_t directory = number(4, 4);
+  for (size_t f = 0, fields = number(directory, 2); f < fields; ++f) {
+    const size_t field = directory + 2 + f * kFieldBytes;
+    if (number(field, 2) != kEntries) continue;
+    const size_t list = number(field + 8, 4);
+    for (size_t at = 0; at < number(field + 4, 4) && eyes.size() < 2; at += kEntryBytes) {
+      const size_t size = number(list + at + 4, 4), offset = number(list + at + 8, 4);
+      const size_t begin = offset == 0 ? 0 : base + offset;
+      if ((number(list + at, 4) & kKind) != kDisparity) continue;
+      if (begin >= file.size() || size > file.size() - begin) return {};
+      eyes.push_back({.bytes = file.subspan(begin, size)});
+    }
+    break;
+  }
+  return eyes.size() == 2 ? eyes : std::vector<Part>();
+}
+
+/// Returns the parts of an EXR file, or its groups of channels, that are of the views left and
+/// right.
+std::vector<Part> eyes_in_exr(OIIO::ImageInput& input, std::span<const uint8_t> file) {
+  constexpr int kMostParts = 64;
+  std::optional<Part> left, right;
+  for (int part = 0; part < kMostParts && input.seek_subimage(part, 0); ++part) {
+    const OIIO::ImageSpec& spec = input.spec();
+    const std::string view = spec.get_string_attribute("view");
+    if (view == "left" && !left) left = {.bytes = file, .subimage = part};
+    if (view == "right" && !right) right = {.bytes = file, .subimage = part};
+    for (const auto& [name, eye, other] :
+         {std::tuple("left.R", &left, &right), std::tuple("right.R", &right, &left)}) {
+      const auto channel = std::ranges::find(spec.channelnames, name);
+      if (part > 0 || channel == spec.channelnames.end()) continue;
+      *eye = {.bytes = file, .channel = static_cast<int>(channel - spec.channelnames.begin())};
+      if (!*other) *other = {.bytes = file};  // the default view has no name
+    }
+  }
+  input.seek_subimage(0, 0);
+  return left && right ? std::vector<Part>{*left, *right} : std::vector<Part>();
+}
+
+/// PictureReader decodes the picture in a file. A file for two eyes is one picture, with the left
+/// eye's half on the left, if frames are wanted of it.
 class PictureReader {
  public:
   /// Opens the picture and checks its header against the limits.
   ///
   /// Lifetime: `bytes` must outlive the reader.
-  PictureReader(std::span<const uint8_t> bytes, std::string name, uint64_t max_pixels)
-      : name_(std::move(name)), memory_(bytes.data(), bytes.size()) {
-    set_up_oiio();
-    format_ = detect_format(bytes, name_);
-    if (format_ == ImageFormat::Unknown) fail(unknown_kind(bytes));
-    // glTF has textures in WebP; frames are not read from that format.
-    if (format_ == ImageFormat::WebP && max_pixels != kMaxTexturePixels)
-      fail("WebP pictures are read as textures only");
-    if (!reaches_end_mark(format_, bytes)) fail("truncated");
-    if (!header_fits(format_, bytes)) fail("its header states more bytes than the file has");
-    open();
+  PictureReader(std::span<const uint8_t> bytes, const std::string& name, uint64_t max_pixels)
+      : PictureReader(Part{.bytes = bytes}, name, max_pixels) {
+    if (max_pixels == kMaxTexturePixels) return;
+    std::vector<Part> eyes;
+    if (format_ == ImageFormat::Jpeg) eyes = eyes_in_jpeg(bytes);
+    if (format_ == ImageFormat::Exr) eyes = eyes_in_exr(*input_, bytes);
+    if (eyes.empty()) return;
+    part_ = eyes[0];
+    input_->seek_subimage(part_.subimage, 0);
     check_header(max_pixels);
+    right_.reset(new PictureReader(eyes[1], name + " (right eye)", max_pixels));
+    check_picture_size(name, static_cast<uint64_t>(row_width()), static_cast<uint64_t>(height()),
+                       max_pixels);
+    if (right_->width() != width() || right_->height() != height() ||
+        right_->channels_read() != channels_read() || right_->sample_ != sample_)
+      fail("its two eyes' pictures differ in size or kind");
+    if (orientation() != Orientation::Upright) fail("its two eyes' pictures lie on their sides");
   }
 
-  [[nodiscard]] int width() const { return spec().width; }
-  [[nodiscard]] int height() const { return spec().height; }
+  [[nodiscard]] int width() const { return is_padded() ? spec().full_width : spec().width; }
+  [[nodiscard]] int height() const { return is_padded() ? spec().full_height : spec().height; }
+  /// Returns the width of the rows that read() gives.
+  [[nodiscard]] int row_width() const { return width() * (right_ ? 2 : 1); }
   [[nodiscard]] bool has_8_bits() const { return sample_ == Sample::U8; }
   [[nodiscard]] PictureInfo info() const {
-    return {.geometry = {.width = width(), .height = height()},
+    return {.geometry = {.width = row_width(), .height = height()},
             .orientation = orientation(),
-            .pixel_aspect = pixel_aspect()};
+            .pixel_aspect = pixel_aspect(),
+            .two_eyes = right_ != nullptr};
   }
   /// Returns the index of alpha among a band's channels, or -1.
   [[nodiscard]] int alpha_channel() const {
@@ -129,14 +207,18 @@ class PictureReader {
   void read(Sink&& sink) {
     constexpr int kScanlinesPerBand = 64;
     const int rows_per_band = spec().tile_width > 0 ? spec().tile_height : kScanlinesPerBand;
-    const size_t row_bytes =
-        static_cast<size_t>(width()) * static_cast<size_t>(channels_read()) * sample_type().size();
-    std::vector<uint8_t> buffer(row_bytes * static_cast<size_t>(std::min(rows_per_band, height())));
+    const size_t row = static_cast<size_t>(width()) * pixel_bytes();
+    const auto most = static_cast<size_t>(std::min(rows_per_band, height()));
+    std::vector<uint8_t> buffer(row * most), left(right_ ? row * most : 0), right(left.size());
+    buffer.resize(right_ ? 2 * buffer.size() : buffer.size());
     for (int y = 0; y < height(); y += rows_per_band) {
       const int rows = std::min(rows_per_band, height() - y);
-      if (!decode(y, rows, buffer.data())) fail_decoding();
-      if (format_ == ImageFormat::Tiff && memory_.ran_out()) fail("truncated");
-      if (format_ == ImageFormat::Jpeg && warns_of_damage()) fail_decoding();
+      decode(y, rows, right_ ? left.data() : buffer.data());
+      if (right_) right_->decode(y, rows, right.data());
+      for (size_t r = 0; right_ && r < static_cast<size_t>(rows); ++r) {
+        std::copy_n(left.data() + r * row, row, buffer.data() + 2 * r * row);
+        std::copy_n(right.data() + r * row, row, buffer.data() + (2 * r + 1) * row);
+      }
       sink(Band{y, rows, channels_read(), sample_, buffer.data()});
     }
   }
@@ -146,8 +228,31 @@ class PictureReader {
   }
 
  private:
+  PictureReader(const Part& part, std::string name, uint64_t max_pixels)
+      : name_(std::move(name)), part_(part), memory_(part.bytes.data(), part.bytes.size()) {
+    set_up_oiio();
+    const std::span<const uint8_t> bytes = part.bytes;
+    format_ = detect_format(bytes, name_);
+    if (format_ == ImageFormat::Unknown) fail(unknown_kind(bytes));
+    if (!reaches_end_mark(format_, bytes)) fail("truncated");
+    if (!header_fits(format_, bytes)) fail("its header states more bytes than the file has");
+    open();
+    check_header(max_pixels);
+  }
+
   [[nodiscard]] const OIIO::ImageSpec& spec() const { return input_->spec(); }
-  [[nodiscard]] int channels_read() const { return std::min(spec().nchannels, kMaxReadChannels); }
+  [[nodiscard]] int channels_read() const {
+    return std::min(spec().nchannels - part_.channel, kMaxReadChannels);
+  }
+  [[nodiscard]] size_t pixel_bytes() const {
+    return static_cast<size_t>(channels_read()) * sample_type().size();
+  }
+  /// Returns true if the pixels that an EXR file stores are not those of its display window.
+  [[nodiscard]] bool is_padded() const {
+    const OIIO::ImageSpec& s = spec();
+    return format_ == ImageFormat::Exr && (s.x != s.full_x || s.y != s.full_y ||
+                                           s.width != s.full_width || s.height != s.full_height);
+  }
   [[nodiscard]] OIIO::TypeDesc sample_type() const {
     if (sample_ == Sample::U8) return OIIO::TypeDesc::UINT8;
     return sample_ == Sample::U16 ? OIIO::TypeDesc::UINT16 : OIIO::TypeDesc::FLOAT;
@@ -182,6 +287,8 @@ class PictureReader {
     OIIO::ImageSpec ignored;
     input_->set_ioproxy(&memory_);
     if (!input_->open(name_, ignored, config)) fail_decoding();
+    if (!input_->seek_subimage(part_.subimage, 0)) fail_decoding();
+    memory_.forget();
   }
 
   void check_header(uint64_t max_pixels) {
@@ -190,6 +297,8 @@ class PictureReader {
       fail("not a two-dimensional picture with pixels");
     check_picture_size(name_, static_cast<uint64_t>(s.width), static_cast<uint64_t>(s.height),
                        max_pixels);
+    check_picture_size(name_, static_cast<uint64_t>(std::max(width(), 0)),
+                       static_cast<uint64_t>(std::max(height(), 0)), max_pixels);
     if (s.tile_width > kMaxImageSide || s.tile_height > kMaxImageSide ||
         s.tile_bytes() > (size_t{1} << 28))
       fail("tile size out of range");
@@ -210,14 +319,39 @@ class PictureReader {
     return std::nullopt;
   }
 
-  bool decode(int y, int rows, uint8_t* out) {
-    const int x0 = spec().x;
-    const int y0 = spec().y + y;
-    const int channels = channels_read();
-    if (spec().tile_width > 0)
-      return input_->read_tiles(0, 0, x0, x0 + width(), y0, y0 + rows, spec().z, spec().z + 1, 0,
-                                channels, sample_type(), out);
-    return input_->read_scanlines(0, 0, y0, y0 + rows, spec().z, 0, channels, sample_type(), out);
+  /// Decodes rows of the display window; what the file does not store of it is black.
+  void decode(int y, int rows, uint8_t* out) {
+    if (!is_padded()) return decode_stored(y, rows, out);
+    const OIIO::ImageSpec& s = spec();
+    const size_t pixel = pixel_bytes(), row_bytes = static_cast<size_t>(s.full_width) * pixel;
+    if (stored_.empty()) {
+      stored_.resize(static_cast<size_t>(s.width) * static_cast<size_t>(s.height) * pixel);
+      decode_stored(0, s.height, stored_.data());
+    }
+    std::fill_n(out, static_cast<size_t>(rows) * row_bytes, uint8_t{0});
+    const int left = std::max(s.x, s.full_x);
+    const int right = std::min(s.x + s.width, s.full_x + s.full_width);
+    for (int row = 0; row < rows && left < right; ++row, out += row_bytes) {
+      const int stored = y + row + s.full_y - s.y;
+      if (stored < 0 || stored >= s.height) continue;
+      const size_t from = static_cast<size_t>(stored) * static_cast<size_t>(s.width) +
+                          static_cast<size_t>(left - s.x);
+      std::copy_n(stored_.data() + from * pixel, static_cast<size_t>(right - left) * pixel,
+                  out + static_cast<size_t>(left - s.full_x) * pixel);
+    }
+  }
+
+  void decode_stored(int y, int rows, uint8_t* out) {
+    const OIIO::ImageSpec& s = spec();
+    const int y0 = s.y + y, first = part_.channel, last = first + channels_read();
+    const bool done = s.tile_width > 0
+                          ? input_->read_tiles(part_.subimage, 0, s.x, s.x + s.width, y0, y0 + rows,
+                                               s.z, s.z + 1, first, last, sample_type(), out)
+                          : input_->read_scanlines(part_.subimage, 0, y0, y0 + rows, s.z, first,
+                                                   last, sample_type(), out);
+    if (!done) fail_decoding();
+    if (format_ == ImageFormat::Tiff && memory_.ran_out()) fail("truncated");
+    if (format_ == ImageFormat::Jpeg && warns_of_damage()) fail_decoding();
   }
 
   /// Returns true if libjpeg filled in missing or damaged data. OpenImageIO counts that as success
@@ -238,9 +372,12 @@ class PictureReader {
   }
 
   std::string name_;
+  Part part_;
   PictureMemory memory_;
   ImageFormat format_ = ImageFormat::Unknown;
   Sample sample_ = Sample::U8;
+  std::vector<uint8_t> stored_;           ///< all stored pixels, if the picture is padded
+  std::unique_ptr<PictureReader> right_;  ///< the right eye's picture
   std::unique_ptr<OIIO::ImageInput>
       input_;  // must follow memory_, which it reads from until destroyed
 };
@@ -321,7 +458,7 @@ void decode(std::span<const uint8_t> bytes, const std::string& name, PictureValu
   PictureInfo info = reader.info();
   if (!codes) info.pixel_bytes = reader.has_8_bits() ? 4 : 4 * sizeof(float);
   sink.accept(info);
-  const int width = reader.width();
+  const int width = reader.row_width();
   const size_t row = info.pixel_bytes * static_cast<size_t>(width);
   reader.read([&](const Band& band) {
     for (int done = 0; done < band.rows;) {

@@ -47,6 +47,7 @@ struct PictureReplyMessage {
   int32_t height = 0;
   int32_t orientation = 1;
   uint32_t pixel_bytes = 3;
+  uint32_t two_eyes = 0;
   double pixel_aspect = 1.0;
   int32_t first_row = 0;
   int32_t rows = 0;

@@ -24,8 +24,8 @@ namespace fs = std::filesystem;
 constexpr uint32_t kEvents = IN_CREATE | IN_MODIFY | IN_CLOSE_WRITE | IN_MOVED_TO | IN_ONLYDIR;
 
 bool is_picture_name(const std::string& extension) {
-  constexpr std::array kNames = {".png",  ".jpg", ".jpeg", ".jps", ".pns", ".tif",
-                                 ".tiff", ".exr", ".ppm",  ".bmp", ".webp"};
+  constexpr std::array kNames = {".png", ".jpg",  ".jpeg", ".jps", ".pns", ".mpo",
+                                 ".tif", ".tiff", ".exr",  ".ppm", ".bmp", ".webp"};
   return std::find(kNames.begin(), kNames.end(), extension) != kNames.end();
 }
 

@@ -140,7 +140,8 @@ class Decoder {
     return {.geometry = {.width = reply.width, .height = reply.height},
             .orientation = static_cast<frames::Orientation>(reply.orientation),
             .pixel_aspect = reply.pixel_aspect,
-            .pixel_bytes = reply.pixel_bytes};
+            .pixel_bytes = reply.pixel_bytes,
+            .two_eyes = reply.two_eyes != 0};
   }
 
   /// Passes the picture's info to the sink. If the sink refuses it, the decoder stays usable.

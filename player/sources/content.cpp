@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/numbers.h"
+#include "base/text.h"
 #include "frames/image_io.h"
 #include "frames/sequence/sequence_reader.h"
 #include "frames/views_input/content_name.h"
@@ -56,13 +57,18 @@ void read_depth_range(const std::string& text, frames::DepthOptions& options) {
               "for example --depth-range -2:2, in percent of the width, or -20px:20px");
 }
 
-/// Returns the sidecar; for a pattern, the one of its first picture.
-std::optional<frames::QuiltSidecar> find_sidecar(const std::string& text) {
-  if (!frames::FilePattern::looks_like_pattern(text)) return frames::read_sidecar_of(text);
+/// Returns the file, or the first one of a pattern, if there is one.
+std::optional<std::filesystem::path> first_file(const std::string& text) {
+  if (!frames::FilePattern::looks_like_pattern(text)) return text;
   const frames::FilePattern pattern(text);
   const std::vector<uint64_t> numbers = pattern.existing();
   if (numbers.empty()) return std::nullopt;
-  return frames::read_sidecar_of(pattern.path(numbers.front()));
+  return pattern.path(numbers.front());
+}
+
+std::optional<frames::QuiltSidecar> find_sidecar(const std::string& text) {
+  const auto first = first_file(text);
+  return first ? frames::read_sidecar_of(*first) : std::nullopt;
 }
 
 void refuse_other_flags(const ContentFlags& flags) {
@@ -141,12 +147,16 @@ Content stereo(const frames::StereoLayout& layout, const ContentFlags& flags) {
   return {.kind = Kind::Stereo, .stereo = layout};
 }
 
-/// Returns the stereo layout of a tag in the file: in JPEG stereo pictures and in videos.
+/// Returns the stereo layout that the file itself states: in pictures for two eyes and in videos.
 std::optional<Content> tagged_stereo(const SourceSpec& source) {
   const std::string& text = source.text;
   const ContentFlags& flags = source.content;
   if (!flags.stereo.empty()) return std::nullopt;
   if (frames::is_jps_name(text)) return stereo(frames::read_jps_tag(text), flags);
+  const std::string extension = lower_case(std::filesystem::path(text).extension().string());
+  if (const auto first = first_file(text); first && (extension == ".mpo" || extension == ".exr"))
+    if (frames::probe_picture(*first, frames::PictureUse::Views).two_eyes)
+      return stereo({.beside = true}, flags);
   if (source.kind != SourceKind::Video) return std::nullopt;
   const std::optional<VideoStereo> tag = probe_video(text).front().stereo;
   if (!tag) return std::nullopt;
@@ -160,15 +170,6 @@ std::optional<Content> tagged_stereo(const SourceSpec& source) {
         "use --stereo none to play it unchanged");
   // The shape of the pixels shows whether each eye is squeezed.
   return stereo({.beside = beside, .half = false, .right_first = tag->right_first}, flags);
-}
-
-void refuse_multi_picture(const std::string& text) {
-  const std::string extension = std::filesystem::path(text).extension().string();
-  if (extension == ".mpo" || extension == ".MPO")
-    throw Error(
-        ErrorKind::Input,
-        fmt::format("{}: a file of several pictures, of which only the first can be read", text),
-        "separate them, for example with exiftool, and play 'views:left.jpg|right.jpg'");
 }
 
 Content other_rig(const ContentFlags& flags) {
@@ -209,7 +210,6 @@ Content container(const SourceSpec& source, const std::string& rig_fingerprint) 
 Content picture(const SourceSpec& source, bool patterns_are_views) {
   const std::string& text = source.text;
   const ContentFlags& flags = source.content;
-  refuse_multi_picture(text);
   if (!flags.depth.empty() && !frames::parse_depth_place(flags.depth))
     return with_depth(flags, std::nullopt);
   const bool stereo_flag = !flags.stereo.empty() && flags.stereo != "none";

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <atomic>
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
@@ -79,7 +80,7 @@ void answer(const std::string& what, uint8_t* memory) {
   if (what.starts_with("leave")) _exit(0);
   if (what.starts_with("stop")) std::raise(SIGSTOP);
   if (what.starts_with("spin"))
-    for (volatile int n = 0;; n = n + 1) continue;
+    for (std::atomic<int> n = 0;; ++n) continue;
   if (what.starts_with("short")) (void)!::write(kPictureSocket, "abc", 3);
   if (const auto lie = kLies.find(what); lie != kLies.end()) return reply(lie->second);
   reply(kHeader);

@@ -3,6 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <string_view>
+
 #include "frames/image_io.h"
 #include "frames/srgb.h"
 #include "png_maker.h"
@@ -179,8 +184,9 @@ TEST_P(ImageCut, AnywhereIsAnErrorOrKeepsThePixels) {
 }
 INSTANTIATE_TEST_SUITE_P(Formats, ImageCut, ::testing::Values(".png", ".tif", ".exr", ".ppm"));
 
-/// Returns the smallest baseline JPEG: 8 pixels wide and grey, with the data of one block (DC 0).
-std::vector<uint8_t> jpeg_of_one_block(uint8_t stated_height) {
+/// Returns the smallest baseline JPEG: 8 pixels wide and grey, with the data of one block: of the
+/// code 128, or of 144.
+std::vector<uint8_t> jpeg_of_one_block(uint8_t stated_height, bool brighter = false) {
   std::vector<uint8_t> file = {0xFF, 0xD8, 0xFF, 0xDB, 0, 67, 0};
   file.insert(file.end(), 64, 1);
   // Two Huffman tables of one code each: lengths of the codes (1 + 15 zeros), then the symbol 0.
@@ -195,7 +201,136 @@ std::vector<uint8_t> jpeg_of_one_block(uint8_t stated_height) {
                                      0,    0xFF, 0xDA, 0,    8,    1,    1,
                                      0,    0,    63,   0,    0x3F, 0xFF, 0xD9};
   file.insert(file.end(), rest.begin(), rest.end());
+  if (brighter) {
+    constexpr size_t kSymbol = 105;  // of the first table: seven bits of value follow its code
+    file[kSymbol] = 7;
+    file[file.size() - 3] = 0x7F;
+    file.insert(file.end() - 2, 0x7F);
+  }
   return file;
+}
+
+/// Joins two JPEGs as 3-D cameras do: an index in the first one tells where the second one begins.
+std::vector<uint8_t> pair_of_jpegs(std::vector<uint8_t> first, const std::vector<uint8_t>& second,
+                                   uint8_t kind = 2) {
+  const auto size = static_cast<uint8_t>(first.size() + 66);
+  const std::vector<uint8_t> index = {0xFF,
+                                      0xE2,
+                                      0,
+                                      64,
+                                      'M',
+                                      'P',
+                                      'F',
+                                      0,
+                                      'I',
+                                      'I',
+                                      '*',
+                                      0,
+                                      8,
+                                      0,
+                                      0,
+                                      0,  //
+                                      1,
+                                      0,
+                                      0x02,
+                                      0xB0,
+                                      7,
+                                      0,
+                                      32,
+                                      0,
+                                      0,
+                                      0,
+                                      26,
+                                      0,
+                                      0,
+                                      0,
+                                      0,
+                                      0,
+                                      0,
+                                      0,  //
+                                      kind,
+                                      0,
+                                      2,
+                                      0x20,
+                                      size,
+                                      0,
+                                      0,
+                                      0,
+                                      0,
+                                      0,
+                                      0,
+                                      0,
+                                      0,
+                                      0,
+                                      0,
+                                      0,  //
+                                      kind,
+                                      0,
+                                      2,
+                                      0,
+                                      static_cast<uint8_t>(second.size()),
+                                      0,
+                                      0,
+                                      0,  //
+                                      static_cast<uint8_t>(size - 10),
+                                      0,
+                                      0,
+                                      0,
+                                      0,
+                                      0,
+                                      0,
+                                      0};
+  first.insert(first.begin() + 2, index.begin(), index.end());
+  first.insert(first.end(), second.begin(), second.end());
+  return first;
+}
+
+TEST_F(ImageRead, TwoEyesInOneFileAreSideBySide) {
+  const auto left = jpeg_of_one_block(8), right = jpeg_of_one_block(8, true);
+  const WovenFrame pair = read(pair_of_jpegs(left, right), "pair.mpo");
+  ASSERT_EQ(pair.geometry(), (FrameGeometry{.width = 16, .height = 8}));
+  for (const int x : {0, 7}) EXPECT_EQ(pair.row(7)[3 * x], 128);
+  for (const int x : {8, 15}) EXPECT_EQ(pair.row(7)[3 * x], 144);
+  EXPECT_TRUE(probe_picture(folder_ / "pair.mpo", PictureUse::Views).two_eyes);
+  EXPECT_EQ(read(pair_of_jpegs(left, right, 1), "preview.mpo").width(), 8) << "a smaller copy";
+  const Error error = error_of([&] { read(pair_of_jpegs(left, jpeg_of_one_block(16)), "a.mpo"); });
+  EXPECT_THAT(error.what(), HasSubstr("two eyes' pictures differ in size"));
+}
+
+TEST_F(ImageRead, TwoEyesOfOtherKindsOfIndexNeverCrash) {
+  const auto file = pair_of_jpegs(jpeg_of_one_block(8), jpeg_of_one_block(8, true));
+  for (size_t at = 2; at < 68; ++at)
+    for (const uint8_t value : {uint8_t{0}, uint8_t{0x7F}, uint8_t{0xFF}}) {
+      auto damaged = file;
+      damaged[at] = value;
+      try {
+        EXPECT_EQ(read(damaged, "damaged.mpo").height(), 8);
+      } catch (const Error& error) {
+        EXPECT_EQ(error.kind(), ErrorKind::Input);
+      }
+    }
+}
+
+TEST_F(ImageRead, TheDisplayWindowOfAnExrIsRead) {
+  const std::filesystem::path file = folder_ / "window.exr";
+  const WovenFrame inside = test::noise_frame(5, 4, 1);
+  write_woven(inside.view(), file);
+  auto bytes = test::read_bytes(file);
+  constexpr std::string_view kName("displayWindow\0box2i\0\x10\0\0\0", 24);
+  const auto at = std::search(bytes.begin(), bytes.end(), kName.begin(), kName.end());
+  ASSERT_NE(at, bytes.end());
+  // From (-1, -2) to (5, 1): a column more at each side, two rows more above and two fewer below.
+  const std::array<int32_t, 4> window = {-1, -2, 5, 1};
+  std::memcpy(&*at + kName.size(), window.data(), sizeof window);
+  const WovenFrame shown = read(bytes, "window.exr");
+  ASSERT_EQ(shown.geometry(), (FrameGeometry{.width = 7, .height = 4}));
+  for (int y = 0; y < 4; ++y)
+    for (int x = 0; x < 7; ++x)
+      for (int c = 0; c < 3; ++c) {
+        const bool stored = y >= 2 && x >= 1 && x <= 5;
+        ASSERT_EQ(shown.row(y)[3 * x + c], stored ? inside.row(y - 2)[3 * (x - 1) + c] : 0)
+            << x << ' ' << y;
+      }
 }
 
 TEST_F(ImageRead, JpegWithoutItsEndIsAnError) {
