@@ -308,8 +308,8 @@ class AdaptiveWorker {
                             : AdaptiveFrame::Band{});
   }
 
-  /// Counts the audited subpixels of a band that was not tried, and so has no errors.
-  /// Notes that a band that was not tried has no errors: it is left to method full.
+  /// Counts the audited subpixels of a band that was not tried: it is left to method full, and so
+  /// has no errors.
   void audit_untried_band(int first_row) {
     sampled_.clear();
     const int end = std::min(first_row + kBand, frame_.plan.planes.rows());
@@ -319,8 +319,7 @@ class AdaptiveWorker {
                                                  &SampledSubpixels::Subpixel::draw)));
   }
 
-  /// Renders the band with method full's exact bytes.
-  /// Renders a band as method full does.
+  /// Renders a band with method full's exact bytes.
   void retrace_band(int first_row) {
     if (!full_)
       full_ = std::make_unique<FullTiles::Worker>(frame_.plan.full, frame_.scene, frame_.beams);
@@ -650,10 +649,9 @@ class AdaptiveWorker {
       frame_.out.row(first_row + s.row)[s.at] = frame_.encoder.code(s.light);
   }
 
-  /// Audits a band. If it is `given_up`, not all of its subpixels have been shaded, and method full
-  /// will render it.
-  /// Audits a band whose sampled subpixels are traced. `known` holds the results of a copied band,
-  /// in which all audited subpixels are already exact.
+  /// Audits a band whose sampled subpixels are traced. If it is `given_up`, not all of its
+  /// subpixels have been shaded, and method full will render it. `known` holds the results of a
+  /// copied band, in which all audited subpixels are already exact.
   void audit_band(int first_row, bool given_up, const AdaptiveFrame::Band& known) {
     AuditErrors retracing, evaluation;
     for (const SampledSubpixels::Subpixel& s : sampled_.subpixels()) {
