@@ -65,7 +65,7 @@ lenticule_package(player lenticule-player "player for lenticular 3-D displays"
 Plays woven frames and films subpixel by subpixel as they are, and weaves
 quilts while it plays. Comes with units of systemd for machines that do
 nothing else. Pictures and video files need lenticule-media."
-  DEPENDS systemd udev RECOMMENDS "lenticule-media ${same}" SCRIPTS postinst prerm postrm)
+  DEPENDS systemd udev procps RECOMMENDS "lenticule-media ${same}" SCRIPTS postinst prerm postrm)
 if(TARGET lenticule_pictures)
   lenticule_package(media lenticule-media "picture and video decoders for lenticular 3-D displays"
 "${about}
