@@ -5,6 +5,7 @@
 #include <xf86drmMode.h>
 
 #include <algorithm>
+#include <span>
 #include <string_view>
 #include <utility>
 
@@ -27,6 +28,7 @@ struct LinkFile {
   bool alters_pixels;
   const char* effect;
   const char* remedy;
+  bool by_crtc = false;  ///< each CRTC has a section that begins with "[CRTC:42:pipe A]:"
 };
 
 constexpr const char* kSlowRemedy =
@@ -57,7 +59,9 @@ constexpr LinkFile kDebugfs[] = {
     // psr_get(), same file as for force_yuv420_output
     {"PSR", "/sys/kernel/debug/dri/{1}/{2}/psr_state", "", "0", false,
      "the panel refreshes itself, and a picture may be a vblank late", kLateRemedy},
-    // intel_drrs.c of Linux 6.12, intel_drrs_debugfs_status_show(); before: drrs_row()
+    // i915_drrs_status(), same file, of Linux 6.1; intel_drrs.c of 6.12
+    {"DRRS", "/sys/kernel/debug/dri/{1}/i915_drrs_status", "DRRS Enabled: ", "no", false, kSlow,
+     kSlowRemedy, true},
     {"DRRS", "/sys/kernel/debug/dri/{1}/crtc-{3}/i915_drrs_status", "DRRS enabled: ", "no", false,
      kSlow, kSlowRemedy},
 };
@@ -91,23 +95,6 @@ AuditRow row_for(const LinkFile& file, const std::string& value) {
           .remedy = file.remedy};
 }
 
-template <size_t N>
-std::vector<AuditRow> read_files(KmsPlatform& platform, const std::string& card, const Pipe& pipe,
-                                 const LinkFile (&files)[N]) {
-  std::vector<AuditRow> rows;
-  const auto names = card_names(card);
-  if (!names) return rows;
-  for (const LinkFile& file : files) {
-    const auto text =
-        platform.read_kernel_file(fmt::format(fmt::runtime(file.path), names->first, names->second,
-                                              pipe.connector.name, pipe.crtc_number));
-    const std::string value = text ? line_after(*text, file.before) : std::string();
-    if (!value.empty()) rows.push_back(row_for(file, value));
-  }
-  return rows;
-}
-
-/// Returns the section of one CRTC in a list in which each begins with "[CRTC:42:pipe A]:".
 std::string_view section_of(std::string_view text, uint32_t crtc) {
   const size_t begin = text.find(fmt::format("[CRTC:{}:", crtc));
   if (begin == std::string_view::npos) return {};
@@ -115,32 +102,38 @@ std::string_view section_of(std::string_view text, uint32_t crtc) {
   return text.substr(begin, end == std::string_view::npos ? end : end - begin);
 }
 
-/// Parses "dither=no, bpp=24" of i915/display/intel_display_debugfs.c, intel_crtc_info().
-std::optional<AuditRow> depth_row(KmsPlatform& platform, const Pipe& pipe,
-                                  const std::string& number) {
-  const auto text =
-      platform.read_kernel_file(fmt::format("/sys/kernel/debug/dri/{}/i915_display_info", number));
-  if (!text) return std::nullopt;
-  const std::string value = line_after(section_of(*text, pipe.crtc), "dither=");
-  if (value.empty()) return std::nullopt;
-  const bool deep = pipe.depth == ScanoutDepth::Bits10;
-  return row_for({kDepthRow, "", "", deep ? "no, bpp=30" : "no, bpp=24", true,
-                  "low bits are cut off or dithered",
-                  deep ? "use a mode that the link carries with 10 bits per colour, or state "
-                         "panel.bits = 8 in the rig"
-                       : "use a mode that the link carries with 8 bits per colour"},
-                 value);
+std::vector<AuditRow> read_files(KmsPlatform& platform, const std::string& card, const Pipe& pipe,
+                                 std::span<const LinkFile> files) {
+  std::vector<AuditRow> rows;
+  const auto names = card_names(card);
+  if (!names) return rows;
+  for (const LinkFile& file : files) {
+    const std::string text =
+        platform
+            .read_kernel_file(fmt::format(fmt::runtime(file.path), names->first, names->second,
+                                          pipe.connector.name, pipe.crtc_number))
+            .value_or("");
+    const std::string value =
+        line_after(file.by_crtc ? section_of(text, pipe.crtc) : text, file.before);
+    if (!value.empty()) rows.push_back(row_for(file, value));
+  }
+  return rows;
 }
 
-/// Parses "DRRS Enabled: no" of i915_drrs_status(), same file, of Linux 6.1.
-std::optional<AuditRow> drrs_row(KmsPlatform& platform, const Pipe& pipe,
-                                 const std::string& number) {
-  const auto text =
-      platform.read_kernel_file(fmt::format("/sys/kernel/debug/dri/{}/i915_drrs_status", number));
-  if (!text) return std::nullopt;
-  const std::string value = line_after(section_of(*text, pipe.crtc), "DRRS Enabled: ");
-  if (value.empty()) return std::nullopt;
-  return row_for({"DRRS", "", "", "no", false, kSlow, kSlowRemedy}, value);
+/// Returns the place of "dither=no, bpp=24", i915/display/intel_display_debugfs.c,
+/// intel_crtc_info().
+LinkFile depth_file(ScanoutDepth depth) {
+  const bool deep = depth == ScanoutDepth::Bits10;
+  return {kDepthRow,
+          "/sys/kernel/debug/dri/{1}/i915_display_info",
+          "dither=",
+          deep ? "no, bpp=30" : "no, bpp=24",
+          true,
+          "low bits are cut off or dithered",
+          deep ? "use a mode that the link carries with 10 bits per colour, or state panel.bits = "
+                 "8 in the rig"
+               : "use a mode that the link carries with 8 bits per colour",
+          true};
 }
 
 }  // namespace
@@ -152,12 +145,9 @@ std::vector<AuditRow> read_sysfs_rows(KmsPlatform& platform, const std::string& 
 
 std::vector<AuditRow> read_debugfs_rows(KmsPlatform& platform, const std::string& card,
                                         const Pipe& pipe) {
-  std::vector<AuditRow> rows = read_files(platform, card, pipe, kDebugfs);
-  const auto names = card_names(card);
-  if (!names) return rows;
-  if (auto row = depth_row(platform, pipe, names->second)) rows.push_back(std::move(*row));
-  if (auto row = drrs_row(platform, pipe, names->second)) rows.push_back(std::move(*row));
-  return rows;
+  std::vector<LinkFile> files(std::begin(kDebugfs), std::end(kDebugfs));
+  files.push_back(depth_file(pipe.depth));
+  return read_files(platform, card, pipe, files);
 }
 
 namespace {
@@ -483,17 +473,16 @@ ExactnessAudit::ExactnessAudit(const PipeTables& found, ScanoutDepth depth) {
     const Property* property = table.find(rule.property);
     if (property == nullptr) continue;
     const auto wanted = neutral_value(rule, *property, depth);
-    if (wanted && property->writable() && rule.neutral != Neutral::Kept)
-      items_.push_back({&rule, *property, table.object(), *wanted});
-    else
-      leftovers_.push_back({&rule, *property, wanted});
+    const bool settable = wanted && property->writable() && rule.neutral != Neutral::Kept;
+    (settable ? items_ : leftovers_)
+        .push_back({&rule, *property, table.object(), wanted, settable});
   }
 }
 
 std::vector<PropertySetting> ExactnessAudit::settings() const {
   std::vector<PropertySetting> settings;
   for (const Item& item : items_)
-    if (!item.refused) settings.push_back({item.object, item.found.id, item.wanted});
+    if (!item.refused) settings.push_back({item.object, item.found.id, *item.wanted});
   return settings;
 }
 
@@ -502,40 +491,24 @@ void ExactnessAudit::set_refused(size_t index, bool refused) {
 }
 
 AuditRow ExactnessAudit::row_of(const Item& item, const std::optional<PipeTables>& now) const {
+  using enum AuditOutcome;
   const Property* after = now ? now->of(item.rule->object).find(item.rule->property) : nullptr;
   const uint64_t value = after != nullptr ? after->value : item.found.value;
   AuditRow row{.object = object_name(item.rule->object),
                .property = item.found.name,
                .found = item.found.text_of(item.found.value),
-               .wanted = item.found.text_of(item.wanted),
+               .wanted = item.wanted ? item.found.text_of(*item.wanted) : "?",
                .now = item.found.text_of(value),
                .alters_pixels = item.rule->harm == Harm::Pixels || item.has_too_few_bits(value),
                .effect = item.rule->effect,
                .remedy = item.rule->remedy};
-  if (value == item.wanted)
-    row.outcome = item.found.value == item.wanted ? AuditOutcome::Neutral : AuditOutcome::Forced;
+  if (item.wanted == value)
+    row.outcome = item.settable && item.found.value != value ? Forced : Neutral;
+  else if (item.settable)
+    row.outcome = now || item.refused ? Refused : Planned;
   else
-    row.outcome = now || item.refused ? AuditOutcome::Refused : AuditOutcome::Planned;
+    row.outcome = item.wanted ? ReadOnly : Foreign;
   return row;
-}
-
-AuditRow ExactnessAudit::row_of(const Leftover& leftover,
-                                const std::optional<PipeTables>& now) const {
-  const Property* after =
-      now ? now->of(leftover.rule->object).find(leftover.rule->property) : nullptr;
-  const uint64_t value = after != nullptr ? after->value : leftover.found.value;
-  const bool neutral = leftover.wanted == value;
-  return {.object = object_name(leftover.rule->object),
-          .property = leftover.found.name,
-          .found = leftover.found.text_of(leftover.found.value),
-          .wanted = leftover.wanted ? leftover.found.text_of(*leftover.wanted) : "?",
-          .now = leftover.found.text_of(value),
-          .outcome = neutral           ? AuditOutcome::Neutral
-                     : leftover.wanted ? AuditOutcome::ReadOnly
-                                       : AuditOutcome::Foreign,
-          .alters_pixels = leftover.rule->harm == Harm::Pixels,
-          .effect = leftover.rule->effect,
-          .remedy = leftover.rule->remedy};
 }
 
 ExactnessReport ExactnessAudit::report(const Pipe& pipe, const std::string& driver,
@@ -543,7 +516,7 @@ ExactnessReport ExactnessAudit::report(const Pipe& pipe, const std::string& driv
                                        const std::vector<AuditRow>& further) const {
   ExactnessReport report;
   for (const Item& item : items_) report.rows.push_back(row_of(item, now));
-  for (const Leftover& leftover : leftovers_) report.rows.push_back(row_of(leftover, now));
+  for (const Item& item : leftovers_) report.rows.push_back(row_of(item, now));
   report.rows.insert(report.rows.end(), further.begin(), further.end());
   for (const AuditRow& row : report.rows) evaluate_row(report, row);
   evaluate_driver(report, driver, pipe);

@@ -69,26 +69,20 @@ class ExactnessAudit {
     const ExactnessRule* rule = nullptr;
     Property found;
     uint32_t object = 0;
-    uint64_t wanted = 0;
+    std::optional<uint64_t> wanted;
+    bool settable = false;
     bool refused = false;
 
     /// Returns true if `value` limits the link to fewer bits than the frames have.
     [[nodiscard]] bool has_too_few_bits(uint64_t value) const {
-      return rule->neutral == Neutral::Depth && found.is_range() && value < wanted;
+      return settable && rule->neutral == Neutral::Depth && found.is_range() && value < *wanted;
     }
-  };
-  struct Leftover {  ///< a setting that cannot be written
-    const ExactnessRule* rule = nullptr;
-    Property found;
-    std::optional<uint64_t> wanted;
   };
 
   [[nodiscard]] AuditRow row_of(const Item& item, const std::optional<PipeTables>& now) const;
-  [[nodiscard]] AuditRow row_of(const Leftover& leftover,
-                                const std::optional<PipeTables>& now) const;
 
   std::vector<Item> items_;
-  std::vector<Leftover> leftovers_;
+  std::vector<Item> leftovers_;  ///< settings that cannot be written
 };
 
 }  // namespace lenticule::display
