@@ -14,16 +14,11 @@ from vm_test import Machine, Skip, require_program, vm_test
 
 TILE = (1024, 768)  # both outputs list this mode
 TWO = Machine(display="virtio-gpu", width=TILE[0], height=TILE[1], outputs=2)
-DEBUGFS = "/sys/kernel/debug/dri/0"
 
 
 def connect_tiles(vm):
     """Connects both outputs as the tiles of one panel, side by side."""
-    for column in range(2):
-        name = f"Virtual-{column + 1}"
-        edid = tiled_edid.tile_edid(2, 1, column, 0, *TILE)
-        vm.write_file(f"/sys/class/drm/card0-{name}/status", "on")
-        vm.write_file(f"{DEBUGFS}/{name}/edid_override", edid)
+    tiled_edid.set_edids(vm, [tiled_edid.tile_edid(2, 1, column, 0, *TILE) for column in range(2)])
 
 
 def half(whole, column):

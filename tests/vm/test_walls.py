@@ -5,6 +5,7 @@ import signal
 import subprocess
 
 import picture
+import tiled_edid
 from content import PIXEL_MM, RIG
 from playing import STATS, stats, wait_until, wait_until_shown
 from vm_test import Machine, require_program, vm_test
@@ -31,10 +32,7 @@ centre_mm = [90.0, 0.0, 0.0]
 
 def connect_both(vm):
     """Connects both outputs with EDIDs of their own; an earlier test may have left tiles there."""
-    for number in (1, 2):
-        name = f"Virtual-{number}"
-        vm.write_file(f"/sys/kernel/debug/dri/0/{name}/edid_override", "reset")
-        vm.write_file(f"/sys/class/drm/card0-{name}/status", "on")
+    tiled_edid.set_edids(vm, [])
 
 
 def make_wall(vm):

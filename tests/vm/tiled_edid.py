@@ -2,7 +2,7 @@
 """Makes the EDID of one tile of a panel with several connectors.
 
 A base block with one detailed timing, and a DisplayID 1.2 extension with a tiled display topology
-block, from which the kernel makes the connector's property TILE.
+block, from which the kernel makes the connector's property TILE. set_edids() gives EDIDs to a guest.
 """
 
 PRODUCT, TIMING_1, TILED_DISPLAY = 0x00, 0x03, 0x12
@@ -80,3 +80,22 @@ def tile_edid(columns, rows, column, row, width, height):
     section = with_checksum(bytes([0x12, len(blocks), STANDALONE, 0]) + blocks)
     extension = with_checksum((b"\x70" + section).ljust(127, b"\x00"))
     return base_block(width, height) + extension
+
+
+def set_edids(vm, edids):
+    """Makes the guest's virtio-gpu read these EDIDs, one per output; none restores QEMU's. Connects all
+    outputs."""
+    names = [f"Virtual-{number + 1}:edid/{number}.bin" for number in range(len(edids))]
+    vm.check(["mkdir", "-p", "/lib/firmware/edid"])
+    for number, edid in enumerate(edids):
+        vm.write_file(f"/lib/firmware/edid/{number}.bin", edid)
+    parameter = "/sys/module/drm/parameters/edid_firmware"
+    if vm.read_file(parameter).decode().strip() != ",".join(names):
+        vm.write_file(parameter, ",".join(names) + "\n")
+        # A newer kernel keeps the EDIDs that it read when the driver found the device.
+        driver = "/sys/bus/virtio/drivers/virtio_gpu"
+        vm.check(f"cd {driver} && device=$(echo virtio*) && echo $device > unbind && echo $device > bind")
+        vm.wait_for_path("/dev/dri/card0")
+        vm.wait_for_path("/dev/fb0")
+    for number in range(vm.machine.outputs):
+        vm.write_file(f"/sys/class/drm/card0-Virtual-{number + 1}/status", "on")
