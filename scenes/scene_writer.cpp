@@ -10,7 +10,9 @@
 #include <cstdint>
 #include <iterator>
 #include <numbers>
+#include <type_traits>
 #include <utility>
+#include <variant>
 
 namespace lenticule::scenes {
 namespace {
@@ -256,9 +258,54 @@ Out format_number(Out out, double number) {
   return fmt::format_to(out, "{:.9g}", number + 0.0);
 }
 
-template <class... Numbers>
-void append_numbers(std::string& text, Numbers... numbers) {
-  ((text += ' ', format_number(std::back_inserter(text), static_cast<double>(numbers))), ...);
+/// Passes the words and the numbers of an element's text to `take`, in their order.
+template <class Kind, class Take>
+void each_part(Kind& e, Take&& take) {
+  using Plain = std::remove_const_t<Kind>;
+  if constexpr (std::is_same_v<Plain, View>) {
+    take("v\nfrom", e.from, "\nat", e.at, "\nup", e.up, "\nangle", e.angle_degrees);
+    take("\nhither", e.hither, "\nresolution", e.resolution, e.resolution, "\n");
+  } else if constexpr (std::is_same_v<Plain, Background>) {
+    take("b", e.colour, "\n");
+  } else if constexpr (std::is_same_v<Plain, PointLight>) {
+    take("l", e.position);
+    if (!(e.colour == Vec3{1, 1, 1})) take(e.colour);
+    take("\n");
+  } else if constexpr (std::is_same_v<Plain, Fill>) {
+    take("f", e.colour, e.diffuse, e.specular, e.shine, e.transmittance, e.refraction_index, "\n");
+  } else if constexpr (std::is_same_v<Plain, Sphere>) {
+    take("s", e.centre, e.radius, "\n");
+  } else if constexpr (std::is_same_v<Plain, Cone>) {
+    take("c\n", e.base, e.base_radius, "\n", e.apex, e.apex_radius, "\n");
+  } else {
+    const bool smooth = !e.normals.empty();
+    const std::string head = fmt::format("{} {}\n", smooth ? "pp" : "p", e.corners.size());
+    take(head);
+    for (size_t i = 0; i < e.corners.size(); ++i) {
+      take(e.corners[i]);
+      if (smooth) take(e.normals[i]);
+      take("\n");
+    }
+  }
+}
+
+void append_part(std::string& text, std::string_view word) {
+  text += word;
+}
+void append_part(std::string& text, double number) {
+  format_number(std::back_inserter(text += ' '), number);
+}
+void append_part(std::string& text, const Vec3& v) {
+  for (const double number : {v.x, v.y, v.z}) append_part(text, number);
+}
+
+void round_part(std::string_view) {}
+void round_part(int) {}
+void round_part(double& number) {
+  number = as_read_from_nff(number);
+}
+void round_part(Vec3& v) {
+  for (double* const number : {&v.x, &v.y, &v.z}) round_part(*number);
 }
 
 }  // namespace
@@ -271,10 +318,6 @@ double as_read_from_nff(double number) {
   return read;
 }
 
-void NffWriter::vector(Vec3 v) {
-  append_numbers(text_, v.x, v.y, v.z);
-}
-
 void NffWriter::comment(std::string_view text) {
   while (!text.empty()) {
     const size_t end = std::min(text.find('\n'), text.size());
@@ -285,142 +328,36 @@ void NffWriter::comment(std::string_view text) {
   }
 }
 
-void NffWriter::add(const View& view) {
-  text_ += "v\nfrom";
-  vector(view.from);
-  text_ += "\nat";
-  vector(view.at);
-  text_ += "\nup";
-  vector(view.up);
-  text_ += "\nangle";
-  append_numbers(text_, view.angle_degrees);
-  text_ += "\nhither";
-  append_numbers(text_, view.hither);
-  text_ += "\nresolution";
-  append_numbers(text_, view.resolution, view.resolution);
-  text_ += '\n';
+void NffWriter::add(const Element& element) {
+  const auto append = [this](const auto&... parts) { (append_part(text_, parts), ...); };
+  std::visit([&](const auto& kind) { each_part(kind, append); }, element);
 }
-
-void NffWriter::add(const Background& background) {
-  text_ += 'b';
-  vector(background.colour);
-  text_ += '\n';
-}
-
-void NffWriter::add(const PointLight& light) {
-  text_ += 'l';
-  vector(light.position);
-  if (!(light.colour == Vec3{1, 1, 1})) vector(light.colour);
-  text_ += '\n';
-}
-
-void NffWriter::add(const Fill& fill) {
-  text_ += 'f';
-  vector(fill.colour);
-  append_numbers(text_, fill.diffuse, fill.specular, fill.shine, fill.transmittance,
-                 fill.refraction_index);
-  text_ += '\n';
-}
-
-void NffWriter::add(const Sphere& sphere) {
-  text_ += 's';
-  vector(sphere.centre);
-  append_numbers(text_, sphere.radius);
-  text_ += '\n';
-}
-
-void NffWriter::add(const Cone& cone) {
-  text_ += "c\n";
-  vector(cone.base);
-  append_numbers(text_, cone.base_radius);
-  text_ += '\n';
-  vector(cone.apex);
-  append_numbers(text_, cone.apex_radius);
-  text_ += '\n';
-}
-
-void NffWriter::add(const Polygon& polygon) {
-  const bool smooth = !polygon.normals.empty();
-  text_ += fmt::format("{} {}\n", smooth ? "pp" : "p", polygon.corners.size());
-  for (size_t i = 0; i < polygon.corners.size(); ++i) {
-    vector(polygon.corners[i]);
-    if (smooth) vector(polygon.normals[i]);
-    text_ += '\n';
-  }
-}
-
-namespace {
-
-double rounded(double number) {
-  return as_read_from_nff(number);
-}
-Vec3 rounded(Vec3 v) {
-  return {rounded(v.x), rounded(v.y), rounded(v.z)};
-}
-
-}  // namespace
 
 std::string nff_text(const SceneParts& parts) {
   NffWriter out;
-  for (const Element& element : parts.elements)
-    std::visit([&](const auto& kind) { out.add(kind); }, element);
+  for (const Element& element : parts.elements) out.add(element);
   for (const std::string& comment : parts.comments) out.comment(comment);
   return out.take();
 }
 
-void SceneWriter::view(const View& view) {
-  parts_.elements.emplace_back(View{.from = rounded(view.from),
-                                    .at = rounded(view.at),
-                                    .up = rounded(view.up),
-                                    .angle_degrees = rounded(view.angle_degrees),
-                                    .hither = rounded(view.hither),
-                                    .resolution = view.resolution});
-}
-
-void SceneWriter::background(Vec3 colour) {
-  parts_.elements.emplace_back(Background{rounded(colour)});
-}
-
-void SceneWriter::light(Vec3 position, Vec3 colour) {
-  parts_.elements.emplace_back(PointLight{rounded(position), rounded(colour)});
-  ++parts_.counts.lights;
-}
-
-void SceneWriter::fill(const Fill& fill) {
-  parts_.elements.emplace_back(Fill{.colour = rounded(fill.colour),
-                                    .diffuse = rounded(fill.diffuse),
-                                    .specular = rounded(fill.specular),
-                                    .shine = rounded(fill.shine),
-                                    .transmittance = rounded(fill.transmittance),
-                                    .refraction_index = rounded(fill.refraction_index)});
-}
-
-void SceneWriter::sphere(Vec3 centre, double radius) {
-  parts_.elements.emplace_back(Sphere{rounded(centre), rounded(radius)});
-  ++parts_.counts.spheres;
-}
-
-void SceneWriter::cone(Vec3 base, double base_radius, Vec3 apex, double apex_radius) {
-  parts_.elements.emplace_back(
-      Cone{rounded(base), rounded(base_radius), rounded(apex), rounded(apex_radius)});
-  ++parts_.counts.cones;
-}
-
-void SceneWriter::polygon(std::span<const Vec3> corners) {
-  Polygon polygon;
-  for (const Vec3 corner : corners) polygon.corners.push_back(rounded(corner));
-  parts_.elements.emplace_back(std::move(polygon));
-  ++parts_.counts.polygons;
+void SceneWriter::add(Element element) {
+  const auto round = [](auto&... parts) { (round_part(parts), ...); };
+  std::visit([&](auto& kind) { each_part(kind, round); }, element);
+  SceneCounts& counts = parts_.counts;
+  counts.polygons += std::holds_alternative<Polygon>(element) ? 1 : 0;
+  counts.spheres += std::holds_alternative<Sphere>(element) ? 1 : 0;
+  counts.cones += std::holds_alternative<Cone>(element) ? 1 : 0;
+  counts.lights += std::holds_alternative<PointLight>(element) ? 1 : 0;
+  parts_.elements.push_back(std::move(element));
 }
 
 void SceneWriter::patch(std::span<const SurfacePoint> corners) {
   Polygon polygon;
   for (const SurfacePoint& corner : corners) {
-    polygon.corners.push_back(rounded(corner.position));
-    polygon.normals.push_back(rounded(corner.normal));
+    polygon.corners.push_back(corner.position);
+    polygon.normals.push_back(corner.normal);
   }
-  parts_.elements.emplace_back(std::move(polygon));
-  ++parts_.counts.polygons;
+  add(std::move(polygon));
 }
 
 void SceneWriter::pictured(PicturedMesh mesh) {

@@ -108,15 +108,17 @@ class SceneWriter {
  public:
   explicit SceneWriter(Pictures pictures) : pictures_(pictures) {}
 
-  void view(const View& view);
-  void background(Vec3 colour);
-  void light(Vec3 position, Vec3 colour = {1, 1, 1});
-  void fill(const Fill& fill);
-  void sphere(Vec3 centre, double radius);
+  void view(const View& view) { add(view); }
+  void background(Vec3 colour) { add(Background{colour}); }
+  void light(Vec3 position, Vec3 colour = {1, 1, 1}) { add(PointLight{position, colour}); }
+  void fill(const Fill& fill) { add(fill); }
+  void sphere(Vec3 centre, double radius) { add(Sphere{centre, radius}); }
   /// Adds an open cone; a cylinder if both radii are equal.
-  void cone(Vec3 base, double base_radius, Vec3 apex, double apex_radius);
+  void cone(Vec3 base, double base_radius, Vec3 apex, double apex_radius) {
+    add(Cone{base, base_radius, apex, apex_radius});
+  }
   /// Adds a flat, convex polygon; some readers of NFF do not triangulate concave ones.
-  void polygon(std::span<const Vec3> corners);
+  void polygon(std::span<const Vec3> corners) { add(Polygon{{corners.begin(), corners.end()}}); }
   void patch(std::span<const SurfacePoint> corners);
   /// Adds a textured mesh. Changes the fill of the following primitives.
   void pictured(PicturedMesh mesh);
@@ -125,6 +127,7 @@ class SceneWriter {
   [[nodiscard]] SceneParts take() { return std::move(parts_); }
 
  private:
+  void add(Element element);
   void write_plain(const PicturedMesh& mesh);
 
   Pictures pictures_;
@@ -148,19 +151,11 @@ class NffWriter {
  public:
   /// Writes each line of `text` as a comment line.
   void comment(std::string_view text);
-  void add(const View& view);
-  void add(const Background& background);
-  void add(const PointLight& light);
-  void add(const Fill& fill);
-  void add(const Sphere& sphere);
-  void add(const Cone& cone);
-  void add(const Polygon& polygon);
+  void add(const Element& element);
 
   [[nodiscard]] std::string take() { return std::move(text_); }
 
  private:
-  void vector(Vec3 v);
-
   std::string text_;
 };
 
