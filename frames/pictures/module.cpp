@@ -321,23 +321,25 @@ class PictureReader {
 
   /// Decodes rows of the display window; what the file does not store of it is black.
   void decode(int y, int rows, uint8_t* out) {
-    if (!is_padded()) return decode_stored(y, rows, out);
     const OIIO::ImageSpec& s = spec();
-    const size_t pixel = pixel_bytes(), row_bytes = static_cast<size_t>(s.full_width) * pixel;
+    // A compressed plane can only be decoded from its beginning.
+    const bool is_planar = s.get_string_attribute("planarconfig") == "separate";
+    if (!is_padded() && !is_planar) return decode_stored(y, rows, out);
+    const int x0 = is_padded() ? s.full_x : s.x, y0 = is_padded() ? s.full_y : s.y;
+    const size_t pixel = pixel_bytes(), row_bytes = static_cast<size_t>(width()) * pixel;
     if (stored_.empty()) {
       stored_.resize(static_cast<size_t>(s.width) * static_cast<size_t>(s.height) * pixel);
       decode_stored(0, s.height, stored_.data());
     }
     std::fill_n(out, static_cast<size_t>(rows) * row_bytes, uint8_t{0});
-    const int left = std::max(s.x, s.full_x);
-    const int right = std::min(s.x + s.width, s.full_x + s.full_width);
+    const int left = std::max(s.x, x0), right = std::min(s.x + s.width, x0 + width());
     for (int row = 0; row < rows && left < right; ++row, out += row_bytes) {
-      const int stored = y + row + s.full_y - s.y;
+      const int stored = y + row + y0 - s.y;
       if (stored < 0 || stored >= s.height) continue;
       const size_t from = static_cast<size_t>(stored) * static_cast<size_t>(s.width) +
                           static_cast<size_t>(left - s.x);
       std::copy_n(stored_.data() + from * pixel, static_cast<size_t>(right - left) * pixel,
-                  out + static_cast<size_t>(left - s.full_x) * pixel);
+                  out + static_cast<size_t>(left - x0) * pixel);
     }
   }
 
