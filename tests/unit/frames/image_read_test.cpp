@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <span>
 #include <string_view>
 
 #include "frames/image_io.h"
@@ -331,6 +332,50 @@ TEST_F(ImageRead, TheDisplayWindowOfAnExrIsRead) {
         ASSERT_EQ(shown.row(y)[3 * x + c], stored ? inside.row(y - 2)[3 * (x - 1) + c] : 0)
             << x << ' ' << y;
       }
+}
+
+TEST_F(ImageRead, PlanarTiffIsRead) {
+  // One strip for each colour, in PackBits: before each row of two bytes, the length less one.
+  constexpr uint8_t kRows = 130;
+  std::vector<uint8_t> file = {'I', 'I', '*', 0, 0, 0, 0, 0};
+  const auto add = [&](uint32_t value, int bytes) {
+    for (int i = 0; i < bytes; ++i) file.push_back(static_cast<uint8_t>(value >> 8 * i));
+  };
+  constexpr uint32_t kStripBytes = 3 * kRows;
+  for (uint8_t colour = 0; colour < 3; ++colour)
+    for (uint8_t row = 0; row < kRows; ++row)
+      file.insert(file.end(), {1, row, static_cast<uint8_t>(100 + colour)});
+  const auto bits = static_cast<uint32_t>(file.size());
+  for (int colour = 0; colour < 3; ++colour) add(8, 2);
+  const auto offsets = static_cast<uint32_t>(file.size());
+  for (const uint32_t colour : {0U, 1U, 2U}) add(8 + colour * kStripBytes, 4);
+  const auto counts = static_cast<uint32_t>(file.size());
+  for (int colour = 0; colour < 3; ++colour) add(kStripBytes, 4);
+  file[4] = static_cast<uint8_t>(file.size() & 0xFF);
+  file[5] = static_cast<uint8_t>(file.size() >> 8);
+  constexpr uint32_t kShort = 3, kLong = 4;
+  const std::array<std::array<uint32_t, 4>, 10> fields = {{{256, kShort, 1, 2},
+                                                           {257, kShort, 1, kRows},
+                                                           {258, kShort, 3, bits},
+                                                           {259, kShort, 1, 32773},
+                                                           {262, kShort, 1, 2},
+                                                           {273, kLong, 3, offsets},
+                                                           {277, kShort, 1, 3},
+                                                           {278, kShort, 1, kRows},
+                                                           {279, kLong, 3, counts},
+                                                           {284, kShort, 1, 2}}};
+  add(fields.size(), 2);
+  for (const auto& [tag, type, count, value] : fields) {
+    add(tag, 2);
+    add(type, 2);
+    add(count, 4);
+    add(value, 4);
+  }
+  add(0, 4);
+  const WovenFrame frame = read(file, "planar.tif");
+  ASSERT_EQ(frame.geometry(), (FrameGeometry{.width = 2, .height = kRows}));
+  for (uint8_t row = 0; row < kRows; ++row)
+    EXPECT_THAT(std::span(frame.row(row), 6), ElementsAre(row, row, row, 100, 101, 102));
 }
 
 TEST_F(ImageRead, JpegWithoutItsEndIsAnError) {
