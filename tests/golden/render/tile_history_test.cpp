@@ -8,7 +8,6 @@
 #include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "optics/rig_file.h"
 #include "render/methods/method.h"
-#include "render/methods/reuse/method_reuse.h"
 #include "render/scene/scene.h"
 
 namespace lenticule::test {

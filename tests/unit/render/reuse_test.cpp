@@ -10,7 +10,7 @@
 #include "optics/eye_simulator.h"
 #include "render/accel/denormals.h"
 #include "render/methods/method.h"
-#include "render/methods/reuse/method_reuse.h"
+#include "render/methods/reuse/micro_image_sweep.h"
 #include "tests/support/oracles/reprojection_oracle.h"
 #include "tests/support/tiny_scenes.h"
 
