@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/misnamed_file.h"
 #include "frames/image_format.h"
 #include "frames/picture_codec.h"
 #include "frames/srgb.h"
@@ -233,11 +234,19 @@ class PictureReader {
     set_up_oiio();
     const std::span<const uint8_t> bytes = part.bytes;
     format_ = detect_format(bytes, name_);
-    if (format_ == ImageFormat::Unknown) fail(unknown_kind(bytes));
+    if (format_ == ImageFormat::Unknown) refuse_unknown(bytes);
     if (!reaches_end_mark(format_, bytes)) fail("truncated");
     if (!header_fits(format_, bytes)) fail("its header states more bytes than the file has");
     open();
     check_header(max_pixels);
+  }
+
+  [[noreturn]] void refuse_unknown(std::span<const uint8_t> bytes) const {
+    const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    if (const auto is = recognise_misnamed(text, {}))
+      throw Error(ErrorKind::Input, fmt::format("{}: {}", name_, is->what),
+                  std::string(is->remedy));
+    fail(unknown_kind(bytes));
   }
 
   [[nodiscard]] const OIIO::ImageSpec& spec() const { return input_->spec(); }

@@ -5,9 +5,11 @@
 
 #include <algorithm>
 #include <array>
+#include <fstream>
 #include <string_view>
 
 #include "base/error.h"
+#include "base/misnamed_file.h"
 #include "base/text.h"
 #include "render/loaders/animation.h"
 #include "render/loaders/assimp_loader.h"
@@ -86,6 +88,11 @@ SceneDescription load(const std::filesystem::path& file, const std::string& exte
                 "correct the name; built-in scenes are named builtin:demo");
   if (!std::filesystem::is_regular_file(status))
     throw Error(ErrorKind::Input, fmt::format("{}: not a regular file", file.string()));
+  std::array<char, 64> head{};
+  std::ifstream(file, std::ios::binary).read(head.data(), head.size());
+  if (const auto is = recognise_misnamed({head.data(), head.size()}, extension))
+    throw Error(ErrorKind::Input, fmt::format("{}: {}", file.string(), is->what),
+                std::string(is->remedy));
   if (extension == ".nff") return load_nff(file);
   if (extension == ".gltf" || extension == ".glb") return load_gltf(file);
   if (extension == ".ply") return load_ply(file);

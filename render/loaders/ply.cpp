@@ -164,6 +164,7 @@ class HeaderReader {
     if (words.size() == 5 && words[1] == "list")
       return {std::string(words[4]), type_named(words[3]), true, type_named(words[2])};
     if (words.size() != 3) fail("expected 'property TYPE NAME' or 'property list TYPE TYPE NAME'");
+    if (words[2] == "f_dc_0") fail("Gaussian splats, which have no surfaces: convert it to a mesh");
     return {std::string(words[2]), type_named(words[1])};
   }
 

@@ -999,7 +999,10 @@ constexpr std::array<std::string_view, 2> kWithoutEffect{"KHR_xmp_json_ld", "KHR
 void check_version(const JsonAt& root) {
   const JsonAt version = root.at("asset").at("version");
   const std::string text = version.text();
-  if (!text.starts_with("2.")) version.fail(fmt::format("glTF {}, expected 2", text.substr(0, 16)));
+  if (!text.starts_with("2."))
+    version.fail(
+        fmt::format("glTF {}, expected 2: 'gltf-pipeline -i OLD.gltf -o NEW.glb' converts it",
+                    text.substr(0, 16)));
 }
 
 void check_extensions(const JsonAt& root, SceneDescription& scene) {

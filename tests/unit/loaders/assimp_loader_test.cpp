@@ -7,6 +7,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <tuple>
 
 #include "render/loaders/load_scene.h"
 #include "render/scene/stage.h"
@@ -204,6 +205,26 @@ TEST(BrokenScenes, MissingUnknownAndSpecialFilesAreRefused) {
   EXPECT_THAT(refused(text.path()).what(), HasSubstr(".unheard-of"));
   EXPECT_THAT(refused(::testing::TempDir()).what(), HasSubstr("not a regular file"));
   EXPECT_THAT(refused("/dev/null").what(), HasSubstr("not a regular file"));
+}
+
+TEST(BrokenScenes, OtherThingsThanModelsAreNamed) {
+  const std::tuple<const char*, const char*, const char*> files[] = {
+      {"a.glb", "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n", "Git LFS"},
+      {"a.obj", "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n", "Git LFS"},
+      {"a.stl", "<!DOCTYPE html>\n<html><body>404</body></html>\n", "page of the web"},
+      {"a.usda", "#usda 1.0\n", "USD"},
+      {"a.usdz", "PK\3\4", "USD"},
+      {"a.blend", "BLENDER-v300", "Blender"},
+      {"a.splat", "....", "Gaussian splats"},
+      {"a.gltf", R"({"asset":{"version":"1.0"}})", "gltf-pipeline"},
+      {"a.ply", "ply\nformat ascii 1.0\nelement vertex 1\nproperty float f_dc_0\nend_header\n0\n",
+       "Gaussian splats"}};
+  for (const auto& [name, bytes, word] : files) {
+    const TemporaryFile file(name, bytes);
+    const Error error = refused(file.path());
+    EXPECT_THAT(error.what(), HasSubstr(word)) << name;
+    EXPECT_THAT(error.what(), HasSubstr(name));
+  }
 }
 
 TEST(BrokenScenes, APipeIsRefusedWithoutWaiting) {

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "base/misnamed_file.h"
+
+#include <algorithm>
+#include <array>
+
+namespace lenticule {
+namespace {
+
+constexpr MisnamedFile kUsd{"a scene in USD", "convert it to glTF, for example in Blender"};
+constexpr MisnamedFile kBlender{"a scene of Blender", "export it from Blender as glTF"};
+constexpr MisnamedFile kSplats{"Gaussian splats, which have no surfaces",
+                               "convert it to a mesh, or render it to a quilt elsewhere"};
+constexpr MisnamedFile kPage{"a page of the web, not the file",
+                             "download the file itself, for example by its button 'raw'"};
+
+struct Sign {
+  std::string_view text;  ///< the first bytes, or an extension
+  MisnamedFile is;
+};
+constexpr std::array<Sign, 14> kSigns{{
+    {"version https://git-lfs", {"a pointer of Git LFS, not the file", "run: git lfs pull"}},
+    {"<!DOCTYPE html", kPage},
+    {"<!doctype html", kPage},
+    {"<html", kPage},
+    {"BLENDER", kBlender},
+    {"#usda", kUsd},
+    {"PXR-USDC", kUsd},
+    {".usd", kUsd},
+    {".usdz", kUsd},
+    {".splat", kSplats},
+    {".ksplat", kSplats},
+    {".spz", kSplats},
+    {".max", {"a scene of 3ds Max", "export it as glTF"}},
+    {".ma", {"a scene of Maya", "export it as glTF"}},
+}};
+
+}  // namespace
+
+std::optional<MisnamedFile> recognise_misnamed(std::string_view head, std::string_view extension) {
+  const auto* const found = std::ranges::find_if(kSigns, [&](const Sign& sign) {
+    return head.starts_with(sign.text) || extension == sign.text;
+  });
+  return found == kSigns.end() ? std::nullopt : std::optional(found->is);
+}
+
+}  // namespace lenticule

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+// Recognises, by its first bytes or its name, what people take for a picture or a model by mistake.
+#pragma once
+
+#include <optional>
+#include <string_view>
+
+namespace lenticule {
+
+struct MisnamedFile {
+  std::string_view what;    ///< "a page of the web"
+  std::string_view remedy;  ///< "download the file itself"
+};
+
+/// Returns what a file is whose first bytes are `head`, or whose name ends in `extension` (in lower
+/// case, with its dot); nothing for what it does not know. 64 bytes are enough.
+///
+/// Thread safety: any thread.
+[[nodiscard]] std::optional<MisnamedFile> recognise_misnamed(std::string_view head,
+                                                             std::string_view extension);
+
+}  // namespace lenticule
