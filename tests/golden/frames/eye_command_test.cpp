@@ -53,8 +53,12 @@ TEST_F(EyeCommand, RefusesInvalidPlacesAndSizes) {
 }
 
 TEST_F(EyeCommand, LeavesNoFileOnAFullDisk) {
-  const std::string woven = picture("woven.png", kWidth, kHeight, 90);
+  // A container needs no decoder, whose memory would be limited, too.
+  const std::string picture_file = picture("woven.png", kWidth, kHeight, 90);
+  const std::string woven = path("woven.lts");
+  ASSERT_EQ(run({"convert", picture_file, "--rig", path("rig.toml"), "-o", woven}).exit_code, 0);
   expect_failure(eye(woven, "0,0,600", {}, {.largest_file_bytes = 20}), 1, "seen.png");
+  before_.emplace_back("woven.lts");
   before_.emplace_back("woven.png");
   EXPECT_EQ(listing(), before_);
 }
