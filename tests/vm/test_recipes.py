@@ -43,6 +43,8 @@ class Line:
         device = vm.check(f"{read}/dev_name").stdout.strip()
         self._pull = f"/sys/devices/platform/{device}/{self.chip}/sim_gpio3/pull"
         self.number = "3"
+        if vm.run(["gpioinfo", self.chip]).code != 0:
+            raise Skip("this gpiomon needs an interface that the kernel lacks (libgpiod before 2)")
         self.release()
 
     def press(self):
@@ -70,7 +72,7 @@ def a_button_that_bounces_shows_the_cued_film_once(vm):
     player = play(vm, content, "--frames", "0:1", *PLAYER)
     wait_until_shown(vm, player)
     recipe = start_recipe(vm, "lenticule-button", line.chip, line.number)
-    wait_until(lambda: "|gpiomon" in vm.run("cat /sys/kernel/debug/gpio").stdout, recipe)
+    wait_until(lambda: "gpiomon" in vm.run("cat /sys/kernel/debug/gpio").stdout, recipe)
     ctl(vm, "cue", f"{content.guest}/00001.png")
     assert ctl(vm, "status")["displayed"]["source"].endswith("%05d.png")
     line.bounce(5)

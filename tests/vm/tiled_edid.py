@@ -96,6 +96,5 @@ def set_edids(vm, edids):
         driver = "/sys/bus/virtio/drivers/virtio_gpu"
         vm.check(f"cd {driver} && device=$(echo virtio*) && echo $device > unbind && echo $device > bind")
         vm.wait_for_path("/dev/dri/card0")
-        vm.wait_for_path("/dev/fb0")
     for number in range(vm.machine.outputs):
         vm.write_file(f"/sys/class/drm/card0-Virtual-{number + 1}/status", "on")
