@@ -4,6 +4,7 @@
 #include <array>
 #include <vector>
 
+#include "apps/lenticule-tools/offline/confined_scenes.h"
 #include "apps/lenticule/cli/program.h"
 
 namespace lenticule::tools {
@@ -42,6 +43,11 @@ int main(int argc, char** argv) {
       {"completion", declare_completion},
       {"man", declare_man},
   });
+#ifdef LENTICULE_VIDEO
+  // This process has the rights of its user, so a process without rights reads models.
+  const ConfinedScenes models;
+  lenticule::render::use_scene_reader(&models);
+#endif
   std::vector<lenticule::cli::Declaration> declared(kTools.begin(), kTools.end());
   declared.insert(declared.end(), lenticule::cli::player_commands().begin(),
                   lenticule::cli::player_commands().end());

@@ -196,7 +196,7 @@ void allow_video_devices(Rules& rules) {
 
 }  // namespace
 
-std::vector<sock_filter> decoder_filter(Devices devices) {
+std::vector<sock_filter> decoder_filter(Devices devices, bool makes_files) {
   Rules rules;
   for (const int call : kAllowed) rules.add(call, SCMP_ACT_ALLOW);
   // Code injection needs executable memory.
@@ -208,6 +208,10 @@ std::vector<sock_filter> decoder_filter(Devices devices) {
   rules.add(SCMP_SYS(clone3), SCMP_ACT_ERRNO(ENOSYS));
   rules.allow_if(SCMP_SYS(prctl), 0, UINT32_MAX, PR_SET_NAME);
   if (devices == Devices::Video) allow_video_devices(rules);
+  if (makes_files) {
+    rules.add(SCMP_SYS(memfd_create), SCMP_ACT_ALLOW);
+    rules.add(SCMP_SYS(socketpair), SCMP_ACT_ALLOW);
+  }
   return rules.program();
 }
 
@@ -262,11 +266,11 @@ uint64_t largest_file() {
   return most;
 }
 
-void set_limits(uint64_t extra_bytes, unsigned descriptors) {
+void set_limits(uint64_t extra_bytes, unsigned descriptors, uint64_t made_file_bytes) {
   limit(RLIMIT_AS, address_space_bytes() + extra_bytes);
   // Not 0, because poll() accepts no more entries than this limit.
   limit(RLIMIT_NOFILE, descriptors);
-  limit(RLIMIT_FSIZE, largest_file());
+  limit(RLIMIT_FSIZE, std::max(largest_file(), made_file_bytes));
   limit(RLIMIT_CORE, 0);
 }
 
@@ -289,11 +293,12 @@ void ignore_signals() {
 }
 
 /// Gives up everything that does not need the filter.
-void give_up_rights(uint64_t extra_bytes, pid_t parent, unsigned descriptors) {
+void give_up_rights(uint64_t extra_bytes, pid_t parent, unsigned descriptors,
+                    uint64_t made_file_bytes = 0) {
   leave_namespaces();
   if (parent > 0 && !die_with(parent))
     throw Error(ErrorKind::Failed, "decoder: the player has ended");
-  set_limits(extra_bytes, descriptors);
+  set_limits(extra_bytes, descriptors, made_file_bytes);
   if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) cannot("no_new_privs");
 }
 
@@ -341,11 +346,14 @@ void volunteer_for_oom() noexcept {
   (void)!write(score.get(), kScore.data(), kScore.size());
 }
 
-void confine(uint64_t extra_bytes, pid_t parent, unsigned descriptors) {
+void confine(uint64_t extra_bytes, pid_t parent, unsigned descriptors, uint64_t made_file_bytes) {
   ignore_signals();
   if (kSanitized) return;
-  std::vector<sock_filter> filter = decoder_filter();  // while it may still open a descriptor
-  give_up_rights(extra_bytes, parent, descriptors);
+  // While the process may still open a descriptor.
+  std::vector<sock_filter> filter = decoder_filter(Devices::None, made_file_bytes > 0);
+  const auto no_files = LandlockRules::create();
+  give_up_rights(extra_bytes, parent, descriptors, made_file_bytes);
+  if (no_files) (void)no_files->enforce();  // the filter is sufficient without it
   install(std::move(filter));
 }
 

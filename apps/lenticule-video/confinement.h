@@ -56,7 +56,10 @@ enum class Devices {
 /// architecture kill the process. Signals to other processes, connecting, executing, changing
 /// identity or scheduling, and executable memory are not allowed; neither is opening without
 /// devices. Uses one descriptor while it runs. Throws Error(Failed).
-[[nodiscard]] std::vector<sock_filter> decoder_filter(Devices devices = Devices::None);
+///
+/// With `makes_files`, files in memory and pairs of sockets can be made, to pass them on.
+[[nodiscard]] std::vector<sock_filter> decoder_filter(Devices devices = Devices::None,
+                                                      bool makes_files = false);
 
 /// Makes the kernel kill this process when the parent's thread that started it ends. Returns false
 /// if the parent is gone already.
@@ -75,7 +78,10 @@ void volunteer_for_oom() noexcept;
 /// Error(Failed) if the parent is gone or the filter cannot be installed, because untrusted data
 /// must not be parsed without it. Builds with a sanitizer, which needs further system calls, are
 /// not restricted.
-void confine(uint64_t extra_bytes, pid_t parent = 0, unsigned descriptors = 1);
+/// Where the kernel has Landlock, it refuses all files, too. With `made_file_bytes` the process may
+/// make files in memory of this size.
+void confine(uint64_t extra_bytes, pid_t parent = 0, unsigned descriptors = 1,
+             uint64_t made_file_bytes = 0);
 
 /// Confines the process, but lets it open these video devices and list /dev, and nothing else, as
 /// the kernel's Landlock ensures. Returns an empty text. Without Landlock the process is confined

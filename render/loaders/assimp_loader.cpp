@@ -25,10 +25,10 @@
 #include <string>
 #include <string_view>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "base/error.h"
-#include "base/file.h"
 #include "base/text.h"
 #include "frames/image_io.h"
 #include "frames/srgb.h"
@@ -421,7 +421,7 @@ class MaterialTextures {
                             .wrap_u = wrap_of(AI_MATKEY_MAPPINGMODE_U(type, 0)),
                             .wrap_v = wrap_of(AI_MATKEY_MAPPINGMODE_V(type, 0)),
                             .content = content},
-                           [&] { return read(name, content); });
+                           [&] { return read(name, content, frames::TexelPlace::Anywhere); });
     }
     return -1;
   }
@@ -439,7 +439,8 @@ class MaterialTextures {
                           .wrap_v = wrap_of(AI_MATKEY_MAPPINGMODE_V(wrapped, 0)),
                           .content = kData},
                          [&] {
-                           if (rough == metal) return read(rough, kData);
+                           if (rough == metal)
+                             return read(rough, kData, frames::TexelPlace::Anywhere);
                            return combined(rough, metal);
                          });
   }
@@ -461,20 +462,21 @@ class MaterialTextures {
                                               : TextureWrap::Clamp;
   }
 
-  frames::TextureImage read(const std::string& name, frames::TextureContent content) {
+  frames::TextureImage read(const std::string& name, frames::TextureContent content,
+                            frames::TexelPlace place = frames::TexelPlace::Here) {
     if (const aiTexture* embedded = from_.GetEmbeddedTexture(name.c_str()))
-      return read_embedded(*embedded, name, content);
-    return frames::read_texture(named_file(folder_, name), content);
+      return read_embedded(*embedded, name, content, place);
+    return frames::read_texture(named_file(folder_, name), content, place);
   }
 
   frames::TextureImage read_embedded(const aiTexture& embedded, const std::string& name,
-                                     frames::TextureContent content) {
+                                     frames::TextureContent content, frames::TexelPlace place) {
     const std::string label = fmt::format("{}: embedded texture {}", source_, name);
     if (embedded.pcData == nullptr) throw Error(ErrorKind::Input, label + ": empty");
     if (embedded.mHeight == 0)
       return frames::read_texture(
           std::span(reinterpret_cast<const uint8_t*>(embedded.pcData), embedded.mWidth), label,
-          content);
+          content, place);
     const size_t texels = static_cast<size_t>(embedded.mWidth) * embedded.mHeight;
     if (texels > kMaxTextureBytes / 4) throw Error(ErrorKind::Input, label + ": too large");
     frames::TextureImage image{
@@ -817,8 +819,6 @@ class BytesStream : public Assimp::IOStream {
 };
 
 std::filesystem::path found(const std::filesystem::path& file) {
-  std::error_code error;
-  if (std::filesystem::exists(file, error)) return file;
   return named_file(file.parent_path(), file.filename().string());
 }
 
@@ -834,22 +834,20 @@ class GuardedFiles : public Assimp::IOSystem {
       : replaced_(std::move(replaced)), bytes_(std::move(bytes)) {}
 
   bool Exists(const char* file) const override {
-    std::error_code error;
-    return std::filesystem::is_regular_file(found(file), error);
+    kept_ = contents(file);
+    kept_name_ = file;
+    return kept_.has_value();
   }
 
   char getOsSeparator() const override { return '/'; }
 
   Assimp::IOStream* Open(const char* file, const char* mode) override {
     if (std::string_view(mode).find_first_of("wa+") != std::string_view::npos) return nullptr;
-    try {
-      if (!replaced_.empty() && replaced_ == file)
-        return std::make_unique<BytesStream>(bytes_).release();
-      return std::make_unique<BytesStream>(read_whole_file(found(file), kMaxSceneFileBytes))
-          .release();
-    } catch (const Error&) {
-      return nullptr;  // tells assimp that the file cannot be read
-    }
+    // Assimp opens what it found.
+    auto bytes = kept_name_ == file ? std::exchange(kept_, std::nullopt) : contents(file);
+    kept_name_.clear();
+    if (!bytes) return nullptr;
+    return std::make_unique<BytesStream>(*std::move(bytes)).release();
   }
 
   void Close(Assimp::IOStream* stream) override {
@@ -857,8 +855,19 @@ class GuardedFiles : public Assimp::IOSystem {
   }
 
  private:
+  /// Returns none for a file that cannot be read.
+  [[nodiscard]] std::optional<std::vector<uint8_t>> contents(const char* file) const {
+    try {
+      return !replaced_.empty() && replaced_ == file ? bytes_ : read_scene_file(found(file));
+    } catch (const Error&) {
+      return std::nullopt;
+    }
+  }
+
   std::string replaced_;
   std::vector<uint8_t> bytes_;
+  mutable std::string kept_name_;  ///< file whose bytes are in kept_
+  mutable std::optional<std::vector<uint8_t>> kept_;
 };
 
 // ---- OBJ files far from the origin, which are centred: assimp reads in single precision
@@ -966,6 +975,8 @@ std::optional<CentredObj> centre_obj(std::span<const uint8_t> file) {
 /// length.
 std::string tidy(const std::string& message) {
   constexpr size_t kLongest = 160;
+  if (message.find("bad_alloc") != std::string::npos)
+    return "needs more memory than a model of its size may take";
   if (message.starts_with("No suitable reader"))
     return "not in the format of its extension, or damaged or truncated";
   std::string out;
@@ -1009,7 +1020,7 @@ SceneDescription load_with_assimp(const std::filesystem::path& file) {
     Assimp::Importer importer;
     std::optional<CentredObj> centred;
     if (lower_case(file.extension().string()) == ".obj")
-      centred = centre_obj(read_whole_file(file, kMaxSceneFileBytes));
+      centred = centre_obj(read_scene_file(file));
     if (!centred)
       return import_scene(read(importer, file, std::make_unique<GuardedFiles>()), file, {});
     auto files = std::make_unique<GuardedFiles>(file.string(), std::move(centred->text));
@@ -1017,7 +1028,7 @@ SceneDescription load_with_assimp(const std::filesystem::path& file) {
   } catch (const Error&) {
     throw;
   } catch (const std::bad_alloc&) {
-    refuse(file, "needs more memory than is available");
+    refuse(file, tidy("bad_alloc"));
   } catch (const std::exception& failure) {
     refuse(file, tidy(failure.what()));
   }

@@ -22,6 +22,8 @@ inline constexpr size_t kMaxMaterials = size_t{1} << 16;
 inline constexpr size_t kMaxKeys = size_t{1} << 24;
 /// Total of all textures, at 4 bytes per texel of 8-bit pictures and 16 of others.
 inline constexpr size_t kMaxTextureBytes = size_t{1} << 31;
+/// A scene that another process read.
+inline constexpr uint64_t kMaxArchiveBytes = uint64_t{1} << 35;
 /// Ear clipping takes time quadratic in the number of concave corners in the worst case.
 inline constexpr int kMaxPolygonVertices = 10000;
 

@@ -2,9 +2,11 @@
 #include "render/loaders/load_scene.h"
 
 #include <fmt/format.h>
+#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <fstream>
 #include <string_view>
 
@@ -80,7 +82,7 @@ void set_up_axis(SceneDescription& scene, const std::string& extension,
   turn_upright(scene, *wanted);
 }
 
-SceneDescription load(const std::filesystem::path& file, const std::string& extension) {
+void require_file(const std::filesystem::path& file) {
   std::error_code error;
   const auto status = std::filesystem::status(file, error);
   if (!std::filesystem::exists(status))
@@ -90,9 +92,13 @@ SceneDescription load(const std::filesystem::path& file, const std::string& exte
     throw Error(ErrorKind::Input, fmt::format("{}: not a regular file", file.string()));
   std::array<char, 64> head{};
   std::ifstream(file, std::ios::binary).read(head.data(), head.size());
-  if (const auto is = recognise_misnamed({head.data(), head.size()}, extension))
+  if (const auto is =
+          recognise_misnamed({head.data(), head.size()}, lower_case(file.extension().string())))
     throw Error(ErrorKind::Input, fmt::format("{}: {}", file.string(), is->what),
                 std::string(is->remedy));
+}
+
+SceneDescription load(const std::filesystem::path& file, const std::string& extension) {
   if (extension == ".nff") return load_nff(file);
   if (extension == ".gltf" || extension == ".glb") return load_gltf(file);
   if (extension == ".ply") return load_ply(file);
@@ -102,9 +108,26 @@ SceneDescription load(const std::filesystem::path& file, const std::string& exte
               "use .nff, .gltf, .glb, .obj, .ply, .stl or another format of assimp");
 }
 
+std::atomic<const SceneReader*> chosen_reader{nullptr};
+
 }  // namespace
 
+void use_scene_reader(const SceneReader* reader) noexcept {
+  chosen_reader.store(reader);
+}
+
 SceneDescription load_scene(const std::filesystem::path& file, const LoadOptions& options) {
+  require_file(file);
+  const SceneReader* const reader = chosen_reader.load();
+  return reader != nullptr ? reader->load(file, options) : load_scene_here(file, options);
+}
+
+void prepare_loaders() {
+  (void)tbb::this_task_arena::max_concurrency();
+  (void)assimp_reads(".obj");
+}
+
+SceneDescription load_scene_here(const std::filesystem::path& file, const LoadOptions& options) {
   const std::string extension = lower_case(file.extension().string());
   SceneDescription scene = load(file, extension);
   set_up_axis(scene, extension, options.up);

@@ -31,4 +31,26 @@ struct LoadOptions {
 [[nodiscard]] SceneDescription load_scene(const std::filesystem::path& file,
                                           const LoadOptions& options = {});
 
+/// SceneReader loads files elsewhere. Thread safety: any thread.
+class SceneReader {
+ public:
+  virtual ~SceneReader() = default;
+  /// Throws the errors of load_scene().
+  [[nodiscard]] virtual SceneDescription load(const std::filesystem::path& file,
+                                              const LoadOptions& options) const = 0;
+};
+
+/// Makes load_scene() use `reader`; with null, this process parses the files (the default).
+///
+/// Lifetime: `reader` must live until the process ends or null is set.
+void use_scene_reader(const SceneReader* reader) noexcept;
+
+/// Does what load_scene() says in this process, for a file that exists.
+[[nodiscard]] SceneDescription load_scene_here(const std::filesystem::path& file,
+                                               const LoadOptions& options);
+
+/// Makes libraries read what they need of the system, before the process is confined. Starts no
+/// thread.
+void prepare_loaders();
+
 }  // namespace lenticule::render

@@ -8,9 +8,9 @@
 #include <utility>
 
 #include "base/error.h"
-#include "base/file.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/mesh_cleanup.h"
+#include "render/loaders/scene_files.h"
 #include "render/loaders/text_reader.h"
 #include "render/scene/stage.h"
 
@@ -291,7 +291,7 @@ SceneDescription parse_nff(std::string_view text, const std::string& source) {
 }
 
 SceneDescription load_nff(const std::filesystem::path& file) {
-  const std::vector<uint8_t> bytes = read_whole_file(file, kMaxSceneFileBytes);
+  const std::vector<uint8_t> bytes = read_scene_file(file);
   return parse_nff({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, file.string());
 }
 

@@ -20,7 +20,6 @@
 #include <vector>
 
 #include "base/error.h"
-#include "base/file.h"
 #include "base/numbers.h"
 #include "frames/srgb.h"
 #include "render/loaders/limits.h"
@@ -577,8 +576,10 @@ SceneDescription scene_of(Elements elements, const std::string& texture, const s
   material.specular = 0.06;
   material.shine = 10.0;
   if (!texture.empty())
-    material.texture = Textures(scene).add(
-        {.name = texture}, [&] { return frames::read_texture(named_file(folder, texture)); });
+    material.texture = Textures(scene).add({.name = texture}, [&] {
+      return frames::read_texture(named_file(folder, texture), frames::TextureContent::Colour,
+                                  frames::TexelPlace::Anywhere);
+    });
   if (material.texture >= 0) material.colour = {1, 1, 1};
   if (!mesh.colours.empty()) {
     PbrMaterial pbr;
@@ -611,7 +612,7 @@ SceneDescription parse_ply(std::span<const uint8_t> bytes, const std::string& so
 }
 
 SceneDescription load_ply(const std::filesystem::path& file) {
-  return parse_ply(read_whole_file(file, kMaxSceneFileBytes), file.string(), file.parent_path());
+  return parse_ply(read_scene_file(file), file.string(), file.parent_path());
 }
 
 }  // namespace lenticule::render

@@ -6,86 +6,13 @@
 
 #include <algorithm>
 #include <mutex>
-#include <optional>
 #include <utility>
 
 #include "base/error.h"
-#include "base/text.h"
 #include "render/loaders/limits.h"
 #include "render/scene/texture.h"
 
 namespace lenticule::render {
-namespace {
-
-bool is_there(const std::filesystem::path& file) {
-  std::error_code error;
-  return std::filesystem::exists(file, error);
-}
-
-/// Returns the first entry of a folder, by name, that differs from `name` in the case of letters
-/// only.
-std::optional<std::filesystem::path> entry_of_any_case(const std::filesystem::path& folder,
-                                                       const std::filesystem::path& name) {
-  const std::string wanted = lower_case(name.string());
-  std::optional<std::filesystem::path> found;
-  std::error_code error;
-  const std::filesystem::path listed = folder.empty() ? "." : folder;
-  for (std::filesystem::directory_iterator entry(listed, error), end; !error && entry != end;
-       entry.increment(error)) {
-    const std::filesystem::path file = entry->path().filename();
-    if (lower_case(file.string()) == wanted && (!found || file < *found)) found = file;
-  }
-  return found;
-}
-
-/// Follows a relative path, one folder after the other.
-std::optional<std::filesystem::path> path_of_any_case(const std::filesystem::path& folder,
-                                                      const std::filesystem::path& name) {
-  std::filesystem::path path = name.is_absolute() ? name.root_path() : folder;
-  for (const std::filesystem::path& part : name.relative_path()) {
-    if (is_there(path / part)) {
-      path /= part;
-      continue;
-    }
-    const auto entry = entry_of_any_case(path, part);
-    if (!entry) return std::nullopt;
-    path /= *entry;
-  }
-  return path;
-}
-
-}  // namespace
-
-std::string percent_decoded(const std::string& text) {
-  const auto digit = [](char c) {
-    if (c >= '0' && c <= '9') return c - '0';
-    if (c >= 'a' && c <= 'f') return c - 'a' + 10;
-    if (c >= 'A' && c <= 'F') return c - 'A' + 10;
-    return -1;
-  };
-  std::string out;
-  for (size_t i = 0; i < text.size(); ++i) {
-    const bool escape =
-        text[i] == '%' && i + 2 < text.size() && digit(text[i + 1]) >= 0 && digit(text[i + 2]) >= 0;
-    out += escape ? static_cast<char>(digit(text[i + 1]) * 16 + digit(text[i + 2])) : text[i];
-    if (escape) i += 2;
-  }
-  return out;
-}
-
-std::filesystem::path named_file(const std::filesystem::path& folder, const std::string& name) {
-  std::string slashes = name;
-  std::replace(slashes.begin(), slashes.end(), '\\', '/');
-  const std::filesystem::path plain = folder / slashes;
-  if (is_there(plain)) return plain;
-  const std::filesystem::path decoded = percent_decoded(slashes);
-  if (is_there(folder / decoded)) return folder / decoded;
-  if (const auto path = path_of_any_case(folder, slashes)) return *path;
-  if (decoded.has_parent_path())
-    if (const auto path = path_of_any_case(folder, decoded.filename())) return *path;
-  return plain;
-}
-
 namespace {
 
 std::shared_ptr<Texture> texture_of(frames::TextureImage image, const TextureSource& source) {
@@ -94,6 +21,7 @@ std::shared_ptr<Texture> texture_of(frames::TextureImage image, const TextureSou
   texture->height = image.height;
   texture->rgba = std::move(image.rgba);
   texture->codes = std::move(image.codes);
+  texture->held = image.held;
   texture->repeat_u = source.wrap_u != TextureWrap::Clamp;
   texture->repeat_v = source.wrap_v != TextureWrap::Clamp;
   texture->mirror_u = source.wrap_u == TextureWrap::Mirror;

@@ -2,25 +2,16 @@
 // Textures adds the textures of a scene file to the scene, each once.
 #pragma once
 
-#include <filesystem>
 #include <functional>
 #include <map>
 #include <string>
 #include <vector>
 
 #include "frames/image_io.h"
+#include "render/loaders/scene_files.h"
 #include "render/scene/scene_description.h"
 
 namespace lenticule::render {
-
-/// Decodes "%20" and similar, as URIs have them.
-[[nodiscard]] std::string percent_decoded(const std::string& text);
-
-/// Returns the path of a file that a scene in `folder` names. Tries the name with forward slashes,
-/// then percent-decoded, then with letters of another case, and for a name with folders also the
-/// file of that name beside the scene. Returns the first of these that exists, else folder / name.
-[[nodiscard]] std::filesystem::path named_file(const std::filesystem::path& folder,
-                                               const std::string& name);
 
 enum class TextureWrap { Repeat, Mirror, Clamp };
 

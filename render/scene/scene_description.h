@@ -23,6 +23,8 @@ struct Texture {
   std::vector<float> rgba{};  ///< linear light, or the values of a float file
   /// 8-bit values as the file has them. Where the texture is a colour, RGB is sRGB-encoded.
   std::vector<uint8_t> codes{};
+  /// Number of the texels in another process that holds them; -1: they are here.
+  int held = -1;
   bool repeat_u = true;
   bool repeat_v = true;
   bool mirror_u = false;  ///< every second repetition is mirrored; requires repeat_u

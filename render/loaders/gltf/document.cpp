@@ -14,7 +14,6 @@
 #include <string_view>
 
 #include "base/error.h"
-#include "base/file.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/textures.h"
 
@@ -372,7 +371,7 @@ std::filesystem::path Document::path_of(const JsonAt& uri) const {
 std::vector<uint8_t> Document::read_uri(const JsonAt& uri) {
   const std::string text = uri.text();
   if (is_data_uri(text)) return data_of(uri, text);
-  return read_whole_file(path_of(uri), kMaxSceneFileBytes);
+  return read_scene_file(path_of(uri));
 }
 
 Bytes Document::buffer(size_t index) {

@@ -22,11 +22,11 @@
 #include <vector>
 
 #include "base/error.h"
-#include "base/file.h"
 #include "render/loaders/animation.h"
 #include "render/loaders/gltf/document.h"
 #include "render/loaders/gltf/materials.h"
 #include "render/loaders/limits.h"
+#include "render/loaders/scene_files.h"
 #include "render/loaders/mesh_cleanup.h"
 #include "render/loaders/viewer_choices.h"
 #include "render/scene/stage.h"
@@ -1056,7 +1056,7 @@ SceneDescription parse_gltf(std::vector<uint8_t> bytes, const std::string& sourc
 }
 
 SceneDescription load_gltf(const std::filesystem::path& file) {
-  return parse_gltf(read_whole_file(file, kMaxSceneFileBytes), file.string(), file.parent_path());
+  return parse_gltf(read_scene_file(file), file.string(), file.parent_path());
 }
 
 }  // namespace lenticule::render

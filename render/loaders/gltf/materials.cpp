@@ -59,7 +59,7 @@ frames::TextureImage decode_picture(Bytes bytes, const std::string& label, Textu
     throw Error(ErrorKind::Input, label +
                                       ": KTX2 textures are not read; convert the model with "
                                       "'gltf-transform ktxdecompress'");
-  return frames::read_texture(bytes, label, content);
+  return frames::read_texture(bytes, label, content, frames::TexelPlace::Anywhere);
 }
 
 PbrMaterial::AlphaMode alpha_mode_of(const JsonAt& from) {

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/loaders/scene_files.h"
+
+#include <algorithm>
+#include <atomic>
+#include <optional>
+#include <system_error>
+
+#include "base/file.h"
+#include "base/text.h"
+#include "render/loaders/limits.h"
+
+namespace lenticule::render {
+namespace {
+
+bool is_there(const std::filesystem::path& file) {
+  std::error_code error;
+  return std::filesystem::exists(file, error);
+}
+
+/// Returns the first entry of a folder, by name, that differs from `name` in the case of letters
+/// only.
+std::optional<std::filesystem::path> entry_of_any_case(const std::filesystem::path& folder,
+                                                       const std::filesystem::path& name) {
+  const std::string wanted = lower_case(name.string());
+  std::optional<std::filesystem::path> found;
+  std::error_code error;
+  const std::filesystem::path listed = folder.empty() ? "." : folder;
+  for (std::filesystem::directory_iterator entry(listed, error), end; !error && entry != end;
+       entry.increment(error)) {
+    const std::filesystem::path file = entry->path().filename();
+    if (lower_case(file.string()) == wanted && (!found || file < *found)) found = file;
+  }
+  return found;
+}
+
+/// Follows a relative path, one folder after the other.
+std::optional<std::filesystem::path> path_of_any_case(const std::filesystem::path& folder,
+                                                      const std::filesystem::path& name) {
+  std::filesystem::path path = name.is_absolute() ? name.root_path() : folder;
+  for (const std::filesystem::path& part : name.relative_path()) {
+    if (is_there(path / part)) {
+      path /= part;
+      continue;
+    }
+    const auto entry = entry_of_any_case(path, part);
+    if (!entry) return std::nullopt;
+    path /= *entry;
+  }
+  return path;
+}
+
+class FilesOfThisProcess final : public SceneFiles {
+ public:
+  std::filesystem::path find(const std::filesystem::path& folder,
+                             const std::string& name) const override {
+    if (is_there(folder / name)) return folder / name;
+    std::string slashes = name;
+    std::replace(slashes.begin(), slashes.end(), '\\', '/');
+    const std::filesystem::path plain = folder / slashes;
+    if (is_there(plain)) return plain;
+    const std::filesystem::path decoded = percent_decoded(slashes);
+    if (is_there(folder / decoded)) return folder / decoded;
+    if (const auto path = path_of_any_case(folder, slashes)) return *path;
+    if (decoded.has_parent_path())
+      if (const auto path = path_of_any_case(folder, decoded.filename())) return *path;
+    return plain;
+  }
+  std::vector<uint8_t> read(const std::filesystem::path& file) const override {
+    return read_whole_file(file, kMaxSceneFileBytes);
+  }
+};
+
+std::atomic<const SceneFiles*> chosen_files{nullptr};
+
+const SceneFiles& files() {
+  static const FilesOfThisProcess of_this_process;
+  const SceneFiles* const chosen = chosen_files.load();
+  return chosen != nullptr ? *chosen : of_this_process;
+}
+
+}  // namespace
+
+void use_scene_files(const SceneFiles* files) noexcept {
+  chosen_files.store(files);
+}
+
+std::vector<uint8_t> read_scene_file(const std::filesystem::path& file) {
+  return files().read(file);
+}
+
+std::filesystem::path named_file(const std::filesystem::path& folder, const std::string& name) {
+  return files().find(folder, name);
+}
+
+std::string percent_decoded(const std::string& text) {
+  const auto digit = [](char c) {
+    if (c >= '0' && c <= '9') return c - '0';
+    if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+    if (c >= 'A' && c <= 'F') return c - 'A' + 10;
+    return -1;
+  };
+  std::string out;
+  for (size_t i = 0; i < text.size(); ++i) {
+    const bool escape =
+        text[i] == '%' && i + 2 < text.size() && digit(text[i + 1]) >= 0 && digit(text[i + 2]) >= 0;
+    out += escape ? static_cast<char>(digit(text[i + 1]) * 16 + digit(text[i + 2])) : text[i];
+    if (escape) i += 2;
+  }
+  return out;
+}
+
+}  // namespace lenticule::render

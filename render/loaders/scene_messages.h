@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+// The messages between a command and `lenticule-reader`, each one packet of a socket. Both programs
+// come from the same build; the command checks all values that it receives.
+//
+//   command              reader
+//                        Ready             once, when it is confined
+//   Load, path, up
+//                        Find, path, name  zero or more of these three, in any order
+//   Answer, path
+//                        Open, path
+//   Answer, bytes        with the file's descriptor, or Failed
+//                        Texture           with a socket of its own, on which a message waits that
+//   Answer, number       asks for the texture: a path, or a descriptor with `bytes` bytes
+//                        Piece, bytes      of the archive, in one half of the memory
+//   Answer
+//                        Done              or Failed, instead of anything
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+
+#include "frames/picture_codec.h"
+
+namespace lenticule::render::confined {
+
+/// Descriptors of the reader: the socket, and the memory that both processes share.
+inline constexpr int kSocket = 0;
+inline constexpr int kMemory = 3;
+
+/// The memory has two halves, which carry pieces of the archive alternately.
+inline constexpr size_t kHalfBytes = size_t{4} << 20;
+inline constexpr size_t kMemoryBytes = 2 * kHalfBytes;
+
+enum class Word : uint32_t { Ready, Load, Find, Open, Texture, Piece, Answer, Done, Failed };
+
+struct Message {
+  Word word = Word::Ready;
+  int32_t up = -1;  ///< UpAxis of Load, or -1
+  frames::PictureValues values = frames::PictureValues::Colours;
+  frames::TexelPlace place = frames::TexelPlace::Here;
+  int32_t width = 0, height = 0;  ///< of the texture
+  int32_t number = -1;            ///< of the texels, if the command keeps them
+  uint32_t pixel_bytes = 0;       ///< of the texels in the descriptor
+  uint64_t bytes = 0;             ///< size of the file in the descriptor, or of the piece
+  std::array<char, 4096> path{};  ///< zero-terminated, as is the name
+  std::array<char, 1024> name{};  ///< name in a scene, label of a texture, cause of a failure
+  std::array<char, 512> hint{};   ///< remedy of a failure
+};
+
+template <size_t Size>
+void set_text(std::array<char, Size>& to, const std::string& text) {
+  to = {};
+  std::copy_n(text.begin(), std::min(text.size(), Size - 1), to.begin());
+}
+
+template <size_t Size>
+std::string text_of(const std::array<char, Size>& from) {
+  return {from.begin(), std::find(from.begin(), from.end(), '\0')};
+}
+
+}  // namespace lenticule::render::confined
