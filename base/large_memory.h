@@ -3,7 +3,13 @@
 // filled with a few page faults instead of thousands, each of which is slow in a virtual machine.
 #pragma once
 
+#include <malloc.h>
+#include <sys/mman.h>
+
 #include <cstddef>
+#include <cstdlib>
+#include <new>
+#include <utility>
 
 namespace lenticule {
 
@@ -12,16 +18,29 @@ class LargeMemory {
  public:
   LargeMemory() = default;
   /// Throws std::bad_alloc.
-  explicit LargeMemory(size_t bytes);
-  ~LargeMemory();
-  LargeMemory(LargeMemory&& other) noexcept;
-  LargeMemory& operator=(LargeMemory&& other) noexcept;
+  explicit LargeMemory(size_t bytes) : bytes_((bytes + kHugePage - 1) / kHugePage * kHugePage) {
+    if (bytes_ < bytes) throw std::bad_alloc();
+    if (bytes_ == 0) return;
+    data_ = std::aligned_alloc(kHugePage, bytes_);
+    if (data_ == nullptr) throw std::bad_alloc();
+    // Advice only: without huge pages the memory works, too.
+    static_cast<void>(madvise(data_, bytes_, MADV_HUGEPAGE));
+  }
+  ~LargeMemory() { std::free(data_); }
+  LargeMemory(LargeMemory&& other) noexcept
+      : data_(std::exchange(other.data_, nullptr)), bytes_(std::exchange(other.bytes_, 0)) {}
+  LargeMemory& operator=(LargeMemory&& other) noexcept {
+    std::swap(data_, other.data_);
+    std::swap(bytes_, other.bytes_);
+    return *this;
+  }
 
   [[nodiscard]] void* data() const { return data_; }
   /// Returns the size, which is at least the requested one.
   [[nodiscard]] size_t bytes() const { return bytes_; }
 
  private:
+  static constexpr size_t kHugePage = size_t{2} << 20;
   void* data_ = nullptr;
   size_t bytes_ = 0;
 };
@@ -30,7 +49,9 @@ class LargeMemory {
 /// a process that allocates for hours. Takes some milliseconds.
 ///
 /// Thread safety: any thread.
-void return_free_memory() noexcept;
+inline void return_free_memory() noexcept {
+  static_cast<void>(::malloc_trim(0));
+}
 
 /// Frames after which a renderer that serves a player calls return_free_memory().
 inline constexpr int kFramesPerReturn = 256;
