@@ -108,9 +108,57 @@ class Reader {
   Reader(std::string name, std::filesystem::path folder)
       : name_(std::move(name)), folder_(std::move(folder)) {}
 
-  [[nodiscard]] Playlist read(std::string_view text) const;
+  [[nodiscard]] Playlist read(std::string_view text) const {
+    const toml::table root = optics::parse_toml(text, name_);
+    Playlist list{.name = name_, .items = {}, .standby = {}, .rounds = 1};
+    for (const auto& [key, node] : root) {
+      if (key.str() == "format") {
+        // toml++'s conversion to a whole number is undefined for a float that is too large, so the
+        // type is checked first.
+        const auto* const format = node.as_integer();
+        if (format == nullptr || format->get() != 1) fail(node, "format: unknown; expected 1");
+      } else if (key.str() == "loop") {
+        list.rounds = loops(node);
+      } else if (key.str() == "default") {
+        list.standby = item(node);
+        if (names_folder(list.standby->source.text))
+          fail(node, "default: must not be a folder", "name one film or picture");
+        if (list.standby->schedule)
+          fail(node, "default: must not have a schedule: it plays when no item is scheduled");
+      } else if (key.str() == "item") {
+        items(node, list);
+      } else {
+        fail_at(key.source().begin.line, fmt::format("unknown key '{}'", key.str().substr(0, 64)),
+                "a list has format, loop, [default] and [[item]]");
+      }
+    }
+    if (list.items.empty()) fail_at(1, "no [[item]]", "an item needs at least source = \"...\"");
+    return list;
+  }
   /// Reads an M3U list: a file per line, after an optional "#EXTINF:SECONDS,TITLE".
-  [[nodiscard]] Playlist read_m3u(std::string_view text) const;
+  [[nodiscard]] Playlist read_m3u(std::string_view text) const {
+    constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF", kSeconds = "#EXTINF:";
+    Playlist list{.name = name_, .items = {}, .standby = {}, .rounds = kForever};
+    double still_s = kStillSeconds;
+    if (text.starts_with(kByteOrderMark)) text.remove_prefix(kByteOrderMark.size());
+    for (toml::source_index number = 1; !text.empty(); ++number) {
+      std::string_view line = text.substr(0, text.find('\n'));
+      text.remove_prefix(std::min(text.size(), line.size() + 1));
+      if (line.ends_with('\r')) line.remove_suffix(1);
+      if (line.starts_with(kSeconds)) {
+        std::string_view rest = line.substr(kSeconds.size());
+        const auto seconds = take_number<double>(rest);  // 0 and -1: not stated
+        if (seconds && *seconds > 0.0 && *seconds <= kMaxSeconds) still_s = *seconds;
+      }
+      if (line.empty() || line.starts_with('#')) continue;
+      if (list.items.size() == kMaxPlaylistItems)
+        fail_at(number, fmt::format("more than {} files", kMaxPlaylistItems));
+      list.items.push_back({.source = source(std::string(line), number), .still_s = still_s});
+      still_s = kStillSeconds;
+    }
+    if (list.items.empty()) fail_at(1, "no file", "an M3U list has a file's name per line");
+    return list;
+  }
 
  private:
   [[noreturn]] void fail(const toml::node& node, const std::string& cause,
@@ -122,213 +170,140 @@ class Reader {
     throw Error(ErrorKind::Input, fmt::format("{}:{}: {}", name_, std::max(line, 1u), cause),
                 remedy);
   }
-  [[nodiscard]] PlaylistItem item(const toml::node& node) const;
-  void item_key(std::string_view key, const toml::node& node, PlaylistItem& item) const;
-  [[nodiscard]] SourceSpec source(const std::string& name, toml::source_index line) const;
-  [[nodiscard]] std::string text(const toml::node& node) const;
-  [[nodiscard]] double seconds(const toml::node& node) const;
-  [[nodiscard]] uint64_t loops(const toml::node& node) const;
-  [[nodiscard]] bool waits_until_primed(const toml::node& node) const;
-  [[nodiscard]] Schedule schedule(const toml::node& node) const;
-  [[nodiscard]] uint8_t days(const toml::node& node) const;
-  [[nodiscard]] int minute(const toml::node& node) const;
-  void items(const toml::node& node, Playlist& list) const;
+  [[nodiscard]] PlaylistItem item(const toml::node& node) const {
+    const toml::table* const table = node.as_table();
+    if (table == nullptr) fail(node, "not a table with a source");
+    PlaylistItem item;
+    for (const auto& [key, value] : *table) {
+      if (key.str() == "rig")
+        fail_at(key.source().begin.line, "rig: not allowed in a list, which is played on one panel",
+                "use --rig instead");
+      item_key(key.str(), value, item);
+    }
+    if (item.source.text.empty()) fail(node, "no source");
+    if (item.duration_s && table->contains("loops"))
+      fail(node, "loops and duration_s exclude each other");
+    if (!table->contains("loops") && !item.duration_s) item.still_s = kStillSeconds;
+    return item;
+  }
+  void item_key(std::string_view key, const toml::node& node, PlaylistItem& item) const {
+    try {
+      if (key == "source") {
+        item.source = source(text(node), node.source().begin.line);
+      } else if (key == "loops") {
+        item.loops = loops(node);
+      } else if (key == "duration_s") {
+        item.duration_s = seconds(node);
+      } else if (key == "wait_s") {
+        item.wait_s = seconds(node);
+      } else if (key == "fps") {
+        item.rate = frames::parse_rate(text(node));
+      } else if (key == "frames") {
+        item.frames = parse_frame_range(text(node));
+      } else if (key == "cut") {
+        item.waits_until_primed = waits_until_primed(node);
+      } else if (key == "schedule") {
+        item.schedule = schedule(node);
+      } else {
+        fail(node, fmt::format("unknown key '{}'", key.substr(0, 64)),
+             "an item has source, loops, duration_s, fps, frames, cut, wait_s and schedule");
+      }
+    } catch (const Error& error) {
+      if (error.kind() == ErrorKind::Input) throw;
+      fail(node, fmt::format("{}: {}", key, error.what()), error.hint());
+    }
+  }
+  [[nodiscard]] SourceSpec source(const std::string& name, toml::source_index line) const {
+    if (name.empty() || name.size() > kMaxSourceBytes || name.find('\0') != std::string::npos)
+      fail_at(line, "source: not a valid name");
+    const SourceSpec source = parse_source(name, {}, folder_);
+    if (source.kind == SourceKind::List && !names_folder(source.text))
+      fail_at(line, "source: a list cannot contain a list");
+    return source.in_folder(folder_);
+  }
+  [[nodiscard]] std::string text(const toml::node& node) const {
+    if (const auto* const value = node.as_string()) return value->get();
+    fail(node, "not a string in quotes");
+  }
+  [[nodiscard]] double seconds(const toml::node& node) const {
+    const auto value = node.is_number() ? node.value<double>() : std::nullopt;
+    if (value && *value > 0.0 && *value <= kMaxSeconds) return *value;
+    fail(node, "not a number of seconds",
+         fmt::format("write more than 0, at most {}", kMaxSeconds));
+  }
+  [[nodiscard]] uint64_t loops(const toml::node& node) const {
+    if (const auto* const word = node.as_string(); word != nullptr && word->get() == "forever")
+      return kForever;
+    const auto* const number = node.as_integer();
+    if (number != nullptr && number->get() >= 1 && number->get() <= kMaxLoops)
+      return static_cast<uint64_t>(number->get());
+    fail(node, "not a number of loops", "write a number of 1 or more, or \"forever\"");
+  }
+  [[nodiscard]] bool waits_until_primed(const toml::node& node) const {
+    const std::string cut = text(node);
+    if (cut != "gapless" && cut != "primed")
+      fail(node, fmt::format("cut '{}': unknown", cut.substr(0, 64)),
+           "use gapless (starts with the next frame) or primed (starts when frames are decoded "
+           "ahead)");
+    return cut == "primed";
+  }
+  [[nodiscard]] Schedule schedule(const toml::node& node) const {
+    const toml::table* const table = node.as_table();
+    if (table == nullptr) fail(node, "schedule: not a table");
+    Schedule schedule;
+    for (const auto& [key, value] : *table) {
+      if (key.str() == "days")
+        schedule.days = days(value);
+      else if (key.str() == "from")
+        schedule.from_minute = minute(value);
+      else if (key.str() == "to")
+        schedule.to_minute = minute(value);
+      else
+        fail_at(key.source().begin.line, fmt::format("unknown key '{}'", key.str().substr(0, 64)),
+                "a schedule has days, from and to");
+    }
+    if (schedule.from_minute == schedule.to_minute || schedule.from_minute == 24 * 60)
+      fail(node, "schedule: from and to leave no time in between");
+    return schedule;
+  }
+  [[nodiscard]] uint8_t days(const toml::node& node) const {
+    const toml::array* const array = node.as_array();
+    if (array == nullptr || array->empty())
+      fail(node, "days: not a list of days", "for example [\"mon\", \"tue\"]");
+    uint8_t bits = 0;
+    for (const toml::node& one : *array) {
+      const auto day = std::find(kDays.begin(), kDays.end(), text(one));
+      if (day == kDays.end()) fail(one, "not a day", "mon, tue, wed, thu, fri, sat or sun");
+      bits = static_cast<uint8_t>(bits | (1u << (day - kDays.begin())));
+    }
+    return bits;
+  }
+  /// Parses "08:30" to minutes since midnight; "24:00" is the end of the day.
+  [[nodiscard]] int minute(const toml::node& node) const {
+    const std::string clock = text(node);
+    const auto digit = [&](size_t at) {
+      const bool is = at < clock.size() && clock[at] >= '0' && clock[at] <= '9';
+      return is ? clock[at] - '0' : -1000;
+    };
+    const int hours = digit(0) * 10 + digit(1);
+    const int minutes = digit(3) * 10 + digit(4);
+    const int all = hours * 60 + minutes;
+    if (clock.size() == 5 && clock[2] == ':' && hours >= 0 && minutes >= 0 && minutes < 60 &&
+        all <= 24 * 60)
+      return all;
+    fail(node, "not a time of day", "for example \"08:30\"");
+  }
+  void items(const toml::node& node, Playlist& list) const {
+    const toml::array* const array = node.as_array();
+    if (array == nullptr) fail(node, "item: not an array of tables", "write [[item]]");
+    if (array->size() > kMaxPlaylistItems)
+      fail(node, fmt::format("item: more than {}", kMaxPlaylistItems));
+    for (const toml::node& one : *array) list.items.push_back(item(one));
+  }
 
   std::string name_;
   std::filesystem::path folder_;
 };
-
-Playlist Reader::read(std::string_view text) const {
-  const toml::table root = optics::parse_toml(text, name_);
-  Playlist list{.name = name_, .items = {}, .standby = {}, .rounds = 1};
-  for (const auto& [key, node] : root) {
-    if (key.str() == "format") {
-      // toml++'s conversion to a whole number is undefined for a float that is too large, so the
-      // type is checked first.
-      const auto* const format = node.as_integer();
-      if (format == nullptr || format->get() != 1) fail(node, "format: unknown; expected 1");
-    } else if (key.str() == "loop") {
-      list.rounds = loops(node);
-    } else if (key.str() == "default") {
-      list.standby = item(node);
-      if (names_folder(list.standby->source.text))
-        fail(node, "default: must not be a folder", "name one film or picture");
-      if (list.standby->schedule)
-        fail(node, "default: must not have a schedule: it plays when no item is scheduled");
-    } else if (key.str() == "item") {
-      items(node, list);
-    } else {
-      fail_at(key.source().begin.line, fmt::format("unknown key '{}'", key.str().substr(0, 64)),
-              "a list has format, loop, [default] and [[item]]");
-    }
-  }
-  if (list.items.empty()) fail_at(1, "no [[item]]", "an item needs at least source = \"...\"");
-  return list;
-}
-
-Playlist Reader::read_m3u(std::string_view text) const {
-  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF", kSeconds = "#EXTINF:";
-  Playlist list{.name = name_, .items = {}, .standby = {}, .rounds = kForever};
-  double still_s = kStillSeconds;
-  if (text.starts_with(kByteOrderMark)) text.remove_prefix(kByteOrderMark.size());
-  for (toml::source_index number = 1; !text.empty(); ++number) {
-    std::string_view line = text.substr(0, text.find('\n'));
-    text.remove_prefix(std::min(text.size(), line.size() + 1));
-    if (line.ends_with('\r')) line.remove_suffix(1);
-    if (line.starts_with(kSeconds)) {
-      std::string_view rest = line.substr(kSeconds.size());
-      const auto seconds = take_number<double>(rest);  // 0 and -1: not stated
-      if (seconds && *seconds > 0.0 && *seconds <= kMaxSeconds) still_s = *seconds;
-    }
-    if (line.empty() || line.starts_with('#')) continue;
-    if (list.items.size() == kMaxPlaylistItems)
-      fail_at(number, fmt::format("more than {} files", kMaxPlaylistItems));
-    list.items.push_back({.source = source(std::string(line), number), .still_s = still_s});
-    still_s = kStillSeconds;
-  }
-  if (list.items.empty()) fail_at(1, "no file", "an M3U list has a file's name per line");
-  return list;
-}
-
-void Reader::items(const toml::node& node, Playlist& list) const {
-  const toml::array* const array = node.as_array();
-  if (array == nullptr) fail(node, "item: not an array of tables", "write [[item]]");
-  if (array->size() > kMaxPlaylistItems)
-    fail(node, fmt::format("item: more than {}", kMaxPlaylistItems));
-  for (const toml::node& one : *array) list.items.push_back(item(one));
-}
-
-PlaylistItem Reader::item(const toml::node& node) const {
-  const toml::table* const table = node.as_table();
-  if (table == nullptr) fail(node, "not a table with a source");
-  PlaylistItem item;
-  for (const auto& [key, value] : *table) {
-    if (key.str() == "rig")
-      fail_at(key.source().begin.line, "rig: not allowed in a list, which is played on one panel",
-              "use --rig instead");
-    item_key(key.str(), value, item);
-  }
-  if (item.source.text.empty()) fail(node, "no source");
-  if (item.duration_s && table->contains("loops"))
-    fail(node, "loops and duration_s exclude each other");
-  if (!table->contains("loops") && !item.duration_s) item.still_s = kStillSeconds;
-  return item;
-}
-
-void Reader::item_key(std::string_view key, const toml::node& node, PlaylistItem& item) const {
-  try {
-    if (key == "source") {
-      item.source = source(text(node), node.source().begin.line);
-    } else if (key == "loops") {
-      item.loops = loops(node);
-    } else if (key == "duration_s") {
-      item.duration_s = seconds(node);
-    } else if (key == "wait_s") {
-      item.wait_s = seconds(node);
-    } else if (key == "fps") {
-      item.rate = frames::parse_rate(text(node));
-    } else if (key == "frames") {
-      item.frames = parse_frame_range(text(node));
-    } else if (key == "cut") {
-      item.waits_until_primed = waits_until_primed(node);
-    } else if (key == "schedule") {
-      item.schedule = schedule(node);
-    } else {
-      fail(node, fmt::format("unknown key '{}'", key.substr(0, 64)),
-           "an item has source, loops, duration_s, fps, frames, cut, wait_s and schedule");
-    }
-  } catch (const Error& error) {
-    if (error.kind() == ErrorKind::Input) throw;
-    fail(node, fmt::format("{}: {}", key, error.what()), error.hint());
-  }
-}
-
-std::string Reader::text(const toml::node& node) const {
-  if (const auto* const value = node.as_string()) return value->get();
-  fail(node, "not a string in quotes");
-}
-
-bool Reader::waits_until_primed(const toml::node& node) const {
-  const std::string cut = text(node);
-  if (cut != "gapless" && cut != "primed")
-    fail(node, fmt::format("cut '{}': unknown", cut.substr(0, 64)),
-         "use gapless (starts with the next frame) or primed (starts when frames are decoded "
-         "ahead)");
-  return cut == "primed";
-}
-
-SourceSpec Reader::source(const std::string& name, toml::source_index line) const {
-  if (name.empty() || name.size() > kMaxSourceBytes || name.find('\0') != std::string::npos)
-    fail_at(line, "source: not a valid name");
-  const SourceSpec source = parse_source(name, {}, folder_);
-  if (source.kind == SourceKind::List && !names_folder(source.text))
-    fail_at(line, "source: a list cannot contain a list");
-  return source.in_folder(folder_);
-}
-
-double Reader::seconds(const toml::node& node) const {
-  const auto value = node.is_number() ? node.value<double>() : std::nullopt;
-  if (value && *value > 0.0 && *value <= kMaxSeconds) return *value;
-  fail(node, "not a number of seconds", fmt::format("write more than 0, at most {}", kMaxSeconds));
-}
-
-uint64_t Reader::loops(const toml::node& node) const {
-  if (const auto* const word = node.as_string(); word != nullptr && word->get() == "forever")
-    return kForever;
-  const auto* const number = node.as_integer();
-  if (number != nullptr && number->get() >= 1 && number->get() <= kMaxLoops)
-    return static_cast<uint64_t>(number->get());
-  fail(node, "not a number of loops", "write a number of 1 or more, or \"forever\"");
-}
-
-Schedule Reader::schedule(const toml::node& node) const {
-  const toml::table* const table = node.as_table();
-  if (table == nullptr) fail(node, "schedule: not a table");
-  Schedule schedule;
-  for (const auto& [key, value] : *table) {
-    if (key.str() == "days")
-      schedule.days = days(value);
-    else if (key.str() == "from")
-      schedule.from_minute = minute(value);
-    else if (key.str() == "to")
-      schedule.to_minute = minute(value);
-    else
-      fail_at(key.source().begin.line, fmt::format("unknown key '{}'", key.str().substr(0, 64)),
-              "a schedule has days, from and to");
-  }
-  if (schedule.from_minute == schedule.to_minute || schedule.from_minute == 24 * 60)
-    fail(node, "schedule: from and to leave no time in between");
-  return schedule;
-}
-
-uint8_t Reader::days(const toml::node& node) const {
-  const toml::array* const array = node.as_array();
-  if (array == nullptr || array->empty())
-    fail(node, "days: not a list of days", "for example [\"mon\", \"tue\"]");
-  uint8_t bits = 0;
-  for (const toml::node& one : *array) {
-    const auto day = std::find(kDays.begin(), kDays.end(), text(one));
-    if (day == kDays.end()) fail(one, "not a day", "mon, tue, wed, thu, fri, sat or sun");
-    bits = static_cast<uint8_t>(bits | (1u << (day - kDays.begin())));
-  }
-  return bits;
-}
-
-/// Parses "08:30" to minutes since midnight; "24:00" is the end of the day.
-int Reader::minute(const toml::node& node) const {
-  const std::string clock = text(node);
-  const auto digit = [&](size_t at) {
-    const bool is = at < clock.size() && clock[at] >= '0' && clock[at] <= '9';
-    return is ? clock[at] - '0' : -1000;
-  };
-  const int hours = digit(0) * 10 + digit(1);
-  const int minutes = digit(3) * 10 + digit(4);
-  const int all = hours * 60 + minutes;
-  if (clock.size() == 5 && clock[2] == ':' && hours >= 0 && minutes >= 0 && minutes < 60 &&
-      all <= 24 * 60)
-    return all;
-  fail(node, "not a time of day", "for example \"08:30\"");
-}
 
 }  // namespace
 

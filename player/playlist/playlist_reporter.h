@@ -9,8 +9,10 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "base/error.h"
+#include "player/playback/play_statistics.h"
 #include "player/playlist/open_item.h"
 
 namespace lenticule::player {
@@ -36,7 +38,9 @@ struct PlaylistEvent {
 };
 
 /// Returns the error with its remedy in one line, as a reason for ItemSkipped.
-[[nodiscard]] std::string with_remedy(const Error& error);
+[[nodiscard]] inline std::string with_remedy(const Error& error) {
+  return error.hint().empty() ? error.what() : std::string(error.what()) + "; " + error.hint();
+}
 
 /// A snapshot of the playlist's state.
 struct PlaylistStatus {
@@ -77,37 +81,144 @@ class PlaylistReporter {
   using OnEvent = std::function<void(const PlaylistEvent&)>;
 
   /// `on_event` may be null.
-  PlaylistReporter(const Playlist& list, OnEvent on_event);
+  PlaylistReporter(const Playlist& list, OnEvent on_event) : on_event_(std::move(on_event)) {
+    status_.list = list.name;
+    status_.items = list.items.size();
+  }
 
   /// Passes the event on, and counts it.
-  void report(const PlaylistEvent& event);
+  void report(const PlaylistEvent& event) {
+    {
+      const std::lock_guard lock(mutex_);
+      const bool is_problem = event.kind == EventKind::ItemSkipped || event.kind == EventKind::Kept;
+      const bool is_replaced = event.kind == EventKind::Replaced &&
+                               problem_.kind == EventKind::Kept && problem_.source == event.source;
+      if (is_replaced) status_.last_problem.clear();
+      if (is_problem) {
+        status_.last_problem = event.detail;
+        problem_ = event;
+      }
+      if (event.kind == EventKind::ItemSkipped) ++status_.skipped;
+      if (event.kind == EventKind::LoopPoint) ++status_.loop_points;
+    }
+    if (on_event_) on_event_(event);
+  }
   /// Reports that frames are taken from the item from now on.
-  void begin(const OpenItem& item);
+  void begin(const OpenItem& item) {
+    const std::lock_guard lock(mutex_);
+    // A problem of another list is over, unless that list continues after an interruption.
+    const bool is_other_list = status_.list != item.list->name && !item.interrupts && !item.returns;
+    // An item that is opened anew is no longer its copy of before a change of the file.
+    const bool is_opened_anew = problem_.kind == EventKind::Kept &&
+                                problem_.source == item.item.source.text && !item.returns;
+    if (is_other_list || is_opened_anew) status_.last_problem.clear();
+    status_.list = item.list->name;
+    status_.items = item.list->items.size();
+    status_.source = item.item.source.text;
+    const auto index = item.interrupts ? std::nullopt : item.index;
+    status_.item = index;
+    status_.frames = item.opened.source->frame_count();
+    status_.rounds_done = item.rounds_done;
+    begun_.push_back({.number = item.number,
+                      .source = item.item.source,
+                      .index = index,
+                      .from_start = item.first_frame == 0 && !item.returns});
+    if (begun_.size() > kRememberedItems) begun_.pop_front();
+  }
   /// Reports the first frame of an item.
-  void started(const OpenItem& item);
+  void started(const OpenItem& item) {
+    {
+      const std::lock_guard lock(mutex_);
+      ++status_.started;
+      if (item.index) status_.waiting_for.clear();
+    }
+    report({.kind = EventKind::ItemStarted,
+            .source = item.item.source.text,
+            .woven_elsewhere = item.opened.woven_elsewhere});
+  }
   /// Reports that a round of the item is complete.
-  void loop_done(const OpenItem& item);
+  void loop_done(const OpenItem& item) {
+    const std::lock_guard lock(mutex_);
+    ++status_.loops;
+    locked_played_whole(item);
+  }
   /// Notes why no item of the list can begin. Returns true if that is new; then report it without a
   /// lock.
-  [[nodiscard]] bool note_waiting(const std::string& why);
+  [[nodiscard]] bool note_waiting(const std::string& why) {
+    const std::lock_guard lock(mutex_);
+    return std::exchange(status_.waiting_for, why) != why;
+  }
   /// Adds the damage that the item's source found since the last call.
-  void count_damage(OpenItem& item);
+  void count_damage(OpenItem& item) {
+    const frames::FrameDamage now = item.opened.source->damage();
+    const frames::FrameDamage before = std::exchange(item.damage, now);
+    if (now == before) return;
+    const frames::FrameDamage more{.damaged = now.damaged - before.damaged,
+                                   .missing = now.missing - before.missing,
+                                   .repeated = now.repeated - before.repeated};
+    const std::string& source = item.item.source.text;
+    const std::lock_guard lock(mutex_);
+    status_.damage += more;
+    const bool known = status_.damaged_items.contains(source);
+    if (known || status_.damaged_items.size() < kMostDamagedItems)
+      status_.damaged_items[source] += more;
+    if (ItemAccount* const account = locked_account(item.number)) account->damage += more;
+  }
   /// Reports the whole damage of an item that ends.
-  void report_damage(const OpenItem& item);
+  void report_damage(const OpenItem& item) {
+    if (item.damage.any())
+      report({.kind = EventKind::ItemDamaged,
+              .source = item.item.source.text,
+              .detail = damage_text(item.damage)});
+  }
   /// Reports that no more frames of the item are handed out.
-  void end(const OpenItem& item, bool to_end);
+  void end(const OpenItem& item, bool to_end) {
+    const std::lock_guard lock(mutex_);
+    if (to_end && item.handed_out > 0) locked_played_whole(item);
+    ItemAccount* const account = locked_account(item.number);
+    if (account == nullptr) return;
+    account->to_end = to_end;
+    account->handed_out = item.handed_out;
+  }
   /// Reports the size of a new list, and the place of the playing item in it. A problem of the
   /// replaced list is over.
-  void take_list(size_t items, std::optional<size_t> playing);
+  void take_list(size_t items, std::optional<size_t> playing) {
+    const std::lock_guard lock(mutex_);
+    status_.items = items;
+    status_.item = playing;
+    status_.last_problem.clear();
+  }
 
-  [[nodiscard]] PlaylistStatus status() const;
-  [[nodiscard]] frames::FrameDamage damage() const;
+  [[nodiscard]] PlaylistStatus status() const {
+    const std::lock_guard lock(mutex_);
+    return status_;
+  }
+  [[nodiscard]] frames::FrameDamage damage() const {
+    const std::lock_guard lock(mutex_);
+    return status_.damage;
+  }
   /// Returns the item's account, if it is remembered.
-  [[nodiscard]] std::optional<ItemAccount> account_of(uint32_t number) const;
+  [[nodiscard]] std::optional<ItemAccount> account_of(uint32_t number) const {
+    const std::lock_guard lock(mutex_);
+    for (const ItemAccount& one : begun_)
+      if (one.number == number) return one;
+    return std::nullopt;
+  }
 
  private:
-  [[nodiscard]] ItemAccount* locked_account(uint32_t number);
-  void locked_played_whole(const OpenItem& item);
+  using EventKind = PlaylistEvent::Kind;
+  static constexpr size_t kRememberedItems = 64;
+  static constexpr size_t kMostDamagedItems = 1000;
+  [[nodiscard]] ItemAccount* locked_account(uint32_t number) {
+    for (ItemAccount& one : begun_)
+      if (one.number == number) return &one;
+    return nullptr;
+  }
+  /// Ends the problem of an item that was left out before, and now played without a break.
+  void locked_played_whole(const OpenItem& item) {
+    if (problem_.kind == EventKind::ItemSkipped && problem_.source == item.item.source.text)
+      status_.last_problem.clear();
+  }
 
   const OnEvent on_event_;
   mutable std::mutex mutex_;  ///< guards the members below; no other lock is taken under it

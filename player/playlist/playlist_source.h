@@ -3,11 +3,18 @@
 // that cannot be played, and can jump while it plays.
 #pragma once
 
+#include <fmt/format.h>
+#include <sys/epoll.h>
+
+#include <algorithm>
 #include <atomic>
+#include <cerrno>
 #include <cstdint>
+#include <cstring>
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "base/unique_fd.h"
@@ -26,14 +33,26 @@ namespace lenticule::player {
 class PlaylistSource final : public frames::FrameSource {
  public:
   /// Throws Error(Failed) if no descriptor is left. Opens no item yet.
-  PlaylistSource(std::shared_ptr<const Playlist> list, PlaylistSourceOptions options);
+  PlaylistSource(std::shared_ptr<const Playlist> list, PlaylistSourceOptions options)
+      : options_(std::move(options)),
+        poll_(epoll_create1(EPOLL_CLOEXEC)),
+        reporter_(*list, options_.on_event),
+        loader_(std::move(list), options_, reporter_, wake_) {
+    check(static_cast<bool>(poll_));
+    acquired_.reserve(kMaxAcquired);
+    epoll_event event{.events = EPOLLIN, .data = {.fd = wake_.fd()}};
+    check(epoll_ctl(poll_.get(), EPOLL_CTL_ADD, wake_.fd(), &event) == 0);
+  }
   PlaylistSource(const PlaylistSource&) = delete;
   PlaylistSource& operator=(const PlaylistSource&) = delete;
 
   /// Opens the only item of a list on the calling thread, so that a list of one unplayable item
   /// fails at once; begins to look for the first item of other lists. Call it before anything is
   /// pulled. Throws the item's error.
-  void open_first();
+  void open_first() {
+    loader_.open_first();
+    if (options_.longest_wait) give_up_at_ = SteadyClock::now() + *options_.longest_wait;
+  }
   /// Sets the rate of items without one; call it before anything is pulled.
   void set_display_rate(frames::Rate rate) { display_rate_ = rate; }
 
@@ -56,7 +75,13 @@ class PlaylistSource final : public frames::FrameSource {
   /// Checks the list and item for replaced files at once, and reads the list even if its file is
   /// the same.
   void look_again() { loader_.look_again(); }
-  [[nodiscard]] PlaylistStatus status() const;
+  [[nodiscard]] PlaylistStatus status() const {
+    PlaylistStatus status = reporter_.status();
+    status.opening = loader_.is_jumping();
+    status.cued = loader_.cued();
+    status.interrupted = loader_.interrupted();
+    return status;
+  }
   /// Returns the list that is played.
   [[nodiscard]] std::shared_ptr<const Playlist> list() const { return loader_.list(); }
   /// Returns the account of the item's turn, if it is remembered.
@@ -67,14 +92,58 @@ class PlaylistSource final : public frames::FrameSource {
   [[nodiscard]] frames::FrameGeometry geometry() const override { return options_.panel; }
   [[nodiscard]] std::optional<frames::Rate> rate() const override { return rate_; }
   [[nodiscard]] std::optional<uint64_t> frame_count() const override { return std::nullopt; }
-  [[nodiscard]] frames::PullStatus pull(frames::AcquiredFrame& out) override;
-  void release(uint64_t token) override;
-  [[nodiscard]] int max_acquired() const override;
-  [[nodiscard]] uint64_t ready_count() const override;
-  [[nodiscard]] bool saturated() const override;
+  [[nodiscard]] frames::PullStatus pull(frames::AcquiredFrame& out) override {
+    const bool waits = current_ ? current_->is_placeholder() : idle_;
+    if (waits && give_up_at_ && SteadyClock::now() >= *give_up_at_) at_end_ = true;
+    if (at_end_) return PullStatus::End;
+    try_arrival();
+    if (in_hand_) {
+      out = *std::exchange(in_hand_, std::nullopt);
+      idle_ = false;
+      ++frames_given_;
+      return PullStatus::Ready;
+    }
+    for (int step = 0; step < kStepsPerPull; ++step) {
+      if (!current_ && !enters_next()) return nothing_yet();
+      const PullStatus status = pull_current(out);
+      if (status == PullStatus::Ready) ++frames_given_;
+      if (status != PullStatus::End) return status;
+    }
+    wake_.signal();
+    return PullStatus::NotYet;
+  }
+  void release(uint64_t token) override {
+    const auto acquired = std::find_if(acquired_.begin(), acquired_.end(),
+                                       [&](const Acquired& one) { return one.token == token; });
+    LENTICULE_CHECK(acquired != acquired_.end());
+    OpenItem* const item = acquired->item;
+    item->opened.source->release(acquired->inner);
+    acquired_.erase(acquired);
+    if (--item->acquired > 0 || item == current_.get()) return;
+    const auto retired = std::find_if(retired_.begin(), retired_.end(),
+                                      [&](const auto& one) { return one.get() == item; });
+    if (retired == retired_.end()) return;
+    loader_.close(std::move(*retired));
+    retired_.erase(retired);
+  }
+  [[nodiscard]] int max_acquired() const override {
+    return current_
+               ? std::min(current_->opened.source->max_acquired(), static_cast<int>(kMaxAcquired))
+               : 2;
+  }
+  [[nodiscard]] uint64_t ready_count() const override {
+    return current_ ? current_->opened.source->ready_count() : 0;
+  }
+  [[nodiscard]] bool saturated() const override {
+    return current_ && current_->opened.source->saturated();
+  }
   [[nodiscard]] bool rewind() override { return false; }
   [[nodiscard]] int wake_fd() const override { return poll_.get(); }
-  void service() override;
+  void service() override {
+    wake_.drain();
+    if (current_) current_->opened.source->service();
+    try_arrival();
+  }
   [[nodiscard]] std::string failure() const override { return {}; }
   [[nodiscard]] bool nothing_due() const override { return idle_; }
   [[nodiscard]] bool waits_for_others() const override {
@@ -84,6 +153,25 @@ class PlaylistSource final : public frames::FrameSource {
   [[nodiscard]] frames::FrameDamage damage() const override { return reporter_.damage(); }
 
  private:
+  using AcquiredFrame = frames::AcquiredFrame;
+  using PullStatus = frames::PullStatus;
+  using EventKind = PlaylistEvent::Kind;
+  using SteadyClock = std::chrono::steady_clock;
+  /// Maximum number of item changes and skipped frames per call, so that a call stays short.
+  static constexpr int kStepsPerPull = 64;
+  /// Remaining play time at which the next item is opened.
+  static constexpr double kAheadSeconds = 10.0;
+
+  static constexpr frames::Rate kStillRate{4, 1};
+  static constexpr auto kLongestJump = std::chrono::seconds(30);
+  static constexpr size_t kMaxAcquired = 64;
+
+  static void check(bool done) {
+    if (done) return;
+    throw Error(ErrorKind::Failed,
+                fmt::format("playlist: cannot create a file descriptor: {}", std::strerror(errno)),
+                "raise the limit of open files");
+  }
   struct Acquired {
     uint64_t token = 0;
     uint64_t inner = 0;  ///< token of the item's source
@@ -91,26 +179,265 @@ class PlaylistSource final : public frames::FrameSource {
   };
 
   // Frames.
-  [[nodiscard]] frames::PullStatus pull_current(frames::AcquiredFrame& out);
-  [[nodiscard]] frames::PullStatus pull_from(OpenItem& item, frames::AcquiredFrame& out);
-  [[nodiscard]] frames::PullStatus nothing_yet();
-  void hand_out(OpenItem& item, frames::AcquiredFrame& out);
+  /// Pulls from the current item. Returns End if the item was left or if more of it can be pulled.
+  [[nodiscard]] frames::PullStatus pull_current(frames::AcquiredFrame& out) {
+    OpenItem& item = *current_;
+    if (is_over(item)) {
+      leave_current();
+      return PullStatus::End;
+    }
+    switch (pull_from(item, out)) {
+      case PullStatus::Ready:
+        hand_out(item, out);
+        want_next_in_time();
+        return PullStatus::Ready;
+      case PullStatus::NotYet:
+        idle_ = item.waits_for_renderer;
+        want_next_in_time();
+        if (item.pulled_this_round == 0 && loader_.is_outdated()) {
+          leave_current();
+          return PullStatus::End;
+        }
+        if (!item.waited_too_long()) return PullStatus::NotYet;
+        break_current(fmt::format("no frame arrived for {} s", item.item.wait_s));
+        return PullStatus::End;
+      case PullStatus::End:
+        if (item.waits_for_renderer) {
+          idle_ = true;
+          if (!item.waited_too_long() && !loader_.is_outdated()) return PullStatus::NotYet;
+          leave_current();
+        } else if (!goes_round(item)) {
+          leave_current();
+        }
+        return PullStatus::End;
+      case PullStatus::Failed:
+        break;
+    }
+    break_current(item.opened.source->failure());
+    return PullStatus::End;
+  }
+  /// Pulls the item's next frame, skipping frames before its first one. A frame of another size is
+  /// a failure.
+  [[nodiscard]] frames::PullStatus pull_from(OpenItem& item, frames::AcquiredFrame& out) {
+    frames::FrameSource& source = *item.opened.source;
+    for (int step = 0; step < kStepsPerPull; ++step) {
+      const PullStatus status = source.pull(out);
+      if (status != PullStatus::Ready) return status;
+      if (out.frame.geometry != options_.panel) {
+        source.release(out.token);
+        return PullStatus::Failed;
+      }
+      if (!item.skips_to_first || out.number >= item.first_frame) {
+        item.skips_to_first = false;
+        return PullStatus::Ready;
+      }
+      source.release(out.token);
+    }
+    wake_.signal();
+    return PullStatus::NotYet;
+  }
+  /// Returns the status when no item is current: either the list is over, or an item is awaited.
+  [[nodiscard]] frames::PullStatus nothing_yet() {
+    const ItemLoader::Prospect prospect = loader_.prospect();
+    at_end_ = prospect == ItemLoader::Prospect::Ended;
+    if (at_end_) return PullStatus::End;
+    idle_ = idle_ || prospect == ItemLoader::Prospect::Idle;
+    return PullStatus::NotYet;
+  }
+  void hand_out(OpenItem& item, frames::AcquiredFrame& out) {
+    idle_ = false;
+    item.waits_for_renderer = false;
+    item.waiting_since = SteadyClock::now();
+    rate_ = rate_of(item);
+    acquired_.push_back({.token = next_token_, .inner = out.token, .item = &item});
+    ++item.acquired;
+    ++item.pulled_this_round;
+    ++item.handed_out;
+    item.last_number = out.number;
+    out.token = next_token_++;
+    out.item = item.number;
+    reporter_.count_damage(item);
+    if (!item.is_placeholder()) give_up_at_.reset();
+    if (item.handed_out == 1) loader_.note_first_frame(item);
+    if (item.pulled++ > 0 || item.is_placeholder()) return;
+    reporter_.started(item);
+  }
 
   // Changes of items.
-  [[nodiscard]] bool enters_next();
-  [[nodiscard]] bool is_over(const OpenItem& item) const;
-  [[nodiscard]] bool goes_round(OpenItem& item);
-  [[nodiscard]] bool takes_replacement(const OpenItem& item);
-  void begin(std::unique_ptr<OpenItem> item);
-  void leave_current(bool to_end = true);
-  void break_current(const std::string& why);
-  void want_next_in_time();
-  void watch(const OpenItem& item, bool on) const;
-  [[nodiscard]] frames::Rate rate_of(const OpenItem& item) const;
+  [[nodiscard]] bool enters_next() {
+    ItemLoader::Offer offer = loader_.take_next();
+    idle_ = idle_ || offer.primes;
+    if (!offer.item) return false;
+    if (offer.item->index && !offer.item->item.permitted(options_.local_time())) {
+      loader_.close(std::move(offer.item));
+      return false;
+    }
+    begin(std::move(offer.item));
+    return true;
+  }
+  /// Returns true if the item has reached its end. Standby has none: it continues until an item is
+  /// ready.
+  [[nodiscard]] bool is_over(const OpenItem& item) const {
+    if (!item.index) return false;
+    const auto limit = item.frame_limit(rate_of(item));
+    return limit && item.pulled >= *limit;
+  }
+  /// Handles the end of a round. Returns true if the same item continues or turned out to be
+  /// broken.
+  [[nodiscard]] bool goes_round(OpenItem& item) {
+    ++item.loops_done;
+    const bool limited = item.frame_limit(rate_of(item)).has_value() && item.index;
+    const uint64_t loops = loader_.loops_of(item);
+    if (std::exchange(item.pulled_this_round, 0) == 0) {
+      // The only item is a ring that plays forever: the next renderer may deliver frames.
+      item.waits_for_renderer = item.is_alone() && loops == kForever && item.opened.loop_obstacle;
+      if (!item.waits_for_renderer) break_current("it contains no frame");
+      return true;
+    }
+    reporter_.loop_done(item);
+    bool more = limited || loops == kForever || item.loops_done < loops;
+    if (!item.index)
+      more = !loader_.next_is_there();
+    else if (!limited && loops == kForever)
+      more = item.item.permitted(options_.local_time());
+    if (!more || loader_.is_outdated()) return false;
+    if (takes_replacement(item)) return true;
+    if (item.opened.source->rewind()) {
+      if (!item.is_still())
+        reporter_.report({.kind = EventKind::LoopPoint, .source = item.item.source.text});
+    } else if (item.opened.loop_obstacle && (limited || loops == kForever)) {
+      item.waits_for_renderer = true;
+    } else {
+      break_current("it cannot be repeated");
+    }
+    return true;
+  }
+  /// Switches, at a loop point, to the same item's new files if there are any.
+  [[nodiscard]] bool takes_replacement(const OpenItem& item) {
+    std::unique_ptr<OpenItem> fresh = loader_.take_replacement(item.number);
+    if (!fresh) return false;
+    fresh->pulled = item.pulled;  // its play time continues
+    fresh->loops_done = item.loops_done;
+    const std::string source = item.item.source.text;
+    leave_current();
+    begin(std::move(fresh));
+    reporter_.report({.kind = EventKind::Replaced, .source = source});
+    return true;
+  }
+  void begin(std::unique_ptr<OpenItem> item) {
+    item->number = next_number_++;
+    item->waiting_since = SteadyClock::now();
+    current_ = std::move(item);
+    next_asked_ = false;
+    watch(*current_, true);
+    loader_.begin(*current_);
+    reporter_.begin(*current_);
+    if (current_->returns)
+      reporter_.report({.kind = EventKind::Returned,
+                        .source = current_->item.source.text,
+                        .woven_elsewhere = current_->opened.woven_elsewhere});
+  }
+  /// Leaves the item to the loader to be closed, once its frames are given back.
+  void leave_current(bool to_end = true) {
+    if (!current_) return;
+    watch(*current_, false);
+    loader_.leave();
+    // An item of which no frame was shown is reported as left out.
+    if (current_->pulled > 0) {
+      reporter_.count_damage(*current_);
+      reporter_.report_damage(*current_);
+    }
+    reporter_.end(*current_, to_end);
+    if (current_->acquired > 0)
+      retired_.push_back(std::move(current_));
+    else
+      loader_.close(std::move(current_));
+    current_.reset();
+  }
+  void break_current(const std::string& why) {
+    const ItemLoader::Fault fault{.source = current_->item.source.text,
+                                  .why = why.empty() ? "frame size differs from the panel's" : why,
+                                  .standby = !current_->index,
+                                  .played = current_->handed_out > 0,
+                                  .loops_done = current_->loops_done};
+    leave_current(false);
+    loader_.skip(fault);
+  }
+  void want_next_in_time() {
+    if (next_asked_ || !current_) return;
+    const OpenItem& item = *current_;
+    const auto count = item.opened.source->frame_count();
+    const uint64_t loops = loader_.loops_of(item);
+    std::optional<uint64_t> all = item.frame_limit(rate_of(item));
+    if (!all && count && loops != kForever && item.index) all = *count * loops;
+    if (!all && loops == kForever && item.index) return;
+    const double left =
+        all ? static_cast<double>(*all - std::min(*all, item.pulled)) / rate_of(item).hertz() : 0.0;
+    if (left > kAheadSeconds * speed_.load()) return;
+    next_asked_ = true;
+    loader_.want_next();
+  }
+  void watch(const OpenItem& item, bool on) const {
+    const int fd = item.opened.source->wake_fd();
+    if (fd < 0) return;
+    epoll_event event{.events = EPOLLIN, .data = {.fd = fd}};
+    (void)epoll_ctl(poll_.get(), on ? EPOLL_CTL_ADD : EPOLL_CTL_DEL, fd, &event);
+  }
+  [[nodiscard]] frames::Rate rate_of(const OpenItem& item) const {
+    if (options_.rate) return *options_.rate;
+    if (item.item.rate) return *item.item.rate;
+    const auto own = item.opened.source->rate();
+    if (own) return *own;
+    return item.is_still() ? kStillRate : display_rate_;
+  }
 
   // Jumps.
-  void try_arrival();
-  void arrive(ItemLoader::Arrival arrival, frames::AcquiredFrame first);
+  /// Enters the target of a jump once its first frame is there; until then the old item continues.
+  void try_arrival() {
+    if (at_end_) return;
+    auto arrival = loader_.take_arrival();
+    if (!arrival) return;
+    const PlaylistItem& item = arrival->item->item;
+    const uint64_t frame = arrival->item->first_frame;
+    frames::FrameSource& source = *arrival->item->opened.source;
+    const auto fail = [&](const std::string& why) {
+      loader_.fail(std::move(*arrival), Error(ErrorKind::Input, item.source.text + ": " + why));
+    };
+    source.service();
+    AcquiredFrame first;
+    switch (pull_from(*arrival->item, first)) {
+      case PullStatus::Ready:
+        return arrive(std::move(*arrival), first);
+      case PullStatus::NotYet:
+        if (SteadyClock::now() - arrival->since < kLongestJump)
+          return loader_.put_back(std::move(*arrival));
+        return fail("no frame arrived");
+      case PullStatus::End: {
+        const Error error = no_such_frame(item, frame, source.frame_count().value_or(0));
+        return loader_.fail(std::move(*arrival), error);
+      }
+      case PullStatus::Failed:
+        break;
+    }
+    const std::string why = source.failure();
+    fail(why.empty() ? "frame size has changed" : why);
+  }
+  void arrive(ItemLoader::Arrival arrival, frames::AcquiredFrame first) {
+    const ItemProgress leaving = current_ ? progress_of(*current_, frames_given_) : ItemProgress{};
+    const JumpDone done = loader_.accept(arrival.serial, leaving);
+    if (!done) {
+      arrival.item->opened.source->release(first.token);
+      return loader_.close(std::move(arrival.item));
+    }
+    if (in_hand_) release(std::exchange(in_hand_, std::nullopt)->token);
+    leave_current(false);
+    begin(std::move(arrival.item));
+    ++cut_;
+    hand_out(*current_, first);
+    in_hand_ = first;
+    want_next_in_time();
+    done(nullptr);
+  }
 
   const PlaylistSourceOptions options_;
   frames::Rate display_rate_{60, 1};
