@@ -7,6 +7,7 @@
 #include <memory>
 #include <utility>
 
+#include "frames/charts/charts.h"
 #include "frames/frame_source.h"
 #include "player/sources/live_rig.h"
 
@@ -16,17 +17,25 @@ namespace lenticule::player {
 /// one thread.
 class StillSource final : public frames::FrameSource {
  public:
-  explicit StillSource(frames::WovenFrame frame);
+  explicit StillSource(frames::WovenFrame frame)
+      : newest_(std::make_shared<const frames::WovenFrame>(std::move(frame))) {}
   /// Presents the numbered views of a rig for trimming, four times a second. Weaves them again
   /// whenever the rig or its trim changes.
-  explicit StillSource(std::shared_ptr<const LiveRig> rig);
+  explicit StillSource(std::shared_ptr<const LiveRig> rig) : rig_(std::move(rig)) { weave_views(); }
 
   [[nodiscard]] frames::FrameGeometry geometry() const override { return newest_->geometry(); }
   [[nodiscard]] std::optional<frames::Rate> rate() const override {
     return frames::Rate{rig_ ? 4 : 1, 1};
   }
   [[nodiscard]] std::optional<uint64_t> frame_count() const override { return 1; }
-  [[nodiscard]] frames::PullStatus pull(frames::AcquiredFrame& out) override;
+  [[nodiscard]] frames::PullStatus pull(frames::AcquiredFrame& out) override {
+    if (pulled_) return frames::PullStatus::End;
+    if (rig_ && version_ != rig_->version()) weave_views();
+    pulled_ = true;
+    acquired_[next_token_] = newest_;
+    out = {.frame = newest_->view(), .number = 0, .token = next_token_++};
+    return frames::PullStatus::Ready;
+  }
   void release(uint64_t token) override { acquired_.erase(token); }
   [[nodiscard]] int max_acquired() const override { return 1'000'000; }
   [[nodiscard]] uint64_t ready_count() const override { return pulled_ ? 0 : 1; }
@@ -37,7 +46,11 @@ class StillSource final : public frames::FrameSource {
   [[nodiscard]] std::string failure() const override { return {}; }
 
  private:
-  void weave_views();
+  void weave_views() {
+    version_ = rig_->version();
+    newest_ = std::make_shared<const frames::WovenFrame>(
+        frames::draw_chart({.pattern = frames::ChartPattern::NumberedViews, .rig = rig_->rig()}));
+  }
 
   const std::shared_ptr<const LiveRig> rig_;  ///< null: the picture never changes
   uint64_t version_ = 0;                      ///< version of the rig of newest_
