@@ -4,6 +4,8 @@
 // estimated from clocks.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <optional>
 #include <string_view>
@@ -27,22 +29,45 @@ namespace lenticule::player {
 /// contains its ideal time. The integer accumulator is exact forever; no 64-bit product overflows.
 class Cadence {
  public:
-  Cadence(frames::Rate content, frames::Rate refresh);
+  Cadence(frames::Rate content, frames::Rate refresh) {
+    const Uint128 vblanks = Uint128{static_cast<uint64_t>(refresh.numerator)} *
+                            static_cast<uint64_t>(content.denominator);
+    divisor_ = Uint128{static_cast<uint64_t>(refresh.denominator)} *
+               static_cast<uint64_t>(content.numerator);
+    whole_ = vblanks / divisor_;
+    remainder_ = vblanks % divisor_;
+    // set_fraction() needs more than the few places that 60 on 60 Hz has.
+    if (divisor_ >= kFinePlaces) return;
+    remainder_ *= kFinePlaces;
+    divisor_ *= kFinePlaces;
+  }
 
   /// Return the index of the current frame and its vblank, both counted from frame 0.
   [[nodiscard]] uint64_t frame() const noexcept { return frame_; }
   [[nodiscard]] uint64_t due() const noexcept { return due_; }
   /// Returns the vblank at which the frame after the current one is due.
-  [[nodiscard]] uint64_t next_due() const noexcept;
+  [[nodiscard]] uint64_t next_due() const noexcept {
+    const bool carry = fraction_ + remainder_ >= divisor_;
+    return due_ + static_cast<uint64_t>(whole_) + (carry ? 1 : 0);
+  }
   /// Advances to the next frame.
-  void advance() noexcept;
+  void advance() noexcept {
+    due_ = next_due();
+    fraction_ += remainder_;
+    if (fraction_ >= divisor_) fraction_ -= divisor_;
+    ++frame_;
+  }
   /// Returns the ideal time of the current frame less due(), in vblanks: 0 or more, below 1.
   [[nodiscard]] double fraction() const noexcept {
     return static_cast<double>(fraction_) / static_cast<double>(divisor_);
   }
-  void set_fraction(double fraction) noexcept;
+  void set_fraction(double fraction) noexcept {
+    fraction_ =
+        std::min(static_cast<Uint128>(fraction * static_cast<double>(divisor_)), divisor_ - 1);
+  }
 
  private:
+  static constexpr uint64_t kFinePlaces = uint64_t{1} << 20;
   // More than 64 bits are needed only for rates like 9007199254740993/150119987579016.
   __extension__ typedef unsigned __int128 Uint128;
 
@@ -94,7 +119,12 @@ enum class PaceDecision {
 /// Pacer keeps the schedule of one playback. Thread safety: one thread.
 class Pacer {
  public:
-  Pacer(frames::Rate content, frames::Rate refresh, LatePolicy policy);
+  Pacer(frames::Rate content, frames::Rate refresh, LatePolicy policy)
+      : content_(locked_rate(content, refresh)),
+        refresh_(refresh),
+        policy_(policy),
+        start_up_vblanks_(static_cast<uint64_t>(refresh.hertz()) + 1),
+        cadence_(content_, refresh_) {}
 
   /// Returns the index of the frame to show next, counted from 0 over all loops.
   [[nodiscard]] uint64_t frame() const noexcept { return base_frame_ + cadence_.frame(); }
@@ -103,15 +133,58 @@ class Pacer {
 
   /// Decides what to do now. `target` is the first vblank that a submission made now can reach;
   /// `ready` is true if frame() can be submitted.
-  [[nodiscard]] PaceDecision decide(uint64_t target, bool ready) noexcept;
+  [[nodiscard]] PaceDecision decide(uint64_t target, bool ready) noexcept {
+    if (epoch_pending_) return ready ? PaceDecision::Submit : PaceDecision::Starved;
+    if (target < due()) return PaceDecision::Later;
+    if (!owed_since_) owed_since_ = expected_vblank();
+    if (!ready) {
+      if (!starved_since_) starved_since_ = target;
+      return PaceDecision::Starved;
+    }
+    // Dropping a late frame helps only if the frame after it is due as well.
+    const bool replaceable = due() < target && origin_ + cadence_.next_due() <= target;
+    if (policy_ == LatePolicy::Drop && replaceable && consecutive_drops_ < kMaxConsecutiveDrops) {
+      ++consecutive_drops_;
+      ++counts_.dropped;
+      cadence_.advance();
+      return PaceDecision::Skip;
+    }
+    return PaceDecision::Submit;
+  }
 
   /// Reports that frame() was submitted for vblank `target`; `in_time` is false if it was so late
   /// that the display may not reach that vblank. A frame that became ready only then does not count
   /// as missed if it appears one vblank later: it was not available.
-  void submitted(uint64_t target, bool in_time = true) noexcept;
+  void submitted(uint64_t target, bool in_time = true) noexcept {
+    available_at_ = in_time ? target : target + 1;
+  }
   /// Reports that the submitted frame has been displayed since vblank `sequence`; frame() is now
   /// the next one.
-  void flipped(uint64_t sequence) noexcept;
+  void flipped(uint64_t sequence) noexcept {
+    if (epoch_pending_) {
+      begin_schedule(sequence);
+    } else {
+      // The counter of a working display never goes back; clamp the value of one that does.
+      sequence = std::max(sequence, *shown_at_ + 1);
+      const uint64_t expected = std::min(owed_since_.value_or(expected_vblank()), sequence);
+      const uint64_t starved_from = std::max(starved_since_.value_or(sequence), expected);
+      const uint64_t starved_to = std::max(std::min(available_at_, sequence), starved_from);
+      account(expected, sequence, starved_to - starved_from);
+
+      const bool gave_up_catching_up = consecutive_drops_ >= kMaxConsecutiveDrops;
+      if (sequence > due() && (policy_ != LatePolicy::Drop || gave_up_catching_up)) {
+        counts_.slipped += sequence - due();
+        origin_ += sequence - due();
+      }
+    }
+    owed_since_.reset();
+    starved_since_.reset();
+    consecutive_drops_ = 0;
+    shown_at_ = sequence;
+    ++counts_.shown;
+    ++counts_.vblanks;
+    advance_past_same_vblank();
+  }
 
   /// Starts a new schedule with the next flip, after a pause or a seek, without a burst to catch
   /// up. The vblanks before that flip count as held.
@@ -121,15 +194,34 @@ class Pacer {
   }
 
   /// Changes the content's rate from frame() on; frame() stays due at the same vblank.
-  void change_rate(frames::Rate content) noexcept;
+  void change_rate(frames::Rate content) noexcept {
+    base_frame_ = frame();
+    origin_ = due();
+    content_ = locked_rate(content, refresh_);
+    cadence_ = Cadence(content_, refresh_);
+  }
 
   /// Continues with `frame` after the display was lost, as after a pause; its refresh may have
   /// changed. Counts are kept.
-  void resume(frames::Rate content, frames::Rate refresh, uint64_t frame) noexcept;
+  void resume(frames::Rate content, frames::Rate refresh, uint64_t frame) noexcept {
+    content_ = locked_rate(content, refresh);
+    refresh_ = refresh;
+    cadence_ = Cadence(content_, refresh_);
+    base_frame_ = frame;
+    owed_since_.reset();
+    consecutive_drops_ = 0;
+    begin_epoch();
+  }
 
   /// Moves the schedule by -1 to 1 vblanks. Returns the number of vblanks by which frame() is
   /// displayed later: 0, 1 or -1. With LatePolicy::Drop a frame that is too late now is left out.
-  int shift(double vblanks) noexcept;
+  int shift(double vblanks) noexcept {
+    const double moved = cadence_.fraction() + vblanks;
+    const double whole = std::floor(moved);
+    origin_ += static_cast<uint64_t>(static_cast<int64_t>(whole));
+    cadence_.set_fraction(moved - whole);
+    return static_cast<int>(whole);
+  }
   /// Returns true if due() is meaningful: the next flip begins no new schedule.
   [[nodiscard]] bool scheduled() const noexcept { return !epoch_pending_; }
   /// Returns the vblanks, with their fraction, from `sequence` to the ideal time of frame().
@@ -141,7 +233,19 @@ class Pacer {
   void end_of_sequence() noexcept { starved_since_.reset(); }
   /// Ends the playback with vblank `end` (exclusive) and counts the last frame's vblanks. Call it
   /// once.
-  void finish(uint64_t end) noexcept;
+  void finish(uint64_t end) noexcept {
+    if (!shown_at_ || end <= *shown_at_ + 1) return;
+    const uint64_t tail = end - *shown_at_ - 1;
+    const uint64_t expected = owed_since_.value_or(expected_vblank());
+    const uint64_t planned = std::min(tail, expected - *shown_at_ - 1);
+    const uint64_t starved = starved_since_ && *starved_since_ < end
+                                 ? std::min(end - *starved_since_, tail - planned)
+                                 : 0;
+    counts_.repeated_planned += planned;
+    counts_.held += tail - planned - starved;
+    counts_.vblanks += tail;
+    count_underrun(starved);
+  }
 
   /// Returns the rate as played: locked to the display where possible.
   [[nodiscard]] frames::Rate content_rate() const noexcept { return content_; }
@@ -150,11 +254,46 @@ class Pacer {
   [[nodiscard]] const PaceCounts& counts() const noexcept { return counts_; }
 
  private:
-  void begin_schedule(uint64_t sequence) noexcept;
-  void account(uint64_t expected, uint64_t end, uint64_t starved) noexcept;
-  void count_underrun(uint64_t starved) noexcept;
-  void advance_past_same_vblank() noexcept;
-  [[nodiscard]] uint64_t expected_vblank() const noexcept;
+  void begin_schedule(uint64_t sequence) noexcept {
+    if (shown_at_) {
+      sequence = std::max(sequence, *shown_at_ + 1);
+      counts_.held += sequence - *shown_at_ - 1;
+      counts_.vblanks += sequence - *shown_at_ - 1;
+    } else {
+      first_vblank_ = sequence;
+    }
+    base_frame_ = frame();
+    cadence_ = Cadence(content_, refresh_);
+    origin_ = sequence;
+    epoch_pending_ = false;
+  }
+  /// Classifies the vblanks after the last flip, up to `end`: planned until `expected`, then
+  /// starved, then missed.
+  void account(uint64_t expected, uint64_t end, uint64_t starved) noexcept {
+    const uint64_t planned = expected - *shown_at_ - 1;
+    counts_.repeated_planned += planned;
+    counts_.missed += end - expected - starved;
+    counts_.vblanks += end - *shown_at_ - 1;
+    count_underrun(starved);
+  }
+  void count_underrun(uint64_t starved) noexcept {
+    if (starved == 0) return;
+    counts_.repeated_underrun += starved;
+    ++counts_.underruns;
+    if (*starved_since_ > first_vblank_ + start_up_vblanks_) ++counts_.underruns_after_start;
+  }
+  /// Advances to the next frame; of several frames due at one vblank only the first is shown.
+  void advance_past_same_vblank() noexcept {
+    const uint64_t shown_due = cadence_.due();
+    cadence_.advance();
+    while (cadence_.due() == shown_due) {
+      cadence_.advance();
+      ++counts_.skipped_planned;
+    }
+  }
+  [[nodiscard]] uint64_t expected_vblank() const noexcept {
+    return shown_at_ ? std::max(due(), *shown_at_ + 1) : due();
+  }
 
   frames::Rate content_;
   frames::Rate refresh_;

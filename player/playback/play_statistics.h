@@ -3,8 +3,10 @@
 // docs/play/player.md explains each figure.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <atomic>
+#include <bit>
 #include <chrono>
 #include <cstdint>
 #include <iterator>
@@ -37,17 +39,52 @@ struct LatencySummary {
 class LatencyHistogram {
  public:
   /// Records a duration; negative ones count as 0. Thread safety: the writer's thread.
-  void record(std::chrono::nanoseconds duration) noexcept;
+  void record(std::chrono::nanoseconds duration) noexcept {
+    const auto value = static_cast<uint64_t>(std::max<int64_t>(duration.count(), 0));
+    auto& bin = bins_[bin_of(value)];
+    bin.store(bin.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+    if (value > max_.load(std::memory_order_relaxed)) max_.store(value, std::memory_order_relaxed);
+  }
   /// Thread safety: any thread.
-  [[nodiscard]] LatencySummary summary() const noexcept;
+  [[nodiscard]] LatencySummary summary() const noexcept {
+    std::array<uint64_t, kBins> bins;
+    uint64_t total = 0;
+    for (size_t i = 0; i < kBins; ++i) total += bins[i] = bins_[i].load(std::memory_order_relaxed);
+    if (total == 0) return {};
+
+    const uint64_t max = max_.load(std::memory_order_relaxed);
+    const auto percentile_us = [&](uint64_t percent) {
+      const uint64_t rank = (total * percent + 99) / 100;
+      uint64_t seen = 0;
+      size_t bin = 0;
+      while (bin + 1 < kBins && (seen += bins[bin]) < rank) ++bin;
+      return static_cast<double>(std::min(upper_bound_of(bin), max)) / kNanosecondsPerMicrosecond;
+    };
+    return {.count = total,
+            .p50_us = percentile_us(50),
+            .p99_us = percentile_us(99),
+            .max_us = static_cast<double>(max) / kNanosecondsPerMicrosecond};
+  }
 
  private:
+  static constexpr double kNanosecondsPerMicrosecond = 1000.0;
   static constexpr int kBinBits = 4;
   static constexpr int kOctaves = 44;  // up to five hours
   static constexpr size_t kBins = size_t{kOctaves} << kBinBits;
 
-  [[nodiscard]] static size_t bin_of(uint64_t value) noexcept;
-  [[nodiscard]] static uint64_t upper_bound_of(size_t bin) noexcept;
+  [[nodiscard]] static size_t bin_of(uint64_t value) noexcept {
+    constexpr uint64_t kSubBins = uint64_t{1} << kBinBits;
+    if (value < kSubBins) return static_cast<size_t>(value);
+    const int shift = static_cast<int>(std::bit_width(value)) - 1 - kBinBits;
+    const uint64_t bin = (static_cast<uint64_t>(shift) << kBinBits) + (value >> shift);
+    return static_cast<size_t>(std::min<uint64_t>(bin, kBins - 1));
+  }
+  [[nodiscard]] static uint64_t upper_bound_of(size_t bin) noexcept {
+    constexpr uint64_t kSubBins = uint64_t{1} << kBinBits;
+    if (bin < kSubBins) return bin;
+    const auto shift = (bin >> kBinBits) - 1;
+    return (((bin & (kSubBins - 1)) + kSubBins + 1) << shift) - 1;
+  }
 
   std::array<std::atomic<uint64_t>, kBins> bins_{};
   std::atomic<uint64_t> max_{0};
@@ -62,17 +99,6 @@ class Counter {
 
  private:
   std::atomic<uint64_t> value_{0};
-};
-
-/// LivePaceCounts makes PaceCounts readable from a second thread.
-class LivePaceCounts {
- public:
-  void publish(const PaceCounts& counts) noexcept;
-  [[nodiscard]] PaceCounts read() const noexcept;
-
- private:
-  static constexpr size_t kFields = sizeof(PaceCounts) / sizeof(uint64_t);
-  std::array<Counter, kFields> fields_;
 };
 
 /// Identifies the displayed frame.
@@ -138,7 +164,7 @@ static_assert(std::size(kFrameCopierCounters<uint64_t>) * sizeof(uint64_t) ==
               "each field has a line");
 
 struct PresenterStatistics : PresenterCounts<Counter> {
-  LivePaceCounts pace;
+  LiveValue<PaceCounts> pace;
   LiveValue<DisplayedPlace> displayed;
   LiveValue<DisplayedPlace> left;  ///< last displayed frame of the item before the displayed one
   Counter off;                     ///< 1 while the output is switched off
@@ -165,7 +191,11 @@ struct FrameCopierStatistics : FrameCopierCounts<Counter> {
   Counter ready_min;
   LatencyHistogram copy;
 
-  void sample_ready(uint64_t ready) noexcept;
+  void sample_ready(uint64_t ready) noexcept {
+    ready_min.set(ready_samples.get() == 0 ? ready : std::min(ready_min.get(), ready));
+    ready_sum.add(ready);
+    ready_samples.add();
+  }
 };
 
 struct LiveStatistics {
@@ -253,14 +283,50 @@ class TurnLog {
     display::Nanoseconds time{0};
   };
   /// Records a frame that appeared. `counts` include its flip.
-  void flipped(const Flip& flip, const PaceCounts& counts) noexcept;
+  void flipped(const Flip& flip, const PaceCounts& counts) noexcept {
+    const auto time_ns = static_cast<uint64_t>(flip.time.count());
+    const bool begins = turn_.turn == 0 || flip.item != turn_.item;
+    if (begins) {
+      end(time_ns, counts, flip.cut != cut_);
+      turn_ = {.turn = ++turns_, .item = flip.item, .begun_ns = time_ns};
+      at_begin_ = counts;
+    } else if (flip.number < last_number_) {
+      ++turn_.rounds;
+    }
+    cut_ = flip.cut;
+    last_number_ = flip.number;
+    ++turn_.frames;
+    turn_.ended_ns = time_ns;
+    count(turn_, counts);
+    running_.publish(turn_);
+    if (begins) changed_.signal();
+  }
   /// Ends the running turn: the playback is over.
-  void finish(display::Nanoseconds time, const PaceCounts& counts) noexcept;
+  void finish(display::Nanoseconds time, const PaceCounts& counts) noexcept {
+    end(static_cast<uint64_t>(time.count()), counts, true);
+    turn_ = {};
+    running_.publish(turn_);
+    changed_.signal();
+  }
 
   /// Returns a descriptor that is readable when a turn has begun or ended; take() clears it.
   [[nodiscard]] int fd() const noexcept { return changed_.fd(); }
   /// Returns the oldest ended turn that was not taken yet.
-  [[nodiscard]] std::optional<ItemTurn> take() noexcept;
+  [[nodiscard]] std::optional<ItemTurn> take() noexcept {
+    changed_.drain();
+    while (true) {
+      const uint64_t ended = ended_count_.load(std::memory_order_acquire);
+      if (taken_ == ended) return std::nullopt;
+      if (ended - taken_ > kKept) {
+        lost_ += ended - kKept - taken_;
+        taken_ = ended - kKept;
+      }
+      const ItemTurn turn = ended_[taken_ % kKept].read();
+      ++taken_;
+      if (turn.turn == taken_) return turn;
+      ++lost_;  // overwritten meanwhile
+    }
+  }
   /// Returns the turn that goes on; its number is 0 if there is none, or if turns that ended before
   /// were not taken yet.
   [[nodiscard]] ItemTurn running() const noexcept {
@@ -271,8 +337,25 @@ class TurnLog {
   [[nodiscard]] uint64_t lost() const noexcept { return lost_; }
 
  private:
-  void end(uint64_t time_ns, const PaceCounts& counts, bool cut) noexcept;
-  void count(ItemTurn& turn, const PaceCounts& counts) const noexcept;
+  static uint64_t missed_of(const PaceCounts& counts) noexcept {
+    return counts.missed + counts.repeated_underrun + counts.dropped;
+  }
+  static uint64_t left_out_of(const PaceCounts& counts) noexcept {
+    return counts.dropped + counts.skipped_planned;
+  }
+  void end(uint64_t time_ns, const PaceCounts& counts, bool cut) noexcept {
+    if (turn_.turn == 0) return;
+    count(turn_, counts);
+    turn_.ended_ns = time_ns;
+    turn_.cut = cut ? 1 : 0;
+    const uint64_t ended = ended_count_.load(std::memory_order_relaxed);
+    ended_[ended % kKept].publish(turn_);
+    ended_count_.store(ended + 1, std::memory_order_release);
+  }
+  void count(ItemTurn& turn, const PaceCounts& counts) const noexcept {
+    turn.missed = missed_of(counts) - missed_of(at_begin_);
+    turn.left_out = left_out_of(counts) - left_out_of(at_begin_);
+  }
 
   // The presenter's members.
   ItemTurn turn_;
