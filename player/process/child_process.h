@@ -2,28 +2,59 @@
 // Finds and runs other programs.
 #pragma once
 
+#include <unistd.h>
+
+#include <algorithm>
 #include <chrono>
+#include <cstdlib>
 #include <filesystem>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <vector>
 
 #include "base/subprocess.h"
+#include "player/process/interrupt.h"
 
 namespace lenticule::player {
 
 /// Calls run_and_capture(), which also kills the program when this process is interrupted.
-[[nodiscard]] ProgramRun run_child(const std::vector<std::string>& arguments,
-                                   std::chrono::seconds limit);
+[[nodiscard]] inline ProgramRun run_child(const std::vector<std::string>& arguments,
+                                          std::chrono::seconds limit) {
+  return run_and_capture(arguments, limit, interrupted);
+}
 
 /// Returns the path of an executable file of that name in $PATH.
-[[nodiscard]] std::optional<std::string> find_program(const std::string& name);
+[[nodiscard]] inline std::optional<std::string> find_program(const std::string& name) {
+  const char* path = std::getenv("PATH");
+  std::string_view rest = path == nullptr ? "" : path;
+  while (!rest.empty()) {
+    const size_t end = std::min(rest.find(':'), rest.size());
+    const auto file = std::filesystem::path(rest.substr(0, end)) / name;
+    if (end > 0 && access(file.c_str(), X_OK) == 0 && std::filesystem::is_regular_file(file))
+      return file.string();
+    rest.remove_prefix(std::min(end + 1, rest.size()));
+  }
+  return std::nullopt;
+}
 
 /// Finds the other programs of lenticule: returns the path of an executable in this program's
 /// folder, in the folder for helper programs
 /// (../libexec/lenticule), or as a helper program in that of lenticule (../../bin); none if there
 /// is no such file.
-[[nodiscard]] std::optional<std::filesystem::path> find_sibling_program(std::string_view name);
+[[nodiscard]] inline std::optional<std::filesystem::path> find_sibling_program(
+    std::string_view name) {
+  std::error_code error;
+  const std::filesystem::path here =
+      std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
+  if (error) return std::nullopt;  // no /proc
+  for (const std::filesystem::path& folder :
+       {here, here / "../libexec/lenticule", here / "../../bin"}) {
+    const std::filesystem::path program = folder / name;
+    if (access(program.c_str(), X_OK) == 0) return program;
+  }
+  return std::nullopt;
+}
 
 }  // namespace lenticule::player

@@ -3,9 +3,19 @@
 // elsewhere.
 #pragma once
 
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
+#include <cstdlib>
+#include <cstring>
+#include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
+
+#include "base/print.h"
 
 namespace lenticule::player {
 
@@ -17,17 +27,92 @@ class Progress {
  public:
   /// `unit` is the plural of the counted unit: "frames".
   Progress(std::string label, std::string unit, uint64_t total,
-           ProgressStyle style = ProgressStyle::Auto);
-  ~Progress();
+           ProgressStyle style = ProgressStyle::Auto)
+      : label_(std::move(label)),
+        unit_(std::move(unit)),
+        total_(total),
+        style_(style),
+        terminal_(style == ProgressStyle::Auto && stderr_is_terminal()),
+        start_(Clock::now()),
+        last_draw_(start_) {}
+  ~Progress() {
+    if (!finished_ && drawn_ && terminal_) say("\n");
+  }
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
-  void update(uint64_t done, const std::string& note = {});
+  void update(uint64_t done, const std::string& note = {}) {
+    done_ = done;
+    note_ = note;
+    const auto now = Clock::now();
+    const bool due = now - last_draw_ >= (terminal_ ? Clock::duration(kTerminalInterval)
+                                                    : Clock::duration(kLogInterval));
+    if (!due) return;
+    last_draw_ = now;
+    draw(false);
+  }
   /// Draws the final state and ends the line.
-  void finish(const std::string& note = {});
+  void finish(const std::string& note = {}) {
+    if (finished_) return;
+    finished_ = true;
+    note_ = note;
+    draw(true);
+  }
 
  private:
-  void draw(bool final);
+  using Clock = std::chrono::steady_clock;
+  static constexpr auto kTerminalInterval = std::chrono::milliseconds(100);
+  static constexpr auto kLogInterval = std::chrono::seconds(5);
+  static constexpr int kBarWidth = 28;
+
+  static bool stderr_is_terminal() {
+    const char* term = std::getenv("TERM");
+    return isatty(STDERR_FILENO) == 1 && term != nullptr && std::strcmp(term, "dumb") != 0;
+  }
+
+  static std::string format_seconds(double seconds) {
+    const auto whole = static_cast<long>(seconds + 0.5);
+    if (whole < 60) return fmt::format("{}s", whole);
+    if (whole < 3600) return fmt::format("{}m{:02}s", whole / 60, whole % 60);
+    return fmt::format("{}h{:02}m", whole / 3600, whole % 3600 / 60);
+  }
+  void draw(bool final) {
+    if (style_ == ProgressStyle::Off) return;
+    drawn_ = true;
+    const double elapsed = std::chrono::duration<double>(Clock::now() - start_).count();
+    const double rate = elapsed > 0 ? static_cast<double>(done_) / elapsed : 0.0;
+    const double remaining =
+        rate > 0 && total_ > done_ ? static_cast<double>(total_ - done_) / rate : 0.0;
+
+    if (style_ == ProgressStyle::Json) {
+      const nlohmann::json line = {{"done", done_},
+                                   {"total", total_},
+                                   {"unit", unit_},
+                                   {"rate_per_s", rate},
+                                   {"eta_ms", static_cast<int64_t>(remaining * 1000)}};
+      say("{}\n", json_text(line));
+      return;
+    }
+
+    const std::string count = total_ > 0 ? fmt::format("{}/{} {}", done_, total_, unit_)
+                                         : fmt::format("{} {}", done_, unit_);
+    const std::string when =
+        final ? fmt::format("in {}", format_seconds(elapsed))
+              : (remaining > 0 ? fmt::format("{} left", format_seconds(remaining)) : std::string());
+    const std::string tail = note_.empty() ? when : fmt::format("{}  {}", when, note_);
+    if (!terminal_) {
+      say("{}: {}, {:.2f}/s, {}\n", label_, count, rate, tail);
+      return;
+    }
+    std::string bar;
+    if (total_ > 0) {
+      const auto filled = static_cast<size_t>(
+          kBarWidth * std::min(1.0, static_cast<double>(done_) / static_cast<double>(total_)));
+      bar = fmt::format("[{}{}] ", std::string(filled, '#'), std::string(kBarWidth - filled, ' '));
+    }
+    say("\r\033[K{} {}{}  {:.2f}/s  {}", label_, bar, count, rate, tail);
+    if (final) say("\n");
+  }
 
   std::string label_;
   std::string unit_;
