@@ -3,10 +3,14 @@
 // retries until its timeout. Meanwhile another connected panel shows a test card.
 #pragma once
 
+#include <poll.h>
+
+#include <algorithm>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "base/error.h"
 #include "display/kms/inspect.h"
@@ -45,32 +49,170 @@ struct PanelWaitOptions {
 /// Thread safety: one thread, which does not use a display returned by open() while waiting.
 class PanelWait {
  public:
-  explicit PanelWait(PanelWaitOptions options);
+  explicit PanelWait(PanelWaitOptions options)
+      : options_(complete(std::move(options))), card_(for_cards(options_.kms)) {}
 
   /// Opens the panel. Throws Error as open_kms_display() does when the timeout expires, and
   /// Error(Device) when cancelled. With a zero timeout it tries once. `meanwhile` is called after
   /// every attempt.
   [[nodiscard]] std::unique_ptr<display::KmsDisplay> open(
-      const std::function<void()>& meanwhile = nullptr);
+      const std::function<void()>& meanwhile = nullptr) {
+    std::unique_ptr<display::KmsDisplay> opened;
+    try_until(
+        later(now(), options_.at_start),
+        [&] {
+          // Cleared before the attempt, because a previous output can be used only once, successful
+          // or not.
+          display::KmsOptions options = options_.kms;
+          options_.kms.previous.reset();
+          opened = display::open_kms_display(options);
+        },
+        meanwhile);
+    return opened;
+  }
 
   /// Reconnects a display that open() returned; for PlaybackOptions::reconnect. A display that is
   /// lost again right after it came back shares the timeout of the first loss.
-  [[nodiscard]] ReconnectResult reconnect(display::KmsDisplay& display, const LostDisplay& lost);
+  [[nodiscard]] ReconnectResult reconnect(display::KmsDisplay& display, const LostDisplay& lost) {
+    const bool was_sound = !back_since_ || now() >= *back_since_ + kSound;
+    if (was_sound) lost_since_ = now();
+    const Nanoseconds out_of_time = later(now(), lost.time_left);
+    const Nanoseconds give_up = std::min(later(lost_since_, options_.after_loss), out_of_time);
+    if (options_.release_stored) options_.release_stored();
+    try {
+      if (!was_sound) (void)rest(kRound);
+      if (now() >= give_up)
+        throw Error(ErrorKind::Device, "kms: the panel is lost repeatedly",
+                    "'lenticule doctor' tests this output");
+      try_until(
+          give_up, [&] { display.reconnect(); }, lost.serve_source);
+    } catch (const Error& error) {
+      refusal_ = error;
+      if (cancelled()) return ReconnectResult::Stopped;
+      return now() >= out_of_time ? ReconnectResult::TimeOver : ReconnectResult::GivenUp;
+    }
+    back_since_ = now();
+    return ReconnectResult::Reconnected;
+  }
 
   /// Returns the reason why the last reconnect() gave up.
   [[nodiscard]] const std::optional<Error>& refusal() const { return refusal_; }
 
  private:
+  using Nanoseconds = display::Nanoseconds;
+  using PanelSearch = display::PanelSearch;
+  static constexpr Nanoseconds kForEver = Nanoseconds::max();
+  /// Time between two attempts, each of which probes every panel.
+  static constexpr Nanoseconds kRound = std::chrono::seconds(1);
+  /// A panel that wakes up may appear to be another one for this long.
+  static constexpr Nanoseconds kCardAfter = std::chrono::seconds(2);
+  /// A display that shows a card reports hotplug events; probing is only a precaution.
+  static constexpr int kRoundsPerLook = 10;
+  /// A display that worked for this long counts as recovered.
+  static constexpr Nanoseconds kSound = std::chrono::seconds(10);
+
+  static display::KmsOptions with_services(display::KmsOptions options) {
+    if (!options.clock) options.clock = display::make_monotonic_clock();
+    if (!options.session) options.session = display::make_direct_session();
+    return options;
+  }
+
+  /// Returns options for a test card: a card is not left on the panel for a successor.
+  static display::KmsOptions for_cards(display::KmsOptions options) {
+    if (options.exit == display::ExitPolicy::Hold) options.exit = display::ExitPolicy::Black;
+    options.allow_inexact = true;  // text is readable even if colours are inexact
+    return options;
+  }
+
+  static PanelWaitOptions complete(PanelWaitOptions options) {
+    options.kms = with_services(std::move(options.kms));
+    return options;
+  }
+
+  static Nanoseconds later(Nanoseconds now, std::optional<Nanoseconds> duration) {
+    return duration && *duration < kForEver - now ? now + *duration : kForEver;
+  }
+
+  /// Returns true if the requested panel is missing and another one can show the card.
+  static bool deserves_a_card(const PanelSearch& search) {
+    return !search.found && !search.present.empty();
+  }
+
+  class CardOff {
+   public:
+    explicit CardOff(PanelCard& card) : card_(card) {}
+    ~CardOff() { card_.close(); }
+    CardOff(const CardOff&) = delete;
+    CardOff& operator=(const CardOff&) = delete;
+
+   private:
+    PanelCard& card_;
+  };
   using Attempt = std::function<void()>;
 
+  /// Tries at once, and then whenever the requested panel seems to be connected. Removes the card
+  /// when it returns.
   void try_until(display::Nanoseconds give_up, const Attempt& attempt,
-                 const std::function<void()>& meanwhile);
-  [[nodiscard]] bool succeeds(const Attempt& attempt);
-  void show_card(const display::PanelSearch& search);
+                 const std::function<void()>& meanwhile) {
+    const CardOff card_off(card_);
+    const Nanoseconds card_from = now() + kCardAfter;
+    PanelSearch search{.found = true};
+    int rounds_to_look = 0;
+    while (true) {
+      if (search.found && succeeds(attempt)) return;
+      if (now() >= give_up) throw Error(*refusal_);
+      const bool was_found = search.found;
+      if (card_.display() == nullptr || rounds_to_look-- <= 0) {
+        search = search_panel(options_.kms, card_.display());
+        rounds_to_look = kRoundsPerLook;
+      }
+      if (search.found && !was_found) continue;
+      if (!search.found) refusal_ = search.refusal;
+      if (!search.found && !search.may_come && give_up != kForEver) throw Error(*refusal_);
+      if (now() >= card_from) show_card(search);
+      if (meanwhile) meanwhile();
+      if (options_.report)
+        options_.report({.reason = *refusal_,
+                         .panel_missing = !search.found,
+                         .card_shown = card_.display() != nullptr});
+      if (rest(std::min(kRound, give_up - now()))) rounds_to_look = 0;
+    }
+  }
+  [[nodiscard]] bool succeeds(const Attempt& attempt) {
+    card_.close();
+    try {
+      attempt();
+      return true;
+    } catch (const Error& error) {
+      refusal_ = error;
+      if (options_.release_stored) options_.release_stored();
+      // The panel is connected and the driver alters pixel values; waiting would not help.
+      if (error.kind() == ErrorKind::Quality) throw;
+      return false;
+    }
+  }
+  void show_card(const display::PanelSearch& search) {
+    if (!deserves_a_card(search)) return card_.close();
+    const display::PanelInfo& panel = search.present.front();
+    (void)card_.show(panel, wrong_panel_card(options_.kms.output, search, panel, options_.rig));
+  }
   /// Waits. Returns true after a hotplug event.
-  bool rest(display::Nanoseconds duration);
+  /// Throws Error(Device) when cancelled.
+  bool rest(display::Nanoseconds duration) {
+    const Nanoseconds until = now() + duration;
+    bool news = false;
+    if (card_.display() != nullptr)
+      news = card_.wait(until, options_.cancel_fd);
+    else
+      (void)options_.kms.clock->wait_until(until, options_.cancel_fd);
+    if (cancelled()) throw Error(ErrorKind::Device, "kms: interrupted while waiting for a panel");
+    return news;
+  }
   [[nodiscard]] display::Nanoseconds now() const { return options_.kms.clock->now(); }
-  [[nodiscard]] bool cancelled() const;
+  [[nodiscard]] bool cancelled() const {
+    pollfd entry{.fd = options_.cancel_fd, .events = POLLIN, .revents = 0};
+    return options_.cancel_fd >= 0 && poll(&entry, 1, 0) > 0;
+  }
 
   PanelWaitOptions options_;
   PanelCard card_;

@@ -2,14 +2,33 @@
 // SteeredPlay adds playlists and a control socket to a run of `lenticule play`.
 #pragma once
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <unistd.h>
+
+#include <algorithm>
 #include <atomic>
+#include <condition_variable>
+#include <csignal>
+#include <deque>
+#include <filesystem>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
 #include <string>
+#include <thread>
+#include <utility>
+#include <vector>
 
+#include "base/error.h"
+#include "base/print.h"
+#include "frames/image_io.h"
+#include "optics/eye_simulator.h"
+#include "optics/rig_file.h"
+#include "player/control/control_answers.h"
 #include "player/control/control_server.h"
 #include "player/playlist/playlist_source.h"
 #include "player/playlist/source_pace.h"
@@ -18,49 +37,739 @@
 
 namespace lenticule::player {
 
-class PlayControls;
+/// PlayControls carries out the requests that arrive on a running player's control socket.
+/// Thread safety: handle() runs on the server's thread; all other functions on the player's main
+/// thread.
+class PlayControls final : public ControlTarget {
+ public:
+  /// Reads a list or a single source. Throws Error.
+  using PlaylistReader = std::function<Playlist(const std::string& source)>;
+
+  /// `read_playlist` reads what `load` names, on a thread of the object. Lifetime: `plan` must
+  /// outlive the object.
+  PlayControls(const PlayPlan& plan, PlaylistReader read_playlist)
+      : plan_(plan), read_playlist_(std::move(read_playlist)) {
+    worker_ = std::thread([this] { work(); });
+  }
+  ~PlayControls() override {
+    {
+      const std::lock_guard lock(tasks_mutex_);
+      stopping_ = true;
+    }
+    task_there_.notify_all();
+    worker_.join();
+  }
+  PlayControls(const PlayControls&) = delete;
+  PlayControls& operator=(const PlayControls&) = delete;
+
+  void handle(const ControlRequest& request, ControlRights rights,
+              std::function<void(ControlAnswer)> answer) override {
+    const Jump aside{.item = request.verb == ControlVerb::Next ? 1 : -1, .relative = true};
+    switch (request.verb) {
+      case ControlVerb::Status:
+        return answer(status());
+      case ControlVerb::Stats:
+        return answer(statistics());
+      case ControlVerb::Doctor:
+        return answer(doctor());
+      case ControlVerb::Play:
+      case ControlVerb::Pause:
+        return answer(pause(request.verb == ControlVerb::Pause));
+      case ControlVerb::Next:
+      case ControlVerb::Previous:
+        return jump(aside, answer);
+      case ControlVerb::Seek: {
+        Jump where{.frame = request.frame.value_or(0)};
+        if (request.item) where.item = static_cast<int64_t>(*request.item);
+        return jump(where, answer);
+      }
+      case ControlVerb::Load:
+        return load(request, answer);
+      case ControlVerb::Interrupt:
+        return interrupt(request, answer);
+      case ControlVerb::Blank:
+        return blank(answer);
+      case ControlVerb::Back:
+        return back(answer);
+      case ControlVerb::Cue:
+        return cue(request, answer);
+      case ControlVerb::Go:
+        return go(answer);
+      case ControlVerb::Speed:
+        return answer(set_speed(request.speed_permille));
+      case ControlVerb::Power:
+        return work_on(answer,
+                       [this, request](const Answer& done) { done(switch_output(request.on)); });
+      case ControlVerb::Loop:
+        return answer(set_loops(request.loops));
+      case ControlVerb::Trim:
+        return work_on(answer, [this, request](const Answer& done) { done(change_trim(request)); });
+      case ControlVerb::Rig:
+        return work_on(answer, [this, request](const Answer& done) { done(replace_rig(request)); });
+      case ControlVerb::Snapshot:
+        if (rights != ControlRights::Everything)
+          throw Error(
+              ErrorKind::Device,
+              "snapshot: not permitted, because the file would be written as the player's user",
+              "connect as the player's user, or as root");
+        return snapshot(request, answer);
+      case ControlVerb::Frame:
+        return work_on(answer, [this](const Answer& done) { done(share_frame()); });
+      case ControlVerb::List:
+        return answer(list(request));
+      case ControlVerb::Quit:
+        answer(ordered_json{{"quitting", true}});
+        return quit_in_good_order();
+      case ControlVerb::Subscribe:
+        break;
+    }
+    throw Error(ErrorKind::Usage, "control: the player does not handle this request");
+  }
+
+  /// Returns the object by which the playback is controlled.
+  [[nodiscard]] PlaybackControl& playback() { return playback_; }
+  /// Sets the playlist that is controlled from now on; null while there is none. Lifetime: `source`
+  /// must stay valid until the next call.
+  void steer(PlaylistSource* source) {
+    const std::lock_guard lock(mutex_);
+    source_ = source;
+  }
+  /// Stores the newest statistics, and a one-word state of the player, for later requests.
+  void report_statistics(const nlohmann::ordered_json& statistics) {
+    const std::lock_guard lock(mutex_);
+    statistics_ = statistics;
+  }
+  void report_state(const std::string& state) {
+    const std::lock_guard lock(mutex_);
+    state_ = state;
+  }
+
+ private:
+  using ordered_json = nlohmann::ordered_json;
+  static constexpr size_t kMaxTasks = 4;
+  static constexpr auto kLongestSwitch = std::chrono::seconds(5);
+
+  /// Ends the process as Ctrl-C would; every wait of the player reacts to the signal.
+  static void quit_in_good_order() { (void)::kill(::getpid(), SIGTERM); }
+  static Error nothing_to_steer() {
+    return {ErrorKind::Failed, "control: nothing is playing",
+            "'status' says what the player is doing"};
+  }
+
+  static ordered_json place_json(const PlaylistStatus& status) {
+    ordered_json json = {{"list", status.list}, {"source", status.source}};
+    json["item"] = status.item ? ordered_json(*status.item) : ordered_json(nullptr);
+    json["items"] = status.items;
+    return json;
+  }
+
+  /// Returns the index of the panel of a wall; none if the player shows one panel.
+  static std::optional<size_t> part_for(const std::string& name,
+                                        const std::vector<WallPart>& wall) {
+    if (wall.empty() && name.empty()) return std::nullopt;
+    if (wall.empty())
+      throw Error(ErrorKind::Usage, "panel: this player shows one panel", "leave --panel out");
+    const auto found = std::ranges::find(wall, name, &WallPart::name);
+    if (found != wall.end()) return static_cast<size_t>(found - wall.begin());
+    std::vector<std::string> names;
+    for (const WallPart& panel : wall) names.push_back(panel.name);
+    throw Error(ErrorKind::Usage,
+                "panel: " + (name.empty() ? "none is named" : "no '" + name + "'"),
+                fmt::format("this player shows {}", fmt::join(names, ", ")));
+  }
+
+  static frames::WovenFrame seen_by(const optics::Rig& rig, const frames::WovenFrame& woven,
+                                    const std::array<double, 3>& eye) {
+    const optics::OpticalModel model(rig);
+    const optics::RgbPicture seen =
+        optics::simulate_eye(model,
+                             {.pixels = woven.bytes().data(),
+                              .width = woven.width(),
+                              .height = woven.height(),
+                              .stride_bytes = woven.geometry().row_bytes()},
+                             {.x = eye[0], .y = eye[1], .z_mm = eye[2]});
+    frames::WovenFrame picture({.width = seen.width, .height = seen.height});
+    std::copy(seen.pixels.begin(), seen.pixels.end(), picture.bytes().begin());
+    return picture;
+  }
+
+  using Answer = std::function<void(ControlAnswer)>;
+
+  /// Returns the frame displayed at this moment and the item being read; around a change the two
+  /// differ for a few frames.
+  [[nodiscard]] nlohmann::ordered_json status() const {
+    const DisplayedPlace displayed = playback_.displayed();
+    const std::lock_guard lock(mutex_);
+    const bool playing = state_ == "playing";
+    const char* const held = playback_.is_off() ? "off" : playback_.paused() ? "paused" : nullptr;
+    ordered_json json = {{"state", playing && held != nullptr ? held : state_},
+                         {"speed", playback_.speed_permille() / 1000.0},
+                         {"frames_shown", displayed.frames},
+                         {"log_lines_dropped", dropped_log_lines()}};
+    json["displayed"] = nullptr;
+    if (source_ != nullptr) {
+      const auto play = static_cast<uint32_t>(displayed.item);
+      const PlaylistStatus status = source_->status();
+      if (displayed.frames > 0) {
+        const ItemAccount item = source_->account_of(play).value_or(ItemAccount{});
+        json["displayed"] = {{"source", item.source.text}, {"frame", displayed.number}};
+        json["displayed"]["item"] = item.index ? ordered_json(*item.index) : ordered_json(nullptr);
+      }
+      json["reading"] = place_json(status);
+      json["reading"]["frames"] =
+          status.frames ? ordered_json(*status.frames) : ordered_json(nullptr);
+      json["rounds_done"] = status.rounds_done;
+      json["opening"] = status.opening;
+      for (const auto& [key, text] :
+           {std::pair("cued", status.cued), std::pair("interrupted", status.interrupted),
+            std::pair("waiting_for", status.waiting_for)})
+        json[key] = text.empty() ? ordered_json(nullptr) : ordered_json(text);
+      json["items_skipped"] = status.skipped;
+      json["last_problem"] = status.last_problem;
+      json.update(to_json(status.damage));
+    }
+    if (plan_.trim) json["trim"] = trim_json(plan_.trim->trim());
+    for (const char* key : {"write_problems", "rig_problem"})
+      if (statistics_.contains(key)) json[key] = statistics_[key];
+    // Before the first report there are no statistics.
+    if (statistics_.contains("stall") && statistics_["stall"] != "")
+      json["last_problem"] = statistics_["stall"];
+    return json;
+  }
+  [[nodiscard]] nlohmann::ordered_json statistics() const {
+    const std::lock_guard lock(mutex_);
+    return {{"statistics", statistics_}};
+  }
+  [[nodiscard]] nlohmann::ordered_json doctor() const {
+    const std::lock_guard lock(mutex_);
+    ordered_json json;
+    for (const char* key : {"display", "exactness", "kms", "waiting_for", "source_pace"})
+      json[key] = statistics_.contains(key) ? statistics_[key] : ordered_json(nullptr);
+    return json;
+  }
+  [[nodiscard]] nlohmann::ordered_json pause(bool paused) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (source_ != nullptr) source_->hold(paused);
+    }
+    playback_.pause(paused);
+    return {{"paused", paused}};
+  }
+  [[nodiscard]] nlohmann::ordered_json set_loops(uint64_t loops) {
+    const std::lock_guard lock(mutex_);
+    if (source_ == nullptr) throw nothing_to_steer();
+    source_->set_loops(loops);
+    ordered_json json;
+    json["count"] = loops == kForever ? ordered_json("forever") : ordered_json(loops);
+    return json;
+  }
+  [[nodiscard]] nlohmann::ordered_json change_trim(const ControlRequest& request) {
+    if (!plan_.trim) throw Error(ErrorKind::Failed, "trim: this player cannot change the trim");
+    const optics::Trim now = plan_.trim->change([&](const optics::Trim& trim) {
+      if (request.relative)
+        return optics::changed_by(trim, request.offset_lenses.value_or(0.0),
+                                  request.pitch_relative.value_or(0.0));
+      return optics::Trim{.offset = Lenses(request.offset_lenses.value_or(trim.offset.value)),
+                          .pitch_relative = request.pitch_relative.value_or(trim.pitch_relative)};
+    });
+    ordered_json json = trim_json(now);
+    const std::string problem = plan_.trim->why_unsaved();
+    json["saved"] = problem.empty();
+    if (!problem.empty()) json["problem"] = problem;
+    if (std::string advice = plan_.trim->advice(); !advice.empty())
+      json["advice"] = std::move(advice);
+    return json;
+  }
+  /// Replaces the player's own rig file by a new calibration of the same panel.
+  [[nodiscard]] nlohmann::ordered_json replace_rig(const ControlRequest& request) {
+    if (!plan_.trim) throw Error(ErrorKind::Failed, "rig: this player has no rig");
+    const optics::Rig rig = optics::parse_rig(request.rig_toml, "rig");
+    const std::filesystem::path kept = plan_.trim->replace_rig(rig);
+    return {{"fingerprint", optics::fingerprint(rig)}, {"old_rig_kept_as", kept.string()}};
+  }
+  /// Jumps to another place. The answer is sent when its first frame is taken, or when the jump has
+  /// failed.
+  void jump(Jump where, const Answer& answer) {
+    const std::lock_guard lock(mutex_);
+    if (source_ == nullptr) throw nothing_to_steer();
+    PlaylistSource* const source = source_;
+    const uint64_t frame = where.frame;
+    source->jump(where, [answer, source, frame](const Error* error) {
+      if (error != nullptr) return answer(*error);
+      ordered_json json = place_json(source->status());
+      json["frame"] = frame;
+      answer(std::move(json));
+    });
+  }
+  void load(const ControlRequest& request, const Answer& answer) {
+    work_on(answer, [this, request](const Answer& done) {
+      Jump where{.list = std::make_shared<const Playlist>(read_playlist_(request.source)),
+                 .item = static_cast<int64_t>(request.item.value_or(0)),
+                 .frame = request.frame.value_or(0)};
+      jump(std::move(where), done);
+    });
+  }
+  void interrupt(const ControlRequest& request, const Answer& answer) {
+    work_on(answer, [this, request](const Answer& done) {
+      jump({.list = interruption_of(request),
+            .item = 0,
+            .frame = request.frame.value_or(0),
+            .interrupts = true},
+           done);
+    });
+  }
+  /// Shows a black frame until back().
+  void blank(const Answer& answer) {
+    jump({.list = std::make_shared<const Playlist>(playlist_of(parse_source("black"), kForever)),
+          .item = 0,
+          .interrupts = true},
+         answer);
+  }
+  void back(const Answer& answer) {
+    const std::lock_guard lock(mutex_);
+    if (source_ == nullptr) throw nothing_to_steer();
+    if (source_->status().interrupted.empty())
+      return answer(ConflictAnswer{{ErrorKind::Failed, "back: nothing is interrupted",
+                                    "'interrupt' and 'blank' begin an interruption"}});
+    source_->return_now([answer, source = source_](const Error* error) {
+      if (error != nullptr) return answer(*error);
+      answer(place_json(source->status()));
+    });
+  }
+  void cue(const ControlRequest& request, const Answer& answer) {
+    work_on(answer, [this, request](const Answer& done) {
+      Jump where{.frame = request.frame.value_or(0), .interrupts = request.then_back};
+      if (request.then_back)
+        where.list = interruption_of(request);
+      else if (!request.item)
+        where.list = std::make_shared<const Playlist>(read_playlist_(request.source));
+      where.item = request.item && !request.then_back ? static_cast<int64_t>(*request.item) : 0;
+      const std::lock_guard lock(mutex_);
+      if (source_ == nullptr) throw nothing_to_steer();
+      source_->cue(where, [done, source = source_](const Error* error) {
+        if (error != nullptr) return done(*error);
+        done(ordered_json{{"cued", source->status().cued}});
+      });
+    });
+  }
+  /// Shows the cued item. A second request before its first frame is displayed changes nothing, as
+  /// that of a button that bounces.
+  void go(const Answer& answer) {
+    const std::lock_guard lock(mutex_);
+    if (source_ == nullptr) throw nothing_to_steer();
+    if (!playback_.time_next_cut()) return answer(ordered_json{{"already_going", true}});
+    if (source_->status().cued.empty()) {
+      playback_.forget_next_cut();
+      return answer(
+          ConflictAnswer{{ErrorKind::Failed, "go: no item is cued", "cue one first: cue SOURCE"}});
+    }
+    source_->go([this, answer, source = source_](const Error* error) {
+      if (error == nullptr) return answer(place_json(source->status()));
+      playback_.forget_next_cut();
+      answer(*error);
+    });
+  }
+  /// Returns the list that an interruption plays once.
+  [[nodiscard]] std::shared_ptr<const Playlist> interruption_of(
+      const ControlRequest& request) const {
+    Playlist list;
+    if (request.item) {
+      std::shared_ptr<const Playlist> playing;
+      {
+        const std::lock_guard lock(mutex_);
+        if (source_ == nullptr) throw nothing_to_steer();
+        playing = source_->list();
+      }
+      if (*request.item >= playing->items.size())
+        throw Error(
+            ErrorKind::Usage,
+            fmt::format("item {}: the list has {} items", *request.item, playing->items.size()),
+            "items are counted from 0");
+      list = {.name = playing->name, .items = {playing->items[*request.item]}, .standby = {}};
+    } else {
+      list = read_playlist_(request.source);
+      // A source is shown once, however often the player repeats its own; a list says how often.
+      if (!list.file && list.items.size() == 1) list.items.front().loops = 1;
+      list.file.reset();
+      list.standby.reset();
+      list.awaits_files = false;
+    }
+    list.rounds = 1;
+    if (request.seconds && list.items.size() != 1)
+      throw Error(ErrorKind::Usage, "seconds: only for a single source or item",
+                  "write duration_s into the list");
+    for (PlaylistItem& item : list.items) item.schedule.reset();
+    if (list.items.size() == 1) {
+      PlaylistItem& item = list.items.front();
+      item.loops = std::max<uint64_t>(item.loops, 1);  // once instead of forever
+      if (request.seconds) item.duration_s = request.seconds;
+      item.still_s.reset();
+      if (!item.duration_s && item.loops == 1) item.still_s = kStillSeconds;
+    }
+    return std::make_shared<const Playlist>(std::move(list));
+  }
+  [[nodiscard]] nlohmann::ordered_json set_speed(uint32_t permille) {
+    const std::lock_guard lock(mutex_);
+    playback_.set_speed(permille);
+    if (source_ != nullptr) source_->set_speed(permille / 1000.0);
+    return {{"factor", permille / 1000.0}};
+  }
+  /// Switches the output. Without a panel, the panel is switched when it is there.
+  [[nodiscard]] nlohmann::ordered_json switch_output(bool on) {
+    const bool done = playback_.switch_output(on, kLongestSwitch);
+    return {{"power", on ? "on" : "off"}, {"done", done}};
+  }
+  void snapshot(const ControlRequest& request, const Answer& answer) {
+    frames::check_writable_format(request.file);
+    work_on(answer, [this, request](const Answer& done) { done(take_snapshot(request)); });
+  }
+  [[nodiscard]] nlohmann::ordered_json take_snapshot(const ControlRequest& request) {
+    const std::vector<WallPart>& wall = plan_.context.wall;
+    const std::optional<size_t> part = part_for(request.panel, wall);
+    frames::WovenFrame displayed(part ? wall[*part].panel : plan_.context.panel);
+    const DisplayedPlace place = playback_.displayed();
+    if (!playback_.copy_shown(displayed, part.value_or(0)))
+      throw Error(ErrorKind::Failed, "snapshot: the displayed frame is not in memory",
+                  "if the source keeps few frames, play with more --slots");
+    if (request.eye_mm) {
+      const optics::Rig rig = part ? wall[*part].rig : plan_.trim->rig();
+      displayed = seen_by(rig, displayed, *request.eye_mm);
+    }
+    frames::write_woven(displayed.view(), request.file);
+    return {{"file", request.file},
+            {"width", displayed.width()},
+            {"height", displayed.height()},
+            {"frame", place.number}};
+  }
+  /// Shares the displayed frame and the rig for which frames are woven now, with its trim.
+  [[nodiscard]] DescriptorAnswer share_frame() {
+    if (!plan_.trim) throw Error(ErrorKind::Failed, "frame: this player has no rig");
+    frames::WovenFrame displayed(plan_.context.panel);
+    const DisplayedPlace place = playback_.displayed();
+    if (!playback_.copy_shown(displayed))
+      throw Error(ErrorKind::Failed, "frame: the displayed frame is not in memory",
+                  "if the source keeps few frames, play with more --slots");
+    const std::string rig = optics::rig_to_toml(plan_.trim->rig());
+    if (!frame_memory_) frame_memory_ = std::make_unique<FrameMemory>(plan_.context.panel);
+    const uint64_t serial = frame_memory_->write(displayed, rig);
+    return {.body = {{"serial", serial},
+                     {"width", displayed.width()},
+                     {"height", displayed.height()},
+                     {"row_bytes", displayed.geometry().row_bytes()},
+                     {"pixels_at", FrameMemory::kPixelsAt},
+                     {"rig_at", FrameMemory::kPixelsAt + displayed.bytes().size()},
+                     {"rig_bytes", rig.size()},
+                     {"frame", place.number}},
+            .descriptor = frame_memory_->descriptor()};
+  }
+  [[nodiscard]] nlohmann::ordered_json list(const ControlRequest& request) const {
+    std::shared_ptr<const Playlist> playing;
+    {
+      const std::lock_guard lock(mutex_);
+      if (source_ == nullptr) throw nothing_to_steer();
+      playing = source_->list();
+    }
+    return list_json(*playing, request.item.value_or(0));
+  }
+  void work_on(Answer answer, std::function<void(const Answer&)> task) {
+    {
+      const std::lock_guard lock(tasks_mutex_);
+      if (tasks_.size() >= kMaxTasks)
+        throw Error(ErrorKind::Failed, "control: too many requests are pending", "try again later");
+      tasks_.push_back({std::move(answer), std::move(task)});
+    }
+    task_there_.notify_one();
+  }
+  void work() noexcept {
+    std::unique_lock lock(tasks_mutex_);
+    while (true) {
+      task_there_.wait(lock, [this] { return stopping_ || !tasks_.empty(); });
+      if (stopping_) return;
+      const Task task = std::move(tasks_.front());
+      tasks_.pop_front();
+      lock.unlock();
+      try {
+        task.run(task.answer);
+      } catch (const Error& error) {
+        task.answer(error);
+      } catch (const std::exception& error) {
+        task.answer(Error(ErrorKind::Failed, error.what()));
+      }
+      lock.lock();
+    }
+  }
+  [[nodiscard]] nlohmann::ordered_json trim_json(const optics::Trim& trim) const {
+    return {{"offset_lenses", trim.offset.value}, {"pitch_relative", trim.pitch_relative}};
+  }
+
+  const PlayPlan& plan_;
+  const PlaylistReader read_playlist_;
+  PlaybackControl playback_;
+
+  mutable std::mutex mutex_;  ///< guards the members below
+  PlaylistSource* source_ = nullptr;
+  nlohmann::ordered_json statistics_;
+  std::string state_ = "starting";
+
+  std::unique_ptr<FrameMemory> frame_memory_;  ///< used by the worker thread
+
+  // Slow tasks (reading lists, encoding pictures), run one after the other.
+  struct Task {
+    Answer answer;
+    std::function<void(const Answer&)> run;
+  };
+  std::mutex tasks_mutex_;
+  std::condition_variable task_there_;
+  std::deque<Task> tasks_;
+  bool stopping_ = false;
+  std::thread worker_;  // last member: the thread uses everything above
+};
 
 /// Only measures the source's pace if the source is plain, without control socket and proof. Thread
 /// safety: the player's main thread.
 class SteeredPlay {
  public:
   /// Starts to listen. Throws as ControlServer does.
-  SteeredPlay(const PlayFlags& flags, const PlayPlan& plan);
-  ~SteeredPlay();
+  SteeredPlay(const PlayFlags& flags, const PlayPlan& plan)
+      : flags_(flags), plan_(plan), is_list_(plan.source.kind == SourceKind::List) {
+    if (is_list_ && plan.context.frames)
+      throw Error(ErrorKind::Usage, "--frames: not allowed for a list",
+                  "write frames = \"A:B\" in its [[item]]");
+    if (plan.trim) trim_version_ = plan.trim->version();
+    if (flags.control.empty()) return;
+    controls_ = std::make_unique<PlayControls>(plan, [this](const std::string& text) {
+      // The flags of the command line apply to its own source alone.
+      const SourceSpec& own = plan_.source;
+      const SourceSpec source = text == own.text ? own : parse_source(text);
+      Playlist list = read_playlist(source, flags_, plan_);
+      // Sources loaded over the control socket loop until the next command.
+      const bool for_ever = flags_.loop.empty() && source.kind != SourceKind::List;
+      if (for_ever) list.items.front().loops = kForever;
+      return list;
+    });
+    listen();
+  }
+  ~SteeredPlay() { detach_source(); }
   SteeredPlay(const SteeredPlay&) = delete;
   SteeredPlay& operator=(const SteeredPlay&) = delete;
 
   /// Opens the source as open_source() does, after it has closed the one in `opened`.
-  void open(OpenedSource& opened);
+  void open(OpenedSource& opened) {
+    detach_source();
+    if (!is_list_ && !controls_ && !plan_.proof && !is_followed(plan_)) {
+      opened = open_source(plan_.source, plan_.context);
+      if (plan_.trim) plan_.trim->note_content(opened.woven_elsewhere);
+      const bool still = opened.source->frame_count() == uint64_t{1};
+      if (!still || !plan_.source.has_pictures()) return;
+    } else {
+      opened = {};
+    }
+    // A still picture is an item of a list, which knows how long it stays.
+    const auto first = std::make_shared<OpenedSource>(std::exchange(opened, {}));
+    auto source = std::make_unique<PlaylistSource>(
+        std::make_shared<const Playlist>(read_playlist(plan_.source, flags_, plan_)),
+        PlaylistSourceOptions{
+            .panel = plan_.context.panel,
+            .open =
+                [first, open = item_opener(plan_)](const PlaylistItem& item, uint64_t frame) {
+                  return first->source ? std::exchange(*first, {}) : open(item, frame);
+                },
+            .rate = plan_.playback.content,
+            .on_event = [this](const PlaylistEvent& event) { on_item(event); },
+            .marks_of = [](const PlaylistItem& item) { return marks_of_source(item.source); },
+            .read_list =
+                [this](const std::string& name) {
+                  return read_playlist(parse_source(name), flags_, plan_);
+                },
+            .mark_list =
+                [folders = plan_.folders](const std::string& name) { return folders->mark(name); },
+            .outlasts_faults = plan_.outlasts_faults,
+            .left_item = controls_ ? left_item_of(controls_->playback()) : nullptr,
+            .longest_wait = flags_.wait.empty() ? std::nullopt : plan_.playback.stall_timeout});
+    source->open_first();
+    source_ = source.get();
+    opened.source = std::move(source);
+    if (controls_) controls_->steer(source_);
+  }
   /// Detaches from the source; call it before the source is destroyed.
-  void detach_source();
+  void detach_source() {
+    if (controls_) controls_->steer(nullptr);
+    source_ = nullptr;
+  }
   /// Sets the playback options that lists and control need.
-  void prepare(PlaybackOptions& options, frames::Rate refresh);
+  void prepare(PlaybackOptions& options, frames::Rate refresh) {
+    if (source_ == nullptr) return;
+    source_->set_display_rate(refresh);
+    options.loops = 1;  // the list counts the loops itself
+    if (controls_) {
+      options.control = &controls_->playback();
+      source_->set_speed(controls_->playback().speed_permille() / 1000.0);
+    }
+    report_state("playing");
+  }
   /// Switches the output off after the first frame, as it was in the previous player.
-  void begin_off();
+  void begin_off() {
+    if (controls_) (void)controls_->playback().switch_output(false, std::chrono::milliseconds(0));
+  }
   /// Checks the list's and the item's files now.
   void look_again() {
     if (source_ != nullptr) source_->look_again();
   }
   /// Sets the state, one word; publishes an event if it changed.
-  void report_state(const std::string& state);
+  void report_state(const std::string& state) {
+    if (controls_) controls_->report_state(state);
+    if (std::exchange(state_, state) != state) publish({{"event", "state"}, {"state", state}});
+  }
   /// Call about once a second: updates the statistics, warns, and publishes events.
-  void report(const PlayReport& report);
-  void complete(nlohmann::ordered_json& statistics);
+  void report(const PlayReport& report) {
+    const auto now = std::chrono::steady_clock::now();
+    if (controls_ && !server_ && listening_.due(now)) listen();
+    (void)pace_.look(report, now);
+    if (const auto warning = pace_.warning(now)) {
+      say("{}\n", *warning);
+      publish({{"event", "too_slow"}, {"figures", to_json(pace_.figures())}});
+    }
+    publish_changes(report);
+  }
+  void complete(nlohmann::ordered_json& statistics) {
+    statistics["source_pace"] = to_json(pace_.figures());
+    if (source_ != nullptr) {
+      const PlaylistStatus status = source_->status();
+      statistics["loops"] = status.loops;
+      statistics["playlist"] = {{"list", status.list},
+                                {"source", status.source},
+                                {"items", status.items},
+                                {"rounds_done", status.rounds_done},
+                                {"items_started", status.started},
+                                {"seams", status.loop_points},
+                                {"items_skipped", status.skipped},
+                                {"last_problem", status.last_problem},
+                                {"waiting_for", status.waiting_for},
+                                {"damaged_items", ordered_json::array()}};
+      for (const auto& [source, damage] : status.damaged_items) {
+        ordered_json item = {{"source", source}};
+        item.update(to_json(damage));
+        statistics["playlist"]["damaged_items"].push_back(std::move(item));
+      }
+    }
+    if (server_) {
+      const ControlCounts counts = server_->counts();
+      statistics["control"] = {{"accepted", counts.accepted},
+                               {"refused", counts.refused},
+                               {"dropped", counts.dropped},
+                               {"displaced", counts.displaced}};
+    }
+    if (controls_) controls_->report_statistics(statistics);
+  }
   /// Returns the account of an item's turn, if it is remembered.
   [[nodiscard]] std::optional<ItemAccount> account_of(uint64_t item) const {
     return source_ == nullptr ? std::nullopt : source_->account_of(static_cast<uint32_t>(item));
   }
   /// Returns why the playback failed: an only item that failed, or a list without a playable item.
   /// Empty otherwise.
-  [[nodiscard]] std::string failure() const;
+  [[nodiscard]] std::string failure() const {
+    if (source_ == nullptr) return {};
+    const PlaylistStatus status = source_->status();
+    const bool nothing_played = status.started == 0;
+    const bool only_one_broke = !is_list_ && status.started <= 1 && status.skipped > 0;
+    if (!nothing_played && !only_one_broke) return {};
+    if (is_list_ && !status.waiting_for.empty()) return status.list + ": " + status.waiting_for;
+    return status.last_problem.empty() ? "none of its items could be played" : status.last_problem;
+  }
 
  private:
-  void listen();
-  void on_item(const PlaylistEvent& event);
-  void complain(const std::string& how, const PlaylistEvent& event);
-  void publish(nlohmann::ordered_json event);
-  void publish_changes(const PlayReport& report);
+  using ordered_json = nlohmann::ordered_json;
+  static constexpr size_t kMaxComplaints = 1000;
+
+  static bool folder_exists(const std::filesystem::path& file) {
+    std::error_code error;
+    return std::filesystem::is_directory(file.has_parent_path() ? file.parent_path() : ".", error);
+  }
+
+  /// Returns true if the source is a file that is shown again, which may be replaced meanwhile.
+  static bool is_followed(const PlayPlan& plan) {
+    return plan.playback.loops != 1 && !marks_of_source(plan.source).empty();
+  }
+
+  static std::function<LeftItem(uint32_t)> left_item_of(const PlaybackControl& playback) {
+    return [&playback](uint32_t number) { return playback.left_item(number); };
+  }
+
+  /// Opens the control socket. A full disk must not prevent playing, so a failure is retried.
+  void listen() {
+    try {
+      server_ = std::make_unique<ControlServer>(
+          ControlServerOptions{.socket = flags_.control, .group = plan_.control_group}, *controls_);
+      serving_.store(server_.get());
+      listening_.succeeded();
+    } catch (const Error& error) {
+      const bool may_change = error.kind() == ErrorKind::Failed && folder_exists(flags_.control);
+      const bool first = listening_.state().failures == 0;
+      if (first && !may_change) throw;
+      if (first) say("{}; playback continues, and the player tries again\n", error.what());
+      listening_.failed(error.what());
+    }
+  }
+  /// Called on the list's threads.
+  void on_item(const PlaylistEvent& event) {
+    using Kind = PlaylistEvent::Kind;
+    if (plan_.trim && (event.kind == Kind::ItemStarted || event.kind == Kind::Returned))
+      plan_.trim->note_content(event.woven_elsewhere);
+    switch (event.kind) {
+      case Kind::ItemStarted:
+        return publish({{"event", "item_started"}, {"source", event.source}});
+      case Kind::Returned:
+        return publish({{"event", "returned"}, {"source", event.source}});
+      case Kind::LoopPoint:
+        return publish({{"event", "seam"}, {"source", event.source}});
+      case Kind::Waiting:
+        publish({{"event", "waiting"}, {"source", event.source}, {"cause", event.detail}});
+        say("{}: {}\n", event.source, event.detail);
+        return;
+      case Kind::ItemDamaged:
+        publish({{"event", "damaged_item"}, {"source", event.source}, {"cause", event.detail}});
+        return complain("damaged", event);
+      case Kind::ItemSkipped:
+        publish({{"event", "bad_item"}, {"source", event.source}, {"cause", event.detail}});
+        return complain("left out", event);
+      case Kind::Kept:
+        publish({{"event", "not_replaced"}, {"source", event.source}, {"cause", event.detail}});
+        return complain("the previous one continues", event);
+      case Kind::Replaced:
+        say("{}: {}\n", event.source,
+            event.detail.empty() ? "was replaced; the new version is played" : event.detail);
+        return publish({{"event", "replaced"}, {"source", event.source}});
+    }
+  }
+  void complain(const std::string& how, const PlaylistEvent& event) {
+    const bool named = event.detail.starts_with(event.source);
+    const std::string complaint = named ? event.detail : event.source + ": " + event.detail;
+    // The number of damaged frames may differ from round to round, the item is reported once.
+    const bool damaged = event.kind == PlaylistEvent::Kind::ItemDamaged;
+    const std::lock_guard lock(reported_mutex_);
+    if (reported_.size() < kMaxComplaints &&
+        reported_.insert(damaged ? event.source : complaint).second)
+      say("{}: {}\n", how, complaint);
+  }
+  void publish(nlohmann::ordered_json event) {
+    if (ControlServer* const server = serving_.load()) server->publish(std::move(event));
+  }
+  void publish_changes(const PlayReport& report) {
+    const uint64_t missed = report.pace.missed - before_.pace.missed;
+    const uint64_t late = report.pace.repeated_underrun - before_.pace.repeated_underrun;
+    if (report.off != before_.off)
+      publish({{"event", "state"}, {"state", report.off ? "off" : state_}});
+    if (missed + late > 0)
+      publish({{"event", "frame_missed"}, {"missed_vblanks", missed}, {"late_frames", late}});
+    if (plan_.trim && plan_.trim->version() != trim_version_) {
+      trim_version_ = plan_.trim->version();
+      const optics::Trim trim = plan_.trim->trim();
+      publish({{"event", "trim_changed"},
+               {"offset_lenses", trim.offset.value},
+               {"pitch_relative", trim.pitch_relative}});
+    }
+    before_ = report;
+  }
 
   const PlayFlags& flags_;
   const PlayPlan& plan_;
