@@ -4,9 +4,17 @@
 // before keep().
 #pragma once
 
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
 #include <array>
 #include <atomic>
+#include <cerrno>
 #include <chrono>
+#include <cmath>
+#include <cstring>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -14,6 +22,8 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "apps/lenticule-web/api/history.h"
@@ -22,8 +32,14 @@
 #include "apps/lenticule-web/http/clock.h"
 #include "apps/lenticule-web/http/message.h"
 #include "apps/lenticule-web/link/control_link.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "base/subprocess.h"
+#include "base/temporary.h"
+#include "base/unique_fd.h"
 #include "optics/model.h"
 #include "optics/rig.h"
+#include "optics/rig_file.h"
 
 namespace lenticule::web {
 
@@ -83,58 +99,430 @@ struct PhotoRequest {
 class PhotoCalibration {
  public:
   PhotoCalibration(ControlLink& link, PictureMaker& pictures, PhotoCalibrationOptions options,
-                   Clock& clock = machine_clock());
+                   Clock& clock = machine_clock())
+      : link_(link),
+        clock_(clock),
+        pictures_(pictures),
+        options_(std::move(options)),
+        folder_{options_.folder},
+        history_(options_.history) {
+    clear_folder();
+  }
 
   static constexpr uint64_t kLargestPhoto = uint64_t{64} << 20;
 
   /// Returns {"stage", "message", "result", "photographs", "fit", "next", "history"}: stage "idle",
   /// "chart", "refused", "found" or "kept". "result" describes the rig that can be kept, "fit" the
   /// fit of all photographs, which may state too large an error.
-  [[nodiscard]] nlohmann::ordered_json state() const;
+  [[nodiscard]] nlohmann::ordered_json state() const {
+    const std::lock_guard lock(mutex_);
+    ordered_json state = {{"stage", stage_}, {"message", message_}, {"result", result_}};
+    state.update(session_.to_json());
+    state["history"] = history_.to_json();
+    return state;
+  }
   /// Returns the reason why the chart cannot be shown with the player's present rig; empty if it
   /// can be. Draws the chart once for each rig.
-  [[nodiscard]] std::string obstacle();
+  [[nodiscard]] std::string obstacle() {
+    const std::string toml = pictures_.rig_toml();
+    const std::lock_guard lock(trying_);
+    if (toml == tried_rig_) return obstacle_;
+    const TemporaryFolder folder(options_.history.parent_path());
+    write_text_file(folder.path() / "rig.toml", toml);
+    try {
+      draw_chart(folder.path() / "rig.toml", folder.path() / "chart.png");
+      obstacle_.clear();
+    } catch (const HttpError& error) {
+      const std::string message = error.what();  // its other lines are a remedy for a terminal
+      obstacle_ = message.substr(0, message.find('\n'));
+      constexpr std::string_view kProgram = "lenticule: ";
+      if (obstacle_.starts_with(kProgram)) obstacle_.erase(0, kProgram.size());
+    }
+    tried_rig_ = toml;
+    return obstacle_;
+  }
   /// Draws the chart for the player's present rig, and shows it. Throws HttpError 422 with the
   /// command's message.
-  void begin();
+  void begin() {
+    const Claim claim(working_);
+    clear_photos();
+    clear_folder();
+    set_stage("idle", "", nullptr, std::nullopt);
+    const std::string toml = pictures_.rig_toml();
+    write_text_file(folder_.before(), toml);
+    write_text_file(folder_.start(), toml);
+    draw_chart(folder_.start(), folder_.chart());
+    interrupt_with(link_, folder_.chart().string());
+    planned_again_ = false;
+    set_stage("chart", "", nullptr, std::nullopt);
+  }
   /// Returns the sink of the photograph, whose finish() answers with state(). A refused photograph
   /// changes nothing about the others and their result. Throws HttpError 409 if no chart is shown,
   /// 400 for an unknown place.
-  [[nodiscard]] std::unique_ptr<BodySink> photograph(const PhotoRequest& request);
+  [[nodiscard]] std::unique_ptr<BodySink> photograph(const PhotoRequest& request) {
+    Claim claim(working_);
+    if (!std::filesystem::exists(folder_.chart()))
+      throw HttpError(409, "no chart is shown", "show the chart first");
+    size_t place = 0;
+    {
+      const std::lock_guard lock(mutex_);
+      place = request.place ? PhotoSession::place_of(*request.place) : session_.next().value_or(0);
+    }
+    return std::make_unique<PhotoUpload>(
+        std::move(claim), folder_.incoming() / kPhotoPlaces[place].name,
+        [this, place, distance_mm = request.distance_mm](const std::filesystem::path& file) {
+          judge(place, {.file = file, .distance_mm = distance_mm});
+          return json_response(state());
+        });
+  }
   /// Removes a photograph and fits the others again. Throws HttpError 400 or 404.
-  void remove(const std::string& place);
+  void remove(const std::string& name) {
+    const Claim claim(working_);
+    const size_t place = PhotoSession::place_of(name);
+    if (!photos_[place]) throw HttpError(404, "there is no photograph of that place");
+    std::filesystem::remove(photos_[place]->file);
+    photos_[place].reset();
+    {
+      const std::lock_guard lock(mutex_);
+      session_.remove(place);
+    }
+    const std::vector<PhotoFile> list = list_of(photos_);
+    if (list.empty()) return set_stage("chart", "", nullptr, std::nullopt);
+    const Deadline deadline = std::chrono::steady_clock::now() + kJudgeTime;
+    settle(fit_photos(list, deadline), deadline);
+  }
   /// Returns a picture, as JPEG, that is white for the camera of the first photograph only, drawn
   /// with the rig of before or with the found one, as that camera would see it. Throws HttpError
   /// 404 if no rig was found.
-  [[nodiscard]] std::string picture(bool after);
+  [[nodiscard]] std::string picture(bool after) {
+    const auto found = this->found();
+    if (!found) throw HttpError(404, "no lens sheet was found yet");
+    const std::lock_guard lock(drawing_);
+    return comb_picture(after ? found->after : found->before, found->after, found->eye);
+  }
   /// Returns the found rig's file. Throws HttpError 404.
-  [[nodiscard]] std::string rig_toml() const;
+  [[nodiscard]] std::string rig_toml() const {
+    const auto found = this->found();
+    if (!found) throw HttpError(404, "no lens sheet was found yet");
+    return optics::rig_to_toml(found->after);
+  }
   /// Lets the player replace its rig file, and adds the rig to the history. Throws HttpError 409 if
   /// no rig was found, and the player's Error.
-  void keep(const std::string& who);
+  void keep(const std::string& who) {
+    const Claim claim(working_);
+    const auto found = this->found();
+    if (!found) throw HttpError(409, "no lens sheet was found yet", "send a photograph first");
+    replace_rig(optics::rig_to_toml(found->after), who,
+                found->photographs == 1 ? "one photograph"
+                                        : fmt::format("{} photographs", found->photographs));
+    clear_photos();
+  }
   /// Lets the player replace its rig file by one of the history. Throws HttpError 404 if there is
   /// none of that number, and the player's Error.
-  void restore(uint64_t number, const std::string& who);
+  void restore(uint64_t number, const std::string& who) {
+    const Claim claim(working_);
+    const auto entry = history_.find(number);
+    if (!entry) throw HttpError(404, "there is no rig of that number");
+    replace_rig(entry->toml, who, fmt::format("back to rig {}", number));
+  }
   /// Forgets the photographs and the found rig, and shows the content again.
-  void discard();
+  void discard() {
+    const Claim claim(working_);
+    clear_photos();
+    set_stage("idle", "", nullptr, std::nullopt);
+    show(link_, "content");
+    clear_folder();
+  }
 
  private:
+  using ordered_json = nlohmann::ordered_json;
+  using seconds = std::chrono::seconds;
+  static constexpr auto kJudgeTime = seconds(50), kDrawTime = seconds(50);
+  /// A chart for a pitch that is further off has fringes of which many cannot be measured.
+  static constexpr double kFarPitch = 0.01;
+
+  /// Returns the files in the order of their places.
+  template <class Photos>
+  static std::vector<PhotoFile> list_of(const Photos& photos) {
+    std::vector<PhotoFile> list;
+    for (const auto& photo : photos)
+      if (photo) list.push_back(*photo);
+    return list;
+  }
+
+  /// Returns a message of the command without the folder before names of files.
+  static std::string without_folder(std::string message, const CalibrationFolder& folder) {
+    for (const std::string& prefix :
+         {folder.incoming().string() + "/", folder.path.string() + "/", std::string("lenticule: ")})
+      for (size_t at = 0; (at = message.find(prefix, at)) != std::string::npos;)
+        message.erase(at, prefix.size());
+    return message;
+  }
+
+  static double number_at(const ordered_json& list, size_t k) {
+    return list.is_array() && list.size() > k && list[k].is_number() ? list[k].get<double>() : NAN;
+  }
+
+  /// Returns the first reason of a report.
+  static std::string first_reason(const ordered_json& report) {
+    const ordered_json reasons = report.value("reasons", ordered_json::array());
+    return reasons.is_array() && !reasons.empty() && reasons[0].is_string()
+               ? reasons[0].get<std::string>()
+               : std::string();
+  }
+
+  /// Returns the extension of a picture file by its first bytes, as the command expects it.
+  static const char* extension_of(const std::filesystem::path& file) {
+    const UniqueFd fd(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
+    unsigned char begin[4] = {};
+    if (fd && ::read(fd.get(), begin, sizeof begin) == static_cast<ssize_t>(sizeof begin)) {
+      if (std::memcmp(begin, "\x89PNG", 4) == 0) return ".png";
+      if (std::memcmp(begin, "II*\0", 4) == 0 || std::memcmp(begin, "MM\0*", 4) == 0) return ".tif";
+    }
+    return ".jpg";
+  }
+
+  [[noreturn]] static void fail_to_write() {
+    throw HttpError(errno == ENOSPC || errno == EDQUOT ? 507 : 500,
+                    fmt::format("photograph: cannot be written: {}", std::strerror(errno)));
+  }
+
+  /// Claim marks work that only one thread may do at a time.
+  class Claim {
+   public:
+    /// Throws HttpError 409 if another thread does it.
+    explicit Claim(std::atomic<bool>& claimed) : claimed_(&claimed) {
+      if (!claimed.exchange(true)) return;
+      claimed_ = nullptr;
+      throw HttpError(409, "a photograph is being judged, or sent", "try again in some seconds");
+    }
+    Claim(Claim&& other) noexcept : claimed_(std::exchange(other.claimed_, nullptr)) {}
+    Claim& operator=(Claim&&) = delete;
+    ~Claim() {
+      if (claimed_ != nullptr) claimed_->store(false);
+    }
+
+   private:
+    std::atomic<bool>* claimed_;
+  };
+
+  /// PhotoUpload writes a photograph that arrives to a file, which is then judged. It keeps its
+  /// claim until it is destroyed, and then removes its file, unless `judge` moved the file
+  /// elsewhere.
+  class PhotoUpload final : public BodySink {
+   public:
+    /// Takes the whole photograph, whose file has the extension of its format, and returns the
+    /// answer.
+    using Judge = std::function<Response(const std::filesystem::path& file)>;
+
+    /// `path` has no extension; its folder is made. Throws HttpError 500 or 507 if the file cannot
+    /// be written.
+    PhotoUpload(Claim claim, std::filesystem::path path, Judge judge)
+        : claim_(std::move(claim)), path_(std::move(path)), judge_(std::move(judge)) {
+      std::filesystem::create_directories(path_.parent_path());
+      constexpr int kFlags = O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW;
+      file_ = UniqueFd(::open(path_.c_str(), kFlags, 0600));
+      if (!file_) fail_to_write();
+    }
+    ~PhotoUpload() override { (void)::unlink(path_.c_str()); }
+
+    void take(std::span<const uint8_t> bytes) override {
+      while (!bytes.empty()) {
+        const ssize_t written = ::write(file_.get(), bytes.data(), bytes.size());
+        if (written < 0 && errno == EINTR) continue;
+        if (written <= 0) fail_to_write();
+        bytes = bytes.subspan(static_cast<size_t>(written));
+      }
+    }
+    Response finish() override {
+      file_ = UniqueFd();
+      std::filesystem::path named = path_;
+      named.replace_extension(extension_of(path_));
+      std::filesystem::rename(path_, named);
+      path_ = named;
+      return judge_(path_);
+    }
+
+   private:
+    const Claim claim_;
+    std::filesystem::path path_;
+    UniqueFd file_;
+    const Judge judge_;
+  };
   using Photos = std::array<std::optional<PhotoFile>, kPhotoPlaces.size()>;
   using Deadline = std::chrono::steady_clock::time_point;
-  void draw_chart(const std::filesystem::path& rig, const std::filesystem::path& output) const;
+  /// Throws HttpError 422 with the command's message.
+  void draw_chart(const std::filesystem::path& rig, const std::filesystem::path& output) const {
+    const ProgramRun run =
+        run_and_capture({options_.program.string(), "calibrate", "show", "photo-chart", "--rig",
+                         rig.string(), "-o", output.string()},
+                        AnswerTime::at_most(kDrawTime), options_.stops);
+    if (run.exit_code != 0)
+      throw HttpError(422, run.timed_out ? "drawing the chart took too long"
+                                         : parse_calibration_output(run.output).message);
+  }
+  /// Fits the photographs, at least one: one for its place, several for every eye.
   [[nodiscard]] CalibrationFit fit_photos(const std::vector<PhotoFile>& photos,
-                                          Deadline deadline) const;
-  void judge(size_t place, const PhotoFile& photo);
+                                          Deadline deadline) const {
+    const std::filesystem::path output = folder_.found();
+    std::filesystem::remove(output);
+    std::vector<std::string> words = {options_.program.string(), "calibrate", "photos"};
+    for (const PhotoFile& photo : photos) words.push_back(photo.file.string());
+    words.insert(words.end(), {"--rig", folder_.start().string(), "-o", output.string(), "--json"});
+    if (photos.size() > 1)
+      words.insert(words.end(), {"--largest-error", std::to_string(PhotoSession::kUsableLenses)});
+    else if (photos.front().distance_mm)
+      words.insert(words.end(), {"--distance", fmt::format("{:.1f}", *photos.front().distance_mm)});
+    const auto left =
+        std::chrono::duration_cast<seconds>(deadline - std::chrono::steady_clock::now());
+    const ProgramRun run =
+        run_and_capture(words, AnswerTime::at_most(std::max(left, seconds(1))), options_.stops);
+    CalibrationOutput printed = parse_calibration_output(run.output);
+    CalibrationFit fit{
+        .report = std::move(printed.report), .message = std::move(printed.message), .found = {}};
+    if (run.timed_out) fit.message = "judging the photographs took too long";
+    if (fit.report.is_null()) return fit;
+    fit.message = first_reason(fit.report);
+    if (run.exit_code != 0) return fit;
+    const ordered_json eye = shown_part(fit.report)["eye_mm"];
+    fit.found = FoundSheet{
+        .before = optics::load_rig(folder_.before()),
+        .after = optics::load_rig(output),
+        .eye = {.x = number_at(eye, 0), .y = number_at(eye, 1), .z_mm = number_at(eye, 2)},
+        .photographs = photos.size()};
+    return fit;
+  }
+  void judge(size_t place, const PhotoFile& photo) {
+    const Deadline deadline = std::chrono::steady_clock::now() + kJudgeTime;
+    Photos photos = photos_;
+    photos[place] = photo;
+    const std::vector<PhotoFile> list = list_of(photos);
+    CalibrationFit fit = fit_photos(list, deadline);
+    if (std::string refusal = refusal_of(fit, place, list.size()); !refusal.empty()) {
+      const std::lock_guard lock(mutex_);
+      session_.refuse(place, std::move(refusal));
+      if (!found_) stage_ = "refused";
+      return;
+    }
+    if (photos_[place]) std::filesystem::remove(photos_[place]->file);
+    PhotoFile kept{.file = folder_.path / photo.file.filename(),
+                   .distance_mm = photo.distance_mm,
+                   .number = ++newest_};
+    std::filesystem::rename(photo.file, kept.file);
+    photos_[place] = std::move(kept);
+    {
+      const std::lock_guard lock(mutex_);
+      session_.accept(place);
+    }
+    settle(std::move(fit), deadline);
+  }
+  /// Returns why a new photograph is refused; empty if it is used.
   [[nodiscard]] std::string refusal_of(const CalibrationFit& fit, size_t place,
-                                       size_t photographs) const;
-  void settle(CalibrationFit fit, Deadline deadline);
-  [[nodiscard]] bool plan_again();
-  void clear_photos();
+                                       size_t photographs) const {
+    if (fit.report.is_null()) return without_folder(fit.message, folder_);
+    if (fit.found) return {};
+    if (photographs == 1) return fit.message;
+    if (std::string refusal = PhotoSession::refusal(fit.report, place); !refusal.empty())
+      return refusal;
+    const auto best = found();
+    return best && best->photographs > 1 ? "with it the stated error would be too large" : "";
+  }
+  /// Takes over the fit of all photographs. If several state too large an error, the first of them
+  /// alone gives the result.
+  void settle(CalibrationFit fit, Deadline deadline) {
+    const std::vector<PhotoFile> list = list_of(photos_);
+    if (list.size() > 1 && !fit.report.is_null()) {
+      const std::lock_guard lock(mutex_);
+      session_.take_report(fit.report);
+    }
+    if (list.size() == 1) {
+      single_ = fit;
+      single_number_ = list.front().number;
+    } else if (!fit.found) {
+      if (single_number_ != list.front().number) single_ = fit_photos({list.front()}, deadline);
+      single_number_ = list.front().number;
+      fit = single_;
+    }
+    const ordered_json result = fit.report.is_null() ? ordered_json() : shown_part(fit.report);
+    const bool found = fit.found.has_value();
+    const size_t photographs = list.size();
+    set_stage(found ? "found" : "refused", found ? "" : fit.message, result, std::move(fit.found));
+    if (found && photographs == 1 && plan_again())
+      set_stage(
+          "found",
+          "The pitch of the sheet is far from that of the present rig, so the chart was drawn "
+          "again. For a better result, take the photograph from the middle again.",
+          result, this->found());
+  }
+  /// Draws and shows the chart for the pitch that the photograph showed if the present one is far
+  /// off, and forgets the photograph, which shows another chart.
+  [[nodiscard]] bool plan_again() {
+    optics::Rig rig = optics::load_rig(folder_.start());
+    const optics::LensSheet sheet = found()->after.sheet;
+    if (planned_again_ || std::abs(sheet.pitch.value / rig.sheet.pitch.value - 1.0) <= kFarPitch)
+      return false;
+    rig.sheet.pitch = sheet.pitch;
+    rig.sheet.slant = sheet.slant;
+    const std::filesystem::path better = folder_.path / "better.toml",
+                                drawn = folder_.path / "better.png";
+    optics::save_rig(rig, better);
+    draw_chart(better, drawn);
+    std::filesystem::rename(better, folder_.start());
+    std::filesystem::rename(drawn, folder_.chart());
+    interrupt_with(link_, folder_.chart().string());
+    planned_again_ = true;
+    clear_photos();
+    return true;
+  }
+  /// Removes all photographs, and what is known about them.
+  void clear_photos() {
+    for (const PhotoFile& photo : list_of(photos_)) std::filesystem::remove(photo.file);
+    photos_ = {};
+    single_ = {};
+    single_number_ = 0;
+    const std::lock_guard lock(mutex_);
+    session_ = {};
+  }
   void set_stage(const char* stage, std::string message, nlohmann::ordered_json result,
-                 std::optional<FoundSheet> found);
-  [[nodiscard]] std::optional<FoundSheet> found() const;
-  void clear_folder() const;
-  void replace_rig(const std::string& toml, const std::string& who, const std::string& what);
+                 std::optional<FoundSheet> found) {
+    const std::lock_guard lock(mutex_);
+    stage_ = stage;
+    message_ = std::move(message);
+    result_ = std::move(result);
+    found_ = std::move(found);
+  }
+  [[nodiscard]] std::optional<FoundSheet> found() const {
+    const std::lock_guard lock(mutex_);
+    return found_;
+  }
+  void clear_folder() const {
+    std::filesystem::remove_all(folder_.path);
+    std::filesystem::create_directories(folder_.path);
+  }
+  /// Lets the player replace its rig, adds both rigs to the history, and shows the content again.
+  void replace_rig(const std::string& toml, const std::string& who, const std::string& what) {
+    const std::string before = pictures_.rig_toml();
+    ordered_json kept;
+    try {
+      kept = link_.ask({{"do", "rig"}, {"toml", toml}}).body;
+    } catch (const Error& error) {
+      if (error.kind() != ErrorKind::Failed) throw;
+      throw HttpError(500, error.what(),
+                      "the player may not write its rig file: download the rig, and put it there");
+    }
+    history_.add({.time = clock_.date(), .what = "the rig before", .toml = before});
+    history_.add({.time = clock_.date(), .who = who, .what = what, .toml = toml});
+    std::string message = "The rig is saved.";
+    if (const ordered_json old = kept.value("old_rig_kept_as", ordered_json()); old.is_string())
+      message += " The old one is " + old.get<std::string>() + ".";
+    // Films that were woven for the old rig are refused from now on.
+    try {
+      show(link_, "content");
+    } catch (const Error& error) {
+      message += std::string(" The content is not shown again: ") + error.what() + ".";
+    }
+    set_stage("kept", message, nullptr, std::nullopt);
+  }
 
   ControlLink& link_;
   Clock& clock_;

@@ -4,11 +4,20 @@
 // the fits come from `lenticule calibrate photos`.
 #pragma once
 
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
+
+#include "apps/lenticule-web/http/message.h"
+#include "base/text.h"
 
 namespace lenticule::web {
 
@@ -17,9 +26,43 @@ struct CalibrationOutput {
   nlohmann::ordered_json report;  ///< null if it printed no report
   std::string message;            ///< printable lines on standard error
 };
-[[nodiscard]] CalibrationOutput parse_calibration_output(const std::string& output);
+[[nodiscard]] inline CalibrationOutput parse_calibration_output(const std::string& output) {
+  constexpr size_t kMaxLine = 400, kMaxMessage = 2000;
+  CalibrationOutput parsed;
+  size_t begin = output.starts_with("{\n") ? 0 : output.find("\n{\n");
+  if (begin != std::string::npos)
+    parsed.report = nlohmann::ordered_json::parse(output.substr(begin), nullptr, false);
+  if (!parsed.report.is_object()) {
+    parsed.report = nullptr;
+    begin = output.size();
+  }
+  const std::string_view before = std::string_view(output).substr(0, begin);
+  for (size_t at = 0; at < before.size() && parsed.message.size() < kMaxMessage;) {
+    const size_t end = std::min(before.find('\n', at), before.size());
+    // Progress rewrites its line after '\r': only the last state counts.
+    std::string_view line = before.substr(at, end - at);
+    line.remove_prefix(std::min(line.size(), line.rfind('\r') + 1));
+    if (!line.empty())
+      parsed.message +=
+          (parsed.message.empty() ? "" : "\n") + shortened(escaped(std::string(line)), kMaxLine);
+    at = end + 1;
+  }
+  return parsed;
+}
 /// Returns the part of a report that the page shows.
-[[nodiscard]] nlohmann::ordered_json shown_part(const nlohmann::ordered_json& report);
+[[nodiscard]] inline nlohmann::ordered_json shown_part(const nlohmann::ordered_json& report) {
+  using nlohmann::ordered_json;
+  ordered_json result;
+  for (const char* key : {"verdict", "reasons", "warnings", "advice", "parameters"})
+    result[key] = report.value(key, ordered_json());
+  const ordered_json viewpoints = report.value("viewpoints", ordered_json::array());
+  const ordered_json place =
+      viewpoints.is_array() && !viewpoints.empty() ? viewpoints[0] : ordered_json::object();
+  for (const char* key : {"eye_mm", "covered", "rms_lenses", "max_lenses", "residual_lenses"})
+    result[key] = place.value(key, ordered_json());
+  result["photographs"] = viewpoints.size();
+  return result;
+}
 
 /// PhotoPlace is a place from which a photograph is asked for.
 struct PhotoPlace {
@@ -50,28 +93,156 @@ class PhotoSession {
   static constexpr double kUsableLenses = 0.05;
 
   /// Returns the place of a name. Throws HttpError 400.
-  [[nodiscard]] static size_t place_of(std::string_view name);
+  [[nodiscard]] static size_t place_of(std::string_view name) {
+    for (size_t k = 0; k < kPhotoPlaces.size(); ++k)
+      if (kPhotoPlaces[k].name == name) return k;
+    throw HttpError(400, "place: expected middle, left, right or right-again");
+  }
   /// Returns why the fit of several photographs does not use that of a place; empty if it does.
   /// `report` is what `lenticule calibrate photos --json` printed.
-  [[nodiscard]] static std::string refusal(const nlohmann::ordered_json& report, size_t place);
+  [[nodiscard]] static std::string refusal(const nlohmann::ordered_json& report, size_t place) {
+    std::string others;
+    for (const ordered_json& photo : list_in(member(report, "photographs"))) {
+      const auto at = place_of_file(text_in(member(photo, "name")));
+      if (!at || member(photo, "used") == true) continue;
+      const std::string reason = text_in(member(photo, "reason"));
+      if (*at == place) return reason;
+      others = fmt::format("this photograph and the one {} contradict each other: {}",
+                           kPhotoPlaces[*at].words, reason);
+    }
+    if (!others.empty()) return others;
+    if (!list_in(member(report, "viewpoints")).empty()) return {};
+    const ordered_json reasons = list_in(member(report, "reasons"));
+    return reasons.empty() ? "the photographs could not be fitted" : text_in(reasons[0]);
+  }
   /// Returns what to do better after a refusal.
-  [[nodiscard]] static std::string remedy(std::string_view reason);
+  [[nodiscard]] static std::string remedy(std::string_view reason) {
+    for (const Remedy& one : kRemedies)
+      if (reason.find(one.reason) != std::string_view::npos) return std::string(one.words);
+    return std::string(kUsualRemedy);
+  }
 
-  void accept(size_t place);
+  void accept(size_t place) { entries_[place] = {.used = true}; }
   /// A photograph from this place that was accepted before stays.
-  void refuse(size_t place, std::string reason);
-  void remove(size_t place);
+  void refuse(size_t place, std::string reason) { entries_[place].refusal = std::move(reason); }
+  void remove(size_t place) {
+    entries_[place] = {};
+    if (count() < 2) {
+      stated_lenses_.reset();
+      reasons_ = ordered_json::array();
+    }
+  }
   /// Takes places, turns and the stated error from the report of a fit of all accepted photographs.
-  void take_report(const nlohmann::ordered_json& report);
+  void take_report(const nlohmann::ordered_json& report) {
+    stated_lenses_ = number_in(member(member(report, "drift"), "worst_lenses"));
+    reasons_ = list_in(member(report, "reasons"));
+    for (const ordered_json& photo : list_in(member(report, "photographs"))) take_photograph(photo);
+    for (size_t k = 0; k < entries_.size(); ++k) entries_[k].note = note_of(k);
+  }
 
   [[nodiscard]] bool used(size_t place) const { return entries_[place].used; }
-  [[nodiscard]] size_t count() const;
+  [[nodiscard]] size_t count() const {
+    return static_cast<size_t>(
+        std::count_if(entries_.begin(), entries_.end(), [](const Entry& one) { return one.used; }));
+  }
   /// Returns the place of the photograph that would help most; none if no more is needed.
-  [[nodiscard]] std::optional<size_t> next() const;
+  [[nodiscard]] std::optional<size_t> next() const {
+    constexpr size_t kEnough = 4;  // three do not show whether sheet or phone moved between them
+    if (stated_lenses_ && *stated_lenses_ <= kWantedLenses && count() >= kEnough)
+      return std::nullopt;
+    for (size_t k = 0; k < entries_.size(); ++k)
+      if (!entries_[k].used) return k;
+    for (size_t k = 0; k < entries_.size(); ++k)
+      if (!entries_[k].note.empty()) return k;
+    return std::nullopt;
+  }
   /// Returns {"photographs", "fit", "next"}.
-  [[nodiscard]] nlohmann::ordered_json to_json() const;
+  [[nodiscard]] nlohmann::ordered_json to_json() const {
+    ordered_json photographs = ordered_json::array();
+    for (size_t k = 0; k < entries_.size(); ++k) {
+      const Entry& one = entries_[k];
+      photographs.push_back({{"place", kPhotoPlaces[k].name},
+                             {"words", kPhotoPlaces[k].words},
+                             {"side", kPhotoPlaces[k].side},
+                             {"upside_down", kPhotoPlaces[k].upside_down},
+                             {"used", one.used},
+                             {"refusal", one.refusal},
+                             {"remedy", one.refusal.empty() ? "" : remedy(one.refusal)},
+                             {"note", one.note}});
+    }
+    const auto place = next();
+    return {{"photographs", photographs},
+            {"fit",
+             {{"photographs", count()},
+              {"stated_lenses", stated_lenses_ ? ordered_json(*stated_lenses_) : ordered_json()},
+              {"wanted_lenses", kWantedLenses},
+              {"usable_lenses", kUsableLenses},
+              {"reasons", reasons_}}},
+            {"next", place ? ordered_json(kPhotoPlaces[*place].name) : ordered_json()}};
+  }
 
  private:
+  using ordered_json = nlohmann::ordered_json;
+  static constexpr size_t kMiddle = 0;
+  /// Least tangent of the angle between the normal of the panel and a place at the side.
+  static constexpr double kAside = 0.25;
+
+  struct Remedy {
+    std::string_view reason;  ///< part of it
+    std::string_view words;
+  };
+
+  static constexpr std::array<Remedy, 13> kRemedies = {
+      {{"tags were found", "Get the whole panel with all nine tags into the picture, and sharp."},
+       {"tags deviate",
+        "Use the main camera of the phone, and get the whole panel with all nine tags into the "
+        "picture."},
+       {"another rig",
+        "Press \"Begin again\", and photograph the chart that is then on the panel."},
+       {"another size", "Use one phone, in one setting, and send the files as it stored them."},
+       {"focal length differs", "Use no zoom, and the same camera of the phone for all."},
+       {"cropped", "Use no zoom, and send the whole photograph as the phone stored it."},
+       {"clipped", "Tap on the panel, and lower the brightness of the camera."},
+       {"faint", "Darken the room, switch off the flash, and hold the phone still."},
+       {"blurred", "Tap on the panel to focus, and hold the phone still."},
+       {"hand moved", "Hold the phone with both hands, and switch HDR off."},
+       {"fringes are in the picture",
+        "Get the whole panel into the picture, with nothing before it."},
+       {"took too long", "The machine is busy. Pause the content, and send the photograph again."},
+       {"stated error", "Hold the phone as the drawing shows, and send the file as it is."}}};
+  static constexpr std::string_view kUsualRemedy =
+      "Take it again: the whole panel in the picture, a dark room, no flash, no zoom.";
+
+  static std::optional<double> number_in(const ordered_json& value) {
+    return value.is_number() ? std::optional(value.get<double>()) : std::nullopt;
+  }
+
+  /// Returns the index of the photograph of a file "NAME.jpg".
+  static std::optional<size_t> place_of_file(std::string_view file) {
+    for (size_t k = 0; k < kPhotoPlaces.size(); ++k)
+      if (file.substr(0, file.rfind('.')) == kPhotoPlaces[k].name) return k;
+    return std::nullopt;
+  }
+
+  static int side_of(double x_mm, double z_mm) {
+    return x_mm < -kAside * z_mm ? -1 : x_mm > kAside * z_mm ? 1 : 0;
+  }
+
+  /// Returns a member of an object; null if there is none.
+  static const ordered_json& member(const ordered_json& object, const char* key) {
+    static const ordered_json none;
+    if (!object.is_object()) return none;
+    const auto found = object.find(key);
+    return found != object.end() ? *found : none;
+  }
+
+  static std::string text_in(const ordered_json& value) {
+    return value.is_string() ? value.get<std::string>() : std::string();
+  }
+
+  static ordered_json list_in(const ordered_json& value) {
+    return value.is_array() ? value : ordered_json::array();
+  }
   struct Entry {
     bool used = false;
     std::string refusal{};  ///< reason why the newest photograph is not used
@@ -79,8 +250,41 @@ class PhotoSession {
     std::optional<double> x_mm{}, z_mm{};  ///< place of the camera
     std::optional<double> roll_degrees{};  ///< turn of the picture's rows on the panel
   };
-  void take_photograph(const nlohmann::ordered_json& photo);
-  [[nodiscard]] std::string note_of(size_t place) const;
+  void take_photograph(const nlohmann::ordered_json& photo) {
+    const auto place = place_of_file(text_in(member(photo, "name")));
+    if (!place) return;
+    Entry& entry = entries_[*place];
+    entry.roll_degrees = number_in(member(photo, "roll_degrees"));
+    const ordered_json& eye = member(photo, "eye_mm");
+    if (!eye.is_array() || eye.size() != 3) return;
+    entry.x_mm = number_in(eye[0]);
+    entry.z_mm = number_in(eye[2]);
+  }
+  /// Returns how the photograph differs from what was asked for; empty if it does not.
+  [[nodiscard]] std::string note_of(size_t place) const {
+    const Entry& entry = entries_[place];
+    const PhotoPlace& asked = kPhotoPlaces[place];
+    if (!entry.used) return {};
+    if (entry.x_mm && entry.z_mm && side_of(*entry.x_mm, *entry.z_mm) != asked.side) {
+      constexpr std::array<std::string_view, 3> kSides = {"the left", "the middle", "the right"};
+      const auto seen = kSides[static_cast<size_t>(side_of(*entry.x_mm, *entry.z_mm) + 1)];
+      if (asked.side == 0) return fmt::format("it was taken from {}", seen);
+      return fmt::format("it was taken from {}: go at least {:.0f} mm to the {}", seen,
+                         2.0 * kAside * *entry.z_mm, asked.side < 0 ? "left" : "right");
+    }
+    const Entry& first = entries_[kMiddle];
+    if (place == kMiddle || !first.used || !first.roll_degrees || !entry.roll_degrees) return {};
+    constexpr double kAlike = 0.5;  // sixty degrees
+    const double alike =
+        std::cos((*entry.roll_degrees - *first.roll_degrees) * std::numbers::pi / 180.0);
+    const bool wants_alike = asked.upside_down == kPhotoPlaces[kMiddle].upside_down;
+    if (wants_alike && alike < kAlike) return "the phone was not upside down, as in the first one";
+    if (!wants_alike && alike > -kAlike)
+      return "in the file the panel is the same way up as in the first one: turn the phone by half "
+             "a "
+             "turn between them";
+    return {};
+  }
 
   std::array<Entry, kPhotoPlaces.size()> entries_;
   std::optional<double> stated_lenses_;

@@ -16,6 +16,7 @@
 
 #include "apps/lenticule-web/http/access.h"
 #include "base/error.h"
+#include "base/text.h"
 
 namespace lenticule::web {
 
@@ -89,11 +90,35 @@ class Site {
 };
 
 /// Returns an answer with a JSON object.
-[[nodiscard]] Response json_response(const nlohmann::ordered_json& value, int status = 200);
+[[nodiscard]] inline Response json_response(const nlohmann::ordered_json& value, int status = 200) {
+  Response response;
+  response.status = status;
+  response.body = json_text(value) + "\n";
+  return response;
+}
 /// Returns the answer to a request that failed: {"error": {"cause", "remedy"}}.
-[[nodiscard]] Response error_response(int status, const std::string& cause,
-                                      const std::string& remedy = {});
+[[nodiscard]] inline Response error_response(int status, const std::string& cause,
+                                             const std::string& remedy = {}) {
+  return json_response({{"error", {{"cause", cause}, {"remedy", remedy}}}}, status);
+}
 /// Returns the answer with the status of an HttpError, otherwise with the one that suits its kind.
-[[nodiscard]] Response error_response(const Error& error);
+[[nodiscard]] inline Response error_response(const Error& error) {
+  const auto status = [&error] {
+    if (const auto* const http = dynamic_cast<const HttpError*>(&error)) return http->status();
+    switch (error.kind()) {
+      case ErrorKind::Usage:
+        return 400;
+      case ErrorKind::Device:
+        return 502;
+      case ErrorKind::Input:
+        return 422;
+      case ErrorKind::Failed:
+      case ErrorKind::Quality:
+        return 500;
+    }
+    return 500;
+  };
+  return error_response(status(), error.what(), error.hint());
+}
 
 }  // namespace lenticule::web

@@ -3,6 +3,7 @@
 // and the history of an hour. It never affects the player beyond the requests that it sends.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <condition_variable>
@@ -18,6 +19,9 @@
 
 #include "apps/lenticule-web/http/clock.h"
 #include "apps/lenticule-web/link/control_link.h"
+#include "base/error.h"
+#include "base/print.h"
+#include "base/text.h"
 #include "base/unique_fd.h"
 
 namespace lenticule::web {
@@ -41,12 +45,35 @@ struct MinuteFigures {
 /// player.
 class HourHistory {
  public:
-  void add(int64_t minute, const nlohmann::ordered_json& statistics);
+  void add(int64_t minute, const nlohmann::ordered_json& statistics) {
+    const std::array<uint64_t, 3> now = {counter(statistics, "vblanks"),
+                                         counter(statistics, "missed_vblanks"),
+                                         counter(statistics, "repeated_underrun")};
+    const bool is_new_player = !before_ || now[0] < (*before_)[0];
+    const std::array<uint64_t, 3> before = is_new_player ? std::array<uint64_t, 3>{} : *before_;
+    // Counters of the time before the first look belong to no minute of this history.
+    const bool is_first = !before_;
+    before_ = now;
+    if (minutes_.empty() || minutes_.back().minute < minute) minutes_.push_back({.minute = minute});
+    while (minutes_.size() > kMinutes || minutes_.front().minute <= minute - int64_t{kMinutes})
+      minutes_.pop_front();
+    if (is_first) return;
+    const auto grown = [&](size_t k) { return now.at(k) - std::min(now.at(k), before.at(k)); };
+    MinuteFigures& figures = minutes_.back();
+    figures.vblanks += grown(0);
+    figures.missed_vblanks += grown(1);
+    figures.late_frames += grown(2);
+  }
   [[nodiscard]] const std::deque<MinuteFigures>& minutes() const { return minutes_; }
 
   static constexpr size_t kMinutes = 60;
 
  private:
+  static uint64_t counter(const nlohmann::ordered_json& statistics, const char* key) {
+    const auto found = statistics.find(key);
+    return found != statistics.end() && found->is_number_unsigned() ? found->get<uint64_t>() : 0;
+  }
+
   std::deque<MinuteFigures> minutes_;
   std::optional<std::array<uint64_t, 3>> before_;
 };
@@ -55,47 +82,203 @@ class HourHistory {
 class PlayerState {
  public:
   /// Lifetime: must not outlive `link` and `clock`.
-  explicit PlayerState(ControlLink& link, Clock& clock = machine_clock());
-  ~PlayerState();
+  explicit PlayerState(ControlLink& link, Clock& clock = machine_clock())
+      : link_(link), clock_(clock) {
+    thread_ = std::thread([this] { follow(); });
+  }
+  ~PlayerState() {
+    stop();
+    thread_.join();
+  }
   PlayerState(const PlayerState&) = delete;
   PlayerState& operator=(const PlayerState&) = delete;
 
   /// Returns {"connected", "status", "problem"}.
-  [[nodiscard]] nlohmann::ordered_json state() const;
+  [[nodiscard]] nlohmann::ordered_json state() const {
+    const std::lock_guard lock(mutex_);
+    return {{"connected", connected_}, {"status", status_}, {"problem", problem_}};
+  }
   /// Returns the player's newest statistics; null without a player.
-  [[nodiscard]] nlohmann::ordered_json statistics() const;
-  [[nodiscard]] std::vector<MinuteFigures> history() const;
+  [[nodiscard]] nlohmann::ordered_json statistics() const {
+    const std::lock_guard lock(mutex_);
+    return statistics_;
+  }
+  [[nodiscard]] std::vector<MinuteFigures> history() const {
+    const std::lock_guard lock(mutex_);
+    return {history_.minutes().begin(), history_.minutes().end()};
+  }
   /// Returns the player's reports of faults since the start, newest first, at most 50.
-  [[nodiscard]] nlohmann::ordered_json faults() const;
+  [[nodiscard]] nlohmann::ordered_json faults() const {
+    const std::lock_guard lock(mutex_);
+    ordered_json list = ordered_json::array();
+    for (const ordered_json& fault : faults_) list.push_back(fault);
+    return list;
+  }
 
   /// Returns the number of the newest message.
-  [[nodiscard]] uint64_t newest() const;
+  [[nodiscard]] uint64_t newest() const {
+    const std::lock_guard lock(mutex_);
+    return newest_;
+  }
   /// Returns the messages after number `after`; waits at most `timeout` for one. Messages that are
   /// not kept any more are left out.
-  [[nodiscard]] std::vector<Message> wait_for(uint64_t after, std::chrono::milliseconds timeout);
+  [[nodiscard]] std::vector<Message> wait_for(uint64_t after, std::chrono::milliseconds timeout) {
+    std::unique_lock lock(mutex_);
+    clock_.wait(changed_, lock, clock_.now() + timeout,
+                [&] { return stopping_ || newest_ > after; });
+    std::vector<Message> messages;
+    for (const Message& message : messages_)
+      if (message.number > after) messages.push_back(message);
+    return messages;
+  }
   /// Returns true if the first of the two events was sent after number `after` and within
   /// `timeout`, false if the second was, and none otherwise. The text of the event is put into
   /// `detail`.
   [[nodiscard]] std::optional<bool> wait_for_either(uint64_t after, const std::string& good,
                                                     const std::string& bad,
                                                     std::chrono::milliseconds timeout,
-                                                    std::string& detail);
+                                                    std::string& detail) {
+    const auto deadline = clock_.now() + timeout;
+    while (!stopped()) {
+      const auto left = std::chrono::ceil<milliseconds>(deadline - clock_.now());
+      if (left.count() <= 0) break;
+      for (const Message& message : wait_for(after, left)) {
+        after = message.number;
+        if (message.name != good && message.name != bad) continue;
+        detail = message.text;
+        return message.name == good;
+      }
+    }
+    return std::nullopt;
+  }
   /// Reads the status now, so that the effect of a request is in the next message.
-  void refresh();
+  void refresh() {
+    try {
+      poll_status();
+    } catch (const Error& error) {
+      lost(error.what());
+    }
+  }
   /// Adds a message of the server itself.
-  void publish(const std::string& name, const nlohmann::ordered_json& content);
+  void publish(const std::string& name, const nlohmann::ordered_json& content) {
+    {
+      const std::lock_guard lock(mutex_);
+      locked_publish(name, json_text(content));
+    }
+    changed_.notify_all();
+  }
   /// Ends all waits.
-  void stop();
-  [[nodiscard]] bool stopped() const;
+  void stop() {
+    {
+      const std::lock_guard lock(mutex_);
+      stopping_ = true;
+    }
+    wake_.signal();
+    changed_.notify_all();
+  }
+  [[nodiscard]] bool stopped() const {
+    const std::lock_guard lock(mutex_);
+    return stopping_;
+  }
 
  private:
-  void follow() noexcept;
-  void follow_player();
-  void take_event(const nlohmann::ordered_json& event);
-  void poll_status();
-  void poll_statistics();
-  void locked_publish(const std::string& name, std::string text);
-  void lost(const std::string& problem);
+  using ordered_json = nlohmann::ordered_json;
+  using milliseconds = std::chrono::milliseconds;
+  using seconds = std::chrono::seconds;
+  static constexpr size_t kKeptMessages = 256;
+  static constexpr size_t kKeptFaults = 50;
+  static constexpr auto kStatusEvery = seconds(1);
+  static constexpr auto kStatisticsEvery = seconds(5);
+  static constexpr auto kRetryAfter = seconds(1);
+
+  static bool is_fault(const std::string& event) {
+    return event == "bad_item" || event == "damaged_item" || event == "not_replaced" ||
+           event == "frame_missed" || event == "too_slow";
+  }
+
+  void follow() noexcept {
+    while (!stopped()) {
+      try {
+        follow_player();
+      } catch (const std::exception& error) {
+        lost(error.what());
+      }
+      std::unique_lock lock(mutex_);
+      clock_.wait(changed_, lock, clock_.now() + kRetryAfter, [this] { return stopping_; });
+    }
+  }
+  /// Listens to one player until it ends; throws then.
+  void follow_player() {
+    LinkConnection connection(link_.socket(), seconds(2));
+    connection.send({{"id", 0}, {"do", "subscribe"}});
+    Clock::Time status_at{};
+    Clock::Time statistics_at{};
+    while (!stopped()) {
+      const auto now = clock_.now();
+      if (now >= status_at) {
+        poll_status();
+        status_at = now + kStatusEvery;
+      }
+      if (now >= statistics_at) {
+        poll_statistics();
+        statistics_at = now + kStatisticsEvery;
+      }
+      const auto event = connection.receive(clock_.idle(milliseconds(500)), wake_.fd());
+      if (event) take_event(*event);
+    }
+  }
+  void take_event(const nlohmann::ordered_json& event) {
+    const auto name = event.find("event");
+    if (name == event.end() || !name->is_string()) return;
+    {
+      const std::lock_guard lock(mutex_);
+      locked_publish(name->get<std::string>(), json_text(event));
+      if (is_fault(name->get_ref<const std::string&>())) {
+        ordered_json fault = event;
+        fault["time"] = clock_.date();
+        faults_.push_front(std::move(fault));
+        if (faults_.size() > kKeptFaults) faults_.pop_back();
+      }
+    }
+    changed_.notify_all();
+  }
+  void poll_status() {
+    ordered_json status = link_.ask({{"do", "status"}}).body;
+    {
+      const std::lock_guard lock(mutex_);
+      if (connected_ && status == status_) return;
+      status_ = std::move(status);
+      connected_ = true;
+      problem_.clear();
+      locked_publish("state", json_text(ordered_json{
+                                  {"connected", true}, {"status", status_}, {"problem", ""}}));
+    }
+    changed_.notify_all();
+  }
+  void poll_statistics() {
+    ordered_json answer = link_.ask({{"do", "stats"}}).body;
+    const std::lock_guard lock(mutex_);
+    statistics_ = answer.value("statistics", ordered_json());
+    if (statistics_.is_object()) history_.add(clock_.date() / 60, statistics_);
+  }
+  void locked_publish(const std::string& name, std::string text) {
+    messages_.push_back({.number = ++newest_, .name = name, .text = std::move(text)});
+    if (messages_.size() > kKeptMessages) messages_.pop_front();
+  }
+  void lost(const std::string& problem) {
+    {
+      const std::lock_guard lock(mutex_);
+      problem_ = problem;
+      if (!connected_ && !messages_.empty()) return;
+      connected_ = false;
+      status_ = nullptr;
+      statistics_ = nullptr;
+      locked_publish("state",
+                     json_text(ordered_json{
+                         {"connected", false}, {"status", nullptr}, {"problem", problem_}}));
+    }
+    changed_.notify_all();
+  }
 
   ControlLink& link_;
   Clock& clock_;
