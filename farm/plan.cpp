@@ -12,68 +12,14 @@
 #include "farm/sequence_joiner.h"
 #include "frames/sequence/band_codec.h"
 #include "frames/sequence/sequence_format.h"
+#include "optics/json_fields.h"
 
 namespace lenticule::farm {
-
-using nlohmann::json;
-
-json parse_json(std::string_view text, const std::string& source) {
-  constexpr int kMaxDepth = 8;
-  const auto shallow = [](int depth, json::parse_event_t, json&) { return depth <= kMaxDepth; };
-  json object = json::parse(text, shallow, false);
-  if (object.is_discarded())
-    throw Error(ErrorKind::Input, fmt::format("{}: not JSON, or too deep", source));
-  return object;
-}
-
-JsonFields::JsonFields(const json& object, std::string source)
-    : object_(object), source_(std::move(source)) {
-  if (!object_.is_object()) throw Error(ErrorKind::Input, source_ + ": not a JSON object");
-}
-
-void JsonFields::fail(const char* key, const std::string& cause) const {
-  throw Error(ErrorKind::Input, fmt::format("{}: {}: {}", source_, key, cause));
-}
-
-const json& JsonFields::need(const char* key) const {
-  const auto found = object_.find(key);
-  if (found == object_.end()) fail(key, "missing");
-  return *found;
-}
-
-std::string JsonFields::text(const char* key) const {
-  const json& value = need(key);
-  if (!value.is_string()) fail(key, "not a text");
-  return value.get<std::string>();
-}
-
-uint64_t JsonFields::whole(const char* key, uint64_t most) const {
-  const json& value = need(key);
-  if (!value.is_number_unsigned() || value.get<uint64_t>() > most)
-    fail(key, fmt::format("not a whole number of 0 to {}", most));
-  return value.get<uint64_t>();
-}
-
-double JsonFields::number(const char* key) const {
-  const json& value = need(key);
-  if (!value.is_number() || !(value.get<double>() >= 0.0)) fail(key, "not a number from 0");
-  return value.get<double>();
-}
-
-std::vector<std::string> JsonFields::texts(const char* key) const {
-  const json& value = need(key);
-  if (!value.is_array()) fail(key, "not a list");
-  std::vector<std::string> texts;
-  for (const json& one : value) {
-    if (!one.is_string()) fail(key, "not a list of texts");
-    texts.push_back(one.get<std::string>());
-  }
-  return texts;
-}
 
 namespace {
 
 using nlohmann::json;
+using optics::JsonFields;
 
 constexpr int kFormat = 1;
 constexpr uint64_t kMostFrameNumber = 1'000'000'000;
@@ -112,9 +58,9 @@ json timing_json(const FrameTiming& timing) {
 FrameTiming parse_timing(const JsonFields& fields) {
   constexpr uint64_t kMost = 1'000'000;
   return {.frames = static_cast<int>(fields.whole("frames", kMost)),
-          .start_seconds = fields.number("start_seconds"),
-          .frame_seconds = fields.number("frame_seconds"),
-          .slowest_seconds = fields.number("slowest_seconds"),
+          .start_seconds = fields.number("start_seconds", 0.0),
+          .frame_seconds = fields.number("frame_seconds", 0.0),
+          .slowest_seconds = fields.number("slowest_seconds", 0.0),
           .peak_bytes = fields.whole("peak_bytes", UINT64_MAX),
           .threads = static_cast<int>(fields.whole("threads", kMost))};
 }
@@ -182,7 +128,7 @@ std::string plan_to_json(const Plan& plan) {
 }
 
 Plan parse_plan(std::string_view text, const std::string& source) {
-  const json object = parse_json(text, source);
+  const json object = optics::parse_json(text, source);
   const JsonFields fields(object, source);
   if (fields.whole("format", UINT64_MAX) != kFormat)
     throw Error(ErrorKind::Input, fmt::format("{}: another format of plans", source),

@@ -13,6 +13,7 @@
 #include "base/numbers.h"
 #include "base/text.h"
 #include "farm/plan.h"
+#include "optics/json_fields.h"
 
 namespace lenticule::farm {
 namespace {
@@ -154,13 +155,13 @@ std::string slurm_jobs_to_json(const SlurmJobs& jobs) {
 }
 
 SlurmJobs parse_slurm_jobs(std::string_view text, const std::string& source) {
-  const json object = parse_json(text, source);
-  const JsonFields fields(object, source);
+  const json object = optics::parse_json(text, source);
+  const optics::JsonFields fields(object, source);
   const json& list = fields.need("jobs");
   if (!list.is_array()) fields.fail("jobs", "not a list");
   SlurmJobs jobs{.merge = fields.whole("merge", UINT64_MAX), .folder = fields.text("folder")};
   for (const json& one : list) {
-    const JsonFields job(one, source);
+    const optics::JsonFields job(one, source);
     const json& chunks = job.need("chunks");
     if (!chunks.is_array()) job.fail("chunks", "not a list");
     jobs.arrays.push_back({.id = job.whole("id", UINT64_MAX)});

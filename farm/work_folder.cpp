@@ -13,6 +13,7 @@
 #include <set>
 #include <system_error>
 #include <thread>
+#include <type_traits>
 
 #include "base/error.h"
 #include "base/file.h"
@@ -21,113 +22,117 @@
 #include "base/temporary.h"
 #include "base/text.h"
 #include "farm/sequence_joiner.h"
+#include "optics/json_fields.h"
 
 namespace lenticule::farm {
 namespace {
 
 using nlohmann::json;
+using optics::JsonFields;
+using optics::parse_json;
 
-constexpr size_t kDigits = 16;  ///< of a band's digest
-constexpr uint64_t kAny = UINT64_MAX;
+/// Passes the keys and fields of a report, of progress or of a failure to `each`.
+template <class Record, class Each>
+void each_field(Record& r, Each&& each) {
+  using Plain = std::remove_const_t<Record>;
+  each("node", r.node);
+  each("chunk", r.chunk);
+  if constexpr (std::is_same_v<Plain, ChunkFailure>) {
+    each("error", r.error);
+    each("hint", r.hint);
+  } else if constexpr (std::is_same_v<Plain, ChunkProgress>) {
+    each("done", r.done);
+    each("count", r.count);
+    each("seconds", r.seconds);
+  } else {
+    each("plan", r.plan);
+    each("begin", r.begin);
+    each("end", r.end);
+    each("digest", r.digest);
+    each("bytes", r.bytes);
+    each("first_bands", r.first_bands);
+    each("last_bands", r.last_bands);
+    each("isa", r.isa);
+    each("threads", r.threads);
+    each("seconds", r.seconds);
+    each("render_seconds", r.render_seconds);
+    each("extra_seconds", r.extra_seconds);
+    each("started", r.started);
+  }
+}
 
-std::string bands_text(const std::vector<uint64_t>& bands) {
+template <class Value>
+const Value& json_of(const Value& value) {
+  return value;
+}
+std::string json_of(const std::vector<uint64_t>& bands) {
   std::string text;
   for (const uint64_t band : bands) text += fmt::format("{:016x}", band);
   return text;
 }
 
-std::vector<uint64_t> parse_bands(const JsonFields& fields, const char* key) {
+void read_value(const JsonFields& fields, const char* key, std::string& value) {
+  value = fields.text(key);
+}
+void read_value(const JsonFields& fields, const char* key, uint64_t& value) {
+  value = fields.whole(key, UINT64_MAX);
+}
+void read_value(const JsonFields& fields, const char* key, int& value) {
+  value = static_cast<int>(fields.whole(key, 1U << 20U));
+}
+void read_value(const JsonFields& fields, const char* key, double& value) {
+  value = fields.number(key, 0.0);
+}
+void read_value(const JsonFields& fields, const char* key, std::vector<uint64_t>& bands) {
+  constexpr size_t kDigits = 16;
   const std::string text = fields.text(key);
-  if (text.size() % kDigits != 0) fields.fail(key, "not digests of 16 digits");
-  std::vector<uint64_t> bands;
   for (size_t at = 0; at < text.size(); at += kDigits) {
-    const auto band = number_from<uint64_t>(std::string_view(text).substr(at, kDigits), 16);
-    if (!band) fields.fail(key, "not digests of 16 digits");
+    const auto digits = std::string_view(text).substr(at, kDigits);
+    const auto band = number_from<uint64_t>(digits, 16);
+    if (!band || digits.size() != kDigits) fields.fail(key, "not digests of 16 digits");
     bands.push_back(*band);
   }
-  return bands;
+}
+
+template <class Record>
+Record parse_record(std::string_view text, const std::string& source) {
+  const json object = parse_json(text, source);
+  const JsonFields fields(object, source);
+  Record record;
+  each_field(record, [&](const char* key, auto& value) { read_value(fields, key, value); });
+  return record;
+}
+
+template <class Record>
+std::string record_to_json(const Record& record) {
+  json object;
+  each_field(record, [&](const char* key, const auto& value) { object[key] = json_of(value); });
+  return json_text(object) + "\n";
 }
 
 }  // namespace
 
 std::string chunk_report_to_json(const ChunkReport& report) {
-  const json object = {{"plan", report.plan},
-                       {"chunk", report.chunk},
-                       {"begin", report.begin},
-                       {"end", report.end},
-                       {"digest", report.digest},
-                       {"bytes", report.bytes},
-                       {"first_bands", bands_text(report.first_bands)},
-                       {"last_bands", bands_text(report.last_bands)},
-                       {"node", report.node},
-                       {"isa", report.isa},
-                       {"threads", report.threads},
-                       {"seconds", report.seconds},
-                       {"render_seconds", report.render_seconds},
-                       {"extra_seconds", report.extra_seconds},
-                       {"started", report.started}};
-  return json_text(object) + "\n";
+  return record_to_json(report);
 }
-
 ChunkReport parse_chunk_report(std::string_view text, const std::string& source) {
-  const json object = parse_json(text, source);
-  const JsonFields fields(object, source);
-  return {.plan = fields.text("plan"),
-          .chunk = fields.whole("chunk", kAny),
-          .begin = fields.whole("begin", kAny),
-          .end = fields.whole("end", kAny),
-          .digest = fields.text("digest"),
-          .bytes = fields.whole("bytes", kAny),
-          .first_bands = parse_bands(fields, "first_bands"),
-          .last_bands = parse_bands(fields, "last_bands"),
-          .node = fields.text("node"),
-          .isa = fields.text("isa"),
-          .threads = static_cast<int>(fields.whole("threads", 1U << 20U)),
-          .seconds = fields.number("seconds"),
-          .render_seconds = fields.number("render_seconds"),
-          .extra_seconds = fields.number("extra_seconds"),
-          .started = fields.number("started")};
+  return parse_record<ChunkReport>(text, source);
 }
-
 std::string chunk_progress_to_json(const ChunkProgress& progress) {
-  return json_text(json{{"node", progress.node},
-                        {"chunk", progress.chunk},
-                        {"done", progress.done},
-                        {"count", progress.count},
-                        {"seconds", progress.seconds}}) +
-         "\n";
+  return record_to_json(progress);
 }
-
 ChunkProgress parse_chunk_progress(std::string_view text, const std::string& source) {
-  const json object = parse_json(text, source);
-  const JsonFields fields(object, source);
-  return {.node = fields.text("node"),
-          .chunk = fields.whole("chunk", kAny),
-          .done = fields.whole("done", kAny),
-          .count = fields.whole("count", kAny),
-          .seconds = fields.number("seconds")};
+  return parse_record<ChunkProgress>(text, source);
 }
-
 std::string chunk_failure_to_json(const ChunkFailure& failure) {
-  return json_text(json{{"node", failure.node},
-                        {"chunk", failure.chunk},
-                        {"error", failure.error},
-                        {"hint", failure.hint}}) +
-         "\n";
+  return record_to_json(failure);
 }
-
 ChunkFailure parse_chunk_failure(std::string_view text, const std::string& source) {
-  const json object = parse_json(text, source);
-  const JsonFields fields(object, source);
-  return {.node = fields.text("node"),
-          .chunk = fields.whole("chunk", kAny),
-          .error = fields.text("error"),
-          .hint = fields.text("hint")};
+  return parse_record<ChunkFailure>(text, source);
 }
 
 namespace {
 namespace fs = std::filesystem;
-using nlohmann::json;
 
 constexpr uint64_t kMostPlanBytes = uint64_t{256} << 20;
 constexpr const char* kPlanFile = "plan.json";
@@ -431,7 +436,6 @@ std::string ranges_text(const std::vector<uint64_t>& numbers) {
 
 namespace {
 namespace fs = std::filesystem;
-using nlohmann::json;
 
 constexpr size_t kSlowest = 5;
 constexpr double kRateSeconds = 600.0;

@@ -171,8 +171,8 @@ LookingGlassImport import_looking_glass(std::string_view json, const std::string
 
   Rig rig;
   rig.name = "Looking Glass " + foreign_text(file.text_or("serial", "display"));
-  rig.panel.width_px = file.side("screenW");
-  rig.panel.height_px = file.side("screenH");
+  rig.panel.width_px = file.count("screenW", kMaxPanelPixels);
+  rig.panel.height_px = file.count("screenH", kMaxPanelPixels);
   rig.panel.pixel_width = rig.panel.pixel_height = Millimetres(kMmPerInch / dpi);
   const nlohmann::json* cells = file.find("subpixelCells");
   const bool has_cells = cells != nullptr && !cells->empty();
@@ -285,8 +285,8 @@ Rig import_cubevi(std::string_view json, const std::string& source) {
 
   Rig rig;
   rig.name = "CubeVi display";
-  rig.panel.width_px = file.side("width");
-  rig.panel.height_px = file.side("height");
+  rig.panel.width_px = file.count("width", kMaxPanelPixels);
+  rig.panel.height_px = file.count("height", kMaxPanelPixels);
   rig.panel.layout = SubpixelLayout::named(file.text_or("pixel_order", "rgb"));
   if (rig.panel.layout.name() != "rgb" && rig.panel.layout.name() != "bgr") {
     file.fail("pixel_order", "not rgb or bgr");

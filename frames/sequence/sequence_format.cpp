@@ -13,100 +13,46 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "optics/json_fields.h"
 
 namespace lenticule::frames {
 namespace {
 
 using nlohmann::json;
 
-constexpr int kMaxDepth = 8;
+using optics::JsonFields;
 
-[[noreturn]] void fail(const std::string& source, const std::string& key, const std::string& why) {
-  throw Error(ErrorKind::Input, fmt::format("{}: metadata: {}: {}", source, key, why),
-              "the file is damaged or was not written by lenticule");
-}
+constexpr const char* kRemedy = "the file is damaged or was not written by lenticule";
 
-/// Fields reads the members of one JSON object with checks.
-class Fields {
- public:
-  Fields(const json& object, std::string source) : object_(object), source_(std::move(source)) {
-    if (!object_.is_object()) fail(source_, "document", "not an object");
-  }
-
-  [[nodiscard]] const json* find(const char* key) const {
-    const auto found = object_.find(key);
-    return found == object_.end() || found->is_null() ? nullptr : &*found;
-  }
-  [[nodiscard]] const json& need(const char* key) const {
-    const json* value = find(key);
-    if (value == nullptr) fail(source_, key, "missing");
-    return *value;
-  }
-  [[nodiscard]] std::string text(const char* key) const {
-    const json* value = find(key);
-    if (value == nullptr) return {};
-    if (!value->is_string()) fail(source_, key, "not a string");
-    return value->get<std::string>();
-  }
-  [[nodiscard]] uint64_t whole(const char* key, const json& value, uint64_t most) const {
-    if (!value.is_number_unsigned() || value.get<uint64_t>() > most)
-      fail(source_, key, fmt::format("not a whole number of 0 to {}", most));
-    return value.get<uint64_t>();
-  }
-  [[nodiscard]] uint64_t whole_or(const char* key, uint64_t otherwise, uint64_t most) const {
-    const json* value = find(key);
-    return value == nullptr ? otherwise : whole(key, *value, most);
-  }
-  [[nodiscard]] int positive(const char* key, int most) const {
-    const auto value = static_cast<int>(whole(key, need(key), static_cast<uint64_t>(most)));
-    if (value == 0) fail(source_, key, "zero");
-    return value;
-  }
-  [[nodiscard]] double number_or_zero(const char* key, double most, double least = 0.0) const {
-    const json* value = find(key);
-    if (value == nullptr) return 0.0;
-    if (!value->is_number()) fail(source_, key, "not a number");
-    const double number = value->get<double>();
-    if (!(number >= least && number <= most))
-      fail(source_, key, fmt::format("not in {} to {}", least, most));
-    return number;
-  }
-  [[nodiscard]] const std::string& source() const { return source_; }
-
- private:
-  const json& object_;
-  std::string source_;
-};
-
-Rate parse_sequence_rate(const Fields& fields) {
+Rate parse_sequence_rate(const JsonFields& fields) {
   const json& rate = fields.need("rate");
-  if (!rate.is_array() || rate.size() != 2) fail(fields.source(), "rate", "not two numbers");
+  if (!rate.is_array() || rate.size() != 2) fields.fail("rate", "not two numbers");
   constexpr uint64_t kMost = 1'000'000'000;
-  const auto numerator = static_cast<int64_t>(fields.whole("rate", rate[0], kMost));
-  const auto denominator = static_cast<int64_t>(fields.whole("rate", rate[1], kMost));
+  const auto numerator = static_cast<int64_t>(fields.whole("rate", kMost, &rate[0]));
+  const auto denominator = static_cast<int64_t>(fields.whole("rate", kMost, &rate[1]));
   try {
     return make_rate(numerator, denominator);
   } catch (const Error& error) {
-    fail(fields.source(), "rate", error.what());
+    fields.fail("rate", error.what());
   }
 }
 
-SequenceViews parse_views(const Fields& all, const FrameGeometry& geometry) {
-  const Fields fields(all.need("views"), all.source());
+SequenceViews parse_views(const JsonFields& all, const FrameGeometry& geometry) {
+  const JsonFields fields(all.need("views"), all.source(), kRemedy);
   SequenceViews views;
-  views.count = fields.positive("count", kMaxSequenceViews);
-  views.columns = fields.positive("columns", kMaxSequenceViews);
-  views.rows = fields.positive("rows", kMaxSequenceViews);
+  views.count = fields.count("count", kMaxSequenceViews);
+  views.columns = fields.count("columns", kMaxSequenceViews);
+  views.rows = fields.count("rows", kMaxSequenceViews);
   if (static_cast<int64_t>(views.columns) * views.rows < views.count ||
       views.columns > geometry.width || views.rows > geometry.height)
-    fail(all.source(), "views", "the grid does not fit the views or the frame");
-  const std::string order = fields.text("order");
+    all.fail("views", "the grid does not fit the views or the frame");
+  const std::string order = fields.text_or("order", {});
   if (order != "left-to-right" && order != "right-to-left")
-    fail(all.source(), "order", "neither left-to-right nor right-to-left");
+    all.fail("order", "neither left-to-right nor right-to-left");
   views.rightmost_first = order == "right-to-left";
-  views.aspect = fields.number_or_zero("aspect", 1e3);
-  views.cone_degrees = fields.number_or_zero("cone_degrees", 180.0);
-  views.focus = fields.number_or_zero("focus", 1e9);
+  views.aspect = fields.number_or("aspect", 0.0, 0.0, 1e3);
+  views.cone_degrees = fields.number_or("cone_degrees", 0.0, 0.0, 180.0);
+  views.focus = fields.number_or("focus", 0.0, 0.0, 1e9);
   return views;
 }
 
@@ -120,22 +66,22 @@ json views_json(const SequenceViews& views) {
           {"focus", views.focus}};
 }
 
-void parse_loop(const Fields& fields, SequenceInfo& info) {
+void parse_loop(const JsonFields& fields, SequenceInfo& info) {
   const json* loop = fields.find("loop");
   if (loop == nullptr) return;
-  if (!loop->is_array() || loop->size() != 2) fail(fields.source(), "loop", "not two numbers");
-  info.loop_begin = fields.whole("loop", (*loop)[0], kMaxSequenceFrames);
-  if (!(*loop)[1].is_null()) info.loop_end = fields.whole("loop", (*loop)[1], kMaxSequenceFrames);
+  if (!loop->is_array() || loop->size() != 2) fields.fail("loop", "not two numbers");
+  info.loop_begin = fields.whole("loop", kMaxSequenceFrames, &(*loop)[0]);
+  if (!(*loop)[1].is_null()) info.loop_end = fields.whole("loop", kMaxSequenceFrames, &(*loop)[1]);
   if (info.loop_end && *info.loop_end <= info.loop_begin)
-    fail(fields.source(), "loop", "ends before it begins");
+    fields.fail("loop", "ends before it begins");
 }
 
-void parse_rig_trim(const Fields& fields, SequenceInfo& info) {
-  info.rig_calibration = fields.text("calibration");
+void parse_rig_trim(const JsonFields& fields, SequenceInfo& info) {
+  info.rig_calibration = fields.text_or("calibration", {});
   if (info.rig_calibration.empty()) return;
   constexpr double kOffset = optics::kMaxTrimOffsetLenses, kPitch = optics::kMaxTrimPitch;
-  info.rig_trim = {.offset = Lenses(fields.number_or_zero("offset_lenses", kOffset, -kOffset)),
-                   .pitch_relative = fields.number_or_zero("pitch_relative", kPitch, -kPitch)};
+  info.rig_trim = {.offset = Lenses(fields.number_or("offset_lenses", 0.0, -kOffset, kOffset)),
+                   .pitch_relative = fields.number_or("pitch_relative", 0.0, -kPitch, kPitch)};
 }
 
 }  // namespace
@@ -173,24 +119,23 @@ std::string sequence_info_to_json(const SequenceInfo& info) {
 
 SequenceInfo parse_sequence_info(std::string_view text, const FrameGeometry& geometry,
                                  const std::string& source) {
-  // Deep nesting takes many times the memory of its text, and valid metadata is not deep.
-  const auto shallow = [](int depth, json::parse_event_t, json&) { return depth <= kMaxDepth; };
-  const json object = json::parse(text, shallow, false);
-  if (object.is_discarded()) fail(source, "document", "not JSON");
-  const Fields fields(object, source);
+  const json object = optics::parse_json(text, source + ": metadata", kRemedy);
+  const JsonFields fields(object, source + ": metadata", kRemedy);
   SequenceInfo info;
   info.geometry = geometry;
-  const std::string kind = fields.text("kind");
-  if (kind != "woven" && kind != "views") fail(source, "kind", "neither woven nor views");
+  const std::string kind = fields.text_or("kind", {});
+  if (kind != "woven" && kind != "views") fields.fail("kind", "neither woven nor views");
   info.kind = kind == "woven" ? SequenceKind::Woven : SequenceKind::Views;
   info.rate = parse_sequence_rate(fields);
-  info.first_frame = fields.whole_or("first_frame", 0, kMaxFirstFrame);
+  if (fields.find("first_frame") != nullptr)
+    info.first_frame = fields.whole("first_frame", kMaxFirstFrame);
   parse_loop(fields, info);
-  info.rig_fingerprint = fields.text("rig_fingerprint");
-  info.rig_toml = fields.text("rig_toml");
-  if (const json* trim = fields.find("rig_trim")) parse_rig_trim(Fields(*trim, source), info);
-  info.made_from = fields.text("made_from");
-  info.software = fields.text("software");
+  info.rig_fingerprint = fields.text_or("rig_fingerprint", {});
+  info.rig_toml = fields.text_or("rig_toml", {});
+  if (const json* trim = fields.find("rig_trim"))
+    parse_rig_trim(JsonFields(*trim, fields.source(), kRemedy), info);
+  info.made_from = fields.text_or("made_from", {});
+  info.software = fields.text_or("software", {});
   if (info.kind == SequenceKind::Views) info.views = parse_views(fields, geometry);
   return info;
 }

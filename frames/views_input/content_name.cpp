@@ -216,9 +216,7 @@ class Spellings {
   /// Returns the first spelling that the object has, or null.
   [[nodiscard]] const char* spelled(std::span<const char* const> keys) const {
     for (const char* const key : keys)
-      if (const nlohmann::json* const value = fields_.find(key);
-          value != nullptr && !value->is_null())
-        return key;
+      if (fields_.find(key) != nullptr) return key;
     return nullptr;
   }
   [[nodiscard]] std::optional<double> number(std::span<const char* const> keys) const {
@@ -226,11 +224,8 @@ class Spellings {
     return key == nullptr ? std::nullopt : std::optional(fields_.number(key));
   }
   [[nodiscard]] std::optional<int> count(std::span<const char* const> keys) const {
-    const std::optional<double> value = number(keys);
-    if (!value) return std::nullopt;
-    if (!(*value >= 1.0 && *value <= kMaxViews && *value == std::floor(*value)))
-      fields_.fail(spelled(keys), fmt::format("not a whole number from 1 to {}", kMaxViews));
-    return static_cast<int>(*value);
+    const char* const key = spelled(keys);
+    return key == nullptr ? std::nullopt : std::optional(fields_.count(key, kMaxViews));
   }
   [[nodiscard]] bool flag(std::span<const char* const> keys) const {
     const char* const key = spelled(keys);

@@ -62,8 +62,8 @@ TEST(SequenceInfo, NamesTheInvalidKey) {
     EXPECT_EQ(error.kind(), ErrorKind::Input);
     return std::string(error.what());
   };
-  EXPECT_THAT(cause("nonsense"), HasSubstr("a.lts: metadata: document: not JSON"));
-  EXPECT_THAT(cause("[]"), HasSubstr("not an object"));
+  EXPECT_THAT(cause("nonsense"), HasSubstr("a.lts: metadata: not JSON"));
+  EXPECT_THAT(cause("[]"), HasSubstr("not a JSON object"));
   EXPECT_THAT(cause(R"({"kind": "solid"})"), HasSubstr("kind"));
   EXPECT_THAT(cause(R"({"kind": "woven"})"), HasSubstr("rate: missing"));
   EXPECT_THAT(cause(R"({"kind": "woven", "rate": [0, 1]})"), HasSubstr("rate"));
