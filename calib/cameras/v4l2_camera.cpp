@@ -100,18 +100,18 @@ BufferStamp stamp_of(const v4l2_buffer& buffer) {
 
 }  // namespace
 
-CaptureStream::Reservation::~Reservation() {
+void CaptureStream::FreeBuffers::operator()(V4l2Device* device) const noexcept {
   uint32_t none = 0;
-  (void)request_buffers(device, none);
+  (void)request_buffers(*device, none);
 }
 
-CaptureStream::Running::~Running() {
+void CaptureStream::StopStream::operator()(V4l2Device* device) const noexcept {
   int type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
-  (void)v4l2_call(device, VIDIOC_STREAMOFF, &type);
+  (void)v4l2_call(*device, VIDIOC_STREAMOFF, &type);
 }
 
 CaptureStream::CaptureStream(V4l2Device& device, V4l2System& system, const std::string& path)
-    : device_(device), reservation_(device) {
+    : device_(device), reservation_(&device) {
   uint32_t count = kWantedBuffers;
   int error = request_buffers(device_, count);
   if (error == 0 && (count < kFewestBuffers || count > kMostBuffers)) error = ENOMEM;
@@ -140,7 +140,7 @@ void CaptureStream::start(V4l2System& system, const std::string& path) {
   int type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
   const int error = v4l2_call(device_, VIDIOC_STREAMON, &type);
   if (error != 0) throw camera_failure(system, path, "start the stream", error);
-  running_ = std::make_unique<Running>(device_);
+  running_.reset(&device_);
 }
 
 GrabStatus CaptureStream::acquire(CapturedBuffer& out, Nanoseconds deadline) {
@@ -391,7 +391,7 @@ AgreedFormat agree_on_format(V4l2Device& device, V4l2System& system, const std::
   refuse_offer(device, path, request);
 }
 
-// ---- choice of the format
+// ---- controls
 
 namespace {
 
@@ -456,12 +456,8 @@ struct CameraControls::Rule {
   uint32_t id;
   Aim aim;
   int64_t value = 0;
+  [[nodiscard]] bool is_essential() const { return aim >= Aim::Exposure; }
 };
-
-bool CameraControls::is_essential(const Rule& rule) {
-  using enum Rule::Aim;
-  return rule.aim == Exposure || rule.aim == Gain || rule.aim == Kelvin || rule.aim == Focus;
-}
 
 const std::vector<CameraControls::Rule>& CameraControls::rules() {
   using enum Rule::Aim;
@@ -535,19 +531,8 @@ std::vector<ControlInfo> CameraControls::enumerate() {
   return controls;
 }
 
-int CameraControls::read(uint32_t id, int64_t& value) {
-  v4l2_ext_control control{};
-  control.id = id;
-  v4l2_ext_controls controls{};
-  controls.which = V4L2_CTRL_WHICH_CUR_VAL;
-  controls.count = 1;
-  controls.controls = &control;
-  const int error = v4l2_call(device_, VIDIOC_G_EXT_CTRLS, &controls);
-  value = control.value;
-  return error;
-}
-
-int CameraControls::write(uint32_t id, int64_t value) {
+/// Reads or writes the value, as `request` says.
+int CameraControls::transfer(unsigned long request, uint32_t id, int64_t& value) {
   v4l2_ext_control control{};
   control.id = id;
   control.value = static_cast<int32_t>(clipped(value));
@@ -555,7 +540,9 @@ int CameraControls::write(uint32_t id, int64_t value) {
   controls.which = V4L2_CTRL_WHICH_CUR_VAL;
   controls.count = 1;
   controls.controls = &control;
-  return v4l2_call(device_, VIDIOC_S_EXT_CTRLS, &controls);
+  const int error = v4l2_call(device_, request, &controls);
+  value = control.value;
+  return error;
 }
 
 int CameraControls::lock() {
@@ -604,16 +591,16 @@ int CameraControls::apply(const Rule& rule) {
 
 int CameraControls::set(const Rule& rule, const ControlInfo& control, int64_t wanted) {
   const bool inactive = (control.flags & V4L2_CTRL_FLAG_INACTIVE) != 0;
-  if (inactive && !is_essential(rule)) return 0;  // the control has no effect in this state
+  if (inactive && !rule.is_essential()) return 0;  // the control has no effect in this state
   int error = EACCES;
-  if ((control.flags & kUnsettable) == 0) error = write(rule.id, wanted);
+  int64_t got = wanted;
+  if ((control.flags & kUnsettable) == 0) error = transfer(VIDIOC_S_EXT_CTRLS, rule.id, got);
+  if (error == 0) error = transfer(VIDIOC_G_EXT_CTRLS, rule.id, got);
   if (error == ENODEV) return ENODEV;
-  int64_t got = 0;
-  if (error == 0) error = read(rule.id, got);
   if (error != 0) {
     unlocked_.push_back(fmt::format("{} cannot be set: {}", control.name,
                                     inactive ? "it is automatic" : error_text(error)));
-    return error == ENODEV ? ENODEV : 0;
+    return 0;
   }
   locked_.push_back({.id = rule.id, .name = control.name, .value = got});
   evaluate(rule, control, wanted, got);
@@ -623,11 +610,11 @@ int CameraControls::set(const Rule& rule, const ControlInfo& control, int64_t wa
 int CameraControls::keep(const Rule& rule, const ControlInfo& control) {
   constexpr uint32_t kMoving = V4L2_CTRL_FLAG_INACTIVE | V4L2_CTRL_FLAG_VOLATILE;
   if ((control.flags & kMoving) != 0) {
-    if (is_essential(rule)) unlocked_.push_back(control.name + " is automatic");
+    if (rule.is_essential()) unlocked_.push_back(control.name + " is automatic");
     return 0;
   }
   int64_t value = 0;
-  const int error = read(rule.id, value);
+  const int error = transfer(VIDIOC_G_EXT_CTRLS, rule.id, value);
   if (error == 0) locked_.push_back({.id = rule.id, .name = control.name, .value = value});
   return error == ENODEV ? ENODEV : 0;
 }
@@ -673,7 +660,7 @@ std::vector<std::string> CameraControls::drifted() {
   std::vector<std::string> changes;
   for (const Locked& locked : locked_) {
     int64_t value = 0;
-    const int error = read(locked.id, value);
+    const int error = transfer(VIDIOC_G_EXT_CTRLS, locked.id, value);
     if (error != 0) {
       changes.push_back(fmt::format("{} cannot be read: {}", locked.name, error_text(error)));
       if (error == ENODEV) break;  // all other controls would fail too
@@ -684,7 +671,7 @@ std::vector<std::string> CameraControls::drifted() {
   return changes;
 }
 
-// ---- controls
+// ---- list of cameras
 
 namespace {
 
@@ -701,11 +688,15 @@ struct NodeFacts {
   bool captures = false;  ///< captures pictures into mapped memory
 };
 
-/// Queries the node's own capabilities, not those of the whole device: USB cameras have a second
-/// node that is not a camera. Returns 0 or errno.
-int ask_node(V4l2Device& device, NodeFacts& facts) {
+/// Opens a node and queries its own capabilities, not those of the whole device: USB cameras have a
+/// second node that is not a camera. Returns 0 or errno.
+int open_node(V4l2System& system, const std::string& path, std::unique_ptr<V4l2Device>& device,
+              NodeFacts& facts) {
+  OpenedDevice opened = system.open(path);
+  if (!opened.device) return opened.error;
+  device = std::move(opened.device);
   v4l2_capability capability{};
-  const int error = v4l2_call(device, VIDIOC_QUERYCAP, &capability);
+  const int error = v4l2_call(*device, VIDIOC_QUERYCAP, &capability);
   if (error != 0) return error;
   const bool own = (capability.capabilities & V4L2_CAP_DEVICE_CAPS) != 0;
   const uint32_t can = own ? capability.device_caps : capability.capabilities;
@@ -731,11 +722,9 @@ std::vector<CameraFormat> formats_of(V4l2Device& device) {
 
 /// Returns false for nodes that are not cameras.
 bool describe(V4l2System& system, CameraListing& listing) {
-  const OpenedDevice opened = system.open(listing.path);
+  std::unique_ptr<V4l2Device> device;
   NodeFacts facts;
-  int error = opened.error;
-  if (opened.device) error = ask_node(*opened.device, facts);
-  if (error != 0) {
+  if (const int error = open_node(system, listing.path, device, facts); error != 0) {
     const Error failure = camera_failure(system, listing.path, "open it", error);
     listing.problem = fmt::format("{}; {}", failure.what(), failure.hint());
     return true;
@@ -743,7 +732,7 @@ bool describe(V4l2System& system, CameraListing& listing) {
   if (!facts.captures) return false;
   listing.name = facts.name;
   listing.bus = facts.bus;
-  listing.formats = formats_of(*opened.device);
+  listing.formats = formats_of(*device);
   return true;
 }
 
@@ -778,10 +767,6 @@ V4l2Node find_camera(V4l2System& system, const std::string& wanted) {
   if (wanted.find('/') != std::string::npos) return {.path = wanted, .stable_path = {}};
   throw Error(ErrorKind::Device, fmt::format("camera: none is called '{}'", wanted),
               "'lenticule calibrate camera --list' lists the cameras");
-}
-
-std::vector<CameraListing> list_cameras() {
-  return list_cameras(linux_v4l2());
 }
 
 std::vector<CameraListing> list_cameras(V4l2System& system) {
@@ -823,35 +808,19 @@ void check_options(const V4l2Options& options) {
                 "YUYV, NV12, RGB3, MJPG, ... as 'lenticule calibrate camera --list' shows them");
 }
 
-std::unique_ptr<V4l2Device> open_node(V4l2System& system, const V4l2Node& node, NodeFacts& facts) {
-  OpenedDevice opened = system.open(node.path);
-  int error = opened.error;
-  if (opened.device) error = ask_node(*opened.device, facts);
-  if (error != 0) throw camera_failure(system, node.path, "open it", error);
-  if (!facts.captures)
-    throw Error(ErrorKind::Device, node.path + ": not a camera",
-                "a USB camera has a second node for other data; use the other one");
-  return std::move(opened.device);
-}
-
 class V4l2Camera final : public Camera {
  public:
   V4l2Camera(const V4l2Options& options, V4l2System& system, V4l2Node node)
       : node_(std::move(node)), to_skip_(options.skipped_pictures) {
     NodeFacts about;
-    device_ = open_node(system, node_, about);
-    const AgreedFormat agreed = agree_on_format(*device_, system, node_.path,
-                                                {.width = options.width,
-                                                 .height = options.height,
-                                                 .frames_per_second = options.frames_per_second,
-                                                 .pixel_format = options.pixel_format});
+    if (const int error = open_node(system, node_.path, device_, about); error != 0)
+      throw camera_failure(system, node_.path, "open it", error);
+    if (!about.captures)
+      throw Error(ErrorKind::Device, node_.path + ": not a camera",
+                  "a USB camera has a second node for other data; use the other one");
+    const AgreedFormat agreed = agree_on_format(*device_, system, node_.path, options);
     unpacker_ = std::make_unique<PixelUnpacker>(agreed.raw, node_.path);
-    controls_ = std::make_unique<CameraControls>(
-        *device_, ControlRequests{.refresh_hz = options.refresh_hz,
-                                  .exposure_periods = options.exposure_periods,
-                                  .gain = options.gain,
-                                  .white_balance_kelvin = options.white_balance_kelvin,
-                                  .focus = options.focus});
+    controls_ = std::make_unique<CameraControls>(*device_, options);
     lock_controls(system);
     stream_ = std::make_unique<CaptureStream>(*device_, system, node_.path);
     stream_->start(system, node_.path);
@@ -957,10 +926,6 @@ class V4l2Camera final : public Camera {
 };
 
 }  // namespace
-
-std::unique_ptr<Camera> open_v4l2_camera(const V4l2Options& options) {
-  return open_v4l2_camera(options, linux_v4l2());
-}
 
 std::unique_ptr<Camera> open_v4l2_camera(const V4l2Options& options, V4l2System& system) {
   check_options(options);

@@ -90,12 +90,8 @@ class CaptureStream {
   [[nodiscard]] const std::string& failure() const { return failure_; }
 
  private:
-  /// Reservation frees all buffers at the driver in its destructor.
-  struct Reservation {
-    explicit Reservation(V4l2Device& owner) : device(owner) {}
-    Reservation(const Reservation&) = delete;
-    ~Reservation();
-    V4l2Device& device;
+  struct FreeBuffers {
+    void operator()(V4l2Device* device) const noexcept;
   };
   struct Unmap {
     V4l2Device* device;
@@ -103,12 +99,8 @@ class CaptureStream {
     void operator()(void* memory) const noexcept { device->unmap(memory, size); }
   };
   using Mapping = std::unique_ptr<void, Unmap>;
-  /// Running stops the stream in its destructor.
-  struct Running {
-    explicit Running(V4l2Device& owner) : device(owner) {}
-    Running(const Running&) = delete;
-    ~Running();
-    V4l2Device& device;
+  struct StopStream {
+    void operator()(V4l2Device* device) const noexcept;
   };
 
   [[nodiscard]] int map_buffer(uint32_t index);
@@ -120,9 +112,9 @@ class CaptureStream {
 
   V4l2Device& device_;
   // Members are destroyed from the last to the first.
-  Reservation reservation_;
+  std::unique_ptr<V4l2Device, FreeBuffers> reservation_;
   std::vector<Mapping> buffers_;
-  std::unique_ptr<Running> running_;
+  std::unique_ptr<V4l2Device, StopStream> running_;
   std::string failure_;
   int losses_in_a_row_ = 0;
 };
@@ -220,12 +212,10 @@ class CameraControls {
     int64_t value;
   };
   static const std::vector<Rule>& rules();
-  static bool is_essential(const Rule& rule);
 
   [[nodiscard]] std::vector<ControlInfo> enumerate();
   [[nodiscard]] std::optional<ControlInfo> query(uint32_t id_and_flags);
-  [[nodiscard]] int read(uint32_t id, int64_t& value);
-  [[nodiscard]] int write(uint32_t id, int64_t value);
+  [[nodiscard]] int transfer(unsigned long request, uint32_t id, int64_t& value);
   [[nodiscard]] int apply(const Rule& rule);
   [[nodiscard]] int set(const Rule& rule, const ControlInfo& control, int64_t wanted);
   [[nodiscard]] int keep(const Rule& rule, const ControlInfo& control);
@@ -245,18 +235,9 @@ class CameraControls {
 /// there is no camera, Error(Usage) when there are several and none is named.
 [[nodiscard]] V4l2Node find_camera(V4l2System& system, const std::string& wanted);
 
-struct V4l2Options {
+struct V4l2Options : FormatRequest, ControlRequests {
   /// "/dev/video2", "video2", or a name in /dev/v4l/by-id or by-path; empty: the only camera.
   std::string device;
-  int width = 0;  ///< the nearest supported size is used; 0: near 1920x1080
-  int height = 0;
-  double frames_per_second = 30.0;
-  std::string pixel_format{};  ///< "YUYV"; empty: the best one for measuring
-  double refresh_hz = 60.0;    ///< refresh rate of the display to be photographed
-  int exposure_periods = 2;    ///< refreshes per exposure
-  std::optional<int> gain{};   ///< camera's own units; absent: unchanged
-  std::optional<int> white_balance_kelvin{};
-  std::optional<int> focus{};
   /// Pictures dropped after the start, because cameras deliver old ones or are still adjusting.
   int skipped_pictures = 4;
 };
@@ -266,12 +247,10 @@ struct V4l2Options {
 /// be unusable. now() is CLOCK_MONOTONIC. A camera that is Gone has been closed and must be opened
 /// again. Throws Error(Device): missing, busy, no permission, not a camera, no usable format;
 /// Error(Usage): several cameras and none named, options out of range.
-[[nodiscard]] std::unique_ptr<Camera> open_v4l2_camera(const V4l2Options& options);
-/// Opens a camera of another system.
 ///
 /// Lifetime: `system` must outlive the camera.
 [[nodiscard]] std::unique_ptr<Camera> open_v4l2_camera(const V4l2Options& options,
-                                                       V4l2System& system);
+                                                       V4l2System& system = linux_v4l2());
 
 struct CameraFormat {
   std::string pixel_format;
@@ -289,7 +268,6 @@ struct CameraListing {
 };
 
 /// Lists all nodes that are cameras, and nodes that could not be opened. Starts no stream.
-[[nodiscard]] std::vector<CameraListing> list_cameras();
-[[nodiscard]] std::vector<CameraListing> list_cameras(V4l2System& system);
+[[nodiscard]] std::vector<CameraListing> list_cameras(V4l2System& system = linux_v4l2());
 
 }  // namespace lenticule::calib

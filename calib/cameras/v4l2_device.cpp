@@ -21,6 +21,7 @@
 #include <system_error>
 #include <utility>
 
+#include "base/numbers.h"
 #include "base/unique_fd.h"
 
 namespace lenticule::calib {
@@ -63,16 +64,11 @@ class LinuxDevice final : public V4l2Device {
   UniqueFd fd_;
 };
 
-/// Returns 12 for "video12", -1 for other names.
+/// Returns 12 for "video12", a negative number for other names.
 int node_number(std::string_view name) {
   constexpr std::string_view kPrefix = "video";
-  if (!name.starts_with(kPrefix) || name.size() == kPrefix.size()) return -1;
-  int number = 0;
-  for (const char digit : name.substr(kPrefix.size())) {
-    if (std::isdigit(static_cast<unsigned char>(digit)) == 0 || number > 9999) return -1;
-    number = number * 10 + (digit - '0');
-  }
-  return number;
+  if (!name.starts_with(kPrefix)) return -1;
+  return number_from<int>(name.substr(kPrefix.size())).value_or(-1);
 }
 
 /// Returns the names in a folder, sorted; none if the folder cannot be read.
