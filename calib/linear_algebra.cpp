@@ -2,6 +2,7 @@
 #include "calib/linear_algebra.h"
 
 #include <ceres/ceres.h>
+#include <ceres/normal_prior.h>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
@@ -44,6 +45,17 @@ MatrixXd inverse_of_normal_equations(ceres::Problem& problem, const std::vector<
   normal = scale.asDiagonal() * normal * scale.asDiagonal();
   const MatrixXd inverse = inverse_of_symmetric(normal);
   return scale.asDiagonal() * inverse * scale.asDiagonal();
+}
+
+void add_priors(ceres::Problem& problem, double* block, int size,
+                const std::vector<Prior>& priors) {
+  MatrixXd weights = MatrixXd::Zero(static_cast<Eigen::Index>(priors.size()), size);
+  Eigen::VectorXd means = Eigen::VectorXd::Zero(size);
+  for (size_t k = 0; k < priors.size(); ++k) {
+    weights(static_cast<Eigen::Index>(k), priors[k].at) = 1.0 / priors[k].sigma;
+    means[priors[k].at] = priors[k].mean;
+  }
+  problem.AddResidualBlock(new ceres::NormalPrior(weights, means), nullptr, block);
 }
 
 SymmetricAxes axes_of_symmetric(const MatrixXd& a) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Decompositions of symmetric matrices. Compiling one of Eigen's takes seconds, so that all
-// calibration shares these.
+// Decompositions of symmetric matrices, and priors of least-squares problems. Compiling one of
+// Eigen's takes seconds, so that all calibration shares these.
 #pragma once
 
 #include <Eigen/Core>
@@ -24,6 +24,15 @@ namespace lenticule::calib {
 /// parameter on which nothing depends has a variance of zero.
 [[nodiscard]] Eigen::MatrixXd inverse_of_normal_equations(ceres::Problem& problem,
                                                           const std::vector<double*>& blocks);
+
+/// Prior is the expectation of one unknown of a parameter block.
+struct Prior {
+  int at;
+  double mean, sigma;
+};
+
+/// Adds a term (unknown - mean) / sigma for each prior to a block of `size` unknowns.
+void add_priors(ceres::Problem& problem, double* block, int size, const std::vector<Prior>& priors);
 
 /// SymmetricAxes holds the eigenvalues of a symmetric matrix, smallest first, and its normalised
 /// eigenvectors in columns.

@@ -8,7 +8,6 @@
 #include "calib/fit/joint_fit.h"
 
 #include <ceres/ceres.h>
-#include <ceres/normal_prior.h>
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
@@ -58,8 +57,9 @@ class GeometryResidual {
   const optics::Panel* panel_;
 };
 
-/// PhaseCost is the phase term: derivatives of the model parameters by dual numbers, of the
-/// knots analytically.
+/// PhaseCost is the phase term: the observed phase minus the model's, without whole turns, in
+/// standard errors. Parameter blocks: camera, own camera, pose, sheet, and one number for each knot
+/// weight. Derivatives of the model parameters by dual numbers, of the knots analytically.
 class PhaseCost final : public ceres::CostFunction {
  public:
   PhaseCost(const View& view, const PhaseObservation& seen, const optics::Panel& panel,
@@ -128,6 +128,7 @@ class PhaseCost final : public ceres::CostFunction {
   std::vector<double> weights_;
 };
 
+/// LinearCost is the weighted sum of its parameter blocks, one number each, over sigma.
 class LinearCost final : public ceres::CostFunction {
  public:
   LinearCost(const std::vector<double>& weights, double sigma) : weights_(weights) {
@@ -151,23 +152,6 @@ class LinearCost final : public ceres::CostFunction {
   std::vector<double> weights_;
 };
 
-/// CameraPrior is (value - expected) / sigma for each camera parameter.
-class CameraPrior {
- public:
-  CameraPrior(const CameraValues& prior, const CameraValues& sigma)
-      : prior_(prior), sigma_(sigma) {}
-  template <class T>
-  bool operator()(const T* camera, T* out) const {
-    for (int k = 0; k < kCameraCount; ++k)
-      out[k] = (camera[k] - prior_[static_cast<size_t>(k)]) / sigma_[static_cast<size_t>(k)];
-    return true;
-  }
-
- private:
-  CameraValues prior_;
-  CameraValues sigma_;
-};
-
 /// Makes a geometry term. Parameter blocks: camera, own camera, pose, sheet. Two residuals: the
 /// panel point of the model at the camera pixel minus the decoded panel point, in standard errors.
 ceres::CostFunction* geometry_cost(const View& view, const GeometryPoint& point,
@@ -176,37 +160,23 @@ ceres::CostFunction* geometry_cost(const View& view, const GeometryPoint& point,
                                          kSheetCount>(new GeometryResidual(view, point, panel));
 }
 
-/// Makes a phase term. Parameter blocks: camera, own camera, pose, sheet, and one number for each
-/// knot weight.
-/// One residual: the observed phase minus the model's, without whole turns, in standard errors.
-ceres::CostFunction* phase_cost(const View& view, const PhaseObservation& seen,
-                                const optics::Panel& panel, const std::vector<KnotWeight>& knots) {
-  return new PhaseCost(view, seen, panel, knots);
-}
-
-/// Makes a linear term. Parameter blocks: one number for each weight. One residual: their weighted
-/// sum, over sigma.
-ceres::CostFunction* linear_cost(const std::vector<double>& weights, double sigma) {
-  return new LinearCost(weights, sigma);
-}
-
 /// Adds weak priors that hold for any camera: focal length, centre, little distortion.
 void add_camera_priors(ceres::Problem& problem, const View& view, double* camera) {
   const double width = view.picture_width;
-  const CameraValues prior = {0.9 * width, 0.5 * width, 0.5 * view.picture_height, 0.0, 0.0};
-  const CameraValues sigma = {0.5 * width, 0.05 * width, 0.05 * width, 0.2, 0.2};
-  problem.AddResidualBlock(new ceres::AutoDiffCostFunction<CameraPrior, kCameraCount, kCameraCount>(
-                               new CameraPrior(prior, sigma)),
-                           nullptr, camera);
+  add_priors(problem, camera, kCameraCount,
+             {{kFocal, 0.9 * width, 0.5 * width},
+              {kCentreX, 0.5 * width, 0.05 * width},
+              {kCentreY, 0.5 * view.picture_height, 0.05 * width},
+              {kRadial1, 0.0, 0.2},
+              {kRadial2, 0.0, 0.2}});
 }
 
 /// Adds the priors of a view's own camera, with standard deviations that are larger by a factor.
 void add_own_camera_priors(ceres::Problem& problem, double* own, double factor = 1.0) {
-  const ceres::Vector sigmas =
-      factor * Eigen::Vector3d(kOwnFocalSigma, kOwnCentreSigma, kOwnCentreSigma);
-  const ceres::Matrix weights = sigmas.cwiseInverse().asDiagonal();
-  problem.AddResidualBlock(new ceres::NormalPrior(weights, ceres::Vector::Zero(kOwnCount)), nullptr,
-                           own);
+  add_priors(problem, own, kOwnCount,
+             {{kOwnFocal, 0.0, factor * kOwnFocalSigma},
+              {kOwnCentreX, 0.0, factor * kOwnCentreSigma},
+              {kOwnCentreY, 0.0, factor * kOwnCentreSigma}});
 }
 
 constexpr double kUsualFocal = 0.9;  ///< picture widths
@@ -453,12 +423,8 @@ class Bundle {
     for (size_t v = 0; v < known; ++v) {
       const Estimate& distance = options_.distances_mm[v];
       if (!(distance.value > 0.0)) continue;
-      Eigen::MatrixXd weight = Eigen::MatrixXd::Zero(1, kPoseCount);
-      Eigen::VectorXd wanted = Eigen::VectorXd::Zero(kPoseCount);
-      weight(0, kPupil + 2) = 1.0 / distance.sigma;
-      wanted[kPupil + 2] = distance.value;
-      problem_->AddResidualBlock(new ceres::NormalPrior(weight, wanted), nullptr,
-                                 fit_.values.poses[v].data());
+      add_priors(*problem_, fit_.values.poses[v].data(), kPoseCount,
+                 {{kPupil + 2, distance.value, distance.sigma}});
     }
   }
 
@@ -473,7 +439,7 @@ class Bundle {
                                      fit_.values.poses[v].data(), fit_.values.sheet.data()};
       for (const KnotWeight& k : knots)
         blocks.push_back(&fit_.values.knots[static_cast<size_t>(k.knot)]);
-      problem_->AddResidualBlock(phase_cost(views_[v], seen, panel_, knots),
+      problem_->AddResidualBlock(new PhaseCost(views_[v], seen, panel_, knots),
                                  new ceres::CauchyLoss(kCauchy), blocks);
     }
     if (!options_.free_poses) {
@@ -525,7 +491,7 @@ class Bundle {
 
   void add_linear(const std::vector<double*>& blocks, const std::vector<double>& weights,
                   double sigma) {
-    problem_->AddResidualBlock(linear_cost(weights, sigma), nullptr, blocks);
+    problem_->AddResidualBlock(new LinearCost(weights, sigma), nullptr, blocks);
   }
 
   /// Holds gap and shape, or adds weak priors for them.
@@ -536,13 +502,12 @@ class Bundle {
           sheet, new ceres::SubsetManifold(kSheetCount, {kGap, kShape, kAberration, kSag}));
       return;
     }
-    Eigen::MatrixXd weight = Eigen::MatrixXd::Zero(4, kSheetCount);
-    weight(0, kGap) = 1.0 / (start_.gap_tolerance * start_.values[kGap]);
-    weight(1, kShape) = 1.0 / start_.shape_tolerance;
-    weight(2, kAberration) = 1.0 / kAberrationSigma;
-    weight(3, kSag) = 1.0 / kSagSigma;
-    const Eigen::Map<const Eigen::Matrix<double, kSheetCount, 1>> prior(start_.values.data());
-    problem_->AddResidualBlock(new ceres::NormalPrior(weight, prior), nullptr, sheet);
+    const SheetParameters& start = start_.values;
+    add_priors(*problem_, sheet, kSheetCount,
+               {{kGap, start[kGap], start_.gap_tolerance * start[kGap]},
+                {kShape, start[kShape], start_.shape_tolerance},
+                {kAberration, start[kAberration], kAberrationSigma},
+                {kSag, start[kSag], kSagSigma}});
     problem_->SetParameterLowerBound(sheet, kGap, 0.02 * start_.values[kGap]);
     problem_->SetParameterLowerBound(sheet, kShape, 0.0);
     problem_->SetParameterUpperBound(sheet, kShape, 1.0);
@@ -683,9 +648,6 @@ std::optional<JointFit> fit_jointly(const std::vector<View>& views, const PoseFi
 // ---- gap
 
 namespace {
-
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
 
 /// Grid of the sheet's own phase, any smooth function: fine enough for real deformations.
 constexpr KnotGrid kSmooth{.columns = 16, .rows = 9};

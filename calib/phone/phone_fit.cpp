@@ -366,23 +366,6 @@ constexpr double kAberrationSigma = 0.02, kSagSigma = 0.05;
 constexpr double kBendSigma = 0.01;  ///< second differences of the map, lenses
 constexpr double kKnotSigma = 0.1;   ///< lenses; keeps plane and map apart
 
-/// Prior is the expectation of one unknown of a block.
-struct Prior {
-  int at;
-  double mean, sigma;
-};
-
-void add_priors(ceres::Problem& problem, double* block, int size,
-                const std::vector<Prior>& priors) {
-  MatrixXd weights = MatrixXd::Zero(static_cast<Index>(priors.size()), size);
-  VectorXd means = VectorXd::Zero(size);
-  for (size_t k = 0; k < priors.size(); ++k) {
-    weights(static_cast<Index>(k), priors[k].at) = 1.0 / priors[k].sigma;
-    means[priors[k].at] = priors[k].mean;
-  }
-  problem.AddResidualBlock(new ceres::NormalPrior(weights, means), nullptr, block);
-}
-
 /// Returns the weights of the map's prior: knots are small, and their second differences smaller.
 MatrixXd map_weights(const KnotGrid& grid) {
   std::vector<VectorXd> rows;

@@ -99,17 +99,6 @@ struct CornerError {
   }
 };
 
-/// Prior is the term (parameter[index] - value) / sigma.
-struct Prior {
-  int index;
-  double value, sigma;
-  template <class T>
-  bool operator()(const T* parameter, T* residual) const {
-    residual[0] = (parameter[index] - value) / sigma;
-    return true;
-  }
-};
-
 std::vector<Corner> corners_of(const std::vector<TagSighting>& tags,
                                const SinglePhotoChart& chart) {
   std::vector<Corner> corners;
@@ -205,23 +194,16 @@ void add_corners(ceres::Problem& problem, Unknowns& unknowns, const std::vector<
         unknowns.eye.data());
 }
 
-void add_priors(ceres::Problem& problem, Unknowns& unknowns, const PosePriors& pose_priors) {
-  using OnLens = ceres::AutoDiffCostFunction<Prior, 1, 5>;
-  using OnEye = ceres::AutoDiffCostFunction<Prior, 1, 3>;
+void add_pose_priors(ceres::Problem& problem, Unknowns& unknowns, const PosePriors& priors) {
   constexpr double kDistortionSigma = 0.1, kLargerSigma = 0.1;
-  problem.AddResidualBlock(
-      new OnLens(new Prior{0, pose_priors.log_focal.value, pose_priors.log_focal.sigma}), nullptr,
-      unknowns.lens.data());
-  problem.AddResidualBlock(new OnLens(new Prior{1, 0.0, kDistortionSigma}), nullptr,
-                           unknowns.lens.data());
-  problem.AddResidualBlock(new OnLens(new Prior{2, 0.0, kLargerSigma}), nullptr,
-                           unknowns.lens.data());
-  for (const int axis : {3, 4})
-    problem.AddResidualBlock(new OnLens(new Prior{axis, 0.0, pose_priors.axis_sigma}), nullptr,
-                             unknowns.lens.data());
-  problem.AddResidualBlock(
-      new OnEye(new Prior{2, pose_priors.distance_mm.value, pose_priors.distance_mm.sigma}),
-      nullptr, unknowns.eye.data());
+  add_priors(problem, unknowns.lens.data(), 5,
+             {{0, priors.log_focal.value, priors.log_focal.sigma},
+              {1, 0.0, kDistortionSigma},
+              {2, 0.0, kLargerSigma},
+              {3, 0.0, priors.axis_sigma},
+              {4, 0.0, priors.axis_sigma}});
+  add_priors(problem, unknowns.eye.data(), 3,
+             {{2, priors.distance_mm.value, priors.distance_mm.sigma}});
 }
 
 bool solve(ceres::Problem& problem) {
@@ -322,7 +304,7 @@ std::optional<PhotoPose> find_pose(const std::vector<TagSighting>& tags,
   Unknowns unknowns = first_guess(similarity, pose_priors, middle_px);
   ceres::Problem problem;
   add_corners(problem, unknowns, corners, chart.start.sheet, middle_px, pixels_per_mm);
-  add_priors(problem, unknowns, pose_priors);
+  add_pose_priors(problem, unknowns, pose_priors);
   if (!solve(problem)) return std::nullopt;
   PhotoPose pose = pose_of(unknowns, middle_px);
   if (!is_finite(pose.eye_mm) || !(pose.eye_mm.z > chart.start.sheet.gap.value))
@@ -331,7 +313,7 @@ std::optional<PhotoPose> find_pose(const std::vector<TagSighting>& tags,
   pose.eye_sigma_mm = {std::sqrt(eye[0]), std::sqrt(eye[4]), std::sqrt(eye[8])};
   ceres::Problem loose;
   add_corners(loose, unknowns, corners, chart.start.sheet, middle_px, pixels_per_mm);
-  add_priors(loose, unknowns, doubted(pose_priors, priors));
+  add_pose_priors(loose, unknowns, doubted(pose_priors, priors));
   pose.doubted_eye = eye_covariance(loose, unknowns);
   pose.prior_pull =
       std::hypot((unknowns.lens[0] - pose_priors.log_focal.value) / pose_priors.log_focal.sigma,
