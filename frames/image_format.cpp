@@ -33,10 +33,12 @@ bool is_webp(Bytes bytes) {
          starts_with(bytes.subspan(kKindAt), "WEBP");
 }
 
+uint32_t little_endian_32(Bytes bytes) {
+  return bytes[0] | uint32_t{bytes[1]} << 8 | uint32_t{bytes[2]} << 16 | uint32_t{bytes[3]} << 24;
+}
+
 bool webp_reaches_end(Bytes bytes) {
-  const size_t length =
-      size_t{bytes[4]} | size_t{bytes[5]} << 8 | size_t{bytes[6]} << 16 | size_t{bytes[7]} << 24;
-  return length <= bytes.size() - 8;
+  return little_endian_32(bytes.subspan(4)) <= bytes.size() - 8;
 }
 
 uint32_t big_endian_32(Bytes bytes) {
@@ -93,8 +95,7 @@ bool exr_header_fits(Bytes bytes) {
     skip_text();
     skip_text();
     if (at + 4 > bytes.size()) return false;
-    const size_t length = size_t{bytes[at]} | size_t{bytes[at + 1]} << 8 |
-                          size_t{bytes[at + 2]} << 16 | size_t{bytes[at + 3]} << 24;
+    const size_t length = little_endian_32(bytes.subspan(at));
     at += 4;
     if (length > bytes.size() - at) return false;
     at += length;
@@ -151,29 +152,10 @@ ImageFormat detect_format(std::span<const uint8_t> bytes, std::string_view name)
 }
 
 const char* plugin_name(ImageFormat format) {
-  switch (format) {
-    case ImageFormat::Png:
-      return "png";
-    case ImageFormat::Jpeg:
-      return "jpeg";
-    case ImageFormat::Tiff:
-      return "tiff";
-    case ImageFormat::Exr:
-      return "openexr";
-    case ImageFormat::Pnm:
-      return "pnm";
-    case ImageFormat::Bmp:
-      return "bmp";
-    case ImageFormat::Targa:
-      return "targa";
-    case ImageFormat::Hdr:
-      return "hdr";
-    case ImageFormat::WebP:
-      return "webp";
-    case ImageFormat::Unknown:
-      break;
-  }
-  return "";
+  // In the order of ImageFormat.
+  constexpr std::array<const char*, 10> kPlugins = {"",    "png", "jpeg",  "tiff", "openexr",
+                                                    "pnm", "bmp", "targa", "hdr",  "webp"};
+  return kPlugins[static_cast<size_t>(format)];
 }
 
 bool reaches_end_mark(ImageFormat format, std::span<const uint8_t> bytes) {

@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/json_output.h"
 #include "base/numbers.h"
 #include "base/text.h"
 
@@ -250,40 +251,23 @@ void add_verdict_advice(const Calibration& calibration, std::vector<std::string>
 }  // namespace
 
 const char* to_string(Verdict verdict) {
-  switch (verdict) {
-    case Verdict::Intrinsic:
-      return "intrinsic";
-    case Verdict::Effective:
-      return "effective";
-    case Verdict::Refused:
-      return "refused";
-  }
-  return "refused";
+  return verdict == Verdict::Intrinsic   ? "intrinsic"
+         : verdict == Verdict::Effective ? "effective"
+                                         : "refused";
 }
 
 std::string verdict_headline(Verdict verdict) {
-  switch (verdict) {
-    case Verdict::Intrinsic:
-      return "Calibrated";
-    case Verdict::Effective:
-      return "Calibrated for one viewing position";
-    case Verdict::Refused:
-      return "Not calibrated";
-  }
-  return "Not calibrated";
+  if (verdict == Verdict::Refused) return "Not calibrated";
+  return verdict == Verdict::Intrinsic ? "Calibrated" : "Calibrated for one viewing position";
 }
 
 std::string verdict_explained(const Calibration& calibration) {
-  switch (calibration.verdict) {
-    case Verdict::Intrinsic:
-      return "The numbers describe the sheet itself and are valid for every eye in front of it.";
-    case Verdict::Effective:
-      return "The numbers are valid at " + place_of_first_eye(calibration) +
-             ". Pitch, gap and offset could not be separated.";
-    case Verdict::Refused:
-      return "The measurement is not good enough to be used.";
-  }
-  return {};
+  if (calibration.verdict == Verdict::Refused)
+    return "The measurement is not good enough to be used.";
+  if (calibration.verdict == Verdict::Intrinsic)
+    return "The numbers describe the sheet itself and are valid for every eye in front of it.";
+  return "The numbers are valid at " + place_of_first_eye(calibration) +
+         ". Pitch, gap and offset could not be separated.";
 }
 
 std::vector<std::string> advice(const Calibration& calibration) {
@@ -391,20 +375,21 @@ namespace {
 
 using nlohmann::json;
 
-json number(double value) {
-  return std::isfinite(value) ? json(value) : json(nullptr);
+constexpr auto number = finite_or_null;
+
+template <class Item, class Function>
+json list(const std::vector<Item>& items, Function&& to_item) {
+  json out = json::array();
+  for (const Item& item : items) out.push_back(to_item(item));
+  return out;
 }
 
 json numbers(const std::vector<double>& values) {
-  json out = json::array();
-  for (const double value : values) out.push_back(number(value));
-  return out;
+  return list(values, number);
 }
 
 json texts(const std::vector<std::string>& lines) {
-  json out = json::array();
-  for (const std::string& line : lines) out.push_back(escaped(line));
-  return out;
+  return list(lines, escaped);
 }
 
 json vector(const Vec3& v) {
@@ -505,12 +490,6 @@ json panel(const optics::Panel& p) {
           {"layout", p.layout.name()}};
 }
 
-json provenance(const std::vector<std::pair<std::string, std::string>>& entries) {
-  json out = json::array();
-  for (const auto& [key, text] : entries) out.push_back({escaped(key), escaped(text)});
-  return out;
-}
-
 json rig(const optics::Rig& r) {
   return {{"name", escaped(r.name)},
           {"fingerprint", optics::fingerprint(r)},
@@ -520,14 +499,9 @@ json rig(const optics::Rig& r) {
            {{"distance_mm", number(r.viewing.distance.value)},
             {"height_mm", number(r.viewing.height.value)}}},
           {"identity", identity(r.identity)},
-          {"provenance", provenance(r.provenance)}};
-}
-
-template <class Item, class Function>
-json list(const std::vector<Item>& items, Function&& to_item) {
-  json out = json::array();
-  for (const Item& item : items) out.push_back(to_item(item));
-  return out;
+          {"provenance", list(r.provenance, [](const auto& entry) {
+             return json::array({escaped(entry.first), escaped(entry.second)});
+           })}};
 }
 
 }  // namespace
@@ -595,12 +569,10 @@ optics::Eye usual_eye(const Calibration& c) {
 }
 
 json small_changes(const Calibration& c, const optics::Eye& eye) {
-  json out = json::array();
-  if (optics::find_problem(c.rig)) return out;
-  for (const Sensitivity& s : sensitivities(c.rig, eye))
-    out.push_back(
-        {{"change", s.change}, {"worst_lenses", number(s.worst_lenses)}, {"allowed", s.allowed}});
-  return out;
+  if (optics::find_problem(c.rig)) return json::array();
+  return list(sensitivities(c.rig, eye), [](const Sensitivity& s) -> json {
+    return {{"change", s.change}, {"worst_lenses", number(s.worst_lenses)}, {"allowed", s.allowed}};
+  });
 }
 
 }  // namespace

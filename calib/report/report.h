@@ -18,10 +18,10 @@ namespace lenticule::calib {
 
 /// RecordDetails holds facts that a calibration itself does not contain.
 struct RecordDetails {
-  std::chrono::system_clock::time_point when;
+  std::chrono::system_clock::time_point when = std::chrono::system_clock::now();
   std::string method;  ///< "camera", "photos", "one photograph", "by eye", "simulated"
   CameraFacts camera;  ///< empty name if there was no camera
-  std::optional<double> temperature_celsius;
+  std::optional<double> temperature_celsius{};
 };
 
 /// Returns for example "2026-03-01T12:34:56Z".
