@@ -26,8 +26,8 @@
 #include "render/loaders/gltf/document.h"
 #include "render/loaders/gltf/materials.h"
 #include "render/loaders/limits.h"
-#include "render/loaders/scene_files.h"
 #include "render/loaders/mesh_cleanup.h"
+#include "render/loaders/scene_files.h"
 #include "render/loaders/viewer_choices.h"
 #include "render/scene/stage.h"
 
