@@ -17,6 +17,7 @@
 #include <cstdint>
 #include <cstring>
 #include <iterator>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -106,6 +107,8 @@ HardwareChoice choose_hardware(const AVCodecParameters& stream,
       std::ranges::find_if(kCodecs, [&](const Codec& one) { return one.id == stream.codec_id; });
   if (codec == kCodecs.end())
     return {.decoder = {}, .obstacle = fmt::format("{} is not decoded in hardware", name)};
+  if (has_second_layer(stream))
+    return {.decoder = {}, .obstacle = "hardware decodes one of two views only"};
   if (stream.format != AV_PIX_FMT_YUV420P && stream.format != AV_PIX_FMT_YUVJ420P)
     return {.decoder = {}, .obstacle = "hardware decodes 4:2:0 of 8 bits only"};
   for (const HardwareDecoder& decoder : found)
@@ -272,6 +275,60 @@ AVStream& Container::video_stream(std::optional<int> wanted) {
   fail(name_, "no stream with pictures", "name a file that contains a video");
 }
 
+// --- codecs --------------------------------------------------------------------------------------
+
+namespace {
+
+/// Makes a decoder of the stream's parameters, which is opened later.
+AvCodec make_codec(const AVCodec& decoder, const AVStream& stream, const char* allowed) {
+  AvCodec codec(avcodec_alloc_context3(&decoder));
+  if (!codec) throw Error(ErrorKind::Failed, "video: out of memory");
+  if (const int error = avcodec_parameters_to_context(codec.get(), stream.codecpar); error < 0)
+    throw Error(ErrorKind::Input, "damaged stream header: " + av_reason(error));
+  codec->max_pixels = kMostPixels;
+  codec->codec_whitelist = av_strdup(allowed);
+  codec->pkt_timebase = stream.time_base;
+  // Decoders of one view, and FFmpeg before 7.1, do not know this option.
+  av_opt_set(codec.get(), "view_ids", "-1", AV_OPT_SEARCH_CHILDREN);
+  return codec;
+}
+
+}  // namespace
+
+std::string codec_obstacle(const AVCodecParameters& stream) {
+  const char* const name = avcodec_get_name(stream.codec_id);
+  const AVCodec* const decoder = avcodec_find_decoder(stream.codec_id);
+  if (decoder == nullptr) return fmt::format("FFmpeg has no decoder for its codec {}", name);
+  if (av_match_list(decoder->name, allowed_codecs(), ',') == 0)
+    return fmt::format("its codec {} is not supported", name);
+  return {};
+}
+
+bool has_second_layer(const AVCodecParameters& stream) {
+  // A video parameter set begins with 0x40 0x01, a number of 4 bits and 2 flags, the number of
+  // layers minus 1 in 6 bits, 4 bits about sub-layers, and 0xffff (ITU-T H.265, 7.3.2.1).
+  const auto head = std::span(stream.extradata, static_cast<size_t>(stream.extradata_size));
+  if (stream.codec_id != AV_CODEC_ID_HEVC) return false;
+  for (size_t i = 0; i + 6 <= head.size(); ++i)
+    if (head[i] == 0x40 && head[i + 1] == 1 && head[i + 4] == 0xff && head[i + 5] == 0xff)
+      return (head[i + 2] & 3) != 0 || head[i + 3] >> 4 != 0;
+  return false;
+}
+
+/// A decoder of one thread states the views; one of several leaves that to its threads.
+bool decodes_two_views(const AVStream& stream) {
+  if (!has_second_layer(*stream.codecpar)) return false;
+  const AVCodec* const decoder = avcodec_find_decoder(AV_CODEC_ID_HEVC);
+  const AvCodec codec = decoder == nullptr ? nullptr : make_codec(*decoder, stream, "hevc");
+  if (!codec || avcodec_open2(codec.get(), decoder, nullptr) < 0) return false;
+  uint8_t* views = nullptr;  // "0,1"
+  if (av_opt_get(codec.get(), "view_ids_available", AV_OPT_SEARCH_CHILDREN, &views) < 0)
+    return false;
+  const bool two = views != nullptr && std::strchr(reinterpret_cast<char*>(views), ',') != nullptr;
+  av_free(views);
+  return two;
+}
+
 // --- expected frames -----------------------------------------------------------------------------
 
 std::optional<ExpectedFrames> expected_frames(const AVFormatContext& format, AVStream& stream) {
@@ -358,8 +415,9 @@ ClipReader::ClipReader(const int& fd, std::string name, ClipOptions options)
       name_(std::move(name)),
       options_(std::move(options)),
       packet_(av_packet_alloc()),
-      frame_(av_frame_alloc()) {
-  if (!packet_ || !frame_) throw Error(ErrorKind::Failed, "video: out of memory");
+      frame_(av_frame_alloc()),
+      second_(av_frame_alloc()) {
+  if (!packet_ || !frame_ || !second_) throw Error(ErrorKind::Failed, "video: out of memory");
   open();
 }
 
@@ -383,6 +441,7 @@ void ClipReader::begin(std::optional<int64_t> time) {
   packet_waits_ = false;
   untimed_ = false;
   awaits_key_ = false;
+  awaits_second_ = false;
   draining_ = false;
   read_errors_ = 0;
   start_ = time;
@@ -400,18 +459,8 @@ void ClipReader::open_decoder() {
 void ClipReader::close_decoder() {
   const Watchdog::Watch watch(watchdog_.get());
   av_frame_unref(frame_.get());
+  av_frame_unref(second_.get());
   codec_.reset();
-}
-
-/// Makes a decoder of the stream's parameters, which is opened later.
-void ClipReader::make_codec(const AVCodec& decoder, const char* allowed) {
-  codec_.reset(avcodec_alloc_context3(&decoder));
-  if (!codec_) throw Error(ErrorKind::Failed, "video: out of memory");
-  if (const int error = avcodec_parameters_to_context(codec_.get(), stream_->codecpar); error < 0)
-    fail(name_, "damaged stream header: " + av_reason(error));
-  codec_->max_pixels = kMostPixels;
-  codec_->codec_whitelist = av_strdup(allowed);
-  codec_->pkt_timebase = stream_->time_base;
 }
 
 void ClipReader::start_watchdog(const DecoderChoice& choice) {
@@ -432,7 +481,7 @@ bool ClipReader::open_in_hardware() {
   }
   const DecoderChoice chosen{.name = choice.decoder, .hardware = true, .reason = {}};
   start_watchdog(chosen);
-  make_codec(*decoder, choice.decoder.c_str());
+  codec_ = make_codec(*decoder, *stream_, choice.decoder.c_str());
   const Watchdog::Watch watch(watchdog_.get());
   if (const int error = avcodec_open2(codec_.get(), decoder, nullptr); error < 0) {
     give_up_hardware(choice.decoder + " cannot be opened: " + av_reason(error));
@@ -454,10 +503,10 @@ void ClipReader::give_up_hardware(const std::string& reason) {
 void ClipReader::open_in_software() {
   watchdog_.reset();
   const AVCodecID id = stream_->codecpar->codec_id;
+  if (const std::string obstacle = codec_obstacle(*stream_->codecpar); !obstacle.empty())
+    fail(name_, obstacle, "convert it, for example to FFV1 or H.264");
   const AVCodec* const decoder = avcodec_find_decoder(id);
-  const char* const codec_name = avcodec_get_name(id);
-  if (decoder == nullptr) fail(name_, std::string("no decoder for ") + codec_name);
-  make_codec(*decoder, allowed_codecs());
+  codec_ = make_codec(*decoder, *stream_, allowed_codecs());
   codec_->thread_count = options_.threads;
   slice_errors_.watch(*codec_);
   codec_->err_recognition = AV_EF_CRCCHECK;
@@ -467,7 +516,8 @@ void ClipReader::open_in_software() {
   if (about != nullptr && (about->props & AV_CODEC_PROP_INTRA_ONLY) != 0)
     codec_->err_recognition |= AV_EF_EXPLODE;
   if (const int error = avcodec_open2(codec_.get(), decoder, nullptr); error < 0)
-    fail(name_, std::string(codec_name) + " cannot be decoded: " + av_reason(error));
+    fail(name_, fmt::format("{} cannot be decoded: {}", avcodec_get_name(id), av_reason(error)));
+  two_views_ = decodes_two_views(*stream_);
 }
 
 ClipReader::Step ClipReader::next() {
@@ -540,6 +590,7 @@ ClipReader::Step ClipReader::next_in_software() {
       ++broken_;
       continue;
     }
+    if (error == 0 && two_views_ && !completes_pair()) continue;
     if (error == 0) {
       const bool faulty =
           frame_->decode_error_flags != 0 || (frame_->flags & AV_FRAME_FLAG_CORRUPT) != 0;
@@ -561,6 +612,32 @@ bool ClipReader::is_spoilt() {
   const bool damaged = slice_errors_.take(packet_number(*frame_));
   awaits_key_ = damaged || (awaits_key_ && !is_key_frame(*frame_));
   return awaits_key_;
+}
+
+/// Returns true if frame_ and second_ are the views of one moment. A view whose other one is
+/// missing is left out. The decoder gives the views of a moment one after the other.
+bool ClipReader::completes_pair() {
+  std::swap(frame_, second_);
+  const bool pair = awaits_second_ && frame_->pts == second_->pts &&
+                    view_number(*frame_) != view_number(*second_);
+  broken_ += awaits_second_ && !pair ? 1 : 0;
+  awaits_second_ = !pair;
+  return pair;
+}
+
+/// The stream tells in an SEI message which eye a view is for; without it, the container tells
+/// whether the first is the right eye's.
+bool ClipReader::begins_with_right() const {
+  const auto tag_of = [](const AvFrame& frame) {
+    const AVFrameSideData* const data = av_frame_get_side_data(frame.get(), AV_FRAME_DATA_STEREO3D);
+    AVStereo3D tag{};
+    if (data != nullptr && data->size >= sizeof tag) std::memcpy(&tag, data->data, sizeof tag);
+    return tag;
+  };
+  const AVStereo3D first = tag_of(frame_), second = tag_of(second_);
+  if (first.view == AV_STEREO3D_VIEW_LEFT || second.view == AV_STEREO3D_VIEW_RIGHT) return false;
+  return first.view == AV_STEREO3D_VIEW_RIGHT || second.view == AV_STEREO3D_VIEW_LEFT ||
+         (first.flags & AV_STEREO3D_FLAG_INVERT) != 0;
 }
 
 int ClipReader::receive() {

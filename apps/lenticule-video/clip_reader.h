@@ -68,6 +68,14 @@ class Watchdog {
 [[nodiscard]] const char* allowed_containers();
 [[nodiscard]] const char* allowed_codecs();
 
+/// Returns why the stream's codec cannot be decoded; empty if it may be.
+[[nodiscard]] std::string codec_obstacle(const AVCodecParameters& stream);
+
+/// Returns true if the stream is HEVC with a second layer, as films of two views are (MV-HEVC).
+[[nodiscard]] bool has_second_layer(const AVCodecParameters& stream);
+/// Returns true if FFmpeg decodes two views of the stream; before version 7.1 it decodes the first.
+[[nodiscard]] bool decodes_two_views(const AVStream& stream);
+
 /// Opens the regular file of that name for reading. Throws Error(Input). Call it before confine().
 [[nodiscard]] int open_clip_file(const std::string& name);
 
@@ -174,6 +182,10 @@ class ClipReader {
   /// are skipped and counted. Throws as the constructor.
   [[nodiscard]] Step next();
   [[nodiscard]] const AVFrame& frame() const { return *frame_; }
+  /// Returns the other view of the same moment; null if the stream has one view.
+  [[nodiscard]] const AVFrame* second_view() const { return two_views_ ? second_.get() : nullptr; }
+  /// Returns true if frame() is for the right eye, and the second view for the left one.
+  [[nodiscard]] bool begins_with_right() const;
   [[nodiscard]] std::optional<ExpectedFrames> expected() const {
     return expected_frames(container_->format(), *stream_);
   }
@@ -201,7 +213,6 @@ class ClipReader {
 
   void open();
   void open_decoder();
-  void make_codec(const AVCodec& decoder, const char* allowed);
   void start_watchdog(const DecoderChoice& choice);
   [[nodiscard]] bool open_in_hardware();
   void open_in_software();
@@ -218,6 +229,7 @@ class ClipReader {
   [[nodiscard]] int send(const AVPacket* packet);
   [[nodiscard]] int receive();
   [[nodiscard]] bool is_spoilt();
+  [[nodiscard]] bool completes_pair();
 
   const int& fd_;
   std::string name_;
@@ -229,6 +241,9 @@ class ClipReader {
   AvCodec codec_;
   AvPacket packet_;
   AvFrame frame_;
+  AvFrame second_;
+  bool two_views_ = false;
+  bool awaits_second_ = false;  ///< second_ is a view whose other one has not been decoded yet
   bool in_hardware_ = false;
   bool draining_ = false;
   bool awaits_key_ = false;    ///< an FFV1 frame was damaged, and later ones may depend on it

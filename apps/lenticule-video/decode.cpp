@@ -151,7 +151,8 @@ class Feed {
   [[nodiscard]] frames::Orientation orientation() const {
     return static_cast<frames::Orientation>(request_.orientation);
   }
-  void convert_into(std::span<uint8_t> slot);
+  void fill(std::span<uint8_t> slot);
+  void convert(const AVFrame& frame, std::span<uint8_t> out);
   void prepare_converter();
 
   const DecodeRequest& request_;
@@ -170,6 +171,7 @@ class Feed {
   uint64_t left_out_before_ = 0;  ///< frames left out in earlier rounds
   Cadence cadence_;
   std::vector<uint8_t> stored_;  ///< a frame before rotation
+  std::vector<uint8_t> eye_;     ///< one eye's picture
   Clock::time_point last_report_ = Clock::now();
 };
 
@@ -185,8 +187,15 @@ void Feed::check_layout(const PixelVerdict& verdict) const {
 }
 
 bool Feed::fits_ring() {
-  const frames::FrameGeometry stored{.width = clip_.frame().width, .height = clip_.frame().height};
-  if (frames::oriented_geometry(stored, orientation()) == ring_.geometry()) return true;
+  const AVFrame& frame = clip_.frame();
+  const AVFrame* const second = clip_.second_view();
+  frames::FrameGeometry size =
+      frames::oriented_geometry({.width = frame.width, .height = frame.height}, orientation());
+  const bool equal =
+      second == nullptr || (second->width == frame.width && second->height == frame.height &&
+                            second->format == frame.format);
+  if (second != nullptr) size.width *= 2;
+  if (equal && size == ring_.geometry()) return true;
   ++wrong_size_;
   return false;
 }
@@ -199,6 +208,8 @@ uint64_t Feed::find_start(uint64_t wanted) {
 }
 
 std::optional<uint64_t> Feed::find_known() {
+  // The first frame may be the only one that tells which eye a view is for.
+  if (clip_.second_view() != nullptr) static_cast<void>(clip_.next());
   if (clip_.seek(*request_.known_time)) {
     while (clip_.next() == ClipReader::Step::Frame) {
       const int64_t time = clip_.time();
@@ -258,23 +269,37 @@ bool Feed::show(bool begins_clip) {
   frames::RingStatus status = frames::RingStatus::TimedOut;
   while (status == frames::RingStatus::TimedOut) status = ring_.acquire(number, kSlotTimeout, slot);
   if (status == frames::RingStatus::Gone) return false;
-  convert_into(slot);
+  fill(slot);
   if (ring_.publish() == frames::RingStatus::Gone) return false;
   ++published_;
   return true;
 }
 
-void Feed::convert_into(std::span<uint8_t> slot) {
-  PicturePlanes picture{.width = clip_.frame().width, .height = clip_.frame().height};
-  for (size_t i = 0; i < picture.data.size(); ++i) {
-    picture.data[i] = clip_.frame().data[i];
-    picture.stride[i] = clip_.frame().linesize[i];
+/// Fills a slot with the picture, or with those of both eyes side by side.
+void Feed::fill(std::span<uint8_t> slot) {
+  const AVFrame* const second = clip_.second_view();
+  if (second == nullptr) return convert(clip_.frame(), slot);
+  eye_.resize(slot.size() / 2);
+  const size_t row = slot.size() / 2 / static_cast<size_t>(ring_.geometry().height);
+  for (const bool right : {false, true}) {
+    convert(right == clip_.begins_with_right() ? clip_.frame() : *second, eye_);
+    for (size_t from = 0; from < eye_.size(); from += row)
+      std::ranges::copy(std::span(eye_).subspan(from, row),
+                        slot.subspan(2 * from + (right ? row : 0)).begin());
   }
-  if (orientation() == frames::Orientation::Upright) return converter_->convert(picture, slot);
+}
+
+void Feed::convert(const AVFrame& frame, std::span<uint8_t> out) {
+  PicturePlanes picture{.width = frame.width, .height = frame.height};
+  for (size_t i = 0; i < picture.data.size(); ++i) {
+    picture.data[i] = frame.data[i];
+    picture.stride[i] = frame.linesize[i];
+  }
+  if (orientation() == frames::Orientation::Upright) return converter_->convert(picture, out);
   const frames::FrameGeometry stored{.width = picture.width, .height = picture.height};
   stored_.resize(stored.frame_bytes());
   converter_->convert(picture, stored_);
-  frames::turn_upright(stored_, stored, orientation(), slot);
+  frames::turn_upright(stored_, stored, orientation(), out);
 }
 
 /// Reports a position from which another process could continue, and that this process is alive

@@ -11,6 +11,7 @@
 extern "C" {
 #include <libavcodec/avcodec.h>
 #include <libavformat/avformat.h>
+#include <libavutil/avstring.h>
 #include <libavutil/imgutils.h>
 #include <libavutil/opt.h>
 #include <libavutil/pixdesc.h>
@@ -21,6 +22,7 @@ extern "C" {
 
 #include <bit>
 #include <cstdint>
+#include <cstring>
 #include <span>
 
 namespace lenticule::video {
@@ -74,6 +76,18 @@ inline void number_packet(AVCodecContext& codec, AVPacket& packet, int64_t numbe
   if (data == nullptr) return {};
   return {data, bytes};
 #endif
+}
+
+/// Returns the number of the frame's view in a stream of several (MV-HEVC); otherwise -1.
+[[nodiscard]] inline int view_number(const AVFrame& frame) {
+  int number = -1;
+#if LIBAVUTIL_VERSION_INT >= AV_VERSION_INT(59, 38, 100)
+  if (const AVFrameSideData* const data = av_frame_get_side_data(&frame, AV_FRAME_DATA_VIEW_ID))
+    std::memcpy(&number, data->data, sizeof number);
+#else
+  static_cast<void>(frame);
+#endif
+  return number;
 }
 
 /// Returns the pixel formats that an encoder takes; empty if it does not say.

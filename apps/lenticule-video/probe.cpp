@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule-video probe reports the streams of a file as JSON.
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <array>
@@ -65,8 +66,12 @@ json orientation(const AVStream& stream) {
   return nullptr;
 }
 
-/// Returns {"layout": "side by side", "right_first": ...}, or null if there is no tag.
-json stereo(const AVStream& stream) {
+/// Returns {"layout": "side by side", "right_first": ...}, or null if there is no tag. Two views
+/// are delivered with that of the left eye on the left.
+json stereo(const AVStream& stream, bool two_views) {
+  if (two_views) return {{"layout", "side by side"}, {"right_first", false}};
+  // The container's tag describes the view that is not decoded.
+  if (has_second_layer(*stream.codecpar)) return nullptr;
   const std::span<const uint8_t> data = side_data(stream, AV_PKT_DATA_STEREO3D);
   const AVDictionaryEntry* const mode = av_dict_get(stream.metadata, "stereo_mode", nullptr, 0);
   if (data.size() < sizeof(AVStereo3D)) {
@@ -80,13 +85,31 @@ json stereo(const AVStream& stream) {
           {"right_first", (tag.flags & AV_STEREO3D_FLAG_INVERT) != 0}};
 }
 
+/// Returns what is lost when the stream is played; null if nothing is.
+json warning(const AVStream& stream, bool two_views) {
+  if (two_views || !has_second_layer(*stream.codecpar)) return nullptr;
+  return fmt::format(
+      "FFmpeg {} does not decode its second layer, the other eye of MV-HEVC, and it is shown in "
+      "2-D: "
+      "play it on Debian 13, which has FFmpeg 7.1, or convert it to side by side",
+      av_version_info());
+}
+
 AVRational rate_of(const AVStream& stream) {
   return stream.avg_frame_rate.num > 0 ? stream.avg_frame_rate : stream.r_frame_rate;
+}
+
+/// Returns the reason why the stream cannot be decoded, or null.
+json refusal(const AVCodecParameters& stream, const PixelVerdict& verdict) {
+  if (verdict.layout) return nullptr;
+  const std::string obstacle = codec_obstacle(stream);
+  return obstacle.empty() ? verdict.refusal : obstacle;
 }
 
 json describe(AVFormatContext& format, AVStream& stream) {
   const AVCodecParameters& p = *stream.codecpar;
   const PixelVerdict verdict = evaluate_pixels(tags_of(p));
+  const bool two_views = decodes_two_views(stream);
   const std::optional<ExpectedFrames> expected = expected_frames(format, stream);
   const AVRational aspect = av_guess_sample_aspect_ratio(&format, &stream, nullptr);
   return {{"index", stream.index},
@@ -97,7 +120,8 @@ json describe(AVFormatContext& format, AVStream& stream) {
           {"frames", stream.nb_frames > 0 ? json(stream.nb_frames) : json(nullptr)},
           {"expected_frames", expected ? json(expected->frames) : json(nullptr)},
           {"orientation", orientation(stream)},
-          {"stereo", stereo(stream)},
+          {"views", two_views ? 2 : 1},
+          {"stereo", stereo(stream, two_views)},
           {"duration_s", duration(format, stream)},
           {"pixel_format", text_or_null(av_get_pix_fmt_name(static_cast<AVPixelFormat>(p.format)))},
           {"colour_space", text_or_null(av_color_space_name(p.color_space))},
@@ -108,7 +132,8 @@ json describe(AVFormatContext& format, AVStream& stream) {
           {"depth", verdict.depth},
           {"exact", verdict.exact},
           {"full_chroma", verdict.layout && !verdict.layout->subsampled()},
-          {"refusal", verdict.layout ? json(nullptr) : json(verdict.refusal)}};
+          {"warning", warning(stream, two_views)},
+          {"refusal", refusal(p, verdict)}};
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include "base/error.h"
 #include "base/exit_code.h"
 #include "base/file.h"
+#include "base/print.h"
 #include "base/text.h"
 #include "frames/ring/ring_layout.h"
 #include "optics/json_fields.h"
@@ -109,6 +110,7 @@ VideoStream parse_stream(const json& object, const std::string& source) {
   if (!index) fields.fail("index", "not a number");
   return {.index = static_cast<int>(*index),
           .geometry = geometry(fields),
+          .views = count(fields.find("views"), 2) == 2 ? 2 : 1,
           .rate = rate(fields),
           .pixel_aspect = pixel_aspect(fields),
           .orientation = orientation(fields),
@@ -118,6 +120,7 @@ VideoStream parse_stream(const json& object, const std::string& source) {
           .sampling = name(fields, "sampling"),
           .exact = fields.flag("exact"),
           .full_chroma = fields.flag("full_chroma"),
+          .warning = name(fields, "warning"),
           .refusal = name(fields, "refusal")};
 }
 
@@ -228,6 +231,8 @@ std::vector<VideoStream> probe_video(const fs::path& file, const fs::path& progr
       run_child({path, kForThisVersion, "probe", "--", file.string()}, kProbeLimit);
   if (result.exit_code == kOk) {
     std::vector<VideoStream> streams = parse_video_probe(result.output, file.string());
+    for (const VideoStream& stream : streams)
+      if (!stream.warning.empty()) say("{}: {}\n", file.string(), stream.warning);
     // A file that changed during the probe is probed again the next time.
     if (mark.there && mark_of(file) == mark) remember(mark, path, streams);
     return streams;

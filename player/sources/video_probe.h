@@ -24,7 +24,8 @@ struct VideoStereo {
 
 struct VideoStream {
   int index = 0;
-  frames::FrameGeometry geometry;    ///< size within the ring's limits
+  frames::FrameGeometry geometry;    ///< size of a view, within the ring's limits
+  int views = 1;                     ///< 2: a frame is delivered as two eyes side by side
   std::optional<frames::Rate> rate;  ///< average rate of the stream
   double pixel_aspect = 1.0;         ///< width over height of a pixel
   /// Rotation of the frames; empty for angles other than quarter turns.
@@ -35,6 +36,7 @@ struct VideoStream {
   std::string sampling;               ///< "rgb", "grey", "4:4:4", "4:2:0", ...
   bool exact = false;                 ///< every code arrives as stored
   bool full_chroma = false;           ///< RGB, grey or 4:4:4: subpixels keep their own colours
+  std::string warning;                ///< what is lost when it is played, and the remedy; or empty
   std::string refusal;                ///< reason why it cannot be decoded; empty if it can
 };
 

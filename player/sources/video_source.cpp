@@ -284,7 +284,9 @@ const VideoStream& choose_stream(const std::vector<VideoStream>& streams,
 }
 
 frames::FrameGeometry upright_geometry(const VideoStream& stream) {
-  return frames::oriented_geometry(stream.geometry, *stream.orientation);
+  frames::FrameGeometry size = frames::oriented_geometry(stream.geometry, *stream.orientation);
+  size.width *= stream.views;
+  return size;
 }
 
 /// Refuses tags that would require changing the pixels of woven frames.
@@ -306,8 +308,9 @@ void refuse_tags_of_woven(const VideoStream& stream, const std::string& file) {
 void refuse_unsuitable(const VideoStream& stream, const VideoRequest& request) {
   const std::string file = request.file.string();
   if (!stream.refusal.empty())
-    throw Error(ErrorKind::Input, fmt::format("{}: {}", file, stream.refusal),
-                "convert it to RGB, or to Y'CbCr 4:4:4 of BT.709");
+    throw Error(ErrorKind::Input, fmt::format("{} ({}): {}", file, stream.codec, stream.refusal),
+                stream.pixel_format.empty() ? "convert it, for example to FFV1 or H.264"
+                                            : "convert it to RGB, or to Y'CbCr 4:4:4 of BT.709");
   if (!stream.orientation)
     throw Error(ErrorKind::Input,
                 fmt::format("{}: is tagged to be rotated, but not by quarter turns", file),
@@ -328,7 +331,7 @@ VideoStream suitable_stream(const VideoRequest& request) {
 }
 
 uint64_t slots_for(const VideoStream& stream, const VideoRequest& request) {
-  const uint64_t fit = request.most_bytes / stream.geometry.frame_bytes();
+  const uint64_t fit = request.most_bytes / upright_geometry(stream).frame_bytes();
   const auto most = static_cast<uint64_t>(std::max(request.slots, kLeastSlots));
   return std::clamp<uint64_t>(fit, kLeastSlots, most);
 }
@@ -346,7 +349,7 @@ bool may_use_hardware(const VideoStream& stream, const VideoRequest& request) {
   const bool known = std::ranges::find(kCodecs, stream.codec) != kCodecs.end();
   const bool bytes = stream.pixel_format == "yuv420p" || stream.pixel_format == "yuvj420p";
   if (hardware_failures >= kMostHardwareFailures) return false;
-  return request.hardware && request.before_weaving && known && bytes;
+  return request.hardware && request.before_weaving && known && bytes && stream.views == 1;
 }
 
 class Source final : public VideoSource {
