@@ -302,3 +302,8 @@ def files_of(kernel=None):
 def release_of(files):
     """Returns the release of a folder's kernel, for example 6.12.94+deb13-amd64."""
     return (files / "release").read_text()
+
+
+def series_of(files):
+    """Returns the kernel's series, for example (6, 12)."""
+    return tuple(int(part) for part in release_of(files).split(".")[:2])

@@ -38,7 +38,7 @@ def check_healthy(vm, driver, counts_vblanks):
 
 @vm_test(VIRTIO)
 def finds_virtio_healthy(vm):
-    check_healthy(vm, "virtio_gpu", False)
+    check_healthy(vm, "virtio_gpu", vm.counts_vblanks_by_timer())
 
 
 @vm_test(Machine(modules=("vkms",)))

@@ -158,9 +158,9 @@ def check_list(vm, hostile, seconds, *flags):
     before = len(vm.kernel_log().splitlines())
     began = time.monotonic()
     result, looks, discarded = play(vm, hostile, seconds, *flags)
-    done, memory = json.loads(vm.read_file(STATS)), json.loads(vm.read_file(MEMORY))
     minutes = (time.monotonic() - began) / 60
     assert result.code == 0, (result.code, result.stderr)
+    done, memory = json.loads(vm.read_file(STATS)), json.loads(vm.read_file(MEMORY))
     assert done["outcome"] == "finished", done
     log = vm.kernel_log().splitlines()[before:]
     crashes = [line for line in log if any(sign in line for sign in SIGNS_OF_A_CRASH)]

@@ -13,7 +13,8 @@ from playing import play, stats, wait_until_shown
 from vm_test import Machine, Skip, require_program, vm_test
 
 TILE = (1024, 768)  # both outputs list this mode
-TWO = Machine(display="virtio-gpu", width=TILE[0], height=TILE[1], outputs=2)
+TWO = Machine(display="virtio-gpu", width=TILE[0], height=TILE[1], outputs=2,
+              kernel=tiled_edid.SECOND_OUTPUT)
 
 
 def connect_tiles(vm):

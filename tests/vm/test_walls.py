@@ -11,7 +11,8 @@ from playing import STATS, stats, wait_until, wait_until_shown
 from vm_test import Machine, require_program, vm_test
 
 SIZE = (1024, 768)  # both outputs list this mode
-TWO = Machine(display="virtio-gpu", width=SIZE[0], height=SIZE[1], outputs=2)
+TWO = Machine(display="virtio-gpu", width=SIZE[0], height=SIZE[1], outputs=2,
+              kernel=tiled_edid.SECOND_OUTPUT)
 PANELS = ("left", "right")
 FRAMES = 3
 

@@ -81,6 +81,10 @@ def tile_edid(columns, rows, column, row, width, height):
     extension = with_checksum((b"\x70" + section).ljust(127, b"\x00"))
     return base_block(width, height) + extension
 
+# Argument of the kernel with which QEMU's second output is connected from the start: a newer kernel drops the
+# EDID of an output that is not.
+SECOND_OUTPUT = "video=Virtual-2:e"
+
 
 def set_edids(vm, edids):
     """Makes the guest's virtio-gpu read these EDIDs, one per output; none restores QEMU's. Connects all

@@ -299,6 +299,10 @@ class VirtualMachine:
             time.sleep(2)
         return self.logs(300)
 
+    def counts_vblanks_by_timer(self):
+        """Returns true for kernels in which drivers without vblanks count them by a timer."""
+        return guest_files.series_of(self.files) >= (6, 19)
+
     def kernel_log(self):
         return self.check(["dmesg"]).stdout
 
