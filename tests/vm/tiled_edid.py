@@ -87,18 +87,15 @@ SECOND_OUTPUT = "video=Virtual-2:e"
 
 
 def set_edids(vm, edids):
-    """Makes the guest's virtio-gpu read these EDIDs, one per output; none restores QEMU's. Connects all
-    outputs."""
+    """Makes the guest's virtio-gpu read these EDIDs, one per output, and connects all outputs."""
     names = [f"Virtual-{number + 1}:edid/{number}.bin" for number in range(len(edids))]
     vm.check(["mkdir", "-p", "/lib/firmware/edid"])
     for number, edid in enumerate(edids):
         vm.write_file(f"/lib/firmware/edid/{number}.bin", edid)
-    parameter = "/sys/module/drm/parameters/edid_firmware"
-    if vm.read_file(parameter).decode().strip() != ",".join(names):
-        vm.write_file(parameter, ",".join(names) + "\n")
-        # A newer kernel keeps the EDIDs that it read when the driver found the device.
-        driver = "/sys/bus/virtio/drivers/virtio_gpu"
-        vm.check(f"cd {driver} && device=$(echo virtio*) && echo $device > unbind && echo $device > bind")
-        vm.wait_for_path("/dev/dri/card0")
+    vm.write_file("/sys/module/drm/parameters/edid_firmware", ",".join(names) + "\n")
+    # A newer kernel keeps the EDIDs that it read when the driver found the device.
+    driver = "/sys/bus/virtio/drivers/virtio_gpu"
+    vm.check(f"cd {driver} && device=$(echo virtio*) && echo $device > unbind && echo $device > bind")
+    vm.wait_for_path("/dev/dri/card0")
     for number in range(vm.machine.outputs):
         vm.write_file(f"/sys/class/drm/card0-Virtual-{number + 1}/status", "on")
