@@ -29,18 +29,37 @@ install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT tools
   FILES_MATCHING PATTERN "*.md" PATTERN "*.svg" PATTERN "*.png")
 install(FILES README.md LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT tools)
 
-# System files for a kiosk. They go to "lib" instead of the multiarch folder, because systemd and udev
-# search there, in /usr and in /usr/local.
-install(FILES udev/70-lenticule.rules DESTINATION lib/udev/rules.d COMPONENT player)
+# System files for a kiosk.
+install(FILES udev/70-lenticule.rules DESTINATION ${LENTICULE_UDEV_DIR} COMPONENT player)
 install(FILES udev/lenticule-player@.service udev/lenticule-renderer@.service
-  DESTINATION lib/systemd/system COMPONENT player)
+  DESTINATION ${LENTICULE_UNIT_DIR} COMPONENT player)
 install(FILES udev/lenticule.sysusers
-  DESTINATION lib/sysusers.d RENAME lenticule.conf COMPONENT player)
+  DESTINATION ${LENTICULE_SYSUSERS_DIR} RENAME lenticule.conf COMPONENT player)
 install(FILES udev/lenticule-web@.service udev/lenticule-web@.socket
-  DESTINATION lib/systemd/system COMPONENT web)
+  DESTINATION ${LENTICULE_UNIT_DIR} COMPONENT web)
 install(FILES udev/lenticule-player-web.conf
-  DESTINATION lib/systemd/system/lenticule-player@.service.d RENAME web.conf COMPONENT web)
+  DESTINATION ${LENTICULE_UNIT_DIR}/lenticule-player@.service.d RENAME web.conf COMPONENT web)
 install(FILES udev/lenticule-web.sysusers
-  DESTINATION lib/sysusers.d RENAME lenticule-web.conf COMPONENT web)
+  DESTINATION ${LENTICULE_SYSUSERS_DIR} RENAME lenticule-web.conf COMPONENT web)
 install(FILES udev/lenticule.tmpfiles
-  DESTINATION lib/tmpfiles.d RENAME lenticule.conf COMPONENT player)
+  DESTINATION ${LENTICULE_TMPFILES_DIR} RENAME lenticule.conf COMPONENT player)
+
+# lenticule_set_folders(COMPONENT FILE ...)
+#   Replaces the folders in installed files by those of this installation: its prefix is known when it is
+#   installed, not before.
+function(lenticule_set_folders component)
+  install(CODE "
+    cmake_path(ABSOLUTE_PATH CMAKE_INSTALL_PREFIX OUTPUT_VARIABLE prefix)
+    foreach(file IN ITEMS ${ARGN})
+      cmake_path(ABSOLUTE_PATH file BASE_DIRECTORY \"\${prefix}\")
+      file(READ \"\$ENV{DESTDIR}\${file}\" text)
+      set(programs ${CMAKE_INSTALL_BINDIR})
+      cmake_path(ABSOLUTE_PATH programs BASE_DIRECTORY \"\${prefix}\")
+      string(REPLACE \"ExecStart=lenticule \" \"ExecStart=\${programs}/lenticule \" text \"\${text}\")
+      string(REPLACE \"/etc/lenticule\" \"${LENTICULE_SYSTEM_FOLDER}\" text \"\${text}\")
+      file(WRITE \"\$ENV{DESTDIR}\${file}\" \"\${text}\")
+    endforeach()" COMPONENT ${component})
+endfunction()
+lenticule_set_folders(player ${LENTICULE_TMPFILES_DIR}/lenticule.conf
+  ${LENTICULE_UNIT_DIR}/lenticule-player@.service ${LENTICULE_UNIT_DIR}/lenticule-renderer@.service)
+lenticule_set_folders(web ${LENTICULE_UNIT_DIR}/lenticule-web@.service)

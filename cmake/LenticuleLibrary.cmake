@@ -64,7 +64,7 @@ function(lenticule_program name component)
   add_executable(lenticule_${name}_program ${sources})
   set_target_properties(lenticule_${name}_program PROPERTIES
     OUTPUT_NAME lenticule-${name} RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}
-    INSTALL_RPATH $ORIGIN/../../${LENTICULE_INSTALL_MODULE_FOLDER})
+    INSTALL_RPATH ${LENTICULE_HELPER_RPATH})
   target_link_libraries(lenticule_${name}_program PRIVATE ${PROGRAM_DEPENDS})
   lenticule_batches(lenticule_${name}_program 30)
   install(TARGETS lenticule_${name}_program

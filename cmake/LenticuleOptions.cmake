@@ -11,12 +11,6 @@ if(NOT CMAKE_BUILD_TYPE)
   set(CMAKE_BUILD_TYPE Release)
 endif()
 
-# Loadable modules are found by name in the run path of the program that loads them.
-set(LENTICULE_MODULE_FOLDER ${PROJECT_BINARY_DIR}/modules)
-set(LENTICULE_INSTALL_MODULE_FOLDER ${CMAKE_INSTALL_LIBDIR}/lenticule)
-set(CMAKE_BUILD_RPATH ${LENTICULE_MODULE_FOLDER})
-set(CMAKE_INSTALL_RPATH $ORIGIN/../${LENTICULE_INSTALL_MODULE_FOLDER})
-
 # Uses ccache if it is installed and the user chose no other launcher.
 find_program(LENTICULE_CCACHE ccache)
 if(LENTICULE_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)

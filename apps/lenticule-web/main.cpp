@@ -19,6 +19,7 @@
 #include "apps/lenticule-web/http/server.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "base/installation.h"
 #include "base/main_function.h"
 #include "base/print.h"
 #include "frames/qr/qr_code.h"
@@ -80,16 +81,6 @@ std::string control_socket(const Flags& flags) {
     return socket;
   throw Error(ErrorKind::Usage, "--socket: missing",
               "name the player's control socket: --socket /run/lenticule/NAME/control.sock");
-}
-
-/// Returns the path of lenticule: in this program's folder, or in that of users' programs if this
-/// one is in the folder of helper programs.
-fs::path player_program() {
-  std::error_code error;
-  const fs::path here = fs::read_symlink("/proc/self/exe", error).parent_path();
-  for (const fs::path& folder : {here, here / "../../bin"})
-    if (::access((folder / "lenticule").c_str(), X_OK) == 0) return folder / "lenticule";
-  return "lenticule";
 }
 
 std::vector<Listener> open_listeners(const Flags& flags) {
@@ -164,7 +155,7 @@ int serve(const Flags& flags) {
                 .state = state,
                 .media = flags.media.empty() ? std::nullopt : std::optional<fs::path>(flags.media),
                 .largest_file = static_cast<uint64_t>(flags.media_limit_gib * 1073741824.0),
-                .program = player_program()});
+                .program = find_sibling_program("lenticule").value_or("lenticule")});
   std::vector<Listener> listeners = open_listeners(flags);
   for (const Listener& listener : listeners) {
     say("listening at {}{}{}\n", listener.name,

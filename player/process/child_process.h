@@ -11,7 +11,6 @@
 #include <optional>
 #include <string>
 #include <string_view>
-#include <system_error>
 #include <vector>
 
 #include "base/subprocess.h"
@@ -35,24 +34,6 @@ namespace lenticule::player {
     if (end > 0 && access(file.c_str(), X_OK) == 0 && std::filesystem::is_regular_file(file))
       return file.string();
     rest.remove_prefix(std::min(end + 1, rest.size()));
-  }
-  return std::nullopt;
-}
-
-/// Finds the other programs of lenticule: returns the path of an executable in this program's
-/// folder, in the folder for helper programs
-/// (../libexec/lenticule), or as a helper program in that of lenticule (../../bin); none if there
-/// is no such file.
-[[nodiscard]] inline std::optional<std::filesystem::path> find_sibling_program(
-    std::string_view name) {
-  std::error_code error;
-  const std::filesystem::path here =
-      std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
-  if (error) return std::nullopt;  // no /proc
-  for (const std::filesystem::path& folder :
-       {here, here / "../libexec/lenticule", here / "../../bin"}) {
-    const std::filesystem::path program = folder / name;
-    if (access(program.c_str(), X_OK) == 0) return program;
   }
   return std::nullopt;
 }

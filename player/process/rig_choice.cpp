@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/installation.h"
 #include "base/print.h"
 #include "display/open/open_display.h"
 #include "frames/sequence/sequence_reader.h"
@@ -56,7 +57,8 @@ std::vector<fs::path> sample_rigs() {
   std::error_code error;
   fs::path above = fs::read_symlink("/proc/self/exe", error).parent_path();
   for (; !error && above.has_relative_path(); above = above.parent_path())
-    for (const char* place : {"share/lenticule/rigs", "scenes/rigs"})
+    for (const fs::path& place :
+         {fs::path(kDataFolder) / "lenticule/rigs", fs::path("scenes/rigs")})
       if (std::vector<fs::path> rigs = rig_files_in(shortest(above / place)); !rigs.empty())
         return rigs;
   return {};
@@ -144,7 +146,7 @@ std::vector<fs::path> rig_folders() {
     folders.push_back(fs::path(users) / "lenticule");
   else if (home && *home == '/')
     folders.push_back(fs::path(home) / ".config/lenticule");
-  folders.emplace_back("/etc/lenticule");
+  folders.emplace_back(kSystemFolder);
   return folders;
 }
 

@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/installation.h"
 #include "base/json_output.h"
 #include "base/print.h"
 #include "base/retried_writes.h"
@@ -30,7 +31,6 @@
 #include "frames/ring/shared_picture.h"
 #include "optics/trim.h"
 #include "player/playback/playback.h"
-#include "player/process/child_process.h"
 #include "player/process/interrupt.h"
 #include "player/process/key_input.h"
 #include "player/process/progress.h"
@@ -59,12 +59,6 @@ Error program_error(const std::string& what) {
           fmt::format("{} reports the cause above; it needs a desktop session", kProgram)};
 }
 
-std::string window_program() {
-  if (const auto program = find_sibling_program(kProgram)) return program->string();
-  throw Error(ErrorKind::Failed, fmt::format("display 'window': {} is not installed", kProgram),
-              "install the package lenticule-window");
-}
-
 UniqueFd readable_with_any_of(const std::vector<int>& descriptors) {
   UniqueFd all(::epoll_create1(EPOLL_CLOEXEC));
   for (const int fd : descriptors) {
@@ -86,11 +80,12 @@ class PreviewWindow final : public display::ScanoutRecorder {
   PreviewWindow(const std::string& rig_file, frames::FrameGeometry sent, int interrupt_fd)
       : pictures_(sent.width, sent.height) {
     Pipe pipe = make_pipe();
-    program_ = Subprocess({window_program(), "--rig", rig_file, "--pictures",
-                           std::to_string(kPicturesThere), "--ready", std::to_string(kReadyThere)},
-                          {{.here = pictures_.fd(), .there = kPicturesThere},
-                           {.here = pipe.writing.get(), .there = kReadyThere},
-                           {.here = STDERR_FILENO, .there = STDERR_FILENO}});
+    program_ = Subprocess(
+        {require_program("display 'window'", kProgram, kProgram).string(), "--rig", rig_file,
+         "--pictures", std::to_string(kPicturesThere), "--ready", std::to_string(kReadyThere)},
+        {{.here = pictures_.fd(), .there = kPicturesThere},
+         {.here = pipe.writing.get(), .there = kReadyThere},
+         {.here = STDERR_FILENO, .there = STDERR_FILENO}});
     pipe.writing.reset();
     ready_ = std::move(pipe.reading);
     stop_ = readable_with_any_of({ready_.get(), interrupt_fd});

@@ -12,6 +12,7 @@
 #include "base/error.h"
 #include "base/exit_code.h"
 #include "base/file.h"
+#include "base/installation.h"
 #include "base/print.h"
 #include "base/text.h"
 #include "frames/ring/ring_layout.h"
@@ -218,9 +219,7 @@ std::optional<VideoEvent> parse_video_event(std::string_view line) {
 }
 
 fs::path find_video_program() {
-  if (auto program = find_sibling_program(kProgram)) return *std::move(program);
-  throw Error(ErrorKind::Failed, fmt::format("{} is not installed", kProgram),
-              "install the package lenticule-media, which reads pictures and videos");
+  return require_program("pictures and videos", kProgram, "lenticule-media");
 }
 
 std::vector<VideoStream> probe_video(const fs::path& file, const fs::path& program) {

@@ -3,6 +3,7 @@
 // is not installed.
 #include <nlohmann/json.hpp>
 
+#include "base/installation.h"
 #include "tests/commands/program.h"
 
 namespace lenticule::test {
@@ -28,10 +29,10 @@ class LonePlayer : public CommandTest {
 
   /// Writes a shell script as a helper program of the installation.
   void install_helper(const std::string& name, const std::string& script) const {
-    std::filesystem::create_directories(path("usr/libexec/lenticule"));
-    write("usr/libexec/lenticule/" + name, "#!/bin/sh\n" + script);
-    std::filesystem::permissions(path("usr/libexec/lenticule/" + name),
-                                 std::filesystem::perms::owner_all);
+    const auto folder = (folder_ / "usr/bin" / kHelpersFromPrograms).lexically_normal();
+    std::filesystem::create_directories(folder);
+    std::ofstream(folder / name) << "#!/bin/sh\n" + script;
+    std::filesystem::permissions(folder / name, std::filesystem::perms::owner_all);
   }
 };
 
@@ -87,8 +88,9 @@ TEST_F(LonePlayer, ReportsWhyItsDecodersCannotStart) {
 }
 
 TEST_F(LonePlayer, TakesASampleRigOfItsInstallation) {
-  const std::string rig = path("usr/share/lenticule/rigs/tiny.toml");
-  std::filesystem::create_directories(path("usr/share/lenticule/rigs"));
+  const auto rigs = std::filesystem::path(path("usr")) / kDataFolder / "lenticule/rigs";
+  const std::string rig = rigs / "tiny.toml";
+  std::filesystem::create_directories(rigs);
   std::filesystem::copy_file(source_file("scenes/rigs/tiny.toml"), rig);
   expect_end(run_alone({"play", "card", "--clock", "simulated", "--duration", "0.1"}), 0,
              "no --rig: using the sample " + rig);
@@ -104,7 +106,7 @@ TEST_F(LonePlayer, PlaysASequenceWithoutDecoders) {
 }
 
 // The folders are those of an installation: /usr/bin/lenticule starts
-// /usr/libexec/lenticule/lenticule-tools.
+// /usr/libexec/lenticule/lenticule-tools, or the same in the folder that CMake was given.
 TEST_F(LonePlayer, FindsOtherProgramsInTheFolderForHelperPrograms) {
   install_helper("lenticule-tools", "printf '%s,' \"$@\"\nexit 5\n");
   const ProcessResult result = run_alone({"--json", "scene", "--", "a b", ""});

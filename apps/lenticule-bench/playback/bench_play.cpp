@@ -26,6 +26,7 @@
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-bench/harness/bench_scene.h"
 #include "base/error.h"
+#include "base/installation.h"
 #include "base/main_function.h"
 #include "base/print.h"
 #include "display/scanout_format.h"
@@ -41,7 +42,6 @@
 #include "optics/rig.h"
 #include "optics/rig_file.h"
 #include "player/playback/playback.h"
-#include "player/process/child_process.h"
 #include "player/process/interrupt.h"
 
 namespace lenticule::bench {
@@ -318,12 +318,6 @@ struct ProgramOutput {
   double seconds = 0.0;
 };
 
-std::string find_lenticule() {
-  if (const auto program = player::find_sibling_program("lenticule")) return program->string();
-  throw Error(ErrorKind::Failed, "lenticule: not found beside lenticule-bench",
-              "install the package lenticule-player");
-}
-
 /// Runs lenticule with arguments that need no quoting in a shell.
 ProgramOutput run_lenticule(const std::string& program, const std::string& arguments) {
   const double begin = seconds_now();
@@ -351,7 +345,7 @@ void write_noise(const optics::Rig& rig, const std::string& file) {
 }
 
 ExitCode run_bench_start(const RunFlags& flags) {
-  const std::string program = find_lenticule();
+  const std::string program = require_program("bench", "lenticule", "lenticule-player").string();
   const optics::Rig rig = lab::bench_rig(flags.rig);
   const lab::ScratchFolder scratch;
   optics::save_rig(rig, scratch.file("rig.toml"));

@@ -17,6 +17,7 @@
 #include "apps/lenticule-tools/farm/actions.h"
 #include "apps/lenticule-tools/offline/frame_output.h"
 #include "base/error.h"
+#include "base/installation.h"
 #include "base/json_output.h"
 #include "base/numbers.h"
 #include "base/print.h"
@@ -26,7 +27,6 @@
 #include "frames/image_io.h"
 #include "frames/sequence/band_codec.h"
 #include "frames/sequence/sequence_reader.h"
-#include "player/process/child_process.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 #include "render/scene/scene_fingerprint.h"
@@ -251,7 +251,7 @@ void require_film_name(const FarmFlags& flags) {
 
 std::string farm_program(const std::string& given) {
   if (!given.empty()) return given;
-  const auto program = player::find_sibling_program("lenticule");
+  const auto program = find_sibling_program("lenticule");
   return program ? std::filesystem::weakly_canonical(*program).string() : "lenticule";
 }
 

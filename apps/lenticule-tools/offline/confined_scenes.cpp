@@ -9,7 +9,6 @@
 #include <cerrno>
 #include <cstring>
 #include <map>
-#include <optional>
 #include <string>
 #include <thread>
 #include <utility>
@@ -17,11 +16,11 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/installation.h"
 #include "base/packet.h"
 #include "base/text.h"
 #include "frames/image_io.h"
 #include "frames/pictures/picture_messages.h"
-#include "player/process/child_process.h"
 #include "player/process/confined_process.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/scene_archive.h"
@@ -288,13 +287,7 @@ render::SceneDescription ConfinedScenes::load(const fs::path& file,
       (has_other_files ? limits_.memory_of_gltf : limits_.memory) + limits_.memory_per_byte * bytes;
   const std::lock_guard lock(mutex_);
   if (!reader_ || !reader_->is_good_for(memory)) {
-    if (program_.empty()) {
-      const auto found = player::find_sibling_program(kProgram.name);
-      if (!found)
-        throw Error(ErrorKind::Failed, fmt::format("{} is not installed", kProgram.name),
-                    fmt::format("install the package {} again", kProgram.package));
-      program_ = *found;
-    }
+    if (program_.empty()) program_ = require_program("scenes", kProgram.name, kProgram.package);
     reader_ = std::make_unique<Reader>(program_, memory, limits_.silence);
   }
   return reader_->load(file, options,

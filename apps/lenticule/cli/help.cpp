@@ -8,18 +8,6 @@
 #include <algorithm>
 
 namespace lenticule::cli {
-namespace {
-
-void add_once(std::vector<std::string>& words, const std::string& word) {
-  if (std::find(words.begin(), words.end(), word) == words.end()) words.push_back(word);
-}
-
-void add_flags(std::vector<std::string>& words, const CLI::App& app) {
-  for (const CLI::Option* option : flags(app))
-    for (const std::string& name : option->get_lnames()) add_once(words, "--" + name);
-}
-
-}  // namespace
 
 std::vector<const CLI::App*> visible_commands(const CLI::App& app) {
   std::vector<const CLI::App*> result;
@@ -46,21 +34,14 @@ std::vector<const CLI::Option*> positionals(const CLI::App& app) {
   });
 }
 
-std::vector<std::string> completion_words(const CLI::App& command) {
-  std::vector<std::string> words = command_names(command);
-  add_flags(words, command);
-  for (const CLI::App* sub : visible_commands(command)) add_flags(words, *sub);
-  return words;
+bool takes_value(const CLI::Option& option) {
+  return option.get_expected_max() > 0 && option.get_type_size() != 0;
 }
 
 namespace {
 
 constexpr size_t kTextColumn = 30;
 constexpr size_t kLineWidth = 100;
-
-bool takes_value(const CLI::Option& option) {
-  return option.get_expected_max() > 0 && option.get_type_size() != 0;
-}
 
 /// Returns the name and the text, broken into lines that begin at kTextColumn.
 std::string aligned(const std::string& name, const std::string& text) {

@@ -24,8 +24,8 @@ namespace lenticule::cli {
 [[nodiscard]] std::vector<const CLI::Option*> flags(const CLI::App& app);
 [[nodiscard]] std::vector<const CLI::Option*> positionals(const CLI::App& app);
 
-/// Returns the words that may follow the command's name: its subcommands, its flags and theirs.
-[[nodiscard]] std::vector<std::string> completion_words(const CLI::App& command);
+/// Returns true if a value follows the option.
+[[nodiscard]] bool takes_value(const CLI::Option& option);
 
 /// ValueType describes what an option takes.
 struct ValueType {

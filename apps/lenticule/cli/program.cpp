@@ -21,12 +21,12 @@
 
 #include "apps/lenticule/cli/help.h"
 #include "base/error.h"
+#include "base/installation.h"
 #include "base/main_function.h"
 #include "base/numbers.h"
 #include "base/print.h"
 #include "base/text.h"
 #include "frames/picture_codec.h"
-#include "player/process/child_process.h"
 #include "player/process/interrupt.h"
 #include "player/sources/confined_pictures.h"
 
@@ -277,13 +277,10 @@ Error usage_error(const CLI::App& app, const CLI::ParseError& error) {
 }  // namespace
 
 void become_program(const OtherProgram& program, const char* command, char* const* arguments) {
-  const auto path = player::find_sibling_program(program.name);
-  if (!path)
-    throw Error(ErrorKind::Failed, fmt::format("{}: {} is not installed", command, program.name),
-                fmt::format("install the package {}", program.package));
-  execv(path->c_str(), arguments);
-  throw Error(ErrorKind::Failed, fmt::format("{}: cannot start {}: {}", command, path->string(),
-                                             std::strerror(errno)));
+  const std::string path = require_program(command, program.name, program.package).string();
+  execv(path.c_str(), arguments);
+  throw Error(ErrorKind::Failed,
+              fmt::format("{}: cannot start {}: {}", command, path, std::strerror(errno)));
 }
 
 namespace {

@@ -5,10 +5,12 @@
 #include <CLI/CLI.hpp>
 #include <filesystem>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "apps/lenticule/cli/command.h"
 #include "base/error.h"
+#include "base/installation.h"
 #include "base/print.h"
 #include "display/kms/inspect.h"
 #include "player/process/rig_choice.h"
@@ -104,7 +106,7 @@ Run declare_panels(CLI::App& app) {
   auto flags = std::make_shared<PanelsFlags>();
   app.add_option("--rigs", flags->rigs, "folder of the rigs that are matched with the panels")
       ->type_name("FOLDER")
-      ->default_str("~/.config/lenticule and /etc/lenticule");
+      ->default_str(std::string("~/.config/lenticule and ") + kSystemFolder);
   app.add_flag("--json", flags->json, "print everything as JSON");
   return [flags]() -> ExitCode {
     const std::vector<NamedRig> rigs = load_rigs(flags->rigs);
