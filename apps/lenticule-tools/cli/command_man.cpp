@@ -4,8 +4,11 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <memory>
+#include <sstream>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "apps/lenticule/cli/command.h"
@@ -111,63 +114,55 @@ cli::Run declare_man(CLI::App& app) {
   };
 }
 
-// lenticule completion prints a shell completion script, generated from the same tables as --help.
+// lenticule completion prints a shell completion script, with a table from the same source as
+// --help.
+
+// CMake writes a source with completion.sh and completion.fish, where @table@ stands for the table.
+extern const char* const kBashAndZshCompletion;
+extern const char* const kFishCompletion;
 
 namespace {
 
-std::string joined(const std::vector<std::string>& words) {
-  return fmt::format("{}", fmt::join(words, " "));
+/// Returns the words among the values of an option, each with a blank: "forever " for "N|forever".
+std::string value_words(const CLI::Option& option) {
+  const cli::ValueType type = cli::value_type(option);
+  if (type.name == "DISPLAY") return "kms virtual window ";
+  std::string values = type.words.empty() ? type.name : type.words;
+  std::ranges::replace(values, ',', '|');
+  std::istringstream in(values);
+  std::string words;
+  for (std::string value; std::getline(in, value, '|');)
+    if (std::ranges::none_of(value, [](char c) { return c >= 'A' && c <= 'Z'; }))
+      words += value + " ";
+  return words;
 }
 
-std::string bash_script(const CLI::App& root) {
-  std::string cases;
-  for (const CLI::App* command : cli::visible_commands(root))
-    cases += fmt::format("    {}) words=\"{}\" ;;\n", command->get_name(),
-                         joined(cli::completion_words(*command)));
-  return fmt::format(R"(# bash completion for lenticule
-_lenticule() {{
-  local current="${{COMP_WORDS[COMP_CWORD]}}" words=""
-  case "${{COMP_WORDS[1]}}" in
-{}    *) words="{}" ;;
-  esac
-  if [[ $COMP_CWORD -eq 1 ]]; then words="{}"; fi
-  COMPREPLY=($(compgen -W "$words" -- "$current"))
-  if [[ ${{#COMPREPLY[@]}} -eq 0 ]]; then COMPREPLY=($(compgen -f -- "$current")); fi
-}}
-complete -o filenames -F _lenticule lenticule
-)",
-                     cases, joined(cli::command_names(root)), joined(cli::command_names(root)));
-}
-
-std::string zsh_script(const CLI::App& root) {
-  std::string cases;
-  for (const CLI::App* command : cli::visible_commands(root))
-    cases += fmt::format("    {}) compadd -- {}; _files ;;\n", command->get_name(),
-                         joined(cli::completion_words(*command)));
-  return fmt::format(R"(#compdef lenticule
-# zsh completion for lenticule
-_lenticule() {{
-  if (( CURRENT == 2 )); then
-    compadd -- {}
-    return
-  fi
-  case "$words[2]" in
-{}  esac
-}}
-compdef _lenticule lenticule
-)",
-                     joined(cli::command_names(root)), cases);
-}
-
-std::string fish_script(const CLI::App& root) {
-  std::string lines = "# fish completion for lenticule\n";
-  for (const CLI::App* command : cli::visible_commands(root)) {
-    lines += fmt::format("complete -c lenticule -n __fish_use_subcommand -a {} -d '{}'\n",
-                         command->get_name(), command->get_description());
-    lines += fmt::format("complete -c lenticule -n '__fish_seen_subcommand_from {}' -a '{}'\n",
-                         command->get_name(), joined(cli::completion_words(*command)));
+/// Returns the lines of a command, its flags that take a value, and its subcommands:
+/// "PLACE:WORDS:FLAGS:DESCRIPTION". The scripts quote them with apostrophes.
+std::string completion_table(const CLI::App& app, const std::string& path) {
+  std::string words = app.get_prefix_command() ? "?" : "";
+  std::string names;
+  std::string others;
+  for (const CLI::App* sub : cli::visible_commands(app)) {
+    words += sub->get_name() + " ";
+    others += completion_table(*sub, path + " " + sub->get_name());
   }
-  return lines;
+  for (const CLI::Option* positional : cli::positionals(app)) words += value_words(*positional);
+  std::vector<const CLI::Option*> flags = cli::flags(app);
+  if (app.get_fallthrough())  // the command's flags may follow its subcommand
+    for (const CLI::Option* flag : cli::flags(*app.get_parent())) flags.push_back(flag);
+  for (const CLI::Option* flag : flags) {
+    std::istringstream all(flag->get_name(false, true));  // "-o,--output"
+    for (std::string name; std::getline(all, name, ',');) {
+      names += name + " ";
+      if (cli::takes_value(*flag))
+        others += fmt::format("{} {}:{}::\n", path, name, value_words(*flag));
+    }
+  }
+  std::string about = app.get_description();
+  about.resize(std::min(about.find('\n'), about.size()));
+  std::erase(about, '\'');
+  return fmt::format("{}:{}:{}:{}\n{}", path, words, names, about, others);
 }
 
 }  // namespace
@@ -178,10 +173,10 @@ cli::Run declare_completion(CLI::App& app) {
       ->required()
       ->check(CLI::IsMember({"bash", "zsh", "fish"}));
   return [shell, &app] {
-    const CLI::App& root = *app.get_parent();
-    const std::string script = *shell == "bash"  ? bash_script(root)
-                               : *shell == "zsh" ? zsh_script(root)
-                                                 : fish_script(root);
+    std::string script = *shell == "fish" ? kFishCompletion : kBashAndZshCompletion;
+    constexpr std::string_view kTable = "@table@";
+    script.replace(script.find(kTable), kTable.size(),
+                   completion_table(*app.get_parent(), "lenticule"));
     print_out("{}", Verbatim{script});
     return kOk;
   };
