@@ -438,10 +438,17 @@ class Committer {
     LENTICULE_CHECK(mesh.node < 0);
     const std::string object = fmt::format("mesh '{}'", mesh.name);
     if (mesh.triangles.empty()) return;
-    if (!mesh.normals.empty() && mesh.normals.size() != mesh.positions.size())
-      refuse(object, "has a different number of normals than vertices");
-    if (!mesh.uvs.empty() && mesh.uvs.size() != mesh.positions.size())
-      refuse(object, "has a different number of texture coordinates than vertices");
+    const auto require = [&](size_t count, const char* what) {
+      if (count != 0 && count != mesh.positions.size())
+        refuse(object, fmt::format("has a different number of {} than vertices", what));
+    };
+    require(mesh.normals.size(), "normals");
+    require(mesh.uvs.size(), "texture coordinates");
+    if (is_pbr_) {
+      require(mesh.uvs2.size(), "second texture coordinates");
+      require(mesh.colours.size(), "colours");
+      require(mesh.tangents.size(), "tangents");
+    }
     if (mesh.triangles.size() > std::numeric_limits<uint32_t>::max() / 4)
       refuse(object, "has too many triangles");
     for (const auto& triangle : mesh.triangles)
@@ -453,7 +460,7 @@ class Committer {
     shape.material = material_index(mesh.material, object);
     shape.triangles = mesh.triangles;
     shape.uvs = mesh.uvs;
-    if (is_pbr_) add_pbr_vertices(mesh, object, shape);
+    if (is_pbr_) add_pbr_vertices(mesh, shape);
     shape.positions.reserve(mesh.positions.size() + 1);
     std::vector<Vec3> exact;
     exact.reserve(mesh.positions.size());
@@ -473,15 +480,7 @@ class Committer {
     scene_.meshes.push_back(std::move(shape));
   }
 
-  void add_pbr_vertices(const TriangleMesh& mesh, const std::string& object,
-                        MeshShape& shape) const {
-    const auto require = [&](size_t count, const char* what) {
-      if (count != 0 && count != mesh.positions.size())
-        refuse(object, fmt::format("has another number of {} than of vertices", what));
-    };
-    require(mesh.uvs2.size(), "second texture coordinates");
-    require(mesh.colours.size(), "colours");
-    require(mesh.tangents.size(), "tangents");
+  void add_pbr_vertices(const TriangleMesh& mesh, MeshShape& shape) const {
     shape.uvs2 = mesh.uvs2;
     shape.colours = mesh.colours;
     for (const auto& [x, y, z, sign] : mesh.tangents) {

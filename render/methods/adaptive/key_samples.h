@@ -50,13 +50,11 @@ class ZeroedArray {
     if (!elements_) throw std::bad_alloc();
   }
 
-  [[nodiscard]] size_t size() const { return size_; }
   [[nodiscard]] Element* data() { return elements_.get(); }
   [[nodiscard]] const Element* data() const { return elements_.get(); }
   [[nodiscard]] Element* begin() { return data(); }
   [[nodiscard]] const Element* begin() const { return data(); }
   [[nodiscard]] Element* end() { return data() + size_; }
-  [[nodiscard]] const Element* end() const { return data() + size_; }
   [[nodiscard]] Element& operator[](size_t n) { return elements_.get()[n]; }
   [[nodiscard]] const Element& operator[](size_t n) const { return elements_.get()[n]; }
 
@@ -274,8 +272,6 @@ struct Tolerances {
 /// cells are read-only afterwards.
 class KeySamples {
  public:
-  KeySamples() = default;
-  explicit KeySamples(const KeyGrid& grid) { begin(grid); }
   /// Begins another frame. Lifetime: `grid` must outlive its use. If the grid has the same size as
   /// before, samples that are not set again keep the values of the previous frame.
   void begin(const KeyGrid& grid) {
@@ -389,7 +385,6 @@ class KeySamples {
     return filled_[index(top, cache_view, left)] != 0;
   }
 
-  [[nodiscard]] const uint16_t* values() const { return values_.data(); }
   [[nodiscard]] size_t row_samples() const { return row_samples_; }
 
   /// Returns true if the sample shows no surface.

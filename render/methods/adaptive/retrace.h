@@ -385,7 +385,6 @@ class UncertainSubpixels {
     area_lights_.clear();
   }
 
-  void add(const Subpixel& subpixel) { subpixels_.push_back(subpixel); }
   /// Adds a subpixel to be filled in place, since a copy would stall on recent writes.
   [[nodiscard]] Subpixel& add() { return subpixels_.emplace_back(); }
   /// Returns the list that ResolvedLight::area_lights indexes.
