@@ -3,6 +3,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -63,15 +64,11 @@ template <class Bytes>
 Bytes read_file(const std::filesystem::path& file, uint64_t limit_bytes) {
   const OpenedFile in = open_regular_file(file, limit_bytes);
   Bytes bytes(in.bytes, {});
-  size_t done = 0;
-  while (done < bytes.size()) {
-    const ssize_t n = ::read(in.descriptor.get(), bytes.data() + done, bytes.size() - done);
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) fail_read(file, errno);
-    if (n == 0) break;  // the file shrank while it was read; its parser reports the truncation
-    done += static_cast<size_t>(n);
-  }
-  bytes.resize(done);
+  const ssize_t n = read_from_start(in.descriptor.get(),
+                                    {reinterpret_cast<uint8_t*>(bytes.data()), bytes.size()});
+  if (n < 0) fail_read(file, errno);
+  // If the file shrank while it was read, its parser reports the truncation.
+  bytes.resize(static_cast<size_t>(n));
   return bytes;
 }
 
@@ -103,6 +100,25 @@ OpenedFile open_regular_file(const std::filesystem::path& file, uint64_t limit_b
   opened.bytes = static_cast<uint64_t>(status.st_size);
   if (opened.bytes > limit_bytes) fail_read(file, too_large(opened.bytes, limit_bytes));
   return opened;
+}
+
+ssize_t read_from_start(int descriptor, std::span<uint8_t> to) noexcept {
+  size_t done = 0;
+  while (done < to.size()) {
+    const ssize_t n =
+        ::pread(descriptor, to.data() + done, to.size() - done, static_cast<off_t>(done));
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return -1;
+    if (n == 0) break;
+    done += static_cast<size_t>(n);
+  }
+  return static_cast<ssize_t>(done);
+}
+
+UniqueFd file_in_memory(std::span<const uint8_t> bytes) {
+  UniqueFd file(::memfd_create("lenticule-file", MFD_CLOEXEC));
+  if (!file || !write_all(file.get(), bytes)) fail_write("a file in memory", errno);
+  return file;
 }
 
 void write_file_atomically(const std::filesystem::path& file, std::span<const uint8_t> bytes) {

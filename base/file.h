@@ -4,6 +4,7 @@
 #pragma once
 
 #include <sys/stat.h>
+#include <sys/types.h>
 
 #include <cstdint>
 #include <filesystem>
@@ -45,6 +46,13 @@ struct OpenedFile {
 };
 /// Opens a regular file for reading. Throws the same errors as read_whole_file().
 [[nodiscard]] OpenedFile open_regular_file(const std::filesystem::path& file, uint64_t limit_bytes);
+
+/// Reads from the beginning of a regular file until `to` is full or the file ends. Returns the
+/// number of bytes, or -1 with errno.
+[[nodiscard]] ssize_t read_from_start(int descriptor, std::span<uint8_t> to) noexcept;
+
+/// Returns a file without a name that has these bytes in memory. Throws Error(Failed).
+[[nodiscard]] UniqueFd file_in_memory(std::span<const uint8_t> bytes);
 
 /// Returns the bytes of the whole file. Throws Error(Input) that names the file and the cause if
 /// the file is missing, is not a regular file or is larger than `limit_bytes`. Never blocks on a

@@ -7,9 +7,9 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <cerrno>
 #include <exception>
 #include <filesystem>
+#include <iterator>
 #include <mutex>
 #include <new>
 #include <optional>
@@ -20,6 +20,8 @@
 
 #include "apps/lenticule-video/confinement.h"
 #include "base/error.h"
+#include "base/file.h"
+#include "base/large_memory.h"
 #include "base/main_function.h"
 #include "base/numbers.h"
 #include "base/packet.h"
@@ -60,14 +62,9 @@ Received receive(int socket) {
   return received;
 }
 
-void read_exactly(int file, void* bytes, size_t count) {
-  auto* to = static_cast<uint8_t*>(bytes);
-  for (size_t done = 0; done < count;) {
-    const ssize_t n = ::pread(file, to + done, count - done, static_cast<off_t>(done));
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) throw Error(ErrorKind::Input, "a file became shorter during reading");
-    done += static_cast<size_t>(n);
-  }
+void fill(std::span<uint8_t> bytes, int file) {
+  if (read_from_start(file, bytes) != std::ssize(bytes))
+    throw Error(ErrorKind::Input, "a file became shorter during reading");
 }
 
 /// Asks the command for files.
@@ -85,7 +82,7 @@ class FilesOfTheCommand final : public render::SceneFiles {
     set_text(question.path, file.string());
     const Received opened = ask(question);
     std::vector<uint8_t> bytes(opened.message.bytes);
-    read_exactly(opened.descriptor.get(), bytes.data(), bytes.size());
+    fill(bytes, opened.descriptor.get());
     return bytes;
   }
 
@@ -116,7 +113,7 @@ class PicturesOfTheCommand final : public frames::PictureFileReader {
     if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends.data()) != 0)
       throw Error(ErrorKind::Input, picture.name + ": too many textures at once");
     const UniqueFd ours(ends[0]), theirs(ends[1]);
-    const UniqueFd file = in_memory(picture);
+    const UniqueFd file = picture.file.empty() ? file_in_memory(picture.bytes) : UniqueFd();
     send(ours.get(), question, file.get());
     send(kSocket, {.word = Word::Texture}, theirs.get());
     const Received answer = receive(ours.get());
@@ -126,25 +123,13 @@ class PicturesOfTheCommand final : public frames::PictureFileReader {
     const size_t values_of_all = size_t{4} * static_cast<size_t>(image.width * image.height);
     if (answer.message.pixel_bytes == 4) {
       image.codes.resize(values_of_all);
-      read_exactly(answer.descriptor.get(), image.codes.data(), values_of_all);
+      fill(image.codes, answer.descriptor.get());
     } else {
       image.rgba.resize(values_of_all);
-      read_exactly(answer.descriptor.get(), image.rgba.data(), values_of_all * sizeof(float));
+      fill({reinterpret_cast<uint8_t*>(image.rgba.data()), values_of_all * sizeof(float)},
+           answer.descriptor.get());
     }
     return image;
-  }
-
- private:
-  static UniqueFd in_memory(const frames::EncodedPicture& picture) {
-    if (!picture.file.empty()) return {};
-    UniqueFd file(::memfd_create("lenticule-texture", MFD_CLOEXEC));
-    for (std::span<const uint8_t> left = picture.bytes; !left.empty();) {
-      const ssize_t n = ::write(file.get(), left.data(), left.size());
-      if (n < 0 && errno == EINTR) continue;
-      if (n <= 0) throw Error(ErrorKind::Input, picture.name + ": too large");
-      left = left.subspan(static_cast<size_t>(n));
-    }
-    return file;
   }
 };
 
@@ -191,6 +176,7 @@ void serve(const Message& request, std::span<uint8_t> memory, uint64_t memory_li
     render::LoadOptions options;
     if (request.up >= 0) options.up = static_cast<render::UpAxis>(request.up);
     Pieces(memory).pass_on(render::load_scene_here(file, options));
+    return_free_memory();  // the command may render for hours
     send(kSocket, {.word = Word::Done});
   } catch (const CommandGone&) {
     throw;

@@ -9,6 +9,7 @@
 #include <cerrno>
 #include <cstring>
 #include <exception>
+#include <iterator>
 #include <new>
 #include <optional>
 #include <span>
@@ -18,6 +19,7 @@
 #include "apps/lenticule-video/confinement.h"
 #include "apps/lenticule-video/subcommands.h"
 #include "base/error.h"
+#include "base/file.h"
 #include "base/packet.h"
 #include "base/unique_fd.h"
 #include "frames/picture_codec.h"
@@ -118,15 +120,9 @@ std::vector<uint8_t> bytes_of(const Received& received) {
   if (!received.file || received.message.file_bytes > kPictureFileLimit)
     throw Error(ErrorKind::Input, "no file arrived");
   std::vector<uint8_t> bytes(received.message.file_bytes);
-  size_t done = 0;
-  while (done < bytes.size()) {
-    const ssize_t n = ::pread(received.file.get(), bytes.data() + done, bytes.size() - done,
-                              static_cast<off_t>(done));
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) throw Error(ErrorKind::Input, std::string("cannot read: ") + std::strerror(errno));
-    if (n == 0) throw Error(ErrorKind::Input, "became shorter during reading");
-    done += static_cast<size_t>(n);
-  }
+  const ssize_t n = read_from_start(received.file.get(), bytes);
+  if (n < 0) throw Error(ErrorKind::Input, std::string("cannot read: ") + std::strerror(errno));
+  if (n != std::ssize(bytes)) throw Error(ErrorKind::Input, "became shorter during reading");
   return bytes;
 }
 

@@ -153,15 +153,4 @@ void ConfinedProcess::fail_dead() {
                   program_.package));
 }
 
-UniqueFd memory_file(std::span<const uint8_t> bytes) {
-  UniqueFd file(checked(memfd_create("lenticule-file", MFD_CLOEXEC), "a file in memory"));
-  while (!bytes.empty()) {
-    const ssize_t n = write(file.get(), bytes.data(), bytes.size());
-    if (n < 0 && errno == EINTR) continue;
-    checked(n <= 0 ? -1 : 0, "a file in memory");
-    bytes = bytes.subspan(static_cast<size_t>(n));
-  }
-  return file;
-}
-
 }  // namespace lenticule::player

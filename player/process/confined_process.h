@@ -9,7 +9,6 @@
 #include <chrono>
 #include <cstdint>
 #include <functional>
-#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -107,8 +106,5 @@ class ConfinedProcess {
   Clock::time_point silent_since_;  ///< neither answered nor computed since
   Clock::time_point answered_;
 };
-
-/// Returns a file in memory with these bytes. Throws Error(Failed).
-[[nodiscard]] UniqueFd memory_file(std::span<const uint8_t> bytes);
 
 }  // namespace lenticule::player

@@ -54,7 +54,7 @@ OpenPicture open_picture(const frames::EncodedPicture& picture) {
   if (picture.bytes.size() > wire::kPictureFileLimit)
     throw Error(ErrorKind::Input,
                 fmt::format("{}: larger than {} MiB", picture.name, wire::kPictureFileLimit >> 20));
-  return {picture.name, {}, {memory_file(picture.bytes), picture.bytes.size()}};
+  return {picture.name, {}, {file_in_memory(picture.bytes), picture.bytes.size()}};
 }
 
 Formats formats_for(const OpenPicture& picture) {

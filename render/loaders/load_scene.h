@@ -19,6 +19,7 @@ enum class UpAxis { X, Y, Z, MinusX, MinusY, MinusZ };
 /// Rotates the whole scene by a multiple of a quarter turn, so that the axis points to +y.
 void turn_upright(SceneDescription& scene, UpAxis up);
 
+/// The message that asks lenticule-reader for a scene has each of these, too.
 struct LoadOptions {
   std::optional<UpAxis> up{};  ///< the file's axis that points up; default: as the format has it
 };

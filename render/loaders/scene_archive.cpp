@@ -220,7 +220,7 @@ class Reader {
   void choice(T& of, T last) {
     uint8_t number = 0;
     take(number);
-    if (number > static_cast<uint8_t>(last)) refuse("a choice that does not exist");
+    if (number > static_cast<uint8_t>(last)) refuse("has a choice that does not exist");
     of = static_cast<T>(number);
   }
 
@@ -267,12 +267,12 @@ class Reader {
   size_t take_count(size_t element_bytes) {
     uint64_t count = 0;
     take(count);
-    if (count > kMaxArchiveBytes / element_bytes) refuse("more elements than fit into memory");
+    if (count > kMaxArchiveBytes / element_bytes) refuse("has more elements than fit into memory");
     charge(count * element_bytes);
     return count;
   }
   void charge(uint64_t bytes) {
-    if (bytes > budget_) refuse("more elements than fit into memory");
+    if (bytes > budget_) refuse("has more elements than fit into memory");
     budget_ -= bytes;
   }
   /// Grows as the bytes arrive: a false count costs addresses, but no memory.
@@ -441,7 +441,7 @@ SceneDescription read_scene_archive(const std::function<std::span<const uint8_t>
     Reader reader(next);
     reader(scene);
   } catch (const std::bad_alloc&) {
-    refuse("more elements than fit into memory");
+    refuse("has more elements than fit into memory");
   }
   check_scene(scene);
   return scene;

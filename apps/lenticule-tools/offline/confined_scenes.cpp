@@ -6,8 +6,8 @@
 #include <unistd.h>
 
 #include <atomic>
-#include <cerrno>
 #include <cstring>
+#include <iterator>
 #include <map>
 #include <string>
 #include <thread>
@@ -133,20 +133,15 @@ class KeptTextures {
     if (question.bytes > frames::confined::kPictureFileLimit)
       throw Error(ErrorKind::Input, name + ": too large");
     std::vector<uint8_t> bytes(question.bytes);
-    for (size_t done = 0; done < bytes.size();) {
-      const ssize_t n =
-          pread(file, bytes.data() + done, bytes.size() - done, static_cast<off_t>(done));
-      if (n < 0 && errno == EINTR) continue;
-      if (n <= 0) throw Error(ErrorKind::Input, name + ": cannot be read");
-      done += static_cast<size_t>(n);
-    }
+    if (read_from_start(file, bytes) != std::ssize(bytes))
+      throw Error(ErrorKind::Input, name + ": cannot be read");
     return frames::read_texture(bytes, name, content);
   }
 
   static UniqueFd pass_on(const frames::TextureImage& image, Message& answer) {
     answer.pixel_bytes = image.codes.empty() ? 4 * sizeof(float) : 4;
-    if (!image.codes.empty()) return player::memory_file(image.codes);
-    return player::memory_file(
+    if (!image.codes.empty()) return file_in_memory(image.codes);
+    return file_in_memory(
         {reinterpret_cast<const uint8_t*>(image.rgba.data()), image.rgba.size() * sizeof(float)});
   }
 
