@@ -198,7 +198,8 @@ class PhotoCalibration {
     const auto found = this->found();
     if (!found) throw HttpError(404, "no lens sheet was found yet");
     const std::lock_guard lock(drawing_);
-    return comb_picture(after ? found->after : found->before, found->after, found->eye);
+    return PictureMaker::comb_picture(after ? found->after : found->before, found->after,
+                                      found->eye);
   }
   /// Returns the found rig's file. Throws HttpError 404.
   [[nodiscard]] std::string rig_toml() const {

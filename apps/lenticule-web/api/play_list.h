@@ -3,22 +3,30 @@
 // player follows. A version that the player cannot play is replaced by the one before.
 #pragma once
 
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <ctime>
 #include <filesystem>
 #include <functional>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "apps/lenticule-web/http/message.h"
+#include "apps/lenticule-web/http/parse.h"
 #include "apps/lenticule-web/link/control_link.h"
 #include "apps/lenticule-web/link/player_state.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "base/text.h"
 
 namespace lenticule::web {
-
-/// Returns the text of a playlist file with the keys of `list`: loop, default, items. Throws
-/// HttpError 422 for a key or a value that a list does not have; the player checks the rest.
-[[nodiscard]] std::string list_toml(const nlohmann::ordered_json& list);
 
 /// Returns why a file does not play on this panel; empty if it does, none if it was not checked
 /// before, and `checks` is false. Throws Error.
@@ -28,37 +36,389 @@ using ProblemOf =
 /// Thread safety: any thread.
 class PlayList {
  public:
+  /// Returns the text of a playlist file with the keys of `list`: loop, default, items. Throws
+  /// HttpError 422 for a key or a value that a list does not have; the player checks the rest.
+  [[nodiscard]] static std::string list_toml(const nlohmann::ordered_json& list) {
+    if (!list.is_object()) refuse("not an object with items");
+    std::string toml = std::string(kHead) + "format = 1\n";
+    std::string standby, items;
+    for (const auto& [key, value] : list.items()) {
+      if (key == "loop") {
+        toml += "loop = " + loops(key, value) + "\n";
+      } else if (key == "default") {
+        if (!value.is_null()) standby = "\n[default]\n" + item_toml(value);
+      } else if (key == "items") {
+        if (!value.is_array() || value.empty() || value.size() > kMaxItems)
+          refuse("items: not a list of 1 to 1000 items");
+        for (const ordered_json& item : value) items += "\n[[item]]\n" + item_toml(item);
+      } else {
+        refuse(fmt::format("unknown key '{}'", shortened(escaped(key), 60)));
+      }
+    }
+    if (items.empty()) refuse("items: missing");
+    toml += standby + items;
+    if (toml.size() > kMaxListBytes) refuse("the list has more than 1 MiB");
+    return toml;
+  }
+
   /// `own_file` is the list that is written if the player plays no list; versions are kept in
   /// `versions`.
   PlayList(ControlLink& link, PlayerState& state, std::filesystem::path own_file,
-           std::filesystem::path versions, ProblemOf problem_of);
+           std::filesystem::path versions, ProblemOf problem_of)
+      : link_(link),
+        state_(state),
+        own_file_(std::move(own_file)),
+        versions_(std::move(versions)),
+        problem_of_(std::move(problem_of)) {
+    std::filesystem::create_directories(versions_);
+  }
 
   /// Returns {"file", "version", "editable", "by_hand", "loop", "default", "items"}; `by_hand` if
   /// the file has comments and an order that replace() does not keep. A folder that plays, and a
   /// list that cannot be read, are not editable.
-  [[nodiscard]] nlohmann::ordered_json read();
+  [[nodiscard]] nlohmann::ordered_json read() {
+    const std::lock_guard lock(mutex_);
+    return locked_read();
+  }
   /// Writes the list, waits until the player uses it, and returns read(). A list that a text
   /// editor wrote becomes a version first. Throws HttpError 409 if `version` is not the present
   /// one, and 422 with the reason if the player cannot play the list or any item of it; the list
   /// before is then put back. "warnings" of the answer say which items will not play.
   nlohmann::ordered_json replace(const nlohmann::ordered_json& list, const std::string& version,
-                                 const std::string& who);
+                                 const std::string& who) {
+    const std::string toml = list_toml(list);
+    const std::vector<std::string> problems = problems_of(list);  // takes seconds: not locked
+    const std::lock_guard lock(mutex_);
+    const ordered_json now = locked_read();
+    if (!version.empty() && now["version"] != version)
+      throw HttpError(409, "the list was changed meanwhile", "read it again");
+    require_own_sources(list, now, own_file_.parent_path());
+    ordered_json result = locked_write(toml, who, now);
+    result["warnings"] = problems;
+    return result;
+  }
   /// Returns the kept versions, newest first: {"versions": [{"name", "time", "who", "items"}]}.
-  [[nodiscard]] nlohmann::ordered_json versions() const;
+  [[nodiscard]] nlohmann::ordered_json versions() const {
+    std::vector<std::filesystem::path> kept;
+    for (const auto& entry : std::filesystem::directory_iterator(versions_))
+      if (entry.path().extension() == ".toml") kept.push_back(entry.path());
+    std::sort(kept.rbegin(), kept.rend());  // names of the same length but for the oldest
+    ordered_json result = {{"versions", ordered_json::array()}};
+    for (const std::filesystem::path& file : kept) {
+      const std::string text = read_text_file(file, 2 * kMaxListBytes);
+      const std::string head = text.substr(0, text.find('\n'));
+      size_t items = 0;
+      for (size_t at = text.find("[[item]]"); at != std::string::npos;
+           at = text.find("[[item]]", at + 1))
+        ++items;
+      const size_t blank = head.find(' ', 2);
+      result["versions"].push_back(
+          {{"name", file.stem().string()},
+           {"time", std::strtoll(head.c_str() + std::min<size_t>(2, head.size()), nullptr, 10)},
+           {"who", blank == std::string::npos ? "" : head.substr(blank + 1)},
+           {"items", items}});
+    }
+    return result;
+  }
   /// Writes a kept version again, as replace() does.
-  nlohmann::ordered_json restore(const std::string& name, const std::string& who);
+  nlohmann::ordered_json restore(const std::string& name, const std::string& who) {
+    if (name.empty() || name.find_first_not_of("0123456789") != std::string::npos)
+      throw HttpError(404, "there is no version of that name");
+    const std::filesystem::path file = versions_ / (name + ".toml");
+    if (!std::filesystem::exists(file)) throw HttpError(404, "there is no version of that name");
+    std::string toml = read_text_file(file, 2 * kMaxListBytes);
+    toml.erase(0, toml.find('\n') + 1);
+    const std::lock_guard lock(mutex_);
+    return locked_write(toml, who, locked_read());
+  }
   /// Returns true if the list, or the source that plays without one, names the file; a folder names
   /// none. Puts the name of the list into `list`.
-  [[nodiscard]] bool names(const std::filesystem::path& file, std::string& list);
+  [[nodiscard]] bool names(const std::filesystem::path& file, std::string& name) {
+    const ordered_json list = ask_list();
+    const ordered_json own = list.value("file", ordered_json());
+    name = own.is_string() ? own.get<std::string>() : "of one source";
+    std::error_code error;
+    if (std::filesystem::is_directory(name, error))
+      return false;  // a file that is deleted leaves this list
+    const auto is_file = [&](const ordered_json& item) {
+      return item.is_object() && item.contains("source") &&
+             std::filesystem::equivalent(item["source"].get<std::string>(), file, error);
+    };
+    return is_file(list.value("default", ordered_json())) ||
+           std::any_of(list["items"].begin(), list["items"].end(), is_file);
+  }
 
  private:
-  [[nodiscard]] nlohmann::ordered_json ask_list();
-  [[nodiscard]] nlohmann::ordered_json locked_read();
+  using ordered_json = nlohmann::ordered_json;
+  using seconds = std::chrono::seconds;
+  static constexpr size_t kMaxItems = 1000;
+  static constexpr size_t kMaxTextBytes = 4096;
+
+  static constexpr size_t kMaxListBytes = size_t{1} << 20;
+  static constexpr size_t kKeptVersions = 20;
+  static constexpr std::string_view kHead = "# Written by lenticule-web.\n";
+  /// Name of the list as it was before the first change; this version is never removed.
+  static constexpr const char* kOriginal = "0.toml";
+  /// The player looks for a replaced list every two or three seconds.
+  static constexpr auto kPlayerNotices = seconds(8);
+  /// Longest time for which the items of a new list are examined.
+  static constexpr auto kLongestCheck = seconds(20);
+
+  [[noreturn]] static void refuse(const std::string& what) {
+    throw HttpError(422, what, "see the section \"Playlists\" of the documentation");
+  }
+
+  /// Returns the text as a basic string of TOML.
+  static std::string quoted(const std::string& key, const ordered_json& value) {
+    if (!value.is_string() || value.get_ref<const std::string&>().size() > kMaxTextBytes)
+      refuse(key + ": not a text of at most 4096 bytes");
+    const auto& text = value.get_ref<const std::string&>();
+    std::string toml = "\"";
+    for (const char c : text) {
+      if (c == '"' || c == '\\')
+        toml += fmt::format("\\{}", c);
+      else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f)
+        toml += fmt::format("\\u{:04X}", static_cast<unsigned>(c));
+      else
+        toml += c;
+    }
+    return toml + "\"";
+  }
+
+  static std::string number(const std::string& key, const ordered_json& value) {
+    if (!value.is_number()) refuse(key + ": not a number");
+    return value.is_number_float() ? fmt::format("{:.6f}", value.get<double>()) : value.dump();
+  }
+
+  static std::string loops(const std::string& key, const ordered_json& value) {
+    return value == "forever" ? "\"forever\"" : number(key, value);
+  }
+
+  static std::string days(const ordered_json& value) {
+    if (!value.is_array() || value.size() > 7) refuse("days: not a list of days");
+    std::string toml = "[";
+    for (const ordered_json& day : value)
+      toml += (toml.size() > 1 ? ", " : "") + quoted("days", day);
+    return toml + "]";
+  }
+  using Row =
+      std::pair<const char*, std::function<std::string(const std::string&, const ordered_json&)>>;
+
+  static const std::vector<Row>& item_keys() {
+    static const std::vector<Row> rows = {
+        {"source", quoted}, {"loops", loops}, {"duration_s", number}, {"fps", quoted},
+        {"frames", quoted}, {"cut", quoted},  {"wait_s", number}};
+    return rows;
+  }
+
+  static std::string schedule_toml(const ordered_json& schedule) {
+    if (!schedule.is_object()) refuse("schedule: not an object");
+    std::string toml = "[item.schedule]\n";
+    for (const auto& [key, value] : schedule.items()) {
+      if (key == "days")
+        toml += "days = " + days(value) + "\n";
+      else if (key == "from" || key == "to")
+        toml += key + " = " + quoted(key, value) + "\n";
+      else
+        refuse(fmt::format("schedule: unknown key '{}'", shortened(escaped(key), 60)));
+    }
+    return toml;
+  }
+
+  static std::string item_toml(const ordered_json& item) {
+    if (!item.is_object() || !item.contains("source")) refuse("item: no source");
+    std::string toml, schedule;
+    for (const auto& [key, value] : item.items()) {
+      const std::string& name = key;
+      const auto row = std::find_if(item_keys().begin(), item_keys().end(),
+                                    [&name](const Row& one) { return name == one.first; });
+      if (row != item_keys().end())
+        toml += key + " = " + row->second(key, value) + "\n";
+      else if (key == "schedule")
+        schedule = schedule_toml(value);
+      else
+        refuse(fmt::format("item: unknown key '{}'", shortened(escaped(key), 60)));
+    }
+    return toml + schedule;
+  }
+
+  /// Throws HttpError 422 if a new item is neither a file of the media folder nor made by the
+  /// player. Items that the list has already may stay.
+  static void require_own_sources(const ordered_json& list, const ordered_json& now,
+                                  const std::filesystem::path& media) {
+    std::vector<std::string> known = {"black", "card", "views"};
+    const auto source_of = [](const ordered_json& item) {
+      const bool has = item.is_object() && item.contains("source") && item["source"].is_string();
+      return has ? item["source"].get<std::string>() : std::string();
+    };
+    for (const ordered_json& item : now["items"]) known.push_back(source_of(item));
+    known.push_back(source_of(now["default"]));
+    const auto require = [&](const ordered_json& item) {
+      const std::string source = source_of(item);
+      const std::filesystem::path file(source);
+      if (std::find(known.begin(), known.end(), source) != known.end()) return;
+      if (file.parent_path() == media && is_media_name(file.filename().native()) &&
+          !source.ends_with(".toml"))
+        return;
+      refuse(fmt::format("source '{}': not a file of the media folder",
+                         shortened(escaped(source), 100)));
+    };
+    for (const ordered_json& item : list["items"]) require(item);
+    if (list.contains("default") && !list["default"].is_null()) require(list["default"]);
+  }
+
+  /// Returns a name for the present content, which changes with it.
+  static std::string version_of(const ordered_json& list) {
+    return fmt::format("{:016x}", std::hash<std::string>()(json_text(list)));
+  }
+  /// Returns the whole list of the player, which sends a long one in parts.
+  [[nodiscard]] nlohmann::ordered_json ask_list() {
+    ordered_json whole;
+    size_t count = 0;
+    do {
+      const size_t seen = whole.is_null() ? 0 : whole["items"].size();
+      ordered_json part = link_.ask({{"do", "list"}, {"item", seen}}).body;
+      if (!part.contains("items") || !part["items"].is_array() || !part.contains("count") ||
+          !part["count"].is_number_unsigned())
+        throw Error(ErrorKind::Device, "list: the player's answer is not understood");
+      count = part["count"].get<size_t>();
+      if (part["items"].empty()) count = seen;  // the list became shorter meanwhile
+      if (whole.is_null())
+        whole = std::move(part);
+      else
+        for (ordered_json& item : part["items"]) whole["items"].push_back(std::move(item));
+    } while (whole["items"].size() < count);
+    return whole;
+  }
+  [[nodiscard]] nlohmann::ordered_json locked_read() {
+    const ordered_json list = ask_list();
+    ordered_json result = {{"file", list.value("file", ordered_json())},
+                           {"version", ""},
+                           {"editable", false},
+                           {"by_hand", false},
+                           {"loop", list.value("loop", ordered_json(1))},
+                           {"default", list.value("default", ordered_json())},
+                           {"items", list["items"]}};
+    result["version"] = version_of({result["loop"], result["default"], result["items"]});
+    // Without a list, the source that plays becomes the first item of own_file_.
+    const std::filesystem::path file =
+        result["file"].is_string() ? std::filesystem::path(result["file"].get<std::string>())
+                                   : own_file_;
+    std::error_code error;
+    // What the page saves is TOML.
+    result["editable"] =
+        !file.extension().string().starts_with(".m3u") &&
+        std::filesystem::equivalent(file.parent_path(), own_file_.parent_path(), error);
+    if (result["editable"] == true && result["file"].is_string() &&
+        std::filesystem::exists(file, error)) {
+      try {
+        result["by_hand"] = !read_text_file(file, kMaxListBytes).starts_with(kHead);
+      } catch (const Error&) {
+        // A folder, or a list that is too long or that the server may not read.
+        result["editable"] = false;
+      }
+    }
+    return result;
+  }
   nlohmann::ordered_json locked_write(const std::string& toml, const std::string& who,
-                                      const nlohmann::ordered_json& now);
-  [[nodiscard]] std::vector<std::string> problems_of(const nlohmann::ordered_json& list) const;
-  void keep_other(const std::string& toml);
-  void keep(const std::string& toml, const std::string& who);
+                                      const nlohmann::ordered_json& now) {
+    const bool has_list = now["file"].is_string();
+    const std::filesystem::path file =
+        has_list ? std::filesystem::path(now["file"].get<std::string>()) : own_file_;
+    std::error_code error;  // the server may not be allowed to look
+    if (std::filesystem::is_directory(file, error))
+      throw HttpError(409, "the player plays a folder, whose files are its list",
+                      "add and delete files, or load a list");
+    if (!now["editable"].get<bool>())
+      throw HttpError(409,
+                      "the list lies outside of the media folder, or the server cannot read it",
+                      "move the list and its files into the media folder");
+    std::string before;
+    if (has_list) {
+      before = read_text_file(file, kMaxListBytes);
+      keep_other(before);
+    }
+    const uint64_t newest = state_.newest();
+    write_text_file(file, toml);
+    std::filesystem::permissions(
+        file, std::filesystem::perms::group_read | std::filesystem::perms::others_read,
+        std::filesystem::perm_options::add);
+    if (!has_list) {
+      (void)link_.ask({{"do", "load"}, {"source", file.string()}}, kOpeningTime);
+    } else if (before != toml) {
+      std::string detail;
+      const auto taken =
+          state_.wait_for_either(newest, "replaced", "not_replaced", kPlayerNotices, detail);
+      if (taken == false) {
+        write_text_file(file, before);
+        const ordered_json event = ordered_json::parse(detail, nullptr, false);
+        const bool has_cause =
+            event.is_object() && event.contains("cause") && event["cause"].is_string();
+        throw HttpError(422,
+                        "the player cannot play this list: " +
+                            (has_cause ? event["cause"].get<std::string>() : detail),
+                        "the version before was put back");
+      }
+    }
+    keep(toml, who);
+    state_.refresh();
+    state_.publish("list", {{"who", who}});
+    return locked_read();
+  }
+  /// Returns why items will not play, as far as that is known: files that are missing, or did not
+  /// pass their last check. Files are checked until one plays. Throws HttpError 422 if none does.
+  [[nodiscard]] std::vector<std::string> problems_of(const nlohmann::ordered_json& list) const {
+    const auto end = std::chrono::steady_clock::now() + kLongestCheck;
+    std::vector<std::string> problems;
+    bool plays = false;
+    for (const ordered_json& item : list["items"]) {
+      const auto source = item["source"].get<std::string>();
+      const std::filesystem::path file(source);
+      std::optional<std::string> problem;  // none for folders and patterns, which are not examined
+      std::error_code error;
+      if (file.parent_path() != own_file_.parent_path())
+        problem = "";  // made by the player, or from elsewhere
+      else if (std::filesystem::is_regular_file(file, error))
+        problem = problem_of_(file, !plays && std::chrono::steady_clock::now() < end);
+      else if (!std::filesystem::exists(file, error) && source.find('%') == std::string::npos)
+        problem = file.filename().string() + ": there is no such file";
+      // A long list is not examined to its end: what is not known may play.
+      plays = plays || !problem || problem->empty();
+      if (problem && !problem->empty() && std::ranges::find(problems, *problem) == problems.end())
+        problems.push_back(std::move(*problem));
+    }
+    if (!plays)
+      throw HttpError(422, "the player cannot play any item of this list: " + problems.front(),
+                      "the list stays as it was");
+    return problems;
+  }
+  /// Keeps a list that the server did not write last: the original, or one that was changed by
+  /// hand.
+  void keep_other(const std::string& toml) {
+    std::filesystem::path newest;
+    for (const auto& entry : std::filesystem::directory_iterator(versions_))
+      newest = std::max(newest, entry.path());
+    const auto content = [](const std::string& text) { return text.substr(text.find('\n') + 1); };
+    if (!newest.empty() && content(read_text_file(newest, 2 * kMaxListBytes)) == toml) return;
+    if (std::filesystem::exists(versions_ / kOriginal)) return keep(toml, "by hand");
+    write_text_file(versions_ / kOriginal,
+                    fmt::format("# {} by hand\n", std::time(nullptr)) + toml);
+  }
+  void keep(const std::string& toml, const std::string& who) {
+    const auto now = std::chrono::duration_cast<std::chrono::milliseconds>(
+                         std::chrono::system_clock::now().time_since_epoch())
+                         .count();
+    const std::string head = fmt::format("# {} {}\n", now / 1000, escaped(who));
+    write_text_file(versions_ / fmt::format("{}.toml", now), head + toml);
+    std::vector<std::filesystem::path> kept;
+    for (const auto& entry : std::filesystem::directory_iterator(versions_))
+      if (entry.path().filename() != kOriginal) kept.push_back(entry.path());
+    std::sort(kept.begin(), kept.end());
+    for (size_t k = 0; k + kKeptVersions < kept.size(); ++k) {
+      std::error_code ignored;
+      std::filesystem::remove(kept[k], ignored);
+    }
+  }
 
   ControlLink& link_;
   PlayerState& state_;

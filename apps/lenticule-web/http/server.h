@@ -5,11 +5,22 @@
 // Each connection has a thread, so that a slow client delays only itself.
 #pragma once
 
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <microhttpd.h>
+#include <netinet/in.h>
+
+#include <algorithm>
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <cstring>
 #include <memory>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "apps/lenticule-web/http/access.h"
@@ -17,9 +28,11 @@
 #include "apps/lenticule-web/http/limits.h"
 #include "apps/lenticule-web/http/listener.h"
 #include "apps/lenticule-web/http/message.h"
-
-struct MHD_Connection;
-struct MHD_Daemon;
+#include "apps/lenticule-web/http/parse.h"
+#include "base/error.h"
+#include "base/numbers.h"
+#include "base/print.h"
+#include "base/text.h"
 
 namespace lenticule::web {
 
@@ -46,30 +59,445 @@ class Server {
   /// Begins to listen. Throws Error(Failed). Lifetime: `site`, `access` and `clock` must outlive
   /// the server. `clock` counts for the rates of requests; connections have the machine's time.
   Server(std::vector<Listener> listeners, Site& site, Access& access, ServerLimits limits = {},
-         Clock& clock = machine_clock());
+         Clock& clock = machine_clock())
+      : site_(site),
+        access_(access),
+        limits_(limits),
+        clock_(clock),
+        requests_(limits.requests_burst, limits.requests_per_s),
+        wrong_tokens_(limits.wrong_tokens_burst, limits.wrong_tokens_per_s),
+        watch_(limits.connections * 3 / 4, limits.connections_per_address,
+               [&access](const std::string& token_id) { return access.is_valid(token_id); }) {
+    for (Listener& listener : listeners) {
+      auto door = std::make_unique<Door>(
+          Door{.server = this, .listener = std::move(listener), .daemon = nullptr});
+      // The library closes its socket itself.
+      const int listening = ::fcntl(door->listener.fd.get(), F_DUPFD_CLOEXEC, 0);
+      door->daemon = MHD_start_daemon(
+          MHD_USE_INTERNAL_POLLING_THREAD | MHD_USE_THREAD_PER_CONNECTION | MHD_USE_POLL |
+              MHD_USE_ITC | MHD_USE_ERROR_LOG,
+          0, nullptr, nullptr, &ServerCallbacks::handle, door.get(),
+          // The first option, so that it receives messages about the others.
+          MHD_OPTION_EXTERNAL_LOGGER, &ServerCallbacks::discard_message, nullptr,
+          MHD_OPTION_LISTEN_SOCKET, listening, MHD_OPTION_CONNECTION_LIMIT, limits.connections,
+          // The watch ends connections a little later: other addresses have room meanwhile.
+          MHD_OPTION_PER_IP_CONNECTION_LIMIT, limits.connections / 2, MHD_OPTION_CONNECTION_TIMEOUT,
+          static_cast<unsigned>(limits.idle_time.count()), MHD_OPTION_CONNECTION_MEMORY_LIMIT,
+          limits.head_bytes, MHD_OPTION_THREAD_STACK_SIZE, kThreadStack,
+          MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_UNESCAPE_CALLBACK, &ServerCallbacks::unescape,
+          nullptr, MHD_OPTION_NOTIFY_COMPLETED, &ServerCallbacks::completed, door.get(),
+          MHD_OPTION_NOTIFY_CONNECTION, &ServerCallbacks::connection_changed, door.get(),
+          MHD_OPTION_END);
+      if (door->daemon == nullptr)
+        throw Error(ErrorKind::Failed, door->listener.name + ": the HTTP server cannot be started");
+      doors_.push_back(std::move(door));
+    }
+  }
   /// Ends all connections.
-  ~Server();
+  ~Server() {
+    for (const auto& door : doors_) MHD_stop_daemon(door->daemon);
+  }
   Server(const Server&) = delete;
   Server& operator=(const Server&) = delete;
 
   [[nodiscard]] size_t connections() const { return watch_.open(); }
 
  private:
-  struct Call;
-  struct Door;  // a listener and its daemon
-  friend struct ServerCallbacks;
+  static constexpr const char* kCookie = "lenticule";
+
+  static constexpr size_t kThreadStack = size_t{1} << 20;
+  static constexpr auto kCookieDays = 90;
+
+  /// Sent with every answer. Pages get scripts, styles and data from this server only, and no other
+  /// site may embed or read them.
+  static constexpr std::array<std::pair<const char*, const char*>, 6> kHeaders = {{
+      {"Content-Security-Policy",
+       "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
+       "connect-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'"},
+      {"X-Content-Type-Options", "nosniff"},
+      {"Referrer-Policy", "no-referrer"},
+      {"Cross-Origin-Resource-Policy", "same-origin"},
+      {"Cross-Origin-Opener-Policy", "same-origin"},
+      {"Permissions-Policy", "camera=(), microphone=(), geolocation=()"},
+  }};
+
+  static std::optional<std::string> text_or_none(const char* text) {
+    return text == nullptr ? std::nullopt : std::optional<std::string>(text);
+  }
+
+  static int fd_of(MHD_Connection* connection) {
+    const auto* const info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD);
+    return info == nullptr ? -1 : info->connect_fd;
+  }
+
+  /// Returns the network that counts as one sender: an IPv4 address, or 64 bits of an IPv6 address,
+  /// of which every host has 2^64.
+  static std::string sender_of(const sockaddr* address) {
+    std::array<char, INET6_ADDRSTRLEN> text{};
+    if (address != nullptr && address->sa_family == AF_INET) {
+      const auto* const v4 = reinterpret_cast<const sockaddr_in*>(address);
+      ::inet_ntop(AF_INET, &v4->sin_addr, text.data(), text.size());
+    } else if (address != nullptr && address->sa_family == AF_INET6) {
+      in6_addr network = reinterpret_cast<const sockaddr_in6*>(address)->sin6_addr;
+      std::memset(&network.s6_addr[8], 0, 8);
+      ::inet_ntop(AF_INET6, &network, text.data(), text.size());
+    }
+    return text.data();
+  }
+
+  static std::string address_of(MHD_Connection* connection) {
+    const auto* const info =
+        MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
+    return sender_of(info == nullptr ? nullptr : info->client_addr);
+  }
+
+  /// Returns true if the request states the length of its body twice. A proxy in front could
+  /// believe the other length, and take the rest of the body for another client's request.
+  static bool has_two_lengths(MHD_Connection* connection) {
+    int lengths = 0;
+    const auto count = [](void* found, enum MHD_ValueKind, const char* name, const char*) {
+      const std::string header = lower_case(name);
+      if (header == "content-length" || header == "transfer-encoding") ++*static_cast<int*>(found);
+      return MHD_YES;
+    };
+    (void)MHD_get_connection_values(connection, MHD_HEADER_KIND, count, &lengths);
+    return lengths > 1;
+  }
+
+  /// Returns the last address of X-Forwarded-For, which the reverse proxy itself has added.
+  static std::string forwarded_sender(MHD_Connection* connection) {
+    const auto header =
+        text_or_none(MHD_lookup_connection_value(connection, MHD_HEADER_KIND, "X-Forwarded-For"));
+    if (!header) return "proxy";
+    std::string_view list = *header;
+    std::string_view last;
+    while (!list.empty()) last = take_until(list, ',');
+    while (last.starts_with(' ')) last.remove_prefix(1);
+    return std::string(last.substr(0, 45));
+  }
+
+  /// Returns true if a page of another site cannot have sent the request: browsers state the origin
+  /// of each request that changes something, and send the cookie to the same site only.
+  static bool is_own_origin(const Request& request) {
+    if (const auto site = request.header("Sec-Fetch-Site");
+        site && *site != "same-origin" && *site != "none")
+      return false;
+    const auto origin = request.header("Origin");
+    if (!origin) return true;
+    const auto host = request.header("Host");
+    const size_t slashes = origin->find("://");
+    return host && slashes != std::string::npos && origin->substr(slashes + 3) == *host;
+  }
+
+  static Response html_page(int status, const std::string& title, const std::string& content,
+                            const std::string& head = {}) {
+    Response response;
+    response.status = status;
+    response.type = "text/html; charset=utf-8";
+    response.body = fmt::format(
+        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
+        "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">{}"
+        "<title>{}</title><link rel=\"icon\" href=\"/icon.svg\"><link rel=\"stylesheet\" "
+        "href=\"/style.css\"></head>"
+        "<body><main><h1>{}</h1>{}</main></body></html>\n",
+        head, title, title, content);
+    return response;
+  }
+
+  [[noreturn]] static void refuse_body(uint64_t largest) {
+    throw HttpError(413, fmt::format("the body has more than {} bytes", largest));
+  }
+
+  /// Call is one request, from its headers to the end of its answer.
+  struct Call {
+    Request request;
+    std::unique_ptr<BodySink> sink;
+    std::optional<Response> refusal;
+    uint64_t largest_body = 0;
+    uint64_t received = 0;
+    int fd = -1;
+    bool by_cookie = false;
+    bool wrong_credential = false;
+  };
+
+  struct Door {
+    Server* server = nullptr;
+    Listener listener;
+    MHD_Daemon* daemon = nullptr;
+  };
+
+  /// The functions that the HTTP library calls.
+  struct ServerCallbacks {
+    static enum MHD_Result handle(void* door, MHD_Connection* connection, const char* url,
+                                  const char* method, const char* version, const char* data,
+                                  size_t* size, void** state) {
+      (void)version;
+      auto& own = *static_cast<Door*>(door);
+      try {
+        const int result = own.server->handle(own, connection, url, method, data, size, state);
+        return result != 0 ? MHD_YES : MHD_NO;
+      } catch (const std::exception& error) {
+        say("web: {}\n", error.what());
+        return MHD_NO;
+      }
+    }
+
+    static void completed(void* door, MHD_Connection* connection, void** state,
+                          enum MHD_RequestTerminationCode code) {
+      (void)code;
+      auto& server = *static_cast<Door*>(door)->server;
+      delete static_cast<Call*>(std::exchange(*state, nullptr));
+      server.watch_.answered(fd_of(connection), server.limits_.head_time);
+    }
+
+    static void connection_changed(void* door, MHD_Connection* connection, void** state,
+                                   enum MHD_ConnectionNotificationCode code) {
+      (void)state;
+      const auto& own = *static_cast<Door*>(door);
+      auto& server = *own.server;
+      if (code == MHD_CONNECTION_NOTIFY_STARTED)
+        server.watch_.opened(fd_of(connection),
+                             own.listener.is_unix ? std::string() : address_of(connection),
+                             server.limits_.head_time);
+      else
+        server.watch_.closed(fd_of(connection));
+    }
+
+    /// Decodes an address or a part of its query. A text with an encoded zero stays as it is: its
+    /// end would be cut off, and the rest would name something else.
+    static size_t unescape(void* unused, MHD_Connection* connection, char* text) {
+      (void)unused;
+      (void)connection;
+      return std::strstr(text, "%00") != nullptr ? std::strlen(text) : MHD_http_unescape(text);
+    }
+
+    /// Discards the library's messages, which strangers can cause at will.
+    static void discard_message(void* unused, const char* format, va_list arguments) {
+      (void)unused;
+      (void)format;
+      (void)arguments;
+    }
+
+    /// StreamState is an answer that continues, and the text that is not sent yet.
+    struct StreamState {
+      std::unique_ptr<EventStream> events;
+      std::string text;
+      std::atomic<unsigned>* streams = nullptr;  ///< number of such answers
+    };
+
+    static ssize_t read_stream(void* state, uint64_t position, char* buffer, size_t size) {
+      (void)position;
+      auto& stream = *static_cast<StreamState*>(state);
+      try {
+        if (stream.text.empty()) {
+          auto next = stream.events->next();
+          if (!next) return MHD_CONTENT_READER_END_OF_STREAM;
+          stream.text = std::move(*next);
+        }
+      } catch (const std::exception& error) {
+        say("web: {}\n", error.what());
+        return MHD_CONTENT_READER_END_WITH_ERROR;
+      }
+      const size_t bytes = std::min(size, stream.text.size());
+      std::memcpy(buffer, stream.text.data(), bytes);
+      stream.text.erase(0, bytes);
+      return static_cast<ssize_t>(bytes);
+    }
+    static void free_stream(void* state) {
+      const std::unique_ptr<StreamState> owned(static_cast<StreamState*>(state));
+      owned->streams->fetch_sub(1);
+    }
+  };
 
   [[nodiscard]] int handle(Door& door, MHD_Connection* connection, const char* url,
-                           const char* method, const char* data, size_t* size, void** state);
+                           const char* method, const char* data, size_t* size, void** state) {
+    if (*state == nullptr) return begin(door, connection, url, method, state);
+    Call& call = *static_cast<Call*>(*state);
+    if (*size == 0) return finish(connection, call);
+    call.received += *size;
+    if (!call.refusal) {
+      try {
+        // A body in chunks comes without a length.
+        if (call.received > call.largest_body) refuse_body(call.largest_body);
+        if (call.sink)
+          call.sink->take({reinterpret_cast<const uint8_t*>(data), *size});
+        else
+          call.request.body.append(data, *size);
+      } catch (const Error& error) {
+        call.refusal = error_response(error);
+        call.sink.reset();
+      }
+    }
+    *size = 0;
+    return MHD_YES;
+  }
+  /// Decides after the headers whether the request may have a body, and where it goes.
   [[nodiscard]] int begin(Door& door, MHD_Connection* connection, const char* url,
-                          const char* method, void** state);
-  [[nodiscard]] int finish(MHD_Connection* connection, Call& call);
-  [[nodiscard]] Response response_of(Call& call);
-  void count_wrong_token(const std::string& peer);
-  void identify(Call& call);
-  void require_rights(Call& call) const;
-  [[nodiscard]] Response enter(const Request& request);
-  [[nodiscard]] int send(MHD_Connection* connection, Call& call, Response response);
+                          const char* method, void** state) {
+    auto owned = std::make_unique<Call>();
+    Call& call = *owned;
+    *state = owned.release();
+    call.fd = fd_of(connection);
+    Request& request = call.request;
+    request.method = method;
+    request.path = url;
+    request.query = [connection](const char* name) {
+      return text_or_none(MHD_lookup_connection_value(connection, MHD_GET_ARGUMENT_KIND, name));
+    };
+    request.header = [connection](const char* name) {
+      return text_or_none(MHD_lookup_connection_value(connection, MHD_HEADER_KIND, name));
+    };
+    request.peer = door.listener.is_unix ? forwarded_sender(connection) : address_of(connection);
+    uint64_t length = 0;
+    try {
+      identify(call);
+      // Each token has a rate of its own, so that others of the same network do not use it up.
+      if (!requests_.permits(request.peer + " " + request.sender.token_id, clock_.now()))
+        throw HttpError(429, "too many requests from this address", "wait some seconds");
+      if (call.wrong_credential) count_wrong_token(request.peer);
+      if (has_two_lengths(connection))
+        throw HttpError(400, "the request states two lengths of its body",
+                        "send one Content-Length, or one Transfer-Encoding");
+      if (const auto text = request.header("Content-Length"))
+        length = number_from<uint64_t>(*text).value_or(UINT64_MAX);
+      call.largest_body = site_.largest_body(request.method, request.path);
+      if (length > call.largest_body) refuse_body(call.largest_body);
+      require_rights(call);
+      call.sink = site_.sink(request);
+    } catch (const Error& error) {
+      return send(connection, call, error_response(error));
+    }
+    const auto body_time = std::chrono::seconds(length / limits_.slowest_bytes_per_s);
+    watch_.extend(call.fd, limits_.head_time + body_time);
+    return MHD_YES;
+  }
+  [[nodiscard]] int finish(MHD_Connection* connection, Call& call) {
+    watch_.extend(call.fd, limits_.answer_time);
+    return send(connection, call, response_of(call));
+  }
+  [[nodiscard]] Response response_of(Call& call) {
+    if (call.refusal) return std::move(*call.refusal);
+    // A quarter of the time is for what cannot be interrupted, and for sending the answer.
+    const AnswerTime time(limits_.answer_time * 3 / 4);
+    try {
+      if (call.request.path == "/enter") {
+        if (call.request.method != "GET") throw HttpError(405, "only GET is possible here");
+        return enter(call.request);
+      }
+      // The sink ends before the answer is sent, so a client can send its next part at once.
+      const std::unique_ptr<BodySink> sink = std::move(call.sink);
+      return sink ? sink->finish() : site_.answer(call.request);
+    } catch (const Error& error) {
+      return error_response(error);
+    } catch (const std::exception& error) {
+      say("web: {} {}: {}\n", call.request.method, call.request.path, error.what());
+      return error_response(500, "the server failed; its log has the reason");
+    }
+  }
+  /// Counts a wrong token. Throws HttpError 429 if its sender sent too many before. A right token
+  /// is never refused for wrong ones: others of the same network could keep its owner out.
+  void count_wrong_token(const std::string& peer) {
+    if (!wrong_tokens_.permits(peer, clock_.now()))
+      throw HttpError(429, "too many wrong tokens from this address", "wait a minute");
+  }
+  /// Finds out who sent the request.
+  void identify(Call& call) {
+    Request& request = call.request;
+    if (request.path == "/enter") return;  // has a token of its own
+    if (const auto authorization = request.header("Authorization")) {
+      if (const auto credential = bearer_credential(*authorization))
+        request.sender = access_.with_token(*credential);
+      call.wrong_credential = request.sender.rights == Rights::None;
+    } else if (const auto cookies = request.header("Cookie")) {
+      if (const auto value = cookie_value(*cookies, kCookie)) {
+        request.sender = access_.with_cookie(*value);
+        call.by_cookie = true;
+        call.wrong_credential = request.sender.rights == Rights::None;
+      }
+    }
+    if (request.sender.rights != Rights::None) watch_.known(call.fd, request.sender.token_id);
+  }
+  void require_rights(Call& call) const {
+    const Request& request = call.request;
+    if (request.path == "/enter") return;
+    const Rights needed = site_.needed(request.method, request.path);
+    if (needed == Rights::None) return;
+    if (request.sender.rights == Rights::None)
+      throw HttpError(
+          401, call.wrong_credential ? "the token is not valid any more" : "no token was sent",
+          "open the address with the token again");
+    if (static_cast<int>(request.sender.rights) < static_cast<int>(needed))
+      throw HttpError(403, "this token may see, not change", "use a token with the right 'change'");
+    const bool reads = request.method == "GET" || request.method == "HEAD";
+    if (!reads && call.by_cookie && !is_own_origin(request))
+      throw HttpError(403, "the request comes from a page of another site");
+  }
+  /// Exchanges the token of the address for a cookie. The answer is a page that leads on, instead
+  /// of a redirection, because a browser that follows a link of another site would not send the
+  /// cookie to the next page.
+  [[nodiscard]] Response enter(const Request& request) {
+    const std::string token = request.query("token").value_or("");
+    const std::string cookie =
+        access_.with_token(token).rights == Rights::None ? std::string() : access_.cookie_of(token);
+    if (cookie.empty()) {
+      count_wrong_token(request.peer);
+      return html_page(401, "This address is not valid",
+                       "<p>Its token is wrong or was revoked. Ask for a new address: "
+                       "<code>lenticule web token add NAME</code>.</p>");
+    }
+    Response response = html_page(200, "Welcome", "<p><a href=\"/\">Continue</a></p>",
+                                  "<meta http-equiv=\"refresh\" content=\"0; url=/\">");
+    const bool is_https = request.header("X-Forwarded-Proto").value_or("") == "https";
+    response.headers.emplace_back(
+        "Set-Cookie", fmt::format("{}={}; Path=/; Max-Age={}; HttpOnly; SameSite=Strict{}", kCookie,
+                                  cookie, kCookieDays * 86400, is_https ? "; Secure" : ""));
+    return response;
+  }
+  [[nodiscard]] int send(MHD_Connection* connection, Call& call, Response response) {
+    const bool page_wanted =
+        response.status == 401 && response.type == "application/json" &&
+        call.request.header("Accept").value_or("").find("text/html") != std::string::npos;
+    if (page_wanted)
+      response = html_page(401, "This page needs its address with a token",
+                           "<p>Scan the code on the panel, or open the address that "
+                           "<code>lenticule web address</code> prints.</p>");
+    if (response.status == 429) response.headers.emplace_back("Retry-After", "10");
+    if (response.status == 401) response.headers.emplace_back("WWW-Authenticate", "Bearer");
+
+    MHD_Response* made = nullptr;
+    if (response.events && streams_.fetch_add(1) >= limits_.streams) {
+      streams_.fetch_sub(1);
+      response = error_response(503, "too many pages are open", "close one of them");
+    }
+    if (response.events) {
+      watch_.release(call.fd);
+      auto* const state = new ServerCallbacks::StreamState{
+          .events = std::move(response.events), .text = {}, .streams = &streams_};
+      made =
+          MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, 4096, &ServerCallbacks::read_stream,
+                                            state, &ServerCallbacks::free_stream);
+      if (made == nullptr) ServerCallbacks::free_stream(state);
+    } else if (!response.borrowed.empty()) {
+      made = MHD_create_response_from_buffer(response.borrowed.size(),
+                                             const_cast<char*>(response.borrowed.data()),
+                                             MHD_RESPMEM_PERSISTENT);
+    } else {
+      made = MHD_create_response_from_buffer(response.body.size(), response.body.data(),
+                                             MHD_RESPMEM_MUST_COPY);
+    }
+    if (made == nullptr) return MHD_NO;
+    for (const auto& [name, value] : kHeaders) (void)MHD_add_response_header(made, name, value);
+    (void)MHD_add_response_header(made, "Content-Type", response.type.c_str());
+    bool has_cache_rule = false;
+    for (const auto& [name, value] : response.headers) {
+      (void)MHD_add_response_header(made, name.c_str(), value.c_str());
+      has_cache_rule = has_cache_rule || name == "Cache-Control";
+    }
+    if (!has_cache_rule) (void)MHD_add_response_header(made, "Cache-Control", "no-store");
+    const int result = MHD_queue_response(connection, static_cast<unsigned>(response.status), made);
+    MHD_destroy_response(made);
+    return result;
+  }
 
   Site& site_;
   Access& access_;

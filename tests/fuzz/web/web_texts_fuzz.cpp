@@ -14,7 +14,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const std::string text(reinterpret_cast<const char*>(data), size);
   const auto list = nlohmann::ordered_json::parse(text, nullptr, false);
   try {
-    const std::string toml = list_toml(list);
+    const std::string toml = PlayList::list_toml(list);
     // Every text is quoted: a line begins with a key, a table or a comment that the server chose.
     for (size_t at = 0; at < toml.size(); ++at)
       if (at == 0 || toml[at - 1] == '\n')

@@ -21,14 +21,14 @@ namespace {
 using nlohmann::ordered_json;
 
 TEST(WebListToml, WritesTheKeysOfAListAndNothingElse) {
-  const std::string toml =
-      list_toml({{"loop", "forever"},
-                 {"default", {{"source", "card"}}},
-                 {"items",
-                  {{{"source", "/m/a.lts"}, {"loops", 2}, {"fps", "24"}},
-                   {{"source", "/m/b.png"},
-                    {"duration_s", 12.5},
-                    {"schedule", {{"days", {"mon"}}, {"from", "08:30"}, {"to", "18:00"}}}}}}});
+  const std::string toml = PlayList::list_toml(
+      {{"loop", "forever"},
+       {"default", {{"source", "card"}}},
+       {"items",
+        {{{"source", "/m/a.lts"}, {"loops", 2}, {"fps", "24"}},
+         {{"source", "/m/b.png"},
+          {"duration_s", 12.5},
+          {"schedule", {{"days", {"mon"}}, {"from", "08:30"}, {"to", "18:00"}}}}}}});
   EXPECT_EQ(toml,
             "# Written by lenticule-web.\nformat = 1\nloop = \"forever\"\n\n[default]\n"
             "source = \"card\"\n\n[[item]]\nsource = \"/m/a.lts\"\nloops = 2\nfps = \"24\"\n\n"
@@ -37,8 +37,8 @@ TEST(WebListToml, WritesTheKeysOfAListAndNothingElse) {
 }
 
 TEST(WebListToml, ATextCannotAddKeys) {
-  const std::string toml =
-      list_toml({{"items", {{{"source", "a\"\nloops = \"forever\"\n[[item]]\nsource = \"\\"}}}}});
+  const std::string toml = PlayList::list_toml(
+      {{"items", {{{"source", "a\"\nloops = \"forever\"\n[[item]]\nsource = \"\\"}}}}});
   EXPECT_EQ(toml.find("\nloops"), std::string::npos) << toml;
   EXPECT_NE(toml.find("source = \"a\\\"\\u000Aloops = \\\"forever\\\"\\u000A[[item]]\\u000A"
                       "source = \\\"\\\\\"\n"),
@@ -54,10 +54,10 @@ TEST(WebListToml, UnknownKeysAndWrongTypesAreRefused) {
         R"({"rig": 1, "items": [{"source": "a"}]})",
         R"({"items": [{"source": "a", "schedule": {"days": "mon"}}]})",
         R"({"items": [{"source": "a", "schedule": {"x": "y"}}]})"})
-    EXPECT_THROW((void)list_toml(ordered_json::parse(wrong)), HttpError) << wrong;
+    EXPECT_THROW((void)PlayList::list_toml(ordered_json::parse(wrong)), HttpError) << wrong;
   ordered_json many = {{"items", ordered_json::array()}};
   for (int k = 0; k < 1001; ++k) many["items"].push_back({{"source", "a"}});
-  EXPECT_THROW((void)list_toml(many), HttpError);
+  EXPECT_THROW((void)PlayList::list_toml(many), HttpError);
 }
 
 ordered_json counts(uint64_t vblanks, uint64_t missed, uint64_t late) {
@@ -131,16 +131,16 @@ std::pair<ordered_json, UniqueFd> shared_frame() {
 
 TEST(WebPictures, CopiesASharedFrameAndReducesIt) {
   const auto [answer, fd] = shared_frame();
-  const SharedFrame frame = copy_shared_frame(answer, fd.get());
+  const SharedFrame frame = PictureMaker::copy_shared_frame(answer, fd.get());
   EXPECT_EQ(frame.rig_toml, "rig");
   EXPECT_EQ(frame.pixels[3], 10);
-  const optics::RgbPicture half = reduced(frame, 2);
+  const optics::RgbPicture half = PictureMaker::reduced(frame, 2);
   EXPECT_EQ(half.width, 2);
   EXPECT_EQ(half.height, 1);
   EXPECT_EQ(half.pixels[0], (0 + 10 + 40 + 50) / 4);
   EXPECT_EQ(half.pixels[3], (20 + 30 + 60 + 70) / 4);
-  EXPECT_EQ(reduced(frame, 9).width, 4);
-  EXPECT_EQ(jpeg_of(half, 80).substr(0, 2), "\xff\xd8");
+  EXPECT_EQ(PictureMaker::reduced(frame, 9).width, 4);
+  EXPECT_EQ(PictureMaker::jpeg_of(half, 80).substr(0, 2), "\xff\xd8");
 }
 
 TEST(WebPictures, AMemoryThatIsNotAsStatedIsRefused) {
@@ -158,7 +158,7 @@ TEST(WebPictures, AMemoryThatIsNotAsStatedIsRefused) {
                                    {"frame", nullptr}}) {
     ordered_json wrong = answer;
     wrong[key] = value;
-    EXPECT_THROW((void)copy_shared_frame(wrong, fd.get()), Error) << key << value;
+    EXPECT_THROW((void)PictureMaker::copy_shared_frame(wrong, fd.get()), Error) << key << value;
   }
 }
 
