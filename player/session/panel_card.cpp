@@ -48,16 +48,6 @@ PanelProblem problem_with(const OutputRequest& request, const PanelSearch& searc
                   kContinues)};
 }
 
-/// Returns the mode that the panel itself prefers, of all or of those that show a frame pixel for
-/// pixel; null if there is none.
-const display::ModeInfo* preferred_mode(const PanelInfo& panel, bool usable_ones) {
-  const display::ModeInfo* best = nullptr;
-  for (const display::ModeInfo& mode : panel.modes)
-    if ((mode.usable || !usable_ones) && (best == nullptr || (mode.preferred && !best->preferred)))
-      best = &mode;
-  return best;
-}
-
 }  // namespace
 
 std::string describe_expected(const frames::FrameGeometry& panel,
@@ -71,7 +61,7 @@ std::string describe_found(const PanelInfo& panel) {
   std::string text = panel.connector + ": ";
   text += panel.identity ? display::to_string(*panel.identity)
                          : fmt::format("EDID {}", display::edid_problem_name(panel.edid_problem));
-  if (const display::ModeInfo* mode = preferred_mode(panel, false))
+  if (const display::ModeInfo* mode = PanelCard::preferred_mode(panel, false))
     text += fmt::format(", {}x{}@{:.6g}", mode->width, mode->height, mode->refresh.hertz());
   return text;
 }
@@ -125,75 +115,6 @@ namespace {
 
 using display::Nanoseconds;
 
-constexpr Nanoseconds kTimeout = std::chrono::seconds(5);
-/// Longest time between two checks for hotplug events.
-constexpr Nanoseconds kNap = std::chrono::milliseconds(500);
-
 }  // namespace
-
-bool PanelCard::show(const display::PanelInfo& panel, const display::CardText& text) {
-  const display::ModeInfo* const mode = preferred_mode(panel, true);
-  if (mode == nullptr) return false;
-  const frames::FrameGeometry geometry{mode->width, mode->height};
-  try {
-    if (!shows_on(panel, geometry, mode->refresh)) open(panel, geometry, mode->refresh);
-    frames::WovenFrame frame = draw_test_card(geometry, text);
-    if (frame == frame_) return true;
-    if (sink_->show(frame.view(), kTimeout) != frames::ShowResult::Shown) {
-      close();
-      return false;
-    }
-    frame_ = std::move(frame);
-    return true;
-  } catch (const Error&) {  // Busy, forbidden or gone: the caller tries again.
-    close();
-    return false;
-  }
-}
-
-/// Returns true if the card is shown on that panel. Compares the refresh too: another panel on the
-/// same connector may have the same size with other timings.
-bool PanelCard::shows_on(const display::PanelInfo& panel, const frames::FrameGeometry& geometry,
-                         frames::Rate refresh) const {
-  return display_ && connector_ == panel.connector && display_->mode().geometry == geometry &&
-         display_->mode().refresh == refresh &&
-         display_->statistics().panel == display::PanelState::Showing;
-}
-
-void PanelCard::open(const display::PanelInfo& panel, const frames::FrameGeometry& geometry,
-                     frames::Rate refresh) {
-  close();
-  display::KmsOptions options = services_;
-  options.output = {.connector = panel.connector,
-                    .policy = display::IdentityPolicy::Ignore,
-                    .panel = geometry,
-                    .refresh = refresh};
-  options.previous.reset();
-  options.buffers = display::kMinScanoutBuffers;
-  display_ = display::open_kms_display(options);
-  sink_ = std::make_unique<display::DisplaySink>(*display_);
-  connector_ = panel.connector;
-}
-
-void PanelCard::close() noexcept {
-  sink_.reset();
-  display_.reset();
-  frame_ = {};
-}
-
-bool PanelCard::wait(Nanoseconds deadline, int wake_fd) {
-  if (!display_) return true;
-  const uint64_t heard = display_->statistics().hotplugs;
-  while (display_->now() < deadline) {
-    const Nanoseconds nap = std::min(deadline, display_->now() + kNap);
-    if (display_->wait_event(nap, wake_fd).kind == display::EventKind::Lost) {
-      close();
-      return true;
-    }
-    if (display_->statistics().hotplugs != heard) return true;
-    if (display_->now() < nap) return false;
-  }
-  return false;
-}
 
 }  // namespace lenticule::player

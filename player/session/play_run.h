@@ -27,4 +27,9 @@ struct SafeStart {
 [[nodiscard]] ExitCode run_player(const PlayFlags& flags, PlayPlan plan,
                                   const ServiceManager& manager, SafeStart safe);
 
+/// Carries out --preflight: reads the source, or a sample of every item of a list, and prints one
+/// line for each with all problems. Returns kInput if one cannot be played or is damaged, else
+/// kQuality if disk and decoder are too slow for one.
+[[nodiscard]] ExitCode run_preflight(const PlayFlags& flags, const PlayPlan& plan);
+
 }  // namespace lenticule::player

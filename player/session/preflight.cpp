@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "player/session/preflight.h"
-
+// Implements lenticule play --preflight: tests whether disk and decoder are fast enough.
 #include <algorithm>
 #include <string>
 #include <vector>
@@ -12,6 +11,7 @@
 #include "player/playlist/playlist_reporter.h"
 #include "player/playlist/source_pace.h"
 #include "player/process/interrupt.h"
+#include "player/session/play_run.h"
 
 namespace lenticule::player {
 namespace {
@@ -58,7 +58,7 @@ ordered_json examine(const PlaylistItem& item, const PlayPlan& plan) {
                                             plan.context.panel.height));
     const frames::Rate rate = needed_rate(item, *opened.source, plan);
     try {
-      row["figures"] = to_json(measure_source(*opened.source, rate, kLongest));
+      row["figures"] = to_json(SourcePace::measure(*opened.source, rate, kLongest));
     } catch (const Error& error) {
       row["problems"].push_back(with_remedy(error));
     }

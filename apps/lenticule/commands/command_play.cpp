@@ -17,7 +17,6 @@
 #include "player/session/play_plan.h"
 #include "player/session/play_run.h"
 #include "player/session/play_service.h"
-#include "player/session/preflight.h"
 
 namespace lenticule::cli {
 namespace {

@@ -91,12 +91,12 @@ TEST(SourcePace, IgnoresTheFirstSecond) {
 
 TEST(SourcePace, ReadsASourceToItsEndOrItsError) {
   test::FakeSource good({.frames = 50});
-  EXPECT_GT(measure_source(good, {1, 60}, seconds(20)).seen_fps, 0.0);
+  EXPECT_GT(SourcePace::measure(good, {1, 60}, seconds(20)).seen_fps, 0.0);
   EXPECT_EQ(good.acquired(), 0u);
   test::FakeSource broken({.frames = 50, .fails_after = 3});
-  EXPECT_THROW((void)measure_source(broken, {1, 60}, seconds(20)), Error);
+  EXPECT_THROW((void)SourcePace::measure(broken, {1, 60}, seconds(20)), Error);
   test::FakeSource empty({.frames = 0});
-  EXPECT_THROW((void)measure_source(empty, {1, 60}, seconds(20)), Error);
+  EXPECT_THROW((void)SourcePace::measure(empty, {1, 60}, seconds(20)), Error);
 }
 
 TEST(SourcePace, DetectsASourceSlowerThanItsRate) {
@@ -109,7 +109,7 @@ TEST(SourcePace, DetectsASourceSlowerThanItsRate) {
                                       static_cast<int64_t>(n) * std::chrono::milliseconds(25);
                              },
                          .clock = clock});
-  const PaceFigures figures = measure_source(slow, {1000, 1}, seconds(20));
+  const PaceFigures figures = SourcePace::measure(slow, {1000, 1}, seconds(20));
   EXPECT_TRUE(figures.too_slow);
   EXPECT_LT(figures.seen_fps, 1000.0);
 }
