@@ -23,10 +23,6 @@ namespace {
 // plan_wall plans how one player shows the panels of a wall that are connected to one graphics
 // card: each plays its own film, and one commit changes all of them.
 
-/// Reads the wall of `flags` with its rigs, and sets source and display of the plan. Throws
-/// Error(Usage) for flags that need one rig, Error(Input) for files that are not valid.
-void plan_wall(const PlayFlags& flags, PlayPlan& plan);
-
 /// Drivers accept buffers of at most this width: one row of panels ends there.
 constexpr int kWidestRow = 16384;
 
@@ -71,6 +67,8 @@ class BufferLayout {
   int left_ = 0, top_ = 0;
 };
 
+/// Reads the wall of `flags` with its rigs, and sets source and display of the plan. Throws
+/// Error(Usage) for flags that need one rig, Error(Input) for files that are not valid.
 void plan_wall(const PlayFlags& flags, PlayPlan& plan) {
   refuse_flags(flags, plan);
   const optics::PlacedWall wall = optics::load_wall(flags.wall);

@@ -16,9 +16,6 @@
 #include <string_view>
 #include <utility>
 
-#include "base/file.h"
-#include "base/numbers.h"
-
 namespace lenticule::player {
 
 ServiceManager::ServiceManager() {
@@ -53,71 +50,6 @@ std::vector<StoredDescriptor> take_stored_descriptors() {
   }
   std::free(names);
   return kept;
-}
-
-namespace {
-
-constexpr const char* kFileName = "starts";
-constexpr uint64_t kMaxFileBytes = 64 * 1024;
-constexpr size_t kMaxReasonBytes = 400;
-constexpr size_t kMaxStarts = 100;
-
-std::string one_line(std::string_view text) {
-  std::string line(text.substr(0, kMaxReasonBytes));
-  std::replace_if(
-      line.begin(), line.end(), [](char c) { return static_cast<unsigned char>(c) < ' '; }, ' ');
-  return line;
-}
-
-}  // namespace
-
-StartHistory::StartHistory(const std::filesystem::path& folder, std::chrono::seconds now)
-    : file_(folder.empty() ? folder : folder / kFileName), this_{.at = now, .reason = {}} {
-  if (file_.empty()) return;
-  try {
-    read(now);
-  } catch (const std::exception&) {
-    before_.clear();  // no file yet, or not readable
-  }
-  failed({});
-}
-
-/// Parses "SECONDS REASON" per line; skips lines that are malformed, too old or in the future.
-void StartHistory::read(std::chrono::seconds now) {
-  const std::vector<uint8_t> bytes = read_whole_file(file_, kMaxFileBytes);
-  std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-  while (!text.empty() && before_.size() < kMaxStarts) {
-    std::string_view reason = take_until(text, '\n');
-    const auto at = take_number<int64_t>(reason);
-    const std::chrono::seconds when(at.value_or(0));
-    if (!at || when > now || when < now - kStartsRemembered) continue;
-    reason.remove_prefix(std::min(reason.find_first_not_of(' '), reason.size()));
-    before_.push_back({when, one_line(reason)});
-  }
-}
-
-void StartHistory::failed(const std::string& reason) noexcept {
-  try {
-    this_.reason = one_line(reason);
-    std::vector<Start> starts = before_;
-    starts.push_back(this_);
-    write(starts);
-  } catch (const std::exception&) {
-    return;  // no memory to record the reason
-  }
-}
-
-void StartHistory::write(const std::vector<Start>& starts) const noexcept {
-  if (file_.empty()) return;
-  try {
-    std::string text;
-    for (const Start& start : starts)
-      text += fmt::format("{} {}\n", start.at.count(), start.reason);
-    write_file_atomically(file_,
-                          std::span(reinterpret_cast<const uint8_t*>(text.data()), text.size()));
-  } catch (const std::exception&) {
-    return;  // a full or read-only disk must not prevent playing
-  }
 }
 
 std::chrono::seconds time_since_boot() {
@@ -203,39 +135,6 @@ std::string status_text(const PlayReport& report, const display::KmsStatistics* 
   if (report.off) text += ", output off";
   if (kms != nullptr) text += fmt::format(", panel {}", panel_state_name(kms->panel));
   return text + "; " + report.display;
-}
-
-PlayService::PlayService(const ServiceManager& manager, const display::KmsDisplay* display)
-    : manager_(manager), display_(display), last_ping_(std::chrono::steady_clock::now()) {
-  store_again();
-}
-
-void PlayService::report(const PlayReport& report) {
-  if (!manager_.present()) return;
-  std::optional<display::KmsStatistics> kms;
-  std::optional<display::ExactnessReport> exactness;
-  if (display_ != nullptr) {
-    kms = display_->statistics();
-    exactness = display_->exactness();
-  }
-  const display::KmsStatistics* const statistics = kms ? &*kms : nullptr;
-  std::string text = status_text(report, statistics, exactness ? &*exactness : nullptr);
-  if (!problem_.empty()) text = "test card shown: " + problem_ + "; " + text;
-  if (!warning_.empty()) text += "; " + warning_;
-  if (!ready_ && report.first_frame_ms > 0) {
-    ready_ = true;
-    manager_.ready(text);
-  } else if (ready_) {
-    manager_.status(text);
-  }
-
-  if (!manager_.watchdog()) return;
-  // Often enough for the watchdog, and rarely enough that a failing display is noticed between two
-  // pings.
-  const auto now = std::chrono::steady_clock::now();
-  if (now - last_ping_ < *manager_.watchdog() * 2 / 5) return;
-  last_ping_ = now;
-  if (watchdog_.should_ping(progress_sample(report, statistics))) manager_.ping();
 }
 
 }  // namespace lenticule::player

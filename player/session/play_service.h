@@ -3,15 +3,23 @@
 // watchdog pings only while frames are displayed, and the active output kept for the next player.
 #pragma once
 
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
+#include <exception>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "base/file.h"
+#include "base/numbers.h"
 #include "base/text.h"
 #include "base/unique_fd.h"
 #include "display/kms/scanout/kms_display.h"
@@ -75,7 +83,16 @@ class StartHistory {
  public:
   /// Records this start at once, so that a start that crashes is included. `folder` empty = no
   /// history. `now` is from a clock that continues over restarts of the process.
-  StartHistory(const std::filesystem::path& folder, std::chrono::seconds now);
+  StartHistory(const std::filesystem::path& folder, std::chrono::seconds now)
+      : file_(folder.empty() ? folder : folder / kFileName), this_{.at = now, .reason = {}} {
+    if (file_.empty()) return;
+    try {
+      read(now);
+    } catch (const std::exception&) {
+      before_.clear();  // no file yet, or not readable
+    }
+    failed({});
+  }
 
   /// Returns the number of starts before this one that did not end well.
   [[nodiscard]] int failures() const { return static_cast<int>(before_.size()); }
@@ -86,16 +103,59 @@ class StartHistory {
 
   /// Removes this start from the history.
   void ended_well() noexcept { write(before_); }
-  void failed(const std::string& reason) noexcept;
+  void failed(const std::string& reason) noexcept {
+    try {
+      this_.reason = one_line(reason);
+      std::vector<Start> starts = before_;
+      starts.push_back(this_);
+      write(starts);
+    } catch (const std::exception&) {
+      return;  // no memory to record the reason
+    }
+  }
 
  private:
+  static constexpr const char* kFileName = "starts";
+  static constexpr uint64_t kMaxFileBytes = 64 * 1024;
+  static constexpr size_t kMaxReasonBytes = 400;
+  static constexpr size_t kMaxStarts = 100;
+
+  static std::string one_line(std::string_view text) {
+    std::string line(text.substr(0, kMaxReasonBytes));
+    std::replace_if(
+        line.begin(), line.end(), [](char c) { return static_cast<unsigned char>(c) < ' '; }, ' ');
+    return line;
+  }
   struct Start {
     std::chrono::seconds at{0};
     std::string reason;
   };
 
-  void read(std::chrono::seconds now);
-  void write(const std::vector<Start>& starts) const noexcept;
+  /// Parses "SECONDS REASON" per line; skips lines that are malformed, too old or in the future.
+  void read(std::chrono::seconds now) {
+    const std::vector<uint8_t> bytes = read_whole_file(file_, kMaxFileBytes);
+    std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    while (!text.empty() && before_.size() < kMaxStarts) {
+      std::string_view reason = take_until(text, '\n');
+      const auto at = take_number<int64_t>(reason);
+      const std::chrono::seconds when(at.value_or(0));
+      if (!at || when > now || when < now - kStartsRemembered) continue;
+      reason.remove_prefix(std::min(reason.find_first_not_of(' '), reason.size()));
+      before_.push_back({when, one_line(reason)});
+    }
+  }
+  void write(const std::vector<Start>& starts) const noexcept {
+    if (file_.empty()) return;
+    try {
+      std::string text;
+      for (const Start& start : starts)
+        text += fmt::format("{} {}\n", start.at.count(), start.reason);
+      write_file_atomically(file_,
+                            std::span(reinterpret_cast<const uint8_t*>(text.data()), text.size()));
+    } catch (const std::exception&) {
+      return;  // a full or read-only disk must not prevent playing
+    }
+  }
 
   std::filesystem::path file_;  ///< empty = no history
   std::vector<Start> before_;
@@ -168,10 +228,39 @@ class PlayService {
  public:
   /// `display` is null unless it is a KMS display. Lifetime: it must stay valid until the last
   /// report.
-  PlayService(const ServiceManager& manager, const display::KmsDisplay* display);
+  PlayService(const ServiceManager& manager, const display::KmsDisplay* display)
+      : manager_(manager), display_(display), last_ping_(std::chrono::steady_clock::now()) {
+    store_again();
+  }
 
   /// Call about once a second while playing.
-  void report(const PlayReport& report);
+  void report(const PlayReport& report) {
+    if (!manager_.present()) return;
+    std::optional<display::KmsStatistics> kms;
+    std::optional<display::ExactnessReport> exactness;
+    if (display_ != nullptr) {
+      kms = display_->statistics();
+      exactness = display_->exactness();
+    }
+    const display::KmsStatistics* const statistics = kms ? &*kms : nullptr;
+    std::string text = status_text(report, statistics, exactness ? &*exactness : nullptr);
+    if (!problem_.empty()) text = "test card shown: " + problem_ + "; " + text;
+    if (!warning_.empty()) text += "; " + warning_;
+    if (!ready_ && report.first_frame_ms > 0) {
+      ready_ = true;
+      manager_.ready(text);
+    } else if (ready_) {
+      manager_.status(text);
+    }
+
+    if (!manager_.watchdog()) return;
+    // Often enough for the watchdog, and rarely enough that a failing display is noticed between
+    // two pings.
+    const auto now = std::chrono::steady_clock::now();
+    if (now - last_ping_ < *manager_.watchdog() * 2 / 5) return;
+    last_ping_ = now;
+    if (watchdog_.should_ping(progress_sample(report, statistics))) manager_.ping();
+  }
   /// Stores the output again after the display came back.
   void store_again() {
     if (display_ != nullptr) store_output(manager_, *display_);
