@@ -2,6 +2,8 @@
 // Makes the pictures of the window: what two eyes see of a sent picture, in one picture.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -16,15 +18,31 @@ class EyePair {
  public:
   /// Begins in the middle of the viewing line, or at twice the panel's width if the rig's line is
   /// infinitely far away.
-  explicit EyePair(const optics::OpticalModel& model);
+  explicit EyePair(const optics::OpticalModel& model)
+      : model_(model),
+        first_distance_mm_(first_distance(model.rig())),
+        distance_mm_(first_distance_mm_) {
+    centre();
+  }
 
   /// Moves the eyes with the mouse: (0, 0) is the window's top left, (1, 1) its bottom right. The
-  /// window's width is two viewing zones, its height the panel's height.
-  void follow_mouse(double across, double down);
+  /// window's width is two lobes, its height the panel's height.
+  void follow_mouse(double across, double down) {
+    const optics::Panel& panel = model_.rig().panel;
+    across_ = 2.0 * (across - 0.5);
+    up_mm_ = model_.design_eye().y + (0.5 - down) * panel.height_px * panel.pixel_height.value;
+  }
   /// Moves the eyes nearer (negative steps) or away, by a twentieth per step.
-  void step_back(double steps);
+  void step_back(double steps) {
+    distance_mm_ = std::clamp(distance_mm_ * std::pow(1.05, steps), first_distance_mm_ / kFarthest,
+                              first_distance_mm_ * kFarthest);
+  }
   /// Moves the eyes to the beginning.
-  void centre();
+  void centre() {
+    across_ = 0.0;
+    up_mm_ = model_.design_eye().y;
+    distance_mm_ = first_distance_mm_;
+  }
 
   [[nodiscard]] optics::Eye left() const { return at(-0.5); }
   [[nodiscard]] optics::Eye right() const { return at(0.5); }
@@ -32,11 +50,24 @@ class EyePair {
   [[nodiscard]] optics::Eye middle() const { return at(0.0); }
 
  private:
-  [[nodiscard]] optics::Eye at(double side) const;
+  static constexpr double kBetweenEyesMm = 65.0;
+  static constexpr double kFarthest =
+      5.0;  ///< times the first distance; the nearest is a fifth of it
+
+  static double first_distance(const optics::Rig& rig) {
+    const double distance = rig.viewing.distance.value;
+    return std::isinf(distance) ? 2.0 * rig.panel.width_px * rig.panel.pixel_width.value : distance;
+  }
+  [[nodiscard]] optics::Eye at(double side) const {
+    return {.x = model_.design_eye().x + across_ * model_.lobe_width_mm(distance_mm_) +
+                 side * kBetweenEyesMm,
+            .y = up_mm_,
+            .z_mm = distance_mm_};
+  }
 
   optics::OpticalModel model_;
   double first_distance_mm_;
-  double across_ = 0.0;  ///< viewing zones to the right
+  double across_ = 0.0;  ///< lobes to the right
   double up_mm_ = 0.0;
   double distance_mm_;
 };
