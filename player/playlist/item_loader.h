@@ -98,7 +98,7 @@ class ItemLoader {
     if (list->is_single() && !list->items.front().schedule && !waits)
       first = open_item(list->items.front(), 0);
     const std::lock_guard lock(mutex_);
-    next_.wanted = first == nullptr;
+    next_.requested = first == nullptr;
     if (first) locked_offer(std::move(first), {.kind = NextItem::Kind::Item});
     work_there_.notify_all();
   }
@@ -110,8 +110,8 @@ class ItemLoader {
   };
   [[nodiscard]] Offer take_next() {
     const std::lock_guard lock(mutex_);
-    if (!next_.item && !next_.list_over && !next_.wanted) {
-      next_.wanted = true;
+    if (!next_.item && !next_.list_over && !next_.requested) {
+      next_.requested = true;
       work_there_.notify_all();
     }
     if (!next_.item) return {};
@@ -121,7 +121,7 @@ class ItemLoader {
   }
   void want_next() {
     const std::lock_guard lock(mutex_);
-    next_.wanted = true;
+    next_.requested = true;
     work_there_.notify_all();
   }
   [[nodiscard]] bool next_is_there() const {
@@ -188,7 +188,7 @@ class ItemLoader {
       faults_.broke_off = true;
       faults_.loops_done = fault.loops_done;
       if (!fault.played) locked_note_unplayable(fault.standby, problem);
-      if (locked_outlasts()) next_.list_over = false;
+      if (locked_keeps_trying()) next_.list_over = false;
       if (is_known) return;
     }
     reporter_.report({.kind = EventKind::ItemSkipped, .source = fault.source, .detail = problem});
@@ -245,7 +245,7 @@ class ItemLoader {
     if (request.place.interrupts) (void)locked_find_progress();
     if (!request.returns) cursor_.jump(request.place);  // begin() returns
     if (!cursor_.interrupted()) interrupted_ = {};
-    next_.list_over = next_.nothing_for_now = next_.wanted = false;
+    next_.list_over = next_.nothing_for_now = next_.requested = false;
     ++jump_.serial;  // discards the item being opened for the old place
     locked_discard(next_.item);
     return jump_.end();
@@ -257,7 +257,7 @@ class ItemLoader {
       const std::lock_guard lock(mutex_);
       if (!jump_.holds(arrival.serial)) return;
       done = jump_.end();
-      next_.wanted = true;
+      next_.requested = true;
       work_there_.notify_all();
     }
     done(&error);
@@ -413,11 +413,11 @@ class ItemLoader {
   /// The item that follows the playing one.
   struct Next {
     std::unique_ptr<OpenItem> item{};
-    bool wanted = false;
+    bool requested = false;
     bool list_over = false;        ///< the last round is over
     bool nothing_for_now = false;  ///< no item is scheduled now
     SteadyTime retry_at{};
-    [[nodiscard]] bool is_due() const { return wanted && !item && !list_over; }
+    [[nodiscard]] bool is_due() const { return requested && !item && !list_over; }
   };
 
   struct JumpRequest {
@@ -525,7 +525,7 @@ class ItemLoader {
     const LocalTime now = options_.local_time();
     NextItem pick = cursor_.next(now);
     if (pick.kind == NextItem::Kind::End && cursor_.interrupted()) return open_interrupted(lock);
-    const bool again = locked_outlasts();
+    const bool again = locked_keeps_trying();
     if (pick.kind == NextItem::Kind::End && again)
       pick = {.kind = NextItem::Kind::Item, .index = 0, .rounds_done = cursor_.rounds_done()};
     next_.nothing_for_now = pick.kind == NextItem::Kind::None;
@@ -592,8 +592,8 @@ class ItemLoader {
         slot.request->returns ? opening_frame(item, interrupted_.frame) : slot.request->frame;
     const bool jumps = &slot == &jump_;
     std::unique_ptr<OpenItem> gone = jumps ? std::move(next_.item) : nullptr;
-    const bool next_was_wanted = next_.wanted || gone;
-    if (jumps) next_.wanted = false;
+    const bool next_was_requested = next_.requested || gone;
+    if (jumps) next_.requested = false;
     if (gone) cursor_.back_to_playing();
     Attempt attempt = unlocked(lock, [&] {
       gone.reset();
@@ -608,7 +608,7 @@ class ItemLoader {
     }
     const bool returns = slot.request->returns;
     const JumpDone done = slot.end();
-    if (jumps) next_.wanted = next_was_wanted;
+    if (jumps) next_.requested = next_was_requested;
     if (returns) {
       const Fault fault{.source = item.source.text, .why = with_remedy(*attempt.error)};
       locked_leave_interruption();
@@ -642,7 +642,7 @@ class ItemLoader {
              {.list = place.list, .index = *place.playing, .rounds_done = place.rounds_done});
       continue_item(*attempt.item, interrupted_);
       next_.item = std::move(attempt.item);
-      next_.wanted = false;
+      next_.requested = false;
       return wake_.signal();
     }
     locked_end_interruption();
@@ -710,7 +710,7 @@ class ItemLoader {
   /// being opened.
   void check_item(Lock& lock) {
     const uint32_t number = playing_.number;
-    const bool is_leaving = next_.item || next_.wanted || jump_.request || playing_.outdated;
+    const bool is_leaving = next_.item || next_.requested || jump_.request || playing_.outdated;
     if (!options_.marks_of || number == 0 || is_leaving || playing_.files.empty()) return;
     const PlaylistItem item = playing_.item;
     const std::vector<FileMark> now = unlocked(lock, [&] { return options_.marks_of(item); });
@@ -774,7 +774,7 @@ class ItemLoader {
     }
     item->rounds_done = cursor_.rounds_done();
     next_.item = std::move(item);
-    next_.wanted = false;
+    next_.requested = false;
     wake_.signal();
   }
   void locked_discard(std::unique_ptr<OpenItem>& item) {
@@ -786,7 +786,7 @@ class ItemLoader {
     return scheduled > 0 && faults_.unplayable_in_a_row >= scheduled;
   }
   /// Returns true if nothing works any more, and this does not end the list.
-  [[nodiscard]] bool locked_outlasts() const {
+  [[nodiscard]] bool locked_keeps_trying() const {
     const bool repeats = options_.outlasts_faults || cursor_.list()->rounds != 1;
     const bool is_last = faults_.broke_off && cursor_.list()->items.size() == 1;
     return repeats && shown_ && !cursor_.interrupted() && (is_last || locked_none_works());
@@ -803,7 +803,7 @@ class ItemLoader {
     const Playlist& list = *cursor_.list();
     if (list.standby && !faults_.standby_broken) return list.standby;
     if (list.awaits_files || !shown_) return black_item();
-    if (locked_outlasts() && SteadyClock::now() >= faults_.since + kUntilCard)
+    if (locked_keeps_trying() && SteadyClock::now() >= faults_.since + kUntilCard)
       return card_for(faults_.problem);
     return std::nullopt;
   }
@@ -853,7 +853,7 @@ class ItemLoader {
     faults_.unplayable_in_a_row = 0;
     playing_.outdated =
         plays_item ? !continues : playing_.standby && locked_standby() != playing_.item;
-    next_.wanted = next_.wanted || next_.item;
+    next_.requested = next_.requested || next_.item;
     locked_discard(next_.item);
     next_.list_over = next_.nothing_for_now = false;
     next_.retry_at = {};
@@ -913,7 +913,7 @@ class ItemLoader {
   /// goes on with its next item that plays, or with its card.
   void locked_leave_interruption() {
     locked_end_interruption();
-    playing_.outdated = next_.wanted = checks_.at_once = true;
+    playing_.outdated = next_.requested = checks_.at_once = true;
     locked_discard(next_.item);
     wake_.signal();
   }

@@ -30,7 +30,7 @@ ItemProgress progress_of(const OpenItem& item, uint64_t given) {
   return {.number = item.number,
           .first_frame = item.first_frame,
           .frame = item.last_number,
-          .pulled = item.pulled,
+          .frames_pulled = item.frames_pulled,
           .pulled_this_round = item.pulled_this_round,
           .loops_done = item.loops_done,
           .frame_count = item.opened.source->frame_count(),
@@ -41,12 +41,12 @@ ItemProgress progress_at(ItemProgress progress, const LeftItem& left) {
   progress.final = true;
   if (!left.last) {  // it begins again
     progress.frame = progress.first_frame;
-    progress.pulled = progress.pulled_this_round = progress.loops_done = 0;
+    progress.frames_pulled = progress.pulled_this_round = progress.loops_done = 0;
     return progress;
   }
   const uint64_t again = progress.given - std::min(progress.given, left.last->index);
   progress.frame = left.last->number;
-  progress.pulled -= std::min(progress.pulled, again);
+  progress.frames_pulled -= std::min(progress.frames_pulled, again);
   if (again > progress.pulled_this_round) {
     const uint64_t before = again - progress.pulled_this_round - 1;
     const uint64_t rounds =
@@ -60,7 +60,7 @@ ItemProgress progress_at(ItemProgress progress, const LeftItem& left) {
 }
 
 void continue_item(OpenItem& item, const ItemProgress& progress) {
-  item.pulled = progress.pulled;
+  item.frames_pulled = progress.frames_pulled;
   item.pulled_this_round = progress.pulled_this_round;
   item.loops_done = progress.loops_done;
   item.returns = true;

@@ -30,8 +30,9 @@ struct OpenItem {
 
   // Changed by the frame copier.
   uint32_t number = 0;  ///< running number over all items that were started
-  uint64_t pulled = 0;
-  uint64_t handed_out = 0;  ///< frames of this turn; `pulled` includes those of an earlier one
+  uint64_t frames_pulled = 0;
+  uint64_t handed_out =
+      0;  ///< frames of this turn; `frames_pulled` includes those of an earlier one
   uint64_t pulled_this_round = 0;
   uint64_t loops_done = 0;
   uint64_t last_number = 0;  ///< number of the frame that was pulled last
@@ -59,7 +60,7 @@ struct ItemProgress {
   uint32_t number = 0;  ///< running number of the item; 0: none
   uint64_t first_frame = 0;
   uint64_t frame = 0;  ///< number of the frame with which the item continues
-  uint64_t pulled = 0;
+  uint64_t frames_pulled = 0;
   uint64_t pulled_this_round = 0;
   uint64_t loops_done = 0;
   std::optional<uint64_t> frame_count{};

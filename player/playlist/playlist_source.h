@@ -259,7 +259,7 @@ class PlaylistSource final : public frames::FrameSource {
     reporter_.count_damage(item);
     if (!item.is_placeholder()) give_up_at_.reset();
     if (item.handed_out == 1) loader_.note_first_frame(item);
-    if (item.pulled++ > 0 || item.is_placeholder()) return;
+    if (item.frames_pulled++ > 0 || item.is_placeholder()) return;
     reporter_.started(item);
   }
 
@@ -280,7 +280,7 @@ class PlaylistSource final : public frames::FrameSource {
   [[nodiscard]] bool is_over(const OpenItem& item) const {
     if (!item.index) return false;
     const auto limit = item.frame_limit(rate_of(item));
-    return limit && item.pulled >= *limit;
+    return limit && item.frames_pulled >= *limit;
   }
   /// Handles the end of a round. Returns true if the same item continues or turned out to be
   /// broken.
@@ -316,7 +316,7 @@ class PlaylistSource final : public frames::FrameSource {
   [[nodiscard]] bool takes_replacement(const OpenItem& item) {
     std::unique_ptr<OpenItem> fresh = loader_.take_replacement(item.number);
     if (!fresh) return false;
-    fresh->pulled = item.pulled;  // its play time continues
+    fresh->frames_pulled = item.frames_pulled;  // its play time continues
     fresh->loops_done = item.loops_done;
     const std::string source = item.item.source.text;
     leave_current();
@@ -343,7 +343,7 @@ class PlaylistSource final : public frames::FrameSource {
     watch(*current_, false);
     loader_.leave();
     // An item of which no frame was shown is reported as left out.
-    if (current_->pulled > 0) {
+    if (current_->frames_pulled > 0) {
       reporter_.count_damage(*current_);
       reporter_.report_damage(*current_);
     }
@@ -372,7 +372,8 @@ class PlaylistSource final : public frames::FrameSource {
     if (!all && count && loops != kForever && item.index) all = *count * loops;
     if (!all && loops == kForever && item.index) return;
     const double left =
-        all ? static_cast<double>(*all - std::min(*all, item.pulled)) / rate_of(item).hertz() : 0.0;
+        all ? static_cast<double>(*all - std::min(*all, item.frames_pulled)) / rate_of(item).hertz()
+            : 0.0;
     if (left > kAheadSeconds * speed_.load()) return;
     next_asked_ = true;
     loader_.want_next();
