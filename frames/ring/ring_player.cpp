@@ -331,31 +331,32 @@ void RingPlayer::serve_connection() {
     Packet packet;
     const Transfer transfer = receive_packet(connection_->socket.get(), packet, PassedFds::Ignore);
     if (transfer == Transfer::WouldBlock && !dead) return;
-    const Standing standing = transfer == Transfer::Done ? handle(packet) : Standing::Lost;
-    if (standing != Standing::Connected) return end_connection(standing);
+    const ConnectionState state =
+        transfer == Transfer::Done ? handle(packet) : ConnectionState::Lost;
+    if (state != ConnectionState::Connected) return end_connection(state);
   }
 }
 
-RingPlayer::Standing RingPlayer::handle(const Packet& packet) {
+RingPlayer::ConnectionState RingPlayer::handle(const Packet& packet) {
   MessagePrefix prefix;
   uint64_t published = 0;
   if (read_prefix(packet.bytes(), prefix) == nullptr && prefix.kind == MessageKind::Wanted) {
     slot_table_.slot_wanted();
     send_freed();  // a slot may have become free before the request arrived; the renderer looks
                    // again
-    return slot_table_.misbehaved() ? Standing::Lost : Standing::Connected;
+    return slot_table_.misbehaved() ? ConnectionState::Lost : ConnectionState::Connected;
   }
-  if (read_goodbye(packet.bytes(), published) != nullptr) return Standing::Lost;
+  if (read_goodbye(packet.bytes(), published) != nullptr) return ConnectionState::Lost;
   slot_table_.finish_sequence(published);
-  return Standing::SaidGoodbye;
+  return ConnectionState::SaidGoodbye;
 }
 
 void RingPlayer::drop_if_malformed() {
-  if (slot_table_.misbehaved()) end_connection(Standing::Lost);
+  if (slot_table_.misbehaved()) end_connection(ConnectionState::Lost);
 }
 
-void RingPlayer::end_connection(Standing why) {
-  if (why == Standing::Lost) ++deaths_;
+void RingPlayer::end_connection(ConnectionState why) {
+  if (why == ConnectionState::Lost) ++deaths_;
   // The order matters: once the process is known to be dead, its last write to the table is final.
   const bool dead = is_dead(connection_->process);
   const Epoch epoch = slot_table_.epoch();

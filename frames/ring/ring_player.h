@@ -138,8 +138,8 @@ class RingPlayer final : public FrameSource {
     UniqueFd process;
   };
 
-  /// Standing is the state of a connection after a message.
-  enum class Standing { Connected, SaidGoodbye, Lost };
+  /// ConnectionState is the state of a connection after a message.
+  enum class ConnectionState { Connected, SaidGoodbye, Lost };
 
   struct Refusal {
     RefuseReason reason;
@@ -160,9 +160,9 @@ class RingPlayer final : public FrameSource {
   void report_other_trim(const RendererHello& hello) const;
   [[nodiscard]] std::optional<Refusal> admit(UniqueFd& socket, RendererHello hello);
   void serve_connection();
-  [[nodiscard]] Standing handle(const Packet& packet);
+  [[nodiscard]] ConnectionState handle(const Packet& packet);
   void drop_if_malformed();
-  void end_connection(Standing why);
+  void end_connection(ConnectionState why);
   void recover_departed();
   void send_freed() const noexcept;
 

@@ -118,7 +118,7 @@ nlohmann::json to_json(const display::KmsStatistics& statistics) {
           {"hotplugs", statistics.hotplugs},
           {"links_bad", statistics.links_bad},
           {"suspends", statistics.suspends},
-          {"pauses", statistics.pauses},
+          {"pauses", statistics.times_paused},
           {"lost_ticks", statistics.lost_ticks},
           {"one_commit", statistics.one_commit},
           {"largest_skew_us", static_cast<double>(statistics.largest_skew.count()) / 1e3},

@@ -328,7 +328,7 @@ class PageFlipHandler final : private DrmEventHandler {
   void pause() noexcept {
     if (paused_) return;
     paused_ = true;
-    ++counters_.pauses;
+    ++counters_.times_paused;
     resume_backoff_ = kFirstResume;
     resume_at_ = now() + resume_backoff_;
     flip_.stick(resume_at_);

@@ -121,8 +121,8 @@ struct KmsStatistics {
   uint64_t hotplugs = 0;    ///< changes of the connector that were examined
   uint64_t links_bad = 0;
   uint64_t suspends = 0;
-  uint64_t pauses = 0;
-  uint64_t lost_ticks = 0;  ///< vblank events that did not arrive
+  uint64_t times_paused = 0;  ///< times another session took the card
+  uint64_t lost_ticks = 0;    ///< vblank events that did not arrive
   /// Largest difference between the vblanks at which the connectors of an output began to show a
   /// frame.
   Nanoseconds largest_skew{0};

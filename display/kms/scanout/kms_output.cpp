@@ -25,7 +25,7 @@ KmsStatistics KmsCounters::snapshot() const noexcept {
           .hotplugs = hotplugs,
           .links_bad = links_bad,
           .suspends = suspends,
-          .pauses = pauses,
+          .times_paused = times_paused,
           .lost_ticks = lost_ticks,
           .largest_skew = largest_skew,
           .panel = panel,

@@ -31,7 +31,7 @@ namespace lenticule::display {
 /// Thread safety: written by the presenter thread, read by any.
 struct KmsCounters {
   std::atomic<uint64_t> flips, busy, denied, refused, flip_timeouts, stray_events, truncated_reads,
-      recoveries, modesets, hotplugs, links_bad, suspends, pauses, lost_ticks;
+      recoveries, modesets, hotplugs, links_bad, suspends, times_paused, lost_ticks;
   std::atomic<Nanoseconds> largest_skew;
   std::atomic<PanelState> panel;
   std::atomic<bool> hardware_clock, off;

@@ -122,7 +122,7 @@ TEST_F(KmsFaults, AccessDeniedForAWhilePausesAndResumes) {
     idle(seconds(2));
     EXPECT_EQ(submit(2), SubmitStatus::Paused);
     idle(seconds(4));
-    EXPECT_EQ(show->statistics().pauses, 1U);
+    EXPECT_EQ(show->statistics().times_paused, 1U);
     EXPECT_EQ(show->statistics().modesets, 1U);
     expect_playing(3);
     show.reset();
@@ -140,7 +140,7 @@ TEST_F(KmsFaults, LostMastershipPausesAndResumes) {
   ASSERT_TRUE(show->request_vblank(before));
   EXPECT_EQ(wait(seconds(1)).kind, EventKind::Vblank);
   idle(seconds(6));
-  EXPECT_EQ(show->statistics().pauses, 1U);
+  EXPECT_EQ(show->statistics().times_paused, 1U);
   EXPECT_EQ(show->statistics().denied, 1U);
   EXPECT_GT(show->statistics().modesets, 0U) << "all state may have changed meanwhile";
   expect_playing(3);
