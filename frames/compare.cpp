@@ -52,8 +52,9 @@ std::array<uint8_t, 3> heat_of(int levels) {
 void require_same_size(const FrameView& reference, const FrameView& test) {
   if (reference.geometry != test.geometry)
     throw Error(ErrorKind::Input,
-                fmt::format("pictures of {} and {} pixels: not comparable",
-                            size_text(reference.geometry), size_text(test.geometry)));
+                fmt::format("test picture: {} pixels, but the reference has {}",
+                            size_text(test.geometry), size_text(reference.geometry)),
+                "compare pictures of one size");
 }
 
 void Difference::add(const Difference& other) {

@@ -14,6 +14,7 @@
 #include <limits>
 #include <optional>
 #include <span>
+#include <tuple>
 #include <utility>
 
 #include "base/error.h"
@@ -792,16 +793,16 @@ Nanoseconds frame_time(double frames_per_second) {
 }
 
 void check_options(const V4l2Options& options) {
-  const auto in = [](double value, double low, double high) {
-    return value >= low && value <= high;
-  };
-  if (!in(options.refresh_hz, 1.0, 1000.0) || !in(options.exposure_periods, 1, 1000) ||
-      !in(options.frames_per_second, 0.1, 1000.0) || !in(options.width, 0, 16384) ||
-      !in(options.height, 0, 16384) || !in(options.skipped_pictures, 0, 1000))
-    throw Error(
-        ErrorKind::Usage, "camera: an option is out of range",
-        "refresh and frame rate up to 1000 Hz, exposures of 1 to 1000 refreshes, sides up to "
-        "16384");
+  for (const auto& [name, value, low, high] :
+       {std::tuple("refresh rate in Hz", options.refresh_hz, 1.0, 1000.0),
+        {"refreshes per exposure", options.exposure_periods, 1.0, 1000.0},
+        {"pictures per second", options.frames_per_second, 0.1, 1000.0},
+        {"width", options.width, 0.0, 16384.0},
+        {"height", options.height, 0.0, 16384.0},
+        {"number of skipped pictures", options.skipped_pictures, 0.0, 1000.0}})
+    if (!(value >= low && value <= high))
+      throw Error(ErrorKind::Usage, fmt::format("camera: {}: {} is out of range", name, value),
+                  fmt::format("use {} to {}", low, high));
   if (!options.pixel_format.empty() && layout_named(options.pixel_format) == nullptr)
     throw Error(ErrorKind::Usage,
                 fmt::format("camera: pixel format '{}' is not known", options.pixel_format),

@@ -711,8 +711,8 @@ void add_warnings(const PhotoMeasurement& work, const SinglePhotoChart& chart, b
                     sigma));
   if (!work.squares)
     out.warnings.emplace_back(
-        "it cannot be checked whether the chart was shown pixel by pixel: the picture is too "
-        "small");
+        "photograph: too small to check whether the chart was shown pixel by pixel; take it nearer "
+        "to the panel");
   const double there = drift_of(work, false).worst_lenses;
   if (out.drift.worst_lenses > std::max(kEvenLenses, 2.0 * there))
     out.warnings.push_back(

@@ -361,8 +361,8 @@ std::vector<std::string> warnings_about(const OpticalModel& model) {
   warn(std::abs(sheet.slant * aspect) > 1.0, "sheet.slant: steeper than 45 degrees");
   warn(sheet.pitch.value < 4.0, "sheet.pitch_subpx: fewer than four subpixels per lens");
   warn(std::isfinite(lobe) && lobe < kEyesMm,
-       fmt::format("a viewing zone is {:.0f} mm wide: too narrow for two eyes", lobe));
-  warn(std::isfinite(lobe) && lobe > z, "a viewing zone is wider than the viewing distance");
+       fmt::format("sheet: a lobe is {:.0f} mm wide, too narrow for two eyes", lobe));
+  warn(std::isfinite(lobe) && lobe > z, "sheet: a lobe is wider than the viewing distance");
   warn(sheet.refraction_shape < 0.3, "sheet.refraction_shape: a refractive index above 1.8");
   warn(sheet.spot_sigma.value > 0.25,
        "sheet.spot_sigma_lenses: so large that neighbouring views overlap");
