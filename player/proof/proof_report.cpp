@@ -2,7 +2,6 @@
 #include "player/proof/proof_report.h"
 
 #include <fmt/format.h>
-#include <fnmatch.h>
 #include <grp.h>
 #include <systemd/sd-id128.h>
 #include <systemd/sd-journal.h>
@@ -34,18 +33,6 @@ std::string formatted(int64_t time_us, const char* format) {
   const std::tm time = local(time_us);
   std::array<char, 128> text{};
   return {text.data(), std::strftime(text.data(), text.size(), format, &time)};
-}
-
-/// Adds the counts of an entry or of a row.
-template <class Counts>
-void add(const Counts& counts, ReportRow& row) {
-  row.exactness = worse_exactness(row.exactness, counts.exactness);
-  row.whole += counts.whole;
-  row.interrupted += counts.interrupted;
-  row.frames += counts.frames;
-  row.unseen += counts.unseen;
-  row.missed += counts.missed;
-  row.damaged += counts.damaged;
 }
 
 /// Returns the numbers of "2026-11-25" or "14:03:05", all with two digits, except the year.
@@ -118,78 +105,6 @@ std::optional<int64_t> parse_local_time(std::string_view text, int64_t now_us) {
   const auto clock = parts(text, ':');
   if (!day || !clock) return std::nullopt;
   return time_of(*day, *clock);
-}
-
-ProofReport::ProofReport(ReportFilter filter) : filter_(std::move(filter)) {}
-
-bool ProofReport::covers(int64_t time_us) const {
-  return (!filter_.since_us || time_us >= *filter_.since_us) &&
-         (!filter_.until_us || time_us < *filter_.until_us);
-}
-
-bool ProofReport::covers_item(const std::string& item) const {
-  if (filter_.item.empty()) return true;
-  const std::string file = item.substr(item.rfind('/') + 1);
-  return fnmatch(filter_.item.c_str(), item.c_str(), 0) == 0 ||
-         fnmatch(filter_.item.c_str(), file.c_str(), 0) == 0;
-}
-
-ReportRow& ProofReport::row_of(int64_t time_us, const ProofEntry& entry,
-                               const ProofOrigin& origin) {
-  const Key key{local_day(time_us), entry.item, entry.panel, writer_of(origin)};
-  const auto& [day, item, panel, unit] = key;
-  return rows_.try_emplace(key, ReportRow{.day = day, .item = item, .panel = panel, .unit = unit})
-      .first->second;
-}
-
-void ProofReport::add(const JournalEntry& entry) {
-  if (!entry.proof) {
-    ++ignored_;
-    return;
-  }
-  const ProofEntry& proof = *entry.proof;
-  const Session session{.origin = entry.origin, .number = proof.session};
-  last_turn_[session] = proof.turn;
-  if (!covers_item(proof.item)) return;
-  const Turn turn{session, proof.turn};
-  if (proof.event == ProofEntry::Event::Ended)
-    open_.erase(turn);
-  else
-    open_.insert_or_assign(turn, proof);
-  const bool counts = proof.event != ProofEntry::Event::Started;
-  if (!counts || !covers(proof.from_us)) return;
-  ReportRow& row = row_of(proof.from_us, proof, entry.origin);
-  if (!proof.hash.empty()) row.hashes.insert(proof.hash);
-  lenticule::player::add(proof, row);
-}
-
-ProofSummary ProofReport::finish(const IsRunning& is_running) {
-  ProofSummary summary;
-  for (const auto& [turn, last] : open_) {
-    if (!covers(last.until_us)) continue;
-    const auto& [session, number] = turn;
-    // A turn that another one followed is over, even if its end is missing.
-    const bool running = last_turn_.at(session) == number && is_running(last, session.origin);
-    summary.unended.push_back({.item = last.item,
-                               .panel = last.panel,
-                               .unit = writer_of(session.origin),
-                               .counted_until_us = last.until_us,
-                               .running = running});
-    if (running) continue;
-    ReportRow& row = row_of(last.until_us, last, session.origin);
-    ++row.interrupted;
-    if (!last.hash.empty()) row.hashes.insert(last.hash);
-    row.exactness = worse_exactness(row.exactness, last.exactness);
-  }
-  std::sort(summary.unended.begin(), summary.unended.end(), [](const auto& a, const auto& b) {
-    return std::tie(a.counted_until_us, a.item) < std::tie(b.counted_until_us, b.item);
-  });
-  for (const auto& [key, row] : rows_) {
-    lenticule::player::add(row, summary.total);
-    summary.rows.push_back(row);
-  }
-  summary.ignored = ignored_;
-  return summary;
 }
 
 namespace {

@@ -4,6 +4,9 @@
 // report for people, spreadsheets and programs.
 #pragma once
 
+#include <fnmatch.h>
+
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -71,17 +74,82 @@ struct ProofSummary {
   uint64_t ignored = 0;  ///< entries with missing or wrong fields
 };
 
+/// Returns the worse of two verdicts of exactness: "no", "cannot tell", "yes", "-".
+[[nodiscard]] std::string worse_exactness(const std::string& a, const std::string& b);
+/// Returns the writer's unit, or "user 1000: /usr/bin/lenticule" if it is not in a service.
+[[nodiscard]] std::string writer_of(const ProofOrigin& origin);
+/// Returns the local day, "2026-11-25", and the local time with its zone, "2026-11-25 14:03:05
+/// CET".
+[[nodiscard]] std::string local_day(int64_t time_us);
+
 class ProofReport {
  public:
   using IsRunning = std::function<bool(const ProofEntry&, const ProofOrigin&)>;
 
-  explicit ProofReport(ReportFilter filter);
+  explicit ProofReport(ReportFilter filter) : filter_(std::move(filter)) {}
   /// Adds an entry; entries of one player come in the order in which it wrote them.
-  void add(const JournalEntry& entry);
+  void add(const JournalEntry& entry) {
+    if (!entry.proof) {
+      ++ignored_;
+      return;
+    }
+    const ProofEntry& proof = *entry.proof;
+    const Session session{.origin = entry.origin, .number = proof.session};
+    last_turn_[session] = proof.turn;
+    if (!covers_item(proof.item)) return;
+    const Turn turn{session, proof.turn};
+    if (proof.event == ProofEntry::Event::Ended)
+      open_.erase(turn);
+    else
+      open_.insert_or_assign(turn, proof);
+    const bool counts = proof.event != ProofEntry::Event::Started;
+    if (!counts || !covers(proof.from_us)) return;
+    ReportRow& row = row_of(proof.from_us, proof, entry.origin);
+    if (!proof.hash.empty()) row.hashes.insert(proof.hash);
+    add_counts(proof, row);
+  }
   /// Returns the sums. A turn without an end counts as an interrupted play, unless its player runs.
-  [[nodiscard]] ProofSummary finish(const IsRunning& is_running);
+  [[nodiscard]] ProofSummary finish(const IsRunning& is_running) {
+    ProofSummary summary;
+    for (const auto& [turn, last] : open_) {
+      if (!covers(last.until_us)) continue;
+      const auto& [session, number] = turn;
+      // A turn that another one followed is over, even if its end is missing.
+      const bool running = last_turn_.at(session) == number && is_running(last, session.origin);
+      summary.unended.push_back({.item = last.item,
+                                 .panel = last.panel,
+                                 .unit = writer_of(session.origin),
+                                 .counted_until_us = last.until_us,
+                                 .running = running});
+      if (running) continue;
+      ReportRow& row = row_of(last.until_us, last, session.origin);
+      ++row.interrupted;
+      if (!last.hash.empty()) row.hashes.insert(last.hash);
+      row.exactness = worse_exactness(row.exactness, last.exactness);
+    }
+    std::sort(summary.unended.begin(), summary.unended.end(), [](const auto& a, const auto& b) {
+      return std::tie(a.counted_until_us, a.item) < std::tie(b.counted_until_us, b.item);
+    });
+    for (const auto& [key, row] : rows_) {
+      add_counts(row, summary.total);
+      summary.rows.push_back(row);
+    }
+    summary.ignored = ignored_;
+    return summary;
+  }
 
  private:
+  /// Adds the counts of an entry or of a row.
+  template <class Counts>
+  static void add_counts(const Counts& counts, ReportRow& row) {
+    row.exactness = worse_exactness(row.exactness, counts.exactness);
+    row.whole += counts.whole;
+    row.interrupted += counts.interrupted;
+    row.frames += counts.frames;
+    row.unseen += counts.unseen;
+    row.missed += counts.missed;
+    row.damaged += counts.damaged;
+  }
   struct Session {
     ProofOrigin origin;
     std::string number;
@@ -89,10 +157,23 @@ class ProofReport {
   };
   using Turn = std::pair<Session, uint64_t>;
   using Key = std::tuple<std::string, std::string, std::string, std::string>;
-  [[nodiscard]] bool covers(int64_t time_us) const;
-  [[nodiscard]] bool covers_item(const std::string& item) const;
+  [[nodiscard]] bool covers(int64_t time_us) const {
+    return (!filter_.since_us || time_us >= *filter_.since_us) &&
+           (!filter_.until_us || time_us < *filter_.until_us);
+  }
+  [[nodiscard]] bool covers_item(const std::string& item) const {
+    if (filter_.item.empty()) return true;
+    const std::string file = item.substr(item.rfind('/') + 1);
+    return fnmatch(filter_.item.c_str(), item.c_str(), 0) == 0 ||
+           fnmatch(filter_.item.c_str(), file.c_str(), 0) == 0;
+  }
   [[nodiscard]] ReportRow& row_of(int64_t time_us, const ProofEntry& entry,
-                                  const ProofOrigin& origin);
+                                  const ProofOrigin& origin) {
+    const Key key{local_day(time_us), entry.item, entry.panel, writer_of(origin)};
+    const auto& [day, item, panel, unit] = key;
+    return rows_.try_emplace(key, ReportRow{.day = day, .item = item, .panel = panel, .unit = unit})
+        .first->second;
+  }
 
   const ReportFilter filter_;
   std::map<Key, ReportRow> rows_;
@@ -101,14 +182,6 @@ class ProofReport {
   uint64_t ignored_ = 0;
 };
 
-/// Returns the worse of two verdicts of exactness: "no", "cannot tell", "yes", "-".
-[[nodiscard]] std::string worse_exactness(const std::string& a, const std::string& b);
-/// Returns the writer's unit, or "user 1000: /usr/bin/lenticule" if it is not in a service.
-[[nodiscard]] std::string writer_of(const ProofOrigin& origin);
-
-/// Returns the local day, "2026-11-25", and the local time with its zone, "2026-11-25 14:03:05
-/// CET".
-[[nodiscard]] std::string local_day(int64_t time_us);
 [[nodiscard]] std::string local_time(int64_t time_us);
 /// Parses "2026-11-25", "2026-11-25 14:03", "2026-11-25 14:03:05", "today" or "yesterday" as local
 /// time, in microseconds. Returns nothing for other texts.
