@@ -11,6 +11,7 @@
 #include <ctime>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -201,16 +202,6 @@ class PlayList {
       toml += (toml.size() > 1 ? ", " : "") + quoted("days", day);
     return toml + "]";
   }
-  using Row =
-      std::pair<const char*, std::function<std::string(const std::string&, const ordered_json&)>>;
-
-  static const std::vector<Row>& item_keys() {
-    static const std::vector<Row> rows = {
-        {"source", quoted}, {"loops", loops}, {"duration_s", number}, {"fps", quoted},
-        {"frames", quoted}, {"cut", quoted},  {"wait_s", number}};
-    return rows;
-  }
-
   static std::string schedule_toml(const ordered_json& schedule) {
     if (!schedule.is_object()) refuse("schedule: not an object");
     std::string toml = "[item.schedule]\n";
@@ -227,13 +218,13 @@ class PlayList {
 
   static std::string item_toml(const ordered_json& item) {
     if (!item.is_object() || !item.contains("source")) refuse("item: no source");
+    static const std::map<std::string, std::string (*)(const std::string&, const ordered_json&)>
+        kKeys = {{"source", quoted}, {"loops", loops}, {"duration_s", number}, {"fps", quoted},
+                 {"frames", quoted}, {"cut", quoted},  {"wait_s", number}};
     std::string toml, schedule;
     for (const auto& [key, value] : item.items()) {
-      const std::string& name = key;
-      const auto row = std::find_if(item_keys().begin(), item_keys().end(),
-                                    [&name](const Row& one) { return name == one.first; });
-      if (row != item_keys().end())
-        toml += key + " = " + row->second(key, value) + "\n";
+      if (const auto found = kKeys.find(key); found != kKeys.end())
+        toml += key + " = " + found->second(key, value) + "\n";
       else if (key == "schedule")
         schedule = schedule_toml(value);
       else
