@@ -31,8 +31,8 @@ struct OpenItem {
   // Changed by the frame copier.
   uint32_t number = 0;  ///< running number over all items that were started
   uint64_t frames_pulled = 0;
-  uint64_t handed_out =
-      0;  ///< frames of this turn; `frames_pulled` includes those of an earlier one
+  /// Frames of this turn; `frames_pulled` includes those of an earlier one.
+  uint64_t handed_out = 0;
   uint64_t pulled_this_round = 0;
   uint64_t loops_done = 0;
   uint64_t last_number = 0;  ///< number of the frame that was pulled last

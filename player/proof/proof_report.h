@@ -81,6 +81,7 @@ struct ProofSummary {
 /// Returns the local day, "2026-11-25", and the local time with its zone, "2026-11-25 14:03:05
 /// CET".
 [[nodiscard]] std::string local_day(int64_t time_us);
+[[nodiscard]] std::string local_time(int64_t time_us);
 
 class ProofReport {
  public:
@@ -182,7 +183,6 @@ class ProofReport {
   uint64_t ignored_ = 0;
 };
 
-[[nodiscard]] std::string local_time(int64_t time_us);
 /// Parses "2026-11-25", "2026-11-25 14:03", "2026-11-25 14:03:05", "today" or "yesterday" as local
 /// time, in microseconds. Returns nothing for other texts.
 [[nodiscard]] std::optional<int64_t> parse_local_time(std::string_view text, int64_t now_us);
