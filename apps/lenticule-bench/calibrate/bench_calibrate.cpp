@@ -226,10 +226,7 @@ Trial trial_of(const CalibrateFlags& flags, uint64_t seed) {
 /// Saves the rig with its report, as `lenticule calibrate` does.
 ExitCode save_result(const CalibrateFlags& flags, const Trial& trial, const TrialResult& result) {
   if (!result.failure.empty()) throw Error(ErrorKind::Quality, result.failure);
-  calib::RecordDetails details{.when = std::chrono::system_clock::now(),
-                               .method = "simulated",
-                               .camera = {},
-                               .temperature_celsius = {}};
+  calib::RecordDetails details{.method = "simulated", .camera = {}};
   details.camera.name = "simulated camera";
   details.camera.width = trial.camera.width;
   details.camera.pixel_format = "simulated";

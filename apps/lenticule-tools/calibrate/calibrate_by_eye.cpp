@@ -62,14 +62,12 @@ constexpr const char* kKeys =
     "Example:\n"
     "  lenticule calibrate by-eye --rig kiosk.toml --display kms --distance 700 -o kiosk.toml";
 
-struct ByEyeFlags {
+struct ByEyeFlags : DisplayFlags {
   std::string rig;
-  std::string display = "kms";
   std::string output;
   std::string keys;
   std::string record;
   std::optional<double> distance_mm;
-  bool allow_inexact = false;
   bool insist = false;
   bool json = false;
 };
@@ -308,12 +306,7 @@ CalibrateWay declare_calibrate_by_eye(CLI::App& app) {
                       ->group(kWithoutCamera);
   way->footer(kKeys);
   cli::declare_rig_flag(*way, flags->rig, "rig file to start from; a trim beside it is included");
-  way->add_option("--display", flags->display,
-                  "kms, kms:CONNECTOR, or virtual, as for lenticule play")
-      ->type_name("DISPLAY")
-      ->capture_default_str();
-  way->add_flag("--allow-inexact", flags->allow_inexact,
-                "with kms: show patterns even if subpixels are known to arrive changed");
+  declare_display_flags(*way, *flags);
   way->add_option("-o,--output", flags->output,
                   "rig file to write; an existing one is kept under a number (RIG.1.toml)")
       ->type_name("RIG.toml")

@@ -18,8 +18,6 @@
 #include "calib/fit/calibrate.h"
 #include "calib/measure/viewpoint.h"
 #include "calib/photo/tag_chart.h"
-#include "display/display_sink.h"
-#include "display/open/open_display.h"
 #include "frames/image_io.h"
 #include "optics/rig.h"
 #include "optics/trim.h"
@@ -33,12 +31,10 @@ namespace {
 
 using nlohmann::json;
 
-struct CameraFlags {
+struct CameraFlags : DisplayFlags {
   std::string rig;
-  std::string display = "kms";
   calib::V4l2Options camera;
   bool list = false;
-  bool allow_inexact = false;
   int viewpoints = 3;
   bool no_prompts = false;
   int settle_ms = 150;
@@ -100,12 +96,9 @@ class CameraRun {
  public:
   explicit CameraRun(const CameraFlags& flags)
       : flags_(flags), model_(optics::load_trimmed_rig(flags.rig)) {
-    display::DisplayRequest request = display::request_for(model_.rig(), flags.display);
-    request.kms.allow_inexact = flags.allow_inexact;
-    display_ = display::open_display(request);
-    sink_ = std::make_unique<display::DisplaySink>(*display_);
+    panel_ = std::make_unique<PatternDisplay>(flags, model_.rig());
     calib::V4l2Options options = flags.camera;
-    options.refresh_hz = display_->mode().refresh.hertz();
+    options.refresh_hz = panel_->device().mode().refresh.hertz();
     camera_ = calib::open_v4l2_camera(options);
     for (const std::string& unlocked : camera_->facts().unlocked) say("camera: {}\n", unlocked);
   }
@@ -120,13 +113,8 @@ class CameraRun {
       measured.push_back(measure(place, v));
       report(measured.back());
     }
-    const calib::RecordDetails details{.when = std::chrono::system_clock::now(),
-                                       .method = "camera",
-                                       .camera = camera_->facts(),
-                                       .temperature_celsius = {}};
-    // Release the panel before the computation.
-    sink_.reset();
-    display_.reset();
+    const calib::RecordDetails details{.method = "camera", .camera = camera_->facts()};
+    panel_.reset();  // before the computation
     calib::CalibrateOptions options;
     options.gap_tolerance = flags_.gap_tolerance;
     return conclude_calibration(calib::calibrate(measured, model_.rig(), options), details,
@@ -138,8 +126,7 @@ class CameraRun {
     const calib::Pattern white{.shape = calib::Flat{{1.0, 1.0, 1.0}}, .channels = {}, .mark = 3};
     frames::WovenFrame frame;
     calib::draw_pattern(white, model_.rig().panel, frame);
-    if (sink_->show(frame.view(), std::chrono::seconds(10)) != frames::ShowResult::Shown)
-      throw Error(ErrorKind::Device, "display: the pattern was not displayed");
+    panel_->show(frame);
   }
 
   /// Waits for the user. Meanwhile the panel is white, and pictures of it show whether the camera
@@ -190,7 +177,7 @@ class CameraRun {
     capture.settle = std::chrono::milliseconds(flags_.settle_ms);
     capture.average = flags_.average;
     calib::ViewpointMeasurement measured =
-        calib::measure_viewpoint(*sink_, *camera_, model_, capture, options, each);
+        calib::measure_viewpoint(panel_->sink(), *camera_, model_, capture, options, each);
     progress.finish();
     return measured;
   }
@@ -211,8 +198,7 @@ class CameraRun {
 
   const CameraFlags& flags_;
   optics::OpticalModel model_;
-  std::unique_ptr<display::Display> display_;
-  std::unique_ptr<display::DisplaySink> sink_;
+  std::unique_ptr<PatternDisplay> panel_;
   std::unique_ptr<calib::Camera> camera_;
 };
 
@@ -252,11 +238,7 @@ CalibrateWay declare_calibrate_camera(CLI::App& app) {
       "Darken the room, let the panel warm up for half an hour, use a tripod.\n"
       "Example:\n  lenticule calibrate camera --rig start.toml --display kms -o kiosk.toml");
   CLI::Option* rig = cli::declare_rig_flag(*way, flags->rig, "rig file to start from");
-  way->add_option("--display", flags->display, "kms, kms:CONNECTOR, or virtual")
-      ->type_name("DISPLAY")
-      ->capture_default_str();
-  way->add_flag("--allow-inexact", flags->allow_inexact,
-                "with kms: show patterns even if subpixels are known to arrive changed");
+  declare_display_flags(*way, *flags);
   CLI::Option* list = way->add_flag("--list", flags->list, "list the cameras and exit");
   rig->excludes(list);
   declare_camera_flags(*way, *flags);
@@ -299,16 +281,14 @@ using calib::Channels;
 using calib::Pattern;
 using frames::WovenFrame;
 
-struct ShowFlags {
+struct ShowFlags : DisplayFlags {
   std::string pattern;
   std::string rig;
-  std::string display = "kms";
   std::string output;
   double phase = 0.0;
   double pitch_factor = 1.0;
   std::string channel = "all";
   double seconds = 0.0;
-  bool allow_inexact = false;
   bool json = false;
 };
 
@@ -403,18 +383,6 @@ WovenFrame draw(const ShowFlags& flags, const optics::OpticalModel& model) {
   return frame;
 }
 
-/// Waits until the time is over or the user interrupts.
-void hold(display::Display& display, double seconds) {
-  const display::Nanoseconds end = display.now() + std::chrono::duration_cast<display::Nanoseconds>(
-                                                       std::chrono::duration<double>(seconds));
-  while (!player::interrupted() && (seconds <= 0.0 || display.now() < end)) {
-    const auto event =
-        display.wait_event(display.now() + std::chrono::milliseconds(200), player::interrupt_fd());
-    if (event.kind == display::EventKind::Lost)
-      throw Error(ErrorKind::Device, "display: disconnected", "connect it again");
-  }
-}
-
 ExitCode show_pattern(const ShowFlags& flags) {
   const optics::OpticalModel model(optics::load_trimmed_rig(flags.rig));
   const WovenFrame frame = draw(flags, model);
@@ -426,16 +394,12 @@ ExitCode show_pattern(const ShowFlags& flags) {
       print_out("{}: {}\n", flags.output, flags.pattern);
     return kOk;
   }
-  display::DisplayRequest request = display::request_for(model.rig(), flags.display);
-  request.kms.allow_inexact = flags.allow_inexact;
-  const auto display = display::open_display(request);
-  display::DisplaySink sink(*display);
-  if (sink.show(frame.view(), std::chrono::seconds(10)) != frames::ShowResult::Shown)
-    throw Error(ErrorKind::Device, "display: the pattern was not displayed");
-  say("{} on {}{}\n", flags.pattern, display->mode().name,
-      flags.seconds > 0.0 ? "" : ", until Ctrl-C");
-  hold(*display, flags.seconds);
-  if (flags.json) print_json({{"pattern", flags.pattern}, {"display", display->mode().name}});
+  PatternDisplay panel(flags, model.rig());
+  panel.show(frame);
+  const std::string mode = panel.device().mode().name;
+  say("{} on {}{}\n", flags.pattern, mode, flags.seconds > 0.0 ? "" : ", until Ctrl-C");
+  panel.hold(flags.seconds);
+  if (flags.json) print_json({{"pattern", flags.pattern}, {"display", mode}});
   return flags.seconds > 0.0 && player::interrupted() ? player::interrupt_exit_code() : kOk;
 }
 
@@ -455,11 +419,7 @@ CalibrateWay declare_calibrate_show(CLI::App& app) {
       ->required()
       ->check(CLI::IsMember(pattern_names()));
   cli::declare_rig_flag(*way, flags->rig);
-  way->add_option("--display", flags->display, "kms, kms:CONNECTOR, or virtual")
-      ->type_name("DISPLAY")
-      ->capture_default_str();
-  way->add_flag("--allow-inexact", flags->allow_inexact,
-                "with kms: show patterns even if subpixels are known to arrive changed");
+  declare_display_flags(*way, *flags);
   way->add_option("-o,--output", flags->output, "write a picture instead: .png, .tif, .ppm")
       ->type_name("FILE");
   way->add_option("--phase", flags->phase, "phase of fringes and waves; of a comb, in lenses")

@@ -25,8 +25,6 @@
 #include "calib/photo/single_photo.h"
 #include "calib/photo/tag_chart.h"
 #include "calib/report/report.h"
-#include "display/display_sink.h"
-#include "display/open/open_display.h"
 #include "frames/image_io.h"
 #include "optics/model.h"
 #include "optics/trim.h"
@@ -79,13 +77,6 @@ ExitCode write_patterns(const PhotosFlags& flags, const optics::Rig& rig) {
   return kOk;
 }
 
-calib::RecordDetails details_of(const std::string& method, const calib::CameraFacts& camera) {
-  return {.when = std::chrono::system_clock::now(),
-          .method = method,
-          .camera = camera,
-          .temperature_celsius = {}};
-}
-
 constexpr double kTapeSigmaMm = 5.0;  ///< standard error of a distance measured with a tape
 
 // Returns priors for the given values. A data sheet's focal length is accurate to two percent.
@@ -122,7 +113,7 @@ ExitCode from_one(const PhotosFlags& flags, const optics::Rig& rig) {
   camera.height = photograph.height;
   camera.channels = photograph.channels;
   camera.pixel_format = "photograph";
-  return conclude(flags, rig, found, details_of("one photograph", camera));
+  return conclude(flags, rig, found, {.method = "one photograph", .camera = camera});
 }
 
 /// Calibrates from several photographs of the photo chart, taken by hand from different places.
@@ -205,7 +196,7 @@ ExitCode from_folders(const PhotosFlags& flags, const optics::Rig& rig) {
     options.distances_mm.push_back({distance, kTapeSigmaMm});
   options.focal_px = priors_of(flags).focal_px;
   return conclude(flags, rig, calib::calibrate(measured, rig, options),
-                  details_of("photographs", camera));
+                  {.method = "photographs", .camera = camera});
 }
 
 void require_length(const char* flag, double value) {
@@ -293,10 +284,9 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-struct PhoneFlags {
+struct PhoneFlags : DisplayFlags {
   std::string folder;
   std::string rig;
-  std::string display = "kms";
   std::string pack;
   std::optional<double> focal_px;
   int least = 4;  ///< the fourth shows whether sheet or phone moved between the others
@@ -304,7 +294,6 @@ struct PhoneFlags {
   double minutes = 10.0;
   double seconds = 20.0;
   bool existing = false;
-  bool allow_inexact = false;
   ResultFlags result;
 };
 
@@ -339,31 +328,16 @@ std::string picture_beside(const std::string& rig_file) {
   return name.string();
 }
 
-void show_frame(display::DisplaySink& sink, const frames::WovenFrame& frame) {
-  if (sink.show(frame.view(), std::chrono::seconds(10)) != frames::ShowResult::Shown)
-    throw Error(ErrorKind::Device, "display: the chart was not displayed");
-}
-
-/// Lets the display work for a moment. Throws Error(Device) if it was disconnected.
-void pause(display::Display& display) {
-  const auto event =
-      display.wait_event(display.now() + std::chrono::milliseconds(200), player::interrupt_fd());
-  if (event.kind == display::EventKind::Lost)
-    throw Error(ErrorKind::Device, "display: disconnected", "connect it again");
-}
-
 /// Collection shows the chart and takes photographs of it until they are enough, too many or too
 /// late.
 class Collection {
  public:
-  Collection(const PhoneFlags& flags, const optics::Rig& rig, display::Display& display,
-             display::DisplaySink& sink)
+  Collection(const PhoneFlags& flags, const optics::Rig& rig, PatternDisplay& panel)
       : flags_(flags),
-        display_(display),
-        sink_(sink),
+        panel_(panel),
         photos_(rig, flags.focal_px),
         arrivals_(flags.folder, flags.existing) {
-    show_frame(sink_, calib::draw_single_photo_chart(photos_.chart()));
+    panel_.show(calib::draw_single_photo_chart(photos_.chart()));
   }
 
   /// Returns nothing if the user interrupts.
@@ -372,7 +346,7 @@ class Collection {
         std::chrono::duration<double>(60.0 * flags_.minutes));
     Clock::time_point last = Clock::now();
     while (taken_ < flags_.most && Clock::now() - last < patience) {
-      pause(display_);
+      panel_.pause();
       const std::vector<fs::path> files = arrivals_.arrived();
       for (const fs::path& file : files) {
         if (player::interrupted()) return std::nullopt;
@@ -414,14 +388,13 @@ class Collection {
         "all photographs again\n",
         better->sheet.pitch.value, photos_.chart().start.sheet.pitch.value);
     photos_ = HandHeldPhotos(*better, flags_.focal_px);
-    show_frame(sink_, calib::draw_single_photo_chart(photos_.chart()));
+    panel_.show(calib::draw_single_photo_chart(photos_.chart()));
     planned_again_ = true;
     taken_ = 0;
   }
 
   const PhoneFlags& flags_;
-  display::Display& display_;
-  display::DisplaySink& sink_;
+  PatternDisplay& panel_;
   HandHeldPhotos photos_;
   PhotoArrivals arrivals_;
   int taken_ = 0;
@@ -430,11 +403,8 @@ class Collection {
 
 ExitCode run_phone(const PhoneFlags& flags) {
   const optics::Rig rig = optics::load_trimmed_rig(flags.rig);
-  display::DisplayRequest request = display::request_for(rig, flags.display);
-  request.kms.allow_inexact = flags.allow_inexact;
-  const auto display = display::open_display(request);
-  display::DisplaySink sink(*display);
-  Collection collection(flags, rig, *display, sink);
+  PatternDisplay panel(flags, rig);
+  Collection collection(flags, rig, panel);
   say("1. Photograph the whole panel from the middle with the phone turned upside down; then, the\n"
       "   usual way up and held high, from a step to the left and a step to the right; there once\n"
       "   more upside down. No zoom.\n"
@@ -462,11 +432,9 @@ ExitCode run_phone(const PhoneFlags& flags) {
   if (!result.json)
     print_out("Every eye of the viewing zone sees its view to {:.3f} lens (95 % confidence).\n",
               found->drift.worst_lenses);
-  show_frame(sink, *check);
+  panel.show(*check);
   say("move your head sideways: the whole panel turns from white to black at once\n");
-  const Clock::time_point end = Clock::now() + std::chrono::duration_cast<Clock::duration>(
-                                                   std::chrono::duration<double>(flags.seconds));
-  while (!player::interrupted() && Clock::now() < end) pause(*display);
+  if (flags.seconds > 0.0) panel.hold(flags.seconds);
   return code;
 }
 
@@ -485,11 +453,7 @@ CalibrateWay declare_calibrate_phone(CLI::App& app) {
       "Photographs that are already there: lenticule calibrate photos 1.jpg 2.jpg 3.jpg 4.jpg");
   way->add_option("FOLDER", flags->folder, "folder in which the photographs arrive")->required();
   cli::declare_rig_flag(*way, flags->rig, "rig file to start from");
-  way->add_option("--display", flags->display, "kms, kms:CONNECTOR, or virtual")
-      ->type_name("DISPLAY")
-      ->capture_default_str();
-  way->add_flag("--allow-inexact", flags->allow_inexact,
-                "with kms: show the chart even if subpixels are known to arrive changed");
+  declare_display_flags(*way, *flags);
   way->add_option("--focal-px", flags->focal_px, "focal length in pixels of the photographs")
       ->type_name("PIXELS")
       ->default_str("as their EXIF data state")

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "base/error.h"
 #include "base/file.h"
 #include "base/print.h"
 #include "base/statistics.h"
@@ -15,6 +16,7 @@
 #include "frames/srgb.h"
 #include "optics/rig_file.h"
 #include "optics/trim.h"
+#include "player/process/interrupt.h"
 
 namespace lenticule::tools {
 
@@ -57,6 +59,40 @@ void declare_result_flags(CLI::App& app, ResultFlags& flags) {
       ->type_name("CELSIUS");
   app.add_flag("--json", flags.json, "print the whole report as JSON");
   app.option_defaults()->group("Options");
+}
+
+void declare_display_flags(CLI::App& app, DisplayFlags& flags) {
+  app.add_option("--display", flags.display, "kms, kms:CONNECTOR, or virtual")
+      ->type_name("DISPLAY")
+      ->capture_default_str();
+  app.add_flag("--allow-inexact", flags.allow_inexact,
+               "with kms: show patterns even if subpixels are known to arrive changed");
+}
+
+PatternDisplay::PatternDisplay(const DisplayFlags& flags, const optics::Rig& rig)
+    : display_([&] {
+        display::DisplayRequest request = display::request_for(rig, flags.display);
+        request.kms.allow_inexact = flags.allow_inexact;
+        return display::open_display(request);
+      }()),
+      sink_(*display_) {}
+
+void PatternDisplay::show(const frames::WovenFrame& frame) {
+  if (sink_.show(frame.view(), std::chrono::seconds(10)) != frames::ShowResult::Shown)
+    throw Error(ErrorKind::Device, "display: the pattern was not displayed");
+}
+
+void PatternDisplay::pause() {
+  const auto event = display_->wait_event(display_->now() + std::chrono::milliseconds(200),
+                                          player::interrupt_fd());
+  if (event.kind == display::EventKind::Lost)
+    throw Error(ErrorKind::Device, "display: disconnected", "connect it again");
+}
+
+void PatternDisplay::hold(double seconds) {
+  const auto end = display_->now() + std::chrono::duration_cast<display::Nanoseconds>(
+                                         std::chrono::duration<double>(seconds));
+  while (!player::interrupted() && (seconds <= 0.0 || display_->now() < end)) pause();
 }
 
 ExitCode conclude_calibration(const calib::Calibration& found, calib::RecordDetails details,

@@ -3,6 +3,7 @@
 // calibration, and pictures of what a camera sees.
 #pragma once
 
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -11,6 +12,8 @@
 #include "calib/calibration.h"
 #include "calib/camera.h"
 #include "calib/report/report.h"
+#include "display/display_sink.h"
+#include "display/open/open_display.h"
 
 namespace lenticule::tools {
 
@@ -27,6 +30,34 @@ inline constexpr const char* kWithCamera = "Subcommands, with a camera";
 inline constexpr const char* kWithoutCamera = "Subcommands, without a camera";
 
 void declare_result_flags(CLI::App& app, ResultFlags& flags);
+
+/// DisplayFlags choose the display that shows patterns.
+struct DisplayFlags {
+  std::string display = "kms";
+  bool allow_inexact = false;
+};
+
+void declare_display_flags(CLI::App& app, DisplayFlags& flags);
+
+/// PatternDisplay is a display that shows patterns. Thread safety: one thread.
+class PatternDisplay {
+ public:
+  /// Throws the errors of display::open_display().
+  PatternDisplay(const DisplayFlags& flags, const optics::Rig& rig);
+
+  [[nodiscard]] display::Display& device() { return *display_; }
+  [[nodiscard]] display::DisplaySink& sink() { return sink_; }
+  /// Throws Error(Device) if the frame does not appear.
+  void show(const frames::WovenFrame& frame);
+  /// Lets the display work for a moment. Throws Error(Device) if it was disconnected.
+  void pause();
+  /// Lets the display work for a time, or if that is 0, until the user interrupts.
+  void hold(double seconds);
+
+ private:
+  std::unique_ptr<display::Display> display_;
+  display::DisplaySink sink_;
+};
 
 /// Writes the report beside the rig, saves the rig unless it was refused (the old one is kept under
 /// a number), and prints both paths. The JSON also gets the keys of `more`. Returns kOk, or
