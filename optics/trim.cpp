@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
 #include <locale>
 #include <sstream>
@@ -20,18 +19,6 @@ constexpr size_t kMaxFileBytes = 64u << 10;
 constexpr std::string_view kSuffix = ".trim.toml";
 constexpr std::string_view kOffsetKey = "offset_lenses";
 constexpr std::string_view kPitchKey = "pitch_relative";
-
-[[noreturn]] void fail_at(const std::string& source, toml::source_index line,
-                          const std::string& cause, const std::string& remedy = {}) {
-  throw Error(ErrorKind::Input, fmt::format("{}:{}: {}", source, std::max(line, 1u), cause),
-              remedy);
-}
-
-double number_at(const toml::node& node, const std::string& source) {
-  if (const auto* real = node.as_floating_point()) return real->get();
-  if (const auto* whole = node.as_integer()) return static_cast<double>(whole->get());
-  fail_at(source, node.source().begin.line, "not a number");
-}
 
 bool within_limits(const Trim& trim) {
   return std::abs(trim.offset.value) <= kMaxTrimOffsetLenses &&
@@ -78,19 +65,11 @@ bool is_trim_file(const std::filesystem::path& file) {
 }
 
 Trim parse_trim(std::string_view text, const std::string& source) {
-  const toml::table root = parse_toml(text, source);
-  Trim trim;
-  for (const auto& [key, node] : root) {
-    if (key.str() == kOffsetKey) {
-      trim.offset = Lenses(number_at(node, source));
-    } else if (key.str() == kPitchKey) {
-      trim.pitch_relative = number_at(node, source);
-    } else {
-      fail_at(source, key.source().begin.line,
-              fmt::format("unknown key '{}'", key.str().substr(0, 64)),
-              fmt::format("a trim has {} and {}", kOffsetKey, kPitchKey));
-    }
-  }
+  const toml::table table = parse_toml(text, source);
+  const TomlSection root(table, {}, source);
+  root.allow_only({kOffsetKey, kPitchKey});
+  const Trim trim{.offset = Lenses(root.number_or(kOffsetKey, 0.0)),
+                  .pitch_relative = root.number_or(kPitchKey, 0.0)};
   validate_trim(trim, source + ":1");
   return trim;
 }

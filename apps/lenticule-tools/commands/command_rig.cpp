@@ -31,10 +31,6 @@
 #include "optics/wall/wall.h"
 #include "player/process/rig_choice.h"
 
-namespace CLI {
-class App;
-}
-
 namespace lenticule::tools {
 namespace {
 

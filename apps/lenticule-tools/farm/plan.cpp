@@ -39,13 +39,8 @@ constexpr const char* kBuiltIn = "builtin:";
 
 /// Mixes what the loader made of the files: also vertices in buffers and textures beside the scene.
 void mix_scene(const render::SceneDescription& scene, render::SceneMixer& mixer) {
-  mixer.add(scene.materials);
-  mixer.add(scene.meshes);
-  mixer.add(scene.spheres);
-  mixer.add(scene.cones);
-  mixer.add(scene.lights);
-  mixer.add(scene.background);
-  mixer.add(scene.ambient);
+  mixer.add(scene.materials, scene.meshes, scene.spheres, scene.cones, scene.lights,
+            scene.background, scene.ambient);
 }
 
 std::string digest_of_texture(const render::Texture& texture) {
