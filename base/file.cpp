@@ -7,8 +7,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
-#include <system_error>
 
 #include "base/error.h"
 #include "base/temporary.h"
@@ -143,6 +143,18 @@ std::string read_text_file(const std::filesystem::path& file, uint64_t limit_byt
 
 void write_text_file(const std::filesystem::path& file, std::string_view text) {
   write_file_atomically(file, {reinterpret_cast<const uint8_t*>(text.data()), text.size()});
+}
+
+std::vector<std::filesystem::path> entries_of(const std::filesystem::path& folder,
+                                              std::error_code* error) {
+  std::vector<std::filesystem::path> entries;
+  std::error_code ignored;
+  std::error_code& failure = error != nullptr ? *error : ignored;
+  for (std::filesystem::directory_iterator at(folder, failure), end; !failure && at != end;
+       at.increment(failure))
+    entries.push_back(at->path());
+  std::ranges::sort(entries);
+  return entries;
 }
 
 }  // namespace lenticule

@@ -11,6 +11,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <vector>
 
 #include "base/unique_fd.h"
@@ -63,6 +64,11 @@ struct OpenedFile {
 /// Do the same as read_whole_file() and write_file_atomically() for text.
 [[nodiscard]] std::string read_text_file(const std::filesystem::path& file, uint64_t limit_bytes);
 void write_text_file(const std::filesystem::path& file, std::string_view text);
+
+/// Returns the paths of a folder's entries, sorted: those that were read before an error, if any,
+/// which `error` receives.
+[[nodiscard]] std::vector<std::filesystem::path> entries_of(const std::filesystem::path& folder,
+                                                            std::error_code* error = nullptr);
 
 /// FileMark detects that a file was replaced or written to.
 ///

@@ -437,6 +437,8 @@ std::string ranges_text(const std::vector<uint64_t>& numbers) {
 namespace {
 namespace fs = std::filesystem;
 
+// A listing that is late only delays what is shown.
+
 constexpr size_t kSlowest = 5;
 constexpr double kRateSeconds = 600.0;
 constexpr size_t kNodesShown = 20;
@@ -492,16 +494,6 @@ std::vector<DoneChunk> read_reports(const WorkFolder& folder, double now) {
   read();
   threads.clear();
   return chunks;
-}
-
-/// Returns the entries of a folder; those that can be read if the folder cannot be read to its end.
-/// A listing that is late only delays what is shown.
-std::vector<fs::path> entries_of(const fs::path& folder) {
-  std::vector<fs::path> entries;
-  std::error_code error;
-  for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error))
-    entries.push_back(at->path());
-  return entries;
 }
 
 /// Returns the chunks that two processes rendered with other bytes.

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "base/error.h"
+#include "base/text.h"
 #include "frames/image_io.h"
 
 namespace lenticule::frames {
@@ -125,9 +126,7 @@ constexpr std::array<Name, 14> kNames = {{{".png", ImageFormat::Png},
 }  // namespace
 
 ImageFormat format_of_extension(std::string_view extension) {
-  std::string lower(extension);
-  for (char& c : lower)
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  const std::string lower = lower_case(std::string(extension));
   for (const Name& name : kNames)
     if (lower == name.extension) return name.format;
   return ImageFormat::Unknown;

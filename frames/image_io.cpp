@@ -8,7 +8,6 @@
 #include <atomic>
 #include <cmath>
 #include <optional>
-#include <system_error>
 #include <utility>
 
 #include "base/error.h"
@@ -333,10 +332,8 @@ std::vector<FilePattern::Named> FilePattern::similar() const {
   const std::string stem = prefix.filename().string();
 
   std::vector<Named> found;
-  std::error_code error;
-  for (std::filesystem::directory_iterator it(folder, error), end; !error && it != end;
-       it.increment(error)) {
-    const std::string name = it->path().filename().string();
+  for (const std::filesystem::path& entry : entries_of(folder)) {
+    const std::string name = entry.filename().string();
     if (name.size() <= stem.size() + suffix_.size() || !name.starts_with(stem) ||
         !name.ends_with(suffix_))
       continue;

@@ -327,11 +327,9 @@ struct CopyName {
 };
 
 uint64_t highest_number(const CopyName& name) {
-  uint64_t highest = 0;
-  std::error_code error;  // if the folder cannot be listed, the next step finds free numbers
-  std::filesystem::directory_iterator entry(name.folder, error);
-  for (; !error && entry != std::filesystem::directory_iterator(); entry.increment(error))
-    highest = std::max(highest, name.number_of(entry->path().filename().string()));
+  uint64_t highest = 0;  // if the folder cannot be listed, the next step finds free numbers
+  for (const fs::path& entry : entries_of(name.folder))
+    highest = std::max(highest, name.number_of(entry.filename().string()));
   return highest;
 }
 

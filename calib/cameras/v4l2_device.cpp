@@ -21,6 +21,7 @@
 #include <system_error>
 #include <utility>
 
+#include "base/file.h"
 #include "base/numbers.h"
 #include "base/unique_fd.h"
 
@@ -71,20 +72,10 @@ int node_number(std::string_view name) {
   return number_from<int>(name.substr(kPrefix.size())).value_or(-1);
 }
 
-/// Returns the names in a folder, sorted; none if the folder cannot be read.
-std::vector<fs::path> entries(const fs::path& folder) {
-  std::vector<fs::path> found;
-  std::error_code error;
-  for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error))
-    found.push_back(at->path());
-  std::sort(found.begin(), found.end());
-  return found;
-}
-
 /// Returns the link to a node: the one by identity if there is one, otherwise the one by path.
 std::string stable_path_of(const fs::path& node) {
   for (const char* const folder : {"/dev/v4l/by-id", "/dev/v4l/by-path"})
-    for (const fs::path& link : entries(folder)) {
+    for (const fs::path& link : entries_of(folder)) {
       std::error_code error;
       if (fs::canonical(link, error) == node) return link.string();
     }
@@ -92,7 +83,7 @@ std::string stable_path_of(const fs::path& node) {
 }
 
 bool has_open(const fs::path& process, const fs::path& node) {
-  for (const fs::path& descriptor : entries(process / "fd")) {
+  for (const fs::path& descriptor : entries_of(process / "fd")) {
     std::error_code error;
     if (fs::read_symlink(descriptor, error) == node) return true;
   }
@@ -110,7 +101,7 @@ class LinuxSystem final : public V4l2System {
  public:
   [[nodiscard]] std::vector<V4l2Node> nodes() override {
     std::vector<std::pair<int, fs::path>> numbered;
-    for (const fs::path& path : entries("/dev")) {
+    for (const fs::path& path : entries_of("/dev")) {
       const int number = node_number(path.filename().string());
       if (number >= 0) numbered.emplace_back(number, path);
     }
@@ -135,7 +126,7 @@ class LinuxSystem final : public V4l2System {
     std::error_code error;
     const fs::path node = fs::canonical(path, error);
     std::string names;
-    for (const fs::path& process : entries("/proc")) {
+    for (const fs::path& process : entries_of("/proc")) {
       const std::string id = process.filename().string();
       if (!std::all_of(id.begin(), id.end(), [](unsigned char c) { return std::isdigit(c) != 0; }))
         continue;

@@ -5,11 +5,13 @@
 
 #include <algorithm>
 #include <array>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <system_error>
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/text.h"
 #include "frames/image_io.h"
 #include "frames/srgb.h"
 
@@ -20,15 +22,6 @@ constexpr size_t kMaxPhotographs = 10'000;
 
 bool is_digit(char c) {
   return c >= '0' && c <= '9';
-}
-
-char lower(char c) {
-  return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-}
-
-std::string lower(std::string text) {
-  for (char& c : text) c = lower(c);
-  return text;
 }
 
 /// Removes the digits at the start of `text` and returns them without leading zeros.
@@ -50,22 +43,21 @@ int compare_naturally(std::string_view a, std::string_view b) {
       if (const int order = x.compare(y); order != 0) return order < 0 ? -1 : 1;
       continue;
     }
-    const char x = lower(a[0]), y = lower(b[0]);
-    if (x != y) return x < y ? -1 : 1;
+    if (a[0] != b[0]) return a[0] < b[0] ? -1 : 1;
     a.remove_prefix(1);
     b.remove_prefix(1);
   }
   return a.empty() == b.empty() ? 0 : a.empty() ? -1 : 1;
 }
 
-bool is_photograph(const std::filesystem::directory_entry& entry) {
+bool is_photograph(const std::filesystem::path& file) {
   constexpr std::array<std::string_view, 6> kExtensions = {".png", ".jpg",  ".jpeg",
                                                            ".tif", ".tiff", ".exr"};
-  const std::string extension = lower(entry.path().extension().string());
+  const std::string extension = lower_case(file.extension().string());
   std::error_code unreadable;  // an unreadable entry counts as not a regular file
-  return entry.path().filename().string()[0] != '.' &&
+  return file.filename().string()[0] != '.' &&
          std::find(kExtensions.begin(), kExtensions.end(), extension) != kExtensions.end() &&
-         entry.is_regular_file(unreadable);
+         std::filesystem::is_regular_file(file, unreadable);
 }
 
 [[noreturn]] void reject(const std::filesystem::path& folder, const std::string& cause,
@@ -75,15 +67,11 @@ bool is_photograph(const std::filesystem::directory_entry& entry) {
 
 std::vector<std::filesystem::path> photographs_in(const std::filesystem::path& folder) {
   std::error_code error;
-  std::vector<std::filesystem::path> files;
-  std::filesystem::directory_iterator entry(folder, error);
-  for (; !error && entry != std::filesystem::directory_iterator(); entry.increment(error)) {
-    if (!is_photograph(*entry)) continue;
-    files.push_back(entry->path());
-    if (files.size() > kMaxPhotographs)
-      reject(folder, fmt::format("more than {} photographs", kMaxPhotographs));
-  }
+  std::vector<std::filesystem::path> files = entries_of(folder, &error);
   if (error) reject(folder, "cannot read the folder: " + error.message());
+  std::erase_if(files, std::not_fn(is_photograph));
+  if (files.size() > kMaxPhotographs)
+    reject(folder, fmt::format("more than {} photographs", kMaxPhotographs));
   std::sort(files.begin(), files.end(), [](const auto& a, const auto& b) {
     return stands_before(a.filename().string(), b.filename().string());
   });
@@ -93,7 +81,7 @@ std::vector<std::filesystem::path> photographs_in(const std::filesystem::path& f
 }  // namespace
 
 bool stands_before(std::string_view a, std::string_view b) {
-  const int order = compare_naturally(a, b);
+  const int order = compare_naturally(lower_case(std::string(a)), lower_case(std::string(b)));
   return order != 0 ? order < 0 : a < b;
 }
 

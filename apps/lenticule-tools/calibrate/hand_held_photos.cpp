@@ -130,10 +130,7 @@ nlohmann::json HandHeldPhotos::to_json(const calib::Calibration& found) const {
 }
 
 calib::RecordDetails HandHeldPhotos::details() const {
-  return {.when = std::chrono::system_clock::now(),
-          .method = "photographs from the hand",
-          .camera = camera_,
-          .temperature_celsius = {}};
+  return {.method = "photographs from the hand", .camera = camera_};
 }
 
 namespace {
@@ -159,12 +156,11 @@ PhotoArrivals::PhotoArrivals(fs::path folder, bool existing) : folder_(std::move
 std::map<fs::path, uintmax_t> PhotoArrivals::sizes() const {
   std::map<fs::path, uintmax_t> out;
   std::error_code error;
-  for (fs::directory_iterator entry(folder_, error); !error && entry != fs::directory_iterator();
-       entry.increment(error)) {
+  for (const fs::path& file : entries_of(folder_, &error)) {
     std::error_code vanished;  // a file may be renamed between two calls
-    if (!is_picture(entry->path()) || !entry->is_regular_file(vanished)) continue;
-    const uintmax_t size = entry->file_size(vanished);
-    if (!vanished && size > 0) out.emplace(entry->path(), size);
+    if (!is_picture(file) || !fs::is_regular_file(file, vanished)) continue;
+    const uintmax_t size = fs::file_size(file, vanished);
+    if (!vanished && size > 0) out.emplace(file, size);
   }
   if (error)
     throw Error(ErrorKind::Input, folder_.string() + ": cannot be read: " + error.message(),
