@@ -114,7 +114,7 @@ TEST(StageWithoutACamera, AGroundIsSeenAsAPlane) {
   EXPECT_NEAR(height({.pitch_degrees = 0.0}), 0.0, 1e-9);
 }
 
-TEST(StageWithoutACamera, FitsAtEveryTurnIfItTurns) {
+TEST(StageWithoutACamera, FitsTheSceneAtEveryAngleOfATurn) {
   SceneDescription scene;
   scene.meshes = {quad({-5, -1, 0}, {5, -1, 0}, {5, 1, 0}, {-5, 1, 2})};
   Cone cone;

@@ -26,7 +26,7 @@ std::vector<KeyPress> decoded(std::string_view bytes) {
   return presses;
 }
 
-TEST(KeyDecoder, ArrowsHaveTheirStrides) {
+TEST(KeyDecoder, ArrowsWithShiftAreCoarseAndWithControlFine) {
   EXPECT_THAT(decoded("\x1b[A\x1b[1;2B\x1b[1;5C\x1bOD"),
               ElementsAre(KeyPress{Key::Up}, KeyPress{Key::Down, Stride::Coarse},
                           KeyPress{Key::Right, Stride::Fine}, KeyPress{Key::Left}));

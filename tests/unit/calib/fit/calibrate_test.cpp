@@ -40,7 +40,7 @@ TEST(Calibrate, ThreeViewpointsFindTheSheetForEveryEye) {
   EXPECT_EQ(result.calibration.rig.sheet.residual.columns, 24);
 }
 
-TEST(Calibrate, OneViewpointIsValidForItsOwnEyeOnlyAndReportsThat) {
+TEST(Calibrate, StatesThatOneViewpointIsValidOnlyForItsEye) {
   Trial trial = small_trial();
   trial.viewpoints.resize(1);
   const lab::TrialResult result = run_trial(trial);
