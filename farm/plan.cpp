@@ -11,7 +11,6 @@
 #include "base/text.h"
 #include "farm/sequence_joiner.h"
 #include "frames/sequence/band_codec.h"
-#include "frames/sequence/sequence_format.h"
 #include "optics/json_fields.h"
 
 namespace lenticule::farm {

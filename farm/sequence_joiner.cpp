@@ -13,14 +13,12 @@
 #include <memory>
 #include <mutex>
 #include <optional>
-#include <span>
 #include <system_error>
 #include <thread>
 #include <utility>
 
 #include "base/error.h"
 #include "base/file.h"
-#include "frames/sequence/sequence_format.h"
 
 namespace lenticule::farm {
 namespace {

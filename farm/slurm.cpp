@@ -175,8 +175,6 @@ SlurmJobs parse_slurm_jobs(std::string_view text, const std::string& source) {
 
 namespace {
 
-using nlohmann::json;
-
 constexpr size_t kFields = 5;
 constexpr size_t kChunksShown = 60;  ///< characters
 

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
-#include <chrono>
 #include <cstdio>
 #include <map>
 #include <set>
@@ -435,7 +434,6 @@ std::string ranges_text(const std::vector<uint64_t>& numbers) {
 }
 
 namespace {
-namespace fs = std::filesystem;
 
 // A listing that is late only delays what is shown.
 

@@ -5,12 +5,9 @@
 
 #include <algorithm>
 #include <exception>
-#include <limits>
-#include <memory>
 #include <utility>
 
 #include "base/error.h"
-#include "frames/image_io.h"
 
 namespace lenticule::frames {
 namespace {

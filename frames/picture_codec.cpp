@@ -12,7 +12,6 @@
 
 #include "base/error.h"
 #include "frames/exif_tags.h"
-#include "frames/image_format.h"
 #include "frames/srgb.h"
 
 namespace lenticule::frames {

@@ -4,11 +4,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstdint>
 #include <cstdlib>
 
 #include "base/error.h"
-#include "frames/compare.h"
 
 namespace lenticule::lab {
 

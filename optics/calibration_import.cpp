@@ -18,7 +18,6 @@
 
 #include "base/error.h"
 #include "optics/json_fields.h"
-#include "optics/rig.h"
 
 namespace lenticule::optics {
 namespace {

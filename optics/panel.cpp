@@ -3,7 +3,6 @@
 #include "optics/panel.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <utility>
 

@@ -9,9 +9,7 @@
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
 #include <string_view>
-#include <utility>
 
 #include "base/error.h"
 

@@ -14,13 +14,10 @@
 #include <cstdio>
 #include <limits>
 #include <optional>
-#include <string>
-#include <string_view>
 #include <system_error>
 #include <utility>
 
 #include "base/error.h"
-#include "base/file.h"
 #include "base/numbers.h"
 #include "optics/toml.h"
 #include "optics/trim.h"

@@ -8,7 +8,6 @@
 #include <cmath>
 
 #include "base/error.h"
-#include "optics/model.h"
 #include "optics/row_rays_kernel.h"
 
 namespace lenticule::optics {

@@ -1,12 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/toml.h"
 
-#include <fmt/format.h>
-
-#include <algorithm>
-
-#include "base/error.h"
-
 namespace lenticule::optics {
 namespace {
 

@@ -10,7 +10,6 @@
 #include <numeric>
 
 #include "calib/linear_algebra.h"
-#include "optics/rig.h"
 
 namespace lenticule::calib {
 
@@ -201,7 +200,6 @@ double Belief::probability_near(double value, double distance) const {
 
 namespace {
 
-using frames::kBands;
 using optics::without_whole_lenses;
 
 struct Position {

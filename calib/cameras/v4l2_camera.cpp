@@ -12,14 +12,10 @@
 #include <cstring>
 #include <initializer_list>
 #include <limits>
-#include <optional>
-#include <span>
 #include <tuple>
 #include <utility>
 
 #include "base/error.h"
-#include "calib/cameras/pixel_unpack.h"
-#include "calib/cameras/v4l2_device.h"
 
 namespace lenticule::calib {
 

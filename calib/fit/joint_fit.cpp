@@ -11,7 +11,6 @@
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
-#include <Eigen/Core>
 #include <Eigen/Dense>
 #include <algorithm>
 #include <array>

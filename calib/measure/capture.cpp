@@ -7,7 +7,6 @@
 #include <future>
 
 #include "base/error.h"
-#include "calib/measure/frame_marks.h"
 
 namespace lenticule::calib {
 namespace {

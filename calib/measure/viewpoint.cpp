@@ -11,16 +11,12 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 #include <numeric>
 #include <utility>
 
 #include "base/error.h"
 #include "calib/measure/frame_marks.h"
-#include "calib/measure/fringe_phase.h"
-#include "calib/measure/pattern.h"
 #include "optics/panel.h"
-#include "optics/rig.h"
 
 namespace lenticule::calib {
 namespace {

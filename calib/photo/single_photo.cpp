@@ -10,7 +10,6 @@
 
 #include <Eigen/Core>
 #include <algorithm>
-#include <array>
 #include <chrono>
 #include <cmath>
 #include <complex>
@@ -22,7 +21,6 @@
 #include "base/error.h"
 #include "base/statistics.h"
 #include "calib/linear_algebra.h"
-#include "calib/photo/tag_chart.h"
 #include "optics/model.h"
 
 namespace lenticule::calib {

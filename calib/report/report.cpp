@@ -9,9 +9,7 @@
 #include <cstdint>
 #include <limits>
 #include <nlohmann/json.hpp>
-#include <string_view>
 #include <utility>
-#include <vector>
 
 #include "base/json_output.h"
 #include "base/numbers.h"

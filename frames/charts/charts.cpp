@@ -6,14 +6,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <string>
-#include <vector>
 
 #include "base/error.h"
 #include "base/parallel_rows.h"
 #include "frames/compare.h"
 #include "frames/text.h"
-#include "optics/rig.h"
 #include "optics/row_rays.h"
 
 namespace lenticule::frames {

@@ -8,11 +8,8 @@
 #include <cstring>
 #include <new>
 #include <utility>
-#include <vector>
 
 #include "base/error.h"
-#include "frames/frame.h"
-#include "frames/sequence/predictor_kernel.h"
 #include "frames/sequence/sequence_format.h"
 
 namespace lenticule::frames {

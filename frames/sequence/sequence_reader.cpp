@@ -9,12 +9,10 @@
 #include <limits>
 #include <memory>
 #include <string>
-#include <vector>
 
 #include "base/error.h"
 #include "base/file.h"
 #include "base/text.h"
-#include "frames/sequence/sequence_format.h"
 
 namespace lenticule::frames {
 

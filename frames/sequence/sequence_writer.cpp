@@ -13,8 +13,6 @@
 
 #include "base/error.h"
 #include "base/file.h"
-#include "frames/sequence/band_codec.h"
-#include "frames/sequence/sequence_format.h"
 #include "frames/sequence/sequence_reader.h"
 
 namespace lenticule::frames {

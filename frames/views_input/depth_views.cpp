@@ -8,7 +8,6 @@
 #include <limits>
 
 #include "base/error.h"
-#include "frames/quilt.h"
 #include "frames/weaving/crosstalk.h"
 
 namespace lenticule::frames {

@@ -7,11 +7,9 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <numbers>
-#include <string>
 
 #include "base/error.h"
 #include "base/file.h"
-#include "optics/vec.h"
 #include "player/process/child_process.h"
 #include "render/scene/surroundings.h"
 

@@ -9,7 +9,6 @@
 #include <cmath>
 #include <complex>
 #include <numbers>
-#include <optional>
 
 #include "lab/panel/portable_random.h"
 

@@ -4,12 +4,9 @@
 // once for each viewpoint (SampleMap); the picture of a frame is then a sum over table entries.
 #include "lab/panel/simulated_bench.h"
 
-#include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <optional>
 #include <utility>
 
 #include "base/error.h"

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
-#include <vector>
 
 #include "apps/lenticule-tools/calibrate/hand_held_photos.h"
 #include "calib/phone/exif.h"

@@ -16,7 +16,6 @@
 #include <numbers>
 #include <optional>
 #include <utility>
-#include <vector>
 
 #include "base/file.h"
 #include "frames/srgb.h"

@@ -9,8 +9,6 @@
 #include <cmath>
 #include <limits>
 
-#include "lab/stability/rows.h"
-
 namespace lenticule::lab {
 
 namespace {

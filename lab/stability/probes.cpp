@@ -10,13 +10,10 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
-#include <span>
 
 #include "base/error.h"
 #include "render/accel/denormals.h"
-#include "render/accel/ray_stream.h"
 #include "render/integrator/packet_tracer.h"
-#include "render/scene/scene.h"
 #include "render/shading/shading_tables.h"
 
 namespace lenticule::lab {

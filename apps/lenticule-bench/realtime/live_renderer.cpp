@@ -12,16 +12,13 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstring>
 #include <functional>
 #include <memory>
 #include <new>
 #include <thread>
-#include <vector>
 
 #include "apps/lenticule-bench/harness/bench_scene.h"
 #include "apps/lenticule-tools/offline/film_renderer.h"
-#include "base/error.h"
 #include "base/large_memory.h"
 #include "frames/compare.h"
 #include "frames/ring/ring_renderer.h"

@@ -18,7 +18,6 @@
 #include <memory>
 #include <thread>
 
-#include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-bench/harness/bench_scene.h"
 #include "apps/lenticule-tools/cli/svg_plot.h"
 #include "base/error.h"

@@ -11,7 +11,6 @@
 #include "base/file.h"
 #include "base/print.h"
 #include "base/statistics.h"
-#include "calib/report/report.h"
 #include "frames/image_io.h"
 #include "frames/srgb.h"
 #include "optics/rig_file.h"

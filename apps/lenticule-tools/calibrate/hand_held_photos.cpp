@@ -11,7 +11,6 @@
 #include <deque>
 #include <future>
 #include <numbers>
-#include <string>
 #include <string_view>
 #include <system_error>
 #include <utility>
@@ -21,7 +20,6 @@
 #include "base/temporary.h"
 #include "base/text.h"
 #include "calib/phone/exif.h"
-#include "calib/photo/photo_folder.h"
 #include "optics/rig_file.h"
 #include "player/process/child_process.h"
 

@@ -7,13 +7,11 @@
 #include <cmath>
 #include <limits>
 
-#include "apps/lenticule-tools/offline/frame_output.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "optics/rig_file.h"
 #include "player/sources/source_spec.h"
 #include "render/loaders/animation.h"
-#include "render/scene/stage.h"
 
 namespace lenticule::tools {
 namespace {

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include "base/error.h"
-#include "optics/rig.h"
 
 namespace lenticule::tools {
 namespace {
