@@ -5,6 +5,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
@@ -69,7 +70,7 @@ void answer(const std::string& what) {
   if (what == "leave.obj") _exit(0);
   if (what == "stop.obj") std::raise(SIGSTOP);
   if (what == "spin.obj")
-    for (volatile int n = 0;; n = n + 1) continue;
+    for (std::atomic<int> n = 0;; ++n) continue;
   if (what == "short.obj") (void)!::write(kSocket, "abc", 3);
   // Asks for files for ever, and for each answer more.
   while (what == "ask.obj") {
