@@ -19,7 +19,7 @@ void report(const player::PlayReport& now, const display::KmsDisplay& display) {
   const display::KmsStatistics kms = display.statistics();
   std::printf("shown %llu pauses %llu modesets %llu took_over %d\n",
               static_cast<unsigned long long>(now.pace.shown),
-              static_cast<unsigned long long>(kms.pauses),
+              static_cast<unsigned long long>(kms.times_paused),
               static_cast<unsigned long long>(kms.modesets), display.took_over() ? 1 : 0);
   std::fflush(stdout);
 }
