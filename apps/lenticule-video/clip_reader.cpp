@@ -282,9 +282,8 @@ namespace {
 /// Makes a decoder of the stream's parameters, which is opened later.
 AvCodec make_codec(const AVCodec& decoder, const AVStream& stream, const char* allowed) {
   AvCodec codec(avcodec_alloc_context3(&decoder));
-  if (!codec) throw Error(ErrorKind::Failed, "video: out of memory");
-  if (const int error = avcodec_parameters_to_context(codec.get(), stream.codecpar); error < 0)
-    throw Error(ErrorKind::Input, "damaged stream header: " + av_reason(error));
+  if (!codec || avcodec_parameters_to_context(codec.get(), stream.codecpar) < 0)
+    throw Error(ErrorKind::Failed, "video: out of memory");
   codec->max_pixels = kMostPixels;
   codec->codec_whitelist = av_strdup(allowed);
   codec->pkt_timebase = stream.time_base;
@@ -590,11 +589,11 @@ ClipReader::Step ClipReader::next_in_software() {
       ++broken_;
       continue;
     }
-    if (error == 0 && two_views_ && !completes_pair()) continue;
     if (error == 0) {
       const bool faulty =
           frame_->decode_error_flags != 0 || (frame_->flags & AV_FRAME_FLAG_CORRUPT) != 0;
       faulty_ += faulty ? 1 : 0;
+      if (two_views_ && !completes_pair()) continue;
       return Step::Frame;
     }
     if (error == AVERROR_EOF) return Step::End;
