@@ -142,7 +142,8 @@ TEST_F(TrimFile, ErrorsNameFileAndLine) {
   const std::string file = trim_file_of(rig_file_).string();
   EXPECT_THAT(complaint("offset_lenses = 0.1\npitch = 2\n"),
               HasSubstr(file + ":2: unknown key 'pitch'"));
-  EXPECT_THAT(complaint("\n\noffset_lenses = \"a\""), HasSubstr(file + ":3: not a number"));
+  EXPECT_THAT(complaint("\n\noffset_lenses = \"a\""),
+              HasSubstr(file + ":3: 'offset_lenses' is not a number"));
   EXPECT_THAT(complaint("offset_lenses = ["), HasSubstr(file + ":1: "));
   EXPECT_THAT(complaint("offset_lenses = 1.5"), HasSubstr("more than a lens"));
   EXPECT_THAT(complaint("offset_lenses = nan"), HasSubstr("offset_lenses: nan"));
