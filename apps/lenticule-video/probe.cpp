@@ -102,7 +102,8 @@ AVRational rate_of(const AVStream& stream) {
 json refusal(const AVCodecParameters& stream, const PixelVerdict& verdict) {
   if (verdict.layout) return nullptr;
   const std::string obstacle = codec_obstacle(stream);
-  return obstacle.empty() ? verdict.refusal : obstacle;
+  if (!obstacle.empty()) return obstacle;
+  return fmt::format("{} (codec {})", verdict.refusal, avcodec_get_name(stream.codec_id));
 }
 
 json describe(AVFormatContext& format, AVStream& stream) {

@@ -308,7 +308,7 @@ void refuse_tags_of_woven(const VideoStream& stream, const std::string& file) {
 void refuse_unsuitable(const VideoStream& stream, const VideoRequest& request) {
   const std::string file = request.file.string();
   if (!stream.refusal.empty())
-    throw Error(ErrorKind::Input, fmt::format("{} ({}): {}", file, stream.codec, stream.refusal),
+    throw Error(ErrorKind::Input, fmt::format("{}: {}", file, stream.refusal),
                 stream.pixel_format.empty() ? "convert it, for example to FFV1 or H.264"
                                             : "convert it to RGB, or to Y'CbCr 4:4:4 of BT.709");
   if (!stream.orientation)

@@ -2,8 +2,12 @@
 // Tests which frames count as missing: those that a film's container promises to present. The films
 // are written here byte by byte, since an encoder makes no such containers.
 
+#include <gmock/gmock.h>
+
 #include <bit>
 
+#include "base/error.h"
+#include "tests/support/error_matchers.h"
 #include "tests/unit/player/video_stage.h"
 
 namespace lenticule::player {
@@ -198,6 +202,14 @@ TEST_F(VideoLength, AGapInAConstantRateIsMissingFrames) {
   std::vector<uint64_t> times = times_from(0);
   for (size_t k = 5; k < kFrames; ++k) times[k] += 3 * kMilliseconds;
   EXPECT_EQ(shown("gap.mkv", matroska(times), 0).damage.missing, 3u);
+}
+
+TEST_F(VideoLength, AnUnsupportedCodecIsNamed) {
+  std::string film = quicktime(0, kFrames);
+  film.replace(film.find("raw "), 4, "Hap1");
+  std::ofstream(file("hap.mov"), std::ios::binary) << film;
+  const Error error = test::error_of([&] { (void)open_video(request(file("hap.mov"))); });
+  EXPECT_THAT(error.what(), testing::HasSubstr("hap.mov: its codec hap is not supported"));
 }
 
 TEST_F(VideoLength, EmptyFramesOfAviAreNotMissing) {
