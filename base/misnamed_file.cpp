@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <array>
+#include <string>
+
+#include "base/text.h"
 
 namespace lenticule {
 namespace {
@@ -15,17 +18,16 @@ constexpr MisnamedFile kPage{"a page of the web, not the file",
                              "download the file itself, for example by its button 'raw'"};
 
 struct Sign {
-  std::string_view text;  ///< the first bytes, or an extension
+  std::string_view text;  ///< the first bytes, or an extension, in lower case
   MisnamedFile is;
 };
-constexpr std::array<Sign, 14> kSigns{{
+constexpr std::array<Sign, 13> kSigns{{
     {"version https://git-lfs", {"a pointer of Git LFS, not the file", "run: git lfs pull"}},
-    {"<!DOCTYPE html", kPage},
     {"<!doctype html", kPage},
     {"<html", kPage},
-    {"BLENDER", kBlender},
+    {"blender", kBlender},
     {"#usda", kUsd},
-    {"PXR-USDC", kUsd},
+    {"pxr-usdc", kUsd},
     {".usd", kUsd},
     {".usdz", kUsd},
     {".splat", kSplats},
@@ -38,8 +40,10 @@ constexpr std::array<Sign, 14> kSigns{{
 }  // namespace
 
 std::optional<MisnamedFile> recognise_misnamed(std::string_view head, std::string_view extension) {
+  head.remove_prefix(std::min(head.find_first_not_of(" \t\r\n"), head.size()));
+  const std::string begin = lower_case(std::string(head.substr(0, 64)));
   const auto* const found = std::ranges::find_if(kSigns, [&](const Sign& sign) {
-    return head.starts_with(sign.text) || extension == sign.text;
+    return begin.starts_with(sign.text) || extension == sign.text;
   });
   return found == kSigns.end() ? std::nullopt : std::optional(found->is);
 }

@@ -52,7 +52,7 @@ ssize_t receive_packet(int socket, void* bytes, size_t count, UniqueFd* descript
   do {
     n = ::recvmsg(socket, &header, flags | MSG_CMSG_CLOEXEC | MSG_TRUNC);
   } while (n < 0 && errno == EINTR);
-  const cmsghdr* const passed = n > 0 ? CMSG_FIRSTHDR(&header) : nullptr;
+  const cmsghdr* const passed = n >= 0 ? CMSG_FIRSTHDR(&header) : nullptr;
   if (passed != nullptr && passed->cmsg_level == SOL_SOCKET && passed->cmsg_type == SCM_RIGHTS) {
     int received = -1;
     std::memcpy(&received, CMSG_DATA(passed), sizeof received);

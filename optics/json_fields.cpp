@@ -97,12 +97,14 @@ nlohmann::json parse_json(std::string_view text, const std::string& source,
                           const std::string& remedy) {
   // Deep nesting takes many times the memory of its text.
   constexpr int kMaxDepth = 16;
-  const auto shallow = [](int depth, nlohmann::json::parse_event_t, nlohmann::json&) {
-    return depth <= kMaxDepth;
+  bool is_deep = false;
+  const auto shallow = [&](int depth, nlohmann::json::parse_event_t, nlohmann::json&) {
+    is_deep = is_deep || depth > kMaxDepth;
+    return !is_deep;
   };
   try {
     nlohmann::json document = nlohmann::json::parse(text, shallow);
-    if (!document.is_discarded()) return document;
+    if (!is_deep) return document;
     throw Error(ErrorKind::Input, source + ": nested too deeply", remedy);
   } catch (const nlohmann::json::exception& error) {
     const std::string_view cause = error.what();  // begins with "[json.exception...] "

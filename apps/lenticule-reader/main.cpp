@@ -27,6 +27,7 @@
 #include "base/packet.h"
 #include "base/unique_fd.h"
 #include "frames/picture_codec.h"
+#include "frames/pictures/picture_messages.h"
 #include "render/loaders/load_scene.h"
 #include "render/loaders/scene_archive.h"
 #include "render/loaders/scene_files.h"
@@ -41,7 +42,7 @@ using namespace render::confined;
 class CommandGone final : public std::exception {};
 
 /// Files and sockets of the textures that all threads ask for at once.
-constexpr unsigned kDescriptors = 1024;
+constexpr unsigned kDescriptors = 256;
 
 void send(int socket, const Message& message, int descriptor = -1) {
   if (!send_packet(socket, &message, sizeof message, descriptor)) throw CommandGone();
@@ -191,11 +192,14 @@ void serve(const Message& request, std::span<uint8_t> memory, uint64_t memory_li
   }
 }
 
-/// Arguments: the process that may start this one, and the memory that it may use, in bytes.
+/// Arguments: the process that may start this one, the memory that it may use, in bytes, and the
+/// version of the program that starts it.
 int run(const std::vector<std::string>& arguments) {
-  const auto parent = arguments.size() == 2 ? number_from<int>(arguments[0]) : std::nullopt;
+  if (arguments.size() == 3 && arguments[2] != LENTICULE_VERSION)
+    throw Error(ErrorKind::Usage, "started by another version", "start the command again");
+  const auto parent = arguments.size() == 3 ? number_from<int>(arguments[0]) : std::nullopt;
   const auto memory_limit =
-      arguments.size() == 2 ? number_from<uint64_t>(arguments[1]) : std::nullopt;
+      arguments.size() == 3 ? number_from<uint64_t>(arguments[1]) : std::nullopt;
   void* const memory =
       ::mmap(nullptr, kMemoryBytes, PROT_READ | PROT_WRITE, MAP_SHARED, kMemory, 0);
   if (!parent || !memory_limit || memory == MAP_FAILED)
@@ -206,7 +210,7 @@ int run(const std::vector<std::string>& arguments) {
   ::close(kMemory);
   (void)::mallopt(M_ARENA_MAX, 2);
   render::prepare_loaders();
-  video::confine(*memory_limit, *parent, kDescriptors, *memory_limit);
+  video::confine(*memory_limit, *parent, kDescriptors, frames::confined::kPictureFileLimit);
   const FilesOfTheCommand files;
   const PicturesOfTheCommand pictures;
   render::use_scene_files(&files);

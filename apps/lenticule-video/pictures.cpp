@@ -145,10 +145,12 @@ void serve(const Received& received, std::span<uint8_t> memory) {
   send({.reply = PictureReply::Done});
 }
 
-void send_failure(const std::string& cause) {
+void send_failure(const std::string& cause, const std::string& remedy = {}) {
   PictureReplyMessage message{.reply = PictureReply::Failed};
   std::copy_n(cause.begin(), std::min(cause.size(), message.cause.size() - 1),
               message.cause.begin());
+  std::copy_n(remedy.begin(), std::min(remedy.size(), message.remedy.size() - 1),
+              message.remedy.begin());
   send(message);
 }
 
@@ -194,6 +196,8 @@ int run_pictures(const PicturesRequest& request) {
       } catch (const std::bad_alloc&) {
         send_failure("needs more than " + std::to_string(kPictureMemoryLimit >> 20) +
                      " MiB to be decoded, the limit of one picture");
+      } catch (const Error& error) {
+        send_failure(error.what(), error.hint());
       } catch (const std::exception& error) {
         send_failure(error.what());
       }

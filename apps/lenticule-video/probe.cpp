@@ -89,8 +89,9 @@ json stereo(const AVStream& stream, bool two_views) {
 json warning(const AVStream& stream, bool two_views) {
   if (two_views || !has_second_layer(*stream.codecpar)) return nullptr;
   return fmt::format(
-      "FFmpeg {} does not decode its second layer, the other eye of MV-HEVC, so it is shown in "
-      "2-D: play it on Debian 13, which has FFmpeg 7.1, or convert it to side by side",
+      "FFmpeg {} does not decode its second layer, the other eye of MV-HEVC: play it on Debian 13, "
+      "which has FFmpeg 7.1, or convert it to side by side; --grid 1x1 shows one eye's picture "
+      "flat",
       av_version_info());
 }
 

@@ -16,6 +16,7 @@
 
 #include "base/error.h"
 #include "base/misnamed_file.h"
+#include "base/text.h"
 #include "frames/image_format.h"
 #include "frames/picture_codec.h"
 #include "frames/srgb.h"
@@ -100,11 +101,13 @@ const char* unknown_kind(std::span<const uint8_t> bytes) {
 struct Part {
   std::span<const uint8_t> bytes;
   int subimage = 0;
-  int channel = 0;  ///< the first one
+  int channel = 0;                  ///< the first one
+  int channels = kMaxReadChannels;  ///< limit of their number
 };
 
 /// Returns the pictures of the left and the right eye in a camera's file of several JPEGs (CIPA
-/// DC-007, multi-picture format): the first two that its index calls a disparity.
+/// DC-007, multi-picture format): the first two that its index calls a disparity, of which the
+/// first one begins the file.
 std::vector<Part> eyes_in_jpeg(std::span<const uint8_t> file) {
   constexpr uint16_t kEntries = 0xB002;
   constexpr uint32_t kKind = 0xFFFFFF, kDisparity = 0x020002;
@@ -126,7 +129,8 @@ std::vector<Part> eyes_in_jpeg(std::span<const uint8_t> file) {
     const size_t field = directory + 2 + f * kFieldBytes;
     if (number(field, 2) != kEntries) continue;
     const size_t list = number(field + 8, 4);
-    for (size_t at = 0; at < number(field + 4, 4) && eyes.size() < 2; at += kEntryBytes) {
+    const size_t bytes = std::min(number(field + 4, 4), file.size());
+    for (size_t at = 0; at < bytes && eyes.size() < 2; at += kEntryBytes) {
       const size_t size = number(list + at + 4, 4), offset = number(list + at + 8, 4);
       const size_t begin = offset == 0 ? 0 : base + offset;
       if ((number(list + at, 4) & kKind) != kDisparity) continue;
@@ -135,25 +139,28 @@ std::vector<Part> eyes_in_jpeg(std::span<const uint8_t> file) {
     }
     break;
   }
-  return eyes.size() == 2 ? eyes : std::vector<Part>();
+  const bool is_pair = eyes.size() == 2 && eyes[0].bytes.data() == file.data();
+  return is_pair ? eyes : std::vector<Part>();
 }
 
 /// Returns the parts of an EXR file, or its groups of channels, that are of the views left and
 /// right.
 std::vector<Part> eyes_in_exr(OIIO::ImageInput& input, std::span<const uint8_t> file) {
-  constexpr int kMostParts = 64;
+  constexpr int kMostParts = 64, kColours = 3;
   std::optional<Part> left, right;
   for (int part = 0; part < kMostParts && input.seek_subimage(part, 0); ++part) {
     const OIIO::ImageSpec& spec = input.spec();
     const std::string view = spec.get_string_attribute("view");
-    if (view == "left" && !left) left = {.bytes = file, .subimage = part};
-    if (view == "right" && !right) right = {.bytes = file, .subimage = part};
+    if (view == "left" && !left) left = {.bytes = file, .subimage = part, .channels = kColours};
+    if (view == "right" && !right) right = {.bytes = file, .subimage = part, .channels = kColours};
     for (const auto& [name, eye, other] :
          {std::tuple("left.R", &left, &right), std::tuple("right.R", &right, &left)}) {
       const auto channel = std::ranges::find(spec.channelnames, name);
       if (part > 0 || channel == spec.channelnames.end()) continue;
-      *eye = {.bytes = file, .channel = static_cast<int>(channel - spec.channelnames.begin())};
-      if (!*other) *other = {.bytes = file};  // the default view has no name
+      *eye = {.bytes = file,
+              .channel = static_cast<int>(channel - spec.channelnames.begin()),
+              .channels = kColours};
+      if (!*other) *other = {.bytes = file, .channels = kColours};  // the default view has no name
     }
   }
   input.seek_subimage(0, 0);
@@ -171,7 +178,8 @@ class PictureReader {
       : PictureReader(Part{.bytes = bytes}, name, max_pixels) {
     if (max_pixels == kMaxTexturePixels) return;
     std::vector<Part> eyes;
-    if (format_ == ImageFormat::Jpeg) eyes = eyes_in_jpeg(bytes);
+    // Other names are not looked at for two eyes: as a woven frame, such a file has one picture.
+    if (lower_case(name_).ends_with(".mpo")) eyes = eyes_in_jpeg(bytes);
     if (format_ == ImageFormat::Exr) eyes = eyes_in_exr(*input_, bytes);
     if (eyes.empty()) return;
     part_ = eyes[0];
@@ -251,7 +259,7 @@ class PictureReader {
 
   [[nodiscard]] const OIIO::ImageSpec& spec() const { return input_->spec(); }
   [[nodiscard]] int channels_read() const {
-    return std::min(spec().nchannels - part_.channel, kMaxReadChannels);
+    return std::min(spec().nchannels - part_.channel, part_.channels);
   }
   [[nodiscard]] size_t pixel_bytes() const {
     return static_cast<size_t>(channels_read()) * sample_type().size();
@@ -387,7 +395,7 @@ class PictureReader {
   PictureMemory memory_;
   ImageFormat format_ = ImageFormat::Unknown;
   Sample sample_ = Sample::U8;
-  std::vector<uint8_t> stored_;           ///< all stored pixels, if the picture is padded
+  std::vector<uint8_t> stored_;           ///< all stored pixels, if the picture is padded or planar
   std::unique_ptr<PictureReader> right_;  ///< the right eye's picture
   std::unique_ptr<OIIO::ImageInput>
       input_;  // must follow memory_, which it reads from until destroyed

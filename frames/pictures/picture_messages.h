@@ -52,7 +52,8 @@ struct PictureReplyMessage {
   int32_t first_row = 0;
   int32_t rows = 0;
   uint32_t half = 0;
-  std::array<char, 512> cause = {};  ///< cause of a failure, zero-terminated
+  std::array<char, 512> cause = {};   ///< cause of a failure, zero-terminated
+  std::array<char, 128> remedy = {};  ///< its remedy, zero-terminated
 };
 
 }  // namespace lenticule::frames::confined

@@ -94,9 +94,10 @@ std::optional<StereoLayout> stereo_of_name(const std::filesystem::path& file) {
   const std::vector<std::string> words = words_of(file);
   for (size_t at = 1; at < words.size(); ++at) {
     std::optional<StereoLayout> layout = stereo_word(words[at]);
-    if (!layout && at + 1 < words.size()) layout = stereo_word(words[at] + words[at + 1]);
+    size_t last = at;
+    if (!layout && at + 1 < words.size()) layout = stereo_word(words[at] + words[++last]);
     if (!layout) continue;
-    layout->half = layout->half || means_half(words, at - 1) || means_half(words, at + 1);
+    layout->half = layout->half || means_half(words, at - 1) || means_half(words, last + 1);
     return layout;
   }
   // As in .jps without a tag, the right eye's picture is on the left.

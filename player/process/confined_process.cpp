@@ -115,7 +115,7 @@ void ConfinedProcess::check_time() {
                             name_, std::chrono::duration<double>(processor_limit_).count()),
                 program_.remedy);
   if (std::exchange(processor_seen_, used) != used) silent_since_ = Clock::now();
-  if (waits_for_us_ && waits_for_us_()) silent_since_ = begun_ = Clock::now();
+  if (waits_for_us_ && waits_for_us_()) silent_since_ = Clock::now();
   const auto silence = Clock::now() - silent_since_;
   const milliseconds longest = ready_ ? silence_ : kStartTimeout;
   if (silence > longest)
@@ -123,10 +123,10 @@ void ConfinedProcess::check_time() {
                 fmt::format("{}: its {} did not respond for {} s", name_, program_.role,
                             duration_cast<seconds>(longest).count()),
                 program_.remedy);
-  if (ready_ && Clock::now() - begun_ > kMostSilences * silence_)
+  const milliseconds all = std::max(kMostSilences * silence_, 2 * processor_limit_);
+  if (ready_ && Clock::now() - begun_ > all)
     throw Error(ErrorKind::Input,
-                fmt::format("{}: not read after {} s", name_,
-                            duration_cast<seconds>(kMostSilences * silence_).count()),
+                fmt::format("{}: not read after {} s", name_, duration_cast<seconds>(all).count()),
                 program_.remedy);
   if (interrupted() && Clock::now() - answered_ > kInterruptedTimeout)
     throw Error(ErrorKind::Failed, fmt::format("{}: interrupted", name_));
@@ -146,11 +146,11 @@ void ConfinedProcess::fail_dead() {
   if (ready_)
     throw Error(ErrorKind::Input, fmt::format("{}: its {} {}", name_, program_.role, how),
                 program_.remedy);
-  throw Error(
-      ErrorKind::Failed, fmt::format("{}: {} before its first file", program_.name, how),
-      fmt::format("restart the player if it was upgraded; else reinstall {}, or use a kernel "
-                  "with seccomp filters",
-                  program_.package));
+  throw Error(ErrorKind::Failed, fmt::format("{}: {} before its first file", program_.name, how),
+              fmt::format("restart the player or the command if it was upgraded; else reinstall "
+                          "{}, or use a kernel "
+                          "with seccomp filters",
+                          program_.package));
 }
 
 }  // namespace lenticule::player

@@ -182,14 +182,17 @@ class Decoder {
   /// does not know.
   [[noreturn]] void fail_with(const OpenPicture& picture,
                               const wire::PictureReplyMessage& reply) const {
-    const auto end = std::find(reply.cause.begin(), reply.cause.end(), '\0');
-    std::string cause = escaped(std::string(reply.cause.begin(), end));
+    const auto text = [](const auto& bytes) {
+      return escaped(std::string(bytes.begin(), std::find(bytes.begin(), bytes.end(), '\0')));
+    };
+    std::string cause = text(reply.cause);
+    const std::string remedy = text(reply.remedy);
     const std::string prefix = "picture" + picture.extension + ": ";
     const std::string nameless = "picture: ";
     if (cause.starts_with(prefix)) cause.erase(0, prefix.size());
     if (cause.starts_with(nameless)) cause.erase(0, nameless.size());
     throw Error(ErrorKind::Input, fmt::format("{}: {}", picture.name, cause),
-                frames::kPictureRemedy);
+                remedy.empty() ? frames::kPictureRemedy : remedy);
   }
 
   const PictureLimits limits_;

@@ -343,7 +343,8 @@ template <class T>
 void check(const Channel<T>& channel) {
   if (channel.values.size() != channel.times.size()) refuse("has a wrong number of key frames");
   check_count(channel.in_tangents.size(), channel.times.size(), "tangents of key frames");
-  check_count(channel.out_tangents.size(), channel.in_tangents.size(), "tangents of key frames");
+  if (channel.out_tangents.size() != channel.in_tangents.size())
+    refuse("has other numbers of tangents before key frames than after them");
   if (!std::ranges::is_sorted(channel.times)) refuse("has key frames out of order");
 }
 

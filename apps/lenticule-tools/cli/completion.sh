@@ -6,6 +6,7 @@ _lenticule_load() {
   local place next flags about
   typeset -gA _lenticule_words _lenticule_flags
   while IFS=: read -r place next flags about; do
+    if [[ -z $place ]]; then continue; fi
     _lenticule_words[$place]=$next
     _lenticule_flags[$place]=$flags
   done <<<'@table@'

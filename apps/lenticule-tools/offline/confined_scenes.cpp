@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -40,7 +41,7 @@ constexpr player::ConfinedProgram kProgram{
     .package = "lenticule",
     .remedy = "the file is broken, or its reader is: save it again, best as glTF (.glb)"};
 
-constexpr size_t kMostTexturesAtOnce = 64;
+constexpr size_t kMostTexturesAtOnce = 8;  // as many as there are decoders of a kind
 
 std::string text(const char* begin, size_t size) {
   return escaped(std::string(begin, strnlen(begin, size)));
@@ -130,7 +131,9 @@ class KeptTextures {
     const std::string path = text_of(question.path);
     if (!path.empty()) return frames::read_texture(path, content);
     const std::string name = text(question.name.data(), question.name.size());
-    if (question.bytes > frames::confined::kPictureFileLimit)
+    struct stat status {};
+    if (question.bytes > frames::confined::kPictureFileLimit || ::fstat(file, &status) != 0 ||
+        static_cast<uint64_t>(status.st_size) < question.bytes)
       throw Error(ErrorKind::Input, name + ": too large");
     std::vector<uint8_t> bytes(question.bytes);
     if (read_from_start(file, bytes) != std::ssize(bytes))
@@ -169,8 +172,10 @@ class ConfinedScenes::Reader {
  public:
   Reader(const fs::path& program, uint64_t memory, std::chrono::milliseconds silence)
       : memory_(memory),
-        process_(kProgram, {program.string(), std::to_string(getpid()), std::to_string(memory)},
-                 kMemoryBytes, silence) {}
+        process_(
+            kProgram,
+            {program.string(), std::to_string(getpid()), std::to_string(memory), LENTICULE_VERSION},
+            kMemoryBytes, silence) {}
 
   /// Returns true if the reader can read a model that needs this much memory.
   [[nodiscard]] bool is_good_for(uint64_t memory) const {

@@ -298,7 +298,7 @@ class PlayList {
     std::error_code error;
     // What the page saves is TOML.
     result["editable"] =
-        !file.extension().string().starts_with(".m3u") &&
+        !lower_case(file.extension().string()).starts_with(".m3u") &&
         std::filesystem::equivalent(file.parent_path(), own_file_.parent_path(), error);
     if (result["editable"] == true && result["file"].is_string() &&
         std::filesystem::exists(file, error)) {
@@ -322,8 +322,8 @@ class PlayList {
                       "add and delete files, or load a list");
     if (!now["editable"].get<bool>())
       throw HttpError(409,
-                      "the list lies outside of the media folder, or the server cannot read it",
-                      "move the list and its files into the media folder");
+                      "the list is no TOML, lies outside of the media folder, or cannot be read",
+                      "save it as LIST.toml in the media folder, with its files");
     std::string before;
     if (has_list) {
       before = read_text_file(file, kMaxListBytes);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests that pictures are read with the file's exact code values, or refused as a whole.
+#include <OpenImageIO/imageio.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -376,6 +377,48 @@ TEST_F(ImageRead, PlanarTiffIsRead) {
   ASSERT_EQ(frame.geometry(), (FrameGeometry{.width = 2, .height = kRows}));
   for (uint8_t row = 0; row < kRows; ++row)
     EXPECT_THAT(std::span(frame.row(row), 6), ElementsAre(row, row, row, 100, 101, 102));
+}
+
+TEST_F(ImageRead, BothViewsOfAnExrAreSideBySide) {
+  // Two views in one part, the default one without a name, and two parts.
+  const float left = static_cast<float>(linear_of_codes()[50]);
+  const float right = static_cast<float>(linear_of_codes()[90]);
+  const auto expect_pair = [&](const std::filesystem::path& file) {
+    const WovenFrame pair = read_woven(file);
+    ASSERT_EQ(pair.geometry(), (FrameGeometry{.width = 4, .height = 2})) << file;
+    for (int x = 0; x < 4; ++x) EXPECT_EQ(pair.row(1)[3 * x + 2], x < 2 ? 50 : 90) << file;
+    EXPECT_TRUE(probe_picture(file, PictureUse::Views).two_eyes);
+  };
+  for (const bool named : {false, true}) {
+    OIIO::ImageSpec spec(2, 2, 6, OIIO::TypeDesc::FLOAT);
+    const std::string view = named ? "left." : "";
+    spec.channelnames = {view + "R", view + "G", view + "B", "right.R", "right.G", "right.B"};
+    std::vector<float> values;
+    for (int pixel = 0; pixel < 4; ++pixel)
+      values.insert(values.end(), {left, left, left, right, right, right});
+    const std::filesystem::path file = folder_ / (named ? "named.exr" : "default.exr");
+    const auto output = OIIO::ImageOutput::create("openexr");
+    ASSERT_TRUE(output->open(file.string(), spec) &&
+                output->write_image(OIIO::TypeDesc::FLOAT, values.data()) && output->close());
+    expect_pair(file);
+  }
+  std::vector<OIIO::ImageSpec> parts(2, OIIO::ImageSpec(2, 2, 3, OIIO::TypeDesc::FLOAT));
+  const std::filesystem::path file = folder_ / "parts.exr";
+  const auto output = OIIO::ImageOutput::create("openexr");
+  for (size_t part = 0; part < 2; ++part) {
+    parts[part].attribute("oiio:subimagename", part == 0 ? "a" : "b");
+    parts[part].attribute("view", part == 0 ? "right" : "left");
+  }
+  ASSERT_TRUE(output->open(file.string(), 2, parts.data()));
+  for (size_t part = 0; part < 2; ++part) {
+    const bool opened =
+        part == 0 || output->open(file.string(), parts[part], OIIO::ImageOutput::AppendSubimage);
+    ASSERT_TRUE(opened);
+    const std::vector<float> values(12, part == 0 ? right : left);
+    ASSERT_TRUE(output->write_image(OIIO::TypeDesc::FLOAT, values.data()));
+  }
+  ASSERT_TRUE(output->close());
+  expect_pair(file);
 }
 
 TEST_F(ImageRead, JpegWithoutItsEndIsAnError) {

@@ -131,6 +131,7 @@ TEST(SceneArchive, RefusesIndicesAndCountsThatFitNothing) {
       {"texture", [](auto& s) { s.textures[0] = nullptr; }},
       {"key frames", [](auto& s) { s.nodes[0].translations.values.pop_back(); }},
       {"key frames", [](auto& s) { s.nodes[0].rotations.in_tangents.pop_back(); }},
+      {"key frames", [](auto& s) { s.nodes[0].rotations.out_tangents.clear(); }},
       {"key frames",
        [](auto& s) {
          s.nodes[0].translations.times = {1, 0};

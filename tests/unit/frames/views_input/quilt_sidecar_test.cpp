@@ -85,6 +85,10 @@ TEST(QuiltSidecar, LiesBesideThePicture) {
   std::ofstream(folder.path() / "city.json") << R"({"columns": 3, "rows": 2})";
   EXPECT_EQ(read_sidecar_of(picture).value().columns, 3);
   EXPECT_FALSE(read_sidecar_of(folder.path() / "city.json")) << "a JSON file is not its own";
+  EXPECT_EQ(error_of([] {
+              (void)parse_quilt_sidecar(std::string(40, '[') + std::string(40, ']'), "deep.json");
+            }).what(),
+            std::string("deep.json: nested too deeply"));
   std::ofstream(picture.string() + ".json") << R"({"mediaType": "quilt", "focus": 0.0, "zoom": 1,
       "quilt_settings": {"viewX": 8, "viewY": 2, "viewTotal": 16, "aspect": 0.5625}})";
   EXPECT_EQ(read_sidecar_of(picture).value().columns, 8) << "as Looking Glass libraries name it";

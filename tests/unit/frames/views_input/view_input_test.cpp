@@ -29,6 +29,7 @@ TEST(ContentName, FindsStereoLayoutsInNames) {
       {"a_180_sbs.png", {.beside = true}},
       {"a_2x1.png", {.beside = true}},
       {"a_half_2x1.png", {.beside = true, .half = true}},
+      {"a_left-right_half.png", {.beside = true, .half = true}},
       {"a_3dh.png", {.beside = true}},
       {"a_3DV.mp4", {.beside = false}},
       {"a_FSBS.png", {.beside = true}},
