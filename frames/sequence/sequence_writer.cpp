@@ -10,6 +10,7 @@
 #include <cerrno>
 #include <cstring>
 #include <system_error>
+#include <thread>
 
 #include "base/error.h"
 #include "base/file.h"
@@ -94,7 +95,13 @@ void SequenceWriter::fail(const char* what, int error) const {
 void SequenceWriter::open_and_lock(const fs::path& there) {
   UniqueFd fd(::open(there.c_str(), O_RDWR | O_CLOEXEC | O_NONBLOCK | O_NOCTTY));
   if (!fd) fail("cannot open", errno);
-  if (::flock(fd.get(), LOCK_EX | LOCK_NB) != 0)
+  // A decoder that another thread is starting holds copies of our descriptors, and so the lock of
+  // the temporary file, until it runs its own program.
+  constexpr int kTries = 100;
+  int tries = 0;
+  while (::flock(fd.get(), LOCK_EX | LOCK_NB) != 0 && ++tries < kTries)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  if (tries == kTries)
     throw Error(ErrorKind::Failed, fmt::format("{}: another process is writing it", there.string()),
                 "wait for it, or choose another name");
   fd_ = std::move(fd);
