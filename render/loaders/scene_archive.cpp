@@ -275,11 +275,12 @@ class Reader {
     if (bytes > budget_) refuse("has more elements than fit into memory");
     budget_ -= bytes;
   }
-  /// Grows as the bytes arrive: a false count costs addresses, but no memory.
+  /// Grows as the bytes arrive: a false count costs little.
   template <class Elements>
   void take_elements(Elements& of, size_t count) {
     using Element = typename Elements::value_type;
-    of.reserve(count);
+    constexpr size_t kMostAhead = size_t{1} << 28;
+    of.reserve(std::min(count, kMostAhead / sizeof(Element)));
     while (of.size() < count) {
       const auto* const first = reinterpret_cast<const Element*>(left_.data());
       const size_t whole = std::min(count - of.size(), left_.size() / sizeof(Element));
