@@ -100,7 +100,7 @@ std::optional<StereoLayout> stereo_of_name(const std::filesystem::path& file) {
     layout->half = layout->half || means_half(words, at - 1) || means_half(words, last + 1);
     return layout;
   }
-  // As in .jps without a tag, the right eye's picture is on the left.
+  // The right eye's picture is on the left, as in .jps without a tag.
   if (has_extension(file, ".pns")) return StereoLayout{.beside = true, .right_first = true};
   return std::nullopt;
 }

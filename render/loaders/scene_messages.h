@@ -41,9 +41,9 @@ struct Message {
   int32_t up = -1;  ///< UpAxis of Load, or -1
   frames::PictureValues values = frames::PictureValues::Colours;
   frames::TexelPlace place = frames::TexelPlace::Here;
-  int32_t width = 0, height = 0;  ///< of the texture
-  int32_t number = -1;            ///< of the texels, if the command keeps them
-  uint32_t pixel_bytes = 0;       ///< of the texels in the descriptor
+  int32_t width = 0, height = 0;  ///< size of the texture
+  int32_t number = -1;            ///< number of the texels, if the command keeps them
+  uint32_t pixel_bytes = 0;       ///< size of a texel in the descriptor
   uint64_t bytes = 0;             ///< size of the file in the descriptor, or of the piece
   std::array<char, 4096> path{};  ///< zero-terminated, as is the name
   std::array<char, 1024> name{};  ///< name in a scene, label of a texture, cause of a failure

@@ -296,7 +296,7 @@ class PlayList {
         result["file"].is_string() ? std::filesystem::path(result["file"].get<std::string>())
                                    : own_file_;
     std::error_code error;
-    // What the page saves is TOML.
+    // The page saves TOML.
     result["editable"] =
         !lower_case(file.extension().string()).starts_with(".m3u") &&
         std::filesystem::equivalent(file.parent_path(), own_file_.parent_path(), error);

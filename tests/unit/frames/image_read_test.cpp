@@ -321,7 +321,8 @@ TEST_F(ImageRead, TheDisplayWindowOfAnExrIsRead) {
   constexpr std::string_view kName("displayWindow\0box2i\0\x10\0\0\0", 24);
   const auto at = std::search(bytes.begin(), bytes.end(), kName.begin(), kName.end());
   ASSERT_NE(at, bytes.end());
-  // From (-1, -2) to (5, 1): a column more at each side, two rows more above and two fewer below.
+  // The window is from (-1, -2) to (5, 1): a column more at each side, two rows more above and two
+  // fewer below.
   const std::array<int32_t, 4> window = {-1, -2, 5, 1};
   std::memcpy(&*at + kName.size(), window.data(), sizeof window);
   const WovenFrame shown = read(bytes, "window.exr");

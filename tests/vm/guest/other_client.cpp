@@ -17,7 +17,7 @@ namespace {
 
 using Planes = std::unique_ptr<drmModePlaneRes, Freed<drmModeFreePlaneResources>>;
 
-// Of Linux 6.19, which Debian 12's headers precede.
+// This is new in Linux 6.19, which Debian 12's headers precede.
 constexpr uint64_t plane_color_pipeline_cap = 7;
 constexpr uint32_t colorop_object = 0xfafafafa;
 
