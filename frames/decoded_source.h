@@ -4,8 +4,12 @@
 // or for the pool.
 #pragma once
 
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <condition_variable>
 #include <cstdint>
+#include <exception>
 #include <filesystem>
 #include <functional>
 #include <limits>
@@ -14,8 +18,10 @@
 #include <optional>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
+#include "base/error.h"
 #include "base/unique_fd.h"
 #include "frames/frame_source.h"
 #include "frames/image_io.h"
@@ -60,7 +66,13 @@ class DecodedSource : public FrameSource {
  public:
   static constexpr int kMaxDecoderThreads = 64;
 
-  ~DecodedSource() override;
+  ~DecodedSource() override {
+    {
+      const std::lock_guard lock(mutex_);
+      stopping_ = true;
+    }
+    slot_freed_.notify_all();
+  }
   DecodedSource(const DecodedSource&) = delete;
   DecodedSource& operator=(const DecodedSource&) = delete;
 
@@ -69,24 +81,78 @@ class DecodedSource : public FrameSource {
   [[nodiscard]] std::optional<uint64_t> frame_count() const final {
     return rounds_.last - rounds_.first;
   }
-  [[nodiscard]] PullStatus pull(AcquiredFrame& out) final;
-  void release(uint64_t token) final;
-  [[nodiscard]] int max_acquired() const final;
+  [[nodiscard]] PullStatus pull(AcquiredFrame& out) final {
+    const std::lock_guard lock(mutex_);
+    if (next_pull_ == round_end_) return PullStatus::End;
+    Slot& slot = slot_of(next_pull_);
+    if (slot.state == SlotState::Failed) {
+      failed_ = true;
+      return PullStatus::Failed;
+    }
+    if (!is_ready(next_pull_)) return PullStatus::NotYet;
+    if (!resident_) slot.state = SlotState::Acquired;
+    out = {.frame = slot.frame.view(),
+           .number = frame_of(next_pull_),
+           .token = static_cast<uint64_t>(&slot - slots_.data())};
+    ++next_pull_;
+    return PullStatus::Ready;
+  }
+  void release(uint64_t token) final {
+    if (resident_) return;
+    {
+      const std::lock_guard lock(mutex_);
+      LENTICULE_CHECK(token < slots_.size() && slots_[token].state == SlotState::Acquired);
+      slots_[token].state = SlotState::Free;
+      free_.push_back(token);
+    }
+    slot_freed_.notify_one();
+  }
+  [[nodiscard]] int max_acquired() const final {
+    return resident_ ? std::numeric_limits<int>::max() : static_cast<int>(slots_.size()) - 1;
+  }
   /// Includes the first frames of the next round, which pull() returns only after rewind().
-  [[nodiscard]] uint64_t ready_count() const final;
-  [[nodiscard]] bool saturated() const final;
+  [[nodiscard]] uint64_t ready_count() const final {
+    const std::lock_guard lock(mutex_);
+    uint64_t ready = 0;
+    while (ready < slots_.size() && is_ready(next_pull_ + ready)) ++ready;
+    return ready;
+  }
+  [[nodiscard]] bool saturated() const final {
+    const std::lock_guard lock(mutex_);
+    return decoding_now_ == 0 && !can_decode_next();
+  }
   /// Succeeds at the end and at the start of a round, but not in its middle.
-  [[nodiscard]] bool rewind() final;
+  [[nodiscard]] bool rewind() final {
+    const std::lock_guard lock(mutex_);
+    if (next_pull_ == round_begin_) return true;
+    if (next_pull_ != round_end_) return false;
+    round_begin_ = round_end_;
+    round_end_ += rounds_.last - rounds_.loop;
+    return true;
+  }
   [[nodiscard]] int wake_fd() const final { return wake_.fd(); }
-  void service() final;
-  [[nodiscard]] std::string failure() const final;
+  void service() final { wake_.drain(); }
+  [[nodiscard]] std::string failure() const final {
+    const std::lock_guard lock(mutex_);
+    return failed_ ? slot_of(next_pull_).failure : std::string();
+  }
 
  protected:
   /// Takes a name for messages. Throws Error(Failed) when the process has no free descriptor.
-  DecodedSource(const char* name, std::unique_ptr<FrameDecoding> decoding);
+  DecodedSource(const char* name, std::unique_ptr<FrameDecoding> decoding)
+      : rounds_(decoding->rounds()), wake_(name), decoding_(std::move(decoding)) {
+    LENTICULE_CHECK(rounds_.first < rounds_.last && rounds_.loop < rounds_.last);
+    LENTICULE_CHECK(rounds_.skipped < rounds_.last - rounds_.first);
+    next_decode_ = next_pull_ = round_begin_ = rounds_.skipped;
+    round_end_ = rounds_.last - rounds_.first;
+    make_slots();
+    const int threads = std::clamp(rounds_.decoder_threads, 1, kMaxDecoderThreads);
+    for (int t = 0; t < threads; ++t) threads_.emplace_back([this, t] { decode_ahead(t); });
+  }
   [[nodiscard]] const FrameDecoding& decoding() const { return *decoding_; }
 
  private:
+  static constexpr int kMinPoolFrames = 2;  // one displayed, one being decoded
   enum class SlotState { Free, Decoding, Ready, Acquired, Failed };
 
   /// Slot holds one frame. Tickets count frames through all rounds. A ticket gets any free slot, so
@@ -103,13 +169,59 @@ class DecodedSource : public FrameSource {
   [[nodiscard]] const Slot& slot_of(uint64_t ticket) const {
     return slots_[order_[ticket % slots_.size()]];
   }
-  [[nodiscard]] uint64_t frame_of(uint64_t ticket) const;
-  [[nodiscard]] bool is_ready(uint64_t ticket) const;
+  [[nodiscard]] uint64_t frame_of(uint64_t ticket) const {
+    const uint64_t first_round = rounds_.last - rounds_.first;
+    if (ticket < first_round) return rounds_.first + ticket;
+    return rounds_.loop + (ticket - first_round) % (rounds_.last - rounds_.loop);
+  }
+  [[nodiscard]] bool is_ready(uint64_t ticket) const {
+    const Slot& slot = slot_of(ticket);
+    // A resident frame may be acquired any number of times; no thread writes it any more.
+    const uint64_t round = resident_ ? slots_.size() : UINT64_MAX;
+    return slot.state == SlotState::Ready && slot.ticket % round == ticket % round;
+  }
   [[nodiscard]] bool can_decode_next() const { return !broken_ && !free_.empty(); }
-  void make_slots();
-  void decode_ahead(int thread);
-  [[nodiscard]] std::string decode(int thread, uint64_t ticket, WovenFrame& to);
-  void wake() const;
+  void make_slots() {
+    const uint64_t count = rounds_.last - rounds_.first;
+    const uint64_t pool = static_cast<uint64_t>(std::max(rounds_.pool_frames, kMinPoolFrames));
+    resident_ = pool >= count && rounds_.loop == rounds_.first;
+    slots_.resize(resident_ ? count : std::clamp<uint64_t>(count, kMinPoolFrames, pool));
+    for (size_t slot = slots_.size(); slot-- > 0;) free_.push_back(slot);
+    order_.resize(slots_.size());
+  }
+  void decode_ahead(int thread) {
+    std::unique_lock lock(mutex_);
+    while (true) {
+      slot_freed_.wait(lock, [this] { return stopping_ || can_decode_next(); });
+      if (stopping_) return;
+      const uint64_t ticket = next_decode_++;
+      order_[ticket % slots_.size()] = free_.back();
+      free_.pop_back();
+      Slot& slot = slot_of(ticket);
+      slot.state = SlotState::Decoding;
+      slot.ticket = ticket;
+      ++decoding_now_;
+
+      lock.unlock();
+      slot_freed_.notify_one();  // another decoder may have waited for this slot, not for the next
+      slot.failure = decode(thread, ticket, slot.frame);
+      lock.lock();
+
+      --decoding_now_;
+      broken_ = broken_ || !slot.failure.empty();
+      slot.state = slot.failure.empty() ? SlotState::Ready : SlotState::Failed;
+      wake();
+    }
+  }
+  [[nodiscard]] std::string decode(int thread, uint64_t ticket, WovenFrame& to) {
+    try {
+      return decoding_->decode(thread, frame_of(ticket), frame_of(ticket + 1), to);
+    } catch (const std::exception& error) {
+      const std::string why = error.what();
+      return why.empty() ? fmt::format("frame {}: cannot decode", frame_of(ticket)) : why;
+    }
+  }
+  void wake() const { wake_.signal(); }
 
   const DecodedRounds rounds_;
   WakeFd wake_;
@@ -139,7 +251,23 @@ class DecodedSource : public FrameSource {
 /// Returns the files of a player's SOURCE argument: every file of a pattern ("dir/%05d.png") from
 /// the first number on, or the one file. Throws Error(Input) when there is no file or a number in
 /// between is missing (named), Error(Usage) for an invalid pattern.
-[[nodiscard]] std::vector<std::filesystem::path> list_frame_files(const std::string& source);
+[[nodiscard]] inline std::vector<std::filesystem::path> list_frame_files(
+    const std::string& source) {
+  if (!FilePattern::looks_like_pattern(source)) return {source};
+  const FilePattern pattern(source);
+  const std::vector<uint64_t> numbers = pattern.existing_or_throw();
+  std::vector<std::filesystem::path> files;
+  for (const uint64_t number : numbers) {
+    const uint64_t expected = numbers.front() + files.size();
+    if (number != expected)
+      throw Error(ErrorKind::Input,
+                  fmt::format("{}: missing between {} and {}", pattern.path(expected).string(),
+                              pattern.path(numbers.front()).filename().string(),
+                              pattern.path(numbers.back()).filename().string()));
+    files.push_back(pattern.path(number));
+  }
+  return files;
+}
 
 struct ImageSequenceOptions {
   /// Limit of decoded frames in memory; at least 2. A sequence that fits is decoded once.
@@ -164,12 +292,51 @@ struct ImageSequenceOptions {
 class ImageSequence final : public DecodedSource {
  public:
   explicit ImageSequence(std::vector<std::filesystem::path> files,
-                         const ImageSequenceOptions& options = {});
+                         const ImageSequenceOptions& options = {})
+      : ImageSequence(std::make_unique<Files>(std::move(files), options)) {}
   [[nodiscard]] double pixel_aspect() const override { return pixel_aspect_; }
 
  private:
-  class Files;
-  explicit ImageSequence(std::unique_ptr<Files> files);
+  class Files final : public FrameDecoding {
+   public:
+    Files(std::vector<std::filesystem::path> files, const ImageSequenceOptions& options)
+        : files_(std::move(files)), options_(options), first_(header_of_first()) {
+      if (options_.accept) options_.accept(first_);
+    }
+
+    [[nodiscard]] double pixel_aspect() const { return upright_pixel_aspect(first_); }
+
+    [[nodiscard]] DecodedRounds rounds() const override {
+      const FrameGeometry geometry = oriented_geometry(first_.geometry, first_.orientation);
+      const uint64_t fit = options_.pool_bytes / geometry.frame_bytes();
+      const auto most = static_cast<uint64_t>(std::max(options_.pool_frames, 2));
+      return {.geometry = geometry,
+              .rate = options_.rate,
+              .last = files_.size(),
+              .skipped = options_.first,
+              .pool_frames = static_cast<int>(std::clamp<uint64_t>(fit, 2, most)),
+              .decoder_threads = options_.decoder_threads};
+    }
+
+    std::string decode(int /*thread*/, uint64_t frame, uint64_t /*next*/, WovenFrame& to) override {
+      read_woven_into(files_[frame], oriented_geometry(first_.geometry, first_.orientation), to,
+                      options_.use);
+      return {};
+    }
+
+   private:
+    [[nodiscard]] PictureInfo header_of_first() const {
+      if (files_.empty()) throw Error(ErrorKind::Input, "image sequence: no files");
+      return probe_picture(files_.front(), options_.use);
+    }
+
+    std::vector<std::filesystem::path> files_;
+    ImageSequenceOptions options_;
+    PictureInfo first_;
+  };
+  explicit ImageSequence(std::unique_ptr<Files> files)
+      : DecodedSource("image sequence", std::move(files)),
+        pixel_aspect_(static_cast<const Files&>(decoding()).pixel_aspect()) {}
 
   double pixel_aspect_;
 };

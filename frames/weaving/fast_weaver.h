@@ -4,17 +4,26 @@
 // pixels are equal, or a single pixel contributes, the bytes equal the reference's.
 #pragma once
 
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
 #include <condition_variable>
 #include <cstdint>
+#include <cstdlib>
+#include <cstring>
 #include <memory>
 #include <mutex>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "base/cpu.h"
+#include "base/error.h"
 #include "frames/frame.h"
 #include "frames/quilt.h"
 #include "frames/weave.h"
+#include "frames/weaving/crosstalk.h"
 #include "frames/weaving/weave_plan.h"
 
 namespace lenticule::frames {
@@ -31,12 +40,62 @@ enum class WeaveKernel {
 inline constexpr WeaveKernel kWeaveKernels[] = {WeaveKernel::Plain, WeaveKernel::Transposed,
                                                 WeaveKernel::Neon, WeaveKernel::Avx2,
                                                 WeaveKernel::Permute};
-[[nodiscard]] const char* to_string(WeaveKernel kernel);
+/// Transposing costs time for every pixel of the views, mixing for every subpixel: if views have
+/// far more pixels than the panel, reading single pixels is faster.
+inline constexpr size_t kMaxTransposed = 64;
+
+inline bool worth_turning(const WeavePlan& plan) {
+  const ViewShape& shape = plan.shape();
+  const auto pixels = [](int width, int height) {
+    return static_cast<size_t>(width) * static_cast<size_t>(height);
+  };
+  return pixels(shape.width, shape.height) * static_cast<size_t>(shape.count) <=
+         kMaxTransposed * pixels(plan.geometry().width, plan.geometry().height);
+}
+
+inline bool can_permute() {
+#if defined(__x86_64__)
+  return isa_supported(Isa::Avx512) && __builtin_cpu_supports("avx512vbmi") != 0 &&
+         __builtin_cpu_supports("avx512vnni") != 0;
+#else
+  return false;
+#endif
+}
+
+[[nodiscard]] inline const char* to_string(WeaveKernel kernel) {
+  switch (kernel) {
+    case WeaveKernel::Plain:
+      return "plain";
+    case WeaveKernel::Transposed:
+      return "turned";
+    case WeaveKernel::Neon:
+      return "neon";
+    case WeaveKernel::Avx2:
+      return "avx2";
+    case WeaveKernel::Permute:
+      return "permute";
+  }
+  return "unknown";
+}
 /// Returns true if this machine and plan can use the kernel.
-[[nodiscard]] bool kernel_suits(WeaveKernel kernel, const WeavePlan& plan);
+[[nodiscard]] inline bool kernel_suits(WeaveKernel kernel, const WeavePlan& plan) {
+  const bool gauss = plan.options().filter == ViewFilter::Gauss;
+  if (kernel == WeaveKernel::Neon) return isa_supported(Isa::Neon);
+  if (kernel == WeaveKernel::Avx2) return isa_supported(Isa::Avx2);
+  if (kernel == WeaveKernel::Permute)
+    return can_permute() && !gauss && plan.in_stripes() &&
+           plan.shape().count <= weave_kernel::kViewLanes;
+  return true;
+}
 /// Returns the fastest kernel for this plan on this machine. `isa` (and LENTICULE_ISA) can select a
 /// smaller instruction set.
-[[nodiscard]] WeaveKernel best_kernel(const WeavePlan& plan, Isa isa = best_isa());
+[[nodiscard]] inline WeaveKernel best_kernel(const WeavePlan& plan, Isa isa = best_isa()) {
+  if (!worth_turning(plan)) return WeaveKernel::Plain;
+  if (isa == Isa::Avx512 && kernel_suits(WeaveKernel::Permute, plan)) return WeaveKernel::Permute;
+  if (isa >= Isa::Avx2 && kernel_suits(WeaveKernel::Avx2, plan)) return WeaveKernel::Avx2;
+  if (isa != Isa::Baseline && kernel_suits(WeaveKernel::Neon, plan)) return WeaveKernel::Neon;
+  return WeaveKernel::Transposed;
+}
 
 /// BlockWeaver weaves blocks of four rows by one plan and keeps its working memory.
 ///
@@ -44,27 +103,193 @@ inline constexpr WeaveKernel kWeaveKernels[] = {WeaveKernel::Plain, WeaveKernel:
 class BlockWeaver {
  public:
   /// Throws Error(Usage) for a kernel that this machine or plan cannot use.
-  BlockWeaver(std::shared_ptr<const WeavePlan> plan, WeaveKernel kernel);
+  BlockWeaver(std::shared_ptr<const WeavePlan> plan, WeaveKernel kernel)
+      : plan_(std::move(plan)),
+        kernel_(kernel),
+        run_kernel_(&run_kernel(kernel)),
+        transposed_(nullptr, std::free) {
+    if (!kernel_suits(kernel, *plan_))
+      throw Error(ErrorKind::Usage,
+                  fmt::format("weaving kernel {}: not supported by this machine or this plan",
+                              to_string(kernel)));
+    const ViewShape& shape = plan_->shape();
+    const bool mixes = plan_->options().filter != ViewFilter::Nearest;
+    terms_ = {.view_step = plan_->view_step(),
+              .view_most = plan_->view_most(),
+              .weight_mask = mixes ? (1 << weave_kernel::kWeightBits) - 1 : 0,
+              .blue_first = plan_->blue_first(),
+              .light = light_of_codes15().data(),
+              .codes = codes_of_light15().data(),
+              .light_curve = light_curve().start_low.data(),
+              .curve = encoding_curve().low_start.data(),
+              .spot = {}};
+    if (plan_->options().filter == ViewFilter::Gauss) prepare_spot();
+    lanes_ = static_cast<size_t>(shape.count + static_cast<int>(weave_kernel::kLaneStep) - 1) /
+             weave_kernel::kLaneStep * weave_kernel::kLaneStep;
+    first_pixels_.resize(lanes_);
+    // Runs are written eight at a time.
+    stride_ = static_cast<size_t>(plan_->geometry().width) * 3 + 64;
+    if (kernel_ == WeaveKernel::Permute)
+      codes_.resize(stride_ * weave_kernel::kRows);
+    else
+      light_.resize(stride_ * weave_kernel::kRows);
+    if (kernel_ != WeaveKernel::Plain) prepare_turning();
+  }
 
   /// Fills the rows of blocks [begin, end). The views must have the plan's shape, the frame its
   /// geometry. Does not allocate.
-  void weave(const ViewSet& views, int begin, int end, WovenFrame& frame) noexcept;
+  void weave(const ViewSet& views, int begin, int end, WovenFrame& frame) noexcept {
+    LENTICULE_CHECK(shape_of(views) == plan_->shape() && frame.geometry() == plan_->geometry());
+    LENTICULE_CHECK(0 <= begin && begin <= end && end <= plan_->block_count());
+    look_at(views);
+    for (int index = begin; index < end; ++index) weave_block(index, frame);
+#if defined(__x86_64__)
+    if (kernel_ == WeaveKernel::Permute) weave_kernel::end_streaming();
+#endif
+  }
 
  private:
+  /// The reference's limit, in sigmas.
+  static constexpr double kSpotReach = 4.3;
+  static constexpr double kSharpestSpot = 1e-3;
+  /// Weights of wider spots change less from one fraction to the next.
+  static constexpr double kWideSpot = 2.0;
+  static constexpr int kSharpBits = 15, kWideBits = 12;
+  static constexpr size_t kAlignment = 64;
+
+  /// Returns the weight relative to the nearest view's, which therefore never vanishes.
+  static double spot_weight(double distance, double nearest, double sigma) {
+    return std::exp(-(distance * distance - nearest * nearest) / (2.0 * sigma * sigma));
+  }
+
+  static const weave_kernel::RunKernel& run_kernel(WeaveKernel kernel) {
+    const Isa isa = kernel == WeaveKernel::Avx2   ? Isa::Avx2
+                    : kernel == WeaveKernel::Neon ? Isa::Neon
+                                                  : Isa::Baseline;
+    return LENTICULE_SELECT_KERNEL(isa, kRunKernel);
+  }
+
+  static void swap_red_and_blue(uint8_t* codes, int pixels) {
+    for (int i = 0; i < pixels; ++i) std::swap(codes[3 * i], codes[3 * i + 2]);
+  }
   using Transposed = std::unique_ptr<uint8_t[], void (*)(void*)>;
 
-  void prepare_spot();
-  void look_at(const ViewSet& views) noexcept;
-  void weave_block(int index, WovenFrame& frame) noexcept;
-  void mix(const WeavePlan::Block& block) noexcept;
+  void prepare_spot() {
+    const double sigma = std::max(plan_->spot_sigma(), kSharpestSpot);
+    const int reach = std::min(static_cast<int>(kSpotReach * sigma) + 1, plan_->shape().count);
+    const int taps = 2 * reach + 2, bits = sigma < kWideSpot ? kSharpBits : kWideBits;
+    const int parts = 1 << bits;
+    spot_.reserve(static_cast<size_t>(parts) * static_cast<size_t>(taps) + 8);
+    for (int part = 0; part < parts; ++part) {
+      const double centre = (part + 0.5) / parts, nearest = std::min(centre, 1.0 - centre);
+      for (int n = 0; n < taps; ++n) {
+        const double weight = spot_weight(n - reach - centre, nearest, sigma);
+        spot_.push_back(static_cast<uint16_t>(std::lround(65535.0 * std::min(weight, 1.0))));
+      }
+    }
+    spot_.resize(spot_.size() + 8);
+    terms_.spot = {.weights = spot_.data(),
+                   .taps = taps,
+                   .reach = reach,
+                   .bits = bits,
+                   .views = plan_->shape().count};
+  }
+  /// Sets lane and view k to the k-th camera from the left, in either order of the set.
+  void look_at(const ViewSet& views) noexcept {
+    const int count = views.count();
+    const bool reversed = plan_->options().order == ViewOrder::RightToLeft;
+    for (int view = 0; view < count; ++view)
+      first_pixels_[static_cast<size_t>(view)] =
+          views.pixel(reversed ? count - 1 - view : view, 0, 0);
+    std::fill(first_pixels_.begin() + count, first_pixels_.end(),
+              first_pixels_[static_cast<size_t>(count - 1)]);
+    pictures_ = {.first = first_pixels_.data(),
+                 .stride = views.stride_bytes(),
+                 .views = count,
+                 .width = views.width(),
+                 .height = views.height()};
+    std::fill(slots_.begin(), slots_.end(), -1);
+  }
+  void weave_block(int index, WovenFrame& frame) noexcept {
+    const WeavePlan::Block block = plan_->block(index);
+    mix(block);
+    blacken(block);
+    for (int r = 0; r < weave_kernel::kRows && index * weave_kernel::kRows + r < frame.height();
+         ++r)
+      write_row(r, frame.row(index * weave_kernel::kRows + r));
+  }
+  void mix(const WeavePlan::Block& block) noexcept {
+    const weave_kernel::Target target{
+        .light = light_.data(), .codes = codes_.data(), .stride = stride_};
+    for (const weave_kernel::Set& set : block.sets) mix_set(set, block.quads, target);
+  }
   void mix_set(const weave_kernel::Set& set, const weave_kernel::Quad* quads,
-               const weave_kernel::Target& target) noexcept;
-  void blacken(const WeavePlan::Block& block) noexcept;
-  void write_row(int r, uint8_t* row) const noexcept;
-  void prepare_turning();
-  void transpose(int row, uint8_t* transposed) const noexcept;
-  [[nodiscard]] const uint8_t* transposed_row(int row) noexcept;
-  [[nodiscard]] weave_kernel::TransposedRows transposed_rows(const weave_kernel::Set& set) noexcept;
+               const weave_kernel::Target& target) noexcept {
+    if (kernel_ == WeaveKernel::Plain)
+      return weave_kernel::mix_set_plainly(terms_, pictures_, set, quads, target);
+    const weave_kernel::TransposedRows rows = transposed_rows(set);
+#if defined(__x86_64__)
+    if (kernel_ == WeaveKernel::Permute)
+      return weave_kernel::mix_set_by_permuting(terms_, rows, set, quads, target);
+#endif
+    run_kernel_->mix_set(terms_, rows, set, quads, target);
+  }
+  void blacken(const WeavePlan::Block& block) noexcept {
+    const auto fill = [&](auto* values) {
+      for (const WeavePlan::Bar& bar : block.bars)
+        for (uint32_t n = 0; n < bar.count; ++n)
+          values[static_cast<size_t>(bar.row) * stride_ + bar.first + size_t{n} * bar.stride] = 0;
+    };
+    kernel_ == WeaveKernel::Permute ? fill(codes_.data()) : fill(light_.data());
+  }
+  /// Writes row r of the block as code values.
+  void write_row(int r, uint8_t* row) const noexcept {
+    const size_t count = plan_->geometry().row_bytes(), at = static_cast<size_t>(r) * stride_;
+#if defined(__x86_64__)
+    if (kernel_ == WeaveKernel::Permute && !plan_->blue_first())
+      return weave_kernel::stream_row(codes_.data() + at, count, row);
+#endif
+    if (kernel_ == WeaveKernel::Permute)
+      std::memcpy(row, codes_.data() + at, count);
+    else
+      weave_kernel::encode_plainly(terms_, light_.data() + at, count, row);
+    if (plan_->blue_first()) swap_red_and_blue(row, plan_->geometry().width);
+  }
+  void prepare_turning() {
+    const auto columns = static_cast<size_t>(plan_->shape().width);
+    slots_.resize(static_cast<size_t>(plan_->rows_of_block()));
+    // Up to seven neighbours after the last view are read, but have no weight.
+    const size_t bytes = kernel_ == WeaveKernel::Permute ? (columns + 1) * lanes_ * 4
+                                                         : (columns * 3 * lanes_ + 8) * 4;
+    transposed_bytes_ = (bytes + kAlignment - 1) / kAlignment * kAlignment;
+    transposed_.reset(
+        static_cast<uint8_t*>(std::aligned_alloc(kAlignment, transposed_bytes_ * slots_.size())));
+    if (!transposed_) throw Error(ErrorKind::Failed, "weaving: out of memory");
+    std::memset(transposed_.get(), 0, transposed_bytes_ * slots_.size());
+  }
+  void transpose(int row, uint8_t* transposed) const noexcept {
+    auto* const light = reinterpret_cast<uint16_t*>(transposed);
+#if defined(__x86_64__)
+    if (kernel_ == WeaveKernel::Permute)
+      return weave_kernel::transpose_row(terms_, pictures_, row, lanes_, transposed);
+#endif
+    run_kernel_->turn_light(terms_, pictures_, row, lanes_, light);
+  }
+  [[nodiscard]] const uint8_t* transposed_row(int row) noexcept {
+    const size_t slot = static_cast<size_t>(row) % slots_.size();
+    uint8_t* const transposed = transposed_.get() + slot * transposed_bytes_;
+    if (std::exchange(slots_[slot], row) != row) transpose(row, transposed);
+    return transposed;
+  }
+  [[nodiscard]] weave_kernel::TransposedRows transposed_rows(
+      const weave_kernel::Set& set) noexcept {
+    weave_kernel::TransposedRows rows{.upper = {}, .lower = {}, .lanes = lanes_};
+    for (int r = 0; r < weave_kernel::kRows; ++r) {
+      rows.upper[r] = transposed_row(set.row[r]);
+      rows.lower[r] = transposed_row(std::min(set.row[r] + 1, pictures_.height - 1));
+    }
+    return rows;
+  }
 
   std::shared_ptr<const WeavePlan> plan_;
   WeaveKernel kernel_;
@@ -89,23 +314,70 @@ class FastWeaver {
  public:
   /// Starts the threads; `threads` = 1 weaves in the caller's thread only. Throws the errors of
   /// BlockWeaver.
-  explicit FastWeaver(std::shared_ptr<const WeavePlan> plan, int threads = 1);
-  FastWeaver(std::shared_ptr<const WeavePlan> plan, int threads, WeaveKernel kernel);
-  ~FastWeaver();
+  explicit FastWeaver(std::shared_ptr<const WeavePlan> plan, int threads = 1)
+      : FastWeaver(plan, threads, best_kernel(*plan)) {}
+  FastWeaver(std::shared_ptr<const WeavePlan> plan, int threads, WeaveKernel kernel)
+      : plan_(std::move(plan)), kernel_(kernel) {
+    LENTICULE_CHECK(threads > 0);
+    const auto workers = static_cast<size_t>(std::min(threads, plan_->block_count()));
+    for (size_t worker = 0; worker < workers; ++worker)
+      workers_.push_back(std::make_unique<BlockWeaver>(plan_, kernel_));
+    for (size_t worker = 1; worker < workers; ++worker)
+      helpers_.emplace_back([this, worker] { help(worker); });
+  }
+  ~FastWeaver() {
+    {
+      const std::lock_guard lock(mutex_);
+      ending_ = true;
+    }
+    start_.notify_all();
+    for (std::thread& helper : helpers_) helper.join();
+  }
   FastWeaver(const FastWeaver&) = delete;
   FastWeaver& operator=(const FastWeaver&) = delete;
 
   /// Returns when the frame is complete. Does not allocate.
   ///
   /// Thread safety: one caller at a time.
-  void weave(const ViewSet& views, WovenFrame& frame) noexcept;
+  void weave(const ViewSet& views, WovenFrame& frame) noexcept {
+    {
+      const std::lock_guard lock(mutex_);
+      views_ = &views;
+      frame_ = &frame;
+      busy_ = helpers_.size();
+      ++round_;
+    }
+    start_.notify_all();
+    weave_share(0);
+    std::unique_lock lock(mutex_);
+    done_.wait(lock, [&] { return busy_ == 0; });
+  }
 
   [[nodiscard]] const WeavePlan& plan() const { return *plan_; }
   [[nodiscard]] WeaveKernel kernel() const { return kernel_; }
 
  private:
-  void help(size_t worker) noexcept;
-  void weave_share(size_t worker) noexcept;
+  void help(size_t worker) noexcept {
+    uint64_t seen = 0;
+    std::unique_lock lock(mutex_);
+    while (true) {
+      start_.wait(lock, [&] { return ending_ || round_ != seen; });
+      if (ending_) return;
+      seen = round_;
+      lock.unlock();
+      weave_share(worker);
+      lock.lock();
+      if (--busy_ == 0) done_.notify_one();
+    }
+  }
+  /// Weaves one worker's blocks. Neighbouring blocks use the same picture rows, so each worker gets
+  /// one contiguous part of the panel.
+  void weave_share(size_t worker) noexcept {
+    const auto blocks = static_cast<size_t>(plan_->block_count());
+    const auto begin = static_cast<int>(blocks * worker / workers_.size());
+    const auto end = static_cast<int>(blocks * (worker + 1) / workers_.size());
+    workers_[worker]->weave(*views_, begin, end, *frame_);
+  }
 
   std::shared_ptr<const WeavePlan> plan_;
   WeaveKernel kernel_;
@@ -122,7 +394,13 @@ class FastWeaver {
 
 /// Weaves the whole frame at once: with the fast weaver, or with the reference if there are more
 /// views than a plan supports.
-[[nodiscard]] WovenFrame weave_fast(const ViewSet& views, const optics::OpticalModel& model,
-                                    const WeaveOptions& options = {}, int threads = 1);
+[[nodiscard]] inline WovenFrame weave_fast(const ViewSet& views, const optics::OpticalModel& model,
+                                           const WeaveOptions& options = {}, int threads = 1) {
+  if (views.count() > kMostPlannedViews) return weave(views, model, options);
+  const auto plan = std::make_shared<const WeavePlan>(model, shape_of(views), options, threads);
+  WovenFrame frame(plan->geometry());
+  FastWeaver(plan, threads).weave(views, frame);
+  return frame;
+}
 
 }  // namespace lenticule::frames
