@@ -3,12 +3,17 @@
 // the error of a frame and to find the bands that must be retraced.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstdlib>
+#include <numeric>
 #include <optional>
 #include <vector>
 
+#include "base/error.h"
 #include "render/integrator/packet_tracer.h"
 #include "render/rays/primary_packets.h"
 #include "render/rays/primary_rays.h"
@@ -24,25 +29,76 @@ namespace lenticule::render {
 /// the mean gain of all tried bands add up to a loss. Decisions depend on the noted gains only.
 class BandOrder {
  public:
-  explicit BandOrder(int bands);
+  explicit BandOrder(int bands)
+      : gains_(static_cast<size_t>(bands)), decided_(gains_.size()), stride_(first_stride(bands)) {}
 
   /// Returns the bands of the next step, in ascending order. The gains of all bands returned before
   /// must be noted. Returns none after the last step.
-  [[nodiscard]] std::vector<int> next();
+  [[nodiscard]] std::vector<int> next() {
+    std::vector<int> due;
+    const Sum all = sum();
+    while (due.empty() && stride_ > 0) {
+      const int first = is_first_ ? stride_ / 2 : 0;
+      for (int band = first; band < static_cast<int>(gains_.size()); band += stride_) {
+        uint8_t& decided = decided_[static_cast<size_t>(band)];
+        if (decided == 0 && expected_gain(band, all) >= 0) due.push_back(band);
+        decided = 1;
+      }
+      if (is_first_)
+        stride_ = kSecond;
+      else
+        stride_ = all.gained == all.tried && stride_ > 1 ? 1 : stride_ / 2;
+      is_first_ = false;
+    }
+    return due;
+  }
   /// Notes the processor time that a tried band has saved against method full, negative if it took
   /// more. A later gain replaces an earlier one. All gains of a frame have the same unit.
-  void note(int band, int64_t gain);
+  void note(int band, int64_t gain) {
+    LENTICULE_CHECK(decided_[static_cast<size_t>(band)] != 0);
+    gains_[static_cast<size_t>(band)] = gain;
+  }
   /// Returns true if the bands tried so far have cost more than with method full. A single band is
   /// not enough evidence, nor are few bands of which some have gained.
-  [[nodiscard]] bool loses() const;
+  [[nodiscard]] bool loses() const {
+    const Sum all = sum();
+    return all.tried >= (all.gained == 0 ? 2 : 4) && all.total < 0;
+  }
 
  private:
+  /// Distance of the bands of the step after the first.
+  static constexpr int kSecond = 8;
+
+  /// Returns the distance of the first bands: few, but two if possible.
+  static int first_stride(int bands) { return bands >= 8 * kSecond ? 4 * kSecond : 2 * kSecond; }
   /// The gains of all tried bands together.
   struct Sum {
     int64_t total = 0, tried = 0, gained = 0;
   };
-  [[nodiscard]] Sum sum() const;
-  [[nodiscard]] int64_t expected_gain(int band, const Sum& all) const;
+  [[nodiscard]] Sum sum() const {
+    Sum all;
+    for (const std::optional<int64_t>& gain : gains_) {
+      if (!gain) continue;
+      all.total += *gain;
+      ++all.tried;
+      all.gained += *gain >= 0 ? 1 : 0;
+    }
+    return all;
+  }
+  /// Estimates four times the gain of a band: those of its neighbours, and twice the mean, which
+  /// does not make up for two neighbours that lose.
+  [[nodiscard]] int64_t expected_gain(int band, const Sum& all) const {
+    if (all.tried == 0) return 0;
+    const int64_t mean = all.total / all.tried;
+    const auto nearest = [&](int way) {
+      for (int n = band; n >= 0 && n < static_cast<int>(gains_.size()); n += way)
+        if (gains_[static_cast<size_t>(n)]) return *gains_[static_cast<size_t>(n)];
+      return mean;
+    };
+    const int64_t above = nearest(-1), below = nearest(1);
+    if (above < 0 && below < 0) return above + below;
+    return above + below + 2 * mean;
+  }
 
   std::vector<std::optional<int64_t>> gains_;  ///< gain of each band; empty until the band is tried
   std::vector<uint8_t> decided_;
@@ -68,20 +124,65 @@ struct BandCosts {
   [[nodiscard]] int64_t spent() const { return lookups + shading; }
 };
 
+// Rough estimates from profiles of a few scenes, in nanoseconds; not fitted.
+inline constexpr int64_t kPrimary =
+    45;  ///< method full: a ray that meets a surface, and its shading
+inline constexpr int64_t kMaterial =
+    60;                              ///< the same with a metallic-roughness material, some textured
+inline constexpr int64_t kRay = 20;  ///< a shadow or secondary ray
+inline constexpr int64_t kSubpixel = 10;  ///< row sweep and lookup
+inline constexpr int64_t kCut = 90;       ///< a primitive cut by a row's plane
+inline constexpr int64_t kSorting =
+    60;  ///< a subpixel that is shaded individually, without its rays
+/// Subpixels with metallic-roughness materials: three channels are kept for each sample, and as
+/// long as shading itself takes the sorting of those that are shaded individually.
+inline constexpr int64_t kMaterialSubpixel = 20;
+inline constexpr int64_t kMaterialSorting = 90;
+/// Rays per subpixel with soft light, in sixteenths: always many.
+inline constexpr int64_t kSoftRays = 16 * 100;
+
+/// Costs of metallic-roughness materials, with the time of `full` for a subpixel that sees one.
+inline BandCosts costs_of_materials(const BandCounts& band, int64_t full) {
+  const int64_t seen = band.seen, shaded = band.shaded;
+  return {.full = seen * full,
+          .lookups = seen * kMaterialSubpixel + band.cuts * kCut,
+          .shading = shaded * (kMaterialSorting + full / 2)};
+}
+
 /// BandCostModel estimates the costs of the bands of one scene.
 struct BandCostModel {
   size_t subpixels = 0;  ///< number of subpixels of a band
   bool has_pbr = false;  ///< the scene has metallic-roughness materials
   bool is_soft = false;  ///< light is sampled: each subpixel has many rays
 
-  [[nodiscard]] BandCosts costs(const BandCounts& band) const;
+  [[nodiscard]] BandCosts costs(const BandCounts& band) const {
+    const int64_t rendered = std::max<int64_t>(static_cast<int64_t>(subpixels), 1);
+    const int64_t rays =
+        is_soft ? kSoftRays
+                : static_cast<int64_t>(16 * band.rays) / std::max<int64_t>(band.audited, 1);
+    // Subpixels that see nothing cost little with both methods.
+    const int64_t seen = band.seen, shaded = band.shaded;
+    const int64_t rays_of_seen = seen > 0 ? rays * rendered / seen : 0;
+    if (has_pbr) return costs_of_materials(band, kMaterial + kRay * rays_of_seen / 16);
+    const int64_t full = kPrimary + kRay * rays_of_seen / 16;
+    const int64_t samples = seen * full / 8 + band.audited * full * seen / rendered;
+    return {.full = seen * full,
+            .lookups = seen * kSubpixel + band.cuts * kCut + samples,
+            .shading = shaded * (kSorting + full * 5 / 8)};
+  }
 };
+
+inline constexpr int64_t kPrimitive = 400;  ///< set-up for a frame
 
 /// Returns the estimated time of method full for subpixels that all see a surface and from each of
 /// which `rays` sixteenths of a ray start.
-[[nodiscard]] int64_t time_of_full(int64_t subpixels, int64_t rays);
+[[nodiscard]] inline int64_t time_of_full(int64_t subpixels, int64_t rays) {
+  return subpixels * (kPrimary + kRay * rays / 16);
+}
 /// Returns the estimated time that finding surfaces and rows of primitives takes in a frame.
-[[nodiscard]] int64_t time_of_set_up(int64_t primitives);
+[[nodiscard]] inline int64_t time_of_set_up(int64_t primitives) {
+  return primitives * kPrimitive;
+}
 
 /// Two disjoint selections: one decides which bands are retraced, the other evaluates the result.
 enum class Draw : uint8_t { None, Retracing, Evaluation };
@@ -136,35 +237,87 @@ struct AuditCounts {
   }
 };
 
+/// Returns the probability of at most `successes` in `tries`, each with probability p in (0, 1).
+inline double cumulative_binomial(uint64_t successes, uint64_t tries, double p) {
+  const auto n = static_cast<double>(tries);
+  double term = n * std::log1p(-p);  // logarithm of the probability of no success
+  double sum = std::exp(term);
+  for (uint64_t k = 0; k < successes; ++k) {
+    const auto done = static_cast<double>(k);
+    term += std::log((n - done) / (done + 1.0)) + std::log(p) - std::log1p(-p);
+    sum += std::exp(term);
+  }
+  return sum;
+}
+
 /// Returns an upper bound, with 99.99 % confidence, of the share of all subpixels whose error
 /// exceeds the tolerated error (Clopper and Pearson's exact bound for a binomial share); 1 if no
 /// subpixel was sampled. The confidence is that high because the bounds of all frames of a sequence
 /// should hold, and because the selection is the same in each.
-[[nodiscard]] double bound_of_share(const AuditCounts& counts);
+[[nodiscard]] inline double bound_of_share(const AuditCounts& counts) {
+  constexpr double kDoubt = 0.0001;
+  if (counts.sampled == 0 || counts.beyond >= counts.sampled) return 1.0;
+  double low = 0.0, high = 1.0;
+  for (int step = 0; step < 50; ++step) {
+    const double middle = 0.5 * (low + high);
+    (cumulative_binomial(counts.beyond, counts.sampled, middle) > kDoubt ? low : high) = middle;
+  }
+  return high;
+}
 
 /// Returns true if the samples of a band indicate that more than the share `most` of its subpixels
 /// exceeds the tolerated error.
-[[nodiscard]] bool needs_retracing(const AuditCounts& band, double most);
+[[nodiscard]] inline bool needs_retracing(const AuditCounts& band, double most) {
+  // Three standard deviations above the count that such a share would give by chance.
+  const double expected = most * static_cast<double>(band.sampled);
+  return static_cast<double>(band.beyond) > expected + 3.0 * std::sqrt(expected) + 1.0;
+}
 
 /// Errors of sampled subpixels: how many are off by 0, 1, ..., 255 code values.
 class AuditErrors {
  public:
-  void add(uint8_t code, uint8_t exact);
+  void add(uint8_t code, uint8_t exact) {
+    ++subpixels_[static_cast<size_t>(std::abs(int{code} - int{exact}))];
+  }
   /// Adds samples without error.
   void add_exact(uint64_t samples) { subpixels_[0] += static_cast<uint32_t>(samples); }
-  AuditErrors& operator+=(const AuditErrors& other);
+  AuditErrors& operator+=(const AuditErrors& other) {
+    for (size_t error = 0; error < subpixels_.size(); ++error)
+      subpixels_[error] += other.subpixels_[error];
+    return *this;
+  }
 
-  [[nodiscard]] uint64_t sampled() const;
+  [[nodiscard]] uint64_t sampled() const { return at_least(0); }
   /// Returns the number of errors of `error` code values, 0 to 255.
   [[nodiscard]] uint64_t exactly(int error) const { return subpixels_[static_cast<size_t>(error)]; }
   /// Returns the number of errors of at least `error` code values, 0 to 256.
-  [[nodiscard]] uint64_t at_least(int error) const;
+  [[nodiscard]] uint64_t at_least(int error) const {
+    return std::accumulate(subpixels_.begin() + error, subpixels_.end(), uint64_t{0});
+  }
   /// Returns the number of errors that exceed the tolerated error.
-  [[nodiscard]] AuditCounts counts(double tolerated_error) const;
+  [[nodiscard]] AuditCounts counts(double tolerated_error) const {
+    const double first = std::floor(std::min(tolerated_error, 255.0)) + 1.0;
+    return {.sampled = sampled(), .beyond = at_least(static_cast<int>(first))};
+  }
   /// Returns the mean of the squared errors; 0 if there are none.
-  [[nodiscard]] double mean_square() const;
+  [[nodiscard]] double mean_square() const {
+    double sum = 0.0;
+    for (size_t error = 1; error < subpixels_.size(); ++error)
+      sum += static_cast<double>(error * error) * subpixels_[error];
+    return sum / static_cast<double>(std::max<uint64_t>(sampled(), 1));
+  }
   /// Returns the standard error of mean_square(); 0 for fewer than two samples.
-  [[nodiscard]] double standard_error() const;
+  [[nodiscard]] double standard_error() const {
+    const auto count = static_cast<double>(sampled());
+    if (count < 2.0) return 0.0;
+    const double mean = mean_square();
+    double sum = 0.0;
+    for (size_t error = 0; error < subpixels_.size(); ++error) {
+      const double off = static_cast<double>(error * error) - mean;
+      sum += off * off * subpixels_[error];
+    }
+    return std::sqrt(sum / (count * (count - 1.0)));
+  }
 
  private:
   std::array<uint32_t, 256> subpixels_{};
@@ -172,14 +325,46 @@ class AuditErrors {
 
 /// Number of sets of bands whose mean square may be judged by one evaluation.
 inline constexpr int kMeanSquareLooks = 6;
+/// Largest squared error, rounded up so that no factor of bound_of_mean_square() is 0.
+inline constexpr double kLargestSquare = 256.0 * 256.0;
+/// Probability that the bound of a mean square is too low.
+inline constexpr double kSquareDoubt = 0.01 / kMeanSquareLooks;
+/// Part of it that is spent on the first factor, which is the best one unless errors are very
+/// large.
+inline constexpr double kFirstPart = 0.9;
+
 /// Returns an upper bound of the mean squared error of all subpixels: that of the samples, and what
 /// errors of 255 code values may add that no sample shows. With 99 % confidence, none of
 /// kMeanSquareLooks bounds of one frame is too low.
-[[nodiscard]] double bound_of_mean_square(const AuditErrors& errors);
+/// With x = error^2 / kLargestSquare and 0 < f <= 1, the expected product of 1 - f x over all
+/// samples is at most exp(-f n m), where n m is the sum of the expected x of the samples. So by
+/// Markov's inequality the product exceeds exp(-f n m) / doubt with at most the probability
+/// `doubt`, for samples from any errors. The smallest of the bounds with a few f holds if their
+/// doubts add up.
+[[nodiscard]] inline double bound_of_mean_square(const AuditErrors& errors) {
+  constexpr std::array kFactors = {1.0, 0.5, 0.25, 0.125};
+  const auto sampled = static_cast<double>(errors.sampled());
+  double least = 255.0 * 255.0;
+  for (size_t n = 0; n < kFactors.size(); ++n) {
+    const double part = n == 0 ? kFirstPart : (1.0 - kFirstPart) / (kFactors.size() - 1.0);
+    double sum = -std::log(part * kSquareDoubt);
+    for (int error = 1; error < 256; ++error)
+      sum -= static_cast<double>(errors.exactly(error)) *
+             std::log1p(-kFactors[n] * error * error / kLargestSquare);
+    least = std::min(least, kLargestSquare * sum / (kFactors[n] * sampled));
+  }
+  return least;
+}
 
 /// Returns one in how many subpixels the evaluation must select so that the bound of a frame
 /// without errors is about a third of `mean_square`: 2 to kSampledOneIn.
-[[nodiscard]] uint32_t sampled_one_in_for(double mean_square, uint64_t subpixels);
+[[nodiscard]] inline uint32_t sampled_one_in_for(double mean_square, uint64_t subpixels) {
+  constexpr double kParts = 2.9;  // one of them is spent on errors that no sample shows
+  const double samples =
+      kParts * kLargestSquare / mean_square * -std::log(kFirstPart * kSquareDoubt);
+  const double one_in = static_cast<double>(subpixels) / samples;
+  return static_cast<uint32_t>(std::clamp(one_in, 2.0, double{kSampledOneIn}));
+}
 
 /// SampledSubpixels holds the subpixels of a band that the audit samples, and traces them as method
 /// full does. It belongs to one thread and keeps its memory from band to band. A ray that
@@ -196,19 +381,53 @@ class SampledSubpixels {
   };
 
   /// Lifetime: all arguments must outlive the object. `centre` is the centre of the subpixels.
-  SampledSubpixels(const PrimaryPackets& packets, const TilePlan& plan, const Footprint& centre);
+  SampledSubpixels(const PrimaryPackets& packets, const TilePlan& plan, const Footprint& centre)
+      : plan_(plan), centre_(centre), maker_(packets), packet_(1) {
+    init_packets(packet_);
+  }
 
   void clear() { subpixels_.clear(); }
   void add(const Subpixel& subpixel) { subpixels_.push_back(subpixel); }
   /// Traces all subpixels of the band that begins at `first_row`. Afterwards the subpixels have a
   /// different order. The calling thread must flush denormals.
-  void trace(const Scene& scene, int first_row, PacketTracer& tracer);
+  void trace(const Scene& scene, int first_row, PacketTracer& tracer) {
+    std::ranges::sort(subpixels_, {},
+                      [&](const Subpixel& s) { return std::pair(column(s), s.row); });
+    const int first_tile = first_row / TilePlan::kRows * plan_.per_band();
+    int tiles_begun = 0;
+    Tile tile{};
+    size_t in_packet = 0;
+    for (size_t n = 0; n < subpixels_.size(); ++n) {
+      const Subpixel& s = subpixels_[n];
+      while (tiles_begun == 0 || column(s) >= tile.column_begin + tile.columns) {
+        LENTICULE_CHECK(tiles_begun < plan_.per_band());
+        tile = plan_.tile(first_tile + tiles_begun++);
+        if (column(s) < tile.column_begin + tile.columns) maker_.start_few(scene, tile, centre_);
+      }
+      maker_.ray(column(s) - tile.column_begin, s.row, packet_[0], in_packet++);
+      if (in_packet < kPacket && n + 1 < subpixels_.size()) continue;
+      trace_packet(scene, first_row, n + 1 - in_packet, n + 1, tracer);
+      in_packet = 0;
+    }
+  }
   [[nodiscard]] const std::vector<Subpixel>& subpixels() const { return subpixels_; }
 
  private:
   [[nodiscard]] int column(const Subpixel& s) const { return s.at + plan_.shift(s.row); }
+  /// Traces a packet; inactive lanes repeat the first.
   void trace_packet(const Scene& scene, int first_row, size_t first, size_t end,
-                    PacketTracer& tracer);
+                    PacketTracer& tracer) {
+    for (size_t r = 0; r < kPacket; ++r) {
+      const bool there = first + r < end;
+      const Subpixel& s = subpixels_[there ? first + r : first];
+      packet_[0].valid[r] = there ? -1 : 0;
+      channel_[r] = s.at % 3;
+      seeds_[r] = sampling::subpixel_seed(first_row + s.row, s.at, 0);
+    }
+    if (tracer.needs_seeds()) tracer.set_seeds(seeds_);
+    tracer.trace_lanes(scene, plan_, channel_, packet_[0], light_);
+    for (size_t n = first; n < end; ++n) subpixels_[n].light = light_[n - first];
+  }
 
   const TilePlan& plan_;
   const Footprint& centre_;
