@@ -3,9 +3,19 @@
 // pointers: a process that takes over a card also receives the events of the previous process.
 #pragma once
 
+#include <drm.h>
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/epoll.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
 #include <cstdint>
+#include <cstring>
 #include <span>
 
+#include "base/error.h"
 #include "base/unique_fd.h"
 #include "display/clock.h"
 #include "display/display.h"
@@ -33,12 +43,70 @@ enum class EventRead {
   Gone,       ///< the card is gone
 };
 
-/// Reads once, without blocking, and passes every complete event to the handler.
-[[nodiscard]] EventRead read_drm_events(int fd, DrmEventHandler& handler) noexcept;
+/// Copies the bytes into the kernel's structure; returns false if there are too few.
+template <typename Event>
+bool load(std::span<const uint8_t> bytes, Event& event) noexcept {
+  if (bytes.size() < sizeof(Event)) return false;
+  std::memcpy(&event, bytes.data(), sizeof(Event));
+  return true;
+}
+
+inline bool handle_flip(std::span<const uint8_t> bytes, DrmEventHandler& handler) noexcept {
+  drm_event_vblank event{};
+  if (!load(bytes, event)) return false;
+  handler.on_drm_event(
+      {.kind = DrmEvent::Kind::Flip,
+       .id = event.user_data,
+       .sequence = event.sequence,
+       .time = std::chrono::seconds(event.tv_sec) + std::chrono::microseconds(event.tv_usec),
+       .crtc = event.crtc_id});
+  return true;
+}
+
+inline bool handle_sequence(std::span<const uint8_t> bytes, DrmEventHandler& handler) noexcept {
+  drm_event_crtc_sequence event{};
+  if (!load(bytes, event)) return false;
+  handler.on_drm_event({.kind = DrmEvent::Kind::Sequence,
+                        .id = event.user_data,
+                        .sequence = event.sequence,
+                        .time = Nanoseconds(event.time_ns)});
+  return true;
+}
 
 /// Parses events that were read.
-[[nodiscard]] EventRead parse_drm_events(std::span<const uint8_t> bytes,
-                                         DrmEventHandler& handler) noexcept;
+[[nodiscard]] inline EventRead parse_drm_events(std::span<const uint8_t> bytes,
+                                                DrmEventHandler& handler) noexcept {
+  while (!bytes.empty()) {
+    drm_event header{};
+    if (!load(bytes, header) || header.length < sizeof(header) || header.length > bytes.size())
+      return EventRead::Truncated;
+    const auto event = bytes.first(header.length);
+    bool whole = true;
+    if (header.type == DRM_EVENT_FLIP_COMPLETE) whole = handle_flip(event, handler);
+    if (header.type == DRM_EVENT_CRTC_SEQUENCE) whole = handle_sequence(event, handler);
+    if (!whole) return EventRead::Truncated;
+    bytes = bytes.subspan(header.length);
+  }
+  return EventRead::Ok;
+}
+
+inline constexpr size_t kReadBytes = 4096;
+
+inline bool readable(int fd) noexcept {
+  pollfd entry{.fd = fd, .events = POLLIN, .revents = 0};
+  return poll(&entry, 1, 0) == 1;
+}
+
+/// Reads once, without blocking, and passes every complete event to the handler.
+[[nodiscard]] inline EventRead read_drm_events(int fd, DrmEventHandler& handler) noexcept {
+  // A descriptor of the previous player may be in blocking mode, so check before reading.
+  if (!readable(fd)) return EventRead::Ok;
+  std::array<uint8_t, kReadBytes> buffer;
+  const ssize_t count = read(fd, buffer.data(), buffer.size());
+  if (count > 0) return parse_drm_events({buffer.data(), static_cast<size_t>(count)}, handler);
+  if (count < 0 && (errno == EAGAIN || errno == EINTR)) return EventRead::Ok;
+  return EventRead::Gone;
+}
 
 struct ReadySet {
   bool card = false;
@@ -53,17 +121,63 @@ struct ReadySet {
 class EventWaiter {
  public:
   /// Descriptors of -1 are never ready. Throws Error(Failed).
-  EventWaiter(int card_fd, int session_fd, int hotplug_fd);
+  EventWaiter(int card_fd, int session_fd, int hotplug_fd) : epoll_(epoll_create1(EPOLL_CLOEXEC)) {
+    if (!epoll_)
+      throw Error(ErrorKind::Failed,
+                  fmt::format("kms: cannot create an epoll descriptor: {}", std::strerror(errno)),
+                  "raise the limit of open files");
+    add(card_fd, kCard);
+    add(session_fd, kSession);
+    add(hotplug_fd, kHotplug);
+  }
 
   /// Waits until a descriptor is ready or `deadline` has passed; `wake_fd` as for
   /// Display::wait_event().
-  [[nodiscard]] ReadySet wait(Clock& clock, Nanoseconds deadline, int wake_fd) noexcept;
+  [[nodiscard]] ReadySet wait(Clock& clock, Nanoseconds deadline, int wake_fd) noexcept {
+    watch_wake(wake_fd);
+    (void)clock.wait_until(deadline, epoll_.get());
+    std::array<epoll_event, 4> entries{};
+    const int count = epoll_wait(epoll_.get(), entries.data(), static_cast<int>(entries.size()), 0);
+    ReadySet ready;
+    for (int i = 0; i < count; ++i) {
+      const epoll_event& entry = entries[static_cast<size_t>(i)];
+      switch (entry.data.u32) {
+        case kCard:
+          ready.card = (entry.events & EPOLLIN) != 0;
+          ready.card_gone = (entry.events & (EPOLLHUP | EPOLLERR)) != 0;
+          break;
+        case kSession:
+          ready.session = true;
+          break;
+        case kHotplug:
+          ready.hotplug = true;
+          break;
+        default:
+          ready.wake = true;
+      }
+    }
+    return ready;
+  }
 
  private:
   enum Source : uint32_t { kCard, kSession, kHotplug, kWake };
 
-  void add(int fd, Source source);
-  void watch_wake(int fd) noexcept;
+  void add(int fd, Source source) {
+    if (fd < 0) return;
+    epoll_event entry{.events = EPOLLIN, .data = {.u32 = source}};
+    if (epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, fd, &entry) != 0)
+      throw Error(ErrorKind::Failed,
+                  fmt::format("kms: cannot wait for a descriptor: {}", std::strerror(errno)));
+  }
+  /// Registers the wake descriptor. Its number may belong to another file than last time;
+  /// EPOLL_CTL_MOD detects that, and usually this is a single system call.
+  void watch_wake(int fd) noexcept {
+    epoll_event entry{.events = EPOLLIN, .data = {.u32 = kWake}};
+    if (wake_fd_ >= 0 && wake_fd_ != fd) epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, wake_fd_, nullptr);
+    wake_fd_ = fd;
+    if (fd >= 0 && epoll_ctl(epoll_.get(), EPOLL_CTL_MOD, fd, &entry) != 0 && errno == ENOENT)
+      epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, fd, &entry);
+  }
 
   UniqueFd epoll_;
   int wake_fd_ = -1;
