@@ -3,11 +3,18 @@
 // watchdog pings only while frames are displayed, and the active output kept for the next player.
 #pragma once
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/mman.h>
+#include <systemd/sd-daemon.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cstdint>
+#include <cstdlib>
+#include <ctime>
 #include <exception>
 #include <filesystem>
 #include <memory>
@@ -16,6 +23,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "base/file.h"
@@ -39,7 +47,13 @@ struct StoredDescriptor {
 class ServiceManager {
  public:
   /// Finds the manager by the environment ($NOTIFY_SOCKET, $WATCHDOG_USEC).
-  ServiceManager();
+  ServiceManager() {
+    const char* const socket = std::getenv("NOTIFY_SOCKET");
+    present_ = socket != nullptr && *socket != '\0';
+    uint64_t microseconds = 0;
+    if (present_ && sd_watchdog_enabled(0, &microseconds) > 0)
+      watchdog_ = std::chrono::microseconds(microseconds);
+  }
 
   /// Returns false if this process is not a service; all functions below then do nothing.
   [[nodiscard]] bool present() const noexcept { return present_; }
@@ -57,11 +71,19 @@ class ServiceManager {
   void ping() const noexcept { notify("WATCHDOG=1"); }
 
   /// Stores a copy of `fd` until the service is stopped, replacing the one of that name.
-  void keep(const std::string& name, int fd) const noexcept;
-  void forget(const std::string& name) const noexcept;
+  void keep(const std::string& name, int fd) const noexcept {
+    forget(name);  // the manager would keep both
+    const std::string text = fmt::format("FDSTORE=1\nFDNAME={}", name);
+    if (present_) (void)sd_pid_notify_with_fds(0, 0, text.c_str(), &fd, 1);
+  }
+  void forget(const std::string& name) const noexcept {
+    notify(fmt::format("FDSTOREREMOVE=1\nFDNAME={}", name));
+  }
 
  private:
-  void notify(const std::string& text) const noexcept;
+  void notify(const std::string& text) const noexcept {
+    if (present_) (void)sd_notify(0, text.c_str());
+  }
 
   bool present_ = false;
   std::optional<std::chrono::microseconds> watchdog_;
@@ -69,7 +91,17 @@ class ServiceManager {
 
 /// Takes the descriptors that the manager passed to this process. Works once, because it clears
 /// them from the environment.
-[[nodiscard]] std::vector<StoredDescriptor> take_stored_descriptors();
+[[nodiscard]] inline std::vector<StoredDescriptor> take_stored_descriptors() {
+  char** names = nullptr;
+  const int count = sd_listen_fds_with_names(1, &names);
+  std::vector<StoredDescriptor> kept;
+  for (int i = 0; i < count; ++i) {
+    kept.push_back({names[i], UniqueFd(SD_LISTEN_FDS_START + i)});
+    std::free(names[i]);
+  }
+  std::free(names);
+  return kept;
+}
 
 /// Older starts are forgotten. Long enough for five starts that a watchdog ended.
 inline constexpr std::chrono::seconds kStartsRemembered{120};
@@ -163,18 +195,66 @@ class StartHistory {
 };
 
 /// Returns the time since the machine was started, including time suspended.
-[[nodiscard]] std::chrono::seconds time_since_boot();
+[[nodiscard]] inline std::chrono::seconds time_since_boot() {
+  timespec time{};
+  clock_gettime(CLOCK_BOOTTIME, &time);
+  return std::chrono::seconds(time.tv_sec);
+}
+
+inline constexpr const char* kCardName = "lenticule-card";
+inline constexpr const char* kStateName = "lenticule-output";
+
+inline void forget_output(const ServiceManager& manager) {
+  manager.forget(kCardName);
+  manager.forget(kStateName);
+}
+
+/// Creates the state file, sealed, so that the successor uses exactly the bytes that it has
+/// checked. Empty on failure.
+inline UniqueFd state_file(const display::TakeoverState& state) {
+  UniqueFd file(memfd_create(kStateName, MFD_CLOEXEC | MFD_ALLOW_SEALING));
+  if (!file) return {};
+  const auto bytes = display::bytes_of(state);
+  if (write(file.get(), bytes.data(), bytes.size()) != static_cast<ssize_t>(bytes.size()))
+    return {};
+  if (fcntl(file.get(), F_ADD_SEALS, F_SEAL_WRITE | F_SEAL_GROW | F_SEAL_SHRINK | F_SEAL_SEAL) != 0)
+    return {};
+  return file;
+}
 
 /// Stores the active output in the service manager's fd store, a descriptor of the card and the
 /// state that a successor needs: the last frame of a player that dies stays displayed, and the next
 /// player continues in the same buffers.
-void store_output(const ServiceManager& manager, const display::KmsDisplay& display);
-void forget_output(const ServiceManager& manager);
+inline void store_output(const ServiceManager& manager, const display::KmsDisplay& display) {
+  if (!manager.present()) return;
+  const UniqueFd state = state_file(display.takeover_state());
+  if (!state) return forget_output(manager);
+  manager.keep(kCardName, display.card_fd());
+  manager.keep(kStateName, state.get());
+}
+
+inline std::optional<display::TakeoverState> read_state(int file) {
+  // One extra byte detects a file that is too long.
+  std::array<uint8_t, sizeof(display::TakeoverState) + 1> bytes{};
+  const ssize_t size = pread(file, bytes.data(), bytes.size(), 0);
+  if (size < 0) return std::nullopt;
+  return display::parse_takeover_state(std::span(bytes.data(), static_cast<size_t>(size)));
+}
 
 /// Returns the output that a previous player left; null if there is none or its state is not valid.
 /// Closes the other descriptors.
-[[nodiscard]] std::shared_ptr<display::PreviousOutput> stored_output(
-    std::vector<StoredDescriptor> descriptors);
+[[nodiscard]] inline std::shared_ptr<display::PreviousOutput> stored_output(
+    std::vector<StoredDescriptor> descriptors) {
+  auto output = std::make_shared<display::PreviousOutput>();
+  std::optional<display::TakeoverState> state;
+  for (StoredDescriptor& descriptor : descriptors) {
+    if (descriptor.name == kCardName) output->card = std::move(descriptor.fd);
+    if (descriptor.name == kStateName) state = read_state(descriptor.fd.get());
+  }
+  if (!output->card || !state) return nullptr;
+  output->state = *state;
+  return output;
+}
 
 /// Monotonic counts of a running playback.
 struct ProgressSample {
@@ -215,13 +295,35 @@ class Watchdog {
   ProgressSample last_;
 };
 
-[[nodiscard]] ProgressSample progress_sample(const PlayReport& report,
-                                             const display::KmsStatistics* kms);
+[[nodiscard]] inline ProgressSample progress_sample(const PlayReport& report,
+                                                    const display::KmsStatistics* kms) {
+  StageDelays own = report.delays;
+  if (own.source_waits_for_others) own.source = 0;
+  ProgressSample sample{.flips = report.pace.shown,
+                        .vblanks = report.wake.count,
+                        .failures = report.flip_timeouts + report.busy,
+                        .panel_away = report.off,
+                        .stalled = !stalled_stage(own).empty()};
+  if (kms == nullptr) return sample;
+  sample.flips = kms->flips;
+  sample.failures += kms->busy + kms->refused + kms->flip_timeouts;
+  sample.panel_away |= kms->panel != display::PanelState::Showing;
+  return sample;
+}
 
 /// Returns "EXACT yes; 600 frames shown, 0 underruns, 0 missed vblanks, panel showing; DP-1 on
 /// ...".
-[[nodiscard]] std::string status_text(const PlayReport& report, const display::KmsStatistics* kms,
-                                      const display::ExactnessReport* exactness);
+[[nodiscard]] inline std::string status_text(const PlayReport& report,
+                                             const display::KmsStatistics* kms,
+                                             const display::ExactnessReport* exactness) {
+  std::string text;
+  if (exactness != nullptr) text = exactness->summary() + "; ";
+  text += fmt::format("{} frames shown, {} underruns, {} missed vblanks", report.pace.shown,
+                      report.pace.underruns, report.pace.missed);
+  if (report.off) text += ", output off";
+  if (kms != nullptr) text += fmt::format(", panel {}", panel_state_name(kms->panel));
+  return text + "; " + report.display;
+}
 
 /// Does nothing if there is no service manager. Thread safety: one thread.
 class PlayService {
