@@ -3,21 +3,41 @@
 // from them; PhotoArrivals finds them in a folder, and a pack keeps them for a report of a fault.
 #pragma once
 
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
 #include <cstdint>
+#include <deque>
 #include <filesystem>
 #include <functional>
+#include <future>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <optional>
 #include <set>
 #include <string>
+#include <string_view>
+#include <system_error>
+#include <utility>
 #include <vector>
 
 #include "apps/lenticule-tools/calibrate/calibrate_result.h"
 #include "apps/lenticule/cli/command.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "base/temporary.h"
+#include "base/text.h"
+#include "calib/phone/exif.h"
 #include "calib/phone/phone_calibration.h"
 #include "calib/photo/photo_folder.h"
 #include "optics/rig.h"
+#include "optics/rig_file.h"
+#include "player/process/child_process.h"
 
 namespace lenticule::tools {
 
@@ -26,39 +46,117 @@ class HandHeldPhotos {
  public:
   /// `focal_px` is the camera's focal length in pixels; without it, the photographs' EXIF data are
   /// used. Throws Error(Input) for a rig whose panel is too small for the chart.
-  explicit HandHeldPhotos(const optics::Rig& rig, std::optional<double> focal_px = {});
+  explicit HandHeldPhotos(const optics::Rig& rig, std::optional<double> focal_px = {})
+      : chart_(calib::plan_single_photo_chart(rig)), given_focal_px_(focal_px) {
+    camera_.channels = 3;
+    camera_.pixel_format = "photograph";
+  }
 
   [[nodiscard]] const calib::SinglePhotoChart& chart() const { return chart_; }
 
   /// Measures a photograph. Returns the reason why it cannot be used, or an empty text. Throws
   /// Error(Input) for a file that is not a readable picture.
-  std::string add(const std::filesystem::path& file);
+  std::string add(const std::filesystem::path& file) { return keep(file, measure(file)); }
   /// Measures photographs, two at once, and adds them in their order. Calls `goes_on` with the
   /// number of photographs added; stops when it returns false. Throws as add() does.
   void add_all(const std::vector<std::filesystem::path>& files,
-               const std::function<bool(size_t)>& goes_on);
+               const std::function<bool(size_t)>& goes_on) {
+    constexpr size_t kAtOnce = 2;  // 12 megapixels take a quarter of a gigabyte each
+    std::deque<std::future<Measured>> waiting;
+    size_t begun = 0;
+    for (size_t n = 0; n < files.size(); ++n) {
+      for (; begun < std::min(files.size(), n + kAtOnce); ++begun)
+        waiting.push_back(
+            std::async(std::launch::async, [this, &file = files[begun]] { return measure(file); }));
+      keep(files[n], waiting.front().get());
+      waiting.pop_front();
+      if (!goes_on(n + 1)) return;
+    }
+  }
 
   /// Returns the files so far, usable or not.
   [[nodiscard]] const std::vector<std::filesystem::path>& files() const { return files_; }
-  [[nodiscard]] size_t usable() const;
+  [[nodiscard]] size_t usable() const {
+    return static_cast<size_t>(std::ranges::count_if(
+        photos_, [](const calib::PhonePhoto& photo) { return photo.findings.refusal.empty(); }));
+  }
   /// Returns the rig from which to plan the chart again if the last photograph shows that the start
   /// is too far off; see calib::better_start().
-  [[nodiscard]] std::optional<optics::Rig> better_start() const;
+  [[nodiscard]] std::optional<optics::Rig> better_start() const {
+    if (photos_.empty()) return std::nullopt;
+    return calib::better_start(photos_.back().findings, chart_);
+  }
   /// Calibrates from all photographs so far; see calib::calibrate_phone() for `most_lenses`.
-  [[nodiscard]] calib::Calibration calibrate(double most_lenses = 0.0) const;
+  [[nodiscard]] calib::Calibration calibrate(double most_lenses = 0.0) const {
+    return calib::calibrate_phone(photos_, chart_, focal_px_, most_lenses);
+  }
   /// Returns for each photograph whether it was used or the reason why not, the place of the camera
   /// and how it was held: the angle by which the rows of the picture are turned on the panel.
-  [[nodiscard]] nlohmann::json to_json(const calib::Calibration& found) const;
-  [[nodiscard]] calib::RecordDetails details() const;
+  [[nodiscard]] nlohmann::json to_json(const calib::Calibration& found) const {
+    nlohmann::json out = nlohmann::json::array();
+    for (const calib::PhonePhoto& photo : photos_) {
+      std::string reason = photo.findings.refusal;
+      const std::string begin = photo.name + ": ";
+      for (const std::string& one : found.reasons)
+        if (reason.empty() && one.starts_with(begin)) reason = one.substr(begin.size());
+      nlohmann::json entry = {{"name", escaped(photo.name)},
+                              {"used", reason.empty()},
+                              {"reason", escaped(reason)},
+                              {"eye_mm", nullptr},
+                              {"roll_degrees", nullptr}};
+      if (const auto& pose = photo.findings.pose) {
+        const auto& turn = pose->panel_from_camera;
+        entry["roll_degrees"] = std::atan2(turn[3], turn[0]) * 180.0 / std::numbers::pi;
+      }
+      for (const calib::Viewpoint& place : found.viewpoints)
+        if (place.name == photo.name)
+          entry["eye_mm"] = {place.eye_mm.x, place.eye_mm.y, place.eye_mm.z};
+      out.push_back(std::move(entry));
+    }
+    return out;
+  }
+  [[nodiscard]] calib::RecordDetails details() const {
+    return {.method = "photographs from the hand", .camera = camera_};
+  }
 
  private:
+  /// Returns the focal length in pixels: the given one, else the one that the file states, which is
+  /// rounded to whole millimetres, else that of a usual phone.
+  static calib::Estimate focal_of(std::optional<double> given_px, const std::filesystem::path& file,
+                                  int longer_side) {
+    if (given_px) return {*given_px, 0.02 * *given_px};
+    if (const auto stated = calib::stated_focal_35mm(file))
+      return calib::focal_of_film(*stated, longer_side);
+    constexpr double kUsual = 0.75, kUsualSigma = 0.15;
+    return {kUsual * longer_side, kUsualSigma * longer_side};
+  }
   struct Measured {
     calib::PhonePhoto photo;
     calib::Estimate focal;
     int width, height;  ///< size of the picture, pixels
   };
-  [[nodiscard]] Measured measure(const std::filesystem::path& file) const;
-  std::string keep(const std::filesystem::path& file, Measured measured);
+  [[nodiscard]] Measured measure(const std::filesystem::path& file) const {
+    const calib::CameraPicture photograph = calib::read_photograph(file);
+    const calib::Estimate focal =
+        focal_of(given_focal_px_, file, std::max(photograph.width, photograph.height));
+    return {.photo = {.name = file.filename().string(),
+                      .findings = calib::measure_hand_held(photograph, chart_, focal)},
+            .focal = focal,
+            .width = photograph.width,
+            .height = photograph.height};
+  }
+  std::string keep(const std::filesystem::path& file, Measured measured) {
+    const std::string refusal = measured.photo.findings.refusal;
+    if (refusal.empty()) {
+      focal_px_ = measured.focal;
+      camera_.name = measured.photo.name;
+      camera_.width = measured.width;
+      camera_.height = measured.height;
+    }
+    photos_.push_back(std::move(measured.photo));
+    files_.push_back(file);
+    return refusal;
+  }
 
   calib::SinglePhotoChart chart_;
   std::optional<double> given_focal_px_;
@@ -78,14 +176,53 @@ class PhotoArrivals {
  public:
   /// With `existing`, photographs that are in the folder already count as arriving. Throws
   /// Error(Input) if the folder cannot be read.
-  explicit PhotoArrivals(std::filesystem::path folder, bool existing = false);
+  explicit PhotoArrivals(std::filesystem::path folder, bool existing = false)
+      : folder_(std::move(folder)) {
+    for (const auto& [file, size] : sizes())
+      if (!existing) known_.insert(file);
+  }
 
   /// Returns the photographs whose size has not changed since the previous call, in the order of
   /// their names. Throws Error(Input) if the folder cannot be read.
-  [[nodiscard]] std::vector<std::filesystem::path> arrived();
+  [[nodiscard]] std::vector<std::filesystem::path> arrived() {
+    std::vector<std::filesystem::path> out;
+    std::map<std::filesystem::path, uintmax_t> now = sizes();
+    for (const auto& [file, size] : now) {
+      const auto before = growing_.find(file);
+      if (known_.contains(file) || before == growing_.end() || before->second != size) continue;
+      known_.insert(file);
+      out.push_back(file);
+    }
+    growing_ = std::move(now);
+    std::ranges::sort(out, [](const std::filesystem::path& a, const std::filesystem::path& b) {
+      return calib::stands_before(a.filename().string(), b.filename().string());
+    });
+    return out;
+  }
 
  private:
-  [[nodiscard]] std::map<std::filesystem::path, uintmax_t> sizes() const;
+  /// Returns true also for HEIC, which phones store by default and which reading refuses by name.
+  static bool is_picture(const std::filesystem::path& file) {
+    constexpr std::array<std::string_view, 8> kExtensions = {".jpg", ".jpeg", ".png",  ".tif",
+                                                             ".exr", ".tiff", ".heic", ".heif"};
+    const std::string extension = lower_case(file.extension().string());
+    return file.filename().string().front() != '.' &&
+           std::ranges::find(kExtensions, extension) != kExtensions.end();
+  }
+  [[nodiscard]] std::map<std::filesystem::path, uintmax_t> sizes() const {
+    std::map<std::filesystem::path, uintmax_t> out;
+    std::error_code error;
+    for (const std::filesystem::path& file : entries_of(folder_, &error)) {
+      std::error_code vanished;  // a file may be renamed between two calls
+      if (!is_picture(file) || !std::filesystem::is_regular_file(file, vanished)) continue;
+      const uintmax_t size = std::filesystem::file_size(file, vanished);
+      if (!vanished && size > 0) out.emplace(file, size);
+    }
+    if (error)
+      throw Error(ErrorKind::Input, folder_.string() + ": cannot be read: " + error.message(),
+                  "name the folder in which the photographs of the phone arrive");
+    return out;
+  }
 
   std::filesystem::path folder_;
   std::set<std::filesystem::path> known_;
@@ -103,11 +240,72 @@ struct PhotoPack {
   nlohmann::json report;
 };
 
-void declare_pack_flag(CLI::App& app, std::string& archive);
+inline void declare_pack_flag(CLI::App& app, std::string& archive) {
+  app.add_option("--pack", archive,
+                 "also write a tar archive of photographs, rig and result\n"
+                 "Others can repeat the calibration with it.")
+      ->type_name("FILE");
+}
+
+inline std::string command_of(const PhotoPack& pack, const std::vector<std::string>& names) {
+  std::string command = "lenticule calibrate photos";
+  for (const std::string& name : names) command += " '" + name + "'";
+  command += " --rig start.toml -o again.toml";
+  if (pack.focal_px) command += fmt::format(" --focal-px {}", *pack.focal_px);
+  if (!pack.distances_mm.empty())
+    command += fmt::format(" --distance {}", fmt::join(pack.distances_mm, ","));
+  return command;
+}
+
+/// Returns "02-IMG_7.jpg" for the second source.
+inline std::string name_in_pack(size_t index, const std::filesystem::path& source) {
+  std::string name = source.filename().string();
+  if (name.empty()) name = source.parent_path().filename().string();  // "folder/"
+  std::erase(name, '\'');
+  return fmt::format("{:02}-{}", index + 1, name);
+}
+
+inline void run_tar(const std::filesystem::path& folder, const std::filesystem::path& archive) {
+  constexpr std::chrono::minutes kLimit{10};
+  const std::optional<std::string> tar = player::find_program("tar");
+  if (!tar) throw Error(ErrorKind::Failed, "tar: no such program", "install the package tar");
+  const ProgramRun run = player::run_child({*tar, "-cf", archive.string(), "-C", folder.string(),
+                                            "--owner=0", "--group=0", "calibration"},
+                                           kLimit);
+  if (run.exit_code != 0)
+    throw Error(ErrorKind::Failed, archive.string() + ": tar failed: " + run.output);
+}
 
 /// Writes a tar archive with one folder, `calibration`, whose README.txt has the command that
 /// repeats the calibration. Sources keep their order by numbers before their names. The archive is
 /// replaced when it is complete. Throws Error(Failed) if a file cannot be read or written, or if
 /// the program tar is missing.
-void write_photo_pack(const PhotoPack& pack, const std::filesystem::path& archive);
+inline void write_photo_pack(const PhotoPack& pack, const std::filesystem::path& archive) {
+  const std::filesystem::path parent =
+      archive.has_parent_path() ? archive.parent_path() : std::filesystem::path(".");
+  const TemporaryFolder work(parent);
+  const std::filesystem::path folder = work.path() / "calibration";
+  try {
+    std::filesystem::create_directory(folder);
+    std::vector<std::string> names;
+    for (size_t k = 0; k < pack.sources.size(); ++k) {
+      names.push_back(name_in_pack(k, pack.sources[k]));
+      std::filesystem::copy(pack.sources[k], folder / names.back(),
+                            std::filesystem::copy_options::recursive);
+    }
+    optics::save_rig(pack.start, folder / "start.toml");
+    write_text_file(folder / "report.json", pack.report.dump(2) + "\n");
+    write_text_file(folder / "README.txt",
+                    fmt::format("Photographs of a lens sheet, for lenticule {}. To repeat the "
+                                "calibration, run in this folder:\n\n    {}\n\n"
+                                "report.json is the result of the original run.\n",
+                                LENTICULE_VERSION, command_of(pack, names)));
+    const std::filesystem::path made = work.path() / "pack.tar";
+    run_tar(work.path(), made);
+    std::filesystem::rename(made, archive);
+  } catch (const std::filesystem::filesystem_error& error) {
+    throw Error(ErrorKind::Failed, fmt::format("{}: cannot be packed: {}", error.path1().string(),
+                                               error.code().message()));
+  }
+}
 }  // namespace lenticule::tools
