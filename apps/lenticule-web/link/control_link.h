@@ -3,23 +3,33 @@
 // contract.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <semaphore>
 #include <string>
 
+#include "apps/lenticule-web/http/clock.h"
+#include "apps/lenticule-web/http/message.h"
 #include "base/error.h"
 #include "base/json_line_socket.h"
 #include "base/unique_fd.h"
 
 namespace lenticule::web {
 
+inline constexpr const char* kRemedy = "start the player, or wait for it";
+
 /// LinkConnection is one connection to a player. Throws as JsonLineSocket does. Thread safety: one
 /// thread.
 class LinkConnection : public JsonLineSocket {
  public:
-  LinkConnection(const std::string& socket, std::chrono::milliseconds timeout);
+  LinkConnection(const std::string& socket, std::chrono::milliseconds timeout)
+      : JsonLineSocket(socket, timeout,
+                       {.most_bytes = kMaxAnswer, .no_player = kRemedy, .gone = kRemedy}) {}
+
+ private:
+  static constexpr size_t kMaxAnswer = 1u << 20;
 };
 
 /// Each request has a connection of its own, so that a player that was restarted is found again.
@@ -36,10 +46,52 @@ class ControlLink {
   /// Returns the answer to a request without an id. Throws the player's error, or Error(Device) if
   /// there is no player or no answer within `timeout` and the AnswerTime of this thread.
   [[nodiscard]] Answer ask(nlohmann::ordered_json request,
-                           std::chrono::milliseconds timeout = std::chrono::seconds(10));
+                           std::chrono::milliseconds timeout = std::chrono::seconds(10)) {
+    timeout = AnswerTime::at_most(timeout);
+    if (timeout.count() == 0) fail(socket_, "no answer from the player in time");
+    const auto deadline = std::chrono::steady_clock::now() + timeout;
+    if (!slots_.try_acquire_until(deadline))
+      fail(socket_, "the player is busy with other requests");
+    struct Slot {
+      std::counting_semaphore<4>& slots;
+      ~Slot() { slots.release(); }
+    } const slot{slots_};
+    LinkConnection connection(socket_, timeout);
+    request["id"] = 1;
+    connection.send(request);
+    const auto left =
+        std::chrono::ceil<std::chrono::milliseconds>(deadline - std::chrono::steady_clock::now());
+    auto body = connection.receive(std::max(left, std::chrono::milliseconds(0)));
+    if (!body) fail(socket_, "no answer from the player");
+    if (!body->contains("ok") || (*body)["ok"] != true) throw_error_of(*body);
+    body->erase("id");
+    body->erase("ok");
+    return {.body = std::move(*body), .descriptor = connection.take_descriptor()};
+  }
   [[nodiscard]] const std::string& socket() const { return socket_; }
 
  private:
+  [[noreturn]] static void fail(const std::string& socket, const std::string& cause) {
+    throw Error(ErrorKind::Device, socket + ": " + cause, kRemedy);
+  }
+
+  [[noreturn]] static void throw_error_of(const nlohmann::ordered_json& answer) {
+    const auto error = answer.value("error", nlohmann::ordered_json::object());
+    const auto text = [&](const char* key) {
+      return error.is_object() && error.contains(key) && error[key].is_string()
+                 ? error[key].get<std::string>()
+                 : std::string();
+    };
+    const bool has_kind =
+        error.is_object() && error.contains("kind") && error["kind"].is_number_integer();
+    const int kind = has_kind ? error["kind"].get<int>() : 1;
+    const std::string object = text("object");
+    const std::string cause = object.empty() ? text("cause") : object + ": " + text("cause");
+    if (error.is_object() && error.contains("conflict") && error["conflict"] == true)
+      throw HttpError(409, cause, text("remedy"));
+    throw Error(kind >= 1 && kind <= 5 ? static_cast<ErrorKind>(kind) : ErrorKind::Failed, cause,
+                text("remedy"));
+  }
   const std::string socket_;
   std::counting_semaphore<4> slots_{4};
 };
@@ -47,14 +99,56 @@ class ControlLink {
 /// Time of a request that opens content: a disk may be slow.
 inline constexpr auto kOpeningTime = std::chrono::seconds(60);
 
+/// Length of an interruption in seconds of content, the longest that the player accepts.
+inline constexpr double kWhile = 1e6;
+
 /// Shows something else than the content for a while. For the player this is an interruption, after
 /// which it continues with its list at the same place.
-void interrupt_with(ControlLink& link, const std::string& source);
-/// Shows "black", "card" or "views", or "content" again. Throws HttpError 400 for another word, 409
-/// if there is no place to return to.
-void show(ControlLink& link, const std::string& what);
+inline void interrupt_with(ControlLink& link, const std::string& source) {
+  (void)link.ask({{"do", "interrupt"}, {"source", source}, {"seconds", kWhile}}, kOpeningTime);
+}
+/// Ends an interruption, which may end by itself meanwhile.
+inline void back_to_content(ControlLink& link) {
+  try {
+    (void)link.ask({{"do", "back"}}, kOpeningTime);
+  } catch (const HttpError& error) {
+    if (error.status() != 409) throw;
+  }
+}
+
+inline bool is_chart(const std::string& source) {
+  return source.ends_with("/calibration/chart.png");
+}
+
 /// Returns "black", "card", "views", "code" or "chart" if the player shows that instead of the
 /// content; empty if it shows content.
-[[nodiscard]] std::string shown_instead(const nlohmann::ordered_json& status);
+[[nodiscard]] inline std::string shown_instead(const nlohmann::ordered_json& status) {
+  const auto place = status.is_object() ? status.find("displayed") : status.end();
+  if (!status.is_object() || place == status.end() || !place->is_object() ||
+      !place->contains("source") || !(*place)["source"].is_string())
+    return {};
+  const auto source = (*place)["source"].get<std::string>();
+  // An item of a list may be black, too.
+  const bool in_list = status.contains("reading") && status["reading"].is_object() &&
+                       status["reading"].value("items", 0) > 1;
+  if (in_list) return {};
+  if (is_chart(source)) return "chart";
+  const bool is_instead =
+      source == "black" || source == "card" || source == "views" || source == "code";
+  return is_instead ? source : std::string();
+}
+
+/// Shows "black", "card" or "views", or "content" again. Throws HttpError 400 for another word, 409
+/// if there is no place to return to.
+inline void show(ControlLink& link, const std::string& what) {
+  if (what != "content" && what != "black" && what != "card" && what != "views")
+    throw HttpError(400, "what: expected black, card, views or content");
+  if (what != "content") return interrupt_with(link, what);
+  const nlohmann::ordered_json status = link.ask({{"do", "status"}}).body;
+  if (status.value("interrupted", nlohmann::ordered_json()).is_string())
+    back_to_content(link);
+  else if (!shown_instead(status).empty())
+    throw HttpError(409, "it is not known what was played before", "load a list or a file");
+}
 
 }  // namespace lenticule::web
