@@ -1,11 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // Draws the jobs that draw-pictures hands out, one after the other.
 import * as THREE from 'three';
-import {EXRLoader} from 'three/addons/loaders/EXRLoader.js';
-import {GLTFLoader} from 'three/addons/loaders/GLTFLoader.js';
+import {ColladaLoader} from 'three/addons/loaders/ColladaLoader.js';
 import {DRACOLoader} from 'three/addons/loaders/DRACOLoader.js';
+import {EXRLoader} from 'three/addons/loaders/EXRLoader.js';
+import {FBXLoader} from 'three/addons/loaders/FBXLoader.js';
+import {GLTFLoader} from 'three/addons/loaders/GLTFLoader.js';
 import {HDRLoader} from 'three/addons/loaders/HDRLoader.js';
 import {KTX2Loader} from 'three/addons/loaders/KTX2Loader.js';
+import {MTLLoader} from 'three/addons/loaders/MTLLoader.js';
+import {OBJLoader} from 'three/addons/loaders/OBJLoader.js';
+import {PLYLoader} from 'three/addons/loaders/PLYLoader.js';
+import {STLLoader} from 'three/addons/loaders/STLLoader.js';
+import {TDSLoader} from 'three/addons/loaders/TDSLoader.js';
 import {MeshoptDecoder} from 'three/addons/libs/meshopt_decoder.module.js';
 
 const TONE_MAPS = {
@@ -14,14 +21,67 @@ const TONE_MAPS = {
   aces: THREE.ACESFilmicToneMapping,
 };
 
-/** Returns the loader with the decoders that come with three.js. */
-function modelLoader(renderer) {
+/** Returns the loader of glTF models with the decoders that come with three.js. */
+function gltfLoader(renderer) {
   const libraries = '/three/examples/jsm/libs/';
   return new GLTFLoader()
       .setDRACOLoader(new DRACOLoader().setDecoderPath(libraries + 'draco/gltf/'))
       .setKTX2Loader(
           new KTX2Loader().setTranscoderPath(libraries + 'basis/').detectSupport(renderer))
       .setMeshoptDecoder(MeshoptDecoder);
+}
+
+/** Returns the materials that the lines mtllib of an OBJ file name; null if it names none. */
+async function materialsOf(url) {
+  const text = await (await fetch(url)).text();
+  const names = [...text.matchAll(/^\s*mtllib\s+(.+?)\s*$/gm)].map(match => match[1]);
+  if (names.length === 0) return null;
+  return new MTLLoader().loadAsync(new URL(encodeURI(names[0]), new URL(url, location.href)).href);
+}
+
+/** Returns the mesh of a format that has geometry alone, and perhaps colours of its vertices. */
+function plainMesh(geometry) {
+  if (!geometry.attributes.normal) geometry.computeVertexNormals();
+  const vertexColors = geometry.hasAttribute('color');
+  return new THREE.Mesh(
+      geometry, new THREE.MeshStandardMaterial({vertexColors, side: THREE.DoubleSide}));
+}
+
+/** Returns the {scene, animations} of a model in any format of which three.js has a loader. */
+async function loadModel(gltf, url) {
+  const extension = url.split('.').pop().toLowerCase();
+  switch (extension) {
+    case 'obj':
+      return {scene: await new OBJLoader().setMaterials(await materialsOf(url)).loadAsync(url)};
+    case 'dae':
+      return new ColladaLoader().loadAsync(url);
+    case 'fbx': {
+      const scene = await new FBXLoader().loadAsync(url);
+      return {scene, animations: scene.animations};
+    }
+    case '3ds':
+      return {scene: await new TDSLoader().loadAsync(url)};
+    case 'ply':
+      return {scene: plainMesh(await new PLYLoader().loadAsync(url))};
+    case 'stl':
+      return {scene: plainMesh(await new STLLoader().loadAsync(url))};
+    default:
+      return gltf.loadAsync(url);
+  }
+}
+
+/** Gives a material of Lambert or Phong, which no environment lights, one that it does light. */
+function litByEnvironment(material) {
+  if (!material.isMeshPhongMaterial && !material.isMeshLambertMaterial) return material;
+  const lit = new THREE.MeshStandardMaterial({metalness: 0});
+  for (const key of ['name', 'color', 'map', 'alphaMap', 'alphaTest', 'opacity', 'transparent', 'side',
+                     'vertexColors', 'emissive', 'emissiveMap', 'normalMap', 'bumpMap', 'bumpScale',
+                     'flatShading']) {
+    if (material[key] !== undefined) lit[key] = material[key];
+  }
+  // A lobe of Phong's exponent n has the width of Beckmann's roughness alpha = sqrt(2 / (n + 2)).
+  lit.roughness = Math.sqrt(Math.sqrt(2 / ((material.shininess ?? 0) + 2)));
+  return lit;
 }
 
 let environment = {file: null, texture: null};
@@ -138,9 +198,14 @@ async function drawScene(renderer, loader, job) {
     scene.backgroundRotation.copy(rotation);
   }
 
-  const model = await loader.loadAsync(job.model_url);
+  const model = await loadModel(loader, job.model_url);
+  model.scene.traverse(object => {
+    if (!object.isMesh) return;
+    object.material = Array.isArray(object.material) ? object.material.map(litByEnvironment) :
+                                                       litByEnvironment(object.material);
+  });
   scene.add(model.scene);
-  if (model.animations.length > 0) {
+  if (model.animations?.length > 0) {
     const mixer = new THREE.AnimationMixer(model.scene);
     mixer.clipAction(model.animations[0]).play();
     mixer.setTime(0);
@@ -177,7 +242,7 @@ function newRenderer() {
 
 async function drawAll() {
   let renderer = newRenderer();
-  let loader = modelLoader(renderer);
+  let loader = gltfLoader(renderer);
   for (;;) {
     const job = await (await fetch('/next')).json();
     if (job === null) return;
@@ -191,7 +256,7 @@ async function drawAll() {
       renderer.dispose();
       renderer.forceContextLoss();
       renderer = newRenderer();
-      loader = modelLoader(renderer);
+      loader = gltfLoader(renderer);
     }
     await fetch(`/${answer.kind}/${job.number}`, {method: 'POST', body: answer.body});
   }

@@ -115,7 +115,7 @@ TEST_F(BenchModels, ReportsAJudgeThatFailsAfterTheTable) {
 TEST_F(BenchModels, RefusesFoldersWithoutModels) {
   std::filesystem::create_directory(path("empty"));
   expect_end(run({"bench", "models", path("empty"), "-o", out("")}), 4,
-             "no model; expected .glb or .gltf files");
+             "no model; expected .glb .gltf .obj .dae .fbx .3ds .ply .stl files");
 }
 
 }  // namespace

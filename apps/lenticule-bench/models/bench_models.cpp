@@ -134,9 +134,12 @@ struct ModelFile {
   std::string stem;  ///< begins the names of its pictures: different for every model
 };
 
+/// Lists the formats that the judge of scripts/ also reads.
+constexpr std::string_view kExtensions = ".glb .gltf .obj .dae .fbx .3ds .ply .stl ";
+
 bool is_model(const fs::path& file) {
   const std::string extension = lower_case(file.extension().string());
-  return extension == ".glb" || extension == ".gltf";
+  return !extension.empty() && kExtensions.find(extension + ' ') != std::string_view::npos;
 }
 
 /// Returns letters, digits, dots and dashes only: a file name that is valid on any system.
@@ -147,13 +150,14 @@ std::string plain_name(std::string text) {
 }
 
 void add(const fs::path& file, const fs::path& name, std::vector<ModelFile>& models) {
-  const std::string text = fs::path(name).replace_extension().string();
+  const bool is_gltf = lower_case(name.extension().string()).starts_with(".gl");
+  const std::string text = is_gltf ? fs::path(name).replace_extension().string() : name.string();
   models.push_back({.file = file,
                     .name = text,
                     .stem = fmt::format("{:03}-{}", models.size() + 1, plain_name(text))});
 }
 
-/// Returns the .glb and .gltf files among `places`: files, and folders with all their sub-folders,
+/// Returns the models among `places`: files, and folders with all their sub-folders,
 /// each folder's files sorted by name. Throws Error(Input) for a place that does not exist, and if
 /// there is no model at all.
 std::vector<ModelFile> find_models(const std::vector<std::string>& places) {
@@ -175,11 +179,11 @@ std::vector<ModelFile> find_models(const std::vector<std::string>& places) {
   }
   if (models.empty())
     throw Error(ErrorKind::Input,
-                fmt::format("{}: no model; expected .glb or .gltf files", places.front()));
+                fmt::format("{}: no model; expected {}files", places.front(), kExtensions));
   return models;
 }
 
-// lenticule bench models renders glTF models as a plain camera sees them, lets a judge (another
+// lenticule bench models renders models as a plain camera sees them, lets a judge (another
 // renderer) draw the same pictures, and measures the differences with FLIP.
 
 using nlohmann::json;
@@ -439,7 +443,7 @@ cli::Run declare_bench_models(CLI::App& app) {
       "  scripts/fetch-models ~/models\n"
       "  lenticule bench models ~/models/models -o compared "
       "--judge scripts/three-judge/draw-pictures");
-  app.add_option("models", flags->places, "glTF files, or folders with glTF files")->required();
+  app.add_option("models", flags->places, "models, or folders with models")->required();
   app.add_option("-o,--output", flags->output, "folder for pictures, contact sheets and the table")
       ->required();
   app.add_option("--judge", flags->judge,
