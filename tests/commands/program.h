@@ -33,17 +33,25 @@ inline ProcessResult run(std::vector<std::string> arguments, const ProcessLimits
   return run_process(program(std::move(arguments)), limits);
 }
 
+/// Says how a program ended, and what it wrote.
+inline std::string end_of(const ProcessResult& result) {
+  const std::string how = result.timed_out ? "timed out\n"
+                          : result.signal  ? "signal " + std::to_string(result.signal) + '\n'
+                                           : "";
+  return how + result.err + result.out;
+}
+
 /// Expects that a program ends with this code, and that its messages have all these texts.
 template <typename... Text>
 void expect_end(const ProcessResult& result, int exit_code, const Text&... texts) {
-  EXPECT_EQ(result.exit_code, exit_code) << result.err << result.out;
+  EXPECT_EQ(result.exit_code, exit_code) << end_of(result);
   for (const std::string& text : std::vector<std::string>{texts...})
     EXPECT_NE(result.err.find(text), std::string::npos) << text << " is not in: " << result.err;
 }
 
 /// Expects success and returns what a program wrote with --json.
 inline nlohmann::json results_of(const ProcessResult& result) {
-  EXPECT_EQ(result.exit_code, 0) << result.err << result.out;
+  EXPECT_EQ(result.exit_code, 0) << end_of(result);
   return nlohmann::json::parse(result.out, nullptr, false);
 }
 
