@@ -585,8 +585,11 @@ class Committer {
     // Robust mode: no ray passes between two triangles of a closed surface. Regular grids of rays
     // on regular meshes do hit edges and vertices.
     rtcSetSceneFlags(scene_.embree.get(), RTC_SCENE_FLAG_ROBUST);
-    for (size_t i = 0; i < scene_.meshes.size(); ++i)
-      attach(mesh_geometry(scene_.meshes[i]), {GeometryEntry::Kind::Mesh, i});
+    for (size_t i = 0; i < scene_.meshes.size(); ++i) {
+      const MeshShape& mesh = scene_.meshes[i];
+      attach(mesh_geometry(mesh), {GeometryEntry::Kind::Mesh, i},
+             {mesh.positions.data(), embree_corners(mesh).data()});
+    }
     if (!scene_.spheres.empty())
       attach(make_sphere_geometry(device, scene_.spheres), {GeometryEntry::Kind::Spheres});
     if (!scene_.cones.empty())
@@ -630,12 +633,17 @@ class Committer {
     return sum;
   }
 
+  /// Returns the triangles that Embree gets; wide ones have no area.
+  static const std::vector<std::array<uint32_t, 3>>& embree_corners(const MeshShape& mesh) {
+    return mesh.wide.empty() ? mesh.triangles : mesh.narrow_triangles;
+  }
+
   EmbreeGeometry mesh_geometry(const MeshShape& mesh) const {
     EmbreeGeometry geometry(rtcNewGeometry(scene_.device.get(), RTC_GEOMETRY_TYPE_TRIANGLE));
     if (!geometry) return geometry;
     rtcSetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
                                mesh.positions.data(), 0, sizeof(Vec3f), mesh.positions.size() - 1);
-    const auto& triangles = mesh.wide.empty() ? mesh.triangles : mesh.narrow_triangles;
+    const auto& triangles = embree_corners(mesh);
     rtcSetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                                triangles.data(), 0, sizeof(triangles[0]), triangles.size());
     rtcSetGeometryMask(geometry.get(), ~0U);
@@ -643,18 +651,19 @@ class Committer {
     return geometry;
   }
 
-  void attach(EmbreeGeometry geometry, GeometryEntry entry) {
-    attach_last(std::move(geometry), entry.kind == GeometryEntry::Kind::Mesh
-                                         ? SceneFeature::Triangles
-                                         : SceneFeature::UserGeometry);
+  void attach(EmbreeGeometry geometry, GeometryEntry entry, EmbreeTriangles triangles = {}) {
+    attach_last(std::move(geometry),
+                triangles.corners ? SceneFeature::Triangles : SceneFeature::UserGeometry,
+                triangles);
     scene_.geometries.push_back(entry);
   }
 
   /// Attaches a geometry without a GeometryEntry: its hits report the numbers of other geometries.
-  void attach_last(EmbreeGeometry geometry, SceneFeature feature) {
+  void attach_last(EmbreeGeometry geometry, SceneFeature feature, EmbreeTriangles triangles = {}) {
     scene_.device.check(description_.source);
     LENTICULE_CHECK(geometry != nullptr);
-    scene_.embree.attach(geometry.get(), static_cast<unsigned>(scene_.geometries.size()), feature);
+    scene_.embree.attach(geometry.get(), static_cast<unsigned>(scene_.geometries.size()), feature,
+                         triangles);
   }
 
   const SceneDescription& description_;

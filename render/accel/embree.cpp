@@ -47,7 +47,8 @@ struct EmbreeDevice::Report {
 EmbreeDevice::EmbreeDevice(int threads) : report_(std::make_unique<Report>()) {
   std::string configuration = "ignore_config_files=1";
   if (threads > 0) configuration += fmt::format(",threads={}", threads);
-  // Embree's kernels differ in the last bits from one instruction set to another.
+  // At a common edge of two triangles, kernels of different instruction sets may choose another
+  // one.
   if (const char* isa = std::getenv("LENTICULE_EMBREE_ISA"); isa && *isa)
     configuration += fmt::format(",isa={}", isa);
   device_.reset(rtcNewDevice(configuration.c_str()));

@@ -3,10 +3,15 @@
 // differ between Embree 3 and 4, of which no other file knows. ray_stream.h wraps the packet calls.
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <cstddef>
+#include <cstdint>
+#include <limits>
 #include <memory>
 #include <string>
 #include <type_traits>
+#include <vector>
 
 #if LENTICULE_EMBREE_MAJOR >= 4
 #include <embree4/rtcore.h>
@@ -40,21 +45,48 @@ enum class SceneFeature : unsigned { Triangles = 1, UserGeometry = 2 };
 inline constexpr bool kCallbacksReportHits = false;
 #endif
 
-/// EmbreeScene owns a scene and records which features of Embree its geometries need.
+/// EmbreeTriangles names the arrays of a geometry of triangles, which must outlive it.
+struct EmbreeTriangles {
+  const Vec3f* positions = nullptr;
+  const std::array<uint32_t, 3>* corners = nullptr;
+};
+
+/// EmbreeScene owns a scene, and records which features of Embree its geometries need and which
+/// triangles they have.
 class EmbreeScene {
  public:
   void reset(RTCScene scene) { scene_.reset(scene); }
   [[nodiscard]] RTCScene get() const { return scene_.get(); }
   [[nodiscard]] unsigned features() const { return features_; }
 
-  void attach(RTCGeometry geometry, unsigned number, SceneFeature feature) {
+  void attach(RTCGeometry geometry, unsigned number, SceneFeature feature,
+              EmbreeTriangles triangles = {}) {
     rtcAttachGeometryByID(get(), geometry, number);
     features_ |= static_cast<unsigned>(feature);
+    triangles_.resize(std::max<size_t>(triangles_.size(), number + 1));
+    triangles_[number] = triangles;
+  }
+
+  /// Returns the ray parameter of a hit: `t` of a user geometry; for a triangle, the parameter at
+  /// which the ray meets its plane. Embree divides by an approximate reciprocal, whose last bits
+  /// depend on the instruction set and on the manufacturer of the processor.
+  [[nodiscard]] float distance(unsigned geometry, unsigned primitive, Vec3f origin, Vec3f direction,
+                               float t) const {
+    const EmbreeTriangles& mesh = triangles_[geometry];
+    if (mesh.positions == nullptr) return t;
+    const auto& [a, b, c] = mesh.corners[primitive];
+    const Vec3 corner(mesh.positions[a]);
+    const Vec3 normal = cross(Vec3(mesh.positions[b]) - corner, Vec3(mesh.positions[c]) - corner);
+    const double exact = dot(corner - Vec3(origin), normal) / dot(Vec3(direction), normal);
+    // False if the triangle stands for a wide one, which has no area here, or is seen edge on.
+    const bool meets = exact > 0.0 && exact <= double{std::numeric_limits<float>::max()};
+    return meets ? static_cast<float>(exact) : t;
   }
 
  private:
   EmbreeHandle<RTCScene> scene_;
   unsigned features_ = 0;
+  std::vector<EmbreeTriangles> triangles_;  ///< by the geometry's number; empty of user geometries
 };
 
 /// EmbreeDevice owns a device and remembers the first error that Embree reported through its
@@ -149,6 +181,10 @@ void query(Function* function, const EmbreeScene& scene, Rays& rays, Coherence c
 
 inline void intersect1(const EmbreeScene& scene, RTCRayHit& ray) {
   query(rtcIntersect1, scene, ray, Coherence::Incoherent);
+  if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return;
+  ray.ray.tfar =
+      scene.distance(ray.hit.geomID, ray.hit.primID, {ray.ray.org_x, ray.ray.org_y, ray.ray.org_z},
+                     {ray.ray.dir_x, ray.ray.dir_y, ray.ray.dir_z}, ray.ray.tfar);
 }
 
 /// Assumed relative error of positions, directions and Embree's arithmetic, which covers many

@@ -99,9 +99,19 @@ void query_parts(Function* function, const EmbreeScene& scene, Whole& rays, Cohe
 void intersect16(const int* valid, const EmbreeScene& scene, RTCRayHit16& rays, Coherence coherence,
                  int width) {
   coherence = checked(coherence, valid, rays.ray);
-  if (width == 16) return query(rtcIntersect16, scene, rays, coherence, valid);
-  if (width == 8) return query_parts<RTCRayHit8, 8>(rtcIntersect8, scene, rays, coherence, valid);
-  query_parts<RTCRayHit4, 4>(rtcIntersect4, scene, rays, coherence, valid);
+  if (width == 16)
+    query(rtcIntersect16, scene, rays, coherence, valid);
+  else if (width == 8)
+    query_parts<RTCRayHit8, 8>(rtcIntersect8, scene, rays, coherence, valid);
+  else
+    query_parts<RTCRayHit4, 4>(rtcIntersect4, scene, rays, coherence, valid);
+  RTCRay16& ray = rays.ray;
+  for (size_t r = 0; r < kPacket; ++r) {
+    if (valid[r] == 0 || rays.hit.geomID[r] == RTC_INVALID_GEOMETRY_ID) continue;
+    ray.tfar[r] = scene.distance(rays.hit.geomID[r], rays.hit.primID[r],
+                                 {ray.org_x[r], ray.org_y[r], ray.org_z[r]},
+                                 {ray.dir_x[r], ray.dir_y[r], ray.dir_z[r]}, ray.tfar[r]);
+  }
 }
 
 void occluded16(const int* valid, const EmbreeScene& scene, RTCRay16& rays, Coherence coherence,
