@@ -22,6 +22,7 @@
 #include "base/interval.h"
 #include "render/accel/user_geometry.h"
 #include "render/culling/shaft.h"
+#include "render/loaders/viewer_choices.h"
 #include "render/scene/scene.h"
 #include "render/scene/scene_fingerprint.h"
 #include "render/scene/surroundings.h"

@@ -2,7 +2,6 @@
 #include "render/loaders/assimp_loader.h"
 
 #include <assimp/GltfMaterial.h>
-#include <assimp/ObjMaterial.h>
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 #include <fmt/format.h>
@@ -11,12 +10,10 @@
 #include <assimp/IOStream.hpp>
 #include <assimp/IOSystem.hpp>
 #include <assimp/Importer.hpp>
-#include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
-#include <iterator>
 #include <map>
 #include <memory>
 #include <numbers>
@@ -29,9 +26,7 @@
 #include <vector>
 
 #include "base/error.h"
-#include "base/text.h"
 #include "frames/image_io.h"
-#include "frames/srgb.h"
 #include "optics/vec.h"
 #include "render/loaders/animation.h"
 #include "render/loaders/limits.h"
@@ -47,9 +42,7 @@ namespace {
 /// Throws Error(Input) with the mesh and the vertex or face that is invalid.
 void check_meshes(const aiScene& from, const std::string& source);
 
-/// Converts the scene of a file. `origin` is the point of the file that assimp's origin stands for.
-[[nodiscard]] SceneDescription import_scene(const aiScene& from, const std::filesystem::path& file,
-                                            Vec3 origin);
+[[nodiscard]] SceneDescription import_scene(const aiScene& from, const std::filesystem::path& file);
 
 // Converts assimp's scene to a SceneDescription: nodes and meshes, materials with their textures
 // (docs/render/scenes.md has a table of the conversions), and what refers to nodes by their names:
@@ -153,11 +146,10 @@ unsigned uv_set(const aiMaterial& material) {
 
 std::vector<std::array<float, 2>> uvs_of(const aiMesh& mesh, unsigned set) {
   if (!mesh.HasTextureCoords(set)) return {};
-  constexpr float kFarthest = 1e6F;
   std::vector<std::array<float, 2>> uvs;
   uvs.reserve(mesh.mNumVertices);
   for (const aiVector3D& uv : std::span(mesh.mTextureCoords[set], mesh.mNumVertices)) {
-    const bool usable = std::abs(uv.x) < kFarthest && std::abs(uv.y) < kFarthest;
+    const bool usable = std::abs(uv.x) < kFarthestUv && std::abs(uv.y) < kFarthestUv;
     uvs.push_back(usable ? std::array{uv.x, uv.y} : std::array{0.0F, 0.0F});
   }
   return uvs;
@@ -168,12 +160,8 @@ std::vector<std::array<float, 4>> colours_of(const aiMesh& mesh) {
   std::vector<std::array<float, 4>> colours;
   if (!mesh.HasVertexColors(0)) return colours;
   colours.reserve(mesh.mNumVertices);
-  const auto share = [](float v) { return std::isfinite(v) ? std::clamp(v, 0.0F, 1.0F) : 0.0F; };
-  const auto light = [&](float v) {
-    return static_cast<float>(frames::linear_from_srgb(double{share(v)}));
-  };
   for (const aiColor4D& c : std::span(mesh.mColors[0], mesh.mNumVertices))
-    colours.push_back({light(c.r), light(c.g), light(c.b), share(c.a)});
+    colours.push_back(light_of_codes(c.r, c.g, c.b, c.a));
   return colours;
 }
 
@@ -216,26 +204,14 @@ class ColouredMaterials {
         known_.try_emplace(material, static_cast<int>(scene_.materials.size()));
     if (!added) return known->second;
     Material coloured = scene_.materials[static_cast<size_t>(material)];
-    coloured.pbr = std::make_shared<const PbrMaterial>(with_white(coloured));
+    PbrMaterial white = coloured.pbr ? *coloured.pbr : pbr_like(coloured);
+    white.base_colour = {1, 1, 1};
+    coloured.pbr = std::make_shared<const PbrMaterial>(white);
     scene_.materials.push_back(std::move(coloured));
     return known->second;
   }
 
  private:
-  static PbrMaterial with_white(const Material& material) {
-    PbrMaterial pbr;
-    if (material.pbr) {
-      pbr = *material.pbr;
-    } else {
-      pbr.metallic = 0.0;
-      pbr.double_sided = true;
-      pbr.emission = material.emission;
-      pbr.base_colour_texture.texture = material.texture;
-    }
-    pbr.base_colour = {1, 1, 1};
-    return pbr;
-  }
-
   SceneDescription& scene_;
   std::map<int, int> known_;
 };
@@ -353,49 +329,22 @@ class Properties {
     if (!is_finite(c)) return std::nullopt;
     return Vec3{std::clamp(c.x, 0.0, 1e6), std::clamp(c.y, 0.0, 1e6), std::clamp(c.z, 0.0, 1e6)};
   }
-  [[nodiscard]] std::string text(const char* key, unsigned type, unsigned index) const {
-    aiString value;
-    return material_.Get(key, type, index, value) == aiReturn_SUCCESS ? value.C_Str() : "";
-  }
-  [[nodiscard]] std::optional<int> integer(const char* key, unsigned type, unsigned index) const {
-    int value = 0;
-    if (material_.Get(key, type, index, value) != aiReturn_SUCCESS) return std::nullopt;
-    return value;
-  }
 
  private:
   const aiMaterial& material_;
 };
 
-/// Converts the classic ambient-diffuse-specular model. Files state a specular colour for
-/// highlights; in OBJ only illumination models 3 and above mean mirrors.
-void set_classic(const Properties& from, Material& to) {
-  const double specular = luminance(from.colour(AI_MATKEY_COLOR_SPECULAR).value_or(Vec3{}));
-  const int illumination = from.integer(AI_MATKEY_OBJ_ILLUM).value_or(0);
-  constexpr double kHighlightOnly = 0.1;
-  const bool mirror = illumination >= 3;
-  to.specular = clamped(specular, 0.0, 1.0) * (mirror ? 1.0 : kHighlightOnly);
-  to.shine = clamped(from.number(AI_MATKEY_SHININESS).value_or(10.0), 1.0, kShiniest);
-  const bool refracts = illumination == 6 || illumination == 7;
-  if (refracts) to.refraction_index = from.number(AI_MATKEY_REFRACTI).value_or(1.0);
-}
-
-double opacity_of(const Properties& from) {
-  return clamped(from.number(AI_MATKEY_OPACITY).value_or(1.0), 0.0, 1.0);
-}
-
-Material material_of(const aiMaterial& material, const std::optional<MetallicRoughness>& pbr) {
+Material material_of(const aiMaterial& material) {
   const Properties from(material);
   Material to;
   to.name = material.GetName().C_Str();
   to.colour = from.colour(AI_MATKEY_BASE_COLOR)
                   .value_or(from.colour(AI_MATKEY_COLOR_DIFFUSE).value_or(Vec3{0.8, 0.8, 0.8}));
-  if (pbr)
-    set_metallic_roughness(*pbr, to);
-  else
-    set_classic(from, to);
-  set_opacity(opacity_of(from), to);
-  to.refraction_index = clamped(to.refraction_index, 0.1, 100.0);
+  // Files state a specular colour for highlights, not for mirrors.
+  constexpr double kHighlightOnly = 0.1;
+  const double specular = luminance(from.colour(AI_MATKEY_COLOR_SPECULAR).value_or(Vec3{}));
+  to.specular = clamped(specular, 0.0, 1.0) * kHighlightOnly;
+  to.shine = clamped(from.number(AI_MATKEY_SHININESS).value_or(10.0), 1.0, kShiniest);
   to.emission = from.colour(AI_MATKEY_COLOR_EMISSIVE).value_or(Vec3{}) *
                 clamped(from.number(AI_MATKEY_EMISSIVE_INTENSITY).value_or(1.0), 0.0, 1e6);
   to.two_sided = true;
@@ -441,7 +390,7 @@ class MaterialTextures {
                          [&] {
                            if (rough == metal)
                              return read(rough, kData, frames::TexelPlace::Anywhere);
-                           return combined(rough, metal);
+                           return both(rough, metal);
                          });
   }
 
@@ -487,30 +436,14 @@ class MaterialTextures {
     return image;
   }
 
-  /// Returns the larger size of both pictures; a missing one counts as white.
-  frames::TextureImage combined(const std::string& rough, const std::string& metal) {
+  /// Returns one texture of both pictures; a missing one counts as white.
+  frames::TextureImage both(const std::string& rough, const std::string& metal) {
     const auto picture = [&](const std::string& name) {
-      return name.empty() ? frames::FloatImage{1, 1, {1, 1, 1, 1}}
+      return name.empty() ? white_picture()
                           : frames::floats_of(read(name, frames::TextureContent::Data),
                                               frames::TextureContent::Data);
     };
-    const frames::FloatImage roughness = picture(rough);
-    const frames::FloatImage metalness = picture(metal);
-    frames::TextureImage both{std::max(roughness.width, metalness.width),
-                              std::max(roughness.height, metalness.height),
-                              {},
-                              {}};
-    const auto grey = [&](const frames::FloatImage& image, int x, int y) {
-      const auto column = static_cast<int64_t>(x) * image.width / both.width;
-      const auto row = static_cast<int64_t>(y) * image.height / both.height;
-      return image.rgba[static_cast<size_t>(row * image.width + column) * 4];
-    };
-    both.rgba.reserve(static_cast<size_t>(both.width) * static_cast<size_t>(both.height) * 4);
-    for (int y = 0; y < both.height; ++y)
-      for (int x = 0; x < both.width; ++x)
-        both.rgba.insert(both.rgba.end(),
-                         {1.0F, grey(roughness, x, y), grey(metalness, x, y), 1.0F});
-    return both;
+    return combined(picture(rough), picture(metal), mix_metallic_roughness);
   }
 
   const aiScene& from_;
@@ -522,46 +455,31 @@ class MaterialTextures {
 
 // ---- metallic-roughness materials
 
-/// Returns the factors if the file states any of them, or textures of them.
-std::optional<MetallicRoughness> metallic_roughness_of(const Properties& from,
-                                                       const MaterialTextures& textures) {
+/// Reads factors and textures; returns false if the file states neither.
+bool read_metallic_roughness(const Properties& from, MaterialTextures& textures, PbrMaterial& to) {
   const auto metallic = from.number(AI_MATKEY_METALLIC_FACTOR);
   const auto roughness = from.number(AI_MATKEY_ROUGHNESS_FACTOR);
   const bool metal_texture = textures.has(aiTextureType_METALNESS);
   const bool rough_texture = textures.has(aiTextureType_DIFFUSE_ROUGHNESS);
-  if (!metallic && !roughness && !metal_texture && !rough_texture) return std::nullopt;
-  return MetallicRoughness{
-      .metallic = clamped(metallic.value_or(metal_texture ? 1.0 : 0.0), 0.0, 1.0),
-      .roughness = clamped(roughness.value_or(1.0), 0.0, 1.0),
-      .transmission = clamped(from.number(AI_MATKEY_TRANSMISSION_FACTOR).value_or(0.0), 0.0, 1.0),
-      .ior = from.number(AI_MATKEY_REFRACTI).value_or(kUsualIndex)};
-}
-
-std::shared_ptr<const PbrMaterial> pbr_of(const Properties& from, const MetallicRoughness& factors,
-                                          const Material& whitted, MaterialTextures& textures) {
-  constexpr auto kData = frames::TextureContent::Data;
-  PbrMaterial to;
-  to.base_colour = whitted.colour;
-  to.alpha = opacity_of(from);
-  if (to.alpha < 1.0) to.alpha_mode = PbrMaterial::AlphaMode::Blend;
-  to.base_colour_texture.texture = whitted.texture;
-  to.metallic = factors.metallic;
-  to.roughness = factors.roughness;
+  if (!metallic && !roughness && !metal_texture && !rough_texture) return false;
+  const auto share = [&](const char* key, unsigned type, unsigned index) {
+    return clamped(from.number(key, type, index).value_or(0.0), 0.0, 1.0);
+  };
+  to.metallic = clamped(metallic.value_or(metal_texture ? 1.0 : 0.0), 0.0, 1.0);
+  to.roughness = clamped(roughness.value_or(1.0), 0.0, 1.0);
   to.metallic_roughness_texture.texture = textures.find_metallic_roughness();
-  to.normal_texture.texture = textures.find({aiTextureType_NORMALS}, kData);
-  to.emission = whitted.emission;
+  to.normal_texture.texture = textures.find({aiTextureType_NORMALS}, frames::TextureContent::Data);
   to.emission_texture.texture = textures.find(
       {aiTextureType_EMISSION_COLOR, aiTextureType_EMISSIVE}, frames::TextureContent::Colour);
   // A file with a texture and no colour, or black, means the texture.
   if (to.emission_texture.texture >= 0 && to.emission == Vec3{}) to.emission = {1, 1, 1};
-  to.double_sided = true;
-  to.transmission = factors.transmission;
-  to.ior = clamped(factors.ior, 1.0, 100.0);
-  to.clearcoat = clamped(from.number(AI_MATKEY_CLEARCOAT_FACTOR).value_or(0.0), 0.0, 1.0);
-  to.clearcoat_roughness =
-      clamped(from.number(AI_MATKEY_CLEARCOAT_ROUGHNESS_FACTOR).value_or(0.0), 0.0, 1.0);
+  to.transmission = share(AI_MATKEY_TRANSMISSION_FACTOR);
+  to.specular = 1.0;
+  to.ior = clamped(from.number(AI_MATKEY_REFRACTI).value_or(kUsualIndex), 1.0, 100.0);
+  to.clearcoat = share(AI_MATKEY_CLEARCOAT_FACTOR);
+  to.clearcoat_roughness = share(AI_MATKEY_CLEARCOAT_ROUGHNESS_FACTOR);
   to.sheen_colour = from.colour(AI_MATKEY_SHEEN_COLOR_FACTOR).value_or(Vec3{});
-  return std::make_shared<const PbrMaterial>(to);
+  return true;
 }
 
 /// Imports materials with their base-colour textures. Relative file names start at `folder`.
@@ -573,11 +491,14 @@ void import_materials(const aiScene& from, const std::filesystem::path& folder,
   for (const aiMaterial* material : std::span(from.mMaterials, from.mNumMaterials)) {
     const Properties properties(*material);
     MaterialTextures textures(from, *material, folder, scene.source, all);
-    const auto factors = metallic_roughness_of(properties, textures);
-    Material to = material_of(*material, factors);
+    Material to = material_of(*material);
     to.texture = textures.find({aiTextureType_BASE_COLOR, aiTextureType_DIFFUSE},
                                frames::TextureContent::Colour);
-    if (factors) to.pbr = pbr_of(properties, *factors, to, textures);
+    PbrMaterial pbr = pbr_like(to);
+    const bool is_stated = read_metallic_roughness(properties, textures, pbr);
+    pbr.alpha = clamped(properties.number(AI_MATKEY_OPACITY).value_or(1.0), 0.0, 1.0);
+    if (pbr.alpha < 1.0) pbr.alpha_mode = PbrMaterial::AlphaMode::Blend;
+    if (is_stated || pbr.alpha < 1.0) to.pbr = std::make_shared<const PbrMaterial>(pbr);
     scene.materials.push_back(std::move(to));
   }
 }
@@ -762,17 +683,13 @@ void check_meshes(const aiScene& from, const std::string& source) {
     check_mesh(*from.mMeshes[i], label_of(*from.mMeshes[i], i), source);
 }
 
-SceneDescription import_scene(const aiScene& from, const std::filesystem::path& file, Vec3 origin) {
+SceneDescription import_scene(const aiScene& from, const std::filesystem::path& file) {
   SceneDescription scene;
   scene.source = file.string();
   scene.colour_managed = true;
   import_materials(from, file.parent_path(), scene);
   const NodeNames nodes = import_nodes_and_meshes(from, scene);
   if (scene.meshes.empty()) refuse_empty(scene);
-  // An OBJ file has no transforms: its nodes' coordinates are the file's.
-  if (!(origin == Vec3{}))
-    for (TriangleMesh& mesh : scene.meshes)
-      for (Vec3& p : mesh.positions) p += origin;
   import_animation(from, nodes, scene);
   import_lights(from, nodes, scene);
   import_cameras(from, nodes, scene);
@@ -828,11 +745,6 @@ std::filesystem::path found(const std::filesystem::path& file) {
 /// case of letters only.
 class GuardedFiles : public Assimp::IOSystem {
  public:
-  GuardedFiles() = default;
-  /// Presents `bytes` as the content of one file.
-  GuardedFiles(std::string replaced, std::vector<uint8_t> bytes)
-      : replaced_(std::move(replaced)), bytes_(std::move(bytes)) {}
-
   bool Exists(const char* file) const override {
     kept_ = contents(file);
     kept_name_ = file;
@@ -858,116 +770,15 @@ class GuardedFiles : public Assimp::IOSystem {
   /// Returns none for a file that cannot be read.
   [[nodiscard]] std::optional<std::vector<uint8_t>> contents(const char* file) const {
     try {
-      return !replaced_.empty() && replaced_ == file ? bytes_ : read_scene_file(found(file));
+      return read_scene_file(found(file));
     } catch (const Error&) {
       return std::nullopt;
     }
   }
 
-  std::string replaced_;
-  std::vector<uint8_t> bytes_;
   mutable std::string kept_name_;  ///< file whose bytes are in kept_
   mutable std::optional<std::vector<uint8_t>> kept_;
 };
-
-// ---- OBJ files far from the origin, which are centred: assimp reads in single precision
-
-struct CentredObj {
-  std::vector<uint8_t> text;  ///< the file with all positions relative to the centre
-  Vec3 centre;
-};
-
-/// At this multiple of the size, single precision still resolves a small fraction of a pixel.
-constexpr double kFarMultiple = 64.0;
-
-/// A line with a position: its numbers, and the text after the third.
-struct Position {
-  Vec3 point;
-  std::string_view rest;
-};
-
-bool is_space(char c) {
-  return c == ' ' || c == '\t';
-}
-
-/// Takes a number from the front of the text.
-std::optional<double> take_number(std::string_view& text) {
-  while (!text.empty() && is_space(text.front())) text.remove_prefix(1);
-  double value = 0.0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc()) return std::nullopt;
-  text.remove_prefix(static_cast<size_t>(end - text.data()));
-  return value;
-}
-
-bool is_position(std::string_view line) {
-  return line.size() > 2 && line[0] == 'v' && is_space(line[1]);
-}
-
-/// Parses a line "v x y z ..."; returns nothing for one that cannot be moved.
-std::optional<Position> position_of(std::string_view line) {
-  line.remove_prefix(1);
-  const auto x = take_number(line);
-  const auto y = take_number(line);
-  const auto z = take_number(line);
-  if (!x || !y || !z || !is_finite(Vec3{*x, *y, *z})) return std::nullopt;
-  // A fourth number alone is a homogeneous coordinate; three more are a colour.
-  std::string_view rest = line;
-  const auto w = take_number(rest);
-  if (w && !take_number(rest)) return std::nullopt;
-  return Position{{*x, *y, *z}, line};
-}
-
-/// Calls visit(line, end of line) for each line; stops when it returns false.
-template <class Visit>
-bool each_line(std::string_view text, Visit visit) {
-  while (!text.empty()) {
-    const size_t size = std::min(text.find('\n'), text.size());
-    std::string_view line = text.substr(0, size);
-    text.remove_prefix(std::min(size + 1, text.size()));
-    while (!line.empty() && is_space(line.front())) line.remove_prefix(1);
-    if (!visit(line)) return false;
-  }
-  return true;
-}
-
-/// Returns the file with the middle of its positions moved to the origin, if its distance from the
-/// origin is a multiple of its size; otherwise nothing, as for files with continued lines or
-/// homogeneous coordinates.
-std::optional<CentredObj> centre_obj(std::span<const uint8_t> file) {
-  const std::string_view text(reinterpret_cast<const char*>(file.data()), file.size());
-  if (text.find("\\\n") != std::string_view::npos || text.find("\\\r") != std::string_view::npos)
-    return std::nullopt;
-  Box bounds;
-  const bool movable = each_line(text, [&](std::string_view line) {
-    if (!is_position(line)) return true;
-    const auto position = position_of(line);
-    if (!position) return false;
-    bounds.extend(position->point);
-    return true;
-  });
-  if (!movable || bounds.empty()) return std::nullopt;
-  const Vec3 size = bounds.high - bounds.low;
-  const Vec3 centre = bounds.low + size / 2.0;
-  const double extent = std::max({size.x, size.y, size.z});
-  const double distance = std::max({std::abs(centre.x), std::abs(centre.y), std::abs(centre.z)});
-  if (!(distance > kFarMultiple * extent) || !std::isfinite(distance)) return std::nullopt;
-
-  CentredObj centred{{}, centre};
-  centred.text.reserve(file.size());
-  auto out = std::back_inserter(centred.text);
-  each_line(text, [&](std::string_view line) {
-    if (is_position(line)) {
-      const auto position = position_of(line);
-      const Vec3 p = position->point - centre;
-      fmt::format_to(out, "v {:.9g} {:.9g} {:.9g}{}\n", p.x, p.y, p.z, position->rest);
-    } else {
-      fmt::format_to(out, "{}\n", line);
-    }
-    return true;
-  });
-  return centred;
-}
 
 // ---- loader
 
@@ -991,10 +802,9 @@ std::string tidy(const std::string& message) {
 }
 
 /// Reads the file. The data is checked before assimp's own post-processing runs, which trusts the
-/// data. The importer deletes `files`.
-const aiScene& read(Assimp::Importer& importer, const std::filesystem::path& file,
-                    std::unique_ptr<GuardedFiles> files) {
-  importer.SetIOHandler(files.release());
+/// data.
+const aiScene& read(Assimp::Importer& importer, const std::filesystem::path& file) {
+  importer.SetIOHandler(std::make_unique<GuardedFiles>().release());  // the importer deletes it
   importer.SetPropertyBool("IMPORT_NO_SKELETON_MESHES", true);
   const aiScene* scene = importer.ReadFile(file.string(), 0);
   if (scene == nullptr) refuse(file, tidy(importer.GetErrorString()));
@@ -1018,13 +828,7 @@ bool assimp_reads(const std::string& extension) {
 SceneDescription load_with_assimp(const std::filesystem::path& file) {
   try {
     Assimp::Importer importer;
-    std::optional<CentredObj> centred;
-    if (lower_case(file.extension().string()) == ".obj")
-      centred = centre_obj(read_scene_file(file));
-    if (!centred)
-      return import_scene(read(importer, file, std::make_unique<GuardedFiles>()), file, {});
-    auto files = std::make_unique<GuardedFiles>(file.string(), std::move(centred->text));
-    return import_scene(read(importer, file, std::move(files)), file, centred->centre);
+    return import_scene(read(importer, file), file);
   } catch (const Error&) {
     throw;
   } catch (const std::bad_alloc&) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Loads OBJ, STL and the other formats that assimp reads.
+// Loads STL and the other formats that assimp reads.
 #pragma once
 
 #include <filesystem>
@@ -9,7 +9,7 @@
 
 namespace lenticule::render {
 
-/// Returns true if assimp has a reader for this extension (".obj").
+/// Returns true if assimp has a reader for this extension (".stl").
 [[nodiscard]] bool assimp_reads(const std::string& extension);
 
 /// Loads a scene as load_scene() does.

@@ -17,6 +17,7 @@
 #include "render/loaders/assimp_loader.h"
 #include "render/loaders/gltf_loader.h"
 #include "render/loaders/nff.h"
+#include "render/loaders/obj.h"
 #include "render/loaders/ply.h"
 
 namespace lenticule::render {
@@ -101,6 +102,7 @@ void require_file(const std::filesystem::path& file) {
 SceneDescription load(const std::filesystem::path& file, const std::string& extension) {
   if (extension == ".nff") return load_nff(file);
   if (extension == ".gltf" || extension == ".glb") return load_gltf(file);
+  if (extension == ".obj") return load_obj(file);
   if (extension == ".ply") return load_ply(file);
   if (assimp_reads(extension)) return load_with_assimp(file);
   throw Error(ErrorKind::Input,
@@ -124,7 +126,7 @@ SceneDescription load_scene(const std::filesystem::path& file, const LoadOptions
 
 void prepare_loaders() {
   (void)tbb::this_task_arena::max_concurrency();
-  (void)assimp_reads(".obj");
+  (void)assimp_reads(".stl");
 }
 
 SceneDescription load_scene_here(const std::filesystem::path& file, const LoadOptions& options) {

@@ -14,6 +14,7 @@
 #include <numeric>
 #include <tuple>
 
+#include "frames/srgb.h"
 #include "render/loaders/limits.h"
 #include "render/scene/stage.h"
 
@@ -456,6 +457,19 @@ void compute_tangents(TriangleMesh& mesh, bool use_second_uvs) {
   for (size_t i = 0; i < from.size(); ++i)
     mesh.tangents[i] =
         sums.tangent(from[i], orientations[i] == Mirrored ? Mirrored : Plain, mesh.normals[i]);
+}
+
+std::array<float, 2> uv_of_file(double u, double v) {
+  if (!(std::abs(u) < kFarthestUv && std::abs(v) < kFarthestUv)) return {0.0F, 0.0F};
+  return {static_cast<float>(u), static_cast<float>(1.0 - v)};
+}
+
+std::array<float, 4> light_of_codes(double r, double g, double b, double alpha) {
+  const auto share = [](double v) { return std::isfinite(v) ? std::clamp(v, 0.0, 1.0) : 0.0; };
+  const auto light = [&](double v) {
+    return static_cast<float>(frames::linear_from_srgb(share(v)));
+  };
+  return {light(r), light(g), light(b), static_cast<float>(share(alpha))};
 }
 
 void LostDigits::add(const TriangleMesh& mesh) {

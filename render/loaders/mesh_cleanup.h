@@ -49,6 +49,13 @@ void compute_tangents(TriangleMesh& mesh, bool use_second_uvs);
 /// triangles.
 void select_vertices(TriangleMesh& mesh, const std::vector<uint32_t>& from);
 
+/// Texture coordinates beyond it count as 0.
+inline constexpr double kFarthestUv = 1e6;
+/// Returns texture coordinates with v downward, of a file where v points up.
+[[nodiscard]] std::array<float, 2> uv_of_file(double u, double v);
+/// Returns the linear light of a vertex colour that a file states in code values from 0 to 1.
+[[nodiscard]] std::array<float, 4> light_of_codes(double r, double g, double b, double alpha);
+
 /// LostDigits notes meshes whose coordinates are coarse.
 class LostDigits {
  public:

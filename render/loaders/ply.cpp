@@ -21,7 +21,6 @@
 
 #include "base/error.h"
 #include "base/numbers.h"
-#include "frames/srgb.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/mesh_cleanup.h"
 #include "render/loaders/text_reader.h"
@@ -417,21 +416,9 @@ class ElementReader {
       values_.fail("is too far away");
     out_.mesh.positions.push_back(p);
     if (has[Nx] && has[Ny] && has[Nz]) out_.mesh.normals.push_back({f[Nx], f[Ny], f[Nz]});
-    if (has[U] && has[V]) out_.mesh.uvs.push_back(uv_of(f[U], f[V]));
+    if (has[U] && has[V]) out_.mesh.uvs.push_back(uv_of_file(f[U], f[V]));
     if (!has[Red] || !has[Green] || !has[Blue]) return;
-    const auto share = [](double v) { return std::isfinite(v) ? std::clamp(v, 0.0, 1.0) : 0.0; };
-    const auto light = [&](double v) {
-      return static_cast<float>(frames::linear_from_srgb(share(v)));
-    };
-    out_.mesh.colours.push_back(
-        {light(f[Red]), light(f[Green]), light(f[Blue]), static_cast<float>(share(f[Alpha]))});
-  }
-
-  /// Returns coordinates with v downward; those of files point up.
-  static std::array<float, 2> uv_of(double u, double v) {
-    constexpr double kFarthest = 1e6;
-    if (!(std::abs(u) < kFarthest && std::abs(v) < kFarthest)) return {0.0F, 0.0F};
-    return {static_cast<float>(u), static_cast<float>(1.0 - v)};
+    out_.mesh.colours.push_back(light_of_codes(f[Red], f[Green], f[Blue], f[Alpha]));
   }
 
   /// Reads the values of a list into list_.
@@ -528,7 +515,7 @@ class ElementReader {
     if (coordinates_.size() < 2 * corners.size()) return;
     face_uvs_.resize(3 * (out_.mesh.triangles.size() - 1));  // triangles without coordinates: zeros
     for (const uint32_t corner : triangle)
-      face_uvs_.push_back(uv_of(coordinates_[2 * corner], coordinates_[2 * corner + 1]));
+      face_uvs_.push_back(uv_of_file(coordinates_[2 * corner], coordinates_[2 * corner + 1]));
   }
 
   /// Gives every triangle its own vertices if faces have coordinates of their own.

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// TextReader reads words and numbers of a text file and tracks line numbers; '#' starts a comment.
+// TextReader reads words and numbers of a text file and tracks line numbers; '#' starts a comment,
+// and a backslash at the end of a line joins it with the next one.
 #pragma once
 
 #include <optional>
@@ -14,7 +15,8 @@ namespace lenticule::render {
 /// must outlive the reader.
 class TextReader {
  public:
-  TextReader(std::string_view text, std::string source);
+  /// `remedy` is the hint of all errors without one of their own.
+  TextReader(std::string_view text, std::string source, std::string remedy = {});
 
   /// Returns the next word, on this line or a later one; nothing at the end.
   [[nodiscard]] std::optional<std::string_view> word();
@@ -34,22 +36,38 @@ class TextReader {
   /// Returns true if another word follows on the line of the last word.
   [[nodiscard]] bool more_on_line();
 
+  /// Returns what is left of the line of the last word, without space around it; a '#' is part of
+  /// it.
+  [[nodiscard]] std::string_view rest_of_line();
+  /// Goes to the end of the line of the last word.
+  void skip_line() {
+    while (more_on_line()) static_cast<void>(word());
+  }
+
   /// Returns the line of the last word.
   [[nodiscard]] int line() const { return line_; }
   [[nodiscard]] const std::string& source() const { return source_; }
-  [[noreturn]] void fail(const std::string& reason) const;
-  [[noreturn]] void fail_at(int line, const std::string& reason) const;
+  [[noreturn]] void fail(const std::string& reason, const std::string& hint = {}) const;
+  [[noreturn]] void fail_at(int line, const std::string& reason,
+                            const std::string& hint = {}) const;
+  /// Throws Error(Input) if there are more than `most` of something.
+  void require_at_most(size_t count, size_t most, const char* what) const;
 
  private:
   [[nodiscard]] bool ends_line(size_t position) const;
+  [[nodiscard]] bool is_continued(size_t position) const;
   void skip_space();
 
   std::string_view text_;
   std::string source_;
+  std::string remedy_;
   size_t position_ = 0;
   int scan_line_ = 1;  ///< line of position_
   int line_ = 1;
 };
+
+/// Returns the finite number that the whole word is, or nothing. Independent of the locale.
+[[nodiscard]] std::optional<double> parse_number(std::string_view word);
 
 /// Shortens a word from a file and makes it printable, for error messages.
 [[nodiscard]] std::string quoted(std::string_view word);

@@ -76,4 +76,29 @@ int Textures::add(const TextureSource& source, const Decode& decode) {
   return known->second;
 }
 
+frames::TextureImage combined(const frames::FloatImage& a, const frames::FloatImage& b, Mix mix) {
+  frames::TextureImage both{std::max(a.width, b.width), std::max(a.height, b.height), {}, {}};
+  const auto texels = static_cast<uint64_t>(both.width) * static_cast<uint64_t>(both.height);
+  if (texels > frames::kMaxTexturePixels)
+    throw Error(ErrorKind::Input,
+                fmt::format("two pictures whose common size is {} x {}", both.width, both.height),
+                "scale them to the same size");
+  const auto texel = [&](const frames::FloatImage& image, int x, int y) {
+    const auto column = static_cast<int64_t>(x) * image.width / both.width;
+    const auto row = static_cast<int64_t>(y) * image.height / both.height;
+    return &image.rgba[static_cast<size_t>(row * image.width + column) * 4];
+  };
+  both.rgba.reserve(texels * 4);
+  for (int y = 0; y < both.height; ++y)
+    for (int x = 0; x < both.width; ++x) {
+      const std::array<float, 4> mixed = mix(texel(a, x, y), texel(b, x, y));
+      both.rgba.insert(both.rgba.end(), mixed.begin(), mixed.end());
+    }
+  return both;
+}
+
+std::array<float, 4> mix_metallic_roughness(const float* rough, const float* metal) {
+  return {1.0F, rough[0], metal[0], 1.0F};
+}
+
 }  // namespace lenticule::render

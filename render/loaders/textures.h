@@ -2,6 +2,7 @@
 // Textures adds the textures of a scene file to the scene, each once.
 #pragma once
 
+#include <array>
 #include <functional>
 #include <map>
 #include <string>
@@ -57,5 +58,20 @@ class Textures {
   std::map<TextureSource, int> known_;
   size_t bytes_ = 0;
 };
+
+/// Returns the texel that two texels become.
+using Mix = std::array<float, 4> (*)(const float* a, const float* b);
+
+/// Combines two pictures texel by texel; the result has the larger width and height, and the
+/// nearest texels. Throws Error(Input) for a result beyond the limit of a texture.
+[[nodiscard]] frames::TextureImage combined(const frames::FloatImage& a,
+                                            const frames::FloatImage& b, Mix mix);
+/// Makes one texture of two grey pictures: roughness in green, metalness in blue.
+[[nodiscard]] std::array<float, 4> mix_metallic_roughness(const float* rough, const float* metal);
+
+/// A picture of one white texel, for a part that the file does not have.
+[[nodiscard]] inline frames::FloatImage white_picture() {
+  return {1, 1, {1, 1, 1, 1}};
+}
 
 }  // namespace lenticule::render

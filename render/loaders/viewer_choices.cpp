@@ -75,25 +75,20 @@ void focus(Camera& camera, const SceneDescription& scene, const Box& bounds) {
   camera.at = camera.from + (camera.at - camera.from) * distance;
 }
 
-void set_metallic_roughness(const MetallicRoughness& from, Material& to) {
-  constexpr double kShiniest = 1e5;
-  constexpr double kDielectricReflectance = 0.04;
-  const double smooth = 1.0 - from.roughness;
-  const double mirror =
-      from.metallic * smooth + (1.0 - from.metallic) * kDielectricReflectance * smooth;
-  to.transmittance = (1.0 - from.metallic) * from.transmission;
-  to.specular = mirror;
-  to.diffuse = std::max(0.0, 1.0 - mirror - to.transmittance);
-  // Phong exponent equivalent to a Beckmann lobe of this roughness.
-  const double alpha = std::max(from.roughness * from.roughness, 1e-3);
-  to.shine = std::clamp(2.0 / (alpha * alpha) - 2.0, 1.0, kShiniest);
-  to.tinted_specular = from.metallic > 0.5;
-  if (to.transmittance > 0.0) to.refraction_index = from.ior;
-}
-
-void set_opacity(double opacity, Material& to) {
-  to.transmittance = std::max(to.transmittance, 1.0 - opacity);
-  to.diffuse *= opacity;
+PbrMaterial pbr_like(const Material& material) {
+  PbrMaterial pbr;
+  pbr.base_colour = material.colour;
+  pbr.base_colour_texture.texture = material.texture;
+  // Microfacets with about the highlight of this exponent.
+  pbr.roughness = std::clamp(std::pow(2.0 / (std::max(material.shine, 0.0) + 2.0), 0.25), 0.0, 1.0);
+  pbr.metallic = material.tinted_specular ? std::clamp(material.specular, 0.0, 1.0) : 0.0;
+  pbr.specular = material.specular > 0.0 ? 1.0 : 0.0;
+  pbr.emission = material.emission;
+  pbr.transmission = std::clamp(material.transmittance, 0.0, 1.0);
+  pbr.ior = material.refraction_index;
+  pbr.thickness = material.refraction_index == 1.0 ? 0.0 : 1.0;
+  pbr.double_sided = true;
+  return pbr;
 }
 
 }  // namespace lenticule::render

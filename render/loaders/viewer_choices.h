@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Completes what scene files leave to the viewer: the exposure, the points that cameras look at,
-// and the Whitted materials that stand for metallic-roughness ones.
+// and the metallic-roughness materials that stand for others.
 #pragma once
 
 #include "render/scene/scene_description.h"
@@ -19,18 +19,7 @@ void expose(SceneDescription& scene);
 /// the panel will be.
 void focus(Camera& camera, const SceneDescription& scene, const Box& bounds);
 
-struct MetallicRoughness {
-  double metallic = 1.0;
-  double roughness = 1.0;
-  double transmission = 0.0;
-  double ior = 1.5;
-};
-
-/// Sets the weights of the Whitted material. Light that a rough surface scatters widely is moved
-/// from the mirror to the diffuse part, since that model has no blurred reflections.
-void set_metallic_roughness(const MetallicRoughness& from, Material& to);
-
-/// Converts opacity below 1 to transmittance without refraction.
-void set_opacity(double opacity, Material& to);
+/// Returns the metallic-roughness material that is most like a Whitted one.
+[[nodiscard]] PbrMaterial pbr_like(const Material& material);
 
 }  // namespace lenticule::render

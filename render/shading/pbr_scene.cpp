@@ -980,20 +980,4 @@ PbrSurface PbrScene::surface(const Surface& at, Vec3 direction,
   return out;
 }
 
-PbrMaterial pbr_like(const Material& material) {
-  PbrMaterial pbr;
-  pbr.base_colour = material.colour;
-  pbr.base_colour_texture.texture = material.texture;
-  // Microfacets with about the highlight of this exponent.
-  pbr.roughness = std::clamp(std::pow(2.0 / (std::max(material.shine, 0.0) + 2.0), 0.25), 0.0, 1.0);
-  pbr.metallic = material.tinted_specular ? clamped01(material.specular) : 0.0;
-  pbr.specular = material.specular > 0.0 ? 1.0 : 0.0;
-  pbr.emission = material.emission;
-  pbr.transmission = clamped01(material.transmittance);
-  pbr.ior = material.refraction_index;
-  pbr.thickness = material.refraction_index == 1.0 ? 0.0 : 1.0;
-  pbr.double_sided = true;
-  return pbr;
-}
-
 }  // namespace lenticule::render

@@ -293,7 +293,4 @@ class PbrScene {
   std::vector<SceneLight> unit_lights_;
 };
 
-/// Returns the metallic-roughness material that is most like a Whitted one.
-[[nodiscard]] PbrMaterial pbr_like(const Material& material);
-
 }  // namespace lenticule::render

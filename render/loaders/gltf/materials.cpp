@@ -6,7 +6,6 @@
 
 #include "base/error.h"
 #include "render/loaders/limits.h"
-#include "render/loaders/viewer_choices.h"
 
 namespace lenticule::render::gltf {
 namespace {
@@ -68,21 +67,6 @@ PbrMaterial::AlphaMode alpha_mode_of(const JsonAt& from) {
   if (mode == "MASK") return PbrMaterial::AlphaMode::Mask;
   if (mode == "BLEND") return PbrMaterial::AlphaMode::Blend;
   from.at("alphaMode").fail("expected OPAQUE, MASK or BLEND");
-}
-
-/// Fills in the Whitted material, for renderers without metallic-roughness shading.
-void approximate(const PbrMaterial& from, Material& to) {
-  to.colour = from.base_colour;
-  set_metallic_roughness({.metallic = from.metallic,
-                          .roughness = from.roughness,
-                          .transmission = from.transmission,
-                          .ior = from.ior},
-                         to);
-  if (from.alpha_mode != PbrMaterial::AlphaMode::Opaque) set_opacity(from.alpha, to);
-  to.refraction_index = std::clamp(to.refraction_index, 0.1, 100.0);
-  to.emission = from.emission;
-  to.two_sided = true;
-  to.texture = from.base_colour_texture.texture;
 }
 
 }  // namespace
@@ -151,7 +135,6 @@ void Materials::add(const std::optional<JsonAt>& material) {
     if (!input.tangent_uvs && pbr.anisotropy != 0.0) input.tangent_uvs = 0;
   }
   if (input.uv_sets.empty()) input.uv_sets.push_back(0);
-  approximate(pbr, to);
   to.pbr = std::make_shared<const PbrMaterial>(pbr);
   scene_.materials.push_back(to);
   inputs_.push_back(input);

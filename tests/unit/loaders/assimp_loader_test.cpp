@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests the import of glTF, OBJ, PLY and STL, and that broken files are refused without a crash.
+// Tests the import of glTF, PLY and STL, and that broken files are refused without a crash.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -43,13 +43,6 @@ class TemporaryFile {
   std::filesystem::path path_;
 };
 
-const TriangleMesh& mesh_named(const SceneDescription& scene, const std::string& name) {
-  for (const TriangleMesh& mesh : scene.meshes)
-    if (mesh.name == name) return mesh;
-  ADD_FAILURE() << "no mesh " << name;
-  return scene.meshes.front();
-}
-
 const Material& material_named(const SceneDescription& scene, const std::string& name) {
   for (const Material& material : scene.materials)
     if (material.name == name) return material;
@@ -75,7 +68,8 @@ TEST_F(TurningBox, LoadsWithoutAWarning) {
 TEST_F(TurningBox, ReadsItsExternalAndItsEmbeddedTexture) {
   ASSERT_THAT(scene_.textures, SizeIs(2));
   const auto texture_of = [&](const char* name) {
-    return scene_.textures.at(static_cast<size_t>(material_named(scene_, name).texture));
+    return scene_.textures.at(
+        static_cast<size_t>(material_named(scene_, name).pbr->base_colour_texture.texture));
   };
   EXPECT_EQ(texture_of("crate")->width, 128);
   EXPECT_EQ(texture_of("tiles")->width, 32);
@@ -83,14 +77,13 @@ TEST_F(TurningBox, ReadsItsExternalAndItsEmbeddedTexture) {
 }
 
 TEST_F(TurningBox, MaterialsFollowMetalnessAndRoughness) {
-  const Material& gold = material_named(scene_, "gold");
-  EXPECT_TRUE(gold.tinted_specular);
-  EXPECT_NEAR(gold.specular, 0.65, 1e-6);
-  const Material& red = material_named(scene_, "red");
-  EXPECT_FALSE(red.tinted_specular);
-  EXPECT_NEAR(red.specular, 0.04 * 0.75, 1e-6);
-  EXPECT_GT(red.shine, gold.shine);
-  expect_near(red.colour, {0.75, 0.03, 0.02}, 1e-6);
+  const PbrMaterial& gold = *material_named(scene_, "gold").pbr;
+  EXPECT_EQ(gold.metallic, 1.0);
+  EXPECT_NEAR(gold.roughness, 0.35, 1e-6);
+  const PbrMaterial& red = *material_named(scene_, "red").pbr;
+  EXPECT_EQ(red.metallic, 0.0);
+  EXPECT_NEAR(red.roughness, 0.25, 1e-6);
+  expect_near(red.base_colour, {0.75, 0.03, 0.02}, 1e-6);
   EXPECT_TRUE(scene_.colour_managed);
 }
 
@@ -98,8 +91,8 @@ TEST(Gltf, AMissingTextureIsReportedAndThePlainColourKept) {
   const SceneDescription scene = load_scene(data("missing-texture.gltf"));
   EXPECT_THAT(scene.notes, Contains(HasSubstr("there-is-no-such.png")));
   const Material& material = material_named(scene, "lost");
-  EXPECT_EQ(material.texture, -1);
-  expect_near(material.colour, {0.2, 0.4, 0.8}, 1e-6);
+  EXPECT_EQ(material.pbr->base_colour_texture.texture, -1);
+  expect_near(material.pbr->base_colour, {0.2, 0.4, 0.8}, 1e-6);
 }
 
 TEST(Gltf, AStillSceneHasNoNodes) {
@@ -112,29 +105,6 @@ TEST(Gltf, AStillSceneHasNoNodes) {
 }
 
 // ---- the other formats
-
-TEST(Obj, ReadsMaterialsTexturesAndQuads) {
-  const SceneDescription scene = load_scene(data("pyramid.obj"));
-  EXPECT_THAT(scene.meshes, SizeIs(2));
-  size_t triangles = 0;
-  for (const TriangleMesh& mesh : scene.meshes) triangles += mesh.triangles.size();
-  EXPECT_EQ(triangles, 6U);
-  const Material& sides = material_named(scene, "sides");
-  expect_near(sides.colour, {0.8, 0.3, 0.1}, 1e-6);
-  ASSERT_GE(sides.texture, 0);
-  EXPECT_NEAR(sides.specular, 0.05, 1e-6) << "illumination model 2 has highlights, no mirror";
-  EXPECT_NEAR(material_named(scene, "base").specular, 1.0, 1e-6) << "model 3 is a mirror";
-  EXPECT_THAT(mesh_named(scene, scene.meshes[0].name).normals, IsEmpty())
-      << "no normals in the file: flat";
-}
-
-TEST(Obj, TextureCoordinatesStartAtTheTop) {
-  const SceneDescription scene = load_scene(data("pyramid.obj"));
-  for (const TriangleMesh& mesh : scene.meshes) {
-    for (size_t i = 0; i < mesh.uvs.size(); ++i)
-      EXPECT_FLOAT_EQ(mesh.uvs[i][1], mesh.positions[i].y > 1.0 ? 0.0F : 1.0F);
-  }
-}
 
 TEST(Ply, ReadsAMesh) {
   const SceneDescription scene = load_scene(data("tetrahedron.ply"));

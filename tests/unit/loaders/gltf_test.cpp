@@ -139,7 +139,6 @@ json described(const SceneDescription& scene) {
               {"exposed", scene.light_scale < 0.65},
               {"notes", notes},
               {"note count", scene.notes.size()},
-              {"whitted transmittance", material.transmittance},
               {"pbr", described(*material.pbr)}});
   for (const char* key : {"meshes", "textures", "cameras", "lights"}) all[key] = json::array();
   for (const TriangleMesh& each : scene.meshes) all["meshes"].push_back(described(each));

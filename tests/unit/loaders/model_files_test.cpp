@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests models as programs write them: OBJ far from the origin, MTL with metallic-roughness,
-// names in another case, up axes, vertex colours.
+// opacity, names in another case, up axes, vertex colours.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -101,22 +101,6 @@ TEST_F(ModelFiles, MtlStatesMetallicRoughness) {
   EXPECT_NEAR(rough.at(13), 188.0 / 255.0, 1e-6) << "roughness in green, as data";
   EXPECT_EQ(rough.at(14), 1.0F) << "no texture of metalness";
   EXPECT_THAT(scene.meshes[0].tangents, SizeIs(3)) << "for the normal texture";
-}
-
-TEST_F(ModelFiles, AClassicMtlHasNoMetallicRoughness) {
-  write("paint.mtl", "newmtl paint\nKd 0.5 0.25 0.125\nKs 0.1 0.1 0.1\nNs 20\nillum 2\n");
-  const SceneDescription scene =
-      load_scene(write("model.obj", "mtllib paint.mtl\n" + kTriangle + "usemtl paint\n" + kFace));
-  EXPECT_FALSE(scene.materials.at(static_cast<size_t>(scene.meshes.at(0).material)).pbr);
-}
-
-TEST_F(ModelFiles, VertexColoursOfAnObjAreShown) {
-  const SceneDescription scene =
-      load_scene(write("coloured.obj", "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nf 1 2 3\n"));
-  const TriangleMesh& mesh = scene.meshes.at(0);
-  ASSERT_THAT(mesh.colours, SizeIs(3));
-  EXPECT_THAT(mesh.colours[1], ElementsAre(0.0F, 1.0F, 0.0F, 1.0F));
-  EXPECT_TRUE(scene.materials.at(static_cast<size_t>(mesh.material)).pbr);
 }
 
 // ---- file names
@@ -226,6 +210,35 @@ TEST_F(ModelFiles, FaceColoursOfABinaryStlAreShown) {
   EXPECT_EQ(mesh.colours[0][1], 1.0F);
   EXPECT_EQ(mesh.colours[5][1], 0.0F);
   EXPECT_TRUE(scene.materials.at(static_cast<size_t>(mesh.material)).pbr);
+}
+
+TEST_F(ModelFiles, OpacityOfColladaIsTheShareThatASurfaceCovers) {
+  const SceneDescription scene = load_scene(write(
+      "glass.dae",
+      R"(<?xml version="1.0"?><COLLADA version="1.4.1" xmlns="http://www.collada.org/2005/11/COLLADASchema">
+<library_effects><effect id="e"><profile_COMMON><technique sid="c"><phong>
+<diffuse><color>0.1 0.1 0.9 1</color></diffuse>
+<transparent opaque="A_ONE"><color>1 1 1 1</color></transparent>
+<transparency><float>0.4</float></transparency>
+</phong></technique></profile_COMMON></effect></library_effects>
+<library_materials><material id="m"><instance_effect url="#e"/></material></library_materials>
+<library_geometries><geometry id="g"><mesh>
+<source id="p"><float_array id="pa" count="9">0 0 0 1 0 0 0 1 0</float_array><technique_common>
+<accessor source="#pa" count="3" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
+<param name="Z" type="float"/></accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<triangles count="1" material="m"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles>
+</mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"><node><instance_geometry url="#g"><bind_material>
+<technique_common><instance_material symbol="m" target="#m"/></technique_common></bind_material>
+</instance_geometry></node></visual_scene></library_visual_scenes>
+<scene><instance_visual_scene url="#s"/></scene></COLLADA>)"));
+  const Material& material = scene.materials.at(static_cast<size_t>(scene.meshes.at(0).material));
+  ASSERT_TRUE(material.pbr);
+  EXPECT_EQ(material.pbr->alpha_mode, PbrMaterial::AlphaMode::Blend);
+  EXPECT_NEAR(material.pbr->alpha, 0.4, 1e-6);
+  EXPECT_EQ(material.pbr->transmission, 0.0);
+  expect_near(material.pbr->base_colour, {0.1, 0.1, 0.9}, 1e-6);
 }
 
 TEST_F(ModelFiles, AnObjHasYUpWithANote) {
