@@ -132,6 +132,10 @@ constexpr double kWidest = 0.25, kHighest = 1.5;
 /// Distance between rays in sizes of the model, and the largest number of rays along a side.
 constexpr double kCell = 0.01;
 constexpr double kMostRays = 256.0;
+/// Offset of the first ray, in distances between rays. Edges of models often lie at whole or simple
+/// fractions of the distance, where rounding would decide which rays meet the model, and so the
+/// shadow would depend on the model's unit.
+constexpr double kBesideEdges = 0.381966;
 /// A ray ends at the latest after this many surfaces, or when less than this share of it is left.
 constexpr int kMostPassed = 64;
 constexpr double kLeastShare = 1e-3;
@@ -174,10 +178,12 @@ GroundGrid grid_around(const StandingModel& model) {
       std::max(kCell * model.size, std::max(model.x.width(), model.y.width()) / (kMostRays - 2.0));
   const double margin = std::ceil(kWidest * model.size / grid.cell) + 1.0;
   const auto first = [&](const Interval& bounds) {
-    return std::floor(bounds.low / grid.cell) - margin;
+    return std::floor(bounds.low / grid.cell) - margin + kBesideEdges;
   };
   const auto count = [&](const Interval& bounds) {
-    return static_cast<int>(std::ceil(bounds.high / grid.cell) + margin - first(bounds)) + 1;
+    return static_cast<int>(
+               std::ceil(std::ceil(bounds.high / grid.cell) + margin - first(bounds))) +
+           1;
   };
   grid.x = first(model.x) * grid.cell;
   grid.y = first(model.y) * grid.cell;

@@ -13,6 +13,9 @@ constexpr double kDark[] = {0.45, 0.45};
 constexpr double kRadius[] = {0.08, 0.25};
 constexpr double kHeight[] = {0.25, 1.5};
 
+// Points of the grid lie this part of a cell beside whole cells from the centre.
+constexpr double kBeside = 0.381966;
+
 double kernel(int n, double radius) {
   const double t = n / radius;
   return std::abs(t) < 1.0 ? std::pow(1.0 - t * t, 3) : 0.0;
@@ -47,8 +50,9 @@ OracleGroundShadow::OracleGroundShadow(const render::SceneDescription& scene, Ve
   for (int n = 0; n < 2; ++n)
     for (int j = 0; j < rows_; ++j)
       for (int i = 0; i < columns_; ++i)
-        hidden_[n].push_back(hidden(scene, centre.x + (first_i_ + i) * cell_,
-                                    centre.z + (first_j_ + j) * cell_, kHeight[n] * size_));
+        hidden_[n].push_back(hidden(scene, centre.x + (first_i_ + i + kBeside) * cell_,
+                                    centre.z + (first_j_ + j + kBeside) * cell_,
+                                    kHeight[n] * size_));
 }
 
 /// Returns what is hidden of the sky straight above a point of the ground, less the higher it is.
@@ -102,7 +106,8 @@ double OracleGroundShadow::darkness(int i, int j) const {
 double OracleGroundShadow::light_left(Vec3 origin, Vec3 direction) const {
   if (direction.y >= 0.0) return 1.0;
   const Vec3 at = origin + direction * ((low_.y - origin.y) / direction.y);
-  const double u = (at.x - centre_.x) / cell_, v = (at.z - centre_.z) / cell_;
+  const double u = (at.x - centre_.x) / cell_ - kBeside;
+  const double v = (at.z - centre_.z) / cell_ - kBeside;
   const int i = static_cast<int>(std::floor(u)), j = static_cast<int>(std::floor(v));
   const double right = u - i, below = v - j;
   return 1.0 - (1 - below) * ((1 - right) * darkness(i, j) + right * darkness(i + 1, j)) -

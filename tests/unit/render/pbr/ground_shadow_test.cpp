@@ -3,6 +3,7 @@
 // every method.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdlib>
@@ -122,6 +123,36 @@ TEST(GroundShadow, AgreesWithASlowEvaluation) {
         darkest = std::min(darkest, wanted);
       }
       EXPECT_LT(darkest, 0.5);
+    }
+  }
+}
+
+/// Boxes whose edges lie at whole or simple fractions of the distance between the shadow's rays.
+TEST(GroundShadow, DoesNotDependOnTheModelsUnit) {
+  const Place place;
+  for (const Vec3 size : {Vec3{1, 1, 1}, Vec3{2, 1, 2}, Vec3{4, 0.5, 1}, Vec3{1, 1, 0.5}}) {
+    for (const bool lamp : {false, true}) {
+      const auto frame_at = [&](double unit) {
+        SceneDescription scene;
+        scene.source = "test";
+        const Vec3 half = size * 0.5;
+        scene.meshes.push_back(test::box_mesh(half * -unit, half * unit, add_material(scene, 1.0)));
+        scene.meshes.push_back(test::box_mesh(half * (0.2 * unit), half * (1.2 * unit),
+                                              static_cast<int>(scene.materials.size()) - 1));
+        if (lamp)
+          scene.lights.push_back({.position = Vec3{1.1, 2.0, 1.3} * unit,
+                                  .colour = Vec3{4, 4, 4} * (unit * unit),
+                                  .falls_off = true});
+        return place.frame(scene);
+      };
+      const frames::WovenFrame one = frame_at(1.0);
+      for (const double unit : {1e-3, 0.01, 0.3, 7.0, 100.0, 1e3}) {
+        const frames::WovenFrame other = frame_at(unit);
+        int most = 0;
+        for (size_t n = 0; n < one.bytes().size(); ++n)
+          most = std::max(most, std::abs(int{one.bytes()[n]} - int{other.bytes()[n]}));
+        EXPECT_LE(most, 1) << "unit " << unit << ", width " << size.x << ", lamp " << lamp;
+      }
     }
   }
 }
