@@ -436,9 +436,8 @@ class Committer {
     const bool is_lit_by_pictures = has_studio() || backdrop.environment;
     backdrop.tone_map =
         surroundings.tone_map.value_or(is_lit_by_pictures ? ToneMap::PbrNeutral : ToneMap::None);
-    // Files that state no background have a black one.
-    if (has_studio() && !surroundings.background && description_.background == Vec3{})
-      backdrop.colour = kStudioBackground;
+    if (!surroundings.background)
+      backdrop.colour = studio_background(description_).value_or(backdrop.colour);
   }
 
   void add_mesh(const TriangleMesh& mesh) {

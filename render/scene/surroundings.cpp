@@ -229,6 +229,65 @@ double studio_light(Vec3 direction) {
   return light * kExposure;
 }
 
+// ---- background of the studio
+
+namespace {
+
+/// Luminance of matt surfaces that hardly stand out from the light background, and the share of
+/// the area from which on they matter.
+constexpr double kBright = 0.65, kMuch = 0.4;
+/// Largest number of faces of a mesh whose colours are looked up.
+constexpr size_t kMostFaces = 1024;
+
+/// Returns the base colour in the middle of a triangle.
+Vec3 base_colour(const SceneDescription& scene, const TriangleMesh& mesh, size_t triangle) {
+  const auto& [a, b, c] = mesh.triangles[triangle];
+  const auto material = static_cast<size_t>(mesh.material);
+  if (material >= scene.materials.size()) return {1, 1, 1};
+  const Material& of = scene.materials[material];
+  Vec3 colour = of.pbr ? of.pbr->base_colour : of.colour;
+  const TextureUse use = of.pbr ? of.pbr->base_colour_texture : TextureUse{.texture = of.texture};
+  const auto& uvs = use.uv_set == 0 ? mesh.uvs : mesh.uvs2;
+  if (use.texture >= 0 && !uvs.empty()) {
+    const double u = double{uvs[a][0] + uvs[b][0] + uvs[c][0]} / 3.0;
+    const double v = double{uvs[a][1] + uvs[b][1] + uvs[c][1]} / 3.0;
+    const auto& map = use.uv_map;
+    const auto light = [&](int channel) {
+      return texture_value(*scene.textures[static_cast<size_t>(use.texture)],
+                           map[0] * u + map[1] * v + map[2], map[3] * u + map[4] * v + map[5],
+                           channel);
+    };
+    colour = colour * Vec3{light(0), light(1), light(2)};
+  }
+  if (mesh.colours.empty()) return colour;
+  const auto& painted = mesh.colours[a];
+  return colour * Vec3{double{painted[0]}, double{painted[1]}, double{painted[2]}};
+}
+
+}  // namespace
+
+std::optional<Vec3> studio_background(const SceneDescription& scene) {
+  const bool is_pbr =
+      scene.lit_by_studio ||
+      std::ranges::any_of(scene.materials, [](const Material& m) { return m.pbr != nullptr; });
+  // Files that state no background have a black one.
+  if (!is_pbr || !scene.lights.empty() || scene.ambient || scene.background != Vec3{})
+    return std::nullopt;
+  double all = 0.0, bright = 0.0;
+  for (const TriangleMesh& mesh : scene.meshes) {
+    const size_t step = mesh.triangles.size() / kMostFaces + 1;
+    for (size_t n = 0; n < mesh.triangles.size(); n += step) {
+      const auto& [a, b, c] = mesh.triangles[n];
+      const Vec3 ab = mesh.positions[b] - mesh.positions[a];
+      const Vec3 ac = mesh.positions[c] - mesh.positions[a];
+      const double area = length(cross(ab, ac)) * static_cast<double>(step);
+      all += area;
+      if (dot(base_colour(scene, mesh, n), {0.2126, 0.7152, 0.0722}) >= kBright) bright += area;
+    }
+  }
+  return bright > kMuch * all ? kDarkStudioBackground : kStudioBackground;
+}
+
 // ---- surroundings
 
 namespace {

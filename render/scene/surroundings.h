@@ -116,8 +116,13 @@ inline constexpr Vec3 kDefaultSunDirection{0.4, -0.6, -1.0};
 /// faces the viewer appears with a light of 1.
 [[nodiscard]] double studio_light(Vec3 direction);
 
-/// Background of the studio, as shown: a light neutral grey.
+/// Backgrounds of the studio, as shown: a light neutral grey, and a dark one for bright models.
 inline constexpr Vec3 kStudioBackground{0.80, 0.80, 0.80};
+inline constexpr Vec3 kDarkStudioBackground{0.12, 0.12, 0.12};
+
+/// Returns the background of a scene that the studio lights, by the colours of its surfaces.
+/// Returns nothing for other scenes, and for those whose file states a background.
+[[nodiscard]] std::optional<Vec3> studio_background(const SceneDescription& scene);
 
 /// Surroundings holds environment options that add to or replace the scene file's.
 struct Surroundings {

@@ -142,6 +142,39 @@ TEST(PbrFrames, TheStudioHasALightGreyBackground) {
   expect_colour(rendered(scene, {.background = Vec3{0.1, 0.2, 0.3}}), {0.1, 0.2, 0.3});
 }
 
+TEST(PbrFrames, TheStudiosBackgroundIsDarkBehindBrightModels) {
+  const auto behind = [](Vec3 colour) {
+    SceneDescription scene;
+    add_quad(scene, 0.0, unlit(colour), true);  // not seen
+    return scene;
+  };
+  const SceneDescription white = behind({0.8, 0.8, 0.8});
+  expect_colour(rendered(white), kDarkStudioBackground);
+  expect_colour(rendered(white, {.background = Vec3{1, 1, 1}}), {1, 1, 1});
+  expect_colour(rendered(behind({0.3, 0.3, 0.3})), kStudioBackground);
+  expect_colour(rendered(behind({0.1, 0.1, 0.1})), kStudioBackground);
+  SceneDescription stated = white;
+  stated.background = {0.5, 0.4, 0.3};
+  expect_colour(rendered(stated), stated.background);
+}
+
+TEST(PbrFrames, TheStudiosBackgroundFollowsWhatTexturesAndVertexColoursShow) {
+  SceneDescription scene;
+  PbrMaterial& quad = add_quad(scene, 0.0, unlit({1, 1, 1}));
+  EXPECT_EQ(studio_background(scene), kDarkStudioBackground);
+  // Only a corner of the picture is used, as in an atlas.
+  quad.base_colour_texture.texture = add_texture(scene, 8, 8, [](int x, int y) {
+    const float v = x < 4 && y < 4 ? 0.9F : 0.0F;
+    return std::array{v, v, v, 1.0F};
+  });
+  for (auto& uv : scene.meshes[0].uvs) uv = {0.3F * uv[0], 0.3F * uv[1]};
+  EXPECT_EQ(studio_background(scene), kDarkStudioBackground);
+  scene.meshes[0].colours.assign(4, {0.2F, 0.2F, 0.2F, 1.0F});
+  EXPECT_EQ(studio_background(scene), kStudioBackground);
+  scene.lights.push_back(sun({0, -1, -1}, 0.9));
+  EXPECT_EQ(studio_background(scene), std::nullopt);
+}
+
 TEST(PbrFrames, BackFacesAreSeenOfDoubleSidedMaterialsAlone) {
   SceneDescription scene;
   PbrMaterial& front = add_quad(scene, 0.5, unlit({0.9, 0.1, 0.1}), true);
