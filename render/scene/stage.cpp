@@ -8,11 +8,14 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 #include "base/error.h"
 #include "base/interval.h"
+#include "render/scene/subject.h"
 
 namespace lenticule::render {
 
@@ -42,6 +45,9 @@ namespace {
 constexpr double kBackdropDistance = 3.0;
 /// Fraction of the distance from the panel to the eye that content must not exceed.
 constexpr double kNearestToEye = 0.5;
+/// The depth is fitted to the subject if that makes the scene deeper by this factor. Then the
+/// setting may come before the panel by this multiple of the depth budget.
+constexpr double kClearlyDeeper = 1.5, kSettingInFront = 4.0;
 
 /// Orientation holds the panel's axes in world coordinates: right, up, toward the viewer.
 struct Orientation {
@@ -343,12 +349,13 @@ Interval depth_of_content(const Placing& placing, const Box& bounds, const Frami
   return z;
 }
 
-/// Returns the range of z of the content that must stay inside the depth budget.
+/// Returns the range of z of the content that must stay inside the depth budget; empty if none is
+/// seen.
 Interval depth_to_fit(const Placing& placing, const Interval& all, const Framing& framing) {
   if (!placing.seen_from_camera()) return all;
   const Camera& camera = *placing.camera;
   const Interval seen = depth_seen_by(camera, placing.scene, placing.canvas);
-  if (seen.empty()) return all;
+  if (seen.empty()) return seen;
   const double eye = framing.orientation.turned(camera.from - framing.centre).z;
   Interval z;
   z.extend((eye - seen.low) * framing.mm_per_unit);
@@ -356,14 +363,55 @@ Interval depth_to_fit(const Placing& placing, const Interval& all, const Framing
   return z;
 }
 
+/// Returns the scale at which content up to this z comes before the panel within the budget.
+double fitting_in_front(double z, double budget_mm, double viewing_distance_mm) {
+  const double limit = std::min(budget_mm, kNearestToEye * viewing_distance_mm);
+  return z > 0.0 ? std::min(1.0, limit / z) : 1.0;
+}
+
 double fitting_depth_scale(const Interval& z, double budget_mm, double viewing_distance_mm) {
-  double scale = 1.0;
-  const auto keep_below = [&](double reach, double limit) {
-    if (reach > 0.0) scale = std::min(scale, limit / reach);
-  };
-  keep_below(std::max(z.high, -z.low), budget_mm);
-  keep_below(z.high, kNearestToEye * viewing_distance_mm);
-  return scale;
+  const double in_front = fitting_in_front(z.high, budget_mm, viewing_distance_mm);
+  return z.low < 0.0 ? std::min(in_front, budget_mm / -z.low) : in_front;
+}
+
+/// Returns the range of z of the subject; empty if nothing stands out from a setting.
+Interval depth_of_subject(const Placing& placing, const Box& bounds, const Framing& framing) {
+  const auto& [scene, camera, canvas, options, pitch] = placing;
+  const auto& [right, up, toward] = framing.orientation;
+  constexpr double kFarAway = 100.0;
+  PictureView view{.eye = framing.centre + toward * (kFarAway * length(bounds.high - bounds.low)),
+                   .centre = framing.centre,
+                   .right = right * (canvas.width_mm / 2.0 / framing.mm_per_unit),
+                   .up = up * (canvas.height_mm / 2.0 / framing.mm_per_unit)};
+  if (options.fit_every_turn) view.turns_about = upright_orientation(placing).up;
+  if (placing.seen_from_camera()) {
+    view.eye = camera->from;
+    view.centre = camera->at;
+    view.nearest = camera->hither;
+  }
+  const auto subject = subject_of(scene, view);
+  if (!subject || scene_bounds(*subject).empty()) return {};
+  const Placing alone{*subject, camera, canvas, options, pitch};
+  return depth_to_fit(alone, depth_of_content(alone, scene_bounds(*subject), framing), framing);
+}
+
+/// Fits the depth to the budget: sets the depth scale, and subject_mm if it is that of the subject.
+/// `all` is the range of z of all content.
+void fit_depth(const Placing& placing, const Box& bounds, const Framing& framing,
+               const Interval& all, Stage& stage) {
+  const double budget = placing.options.depth_budget * placing.canvas.depth_of_field_mm;
+  const double distance = placing.canvas.viewing_distance_mm;
+  Interval shown = depth_to_fit(placing, all, framing);
+  if (shown.empty()) shown = all;
+  stage.depth_scale = fitting_depth_scale(shown, budget, distance);
+  if (stage.depth_scale == 1.0 || placing.options.whole_depth) return;
+  const Interval subject = depth_of_subject(placing, bounds, framing);
+  if (subject.empty()) return;
+  const double scale = std::min(fitting_depth_scale(subject, budget, distance),
+                                fitting_in_front(shown.high, kSettingInFront * budget, distance));
+  if (scale < kClearlyDeeper * stage.depth_scale) return;
+  stage.depth_scale = scale;
+  stage.subject_mm = {subject.low * scale, subject.high * scale};
 }
 
 /// Returns the z of the plane where the camera starts to see, in mm before depth scaling. The
@@ -488,9 +536,7 @@ Stage make_stage(const SceneDescription& scene, const Canvas& canvas, const Stag
   if (options.depth_scale)
     stage.depth_scale = *options.depth_scale;
   else
-    stage.depth_scale = fitting_depth_scale(depth_to_fit(placing, all, framing),
-                                            options.depth_budget * stage.depth_of_field_mm,
-                                            canvas.viewing_distance_mm);
+    fit_depth(placing, bounds, framing, all, stage);
   const double cut = camera_plane(camera, framing);
   stage.near_mm = std::min(all.high, cut) * stage.depth_scale;
   stage.cuts_in_front = cut < all.high;
@@ -523,6 +569,8 @@ class RayVolume {
                             model.pitch_mm() / (2.0 * rig.sheet.gap.value);
     tan_x_ = in_sheet < kSteepInSheet ? kInAir * in_sheet : HUGE_VAL;
     tan_y_ = kInAir * (half_height_ + std::abs(rig.viewing.height.value)) * eye;
+    eye_ = {rig.viewing.centre.value * eye, rig.viewing.height.value * eye, 1.0};
+    per_distance_ = eye;
   }
 
   /// Returns false if no ray passes through the box (panel coordinates).
@@ -536,6 +584,12 @@ class RayVolume {
            high.y >= -half_height;
   }
 
+  /// Returns false if a surface at a point clearly faces away from the viewer. At less than six
+  /// degrees, an eye in another place may see the front.
+  [[nodiscard]] bool faces(Vec3 point, Vec3 normal) const {
+    return dot(normal, normalized(eye_ - point * per_distance_)) > -0.1;
+  }
+
  private:
   static constexpr double kSteepInSheet = 0.6;
   static constexpr double kInAir = 1.5;
@@ -543,6 +597,8 @@ class RayVolume {
   double near_mm_;
   double half_width_, half_height_;
   double tan_x_, tan_y_;
+  double per_distance_;  ///< 0 for an infinite viewing distance
+  Vec3 eye_;             ///< the viewer's place times per_distance_
 };
 
 }  // namespace
@@ -555,8 +611,8 @@ void refuse_empty(const SceneDescription& scene) {
               "surfaces are shown: triangles, polygons, spheres and cones that have an area");
 }
 
-bool content_meets_rays(const SceneDescription& scene, const Stage& stage,
-                        const optics::OpticalModel& model) {
+InView content_in_view(const SceneDescription& scene, const Stage& stage,
+                       const optics::OpticalModel& model) {
   const RayVolume rays(model, stage.near_mm);
   const Affine& map = stage.panel_from_world;
   const auto ball = [&](Box& box, Vec3 centre, double radius) {
@@ -564,24 +620,43 @@ bool content_meets_rays(const SceneDescription& scene, const Stage& stage,
     const Vec3 half{r, r, r * stage.depth_scale};
     box.extend(Box{map.point(centre) - half, map.point(centre) + half});
   };
-  for (const TriangleMesh& mesh : scene.meshes)
-    for (const auto& triangle : mesh.triangles) {
-      Box box;
-      for (const uint32_t corner : triangle) box.extend(map.point(mesh.positions[corner]));
-      if (rays.meets(box)) return true;
-    }
   for (const Sphere& sphere : scene.spheres) {
     Box box;
     ball(box, sphere.centre, sphere.radius);
-    if (rays.meets(box)) return true;
+    if (rays.meets(box)) return InView::Content;
   }
   for (const Cone& cone : scene.cones) {
     Box box;
     ball(box, cone.base, cone.base_radius);
     ball(box, cone.apex, cone.apex_radius);
-    if (rays.meets(box)) return true;
+    if (rays.meets(box)) return InView::Content;
   }
-  return false;
+  InView found = InView::Nothing;
+  for (const TriangleMesh& mesh : scene.meshes) {
+    const auto material = static_cast<size_t>(mesh.material);
+    const bool single_sided = material < scene.materials.size() && scene.materials[material].pbr &&
+                              !scene.materials[material].pbr->double_sided;
+    for (const auto& [a, b, c] : mesh.triangles) {
+      const Vec3 corner[] = {map.point(mesh.positions[a]), map.point(mesh.positions[b]),
+                             map.point(mesh.positions[c])};
+      Box box;
+      for (const Vec3 p : corner) box.extend(p);
+      if (!rays.meets(box)) continue;
+      const Vec3 normal = normalized(cross(corner[1] - corner[0], corner[2] - corner[0]));
+      if (!single_sided || rays.faces(corner[0], normal)) return InView::Content;
+      found = InView::BackFaces;
+    }
+  }
+  return found;
+}
+
+void show_both_sides(SceneDescription& scene) {
+  for (Material& material : scene.materials)
+    if (material.pbr) {
+      auto pbr = std::make_shared<PbrMaterial>(*material.pbr);
+      pbr->double_sided = true;
+      material.pbr = std::move(pbr);
+    }
 }
 
 }  // namespace lenticule::render

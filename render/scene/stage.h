@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 
+#include "base/interval.h"
 #include "optics/model.h"
 #include "optics/vec.h"
 #include "render/scene/scene_description.h"
@@ -27,6 +28,8 @@ struct StageOptions {
   std::optional<double> depth_scale{};
   /// Largest distance of content from the panel, in units of the sheet's depth of field.
   double depth_budget = 1.0;
+  /// If true, a floor, walls and a backdrop must stay within the depth budget, too.
+  bool whole_depth = false;
   /// Fraction of the panel's height and width that a fitted scene may fill.
   double fill = 0.9;
   /// Rotation of the scene about its vertical axis, degrees.
@@ -79,7 +82,8 @@ struct Stage {
   double near_mm = 0.0;
   /// True if near_mm cuts off content, such as a wall behind the scene's camera.
   bool cuts_in_front = false;
-  double far_mm = 0.0;             ///< panel z of the back of the scene's bounds
+  double far_mm = 0.0;    ///< panel z of the back of the scene's bounds
+  Interval subject_mm{};  ///< panel z of the subject if the depth is fitted to it, otherwise empty
   double depth_of_field_mm = 0.0;  ///< the rig's; infinite for a sheet without a gap
   /// Ground of another moment of an animation, so that the ground does not move with the scene.
   /// Default: that of the scene.
@@ -118,8 +122,10 @@ struct Stage {
 ///
 /// With a camera, the depth budget applies to the content that the camera sees up to three times
 /// the distance of the point that it looks at (so a ground that extends to the horizon does not
-/// flatten the scene). Without a camera it applies to all content. No content comes nearer than
-/// half the distance from the panel to the eye. Nodes are evaluated at time 0.
+/// flatten the scene). Without a camera it applies to all content. If the scene is clearly deeper
+/// without its floor, walls and backdrop, it applies to the rest, the subject; they may come before
+/// the panel by four budgets, and recede without limit. No content comes nearer than half the
+/// distance from the panel to the eye. Nodes are evaluated at time 0.
 /// Throws Error(Input) for a scene that is empty or has no extent, Error(Usage) for invalid
 /// options.
 [[nodiscard]] Stage make_stage(const SceneDescription& scene, const Canvas& canvas,
@@ -134,9 +140,16 @@ struct Stage {
 /// content; `scene.notes` should say what the loader has left out or dropped.
 [[noreturn]] void refuse_empty(const SceneDescription& scene);
 
-/// Returns false if no ray of the panel can meet the scene's content, because all of it lies beside
-/// the rays, or in front of stage.near_mm. Nodes must be evaluated.
-[[nodiscard]] bool content_meets_rays(const SceneDescription& scene, const Stage& stage,
-                                      const optics::OpticalModel& model);
+/// InView is what the rays of a panel can meet of a scene: nothing, if all of it lies beside them
+/// or in front of stage.near_mm; nothing but single-sided surfaces that face away; or more.
+enum class InView { Nothing, BackFaces, Content };
+/// Nodes must be evaluated.
+[[nodiscard]] InView content_in_view(const SceneDescription& scene, const Stage& stage,
+                                     const optics::OpticalModel& model);
+
+/// Makes all surfaces visible from both sides; and the note that says so.
+void show_both_sides(SceneDescription& scene);
+inline constexpr const char* kBothSides =
+    "all surfaces in view are single-sided and face away from the viewer; both sides are shown";
 
 }  // namespace lenticule::render

@@ -105,5 +105,48 @@ TEST_F(Placement, ATurningSceneFitsInEveryFrame) {
   EXPECT_LE(whole.at("near_mm"), whole.at("depth_of_field_mm").get<double>() * (1 + 1e-9));
 }
 
+TEST_F(Placement, OfAModelOnAFloorSaysWhatBecameOfItsDepth) {
+  write("floor.obj",
+        "v -20 0 20\nv 20 0 20\nv 20 0 -20\nv -20 0 -20\nf 1 2 3 4\n"
+        "v -1 0 0\nv 1 0 0\nv 1 2 -1\nv -1 2 -1\nf 5 6 7 8\n");
+  const ProcessResult result =
+      run({"render", path("floor.obj"), "--rig", source_file("scenes/rigs/tiny.toml"), "-o",
+           path("floor.png"), "--json"});
+  const auto stage = results_of(result).at("stage");
+  const double sharp = stage.at("depth_of_field_mm");
+  EXPECT_LE(stage.at("subject_near_mm"), sharp * (1 + 1e-9));
+  EXPECT_GT(stage.at("near_mm"), 3.0 * sharp);
+  EXPECT_NE(result.err.find("the depth is fitted to what stands"), std::string::npos) << result.err;
+  EXPECT_TRUE(render("plate.png").at("stage").at("subject_near_mm").is_null());
+}
+
+TEST_F(Placement, OfASurfaceThatFacesAwayShowsItsOtherSideAndSaysSo) {
+  write("away.gltf",
+        R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],
+ "nodes":[{"mesh":0,"rotation":[0,1,0,0]}],
+ "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
+ "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],
+  "max":[1,1,0]}],
+ "bufferViews":[{"buffer":0,"byteLength":36}],
+ "buffers":[{"byteLength":36,"uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]})");
+  const ProcessResult result =
+      run({"render", path("away.gltf"), "--rig", source_file("scenes/rigs/tiny.toml"),
+           "--background", "0,0,0", "-o", path("away.png")});
+  expect_end(result, 0, std::string("both sides are shown"));
+  const frames::WovenFrame frame = read_woven(path("away.png"));
+  EXPECT_GT(std::ranges::count_if(frame.bytes(), [](uint8_t code) { return code > 40; }), 100);
+}
+
+TEST_F(Placement, ABrightModelHasADarkBackground) {
+  write("white.mtl", "newmtl white\nKd 0.95 0.95 0.95\n");
+  write("plate.obj", std::string("mtllib white.mtl\nusemtl white\n") + kPlate);
+  const ProcessResult result = run({"render", path("plate.obj"), "--rig",
+                                    source_file("scenes/rigs/tiny.toml"), "-o", path("white.png")});
+  expect_end(result, 0, std::string("dark grey"));
+  const frames::WovenFrame frame = read_woven(path("white.png"));
+  EXPECT_LT(frame.row(0)[0], 110);
+  EXPECT_GT(middle_code("white.png"), 180);
+}
+
 }  // namespace
 }  // namespace lenticule::test

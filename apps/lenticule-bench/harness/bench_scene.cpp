@@ -30,7 +30,7 @@ BenchScene::BenchScene(const BenchSetup& setup)
     : setup_(setup),
       model_(setup.rig),
       description_(load(setup, dropped_lights_)),
-      stage_(render::make_stage(description_, model_)),
+      stage_(render::make_stage(description_, model_, {.whole_depth = true})),
       scene_(description_, stage_, {}, setup.threads),
       frame_({setup.rig.panel.width_px, setup.rig.panel.height_px, frames::PixelFormat::Rgb8}) {}
 

@@ -49,6 +49,8 @@ void declare_stage_flags(CLI::App& app, StagingFlags& flags) {
                  "how far a fitted scene may extend before and behind the panel\n"
                  "In depths of field of the sheet.")
       ->capture_default_str();
+  app.add_flag("--whole-depth", flags.stage.whole_depth,
+               "fit the depth of floor, walls and backdrop, too, not of what stands on them");
   app.add_option("--fill", flags.stage.fill, "fraction of the panel that a fitted scene fills")
       ->capture_default_str();
   app.add_option_function<std::string>(

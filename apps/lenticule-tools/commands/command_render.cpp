@@ -130,6 +130,8 @@ nlohmann::json stage_json(const render::Stage& stage) {
           {"depth_scale", stage.depth_scale},
           {"near_mm", finite_or_null(stage.near_mm)},
           {"far_mm", finite_or_null(stage.far_mm)},
+          {"subject_near_mm", finite_or_null(stage.subject_mm.high)},
+          {"subject_far_mm", finite_or_null(stage.subject_mm.low)},
           {"depth_of_field_mm", finite_or_null(stage.depth_of_field_mm)}};
 }
 

@@ -320,11 +320,16 @@ render::SceneDescription load_any(const std::string& scene) {
 void show_scene(const SceneFlags& flags) {
   if (!flags.thumbnail.empty()) frames::check_writable_format(flags.thumbnail);
   const render::SceneDescription scene = load_any(flags.shown);
-  const render::SceneDescription first = render::at_time(scene, 0.0);
+  render::SceneDescription first = render::at_time(scene, 0.0);
   const FlatView view = make_flat_view(first);
   nlohmann::json report = scene_report(scene, render::world_up(view.stage));
-  if (!render::content_meets_rays(first, view.stage, view.model))
+  const render::InView in_view = render::content_in_view(first, view.stage, view.model);
+  if (in_view == render::InView::Nothing)
     report["notes"].push_back("nothing is seen: all of it lies outside the camera's view");
+  if (in_view == render::InView::BackFaces) {
+    report["notes"].push_back(render::kBothSides);
+    render::show_both_sides(first);
+  }
   if (!flags.thumbnail.empty()) {
     write_thumbnail(first, view, flags.thumbnail);
     report["output"] = flags.thumbnail;

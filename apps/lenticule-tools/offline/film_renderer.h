@@ -180,13 +180,20 @@ class FilmRenderer {
         panel_(std::move(panel)),
         model_(panel_.trimmed.rig),
         method_(render::make_method(flags.method, model_, options_of(flags, keep_missing))),
-        scenes_(flags.scene, rate_, flags.staging.load) {
+        scenes_(flags.scene, rate_, flags.staging.load),
+        surroundings_(flags.staging.surroundings) {
     if (!flags.camera.empty()) cameras_ = render::load_camera_path(flags.camera);
     scenes_.require(film_);
     const render::SceneDescription reference = scene_of(scenes_.reference_frame());
     print_notes(reference);
     stages_.emplace(reference, panel_.canvas, flags.staging.stage, flags.staging.turned_by_degrees);
     print_stage(stages_->reference());
+    // Chosen once, so that it is the same in all frames.
+    const auto background = render::studio_background(reference);
+    if (!surroundings_.background && background == render::kDarkStudioBackground)
+      say("{}: the background is dark grey, since the model is bright (--background)\n",
+          reference.source);
+    if (!surroundings_.background) surroundings_.background = background;
     require_content_in_view(still() ? reference : scene_of(film_.begin));
   }
   /// Loads the rig of the flags, too, or that of a panel of their wall.
@@ -244,10 +251,22 @@ class FilmRenderer {
 
  private:
   static void print_stage(const render::Stage& stage) {
-    say("stage: {:.4g} mm per unit, depth {:.3g} times; ", stage.mm_per_unit, stage.depth_scale);
-    say("from {:.1f} mm in front of the panel to {:.1f} mm behind it; ", stage.near_mm,
-        -stage.far_mm);
-    say("sharp within {:.1f} mm\n", stage.depth_of_field_mm);
+    const Vec3 centre = stage.world_from_panel.origin;
+    const auto reach = [](double near_mm, double far_mm) {
+      return fmt::format("from {:.1f} mm in front of the panel to {:.1f} mm behind it", near_mm,
+                         -far_mm);
+    };
+    say("stage: {:.4g} mm per unit, depth {:.3g} times; ({:.4g}, {:.4g}, {:.4g}) lies in the "
+        "panel; ",
+        stage.mm_per_unit, stage.depth_scale, centre.x, centre.y, centre.z);
+    say("{}; sharp within {:.1f} mm\n", reach(stage.near_mm, stage.far_mm),
+        stage.depth_of_field_mm);
+    if (!stage.subject_mm.empty())
+      say("stage: the depth is fitted to what reaches {}, not to the floor or backdrop around it\n",
+          reach(stage.subject_mm.high, stage.subject_mm.low));
+    else if (stage.depth_scale < 0.25)
+      say("stage: the scene is flattened; --depth-budget N makes it N times as deep, and less "
+          "sharp\n");
   }
 
   static void print_notes(const render::SceneDescription& scene) {
@@ -261,15 +280,19 @@ class FilmRenderer {
     return options;
   }
   /// Refuses a scene of which the first frame shows nothing. If later frames or other panels may
-  /// show it, or if there are surroundings to see, this is only noted.
-  void require_content_in_view(const render::SceneDescription& first) const {
+  /// show it, or if there are surroundings to see, this is only noted. Shows both sides of surfaces
+  /// if nothing else would be seen.
+  void require_content_in_view(const render::SceneDescription& first) {
     const render::Stage stage = stage_at(first, 0.0);
-    if (render::content_meets_rays(first, stage, model_)) return;
+    const render::InView in_view = render::content_in_view(first, stage, model_);
+    both_sides_ = in_view == render::InView::BackFaces && !panel_.in_wall();
+    if (both_sides_) say("{}: {}\n", first.source, render::kBothSides);
+    if (in_view != render::InView::Nothing) return;
     const bool camera = render::placing_camera(first, flags_.staging.stage) != nullptr;
     const std::string what =
         fmt::format("nothing to see in this scene: all of it lies outside the {}",
                     camera ? "camera's view" : "panel");
-    const render::Surroundings& around = flags_.staging.surroundings;
+    const render::Surroundings& around = surroundings_;
     const bool empty = still() && !panel_.in_wall() && !around.sky && !around.ground &&
                        around.environment_file.empty();
     if (empty)
@@ -295,6 +318,7 @@ class FilmRenderer {
     // The camera stays at the last line of the path.
     if (!cameras_.empty())
       scene.cameras = {cameras_[std::min<uint64_t>(frame, cameras_.size() - 1)]};
+    if (both_sides_) render::show_both_sides(scene);
     return scene;
   }
   render::RenderStatistics render_frame(uint64_t number, frames::WovenFrame& frame) {
@@ -308,8 +332,8 @@ class FilmRenderer {
     const render::SceneDescription description = scene_of(number);
     stage_ = stage_at(description, film_.part_before(number));
     scene_.reset();
-    scene_ = std::make_unique<render::Scene>(description, stage_, flags_.staging.surroundings,
-                                             flags_.options.threads);
+    scene_ =
+        std::make_unique<render::Scene>(description, stage_, surroundings_, flags_.options.threads);
   }
 
   const RenderFlags& flags_;
@@ -321,6 +345,8 @@ class FilmRenderer {
   SceneSequence scenes_;
   std::vector<render::Camera> cameras_;
   std::optional<StageSequence> stages_;
+  render::Surroundings surroundings_;
+  bool both_sides_ = false;  ///< single-sided surfaces are shown from behind, too
   render::Stage stage_;
   std::unique_ptr<render::Scene> scene_;
 };

@@ -42,7 +42,7 @@ Made last_frame(const Expected& expected, const optics::OpticalModel& model, con
   Made made{frames::WovenFrame({model.rig().panel.width_px, model.rig().panel.height_px}), {}};
   for (int n = kFirstFrame; n < kFirstFrame + kFrames; ++n) {
     const render::SceneDescription description = tools::describe_built_in(scene, expected.size, n);
-    const render::Stage stage = render::make_stage(description, model);
+    const render::Stage stage = render::make_stage(description, model, {.whole_depth = true});
     method->set_frame(static_cast<uint64_t>(n));
     made.statistics = method->render(render::Scene(description, stage, {}), stage, made.frame);
   }

@@ -6,7 +6,9 @@
 
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <numbers>
+#include <utility>
 
 #include "tests/support/error_matchers.h"
 
@@ -189,10 +191,12 @@ TEST(StageWithACamera, ItsFieldOfViewSpansTheShorterSide) {
 TEST(StageWithACamera, AHorizonDoesNotFlattenTheScene) {
   SceneDescription scene = ball_scene();
   scene.cameras = {camera({0, 1, 10}, {0, 0, 0}, {0, 1, 0}, 40)};
-  const double alone = make_stage(scene, model()).depth_scale;
-  scene.meshes = {quad({-1e6, -1, 1e6}, {1e6, -1, 1e6}, {1e6, -1, -1e6}, {-1e6, -1, -1e6})};
+  // Hilly ground, which is not taken for a floor.
+  for (const double x : {-6.0, 6.0})
+    scene.meshes.push_back(
+        quad({0, -1.5, 1e6}, {1e6 * x, -1e5, 1e6}, {1e6 * x, -1e5, -1e6}, {0, -1.5, -1e6}));
   const Stage stage = make_stage(scene, model());
-  EXPECT_LT(stage.depth_scale, alone);
+  EXPECT_TRUE(stage.subject_mm.empty());
   // The stage counts content up to three times the camera's distance from the panel, so the depth
   // behind the panel is twice that distance.
   const double reach = 2.0 * std::hypot(1.0, 10.0) * stage.mm_per_unit;
@@ -321,7 +325,7 @@ TEST(Stage, AnEmptySceneIsAnInputError) {
 
 bool meets(const SceneDescription& scene, const StageOptions& options, double distance_mm = 700.0) {
   const optics::OpticalModel rig = model(2.0, distance_mm);
-  return content_meets_rays(scene, make_stage(scene, rig, options), rig);
+  return content_in_view(scene, make_stage(scene, rig, options), rig) != InView::Nothing;
 }
 
 TEST(ContentMeetsRays, WhereItIsFitted) {
@@ -359,6 +363,48 @@ TEST(ContentMeetsRays, NotBehindTheCamera) {
   scene.cameras = {camera({0, 0, 10}, {0, 0, 5}, {0, 1, 0}, 40)};
   EXPECT_TRUE(meets(scene, {}));
   EXPECT_TRUE(meets(ball_scene({0, 0, 30}), {.ignore_cameras = true}));
+}
+
+/// Returns a square that fills the view, with a metallic-roughness material.
+SceneDescription plate(bool faces_viewer, bool double_sided) {
+  SceneDescription scene;
+  PbrMaterial material;
+  material.double_sided = double_sided;
+  scene.materials = {{.pbr = std::make_shared<const PbrMaterial>(material)}};
+  scene.meshes = {card(0)};
+  if (!faces_viewer)
+    for (auto& triangle : scene.meshes[0].triangles) std::swap(triangle[0], triangle[1]);
+  return scene;
+}
+
+InView in_view(const SceneDescription& scene, double distance_mm = 700.0) {
+  const optics::OpticalModel rig = model(2.0, distance_mm);
+  return content_in_view(scene, make_stage(scene, rig, {}), rig);
+}
+
+TEST(ContentInView, TellsBackFacesFromSurfacesThatAreSeen) {
+  for (const double distance : {700.0, std::numeric_limits<double>::infinity()}) {
+    EXPECT_EQ(in_view(plate(true, false), distance), InView::Content);
+    EXPECT_EQ(in_view(plate(false, true), distance), InView::Content);
+    EXPECT_EQ(in_view(plate(false, false), distance), InView::BackFaces);
+    SceneDescription shown = plate(false, false);
+    show_both_sides(shown);
+    EXPECT_EQ(in_view(shown, distance), InView::Content);
+    SceneDescription beside_a_ball = plate(false, false);
+    beside_a_ball.spheres = {{}};
+    EXPECT_EQ(in_view(beside_a_ball, distance), InView::Content);
+  }
+}
+
+TEST(ContentInView, FromInsideASingleSidedBoxIsOfBackFaces) {
+  SceneDescription scene = plate(true, false);
+  scene.meshes = {card(0.5)};  // faces +z, outward
+  TriangleMesh& back = scene.meshes.emplace_back(card(-0.5));
+  for (auto& triangle : back.triangles) std::swap(triangle[0], triangle[1]);
+  scene.cameras = {camera({0, 0, 0.1}, {0, 0, -0.2}, {0, 1, 0}, 60)};
+  EXPECT_EQ(in_view(scene), InView::BackFaces);
+  scene.cameras = {camera({0, 0, 2}, {0, 0, 0}, {0, 1, 0}, 60)};
+  EXPECT_EQ(in_view(scene), InView::Content);
 }
 
 TEST(GroundUnder, LiesAtTheLowestPointAndHasTheMeanSizeOfTheModel) {
