@@ -181,8 +181,7 @@ class ConfinedProcess {
           ErrorKind::Input,
           fmt::format("{}: not read after {} s", name_, duration_cast<seconds>(all).count()),
           program_.remedy);
-    if (interrupted() && Clock::now() - answered_ > kInterruptedTimeout)
-      throw Error(ErrorKind::Failed, fmt::format("{}: interrupted", name_));
+    if (interrupted() && Clock::now() - answered_ > kInterruptedTimeout) throw Interrupted(name_);
   }
   [[nodiscard]] milliseconds processor_time() const {
     clockid_t clock{};

@@ -5,6 +5,9 @@
 // request to reload.
 #pragma once
 
+#include <string>
+
+#include "base/error.h"
 #include "base/exit_code.h"
 
 namespace lenticule::player {
@@ -32,5 +35,13 @@ void reload_at_hangup() noexcept;
 
 /// Returns kOk when not interrupted, else 129, 130 or 143.
 [[nodiscard]] ExitCode interrupt_exit_code() noexcept;
+
+/// Thrown by a step that does not finish because the process is interrupted. The program then ends
+/// with interrupt_exit_code(), and without a message.
+class Interrupted final : public Error {
+ public:
+  explicit Interrupted(const std::string& object)
+      : Error(ErrorKind::Failed, object + ": interrupted") {}
+};
 
 }  // namespace lenticule::player

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests commands whose decoders of pictures or readers of models break: each command ends with an
 // error of the file, or goes on without it.
+#include <chrono>
+#include <csignal>
 #include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tests/commands/program.h"
@@ -79,6 +82,19 @@ TEST_F(ConfinedCommands, AModelThatEndsItsReaderIsAnErrorOfEveryCommand) {
       SCOPED_TRACE(command.front());
       expect_end(run(command), 4, path(name), "its reader", "save it again");
     }
+  }
+}
+
+TEST_F(ConfinedCommands, ACommandThatIsInterruptedWhileItReadsAModelEndsAsAnyInterruptedOne) {
+  fs::remove(folder_ / "bin/lenticule-reader");
+  fs::copy_file(LENTICULE_FAKE_READER, folder_ / "bin/lenticule-reader");
+  write("spin.obj", "v 0 0 0\n");
+  for (const auto& [signal, exit_code] : {std::pair(SIGINT, 130), {SIGTERM, 143}}) {
+    const ProcessResult result =
+        test::run_process({path("bin/lenticule"), "scene", "show", path("spin.obj")},
+                          {.interrupt_signal = signal, .interrupt_after = std::chrono::seconds(2)});
+    EXPECT_EQ(result.exit_code, exit_code) << result.err;
+    EXPECT_EQ(result.out, "");
   }
 }
 

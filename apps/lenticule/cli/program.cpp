@@ -357,7 +357,14 @@ int run_program(const Program& program, int argc, char** argv) {
   const player::ConfinedPictures pictures;
   frames::use_picture_reader(&pictures);
 #endif
-  return run_reporting_errors(runs.at(app.get_subcommands().front()), style);
+  const auto run = [&]() -> int {
+    try {
+      return runs.at(app.get_subcommands().front())();
+    } catch (const player::Interrupted&) {
+      return player::interrupt_exit_code();
+    }
+  };
+  return run_reporting_errors(run, style);
 }
 
 }  // namespace lenticule::cli
