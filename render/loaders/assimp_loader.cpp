@@ -39,11 +39,6 @@
 namespace lenticule::render {
 namespace {
 
-/// Throws Error(Input) with the mesh and the vertex or face that is invalid.
-void check_meshes(const aiScene& from, const std::string& source);
-
-[[nodiscard]] SceneDescription import_scene(const aiScene& from, const std::filesystem::path& file);
-
 // Converts assimp's scene to a SceneDescription: nodes and meshes, materials with their textures
 // (docs/render/scenes.md has a table of the conversions), and what refers to nodes by their names:
 // key frames, lights and cameras. All values are checked, since assimp's importers pass on
@@ -66,11 +61,6 @@ using NodeNames = std::unordered_map<std::string, int>;
 
 // ---- checks
 
-bool usable_coordinate(Vec3 p) {
-  return std::abs(p.x) <= kMaxCoordinate && std::abs(p.y) <= kMaxCoordinate &&
-         std::abs(p.z) <= kMaxCoordinate;  // false for NaN
-}
-
 void check_mesh(const aiMesh& mesh, const std::string& label, const std::string& source) {
   if (mesh.mNumVertices > kMaxVertices)
     refuse(source, fmt::format("{} has more than {} vertices", label, kMaxVertices));
@@ -79,10 +69,8 @@ void check_mesh(const aiMesh& mesh, const std::string& label, const std::string&
   if (mesh.mNumVertices > 0 && mesh.mVertices == nullptr)
     refuse(source, fmt::format("{} has no positions", label));
   for (unsigned i = 0; i < mesh.mNumVertices; ++i) {
-    const Vec3 p = vec3(mesh.mVertices[i]);
-    if (!is_finite(p)) refuse(source, fmt::format("{} vertex {} is not finite", label, i));
-    if (!usable_coordinate(p))
-      refuse(source, fmt::format("{} vertex {} is too far away", label, i));
+    if (const char* flaw = flaw_of(vec3(mesh.mVertices[i])))
+      refuse(source, fmt::format("{} vertex {} is {}", label, i, flaw));
   }
   for (unsigned f = 0; f < mesh.mNumFaces; ++f) {
     const aiFace& face = mesh.mFaces[f];
@@ -148,10 +136,8 @@ std::vector<std::array<float, 2>> uvs_of(const aiMesh& mesh, unsigned set) {
   if (!mesh.HasTextureCoords(set)) return {};
   std::vector<std::array<float, 2>> uvs;
   uvs.reserve(mesh.mNumVertices);
-  for (const aiVector3D& uv : std::span(mesh.mTextureCoords[set], mesh.mNumVertices)) {
-    const bool usable = std::abs(uv.x) < kFarthestUv && std::abs(uv.y) < kFarthestUv;
-    uvs.push_back(usable ? std::array{uv.x, uv.y} : std::array{0.0F, 0.0F});
-  }
+  for (const aiVector3D& uv : std::span(mesh.mTextureCoords[set], mesh.mNumVertices))
+    uvs.push_back(usable_uv(uv.x, uv.y));
   return uvs;
 }
 
@@ -161,7 +147,7 @@ std::vector<std::array<float, 4>> colours_of(const aiMesh& mesh) {
   if (!mesh.HasVertexColors(0)) return colours;
   colours.reserve(mesh.mNumVertices);
   for (const aiColor4D& c : std::span(mesh.mColors[0], mesh.mNumVertices))
-    colours.push_back(light_of_codes(c.r, c.g, c.b, c.a));
+    colours.push_back(light_of(c.r, c.g, c.b, c.a));
   return colours;
 }
 
@@ -482,13 +468,22 @@ bool read_metallic_roughness(const Properties& from, MaterialTextures& textures,
   return true;
 }
 
-/// Imports materials with their base-colour textures. Relative file names start at `folder`.
+/// Imports materials, and the textures of those that a mesh uses. Relative file names start at
+/// `folder`.
 void import_materials(const aiScene& from, const std::filesystem::path& folder,
                       SceneDescription& scene) {
   if (from.mNumMaterials > kMaxMaterials)
     refuse(scene.source, fmt::format("more than {} materials", kMaxMaterials));
+  std::vector<bool> used(from.mNumMaterials);
+  for (const aiMesh* mesh : std::span(from.mMeshes, from.mNumMeshes))
+    if ((mesh->mPrimitiveTypes & aiPrimitiveType_TRIANGLE) && mesh->mMaterialIndex < used.size())
+      used[mesh->mMaterialIndex] = true;
   Textures all(scene);
   for (const aiMaterial* material : std::span(from.mMaterials, from.mNumMaterials)) {
+    if (!used[scene.materials.size()]) {
+      scene.materials.push_back(material_of(*material, std::nullopt));
+      continue;
+    }
     const Properties properties(*material);
     MaterialTextures textures(from, *material, folder, scene.source, all);
     Material to = material_of(*material);
@@ -678,6 +673,7 @@ void import_cameras(const aiScene& from, const NodeNames& nodes, SceneDescriptio
   if (unusable > 0) scene.notes.push_back(fmt::format("{} unusable cameras left out", unusable));
 }
 
+/// Throws Error(Input) with the mesh and the vertex or face that is invalid.
 void check_meshes(const aiScene& from, const std::string& source) {
   for (unsigned i = 0; i < from.mNumMeshes; ++i)
     check_mesh(*from.mMeshes[i], label_of(*from.mMeshes[i], i), source);

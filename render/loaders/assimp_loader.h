@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Loads STL and the other formats that assimp reads.
+// Loads the formats that assimp reads.
 #pragma once
 
 #include <filesystem>

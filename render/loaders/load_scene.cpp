@@ -9,9 +9,11 @@
 #include <atomic>
 #include <fstream>
 #include <string_view>
+#include <vector>
 
 #include "base/error.h"
 #include "base/misnamed_file.h"
+#include "base/numbers.h"
 #include "base/text.h"
 #include "render/loaders/animation.h"
 #include "render/loaders/assimp_loader.h"
@@ -19,6 +21,9 @@
 #include "render/loaders/nff.h"
 #include "render/loaders/obj.h"
 #include "render/loaders/ply.h"
+#include "render/loaders/scene_files.h"
+#include "render/loaders/stl.h"
+#include "render/loaders/text_reader.h"
 
 namespace lenticule::render {
 namespace {
@@ -83,6 +88,27 @@ void set_up_axis(SceneDescription& scene, const std::string& extension,
   turn_upright(scene, *wanted);
 }
 
+/// Formats with a reader of our own, and those whose reader in assimp is still looked after. The
+/// others of assimp crash or fill the memory, some even for files that are not damaged.
+constexpr std::array<std::string_view, 21> kFormats{
+    ".3ds", ".ac",  ".ac3d", ".acc", ".amf", ".ase", ".dae", ".dxf", ".fbx", ".glb", ".gltf",
+    ".lwo", ".nff", ".obj",  ".off", ".ply", ".stl", ".x3d", ".xgl", ".zae", ".zgl"};
+
+void require_format(const std::filesystem::path& file, bool any) {
+  const std::string extension = lower_case(file.extension().string());
+  if (std::ranges::find(kFormats, extension) != kFormats.end()) return;
+  if (!assimp_reads(extension))
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: unknown scene format '{}'", file.string(), extension),
+                "use .glb, .gltf, .obj, .ply, .stl, .fbx, .dae or .nff");
+  if (!any)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: models in {} are not read: their only reader, of assimp, crashes "
+                            "too often",
+                            file.string(), extension),
+                "convert it to glTF (.glb), for example in Blender, or try --any-format");
+}
+
 void require_file(const std::filesystem::path& file) {
   std::error_code error;
   const auto status = std::filesystem::status(file, error);
@@ -99,15 +125,27 @@ void require_file(const std::filesystem::path& file) {
                 std::string(is->remedy));
 }
 
+/// Refuses numbers of vertices, faces and edges that an OFF file has no room for: assimp would
+/// allocate memory for them.
+void check_off(const std::filesystem::path& file) {
+  const std::vector<uint8_t> bytes = read_scene_file(file);
+  TextReader text({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, file.string());
+  std::string_view word = text.word().value_or("");
+  if (word.ends_with("OFF")) word = text.word().value_or("");
+  for (int n = 0; n < 3; ++n, word = text.word().value_or(""))
+    if (const auto count = number_from<uint64_t>(word); !count || *count > bytes.size() / 2)
+      text.fail(fmt::format("{} vertices, faces or edges in a file of {} bytes",
+                            render::quoted(word), bytes.size()));
+}
+
 SceneDescription load(const std::filesystem::path& file, const std::string& extension) {
   if (extension == ".nff") return load_nff(file);
   if (extension == ".gltf" || extension == ".glb") return load_gltf(file);
   if (extension == ".obj") return load_obj(file);
   if (extension == ".ply") return load_ply(file);
-  if (assimp_reads(extension)) return load_with_assimp(file);
-  throw Error(ErrorKind::Input,
-              fmt::format("{}: unknown scene format '{}'", file.string(), extension),
-              "use .nff, .gltf, .glb, .obj, .ply, .stl or another format of assimp");
+  if (extension == ".stl") return load_stl(file);
+  if (extension == ".off") check_off(file);
+  return load_with_assimp(file);
 }
 
 std::atomic<const SceneReader*> chosen_reader{nullptr};
@@ -120,6 +158,7 @@ void use_scene_reader(const SceneReader* reader) noexcept {
 
 SceneDescription load_scene(const std::filesystem::path& file, const LoadOptions& options) {
   require_file(file);
+  require_format(file, options.any_format);
   const SceneReader* const reader = chosen_reader.load();
   return reader != nullptr ? reader->load(file, options) : load_scene_here(file, options);
 }
@@ -131,7 +170,14 @@ void prepare_loaders() {
 
 SceneDescription load_scene_here(const std::filesystem::path& file, const LoadOptions& options) {
   const std::string extension = lower_case(file.extension().string());
-  SceneDescription scene = load(file, extension);
+  SceneDescription scene;
+  try {
+    scene = load(file, extension);
+  } catch (const Error& error) {
+    if (!error.hint().empty() || !std::string_view(error.what()).starts_with(file.string())) throw;
+    throw Error(error.kind(), error.what(),
+                "correct the file, or save it again, best as glTF (.glb)");
+  }
   set_up_axis(scene, extension, options.up);
   // NFF states what other renderers of that format show.
   scene.lit_by_studio = extension != ".nff";

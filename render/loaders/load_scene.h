@@ -19,9 +19,11 @@ enum class UpAxis { X, Y, Z, MinusX, MinusY, MinusZ };
 /// Rotates the whole scene by a multiple of a quarter turn, so that the axis points to +y.
 void turn_upright(SceneDescription& scene, UpAxis up);
 
-/// The message that asks lenticule-reader for a scene has each of these, too.
 struct LoadOptions {
-  std::optional<UpAxis> up{};  ///< the file's axis that points up; default: as the format has it
+  /// The file's axis that points up; default: as the format has it. The message that asks
+  /// lenticule-reader for a scene has it, too.
+  std::optional<UpAxis> up{};
+  bool any_format = false;  ///< also formats whose reader in assimp crashes often
 };
 
 /// Loads a file in any supported format, chosen by its extension; y is up in the result,

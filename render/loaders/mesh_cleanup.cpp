@@ -459,19 +459,6 @@ void compute_tangents(TriangleMesh& mesh, bool use_second_uvs) {
         sums.tangent(from[i], orientations[i] == Mirrored ? Mirrored : Plain, mesh.normals[i]);
 }
 
-std::array<float, 2> uv_of_file(double u, double v) {
-  if (!(std::abs(u) < kFarthestUv && std::abs(v) < kFarthestUv)) return {0.0F, 0.0F};
-  return {static_cast<float>(u), static_cast<float>(1.0 - v)};
-}
-
-std::array<float, 4> light_of_codes(double r, double g, double b, double alpha) {
-  const auto share = [](double v) { return std::isfinite(v) ? std::clamp(v, 0.0, 1.0) : 0.0; };
-  const auto light = [&](double v) {
-    return static_cast<float>(frames::linear_from_srgb(share(v)));
-  };
-  return {light(r), light(g), light(b), static_cast<float>(share(alpha))};
-}
-
 void LostDigits::add(const TriangleMesh& mesh) {
   if (mesh.positions.empty()) return;
   Box bounds;
@@ -494,6 +481,52 @@ void LostDigits::write(SceneDescription& scene) const {
                   "coordinates have steps of {:.2g} units, {:.2g} % of a mesh; move them to the "
                   "origin before exporting",
                   meshes_, step_, 100.0 * coarsest_));
+}
+
+const char* flaw_of(Vec3 position) {
+  if (!is_finite(position)) return "not finite";
+  return largest_size(position) > kMaxCoordinate ? "too far away" : nullptr;
+}
+
+std::array<float, 2> usable_uv(double u, double v) {
+  if (!(std::abs(u) < kFarthestUv && std::abs(v) < kFarthestUv)) return {0.0F, 0.0F};
+  return {static_cast<float>(u), static_cast<float>(v)};
+}
+
+std::array<float, 4> light_of(double red, double green, double blue, double alpha) {
+  const auto share = [](double v) { return std::isfinite(v) ? std::clamp(v, 0.0, 1.0) : 0.0; };
+  const auto light = [&](double v) {
+    return static_cast<float>(frames::linear_from_srgb(share(v)));
+  };
+  return {light(red), light(green), light(blue), static_cast<float>(share(alpha))};
+}
+
+void add_only_mesh(TriangleMesh mesh, int texture, bool single_precision, SceneDescription& scene) {
+  Material material;
+  material.name = "surface";
+  material.colour = Vec3{1, 1, 1} * (texture >= 0 ? 1.0 : double{kPlainGrey});
+  material.specular = 0.06;
+  material.shine = 10.0;
+  material.texture = texture;
+  if (!mesh.colours.empty()) {
+    PbrMaterial pbr;
+    pbr.metallic = 0.0;
+    pbr.double_sided = true;
+    pbr.base_colour_texture.texture = texture;
+    material.pbr = std::make_shared<const PbrMaterial>(pbr);
+  }
+  scene.materials.push_back(material);
+  LostDigits digits;
+  if (single_precision) digits.add(mesh);
+  const MeshRepairs repairs = clean(mesh);
+  const auto note = [&](size_t count, const char* items) {
+    if (count > 0) scene.notes.push_back(fmt::format("{} {}", count, items));
+  };
+  note(repairs.dropped_triangles, "triangles without an area dropped");
+  if (mesh.triangles.empty()) refuse_empty(scene);
+  note(repairs.recomputed_normals, "unusable normals recomputed");
+  digits.write(scene);
+  scene.meshes.push_back(std::move(mesh));
 }
 
 }  // namespace lenticule::render

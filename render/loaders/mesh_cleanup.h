@@ -51,10 +51,6 @@ void select_vertices(TriangleMesh& mesh, const std::vector<uint32_t>& from);
 
 /// Texture coordinates beyond it count as 0.
 inline constexpr double kFarthestUv = 1e6;
-/// Returns texture coordinates with v downward, of a file where v points up.
-[[nodiscard]] std::array<float, 2> uv_of_file(double u, double v);
-/// Returns the linear light of a vertex colour that a file states in code values from 0 to 1.
-[[nodiscard]] std::array<float, 4> light_of_codes(double r, double g, double b, double alpha);
 
 /// LostDigits notes meshes whose coordinates are coarse.
 class LostDigits {
@@ -69,5 +65,20 @@ class LostDigits {
   double coarsest_ = 0.0;  ///< step of the coordinates, in sizes of the mesh
   double step_ = 0.0;      ///< that step in units of the file
 };
+
+/// Returns what is wrong with a position, "not finite" or "too far away"; else null.
+[[nodiscard]] const char* flaw_of(Vec3 position);
+/// Returns zeros for coordinates so large that no texel can be told from its neighbours.
+[[nodiscard]] std::array<float, 2> usable_uv(double u, double v);
+/// Returns the light of an sRGB-encoded colour and its alpha; clips all to 0 ... 1, NaN to 0.
+[[nodiscard]] std::array<float, 4> light_of(double red, double green, double blue, double alpha);
+
+/// Light that surfaces reflect whose file states no colour.
+inline constexpr float kPlainGrey = 0.6F;
+
+/// Cleans the mesh of a file without materials and adds it to the scene: in its own colours, in
+/// texture number `texture` unless that is negative, or grey. Notes repairs, and coordinates that
+/// are coarse because the file has them in single precision. Throws the error of refuse_empty().
+void add_only_mesh(TriangleMesh mesh, int texture, bool single_precision, SceneDescription& scene);
 
 }  // namespace lenticule::render

@@ -260,7 +260,7 @@ class ObjReader {
     } else if (kind == "vt") {
       reader_.require_at_most(uvs_.size() + 1, kMaxVertices, "texture coordinates");
       const double u = number_or_0();
-      uvs_.push_back(uv_of_file(u, number_or_0()));
+      uvs_.push_back(usable_uv(u, 1.0 - number_or_0()));
     } else if (kind == "vn") {
       reader_.require_at_most(normals_.size() + 1, kMaxVertices, "normals");
       const double x = number_or_0(), y = number_or_0();
@@ -295,7 +295,7 @@ class ObjReader {
     for (double* value : {&colour.x, &colour.y, &colour.z})
       if (reader_.more_on_line()) *value = reader_.number("a colour"), ++count;
     if (count == 3 || !colours_.empty()) colours_.resize(positions_.size(), kNoColour);
-    if (count == 3) colours_.back() = light_of_codes(colour.x, colour.y, colour.z, 1.0);
+    if (count == 3) colours_.back() = light_of(colour.x, colour.y, colour.z, 1.0);
   }
 
   [[nodiscard]] bool is_coloured(const Corner& corner) const {

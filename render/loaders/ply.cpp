@@ -11,11 +11,10 @@
 #include <array>
 #include <bit>
 #include <charconv>
-#include <cmath>
 #include <cstddef>
 #include <cstring>
-#include <memory>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -25,20 +24,35 @@
 #include "render/loaders/mesh_cleanup.h"
 #include "render/loaders/text_reader.h"
 #include "render/loaders/textures.h"
-#include "render/scene/stage.h"
 
 namespace lenticule::render {
 namespace {
 
 // ---- header
 
-enum class ValueType { Int8, Uint8, Int16, Uint16, Int32, Uint32, Float32, Float64 };
+struct ValueType {
+  size_t bytes;
+  double (*value)(const std::array<uint8_t, 8>&);
+  double full_scale;  ///< the largest value of a colour; floats are fractions already
+  bool is_single;
+};
+
+template <class T>
+constexpr ValueType kType{
+    sizeof(T),
+    [](const std::array<uint8_t, 8>& bytes) {
+      T value{};
+      std::memcpy(&value, bytes.data(), sizeof value);
+      return static_cast<double>(value);
+    },
+    std::is_integral_v<T> ? static_cast<double>(~uint64_t{0} >> (64 - 8 * sizeof(T))) : 1.0,
+    std::is_same_v<T, float>};
 
 struct Property {
   std::string name;
-  ValueType type = ValueType::Float32;
+  ValueType type;
   bool is_list = false;
-  ValueType count_type = ValueType::Uint8;  ///< type of the number of a list's values
+  ValueType count_type{};  ///< type of the number of a list's values
 };
 
 struct ElementKind {
@@ -60,22 +74,22 @@ struct TypeName {
   std::string_view name;
   ValueType type;
 };
-constexpr std::array<TypeName, 16> kTypeNames{{{"char", ValueType::Int8},
-                                               {"int8", ValueType::Int8},
-                                               {"uchar", ValueType::Uint8},
-                                               {"uint8", ValueType::Uint8},
-                                               {"short", ValueType::Int16},
-                                               {"int16", ValueType::Int16},
-                                               {"ushort", ValueType::Uint16},
-                                               {"uint16", ValueType::Uint16},
-                                               {"int", ValueType::Int32},
-                                               {"int32", ValueType::Int32},
-                                               {"uint", ValueType::Uint32},
-                                               {"uint32", ValueType::Uint32},
-                                               {"float", ValueType::Float32},
-                                               {"float32", ValueType::Float32},
-                                               {"double", ValueType::Float64},
-                                               {"float64", ValueType::Float64}}};
+constexpr std::array<TypeName, 16> kTypeNames{{{"char", kType<int8_t>},
+                                               {"int8", kType<int8_t>},
+                                               {"uchar", kType<uint8_t>},
+                                               {"uint8", kType<uint8_t>},
+                                               {"short", kType<int16_t>},
+                                               {"int16", kType<int16_t>},
+                                               {"ushort", kType<uint16_t>},
+                                               {"uint16", kType<uint16_t>},
+                                               {"int", kType<int32_t>},
+                                               {"int32", kType<int32_t>},
+                                               {"uint", kType<uint32_t>},
+                                               {"uint32", kType<uint32_t>},
+                                               {"float", kType<float>},
+                                               {"float32", kType<float>},
+                                               {"double", kType<double>},
+                                               {"float64", kType<double>}}};
 
 std::vector<std::string_view> words_of(std::string_view line) {
   std::vector<std::string_view> words;
@@ -181,31 +195,6 @@ class HeaderReader {
 
 // ---- values
 
-size_t bytes_of(ValueType type) {
-  switch (type) {
-    case ValueType::Int8:
-    case ValueType::Uint8:
-      return 1;
-    case ValueType::Int16:
-    case ValueType::Uint16:
-      return 2;
-    case ValueType::Int32:
-    case ValueType::Uint32:
-    case ValueType::Float32:
-      return 4;
-    case ValueType::Float64:
-      break;
-  }
-  return 8;
-}
-
-template <class T>
-double loaded(const std::array<uint8_t, 8>& bytes) {
-  T value{};
-  std::memcpy(&value, bytes.data(), sizeof value);
-  return static_cast<double>(value);
-}
-
 /// Values reads the numbers after the header of a PLY file, in text or binary.
 /// Lifetime: must not outlive the data, the source and the element's name.
 class Values {
@@ -249,32 +238,13 @@ class Values {
   }
 
   [[nodiscard]] double next_binary(ValueType type) {
-    const size_t size = bytes_of(type);
-    if (left() < size) fail("the file ends here");
+    if (left() < type.bytes) fail("the file ends here");
     std::array<uint8_t, 8> bytes{};
-    std::memcpy(bytes.data(), data_.data() + at_, size);
-    at_ += size;
+    std::memcpy(bytes.data(), data_.data() + at_, type.bytes);
+    at_ += type.bytes;
     if ((encoding_ == Encoding::BigEndian) == (std::endian::native == std::endian::little))
-      std::reverse(bytes.begin(), bytes.begin() + size);
-    switch (type) {
-      case ValueType::Int8:
-        return loaded<int8_t>(bytes);
-      case ValueType::Uint8:
-        return loaded<uint8_t>(bytes);
-      case ValueType::Int16:
-        return loaded<int16_t>(bytes);
-      case ValueType::Uint16:
-        return loaded<uint16_t>(bytes);
-      case ValueType::Int32:
-        return loaded<int32_t>(bytes);
-      case ValueType::Uint32:
-        return loaded<uint32_t>(bytes);
-      case ValueType::Float32:
-        return loaded<float>(bytes);
-      case ValueType::Float64:
-        break;
-    }
-    return loaded<double>(bytes);
+      std::reverse(bytes.begin(), bytes.begin() + type.bytes);
+    return type.value(bytes);
   }
 
   std::string_view data_;
@@ -329,25 +299,6 @@ Field field_of(const std::string& name) {
   return found == kFieldNames.end() ? kFields : found->second;
 }
 
-/// Returns the largest value of an integer colour; floats are fractions already.
-double full_scale(ValueType type) {
-  switch (type) {
-    case ValueType::Int8:
-    case ValueType::Uint8:
-      return 255.0;
-    case ValueType::Int16:
-    case ValueType::Uint16:
-      return 65535.0;
-    case ValueType::Int32:
-    case ValueType::Uint32:
-      return 4294967295.0;
-    case ValueType::Float32:
-    case ValueType::Float64:
-      break;
-  }
-  return 1.0;
-}
-
 /// ElementReader reads vertices, faces and triangle strips into a mesh.
 class ElementReader {
  public:
@@ -388,7 +339,7 @@ class ElementReader {
     if (!has[X] || !has[Y] || !has[Z]) refuse("vertices without x, y and z");
     out_.single_precision = header_.encoding != Encoding::Text &&
                             std::ranges::any_of(kind.properties, [](const Property& p) {
-                              return p.name == "x" && p.type == ValueType::Float32;
+                              return p.name == "x" && p.type.is_single;
                             });
     for (uint64_t i = 0; i < kind.count; ++i) {
       values_.set_place(&kind.name, i);
@@ -403,7 +354,7 @@ class ElementReader {
         const double value = values_.next(property.type);
         if (field == kFields) continue;
         const bool colour = field >= Red && field <= Alpha;
-        fields[field] = colour ? value / full_scale(property.type) : value;
+        fields[field] = colour ? value / property.type.full_scale : value;
       }
       add_vertex(fields, has);
     }
@@ -411,14 +362,12 @@ class ElementReader {
 
   void add_vertex(const std::array<double, kFields>& f, const std::array<bool, kFields>& has) {
     const Vec3 p{f[X], f[Y], f[Z]};
-    if (!is_finite(p)) values_.fail("is not finite");
-    if (std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) > kMaxCoordinate)
-      values_.fail("is too far away");
+    if (const char* flaw = flaw_of(p)) values_.fail(fmt::format("is {}", flaw));
     out_.mesh.positions.push_back(p);
     if (has[Nx] && has[Ny] && has[Nz]) out_.mesh.normals.push_back({f[Nx], f[Ny], f[Nz]});
-    if (has[U] && has[V]) out_.mesh.uvs.push_back(uv_of_file(f[U], f[V]));
-    if (!has[Red] || !has[Green] || !has[Blue]) return;
-    out_.mesh.colours.push_back(light_of_codes(f[Red], f[Green], f[Blue], f[Alpha]));
+    if (has[U] && has[V]) out_.mesh.uvs.push_back(usable_uv(f[U], 1.0 - f[V]));
+    if (has[Red] && has[Green] && has[Blue])
+      out_.mesh.colours.push_back(light_of(f[Red], f[Green], f[Blue], f[Alpha]));
   }
 
   /// Reads the values of a list into list_.
@@ -515,7 +464,7 @@ class ElementReader {
     if (coordinates_.size() < 2 * corners.size()) return;
     face_uvs_.resize(3 * (out_.mesh.triangles.size() - 1));  // triangles without coordinates: zeros
     for (const uint32_t corner : triangle)
-      face_uvs_.push_back(uv_of_file(coordinates_[2 * corner], coordinates_[2 * corner + 1]));
+      face_uvs_.push_back(usable_uv(coordinates_[2 * corner], 1.0 - coordinates_[2 * corner + 1]));
   }
 
   /// Gives every triangle its own vertices if faces have coordinates of their own.
@@ -547,45 +496,22 @@ class ElementReader {
 /// Returns the scene of the elements; its texture lies in `folder`.
 SceneDescription scene_of(Elements elements, const std::string& texture, const std::string& source,
                           const std::filesystem::path& folder) {
-  TriangleMesh& mesh = elements.mesh;
   SceneDescription scene;
   scene.source = source;
-  const auto note = [&](size_t count, const char* items) {
-    if (count > 0) scene.notes.push_back(fmt::format("{} {}", count, items));
-  };
-  if (mesh.triangles.empty()) {
-    note(mesh.positions.size(), "points without faces left out");
-    refuse_empty(scene);
-  }
-  Material material;
-  material.name = "surface";
-  material.colour = {0.6, 0.6, 0.6};
-  material.specular = 0.06;
-  material.shine = 10.0;
+  const size_t points = elements.mesh.positions.size();
+  if (elements.mesh.triangles.empty() && points > 0)
+    scene.notes.push_back(fmt::format("{} points without faces left out", points));
+  if (elements.ignored > 0)
+    scene.notes.push_back(
+        fmt::format("{} elements other than faces and triangle strips left out", elements.ignored));
+  if (elements.face_colours) scene.notes.emplace_back("colours of faces left out");
+  int number = -1;
   if (!texture.empty())
-    material.texture = Textures(scene).add({.name = texture}, [&] {
+    number = Textures(scene).add({.name = texture}, [&] {
       return frames::read_texture(named_file(folder, texture), frames::TextureContent::Colour,
                                   frames::TexelPlace::Anywhere);
     });
-  if (material.texture >= 0) material.colour = {1, 1, 1};
-  if (!mesh.colours.empty()) {
-    PbrMaterial pbr;
-    pbr.metallic = 0.0;
-    pbr.double_sided = true;
-    pbr.base_colour_texture.texture = material.texture;
-    material.pbr = std::make_shared<const PbrMaterial>(pbr);
-  }
-  scene.materials.push_back(material);
-  LostDigits digits;
-  if (elements.single_precision) digits.add(mesh);
-  const MeshRepairs repairs = clean(mesh);
-  note(repairs.dropped_triangles, "triangles without an area dropped");
-  if (mesh.triangles.empty()) refuse_empty(scene);
-  note(repairs.recomputed_normals, "unusable normals recomputed");
-  note(elements.ignored, "elements other than faces and triangle strips left out");
-  if (elements.face_colours) scene.notes.emplace_back("colours of faces left out");
-  digits.write(scene);
-  scene.meshes.push_back(std::move(mesh));
+  add_only_mesh(std::move(elements.mesh), number, elements.single_precision, scene);
   return scene;
 }
 

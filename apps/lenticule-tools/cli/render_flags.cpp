@@ -31,12 +31,18 @@ void take_turn(const std::string& text, StagingFlags& flags) {
 
 }  // namespace
 
+void declare_any_format(CLI::App& app, render::LoadOptions& load) {
+  app.add_flag("--any-format", load.any_format,
+               "also read models in formats whose reader crashes often: MD2, X, 3MF, ...");
+}
+
 void declare_stage_flags(CLI::App& app, StagingFlags& flags) {
   app.option_defaults()->group("Stage");
   app.add_option_function<std::string>(
          "--up", [&flags](const std::string& name) { flags.load.up = render::up_axis_named(name); },
          "axis of the scene file that points up")
       ->type_name("x|y|z|-x|-y|-z");
+  declare_any_format(app, flags.load);
   cli::add_triple(
       app, "--centre", "X,Y,Z", [&flags](Vec3 at) { flags.stage.centre = at; },
       "point of the scene that lies at the panel's centre");

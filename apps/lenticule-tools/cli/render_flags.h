@@ -24,6 +24,8 @@ struct StagingFlags {
   render::Surroundings surroundings;
 };
 
+/// Lifetime: `load` must outlive the parser.
+void declare_any_format(CLI::App& app, render::LoadOptions& load);
 /// Lifetime: `flags` must outlive the parser.
 void declare_stage_flags(CLI::App& app, StagingFlags& flags);
 void declare_surroundings_flags(CLI::App& app, StagingFlags& flags);

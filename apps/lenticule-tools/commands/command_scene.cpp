@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "apps/lenticule-tools/cli/render_flags.h"
 #include "apps/lenticule-tools/offline/gltf_writer.h"
 #include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "apps/lenticule/cli/command.h"
@@ -204,7 +205,8 @@ struct SceneFlags {
   std::string output;
   std::string camera;
   bool json = false;
-  std::string shown;      ///< file of 'show'
+  std::string shown;  ///< file of 'show'
+  render::LoadOptions load;
   std::string thumbnail;  ///< output of 'show'
 };
 
@@ -312,14 +314,14 @@ void write_one(const SceneFlags& flags) {
   if (flags.json) print_json(done);
 }
 
-render::SceneDescription load_any(const std::string& scene) {
+render::SceneDescription load_any(const std::string& scene, const render::LoadOptions& options) {
   return scene.starts_with("builtin:") ? SceneSequence(scene, frames::Rate{}).at(0)
-                                       : render::load_scene(scene);
+                                       : render::load_scene(scene, options);
 }
 
 void show_scene(const SceneFlags& flags) {
   if (!flags.thumbnail.empty()) frames::check_writable_format(flags.thumbnail);
-  const render::SceneDescription scene = load_any(flags.shown);
+  const render::SceneDescription scene = load_any(flags.shown, flags.load);
   render::SceneDescription first = render::at_time(scene, 0.0);
   const FlatView view = make_flat_view(first);
   nlohmann::json report = scene_report(scene, render::world_up(view.stage));
@@ -348,6 +350,7 @@ CLI::App* declare_show(CLI::App& app, const std::shared_ptr<SceneFlags>& flags) 
   sub->add_option("-o,--output", flags->thumbnail,
                   "picture of the scene as its camera sees it: .png, .tif, .exr or .ppm")
       ->type_name("FILE");
+  declare_any_format(*sub, flags->load);
   sub->add_flag("--json", flags->json, "print as JSON");
   return sub;
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A glTF file becomes a scene in this order: the document (JSON and buffers, decompressed), the
-// materials with their pictures, the nodes parents first, skins, the meshes once per node that
+// nodes parents first, the materials with their pictures, skins, the meshes once per node that
 // shows them, the first animation, lights and cameras. Then lights are exposed, and whatever never
 // moves is baked to world coordinates. Content that is left out is counted and noted; damaged
 // content is an error with the path of its JSON value.
@@ -30,12 +30,6 @@
 #include "render/loaders/scene_files.h"
 #include "render/loaders/viewer_choices.h"
 #include "render/scene/stage.h"
-
-// The headers of the library convert between integers of different size.
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wconversion"
-#pragma GCC diagnostic ignored "-Wpedantic"
-#pragma GCC diagnostic pop
 
 namespace lenticule::render::gltf {
 namespace {
@@ -189,10 +183,6 @@ class Attributes {
   std::optional<JsonAt> compressed_;
 };
 
-bool usable_coordinate(double value) {
-  return std::abs(value) <= kMaxCoordinate;  // false for NaN
-}
-
 Vec3 vec3(const Element& e) {
   return {e[0], e[1], e[2]};
 }
@@ -202,10 +192,8 @@ std::vector<Vec3> positions_of(const Attributes& attributes, size_t count,
   std::vector<Vec3> positions(count);
   attributes.each("POSITION", "VEC3", count, [&](size_t i, const Element& e) {
     positions[i] = vec3(e);
-    if (usable_coordinate(e[0]) && usable_coordinate(e[1]) && usable_coordinate(e[2])) return;
-    attributes.at("POSITION")
-        .fail(fmt::format("mesh '{}' vertex {} is {}", name, i,
-                          is_finite(vec3(e)) ? "too far away" : "not finite"));
+    if (const char* flaw = flaw_of(positions[i]))
+      attributes.at("POSITION").fail(fmt::format("mesh '{}' vertex {} is {}", name, i, flaw));
   });
   return positions;
 }
@@ -224,12 +212,8 @@ std::vector<std::array<float, 2>> uvs_of(const Attributes& attributes, size_t co
   const std::string name = fmt::format("TEXCOORD_{}", set);
   if (!attributes.has(name)) return uvs;
   uvs.resize(count);
-  constexpr double kFarthest = 1e6;
-  attributes.each(name, "VEC2", count, [&](size_t i, const Element& e) {
-    const bool usable = std::abs(e[0]) < kFarthest && std::abs(e[1]) < kFarthest;
-    uvs[i] = usable ? std::array{static_cast<float>(e[0]), static_cast<float>(e[1])}
-                    : std::array{0.0F, 0.0F};
-  });
+  attributes.each(name, "VEC2", count,
+                  [&](size_t i, const Element& e) { uvs[i] = usable_uv(e[0], e[1]); });
   return uvs;
 }
 
@@ -363,8 +347,7 @@ std::vector<Vec3f> offsets_of(Document& document, const JsonAt& target, const ch
   accessor.require("VEC3", vertices);
   offsets.resize(vertices);
   accessor.each([&](size_t i, const Element& e) {
-    if (!usable_coordinate(e[0]) || !usable_coordinate(e[1]) || !usable_coordinate(e[2]))
-      member->fail(fmt::format("vertex {} is not finite or too far away", i));
+    if (const char* flaw = flaw_of(vec3(e))) member->fail(fmt::format("vertex {} is {}", i, flaw));
     offsets[i] = Vec3f(vec3(e));
   });
   return offsets;
@@ -564,6 +547,22 @@ class Nodes {
       }
       scene_.skins.push_back(std::move(skin));
     }
+  }
+
+  /// Returns for each material of the file whether a mesh that is shown uses it.
+  [[nodiscard]] std::vector<bool> used_materials() const {
+    const std::vector<JsonAt>& meshes = document_.list("meshes");
+    std::vector<bool> used(document_.list("materials").size()), seen(meshes.size());
+    for (size_t i = 0; i < nodes_.size(); ++i) {
+      const auto mesh = nodes_[i].find_index("mesh", meshes.size(), "meshes");
+      if (!mesh || !shown_[i] || seen[*mesh]) continue;
+      seen[*mesh] = true;
+      const JsonAt primitives = meshes[*mesh].at("primitives");
+      for (size_t k = 0; k < primitives.size(); ++k)
+        if (const auto m = primitives[k].find_index("material", used.size(), "materials"))
+          used[*m] = true;
+    }
+    return used;
   }
 
   void import_meshes(Materials& materials) {
@@ -1035,8 +1034,8 @@ SceneDescription parse_gltf(std::vector<uint8_t> bytes, const std::string& sourc
     check_version(document.root());
     check_extensions(document.root(), scene);
     gltf::Notes notes;
-    gltf::Materials materials(document, scene, notes);
     gltf::Nodes nodes(document, scene, notes);
+    gltf::Materials materials(document, nodes.used_materials(), scene, notes);
     nodes.import_skins();
     nodes.import_meshes(materials);
     if (scene.meshes.empty()) {

@@ -71,16 +71,18 @@ PbrMaterial::AlphaMode alpha_mode_of(const JsonAt& from) {
 
 }  // namespace
 
-Materials::Materials(Document& document, SceneDescription& scene, Notes& notes, Textures::Mode mode)
-    : document_(document), scene_(scene), notes_(notes), textures_(scene, mode) {}
+Materials::Materials(Document& document, const std::vector<bool>& used, SceneDescription& scene,
+                     Notes& notes, Textures::Mode mode)
+    : document_(document), used_(used), scene_(scene), notes_(notes), textures_(scene, mode) {}
 
 /// Reads the materials twice: first to learn which pictures they use, so that those are decoded
 /// side by side.
-Materials::Materials(Document& document, SceneDescription& scene, Notes& notes)
-    : Materials(document, scene, notes, Textures::Mode::Load) {
+Materials::Materials(Document& document, const std::vector<bool>& used, SceneDescription& scene,
+                     Notes& notes)
+    : Materials(document, used, scene, notes, Textures::Mode::Load) {
   SceneDescription unused_scene;
   Notes unused_notes;
-  Materials first(document, unused_scene, unused_notes, Textures::Mode::List);
+  Materials first(document, used, unused_scene, unused_notes, Textures::Mode::List);
   first.add_all();
   textures_.decode_all(first.textures_);
   add_all();
@@ -129,6 +131,8 @@ void Materials::add(const std::optional<JsonAt>& material) {
   MaterialInput input;
   if (material) {
     to.name = material->text("name", "");
+  }
+  if (material && used_[scene_.materials.size()]) {
     read_core(*material, pbr, input);
     read_layers(*material, pbr, input);
     read_transmission(*material, pbr, input);

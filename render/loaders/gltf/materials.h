@@ -51,8 +51,10 @@ struct MaterialInput {
 
 class Materials {
  public:
-  /// Imports all materials. Lifetime: must not outlive document, scene and notes.
-  Materials(Document& document, SceneDescription& scene, Notes& notes);
+  /// Imports all materials; only the names of those that are not used. Lifetime: must not outlive
+  /// document, scene and notes.
+  Materials(Document& document, const std::vector<bool>& used, SceneDescription& scene,
+            Notes& notes);
   Materials(const Materials&) = delete;
   Materials& operator=(const Materials&) = delete;
   Materials(Materials&&) = delete;
@@ -69,7 +71,8 @@ class Materials {
   [[nodiscard]] int magnified(int material, double scale);
 
  private:
-  Materials(Document& document, SceneDescription& scene, Notes& notes, Textures::Mode mode);
+  Materials(Document& document, const std::vector<bool>& used, SceneDescription& scene,
+            Notes& notes, Textures::Mode mode);
 
   void add_all();
   void add(const std::optional<JsonAt>& material);
@@ -82,6 +85,7 @@ class Materials {
   void read_transmission(const JsonAt& from, PbrMaterial& to, MaterialInput& input);
 
   Document& document_;
+  const std::vector<bool> used_;
   SceneDescription& scene_;
   Notes& notes_;
   Textures textures_;

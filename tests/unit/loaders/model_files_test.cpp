@@ -70,14 +70,6 @@ TEST_F(ModelFiles, AnObjNearTheOriginIsReadAsItIs) {
   EXPECT_EQ(scene.meshes.at(0).positions[1], (Vec3{1, 0, 0}));
 }
 
-TEST_F(ModelFiles, AnStlFarFromTheOriginIsNoted) {
-  const SceneDescription scene = load_scene(
-      write("far.stl",
-            "solid a\nfacet normal 0 0 1\nouter loop\nvertex 10000000 0 0\n"
-            "vertex 10000008 0 0\nvertex 10000000 8 0\nendloop\nendfacet\nendsolid a\n"));
-  EXPECT_THAT(scene.notes, Contains(HasSubstr("single precision")));
-}
-
 TEST_F(ModelFiles, MtlStatesMetallicRoughness) {
   write("skin.png", test::small_png());
   write("paint.mtl",
@@ -144,6 +136,33 @@ TEST_F(ModelFiles, AGltfReadsItsBufferAndPictureBesideIt) {
   EXPECT_THAT(scene.meshes.at(0).positions, SizeIs(4));
 }
 
+// ---- materials
+
+TEST_F(ModelFiles, AGltfIsNotedForTheMaterialsThatAreSeenOnly) {
+  test::GltfModel model;
+  model.json["images"] = {{{"uri", "none.png"}}};
+  model.json["textures"] = {{{"source", 0}}};
+  model.material()["pbrMetallicRoughness"] = {{"baseColorTexture", {{"index", 0}}}};
+  model.json["materials"].push_back(model.json["materials"][0]);
+  const auto notes = [&] {
+    nlohmann::json whole = model.json;
+    whole["buffers"] = {{{"uri", "model.bin"}, {"byteLength", model.buffer().size()}}};
+    write("model.bin", model.buffer());
+    return load_scene(write("model.gltf", whole.dump())).notes;
+  };
+  model.primitive()["material"] = 1;
+  model.json["meshes"].push_back(model.json["meshes"][0]);
+  model.json["meshes"][1]["primitives"][0]["material"] = 0;
+  model.add_node({{"mesh", 1}});
+  EXPECT_THAT(notes(), ElementsAre(HasSubstr("none.png"))) << "once, for both";
+  model.json["meshes"][1]["primitives"][0].erase("material");
+  model.primitive().erase("material");
+  EXPECT_THAT(notes(), IsEmpty());
+  model.json["scenes"][0]["nodes"] = {0};
+  model.json["meshes"][1]["primitives"][0]["material"] = 0;
+  EXPECT_THAT(notes(), IsEmpty()) << "used by a node that is not shown";
+}
+
 // ---- up axes
 
 const std::string kPly =
@@ -176,15 +195,21 @@ std::string chunk(uint16_t number, const std::string& content) {
   return bytes + content;
 }
 
-TEST_F(ModelFiles, A3dsHasZUpWhateverItsLoaderDoes) {
+/// Returns a 3DS file of one triangle, whose height is 4 along z. Chunks of materials come before
+/// it, and chunks about its face after the face.
+std::string triangle_3ds(const std::string& materials = {}, const std::string& about_face = {}) {
   std::string vertices;
   append<uint16_t>(vertices, {3});
   append<float>(vertices, {0, 0, 0, 1, 0, 0, 0, 0, 4});
   std::string faces;
   append<uint16_t>(faces, {1, 0, 1, 2, 0});
-  const std::string mesh = chunk(0x4100, chunk(0x4110, vertices) + chunk(0x4120, faces));
-  const std::filesystem::path file =
-      write("up.3ds", chunk(0x4D4D, chunk(0x3D3D, chunk(0x4000, std::string("a\0", 2) + mesh))));
+  const std::string mesh =
+      chunk(0x4100, chunk(0x4110, vertices) + chunk(0x4120, faces + about_face));
+  return chunk(0x4D4D, chunk(0x3D3D, materials + chunk(0x4000, std::string("a\0", 2) + mesh)));
+}
+
+TEST_F(ModelFiles, A3dsHasZUpWhateverItsLoaderDoes) {
+  const std::filesystem::path file = write("up.3ds", triangle_3ds());
   const auto highest = [&](const LoadOptions& options) {
     const SceneDescription scene = load_scene(file, options);
     double high = 0.0;
@@ -197,19 +222,63 @@ TEST_F(ModelFiles, A3dsHasZUpWhateverItsLoaderDoes) {
   EXPECT_NEAR(highest({.up = UpAxis::Y}), 0.0, 1e-6);
 }
 
-TEST_F(ModelFiles, FaceColoursOfABinaryStlAreShown) {
-  std::string file(80, '\0');
-  append<uint32_t>(file, {2});
-  for (const uint16_t colour : std::initializer_list<uint16_t>{0xFFFF, 0x8000}) {  // white, black
-    append<float>(file, {0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0});
-    append<uint16_t>(file, {colour});
+// ---- formats
+
+TEST_F(ModelFiles, FormatsWhoseReaderCrashesAreReadOnRequestOnly) {
+  const std::string kRaw =
+      "0 0 0 1 0 0 0 1 0\n0 0 0 1 0 0 0 0 1\n";  // triangles of nine coordinates
+  const std::filesystem::path file = write("objects.raw", kRaw);
+  test::expect_error(error_of([&] { (void)load_scene(file); }), ErrorKind::Input,
+                     "objects.raw: models in .raw are not read", "convert it to glTF");
+  EXPECT_THAT(load_scene(file, {.any_format = true}).meshes, SizeIs(1));
+  for (const char* name : {"a.md2", "a.MD3", "a.md5mesh", "a.mdc", "a.mdl", "a.ndo", "a.csm", "a.x",
+                           "a.ogex", "a.hmp", "a.3mf"})
+    test::expect_error(error_of([&] { (void)load_scene(write(name, "text")); }), ErrorKind::Input,
+                       "are not read", "--any-format");
+}
+
+TEST_F(ModelFiles, AnOffIsReadWithAnyHeader) {
+  const std::string kBody = "3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+  for (const std::string& file : {"OFF\n" + kBody, "# comment\nOFF " + kBody, kBody}) {
+    SCOPED_TRACE(file);
+    EXPECT_THAT(load_scene(write("a.off", file)).meshes, SizeIs(1));
   }
-  const SceneDescription scene = load_scene(write("coloured.stl", file));
-  const TriangleMesh& mesh = scene.meshes.at(0);
-  ASSERT_THAT(mesh.colours, SizeIs(6));
-  EXPECT_EQ(mesh.colours[0][1], 1.0F);
-  EXPECT_EQ(mesh.colours[5][1], 0.0F);
-  EXPECT_TRUE(scene.materials.at(static_cast<size_t>(mesh.material)).pbr);
+}
+
+TEST_F(ModelFiles, AnOffWithoutRoomForWhatItCountsIsRefused) {
+  const std::string kBody = "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+  for (const char* head :
+       {"OFF\n1300000000 6 0\n", "OFF 3 1300000000 0\n", "nOFF 3\n1300000000 6 0\n",
+        "4OFF 1300000000 6 0\n", "1300000000 6 0\n", "OFF BINARY\n", "OFF\n-1 6 0\n",
+        "OFF 99999999999999999999 1 0\n", "OFF\n"})
+    test::expect_error(error_of([&] { (void)load_scene(write("a.off", head + kBody)); }),
+                       ErrorKind::Input, "a.off:", "save it again");
+}
+
+TEST_F(ModelFiles, ErrorsOfBrokenFilesHaveARemedy) {
+  const std::pair<const char*, const char*> kBroken[] = {
+      {"a.stl", "solid a\nfacet"},
+      {"a.stl", "none"},
+      {"a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n"},
+      {"a.ply", "ply\n"},
+      {"a.nff", "s 0 0 0\n"},
+      {"a.glb", "glTF"}};
+  for (const auto& broken : kBroken)
+    EXPECT_THAT(
+        error_of([&] { (void)load_scene(write(broken.first, std::string(broken.second))); }).hint(),
+        Not(IsEmpty()))
+        << broken.first << ' ' << broken.second;
+}
+
+TEST_F(ModelFiles, AMaterialThatNoMeshUsesIsNotNoted) {
+  const std::string map = chunk(0xA200, chunk(0xA300, std::string("none.png\0", 9)));
+  const std::string material = chunk(0xAFFF, chunk(0xA000, std::string("paint\0", 6)) + map);
+  std::string use("paint\0", 6);
+  append<uint16_t>(use, {1, 0});
+  EXPECT_THAT(load_scene(write("a.3ds", triangle_3ds(material, chunk(0x4130, use)))).notes,
+              Contains(HasSubstr("none.png")));
+  EXPECT_THAT(load_scene(write("b.3ds", triangle_3ds(material))).notes,
+              Not(Contains(HasSubstr("none.png"))));
 }
 
 TEST_F(ModelFiles, OpacityOfColladaIsTheShareThatASurfaceCovers) {
