@@ -118,30 +118,78 @@ class FrameSink final : public PictureSink {
   WovenFrame stored_;
 };
 
-/// TextureSink fills a texture, which it also allocates only when the first rows are decoded.
+/// TextureSink fills a texture, which it also allocates only when the first rows are decoded. A row
+/// of texels that are means of several pixels is summed up in linear light.
 class TextureSink final : public PictureSink {
  public:
-  explicit TextureSink(TextureImage& image) : image_(image) {}
+  TextureSink(TextureImage& image, TextureContent content) : image_(image), content_(content) {}
 
   void accept(const PictureInfo& info) override {
-    image_ = {info.geometry.width, info.geometry.height, {}, {}};
-    row_ = static_cast<size_t>(info.geometry.width) * info.pixel_bytes;
-    has_codes_ = info.pixel_bytes == 4;
+    info_ = info;
+    const auto side = [&](int pixels) { return (pixels - 1) / image_.reduced + 1; };
+    image_ = {};
+    for (;; image_.reduced *= 2) {
+      image_.width = side(info.geometry.width);
+      image_.height = side(info.geometry.height);
+      if (uint64_t(image_.width) * uint64_t(image_.height) <= kMaxTexturePixels) break;
+    }
   }
   std::span<uint8_t> rows(int y, int rows) override {
-    const size_t values =
-        static_cast<size_t>(image_.width) * static_cast<size_t>(image_.height) * 4;
-    if (has_codes_) image_.codes.resize(values);
-    if (!has_codes_) image_.rgba.resize(values);
-    auto* const first =
-        has_codes_ ? image_.codes.data() : reinterpret_cast<uint8_t*>(image_.rgba.data());
-    return {first + row_ * static_cast<size_t>(y), row_ * static_cast<size_t>(rows)};
+    if (image_.reduced > 1) {
+      add_row();
+      next_row_ = y;
+      return resized(row_, 1, info_.geometry.width);
+    }
+    const size_t row = static_cast<size_t>(image_.width) * info_.pixel_bytes;
+    return resized(image_, image_.height, image_.width)
+        .subspan(row * static_cast<size_t>(y), row * static_cast<size_t>(rows));
+  }
+  void finish() {
+    if (image_.reduced > 1) add_row();
   }
 
  private:
+  std::span<uint8_t> resized(TextureImage& of, int height, int width) const {
+    const size_t values = static_cast<size_t>(width) * static_cast<size_t>(height) * 4;
+    if (info_.pixel_bytes == 4) {
+      of.codes.resize(values);
+      return of.codes;
+    }
+    of.rgba.resize(values);
+    return {reinterpret_cast<uint8_t*>(of.rgba.data()), values * sizeof(float)};
+  }
+
+  /// Adds the row that was decoded, and writes the texels when it was their last one.
+  void add_row() {
+    if (next_row_ < 0) return;
+    const FloatImage row = floats_of(std::move(row_), content_);
+    const auto width = static_cast<size_t>(info_.geometry.width);
+    const auto side = static_cast<size_t>(image_.reduced);
+    sums_.resize(static_cast<size_t>(image_.width) * 4);
+    for (size_t x = 0; x < width; ++x)
+      for (size_t c = 0; c < 4; ++c) sums_[x / side * 4 + c] += row.rgba[x * 4 + c];
+    const int rows = next_row_ % image_.reduced + 1;
+    if (rows < image_.reduced && next_row_ + 1 < info_.geometry.height) return;
+    (void)resized(image_, image_.height, image_.width);
+    const size_t at = static_cast<size_t>(next_row_ / image_.reduced) * sums_.size();
+    for (size_t n = 0; n < sums_.size(); ++n) {
+      const size_t columns = std::min(side, width - n / 4 * side);
+      const float mean = sums_[n] / static_cast<float>(columns * static_cast<size_t>(rows));
+      const bool is_light = content_ == TextureContent::Colour && n % 4 != 3;
+      if (image_.codes.empty())
+        image_.rgba[at + n] = mean;
+      else
+        image_.codes[at + n] = is_light ? code_from_linear(mean) : code_from_encoded(mean);
+    }
+    sums_.clear();
+  }
+
   TextureImage& image_;
-  size_t row_ = 0;
-  bool has_codes_ = false;
+  const TextureContent content_;
+  PictureInfo info_;
+  TextureImage row_;         ///< the row that is being decoded
+  int next_row_ = -1;        ///< its number
+  std::vector<float> sums_;  ///< of the texels of one row
 };
 
 TextureImage texture_of(const EncodedPicture& picture, TextureContent content, TexelPlace place) {
@@ -162,8 +210,10 @@ void read_into(const std::filesystem::path& file, WovenFrame& frame, PictureUse 
 TextureImage PictureFileReader::texture(const EncodedPicture& picture, PictureValues values,
                                         TexelPlace) const {
   TextureImage image;
-  TextureSink sink(image);
+  TextureSink sink(
+      image, values == PictureValues::Colours ? TextureContent::Colour : TextureContent::Data);
   read(picture, sink, values);
+  sink.finish();
   return image;
 }
 

@@ -16,8 +16,9 @@ namespace lenticule::frames {
 
 /// Limits of pictures from outside, checked before memory is allocated for them.
 inline constexpr int kMaxImageSide = 32768;
-inline constexpr uint64_t kMaxImagePixels = uint64_t{1} << 28;    ///< 16384 x 16384
-inline constexpr uint64_t kMaxTexturePixels = uint64_t{1} << 26;  ///< 8192 x 8192: 1 GiB decoded
+inline constexpr uint64_t kMaxImagePixels = uint64_t{1} << 28;  ///< 16384 x 16384
+/// 8192 x 8192: 1 GiB decoded. A larger texture is reduced while it is decoded.
+inline constexpr uint64_t kMaxTexturePixels = uint64_t{1} << 26;
 
 /// FloatImage is a linear-light picture with four channels (straight alpha), rows from the top.
 struct FloatImage {
@@ -34,7 +35,8 @@ struct TextureImage {
   int height = 0;
   std::vector<float> rgba;
   std::vector<uint8_t> codes;
-  int held = -1;  ///< number of the texels in another process, if both vectors are empty
+  int held = -1;    ///< number of the texels in another process, if both vectors are empty
+  int reduced = 1;  ///< pixels of the file along each side of a texel, whose mean it is
 };
 
 /// TexelPlace says where the texels of a texture may be.
@@ -114,7 +116,8 @@ void check_writable_format(const std::filesystem::path& file);
 /// light, other data (normals, roughness) to fractions of the largest value.
 enum class TextureContent { Colour, Data };
 
-/// Reads a texture. Float files hold linear light or data as they are.
+/// Reads a texture. Float files hold linear light or data as they are. Each side of one of more
+/// than kMaxTexturePixels is divided by a power of two.
 [[nodiscard]] TextureImage read_texture(const std::filesystem::path& file,
                                         TextureContent content = TextureContent::Colour,
                                         TexelPlace place = TexelPlace::Here);

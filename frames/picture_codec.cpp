@@ -34,7 +34,7 @@ Context new_context(int flags) {
 class PngReader {
  public:
   /// Checks the header. Throws Error(Input).
-  PngReader(std::span<const uint8_t> bytes, std::string name, uint64_t max_pixels)
+  PngReader(std::span<const uint8_t> bytes, std::string name)
       : name_(std::move(name)), context_(new_context(0)) {
     if (!reaches_end_mark(ImageFormat::Png, bytes)) fail("truncated");
     // Chunks beside the pixels: a colour profile or a comment of more is not needed for a picture.
@@ -42,7 +42,7 @@ class PngReader {
     require(spng_set_chunk_limits(context_.get(), kMostOfChunk, kMostOfChunks));
     require(spng_set_png_buffer(context_.get(), bytes.data(), bytes.size()));
     require(spng_get_ihdr(context_.get(), &header_));
-    check_picture_size(name_, header_.width, header_.height, max_pixels);
+    check_picture_size(name_, header_.width, header_.height, kMaxImagePixels);
     // Deflate shrinks at most 1032-fold: fewer bytes cannot hold the picture.
     constexpr uint64_t kMaxDeflateRatio = 1032;
     const uint64_t pixels = uint64_t{header_.width} * uint64_t{header_.height};
@@ -159,13 +159,13 @@ class PngCodec final : public PictureCodec {
  public:
   [[nodiscard]] PictureInfo probe(std::span<const uint8_t> bytes,
                                   const std::string& name) const override {
-    return PngReader(bytes, name, kMaxImagePixels).info();
+    return PngReader(bytes, name).info();
   }
 
   void decode(std::span<const uint8_t> bytes, const std::string& name, PictureValues values,
               PictureSink& sink) const override {
     const bool codes = values == PictureValues::Codes;
-    PngReader reader(bytes, name, codes ? kMaxImagePixels : kMaxTexturePixels);
+    PngReader reader(bytes, name);
     PictureInfo info = reader.info();
     if (!codes) info.pixel_bytes = reader.has_16_bits() ? 4 * sizeof(float) : 4;
     sink.accept(info);

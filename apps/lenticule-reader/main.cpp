@@ -118,8 +118,8 @@ class PicturesOfTheCommand final : public frames::PictureFileReader {
     send(ours.get(), question, file.get());
     send(kSocket, {.word = Word::Texture}, theirs.get());
     const Received answer = receive(ours.get());
-    frames::TextureImage image{
-        answer.message.width, answer.message.height, {}, {}, answer.message.number};
+    frames::TextureImage image{answer.message.width,  answer.message.height, {}, {},
+                               answer.message.number, answer.message.reduced};
     if (!answer.descriptor) return image;
     const size_t values_of_all = size_t{4} * static_cast<size_t>(image.width * image.height);
     if (answer.message.pixel_bytes == 4) {

@@ -171,12 +171,12 @@ std::vector<Part> eyes_in_exr(OIIO::ImageInput& input, std::span<const uint8_t> 
 /// eye's half on the left, if frames are wanted of it.
 class PictureReader {
  public:
-  /// Opens the picture and checks its header against the limits.
+  /// Opens the picture and checks its header against the limits. A texture is that of one eye.
   ///
   /// Lifetime: `bytes` must outlive the reader.
-  PictureReader(std::span<const uint8_t> bytes, const std::string& name, uint64_t max_pixels)
-      : PictureReader(Part{.bytes = bytes}, name, max_pixels) {
-    if (max_pixels == kMaxTexturePixels) return;
+  PictureReader(std::span<const uint8_t> bytes, const std::string& name, bool is_texture = false)
+      : PictureReader(Part{.bytes = bytes}, name) {
+    if (is_texture) return;
     std::vector<Part> eyes;
     // Other names are not looked at for two eyes: as a woven frame, such a file has one picture.
     if (lower_case(name_).ends_with(".mpo")) eyes = eyes_in_jpeg(bytes);
@@ -184,10 +184,10 @@ class PictureReader {
     if (eyes.empty()) return;
     part_ = eyes[0];
     input_->seek_subimage(part_.subimage, 0);
-    check_header(max_pixels);
-    right_.reset(new PictureReader(eyes[1], name + " (right eye)", max_pixels));
+    check_header();
+    right_.reset(new PictureReader(eyes[1], name + " (right eye)"));
     check_picture_size(name, static_cast<uint64_t>(row_width()), static_cast<uint64_t>(height()),
-                       max_pixels);
+                       kMaxImagePixels);
     if (right_->width() != width() || right_->height() != height() ||
         right_->channels_read() != channels_read() || right_->sample_ != sample_)
       fail("its two eyes' pictures differ in size or kind");
@@ -237,7 +237,7 @@ class PictureReader {
   }
 
  private:
-  PictureReader(const Part& part, std::string name, uint64_t max_pixels)
+  PictureReader(const Part& part, std::string name)
       : name_(std::move(name)), part_(part), memory_(part.bytes.data(), part.bytes.size()) {
     set_up_oiio();
     const std::span<const uint8_t> bytes = part.bytes;
@@ -246,7 +246,7 @@ class PictureReader {
     if (!reaches_end_mark(format_, bytes)) fail("truncated");
     if (!header_fits(format_, bytes)) fail("its header states more bytes than the file has");
     open();
-    check_header(max_pixels);
+    check_header();
   }
 
   [[noreturn]] void refuse_unknown(std::span<const uint8_t> bytes) const {
@@ -308,14 +308,14 @@ class PictureReader {
     memory_.forget();
   }
 
-  void check_header(uint64_t max_pixels) {
+  void check_header() {
     const OIIO::ImageSpec& s = spec();
     if (s.width < 1 || s.height < 1 || s.depth > 1 || s.nchannels < 1 || s.deep)
       fail("not a two-dimensional picture with pixels");
     check_picture_size(name_, static_cast<uint64_t>(s.width), static_cast<uint64_t>(s.height),
-                       max_pixels);
+                       kMaxImagePixels);
     check_picture_size(name_, static_cast<uint64_t>(std::max(width(), 0)),
-                       static_cast<uint64_t>(std::max(height(), 0)), max_pixels);
+                       static_cast<uint64_t>(std::max(height(), 0)), kMaxImagePixels);
     if (s.tile_width > kMaxImageSide || s.tile_height > kMaxImageSide ||
         s.tile_bytes() > (size_t{1} << 28))
       fail("tile size out of range");
@@ -467,13 +467,13 @@ void texel_codes_from_band(const Band& band, int width, int alpha, uint8_t* out)
 }
 
 PictureInfo probe(std::span<const uint8_t> bytes, const std::string& name) {
-  return PictureReader(bytes, name, kMaxImagePixels).info();
+  return PictureReader(bytes, name).info();
 }
 
 void decode(std::span<const uint8_t> bytes, const std::string& name, PictureValues values,
             PictureSink& sink) {
   const bool codes = values == PictureValues::Codes;
-  PictureReader reader(bytes, name, codes ? kMaxImagePixels : kMaxTexturePixels);
+  PictureReader reader(bytes, name, !codes);
   PictureInfo info = reader.info();
   if (!codes) info.pixel_bytes = reader.has_8_bits() ? 4 : 4 * sizeof(float);
   sink.accept(info);

@@ -130,8 +130,7 @@ class Decoder {
     const bool sensible =
         reply.width >= 1 && reply.width <= frames::kMaxImageSide && reply.height >= 1 &&
         reply.height <= frames::kMaxImageSide &&
-        uint64_t(reply.width) * uint64_t(reply.height) <=
-            (codes ? frames::kMaxImagePixels : frames::kMaxTexturePixels) &&
+        uint64_t(reply.width) * uint64_t(reply.height) <= frames::kMaxImagePixels &&
         (codes ? reply.pixel_bytes == 3
                : reply.pixel_bytes == 4 || reply.pixel_bytes == wire::kLargestPixel) &&
         reply.orientation >= 1 && reply.orientation <= 8 &&

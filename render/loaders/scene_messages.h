@@ -42,6 +42,7 @@ struct Message {
   frames::PictureValues values = frames::PictureValues::Colours;
   frames::TexelPlace place = frames::TexelPlace::Here;
   int32_t width = 0, height = 0;  ///< size of the texture
+  int32_t reduced = 1;            ///< as TextureImage has it
   int32_t number = -1;            ///< number of the texels, if the command keeps them
   uint32_t pixel_bytes = 0;       ///< size of a texel in the descriptor
   uint64_t bytes = 0;             ///< size of the file in the descriptor, or of the piece

@@ -53,6 +53,10 @@ void Textures::decode_all(const Textures& list) {
   });
 }
 
+void Textures::note(const std::string& text) {
+  if (std::ranges::find(scene_.notes, text) == scene_.notes.end()) scene_.notes.push_back(text);
+}
+
 int Textures::add(const TextureSource& source, const Decode& decode) {
   const auto [known, added] = known_.try_emplace(source, -1);
   if (!added) return known->second;
@@ -67,11 +71,13 @@ int Textures::add(const TextureSource& source, const Decode& decode) {
     if (bytes_ > kMaxTextureBytes)
       throw Error(ErrorKind::Input,
                   fmt::format("textures of more than {} MiB in memory", kMaxTextureBytes >> 20));
+    if (image.reduced > 1)
+      note(fmt::format("texture reduced to {} x {} texels, 1/{} of its width and height: {}",
+                       image.width, image.height, image.reduced, source.name));
     known->second = static_cast<int>(scene_.textures.size());
     scene_.textures.push_back(texture_of(std::move(image), source));
   } catch (const Error& error) {
-    const std::string note = fmt::format("texture left out: {}", error.what());
-    if (std::ranges::find(scene_.notes, note) == scene_.notes.end()) scene_.notes.push_back(note);
+    note(fmt::format("texture left out: {}", error.what()));
   }
   return known->second;
 }

@@ -51,6 +51,9 @@ class Textures {
     Decode decode;
   };
 
+  /// Adds a note, once.
+  void note(const std::string& text);
+
   SceneDescription& scene_;
   Mode mode_;
   std::vector<Wanted> list_;

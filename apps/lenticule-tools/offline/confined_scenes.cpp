@@ -114,6 +114,7 @@ class KeptTextures {
       frames::TextureImage image = read(question, file.get());
       answer.width = image.width;
       answer.height = image.height;
+      answer.reduced = image.reduced;
       if (question.place == frames::TexelPlace::Here)
         texels = pass_on(image, answer);
       else

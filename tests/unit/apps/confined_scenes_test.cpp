@@ -118,6 +118,16 @@ TEST_F(ConfinedScenesTest, FilesThatAModelNamesAreFoundAsByThisProcess) {
   expect_same(write("models/model.obj", std::string("mtllib paint.mtl\n") + kTriangle));
 }
 
+TEST_F(ConfinedScenesTest, ALargeTextureIsReducedWithANote) {
+  frames::write_woven(frames::WovenFrame({.width = 32768, .height = 2049}).view(),
+                      folder_ / "large.png");
+  write("paint.mtl", "newmtl paint\nmap_Kd large.png\n");
+  const fs::path model = write("model.obj", std::string("mtllib paint.mtl\n") + kTriangle);
+  expect_same(model);
+  EXPECT_THAT(scenes_.load(model, {}).notes,
+              testing::Contains(testing::HasSubstr("reduced to 16384 x 1025 texels")));
+}
+
 TEST_F(ConfinedScenesTest, ATextureWhoseDecoderEndsIsLeftOut) {
   const player::ConfinedPictures faulty(LENTICULE_FAKE_PICTURES);
   frames::use_picture_reader(&faulty);

@@ -11,6 +11,7 @@
 #include <string_view>
 
 #include "frames/image_io.h"
+#include "frames/picture_codec.h"
 #include "frames/srgb.h"
 #include "png_maker.h"
 #include "tests/support/error_matchers.h"
@@ -528,6 +529,54 @@ TEST_F(ImageRead, TextureKeeps16Bits) {
       read_texture(PngMaker(1, 1, 16, PngColour::Grey).rows({0, 0x80, 0x01}).finish(), "embedded");
   EXPECT_NEAR(image.rgba[0], linear_from_srgb(0x8001 / 65535.0), 1e-7);
   EXPECT_EQ(image.rgba[3], 1.0f);
+}
+
+/// Gives a picture of more texels than textures have: columns of 0 and 255, below them a row of
+/// 255.
+class LargePicture final : public PictureFileReader {
+ public:
+  static constexpr FrameGeometry kSize{.width = 32768, .height = 2049};
+
+  [[nodiscard]] PictureInfo probe(const std::filesystem::path&) const override { return {}; }
+  void read(const EncodedPicture&, PictureSink& sink, PictureValues) const override {
+    sink.accept({.geometry = kSize, .pixel_bytes = 4});
+    constexpr size_t kRow = size_t{kSize.width} * 4;
+    for (int y = 0; y < kSize.height;) {
+      const std::span<uint8_t> rows = sink.rows(y, kSize.height - y);
+      for (size_t at = 0; at < rows.size(); at += kRow, ++y)
+        for (size_t n = 0; n < kRow; ++n)
+          rows[at + n] = n / 4 % 2 == 1 || y + 1 == kSize.height ? 255 : 0;
+    }
+  }
+};
+
+TEST_F(ImageRead, ALargeTextureIsReducedByMeansOfItsLight) {
+  const LargePicture large;
+  use_picture_reader(&large);
+  const TextureImage colour = read_texture("any.png");
+  const TextureImage data = read_texture("any.png", TextureContent::Data);
+  use_picture_reader(nullptr);
+  EXPECT_EQ(colour.reduced, 2);
+  EXPECT_EQ(colour.width, 16384);
+  EXPECT_EQ(colour.height, 1025);
+  ASSERT_EQ(colour.codes.size(), size_t{16384} * 1025 * 4);
+  const size_t last = size_t{16384} * 1024 * 4;
+  for (const size_t texel : {size_t{0}, size_t{4} * 16383, last - 4}) {
+    EXPECT_EQ(colour.codes[texel], 188) << "half the light";
+    EXPECT_EQ(colour.codes[texel + 3], 128) << "half the alpha";
+    EXPECT_EQ(data.codes.at(texel), 128) << "the mean of data";
+  }
+  EXPECT_EQ(colour.codes[last], 255) << "of the last row alone";
+  EXPECT_EQ(colour.codes.back(), 255);
+}
+
+TEST_F(ImageRead, ATextureMayBeAsLargeAsOtherPictures) {
+  const auto refuse = [](uint32_t width, uint32_t height) {
+    const auto file = PngMaker(width, height, 8, PngColour::Rgb).rows({0, 0, 0, 0}).finish();
+    return std::string(error_of([&] { (void)read_texture(file, "a.png"); }).what());
+  };
+  EXPECT_THAT(refuse(16384, 16384), HasSubstr("truncated"));
+  EXPECT_THAT(refuse(32768, 32768), HasSubstr("the limit is 256 million"));
 }
 
 TEST_F(ImageRead, DamagedTextureIsNamed) {

@@ -270,6 +270,19 @@ TEST_F(ModelFiles, ErrorsOfBrokenFilesHaveARemedy) {
         << broken.first << ' ' << broken.second;
 }
 
+TEST(Textures, ATextureThatWasReducedIsNotedOnce) {
+  SceneDescription scene;
+  Textures textures(scene);
+  const auto decode = [] {
+    return frames::TextureImage{.width = 1, .height = 1, .codes = {1, 2, 3, 4}, .reduced = 2};
+  };
+  EXPECT_EQ(textures.add({.name = "wood.png"}, decode), 0);
+  EXPECT_EQ(textures.add({.name = "wood.png", .content = frames::TextureContent::Data}, decode), 1);
+  EXPECT_THAT(
+      scene.notes,
+      ElementsAre("texture reduced to 1 x 1 texels, 1/2 of its width and height: wood.png"));
+}
+
 TEST_F(ModelFiles, AMaterialThatNoMeshUsesIsNotNoted) {
   const std::string map = chunk(0xA200, chunk(0xA300, std::string("none.png\0", 9)));
   const std::string material = chunk(0xAFFF, chunk(0xA000, std::string("paint\0", 6)) + map);
