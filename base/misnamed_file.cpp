@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "base/misnamed_file.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
 #include <string>
 
+#include "base/error.h"
 #include "base/text.h"
 
 namespace lenticule {
@@ -46,6 +49,18 @@ std::optional<MisnamedFile> recognise_misnamed(std::string_view head, std::strin
     return begin.starts_with(sign.text) || extension == sign.text;
   });
   return found == kSigns.end() ? std::nullopt : std::optional(found->is);
+}
+
+void refuse_misnamed(int file, const std::string& name) {
+  std::array<char, 64> bytes{};
+  const ssize_t n = ::pread(file, bytes.data(), bytes.size(), 0);
+  const std::string_view head(bytes.data(), static_cast<size_t>(std::max<ssize_t>(n, 0)));
+  auto is = recognise_misnamed(head, {});
+  const auto is_control = [](char c) { return c >= '\0' && c < '\t'; };
+  if (!is && !head.empty() && std::ranges::none_of(head, is_control))
+    is = {"a text, not the file", kPage.remedy};
+  if (is)
+    throw Error(ErrorKind::Input, name + ": " + std::string(is->what), std::string(is->remedy));
 }
 
 }  // namespace lenticule

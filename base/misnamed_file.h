@@ -3,6 +3,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <string_view>
 
 namespace lenticule {
@@ -18,5 +19,9 @@ struct MisnamedFile {
 /// Thread safety: any thread.
 [[nodiscard]] std::optional<MisnamedFile> recognise_misnamed(std::string_view head,
                                                              std::string_view extension);
+
+/// Throws Error(Input) if the file is one of these, or a text. Call it for a file that is binary if
+/// it is what its name says, and cannot be read.
+void refuse_misnamed(int file, const std::string& name);
 
 }  // namespace lenticule

@@ -27,6 +27,7 @@
 #include "apps/lenticule-video/hardware_decoders.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "base/misnamed_file.h"
 
 namespace lenticule::video {
 namespace {
@@ -254,9 +255,11 @@ Container::Container(const int& fd, std::string name)
   format->protocol_whitelist = av_strdup("none");
   // The call frees `format` on failure.
   const int error = avformat_open_input(&format, nullptr, nullptr, nullptr);
-  if (error < 0)
+  if (error < 0) {
+    refuse_misnamed(fd, name_);
     fail(name_, "not a readable video: " + av_reason(error),
          std::string("supported containers: ") + allowed_containers());
+  }
   format_.reset(format);
   discard_all_but_video(*format);
   if (const int found = avformat_find_stream_info(format, nullptr); found < 0)

@@ -13,6 +13,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/misnamed_file.h"
 #include "optics/json_fields.h"
 
 namespace lenticule::frames {
@@ -348,6 +349,7 @@ FileHeader read_file_header(int fd, const std::string& source) {
     case HeaderFlaw::None:
       return header;
     case HeaderFlaw::NoSequence:
+      refuse_misnamed(fd, source);
       refuse(source, "not a sequence container", "use a file that lenticule wrote (.lts)");
     case HeaderFlaw::OtherVersion:
       refuse(source, "unsupported version of the sequence container",

@@ -150,8 +150,14 @@ TEST_F(VideoPlays, GivesUpAfterTheFourthDeathWithinAMinute) {
 }
 
 TEST_F(VideoPlays, RefusesFilesThatAreNotVideos) {
-  std::ofstream(file("words.mkv")) << "these are words, not pictures\n";
-  EXPECT_THAT(refusal(request(file("words.mkv"))), testing::HasSubstr("not a readable video"));
+  for (const auto& [content, what] :
+       {std::pair("these are words, not pictures\n", "words.mkv: a text, not the file"),
+        {"<!DOCTYPE html>\n<html>", "words.mkv: a page of the web"},
+        {"version https://git-lfs.github.com/spec/v1\n", "words.mkv: a pointer of Git LFS"},
+        {"\x01\x02", "words.mkv: not a readable video"}}) {
+    std::ofstream(file("words.mkv"), std::ios::trunc) << content;
+    EXPECT_THAT(refusal(request(file("words.mkv"))), testing::HasSubstr(what));
+  }
   EXPECT_THAT(refusal(request(file("absent.mkv"))), testing::HasSubstr("No such file"));
   EXPECT_THAT(refusal(request(folder)), testing::HasSubstr("not a regular file"));
 }

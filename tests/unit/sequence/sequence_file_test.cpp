@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include "base/file.h"
 #include "frames/sequence/sequence_reader.h"
 #include "frames/sequence/sequence_writer.h"
 #include "small_sequences.h"
@@ -140,6 +141,14 @@ TEST(SequenceFile, RefusesFilesThatAreNotSequences) {
   EXPECT_EQ(error_of([&] { SequenceReader{folder.path()}; }).kind(), ErrorKind::Input);
   test::write_bytes(folder / "empty.lts", {});
   EXPECT_EQ(error_of([&] { SequenceReader(folder / "empty.lts"); }).kind(), ErrorKind::Input);
+  for (const auto& [content, what] :
+       {std::pair("<html>", "a page of the web"),
+        {"404: Not Found", "a text, not the file"},
+        {"version https://git-lfs.github.com/spec/v1\n", "a pointer of Git LFS"},
+        {"\x01\x02", "not a sequence container"}}) {
+    write_text_file(folder / "b.lts", content);
+    EXPECT_THAT(error_of([&] { SequenceReader(folder / "b.lts"); }).what(), HasSubstr(what));
+  }
   EXPECT_EQ(error_of([&] {
               SequenceWriter(folder / "a.lts", info_of({40000, 1}), {.threads = 1});
             }).kind(),
