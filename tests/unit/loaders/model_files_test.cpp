@@ -225,11 +225,9 @@ TEST_F(ModelFiles, A3dsHasZUpWhateverItsLoaderDoes) {
 // ---- formats
 
 TEST_F(ModelFiles, FormatsWhoseReaderCrashesAreReadOnRequestOnly) {
-  const std::string kRaw =
-      "0 0 0 1 0 0 0 1 0\n0 0 0 1 0 0 0 0 1\n";  // triangles of nine coordinates
-  const std::filesystem::path file = write("objects.raw", kRaw);
+  const std::filesystem::path file = write("a.prj", triangle_3ds());
   test::expect_error(error_of([&] { (void)load_scene(file); }), ErrorKind::Input,
-                     "objects.raw: models in .raw are not read", "convert it to glTF");
+                     "a.prj: models in .prj are not read", "convert it to glTF");
   EXPECT_THAT(load_scene(file, {.any_format = true}).meshes, SizeIs(1));
   for (const char* name : {"a.md2", "a.MD3", "a.md5mesh", "a.mdc", "a.mdl", "a.ndo", "a.csm", "a.x",
                            "a.ogex", "a.hmp", "a.3mf"})
