@@ -12,6 +12,7 @@
 
 #include "base/error.h"
 #include "base/temporary.h"
+#include "base/text.h"
 #include "base/unique_fd.h"
 
 namespace lenticule {
@@ -153,7 +154,8 @@ std::vector<std::filesystem::path> entries_of(const std::filesystem::path& folde
   for (std::filesystem::directory_iterator at(folder, failure), end; !failure && at != end;
        at.increment(failure))
     entries.push_back(at->path());
-  std::ranges::sort(entries);
+  std::ranges::sort(
+      entries, NaturalOrder(), [](const auto& entry) -> auto& { return entry.native(); });
   return entries;
 }
 

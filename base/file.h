@@ -65,8 +65,8 @@ struct OpenedFile {
 [[nodiscard]] std::string read_text_file(const std::filesystem::path& file, uint64_t limit_bytes);
 void write_text_file(const std::filesystem::path& file, std::string_view text);
 
-/// Returns the paths of a folder's entries, sorted: those that were read before an error, if any,
-/// which `error` receives.
+/// Returns the paths of a folder's entries in the natural order of their names: those that were
+/// read before an error, if any, which `error` receives.
 [[nodiscard]] std::vector<std::filesystem::path> entries_of(const std::filesystem::path& folder,
                                                             std::error_code* error = nullptr);
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "base/text.h"
 
+#include <string.h>
+
 #include <algorithm>
 #include <array>
 #include <cstdint>
@@ -33,6 +35,10 @@ constexpr std::array kEscaped = {
     CodeRange{0xFFFE, 0xFFFF},    // not characters
     CodeRange{0xE0000, 0xE007F},  // tags: invisible
 };
+
+bool is_digit(char c) {
+  return c >= '0' && c <= '9';
+}
 
 bool is_continuation(char c) {
   return (static_cast<unsigned char>(c) & 0xC0U) == 0x80U;
@@ -113,6 +119,38 @@ std::string lower_case(std::string text) {
   for (char& c : text)
     if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
   return text;
+}
+
+bool NaturalOrder::operator()(std::string_view a, std::string_view b) const {
+  // strverscmp() would take numbers with zeros before them for fractions.
+  const auto comparable = [](std::string_view name) {
+    std::string out;
+    for (size_t i = 0; i < name.size(); ++i) {
+      const bool begins_number = out.empty() || !is_digit(out.back());
+      const bool precedes_digit = i + 1 < name.size() && is_digit(name[i + 1]);
+      if (name[i] != '0' || !begins_number || !precedes_digit) out += name[i];
+    }
+    return lower_case(std::move(out));
+  };
+  const int order = strverscmp(comparable(a).c_str(), comparable(b).c_str());
+  return order != 0 ? order < 0 : a < b;
+}
+
+std::string percent_decoded(std::string_view text) {
+  const auto digit = [](char c) {
+    if (is_digit(c)) return c - '0';
+    if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+    if (c >= 'A' && c <= 'F') return c - 'A' + 10;
+    return -1;
+  };
+  std::string out;
+  for (size_t i = 0; i < text.size(); ++i) {
+    const bool escape =
+        text[i] == '%' && i + 2 < text.size() && digit(text[i + 1]) >= 0 && digit(text[i + 2]) >= 0;
+    out += escape ? static_cast<char>(digit(text[i + 1]) * 16 + digit(text[i + 2])) : text[i];
+    if (escape) i += 2;
+  }
+  return out;
 }
 
 std::string shortened(std::string text, size_t bytes) {

@@ -4,8 +4,6 @@
 // Thread safety: any thread.
 #pragma once
 
-#include <string.h>
-
 #include <cstddef>
 #include <optional>
 #include <span>
@@ -22,12 +20,14 @@ namespace lenticule {
 /// Returns the text with the letters A to Z in lower case.
 [[nodiscard]] std::string lower_case(std::string text);
 
-/// Orders the names of files as people count them: "a2" before "a10".
+/// NaturalOrder orders the names of files as people count them: "a2" before "A10". Case, and zeros
+/// before a number, matter only between names that are otherwise equal.
 struct NaturalOrder {
-  bool operator()(const std::string& a, const std::string& b) const {
-    return strverscmp(a.c_str(), b.c_str()) < 0;
-  }
+  [[nodiscard]] bool operator()(std::string_view a, std::string_view b) const;
 };
+
+/// Decodes "%20" and similar, as URIs have them.
+[[nodiscard]] std::string percent_decoded(std::string_view text);
 
 /// Returns at most `bytes` bytes of `text`; longer text is cut after a whole character and ends in
 /// "...". `text` must be UTF-8 and `bytes` at least 3.

@@ -20,36 +20,6 @@ namespace {
 
 constexpr size_t kMaxPhotographs = 10'000;
 
-bool is_digit(char c) {
-  return c >= '0' && c <= '9';
-}
-
-/// Removes the digits at the start of `text` and returns them without leading zeros.
-std::string_view pop_number(std::string_view& text) {
-  size_t end = 0;
-  while (end < text.size() && is_digit(text[end])) ++end;
-  std::string_view digits = text.substr(0, end);
-  text.remove_prefix(end);
-  const size_t first = digits.find_first_not_of('0');
-  return first == std::string_view::npos ? std::string_view{} : digits.substr(first);
-}
-
-/// Returns -1, 0 or 1 for below, equal or above. Numbers of any length are compared as numbers.
-int compare_naturally(std::string_view a, std::string_view b) {
-  while (!a.empty() && !b.empty()) {
-    if (is_digit(a[0]) && is_digit(b[0])) {
-      const std::string_view x = pop_number(a), y = pop_number(b);
-      if (x.size() != y.size()) return x.size() < y.size() ? -1 : 1;
-      if (const int order = x.compare(y); order != 0) return order < 0 ? -1 : 1;
-      continue;
-    }
-    if (a[0] != b[0]) return a[0] < b[0] ? -1 : 1;
-    a.remove_prefix(1);
-    b.remove_prefix(1);
-  }
-  return a.empty() == b.empty() ? 0 : a.empty() ? -1 : 1;
-}
-
 bool is_photograph(const std::filesystem::path& file) {
   constexpr std::array<std::string_view, 6> kExtensions = {".png", ".jpg",  ".jpeg",
                                                            ".tif", ".tiff", ".exr"};
@@ -72,18 +42,10 @@ std::vector<std::filesystem::path> photographs_in(const std::filesystem::path& f
   std::erase_if(files, std::not_fn(is_photograph));
   if (files.size() > kMaxPhotographs)
     reject(folder, fmt::format("more than {} photographs", kMaxPhotographs));
-  std::sort(files.begin(), files.end(), [](const auto& a, const auto& b) {
-    return stands_before(a.filename().string(), b.filename().string());
-  });
   return files;
 }
 
 }  // namespace
-
-bool stands_before(std::string_view a, std::string_view b) {
-  const int order = compare_naturally(lower_case(std::string(a)), lower_case(std::string(b)));
-  return order != 0 ? order < 0 : a < b;
-}
 
 CameraPicture read_photograph(const std::filesystem::path& file) {
   const frames::TextureImage image = frames::read_texture(file);

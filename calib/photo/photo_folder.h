@@ -6,17 +6,12 @@
 #include <filesystem>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "calib/camera.h"
 #include "optics/rig.h"
 
 namespace lenticule::calib {
-
-/// Returns true if `a` comes before `b` in natural order: IMG_9 before IMG_10. Case matters only
-/// between names that are otherwise equal.
-[[nodiscard]] bool stands_before(std::string_view a, std::string_view b);
 
 /// PhotoFolder reads the PNG, JPEG, TIFF and EXR files of a folder, except files whose name begins
 /// with a dot. Integer files are assumed to be sRGB. Pictures have three channels and keep the

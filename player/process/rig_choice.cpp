@@ -34,13 +34,10 @@ bool is_beside_a_rig(const fs::path& file) {
 }
 
 std::vector<fs::path> rig_files_in(const fs::path& folder) {
-  std::vector<fs::path> files;
-  std::error_code error;
-  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
-       entry.increment(error))
-    if (entry->path().extension() == ".toml" && !is_beside_a_rig(entry->path()))
-      files.push_back(entry->path());
-  std::sort(files.begin(), files.end());
+  std::vector<fs::path> files = entries_of(folder);
+  std::erase_if(files, [](const fs::path& file) {
+    return file.extension() != ".toml" || is_beside_a_rig(file);
+  });
   return files;
 }
 

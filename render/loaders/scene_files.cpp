@@ -23,15 +23,9 @@ bool is_there(const std::filesystem::path& file) {
 std::optional<std::filesystem::path> entry_of_any_case(const std::filesystem::path& folder,
                                                        const std::filesystem::path& name) {
   const std::string wanted = lower_case(name.string());
-  std::optional<std::filesystem::path> found;
-  std::error_code error;
-  const std::filesystem::path listed = folder.empty() ? "." : folder;
-  for (std::filesystem::directory_iterator entry(listed, error), end; !error && entry != end;
-       entry.increment(error)) {
-    const std::filesystem::path file = entry->path().filename();
-    if (lower_case(file.string()) == wanted && (!found || file < *found)) found = file;
-  }
-  return found;
+  for (const std::filesystem::path& entry : entries_of(folder.empty() ? "." : folder))
+    if (lower_case(entry.filename().string()) == wanted) return entry.filename();
+  return std::nullopt;
 }
 
 /// Follows a relative path, one folder after the other.
@@ -91,23 +85,6 @@ std::vector<uint8_t> read_scene_file(const std::filesystem::path& file) {
 
 std::filesystem::path named_file(const std::filesystem::path& folder, const std::string& name) {
   return files().find(folder, name);
-}
-
-std::string percent_decoded(const std::string& text) {
-  const auto digit = [](char c) {
-    if (c >= '0' && c <= '9') return c - '0';
-    if (c >= 'a' && c <= 'f') return c - 'a' + 10;
-    if (c >= 'A' && c <= 'F') return c - 'A' + 10;
-    return -1;
-  };
-  std::string out;
-  for (size_t i = 0; i < text.size(); ++i) {
-    const bool escape =
-        text[i] == '%' && i + 2 < text.size() && digit(text[i + 1]) >= 0 && digit(text[i + 2]) >= 0;
-    out += escape ? static_cast<char>(digit(text[i + 1]) * 16 + digit(text[i + 2])) : text[i];
-    if (escape) i += 2;
-  }
-  return out;
 }
 
 }  // namespace lenticule::render

@@ -36,7 +36,4 @@ void use_scene_files(const SceneFiles* files) noexcept;
 [[nodiscard]] std::filesystem::path named_file(const std::filesystem::path& folder,
                                                const std::string& name);
 
-/// Decodes "%20" and similar, as URIs have them.
-[[nodiscard]] std::string percent_decoded(const std::string& text);
-
 }  // namespace lenticule::render

@@ -194,9 +194,9 @@ class PhotoArrivals {
       out.push_back(file);
     }
     growing_ = std::move(now);
-    std::ranges::sort(out, [](const std::filesystem::path& a, const std::filesystem::path& b) {
-      return calib::stands_before(a.filename().string(), b.filename().string());
-    });
+    std::ranges::sort(
+        out, NaturalOrder(),
+        [](const std::filesystem::path& file) -> auto& { return file.native(); });
     return out;
   }
 

@@ -18,7 +18,9 @@
 #include "apps/lenticule-tools/offline/flip.h"
 #include "apps/lenticule/cli/command.h"
 #include "base/error.h"
+#include "base/file.h"
 #include "base/print.h"
+#include "base/text.h"
 #include "frames/compare.h"
 #include "frames/image_format.h"
 #include "frames/image_io.h"
@@ -54,13 +56,13 @@ std::vector<PicturePair> pairs_by_number(const std::string& reference_text,
   return pairs;
 }
 
-/// Returns names in sorted order, without hidden files and files that are not pictures.
+/// Returns names in natural order, without hidden files and files that are not pictures.
 std::vector<std::string> picture_names(const std::filesystem::path& folder) {
   std::vector<std::string> names;
   std::error_code error;
-  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
-    const std::string name = entry.path().filename().string();
-    const std::string extension = entry.path().extension().string();
+  for (const std::filesystem::path& entry : entries_of(folder, &error)) {
+    const std::string name = entry.filename().string();
+    const std::string extension = entry.extension().string();
     if (!name.starts_with('.') &&
         frames::format_of_extension(extension) != frames::ImageFormat::Unknown)
       names.push_back(name);
@@ -69,7 +71,6 @@ std::vector<std::string> picture_names(const std::filesystem::path& folder) {
   if (names.empty())
     throw Error(ErrorKind::Input, fmt::format("{}: no pictures", folder.string()),
                 "name a folder of PNG, TIFF, EXR or PPM files");
-  std::sort(names.begin(), names.end());
   return names;
 }
 
@@ -77,18 +78,16 @@ std::vector<PicturePair> pairs_by_name(const std::filesystem::path& reference,
                                        const std::filesystem::path& test) {
   const std::vector<std::string> names = picture_names(reference);
   const std::vector<std::string> others = picture_names(test);
-  const auto require = [](const std::vector<std::string>& wanted,
-                          const std::vector<std::string>& there,
-                          const std::filesystem::path& folder) {
-    for (const std::string& name : wanted)
-      if (!std::binary_search(there.begin(), there.end(), name))
-        throw Error(ErrorKind::Input, fmt::format("{}: no such picture", (folder / name).string()),
-                    "both folders need pictures with the same names");
-  };
-  require(names, others, test);
-  require(others, names, reference);
+  const auto [name, other] = std::ranges::mismatch(names, others);
+  if (name != names.end() || other != others.end()) {
+    const bool in_test =
+        other == others.end() || (name != names.end() && NaturalOrder()(*name, *other));
+    const std::filesystem::path missing = in_test ? test / *name : reference / *other;
+    throw Error(ErrorKind::Input, fmt::format("{}: no such picture", missing.string()),
+                "both folders need pictures with the same names");
+  }
   std::vector<PicturePair> pairs;
-  for (const std::string& name : names) pairs.push_back({reference / name, test / name});
+  for (const std::string& one : names) pairs.push_back({reference / one, test / one});
   return pairs;
 }
 

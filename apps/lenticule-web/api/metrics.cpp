@@ -3,11 +3,11 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <array>
 #include <fstream>
 #include <optional>
 
+#include "base/file.h"
 #include "base/numbers.h"
 #include "base/text.h"
 
@@ -88,12 +88,9 @@ std::optional<double> scaled(const fs::path& file, double factor) {
 
 /// Returns the entries of a folder of the kernel whose name begins with `prefix`, in order.
 std::vector<fs::path> entries(const fs::path& folder, const std::string& prefix) {
-  std::vector<fs::path> found;
-  std::error_code error;
-  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
-       entry.increment(error))
-    if (entry->path().filename().string().starts_with(prefix)) found.push_back(entry->path());
-  std::sort(found.begin(), found.end());
+  std::vector<fs::path> found = entries_of(folder);
+  std::erase_if(
+      found, [&](const fs::path& entry) { return !entry.filename().string().starts_with(prefix); });
   return found;
 }
 

@@ -14,6 +14,7 @@
 #include <string_view>
 
 #include "base/error.h"
+#include "base/text.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/textures.h"
 
@@ -320,7 +321,7 @@ std::vector<uint8_t> data_of(const JsonAt& uri, const std::string& text) {
   if (comma == std::string::npos) uri.fail("data URI without data");
   const std::string_view data = std::string_view(text).substr(comma + 1);
   if (!std::string_view(text).substr(0, comma).ends_with(";base64")) {
-    const std::string plain = percent_decoded(std::string(data));
+    const std::string plain = percent_decoded(data);
     return {plain.begin(), plain.end()};
   }
   if (auto bytes = base64_decoded(data)) return *std::move(bytes);

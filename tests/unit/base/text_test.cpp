@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <iterator>
 #include <nlohmann/json.hpp>
 
 namespace lenticule {
@@ -35,6 +36,29 @@ TEST(Text, EscapingShowsBidirectionalAndInvisibleCharacters) {
   for (const char* mark : {"\u061c", "\u200b", "\u200e", "\u200f", "\u2028", "\u2029", "\u202a",
                            "\u2066", "\u2069", "\ufeff", "\U000e0041"})
     EXPECT_EQ(escaped(mark).substr(0, 2), "\\x") << escaped(mark);
+}
+
+TEST(Text, NaturalOrderComparesNumbersInNames) {
+  const NaturalOrder before;
+  const char* const names[] = {"a",       "a1.png", "A2.png", "a2b.png", "a2b10", "a2b11",
+                               "a10.png", "ab.png", "IMG_9",  "img_10",  "IMG_11"};
+  for (size_t k = 0; k + 1 < std::size(names); ++k) {
+    EXPECT_TRUE(before(names[k], names[k + 1])) << names[k];
+    EXPECT_FALSE(before(names[k + 1], names[k])) << names[k];
+  }
+  EXPECT_TRUE(before("99999999999999999999998", "99999999999999999999999"));
+  // Names that differ in zeros or case only still have a strict order.
+  EXPECT_NE(before("a01", "a1"), before("a1", "a01"));
+  EXPECT_NE(before("A1", "a1"), before("a1", "A1"));
+  EXPECT_FALSE(before("a1", "a1"));
+}
+
+TEST(Text, PercentSignsOfUrisAreDecoded) {
+  EXPECT_EQ(percent_decoded("a%20b%c3%A4"), "a b\xC3\xA4");
+  EXPECT_EQ(percent_decoded("100%"), "100%");
+  EXPECT_EQ(percent_decoded("%05d%2"),
+            "\x05"
+            "d%2");
 }
 
 TEST(Text, EscapingTwiceChangesNothing) {

@@ -32,19 +32,6 @@ std::vector<std::string> names(const PhotoFolder& photos) {
   return out;
 }
 
-TEST(PhotoFolder, OrdersNamesByTheirNumbers) {
-  EXPECT_TRUE(stands_before("IMG_9.jpg", "IMG_10.jpg"));
-  EXPECT_FALSE(stands_before("IMG_10.jpg", "IMG_9.jpg"));
-  EXPECT_TRUE(stands_before("img_9.jpg", "IMG_10.JPG"));
-  EXPECT_TRUE(stands_before("a", "ab"));
-  EXPECT_TRUE(stands_before("a2b10", "a2b11"));
-  EXPECT_TRUE(stands_before("99999999999999999999998", "99999999999999999999999"));
-  // Names that differ in zeros or case only still have a strict order.
-  EXPECT_NE(stands_before("a01", "a1"), stands_before("a1", "a01"));
-  EXPECT_NE(stands_before("A1", "a1"), stands_before("a1", "A1"));
-  EXPECT_FALSE(stands_before("a1", "a1"));
-}
-
 TEST(PhotoFolder, ReturnsPicturesInOrderAndThenEnds) {
   const ScratchFolder folder;
   write_plain(folder / "p10.png", 255);
