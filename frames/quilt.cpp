@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <utility>
 
 #include "base/error.h"
@@ -17,6 +18,7 @@ namespace {
 
 constexpr double kMinAspect = 0.01;
 constexpr double kMaxAspect = 100.0;
+constexpr double kMostZoom = 16.0;
 
 bool sensible_aspect(double aspect) {
   return aspect >= kMinAspect && aspect <= kMaxAspect;
@@ -57,6 +59,14 @@ std::optional<QuiltLayout> take_layout(std::string_view text) {
   if (take(text, 'a')) {
     layout.aspect = take_aspect(text);
     if (!layout.aspect) return std::nullopt;
+  }
+  for (bool more = true; more;) {
+    const bool is_zoom = text.starts_with('z');
+    more = is_zoom || text.starts_with('f');
+    if (more) text.remove_prefix(1);
+    const auto number = more ? take_number<double>(text, std::chars_format::fixed) : std::nullopt;
+    if (number && is_zoom) layout.zoom = *number;
+    more = number.has_value();
   }
   return layout;
 }
@@ -162,15 +172,41 @@ ViewSet ViewSet::reversed() && {
   return std::move(*this);
 }
 
+TileSize cropped_size(const TileSize& view, const ViewCrop& crop) {
+  const double shift = std::abs(crop.zero_plane.pixels(view.width));
+  if (!(shift <= view.width - 1.0))
+    throw Error(
+        ErrorKind::Usage,
+        fmt::format("zero plane: {} pixels, but a view has {}", std::round(shift), view.width),
+        "a disparity must be smaller than the width of a view");
+  const double zoom = crop.zoom > 1.0 ? std::min(crop.zoom, kMostZoom) : 1.0;
+  const auto part = [&](int size) { return std::max(1, static_cast<int>(size / zoom)); };
+  return {.width = std::min(part(view.width), view.width - static_cast<int>(std::ceil(shift))),
+          .height = part(view.height)};
+}
+
+ViewSet ViewSet::cropped(const ViewCrop& crop) && {
+  const TileSize part = cropped_size({.width = width_, .height = height_}, crop);
+  const double shift = crop.zero_plane.pixels(width_);
+  const int spare = width_ - part.width;
+  const size_t above = static_cast<size_t>((height_ - part.height) / 2) * stride_bytes_;
+  for (int view = 0; view < count(); ++view) {
+    const double turn = count() > 1 ? static_cast<double>(view) / (count() - 1) - 0.5 : 0.0;
+    const int left = static_cast<int>(std::lround(spare / 2.0 - shift * turn));
+    first_pixels_[static_cast<size_t>(view)] +=
+        above + static_cast<size_t>(std::clamp(left, 0, spare)) * 3;
+  }
+  aspect_ *= static_cast<double>(part.width) / width_ * height_ / part.height;
+  width_ = part.width;
+  height_ = part.height;
+  return std::move(*this);
+}
+
 void ViewSet::set_aspect(std::optional<double> aspect, const std::string& name) {
   aspect_ = aspect.value_or(static_cast<double>(width_) / height_);
   if (aspect && !sensible_aspect(aspect_))
     throw Error(ErrorKind::Usage, fmt::format("{}: aspect {} is out of range", name, aspect_),
                 "the aspect of a view is its width over its height, for example 0.75");
-}
-
-ViewSet read_views(const FilePattern& pattern, std::optional<double> aspect) {
-  return read_views(list_frame_files(pattern.text()), pattern.text(), aspect);
 }
 
 ViewSet read_views(const std::vector<std::filesystem::path>& files, const std::string& name,

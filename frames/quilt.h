@@ -29,6 +29,7 @@ struct QuiltLayout {
   /// Width / height of one view as displayed; absent = the aspect of a tile's pixels. Tiles may be
   /// squeezed.
   std::optional<double> aspect = std::nullopt;
+  double zoom = 1.0;  ///< as ViewCrop has it
 
   [[nodiscard]] int view_count() const { return views > 0 ? views : columns * rows; }
   friend bool operator==(const QuiltLayout&, const QuiltLayout&) = default;
@@ -37,9 +38,10 @@ struct QuiltLayout {
 /// Throws Error(Usage), its message starting with `context`, for a layout that no picture can have.
 void check_quilt_layout(const QuiltLayout& layout, const std::string& context);
 
-/// Parses the layout in a file's name, "city_qs8x6v45a0.75.png": 8 columns, 6 rows, 45 views and
-/// aspect 0.75 (or 3:4), both optional. The last valid layout of a name counts; the rest of the
-/// name is ignored. Returns nothing if the name has no layout or an invalid one.
+/// Parses the layout in a file's name, "city_qs8x6v45a0.75z1.2.png": 8 columns, 6 rows, 45 views,
+/// aspect 0.75 (or 3:4) and zoom 1.2, all but the first two optional. The last valid layout of a
+/// name counts; the rest of the name is ignored. Returns nothing if the name has no layout or an
+/// invalid one.
 [[nodiscard]] std::optional<QuiltLayout> quilt_layout_of_name(const std::filesystem::path& file);
 
 struct TileSize {
@@ -50,6 +52,25 @@ struct TileSize {
 /// Error(Input) if a tile would have no pixel, Error(Usage) for an invalid layout.
 [[nodiscard]] TileSize tile_size(const FrameGeometry& quilt, const QuiltLayout& layout,
                                  const std::string& name = "quilt");
+
+/// Disparity is how far a point moves to the left from the leftmost view to the rightmost: positive
+/// in front of the panel.
+struct Disparity {
+  double value = 0.0;
+  bool in_pixels = false;  ///< pixels of a view; otherwise fractions of its width
+  [[nodiscard]] double pixels(int width) const { return in_pixels ? value : value * width; }
+  friend bool operator==(const Disparity&, const Disparity&) = default;
+};
+
+/// ViewCrop selects a part of each view: whole pixels, of the same size in all views.
+struct ViewCrop {
+  /// Keeps the middle 1 / zoom, at least 1 / 16. Values below 1 count as 1.
+  double zoom = 1.0;
+  Disparity zero_plane = {};  ///< points of this disparity are at one place in all parts
+  friend bool operator==(const ViewCrop&, const ViewCrop&) = default;
+};
+/// Returns the size of the parts. Throws Error(Usage) if nothing would be left.
+[[nodiscard]] TileSize cropped_size(const TileSize& view, const ViewCrop& crop);
 
 /// ViewSet holds views of equal size and their pixels. Immutable.
 ///
@@ -75,6 +96,8 @@ class ViewSet {
 
   /// Returns the same pictures in reverse order: the last picture becomes the leftmost camera's.
   [[nodiscard]] ViewSet reversed() &&;
+  /// Returns the parts of the views, with their aspect. Throws the Error of cropped_size().
+  [[nodiscard]] ViewSet cropped(const ViewCrop& crop) &&;
 
   [[nodiscard]] int count() const { return static_cast<int>(first_pixels_.size()); }
   [[nodiscard]] int width() const { return width_; }
@@ -120,9 +143,5 @@ inline constexpr uint64_t kMostViewBytes = uint64_t{8} << 30;
                                  const std::string& name,
                                  std::optional<double> aspect = std::nullopt,
                                  uint64_t most_bytes = kMostViewBytes);
-/// Reads the pictures of a pattern; the lowest number is the leftmost camera. Throws Error(Input)
-/// also if there is no file or a number is missing.
-[[nodiscard]] ViewSet read_views(const FilePattern& pattern,
-                                 std::optional<double> aspect = std::nullopt);
 
 }  // namespace lenticule::frames

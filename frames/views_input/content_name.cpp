@@ -2,11 +2,12 @@
 #include "frames/views_input/content_name.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -18,7 +19,6 @@
 namespace lenticule::frames {
 namespace {
 
-/// The first four are also the values of --stereo.
 constexpr std::pair<std::string_view, StereoLayout> kStereoWords[] = {
     {"sbs", {.beside = true}},
     {"tb", {.beside = false}},
@@ -52,10 +52,8 @@ constexpr std::pair<std::string_view, StereoLayout> kStereoWords[] = {
     {"bottomtop", {.beside = false, .right_first = true}},
 };
 
-std::optional<StereoLayout> stereo_word(
-    std::string_view word,
-    std::span<const std::pair<std::string_view, StereoLayout>> words = kStereoWords) {
-  for (const auto& [name, layout] : words)
+std::optional<StereoLayout> stereo_word(std::string_view word) {
+  for (const auto& [name, layout] : kStereoWords)
     if (word == name) return layout;
   return std::nullopt;
 }
@@ -85,7 +83,8 @@ bool means_half(const std::vector<std::string>& words, size_t at) {
 }  // namespace
 
 StereoLayout parse_stereo(const std::string& text) {
-  if (const auto layout = stereo_word(text, std::span(kStereoWords).first<4>())) return *layout;
+  // The first word of a name never counts.
+  if (const auto layout = stereo_of_name("_" + text)) return *layout;
   throw Error(ErrorKind::Usage, fmt::format("--stereo '{}': unknown", text),
               "use sbs, tb, hsbs (half width), htb (half height) or none");
 }
@@ -114,12 +113,44 @@ StereoTiles tiles_of(const StereoLayout& stereo, const FrameGeometry& picture) {
   return tiles;
 }
 
-std::optional<DepthPlace> parse_depth_place(std::string_view text) {
-  if (text == "right") return DepthPlace::Right;
-  if (text == "left") return DepthPlace::Left;
-  if (text == "bottom") return DepthPlace::Bottom;
-  if (text == "top") return DepthPlace::Top;
+std::optional<DepthLayout> parse_depth_layout(std::string_view text) {
+  constexpr std::array kPlaces = {"right", "left", "bottom", "top"};  // in the order of the types
+  constexpr std::array kParts = {"", ":half", ":quarter"};
+  for (size_t place = 0; place < kPlaces.size(); ++place)
+    for (size_t part = 0; part < kParts.size(); ++part)
+      if (text == std::string(kPlaces[place]) + kParts[part])
+        return DepthLayout{static_cast<DepthPlace>(place), static_cast<DepthPart>(part)};
   return std::nullopt;
+}
+
+DepthWindows depth_windows(const FrameGeometry& picture, const DepthLayout& layout,
+                           const std::string& name) {
+  const auto [place, part] = layout;
+  const bool beside = place == DepthPlace::Right || place == DepthPlace::Left;
+  const int along = beside ? picture.width : picture.height;
+  const int depth = part == DepthPart::Whole ? along / 2 : along / 3;
+  const int colour = part == DepthPart::Whole ? depth : 2 * depth;
+  const int across = beside ? picture.height : picture.width;
+  const int depth_across = part == DepthPart::Quarter ? across / 2 : across;
+  if (depth < 1 || depth_across < 1)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: {} x {} pixels are too few for colours and depth", name,
+                            picture.width, picture.height));
+  const bool depth_first = place == DepthPlace::Left || place == DepthPlace::Top;
+  const int unused = beside ? 0 : along - colour - depth;
+  const auto window = [&](int begin, int length, int breadth) {
+    return beside ? DepthWindows::Window{.left = begin, .size = {length, breadth}}
+                  : DepthWindows::Window{.top = begin, .size = {breadth, length}};
+  };
+  return {.colour = window(unused + (depth_first ? depth : 0), colour, across),
+          .depth = window(unused + (depth_first ? 0 : colour), depth, depth_across)};
+}
+
+bool mentions_quilt(const std::filesystem::path& file) {
+  return std::ranges::any_of(words_of(file), [](const std::string& word) {
+    return word.starts_with("qs") &&
+           (word.size() == 2 || std::isdigit(static_cast<unsigned char>(word[2])) != 0);
+  });
 }
 
 bool is_rgbd_name(const std::filesystem::path& file) {
@@ -131,7 +162,6 @@ namespace {
 
 /// Tags precede the coded picture; a camera's preview may precede the tags.
 constexpr size_t kHeadBytes = size_t{1} << 20;
-constexpr uint64_t kMostBytes = uint64_t{2} << 30;
 constexpr std::string_view kMark = "_JPSJPS_";
 
 /// Returns the payload of the APP3 segment that begins with the mark; empty if there is none.
@@ -179,21 +209,33 @@ StereoLayout parse_jps_tag(std::span<const uint8_t> head, const std::string& nam
   return {.beside = beside, .half = half, .right_first = (flags & kLeftFirst) == 0};
 }
 
-StereoLayout read_jps_tag(const std::filesystem::path& file) {
-  const OpenedFile opened = open_regular_file(file, kMostBytes);
-  std::vector<uint8_t> head(std::min<uint64_t>(opened.bytes, kHeadBytes));
-  const ssize_t n = ::pread(opened.descriptor.get(), head.data(), head.size(), 0);
+namespace {
+
+/// Returns the first bytes of a file.
+std::vector<uint8_t> read_head(const std::filesystem::path& file, size_t bytes) {
+  const OpenedFile opened = open_regular_file(file, std::numeric_limits<uint64_t>::max());
+  std::vector<uint8_t> head(std::min<uint64_t>(opened.bytes, bytes));
+  const ssize_t n = read_from_start(opened.descriptor.get(), head);
   head.resize(static_cast<size_t>(std::max<ssize_t>(n, 0)));
-  return parse_jps_tag(head, file.string());
+  return head;
+}
+
+}  // namespace
+
+StereoLayout read_jps_tag(const std::filesystem::path& file) {
+  return parse_jps_tag(read_head(file, kHeadBytes), file.string());
 }
 
 namespace {
 
-constexpr const char* kColumns[] = {"columns", "cols", "tileX", "tilesX", "viewX", "quilt_columns"};
-constexpr const char* kRows[] = {"rows", "tileY", "tilesY", "viewY", "quilt_rows"};
+constexpr std::string_view kInComment = "LKGColumns";
+constexpr const char* kColumns[] = {"columns", "cols",          "tileX",          "tilesX",
+                                    "viewX",   "quilt_columns", kInComment.data()};
+constexpr const char* kRows[] = {"rows", "tileY", "tilesY", "viewY", "quilt_rows", "LKGRows"};
 constexpr const char* kViews[] = {"viewCount", "view_count",       "viewTotal", "numViews",
-                                  "num_views", "quilt_view_count", "views"};
-constexpr const char* kAspect[] = {"aspect", "quiltAspect", "viewAspect", "quilt_aspect"};
+                                  "num_views", "quilt_view_count", "views",     "LKGNumViews"};
+constexpr const char* kAspect[] = {"aspect", "quiltAspect", "viewAspect", "quilt_aspect",
+                                   "LKGAspect"};
 constexpr const char* kInverted[] = {"invertViews", "invert_views", "inverted", "invert",
                                      "invView"};
 constexpr const char* kBlackIsNear[] = {"depthInversion", "depth_inversion"};
@@ -248,7 +290,8 @@ DepthPlace depth_place(const Spellings& said) {
   if (key == nullptr) return DepthPlace::Right;
   const nlohmann::json& value = *said.fields().find(key);
   if (value.is_string())
-    if (const auto place = parse_depth_place(value.get_ref<const std::string&>())) return *place;
+    if (const auto layout = parse_depth_layout(value.get_ref<const std::string&>()))
+      return layout->place;
   if (value.is_number()) {
     const double number = said.fields().number(key);
     for (size_t n = 0; n < kNumberedPlaces.size(); ++n)
@@ -311,6 +354,9 @@ std::optional<QuiltSidecar> parse_quilt_sidecar(std::string_view json, const std
       said_outside.spelled(kIsDepth) == nullptr)
     return std::nullopt;
   QuiltSidecar sidecar;
+  sidecar.zoom = outer.number_or("zoom", 1.0);
+  sidecar.duration_s = outer.number_or("duration", 0.0);
+  if (*sidecar.duration_s <= 0.0) sidecar.duration_s.reset();
   read_depth(said_outside, sidecar);
   // Tools state, for a picture with depth, the grid of the quilt that they would make from the
   // picture, so the grid is ignored.
@@ -335,6 +381,21 @@ std::optional<QuiltSidecar> read_sidecar_of(const std::filesystem::path& picture
   std::error_code ignored;
   if (file == picture || !std::filesystem::exists(file, ignored)) return std::nullopt;
   return parse_quilt_sidecar(read_text_file(file, kMaxSidecarBytes), file.string());
+}
+
+std::optional<QuiltSidecar> read_quilt_comment(const std::filesystem::path& picture) {
+  // An EXIF block is at the start of a picture and has at most 64 KiB.
+  constexpr size_t kCommentBytes = size_t{1} << 16;
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(picture, ignored)) return std::nullopt;
+  const std::vector<uint8_t> bytes = read_head(picture, kCommentBytes);
+  const std::string_view head(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  const size_t key = head.find(kInComment);
+  const size_t begin = key == std::string::npos ? key : head.rfind('{', key);
+  const size_t end = begin == std::string::npos ? begin : head.find('}', key);
+  if (end == std::string::npos) return std::nullopt;
+  return parse_quilt_sidecar(head.substr(begin, end + 1 - begin),
+                             picture.string() + ": its comment");
 }
 
 }  // namespace lenticule::frames

@@ -25,7 +25,7 @@ struct StereoLayout {
   friend bool operator==(const StereoLayout&, const StereoLayout&) = default;
 };
 
-/// Parses "sbs", "tb", "hsbs", "htb". Throws Error(Usage) for other texts.
+/// Parses any of the words that stereo_of_name() knows. Throws Error(Usage) for other texts.
 [[nodiscard]] StereoLayout parse_stereo(const std::string& text);
 
 /// Finds the layout in a file's name: one of the words that cameras, players and users write, after
@@ -41,11 +41,41 @@ struct StereoTiles {
 };
 [[nodiscard]] StereoTiles tiles_of(const StereoLayout& stereo, const FrameGeometry& picture);
 
-/// DepthPlace is the half of a picture that contains depth; the other half contains the colours.
+/// DepthPlace is the side of a picture that contains depth; the rest contains the colours.
 enum class DepthPlace { Right, Left, Bottom, Top };
 
-/// Parses "right", "left", "bottom", "top". Returns nothing for other texts.
-[[nodiscard]] std::optional<DepthPlace> parse_depth_place(std::string_view text);
+/// DepthPart is the size of the depth beside, or above and below, the colours.
+enum class DepthPart {
+  Whole,    ///< as large as the colours: half of the picture
+  Half,     ///< half as wide as the colours beside it, half as high as those above or below it
+  Quarter,  ///< half as wide and half as high, at the top or the left of its side
+};
+struct DepthLayout {
+  DepthPlace place = DepthPlace::Right;
+  DepthPart part = DepthPart::Whole;
+  friend bool operator==(const DepthLayout&, const DepthLayout&) = default;
+};
+
+/// Parses "right", "left", "bottom" or "top", alone or with ":half" or ":quarter". Returns nothing
+/// for other texts.
+[[nodiscard]] std::optional<DepthLayout> parse_depth_layout(std::string_view text);
+
+/// DepthWindows holds the two parts of a picture with depth.
+struct DepthWindows {
+  struct Window {
+    int left = 0, top = 0;
+    TileSize size = {};
+  };
+  Window colour, depth;
+};
+/// Returns the windows, in whole pixels from the bottom-left corner on. Throws Error(Input) "name:
+/// cause" for a picture with too few pixels.
+[[nodiscard]] DepthWindows depth_windows(const FrameGeometry& picture, const DepthLayout& layout,
+                                         const std::string& name);
+
+/// Returns true if a file's name contains the word "qs", as quilts have it, or a word that begins
+/// with "qs" and a digit.
+[[nodiscard]] bool mentions_quilt(const std::filesystem::path& file);
 
 /// Returns true if a file's name contains the word "rgbd": depth in the right half.
 [[nodiscard]] bool is_rgbd_name(const std::filesystem::path& file);
@@ -73,7 +103,9 @@ struct QuiltSidecar {
   std::optional<int> columns, rows;
   std::optional<int> views;
   std::optional<double> aspect;
-  bool inverted = false;  ///< the first view is the rightmost camera's
+  double zoom = 1.0;                 ///< as ViewCrop has it
+  std::optional<double> duration_s;  ///< for which a still picture stays in a list
+  bool inverted = false;             ///< the first view is the rightmost camera's
   std::optional<DepthPlace> depth;
   bool black_is_near = false;
   double depthiness = 1.0;  ///< factor of the default disparities
@@ -91,5 +123,10 @@ struct QuiltSidecar {
 /// Reads the file beside `picture`; returns nothing if there is none. Throws the errors of
 /// parse_quilt_sidecar(), also for a file that cannot be read.
 [[nodiscard]] std::optional<QuiltSidecar> read_sidecar_of(const std::filesystem::path& picture);
+
+/// Reads the layout of a quilt from the JSON that older Looking Glass programs write into the EXIF
+/// comment of a picture: {"LKGColumns": 8, ...}. Returns nothing if there is none, or no such file.
+/// Throws the errors of parse_quilt_sidecar().
+[[nodiscard]] std::optional<QuiltSidecar> read_quilt_comment(const std::filesystem::path& picture);
 
 }  // namespace lenticule::frames

@@ -34,8 +34,9 @@ int checked_views(int width, int height, const DepthOptions& options) {
 /// Returns the disparity of each code, in pixels.
 std::vector<double> disparities(int width, const DepthOptions& options) {
   const double unit = options.in_pixels ? 1.0 : width;
+  const double zero_plane = options.zero_plane.pixels(width);
   const auto sensible = [&](double disparity) {
-    return std::abs(disparity * unit) <= kMostDisparity * width;  // false for NaN
+    return std::abs(disparity * unit - zero_plane) <= kMostDisparity * width;  // false for NaN
   };
   if (!sensible(options.back) || !sensible(options.front))
     throw Error(
@@ -45,7 +46,10 @@ std::vector<double> disparities(int width, const DepthOptions& options) {
   std::vector<double> table(256);
   for (size_t code = 0; code < table.size(); ++code) {
     const double near = static_cast<double>(options.black_is_near ? 255 - code : code) / 255.0;
-    table[code] = unit * (options.back + (options.front - options.back) * near);
+    // With z the distance, 1 for the nearest and r for the farthest: (1/z - 1/r) / (1 - 1/r).
+    const double ratio = options.distance_ratio;
+    const double share = near / (ratio + (1.0 - ratio) * near);
+    table[code] = unit * (options.back + (options.front - options.back) * share) - zero_plane;
   }
   return table;
 }

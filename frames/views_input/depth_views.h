@@ -30,6 +30,10 @@ struct DepthOptions {
   double back = -kUsualDisparity;  ///< disparity of the farthest depth (code 0)
   double front = kUsualDisparity;  ///< disparity of the nearest depth (code 255)
   bool in_pixels = false;          ///< true: pixels of a view; false: fractions of the width
+  /// Farthest distance divided by the nearest one, if codes are distances: disparities are linear
+  /// in the reciprocal of a distance. 1: codes are disparities.
+  double distance_ratio = 1.0;
+  Disparity zero_plane = {};  ///< subtracted from all disparities
   bool black_is_near = false;
   int threads = 1;
   uint64_t most_bytes = kMostViewBytes;  ///< limit for all views together

@@ -14,72 +14,33 @@
 namespace lenticule::frames {
 namespace {
 
-ViewSet in_order(ViewSet views, bool rightmost_first) {
-  return rightmost_first ? std::move(views).reversed() : std::move(views);
-}
-
 double natural_aspect(int width, int height) {
   return static_cast<double>(width) / height;
 }
 
-class QuiltTiles final : public ViewArrangement {
+/// Stored takes views as the pictures hold them: tiles of one, or one per picture.
+class Stored final : public ViewArrangement {
  public:
-  QuiltTiles(const FrameGeometry& picture, const QuiltLayout& layout, bool rightmost_first,
-             const std::string& name)
-      : layout_(layout), rightmost_first_(rightmost_first) {
-    const TileSize tile = tile_size(picture, layout, name);
-    shape_ = {.count = layout.view_count(),
-              .width = tile.width,
-              .height = tile.height,
-              .aspect = layout.aspect.value_or(natural_aspect(tile.width, tile.height))};
-  }
+  Stored(const ViewShape& shape, const std::optional<QuiltLayout>& quilt, bool rightmost_first)
+      : shape_(shape), quilt_(quilt), rightmost_first_(rightmost_first) {}
   ViewShape shape() const override { return shape_; }
   ViewSet arrange(std::span<const FrameView> pictures) override {
-    return in_order(ViewSet::borrow(pictures.front(), layout_), rightmost_first_);
-  }
-
- private:
-  QuiltLayout layout_;
-  bool rightmost_first_;
-  ViewShape shape_;
-};
-
-class Pictures final : public ViewArrangement {
- public:
-  Pictures(const FrameGeometry& picture, int count, std::optional<double> aspect,
-           bool rightmost_first)
-      : shape_{.count = count,
-               .width = picture.width,
-               .height = picture.height,
-               .aspect = aspect.value_or(natural_aspect(picture.width, picture.height))},
-        rightmost_first_(rightmost_first) {}
-  ViewShape shape() const override { return shape_; }
-  ViewSet arrange(std::span<const FrameView> pictures) override {
-    return in_order(ViewSet::borrow(pictures, shape_.aspect), rightmost_first_);
+    ViewSet views = quilt_ ? ViewSet::borrow(pictures.front(), *quilt_)
+                           : ViewSet::borrow(pictures, shape_.aspect);
+    return rightmost_first_ ? std::move(views).reversed() : std::move(views);
   }
 
  private:
   ViewShape shape_;
+  std::optional<QuiltLayout> quilt_;
   bool rightmost_first_;
 };
-
-/// Halves describes the colour and the depth part of one picture.
-struct Halves {
-  QuiltLayout layout;
-  int colour = 0;  ///< tile
-};
-Halves halves_of(DepthPlace place) {
-  const bool beside = place == DepthPlace::Left || place == DepthPlace::Right;
-  return {.layout =
-              beside ? QuiltLayout{.columns = 2, .rows = 1} : QuiltLayout{.columns = 1, .rows = 2},
-          .colour = place == DepthPlace::Left || place == DepthPlace::Bottom ? 1 : 0};
-}
 
 class ColourAndDepth final : public ViewArrangement {
  public:
-  ColourAndDepth(const TileSize& colour, std::optional<DepthPlace> place,
+  ColourAndDepth(const TileSize& colour, const std::optional<DepthWindows>& inside,
                  std::optional<double> aspect, const DepthOptions& options)
-      : place_(place),
+      : inside_(inside),
         drawn_(colour.width, colour.height, options),
         shape_{.count = options.views,
                .width = colour.width,
@@ -87,25 +48,20 @@ class ColourAndDepth final : public ViewArrangement {
                .aspect = aspect.value_or(natural_aspect(colour.width, colour.height))} {}
   ViewShape shape() const override { return shape_; }
   ViewSet arrange(std::span<const FrameView> pictures) override {
-    const auto views = place_ ? draw_halves(pictures.front())
-                              : drawn_.draw(window_of(pictures[0]), window_of(pictures[1]));
+    const FrameView& picture = pictures.front();
+    const auto window = [&](const DepthWindows::Window& part) {
+      return PictureWindow{.pixels = picture.row(part.top) + static_cast<size_t>(part.left) * 3,
+                           .stride_bytes = picture.geometry.row_bytes(),
+                           .width = part.size.width,
+                           .height = part.size.height};
+    };
+    const auto views = inside_ ? drawn_.draw(window(inside_->colour), window(inside_->depth))
+                               : drawn_.draw(window_of(picture), window_of(pictures[1]));
     return ViewSet::borrow(views, shape_.aspect);
   }
 
  private:
-  std::span<const FrameView> draw_halves(const FrameView& picture) {
-    const Halves halves = halves_of(*place_);
-    const ViewSet tiles = ViewSet::borrow(picture, halves.layout);
-    const auto window = [&](int tile) {
-      return PictureWindow{.pixels = tiles.pixel(tile, 0, 0),
-                           .stride_bytes = tiles.stride_bytes(),
-                           .width = tiles.width(),
-                           .height = tiles.height()};
-    };
-    return drawn_.draw(window(halves.colour), window(1 - halves.colour));
-  }
-
-  std::optional<DepthPlace> place_;
+  std::optional<DepthWindows> inside_;
   DepthViews drawn_;
   ViewShape shape_;
 };
@@ -137,28 +93,31 @@ class WovenForAnotherRig final : public ViewArrangement {
 std::unique_ptr<ViewArrangement> arrange_quilt(const FrameGeometry& picture,
                                                const QuiltLayout& layout, bool rightmost_first,
                                                const std::string& name) {
-  return std::make_unique<QuiltTiles>(picture, layout, rightmost_first, name);
+  const TileSize tile = tile_size(picture, layout, name);
+  return std::make_unique<Stored>(
+      ViewShape{.count = layout.view_count(),
+                .width = tile.width,
+                .height = tile.height,
+                .aspect = layout.aspect.value_or(natural_aspect(tile.width, tile.height))},
+      layout, rightmost_first);
 }
 
 std::unique_ptr<ViewArrangement> arrange_pictures(const FrameGeometry& picture, int count,
                                                   std::optional<double> aspect,
                                                   bool rightmost_first) {
-  return std::make_unique<Pictures>(picture, count, aspect, rightmost_first);
+  return std::make_unique<Stored>(
+      ViewShape{.count = count,
+                .width = picture.width,
+                .height = picture.height,
+                .aspect = aspect.value_or(natural_aspect(picture.width, picture.height))},
+      std::nullopt, rightmost_first);
 }
 
-std::unique_ptr<ViewArrangement> arrange_depth(const FrameGeometry& colour,
+std::unique_ptr<ViewArrangement> arrange_depth(const TileSize& colour,
+                                               const std::optional<DepthWindows>& inside,
                                                std::optional<double> aspect,
                                                const DepthOptions& options) {
-  return std::make_unique<ColourAndDepth>(TileSize{.width = colour.width, .height = colour.height},
-                                          std::nullopt, aspect, options);
-}
-
-std::unique_ptr<ViewArrangement> arrange_depth_in(const FrameGeometry& picture, DepthPlace place,
-                                                  std::optional<double> aspect,
-                                                  const DepthOptions& options,
-                                                  const std::string& name) {
-  const TileSize half = tile_size(picture, halves_of(place).layout, name);
-  return std::make_unique<ColourAndDepth>(half, place, aspect, options);
+  return std::make_unique<ColourAndDepth>(colour, inside, aspect, options);
 }
 
 std::unique_ptr<ViewArrangement> arrange_woven(const FrameGeometry& picture,
@@ -175,8 +134,16 @@ std::unique_ptr<ViewArrangement> arrange_woven(const FrameGeometry& picture,
 }
 
 ViewInput::ViewInput(std::vector<std::unique_ptr<FrameSource>> pictures,
-                     std::unique_ptr<ViewArrangement> arrangement, std::string name)
-    : arrangement_(std::move(arrangement)), name_(std::move(name)), shape_(arrangement_->shape()) {
+                     std::unique_ptr<ViewArrangement> arrangement, std::string name,
+                     const ViewCrop& crop)
+    : arrangement_(std::move(arrangement)),
+      crop_(crop),
+      name_(std::move(name)),
+      shape_(arrangement_->shape()) {
+  const TileSize part = cropped_size({.width = shape_.width, .height = shape_.height}, crop);
+  shape_.aspect *= static_cast<double>(part.width) / shape_.width * shape_.height / part.height;
+  shape_.width = part.width;
+  shape_.height = part.height;
   LENTICULE_CHECK(!pictures.empty());
   for (auto& source : pictures) streams_.push_back({.source = std::move(source)});
   const std::optional<uint64_t> frames = streams_.front().source->frame_count();
@@ -251,7 +218,7 @@ const ViewSet& ViewInput::views() {
     std::vector<FrameView> pictures;
     pictures.reserve(streams_.size());
     for (const Stream& stream : streams_) pictures.push_back(stream.acquired->frame);
-    views_ = arrangement_->arrange(pictures);
+    views_ = arrangement_->arrange(pictures).cropped(crop_);
   }
   return *views_;
 }

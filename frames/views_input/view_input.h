@@ -54,16 +54,10 @@ class ViewArrangement {
                                                                 std::optional<double> aspect,
                                                                 bool rightmost_first);
 
-/// Arranges two pictures: colours, and depth of any size.
-[[nodiscard]] std::unique_ptr<ViewArrangement> arrange_depth(const FrameGeometry& colour,
-                                                             std::optional<double> aspect,
-                                                             const DepthOptions& options);
-/// Arranges one picture, half of which is depth. Throws Error(Input) for less than two pixels.
-[[nodiscard]] std::unique_ptr<ViewArrangement> arrange_depth_in(const FrameGeometry& picture,
-                                                                DepthPlace place,
-                                                                std::optional<double> aspect,
-                                                                const DepthOptions& options,
-                                                                const std::string& name);
+/// Arranges two pictures, colours and depth of any size; or one picture that has both `inside`.
+[[nodiscard]] std::unique_ptr<ViewArrangement> arrange_depth(
+    const TileSize& colour, const std::optional<DepthWindows>& inside, std::optional<double> aspect,
+    const DepthOptions& options);
 
 /// Arranges a frame woven for another rig: decodes it into `views` views. Slow.
 [[nodiscard]] std::unique_ptr<ViewArrangement> arrange_woven(const FrameGeometry& picture,
@@ -76,9 +70,10 @@ class ViewArrangement {
 class ViewInput {
  public:
   /// Takes one picture of each source at a time. Throws Error(Input) if the sources state different
-  /// numbers of frames.
+  /// numbers of frames, Error(Usage) as cropped_size() does.
   ViewInput(std::vector<std::unique_ptr<FrameSource>> pictures,
-            std::unique_ptr<ViewArrangement> arrangement, std::string name);
+            std::unique_ptr<ViewArrangement> arrangement, std::string name,
+            const ViewCrop& crop = {});
   /// Provides the same views once per round.
   explicit ViewInput(ViewSet still);
   ~ViewInput();
@@ -124,6 +119,7 @@ class ViewInput {
 
   std::vector<Stream> streams_;
   std::unique_ptr<ViewArrangement> arrangement_;
+  ViewCrop crop_;
   std::string name_;
   ViewShape shape_;
   std::optional<ViewSet> views_;

@@ -32,25 +32,40 @@ void read_grid(const std::string& text, frames::QuiltLayout& layout) {
   layout.rows = (*grid)[1];
 }
 
-/// Parses one end of a range: a number, followed by nothing, "%" or "px". Returns false for other
-/// text.
-bool read_disparity(std::string_view text, double& value, bool& in_pixels) {
+/// Parses a number, followed by nothing, "%" or "px". Returns nothing for other text.
+std::optional<frames::Disparity> disparity_of(std::string_view text) {
   const auto number = take_number<double>(text);
-  if (!number) return false;
-  in_pixels = text == "px";
-  value = in_pixels ? *number : *number / 100.0;
-  return in_pixels || text.empty() || text == "%";
+  const bool in_pixels = text == "px";
+  if (!number || (!in_pixels && !text.empty() && text != "%")) return std::nullopt;
+  return frames::Disparity{.value = in_pixels ? *number : *number / 100.0, .in_pixels = in_pixels};
+}
+
+frames::Disparity parse_zero_plane(const std::string& text) {
+  if (const auto disparity = disparity_of(text)) return *disparity;
+  throw Error(ErrorKind::Usage, fmt::format("--zero-plane '{}': not a disparity", text),
+              "for example --zero-plane 1.5, in percent of the width, or 20px");
+}
+
+/// Parses "0.5:20", distances in any unit. Returns the ratio of the farthest to the nearest.
+double parse_distances(const std::string& text) {
+  const auto distances = numbers_from<double, 2>(text, ':');
+  if (distances && (*distances)[0] > 0.0 && (*distances)[1] > (*distances)[0])
+    return (*distances)[1] / (*distances)[0];
+  throw Error(ErrorKind::Usage, fmt::format("--depth-distance '{}': not two distances", text),
+              "the nearest and the farthest, for example --depth-distance 0.5:20");
 }
 
 /// Parses "-2:2" in percent of a view's width, or "-20px:20px": the disparities of the farthest and
 /// the nearest depth. Throws Error(Usage).
 void read_depth_range(const std::string& text, frames::DepthOptions& options) {
   const size_t colon = text.find(':');
-  bool back_px = false, front_px = false;
   const std::string_view all(text);
-  if (colon != std::string::npos && read_disparity(all.substr(0, colon), options.back, back_px) &&
-      read_disparity(all.substr(colon + 1), options.front, front_px) && back_px == front_px) {
-    options.in_pixels = back_px;
+  const auto back = disparity_of(all.substr(0, colon));
+  const auto front = colon == std::string::npos ? back : disparity_of(all.substr(colon + 1));
+  if (colon != std::string::npos && back && front && back->in_pixels == front->in_pixels) {
+    options.back = back->value;
+    options.front = front->value;
+    options.in_pixels = back->in_pixels;
     return;
   }
   throw Error(ErrorKind::Usage, fmt::format("--depth-range '{}': not two disparities", text),
@@ -64,11 +79,6 @@ std::optional<std::filesystem::path> first_file(const std::string& text) {
   const std::vector<uint64_t> numbers = pattern.existing();
   if (numbers.empty()) return std::nullopt;
   return pattern.path(numbers.front());
-}
-
-std::optional<frames::QuiltSidecar> find_sidecar(const std::string& text) {
-  const auto first = first_file(text);
-  return first ? frames::read_sidecar_of(*first) : std::nullopt;
 }
 
 void refuse_other_flags(const ContentFlags& flags) {
@@ -103,6 +113,7 @@ Content quilt(const SourceSpec& source, const std::optional<frames::QuiltSidecar
   Content content{.kind = Kind::Quilt};
   frames::QuiltLayout& layout = content.layout;
   if (named) layout = *named;
+  if (sidecar && sidecar->zoom != 1.0) layout.zoom = sidecar->zoom;
   if (sidecar && sidecar->columns) {
     if (named) require_agreement(source.text, *sidecar, *named, flags);
     layout.columns = *sidecar->columns;
@@ -118,6 +129,7 @@ Content quilt(const SourceSpec& source, const std::optional<frames::QuiltSidecar
   if (flags.views != 0) layout.views = flags.views;
   if (flags.aspect) layout.aspect = flags.aspect;
   frames::check_quilt_layout(layout, source.text);
+  content.crop.zoom = layout.zoom;
   return content;
 }
 
@@ -125,17 +137,18 @@ Content with_depth(const ContentFlags& flags, const std::optional<frames::QuiltS
   Content content{.kind = Kind::DepthInside};
   frames::DepthOptions& options = content.depth_options;
   if (sidecar && sidecar->depth) {
-    content.depth = *sidecar->depth;
+    content.depth.place = *sidecar->depth;
     content.aspect = sidecar->aspect;
     options.black_is_near = sidecar->black_is_near;
     options.back *= sidecar->depthiness;
     options.front *= sidecar->depthiness;
   }
-  if (const auto place = frames::parse_depth_place(flags.depth))
-    content.depth = *place;
+  if (const auto layout = frames::parse_depth_layout(flags.depth))
+    content.depth = *layout;
   else if (!flags.depth.empty())
     content.kind = Kind::OwnDepth;
   if (!flags.depth_range.empty()) read_depth_range(flags.depth_range, options);
+  if (!flags.depth_distance.empty()) options.distance_ratio = parse_distances(flags.depth_distance);
   options.black_is_near = options.black_is_near != flags.invert_depth;
   if (flags.views != 0) options.views = flags.views;
   return content;
@@ -210,11 +223,12 @@ Content container(const SourceSpec& source, const std::string& rig_fingerprint) 
 Content picture(const SourceSpec& source, bool patterns_are_views) {
   const std::string& text = source.text;
   const ContentFlags& flags = source.content;
-  if (!flags.depth.empty() && !frames::parse_depth_place(flags.depth))
+  if (!flags.depth.empty() && !frames::parse_depth_layout(flags.depth))
     return with_depth(flags, std::nullopt);
   const bool stereo_flag = !flags.stereo.empty() && flags.stereo != "none";
   if (stereo_flag) return stereo(frames::parse_stereo(flags.stereo), flags);
-  const auto sidecar = find_sidecar(text);
+  const auto first = first_file(text);
+  auto sidecar = first ? frames::read_sidecar_of(*first) : std::nullopt;
   if (!flags.depth.empty() || (flags.grid.empty() && sidecar && sidecar->depth))
     return with_depth(flags, sidecar);
   const bool says_grid = !flags.grid.empty() || (sidecar && sidecar->columns);
@@ -223,8 +237,15 @@ Content picture(const SourceSpec& source, bool patterns_are_views) {
   if (named && flags.stereo.empty()) return stereo(*named, flags);
   if (auto tagged = tagged_stereo(source)) return *tagged;
   if (frames::is_rgbd_name(text)) return with_depth(flags, std::nullopt);
-  const bool is_set = patterns_are_views && frames::FilePattern::looks_like_pattern(text);
-  return {.kind = is_set ? Kind::ViewFiles : Kind::Woven};
+  if (first && flags.stereo.empty() && (sidecar = frames::read_quilt_comment(*first)))
+    return quilt(source, sidecar);
+  if (patterns_are_views && frames::FilePattern::looks_like_pattern(text))
+    return {.kind = Kind::ViewFiles};
+  if (frames::mentions_quilt(text) && flags.stereo.empty())
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: its name says qs, but not the grid of a quilt", text),
+                "name it like city_qs8x6a0.75.png, or use --grid 8x6; woven frames: --stereo none");
+  return {.kind = Kind::Woven};
 }
 
 Content content_of(const SourceSpec& source, const std::string& rig_fingerprint,
@@ -245,14 +266,18 @@ Content content_of(const SourceSpec& source, const std::string& rig_fingerprint,
 void refuse_idle_flags(const SourceSpec& source, Kind kind) {
   const ContentFlags& flags = source.content;
   const bool has_depth = kind == Kind::OwnDepth || kind == Kind::DepthInside;
-  if (!has_depth && (!flags.depth_range.empty() || flags.invert_depth))
+  const bool about_depth =
+      !flags.depth_range.empty() || !flags.depth_distance.empty() || flags.invert_depth;
+  if (!has_depth && about_depth)
     throw Error(ErrorKind::Usage, fmt::format("--depth-range: {} has no depth", source.text),
                 "name the depth with --depth");
-  const bool about_views = flags.views != 0 || flags.aspect || flags.invert;
+  const bool about_views =
+      flags.views != 0 || flags.aspect || flags.invert || !flags.zero_plane.empty();
   if (kind == Kind::Woven && about_views && source.has_pictures())
     throw Error(
         ErrorKind::Usage,
-        fmt::format("{}: --views, --aspect and --invert do not apply to woven frames", source.text),
+        fmt::format("{}: --views, --aspect, --invert and --zero-plane do not apply to woven frames",
+                    source.text),
         "if it contains views, describe them with --grid, --stereo, --depth or 'views:'");
 }
 
@@ -276,6 +301,7 @@ Content identify(const SourceSpec& source, const std::string& rig_fingerprint,
     throw Error(ErrorKind::Usage, "--grid: the input is a pattern of views, not a quilt");
   refuse_idle_flags(source, content.kind);
   if (flags.aspect) content.aspect = flags.aspect;
+  if (!flags.zero_plane.empty()) content.crop.zero_plane = parse_zero_plane(flags.zero_plane);
   if (flags.invert) content.rightmost_first = !content.rightmost_first;
   content.source = source;
   return content;

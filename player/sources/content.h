@@ -20,14 +20,15 @@ struct Content {
     ViewFiles,  ///< one file per view
     Stereo,
     OwnDepth,     ///< depth in separate files
-    DepthInside,  ///< depth in a half of the picture
+    DepthInside,  ///< depth in a part of the picture
     OtherRig,     ///< woven for another rig, to be separated into views
   };
   Kind kind = Kind::Woven;
   frames::QuiltLayout layout = {};  ///< layout of a quilt
   frames::StereoLayout stereo = {};
-  frames::DepthPlace depth = frames::DepthPlace::Right;
+  frames::DepthLayout depth = {};
   frames::DepthOptions depth_options = {};
+  frames::ViewCrop crop = {};  ///< crop of the views; with depth, its zero plane moves the depth
   std::optional<double> aspect = std::nullopt;
   bool rightmost_first = false;
   std::string rig_toml = {};  ///< rig of a container that was woven for another rig

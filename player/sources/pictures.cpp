@@ -216,13 +216,16 @@ class ViewsOpener {
     return *sources_.back();
   }
   [[nodiscard]] std::unique_ptr<ViewInput> input_of(Arrangement arrangement) {
-    return std::make_unique<ViewInput>(std::move(sources_), std::move(arrangement), name_);
+    const bool has_depth = content_.kind == Kind::OwnDepth || content_.kind == Kind::DepthInside;
+    return std::make_unique<ViewInput>(std::move(sources_), std::move(arrangement), name_,
+                                       has_depth ? frames::ViewCrop() : content_.crop);
   }
   [[nodiscard]] uint64_t most_view_bytes() const {
     return options_.plays ? kMostPlayedViewBytes : frames::kMostViewBytes;
   }
   [[nodiscard]] frames::DepthOptions depth_options() const {
     frames::DepthOptions depth = content_.depth_options;
+    depth.zero_plane = content_.crop.zero_plane;
     depth.threads = options_.drawing_threads;
     depth.most_bytes = most_view_bytes();
     return depth;
@@ -251,8 +254,9 @@ class ViewsOpener {
                   "use --frames with films, such as 'views:view%02d/%05d.png'");
     std::vector<fs::path> files(names.begin(), names.end());
     if (content_.rightmost_first) std::reverse(files.begin(), files.end());
-    return std::make_unique<ViewInput>(frames::read_views(files, content_.source.without_prefix(),
-                                                          content_.aspect, most_view_bytes()));
+    frames::ViewSet views = frames::read_views(files, content_.source.without_prefix(),
+                                               content_.aspect, most_view_bytes());
+    return std::make_unique<ViewInput>(std::move(views).cropped(content_.crop));
   }
 
   [[nodiscard]] std::unique_ptr<ViewInput> open_films(const std::vector<std::string>& names) {
@@ -281,7 +285,9 @@ class ViewsOpener {
     refuse_float_depth(depth);
     const FrameSource& colours = add_pictures(name_);
     (void)add_pictures(depth);
-    return input_of(frames::arrange_depth(colours.geometry(), aspect_in(colours), depth_options()));
+    const frames::FrameGeometry size = colours.geometry();
+    return input_of(
+        frames::arrange_depth({size.width, size.height}, {}, aspect_in(colours), depth_options()));
   }
 
   [[nodiscard]] std::unique_ptr<ViewInput> open_woven() {
@@ -318,14 +324,12 @@ class ViewsOpener {
   }
 
   [[nodiscard]] Arrangement depth_in(const FrameSource& pictures) const {
-    const frames::FrameGeometry size = pictures.geometry();
-    const bool beside =
-        content_.depth == frames::DepthPlace::Left || content_.depth == frames::DepthPlace::Right;
-    const frames::FrameGeometry colours{.width = size.width / (beside ? 2 : 1),
-                                        .height = size.height / (beside ? 1 : 2)};
-    const auto aspect =
-        content_.aspect ? content_.aspect : frames::stated_aspect(colours, pictures.pixel_aspect());
-    return frames::arrange_depth_in(size, content_.depth, aspect, depth_options(), name_);
+    const auto windows = frames::depth_windows(pictures.geometry(), content_.depth, name_);
+    const auto& [width, height] = windows.colour.size;
+    const auto aspect = content_.aspect
+                            ? content_.aspect
+                            : frames::stated_aspect({width, height}, pictures.pixel_aspect());
+    return frames::arrange_depth(windows.colour.size, windows, aspect, depth_options());
   }
 
   const Content& content_;

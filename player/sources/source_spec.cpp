@@ -42,7 +42,8 @@ SourceKind kind_of(const std::string& text) {
   if (text == kCode || text.starts_with(kCodePrefix)) return SourceKind::Code;
   if (text.starts_with(kRingPrefix)) return SourceKind::Ring;
   if (text.starts_with(kViewFilesPrefix)) return SourceKind::ViewFiles;
-  if (lower_case(text).ends_with(".toml") || is_m3u_name(text) || text.ends_with('/'))
+  if (lower_case(text).ends_with(".toml") || is_m3u_name(text) || is_json_name(text) ||
+      text.ends_with('/'))
     return SourceKind::List;
   return kind_of_file(text);
 }
@@ -81,6 +82,10 @@ std::optional<uint64_t> frame_number(std::string_view text) {
 bool is_m3u_name(const std::string& file) {
   const std::string extension = lower_case(fs::path(file).extension().string());
   return extension == ".m3u" || extension == ".m3u8";
+}
+
+bool is_json_name(const std::string& file) {
+  return lower_case(file).ends_with(".json");
 }
 
 SourceKind kind_of_file(const fs::path& file) {

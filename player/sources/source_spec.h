@@ -21,7 +21,7 @@ enum class SourceKind {
   Code,       ///< "code:TEXT": the QR code of a text
   Ring,       ///< "ring:SOCKET": frames of another process
   ViewFiles,  ///< "views:PATTERN", "views:A|B": a picture or a film per view
-  List,       ///< "NAME.toml": a playlist; "FOLDER/", "FOLDER": the files of a folder
+  List,       ///< "NAME.toml", ".m3u", ".json": a playlist; "FOLDER/", "FOLDER": its files
   Sequence,   ///< "NAME.lts", and "NAME.lts.part" while it is unfinished
   Video,      ///< "NAME.mkv" and the other names that lenticule-video reads
   Pictures,   ///< all other names: a picture, or a pattern such as "out/%05d.png"
@@ -37,7 +37,9 @@ struct ContentFlags {
   std::string stereo;  ///< sbs, tb, hsbs, htb, none
   std::string depth;   ///< a file, pattern or video, or the half of the picture that holds depth
   std::string depth_range;
+  std::string depth_distance;
   bool invert_depth = false;
+  std::string zero_plane;
   std::string from_rig;
   bool reweave = false;
 
@@ -74,6 +76,8 @@ struct SourceSpec {
 
 /// Returns true for a name that ends in .m3u or .m3u8, in any case.
 [[nodiscard]] bool is_m3u_name(const std::string& file);
+/// Returns true for a name that ends in .json, in any case.
+[[nodiscard]] bool is_json_name(const std::string& file);
 /// Returns Sequence, Video or Pictures, for a file or pattern within a source.
 [[nodiscard]] SourceKind kind_of_file(const std::filesystem::path& file);
 

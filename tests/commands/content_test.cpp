@@ -281,6 +281,26 @@ TEST_F(ContentCommand, NearObjectsMoveAgainstTheEyeAndFarOnesWithIt) {
   EXPECT_EQ(shown, played(path("q_qs3x2.png"))) << "5 of 6 tiles, as the sidecar says";
 }
 
+TEST_F(ContentCommand, TheZeroPlaneMovesStereoInDepth) {
+  WovenFrame eyes({.width = 96, .height = 32});  // a column that is 6 pixels in front of the panel
+  for (int y = 0; y < 32; ++y)
+    for (const int begin : {23, 48 + 17}) std::fill_n(eyes.row(y) + begin * 3, 24, uint8_t{255});
+  save("a_sbs.png", eyes);
+  const auto disparity = [&](const std::string& zero_plane, int width) {
+    succeed(convert({path("a_sbs.png"), "-o", "views:" + path("v%d.png"), "--zero-plane",
+                     zero_plane, "--overwrite"}));
+    const WovenFrame left = frames::read_woven(path("v0.png"));
+    EXPECT_EQ(left.width(), width);
+    return middle_of_light(left) - middle_of_light(frames::read_woven(path("v1.png")));
+  };
+  EXPECT_EQ(disparity("0", 48), 6.0);
+  EXPECT_EQ(disparity("6px", 42), 0.0);
+  EXPECT_EQ(disparity("12.5", 42), 0.0) << "percent of 48 pixels";
+  EXPECT_EQ(disparity("-2px", 46), 8.0);
+  expect_end(convert({path("a_sbs.png"), "-o", path("q.png"), "--zero-plane", "100"}), 2,
+             "zero plane: 48 pixels, but a view has 48");
+}
+
 TEST_F(ContentCommand, SidecarsSupplyTheLayoutThatTheNameLacks) {
   save("city.png", quilt_picture(3, 2, 0));
   write("city.json", R"({"columns": 3, "rows": 2, "viewCount": 5, "aspect": 1.5, "invert": 1})");

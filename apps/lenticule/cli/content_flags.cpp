@@ -25,20 +25,31 @@ void declare_content_flags(CLI::App& app, player::ContentFlags& flags) {
   app.add_flag("--invert", flags.invert, "the first view is that of the rightmost camera");
   app.add_option("--stereo", flags.stereo,
                  "two eyes' pictures in one: side by side, top and bottom, squeezed to half\n"
-                 "none if only the name looks like stereo.")
+                 "Or another word of names, such as left-right; none if only the name looks like "
+                 "stereo.")
       ->type_name("sbs|tb|hsbs|htb|none");
   app.add_option("--depth", flags.depth,
                  "depth of the picture: a file, or right, left, bottom or top\n"
                  "The file is a picture, a pattern or a video; otherwise the half of the picture "
-                 "that contains the depth.")
-      ->type_name("FILE|HALF");
+                 "that contains the depth. right:half is a depth half as wide as the colours, "
+                 "right:quarter also half as high.")
+      ->type_name("FILE|SIDE");
   app.add_option(
          "--depth-range", flags.depth_range,
          "disparities between the outermost views, percent of the width: -2:2\n"
          "Of the farthest and the nearest depth; above 0 is in front of the panel. Or pixels: "
          "-20px:20px.")
       ->type_name("FAR:NEAR");
+  app.add_option("--depth-distance", flags.depth_distance,
+                 "the depth is a distance from the camera: 0.5:20\n"
+                 "Of the nearest and the farthest depth, in any unit. Otherwise it is a disparity.")
+      ->type_name("NEAR:FAR");
   app.add_flag("--invert-depth", flags.invert_depth, "black is near instead of white");
+  app.add_option("--zero-plane", flags.zero_plane,
+                 "disparity that comes to lie in the panel plane: 1.5\n"
+                 "Percent of a view's width between the outermost views, or 20px; above 0 moves "
+                 "everything back.")
+      ->type_name("DISPARITY");
   app.add_option("--from-rig", flags.from_rig,
                  "the input is woven for this rig; it is split into views first")
       ->type_name("RIG.toml");

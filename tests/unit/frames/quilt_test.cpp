@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "frames/decoded_source.h"
 #include "frames/image_io.h"
 #include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"
@@ -45,6 +46,14 @@ TEST(QuiltName, IsColumnsRowsAspect) {
     EXPECT_EQ(quilt_layout_of_name(name),
               (QuiltLayout{.columns = 8, .rows = 6, .views = 0, .aspect = 0.75}))
         << name;
+}
+
+TEST(QuiltName, MayStateAZoom) {
+  EXPECT_EQ(quilt_layout_of_name("a_qs5x9a1.77z1.2f0.0.jpg")->zoom, 1.2);
+  EXPECT_EQ(quilt_layout_of_name("a_qs5x9f-0.5z1.5.jpg")->zoom, 1.5);
+  for (const char* const name :
+       {"a_qs5x9a1.6z1.png", "a_qs5x9zebra.png", "a_qs5x9z.png", "a_qs5x9znan.png"})
+    EXPECT_EQ(quilt_layout_of_name(name)->zoom, 1.0) << name;
 }
 
 TEST(QuiltName, RefusesInvalidLayouts) {
@@ -123,16 +132,17 @@ TEST(Views, ComeInTheOrderOfTheirNumbers) {
     std::fill(view.bytes().begin(), view.bytes().end(), static_cast<uint8_t>(n));
     write_woven(view.view(), folder / (std::to_string(n) + ".png"));
   }
-  const FilePattern pattern((folder / "%d.png").string());
-  const ViewSet set = read_views(pattern);
+  const std::string pattern = (folder / "%d.png").string();
+  const auto read = [&] { return read_views(list_frame_files(pattern), pattern); };
+  const ViewSet set = read();
   ASSERT_EQ(set.count(), 3);
   for (int view = 0; view < 3; ++view) EXPECT_EQ(*set.pixel(view, 1, 0), 9 + view);
   EXPECT_DOUBLE_EQ(set.aspect(), 2.0);
 
   write_woven(WovenFrame({.width = 1, .height = 2}).view(), folder / "12.png");
-  EXPECT_THAT(error_of([&] { (void)read_views(pattern); }).what(), HasSubstr("12.png: 1 x 2"));
+  EXPECT_THAT(error_of([&] { (void)read(); }).what(), HasSubstr("12.png: 1 x 2"));
   std::filesystem::remove(folder / "10.png");
-  EXPECT_THAT(error_of([&] { (void)read_views(pattern); }).what(), HasSubstr("10.png: missing"));
+  EXPECT_THAT(error_of([&] { (void)read(); }).what(), HasSubstr("10.png: missing"));
 }
 
 }  // namespace

@@ -16,6 +16,8 @@ TEST(SourceSpec, TheNameDecidesTheKind) {
   EXPECT_EQ(kind("ring:/run/panel"), SourceKind::Ring);
   EXPECT_EQ(kind("views:left.mkv|right.mkv"), SourceKind::ViewFiles);
   EXPECT_EQ(kind("evening.toml"), SourceKind::List);
+  EXPECT_EQ(kind("evening.m3u8"), SourceKind::List);
+  EXPECT_EQ(kind("playlist.JSON"), SourceKind::List);
   EXPECT_EQ(kind("film.lts"), SourceKind::Sequence);
   EXPECT_EQ(kind("film.lts.part"), SourceKind::Sequence);
   EXPECT_EQ(kind("film.MKV"), SourceKind::Video);

@@ -119,6 +119,27 @@ TEST(DepthViews, MoveNearObjectsLeftAndFarOnesRightAsTheEyeMovesRight) {
   EXPECT_EQ(white_begins(far_away[0]), -1) << "hidden behind the ground left of its hole";
 }
 
+TEST(DepthViews, TheDisparityOfADistanceIsLinearInItsReciprocal) {
+  // Of distances from 1 to 3, code 51 is 2.6: a share of (1/2.6 - 1/3) / (1 - 1/3) = 1/13.
+  const Box box(51);
+  DepthViews drawn(
+      48, 2, {.views = 2, .back = 0.0, .front = 52.0, .in_pixels = true, .distance_ratio = 3.0});
+  const auto views = drawn.draw(window_of(box.colour.view()), window_of(box.depth.view()));
+  EXPECT_EQ(white_begins(views[0]), 22);
+  EXPECT_EQ(white_begins(views[1]), 18);
+}
+
+TEST(DepthViews, TheZeroPlaneLiesInThePanelsPlane) {
+  const Box near(255);
+  for (const Disparity zero : {Disparity{8.0, true}, Disparity{8.0 / 48.0, false}}) {
+    DepthViews drawn(
+        48, 2, {.views = 2, .back = 0.0, .front = 8.0, .in_pixels = true, .zero_plane = zero});
+    for (const FrameView& view :
+         drawn.draw(window_of(near.colour.view()), window_of(near.depth.view())))
+      EXPECT_EQ(white_begins(view), 20);
+  }
+}
+
 TEST(DepthViews, FillHolesFromTheFartherSide) {
   Box box(255);
   fill(box.colour, 0, 20, 60);

@@ -94,5 +94,39 @@ TEST(QuiltSidecar, LiesBesideThePicture) {
   EXPECT_EQ(read_sidecar_of(picture).value().columns, 8) << "as Looking Glass libraries name it";
 }
 
+TEST(QuiltSidecar, StatesZoomAndDuration) {
+  const QuiltSidecar sidecar =
+      parsed(R"({"quilt_settings": {"viewX": 8, "viewY": 6}, "zoom": 1.5, "duration": 4.5})");
+  EXPECT_EQ(sidecar.zoom, 1.5);
+  EXPECT_EQ(sidecar.duration_s, 4.5);
+  const QuiltSidecar neither = parsed(R"({"columns": 8, "rows": 6, "zoom": 0, "duration": 0})");
+  EXPECT_FALSE(neither.duration_s) << "0 means not stated";
+}
+
+TEST(QuiltComment, IsReadFromTheHeadOfAPicture) {
+  const test::ScratchFolder folder;
+  const auto read = [&](const std::string& bytes) {
+    std::ofstream(folder.path() / "city.jpg", std::ios::binary) << bytes;
+    return read_quilt_comment(folder.path() / "city.jpg");
+  };
+  const std::string before("\xff\xd8\xff\xe1{\0}ASCII\0\0\0", 15), after("\xff\xdb}{", 4);
+  const auto comment =
+      read(before +
+           R"({"LKGNumViews":45,"LKGRows":6,"LKGColumns":8,"LKGAspect":0.75,"LKGType":"Image"})" +
+           after);
+  ASSERT_TRUE(comment);
+  EXPECT_EQ(comment->columns, 8);
+  EXPECT_EQ(comment->rows, 6);
+  EXPECT_EQ(comment->views, 45);
+  EXPECT_EQ(comment->aspect, 0.75);
+  EXPECT_FALSE(read(before + after));
+  EXPECT_FALSE(read("\"LKGColumns\":8}")) << "not an object";
+  EXPECT_FALSE(read("{\"LKGColumns\":8"));
+  EXPECT_FALSE(read_quilt_comment(folder.path() / "none.jpg"));
+  EXPECT_FALSE(read_quilt_comment(folder.path()));
+  EXPECT_THAT(error_of([&] { (void)read("{\"LKGColumns\":-8,\"LKGRows\":2}"); }).what(),
+              testing::HasSubstr("city.jpg: its comment: LKGColumns"));
+}
+
 }  // namespace
 }  // namespace lenticule::frames

@@ -5,6 +5,8 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "frames/decoded_source.h"
 #include "frames/image_io.h"
 #include "tests/support/error_matchers.h"
@@ -82,7 +84,10 @@ TEST(ContentName, SqueezedEyesHaveTheWholePicturesAspect) {
   EXPECT_DOUBLE_EQ(aspect("hsbs"), 192.0 / 108.0);
   EXPECT_DOUBLE_EQ(aspect("tb"), 192.0 / 54.0);
   EXPECT_DOUBLE_EQ(aspect("htb"), 192.0 / 108.0);
-  EXPECT_EQ(error_of([] { (void)parse_stereo("ou"); }).kind(), ErrorKind::Usage);
+  EXPECT_EQ(parse_stereo("OU"), parse_stereo("tb"));
+  EXPECT_EQ(parse_stereo("half-left-right"), parse_stereo("hsbs"));
+  for (const char* const text : {"", "rows", "none"})
+    EXPECT_EQ(error_of([&] { (void)parse_stereo(text); }).kind(), ErrorKind::Usage) << text;
 }
 
 /// Opens pictures of 2 x 2 pixels, each of one code value.
@@ -143,29 +148,94 @@ TEST(ViewInput, RefusesPartsOfDifferentLengths) {
       << error.what();
 }
 
-TEST(ViewInput, DepthCanBeInAnyHalf) {
-  for (const DepthPlace place :
-       {DepthPlace::Right, DepthPlace::Left, DepthPlace::Bottom, DepthPlace::Top}) {
-    const bool beside = place == DepthPlace::Right || place == DepthPlace::Left;
-    const bool last = place == DepthPlace::Right || place == DepthPlace::Bottom;
-    const FrameGeometry geometry{.width = beside ? 24 : 12, .height = beside ? 6 : 12};
-    WovenFrame picture(geometry);
-    for (int row = 0; row < geometry.height; ++row)
-      for (int i = 0; i < geometry.width; ++i) {
-        const bool second = beside ? i >= 12 : row >= 6;
-        const int column = i % 12;
-        const uint8_t code = second == last ? 0 : static_cast<uint8_t>(column * 20);
-        std::fill_n(picture.row(row) + i * 3, 3, code);
+TEST(ViewInput, DepthCanBeAtAnySideInThreeSizes) {
+  for (const char* const side : {"right", "left", "bottom", "top"})
+    for (const char* const size : {"", ":half", ":quarter"}) {
+      const DepthLayout layout = parse_depth_layout(std::string(side) + size).value();
+      const bool beside = layout.place == DepthPlace::Right || layout.place == DepthPlace::Left;
+      const bool last = layout.place == DepthPlace::Right || layout.place == DepthPlace::Bottom;
+      const bool whole = layout.part == DepthPart::Whole;
+      const int depth_along = (beside ? 12 : 6) / (whole ? 1 : 2);
+      const int depth_across = (beside ? 6 : 12) / (layout.part == DepthPart::Quarter ? 2 : 1);
+      const FrameGeometry geometry{.width = 12 + (beside ? depth_along : 0),
+                                   .height = 6 + (beside ? 0 : depth_along)};
+      WovenFrame picture(geometry);
+      for (int row = 0; row < geometry.height; ++row)
+        for (int i = 0; i < geometry.width; ++i) {
+          const int along = (beside ? i : row) - (last ? 0 : depth_along);
+          const bool is_colour = along >= 0 && along < (beside ? 12 : 6);
+          const bool is_depth = !is_colour && (beside ? row : i) < depth_across;
+          const int column = beside ? along : i;
+          const int code = is_colour ? column * 20 : is_depth ? 255 : 0;
+          std::fill_n(picture.row(row) + i * 3, 3, static_cast<uint8_t>(code));
+        }
+      const DepthWindows windows = depth_windows(geometry, layout, "cat");
+      auto arranged = arrange_depth(windows.colour.size, windows, {},
+                                    {.views = 2, .back = 0.0, .front = 2.0, .in_pixels = true});
+      EXPECT_EQ(arranged->shape().width, 12);
+      EXPECT_EQ(arranged->shape().height, 6);
+      const FrameView pictures[] = {picture.view()};
+      const ViewSet views = arranged->arrange(pictures);
+      for (const int row : {0, 5}) {
+        EXPECT_EQ(int{*views.pixel(0, 6, row)}, 100) << "moved to the right: " << side << size;
+        EXPECT_EQ(int{*views.pixel(1, 6, row)}, 140) << side << size;
       }
-    auto arranged = arrange_depth_in(
-        geometry, place, {}, {.views = 2, .back = 2.0, .front = 2.0, .in_pixels = true}, "cat");
-    EXPECT_EQ(arranged->shape().width, 12);
-    EXPECT_EQ(arranged->shape().height, 6);
-    const FrameView pictures[] = {picture.view()};
-    const ViewSet views = arranged->arrange(pictures);
-    EXPECT_EQ(int{*views.pixel(0, 6, 3)}, 100) << "one pixel to the right in the left view";
-    EXPECT_EQ(int{*views.pixel(1, 6, 3)}, 140);
+    }
+  for (const char* const text : {"", "right:", "right:third", "rightmost", "depth.png"})
+    EXPECT_FALSE(parse_depth_layout(text)) << text;
+  EXPECT_EQ(error_of([] {
+              (void)depth_windows({.width = 2, .height = 9}, {.part = DepthPart::Half}, "cat.png");
+            }).kind(),
+            ErrorKind::Input);
+}
+
+TEST(ViewInput, TheZeroPlaneIsAtOnePlaceInAllViews) {
+  // Three views of 24 pixels with a line of disparity 4: at 12, 10 and 8.
+  const test::ScratchFolder folder;
+  WovenFrame quilt({.width = 72, .height = 2});
+  for (int view = 0; view < 3; ++view)
+    for (int row = 0; row < 2; ++row) quilt.row(row)[(view * 24 + 12 - 2 * view) * 3] = 255;
+  write_woven(quilt.view(), folder / "q.png");
+  const auto line_in = [&](const ViewCrop& crop, int view) {
+    std::vector<std::unique_ptr<FrameSource>> pictures;
+    pictures.push_back(std::make_unique<ImageSequence>(std::vector{folder / "q.png"}));
+    ViewInput input(std::move(pictures),
+                    arrange_quilt(quilt.view().geometry, {.columns = 3, .aspect = 2.0}, false, "q"),
+                    "q", crop);
+    EXPECT_EQ(input.shape(), (ViewShape{3, 20, 2, 2.0 * 20 / 24}));
+    while (input.next() == PullStatus::NotYet) input.wait(std::chrono::milliseconds(10));
+    const ViewSet& views = input.views();
+    EXPECT_EQ(shape_of(views), input.shape());
+    for (int column = 0; column < views.width(); ++column)
+      if (*views.pixel(view, column, 1) == 255) return column;
+    return -1;
+  };
+  for (int view = 0; view < 3; ++view) {
+    EXPECT_EQ(line_in({.zero_plane = {.value = 4.0, .in_pixels = true}}, view), 8);
+    EXPECT_EQ(line_in({.zero_plane = {.value = 4.0 / 24.0}}, view), 8);
   }
+  const ViewCrop back{.zero_plane = {.value = -4.0, .in_pixels = true}};
+  EXPECT_EQ(line_in(back, 0) - line_in(back, 2), 8) << "twice as far in front";
+  const auto size = [](const ViewCrop& crop) {
+    (void)cropped_size({.width = 8, .height = 8}, crop);
+  };
+  EXPECT_EQ(error_of([&] { size({.zero_plane = {1.0}}); }).kind(), ErrorKind::Usage);
+}
+
+TEST(ViewInput, ZoomKeepsTheMiddle) {
+  WovenFrame picture({.width = 40, .height = 20});
+  picture.row(5)[10 * 3] = 1;
+  picture.row(14)[29 * 3] = 2;
+  const std::vector<FrameView> one = {picture.view()};
+  const ViewSet middle = ViewSet::borrow(one).cropped({.zoom = 2.0});
+  EXPECT_EQ(middle.width(), 20);
+  EXPECT_EQ(middle.height(), 10);
+  EXPECT_DOUBLE_EQ(middle.aspect(), 2.0);
+  EXPECT_EQ(int{*middle.pixel(0, 0, 0)}, 1);
+  EXPECT_EQ(int{*middle.pixel(0, 19, 9)}, 2);
+  for (const double none : {1.0, 0.0, -3.0, std::nan("")})
+    EXPECT_EQ(cropped_size({.width = 40, .height = 20}, {.zoom = none}).width, 40) << none;
+  EXPECT_EQ(cropped_size({.width = 40, .height = 20}, {.zoom = 1e9}).height, 1);
 }
 
 }  // namespace
