@@ -131,13 +131,11 @@ class FolderWatch {
   }
   void list(Time now) {
     for (auto& [name, file] : files_) file.seen = false;
-    std::error_code error;
-    for (std::filesystem::directory_iterator entry(folder_, error), end; !error && entry != end;
-         entry.increment(error)) {
-      const std::string name = entry->path().filename().string();
+    for (const std::filesystem::path& entry : entries_of(folder_)) {
+      const std::string name = entry.filename().string();
       std::error_code gone;
-      if (!may_be_content(name) || !entry->is_regular_file(gone)) continue;
-      const FileMark mark = mark_of(entry->path());
+      if (!may_be_content(name) || !std::filesystem::is_regular_file(entry, gone)) continue;
+      const FileMark mark = mark_of(entry);
       File& file = files_[name];
       file.seen = mark.there;
       if (file.mark == mark) continue;
@@ -185,9 +183,10 @@ class FolderLists {
                   .awaits_files = true};
     ContentFlags content;
     content.reweave = source.content.reweave;
-    for (const std::string& name : names)
-      list.items.push_back(
-          {.source = parse_source(folder + name, content), .still_s = kStillSeconds});
+    for (const std::string& name : names) {
+      list.items.push_back({.source = parse_source(folder + name, content)});
+      list.items.back().still_s = still_seconds(list.items.back().source);
+    }
     return list;
   }
   /// Replaces each item that is a folder by items for its whole files, with the same settings. A

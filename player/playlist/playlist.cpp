@@ -10,6 +10,9 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "base/numbers.h"
+#include "base/text.h"
+#include "frames/views_input/content_name.h"
+#include "optics/json_fields.h"
 #include "optics/toml.h"
 #include "player/playlist/folder_lists.h"
 
@@ -57,6 +60,17 @@ int Schedule::minutes_until_begin(LocalTime now) const {
 size_t Playlist::items_scheduled(LocalTime now) const {
   return static_cast<size_t>(std::ranges::count_if(
       items, [now](const PlaylistItem& item) { return item.permitted(now); }));
+}
+
+double still_seconds(const SourceSpec& source) {
+  try {
+    if (const auto sidecar = source.has_pictures() ? frames::read_sidecar_of(source.text)
+                                                   : std::optional<frames::QuiltSidecar>())
+      return std::min(sidecar->duration_s.value_or(kStillSeconds), kMaxSeconds);
+  } catch (const Error&) {
+    return kStillSeconds;  // reported when the item is opened
+  }
+  return kStillSeconds;
 }
 
 Playlist playlist_of(const SourceSpec& source, uint64_t rounds) {
@@ -135,15 +149,46 @@ class Reader {
     if (list.items.empty()) fail_at(1, "no [[item]]", "an item needs at least source = \"...\"");
     return list;
   }
-  /// Reads an M3U list: a file per line, after an optional "#EXTINF:SECONDS,TITLE".
+  /// Reads the list of a Looking Glass Studio: an array of {"filename": ...}. Also a
+  /// currentlyPlaying.json, whose {"playlists": [{"path": ...}]} are M3U lists.
+  [[nodiscard]] Playlist read_json(std::string_view text) const {
+    const nlohmann::json root = optics::parse_json(text, name_);
+    Playlist list{.name = name_, .items = {}, .standby = {}, .rounds = kForever};
+    const nlohmann::json* entries = &root;
+    const char* key = "filename";
+    if (root.is_object()) {
+      entries = &optics::JsonFields(root, name_).need("playlists");
+      key = "path";
+    }
+    if (!entries->is_array() || entries->empty())
+      throw Error(ErrorKind::Input, name_ + ": no list of files",
+                  "expected [{\"filename\": \"city_qs8x6a0.75.png\"}]");
+    toml::source_index number = 0;
+    for (const nlohmann::json& entry : *entries) {
+      const std::string file =
+          optics::JsonFields(entry, fmt::format("{}{}{}", name_, before_place_, ++number))
+              .text(key);
+      std::vector<PlaylistItem> items;
+      if (root.is_array())
+        items.push_back(still_or_film(source(file, number)));
+      else if (is_m3u_name(file))
+        items = load_playlist(folder_ / located(file)).items;
+      else
+        fail_at(number, fmt::format("path: '{}' is not an M3U list", file.substr(0, 64)));
+      if (list.items.size() + items.size() > kMaxPlaylistItems)
+        fail_at(number, fmt::format("more than {} files", kMaxPlaylistItems));
+      list.items.insert(list.items.end(), items.begin(), items.end());
+    }
+    return list;
+  }
+  /// Reads an M3U list: a file or its URI per line, after an optional "#EXTINF:SECONDS,TITLE".
   [[nodiscard]] Playlist read_m3u(std::string_view text) const {
     constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF", kSeconds = "#EXTINF:";
     Playlist list{.name = name_, .items = {}, .standby = {}, .rounds = kForever};
-    double still_s = kStillSeconds;
+    std::optional<double> still_s;
     if (text.starts_with(kByteOrderMark)) text.remove_prefix(kByteOrderMark.size());
     for (toml::source_index number = 1; !text.empty(); ++number) {
-      std::string_view line = text.substr(0, text.find('\n'));
-      text.remove_prefix(std::min(text.size(), line.size() + 1));
+      std::string_view line = take_until(text, '\n');
       if (line.ends_with('\r')) line.remove_suffix(1);
       if (line.starts_with(kSeconds)) {
         std::string_view rest = line.substr(kSeconds.size());
@@ -153,8 +198,9 @@ class Reader {
       if (line.empty() || line.starts_with('#')) continue;
       if (list.items.size() == kMaxPlaylistItems)
         fail_at(number, fmt::format("more than {} files", kMaxPlaylistItems));
-      list.items.push_back({.source = source(std::string(line), number), .still_s = still_s});
-      still_s = kStillSeconds;
+      list.items.push_back(still_or_film(source(file_of_uri(line, number), number)));
+      if (still_s) list.items.back().still_s = still_s;
+      still_s.reset();
     }
     if (list.items.empty()) fail_at(1, "no file", "an M3U list has a file's name per line");
     return list;
@@ -167,8 +213,8 @@ class Reader {
   }
   [[noreturn]] void fail_at(toml::source_index line, const std::string& cause,
                             const std::string& remedy = {}) const {
-    throw Error(ErrorKind::Input, fmt::format("{}:{}: {}", name_, std::max(line, 1u), cause),
-                remedy);
+    throw Error(ErrorKind::Input,
+                fmt::format("{}{}{}: {}", name_, before_place_, std::max(line, 1u), cause), remedy);
   }
   [[nodiscard]] PlaylistItem item(const toml::node& node) const {
     const toml::table* const table = node.as_table();
@@ -183,7 +229,7 @@ class Reader {
     if (item.source.text.empty()) fail(node, "no source");
     if (item.duration_s && table->contains("loops"))
       fail(node, "loops and duration_s exclude each other");
-    if (!table->contains("loops") && !item.duration_s) item.still_s = kStillSeconds;
+    if (!table->contains("loops") && !item.duration_s) item.still_s = still_seconds(item.source);
     return item;
   }
   void item_key(std::string_view key, const toml::node& node, PlaylistItem& item) const {
@@ -212,6 +258,34 @@ class Reader {
       if (error.kind() == ErrorKind::Input) throw;
       fail(node, fmt::format("{}: {}", key, error.what()), error.hint());
     }
+  }
+  [[nodiscard]] static PlaylistItem still_or_film(SourceSpec source) {
+    PlaylistItem item{.source = std::move(source)};
+    item.still_s = still_seconds(item.source);
+    return item;
+  }
+  /// Returns the file of a line: "file:///a%20b.png" is /a b.png. Other lines are names.
+  [[nodiscard]] std::string file_of_uri(std::string_view line, toml::source_index number) const {
+    constexpr std::string_view kLocal = "file://", kHost = "localhost/";
+    if (line.find("://") == std::string_view::npos) return located(std::string(line));
+    if (line.starts_with(kLocal)) {
+      line.remove_prefix(kLocal.size());
+      if (line.starts_with(kHost)) line.remove_prefix(kHost.size() - 1);
+      if (line.starts_with('/')) return located(percent_decoded(line));
+    }
+    fail_at(number, "not a file of this computer", "copy the file, and write its name here");
+  }
+  /// Returns the path of a file. Lists on the storage of a display count from its root, which is a
+  /// folder above the list.
+  [[nodiscard]] std::string located(const std::string& name) const {
+    const std::filesystem::path path(name);
+    std::error_code error;
+    if (!path.is_absolute() || std::filesystem::exists(path, error)) return name;
+    for (auto above = std::filesystem::absolute(folder_, error); above.has_relative_path();
+         above = above.parent_path())
+      if (const auto file = above / path.relative_path(); std::filesystem::exists(file, error))
+        return file.string();
+    return name;
   }
   [[nodiscard]] SourceSpec source(const std::string& name, toml::source_index line) const {
     if (name.empty() || name.size() > kMaxSourceBytes || name.find('\0') != std::string::npos)
@@ -281,16 +355,11 @@ class Reader {
   /// Parses "08:30" to minutes since midnight; "24:00" is the end of the day.
   [[nodiscard]] int minute(const toml::node& node) const {
     const std::string clock = text(node);
-    const auto digit = [&](size_t at) {
-      const bool is = at < clock.size() && clock[at] >= '0' && clock[at] <= '9';
-      return is ? clock[at] - '0' : -1000;
-    };
-    const int hours = digit(0) * 10 + digit(1);
-    const int minutes = digit(3) * 10 + digit(4);
-    const int all = hours * 60 + minutes;
-    if (clock.size() == 5 && clock[2] == ':' && hours >= 0 && minutes >= 0 && minutes < 60 &&
-        all <= 24 * 60)
-      return all;
+    const auto time = numbers_from<unsigned, 2>(clock, ':');
+    if (time && clock.size() == 5 && clock[2] == ':' && (*time)[1] < 60) {
+      const unsigned all = (*time)[0] * 60 + (*time)[1];
+      if (all <= 24 * 60) return static_cast<int>(all);
+    }
     fail(node, "not a time of day", "for example \"08:30\"");
   }
   void items(const toml::node& node, Playlist& list) const {
@@ -303,6 +372,7 @@ class Reader {
 
   std::string name_;
   std::filesystem::path folder_;
+  const char* before_place_ = is_json_name(name_) ? ": entry " : ":";
 };
 
 }  // namespace
@@ -310,6 +380,7 @@ class Reader {
 Playlist parse_playlist(std::string_view text, const std::string& name,
                         const std::filesystem::path& folder) {
   const Reader reader(name, folder);
+  if (is_json_name(name)) return reader.read_json(text);
   return is_m3u_name(name) ? reader.read_m3u(text) : reader.read(text);
 }
 

@@ -77,8 +77,13 @@ inline constexpr size_t kMaxPlaylistItems = 1000;
 inline constexpr double kStillSeconds = 10.0;
 inline constexpr double kUntilEnded = 1e9;  ///< seconds, longer than any panel lasts
 
-/// Parses a playlist, in M3U if its name says so, otherwise in TOML; docs/play/control.md lists the
-/// keys. Files are relative to `folder`. Throws Error(Input) that begins with "name:LINE: ".
+/// Returns for how long a still picture of a list stays: the duration in its sidecar, or
+/// kStillSeconds.
+[[nodiscard]] double still_seconds(const SourceSpec& source);
+
+/// Parses a playlist: M3U or JSON if its name says so, otherwise TOML; docs/play/control.md lists
+/// the keys. Files are relative to `folder`. Throws Error(Input) that begins with "name:LINE: ", or
+/// "name: entry N: " for JSON.
 [[nodiscard]] Playlist parse_playlist(std::string_view text, const std::string& name,
                                       const std::filesystem::path& folder);
 /// Reads and parses a file. Throws Error(Input), also for a file that cannot be read.

@@ -88,11 +88,10 @@ OpenedSource open_ring(const SourceSpec& source, const OpenContext& context) {
 
 void refuse_other_kinds(const SourceSpec& source) {
   const std::string& text = source.text;
-  const std::string extension = fs::path(text).extension().string();
-  if (source.has_pictures() && extension != ".json" && !text.empty()) return;
+  if (source.has_pictures() && !text.empty()) return;
   throw Error(ErrorKind::Usage, fmt::format("source '{}': unknown kind of source", text),
               "use ring:SOCKET, FILE.lts, a pattern such as 'out/%05d.png', one picture, a video, "
-              "LIST.toml or LIST.m3u, a folder, card, black, views or code:TEXT");
+              "LIST.toml, .m3u or .json, a folder, card, black, views or code:TEXT");
 }
 
 /// Returns the name in the rig that a container stores.

@@ -298,7 +298,7 @@ class PlayList {
     std::error_code error;
     // The page saves TOML.
     result["editable"] =
-        !lower_case(file.extension().string()).starts_with(".m3u") &&
+        lower_case(file.extension().string()) == ".toml" &&
         std::filesystem::equivalent(file.parent_path(), own_file_.parent_path(), error);
     if (result["editable"] == true && result["file"].is_string() &&
         std::filesystem::exists(file, error)) {

@@ -97,7 +97,7 @@ ExitCode run_play(PlayFlags& flags) {
 CLI::Option* declare_first_flags(CLI::App& app, PlayFlags& flags) {
   app.add_option(
          "SOURCE", flags.source,
-         "FILE.lts, pictures ('out/%05d.png'), a video, quilts, LIST.toml or .m3u, FOLDER/, "
+         "FILE.lts, pictures ('out/%05d.png'), a video, quilts, LIST.toml, .m3u or .json, FOLDER/, "
          "ring:SOCKET, card or views\n"
          "Woven frames: ring:SOCKET, a sequence FILE.lts, a pattern such as 'out/%05d.png', "
          "a picture, a video. Views, which are woven during playback: a quilt, a pattern or "

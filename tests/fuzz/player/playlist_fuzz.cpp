@@ -9,7 +9,9 @@
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace lenticule::player;
   const std::string_view text(reinterpret_cast<const char*>(data), size);
-  const char* const name = text.starts_with("#EXT") ? "fuzz.m3u" : "fuzz.toml";
+  const char* const name = text.starts_with("#EXT") ? "fuzz.m3u"
+                           : text.starts_with("[{") ? "fuzz.json"
+                                                    : "fuzz.toml";
   try {
     const Playlist list = parse_playlist(text, name, "/folder");
     LENTICULE_CHECK(!list.items.empty() && list.items.size() <= kMaxPlaylistItems);

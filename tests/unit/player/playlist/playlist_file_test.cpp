@@ -3,8 +3,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <fstream>
+
 #include "base/error.h"
 #include "player/playlist/playlist.h"
+#include "tests/support/error_matchers.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::player {
 namespace {
@@ -47,6 +52,64 @@ TEST(PlaylistFile, ReadsTheListsOfOtherPlayers) {
     } catch (const Error& error) {
       EXPECT_EQ(std::string(error.what()).rfind(std::string("list.m3u:") + line, 0), 0u);
     }
+  }
+}
+
+TEST(PlaylistFile, ReadsFileUrisInM3u) {
+  const auto first = [](const std::string& line) {
+    return parse_playlist(line + "\n", "list.m3u", "/films").items.front().source.text;
+  };
+  EXPECT_EQ(first("file:///b/my%20film_qs8x6.png"), "/b/my film_qs8x6.png");
+  EXPECT_EQ(first("file://localhost/b/%C3%A4.png"), "/b/\xC3\xA4.png");
+  EXPECT_EQ(first("my%20film.png"), "/films/my%20film.png") << "a name, not a URI";
+  for (const char* const line : {"http://host/a.mp4", "file://host/a.png"})
+    EXPECT_THAT(test::error_of([&] { (void)first(line); }).what(),
+                testing::StartsWith("list.m3u:1: not a file of this computer"));
+}
+
+TEST(PlaylistFile, ReadsTheListOfALookingGlassStudio) {
+  const test::ScratchFolder folder;
+  std::ofstream(folder / "a_qs8x6.png.json")
+      << R"({"quilt_settings": {"viewX": 8, "viewY": 6}, "duration": 4.5})";
+  std::ofstream(folder / "broken.png.json") << "{";
+  const auto read = [&](const char* json) {
+    return parse_playlist(json, "playlist.json", folder.path());
+  };
+  const Playlist list = read(R"([{"filename": "a_qs8x6.png", "needs_sync": false},
+      {"filename": "b.mp4"}, {"filename": "broken.png"}])");
+  ASSERT_EQ(list.items.size(), 3u);
+  EXPECT_EQ(list.items[0].source.text, folder / "a_qs8x6.png");
+  EXPECT_EQ(list.items[0].still_s, 4.5) << "from its sidecar";
+  EXPECT_EQ(list.items[1].source.text, folder / "b.mp4");
+  EXPECT_EQ(list.items[2].still_s, kStillSeconds);
+  EXPECT_EQ(list.rounds, kForever);
+  const std::pair<const char*, const char*> wrong[] = {
+      {"[]", "playlist.json: no list of files"},
+      {"{", "playlist.json: "},
+      {"{}", "playlist.json: playlists"},
+      {R"([{"filename": "a.png"}, {"file": 3}])", "playlist.json: entry 2: filename"},
+      {R"([{"filename": "b.toml"}])", "playlist.json: entry 1: source: a list cannot"},
+      {R"([7])", "playlist.json: entry 1"},
+      {R"({"playlists": [{"path": "a.json"}]})", "playlist.json: entry 1: path: 'a.json' is not"}};
+  for (const auto& [json, message] : wrong)
+    EXPECT_THAT(test::error_of([&, text = json] { (void)read(text); }).what(),
+                testing::StartsWith(message))
+        << json;
+}
+
+TEST(PlaylistFile, PathsOnTheStorageOfADisplayCountFromItsRoot) {
+  const test::ScratchFolder storage;
+  std::filesystem::create_directories(storage / "LKG/Content/608");
+  std::ofstream(storage / "LKG/Content/608/a_qs8x6.png") << "x";
+  std::ofstream(storage / "LKG/Content/608/list.m3u")
+      << "/LKG/Content/608/a_qs8x6.png\nb_qs8x6.png\n";
+  for (const char* const file : {"currentlyPlaying.json", "LKG/currentlyPlaying.json"}) {
+    std::ofstream(storage / file) << R"({"model": "toolkit", "schema": "0.1", "playlists": [
+        {"title": "Go", "path": "/LKG/Content/608/list.m3u"}]})";
+    const Playlist list = load_playlist(storage / file);
+    ASSERT_EQ(list.items.size(), 2u);
+    EXPECT_EQ(list.items[0].source.text, storage / "LKG/Content/608/a_qs8x6.png");
+    EXPECT_EQ(list.items[1].source.text, storage / "LKG/Content/608/b_qs8x6.png");
   }
 }
 
