@@ -22,6 +22,7 @@ if(LENTICULE_RENDER OR LENTICULE_VIDEO)
   # Uses pkg-config, because Debian's CMake package of OpenImageIO requires its command-line tools and
   # names the header folder of OpenCV, on which it does not depend.
   pkg_check_modules(OPENIMAGEIO REQUIRED IMPORTED_TARGET OpenImageIO)
+  pkg_check_modules(HEIF REQUIRED IMPORTED_TARGET libheif)
 endif()
 if(LENTICULE_CALIBRATE OR LENTICULE_WEB)
   pkg_check_modules(TURBOJPEG REQUIRED IMPORTED_TARGET libturbojpeg)

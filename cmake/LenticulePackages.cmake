@@ -72,7 +72,9 @@ if(TARGET lenticule_pictures)
 .
 Reads and writes picture and video files for the other packages of lenticule.
 Files are decoded in a process without rights."
-    DEPENDS "lenticule-player ${same}" SCRIPTS no-ldconfig/postinst no-ldconfig/postrm)
+    # Debian 12's libheif contains its decoders.
+    DEPENDS "lenticule-player ${same}" "libheif-plugin-libde265 | libheif1 (<< 1.16)"
+    SCRIPTS no-ldconfig/postinst no-ldconfig/postrm)
 endif()
 if(LENTICULE_WEB)
   lenticule_package(web lenticule-web "pages and HTTP interface for players of lenticular 3-D displays"

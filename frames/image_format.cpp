@@ -33,6 +33,16 @@ bool is_webp(Bytes bytes) {
          starts_with(bytes.subspan(kKindAt), "WEBP");
 }
 
+/// Returns true for HEIF and AVIF, and false for films, which begin with other brands.
+bool is_heif(Bytes bytes) {
+  constexpr size_t kMarkAt = 4, kBrandAt = 8;
+  if (bytes.size() < kBrandAt || !starts_with(bytes.subspan(kMarkAt), "ftyp")) return false;
+  return std::ranges::any_of(
+      std::array{"heic", "heix", "heim", "heis", "hevc", "hevx", "mif1", "mif2", "msf1", "avif",
+                 "avis"},
+      [&](const char* brand) { return starts_with(bytes.subspan(kBrandAt), brand); });
+}
+
 uint32_t little_endian_32(Bytes bytes) {
   return bytes[0] | uint32_t{bytes[1]} << 8 | uint32_t{bytes[2]} << 16 | uint32_t{bytes[3]} << 24;
 }
@@ -143,6 +153,7 @@ ImageFormat detect_format(std::span<const uint8_t> bytes, std::string_view name)
   if (starts_with(bytes, "BM"sv)) return ImageFormat::Bmp;
   if (is_pnm(bytes)) return ImageFormat::Pnm;
   if (is_webp(bytes)) return ImageFormat::WebP;
+  if (is_heif(bytes)) return ImageFormat::Heif;
   const size_t dot = name.rfind('.');
   const bool targa =
       dot != std::string_view::npos && format_of_extension(name.substr(dot)) == ImageFormat::Targa;
@@ -151,8 +162,8 @@ ImageFormat detect_format(std::span<const uint8_t> bytes, std::string_view name)
 
 const char* plugin_name(ImageFormat format) {
   // In the order of ImageFormat.
-  constexpr std::array<const char*, 10> kPlugins = {"",    "png", "jpeg",  "tiff", "openexr",
-                                                    "pnm", "bmp", "targa", "hdr",  "webp"};
+  constexpr std::array<const char*, 11> kPlugins = {
+      "", "png", "jpeg", "tiff", "openexr", "pnm", "bmp", "targa", "hdr", "webp", "heif"};
   return kPlugins[static_cast<size_t>(format)];
 }
 

@@ -10,7 +10,7 @@
 
 namespace lenticule::frames {
 
-enum class ImageFormat { Unknown, Png, Jpeg, Tiff, Exr, Pnm, Bmp, Targa, Hdr, WebP };
+enum class ImageFormat { Unknown, Png, Jpeg, Tiff, Exr, Pnm, Bmp, Targa, Hdr, WebP, Heif };
 
 /// Detects the format from the first bytes. Targa has no signature and is detected by the extension
 /// of `name`.

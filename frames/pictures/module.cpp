@@ -7,6 +7,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -19,22 +21,24 @@
 #include "base/text.h"
 #include "frames/image_format.h"
 #include "frames/picture_codec.h"
+#include "frames/pictures/heif.h"
 #include "frames/srgb.h"
 
 namespace lenticule::frames::pictures {
 namespace {
 
 /// Configures OpenImageIO, for the whole process, to start no threads and to refuse huge
-/// allocations. Cheap after the first call.
+/// allocations, and prepares libheif. Cheap after the first call.
 ///
 /// Thread safety: any thread.
-void set_up_oiio() {
+void set_up_libraries() {
   static std::once_flag once;
   std::call_once(once, [] {
     OIIO::attribute("threads", 1);
     OIIO::attribute("exr_threads", -1);
     OIIO::attribute("limits:imagesize_MB", 8192);
     OIIO::attribute("limits:channels", 64);
+    prepare_heif();
   });
 }
 
@@ -88,13 +92,58 @@ class PictureMemory final : public OIIO::Filesystem::IOMemReader {
 const char* unknown_kind(std::span<const uint8_t> bytes) {
   const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   if (text.empty()) return "empty file";
-  if (text.substr(0, 4) == "\x89LTS" || text.substr(0, 4) == "\x1A\x45\xDF\xA3")
-    return "a film, not a picture; 'lenticule convert' takes frames out of it";
-  if (text.size() < 12 || text.substr(4, 4) != "ftyp") return "not a picture of a known format";
-  for (const std::string_view brand : {"heic", "heix", "hevc", "mif1", "msf1", "avif", "avis"})
-    if (text.substr(8, 4) == brand)
-      return "HEIF and AVIF are not supported, nor are their stereo tags";
-  return "a film, not a picture; 'lenticule convert' takes frames out of it";
+  const bool film = text.starts_with("\x89LTS") || text.starts_with("\x1A\x45\xDF\xA3") ||
+                    text.substr(std::min<size_t>(4, text.size()), 4) == "ftyp";
+  return film ? "a film, not a picture; 'lenticule convert' takes frames out of it"
+              : "not a picture of a known format";
+}
+
+// --- colours of EXR files
+
+using Triple = std::array<double, 3>;
+
+Triple cross(const Triple& a, const Triple& b) {
+  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+}
+
+double dot(const Triple& a, const Triple& b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/// Returns the rows of the matrix from an EXR file's linear colours to those of sRGB, by way of CIE
+/// XYZ; grey remains grey. Returns nothing if the file states no primaries, those of sRGB, or
+/// impossible ones.
+std::optional<std::array<Triple, 3>> to_srgb_primaries(const OIIO::ImageSpec& spec) {
+  constexpr std::array<float, 8> kSrgb = {0.64F, 0.33F, 0.3F, 0.6F, 0.15F, 0.06F, 0.3127F, 0.329F};
+  constexpr std::array<Triple, 3> kSrgbOfXyz = {{{3.2404542, -1.5371385, -0.4985314},
+                                                 {-0.9692660, 1.8760108, 0.0415560},
+                                                 {0.0556434, -0.2040259, 1.0572252}}};
+  constexpr float kSame = 1e-3F;
+  constexpr double kLeast = 1e-6;
+  std::array<float, 8> stated{};
+  if (!spec.getattribute("chromaticities", OIIO::TypeDesc(OIIO::TypeDesc::FLOAT, 8), stated.data()))
+    return std::nullopt;
+  const bool same =
+      std::ranges::equal(stated, kSrgb, [](float a, float b) { return std::abs(a - b) < kSame; });
+  const auto xyz = [&](size_t at) -> Triple {
+    const double x = double{stated[at]}, y = double{stated[at + 1]};
+    return {x / y, 1.0, (1.0 - x - y) / y};
+  };
+  const std::array<Triple, 3> primaries = {xyz(0), xyz(2), xyz(4)};
+  const Triple white = xyz(6);
+  std::array<Triple, 3> rows{};
+  for (size_t c = 0; c < 3; ++c) {
+    const Triple normal = cross(primaries[(c + 1) % 3], primaries[(c + 2) % 3]);
+    const double amount = dot(white, normal) / dot(primaries[c], normal);
+    for (size_t row = 0; row < 3; ++row) rows[row][c] = amount * dot(kSrgbOfXyz[row], primaries[c]);
+  }
+  bool possible = true;
+  for (Triple& row : rows) {
+    const double grey = row[0] + row[1] + row[2];
+    for (double& factor : row) factor /= grey;
+    possible = possible && std::isfinite(dot(row, row)) && grey > kLeast;
+  }
+  return same || !possible ? std::nullopt : std::optional(rows);
 }
 
 /// Part is one of the pictures in a file.
@@ -181,9 +230,11 @@ class PictureReader {
     // Other names are not looked at for two eyes: as a woven frame, such a file has one picture.
     if (lower_case(name_).ends_with(".mpo")) eyes = eyes_in_jpeg(bytes);
     if (format_ == ImageFormat::Exr) eyes = eyes_in_exr(*input_, bytes);
+    if (format_ == ImageFormat::Heif && eyes_in_heif(bytes))
+      eyes = {{.bytes = bytes, .subimage = kHeifLeft}, {.bytes = bytes, .subimage = kHeifRight}};
     if (eyes.empty()) return;
     part_ = eyes[0];
-    input_->seek_subimage(part_.subimage, 0);
+    if (!input_->seek_subimage(part_.subimage, 0)) fail_decoding();
     check_header();
     right_.reset(new PictureReader(eyes[1], name + " (right eye)"));
     check_picture_size(name, static_cast<uint64_t>(row_width()), static_cast<uint64_t>(height()),
@@ -198,6 +249,8 @@ class PictureReader {
   [[nodiscard]] int height() const { return is_padded() ? spec().full_height : spec().height; }
   /// Returns the width of the rows that read() gives.
   [[nodiscard]] int row_width() const { return width() * (right_ ? 2 : 1); }
+  /// Leaves values that are not colours as the file stores them.
+  void keep_primaries() { to_srgb_.reset(); }
   [[nodiscard]] bool has_8_bits() const { return sample_ == Sample::U8; }
   [[nodiscard]] PictureInfo info() const {
     return {.geometry = {.width = row_width(), .height = height()},
@@ -239,7 +292,7 @@ class PictureReader {
  private:
   PictureReader(const Part& part, std::string name)
       : name_(std::move(name)), part_(part), memory_(part.bytes.data(), part.bytes.size()) {
-    set_up_oiio();
+    set_up_libraries();
     const std::span<const uint8_t> bytes = part.bytes;
     format_ = detect_format(bytes, name_);
     if (format_ == ImageFormat::Unknown) refuse_unknown(bytes);
@@ -298,7 +351,10 @@ class PictureReader {
   void open() {
     OIIO::ImageSpec config;
     config.attribute("oiio:UnassociatedAlpha", 1);  // never multiply alpha into the code values
-    input_ = OIIO::ImageInput::create(plugin_name(format_));
+    if (format_ == ImageFormat::Heif)
+      input_ = heif_reader(part_.bytes);
+    else
+      input_ = OIIO::ImageInput::create(plugin_name(format_));
     if (!input_) fail(fmt::format("this OpenImageIO cannot read {}", plugin_name(format_)));
     input_->threads(1);
     OIIO::ImageSpec ignored;
@@ -322,6 +378,7 @@ class PictureReader {
     const auto sample = sample_of(s);
     if (!sample) fail("its samples are neither integers of 8 or 16 bits nor floats");
     sample_ = *sample;
+    if (format_ == ImageFormat::Exr && channels_read() >= 3) to_srgb_ = to_srgb_primaries(s);
   }
 
   static std::optional<Sample> sample_of(const OIIO::ImageSpec& s) {
@@ -369,8 +426,21 @@ class PictureReader {
                           : input_->read_scanlines(part_.subimage, 0, y0, y0 + rows, s.z, first,
                                                    last, sample_type(), out);
     if (!done) fail_decoding();
+    if (to_srgb_ && sample_ == Sample::F32)
+      convert_primaries(
+          {reinterpret_cast<float*>(out), static_cast<size_t>(rows) * static_cast<size_t>(s.width) *
+                                              static_cast<size_t>(channels_read())});
     if (format_ == ImageFormat::Tiff && memory_.ran_out()) fail("truncated");
     if (format_ == ImageFormat::Jpeg && warns_of_damage()) fail_decoding();
+  }
+
+  void convert_primaries(std::span<float> samples) const {
+    const auto step = static_cast<size_t>(channels_read());
+    for (size_t at = 0; at < samples.size(); at += step) {
+      const Triple colour = {samples[at], samples[at + 1], samples[at + 2]};
+      for (size_t c = 0; c < 3; ++c)
+        samples[at + c] = static_cast<float>(dot((*to_srgb_)[c], colour));
+    }
   }
 
   /// Returns true if libjpeg filled in missing or damaged data. OpenImageIO counts that as success
@@ -395,6 +465,7 @@ class PictureReader {
   PictureMemory memory_;
   ImageFormat format_ = ImageFormat::Unknown;
   Sample sample_ = Sample::U8;
+  std::optional<std::array<Triple, 3>> to_srgb_;  ///< matrix of the colours, if others than sRGB's
   std::vector<uint8_t> stored_;           ///< all stored pixels, if the picture is padded or planar
   std::unique_ptr<PictureReader> right_;  ///< the right eye's picture
   std::unique_ptr<OIIO::ImageInput>
@@ -474,6 +545,7 @@ void decode(std::span<const uint8_t> bytes, const std::string& name, PictureValu
             PictureSink& sink) {
   const bool codes = values == PictureValues::Codes;
   PictureReader reader(bytes, name, !codes);
+  if (values == PictureValues::Data) reader.keep_primaries();
   PictureInfo info = reader.info();
   if (!codes) info.pixel_bytes = reader.has_8_bits() ? 4 : 4 * sizeof(float);
   sink.accept(info);
@@ -524,7 +596,7 @@ bool write_pixels(OIIO::ImageOutput& output, const FrameView& frame, ImageFormat
 }
 
 std::vector<uint8_t> encode(const FrameView& frame, ImageFormat format, const std::string& name) {
-  set_up_oiio();
+  set_up_libraries();
   std::vector<uint8_t> bytes;
   OIIO::Filesystem::IOVecOutput memory(bytes);
   const auto fail = [&](const std::string& cause) {

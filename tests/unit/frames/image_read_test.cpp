@@ -13,6 +13,7 @@
 #include "frames/image_io.h"
 #include "frames/picture_codec.h"
 #include "frames/srgb.h"
+#include "heif_maker.h"
 #include "png_maker.h"
 #include "tests/support/error_matchers.h"
 #include "tests/support/noise_frame.h"
@@ -421,6 +422,99 @@ TEST_F(ImageRead, BothViewsOfAnExrAreSideBySide) {
   }
   ASSERT_TRUE(output->close());
   expect_pair(file);
+}
+
+TEST_F(ImageRead, HeicAndAvifAreReadWithoutTheirAlpha) {
+  const WovenFrame picture = test::grey_squares(48, 32, 40);
+  for (const auto format : {heif_compression_HEVC, heif_compression_AV1}) {
+    test::expect_similar(read(test::heif_of({picture}, format), "photo.heic"), 0, picture);
+    EXPECT_FALSE(probe_picture(folder_ / "photo.heic").two_eyes);
+    const auto veiled = test::heif_of({picture}, format, 128);
+    test::expect_similar(read(veiled, "veiled.heic"), 0, picture);
+    const TextureImage texture = read_texture(veiled, "embedded");
+    ASSERT_EQ(texture.codes.size(), size_t{48 * 32 * 4});
+    EXPECT_NEAR(texture.codes[3], 128, 3);
+  }
+}
+
+TEST_F(ImageRead, TheEyesOfASpatialPhotographAreSideBySide) {
+  const WovenFrame first = test::grey_squares(48, 32, 40), second = test::grey_squares(48, 32, 120);
+  const auto both = test::heif_of({first, second});
+  const auto items = test::items_of(both);
+  EXPECT_EQ(read(both, "album.heic").width(), 48) << "two pictures that are no pair";
+  const WovenFrame pair = read(test::with_eyes(both, items[0], items[1]), "pair.heic");
+  ASSERT_EQ(pair.width(), 96);
+  test::expect_similar(pair, 0, first);
+  test::expect_similar(pair, 48, second);
+  EXPECT_TRUE(probe_picture(folder_ / "pair.heic", PictureUse::Views).two_eyes);
+  const WovenFrame swapped = read(test::with_eyes(both, items[1], items[0]), "swapped.heic");
+  test::expect_similar(swapped, 0, second);
+  test::expect_similar(swapped, 48, first);
+}
+
+TEST_F(ImageRead, DamagedHeicIsAnErrorOrAPicture) {
+  const auto both =
+      test::heif_of({test::grey_squares(48, 32, 40), test::grey_squares(48, 32, 120)});
+  const auto items = test::items_of(both);
+  auto file = test::with_eyes(both, items[0], items[1]);
+  const auto try_to_read = [&](const std::vector<uint8_t>& bytes) {
+    try {
+      EXPECT_EQ(read(bytes, "damaged.heic").height(), 32);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::Input);
+      EXPECT_THAT(error.what(), HasSubstr("damaged.heic"));
+    }
+  };
+  EXPECT_THAT(error_of([&] { read(test::with_eyes(both, items[0], 77), "no-item.heic"); }).what(),
+              HasSubstr("no-item.heic: truncated or damaged: "));
+  for (size_t size = 12; size < file.size(); size += 7)
+    EXPECT_EQ(error_of([&] {
+                read({file.begin(), file.begin() + std::ptrdiff_t(size)}, "cut.heic");
+              }).kind(),
+              ErrorKind::Input)
+        << size;
+  const size_t group = test::HeifBoxes(file).find("grpl");
+  for (size_t at = group; at < group + 36; ++at)
+    for (const uint8_t value : {uint8_t{0}, uint8_t{1}, uint8_t{0x7F}, uint8_t{0xFF}}) {
+      auto damaged = file;
+      damaged[at] = value;
+      try_to_read(damaged);
+    }
+  for (size_t at = 0; at < file.size(); at += 11) {
+    auto damaged = file;
+    damaged[at] ^= 0x55;
+    damaged[8] = 'h';
+    try_to_read(damaged);
+  }
+}
+
+TEST_F(ImageRead, ColoursOfOtherPrimariesBecomeThoseOfSrgb) {
+  const auto read_exr = [&](const std::vector<float>& chromaticities, const char* name) {
+    OIIO::ImageSpec spec(3, 1, 3, OIIO::TypeDesc::FLOAT);
+    spec.attribute("chromaticities", OIIO::TypeDesc(OIIO::TypeDesc::FLOAT, 8),
+                   chromaticities.data());
+    const std::vector<float> values = {0.25F, 0.25F, 0.25F, 0.0F, 0.5F, 0.0F, 0.8F, 0.2F, 0.1F};
+    const auto output = OIIO::ImageOutput::create("openexr");
+    EXPECT_TRUE(output->open((folder_ / name).string(), spec) &&
+                output->write_image(OIIO::TypeDesc::FLOAT, values.data()) && output->close());
+    return read_texture(folder_ / name).rgba;
+  };
+  const std::vector<float> same =
+      read_exr({0.64F, 0.33F, 0.3F, 0.6F, 0.15F, 0.06F, 0.3127F, 0.329F}, "srgb.exr");
+  EXPECT_FLOAT_EQ(same[5], 0.5F);
+  EXPECT_FLOAT_EQ(same[4], 0.0F);
+  // BT.2020; the expected values are those of ITU-R BT.2087.
+  const std::vector<float> wide =
+      read_exr({0.708F, 0.292F, 0.17F, 0.797F, 0.131F, 0.046F, 0.3127F, 0.329F}, "wide.exr");
+  for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(wide[c], 0.25, 1e-5) << "grey remains grey";
+  EXPECT_NEAR(wide[4], 0.5 * -0.58764, 2e-3);
+  EXPECT_NEAR(wide[5], 0.5 * 1.13290, 2e-3);
+  EXPECT_NEAR(wide[6], 0.5 * -0.10058, 2e-3);
+  EXPECT_NEAR(wide[8], 0.8 * 1.66049 + 0.2 * -0.58764 + 0.1 * -0.07285, 2e-3);
+  const std::vector<float> impossible = read_exr({0, 0, 0, 0, 0, 0, 0, 0}, "zero.exr");
+  EXPECT_FLOAT_EQ(impossible[5], 0.5F);
+  const TextureImage data = read_texture(folder_ / "wide.exr", TextureContent::Data);
+  EXPECT_FLOAT_EQ(data.rgba[4], 0.0F) << "normals and the like are no colours";
 }
 
 TEST_F(ImageRead, JpegWithoutItsEndIsAnError) {

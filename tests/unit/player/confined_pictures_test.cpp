@@ -15,6 +15,7 @@
 #include "frames/image_io.h"
 #include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"
+#include "tests/unit/frames/heif_maker.h"
 #include "tests/unit/frames/png_maker.h"
 #include "tests/unit/player/video_stage.h"
 
@@ -60,6 +61,23 @@ TEST_F(ConfinedPicturesTest, OtherFormatsHaveADecoderOfTheirOwn) {
   }
   EXPECT_EQ(pictures_.started(), 2u);
   EXPECT_EQ(pictures_.idle().size(), 2u);
+}
+
+TEST_F(ConfinedPicturesTest, PhotographsOfPhonesAreReadInConfinement) {
+  const frames::WovenFrame left = test::grey_squares(640, 480, 0);
+  const frames::WovenFrame right = test::grey_squares(640, 480, 60);
+  for (const auto format : {heif_compression_HEVC, heif_compression_AV1}) {
+    const auto both = test::heif_of({left, right}, format);
+    const auto items = test::items_of(both);
+    test::write_bytes(file("pair.heic"), test::with_eyes(both, items[0], items[1]));
+    EXPECT_TRUE(pictures_.probe(file("pair.heic")).two_eyes);
+    Rows rows;
+    pictures_.read(file("pair.heic"), rows);
+    ASSERT_EQ(rows.frame.width(), 1280);
+    test::expect_similar(rows.frame, 0, left);
+    test::expect_similar(rows.frame, 640, right);
+  }
+  EXPECT_EQ(pictures_.started(), 1U) << "none of the files ended its decoder";
 }
 
 TEST_F(ConfinedPicturesTest, TheBytesChooseTheDecoderAndNotTheName) {
