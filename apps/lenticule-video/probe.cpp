@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cstring>
 #include <nlohmann/json.hpp>
@@ -13,6 +14,7 @@
 #include "apps/lenticule-video/clip_reader.h"
 #include "apps/lenticule-video/confinement.h"
 #include "apps/lenticule-video/subcommands.h"
+#include "base/error.h"
 #include "base/print.h"
 #include "base/unique_fd.h"
 
@@ -66,23 +68,49 @@ json orientation(const AVStream& stream) {
   return nullptr;
 }
 
-/// Returns {"layout": "side by side", "right_first": ...}, or null if there is no tag. Two views
-/// are delivered with that of the left eye on the left.
+json described(const AVStereo3D& tag, bool half) {
+  if (tag.type == AV_STEREO3D_2D) return nullptr;
+  return {{"layout", av_stereo3d_type_name(tag.type)},
+          {"right_first", (tag.flags & AV_STEREO3D_FLAG_INVERT) != 0},
+          {"half", half}};
+}
+
+/// Returns the tag that H.264 and HEVC give their pictures (the SEI message "frame packing
+/// arrangement"), which is in the decoded picture only. Such pictures are squeezed, unless they are
+/// as wide or as high as two.
+json packed_stereo(const int& fd, const std::string& file, const AVStream& stream) {
+  const AVCodecParameters& p = *stream.codecpar;
+  if (p.codec_id != AV_CODEC_ID_H264 && p.codec_id != AV_CODEC_ID_HEVC) return nullptr;
+  try {
+    ClipReader reader(fd, file, {.stream = stream.index});
+    if (reader.next() == ClipReader::Step::End) return nullptr;
+    const AVFrameSideData* const data =
+        av_frame_get_side_data(&reader.frame(), AV_FRAME_DATA_STEREO3D);
+    AVStereo3D tag{};
+    if (data == nullptr || data->size < sizeof tag) return nullptr;
+    std::memcpy(&tag, data->data, sizeof tag);
+    const double aspect = static_cast<double>(p.width) / std::max(p.height, 1);
+    return described(tag, tag.type == AV_STEREO3D_TOPBOTTOM ? aspect > 1.25 : aspect < 2.5);
+  } catch (const Error&) {
+    return nullptr;  // playing reports the reason
+  }
+}
+
+/// Returns {"layout": "side by side", "right_first": ..., "half": ...}, or null if there is no tag.
+/// Two views are delivered with that of the left eye on the left.
 json stereo(const AVStream& stream, bool two_views) {
-  if (two_views) return {{"layout", "side by side"}, {"right_first", false}};
+  if (two_views) return {{"layout", "side by side"}, {"right_first", false}, {"half", false}};
   // The container's tag describes the view that is not decoded.
   if (has_second_layer(*stream.codecpar)) return nullptr;
   const std::span<const uint8_t> data = side_data(stream, AV_PKT_DATA_STEREO3D);
   const AVDictionaryEntry* const mode = av_dict_get(stream.metadata, "stereo_mode", nullptr, 0);
   if (data.size() < sizeof(AVStereo3D)) {
     if (mode == nullptr || std::string_view(mode->value) == "mono") return nullptr;
-    return {{"layout", mode->value}, {"right_first", false}};
+    return {{"layout", mode->value}, {"right_first", false}, {"half", false}};
   }
   AVStereo3D tag{};
   std::memcpy(&tag, data.data(), sizeof tag);
-  if (tag.type == AV_STEREO3D_2D) return nullptr;
-  return {{"layout", av_stereo3d_type_name(tag.type)},
-          {"right_first", (tag.flags & AV_STEREO3D_FLAG_INVERT) != 0}};
+  return described(tag, false);  // the shape of the pixels shows whether the eyes are squeezed
 }
 
 /// Returns what is lost when the stream is played; null if nothing is.
@@ -107,11 +135,13 @@ json refusal(const AVCodecParameters& stream, const PixelVerdict& verdict) {
   return fmt::format("{} (codec {})", verdict.refusal, avcodec_get_name(stream.codec_id));
 }
 
-json describe(AVFormatContext& format, AVStream& stream) {
+json describe(const int& fd, const std::string& file, AVFormatContext& format, AVStream& stream) {
   const AVCodecParameters& p = *stream.codecpar;
   const PixelVerdict verdict = evaluate_pixels(tags_of(p));
   const bool two_views = decodes_two_views(stream);
   const std::optional<ExpectedFrames> expected = expected_frames(format, stream);
+  json tag = stereo(stream, two_views);
+  if (tag.is_null() && !has_second_layer(p)) tag = packed_stereo(fd, file, stream);
   const AVRational aspect = av_guess_sample_aspect_ratio(&format, &stream, nullptr);
   return {{"index", stream.index},
           {"codec", avcodec_get_name(p.codec_id)},
@@ -122,7 +152,7 @@ json describe(AVFormatContext& format, AVStream& stream) {
           {"expected_frames", expected ? json(expected->frames) : json(nullptr)},
           {"orientation", orientation(stream)},
           {"views", two_views ? 2 : 1},
-          {"stereo", stereo(stream, two_views)},
+          {"stereo", tag},
           {"duration_s", duration(format, stream)},
           {"pixel_format", text_or_null(av_get_pix_fmt_name(static_cast<AVPixelFormat>(p.format)))},
           {"colour_space", text_or_null(av_color_space_name(p.color_space))},
@@ -151,7 +181,7 @@ int run_probe(const std::string& file) {
     AVStream& stream = *format.streams[i];
     if (stream.codecpar->codec_type != AVMEDIA_TYPE_VIDEO) continue;
     if ((stream.disposition & AV_DISPOSITION_ATTACHED_PIC) != 0) continue;
-    streams.push_back(describe(format, stream));
+    streams.push_back(describe(fd, file, format, stream));
   }
   const json report = {{"container", format.iformat->name}, {"streams", streams}};
   print_out("{}\n", Verbatim{json_text(report, 2)});

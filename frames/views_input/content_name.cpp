@@ -99,8 +99,8 @@ std::optional<StereoLayout> stereo_of_name(const std::filesystem::path& file) {
     layout->half = layout->half || means_half(words, at - 1) || means_half(words, last + 1);
     return layout;
   }
-  // The right eye's picture is on the left, as in .jps without a tag.
-  if (has_extension(file, ".pns")) return StereoLayout{.beside = true, .right_first = true};
+  if (has_extension(file, ".pns") || is_jps_name(file))
+    return StereoLayout{.beside = true, .right_first = true};
   return std::nullopt;
 }
 
@@ -187,13 +187,13 @@ bool is_jps_name(const std::filesystem::path& file) {
   return has_extension(file, ".jps");
 }
 
-StereoLayout parse_jps_tag(std::span<const uint8_t> head, const std::string& name) {
+std::optional<StereoLayout> parse_jps_tag(std::span<const uint8_t> head, const std::string& name) {
   // Two bytes of length, then separation, flags, layout and type.
   constexpr size_t kDescriptorBytes = 6;
   constexpr uint8_t kHalfHeight = 1, kHalfWidth = 2, kLeftFirst = 4;
   constexpr uint8_t kStereoscopic = 1, kBeside = 2, kAbove = 3;
   const std::span<const uint8_t> descriptor = descriptor_of(head);
-  if (descriptor.size() < kDescriptorBytes) return {.right_first = true};
+  if (descriptor.size() < kDescriptorBytes) return std::nullopt;
   const uint8_t flags = descriptor[3], layout = descriptor[4], type = descriptor[5];
   if (type != kStereoscopic)
     throw Error(ErrorKind::Input, fmt::format("{}: its tag says that it is not stereoscopic", name),
@@ -206,7 +206,7 @@ StereoLayout parse_jps_tag(std::span<const uint8_t> head, const std::string& nam
         "convert it to side by side");
   const bool beside = layout == kBeside;
   const bool half = (flags & (beside ? kHalfWidth : kHalfHeight)) != 0;
-  return {.beside = beside, .half = half, .right_first = (flags & kLeftFirst) == 0};
+  return StereoLayout{.beside = beside, .half = half, .right_first = (flags & kLeftFirst) == 0};
 }
 
 namespace {
@@ -222,7 +222,7 @@ std::vector<uint8_t> read_head(const std::filesystem::path& file, size_t bytes) 
 
 }  // namespace
 
-StereoLayout read_jps_tag(const std::filesystem::path& file) {
+std::optional<StereoLayout> read_jps_tag(const std::filesystem::path& file) {
   return parse_jps_tag(read_head(file, kHeadBytes), file.string());
 }
 

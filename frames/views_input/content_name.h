@@ -31,7 +31,8 @@ struct StereoLayout {
 /// Finds the layout in a file's name: one of the words that cameras, players and users write, after
 /// the first word, in any case. docs/content/content.md lists them. Words end at "_", "-", ".", " "
 /// and where a capital follows a small letter. "half" or "h" as the word before or after selects
-/// the half layout. Names of stereo PNGs end in .pns.
+/// the half layout. Names of cross-eyed pairs, with the right eye's picture on the left, end in
+/// .jps (JPEG) and .pns (PNG).
 [[nodiscard]] std::optional<StereoLayout> stereo_of_name(const std::filesystem::path& file);
 
 /// StereoTiles holds two tiles and the order of their cameras.
@@ -85,13 +86,13 @@ struct DepthWindows {
 /// Returns true for a name that ends in .jps.
 [[nodiscard]] bool is_jps_name(const std::filesystem::path& file);
 
-/// Parses the stereoscopic descriptor in the first bytes of the file. Without a descriptor, returns
-/// the format's usual layout: side by side, the right eye's picture on the left. Throws
+/// Parses the stereoscopic descriptor in the first bytes of the file, if there is one. Throws
 /// Error(Input) "name: cause" for unsupported layouts, such as interlaced rows.
-[[nodiscard]] StereoLayout parse_jps_tag(std::span<const uint8_t> head, const std::string& name);
+[[nodiscard]] std::optional<StereoLayout> parse_jps_tag(std::span<const uint8_t> head,
+                                                        const std::string& name);
 
 /// Reads the tag of a file. Throws Error(Input) also for a file that cannot be read.
-[[nodiscard]] StereoLayout read_jps_tag(const std::filesystem::path& file);
+[[nodiscard]] std::optional<StereoLayout> read_jps_tag(const std::filesystem::path& file);
 
 // Reads the JSON file beside a quilt or a picture with depth, as tools for Looking Glass displays
 // and their users write it, in the spellings in use.

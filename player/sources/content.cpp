@@ -3,9 +3,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <iterator>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include "base/error.h"
 #include "base/numbers.h"
@@ -160,16 +164,21 @@ Content stereo(const frames::StereoLayout& layout, const ContentFlags& flags) {
   return {.kind = Kind::Stereo, .stereo = layout};
 }
 
-/// Returns the stereo layout that the file itself states: in pictures for two eyes and in videos.
-std::optional<Content> tagged_stereo(const SourceSpec& source) {
+/// Returns true for the names of formats that may have two eyes' pictures in one file.
+bool may_have_two_eyes(const std::string& file) {
+  constexpr std::string_view kNames[] = {".mpo", ".exr", ".heic", ".heif", ".hif", ".avif"};
+  const std::string extension = lower_case(std::filesystem::path(file).extension().string());
+  return std::ranges::find(kNames, extension) != std::end(kNames);
+}
+
+/// Returns the layout that the file itself states: in pictures for two eyes and in videos.
+std::optional<frames::StereoLayout> tagged_stereo(const SourceSpec& source) {
   const std::string& text = source.text;
-  const ContentFlags& flags = source.content;
-  if (!flags.stereo.empty()) return std::nullopt;
-  if (frames::is_jps_name(text)) return stereo(frames::read_jps_tag(text), flags);
-  const std::string extension = lower_case(std::filesystem::path(text).extension().string());
-  if (const auto first = first_file(text); first && (extension == ".mpo" || extension == ".exr"))
-    if (frames::probe_picture(*first, frames::PictureUse::Views).two_eyes)
-      return stereo({.beside = true}, flags);
+  if (const auto first = first_file(text); first && frames::is_jps_name(text))
+    return frames::read_jps_tag(*first);
+  else if (first && may_have_two_eyes(text) &&
+           frames::probe_picture(*first, frames::PictureUse::Views).two_eyes)
+    return frames::StereoLayout{.beside = true};
   if (source.kind != SourceKind::Video) return std::nullopt;
   const std::optional<VideoStereo> tag = probe_video(text).front().stereo;
   if (!tag) return std::nullopt;
@@ -181,8 +190,26 @@ std::optional<Content> tagged_stereo(const SourceSpec& source) {
             "{}: its stereo tag says '{}'; only side by side and top and bottom are supported",
             text, tag->layout),
         "use --stereo none to play it unchanged");
-  // The shape of the pixels shows whether each eye is squeezed.
-  return stereo({.beside = beside, .half = false, .right_first = tag->right_first}, flags);
+  return frames::StereoLayout{.beside = beside, .half = tag->half, .right_first = tag->right_first};
+}
+
+/// Returns the layout that tag and name state. A tag comes first, but may leave open whether the
+/// eyes are squeezed.
+std::optional<frames::StereoLayout> stated_stereo(const SourceSpec& source) {
+  const auto named = frames::stereo_of_name(source.text);
+  auto tagged = tagged_stereo(source);
+  if (!tagged) return named;
+  tagged->half = tagged->half || (named && named->half && named->beside == tagged->beside);
+  return tagged;
+}
+
+/// Returns the streams of a video that has one for each eye, as 3-D cameras write it in AVI.
+std::vector<int> streams_of_eyes(const SourceSpec& source) {
+  if (source.kind != SourceKind::Video) return {};
+  const std::vector<VideoStream> streams = probe_video(source.text);
+  const bool eyes = streams.size() == 2 && streams[0].geometry == streams[1].geometry &&
+                    streams[0].rate == streams[1].rate && streams[1].refusal.empty();
+  return eyes ? std::vector<int>{streams[0].index, streams[1].index} : std::vector<int>();
 }
 
 Content other_rig(const ContentFlags& flags) {
@@ -233,10 +260,14 @@ Content picture(const SourceSpec& source, bool patterns_are_views) {
     return with_depth(flags, sidecar);
   const bool says_grid = !flags.grid.empty() || (sidecar && sidecar->columns);
   if (says_grid || frames::quilt_layout_of_name(text)) return quilt(source, sidecar);
-  const auto named = frames::stereo_of_name(text);
-  if (named && flags.stereo.empty()) return stereo(*named, flags);
-  if (auto tagged = tagged_stereo(source)) return *tagged;
+  if (flags.stereo.empty())
+    if (const auto stated = stated_stereo(source)) return stereo(*stated, flags);
   if (frames::is_rgbd_name(text)) return with_depth(flags, std::nullopt);
+  if (std::vector<int> eyes = streams_of_eyes(source); flags.stereo.empty() && !eyes.empty()) {
+    Content content = stereo({}, flags);
+    content.eyes = std::move(eyes);
+    return content;
+  }
   if (first && flags.stereo.empty() && (sidecar = frames::read_quilt_comment(*first)))
     return quilt(source, sidecar);
   if (patterns_are_views && frames::FilePattern::looks_like_pattern(text))

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Content is what a SOURCE means: woven frames or views, and how its pictures hold the views.
-// identify() finds that out from flags, sidecar, name and headers, before a picture is decoded.
+// identify() finds that out from flags, sidecar, headers and name, before a picture is played.
 #pragma once
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "frames/quilt.h"
 #include "frames/views_input/content_name.h"
@@ -26,6 +27,7 @@ struct Content {
   Kind kind = Kind::Woven;
   frames::QuiltLayout layout = {};  ///< layout of a quilt
   frames::StereoLayout stereo = {};
+  std::vector<int> eyes = {};  ///< the video's streams of the left and the right eye, if it has two
   frames::DepthLayout depth = {};
   frames::DepthOptions depth_options = {};
   frames::ViewCrop crop = {};  ///< crop of the views; with depth, its zero plane moves the depth

@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/print.h"
+#include "frames/image_io.h"
 #include "frames/qr/qr_code.h"
 #include "frames/ring/ring_player.h"
 #include "frames/sequence/sequence_reader.h"
@@ -17,6 +18,7 @@
 #include "player/sources/joined_source.h"
 #include "player/sources/pictures.h"
 #include "player/sources/still_source.h"
+#include "player/sources/video_probe.h"
 
 namespace lenticule::player {
 namespace {
@@ -138,6 +140,17 @@ PictureOptions picture_options(const OpenContext& context) {
           .hardware = context.video_hardware};
 }
 
+/// Returns true for pictures that are not woven frames of this panel, as far as headers tell.
+bool cannot_be_woven(const SourceSpec& source, const OpenContext& context) {
+  if (!source.content.stereo.empty()) return false;
+  if (source.kind == SourceKind::Video) {
+    const VideoStream stream = probe_video(source.text).front();
+    return stream.geometry != context.panel || !stream.full_chroma;
+  }
+  return source.kind == SourceKind::Pictures && fs::is_regular_file(source.text) &&
+         frames::probe_image(source.text) != context.panel;
+}
+
 OpenedSource open_woven(const SourceSpec& source, const OpenContext& context) {
   PictureOptions options = picture_options(context);
   if (source.kind == SourceKind::Sequence) {
@@ -236,7 +249,9 @@ OpenedSource open_source(const SourceSpec& source, const OpenContext& context) {
     case SourceKind::Pictures:
       break;
   }
-  const Content content = identify(source, present_rig(context).fingerprint);
+  Content content = identify(source, present_rig(context).fingerprint);
+  if (content.kind == Content::Kind::Woven && cannot_be_woven(source, context))
+    if (const auto pair = find_stereo(source)) content = *pair;
   return content.kind == Content::Kind::Woven ? open_woven(source, context)
                                               : open_and_weave(content, context);
 }

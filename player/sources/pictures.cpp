@@ -11,9 +11,11 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "frames/decoded_source.h"
 #include "frames/image_io.h"
 #include "frames/sequence/sequence_reader.h"
+#include "frames/views_input/stereo_pair.h"
 #include "frames/weaving/reweave.h"
 #include "optics/rig_file.h"
 #include "optics/trim.h"
@@ -198,7 +200,7 @@ class ViewsOpener {
       case Kind::Quilt:
         return input_of(quilt_in(add_pictures(name_)));
       case Kind::Stereo:
-        return input_of(eyes_in(add_pictures(name_)));
+        return content_.eyes.empty() ? input_of(eyes_in(add_pictures(name_))) : open_streams();
       case Kind::DepthInside:
         return input_of(depth_in(add_pictures(name_)));
       case Kind::Woven:
@@ -280,6 +282,16 @@ class ViewsOpener {
                                              aspect_in(first), content_.rightmost_first));
   }
 
+  [[nodiscard]] std::unique_ptr<ViewInput> open_streams() {
+    for (const int stream : content_.eyes) {
+      options_.stream = stream;
+      (void)add_pictures(name_);
+    }
+    const FrameSource& left = *sources_.front();
+    return input_of(
+        frames::arrange_pictures(left.geometry(), 2, aspect_in(left), content_.rightmost_first));
+  }
+
   [[nodiscard]] std::unique_ptr<ViewInput> open_with_own_depth() {
     const std::string& depth = content_.source.content.depth;
     refuse_float_depth(depth);
@@ -355,6 +367,7 @@ std::unique_ptr<FrameSource> open_pictures(const std::string& text, const Pictur
   return open_video(
       {.file = text,
        .slots = options.pool_frames,
+       .stream = options.stream,
        .frames = options.frames,
        .plays_again = options.plays_again,
        .before_weaving = options.before_weaving,
@@ -368,6 +381,34 @@ std::unique_ptr<FrameSource> open_pictures(const std::string& text, const Pictur
 
 std::unique_ptr<ViewInput> open_views(const Content& content, const PictureOptions& options) {
   return ViewsOpener(content, options).open();
+}
+
+std::optional<Content> find_stereo(const SourceSpec& source) {
+  constexpr uint64_t kMostFrames = 96, kStep = 24;  // the first ones of a film may be black
+  Content flat{.kind = Kind::Quilt, .source = source};
+  flat.layout = {.columns = 1, .rows = 1};
+  const std::unique_ptr<ViewInput> input = open_views(flat, {});
+  for (uint64_t n = 0; n < kMostFrames && n < input->frame_count().value_or(kMostFrames); ++n) {
+    await_first(*input, source.text);
+    const frames::ViewSet& view = input->views();
+    const frames::FrameGeometry size{.width = view.width(), .height = view.height()};
+    const auto pair =
+        n % kStep == 0 ? frames::find_stereo_pair({size, {view.pixel(0, 0, 0), size.frame_bytes()}})
+                       : std::nullopt;
+    input->release();
+    if (!pair) continue;
+    say("{}: taken for two eyes {}: {:.0f}% of the detail is in both halves, at {:+.1f}% to "
+        "{:+.1f}% of their width\n  --stereo none if it is not; --invert if near and far are "
+        "exchanged\n",
+        source.text, pair->layout.beside ? "side by side" : "above each other",
+        100 * pair->matching, 100 * pair->back, 100 * pair->front);
+    return Content{.kind = Kind::Stereo,
+                   .stereo = pair->layout,
+                   .aspect = source.content.aspect,
+                   .rightmost_first = source.content.invert,
+                   .source = source};
+  }
+  return std::nullopt;
 }
 
 void await_first(ViewInput& input, const std::string& name) {

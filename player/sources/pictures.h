@@ -31,6 +31,7 @@ struct PictureOptions {
   bool plays = false;  ///< applies the limits of playback
   /// Decodes videos in hardware where a device can.
   bool hardware = false;
+  std::optional<int> stream = std::nullopt;  ///< stream of a video; default: the first
 };
 
 /// Throws Error(Usage) and Error(Input) as the functions of the individual kinds do.
@@ -41,6 +42,10 @@ struct PictureOptions {
 /// broken, of different sizes or lengths, or too large.
 [[nodiscard]] std::unique_ptr<frames::ViewInput> open_views(const Content& content,
                                                             const PictureOptions& options);
+
+/// Looks for two eyes in the pixels of a picture, or of a film's first seconds, whose content
+/// nothing else states. Says what it found, and how to refuse it. Throws as open_views().
+[[nodiscard]] std::optional<Content> find_stereo(const SourceSpec& source);
 
 /// Waits at most a minute for the first set of views. Throws Error(Input) with the input's error,
 /// Error(Failed) if none came or the input has no frame.

@@ -102,7 +102,9 @@ std::optional<VideoStereo> stereo(const JsonFields& fields) {
   const json* const value = fields.find("stereo");
   if (value == nullptr || !value->is_object()) return std::nullopt;
   const JsonFields tag(*value, fields.source());
-  return VideoStereo{.layout = name(tag, "layout"), .right_first = tag.flag("right_first")};
+  return VideoStereo{.layout = name(tag, "layout"),
+                     .right_first = tag.flag("right_first"),
+                     .half = tag.flag("half")};
 }
 
 VideoStream parse_stream(const json& object, const std::string& source) {

@@ -20,6 +20,7 @@ namespace lenticule::player {
 struct VideoStereo {
   std::string layout;        ///< FFmpeg's name: "side by side", "top and bottom", ...
   bool right_first = false;  ///< the right eye's picture is the left or the upper one
+  bool half = false;         ///< each picture is squeezed; if not, its pixels may be
 };
 
 struct VideoStream {

@@ -13,7 +13,9 @@
 #include "frames/weaving/fast_weaver.h"
 #include "optics/rig_file.h"
 #include "tests/commands/program.h"
+#include "tests/support/h264_clip.h"
 #include "tests/support/scratch_folder.h"
+#include "tests/unit/frames/heif_maker.h"
 
 namespace lenticule::test {
 namespace {
@@ -213,6 +215,133 @@ TEST_F(ContentCommand, EachEyeSeesItsOwnPictureInEveryStereoLayout) {
   const auto shown = played(path("plain.png"), {"--filter", "nearest", "--stereo", "sbs"});
   ASSERT_EQ(shown.size(), 1U);
   expect_red_for_the_left_eye(shown[0]);
+}
+
+/// Returns a video of uncompressed pictures, each in a stream of its own, as 3-D cameras write it.
+std::string avi_of(const std::vector<WovenFrame>& pictures) {
+  const auto number = [](uint32_t value, int bytes = 4) {
+    std::string text;
+    for (int i = 0; i < bytes; ++i) text += static_cast<char>(value >> 8 * i);
+    return text;
+  };
+  const auto numbers = [&](const std::vector<uint32_t>& values) {
+    std::string text;
+    for (const uint32_t value : values) text += number(value);
+    return text;
+  };
+  const auto chunk = [&](const std::string& name, const std::string& data) {
+    return name + number(static_cast<uint32_t>(data.size())) + data;
+  };
+  const auto width = static_cast<uint32_t>(pictures[0].width());
+  const auto height = static_cast<uint32_t>(pictures[0].height()), bytes = 3 * width * height;
+  const auto streams = static_cast<uint32_t>(pictures.size());
+  std::string header =
+      chunk("avih", numbers({40000, 0, 0, 0, 1, 0, streams, bytes, width, height, 0, 0, 0, 0}));
+  std::string movie;
+  for (size_t i = 0; i < pictures.size(); ++i) {
+    header += chunk(
+        "LIST", "strl" +
+                    chunk("strh", "vidsDIB " + numbers({0, 0, 0, 1, 25, 0, 1, bytes, 0, 0, 0, 0})) +
+                    chunk("strf", numbers({40, width, height}) + number(1, 2) + number(24, 2) +
+                                      numbers({0, bytes, 0, 0, 0, 0})));
+    std::string pixels;
+    for (int y = pictures[i].height() - 1; y >= 0; --y)
+      for (int x = 0; x < pictures[i].width(); ++x)
+        for (const int c : {2, 1, 0}) pixels += static_cast<char>(pictures[i].row(y)[3 * x + c]);
+    movie += chunk(fmt::format("{:02}db", i), pixels);
+  }
+  return chunk("RIFF", "AVI " + chunk("LIST", "hdrl" + header) + chunk("LIST", "movi" + movie));
+}
+
+WovenFrame of_colour(size_t channel) {
+  WovenFrame picture({.width = 48, .height = 32});
+  for (size_t n = channel; n < picture.bytes().size(); n += 3) picture.bytes()[n] = 255;
+  return picture;
+}
+
+TEST_F(ContentCommand, TheStreamsOfAVideoAreTheLeftAndTheRightEye) {
+  const std::vector<std::string> flags = {"--filter", "nearest", "--frame", "0"};
+  write("camera.avi", avi_of({of_colour(0), of_colour(2)}));
+  expect_red_for_the_left_eye(woven_by_command(joined({path("camera.avi")}, flags)));
+  write("cross.avi", avi_of({of_colour(2), of_colour(0)}));
+  expect_red_for_the_left_eye(woven_by_command(joined({path("cross.avi"), "--invert"}, flags)));
+  const auto shown = played(path("camera.avi"), {"--filter", "nearest"});
+  ASSERT_EQ(shown.size(), 1U);
+  expect_red_for_the_left_eye(shown[0]);
+  const auto first = woven_by_command(joined({path("camera.avi"), "--grid", "1x1"}, flags));
+  EXPECT_EQ(seen_by(first, 1).blue, 0.0) << "flat: the first stream";
+}
+
+/// Returns red and blue beside or above each other, of one size as a whole.
+Picture420 coded_eyes(bool beside, bool right_first) {
+  constexpr int kWidth = 96, kHeight = 64;
+  Picture420 picture{.width = kWidth, .height = kHeight, .samples = {}};
+  const auto plane = [&](int scale, uint8_t red, uint8_t blue) {
+    for (int y = 0; y < kHeight / scale; ++y)
+      for (int x = 0; x < kWidth / scale; ++x) {
+        const bool second = beside ? x >= kWidth / scale / 2 : y >= kHeight / scale / 2;
+        picture.samples.push_back(second != right_first ? blue : red);
+      }
+  };
+  plane(1, 81, 41);
+  plane(2, 90, 240);
+  plane(2, 240, 110);
+  return picture;
+}
+
+TEST_F(ContentCommand, TheStreamItselfMayTellHowTheEyesLie) {
+  for (const bool beside : {true, false})
+    for (const bool right_first : {true, false}) {
+      const H264Clip clip{
+          .file = path("film.flv"), .packing = beside ? 3U : 4U, .right_first = right_first};
+      write_h264_clip(clip, {coded_eyes(beside, right_first)});
+      expect_red_for_the_left_eye(
+          woven_by_command({path("film.flv"), "--filter", "nearest", "--frame", "0"}));
+      // The tag comes before the name.
+      fs::copy_file(path("film.flv"), path("film_rl.flv"), fs::copy_options::overwrite_existing);
+      expect_red_for_the_left_eye(
+          woven_by_command({path("film_rl.flv"), "--filter", "nearest", "--frame", "0"}));
+    }
+}
+
+TEST_F(ContentCommand, APhotographForTwoEyesIsTakenForThat) {
+  const auto both = heif_of({of_colour(0), of_colour(2)});
+  const auto items = items_of(both);
+  write_bytes(path("IMG_1.HEIC"), with_eyes(both, items[0], items[1]));
+  expect_red_for_the_left_eye(woven_by_command({path("IMG_1.HEIC"), "--filter", "nearest"}));
+  // The group names the items: their order in the file does not count.
+  const auto reversed = heif_of({of_colour(2), of_colour(0)});
+  write_bytes(path("IMG_2.HEIC"), with_eyes(reversed, items[1], items[0]));
+  expect_red_for_the_left_eye(woven_by_command({path("IMG_2.HEIC"), "--filter", "nearest"}));
+}
+
+/// Returns two views of noise, whose lower half is nearer; or two that have nothing in common.
+WovenFrame noise_for_two_eyes(bool related) {
+  constexpr int kEye = 320, kHeight = 200, kCell = 4;
+  WovenFrame picture({.width = 2 * kEye, .height = kHeight});
+  for (int y = 0; y < kHeight; ++y)
+    for (int x = 0; x < 2 * kEye; ++x) {
+      const int moved = x < kEye ? x : x - kEye + (y < kHeight / 2 ? 4 : 16);
+      const auto cell = static_cast<uint32_t>((related ? moved : x) / kCell + 1000 * (y / kCell));
+      const uint32_t mixed = (cell + 1) * 2654435761U;
+      std::fill_n(picture.row(y) + 3 * x, 3, static_cast<uint8_t>((mixed ^ mixed >> 13) >> 8));
+    }
+  return picture;
+}
+
+TEST_F(ContentCommand, TwoEyesAreFoundInThePixelsOfPicturesThatAreNotWoven) {
+  save("holiday.png", noise_for_two_eyes(true));
+  const auto played = run({"play", path("holiday.png"), "--rig", kTiny, "--display", "virtual",
+                           "--clock", "simulated"});
+  expect_end(played, 0);
+  EXPECT_THAT(played.err, testing::HasSubstr("holiday.png: taken for two eyes side by side"));
+  EXPECT_THAT(played.err, testing::HasSubstr("--stereo none"));
+  EXPECT_EQ(woven_by_command({path("holiday.png")}),
+            woven_by_command({path("holiday.png"), "--stereo", "sbs"}));
+  expect_end(run({"play", path("holiday.png"), "--rig", kTiny, "--stereo", "none"}), 4,
+             "640x200 pixels");
+  save("unrelated.png", noise_for_two_eyes(false));
+  expect_end(run({"play", path("unrelated.png"), "--rig", kTiny}), 4, "640x200 pixels");
 }
 
 TEST_F(ContentCommand, StereoPicturesAreSplitAndJoined) {

@@ -165,6 +165,27 @@ Bytes slice_unit(const Picture420& picture, unsigned number) {
   return bits.unit(kKeyUnit);
 }
 
+/// Returns the SEI message "frame packing arrangement" (section D.1.26).
+Bytes packing_unit(unsigned arrangement, bool right_first) {
+  constexpr uint8_t kMessageUnit = 6, kPacking = 45, kBytes = 7;
+  Bits bits;
+  bits.put(kPacking, 8);
+  bits.put(kBytes, 8);
+  bits.put_number(0);  // number of the arrangement
+  bits.put(0, 1);      // not cancelled
+  bits.put(arrangement, 7);
+  bits.put(0, 1);                    // no quincunx
+  bits.put(right_first ? 2 : 1, 6);  // which eye's picture is the first
+  bits.put(0, 6);                    // flips, fields, current frame, self-contained
+  bits.put(0, 16);                   // positions of the grids
+  bits.put(0, 8);
+  bits.put_number(1);  // until the next one
+  bits.put(0, 1);      // no extension
+  bits.put(1, 1);      // end of the message
+  bits.align();
+  return bits.unit(kMessageUnit);
+}
+
 /// Returns a picture all of whose macroblocks are skipped: a copy of the one before. `number`
 /// counts from the key frame.
 Bytes copy_unit(const Picture420& picture, unsigned number) {
@@ -235,6 +256,11 @@ void write_h264_clip(const H264Clip& clip, const std::vector<Picture420>& pictur
     const Bytes slice = since_key == 0 ? slice_unit(pictures[number], number / clip.key_interval)
                                        : copy_unit(pictures[number], since_key);
     Bytes packet;
+    if (clip.packing != 0) {
+      const Bytes message = packing_unit(clip.packing, clip.right_first);
+      append(packet, message.size(), 4);
+      append(packet, message);
+    }
     append(packet, slice.size(), 4);
     append(packet, slice);
     append_tag(out, number * static_cast<unsigned>(clip.milliseconds),

@@ -21,6 +21,9 @@ struct H264Clip {
   int milliseconds = 40;       ///< duration of a picture
   unsigned key_interval = 1;   ///< the pictures between key frames are copies of the last one
   bool full_range = false;     ///< states the range 0..255; otherwise none is stated
+  /// Arrangement of two eyes that an SEI message states: 3 beside, 4 above each other; 0: none.
+  unsigned packing = 0;
+  bool right_first = false;  ///< the message says that the right eye's picture is the first
 };
 
 /// Writes pictures of one size.

@@ -56,8 +56,11 @@ player::PictureOptions picture_options(const WeaveFlags& flags) {
 /// Loads the only set of views, or the requested one.
 std::unique_ptr<frames::ViewInput> load_views(const WeaveFlags& flags, const optics::Rig& rig) {
   const player::PictureOptions options = picture_options(flags);
-  const player::Content content =
-      identify(parse_source(flags.input, flags.content), optics::fingerprint(rig), true);
+  const player::SourceSpec source = parse_source(flags.input, flags.content);
+  player::Content content = identify(source, optics::fingerprint(rig), true);
+  if (content.kind == player::Content::Kind::Woven && source.has_pictures() &&
+      source.content.stereo.empty())
+    if (const auto pair = player::find_stereo(source)) content = *pair;
   if (content.kind == player::Content::Kind::Woven)
     throw Error(
         ErrorKind::Usage, fmt::format("{}: the layout of the views is unknown", flags.input),

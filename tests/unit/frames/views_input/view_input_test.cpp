@@ -3,7 +3,7 @@
 #include "frames/views_input/view_input.h"
 
 #include <fmt/format.h>
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <cmath>
 
@@ -16,6 +16,7 @@ namespace lenticule::frames {
 namespace {
 
 using test::error_of;
+using ::testing::HasSubstr;
 
 TEST(ContentName, FindsStereoLayoutsInNames) {
   const std::pair<const char*, StereoLayout> names[] = {
@@ -45,6 +46,8 @@ TEST(ContentName, FindsStereoLayoutsInNames) {
       {"a_SBS_3840.png", {.beside = true}},
       {"a_full_sbs.png", {.beside = true}},
       {"a_sidebyside.png", {.beside = true}},
+      {"a.jps", {.beside = true, .right_first = true}},
+      {"a_lr.jps", {.beside = true}},
       {"a.pns", {.beside = true, .right_first = true}}};
   for (const auto& [name, layout] : names) EXPECT_EQ(stereo_of_name(name), layout) << name;
   for (const char* const name : {"sbs.png", "film.png", "sbs/film.png", "filmsbs.png", "half.png",
@@ -53,6 +56,23 @@ TEST(ContentName, FindsStereoLayoutsInNames) {
   EXPECT_TRUE(is_rgbd_name("cat_rgbd.png"));
   EXPECT_TRUE(is_rgbd_name("cat_RGBD_%03d.png"));
   EXPECT_FALSE(is_rgbd_name("rgbd/cat.png"));
+}
+
+TEST(ContentName, TheTagOfAStereoJpegStatesItsLayout) {
+  const auto layout = [](uint8_t flags, uint8_t kind, uint8_t type = 1) {
+    std::vector<uint8_t> head = {0xFF, 0xD8, 0xFF, 0xE0, 0,   4,   'J', 'F',  // a segment before it
+                                 0xFF, 0xE3, 0,    16,   '_', 'J', 'P', 'S', 'J', 'P', 'S', '_'};
+    head.insert(head.end(), {0, 4, 0, flags, kind, type, 0xFF, 0xDA});
+    return parse_jps_tag(head, "a.jps");
+  };
+  EXPECT_EQ(layout(0, 2), (StereoLayout{.beside = true, .right_first = true})) << "cross-eyed";
+  EXPECT_EQ(layout(4, 2), (StereoLayout{.beside = true})) << "left field first";
+  EXPECT_EQ(layout(2, 2), (StereoLayout{.beside = true, .half = true, .right_first = true}));
+  EXPECT_EQ(layout(5, 3), (StereoLayout{.beside = false, .half = true}));
+  EXPECT_EQ(layout(2, 3), (StereoLayout{.beside = false, .right_first = true})) << "of rows";
+  EXPECT_THAT(error_of([&] { (void)layout(0, 1); }).what(), HasSubstr("interlaced rows"));
+  EXPECT_THAT(error_of([&] { (void)layout(0, 2, 0); }).what(), HasSubstr("not stereoscopic"));
+  EXPECT_EQ(parse_jps_tag(std::vector<uint8_t>{0xFF, 0xD8, 0xFF, 0xDA}, "a.jps"), std::nullopt);
 }
 
 TEST(ContentName, TheLeftEyeIsTheFirstView) {
