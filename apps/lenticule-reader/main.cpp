@@ -176,6 +176,8 @@ void serve(const Message& request, std::span<uint8_t> memory, uint64_t memory_li
   try {
     render::LoadOptions options;
     if (request.up >= 0) options.up = static_cast<render::UpAxis>(request.up);
+    options.choices = {
+        text_of(request.scene), text_of(request.animation), text_of(request.variant), {}};
     Pieces(memory).pass_on(render::load_scene_here(file, options));
     return_free_memory();  // the command may render for hours
     send(kSocket, {.word = Word::Done});

@@ -564,19 +564,25 @@ class AnimationImport {
   size_t dropped_keys_ = 0;
 };
 
-/// Imports the key frames of the first animation.
-void import_animation(const aiScene& from, const NodeNames& nodes, SceneDescription& scene) {
-  if (from.mNumAnimations == 0) return;
-  if (from.mNumAnimations > 1)
-    scene.notes.push_back(
-        fmt::format("{} animations; only the first is used", from.mNumAnimations));
-  const aiAnimation& animation = *from.mAnimations[0];
-  AnimationImport import(animation, scene);
-  for (const aiNodeAnim* channel : std::span(animation.mChannels, animation.mNumChannels)) {
-    const auto node = nodes.find(channel->mNodeName.C_Str());
-    if (node != nodes.end()) import.add(*channel, scene.nodes[static_cast<size_t>(node->second)]);
+/// Imports the key frames of the wanted animations; of several that move a node, the first does.
+void import_animations(const aiScene& from, const NodeNames& nodes, const std::string& wanted,
+                       SceneDescription& scene) {
+  const std::span animations(from.mAnimations, from.mNumAnimations);
+  std::vector<std::string> names;
+  for (const aiAnimation* one : animations) names.emplace_back(one->mName.C_Str());
+  scene.animations = select(names, wanted, "animation", scene.source, 0);
+  for (size_t n = 0; n < names.size(); ++n) {
+    if (!scene.animations.takes(n)) continue;
+    AnimationImport import(*animations[n], scene);
+    for (const aiNodeAnim* channel :
+         std::span(animations[n]->mChannels, animations[n]->mNumChannels)) {
+      const auto found = nodes.find(channel->mNodeName.C_Str());
+      if (found == nodes.end()) continue;
+      Node& node = scene.nodes[static_cast<size_t>(found->second)];
+      if (!node.animated) import.add(*channel, node);
+    }
+    import.finish();
   }
-  import.finish();
 }
 
 // ---- lights
@@ -679,14 +685,15 @@ void check_meshes(const aiScene& from, const std::string& source) {
     check_mesh(*from.mMeshes[i], label_of(*from.mMeshes[i], i), source);
 }
 
-SceneDescription import_scene(const aiScene& from, const std::filesystem::path& file) {
+SceneDescription import_scene(const aiScene& from, const std::filesystem::path& file,
+                              const ViewerChoices& wanted) {
   SceneDescription scene;
   scene.source = file.string();
   scene.colour_managed = true;
   import_materials(from, file.parent_path(), scene);
   const NodeNames nodes = import_nodes_and_meshes(from, scene);
   if (scene.meshes.empty()) refuse_empty(scene);
-  import_animation(from, nodes, scene);
+  import_animations(from, nodes, wanted.animation, scene);
   import_lights(from, nodes, scene);
   import_cameras(from, nodes, scene);
   expose(scene);
@@ -821,10 +828,10 @@ bool assimp_reads(const std::string& extension) {
   return !extension.empty() && Assimp::Importer().IsExtensionSupported(extension);
 }
 
-SceneDescription load_with_assimp(const std::filesystem::path& file) {
+SceneDescription load_with_assimp(const std::filesystem::path& file, const ViewerChoices& wanted) {
   try {
     Assimp::Importer importer;
-    return import_scene(read(importer, file), file);
+    return import_scene(read(importer, file), file, wanted);
   } catch (const Error&) {
     throw;
   } catch (const std::bad_alloc&) {

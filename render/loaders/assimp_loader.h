@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <string>
 
+#include "render/loaders/viewer_choices.h"
 #include "render/scene/scene_description.h"
 
 namespace lenticule::render {
@@ -13,6 +14,7 @@ namespace lenticule::render {
 [[nodiscard]] bool assimp_reads(const std::string& extension);
 
 /// Loads a scene as load_scene() does.
-[[nodiscard]] SceneDescription load_with_assimp(const std::filesystem::path& file);
+[[nodiscard]] SceneDescription load_with_assimp(const std::filesystem::path& file,
+                                                const ViewerChoices& wanted);
 
 }  // namespace lenticule::render

@@ -125,27 +125,15 @@ void require_file(const std::filesystem::path& file) {
                 std::string(is->remedy));
 }
 
-/// Refuses numbers of vertices, faces and edges that an OFF file has no room for: assimp would
-/// allocate memory for them.
-void check_off(const std::filesystem::path& file) {
-  const std::vector<uint8_t> bytes = read_scene_file(file);
-  TextReader text({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, file.string());
-  std::string_view word = text.word().value_or("");
-  if (word.ends_with("OFF")) word = text.word().value_or("");
-  for (int n = 0; n < 3; ++n, word = text.word().value_or(""))
-    if (const auto count = number_from<uint64_t>(word); !count || *count > bytes.size() / 2)
-      text.fail(fmt::format("{} vertices, faces or edges in a file of {} bytes",
-                            render::quoted(word), bytes.size()));
-}
-
-SceneDescription load(const std::filesystem::path& file, const std::string& extension) {
+SceneDescription load(const std::filesystem::path& file, const std::string& extension,
+                      const ViewerChoices& wanted) {
   if (extension == ".nff") return load_nff(file);
-  if (extension == ".gltf" || extension == ".glb") return load_gltf(file);
+  if (extension == ".gltf" || extension == ".glb") return load_gltf(file, wanted);
   if (extension == ".obj") return load_obj(file);
   if (extension == ".ply") return load_ply(file);
   if (extension == ".stl") return load_stl(file);
   if (extension == ".off") check_off(file);
-  return load_with_assimp(file);
+  return load_with_assimp(file, wanted);
 }
 
 std::atomic<const SceneReader*> chosen_reader{nullptr};
@@ -160,7 +148,10 @@ SceneDescription load_scene(const std::filesystem::path& file, const LoadOptions
   require_file(file);
   require_format(file, options.any_format);
   const SceneReader* const reader = chosen_reader.load();
-  return reader != nullptr ? reader->load(file, options) : load_scene_here(file, options);
+  SceneDescription scene =
+      reader != nullptr ? reader->load(file, options) : load_scene_here(file, options);
+  apply_choices(scene, options.choices);
+  return scene;
 }
 
 void prepare_loaders() {
@@ -172,7 +163,7 @@ SceneDescription load_scene_here(const std::filesystem::path& file, const LoadOp
   const std::string extension = lower_case(file.extension().string());
   SceneDescription scene;
   try {
-    scene = load(file, extension);
+    scene = load(file, extension, options.choices);
   } catch (const Error& error) {
     if (!error.hint().empty() || !std::string_view(error.what()).starts_with(file.string())) throw;
     throw Error(error.kind(), error.what(),

@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 
+#include "render/loaders/viewer_choices.h"
 #include "render/scene/scene_description.h"
 
 namespace lenticule::render {
@@ -21,9 +22,10 @@ void turn_upright(SceneDescription& scene, UpAxis up);
 
 struct LoadOptions {
   /// The file's axis that points up; default: as the format has it. The message that asks
-  /// lenticule-reader for a scene has it, too.
+  /// lenticule-reader for a scene has it, too, and the choices.
   std::optional<UpAxis> up{};
   bool any_format = false;  ///< also formats whose reader in assimp crashes often
+  ViewerChoices choices{};
 };
 
 /// Loads a file in any supported format, chosen by its extension; y is up in the result,
@@ -48,7 +50,7 @@ class SceneReader {
 /// Lifetime: `reader` must live until the process ends or null is set.
 void use_scene_reader(const SceneReader* reader) noexcept;
 
-/// Does what load_scene() says in this process, for a file that exists.
+/// Does what load_scene() says in this process, for a file that exists, except apply_choices().
 [[nodiscard]] SceneDescription load_scene_here(const std::filesystem::path& file,
                                                const LoadOptions& options);
 

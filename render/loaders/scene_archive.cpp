@@ -124,10 +124,16 @@ void fields(Archive& archive, Node& of) {
 }
 
 template <class Archive>
+void fields(Archive& archive, Selection& of) {
+  archive(of.names, of.taken);
+}
+
+template <class Archive>
 void fields(Archive& archive, SceneDescription& of) {
   archive(of.source, of.materials, of.textures, of.meshes, of.spheres, of.cones, of.lights,
           of.light_scale, of.cameras, of.nodes, of.skins, of.background, of.ambient,
-          of.colour_managed, of.lit_by_studio, of.duration_seconds, of.notes);
+          of.colour_managed, of.lit_by_studio, of.duration_seconds, of.notes, of.scenes,
+          of.animations, of.variants);
 }
 
 // ---- writing
@@ -424,6 +430,8 @@ void check_scene(const SceneDescription& scene) {
   for (const TriangleMesh& mesh : scene.meshes) check(mesh, scene);
   for (const Light& light : scene.lights) check_index(light.node, scene.nodes.size(), "node");
   for (const Camera& camera : scene.cameras) check_index(camera.node, scene.nodes.size(), "node");
+  for (const auto* of : {&scene.scenes, &scene.animations, &scene.variants})
+    if (of->taken != Selection::kAll) check_index(of->taken, of->names.size(), "choice");
   if (!(scene.duration_seconds >= 0.0) || !std::isfinite(scene.light_scale))
     refuse("has an impossible duration or light");
 }

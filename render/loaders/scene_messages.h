@@ -4,7 +4,7 @@
 //
 //   command              reader
 //                        Ready             once, when it is confined
-//   Load, path, up
+//   Load, path, up, choices
 //                        Find, path, name  zero or more of these three, in any order
 //   Answer, path
 //                        Open, path
@@ -49,6 +49,8 @@ struct Message {
   std::array<char, 4096> path{};  ///< zero-terminated, as is the name
   std::array<char, 1024> name{};  ///< name in a scene, label of a texture, cause of a failure
   std::array<char, 512> hint{};   ///< remedy of a failure
+  /// ViewerChoices of Load.
+  std::array<char, 512> scene{}, animation{}, variant{};
 };
 
 template <size_t Size>

@@ -1,10 +1,55 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/loaders/viewer_choices.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
+#include "base/error.h"
+#include "base/numbers.h"
+
 namespace lenticule::render {
+namespace {
+
+/// Returns "the file has 1 'walk', 2 'run'".
+std::string listed(const std::string& kind, const std::vector<std::string>& names) {
+  constexpr size_t kMost = 16;
+  if (names.empty()) return fmt::format("the file has no {}s", kind);
+  std::string text = "the file has";
+  for (size_t n = 0; n < std::min(names.size(), kMost); ++n)
+    text += fmt::format("{} {}{}", n == 0 ? "" : ",", n + 1,
+                        names[n].empty() ? "" : fmt::format(" '{}'", names[n]));
+  if (names.size() > kMost) text += ", ...; 'lenticule scene show --json' lists them";
+  return text;
+}
+
+}  // namespace
+
+Selection select(const std::vector<std::string>& names, const std::string& wanted,
+                 const std::string& kind, const std::string& source, int otherwise) {
+  if (wanted.empty()) return {names, names.empty() ? Selection::kNone : otherwise};
+  if (kind == "animation" && wanted == "none") return {names, Selection::kNone};
+  if (kind == "animation" && wanted == "all") return {names, Selection::kAll};
+  auto index = static_cast<size_t>(std::ranges::find(names, wanted) - names.begin());
+  if (index == names.size()) index = number_from<size_t>(wanted).value_or(0) - 1;
+  if (index < names.size()) return {names, static_cast<int>(index)};
+  throw Error(ErrorKind::Input, fmt::format("{}: no {} '{}'", source, kind, wanted),
+              listed(kind, names));
+}
+
+void apply_choices(SceneDescription& scene, const ViewerChoices& wanted) {
+  const std::vector<std::string>& animations = scene.animations.names;
+  (void)select(scene.scenes.names, wanted.scene, "scene", scene.source, 0);
+  (void)select(animations, wanted.animation, "animation", scene.source, 0);
+  (void)select(scene.variants.names, wanted.variant, "variant", scene.source, 0);
+  if (animations.size() > 1 && wanted.animation.empty())
+    scene.notes.push_back(fmt::format("{} animations, the first is played", animations.size()));
+  std::vector<std::string> cameras;
+  for (const Camera& camera : scene.cameras) cameras.push_back(camera.name);
+  scene.camera = std::max(select(cameras, wanted.camera, "camera", scene.source, 0).taken, 0);
+}
+
 namespace {
 
 /// Total irradiance by all lights of a white surface at the scene's centre that faces each light.

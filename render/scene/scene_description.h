@@ -263,6 +263,15 @@ struct Node {
   Channel<std::vector<double>> morph_weight_keys{};
 };
 
+/// Selection lists what a file has of one kind, and what of that the scene consists of.
+struct Selection {
+  static constexpr int kNone = -1, kAll = -2;
+  std::vector<std::string> names{};  ///< in the order of the file; empty for what has no name
+  int taken = kNone;                 ///< index into names, or kNone or kAll
+
+  [[nodiscard]] bool takes(size_t n) const { return taken == kAll || taken == static_cast<int>(n); }
+};
+
 struct SceneDescription {
   std::string source{};  ///< file name, for messages
   std::vector<Material> materials{};
@@ -273,6 +282,7 @@ struct SceneDescription {
   std::vector<Light> lights{};
   double light_scale = 1.0;  ///< factor by which expose() multiplied the lights of the file
   std::vector<Camera> cameras{};
+  int camera = 0;             ///< index of the camera that places the scene
   std::vector<Node> nodes{};  ///< parents before children
   std::vector<Skin> skins{};
   Vec3 background{0, 0, 0};
@@ -286,6 +296,7 @@ struct SceneDescription {
   double duration_seconds = 0.0;  ///< duration of the animation, 0 = still
   /// Repairs and omissions of the loader, for the user ("12 zero-area triangles dropped").
   std::vector<std::string> notes{};
+  Selection scenes{}, animations{}, variants{};
 };
 
 /// Returns the scene with every node's transform, morph weights and skins applied at `seconds`:

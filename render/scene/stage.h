@@ -49,7 +49,8 @@ inline constexpr double kPitchWithoutCamera = 12.0;
 /// Returns the camera that places the scene, or null if there is none.
 [[nodiscard]] inline const Camera* placing_camera(const SceneDescription& scene,
                                                   const StageOptions& options) {
-  return scene.cameras.empty() || options.ignore_cameras ? nullptr : &scene.cameras.front();
+  if (scene.cameras.empty() || options.ignore_cameras) return nullptr;
+  return &scene.cameras.at(static_cast<size_t>(scene.camera));
 }
 
 /// Ground is the level plane that a model stands on, through its lowest point. World y is up, as

@@ -71,6 +71,72 @@ TEST_F(ConfinedCommands, AModelIsShownWithoutATextureThatEndsItsDecoder) {
              "crash.tif");
 }
 
+/// A triangle with a choice of each kind.
+constexpr const char* kChoices = R"({"asset": {"version": "2.0"},
+  "extensionsUsed": ["KHR_materials_variants"],
+  "extensions": {"KHR_materials_variants": {"variants": [{"name": "red"}, {"name": "blue"}]}},
+  "buffers": [{"byteLength": 68, "uri": "data:application/octet-stream;base64,)"
+                                 "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"
+                                 "AAAAAAAAgD8AAAAAAAAAAAAAAAAAAKBAAAAAAAAAAAA="
+                                 R"("}],
+  "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 8},
+    {"buffer": 0, "byteOffset": 44, "byteLength": 24}],
+  "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
+      "min": [0, 0, 0], "max": [1, 1, 0]},
+    {"bufferView": 1, "componentType": 5126, "count": 2, "type": "SCALAR", "min": [0], "max": [1]},
+    {"bufferView": 2, "componentType": 5126, "count": 2, "type": "VEC3"}],
+  "materials": [{"name": "plain"}, {"name": "blue paint"}],
+  "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": 0, "extensions":
+    {"KHR_materials_variants": {"mappings": [{"material": 1, "variants": [1]}]}}}]}],
+  "cameras": [{"type": "perspective", "perspective": {"yfov": 0.5, "znear": 0.1}}],
+  "nodes": [{"name": "shape", "mesh": 0},
+    {"name": "front", "camera": 0, "translation": [0, 0, 4]},
+    {"name": "far", "camera": 0, "translation": [0, 0, 9]}],
+  "scenes": [{"name": "whole", "nodes": [0, 1, 2]}, {"name": "bare", "nodes": [0]}],
+  "animations": [{"name": "rest", "channels": [], "samplers": []},
+    {"name": "fly", "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}],
+     "samplers": [{"input": 1, "output": 2}]}]})";
+
+TEST_F(ConfinedCommands, CommandsTakeThePartsOfAModelByNameOrNumber) {
+  write("model.gltf", kChoices);
+  const auto show = [&](std::vector<std::string> more) {
+    return run(test::joined({"scene", "show", path("model.gltf")}, more));
+  };
+  const ProcessResult text = show({});
+  for (const char* row :
+       {"cameras    1 front (chosen), 2 far\n", "animations 1 rest (chosen), 2 fly\n",
+        "variants   1 red, 2 blue\n", "scenes     1 whole (chosen), 2 bare\n"})
+    EXPECT_NE(text.out.find(row), std::string::npos) << row << text.out << text.err;
+  const auto json = nlohmann::json::parse(
+      show({"--scene-camera", "far", "--animation", "2", "--variant", "blue", "--json"}).out);
+  EXPECT_EQ(json["cameras"][0]["name"], "front") << "the order stays that of the file";
+  EXPECT_FALSE(json["cameras"][0]["chosen"]);
+  EXPECT_TRUE(json["cameras"][1]["chosen"]);
+  EXPECT_TRUE(json["animations"][1]["chosen"]);
+  EXPECT_TRUE(json["variants"][1]["chosen"]);
+  EXPECT_EQ(json["duration_seconds"], 1.0);
+  const auto bare = nlohmann::json::parse(show({"--scene", "bare", "--json"}).out);
+  EXPECT_TRUE(bare["cameras"].empty());
+  expect_end(show({"--variant", "green"}), 4, "model.gltf: no variant 'green'",
+             "1 'red', 2 'blue'");
+
+  const auto render = [&](std::vector<std::string> more) {
+    expect_end(
+        run(test::joined(
+            {"render", path("model.gltf"), "--rig", path("rig.toml"), "-o", path("o.png")}, more)),
+        0);
+    return test::read_text(path("o.png"));
+  };
+  const std::string front = render({});
+  EXPECT_EQ(render({"--scene-camera", "1"}), front);
+  EXPECT_NE(render({"--scene-camera", "far"}), front);
+  expect_end(run({"depth", path("model.gltf"), "--rig", path("rig.toml"), "--scene-camera", "top"}),
+             4, "no camera 'top'", "1 'front', 2 'far'");
+  expect_end(run({"render", path("model.gltf"), "--rig", path("rig.toml"), "--fit",
+                  "--scene-camera", "far", "-o", path("o.png")}),
+             2, "--fit");
+}
+
 TEST_F(ConfinedCommands, AModelThatEndsItsReaderIsAnErrorOfEveryCommand) {
   fs::remove(folder_ / "bin/lenticule-reader");
   fs::copy_file(LENTICULE_FAKE_READER, folder_ / "bin/lenticule-reader");

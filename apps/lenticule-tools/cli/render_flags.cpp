@@ -31,18 +31,32 @@ void take_turn(const std::string& text, StagingFlags& flags) {
 
 }  // namespace
 
-void declare_any_format(CLI::App& app, render::LoadOptions& load) {
+CLI::Option* declare_model_flags(CLI::App& app, render::LoadOptions& load) {
+  app.option_defaults()->group("Model ('lenticule scene show' lists names and numbers)");
+  const auto add = [&](const char* flag, std::string& to, const char* text,
+                       const char* type = "NAME|NUMBER") {
+    return app.add_option(flag, to, text)->type_name(type);
+  };
+  add("--scene", load.choices.scene, "scene of a glTF file instead of the one that the file names");
+  add("--animation", load.choices.animation,
+      "animation that is played instead of the first\nnone: the model at rest; all: all at once.",
+      "NAME|NUMBER|none|all");
+  add("--variant", load.choices.variant, "variant of the materials of a glTF file");
+  CLI::Option* const camera = add("--scene-camera", load.choices.camera,
+                                  "camera that places the scene instead of the file's first");
+  app.add_option_function<std::string>(
+         "--up", [&load](const std::string& name) { load.up = render::up_axis_named(name); },
+         "axis of the scene file that points up")
+      ->type_name("x|y|z|-x|-y|-z");
   app.add_flag("--any-format", load.any_format,
                "also read models in formats whose reader crashes often: MD2, X, 3MF, ...");
+  app.option_defaults()->group("Options");
+  return camera;
 }
 
 void declare_stage_flags(CLI::App& app, StagingFlags& flags) {
+  CLI::Option* const camera = declare_model_flags(app, flags.load);
   app.option_defaults()->group("Stage");
-  app.add_option_function<std::string>(
-         "--up", [&flags](const std::string& name) { flags.load.up = render::up_axis_named(name); },
-         "axis of the scene file that points up")
-      ->type_name("x|y|z|-x|-y|-z");
-  declare_any_format(app, flags.load);
   cli::add_triple(
       app, "--centre", "X,Y,Z", [&flags](Vec3 at) { flags.stage.centre = at; },
       "point of the scene that lies at the panel's centre");
@@ -68,7 +82,8 @@ void declare_stage_flags(CLI::App& app, StagingFlags& flags) {
       ->type_name("DEGREES")
       ->default_str(fmt::format("{:g} without a camera", render::kPitchWithoutCamera));
   app.add_flag("--fit", flags.stage.ignore_cameras,
-               "ignore the scene's camera and fit the whole scene into the panel");
+               "ignore the scene's camera and fit the whole scene into the panel")
+      ->excludes(camera);
   app.option_defaults()->group("Options");
 }
 
@@ -215,7 +230,8 @@ std::function<void()> declare_render_flags(CLI::App& app, RenderFlags& flags) {
   app.add_option("--camera", flags.camera,
                  "file with one camera per line: from, at, up, field of view")
       ->group("Stage")
-      ->type_name("FILE");
+      ->type_name("FILE")
+      ->excludes(app.get_option("--scene-camera"));
   declare_surroundings_flags(app, flags.staging);
   declare_soft_light_flags(app, flags.options.soft);
   return [&flags, error, psnr, prefilter_samples] {

@@ -13,7 +13,8 @@
 
 namespace CLI {
 class App;
-}
+class Option;
+}  // namespace CLI
 
 namespace lenticule::tools {
 
@@ -24,9 +25,11 @@ struct StagingFlags {
   render::Surroundings surroundings;
 };
 
-/// Lifetime: `load` must outlive the parser.
-void declare_any_format(CLI::App& app, render::LoadOptions& load);
-/// Lifetime: `flags` must outlive the parser.
+/// Declares what of a model is shown, and how it is turned: for every command that reads one.
+/// Returns the flag of the camera. Lifetime: `load` must outlive the parser.
+CLI::Option* declare_model_flags(CLI::App& app, render::LoadOptions& load);
+
+/// Declares the flags of the model, too. Lifetime: `flags` must outlive the parser.
 void declare_stage_flags(CLI::App& app, StagingFlags& flags);
 void declare_surroundings_flags(CLI::App& app, StagingFlags& flags);
 

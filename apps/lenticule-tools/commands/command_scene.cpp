@@ -71,10 +71,20 @@ json textures_json(const render::SceneDescription& scene) {
   return list;
 }
 
+json selection_json(const render::Selection& of) {
+  json list = json::array();
+  for (const std::string& name : of.names)
+    list.push_back(
+        {{"name", name}, {"number", list.size() + 1}, {"chosen", of.takes(list.size())}});
+  return list;
+}
+
 json cameras_json(const render::SceneDescription& scene) {
   json list = json::array();
   for (const render::Camera& camera : scene.cameras)
     list.push_back({{"name", camera.name},
+                    {"number", list.size() + 1},
+                    {"chosen", std::ssize(list) == scene.camera},
                     {"from", to_json(camera.from)},
                     {"at", to_json(camera.at)},
                     {"vertical_fov_degrees", camera.vertical_fov_degrees}});
@@ -108,6 +118,19 @@ std::string named(const std::vector<std::string>& names) {
 std::string name_in(const json& entry) {
   const std::string name = entry["name"];
   return name.empty() ? "unnamed" : name;
+}
+
+/// Returns "1 walk (chosen), 2 run", at most sixteen entries.
+std::string choices_text(const json& entries) {
+  constexpr size_t kMost = 16;
+  std::string text;
+  for (const json& entry : entries) {
+    const auto number = entry["number"].get<size_t>();
+    if (number > kMost) return text + ", ... (--json lists all)";
+    text += fmt::format("{}{} {}{}", number > 1 ? ", " : "", number, name_in(entry),
+                        entry["chosen"].get<bool>() ? " (chosen)" : "");
+  }
+  return text;
 }
 
 std::string surfaces_text(const json& r) {
@@ -162,6 +185,9 @@ json scene_report(const render::SceneDescription& scene, Vec3 up) {
           {"lights", lights_json(scene)},
           {"default_light", scene.lights.empty() && !scene.ambient},
           {"cameras", cameras_json(scene)},
+          {"scenes", selection_json(scene.scenes)},
+          {"animations", selection_json(scene.animations)},
+          {"variants", selection_json(scene.variants)},
           {"nodes", scene.nodes.size()},
           {"animated_nodes", moving},
           {"duration_seconds", scene.duration_seconds},
@@ -184,13 +210,11 @@ void print_scene_report(const json& r) {
                                 texture["height"].get<int>()));
   print_entry("textures", named(names));
   print_entry("lights", lights_text(r));
-  names.clear();
-  for (const json& camera : r["cameras"])
-    names.push_back(fmt::format("{} ({:.3g} degrees high)", name_in(camera),
-                                camera["vertical_fov_degrees"].get<double>()));
-  print_entry("cameras", names.empty() ? "none: the scene is fitted into the panel"
-                                       : named(names) + "; the first is used");
+  print_entry("cameras", r["cameras"].empty() ? "none: the scene is fitted into the panel"
+                                              : choices_text(r["cameras"]));
   print_entry("animation", animation_text(r));
+  for (const char* kind : {"animations", "variants", "scenes"})
+    if (!r[kind].empty()) print_entry(kind, choices_text(r[kind]));
   print_entry("size", bounds_text(r));
   for (const json& note : r["notes"]) print_entry("note", note);
   if (r["notes"].empty()) print_entry("notes", "none");
@@ -205,9 +229,9 @@ struct SceneFlags {
   std::string output;
   std::string camera;
   bool json = false;
-  std::string shown;  ///< file of 'show'
-  render::LoadOptions load;
+  std::string shown;      ///< file of 'show'
   std::string thumbnail;  ///< output of 'show'
+  render::LoadOptions load;
 };
 
 nlohmann::json to_json(const scenes::SceneCounts& counts) {
@@ -314,14 +338,11 @@ void write_one(const SceneFlags& flags) {
   if (flags.json) print_json(done);
 }
 
-render::SceneDescription load_any(const std::string& scene, const render::LoadOptions& options) {
-  return scene.starts_with("builtin:") ? SceneSequence(scene, frames::Rate{}).at(0)
-                                       : render::load_scene(scene, options);
-}
-
 void show_scene(const SceneFlags& flags) {
   if (!flags.thumbnail.empty()) frames::check_writable_format(flags.thumbnail);
-  const render::SceneDescription scene = load_any(flags.shown, flags.load);
+  const render::SceneDescription scene = flags.shown.starts_with("builtin:")
+                                             ? SceneSequence(flags.shown, {}, flags.load).at(0)
+                                             : render::load_scene(flags.shown, flags.load);
   render::SceneDescription first = render::at_time(scene, 0.0);
   const FlatView view = make_flat_view(first);
   nlohmann::json report = scene_report(scene, render::world_up(view.stage));
@@ -350,8 +371,8 @@ CLI::App* declare_show(CLI::App& app, const std::shared_ptr<SceneFlags>& flags) 
   sub->add_option("-o,--output", flags->thumbnail,
                   "picture of the scene as its camera sees it: .png, .tif, .exr or .ppm")
       ->type_name("FILE");
-  declare_any_format(*sub, flags->load);
   sub->add_flag("--json", flags->json, "print as JSON");
+  declare_model_flags(*sub, flags->load);
   return sub;
 }
 

@@ -191,6 +191,9 @@ class ConfinedScenes::Reader {
                             [&textures] { return textures.is_reading(); });
     Message request{.word = Word::Load, .up = options.up ? static_cast<int32_t>(*options.up) : -1};
     set_text(request.path, file.string());
+    set_text(request.scene, options.choices.scene);
+    set_text(request.animation, options.choices.animation);
+    set_text(request.variant, options.choices.variant);
     process_.send(request);
     Message piece = serve_questions(textures);
     bool is_first = true;

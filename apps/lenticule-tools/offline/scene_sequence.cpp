@@ -161,7 +161,9 @@ render::SceneDescription SceneSequence::at(uint64_t frame) const {
 render::SceneDescription SceneSequence::built_in(uint64_t frame) const {
   const auto period = static_cast<uint64_t>(std::max(1, built_in_->frames));
   const int in_period = static_cast<int>(frame % period);
-  return describe_built_in(*built_in_, size_, in_period);
+  render::SceneDescription scene = describe_built_in(*built_in_, size_, in_period);
+  render::apply_choices(scene, load_options_.choices);
+  return scene;
 }
 
 StageSequence::StageSequence(const render::SceneDescription& reference,

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // A glTF file becomes a scene in this order: the document (JSON and buffers, decompressed), the
 // nodes parents first, the materials with their pictures, skins, the meshes once per node that
-// shows them, the first animation, lights and cameras. Then lights are exposed, and whatever never
-// moves is baked to world coordinates. Content that is left out is counted and noted; damaged
+// shows them, the chosen animations, lights and cameras. Then lights are exposed, and whatever
+// never moves is baked to world coordinates. Content that is left out is counted and noted; damaged
 // content is an error with the path of its JSON value.
 #include "render/loaders/gltf_loader.h"
 
@@ -182,6 +182,24 @@ class Attributes {
   std::unique_ptr<DracoMesh> draco_;
   std::optional<JsonAt> compressed_;
 };
+
+std::vector<std::string> names_of(const std::vector<JsonAt>& list) {
+  std::vector<std::string> names;
+  for (const JsonAt& one : list) names.push_back(one.text("name", ""));
+  return names;
+}
+
+/// Returns the material that the variant gives a primitive, or else its own.
+std::optional<size_t> material_of(const Document& document, const Selection& variants,
+                                  const JsonAt& primitive) {
+  const size_t materials = document.list("materials").size();
+  if (const auto extension = primitive.extension("KHR_materials_variants"))
+    for (const JsonAt& mapping : extension->list("mappings"))
+      for (const JsonAt& variant : mapping.list("variants"))
+        if (variants.takes(variant.index(variants.names.size(), "variants")))
+          return mapping.at("material").index(materials, "materials");
+  return primitive.find_index("material", materials, "materials");
+}
 
 Vec3 vec3(const Element& e) {
   return {e[0], e[1], e[2]};
@@ -370,11 +388,11 @@ class MeshBudget {
   size_t triangles_ = 0;
 };
 
-/// Lifetime: must not outlive document, materials and notes.
+/// Lifetime: must not outlive document, materials, variants and notes.
 class Primitives {
  public:
-  Primitives(Document& document, Materials& materials, Notes& notes)
-      : document_(document), materials_(materials), notes_(notes) {}
+  Primitives(Document& document, Materials& materials, const Selection& variants, Notes& notes)
+      : document_(document), materials_(materials), variants_(variants), notes_(notes) {}
 
   /// Returns the primitives of meshes[index] that have triangles, in the mesh's coordinates. A
   /// deformation has no skin yet.
@@ -428,8 +446,7 @@ class Primitives {
       primitive.at("targets").fail(fmt::format("more than {} morph targets", kMostTargets));
     budget_.take(vertices * (1 + targets.size()), 0, primitive);
 
-    mesh.material = materials_.index(
-        primitive.find_index("material", document_.list("materials").size(), "materials"));
+    mesh.material = materials_.index(material_of(document_, variants_, primitive));
     const MaterialInput& input = materials_.input(mesh.material);
     mesh.positions = positions_of(attributes, vertices, name);
     digits_.add(mesh);
@@ -467,6 +484,7 @@ class Primitives {
 
   Document& document_;
   Materials& materials_;
+  const Selection& variants_;
   Notes& notes_;
   std::map<size_t, std::vector<TriangleMesh>> meshes_;
   MeshBudget budget_;
@@ -500,9 +518,7 @@ std::vector<size_t> children_of(const JsonAt& node, size_t nodes) {
   return children;
 }
 
-// ---- meshes
-
-// ---- lights and cameras
+// ---- what hangs on nodes
 
 /// Nodes imports glTF's node hierarchy with what hangs on it: meshes, skins, cameras and lights.
 /// Lifetime: must not outlive document, scene, materials and notes.
@@ -559,14 +575,13 @@ class Nodes {
       seen[*mesh] = true;
       const JsonAt primitives = meshes[*mesh].at("primitives");
       for (size_t k = 0; k < primitives.size(); ++k)
-        if (const auto m = primitives[k].find_index("material", used.size(), "materials"))
-          used[*m] = true;
+        if (const auto m = material_of(document_, scene_.variants, primitives[k])) used[*m] = true;
     }
     return used;
   }
 
   void import_meshes(Materials& materials) {
-    Primitives primitives(document_, materials, notes_);
+    Primitives primitives(document_, materials, scene_.variants, notes_);
     const std::vector<JsonAt>& meshes = document_.list("meshes");
     for (const size_t i : order_) {
       const auto mesh = nodes_[i].find_index("mesh", meshes.size(), "meshes");
@@ -703,14 +718,13 @@ class Nodes {
       if (places_[i] < 0) nodes_[i].fail("is its own ancestor");
   }
 
-  /// Marks the nodes of the scene that the file names, or of its first; without scenes, all.
+  /// Marks the nodes of the scene that is taken; without scenes, all.
   void mark_shown() {
     const std::vector<JsonAt>& scenes = document_.list("scenes");
     shown_.assign(nodes_.size(), scenes.empty());
     if (scenes.empty()) return;
-    const size_t which = document_.root().find_index("scene", scenes.size(), "scenes").value_or(0);
-    notes_.count("further scenes in the file left out", scenes.size() - 1);
-    for (const JsonAt& root : scenes[which].list("nodes"))
+    notes_.count("further scenes in the file left out (--scene)", scenes.size() - 1);
+    for (const JsonAt& root : scenes[static_cast<size_t>(scene_.scenes.taken)].list("nodes"))
       shown_[root.index(nodes_.size(), "nodes")] = true;
     for (const size_t i : order_)
       if (shown_[i])
@@ -897,6 +911,8 @@ class AnimationImport {
   template <class T>
   void read(const JsonAt& sampler, const char* type, const T& rest, size_t elements,
             Channel<T>& channel) {
+    if (!channel.times.empty())
+      return notes_.count("animation channels left out: an earlier one moves the same property");
     const Interpolation interpolation = interpolation_of(sampler);
     const std::vector<double> times = times_of(sampler);
     // In-tangent, value and out-tangent.
@@ -919,7 +935,6 @@ class AnimationImport {
       assign(value_read, numbers.data() + number * value_size);
       return value_read;
     };
-    channel = {};
     channel.steps = interpolation == Interpolation::Step;
     for (size_t i = 0; i < times.size(); ++i) {
       if (!channel.times.empty() && times[i] <= channel.times.back()) {
@@ -944,16 +959,18 @@ class AnimationImport {
   size_t keys_ = 0;
 };
 
-/// Imports the first animation of the file, after the meshes.
-void import_animation(Document& document, const Nodes& nodes, SceneDescription& scene,
-                      Notes& notes) {
+/// Imports the wanted animations of the file, after the meshes.
+void import_animations(Document& document, const Nodes& nodes, const std::string& wanted,
+                       SceneDescription& scene, Notes& notes) {
   const std::vector<JsonAt>& animations = document.list("animations");
-  if (animations.empty()) return;
-  if (animations.size() > 1)
-    scene.notes.push_back(fmt::format("{} animations, the first is played", animations.size()));
+  scene.animations = select(names_of(animations), wanted, "animation", scene.source, 0);
   AnimationImport import(document, scene, notes);
-  const std::vector<JsonAt> samplers = animations[0].list("samplers");
-  for (const JsonAt& channel : animations[0].list("channels")) import.add(channel, samplers, nodes);
+  for (size_t i = 0; i < animations.size(); ++i) {
+    if (!scene.animations.takes(i)) continue;
+    const std::vector<JsonAt> samplers = animations[i].list("samplers");
+    for (const JsonAt& channel : animations[i].list("channels"))
+      import.add(channel, samplers, nodes);
+  }
   // The nodes of instances come after those of the file.
   for (size_t i = document.list("nodes").size(); i < scene.nodes.size(); ++i)
     scene.nodes[i].morph_weight_keys =
@@ -1022,10 +1039,22 @@ void check_extensions(const JsonAt& root, SceneDescription& scene) {
   if (!unknown.empty()) scene.notes.push_back("extensions ignored: " + unknown);
 }
 
+/// Lists the file's scenes and variants, and sets which of them is shown.
+void select_parts(Document& document, const ViewerChoices& wanted, SceneDescription& scene) {
+  const std::vector<JsonAt>& scenes = document.list("scenes");
+  const size_t stated = document.root().find_index("scene", scenes.size(), "scenes").value_or(0);
+  scene.scenes =
+      select(gltf::names_of(scenes), wanted.scene, "scene", scene.source, static_cast<int>(stated));
+  if (const auto variants = document.root().extension("KHR_materials_variants"))
+    scene.variants = select(gltf::names_of(variants->list("variants")), wanted.variant, "variant",
+                            scene.source, Selection::kNone);
+}
+
 }  // namespace
 
 SceneDescription parse_gltf(std::vector<uint8_t> bytes, const std::string& source,
-                            const std::optional<std::filesystem::path>& folder) {
+                            const std::optional<std::filesystem::path>& folder,
+                            const ViewerChoices& wanted) {
   SceneDescription scene;
   scene.source = source;
   scene.colour_managed = true;
@@ -1033,6 +1062,7 @@ SceneDescription parse_gltf(std::vector<uint8_t> bytes, const std::string& sourc
     Document document(std::move(bytes), source, folder);
     check_version(document.root());
     check_extensions(document.root(), scene);
+    select_parts(document, wanted, scene);
     gltf::Notes notes;
     gltf::Nodes nodes(document, scene, notes);
     gltf::Materials materials(document, nodes.used_materials(), scene, notes);
@@ -1042,7 +1072,7 @@ SceneDescription parse_gltf(std::vector<uint8_t> bytes, const std::string& sourc
       notes.write(scene);
       refuse_empty(scene);
     }
-    gltf::import_animation(document, nodes, scene, notes);
+    gltf::import_animations(document, nodes, wanted.animation, scene, notes);
     nodes.import_lights();
     nodes.import_cameras();
     notes.write(scene);
@@ -1054,8 +1084,8 @@ SceneDescription parse_gltf(std::vector<uint8_t> bytes, const std::string& sourc
   return scene;
 }
 
-SceneDescription load_gltf(const std::filesystem::path& file) {
-  return parse_gltf(read_scene_file(file), file.string(), file.parent_path());
+SceneDescription load_gltf(const std::filesystem::path& file, const ViewerChoices& wanted) {
+  return parse_gltf(read_scene_file(file), file.string(), file.parent_path(), wanted);
 }
 
 }  // namespace lenticule::render

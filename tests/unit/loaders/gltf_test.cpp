@@ -10,6 +10,7 @@
 #include <string>
 
 #include "render/loaders/gltf_loader.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/gltf_model.h"
 #include "tests/support/texels.h"
 
@@ -17,6 +18,7 @@ namespace lenticule::render {
 namespace {
 
 using nlohmann::json;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
 using namespace lenticule::test;
@@ -183,14 +185,48 @@ class GltfFeature : public ::testing::TestWithParam<nlohmann::ordered_json> {};
 TEST_P(GltfFeature, IsReadFromTextAndBinary) {
   const GltfModel model(GetParam()["model"]);
   const json shows = json::parse(GetParam()["shows"].dump());
-  expect_scene(parse_gltf(model.gltf(), "model.gltf", std::nullopt), shows);
-  expect_scene(parse_gltf(model.glb(), "model.glb", std::nullopt), shows);
+  const json of = json::parse(GetParam().value("choices", nlohmann::ordered_json::object()).dump());
+  const ViewerChoices choices{.scene = of.value("scene", ""),
+                              .animation = of.value("animation", ""),
+                              .variant = of.value("variant", "")};
+  expect_scene(parse_gltf(model.gltf(), "model.gltf", std::nullopt, choices), shows);
+  expect_scene(parse_gltf(model.glb(), "model.glb", std::nullopt, choices), shows);
 }
 
 INSTANTIATE_TEST_SUITE_P(
     File, GltfFeature,
     ::testing::ValuesIn(gltf_cases(LENTICULE_SOURCE_DIR "/tests/data/gltf-features.json")),
     [](const auto& info) { return info.param["name"].template get<std::string>(); });
+
+TEST(Gltf, NamesWhatThereIsForAnUnknownChoice) {
+  GltfModel m;
+  m.json["extensions"]["KHR_materials_variants"]["variants"] = {{{"name", "day"}},
+                                                                {{"name", "night"}}};
+  m.animate(0, "translation", {0, 1}, {0, 0, 0, 1, 0, 0}, "VEC3");
+  const auto message_for = [&](const ViewerChoices& choices) {
+    const Error error =
+        error_of([&] { (void)parse_gltf(m.glb(), "model.glb", std::nullopt, choices); });
+    return std::string(error.what()) + "; " + error.hint();
+  };
+  EXPECT_EQ(message_for({.variant = "dusk"}),
+            "model.glb: no variant 'dusk'; the file has 1 'day', 2 'night'");
+  EXPECT_EQ(message_for({.animation = "2"}), "model.glb: no animation '2'; the file has 1");
+  EXPECT_EQ(message_for({.scene = "0"}), "model.glb: no scene '0'; the file has 1");
+}
+
+TEST(ApplyChoices, RefusesWhatTheFormatDoesNotHave) {
+  SceneDescription scene{.source = "ball.nff", .cameras = {{.name = "front"}, {.name = "side"}}};
+  EXPECT_THAT(error_of([&] { apply_choices(scene, {.variant = "1"}); }).hint(),
+              HasSubstr("the file has no variants"));
+  EXPECT_THAT(error_of([&] { apply_choices(scene, {.camera = "top"}); }).hint(),
+              HasSubstr("1 'front', 2 'side'"));
+  scene.animations.names = {"walk", "run"};
+  apply_choices(scene, {.animation = "none", .camera = "side"});
+  EXPECT_THAT(scene.notes, SizeIs(0));
+  EXPECT_EQ(scene.camera, 1);
+  apply_choices(scene, {});
+  EXPECT_THAT(scene.notes, ElementsAre("2 animations, the first is played"));
+}
 
 // --- compressed meshes and pictures
 
