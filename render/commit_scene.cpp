@@ -270,7 +270,7 @@ class Committer {
     add_materials();
     if (surroundings.tone_map.value_or(ToneMap::None) != ToneMap::None && !is_pbr_)
       refuse("tone map:", "no material is metallic-roughness");
-    for (const TriangleMesh& mesh : description_.meshes) add_mesh(mesh);
+    for_each_mesh(description_, [this](const TriangleMesh& mesh) { add_mesh(mesh); });
     for (const Sphere& sphere : description_.spheres) add_sphere(sphere);
     for (const Cone& cone : description_.cones) add_cone(cone);
     // Content that the stage leaves out in front stays left out; only the ground extends toward the

@@ -147,13 +147,14 @@ render::Camera framing_camera(const render::SceneDescription& scene) {
   const Vec3 centre = (bounds.low + bounds.high) * 0.5;
   const double tangent = kFill * std::tan(radians(kModelFovDegrees / 2.0));
   double distance = 0.0;
-  for (const render::TriangleMesh& mesh : scene.meshes)
+  render::for_each_mesh(scene, [&](const render::TriangleMesh& mesh) {
     for (const auto& triangle : mesh.triangles)
       for (const uint32_t corner : triangle) {
         const Vec3 p = mesh.positions[corner] - centre;
         const double aside = std::max(std::abs(dot(p, right)), std::abs(dot(p, up)));
         distance = std::max(distance, dot(p, toward) + aside / tangent);
       }
+  });
   if (!(distance > 0.0))
     throw Error(ErrorKind::Input, scene.source + ": the scene has no extent to be shown");
   return {.from = centre + toward * distance,

@@ -348,7 +348,28 @@ std::vector<Affine> world_from_nodes(const std::vector<Node>& nodes, double seco
   return world;
 }
 
+void for_each_mesh(const SceneDescription& scene,
+                   const std::function<void(const TriangleMesh&)>& visit) {
+  for (const TriangleMesh& mesh : scene.meshes) {
+    if (mesh.shape < 0) {
+      visit(mesh);
+      continue;
+    }
+    TriangleMesh moved = scene.shape_of(mesh);
+    moved.name = mesh.name;
+    moved.material = mesh.material;
+    transform_mesh(moved, mesh.place);
+    moved.shape = mesh.shape;
+    moved.place = mesh.place;
+    visit(moved);
+  }
+}
+
 void transform_mesh(TriangleMesh& mesh, const Affine& map) {
+  if (mesh.shape >= 0) {
+    mesh.place = map * mesh.place;
+    return;
+  }
   const bool mirrors = map.determinant() < 0.0;
   for (Vec3& p : mesh.positions) p = map.point(p);
   require_finite(mesh);

@@ -125,6 +125,19 @@ void require_file(const std::filesystem::path& file) {
                 std::string(is->remedy));
 }
 
+/// Refuses numbers of vertices, faces and edges that an OFF file has no room for: assimp would
+/// allocate memory for them.
+void check_off(const std::filesystem::path& file) {
+  const std::vector<uint8_t> bytes = read_scene_file(file);
+  TextReader text({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, file.string());
+  std::string_view word = text.word().value_or("");
+  if (word.ends_with("OFF")) word = text.word().value_or("");
+  for (int n = 0; n < 3; ++n, word = text.word().value_or(""))
+    if (const auto count = number_from<uint64_t>(word); !count || *count > bytes.size() / 2)
+      text.fail(fmt::format("{} vertices, faces or edges in a file of {} bytes",
+                            render::quoted(word), bytes.size()));
+}
+
 SceneDescription load(const std::filesystem::path& file, const std::string& extension,
                       const ViewerChoices& wanted) {
   if (extension == ".nff") return load_nff(file);

@@ -88,7 +88,7 @@ void fields(Archive& archive, Deformation& of) {
 template <class Archive>
 void fields(Archive& archive, TriangleMesh& of) {
   archive(of.name, of.material, of.positions, of.triangles, of.normals, of.uvs, of.uvs2, of.colours,
-          of.tangents, of.node, of.deformation);
+          of.tangents, of.node, of.deformation, of.shape, of.place);
 }
 
 template <class Archive>
@@ -130,8 +130,8 @@ void fields(Archive& archive, Selection& of) {
 
 template <class Archive>
 void fields(Archive& archive, SceneDescription& of) {
-  archive(of.source, of.materials, of.textures, of.meshes, of.spheres, of.cones, of.lights,
-          of.light_scale, of.cameras, of.nodes, of.skins, of.background, of.ambient,
+  archive(of.source, of.materials, of.textures, of.meshes, of.shapes, of.spheres, of.cones,
+          of.lights, of.light_scale, of.cameras, of.nodes, of.skins, of.background, of.ambient,
           of.colour_managed, of.lit_by_studio, of.duration_seconds, of.notes, of.scenes,
           of.animations, of.variants);
 }
@@ -393,6 +393,7 @@ void check(const TriangleMesh& mesh, const SceneDescription& scene) {
   check_count(mesh.colours.size(), vertices, "colours");
   check_count(mesh.tangents.size(), vertices, "tangents");
   check_index(mesh.node, scene.nodes.size(), "node");
+  check_index(mesh.shape, scene.shapes.size(), "shape");
   if (mesh.deformation) check(*mesh.deformation, vertices, scene);
 }
 
@@ -424,10 +425,22 @@ void check_scene(const SceneDescription& scene) {
       if (shape.material < 0 || static_cast<size_t>(shape.material) >= scene.materials.size())
         refuse("refers to a material that does not exist");
   };
+  for (const auto& shape : scene.shapes) {
+    if (!shape || shape->shape >= 0) refuse("has no shape where one is");
+    check(*shape, scene);
+  }
+  size_t vertices = 0, triangles = 0;
+  for (const TriangleMesh& mesh : scene.meshes) {
+    check(mesh, scene);
+    if (mesh.shape < 0) continue;
+    vertices += scene.shape_of(mesh).positions.size();
+    triangles += scene.shape_of(mesh).triangles.size();
+    if (vertices > kMaxVertices || triangles > kMaxTriangles || mesh.deformation)
+      refuse("has too many or impossible copies of shapes");
+  }
   check_materials(scene.meshes);
   check_materials(scene.spheres);
   check_materials(scene.cones);
-  for (const TriangleMesh& mesh : scene.meshes) check(mesh, scene);
   for (const Light& light : scene.lights) check_index(light.node, scene.nodes.size(), "node");
   for (const Camera& camera : scene.cameras) check_index(camera.node, scene.nodes.size(), "node");
   for (const auto* of : {&scene.scenes, &scene.animations, &scene.variants})

@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -116,24 +117,15 @@ inline constexpr double PbrMaterial::*kPbrNumbers[] = {&PbrMaterial::alpha,
 inline constexpr Vec3 PbrMaterial::*kPbrColours[] = {
     &PbrMaterial::base_colour, &PbrMaterial::emission, &PbrMaterial::specular_colour,
     &PbrMaterial::sheen_colour, &PbrMaterial::attenuation_colour};
-inline constexpr TextureUse PbrMaterial::*kPbrTextures[] = {
-    &PbrMaterial::base_colour_texture,
-    &PbrMaterial::metallic_roughness_texture,
-    &PbrMaterial::normal_texture,
-    &PbrMaterial::occlusion_texture,
-    &PbrMaterial::emission_texture,
-    &PbrMaterial::specular_texture,
-    &PbrMaterial::specular_colour_texture,
-    &PbrMaterial::clearcoat_texture,
-    &PbrMaterial::clearcoat_roughness_texture,
-    &PbrMaterial::clearcoat_normal_texture,
-    &PbrMaterial::sheen_colour_texture,
-    &PbrMaterial::sheen_roughness_texture,
-    &PbrMaterial::transmission_texture,
-    &PbrMaterial::thickness_texture,
-    &PbrMaterial::iridescence_texture,
-    &PbrMaterial::iridescence_thickness_texture,
-    &PbrMaterial::anisotropy_texture};
+inline constexpr auto kPbrTextures = std::to_array<TextureUse PbrMaterial::*>(
+    {&PbrMaterial::base_colour_texture, &PbrMaterial::metallic_roughness_texture,
+     &PbrMaterial::normal_texture, &PbrMaterial::occlusion_texture, &PbrMaterial::emission_texture,
+     &PbrMaterial::specular_texture, &PbrMaterial::specular_colour_texture,
+     &PbrMaterial::clearcoat_texture, &PbrMaterial::clearcoat_roughness_texture,
+     &PbrMaterial::clearcoat_normal_texture, &PbrMaterial::sheen_colour_texture,
+     &PbrMaterial::sheen_roughness_texture, &PbrMaterial::transmission_texture,
+     &PbrMaterial::thickness_texture, &PbrMaterial::iridescence_texture,
+     &PbrMaterial::iridescence_thickness_texture, &PbrMaterial::anisotropy_texture});
 
 /// Whitted material. Colours are linear light in colour-managed formats (such as glTF) and code
 /// values in NFF; see SceneDescription::colour_managed.
@@ -196,6 +188,10 @@ struct TriangleMesh {
   int node = -1;
   /// Null for a rigid mesh. A mesh with a skin follows its joints instead of its node.
   std::shared_ptr<const Deformation> deformation{};
+  /// Index into SceneDescription::shapes of the mesh whose vertices and triangles this one has,
+  /// moved by `place`; -1: its own.
+  int shape = -1;
+  Affine place{};
 };
 
 struct Sphere {
@@ -277,6 +273,7 @@ struct SceneDescription {
   std::vector<Material> materials{};
   std::vector<std::shared_ptr<const Texture>> textures{};
   std::vector<TriangleMesh> meshes{};
+  std::vector<std::shared_ptr<const TriangleMesh>> shapes{};  ///< of meshes that are shown often
   std::vector<Sphere> spheres{};
   std::vector<Cone> cones{};
   std::vector<Light> lights{};
@@ -297,7 +294,17 @@ struct SceneDescription {
   /// Repairs and omissions of the loader, for the user ("12 zero-area triangles dropped").
   std::vector<std::string> notes{};
   Selection scenes{}, animations{}, variants{};
+
+  /// Returns the mesh that has the vertices and triangles of `mesh`.
+  [[nodiscard]] const TriangleMesh& shape_of(const TriangleMesh& mesh) const {
+    return mesh.shape < 0 ? mesh : *shapes[static_cast<size_t>(mesh.shape)];
+  }
 };
+
+/// Calls visit(mesh) for all meshes in order. Those that have the vertices of a shape get them for
+/// the duration of the call. Throws Error(Input) if a vertex becomes non-finite.
+void for_each_mesh(const SceneDescription& scene,
+                   const std::function<void(const TriangleMesh&)>& visit);
 
 /// Returns the scene with every node's transform, morph weights and skins applied at `seconds`:
 /// meshes, lights and cameras are in world coordinates, and no nodes are left. Key frames are

@@ -6,7 +6,7 @@ namespace lenticule::render {
 Fingerprint scene_fingerprint(const SceneDescription& scene, const Surroundings& surroundings,
                               const Stage& stage) {
   SceneMixer mixer;
-  mixer.add(scene.materials, scene.meshes, scene.spheres, scene.cones, scene.lights,
+  mixer.add(scene.materials, scene.meshes, scene.shapes, scene.spheres, scene.cones, scene.lights,
             scene.background, scene.ambient, scene.colour_managed);
   mixer.add(surroundings.background, surroundings.sky, surroundings.environment_file,
             surroundings.ground, surroundings.ground_shadow, surroundings.ground_colour,
@@ -21,8 +21,7 @@ Fingerprint scene_fingerprint(const SceneDescription& scene, const Surroundings&
 Fingerprint picture_fingerprint(const Fingerprint& scene, const Stage& stage) {
   SceneMixer mixer;
   mixer.add(scene.first, scene.second);
-  for (const Affine& map : {stage.world_from_panel, stage.canvas_from_panel})
-    mixer.add(map.column_x, map.column_y, map.column_z, map.origin);
+  mixer.add(stage.world_from_panel, stage.canvas_from_panel);
   const Ground ground = stage.ground.value_or(Ground{});
   mixer.add(stage.near_mm, stage.ground.has_value(), ground.y, ground.size);
   return mixer.value();

@@ -6,6 +6,7 @@
 #include <bit>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -78,7 +79,12 @@ class SceneMixer {
     for (const auto colour : kPbrColours) add(m.*colour);
     for (const auto use : kPbrTextures) add(m.*use);
   }
-  void add(const TriangleMesh& mesh) { add_mesh(mesh); }
+  void add(const Affine& map) { add(map.column_x, map.column_y, map.column_z, map.origin); }
+  void add(const std::shared_ptr<const TriangleMesh>& shape) { add(*shape); }
+  void add(const TriangleMesh& mesh) {
+    add_mesh(mesh);
+    add(mesh.shape, mesh.place);
+  }
   void add(const Sphere& sphere) { add_sphere(sphere); }
   void add(const Cone& cone) {
     add(cone.base, cone.base_radius, cone.apex, cone.apex_radius, cone.inward, cone.material);

@@ -124,9 +124,10 @@ class Extent {
         every_turn_(every_turn) {}
 
   void add(const SceneDescription& scene) {
-    for (const TriangleMesh& mesh : scene.meshes)
+    for_each_mesh(scene, [&](const TriangleMesh& mesh) {
       for (const auto& triangle : mesh.triangles)
         for (const uint32_t corner : triangle) add(mesh.positions[corner], {});
+    });
     for (const Sphere& s : scene.spheres) add(s.centre, {s.radius, s.radius, s.radius});
     for (const Cone& c : scene.cones) {
       add_disc(c.base, c.apex - c.base, c.base_radius);
@@ -326,9 +327,10 @@ class SeenDepth {
 
 Interval depth_seen_by(const Camera& camera, const SceneDescription& scene, const Canvas& canvas) {
   SeenDepth seen(camera, canvas);
-  for (const TriangleMesh& mesh : scene.meshes)
+  for_each_mesh(scene, [&](const TriangleMesh& mesh) {
     for (const auto& [a, b, c] : mesh.triangles)
       seen.add_triangle(mesh.positions[a], mesh.positions[b], mesh.positions[c]);
+  });
   for (const Sphere& s : scene.spheres) seen.add_ball(s.centre, s.radius, s.radius);
   for (const Cone& c : scene.cones) seen.add_cone(c);
   return seen.depth();
@@ -494,9 +496,10 @@ Stage stage_of_panel(const Stage& canvas, const Affine& canvas_from_panel,
 Box scene_bounds(const SceneDescription& scene) {
   if (!scene.nodes.empty()) return scene_bounds(at_time(scene, 0.0));
   Box bounds;
-  for (const TriangleMesh& mesh : scene.meshes)
+  for_each_mesh(scene, [&](const TriangleMesh& mesh) {
     for (const auto& triangle : mesh.triangles)
       for (const uint32_t corner : triangle) bounds.extend(mesh.positions[corner]);
+  });
   for (const Sphere& s : scene.spheres) {
     const Vec3 half{s.radius, s.radius, s.radius};
     bounds.extend(Box{s.centre - half, s.centre + half});
@@ -632,7 +635,8 @@ InView content_in_view(const SceneDescription& scene, const Stage& stage,
     if (rays.meets(box)) return InView::Content;
   }
   InView found = InView::Nothing;
-  for (const TriangleMesh& mesh : scene.meshes) {
+  for_each_mesh(scene, [&](const TriangleMesh& mesh) {
+    if (found == InView::Content) return;
     const auto material = static_cast<size_t>(mesh.material);
     const bool single_sided = material < scene.materials.size() && scene.materials[material].pbr &&
                               !scene.materials[material].pbr->double_sided;
@@ -643,10 +647,12 @@ InView content_in_view(const SceneDescription& scene, const Stage& stage,
       for (const Vec3 p : corner) box.extend(p);
       if (!rays.meets(box)) continue;
       const Vec3 normal = normalized(cross(corner[1] - corner[0], corner[2] - corner[0]));
-      if (!single_sided || rays.faces(corner[0], normal)) return InView::Content;
       found = InView::BackFaces;
+      if (single_sided && !rays.faces(corner[0], normal)) continue;
+      found = InView::Content;
+      return;
     }
-  }
+  });
   return found;
 }
 

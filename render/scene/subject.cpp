@@ -109,10 +109,11 @@ class DepthBuffer {
 
 std::optional<SceneDescription> subject_of(const SceneDescription& scene, const PictureView& view) {
   DepthBuffer buffer(view);
-  for (const TriangleMesh& mesh : scene.meshes)
+  for_each_mesh(scene, [&](const TriangleMesh& mesh) {
     for (const auto& [a, b, c] : mesh.triangles)
       buffer.add(mesh.positions[a] - view.eye, mesh.positions[b] - view.eye,
                  mesh.positions[c] - view.eye);
+  });
   const double room = kRoom * 2.0 * length(view.right);
   const std::vector<Sample> setting = buffer.setting(room, view.turns_about);
   if (setting.empty()) return std::nullopt;
@@ -123,14 +124,14 @@ std::optional<SceneDescription> subject_of(const SceneDescription& scene, const 
     });
   };
   SceneDescription subject;
-  for (const TriangleMesh& mesh : scene.meshes) {
+  for_each_mesh(scene, [&](const TriangleMesh& mesh) {
     TriangleMesh& kept = subject.meshes.emplace_back();
     kept.positions = mesh.positions;
     std::ranges::copy_if(mesh.triangles, std::back_inserter(kept.triangles), [&](const auto& t) {
       const auto& p = mesh.positions;
       return stands_out({p[t[0]], p[t[1]], p[t[2]]}, 0.0);
     });
-  }
+  });
   std::ranges::copy_if(scene.spheres, std::back_inserter(subject.spheres),
                        [&](const Sphere& s) { return stands_out({s.centre}, s.radius); });
   std::ranges::copy_if(scene.cones, std::back_inserter(subject.cones), [&](const Cone& c) {

@@ -274,7 +274,7 @@ std::optional<Vec3> studio_background(const SceneDescription& scene) {
   if (!is_pbr || !scene.lights.empty() || scene.ambient || scene.background != Vec3{})
     return std::nullopt;
   double all = 0.0, bright = 0.0;
-  for (const TriangleMesh& mesh : scene.meshes) {
+  for_each_mesh(scene, [&](const TriangleMesh& mesh) {
     const size_t step = mesh.triangles.size() / kMostFaces + 1;
     for (size_t n = 0; n < mesh.triangles.size(); n += step) {
       const auto& [a, b, c] = mesh.triangles[n];
@@ -284,7 +284,7 @@ std::optional<Vec3> studio_background(const SceneDescription& scene) {
       all += area;
       if (dot(base_colour(scene, mesh, n), {0.2126, 0.7152, 0.0722}) >= kBright) bright += area;
     }
-  }
+  });
   return bright > kMuch * all ? kDarkStudioBackground : kStudioBackground;
 }
 

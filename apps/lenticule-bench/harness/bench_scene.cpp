@@ -36,7 +36,8 @@ BenchScene::BenchScene(const BenchSetup& setup)
 
 uint64_t BenchScene::primitives() const {
   uint64_t count = description_.spheres.size() + description_.cones.size();
-  for (const render::TriangleMesh& mesh : description_.meshes) count += mesh.triangles.size();
+  for (const render::TriangleMesh& mesh : description_.meshes)
+    count += description_.shape_of(mesh).triangles.size();
   return count;
 }
 

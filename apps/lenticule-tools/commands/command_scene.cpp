@@ -168,8 +168,8 @@ json scene_report(const render::SceneDescription& scene, Vec3 up) {
   size_t triangles = 0;
   size_t vertices = 0;
   for (const render::TriangleMesh& mesh : scene.meshes) {
-    triangles += mesh.triangles.size();
-    vertices += mesh.positions.size();
+    triangles += scene.shape_of(mesh).triangles.size();
+    vertices += scene.shape_of(mesh).positions.size();
   }
   const auto moving = std::count_if(scene.nodes.begin(), scene.nodes.end(),
                                     [](const render::Node& node) { return node.animated; });

@@ -39,7 +39,7 @@ constexpr const char* kBuiltIn = "builtin:";
 
 /// Mixes what the loader made of the files: also vertices in buffers and textures beside the scene.
 void mix_scene(const render::SceneDescription& scene, render::SceneMixer& mixer) {
-  mixer.add(scene.materials, scene.meshes, scene.spheres, scene.cones, scene.lights,
+  mixer.add(scene.materials, scene.meshes, scene.shapes, scene.spheres, scene.cones, scene.lights,
             scene.background, scene.ambient);
 }
 

@@ -583,6 +583,10 @@ class Nodes {
   void import_meshes(Materials& materials) {
     Primitives primitives(document_, materials, scene_.variants, notes_);
     const std::vector<JsonAt>& meshes = document_.list("meshes");
+    std::vector<size_t> uses(meshes.size());
+    for (const size_t i : order_)
+      if (const auto mesh = nodes_[i].find_index("mesh", meshes.size(), "meshes"))
+        uses[*mesh] += shown_[i] ? 1 : 0;
     for (const size_t i : order_) {
       const auto mesh = nodes_[i].find_index("mesh", meshes.size(), "meshes");
       if (!mesh || !shown_[i]) continue;
@@ -593,7 +597,7 @@ class Nodes {
         scene_.nodes[static_cast<size_t>(places_[i])].morph_weights =
             weights.value_or(std::vector<double>(targets));
       }
-      show(i, primitives.of_mesh(*mesh));
+      show(i, primitives.of_mesh(*mesh), uses[*mesh] > 1);
     }
     primitives.note_repairs(scene_);
     const std::vector<Affine> world = world_from_nodes(scene_.nodes, 0.0);
@@ -731,8 +735,9 @@ class Nodes {
         for (const size_t child : children_of(nodes_[i], nodes_.size())) shown_[child] = true;
   }
 
-  /// Adds the meshes to the scene, once per instance.
-  void show(size_t node, const std::vector<TriangleMesh>& meshes) {
+  /// Adds the meshes to the scene, once per instance. Rigid ones that are shown often share their
+  /// vertices.
+  void show(size_t node, const std::vector<TriangleMesh>& meshes, bool by_several_nodes) {
     const std::vector<int> places = instances(nodes_[node], places_[node]);
     for (const TriangleMesh& from : meshes) {
       // A skin needs a copy of the deformation, with its morph targets.
@@ -740,9 +745,17 @@ class Nodes {
       budget_.take(from.positions.size() * (places.size() + copies - 1),
                    from.triangles.size() * places.size(), nodes_[node]);
       const auto deformation = with_skin(from.deformation, nodes_[node], from.name);
+      int shape = -1;
+      if (!deformation && (by_several_nodes || places.size() > 1)) {
+        const auto [known, added] = shapes_.try_emplace(&from, std::ssize(scene_.shapes));
+        if (added) scene_.shapes.push_back(std::make_shared<const TriangleMesh>(from));
+        shape = known->second;
+      }
       for (const int place : places) {
-        scene_.meshes.push_back(from);
-        TriangleMesh& shown = scene_.meshes.back();
+        TriangleMesh& shown = scene_.meshes.emplace_back(shape < 0 ? from : TriangleMesh{});
+        shown.name = from.name;
+        shown.material = from.material;
+        shown.shape = shape;
         shown.node = place;
         shown.deformation = deformation;
       }
@@ -819,9 +832,10 @@ class Nodes {
   SceneDescription& scene_;
   Notes& notes_;
   const std::vector<JsonAt>& nodes_;
-  std::vector<int> places_;    ///< indices in the scene
-  std::vector<bool> shown_;    ///< the node belongs to the scene that is shown
-  std::vector<size_t> order_;  ///< parents first
+  std::vector<int> places_;                    ///< indices in the scene
+  std::vector<bool> shown_;                    ///< the node belongs to the scene that is shown
+  std::vector<size_t> order_;                  ///< parents first
+  std::map<const TriangleMesh*, int> shapes_;  ///< indices in the scene
   MeshBudget budget_;
 };
 
@@ -989,25 +1003,14 @@ namespace {
 using gltf::Document;
 using gltf::JsonAt;
 
-constexpr std::array<std::string_view, 19> kExtensions{"EXT_mesh_gpu_instancing",
-                                                       "EXT_meshopt_compression",
-                                                       "EXT_texture_webp",
-                                                       "KHR_draco_mesh_compression",
-                                                       "KHR_lights_punctual",
-                                                       "KHR_materials_anisotropy",
-                                                       "KHR_materials_clearcoat",
-                                                       "KHR_materials_emissive_strength",
-                                                       "KHR_materials_ior",
-                                                       "KHR_materials_iridescence",
-                                                       "KHR_materials_pbrSpecularGlossiness",
-                                                       "KHR_materials_sheen",
-                                                       "KHR_materials_specular",
-                                                       "KHR_materials_transmission",
-                                                       "KHR_materials_unlit",
-                                                       "KHR_materials_variants",
-                                                       "KHR_materials_volume",
-                                                       "KHR_mesh_quantization",
-                                                       "KHR_texture_transform"};
+constexpr auto kExtensions = std::to_array<std::string_view>(
+    {"EXT_mesh_gpu_instancing", "EXT_meshopt_compression", "EXT_texture_webp",
+     "KHR_draco_mesh_compression", "KHR_lights_punctual", "KHR_materials_anisotropy",
+     "KHR_materials_clearcoat", "KHR_materials_emissive_strength", "KHR_materials_ior",
+     "KHR_materials_iridescence", "KHR_materials_pbrSpecularGlossiness", "KHR_materials_sheen",
+     "KHR_materials_specular", "KHR_materials_transmission", "KHR_materials_unlit",
+     "KHR_materials_variants", "KHR_materials_volume", "KHR_mesh_quantization",
+     "KHR_texture_transform"});
 
 /// Metadata; leaving it out changes nothing.
 constexpr std::array<std::string_view, 2> kWithoutEffect{"KHR_xmp_json_ld", "KHR_xmp"};

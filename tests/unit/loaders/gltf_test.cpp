@@ -126,7 +126,16 @@ bool is_quad(const TriangleMesh& mesh) {
                             [](Vec3 a, Vec3 b) { return length(a - b) < 1e-6; });
 }
 
-json described(const SceneDescription& scene) {
+/// Gives every mesh vertices of its own.
+SceneDescription with_vertices(SceneDescription scene) {
+  std::vector<TriangleMesh> meshes;
+  for_each_mesh(scene, [&](const TriangleMesh& mesh) { meshes.push_back(mesh); });
+  scene.meshes = std::move(meshes);
+  return scene;
+}
+
+json described(const SceneDescription& shared) {
+  const SceneDescription scene = with_vertices(shared);
   const TriangleMesh& mesh = scene.meshes.at(0);
   const Material& material = scene.materials.at(static_cast<size_t>(mesh.material));
   json all = described(mesh);  // a model of one mesh needs no numbers of meshes
@@ -197,6 +206,18 @@ INSTANTIATE_TEST_SUITE_P(
     File, GltfFeature,
     ::testing::ValuesIn(gltf_cases(LENTICULE_SOURCE_DIR "/tests/data/gltf-features.json")),
     [](const auto& info) { return info.param["name"].template get<std::string>(); });
+
+TEST(Gltf, NodesThatShowOneMeshShareItsVertices) {
+  GltfModel m;
+  for (int n = 1; n < 100; ++n) m.add_node({{"mesh", 0}, {"translation", {n, 0, 0}}});
+  const SceneDescription scene = parse_gltf(m.glb(), "model.glb", std::nullopt);
+  ASSERT_THAT(scene.meshes, SizeIs(100));
+  ASSERT_THAT(scene.shapes, SizeIs(1));
+  EXPECT_TRUE(scene.nodes.empty());
+  for (const TriangleMesh& mesh : scene.meshes) EXPECT_TRUE(mesh.positions.empty());
+  EXPECT_EQ(scene.meshes[99].place.origin, (Vec3{99, 0, 0}));
+  EXPECT_NEAR(area_of(with_vertices(scene)), 100.0, 1e-6);
+}
 
 TEST(Gltf, NamesWhatThereIsForAnUnknownChoice) {
   GltfModel m;

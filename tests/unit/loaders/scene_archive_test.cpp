@@ -47,6 +47,9 @@ SceneDescription full_scene() {
                    .colours = {{1, 0, 0, 1}, {0, 1, 0, 1}, {0, 0, 1, 1}},
                    .node = 1,
                    .deformation = std::make_shared<const Deformation>(deformation)}};
+  scene.shapes = {std::make_shared<const TriangleMesh>(
+      TriangleMesh{.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, .triangles = {{0, 1, 2}}})};
+  scene.meshes.push_back({.name = "often", .shape = 0, .place = {.origin = {1, 2, 3}}});
   scene.spheres = {{.centre = {1, 2, 3}, .radius = 0.5, .inward = true}};
   scene.cones = {{.base = {}, .apex = {0, 1, 0}}};
   scene.lights = {{.kind = Light::Kind::Spot, .falls_off = true, .node = 0}};
@@ -121,6 +124,14 @@ TEST(SceneArchive, RefusesIndicesAndCountsThatFitNothing) {
       {"material", [](auto& s) { s.spheres[0].material = -1; }},
       {"material", [](auto& s) { s.cones[0].material = std::numeric_limits<int>::max(); }},
       {"node", [](auto& s) { s.meshes[0].node = 2; }},
+      {"shape", [](auto& s) { s.meshes[1].shape = 1; }},
+      {"shape", [](auto& s) { s.shapes[0] = nullptr; }},
+      {"copies", [](auto& s) { s.meshes[1].deformation = s.meshes[0].deformation; }},
+      {"choice",
+       [](auto& s) {
+         s.variants = {{"red"}, 1};
+       }},
+      {"choice", [](auto& s) { s.animations.taken = 0; }},
       {"node", [](auto& s) { s.lights[0].node = -2; }},
       {"node", [](auto& s) { s.cameras[0].node = 2; }},
       {"node", [](auto& s) { s.nodes[0].parent = 0; }},
