@@ -142,12 +142,12 @@ PictureOptions picture_options(const OpenContext& context) {
 
 /// Returns true for pictures that are not woven frames of this panel, as far as headers tell.
 bool cannot_be_woven(const SourceSpec& source, const OpenContext& context) {
-  if (!source.content.stereo.empty()) return false;
   if (source.kind == SourceKind::Video) {
     const VideoStream stream = probe_video(source.text).front();
     return stream.geometry != context.panel || !stream.full_chroma;
   }
-  return source.kind == SourceKind::Pictures && fs::is_regular_file(source.text) &&
+  std::error_code ignored;
+  return source.kind == SourceKind::Pictures && fs::is_regular_file(source.text, ignored) &&
          frames::probe_image(source.text) != context.panel;
 }
 

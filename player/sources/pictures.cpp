@@ -385,11 +385,18 @@ std::unique_ptr<ViewInput> open_views(const Content& content, const PictureOptio
 
 std::optional<Content> find_stereo(const SourceSpec& source) {
   constexpr uint64_t kMostFrames = 96, kStep = 24;  // the first ones of a film may be black
+  const bool has_pixels = source.kind == SourceKind::Video || source.kind == SourceKind::Pictures;
+  if (!has_pixels || !source.content.stereo.empty()) return std::nullopt;
   Content flat{.kind = Kind::Quilt, .source = source};
   flat.layout = {.columns = 1, .rows = 1};
   const std::unique_ptr<ViewInput> input = open_views(flat, {});
   for (uint64_t n = 0; n < kMostFrames && n < input->frame_count().value_or(kMostFrames); ++n) {
-    await_first(*input, source.text);
+    try {
+      await_first(*input, source.text);
+    } catch (const Error&) {
+      if (n == 0) throw;
+      return std::nullopt;  // a short film
+    }
     const frames::ViewSet& view = input->views();
     const frames::FrameGeometry size{.width = view.width(), .height = view.height()};
     const auto pair =

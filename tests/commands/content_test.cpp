@@ -2,6 +2,7 @@
 // Tests third-party content from the command line to pictures: quilts, stereo pairs, depth, one
 // video per view, frames of other rigs. Each is played, woven, converted or refused.
 #include <fmt/format.h>
+#include <gmock/gmock.h>
 
 #include <cmath>
 #include <map>
@@ -331,11 +332,11 @@ WovenFrame noise_for_two_eyes(bool related) {
 
 TEST_F(ContentCommand, TwoEyesAreFoundInThePixelsOfPicturesThatAreNotWoven) {
   save("holiday.png", noise_for_two_eyes(true));
-  const auto played = run({"play", path("holiday.png"), "--rig", kTiny, "--display", "virtual",
-                           "--clock", "simulated"});
-  expect_end(played, 0);
-  EXPECT_THAT(played.err, testing::HasSubstr("holiday.png: taken for two eyes side by side"));
-  EXPECT_THAT(played.err, testing::HasSubstr("--stereo none"));
+  const ProcessResult shown = run({"play", path("holiday.png"), "--rig", kTiny, "--display",
+                                   "virtual", "--clock", "simulated"});
+  expect_end(shown, 0);
+  EXPECT_THAT(shown.err, testing::HasSubstr("holiday.png: taken for two eyes side by side"));
+  EXPECT_THAT(shown.err, testing::HasSubstr("--stereo none"));
   EXPECT_EQ(woven_by_command({path("holiday.png")}),
             woven_by_command({path("holiday.png"), "--stereo", "sbs"}));
   expect_end(run({"play", path("holiday.png"), "--rig", kTiny, "--stereo", "none"}), 4,

@@ -49,6 +49,7 @@ MAY_INCLUDE = {
 LIBRARIES = {
     "embree": "render lab",
     "OpenImageIO": "frames",
+    "libheif": "frames",
     "assimp": "render",
     "draco": "render",
     "meshoptimizer": "render",

@@ -201,7 +201,7 @@ class PhotoArrivals {
   }
 
  private:
-  /// Returns true also for HEIC, which phones store by default and which reading refuses by name.
+  /// Returns true also for HEIC, which phones store by default.
   static bool is_picture(const std::filesystem::path& file) {
     constexpr std::array<std::string_view, 8> kExtensions = {".jpg", ".jpeg", ".png",  ".tif",
                                                              ".exr", ".tiff", ".heic", ".heif"};

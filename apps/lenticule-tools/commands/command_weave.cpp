@@ -58,8 +58,7 @@ std::unique_ptr<frames::ViewInput> load_views(const WeaveFlags& flags, const opt
   const player::PictureOptions options = picture_options(flags);
   const player::SourceSpec source = parse_source(flags.input, flags.content);
   player::Content content = identify(source, optics::fingerprint(rig), true);
-  if (content.kind == player::Content::Kind::Woven && source.has_pictures() &&
-      source.content.stereo.empty())
+  if (content.kind == player::Content::Kind::Woven)
     if (const auto pair = player::find_stereo(source)) content = *pair;
   if (content.kind == player::Content::Kind::Woven)
     throw Error(
