@@ -6,6 +6,8 @@
 // checks what indices refer to when all of it is there (check_scene).
 #include "render/loaders/scene_archive.h"
 
+#include <sys/mman.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -214,6 +216,16 @@ class Writer {
 
 // ---- reading
 
+/// Advises the kernel to back memory with huge pages before it is filled. The arrays of a large
+/// model fill tens of thousands of small pages, each of which costs a page fault.
+void advise_huge_pages(void* data, size_t bytes) {
+  constexpr size_t kHugePage = size_t{2} << 20;
+  const size_t skipped = -reinterpret_cast<uintptr_t>(data) % kHugePage;
+  if (bytes < skipped + kHugePage) return;
+  static_cast<void>(madvise(static_cast<char*>(data) + skipped,
+                            (bytes - skipped) / kHugePage * kHugePage, MADV_HUGEPAGE));
+}
+
 class Reader {
  public:
   explicit Reader(const std::function<std::span<const uint8_t>()>& next) : next_(next) {}
@@ -287,6 +299,7 @@ class Reader {
     using Element = typename Elements::value_type;
     constexpr size_t kMostAhead = size_t{1} << 28;
     of.reserve(std::min(count, kMostAhead / sizeof(Element)));
+    advise_huge_pages(of.data(), of.capacity() * sizeof(Element));
     while (of.size() < count) {
       const auto* const first = reinterpret_cast<const Element*>(left_.data());
       const size_t whole = std::min(count - of.size(), left_.size() / sizeof(Element));
