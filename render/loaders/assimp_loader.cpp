@@ -481,7 +481,7 @@ void import_materials(const aiScene& from, const std::filesystem::path& folder,
   Textures all(scene);
   for (const aiMaterial* material : std::span(from.mMaterials, from.mNumMaterials)) {
     if (!used[scene.materials.size()]) {
-      scene.materials.push_back(material_of(*material, std::nullopt));
+      scene.materials.push_back(material_of(*material));
       continue;
     }
     const Properties properties(*material);

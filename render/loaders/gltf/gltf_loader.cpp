@@ -190,7 +190,7 @@ std::vector<std::string> names_of(const std::vector<JsonAt>& list) {
 }
 
 /// Returns the material that the variant gives a primitive, or else its own.
-std::optional<size_t> material_of(const Document& document, const Selection& variants,
+std::optional<size_t> material_of(Document& document, const Selection& variants,
                                   const JsonAt& primitive) {
   const size_t materials = document.list("materials").size();
   if (const auto extension = primitive.extension("KHR_materials_variants"))
