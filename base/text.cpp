@@ -10,6 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include "base/numbers.h"
+
 namespace lenticule {
 namespace {
 
@@ -137,18 +139,13 @@ bool NaturalOrder::operator()(std::string_view a, std::string_view b) const {
 }
 
 std::string percent_decoded(std::string_view text) {
-  const auto digit = [](char c) {
-    if (is_digit(c)) return c - '0';
-    if (c >= 'a' && c <= 'f') return c - 'a' + 10;
-    if (c >= 'A' && c <= 'F') return c - 'A' + 10;
-    return -1;
-  };
   std::string out;
   for (size_t i = 0; i < text.size(); ++i) {
-    const bool escape =
-        text[i] == '%' && i + 2 < text.size() && digit(text[i + 1]) >= 0 && digit(text[i + 2]) >= 0;
-    out += escape ? static_cast<char>(digit(text[i + 1]) * 16 + digit(text[i + 2])) : text[i];
-    if (escape) i += 2;
+    const std::string_view digits = text.substr(i + 1, 2);
+    const auto code =
+        text[i] == '%' && digits.size() == 2 ? number_from<unsigned>(digits, 16) : std::nullopt;
+    out += code ? static_cast<char>(*code) : text[i];
+    if (code) i += 2;
   }
   return out;
 }

@@ -60,13 +60,10 @@ std::optional<QuiltLayout> take_layout(std::string_view text) {
     layout.aspect = take_aspect(text);
     if (!layout.aspect) return std::nullopt;
   }
-  for (bool more = true; more;) {
-    const bool is_zoom = text.starts_with('z');
-    more = is_zoom || text.starts_with('f');
-    if (more) text.remove_prefix(1);
-    const auto number = more ? take_number<double>(text, std::chars_format::fixed) : std::nullopt;
-    if (number && is_zoom) layout.zoom = *number;
-    more = number.has_value();
+  for (bool zoom = take(text, 'z'); zoom || take(text, 'f'); zoom = take(text, 'z')) {
+    const auto number = take_number<double>(text, std::chars_format::fixed);
+    if (!number) break;
+    if (zoom) layout.zoom = *number;
   }
   return layout;
 }

@@ -123,8 +123,8 @@ std::optional<std::array<Triple, 3>> to_srgb_primaries(const OIIO::ImageSpec& sp
   std::array<float, 8> stated{};
   if (!spec.getattribute("chromaticities", OIIO::TypeDesc(OIIO::TypeDesc::FLOAT, 8), stated.data()))
     return std::nullopt;
-  const bool same =
-      std::ranges::equal(stated, kSrgb, [](float a, float b) { return std::abs(a - b) < kSame; });
+  const auto same = [](float a, float b) { return std::abs(a - b) < kSame; };
+  if (std::ranges::equal(stated, kSrgb, same)) return std::nullopt;
   const auto xyz = [&](size_t at) -> Triple {
     const double x = double{stated[at]}, y = double{stated[at + 1]};
     return {x / y, 1.0, (1.0 - x - y) / y};
@@ -137,13 +137,12 @@ std::optional<std::array<Triple, 3>> to_srgb_primaries(const OIIO::ImageSpec& sp
     const double amount = dot(white, normal) / dot(primaries[c], normal);
     for (size_t row = 0; row < 3; ++row) rows[row][c] = amount * dot(kSrgbOfXyz[row], primaries[c]);
   }
-  bool possible = true;
   for (Triple& row : rows) {
     const double grey = row[0] + row[1] + row[2];
     for (double& factor : row) factor /= grey;
-    possible = possible && std::isfinite(dot(row, row)) && grey > kLeast;
+    if (!std::isfinite(dot(row, row)) || !(grey > kLeast)) return std::nullopt;
   }
-  return same || !possible ? std::nullopt : std::optional(rows);
+  return rows;
 }
 
 /// Part is one of the pictures in a file.
@@ -351,10 +350,8 @@ class PictureReader {
   void open() {
     OIIO::ImageSpec config;
     config.attribute("oiio:UnassociatedAlpha", 1);  // never multiply alpha into the code values
-    if (format_ == ImageFormat::Heif)
-      input_ = heif_reader(part_.bytes);
-    else
-      input_ = OIIO::ImageInput::create(plugin_name(format_));
+    input_ = format_ == ImageFormat::Heif ? heif_reader(part_.bytes)
+                                          : OIIO::ImageInput::create(plugin_name(format_));
     if (!input_) fail(fmt::format("this OpenImageIO cannot read {}", plugin_name(format_)));
     input_->threads(1);
     OIIO::ImageSpec ignored;
@@ -378,7 +375,8 @@ class PictureReader {
     const auto sample = sample_of(s);
     if (!sample) fail("its samples are neither integers of 8 or 16 bits nor floats");
     sample_ = *sample;
-    if (format_ == ImageFormat::Exr && channels_read() >= 3) to_srgb_ = to_srgb_primaries(s);
+    if (format_ == ImageFormat::Exr && sample_ == Sample::F32 && channels_read() >= 3)
+      to_srgb_ = to_srgb_primaries(s);
   }
 
   static std::optional<Sample> sample_of(const OIIO::ImageSpec& s) {
@@ -426,20 +424,15 @@ class PictureReader {
                           : input_->read_scanlines(part_.subimage, 0, y0, y0 + rows, s.z, first,
                                                    last, sample_type(), out);
     if (!done) fail_decoding();
-    if (to_srgb_ && sample_ == Sample::F32)
-      convert_primaries(
-          {reinterpret_cast<float*>(out), static_cast<size_t>(rows) * static_cast<size_t>(s.width) *
-                                              static_cast<size_t>(channels_read())});
+    if (to_srgb_) convert_primaries(reinterpret_cast<float*>(out), rows);
     if (format_ == ImageFormat::Tiff && memory_.ran_out()) fail("truncated");
     if (format_ == ImageFormat::Jpeg && warns_of_damage()) fail_decoding();
   }
 
-  void convert_primaries(std::span<float> samples) const {
-    const auto step = static_cast<size_t>(channels_read());
-    for (size_t at = 0; at < samples.size(); at += step) {
-      const Triple colour = {samples[at], samples[at + 1], samples[at + 2]};
-      for (size_t c = 0; c < 3; ++c)
-        samples[at + c] = static_cast<float>(dot((*to_srgb_)[c], colour));
+  void convert_primaries(float* samples, int rows) const {
+    for (int64_t n = int64_t{rows} * spec().width; n > 0; --n, samples += channels_read()) {
+      const Triple colour = {samples[0], samples[1], samples[2]};
+      for (size_t c = 0; c < 3; ++c) samples[c] = static_cast<float>(dot((*to_srgb_)[c], colour));
     }
   }
 

@@ -19,42 +19,20 @@
 namespace lenticule::frames {
 namespace {
 
+/// The words of each layout, with blanks around them.
 constexpr std::pair<std::string_view, StereoLayout> kStereoWords[] = {
-    {"sbs", {.beside = true}},
-    {"tb", {.beside = false}},
-    {"hsbs", {.beside = true, .half = true}},
-    {"htb", {.beside = false, .half = true}},
-    {"fsbs", {.beside = true}},
-    {"lr", {.beside = true}},
-    {"lrh", {.beside = true, .half = true}},
-    {"lrq", {.beside = true, .half = true}},
-    {"2x1", {.beside = true}},
-    {"3dh", {.beside = true}},
-    {"sidebyside", {.beside = true}},
-    {"leftright", {.beside = true}},
-    {"rl", {.beside = true, .right_first = true}},
-    {"rlh", {.beside = true, .half = true, .right_first = true}},
-    {"rlq", {.beside = true, .half = true, .right_first = true}},
-    {"rightleft", {.beside = true, .right_first = true}},
-    {"tab", {.beside = false}},
-    {"ftab", {.beside = false}},
-    {"ou", {.beside = false}},
-    {"fou", {.beside = false}},
-    {"1x2", {.beside = false}},
-    {"3dv", {.beside = false}},
-    {"topbottom", {.beside = false}},
-    {"overunder", {.beside = false}},
-    {"htab", {.beside = false, .half = true}},
-    {"hou", {.beside = false, .half = true}},
-    {"tbh", {.beside = false, .half = true}},
-    {"tbq", {.beside = false, .half = true}},
-    {"bt", {.beside = false, .right_first = true}},
-    {"bottomtop", {.beside = false, .right_first = true}},
+    {" sbs fsbs lr 2x1 3dh sidebyside leftright ", {.beside = true}},
+    {" hsbs lrh lrq ", {.beside = true, .half = true}},
+    {" rl rightleft ", {.beside = true, .right_first = true}},
+    {" rlh rlq ", {.beside = true, .half = true, .right_first = true}},
+    {" tb tab ftab ou fou 1x2 3dv topbottom overunder ", {.beside = false}},
+    {" htb htab hou tbh tbq ", {.beside = false, .half = true}},
+    {" bt bottomtop ", {.beside = false, .right_first = true}},
 };
 
-std::optional<StereoLayout> stereo_word(std::string_view word) {
-  for (const auto& [name, layout] : kStereoWords)
-    if (word == name) return layout;
+std::optional<StereoLayout> stereo_word(const std::string& word) {
+  for (const auto& [words, layout] : kStereoWords)
+    if (words.find(" " + word + " ") != std::string_view::npos) return layout;
   return std::nullopt;
 }
 

@@ -14,8 +14,12 @@
 namespace lenticule::frames {
 namespace {
 
-double natural_aspect(int width, int height) {
-  return static_cast<double>(width) / height;
+/// Returns the shape; by default its pixels are square.
+ViewShape shape_of(int count, int width, int height, std::optional<double> aspect) {
+  return {.count = count,
+          .width = width,
+          .height = height,
+          .aspect = aspect.value_or(static_cast<double>(width) / height)};
 }
 
 /// Stored takes views as the pictures hold them: tiles of one, or one per picture.
@@ -42,10 +46,7 @@ class ColourAndDepth final : public ViewArrangement {
                  std::optional<double> aspect, const DepthOptions& options)
       : inside_(inside),
         drawn_(colour.width, colour.height, options),
-        shape_{.count = options.views,
-               .width = colour.width,
-               .height = colour.height,
-               .aspect = aspect.value_or(natural_aspect(colour.width, colour.height))} {}
+        shape_(shape_of(options.views, colour.width, colour.height, aspect)) {}
   ViewShape shape() const override { return shape_; }
   ViewSet arrange(std::span<const FrameView> pictures) override {
     const FrameView& picture = pictures.front();
@@ -71,11 +72,9 @@ class WovenForAnotherRig final : public ViewArrangement {
   WovenForAnotherRig(const optics::OpticalModel& model, int views) : model_(model), views_(views) {
     const optics::Panel& panel = model.rig().panel;
     const FrameGeometry view = decoded_geometry(model.rig());
-    shape_ = {.count = views,
-              .width = view.width,
-              .height = view.height,
-              .aspect = panel.width_px * panel.pixel_width.value /
-                        (panel.height_px * panel.pixel_height.value)};
+    shape_ = shape_of(
+        views, view.width, view.height,
+        panel.width_px * panel.pixel_width.value / (panel.height_px * panel.pixel_height.value));
   }
   ViewShape shape() const override { return shape_; }
   ViewSet arrange(std::span<const FrameView> pictures) override {
@@ -95,22 +94,15 @@ std::unique_ptr<ViewArrangement> arrange_quilt(const FrameGeometry& picture,
                                                const std::string& name) {
   const TileSize tile = tile_size(picture, layout, name);
   return std::make_unique<Stored>(
-      ViewShape{.count = layout.view_count(),
-                .width = tile.width,
-                .height = tile.height,
-                .aspect = layout.aspect.value_or(natural_aspect(tile.width, tile.height))},
-      layout, rightmost_first);
+      shape_of(layout.view_count(), tile.width, tile.height, layout.aspect), layout,
+      rightmost_first);
 }
 
 std::unique_ptr<ViewArrangement> arrange_pictures(const FrameGeometry& picture, int count,
                                                   std::optional<double> aspect,
                                                   bool rightmost_first) {
-  return std::make_unique<Stored>(
-      ViewShape{.count = count,
-                .width = picture.width,
-                .height = picture.height,
-                .aspect = aspect.value_or(natural_aspect(picture.width, picture.height))},
-      std::nullopt, rightmost_first);
+  return std::make_unique<Stored>(shape_of(count, picture.width, picture.height, aspect),
+                                  std::nullopt, rightmost_first);
 }
 
 std::unique_ptr<ViewArrangement> arrange_depth(const TileSize& colour,

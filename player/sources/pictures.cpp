@@ -277,8 +277,13 @@ class ViewsOpener {
                     fmt::format("{}: its size differs from that of {}", name, names[0]),
                     "all views must have the same size");
     }
+    return input_of_views();
+  }
+
+  /// Returns an input of one source for each view.
+  [[nodiscard]] std::unique_ptr<ViewInput> input_of_views() {
     const FrameSource& first = *sources_.front();
-    return input_of(frames::arrange_pictures(first.geometry(), static_cast<int>(names.size()),
+    return input_of(frames::arrange_pictures(first.geometry(), static_cast<int>(sources_.size()),
                                              aspect_in(first), content_.rightmost_first));
   }
 
@@ -287,9 +292,7 @@ class ViewsOpener {
       options_.stream = stream;
       (void)add_pictures(name_);
     }
-    const FrameSource& left = *sources_.front();
-    return input_of(
-        frames::arrange_pictures(left.geometry(), 2, aspect_in(left), content_.rightmost_first));
+    return input_of_views();
   }
 
   [[nodiscard]] std::unique_ptr<ViewInput> open_with_own_depth() {
