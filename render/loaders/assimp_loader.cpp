@@ -40,7 +40,7 @@ namespace lenticule::render {
 namespace {
 
 // Converts assimp's scene to a SceneDescription: nodes and meshes, materials with their textures
-// (docs/render/scenes.md has a table of the conversions), and what refers to nodes by their names:
+// (docs/render/models.md has a table of the conversions), and what refers to nodes by their names:
 // key frames, lights and cameras. All values are checked, since assimp's importers pass on
 // unchecked file content.
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Loads OBJ, with the materials of MTL files: polygons, texture coordinates, normals and vertex
-// colours. docs/render/scenes.md has a table of the words.
+// colours. docs/render/models.md has a table of the words.
 #pragma once
 
 #include <cstdint>

@@ -209,7 +209,7 @@ class GltfWriter {
     return {light(colour.x), light(colour.y), light(colour.z), 1.0};
   }
 
-  /// Writes a material, inverting the reader's rules in docs/render/scenes.md as far as possible: a
+  /// Writes a material, inverting the reader's rules in docs/render/models.md as far as possible: a
   /// mirror becomes a smooth metal, other materials become matt with the highlight's width.
   void write_material(const render::Material& m) {
     constexpr double kSpecularOfMirrors = 0.3;
