@@ -151,14 +151,14 @@ struct DecoderChoice {
 };
 
 struct ClipOptions {
-  std::optional<int> stream;              ///< default: the first with pictures
-  int threads = 1;                        ///< threads of a software decoder
-  std::vector<HardwareDecoder> hardware;  ///< devices that this process may open
+  std::optional<int> stream{};              ///< default: the first with pictures
+  int threads = 1;                          ///< threads of a software decoder
+  std::vector<HardwareDecoder> hardware{};  ///< devices that this process may open
   /// Called for the first hardware decoder, and when a software decoder takes the place of
   /// hardware.
-  std::function<void(const DecoderChoice&)> on_choice;
+  std::function<void(const DecoderChoice&)> on_choice{};
   /// Called on another thread when a hardware decoder does not answer; must end the process.
-  std::function<void(const DecoderChoice&)> on_hang;
+  std::function<void(const DecoderChoice&)> on_hang{};
 };
 
 /// ClipReader decodes in hardware where a device can, and changes to software for good when the
