@@ -173,9 +173,7 @@ TriangleMesh mesh_of(const aiScene& scene, const aiMesh& from, LeftOut& left_out
       mesh.triangles.push_back({face.mIndices[0], face.mIndices[1], face.mIndices[2]});
   left_out.skins |= from.HasBones() || from.mNumAnimMeshes > 0;
   left_out.digits.add(mesh);
-  const MeshRepairs repairs = clean(mesh);
-  left_out.repairs.dropped_triangles += repairs.dropped_triangles;
-  left_out.repairs.recomputed_normals += repairs.recomputed_normals;
+  left_out.repairs += clean(mesh);
   return mesh;
 }
 
@@ -220,13 +218,11 @@ std::vector<TriangleMesh> all_meshes(const aiScene& from, SceneDescription& scen
     const auto& pbr = scene.materials[static_cast<size_t>(to.material)].pbr;
     if (pbr && pbr->normal_texture.texture >= 0) compute_tangents(to, false);
   }
-  const auto note = [&](const std::string& text) { scene.notes.push_back(text); };
-  if (const size_t n = left_out.repairs.dropped_triangles)
-    note(fmt::format("{} triangles without an area dropped", n));
-  if (const size_t n = left_out.repairs.recomputed_normals)
-    note(fmt::format("{} unusable normals recomputed", n));
-  if (left_out.points_or_lines) note("points and lines left out");
-  if (left_out.skins) note("bones and morph targets left out: those meshes keep their rest shape");
+  left_out.repairs.write(scene);
+  if (left_out.points_or_lines) scene.notes.emplace_back("points and lines left out");
+  if (left_out.skins)
+    scene.notes.emplace_back(
+        "bones and morph targets left out: those meshes keep their rest shape");
   left_out.digits.write(scene);
   return meshes;
 }

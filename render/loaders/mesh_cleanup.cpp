@@ -264,6 +264,19 @@ bool is_unit(Vec3 v) {
 
 }  // namespace
 
+MeshRepairs& MeshRepairs::operator+=(const MeshRepairs& others) {
+  dropped_triangles += others.dropped_triangles;
+  recomputed_normals += others.recomputed_normals;
+  return *this;
+}
+
+void MeshRepairs::write(SceneDescription& scene) const {
+  if (dropped_triangles > 0)
+    scene.notes.push_back(fmt::format("{} triangles without an area dropped", dropped_triangles));
+  if (recomputed_normals > 0)
+    scene.notes.push_back(fmt::format("{} unusable normals recomputed", recomputed_normals));
+}
+
 MeshRepairs clean(TriangleMesh& mesh) {
   MeshRepairs repairs;
   repairs.dropped_triangles =
@@ -502,12 +515,11 @@ std::array<float, 4> light_of(double red, double green, double blue, double alph
 }
 
 void add_only_mesh(TriangleMesh mesh, int texture, bool single_precision, SceneDescription& scene) {
-  Material material;
-  material.name = "surface";
-  material.colour = Vec3{1, 1, 1} * (texture >= 0 ? 1.0 : double{kPlainGrey});
-  material.specular = 0.06;
-  material.shine = 10.0;
-  material.texture = texture;
+  Material material{.name = "surface",
+                    .colour = Vec3{1, 1, 1} * (texture >= 0 ? 1.0 : double{kPlainGrey}),
+                    .specular = 0.06,
+                    .shine = 10.0,
+                    .texture = texture};
   if (!mesh.colours.empty()) {
     PbrMaterial pbr;
     pbr.metallic = 0.0;
@@ -518,13 +530,8 @@ void add_only_mesh(TriangleMesh mesh, int texture, bool single_precision, SceneD
   scene.materials.push_back(material);
   LostDigits digits;
   if (single_precision) digits.add(mesh);
-  const MeshRepairs repairs = clean(mesh);
-  const auto note = [&](size_t count, const char* items) {
-    if (count > 0) scene.notes.push_back(fmt::format("{} {}", count, items));
-  };
-  note(repairs.dropped_triangles, "triangles without an area dropped");
+  clean(mesh).write(scene);
   if (mesh.triangles.empty()) refuse_empty(scene);
-  note(repairs.recomputed_normals, "unusable normals recomputed");
   digits.write(scene);
   scene.meshes.push_back(std::move(mesh));
 }

@@ -33,6 +33,10 @@ struct Triangulation {
 struct MeshRepairs {
   size_t dropped_triangles = 0;
   size_t recomputed_normals = 0;
+
+  MeshRepairs& operator+=(const MeshRepairs& others);
+  /// Adds notes about both to the scene.
+  void write(SceneDescription& scene) const;
 };
 
 /// Drops triangles without area. Replaces zero or non-finite normals by the mean of the adjacent

@@ -381,9 +381,6 @@ class ObjReader {
     }
   }
 
-  void note(size_t count, const char* items) {
-    if (count > 0) scene_.notes.push_back(fmt::format("{} {}", count, items));
-  }
   void note(const char* what, const Words& words) {
     if (!words.empty()) scene_.notes.push_back(fmt::format("{}: {}", what, fmt::join(words, ", ")));
   }
@@ -391,18 +388,17 @@ class ObjReader {
   void finish_meshes() {
     for (auto& [name, parts] : parts_)
       for (Part& part : parts) {
-        const MeshRepairs repairs = clean(part.mesh);
-        repairs_.dropped_triangles += repairs.dropped_triangles;
-        repairs_.recomputed_normals += repairs.recomputed_normals;
+        repairs_ += clean(part.mesh);
         if (!part.has_uvs) part.mesh.uvs.clear();
       }
     const auto is_empty = [](const Part& part) { return part.mesh.triangles.empty(); };
     std::erase_if(parts_,
                   [&](const auto& one) { return std::ranges::all_of(one.second, is_empty); });
-    note(repairs_.dropped_triangles, "triangles without an area dropped");
-    note(repairs_.recomputed_normals, "unusable normals recomputed");
+    repairs_.write(scene_);
     if (has_points_or_lines_) scene_.notes.emplace_back("points and lines left out");
-    note(missing_, "texture coordinates and normals that corners name are not in the file");
+    if (missing_ > 0)
+      scene_.notes.push_back(fmt::format(
+          "{} texture coordinates and normals that corners name are not in the file", missing_));
     note("free-form surfaces or unknown lines left out", unknown_);
     if (parts_.empty()) refuse_empty(scene_);
   }

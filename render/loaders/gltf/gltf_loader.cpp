@@ -428,8 +428,7 @@ class Primitives {
 
   /// Notes repaired triangles and normals, and meshes whose coordinates are coarse.
   void note_repairs(SceneDescription& scene) const {
-    notes_.count("triangles without an area dropped", repairs_.dropped_triangles);
-    notes_.count("unusable normals recomputed", repairs_.recomputed_normals);
+    repairs_.write(scene);
     digits_.write(scene);
   }
 
@@ -474,9 +473,7 @@ class Primitives {
       for (Vec3& normal : mesh.normals) normal = normalized(is_finite(normal) ? normal : Vec3{});
       mesh.deformation = std::move(deformation);
     } else {
-      const MeshRepairs repairs = clean(mesh);
-      repairs_.dropped_triangles += repairs.dropped_triangles;
-      repairs_.recomputed_normals += repairs.recomputed_normals;
+      repairs_ += clean(mesh);
     }
     if (mesh.tangents.empty() && input.tangent_uvs) compute_tangents(mesh, *input.tangent_uvs == 1);
     return mesh;
