@@ -359,8 +359,6 @@ void for_each_mesh(const SceneDescription& scene,
     moved.name = mesh.name;
     moved.material = mesh.material;
     transform_mesh(moved, mesh.place);
-    moved.shape = mesh.shape;
-    moved.place = mesh.place;
     visit(moved);
   }
 }

@@ -301,8 +301,8 @@ struct SceneDescription {
   }
 };
 
-/// Calls visit(mesh) for all meshes in order. Those that have the vertices of a shape get them for
-/// the duration of the call. Throws Error(Input) if a vertex becomes non-finite.
+/// Calls visit(mesh) for all meshes in order, each with vertices of its own: those of a shape are
+/// moved copies, which end with the call. Throws Error(Input) if a vertex becomes non-finite.
 void for_each_mesh(const SceneDescription& scene,
                    const std::function<void(const TriangleMesh&)>& visit);
 

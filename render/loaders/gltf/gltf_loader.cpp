@@ -524,11 +524,17 @@ class Nodes {
   /// Imports the hierarchy, parents first. Throws Error(Input) for a node with two parents and for
   /// one that is its own ancestor.
   Nodes(Document& document, SceneDescription& scene, Notes& notes)
-      : document_(document), scene_(scene), notes_(notes), nodes_(document.list("nodes")) {
+      : document_(document),
+        scene_(scene),
+        notes_(notes),
+        nodes_(document.list("nodes")),
+        uses_(document.list("meshes").size()) {
     if (nodes_.size() > kMaxNodes)
       document.root().at("nodes").fail(fmt::format("more than {} nodes", kMaxNodes));
     import_hierarchy();
     mark_shown();
+    for (const size_t i : order_)
+      if (const auto mesh = shown_mesh(i)) ++uses_[*mesh];
   }
 
   /// Returns the index in the scene of nodes[index].
@@ -564,13 +570,10 @@ class Nodes {
 
   /// Returns for each material of the file whether a mesh that is shown uses it.
   [[nodiscard]] std::vector<bool> used_materials() const {
-    const std::vector<JsonAt>& meshes = document_.list("meshes");
-    std::vector<bool> used(document_.list("materials").size()), seen(meshes.size());
-    for (size_t i = 0; i < nodes_.size(); ++i) {
-      const auto mesh = nodes_[i].find_index("mesh", meshes.size(), "meshes");
-      if (!mesh || !shown_[i] || seen[*mesh]) continue;
-      seen[*mesh] = true;
-      const JsonAt primitives = meshes[*mesh].at("primitives");
+    std::vector<bool> used(document_.list("materials").size());
+    for (size_t mesh = 0; mesh < uses_.size(); ++mesh) {
+      if (uses_[mesh] == 0) continue;
+      const JsonAt primitives = document_.list("meshes")[mesh].at("primitives");
       for (size_t k = 0; k < primitives.size(); ++k)
         if (const auto m = material_of(document_, scene_.variants, primitives[k])) used[*m] = true;
     }
@@ -580,13 +583,9 @@ class Nodes {
   void import_meshes(Materials& materials) {
     Primitives primitives(document_, materials, scene_.variants, notes_);
     const std::vector<JsonAt>& meshes = document_.list("meshes");
-    std::vector<size_t> uses(meshes.size());
-    for (const size_t i : order_)
-      if (const auto mesh = nodes_[i].find_index("mesh", meshes.size(), "meshes"))
-        uses[*mesh] += shown_[i] ? 1 : 0;
     for (const size_t i : order_) {
-      const auto mesh = nodes_[i].find_index("mesh", meshes.size(), "meshes");
-      if (!mesh || !shown_[i]) continue;
+      const auto mesh = shown_mesh(i);
+      if (!mesh) continue;
       const size_t targets = primitives.targets(*mesh);
       if (targets > 0) {
         auto weights = nodes_[i].numbers("weights", targets);
@@ -594,7 +593,7 @@ class Nodes {
         scene_.nodes[static_cast<size_t>(places_[i])].morph_weights =
             weights.value_or(std::vector<double>(targets));
       }
-      show(i, primitives.of_mesh(*mesh), uses[*mesh] > 1);
+      show(i, primitives.of_mesh(*mesh), uses_[*mesh] > 1);
     }
     primitives.note_repairs(scene_);
     const std::vector<Affine> world = world_from_nodes(scene_.nodes, 0.0);
@@ -732,6 +731,12 @@ class Nodes {
         for (const size_t child : children_of(nodes_[i], nodes_.size())) shown_[child] = true;
   }
 
+  /// Returns the mesh of a node that is shown.
+  [[nodiscard]] std::optional<size_t> shown_mesh(size_t node) const {
+    const auto mesh = nodes_[node].find_index("mesh", uses_.size(), "meshes");
+    return shown_[node] ? mesh : std::nullopt;
+  }
+
   /// Adds the meshes to the scene, once per instance. Rigid ones that are shown often share their
   /// vertices.
   void show(size_t node, const std::vector<TriangleMesh>& meshes, bool by_several_nodes) {
@@ -829,6 +834,7 @@ class Nodes {
   SceneDescription& scene_;
   Notes& notes_;
   const std::vector<JsonAt>& nodes_;
+  std::vector<size_t> uses_;                   ///< numbers of shown nodes with each mesh
   std::vector<int> places_;                    ///< indices in the scene
   std::vector<bool> shown_;                    ///< the node belongs to the scene that is shown
   std::vector<size_t> order_;                  ///< parents first

@@ -129,9 +129,7 @@ void Materials::add(const std::optional<JsonAt>& material) {
   Material to;
   PbrMaterial pbr;
   MaterialInput input;
-  if (material) {
-    to.name = material->text("name", "");
-  }
+  if (material) to.name = material->text("name", "");
   if (material && used_[scene_.materials.size()]) {
     read_core(*material, pbr, input);
     read_layers(*material, pbr, input);

@@ -36,7 +36,7 @@ inline void check_mesh(const SceneDescription& scene, const TriangleMesh& mesh) 
 
 /// Aborts if a scene without nodes has an index out of range or a number that is not finite.
 inline void check_scene(const SceneDescription& scene) {
-  for (const TriangleMesh& mesh : scene.meshes) check_mesh(scene, mesh);
+  for_each_mesh(scene, [&](const TriangleMesh& mesh) { check_mesh(scene, mesh); });
   for (const Sphere& s : scene.spheres) {
     check_material(scene, s.material);
     LENTICULE_CHECK(is_finite(s.centre) && std::isfinite(s.radius) && s.radius > 0.0);
