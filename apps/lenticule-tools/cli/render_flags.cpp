@@ -70,7 +70,7 @@ void declare_stage_flags(CLI::App& app, StagingFlags& flags) {
                  "In depths of field of the sheet.")
       ->capture_default_str();
   app.add_flag("--whole-depth", flags.stage.whole_depth,
-               "fit the depth of floor, walls and backdrop, too, not of what stands on them");
+               "fit the depth of floor, walls and backdrop, too, not only of what stands on them");
   app.add_option("--fill", flags.stage.fill, "fraction of the panel that a fitted scene fills")
       ->capture_default_str();
   app.add_option_function<std::string>(
