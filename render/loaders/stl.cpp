@@ -56,7 +56,7 @@ bool read_text(std::string_view file, const std::string& source, TriangleMesh& m
     const std::string word = next();
     if (word == "solid" || word == "endsolid") {
       inside = word == "solid";
-      while (text.more_on_line()) (void)text.word();
+      text.skip_line();
       continue;
     }
     if (!inside) return false;
