@@ -319,8 +319,30 @@ void select_groups(std::vector<T>& values, size_t per_vertex, const std::vector<
   values = std::move(selected);
 }
 
-/// Gives every triangle its own vertices, with the normal of its face.
-void make_flat(TriangleMesh& mesh) {
+/// Makes vertex i a copy of the old vertex from[i], with all its attributes. Does not change the
+/// triangles.
+void select_vertices(TriangleMesh& mesh, const std::vector<uint32_t>& from) {
+  select(mesh.positions, from);
+  select(mesh.normals, from);
+  select(mesh.uvs, from);
+  select(mesh.uvs2, from);
+  select(mesh.colours, from);
+  select(mesh.tangents, from);
+  if (!mesh.deformation) return;
+  auto deformation = std::make_shared<Deformation>(*mesh.deformation);
+  select_groups(deformation->joints, deformation->joints_per_vertex, from);
+  select_groups(deformation->weights, deformation->joints_per_vertex, from);
+  for (MorphTarget& target : deformation->targets) {
+    select(target.positions, from);
+    select(target.normals, from);
+    select(target.tangents, from);
+  }
+  mesh.deformation = std::move(deformation);
+}
+
+}  // namespace
+
+void split_vertices(TriangleMesh& mesh) {
   std::vector<uint32_t> from;
   from.reserve(mesh.triangles.size() * 3);
   for (auto& triangle : mesh.triangles) {
@@ -329,7 +351,14 @@ void make_flat(TriangleMesh& mesh) {
     triangle = {first, first + 1, first + 2};
   }
   select_vertices(mesh, from);
-  mesh.normals.resize(from.size());
+}
+
+namespace {
+
+/// Gives every triangle its own vertices, with the normal of its face.
+void make_flat(TriangleMesh& mesh) {
+  split_vertices(mesh);
+  mesh.normals.resize(mesh.positions.size());
   for (const auto& [a, b, c] : mesh.triangles) {
     const Vec3 origin = mesh.positions[a];
     const Vec3 normal = normalized(cross(mesh.positions[b] - origin, mesh.positions[c] - origin));
@@ -416,25 +445,6 @@ class TangentSums {
 };
 
 }  // namespace
-
-void select_vertices(TriangleMesh& mesh, const std::vector<uint32_t>& from) {
-  select(mesh.positions, from);
-  select(mesh.normals, from);
-  select(mesh.uvs, from);
-  select(mesh.uvs2, from);
-  select(mesh.colours, from);
-  select(mesh.tangents, from);
-  if (!mesh.deformation) return;
-  auto deformation = std::make_shared<Deformation>(*mesh.deformation);
-  select_groups(deformation->joints, deformation->joints_per_vertex, from);
-  select_groups(deformation->weights, deformation->joints_per_vertex, from);
-  for (MorphTarget& target : deformation->targets) {
-    select(target.positions, from);
-    select(target.normals, from);
-    select(target.tangents, from);
-  }
-  mesh.deformation = std::move(deformation);
-}
 
 void compute_tangents(TriangleMesh& mesh, bool use_second_uvs) {
   const auto has_uvs = [&] { return !(use_second_uvs ? mesh.uvs2 : mesh.uvs).empty(); };

@@ -49,9 +49,8 @@ MeshRepairs clean(TriangleMesh& mesh);
 /// normals gets the faces' normals, and so three vertices per triangle.
 void compute_tangents(TriangleMesh& mesh, bool use_second_uvs);
 
-/// Makes vertex i a copy of the old vertex from[i], with all its attributes. Does not change the
-/// triangles.
-void select_vertices(TriangleMesh& mesh, const std::vector<uint32_t>& from);
+/// Gives every triangle its own vertices, with all their attributes.
+void split_vertices(TriangleMesh& mesh);
 
 /// Texture coordinates beyond it count as 0.
 inline constexpr double kFarthestUv = 1e6;

@@ -33,11 +33,6 @@ namespace {
 
 using frames::TextureContent;
 
-/// Returns true if a list with a space before and after each word has the word.
-bool is_one_of(std::string_view list, std::string_view word) {
-  return list.find(fmt::format(" {} ", word)) != std::string_view::npos;
-}
-
 TextReader reader_of(std::span<const uint8_t> bytes, const std::filesystem::path& file) {
   return {{reinterpret_cast<const char*>(bytes.data()), bytes.size()},
           file.string(),

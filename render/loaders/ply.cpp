@@ -70,26 +70,18 @@ struct Header {
   size_t end = 0;       ///< position of the first byte after the header
 };
 
-struct TypeName {
-  std::string_view name;
+struct TypeNames {
+  std::string_view names;  ///< for is_one_of()
   ValueType type;
 };
-constexpr std::array<TypeName, 16> kTypeNames{{{"char", kType<int8_t>},
-                                               {"int8", kType<int8_t>},
-                                               {"uchar", kType<uint8_t>},
-                                               {"uint8", kType<uint8_t>},
-                                               {"short", kType<int16_t>},
-                                               {"int16", kType<int16_t>},
-                                               {"ushort", kType<uint16_t>},
-                                               {"uint16", kType<uint16_t>},
-                                               {"int", kType<int32_t>},
-                                               {"int32", kType<int32_t>},
-                                               {"uint", kType<uint32_t>},
-                                               {"uint32", kType<uint32_t>},
-                                               {"float", kType<float>},
-                                               {"float32", kType<float>},
-                                               {"double", kType<double>},
-                                               {"float64", kType<double>}}};
+constexpr std::array<TypeNames, 8> kTypes{{{" char int8 ", kType<int8_t>},
+                                           {" uchar uint8 ", kType<uint8_t>},
+                                           {" short int16 ", kType<int16_t>},
+                                           {" ushort uint16 ", kType<uint16_t>},
+                                           {" int int32 ", kType<int32_t>},
+                                           {" uint uint32 ", kType<uint32_t>},
+                                           {" float float32 ", kType<float>},
+                                           {" double float64 ", kType<double>}}};
 
 std::vector<std::string_view> words_of(std::string_view line) {
   std::vector<std::string_view> words;
@@ -181,8 +173,9 @@ class HeaderReader {
   }
 
   [[nodiscard]] ValueType type_named(std::string_view name) const {
-    const auto* const found = std::ranges::find(kTypeNames, name, &TypeName::name);
-    if (found == kTypeNames.end()) fail(fmt::format("unknown type {}", render::quoted(name)));
+    const auto* const found = std::ranges::find_if(
+        kTypes, [&](const TypeNames& type) { return is_one_of(type.names, name); });
+    if (found == kTypes.end()) fail(fmt::format("unknown type {}", render::quoted(name)));
     return found->type;
   }
 
@@ -267,36 +260,17 @@ struct Elements {
 /// Meaning of a vertex property.
 enum Field { X, Y, Z, Nx, Ny, Nz, Red, Green, Blue, Alpha, U, V, kFields };
 
-constexpr std::array<std::pair<std::string_view, Field>, 23> kFieldNames{{
-    {"x", X},
-    {"y", Y},
-    {"z", Z},
-    {"nx", Nx},
-    {"ny", Ny},
-    {"nz", Nz},
-    {"red", Red},
-    {"green", Green},
-    {"blue", Blue},
-    {"alpha", Alpha},
-    {"r", Red},
-    {"g", Green},
-    {"b", Blue},
-    {"a", Alpha},
-    {"diffuse_red", Red},
-    {"diffuse_green", Green},
-    {"diffuse_blue", Blue},
-    {"u", U},
-    {"v", V},
-    {"s", U},
-    {"t", V},
-    {"texture_u", U},
-    {"texture_v", V},
-}};
+/// Names of the fields, for is_one_of().
+constexpr auto kFieldNames = std::to_array<std::string_view>(
+    {" x ", " y ", " z ", " nx ", " ny ", " nz ", " red r diffuse_red ", " green g diffuse_green ",
+     " blue b diffuse_blue ", " alpha a ", " u s texture_u ", " v t texture_v "});
+static_assert(kFieldNames.size() == kFields);
 
-Field field_of(const std::string& name) {
-  const auto* const found =
-      std::ranges::find_if(kFieldNames, [&](const auto& field) { return field.first == name; });
-  return found == kFieldNames.end() ? kFields : found->second;
+/// Returns kFields for properties that mean nothing, and for lists.
+Field field_of(const Property& property) {
+  const auto has_name = [&](std::string_view names) { return is_one_of(names, property.name); };
+  const auto* const found = std::ranges::find_if(kFieldNames, has_name);
+  return property.is_list ? kFields : static_cast<Field>(found - kFieldNames.begin());
 }
 
 /// ElementReader reads vertices, faces and triangle strips into a mesh.
@@ -332,10 +306,10 @@ class ElementReader {
 
   void read_vertices(const ElementKind& kind) {
     if (kind.count > kMaxVertices) refuse(fmt::format("more than {} vertices", kMaxVertices));
-    std::array<bool, kFields> has{};
+    std::array<bool, kFields + 1> has{};
+    std::vector<Field> meanings;
     for (const Property& property : kind.properties)
-      if (const Field field = field_of(property.name); field != kFields && !property.is_list)
-        has[field] = true;
+      has[meanings.emplace_back(field_of(property))] = true;
     if (!has[X] || !has[Y] || !has[Z]) refuse("vertices without x, y and z");
     out_.single_precision = header_.encoding != Encoding::Text &&
                             std::ranges::any_of(kind.properties, [](const Property& p) {
@@ -345,12 +319,13 @@ class ElementReader {
       values_.set_place(&kind.name, i);
       std::array<double, kFields> fields{};
       fields[Alpha] = 1.0;
-      for (const Property& property : kind.properties) {
+      for (size_t k = 0; k < meanings.size(); ++k) {
+        const Property& property = kind.properties[k];
         if (property.is_list) {
           read_list(property);
           continue;
         }
-        const Field field = field_of(property.name);
+        const Field field = meanings[k];
         const double value = values_.next(property.type);
         if (field == kFields) continue;
         const bool colour = field >= Red && field <= Alpha;
@@ -360,7 +335,7 @@ class ElementReader {
     }
   }
 
-  void add_vertex(const std::array<double, kFields>& f, const std::array<bool, kFields>& has) {
+  void add_vertex(const std::array<double, kFields>& f, const std::array<bool, kFields + 1>& has) {
     const Vec3 p{f[X], f[Y], f[Z]};
     if (const char* flaw = flaw_of(p)) values_.fail(fmt::format("is {}", flaw));
     out_.mesh.positions.push_back(p);
@@ -384,6 +359,8 @@ class ElementReader {
   void read_lists(const ElementKind& kind) {
     const bool strips = kind.name == "tristrips" || kind.name == "tristrip";
     const bool faces = kind.name == "face";
+    const auto is_red = [](const Property& property) { return field_of(property) == Red; };
+    out_.face_colours |= faces && kind.count > 0 && std::ranges::any_of(kind.properties, is_red);
     std::vector<double> corners;
     for (uint64_t i = 0; i < kind.count; ++i) {
       values_.set_place(&kind.name, i);
@@ -391,7 +368,6 @@ class ElementReader {
       coordinates_.clear();
       for (const Property& property : kind.properties) {
         if (!property.is_list) {
-          out_.face_colours = out_.face_colours || (faces && field_of(property.name) == Red);
           static_cast<void>(values_.next(property.type));
           continue;
         }
@@ -472,13 +448,7 @@ class ElementReader {
     if (face_uvs_.empty()) return;
     face_uvs_.resize(3 * out_.mesh.triangles.size());
     if (face_uvs_.size() > kMaxVertices) refuse(fmt::format("more than {} vertices", kMaxVertices));
-    std::vector<uint32_t> from;
-    for (auto& triangle : out_.mesh.triangles) {
-      const auto first = static_cast<uint32_t>(from.size());
-      from.insert(from.end(), triangle.begin(), triangle.end());
-      triangle = {first, first + 1, first + 2};
-    }
-    select_vertices(out_.mesh, from);
+    split_vertices(out_.mesh);
     out_.mesh.uvs = std::move(face_uvs_);
   }
 

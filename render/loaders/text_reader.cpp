@@ -23,6 +23,10 @@ std::optional<double> parse_number(std::string_view word) {
   return number_from<double>(word);
 }
 
+bool is_one_of(std::string_view list, std::string_view word) {
+  return list.find(fmt::format(" {} ", word)) != std::string_view::npos;
+}
+
 std::string quoted(std::string_view word) {
   constexpr size_t kShown = 32;
   std::string out = "'";

@@ -69,6 +69,9 @@ class TextReader {
 /// Returns the finite number that the whole word is, or nothing. Independent of the locale.
 [[nodiscard]] std::optional<double> parse_number(std::string_view word);
 
+/// Returns true if a list with a space before and after each word has the word.
+[[nodiscard]] bool is_one_of(std::string_view list, std::string_view word);
+
 /// Shortens a word from a file and makes it printable, for error messages.
 [[nodiscard]] std::string quoted(std::string_view word);
 
