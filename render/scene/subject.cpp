@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <initializer_list>
 #include <iterator>
 
@@ -22,6 +23,10 @@ constexpr double kSameNormal = 0.97;
 /// Least share of the samples that a plane of the setting covers, and largest share behind it: the
 /// sides of a floor that is a slab are seen below it.
 constexpr double kLeastCovered = 0.05, kMostBehind = 0.125;
+
+/// Largest number of tests of a sample against a triangle: a file may have millions of triangles
+/// that all cover the picture. Beyond it, no setting is told.
+constexpr int64_t kMostTests = int64_t{1} << 29;
 
 /// Sample is where a ray from the eye meets the scene. Coordinates are relative to the eye.
 struct Sample {
@@ -55,6 +60,9 @@ class DepthBuffer {
     const Vec3 ab = cross(a, b), bc = cross(b, c), ca = cross(c, a);
     const auto [left, right] = cells(columns, kColumns);
     const auto [low, high] = cells(rows, kRows);
+    if (right < left || high < low) return;
+    tests_ += int64_t{right - left + 1} * (high - low + 1);
+    if (tests_ > kMostTests) return;
     for (int row = low; row <= high; ++row)
       for (int column = left; column <= right; ++column) {
         const Vec3 ray = forward_ + right_ * ((2 * column + 1.0) / kColumns - 1.0) +
@@ -70,6 +78,7 @@ class DepthBuffer {
   /// Returns the planes of the setting, each as one sample of it.
   [[nodiscard]] std::vector<Sample> setting(double room, Vec3 turns_about) const {
     std::vector<Sample> planes;
+    if (tests_ > kMostTests) return planes;
     for (int row = kProposals / 2; row < kRows; row += kProposals)
       for (int column = kProposals / 2; column < kColumns; column += kProposals) {
         const Sample& sample = samples_[static_cast<size_t>(row * kColumns + column)];
@@ -102,6 +111,7 @@ class DepthBuffer {
 
   Vec3 forward_, right_, up_;  ///< right_ and up_ reach from the middle to the border at depth 1
   double nearest_;
+  int64_t tests_ = 0;
   std::vector<Sample> samples_;
 };
 
