@@ -53,8 +53,12 @@ void Textures::decode_all(const Textures& list) {
   });
 }
 
-void Textures::note(const std::string& text) {
-  if (std::ranges::find(scene_.notes, text) == scene_.notes.end()) scene_.notes.push_back(text);
+void Textures::note(std::string text) {
+  constexpr size_t kMost = 64;
+  if (notes_.size() > kMost || notes_.contains(text)) return;
+  if (notes_.size() == kMost) text = "further textures left out or reduced";
+  scene_.notes.push_back(text);
+  notes_.insert(std::move(text));
 }
 
 int Textures::add(const TextureSource& source, const Decode& decode) {

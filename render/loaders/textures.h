@@ -5,6 +5,7 @@
 #include <array>
 #include <functional>
 #include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -51,14 +52,15 @@ class Textures {
     Decode decode;
   };
 
-  /// Adds a note, once.
-  void note(const std::string& text);
+  /// Adds a note, once, and not too many: a file may name thousands of pictures that do not exist.
+  void note(std::string text);
 
   SceneDescription& scene_;
   Mode mode_;
   std::vector<Wanted> list_;
   std::map<TextureSource, frames::TextureImage> decoded_;
   std::map<TextureSource, int> known_;
+  std::set<std::string> notes_;
   size_t bytes_ = 0;
 };
 
