@@ -177,33 +177,23 @@ TriangleMesh mesh_of(const aiScene& scene, const aiMesh& from, LeftOut& left_out
   return mesh;
 }
 
-/// ColouredMaterials makes the materials that show vertex colours: white where the file has no
-/// texture, since the colours take the place of the material's.
-class ColouredMaterials {
- public:
-  explicit ColouredMaterials(SceneDescription& scene) : scene_(scene) {}
-
-  int index(int material) {
-    const auto [known, added] =
-        known_.try_emplace(material, static_cast<int>(scene_.materials.size()));
-    if (!added) return known->second;
-    Material coloured = scene_.materials[static_cast<size_t>(material)];
-    PbrMaterial white = coloured.pbr ? *coloured.pbr : pbr_like(coloured);
-    white.base_colour = {1, 1, 1};
-    coloured.pbr = std::make_shared<const PbrMaterial>(white);
-    scene_.materials.push_back(std::move(coloured));
-    return known->second;
-  }
-
- private:
-  SceneDescription& scene_;
-  std::map<int, int> known_;
-};
+/// Returns the copy of a material that shows vertex colours: white where the file has no texture,
+/// since the colours take the place of the material's. `known` holds the copies made so far.
+int coloured(int material, std::map<int, int>& known, SceneDescription& scene) {
+  const auto [copy, added] = known.try_emplace(material, static_cast<int>(scene.materials.size()));
+  if (!added) return copy->second;
+  Material to = scene.materials[static_cast<size_t>(material)];
+  PbrMaterial white = to.pbr ? *to.pbr : pbr_like(to);
+  white.base_colour = {1, 1, 1};
+  to.pbr = std::make_shared<const PbrMaterial>(white);
+  scene.materials.push_back(std::move(to));
+  return copy->second;
+}
 
 /// Converts every mesh once; those without triangles stay empty.
 std::vector<TriangleMesh> all_meshes(const aiScene& from, SceneDescription& scene) {
   LeftOut left_out;
-  ColouredMaterials coloured(scene);
+  std::map<int, int> copies;
   std::vector<TriangleMesh> meshes(from.mNumMeshes);
   for (unsigned i = 0; i < from.mNumMeshes; ++i) {
     const aiMesh& mesh = *from.mMeshes[i];
@@ -214,7 +204,7 @@ std::vector<TriangleMesh> all_meshes(const aiScene& from, SceneDescription& scen
     else
       left_out.points_or_lines = true;
     TriangleMesh& to = meshes[i];
-    if (!to.colours.empty()) to.material = coloured.index(to.material);
+    if (!to.colours.empty()) to.material = coloured(to.material, copies, scene);
     const auto& pbr = scene.materials[static_cast<size_t>(to.material)].pbr;
     if (pbr && pbr->normal_texture.texture >= 0) compute_tangents(to, false);
   }
@@ -227,53 +217,36 @@ std::vector<TriangleMesh> all_meshes(const aiScene& from, SceneDescription& scen
   return meshes;
 }
 
-/// MeshPlacer adds meshes to the scene, once per node that shows them.
-class MeshPlacer {
- public:
-  MeshPlacer(std::vector<TriangleMesh> meshes, SceneDescription& scene)
-      : meshes_(std::move(meshes)), scene_(scene) {}
-
-  void place(const aiNode& from, int node) {
-    for (const unsigned index : std::span(from.mMeshes, from.mNumMeshes)) {
-      if (index >= meshes_.size())
-        refuse(scene_.source, fmt::format("node '{}' refers to mesh {} of {}", from.mName.C_Str(),
-                                          index, meshes_.size()));
-      const TriangleMesh& mesh = meshes_[index];
-      if (mesh.triangles.empty()) continue;
-      vertices_ += mesh.positions.size();
-      triangles_ += mesh.triangles.size();
-      if (vertices_ > kMaxVertices || triangles_ > kMaxTriangles)
-        refuse(scene_.source,
-               fmt::format("more than {} triangles or {} vertices", kMaxTriangles, kMaxVertices));
-      scene_.meshes.push_back(mesh);
-      scene_.meshes.back().node = node;
-    }
-  }
-
- private:
-  std::vector<TriangleMesh> meshes_;
-  SceneDescription& scene_;
-  size_t vertices_ = 0;
-  size_t triangles_ = 0;
-};
-
-/// Imports nodes, parents first, with the meshes attached to them.
+/// Imports nodes, parents first, and the meshes attached to them, once per node that shows them.
 NodeNames import_nodes_and_meshes(const aiScene& from, SceneDescription& scene) {
   NodeNames names;
   if (from.mRootNode == nullptr) return names;
-  MeshPlacer placer(all_meshes(from, scene), scene);
+  const std::vector<TriangleMesh> meshes = all_meshes(from, scene);
+  size_t vertices = 0, triangles = 0;
   // Breadth first: parents come before children, and a deep tree needs no deep stack.
   std::vector<const aiNode*> order{from.mRootNode};
   std::vector<int> parents{-1};
   for (size_t i = 0; i < order.size(); ++i) {
     const aiNode& node = *order[i];
+    const int number = static_cast<int>(i);
     scene.nodes.push_back(node_of(node, parents[i], scene.source));
-    names.try_emplace(scene.nodes.back().name, static_cast<int>(i));
-    placer.place(node, static_cast<int>(i));
-    for (const aiNode* child : std::span(node.mChildren, node.mNumChildren)) {
-      order.push_back(child);
-      parents.push_back(static_cast<int>(i));
+    names.try_emplace(scene.nodes.back().name, number);
+    for (const unsigned index : std::span(node.mMeshes, node.mNumMeshes)) {
+      if (index >= meshes.size())
+        refuse(scene.source, fmt::format("node '{}' refers to mesh {} of {}", node.mName.C_Str(),
+                                         index, meshes.size()));
+      const TriangleMesh& mesh = meshes[index];
+      if (mesh.triangles.empty()) continue;
+      vertices += mesh.positions.size();
+      triangles += mesh.triangles.size();
+      if (vertices > kMaxVertices || triangles > kMaxTriangles)
+        refuse(scene.source,
+               fmt::format("more than {} triangles or {} vertices", kMaxTriangles, kMaxVertices));
+      scene.meshes.push_back(mesh);
+      scene.meshes.back().node = number;
     }
+    order.insert(order.end(), node.mChildren, node.mChildren + node.mNumChildren);
+    parents.resize(order.size(), number);
     if (order.size() > kMaxNodes)
       refuse(scene.source, fmt::format("more than {} nodes", kMaxNodes));
   }
@@ -370,9 +343,8 @@ class MaterialTextures {
                           .wrap_v = wrap_of(AI_MATKEY_MAPPINGMODE_V(wrapped, 0)),
                           .content = kData},
                          [&] {
-                           if (rough == metal)
-                             return read(rough, kData, frames::TexelPlace::Anywhere);
-                           return both(rough, metal);
+                           return rough == metal ? read(rough, kData, frames::TexelPlace::Anywhere)
+                                                 : both(rough, metal);
                          });
   }
 
@@ -476,13 +448,10 @@ void import_materials(const aiScene& from, const std::filesystem::path& folder,
       used[mesh->mMaterialIndex] = true;
   Textures all(scene);
   for (const aiMaterial* material : std::span(from.mMaterials, from.mNumMaterials)) {
-    if (!used[scene.materials.size()]) {
-      scene.materials.push_back(material_of(*material));
-      continue;
-    }
+    Material& to = scene.materials.emplace_back(material_of(*material));
+    if (!used[scene.materials.size() - 1]) continue;
     const Properties properties(*material);
     MaterialTextures textures(from, *material, folder, scene.source, all);
-    Material to = material_of(*material);
     to.texture = textures.find({aiTextureType_BASE_COLOR, aiTextureType_DIFFUSE},
                                frames::TextureContent::Colour);
     PbrMaterial pbr = pbr_like(to);
@@ -490,7 +459,6 @@ void import_materials(const aiScene& from, const std::filesystem::path& folder,
     pbr.alpha = clamped(properties.number(AI_MATKEY_OPACITY).value_or(1.0), 0.0, 1.0);
     if (pbr.alpha < 1.0) pbr.alpha_mode = PbrMaterial::AlphaMode::Blend;
     if (is_stated || pbr.alpha < 1.0) to.pbr = std::make_shared<const PbrMaterial>(pbr);
-    scene.materials.push_back(std::move(to));
   }
 }
 
@@ -510,22 +478,24 @@ bool finite(Vec3 v) {
   return is_finite(v);
 }
 bool finite(const std::array<double, 4>& q) {
-  return std::all_of(q.begin(), q.end(), [](double v) { return std::isfinite(v); });
+  return std::ranges::all_of(q, [](double v) { return std::isfinite(v); });
 }
 
 class AnimationImport {
  public:
-  AnimationImport(const aiAnimation& from, SceneDescription& scene) : scene_(scene) {
-    if (std::isfinite(from.mTicksPerSecond) && from.mTicksPerSecond > 0.0)
-      ticks_per_second_ = from.mTicksPerSecond;
-  }
+  explicit AnimationImport(SceneDescription& scene) : scene_(scene) {}
 
-  void add(const aiNodeAnim& from, Node& node) {
-    read(std::span(from.mPositionKeys, from.mNumPositionKeys), node, node.translations);
-    read(std::span(from.mRotationKeys, from.mNumRotationKeys), node, node.rotations);
-    read(std::span(from.mScalingKeys, from.mNumScalingKeys), node, node.scales);
-    node.animated = !node.translations.times.empty() || !node.rotations.times.empty() ||
-                    !node.scales.times.empty();
+  /// Imports an animation; a node that an earlier channel moves stays as it is.
+  void add(const aiAnimation& from, const NodeNames& nodes) {
+    const double stated = from.mTicksPerSecond;
+    ticks_per_second_ =
+        std::isfinite(stated) && stated > 0.0 ? stated : kTicksPerSecondUnlessStated;
+    for (const aiNodeAnim* channel : std::span(from.mChannels, from.mNumChannels)) {
+      const auto found = nodes.find(channel->mNodeName.C_Str());
+      if (found == nodes.end()) continue;
+      Node& node = scene_.nodes[static_cast<size_t>(found->second)];
+      if (!node.animated) add(*channel, node);
+    }
   }
 
   void finish() {
@@ -534,6 +504,14 @@ class AnimationImport {
   }
 
  private:
+  void add(const aiNodeAnim& from, Node& node) {
+    read(std::span(from.mPositionKeys, from.mNumPositionKeys), node, node.translations);
+    read(std::span(from.mRotationKeys, from.mNumRotationKeys), node, node.rotations);
+    read(std::span(from.mScalingKeys, from.mNumScalingKeys), node, node.scales);
+    node.animated = !node.translations.times.empty() || !node.rotations.times.empty() ||
+                    !node.scales.times.empty();
+  }
+
   template <class Key, class T>
   void read(std::span<Key> keys, const Node& node, Channel<T>& channel) {
     if ((keys_ += keys.size()) > kMaxKeys)
@@ -555,30 +533,22 @@ class AnimationImport {
   }
 
   SceneDescription& scene_;
-  double ticks_per_second_ = kTicksPerSecondUnlessStated;
+  double ticks_per_second_ = 0.0;
   size_t keys_ = 0;
   size_t dropped_keys_ = 0;
 };
 
-/// Imports the key frames of the wanted animations; of several that move a node, the first does.
+/// Imports the key frames of the wanted animations.
 void import_animations(const aiScene& from, const NodeNames& nodes, const std::string& wanted,
                        SceneDescription& scene) {
   const std::span animations(from.mAnimations, from.mNumAnimations);
   std::vector<std::string> names;
   for (const aiAnimation* one : animations) names.emplace_back(one->mName.C_Str());
   scene.animations = select(names, wanted, "animation", scene.source, 0);
-  for (size_t n = 0; n < names.size(); ++n) {
-    if (!scene.animations.takes(n)) continue;
-    AnimationImport import(*animations[n], scene);
-    for (const aiNodeAnim* channel :
-         std::span(animations[n]->mChannels, animations[n]->mNumChannels)) {
-      const auto found = nodes.find(channel->mNodeName.C_Str());
-      if (found == nodes.end()) continue;
-      Node& node = scene.nodes[static_cast<size_t>(found->second)];
-      if (!node.animated) import.add(*channel, node);
-    }
-    import.finish();
-  }
+  AnimationImport import(scene);
+  for (size_t n = 0; n < names.size(); ++n)
+    if (scene.animations.takes(n)) import.add(*animations[n], nodes);
+  import.finish();
 }
 
 // ---- lights
@@ -794,10 +764,6 @@ std::string tidy(const std::string& message) {
     out += c >= ' ' && c < 127 ? c : '?';
   while (out.ends_with('.')) out.pop_back();
   return out.empty() ? "cannot be parsed" : out;
-}
-
-[[noreturn]] void refuse(const std::filesystem::path& file, const std::string& reason) {
-  throw Error(ErrorKind::Input, fmt::format("{}: {}", file.string(), reason));
 }
 
 /// Reads the file. The data is checked before assimp's own post-processing runs, which trusts the
