@@ -140,8 +140,10 @@ PictureOptions picture_options(const OpenContext& context) {
           .hardware = context.video_hardware};
 }
 
-/// Returns true for pictures that are not woven frames of this panel, as far as headers tell.
+/// Returns true for pictures that are not woven frames of this panel, as far as headers tell. The
+/// panels of a wall play nothing else.
 bool cannot_be_woven(const SourceSpec& source, const OpenContext& context) {
+  if (context.rig == nullptr) return false;
   if (source.kind == SourceKind::Video) {
     const VideoStream stream = probe_video(source.text).front();
     return stream.geometry != context.panel || !stream.full_chroma;

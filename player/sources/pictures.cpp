@@ -387,7 +387,7 @@ std::unique_ptr<ViewInput> open_views(const Content& content, const PictureOptio
 }
 
 std::optional<Content> find_stereo(const SourceSpec& source) {
-  constexpr uint64_t kMostFrames = 96, kStep = 24;  // the first ones of a film may be black
+  constexpr uint64_t kMostFrames = 73, kStep = 24;  // the first ones of a film may be black
   const bool has_pixels = source.kind == SourceKind::Video || source.kind == SourceKind::Pictures;
   if (!has_pixels || !source.content.stereo.empty()) return std::nullopt;
   Content flat{.kind = Kind::Quilt, .source = source};
@@ -407,16 +407,13 @@ std::optional<Content> find_stereo(const SourceSpec& source) {
                        : std::nullopt;
     input->release();
     if (!pair) continue;
+    const auto& [beside, half, right_first] = pair->layout;
     say("{}: taken for two eyes {}: {:.0f}% of the detail is in both halves, at {:+.1f}% to "
-        "{:+.1f}% of their width\n  --stereo none if it is not; --invert if near and far are "
-        "exchanged\n",
-        source.text, pair->layout.beside ? "side by side" : "above each other",
-        100 * pair->matching, 100 * pair->back, 100 * pair->front);
-    return Content{.kind = Kind::Stereo,
-                   .stereo = pair->layout,
-                   .aspect = source.content.aspect,
-                   .rightmost_first = source.content.invert,
-                   .source = source};
+        "{:+.1f}% of their width\n  --stereo none if it is not; --stereo {}{} --invert if near and "
+        "far are exchanged\n",
+        source.text, beside ? "side by side" : "above each other", 100 * pair->matching,
+        100 * pair->back, 100 * pair->front, half ? "h" : "", beside ? "sbs" : "tb");
+    return Content{.kind = Kind::Stereo, .stereo = pair->layout, .source = source};
   }
   return std::nullopt;
 }

@@ -337,6 +337,7 @@ TEST_F(ContentCommand, TwoEyesAreFoundInThePixelsOfPicturesThatAreNotWoven) {
   expect_end(shown, 0);
   EXPECT_THAT(shown.err, testing::HasSubstr("holiday.png: taken for two eyes side by side"));
   EXPECT_THAT(shown.err, testing::HasSubstr("--stereo none"));
+  EXPECT_THAT(shown.err, testing::HasSubstr("--stereo sbs --invert"));
   EXPECT_EQ(woven_by_command({path("holiday.png")}),
             woven_by_command({path("holiday.png"), "--stereo", "sbs"}));
   expect_end(run({"play", path("holiday.png"), "--rig", kTiny, "--stereo", "none"}), 4,
