@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <iterator>
@@ -52,28 +53,25 @@ frames::Disparity parse_zero_plane(const std::string& text) {
 
 /// Parses "0.5:20", distances in any unit. Returns the ratio of the farthest to the nearest.
 double parse_distances(const std::string& text) {
-  const auto distances = numbers_from<double, 2>(text, ':');
-  if (distances && (*distances)[0] > 0.0 && (*distances)[1] > (*distances)[0])
-    return (*distances)[1] / (*distances)[0];
+  constexpr double kMostRatio = 1e6;  // a larger one exceeds the precision of a disparity
+  const auto distances = numbers_from<double, 2>(text, ':').value_or(std::array{0.0, 0.0});
+  const double ratio = distances[1] / distances[0];
+  if (distances[0] > 0.0 && ratio > 1.0 && ratio <= kMostRatio) return ratio;
   throw Error(ErrorKind::Usage, fmt::format("--depth-distance '{}': not two distances", text),
-              "the nearest and the farthest, for example --depth-distance 0.5:20");
+              "the nearest and the farthest, for example --depth-distance 0.5:20; at most 1:1e6");
 }
 
 /// Parses "-2:2" in percent of a view's width, or "-20px:20px": the disparities of the farthest and
 /// the nearest depth. Throws Error(Usage).
 void read_depth_range(const std::string& text, frames::DepthOptions& options) {
-  const size_t colon = text.find(':');
-  const std::string_view all(text);
-  const auto back = disparity_of(all.substr(0, colon));
-  const auto front = colon == std::string::npos ? back : disparity_of(all.substr(colon + 1));
-  if (colon != std::string::npos && back && front && back->in_pixels == front->in_pixels) {
-    options.back = back->value;
-    options.front = front->value;
-    options.in_pixels = back->in_pixels;
-    return;
-  }
-  throw Error(ErrorKind::Usage, fmt::format("--depth-range '{}': not two disparities", text),
-              "for example --depth-range -2:2, in percent of the width, or -20px:20px");
+  std::string_view rest(text);
+  const auto back = disparity_of(take_until(rest, ':')), front = disparity_of(rest);
+  if (!back || !front || back->in_pixels != front->in_pixels)
+    throw Error(ErrorKind::Usage, fmt::format("--depth-range '{}': not two disparities", text),
+                "for example --depth-range -2:2, in percent of the width, or -20px:20px");
+  options.back = back->value;
+  options.front = front->value;
+  options.in_pixels = back->in_pixels;
 }
 
 /// Returns the file, or the first one of a pattern, if there is one.
@@ -171,13 +169,14 @@ bool may_have_two_eyes(const std::string& file) {
   return std::ranges::find(kNames, extension) != std::end(kNames);
 }
 
-/// Returns the layout that the file itself states: in pictures for two eyes and in videos.
-std::optional<frames::StereoLayout> tagged_stereo(const SourceSpec& source) {
+/// Returns the layout that the file itself states: in pictures for two eyes and in videos. `first`
+/// is the source's first file, if there is one.
+std::optional<frames::StereoLayout> tagged_stereo(
+    const SourceSpec& source, const std::optional<std::filesystem::path>& first) {
   const std::string& text = source.text;
-  if (const auto first = first_file(text); first && frames::is_jps_name(text))
-    return frames::read_jps_tag(*first);
-  else if (first && may_have_two_eyes(text) &&
-           frames::probe_picture(*first, frames::PictureUse::Views).two_eyes)
+  if (first && frames::is_jps_name(text)) return frames::read_jps_tag(*first);
+  if (first && may_have_two_eyes(text) &&
+      frames::probe_picture(*first, frames::PictureUse::Views).two_eyes)
     return frames::StereoLayout{.beside = true};
   if (source.kind != SourceKind::Video) return std::nullopt;
   const std::optional<VideoStereo> tag = probe_video(text).front().stereo;
@@ -195,9 +194,10 @@ std::optional<frames::StereoLayout> tagged_stereo(const SourceSpec& source) {
 
 /// Returns the layout that tag and name state. A tag comes first, but may leave open whether the
 /// eyes are squeezed.
-std::optional<frames::StereoLayout> stated_stereo(const SourceSpec& source) {
+std::optional<frames::StereoLayout> stated_stereo(
+    const SourceSpec& source, const std::optional<std::filesystem::path>& first) {
   const auto named = frames::stereo_of_name(source.text);
-  auto tagged = tagged_stereo(source);
+  auto tagged = tagged_stereo(source, first);
   if (!tagged) return named;
   tagged->half = tagged->half || (named && named->half && named->beside == tagged->beside);
   return tagged;
@@ -250,29 +250,31 @@ Content container(const SourceSpec& source, const std::string& rig_fingerprint) 
 Content picture(const SourceSpec& source, bool patterns_are_views) {
   const std::string& text = source.text;
   const ContentFlags& flags = source.content;
+  const bool may_be_stereo = flags.stereo.empty();
   if (!flags.depth.empty() && !frames::parse_depth_layout(flags.depth))
     return with_depth(flags, std::nullopt);
-  const bool stereo_flag = !flags.stereo.empty() && flags.stereo != "none";
-  if (stereo_flag) return stereo(frames::parse_stereo(flags.stereo), flags);
+  if (!may_be_stereo && flags.stereo != "none")
+    return stereo(frames::parse_stereo(flags.stereo), flags);
   const auto first = first_file(text);
   auto sidecar = first ? frames::read_sidecar_of(*first) : std::nullopt;
   if (!flags.depth.empty() || (flags.grid.empty() && sidecar && sidecar->depth))
     return with_depth(flags, sidecar);
   const bool says_grid = !flags.grid.empty() || (sidecar && sidecar->columns);
   if (says_grid || frames::quilt_layout_of_name(text)) return quilt(source, sidecar);
-  if (flags.stereo.empty())
-    if (const auto stated = stated_stereo(source)) return stereo(*stated, flags);
+  if (may_be_stereo)
+    if (const auto stated = stated_stereo(source, first)) return stereo(*stated, flags);
   if (frames::is_rgbd_name(text)) return with_depth(flags, std::nullopt);
-  if (std::vector<int> eyes = streams_of_eyes(source); flags.stereo.empty() && !eyes.empty()) {
-    Content content = stereo({}, flags);
-    content.eyes = std::move(eyes);
-    return content;
+  if (may_be_stereo) {
+    if (std::vector<int> eyes = streams_of_eyes(source); !eyes.empty()) {
+      Content content = stereo({}, flags);
+      content.eyes = std::move(eyes);
+      return content;
+    }
+    if (first && (sidecar = frames::read_quilt_comment(*first))) return quilt(source, sidecar);
   }
-  if (first && flags.stereo.empty() && (sidecar = frames::read_quilt_comment(*first)))
-    return quilt(source, sidecar);
   if (patterns_are_views && frames::FilePattern::looks_like_pattern(text))
     return {.kind = Kind::ViewFiles};
-  if (frames::mentions_quilt(text) && flags.stereo.empty())
+  if (frames::mentions_quilt(text) && may_be_stereo)
     throw Error(ErrorKind::Input,
                 fmt::format("{}: its name says qs, but not the grid of a quilt", text),
                 "name it like city_qs8x6a0.75.png, or use --grid 8x6; woven frames: --stereo none");
