@@ -375,8 +375,8 @@ class PictureReader {
     const auto sample = sample_of(s);
     if (!sample) fail("its samples are neither integers of 8 or 16 bits nor floats");
     sample_ = *sample;
-    if (format_ == ImageFormat::Exr && sample_ == Sample::F32 && channels_read() >= 3)
-      to_srgb_ = to_srgb_primaries(s);
+    const bool linear = format_ == ImageFormat::Exr && sample_ == Sample::F32;
+    to_srgb_ = linear && channels_read() >= 3 ? to_srgb_primaries(s) : std::nullopt;
   }
 
   static std::optional<Sample> sample_of(const OIIO::ImageSpec& s) {
