@@ -36,7 +36,8 @@ class FolderWatchTest : public testing::Test {
 };
 
 TEST(FolderNames, OnlyContentIsPlayed) {
-  for (const char* name : {"a.lts", "b.mp4", "c.PNG", "quilt_qs8x6a0.75.mkv", "d.jps"})
+  for (const char* name :
+       {"a.lts", "b.mp4", "c.PNG", "quilt_qs8x6a0.75.mkv", "d.jps", "IMG_1.HEIC", "e.avif"})
     EXPECT_TRUE(may_be_content(name)) << name;
   for (const char* name : {"", ".a.lts.Xy12Zw", "a.lts.part", "film.mp4.part", "b.mp4.crdownload",
                            "a.lts~", "notes.txt", "quilt.json", "list.toml", "a"})
