@@ -61,8 +61,8 @@ bool means_half(const std::vector<std::string>& words, size_t at) {
 }  // namespace
 
 StereoLayout parse_stereo(const std::string& text) {
-  // The first word of a name never counts.
-  if (const auto layout = stereo_of_name("_" + text)) return *layout;
+  // The first word of a name never counts, and no extension counts here.
+  if (const auto layout = stereo_of_name("_" + text + "_")) return *layout;
   throw Error(ErrorKind::Usage, fmt::format("--stereo '{}': unknown", text),
               "use sbs, tb, hsbs (half width), htb (half height) or none");
 }
@@ -140,20 +140,18 @@ namespace {
 
 /// Tags precede the coded picture; a camera's preview may precede the tags.
 constexpr size_t kHeadBytes = size_t{1} << 20;
-constexpr std::string_view kMark = "_JPSJPS_";
 
-/// Returns the payload of the APP3 segment that begins with the mark; empty if there is none.
+/// Returns what follows the mark in the APP3 segment that begins with it; empty if there is none.
 std::span<const uint8_t> descriptor_of(std::span<const uint8_t> head) {
   constexpr uint8_t kApp3 = 0xE3, kStartOfScan = 0xDA;
+  constexpr std::string_view kMark = "_JPSJPS_";
   for (size_t at = 2; at + 4 <= head.size() && head[at] == 0xFF;) {
     const uint8_t marker = head[at + 1];
     const size_t length = size_t{head[at + 2]} << 8 | head[at + 3];
     if (marker == kStartOfScan || length < 2 || at + 2 + length > head.size()) return {};
     const std::span<const uint8_t> payload = head.subspan(at + 4, length - 2);
-    const bool marked = payload.size() >= kMark.size() &&
-                        std::equal(kMark.begin(), kMark.end(), payload.begin(),
-                                   [](char a, uint8_t b) { return static_cast<uint8_t>(a) == b; });
-    if (marker == kApp3 && marked) return payload.subspan(kMark.size());
+    const std::string_view text(reinterpret_cast<const char*>(payload.data()), payload.size());
+    if (marker == kApp3 && text.starts_with(kMark)) return payload.subspan(kMark.size());
     at += 2 + length;
   }
   return {};

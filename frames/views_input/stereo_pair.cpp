@@ -69,6 +69,7 @@ struct Changes {
   [[nodiscard]] const float* at(int x, int y) const {
     return values.data() + static_cast<ptrdiff_t>(y) * width + x;
   }
+  float& pixel(int x, int y) { return values[static_cast<size_t>(int64_t{y} * width + x)]; }
 };
 
 /// Returns the mean brightness of each pixel of the reduced picture, in codes.
@@ -99,8 +100,7 @@ Changes reduce(const FrameView& picture, const Part& part) {
       uint64_t sum = 0;
       for (int column = left; column < right; ++column) sum += sums[static_cast<size_t>(column)];
       const double pixels = double(right - left) * double(end - top);
-      out.values[static_cast<size_t>(y) * static_cast<size_t>(out.width) + static_cast<size_t>(x)] =
-          static_cast<float>(double(sum) / (4.0 * pixels));
+      out.pixel(x, y) = static_cast<float>(double(sum) / (4.0 * pixels));
     }
   }
   return out;
@@ -118,8 +118,7 @@ Changes changes_in(const FrameView& picture, const Part& part) {
         return *grey.at(at, std::max(y - 1, 0)) + 2 * *grey.at(at, y) +
                *grey.at(at, std::min(y + 1, out.height - 1));
       };
-      out.values[static_cast<size_t>(y) * static_cast<size_t>(out.width) + static_cast<size_t>(x)] =
-          (column(2) + 2 * column(1) - 2 * column(-1) - column(-2)) / 16;
+      out.pixel(x, y) = (column(2) + 2 * column(1) - 2 * column(-1) - column(-2)) / 16;
     }
   return out;
 }
