@@ -405,23 +405,31 @@ TEST_F(ImageRead, BothViewsOfAnExrAreSideBySide) {
                 output->write_image(OIIO::TypeDesc::FLOAT, values.data()) && output->close());
     expect_pair(file);
   }
-  std::vector<OIIO::ImageSpec> parts(2, OIIO::ImageSpec(2, 2, 3, OIIO::TypeDesc::FLOAT));
-  const std::filesystem::path file = folder_ / "parts.exr";
-  const auto output = OIIO::ImageOutput::create("openexr");
-  for (size_t part = 0; part < 2; ++part) {
-    parts[part].attribute("oiio:subimagename", part == 0 ? "a" : "b");
-    parts[part].attribute("view", part == 0 ? "right" : "left");
+  // Of one channel, too, behind a part of colours with primaries of their own.
+  const std::array wide = {0.708F, 0.292F, 0.17F, 0.797F, 0.131F, 0.046F, 0.3127F, 0.329F};
+  for (const int channels : {3, 1}) {
+    std::vector<OIIO::ImageSpec> parts(3, OIIO::ImageSpec(2, 2, channels, OIIO::TypeDesc::FLOAT));
+    parts[0] = OIIO::ImageSpec(2, 2, 3, OIIO::TypeDesc::FLOAT);
+    const std::array<const char*, 3> views = {"middle", "right", "left"};
+    for (size_t part = 0; part < parts.size(); ++part) {
+      parts[part].attribute("oiio:subimagename", views.at(part));
+      parts[part].attribute("view", views.at(part));
+      parts[part].attribute("chromaticities", OIIO::TypeDesc(OIIO::TypeDesc::FLOAT, 8),
+                            wide.data());
+    }
+    const std::filesystem::path file = folder_ / ("parts" + std::to_string(channels) + ".exr");
+    const auto output = OIIO::ImageOutput::create("openexr");
+    ASSERT_TRUE(output->open(file.string(), 3, parts.data()));
+    for (size_t part = 0; part < parts.size(); ++part) {
+      const bool opened =
+          part == 0 || output->open(file.string(), parts[part], OIIO::ImageOutput::AppendSubimage);
+      ASSERT_TRUE(opened);
+      const std::vector<float> values(12, part == 1 ? right : left);
+      ASSERT_TRUE(output->write_image(OIIO::TypeDesc::FLOAT, values.data()));
+    }
+    ASSERT_TRUE(output->close());
+    expect_pair(file);
   }
-  ASSERT_TRUE(output->open(file.string(), 2, parts.data()));
-  for (size_t part = 0; part < 2; ++part) {
-    const bool opened =
-        part == 0 || output->open(file.string(), parts[part], OIIO::ImageOutput::AppendSubimage);
-    ASSERT_TRUE(opened);
-    const std::vector<float> values(12, part == 0 ? right : left);
-    ASSERT_TRUE(output->write_image(OIIO::TypeDesc::FLOAT, values.data()));
-  }
-  ASSERT_TRUE(output->close());
-  expect_pair(file);
 }
 
 TEST_F(ImageRead, HeicAndAvifAreReadWithoutTheirAlpha) {
