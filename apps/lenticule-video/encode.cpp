@@ -1,17 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule-video encode encodes raw frames from standard input into a lossless Matroska file.
+// lenticule-video encode encodes raw frames from standard input into a lossless Matroska file,
+// which is its standard output.
 #include <fmt/format.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <csignal>
 #include <cstring>
-#include <optional>
 #include <span>
-#include <tuple>
 #include <vector>
 
 #include "apps/lenticule-video/av_handles.h"
@@ -20,7 +18,6 @@
 #include "apps/lenticule-video/stream_pixels.h"
 #include "apps/lenticule-video/subcommands.h"
 #include "base/error.h"
-#include "base/temporary.h"
 #include "frames/rational.h"
 #include "frames/ring/ring_layout.h"
 
@@ -32,33 +29,20 @@ constexpr int kThreads = 4;
 constexpr int kSlicedSide = 256;
 constexpr int kFfv1Version = 3;  ///< first version with slices and their checksums
 
-[[noreturn]] void cannot_write(const std::string& file, const std::string& cause) {
-  throw Error(ErrorKind::Failed, file + ": cannot write: " + cause);
+[[noreturn]] void cannot_write(const std::string& cause) {
+  throw Error(ErrorKind::Failed, "standard output: cannot write: " + cause);
 }
 
-void must(int result, const std::string& file) {
-  if (result < 0) cannot_write(file, av_reason(result));
+void must(int result) {
+  if (result < 0) cannot_write(av_reason(result));
 }
 
-AVPixelFormat input_format(const EncodeRequest& request) {
-  const AVPixelFormat format = av_get_pix_fmt(request.pixels.c_str());
-  if (format != AV_PIX_FMT_NONE) return format;
-  throw Error(ErrorKind::Usage, "--pixels: unknown pixel format '" + request.pixels + "'",
-              "for example rgb24, gbrp16le, yuv444p");
-}
-
-/// Returns the encoder's format: the input's own, or for 8-bit RGB any order of channels.
-AVPixelFormat encoder_format(const AVCodec& encoder, AVPixelFormat input) {
-  const auto takes = [&encoder](AVPixelFormat wanted) {
-    const std::span<const AVPixelFormat> formats = encoder_formats(encoder);
-    return std::ranges::find(formats, wanted) != formats.end();
-  };
-  if (takes(input)) return input;
-  if (input == AV_PIX_FMT_RGB24)
-    for (const AVPixelFormat other : {AV_PIX_FMT_GBRP, AV_PIX_FMT_BGR0, AV_PIX_FMT_RGB24})
-      if (takes(other)) return other;
-  throw Error(ErrorKind::Usage, fmt::format("--pixels: {} does not support {}", encoder.name,
-                                            av_get_pix_fmt_name(input)));
+/// Returns the encoder's format of 8-bit RGB.
+AVPixelFormat encoder_format(const AVCodec& encoder) {
+  const std::span<const AVPixelFormat> formats = encoder_formats(encoder);
+  for (const AVPixelFormat wanted : {AV_PIX_FMT_GBRP, AV_PIX_FMT_BGR0, AV_PIX_FMT_RGB24})
+    if (std::ranges::find(formats, wanted) != formats.end()) return wanted;
+  throw Error(ErrorKind::Failed, fmt::format("encoder {}: does not take RGB", encoder.name));
 }
 
 /// Reads all of `bytes` from standard input; returns false at its end. Throws if the input ends
@@ -86,12 +70,10 @@ class Encoder {
 
  private:
   void open_codec(const AVCodec& codec);
-  void set_colour();
   void fill(std::span<const uint8_t> pixels);
   void send(const AVFrame* frame);
 
   const EncodeRequest& request_;
-  AVPixelFormat input_;
   AvIo io_;
   AvOutput format_;
   AvCodec codec_;
@@ -103,7 +85,6 @@ class Encoder {
 
 Encoder::Encoder(const EncodeRequest& request, const int& fd)
     : request_(request),
-      input_(input_format(request)),
       io_(make_io(fd, true)),
       frame_(av_frame_alloc()),
       packet_(av_packet_alloc()) {
@@ -112,7 +93,7 @@ Encoder::Encoder(const EncodeRequest& request, const int& fd)
   if (codec == nullptr)
     throw Error(ErrorKind::Failed, "encoder " + request.codec + ": not in this FFmpeg", "use ffv1");
   AVFormatContext* format = nullptr;
-  must(avformat_alloc_output_context2(&format, nullptr, "matroska", nullptr), request.file);
+  must(avformat_alloc_output_context2(&format, nullptr, "matroska", nullptr));
   format_.reset(format);
   format->pb = io_.get();
   format->flags |= AVFMT_FLAG_CUSTOM_IO | AVFMT_FLAG_BITEXACT;
@@ -120,10 +101,10 @@ Encoder::Encoder(const EncodeRequest& request, const int& fd)
   if (stream_ == nullptr || !frame_ || !packet_)
     throw Error(ErrorKind::Failed, "video: out of memory");
   open_codec(*codec);
-  must(avcodec_parameters_from_context(stream_->codecpar, codec_.get()), request.file);
+  must(avcodec_parameters_from_context(stream_->codecpar, codec_.get()));
   stream_->time_base = codec_->time_base;
   stream_->avg_frame_rate = codec_->framerate;
-  must(avformat_write_header(format, nullptr), request.file);
+  must(avformat_write_header(format, nullptr));
 }
 
 void Encoder::open_codec(const AVCodec& codec) {
@@ -131,7 +112,7 @@ void Encoder::open_codec(const AVCodec& codec) {
   codec_.reset(avcodec_alloc_context3(&codec));
   codec_->width = request_.width;
   codec_->height = request_.height;
-  codec_->pix_fmt = encoder_format(codec, input_);
+  codec_->pix_fmt = encoder_format(codec);
   codec_->time_base = {static_cast<int>(rate.denominator), static_cast<int>(rate.numerator)};
   codec_->framerate = {static_cast<int>(rate.numerator), static_cast<int>(rate.denominator)};
   codec_->thread_count = kThreads;
@@ -144,50 +125,19 @@ void Encoder::open_codec(const AVCodec& codec) {
   } else {
     (void)av_opt_set(codec_->priv_data, "preset", "veryfast", 0);
     (void)av_opt_set(codec_->priv_data, "tune", "fastdecode", 0);
-    must(av_opt_set_int(codec_->priv_data, "qp", 0, 0), request_.file);
+    must(av_opt_set_int(codec_->priv_data, "qp", 0, 0));
   }
-  set_colour();
-  must(avcodec_open2(codec_.get(), &codec, nullptr), request_.file);
+  must(avcodec_open2(codec_.get(), &codec, nullptr));
 }
 
-void Encoder::set_colour() {
-  const auto look_up = [](const std::string& text, int (*find)(const char*), const char* flag) {
-    const int value = find(text.c_str());
-    if (value < 0) throw Error(ErrorKind::Usage, fmt::format("{}: no '{}'", flag, text));
-    return value;
-  };
-  const auto& [matrix, range, transfer] =
-      std::tie(request_.matrix, request_.range, request_.transfer);
-  if (!matrix.empty())
-    codec_->colorspace =
-        static_cast<AVColorSpace>(look_up(matrix, av_color_space_from_name, "--matrix"));
-  if (!range.empty())
-    codec_->color_range =
-        static_cast<AVColorRange>(look_up(range, av_color_range_from_name, "--range"));
-  if (!transfer.empty())
-    codec_->color_trc = static_cast<AVColorTransferCharacteristic>(
-        look_up(transfer, av_color_transfer_from_name, "--transfer"));
-}
-
-/// Copies tightly packed pixels of the input's format into frame_.
+/// Copies tightly packed RGB into frame_.
 void Encoder::fill(std::span<const uint8_t> pixels) {
   av_frame_unref(frame_.get());
   frame_->width = request_.width;
   frame_->height = request_.height;
   frame_->format = codec_->pix_fmt;
-  must(av_frame_get_buffer(frame_.get(), 0), request_.file);
+  must(av_frame_get_buffer(frame_.get(), 0));
   AVFrame& out = *frame_;
-  if (codec_->pix_fmt == input_) {
-    std::array<uint8_t*, 4> data{};
-    std::array<int, 4> lines{};
-    must(av_image_fill_arrays(data.data(), lines.data(), pixels.data(), input_, out.width,
-                              out.height, 1),
-         request_.file);
-    std::array<const uint8_t*, 4> from{};
-    std::copy(data.begin(), data.end(), from.begin());
-    av_image_copy(out.data, out.linesize, from.data(), lines.data(), input_, out.width, out.height);
-    return;
-  }
   const PixelLayout to = *evaluate_pixels({.format = codec_->pix_fmt}).layout;
   for (int row = 0; row < out.height; ++row) {
     const uint8_t* in =
@@ -208,52 +158,32 @@ void Encoder::encode(std::span<const uint8_t> pixels) {
 }
 
 void Encoder::send(const AVFrame* frame) {
-  must(avcodec_send_frame(codec_.get(), frame), request_.file);
+  must(avcodec_send_frame(codec_.get(), frame));
   while (true) {
     const int error = avcodec_receive_packet(codec_.get(), packet_.get());
     if (error == AVERROR(EAGAIN) || error == AVERROR_EOF) return;
-    must(error, request_.file);
+    must(error);
     packet_->stream_index = stream_->index;
     packet_->duration = 1;
     av_packet_rescale_ts(packet_.get(), codec_->time_base, stream_->time_base);
-    must(av_interleaved_write_frame(format_.get(), packet_.get()), request_.file);
+    must(av_interleaved_write_frame(format_.get(), packet_.get()));
   }
 }
 
 void Encoder::finish() {
   send(nullptr);
-  must(av_write_trailer(format_.get()), request_.file);
+  must(av_write_trailer(format_.get()));
   avio_flush(io_.get());
-  must(io_->error, request_.file);
+  must(io_->error);
 }
-
-/// OutputFile is a file that gets its name when it is complete.
-class OutputFile {
- public:
-  explicit OutputFile(const std::string& name) : name_(name) {
-    if (name_ == "-") return;
-    file_.emplace(name_);
-  }
-
-  [[nodiscard]] int fd() const { return file_ ? file_->fd() : STDOUT_FILENO; }
-  void keep() {
-    if (file_) return file_->replace_target();
-    if (fsync(STDOUT_FILENO) != 0) cannot_write(name_, std::strerror(errno));
-  }
-
- private:
-  std::string name_;
-  std::optional<TemporaryFile> file_;
-};
 
 void check(const EncodeRequest& request) {
   const frames::FrameGeometry size{.width = request.width, .height = request.height};
   if (const char* problem = frames::geometry_problem(size, frames::kMinSlots))
     throw Error(ErrorKind::Usage, std::string("--size: ") + problem);
   struct stat status {};
-  if (request.file == "-" && (fstat(STDOUT_FILENO, &status) != 0 || !S_ISREG(status.st_mode)))
-    throw Error(ErrorKind::Usage, "-: standard output is not a file",
-                "writing Matroska needs seeking");
+  if (fstat(STDOUT_FILENO, &status) != 0 || !S_ISREG(status.st_mode))
+    throw Error(ErrorKind::Usage, "standard output: not a file", "writing Matroska needs seeking");
 }
 
 }  // namespace
@@ -262,17 +192,14 @@ int run_encode(const EncodeRequest& request) {
   if (request.parent > 0 && !die_with(request.parent)) return 1;
   std::signal(SIGXFSZ, SIG_IGN);
   check(request);
-  const int bytes =
-      av_image_get_buffer_size(input_format(request), request.width, request.height, 1);
-  if (bytes <= 0) throw Error(ErrorKind::Usage, "--size: cannot be combined with these --pixels");
-  std::vector<uint8_t> pixels(static_cast<size_t>(bytes));
-  OutputFile output(request.file);
-  const int fd = output.fd();
-  Encoder encoder(request, fd);
+  const frames::FrameGeometry size{.width = request.width, .height = request.height};
+  std::vector<uint8_t> pixels(size.frame_bytes());
+  constexpr int kOutput = STDOUT_FILENO;
+  Encoder encoder(request, kOutput);
   while (read_frame(pixels)) encoder.encode(pixels);
   if (encoder.frames() == 0) throw Error(ErrorKind::Input, "standard input: no frame");
   encoder.finish();
-  output.keep();
+  if (fsync(kOutput) != 0) cannot_write(std::strerror(errno));
   return 0;
 }
 

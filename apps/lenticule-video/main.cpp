@@ -59,20 +59,12 @@ Run declare_decode(CLI::App& app) {
 
 Run declare_encode(CLI::App& app) {
   const auto request = std::make_shared<EncodeRequest>();
-  app.add_option("FILE", request->file, "Matroska file; - means a file that is standard output")
-      ->required();
   app.add_option("--width", request->width, "pixels")->required();
   app.add_option("--height", request->height, "pixels")->required();
   app.add_option("--rate", request->rate, "frames per second")->capture_default_str();
   app.add_option("--codec", request->codec, "codec; both are lossless")
       ->check(CLI::IsMember({"ffv1", "x264rgb"}))
       ->capture_default_str();
-  app.add_option("--pixels", request->pixels,
-                 "FFmpeg's name of the input's pixel format; rows are packed")
-      ->capture_default_str();
-  app.add_option("--matrix", request->matrix, "tag of Y'CbCr: bt709, smpte170m, bt2020nc, ...");
-  app.add_option("--range", request->range, "tag: tv or pc");
-  app.add_option("--transfer", request->transfer, "tag: bt709, iec61966-2-1, linear, ...");
   app.add_option("--parent", request->parent, "exit when this process ends");
   return [request] { return run_encode(*request); };
 }
@@ -103,8 +95,8 @@ int main(int argc, char** argv) {
   std::map<const CLI::App*, Run> runs;
   CLI::App* const probe = app.add_subcommand("probe", "print the contents of a file as JSON");
   CLI::App* const decode = app.add_subcommand("decode", "decode a file into a player's ring");
-  CLI::App* const encode =
-      app.add_subcommand("encode", "encode raw frames from standard input to a file");
+  CLI::App* const encode = app.add_subcommand(
+      "encode", "encode raw frames from standard input to a file, standard output");
   CLI::App* const pictures =
       app.add_subcommand("pictures", "decode pictures for the program that started this one");
   runs[pictures] = declare_pictures(*pictures);

@@ -49,15 +49,10 @@ struct PicturesRequest {
 [[nodiscard]] int run_pictures(const PicturesRequest& request);
 
 struct EncodeRequest {
-  std::string file;  ///< "-" is standard output, which must be a file
   int width = 0;
   int height = 0;
   std::string rate = "60";
-  std::string codec = "ffv1";    ///< or "x264rgb"
-  std::string pixels = "rgb24";  ///< FFmpeg's name of the input format
-  std::string matrix;            ///< matrix of Y'CbCr: bt709, smpte170m, ...
-  std::string range;             ///< tv or pc
-  std::string transfer;          ///< bt709, linear, ...
+  std::string codec = "ffv1";  ///< or "x264rgb"
   pid_t parent = 0;
 };
 [[nodiscard]] int run_encode(const EncodeRequest& request);

@@ -120,12 +120,12 @@ TEST_F(ContentCommand, AQuiltVideoMayHaveChromaOfHalfResolution) {
       std::fill_n(quilt.row(y) + x * 3, 3, code);
     }
   write("raw", raw);
-  expect_end(
-      run_process({"/bin/sh", "-c",
-                   std::string("exec ") + LENTICULE_VIDEO_PROGRAM +
-                       " encode --rate 30 --width 36 --height 16 --pixels yuv420p --range tv " +
-                       path("q_qs3x2a1.5.mkv") + " < " + path("raw")}),
-      0);
+  expect_end(run_process({"/bin/sh", "-c",
+                          "exec ffmpeg -v error -f rawvideo -pixel_format yuv420p -video_size "
+                          "36x16 -framerate 30 -i " +
+                              path("raw") + " -vf setparams=range=tv -c:v ffv1 " +
+                              path("q_qs3x2a1.5.mkv")}),
+             0);
   EXPECT_EQ(played(path("q_qs3x2a1.5.mkv")), std::vector<WovenFrame>{woven(quilt, kGrid)});
 }
 

@@ -128,8 +128,7 @@ class VideoWriter {
             "--rate",
             frames::to_string(options_.rate),
             "--codec",
-            options_.codec == VideoCodec::Ffv1 ? "ffv1" : "x264rgb",
-            "-"};
+            options_.codec == VideoCodec::Ffv1 ? "ffv1" : "x264rgb"};
   }
 
   void hear() {

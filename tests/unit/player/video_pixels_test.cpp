@@ -112,18 +112,18 @@ void expect_formula(const std::vector<uint8_t>& raw, const std::vector<uint8_t>&
 class VideoPixels : public test::VideoTest {
  protected:
   [[nodiscard]] std::vector<uint8_t> decoded(const std::vector<uint8_t>& raw,
-                                             const std::string& flags,
+                                             const std::string& pixels,
+                                             const std::string& tags = "",
                                              bool before_weaving = false) const {
-    player::VideoRequest wanted = request(encode("clip.mkv", kWidth, kHeight, raw, flags));
+    player::VideoRequest wanted = request(encode("clip.mkv", kWidth, kHeight, raw, pixels, tags));
     wanted.before_weaving = before_weaving;
     return first_frame(wanted);
   }
 
-  [[nodiscard]] std::string refusal(const std::vector<uint8_t>& raw,
-                                    const std::string& flags) const {
-    const Error error = test::error_of([&] {
-      (void)player::open_video(request(encode("clip.mkv", kWidth, kHeight, raw, flags)));
-    });
+  [[nodiscard]] std::string refusal(const std::vector<uint8_t>& raw, const std::string& pixels,
+                                    const std::string& tags = "") const {
+    const std::filesystem::path clip = encode("clip.mkv", kWidth, kHeight, raw, pixels, tags);
+    const Error error = test::error_of([&] { (void)player::open_video(request(clip)); });
     EXPECT_EQ(error.kind(), ErrorKind::Input);
     return std::string(error.what()) + " / " + error.hint();
   }
@@ -134,7 +134,7 @@ constexpr size_t kQuarter = size_t{(kWidth + 1) / 2} * ((kHeight + 1) / 2);
 
 TEST_F(VideoPixels, DeepRgbIsRoundedOnce) {
   const std::vector<uint8_t> raw = test::random_bytes(kPixels * 6, 3);
-  const std::vector<uint8_t> rgb = decoded(raw, "--pixels rgb48le");
+  const std::vector<uint8_t> rgb = decoded(raw, "rgb48le");
   ASSERT_EQ(rgb.size(), kPixels * 3);
   for (size_t i = 0; i < rgb.size(); ++i)
     ASSERT_EQ(rgb[i], (raw[2 * i] + 256 * raw[2 * i + 1] + 128) / 257) << i;
@@ -142,42 +142,41 @@ TEST_F(VideoPixels, DeepRgbIsRoundedOnce) {
 
 TEST_F(VideoPixels, FullChromaFollowsTheFormula) {
   const std::vector<uint8_t> raw = test::random_bytes(kPixels * 3, 4);
-  expect_formula(raw, decoded(raw, "--pixels yuv444p --matrix bt709 --range tv"),
+  expect_formula(raw, decoded(raw, "yuv444p", "colorspace=bt709:range=tv"),
                  {0.2126, 0.0722, false, 8});
-  expect_formula(raw, decoded(raw, "--pixels yuv444p --matrix bt709 --range pc"),
+  expect_formula(raw, decoded(raw, "yuv444p", "colorspace=bt709:range=pc"),
                  {0.2126, 0.0722, true, 8});
-  expect_formula(raw, decoded(raw, "--pixels yuv444p --matrix smpte170m --range tv"),
+  expect_formula(raw, decoded(raw, "yuv444p", "colorspace=smpte170m:range=tv"),
                  {0.299, 0.114, false, 8});
 }
 
 TEST_F(VideoPixels, DeepChromaFollowsTheFormula) {
   std::vector<uint8_t> raw = test::random_bytes(kPixels * 6, 5);
   for (size_t i = 1; i < raw.size(); i += 2) raw[i] &= 3;
-  expect_formula(raw, decoded(raw, "--pixels yuv444p10le --matrix bt2020nc --range tv"),
+  expect_formula(raw, decoded(raw, "yuv444p10le", "colorspace=bt2020nc:range=tv"),
                  {0.2627, 0.0593, false, 10});
 }
 
 TEST_F(VideoPixels, SubsampledChromaIsRefusedForWovenFrames) {
   const std::vector<uint8_t> raw = test::random_bytes(kPixels + 2 * kQuarter, 6);
-  EXPECT_THAT(refusal(raw, "--pixels yuv420p"),
+  EXPECT_THAT(refusal(raw, "yuv420p"),
               testing::AllOf(testing::HasSubstr("4:2:0"), testing::HasSubstr("--grid 1x1")));
 }
 
 TEST_F(VideoPixels, SubsampledChromaIsInterpolatedAtItsSiteBeforeWeaving) {
   const std::vector<uint8_t> raw = test::random_bytes(kPixels + 2 * kQuarter, 7);
-  expect_formula(raw, decoded(raw, "--pixels yuv420p --matrix bt709 --range tv", true),
+  expect_formula(raw, decoded(raw, "yuv420p", "colorspace=bt709:range=tv", true),
                  {0.2126, 0.0722, false, 8}, {.nx = 2, .ny = 2, .site_x = 0.0, .site_y = 0.5});
   const std::vector<uint8_t> half =
       test::random_bytes(kPixels + 2 * size_t{(kWidth + 1) / 2} * kHeight, 8);
-  expect_formula(half, decoded(half, "--pixels yuv422p --matrix bt709 --range pc", true),
+  expect_formula(half, decoded(half, "yuv422p", "colorspace=bt709:range=pc", true),
                  {0.2126, 0.0722, true, 8}, {.nx = 2});
 }
 
 TEST_F(VideoPixels, LinearAndFilmTransferFunctionsAreRefused) {
   const std::vector<uint8_t> raw = test::random_bytes(kPixels * 3, 9);
-  EXPECT_THAT(refusal(raw, "--pixels yuv444p --transfer linear"), testing::HasSubstr("linear"));
-  EXPECT_THAT(refusal(raw, "--pixels yuv444p --transfer smpte2084"),
-              testing::HasSubstr("smpte2084"));
+  EXPECT_THAT(refusal(raw, "yuv444p", "color_trc=linear"), testing::HasSubstr("linear"));
+  EXPECT_THAT(refusal(raw, "yuv444p", "color_trc=smpte2084"), testing::HasSubstr("smpte2084"));
 }
 
 /// Converts planes of random samples by every instruction set and expects the formula.

@@ -61,18 +61,24 @@ class VideoTest : public testing::Test {
     return file(name);
   }
 
-  /// Encodes one frame of any pixel format with FFV1.
+  /// Runs the program ffmpeg in the test's folder.
+  void ffmpeg(const std::string& words) const {
+    const ProcessResult result = run_process(
+        {"/bin/sh", "-c",
+         fmt::format("cd {} && exec ffmpeg -v error -nostdin -y {}", folder.string(), words)});
+    ASSERT_EQ(result.exit_code, 0) << "ffmpeg " << words << "\n" << result.err;
+  }
+
+  /// Encodes one frame of FFmpeg's pixel format with FFV1. `tags` are options of its filter
+  /// setparams, or empty.
   [[nodiscard]] std::filesystem::path encode(const std::string& name, int width, int height,
                                              const std::vector<uint8_t>& raw,
-                                             const std::string& flags) const {
-    const std::string input = file(name + ".raw").string();
-    std::ofstream(input, std::ios::binary)
-        .write(reinterpret_cast<const char*>(raw.data()), static_cast<std::streamsize>(raw.size()));
-    const std::string command =
-        fmt::format("exec {} encode --width {} --height {} {} {} < {}", LENTICULE_VIDEO_PROGRAM,
-                    width, height, flags, file(name).string(), input);
-    const ProcessResult result = run_process({"/bin/sh", "-c", command});
-    EXPECT_EQ(result.exit_code, 0) << result.err;
+                                             const std::string& pixels,
+                                             const std::string& tags) const {
+    write_bytes(file(name + ".raw"), raw);
+    ffmpeg(fmt::format("-f rawvideo -pixel_format {} -video_size {}x{} -i {}.raw {} -c:v ffv1 {}",
+                       pixels, width, height, name, tags.empty() ? "" : "-vf setparams=" + tags,
+                       name));
     return file(name);
   }
 
