@@ -27,7 +27,8 @@ struct AcquiredFrame {
   FrameView frame;
   uint64_t number = 0;  ///< position in the sequence, 0-based
   uint64_t token = 0;
-  uint32_t item = 0;  ///< index of the item, in a source that plays several items in turn
+  uint32_t item = 0;     ///< index of the item, in a source that plays several items in turn
+  bool repeats = false;  ///< the picture is that of the frame before
 };
 
 /// FrameDamage counts frames that were not played as they were made.

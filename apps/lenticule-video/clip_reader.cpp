@@ -190,12 +190,18 @@ constexpr int kMostReadErrors = 100;
 /// Calls of a hardware decoder without a picture after which it counts as broken. Decoders keep
 /// some tens of packets.
 constexpr int kMostFruitlessCalls = 1000;
-/// Key frames that are remembered until the device gives them.
-constexpr size_t kMostKeyTimes = 1000;
 /// Time limit of one call. Shorter than that of the player, which would kill this process.
 constexpr std::chrono::milliseconds kMostCallTime{4000};
 constexpr int64_t kProbeBytes = 8 << 20;
 constexpr int64_t kProbeMicroseconds = 5'000'000;
+
+/// Demuxers and decoders that may be used; the other hundreds in FFmpeg are not.
+constexpr const char* kContainers =
+    "matroska,webm,mov,mp4,avi,nut,mpegts,mpeg,ogg,flv,mxf,asf,ivf,yuv4mpegpipe,gif,apng";
+constexpr const char* kDecoders =
+    "ffv1,rawvideo,h264,hevc,vp8,vp9,libdav1d,av1,png,apng,mjpeg,prores,dnxhd,huffyuv,"
+    "ffvhuff,utvideo,magicyuv,mpeg4,mpeg2video,mpeg1video,qtrle,v210,v308,v408,v410,r210,"
+    "gif,wrapped_avframe";
 
 [[noreturn]] void fail(const std::string& name, const std::string& cause,
                        const std::string& hint = {}) {
@@ -220,16 +226,6 @@ bool has_pictures(const AVStream& stream) {
 
 }  // namespace
 
-const char* allowed_containers() {
-  return "matroska,webm,mov,mp4,avi,nut,mpegts,mpeg,ogg,flv,mxf,asf,ivf,yuv4mpegpipe,gif,apng";
-}
-
-const char* allowed_codecs() {
-  return "ffv1,rawvideo,h264,hevc,vp8,vp9,libdav1d,av1,png,apng,mjpeg,prores,dnxhd,huffyuv,"
-         "ffvhuff,utvideo,magicyuv,mpeg4,mpeg2video,mpeg1video,qtrle,v210,v308,v408,v410,r210,"
-         "gif,wrapped_avframe";
-}
-
 int open_clip_file(const std::string& name) {
   const int fd = ::open(name.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (const int error = errno; fd < 0)
@@ -250,15 +246,15 @@ Container::Container(const int& fd, std::string name)
   format->io_open = refuse_to_open;
   format->probesize = kProbeBytes;
   format->max_analyze_duration = kProbeMicroseconds;
-  format->format_whitelist = av_strdup(allowed_containers());
-  format->codec_whitelist = av_strdup(allowed_codecs());
+  format->format_whitelist = av_strdup(kContainers);
+  format->codec_whitelist = av_strdup(kDecoders);
   format->protocol_whitelist = av_strdup("none");
   // The call frees `format` on failure.
   const int error = avformat_open_input(&format, nullptr, nullptr, nullptr);
   if (error < 0) {
     refuse_misnamed(fd, name_);
     fail(name_, "not a readable video: " + av_reason(error),
-         std::string("supported containers: ") + allowed_containers());
+         std::string("supported containers: ") + kContainers);
   }
   format_.reset(format);
   discard_all_but_video(*format);
@@ -301,7 +297,7 @@ std::string codec_obstacle(const AVCodecParameters& stream) {
   const char* const name = avcodec_get_name(stream.codec_id);
   const AVCodec* const decoder = avcodec_find_decoder(stream.codec_id);
   if (decoder == nullptr) return fmt::format("FFmpeg has no decoder for its codec {}", name);
-  if (av_match_list(decoder->name, allowed_codecs(), ',') == 0)
+  if (av_match_list(decoder->name, kDecoders, ',') == 0)
     return fmt::format("its codec {} is not supported", name);
   return {};
 }
@@ -447,10 +443,8 @@ void ClipReader::begin(std::optional<int64_t> time) {
   draining_ = false;
   read_errors_ = 0;
   start_ = time;
-  delivered_ = 0;
-  key_times_.clear();
-  key_.reset();
-  broken_before_ = broken_;
+  delivered_ = false;
+  hidden_.clear();
 }
 
 void ClipReader::open_decoder() {
@@ -465,12 +459,6 @@ void ClipReader::close_decoder() {
   codec_.reset();
 }
 
-void ClipReader::start_watchdog(const DecoderChoice& choice) {
-  if (watchdog_) return;
-  watchdog_ = std::make_unique<Watchdog>(kMostCallTime,
-                                         [hang = options_.on_hang, choice] { hang(choice); });
-}
-
 /// Opens the stream's hardware decoder; returns false if it cannot be used.
 bool ClipReader::open_in_hardware() {
   if (options_.hardware.empty()) return false;
@@ -482,7 +470,12 @@ bool ClipReader::open_in_hardware() {
     return false;
   }
   const DecoderChoice chosen{.name = choice.decoder, .hardware = true, .reason = {}};
-  start_watchdog(chosen);
+  if (!watchdog_)
+    watchdog_ = std::make_unique<Watchdog>(kMostCallTime, [fail = options_.on_failure, chosen] {
+      fail({.name = chosen.name,
+            .hardware = true,
+            .reason = fmt::format("hardware decoder {} does not answer", chosen.name)});
+    });
   codec_ = make_codec(*decoder, *stream_, choice.decoder.c_str());
   const Watchdog::Watch watch(watchdog_.get());
   if (const int error = avcodec_open2(codec_.get(), decoder, nullptr); error < 0) {
@@ -508,7 +501,7 @@ void ClipReader::open_in_software() {
   if (const std::string obstacle = codec_obstacle(*stream_->codecpar); !obstacle.empty())
     fail(name_, obstacle, "convert it, for example to FFV1 or H.264");
   const AVCodec* const decoder = avcodec_find_decoder(id);
-  codec_ = make_codec(*decoder, *stream_, allowed_codecs());
+  codec_ = make_codec(*decoder, *stream_, kDecoders);
   codec_->thread_count = options_.threads;
   slice_errors_.watch(*codec_);
   codec_->err_recognition = AV_EF_CRCCHECK;
@@ -524,8 +517,15 @@ void ClipReader::open_in_software() {
 
 ClipReader::Step ClipReader::next() {
   if (!in_hardware_) return next_in_software();
-  const std::optional<Step> step = next_in_hardware();
-  return step ? *step : continue_in_software();
+  if (const std::optional<Step> step = next_in_hardware()) return *step;
+  const std::string reason = "hardware decoder failed: " + obstacle_;
+  if (delivered_)
+    options_.on_failure({.name = codec_->codec->name, .hardware = true, .reason = reason});
+  const std::optional<int64_t> start = start_;
+  give_up_hardware(reason);
+  reopen();
+  if (start && !seek(*start)) fail(name_, "cannot seek");
+  return next_in_software();
 }
 
 /// Returns none if the device fails.
@@ -535,11 +535,11 @@ std::optional<ClipReader::Step> ClipReader::next_in_hardware() {
     if (error == 0) {
       obstacle_ = adopt_picture(*frame_, *stream_->codecpar);
       if (!obstacle_.empty()) return std::nullopt;
-      ++delivered_;
-      note_key_frame();
+      delivered_ = true;
+      if (hidden_.erase(time()) > 0) continue;
       return Step::Frame;
     }
-    if (error == AVERROR_EOF && draining_ && delivered_ > 0) return Step::End;
+    if (error == AVERROR_EOF && draining_ && delivered_) return Step::End;
     obstacle_ = error == AVERROR_EOF ? "it ends before the file" : av_reason(error);
     if (error != AVERROR(EAGAIN)) return std::nullopt;
     obstacle_ = "it refuses a packet";
@@ -547,42 +547,6 @@ std::optional<ClipReader::Step> ClipReader::next_in_hardware() {
   }
   obstacle_ = "it gives no picture";
   return std::nullopt;
-}
-
-/// Remembers the picture if it is a key frame, from which software could continue.
-void ClipReader::note_key_frame() {
-  const auto found = key_times_.find(time());
-  if (found == key_times_.end()) return;
-  key_ = {.time = *found, .delivered = delivered_};
-  key_times_.erase(key_times_.begin(), std::next(found));
-}
-
-/// Decodes up to the key frame; returns false if the file does not lead to it.
-bool ClipReader::find(const KeyFrame& key) {
-  if (!seek(key.time)) return false;
-  while (next_in_software() == Step::Frame)
-    if (time() >= key.time) return time() == key.time;
-  return false;
-}
-
-/// Replaces the hardware decoder and decodes the picture after the last one that it gave.
-ClipReader::Step ClipReader::continue_in_software() {
-  const uint64_t delivered = delivered_;
-  const std::optional<int64_t> start = start_;
-  const std::optional<KeyFrame> key = key_;
-  give_up_hardware(std::string("hardware decoder failed: ") + obstacle_);
-  broken_ = broken_before_;
-  reopen();
-  uint64_t known = 0;
-  if (key && find(*key)) {
-    known = key->delivered;
-  } else {
-    reopen();
-    if (start && !seek(*start)) fail(name_, "cannot seek");
-  }
-  for (uint64_t i = known; i < delivered; ++i)
-    if (next_in_software() == Step::End) return Step::End;
-  return next_in_software();
 }
 
 ClipReader::Step ClipReader::next_in_software() {
@@ -642,6 +606,10 @@ bool ClipReader::begins_with_right() const {
          (first.flags & AV_STEREO3D_FLAG_INVERT) != 0;
 }
 
+bool ClipReader::times_may_jump() const {
+  return (container_->format().iformat->flags & AVFMT_TS_DISCONT) != 0;
+}
+
 int ClipReader::receive() {
   const Watchdog::Watch watch(watchdog_.get());
   return avcodec_receive_frame(codec_.get(), frame_.get());
@@ -651,8 +619,7 @@ int ClipReader::send(const AVPacket* packet) {
   const Watchdog::Watch watch(watchdog_.get());
   if (in_hardware_ && packet != nullptr) {
     untimed_ = untimed_ || packet->pts == AV_NOPTS_VALUE;
-    if ((packet->flags & AV_PKT_FLAG_KEY) != 0) key_times_.insert(packet->pts);
-    if (key_times_.size() > kMostKeyTimes) key_times_.erase(key_times_.begin());
+    if ((packet->flags & AV_PKT_FLAG_DISCARD) != 0) hidden_.insert(packet->pts);
   }
   return avcodec_send_packet(codec_.get(), packet);
 }

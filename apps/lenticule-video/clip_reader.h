@@ -64,10 +64,6 @@ class Watchdog {
   std::thread thread_;  // last member: the thread uses everything above
 };
 
-/// Return the demuxers and decoders that may be used; the other hundreds in FFmpeg are not.
-[[nodiscard]] const char* allowed_containers();
-[[nodiscard]] const char* allowed_codecs();
-
 /// Returns why the stream's codec cannot be decoded; empty if it may be.
 [[nodiscard]] std::string codec_obstacle(const AVCodecParameters& stream);
 
@@ -157,14 +153,13 @@ struct ClipOptions {
   /// Called for the first hardware decoder, and when a software decoder takes the place of
   /// hardware.
   std::function<void(const DecoderChoice&)> on_choice{};
-  /// Called on another thread when a hardware decoder does not answer; must end the process.
-  std::function<void(const DecoderChoice&)> on_hang{};
+  /// Called when a hardware decoder fails after its first picture, and on another thread when it
+  /// does not answer; must end the process, so that a new one continues in software.
+  std::function<void(const DecoderChoice&)> on_failure{};
 };
 
-/// ClipReader decodes in hardware where a device can, and changes to software for good when the
-/// device reports an error or gives a picture that the stream cannot have. The software decoder
-/// starts at the last key frame that the device had given, or where the device had started, and
-/// leaves out the pictures that the device had given since then.
+/// ClipReader decodes in hardware where a device can. It changes to software for good if the device
+/// reports an error, or gives a picture that the stream cannot have, instead of the first one.
 ///
 /// Thread safety: one thread. Lifetime: the descriptor must outlive the reader.
 class ClipReader {
@@ -193,6 +188,8 @@ class ClipReader {
   [[nodiscard]] int64_t time() const {
     return untimed_ ? AV_NOPTS_VALUE : frame_->best_effort_timestamp;
   }
+  /// Returns true if time may begin anew in the middle of the file.
+  [[nodiscard]] bool times_may_jump() const;
   [[nodiscard]] uint64_t broken_packets() const { return broken_; }
   /// Returns the number of frames in which the decoder found errors.
   [[nodiscard]] uint64_t faulty_frames() const { return faulty_; }
@@ -205,24 +202,14 @@ class ClipReader {
   void reopen();
 
  private:
-  /// A key frame that the device gave.
-  struct KeyFrame {
-    int64_t time = 0;
-    uint64_t delivered = 0;  ///< pictures up to this one
-  };
-
   void open();
   void open_decoder();
-  void start_watchdog(const DecoderChoice& choice);
   [[nodiscard]] bool open_in_hardware();
   void open_in_software();
   void close_decoder();
   void begin(std::optional<int64_t> time);
   [[nodiscard]] Step next_in_software();
   [[nodiscard]] std::optional<Step> next_in_hardware();
-  [[nodiscard]] Step continue_in_software();
-  void note_key_frame();
-  [[nodiscard]] bool find(const KeyFrame& key);
   void give_up_hardware(const std::string& reason);
   [[nodiscard]] bool read_packet();
   [[nodiscard]] bool feed();
@@ -254,12 +241,10 @@ class ClipReader {
   uint64_t faulty_ = 0;
   int read_errors_ = 0;
 
-  // The last open() or seek(), and the work since then.
-  std::optional<int64_t> start_;  ///< time of the seek
-  uint64_t delivered_ = 0;        ///< pictures of a hardware decoder
-  std::set<int64_t> key_times_;   ///< key frames that the device has not given yet
-  std::optional<KeyFrame> key_;   ///< the last one that it gave
-  uint64_t broken_before_ = 0;
+  std::optional<int64_t> start_;  ///< time of the last seek() since open()
+  bool delivered_ = false;        ///< a hardware decoder gave a picture since then
+  /// Times of frames that an edit list hides; a device does not know of that.
+  std::set<int64_t> hidden_;
 };
 
 }  // namespace lenticule::video

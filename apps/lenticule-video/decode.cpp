@@ -67,42 +67,87 @@ void report_event(const json& event) {
   }
 }
 
-/// Cadence measures how much of a clip the frames of one round cover.
-class Cadence {
+/// FrameTimes numbers the frames of one round by their time stamps, in periods of a constant rate,
+/// and measures how much of the clip they cover.
+class FrameTimes {
  public:
-  explicit Cadence(const AVStream& stream)
-      : duration_(av_q2d(av_inv_q(stream.avg_frame_rate)) / av_q2d(stream.time_base)),
-        reordered_(static_cast<uint64_t>(std::max(stream.codecpar->video_delay, 0))) {}
+  FrameTimes(const ClipReader& clip, std::optional<frames::Rate> rate)
+      : tick_(av_q2d(clip.stream().time_base)),
+        duration_(av_q2d(av_inv_q(clip.stream().avg_frame_rate)) / tick_),
+        periods_(rate ? tick_ * rate->hertz() : 0.0),
+        longest_seconds_(clip.times_may_jump() ? kLongestBeforeJump : frames::kLongestFrameSeconds),
+        reordered_(static_cast<uint64_t>(std::max(clip.stream().codecpar->video_delay, 0))) {}
 
-  void note(int64_t time) {
-    if (time == AV_NOPTS_VALUE) return;
-    if (last_ && time > *last_) {
-      ++intervals_;
-      const double interval = static_cast<double>(time) - static_cast<double>(*last_);
-      if (interval < 1.5 * duration_) ++single_;
-    }
-    last_ = std::max(time, last_.value_or(time));
+  /// Returns the number of the last frame; 0 before the first.
+  [[nodiscard]] uint64_t number() const { return number_; }
+  [[nodiscard]] bool begun() const { return seen_ > 0 || resumed_; }
+
+  /// Returns the next frame's number: 0, and then that of its time, but more than the last one. A
+  /// time that goes back or jumps ahead is not followed: later times count from there.
+  uint64_t place(int64_t time, int64_t duration) {
+    if (begun()) ++number_;
+    ++seen_;
+    last_duration_ = static_cast<double>(duration);
+    if (time == AV_NOPTS_VALUE) return number_;
+    const auto now = static_cast<double>(time);
+    const double interval = now - last_.value_or(now);
+    if (!last_ || interval <= 0.0 || interval * tick_ > longest_seconds_)
+      origin_ = {.time = now, .number = number_};
+    number_ = std::max(number_, number_at(now));
+    gaps_ += interval >= 1.5 * duration_ ? 1 : 0;
+    last_ = now;
+    return number_;
+  }
+  /// Continues before a frame of known time and number; `first` is the time of the first frame.
+  void resume(int64_t first, int64_t time, uint64_t number) {
+    origin_ = {.time = static_cast<double>(first), .number = 0};
+    last_ = static_cast<double>(time) - 1.0;
+    number_ = number - 1;
+    resumed_ = true;
+  }
+  /// Returns the number of periods until the last frame ends.
+  [[nodiscard]] uint64_t length() const {
+    const bool known = last_ && last_duration_ * tick_ <= longest_seconds_;
+    return std::max(number_ + 1, known ? number_at(*last_ + last_duration_) : 0);
   }
 
-  /// Returns how many of the expected frames are missing if `seen` arrived.
-  [[nodiscard]] uint64_t missing(const ExpectedFrames& expected, uint64_t seen) const {
-    if (seen >= expected.frames) return 0;
-    const uint64_t missing = expected.frames - seen;
+  /// Returns how many of the expected frames are missing, beside `left_out` ones.
+  [[nodiscard]] uint64_t missing(const ExpectedFrames& expected, uint64_t left_out) const {
+    if (resumed_ || seen_ + left_out >= expected.frames) return 0;
+    const uint64_t missing = expected.frames - seen_ - left_out;
     if (!expected.by_duration || !last_) return missing;
-    const double after = (expected.end - static_cast<double>(*last_)) / duration_ - 1.0;
+    const double after = (expected.end - *last_) / duration_ - 1.0;
     const auto uncovered = static_cast<uint64_t>(std::max(0L, std::lround(after)));
     // A cut between packets leaves a gap of reordered frames before the last one.
     const bool cut = uncovered == 0 && missing <= reordered_;
-    const bool constant_rate = 4 * single_ >= 3 * intervals_;
+    const bool constant_rate = gaps_ <= 1 + seen_ / 20;
     return constant_rate && !cut ? missing : std::min(missing, uncovered);
   }
 
  private:
-  double duration_;  ///< duration of a frame, in units of the time stamps
+  static constexpr double kLongestBeforeJump = 10.0;
+  struct Origin {
+    double time = 0.0;
+    uint64_t number = 0;
+  };
+
+  [[nodiscard]] uint64_t number_at(double time) const {
+    const double after = (time - origin_.time) * periods_;
+    return origin_.number + static_cast<uint64_t>(std::llround(std::max(0.0, after)));
+  }
+
+  double tick_;      ///< seconds
+  double duration_;  ///< average duration of a frame, in ticks
+  double periods_;   ///< periods of the constant rate in a tick; 0: times are not followed
+  double longest_seconds_;
   uint64_t reordered_;
-  std::optional<int64_t> last_;
-  uint64_t intervals_ = 0;
-  uint64_t single_ = 0;  ///< number of intervals that are not longer than a frame
+  Origin origin_;
+  std::optional<double> last_;  ///< time of the last frame
+  double last_duration_ = 0.0;
+  uint64_t number_ = 0;
+  uint64_t seen_ = 0;
+  uint64_t gaps_ = 0;  ///< number of intervals that are longer than a frame
+  bool resumed_ = false;
 };
 
 /// Feed copies frames from one clip into one ring until one of them is over.
@@ -113,9 +158,9 @@ class Feed {
         ring_(ring),
         clip_(clip),
         stream_tags_(tags_of(*clip.stream().codecpar)),
-        cadence_(clip.stream()) {
+        times_(clip, request.rate),
+        round_(request.position - request.from) {
     check_layout(evaluate_pixels(stream_tags_));
-    first_time_ = AV_NOPTS_VALUE;
   }
 
   /// Returns false if the player is gone.
@@ -129,6 +174,7 @@ class Feed {
       if (!request_.loop) break;
       // A decoder that continues another's work may not know the length of the clip.
       skip = skip > clip_length_ ? skip - clip_length_ : 0;
+      round_ += clip_length_;
       start_over();
     }
     ring_.finish();
@@ -140,11 +186,10 @@ class Feed {
  private:
   void check_layout(const PixelVerdict& verdict) const;
   [[nodiscard]] bool play(uint64_t skip, bool resumes);
-  [[nodiscard]] uint64_t find_start(uint64_t wanted);
-  [[nodiscard]] std::optional<uint64_t> find_known();
+  void find_known();
   void start_over();
   [[nodiscard]] bool fits_ring();
-  [[nodiscard]] bool show(bool begins_clip);
+  [[nodiscard]] bool show(uint64_t frame);
   void report_position(uint64_t frame);
   void report_broken();
   void report_clip();
@@ -163,15 +208,16 @@ class Feed {
   std::optional<PixelConverter> converter_;
   int64_t first_time_ = AV_NOPTS_VALUE;  ///< time of the file's frame 0
   int64_t previous_time_ = AV_NOPTS_VALUE;
-  bool have_frame_ = false;   ///< the reader already holds the next frame
-  uint64_t clip_length_ = 0;  ///< number of frames seen so far
+  bool have_frame_ = false;  ///< the reader already holds the next frame
+  FrameTimes times_;
+  uint64_t round_;            ///< position of the round's first frame in the ring
+  uint64_t clip_length_ = 0;  ///< periods of this round so far
   uint64_t published_ = 0;
   uint64_t wrong_size_ = 0;
   uint64_t reported_broken_ = 0;
   uint64_t left_out_before_ = 0;  ///< frames left out in earlier rounds
-  Cadence cadence_;
-  std::vector<uint8_t> stored_;  ///< a frame before rotation
-  std::vector<uint8_t> eye_;     ///< one eye's picture
+  std::vector<uint8_t> stored_;   ///< a frame before rotation
+  std::vector<uint8_t> eye_;      ///< one eye's picture
   Clock::time_point last_report_ = Clock::now();
 };
 
@@ -200,51 +246,47 @@ bool Feed::fits_ring() {
   return false;
 }
 
-/// Moves the reader to the first wanted frame or one before it; returns its number.
-uint64_t Feed::find_start(uint64_t wanted) {
-  if (request_.known_time && request_.known_frame > 0 && request_.known_frame <= wanted)
-    if (const auto found = find_known()) return *found;
-  return 0;
-}
-
-std::optional<uint64_t> Feed::find_known() {
-  // The first frame may be the only one that tells which eye a view is for.
-  if (clip_.second_view() != nullptr) static_cast<void>(clip_.next());
-  if (clip_.seek(*request_.known_time)) {
+/// Moves the reader to the known frame if the file leads there. The first frame tells where time
+/// begins, and may be the only one that tells which eye a view is for.
+void Feed::find_known() {
+  const int64_t known = *request_.known_time;
+  if (clip_.next() == ClipReader::Step::Frame) first_time_ = clip_.time();
+  if (first_time_ != AV_NOPTS_VALUE && clip_.seek(known)) {
     while (clip_.next() == ClipReader::Step::Frame) {
-      const int64_t time = clip_.time();
-      if (time == *request_.known_time && fits_ring()) {
-        have_frame_ = true;
-        return request_.known_frame;
-      }
-      if (time == AV_NOPTS_VALUE || time > *request_.known_time) break;
+      have_frame_ = clip_.time() == known && fits_ring();
+      if (have_frame_) return times_.resume(first_time_, known, request_.known_frame);
+      if (clip_.time() == AV_NOPTS_VALUE || clip_.time() > known) break;
     }
   }
   clip_.reopen();
-  return std::nullopt;
 }
 
 /// Plays the clip once; returns false if the player is gone.
 bool Feed::play(uint64_t skip, bool resumes) {
-  const uint64_t first = request_.begin + skip;
-  for (uint64_t frame = resumes ? find_start(first) : 0; frame < request_.end;) {
-    if (!have_frame_ && clip_.next() == ClipReader::Step::End) break;
-    have_frame_ = false;
+  const uint64_t begin = request_.begin, first = begin + skip;
+  times_ = FrameTimes(clip_, request_.rate);
+  if (resumes && request_.known_time && request_.known_frame > 0 && request_.known_frame <= first)
+    find_known();
+  while (begin + clip_length_ < request_.end) {
+    if (!std::exchange(have_frame_, false) && clip_.next() == ClipReader::Step::End) break;
     if (!fits_ring()) continue;
-    if (frame == 0) first_time_ = clip_.time();
-    cadence_.note(clip_.time());
-    if (frame >= request_.begin) clip_length_ = frame - request_.begin + 1;
-    if (frame >= first && !show(frame == request_.begin)) return false;
+    if (!times_.begun()) first_time_ = clip_.time();
+    const uint64_t before = times_.number();
+    uint64_t frame = times_.place(clip_.time(), duration_of(clip_.frame()));
+    // A range that begins while a frame stays begins with the next one.
+    if (before < begin && frame > begin) frame = begin;
+    if (frame >= request_.end) break;
+    if (frame >= begin) clip_length_ = frame - begin + 1;
+    if (frame >= first && !show(frame)) return false;
     report_position(frame);
-    ++frame;
   }
+  if (clip_length_ > 0) clip_length_ = std::min(times_.length(), request_.end) - begin;
   return true;
 }
 
 /// Returns to the start. Seeking is fast and is accepted only if it leads to the first frame.
 void Feed::start_over() {
   clip_length_ = 0;
-  cadence_ = Cadence(clip_.stream());
   if (first_time_ != AV_NOPTS_VALUE && clip_.seek(first_time_) &&
       clip_.next() == ClipReader::Step::Frame && clip_.time() == first_time_) {
     have_frame_ = true;
@@ -262,9 +304,10 @@ void Feed::prepare_converter() {
   converter_tags_ = tags;
 }
 
-bool Feed::show(bool begins_clip) {
+bool Feed::show(uint64_t frame) {
   prepare_converter();
-  const uint64_t number = frames::ring_number(request_.position + published_, begins_clip);
+  const uint64_t number =
+      frames::ring_number(round_ + frame - request_.begin, frame == request_.begin);
   std::span<uint8_t> slot;
   frames::RingStatus status = frames::RingStatus::TimedOut;
   while (status == frames::RingStatus::TimedOut) status = ring_.acquire(number, kSlotTimeout, slot);
@@ -321,37 +364,34 @@ void Feed::report_broken() {
   const uint64_t broken = clip_.broken_packets() + wrong_size_ + clip_.faulty_frames();
   if (broken == reported_broken_) return;
   reported_broken_ = broken;
-  report_event({{"event", "broken"},
-                {"packets", clip_.broken_packets()},
-                {"wrong_size", wrong_size_},
-                {"faulty", clip_.faulty_frames()}});
+  report_event({{"event", "broken"}, {"count", broken}});
 }
 
-/// Reports the end of a round: the number of frames that the file claims to have, and which neither
-/// came nor were left out.
+/// Reports the end of a round: its length, and the number of frames that the file claims to have,
+/// and which neither came nor were left out.
 void Feed::report_clip() {
   report_broken();
   const uint64_t left_out = clip_.broken_packets() + wrong_size_;
-  const uint64_t seen = clip_length_ + left_out - std::exchange(left_out_before_, left_out);
+  const uint64_t in_round = left_out - std::exchange(left_out_before_, left_out);
   // A range ends at a known frame; a container may be wrong about its last frame.
   const bool whole = request_.begin == 0 && request_.end == DecodeRequest{}.end;
   const std::optional<ExpectedFrames> expected = clip_.expected();
-  report_event({{"event", "clip"},
-                {"missing", whole && expected ? cadence_.missing(*expected, seen) : uint64_t{0}}});
+  report_event(
+      {{"event", "clip"},
+       {"frames", clip_length_},
+       {"missing", whole && expected ? times_.missing(*expected, in_round) : uint64_t{0}}});
 }
 
 void report_choice(const DecoderChoice& choice) {
-  json event = {{"event", "decoder"},
+  report_event({{"event", "decoder"},
                 {"decoder", choice.name},
                 {"hardware", choice.hardware},
-                {"reason", nullptr}};
-  if (!choice.reason.empty()) event["reason"] = choice.reason;
-  report_event(event);
+                {"reason", choice.reason}});
 }
 
 [[nodiscard]] Error no_hardware(const DecodeRequest& request, const std::string& reason) {
   return {ErrorKind::Device, fmt::format("{}: not decoded in hardware: {}", request.file, reason),
-          "use --decoder auto or --decoder software"};
+          "use --decoder software"};
 }
 
 /// Reports that another decoder is in use. Throws if the request forbids it.
@@ -361,13 +401,10 @@ void accept_choice(const DecodeRequest& request, const DecoderChoice& choice) {
   report_choice(choice);
 }
 
-/// Ends the process: the thread that decodes waits for the device. The player starts another one.
-[[noreturn]] void end_hung(const DecodeRequest& request, const DecoderChoice& choice) {
-  const std::string reason = fmt::format("hardware decoder {} does not answer", choice.name);
-  report_choice({.name = choice.name, .hardware = true, .reason = reason});
-  _exit(report_error(
-      {ErrorKind::Device, fmt::format("{}: {}", request.file, reason), "use --decoder software"},
-      {.program = "lenticule-video"}));
+/// Ends the process, whose device fails. The player starts another one.
+[[noreturn]] void end_failed(const DecodeRequest& request, const DecoderChoice& choice) {
+  report_choice(choice);
+  _exit(report_error(no_hardware(request, choice.reason), {.program = "lenticule-video"}));
 }
 
 /// Returns the devices that may decode the file. Woven frames have full chroma, which they do not
@@ -416,7 +453,7 @@ int run_decode(const DecodeRequest& request) {
       .threads = bounded_threads(request.threads),
       .hardware = confine_to(request, memory_for(ring->geometry())),
       .on_choice = [&](const DecoderChoice& choice) { accept_choice(request, choice); },
-      .on_hang = [&](const DecoderChoice& choice) { end_hung(request, choice); }};
+      .on_failure = [&](const DecoderChoice& choice) { end_failed(request, choice); }};
   const int fd = input.get();
   ClipReader clip(fd, request.file, std::move(options));
   Feed feed(request, *ring, clip);

@@ -42,6 +42,15 @@ using AvioBytes = uint8_t;
 #endif
 }
 
+/// Returns the time that the frame stays, in units of its time stamp; 0 if it is unknown.
+[[nodiscard]] inline int64_t duration_of(const AVFrame& frame) {
+#if LIBAVUTIL_VERSION_MAJOR >= 58
+  return frame.duration;
+#else
+  return frame.pkt_duration;
+#endif
+}
+
 /// Gives a number to the packet that is sent next; the decoder hands it on to the packet's frame.
 inline void number_packet(AVCodecContext& codec, AVPacket& packet, int64_t number) {
 #if LIBAVCODEC_VERSION_MAJOR >= 60

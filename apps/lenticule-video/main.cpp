@@ -32,6 +32,10 @@ Run declare_decode(CLI::App& app) {
                  "fingerprint of the rig, for a ring that checks it");
   app.add_option("--stream", request->stream,
                  "index of the stream; default: the first with pictures");
+  app.add_option_function<std::string>(
+      "--rate",
+      [request](const std::string& rate) { request->rate = lenticule::frames::parse_rate(rate); },
+      "number frames by their time stamps at this rate; default: in turn");
   app.add_option("--begin", request->begin, "first frame to use");
   app.add_option("--end", request->end, "frame after the last one to use");
   app.add_option("--from", request->from, "frame to start with");

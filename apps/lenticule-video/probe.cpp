@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstring>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -123,8 +124,19 @@ json warning(const AVStream& stream, bool two_views) {
       av_version_info());
 }
 
+/// Returns the rate at which the stream's time stamps are followed: the lowest on which they lie,
+/// or a multiple of it for a film that has more frames. Without such a rate FFmpeg states the
+/// clock's.
 AVRational rate_of(const AVStream& stream) {
-  return stream.avg_frame_rate.num > 0 ? stream.avg_frame_rate : stream.r_frame_rate;
+  constexpr AVRational kForAnyTimes{60, 1};
+  const AVRational average = stream.avg_frame_rate, lowest = stream.r_frame_rate;
+  if (average.num <= 0 || average.den <= 0) return lowest;
+  if (lowest.num <= 0 || lowest.den <= 0) return average;
+  const double ratio = av_q2d(average) / av_q2d(lowest);
+  if (av_cmp_q(lowest, {120, 1}) > 0 && ratio < 0.6)
+    return av_cmp_q(average, kForAnyTimes) > 0 ? average : kForAnyTimes;
+  // The average also counts frames that an edit list hides.
+  return av_mul_q(lowest, {static_cast<int>(std::ceil(std::clamp(ratio - 0.1, 1.0, 100.0))), 1});
 }
 
 /// Returns the reason why the stream cannot be decoded, or null.

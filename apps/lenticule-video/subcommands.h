@@ -10,6 +10,8 @@
 #include <optional>
 #include <string>
 
+#include "frames/rational.h"
+
 namespace lenticule::video {
 
 /// Prints {"container": ..., "streams": [...]} on standard output.
@@ -26,7 +28,9 @@ struct DecodeRequest {
   std::string ring;             ///< path of the socket
   std::string rig_fingerprint;  ///< used if the ring requires one
   std::optional<int> stream;    ///< default: the first with pictures
-  uint64_t begin = 0;           ///< the clip consists of frames [begin, end) of the file
+  /// Time stamps become numbers of frames at this rate; without it, frames are numbered in turn.
+  std::optional<frames::Rate> rate;
+  uint64_t begin = 0;  ///< the clip consists of frames [begin, end) of the file
   uint64_t end = std::numeric_limits<uint64_t>::max();
   uint64_t from = 0;                  ///< first frame of the clip to decode
   uint64_t position = 0;              ///< position of that frame among all frames shown so far

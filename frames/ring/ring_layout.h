@@ -52,9 +52,9 @@ class Mapping {
   std::span<uint8_t> bytes_;
 };
 
-/// Returns a frame's number in the ring. Numbers keep growing through all loops, in steps of two:
-/// the lowest bit marks the clip's first frame. (A ring accepts numbers up to 2^48, which last 70
-/// 000 years.)
+/// Returns the number of a video's frame in the ring. Positions grow through all loops; a frame
+/// stays until the position of the next one. The lowest bit marks the clip's first frame. (A ring
+/// accepts numbers up to 2^48, which last 70,000 years.)
 [[nodiscard]] constexpr uint64_t ring_number(uint64_t position, bool begins_clip) {
   return position << 1 | (begins_clip ? 1 : 0);
 }
@@ -64,6 +64,9 @@ class Mapping {
 [[nodiscard]] constexpr bool begins_clip(uint64_t number) {
   return (number & 1) != 0;
 }
+
+/// Longest time that a frame of a video stays.
+inline constexpr double kLongestFrameSeconds = 3600.0;
 
 // SlotEntry is the part of the shared memory that decides which process may access a slot's pixels:
 // one 64-byte entry per slot. Both processes access the table only through these functions.

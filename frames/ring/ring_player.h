@@ -218,6 +218,8 @@ class RingPlayer final : public FrameSource {
     if (slot_table_.release(static_cast<int>(token))) send_freed();
     drop_if_malformed();
   }
+  /// Returns the number of the last frame of the present or the last renderer.
+  [[nodiscard]] std::optional<uint64_t> last_number() const { return slot_table_.last_number(); }
   [[nodiscard]] int max_acquired() const override { return slot_table_.max_acquired(); }
   [[nodiscard]] uint64_t ready_count() const override { return slot_table_.ready_count(); }
   [[nodiscard]] bool saturated() const override { return slot_table_.saturated(); }

@@ -154,6 +154,8 @@ class SlotTable {
   }
   [[nodiscard]] uint64_t ready_count() const { return ready_.size(); }
   [[nodiscard]] bool saturated() const { return finished_ || offered_ == 0; }
+  /// Returns the number of the last frame that the present or the last renderer published.
+  [[nodiscard]] std::optional<uint64_t> last_number() const { return last_number_; }
   [[nodiscard]] int max_acquired() const { return static_cast<int>(slots_.size()) - 1; }
 
   // Statistics.

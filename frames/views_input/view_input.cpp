@@ -205,6 +205,11 @@ PullStatus ViewInput::next() {
   return status;
 }
 
+bool ViewInput::repeats() const {
+  return std::ranges::all_of(
+      streams_, [](const Stream& one) { return one.acquired && one.acquired->repeats; });
+}
+
 const ViewSet& ViewInput::views() {
   if (!views_) {
     std::vector<FrameView> pictures;

@@ -92,6 +92,8 @@ class ViewInput {
   /// may take long if views are drawn. Throws the errors of the arrangement.
   [[nodiscard]] const ViewSet& views();
   [[nodiscard]] uint64_t number() const { return number_; }
+  /// Returns true if the pictures of next() are those of the set before.
+  [[nodiscard]] bool repeats() const;
   void release();
 
   /// Restarts from the beginning, after End. Returns false if that is not possible.

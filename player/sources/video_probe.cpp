@@ -203,12 +203,11 @@ std::optional<VideoEvent> parse_video_event(std::string_view line) {
       event.time = time->get<int64_t>();
   } else if (*find("event") == "broken") {
     event.kind = VideoEvent::Kind::Broken;
-    event.broken = count(find("packets"), kMostFrames).value_or(0) +
-                   count(find("wrong_size"), kMostFrames).value_or(0) +
-                   count(find("faulty"), kMostFrames).value_or(0);
+    event.broken = count(find("count"), kMostFrames).value_or(0);
   } else if (*find("event") == "clip") {
     event.kind = VideoEvent::Kind::Clip;
     event.missing = count(find("missing"), kMostFrames).value_or(0);
+    event.length = count(find("frames"), kMostFrames).value_or(0);
   } else if (*find("event") == "decoder") {
     const JsonFields fields(object, "decoder");
     const json* const hardware = find("hardware");
@@ -243,8 +242,8 @@ std::vector<VideoStream> probe_video(const fs::path& file, const fs::path& progr
   if (result.exit_code > 0) throw reported_error(ErrorKind::Failed, result.output);
   throw Error(ErrorKind::Input,
               fmt::format("{}: the program that examines it {}", file.string(),
-                          result.timed_out ? "does not end" : "crashed"),
-              "the file is broken; convert it again");
+                          result.timed_out ? "does not end" : "crashed or took longer than 20 s"),
+              "the file is broken, or its disk too slow; convert it again");
 }
 
 }  // namespace lenticule::player

@@ -27,7 +27,7 @@ struct VideoStream {
   int index = 0;
   frames::FrameGeometry geometry;    ///< size of a view, within the ring's limits
   int views = 1;                     ///< 2: a frame is delivered as two eyes side by side
-  std::optional<frames::Rate> rate;  ///< average rate of the stream
+  std::optional<frames::Rate> rate;  ///< rate at which its time stamps are followed
   double pixel_aspect = 1.0;         ///< width over height of a pixel
   /// Rotation of the frames; empty for angles other than quarter turns.
   std::optional<frames::Orientation> orientation = frames::Orientation::Upright;
@@ -54,6 +54,7 @@ struct VideoEvent {
   std::optional<int64_t> time;  ///< time stamp of that frame
   uint64_t broken = 0;          ///< frames and packets left out or faulty so far
   uint64_t missing = 0;         ///< frames that the file claims to have and lacks (Clip)
+  uint64_t length = 0;          ///< periods of the rate that the clip lasts (Clip)
   std::string decoder;          ///< FFmpeg's name of the decoder in use (Decoder), escaped
   bool hardware = false;        ///< hardware decodes, not software
   std::string reason;           ///< cause why hardware is not used, or fails; escaped

@@ -38,7 +38,7 @@ using frames::PullStatus;
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
-constexpr int kLeastSlots = 4;  ///< a ring's minimum of three, and one held over the loop point
+constexpr int kLeastSlots = 4;  ///< a ring's minimum of three, and the frame that follows
 constexpr size_t kMostRestarts = 3;
 constexpr auto kRestartWindow = 60s;
 /// Timeout for the start: loading some hundred libraries on a busy machine may take long.
@@ -108,8 +108,8 @@ class VideoChild {
   [[nodiscard]] uint64_t broken() const { return broken_.load(); }
   /// Returns the number of frames, over all rounds, that the clip claims to have and lacks.
   [[nodiscard]] uint64_t missing() const { return missing_.load(); }
-  /// Returns the number of rounds of the clip that the present child has completed.
-  [[nodiscard]] uint64_t rounds() const { return rounds_.load(); }
+  /// Returns the length of the clip; 0 until the present child has completed a round of it.
+  [[nodiscard]] uint64_t clip_length() const { return clip_length_.load(); }
   /// Returns the latest report of which decoder is in use; none before the first report.
   [[nodiscard]] std::optional<VideoEvent> decoder() const {
     const std::lock_guard lock(mutex_);
@@ -149,7 +149,7 @@ class VideoChild {
   std::atomic<uint64_t> events_{0};
   std::atomic<uint64_t> broken_{0};
   std::atomic<uint64_t> missing_{0};
-  std::atomic<uint64_t> rounds_{0};
+  std::atomic<uint64_t> clip_length_{0};
   std::thread keeper_;  // last member: the thread uses everything above
 };
 
@@ -168,7 +168,7 @@ void VideoChild::start(std::vector<std::string> arguments) {
   LENTICULE_CHECK(!present_);
   present_ = true;
   broken_.store(0);
-  rounds_.store(0);
+  clip_length_.store(0);
   {
     const std::lock_guard lock(mutex_);
     arguments_ = std::move(arguments);
@@ -255,7 +255,7 @@ void VideoChild::hear(std::string_view line) {
   if (event->kind == VideoEvent::Kind::Broken) broken_.store(event->broken);
   if (event->kind != VideoEvent::Kind::Clip) return;
   missing_.fetch_add(event->missing);
-  rounds_.fetch_add(1);
+  clip_length_.store(event->length);
 }
 
 /// Reaps the child. One that closed its standard error and still runs is out of control and is
@@ -336,8 +336,8 @@ uint64_t slots_for(const VideoStream& stream, const VideoRequest& request) {
   return std::clamp<uint64_t>(fit, kLeastSlots, most);
 }
 
-/// Number of decoders in hardware that crashed or hung. After kMostHardwareFailures, all videos of
-/// this player are decoded in software, so that a bad driver does not delay each of them.
+/// Number of decoders in hardware that failed, crashed or hung. After kMostHardwareFailures, all
+/// videos of this player are decoded in software, so that a bad driver does not delay each of them.
 std::atomic<int> hardware_failures{0};
 constexpr int kMostHardwareFailures = 3;
 
@@ -365,6 +365,9 @@ class Source final : public VideoSource {
                                         .geometry = upright_,
                                         .slots = static_cast<int>(slots_),
                                         .rig_fingerprint = {}})),
+        uses_(slots_),
+        most_repeats_(1 + static_cast<uint64_t>(frames::kLongestFrameSeconds *
+                                                stream_.rate.value_or(frames::Rate{}).hertz())),
         events_(::epoll_create1(EPOLL_CLOEXEC)) {
     if (!events_ || !watch(ring_->wake_fd()) || !watch(child_.wake_fd()))
       throw Error(ErrorKind::Failed, "video: no file descriptor is left");
@@ -385,9 +388,10 @@ class Source final : public VideoSource {
   [[nodiscard]] std::optional<uint64_t> frame_count() const override { return frames_in_loop_; }
   [[nodiscard]] PullStatus pull(frames::AcquiredFrame& out) override;
   void release(uint64_t token) override;
-  [[nodiscard]] int max_acquired() const override { return ring_->max_acquired() - 1; }
+  /// The source itself keeps the current frame and the one that follows.
+  [[nodiscard]] int max_acquired() const override { return ring_->max_acquired() - 2; }
   [[nodiscard]] uint64_t ready_count() const override {
-    return ring_->ready_count() + (held_ ? 1 : 0);
+    return ring_->ready_count() + (following_ ? 1 : 0);
   }
   [[nodiscard]] bool saturated() const override { return ring_->saturated() || !failure_.empty(); }
   [[nodiscard]] bool rewind() override;
@@ -398,7 +402,10 @@ class Source final : public VideoSource {
 
  private:
   [[nodiscard]] bool watch(int fd) const;
-  [[nodiscard]] PullStatus take(const frames::AcquiredFrame& acquired, frames::AcquiredFrame& out);
+  [[nodiscard]] PullStatus pull_following();
+  [[nodiscard]] PullStatus give(frames::AcquiredFrame& out, bool repeats);
+  [[nodiscard]] PullStatus end_round();
+  void drop_current();
   void begin_child();
   void supervise();
   void bury();
@@ -413,17 +420,20 @@ class Source final : public VideoSource {
   const uint64_t slots_;
   const PrivateFolder folder_;
   std::unique_ptr<frames::RingPlayer> ring_;
+  std::vector<int> uses_;  ///< for each slot of the ring: its users here and in the player
+  const uint64_t most_repeats_;
   UniqueFd events_;
 
   uint64_t loop_ = 0;      ///< loop of the next pull()
   uint64_t next_ = 0;      ///< frame that pull() expects
   bool complete_ = false;  ///< the present decoder has sent all frames
   bool at_end_ = false;    ///< End was returned and rewind() not called
-  /// First frame of the next loop, held over the loop point.
-  std::optional<frames::AcquiredFrame> held_;
+  /// The current frame is given again until the position of the following one.
+  std::optional<frames::AcquiredFrame> current_, following_;
   std::optional<uint64_t> frames_in_loop_;
-  uint64_t position_ = 0;  ///< frames taken from the ring, in all loops
-  uint64_t acquired_ = 0;
+  uint64_t position_ = 0;   ///< position of the next pull(), in all loops
+  uint64_t delivered_ = 0;  ///< position after the last frame of all decoders before
+  uint64_t acquired_ = 0;   ///< slots in use
 
   uint64_t child_loop_ = 0;  ///< loop in which the present child was started
   bool burying_ = false;     ///< the child is dead, but the ring may not have noticed yet
@@ -454,47 +464,41 @@ bool Source::watch(int fd) const {
 PullStatus Source::pull(frames::AcquiredFrame& out) {
   if (out_of_order_) return PullStatus::Failed;
   if (at_end_) return PullStatus::End;
-  if (held_) {
-    out = *std::exchange(held_, std::nullopt);
-    out.number = next_++;
-    return PullStatus::Ready;
+  const PullStatus status = following_ ? PullStatus::Ready : pull_following();
+  if (status == PullStatus::Failed) return status;
+  if (status == PullStatus::Ready) {
+    if (frames::position_of(following_->number) > position_) return give(out, true);
+    if (frames::begins_clip(following_->number) && next_ > 0) return end_round();
+    drop_current();
+    current_ = std::exchange(following_, std::nullopt);
+    return give(out, false);
   }
-  frames::AcquiredFrame acquired;
-  switch (ring_->pull(acquired)) {
-    case PullStatus::Ready:
-      ++acquired_;
-      return take(acquired, out);
-    case PullStatus::End:
-      // A decoder that was replaced after its last frame leaves an empty sequence.
-      if (request_.plays_again || next_ == 0) break;
-      // The number of left-out frames is known once the decoder has reported it or is dead.
-      complete_ = true;
-      if (child_.present() && child_.rounds() == 0) break;
-      at_end_ = true;
-      frames_in_loop_ = next_;
-      return PullStatus::End;
-    default:
-      break;
+  // A decoder that was replaced after its last frame leaves an empty sequence.
+  if (status == PullStatus::End && !request_.plays_again && next_ > 0) {
+    // The clip's length and the left-out frames are known once the decoder has reported them or is
+    // dead.
+    complete_ = true;
+    const uint64_t length = child_.clip_length();
+    if (current_ && next_ < length && length - next_ <= most_repeats_) return give(out, true);
+    if (!child_.present() || length > 0) return end_round();
   }
   supervise();
   return failure_.empty() ? PullStatus::NotYet : PullStatus::Failed;
 }
 
-PullStatus Source::take(const frames::AcquiredFrame& acquired, frames::AcquiredFrame& out) {
+/// Takes the following frame from the ring. Returns Failed if it is out of order.
+PullStatus Source::pull_following() {
+  frames::AcquiredFrame acquired;
+  const PullStatus status = ring_->pull(acquired);
+  if (status != PullStatus::Ready) return status;
+  ++acquired_;
+  uses_[acquired.token] = 1;
   const uint64_t position = frames::position_of(acquired.number);
-  const bool begins = frames::begins_clip(acquired.number);
-  if (position == position_ && begins && next_ > 0) {
-    ++position_;
-    held_ = acquired;
-    at_end_ = true;
-    frames_in_loop_ = next_;
-    return PullStatus::End;
-  }
-  if (position == position_ && begins == (next_ == 0)) {
-    ++position_;
-    out = acquired;
-    out.number = next_++;
-    return PullStatus::Ready;
+  const bool begun = next_ > 0;
+  if (position >= position_ && position - position_ <= (begun ? most_repeats_ : 0) &&
+      (begun || frames::begins_clip(acquired.number))) {
+    following_ = acquired;
+    return status;
   }
   release(acquired.token);
   out_of_order_ = true;
@@ -504,7 +508,28 @@ PullStatus Source::take(const frames::AcquiredFrame& acquired, frames::AcquiredF
   return PullStatus::Failed;
 }
 
+PullStatus Source::give(frames::AcquiredFrame& out, bool repeats) {
+  out = *current_;
+  out.repeats = repeats;
+  out.number = next_++;
+  ++position_;
+  ++uses_[out.token];
+  return PullStatus::Ready;
+}
+
+PullStatus Source::end_round() {
+  drop_current();
+  at_end_ = true;
+  frames_in_loop_ = next_;
+  return PullStatus::End;
+}
+
+void Source::drop_current() {
+  if (current_) release(std::exchange(current_, std::nullopt)->token);
+}
+
 void Source::release(uint64_t token) {
+  if (--uses_[token] > 0) return;
   --acquired_;
   ring_->release(token);
 }
@@ -525,20 +550,24 @@ bool Source::rewind() {
 void Source::begin_child() {
   const std::optional<VideoEvent> choice = child_.decoder();
   if (choice && !choice->hardware) hardware_ = false;
-  const uint64_t from = (held_ ? 1 : next_) + ring_->ready_count();
+  if (const auto last = ring_->last_number())
+    delivered_ = std::max(delivered_, frames::position_of(*last) + 1);
+  const uint64_t position = std::max(delivered_, position_);
+  const bool next_round = following_ && frames::begins_clip(following_->number);
+  const uint64_t round = next_round ? frames::position_of(following_->number) : position_ - next_;
   const FrameRange range =
       request_.frames.value_or(FrameRange{0, std::numeric_limits<uint64_t>::max()});
-  std::vector<std::string> arguments = {
-      program_.string(), kForThisVersion,
-      "decode",          "--parent=" + std::to_string(getpid()),
-      "--ring",          (folder_.path() / "ring").string(),
-      "--stream",        std::to_string(stream_.index),
-      "--begin",         std::to_string(range.begin),
-      "--end",           std::to_string(range.end),
-      "--from",          std::to_string(from),
-      "--position",      std::to_string(position_ + ring_->ready_count())};
+  std::vector<std::string> arguments = {program_.string(), kForThisVersion,
+                                        "decode",          "--parent=" + std::to_string(getpid()),
+                                        "--ring",          (folder_.path() / "ring").string(),
+                                        "--stream",        std::to_string(stream_.index),
+                                        "--begin",         std::to_string(range.begin),
+                                        "--end",           std::to_string(range.end),
+                                        "--from",          std::to_string(position - round),
+                                        "--position",      std::to_string(position)};
+  if (stream_.rate) arguments.insert(arguments.end(), {"--rate", frames::to_string(*stream_.rate)});
   const std::optional<VideoEvent> known = child_.position();
-  if (known && known->time && known->frame <= range.begin + from)
+  if (known && known->time && known->frame <= range.begin + position - round)
     arguments.insert(arguments.end(), {"--known-frame", std::to_string(known->frame),
                                        "--known-time=" + std::to_string(*known->time)});
   if (request_.plays_again) arguments.emplace_back("--loop");

@@ -47,11 +47,12 @@ struct VideoStatistics {
 
 /// pull() never blocks, and allocates only for a restart. Thread safety: one thread.
 ///
-/// Every frame of the clip comes once, in order, also after a restart: the new decoder continues
-/// with the frame after the last one that had arrived. After a fourth restart within a minute, or
+/// Frames have the numbers of their time stamps at rate(). Every frame of the clip comes in order,
+/// and again until the number of the next one, also after a restart: the new decoder continues with
+/// the frame after the last one that had arrived. After a fourth restart within a minute, or
 /// if the decoder reports that the file cannot be decoded, the source delivers all frames that had
 /// arrived and is then Failed; failure() returns the decoder's last message. The decoder leaves out
-/// frames that cannot be decoded, so that a damaged clip is shorter than the original.
+/// frames that cannot be decoded; the one before stays in their place.
 class VideoSource : public frames::FrameSource {
  public:
   [[nodiscard]] virtual VideoStatistics statistics() const = 0;

@@ -316,7 +316,7 @@ class WeavingSource final : public frames::FrameSource {
     PullStatus status = PullStatus::Failed;
     try {
       status = input_->next();
-      if (status == PullStatus::Ready) newest_pipeline()->weave(input_->views(), slot->frame);
+      if (status == PullStatus::Ready) fill(*slot);
     } catch (...) {
       give_back(*slot);
       throw;
@@ -331,6 +331,18 @@ class WeavingSource final : public frames::FrameSource {
     if (status == PullStatus::End) finish_round();
     if (status == PullStatus::NotYet) input_->wait(kLook);
     return true;
+  }
+  /// Weaves the views. A repeated frame is copied if the rig is the same.
+  void fill(Slot& slot) {
+    const auto pipeline = newest_pipeline();
+    if (input_->repeats() && woven_last_ != nullptr && woven_by_ == pipeline) {
+      if (woven_last_ != &slot)
+        std::ranges::copy(woven_last_->frame.bytes(), slot.frame.bytes().begin());
+    } else {
+      pipeline->weave(input_->views(), slot.frame);
+    }
+    woven_last_ = &slot;
+    woven_by_ = pipeline;
   }
   void finish_round() {
     {
@@ -400,6 +412,8 @@ class WeavingSource final : public frames::FrameSource {
   WakeFd wake_;
   std::atomic<uint64_t> plans_{0};
   bool at_end_ = false;  ///< the input is at its end and not rewound; used by the worker thread
+  const Slot* woven_last_ = nullptr;  ///< slot filled last; used by the worker thread
+  std::shared_ptr<const WeavingPipeline> woven_by_;  ///< used by the worker thread
 
   mutable std::mutex mutex_;
   std::condition_variable changed_;

@@ -109,6 +109,24 @@ TEST_F(VideoCommands, ProbeDescribesAClip) {
   EXPECT_EQ(stream["full_chroma"], true);
 }
 
+/// Two thirds of a second of 30 frames a second, then a frame every eighth period.
+TEST_F(VideoCommands, AFilmOfVariableRateKeepsItsLength) {
+  make_film("film.mkv", kWidth, kHeight,
+            "-vf \"select='lt(n,20)+not(mod(n,8))'\" -fps_mode vfr -c:v libx264rgb -qp 0");
+  std::vector<std::string> words = play("film.mkv");
+  words.insert(words.end(), {"--clock", "simulated", "--json"});
+  const json played = results_of(run(words));
+  EXPECT_EQ(played["content_rate"], "30");
+  EXPECT_EQ(played["vblanks"], 2 * 57);
+  EXPECT_FALSE(played.contains("missing_frames") && played["missing_frames"] != 0);
+  const json converted =
+      results_of(run({"convert", path("film.mkv"), "-o", path("constant.mkv"), "--json"}));
+  EXPECT_EQ(converted["frames_converted"], 57);
+  const json stream = results_of(video({"probe", path("constant.mkv")}))["streams"][0];
+  EXPECT_EQ(stream["rate"], json::parse("[30, 1]"));
+  EXPECT_EQ(stream["expected_frames"], 57);
+}
+
 TEST_F(VideoCommands, ExitCodesFollowTheContract) {
   EXPECT_EQ(video({"--help"}).exit_code, 0);
   EXPECT_EQ(video({"probe"}).exit_code, 2);

@@ -105,7 +105,12 @@ enum class PanelState {
                 ///< again
   WrongPanel,   ///< another panel than the rig's: the output is off, the display Lost
 };
-[[nodiscard]] const char* panel_state_name(PanelState state);
+
+[[nodiscard]] inline const char* panel_state_name(PanelState state) {
+  constexpr const char* kNames[] = {"showing", "disconnected", "unreadable", "mode missing",
+                                    "wrong panel"};
+  return kNames[static_cast<size_t>(state)];
+}
 
 /// Monotonic counts since the display was opened.
 struct KmsStatistics {

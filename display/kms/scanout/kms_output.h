@@ -210,22 +210,6 @@ class OutputPipe {
   }
 
  private:
-  static const char* panel_state_name(PanelState state) {
-    switch (state) {
-      case PanelState::Showing:
-        return "showing";
-      case PanelState::Disconnected:
-        return "disconnected";
-      case PanelState::Unreadable:
-        return "unreadable";
-      case PanelState::ModeMissing:
-        return "mode missing";
-      case PanelState::WrongPanel:
-        return "wrong panel";
-    }
-    return "?";
-  }
-
   static PipeTables read_tables(int fd, const Pipe& pipe) {
     auto tables = PipeTables::read(fd, pipe.connector.id, pipe.crtc, pipe.plane);
     if (tables) return std::move(*tables);

@@ -4,6 +4,7 @@
 // byte is the frame's number.
 #include <unistd.h>
 
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -39,7 +40,8 @@ Arguments parse(const std::vector<std::string>& words) {
   return parsed;
 }
 
-int probe() {
+int probe(const std::string& file) {
+  if (file.find("slow") != std::string::npos) raise(SIGALRM);
   std::puts(R"({"streams":[{"index":0,"width":4,"height":2,"rate":[60,1],"full_chroma":true}]})");
   return 0;
 }
@@ -72,7 +74,8 @@ int decode(const Arguments& arguments) {
   uint64_t position = arguments.position;
   for (uint64_t skip = arguments.from;;) {
     for (uint64_t frame = skip; frame < frames; ++frame, ++position) {
-      if (what == "skips" && frame == 2) continue;
+      if (what == "leaps" && frame == 2) position += 1'000'000;
+      if (what == "waits" && frame == 2) position += 3;
       if (!show(*ring, position, frame)) return 1;
       if (what == "dies" && frame == 1) _exit(9);
     }
@@ -87,5 +90,5 @@ int decode(const Arguments& arguments) {
 
 int main(int argc, char** argv) {
   const std::vector<std::string> words(argv + 1, argv + argc);
-  return words.at(1) == "probe" ? probe() : decode(parse(words));
+  return words.at(1) == "probe" ? probe(words.back()) : decode(parse(words));
 }

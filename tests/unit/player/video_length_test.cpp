@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 
 #include <bit>
+#include <csignal>
 
 #include "base/error.h"
 #include "tests/support/error_matchers.h"
@@ -53,7 +54,8 @@ std::string chunk(const std::string& type, const std::string& content) {
 class VideoLength : public test::VideoTest {
  protected:
   struct Shown {
-    uint64_t frames = 0;
+    uint64_t frames = 0;             ///< without repetitions
+    std::vector<uint64_t> pictures;  ///< frame of the file in each period
     frames::FrameDamage damage;
   };
 
@@ -64,11 +66,14 @@ class VideoLength : public test::VideoTest {
     const auto source = open_video(request(file(name)));
     Shown shown;
     frames::AcquiredFrame acquired;
-    for (; pull(*source, acquired) == PullStatus::Ready; ++shown.frames) {
+    while (pull(*source, acquired) == PullStatus::Ready) {
+      EXPECT_EQ(acquired.number, shown.pictures.size());
+      shown.frames += acquired.repeats ? 0 : 1;
+      shown.pictures.push_back(shown.frames - 1);
       if (first)
-        EXPECT_TRUE(
-            std::ranges::equal(acquired.frame.bytes, clip_frame(*first + shown.frames).bytes()))
-            << shown.frames;
+        EXPECT_TRUE(std::ranges::equal(acquired.frame.bytes,
+                                       clip_frame(*first + shown.pictures.back()).bytes()))
+            << shown.pictures.size();
       source->release(acquired.token);
     }
     EXPECT_EQ(source->failure(), "");
@@ -204,18 +209,104 @@ TEST_F(VideoLength, AGapInAConstantRateIsMissingFrames) {
   EXPECT_EQ(shown("gap.mkv", matroska(times), 0).damage.missing, 3u);
 }
 
+const std::vector<uint64_t> kTimes = {0, 40, 80, 280, 320, 800};
+const std::vector<uint64_t> kPeriods = {0, 1, 2, 2, 2, 2, 2, 3, 4, 4, 4,
+                                        4, 4, 4, 4, 4, 4, 4, 4, 4, 5};
+
+TEST_F(VideoLength, EachFrameStaysUntilTheTimeStampOfTheNext) {
+  for (const uint64_t start : {0, 7300}) {
+    std::vector<uint64_t> times = kTimes;
+    for (uint64_t& time : times) time += start;
+    const Shown whole = shown("variable.mkv", matroska(times), 0);
+    EXPECT_EQ(whole.pictures, kPeriods) << start;
+    EXPECT_FALSE(whole.damage.any()) << whole.damage.missing;
+  }
+}
+
+TEST_F(VideoLength, TimeStampsThatAreRoundedCauseNoRepetition) {
+  std::vector<uint64_t> times = times_from(0);
+  for (size_t k = 0; k < kFrames; ++k) times[k] += k % 3 == 1 ? 7 : 0;
+  EXPECT_EQ(shown("rounded.mkv", matroska(times), 0).pictures.size(), kFrames);
+}
+
+TEST_F(VideoLength, TimeStampsThatGoBackOrLeapAreNotFollowed) {
+  const std::vector<uint64_t> expected = {0, 1, 2, 2, 2, 3, 4};
+  for (const uint64_t leap : {9'000'000, 200}) {
+    std::vector<uint64_t> times = {1000, 1040, 1080, 1200, 1240};
+    for (size_t k = 2; k < times.size(); ++k) times[k] += leap - 200;
+    if (leap == 200) times = {1000, 1040, 500, 620, 660};
+    EXPECT_EQ(shown("leaps.mkv", matroska(times), 0).pictures, expected) << leap;
+  }
+}
+
+TEST_F(VideoLength, ARangeCountsPeriodsOfTheRate) {
+  std::ofstream(file("variable.mkv"), std::ios::binary) << matroska(kTimes);
+  VideoRequest wanted = request(file("variable.mkv"));
+  wanted.frames = FrameRange{2, 16};
+  wanted.plays_again = true;
+  const auto source = open_video(wanted);
+  for (int loop = 0; loop < 3; ++loop) {
+    for (size_t k = 2; k < 16; ++k) {
+      frames::AcquiredFrame acquired;
+      ASSERT_EQ(pull(*source, acquired), PullStatus::Ready) << source->failure();
+      EXPECT_TRUE(std::ranges::equal(acquired.frame.bytes, clip_frame(kPeriods[k]).bytes())) << k;
+      source->release(acquired.token);
+    }
+    expect_status(*source, PullStatus::End);
+    EXPECT_EQ(source->frame_count(), 14u);
+    ASSERT_TRUE(source->rewind());
+  }
+}
+
+TEST_F(VideoLength, AVariableRateIsFollowedInEveryLoopAndByAnotherDecoder) {
+  std::ofstream(file("variable.mkv"), std::ios::binary) << matroska(kTimes);
+  for (const bool plays_again : {false, true}) {
+    VideoRequest wanted = request(file("variable.mkv"));
+    wanted.plays_again = plays_again;
+    const auto source = open_video(wanted);
+    for (size_t strike = 0; strike < kPeriods.size(); strike += 10) {
+      for (size_t k = 0; k < kPeriods.size(); ++k) {
+        if (k == strike && source->statistics().decoder > 0)
+          ::kill(static_cast<pid_t>(source->statistics().decoder), SIGKILL);
+        frames::AcquiredFrame acquired;
+        ASSERT_EQ(pull(*source, acquired), PullStatus::Ready) << source->failure();
+        EXPECT_EQ(acquired.number, k);
+        EXPECT_TRUE(std::ranges::equal(acquired.frame.bytes, clip_frame(kPeriods[k]).bytes()))
+            << "loop " << strike / 10 << ", period " << k;
+        source->release(acquired.token);
+      }
+      expect_status(*source, PullStatus::End);
+      EXPECT_EQ(source->frame_count(), kPeriods.size());
+      ASSERT_TRUE(source->rewind());
+    }
+  }
+}
+
 TEST_F(VideoLength, AnUnsupportedCodecIsNamed) {
-  std::string film = quicktime(0, kFrames);
-  film.replace(film.find("raw "), 4, "Hap1");
-  std::ofstream(file("hap.mov"), std::ios::binary) << film;
-  const Error error = test::error_of([&] { (void)open_video(request(file("hap.mov"))); });
-  EXPECT_THAT(error.what(), testing::HasSubstr("hap.mov: its codec hap is not supported"));
+  const auto refusal = [this](const std::string& name, const std::string& film) {
+    std::ofstream(file(name), std::ios::binary) << film;
+    return std::string(test::error_of([&] { (void)open_video(request(file(name))); }).what());
+  };
+  for (const auto& [tag, codec] : {std::pair("Hap1", "hap"), std::pair("CFHD", "cfhd")}) {
+    std::string film = quicktime(0, kFrames);
+    film.replace(film.find("raw "), 4, tag);
+    EXPECT_THAT(refusal("film.mov", film),
+                testing::HasSubstr(fmt::format("film.mov: its codec {} is not supported", codec)));
+  }
+  for (const auto& [tag, codec] : {std::pair("WMV2", "wmv2"), std::pair("VP31", "vp3")}) {
+    std::string film = avi_with_empty_frames();
+    // The tag of the codec follows the size of the format, its sides and its depth.
+    film.replace(film.find("strf") + 8 + 16, 4, tag);
+    EXPECT_THAT(refusal("film.avi", film),
+                testing::HasSubstr(fmt::format("film.avi: its codec {} is not supported", codec)));
+  }
 }
 
 TEST_F(VideoLength, EmptyFramesOfAviAreNotMissing) {
   const std::string film = avi_with_empty_frames();
   const Shown whole = shown("empty.avi", film);
   EXPECT_EQ(whole.frames, kFrames);
+  EXPECT_GE(whole.pictures.size(), 2 * kFrames - 1) << "empty frames prolong those before";
   EXPECT_FALSE(whole.damage.any()) << whole.damage.missing;
   EXPECT_GE(shown("half.avi", film.substr(0, film.size() / 2)).damage.missing, kFrames / 2 - 1);
 }

@@ -216,7 +216,12 @@ TEST_F(VideoPlays, ADamagedFrameIsLeftOutAndCounted) {
     const auto source = open_video(request(file("damaged.mkv")));
     uint64_t next = 0, shown = 0;
     frames::AcquiredFrame acquired;
-    for (; pull(*source, acquired) == PullStatus::Ready; ++shown) {
+    while (pull(*source, acquired) == PullStatus::Ready) {
+      if (acquired.repeats) {  // in the place of the damaged one
+        source->release(acquired.token);
+        continue;
+      }
+      ++shown;
       while (next < kFrames && !std::ranges::equal(acquired.frame.bytes, clip_frame(next).bytes()))
         ++next;
       EXPECT_LT(next++, kFrames) << "frame " << shown << " is none of the clip, place " << place;
@@ -308,12 +313,42 @@ TEST_F(FakeVideo, DeliversTenThousandLoops) {
   }
 }
 
-TEST_F(FakeVideo, DetectsASkippedFrame) {
-  const auto source = open("5-skips.mkv", false);
+TEST_F(FakeVideo, RejectsAFrameThatWouldStayForMoreThanAnHour) {
+  const auto source = open("5-leaps.mkv", false);
   ASSERT_EQ(pull_number(*source, 0), PullStatus::Ready);
   ASSERT_EQ(pull_number(*source, 1), PullStatus::Ready);
   EXPECT_EQ(pull_number(*source, 2), PullStatus::Failed);
-  EXPECT_THAT(source->failure(), testing::HasSubstr("frame 3 instead of 2"));
+  EXPECT_THAT(source->failure(), testing::HasSubstr("frame 1000002 instead of 2"));
+}
+
+/// Frame 1 is given while others are acquired, and again after it was released.
+TEST_F(FakeVideo, AFrameThatStaysMayBeAcquiredMoreThanOnce) {
+  const auto source = open("4-waits.mkv", true);
+  const std::vector<int> pictures = {0, 1, 1, 1, 1, 2, 3};
+  for (int loop = 0; loop < 100; ++loop) {
+    std::optional<uint64_t> held;
+    for (size_t k = 0; k < pictures.size(); ++k) {
+      frames::AcquiredFrame acquired;
+      ASSERT_EQ(pull(*source, acquired), PullStatus::Ready) << source->failure();
+      EXPECT_EQ(acquired.number, k);
+      EXPECT_EQ(acquired.frame.bytes[0], pictures[k]);
+      EXPECT_EQ(acquired.repeats, k > 1 && k < 5);
+      if (k % 2 == 0) {
+        source->release(acquired.token);
+      } else {
+        if (held) source->release(*held);
+        held = acquired.token;
+      }
+    }
+    source->release(*held);
+    expect_status(*source, PullStatus::End);
+    ASSERT_TRUE(source->rewind());
+  }
+}
+
+TEST_F(FakeVideo, AFileThatIsReadTooSlowlyIsRefused) {
+  EXPECT_THAT(refusal({.file = file("slow.mkv"), .program = LENTICULE_FAKE_VIDEO}),
+              testing::HasSubstr("crashed or took longer than 20 s"));
 }
 
 TEST_F(FakeVideo, ADecodersFailureAfterItsLastFrameIsIgnored) {

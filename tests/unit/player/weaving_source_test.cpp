@@ -18,6 +18,7 @@
 #include "optics/trim.h"
 #include "player/sources/open_source.h"
 #include "tests/support/comes_true.h"
+#include "tests/support/fakes/fake_source.h"
 #include "tests/support/scratch_folder.h"
 
 namespace lenticule::player {
@@ -116,6 +117,49 @@ TEST_F(WeavingSourceTest, PlaysASequenceInOrderInEveryLoop) {
       ASSERT_EQ(pull_soon(source, acquired), PullStatus::Ready);
       EXPECT_EQ(acquired.number, n);
       EXPECT_EQ(copy_of(acquired), expected(noise_quilt(n))) << "loop " << loop << " frame " << n;
+      source.release(acquired.token);
+    }
+    AcquiredFrame none;
+    EXPECT_EQ(pull_soon(source, none), PullStatus::End);
+    ASSERT_TRUE(source.rewind());
+  }
+}
+
+/// Its second picture is marked as a repetition of the first, but differs: if that is woven, it is
+/// seen.
+class MarkedQuilts final : public test::PlainSource {
+ public:
+  [[nodiscard]] frames::FrameGeometry geometry() const override {
+    return pictures_.front().geometry();
+  }
+  [[nodiscard]] PullStatus pull(AcquiredFrame& out) override {
+    if (next_ == pictures_.size()) return PullStatus::End;
+    out = {.frame = pictures_[next_].view(), .number = next_, .repeats = next_ == 1};
+    ++next_;
+    return PullStatus::Ready;
+  }
+  [[nodiscard]] bool rewind() override {
+    next_ = 0;
+    return true;
+  }
+
+ private:
+  std::vector<WovenFrame> pictures_ = {noise_quilt(0), noise_quilt(1), noise_quilt(2)};
+  size_t next_ = 0;
+};
+
+TEST_F(WeavingSourceTest, APictureThatIsRepeatedIsWovenOnce) {
+  std::vector<std::unique_ptr<frames::FrameSource>> sources;
+  sources.push_back(std::make_unique<MarkedQuilts>());
+  auto tiles = frames::arrange_quilt(sources[0]->geometry(), kLayout, false, "quilts");
+  WeavingSource source(
+      std::make_unique<frames::ViewInput>(std::move(sources), std::move(tiles), "quilts"),
+      options());
+  for (int loop = 0; loop < 10; ++loop) {
+    for (const uint32_t picture : {0U, 0U, 2U}) {
+      AcquiredFrame acquired;
+      ASSERT_EQ(pull_soon(source, acquired), PullStatus::Ready);
+      EXPECT_EQ(copy_of(acquired), expected(noise_quilt(picture))) << "loop " << loop;
       source.release(acquired.token);
     }
     AcquiredFrame none;

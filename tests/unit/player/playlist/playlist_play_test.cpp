@@ -3,9 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <future>
+
 #include "display/virtual/virtual_display.h"
 #include "player/playback/playback.h"
 #include "player/playlist/playlist_source.h"
+#include "tests/support/comes_true.h"
 #include "tests/unit/player/playlist/fake_items.h"
 
 namespace lenticule::player {
@@ -215,6 +218,46 @@ TEST_F(PlaylistPlay, EndsAfterTheLongestWaitForAnItem) {
   EXPECT_EQ(play_list(list_of({"missing", "gone"}, kForever)).outcome, PlayOutcome::Finished);
   EXPECT_EQ(status.started, 0u);
   EXPECT_EQ(status.waiting_for, "none of 2 items can be played: gone: no such file; look for it");
+}
+
+/// As a film on a slow disk, whose index is at its end.
+TEST_F(PlaylistPlay, AnItemThatIsOpenedSlowlyDoesNotInterruptThePresentOne) {
+  constexpr uint64_t kFrames = 500;
+  put("a", 0, kFrames);
+  put("slow", kFrames, 1);
+  std::promise<void> opened;
+  std::promise<void> asked;
+  PlaylistSource source(std::make_shared<const Playlist>(list_of({"a", "slow"})),
+                        {.panel = kItemSize,
+                         .open = [&, open = shelf.opener(), ready = opened.get_future().share()](
+                                     const PlaylistItem& item, uint64_t frame) {
+                           if (item.source.text == "slow") {
+                             asked.set_value();
+                             (void)ready.wait_for(std::chrono::seconds(60));
+                           }
+                           return open(item, frame);
+                         }});
+  source.set_display_rate({60, 1});
+  source.open_first();
+  frames::AcquiredFrame frame;
+  uint64_t taken = 0;
+  const auto take = [&] {
+    const frames::PullStatus status = source.pull(frame);
+    if (status != frames::PullStatus::Ready) return status;
+    EXPECT_TRUE(
+        std::ranges::equal(frame.frame.bytes, test::numbered_frame(kItemSize, taken++).bytes()));
+    source.release(frame.token);
+    return status;
+  };
+  ASSERT_TRUE(test::comes_true([&] { return take() == frames::PullStatus::Ready; }));
+  asked.get_future().wait();
+  while (taken < kFrames) ASSERT_EQ(take(), frames::PullStatus::Ready) << taken;
+  // Its last frame stays.
+  for (int n = 0; n < 100; ++n) EXPECT_EQ(take(), frames::PullStatus::NotYet);
+  EXPECT_TRUE(source.waits_for_others());
+  opened.set_value();
+  ASSERT_TRUE(test::comes_true([&] { return take() == frames::PullStatus::Ready; }));
+  EXPECT_EQ(taken, kFrames + 1);
 }
 
 }  // namespace
