@@ -126,7 +126,7 @@ TEST(SceneArchive, RefusesIndicesAndCountsThatFitNothing) {
       {"node", [](auto& s) { s.meshes[0].node = 2; }},
       {"shape", [](auto& s) { s.meshes[1].shape = 1; }},
       {"shape", [](auto& s) { s.shapes[0] = nullptr; }},
-      {"copies", [](auto& s) { s.meshes[1].deformation = s.meshes[0].deformation; }},
+      {"copies", [](auto& s) { s.meshes[1].deformation = std::make_shared<const Deformation>(); }},
       {"choice",
        [](auto& s) {
          s.variants = {{"red"}, 1};

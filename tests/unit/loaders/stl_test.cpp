@@ -129,7 +129,8 @@ TEST(StlText, ErrorsHaveTheLine) {
   const std::string begin = "\nsolid a\n";
   EXPECT_THAT(refusal(begin + facet("0 nan 0")), HasSubstr("a.stl:7: a coordinate must be"));
   EXPECT_THAT(refusal(begin + facet("0 1e99 0")), HasSubstr("a.stl:7: a coordinate must lie"));
-  EXPECT_THAT(refusal(begin + facet("0 0,5 0")), HasSubstr("a.stl:7: a coordinate must be"));
+  EXPECT_THAT(refusal(begin + facet("0 0,5 0")),
+              HasSubstr("a.stl:7: a coordinate must have a decimal point"));
   EXPECT_THAT(refusal(begin + facet("0 1 0\nvertex 1 1 0")),
               HasSubstr("a.stl:8: expected 'endloop', not 'vertex'"));
   EXPECT_THAT(refusal(begin + "colour 1 0 0\n"), HasSubstr("a.stl:3: expected 'facet'"));
