@@ -106,7 +106,7 @@ TEST_F(CompareCommand, FindsNoLargerErrorThanRenderStates) {
   write("wires.nff", scene);
   const auto render = [this](const char* method) {
     return run({"render", path("wires.nff"), "--rig", source_file("scenes/rigs/kiosk-27-1080.toml"),
-                "--frames", "0", "--method", method, "--json", "-o",
+                "--whole-depth", "--frames", "0", "--method", method, "--json", "-o",
                 path(method + std::string(".ppm"))});
   };
   ASSERT_EQ(render("full").exit_code, 0);
