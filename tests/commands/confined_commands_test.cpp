@@ -121,11 +121,11 @@ TEST_F(ConfinedCommands, CommandsTakeThePartsOfAModelByNameOrNumber) {
              "1 'red', 2 'blue'");
 
   const auto render = [&](std::vector<std::string> more) {
-    expect_end(
-        run(test::joined(
-            {"render", path("model.gltf"), "--rig", path("rig.toml"), "-o", path("o.png")}, more)),
-        0);
-    return test::read_text(path("o.png"));
+    expect_end(run(test::joined({"render", path("model.gltf"), "--rig", path("rig.toml"),
+                                 "--overwrite", "-o", path("seen.png")},
+                                more)),
+               0);
+    return test::read_text(path("seen.png"));
   };
   const std::string front = render({});
   EXPECT_EQ(render({"--scene-camera", "1"}), front);

@@ -323,9 +323,10 @@ WovenFrame noise_for_two_eyes(bool related) {
   for (int y = 0; y < kHeight; ++y)
     for (int x = 0; x < 2 * kEye; ++x) {
       const int moved = x < kEye ? x : x - kEye + (y < kHeight / 2 ? 4 : 16);
-      const auto cell = static_cast<uint32_t>((related ? moved : x) / kCell + 1000 * (y / kCell));
-      const uint32_t mixed = (cell + 1) * 2654435761U;
-      std::fill_n(picture.row(y) + 3 * x, 3, static_cast<uint8_t>((mixed ^ mixed >> 13) >> 8));
+      auto mixed = static_cast<uint32_t>((related ? moved : x) / kCell + 1000 * (y / kCell));
+      for (const uint32_t factor : {0x7feb352dU, 0x846ca68bU})
+        mixed = (mixed ^ mixed >> 15) * factor;
+      std::fill_n(picture.row(y) + 3 * x, 3, static_cast<uint8_t>(mixed >> 24));
     }
   return picture;
 }
