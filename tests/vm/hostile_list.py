@@ -288,7 +288,7 @@ class HostileList:
                      "good.png/below.png", "\x1b[2J\x1b[1;1Hmissing.png", "line\nend.png"]:
             self._bad(kind, name)
         kind = "not a kind that is played"
-        self._bad(kind, "list.json", b"good.png\n")
+        self._bad(kind, "list.txt", b"good.png\n")
         self._bad(kind, "script.sh", b"#!/bin/sh\nexit 1\n")
         self._bad("a ring without a renderer", "ring:/tmp/no-renderer.sock")
         self.items[-1].settings["wait_s"] = 2
