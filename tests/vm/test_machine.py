@@ -43,8 +43,7 @@ def udev_names_the_card_and_reports_its_changes(vm):
     monitor = vm.start(["udevadm", "monitor", "--udev", "--property", "--subsystem-match=drm"])
     monitor.wait_for_line("UDEV - the event", 20)
     deadline = time.monotonic() + 20  # printed before udev listens: repeat until an event
-    while "ACTION=change" not in monitor.stdout:
+    while not all(line in monitor.stdout for line in ("ACTION=change", "DEVNAME=/dev/dri/card0")):
         assert time.monotonic() < deadline, monitor.stdout
         vm.write_file("/sys/class/drm/card0/uevent", "change")
         vm.listen(0.2)
-    assert "DEVNAME=/dev/dri/card0" in monitor.stdout, monitor.stdout
