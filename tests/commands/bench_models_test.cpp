@@ -29,9 +29,7 @@ class BenchModels : public CommandTest {
   }
 
   [[nodiscard]] ProcessResult compare(std::vector<std::string> more) const {
-    return run(joined(
-        {"bench", "models", path("models"), "-o", out(""), "--size", "32", "--light-samples", "2"},
-        more));
+    return run(joined({"bench", "models", path("models"), "-o", out(""), "--size", "32"}, more));
   }
 
   [[nodiscard]] std::string out(const std::string& name) const { return path("out/" + name); }

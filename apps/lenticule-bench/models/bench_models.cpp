@@ -28,6 +28,7 @@
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 #include "render/loaders/load_scene.h"
+#include "render/loaders/viewer_choices.h"
 #include "render/methods/method.h"
 #include "render/scene/scene.h"
 
@@ -199,7 +200,6 @@ struct ModelsFlags {
   std::string environment;
   int size_px = 512;
   int supersample = 2;
-  int light_samples = 32;
   double pixels_per_degree = tools::kFlipPixelsPerDegree;
   int limit_s = 120;
   int threads = 0;
@@ -289,6 +289,10 @@ class ModelsRun {
     row.job.camera = camera;
     row.job.light_scale = description.light_scale * std::numbers::pi;
     description.cameras = {camera};
+    // Only metallic-roughness materials are lit by the whole environment.
+    for (render::Material& material : description.materials)
+      if (!material.pbr)
+        material.pbr = std::make_shared<const render::PbrMaterial>(render::pbr_like(material));
     // A scene that states its ambient light gets no default sun; the environment replaces that
     // light.
     description.ambient = description.ambient.value_or(Vec3{});
@@ -299,10 +303,6 @@ class ModelsRun {
     surroundings.tone_map = render::ToneMap::PbrNeutral;  // as jobs_text() asks of the judge
     const render::Scene scene(description, stage, surroundings, flags_.threads);
     render::RenderOptions options{.threads = flags_.threads, .cancelled = player::interrupted};
-    // Metallic-roughness materials are lit by the whole environment.
-    const bool is_pbr = std::ranges::any_of(
-        scene.materials, [](const render::Material& material) { return material.pbr != nullptr; });
-    if (!is_pbr) options.soft.environment_samples = flags_.light_samples;
     frames::WovenFrame frame({.width = row.job.side_px, .height = row.job.side_px});
     render::make_method("full", model_, options)->render(scene, stage, frame);
     row.entry.ours = averaged(frame.view(), flags_.supersample);
@@ -458,9 +458,6 @@ cli::Run declare_bench_models(CLI::App& app) {
   app.add_option("--supersample", flags->supersample,
                  "pixels per side that both renderers draw for one pixel")
       ->check(CLI::Range(1, 8))
-      ->capture_default_str();
-  app.add_option("--light-samples", flags->light_samples, "our rays to the environment")
-      ->check(CLI::Range(1, 4096))
       ->capture_default_str();
   app.add_option("--pixels-per-degree", flags->pixels_per_degree, "of the viewer, for FLIP")
       ->check(CLI::Range(1.0, 1000.0))
