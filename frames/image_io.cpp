@@ -189,7 +189,7 @@ class TextureSink final : public PictureSink {
   PictureInfo info_;
   TextureImage row_;         ///< the row that is being decoded
   int next_row_ = -1;        ///< its number
-  std::vector<float> sums_;  ///< of the texels of one row
+  std::vector<float> sums_;  ///< sums of the texels of one row
 };
 
 TextureImage texture_of(const EncodedPicture& picture, TextureContent content, TexelPlace place) {

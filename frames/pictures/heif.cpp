@@ -126,7 +126,7 @@ class HeifReader final : public OIIO::ImageInput {
 
   Bytes file_;
   Context context_;
-  std::vector<heif_item_id> items_;  ///< of the pictures, numbered by HeifPicture
+  std::vector<heif_item_id> items_;  ///< items of the pictures, by HeifPicture
   int picture_ = -1;
   Handle handle_;
   Image image_;  ///< decoded pixels of the picture, if any

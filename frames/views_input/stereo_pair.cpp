@@ -136,7 +136,7 @@ struct Match {
   bool detailed = false;  ///< the block has enough detail
   bool found = false;
   bool unique = false;
-  double shift = 0.0;  ///< in pixels of the reduced picture, to the right
+  double shift = 0.0;  ///< pixels of the reduced picture, to the right
 };
 
 /// Searches the block at (x, y) of a half in the other half, `down` rows below, where the block at

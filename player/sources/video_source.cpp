@@ -420,7 +420,7 @@ class Source final : public VideoSource {
   const uint64_t slots_;
   const PrivateFolder folder_;
   std::unique_ptr<frames::RingPlayer> ring_;
-  std::vector<int> uses_;  ///< for each slot of the ring: its users here and in the player
+  std::vector<int> uses_;  ///< users of each slot of the ring, here and in the player
   const uint64_t most_repeats_;
   UniqueFd events_;
 

@@ -86,7 +86,8 @@ class EmbreeScene {
  private:
   EmbreeHandle<RTCScene> scene_;
   unsigned features_ = 0;
-  std::vector<EmbreeTriangles> triangles_;  ///< by the geometry's number; empty of user geometries
+  /// Indexed by the geometry's number; user geometries have no triangles.
+  std::vector<EmbreeTriangles> triangles_;
 };
 
 /// EmbreeDevice owns a device and remembers the first error that Embree reported through its

@@ -435,7 +435,7 @@ class ObjReader {
   TextReader reader_;
   SceneDescription scene_;
   std::vector<Vec3> positions_, normals_;
-  std::vector<Colour> colours_;  ///< of the first positions
+  std::vector<Colour> colours_;  ///< colours of the first positions
   std::vector<std::array<float, 2>> uvs_;
   std::map<std::string, Parts> parts_;
   Parts* now_ = &parts_[""];  ///< of the current material

@@ -71,7 +71,7 @@ struct Header {
 };
 
 struct TypeNames {
-  std::string_view names;  ///< for is_one_of()
+  std::string_view names;  ///< names that is_one_of() compares
   ValueType type;
 };
 constexpr std::array<TypeNames, 8> kTypes{{{" char int8 ", kType<int8_t>},

@@ -262,7 +262,7 @@ struct Node {
 /// Selection lists what a file has of one kind, and what of that the scene consists of.
 struct Selection {
   static constexpr int kNone = -1, kAll = -2;
-  std::vector<std::string> names{};  ///< in the order of the file; empty for what has no name
+  std::vector<std::string> names{};  ///< names in the order of the file; some may be empty
   int taken = kNone;                 ///< index into names, or kNone or kAll
 
   [[nodiscard]] bool takes(size_t n) const { return taken == kAll || taken == static_cast<int>(n); }

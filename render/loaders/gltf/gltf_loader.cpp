@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // A glTF file becomes a scene in this order: the document (JSON and buffers, decompressed), the
 // nodes parents first, the materials with their pictures, skins, the meshes once per node that
-// shows them, the chosen animations, lights and cameras. Then lights are exposed, and whatever
-// never moves is baked to world coordinates. Content that is left out is counted and noted; damaged
+// shows them, the chosen animations, lights and cameras. Then lights are exposed, and objects that
+// never move are baked to world coordinates. Content that is left out is counted and noted; damaged
 // content is an error with the path of its JSON value.
 #include "render/loaders/gltf_loader.h"
 

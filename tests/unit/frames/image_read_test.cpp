@@ -405,7 +405,7 @@ TEST_F(ImageRead, BothViewsOfAnExrAreSideBySide) {
                 output->write_image(OIIO::TypeDesc::FLOAT, values.data()) && output->close());
     expect_pair(file);
   }
-  // Of one channel, too, behind a part of colours with primaries of their own.
+  // The parts may have one channel, behind a part of colours with primaries of their own.
   const std::array wide = {0.708F, 0.292F, 0.17F, 0.797F, 0.131F, 0.046F, 0.3127F, 0.329F};
   for (const int channels : {3, 1}) {
     std::vector<OIIO::ImageSpec> parts(3, OIIO::ImageSpec(2, 2, channels, OIIO::TypeDesc::FLOAT));

@@ -120,7 +120,7 @@ TEST(DepthViews, MoveNearObjectsLeftAndFarOnesRightAsTheEyeMovesRight) {
 }
 
 TEST(DepthViews, TheDisparityOfADistanceIsLinearInItsReciprocal) {
-  // Of distances from 1 to 3, code 51 is 2.6: a share of (1/2.6 - 1/3) / (1 - 1/3) = 1/13.
+  // Distances from 1 to 3 give code 51 for 2.6: a share of (1/2.6 - 1/3) / (1 - 1/3) = 1/13.
   const Box box(51);
   DepthViews drawn(
       48, 2, {.views = 2, .back = 0.0, .front = 52.0, .in_pixels = true, .distance_ratio = 3.0});

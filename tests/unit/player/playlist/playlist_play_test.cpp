@@ -220,7 +220,7 @@ TEST_F(PlaylistPlay, EndsAfterTheLongestWaitForAnItem) {
   EXPECT_EQ(status.waiting_for, "none of 2 items can be played: gone: no such file; look for it");
 }
 
-/// As a film on a slow disk, whose index is at its end.
+/// Stands for a film on a slow disk, whose index is at its end.
 TEST_F(PlaylistPlay, AnItemThatIsOpenedSlowlyDoesNotInterruptThePresentOne) {
   constexpr uint64_t kFrames = 500;
   put("a", 0, kFrames);
