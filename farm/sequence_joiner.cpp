@@ -59,6 +59,7 @@ const char* difference(const frames::SequenceInfo& part, const frames::SequenceI
   if (rig_of(part) != rig_of(film)) return "made for another rig";
   if (part.rate != film.rate) return "another frame rate";
   if (part.made_from != film.made_from) return "made from another scene";
+  if (part.max_error != film.max_error) return "written with another largest error";
   if (part.software != film.software) return "written by another version";
   return nullptr;
 }

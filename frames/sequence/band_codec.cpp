@@ -69,15 +69,17 @@ size_t blocks_of(size_t band_bytes) {
 }  // namespace
 
 struct BandEncoder::State {
-  State(size_t max_band_bytes, const PredictorKernel& functions)
+  State(size_t max_band_bytes, const PredictorKernel& functions, int largest_error)
       : kernel(functions),
+        max_error(static_cast<uint8_t>(largest_error)),
         compressor(make_compressor()),
         coder(make_coder()),
         modes(blocks_of(max_band_bytes)),
         masks(blocks_of(max_band_bytes) * kMaskBytes),
         values(blocks_of(max_band_bytes) * kBlockBytes),
         packed(ZSTD_compressBound(values.size())),
-        coded(packed.size()) {}
+        coded(packed.size()),
+        window(max_error > 0 ? values.size() : 0) {}
 
   /// Compresses `bytes`. Returns the result, or nothing if compression would save none.
   static std::span<const uint8_t> compress(ZSTD_CCtx* context, std::span<const uint8_t> bytes,
@@ -104,6 +106,7 @@ struct BandEncoder::State {
   }
 
   const PredictorKernel& kernel;
+  const uint8_t max_error;
   Compressor compressor;
   Compressor coder;
   std::vector<uint8_t> modes;
@@ -111,11 +114,14 @@ struct BandEncoder::State {
   std::vector<uint8_t> values;
   std::vector<uint8_t> packed;
   std::vector<uint8_t> coded;
-  std::vector<uint8_t> plain;  ///< the other codec's payload, while two are compared
+  std::vector<uint8_t> window;  ///< the band that the decoder will have
+  std::vector<uint8_t> plain;   ///< the other codec's payload, while two are compared
 };
 
-BandEncoder::BandEncoder(size_t max_band_bytes, Isa isa)
-    : state_(std::make_unique<State>(max_band_bytes, predictor_kernel(isa))) {}
+BandEncoder::BandEncoder(size_t max_band_bytes, Isa isa, int max_error)
+    : state_(std::make_unique<State>(max_band_bytes, predictor_kernel(isa), max_error)) {
+  LENTICULE_CHECK(max_error >= 0 && max_error <= kMostMaxError);
+}
 BandEncoder::~BandEncoder() = default;
 BandEncoder::BandEncoder(BandEncoder&&) noexcept = default;
 BandEncoder& BandEncoder::operator=(BandEncoder&&) noexcept = default;
@@ -149,7 +155,12 @@ bool BandEncoder::encode_as(BandCodec codec, std::span<const uint8_t> band,
   } else {
     PredictorOutput out{
         .modes = s.modes.data(), .masks = s.masks.data(), .values = s.values.data()};
-    s.kernel.encode_blocks(predictors, band.data(), band.size(), out);
+    s.kernel.encode_blocks(predictors,
+                           {.band = band.data(),
+                            .bytes = band.size(),
+                            .max_error = s.max_error,
+                            .window = s.window.data()},
+                           out);
     append_u32(payload, static_cast<uint32_t>(predictors.count));
     for (int predictor = 1; predictor <= predictors.count; ++predictor)
       append_u32(payload, predictors.distance[predictor]);

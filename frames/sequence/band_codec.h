@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Compresses one band of a frame without loss and independently of all other bands. The payload's
+// Compresses one band of a frame independently of all other bands, without loss or within a largest
+// error of every byte. The payload's
 // layout is in docs/content/formats.md.
 #pragma once
 
@@ -30,8 +31,9 @@ inline constexpr uint8_t kBandCodecs = 3;
 /// BandEncoder compresses bands. A payload is never larger than the band: Raw is the fallback.
 class BandEncoder {
  public:
-  /// Allocates for bands of at most `max_band_bytes`. Throws std::bad_alloc.
-  explicit BandEncoder(size_t max_band_bytes, Isa isa = best_isa());
+  /// Allocates for bands of at most `max_band_bytes`. Decoded bytes will be at most `max_error`
+  /// off, 0 (without loss) to kMostMaxError. Throws std::bad_alloc.
+  explicit BandEncoder(size_t max_band_bytes, Isa isa = best_isa(), int max_error = 0);
   ~BandEncoder();
   BandEncoder(BandEncoder&&) noexcept;
   BandEncoder& operator=(BandEncoder&&) noexcept;

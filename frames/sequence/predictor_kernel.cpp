@@ -96,6 +96,14 @@ Block add_values(Block block, uint32_t mask, const uint8_t* values) noexcept {
 
 #endif
 
+/// Returns the bytes nearest to `from` that are at most `error` away from those of `block`.
+Block nearest_within(Block block, Block from, uint8_t error) noexcept {
+  const __m256i step = _mm256_set1_epi8(static_cast<char>(error));
+  const __m256i least = _mm256_subs_epu8(block.bytes, step);
+  const __m256i most = _mm256_adds_epu8(block.bytes, step);
+  return {_mm256_min_epu8(_mm256_max_epu8(from.bytes, least), most)};
+}
+
 struct Difference {
   uint32_t non_zero;
   uint32_t large;
@@ -138,6 +146,14 @@ Block add_values(Block block, uint32_t mask, const uint8_t* values) noexcept {
   const uint8x8_t c = spread_eight(mask >> 16, values);
   const uint8x8_t d = spread_eight(mask >> 24, values);
   return {vaddq_u8(block.low, vcombine_u8(a, b)), vaddq_u8(block.high, vcombine_u8(c, d))};
+}
+
+Block nearest_within(Block block, Block from, uint8_t error) noexcept {
+  const uint8x16_t step = vdupq_n_u8(error);
+  const auto half = [&](uint8x16_t b, uint8x16_t f) {
+    return vminq_u8(vmaxq_u8(f, vqsubq_u8(b, step)), vqaddq_u8(b, step));
+  };
+  return {half(block.low, from.low), half(block.high, from.high)};
 }
 
 struct Difference {
@@ -186,6 +202,16 @@ Block add_values(Block block, uint32_t mask, const uint8_t* values) noexcept {
   return block;
 }
 
+Block nearest_within(const Block& block, const Block& from, uint8_t error) noexcept {
+  Block result;
+  for (size_t i = 0; i < kBlockBytes; ++i) {
+    const int least = block.bytes[i] - error, most = block.bytes[i] + error;
+    const int value = from.bytes[i];
+    result.bytes[i] = static_cast<uint8_t>(value < least ? least : value > most ? most : value);
+  }
+  return result;
+}
+
 struct Difference {
   uint32_t non_zero;
   uint32_t large;
@@ -228,8 +254,8 @@ struct Choice {
   uint32_t non_zero = 0;
 };
 
-Choice choose_predictor(const PredictorTable& predictors, const uint8_t* band, size_t start,
-                        const Block& block, uint32_t counted) noexcept {
+Choice choose_predictor(const PredictorTable& predictors, const uint8_t* window, size_t start,
+                        const Block& block, uint8_t max_error, uint32_t counted) noexcept {
   Choice best;
   for (int predictor = 1; predictor <= predictors.count + 1; ++predictor) {
     const int index = predictor > predictors.count
@@ -237,7 +263,9 @@ Choice choose_predictor(const PredictorTable& predictors, const uint8_t* band, s
                           : predictor;  // "zero" comes last, because it is seldom the cheapest
     const size_t distance = predictors.distance[index];
     if (distance > start) continue;
-    const Difference d = difference(block, load(index == 0 ? kZeros : band + start - distance));
+    const Block from = load(index == 0 ? kZeros : window + start - distance);
+    const Block wanted = max_error == 0 ? block : nearest_within(block, from, max_error);
+    const Difference d = difference(wanted, from);
     const int cost = cost_of(d, counted);
     if (cost < best.cost) best = {index, cost, d.non_zero & counted};
     if (best.cost == 0) break;
@@ -396,19 +424,41 @@ bool decode_blocks(const PredictorTable& predictors, const PredictorStreams& in,
   return whole;
 }
 
-void encode_blocks(const PredictorTable& predictors, const uint8_t* band, size_t bytes,
+/// Computes the block that the decoder will have: differences from the prediction that are beyond
+/// `max_error` are rounded to multiples of 2 max_error + 1, so that few different residuals remain.
+void round_block(const Choice& choice, const uint8_t* block, const uint8_t* from, int max_error,
+                 uint8_t* to) noexcept {
+  const int step = 2 * max_error + 1;
+  const int reciprocal = (1 << 16) / step + 1;
+  __builtin_memcpy(to, from, kBlockBytes);
+  for (uint32_t mask = choice.non_zero; mask != 0; mask &= mask - 1) {
+    const int i = __builtin_ctz(mask);
+    const int rest = block[i] - from[i];
+    const int steps = ((rest < 0 ? -rest : rest) + max_error) * reciprocal >> 16;
+    const int value = from[i] + (rest < 0 ? -steps : steps) * step;
+    to[i] = static_cast<uint8_t>(value < 0 ? 0 : value > 255 ? 255 : value);
+  }
+}
+
+void encode_blocks(const PredictorTable& predictors, const PredictorSource& source,
                    PredictorOutput& out) noexcept {
-  for (size_t start = 0; start < bytes; start += kBlockBytes) {
-    const size_t left = bytes - start;
+  const uint8_t* const window = source.max_error == 0 ? source.band : source.window;
+  for (size_t start = 0; start < source.bytes; start += kBlockBytes) {
+    const size_t left = source.bytes - start;
     uint8_t partial[kBlockBytes] = {};
-    const uint8_t* block = band + start;
+    const uint8_t* block = source.band + start;
     if (left < kBlockBytes) {
       __builtin_memcpy(partial, block, left);
       block = partial;
     }
-    const Choice choice = choose_predictor(predictors, band, start, load(block), bits_of(left));
+    const Choice choice =
+        choose_predictor(predictors, window, start, load(block), source.max_error, bits_of(left));
     const uint8_t* from =
-        choice.predictor == 0 ? kZeros : band + start - predictors.distance[choice.predictor];
+        choice.predictor == 0 ? kZeros : window + start - predictors.distance[choice.predictor];
+    if (source.max_error > 0) {
+      round_block(choice, block, from, source.max_error, source.window + start);
+      block = source.window + start;
+    }
     write_block(choice, block, from, out);
   }
 }

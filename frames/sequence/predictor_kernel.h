@@ -39,6 +39,17 @@ struct PredictorTarget {
   uint8_t* window = nullptr;
 };
 
+/// PredictorSource is a band to encode. With a largest error, `window` takes the band that the
+/// decoder will have, in whole blocks: later blocks are predicted from it, so that errors do not
+/// add up.
+struct PredictorSource {
+  const uint8_t* band = nullptr;
+  size_t bytes = 0;
+  uint8_t max_error = 0;      ///< in code values, 0..kMostMaxError
+  uint8_t* window = nullptr;  ///< unused without an error
+};
+inline constexpr int kMostMaxError = 16;
+
 /// PredictorOutput is the output of encoding a band. Capacities per block: one byte of modes, four
 /// bytes of masks, kBlockBytes bytes of values.
 struct PredictorOutput {
@@ -56,7 +67,7 @@ struct PredictorKernel {
   bool (*decode_blocks)(const PredictorTable& predictors, const PredictorStreams& in,
                         const PredictorTarget& to, size_t bytes) noexcept;
   /// Chooses the cheapest predictor of every block.
-  void (*encode_blocks)(const PredictorTable& predictors, const uint8_t* band, size_t bytes,
+  void (*encode_blocks)(const PredictorTable& predictors, const PredictorSource& source,
                         PredictorOutput& out) noexcept;
   /// Returns the cost of `block` if it is predicted from `from`, 0..5 * kBlockBytes.
   int (*predictor_cost)(const uint8_t* block, const uint8_t* from) noexcept;

@@ -114,6 +114,7 @@ std::string sequence_info_to_json(const SequenceInfo& info) {
                           {"offset_lenses", info.rig_trim.offset.value},
                           {"pitch_relative", info.rig_trim.pitch_relative}};
   if (!info.made_from.empty()) object["made_from"] = info.made_from;
+  if (info.max_error > 0) object["max_error"] = info.max_error;
   if (info.views) object["views"] = views_json(*info.views);
   return object.dump(1, ' ', false, json::error_handler_t::replace);
 }
@@ -137,6 +138,8 @@ SequenceInfo parse_sequence_info(std::string_view text, const FrameGeometry& geo
     parse_rig_trim(JsonFields(*trim, fields.source(), kRemedy), info);
   info.made_from = fields.text_or("made_from", {});
   info.software = fields.text_or("software", {});
+  if (fields.find("max_error") != nullptr)
+    info.max_error = static_cast<int>(fields.whole("max_error", 255));
   if (info.kind == SequenceKind::Views) info.views = parse_views(fields, geometry);
   return info;
 }

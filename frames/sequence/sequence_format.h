@@ -57,6 +57,8 @@ struct SequenceInfo {
   /// Scene or input that the frames were made from: its name and the folder's name. Empty: not
   /// stated.
   std::string made_from;
+  int max_error =
+      0;  ///< most code values by which a subpixel may differ from the original; 0: none
   std::optional<SequenceViews> views;  ///< set in a sequence of views
   std::string software;                ///< program that wrote the sequence
   friend bool operator==(const SequenceInfo&, const SequenceInfo&) = default;

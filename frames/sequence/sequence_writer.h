@@ -13,8 +13,11 @@
 #include <cerrno>
 #include <chrono>
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <optional>
+#include <span>
 #include <system_error>
 #include <thread>
 #include <vector>
@@ -43,6 +46,10 @@ struct SequenceWriterOptions {
   /// same bytes as a file written in one run.
   bool resume = false;
   int threads = 0;  ///< compression threads; 0 means one per core
+  /// Most code values, 0..kMostMaxError, by which a subpixel may be written wrong, to save space;
+  /// SequenceInfo::max_error states it. A resumed file may have other bytes then, not larger
+  /// errors.
+  int max_error = 0;
   SequencePart part_of_film{};
 };
 
@@ -59,7 +66,9 @@ class SequenceWriter {
       : file_(std::move(file)),
         part_(file_.string() + ".part"),
         part_of_film_(options.part_of_film),
+        max_error_(options.max_error),
         workers_(options.threads) {
+    LENTICULE_CHECK(max_error_ <= info.max_error);
     if (!can_hold(info.geometry))
       throw Error(ErrorKind::Usage,
                   fmt::format("{}: frames of {}x{} pixels are too large for a sequence container",
@@ -74,7 +83,7 @@ class SequenceWriter {
       begin(info);
     }
     for (int worker = 0; worker < workers_.count(); ++worker)
-      encoders_.emplace_back(layout_.header.band_bytes(0));
+      coders_.emplace_back(layout_.header.band_bytes(0), max_error_);
     bands_.resize(static_cast<size_t>(layout_.header.bands()));
     recall();
     last_sync_ = std::chrono::steady_clock::now();
@@ -141,6 +150,7 @@ class SequenceWriter {
     if (there.rig_fingerprint != wanted.rig_fingerprint) return "another rig";
     if (there.rate != wanted.rate) return "another frame rate";
     if (there.first_frame != wanted.first_frame) return "another first frame";
+    if (there.max_error != wanted.max_error) return "another largest error";
     return nullptr;
   }
 
@@ -169,6 +179,17 @@ class SequenceWriter {
     std::vector<uint8_t> payload;
     BandEntry entry;
     bool repeated = false;  ///< same pixels as in the previous frame, whose payload is referenced
+  };
+  /// Coders holds what a worker needs.
+  struct Coders {
+    Coders(size_t band_bytes, int max_error) : encoder(band_bytes, best_isa(), max_error) {
+      if (max_error == 0) return;
+      decoder.emplace(band_bytes);
+      decoded.resize(band_bytes);
+    }
+    BandEncoder encoder;
+    std::optional<BandDecoder> decoder;  ///< checks what was encoded with an error
+    std::vector<uint8_t> decoded;
   };
 
   void begin(const SequenceInfo& info) {
@@ -221,10 +242,20 @@ class SequenceWriter {
     band.repeated =
         !previous_.empty() && std::memcmp(pixels.data(), &previous_[offset], bytes) == 0;
     if (band.repeated) return;
-    band.entry.codec =
-        encoders_[static_cast<size_t>(worker)].encode(pixels, predictors_, band.payload);
+    Coders& coders = coders_[static_cast<size_t>(worker)];
+    band.entry.codec = coders.encoder.encode(pixels, predictors_, band.payload);
+    if (coders.decoder) require_small_errors(coders, band, pixels);
     band.entry.bytes = static_cast<uint32_t>(band.payload.size());
     band.entry.checksum = checksum_of(band.payload);
+  }
+  void require_small_errors(Coders& coders, const Band& band,
+                            std::span<const uint8_t> pixels) const {
+    const std::span<uint8_t> decoded = std::span(coders.decoded).first(pixels.size());
+    LENTICULE_CHECK(coders.decoder->decode(band.entry.codec, band.payload, decoded));
+    int largest = 0;
+    for (size_t at = 0; at < pixels.size(); ++at)
+      largest = std::max(largest, std::abs(pixels[at] - decoded[at]));
+    LENTICULE_CHECK(largest <= max_error_);
   }
   /// Restores the state for encoding the next frame: the previous frame, the offsets of its bands,
   /// and the predictors. A resumed file therefore equals, byte by byte, a file written in one run.
@@ -289,8 +320,9 @@ class SequenceWriter {
   SequencePart part_of_film_;
   UniqueFd fd_;
   SequenceLayout layout_;
+  int max_error_;
   BandWorkers workers_;
-  std::vector<BandEncoder> encoders_;
+  std::vector<Coders> coders_;
   PredictorTable predictors_;
   std::vector<Band> bands_;
   std::vector<uint8_t> previous_;  ///< pixels of the last appended frame, empty at first

@@ -81,7 +81,7 @@ struct CodecTrial::State {
     header.band_rows = choose_band_rows(geometry);
     bands.resize(static_cast<size_t>(header.bands()));
     rest.resize(header.band_bytes(0));
-    encoder.emplace(header.band_bytes(0));
+    encoder.emplace(header.band_bytes(0), best_isa(), kind == TrialKind::Container ? level : 0);
     decoder.emplace(header.band_bytes(0));
   }
 

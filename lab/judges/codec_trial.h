@@ -20,7 +20,7 @@ enum class TrialKind {
 
 class CodecTrial {
  public:
-  /// `level` is zstd's level, for the two kinds that use zstd.
+  /// `level` is zstd's level, for the two kinds that use zstd; for a container the largest error.
   explicit CodecTrial(TrialKind kind, int level = 0);
   ~CodecTrial();
   CodecTrial(CodecTrial&&) noexcept;

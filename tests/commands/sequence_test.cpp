@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests sequence containers on the command line: rendered, resumed, played, converted, refused.
+#include <gmock/gmock.h>
+
 #include <csignal>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <nlohmann/json.hpp>
@@ -234,6 +237,24 @@ TEST_F(SequenceCommand, ConvertKeepsTheRigAndRefusesAWrongOne) {
       results_of(run({"play", path("b.lts"), "--rig", kTiny, "--frames", "2:3", "--display",
                       "virtual", "--clock", "simulated", "--duration", "0.01", "--json"}))["shown"],
       1);
+}
+
+TEST_F(SequenceCommand, ConvertStatesTheErrorsOfAllItsRuns) {
+  ASSERT_EQ(render("0:2", "film.lts").exit_code, 0);
+  const auto error_after = [&](const std::string& from, const std::string& to,
+                               std::vector<std::string> flags) {
+    flags.insert(flags.begin(), {"convert", path(from), "-o", path(to), "--json"});
+    return results_of(run(flags))["max_error"];
+  };
+  EXPECT_EQ(error_after("film.lts", "small.lts", {"--max-error", "4"}), 4);
+  EXPECT_LT(std::filesystem::file_size(path("small.lts")),
+            std::filesystem::file_size(path("film.lts")));
+  EXPECT_EQ(error_after("small.lts", "copy.lts", {}), 4) << "a copy is not nearer to the original";
+  EXPECT_EQ(error_after("small.lts", "smaller.lts", {"--max-error", "2"}), 6);
+  const ProcessResult refused =
+      run({"convert", path("film.lts"), "-o", path("a%02d.png"), "--max-error", "1"});
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.err, ::testing::HasSubstr("--max-error"));
 }
 
 TEST_F(SequenceCommand, TheCodecIsMeasured) {

@@ -324,6 +324,7 @@ struct ConvertFlags {
   std::string frames;
   player::ContentFlags content;
   player::WeavingFlags weaving;
+  int max_error = 0;
   bool resume = false;
   bool overwrite = false;
   bool keep_damaged = false;
@@ -367,6 +368,9 @@ class ConvertPlan {
     if (result == Result::Quilt && rig)
       throw Error(ErrorKind::Usage, "--rig: has no effect on quilts and views",
                   "leave it out; use --from-rig for the rig that frames were woven for");
+    if (flags_.max_error > 0 && !flags_.output.ends_with(".lts"))
+      throw Error(ErrorKind::Usage, fmt::format("--max-error: not for {}", flags_.output),
+                  "use it with -o FILE.lts");
     if (flags_.output.ends_with(".toml") || flags_.output.ends_with(".json"))
       throw Error(ErrorKind::Usage, fmt::format("-o {}: unknown kind of output", flags_.output),
                   "use FILE.lts, FILE.mkv, a pattern, a picture, or 'views:view%02d/%05d.png'");
@@ -540,6 +544,7 @@ class ConvertRun {
 
   void open_output() {
     if (info_.made_from.empty()) info_.made_from = made_from(flags_.input);
+    info_.max_error = std::min(info_.max_error + flags_.max_error, 255);
     ConvertTarget target{.request = {.target = flags_.output,
                                      .range = {.begin = info_.first_frame,
                                                .end = info_.first_frame + range_.count()},
@@ -548,6 +553,7 @@ class ConvertRun {
                                      .rate = info_.rate,
                                      .resume = flags_.resume,
                                      .overwrite = flags_.overwrite,
+                                     .max_error = flags_.max_error,
                                      .sequence = info_}};
     if (plan_.result == Result::Quilt) target.quilt = layout_;
     written_ = target_name(target);
@@ -606,6 +612,7 @@ class ConvertRun {
                 {"frames_damaged", damage.damaged},
                 {"frames_missing", damage.missing},
                 {"rate", frames::to_string(info_.rate)},
+                {"max_error", info_.max_error},
                 {"interrupted", player::interrupted()},
                 {"seconds", seconds_}});
   }
@@ -657,6 +664,11 @@ cli::Run declare_convert(CLI::App& app) {
       ->type_name("A:B");
   cli::declare_content_flags(app, flags->content);
   cli::declare_weaving_flags(app, flags->weaving);
+  app.add_option("--max-error", flags->max_error,
+                 "for FILE.lts: no subpixel is off by more than 1, 2 ... 16 code values\n"
+                 "2 halves the size of films of photographs; the file states it.")
+      ->default_str("0, lossless")
+      ->check(CLI::Range(0, frames::kMostMaxError));
   CLI::Option* const resume =
       app.add_flag("--resume", flags->resume, "continue where an earlier run was stopped");
   app.add_flag("--overwrite", flags->overwrite, kOverwriteHelp)->excludes(resume);

@@ -263,7 +263,8 @@ class SequenceOutput final : public FrameOutput {
  public:
   explicit SequenceOutput(const OutputRequest& request)
       : first_(request.range.begin),
-        writer_(request.target, sequence_info_of(request), {.resume = request.resume}) {}
+        writer_(request.target, sequence_info_of(request),
+                {.resume = request.resume, .max_error = request.max_error}) {}
 
   bool has(uint64_t frame) const override { return frame - first_ < writer_.frame_count(); }
 

@@ -46,6 +46,7 @@ struct OutputRequest {
   std::string made_from = {};  ///< see frames::SequenceInfo
   bool resume = false;         ///< continue an existing output; has() will be called
   bool overwrite = false;      ///< existing files may be replaced
+  int max_error = 0;           ///< see frames::SequenceWriterOptions
   /// Metadata of a container; made from the members above if none.
   std::optional<frames::SequenceInfo> sequence = std::nullopt;
 };

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <random>
 
 #include "band_oracle.h"
@@ -71,6 +72,47 @@ TEST(BandCodec, RoundTripsWithEveryCodecPredictorSetAndInstructionSet) {
     }
   }
   EXPECT_GE(predicted, 30);
+}
+
+/// Returns the largest difference of two bands.
+int largest_difference(std::span<const uint8_t> a, std::span<const uint8_t> b) {
+  int largest = 0;
+  for (size_t at = 0; at < a.size(); ++at) largest = std::max(largest, std::abs(a[at] - b[at]));
+  return largest;
+}
+
+TEST(BandCodec, KeepsTheLargestErrorWithEveryInstructionSet) {
+  for (const auto& geometry : kSizes) {
+    for (const Content content : kContents) {
+      const WovenFrame frame = make_frame(geometry, content, 3);
+      const size_t bytes = frame.bytes().size();
+      for (const PredictorTable& predictors : predictor_sets(frame)) {
+        for (const int error : {1, 2, 3, 4, kMostMaxError}) {
+          std::vector<uint8_t> first;
+          for (const Isa isa : test::every_instruction_set()) {
+            BandEncoder encoder(bytes, isa, error);
+            std::vector<uint8_t> payload, band(bytes);
+            const BandCodec codec = encoder.encode(frame.bytes(), predictors, payload);
+            ASSERT_LE(payload.size(), bytes);
+            ASSERT_TRUE(BandDecoder(bytes, isa).decode(codec, payload, band));
+            ASSERT_LE(largest_difference(band, frame.bytes()), error) << isa_name(isa);
+            if (first.empty()) first = payload;
+            ASSERT_EQ(payload, first) << isa_name(isa);
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST(BandCodec, AnErrorOfTwoSavesTwoBitsOfNoise) {
+  const WovenFrame frame = make_frame({960, 60}, Content::Noise, 0);
+  const PredictorTable predictors = choose_predictors(frame.view(), 60);
+  std::vector<uint8_t> lossy;
+  const size_t bytes = frame.bytes().size();
+  ASSERT_TRUE(BandEncoder(bytes, best_isa(), 2)
+                  .encode_as(BandCodec::Predicted, frame.bytes(), predictors, lossy));
+  EXPECT_LT(lossy.size(), bytes * 3 / 4) << "five values in one: log2(5) = 2.3 of 8 bits";
 }
 
 TEST(BandCodec, EncodedBandsAreNeverLargerThanTheBand) {
