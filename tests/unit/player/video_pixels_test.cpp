@@ -142,18 +142,18 @@ TEST_F(VideoPixels, DeepRgbIsRoundedOnce) {
 
 TEST_F(VideoPixels, FullChromaFollowsTheFormula) {
   const std::vector<uint8_t> raw = test::random_bytes(kPixels * 3, 4);
-  expect_formula(raw, decoded(raw, "yuv444p", "colorspace=bt709:range=tv"),
+  expect_formula(raw, decoded(raw, "yuv444p", "-colorspace bt709 -color_range tv"),
                  {0.2126, 0.0722, false, 8});
-  expect_formula(raw, decoded(raw, "yuv444p", "colorspace=bt709:range=pc"),
+  expect_formula(raw, decoded(raw, "yuv444p", "-colorspace bt709 -color_range pc"),
                  {0.2126, 0.0722, true, 8});
-  expect_formula(raw, decoded(raw, "yuv444p", "colorspace=smpte170m:range=tv"),
+  expect_formula(raw, decoded(raw, "yuv444p", "-colorspace smpte170m -color_range tv"),
                  {0.299, 0.114, false, 8});
 }
 
 TEST_F(VideoPixels, DeepChromaFollowsTheFormula) {
   std::vector<uint8_t> raw = test::random_bytes(kPixels * 6, 5);
   for (size_t i = 1; i < raw.size(); i += 2) raw[i] &= 3;
-  expect_formula(raw, decoded(raw, "yuv444p10le", "colorspace=bt2020nc:range=tv"),
+  expect_formula(raw, decoded(raw, "yuv444p10le", "-colorspace bt2020nc -color_range tv"),
                  {0.2627, 0.0593, false, 10});
 }
 
@@ -165,18 +165,18 @@ TEST_F(VideoPixels, SubsampledChromaIsRefusedForWovenFrames) {
 
 TEST_F(VideoPixels, SubsampledChromaIsInterpolatedAtItsSiteBeforeWeaving) {
   const std::vector<uint8_t> raw = test::random_bytes(kPixels + 2 * kQuarter, 7);
-  expect_formula(raw, decoded(raw, "yuv420p", "colorspace=bt709:range=tv", true),
+  expect_formula(raw, decoded(raw, "yuv420p", "-colorspace bt709 -color_range tv", true),
                  {0.2126, 0.0722, false, 8}, {.nx = 2, .ny = 2, .site_x = 0.0, .site_y = 0.5});
   const std::vector<uint8_t> half =
       test::random_bytes(kPixels + 2 * size_t{(kWidth + 1) / 2} * kHeight, 8);
-  expect_formula(half, decoded(half, "yuv422p", "colorspace=bt709:range=pc", true),
+  expect_formula(half, decoded(half, "yuv422p", "-colorspace bt709 -color_range pc", true),
                  {0.2126, 0.0722, true, 8}, {.nx = 2});
 }
 
 TEST_F(VideoPixels, LinearAndFilmTransferFunctionsAreRefused) {
   const std::vector<uint8_t> raw = test::random_bytes(kPixels * 3, 9);
-  EXPECT_THAT(refusal(raw, "yuv444p", "color_trc=linear"), testing::HasSubstr("linear"));
-  EXPECT_THAT(refusal(raw, "yuv444p", "color_trc=smpte2084"), testing::HasSubstr("smpte2084"));
+  EXPECT_THAT(refusal(raw, "yuv444p", "-color_trc linear"), testing::HasSubstr("linear"));
+  EXPECT_THAT(refusal(raw, "yuv444p", "-color_trc smpte2084"), testing::HasSubstr("smpte2084"));
 }
 
 /// Converts planes of random samples by every instruction set and expects the formula.

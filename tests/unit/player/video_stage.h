@@ -69,16 +69,18 @@ class VideoTest : public testing::Test {
     ASSERT_EQ(result.exit_code, 0) << "ffmpeg " << words << "\n" << result.err;
   }
 
-  /// Encodes one frame of FFmpeg's pixel format with FFV1. `tags` are options of its filter
-  /// setparams, or empty.
+  /// Encodes one frame of FFmpeg's pixel format with FFV1. `tags` are options of ffmpeg, for
+  /// example "-color_range pc", or empty.
   [[nodiscard]] std::filesystem::path encode(const std::string& name, int width, int height,
                                              const std::vector<uint8_t>& raw,
                                              const std::string& pixels,
                                              const std::string& tags) const {
     write_bytes(file(name + ".raw"), raw);
-    ffmpeg(fmt::format("-f rawvideo -pixel_format {} -video_size {}x{} -i {}.raw {} -c:v ffv1 {}",
-                       pixels, width, height, name, tags.empty() ? "" : "-vf setparams=" + tags,
-                       name));
+    ffmpeg(
+        fmt::format("-f rawvideo -pixel_format {} -video_size {}x{} -i {}.raw -c:v ffv1 plain-{}",
+                    pixels, width, height, name, name));
+    // Set on the encoder, a full range would make FFmpeg 7 convert the samples.
+    ffmpeg(fmt::format("-i plain-{} -c copy {} {}", name, tags, name));
     return file(name);
   }
 
