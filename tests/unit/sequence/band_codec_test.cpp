@@ -20,7 +20,8 @@ using test::Content;
 using test::make_frame;
 using test::oracle_decode_predicted;
 
-constexpr Content kContents[] = {Content::Noise, Content::Flat, Content::Ramp, Content::Lenses};
+constexpr Content kContents[] = {Content::Noise, Content::Flat, Content::Ramp, Content::Grain,
+                                 Content::Lenses};
 constexpr FrameGeometry kSizes[] = {{1, 1},  {2, 1},  {10, 1},  {11, 3},
                                     {32, 8}, {33, 9}, {97, 31}, {320, 16}};
 
@@ -105,14 +106,17 @@ TEST(BandCodec, KeepsTheLargestErrorWithEveryInstructionSet) {
   }
 }
 
-TEST(BandCodec, AnErrorOfTwoSavesTwoBitsOfNoise) {
-  const WovenFrame frame = make_frame({960, 60}, Content::Noise, 0);
+TEST(BandCodec, AnErrorOfTwoHalvesGrain) {
+  const WovenFrame frame = make_frame({960, 60}, Content::Grain, 0);
   const PredictorTable predictors = choose_predictors(frame.view(), 60);
-  std::vector<uint8_t> lossy;
-  const size_t bytes = frame.bytes().size();
-  ASSERT_TRUE(BandEncoder(bytes, best_isa(), 2)
-                  .encode_as(BandCodec::Predicted, frame.bytes(), predictors, lossy));
-  EXPECT_LT(lossy.size(), bytes * 3 / 4) << "five values in one: log2(5) = 2.3 of 8 bits";
+  const auto size_with = [&](int error) {
+    std::vector<uint8_t> payload;
+    BandEncoder(frame.bytes().size(), best_isa(), error).encode(frame.bytes(), predictors, payload);
+    return payload.size();
+  };
+  EXPECT_LT(size_with(1), size_with(0) * 3 / 4);
+  EXPECT_LT(size_with(2), size_with(0) * 11 / 20);
+  EXPECT_LT(size_with(4), size_with(2));
 }
 
 TEST(BandCodec, EncodedBandsAreNeverLargerThanTheBand) {

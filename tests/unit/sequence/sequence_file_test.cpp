@@ -111,29 +111,30 @@ TEST(SequenceFile, ResumesAfterTheLastFrame) {
 
 TEST(SequenceFile, KeepsAStatedErrorOverResumedRuns) {
   const ScratchFolder folder;
-  SequenceInfo info = info_of(kSmall);
+  constexpr FrameGeometry kGrain{200, 144};
+  SequenceInfo info = info_of(kGrain);
   info.max_error = 2;
   for (int first = 0; first < 6; first += 2) {
     SequenceWriter writer(folder / "a.lts", info, {.resume = true, .threads = 2, .max_error = 2});
     for (int n = first; n < first + 2; ++n)
-      writer.append(make_frame(kSmall, Content::Noise, n).view());
+      writer.append(make_frame(kGrain, Content::Grain, n).view());
     writer.finish();
   }
   const SequenceReader reader(folder / "a.lts");
   EXPECT_EQ(reader.info().max_error, 2);
   ASSERT_EQ(reader.frame_count(), 6u);
   FrameDecoder decoder = reader.make_decoder();
-  WovenFrame frame(kSmall);
+  WovenFrame frame(kGrain);
   int largest = 0;
   for (int n = 0; n < 6; ++n) {
-    const WovenFrame original = make_frame(kSmall, Content::Noise, n);
+    const WovenFrame original = make_frame(kGrain, Content::Grain, n);
     ASSERT_TRUE(decoder.decode(static_cast<uint64_t>(n), frame.bytes()));
     for (size_t at = 0; at < frame.bytes().size(); ++at)
       largest = std::max(largest, std::abs(frame.bytes()[at] - original.bytes()[at]));
   }
   EXPECT_EQ(largest, 2) << "0 would mean that nothing was saved";
   EXPECT_THAT(error_of([&] {
-                SequenceWriter(folder / "a.lts", info_of(kSmall), {.resume = true, .threads = 1});
+                SequenceWriter(folder / "a.lts", info_of(kGrain), {.resume = true, .threads = 1});
               }).what(),
               HasSubstr("another largest error"));
 }

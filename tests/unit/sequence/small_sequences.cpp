@@ -18,6 +18,8 @@ uint8_t subpixel(Content content, int row, size_t s, int number, std::mt19937& r
       return static_cast<uint8_t>(10 * number + 3);
     case Content::Ramp:
       return static_cast<uint8_t>(static_cast<size_t>(row + 5 * number) + s / 9);
+    case Content::Grain:
+      return static_cast<uint8_t>(static_cast<size_t>(row) / 3 + s / 32 + random() % 16);
     case Content::Lenses: {
       const double lens = (x + 0.756 * row) / 7.701;
       return static_cast<uint8_t>(255.0 * (lens - std::floor(lens)) + number);

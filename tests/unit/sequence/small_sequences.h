@@ -15,6 +15,7 @@ enum class Content {
   Noise,   ///< unpredictable
   Flat,    ///< one colour
   Ramp,    ///< a slow change along and across
+  Grain,   ///< a slow change with noise of 4 bits, as in photographs
   Lenses,  ///< repeats every 7.7 subpixels, sheared from row to row
 };
 
