@@ -2,9 +2,14 @@
 // ConnectorInfo is the kernel's data about one connector and its panel, copied from libdrm.
 #pragma once
 
+#include <fmt/format.h>
 #include <xf86drmMode.h>
 
+#include <algorithm>
+#include <array>
 #include <cstdint>
+#include <cstdlib>
+#include <numeric>
 #include <optional>
 #include <span>
 #include <string>
@@ -26,12 +31,74 @@ struct TelevisionMode {
   int clock_mhz_x10 = 0;  ///< pixel clock in units of 100 kHz
 };
 
+// vic, width, height, hertz, pixel clock / 100 kHz
+inline constexpr std::array kTelevisionModes = {
+    TelevisionMode{93, 3840, 2160, 24, 2970},     TelevisionMode{94, 3840, 2160, 25, 2970},
+    TelevisionMode{95, 3840, 2160, 30, 2970},     TelevisionMode{96, 3840, 2160, 50, 5940},
+    TelevisionMode{97, 3840, 2160, 60, 5940},     TelevisionMode{98, 4096, 2160, 24, 2970},
+    TelevisionMode{99, 4096, 2160, 25, 2970},     TelevisionMode{100, 4096, 2160, 30, 2970},
+    TelevisionMode{101, 4096, 2160, 50, 5940},    TelevisionMode{102, 4096, 2160, 60, 5940},
+    TelevisionMode{103, 3840, 2160, 24, 2970},    TelevisionMode{104, 3840, 2160, 25, 2970},
+    TelevisionMode{105, 3840, 2160, 30, 2970},    TelevisionMode{106, 3840, 2160, 50, 5940},
+    TelevisionMode{107, 3840, 2160, 60, 5940},    TelevisionMode{114, 3840, 2160, 48, 5940},
+    TelevisionMode{115, 4096, 2160, 48, 5940},    TelevisionMode{116, 3840, 2160, 48, 5940},
+    TelevisionMode{117, 3840, 2160, 100, 11880},  TelevisionMode{118, 3840, 2160, 120, 11880},
+    TelevisionMode{119, 3840, 2160, 100, 11880},  TelevisionMode{120, 3840, 2160, 120, 11880},
+    TelevisionMode{121, 5120, 2160, 24, 3960},    TelevisionMode{122, 5120, 2160, 25, 3960},
+    TelevisionMode{123, 5120, 2160, 30, 3960},    TelevisionMode{124, 5120, 2160, 48, 7425},
+    TelevisionMode{125, 5120, 2160, 50, 7425},    TelevisionMode{126, 5120, 2160, 60, 7425},
+    TelevisionMode{127, 5120, 2160, 100, 14850},  TelevisionMode{193, 5120, 2160, 120, 14850},
+    TelevisionMode{194, 7680, 4320, 24, 11880},   TelevisionMode{195, 7680, 4320, 25, 11880},
+    TelevisionMode{196, 7680, 4320, 30, 11880},   TelevisionMode{197, 7680, 4320, 48, 23760},
+    TelevisionMode{198, 7680, 4320, 50, 23760},   TelevisionMode{199, 7680, 4320, 60, 23760},
+    TelevisionMode{200, 7680, 4320, 100, 47520},  TelevisionMode{201, 7680, 4320, 120, 47520},
+    TelevisionMode{202, 7680, 4320, 24, 11880},   TelevisionMode{203, 7680, 4320, 25, 11880},
+    TelevisionMode{204, 7680, 4320, 30, 11880},   TelevisionMode{205, 7680, 4320, 48, 23760},
+    TelevisionMode{206, 7680, 4320, 50, 23760},   TelevisionMode{207, 7680, 4320, 60, 23760},
+    TelevisionMode{208, 7680, 4320, 100, 47520},  TelevisionMode{209, 7680, 4320, 120, 47520},
+    TelevisionMode{210, 10240, 4320, 24, 14850},  TelevisionMode{211, 10240, 4320, 25, 14850},
+    TelevisionMode{212, 10240, 4320, 30, 14850},  TelevisionMode{213, 10240, 4320, 48, 29700},
+    TelevisionMode{214, 10240, 4320, 50, 29700},  TelevisionMode{215, 10240, 4320, 60, 29700},
+    TelevisionMode{216, 10240, 4320, 100, 59400}, TelevisionMode{217, 10240, 4320, 120, 59400},
+    TelevisionMode{218, 4096, 2160, 100, 11880},  TelevisionMode{219, 4096, 2160, 120, 11880},
+};
+
 /// Returns the modes with 2160 lines or more; smaller ones do not need 4:2:0.
-[[nodiscard]] std::span<const TelevisionMode> television_modes();
+[[nodiscard]] inline std::span<const TelevisionMode> television_modes() {
+  return kTelevisionModes;
+}
+
+/// Returns the exact refresh rate: pixel clock over pixels per frame. 0/1 for a mode without
+/// timings.
+[[nodiscard]] inline frames::Rate refresh_of(const drmModeModeInfo& mode) {
+  int64_t numerator = int64_t{mode.clock} * 1000;
+  int64_t denominator = int64_t{mode.htotal} * mode.vtotal;
+  if ((mode.flags & DRM_MODE_FLAG_INTERLACE) != 0) numerator *= 2;
+  if ((mode.flags & DRM_MODE_FLAG_DBLSCAN) != 0) denominator *= 2;
+  if (mode.vscan > 1) denominator *= mode.vscan;
+  if (numerator == 0 || denominator == 0) return {0, 1};
+  const int64_t divisor = std::gcd(numerator, denominator);
+  return {numerator / divisor, denominator / divisor};
+}
+
+inline bool same_mode(const drmModeModeInfo& mode, const TelevisionMode& listed) {
+  // 1000/1001 differs by one in a thousand; the next rate by four in a hundred.
+  constexpr double kTolerance = 0.0015;
+  const double clock = mode.clock / 100.0 / listed.clock_mhz_x10;
+  const double rate = refresh_of(mode).hertz() / listed.hertz;
+  return mode.hdisplay == listed.width && mode.vdisplay == listed.height &&
+         std::abs(clock - 1) < kTolerance && std::abs(rate - 1) < kTolerance;
+}
 
 /// Returns true if the mode has the size, rate and pixel clock of one of these, or 1000/1001 of
 /// them.
-[[nodiscard]] bool is_one_of(const drmModeModeInfo& mode, std::span<const uint8_t> vics);
+[[nodiscard]] inline bool is_one_of(const drmModeModeInfo& mode, std::span<const uint8_t> vics) {
+  return std::any_of(kTelevisionModes.begin(), kTelevisionModes.end(),
+                     [&](const TelevisionMode& listed) {
+                       return std::find(vics.begin(), vics.end(), listed.vic) != vics.end() &&
+                              same_mode(mode, listed);
+                     });
+}
 
 enum class Probe {
   Cached,  ///< the kernel's cached data
@@ -56,26 +123,93 @@ struct ConnectorInfo {
   PropertyTable properties{};
 };
 
+inline std::string name_of(const drmModeConnector& connector) {
+  const char* const type = drmModeGetConnectorTypeName(connector.connector_type);
+  return fmt::format("{}-{}", type == nullptr ? "Unknown" : type, connector.connector_type_id);
+}
+
 /// Returns the connector; none if it is gone (MST hubs come and go).
-[[nodiscard]] std::optional<ConnectorInfo> read_connector(int fd, uint32_t id, Probe probe);
-[[nodiscard]] std::vector<ConnectorInfo> read_connectors(int fd, Probe probe);
+[[nodiscard]] inline std::optional<ConnectorInfo> read_connector(int fd, uint32_t id, Probe probe) {
+  const DrmConnector source(probe == Probe::Full ? drmModeGetConnector(fd, id)
+                                                 : drmModeGetConnectorCurrent(fd, id));
+  if (!source) return std::nullopt;
+  auto properties = PropertyTable::read(fd, id, DRM_MODE_OBJECT_CONNECTOR);
+  if (!properties) return std::nullopt;
+
+  ConnectorInfo info{.id = id,
+                     .type = source->connector_type,
+                     .name = name_of(*source),
+                     .connected = source->connection == DRM_MODE_CONNECTED,
+                     .width_mm = source->mmWidth,
+                     .height_mm = source->mmHeight,
+                     .possible_crtcs = drmModeConnectorGetPossibleCrtcs(fd, source.get())};
+  if (source->count_modes > 0)
+    info.modes.assign(source->modes, source->modes + source->count_modes);
+  info.edid = read_edid(read_blob(fd, static_cast<uint32_t>(properties->value("EDID"))));
+  info.non_desktop = properties->value("non-desktop") != 0;
+  if (const auto tile = static_cast<uint32_t>(properties->value("TILE")); tile != 0) {
+    info.tiled = true;
+    info.tile = parse_tile(read_blob(fd, tile));
+  }
+  info.variable_refresh = properties->value("vrr_capable") != 0;
+  if (const Property* link = properties->find("link-status"))
+    info.link_bad = link->value_named("Bad") == link->value;
+  info.properties = std::move(*properties);
+  return info;
+}
+[[nodiscard]] inline std::vector<ConnectorInfo> read_connectors(int fd, Probe probe) {
+  std::vector<ConnectorInfo> connectors;
+  const DrmResources resources(drmModeGetResources(fd));
+  if (!resources) return connectors;
+  for (int i = 0; i < resources->count_connectors; ++i)
+    if (auto info = read_connector(fd, resources->connectors[i], probe);
+        info && info->type != DRM_MODE_CONNECTOR_WRITEBACK)
+      connectors.push_back(std::move(*info));
+  return connectors;
+}
 
 /// Returns true for a connector type, DRM_MODE_CONNECTOR_*, of HDMI.
-[[nodiscard]] bool is_hdmi(uint32_t type);
+[[nodiscard]] inline bool is_hdmi(uint32_t type) {
+  return type == DRM_MODE_CONNECTOR_HDMIA || type == DRM_MODE_CONNECTOR_HDMIB;
+}
 
 /// Returns true if the driver or the EDID marks the mode as preferred.
-[[nodiscard]] bool is_preferred(const drmModeModeInfo& mode);
+[[nodiscard]] inline bool is_preferred(const drmModeModeInfo& mode) {
+  return (mode.type & DRM_MODE_TYPE_PREFERRED) != 0;
+}
 /// Returns the first preferred mode, else the first mode; null if there is none.
-[[nodiscard]] const drmModeModeInfo* preferred_mode(const std::vector<drmModeModeInfo>& modes);
-/// Returns the exact refresh rate: pixel clock over pixels per frame. 0/1 for a mode without
-/// timings.
-[[nodiscard]] frames::Rate refresh_of(const drmModeModeInfo& mode);
+[[nodiscard]] inline const drmModeModeInfo* preferred_mode(
+    const std::vector<drmModeModeInfo>& modes) {
+  const auto found = std::find_if(modes.begin(), modes.end(), is_preferred);
+  if (found != modes.end()) return &*found;
+  return modes.empty() ? nullptr : &modes.front();
+}
 /// Returns true if the timings are equal; names and types are ignored.
-[[nodiscard]] bool same_timings(const drmModeModeInfo& a, const drmModeModeInfo& b);
+[[nodiscard]] inline bool same_timings(const drmModeModeInfo& a, const drmModeModeInfo& b) {
+  // The kernel reports the picture's aspect ratio only to clients that request it.
+  constexpr uint32_t kTimingFlags = ~static_cast<uint32_t>(DRM_MODE_FLAG_PIC_AR_MASK);
+  return a.clock == b.clock && a.hdisplay == b.hdisplay && a.hsync_start == b.hsync_start &&
+         a.hsync_end == b.hsync_end && a.htotal == b.htotal && a.vdisplay == b.vdisplay &&
+         a.vsync_start == b.vsync_start && a.vsync_end == b.vsync_end && a.vtotal == b.vtotal &&
+         (a.flags & kTimingFlags) == (b.flags & kTimingFlags);
+}
 /// Returns "3840x2160@60" with the exact rate in hertz.
-[[nodiscard]] std::string to_string(const drmModeModeInfo& mode);
+[[nodiscard]] inline std::string to_string(const drmModeModeInfo& mode) {
+  return fmt::format("{}x{}@{:.6g}", mode.hdisplay, mode.vdisplay, refresh_of(mode).hertz());
+}
 
 /// Returns "HDMI-A-1 on /dev/dri/card1: connected, LGD 0x1234 ..., 3840x2160@59.997".
-[[nodiscard]] std::string describe(const ConnectorInfo& connector, const std::string& card);
+[[nodiscard]] inline std::string describe(const ConnectorInfo& connector, const std::string& card) {
+  std::string text = fmt::format("{} on {}: ", connector.name, card);
+  if (!connector.connected) return text + "nothing connected";
+  text += connector.edid.identity
+              ? to_string(*connector.edid.identity)
+              : fmt::format("EDID {}", edid_problem_name(connector.edid.problem));
+  if (const drmModeModeInfo* mode = preferred_mode(connector.modes))
+    text += fmt::format(", {}", to_string(*mode));
+  if (connector.non_desktop) text += ", not a desktop panel";
+  if (connector.tiled) text += ", one tile of several";
+  return text;
+}
 
 }  // namespace lenticule::display
