@@ -104,6 +104,8 @@ class FrameSource {
   [[nodiscard]] virtual bool waits_for_others() const { return false; }
   /// Returns a generation number, which pull() or service() increments when playback jumps. Frames
   /// pulled under an older number need not be shown any more.
+  ///
+  /// Thread safety: any thread.
   [[nodiscard]] virtual uint64_t cut() const { return 0; }
 };
 

@@ -15,6 +15,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "base/error.h"
 #include "base/unique_fd.h"
@@ -181,7 +182,7 @@ class FrameCopier {
   [[nodiscard]] bool idle() const noexcept { return idle_.load(); }
   /// Returns the discontinuity number; frames with a smaller one need not be shown. Thread safety:
   /// any thread.
-  [[nodiscard]] uint64_t cut() const noexcept { return cut_.load(); }
+  [[nodiscard]] uint64_t cut() const noexcept { return source_.cut(); }
   /// Copies the displayed frame into `into`, which must have its size; of a frame for several
   /// panels the picture with the index `part`. Returns false if the frame was not kept or the frame
   /// copier is not running; waits at most `timeout`. Thread safety: any thread except the filling
@@ -256,7 +257,6 @@ class FrameCopier {
     keep_or_release(acquired, fits && wanted);
     if (!fits) return end(State::Failed, "the source changed the size of its frames");
 
-    follow_cut();
     idle_.store(false);
     between_sequences_.store(false);
     const uint64_t index = next_index_++;
@@ -327,10 +327,8 @@ class FrameCopier {
     --kept_count_;
   }
   void follow_cut() noexcept {
-    const uint64_t cut = source_.cut();
-    if (cut == cut_.load(std::memory_order_relaxed)) return;
-    cut_.store(cut);
-    if (cut_wake_ != nullptr) cut_wake_->signal();
+    const bool is_new = std::exchange(noticed_cut_, cut()) != cut();
+    if (is_new && cut_wake_ != nullptr) cut_wake_->signal();
   }
   void serve_copy() noexcept {
     {
@@ -389,6 +387,7 @@ class FrameCopier {
   display::ScanoutBuffer* buffer_ = nullptr;  ///< acquired and not filled yet
   uint64_t next_index_ = 0;
   uint64_t frames_this_loop_ = 0;
+  uint64_t noticed_cut_ = 0;
   bool timed_out_ = false;
   std::array<KeptFrame, FilledQueue::kCapacity + 2> kept_{};  ///< oldest first
   size_t kept_count_ = 0;
@@ -397,7 +396,6 @@ class FrameCopier {
   FilledQueue queue_;
   std::atomic<uint64_t> skip_before_{0};
   std::atomic<uint64_t> displayed_{0};
-  std::atomic<uint64_t> cut_{0};
   std::atomic<bool> idle_{false};
   WakeFd* cut_wake_ = nullptr;
   std::atomic<State> state_{State::Running};

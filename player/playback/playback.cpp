@@ -276,13 +276,19 @@ class Presenter {
   void act() noexcept {
     if (options_.filling == Filling::InPresenter) frame_copier_.pump(kSourceTimeout);
     if (pending_) return;
+    // Reads these before the cut: frames of before a jump are not shown once it is answered.
+    const bool off = is_off(), paused = paused_.load(std::memory_order_acquire);
     follow_cut();
     const uint64_t target = next_reachable_vblank();
     if (!end_vblank_ && options_.vblanks && pacer_.started())
       if (target >= pacer_.first_vblank() + *options_.vblanks)
         end_vblank_ = pacer_.first_vblank() + *options_.vblanks;
     if (end_vblank_) return end_at_vblank(*end_vblank_, outcome_at_end_);
-    if (is_off() || holds_still()) return request_vblank(vblanks_.last());
+    if (off || (paused && !shows_one_more_)) {
+      starved_since_.reset();
+      pacer_.begin_epoch();
+      return request_vblank(vblanks_.last());
+    }
     if (timed_cut_ && target < *timed_cut_) return request_vblank(*timed_cut_ - 2);
 
     while (true) {
@@ -438,20 +444,12 @@ class Presenter {
          .rate = pacer_.content_rate()});
     if (shift != 0.0) options_.step->moved(pacer_.shift(shift));
   }
-  [[nodiscard]] bool holds_still() noexcept {
-    if (!paused_.load(std::memory_order_acquire) || shows_one_more_) return false;
-    starved_since_.reset();
-    pacer_.begin_epoch();
-    return true;
-  }
   /// Switches the output as requested. Returns true while it is off.
   [[nodiscard]] bool is_off() noexcept {
     const bool wanted = off_wanted_.load(std::memory_order_acquire) && pacer_.started();
     if (wanted == off_ || !display_.set_power(!wanted)) return off_;
     off_ = wanted;
     statistics_.off.set(off_ ? 1 : 0);
-    starved_since_.reset();
-    pacer_.begin_epoch();
     return off_;
   }
   [[nodiscard]] bool head_is_ready() const noexcept {

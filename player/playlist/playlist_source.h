@@ -454,7 +454,7 @@ class PlaylistSource final : public frames::FrameSource {
   uint32_t next_number_ = 1;
   uint64_t frames_given_ = 0;  ///< frames that pull() has returned
   std::atomic<double> speed_{1.0};
-  uint64_t cut_ = 0;
+  std::atomic<uint64_t> cut_{0};
   bool idle_ = false;
   bool at_end_ = false;
   bool next_asked_ = false;

@@ -322,6 +322,26 @@ TEST_F(PlaylistSteer, BackIsAnsweredWhileTheOutputIsOffAndShowsNoInterruption) {
   EXPECT_EQ(std::ranges::count_if(frames, [](uint64_t frame) { return frame >= 500; }), 0);
 }
 
+TEST_F(PlaylistSteer, FramesOfBeforeAJumpAreNotShownOnceItIsAnswered) {
+  shelf.put("a", {0, {.geometry = kItemSize, .frames = 400}});
+  shelf.put("b", {500, {.geometry = kItemSize, .frames = 90}});
+  start(playlist_of(parse_source("a"), kForever));
+  ASSERT_TRUE(is_moving());
+  ASSERT_TRUE(control.switch_output(false, kTimeout));
+  const size_t before = recorder->shown().size();
+  ASSERT_EQ(outcome_of([&](const JumpDone& done) {
+              source->jump({.list = other("b")}, [this, before, done](const Error* error) {
+                // The presenter runs on, and has frames of a, while the answer is on its way.
+                EXPECT_TRUE(control.switch_output(true, kTimeout));
+                std::this_thread::sleep_for(milliseconds(50));
+                EXPECT_EQ(recorder->shown().size(), before);
+                done(error);
+              });
+            }),
+            "");
+  ASSERT_TRUE(test::comes_true([&] { return displays(500, 589); }));
+}
+
 TEST_F(PlaylistSteer, NextDuringAnInterruptionGoesToTheNextItemOfTheList) {
   for (const char* name : {"a", "b", "long"})
     shelf.put(name, {0, {.geometry = kItemSize, .frames = 400}});
