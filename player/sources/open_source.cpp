@@ -4,12 +4,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <utility>
 
 #include "base/error.h"
 #include "base/print.h"
-#include "frames/image_io.h"
 #include "frames/qr/qr_code.h"
 #include "frames/ring/ring_player.h"
 #include "frames/sequence/sequence_reader.h"
@@ -18,12 +16,9 @@
 #include "player/sources/joined_source.h"
 #include "player/sources/pictures.h"
 #include "player/sources/still_source.h"
-#include "player/sources/video_probe.h"
 
 namespace lenticule::player {
 namespace {
-
-namespace fs = std::filesystem;
 
 /// Bounds the memory when many renderers connect with different trims.
 constexpr size_t kMostWarnings = 100;
@@ -140,19 +135,6 @@ PictureOptions picture_options(const OpenContext& context) {
           .hardware = context.video_hardware};
 }
 
-/// Returns true for pictures that are not woven frames of this panel, as far as headers tell. The
-/// panels of a wall play nothing else.
-bool cannot_be_woven(const SourceSpec& source, const OpenContext& context) {
-  if (context.rig == nullptr) return false;
-  if (source.kind == SourceKind::Video) {
-    const VideoStream stream = probe_video(source.text).front();
-    return stream.geometry != context.panel || !stream.full_chroma;
-  }
-  std::error_code ignored;
-  return source.kind == SourceKind::Pictures && fs::is_regular_file(source.text, ignored) &&
-         frames::probe_image(source.text) != context.panel;
-}
-
 OpenedSource open_woven(const SourceSpec& source, const OpenContext& context) {
   PictureOptions options = picture_options(context);
   if (source.kind == SourceKind::Sequence) {
@@ -251,9 +233,10 @@ OpenedSource open_source(const SourceSpec& source, const OpenContext& context) {
     case SourceKind::Pictures:
       break;
   }
-  Content content = identify(source, present_rig(context).fingerprint);
-  if (content.kind == Content::Kind::Woven && cannot_be_woven(source, context))
-    if (const auto pair = find_stereo(source)) content = *pair;
+  const std::string rig = present_rig(context).fingerprint;
+  // The panels of a wall play nothing but woven frames.
+  const Content content =
+      context.rig ? identify_by_pixels(source, rig, context.panel) : identify(source, rig);
   return content.kind == Content::Kind::Woven ? open_woven(source, context)
                                               : open_and_weave(content, context);
 }

@@ -20,6 +20,8 @@
 #include "optics/rig_file.h"
 #include "optics/trim.h"
 #include "player/process/interrupt.h"
+#include "player/sources/known_files.h"
+#include "player/sources/video_probe.h"
 #include "player/sources/video_source.h"
 
 namespace lenticule::player {
@@ -353,6 +355,48 @@ class ViewsOpener {
   std::vector<std::unique_ptr<FrameSource>> sources_;
 };
 
+/// Returns false if headers tell that the pictures are not woven frames of the panel; of any
+/// without one.
+bool may_be_woven(const SourceSpec& source, const std::optional<frames::FrameGeometry>& panel) {
+  if (source.kind == SourceKind::Video) {
+    const VideoStream stream = probe_video(source.text).front();
+    return stream.full_chroma && (!panel || stream.geometry == *panel);
+  }
+  std::error_code ignored;
+  return !panel || !fs::is_regular_file(source.text, ignored) ||
+         frames::probe_image(source.text) == *panel;
+}
+
+/// Looks for two eyes in the pixels, and says what it found.
+std::optional<frames::StereoLayout> find_stereo(const SourceSpec& source) {
+  constexpr uint64_t kMostFrames = 73, kStep = 24;  // the first ones of a film may be black
+  const Content flat{.kind = Kind::Quilt, .source = source};  // of one tile
+  const std::unique_ptr<ViewInput> input = open_views(flat, {});
+  for (uint64_t n = 0; n < kMostFrames && n < input->frame_count().value_or(kMostFrames); ++n) {
+    try {
+      await_first(*input, source.text);
+    } catch (const Error&) {
+      if (n == 0) throw;
+      return std::nullopt;  // a short film
+    }
+    const frames::ViewSet& view = input->views();
+    const frames::FrameGeometry size{.width = view.width(), .height = view.height()};
+    const auto pair =
+        n % kStep == 0 ? frames::find_stereo_pair({size, {view.pixel(0, 0, 0), size.frame_bytes()}})
+                       : std::nullopt;
+    input->release();
+    if (!pair) continue;
+    const auto& [beside, half, right_first] = pair->layout;
+    say("{}: taken for two eyes {}: {:.0f}% of the detail is in both halves, at {:+.1f}% to "
+        "{:+.1f}% of their width\n  --stereo none if it is not; --stereo {}{} --invert if near and "
+        "far are exchanged\n",
+        source.text, beside ? "side by side" : "above each other", 100 * pair->matching,
+        100 * pair->back, 100 * pair->front, half ? "h" : "", beside ? "sbs" : "tb");
+    return pair->layout;
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 int decoding_threads() {
@@ -386,36 +430,20 @@ std::unique_ptr<ViewInput> open_views(const Content& content, const PictureOptio
   return ViewsOpener(content, options).open();
 }
 
-std::optional<Content> find_stereo(const SourceSpec& source) {
-  constexpr uint64_t kMostFrames = 73, kStep = 24;  // the first ones of a film may be black
+Content identify_by_pixels(const SourceSpec& source, const std::string& rig_fingerprint,
+                           const std::optional<frames::FrameGeometry>& panel, bool views_wanted,
+                           bool patterns_are_views) {
+  static KnownFiles<std::vector<FileMark>, std::optional<frames::StereoLayout>> known_pairs;
+  Content content = identify(source, rig_fingerprint, patterns_are_views);
   const bool has_pixels = source.kind == SourceKind::Video || source.kind == SourceKind::Pictures;
-  if (!has_pixels || !source.content.stereo.empty()) return std::nullopt;
-  Content flat{.kind = Kind::Quilt, .source = source};
-  flat.layout = {.columns = 1, .rows = 1};
-  const std::unique_ptr<ViewInput> input = open_views(flat, {});
-  for (uint64_t n = 0; n < kMostFrames && n < input->frame_count().value_or(kMostFrames); ++n) {
-    try {
-      await_first(*input, source.text);
-    } catch (const Error&) {
-      if (n == 0) throw;
-      return std::nullopt;  // a short film
-    }
-    const frames::ViewSet& view = input->views();
-    const frames::FrameGeometry size{.width = view.width(), .height = view.height()};
-    const auto pair =
-        n % kStep == 0 ? frames::find_stereo_pair({size, {view.pixel(0, 0, 0), size.frame_bytes()}})
-                       : std::nullopt;
-    input->release();
-    if (!pair) continue;
-    const auto& [beside, half, right_first] = pair->layout;
-    say("{}: taken for two eyes {}: {:.0f}% of the detail is in both halves, at {:+.1f}% to "
-        "{:+.1f}% of their width\n  --stereo none if it is not; --stereo {}{} --invert if near and "
-        "far are exchanged\n",
-        source.text, beside ? "side by side" : "above each other", 100 * pair->matching,
-        100 * pair->back, 100 * pair->front, half ? "h" : "", beside ? "sbs" : "tb");
-    return Content{.kind = Kind::Stereo, .stereo = pair->layout, .source = source};
-  }
-  return std::nullopt;
+  if (content.kind != Kind::Woven || !has_pixels || !source.content.stereo.empty() ||
+      (!views_wanted && may_be_woven(source, panel)))
+    return content;
+  const std::vector<FileMark> files = marks_of_source(source);
+  std::optional<std::optional<frames::StereoLayout>> pair = known_pairs.find(files);
+  if (!pair) known_pairs.add(files, *(pair = find_stereo(source)));
+  if (*pair) content = {.kind = Kind::Stereo, .stereo = **pair, .source = source};
+  return content;
 }
 
 void await_first(ViewInput& input, const std::string& name) {
@@ -437,14 +465,11 @@ void await_first(ViewInput& input, const std::string& name) {
 
 frames::FrameDamage await_damage(ViewInput& input) {
   input.release();
-  const auto deadline = std::chrono::steady_clock::now() + kTimeout;
-  while (std::chrono::steady_clock::now() < deadline && !interrupted()) {
-    const frames::PullStatus status = input.next();
-    if (status == frames::PullStatus::Ready) input.release();
-    if (status == frames::PullStatus::NotYet) input.wait(kLongestWait);
-    if (status == frames::PullStatus::End || status == frames::PullStatus::Failed) break;
+  try {
+    for (;; input.release()) await_first(input, {});
+  } catch (const Error&) {
+    return input.damage();  // at its end
   }
-  return input.damage();
 }
 
 }  // namespace lenticule::player

@@ -43,16 +43,21 @@ struct PictureOptions {
 [[nodiscard]] std::unique_ptr<frames::ViewInput> open_views(const Content& content,
                                                             const PictureOptions& options);
 
-/// Looks for two eyes in the pixels of a picture, or of a film's first seconds, whose content
-/// nothing else states. Says what it found, and how to refuse it. Throws as open_views().
-[[nodiscard]] std::optional<Content> find_stereo(const SourceSpec& source);
+/// Returns identify(). If that is woven frames, but views are wanted or headers tell that they are
+/// not of the panel (none: of any), looks for two eyes in the pixels, of a film in the first
+/// seconds. Says once for each file what it found. Throws as identify() and open_views().
+[[nodiscard]] Content identify_by_pixels(const SourceSpec& source,
+                                         const std::string& rig_fingerprint,
+                                         const std::optional<frames::FrameGeometry>& panel,
+                                         bool views_wanted = false,
+                                         bool patterns_are_views = false);
 
 /// Waits at most a minute for the first set of views. Throws Error(Input) with the input's error,
 /// Error(Failed) if none came or the input has no frame.
 void await_first(frames::ViewInput& input, const std::string& name);
 
-/// Returns the damage in the whole input. Waits at most a minute for the input's end; the set of
-/// views in use must be the last one needed.
+/// Returns the damage in the whole input, which it reads to its end, as await_first() does; the set
+/// of views in use must be the last one needed.
 [[nodiscard]] frames::FrameDamage await_damage(frames::ViewInput& input);
 
 /// Returns the number of decoding threads beside a player; one core is left to the player.

@@ -5,9 +5,8 @@
 
 #include <algorithm>
 #include <chrono>
-#include <deque>
-#include <mutex>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "base/error.h"
 #include "base/exit_code.h"
@@ -18,6 +17,7 @@
 #include "frames/ring/ring_layout.h"
 #include "optics/json_fields.h"
 #include "player/process/child_process.h"
+#include "player/sources/known_files.h"
 
 namespace lenticule::player {
 namespace {
@@ -142,31 +142,9 @@ Error reported_error(ErrorKind kind, std::string_view output) {
   return {kind, what, take_line("  ")};
 }
 
-/// A cached probe. A video's streams are needed several times before it plays: to detect its
-/// format, and to open it.
-struct KnownStreams {
-  FileMark file;
-  std::string program;
-  std::vector<VideoStream> streams;
-};
-constexpr size_t kMostKnown = 32;
-std::mutex known_mutex;
-std::deque<KnownStreams> known_streams;  ///< newest first
-
-std::optional<std::vector<VideoStream>> remembered(const FileMark& file,
-                                                   const std::string& program) {
-  const std::lock_guard lock(known_mutex);
-  for (const KnownStreams& one : known_streams)
-    if (file == one.file && program == one.program) return one.streams;
-  return std::nullopt;
-}
-
-void remember(const FileMark& file, const std::string& program,
-              const std::vector<VideoStream>& streams) {
-  const std::lock_guard lock(known_mutex);
-  known_streams.push_front({file, program, streams});
-  if (known_streams.size() > kMostKnown) known_streams.pop_back();
-}
+/// Cached probes. A video's streams are needed several times before it plays: to detect its format,
+/// and to open it.
+KnownFiles<std::pair<FileMark, std::string>, std::vector<VideoStream>> known_streams;
 
 }  // namespace
 
@@ -226,7 +204,7 @@ fs::path find_video_program() {
 std::vector<VideoStream> probe_video(const fs::path& file, const fs::path& program) {
   const std::string path = (program.empty() ? find_video_program() : program).string();
   const FileMark mark = mark_of(file);
-  if (const auto known = remembered(mark, path)) return *known;
+  if (const auto known = known_streams.find({mark, path})) return *known;
   const ProgramRun result =
       run_child({path, kForThisVersion, "probe", "--", file.string()}, kProbeLimit);
   if (result.exit_code == kOk) {
@@ -234,7 +212,7 @@ std::vector<VideoStream> probe_video(const fs::path& file, const fs::path& progr
     for (const VideoStream& stream : streams)
       if (!stream.warning.empty()) say("{}: {}\n", file.string(), stream.warning);
     // A file that changed during the probe is probed again the next time.
-    if (mark.there && mark_of(file) == mark) remember(mark, path, streams);
+    if (mark.there && mark_of(file) == mark) known_streams.add({mark, path}, streams);
     return streams;
   }
   if (result.exit_code == kInput) throw reported_error(ErrorKind::Input, result.output);

@@ -343,6 +343,20 @@ TEST_F(ContentCommand, TwoEyesAreFoundInThePixelsOfPicturesThatAreNotWoven) {
             woven_by_command({path("holiday.png"), "--stereo", "sbs"}));
   expect_end(run({"play", path("holiday.png"), "--rig", kTiny, "--stereo", "none"}), 4,
              "640x200 pixels");
+  // Every command decides alike, and says so once for each file.
+  for (const std::vector<std::string>& words :
+       {std::vector<std::string>{"--rig", kTiny, "-o", path("converted.png")},
+        {"--as", "quilt", "-o", path("quilt.png")}}) {
+    const ProcessResult converted = convert(joined({path("holiday.png")}, words));
+    expect_end(converted, 0);
+    EXPECT_THAT(converted.err, testing::HasSubstr("holiday.png: taken for two eyes side by side"));
+  }
+  EXPECT_EQ(frames::read_woven(path("converted.png")), woven_by_command({path("holiday.png")}));
+  write("twice.m3u", "holiday.png\nholiday.png\n");
+  const ProcessResult twice = run({"play", path("twice.m3u"), "--rig", kTiny, "--display",
+                                   "virtual", "--clock", "simulated", "--loop", "2"});
+  expect_end(twice, 0);
+  EXPECT_EQ(twice.err.find("taken for two eyes"), twice.err.rfind("taken for two eyes"));
   save("unrelated.png", noise_for_two_eyes(false));
   expect_end(run({"play", path("unrelated.png"), "--rig", kTiny}), 4, "640x200 pixels");
 }

@@ -10,6 +10,7 @@
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -64,23 +65,14 @@ class ConvertInput {
   [[nodiscard]] virtual frames::FrameDamage damage() const { return {}; }
 };
 
-/// The conversion of views to frames: weaving for a rig, or tiles of a quilt.
-struct FramesOfViews {
-  std::unique_ptr<player::WeavingPipeline> pipeline;  ///< null for quilts
-  frames::FrameGeometry geometry;
-  frames::QuiltLayout layout;  ///< used for a quilt
-};
-
-struct ConvertTarget {
-  OutputRequest request;
-  /// The frames are quilts of this layout; none for woven frames.
-  std::optional<frames::QuiltLayout> quilt = std::nullopt;
-};
-
 using frames::PullStatus;
 
 constexpr std::chrono::milliseconds kLook{100};
 constexpr std::chrono::minutes kTimeout{2};
+
+frames::FrameGeometry panel_of(const optics::Rig& rig) {
+  return {.width = rig.panel.width_px, .height = rig.panel.height_px};
+}
 
 /// ContainerInput reads the woven frames of a container, in any order.
 class ContainerInput final : public ConvertInput {
@@ -103,24 +95,27 @@ class ContainerInput final : public ConvertInput {
   frames::FrameDecoder decoder_;
 };
 
+/// ViewFrames converts views to frames.
 class ViewFrames final : public ConvertInput {
  public:
-  ViewFrames(std::unique_ptr<frames::ViewInput> views, FramesOfViews frames, std::string name)
-      : views_(std::move(views)), frames_(std::move(frames)), name_(std::move(name)) {}
+  using Draw = std::function<void(const frames::ViewSet& views, frames::WovenFrame& frame)>;
+  ViewFrames(std::unique_ptr<frames::ViewInput> views, const frames::FrameGeometry& geometry,
+             Draw draw, std::string name)
+      : views_(std::move(views)),
+        geometry_(geometry),
+        draw_(std::move(draw)),
+        name_(std::move(name)) {}
 
   std::optional<uint64_t> count() const override { return views_->frame_count(); }
   frames::SequenceInfo info() const override {
     frames::SequenceInfo info;
-    info.geometry = frames_.geometry;
+    info.geometry = geometry_;
     if (const auto rate = views_->rate()) info.rate = *rate;
     return info;
   }
   ReadResult read(uint64_t number, frames::WovenFrame& frame) override {
     if (!advance_to(number)) return ReadResult::End;
-    if (frames_.pipeline)
-      frames_.pipeline->weave(views_->views(), frame);
-    else
-      frames::draw_quilt(views_->views(), frames_.layout, frame);
+    draw_(views_->views(), frame);
     views_->release();
     return ReadResult::Ok;
   }
@@ -148,23 +143,10 @@ class ViewFrames final : public ConvertInput {
   }
 
   std::unique_ptr<frames::ViewInput> views_;
-  FramesOfViews frames_;
+  frames::FrameGeometry geometry_;
+  Draw draw_;
   std::string name_;
 };
-
-/// Opens woven pictures or a video, which are not changed: each is read as a quilt of one tile.
-std::unique_ptr<ConvertInput> open_woven_input(const std::string& text,
-                                               const player::PictureOptions& how) {
-  std::vector<std::unique_ptr<frames::FrameSource>> sources;
-  sources.push_back(open_pictures(text, how));
-  const frames::FrameGeometry geometry = sources.front()->geometry();
-  auto arrangement = frames::arrange_pictures(geometry, 1, std::nullopt, false);
-  auto views =
-      std::make_unique<frames::ViewInput>(std::move(sources), std::move(arrangement), text);
-  return std::make_unique<ViewFrames>(
-      std::move(views), FramesOfViews{.pipeline = nullptr, .geometry = geometry, .layout = {}},
-      text);
-}
 
 namespace fs = std::filesystem;
 
@@ -285,28 +267,24 @@ bool is_view_files(const std::string& target) {
 
 /// Returns the name of the target with a quilt's layout added. Throws Error(Usage) if the name
 /// states another layout.
-std::string target_name(const ConvertTarget& target) {
-  const std::string& name = target.request.target;
-  const bool named = target.quilt && !is_view_files(name) && !name.ends_with(".lts");
-  return named ? frames::quilt_name(name, *target.quilt).string() : name;
+std::string target_name(const std::string& name, const frames::QuiltLayout& quilt) {
+  const bool named = !is_view_files(name) && !name.ends_with(".lts");
+  return named ? frames::quilt_name(name, quilt).string() : name;
 }
 
-/// Opens the output. Throws the errors of open_output(), and Error(Usage) for options that a video
-/// or pictures per view do not support. An unfinished video is removed.
-std::unique_ptr<FrameOutput> open_convert_output(const ConvertTarget& target) {
-  OutputRequest request = target.request;
-  if (is_view_files(request.target)) {
-    LENTICULE_CHECK(target.quilt.has_value());
-    return std::make_unique<ViewFilesOutput>(request, *target.quilt);
-  }
-  request.target = target_name(target);
+/// Opens the output for woven frames or for quilts (null: woven). Throws the errors of
+/// open_output(), and Error(Usage) for options that a video or pictures per view do not support. An
+/// unfinished video is removed.
+std::unique_ptr<FrameOutput> open_convert_output(const OutputRequest& request,
+                                                 const frames::QuiltLayout* quilt) {
+  if (quilt != nullptr && is_view_files(request.target))
+    return std::make_unique<ViewFilesOutput>(request, *quilt);
   std::unique_ptr<FrameOutput> output =
       player::kind_of_file(request.target) == player::SourceKind::Video ? open_video_output(request)
                                                                         : open_output(request);
-  const bool tiles_left =
-      target.quilt && target.quilt->view_count() < target.quilt->columns * target.quilt->rows;
+  const bool tiles_left = quilt != nullptr && quilt->view_count() < quilt->columns * quilt->rows;
   if (tiles_left && !request.target.ends_with(".lts"))
-    write_sidecar(request.target, request.range.begin, *target.quilt);
+    write_sidecar(request.target, request.range.begin, *quilt);
   return output;
 }
 
@@ -358,7 +336,9 @@ class ConvertPlan {
     player::SourceSpec source = parse_source(flags_.input, flags_.content);
     // Woven frames of any rig are separated if views are wanted.
     if (views_wanted) source.content.reweave = true;
-    return identify(source, rig && !views_wanted ? rig->identity.fingerprint : std::string());
+    if (rig && !views_wanted)
+      return identify_by_pixels(source, rig->identity.fingerprint, panel_of(rig->rig));
+    return identify_by_pixels(source, "", std::nullopt, views_wanted || flags_.as == "woven");
   }
 
   void refuse_what_makes_no_sense(bool has_views) const {
@@ -423,27 +403,27 @@ class ConvertRun {
 
   [[nodiscard]] std::unique_ptr<ConvertInput> open_input() {
     const bool container = player::kind_of_file(flags_.input) == player::SourceKind::Sequence;
-    if (plan_.content.kind == Kind::Woven)
-      return container ? std::make_unique<ContainerInput>(flags_.input)
-                       : open_woven_input(flags_.input, picture_options());
+    const bool woven = plan_.content.kind == Kind::Woven;
+    if (woven && container) return std::make_unique<ContainerInput>(flags_.input);
     if (container) refuse_damaged();
-    std::unique_ptr<frames::ViewInput> views = open_views(plan_.content, picture_options());
-    shape_ = views->shape();
-    return std::make_unique<ViewFrames>(std::move(views), frames_of_views(), flags_.input);
-  }
-
-  [[nodiscard]] FramesOfViews frames_of_views() {
-    if (plan_.result == Result::Quilt) {
-      layout_ = layout_of_quilt();
-      return {.pipeline = nullptr,
-              .geometry = frames::quilt_geometry(shape_, layout_),
-              .layout = layout_};
+    // Woven pictures, which are not changed, are read as quilts of one tile.
+    player::Content content = plan_.content;
+    if (woven) content.kind = Kind::Quilt;
+    std::unique_ptr<frames::ViewInput> views = open_views(content, picture_options());
+    const frames::ViewShape shape = views->shape();
+    if (!woven) shape_ = shape;
+    if (!woven && plan_.result == Result::Woven) {
+      const optics::Rig& rig = plan_.rig.value().rig;
+      const auto pipeline = std::make_shared<player::WeavingPipeline>(rig, shape, flags_.weaving,
+                                                                      player::all_threads());
+      const auto weave = [pipeline](const auto& set, auto& frame) { pipeline->weave(set, frame); };
+      return std::make_unique<ViewFrames>(std::move(views), panel_of(rig), weave, flags_.input);
     }
-    const optics::Rig& rig = plan_.rig.value().rig;
-    return {.pipeline = std::make_unique<player::WeavingPipeline>(rig, shape_, flags_.weaving,
-                                                                  player::all_threads()),
-            .geometry = {.width = rig.panel.width_px, .height = rig.panel.height_px},
-            .layout = {}};
+    if (!woven) layout_ = layout_of_quilt();
+    return std::make_unique<ViewFrames>(
+        std::move(views), frames::quilt_geometry(shape, layout_),
+        [this](const auto& set, auto& frame) { frames::draw_quilt(set, layout_, frame); },
+        flags_.input);
   }
 
   /// Returns the quilt's layout: that in the target's name, or that of the input quilt.
@@ -461,12 +441,16 @@ class ConvertRun {
 
   /// Refuses damaged frames: woven from views, a frame of another time would not be noticed.
   void refuse_damaged() {
-    const frames::SequenceReader reader(flags_.input);
-    const std::vector<uint64_t> damaged =
-        reader.find_damaged([](uint64_t) { return !player::interrupted(); });
+    const std::vector<uint64_t> damaged = find_damaged();
     if (damaged.empty()) return;
     if (!flags_.keep_damaged) fail_damaged_container(damaged);
     replaced_ = damaged.size();
+  }
+
+  [[nodiscard]] std::vector<uint64_t> find_damaged() const {
+    return frames::SequenceReader(flags_.input).find_damaged([](uint64_t) {
+      return !player::interrupted();
+    });
   }
 
   [[noreturn]] void fail_damaged_container(const std::vector<uint64_t>& damaged) const {
@@ -481,9 +465,7 @@ class ConvertRun {
 
   /// Counts all damaged frames first, because the remedy depends on how many there are.
   [[noreturn]] void fail_damaged(uint64_t number) const {
-    std::vector<uint64_t> damaged = frames::SequenceReader(flags_.input).find_damaged([](uint64_t) {
-      return !player::interrupted();
-    });
+    std::vector<uint64_t> damaged = find_damaged();
     std::erase_if(damaged, [&](uint64_t n) { return n < range_.begin || n >= range_.end; });
     if (damaged.empty()) damaged.push_back(number);
     fail_damaged_container(damaged);
@@ -524,7 +506,7 @@ class ConvertRun {
 
   void state_rig(const optics::TrimmedRig& loaded) {
     const optics::Rig& rig = loaded.rig;
-    const frames::FrameGeometry panel{.width = rig.panel.width_px, .height = rig.panel.height_px};
+    const frames::FrameGeometry panel = panel_of(rig);
     const optics::RigMatch matched = optics::match(frames::rig_of(info_), loaded.identity);
     // Woven before the rig was trimmed: the file keeps the trim for which it was woven.
     if (matched == optics::RigMatch::Trimmed) return;
@@ -545,19 +527,18 @@ class ConvertRun {
   void open_output() {
     if (info_.made_from.empty()) info_.made_from = made_from(flags_.input);
     info_.max_error = std::min(info_.max_error + flags_.max_error, 255);
-    ConvertTarget target{.request = {.target = flags_.output,
-                                     .range = {.begin = info_.first_frame,
-                                               .end = info_.first_frame + range_.count()},
-                                     .geometry = info_.geometry,
-                                     .rig = frames::rig_of(info_),
-                                     .rate = info_.rate,
-                                     .resume = flags_.resume,
-                                     .overwrite = flags_.overwrite,
-                                     .max_error = flags_.max_error,
-                                     .sequence = info_}};
-    if (plan_.result == Result::Quilt) target.quilt = layout_;
-    written_ = target_name(target);
-    output_ = open_convert_output(target);
+    const bool quilts = plan_.result == Result::Quilt;
+    written_ = quilts ? target_name(flags_.output, layout_) : flags_.output;
+    output_ = open_convert_output(
+        {.target = written_,
+         .range = {.begin = info_.first_frame, .end = info_.first_frame + range_.count()},
+         .geometry = info_.geometry,
+         .rig = frames::rig_of(info_),
+         .rate = info_.rate,
+         .resume = flags_.resume,
+         .overwrite = flags_.overwrite,
+         .sequence = info_},
+        quilts ? &layout_ : nullptr);
   }
 
   /// Converts one frame; returns false at the end of the input.

@@ -57,9 +57,8 @@ player::PictureOptions picture_options(const WeaveFlags& flags) {
 std::unique_ptr<frames::ViewInput> load_views(const WeaveFlags& flags, const optics::Rig& rig) {
   const player::PictureOptions options = picture_options(flags);
   const player::SourceSpec source = parse_source(flags.input, flags.content);
-  player::Content content = identify(source, optics::fingerprint(rig), true);
-  if (content.kind == player::Content::Kind::Woven)
-    if (const auto pair = player::find_stereo(source)) content = *pair;
+  const player::Content content =
+      identify_by_pixels(source, optics::fingerprint(rig), std::nullopt, true, true);
   if (content.kind == player::Content::Kind::Woven)
     throw Error(
         ErrorKind::Usage, fmt::format("{}: the layout of the views is unknown", flags.input),
