@@ -32,6 +32,14 @@ namespace lenticule::player {
   return source.ends_with('/');
 }
 
+/// Returns the list in the folder, as the folders of a Looking Glass Studio have one; empty: none.
+[[nodiscard]] inline std::string list_in_folder(const std::string& folder) {
+  for (const char* name :
+       {"playlist.toml", "playlist.json", "currentlyPlaying.json", "playlist.m3u", "playlist.m3u8"})
+    if (mark_of(folder + name).there) return folder + name;
+  return {};
+}
+
 /// Returns true if a file of that name can be content. Hidden files, unfinished files of programs
 /// that copy (rsync, browsers, lenticule) and files of other kinds cannot.
 [[nodiscard]] inline bool may_be_content(const std::string& file_name) {
@@ -166,10 +174,8 @@ class FolderLists {
   explicit FolderLists(std::chrono::milliseconds first_wait = {}) : first_wait_(first_wait) {}
   /// Returns a list of the whole files, in the order of their names, repeated forever; without a
   /// file it shows black. Throws Error(Input) if there is no such folder at the first call, or if
-  /// it has more files than a list may have. Films of other rigs are woven again if the source asks
-  /// for that.
-  [[nodiscard]] Playlist read(const SourceSpec& source) {
-    const std::string& folder = source.text;
+  /// it has more files than a list may have.
+  [[nodiscard]] Playlist read(const std::string& folder) {
     const std::vector<std::string> names = whole_files(folder);
     if (names.size() > kMaxPlaylistItems)
       throw Error(ErrorKind::Input,
@@ -182,10 +188,8 @@ class FolderLists {
                   .rounds = kForever,
                   .file = mark_of_names(names),
                   .awaits_files = true};
-    ContentFlags content;
-    content.reweave = source.content.reweave;
     for (const std::string& name : names) {
-      list.items.push_back({.source = parse_source(folder + name, content)});
+      list.items.push_back({.source = parse_source(folder + name)});
       list.items.back().still_s = still_seconds(list.items.back().source);
     }
     return list;
@@ -211,6 +215,7 @@ class FolderLists {
         files.push_back(item.source.text + name);
         items.push_back(item);
         items.back().source = parse_source(files.back());
+        if (item.still_s) items.back().still_s = still_seconds(items.back().source);
       }
     }
     if (items.size() > kMaxPlaylistItems)

@@ -400,8 +400,14 @@ Playlist read_playlist(const SourceSpec& source, const PlayFlags& flags, const P
       item.still_s = stays ? kUntilEnded : kStillSeconds * static_cast<double>(item.loops);
     return list;
   }
-  Playlist list = names_folder(source.text) ? plan.folders->read(source)
-                                            : plan.folders->with_files(load_playlist(source.text));
+  const bool is_folder = names_folder(source.text);
+  const std::string file = is_folder ? list_in_folder(source.text) : source.text;
+  if (is_folder && !file.empty())
+    say("{}: played instead of all files of its folder; rename it to play all\n", file);
+  Playlist list = file.empty() ? plan.folders->read(source.text)
+                               : plan.folders->with_files(load_playlist(file));
+  if (names_folder(plan.source.text) && list.name.starts_with(plan.source.text))
+    for (PlaylistItem& item : list.items) item.source.content.reweave = flags.content.reweave;
   const bool says_how_often = !flags.loop.empty() || flags.duration_s;
   if (says_how_often) list.rounds = plan.playback.loops;
   return list;

@@ -4,8 +4,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <fstream>
+
 #include "base/error.h"
 #include "tests/support/error_matchers.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::player {
 namespace {
@@ -98,6 +101,30 @@ TEST_F(PlayPlanTest, AnInvalidRateNamesItsFlag) {
   const Error error = test::error_of([this] { (void)make_plan(flags, false); });
   EXPECT_THAT(error.what(), testing::StartsWith("--fps: "));
   EXPECT_EQ(error.kind(), ErrorKind::Usage);
+}
+
+TEST_F(PlayPlanTest, TheListInAFolderIsPlayedInsteadOfAllFiles) {
+  const test::ScratchFolder scratch;
+  const std::string folder = scratch.path().string() + "/";
+  for (const char* name : {"a.lts", "b.lts"}) {
+    std::ofstream(folder + name) << "film";
+    std::filesystem::last_write_time(folder + name,
+                                     std::filesystem::file_time_type::clock::now() - seconds(10));
+  }
+  flags.source = scratch.path().string();
+  flags.content.reweave = true;
+  const auto sources = [this] {
+    const PlayPlan plan = make_plan(flags, false);
+    std::vector<std::string> names;
+    for (const PlaylistItem& item : read_playlist(plan.source, flags, plan).items) {
+      EXPECT_TRUE(item.source.content.reweave) << item.source.text;
+      names.push_back(item.source.text);
+    }
+    return names;
+  };
+  EXPECT_THAT(sources(), testing::ElementsAre(folder + "a.lts", folder + "b.lts"));
+  std::ofstream(folder + "playlist.json") << R"([{"filename": "b.lts"}])";
+  EXPECT_THAT(sources(), testing::ElementsAre(folder + "b.lts"));
 }
 
 TEST_F(PlayPlanTest, RefusesImpossibleKmsOptionsBeforeOpeningTheCard) {

@@ -127,12 +127,11 @@ TEST_F(FolderWatchTest, TheListHasTheFilesInOrderAndItsMarkFollowsTheirNames) {
   age("a.png");
   age("b.lts");
   FolderLists lists;
-  const Playlist list = lists.read(parse_source(folder, {.reweave = true}));
+  const Playlist list = lists.read(folder);
   ASSERT_EQ(list.items.size(), 2u);
   EXPECT_EQ(list.items[0].source.text, folder + "a.png");
   EXPECT_EQ(list.items[0].still_s, kStillSeconds);
   EXPECT_EQ(list.items[1].source.kind, SourceKind::Sequence);
-  EXPECT_TRUE(list.items[1].source.content.reweave);
   EXPECT_EQ(list.rounds, kForever);
   EXPECT_TRUE(list.awaits_files);
   EXPECT_EQ(lists.mark(folder), list.file);
@@ -145,10 +144,10 @@ TEST_F(FolderWatchTest, TheListHasTheFilesInOrderAndItsMarkFollowsTheirNames) {
 TEST_F(FolderWatchTest, TheFirstListMayWaitForFilesThatWereCopiedJustNow) {
   write("a.lts");
   FolderLists at_once;
-  EXPECT_THAT(at_once.read(parse_source(folder)).items, IsEmpty());
+  EXPECT_THAT(at_once.read(folder).items, IsEmpty());
   EXPECT_THAT(at_once.unfinished_files(), ElementsAre(folder + "a.lts"));
   FolderLists patient(2 * FolderWatch::kQuiet);
-  EXPECT_EQ(patient.read(parse_source(folder)).items.size(), 1u);
+  EXPECT_EQ(patient.read(folder).items.size(), 1u);
   EXPECT_THAT(patient.unfinished_files(), IsEmpty());
 }
 
@@ -170,13 +169,16 @@ TEST_F(FolderWatchTest, AFolderInAListIsReplacedByItsFilesWithTheItemsSettings) 
   for (const char* name : {"b.lts", "a.png"}) write(name);
   age("a.png");
   age("b.lts");
+  std::ofstream(folder + "a.png.json") << R"({"columns": 2, "rows": 1, "duration": 4})";
   FolderLists lists;
   const Playlist list = lists.with_files(list_with(folder, scratch / "day.toml"));
   EXPECT_THAT(sources_of(list), ElementsAre(folder + "a.png", folder + "b.lts", "/ad.lts",
                                             folder + "a.png", folder + "b.lts"));
   EXPECT_EQ(list.items[1].loops, 2u);
   EXPECT_EQ(list.items[1].source.kind, SourceKind::Sequence);
-  EXPECT_EQ(list.items[3].still_s, kStillSeconds);
+  EXPECT_EQ(list.items[0].still_s, std::nullopt) << "loops come before the sidecar";
+  EXPECT_EQ(list.items[3].still_s, 4.0) << "the sidecar's duration";
+  EXPECT_EQ(list.items[4].still_s, kStillSeconds);
   EXPECT_FALSE(list.awaits_files);
 }
 
