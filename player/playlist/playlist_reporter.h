@@ -28,6 +28,7 @@ struct PlaylistEvent {
     Kept,         ///< a replacement cannot be played: the old content continues
     Returned,     ///< the item continues after an interruption
     Waiting,      ///< no item of the list can begin, for the reason in `detail`
+    Still,        ///< the film has a single frame, which stays as a picture does
     ItemDamaged,  ///< the item was played, but some of its frames were damaged,
                   ///< missing or repeated
   };

@@ -295,6 +295,12 @@ class PlaylistSource final : public frames::FrameSource {
       return true;
     }
     reporter_.loop_done(item);
+    const SourceKind kind = item.item.source.kind;
+    const bool is_film = kind == SourceKind::Video || kind == SourceKind::Sequence;
+    if (is_film && item.is_still() && item.item.still_s && item.loops_done == 1)
+      reporter_.report({.kind = EventKind::Still,
+                        .source = item.item.source.text,
+                        .detail = "it has only one frame"});
     bool more = limited || loops == kForever || item.loops_done < loops;
     if (!item.index)
       more = !loader_.next_is_there();

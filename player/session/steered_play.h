@@ -729,6 +729,8 @@ class SteeredPlay {
       case Kind::ItemDamaged:
         publish({{"event", "damaged_item"}, {"source", event.source}, {"cause", event.detail}});
         return complain("damaged", event);
+      case Kind::Still:
+        return complain("taken for a picture", event);
       case Kind::ItemSkipped:
         publish({{"event", "bad_item"}, {"source", event.source}, {"cause", event.detail}});
         return complain("left out", event);

@@ -129,6 +129,18 @@ TEST_F(PlaylistPlay, AStillPictureStaysForItsDuration) {
   EXPECT_EQ(result.report.pace.underruns, 0u);
 }
 
+TEST_F(PlaylistPlay, AFilmOfOneFrameIsNamedAndStaysAsAPictureDoes) {
+  put("cut.lts", 0, 1);
+  put("film.lts", 10, 2);
+  put("picture.png", 20, 1);
+  Playlist list = list_of({"cut.lts", "film.lts", "picture.png"});
+  for (PlaylistItem& item : list.items) item.still_s = 0.5;
+  play_list(list);
+  EXPECT_THAT(shown_numbers(32), testing::ElementsAre(0, 0, 10, 11, 20, 20));
+  EXPECT_THAT(details_of(PlaylistEvent::Kind::Still),
+              testing::ElementsAre("it has only one frame"));
+}
+
 TEST_F(PlaylistPlay, BrokenItemsAreSkippedAndNamed) {
   put("a", 0, 2);
   put("b", 10, 2);
