@@ -364,7 +364,8 @@ std::optional<QuiltSidecar> read_quilt_comment(const std::filesystem::path& pict
   constexpr size_t kCommentBytes = size_t{1} << 16;
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(picture, ignored)) return std::nullopt;
-  const std::vector<uint8_t> bytes = read_head(picture, kCommentBytes);
+  std::vector<uint8_t> bytes = read_head(picture, kCommentBytes);
+  std::erase(bytes, 0);  // the comment may be UTF-16; JSON with these keys is ASCII
   const std::string_view head(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   const size_t key = head.find(kInComment);
   const size_t begin = key == std::string::npos ? key : head.rfind('{', key);

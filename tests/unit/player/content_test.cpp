@@ -115,6 +115,12 @@ TEST(ContentName, ACommentInThePictureCompletesAPlainName) {
   EXPECT_EQ(meaning_of(folder / "city.jpg"), "8x6 a0.75");
   EXPECT_EQ(meaning_of(folder / "city_sbs.jpg"), "lr") << "the name decides";
   EXPECT_EQ(meaning_of(folder / "city_qs2x1.jpg"), "2x1");
+  for (const bool big_endian : {false, true}) {
+    std::string utf16("UNICODE", 8);
+    for (const char c : comment) utf16 += big_endian ? std::string{'\0', c} : std::string{c, '\0'};
+    std::ofstream(folder / "city.jpg") << "head " << utf16 << " tail";
+    EXPECT_EQ(meaning_of(folder / "city.jpg"), "8x6 a0.75") << big_endian;
+  }
 }
 
 TEST(ContentFlags, AreParsedOrRefused) {
