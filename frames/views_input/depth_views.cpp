@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "base/error.h"
 #include "frames/weaving/crosstalk.h"
@@ -51,6 +50,11 @@ std::vector<double> disparities(int width, const DepthOptions& options) {
     const double share = near / (ratio + (1.0 - ratio) * near);
     table[code] = unit * (options.back + (options.front - options.back) * share) - zero_plane;
   }
+  const double most = options.most * width;
+  const double largest = std::max(std::abs(table.front()), std::abs(table.back()));
+  if (largest > most)
+    for (double& disparity : table)
+      disparity /= 1.0 + std::abs(disparity) * (1.0 / most - 1.0 / largest);
   return table;
 }
 

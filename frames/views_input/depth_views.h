@@ -9,6 +9,7 @@
 // keeps half a pixel. The source counts as the picture of the middle camera.
 #pragma once
 
+#include <limits>
 #include <memory>
 #include <span>
 #include <vector>
@@ -34,6 +35,9 @@ struct DepthOptions {
   /// in the reciprocal of a distance. 1: codes are disparities.
   double distance_ratio = 1.0;
   Disparity zero_plane = {};  ///< subtracted from all disparities
+  /// Largest disparity after that, to either side, as a fraction of the width: if one is larger,
+  /// all are compressed, those near 0 hardly.
+  double most = std::numeric_limits<double>::infinity();
   bool black_is_near = false;
   int threads = 1;
   uint64_t most_bytes = kMostViewBytes;  ///< limit for all views together

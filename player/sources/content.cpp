@@ -299,11 +299,12 @@ Content content_of(const SourceSpec& source, const std::string& rig_fingerprint,
 void refuse_idle_flags(const SourceSpec& source, Kind kind) {
   const ContentFlags& flags = source.content;
   const bool has_depth = kind == Kind::OwnDepth || kind == Kind::DepthInside;
-  const bool about_depth =
-      !flags.depth_range.empty() || !flags.depth_distance.empty() || flags.invert_depth;
+  const bool about_depth = !flags.depth_range.empty() || !flags.depth_distance.empty() ||
+                           flags.invert_depth || flags.depth_budget;
   if (!has_depth && about_depth)
-    throw Error(ErrorKind::Usage, fmt::format("--depth-range: {} has no depth", source.text),
-                "name the depth with --depth");
+    throw Error(ErrorKind::Usage,
+                fmt::format("--depth-range, --depth-budget: {} has no depth", source.text),
+                "name the depth with --depth; pictures for two eyes only move, with --zero-plane");
   const bool about_views =
       flags.views != 0 || flags.aspect || flags.invert || !flags.zero_plane.empty();
   if (kind == Kind::Woven && about_views && source.has_pictures())

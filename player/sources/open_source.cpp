@@ -159,6 +159,8 @@ OpenedSource open_and_weave(const Content& content, const OpenContext& context) 
   PictureOptions options = picture_options(context);
   options.pool_frames = kPicturesAhead;
   options.before_weaving = true;
+  const optics::Rig rig = context.rig->rig();
+  options.rig = &rig;
   OpenedSource opened;
   opened.source = std::make_unique<WeavingSource>(
       open_views(content, options), WeavingSourceOptions{.name = content.source.text,

@@ -232,6 +232,14 @@ class ViewsOpener {
     depth.zero_plane = content_.crop.zero_plane;
     depth.threads = options_.drawing_threads;
     depth.most_bytes = most_view_bytes();
+    if (const auto budget = content_.source.content.depth_budget) {
+      if (options_.rig == nullptr)
+        throw Error(ErrorKind::Usage, "--depth-budget: depends on the panel, and none is known",
+                    "add --rig, or use --depth-range");
+      // At the depth of field a point moves by a lens from each subpixel under a lens to the next.
+      const double pitch = options_.rig->sheet.pitch.value;
+      depth.most = *budget * pitch * pitch / (3.0 * options_.rig->panel.width_px);
+    }
     return depth;
   }
   /// Returns the stated aspect, or that of the picture's pixels if they are not square.

@@ -22,7 +22,8 @@ struct PictureOptions {
   uint64_t first_frame = 0;
   int pool_frames = 3;
   int decoder_threads = 1;
-  int drawing_threads = 1;  ///< threads that make views from depth
+  int drawing_threads = 1;           ///< threads that make views from depth
+  const optics::Rig* rig = nullptr;  ///< rig to weave for, whose sheet limits depth
   bool plays_again = false;
   /// Views: accepts subsampled chroma and applies orientation tags.
   bool before_weaving = true;

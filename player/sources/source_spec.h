@@ -40,6 +40,7 @@ struct ContentFlags {
   std::string depth_distance;
   bool invert_depth = false;
   std::string zero_plane;
+  std::optional<double> depth_budget;  ///< limit of depth, in depths of field of the sheet
   std::string from_rig;
   bool reweave = false;
 

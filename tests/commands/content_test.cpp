@@ -427,6 +427,24 @@ TEST_F(ContentCommand, NearObjectsMoveAgainstTheEyeAndFarOnesWithIt) {
   EXPECT_EQ(shown, played(path("q_qs3x2.png"))) << "5 of 6 tiles, as the sidecar says";
 }
 
+TEST_F(ContentCommand, TheDepthBudgetCompressesDepthToTheSheetsDepthOfField) {
+  save("deep_rgbd.png", column_with_depth(255, 0));
+  const double pitch = optics::load_rig(kTiny).sheet.pitch.value;
+  const double most = 0.2 * pitch * pitch / 3.0;  // pixels of a view as wide as the panel
+  const std::vector<std::string> deep = {path("deep_rgbd.png"), "--depth-range", "-12px:12px"};
+  const auto limited = joined(deep, {"--depth-budget", "0.2"});
+  const WovenFrame woven =
+      woven_by_command({path("deep_rgbd.png"), "--depth-range", fmt::format("-{0}px:{0}px", most)});
+  EXPECT_EQ(woven_by_command(limited), woven);
+  EXPECT_NE(woven_by_command(deep), woven);
+  EXPECT_EQ(woven_by_command(joined(deep, {"--depth-budget", "4"})), woven_by_command(deep));
+  EXPECT_EQ(played(path("deep_rgbd.png"), {limited.begin() + 1, limited.end()}),
+            std::vector<WovenFrame>{woven});
+  succeed(convert(joined(limited, {"--rig", kTiny, "-o", path("converted.png")})));
+  EXPECT_EQ(frames::read_woven(path("converted.png")), woven);
+  expect_end(convert(joined(limited, {"-o", path("quilt.png")})), 2, "use --depth-range");
+}
+
 TEST_F(ContentCommand, TheZeroPlaneMovesStereoInDepth) {
   WovenFrame eyes({.width = 96, .height = 32});  // a column that is 6 pixels in front of the panel
   for (int y = 0; y < 32; ++y)

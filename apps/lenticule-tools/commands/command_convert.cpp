@@ -397,6 +397,7 @@ class ConvertRun {
             .pool_frames = 2 * player::all_threads(),
             .decoder_threads = player::all_threads(),
             .drawing_threads = player::all_threads(),
+            .rig = plan_.rig ? &plan_.rig->rig : nullptr,
             .plays_again = false,
             .before_weaving = plan_.content.kind != Kind::Woven};
   }

@@ -55,7 +55,8 @@ player::PictureOptions picture_options(const WeaveFlags& flags) {
 
 /// Loads the only set of views, or the requested one.
 std::unique_ptr<frames::ViewInput> load_views(const WeaveFlags& flags, const optics::Rig& rig) {
-  const player::PictureOptions options = picture_options(flags);
+  player::PictureOptions options = picture_options(flags);
+  options.rig = &rig;
   const player::SourceSpec source = parse_source(flags.input, flags.content);
   const player::Content content =
       identify_by_pixels(source, optics::fingerprint(rig), std::nullopt, true, true);

@@ -50,6 +50,10 @@ void declare_content_flags(CLI::App& app, player::ContentFlags& flags) {
                  "Percent of a view's width between the outermost views, or 20px; above 0 moves "
                  "everything back.")
       ->type_name("DISPARITY");
+  app.add_option("--depth-budget", flags.depth_budget,
+                 "how far depth may extend before and behind the panel: 1\n"
+                 "In depths of field of the sheet; what is deeper is compressed.")
+      ->check(CLI::PositiveNumber);
   app.add_option("--from-rig", flags.from_rig,
                  "the input is woven for this rig; it is split into views first")
       ->type_name("RIG.toml");

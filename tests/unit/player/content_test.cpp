@@ -135,6 +135,7 @@ TEST(ContentFlags, AreParsedOrRefused) {
   const ContentFlags wrong[] = {{.zero_plane = "1"},
                                 {.stereo = "sbs", .zero_plane = "1cm"},
                                 {.stereo = "sbs", .depth_distance = "1:2"},
+                                {.stereo = "sbs", .depth_budget = 1.0},
                                 {.depth = "right", .depth_distance = "0:2"},
                                 {.depth = "right", .depth_distance = "2:1"},
                                 {.depth = "right", .depth_distance = "2"}};

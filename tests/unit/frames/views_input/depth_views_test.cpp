@@ -140,6 +140,34 @@ TEST(DepthViews, TheZeroPlaneLiesInThePanelsPlane) {
   }
 }
 
+TEST(DepthViews, ALimitCompressesDepthAndKeepsTheZeroPlane) {
+  struct Case {
+    double back, front, zero, most, limited_back, limited_front;
+  };
+  for (const Case& one : {Case{-4, 8, 0, 8, -4, 8},     // within the limit
+                          Case{-4, 16, 0, 8, -3.2, 8},  // 4 / (1 + 4 (1/8 - 1/16))
+                          Case{0, 16, 8, 4, -4, 4}})
+    for (const uint8_t code : {0, 255}) {
+      const Box box(code, 255 - code);
+      const auto views_of = [&](const DepthOptions& options) {
+        DepthViews drawn(48, 2, options);
+        const auto views = drawn.draw(window_of(box.colour.view()), window_of(box.depth.view()));
+        return std::vector<uint8_t>(views[0].bytes.begin(), views[0].bytes.end());
+      };
+      EXPECT_EQ(views_of({.views = 2,
+                          .back = one.back,
+                          .front = one.front,
+                          .in_pixels = true,
+                          .zero_plane = {one.zero, true},
+                          .most = one.most / 48}),
+                views_of({.views = 2,
+                          .back = one.limited_back,
+                          .front = one.limited_front,
+                          .in_pixels = true}))
+          << one.most;
+    }
+}
+
 TEST(DepthViews, FillHolesFromTheFartherSide) {
   Box box(255);
   fill(box.colour, 0, 20, 60);
