@@ -116,7 +116,7 @@ class PlayControls final : public ControlTarget {
       case ControlVerb::Frame:
         return work_on(answer, [this](const Answer& done) { done(share_frame()); });
       case ControlVerb::List:
-        return answer(list(request));
+        return answer(list_json(*present_list(), request.item.value_or(0)));
       case ControlVerb::Quit:
         answer(ordered_json{{"quitting", true}});
         return quit_in_good_order();
@@ -151,9 +151,11 @@ class PlayControls final : public ControlTarget {
 
   /// Ends the process as Ctrl-C would; every wait of the player reacts to the signal.
   static void quit_in_good_order() { (void)::kill(::getpid(), SIGTERM); }
-  static Error nothing_to_steer() {
-    return {ErrorKind::Failed, "control: nothing is playing",
-            "'status' says what the player is doing"};
+  /// Returns the list in use; the caller holds the mutex. Throws Error(Failed) if there is none.
+  [[nodiscard]] PlaylistSource& steered() const {
+    if (source_ != nullptr) return *source_;
+    throw Error(ErrorKind::Failed, "control: nothing is playing",
+                "'status' says what the player is doing");
   }
 
   static ordered_json place_json(const PlaylistStatus& status) {
@@ -257,8 +259,7 @@ class PlayControls final : public ControlTarget {
   }
   [[nodiscard]] nlohmann::ordered_json set_loops(uint64_t loops) {
     const std::lock_guard lock(mutex_);
-    if (source_ == nullptr) throw nothing_to_steer();
-    source_->set_loops(loops);
+    steered().set_loops(loops);
     ordered_json json;
     json["count"] = loops == kForever ? ordered_json("forever") : ordered_json(loops);
     return json;
@@ -291,12 +292,10 @@ class PlayControls final : public ControlTarget {
   /// failed.
   void jump(Jump where, const Answer& answer) {
     const std::lock_guard lock(mutex_);
-    if (source_ == nullptr) throw nothing_to_steer();
-    PlaylistSource* const source = source_;
-    const uint64_t frame = where.frame;
-    source->jump(where, [answer, source, frame](const Error* error) {
+    PlaylistSource& source = steered();
+    source.jump(where, [answer, &source, frame = where.frame](const Error* error) {
       if (error != nullptr) return answer(*error);
-      ordered_json json = place_json(source->status());
+      ordered_json json = place_json(source.status());
       json["frame"] = frame;
       answer(std::move(json));
     });
@@ -327,13 +326,13 @@ class PlayControls final : public ControlTarget {
   }
   void back(const Answer& answer) {
     const std::lock_guard lock(mutex_);
-    if (source_ == nullptr) throw nothing_to_steer();
-    if (source_->status().interrupted.empty())
+    PlaylistSource& source = steered();
+    if (source.status().interrupted.empty())
       return answer(ConflictAnswer{{ErrorKind::Failed, "back: nothing is interrupted",
                                     "'interrupt' and 'blank' begin an interruption"}});
-    source_->return_now([answer, source = source_](const Error* error) {
+    source.return_now([answer, &source](const Error* error) {
       if (error != nullptr) return answer(*error);
-      answer(place_json(source->status()));
+      answer(place_json(source.status()));
     });
   }
   void cue(const ControlRequest& request, const Answer& answer) {
@@ -345,10 +344,10 @@ class PlayControls final : public ControlTarget {
         where.list = std::make_shared<const Playlist>(read_playlist_(request.source));
       where.item = request.item && !request.then_back ? static_cast<int64_t>(*request.item) : 0;
       const std::lock_guard lock(mutex_);
-      if (source_ == nullptr) throw nothing_to_steer();
-      source_->cue(where, [done, source = source_](const Error* error) {
+      PlaylistSource& source = steered();
+      source.cue(where, [done, &source](const Error* error) {
         if (error != nullptr) return done(*error);
-        done(ordered_json{{"cued", source->status().cued}});
+        done(ordered_json{{"cued", source.status().cued}});
       });
     });
   }
@@ -356,15 +355,15 @@ class PlayControls final : public ControlTarget {
   /// that of a button that bounces.
   void go(const Answer& answer) {
     const std::lock_guard lock(mutex_);
-    if (source_ == nullptr) throw nothing_to_steer();
+    PlaylistSource& source = steered();
     if (!playback_.time_next_cut()) return answer(ordered_json{{"already_going", true}});
-    if (source_->status().cued.empty()) {
+    if (source.status().cued.empty()) {
       playback_.forget_next_cut();
       return answer(
           ConflictAnswer{{ErrorKind::Failed, "go: no item is cued", "cue one first: cue SOURCE"}});
     }
-    source_->go([this, answer, source = source_](const Error* error) {
-      if (error == nullptr) return answer(place_json(source->status()));
+    source.go([this, answer, &source](const Error* error) {
+      if (error == nullptr) return answer(place_json(source.status()));
       playback_.forget_next_cut();
       answer(*error);
     });
@@ -374,12 +373,7 @@ class PlayControls final : public ControlTarget {
       const ControlRequest& request) const {
     Playlist list;
     if (request.item) {
-      std::shared_ptr<const Playlist> playing;
-      {
-        const std::lock_guard lock(mutex_);
-        if (source_ == nullptr) throw nothing_to_steer();
-        playing = source_->list();
-      }
+      const std::shared_ptr<const Playlist> playing = present_list();
       if (*request.item >= playing->items.size())
         throw Error(
             ErrorKind::Usage,
@@ -462,14 +456,9 @@ class PlayControls final : public ControlTarget {
                      {"frame", place.number}},
             .descriptor = frame_memory_->descriptor()};
   }
-  [[nodiscard]] nlohmann::ordered_json list(const ControlRequest& request) const {
-    std::shared_ptr<const Playlist> playing;
-    {
-      const std::lock_guard lock(mutex_);
-      if (source_ == nullptr) throw nothing_to_steer();
-      playing = source_->list();
-    }
-    return list_json(*playing, request.item.value_or(0));
+  [[nodiscard]] std::shared_ptr<const Playlist> present_list() const {
+    const std::lock_guard lock(mutex_);
+    return steered().list();
   }
   void work_on(Answer answer, std::function<void(const Answer&)> task) {
     {
