@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "calib/cameras/v4l2_camera.h"
+#include "calib/cameras/camera_controls.h"
 #include "fake_v4l2.h"
 
 namespace lenticule::calib {

@@ -4,7 +4,7 @@
 
 #include <chrono>
 
-#include "calib/cameras/v4l2_camera.h"
+#include "calib/cameras/capture_stream.h"
 
 namespace lenticule::calib {
 namespace {
