@@ -81,7 +81,7 @@ class Heartbeat {
     std::unique_lock lock(mutex_);
     while (!ended_) {
       progress_.seconds = seconds_since(begin_);
-      const std::string text = farm::chunk_progress_to_json(progress_);
+      const std::string text = farm::record_to_json(progress_);
       lock.unlock();
       try {
         write_text_file(file_, text);
@@ -253,10 +253,10 @@ class ChunkRun {
     try {
       const TemporaryFolder attempt(folder_.attempts_folder(chunk_.number));
       const fs::path made = attempt.path() / "failure.json";
-      write_text_file(made, farm::chunk_failure_to_json({.node = report_.node,
-                                                         .chunk = chunk_.number,
-                                                         .error = error.what(),
-                                                         .hint = error.hint()}));
+      write_text_file(made, farm::record_to_json(farm::ChunkFailure{.node = report_.node,
+                                                                    .chunk = chunk_.number,
+                                                                    .error = error.what(),
+                                                                    .hint = error.hint()}));
       farm::move_file(made, folder_.failure_file(chunk_.number));
     } catch (const Error&) {  // a full disk: the chunk counts as missing
     }

@@ -36,12 +36,12 @@ void check(uint8_t kind, std::string_view text) {
   if (kind == 0) check_plan(text);
   if (kind == 1) check_plan(with_identity(text));
   if (kind == 2) {
-    const ChunkReport report = parse_chunk_report(text, "fuzz");
-    LENTICULE_CHECK(parse_chunk_report(chunk_report_to_json(report), "again").bytes ==
+    const ChunkReport report = parse_record<ChunkReport>(text, "fuzz");
+    LENTICULE_CHECK(parse_record<ChunkReport>(record_to_json(report), "again").bytes ==
                     report.bytes);
   }
-  if (kind == 3) static_cast<void>(parse_chunk_progress(text, "fuzz"));
-  if (kind == 4) static_cast<void>(parse_chunk_failure(text, "fuzz"));
+  if (kind == 3) static_cast<void>(parse_record<ChunkProgress>(text, "fuzz"));
+  if (kind == 4) static_cast<void>(parse_record<ChunkFailure>(text, "fuzz"));
   if (kind == 5) static_cast<void>(parse_slurm_jobs(text, "fuzz"));
   static_cast<void>(parse_queue(text, "/films/work"));
   static_cast<void>(parse_max_array_size(text));

@@ -19,13 +19,13 @@ void start_attempt(const SmallFarm& farm, uint64_t chunk, const std::string& nod
   std::filesystem::create_directories(folder);
   const ChunkProgress progress{
       .node = node, .chunk = chunk, .done = 4, .count = 10, .seconds = seconds};
-  write_text_file(folder / "progress.json", chunk_progress_to_json(progress));
+  write_text_file(folder / "progress.json", record_to_json(progress));
 }
 
 void fail(const SmallFarm& farm, uint64_t chunk) {
   write_text_file(
       farm.folder().failure_file(chunk),
-      chunk_failure_to_json({.node = "n2", .chunk = chunk, .error = "disk full", .hint = ""}));
+      record_to_json(ChunkFailure{.node = "n2", .chunk = chunk, .error = "disk full", .hint = ""}));
 }
 
 TEST(FarmStatus, CountsEveryChunkOnce) {

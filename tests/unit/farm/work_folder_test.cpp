@@ -41,13 +41,13 @@ ChunkReport some_report() {
 }
 
 TEST(ChunkReport, IsTheSameAfterWritingAndReading) {
-  EXPECT_EQ(parse_chunk_report(chunk_report_to_json(some_report()), "r"), some_report());
+  EXPECT_EQ(parse_record<ChunkReport>(record_to_json(some_report()), "r"), some_report());
 }
 
 TEST(ChunkReport, NamesTheKeyThatIsWrong) {
-  std::string text = chunk_report_to_json(some_report());
+  std::string text = record_to_json(some_report());
   text.replace(text.find("ffffffffffffffff"), 16, "fffffffffffffffg");
-  EXPECT_STREQ(error_of([&] { (void)parse_chunk_report(text, "r"); }).what(),
+  EXPECT_STREQ(error_of([&] { (void)parse_record<ChunkReport>(text, "r"); }).what(),
                "r: first_bands: not digests of 16 digits");
 }
 
