@@ -3,6 +3,9 @@
 // for logs, stats and `doctor`.
 #pragma once
 
+#include <fmt/format.h>
+
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -14,7 +17,17 @@ enum class Verdict {
   Unknown,  ///< no error was found, and some step could not be checked
 };
 /// Returns "yes", "no" or "cannot tell".
-[[nodiscard]] const char* verdict_name(Verdict verdict);
+[[nodiscard]] inline const char* verdict_name(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::Yes:
+      return "yes";
+    case Verdict::No:
+      return "no";
+    case Verdict::Unknown:
+      return "cannot tell";
+  }
+  return "?";
+}
 
 enum class AuditOutcome {
   Neutral,   ///< had the neutral value already
@@ -24,7 +37,23 @@ enum class AuditOutcome {
   ReadOnly,  ///< not neutral and not writable
   Foreign,   ///< the driver has no value that is known to be neutral
 };
-[[nodiscard]] const char* outcome_name(AuditOutcome outcome);
+[[nodiscard]] inline const char* outcome_name(AuditOutcome outcome) {
+  switch (outcome) {
+    case AuditOutcome::Neutral:
+      return "neutral";
+    case AuditOutcome::Forced:
+      return "forced";
+    case AuditOutcome::Planned:
+      return "would be forced";
+    case AuditOutcome::Refused:
+      return "refused";
+    case AuditOutcome::ReadOnly:
+      return "read only";
+    case AuditOutcome::Foreign:
+      return "no neutral value known";
+  }
+  return "?";
+}
 
 struct AuditRow {
   std::string object;    ///< "connector", "crtc", "plane" or "link"
@@ -48,9 +77,16 @@ struct ExactnessReport {
   std::vector<AuditRow> rows{};
 
   /// Returns "EXACT no (connector 'underscan' is on: the picture is scaled)".
-  [[nodiscard]] std::string summary() const;
+  [[nodiscard]] std::string summary() const {
+    const std::vector<std::string>& why = reasons.empty() ? unseen : reasons;
+    std::string text = fmt::format("EXACT {}", verdict_name(verdict));
+    for (size_t i = 0; i < why.size(); ++i) text += (i == 0 ? " (" : "; ") + why[i];
+    return why.empty() ? text : text + ")";
+  }
   /// Sets the verdict from the lists.
-  void conclude();
+  void conclude() {
+    verdict = !reasons.empty() ? Verdict::No : !unseen.empty() ? Verdict::Unknown : Verdict::Yes;
+  }
 };
 
 }  // namespace lenticule::display
