@@ -13,6 +13,7 @@
 #include <ctime>
 
 #include "base/error.h"
+#include "display/clock.h"
 
 namespace lenticule::display {
 namespace {
@@ -49,7 +50,6 @@ std::shared_ptr<Session> make_seat_session() {
 
 namespace {
 
-constexpr int64_t kNanosecondsPerSecond = 1'000'000'000;
 constexpr size_t kMostKernelText = 65536;
 
 Nanoseconds read_clock(clockid_t id) noexcept {
