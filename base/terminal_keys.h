@@ -2,10 +2,18 @@
 // Decodes the keys of calibration by eye: from a terminal's bytes, and from scripts.
 #pragma once
 
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
+
+#include "base/error.h"
+#include "base/numbers.h"
 
 namespace lenticule {
 
@@ -44,26 +52,207 @@ struct KeyPress {
   friend bool operator==(const KeyPress&, const KeyPress&) = default;
 };
 
-/// Returns for example "shift+left".
-[[nodiscard]] std::string to_string(const KeyPress& press);
-
 /// Limits the presses in one script, repetitions included.
 inline constexpr int kMaxScriptPresses = 100'000;
+
+struct NamedKey {
+  Key key;
+  std::string_view word;
+  char byte;  ///< byte that a terminal sends; 0 if the terminal sends a sequence
+};
+
+inline constexpr std::array<NamedKey, 19> kNamedKeys = {{{Key::Left, "left", 'h'},
+                                                         {Key::Right, "right", 'l'},
+                                                         {Key::Up, "up", 'k'},
+                                                         {Key::Down, "down", 'j'},
+                                                         {Key::SlantLess, "[", '['},
+                                                         {Key::SlantMore, "]", ']'},
+                                                         {Key::Coarser, "+", '+'},
+                                                         {Key::Finer, "-", '-'},
+                                                         {Key::Next, "enter", '\r'},
+                                                         {Key::Back, "backspace", '\x7f'},
+                                                         {Key::Undo, "u", 'u'},
+                                                         {Key::Redo, "r", 'r'},
+                                                         {Key::Compare, "space", ' '},
+                                                         {Key::Restore, "escape", 0},
+                                                         {Key::SwapEyes, "i", 'i'},
+                                                         {Key::OtherPattern, "f", 'f'},
+                                                         {Key::Magnifier, "m", 'm'},
+                                                         {Key::Words, "t", 't'},
+                                                         {Key::Quit, "q", 'q'}}};
+
+inline constexpr char kEscape = '\x1b';
+inline constexpr size_t kLongestSequence = 16;
+
+struct StrideName {
+  Stride stride;
+  std::string_view prefix;
+};
+inline constexpr std::array<StrideName, 2> kStrides = {
+    {{Stride::Coarse, "shift+"}, {Stride::Fine, "ctrl+"}}};
+
+/// Returns the press of a letter key; the capital letters of the arrows' letters are the coarse
+/// strides.
+inline std::optional<KeyPress> press_of_byte(char byte) {
+  if (byte == '\n') return KeyPress{Key::Next};
+  if (byte == '\b') return KeyPress{Key::Back};
+  for (const NamedKey& name : kNamedKeys) {
+    if (name.byte == 0) continue;
+    if (byte == name.byte) return KeyPress{name.key};
+    const bool is_letter = name.byte >= 'a' && name.byte <= 'z';
+    if (!is_letter || byte != name.byte - 'a' + 'A') continue;
+    return KeyPress{name.key, name.key <= Key::Down ? Stride::Coarse : Stride::Normal};
+  }
+  return std::nullopt;
+}
+
+/// Decodes xterm's modifier digit: 2 is shift, 5 is ctrl; other digits are combinations.
+inline Stride stride_of_modifier(char digit) {
+  if (digit == '2') return Stride::Coarse;
+  if (digit == '5') return Stride::Fine;
+  return Stride::Normal;
+}
+
+/// Decodes the bytes after "escape [" or "escape O", including the last one.
+inline std::optional<KeyPress> press_of_sequence(std::string_view body) {
+  if (body == "5~") return KeyPress{Key::Up, Stride::Coarse};
+  if (body == "6~") return KeyPress{Key::Down, Stride::Coarse};
+  const bool has_modifier = body.size() == 4 && body.starts_with("1;");
+  if (body.size() != 1 && !has_modifier) return std::nullopt;
+  const Stride stride = has_modifier ? stride_of_modifier(body[2]) : Stride::Normal;
+  switch (body.back()) {
+    case 'A':
+      return KeyPress{Key::Up, stride};
+    case 'B':
+      return KeyPress{Key::Down, stride};
+    case 'C':
+      return KeyPress{Key::Right, stride};
+    case 'D':
+      return KeyPress{Key::Left, stride};
+    default:
+      return std::nullopt;
+  }
+}
+
+/// Parses one word of a script, without its count.
+inline std::optional<KeyPress> press_of_word(std::string_view word) {
+  KeyPress press;
+  for (const StrideName& stride : kStrides) {
+    if (!word.starts_with(stride.prefix)) continue;
+    press.stride = stride.stride;
+    word.remove_prefix(stride.prefix.size());
+  }
+  for (const NamedKey& name : kNamedKeys) {
+    if (word != name.word) continue;
+    press.key = name.key;
+    return press;
+  }
+  return std::nullopt;
+}
+
+/// Removes "*12" from the end of the word and returns the number; returns 0 if the number is
+/// invalid.
+inline int take_count(std::string_view& word) {
+  const size_t star = word.find('*');
+  if (star == std::string_view::npos) return 1;
+  const int count = number_from<int>(word.substr(star + 1)).value_or(0);
+  if (count < 1) return 0;
+  word = word.substr(0, star);
+  return count;
+}
+
+class ScriptReader {
+ public:
+  explicit ScriptReader(const std::string& source) : source_(source) {}
+
+  void read_line(std::string_view line, int number) {
+    line = line.substr(0, line.find('#'));
+    while (!line.empty()) {
+      const size_t start = std::min(line.find_first_not_of(" \t\r"), line.size());
+      line.remove_prefix(start);
+      const size_t end = std::min(line.find_first_of(" \t\r"), line.size());
+      if (end > 0) read_word(line.substr(0, end), number);
+      line.remove_prefix(end);
+    }
+  }
+  std::vector<KeyPress> take() { return std::move(presses_); }
+
+ private:
+  void read_word(std::string_view word, int line) {
+    const std::string_view whole = word.substr(0, 40);
+    const int count = take_count(word);
+    const auto press = press_of_word(word);
+    if (count < 1 || !press)
+      throw Error(ErrorKind::Input, fmt::format("{}:{}: unknown key '{}'", source_, line, whole),
+                  "keys are written as left, shift+up, ctrl+right*3, enter, space, escape, u");
+    if (static_cast<size_t>(count) + presses_.size() > size_t{kMaxScriptPresses})
+      throw Error(ErrorKind::Input,
+                  fmt::format("{}:{}: more than {} presses", source_, line, kMaxScriptPresses));
+    presses_.insert(presses_.end(), static_cast<size_t>(count), *press);
+  }
+
+  const std::string& source_;
+  std::vector<KeyPress> presses_;
+};
+
+/// Returns for example "shift+left".
+[[nodiscard]] inline std::string to_string(const KeyPress& press) {
+  std::string text;
+  for (const StrideName& stride : kStrides)
+    if (press.stride == stride.stride) text = stride.prefix;
+  for (const NamedKey& name : kNamedKeys)
+    if (press.key == name.key) text += name.word;
+  return text;
+}
 
 /// Parses words as to_string() writes them, separated by spaces or line ends. "left*12" is twelve
 /// presses, and the text after a # on a line is a comment. Throws Error(Input) "source:line:
 /// cause".
-[[nodiscard]] std::vector<KeyPress> parse_key_script(std::string_view text,
-                                                     const std::string& source);
+[[nodiscard]] inline std::vector<KeyPress> parse_key_script(std::string_view text,
+                                                            const std::string& source) {
+  ScriptReader reader(source);
+  for (int line = 1; !text.empty(); ++line) {
+    const size_t end = std::min(text.find('\n'), text.size());
+    reader.read_line(text.substr(0, end), line);
+    text.remove_prefix(std::min(end + 1, text.size()));
+  }
+  return reader.take();
+}
 
 /// KeyDecoder turns the bytes of a terminal into key presses. Input is untrusted: unknown bytes and
 /// sequences are dropped.
 class KeyDecoder {
  public:
   /// Returns the key press that this byte completes, if any.
-  [[nodiscard]] std::optional<KeyPress> feed(char byte);
+  [[nodiscard]] std::optional<KeyPress> feed(char byte) {
+    if (pending_.empty()) {
+      if (byte != kEscape) return press_of_byte(byte);
+      pending_ = byte;
+      return std::nullopt;
+    }
+    if (byte ==
+        kEscape) {  // the pending escape was a key of its own, or the start of an unknown sequence
+      const bool alone = pending_.size() == 1;
+      pending_ = byte;
+      return alone ? std::optional(KeyPress{Key::Restore}) : std::nullopt;
+    }
+    pending_ += byte;
+    if (pending_.size() == 2) {
+      if (byte != '[' && byte != 'O') pending_.clear();  // alt and a letter
+      return std::nullopt;
+    }
+    const bool is_last = byte >= '@' && byte <= '~';
+    if (!is_last && pending_.size() < kLongestSequence) return std::nullopt;
+    const std::string whole = std::exchange(pending_, {});
+    return is_last ? press_of_sequence(std::string_view(whole).substr(2)) : std::nullopt;
+  }
   /// Ends a pause in the input: an escape byte without a successor is the escape key itself.
-  [[nodiscard]] std::optional<KeyPress> pause();
+  [[nodiscard]] std::optional<KeyPress> pause() {
+    const bool alone = pending_.size() == 1;
+    pending_.clear();
+    if (alone) return KeyPress{Key::Restore};
+    return std::nullopt;
+  }
   /// Returns true while the last bytes may still be the start of a longer sequence.
   [[nodiscard]] bool is_waiting() const { return !pending_.empty(); }
 
