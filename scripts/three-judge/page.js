@@ -13,6 +13,7 @@ import {OBJLoader} from 'three/addons/loaders/OBJLoader.js';
 import {PLYLoader} from 'three/addons/loaders/PLYLoader.js';
 import {STLLoader} from 'three/addons/loaders/STLLoader.js';
 import {TDSLoader} from 'three/addons/loaders/TDSLoader.js';
+import {TGALoader} from 'three/addons/loaders/TGALoader.js';
 import {MeshoptDecoder} from 'three/addons/libs/meshopt_decoder.module.js';
 
 const TONE_MAPS = {
@@ -20,6 +21,11 @@ const TONE_MAPS = {
   'pbr-neutral': THREE.NeutralToneMapping,
   aces: THREE.ACESFilmicToneMapping,
 };
+// Formats that lenticule takes with z up, those whose colours it takes as linear light, and the grey of what has
+// no material.
+const Z_UP = ['3ds', 'ply', 'stl'];
+const LINEAR = ['obj', 'dae', 'fbx'];
+const GREY = {'3ds': 0.3, obj: 0.6, ply: 0.6, stl: 0.6};
 
 /** Returns the loader of glTF models with the decoders that come with three.js. */
 function gltfLoader(renderer) {
@@ -31,30 +37,70 @@ function gltfLoader(renderer) {
       .setMeshoptDecoder(MeshoptDecoder);
 }
 
-/** Returns the materials that the lines mtllib of an OBJ file name; null if it names none. */
+/**
+ * Pictures that loaders have begun to load: each promise becomes the texture, or the name of a picture that
+ * is missing. Most loaders return models before their pictures are there.
+ */
+let pictures = [];
+const PICTURE_LIMIT = 10000;  // milliseconds
+
+/** Lets a class of loaders add what it loads to `pictures`. */
+function watch(Loader) {
+  const load = Loader.prototype.load;
+  Loader.prototype.load = function (url, onLoad, onProgress, onError) {
+    let texture;
+    pictures.push(new Promise(done => {
+      texture = load.call(
+          this, url, (...loaded) => { onLoad?.(...loaded); done(texture); }, onProgress,
+          error => { onError?.(error); done(String(url)); });
+      setTimeout(() => done(String(url)), PICTURE_LIMIT);
+    }));
+    return texture;
+  };
+}
+watch(THREE.TextureLoader);
+watch(TGALoader);
+
+/** Waits for the pictures of a model. Returns the textures that are there, and names those that are not. */
+async function loadedPictures(job) {
+  const answers = await Promise.all(pictures);
+  pictures = [];
+  const missing = answers.filter(answer => typeof answer === 'string');
+  for (const name of missing) await fetch(`/missing/${job.number}`, {method: 'POST', body: name.slice(0, 100)});
+  return new Set(answers);
+}
+
+/** Returns the materials that the lines mtllib of an OBJ file name; null if it names none or it is missing. */
 async function materialsOf(url) {
   const text = await (await fetch(url)).text();
   const names = [...text.matchAll(/^\s*mtllib\s+(.+?)\s*$/gm)].map(match => match[1]);
   if (names.length === 0) return null;
-  return new MTLLoader().loadAsync(new URL(encodeURI(names[0]), new URL(url, location.href)).href);
+  const file = new URL(encodeURI(names[0]), new URL(url, location.href)).href;
+  return new MTLLoader().loadAsync(file).catch(() => null);
 }
 
 /** Returns the mesh of a format that has geometry alone, and perhaps colours of its vertices. */
 function plainMesh(geometry) {
-  if (!geometry.attributes.normal) geometry.computeVertexNormals();
-  const vertexColors = geometry.hasAttribute('color');
-  return new THREE.Mesh(
-      geometry, new THREE.MeshStandardMaterial({vertexColors, side: THREE.DoubleSide}));
+  const flatShading = !geometry.attributes.normal;
+  return new THREE.Mesh(geometry, new THREE.MeshLambertMaterial({flatShading}));
 }
 
 /** Returns the {scene, animations} of a model in any format of which three.js has a loader. */
 async function loadModel(gltf, url) {
-  const extension = url.split('.').pop().toLowerCase();
-  switch (extension) {
-    case 'obj':
-      return {scene: await new OBJLoader().setMaterials(await materialsOf(url)).loadAsync(url)};
-    case 'dae':
-      return new ColladaLoader().loadAsync(url);
+  switch (extensionOf(url)) {
+    case 'obj': {
+      const materials = await materialsOf(url);
+      const scene = await new OBJLoader().setMaterials(materials).loadAsync(url);
+      scene.traverse(object => {
+        for (const material of [object.material ?? []].flat())
+          material.userData.colourless = !materials?.materialsInfo[material.name]?.kd;
+      });
+      return {scene};
+    }
+    case 'dae': {
+      const {scene} = await new ColladaLoader().loadAsync(url);
+      return {scene, animations: scene.animations};
+    }
     case 'fbx': {
       const scene = await new FBXLoader().loadAsync(url);
       return {scene, animations: scene.animations};
@@ -64,24 +110,57 @@ async function loadModel(gltf, url) {
     case 'ply':
       return {scene: plainMesh(await new PLYLoader().loadAsync(url))};
     case 'stl':
-      return {scene: plainMesh(await new STLLoader().loadAsync(url))};
+      return {scene: plainMesh((await new STLLoader().loadAsync(url)).deleteAttribute('normal'))};
     default:
       return gltf.loadAsync(url);
   }
 }
 
-/** Gives a material of Lambert or Phong, which no environment lights, one that it does light. */
-function litByEnvironment(material) {
-  if (!material.isMeshPhongMaterial && !material.isMeshLambertMaterial) return material;
-  const lit = new THREE.MeshStandardMaterial({metalness: 0});
-  for (const key of ['name', 'color', 'map', 'alphaMap', 'alphaTest', 'opacity', 'transparent', 'side',
-                     'vertexColors', 'emissive', 'emissiveMap', 'normalMap', 'bumpMap', 'bumpScale',
-                     'flatShading']) {
-    if (material[key] !== undefined) lit[key] = material[key];
+function extensionOf(url) {
+  return url.split('.').pop().toLowerCase();
+}
+
+/**
+ * Returns the matt material with the colour, pictures and opacity of one of Phong or Lambert, which no
+ * environment lights, as lenticule reads them (docs/content/foreign-files.md): colours are linear light,
+ * which these loaders of three.js take as sRGB, and a picture or colours of vertices take the colour's place.
+ */
+function matt(material, vertexColors, extension, there) {
+  const to = new THREE.MeshPhysicalMaterial(
+      {metalness: 0, roughness: 1, specularIntensity: 0, side: THREE.DoubleSide, vertexColors});
+  for (const key of ['color', 'map', 'alphaMap', 'alphaTest', 'opacity', 'transparent', 'emissive',
+                     'emissiveIntensity', 'emissiveMap', 'normalMap', 'flatShading']) {
+    const value = material[key];
+    if (value !== undefined && (!value?.isTexture || there.has(value))) to[key] = value;
   }
-  // A lobe of Phong's exponent n has the width of Beckmann's roughness alpha = sqrt(2 / (n + 2)).
-  lit.roughness = Math.sqrt(Math.sqrt(2 / ((material.shininess ?? 0) + 2)));
-  return lit;
+  to.color = to.color.clone();
+  to.emissive = to.emissive.clone();
+  if (LINEAR.includes(extension)) {
+    to.color.convertLinearToSRGB();
+    to.emissive.convertLinearToSRGB();
+  }
+  if (to.opacity === 0) to.opacity = 1;
+  const colourless = material.userData.colourless ?? material.name === '';
+  if (colourless && GREY[extension]) to.color.setScalar(GREY[extension]);
+  if (vertexColors || (to.map && extension !== 'obj')) to.color.set(0xffffff);
+  return to;
+}
+
+/** Makes a model of another format than glTF lie, and be lit, as lenticule's is. */
+async function likeOurs(model, extension, job) {
+  const there = await loadedPictures(job);
+  if (Z_UP.includes(extension)) model.rotation.x = -Math.PI / 2;
+  const lights = [];
+  model.traverse(object => {
+    if (object.isLight) lights.push(object);
+    if (object.isMesh) {
+      const vertexColors = object.geometry.hasAttribute('color');
+      const materials =
+          [object.material].flat().map(material => matt(material, vertexColors, extension, there));
+      object.material = Array.isArray(object.material) ? materials : materials[0];
+    }
+  });
+  for (const light of lights) light.removeFromParent();
 }
 
 let environment = {file: null, texture: null};
@@ -199,11 +278,8 @@ async function drawScene(renderer, loader, job) {
   }
 
   const model = await loadModel(loader, job.model_url);
-  model.scene.traverse(object => {
-    if (!object.isMesh) return;
-    object.material = Array.isArray(object.material) ? object.material.map(litByEnvironment) :
-                                                       litByEnvironment(object.material);
-  });
+  const extension = extensionOf(job.model_url);
+  if (!extension.startsWith('gl')) await likeOurs(model.scene, extension, job);
   scene.add(model.scene);
   if (model.animations?.length > 0) {
     const mixer = new THREE.AnimationMixer(model.scene);

@@ -40,6 +40,9 @@ BROWSER = """\
             sys.exit(1)
         if model == "hang":
             time.sleep(600)
+        if model == "bare":
+            assert get(job["model_url"].upper().replace("MODEL", "model", 1)) == b"bare"
+            get(f"/missing/{job['number']}", b"dark%20wood.png")
         if model == "bad":
             get(f"/failed/{job['number']}", b"a bad\\nmodel")
         else:
@@ -88,6 +91,11 @@ class DrawPictures(unittest.TestCase):
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual(answers, ["studio one", "a bad model\n", "studio three"])
         self.assertEqual(len(result.stdout.splitlines()), 3)
+
+    def test_names_pictures_that_are_missing(self):
+        result, answers = self.draw(["bare"])
+        self.assertEqual(answers, ["studio bare"], result.stderr)
+        self.assertIn("model 0.glb: no picture dark wood.png\n", result.stdout)
 
     def test_goes_on_after_a_browser_that_ends(self):
         result, answers = self.draw(["end", "two", "end"])

@@ -143,6 +143,23 @@ bool is_model(const fs::path& file) {
   return !extension.empty() && kExtensions.find(extension + ' ') != std::string_view::npos;
 }
 
+bool is_gltf(const fs::path& file) {
+  return lower_case(file.extension().string()).starts_with(".gl");
+}
+
+/// Leaves colours, textures, alpha and shapes to be compared. Highlights, layers and lights of
+/// other formats than glTF have no common units.
+void make_matt(render::SceneDescription& scene) {
+  for (render::Material& material : scene.materials) {
+    render::PbrMaterial matt = *material.pbr;
+    matt.metallic = matt.specular = matt.transmission = matt.clearcoat = 0.0;
+    matt.sheen_colour = {};
+    material.pbr = std::make_shared<const render::PbrMaterial>(matt);
+  }
+  scene.lights.clear();
+  scene.ambient = Vec3{};
+}
+
 /// Returns letters, digits, dots and dashes only: a file name that is valid on any system.
 std::string plain_name(std::string text) {
   for (char& c : text)
@@ -151,8 +168,8 @@ std::string plain_name(std::string text) {
 }
 
 void add(const fs::path& file, const fs::path& name, std::vector<ModelFile>& models) {
-  const bool is_gltf = lower_case(name.extension().string()).starts_with(".gl");
-  const std::string text = is_gltf ? fs::path(name).replace_extension().string() : name.string();
+  const std::string text =
+      is_gltf(name) ? fs::path(name).replace_extension().string() : name.string();
   models.push_back({.file = file,
                     .name = text,
                     .stem = fmt::format("{:03}-{}", models.size() + 1, plain_name(text))});
@@ -296,6 +313,7 @@ class ModelsRun {
     // A scene that states its ambient light gets no default sun; the environment replaces that
     // light.
     description.ambient = description.ambient.value_or(Vec3{});
+    if (!is_gltf(row.model.file)) make_matt(description);
     const render::Stage stage =
         render::make_stage(description, model_, lab::plain_camera_stage(camera, model_.rig()));
     render::Surroundings surroundings;
