@@ -94,8 +94,9 @@ std::string write_plain_nff(const render::SceneDescription& scene) {
       return static_cast<size_t>(object.material) == i;
     };
     out.add(fill_of(scene, scene.materials[i]));
-    for (const auto& mesh : scene.meshes)
+    render::for_each_mesh(scene, [&](const render::TriangleMesh& mesh) {
       if (wears(mesh)) write_mesh(out, mesh);
+    });
     for (const auto& sphere : scene.spheres)
       if (wears(sphere))
         out.add(scenes::Sphere{sphere.centre, sphere.inward ? -sphere.radius : sphere.radius});

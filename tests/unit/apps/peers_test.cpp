@@ -65,6 +65,19 @@ TEST(PlainNff, KeepsEveryBuiltInScene) {
   }
 }
 
+TEST(PlainNff, HasEveryCopyOfAShape) {
+  render::SceneDescription scene = small_scene();
+  scene.shapes = {std::make_shared<const render::TriangleMesh>(scene.meshes.at(0))};
+  scene.meshes.clear();
+  const double area_of_one = triangle_area({.meshes = {*scene.shapes[0]}});
+  for (const double x : {10.0, 20.0})
+    scene.meshes.push_back({.material = 0, .shape = 0, .place = {.origin = {x, 0, 0}}});
+  const auto again = render::parse_nff(lab::write_plain_nff(scene), "again");
+  EXPECT_NEAR(triangle_area(again), 2.0 * area_of_one, 1e-9);
+  for (const auto& mesh : again.meshes)
+    for (const Vec3& position : mesh.positions) EXPECT_GE(position.x, 10.0);
+}
+
 TEST(PlainNff, HasTheMeanColourOfTextures) {
   render::SceneDescription scene = small_scene();
   scene.textures.push_back(std::make_shared<const render::Texture>(
