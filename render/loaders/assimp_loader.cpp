@@ -26,11 +26,14 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/text.h"
 #include "frames/image_io.h"
 #include "optics/vec.h"
 #include "render/loaders/animation.h"
 #include "render/loaders/limits.h"
+#include "render/loaders/load_scene.h"
 #include "render/loaders/mesh_cleanup.h"
+#include "render/loaders/text_reader.h"
 #include "render/loaders/textures.h"
 #include "render/loaders/viewer_choices.h"
 #include "render/scene/scene_description.h"
@@ -302,6 +305,7 @@ Material material_of(const aiMaterial& material) {
   to.shine = clamped(from.number(AI_MATKEY_SHININESS).value_or(10.0), 1.0, kShiniest);
   to.emission = from.colour(AI_MATKEY_COLOR_EMISSIVE).value_or(Vec3{}) *
                 clamped(from.number(AI_MATKEY_EMISSIVE_INTENSITY).value_or(1.0), 0.0, 1e6);
+  to.refraction_index = kUsualIndex;  // for highlights: nothing is seen through the surface
   to.two_sided = true;
   return to;
 }
@@ -428,6 +432,7 @@ bool read_metallic_roughness(const Properties& from, MaterialTextures& textures,
   // A file with a texture and no colour, or black, means the texture.
   if (to.emission_texture.texture >= 0 && to.emission == Vec3{}) to.emission = {1, 1, 1};
   to.transmission = share(AI_MATKEY_TRANSMISSION_FACTOR);
+  to.thickness = 0.0;
   to.specular = 1.0;
   to.ior = clamped(from.number(AI_MATKEY_REFRACTI).value_or(kUsualIndex), 1.0, 100.0);
   to.clearcoat = share(AI_MATKEY_CLEARCOAT_FACTOR);
@@ -436,10 +441,13 @@ bool read_metallic_roughness(const Properties& from, MaterialTextures& textures,
   return true;
 }
 
-/// Imports materials, and the textures of those that a mesh uses. Relative file names start at
-/// `folder`.
-void import_materials(const aiScene& from, const std::filesystem::path& folder,
+/// Imports materials, and the textures of those that a mesh uses. Relative file names start at the
+/// folder of `file`.
+void import_materials(const aiScene& from, const std::filesystem::path& file,
                       SceneDescription& scene) {
+  const std::filesystem::path folder = file.parent_path();
+  // A texture takes the place of the diffuse colour in the programs that write these formats.
+  const bool replaces = is_one_of(" .fbx .3ds ", lower_case(file.extension().string()));
   if (from.mNumMaterials > kMaxMaterials)
     refuse(scene.source, fmt::format("more than {} materials", kMaxMaterials));
   std::vector<bool> used(from.mNumMaterials);
@@ -454,9 +462,12 @@ void import_materials(const aiScene& from, const std::filesystem::path& folder,
     MaterialTextures textures(from, *material, folder, scene.source, all);
     to.texture = textures.find({aiTextureType_BASE_COLOR, aiTextureType_DIFFUSE},
                                frames::TextureContent::Colour);
+    if (replaces && to.texture >= 0) to.colour = {1, 1, 1};
     PbrMaterial pbr = pbr_like(to);
     const bool is_stated = read_metallic_roughness(properties, textures, pbr);
     pbr.alpha = clamped(properties.number(AI_MATKEY_OPACITY).value_or(1.0), 0.0, 1.0);
+    // Exporters of 3ds Max and Blender wrote a transparency of 0 for surfaces that hide all.
+    if (pbr.alpha == 0.0) pbr.alpha = 1.0;
     if (pbr.alpha < 1.0) pbr.alpha_mode = PbrMaterial::AlphaMode::Blend;
     if (is_stated || pbr.alpha < 1.0) to.pbr = std::make_shared<const PbrMaterial>(pbr);
   }
@@ -656,12 +667,16 @@ SceneDescription import_scene(const aiScene& from, const std::filesystem::path& 
   SceneDescription scene;
   scene.source = file.string();
   scene.colour_managed = true;
-  import_materials(from, file.parent_path(), scene);
+  import_materials(from, file, scene);
   const NodeNames nodes = import_nodes_and_meshes(from, scene);
   if (scene.meshes.empty()) refuse_empty(scene);
   import_animations(from, nodes, wanted.animation, scene);
   import_lights(from, nodes, scene);
   import_cameras(from, nodes, scene);
+  // The importer of FBX states this axis; some versions of assimp turn the root as well.
+  if (int32_t up = 1; from.mMetaData != nullptr && from.mMetaData->Get("UpAxis", up) && up == 2 &&
+                      from.mRootNode->mTransformation.IsIdentity())
+    turn_upright(scene, UpAxis::Z);
   expose(scene);
   bake_still_nodes(scene);
   return scene;

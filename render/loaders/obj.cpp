@@ -34,9 +34,10 @@ namespace {
 using frames::TextureContent;
 
 TextReader reader_of(std::span<const uint8_t> bytes, const std::filesystem::path& file) {
-  return {{reinterpret_cast<const char*>(bytes.data()), bytes.size()},
-          file.string(),
-          "the file is damaged or cut off: export the model again"};
+  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  if (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF"))
+    throw Error(ErrorKind::Input, file.string() + ": is UTF-16 text", "save it as UTF-8");
+  return {text, file.string(), "the file is damaged or cut off: export the model again"};
 }
 
 /// Words are some of the words that have no effect, quoted for a note.
@@ -147,12 +148,12 @@ class MaterialMaker {
                                .shine = std::max(from.number("ns", 1.0, kShiniest), 1.0)});
     if (from.values.contains("pr") || from.values.contains("pm") || from.map("map_pr") ||
         from.map("map_pm")) {
-      const double index = from.number("ni", kUsualIndex, 100.0);
       to.metallic = from.number("pm", from.map("map_pm") ? 1.0 : 0.0);
       to.roughness = from.number("pr", 1.0);
       to.specular = 1.0;
-      to.ior = index > 1.0 ? index : kUsualIndex;
     }
+    const double index = from.number("ni", kUsualIndex, 100.0);
+    to.ior = index > 1.0 ? index : kUsualIndex;
     to.base_colour =
         vertex_colours ? Vec3{1, 1, 1} : from.colour("kd", {0.6, 0.6, 0.6}, kBrightest);
     to.base_colour_texture = texture(from, "map_kd", "map_d", mix_alpha, TextureContent::Colour);

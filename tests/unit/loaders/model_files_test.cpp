@@ -222,6 +222,29 @@ TEST_F(ModelFiles, A3dsHasZUpWhateverItsLoaderDoes) {
   EXPECT_NEAR(highest({.up = UpAxis::Y}), 0.0, 1e-6);
 }
 
+TEST_F(ModelFiles, AnFbxStatesItsUpAxis) {
+  const auto highest = [&](int axis) {
+    const SceneDescription scene = load_scene(write(
+        "up.fbx",
+        "; FBX 7.4.0 project file\n"
+        "FBXHeaderExtension:  {\nFBXHeaderVersion: 1003\nFBXVersion: 7400\n}\n"
+        "GlobalSettings:  {\nVersion: 1000\nProperties70:  {\n"
+        "P: \"UpAxis\", \"int\", \"Integer\", \"\"," +
+            std::to_string(axis) +
+            "\n}\n}\n"
+            "Definitions:  {\nVersion: 100\nCount: 0\n}\n"
+            "Objects:  {\nGeometry: 1, \"Geometry::\", \"Mesh\" {\n"
+            "Vertices: *9 {\na: 0,0,0,1,0,0,0,2,4\n}\nPolygonVertexIndex: *3 {\na: 0,1,-3\n}\n}\n"
+            "Model: 2, \"Model::a\", \"Mesh\" {\nVersion: 232\n}\n}\n"
+            "Connections:  {\nC: \"OO\",2,0\nC: \"OO\",1,2\n}\n"));
+    double high = 0.0;
+    for (const Vec3& p : scene.meshes.at(0).positions) high = std::max(high, p.y);
+    return high;
+  };
+  EXPECT_NEAR(highest(1), 2.0, 1e-6);
+  EXPECT_NEAR(highest(2), 4.0, 1e-6);
+}
+
 // ---- formats
 
 TEST_F(ModelFiles, FormatsWhoseReaderCrashesAreReadOnRequestOnly) {
@@ -281,6 +304,22 @@ TEST(Textures, ATextureThatWasReducedIsNotedOnce) {
       ElementsAre("texture reduced to 1 x 1 texels, 1/2 of its width and height: wood.png"));
 }
 
+TEST_F(ModelFiles, ATextureOf3dsTakesThePlaceOfTheColour) {
+  const std::string content = chunk(0xA000, std::string("paint\0", 6)) +
+                              chunk(0xA020, chunk(0x0011, "\x33\x66\xFF")) +
+                              chunk(0xA200, chunk(0xA300, std::string("wood.png\0", 9)));
+  std::string use("paint\0", 6);
+  append<uint16_t>(use, {1, 0});
+  const auto file = write("a.3ds", triangle_3ds(chunk(0xAFFF, content), chunk(0x4130, use)));
+  const auto colour = [&] {
+    const SceneDescription scene = load_scene(file);
+    return scene.materials.at(static_cast<size_t>(scene.meshes.at(0).material)).colour;
+  };
+  expect_near(colour(), {0.2, 0.4, 1}, 1e-6);  // the picture is missing
+  write("wood.png", test::small_png());
+  expect_near(colour(), {1, 1, 1}, 1e-6);
+}
+
 TEST_F(ModelFiles, AMaterialThatNoMeshUsesIsNotNoted) {
   const std::string map = chunk(0xA200, chunk(0xA300, std::string("none.png\0", 9)));
   const std::string material = chunk(0xAFFF, chunk(0xA000, std::string("paint\0", 6)) + map);
@@ -292,15 +331,11 @@ TEST_F(ModelFiles, AMaterialThatNoMeshUsesIsNotNoted) {
               Not(Contains(HasSubstr("none.png"))));
 }
 
-TEST_F(ModelFiles, OpacityOfColladaIsTheShareThatASurfaceCovers) {
-  const SceneDescription scene = load_scene(write(
-      "glass.dae",
-      R"(<?xml version="1.0"?><COLLADA version="1.4.1" xmlns="http://www.collada.org/2005/11/COLLADASchema">
-<library_effects><effect id="e"><profile_COMMON><technique sid="c"><phong>
-<diffuse><color>0.1 0.1 0.9 1</color></diffuse>
-<transparent opaque="A_ONE"><color>1 1 1 1</color></transparent>
-<transparency><float>0.4</float></transparency>
-</phong></technique></profile_COMMON></effect></library_effects>
+/// Returns a triangle whose material has these elements.
+std::string collada(const std::string& phong) {
+  return R"(<?xml version="1.0"?><COLLADA version="1.4.1" xmlns="http://www.collada.org/2005/11/COLLADASchema">
+<library_effects><effect id="e"><profile_COMMON><technique sid="c"><phong>)" +
+         phong + R"(</phong></technique></profile_COMMON></effect></library_effects>
 <library_materials><material id="m"><instance_effect url="#e"/></material></library_materials>
 <library_geometries><geometry id="g"><mesh>
 <source id="p"><float_array id="pa" count="9">0 0 0 1 0 0 0 1 0</float_array><technique_common>
@@ -312,13 +347,29 @@ TEST_F(ModelFiles, OpacityOfColladaIsTheShareThatASurfaceCovers) {
 <library_visual_scenes><visual_scene id="s"><node><instance_geometry url="#g"><bind_material>
 <technique_common><instance_material symbol="m" target="#m"/></technique_common></bind_material>
 </instance_geometry></node></visual_scene></library_visual_scenes>
-<scene><instance_visual_scene url="#s"/></scene></COLLADA>)"));
+<scene><instance_visual_scene url="#s"/></scene></COLLADA>)";
+}
+
+TEST_F(ModelFiles, OpacityOfColladaIsTheShareThatASurfaceCovers) {
+  const SceneDescription scene =
+      load_scene(write("glass.dae", collada(R"(<diffuse><color>0.1 0.1 0.9 1</color></diffuse>
+<transparent opaque="A_ONE"><color>1 1 1 1</color></transparent>
+<transparency><float>0.4</float></transparency>)")));
   const Material& material = scene.materials.at(static_cast<size_t>(scene.meshes.at(0).material));
   ASSERT_TRUE(material.pbr);
   EXPECT_EQ(material.pbr->alpha_mode, PbrMaterial::AlphaMode::Blend);
   EXPECT_NEAR(material.pbr->alpha, 0.4, 1e-6);
   EXPECT_EQ(material.pbr->transmission, 0.0);
   expect_near(material.pbr->base_colour, {0.1, 0.1, 0.9}, 1e-6);
+}
+
+TEST_F(ModelFiles, ASurfaceThatWouldNotBeSeenAtAllIsOpaque) {
+  const SceneDescription scene =
+      load_scene(write("opaque.dae", collada(R"(<diffuse><color>0.1 0.1 0.9 1</color></diffuse>
+<transparent opaque="A_ONE"><color>1 1 1 1</color></transparent>
+<transparency><float>0</float></transparency>)")));
+  const Material& material = scene.materials.at(static_cast<size_t>(scene.meshes.at(0).material));
+  EXPECT_TRUE(!material.pbr || material.pbr->alpha == 1.0);
 }
 
 TEST_F(ModelFiles, AnObjHasYUpWithANote) {

@@ -195,6 +195,8 @@ TEST(Obj, DamagedFilesAreRefusedWithTheLineAndARemedy) {
        "export"},
       {kCorners + "f 1/x 2 3\n", "model.obj:7: 'x' is not an index", "export"},
       {kCorners + "f 1 \\\n2 9\n", "model.obj:8: '9' names none", "export"},
+      {"\xFE\xFF", "model.obj: is UTF-16 text", "UTF-8"},
+      {"\xFF\xFEv", "model.obj: is UTF-16 text", "UTF-8"},
       {"v 1 2\n", "model.obj:1: the file ends before a coordinate", "export"},
       {"v 1 two 3\n", "model.obj:1: a coordinate must be a finite number, not 'two'", "export"},
       {"\n\nv inf 0 0\n", "model.obj:3: a coordinate must be a finite number", "export"},
@@ -229,6 +231,14 @@ TEST_F(ObjFiles, DissolveIsTheShareThatASurfaceCovers) {
     EXPECT_EQ(m.transmission, 0.0) << name;
   }
   EXPECT_EQ(material_named(scene, "smoke").base_colour, (Vec3{0, 0, 0}));
+}
+
+TEST_F(ObjFiles, KsGivesTheReflectionOfADielectric) {
+  const SceneDescription shiny = with_material("Kd 1 1 1\nKs 0.5 0.5 0.5\nNs 50\n");
+  EXPECT_EQ(shiny.materials.at(0).pbr->specular, 1.0);
+  EXPECT_EQ(shiny.materials.at(0).pbr->ior, 1.5)
+      << "with 1, light would be reflected at the edges only";
+  EXPECT_EQ(with_material("Kd 1 1 1\n").materials.at(0).pbr->specular, 0.0);
 }
 
 TEST_F(ObjFiles, AMaskGivesTheColourItsAlpha) {
