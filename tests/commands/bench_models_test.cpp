@@ -100,6 +100,7 @@ TEST_F(BenchModels, HasAFlipOfZeroForEqualPictures) {
   EXPECT_NE(result.out.find("| quad | 0.0000 | 0.000 |"), std::string::npos) << result.out;
   EXPECT_NE(result.out.find("judge: no picture"), std::string::npos) << result.out;
   EXPECT_NE(result.out.find("1 of 2 models compared, mean FLIP 0.0000"), std::string::npos);
+  EXPECT_NE(result.out.find("| `.gltf` | 1 | 0.0000 | 0.0000 |"), std::string::npos) << result.out;
   EXPECT_EQ(read_text(out("models.md")), result.out);
 }
 

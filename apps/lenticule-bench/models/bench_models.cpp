@@ -10,8 +10,10 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <numbers>
+#include <numeric>
 #include <optional>
 
 #include "apps/lenticule-bench/harness/bench.h"
@@ -423,6 +425,20 @@ class ModelsRun {
             {"models", std::move(list)}};
   }
 
+  /// Returns a table of the formats that were compared.
+  [[nodiscard]] std::string formats() const {
+    std::map<std::string, std::vector<double>> flips;
+    for (const ModelRow& row : rows_)
+      if (row.flip)
+        flips[lower_case(row.model.file.extension().string())].push_back(row.flip->mean);
+    std::string text = "| format | compared | mean FLIP | worst |\n|---|---|---|---|\n";
+    for (const auto& [extension, of] : flips)
+      text += fmt::format("| `{}` | {} | {:.4f} | {:.4f} |\n", extension, of.size(),
+                          std::reduce(of.begin(), of.end()) / static_cast<double>(of.size()),
+                          std::ranges::max(of));
+    return text;
+  }
+
   [[nodiscard]] std::string markdown() const {
     std::string text = "| model | FLIP | 99 % | seconds | failures |\n|---|---|---|---|---|\n";
     for (const ModelRow& row : rows_) {
@@ -439,7 +455,8 @@ class ModelsRun {
     const auto compared =
         std::ranges::count_if(rows_, [](const ModelRow& row) { return row.flip.has_value(); });
     text += fmt::format("\n{} of {} models compared", compared, rows_.size());
-    if (const auto mean = mean_flip()) text += fmt::format(", mean FLIP {:.4f}", *mean);
+    if (const auto mean = mean_flip())
+      text += fmt::format(", mean FLIP {:.4f}\n\n{}", *mean, formats());
     return text + '\n';
   }
 
