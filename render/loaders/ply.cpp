@@ -106,7 +106,8 @@ class HeaderReader {
     while (true) {
       const std::string_view line = next_line();
       const auto words = words_of(line);
-      if (words.empty() || words[0] == "obj_info") continue;
+      // Blender 2.4 wrote "Created by ..." without "comment" before it.
+      if (words.empty() || words[0] == "obj_info" || words[0] == "Created") continue;
       if (words[0] == "end_header") break;
       if (words[0] == "comment")
         take_comment(line, words);

@@ -51,6 +51,12 @@ TEST(Ply, DividesPolygons) {
   EXPECT_THAT(scene.notes, IsEmpty());
 }
 
+TEST(Ply, ReadsHeadersOfOldBlenders) {
+  const SceneDescription scene = parse("ply\nformat ascii 1.0\nCreated by Blender3D 247\n" +
+                                       kVertices + kFaces + kSquare + "4 0 1 2 3\n");
+  EXPECT_THAT(scene.meshes.at(0).triangles, SizeIs(2));
+}
+
 TEST(Ply, ReadsBinaryFilesOfBothByteOrders) {
   for (const bool big : {false, true}) {
     std::string file = std::string("ply\nformat ") +
