@@ -20,6 +20,8 @@ namespace lenticule::frames {
 /// Remedy for files that cannot be decoded as pictures.
 inline constexpr const char* kPictureRemedy =
     "save it again as PNG; the names of films end in .lts, .mkv, .mp4 or the like";
+/// Remedy for pictures and films that turn out to be damaged while they are read.
+inline constexpr const char* kDamagedRemedy = "copy it anew, or save it again with another program";
 
 /// PictureValues says which values of a picture are wanted.
 enum class PictureValues : uint32_t {

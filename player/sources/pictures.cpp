@@ -463,7 +463,7 @@ void await_first(ViewInput& input, const std::string& name) {
       case frames::PullStatus::End:
         throw Error(ErrorKind::Input, fmt::format("{}: has no frames", name));
       case frames::PullStatus::Failed:
-        throw Error(ErrorKind::Input, input.failure());
+        throw Error(ErrorKind::Input, input.failure(), frames::kDamagedRemedy);
       case frames::PullStatus::NotYet:
         input.wait(kLongestWait);
     }

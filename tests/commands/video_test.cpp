@@ -6,9 +6,11 @@
 
 #include <chrono>
 #include <csignal>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "frames/frame.h"
+#include "frames/image_io.h"
 #include "tests/commands/program.h"
 #include "tests/support/comes_true.h"
 #include "tests/support/scratch_folder.h"
@@ -107,6 +109,18 @@ TEST_F(VideoCommands, ProbeDescribesAClip) {
   EXPECT_EQ(stream["range"], "tv");
   EXPECT_EQ(stream["exact"], false);
   EXPECT_EQ(stream["full_chroma"], true);
+}
+
+TEST_F(VideoCommands, AGifOfOneFrameIsConvertedToAPicture) {
+  make_film("one.gif", kWidth, kHeight, "-frames:v 1");
+  expect_end(run({"convert", path("one.gif"), "-o", path("one.png")}), 0);
+  EXPECT_EQ(frames::probe_image(path("one.png")).width, kWidth);
+  make_film("two.gif", kWidth, kHeight, "-frames:v 2");
+  const ProcessResult two = run({"convert", path("two.gif"), "-o", path("two.png")});
+  EXPECT_EQ(two.exit_code, 2);
+  EXPECT_THAT(two.err, testing::HasSubstr("--frames 0:1"));
+  EXPECT_FALSE(std::filesystem::exists(path("two.png")));
+  expect_end(run({"convert", path("two.gif"), "-o", path("two.png"), "--frames", "0:1"}), 0);
 }
 
 /// Two thirds of a second of 30 frames a second, then a frame every eighth period.

@@ -129,7 +129,8 @@ class ViewFrames final : public ConvertInput {
     while (std::chrono::steady_clock::now() < deadline) {
       const PullStatus status = views_->next();
       if (status == PullStatus::End) return false;
-      if (status == PullStatus::Failed) throw Error(ErrorKind::Input, views_->failure());
+      if (status == PullStatus::Failed)
+        throw Error(ErrorKind::Input, views_->failure(), frames::kDamagedRemedy);
       if (status == PullStatus::NotYet) {
         if (player::interrupted()) return false;
         views_->wait(kLook);
@@ -290,6 +291,12 @@ std::unique_ptr<FrameOutput> open_convert_output(const OutputRequest& request,
 
 using Kind = player::Content::Kind;
 
+/// Returns true for the name of a single picture.
+bool is_picture(const std::string& output) {
+  return player::kind_of_file(output) == player::SourceKind::Pictures && !is_view_files(output) &&
+         !frames::FilePattern::looks_like_pattern(output);
+}
+
 /// Length of an input that does not state it.
 constexpr uint64_t kManyFrames = uint64_t{1} << 24;
 
@@ -367,6 +374,8 @@ class ConvertRun {
     info_ = input_->info();
     range_ = {.begin = 0, .end = input_->count().value_or(kManyFrames)};
     if (wanted_) choose_frames(*wanted_);
+    makes_one_picture_ = !input_->count() && !wanted_ && is_picture(flags_.output);
+    if (makes_one_picture_) range_.end = 1;
     if (!flags.rate.empty()) info_.rate = frames::parse_rate(flags.rate);
     if (plan_.result == Result::Quilt)
       state_views();
@@ -538,6 +547,7 @@ class ConvertRun {
          .rate = info_.rate,
          .resume = flags_.resume,
          .overwrite = flags_.overwrite,
+         .max_error = flags_.max_error,
          .sequence = info_},
         quilts ? &layout_ : nullptr);
   }
@@ -550,9 +560,19 @@ class ConvertRun {
       return true;
     }
     if (!read(range_.begin + n, frame)) return false;
+    if (makes_one_picture_) require_end();
     if (output_->deliver(named, frame.view()) == Delivery::Interrupted) return false;
     ++converted_;
     return true;
+  }
+
+  /// Refuses a film of several frames for one picture. A GIF, say, may have just one.
+  void require_end() {
+    frames::WovenFrame other(info_.geometry);
+    if (input_->read(1, other) != ReadResult::End)
+      throw Error(ErrorKind::Usage,
+                  fmt::format("-o {}: one name for several frames", flags_.output),
+                  "use a number in the name, for example -o 'out/%05d.png', or --frames 0:1");
   }
 
   bool read(uint64_t number, frames::WovenFrame& frame) {
@@ -610,6 +630,7 @@ class ConvertRun {
   player::FrameRange range_;
   std::string written_;
   std::unique_ptr<FrameOutput> output_;
+  bool makes_one_picture_ = false;  ///< from a film that does not state its length
   std::optional<uint64_t> last_good_;
   uint64_t converted_ = 0;
   uint64_t skipped_ = 0;

@@ -372,7 +372,13 @@ std::filesystem::path Document::path_of(const JsonAt& uri) const {
 std::vector<uint8_t> Document::read_uri(const JsonAt& uri) {
   const std::string text = uri.text();
   if (is_data_uri(text)) return data_of(uri, text);
-  return read_scene_file(path_of(uri));
+  const std::filesystem::path file = path_of(uri);
+  try {
+    return read_scene_file(file);
+  } catch (const Error& error) {
+    throw Error(error.kind(), fmt::format("{}: {}", source_, error.what()),
+                "copy the model with all files that it names");
+  }
 }
 
 Bytes Document::buffer(size_t index) {
