@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests which controls are locked, in which order, and which problems are reported.
+#include "calib/cameras/camera_controls.h"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
-#include "calib/cameras/camera_controls.h"
 #include "fake_v4l2.h"
 
 namespace lenticule::calib {
