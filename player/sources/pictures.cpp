@@ -36,6 +36,8 @@ using Kind = Content::Kind;
 /// video decoder holds many pictures, so its limit is lower.
 constexpr uint64_t kMostPlayedPixels = uint64_t{1} << 27;       ///< 16384 x 8192: 384 MiB
 constexpr uint64_t kMostPlayedVideoPixels = uint64_t{1} << 26;  ///< 8192 x 8192
+/// Larger pictures are not searched for two eyes: those of cameras have 50 million pixels.
+constexpr uint64_t kMostSearchedPixels = uint64_t{1} << 26;
 /// Limit of the pictures decoded ahead; two pictures are always allowed.
 constexpr uint64_t kMostBytesAhead = uint64_t{1} << 30;
 constexpr int kMaxDecoderThreads = 8;
@@ -60,7 +62,8 @@ void check_size(const std::string& name, const frames::FrameGeometry& size,
                 fmt::format("{}: {}x{} pixels, but the rig's panel has {}x{}", name, size.width,
                             size.height, options.size->width, options.size->height),
                 remedy_of_unwoven(size));
-  if (options.plays && pixels_of(size) > most_pixels)
+  if (options.most_pixels) most_pixels = *options.most_pixels;
+  if ((options.plays || options.most_pixels) && pixels_of(size) > most_pixels)
     throw Error(ErrorKind::Input,
                 fmt::format("{}: {}x{} pixels; the limit is {} million", name, size.width,
                             size.height, most_pixels / 1'000'000),
@@ -379,7 +382,12 @@ bool may_be_woven(const SourceSpec& source, const std::optional<frames::FrameGeo
 std::optional<frames::StereoLayout> find_stereo(const SourceSpec& source) {
   constexpr uint64_t kMostFrames = 73, kStep = 24;  // the first ones of a film may be black
   const Content flat{.kind = Kind::Quilt, .source = source};  // of one tile
-  const std::unique_ptr<ViewInput> input = open_views(flat, {});
+  std::unique_ptr<ViewInput> input;
+  try {
+    input = open_views(flat, {.pool_frames = kFewestFrames, .most_pixels = kMostSearchedPixels});
+  } catch (const Error&) {
+    return std::nullopt;  // opening it for its use tells why
+  }
   for (uint64_t n = 0; n < kMostFrames && n < input->frame_count().value_or(kMostFrames); ++n) {
     try {
       await_first(*input, source.text);

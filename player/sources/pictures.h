@@ -29,7 +29,8 @@ struct PictureOptions {
   bool before_weaving = true;
   /// Size of woven frames: another size is refused before memory is allocated.
   std::optional<frames::FrameGeometry> size = std::nullopt;
-  bool plays = false;  ///< applies the limits of playback
+  bool plays = false;                                  ///< applies the limits of playback
+  std::optional<uint64_t> most_pixels = std::nullopt;  ///< of a picture; default: as `plays` says
   /// Decodes videos in hardware where a device can.
   bool hardware = false;
   std::optional<int> stream = std::nullopt;  ///< stream of a video; default: the first

@@ -251,10 +251,10 @@ class HostileList:
         kind = "huge or lying picture"
         shown = self._picture()
         data = files.zlib.compress(b"".join(b"\0" + row for row in files.rows_of(shown)[:100]))
+        self._bad(kind, "bomb.png", files.png_bomb(16000, 16000))
         self._bad(kind, "lying.png", files.png_of(WIDTH, HEIGHT, data))
         self._bad(kind, "largest.png", files.png_of(0x7FFFFFFF, 0x7FFFFFFF, data))
         self._bad(kind, "nothing.png", files.png_of(0, 0, data))
-        self._bad(kind, "bomb.png", files.png_bomb(16000, 16000))
         self._bad(kind, "bomb_qs8x6a0.7.png", files.png_bomb(16000, 16000))
         self._bad(kind, "other-size.png", files.png(files.blocks(100, 100, next(self._seeds))))
         self._bad(kind, "lying.jpg", files.jpeg(WIDTH, HEIGHT, 1))
