@@ -677,8 +677,8 @@ SceneDescription import_scene(const aiScene& from, const std::filesystem::path& 
   if (int32_t up = 1; from.mMetaData != nullptr && from.mMetaData->Get("UpAxis", up) && up == 2 &&
                       from.mRootNode->mTransformation.IsIdentity())
     turn_upright(scene, UpAxis::Z);
-  expose(scene);
   bake_still_nodes(scene);
+  expose(scene);
   return scene;
 }
 

@@ -189,7 +189,7 @@ class Writer {
     if (of) put(const_cast<T&>(*of));
   }
   void put_count(uint64_t count) { put_bytes(&count, sizeof count); }
-  /// Numbers of 8 bytes begin at multiples of 8 in pieces of 4 MiB, so that Reader need not copy
+  /// Numbers of 8 bytes begin at multiples of 8 in pieces of 1 MiB, so that Reader need not copy
   /// elements one by one.
   void align() {
     constexpr std::array<uint8_t, kAlignment> kNothing{};

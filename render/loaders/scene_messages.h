@@ -30,8 +30,9 @@ namespace lenticule::render::confined {
 inline constexpr int kSocket = 0;
 inline constexpr int kMemory = 3;
 
-/// The memory has two halves, which carry pieces of the archive alternately.
-inline constexpr size_t kHalfBytes = size_t{4} << 20;
+/// The memory has two halves, which carry pieces of the archive alternately. They fit into the
+/// caches of a processor.
+inline constexpr size_t kHalfBytes = size_t{1} << 20;
 inline constexpr size_t kMemoryBytes = 2 * kHalfBytes;
 
 enum class Word : uint32_t { Ready, Load, Find, Open, Texture, Piece, Answer, Done, Failed };

@@ -74,8 +74,9 @@ double irradiance(const Light& light, Vec3 middle, double nearest) {
 }  // namespace
 
 void expose(SceneDescription& scene) {
+  if (scene.lights.empty()) return;
   const Box bounds = scene_bounds(scene);
-  if (scene.lights.empty() || bounds.empty()) return;
+  if (bounds.empty()) return;
   const Vec3 middle = bounds.low + (bounds.high - bounds.low) / 2.0;
   const double nearest = length(bounds.high - bounds.low) / 4.0;
   double sum = 0.0;

@@ -109,6 +109,17 @@ Orientation pitched(const Orientation& o, double degrees) {
   return {o.right, o.up * c - o.toward * s, o.toward * c + o.up * s};
 }
 
+/// Calls visit(position) once for every vertex that is a corner of a triangle.
+template <class Visit>
+void for_each_corner(const SceneDescription& scene, Visit visit) {
+  for_each_mesh(scene, [&](const TriangleMesh& mesh) {
+    std::vector<uint8_t> visited(mesh.positions.size());
+    for (const auto& triangle : mesh.triangles)
+      for (const uint32_t corner : triangle)
+        if (std::exchange(visited[corner], 1) == 0) visit(mesh.positions[corner]);
+  });
+}
+
 // ---- extent of the content, for scenes that are fitted as a whole
 
 /// Extent computes how far content reaches from the centre of the panel along the panel's axes, in
@@ -124,10 +135,7 @@ class Extent {
         every_turn_(every_turn) {}
 
   void add(const SceneDescription& scene) {
-    for_each_mesh(scene, [&](const TriangleMesh& mesh) {
-      for (const auto& triangle : mesh.triangles)
-        for (const uint32_t corner : triangle) add(mesh.positions[corner], {});
-    });
+    for_each_corner(scene, [this](Vec3 corner) { add(corner, {}); });
     for (const Sphere& s : scene.spheres) add(s.centre, {s.radius, s.radius, s.radius});
     for (const Cone& c : scene.cones) {
       add_disc(c.base, c.apex - c.base, c.base_radius);
@@ -496,10 +504,7 @@ Stage stage_of_panel(const Stage& canvas, const Affine& canvas_from_panel,
 Box scene_bounds(const SceneDescription& scene) {
   if (!scene.nodes.empty()) return scene_bounds(at_time(scene, 0.0));
   Box bounds;
-  for_each_mesh(scene, [&](const TriangleMesh& mesh) {
-    for (const auto& triangle : mesh.triangles)
-      for (const uint32_t corner : triangle) bounds.extend(mesh.positions[corner]);
-  });
+  for_each_corner(scene, [&](Vec3 corner) { bounds.extend(corner); });
   for (const Sphere& s : scene.spheres) {
     const Vec3 half{s.radius, s.radius, s.radius};
     bounds.extend(Box{s.centre - half, s.centre + half});

@@ -340,10 +340,12 @@ void write_one(const SceneFlags& flags) {
 
 void show_scene(const SceneFlags& flags) {
   if (!flags.thumbnail.empty()) frames::check_writable_format(flags.thumbnail);
-  const render::SceneDescription scene = flags.shown.starts_with("builtin:")
-                                             ? SceneSequence(flags.shown, {}, flags.load).at(0)
-                                             : render::load_scene(flags.shown, flags.load);
-  render::SceneDescription first = render::at_time(scene, 0.0);
+  render::SceneDescription scene = flags.shown.starts_with("builtin:")
+                                       ? SceneSequence(flags.shown, {}, flags.load).at(0)
+                                       : render::load_scene(flags.shown, flags.load);
+  std::optional<render::SceneDescription> baked;
+  if (!scene.nodes.empty()) baked = render::at_time(scene, 0.0);
+  render::SceneDescription& first = baked ? *baked : scene;
   const FlatView view = make_flat_view(first);
   nlohmann::json report = scene_report(scene, render::world_up(view.stage));
   const render::InView in_view = render::content_in_view(first, view.stage, view.model);

@@ -612,25 +612,29 @@ void Accessor::require(const char* type, size_t count) const {
     at_.at("count").fail(fmt::format("{}, expected {}", count_, count));
 }
 
-Element Accessor::element(const Elements& elements, size_t index) const {
-  Element values{};
-  if (elements.bytes.empty()) return values;
-  const uint8_t* const from = elements.bytes.data() + index * elements.stride;
-  for (size_t i = 0; i < components_; ++i) {
-    const size_t place = i / rows_ * column_bytes_ + i % rows_ * bytes_of(component_);
-    const double stored = load(from + place, component_);
-    values[i] = normalized_ ? normalized_value(stored, component_) : stored;
-  }
-  return values;
+void Accessor::read(const Elements& elements, size_t index, Element& to) const {
+  if (elements.bytes.empty()) return;
+  const uint8_t* column = elements.bytes.data() + index * elements.stride;
+  const size_t bytes = bytes_of(component_);
+  for (size_t first = 0; first < components_; first += rows_, column += column_bytes_)
+    for (size_t row = 0; row < rows_; ++row) {
+      const double stored = load(column + row * bytes, component_);
+      to[first + row] = normalized_ ? normalized_value(stored, component_) : stored;
+    }
 }
 
 void Accessor::each(const TakeElement& take) const {
-  for (size_t i = 0; i < count_; ++i) take(i, element(base_, i));
+  Element values{};
+  for (size_t i = 0; i < count_; ++i) {
+    read(base_, i, values);
+    take(i, values);
+  }
   if (!sparse_) return;
   for (size_t i = 0; i < sparse_->count; ++i) {
     const double index =
         load(sparse_->indices.bytes.data() + i * sparse_->indices.stride, sparse_->index_component);
-    take(static_cast<size_t>(index), element(sparse_->values, i));
+    read(sparse_->values, i, values);
+    take(static_cast<size_t>(index), values);
   }
 }
 

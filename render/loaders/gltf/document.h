@@ -173,7 +173,7 @@ class Accessor {
                                   size_t element_bytes) const;
   void check_count_of_zeros(Document& document) const;
   void read_sparse(Document& document, const JsonAt& sparse);
-  [[nodiscard]] Element element(const Elements& elements, size_t index) const;
+  void read(const Elements& elements, size_t index, Element& to) const;
 
   JsonAt at_;
   std::string type_;

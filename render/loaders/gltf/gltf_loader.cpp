@@ -396,7 +396,7 @@ class Primitives {
 
   /// Returns the primitives of meshes[index] that have triangles, in the mesh's coordinates. A
   /// deformation has no skin yet.
-  [[nodiscard]] const std::vector<TriangleMesh>& of_mesh(size_t index) {
+  [[nodiscard]] std::vector<TriangleMesh>& of_mesh(size_t index) {
     const auto [known, added] = meshes_.try_emplace(index);
     if (!added) return known->second;
     const JsonAt& mesh = document_.list("meshes")[index];
@@ -738,25 +738,32 @@ class Nodes {
   }
 
   /// Adds the meshes to the scene, once per instance. Rigid ones that are shown often share their
-  /// vertices.
-  void show(size_t node, const std::vector<TriangleMesh>& meshes, bool by_several_nodes) {
+  /// vertices; those that are shown once are moved.
+  void show(size_t node, std::vector<TriangleMesh>& meshes, bool by_several_nodes) {
     const std::vector<int> places = instances(nodes_[node], places_[node]);
-    for (const TriangleMesh& from : meshes) {
+    const bool is_shown_often = by_several_nodes || places.size() > 1;
+    for (TriangleMesh& from : meshes) {
       // A skin needs a copy of the deformation, with its morph targets.
       const size_t copies = from.deformation ? 1 + from.deformation->targets.size() : 1;
       budget_.take(from.positions.size() * (places.size() + copies - 1),
                    from.triangles.size() * places.size(), nodes_[node]);
       const auto deformation = with_skin(from.deformation, nodes_[node], from.name);
       int shape = -1;
-      if (!deformation && (by_several_nodes || places.size() > 1)) {
+      if (!deformation && is_shown_often) {
         const auto [known, added] = shapes_.try_emplace(&from, std::ssize(scene_.shapes));
         if (added) scene_.shapes.push_back(std::make_shared<const TriangleMesh>(from));
         shape = known->second;
       }
       for (const int place : places) {
-        TriangleMesh& shown = scene_.meshes.emplace_back(shape < 0 ? from : TriangleMesh{});
-        shown.name = from.name;
-        shown.material = from.material;
+        TriangleMesh& shown = scene_.meshes.emplace_back();
+        if (shape >= 0) {
+          shown.name = from.name;
+          shown.material = from.material;
+        } else if (is_shown_often) {
+          shown = from;
+        } else {
+          shown = std::move(from);
+        }
         shown.shape = shape;
         shown.node = place;
         shown.deformation = deformation;
@@ -1085,8 +1092,8 @@ SceneDescription parse_gltf(std::vector<uint8_t> bytes, const std::string& sourc
   } catch (const std::bad_alloc&) {
     throw Error(ErrorKind::Input, source + ": needs more memory than is available");
   }
-  expose(scene);
   bake_still_nodes(scene);
+  expose(scene);
   return scene;
 }
 
