@@ -51,6 +51,22 @@ struct EmbreeTriangles {
   const std::array<uint32_t, 3>* corners = nullptr;
 };
 
+/// HitPlane is the plane of a triangle that rays hit.
+struct HitPlane {
+  Vec3 corner;
+  Vec3 normal;  ///< zero for a user geometry
+
+  /// Returns the parameter at which a ray meets the plane, or else Embree's, `t`. Embree divides by
+  /// an approximate reciprocal, whose last bits depend on the instruction set and on the
+  /// manufacturer of the processor.
+  [[nodiscard]] float distance(Vec3 origin, Vec3 direction, float t) const {
+    const double exact = dot(corner - origin, normal) / dot(direction, normal);
+    // False if the triangle stands for a wide one, which has no area here, or is seen edge on.
+    const bool meets = exact > 0.0 && exact <= double{std::numeric_limits<float>::max()};
+    return meets ? static_cast<float>(exact) : t;
+  }
+};
+
 /// EmbreeScene owns a scene, and records which features of Embree its geometries need and which
 /// triangles they have.
 class EmbreeScene {
@@ -67,20 +83,12 @@ class EmbreeScene {
     triangles_[number] = triangles;
   }
 
-  /// Returns the ray parameter of a hit: `t` of a user geometry; for a triangle, the parameter at
-  /// which the ray meets its plane. Embree divides by an approximate reciprocal, whose last bits
-  /// depend on the instruction set and on the manufacturer of the processor.
-  [[nodiscard]] float distance(unsigned geometry, unsigned primitive, Vec3f origin, Vec3f direction,
-                               float t) const {
+  [[nodiscard]] HitPlane plane(unsigned geometry, unsigned primitive) const {
     const EmbreeTriangles& mesh = triangles_[geometry];
-    if (mesh.positions == nullptr) return t;
+    if (mesh.positions == nullptr) return {};
     const auto& [a, b, c] = mesh.corners[primitive];
     const Vec3 corner(mesh.positions[a]);
-    const Vec3 normal = cross(Vec3(mesh.positions[b]) - corner, Vec3(mesh.positions[c]) - corner);
-    const double exact = dot(corner - Vec3(origin), normal) / dot(Vec3(direction), normal);
-    // False if the triangle stands for a wide one, which has no area here, or is seen edge on.
-    const bool meets = exact > 0.0 && exact <= double{std::numeric_limits<float>::max()};
-    return meets ? static_cast<float>(exact) : t;
+    return {corner, cross(Vec3(mesh.positions[b]) - corner, Vec3(mesh.positions[c]) - corner)};
   }
 
  private:
@@ -183,9 +191,9 @@ void query(Function* function, const EmbreeScene& scene, Rays& rays, Coherence c
 inline void intersect1(const EmbreeScene& scene, RTCRayHit& ray) {
   query(rtcIntersect1, scene, ray, Coherence::Incoherent);
   if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return;
-  ray.ray.tfar =
-      scene.distance(ray.hit.geomID, ray.hit.primID, {ray.ray.org_x, ray.ray.org_y, ray.ray.org_z},
-                     {ray.ray.dir_x, ray.ray.dir_y, ray.ray.dir_z}, ray.ray.tfar);
+  ray.ray.tfar = scene.plane(ray.hit.geomID, ray.hit.primID)
+                     .distance({ray.ray.org_x, ray.ray.org_y, ray.ray.org_z},
+                               {ray.ray.dir_x, ray.ray.dir_y, ray.ray.dir_z}, ray.ray.tfar);
 }
 
 /// Assumed relative error of positions, directions and Embree's arithmetic, which covers many

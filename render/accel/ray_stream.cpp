@@ -106,10 +106,14 @@ void intersect16(const int* valid, const EmbreeScene& scene, RTCRayHit16& rays, 
   else
     query_parts<RTCRayHit4, 4>(rtcIntersect4, scene, rays, coherence, valid);
   RTCRay16& ray = rays.ray;
+  // Neighbouring rays often hit the same triangle.
+  uint32_t geometry = RTC_INVALID_GEOMETRY_ID, primitive = 0;
+  HitPlane plane;
   for (size_t r = 0; r < kPacket; ++r) {
     if (valid[r] == 0 || rays.hit.geomID[r] == RTC_INVALID_GEOMETRY_ID) continue;
-    ray.tfar[r] = scene.distance(rays.hit.geomID[r], rays.hit.primID[r],
-                                 {ray.org_x[r], ray.org_y[r], ray.org_z[r]},
+    if (rays.hit.geomID[r] != geometry || rays.hit.primID[r] != primitive)
+      plane = scene.plane(geometry = rays.hit.geomID[r], primitive = rays.hit.primID[r]);
+    ray.tfar[r] = plane.distance({ray.org_x[r], ray.org_y[r], ray.org_z[r]},
                                  {ray.dir_x[r], ray.dir_y[r], ray.dir_z[r]}, ray.tfar[r]);
   }
 }
