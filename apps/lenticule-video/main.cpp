@@ -73,13 +73,6 @@ Run declare_encode(CLI::App& app) {
   return [request] { return run_encode(*request); };
 }
 
-Run declare_pictures(CLI::App& app) {
-  const auto request = std::make_shared<PicturesRequest>();
-  app.add_option("--parent", request->parent, "exit when this process ends");
-  app.add_flag("--png", request->png_only, "read PNG only, without loading other decoders");
-  return [request] { return run_pictures(*request); };
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -101,9 +94,6 @@ int main(int argc, char** argv) {
   CLI::App* const decode = app.add_subcommand("decode", "decode a file into a player's ring");
   CLI::App* const encode = app.add_subcommand(
       "encode", "encode raw frames from standard input to a file, standard output");
-  CLI::App* const pictures =
-      app.add_subcommand("pictures", "decode pictures for the program that started this one");
-  runs[pictures] = declare_pictures(*pictures);
   runs[probe] = declare_probe(*probe);
   runs[decode] = declare_decode(*decode);
   runs[encode] = declare_encode(*encode);

@@ -45,13 +45,6 @@ struct DecodeRequest {
 };
 [[nodiscard]] int run_decode(const DecodeRequest& request);
 
-struct PicturesRequest {
-  pid_t parent = 0;
-  bool png_only = false;
-};
-/// Decodes pictures for the process `parent`; see picture_messages.h.
-[[nodiscard]] int run_pictures(const PicturesRequest& request);
-
 struct EncodeRequest {
   int width = 0;
   int height = 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The messages between lenticule and `lenticule-video pictures`, each one packet of a socket. Both
+// The messages between lenticule and lenticule-pictures, each one packet of a socket. Both
 // programs come from the same build; lenticule checks all values that it receives.
 #pragma once
 

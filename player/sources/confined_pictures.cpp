@@ -17,11 +17,11 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/installation.h"
 #include "base/text.h"
 #include "frames/image_format.h"
 #include "frames/pictures/picture_messages.h"
 #include "player/process/confined_process.h"
-#include "player/sources/video_probe.h"
 
 namespace lenticule::player {
 namespace {
@@ -32,7 +32,7 @@ constexpr size_t kMostDecoders = 8;
 constexpr double kMostPixelAspect = 100.0;
 constexpr int64_t kMegapixel = 1'000'000;
 
-constexpr ConfinedProgram kProgram{.name = "lenticule-video",
+constexpr ConfinedProgram kProgram{.name = "lenticule-pictures",
                                    .role = "decoder",
                                    .package = "lenticule-media",
                                    .remedy = "the file is broken; save it again as PNG"};
@@ -67,10 +67,8 @@ Formats formats_for(const OpenPicture& picture) {
 }
 
 std::vector<std::string> command_of(const std::filesystem::path& program, Formats formats) {
-  std::vector<std::string> command = {program.string(), kForThisVersion, "pictures", "--parent",
-                                      std::to_string(getpid())};
-  if (formats == Formats::Png) command.emplace_back("--png");
-  return command;
+  return {program.string(), std::to_string(getpid()), LENTICULE_VERSION,
+          formats == Formats::Png ? "png" : "all"};
 }
 
 /// Decoder is one decoder process. Thread safety: one thread at a time.
@@ -281,12 +279,12 @@ class ConfinedPictures::Pool {
       std::unique_ptr<Decoder> decoder;
       std::optional<Error> failure;
       try {
-        if (program_.empty()) program_ = find_video_program();
+        if (program_.empty()) program_ = require_program("pictures", kProgram.name, kProgram.package);
         decoder = std::make_unique<Decoder>(program_, limits_, formats_);
       } catch (const Error& error) {
         failure = error;
       } catch (const std::exception& error) {
-        failure.emplace(ErrorKind::Failed, std::string("lenticule-video: ") + error.what());
+        failure.emplace(ErrorKind::Failed, std::string(kProgram.name) + ": " + error.what());
       }
       lock.lock();
       --coming_;

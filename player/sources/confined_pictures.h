@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// ConfinedPictures decodes picture files in separate processes (lenticule-video pictures), so that
+// ConfinedPictures decodes picture files in separate processes (lenticule-pictures), so that
 // a malicious or broken file can at most crash, block or take over such a process.
 #pragma once
 

@@ -198,7 +198,7 @@ std::optional<VideoEvent> parse_video_event(std::string_view line) {
 }
 
 fs::path find_video_program() {
-  return require_program("pictures and videos", kProgram, "lenticule-media");
+  return require_program("videos", kProgram, "lenticule-media");
 }
 
 std::vector<VideoStream> probe_video(const fs::path& file, const fs::path& program) {

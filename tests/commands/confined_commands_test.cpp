@@ -26,7 +26,7 @@ class ConfinedCommands : public test::CommandTest {
     fs::create_directory(folder_ / "bin");
     for (const char* name : {"lenticule", "lenticule-tools"})
       fs::copy_file(programs / name, folder_ / "bin" / name);
-    fs::copy_file(LENTICULE_FAKE_PICTURES, folder_ / "bin/lenticule-video");
+    fs::copy_file(LENTICULE_FAKE_PICTURES, folder_ / "bin/lenticule-pictures");
     fs::copy_file(LENTICULE_READER_PROGRAM, folder_ / "bin/lenticule-reader");
     fs::copy_file(test::source_file("scenes/rigs/tiny.toml"), path("rig.toml"));
     write("crash.tif", "crash");

@@ -77,6 +77,8 @@ TEST_F(LonePlayer, AsksForARestartWhenItsDecodersAreOfAnotherVersion) {
   write("film.mkv", "not read");
   install_helper("lenticule-video",
                  std::string("shift\nexec ") + LENTICULE_VIDEO_PROGRAM + " --for=0.0.1 \"$@\"\n");
+  install_helper("lenticule-pictures",
+                 std::string("exec ") + LENTICULE_PICTURES_PROGRAM + " $1 0.0.1 $3\n");
   for (const std::string& source : {source_file("tests/data/crate.png"), path("film.mkv")})
     expect_end(run_alone(play(source)), 1, "restart the player");
 }

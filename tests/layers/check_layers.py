@@ -33,6 +33,7 @@ MAY_INCLUDE = {
     "player": "base optics frames display",
     "farm": "base optics frames",
     "apps/lenticule-video": "base optics frames",
+    "apps/lenticule-pictures": "base optics frames apps/lenticule-video",
     "apps/lenticule-reader": "base optics frames render apps/lenticule-video",
     "apps/lenticule-web": "base optics frames",
     "apps/lenticule-window": "base optics frames",

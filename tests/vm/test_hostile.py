@@ -47,7 +47,7 @@ def start_player(vm, playlist, *flags):
 def copy_libraries(vm):
     """Copies the libraries of all programs into the guest's memory. Each of the many decoders loads some
     hundred, and asking the host for each of them takes longer than everything else."""
-    names = ["lenticule", "lenticule-video", "lenticule-pictures.so"]
+    names = ["lenticule", "lenticule-video", "lenticule-pictures", "lenticule-pictures.so"]
     programs = " ".join(require_program(vm, name) for name in names)
     vm.check(f"[ -e {LIBRARIES} ] || {{ mkdir {LIBRARIES} && ldd {programs} | awk '$3 ~ /^\\// {{print $3}}' "
              f"| sort -u | xargs cp -L -t {LIBRARIES}; }}", 300)

@@ -32,7 +32,7 @@ KIOSK = ["lenticule-player", "lenticule-media"]
 def make_packages(vm):
     """Makes the .deb files in a folder that the guest sees, as cpack does; returns their paths.
     scripts/check-package checks those of the other components, and the compressed ones."""
-    for program in ["lenticule", "lenticule-tools", "lenticule-video"]:
+    for program in ["lenticule", "lenticule-tools", "lenticule-video", "lenticule-pictures"]:
         require_program(vm, program)
     for made in ["CPackConfig.cmake", "generated/lenticule.1", "include/liblenticule.so"]:
         if not (vm.build / made).exists():

@@ -19,7 +19,7 @@ KEPT = "/var/lib/lenticule/rigs"
 def install(vm):
     """Installs the files of the package in the guest's temporary layer."""
     # No files of the build tree, which may lie in /tmp: the units have a /tmp of their own.
-    for program in ("lenticule", "lenticule-video"):  # the second decodes pictures
+    for program in ("lenticule", "lenticule-pictures"):
         vm.check(["cp", require_program(vm, program), f"/usr/local/bin/{program}"])
     vm.check(["cp", vm.build / "modules" / "lenticule-pictures.so", "/usr/lib/"])
     for unit in FILES.glob("*.service"):

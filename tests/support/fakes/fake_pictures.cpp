@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Replaces lenticule-video in tests of pictures whose decoder breaks, hangs or lies. The text of
+// Replaces lenticule-pictures in tests of pictures whose decoder breaks, hangs or lies. The text of
 // the "picture" selects the behaviour; one that begins with "well" has 2x1 pixels 1 2 3 4 5 6.
 #include <sys/mman.h>
 #include <sys/socket.h>

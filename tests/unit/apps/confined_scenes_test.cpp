@@ -87,7 +87,7 @@ class ConfinedScenesTest : public testing::Test {
   }
 
   test::ScratchFolder folder_;
-  player::ConfinedPictures pictures_{LENTICULE_VIDEO_PROGRAM};
+  player::ConfinedPictures pictures_{LENTICULE_PICTURES_PROGRAM};
   ConfinedScenes scenes_{LENTICULE_READER_PROGRAM};
 };
 

@@ -48,7 +48,7 @@ class ConfinedPicturesTest : public test::VideoTest {
     frames::write_woven(clip_frame(1).view(), file("good.png"));
   }
 
-  ConfinedPictures pictures_{LENTICULE_VIDEO_PROGRAM};
+  ConfinedPictures pictures_{LENTICULE_PICTURES_PROGRAM};
 };
 
 TEST_F(ConfinedPicturesTest, OtherFormatsHaveADecoderOfTheirOwn) {
@@ -89,7 +89,7 @@ TEST_F(ConfinedPicturesTest, TheBytesChooseTheDecoderAndNotTheName) {
 }
 
 TEST_F(ConfinedPicturesTest, StartingADecoderIsNotPartOfAPicturesTime) {
-  const ConfinedPictures with_short_limit(LENTICULE_VIDEO_PROGRAM,
+  const ConfinedPictures with_short_limit(LENTICULE_PICTURES_PROGRAM,
                                           {.processor_time = std::chrono::milliseconds(1)});
   Rows rows;
   with_short_limit.read(file("good.png"), rows);

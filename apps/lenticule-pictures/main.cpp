@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule-video pictures decodes one picture file after the other for the process that started
-// it, which passes descriptors over a socket and reads rows from shared memory.
+// lenticule-pictures decodes one picture file after the other for the process that started it,
+// which passes descriptors over a socket and reads rows from shared memory. It is a program of its
+// own because loading FFmpeg takes longer than decoding most pictures.
 #include <malloc.h>
 #include <sys/mman.h>
 #include <unistd.h>
@@ -17,18 +18,19 @@
 #include <vector>
 
 #include "apps/lenticule-video/confinement.h"
-#include "apps/lenticule-video/subcommands.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "base/main_function.h"
+#include "base/numbers.h"
 #include "base/packet.h"
 #include "base/unique_fd.h"
 #include "frames/picture_codec.h"
 #include "frames/pictures/picture_messages.h"
 
-namespace lenticule::video {
+namespace lenticule::pictures {
+namespace {
 
 using namespace frames::confined;
-namespace {
 
 /// Thrown if the process that started this one is gone.
 class PlayerGone final : public std::exception {};
@@ -158,7 +160,7 @@ std::span<uint8_t> map_memory() {
   void* const memory =
       ::mmap(nullptr, kMemoryBytes, PROT_READ | PROT_WRITE, MAP_SHARED, kPictureMemory, 0);
   if (memory == MAP_FAILED)
-    throw Error(ErrorKind::Usage, "pictures: started without shared memory",
+    throw Error(ErrorKind::Usage, "started without shared memory",
                 "lenticule starts this program itself");
   ::close(kPictureMemory);
   return {static_cast<uint8_t*>(memory), kMemoryBytes};
@@ -171,18 +173,22 @@ void warm_up() {
   (void)frames::picture_codec(bytes).probe(bytes, "pixel.ppm");
 }
 
-}  // namespace
-
-int run_pictures(const PicturesRequest& request) {
-  const pid_t parent = request.parent;
-  if (parent > 0 && !die_with(parent)) return 1;
-  volunteer_for_oom();
+/// Arguments: the process that may start this one, the version of the program that starts it, and
+/// the formats to read, "png" or "all".
+int run(const std::vector<std::string>& arguments) {
+  if (arguments.size() == 3 && arguments[1] != LENTICULE_VERSION)
+    throw Error(ErrorKind::Usage, "started by another version", "restart the player");
+  const auto parent = arguments.size() == 3 ? number_from<int>(arguments[0]) : std::nullopt;
+  if (!parent)
+    throw Error(ErrorKind::Usage, "started by hand", "lenticule starts this program itself");
+  if (!video::die_with(*parent)) return kFailed;
+  video::volunteer_for_oom();
   // Makes malloc return a large picture's memory to the system.
   (void)::mallopt(M_MMAP_THRESHOLD, 1 << 20);
   (void)::mallopt(M_ARENA_MAX, 1);
   const std::span<uint8_t> memory = map_memory();
-  if (!request.png_only) warm_up();
-  confine(kPictureMemoryLimit, parent, kDescriptors);
+  if (arguments[2] != "png") warm_up();
+  video::confine(kPictureMemoryLimit, *parent, kDescriptors);
   send({.reply = PictureReply::Idle});
   try {
     while (true) {
@@ -203,8 +209,17 @@ int run_pictures(const PicturesRequest& request) {
       }
     }
   } catch (const PlayerGone&) {
-    return 0;
+    return kOk;
   }
 }
 
-}  // namespace lenticule::video
+}  // namespace
+}  // namespace lenticule::pictures
+
+int main(int argc, char** argv) {
+  constexpr lenticule::ErrorStyle kStyle{.program = "lenticule-pictures"};
+  if (const int code = lenticule::prepare_program(kStyle); code != lenticule::kOk) return code;
+  const std::vector<std::string> arguments(argv + 1, argv + argc);
+  return lenticule::run_reporting_errors([&] { return lenticule::pictures::run(arguments); },
+                                         kStyle);
+}
