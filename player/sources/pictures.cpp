@@ -14,6 +14,7 @@
 #include "base/print.h"
 #include "frames/decoded_source.h"
 #include "frames/image_io.h"
+#include "frames/picture_codec.h"
 #include "frames/sequence/sequence_reader.h"
 #include "frames/views_input/stereo_pair.h"
 #include "frames/weaving/reweave.h"

@@ -28,6 +28,7 @@
 #include "base/print.h"
 #include "frames/frame.h"
 #include "frames/image_io.h"
+#include "frames/picture_codec.h"
 #include "frames/quilt.h"
 #include "frames/sequence/sequence_format.h"
 #include "frames/sequence/sequence_reader.h"
