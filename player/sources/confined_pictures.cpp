@@ -279,7 +279,8 @@ class ConfinedPictures::Pool {
       std::unique_ptr<Decoder> decoder;
       std::optional<Error> failure;
       try {
-        if (program_.empty()) program_ = require_program("pictures", kProgram.name, kProgram.package);
+        if (program_.empty())
+          program_ = require_program("pictures", kProgram.name, kProgram.package);
         decoder = std::make_unique<Decoder>(program_, limits_, formats_);
       } catch (const Error& error) {
         failure = error;
