@@ -147,8 +147,8 @@ TEST(DepthViews, ALimitCompressesDepthAndKeepsTheZeroPlane) {
   for (const Case& one : {Case{-4, 8, 0, 8, -4, 8},     // within the limit
                           Case{-4, 16, 0, 8, -3.2, 8},  // 4 / (1 + 4 (1/8 - 1/16))
                           Case{0, 16, 8, 4, -4, 4}})
-    for (const uint8_t code : {0, 255}) {
-      const Box box(code, 255 - code);
+    for (const bool is_near : {false, true}) {
+      const Box box = is_near ? Box(255, 0) : Box(0, 255);
       const auto views_of = [&](const DepthOptions& options) {
         DepthViews drawn(48, 2, options);
         const auto views = drawn.draw(window_of(box.colour.view()), window_of(box.depth.view()));
