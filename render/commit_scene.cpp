@@ -114,10 +114,9 @@ size_t remove_idle_lights(Scene& scene) {
 
 /// StandingModel describes where a model stands, in the scene frame.
 struct StandingModel {
-  Vec3 up, across, along;  ///< unit, perpendicular
-  Interval x, y, z;        ///< bounds along across, along and up
-  double ground = 0.0;     ///< height of the ground along up
-  double size = 0.0;       ///< see Ground
+  Interval x, y, z;     ///< bounds; y is up
+  double ground = 0.0;  ///< height of the ground
+  double size = 0.0;    ///< see Ground
 };
 
 /// Layer is one part of the shadow. Lengths are in sizes of the model.
@@ -157,13 +156,13 @@ Shares hidden_above(const Scene& scene, const StandingModel& model, Vec3 origin)
   Shares hidden{};
   double share = 1.0;
   for (int n = 0; n < kMostPassed && share > kLeastShare; ++n) {
-    const double far = model.ground + kHighest * model.size - dot(origin, model.up);
+    const double far = model.ground + kHighest * model.size - origin.y;
     if (!(far > 0.0)) break;
-    const std::optional<Surface> surface = first_surface(scene, origin, model.up, far);
+    const std::optional<Surface> surface = first_surface(scene, origin, {0, 1, 0}, far);
     if (!surface) break;
     const Vec3 passed = scene.pbr->any_passes() ? scene.pbr->passed(*surface) : Vec3{};
     const double on = share * (passed.x + passed.y + passed.z) / 3.0;
-    add_hidden((dot(surface->point, model.up) - model.ground) / model.size, share - on, hidden);
+    add_hidden((surface->point.y - model.ground) / model.size, share - on, hidden);
     share = on;
     origin = spawn_point(*surface, Side::Far);
   }
@@ -172,10 +171,10 @@ Shares hidden_above(const Scene& scene, const StandingModel& model, Vec3 origin)
 
 /// Returns the grid around the model. Its points stay where they are if the model's bounds change.
 GroundGrid grid_around(const StandingModel& model) {
-  GroundGrid grid{.up = model.up, .across = model.across, .along = model.along};
+  GroundGrid grid{.up = {0, 1, 0}, .across = {1, 0, 0}, .along = {0, 0, 1}};
   grid.height = model.ground;
   grid.cell =
-      std::max(kCell * model.size, std::max(model.x.width(), model.y.width()) / (kMostRays - 2.0));
+      std::max(kCell * model.size, std::max(model.x.width(), model.z.width()) / (kMostRays - 2.0));
   const double margin = std::ceil(kWidest * model.size / grid.cell) + 1.0;
   const auto first = [&](const Interval& bounds) {
     return std::floor(bounds.low / grid.cell) - margin + kBesideEdges;
@@ -186,9 +185,9 @@ GroundGrid grid_around(const StandingModel& model) {
            1;
   };
   grid.x = first(model.x) * grid.cell;
-  grid.y = first(model.y) * grid.cell;
+  grid.y = first(model.z) * grid.cell;
   grid.columns = count(model.x);
-  grid.rows = count(model.y);
+  grid.rows = count(model.z);
   return grid;
 }
 
@@ -224,9 +223,9 @@ std::shared_ptr<const GroundShadow> cast_ground_shadow(const Scene& scene,
   const size_t points = static_cast<size_t>(grid.columns) * static_cast<size_t>(grid.rows);
   std::array<std::vector<float>, kLayers.size()> hidden;
   for (std::vector<float>& layer : hidden) layer.resize(points);
-  const double start = std::min(grid.height, model.z.low) - kBelow * model.size;
+  const double start = std::min(grid.height, model.y.low) - kBelow * model.size;
   tbb::parallel_for(0, grid.rows, [&](int row) {
-    if (const double y = grid.y + row * grid.cell; y < model.y.low || y > model.y.high) return;
+    if (const double y = grid.y + row * grid.cell; y < model.z.low || y > model.z.high) return;
     for (int column = 0; column < grid.columns; ++column) {
       if (const double x = grid.x + column * grid.cell; x < model.x.low || x > model.x.high)
         continue;
@@ -253,6 +252,18 @@ std::shared_ptr<const GroundShadow> cast_ground_shadow(const Scene& scene,
 /// drops the primitive.
 constexpr double kFarthest = 1e15;
 
+/// Distance on the panel between the possible origins of scene frames, and an offset, so that the
+/// points that files prefer as centres do not lie halfway between two of them, where rounding
+/// decides.
+constexpr double kOriginStepMm = 1024.0;
+constexpr double kBesideHalf = 0.118034;
+
+/// Returns the number without its last bits, which rounding changes while a stage turns.
+double shortened(double number) {
+  const double high = number * 8193.0;  // 2^13 + 1: 40 bits remain
+  return high - (high - number);
+}
+
 /// Largest number of primitives for which a culling tree is built: above it, the build takes longer
 /// than a frame gains.
 constexpr size_t kMostProvable = size_t{1} << 19;
@@ -264,34 +275,37 @@ class Committer {
       : description_(description), stage_(stage), threads_(threads), scene_(scene) {}
 
   void commit(const Surroundings& surroundings, IdleLights idle_lights) {
-    set_frame();
-    scene_.content = scene_fingerprint(description_, surroundings, stage_);
-    scene_.picture = picture_fingerprint(scene_.content, stage_);
+    scene_.frame = frame();
+    scene_.described = scene_fingerprint(description_, surroundings);
     add_materials();
     if (surroundings.tone_map.value_or(ToneMap::None) != ToneMap::None && !is_pbr_)
       refuse("tone map:", "no material is metallic-roughness");
     for_each_mesh(description_, [this](const TriangleMesh& mesh) { add_mesh(mesh); });
     for (const Sphere& sphere : description_.spheres) add_sphere(sphere);
     for (const Cone& cone : description_.cones) add_cone(cone);
-    // Content that the stage leaves out in front stays left out; only the ground extends toward the
-    // viewer.
-    nearest_ = std::min(nearest_, stage_.near_mm);
     if (surroundings.ground) add_ground(surroundings);
-    scene_.near_mm = std::isfinite(nearest_) ? nearest_ : 0.0;
     add_lights();
     scene_.ambient =
         description_.ambient.value_or(Vec3{kDefaultAmbient, kDefaultAmbient, kDefaultAmbient});
     if (!is_finite(scene_.ambient)) refuse("ambient light", "is not finite");
     scene_.backdrop = make_backdrop(description_, stage_, surroundings);
-    scene_.backdrop.up = turned(scene_.backdrop.up);
-    scene_.backdrop.ahead = turned(scene_.backdrop.ahead);
     if (is_pbr_) set_pbr_backdrop(surroundings);
     scene_.colour_managed = description_.colour_managed;
     scene_.textures = description_.textures;
+    set_stage(surroundings);
     if (idle_lights == IdleLights::LeaveOut) scene_.lights_left_out = remove_idle_lights(scene_);
     has_ground_shadow_ = has_studio() && scene_.backdrop.flat() && surroundings.ground_shadow &&
                          !surroundings.ground;
     build();
+  }
+
+  bool place(const Surroundings& surroundings) {
+    if (frame() != scene_.frame) return false;
+    is_pbr_ = scene_.pbr != nullptr;
+    set_stage(surroundings);
+    if (has_default_sun()) use_lights();
+    if (is_pbr_) scene_.pbr = std::make_unique<const PbrScene>(scene_, has_studio());
+    return true;
   }
 
  private:
@@ -299,56 +313,71 @@ class Committer {
     throw Error(ErrorKind::Input, fmt::format("{}: {} {}", description_.source, object, cause));
   }
 
-  void set_frame() {
+  /// Depends on the stage alone, so that a frame has the same bytes after any others.
+  [[nodiscard]] SceneFrame frame() const {
     const Affine& world_from_panel = stage_.world_from_panel;
     const double world_per_mm = length(world_from_panel.column_x);
     const double volume = world_from_panel.determinant();
-    if (!(world_per_mm > 0.0) || !std::isfinite(1.0 / world_per_mm) || !std::isfinite(volume) ||
+    const double units_per_world = shortened(1.0 / world_per_mm);
+    if (!(world_per_mm > 0.0) || !std::isfinite(units_per_world) || !std::isfinite(volume) ||
         volume == 0.0 || !is_finite(world_from_panel.origin))
       refuse("stage", "has no usable size");
-    units_per_world_ = 1.0 / world_per_mm;
-    centre_ = world_from_panel.origin;
-    set_axes();
-    scene_.units_per_world = units_per_world_;
-    scene_.scene_from_panel = {turned(world_from_panel.column_x) * units_per_world_,
-                               turned(world_from_panel.column_y) * units_per_world_,
-                               turned(world_from_panel.column_z) * units_per_world_,
-                               {}};
-    if (parallel_) remove_rounding(scene_.scene_from_panel);
-    const Affine panel_from_scene = scene_.scene_from_panel.inverse();
-    depth_ = {panel_from_scene.column_x.z, panel_from_scene.column_y.z,
-              panel_from_scene.column_z.z};
+    const double step = kOriginStepMm / units_per_world;
+    const auto near = [&](double v) { return std::round(v / step + kBesideHalf) * step; };
+    const Vec3& centre = world_from_panel.origin;
+    return {units_per_world,
+            {near(centre.x), near(centre.y), near(centre.z)},
+            world_up(stage_),
+            stage_.ground};
   }
 
-  /// Sets the scene's axes. They are the panel's axes if these are perpendicular in the world: then
-  /// the rays of a row share two of the three coordinates of origin and direction.
-  void set_axes() {
+  /// Sets everything that depends on the stage, apart from tables.
+  void set_stage(const Surroundings& surroundings) {
     const Affine& world_from_panel = stage_.world_from_panel;
-    const Vec3 x = normalized(world_from_panel.column_x);
-    const Vec3 y = normalized(world_from_panel.column_y);
-    const Vec3 z = normalized(world_from_panel.column_z);
-    constexpr double kRight = 1e-12;
-    parallel_ = std::abs(dot(x, y)) < kRight && std::abs(dot(y, z)) < kRight &&
-                std::abs(dot(z, x)) < kRight;
-    if (!parallel_) return;
-    axis_x_ = x;
-    axis_z_ = normalized(cross(x, y));  // a mirrored stage has its depth reversed
-    axis_y_ = cross(axis_z_, x);
+    const auto& [units, origin, up, ground] = scene_.frame;
+    scene_.scene_from_panel = {world_from_panel.column_x * units, world_from_panel.column_y * units,
+                               world_from_panel.column_z * units,
+                               (world_from_panel.origin - origin) * units};
+    set_near(surroundings.ground && !scene_.meshes.empty());
+    turn_to(stage_, scene_.backdrop);
+    SceneMixer mixer;
+    mixer.add(scene_.described.first, scene_.described.second);
+    // The default sun and the studio stand beside the viewer.
+    if (is_unlit()) mixer.add(world_direction(stage_, kDefaultSunDirection));
+    if (has_default_sun()) scene_.lights = {default_light()};
+    scene_.content = mixer.value();
+    scene_.picture = picture_fingerprint(scene_.content, stage_);
   }
 
-  static void remove_rounding(Affine& scene_from_panel) {
-    scene_from_panel.column_x = {1.0, 0.0, 0.0};
-    scene_from_panel.column_y = {0.0, scene_from_panel.column_y.y, 0.0};
-    scene_from_panel.column_z = {0.0, 0.0, scene_from_panel.column_z.z};
-  }
-
-  /// Returns the components of a world direction along the scene's axes.
-  [[nodiscard]] Vec3 turned(Vec3 world) const {
-    return {dot(axis_x_, world), dot(axis_y_, world), dot(axis_z_, world)};
+  /// `has_ground`: the last mesh is the ground.
+  void set_near(bool has_ground) {
+    const Affine map = scene_.scene_from_panel.inverse();
+    const Vec3 depth{map.column_x.z, map.column_y.z, map.column_z.z};
+    double nearest = -std::numeric_limits<double>::infinity();
+    const auto see_point = [&](Vec3 p) {
+      nearest = std::max(nearest, dot(depth, p) + map.origin.z);
+    };
+    const auto see = [&](const MeshShape& mesh) {
+      // The last position is padding, not a vertex.
+      for (size_t n = 0; n + 1 < mesh.positions.size(); ++n) see_point(Vec3(mesh.positions[n]));
+      for (const uint32_t number : mesh.wide)
+        if (number != MeshShape::kNotWide)
+          std::ranges::for_each(scene_.wide_triangles[number].corner, see_point);
+    };
+    for (size_t n = 0; n + size_t{has_ground} < scene_.meshes.size(); ++n) see(scene_.meshes[n]);
+    for (const SphereShape& sphere : scene_.spheres)
+      nearest = std::max(nearest, box_of(sphere, map).high.z);
+    for (const ConeShape& cone : scene_.cones)
+      nearest = std::max(nearest, box_of(cone, map).high.z);
+    // Content that the stage leaves out in front stays left out; only the ground extends toward the
+    // viewer.
+    nearest = std::min(nearest, stage_.near_mm);
+    if (has_ground) see(scene_.meshes.back());
+    scene_.near_mm = std::isfinite(nearest) ? nearest : 0.0;
   }
 
   Vec3 scene_point(Vec3 world, const char* what, const std::string& name) const {
-    const Vec3 p = turned(world - centre_) * units_per_world_;
+    const Vec3 p = (world - scene_.frame.origin) * scene_.frame.units_per_world;
     if (!is_finite(world))
       refuse(fmt::format("{} '{}'", what, name), "has a position that is not finite");
     if (!(largest_size(p) < kFarthest))
@@ -357,13 +386,9 @@ class Committer {
   }
 
   double scene_length(double world, const char* what) const {
-    const double l = world * units_per_world_;
+    const double l = world * scene_.frame.units_per_world;
     if (!(world >= 0.0) || !(l < kFarthest)) refuse(what, fmt::format("has a radius of {}", world));
     return l;
-  }
-
-  void see(Vec3 point, double reach = 0.0) {
-    nearest_ = std::max(nearest_, dot(depth_, point) + reach);
   }
 
   int material_index(int index, const std::string& object) const {
@@ -472,7 +497,6 @@ class Committer {
     exact.reserve(mesh.positions.size());
     for (const Vec3& position : mesh.positions) {
       const Vec3 p = scene_point(position, "mesh", mesh.name);
-      see(p);
       exact.push_back(p);
       shape.positions.emplace_back(p);
     }
@@ -481,18 +505,15 @@ class Committer {
     shape.normals.reserve(mesh.normals.size());
     for (const Vec3& normal : mesh.normals) {
       if (!is_finite(normal)) refuse(object, "has a normal that is not finite");
-      shape.normals.emplace_back(turned(normal));
+      shape.normals.emplace_back(normal);
     }
     scene_.meshes.push_back(std::move(shape));
   }
 
-  void add_pbr_vertices(const TriangleMesh& mesh, MeshShape& shape) const {
+  static void add_pbr_vertices(const TriangleMesh& mesh, MeshShape& shape) {
     shape.uvs2 = mesh.uvs2;
     shape.colours = mesh.colours;
-    for (const auto& [x, y, z, sign] : mesh.tangents) {
-      const Vec3f to(turned(Vec3{double{x}, double{y}, double{z}}));
-      shape.tangents.push_back({to.x, to.y, to.z, sign});
-    }
+    shape.tangents = mesh.tangents;
   }
 
   void find_wide_triangles(const std::vector<Vec3>& positions, MeshShape& shape) {
@@ -519,7 +540,6 @@ class Committer {
                             .radius = scene_length(sphere.radius, "sphere"),
                             .inward = sphere.inward,
                             .material = material_index(sphere.material, "sphere")};
-    see(shape.centre, shape.radius * length(depth_));
     scene_.spheres.push_back(shape);
   }
 
@@ -537,10 +557,6 @@ class Committer {
                           .slope = (apex_radius - base_radius) / height,
                           .inward = cone.inward,
                           .material = material_index(cone.material, "cone")};
-    // Extent of a unit disc across the axis toward the viewer.
-    const double tilt = length(depth_ - shape.axis * dot(depth_, shape.axis));
-    see(base, base_radius * tilt);
-    see(apex, apex_radius * tilt);
     scene_.cones.push_back(shape);
   }
 
@@ -552,7 +568,7 @@ class Committer {
     if (is_pbr_)
       scene_.materials.back().pbr =
           std::make_shared<const PbrMaterial>(pbr_like(scene_.materials.back()));
-    add_mesh(ground_plane(bounds, world_up(stage_), static_cast<int>(scene_.materials.size()) - 1));
+    add_mesh(ground_plane(bounds, scene_.frame.up, static_cast<int>(scene_.materials.size()) - 1));
   }
 
   void add_lights() {
@@ -562,7 +578,7 @@ class Committer {
       const bool aimed = light.kind != Light::Kind::Point;
       if (!is_finite(light.colour) || (aimed && !is_finite(light.direction)))
         refuse("light", "has a value that is not finite");
-      const Vec3 direction = turned(normalized(light.direction));
+      const Vec3 direction = normalized(light.direction);
       if (aimed && direction == Vec3{}) refuse("light", "has no direction");
       scene_.lights.push_back(
           {.kind = light.kind,
@@ -573,14 +589,13 @@ class Committer {
            .cos_inner = light.cos_inner,
            .cos_outer = light.cos_outer});
     }
-    // A file that states an ambient light defines its own lighting, so no default light is added.
-    if (description_.lights.empty() && !description_.ambient && !is_pbr_)
-      scene_.lights.push_back(default_light());
   }
 
+  /// Returns false for a file that states an ambient light: it defines its own lighting.
+  [[nodiscard]] bool has_default_sun() const { return is_unlit() && !is_pbr_; }
   SceneLight default_light() const {
     return {.kind = Light::Kind::Directional,
-            .direction = turned(world_direction(stage_, kDefaultSunDirection)),
+            .direction = world_direction(stage_, kDefaultSunDirection),
             .colour = Vec3{1, 1, 1} * kDefaultSun};
   }
 
@@ -604,33 +619,33 @@ class Committer {
       attach_last(make_wide_geometry(device, scene_.wide_triangles), SceneFeature::UserGeometry);
     rtcCommitScene(scene_.embree.get());
     scene_.device.check(description_.source);
-    scene_.shading = std::make_unique<const ShadingTables>(scene_);
+    if (primitives() <= kMostProvable) scene_.tree = std::make_unique<const PrimitiveTree>(scene_);
+    use_lights();
     if (is_pbr_)
       tbb::task_arena(threads_ > 0 ? threads_ : tbb::task_arena::automatic).execute([this] {
         scene_.pbr = std::make_unique<const PbrScene>(scene_, has_studio());
         if (has_ground_shadow_) add_ground_shadow();
       });
-    if (primitives() > kMostProvable) return;
-    scene_.tree = std::make_unique<const PrimitiveTree>(scene_);
-    scene_.shaft_cache = std::make_unique<ShaftCache>(scene_, *scene_.tree);
+  }
+
+  void use_lights() {
+    scene_.shading = std::make_unique<const ShadingTables>(scene_);
+    if (scene_.tree) scene_.shaft_cache = std::make_unique<ShaftCache>(scene_, *scene_.tree);
   }
 
   void add_ground_shadow() {
     const Box bounds = scene_bounds(description_);
     if (bounds.empty()) return;
     const Ground ground = stage_.ground.value_or(ground_under(bounds));
-    const auto scaled = [this](double low, double high, double centre) {
-      return Interval{(low - centre) * units_per_world_, (high - centre) * units_per_world_};
-    };
+    const double units = scene_.frame.units_per_world;
+    const Vec3 low = (bounds.low - scene_.frame.origin) * units;
+    const Vec3 high = (bounds.high - scene_.frame.origin) * units;
     scene_.backdrop.ground_shadow =
-        cast_ground_shadow(scene_, {.up = turned({0, 1, 0}),
-                                    .across = turned({1, 0, 0}),
-                                    .along = turned({0, 0, 1}),
-                                    .x = scaled(bounds.low.x, bounds.high.x, centre_.x),
-                                    .y = scaled(bounds.low.z, bounds.high.z, centre_.z),
-                                    .z = scaled(bounds.low.y, bounds.high.y, centre_.y),
-                                    .ground = (ground.y - centre_.y) * units_per_world_,
-                                    .size = ground.size * units_per_world_});
+        cast_ground_shadow(scene_, {.x = {low.x, high.x},
+                                    .y = {low.y, high.y},
+                                    .z = {low.z, high.z},
+                                    .ground = (ground.y - scene_.frame.origin.y) * units,
+                                    .size = ground.size * units});
   }
 
   [[nodiscard]] size_t primitives() const {
@@ -676,14 +691,8 @@ class Committer {
   const Stage& stage_;
   int threads_;
   Scene& scene_;
-  Vec3 centre_;
-  bool parallel_ = false;
   bool is_pbr_ = false;
   bool has_ground_shadow_ = false;
-  Vec3 axis_x_{1, 0, 0}, axis_y_{0, 1, 0}, axis_z_{0, 0, 1};  ///< the scene's, in world space
-  double units_per_world_ = 1.0;
-  Vec3 depth_;  ///< its dot product with a scene point is the point's panel z
-  double nearest_ = -std::numeric_limits<double>::infinity();
 };
 
 }  // namespace
@@ -695,6 +704,25 @@ Scene::Scene(const SceneDescription& description, const Stage& stage,
 }
 
 Scene::~Scene() = default;
+
+bool Scene::place(const SceneDescription& description, const Stage& stage,
+                  const Surroundings& surroundings) {
+  return Committer(description, stage, 0, *this).place(surroundings);
+}
+
+const Scene& SceneKeeper::commit(const std::shared_ptr<const SceneDescription>& description,
+                                 const Stage& stage) {
+  const bool is_same =
+      scene_ && (description_.lock() == description ||
+                 (scene_->described == scene_fingerprint(*description, surroundings_) &&
+                  std::ranges::equal(scene_->textures, description->textures, same_texture)));
+  if (!is_same || !scene_->place(*description, stage, surroundings_)) {
+    scene_.reset();
+    scene_ = std::make_unique<Scene>(*description, stage, surroundings_, threads_);
+  }
+  description_ = description;
+  return *scene_;
+}
 
 std::array<Vec3, 3> corners_of(const Scene& scene, const MeshShape& mesh, uint32_t triangle) {
   if (const WideTriangle* wide = scene.wide_triangle(mesh, triangle)) return wide->corner;

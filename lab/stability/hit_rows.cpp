@@ -443,7 +443,7 @@ Tally count_at(const StabilitySize& size, Kind kind, Place place, double offset,
   const render::Scene scene(object(kind, at), plain_stage(moved ? at : Vec3{}), {}, 1);
   const Probe probe(scene);
   return tally_parts(size, rays / kRaysPerShadowPart + 1, [&](uint64_t part, Tally& tally) {
-    tally = count(probe, moved ? Vec3{} : at, part);
+    tally = count(probe, scene.scene_from_panel.point(moved ? Vec3{} : at), part);
   });
 }
 

@@ -41,8 +41,7 @@ uint64_t add_unshadowed(const render::EmbreeScene& scene, std::span<const Shadow
 // Probe traces single rays through a committed scene as method full does, to test for holes, false
 // shadows and wrong rays.
 
-/// A ray in the scene frame: millimetres on the panel; the origin is the centre of the scene
-/// placement.
+/// A ray in the scene frame.
 struct ProbeRay {
   Vec3 origin;
   Vec3 direction;  ///< unit vector

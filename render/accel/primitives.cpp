@@ -38,24 +38,20 @@ double extent_of(const ConeShape& cone) {
   return std::max({cone.height, cone.base_radius, cone.base_radius + cone.slope * cone.height});
 }
 
-Vec3 disc_extent(Vec3 unit_normal, double radius) {
-  const auto side = [&](double n) { return radius * std::sqrt(std::max(0.0, 1.0 - n * n)); };
-  return {side(unit_normal.x), side(unit_normal.y), side(unit_normal.z)};
-}
-
-Box box_of(const SphereShape& sphere) {
-  const Vec3 reach{sphere.radius, sphere.radius, sphere.radius};
-  return {sphere.centre - reach, sphere.centre + reach};
-}
-
-Box box_of(const ConeShape& cone) {
-  const Vec3 apex = cone.base + cone.axis * cone.height;
-  const Vec3 at_base = disc_extent(cone.axis, cone.base_radius);
-  const Vec3 at_apex = disc_extent(cone.axis, cone.base_radius + cone.slope * cone.height);
-  return {min(cone.base - at_base, apex - at_apex), max(cone.base + at_base, apex + at_apex)};
-}
-
 namespace {
+
+/// Returns half the size of the box around a mapped disc, along each axis; around a ball if there
+/// is no normal.
+Vec3 disc_extent(const Affine& map, Vec3 normal, double radius) {
+  const auto along = [&](double x, double y, double z) {
+    const Vec3 row{x, y, z};
+    const double lean = dot(row, normal);
+    return radius * std::sqrt(std::max(0.0, dot(row, row) - lean * lean));
+  };
+  return {along(map.column_x.x, map.column_y.x, map.column_z.x),
+          along(map.column_x.y, map.column_y.y, map.column_z.y),
+          along(map.column_x.z, map.column_y.z, map.column_z.z)};
+}
 
 /// Returns the distance from zero to the nearest number in [low, high].
 double distance_to_range(double low, double high) {
@@ -63,6 +59,20 @@ double distance_to_range(double low, double high) {
 }
 
 }  // namespace
+
+Box box_of(const SphereShape& sphere, const Affine& map) {
+  const Vec3 centre = map.point(sphere.centre);
+  const Vec3 reach = disc_extent(map, {}, sphere.radius);
+  return {centre - reach, centre + reach};
+}
+
+Box box_of(const ConeShape& cone, const Affine& map) {
+  const Vec3 base = map.point(cone.base);
+  const Vec3 apex = map.point(cone.base + cone.axis * cone.height);
+  const Vec3 at_base = disc_extent(map, cone.axis, cone.base_radius);
+  const Vec3 at_apex = disc_extent(map, cone.axis, cone.base_radius + cone.slope * cone.height);
+  return {min(base - at_base, apex - at_apex), max(base + at_base, apex + at_apex)};
+}
 
 double extent_of(const std::array<Vec3, 3>& corner) {
   return std::max(largest_size(corner[1] - corner[0]), largest_size(corner[2] - corner[0]));

@@ -67,11 +67,9 @@ struct Roots {
 [[nodiscard]] double extent_of(const SphereShape& sphere);
 [[nodiscard]] double extent_of(const ConeShape& cone);
 
-/// Returns half the size of the box around a disc, along each axis.
-[[nodiscard]] Vec3 disc_extent(Vec3 unit_normal, double radius);
-
-[[nodiscard]] Box box_of(const SphereShape& sphere);
-[[nodiscard]] Box box_of(const ConeShape& cone);
+/// Returns the box around a shape after a map.
+[[nodiscard]] Box box_of(const SphereShape& sphere, const Affine& map = {});
+[[nodiscard]] Box box_of(const ConeShape& cone, const Affine& map = {});
 
 inline Roots quadratic_roots(double a, double half_b, double c) {
   const double discriminant = half_b * half_b - a * c;

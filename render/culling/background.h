@@ -45,25 +45,26 @@ bool beside_corners(const Beam& beam, const std::array<Vec3, N>& corners, double
 /// safety: usable from any thread.
 class BeamTester {
  public:
-  explicit BeamTester(const Scene& scene) : scene_(scene) {
-    const Affine& map = scene.scene_from_panel;
-    const bool straight = map.column_x == Vec3{map.column_x.x, 0.0, 0.0} &&
-                          map.column_y == Vec3{0.0, map.column_y.y, 0.0} &&
-                          map.column_z == Vec3{0.0, 0.0, map.column_z.z} && map.origin == Vec3{};
-    if (!straight || !scene.tree) return;
-    panel_per_scene_ = {1.0 / map.column_x.x, 1.0 / map.column_y.y, 1.0 / map.column_z.z};
+  explicit BeamTester(const Scene& scene)
+      : scene_(scene),
+        panel_from_scene_(scene.scene_from_panel.inverse()),
+        offset_(length(scene.scene_from_panel.origin)) {
     // Embree computes in the scene frame, where numbers may be larger. Much larger numbers may be
     // invalid for Embree, and their rays stay black.
-    const double stretch =
-        std::max(largest_size(panel_per_scene_),
-                 largest_size(Vec3{map.column_x.x, map.column_y.y, map.column_z.z}));
+    double stretch = 0.0;
+    for (const Affine& map : {scene.scene_from_panel, panel_from_scene_})
+      for (const Vec3& column : {map.column_x, map.column_y, map.column_z})
+        stretch = std::max(stretch, length(column));
+    const auto size = [](Vec3 v) { return Vec3{std::abs(v.x), std::abs(v.y), std::abs(v.z)}; };
+    const auto& [x, y, z, origin] = panel_from_scene_;
+    extent_from_scene_ = {size(x), size(y), size(z)};
     margin_ = double{kRoundingMargin} * stretch;
     constexpr double kMostStretch = 1e6;
-    usable_ = stretch < kMostStretch;
+    usable_ = scene.tree != nullptr && stretch < kMostStretch;
   }
 
   /// Returns false if no beam can be tested: the scene has too many primitives for a tree, or the
-  /// stage shears it or scales its depth by more than a factor of a million.
+  /// stage scales its depth by more than a factor of a million.
   [[nodiscard]] bool usable() const { return usable_; }
 
   /// Returns true if no ray of the beam meets anything, including Embree's rounding errors; false
@@ -79,8 +80,9 @@ class BeamTester {
  private:
   /// Returns the size to which Embree's intersection error is proportional: coordinates as seen
   /// from the start of a ray.
-  static double sum_of_sizes(const Beam& beam, double coordinates) {
-    return coordinates + std::abs(beam.start_mm) + beam.x_mm.largest() + beam.y_mm.largest();
+  [[nodiscard]] double sum_of_sizes(const Beam& beam, double coordinates) const {
+    return coordinates + offset_ + std::abs(beam.start_mm) + beam.x_mm.largest() +
+           beam.y_mm.largest();
   }
 
   /// Returns true if the range `shape` at depths z lies outside the beam, along one axis of the
@@ -94,18 +96,17 @@ class BeamTester {
     const auto in_front = [&](Vec3 p) { return p.z > beam.start_mm + room; };
     return std::ranges::all_of(corners, in_front) || beside_corners(beam, corners, room);
   }
-  [[nodiscard]] Vec3 on_panel(Vec3f point) const { return Vec3(point) * panel_per_scene_; }
+  [[nodiscard]] Vec3 on_panel(Vec3f point) const { return panel_from_scene_.point(Vec3(point)); }
+  /// Tests the box around a box of the scene frame.
   [[nodiscard]] bool misses_box(const Beam& beam, Vec3f low, Vec3f high) const {
-    const Vec3 a = on_panel(low), b = on_panel(high);
+    const Vec3 half = extent_from_scene_.vector((Vec3(high) - Vec3(low)) * 0.5);
+    const Vec3 a = on_panel(low + (high - low) * 0.5F) - half, b = a + half * 2.0;
     const double room = margin_ * sum_of_sizes(beam, std::max(largest_size(a), largest_size(b)));
-    const auto along = [room](double from, double to) {
-      return Interval{std::min(from, to), std::max(from, to)}.widened(room);
-    };
-    Interval z = along(a.z, b.z);
+    Interval z = Interval{a.z, b.z}.widened(room);
     if (z.low > beam.start_mm) return true;
     z.high = std::min(z.high, beam.start_mm);
-    return beside(beam.x_mm, beam.tan_x, along(a.x, b.x), z) ||
-           beside(beam.y_mm, beam.tan_y, along(a.y, b.y), z);
+    return beside(beam.x_mm, beam.tan_x, Interval{a.x, b.x}.widened(room), z) ||
+           beside(beam.y_mm, beam.tan_y, Interval{a.y, b.y}.widened(room), z);
   }
   /// Tests a primitive more closely than its box.
   [[nodiscard]] bool misses_primitive(const Beam& beam, const PrimitiveTree::Leaf& leaf) const {
@@ -123,8 +124,10 @@ class BeamTester {
 
   const Scene& scene_;
   bool usable_ = false;
-  Vec3 panel_per_scene_;  ///< panel units per scene unit, along each axis
-  double margin_ = 0.0;   ///< allowance for rounding, relative to sizes
+  Affine panel_from_scene_;
+  Affine extent_from_scene_;  ///< without signs: maps half the size of a box
+  double offset_;             ///< distance of the panel's centre from the origin of the scene frame
+  double margin_ = 0.0;       ///< allowance for rounding, relative to sizes
 };
 
 /// Returns true if no ray of the beam, or of its extension toward the viewer, crosses the ground

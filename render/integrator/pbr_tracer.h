@@ -419,7 +419,7 @@ class PbrTracer {
     const PbrMaterial& material = *surface.material->pbr;
     if (path.medium != nullptr)
       path.weight = path.weight * attenuation(*path.medium, length(surface.point - path.origin) /
-                                                                view.scene.units_per_world);
+                                                                view.scene.frame.units_per_world);
     if (!surface.outer_side && is_volume(material) && path.medium != nullptr)
       return exit(view, packet, lane);
     if (!surface.outer_side && !material.double_sided) {
@@ -571,7 +571,8 @@ class PbrTracer {
     shadow_.dir_z[lane] = 1.0F;
     shadow_.tfar[lane] = 0.0F;
     const Vec3 start = spawn_point(met.surface, Side::Viewer);
-    const Arrival at = arrival(view.pbr.unit_lights()[light], start, view.scene.units_per_world, 0);
+    const Arrival at =
+        arrival(view.pbr.unit_lights()[light], start, view.scene.frame.units_per_world, 0);
     if (at.intensity == 0.0) return {};
     const Vec3 brings =
         view.scene.lights[light].colour * met.shader->of_light(at.toward_light) * at.intensity;

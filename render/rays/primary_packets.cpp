@@ -132,6 +132,7 @@ void PrimaryPackets::Maker::begin(const Scene& scene, const Tile& tile,
   refused_ = 0;
   centred_ = footprint.centred();
   start_mm_ = packets_.exact_.start_mm(scene);
+  origin_size_ = std::abs(start_mm_) + largest_size(scene.scene_from_panel.origin);
   const TilePlan& plan = packets_.plan_;
   whole_ = true;
   for (int row = 0; row < TilePlan::kRows; ++row) {
@@ -222,7 +223,8 @@ bool PrimaryPackets::Maker::beam(ColumnRange columns, Beam& out) const {
     }
   }
   // Directions and positions are rounded to single precision.
-  const double room = double{kRoundingMargin} * (out.x_mm.largest() + out.y_mm.largest());
+  const double room =
+      double{kRoundingMargin} * (out.x_mm.largest() + out.y_mm.largest() + origin_size_);
   out.x_mm = out.x_mm.widened(room);
   out.y_mm = out.y_mm.widened(room);
   out.tan_x = out.tan_x.widened(double{kRoundingMargin} * (1.0 + out.tan_x.largest()));
@@ -296,9 +298,6 @@ bool PrimaryPackets::Maker::set_shared(const Scene& scene, Piece& piece) const {
   const Affine& to_scene = scene.scene_from_panel;
   const Vec3f across(to_scene.column_x);
   out.start = static_cast<float>(start);
-  out.parallel = across.x == 1.0F && across.y == 0.0F && across.z == 0.0F &&
-                 to_scene.column_y.x == 0.0 && to_scene.column_z.x == 0.0 &&
-                 to_scene.origin.x == 0.0;
   out.across[0] = across.x;
   out.across[1] = across.y;
   out.across[2] = across.z;
@@ -321,17 +320,8 @@ bool PrimaryPackets::Maker::set_shared(const Scene& scene, Piece& piece) const {
 }
 
 void PrimaryPackets::Maker::prepare(std::span<RayPacket> packets) const {
-  const auto touching = std::ranges::find(pieces_, true, &Piece::touches_panel);
-  const bool shared = fast_ && touching != pieces_.end() && touching->kernel.parallel;
-  for (RayPacket& packet : packets) {
-    if (whole_) std::fill_n(packet.valid, kLanes, -1);
-    if (!shared) continue;
-    RTCRay16& ray = packet.rays.ray;
-    std::copy_n(touching->kernel.origin0[1], kLanes, ray.org_y);
-    std::copy_n(touching->kernel.origin0[2], kLanes, ray.org_z);
-    std::copy_n(touching->kernel.direction0[1], kLanes, ray.dir_y);
-    std::copy_n(touching->kernel.direction0[2], kLanes, ray.dir_z);
-  }
+  if (!whole_) return;
+  for (RayPacket& packet : packets) std::fill_n(packet.valid, kLanes, -1);
 }
 
 void PrimaryPackets::Maker::columns(int column, std::span<RayPacket> out) {

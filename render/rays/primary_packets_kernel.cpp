@@ -34,7 +34,7 @@ inline Masks unsure(const Tile& t, const Floats& off) {
   return off * off > t.safe * t.safe;
 }
 
-template <int kCoefficients, bool kParallel>
+template <int kCoefficients>
 inline void write_rays(const Tile& t, int column, int colour, const Floats& off, float* out) {
   const auto c = static_cast<float>(column);
   const auto& bend = t.bend[colour];
@@ -48,30 +48,25 @@ inline void write_rays(const Tile& t, int column, int colour, const Floats& off,
   for (int n = packet_kernel::kShiftCoefficients - 2; n >= 0; --n)
     shift = shift * y + floats_at(t.shift[n]);
   const Floats x = floats_at(t.x0[colour]) + ((shift + t.x_step * c) - t.start * tangent);
-  if constexpr (kParallel) {
-    store(x, out, packet_kernel::kOriginX);
-    store(tangent, out, packet_kernel::kDirectionX);
-  } else {
-    store(floats_at(t.origin0[0]) + t.across[0] * x, out, packet_kernel::kOriginX);
-    store(floats_at(t.origin0[1]) + t.across[1] * x, out, packet_kernel::kOriginY);
-    store(floats_at(t.origin0[2]) + t.across[2] * x, out, packet_kernel::kOriginZ);
-    store(floats_at(t.direction0[0]) + t.across[0] * tangent, out, packet_kernel::kDirectionX);
-    store(floats_at(t.direction0[1]) + t.across[1] * tangent, out, packet_kernel::kDirectionY);
-    store(floats_at(t.direction0[2]) + t.across[2] * tangent, out, packet_kernel::kDirectionZ);
-  }
+  store(floats_at(t.origin0[0]) + t.across[0] * x, out, packet_kernel::kOriginX);
+  store(floats_at(t.origin0[1]) + t.across[1] * x, out, packet_kernel::kOriginY);
+  store(floats_at(t.origin0[2]) + t.across[2] * x, out, packet_kernel::kOriginZ);
+  store(floats_at(t.direction0[0]) + t.across[0] * tangent, out, packet_kernel::kDirectionX);
+  store(floats_at(t.direction0[1]) + t.across[1] * tangent, out, packet_kernel::kDirectionY);
+  store(floats_at(t.direction0[2]) + t.across[2] * tangent, out, packet_kernel::kDirectionZ);
   store(Floats::of(__builtin_inff()), out, packet_kernel::kTFar);
   constexpr uint32_t kNoGeometry = ~0U;
   words_at(out + packet_kernel::kGeometry * kLanes) = Words::of(kNoGeometry);
 }
 
-template <int kCoefficients, bool kParallel>
+template <int kCoefficients>
 bool make_columns(const Tile& t, int column, int count, float* out, int stride) {
   Masks bad{};
   int colour = (t.first_colour + column) % packet_kernel::kColours;
   for (int k = 0; k < count; ++k) {
     const Floats off = off_of(t, column + k, colour);
     bad = bad | unsure(t, off);
-    write_rays<kCoefficients, kParallel>(t, column + k, colour, off, out + k * stride);
+    write_rays<kCoefficients>(t, column + k, colour, off, out + k * stride);
     colour = colour == packet_kernel::kColours - 1 ? 0 : colour + 1;
   }
   return any(bad);
@@ -79,8 +74,7 @@ bool make_columns(const Tile& t, int column, int count, float* out, int stride) 
 
 bool make(const Tile& t, int column, int count, float* out, int stride) {
   return with_constant<2, packet_kernel::kMostCoefficients>(t.coefficients, [&](auto coefficients) {
-    return t.parallel ? make_columns<coefficients, true>(t, column, count, out, stride)
-                      : make_columns<coefficients, false>(t, column, count, out, stride);
+    return make_columns<coefficients>(t, column, count, out, stride);
   });
 }
 
@@ -91,10 +85,7 @@ bool uncertain(const Tile& t, int column) {
 void make_one(const Tile& t, int column, const float* off, float* out) {
   const int colour = (t.first_colour + column) % packet_kernel::kColours;
   with_constant<2, packet_kernel::kMostCoefficients>(t.coefficients, [&](auto coefficients) {
-    if (t.parallel)
-      write_rays<coefficients, true>(t, column, colour, floats_at(off), out);
-    else
-      write_rays<coefficients, false>(t, column, colour, floats_at(off), out);
+    write_rays<coefficients>(t, column, colour, floats_at(off), out);
   });
 }
 

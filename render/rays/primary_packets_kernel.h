@@ -26,12 +26,11 @@ struct alignas(64) Tile {
   float tangent[kMostCoefficients][kLanes];
   float shift[kShiftCoefficients][kLanes];
   float x0[kColours][kLanes];
-  /// Map from the panel to the scene if their axes are not parallel: the ray of row r is origin0 +
-  /// across x, direction0 + across tan.
+  /// Map from the panel to the scene: the ray of row r is origin0 + across x, direction0 + across
+  /// tan.
   float origin0[3][kLanes];
   float direction0[3][kLanes];
   float across[3];
-  bool parallel;
   int coefficients;
   int first_colour;  ///< colour of column 0
   float lens_step;
@@ -40,11 +39,9 @@ struct alignas(64) Tile {
   float safe;   ///< the lens is certain for places no farther than this from its middle
 };
 
-/// Writes t_far, an empty hit, origin and direction of `count` columns starting at `column`. If the
-/// axes are parallel, only the x components of origin and direction are written, since the others
-/// are the same for all columns. All other fields keep their values. Packets begin `stride` floats
-/// apart. Returns true if the lens of some ray is uncertain; uncertain() then identifies the
-/// columns.
+/// Writes t_far, an empty hit, origin and direction of `count` columns starting at `column`. All
+/// other fields keep their values. Packets begin `stride` floats apart. Returns true if the lens of
+/// some ray is uncertain; uncertain() then identifies the columns.
 using MakeFunction = bool (*)(const Tile&, int column, int count, float* out, int stride);
 using UncertainFunction = bool (*)(const Tile&, int column);
 /// Makes one column, given the distance of each lane's phase from its lens.

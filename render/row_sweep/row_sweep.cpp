@@ -136,13 +136,6 @@ float above(double v) {
   return -below(-v);
 }
 
-/// Returns the axis-parallel box around a mapped box.
-Box mapped(const Affine& map, const Box& box) {
-  Box out;
-  for (const Vec3& corner : box.corners()) out.extend(map.point(corner));
-  return out;
-}
-
 /// CutEnd is one end of a triangle's cut. The point is computed from the corner on the negative
 /// side toward the other, in every triangle: neighbours get the same bits, and no ray passes
 /// between them.
@@ -343,9 +336,8 @@ SweepPrimitives::SweepPrimitives(const Scene& scene, const RowPlanes& planes, do
     if (entry.kind == GeometryEntry::Kind::Cones) cone_geometry_ = number;
   }
   for (const SphereShape& sphere : scene.spheres)
-    boxes_.push_back(mapped(panel_from_scene_, box_of(sphere)));
-  for (const ConeShape& cone : scene.cones)
-    boxes_.push_back(mapped(panel_from_scene_, box_of(cone)));
+    boxes_.push_back(box_of(sphere, panel_from_scene_));
+  for (const ConeShape& cone : scene.cones) boxes_.push_back(box_of(cone, panel_from_scene_));
   find_rows();
 }
 

@@ -2,10 +2,12 @@
 // Scene holds a scene committed to Embree: Embree's structures and all shading data, in the scene
 // frame.
 //
-// The scene frame is the world coordinate system after three changes: the stage's centre becomes
-// the origin, the axes become the panel's axes, and one unit becomes one millimetre on the panel.
-// In the scene frame single precision resolves a fraction of a subpixel, independent of the scene's
-// units and of its distance from the world origin. render/commit_scene.cpp makes the scene.
+// The scene frame has the world's axes. One unit is one millimetre on the panel, and the origin
+// lies less than a metre from the panel's centre along each axis. In the scene frame single
+// precision resolves a fraction of a subpixel, independent of the scene's units and of its distance
+// from the world origin. The frame stays the same while the stage turns, or moves a little, so the
+// primitives and Embree's structures can stay, too (SceneKeeper). render/commit_scene.cpp makes the
+// scene.
 #pragma once
 
 #include <array>
@@ -13,6 +15,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "render/accel/embree.h"
@@ -66,6 +69,16 @@ struct GeometryEntry {
   size_t mesh = 0;
 };
 
+/// SceneFrame is everything of a stage on which the primitives of a scene depend. Stages that
+/// differ by a turn, or a little, have the same.
+struct SceneFrame {
+  double units_per_world = 1.0;
+  Vec3 origin{};                   ///< world point
+  Vec3 up{};                       ///< world_up(): a ground plane faces it
+  std::optional<Ground> ground{};  ///< Stage::ground, for the shadow
+  friend bool operator==(const SceneFrame&, const SceneFrame&) = default;
+};
+
 class PbrScene;
 class PrimitiveTree;
 class ShadingTables;
@@ -83,6 +96,12 @@ struct Scene {
   ~Scene();
   Scene(const Scene&) = delete;
   Scene& operator=(const Scene&) = delete;
+
+  /// Changes the stage; the description and the surroundings must be those of the constructor.
+  /// Afterwards the scene equals a new one. Returns false, and changes nothing, if the stage has
+  /// another SceneFrame. Throws Error(Input) for a stage without a usable size.
+  [[nodiscard]] bool place(const SceneDescription& description, const Stage& stage,
+                           const Surroundings& surroundings);
 
   // The device and the buffers come first, so that they are released last: the Embree scene and its
   // geometries belong to the device and read the buffers.
@@ -102,11 +121,12 @@ struct Scene {
   Backdrop backdrop;
   bool colour_managed = true;
 
-  Affine scene_from_panel;  ///< millimetres in the panel frame to scene frame; its origin is zero
-  double units_per_world = 1.0;  ///< scene units per world unit
-  double near_mm = 0.0;          ///< panel z of the nearest point that may be displayed
-  Fingerprint content;           ///< scene_fingerprint()
-  Fingerprint picture;           ///< picture_fingerprint()
+  SceneFrame frame;
+  Affine scene_from_panel;  ///< millimetres in the panel frame to scene frame
+  double near_mm = 0.0;     ///< panel z of the nearest point that may be displayed
+  Fingerprint described;    ///< scene_fingerprint()
+  Fingerprint content;      ///< of `described` and the light that depends on the viewer
+  Fingerprint picture;      ///< picture_fingerprint()
 
   std::unique_ptr<const ShadingTables> shading;  ///< shading tables of all members above
   /// Set if any material is metallic-roughness. Then all are: others are converted.
@@ -119,6 +139,26 @@ struct Scene {
     if (mesh.wide.empty() || mesh.wide[triangle] == MeshShape::kNotWide) return nullptr;
     return &wide_triangles[mesh.wide[triangle]];
   }
+};
+
+/// SceneKeeper commits the scenes of a sequence of frames, and keeps from frame to frame what does
+/// not change. Its scenes equal new ones. Thread safety: one thread.
+class SceneKeeper {
+ public:
+  /// See Scene's constructor.
+  SceneKeeper(Surroundings surroundings, int threads)
+      : surroundings_(std::move(surroundings)), threads_(threads) {}
+
+  /// Returns the committed scene, until the next call. A description that was passed before must
+  /// not have changed, except for its cameras. Throws as Scene's constructor does.
+  const Scene& commit(const std::shared_ptr<const SceneDescription>& description,
+                      const Stage& stage);
+
+ private:
+  Surroundings surroundings_;
+  int threads_;
+  std::weak_ptr<const SceneDescription> description_;
+  std::unique_ptr<Scene> scene_;
 };
 
 /// Returns the corners in the scene frame; in double precision for a wide triangle.

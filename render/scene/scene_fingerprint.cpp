@@ -3,18 +3,14 @@
 
 namespace lenticule::render {
 
-Fingerprint scene_fingerprint(const SceneDescription& scene, const Surroundings& surroundings,
-                              const Stage& stage) {
+Fingerprint scene_fingerprint(const SceneDescription& scene, const Surroundings& surroundings) {
   SceneMixer mixer;
   mixer.add(scene.materials, scene.meshes, scene.shapes, scene.spheres, scene.cones, scene.lights,
-            scene.background, scene.ambient, scene.colour_managed);
+            scene.background, scene.ambient, scene.colour_managed, scene.lit_by_studio);
   mixer.add(surroundings.background, surroundings.sky, surroundings.environment_file,
             surroundings.ground, surroundings.ground_shadow, surroundings.ground_colour,
             surroundings.tone_map.has_value(),
             static_cast<int>(surroundings.tone_map.value_or(ToneMap::None)));
-  // The default sun depends on the viewer.
-  if (scene.lights.empty() && !scene.ambient)
-    mixer.add(world_direction(stage, kDefaultSunDirection));
   return mixer.value();
 }
 

@@ -118,9 +118,9 @@ class SceneMixer {
 /// Returns a fingerprint of everything that determines the appearance of the scene's points:
 /// geometry, materials, lights and environment settings. Cameras, names, notes and texture pixels
 /// are excluded; callers that need the pixels compare them separately, since every committed scene
-/// has a fingerprint. The stage contributes only the direction of the default sun.
+/// has a fingerprint.
 [[nodiscard]] Fingerprint scene_fingerprint(const SceneDescription& scene,
-                                            const Surroundings& surroundings, const Stage& stage);
+                                            const Surroundings& surroundings);
 
 /// Returns a fingerprint of a scene together with its stage: everything that determines a committed
 /// scene, except the pixels of textures and of the environment picture.

@@ -143,6 +143,10 @@ class Extent {
     }
   }
 
+  void add(const Box& box) {
+    for (const Vec3& corner : box.corners()) add(corner, {});
+  }
+
   [[nodiscard]] double half_width() const { return half_width_; }
   [[nodiscard]] double half_height() const { return half_height_; }
   /// Returns the range toward the viewer.
@@ -226,7 +230,7 @@ Orientation upright_orientation(const Placing& placing) {
 Extent extent_of(const Placing& placing, Vec3 centre) {
   Extent extent(upright_orientation(placing), centre, placing.pitch_degrees,
                 placing.options.fit_every_turn);
-  extent.add(placing.scene);
+  placing.options.bounds ? extent.add(*placing.options.bounds) : extent.add(placing.scene);
   return extent;
 }
 
@@ -526,7 +530,7 @@ Ground ground_under(const Box& bounds) {
 Stage make_stage(const SceneDescription& scene, const Canvas& canvas, const StageOptions& options) {
   validate(options);
   if (!scene.nodes.empty()) return make_stage(at_time(scene, 0.0), canvas, options);
-  const Box bounds = scene_bounds(scene);
+  const Box bounds = options.bounds ? *options.bounds : scene_bounds(scene);
   if (bounds.empty()) refuse_empty(scene);
   const Camera* camera = placing_camera(scene, options);
   const Placing placing{.scene = scene,

@@ -41,6 +41,8 @@ struct StageOptions {
   bool fit_every_turn = false;
   /// If true, the scene's cameras are ignored.
   bool ignore_cameras = false;
+  /// Bounds of the content: if they are given, the content fills them.
+  std::optional<Box> bounds{};
 };
 
 /// A scene without a camera is seen slightly from above, so that grounds are seen as planes.
@@ -60,6 +62,7 @@ struct Ground {
   /// Geometric mean of the sides of the model's bounds; at least a quarter and at most twice the
   /// longer side of their base. 0 if they have no base.
   double size = 0.0;
+  friend bool operator==(const Ground&, const Ground&) = default;
 };
 
 /// Canvas is the rectangle on which a scene is placed: a panel, or all panels of a wall together.

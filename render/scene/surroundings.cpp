@@ -360,16 +360,20 @@ Backdrop make_backdrop(const SceneDescription& description, const Stage& stage,
                        const Surroundings& surroundings) {
   Backdrop backdrop;
   backdrop.colour = surroundings.background.value_or(description.background);
-  backdrop.up = world_up(stage);
-  const Affine map = world_from_canvas(stage);
-  const Vec3 into_canvas = -map.column_z;
-  backdrop.ahead = normalized(into_canvas - backdrop.up * dot(into_canvas, backdrop.up));
-  if (backdrop.ahead == Vec3{}) backdrop.ahead = normalized(cross(backdrop.up, map.column_x));
+  turn_to(stage, backdrop);
   backdrop.sky = surroundings.sky;
   if (!surroundings.environment_file.empty())
     backdrop.environment =
         load_environment(surroundings.environment_file, description.colour_managed);
   return backdrop;
+}
+
+void turn_to(const Stage& stage, Backdrop& backdrop) {
+  backdrop.up = world_up(stage);
+  const Affine map = world_from_canvas(stage);
+  const Vec3 into_canvas = -map.column_z;
+  backdrop.ahead = normalized(into_canvas - backdrop.up * dot(into_canvas, backdrop.up));
+  if (backdrop.ahead == Vec3{}) backdrop.ahead = normalized(cross(backdrop.up, map.column_x));
 }
 
 double backdrop_light(const Backdrop& backdrop, Vec3 direction, int channel) {

@@ -158,6 +158,9 @@ struct Backdrop {
 [[nodiscard]] Backdrop make_backdrop(const SceneDescription& description, const Stage& stage,
                                      const Surroundings& surroundings);
 
+/// Sets the directions of the backdrop for another stage.
+void turn_to(const Stage& stage, Backdrop& backdrop);
+
 /// Returns the sky's colour in a direction whose cosine to the vertical is `up_cosine`.
 [[nodiscard]] Vec3 sky_colour(double up_cosine);
 

@@ -196,7 +196,7 @@ ShadingTables::ShadingTables(const Scene& scene) {
   for (const WideTriangle& triangle : scene.wide_triangles)
     wide_triangles_.push_back(wide_entry(triangle));
   for (const SceneLight& light : scene.lights)
-    lights_.push_back(table_entry(light, scene.units_per_world));
+    lights_.push_back(table_entry(light, scene.frame.units_per_world));
   for (const GeometryEntry& entry : scene.geometries) {
     switch (entry.kind) {
       case GeometryEntry::Kind::Mesh:

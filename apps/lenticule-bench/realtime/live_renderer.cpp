@@ -56,12 +56,13 @@ class LiveRun {
         log_(log),
         scene_(setup.scene, setup.fps),
         model_(setup.rig),
-        stages_(scene_.after(0), model_, {}),
+        stages_(scene_.after(0), render::canvas_of(model_), {}),
         frame_(geometry()),
         ring_(frames::RingRenderer::connect(
             socket,
             {.name = "bench realtime", .rig_fingerprint = {}, .rate = {}, .frame_count = {}},
-            kConnectTimeout)) {
+            kConnectTimeout)),
+        keeper_({}, setup.threads) {
     render::RenderOptions options = options_of_reference();
     options.copy_unchanged = true;  // as `lenticule render` does
     options.tolerated_error = setup.entrant.tolerated.value_or(options.tolerated_error);
@@ -177,11 +178,10 @@ class LiveRun {
   /// Returns false if interrupted.
   [[nodiscard]] bool render(uint64_t number, FrameRecord& record) {
     if (!committed_ || !scene_.still()) {
-      const render::SceneDescription description = scene_.after(number);
-      stage_ = stages_.at(description);
-      committed_.reset();
-      committed_ = std::make_unique<render::Scene>(description, stage_, render::Surroundings{},
-                                                   setup_.threads);
+      const auto description =
+          std::make_shared<const render::SceneDescription>(scene_.after(number));
+      stage_ = stages_.at(*description);
+      committed_ = &keeper_.commit(description, stage_);
     }
     record.committed_ns = now_ns();
     record.tolerated_error = setup_.entrant.tolerated.value_or(0.0);
@@ -242,7 +242,8 @@ class LiveRun {
   std::unique_ptr<render::Method> method_;
   std::optional<tools::ErrorController> controller_;
   render::Stage stage_;
-  std::unique_ptr<render::Scene> committed_;
+  render::SceneKeeper keeper_;
+  const render::Scene* committed_ = nullptr;
   std::vector<Sample> samples_;
   size_t next_sample_ = 0;
   int64_t start_ns_ = 0;

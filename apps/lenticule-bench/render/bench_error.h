@@ -84,12 +84,12 @@ struct ErrorSetup {
 
 /// Renders and compares all methods. Returns {"scene", "rig", "course", "subpixels", "copy_s",
 /// "pictures": [...], "methods": [{"name", "method", "tolerated_error", "missing"} or with
-/// "frames": [{"wall_s", "cpu_s", "build_s" (committing the scene; 0 if it was committed before),
-/// "rays", "traced", "missing", "subpixels", and except for the reference "mse", "channel_mses",
-/// "max", "share_over_e", "share_over_8", "share_over_32", "worst_view_mse", "eyes": [{"ssim",
-/// "flip_mean", "flip_p99", "flicker_mean", "flicker_largest"}], and if audited "audited",
-/// "audited_beyond", "bound", "rmse_bound"}]}]}. `done` is called after each rendered and measured
-/// frame. Null if interrupted.
+/// "frames": [{"wall_s", "cpu_s", "build_s" (outside of rendering: evaluating, placing and
+/// committing the scene; 0 if it was committed before), "rays", "traced", "missing", "subpixels",
+/// and except for the reference "mse", "channel_mses", "max", "share_over_e", "share_over_8",
+/// "share_over_32", "worst_view_mse", "eyes": [{"ssim", "flip_mean", "flip_p99", "flicker_mean",
+/// "flicker_largest"}], and if audited "audited", "audited_beyond", "bound", "rmse_bound"}]}]}.
+/// `done` is called after each rendered and measured frame. Null if interrupted.
 [[nodiscard]] nlohmann::json measure_error(const ErrorSetup& setup, const ErrorScene& scene,
                                            const std::function<void()>& done);
 
@@ -99,8 +99,9 @@ struct ErrorSetup {
 [[nodiscard]] std::vector<double> values_of(const nlohmann::json& frames, const char* key);
 
 /// Adds to a method of measure_error()'s result, over its frames: "seconds_per_frame", "first_s",
-/// "later_s" (null for one frame), "of_full", "cpu_of_full" and "later_cpu_of_full" (time as a
-/// share of the reference's), "saved" (1 - of_full), "later_saved", "rays_per_subpixel".
+/// "later_s" and "later_build_s" (null for one frame), "of_full", "cpu_of_full" and
+/// "later_cpu_of_full" (time as a share of the reference's), "saved" (1 - of_full), "later_saved",
+/// "rays_per_subpixel".
 void add_times(nlohmann::json& method, const nlohmann::json& reference_frames);
 /// Adds "psnr_mean_db" (over frames that differ), "psnr_worst_db", "worst_view_psnr_db" (null if
 /// equal), "max", "share_over_e", "share_over_8", "share_over_32" and "bound" (bounds_of()).

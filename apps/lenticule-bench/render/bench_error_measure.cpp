@@ -162,7 +162,8 @@ namespace {
 /// of culling are stored in the scene.
 struct Racer {
   std::unique_ptr<render::Method> method;
-  std::unique_ptr<render::Scene> scene;
+  render::SceneKeeper keeper;
+  const render::Scene* scene = nullptr;  ///< null until it is committed for the current frame
 };
 
 /// One method in all runs.
@@ -186,7 +187,8 @@ class ScenarioRun {
         model_(setup.rig),
         workers_(setup.threads),
         eyes_(model_, workers_),
-        stages_(scene.after(0), model_, {}, setup.scenario == ErrorScenario::Turning ? 360.0 : 0.0),
+        stages_(scene.after(0), render::canvas_of(model_), {},
+                setup.scenario == ErrorScenario::Turning ? 360.0 : 0.0, scene.still()),
         reference_(geometry()),
         frame_(geometry()) {
     for (const ErrorEntrant& entrant : setup.entrants)
@@ -199,8 +201,7 @@ class ScenarioRun {
     const int frames = moving ? setup_.frames : 2;
     for (int n = 0; n < frames && !player::interrupted(); ++n) {
       if (moving || n == 0)
-        set_scene(scene_.after(static_cast<uint64_t>(setup_.first + n)),
-                  static_cast<double>(n) / frames);
+        set_scene(static_cast<uint64_t>(setup_.first + n), static_cast<double>(n) / frames);
       frame(n);
     }
     return !player::interrupted();
@@ -252,18 +253,22 @@ class ScenarioRun {
     Contestant& one = contestants_.emplace_back();
     one.entrant = &entrant;
     for (int run = 0; run < setup_.runs; ++run)
-      one.racers.push_back({render::make_method(entrant.method, model_, options), nullptr});
+      one.racers.push_back({render::make_method(entrant.method, model_, options),
+                            render::SceneKeeper({}, setup_.threads)});
   }
 
   Contestant& contestant_of(const ErrorEntrant& entrant) {
     return *std::ranges::find(contestants_, &entrant, &Contestant::entrant);
   }
 
-  void set_scene(render::SceneDescription description, double progress) {
-    description_ = std::move(description);
-    stage_ = stages_.at(description_, progress);
+  void set_scene(uint64_t frame, double progress) {
+    const double begin = seconds_now();
+    if (!description_ || !scene_.still())
+      description_ = std::make_shared<const render::SceneDescription>(scene_.after(frame));
+    stage_ = stages_.at(*description_, progress);
+    set_scene_s_ = seconds_now() - begin;
     for (Contestant& one : contestants_)
-      for (Racer& racer : one.racers) racer.scene.reset();
+      for (Racer& racer : one.racers) racer.scene = nullptr;
   }
 
   /// Measures a frame. The reference is first in the first run, because the others are compared
@@ -291,10 +296,9 @@ class ScenarioRun {
   [[nodiscard]] bool race(Contestant& one, int run, int number) {
     Racer& racer = one.racers[static_cast<size_t>(run)];
     const double begin = seconds_now();
-    if (!racer.scene)
-      racer.scene = std::make_unique<render::Scene>(description_, stage_, render::Surroundings{},
-                                                    setup_.threads);
-    one.build_s.push_back(seconds_now() - begin);
+    const bool is_new = racer.scene == nullptr;
+    if (is_new) racer.scene = &racer.keeper.commit(description_, stage_);
+    one.build_s.push_back(is_new ? set_scene_s_ + seconds_now() - begin : 0.0);
     racer.method->set_frame(static_cast<uint64_t>(setup_.first + number));
     const double cpu = process_cpu_seconds();
     const double start = seconds_now();
@@ -371,8 +375,9 @@ class ScenarioRun {
   frames::BandWorkers workers_;
   ErrorEyes eyes_;
   tools::StageSequence stages_;
-  render::SceneDescription description_;
+  std::shared_ptr<const render::SceneDescription> description_;
   render::Stage stage_;
+  double set_scene_s_ = 0.0;  ///< time to evaluate the description and the stage
   frames::WovenFrame reference_;
   frames::WovenFrame frame_;  ///< the frame rendered last, by any method
   std::vector<double> copy_s_;

@@ -56,8 +56,8 @@ Measured measure(const DepthFlags& flags, const optics::OpticalModel& model) {
   const player::FrameRange range = player::parse_frame_range(flags.frames);
   const SceneSequence scenes(flags.scene, frames::parse_rate(flags.fps), flags.staging.load);
   scenes.require(range);
-  const StageSequence stages(scenes.at(scenes.reference_frame()), model, flags.staging.stage,
-                             flags.staging.turned_by_degrees);
+  const StageSequence stages(scenes.at(scenes.reference_frame()), render::canvas_of(model),
+                             flags.staging.stage, flags.staging.turned_by_degrees);
   const optics::Panel& panel = model.rig().panel;
   frames::WovenFrame picture({panel.width_px, panel.height_px, frames::PixelFormat::Rgb8});
   Measured measured{render::DepthHistogram(model.rig().sheet.pitch.value), 0,

@@ -186,7 +186,8 @@ class FilmRenderer {
     scenes_.require(film_);
     const render::SceneDescription reference = scene_of(scenes_.reference_frame());
     print_notes(reference);
-    stages_.emplace(reference, panel_.canvas, flags.staging.stage, flags.staging.turned_by_degrees);
+    stages_.emplace(reference, panel_.canvas, flags.staging.stage, flags.staging.turned_by_degrees,
+                    scenes_.still());
     print_stage(stages_->reference());
     // Chosen once, so that it is the same in all frames.
     const auto background = render::studio_background(reference);
@@ -195,6 +196,7 @@ class FilmRenderer {
           reference.source);
     if (!surroundings_.background) surroundings_.background = background;
     require_content_in_view(still() ? reference : scene_of(film_.begin));
+    keeper_.emplace(surroundings_, flags.options.threads);
   }
   /// Loads the rig of the flags, too, or that of a panel of their wall.
   FilmRenderer(const RenderFlags& flags, player::FrameRange film, bool keep_missing = false)
@@ -315,11 +317,14 @@ class FilmRenderer {
   /// Returns the scene of one frame, with the camera path's camera if there is one.
   [[nodiscard]] render::SceneDescription scene_of(uint64_t frame) const {
     render::SceneDescription scene = scenes_.at(frame);
-    // The camera stays at the last line of the path.
-    if (!cameras_.empty())
-      scene.cameras = {cameras_[std::min<uint64_t>(frame, cameras_.size() - 1)]};
+    set_camera(frame, scene);
     if (both_sides_) render::show_both_sides(scene);
     return scene;
+  }
+  /// The camera stays at the last line of the path.
+  void set_camera(uint64_t frame, render::SceneDescription& scene) const {
+    if (!cameras_.empty())
+      scene.cameras = {cameras_[std::min<uint64_t>(frame, cameras_.size() - 1)]};
   }
   render::RenderStatistics render_frame(uint64_t number, frames::WovenFrame& frame) {
     prepare_scene(number);
@@ -329,11 +334,11 @@ class FilmRenderer {
   /// Commits the scene; one that never changes is committed only once.
   void prepare_scene(uint64_t number) {
     if (scene_ && still()) return;
-    const render::SceneDescription description = scene_of(number);
-    stage_ = stage_at(description, film_.part_before(number));
-    scene_.reset();
-    scene_ =
-        std::make_unique<render::Scene>(description, stage_, surroundings_, flags_.options.threads);
+    if (!description_) description_ = std::make_shared<render::SceneDescription>(scene_of(number));
+    set_camera(number, *description_);
+    stage_ = stage_at(*description_, film_.part_before(number));
+    scene_ = &keeper_->commit(description_, stage_);
+    if (!scenes_.still() || still()) description_.reset();
   }
 
   const RenderFlags& flags_;
@@ -348,7 +353,9 @@ class FilmRenderer {
   render::Surroundings surroundings_;
   bool both_sides_ = false;  ///< single-sided surfaces are shown from behind, too
   render::Stage stage_;
-  std::unique_ptr<render::Scene> scene_;
+  std::shared_ptr<render::SceneDescription> description_;  ///< null if it changes or is not needed
+  std::optional<render::SceneKeeper> keeper_;
+  const render::Scene* scene_ = nullptr;
 };
 
 }  // namespace lenticule::tools

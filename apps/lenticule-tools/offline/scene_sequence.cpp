@@ -168,18 +168,21 @@ render::SceneDescription SceneSequence::built_in(uint64_t frame) const {
 
 StageSequence::StageSequence(const render::SceneDescription& reference,
                              const render::Canvas& canvas, const render::StageOptions& options,
-                             double turned_by_degrees)
+                             double turned_by_degrees, bool same_content)
     : canvas_(canvas), turned_by_degrees_(turned_by_degrees), options_(options) {
   if (!still()) options_.fit_every_turn = true;
   reference_ = render::make_stage(reference, canvas_, options_);
   options_.depth_scale = reference_.depth_scale;
-  ground_ = render::ground_under(render::scene_bounds(reference));
+  const Box bounds = render::scene_bounds(reference);
+  ground_ = render::ground_under(bounds);
+  if (same_content) bounds_ = bounds;
 }
 
 render::Stage StageSequence::at(const render::SceneDescription& scene, double progress) const {
   render::StageOptions options = options_;
   options.turn_degrees += turned_by_degrees_ * progress;
   const bool has_camera = render::placing_camera(scene, options) != nullptr;
+  options.bounds = bounds_;
   if (!has_camera && !still()) {
     options.centre = reference_.world_from_panel.origin;
     options.mm_per_unit = reference_.mm_per_unit;
@@ -188,6 +191,7 @@ render::Stage StageSequence::at(const render::SceneDescription& scene, double pr
       has_camera || !still() ? render::make_stage(scene, canvas_, options) : reference_;
   // Objects that leave the reference frame's bounds must not be clipped if there is no camera.
   if (!has_camera) stage.near_mm = std::numeric_limits<double>::infinity();
+  if (bounds_ && !still()) stage.far_mm = reference_.far_mm;  // at every turn
   stage.ground = ground_;
   return stage;
 }

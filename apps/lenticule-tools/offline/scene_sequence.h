@@ -9,7 +9,6 @@
 
 #include "frames/image_io.h"
 #include "frames/rational.h"
-#include "optics/model.h"
 #include "player/sources/source_spec.h"
 #include "render/loaders/load_scene.h"
 #include "render/scene/scene_description.h"
@@ -62,12 +61,11 @@ class SceneSequence {
 class StageSequence {
  public:
   /// `reference` is the scene of SceneSequence::reference_frame(). Over the sequence the scene
-  /// turns by `turned_by_degrees`, beginning with the turn in `options`.
+  /// turns by `turned_by_degrees`, beginning with the turn in `options`. If `same_content`, all
+  /// scenes are `reference`, apart from the camera, and at() does not look at their content.
   StageSequence(const render::SceneDescription& reference, const render::Canvas& canvas,
-                const render::StageOptions& options, double turned_by_degrees = 0.0);
-  StageSequence(const render::SceneDescription& reference, const optics::OpticalModel& model,
-                const render::StageOptions& options, double turned_by_degrees = 0.0)
-      : StageSequence(reference, render::canvas_of(model), options, turned_by_degrees) {}
+                const render::StageOptions& options, double turned_by_degrees = 0.0,
+                bool same_content = false);
 
   /// Returns the placement of the reference frame, to report to the user.
   [[nodiscard]] const render::Stage& reference() const { return reference_; }
@@ -82,6 +80,7 @@ class StageSequence {
   double turned_by_degrees_;
   render::StageOptions options_;
   render::Stage reference_;
-  render::Ground ground_;  ///< ground in the reference frame, used by all frames
+  render::Ground ground_;      ///< ground in the reference frame, used by all frames
+  std::optional<Box> bounds_;  ///< content's bounds, if the same in all frames
 };
 }  // namespace lenticule::tools

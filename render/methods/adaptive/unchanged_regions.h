@@ -58,7 +58,7 @@ inline Fingerprint rest_of(const Scene& scene) {
   const Affine& map = scene.scene_from_panel;
   mixer.add(scene.ambient, scene.backdrop.colour, scene.backdrop.up, scene.backdrop.ahead,
             map.column_x, map.column_y, map.column_z, map.origin);
-  mixer.add(scene.backdrop.sky, scene.colour_managed, scene.units_per_world);
+  mixer.add(scene.backdrop.sky, scene.colour_managed, scene.frame.units_per_world);
   mixer.add(uint64_t{scene.meshes.size()}, uint64_t{scene.spheres.size()},
             uint64_t{scene.cones.size()});
   return mixer.value();

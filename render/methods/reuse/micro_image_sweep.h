@@ -218,8 +218,8 @@ class MicroImageSweep {
   static reprojection::PanelMap panel_map(const Scene& scene) {
     const Affine panel = scene.scene_from_panel.inverse();
     const auto f = [](double value) { return static_cast<float>(value); };
-    return {.x = {f(panel.column_x.x), f(panel.column_y.x), f(panel.column_z.x)},
-            .z = {f(panel.column_x.z), f(panel.column_y.z), f(panel.column_z.z)}};
+    const auto& [x, y, z, origin] = panel;
+    return {.x = {f(x.x), f(y.x), f(z.x), f(origin.x)}, .z = {f(x.z), f(y.z), f(z.z), f(origin.z)}};
   }
 
   /// Returns the code value as method full writes it.

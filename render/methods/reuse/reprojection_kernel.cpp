@@ -29,7 +29,7 @@ inline Floats magnitude(const Floats& value) {
   return select(value < 0.0F, -value, value);
 }
 
-inline Floats combine(const float (&row)[3], const float* packet, Field first) {
+inline Floats combine(const float (&row)[4], const float* packet, Field first) {
   return row[0] * floats_at(packet + first * kLanes) +
          row[1] * floats_at(packet + (first + 1) * kLanes) +
          row[2] * floats_at(packet + (first + 2) * kLanes);
@@ -37,8 +37,8 @@ inline Floats combine(const float (&row)[3], const float* packet, Field first) {
 
 void place(const PanelMap& map, const LensMap& lenses, const float* packet, Column& column) {
   constexpr float kShift = 12582912.0F;  // 1.5 * 2^23: additions round to integers
-  const Floats x = combine(map.x, packet, packet_kernel::kOriginX);
-  const Floats z = combine(map.z, packet, packet_kernel::kOriginX);
+  const Floats x = combine(map.x, packet, packet_kernel::kOriginX) + map.x[3];
+  const Floats z = combine(map.z, packet, packet_kernel::kOriginX) + map.z[3];
   const Floats tan = combine(map.x, packet, packet_kernel::kDirectionX) /
                      combine(map.z, packet, packet_kernel::kDirectionX);
   const Floats panel_x = x - z * tan;
@@ -58,7 +58,7 @@ void place(const PanelMap& map, const LensMap& lenses, const float* packet, Colu
 
 void take_hits(const PanelMap& map, const float* packet, const int32_t* lanes, Column& column) {
   constexpr uint32_t kNoGeometry = ~0U;
-  const Floats start = combine(map.z, packet, packet_kernel::kOriginX);
+  const Floats start = combine(map.z, packet, packet_kernel::kOriginX) + map.z[3];
   const Floats step = combine(map.z, packet, packet_kernel::kDirectionX);
   const Masks met = words_at(packet + packet_kernel::kGeometry * kLanes) != kNoGeometry;
   const Floats hit = start + step * floats_at(packet + packet_kernel::kTFar * kLanes);

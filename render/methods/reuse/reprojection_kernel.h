@@ -61,10 +61,11 @@ struct alignas(64) Found {
   float high_tan[kLanes];
 };
 
-/// Rows 0 and 2 of the map from the scene to the panel, which give x and z.
+/// Rows 0 and 2 of the map from the scene to the panel, which give x and z; last, those of the
+/// scene frame's origin.
 struct PanelMap {
-  float x[3];
-  float z[3];
+  float x[4];
+  float z[4];
 };
 
 /// The lens number is the integer nearest to offset + per_mm * panel_x.

@@ -32,6 +32,26 @@ TEST_F(FarmCommand, MethodsThatReuseFramesGiveTheBytesOfOneRun) {
   }
 }
 
+/// A chunk commits the scene of its only frame, and one run keeps parts of it.
+TEST_F(FarmCommand, SingleFramesOfTurningScenesHaveTheBytesOfOneRun) {
+  ASSERT_EQ(run({"scene", "gears", "--size", "1", "-o", path("gears.gltf")}).exit_code, 0);
+  for (const std::string& scene :
+       {path("gears.gltf"), std::string("builtin:teapot:2"), std::string("builtin:balls:2")}) {
+    for (const std::string& made : {work(), path("film.lts"), path("whole.lts")})
+      std::filesystem::remove_all(made);
+    const std::vector<std::string> words = {scene, "--rig", rig_,     "--frames",
+                                            "0:6", "--fit", "--turn", "0:50"};
+    expect_end(
+        run(joined(joined({"farm", "plan"}, words), {"--chunk", "1", "--timed-frames", "0", "-o",
+                                                     path("film.lts"), "--work", work()})),
+        0);
+    render_all();
+    ASSERT_EQ(merge().exit_code, 0);
+    expect_end(run(joined(joined({"render"}, words), {"-o", path("whole.lts")})), 0);
+    EXPECT_EQ(film(), read_bytes(path("whole.lts"))) << scene;
+  }
+}
+
 TEST_F(FarmCommand, NumberedScenesAndRelativeNamesWorkFromAnyFolder) {
   std::filesystem::create_directories(path("it's a scene"));
   for (int frame = 0; frame < 12; ++frame)

@@ -22,7 +22,7 @@ optics::Rig tiny_rig() {
 /// Turning teapots as `lenticule render builtin:teapot:1` shows them.
 struct Teapots {
   explicit Teapots(const optics::OpticalModel& model)
-      : stages(scenes.at(scenes.reference_frame()), model, {}) {}
+      : stages(scenes.at(scenes.reference_frame()), render::canvas_of(model), {}) {}
 
   tools::SceneSequence scenes{"builtin:teapot:1", {30, 1}};
   tools::StageSequence stages;

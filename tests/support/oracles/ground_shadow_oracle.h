@@ -13,7 +13,7 @@ namespace lenticule::test {
 /// OracleGroundShadow handles scenes of meshes without textures.
 class OracleGroundShadow {
  public:
-  /// `centre` is the world point at the centre of the panel.
+  /// `centre` is the world point at the origin of the scene frame.
   OracleGroundShadow(const render::SceneDescription& scene, Vec3 centre);
 
   /// Returns the share of the background's light that a ray in world coordinates sees.

@@ -196,16 +196,8 @@ Vec3 ambient_of(const SceneDescription& scene) {
   return {0.12, 0.12, 0.12};
 }
 
-/// The rotation between world and panel: the panel's axes in world coordinates.
-struct Axes {
-  Vec3 x, y, z;
-  [[nodiscard]] Vec3 in_panel(Vec3 v) const { return {dot(v, x), dot(v, y), dot(v, z)}; }
-  [[nodiscard]] Vec3 in_world(Vec3 v) const { return x * v.x + y * v.y + z * v.z; }
-};
-
 /// The subpixel whose ray is traced.
 struct Subpixel {
-  Axes axes;
   double world_per_mm = 1.0;
   uint32_t seed = 0;
 };
@@ -275,8 +267,7 @@ class Tracer {
     for (int k = 0; k < count; ++k) {
       const SquarePoint at =
           reference_point(subpixel_.seed, place.path, 0, static_cast<uint32_t>(k));
-      Vec3 way = subpixel_.axes.in_world(
-          reference_cosine_direction(at, subpixel_.axes.in_panel(place.smooth)));
+      Vec3 way = reference_cosine_direction(at, place.smooth);
       // A direction below the surface is mirrored about it.
       if (dot(way, place.facing) < 0.0) way = way - place.facing * (2 * dot(way, place.facing));
       if (!(meet_all(scene_, {place.point, way}, least_step_, place.at.primitive).t < reach))
@@ -297,8 +288,7 @@ class Tracer {
     for (int k = 0; k < count; ++k) {
       const Vec3 on_disc = reference_on_disc(
           reference_point(subpixel_.seed, place.path, use, static_cast<uint32_t>(k)));
-      const Vec3 aside = subpixel_.axes.in_world(
-          reference_turned(on_disc, subpixel_.axes.in_panel(normalized(middle))));
+      const Vec3 aside = reference_turned(on_disc, normalized(middle));
       sum += from_point(area_light, middle + aside * size, place);
     }
     return sum / count;
@@ -365,11 +355,8 @@ double reference_light(const SceneDescription& scene, const render::Stage& stage
                        const ReferenceOptions& options, uint32_t seed) {
   const Affine& world_from_panel = stage.world_from_panel;
   const Vec3 into_panel = world_from_panel.vector({-line.tan_x, -line.tan_y, -1.0});
-  const Axes axes{normalized(world_from_panel.column_x), normalized(world_from_panel.column_y),
-                  normalized(world_from_panel.column_z)};
-  const Tracer tracer(
-      scene, options,
-      {.axes = axes, .world_per_mm = length(world_from_panel.column_x), .seed = seed});
+  const Tracer tracer(scene, options,
+                      {.world_per_mm = length(world_from_panel.column_x), .seed = seed});
   const Vec3 on_panel = world_from_panel.point({line.x_mm, line.y_mm, 0.0});
   const Vec3 colour = tracer.trace({on_panel, normalized(into_panel)},
                                    -start_mm * length(into_panel), 0, {}, kReferencePath);

@@ -149,7 +149,8 @@ void expect_figures_of_single_frames(ErrorScenario which, double turned_by_degre
   const ErrorScene scene("tree:3");
   render::RenderOptions options;
   options.threads = 1;
-  const tools::StageSequence stages(scene.after(0), model, {}, turned_by_degrees);
+  const tools::StageSequence stages(scene.after(0), render::canvas_of(model), {},
+                                    turned_by_degrees);
   frames::WovenFrame full({.width = 48, .height = 32});
   frames::WovenFrame test = full;
   for (size_t n = 0; n < 3; ++n) {

@@ -130,9 +130,10 @@ TEST(SceneCommit, CentresAndScalesOnTheStage) {
   const Stage stage = test::make_tiny_stage({.centre = {1e7, -1e7, 5e6}, .mm_per_unit = 20.0});
   const Scene committed(scene, stage, {}, 1);
   const SphereShape& sphere = committed.spheres.at(0);
-  EXPECT_NEAR(sphere.centre.x, 40.0, 1e-6);
-  EXPECT_NEAR(sphere.centre.y, 0.0, 1e-6);
-  EXPECT_NEAR(sphere.radius, 10.0, 1e-6);
+  const Vec3 on_panel = committed.scene_from_panel.inverse().point(sphere.centre);
+  EXPECT_NEAR(on_panel.x, 40.0, 1e-6);
+  EXPECT_NEAR(on_panel.y, 0.0, 1e-6);
+  EXPECT_NEAR(sphere.radius, 10.0, 1e-5);
 }
 
 TEST(SceneCommit, KnowsTheNearestPointOfEveryPrimitive) {
@@ -174,7 +175,9 @@ TEST(SceneCommit, TheDefaultSunShinesAlikeAtEveryDepthScale) {
     return Scene(scene, stage, {}, 1).lights.at(0).direction;
   };
   EXPECT_LT(length(sun(0.02) - sun(1.0)), 1e-12);
-  EXPECT_LT(length(sun(1.0) - normalized(kDefaultSunDirection)), 1e-12) << "as the viewer sees it";
+  const Stage turned = test::make_tiny_stage({.turn_degrees = 30});
+  const Vec3 as_seen = normalized(turned.panel_from_world.vector(sun(1.0)));
+  EXPECT_LT(length(as_seen - normalized(kDefaultSunDirection)), 1e-12);
 }
 
 }  // namespace

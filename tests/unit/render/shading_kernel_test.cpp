@@ -134,7 +134,7 @@ void ShadingKernel::expect_lane_agrees(const Shaded& shaded, size_t light, size_
   EXPECT_NEAR(double{shaded.own[r]},
               weight * test::own_light(expected, scene_.ambient, ray.channel), 1e-6);
   const Arrival at = arrival(scene_.lights[light], spawn_point(expected, Side::Viewer),
-                             scene_.units_per_world, ray.channel);
+                             scene_.frame.units_per_world, ray.channel);
   const double reflected = weight * test::reflected_light(expected, ray.direction, at);
   EXPECT_NEAR(double{shaded.shadow.weight[r]}, reflected, 2e-5);
   if (shaded.shadow_packet.valid[r] != 0) {

@@ -90,13 +90,9 @@ struct Place {
 };
 
 double light_left(const Scene& scene, const Stage& stage, Vec3 origin, Vec3 direction) {
-  const Vec3 centre = stage.world_from_panel.origin;
-  // The tests' stages have parallel axes: scene coordinates are those of the panel without depth
-  // scale.
-  const auto turned = [&](Vec3 v) {
-    return scene.scene_from_panel.vector(stage.panel_from_world.vector(v));
-  };
-  return scene.backdrop.ground_shadow->light_left(turned(origin - centre), turned(direction));
+  const Affine scene_from_world = scene.scene_from_panel * stage.panel_from_world;
+  return scene.backdrop.ground_shadow->light_left(scene_from_world.point(origin),
+                                                  scene_from_world.vector(direction));
 }
 
 /// Returns the share of the light at a point of the ground.
@@ -111,7 +107,7 @@ TEST(GroundShadow, AgreesWithASlowEvaluation) {
       const Stage stage = place.stage(description, {.depth_scale = 0.6, .turn_degrees = turn});
       const Scene scene(description, stage, {}, 1);
       ASSERT_TRUE(scene.backdrop.ground_shadow);
-      const OracleGroundShadow oracle(description, stage.world_from_panel.origin);
+      const OracleGroundShadow oracle(description, scene.frame.origin);
       std::mt19937 random(7);
       std::uniform_real_distribution<double> at(-3.0, 3.0), up(0.5, 4.0);
       double darkest = 1.0;
@@ -228,7 +224,7 @@ TEST(GroundShadow, DarkensTheBackgroundBesideTheModelAsTheFormulaSays) {
   const frames::WovenFrame with = place.frame(scene, stage);
   const frames::WovenFrame without = place.frame(description, {.ground_shadow = false});
   const int plain = frames::code_from_linear(kStudioBackground.x);
-  const OracleGroundShadow oracle(description, stage.world_from_panel.origin);
+  const OracleGroundShadow oracle(description, scene.frame.origin);
   const TilePlan plan(place.of);
   const PrimaryRays rays(place.model, plan);
   const Footprint centre(place.model, {});

@@ -183,7 +183,7 @@ void PbrLanesOf::expect_agrees(const Scene& scene, const Result& found, size_t r
       shader.emitted() + shader.of_environment(scene.pbr->environment(), scene.pbr->frame()), 3e-5);
   for (size_t light = 0; light < scene.lights.size(); ++light) {
     const Arrival at = arrival(scene.pbr->unit_lights()[light], spawn_point(surface, Side::Viewer),
-                               scene.units_per_world, 0);
+                               scene.frame.units_per_world, 0);
     const Vec3 brings =
         scene.lights[light].colour * shader.of_light(at.toward_light) * at.intensity;
     expect_near(found.brings[light].of(r), brings, 2e-4);
