@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -54,10 +55,15 @@ class Method {
 // Method "adaptive": visibility is exact; shading is sampled and interpolated where it is smooth,
 // and traced elsewhere.
 
+/// Watches the items of the parallel loops of a frame, for benchmarks: called before and after each
+/// item, on its thread, with the number of the loop.
+using ItemWatcher = std::function<void(int loop, bool ends)>;
+
 /// Makes method adaptive. RenderOptions::tolerated_error is the tolerated error in code values.
 /// Throws Error(Usage) if it is negative or not finite.
 [[nodiscard]] std::unique_ptr<Method> make_method_adaptive(const optics::OpticalModel& model,
-                                                           const RenderOptions& options);
+                                                           const RenderOptions& options,
+                                                           const ItemWatcher& watcher = {});
 
 /// Makes method adaptive prove a PSNR of each frame, in dB: sets RenderOptions::proven_rmse, and a
 /// tolerated error of single subpixels that suits it. Throws Error(Usage) outside 20 ... 70 dB.

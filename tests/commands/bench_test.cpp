@@ -100,6 +100,21 @@ TEST_F(BenchTest, ExactComparesWithAnUprightRig) {
             0.0);
 }
 
+TEST_F(BenchTest, CoresSimulatesMoreCoresThanTheMachineHas) {
+  const auto json =
+      results_of(run({"bench", "cores", "teapot:2", "tree:2", "--rig",
+                      source_file("scenes/rigs/tiny.toml"), "--runs", "1", "--json"}));
+  ASSERT_EQ(json.at("scenes").size(), 2U);
+  for (const auto& scene : json["scenes"]) {
+    const auto& speed_up = scene.at("speed_up");
+    EXPECT_DOUBLE_EQ(speed_up.at("1").get<double>(), 1.0);
+    EXPECT_GT(speed_up.at("2").get<double>(), 1.0);
+    EXPECT_LE(speed_up.at("2").get<double>(), 2.0);
+    EXPECT_GE(speed_up.at("64").get<double>(), speed_up.at("2").get<double>());
+    EXPECT_GT(scene.at("measured_on_2").get<double>(), 0.0);
+  }
+}
+
 TEST_F(BenchTest, StartMeasuresTheProgramAndItsFirstFrame) {
   const auto json = results_of(run(
       {"bench", "start", "--rig", source_file("scenes/rigs/tiny.toml"), "--runs", "1", "--json"}));

@@ -20,6 +20,7 @@ using cli::Run;
 
 // Each function is defined in the file of its benchmark.
 Run declare_bench_codec(CLI::App& app);
+Run declare_bench_cores(CLI::App& app);
 Run declare_bench_error(CLI::App& app);
 Run declare_bench_exact(CLI::App& app);
 Run declare_bench_memory(CLI::App& app);
@@ -55,6 +56,8 @@ const std::vector<Benchmark>& benchmarks() {
   static const std::vector<Benchmark> table = {
       {"codec", "size and speed of the sequence container, compared with other lossless formats",
        declare_bench_codec},
+      {"cores", "speed-up of method adaptive on many cores, simulated from the times of its work",
+       declare_bench_cores},
       {"error", "run time against error of every render method, and pictures of the worst places",
        declare_bench_error},
       {"exact", "rates of bare Embree, of visibility and of whole frames of method full",

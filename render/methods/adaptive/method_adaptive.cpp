@@ -824,8 +824,10 @@ AuditSelection selection_for(uint64_t subpixels, const RenderOptions& options) {
 
 class AdaptiveMethod final : public Method {
  public:
-  AdaptiveMethod(const optics::OpticalModel& model, const RenderOptions& options)
+  AdaptiveMethod(const optics::OpticalModel& model, const RenderOptions& options,
+                 const ItemWatcher& watcher)
       : options_(with_little_culling(options)),
+        watcher_(watcher),
         full_options_(without_copies(options)),
         planes_(model, options.isa),
         reach_(reach_of(planes_)),
@@ -873,6 +875,7 @@ class AdaptiveMethod final : public Method {
     }
     const auto start = std::chrono::steady_clock::now();
     cancelled_ = false;
+    loops_ = 0;
     const KeyGrid grid(planes_, stage, reach_, spacing_for(planes_, reach_, is_shiny(scene)));
     AdaptiveFrame frame(plan_, grid, scene, samples_, out);
     const Before before = std::exchange(before_, {});
@@ -926,10 +929,13 @@ class AdaptiveMethod final : public Method {
 
   template <class Work>
   void in_parallel(int count, const Work& work) {
+    const int loop = loops_++;
     tbb::parallel_for(0, count, [&](int n) {
       if (cancelled()) return;
       const FlushDenormals flush;
+      if (watcher_) watcher_(loop, false);
       work(options_.tiles_backwards ? count - 1 - n : n);
+      if (watcher_) watcher_(loop, true);
     });
   }
 
@@ -1208,6 +1214,8 @@ class AdaptiveMethod final : public Method {
   }
 
   RenderOptions options_;
+  ItemWatcher watcher_;
+  int loops_ = 0;  ///< parallel loops of the frame so far
   RenderOptions full_options_;
   RowPlanes planes_;
   RayReach reach_;
@@ -1233,7 +1241,8 @@ class AdaptiveMethod final : public Method {
 }  // namespace
 
 std::unique_ptr<Method> make_method_adaptive(const optics::OpticalModel& model,
-                                             const RenderOptions& options) {
+                                             const RenderOptions& options,
+                                             const ItemWatcher& watcher) {
   if (!(options.tolerated_error >= 0.0) || !std::isfinite(options.tolerated_error))
     throw Error(ErrorKind::Usage, "--error: not a number of code values",
                 "0 gives exactly the frames of method full; 2 is a good compromise");
@@ -1244,7 +1253,7 @@ std::unique_ptr<Method> make_method_adaptive(const optics::OpticalModel& model,
   if (options.samples != 1)
     throw Error(ErrorKind::Usage, "method adaptive: takes one sample per subpixel",
                 "use method full for several");
-  auto method = std::make_unique<AdaptiveMethod>(model, options);
+  auto method = std::make_unique<AdaptiveMethod>(model, options, watcher);
   if (!method->suits_rig()) return make_method_full(model, options);
   return method;
 }
