@@ -72,7 +72,7 @@ TEST(StageSequence, KeepsDepthAndPlaceFromFrameToFrame) {
   render::SceneDescription scene;
   scene.materials = {render::Material{}};
   scene.spheres = {{.centre = {0, 0, 0}, .radius = 1}};
-  const StageSequence stages(scene, model, {});
+  const StageSequence stages(scene, render::canvas_of(model), {});
   scene.spheres[0].centre = {1, 2, 3};  // the sphere moves; the stage must stay
   const render::Stage later = stages.at(scene);
   EXPECT_EQ(later.mm_per_unit, stages.reference().mm_per_unit);
@@ -84,7 +84,7 @@ TEST(StageSequence, KeepsDepthAndPlaceFromFrameToFrame) {
   render::Camera camera;
   camera.from = {0, 0, 10};
   scene.cameras = {camera};
-  const StageSequence filmed(scene, model, {});
+  const StageSequence filmed(scene, render::canvas_of(model), {});
   scene.cameras[0].from = {3, 0, 10};
   EXPECT_EQ(filmed.at(scene).depth_scale, filmed.reference().depth_scale);
   ASSERT_TRUE(filmed.at(scene).ground);
@@ -102,7 +102,7 @@ TEST(StageSequence, TurnsTheSceneAtTheSameSizeAndPlace) {
   render::SceneDescription scene;
   scene.materials = {render::Material{}};
   scene.spheres = {{.centre = {0, 0, 0}, .radius = 1}, {.centre = {4, 1, 0}, .radius = 1}};
-  const StageSequence stages(scene, model, {.turn_degrees = 10.0}, 360.0);
+  const StageSequence stages(scene, render::canvas_of(model), {.turn_degrees = 10.0}, 360.0);
   EXPECT_FALSE(stages.still());
   for (const double progress : {0.0, 0.25, 0.6}) {
     const render::Stage stage = stages.at(scene, progress);
