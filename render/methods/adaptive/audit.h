@@ -11,6 +11,7 @@
 #include <cstdlib>
 #include <numeric>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "base/error.h"
@@ -230,11 +231,6 @@ class AuditSelection {
 struct AuditCounts {
   uint64_t sampled = 0;
   uint64_t beyond = 0;  ///< part of `sampled` whose error exceeds the tolerated error
-  AuditCounts& operator+=(const AuditCounts& other) {
-    sampled += other.sampled;
-    beyond += other.beyond;
-    return *this;
-  }
 };
 
 /// Returns the probability of at most `successes` in `tries`, each with probability p in (0, 1).
@@ -366,73 +362,72 @@ inline constexpr double kFirstPart = 0.9;
   return static_cast<uint32_t>(std::clamp(one_in, 2.0, double{kSampledOneIn}));
 }
 
-/// SampledSubpixels holds the subpixels of a band that the audit samples, and traces them as method
-/// full does. It belongs to one thread and keeps its memory from band to band. A ray that
+/// SampledSubpixel is a subpixel that the audit samples.
+struct SampledSubpixel {
+  int32_t at = 0;    ///< 3 i + channel
+  uint16_t row = 0;  ///< index in the band
+  Draw draw = Draw::None;
+  float light = 0.0F;  ///< result of tracing
+};
+
+/// SampledTracer traces sampled subpixels as method full does. It belongs to one thread. A ray that
 /// differs in its last bit can give a different picture after several reflections. So rays are the
 /// same as in method full, and the light of a ray does not depend on the other rays of its packet.
-class SampledSubpixels {
+class SampledTracer {
  public:
-  struct Subpixel {
-    int32_t at = 0;    ///< 3 i + channel
-    uint16_t row = 0;  ///< index in the band
-    Draw draw = Draw::None;
-    bool is_shaded = false;  ///< not looked up
-    float light = 0.0F;      ///< result of tracing
-  };
-
   /// Lifetime: all arguments must outlive the object. `centre` is the centre of the subpixels.
-  SampledSubpixels(const PrimaryPackets& packets, const TilePlan& plan, const Footprint& centre)
+  SampledTracer(const PrimaryPackets& packets, const TilePlan& plan, const Footprint& centre)
       : plan_(plan), centre_(centre), maker_(packets), packet_(1) {
     init_packets(packet_);
   }
 
-  void clear() { subpixels_.clear(); }
-  void add(const Subpixel& subpixel) { subpixels_.push_back(subpixel); }
-  /// Traces all subpixels of the band that begins at `first_row`. Afterwards the subpixels have a
-  /// different order. The calling thread must flush denormals.
-  void trace(const Scene& scene, int first_row, PacketTracer& tracer) {
-    std::ranges::sort(subpixels_, {},
-                      [&](const Subpixel& s) { return std::pair(column(s), s.row); });
+  /// Sorts the subpixels of a band for trace().
+  void sort(std::span<SampledSubpixel> subpixels) const {
+    std::ranges::sort(subpixels, {},
+                      [&](const SampledSubpixel& s) { return std::pair(column(s), s.row); });
+  }
+  /// Traces sorted subpixels of the band that begins at `first_row`, in packets from the first one
+  /// on. The calling thread must flush denormals.
+  void trace(const Scene& scene, int first_row, std::span<SampledSubpixel> subpixels,
+             PacketTracer& tracer) {
     const int first_tile = first_row / TilePlan::kRows * plan_.per_band();
     int tiles_begun = 0;
     Tile tile{};
     size_t in_packet = 0;
-    for (size_t n = 0; n < subpixels_.size(); ++n) {
-      const Subpixel& s = subpixels_[n];
+    for (size_t n = 0; n < subpixels.size(); ++n) {
+      const SampledSubpixel& s = subpixels[n];
       while (tiles_begun == 0 || column(s) >= tile.column_begin + tile.columns) {
         LENTICULE_CHECK(tiles_begun < plan_.per_band());
         tile = plan_.tile(first_tile + tiles_begun++);
         if (column(s) < tile.column_begin + tile.columns) maker_.start_few(scene, tile, centre_);
       }
       maker_.ray(column(s) - tile.column_begin, s.row, packet_[0], in_packet++);
-      if (in_packet < kPacket && n + 1 < subpixels_.size()) continue;
-      trace_packet(scene, first_row, n + 1 - in_packet, n + 1, tracer);
+      if (in_packet < kPacket && n + 1 < subpixels.size()) continue;
+      trace_packet(scene, first_row, subpixels.subspan(n + 1 - in_packet, in_packet), tracer);
       in_packet = 0;
     }
   }
-  [[nodiscard]] const std::vector<Subpixel>& subpixels() const { return subpixels_; }
 
  private:
-  [[nodiscard]] int column(const Subpixel& s) const { return s.at + plan_.shift(s.row); }
+  [[nodiscard]] int column(const SampledSubpixel& s) const { return s.at + plan_.shift(s.row); }
   /// Traces a packet; inactive lanes repeat the first.
-  void trace_packet(const Scene& scene, int first_row, size_t first, size_t end,
+  void trace_packet(const Scene& scene, int first_row, std::span<SampledSubpixel> subpixels,
                     PacketTracer& tracer) {
     for (size_t r = 0; r < kPacket; ++r) {
-      const bool there = first + r < end;
-      const Subpixel& s = subpixels_[there ? first + r : first];
+      const bool there = r < subpixels.size();
+      const SampledSubpixel& s = subpixels[there ? r : 0];
       packet_[0].valid[r] = there ? -1 : 0;
       channel_[r] = s.at % 3;
       seeds_[r] = sampling::subpixel_seed(first_row + s.row, s.at, 0);
     }
     if (tracer.needs_seeds()) tracer.set_seeds(seeds_);
     tracer.trace_lanes(scene, plan_, channel_, packet_[0], light_);
-    for (size_t n = first; n < end; ++n) subpixels_[n].light = light_[n - first];
+    for (size_t n = 0; n < subpixels.size(); ++n) subpixels[n].light = light_[n];
   }
 
   const TilePlan& plan_;
   const Footprint& centre_;
   PrimaryPackets::Maker maker_;
-  std::vector<Subpixel> subpixels_;
   std::vector<RayPacket> packet_;  ///< a single packet
   alignas(64) std::array<int32_t, kPacket> channel_{};
   std::array<uint32_t, kPacket> seeds_{};

@@ -66,14 +66,6 @@ class ZeroedArray {
   size_t size_ = 0;
 };
 
-/// Spacing of the samples. The samples of odd views lie half a step above and to the left of those
-/// of even views.
-struct KeySpacing {
-  int row_step = 4;      ///< panel rows from one row of samples to the next
-  double columns = 4.0;  ///< pixels from one column of samples to the next
-  int cache_views = 2;   ///< number of cache views, at least 2
-};
-
 /// Ranges of a rig's rays on the panel and on the viewing line.
 struct RayReach {
   Interval panel_mm;
@@ -97,33 +89,33 @@ struct RayReach {
   return reach;
 }
 
-/// Chooses the number of cache views by the width of the viewing zone: one per 0.22 radians (a
-/// dozen degrees), over which view-dependent shading changes little, and other shading not at all.
-/// For `shiny` scenes one per 0.18 radians (ten degrees), since reflected and refracted content
-/// moves between views, and a thin object may be visible in neither.
-[[nodiscard]] inline KeySpacing spacing_for(const RowPlanes& planes, const RayReach& reach,
-                                            bool shiny) {
+/// Returns the number of cache views, at least two, for the width of the viewing zone: one per 0.22
+/// radians (a dozen degrees), over which view-dependent shading changes little, and other shading
+/// not at all. For `shiny` scenes one per 0.18 radians (ten degrees), since reflected and refracted
+/// content moves between views, and a thin object may be visible in neither.
+[[nodiscard]] inline int cache_views_for(const RowPlanes& planes, const RayReach& reach,
+                                         bool shiny) {
   const double furthest_apart = shiny ? 0.18 : 0.22;  // radians
   constexpr double kMostViews = 16.0;
   const double wide = reach.eyes.width() * (planes.inverse_z() > 0.0 ? planes.inverse_z() : 1.0);
   const double apart = std::clamp(std::ceil(wide / furthest_apart - 0.1), 1.0, kMostViews - 1.0);
-  return {.row_step = 4, .columns = 5.0, .cache_views = 1 + static_cast<int>(apart)};
+  return 1 + static_cast<int>(apart);
 }
 
-/// KeyGrid is immutable, except for assignment.
+/// KeyGrid is immutable, except for assignment. The samples of odd views lie half a step above and
+/// to the left of those of even views.
 class KeyGrid {
  public:
   /// Lifetime: `planes` must outlive the object. The views contain everything that the rig's rays
   /// see, except content far from the panel at its left and right ends.
-  KeyGrid(const RowPlanes& planes, const Stage& stage, const RayReach& reach,
-          const KeySpacing& spacing)
-      : planes_(&planes), row_step_(spacing.row_step) {
-    LENTICULE_CHECK(spacing.cache_views >= 2 && spacing.row_step >= 1 && spacing.columns > 0.0);
+  KeyGrid(const RowPlanes& planes, const Stage& stage, const RayReach& reach, int cache_views)
+      : planes_(&planes) {
+    LENTICULE_CHECK(cache_views >= 2);
     const optics::Panel& panel = planes.model().rig().panel;
     eye_first_ = reach.eyes.low;
     eyes_ = reach.eyes.widened(0.5 * reach.eyes.width());
-    eye_step_ = std::max(reach.eyes.width() / (spacing.cache_views - 1), 1e-6);
-    x_step_ = spacing.columns * panel.pixel_width.value;
+    eye_step_ = std::max(reach.eyes.width() / (cache_views - 1), 1e-6);
+    x_step_ = kColumns * panel.pixel_width.value;
     // Rounded up to whole steps, so that sample positions stay the same when the nearest object
     // moves slightly.
     const double aside = x_step_ * std::ceil(std::min(furthest_move(planes, stage, eye_step_),
@@ -133,7 +125,7 @@ class KeyGrid {
     const int columns =
         static_cast<int>(std::ceil((reach.panel_mm.width() + 2.0 * aside) / x_step_)) + 3;
     constexpr int kPadding = 16;
-    rows_ = (planes.rows() - 1 + row_step_ / 2) / row_step_ + 2;
+    rows_ = (planes.rows() - 1 + kRowStep / 2) / kRowStep + 2;
     height_px_ = planes.height_in_row(0);
     const double inverse_z = planes.inverse_z();
     constexpr double kNear = 0.027;  // radians, a degree and a half
@@ -146,7 +138,7 @@ class KeyGrid {
                .near = static_cast<float>(std::min(kNear / angle, 0.5)),
                .inverse_z = static_cast<float>(inverse_z),
                .distance = inverse_z > 0.0 ? static_cast<float>(1.0 / inverse_z) : 0.0F,
-               .cache_views = spacing.cache_views,
+               .cache_views = cache_views,
                .columns = columns,
                .stride = (columns + kPadding) / kPadding * kPadding};
   }
@@ -167,10 +159,9 @@ class KeyGrid {
   [[nodiscard]] Between between(int panel_row) const {
     Between between{};
     for (const int odd : {0, 1}) {
-      const int from_first = panel_row + odd * (row_step_ / 2);
-      between.above[odd] = from_first / row_step_;
-      between.part[odd] =
-          static_cast<float>(from_first % row_step_) / static_cast<float>(row_step_);
+      const int from_first = panel_row + odd * (kRowStep / 2);
+      between.above[odd] = from_first / kRowStep;
+      between.part[odd] = static_cast<float>(from_first % kRowStep) / static_cast<float>(kRowStep);
     }
     return between;
   }
@@ -184,7 +175,7 @@ class KeyGrid {
 
   [[nodiscard]] PanelRay ray(int row, int cache_view, int column) const {
     const int odd = cache_view % 2;
-    const RowPlane plane = planes_->plane_at(row * row_step_ - odd * (row_step_ / 2) + height_px_);
+    const RowPlane plane = planes_->plane_at(row * kRowStep - odd * (kRowStep / 2) + height_px_);
     const double x = x_first_ + (column - 0.5 * odd) * x_step_;
     const double eye = eye_first_ + cache_view * eye_step_;
     const double inverse_z = planes_->inverse_z();
@@ -194,15 +185,15 @@ class KeyGrid {
 
   /// Returns the panel row that contains the sample or is nearest to it.
   [[nodiscard]] int panel_row(int row, int cache_view) const {
-    return std::clamp(row * row_step_ - cache_view % 2 * (row_step_ / 2), 0, planes_->rows() - 1);
+    return std::clamp(row * kRowStep - cache_view % 2 * (kRowStep / 2), 0, planes_->rows() - 1);
   }
 
   /// Returns true if the samples of another grid of the same rig lie in the same places.
   [[nodiscard]] bool is_same(const KeyGrid& other) const {
     return rows_ == other.rows_ && columns() == other.columns() &&
-           cache_views() == other.cache_views() && row_step_ == other.row_step_ &&
-           x_first_ == other.x_first_ && x_step_ == other.x_step_ &&
-           eye_first_ == other.eye_first_ && eye_step_ == other.eye_step_;
+           cache_views() == other.cache_views() && x_first_ == other.x_first_ &&
+           x_step_ == other.x_step_ && eye_first_ == other.eye_first_ &&
+           eye_step_ == other.eye_step_;
   }
 
  private:
@@ -217,10 +208,12 @@ class KeyGrid {
     return most;
   }
 
+  static constexpr int kRowStep = 4;       ///< panel rows from one row of samples to the next
+  static constexpr double kColumns = 5.0;  ///< pixels from one column of samples to the next
+
   const RowPlanes* planes_;
   lookup_kernel::Grid lookup_{};
   int rows_ = 0;
-  int row_step_ = 0;
   double height_px_ = 0.0;  ///< height of subpixels in their row
   double x_first_ = 0.0, x_step_ = 0.0;
   double eye_first_ = 0.0, eye_step_ = 0.0;

@@ -10,10 +10,13 @@
 //   audit              a few subpixels are traced as method full does, and tell how large errors
 //                      are and which bands are worth trying
 //
-// This file has what a frame and its threads share, and a thread's work on a band of rows: exact
-// visibility by a row sweep, then a look-up of each subpixel's colour in the two nearest cache
-// views. Then it goes through the steps of a frame: it tries bands, leaves those to method full
-// that the audit rejects or that cost more, and lets the audit of the whole frame state its error.
+// This file has what a frame and its threads share, and a thread's work: exact visibility of a row
+// by a row sweep, then a look-up of each subpixel's colour in the two nearest cache views. Then it
+// goes through the steps of a frame: it tries bands, leaves those to method full that the audit
+// rejects or that cost more, and lets the audit of the whole frame state its error.
+//
+// The work of a step is a series of parallel loops over small items (a row, some packets, a tile)
+// of several bands, so that many cores are busy to the end of each loop. No item waits for another.
 #include <fmt/format.h>
 #include <oneapi/tbb/enumerable_thread_specific.h>
 #include <oneapi/tbb/parallel_for.h>
@@ -31,6 +34,7 @@
 #include <memory>
 #include <numbers>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -61,6 +65,13 @@ namespace {
 constexpr int kBand = TilePlan::kRows;  ///< rows
 constexpr int kBlock = 4;               ///< rows and columns of coarse samples in a packet
 constexpr int kSampleRows = kBlock * KeySamples::kCoarse;
+// Numbers of parts into which work is divided, so that each takes less than a millisecond.
+constexpr int kSampleParts = 16;    ///< samples of kSampleRows rows of a cache view
+constexpr int kAuditParts = 16;     ///< audited subpixels of a band
+constexpr int kShadingParts = 128;  ///< uncertain subpixels of a band
+/// Bands that are rendered at the same time, for each thread: each takes memory for its uncertain
+/// subpixels.
+constexpr int kBandsPerThread = 2;
 /// Factor of the number of soft-light rays for audited subpixels, so that their own noise does
 /// not distort the audit.
 constexpr int kFinerAudit = 4;
@@ -209,6 +220,10 @@ struct AdaptiveFrame {
     [[nodiscard]] bool at(int row, double x_mm) const {
       return parts != nullptr && parts->at(row, x_mm);
     }
+    /// Returns true if samples of the block that begins at a row of samples were taken.
+    [[nodiscard]] bool has_taken(std::vector<uint8_t> Taken::*samples, int row) const {
+      return taken != nullptr && (taken->*samples)[static_cast<size_t>(row / kSampleRows)] != 0;
+    }
   };
   Kept kept;
 
@@ -220,8 +235,40 @@ struct AdaptiveFrame {
   }
 };
 
-/// AdaptiveWorker renders bands of one frame. The calling thread must flush denormals. Thread
-/// safety: used by one thread.
+/// Returns part `part` of the elements of a list, which is divided into `parts` of whole packets.
+template <class Element>
+std::span<Element> part_of(std::span<Element> list, int part, int parts) {
+  const size_t packets = (list.size() + kPacket - 1) / kPacket;
+  const auto begin = [&](int n) {
+    const size_t first = packets * static_cast<size_t>(n) / static_cast<size_t>(parts);
+    return std::min(first * kPacket, list.size());
+  };
+  return list.subspan(begin(part), begin(part + 1) - begin(part));
+}
+
+struct SamplePlace {
+  int row, column;
+};
+
+/// SampleList holds samples to be traced, in the order of their packets.
+struct SampleList {
+  int first_row, cache_view;
+  std::vector<SamplePlace> places;
+};
+
+/// BandWork holds a band that is being rendered. Threads may work on different rows and packets.
+struct BandWork {
+  int first_row = 0;
+  bool is_unchanged = false;             ///< copied as a whole
+  bool is_given_up = false;              ///< left to method full, without shading
+  std::array<BandCounts, kBand> counts;  ///< of rows
+  std::atomic<uint64_t> audit_rays;
+  std::vector<SampledSubpixel> sampled;
+  UncertainBand uncertain;
+};
+
+/// AdaptiveWorker does pieces of the work on one frame. The calling thread must flush denormals.
+/// Thread safety: used by one thread.
 class AdaptiveWorker {
  public:
   /// Lifetime: `frame` must outlive the object.
@@ -229,8 +276,8 @@ class AdaptiveWorker {
       : frame_(frame),
         colours_(frame.plan.options, frame.plan.tiles),
         sweep_(frame.sweep),
-        uncertain_(frame.plan.planes, frame.plan.tiles),
-        sampled_(frame.plan.full.packets(), frame.plan.tiles, frame.plan.centre),
+        shader_(frame.plan.tiles),
+        sampled_tracer_(frame.plan.full.packets(), frame.plan.tiles, frame.plan.centre),
         resolver_(frame.samples, frame.grid, frame.plan.tolerances, frame.scene.colour_managed,
                   frame.plan.options.soft),
         packet_(1),
@@ -243,96 +290,145 @@ class AdaptiveWorker {
     evaluate_exactly(false);
   }
 
-  /// Takes the coarse samples of kSampleRows rows of one cache view.
-  void take_coarse_samples(int first_row, int cache_view) {
+  /// Lists the coarse samples of kSampleRows rows.
+  void list_coarse_samples(SampleList& list) const {
     constexpr int kStep = KeySamples::kCoarse;
-    const AdaptiveFrame::Taken* before = frame_.kept.taken;
-    const bool were_taken =
-        before != nullptr && before->coarse[static_cast<size_t>(first_row / kSampleRows)] != 0;
+    const bool were_taken = frame_.kept.has_taken(&AdaptiveFrame::Taken::coarse, list.first_row);
     for (int column = 0; column < frame_.grid.columns(); column += kBlock * kStep)
       for (int n = 0; n < kBlock * kBlock; ++n)
-        list_if_changed(cache_view, {first_row + n / kBlock * kStep, column + n % kBlock * kStep},
+        list_if_changed(list, {list.first_row + n / kBlock * kStep, column + n % kBlock * kStep},
                         were_taken);
-    trace_samples(cache_view);
   }
 
-  /// Takes the other samples, after the coarse ones of these rows and of the rows below. With
-  /// sampled light none is interpolated, since more samples average out the noise.
-  void take_other_samples(int first_row, int cache_view) {
+  /// Interpolates the other samples or lists them, after the coarse ones of these rows and of the
+  /// rows below are taken. With sampled light none is interpolated, since more samples average out
+  /// the noise.
+  void list_other_samples(SampleList& list) const {
     constexpr int kStep = KeySamples::kCoarse;
     const bool may_fill = !frame_.plan.options.soft.any();
-    const AdaptiveFrame::Taken* before = frame_.kept.taken;
-    const bool were_taken =
-        before != nullptr && before->others[static_cast<size_t>(first_row / kSampleRows)] != 0;
-    const int end = std::min(first_row + kSampleRows, frame_.grid.rows());
-    for (int row = first_row; row < end; row += kStep)
+    const bool were_taken = frame_.kept.has_taken(&AdaptiveFrame::Taken::others, list.first_row);
+    const int cache_view = list.cache_view;
+    const int end = std::min(list.first_row + kSampleRows, frame_.grid.rows());
+    for (int row = list.first_row; row < end; row += kStep)
       for (int column = 0; column < frame_.grid.columns(); column += kStep) {
         const bool were_traced = were_taken && !frame_.samples.is_filled(row, cache_view, column);
         if (may_fill && frame_.samples.fill(row, cache_view, column, frame_.plan.tolerances))
           continue;
         for (const SamplePlace& place : {SamplePlace{row, column + 1}, SamplePlace{row + 1, column},
                                          SamplePlace{row + 1, column + 1}})
-          list_if_changed(cache_view, place, were_traced);
+          list_if_changed(list, place, were_traced);
       }
-    trace_samples(cache_view);
   }
 
-  /// Renders kBand rows of the panel. A band that the audit rejects is marked for retrace_band().
-  void render_band(int first_row) {
-    band_ = {};
-    band_.tried = true;
-    uncertain_.clear();
-    sampled_.clear();
-    const int end = std::min(first_row + kBand, frame_.plan.planes.rows());
-    const bool is_unchanged = is_whole_band_unchanged(first_row);
-    for (int row = first_row; row < end; ++row)
-      is_unchanged ? copy_row(first_row, row) : render_row(first_row, row);
+  /// Takes a part of the listed samples.
+  void take_samples(SampleList& list, int part) {
+    const std::span<SamplePlace> places = part_of(std::span(list.places), part, kSampleParts);
+    for (size_t first = 0; first < places.size(); first += kPacket)
+      trace_samples(list.cache_view,
+                    places.subspan(first, std::min(kPacket, places.size() - first)));
+  }
+
+  /// Begins a band, and selects what the audit samples.
+  void begin_band(BandWork& band) const {
+    band.is_unchanged = is_whole_band_unchanged(band.first_row);
+    band.counts = {};
+    band.audit_rays = 0;
+    band.uncertain.clear(frame_.plan.tiles);
+    band.sampled = sampled_of(band.first_row);
+    sampled_tracer_.sort(band.sampled);
+  }
+
+  /// Renders a row of a band except for its uncertain subpixels, which it lists.
+  void render_row(BandWork& band, int in_band) {
+    const int row = band.first_row + in_band;
+    if (row >= frame_.plan.planes.rows()) return;
+    if (band.is_unchanged) return copy_row(row);
+    const KeyGrid::Between between = frame_.grid.between(row);
+    find_cells(between);
+    flat_row_ = frame_.scene.backdrop.flat();
+    if (ground_) {
+      ground_->start(plane_of(row), *frame_.eyes);
+      flat_row_ = ground_->range_mm().empty();
+    }
+    sweep_.sweep(row, swept_, frame_.eyes, ground_ ? ground_->range_mm() : Interval{});
+    arrange_rays();
+    group_of_cut_.clear();
+    for (const SweptCut& cut : swept_.cuts)
+      group_of_cut_.push_back(frame_.groups.of(cut.geometry, cut.primitive));
+    band.counts[static_cast<size_t>(in_band)].cuts = static_cast<uint32_t>(swept_.cuts.size());
+    group_of_cut_.push_back(SurfaceGroups::kNothing);  // read, but not used, in lanes without a cut
+    look_up(between);
+    sort_row(band, in_band, between);
+    std::copy_n(found_row_.codes.data(), frame_.plan.planes.row_subpixels(), frame_.out.row(row));
+  }
+
+  /// Traces a part of a band's sampled subpixels.
+  void trace_sampled(BandWork& band, int part) {
     evaluate_exactly(true);
     const FrameCounts before = colours_.tracer().counts();
-    sampled_.trace(frame_.scene, first_row, colours_.tracer());
+    sampled_tracer_.trace(frame_.scene, band.first_row,
+                          part_of(std::span(band.sampled), part, kAuditParts), colours_.tracer());
     const FrameCounts after = colours_.tracer().counts();
-    band_.counts.audited = static_cast<uint32_t>(sampled_.subpixels().size());
-    band_.counts.rays =
+    band.audit_rays +=
         after.shadow_rays + after.secondary_rays - before.shadow_rays - before.secondary_rays;
     evaluate_exactly(false);
-    const bool given_up =
-        !is_unchanged && (are_lookups_rejected(first_row) || is_shading_expensive());
-    if (given_up) {
-      band_.counts.shaded = 0;
-    } else {
-      uncertain_.shade(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
-      write_uncertain(first_row);
+  }
+
+  /// Decides if a band is given up, after its rows are rendered and its audit is traced. Otherwise
+  /// orders its uncertain subpixels for shading.
+  void decide(BandWork& band) const {
+    band.is_given_up =
+        !band.is_unchanged && (are_lookups_rejected(band) || is_shading_expensive(band));
+    if (!band.is_given_up) band.uncertain.order(frame_.plan.tiles);
+  }
+
+  /// Shades a part of a band's ordered uncertain subpixels.
+  void shade(const BandWork& band, int part) {
+    shader_.shade(frame_.scene, frame_.start_mm, band.first_row, band.uncertain,
+                  part_of(band.uncertain.ordered(), part, kShadingParts), colours_.tracer(),
+                  [&](const UncertainSubpixel& s, float light) {
+                    frame_.out.row(band.first_row + s.row)[s.at] = frame_.encoder.code(light);
+                  });
+  }
+
+  /// Ends a band whose subpixels are shaded, unless it is given up. A band that the audit rejects
+  /// is marked for retracing. In a copied band, all audited subpixels are exact already.
+  void end_band(BandWork& band) {
+    AuditErrors retracing, evaluation;
+    for (const SampledSubpixel& s : band.sampled) {
+      uint8_t& code = frame_.out.row(band.first_row + s.row)[s.at];
+      const uint8_t exact = frame_.encoder.code(s.light);
+      (s.draw == Draw::Retracing ? retracing : evaluation).add(code, exact);
+      code = exact;
     }
-    audit_band(first_row, given_up,
-               is_unchanged ? (*frame_.kept.bands)[static_cast<size_t>(first_row / kBand)]
-                            : AdaptiveFrame::Band{});
+    const auto number = static_cast<size_t>(band.first_row / kBand);
+    AdaptiveFrame::Band& result = frame_.bands[number];
+    if (band.is_unchanged && (*frame_.kept.bands)[number].tried) {
+      result = (*frame_.kept.bands)[number];
+    } else {
+      result = {.retracing = retracing,
+                .evaluation = evaluation,
+                .tried = true,
+                .counts = counts_of(band)};
+      if (band.is_given_up) result.counts.shaded = 0;
+    }
+    result.retraced = band.is_given_up || is_rejected(result.retracing);
+    if (result.retraced && !band.is_given_up && frame_.plan.options.soft.any())
+      result.retraced = is_rejected(result.retracing, count_noise(band));
   }
 
   /// Counts the audited subpixels of a band that was not tried: it is left to method full, and so
   /// has no errors.
-  void audit_untried_band(int first_row) {
-    sampled_.clear();
-    const int end = std::min(first_row + kBand, frame_.plan.planes.rows());
-    for (int row = first_row; row < end; ++row) add_sampled(first_row, row, true);
-    frame_.bands[static_cast<size_t>(first_row / kBand)].evaluation.add_exact(
-        static_cast<uint64_t>(std::ranges::count(sampled_.subpixels(), Draw::Evaluation,
-                                                 &SampledSubpixels::Subpixel::draw)));
+  void audit_untried_band(int number) const {
+    frame_.bands[static_cast<size_t>(number)].evaluation.add_exact(static_cast<uint64_t>(
+        std::ranges::count(sampled_of(number * kBand), Draw::Evaluation, &SampledSubpixel::draw)));
   }
 
-  /// Renders a band with method full's exact bytes.
-  void retrace_band(int first_row) {
+  /// Renders a tile with method full's exact bytes.
+  void retrace_tile(int number) {
     if (!full_)
       full_ = std::make_unique<FullTiles::Worker>(frame_.plan.full, frame_.scene, frame_.beams);
-    const TilePlan& plan = frame_.plan.tiles;
-    const int first_tile = first_row / kBand * plan.per_band();
-    for (int n = 0; n < plan.per_band(); ++n) full_->render(plan.tile(first_tile + n), frame_.out);
-    const int end = std::min(first_row + kBand, frame_.plan.planes.rows());
-    const size_t subpixels =
-        static_cast<size_t>(end - first_row) * frame_.plan.planes.row_subpixels();
-    counts_.retraced_subpixels += subpixels;
-    AdaptiveFrame::Band& band = frame_.bands[static_cast<size_t>(first_row / kBand)];
-    band.retraced = true;
-    if (!band.tried) counts_.traced_subpixels += subpixels;
+    full_->render(frame_.plan.tiles.tile(number), frame_.out);
   }
 
   /// Returns the counters of the bands rendered so far.
@@ -351,29 +447,20 @@ class AdaptiveWorker {
     tracer.tolerate(exactly ? 0.0F : frame_.plan.tolerances.noticed(frame_.scene.colour_managed));
   }
 
-  struct SamplePlace {
-    int row, column;
-  };
-
-  void list_sample(int cache_view, SamplePlace place) {
+  void list_if_changed(SampleList& list, SamplePlace place, bool was_taken) const {
     if (place.row >= frame_.grid.rows() || place.column >= frame_.grid.columns()) return;
-    sample_places_[listed_++] = place;
-    if (listed_ == kPacket) trace_samples(cache_view);
+    const int view = list.cache_view;
+    if (!was_taken || !frame_.kept.at(frame_.grid.panel_row(place.row, view),
+                                      frame_.grid.ray(place.row, view, place.column).x_mm))
+      list.places.push_back(place);
   }
 
-  void list_if_changed(int cache_view, SamplePlace place, bool was_taken) {
-    if (!was_taken || !frame_.kept.at(frame_.grid.panel_row(place.row, cache_view),
-                                      frame_.grid.ray(place.row, cache_view, place.column).x_mm))
-      list_sample(cache_view, place);
-  }
-
-  /// Traces the listed samples; idle lanes repeat the last one.
-  void trace_samples(int cache_view) {
-    if (listed_ == 0) return;
+  /// Traces a packet of samples; idle lanes repeat the last one.
+  void trace_samples(int cache_view, std::span<const SamplePlace> places) {
     std::array<uint32_t, kPacket> seeds{};
     for (size_t lane = 0; lane < kPacket; ++lane) {
-      const SamplePlace& place = sample_places_[std::min(lane, listed_ - 1)];
-      packet_[0].valid[lane] = lane < listed_ ? -1 : 0;
+      const SamplePlace& place = places[std::min(lane, places.size() - 1)];
+      packet_[0].valid[lane] = lane < places.size() ? -1 : 0;
       if (colours_.tracer().needs_seeds())
         seeds[lane] = sampling::subpixel_seed(place.row, place.column, 1 + cache_view);
       set_panel_ray(frame_.scene, frame_.start_mm,
@@ -382,12 +469,10 @@ class AdaptiveWorker {
     colours_.tracer().set_seeds(seeds);
     colours_.trace(frame_.scene, frame_.groups,
                    frame_.plan.tolerances.noticed(frame_.scene.colour_managed), packet_[0], found_);
-    for (size_t lane = 0; lane < listed_; ++lane) set_sample(cache_view, lane);
-    listed_ = 0;
+    for (size_t lane = 0; lane < places.size(); ++lane) set_sample(cache_view, places[lane], lane);
   }
 
-  void set_sample(int cache_view, size_t lane) {
-    const SamplePlace& place = sample_places_[lane];
+  void set_sample(int cache_view, const SamplePlace& place, size_t lane) {
     if (found_.group[lane] == SurfaceGroups::kNothing)
       return frame_.samples.set_nothing(place.row, cache_view, place.column);
     KeySamples::Sample sample{.group = found_.group[lane],
@@ -407,32 +492,10 @@ class AdaptiveWorker {
     frame_.samples.set(place.row, cache_view, place.column, sample);
   }
 
-  void render_row(int first_row, int row) {
-    const KeyGrid::Between between = frame_.grid.between(row);
-    find_cells(between);
-    flat_row_ = frame_.scene.backdrop.flat();
-    if (ground_) {
-      ground_->start(plane_of(row), *frame_.eyes);
-      flat_row_ = ground_->range_mm().empty();
-    }
-    sweep_.sweep(row, swept_, frame_.eyes, ground_ ? ground_->range_mm() : Interval{});
-    arrange_rays();
-    group_of_cut_.clear();
-    for (const SweptCut& cut : swept_.cuts)
-      group_of_cut_.push_back(frame_.groups.of(cut.geometry, cut.primitive));
-    band_.counts.cuts += static_cast<uint32_t>(swept_.cuts.size());
-    group_of_cut_.push_back(SurfaceGroups::kNothing);  // read, but not used, in lanes without a cut
-    look_up(between);
-    add_sampled(first_row, row, false);
-    sort_row(first_row, row, between);
-    std::copy_n(found_row_.codes.data(), frame_.plan.planes.row_subpixels(), frame_.out.row(row));
-  }
-
-  void copy_row(int first_row, int row) {
+  void copy_row(int row) {
     const size_t count = frame_.plan.planes.row_subpixels();
     std::copy_n(frame_.kept.frame->row(row), count, frame_.out.row(row));
     counts_.copied_subpixels += count;
-    add_sampled(first_row, row, true);
   }
 
   /// Returns true if the band can be copied: no content that its subpixels see and no sample that
@@ -509,30 +572,34 @@ class AdaptiveWorker {
     std::copy_n(between.above, 2, keys_row_.begin());
   }
 
-  void add_sampled(int first_row, int row, bool copied) {
+  /// Returns the subpixels of a band that the audit samples.
+  [[nodiscard]] std::vector<SampledSubpixel> sampled_of(int first_row) const {
+    std::vector<SampledSubpixel> sampled;
     const auto count = static_cast<uint32_t>(frame_.plan.planes.row_subpixels());
-    const auto add = [&](uint32_t at, Draw draw) {
-      if (at < count)
-        sampled_.add({.at = static_cast<int32_t>(at),
-                      .row = static_cast<uint16_t>(row - first_row),
-                      .draw = draw,
-                      .is_shaded = !copied && found_row_.states[at] == lookup_kernel::kUnknown});
-    };
     const AuditSelection& selection = frame_.plan.selection;
-    for (uint32_t stretch = 0; stretch * selection.one_in() < count; ++stretch) {
-      const SampledPair sampled = selection.pair(static_cast<uint32_t>(row), stretch);
-      add(sampled.retracing, Draw::Retracing);
-      add(sampled.evaluation, Draw::Evaluation);
-    }
+    const int end = std::min(first_row + kBand, frame_.plan.planes.rows());
+    for (int row = first_row; row < end; ++row)
+      for (uint32_t stretch = 0; stretch * selection.one_in() < count; ++stretch) {
+        const SampledPair pair = selection.pair(static_cast<uint32_t>(row), stretch);
+        for (const auto& [at, draw] : {std::pair(pair.retracing, Draw::Retracing),
+                                       std::pair(pair.evaluation, Draw::Evaluation)})
+          if (at < count)
+            sampled.push_back({.at = static_cast<int32_t>(at),
+                               .row = static_cast<uint16_t>(row - first_row),
+                               .draw = draw});
+      }
+    return sampled;
   }
 
-  void add_uncertain(int first_row, int row, size_t at, const KeyGrid::Between& between) {
+  void add_uncertain(UncertainBand::Row& row, int in_band, size_t at,
+                     const KeyGrid::Between& between) {
     const auto cut_number = static_cast<size_t>(swept_.cut[at]);
     const SweptCut& cut = swept_.cuts[cut_number];
     const uint32_t group = group_of_cut_[cut_number];
-    UncertainSubpixels::Subpixel& added = uncertain_.add();
+    // Filled in place, since a copy would stall on recent writes.
+    UncertainSubpixel& added = row.subpixels.emplace_back();
     added.at = static_cast<int32_t>(at);
-    added.row = static_cast<uint16_t>(row - first_row);
+    added.row = static_cast<uint16_t>(in_band);
     added.x_mm = x_mm_[at];
     added.tan_x = tan_x_[at];
     added.z_mm = swept_.z_mm[at];
@@ -543,15 +610,18 @@ class AdaptiveWorker {
                        .places = found_row_.places(at),
                        .group = group,
                        .channel = static_cast<int>(at % 3)},
-                      added.resolved, uncertain_.area_lights());
+                      added.resolved, row.area_lights);
   }
 
   /// Writes the colours of subpixels that see nothing, and lists the unresolved ones.
-  void sort_row(int first_row, int row, const KeyGrid::Between& between) {
+  void sort_row(BandWork& band, int in_band, const KeyGrid::Between& between) {
     static_assert(lookup_kernel::kFound == 0 && lookup_kernel::kNothing == 1);
     constexpr uint64_t kAllNothing = 0x0101010101010101;
     const bool may_keep = frame_.kept.parts != nullptr;
     const size_t count = frame_.plan.planes.row_subpixels();
+    const int row = band.first_row + in_band;
+    UncertainBand::Row& uncertain = band.uncertain.row(static_cast<size_t>(in_band));
+    uncertain.plane = plane_of(row);
     uint64_t unknown = 0, copied = 0, nothing = 0;
     for (size_t first = 0; first < count; first += sizeof(uint64_t)) {
       uint64_t eight;  // states; the array is slightly longer than the row
@@ -576,15 +646,16 @@ class AdaptiveWorker {
           ++copied;
           continue;
         }
-        add_uncertain(first_row, row, at, between);
+        add_uncertain(uncertain, in_band, at, between);
         ++unknown;
       }
     }
     counts_.traced_subpixels += unknown;
     counts_.copied_subpixels += copied;
     counts_.interpolated_subpixels += count - unknown - copied;
-    band_.counts.seen += static_cast<uint32_t>(count - nothing);
-    band_.counts.shaded += static_cast<uint32_t>(unknown + copied);
+    BandCounts& counts = band.counts[static_cast<size_t>(in_band)];
+    counts.seen = static_cast<uint32_t>(count - nothing);
+    counts.shaded = static_cast<uint32_t>(unknown + copied);
   }
 
   [[nodiscard]] RowPlane plane_of(int row) const {
@@ -612,22 +683,35 @@ class AdaptiveWorker {
     return !rays.subpixel.empty() || (end > rays.first && begin < rays.end);
   }
 
+  [[nodiscard]] static BandCounts counts_of(const BandWork& band) {
+    BandCounts sum{.audited = static_cast<uint32_t>(band.sampled.size()),
+                   .rays = band.audit_rays.load()};
+    for (const BandCounts& row : band.counts) {
+      sum.seen += row.seen;
+      sum.shaded += row.shaded;
+      sum.cuts += row.cuts;
+    }
+    return sum;
+  }
+
   /// Returns true if shading the other subpixels of a band would take longer than method full takes
   /// for all of it.
-  [[nodiscard]] bool is_shading_expensive() const {
-    const BandCosts costs = frame_.costs.costs(band_.counts);
+  [[nodiscard]] bool is_shading_expensive(const BandWork& band) const {
+    const BandCosts costs = frame_.costs.costs(counts_of(band));
     return costs.shading > costs.full;
   }
 
   /// Returns true if the audit rejects a band for its lookups alone, so that the other subpixels
   /// need not be shaded.
-  [[nodiscard]] bool are_lookups_rejected(int first_row) const {
+  [[nodiscard]] bool are_lookups_rejected(const BandWork& band) const {
     if (frame_.plan.options.soft.any()) return false;  // noise is subtracted from the audit
     AuditErrors retracing;
-    for (const SampledSubpixels::Subpixel& s : sampled_.subpixels()) {
+    for (const SampledSubpixel& s : band.sampled) {
       if (s.draw != Draw::Retracing) continue;
       const uint8_t exact = frame_.encoder.code(s.light);
-      retracing.add(s.is_shaded ? exact : frame_.out.row(first_row + s.row)[s.at], exact);
+      const bool is_uncertain = std::ranges::binary_search(band.uncertain.row(s.row).subpixels,
+                                                           s.at, {}, &UncertainSubpixel::at);
+      retracing.add(is_uncertain ? exact : frame_.out.row(band.first_row + s.row)[s.at], exact);
     }
     return is_rejected(retracing);
   }
@@ -644,52 +728,19 @@ class AdaptiveWorker {
                kMostOfBand * frame_.plan.most_mean_square;
   }
 
-  void write_uncertain(int first_row) {
-    for (const UncertainSubpixels::Subpixel& s : uncertain_.subpixels())
-      frame_.out.row(first_row + s.row)[s.at] = frame_.encoder.code(s.light);
-  }
-
-  /// Audits a band whose sampled subpixels are traced. If it is `given_up`, not all of its
-  /// subpixels have been shaded, and method full will render it. `known` holds the results of a
-  /// copied band, in which all audited subpixels are already exact.
-  void audit_band(int first_row, bool given_up, const AdaptiveFrame::Band& known) {
-    AuditErrors retracing, evaluation;
-    for (const SampledSubpixels::Subpixel& s : sampled_.subpixels()) {
-      uint8_t& code = frame_.out.row(first_row + s.row)[s.at];
-      const uint8_t exact = frame_.encoder.code(s.light);
-      (s.draw == Draw::Retracing ? retracing : evaluation).add(code, exact);
-      code = exact;
-    }
-    if (known.tried) {
-      band_ = known;
-    } else {
-      band_.retracing = retracing;
-      band_.evaluation = evaluation;
-    }
-    band_.retraced = given_up || is_rejected(band_.retracing);
-    if (band_.retraced && !given_up && frame_.plan.options.soft.any())
-      band_.retraced = is_rejected(band_.retracing, count_noise(first_row));
-    frame_.bands[static_cast<size_t>(first_row / kBand)] = band_;
-  }
-
-  [[nodiscard]] bool is_beyond(uint8_t code, uint8_t exact) const {
-    return std::abs(int{code} - int{exact}) > frame_.plan.options.tolerated_error;
-  }
-
   /// Returns the number of samples of Draw::Retracing whose code under method full exceeds the
   /// tolerated error due to sampling noise alone. The audited subpixels are exact in the frame.
-  uint64_t count_noise(int first_row) {
+  uint64_t count_noise(BandWork& band) {
     colours_.tracer().tolerate(0.0F);
     colours_.tracer().integrate_area_lights(false);
-    sampled_.trace(frame_.scene, first_row, colours_.tracer());
+    sampled_tracer_.trace(frame_.scene, band.first_row, band.sampled, colours_.tracer());
     colours_.tracer().integrate_area_lights(true);
     evaluate_exactly(false);
-    uint64_t beyond = 0;
-    for (const SampledSubpixels::Subpixel& s : sampled_.subpixels())
-      if (s.draw == Draw::Retracing &&
-          is_beyond(frame_.encoder.code(s.light), frame_.out.row(first_row + s.row)[s.at]))
-        ++beyond;
-    return beyond;
+    AuditErrors noise;
+    for (const SampledSubpixel& s : band.sampled)
+      if (s.draw == Draw::Retracing)
+        noise.add(frame_.encoder.code(s.light), frame_.out.row(band.first_row + s.row)[s.at]);
+    return noise.counts(frame_.plan.options.tolerated_error).beyond;
   }
 
   AdaptiveFrame& frame_;
@@ -702,13 +753,11 @@ class AdaptiveWorker {
   const float* x_mm_ = nullptr;  ///< per subpixel of the last swept row
   const float* tan_x_ = nullptr;
   std::vector<float> arranged_x_, arranged_tan_;
-  UncertainSubpixels uncertain_;
-  SampledSubpixels sampled_;
+  UncertainShader shader_;
+  SampledTracer sampled_tracer_;
   std::unique_ptr<FullTiles::Worker> full_;  ///< created when a band is retraced
   LightResolver resolver_;
-  std::vector<RayPacket> packet_;  ///< a single packet
-  std::array<SamplePlace, kPacket> sample_places_{};
-  size_t listed_ = 0;                            ///< elements of sample_places_ in use
+  std::vector<RayPacket> packet_;                ///< a single packet
   std::vector<uint32_t> keys_;                   ///< see lookup_kernel::SampleRows
   std::vector<lookup_kernel::Corners> corners_;  ///< corners of the same cells
   std::array<int, 2> keys_row_{-1, -1};
@@ -740,8 +789,7 @@ class AdaptiveWorker {
     }
   };
   FoundRow found_row_;
-  AdaptiveFrame::Band band_;  ///< costs of the band so far
-  FrameCounts counts_;        ///< origin of the colours of the subpixels
+  FrameCounts counts_;  ///< origin of the colours of the subpixels
 };
 
 // ---- the method
@@ -774,19 +822,6 @@ bool rays_fit(const Scene& scene, const RowPlanes& planes, const RayReach& reach
           return false;
       }
   return true;
-}
-
-/// Disables culling queries unless light is sampled: a query costs as much as tracing many rays,
-/// and there are few samples; with soft light each sample has many rays.
-RenderOptions with_little_culling(RenderOptions options) {
-  options.use_shaft_culling = options.use_shaft_culling && options.soft.any();
-  return options;
-}
-
-/// Returns the options of method full within method adaptive, which keeps the last frame itself.
-RenderOptions without_copies(RenderOptions options) {
-  options.copy_unchanged = false;
-  return options;
 }
 
 bool is_shiny(const Scene& scene) {
@@ -826,9 +861,9 @@ class AdaptiveMethod final : public Method {
  public:
   AdaptiveMethod(const optics::OpticalModel& model, const RenderOptions& options,
                  const ItemWatcher& watcher)
-      : options_(with_little_culling(options)),
+      : options_(options),
         watcher_(watcher),
-        full_options_(without_copies(options)),
+        full_options_(options),
         planes_(model, options.isa),
         reach_(reach_of(planes_)),
         full_tiles_(std::make_shared<const FullTiles>(model, options)),
@@ -842,7 +877,14 @@ class AdaptiveMethod final : public Method {
               Tolerances::for_error(options.tolerated_error),
               selection_for(subpixels_of(planes_), options),
               most_mean_square(options)},
-        arena_(options.threads > 0 ? options.threads : tbb::task_arena::automatic) {}
+        arena_(options.threads > 0 ? options.threads : tbb::task_arena::automatic),
+        works_(static_cast<size_t>(std::min(kBandsPerThread * arena_.max_concurrency(),
+                                            (planes_.rows() + kBand - 1) / kBand))) {
+    // A culling query costs as much as tracing many rays, and there are few samples, which have
+    // many rays with soft light only.
+    if (!options.soft.any()) options_.use_shaft_culling = false;
+    full_options_.copy_unchanged = false;  // this method keeps the last frame itself
+  }
 
   bool set_tolerated_error(double error) override {
     LENTICULE_CHECK(error > 0.0 && std::isfinite(error) && options_.proven_rmse == 0.0);
@@ -876,7 +918,7 @@ class AdaptiveMethod final : public Method {
     const auto start = std::chrono::steady_clock::now();
     cancelled_ = false;
     loops_ = 0;
-    const KeyGrid grid(planes_, stage, reach_, spacing_for(planes_, reach_, is_shiny(scene)));
+    const KeyGrid grid(planes_, stage, reach_, cache_views_for(planes_, reach_, is_shiny(scene)));
     AdaptiveFrame frame(plan_, grid, scene, samples_, out);
     const Before before = std::exchange(before_, {});
     Before now;
@@ -953,14 +995,15 @@ class AdaptiveMethod final : public Method {
     if (options_.soft.any() || !is_expensive(0)) return false;
     const FlushDenormals flush;
     RecordingTracer tracer(options_);
-    SampledSubpixels some(full_tiles_->packets(), full_tiles_->plan(), centre_);
+    SampledTracer sampled_tracer(full_tiles_->packets(), full_tiles_->plan(), centre_);
+    std::vector<SampledSubpixel> some;
     constexpr int kOneIn = 256;
     int64_t count = 0;
     for (int row = kBand / 2; row < planes_.rows(); row += 4 * kBand) {
       some.clear();
       for (size_t at = 0; at < planes_.row_subpixels(); at += kOneIn, ++count)
-        some.add({.at = static_cast<int32_t>(at), .row = kBand / 2});
-      some.trace(scene, row - kBand / 2, tracer);
+        some.push_back({.at = static_cast<int32_t>(at), .row = kBand / 2});
+      sampled_tracer.trace(scene, row - kBand / 2, some, tracer);
     }
     const FrameCounts counts = tracer.counts();
     return is_expensive(static_cast<int64_t>(16 * (counts.shadow_rays + counts.secondary_rays)) /
@@ -975,15 +1018,44 @@ class AdaptiveMethod final : public Method {
     bool is_first = true;
     for (std::vector<int> due = order.next(); !due.empty(); due = order.next()) {
       const AdaptiveFrame::Taken samples = needed(frame, due);
-      take_coarse_samples(frame, workers, samples);
+      take_samples(frame, samples.coarse, frame.taken.coarse, &AdaptiveWorker::list_coarse_samples,
+                   workers);
       if (is_first && shows_small_parts(frame)) return false;
-      take_other_samples(frame, workers, samples);
-      in_parallel(static_cast<int>(due.size()),
-                  [&](int n) { workers.local().render_band(due[static_cast<size_t>(n)] * kBand); });
+      take_samples(frame, samples.others, frame.taken.others, &AdaptiveWorker::list_other_samples,
+                   workers);
+      const std::vector<int> rows = newly_taken(samples.bends, frame.taken.bends);
+      in_parallel(static_cast<int>(rows.size()), [&](int n) {
+        frame.samples.mark_bends(rows[static_cast<size_t>(n)], plan_.tolerances);
+      });
+      for (size_t first = 0; first < due.size(); first += works_.size())
+        render_bands(std::span(due).subspan(first, std::min(works_.size(), due.size() - first)),
+                     workers);
       note_gains(frame, order);
       if (std::exchange(is_first, false) && order.loses()) return keeps_any(frame);
     }
     return true;
+  }
+
+  /// Renders bands, not more than there are elements of works_.
+  void render_bands(std::span<const int> numbers, Workers& workers) {
+    /// Does work(worker, band, part) for all parts of all bands.
+    const auto each = [&](int parts, const auto& work) {
+      in_parallel(static_cast<int>(numbers.size()) * parts, [&](int n) {
+        work(workers.local(), works_[static_cast<size_t>(n / parts)], n % parts);
+      });
+    };
+    for (size_t n = 0; n < numbers.size(); ++n) works_[n].first_row = numbers[n] * kBand;
+    each(1, [](AdaptiveWorker& worker, BandWork& band, int) { worker.begin_band(band); });
+    each(kAuditParts + kBand, [](AdaptiveWorker& worker, BandWork& band, int part) {
+      if (part < kAuditParts)
+        worker.trace_sampled(band, part);
+      else
+        worker.render_row(band, part - kAuditParts);
+    });
+    each(1, [](AdaptiveWorker& worker, BandWork& band, int) { worker.decide(band); });
+    each(kShadingParts,
+         [](AdaptiveWorker& worker, const BandWork& band, int part) { worker.shade(band, part); });
+    each(1, [](AdaptiveWorker& worker, BandWork& band, int) { worker.end_band(band); });
   }
 
   /// Returns true if a tried band is not left to method full.
@@ -992,15 +1064,17 @@ class AdaptiveMethod final : public Method {
         frame.bands, [](const AdaptiveFrame::Band& band) { return band.tried && !band.retraced; });
   }
 
-  /// Notes what the tried bands have gained. Those whose errors are so large that
-  /// limit_mean_square() will leave them to method full have only cost time.
+  /// Notes the time that the tried bands have saved against method full, as estimated from
+  /// counters, so that the bytes do not depend on the machine's speed. Those whose errors are so
+  /// large that limit_mean_square() will leave them to method full have only cost time.
   void note_gains(const AdaptiveFrame& frame, BandOrder& order) const {
     std::vector<int> kept;
     ExpectedErrors errors{.bands = static_cast<double>(frame.bands.size())};
     for (int n = 0; n < static_cast<int>(frame.bands.size()); ++n) {
       const AdaptiveFrame::Band& band = frame.bands[static_cast<size_t>(n)];
       if (!band.tried) continue;
-      order.note(n, gain_of(frame, band));
+      const BandCosts costs = frame.costs.costs(band.counts);
+      order.note(n, (band.retraced ? 0 : costs.full) - costs.spent());
       ++errors.tried;
       if (band.retraced) continue;
       kept.push_back(n);
@@ -1048,7 +1122,7 @@ class AdaptiveMethod final : public Method {
   /// Lets the bands that were not tried count in the evaluation of the frame.
   void audit_untried_bands(AdaptiveFrame& frame, Workers& workers) {
     in_parallel(static_cast<int>(frame.bands.size()), [&](int n) {
-      if (!frame.bands[static_cast<size_t>(n)].tried) workers.local().audit_untried_band(n * kBand);
+      if (!frame.bands[static_cast<size_t>(n)].tried) workers.local().audit_untried_band(n);
     });
   }
 
@@ -1100,10 +1174,16 @@ class AdaptiveMethod final : public Method {
 
   /// Renders the bands that were rejected or not tried.
   void retrace_bands(AdaptiveFrame& frame, Workers& workers) {
-    in_parallel(static_cast<int>(frame.bands.size()), [&](int n) {
-      const AdaptiveFrame::Band& band = frame.bands[static_cast<size_t>(n)];
-      if (!band.tried || band.retraced) workers.local().retrace_band(n * kBand);
-    });
+    std::vector<int> tiles;
+    for (int n = 0; n < static_cast<int>(frame.bands.size()); ++n) {
+      AdaptiveFrame::Band& band = frame.bands[static_cast<size_t>(n)];
+      band.retraced = band.retraced || !band.tried;
+      const int per_band = plan_.tiles.per_band();
+      for (int tile = 0; band.retraced && tile < per_band; ++tile)
+        tiles.push_back(n * per_band + tile);
+    }
+    in_parallel(static_cast<int>(tiles.size()),
+                [&](int n) { workers.local().retrace_tile(tiles[static_cast<size_t>(n)]); });
   }
 
   /// Marks the samples that bands need: the rows around them with their neighbours, for the bends,
@@ -1133,33 +1213,29 @@ class AdaptiveMethod final : public Method {
     return needed;
   }
 
-  /// Takes what is marked and not yet taken, in each of `cache_views` views.
-  template <class Take>
-  void take_marked(const std::vector<uint8_t>& marks, std::vector<uint8_t>& taken, int cache_views,
-                   const Take& take) {
-    in_parallel(static_cast<int>(marks.size()) * cache_views, [&](int n) {
-      const auto at = static_cast<size_t>(n / cache_views);
-      if (marks[at] != 0 && taken[at] == 0) take(n / cache_views, n % cache_views);
+  /// Returns the numbers of what is marked and not yet taken, which is taken afterwards.
+  static std::vector<int> newly_taken(const std::vector<uint8_t>& marks,
+                                      std::vector<uint8_t>& taken) {
+    std::vector<int> numbers;
+    for (size_t n = 0; n < marks.size(); ++n)
+      if (marks[n] != 0 && std::exchange(taken[n], uint8_t{1}) == 0)
+        numbers.push_back(static_cast<int>(n));
+    return numbers;
+  }
+
+  /// Takes the samples that `list_samples` lists in the marked blocks that are not yet taken.
+  void take_samples(const AdaptiveFrame& frame, const std::vector<uint8_t>& marks,
+                    std::vector<uint8_t>& taken,
+                    void (AdaptiveWorker::*list_samples)(SampleList&) const, Workers& workers) {
+    std::vector<SampleList> lists;
+    for (const int block : newly_taken(marks, taken))
+      for (int view = 0; view < frame.grid.cache_views(); ++view)
+        lists.push_back({block * kSampleRows, view, {}});
+    in_parallel(static_cast<int>(lists.size()),
+                [&](int n) { (workers.local().*list_samples)(lists[static_cast<size_t>(n)]); });
+    in_parallel(static_cast<int>(lists.size()) * kSampleParts, [&](int n) {
+      workers.local().take_samples(lists[static_cast<size_t>(n / kSampleParts)], n % kSampleParts);
     });
-    for (size_t n = 0; n < taken.size(); ++n) taken[n] = std::max(taken[n], marks[n]);
-  }
-
-  void take_coarse_samples(AdaptiveFrame& frame, Workers& workers,
-                           const AdaptiveFrame::Taken& samples) {
-    take_marked(samples.coarse, frame.taken.coarse, frame.grid.cache_views(),
-                [&](int block, int cache_view) {
-                  workers.local().take_coarse_samples(block * kSampleRows, cache_view);
-                });
-  }
-
-  void take_other_samples(AdaptiveFrame& frame, Workers& workers,
-                          const AdaptiveFrame::Taken& samples) {
-    take_marked(samples.others, frame.taken.others, frame.grid.cache_views(),
-                [&](int block, int cache_view) {
-                  workers.local().take_other_samples(block * kSampleRows, cache_view);
-                });
-    take_marked(samples.bends, frame.taken.bends, 1,
-                [&](int row, int) { frame.samples.mark_bends(row, plan_.tolerances); });
   }
 
   /// Returns true if most of the coarse samples taken so far show another surface or another colour
@@ -1189,18 +1265,17 @@ class AdaptiveMethod final : public Method {
     return seen >= kFew && (seen < kMany ? 4 : 2) * alike < seen;
   }
 
-  /// Estimates the time that a tried band has saved against method full. Only counters decide, so
-  /// that the bytes do not depend on the machine's speed.
-  [[nodiscard]] static int64_t gain_of(const AdaptiveFrame& frame,
-                                       const AdaptiveFrame::Band& band) {
-    const BandCosts costs = frame.costs.costs(band.counts);
-    return (band.retraced ? 0 : costs.full) - costs.spent();
-  }
-
   [[nodiscard]] RenderStatistics statistics_of(const AdaptiveFrame& frame, Workers& workers,
                                                uint64_t subpixels) const {
     RenderStatistics statistics;
     for (AdaptiveWorker& worker : workers) statistics += worker.counts();
+    for (size_t n = 0; n < frame.bands.size(); ++n) {
+      if (!frame.bands[n].retraced) continue;
+      const int rows = std::min(kBand, planes_.rows() - static_cast<int>(n) * kBand);
+      const uint64_t retraced = planes_.row_subpixels() * static_cast<uint64_t>(rows);
+      statistics.retraced_subpixels += retraced;
+      if (!frame.bands[n].tried) statistics.traced_subpixels += retraced;
+    }
     const AuditErrors errors = evaluation_of(frame);
     const AuditCounts audit = errors.counts(options_.tolerated_error);
     statistics.subpixels = subpixels;
@@ -1236,6 +1311,7 @@ class AdaptiveMethod final : public Method {
   std::unique_ptr<Method> full_;  ///< created when needed
   std::atomic<bool> cancelled_{false};
   tbb::task_arena arena_;
+  std::vector<BandWork> works_;  ///< memory is kept from frame to frame
 };
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <cstdlib>
 #include <limits>
+#include <numeric>
 #include <span>
 #include <vector>
 
@@ -45,7 +46,8 @@ class ColourTracer {
     tracer_.trace_recording(scene, plan_, channel, groups, noticed, packet, light(kFirst));
     out.notes = tracer_.notes();
     std::copy_n(out.notes.secondary, kPacket, out.secondary[kFirst]);
-    const CachedLight known = lights_of(out.notes);
+    CachedLight known{};  // the lights that reach the surfaces are the same in all colours
+    known.set_lights(out.notes.lit, out.notes.hidden);
     for (const int c : kOthers) {
       if (scene.pbr != nullptr) {  // traced in all channels at once
         std::ranges::copy(tracer_.pbr_light(packet, c), out.light[c]);
@@ -69,13 +71,6 @@ class ColourTracer {
   /// The path of the light is recorded for green, which dominates perceived brightness.
   static constexpr int kFirst = 1;
   static constexpr int kOthers[] = {0, 2};
-
-  /// Returns the lights that reach the surfaces, which are the same in all colours.
-  static CachedLight lights_of(const LightRecord& notes) {
-    CachedLight known{};
-    known.set_lights(notes.lit, notes.hidden);
-    return known;
-  }
 
   RecordingTracer tracer_;
   const TilePlan& plan_;
@@ -264,12 +259,12 @@ class LightResolver {
     const int row = point.rows.above[place.odd];
     if (corners.row == row && corners.group == point.group) return corners;
     corners = {.group = point.group, .row = row};
-    each_corner(point, place, [&](size_t at, float) { corners.add(samples_.light(at)); });
-    if (finds_area_lights_) {
-      AreaLights& area_lights = cached_area_lights_[static_cast<size_t>(place.cell)];
-      area_lights = {};
-      each_corner(point, place, [&](size_t at, float) { area_lights.add(samples_.light(at)); });
-    }
+    AreaLights area_lights;
+    each_corner(point, place, [&](size_t at, float) {
+      corners.add(samples_.light(at));
+      if (finds_area_lights_) area_lights.add(samples_.light(at));
+    });
+    if (finds_area_lights_) cached_area_lights_[static_cast<size_t>(place.cell)] = area_lights;
     return corners;
   }
 
@@ -355,61 +350,59 @@ class LightResolver {
   std::vector<AreaLights> cached_area_lights_;  ///< the same for area lights, if resolved
 };
 
-/// UncertainSubpixels collects the subpixels of a band of rows that must be shaded individually,
-/// row by row, and traces them in packets of neighbours. It belongs to one thread and keeps its
-/// memory from band to band.
-class UncertainSubpixels {
+/// UncertainSubpixel is a subpixel that must be shaded individually, on the surface that it sees.
+struct UncertainSubpixel {
+  int32_t at = 0;    ///< 3 i + channel
+  uint16_t row = 0;  ///< index in the band
+  float x_mm = 0.0F, tan_x = 0.0F, z_mm = 0.0F;
+  uint32_t geometry = 0, primitive = 0, group = 0;
+  ResolvedLight resolved{};
+};
+
+/// UncertainBand collects the uncertain subpixels of a band of rows and orders them for shading.
+/// Thread safety: threads may work on different rows. It keeps its memory from band to band.
+class UncertainBand {
  public:
-  struct Subpixel {
-    int32_t at = 0;    ///< 3 i + channel
-    uint16_t row = 0;  ///< index in the band
-    float x_mm = 0.0F, tan_x = 0.0F;
-    float light = 0.0F;  ///< result of tracing
-    // Valid only if the surface is known:
-    float z_mm = 0.0F;
-    uint32_t geometry = 0, primitive = 0, group = 0;
-    ResolvedLight resolved{};
+  struct Row {
+    RowPlane plane;
+    std::vector<UncertainSubpixel> subpixels;     ///< ascending
+    std::vector<ResolvedAreaLights> area_lights;  ///< see ResolvedLight::area_lights
   };
 
-  /// Lifetime: `planes` and `plan` must outlive the object.
-  UncertainSubpixels(const RowPlanes& planes, const TilePlan& plan)
-      : planes_(planes), plan_(plan), packet_(1) {
-    init_packets(packet_);
-    // Takes address space only, until a band needs it.
-    for (std::vector<Subpixel>* list : {&subpixels_, &ordered_})
-      list->reserve(static_cast<size_t>(plan.row_subpixels()) * TilePlan::kRows);
-  }
-
-  void clear() {
-    subpixels_.clear();
-    area_lights_.clear();
-  }
-
-  /// Adds a subpixel to be filled in place, since a copy would stall on recent writes.
-  [[nodiscard]] Subpixel& add() { return subpixels_.emplace_back(); }
-  /// Returns the list that ResolvedLight::area_lights indexes.
-  [[nodiscard]] std::vector<ResolvedAreaLights>& area_lights() { return area_lights_; }
-
-  /// Shades all subpixels on their known surfaces, and traces the light that is not resolved. Rows
-  /// are counted from `first_row`. Afterwards the subpixels have a different order. The calling
-  /// thread must flush denormals.
-  void shade(const Scene& scene, double start_mm, int first_row, RecordingTracer& tracer) {
-    order();
-    find_planes(first_row);
-    for (size_t first = 0; first < subpixels_.size(); first += kPacket) {
-      load(scene, start_mm, first);
-      if (tracer.needs_seeds()) {
-        find_seeds(first_row, first);
-        tracer.set_seeds(seeds_);
-      }
-      load_surfaces(scene, start_mm, first);
-      tracer.trace_known(scene, plan_, channel_, known_, packet_[0], light_);
-      const size_t count = std::min(kPacket, subpixels_.size() - first);
-      for (size_t r = 0; r < count; ++r) subpixels_[first + r].light = light_[r];
+  /// Begins a band without subpixels.
+  void clear(const TilePlan& plan) {
+    ordered_.clear();
+    for (Row& row : rows_) {
+      row.area_lights.clear();
+      row.subpixels.clear();
+      // Takes address space only, until a row needs it.
+      row.subpixels.reserve(static_cast<size_t>(plan.row_subpixels()));
     }
   }
 
-  [[nodiscard]] const std::vector<Subpixel>& subpixels() const { return subpixels_; }
+  [[nodiscard]] Row& row(size_t row) { return rows_[row]; }
+  [[nodiscard]] const Row& row(size_t row) const { return rows_[row]; }
+  [[nodiscard]] std::span<const UncertainSubpixel* const> ordered() const { return ordered_; }
+
+  /// Orders subpixels by kind, then by group of sheared columns, then downwards, so that
+  /// neighbouring rays are close together.
+  void order(const TilePlan& plan) {
+    const int lean = plan.shift(TilePlan::kRows - 1);  // positive or negative
+    const int first = std::min(lean, 0);
+    const size_t across =
+        static_cast<size_t>(plan.row_subpixels() + std::abs(lean)) / kTogether + 1;
+    const auto column = [&](const UncertainSubpixel& s) {
+      return static_cast<size_t>(s.at + plan.shift(s.row) - first) / kTogether +
+             kind_of(s) * across;
+    };
+    std::vector<uint32_t> first_of_column(kKinds * across + 1);
+    for (const Row& row : rows_)
+      for (const UncertainSubpixel& s : row.subpixels) ++first_of_column[column(s) + 1];
+    std::partial_sum(first_of_column.begin(), first_of_column.end(), first_of_column.begin());
+    ordered_.resize(first_of_column.back());
+    for (const Row& row : rows_)
+      for (const UncertainSubpixel& s : row.subpixels) ordered_[first_of_column[column(s)]++] = &s;
+  }
 
  private:
   /// Number of sheared columns whose subpixels are traced together, row by row.
@@ -418,13 +411,42 @@ class UncertainSubpixels {
   /// as much as sixteen, and transparent surfaces are traced lane by lane.
   static constexpr size_t kWays = 3;
   static constexpr size_t kKinds = kWays * (ResolvedLight::kNoSamples + 1);
-  static size_t kind_of(const Subpixel& s) {
+  static size_t kind_of(const UncertainSubpixel& s) {
     const size_t sampled = kWays * s.resolved.wanted;
     if (s.resolved.secondary_known) return sampled;
     return sampled + (SurfaceGroups::lets_light_through(s.group) ? 2 : 1);
   }
 
-  static const WideTriangle* wide_triangle_of(const Scene& scene, const Subpixel& s) {
+  std::array<Row, TilePlan::kRows> rows_;
+  std::vector<const UncertainSubpixel*> ordered_;
+};
+
+/// UncertainShader shades uncertain subpixels in packets of neighbours. It belongs to one thread.
+class UncertainShader {
+ public:
+  /// Lifetime: `plan` must outlive the object.
+  explicit UncertainShader(const TilePlan& plan) : plan_(plan), packet_(1) {
+    init_packets(packet_);
+  }
+
+  /// Shades a part of the ordered subpixels of a band on their known surfaces, traces the light
+  /// that is not resolved, and calls `write(subpixel, light)`. Rows are counted from `first_row`.
+  /// The calling thread must flush denormals.
+  template <class Write>
+  void shade(const Scene& scene, double start_mm, int first_row, const UncertainBand& band,
+             std::span<const UncertainSubpixel* const> part, RecordingTracer& tracer,
+             const Write& write) {
+    for (size_t first = 0; first < part.size(); first += kPacket) {
+      const auto lanes = part.subspan(first, std::min(kPacket, part.size() - first));
+      load(scene, start_mm, first_row, band, lanes);
+      if (tracer.needs_seeds()) tracer.set_seeds(seeds_);
+      tracer.trace_known(scene, plan_, channel_, known_, packet_[0], light_);
+      for (size_t r = 0; r < lanes.size(); ++r) write(*lanes[r], light_[r]);
+    }
+  }
+
+ private:
+  static const WideTriangle* wide_triangle_of(const Scene& scene, const UncertainSubpixel& s) {
     if (scene.wide_triangles.empty()) return nullptr;
     const GeometryEntry& entry = scene.geometries[s.geometry];
     if (entry.kind != GeometryEntry::Kind::Mesh) return nullptr;
@@ -441,62 +463,24 @@ class UncertainSubpixels {
     if (roots.count > 0 && roots.t[0] > 0.0) ray.tfar[r] = static_cast<float>(roots.t[0]);
   }
 
-  /// Orders subpixels by kind, then by group of sheared columns, then downwards, so that
-  /// neighbouring rays are close together.
-  void order() {
-    const int lean = plan_.shift(TilePlan::kRows - 1);  // positive or negative
-    const int first = std::min(lean, 0);
-    const size_t across =
-        static_cast<size_t>(plan_.row_subpixels() + std::abs(lean)) / kTogether + 1;
-    const auto column = [&](const Subpixel& s) {
-      return static_cast<size_t>(s.at + plan_.shift(s.row) - first) / kTogether +
-             kind_of(s) * across;
-    };
-    const size_t columns = kKinds * across;
-    first_of_column_.assign(columns + 1, 0);
-    for (const Subpixel& s : subpixels_) ++first_of_column_[column(s) + 1];
-    for (size_t n = 1; n <= columns; ++n) first_of_column_[n] += first_of_column_[n - 1];
-    ordered_.resize(subpixels_.size());
-    for (const Subpixel& s : subpixels_) ordered_[first_of_column_[column(s)]++] = s;
-    subpixels_.swap(ordered_);
-  }
-
-  void find_planes(int first_row) {
-    for (int row = 0; row < TilePlan::kRows; ++row)
-      plane_of_row_[static_cast<size_t>(row)] =
-          planes_.plane_at(first_row + row + planes_.height_in_row(0));
-  }
-
-  void load(const Scene& scene, double start_mm, size_t first) {
-    for (size_t r = 0; r < kPacket; ++r) {
-      // Idle lanes repeat the last ray.
-      const Subpixel& s = subpixels_[std::min(first + r, subpixels_.size() - 1)];
-      packet_[0].valid[r] = first + r < subpixels_.size() ? -1 : 0;
-      channel_[r] = s.at % 3;
-      const RowPlane& plane = plane_of_row_[s.row];
-      set_panel_ray(scene, start_mm,
-                    {.x_mm = double{s.x_mm},
-                     .y_mm = plane.lens_y_mm,
-                     .tan_x = double{s.tan_x},
-                     .tan_y = plane.tan_y},
-                    packet_[0], r);
-    }
-  }
-
-  /// Sets the same seeds as method full.
-  void find_seeds(int first_row, size_t first) {
-    for (size_t r = 0; r < kPacket; ++r) {
-      const Subpixel& s = subpixels_[std::min(first + r, subpixels_.size() - 1)];
-      seeds_[r] = sampling::subpixel_seed(first_row + s.row, s.at, 0);
-    }
-  }
-
-  void load_surfaces(const Scene& scene, double start_mm, size_t first) {
+  void load(const Scene& scene, double start_mm, int first_row, const UncertainBand& band,
+            std::span<const UncertainSubpixel* const> lanes) {
     std::array<uint32_t, kPacket> lit, hidden;
     known_.secondary_lanes = known_.around.lanes = 0;
     for (KnownShare& seen : known_.seen) seen.lanes = 0;
     for (size_t r = 0; r < kPacket; ++r) {
-      const Subpixel& s = subpixels_[std::min(first + r, subpixels_.size() - 1)];
+      // Idle lanes repeat the last ray.
+      const UncertainSubpixel& s = *lanes[std::min(r, lanes.size() - 1)];
+      const UncertainBand::Row& row = band.row(s.row);
+      packet_[0].valid[r] = r < lanes.size() ? -1 : 0;
+      channel_[r] = s.at % 3;
+      seeds_[r] = sampling::subpixel_seed(first_row + s.row, s.at, 0);  // as in method full
+      set_panel_ray(scene, start_mm,
+                    {.x_mm = double{s.x_mm},
+                     .y_mm = row.plane.lens_y_mm,
+                     .tan_x = double{s.tan_x},
+                     .tan_y = row.plane.tan_y},
+                    packet_[0], r);
       packet_[0].rays.ray.tfar[r] = static_cast<float>(start_mm) - s.z_mm;  // millimetres of z
       packet_[0].rays.hit.geomID[r] = s.geometry;
       packet_[0].rays.hit.primID[r] = s.primitive;
@@ -511,7 +495,7 @@ class UncertainSubpixels {
         const auto area_light = static_cast<size_t>(std::countr_zero(left));
         known_.seen[area_light].lanes |= 1U << r;
         constexpr float kPart = 1.0F / ResolvedAreaLights::kWholeAreaLight;
-        const ResolvedAreaLights& area_lights = area_lights_[s.resolved.area_lights];
+        const ResolvedAreaLights& area_lights = row.area_lights[s.resolved.area_lights];
         known_.seen[area_light].share[r] = kPart * static_cast<float>(area_lights.seen[area_light]);
         known_.seen[area_light].apart[r] =
             kPart * static_cast<float>(area_lights.apart[area_light]);
@@ -520,12 +504,7 @@ class UncertainSubpixels {
     known_.set_lights(lit, hidden);
   }
 
-  const RowPlanes& planes_;
   const TilePlan& plan_;
-  std::array<RowPlane, TilePlan::kRows> plane_of_row_{};  ///< plane of each row of the band
-  std::vector<Subpixel> subpixels_, ordered_;
-  std::vector<ResolvedAreaLights> area_lights_;
-  std::vector<uint32_t> first_of_column_;
   std::vector<RayPacket> packet_;  ///< a single packet
   alignas(64) std::array<int32_t, kPacket> channel_{};
   std::array<uint32_t, kPacket> seeds_{};
