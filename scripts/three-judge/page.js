@@ -133,6 +133,7 @@ function matt(material, vertexColors, extension, there) {
     const value = material[key];
     if (value !== undefined && (!value?.isTexture || there.has(value))) to[key] = value;
   }
+  if (to.map) to.map.colorSpace = THREE.SRGBColorSpace;  // which the loader of 3DS leaves out
   to.color = to.color.clone();
   to.emissive = to.emissive.clone();
   if (LINEAR.includes(extension)) {
