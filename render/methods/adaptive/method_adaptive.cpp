@@ -69,8 +69,8 @@ constexpr int kSampleRows = kBlock * KeySamples::kCoarse;
 constexpr int kSampleParts = 16;    ///< samples of kSampleRows rows of a cache view
 constexpr int kAuditParts = 16;     ///< audited subpixels of a band
 constexpr int kShadingParts = 128;  ///< uncertain subpixels of a band
-/// Bands that are rendered at the same time, for each thread: each takes memory for its uncertain
-/// subpixels.
+/// Bands that are rendered at the same time, for each thread. Each takes up to 64 bytes for each of
+/// its subpixels, if these are uncertain.
 constexpr int kBandsPerThread = 2;
 /// Factor of the number of soft-light rays for audited subpixels, so that their own noise does
 /// not distort the audit.
@@ -878,8 +878,8 @@ class AdaptiveMethod final : public Method {
               selection_for(subpixels_of(planes_), options),
               most_mean_square(options)},
         arena_(options.threads > 0 ? options.threads : tbb::task_arena::automatic),
-        works_(static_cast<size_t>(std::min(kBandsPerThread * arena_.max_concurrency(),
-                                            (planes_.rows() + kBand - 1) / kBand))) {
+        band_works_(static_cast<size_t>(std::min(kBandsPerThread * arena_.max_concurrency(),
+                                                 (planes_.rows() + kBand - 1) / kBand))) {
     // A culling query costs as much as tracing many rays, and there are few samples, which have
     // many rays with soft light only.
     if (!options.soft.any()) options_.use_shaft_culling = false;
@@ -1027,24 +1027,25 @@ class AdaptiveMethod final : public Method {
       in_parallel(static_cast<int>(rows.size()), [&](int n) {
         frame.samples.mark_bends(rows[static_cast<size_t>(n)], plan_.tolerances);
       });
-      for (size_t first = 0; first < due.size(); first += works_.size())
-        render_bands(std::span(due).subspan(first, std::min(works_.size(), due.size() - first)),
-                     workers);
+      for (size_t first = 0; first < due.size(); first += band_works_.size())
+        render_bands(
+            std::span(due).subspan(first, std::min(band_works_.size(), due.size() - first)),
+            workers);
       note_gains(frame, order);
       if (std::exchange(is_first, false) && order.loses()) return keeps_any(frame);
     }
     return true;
   }
 
-  /// Renders bands, not more than there are elements of works_.
+  /// Renders bands, not more than there are elements of band_works_.
   void render_bands(std::span<const int> numbers, Workers& workers) {
     /// Does work(worker, band, part) for all parts of all bands.
     const auto each = [&](int parts, const auto& work) {
       in_parallel(static_cast<int>(numbers.size()) * parts, [&](int n) {
-        work(workers.local(), works_[static_cast<size_t>(n / parts)], n % parts);
+        work(workers.local(), band_works_[static_cast<size_t>(n / parts)], n % parts);
       });
     };
-    for (size_t n = 0; n < numbers.size(); ++n) works_[n].first_row = numbers[n] * kBand;
+    for (size_t n = 0; n < numbers.size(); ++n) band_works_[n].first_row = numbers[n] * kBand;
     each(1, [](AdaptiveWorker& worker, BandWork& band, int) { worker.begin_band(band); });
     each(kAuditParts + kBand, [](AdaptiveWorker& worker, BandWork& band, int part) {
       if (part < kAuditParts)
@@ -1311,7 +1312,7 @@ class AdaptiveMethod final : public Method {
   std::unique_ptr<Method> full_;  ///< created when needed
   std::atomic<bool> cancelled_{false};
   tbb::task_arena arena_;
-  std::vector<BandWork> works_;  ///< memory is kept from frame to frame
+  std::vector<BandWork> band_works_;  ///< memory is kept from frame to frame
 };
 
 }  // namespace
