@@ -103,7 +103,7 @@ TEST_F(BenchTest, ExactComparesWithAnUprightRig) {
 TEST_F(BenchTest, CoresSimulatesMoreCoresThanTheMachineHas) {
   const auto json =
       results_of(run({"bench", "cores", "teapot:2", "tree:2", "--rig",
-                      source_file("scenes/rigs/tiny.toml"), "--runs", "1", "--json"}));
+                      source_file("scenes/rigs/paper-64.toml"), "--runs", "1", "--json"}));
   ASSERT_EQ(json.at("scenes").size(), 2U);
   for (const auto& scene : json["scenes"]) {
     const auto& speed_up = scene.at("speed_up");
