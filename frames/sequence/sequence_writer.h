@@ -151,6 +151,7 @@ class SequenceWriter {
     if (there.rate != wanted.rate) return "another frame rate";
     if (there.first_frame != wanted.first_frame) return "another first frame";
     if (there.max_error != wanted.max_error) return "another largest error";
+    if (there.made_from != wanted.made_from) return "another scene or input";
     return nullptr;
   }
 

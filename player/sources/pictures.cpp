@@ -63,11 +63,12 @@ void check_size(const std::string& name, const frames::FrameGeometry& size,
                 fmt::format("{}: {}x{} pixels, but the rig's panel has {}x{}", name, size.width,
                             size.height, options.size->width, options.size->height),
                 remedy_of_unwoven(size));
-  if (options.most_pixels) most_pixels = *options.most_pixels;
-  if ((options.plays || options.most_pixels) && pixels_of(size) > most_pixels)
+  const uint64_t limit = options.most_pixels.value_or(
+      options.plays ? most_pixels : std::numeric_limits<uint64_t>::max());
+  if (pixels_of(size) > limit)
     throw Error(ErrorKind::Input,
                 fmt::format("{}: {}x{} pixels; the limit is {} million", name, size.width,
-                            size.height, most_pixels / 1'000'000),
+                            size.height, limit / 1'000'000),
                 "make the views smaller; a panel shows only a fraction of so many pixels");
 }
 
@@ -380,35 +381,28 @@ bool may_be_woven(const SourceSpec& source, const std::optional<frames::FrameGeo
 }
 
 /// Looks for two eyes in the pixels, and says what it found.
-std::optional<frames::StereoLayout> find_stereo(const SourceSpec& source) {
+std::optional<frames::StereoLayout> find_stereo(ViewInput& input, const std::string& name) {
   constexpr uint64_t kMostFrames = 73, kStep = 24;  // the first ones of a film may be black
-  const Content flat{.kind = Kind::Quilt, .source = source};  // of one tile
-  std::unique_ptr<ViewInput> input;
-  try {
-    input = open_views(flat, {.pool_frames = kFewestFrames, .most_pixels = kMostSearchedPixels});
-  } catch (const Error&) {
-    return std::nullopt;  // opening it for its use tells why
-  }
-  for (uint64_t n = 0; n < kMostFrames && n < input->frame_count().value_or(kMostFrames); ++n) {
+  for (uint64_t n = 0; n < kMostFrames && n < input.frame_count().value_or(kMostFrames); ++n) {
     try {
-      await_first(*input, source.text);
+      await_first(input, name);
     } catch (const Error&) {
       if (n == 0) throw;
       return std::nullopt;  // a short film
     }
-    const frames::ViewSet& view = input->views();
+    const frames::ViewSet& view = input.views();
     const frames::FrameGeometry size{.width = view.width(), .height = view.height()};
     const auto pair =
         n % kStep == 0 ? frames::find_stereo_pair({size, {view.pixel(0, 0, 0), size.frame_bytes()}})
                        : std::nullopt;
-    input->release();
+    input.release();
     if (!pair) continue;
     const auto& [beside, half, right_first] = pair->layout;
     say("{}: taken for two eyes {}: {:.0f}% of the detail is in both halves, at {:+.1f}% to "
         "{:+.1f}% of their width\n  --stereo none if it is not; --stereo {}{} --invert if near and "
         "far are exchanged\n",
-        source.text, beside ? "side by side" : "above each other", 100 * pair->matching,
-        100 * pair->back, 100 * pair->front, half ? "h" : "", beside ? "sbs" : "tb");
+        name, beside ? "side by side" : "above each other", 100 * pair->matching, 100 * pair->back,
+        100 * pair->front, half ? "h" : "", beside ? "sbs" : "tb");
     return pair->layout;
   }
   return std::nullopt;
@@ -458,7 +452,16 @@ Content identify_by_pixels(const SourceSpec& source, const std::string& rig_fing
     return content;
   const std::vector<FileMark> files = marks_of_source(source);
   std::optional<std::optional<frames::StereoLayout>> pair = known_pairs.find(files);
-  if (!pair) known_pairs.add(files, *(pair = find_stereo(source)));
+  if (!pair) {
+    const Content flat{.kind = Kind::Quilt, .source = source};  // of one tile
+    std::unique_ptr<ViewInput> input;
+    try {
+      input = open_views(flat, {.pool_frames = kFewestFrames, .most_pixels = kMostSearchedPixels});
+    } catch (const Error&) {
+      return content;  // opening it for its use tells why
+    }
+    known_pairs.add(files, *(pair = find_stereo(*input, source.text)));
+  }
   if (*pair) content = {.kind = Kind::Stereo, .stereo = **pair, .source = source};
   return content;
 }

@@ -251,6 +251,14 @@ TEST_F(SequenceCommand, ConvertStatesTheErrorsOfAllItsRuns) {
             std::filesystem::file_size(path("film.lts")));
   EXPECT_EQ(error_after("small.lts", "copy.lts", {}), 4) << "a copy is not nearer to the original";
   EXPECT_EQ(error_after("small.lts", "smaller.lts", {"--max-error", "2"}), 6);
+  const ProcessResult replaced = run({"convert", path("small.lts"), "-o", path("copy.lts")});
+  EXPECT_EQ(replaced.exit_code, 0) << replaced.err;
+  expect_end(run({"convert", path("small.lts"), "-o", path("film.lts")}), 4, "off by at most 0");
+  // Views that are copied keep the error, too.
+  EXPECT_EQ(error_after("film.lts", "views.lts", {"--as", "quilt"}), 0);
+  EXPECT_EQ(error_after("views.lts", "lossy.lts", {"--max-error", "1"}), 1);
+  EXPECT_EQ(error_after("lossy.lts", "copied.lts", {}), 1);
+  EXPECT_EQ(error_after("copied.lts", "worse.lts", {"--max-error", "2"}), 3);
   const ProcessResult refused =
       run({"convert", path("film.lts"), "-o", path("a%02d.png"), "--max-error", "1"});
   EXPECT_EQ(refused.exit_code, 2);

@@ -373,6 +373,13 @@ class ConvertRun {
     if (!flags.frames.empty()) wanted_ = player::parse_frame_range(flags.frames);
     input_ = open_input();
     info_ = input_->info();
+    if (player::kind_of_file(flags_.input) == player::SourceKind::Sequence &&
+        plan_.result == Result::Quilt) {
+      const frames::SequenceInfo there = frames::SequenceReader(flags_.input).info();
+      // Views that are copied keep their subpixels; those that are taken out of woven frames do
+      // not.
+      if (there.kind == frames::SequenceKind::Views) info_.max_error = there.max_error;
+    }
     range_ = {.begin = 0, .end = input_->count().value_or(kManyFrames)};
     if (wanted_) choose_frames(*wanted_);
     makes_one_picture_ = !input_->count() && !wanted_ && is_picture(flags_.output);

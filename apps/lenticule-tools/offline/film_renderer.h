@@ -337,6 +337,7 @@ class FilmRenderer {
     if (!description_) description_ = std::make_shared<render::SceneDescription>(scene_of(number));
     set_camera(number, *description_);
     stage_ = stage_at(*description_, film_.part_before(number));
+    scene_ = nullptr;  // commit() may throw, and keeps no scene then
     scene_ = &keeper_->commit(description_, stage_);
     if (!scenes_.still() || still()) description_.reset();
   }

@@ -207,6 +207,9 @@ void require_same_film(const OutputRequest& request, const fs::path& file,
   if (there.kind != wanted.kind) refuse(file, "contains another kind of frames");
   if (optics::match(frames::rig_of(there), request.rig) == optics::RigMatch::Other)
     refuse(file, fmt::format("made for another rig ({})", there.rig_fingerprint));
+  if (there.max_error < wanted.max_error)
+    refuse(file, fmt::format("its subpixels are off by at most {}, not by {}", there.max_error,
+                             wanted.max_error));
   if (!there.made_from.empty() && !made_from.empty() && there.made_from != made_from)
     refuse(file, fmt::format("made from {}, not from {}", there.made_from, made_from));
 }

@@ -182,7 +182,7 @@ render::Stage StageSequence::at(const render::SceneDescription& scene, double pr
   render::StageOptions options = options_;
   options.turn_degrees += turned_by_degrees_ * progress;
   const bool has_camera = render::placing_camera(scene, options) != nullptr;
-  options.bounds = bounds_;
+  if (!has_camera || still()) options.bounds = bounds_;
   if (!has_camera && !still()) {
     options.centre = reference_.world_from_panel.origin;
     options.mm_per_unit = reference_.mm_per_unit;
@@ -191,7 +191,7 @@ render::Stage StageSequence::at(const render::SceneDescription& scene, double pr
       has_camera || !still() ? render::make_stage(scene, canvas_, options) : reference_;
   // Objects that leave the reference frame's bounds must not be clipped if there is no camera.
   if (!has_camera) stage.near_mm = std::numeric_limits<double>::infinity();
-  if (bounds_ && !still()) stage.far_mm = reference_.far_mm;  // at every turn
+  if (bounds_ && !has_camera && !still()) stage.far_mm = reference_.far_mm;  // at every turn
   stage.ground = ground_;
   return stage;
 }

@@ -72,6 +72,7 @@ constexpr int kShadingParts = 128;  ///< uncertain subpixels of a band
 /// Bands that are rendered at the same time, for each thread. Each takes up to 64 bytes for each of
 /// its subpixels, if these are uncertain.
 constexpr int kBandsPerThread = 2;
+constexpr size_t kMostBandBytes = size_t{1} << 29;
 /// Factor of the number of soft-light rays for audited subpixels, so that their own noise does
 /// not distort the audit.
 constexpr int kFinerAudit = 4;
@@ -857,6 +858,14 @@ AuditSelection selection_for(uint64_t subpixels, const RenderOptions& options) {
   return options.tolerated_error < kSmall ? AuditSelection{kDense, kDense} : AuditSelection{};
 }
 
+/// Returns the number of bands that are rendered at the same time.
+size_t bands_at_once(const RowPlanes& planes, int threads) {
+  const auto bands = static_cast<size_t>((planes.rows() + kBand - 1) / kBand);
+  const size_t fit = kMostBandBytes / (planes.row_subpixels() * kBand * 64);
+  return std::clamp(std::min(fit, size_t{kBandsPerThread} * static_cast<size_t>(threads)),
+                    size_t{1}, bands);
+}
+
 class AdaptiveMethod final : public Method {
  public:
   AdaptiveMethod(const optics::OpticalModel& model, const RenderOptions& options,
@@ -878,8 +887,7 @@ class AdaptiveMethod final : public Method {
               selection_for(subpixels_of(planes_), options),
               most_mean_square(options)},
         arena_(options.threads > 0 ? options.threads : tbb::task_arena::automatic),
-        band_works_(static_cast<size_t>(std::min(kBandsPerThread * arena_.max_concurrency(),
-                                                 (planes_.rows() + kBand - 1) / kBand))) {
+        band_works_(bands_at_once(planes_, arena_.max_concurrency())) {
     // A culling query costs as much as tracing many rays, and there are few samples, which have
     // many rays with soft light only.
     if (!options.soft.any()) options_.use_shaft_culling = false;

@@ -150,6 +150,9 @@ TEST(SequenceFile, RefusesToResumeAnotherSequence) {
   other.rig_fingerprint = "fedcba9876543210";
   EXPECT_THAT(continue_with(other).what(), HasSubstr("another rig"));
   other = info_of(kSmall);
+  other.made_from = "another.nff";
+  EXPECT_THAT(continue_with(other).what(), HasSubstr("another scene"));
+  other = info_of(kSmall);
   other.rate = make_rate(25, 1);
   EXPECT_THAT(continue_with(other).what(), HasSubstr("another frame rate"));
   EXPECT_THAT(continue_with(info_of({40, 21})).what(), HasSubstr("another frame size"));
