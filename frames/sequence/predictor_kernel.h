@@ -45,7 +45,7 @@ struct PredictorTarget {
 struct PredictorSource {
   const uint8_t* band = nullptr;
   size_t bytes = 0;
-  uint8_t max_error = 0;      ///< in code values, 0..kMostMaxError
+  uint8_t max_error = 0;      ///< code values, 0..kMostMaxError
   uint8_t* window = nullptr;  ///< unused without an error
 };
 inline constexpr int kMostMaxError = 16;

@@ -30,7 +30,7 @@ struct PictureOptions {
   /// Size of woven frames: another size is refused before memory is allocated.
   std::optional<frames::FrameGeometry> size = std::nullopt;
   bool plays = false;                                  ///< applies the limits of playback
-  std::optional<uint64_t> most_pixels = std::nullopt;  ///< of a picture; default: as `plays` says
+  std::optional<uint64_t> most_pixels = std::nullopt;  ///< limit; by default that of `plays`
   /// Decodes videos in hardware where a device can.
   bool hardware = false;
   std::optional<int> stream = std::nullopt;  ///< stream of a video; default: the first

@@ -91,7 +91,7 @@ class PrimaryPackets {
     bool fast_ = false;
     bool centred_ = false;
     double start_mm_ = 0.0;
-    double origin_size_ = 0.0;  ///< of coordinates of origins beside x and y
+    double origin_size_ = 0.0;  ///< bound of what x and y are added to
     bool whole_ = false;        ///< no lane of the tile lies outside the panel
     std::array<int, TilePlan::kRows> first_column_{}, end_column_{};  ///< columns inside the panel
     uint64_t refused_ = 0;

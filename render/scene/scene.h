@@ -125,7 +125,7 @@ struct Scene {
   Affine scene_from_panel;  ///< millimetres in the panel frame to scene frame
   double near_mm = 0.0;     ///< panel z of the nearest point that may be displayed
   Fingerprint described;    ///< scene_fingerprint()
-  Fingerprint content;      ///< of `described` and the light that depends on the viewer
+  Fingerprint content;      ///< fingerprint of `described` and of the light at the viewer
   Fingerprint picture;      ///< picture_fingerprint()
 
   std::unique_ptr<const ShadingTables> shading;  ///< shading tables of all members above

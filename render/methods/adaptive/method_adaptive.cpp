@@ -262,7 +262,7 @@ struct BandWork {
   int first_row = 0;
   bool is_unchanged = false;             ///< copied as a whole
   bool is_given_up = false;              ///< left to method full, without shading
-  std::array<BandCounts, kBand> counts;  ///< of rows
+  std::array<BandCounts, kBand> counts;  ///< one per row
   std::atomic<uint64_t> audit_rays;
   std::vector<SampledSubpixel> sampled;
   UncertainBand uncertain;
