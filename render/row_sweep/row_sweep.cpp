@@ -79,12 +79,11 @@ void PlaneCells::number_lenses(const PlaneRays& rays) {
 void PlaneCells::set_buffers() {
   const size_t places = rounded_up(static_cast<size_t>(cells_.places));
   const size_t size = places * static_cast<size_t>(cells_.stride);
-  if (floats_.size() < 4 * size + kLanes) floats_.resize(4 * size + kLanes);
+  if (floats_.size() < 3 * size + kLanes) floats_.resize(3 * size + kLanes);
   if (cuts_.size() < size + kLanes) cuts_.resize(size + kLanes);
   cells_.x = at_vector(floats_.data());
   cells_.tan = cells_.x + size;
   cells_.z = cells_.tan + size;
-  cells_.along = cells_.z + size;
   cells_.cut = at_vector(cuts_.data());
   ranges_.assign(4 * places, 0.0F);
   spread_.x_low = ranges_.data();
@@ -123,7 +122,6 @@ void PlaneCells::set_extremes() {
 
 namespace {
 
-using sweep_kernel::Conic;
 using sweep_kernel::Reach;
 using sweep_kernel::Segment;
 
@@ -141,7 +139,6 @@ float above(double v) {
 /// between them.
 struct CutEnd {
   double x = 0.0, z = 0.0;
-  double weight[3] = {0.0, 0.0, 0.0};  ///< weights of the corners
 };
 struct CornerSide {
   const Vec3* point;
@@ -152,16 +149,11 @@ CutEnd cut_edge(const CornerSide& negative, const CornerSide& positive) {
   const double part = negative.side / (negative.side - positive.side);
   const Vec3& a = *negative.point;
   const Vec3& b = *positive.point;
-  CutEnd end{.x = a.x + part * (b.x - a.x), .z = a.z + part * (b.z - a.z)};
-  end.weight[negative.index] = 1.0 - part;
-  end.weight[positive.index] = part;
-  return end;
+  return {.x = a.x + part * (b.x - a.x), .z = a.z + part * (b.z - a.z)};
 }
 
 CutEnd between(const CutEnd& a, const CutEnd& b, double part) {
-  CutEnd end{.x = a.x + part * (b.x - a.x), .z = a.z + part * (b.z - a.z)};
-  for (int n = 0; n < 3; ++n) end.weight[n] = a.weight[n] + part * (b.weight[n] - a.weight[n]);
-  return end;
+  return {.x = a.x + part * (b.x - a.x), .z = a.z + part * (b.z - a.z)};
 }
 
 /// Calls `use(begin, end)` for pieces of a cut that are not much longer than their distance, so
@@ -199,32 +191,14 @@ CutEnd behind(const CutEnd& end, const CutEnd& other, double start) {
   return {.x = other.x + part * (end.x - other.x), .z = start};
 }
 
-void set_reach(const CutEnd& a, const CutEnd& b, Reach& out) {
-  const CutEnd* ends[2] = {&a, &b};
-  for (int e = 0; e < 2; ++e) {
-    out.z[e] = static_cast<float>(ends[e]->z);
-    out.x_low[e] = out.x_high[e] = static_cast<float>(ends[e]->x);
-  }
-}
-
 Segment segment_of(const CutEnd& a, const CutEnd& b, double start) {
-  Segment segment{.reach = {},
-                  .x0 = static_cast<float>(a.x),
-                  .z0 = static_cast<float>(a.z),
-                  .x1 = static_cast<float>(b.x),
-                  .z1 = static_cast<float>(b.z)};
-  set_reach(behind(a, b, start), behind(b, a, start), segment.reach);
-  return segment;
-}
-SweptCut described_segment(const CutEnd& a, const CutEnd& b, const Segment& segment) {
-  return {.x0 = segment.x0,
-          .z0 = segment.z0,
-          .x1 = segment.x1,
-          .z1 = segment.z1,
-          .u0 = static_cast<float>(a.weight[1]),
-          .v0 = static_cast<float>(a.weight[2]),
-          .u1 = static_cast<float>(b.weight[1]),
-          .v1 = static_cast<float>(b.weight[2])};
+  const auto f = [](double v) { return static_cast<float>(v); };
+  const CutEnd from = behind(a, b, start), to = behind(b, a, start);
+  return {.reach = {{f(from.z), f(to.z)}, {f(from.x), f(to.x)}, {f(from.x), f(to.x)}},
+          .x0 = f(a.x),
+          .z0 = f(a.z),
+          .x1 = f(b.x),
+          .z1 = f(b.z)};
 }
 
 /// A quadratic form that is zero on a cut: A x^2 + 2 B x z + C z^2 + 2 (gx x + gz z) + f, about
@@ -240,27 +214,6 @@ struct PlaneForm {
 struct PlaneAxes {
   Vec3 across, inward;
 };
-
-Conic conic_of(const PlaneForm& f) {
-  return {.reach = {},
-          .xc = f.xc,
-          .zc = f.zc,
-          .a0 = f.C,
-          .a1 = 2.0 * f.B,
-          .a2 = f.A,
-          .b0 = f.gz,
-          .b1 = f.gx,
-          .b2 = f.B,
-          .b3 = f.A,
-          .c0 = f.f,
-          .c1 = 2.0 * f.gx,
-          .c2 = f.A,
-          .s0 = 0.0,
-          .s1 = 0.0,
-          .s2 = 0.0,
-          .s3 = 0.0,
-          .height = 0.0};
-}
 
 /// Bounds of a cut: those of an ellipse, or unbounded.
 struct Extent {
@@ -403,22 +356,22 @@ RowRange SweepPrimitives::rows_of(const Interval& heights) const {
 }
 
 void SweepPrimitives::cut(int row, const RowPlane& plane, PlaneCuts& out,
-                          std::vector<SweptCut>& described) const {
+                          std::vector<SweptCut>& numbers) const {
   out.segments.clear();
   out.conics.clear();
   out.curved.clear();
   const auto triangles = static_cast<uint32_t>(triangles_.size());
   rows_.visit(row, [&](uint32_t number) {
     if (number < triangles)
-      cut_triangle(triangles_[number], plane, out, described);
+      cut_triangle(triangles_[number], plane, out, numbers);
     else
       out.curved.push_back(number - triangles);
   });
-  for (const uint32_t number : out.curved) cut_quadric(number, plane, out, described);
+  for (const uint32_t number : out.curved) cut_quadric(number, plane, out, numbers);
 }
 
 void SweepPrimitives::cut_triangle(const Triangle& triangle, const RowPlane& plane, PlaneCuts& out,
-                                   std::vector<SweptCut>& described) const {
+                                   std::vector<SweptCut>& numbers) const {
   CornerSide corners[3];
   int above_plane = 0;
   for (int n = 0; n < 3; ++n) {
@@ -440,9 +393,7 @@ void SweepPrimitives::cut_triangle(const Triangle& triangle, const RowPlane& pla
   const auto add = [&](const CutEnd& begin, const CutEnd& end) {
     if (!(std::min(begin.z, end.z) <= start_mm_)) return;
     out.segments.push_back(segment_of(begin, end, start_mm_));
-    described.push_back(described_segment(begin, end, out.segments.back()));
-    described.back().geometry = triangle.geometry;
-    described.back().primitive = triangle.primitive;
+    numbers.push_back({triangle.geometry, triangle.primitive});
   };
   triangle.wide ? each_piece(a, b, add) : add(a, b);
 }
@@ -457,7 +408,7 @@ SweepPrimitives::Quadric SweepPrimitives::quadric(uint32_t number) const {
 }
 
 void SweepPrimitives::cut_quadric(uint32_t number, const RowPlane& plane, PlaneCuts& out,
-                                  std::vector<SweptCut>& described) const {
+                                  std::vector<SweptCut>& numbers) const {
   const Box& box = boxes_[number];
   const Quadric q = quadric(number);
   const Affine& to_scene = scene_.scene_from_panel;
@@ -471,17 +422,28 @@ void SweepPrimitives::cut_quadric(uint32_t number, const RowPlane& plane, PlaneC
   form.zc = zc;
   Reach reach;
   if (!bound(centre_ellipse(form), box, start_mm_, reach)) return;
-  out.conics.push_back(conic_of(form));
-  Conic& conic = out.conics.back();
-  conic.reach = reach;
-  conic.s0 = dot(from_base(form.xc, form.zc), q.axis);
-  conic.s1 = conic.s3 = dot(axes.across, q.axis);
-  conic.s2 = dot(axes.inward, q.axis);
-  conic.height = q.height;
+  out.conics.push_back({.reach = reach,
+                        .xc = form.xc,
+                        .zc = form.zc,
+                        .a0 = form.C,
+                        .a1 = 2.0 * form.B,
+                        .a2 = form.A,
+                        .b0 = form.gz,
+                        .b1 = form.gx,
+                        .b2 = form.B,
+                        .b3 = form.A,
+                        .c0 = form.f,
+                        .c1 = 2.0 * form.gx,
+                        .c2 = form.A,
+                        .s0 = dot(from_base(form.xc, form.zc), q.axis),
+                        .s1 = dot(axes.across, q.axis),
+                        .s2 = dot(axes.inward, q.axis),
+                        .s3 = dot(axes.across, q.axis),
+                        .height = q.height});
   const bool sphere = number < scene_.spheres.size();
   const auto spheres = static_cast<uint32_t>(scene_.spheres.size());
-  described.push_back({.geometry = sphere ? sphere_geometry_ : cone_geometry_,
-                       .primitive = sphere ? number : number - spheres});
+  numbers.push_back({.geometry = sphere ? sphere_geometry_ : cone_geometry_,
+                     .primitive = sphere ? number : number - spheres});
 }
 
 namespace {
@@ -490,7 +452,6 @@ void make_room(size_t count, SweptRow& row) {
   if (row.cut.size() >= count) return;
   row.cut.resize(count);
   row.z_mm.resize(count);
-  row.along.resize(count);
 }
 
 }  // namespace
@@ -568,7 +529,6 @@ void RowSweep::Worker::see_nothing_beyond(SweptRow& out) const {
     std::fill(out.cut.begin() + from, out.cut.begin() + to, SweptRow::kNothing);
     std::fill(out.z_mm.begin() + from, out.z_mm.begin() + to,
               -std::numeric_limits<float>::infinity());
-    std::fill(out.along.begin() + from, out.along.begin() + to, 0.0F);
   };
   clear(0, rays_.first);
   clear(rays_.end, sweep_.planes_.row_subpixels());
@@ -580,13 +540,12 @@ void RowSweep::Worker::collect(SweptRow& out) {
   SweptRow& target = in_order ? out : by_lens_;
   make_room(cells_.padded_rays(), target);
   sweep_.planes_.kernel().to_rays(cells_.cells(), cells_.first(), target.z_mm.data(),
-                                  target.along.data(), target.cut.data());
+                                  target.cut.data());
   if (in_order) return see_nothing_beyond(out);
   for (size_t n = 0; n < rays_.end; ++n) {
     const auto s = static_cast<size_t>(rays_.subpixel[n]);
     out.cut[s] = by_lens_.cut[n];
     out.z_mm[s] = by_lens_.z_mm[n];
-    out.along[s] = by_lens_.along[n];
   }
 }
 

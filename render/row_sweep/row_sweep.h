@@ -51,14 +51,10 @@ class PlaneCells {
   size_t padded_rays_ = 0;
 };
 
-/// SweptCut is the cut of a plane with one primitive. A triangle's cut is a segment: at parameter a
-/// the point is x = x0 + a (x1 - x0) and so on; u and v are Embree's barycentrics. The cuts of
-/// spheres and cones have no parameter, and all these members are zero.
+/// SweptCut names the primitive that a plane cuts, by Embree's numbers.
 struct SweptCut {
-  uint32_t geometry = 0;  ///< Embree's numbers
+  uint32_t geometry = 0;
   uint32_t primitive = 0;
-  float x0 = 0.0F, z0 = 0.0F, x1 = 0.0F, z1 = 0.0F;  ///< mm, panel frame
-  float u0 = 0.0F, v0 = 0.0F, u1 = 0.0F, v1 = 0.0F;
 };
 
 /// The cuts of one plane, triangles first.
@@ -75,9 +71,9 @@ class SweepPrimitives {
   /// Takes all primitives behind z = start_mm.
   SweepPrimitives(const Scene& scene, const RowPlanes& planes, double start_mm);
 
-  /// Cuts the primitives with a plane of `row`. Appends descriptions to `described`: segments, then
-  /// conics.
-  void cut(int row, const RowPlane& plane, PlaneCuts& out, std::vector<SweptCut>& described) const;
+  /// Cuts the primitives with a plane of `row`. Appends their numbers to `numbers`: those of the
+  /// segments, then of the conics.
+  void cut(int row, const RowPlane& plane, PlaneCuts& out, std::vector<SweptCut>& numbers) const;
 
  private:
   struct Triangle {
@@ -99,9 +95,9 @@ class SweepPrimitives {
   [[nodiscard]] RowRange rows_of(const Interval& heights) const;
 
   void cut_triangle(const Triangle& triangle, const RowPlane& plane, PlaneCuts& out,
-                    std::vector<SweptCut>& described) const;
+                    std::vector<SweptCut>& numbers) const;
   void cut_quadric(uint32_t number, const RowPlane& plane, PlaneCuts& out,
-                   std::vector<SweptCut>& described) const;
+                   std::vector<SweptCut>& numbers) const;
   [[nodiscard]] Quadric quadric(uint32_t number) const;
 
   const Scene& scene_;
@@ -123,7 +119,6 @@ struct SweptRow {
 
   std::vector<int32_t> cut;  ///< index into `cuts`, or kNothing
   std::vector<float> z_mm;   ///< panel frame; -infinity if nothing is visible
-  std::vector<float> along;  ///< parameter on the cut, 0 for spheres and cones
   std::vector<SweptCut> cuts;
 };
 

@@ -187,7 +187,6 @@ void see_nothing(const Cells& cells) {
   const int count = cells.places * cells.stride;
   for (int k = 0; k < count; k += kWidth) {
     native(cells.z + k).v = NativeFloats{} - __builtin_inff();
-    native(cells.along + k).v = NativeFloats{};
     native(cells.cut + k).v = NativeInts{} - 1;
   }
 }
@@ -215,13 +214,12 @@ inline void square_to_rays(const T* cells, const int32_t* first, int place, int 
     if (first[k + 1] - first[k] > place) vector_at<Eight>(rays + first[k] + place).v = v[k];
 }
 
-void to_rays(const Cells& cells, const int32_t* first, float* z, float* along, int32_t* cut) {
+void to_rays(const Cells& cells, const int32_t* first, float* z, int32_t* cut) {
   const int last_place = (cells.places - 1) / kBlock * kBlock;
   for (int k = 0; k < cells.lenses; k += kBlock)
     for (int place = last_place; place >= 0; place -= kBlock) {
       const int at = place * cells.stride + k;
       square_to_rays(cells.z + at, first + k, place, cells.stride, z);
-      square_to_rays(cells.along + at, first + k, place, cells.stride, along);
       square_to_rays(cells.cut + at, first + k, place, cells.stride, cut);
     }
 }
@@ -278,14 +276,11 @@ __attribute__((always_inline)) inline void segment_at(const Cells& cells, int at
     const NativeFloats tan = native(cells.tan + at).v;
     const NativeFloats f0 = (x + tan * s.z0) - s.x0;
     const NativeFloats f1 = (x + tan * s.z1) - s.x1;
-    const NativeFloats part = f0 / (f0 - f1);
-    const NativeFloats z = s.z0 + part * (s.z1 - s.z0);
+    const NativeFloats z = s.z0 + f0 / (f0 - f1) * (s.z1 - s.z0);
     auto& best = native(cells.z + at);
-    auto& along = native(cells.along + at);
     auto& cut = native(cells.cut + at);
     const NativeInts met = (f0 * f1 <= 0.0F) & (z > best.v) & (z <= start);
     best.v = met ? z : best.v;
-    along.v = met ? part : along.v;
     cut.v = met ? NativeInts{} + number : cut.v;
   }
 }
@@ -352,11 +347,9 @@ inline void conic_at(const Cells& cells, int at, double start, const Conic& q, i
     const Doubles tan = __builtin_convertvector(vector_at<Part>(cells.tan + at).v, Doubles);
     const Part z = __builtin_convertvector(conic_z(q, start, x, tan), Part);
     auto& best = vector_at<Part>(cells.z + at);
-    auto& along = vector_at<Part>(cells.along + at);
     auto& cut = vector_at<PartInts>(cells.cut + at);
     const PartInts met = z > best.v;
     best.v = met ? z : best.v;
-    along.v = met ? Part{} : along.v;
     cut.v = met ? PartInts{} + number : cut.v;
   }
 }

@@ -39,7 +39,6 @@ struct Cells {
   float* x;  ///< NaN if the lens has no such place
   float* tan;
   float* z;      ///< depth of the nearest surface, -infinity if there is none
-  float* along;  ///< parameter on the cut
   int32_t* cut;  ///< -1 if there is none
   int lenses;
   int places;  ///< number of rows
@@ -104,7 +103,7 @@ struct Kernel {
                    int32_t number);
   void (*conics)(const Cells&, const Spread&, float start, const Conic*, int count, int32_t number);
   /// Transposes the results back to rays; writes up to kBlock elements past the last ray.
-  void (*to_rays)(const Cells&, const int32_t* first, float* z, float* along, int32_t* cut);
+  void (*to_rays)(const Cells&, const int32_t* first, float* z, int32_t* cut);
 };
 
 }  // namespace lenticule::render::sweep_kernel
