@@ -70,9 +70,7 @@ std::vector<Camera> parse_camera_path(std::string_view text, const std::string& 
 }
 
 std::vector<Camera> load_camera_path(const std::filesystem::path& file) {
-  const std::vector<uint8_t> bytes = read_whole_file(file, kMaxPathFileBytes);
-  return parse_camera_path({reinterpret_cast<const char*>(bytes.data()), bytes.size()},
-                           file.string());
+  return parse_camera_path(text_of(read_whole_file(file, kMaxPathFileBytes)), file.string());
 }
 
 namespace {

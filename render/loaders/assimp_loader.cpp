@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/loaders/assimp_loader.h"
-
 #include <assimp/GltfMaterial.h>
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
@@ -30,6 +28,7 @@
 #include "frames/image_io.h"
 #include "optics/vec.h"
 #include "render/loaders/animation.h"
+#include "render/loaders/formats.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/load_scene.h"
 #include "render/loaders/mesh_cleanup.h"

@@ -16,13 +16,9 @@
 #include "base/numbers.h"
 #include "base/text.h"
 #include "render/loaders/animation.h"
-#include "render/loaders/assimp_loader.h"
-#include "render/loaders/gltf_loader.h"
+#include "render/loaders/formats.h"
 #include "render/loaders/nff.h"
-#include "render/loaders/obj.h"
-#include "render/loaders/ply.h"
 #include "render/loaders/scene_files.h"
-#include "render/loaders/stl.h"
 #include "render/loaders/text_reader.h"
 
 namespace lenticule::render {
@@ -129,7 +125,7 @@ void require_file(const std::filesystem::path& file) {
 /// allocate memory for them.
 void check_off(const std::filesystem::path& file) {
   const std::vector<uint8_t> bytes = read_scene_file(file);
-  TextReader text({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, file.string());
+  TextReader text(text_of(bytes), file.string());
   std::string_view word = text.word().value_or("");
   if (word.ends_with("OFF")) word = text.word().value_or("");
   for (int n = 0; n < 3; ++n, word = text.word().value_or(""))
@@ -140,11 +136,13 @@ void check_off(const std::filesystem::path& file) {
 
 SceneDescription load(const std::filesystem::path& file, const std::string& extension,
                       const ViewerChoices& wanted) {
-  if (extension == ".nff") return load_nff(file);
-  if (extension == ".gltf" || extension == ".glb") return load_gltf(file, wanted);
-  if (extension == ".obj") return load_obj(file);
-  if (extension == ".ply") return load_ply(file);
-  if (extension == ".stl") return load_stl(file);
+  const std::string source = file.string();
+  if (extension == ".nff") return parse_nff(text_of(read_scene_file(file)), source);
+  if (extension == ".gltf" || extension == ".glb")
+    return parse_gltf(read_scene_file(file), source, file.parent_path(), wanted);
+  if (extension == ".obj") return parse_obj(read_scene_file(file), file);
+  if (extension == ".ply") return parse_ply(read_scene_file(file), source, file.parent_path());
+  if (extension == ".stl") return parse_stl(read_scene_file(file), source);
   if (extension == ".off") check_off(file);
   return load_with_assimp(file, wanted);
 }

@@ -10,7 +10,6 @@
 #include "base/error.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/mesh_cleanup.h"
-#include "render/loaders/scene_files.h"
 #include "render/loaders/text_reader.h"
 #include "render/scene/stage.h"
 
@@ -288,11 +287,6 @@ class NffParser {
 
 SceneDescription parse_nff(std::string_view text, const std::string& source) {
   return NffParser(text, source).parse();
-}
-
-SceneDescription load_nff(const std::filesystem::path& file) {
-  const std::vector<uint8_t> bytes = read_scene_file(file);
-  return parse_nff({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, file.string());
 }
 
 }  // namespace lenticule::render

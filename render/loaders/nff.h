@@ -5,7 +5,6 @@
 #pragma once
 
 #include <array>
-#include <filesystem>
 #include <map>
 #include <span>
 #include <string>
@@ -20,8 +19,6 @@ namespace lenticule::render {
 /// reason" for the first error. Takes time linear in the text, except for concave polygons (see
 /// triangulate).
 [[nodiscard]] SceneDescription parse_nff(std::string_view text, const std::string& source);
-
-[[nodiscard]] SceneDescription load_nff(const std::filesystem::path& file);
 
 /// NffScene takes finite numbers within the limits of render/loaders/limits.h, and repairs or drops
 /// primitives without effect on the picture; finish() adds notes about them.

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // OBJ and MTL after the appendices of Wavefront's "Advanced Visualizer Manual", with what programs
 // added since: colours of vertices, and the words of metallic-roughness materials (Pr, Pm, norm).
-#include "render/loaders/obj.h"
-
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -21,6 +19,7 @@
 #include "base/error.h"
 #include "base/numbers.h"
 #include "base/text.h"
+#include "render/loaders/formats.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/mesh_cleanup.h"
 #include "render/loaders/text_reader.h"
@@ -34,7 +33,7 @@ namespace {
 using frames::TextureContent;
 
 TextReader reader_of(std::span<const uint8_t> bytes, const std::filesystem::path& file) {
-  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  const std::string_view text = text_of(bytes);
   if (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF"))
     throw Error(ErrorKind::Input, file.string() + ": is UTF-16 text", "save it as UTF-8");
   return {text, file.string(), "the file is damaged or cut off: export the model again"};
@@ -449,10 +448,6 @@ class ObjReader {
 };
 
 }  // namespace
-
-SceneDescription load_obj(const std::filesystem::path& file) {
-  return parse_obj(read_scene_file(file), file);
-}
 
 SceneDescription parse_obj(std::span<const uint8_t> bytes, const std::filesystem::path& file) {
   return ObjReader(bytes, file).read();

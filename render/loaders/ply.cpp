@@ -3,8 +3,6 @@
 // properties, and the values follow in that order. Also reads what programs added since: triangle
 // strips (Stanford: a list that -1 divides into strips), and the texture coordinates of faces and
 // "comment TextureFile" of MeshLab.
-#include "render/loaders/ply.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -20,6 +18,7 @@
 
 #include "base/error.h"
 #include "base/numbers.h"
+#include "render/loaders/formats.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/mesh_cleanup.h"
 #include "render/loaders/text_reader.h"
@@ -490,13 +489,9 @@ SceneDescription scene_of(Elements elements, const std::string& texture, const s
 
 SceneDescription parse_ply(std::span<const uint8_t> bytes, const std::string& source,
                            const std::filesystem::path& folder) {
-  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  const std::string_view text = text_of(bytes);
   const Header header = HeaderReader(text, source).read();
   return scene_of(ElementReader(header, text, source).read(), header.texture, source, folder);
-}
-
-SceneDescription load_ply(const std::filesystem::path& file) {
-  return parse_ply(read_scene_file(file), file.string(), file.parent_path());
 }
 
 }  // namespace lenticule::render

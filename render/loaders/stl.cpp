@@ -5,8 +5,6 @@
 // of Magics state "COLOR=" and RGBA in the header, the colour of facets whose highest bit is set;
 // other facets have their own, with red in the lowest bits.
 // The normals of the file are not used: those of the triangles are as good, and never wrong.
-#include "render/loaders/stl.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -17,9 +15,9 @@
 
 #include "base/error.h"
 #include "base/text.h"
+#include "render/loaders/formats.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/mesh_cleanup.h"
-#include "render/loaders/scene_files.h"
 #include "render/loaders/text_reader.h"
 
 namespace lenticule::render {
@@ -129,7 +127,7 @@ size_t read_binary(std::string_view file, const std::string& source, TriangleMes
 }  // namespace
 
 SceneDescription parse_stl(std::span<const uint8_t> bytes, const std::string& source) {
-  const std::string_view file(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  const std::string_view file = text_of(bytes);
   SceneDescription scene;
   scene.source = source;
   TriangleMesh mesh{.name = "mesh"};
@@ -142,10 +140,6 @@ SceneDescription parse_stl(std::span<const uint8_t> bytes, const std::string& so
   }
   add_only_mesh(std::move(mesh), -1, !text, scene);
   return scene;
-}
-
-SceneDescription load_stl(const std::filesystem::path& file) {
-  return parse_stl(read_scene_file(file), file.string());
 }
 
 }  // namespace lenticule::render

@@ -3,7 +3,9 @@
 // and a backslash at the end of a line joins it with the next one.
 #pragma once
 
+#include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -65,6 +67,11 @@ class TextReader {
   int scan_line_ = 1;  ///< line of position_
   int line_ = 1;
 };
+
+/// Returns the bytes of a file as text. Lifetime: must not outlive the bytes.
+[[nodiscard]] inline std::string_view text_of(std::span<const uint8_t> bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
 
 /// Returns the finite number that the whole word is, or nothing. Independent of the locale.
 [[nodiscard]] std::optional<double> parse_number(std::string_view word);

@@ -4,7 +4,7 @@
 // shows them, the chosen animations, lights and cameras. Then lights are exposed, and objects that
 // never move are baked to world coordinates. Content that is left out is counted and noted; damaged
 // content is an error with the path of its JSON value.
-#include "render/loaders/gltf_loader.h"
+#include "render/loaders/formats.h"
 
 #include <draco/compression/decode.h>
 #include <fmt/format.h>
@@ -27,7 +27,6 @@
 #include "render/loaders/gltf/materials.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/mesh_cleanup.h"
-#include "render/loaders/scene_files.h"
 #include "render/loaders/viewer_choices.h"
 #include "render/scene/stage.h"
 
@@ -1095,10 +1094,6 @@ SceneDescription parse_gltf(std::vector<uint8_t> bytes, const std::string& sourc
   bake_still_nodes(scene);
   expose(scene);
   return scene;
-}
-
-SceneDescription load_gltf(const std::filesystem::path& file, const ViewerChoices& wanted) {
-  return parse_gltf(read_scene_file(file), file.string(), file.parent_path(), wanted);
 }
 
 }  // namespace lenticule::render

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "render/loaders/gltf_loader.h"
+#include "render/loaders/formats.h"
 #include "tests/fuzz/loaders/scene_checks.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

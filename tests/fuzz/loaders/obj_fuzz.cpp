@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "render/loaders/obj.h"
+#include "render/loaders/formats.h"
 #include "render/loaders/scene_files.h"
 #include "tests/fuzz/loaders/scene_checks.h"
 

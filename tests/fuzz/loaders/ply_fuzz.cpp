@@ -2,7 +2,7 @@
 // Reads any bytes as a PLY file: the result is an Error, or a scene that can be traced.
 #include <cstdint>
 
-#include "render/loaders/ply.h"
+#include "render/loaders/formats.h"
 #include "tests/fuzz/loaders/scene_checks.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "render/loaders/obj.h"
+#include "render/loaders/formats.h"
 
 namespace lenticule::render {
 namespace {

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "render/loaders/gltf_loader.h"
+#include "render/loaders/formats.h"
 #include "tests/support/error_matchers.h"
 #include "tests/support/gltf_model.h"
 

@@ -9,7 +9,7 @@
 #include <optional>
 #include <string>
 
-#include "render/loaders/gltf_loader.h"
+#include "render/loaders/formats.h"
 #include "tests/support/error_matchers.h"
 #include "tests/support/gltf_model.h"
 #include "tests/support/texels.h"

@@ -308,11 +308,5 @@ TEST(Nff, ALongWordIsNotRepeatedInFull) {
   EXPECT_LT(refusal(std::string(100000, 'x')).size(), 200U);
 }
 
-TEST(Nff, AMissingFileIsNamed) {
-  const Error error = error_of([] { (void)load_nff("/no/such/scene.nff"); });
-  EXPECT_EQ(error.kind(), ErrorKind::Input);
-  EXPECT_THAT(error.what(), HasSubstr("/no/such/scene.nff"));
-}
-
 }  // namespace
 }  // namespace lenticule::render

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests OBJ and MTL: the words that programs write, and that damaged files are refused with the
 // line, the reason and the remedy.
-#include "render/loaders/obj.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -13,7 +11,9 @@
 
 #include "base/file.h"
 #include "frames/image_io.h"
+#include "render/loaders/formats.h"
 #include "render/loaders/load_scene.h"
+#include "render/loaders/scene_files.h"
 #include "tests/support/error_matchers.h"
 #include "tests/support/gltf_model.h"
 #include "tests/support/scratch_folder.h"
@@ -85,8 +85,9 @@ class ObjFiles : public ::testing::Test {
 // ---- geometry
 
 TEST_F(ObjFiles, APyramidHasItsMaterialsTexturesAndQuads) {
-  const SceneDescription scene =
-      load_obj(std::filesystem::path(LENTICULE_SOURCE_DIR) / "tests/data/pyramid.obj");
+  const std::filesystem::path file =
+      std::filesystem::path(LENTICULE_SOURCE_DIR) / "tests/data/pyramid.obj";
+  const SceneDescription scene = parse_obj(read_scene_file(file), file);
   EXPECT_THAT(scene.notes, IsEmpty());
   ASSERT_THAT(scene.meshes, SizeIs(2));
   EXPECT_EQ(scene.meshes[0].triangles.size() + scene.meshes[1].triangles.size(), 6U);

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests the import of PLY: encodings, polygons, strips, colours, and damaged files.
-#include "render/loaders/ply.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cstring>
 
+#include "render/loaders/formats.h"
 #include "tests/support/error_matchers.h"
 
 namespace lenticule::render {

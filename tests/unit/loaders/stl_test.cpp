@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests STL as programs write it: colours of two kinds, texts with names and capitals, counts and
 // files that do not fit each other.
-#include "render/loaders/stl.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -14,6 +12,7 @@
 
 #include "base/error.h"
 #include "frames/srgb.h"
+#include "render/loaders/formats.h"
 #include "tests/support/error_matchers.h"
 
 namespace lenticule::render {
