@@ -11,7 +11,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <string_view>
+#include <type_traits>
 
 #include "base/error.h"
 #include "base/text.h"
@@ -453,63 +455,27 @@ constexpr std::array<Type, 7> kTypes{{{"SCALAR", 1, 1},
 
 constexpr size_t kMaxElements = 3 * kMaxTriangles;
 
-Component component_of(const JsonAt& code) {
-  switch (code.whole()) {
-    case 5120:
-      return Component::Int8;
-    case 5121:
-      return Component::Uint8;
-    case 5122:
-      return Component::Int16;
-    case 5123:
-      return Component::Uint16;
-    case 5125:
-      return Component::Uint32;
-    case 5126:
-      return Component::Float;
-    default:
-      code.fail(fmt::format("{} is no component type", code.whole()));
-  }
-}
-
-size_t bytes_of(Component component) {
-  switch (component) {
-    case Component::Int8:
-    case Component::Uint8:
-      return 1;
-    case Component::Int16:
-    case Component::Uint16:
-      return 2;
-    case Component::Uint32:
-    case Component::Float:
-      break;
-  }
-  return 4;
-}
-
 template <class T>
-double loaded(const uint8_t* from) {
-  T value{};
-  std::memcpy(&value, from, sizeof value);
-  return static_cast<double>(value);
+constexpr Component component(uint64_t code) {
+  return {.code = code,
+          .bytes = sizeof(T),
+          .load =
+              [](const uint8_t* from) {
+                T value{};
+                std::memcpy(&value, from, sizeof value);
+                return static_cast<double>(value);
+              },
+          .full_scale = sizeof(T) < 4 ? double{std::numeric_limits<T>::max()} : 0.0,
+          .is_unsigned = std::is_unsigned_v<T>};
 }
+constexpr std::array kComponents{component<int8_t>(5120),   component<uint8_t>(5121),
+                                 component<int16_t>(5122),  component<uint16_t>(5123),
+                                 component<uint32_t>(5125), component<float>(5126)};
 
-double load(const uint8_t* from, Component component) {
-  switch (component) {
-    case Component::Int8:
-      return loaded<int8_t>(from);
-    case Component::Uint8:
-      return loaded<uint8_t>(from);
-    case Component::Int16:
-      return loaded<int16_t>(from);
-    case Component::Uint16:
-      return loaded<uint16_t>(from);
-    case Component::Uint32:
-      return loaded<uint32_t>(from);
-    case Component::Float:
-      break;
-  }
-  return loaded<float>(from);
+const Component& component_of(const JsonAt& code) {
+  const auto* const known = std::ranges::find(kComponents, code.whole(), &Component::code);
+  if (known == kComponents.end()) code.fail(fmt::format("{} is no component type", code.whole()));
+  return *known;
 }
 
 size_t count_of(const JsonAt& owner, size_t most) {
@@ -521,25 +487,8 @@ size_t count_of(const JsonAt& owner, size_t most) {
 
 }  // namespace
 
-double normalized_value(double stored, Component component) {
-  switch (component) {
-    case Component::Int8:
-      return std::max(stored / 127.0, -1.0);
-    case Component::Uint8:
-      return stored / 255.0;
-    case Component::Int16:
-      return std::max(stored / 32767.0, -1.0);
-    case Component::Uint16:
-      return stored / 65535.0;
-    case Component::Uint32:
-    case Component::Float:
-      break;
-  }
-  return stored;
-}
-
-Accessor::Accessor(Document& document, size_t index) : at_(document.list("accessors")[index]) {
-  component_ = component_of(at_.at("componentType"));
+Accessor::Accessor(Document& document, size_t index)
+    : at_(document.list("accessors")[index]), component_(&component_of(at_.at("componentType"))) {
   normalized_ = at_.flag("normalized", false);
   count_ = count_of(at_, kMaxElements);
   type_ = at_.at("type").text();
@@ -548,7 +497,7 @@ Accessor::Accessor(Document& document, size_t index) : at_(document.list("access
   if (type == kTypes.end()) at_.at("type").fail("unknown");
   components_ = type->rows * type->columns;
   rows_ = type->rows;
-  column_bytes_ = type->rows * bytes_of(component_);
+  column_bytes_ = type->rows * component_->bytes;
   // The columns of a matrix start at multiples of four bytes.
   if (type->columns > 1) column_bytes_ = (column_bytes_ + 3) / 4 * 4;
   element_bytes_ = column_bytes_ * type->columns;
@@ -591,15 +540,13 @@ void Accessor::read_sparse(Document& document, const JsonAt& sparse) {
   Sparse replaced;
   replaced.count = count_of(sparse, count_);
   const JsonAt indices = sparse.at("indices");
-  replaced.index_component = component_of(indices.at("componentType"));
-  if (replaced.index_component == Component::Float)
+  replaced.index = &component_of(indices.at("componentType"));
+  if (replaced.index == &kComponents.back())
     indices.at("componentType").fail("the type of indices is float; expected integers");
-  replaced.indices =
-      elements(document, indices, replaced.count, bytes_of(replaced.index_component));
+  replaced.indices = elements(document, indices, replaced.count, replaced.index->bytes);
   replaced.values = elements(document, sparse.at("values"), replaced.count, element_bytes_);
   for (size_t i = 0; i < replaced.count; ++i) {
-    const double index =
-        load(replaced.indices.bytes.data() + i * replaced.indices.stride, replaced.index_component);
+    const double index = replaced.place(i);
     if (!(index >= 0.0 && index < static_cast<double>(count_)))
       indices.fail(fmt::format("element {}: {:g} of {} elements", i, index, count_));
   }
@@ -615,11 +562,11 @@ void Accessor::require(const char* type, size_t count) const {
 void Accessor::read(const Elements& elements, size_t index, Element& to) const {
   if (elements.bytes.empty()) return;
   const uint8_t* column = elements.bytes.data() + index * elements.stride;
-  const size_t bytes = bytes_of(component_);
+  const size_t bytes = component_->bytes;
   for (size_t first = 0; first < components_; first += rows_, column += column_bytes_)
     for (size_t row = 0; row < rows_; ++row) {
-      const double stored = load(column + row * bytes, component_);
-      to[first + row] = normalized_ ? normalized_value(stored, component_) : stored;
+      const double stored = component_->load(column + row * bytes);
+      to[first + row] = normalized_ ? component_->normalized(stored) : stored;
     }
 }
 
@@ -631,10 +578,8 @@ void Accessor::each(const TakeElement& take) const {
   }
   if (!sparse_) return;
   for (size_t i = 0; i < sparse_->count; ++i) {
-    const double index =
-        load(sparse_->indices.bytes.data() + i * sparse_->indices.stride, sparse_->index_component);
     read(sparse_->values, i, values);
-    take(static_cast<size_t>(index), values);
+    take(static_cast<size_t>(sparse_->place(i)), values);
   }
 }
 

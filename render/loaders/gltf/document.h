@@ -3,6 +3,7 @@
 // reads the typed elements of a glTF accessor.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -132,10 +133,19 @@ class Document {
 using Element = std::array<double, 16>;
 using TakeElement = std::function<void(size_t index, const Element& values)>;
 
-enum class Component { Int8, Uint8, Int16, Uint16, Uint32, Float };
+/// Component is a type of stored numbers.
+struct Component {
+  uint64_t code;  ///< its number in the file
+  size_t bytes;
+  double (*load)(const uint8_t* from);
+  double full_scale;  ///< stored integer that stands for 1 if it is normalized; 0: none does
+  bool is_unsigned;
 
-/// Converts a stored integer to the number in [-1, 1] or [0, 1] that it stands for.
-[[nodiscard]] double normalized_value(double stored, Component component);
+  /// Returns the number in [-1, 1] or [0, 1] that a stored integer stands for.
+  [[nodiscard]] double normalized(double stored) const {
+    return full_scale > 0.0 ? std::max(stored / full_scale, -1.0) : stored;
+  }
+};
 
 /// Accessor holds the checked properties of accessors[index]: all its elements lie inside their
 /// buffer views. Lifetime: must not outlive the document.
@@ -146,7 +156,7 @@ class Accessor {
 
   [[nodiscard]] size_t count() const { return count_; }
   [[nodiscard]] size_t components() const { return components_; }
-  [[nodiscard]] Component component() const { return component_; }
+  [[nodiscard]] const Component& component() const { return *component_; }
   [[nodiscard]] bool is_normalized() const { return normalized_; }
   [[nodiscard]] const JsonAt& at() const { return at_; }
   /// Throws unless the accessor has this type ("VEC3") and, if not 0, this number of elements.
@@ -165,8 +175,11 @@ class Accessor {
   struct Sparse {
     size_t count = 0;
     Elements indices;
-    Component index_component = Component::Uint8;
+    const Component* index = nullptr;  ///< type of the indices
     Elements values;
+    [[nodiscard]] double place(size_t i) const {
+      return index->load(indices.bytes.data() + i * indices.stride);
+    }
   };
 
   [[nodiscard]] Elements elements(Document& document, const JsonAt& owner, size_t count,
@@ -177,7 +190,7 @@ class Accessor {
 
   JsonAt at_;
   std::string type_;
-  Component component_ = Component::Float;
+  const Component* component_;
   bool normalized_ = false;
   size_t count_ = 0;
   size_t components_ = 1;

@@ -4,8 +4,6 @@
 // shows them, the chosen animations, lights and cameras. Then lights are exposed, and objects that
 // never move are baked to world coordinates. Content that is left out is counted and noted; damaged
 // content is an error with the path of its JSON value.
-#include "render/loaders/formats.h"
-
 #include <draco/compression/decode.h>
 #include <fmt/format.h>
 
@@ -23,6 +21,7 @@
 
 #include "base/error.h"
 #include "render/loaders/animation.h"
+#include "render/loaders/formats.h"
 #include "render/loaders/gltf/document.h"
 #include "render/loaders/gltf/materials.h"
 #include "render/loaders/limits.h"
@@ -116,7 +115,7 @@ class DracoMesh {
           !values->ConvertValue<double>(place, components, element.data()))
         attribute.fail("damaged Draco data");
       if (normalizes)
-        for (double& value : element) value = normalized_value(value, accessor.component());
+        for (double& value : element) value = accessor.component().normalized(value);
       take(i, element);
     }
   }
@@ -215,55 +214,53 @@ std::vector<Vec3> positions_of(const Attributes& attributes, size_t count,
   return positions;
 }
 
+/// Returns `convert(vertex, element)` for all vertices; empty without the attribute.
+template <class Convert>
+auto values_of(const Attributes& attributes, const std::string& name, const char* type,
+               size_t count, const Convert& convert) {
+  std::vector<decltype(convert(size_t{0}, Element{}))> values;
+  if (!attributes.has(name)) return values;
+  values.resize(count);
+  attributes.each(name, type, count,
+                  [&](size_t i, const Element& e) { values[i] = convert(i, e); });
+  return values;
+}
+
 std::vector<Vec3> normals_of(const Attributes& attributes, size_t count) {
-  std::vector<Vec3> normals;
-  if (!attributes.has("NORMAL")) return normals;
-  normals.resize(count);
-  attributes.each("NORMAL", "VEC3", count,
-                  [&](size_t i, const Element& e) { normals[i] = vec3(e); });
-  return normals;
+  return values_of(attributes, "NORMAL", "VEC3", count,
+                   [](size_t, const Element& e) { return vec3(e); });
 }
 
 std::vector<std::array<float, 2>> uvs_of(const Attributes& attributes, size_t count, uint64_t set) {
-  std::vector<std::array<float, 2>> uvs;
-  const std::string name = fmt::format("TEXCOORD_{}", set);
-  if (!attributes.has(name)) return uvs;
-  uvs.resize(count);
-  attributes.each(name, "VEC2", count,
-                  [&](size_t i, const Element& e) { uvs[i] = usable_uv(e[0], e[1]); });
-  return uvs;
+  return values_of(attributes, fmt::format("TEXCOORD_{}", set), "VEC2", count,
+                   [](size_t, const Element& e) { return usable_uv(e[0], e[1]); });
 }
 
 std::vector<std::array<float, 4>> colours_of(const Attributes& attributes, size_t count) {
-  std::vector<std::array<float, 4>> colours;
-  if (!attributes.has("COLOR_0")) return colours;
+  if (!attributes.has("COLOR_0")) return {};
   const bool with_alpha = attributes.accessor("COLOR_0").components() == 4;
-  colours.resize(count);
   const auto share = [](double v) {
     return static_cast<float>(std::isfinite(v) ? std::clamp(v, 0.0, 1.0) : 0.0);
   };
-  attributes.each("COLOR_0", with_alpha ? "VEC4" : "VEC3", count, [&](size_t i, const Element& e) {
-    colours[i] = {share(e[0]), share(e[1]), share(e[2]), with_alpha ? share(e[3]) : 1.0F};
-  });
-  return colours;
+  return values_of(
+      attributes, "COLOR_0", with_alpha ? "VEC4" : "VEC3", count, [&](size_t, const Element& e) {
+        return std::array{share(e[0]), share(e[1]), share(e[2]), with_alpha ? share(e[3]) : 1.0F};
+      });
 }
 
 /// Reads tangents and makes them unit vectors. They belong to normals and mean nothing without.
 std::vector<std::array<float, 4>> tangents_of(const Attributes& attributes, size_t count,
                                               const std::vector<Vec3>& normals) {
-  std::vector<std::array<float, 4>> tangents;
-  if (normals.empty() || !attributes.has("TANGENT")) return tangents;
-  tangents.resize(count);
-  attributes.each("TANGENT", "VEC4", count, [&](size_t i, const Element& e) {
+  if (normals.empty()) return {};
+  return values_of(attributes, "TANGENT", "VEC4", count, [&](size_t i, const Element& e) {
     Vec3 direction = normalized(vec3(e));
     if (!(length(direction) > 0.5) || !is_finite(direction))
       direction = is_finite(normals[i]) && !(normals[i] == Vec3{})
                       ? any_perpendicular(normalized(normals[i]))
                       : Vec3{1, 0, 0};
     const Vec3f unit(direction);
-    tangents[i] = {unit.x, unit.y, unit.z, e[3] < 0.0 ? -1.0F : 1.0F};
+    return std::array{unit.x, unit.y, unit.z, e[3] < 0.0 ? -1.0F : 1.0F};
   });
-  return tangents;
 }
 
 // ---- triangles
@@ -278,8 +275,7 @@ std::vector<uint32_t> indices_of(Document& document, const JsonAt& primitive,
   } else if (member) {
     const Accessor accessor = accessor_of(document, *member);
     accessor.require("SCALAR");
-    const Component c = accessor.component();
-    if (c != Component::Uint8 && c != Component::Uint16 && c != Component::Uint32)
+    if (!accessor.component().is_unsigned)
       accessor.at().at("componentType").fail("indices need unsigned integers");
     if (accessor.is_normalized()) accessor.at().at("normalized").fail("indices are not normalized");
     indices.resize(accessor.count());
