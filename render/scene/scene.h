@@ -52,16 +52,8 @@ struct MeshShape {
   std::vector<std::array<uint32_t, 3>> narrow_triangles;
 };
 
-/// A light in the scene frame.
-struct SceneLight {
-  Light::Kind kind = Light::Kind::Point;
-  Vec3 position{};
-  Vec3 direction{};  ///< unit; direction in which the light travels
-  Vec3 colour{};
-  bool falls_off = false;
-  double cos_inner = 1.0;
-  double cos_outer = 0.0;
-};
+/// A light in the scene frame; its node has no meaning.
+using SceneLight = Light;
 
 /// GeometryEntry maps an Embree geometry number to the list that holds the geometry.
 struct GeometryEntry {

@@ -89,11 +89,7 @@ class SceneMixer {
   void add(const Cone& cone) {
     add(cone.base, cone.base_radius, cone.apex, cone.apex_radius, cone.inward, cone.material);
   }
-  void add(const Light& light) { add_light(light); }
-
-  /// Mixes a Light or a SceneLight.
-  template <class L>
-  void add_light(const L& light) {
+  void add(const Light& light) {
     add(static_cast<int>(light.kind), light.position, light.direction, light.colour,
         light.falls_off, light.cos_inner, light.cos_outer);
   }

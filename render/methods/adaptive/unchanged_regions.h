@@ -53,8 +53,7 @@ inline Box box_of(const MeshShape& mesh) {
 /// lies in front of it, or the camera determines it, and then it is part of the map.
 inline Fingerprint rest_of(const Scene& scene) {
   SceneMixer mixer;
-  mixer.add(scene.materials, uint64_t{scene.lights.size()});
-  for (const SceneLight& light : scene.lights) mixer.add_light(light);
+  mixer.add(scene.materials, scene.lights);
   const Affine& map = scene.scene_from_panel;
   mixer.add(scene.ambient, scene.backdrop.colour, scene.backdrop.up, scene.backdrop.ahead,
             map.column_x, map.column_y, map.column_z, map.origin);
